@@ -1,0 +1,13 @@
+# Called after a library is linked: no object in .data, .bss or common. (Constant
+# tables that hold addresses sit in .data.rel.ro, which is not mutable.)
+execute_process(COMMAND "${OBJDUMP}" -t "${LIBRARY}" OUTPUT_VARIABLE symbols RESULT_VARIABLE failed)
+if(failed)
+  message(FATAL_ERROR "objdump failed on ${LIBRARY}")
+endif()
+string(REPLACE "\n" ";" lines "${symbols}")
+foreach(line IN LISTS lines)
+  if(line MATCHES " O (\\.data|\\.bss|\\*COM\\*)\t[0-9a-f]+ (.*)$")
+    file(REMOVE "${LIBRARY}")
+    message(FATAL_ERROR "mutable static data in ${LIBRARY}: ${CMAKE_MATCH_2}")
+  endif()
+endforeach()

@@ -1,0 +1,38 @@
+"""Write the C source of the cffi module from the firmware's own headers.
+
+Usage: generate_cffi.py CC FIRMWARE_DIR OUTPUT.c
+
+The headers are the only definition of the interface: they go through the C
+preprocessor (system headers left out; cffi knows their types) and then into
+`cdef`. cffi's API mode compares sizes and types again when the module compiles.
+"""
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from cffi import FFI
+
+HEADERS = ("ht_drive.h", "ht_comparator.h", "ht_port_c2000.h", "ht_regfile.h")
+
+
+def main() -> None:
+    compiler, firmware, output = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
+    include = [f"-I{firmware / d}" for d in ("core", "app", "port", "port/c2000", "port/host")]
+    source = "".join(f'#include "{h}"\n' for h in HEADERS)
+    with tempfile.TemporaryDirectory() as empty:
+        for name in ("stdint.h", "stdbool.h", "stddef.h", "math.h"):
+            Path(empty, name).touch()
+        cdef = subprocess.run(
+            [compiler, "-E", "-P", "-nostdinc", f"-I{empty}", *include, "-x", "c", "-"],
+            input=source, text=True, capture_output=True, check=True,
+        ).stdout
+    ffi = FFI()
+    ffi.cdef(cdef)
+    ffi.set_source("hexatorque._firmware", source)
+    ffi.emit_c_code(str(output))
+
+
+if __name__ == "__main__":
+    main()

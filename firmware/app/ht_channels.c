@@ -1,0 +1,33 @@
+#include <stddef.h>
+
+#include "ht_drive.h"
+
+enum {
+#define HT_CHANNEL(name, unit, expression, help) CHANNEL_##name,
+#include "ht_channels.def"
+#undef HT_CHANNEL
+    CHANNELS
+};
+
+static const ht_channel_info table[CHANNELS] = {
+#define HT_CHANNEL(name, unit, expression, help) {#name, unit, help},
+#include "ht_channels.def"
+#undef HT_CHANNEL
+};
+
+uint16_t ht_channel_count(void)
+{
+    return CHANNELS;
+}
+
+const ht_channel_info *ht_channel_describe(uint16_t id)
+{
+    return (id < CHANNELS) ? &table[id] : NULL;
+}
+
+void ht_channels_read(const ht_drive *d, float *out)
+{
+#define HT_CHANNEL(name, unit, expression, help) out[CHANNEL_##name] = (expression);
+#include "ht_channels.def"
+#undef HT_CHANNEL
+}

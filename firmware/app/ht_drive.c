@@ -1,0 +1,397 @@
+#include "ht_drive.h"
+
+#define ADC_MID 2048.0f
+#define ADC_FULL 4096.0f
+#define OFFSET_MAX_COUNTS 200.0f
+#define PI_F 3.14159265f
+
+/* Largest circle inside the dodecagon of each scheme's mean vectors, units of
+ * Vdc. Pairs count at their zero-mean share. */
+static const float reach_pu[HT_SCHEMES] = {0.622008f, 0.577350f, 0.577350f,
+                                           0.577350f, 0.577350f, 0.422650f};
+
+static bool finite_below(float value, float limit)
+{
+    return (value < limit) && (value > -limit);
+}
+
+static uint16_t torque_levels(const ht_params *p)
+{
+    static const uint16_t choice[4] = {0u, 2u, 3u, 5u};
+    uint16_t levels = choice[(uint16_t)p->v[HT_P_torque_levels]];
+    if (levels == 0u) {
+        levels = ((uint16_t)p->v[HT_P_scheme] == (uint16_t)HT_DTC3) ? 5u : 3u;
+    }
+    return levels;
+}
+
+/* Derive the control configuration. Returns false if the values do not fit. */
+static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config *c)
+{
+    float period = pwm_clock_Hz / p->v[HT_P_f_isr_Hz];
+    float ts = 1.0f / p->v[HT_P_f_isr_Hz];
+    bool shadow = p->v[HT_P_load_mode] == 0.0f;
+    float first = p->v[HT_P_write_delay_us] * 1.0e-6f * pwm_clock_Hz;
+    if (!(period <= 65535.0f) || !(period >= 8.0f)) {
+        return false;
+    }
+    if ((p->v[HT_P_torque_inner_Nm] > p->v[HT_P_torque_band_Nm])
+        || (p->v[HT_P_flux_min_Wb] > p->v[HT_P_flux_ref_Wb])
+        || (p->v[HT_P_vdc_min_V] >= p->v[HT_P_vdc_max_V])) {
+        return false;
+    }
+    if ((p->v[HT_P_torque_release_Nm] > 0.0f)
+        && (p->v[HT_P_torque_release_Nm] >= p->v[HT_P_torque_band_Nm])) {
+        return false;
+    }
+    c->scheme = (ht_scheme)(uint16_t)p->v[HT_P_scheme];
+    c->table = (ht_table)(uint16_t)p->v[HT_P_table];
+    c->torque_levels = torque_levels(p);
+    c->shadow = shadow;
+    c->predict = shadow && (p->v[HT_P_predict] != 0.0f);
+    c->hold_on_zero = p->v[HT_P_zero_hold] != 0.0f;
+    c->period_counts = (uint16_t)(period + 0.5f);
+    c->first_counts = shadow ? (uint16_t)0u : (uint16_t)(first + 0.5f);
+    c->flux_band_Wb = p->v[HT_P_flux_band_Wb];
+    c->torque_band_Nm = p->v[HT_P_torque_band_Nm];
+    c->torque_inner_Nm = p->v[HT_P_torque_inner_Nm];
+    c->torque_release_Nm = p->v[HT_P_torque_release_Nm];
+    c->build_current_A = p->v[HT_P_build_current_A];
+    c->observer.ts_s = ts;
+    c->observer.inv_ts = p->v[HT_P_f_isr_Hz];
+    c->observer.rs_ohm = p->v[HT_P_rs_ohm];
+    c->observer.sigma_ls_H = p->v[HT_P_sigma_ls_H];
+    c->observer.inv_sigma_ls = 1.0f / p->v[HT_P_sigma_ls_H];
+    c->observer.lxy_H = p->v[HT_P_lxy_H];
+    c->observer.torque_gain = 3.0f * p->v[HT_P_pole_pairs];
+    c->observer.omega_gain = (ts < 0.005f) ? (ts / 0.005f) : 1.0f;
+    c->xy.kp_pu_A = p->v[HT_P_kp_xy_pu_A];
+    c->xy.ki_ts_pu_A = p->v[HT_P_ki_xy_pu_As] * ts;
+    c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
+    c->dead.inv_2i_zero = 0.5f / p->v[HT_P_i_zero_A];
+    return ht_control_check(c) == HT_CONFIG_OK;
+}
+
+/* Everything outside the control configuration that parameters decide. */
+static void apply_slow(ht_drive *d)
+{
+    const float *v = d->params.v;
+    d->speed_config.kp_Nms_rad = v[HT_P_kp_speed_Nms_rad];
+    d->speed_config.ki_ts_Nms_rad = v[HT_P_ki_speed_Nm_rad] / v[HT_P_f_slow_Hz];
+    d->speed_config.torque_limit_Nm = v[HT_P_torque_limit_Nm];
+    d->flux_config.flux_ref_Wb = v[HT_P_flux_ref_Wb];
+    d->flux_config.flux_min_Wb = v[HT_P_flux_min_Wb];
+    d->flux_config.reach_pu = v[HT_P_fw_margin] * reach_pu[(uint16_t)v[HT_P_scheme]];
+    d->flux_config.rs_ohm = v[HT_P_rs_ohm];
+    d->i_per_count = 2.0f * v[HT_P_i_full_A] / ADC_FULL;
+    d->v_per_count = v[HT_P_vdc_full_V] / ADC_FULL;
+    d->calibration_ticks = (uint16_t)(v[HT_P_calibration_s] * v[HT_P_f_isr_Hz]);
+    d->build_ticks = (uint32_t)(v[HT_P_build_s] * v[HT_P_f_isr_Hz]);
+}
+
+static void enter(ht_drive *d, ht_state state)
+{
+    d->state = (uint16_t)state;
+    d->state_ticks = 0u;
+}
+
+static void set_flux_ref(ht_drive *d, float flux_Wb)
+{
+    d->in.flux_ref_Wb = flux_Wb;
+    d->in.inv_flux_ref2 = (flux_Wb > 0.0f) ? (1.0f / (flux_Wb * flux_Wb)) : 0.0f;
+}
+
+ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
+{
+    ht_pwm_setup setup;
+    ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
+    uint16_t id;
+    int leg;
+    for (id = 0u; id < HT_PARAMS; id++) {
+        if (!ht_param_valid(id, p->v[id])) {
+            return HT_ERROR_VALUE;
+        }
+    }
+    d->port = port;
+    d->params = *p;
+    if (!configure(p, ht_port_pwm_clock_Hz(port), &d->config)) {
+        return HT_ERROR_CONFIG;
+    }
+    d->staged = d->config;
+    d->staged_ready = 0u;
+    apply_slow(d);
+    setup.period_counts = d->config.period_counts;
+    setup.dead_counts =
+        (uint16_t)(p->v[HT_P_dead_time_us] * 1.0e-6f * ht_port_pwm_clock_Hz(port) + 0.5f);
+    setup.shadow = d->config.shadow;
+    if (!ht_port_init(port, &setup)) {
+        return HT_ERROR_PORT;
+    }
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        d->offset_counts[leg] = ADC_MID;
+        d->offset_sum[leg] = 0u;
+    }
+    d->in.i_A = none;
+    d->in.vdc_V = 0.0f;
+    d->in.torque_ref_Nm = 0.0f;
+    set_flux_ref(d, p->v[HT_P_flux_ref_Wb]);
+    ht_control_reset(&d->control, &none);
+    d->speed.integral_Nm = 0.0f;
+    d->tick = 0u;
+    d->position_last = 0u;
+    d->position_now = 0u;
+    d->speed_rpm = 0.0f;
+    d->torque_ref_Nm = 0.0f;
+    d->flux_ref_Wb = p->v[HT_P_flux_ref_Wb];
+    d->faults = 0u;
+    enter(d, HT_STATE_IDLE);
+    return HT_OK;
+}
+
+static void measure(ht_drive *d, const ht_samples *s)
+{
+    int leg;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        d->in.i_A.p[leg] = ((float)s->adc[HT_ADC_I + leg] - d->offset_counts[leg]) * d->i_per_count;
+    }
+    d->in.vdc_V = (float)s->adc[HT_ADC_VDC] * d->v_per_count;
+    d->position_now = s->position;
+}
+
+static uint16_t protect(const ht_drive *d)
+{
+    const float *v = d->params.v;
+    uint16_t faults = 0u;
+    int leg;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        if (!finite_below(d->in.i_A.p[leg], v[HT_P_i_trip_A])) {
+            faults |= HT_FAULT_OVERCURRENT;
+        }
+    }
+    if (!(d->in.vdc_V <= v[HT_P_vdc_max_V])) {
+        faults |= HT_FAULT_VDC_HIGH;
+    }
+    if (!(d->in.vdc_V >= v[HT_P_vdc_min_V])) {
+        faults |= HT_FAULT_VDC_LOW;
+    }
+    return faults;
+}
+
+/* An estimate that cannot be: no NaN, no infinity, no flux far off its reference. */
+static bool estimate_sound(const ht_drive *d)
+{
+    float bound = 4.0f * d->params.v[HT_P_flux_ref_Wb];
+    return finite_below(d->control.estimate.psi_Wb.alpha, bound)
+           && finite_below(d->control.estimate.psi_Wb.beta, bound)
+           && finite_below(d->control.estimate.torque_Nm, 1.0e6f)
+           && finite_below(d->control.decided.torque_Nm, 1.0e6f)
+           && finite_below(d->in.torque_ref_Nm, 1.0e6f)
+           && finite_below(d->control.v_xy_pu.x, 1.0f) && finite_below(d->control.v_xy_pu.y, 1.0f);
+}
+
+static void fault(ht_drive *d, uint16_t bits)
+{
+    ht_port_gates_off(d->port);
+    d->faults = (uint16_t)(d->faults | bits);
+    if (d->state != (uint16_t)HT_STATE_FAULT) {
+        enter(d, HT_STATE_FAULT);
+    }
+}
+
+static void calibrate(ht_drive *d, const ht_samples *s)
+{
+    int leg;
+    if (d->state_ticks == 1u) { /* all legs low before the gates ever come on */
+        ht_compare low;
+        ht_control_low_pattern(&d->config, &low);
+        ht_port_write(d->port, &low);
+    }
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        d->offset_sum[leg] += s->adc[HT_ADC_I + leg];
+    }
+    if (d->state_ticks < d->calibration_ticks) {
+        return;
+    }
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        float mean = (float)d->offset_sum[leg] / (float)d->state_ticks;
+        if (!finite_below(mean - ADC_MID, OFFSET_MAX_COUNTS)) {
+            fault(d, HT_FAULT_CALIBRATION);
+            return;
+        }
+        d->offset_counts[leg] = mean;
+    }
+    measure(d, s);
+    ht_control_reset(&d->control, &d->in.i_A);
+    d->speed.integral_Nm = 0.0f;
+    d->torque_ref_Nm = 0.0f;
+    enter(d, HT_STATE_BUILD);
+}
+
+static void build(ht_drive *d, ht_compare *out)
+{
+    float share = (float)d->state_ticks / (float)(d->build_ticks + 1u);
+    set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb] * ((share < 1.0f) ? share : 1.0f));
+    d->in.torque_ref_Nm = 0.0f;
+    ht_control_build_step(&d->config, &d->control, &d->in, out);
+    ht_port_write(d->port, out);
+    if (d->state_ticks == 1u) {
+        ht_port_gates_on(d->port); /* only once a pattern is in place */
+    }
+    if (d->state_ticks >= d->build_ticks) {
+        set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb]);
+        d->flux_ref_Wb = d->params.v[HT_P_flux_ref_Wb];
+        enter(d, HT_STATE_RUN);
+    }
+}
+
+static void run(ht_drive *d, ht_compare *out)
+{
+    d->in.torque_ref_Nm = d->torque_ref_Nm;
+    if (d->in.flux_ref_Wb != d->flux_ref_Wb) {
+        set_flux_ref(d, d->flux_ref_Wb);
+    }
+    ht_control_step(&d->config, &d->control, &d->in, out);
+    ht_port_write(d->port, out);
+}
+
+void ht_drive_fast_isr(ht_drive *d)
+{
+    ht_samples s;
+    ht_compare out;
+    uint16_t faults;
+
+    ht_port_read(d->port, &s);
+    d->tick++;
+    d->state_ticks++;
+    if (d->staged_ready != 0u) {
+        d->config = d->staged;
+        d->staged_ready = 0u;
+    }
+    measure(d, &s);
+    if ((d->state != (uint16_t)HT_STATE_IDLE) && (d->state != (uint16_t)HT_STATE_FAULT)) {
+        faults = protect(d);
+        if ((d->state == (uint16_t)HT_STATE_RUN) && ht_port_tripped(d->port)) {
+            faults |= HT_FAULT_EXTERNAL;
+        }
+        if (faults != 0u) {
+            fault(d, faults);
+        }
+    }
+    switch ((ht_state)d->state) {
+    case HT_STATE_CALIBRATE:
+        calibrate(d, &s);
+        break;
+    case HT_STATE_BUILD:
+        build(d, &out);
+        break;
+    case HT_STATE_RUN:
+        run(d, &out);
+        break;
+    case HT_STATE_IDLE:
+    case HT_STATE_FAULT:
+    default:
+        break;
+    }
+    if (((d->state == (uint16_t)HT_STATE_RUN) || (d->state == (uint16_t)HT_STATE_BUILD))
+        && !estimate_sound(d)) {
+        fault(d, HT_FAULT_NONFINITE);
+    }
+    ht_port_ack_fast(d->port);
+}
+
+void ht_drive_slow_isr(ht_drive *d)
+{
+    const float *v = d->params.v;
+    int32_t moved = (int32_t)(d->position_now - d->position_last);
+    d->position_last = d->position_now;
+    d->speed_rpm = (float)moved * 60.0f * v[HT_P_f_slow_Hz] / v[HT_P_encoder_counts_rev];
+    if (d->state != (uint16_t)HT_STATE_RUN) {
+        return;
+    }
+    if (v[HT_P_control_mode] != 0.0f) {
+        float limit = v[HT_P_torque_limit_Nm];
+        float wanted = v[HT_P_torque_ref_Nm];
+        d->torque_ref_Nm = (wanted > limit) ? limit : ((wanted < -limit) ? -limit : wanted);
+        d->speed.integral_Nm = d->torque_ref_Nm; /* bumpless return to speed mode */
+    } else {
+        float error = (v[HT_P_speed_ref_rpm] - d->speed_rpm) * (PI_F / 30.0f);
+        d->torque_ref_Nm = ht_speed_step(&d->speed_config, &d->speed, error);
+    }
+    if (v[HT_P_field_weakening] != 0.0f) {
+        ht_ab i = d->control.observer.i_prev_A.ab;
+        float a = (i.alpha < 0.0f) ? -i.alpha : i.alpha;
+        float b = (i.beta < 0.0f) ? -i.beta : i.beta;
+        /* |i| within 4 %: alpha max plus beta min */
+        float size = (a > b) ? (0.96f * a + 0.398f * b) : (0.96f * b + 0.398f * a);
+        d->flux_ref_Wb = ht_flux_reference(&d->flux_config, d->in.vdc_V,
+                                           d->control.observer.omega_sync_rad_s, size);
+    } else {
+        d->flux_ref_Wb = v[HT_P_flux_ref_Wb];
+    }
+}
+
+ht_result ht_drive_start(ht_drive *d)
+{
+    int leg;
+    if (d->state != (uint16_t)HT_STATE_IDLE) {
+        return HT_ERROR_STATE;
+    }
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        d->offset_sum[leg] = 0u;
+        d->offset_counts[leg] = ADC_MID;
+    }
+    enter(d, HT_STATE_CALIBRATE);
+    return HT_OK;
+}
+
+void ht_drive_stop(ht_drive *d)
+{
+    ht_port_gates_off(d->port);
+    if (d->state != (uint16_t)HT_STATE_FAULT) {
+        enter(d, HT_STATE_IDLE);
+    }
+}
+
+ht_result ht_drive_clear(ht_drive *d)
+{
+    if (d->state != (uint16_t)HT_STATE_FAULT) {
+        return HT_ERROR_STATE;
+    }
+    d->faults = 0u;
+    enter(d, HT_STATE_IDLE);
+    return HT_OK;
+}
+
+ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)
+{
+    ht_params trial = d->params;
+    ht_control_config config;
+    const ht_param_info *info = ht_param_describe(id);
+    if (info == 0) {
+        return HT_ERROR_ID;
+    }
+    if (!ht_param_valid(id, value)) {
+        return HT_ERROR_VALUE;
+    }
+    if ((info->when == HT_WHEN_IDLE) && (d->state != (uint16_t)HT_STATE_IDLE)) {
+        return HT_ERROR_STATE;
+    }
+    trial.v[id] = value;
+    if (!configure(&trial, ht_port_pwm_clock_Hz(d->port), &config)) {
+        return HT_ERROR_CONFIG;
+    }
+    if (info->when == HT_WHEN_IDLE) {
+        /* Timing and scaling reach into the PWM: set the whole drive up again. */
+        return ht_drive_init(d, d->port, &trial);
+    }
+    d->params = trial;
+    d->staged = config;
+    d->staged_ready = 1u;
+    apply_slow(d);
+    return HT_OK;
+}
+
+float ht_drive_get(const ht_drive *d, uint16_t id)
+{
+    return (id < HT_PARAMS) ? d->params.v[id] : 0.0f;
+}

@@ -1,0 +1,109 @@
+/** @file ht_drive.h
+ *  The drive: what every target runs. Interrupt order, states, protection,
+ *  parameters and telemetry around the control core.
+ *
+ *  States:  IDLE -start-> CALIBRATE -> BUILD -> RUN, any -fault-> FAULT -clear->
+ *  IDLE, any but FAULT -stop-> IDLE. The gates are on in BUILD and RUN only.
+ *
+ *  Concurrency on a target: `ht_drive_fast_isr` owns everything it writes; the
+ *  slow loop hands over single floats and a request word; commands and parameter
+ *  changes come from the background and take effect at the next fast interrupt.
+ */
+#ifndef HT_DRIVE_H
+#define HT_DRIVE_H
+
+#include "ht_control.h"
+#include "ht_params.h"
+#include "ht_speed.h"
+#include "port.h"
+
+typedef enum {
+    HT_STATE_IDLE = 0,
+    HT_STATE_CALIBRATE = 1,
+    HT_STATE_BUILD = 2,
+    HT_STATE_RUN = 3,
+    HT_STATE_FAULT = 4
+} ht_state;
+
+/** Fault bits, latched until `ht_drive_clear`. */
+enum {
+    HT_FAULT_OVERCURRENT = 0x0001,
+    HT_FAULT_VDC_HIGH = 0x0002,
+    HT_FAULT_VDC_LOW = 0x0004,
+    HT_FAULT_NONFINITE = 0x0008,  /**< an estimate is NaN, infinite or impossible */
+    HT_FAULT_EXTERNAL = 0x0010,   /**< trip zone set by something else */
+    HT_FAULT_CALIBRATION = 0x0020 /**< current offset out of bounds */
+};
+
+/** Result of a command or an initialisation. */
+typedef enum {
+    HT_OK = 0,
+    HT_ERROR_ID = 1,     /**< no such parameter */
+    HT_ERROR_VALUE = 2,  /**< not finite, out of range or not a choice */
+    HT_ERROR_STATE = 3,  /**< not allowed in this state */
+    HT_ERROR_CONFIG = 4, /**< parameters do not fit together (e.g. bands) */
+    HT_ERROR_PORT = 5    /**< the hardware cannot realise the set-up */
+} ht_result;
+
+typedef struct {
+    ht_port *port;
+    ht_params params;
+    ht_control_config config;      /**< in force, derived from params */
+    ht_control_config staged;      /**< taken over by the next fast interrupt */
+    ht_control_state control;
+    ht_control_input in;           /**< latest measurement and references */
+    ht_speed_config speed_config;
+    ht_speed_state speed;
+    ht_flux_config flux_config;
+    float offset_counts[HT_LEGS];  /**< calibrated zero of each current channel */
+    uint32_t offset_sum[HT_LEGS];
+    uint32_t state_ticks;          /**< fast interrupts since the state began */
+    uint32_t tick;                 /**< fast interrupts since init */
+    uint32_t position_last;
+    uint32_t position_now;
+    float speed_rpm;
+    float torque_ref_Nm;           /**< slow loop to fast loop */
+    float flux_ref_Wb;             /**< slow loop to fast loop */
+    float i_per_count;
+    float v_per_count;
+    uint16_t calibration_ticks;
+    uint32_t build_ticks;
+    uint16_t state;                /**< ht_state */
+    uint16_t faults;
+    uint16_t staged_ready;         /**< 1 when `staged` is complete */
+} ht_drive;
+
+/** Set up a drive with parameters `p` on `port`: idle, gates off. Refuses
+ *  parameters that are out of range or do not fit together. */
+ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p);
+
+/** The fast interrupt: sample, protect, control, write. */
+void ht_drive_fast_isr(ht_drive *d);
+
+/** The slow interrupt: speed measurement, speed PI, flux reference. */
+void ht_drive_slow_isr(ht_drive *d);
+
+/** Commands from the background. */
+ht_result ht_drive_start(ht_drive *d);
+void ht_drive_stop(ht_drive *d);
+ht_result ht_drive_clear(ht_drive *d);
+
+/** Change one parameter: range, state and consistency are checked first, and
+ *  nothing changes on an error. */
+ht_result ht_drive_set(ht_drive *d, uint16_t id, float value);
+/** Current value; NaN-free. Returns 0 for an unknown id. */
+float ht_drive_get(const ht_drive *d, uint16_t id);
+
+/** Telemetry channels (ht_channels.def). */
+typedef struct {
+    const char *name;
+    const char *unit;
+    const char *help;
+} ht_channel_info;
+
+uint16_t ht_channel_count(void);
+const ht_channel_info *ht_channel_describe(uint16_t id);
+/** All channels into `out[0 .. ht_channel_count() - 1]`. */
+void ht_channels_read(const ht_drive *d, float *out);
+
+#endif

@@ -1,0 +1,40 @@
+#include "ht_params.h"
+
+#include <stddef.h>
+
+static const ht_param_info table[HT_PARAMS] = {
+#define HT_PARAM(name, unit, min, max, def, when, choices, help) \
+    {#name, unit, min, max, def, HT_WHEN_##when, choices, help},
+#include "ht_params.def"
+#undef HT_PARAM
+};
+
+uint16_t ht_param_count(void)
+{
+    return HT_PARAMS;
+}
+
+const ht_param_info *ht_param_describe(uint16_t id)
+{
+    return (id < HT_PARAMS) ? &table[id] : NULL;
+}
+
+void ht_params_default(ht_params *p)
+{
+    uint16_t id;
+    for (id = 0u; id < HT_PARAMS; id++) {
+        p->v[id] = table[id].initial;
+    }
+}
+
+bool ht_param_valid(uint16_t id, float value)
+{
+    if (id >= HT_PARAMS) {
+        return false;
+    }
+    if (!((value >= table[id].min) && (value <= table[id].max))) {
+        return false; /* NaN fails both comparisons */
+    }
+    /* Choices are few: the conversion is in range once the limits hold. */
+    return (table[id].choices[0] == '\0') || ((float)(int16_t)value == value);
+}

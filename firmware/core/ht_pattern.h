@@ -1,0 +1,60 @@
+/** @file ht_pattern.h
+ *  From three state words and two action points to compare registers (paper A,
+ *  eqs. 16 to 18), and back to the volt-seconds that the machine really gets.
+ */
+#ifndef HT_PATTERN_H
+#define HT_PATTERN_H
+
+#include "ht_duty.h"
+
+/** Compare registers of the six legs for one period. */
+typedef struct {
+    uint16_t start;        /**< state word at the start; each compare toggles */
+    uint16_t ca[HT_LEGS];  /**< counts; `period` = no toggle */
+    uint16_t cb[HT_LEGS];  /**< counts; `period` = no toggle */
+} ht_compare;
+
+/** What the legs are commanded to do over one sampling period. */
+typedef struct {
+    uint16_t before; /**< state word before the first edge */
+    uint16_t s[3];   /**< state words from t[0], t[1], t[2] on */
+    float t[3];      /**< instants in per unit of the period, ascending, in [0, 1] */
+} ht_applied;
+
+/** Dead-time delay that ran past the end of a period (see ht_volt_seconds). */
+typedef struct {
+    uint16_t legs;          /**< legs concerned, as a state word */
+    float shift[HT_LEGS];   /**< remaining delay, per unit of the period */
+} ht_spill;
+
+/** How the inverter's edges deviate from the commanded ones. */
+typedef struct {
+    float dead_pu;       /**< dead time in per unit of the period, 0..0.5 */
+    float inv_2i_zero;   /**< 1/(2 I0): below |I0| amperes an edge is shifted in part */
+} ht_dead_time;
+
+/** Counts for state words `s` and action points `p`.
+ *
+ *  `period` = TBPRD + 1, 8 <= period <= 65535. `first` = count at which the
+ *  period starts: 0 under shadow load, the write instant under immediate load;
+ *  first < period - 3. Equations (17) and (18): CA toggles where S1 != S2, CB
+ *  where S2 != S3, otherwise the register holds `period`, which an up-counter
+ *  never reaches. Two hazards of toggle actions, which the paper does not name,
+ *  are kept out by at least one count between start, CA and CB: CA = 0 would
+ *  swallow the start level, CA = CB would give one toggle for two.
+ *  `applied` gets the instants after rounding, `before` is left to the caller. */
+void ht_pattern_counts(const uint16_t s[3], ht_action_points p, uint16_t period, uint16_t first,
+                       ht_compare *counts, ht_applied *applied);
+
+/** Mean voltage of one sampling period in units of Vdc, edge by edge.
+ *
+ *  While both switches of a leg are off the current's sign decides: a rising
+ *  edge is late by the dead time when the current flows out of the leg, a
+ *  falling edge when it flows in. `i_begin` and `i_end` are the phase currents
+ *  at the period's ends (linear in between). A pulse shorter than the dead time
+ *  vanishes, and a delay that crosses the period's end is carried over in
+ *  `spill` unless the leg is switched back first. */
+ht_vsd ht_volt_seconds(const ht_applied *applied, const ht_dead_time *dead, const ht_six *i_begin,
+                       const ht_six *i_end, ht_spill *spill);
+
+#endif

@@ -1,0 +1,37 @@
+#include "ht_switching.h"
+
+#define TAN_15 0.267949192f
+#define TAN_75 3.73205081f
+
+/* Directions relative to the sector, [table][torque up][flux up]. */
+static const uint16_t offset[2][2][2] = {
+    {{7u, 10u}, {4u, 1u}}, /* 45/135 */
+    {{8u, 9u}, {3u, 2u}},  /* 75/105 */
+};
+
+unsigned ht_sector(ht_ab v)
+{
+    float a = (v.alpha < 0.0f) ? -v.alpha : v.alpha;
+    float b = (v.beta < 0.0f) ? -v.beta : v.beta;
+    unsigned q; /* sector of (|alpha|, |beta|): 0, 1, 2 or 3 */
+    if (b < (a * TAN_15)) {
+        q = 0u;
+    } else if (b < a) {
+        q = 1u;
+    } else if (b < (a * TAN_75)) {
+        q = 2u;
+    } else {
+        q = 3u;
+    }
+    if (v.beta < 0.0f) {
+        return (v.alpha < 0.0f) ? (6u + q) : ((q == 0u) ? 0u : (12u - q));
+    }
+    return (v.alpha < 0.0f) ? (6u - q) : q;
+}
+
+unsigned ht_direction(ht_table table, unsigned sector, bool torque_up, bool flux_up)
+{
+    unsigned t = (table == HT_TABLE_75_105) ? 1u : 0u;
+    unsigned k = sector + offset[t][torque_up ? 1 : 0][flux_up ? 1 : 0];
+    return k % HT_SECTORS;
+}

@@ -1,0 +1,27 @@
+/** @file ht_switching.h
+ *  Flux sector and switching tables: which direction, if any, the next period's
+ *  voltage takes.
+ */
+#ifndef HT_SWITCHING_H
+#define HT_SWITCHING_H
+
+#include "ht_types.h"
+
+#define HT_SECTORS 12
+
+/** Switching table, named after the angle between the flux and the vectors that
+ *  raise and lower it (both tables place sector s at 30 s degrees, +-15). */
+typedef enum {
+    HT_TABLE_45_135 = 0, /**< keeps the flux sign over the whole TMVCL box */
+    HT_TABLE_75_105 = 1  /**< paper B, Table I */
+} ht_table;
+
+/** Sector 0..11 of a vector: sector s covers [30 s - 15, 30 s + 15) degrees.
+ *  No trigonometry; any input, NaN included, gives a valid sector. */
+unsigned ht_sector(ht_ab vector);
+
+/** Direction 0..11 (15 + 30 k degrees) for a flux in `sector`, torque to rise or
+ *  fall, flux to rise or fall. */
+unsigned ht_direction(ht_table table, unsigned sector, bool torque_up, bool flux_up);
+
+#endif

@@ -1,0 +1,45 @@
+/** @file ht_types.h
+ *  Reference frames and shared small types of the control core.
+ *
+ *  Phase order everywhere: u1 u2 w1 w2 v1 v2 at 0, 30, 120, 150, 240, 270
+ *  electrical degrees. A state word holds one upper-switch bit per leg, u1 in
+ *  bit 5 (most significant) down to v2 in bit 0. The transform is amplitude
+ *  invariant, so power = 3 * (sum over alpha-beta and x-y).
+ *
+ *  Portability: `char` and `int` have 16 bits on C28x. Use uint16_t for state
+ *  words and counts, `unsigned` (at most 16 bits of value) for indices, float
+ *  for quantities; nothing narrower, nothing wider in the fast path.
+ */
+#ifndef HT_TYPES_H
+#define HT_TYPES_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define HT_LEGS 6
+
+/** Stationary torque-producing plane. */
+typedef struct {
+    float alpha;
+    float beta;
+} ht_ab;
+
+/** Stationary secondary (loss-producing) plane. */
+typedef struct {
+    float x;
+    float y;
+} ht_xy;
+
+/** Vector space decomposition of one six-phase quantity (zero sequences are
+ *  absent: two isolated neutrals). */
+typedef struct {
+    ht_ab ab;
+    ht_xy xy;
+} ht_vsd;
+
+/** One value per phase, in phase order. */
+typedef struct {
+    float p[HT_LEGS];
+} ht_six;
+
+#endif

@@ -1,0 +1,68 @@
+/** @file port.h
+ *  The whole contract between the drive application and a target.
+ *
+ *  Who calls what, and when:
+ *  - `ht_port_init` once, before interrupts are enabled. It leaves all gates off
+ *    (one-shot trip latched) and the PWM counters stopped or running, but
+ *    synchronised.
+ *  - `ht_port_read`, `ht_port_write`, `ht_port_gates_off`, `ht_port_gates_on`
+ *    from the fast interrupt only. None blocks; each takes a fixed number of
+ *    register accesses.
+ *  - `ht_port_gates_off` also from anywhere else: it is a single register write
+ *    per leg and is idempotent.
+ *
+ *  Timing: the ADC samples at counter = 0 of leg 1's PWM and the fast interrupt
+ *  follows. Under shadow load a pattern written in period n is on the legs in
+ *  period n + 1; under immediate load from the write on.
+ *
+ *  `ht_port` is defined by each target; the caller owns it.
+ */
+#ifndef HT_PORT_H
+#define HT_PORT_H
+
+#include "ht_pattern.h"
+
+typedef struct ht_port ht_port;
+
+/** Analog channels, in the order of the conversion sequence. */
+enum { HT_ADC_I = 0 /* six phase currents, phase order */, HT_ADC_VDC = 6, HT_ADC_CHANNELS = 7 };
+
+/** Raw readings of one sampling instant. */
+typedef struct {
+    uint16_t adc[HT_ADC_CHANNELS]; /**< right-justified counts, 0..4095 */
+    uint32_t position;             /**< quadrature counts since init, modulo 2^32 */
+} ht_samples;
+
+/** PWM set-up. All counts are time-base counts. */
+typedef struct {
+    uint16_t period_counts; /**< TBPRD + 1, 8..65535 */
+    uint16_t dead_counts;   /**< dead time, 0..1023 (type 0) or 0..16383 (type 4) */
+    bool shadow;            /**< load compare and action registers at counter = 0 */
+} ht_pwm_setup;
+
+/** Configure clocks, PWM and trip zone. Returns false, with the gates off, if the
+ *  hardware cannot realise the set-up (dead time or period out of range). */
+bool ht_port_init(ht_port *port, const ht_pwm_setup *setup);
+
+/** PWM time-base clock, Hz. */
+float ht_port_pwm_clock_Hz(const ht_port *port);
+
+/** Latest conversion results and encoder position. */
+void ht_port_read(ht_port *port, ht_samples *samples);
+
+/** Hand one period's pattern to the PWM. Harmless while the gates are off. */
+void ht_port_write(ht_port *port, const ht_compare *pattern);
+
+/** All gates off at once, latched until `ht_port_gates_on`. */
+void ht_port_gates_off(ht_port *port);
+
+/** Release the latch. */
+void ht_port_gates_on(ht_port *port);
+
+/** True while the latch is set, whoever set it (software or the trip pin). */
+bool ht_port_tripped(const ht_port *port);
+
+/** Acknowledge the fast interrupt at its source and at the controller. */
+void ht_port_ack_fast(ht_port *port);
+
+#endif
