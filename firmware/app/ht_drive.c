@@ -56,6 +56,7 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->torque_band_Nm = p->v[HT_P_torque_band_Nm];
     c->torque_inner_Nm = p->v[HT_P_torque_inner_Nm];
     c->torque_release_Nm = p->v[HT_P_torque_release_Nm];
+    c->flux_hold = p->v[HT_P_flux_hold];
     c->build_current_A = p->v[HT_P_build_current_A];
     c->observer.ts_s = ts;
     c->observer.inv_ts = p->v[HT_P_f_isr_Hz];

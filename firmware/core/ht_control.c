@@ -214,6 +214,7 @@ void ht_control_step(const ht_control_config *cfg, ht_control_state *st, const h
     ht_action_points p = {1.0f, 1.0f};
     uint16_t s[3];
     bool zero;
+    bool raise;
     float psi_Wb;
 
     observe(cfg, st, in, &i);
@@ -222,6 +223,11 @@ void ht_control_step(const ht_control_config *cfg, ht_control_state *st, const h
     compare_levels(cfg, st, in, psi_Wb);
     st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
     zero = st->torque_level == 0;
+    /* Under a zero vector the flux decays with R_s i; at low speed and light load
+     * that can last until the machine is lost. */
+    raise = zero && (cfg->flux_hold > 0.0f)
+            && (psi_Wb < (1.0f - cfg->flux_hold) * in->flux_ref_Wb);
+    zero = zero && !raise;
 
     if ((cfg->scheme == HT_DDR) || (cfg->scheme == HT_DDR_ML)) {
         regulate_xy(cfg, st, i.xy, psi_Wb, zero);
@@ -231,6 +237,10 @@ void ht_control_step(const ht_control_config *cfg, ht_control_state *st, const h
     }
     if (zero) {
         single_vector(ht_nearest_zero[st->active.s[2]], s);
+    } else if (raise) {
+        /* Along the flux, 15 degrees to the side the torque wants. */
+        bool ahead = in->torque_ref_Nm > st->decided.torque_Nm;
+        p = choose(cfg, st, ht_direction_along(st->sector, ahead), false, s);
     } else {
         unsigned k = ht_direction(cfg->table, st->sector, st->torque_level > 0, st->flux_level > 0);
         bool full_level = (st->torque_level == 2) || (st->torque_level == -2);

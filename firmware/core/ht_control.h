@@ -41,6 +41,7 @@ typedef struct {
     float torque_band_Nm;    /**< outer band (H_B) */
     float torque_inner_Nm;   /**< five-level inner band (H_A) */
     float torque_release_Nm; /**< three-level: back to zero at this error */
+    float flux_hold;         /**< zero vectors give way below (1 - this) x reference; 0 = never */
     float build_current_A;   /**< current limit of the flux build-up */
     ht_observer_config observer;
     ht_xy_config xy;

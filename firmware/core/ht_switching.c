@@ -35,3 +35,8 @@ unsigned ht_direction(ht_table table, unsigned sector, bool torque_up, bool flux
     unsigned k = sector + offset[t][torque_up ? 1 : 0][flux_up ? 1 : 0];
     return k % HT_SECTORS;
 }
+
+unsigned ht_direction_along(unsigned sector, bool ahead)
+{
+    return ahead ? sector : ((sector + HT_SECTORS - 1u) % HT_SECTORS);
+}

@@ -24,4 +24,8 @@ unsigned ht_sector(ht_ab vector);
  *  fall, flux to rise or fall. */
 unsigned ht_direction(ht_table table, unsigned sector, bool torque_up, bool flux_up);
 
+/** Direction 0..11 closest to the flux in `sector`, on the side that raises the
+ *  torque (`ahead`) or lowers it. */
+unsigned ht_direction_along(unsigned sector, bool ahead);
+
 #endif

@@ -1,0 +1,68 @@
+"""Figures of merit of a steady-state recording, one definition each."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..frames import PHASES, TRANSFORM
+from ..recording import Recording
+from .spectrum import channel, fundamental_Hz, harmonics, thd_pct
+
+
+def i_xy_A(rec: Recording) -> tuple[np.ndarray, np.ndarray]:
+    """x and y stator current in A: the plant's, else from the measured phase currents."""
+    if "plant.i_x_A" in rec and "plant.i_y_A" in rec:
+        return channel(rec, "i_x_A"), channel(rec, "i_y_A")
+    phases_A = np.stack([channel(rec, f"i_{phase}_A") for phase in PHASES])
+    x, y = TRANSFORM[2:] @ phases_A
+    return x, y
+
+
+def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
+    """Figures of merit of `rec`, all finite numbers or None.
+
+    True values ("plant.") where the recording has them, else the controller's.
+    f_sw_Hz: mean switching frequency of a leg, transitions / (12 T); without the
+    argument it is taken from rec.meta["f_sw_Hz"]. ValueError if the recording holds
+    under two cycles of the fundamental.
+
+    speed_rpm, torque_Nm, flux_Wb (|psi_s|): means; torque_ripple_Nm, flux_ripple_Wb:
+    standard deviations sqrt(mean((T - mean T)^2)) (paper B, eq. 9); i1_A: peak of the
+    fundamental of phase u1; f1_Hz: its frequency; thd_pct: of phase u1, by band;
+    h5_pct, h7_pct: of phase u1, of its fundamental; ixy_rms_A: sqrt(mean(i_x^2 + i_y^2));
+    delta_i_A: |I_u1 - I_u2|, peaks of the fundamentals.
+    """
+    f1_Hz = abs(fundamental_Hz(rec))
+    u1, u2 = channel(rec, "i_u1_A"), channel(rec, "i_u2_A")
+    line_A = harmonics(u1, rec.rate_Hz, f1_Hz, (1, 5, 7))
+    u2_A = harmonics(u2, rec.rate_Hz, f1_Hz, (1,))[1]
+    torque_Nm = channel(rec, "torque_Nm")
+    flux_Wb = np.hypot(channel(rec, "psi_alpha_Wb"), channel(rec, "psi_beta_Wb"))
+    i_x, i_y = i_xy_A(rec)
+    percent = 100 / line_A[1] if line_A[1] > 0 else float("nan")
+    return _finite(
+        {
+            "speed_rpm": np.mean(channel(rec, "speed_rpm")),
+            "torque_Nm": np.mean(torque_Nm),
+            "torque_ripple_Nm": np.std(torque_Nm),
+            "flux_Wb": np.mean(flux_Wb),
+            "flux_ripple_Wb": np.std(flux_Wb),
+            "i1_A": line_A[1],
+            "f1_Hz": f1_Hz,
+            "thd_pct": thd_pct(u1, rec.rate_Hz, f1_Hz),
+            "h5_pct": percent * line_A[5],
+            "h7_pct": percent * line_A[7],
+            "ixy_rms_A": np.sqrt(np.mean(i_x**2 + i_y**2)),
+            "delta_i_A": abs(line_A[1] - u2_A),
+            "f_sw_Hz": rec.meta.get("f_sw_Hz") if f_sw_Hz is None else f_sw_Hz,
+        }
+    )
+
+
+def _finite(value):
+    """Plain numbers for JSON; None for what is not finite."""
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    return float(value) if value is not None and math.isfinite(value) else None

@@ -1,0 +1,47 @@
+"""What the two papers measured on their hardware, to stand beside our figures.
+
+Neither paper states the band of its THD.
+"""
+
+from __future__ import annotations
+
+from .run import Run
+
+PAPER: dict[str, dict] = {
+    # Paper A: Holakooie, Iwanski, Miazga, IEEE Trans. Ind. Electron. 69(10), 2022, Table IV.
+    # Its rated speed cannot be reached at the printed dc-link voltage and flux, hence the
+    # "feasible" set-up; the point of Table IV can.
+    "paper-a-feasible": {
+        "source": "paper A, Table IV",
+        "point": "100 r/min, 10 N m",
+        "speed_rpm": 100.0,
+        "load_Nm": 10.0,
+        "schemes": {
+            "fdr": {"thd_pct": 12.44, "delta_i_A": 0.2366, "f_sw_Hz": 2450.0},
+            "ddr": {"thd_pct": 8.13, "delta_i_A": 0.0309, "f_sw_Hz": 2480.0},
+        },
+    },
+    # Paper B: Pandit, Aware, Nemade, Levi, IEEE Trans. Power Electron. 32(9), 2017, Table VI.
+    # Ripple is the standard deviation (eq. 9); f_sw is relative to DTC1.
+    "paper-b": {
+        "source": "paper B, Table VI",
+        "point": "2500 r/min, 2 N m",
+        "speed_rpm": 2500.0,
+        "load_Nm": 2.0,
+        "schemes": {
+            "dtc1": {"thd_pct": 23.5, "torque_ripple_Nm": 0.2617, "f_sw_rel": 1.0},
+            "dtc2": {"thd_pct": 12.1, "torque_ripple_Nm": 0.271, "f_sw_rel": 1.1},
+            "dtc3": {"thd_pct": 12.9, "torque_ripple_Nm": 0.1063, "f_sw_rel": 2.0},
+        },
+    },
+}
+
+
+def paper_values(paper: dict[str, dict], run: Run) -> dict[str, float]:
+    """The paper's figures for the run's set-up and scheme; empty if it gives none, or
+    gives them for another operating point (speed or load more than 2 % away)."""
+    entry = paper.get(run.setup, {})
+    for key, value in (("speed_rpm", run.speed_ref_rpm), ("load_Nm", run.load_Nm)):
+        if key in entry and abs(value - entry[key]) > 0.02 * abs(entry[key]):
+            return {}
+    return entry.get("schemes", {}).get(run.scheme, {})

@@ -1,0 +1,70 @@
+"""One run: a scheme at an operating point, what was recorded and what it amounts to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from ..recording import Recording
+
+#: How the simulated PWM takes over the registers, in the order they are shown.
+LATENCIES = {
+    "none": "no latency",
+    "shadow": "one-sample latency",
+    "predicted": "latency, predicted",
+}
+SCHEMES = {"fdr": "FDR-DTC", "ddr": "DDR-DTC"}
+
+
+@dataclass
+class Run:
+    """A scheme of a set-up at one operating point.
+
+    latency: "none" (vector applied at once), "shadow" (one sample late) or
+    "predicted" (one sample late, one-step prediction); recording: its steady-state
+    window; metrics: of that window; realtime_factor: simulated s per wall s.
+    """
+
+    setup: str
+    scheme: str
+    latency: str
+    speed_ref_rpm: float
+    load_Nm: float
+    recording: Recording = field(repr=False)
+    metrics: dict
+    realtime_factor: float
+
+    def __post_init__(self) -> None:
+        if self.latency not in LATENCIES:
+            raise ValueError(f"latency {self.latency!r}: use one of {', '.join(LATENCIES)}")
+
+    @property
+    def scheme_label(self) -> str:
+        return SCHEMES.get(self.scheme, self.scheme.upper())
+
+    @property
+    def latency_label(self) -> str:
+        return LATENCIES[self.latency]
+
+    @property
+    def label(self) -> str:
+        return f"{self.scheme_label} · {self.latency_label}"
+
+    def as_json(self) -> dict:
+        """One flat record: what was run, its metrics, the speed of the simulation."""
+        return {
+            "setup": self.setup,
+            "scheme": self.scheme,
+            "latency": self.latency,
+            "speed_ref_rpm": self.speed_ref_rpm,
+            "load_Nm": self.load_Nm,
+            **self.metrics,
+            "realtime_factor": self.realtime_factor,
+        }
+
+
+def by_setup(runs: list[Run]) -> dict[str, list[Run]]:
+    """The runs of each set-up, in the order they came."""
+    groups: dict[str, list[Run]] = {}
+    for run in runs:
+        groups.setdefault(run.setup, []).append(run)
+    return groups

@@ -1,0 +1,160 @@
+"""Spectra of equally sampled signals: fundamental, lines, THD.
+
+Every function uses the periodic Hann window w[n] = (1 - cos(2 pi n / N)) / 2.
+A line of peak amplitude A shows as A in `spectrum`; its power spreads over three
+bins, which the equivalent noise bandwidth ENBW = N sum(w^2) / sum(w)^2 = 1.5
+accounts for wherever bins are added up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..recording import Recording
+
+#: Upper limits of the THD bands.
+BANDS_HZ = {"1kHz": 1e3, "2kHz": 2e3, "5kHz": 5e3}
+#: Highest order in the harmonic-only THD "h50".
+HIGHEST_ORDER = 50
+#: Half width of the fundamental's main lobe.
+LOBE_BINS = 3
+MINIMUM_CYCLES = 2
+
+
+def channel(rec: Recording, name: str) -> np.ndarray:
+    """The true value "plant.<name>" where there is one, else the controller's `name`."""
+    true = f"plant.{name}"
+    return np.asarray(rec[true] if true in rec else rec[name], dtype=float)
+
+
+def fundamental_Hz(rec: Recording) -> float:
+    """Mean rotation rate of the stator flux in Hz; negative for reverse rotation.
+
+    f1 = slope / (2 pi) of the least-squares line through the unwrapped angle of
+    psi_alpha + j psi_beta. ValueError if the recording holds under two cycles.
+    """
+    psi_Wb = channel(rec, "psi_alpha_Wb") + 1j * channel(rec, "psi_beta_Wb")
+    if psi_Wb.size < 2 or not np.all(np.isfinite(psi_Wb)) or not np.any(psi_Wb):
+        raise ValueError("no stator flux in the recording, so no fundamental frequency")
+    angle = np.unwrap(np.angle(psi_Wb))
+    n = np.arange(angle.size) - (angle.size - 1) / 2
+    f1_Hz = float(n @ angle / (n @ n)) * rec.rate_Hz / (2 * np.pi)
+    _cycles(angle.size, rec.rate_Hz, f1_Hz)
+    return f1_Hz
+
+
+def _cycles(samples: int, rate_Hz: float, f1_Hz: float) -> int:
+    """Whole cycles of f1 in so many samples; ValueError below two."""
+    cycles = samples * abs(f1_Hz) / rate_Hz
+    if not cycles + 1e-6 >= MINIMUM_CYCLES:
+        raise ValueError(
+            f"the recording ({samples / rate_Hz:.4g} s) holds {cycles:.2f} cycles of the "
+            f"fundamental ({abs(f1_Hz):.4g} Hz); at least {MINIMUM_CYCLES} are needed"
+        )
+    return int(cycles + 1e-6)
+
+
+def whole_cycles(signal: np.ndarray, rate_Hz: float, f1_Hz: float) -> tuple[np.ndarray, int]:
+    """The last whole cycles of f1 in `signal` (to half a sample), and how many they are."""
+    signal = np.asarray(signal, dtype=float)
+    if not 0 < abs(f1_Hz) < rate_Hz / 2:
+        raise ValueError(f"a fundamental of {f1_Hz:.4g} Hz does not fit {rate_Hz:.4g} samples/s")
+    cycles = _cycles(signal.size, rate_Hz, f1_Hz)
+    count = min(signal.size, round(cycles * rate_Hz / abs(f1_Hz)))
+    return signal[signal.size - count :], cycles
+
+
+def _hann(n: int) -> np.ndarray:
+    return 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
+
+
+def spectrum(signal: np.ndarray, rate_Hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """(f in Hz, peak amplitude in the unit of the signal).
+
+    A[k] = 2 |sum w x exp(-j 2 pi k n / N)| / sum w, and half of that at f = 0.
+    """
+    x = np.asarray(signal, dtype=float)
+    if x.size < 2:
+        raise ValueError("a spectrum needs at least two samples")
+    w = _hann(x.size)
+    amplitude = 2 * np.abs(np.fft.rfft(w * x)) / w.sum()
+    amplitude[0] /= 2
+    return np.fft.rfftfreq(x.size, 1 / rate_Hz), amplitude
+
+
+def line_amplitude(signal: np.ndarray, rate_Hz: float, f_Hz: float) -> float:
+    """Peak amplitude at exactly f_Hz, on or between the bins, of all samples given.
+
+    A = 2 |sum w x exp(-j 2 pi f n / rate)| / sum w; other lines must be at least two
+    bins (2 rate / N) away. NaN above Nyquist.
+    """
+    x = np.asarray(signal, dtype=float)
+    rotor = np.exp(-2j * np.pi * f_Hz / rate_Hz * np.arange(x.size))
+    return _line(_hann(x.size), x, rotor) if abs(f_Hz) <= rate_Hz / 2 else float("nan")
+
+
+def _line(w: np.ndarray, x: np.ndarray, rotor: np.ndarray) -> float:
+    return float(2 * abs((w * x) @ rotor) / w.sum())
+
+
+def harmonics(
+    signal: np.ndarray, rate_Hz: float, f1_Hz: float, orders: Iterable[int]
+) -> dict[int, float]:
+    """Order -> peak amplitude, by `line_amplitude` at order * f1 over the last whole
+    cycles of f1. NaN above Nyquist."""
+    x, _ = whole_cycles(signal, rate_Hz, f1_Hz)
+    w = _hann(x.size)
+    base = np.exp(-2j * np.pi * abs(f1_Hz) / rate_Hz * np.arange(x.size))
+    rotor, at, found = np.ones_like(base), 0, {}
+    for order in sorted(set(orders)):
+        if order < 1:
+            raise ValueError(f"harmonic order {order}: orders start at 1")
+        if order * abs(f1_Hz) > rate_Hz / 2:
+            found[order] = float("nan")
+            continue
+        while at < order:  # exp(-j order phi), without an exponential per order
+            rotor *= base
+            at += 1
+        found[order] = _line(w, x, rotor)
+    return found
+
+
+def thd_pct(signal: np.ndarray, rate_Hz: float, f1_Hz: float) -> dict[str, float | None]:
+    """Total harmonic distortion in % of the fundamental, by band.
+
+    "1kHz", "2kHz", "5kHz": everything up to that frequency, inter- and subharmonics
+    included, except DC (the mean and bin 1) and the fundamental (bins k1 - 3 .. k1 + 3):
+        100 sqrt( sum_band P / sum_lobe P ),  P[k] = 2 |rfft(w x)[k]|^2 / (N sum w^2).
+    "h50": harmonics only, 100 sqrt(A_2^2 + ... + A_50^2) / A_1 (see `harmonics`).
+    None where the limit is above Nyquist. Computed over the last whole cycles of f1;
+    use five or more, else the 2nd harmonic is within the lobe.
+    """
+    x, k1 = whole_cycles(signal, rate_Hz, f1_Hz)
+    w = _hann(x.size)
+    power = 2 * np.abs(np.fft.rfft(w * (x - (w @ x) / w.sum()))) ** 2 / (x.size * (w @ w))
+    if x.size % 2 == 0:
+        power[-1] /= 2  # the Nyquist bin has no mirror
+    f_Hz = np.fft.rfftfreq(x.size, 1 / rate_Hz)
+    lobe = slice(max(1, k1 - LOBE_BINS), k1 + LOBE_BINS + 1)
+    fundamental = power[lobe].sum()
+    power[lobe] = 0
+    power[:2] = 0
+
+    nyquist_Hz = rate_Hz / 2
+    result: dict[str, float | None] = {}
+    for name, limit_Hz in BANDS_HZ.items():
+        content = power[f_Hz <= limit_Hz].sum()
+        result[name] = _percent(content, fundamental) if limit_Hz <= nyquist_Hz else None
+    result["h50"] = None
+    if HIGHEST_ORDER * abs(f1_Hz) <= nyquist_Hz:
+        line = harmonics(x, rate_Hz, f1_Hz, range(1, HIGHEST_ORDER + 1))
+        content = sum(a * a for order, a in line.items() if order > 1)
+        result["h50"] = _percent(content, line[1] ** 2)
+    return result
+
+
+def _percent(content: float, fundamental: float) -> float:
+    """100 sqrt(content / fundamental); NaN without a fundamental."""
+    return float(100 * np.sqrt(content / fundamental)) if fundamental > 0 else float("nan")

@@ -1,0 +1,178 @@
+"""The compiled firmware as Python sees it: parameter and channel tables, entry
+points for compiled callers, one `Controller` per simulated drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from . import _firmware
+
+ffi, lib = _firmware.ffi, _firmware.lib
+
+STATES = ("idle", "calibrate", "build", "run", "fault")
+FAULTS = {
+    lib.HT_FAULT_OVERCURRENT: "over-current",
+    lib.HT_FAULT_VDC_HIGH: "dc-link voltage too high",
+    lib.HT_FAULT_VDC_LOW: "dc-link voltage too low",
+    lib.HT_FAULT_NONFINITE: "estimate not finite or out of bounds",
+    lib.HT_FAULT_EXTERNAL: "external trip",
+    lib.HT_FAULT_CALIBRATION: "current sensor offset out of bounds",
+}
+DEVICES = ("f28335", "f28377s")
+
+
+class FirmwareError(ValueError):
+    """The firmware refused a value or a command."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One row of the firmware's parameter table."""
+
+    id: int
+    name: str
+    unit: str
+    min: float
+    max: float
+    initial: float
+    live: bool  #: may change while the drive runs
+    choices: tuple[str, ...]
+    help: str
+
+    def parse(self, value: object) -> float:
+        """The number for a value given as a number or a choice's name."""
+        if self.choices:
+            if isinstance(value, bool):
+                value = "on" if value else "off"
+            text = str(value)
+            if text in self.choices:
+                return float(self.choices.index(text))
+            raise FirmwareError(f"{self.name} = {value!r}: choose one of {', '.join(self.choices)}")
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise FirmwareError(f"{self.name} = {value!r}: a number is needed")
+        if not self.min <= value <= self.max:
+            unit = f" {self.unit}" if self.unit else ""
+            raise FirmwareError(
+                f"{self.name} = {value:g}: allowed range is {self.min:g} .. {self.max:g}{unit}"
+            )
+        return float(value)
+
+    def show(self, value: float) -> str | float:
+        return self.choices[int(value)] if self.choices else value
+
+
+def _text(pointer) -> str:
+    return ffi.string(pointer).decode()
+
+
+@lru_cache(maxsize=1)
+def parameters() -> dict[str, Parameter]:
+    """The parameter table, by name."""
+    table = {}
+    for index in range(lib.ht_param_count()):
+        row = lib.ht_param_describe(index)
+        choices = _text(row.choices)
+        name = _text(row.name)
+        table[name] = Parameter(
+            index, name, _text(row.unit), _decimal(row.min), _decimal(row.max),
+            _decimal(row.initial), row.when == lib.HT_WHEN_LIVE,
+            tuple(choices.split("|")) if choices else (), _text(row.help),
+        )  # fmt: skip
+    return table
+
+
+def _decimal(value: float) -> float:
+    """The decimal that a float32 table entry stands for."""
+    return float(np.format_float_positional(np.float32(value)))
+
+
+@lru_cache(maxsize=1)
+def channels() -> tuple[tuple[str, str], ...]:
+    """Telemetry channels: (name, unit), in order."""
+    rows = (lib.ht_channel_describe(i) for i in range(lib.ht_channel_count()))
+    return tuple((_text(r.name), _text(r.unit)) for r in rows)
+
+
+def schemes() -> tuple[str, ...]:
+    return parameters()["scheme"].choices
+
+
+def address(function: str) -> int:
+    """Entry point of a firmware function."""
+    return int(ffi.cast("uintptr_t", ffi.addressof(lib, function)))
+
+
+_RESULTS = {
+    lib.HT_ERROR_ID: "no such parameter",
+    lib.HT_ERROR_VALUE: "value out of range",
+    lib.HT_ERROR_STATE: "not allowed in this state",
+    lib.HT_ERROR_CONFIG: "parameters do not fit together",
+    lib.HT_ERROR_PORT: "the PWM cannot realise this period or dead time",
+}
+
+
+def _check(result: int, what: str) -> None:
+    if result != lib.HT_OK:
+        raise FirmwareError(f"{what}: {_RESULTS[result]}")
+
+
+class Controller:
+    """One drive's firmware on its own register file."""
+
+    def __init__(self, device: str, values: dict[str, object]) -> None:
+        if device not in DEVICES:
+            raise FirmwareError(f"device = {device!r}: choose one of {', '.join(DEVICES)}")
+        self.map = ffi.addressof(getattr(lib, f"ht_{device}"))
+        self.registers = ffi.new("ht_regfile *")
+        self.port = ffi.new("ht_port *")
+        self.drive = ffi.new("ht_drive *")
+        lib.ht_regfile_reset(self.registers, self.map)
+        self.port.io = self.registers
+        self.port.map = self.map
+        params = ffi.new("ht_params *")
+        lib.ht_params_default(params)
+        for name, value in values.items():
+            if name not in parameters():
+                raise FirmwareError(f"no controller parameter {name!r}")
+            row = parameters()[name]
+            params.v[row.id] = row.parse(value)
+        _check(lib.ht_drive_init(self.drive, self.port, params), "controller set-up")
+
+    @property
+    def handle(self) -> int:
+        """Address of the drive, the argument of its entry points."""
+        return int(ffi.cast("uintptr_t", self.drive))
+
+    def register_words(self) -> np.ndarray:
+        """Live view of the register file below 0x8000, uint16."""
+        return np.frombuffer(ffi.buffer(self.registers.low), np.uint16)
+
+    @property
+    def state(self) -> str:
+        return STATES[self.drive.state]
+
+    @property
+    def faults(self) -> list[str]:
+        return [text for bit, text in FAULTS.items() if self.drive.faults & bit]
+
+    def get(self, name: str) -> str | float:
+        row = parameters()[name]
+        return row.show(lib.ht_drive_get(self.drive, row.id))
+
+    def set(self, name: str, value: object) -> None:
+        if name not in parameters():
+            raise FirmwareError(f"no controller parameter {name!r}")
+        row = parameters()[name]
+        _check(lib.ht_drive_set(self.drive, row.id, row.parse(value)), f"{name} = {value}")
+
+    def start(self) -> None:
+        _check(lib.ht_drive_start(self.drive), "start")
+
+    def stop(self) -> None:
+        lib.ht_drive_stop(self.drive)
+
+    def clear(self) -> None:
+        _check(lib.ht_drive_clear(self.drive), "clear")

@@ -1,0 +1,1 @@
+"""The drive's physics, compiled: machine, inverter, PWM registers, sensors, load."""

@@ -1,0 +1,252 @@
+"""Two-level six-leg inverter: gate states and diodes to machine voltages.
+
+A leg is HIGH or LOW while one switch is on. With both off (dead time, trip) the
+current's sign decides: it flows through the lower diode when it leaves the leg,
+through the upper one when it enters. A current that reaches zero while both
+switches are off stays at zero: the leg floats until its voltage would drive a
+diode into conduction.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from ..frames import TRANSFORM
+from .machine import derivative, load_torque, phase_current, rk4_step
+
+LOW, HIGH, OFF = 0, 1, 2
+
+#: A floating leg's residual current decays with this time constant; it only
+#: removes what the location of the zero crossing leaves (below 1 mA).
+FLOAT_S = 20e-6
+#: Longest step while a leg is off: bounds the error of that location.
+OFF_STEP_S = 5e-6
+
+_T = np.ascontiguousarray(TRANSFORM)
+
+
+class Inverter(NamedTuple):
+    """Leg states and work space; `leg` and `diode` are state, the rest scratch."""
+
+    leg: np.ndarray  #: (6,) int8: LOW, HIGH or OFF
+    diode: np.ndarray  #: (6,) int8, off legs: +1 lower, -1 upper conducts, 0 floats
+    v_leg: np.ndarray  #: (6,) leg voltages against the negative rail
+    v: np.ndarray  #: (4,) alpha, beta, x, y voltages
+    k: np.ndarray  #: (8,)
+    z: np.ndarray  #: (2, 8)
+    trial: np.ndarray  #: (8,)
+    a: np.ndarray  #: (6, 7) floating-leg equations
+    i: np.ndarray  #: (6,)
+
+
+def make_inverter() -> Inverter:
+    """All legs off, no current."""
+    return Inverter(
+        leg=np.full(6, OFF, np.int8),
+        diode=np.zeros(6, np.int8),
+        v_leg=np.zeros(6),
+        v=np.zeros(4),
+        k=np.zeros(8),
+        z=np.zeros((2, 8)),
+        trial=np.zeros(8),
+        a=np.zeros((6, 7)),
+        i=np.zeros(6),
+    )
+
+
+@njit(cache=True)
+def set_leg(inv, m, y, leg, state):
+    """Change one leg. A leg that turns off lets the present current choose."""
+    if state == OFF and inv.leg[leg] != OFF:
+        i = phase_current(m, y, leg)
+        inv.diode[leg] = 1 if i > 0.0 else (-1 if i < 0.0 else 0)
+    inv.leg[leg] = state
+
+
+@njit(cache=True, inline="always")
+def _transform(inv):
+    for r in range(4):
+        total = 0.0
+        for leg in range(6):
+            total += _T[r, leg] * inv.v_leg[leg]
+        inv.v[r] = total
+
+
+@njit(cache=True)
+def _solve_floating(inv, m, load, y, vdc):
+    """Leg voltages that keep the floating legs' currents at zero.
+
+    d i/dt = G v_float + (rest) = -i/FLOAT_S for each floating leg. G is singular
+    when a whole set floats (only differences matter), so a small diagonal term
+    pulls such legs to mid-bus, as a balancing resistor would.
+    """
+    a = inv.a
+    n = 0
+    for leg in range(6):
+        if inv.leg[leg] == OFF and inv.diode[leg] == 0:
+            inv.v_leg[leg] = 0.0
+            n += 1
+    _transform(inv)
+    derivative(m, load, y, inv.v, inv.k)
+    row = 0
+    for leg in range(6):
+        if inv.leg[leg] == OFF and inv.diode[leg] == 0:
+            slope = phase_current(m, inv.k, leg)
+            col = 0
+            for other in range(6):
+                if inv.leg[other] == OFF and inv.diode[other] == 0:
+                    a[row, col] = m.g_leg[leg, other]
+                    col += 1
+            epsilon = 1e-7 * m.g_leg[leg, leg]
+            a[row, row] += epsilon
+            a[row, n] = -slope - phase_current(m, y, leg) / FLOAT_S + epsilon * 0.5 * vdc
+            row += 1
+    # Gauss with partial pivoting, n <= 6.
+    for p in range(n):
+        best = p
+        for r in range(p + 1, n):
+            if abs(a[r, p]) > abs(a[best, p]):
+                best = r
+        if best != p:
+            for c in range(p, n + 1):
+                a[p, c], a[best, c] = a[best, c], a[p, c]
+        for r in range(p + 1, n):
+            f = a[r, p] / a[p, p]
+            for c in range(p, n + 1):
+                a[r, c] -= f * a[p, c]
+    for p in range(n - 1, -1, -1):
+        total = a[p, n]
+        for c in range(p + 1, n):
+            total -= a[p, c] * a[c, n]
+        a[p, n] = total / a[p, p]
+    row = 0
+    for leg in range(6):
+        if inv.leg[leg] == OFF and inv.diode[leg] == 0:
+            inv.v_leg[leg] = a[row, n]
+            row += 1
+
+
+@njit(cache=True)
+def _leg_voltages(inv, m, load, y, vdc):
+    """Set leg voltages. Returns True if any leg floats."""
+    floats = False
+    for leg in range(6):
+        state = inv.leg[leg]
+        if state == OFF:
+            if inv.diode[leg] == 0:
+                floats = True
+            inv.v_leg[leg] = vdc if inv.diode[leg] < 0 else 0.0
+        else:
+            inv.v_leg[leg] = vdc if state == HIGH else 0.0
+    if floats:
+        _solve_floating(inv, m, load, y, vdc)
+        turned_on = False
+        for leg in range(6):
+            if inv.leg[leg] == OFF and inv.diode[leg] == 0:
+                if inv.v_leg[leg] > vdc:
+                    inv.diode[leg] = -1
+                    inv.v_leg[leg] = vdc
+                    turned_on = True
+                elif inv.v_leg[leg] < 0.0:
+                    inv.diode[leg] = 1
+                    inv.v_leg[leg] = 0.0
+                    turned_on = True
+        if turned_on:
+            _solve_floating(inv, m, load, y, vdc)
+    _transform(inv)
+    return floats
+
+
+@njit(cache=True)
+def _currents_absent(inv):
+    for leg in range(6):
+        if inv.leg[leg] != OFF or inv.diode[leg] != 0:
+            return False
+    return True
+
+
+@njit(cache=True)
+def _advance_open(inv, m, load, y, dt, vdc):
+    """All legs float: no stator current, the rotor flux decays on its own.
+
+    Returns False, leaving y alone, if a diode would conduct.
+    """
+    w = m.pole_pairs * y[6]
+    decay = np.exp(-m.rr_over_lr * dt)
+    # Induced voltage seen from the stator: L_m/L_r d psi_r/dt.
+    va = m.lm_over_lr * (-m.rr_over_lr * y[4] - w * y[5])
+    vb = m.lm_over_lr * (-m.rr_over_lr * y[5] + w * y[4])
+    if 1.7321 * np.sqrt(va * va + vb * vb) > vdc:
+        return False
+    c = np.cos(w * dt) * decay
+    s = np.sin(w * dt) * decay
+    psi = y[4]
+    y[4] = c * psi - s * y[5]
+    y[5] = s * psi + c * y[5]
+    y[0] = m.lm_over_lr * y[4]
+    y[1] = m.lm_over_lr * y[5]
+    y[2] = 0.0
+    y[3] = 0.0
+    # Coasting: Heun's rule, the speed hardly moves within a step.
+    k0 = -(m.viscous * y[6] + load_torque(load, y[6])) / m.inertia
+    end = y[6] + dt * k0
+    k1 = -(m.viscous * end + load_torque(load, end)) / m.inertia
+    end = y[6] + 0.5 * dt * (k0 + k1)
+    y[7] += 0.5 * dt * (y[6] + end)
+    y[6] = end
+    return True
+
+
+@njit(cache=True)
+def _advance_off(inv, m, load, y, dt, vdc):
+    """Advance with at least one leg off."""
+    if _currents_absent(inv) and _advance_open(inv, m, load, y, dt, vdc):
+        return
+    left = dt
+    guard = 0
+    while left > 1e-15 and guard < 10000:
+        guard += 1
+        _leg_voltages(inv, m, load, y, vdc)
+        h = left if left < OFF_STEP_S else OFF_STEP_S
+        rk4_step(m, load, y, inv.v, h, inv.trial, inv.k, inv.z)
+        # Earliest zero crossing of a diode current within the step.
+        first = h
+        crossing = -1
+        for leg in range(6):
+            if inv.leg[leg] == OFF and inv.diode[leg] != 0:
+                i1 = phase_current(m, inv.trial, leg)
+                if i1 * inv.diode[leg] < 0.0:
+                    i0 = phase_current(m, y, leg)
+                    t = h * i0 / (i0 - i1) if i0 * inv.diode[leg] > 0.0 else 0.0
+                    if t < first or crossing < 0:
+                        first = t
+                        crossing = leg
+        if crossing >= 0:
+            if first > 0.0:
+                rk4_step(m, load, y, inv.v, first, y, inv.k, inv.z)
+            inv.diode[crossing] = 0
+            left -= first
+        else:
+            for r in range(8):
+                y[r] = inv.trial[r]
+            left -= h
+
+
+@njit(cache=True)
+def advance(inv, m, load, y, dt, vdc):
+    """Advance the drive by dt with constant leg states.
+
+    One Runge-Kutta step suffices while every leg is driven: the callers step
+    from edge to edge, far below the machine's time constants.
+    """
+    for leg in range(6):
+        if inv.leg[leg] == OFF:
+            _advance_off(inv, m, load, y, dt, vdc)
+            return
+    for leg in range(6):
+        inv.v_leg[leg] = vdc if inv.leg[leg] == HIGH else 0.0
+    _transform(inv)
+    rk4_step(m, load, y, inv.v, dt, y, inv.k, inv.z)

@@ -1,0 +1,129 @@
+"""The closed loop, period by period, without an interpreter in it.
+
+Order within one PWM period, as on the chip:
+
+    count 0            ADC sampling starts (leg 1's counter at zero)
+    `sample_count`     currents, Vdc and position are held
+    `write_count`      the fast interrupt has written its registers
+    ...                edges of the active compare registers
+    TBPRD              next period
+
+The controller is any function `void f(uint64 handle)`: firmware on the host
+today, other targets through the same door. The slow interrupt runs after the
+fast one in every `slow_every`-th period.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, uint64
+
+from .inverter import advance, set_leg
+from .machine import stator_currents, torque_Nm
+from .pwm import pwm_segment
+from .sensors import sample
+
+#: Columns of the plant record.
+PLANT_CHANNELS = (
+    ("i_alpha_A", "A"),
+    ("i_beta_A", "A"),
+    ("i_x_A", "A"),
+    ("i_y_A", "A"),
+    ("psi_alpha_Wb", "Wb"),
+    ("psi_beta_Wb", "Wb"),
+    ("torque_Nm", "N m"),
+    ("speed_rpm", "r/min"),
+    ("theta_rad", "rad"),
+    ("gates", ""),
+)
+
+
+class Timing(NamedTuple):
+    """Counts and clock of the loop."""
+
+    clock_Hz: float
+    period: int  #: counts per period
+    sample_count: int
+    write_count: int  #: >= sample_count, < period; >= 1 under shadow load
+    slow_every: int  #: periods per slow interrupt
+    per_period: int  #: plant samples per period, a divisor of it
+
+
+@njit(cache=True)
+def _record(row, m, inv, y, i):
+    stator_currents(m, y, i)
+    for c in range(4):
+        row[c] = i[c]
+    row[4] = y[0]
+    row[5] = y[1]
+    row[6] = torque_Nm(m, y, i)
+    row[7] = y[6] * (30.0 / np.pi)
+    row[8] = y[7]
+    gates = 0
+    for leg in range(6):
+        # Two bits a leg: 0 low, 1 high, 2 off.
+        gates = gates * 4 + inv.leg[leg]
+    row[9] = gates
+
+
+@njit(cache=True)
+def _follow(m, load, inv, y, vdc, edges, n, c0, c1, clock_Hz, grid, out, row):
+    """Advance the machine over counts c0..c1 along the edges, recording a sample
+    at every multiple of `grid` counts (0 = none). Returns the next record row."""
+    now = c0
+    tick = c1 if grid == 0 else -(-c0 // grid) * grid
+    e = 0
+    while True:
+        stop = min(c1, tick)
+        if e < n:
+            stop = min(stop, edges.count[e])
+        if stop > now:
+            advance(inv, m, load, y, (stop - now) / clock_Hz, vdc)
+            now = stop
+        if now == c1:
+            return row
+        if now == tick:
+            _record(out[row], m, inv, y, inv.i)
+            row += 1
+            tick += grid
+        while e < n and edges.count[e] == now:
+            set_leg(inv, m, y, edges.leg[e], edges.state[e])
+            e += 1
+
+
+@njit(cache=True, nogil=True)
+def run_periods(
+    n, first, tm, m, load, inv, pm, ps, edges, se, regs, y, vdc,
+    fast_isr, slow_isr, read_channels, drive, channels, plant_out, channel_out,
+):
+    """Run n periods; `first` is the index of the first one (for the slow loop).
+
+    plant_out: (n * per_period, len(PLANT_CHANNELS)) or empty.
+    channels: address of channel_out, (n, channels) float32, or empty.
+
+    Between sampling and register write the controller cannot see the machine, so
+    it is called as soon as it has its samples and the machine follows in one go.
+    """  # fmt: skip
+    grid = tm.period // tm.per_period if plant_out.shape[0] > 0 else 0
+    row = 0
+    width = channel_out.shape[1] * 4
+    handle = uint64(drive)
+    target = uint64(channels)
+    for period in range(n):
+        count = pwm_segment(pm, regs, ps, 0, tm.sample_count, edges, 0)
+        row = _follow(m, load, inv, y, vdc, edges, count, 0, tm.sample_count,
+                      tm.clock_Hz, grid, plant_out, row)  # fmt: skip
+        sample(se, m, y, vdc, regs)
+        count = pwm_segment(pm, regs, ps, tm.sample_count, tm.write_count, edges, 0)
+        fast_isr(handle)
+        if (first + period) % tm.slow_every == 0:
+            slow_isr(handle)
+        if width > 0:
+            read_channels(handle, target)
+            target += uint64(width)
+        count = pwm_segment(pm, regs, ps, tm.write_count, tm.period, edges, count)
+        row = _follow(m, load, inv, y, vdc, edges, count, tm.sample_count, tm.period,
+                      tm.clock_Hz, grid, plant_out, row)  # fmt: skip
+    return row

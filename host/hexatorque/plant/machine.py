@@ -1,0 +1,201 @@
+"""Asymmetrical six-phase induction machine in VSD form.
+
+State, SI units: stator flux (alpha, beta, x, y), rotor flux (alpha, beta) in the
+stationary frame, mechanical speed and angle. Linear magnetics. Per-phase stator
+resistance and leakage may differ, which couples alpha-beta with x-y:
+
+    d psi_s/dt = v - R_s i_s
+    d psi_r/dt =   - R_r i_r + p w J psi_r        (J: +90 degrees)
+    (i_s, i_r) = L^-1 (psi_s, psi_r)
+    T_e = 3 p L_m/L_r (psi_r x i_s)               (paper B, eqs. 2 to 5)
+    J dw/dt = T_e - B w - T_load(w)
+
+Two isolated neutrals: zero-sequence currents do not exist. The torque is written
+with the rotor flux because that form also holds for an asymmetrical stator.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from ..frames import INVERSE, TRANSFORM
+
+#: indices into the state vector
+PSI_S, PSI_R, OMEGA, THETA = 0, 4, 6, 7
+N_STATE = 8
+
+
+@dataclass(frozen=True)
+class MachineParameters:
+    """Machine constants. Leakages are per phase of the equivalent circuit."""
+
+    pole_pairs: int
+    rs_ohm: float
+    rr_ohm: float
+    lls_H: float
+    llr_H: float
+    lm_H: float
+    lxy_H: float
+    inertia_kgm2: float
+    viscous_Nms: float = 0.0
+    drs_ohm: tuple[float, ...] = field(default=(0.0,) * 6)  #: added per phase
+    dlls_H: tuple[float, ...] = field(default=(0.0,) * 6)  #: added per phase
+
+    @property
+    def ls_H(self) -> float:
+        return self.lls_H + self.lm_H
+
+    @property
+    def lr_H(self) -> float:
+        return self.llr_H + self.lm_H
+
+    @property
+    def sigma_ls_H(self) -> float:
+        """Stator transient inductance sigma L_s."""
+        return self.ls_H - self.lm_H**2 / self.lr_H
+
+
+class Machine(NamedTuple):
+    """Matrices for the compiled code."""
+
+    slope: np.ndarray  #: (6, 8): column c = effect of flux c on (d psi/dt, i_alpha, i_beta)
+    i_phase: np.ndarray  #: (6, 6): phase currents from the six fluxes
+    g_leg: np.ndarray  #: (6, 6): d i_phase/dt per volt on each leg
+    i_stator: np.ndarray  #: (4, 6): alpha, beta, x, y currents from the fluxes
+    lm_over_lr: float
+    rr_over_lr: float
+    pole_pairs: float
+    torque_gain: float
+    inertia: float
+    viscous: float
+
+
+def machine_matrices(p: MachineParameters) -> Machine:
+    """Inductance and resistance matrices, inverted once."""
+    rs = TRANSFORM @ np.diag(p.rs_ohm + np.array(p.drs_ohm)) @ INVERSE
+    inductance = np.zeros((6, 6))
+    inductance[:4, :4] = np.diag([p.ls_H, p.ls_H, p.lxy_H, p.lxy_H])
+    inductance[:4, :4] += TRANSFORM @ np.diag(p.dlls_H) @ INVERSE
+    inductance[4:, 4:] = np.diag([p.lr_H, p.lr_H])
+    inductance[:2, 4:] = inductance[4:, :2] = np.diag([p.lm_H, p.lm_H])
+    current = np.linalg.inv(inductance)
+    resistance = np.zeros((6, 6))
+    resistance[:4, :4] = rs
+    resistance[4:, 4:] = np.diag([p.rr_ohm, p.rr_ohm])
+    rows = np.vstack([-resistance @ current, current[:2]])
+    i_phase = INVERSE @ current[:4]
+    g_leg = i_phase[:, :4] @ TRANSFORM
+    return Machine(
+        slope=np.ascontiguousarray(rows.T),
+        i_phase=np.ascontiguousarray(i_phase),
+        g_leg=np.ascontiguousarray(g_leg),
+        i_stator=np.ascontiguousarray(current[:4]),
+        lm_over_lr=p.lm_H / p.lr_H,
+        rr_over_lr=p.rr_ohm / p.lr_H,
+        pole_pairs=float(p.pole_pairs),
+        torque_gain=3.0 * p.pole_pairs * p.lm_H / p.lr_H,
+        inertia=p.inertia_kgm2,
+        viscous=p.viscous_Nms,
+    )
+
+
+class Load(NamedTuple):
+    """Load torque as a function of speed: the sum of all terms."""
+
+    constant_Nm: float
+    linear_Nms: float
+    quadratic_Nms2: float
+    dry_Nm: float  #: opposes motion
+    eddy_Nm: float  #: peak of an eddy-current brake
+    eddy_rad_s: float  #: speed of that peak, > 0
+
+
+#: Speed over which dry friction changes sign.
+DRY_RAD_S = 0.5
+
+
+@njit(cache=True, inline="always")
+def load_torque(load, omega):
+    """Torque that the load takes at `omega` (mechanical rad/s)."""
+    torque = load.constant_Nm + omega * (load.linear_Nms + load.quadratic_Nms2 * abs(omega))
+    if load.dry_Nm != 0.0:
+        torque += load.dry_Nm * np.tanh(omega / DRY_RAD_S)
+    if load.eddy_Nm != 0.0:
+        s = omega / load.eddy_rad_s
+        torque += load.eddy_Nm * 2.0 * s / (1.0 + s * s)
+    return torque
+
+
+@njit(cache=True, inline="always")
+def derivative(m, load, y, v, k):
+    """Write d y/dt into k[0:8] for stator voltages v[0:4]."""
+    for r in range(8):
+        k[r] = 0.0
+    for c in range(6):
+        flux = y[c]
+        for r in range(8):
+            k[r] += m.slope[c, r] * flux
+    i_alpha = k[6]
+    i_beta = k[7]
+    for r in range(4):
+        k[r] += v[r]
+    omega = y[6]
+    w = m.pole_pairs * omega
+    k[4] -= w * y[5]
+    k[5] += w * y[4]
+    torque = m.torque_gain * (y[4] * i_beta - y[5] * i_alpha)
+    k[6] = (torque - m.viscous * omega - load_torque(load, omega)) / m.inertia
+    k[7] = omega
+
+
+@njit(cache=True)
+def rk4_step(m, load, y, v, dt, out, k, z):
+    """One classical Runge-Kutta step from y to out (may be the same array).
+
+    `k` (8,) and `z` (2, 8) are work space.
+    """
+    total = z[0]
+    stage = z[1]
+    derivative(m, load, y, v, k)
+    for r in range(8):
+        total[r] = k[r]
+        stage[r] = y[r] + 0.5 * dt * k[r]
+    derivative(m, load, stage, v, k)
+    for r in range(8):
+        total[r] += 2.0 * k[r]
+        stage[r] = y[r] + 0.5 * dt * k[r]
+    derivative(m, load, stage, v, k)
+    for r in range(8):
+        total[r] += 2.0 * k[r]
+        stage[r] = y[r] + dt * k[r]
+    derivative(m, load, stage, v, k)
+    for r in range(8):
+        out[r] = y[r] + dt / 6.0 * (total[r] + k[r])
+
+
+@njit(cache=True, inline="always")
+def phase_current(m, y, leg):
+    total = 0.0
+    for c in range(6):
+        total += m.i_phase[leg, c] * y[c]
+    return total
+
+
+@njit(cache=True, inline="always")
+def stator_currents(m, y, i):
+    """alpha, beta, x, y currents into i[0:4]."""
+    for r in range(4):
+        total = 0.0
+        for c in range(6):
+            total += m.i_stator[r, c] * y[c]
+        i[r] = total
+
+
+@njit(cache=True, inline="always")
+def torque_Nm(m, y, i):
+    """Electromagnetic torque from the state and the stator currents i[0:4]."""
+    return m.torque_gain * (y[4] * i[1] - y[5] * i[0])

@@ -1,0 +1,220 @@
+"""Emulated ePWM modules of both devices, up-count, one module per leg.
+
+Works on the register file that the firmware's driver writes. Time is counted in
+time-base counts; a period is counts 0..TBPRD. Between two register writes the
+registers are constant, so a period is emulated in segments: everything written
+by the interrupt at count c takes effect in the segment that starts at c.
+
+Modelled: shadow load of CMPA/CMPB (zero, period, both) and of AQCTLA (type 4),
+immediate load, action qualifier of output A for ZERO, CAU, CBU, PERIOD and
+one-shot software force with the hardware's priority (force > PRD > CBU > CAU >
+ZERO), complementary dead band, one-shot trip forcing both outputs low.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from .inverter import HIGH, LOW, OFF
+
+NONE = np.int64(-1)
+
+
+class PwmMap(NamedTuple):
+    """Register layout of a device (word offsets; -1 = not present)."""
+
+    base: int
+    stride: int
+    tbprd: int
+    cmpctl: int
+    cmpa: int
+    cmpb: int
+    aqctl: int
+    aqctla: int
+    aqsfrc: int
+    dbred: int
+    dbfed: int
+    tzflg: int
+
+
+class PwmState(NamedTuple):
+    """What the modules hold besides the register file."""
+
+    cmpa: np.ndarray  #: (6,) int64 active compare A
+    cmpb: np.ndarray  #: (6,) int64 active compare B
+    aq: np.ndarray  #: (6,) int64 active action qualifier
+    out: np.ndarray  #: (6,) int8 output A before the dead band
+    band: np.ndarray  #: (6,) int8 leg state after the dead band
+    pending: np.ndarray  #: (6,) int64 count at which the delayed switch turns on
+    gate: np.ndarray  #: (6,) int8 leg state after the trip zone
+    transitions: np.ndarray  #: (6,) int64 level changes of output A since reset
+
+
+class Edges(NamedTuple):
+    """Leg state changes of one segment, ascending in count."""
+
+    count: np.ndarray
+    leg: np.ndarray
+    state: np.ndarray
+
+
+#: At most 5 output edges per leg and segment, each an off and an on.
+MAX_EDGES = 6 * 12
+
+
+def make_pwm_state() -> PwmState:
+    """Outputs low, tripped."""
+    return PwmState(
+        cmpa=np.full(6, 65535, np.int64),
+        cmpb=np.full(6, 65535, np.int64),
+        aq=np.zeros(6, np.int64),
+        out=np.zeros(6, np.int8),
+        band=np.full(6, LOW, np.int8),
+        pending=np.full(6, NONE, np.int64),
+        gate=np.full(6, OFF, np.int8),
+        transitions=np.zeros(6, np.int64),
+    )
+
+
+def make_edges() -> Edges:
+    return Edges(
+        np.zeros(MAX_EDGES, np.int64), np.zeros(MAX_EDGES, np.int64), np.zeros(MAX_EDGES, np.int64)
+    )
+
+
+@njit(cache=True, inline="always")
+def _loads(mode, zero):
+    """Does a shadow with LOADxMODE `mode` load at zero / at period?"""
+    if zero:
+        return mode == 0 or mode == 2
+    return mode == 1 or mode == 2
+
+
+@njit(cache=True, inline="always")
+def _push(edges, n, count, leg, state):
+    """Insert in order of count; equal counts keep their order."""
+    p = n
+    while p > 0 and edges.count[p - 1] > count:
+        edges.count[p] = edges.count[p - 1]
+        edges.leg[p] = edges.leg[p - 1]
+        edges.state[p] = edges.state[p - 1]
+        p -= 1
+    edges.count[p] = count
+    edges.leg[p] = leg
+    edges.state[p] = state
+    return n + 1
+
+
+@njit(cache=True)
+def pwm_segment(pm, regs, ps, c0, c1, edges, n):
+    """Emulate counts c0 <= count < c1 of one period.
+
+    Appends to the n edges already there (all at lower counts) and returns the
+    new number. `regs` is the low part of the register file (uint16). At c1 = TBPRD + 1 the
+    pending delays are moved to the next period.
+    """
+    for leg in range(6):
+        base = pm.base + leg * pm.stride
+        prd = np.int64(regs[base + pm.tbprd])
+        cmpctl = np.int64(regs[base + pm.cmpctl])
+        reg_a = np.int64(regs[base + pm.cmpa])
+        reg_b = np.int64(regs[base + pm.cmpb])
+        reg_aq = np.int64(regs[base + pm.aqctla])
+        aqctl = np.int64(regs[base + pm.aqctl]) if pm.aqctl >= 0 else 0
+        immediate_a = (cmpctl & 0x10) != 0
+        immediate_b = (cmpctl & 0x40) != 0
+        shadow_aq = (aqctl & 0x10) != 0
+        if immediate_a or (c0 == 0 and _loads(cmpctl & 3, True)):
+            ps.cmpa[leg] = reg_a
+        if immediate_b or (c0 == 0 and _loads((cmpctl >> 2) & 3, True)):
+            ps.cmpb[leg] = reg_b
+        if not shadow_aq or (c0 == 0 and _loads(aqctl & 3, True)):
+            ps.aq[leg] = reg_aq
+        tripped = (regs[base + pm.tzflg] & 4) != 0
+        gate = np.int8(OFF) if tripped else ps.band[leg]
+        if gate != ps.gate[leg]:
+            ps.gate[leg] = gate
+            n = _push(edges, n, c0, leg, gate)
+
+        force = np.int64(regs[base + pm.aqsfrc])
+        forced = np.int64(0)
+        if (force & 4) != 0:
+            forced = force & 3
+            regs[base + pm.aqsfrc] = np.uint16(force & ~4)
+        red = np.int64(regs[base + pm.dbred])
+        fed = np.int64(regs[base + pm.dbfed])
+
+        pos = c0
+        while pos < c1:
+            # Next count at which anything can happen.
+            at = c1
+            if pos == 0 or (pos == c0 and forced != 0):
+                at = pos
+            if ps.cmpa[leg] >= pos and ps.cmpa[leg] < at:
+                at = ps.cmpa[leg]
+            if ps.cmpb[leg] >= pos and ps.cmpb[leg] < at:
+                at = ps.cmpb[leg]
+            if prd >= pos and prd < at:
+                at = prd
+            if at >= c1:
+                break
+            aq = ps.aq[leg]
+            action = np.int64(0)
+            if at == 0:
+                action = aq & 3
+            if at == ps.cmpa[leg] and at <= prd and ((aq >> 4) & 3) != 0:
+                action = (aq >> 4) & 3
+            if at == ps.cmpb[leg] and at <= prd and ((aq >> 8) & 3) != 0:
+                action = (aq >> 8) & 3
+            if at == prd and ((aq >> 2) & 3) != 0:
+                action = (aq >> 2) & 3
+            if at == c0 and forced != 0:
+                action = forced
+                forced = np.int64(0)
+            level = ps.out[leg]
+            if action == 1:
+                level = np.int8(0)
+            elif action == 2:
+                level = np.int8(1)
+            elif action == 3:
+                level = np.int8(1 - level)
+            if level != ps.out[leg]:
+                ps.out[leg] = level
+                ps.transitions[leg] += 1
+                # The delayed switch of the edge before may have come on.
+                if ps.pending[leg] != NONE and ps.pending[leg] <= at:
+                    ps.band[leg] = np.int8(1 - level)
+                    if not tripped and ps.pending[leg] < at:
+                        ps.gate[leg] = ps.band[leg]
+                        n = _push(edges, n, ps.pending[leg], leg, ps.band[leg])
+                delay = red if level == 1 else fed
+                if delay == 0:
+                    ps.band[leg] = level
+                    ps.pending[leg] = NONE
+                else:
+                    ps.band[leg] = np.int8(OFF)
+                    ps.pending[leg] = at + delay
+                if not tripped and ps.band[leg] != ps.gate[leg]:
+                    ps.gate[leg] = ps.band[leg]
+                    n = _push(edges, n, at, leg, ps.band[leg])
+            if at == prd:
+                if _loads(cmpctl & 3, False) and not immediate_a:
+                    ps.cmpa[leg] = reg_a
+                if _loads((cmpctl >> 2) & 3, False) and not immediate_b:
+                    ps.cmpb[leg] = reg_b
+                if shadow_aq and _loads(aqctl & 3, False):
+                    ps.aq[leg] = reg_aq
+            pos = at + 1
+
+        if ps.pending[leg] != NONE and ps.pending[leg] < c1:
+            ps.band[leg] = np.int8(HIGH) if ps.out[leg] == 1 else np.int8(LOW)
+            if not tripped:
+                ps.gate[leg] = ps.band[leg]
+                n = _push(edges, n, ps.pending[leg], leg, ps.band[leg])
+            ps.pending[leg] = NONE
+        if c1 == prd + 1 and ps.pending[leg] != NONE:
+            ps.pending[leg] -= c1
+    return n

@@ -1,0 +1,285 @@
+"""Software in the loop: the plant around the firmware, in compiled code.
+
+    sim = Simulation(scenario.load("paper-b"))
+    sim.start()
+    sim.set("speed_ref_rpm", 2500)
+    sim.run(1.0)
+    recording = sim.take()
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import numba.experimental.function_type  # noqa: F401  (functions as arguments)
+import numpy as np
+from numba import types
+
+from . import __version__, firmware
+from .frames import INVERSE, PHASES
+from .plant.inverter import make_inverter
+from .plant.loop import PLANT_CHANNELS, Timing, run_periods
+from .plant.machine import Load, MachineParameters, machine_matrices
+from .plant.pwm import PwmMap, make_edges, make_pwm_state
+from .plant.sensors import Sensors
+from .recording import Recording
+from .scenario import Profile, ScenarioError, Setup
+
+#: Periods per compiled call: short enough for progress and Ctrl-C.
+CHUNK = 2000
+#: Speed over which an eddy-current brake's torque peaks, relative to `at_rpm`.
+EDDY_PEAK = 1.5
+
+
+class DriveFault(RuntimeError):
+    """The simulated drive tripped; `causes` says why."""
+
+    def __init__(self, causes: list[str], time_s: float) -> None:
+        super().__init__(f"drive tripped at {time_s:.4f} s: {', '.join(causes)}")
+        self.causes = causes
+        self.time_s = time_s
+
+
+class EntryPoint(types.WrapperAddressProtocol):
+    """A C function that compiled Python code can call."""
+
+    def __init__(self, address: int, *arguments: types.Type) -> None:
+        self._address = address
+        self._signature = types.void(*arguments)
+
+    def __wrapper_address__(self) -> int:
+        return self._address
+
+    def signature(self):
+        return self._signature
+
+
+def _load(kind: str, torque_Nm: float, at_rpm: float) -> Load:
+    """A load that takes `torque_Nm` at `at_rpm` (constant: at any speed)."""
+    w = at_rpm * math.pi / 30
+    terms = {
+        "constant_Nm": 0.0,
+        "linear_Nms": 0.0,
+        "quadratic_Nms2": 0.0,
+        "dry_Nm": 0.0,
+        "eddy_Nm": 0.0,
+        "eddy_rad_s": EDDY_PEAK * w,
+    }
+    if kind == "constant":
+        terms["constant_Nm"] = torque_Nm
+    elif kind == "generator":
+        terms["linear_Nms"] = torque_Nm / w
+    elif kind == "fan":
+        terms["quadratic_Nms2"] = torque_Nm / w**2
+    elif kind == "friction":
+        terms["dry_Nm"] = torque_Nm
+    else:  # brake
+        s = 1 / EDDY_PEAK
+        terms["eddy_Nm"] = torque_Nm * (1 + s * s) / (2 * s)
+    return Load(**terms)
+
+
+def _pwm_map(m) -> PwmMap:
+    """Register layout from the firmware's own map."""
+    names = [n for n in PwmMap._fields if n != "base"]
+    offsets = {n: getattr(m, n) for n in names}
+    offsets = {n: -1 if v == 0xFFFF else int(v) for n, v in offsets.items()}
+    return PwmMap(base=int(m.epwm), **offsets)
+
+
+class Simulation:
+    """One drive: machine, inverter, sensors and firmware, with the verbs of a drive."""
+
+    def __init__(self, setup: Setup, samples_per_period: int = 4) -> None:
+        self.setup = setup
+        self.controller = firmware.Controller(
+            setup["timing.device"], setup.controller_values()
+        )
+        config = self.controller.drive.config
+        clock = float(self.controller.map.pwm_clock_Hz)
+        self.period_s = config.period_counts / clock
+        if config.period_counts % samples_per_period:
+            raise ScenarioError(
+                f"{samples_per_period} samples do not divide {config.period_counts} counts"
+            )
+        sample_count = round(setup["sensors.sample_delay_us"] * 1e-6 * clock)
+        write_count = round(setup.write_delay_us * 1e-6 * clock)
+        if config.shadow:
+            write_count = max(1, write_count)
+        self.samples_per_period = samples_per_period
+        f_isr = self.controller.get("f_isr_Hz")
+        self._timing = Timing(
+            clock, int(config.period_counts), sample_count, write_count,
+            round(f_isr / self.controller.get("f_slow_Hz")), samples_per_period,
+        )  # fmt: skip
+        self.machine = MachineParameters(**setup.machine_values())
+        self._matrices = machine_matrices(self.machine)
+        self.state = np.zeros(8)
+        self._inverter = make_inverter()
+        self._pwm = make_pwm_state()
+        self._edges = make_edges()
+        self._map = _pwm_map(self.controller.map)
+        self._sensors = self._make_sensors()
+        self._registers = self.controller.register_words()
+        self.load_Nm = 0.0
+        self.vdc_V = setup["inverter.vdc_V"]
+        self.periods = 0
+        self.wall_s = 0.0
+        u64 = types.uint64
+        self._entries = (
+            EntryPoint(firmware.address("ht_drive_fast_isr"), u64),
+            EntryPoint(firmware.address("ht_drive_slow_isr"), u64),
+            EntryPoint(firmware.address("ht_channels_read"), u64, u64),
+        )
+        self._plant: list[np.ndarray] = []
+        self._channels: list[np.ndarray] = []
+        self._record_start = 0
+        self._transitions = 0
+
+    def _make_sensors(self) -> Sensors:
+        setup, m = self.setup, self.controller.map
+        per_A = 4096 / (2 * setup["sensors.i_full_A"])
+        return Sensors(
+            i_counts_per_A=per_A * setup["sensors.i_gain"],
+            i_offset_counts=2048 + per_A * np.array(setup["sensors.i_offset_A"]),
+            v_counts_per_V=4096 / setup["sensors.vdc_full_V"],
+            adc_step=float(1 << (12 - setup["sensors.adc_bits"])),
+            encoder_counts_rev=4.0 * setup["sensors.encoder_ppr"],
+            adc_result=int(m.adc_result),
+            adc_shift=int(m.adc_shift),
+            qposcnt=int(m.qposcnt),
+        )
+
+    @property
+    def time_s(self) -> float:
+        return self.periods * self.period_s
+
+    @property
+    def speed_rpm(self) -> float:
+        """True speed."""
+        return self.state[6] * 30 / math.pi
+
+    def start(self) -> None:
+        self.controller.start()
+
+    def stop(self) -> None:
+        self.controller.stop()
+
+    def clear(self) -> None:
+        self.controller.clear()
+
+    def set(self, name: str, value: object) -> None:
+        """A controller parameter, or `load_Nm` or `vdc_V` of the plant."""
+        if name in ("load_Nm", "vdc_V"):
+            setattr(self, name, float(value))
+        else:
+            self.controller.set(name, value)
+
+    def run(
+        self,
+        duration_s: float,
+        record: bool = True,
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
+        """Advance. `progress` is called with the simulated seconds just done."""
+        left = round(duration_s / self.period_s)
+        while left > 0:
+            n = min(left, CHUNK)
+            self._run_chunk(n, record)
+            left -= n
+            if progress:
+                progress(n * self.period_s)
+
+    def _run_chunk(self, n: int, record: bool) -> None:
+        columns = len(PLANT_CHANNELS)
+        rows = n * self.samples_per_period if record else 0
+        plant = np.empty((rows, columns), np.float32)
+        channels = np.empty((n, len(firmware.channels()) if record else 0), np.float32)
+        began = time.perf_counter()
+        at_rpm = self.setup["load.at_rpm"]
+        run_periods(
+            n, self.periods, self._timing, self._matrices,
+            _load(self.setup["load.kind"], self.load_Nm, at_rpm), self._inverter,
+            self._map, self._pwm, self._edges, self._sensors, self._registers, self.state,
+            self.vdc_V, *self._entries, self.controller.handle, channels.ctypes.data,
+            plant, channels,
+        )  # fmt: skip
+        self.wall_s += time.perf_counter() - began
+        self.periods += n
+        if record:
+            self._plant.append(plant)
+            self._channels.append(channels)
+        else:
+            self._forget()
+
+    def _forget(self) -> None:
+        self._plant.clear()
+        self._channels.clear()
+        self._record_start = self.periods
+        self._transitions = int(self._pwm.transitions.sum())
+
+    def check(self) -> None:
+        """Raise DriveFault if the drive has tripped."""
+        if self.controller.state == "fault":
+            raise DriveFault(self.controller.faults, self.time_s)
+
+    def run_profile(
+        self, profile: Profile, progress: Callable[[float], None] | None = None
+    ) -> None:
+        """Start the drive and follow a profile; time counts from now."""
+        begin = self.periods
+        events: list[tuple[float, str, object]] = []
+        events += [(t, "speed_ref_rpm", v) for t, v in profile.speed_rpm]
+        events += [(t, "load_Nm", v) for t, v in profile.load_Nm]
+        events += [(t, "vdc_V", v) for t, v in profile.vdc_V]
+        events += [(t, name, v) for t, name, v in profile.set]
+        if self.controller.state == "idle":
+            self.start()
+        for time_s, name, value in sorted(events, key=lambda e: e[0]):
+            if time_s >= profile.duration_s:
+                break
+            done = (self.periods - begin) * self.period_s
+            self.run(time_s - done, progress=progress)
+            self.set(name, value)
+        self.run(profile.duration_s - (self.periods - begin) * self.period_s, progress=progress)
+
+    def take(self) -> Recording:
+        """What was recorded since the last `take` or unrecorded run. Telemetry
+        channels are held between control periods."""
+        per = self.samples_per_period
+        plant = np.concatenate(self._plant or [np.empty((0, len(PLANT_CHANNELS)), np.float32)])
+        telemetry = np.concatenate(
+            self._channels or [np.empty((0, len(firmware.channels())), np.float32)]
+        )
+        data: dict[str, np.ndarray] = {}
+        units: dict[str, str] = {}
+        phases = plant[:, :4] @ INVERSE.T.astype(np.float32)
+        for column, phase in enumerate(PHASES):
+            data[f"plant.i_{phase}_A"] = phases[:, column]
+            units[f"plant.i_{phase}_A"] = "A"
+        for column, (name, unit) in enumerate(PLANT_CHANNELS):
+            data[f"plant.{name}"] = np.ascontiguousarray(plant[:, column])
+            units[f"plant.{name}"] = unit
+        for column, (name, unit) in enumerate(firmware.channels()):
+            data[name] = np.repeat(telemetry[:, column], per)
+            units[name] = unit
+        periods = self.periods - self._record_start
+        jumps = int(self._pwm.transitions.sum()) - self._transitions
+        meta = {
+            "hexatorque": __version__,
+            "setup": self.setup.name,
+            "title": self.setup.title,
+            "scheme": self.controller.get("scheme"),
+            "latency": self.setup["timing.latency"],
+            "parameters": self.setup.summary(),
+            # Mean switching frequency of a switch: two transitions a cycle, six legs.
+            "f_sw_Hz": jumps / (12 * periods * self.period_s) if periods else None,
+            "state": self.controller.state,
+            "faults": self.controller.faults,
+            "register_violations": int(self.controller.registers.violations),
+        }
+        start = self._record_start * self.period_s
+        self._forget()
+        return Recording(per / self.period_s, data, units, meta, start)
