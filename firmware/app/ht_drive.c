@@ -64,6 +64,11 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->observer.sigma_ls_H = p->v[HT_P_sigma_ls_H];
     c->observer.inv_sigma_ls = 1.0f / p->v[HT_P_sigma_ls_H];
     c->observer.lxy_H = p->v[HT_P_lxy_H];
+    c->observer.hybrid_gain =
+        (p->v[HT_P_observer] != 0.0f) ? (2.0f * PI_F * p->v[HT_P_crossover_Hz] * ts) : 0.0f;
+    c->observer.rotor_decay = ts * p->v[HT_P_rr_ohm] / p->v[HT_P_lr_H];
+    c->observer.lm_over_lr = p->v[HT_P_lm_H] / p->v[HT_P_lr_H];
+    c->observer.rotor_drive = ts * p->v[HT_P_rr_ohm] * c->observer.lm_over_lr;
     c->observer.torque_gain = 3.0f * p->v[HT_P_pole_pairs];
     c->observer.omega_gain = (ts < 0.005f) ? (ts / 0.005f) : 1.0f;
     c->xy.kp_pu_A = p->v[HT_P_kp_xy_pu_A];
@@ -135,6 +140,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     d->in.i_A = none;
     d->in.vdc_V = 0.0f;
     d->in.torque_ref_Nm = 0.0f;
+    d->in.omega_r_rad_s = 0.0f;
     set_flux_ref(d, p->v[HT_P_flux_ref_Wb]);
     ht_control_reset(&d->control, &none);
     d->speed.integral_Nm = 0.0f;
@@ -306,6 +312,7 @@ void ht_drive_slow_isr(ht_drive *d)
     int32_t moved = (int32_t)(d->position_now - d->position_last);
     d->position_last = d->position_now;
     d->speed_rpm = (float)moved * 60.0f * v[HT_P_f_slow_Hz] / v[HT_P_encoder_counts_rev];
+    d->in.omega_r_rad_s = d->speed_rpm * (PI_F / 30.0f) * v[HT_P_pole_pairs];
     if (d->state != (uint16_t)HT_STATE_RUN) {
         return;
     }

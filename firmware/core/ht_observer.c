@@ -9,12 +9,37 @@ void ht_observer_reset(ht_observer_state *st, const ht_vsd *i)
 {
     st->psi_Wb.alpha = 0.0f;
     st->psi_Wb.beta = 0.0f;
+    st->psi_r_Wb.alpha = 0.0f;
+    st->psi_r_Wb.beta = 0.0f;
     st->i_prev_A = *i;
     st->omega_sync_rad_s = 0.0f;
 }
 
+/* Rotor flux of the current model over one period, and the pull of the stator
+ * flux towards it. The rotation is of second order: the first-order one would
+ * blow up by (w Ts)^2 / 2 a step, which is not small against the decay. */
+static void hybrid_correct(const ht_observer_config *cfg, ht_observer_state *st, const ht_vsd *i,
+                           float omega_r)
+{
+    float turn = omega_r * cfg->ts_s;
+    float keep = 1.0f - cfg->rotor_decay - 0.5f * turn * turn;
+    float half = 0.5f * cfg->rotor_drive;
+    ht_ab r = st->psi_r_Wb;
+    st->psi_r_Wb.alpha =
+        keep * r.alpha - turn * r.beta + half * (st->i_prev_A.ab.alpha + i->ab.alpha);
+    st->psi_r_Wb.beta =
+        keep * r.beta + turn * r.alpha + half * (st->i_prev_A.ab.beta + i->ab.beta);
+    st->psi_Wb.alpha += cfg->hybrid_gain
+                        * (cfg->lm_over_lr * st->psi_r_Wb.alpha + cfg->sigma_ls_H * i->ab.alpha
+                           - st->psi_Wb.alpha);
+    st->psi_Wb.beta += cfg->hybrid_gain
+                       * (cfg->lm_over_lr * st->psi_r_Wb.beta + cfg->sigma_ls_H * i->ab.beta
+                          - st->psi_Wb.beta);
+}
+
 ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st,
-                               const ht_vsd *v_V, const ht_vsd *i, float inv_psi_ref2)
+                               const ht_vsd *v_V, const ht_vsd *i, float omega_r,
+                               float inv_psi_ref2)
 {
     ht_estimate now;
     ht_ab old = st->psi_Wb;
@@ -23,6 +48,9 @@ ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state 
 
     st->psi_Wb.alpha += cfg->ts_s * (v_V->ab.alpha - half_rs * (st->i_prev_A.ab.alpha + i->ab.alpha));
     st->psi_Wb.beta += cfg->ts_s * (v_V->ab.beta - half_rs * (st->i_prev_A.ab.beta + i->ab.beta));
+    if (cfg->hybrid_gain > 0.0f) {
+        hybrid_correct(cfg, st, i, omega_r);
+    }
     st->i_prev_A = *i;
 
     /* |psi| is held at its reference, so the reference's square stands in for

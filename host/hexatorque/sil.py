@@ -19,11 +19,12 @@ from numba import types
 
 from . import __version__, firmware
 from .frames import INVERSE, PHASES
-from .plant.inverter import make_inverter
-from .plant.loop import PLANT_CHANNELS, Timing, run_periods
-from .plant.machine import Load, MachineParameters, machine_matrices
-from .plant.pwm import PwmMap, make_edges, make_pwm_state
-from .plant.sensors import Sensors
+from .plant.inverter import inverter_record
+from .plant.loop import PLANT_CHANNELS, TIMING, run_periods
+from .plant.machine import LOAD, MachineParameters, machine_record
+from .plant.pwm import PWM_MAP, pwm_record
+from .plant.record import record
+from .plant.sensors import SENSORS
 from .recording import Recording
 from .scenario import Profile, ScenarioError, Setup
 
@@ -56,7 +57,7 @@ class EntryPoint(types.WrapperAddressProtocol):
         return self._signature
 
 
-def _load(kind: str, torque_Nm: float, at_rpm: float) -> Load:
+def _load(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
     """A load that takes `torque_Nm` at `at_rpm` (constant: at any speed)."""
     w = at_rpm * math.pi / 30
     terms = {
@@ -78,15 +79,13 @@ def _load(kind: str, torque_Nm: float, at_rpm: float) -> Load:
     else:  # brake
         s = 1 / EDDY_PEAK
         terms["eddy_Nm"] = torque_Nm * (1 + s * s) / (2 * s)
-    return Load(**terms)
+    return record(LOAD, **terms)
 
 
-def _pwm_map(m) -> PwmMap:
+def _pwm_map(m) -> np.record:
     """Register layout from the firmware's own map."""
-    names = [n for n in PwmMap._fields if n != "base"]
-    offsets = {n: getattr(m, n) for n in names}
-    offsets = {n: -1 if v == 0xFFFF else int(v) for n, v in offsets.items()}
-    return PwmMap(base=int(m.epwm), **offsets)
+    offsets = {n: int(getattr(m, n)) for n in PWM_MAP.names}
+    return record(PWM_MAP, **{n: -1 if v == 0xFFFF else v for n, v in offsets.items()})
 
 
 class Simulation:
@@ -110,16 +109,20 @@ class Simulation:
             write_count = max(1, write_count)
         self.samples_per_period = samples_per_period
         f_isr = self.controller.get("f_isr_Hz")
-        self._timing = Timing(
-            clock, int(config.period_counts), sample_count, write_count,
-            round(f_isr / self.controller.get("f_slow_Hz")), samples_per_period,
-        )  # fmt: skip
+        self._timing = record(
+            TIMING,
+            clock_Hz=clock,
+            period=config.period_counts,
+            sample_count=sample_count,
+            write_count=write_count,
+            slow_every=round(f_isr / self.controller.get("f_slow_Hz")),
+            per_period=samples_per_period,
+        )
         self.machine = MachineParameters(**setup.machine_values())
-        self._matrices = machine_matrices(self.machine)
+        self._machine = machine_record(self.machine)
         self.state = np.zeros(8)
-        self._inverter = make_inverter()
-        self._pwm = make_pwm_state()
-        self._edges = make_edges()
+        self._inverter = inverter_record()
+        self._pwm = pwm_record()
         self._map = _pwm_map(self.controller.map)
         self._sensors = self._make_sensors()
         self._registers = self.controller.register_words()
@@ -138,10 +141,11 @@ class Simulation:
         self._record_start = 0
         self._transitions = 0
 
-    def _make_sensors(self) -> Sensors:
+    def _make_sensors(self) -> np.record:
         setup, m = self.setup, self.controller.map
         per_A = 4096 / (2 * setup["sensors.i_full_A"])
-        return Sensors(
+        return record(
+            SENSORS,
             i_counts_per_A=per_A * setup["sensors.i_gain"],
             i_offset_counts=2048 + per_A * np.array(setup["sensors.i_offset_A"]),
             v_counts_per_V=4096 / setup["sensors.vdc_full_V"],
@@ -200,9 +204,9 @@ class Simulation:
         began = time.perf_counter()
         at_rpm = self.setup["load.at_rpm"]
         run_periods(
-            n, self.periods, self._timing, self._matrices,
+            n, self.periods, self._timing, self._machine,
             _load(self.setup["load.kind"], self.load_Nm, at_rpm), self._inverter,
-            self._map, self._pwm, self._edges, self._sensors, self._registers, self.state,
+            self._map, self._pwm, self._sensors, self._registers, self.state,
             self.vdc_V, *self._entries, self.controller.handle, channels.ctypes.data,
             plant, channels,
         )  # fmt: skip
@@ -218,7 +222,7 @@ class Simulation:
         self._plant.clear()
         self._channels.clear()
         self._record_start = self.periods
-        self._transitions = int(self._pwm.transitions.sum())
+        self._transitions = int(np.sum(self._pwm.transitions))
 
     def check(self) -> None:
         """Raise DriveFault if the drive has tripped."""
@@ -266,7 +270,7 @@ class Simulation:
             data[name] = np.repeat(telemetry[:, column], per)
             units[name] = unit
         periods = self.periods - self._record_start
-        jumps = int(self._pwm.transitions.sum()) - self._transitions
+        jumps = int(np.sum(self._pwm.transitions)) - self._transitions
         meta = {
             "hexatorque": __version__,
             "setup": self.setup.name,

@@ -10,7 +10,7 @@ from ..recording import Recording
 LATENCIES = {
     "none": "no latency",
     "shadow": "one-sample latency",
-    "predicted": "latency, predicted",
+    "predicted": "latency + prediction",
 }
 SCHEMES = {"fdr": "FDR-DTC", "ddr": "DDR-DTC"}
 

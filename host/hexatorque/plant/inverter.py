@@ -9,13 +9,12 @@ diode into conduction.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
 from ..frames import TRANSFORM
 from .machine import derivative, load_torque, phase_current, rk4_step
+from .record import record
 
 LOW, HIGH, OFF = 0, 1, 2
 
@@ -25,48 +24,43 @@ FLOAT_S = 20e-6
 #: Longest step while a leg is off: bounds the error of that location.
 OFF_STEP_S = 5e-6
 
-_T = np.ascontiguousarray(TRANSFORM)
+_T = TRANSFORM
 
 
-class Inverter(NamedTuple):
-    """Leg states and work space; `leg` and `diode` are state, the rest scratch."""
+#: `leg` and `diode` are state, the rest is work space.
+INVERTER = np.dtype(
+    [
+        ("leg", "i8", (6,)),  # LOW, HIGH or OFF
+        ("diode", "i8", (6,)),  # off legs: +1 lower, -1 upper conducts, 0 floats
+        ("off", "i8"),  # number of legs that are off
+        ("v_leg", "f8", (6,)),  # leg voltages against the negative rail
+        ("v", "f8", (4,)),  # alpha, beta, x, y voltages
+        ("k", "f8", (8,)),
+        ("z", "f8", (2, 8)),
+        ("trial", "f8", (8,)),
+        ("a", "f8", (6, 7)),  # floating-leg equations
+        ("i", "f8", (4,)),
+    ]
+)
 
-    leg: np.ndarray  #: (6,) int8: LOW, HIGH or OFF
-    diode: np.ndarray  #: (6,) int8, off legs: +1 lower, -1 upper conducts, 0 floats
-    v_leg: np.ndarray  #: (6,) leg voltages against the negative rail
-    v: np.ndarray  #: (4,) alpha, beta, x, y voltages
-    k: np.ndarray  #: (8,)
-    z: np.ndarray  #: (2, 8)
-    trial: np.ndarray  #: (8,)
-    a: np.ndarray  #: (6, 7) floating-leg equations
-    i: np.ndarray  #: (6,)
 
-
-def make_inverter() -> Inverter:
+def inverter_record() -> np.record:
     """All legs off, no current."""
-    return Inverter(
-        leg=np.full(6, OFF, np.int8),
-        diode=np.zeros(6, np.int8),
-        v_leg=np.zeros(6),
-        v=np.zeros(4),
-        k=np.zeros(8),
-        z=np.zeros((2, 8)),
-        trial=np.zeros(8),
-        a=np.zeros((6, 7)),
-        i=np.zeros(6),
-    )
+    zeros = {name: 0 for name in INVERTER.names}
+    return record(INVERTER, **{**zeros, "leg": OFF, "off": 6})
 
 
-@njit(cache=True)
+@njit
 def set_leg(inv, m, y, leg, state):
     """Change one leg. A leg that turns off lets the present current choose."""
     if state == OFF and inv.leg[leg] != OFF:
         i = phase_current(m, y, leg)
         inv.diode[leg] = 1 if i > 0.0 else (-1 if i < 0.0 else 0)
+    inv.off += (state == OFF) - (inv.leg[leg] == OFF)
     inv.leg[leg] = state
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _transform(inv):
     for r in range(4):
         total = 0.0
@@ -75,7 +69,7 @@ def _transform(inv):
         inv.v[r] = total
 
 
-@njit(cache=True)
+@njit
 def _solve_floating(inv, m, load, y, vdc):
     """Leg voltages that keep the floating legs' currents at zero.
 
@@ -129,7 +123,7 @@ def _solve_floating(inv, m, load, y, vdc):
             row += 1
 
 
-@njit(cache=True)
+@njit
 def _leg_voltages(inv, m, load, y, vdc):
     """Set leg voltages. Returns True if any leg floats."""
     floats = False
@@ -160,7 +154,7 @@ def _leg_voltages(inv, m, load, y, vdc):
     return floats
 
 
-@njit(cache=True)
+@njit
 def _currents_absent(inv):
     for leg in range(6):
         if inv.leg[leg] != OFF or inv.diode[leg] != 0:
@@ -168,7 +162,7 @@ def _currents_absent(inv):
     return True
 
 
-@njit(cache=True)
+@njit
 def _advance_open(inv, m, load, y, dt, vdc):
     """All legs float: no stator current, the rotor flux decays on its own.
 
@@ -200,7 +194,7 @@ def _advance_open(inv, m, load, y, dt, vdc):
     return True
 
 
-@njit(cache=True)
+@njit
 def _advance_off(inv, m, load, y, dt, vdc):
     """Advance with at least one leg off."""
     if _currents_absent(inv) and _advance_open(inv, m, load, y, dt, vdc):
@@ -235,17 +229,16 @@ def _advance_off(inv, m, load, y, dt, vdc):
             left -= h
 
 
-@njit(cache=True)
+@njit
 def advance(inv, m, load, y, dt, vdc):
     """Advance the drive by dt with constant leg states.
 
     One Runge-Kutta step suffices while every leg is driven: the callers step
     from edge to edge, far below the machine's time constants.
     """
-    for leg in range(6):
-        if inv.leg[leg] == OFF:
-            _advance_off(inv, m, load, y, dt, vdc)
-            return
+    if inv.off > 0:
+        _advance_off(inv, m, load, y, dt, vdc)
+        return
     for leg in range(6):
         inv.v_leg[leg] = vdc if inv.leg[leg] == HIGH else 0.0
     _transform(inv)

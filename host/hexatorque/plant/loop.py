@@ -15,7 +15,8 @@ fast one in every `slow_every`-th period.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import zlib
+from pathlib import Path
 
 import numpy as np
 from numba import njit, uint64
@@ -40,18 +41,20 @@ PLANT_CHANNELS = (
 )
 
 
-class Timing(NamedTuple):
-    """Counts and clock of the loop."""
+#: Counts and clock of the loop.
+TIMING = np.dtype(
+    [
+        ("clock_Hz", "f8"),
+        ("period", "i8"),  # counts per period
+        ("sample_count", "i8"),
+        ("write_count", "i8"),  # >= sample_count, < period; >= 1 under shadow load
+        ("slow_every", "i8"),  # periods per slow interrupt
+        ("per_period", "i8"),  # plant samples per period, a divisor of it
+    ]
+)
 
-    clock_Hz: float
-    period: int  #: counts per period
-    sample_count: int
-    write_count: int  #: >= sample_count, < period; >= 1 under shadow load
-    slow_every: int  #: periods per slow interrupt
-    per_period: int  #: plant samples per period, a divisor of it
 
-
-@njit(cache=True)
+@njit
 def _record(row, m, inv, y, i):
     stator_currents(m, y, i)
     for c in range(4):
@@ -68,8 +71,8 @@ def _record(row, m, inv, y, i):
     row[9] = gates
 
 
-@njit(cache=True)
-def _follow(m, load, inv, y, vdc, edges, n, c0, c1, clock_Hz, grid, out, row):
+@njit
+def _follow(m, load, inv, y, vdc, ps, n, c0, c1, clock_Hz, grid, out, row):
     """Advance the machine over counts c0..c1 along the edges, recording a sample
     at every multiple of `grid` counts (0 = none). Returns the next record row."""
     now = c0
@@ -78,7 +81,7 @@ def _follow(m, load, inv, y, vdc, edges, n, c0, c1, clock_Hz, grid, out, row):
     while True:
         stop = min(c1, tick)
         if e < n:
-            stop = min(stop, edges.count[e])
+            stop = min(stop, ps.count[e])
         if stop > now:
             advance(inv, m, load, y, (stop - now) / clock_Hz, vdc)
             now = stop
@@ -88,42 +91,61 @@ def _follow(m, load, inv, y, vdc, edges, n, c0, c1, clock_Hz, grid, out, row):
             _record(out[row], m, inv, y, inv.i)
             row += 1
             tick += grid
-        while e < n and edges.count[e] == now:
-            set_leg(inv, m, y, edges.leg[e], edges.state[e])
+        while e < n and ps.count[e] == now:
+            set_leg(inv, m, y, ps.leg[e], ps.state[e])
             e += 1
 
 
-@njit(cache=True, nogil=True)
-def run_periods(
-    n, first, tm, m, load, inv, pm, ps, edges, se, regs, y, vdc,
-    fast_isr, slow_isr, read_channels, drive, channels, plant_out, channel_out,
-):
-    """Run n periods; `first` is the index of the first one (for the slow loop).
+def _source_hash() -> int:
+    """Changes with any file of the compiled plant."""
+    folder = Path(__file__).parent
+    text = b"".join(p.read_bytes() for p in sorted([*folder.glob("*.py"), folder.parent / "frames.py"]))
+    return zlib.crc32(text) | 1
 
-    plant_out: (n * per_period, len(PLANT_CHANNELS)) or empty.
-    channels: address of channel_out, (n, channels) float32, or empty.
 
-    Between sampling and register write the controller cannot see the machine, so
-    it is called as soon as it has its samples and the machine follows in one go.
-    """  # fmt: skip
-    grid = tm.period // tm.per_period if plant_out.shape[0] > 0 else 0
-    row = 0
-    width = channel_out.shape[1] * 4
-    handle = uint64(drive)
-    target = uint64(channels)
-    for period in range(n):
-        count = pwm_segment(pm, regs, ps, 0, tm.sample_count, edges, 0)
-        row = _follow(m, load, inv, y, vdc, edges, count, 0, tm.sample_count,
-                      tm.clock_Hz, grid, plant_out, row)  # fmt: skip
-        sample(se, m, y, vdc, regs)
-        count = pwm_segment(pm, regs, ps, tm.sample_count, tm.write_count, edges, 0)
-        fast_isr(handle)
-        if (first + period) % tm.slow_every == 0:
-            slow_isr(handle)
-        if width > 0:
-            read_channels(handle, target)
-            target += uint64(width)
-        count = pwm_segment(pm, regs, ps, tm.write_count, tm.period, edges, count)
-        row = _follow(m, load, inv, y, vdc, edges, count, tm.sample_count, tm.period,
-                      tm.clock_Hz, grid, plant_out, row)  # fmt: skip
-    return row
+def _compile(source: int):
+    """The loop is the only function with a disk cache. Numba renews a cache entry
+    when the function's own file changes; the closure over `source` makes it
+    notice a change in the files of the functions it calls as well."""
+
+    @njit(cache=True, nogil=True)
+    def run_periods(
+        n, first, tm, m, load, inv, pm, ps, se, regs, y, vdc,
+        fast_isr, slow_isr, read_channels, drive, channels, plant_out, channel_out,
+    ):
+        """Run n periods; `first` is the index of the first one (for the slow loop).
+
+        plant_out: (n * per_period, len(PLANT_CHANNELS)) or empty.
+        channels: address of channel_out, (n, channels) float32, or empty.
+
+        Between sampling and register write the controller cannot see the machine, so
+        it is called as soon as it has its samples and the machine follows in one go.
+        """  # fmt: skip
+        if not source:
+            return 0
+        grid = tm.period // tm.per_period if plant_out.shape[0] > 0 else 0
+        row = 0
+        width = channel_out.shape[1] * 4
+        handle = uint64(drive)
+        target = uint64(channels)
+        for period in range(n):
+            count = pwm_segment(pm, regs, ps, 0, tm.sample_count, 0)
+            row = _follow(m, load, inv, y, vdc, ps, count, 0, tm.sample_count,
+                          tm.clock_Hz, grid, plant_out, row)  # fmt: skip
+            sample(se, m, y, vdc, regs)
+            count = pwm_segment(pm, regs, ps, tm.sample_count, tm.write_count, 0)
+            fast_isr(handle)
+            if (first + period) % tm.slow_every == 0:
+                slow_isr(handle)
+            if width > 0:
+                read_channels(handle, target)
+                target += uint64(width)
+            count = pwm_segment(pm, regs, ps, tm.write_count, tm.period, count)
+            row = _follow(m, load, inv, y, vdc, ps, count, tm.sample_count, tm.period,
+                          tm.clock_Hz, grid, plant_out, row)  # fmt: skip
+        return row
+
+    return run_periods
+
+
+run_periods = _compile(_source_hash())

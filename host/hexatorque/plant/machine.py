@@ -17,12 +17,11 @@ with the rotor flux because that form also holds for an asymmetrical stator.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
 from ..frames import INVERSE, TRANSFORM
+from .record import record
 
 #: indices into the state vector
 PSI_S, PSI_R, OMEGA, THETA = 0, 4, 6, 7
@@ -59,22 +58,25 @@ class MachineParameters:
         return self.ls_H - self.lm_H**2 / self.lr_H
 
 
-class Machine(NamedTuple):
-    """Matrices for the compiled code."""
+#: Matrices for the compiled code. Records rather than tuples of arrays: passed by
+#: address, without reference counting, which costs more than the arithmetic.
+MACHINE = np.dtype(
+    [
+        ("slope", "f8", (6, 8)),  # column c = effect of flux c on (d psi/dt, i_alpha, i_beta)
+        ("i_phase", "f8", (6, 6)),  # phase currents from the six fluxes
+        ("g_leg", "f8", (6, 6)),  # d i_phase/dt per volt on each leg
+        ("i_stator", "f8", (4, 6)),  # alpha, beta, x, y currents from the fluxes
+        ("lm_over_lr", "f8"),
+        ("rr_over_lr", "f8"),
+        ("pole_pairs", "f8"),
+        ("torque_gain", "f8"),
+        ("inertia", "f8"),
+        ("viscous", "f8"),
+    ]
+)
 
-    slope: np.ndarray  #: (6, 8): column c = effect of flux c on (d psi/dt, i_alpha, i_beta)
-    i_phase: np.ndarray  #: (6, 6): phase currents from the six fluxes
-    g_leg: np.ndarray  #: (6, 6): d i_phase/dt per volt on each leg
-    i_stator: np.ndarray  #: (4, 6): alpha, beta, x, y currents from the fluxes
-    lm_over_lr: float
-    rr_over_lr: float
-    pole_pairs: float
-    torque_gain: float
-    inertia: float
-    viscous: float
 
-
-def machine_matrices(p: MachineParameters) -> Machine:
+def machine_record(p: MachineParameters) -> np.record:
     """Inductance and resistance matrices, inverted once."""
     rs = TRANSFORM @ np.diag(p.rs_ohm + np.array(p.drs_ohm)) @ INVERSE
     inductance = np.zeros((6, 6))
@@ -88,37 +90,38 @@ def machine_matrices(p: MachineParameters) -> Machine:
     resistance[4:, 4:] = np.diag([p.rr_ohm, p.rr_ohm])
     rows = np.vstack([-resistance @ current, current[:2]])
     i_phase = INVERSE @ current[:4]
-    g_leg = i_phase[:, :4] @ TRANSFORM
-    return Machine(
-        slope=np.ascontiguousarray(rows.T),
-        i_phase=np.ascontiguousarray(i_phase),
-        g_leg=np.ascontiguousarray(g_leg),
-        i_stator=np.ascontiguousarray(current[:4]),
+    return record(
+        MACHINE,
+        slope=rows.T,
+        i_phase=i_phase,
+        g_leg=i_phase[:, :4] @ TRANSFORM,
+        i_stator=current[:4],
         lm_over_lr=p.lm_H / p.lr_H,
         rr_over_lr=p.rr_ohm / p.lr_H,
-        pole_pairs=float(p.pole_pairs),
-        torque_gain=3.0 * p.pole_pairs * p.lm_H / p.lr_H,
+        pole_pairs=p.pole_pairs,
+        torque_gain=3 * p.pole_pairs * p.lm_H / p.lr_H,
         inertia=p.inertia_kgm2,
         viscous=p.viscous_Nms,
     )
 
 
-class Load(NamedTuple):
-    """Load torque as a function of speed: the sum of all terms."""
-
-    constant_Nm: float
-    linear_Nms: float
-    quadratic_Nms2: float
-    dry_Nm: float  #: opposes motion
-    eddy_Nm: float  #: peak of an eddy-current brake
-    eddy_rad_s: float  #: speed of that peak, > 0
-
+#: Load torque as a function of speed: the sum of all terms.
+LOAD = np.dtype(
+    [
+        ("constant_Nm", "f8"),
+        ("linear_Nms", "f8"),
+        ("quadratic_Nms2", "f8"),
+        ("dry_Nm", "f8"),  # opposes motion
+        ("eddy_Nm", "f8"),  # peak of an eddy-current brake
+        ("eddy_rad_s", "f8"),  # speed of that peak, > 0
+    ]
+)
 
 #: Speed over which dry friction changes sign.
 DRY_RAD_S = 0.5
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def load_torque(load, omega):
     """Torque that the load takes at `omega` (mechanical rad/s)."""
     torque = load.constant_Nm + omega * (load.linear_Nms + load.quadratic_Nms2 * abs(omega))
@@ -130,15 +133,16 @@ def load_torque(load, omega):
     return torque
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def derivative(m, load, y, v, k):
     """Write d y/dt into k[0:8] for stator voltages v[0:4]."""
+    y0, y1, y2, y3, y4, y5 = y[0], y[1], y[2], y[3], y[4], y[5]
     for r in range(8):
-        k[r] = 0.0
-    for c in range(6):
-        flux = y[c]
-        for r in range(8):
-            k[r] += m.slope[c, r] * flux
+        k[r] = (
+            (m.slope[0, r] * y0 + m.slope[1, r] * y1)
+            + (m.slope[2, r] * y2 + m.slope[3, r] * y3)
+            + (m.slope[4, r] * y4 + m.slope[5, r] * y5)
+        )
     i_alpha = k[6]
     i_beta = k[7]
     for r in range(4):
@@ -152,7 +156,7 @@ def derivative(m, load, y, v, k):
     k[7] = omega
 
 
-@njit(cache=True)
+@njit
 def rk4_step(m, load, y, v, dt, out, k, z):
     """One classical Runge-Kutta step from y to out (may be the same array).
 
@@ -177,7 +181,7 @@ def rk4_step(m, load, y, v, dt, out, k, z):
         out[r] = y[r] + dt / 6.0 * (total[r] + k[r])
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def phase_current(m, y, leg):
     total = 0.0
     for c in range(6):
@@ -185,7 +189,7 @@ def phase_current(m, y, leg):
     return total
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def stator_currents(m, y, i):
     """alpha, beta, x, y currents into i[0:4]."""
     for r in range(4):
@@ -195,7 +199,7 @@ def stator_currents(m, y, i):
         i[r] = total
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def torque_Nm(m, y, i):
     """Electromagnetic torque from the state and the stator currents i[0:4]."""
     return m.torque_gain * (y[4] * i[1] - y[5] * i[0])

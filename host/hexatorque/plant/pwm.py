@@ -13,79 +13,55 @@ ZERO), complementary dead band, one-shot trip forcing both outputs low.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
 from .inverter import HIGH, LOW, OFF
+from .record import record
 
-NONE = np.int64(-1)
-
-
-class PwmMap(NamedTuple):
-    """Register layout of a device (word offsets; -1 = not present)."""
-
-    base: int
-    stride: int
-    tbprd: int
-    cmpctl: int
-    cmpa: int
-    cmpb: int
-    aqctl: int
-    aqctla: int
-    aqsfrc: int
-    dbred: int
-    dbfed: int
-    tzflg: int
+NONE = -1
 
 
-class PwmState(NamedTuple):
-    """What the modules hold besides the register file."""
-
-    cmpa: np.ndarray  #: (6,) int64 active compare A
-    cmpb: np.ndarray  #: (6,) int64 active compare B
-    aq: np.ndarray  #: (6,) int64 active action qualifier
-    out: np.ndarray  #: (6,) int8 output A before the dead band
-    band: np.ndarray  #: (6,) int8 leg state after the dead band
-    pending: np.ndarray  #: (6,) int64 count at which the delayed switch turns on
-    gate: np.ndarray  #: (6,) int8 leg state after the trip zone
-    transitions: np.ndarray  #: (6,) int64 level changes of output A since reset
-
-
-class Edges(NamedTuple):
-    """Leg state changes of one segment, ascending in count."""
-
-    count: np.ndarray
-    leg: np.ndarray
-    state: np.ndarray
-
+#: Register layout of a device (word offsets; -1 = not present).
+PWM_MAP = np.dtype(
+    [
+        (name, "i8")
+        for name in (
+            "epwm", "stride", "tbprd", "cmpctl", "cmpa", "cmpb", "aqctl", "aqctla", "aqsfrc",
+            "dbred", "dbfed", "tzflg",
+        )
+    ]
+)  # fmt: skip
 
 #: At most 5 output edges per leg and segment, each an off and an on.
 MAX_EDGES = 6 * 12
 
+#: What the modules hold besides the register file, and the edges of a period.
+PWM = np.dtype(
+    [
+        ("cmpa", "i8", (6,)),  # active compare A
+        ("cmpb", "i8", (6,)),  # active compare B
+        ("aq", "i8", (6,)),  # active action qualifier
+        ("out", "i8", (6,)),  # output A before the dead band
+        ("band", "i8", (6,)),  # leg state after the dead band
+        ("pending", "i8", (6,)),  # count at which the delayed switch turns on
+        ("gate", "i8", (6,)),  # leg state after the trip zone
+        ("transitions", "i8", (6,)),  # level changes of output A since reset
+        ("count", "i8", (MAX_EDGES,)),  # edges: ascending counts,
+        ("leg", "i8", (MAX_EDGES,)),  # leg,
+        ("state", "i8", (MAX_EDGES,)),  # new state
+    ]
+)
 
-def make_pwm_state() -> PwmState:
+
+def pwm_record() -> np.record:
     """Outputs low, tripped."""
-    return PwmState(
-        cmpa=np.full(6, 65535, np.int64),
-        cmpb=np.full(6, 65535, np.int64),
-        aq=np.zeros(6, np.int64),
-        out=np.zeros(6, np.int8),
-        band=np.full(6, LOW, np.int8),
-        pending=np.full(6, NONE, np.int64),
-        gate=np.full(6, OFF, np.int8),
-        transitions=np.zeros(6, np.int64),
-    )
+    zeros = {name: 0 for name in PWM.names}
+    start = {"cmpa": 65535, "cmpb": 65535, "band": LOW, "pending": NONE, "gate": OFF}
+    return record(PWM, **{**zeros, **start})
 
 
-def make_edges() -> Edges:
-    return Edges(
-        np.zeros(MAX_EDGES, np.int64), np.zeros(MAX_EDGES, np.int64), np.zeros(MAX_EDGES, np.int64)
-    )
-
-
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _loads(mode, zero):
     """Does a shadow with LOADxMODE `mode` load at zero / at period?"""
     if zero:
@@ -93,23 +69,23 @@ def _loads(mode, zero):
     return mode == 1 or mode == 2
 
 
-@njit(cache=True, inline="always")
-def _push(edges, n, count, leg, state):
+@njit(inline="always")
+def _push(ps, n, count, leg, state):
     """Insert in order of count; equal counts keep their order."""
     p = n
-    while p > 0 and edges.count[p - 1] > count:
-        edges.count[p] = edges.count[p - 1]
-        edges.leg[p] = edges.leg[p - 1]
-        edges.state[p] = edges.state[p - 1]
+    while p > 0 and ps.count[p - 1] > count:
+        ps.count[p] = ps.count[p - 1]
+        ps.leg[p] = ps.leg[p - 1]
+        ps.state[p] = ps.state[p - 1]
         p -= 1
-    edges.count[p] = count
-    edges.leg[p] = leg
-    edges.state[p] = state
+    ps.count[p] = count
+    ps.leg[p] = leg
+    ps.state[p] = state
     return n + 1
 
 
-@njit(cache=True)
-def pwm_segment(pm, regs, ps, c0, c1, edges, n):
+@njit
+def pwm_segment(pm, regs, ps, c0, c1, n):
     """Emulate counts c0 <= count < c1 of one period.
 
     Appends to the n edges already there (all at lower counts) and returns the
@@ -117,7 +93,7 @@ def pwm_segment(pm, regs, ps, c0, c1, edges, n):
     pending delays are moved to the next period.
     """
     for leg in range(6):
-        base = pm.base + leg * pm.stride
+        base = pm.epwm + leg * pm.stride
         prd = np.int64(regs[base + pm.tbprd])
         cmpctl = np.int64(regs[base + pm.cmpctl])
         reg_a = np.int64(regs[base + pm.cmpa])
@@ -134,10 +110,10 @@ def pwm_segment(pm, regs, ps, c0, c1, edges, n):
         if not shadow_aq or (c0 == 0 and _loads(aqctl & 3, True)):
             ps.aq[leg] = reg_aq
         tripped = (regs[base + pm.tzflg] & 4) != 0
-        gate = np.int8(OFF) if tripped else ps.band[leg]
+        gate = np.int64(OFF) if tripped else ps.band[leg]
         if gate != ps.gate[leg]:
             ps.gate[leg] = gate
-            n = _push(edges, n, c0, leg, gate)
+            n = _push(ps, n, c0, leg, gate)
 
         force = np.int64(regs[base + pm.aqsfrc])
         forced = np.int64(0)
@@ -176,30 +152,30 @@ def pwm_segment(pm, regs, ps, c0, c1, edges, n):
                 forced = np.int64(0)
             level = ps.out[leg]
             if action == 1:
-                level = np.int8(0)
+                level = np.int64(0)
             elif action == 2:
-                level = np.int8(1)
+                level = np.int64(1)
             elif action == 3:
-                level = np.int8(1 - level)
+                level = np.int64(1 - level)
             if level != ps.out[leg]:
                 ps.out[leg] = level
                 ps.transitions[leg] += 1
                 # The delayed switch of the edge before may have come on.
                 if ps.pending[leg] != NONE and ps.pending[leg] <= at:
-                    ps.band[leg] = np.int8(1 - level)
+                    ps.band[leg] = np.int64(1 - level)
                     if not tripped and ps.pending[leg] < at:
                         ps.gate[leg] = ps.band[leg]
-                        n = _push(edges, n, ps.pending[leg], leg, ps.band[leg])
+                        n = _push(ps, n, ps.pending[leg], leg, ps.band[leg])
                 delay = red if level == 1 else fed
                 if delay == 0:
                     ps.band[leg] = level
                     ps.pending[leg] = NONE
                 else:
-                    ps.band[leg] = np.int8(OFF)
+                    ps.band[leg] = np.int64(OFF)
                     ps.pending[leg] = at + delay
                 if not tripped and ps.band[leg] != ps.gate[leg]:
                     ps.gate[leg] = ps.band[leg]
-                    n = _push(edges, n, at, leg, ps.band[leg])
+                    n = _push(ps, n, at, leg, ps.band[leg])
             if at == prd:
                 if _loads(cmpctl & 3, False) and not immediate_a:
                     ps.cmpa[leg] = reg_a
@@ -210,10 +186,10 @@ def pwm_segment(pm, regs, ps, c0, c1, edges, n):
             pos = at + 1
 
         if ps.pending[leg] != NONE and ps.pending[leg] < c1:
-            ps.band[leg] = np.int8(HIGH) if ps.out[leg] == 1 else np.int8(LOW)
+            ps.band[leg] = np.int64(HIGH) if ps.out[leg] == 1 else np.int64(LOW)
             if not tripped:
                 ps.gate[leg] = ps.band[leg]
-                n = _push(edges, n, ps.pending[leg], leg, ps.band[leg])
+                n = _push(ps, n, ps.pending[leg], leg, ps.band[leg])
             ps.pending[leg] = NONE
         if c1 == prd + 1 and ps.pending[leg] != NONE:
             ps.pending[leg] -= c1

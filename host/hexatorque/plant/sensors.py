@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
@@ -12,27 +10,29 @@ from .machine import phase_current
 TWO_PI = 2.0 * np.pi
 
 
-class Sensors(NamedTuple):
-    """Transfer of each channel to 12-bit counts, and where the counts go."""
+#: Transfer of each channel to 12-bit counts, and where the counts go.
+SENSORS = np.dtype(
+    [
+        ("i_counts_per_A", "f8"),  # gain error included
+        ("i_offset_counts", "f8", (6,)),  # mid scale plus offset
+        ("v_counts_per_V", "f8"),
+        ("adc_step", "f8"),  # counts per converter step: 1 at 12 bits, 4 at 10 bits
+        ("encoder_counts_rev", "f8"),
+        ("adc_result", "i8"),  # word address of the first result
+        ("adc_shift", "i8"),  # left shift of the result register
+        ("qposcnt", "i8"),  # word address, 32 bits
+    ]
+)
 
-    i_counts_per_A: float  #: gain error included
-    i_offset_counts: np.ndarray  #: (6,) mid scale plus offset
-    v_counts_per_V: float
-    adc_step: float  #: counts per converter step: 1 at 12 bits, 4 at 10 bits
-    encoder_counts_rev: float
-    adc_result: int  #: word address of the first result
-    adc_shift: int  #: left shift of the result register
-    qposcnt: int  #: word address, 32 bits
 
-
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _counts(value, step):
     """Round to converter steps and saturate at 12 bits."""
     counts = np.floor(value / step + 0.5) * step
     return np.int64(min(max(counts, 0.0), 4096.0 - step))
 
 
-@njit(cache=True)
+@njit
 def sample(se, m, y, vdc, regs):
     """Convert the present state into the result registers."""
     for leg in range(6):

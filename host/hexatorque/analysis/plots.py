@@ -1,0 +1,250 @@
+"""Figures of runs, as PNG files. matplotlib is loaded on first use, without pyplot.
+
+Every function takes runs, writes `path` (about 1500 px wide) and returns it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .metrics import i_xy_A
+from .paper_values import PAPER, paper_values
+from .run import LATENCIES, Run, by_setup
+from .spectrum import channel, fundamental_Hz, harmonics, spectrum, whole_cycles
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH_IN, DPI = 10.0, 150
+CYCLES, FALLBACK_S = 2, 0.04  #: of `waveforms`; the second without a usable fundamental
+HIGHEST_ORDER = 25  #: in `spectra`
+INK, FAINT = "#20242b", "#d9dde3"
+#: Colour of each quantity, distinguishable with colour-blindness.
+COLOUR = {
+    "i_u1": "#0072b2",
+    "i_u2": "#e69f00",
+    "i_x": "#009e73",
+    "i_y": "#cc79a7",
+    "torque": "#d55e00",
+    "flux": "#5b4fa2",
+    "spectrum": "#0072b2",
+}
+LABEL = {"fontsize": 8.5, "color": INK}
+TITLE = {"fontsize": 9.5, "fontweight": "bold", "color": INK}
+LEGEND = {"frameon": False, "fontsize": 8, "labelcolor": INK}
+LATENCY_COLOUR = {"none": "#56b4e9", "shadow": "#d55e00", "predicted": "#0072b2"}
+
+
+def _figure(rows: int, columns: int, height_in: float, **shared) -> tuple[Figure, np.ndarray]:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if rows * columns < 1:
+        raise ValueError("no runs to draw")
+    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(rows, columns, squeeze=False, **shared)
+    for ax in axes.flat:
+        ax.grid(True, color=FAINT, linewidth=0.6)
+        ax.set_axisbelow(True)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.spines[:].set_color("#9aa1ab")
+        ax.tick_params(labelsize=8, colors=INK, color="#9aa1ab", length=3)
+    return figure, axes
+
+
+def _save(figure: Figure, path: str | Path) -> Path:
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, format="png", facecolor="white")
+    return Path(path)
+
+
+def _note(ax: Axes, text: str) -> None:
+    """A figure of merit in the corner of a panel."""
+    box = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
+    ax.text(0.985, 0.965, text, transform=ax.transAxes, ha="right", va="top",
+            fontsize=7.5, color=INK, bbox=box, zorder=5)  # fmt: skip
+
+
+def _value(value: float | None, digits: int, unit: str) -> str:
+    return "–" if value is None else f"{value:.{digits}f} {unit}"
+
+
+def _point(run: Run) -> str:
+    return f"{run.setup}: {run.speed_ref_rpm:g} r/min, {run.load_Nm:g} N m"
+
+
+def _thin(t: np.ndarray, y: np.ndarray, buckets: int = 1500) -> tuple[np.ndarray, np.ndarray]:
+    """Minimum and maximum of each bucket: the same picture from fewer points."""
+    size = y.size // buckets
+    if size < 4:
+        return t, y
+    block = np.pad(y, (0, -y.size % size), mode="edge").reshape(-1, size)
+    at = np.sort([block.argmin(axis=1), block.argmax(axis=1)], axis=0).T
+    at = np.minimum((at + size * np.arange(len(block))[:, None]).ravel(), y.size - 1)
+    return t[at], y[at]
+
+
+def waveforms(runs: list[Run], path: str | Path) -> Path:
+    """The last two fundamental cycles of the runs of one set-up, a column each:
+    phase currents, x-y currents, torque and stator flux with their references."""
+    figure, axes = _figure(4, len(runs), 8.2, sharex="all", sharey="row")
+    for column, run in zip(axes.T, runs, strict=True):
+        column[0].set_title(f"{run.scheme_label}\n", **TITLE, pad=3)
+        column[0].text(0.5, 1.02, run.latency_label, transform=column[0].transAxes,
+                       ha="center", fontsize=8, color="#666d78")  # fmt: skip
+        _waveform_column(column, run)
+        column[-1].set_xlabel("time [ms]", **LABEL)
+    labels = ("phase currents [A]", "x–y currents [A]", "torque [N m]", "|stator flux| [Wb]")
+    for row, label in zip(axes, labels, strict=True):
+        row[0].set_ylabel(label, **LABEL)
+        low, high = row[0].get_ylim()
+        row[0].set_ylim(low, high + 0.14 * (high - low))  # room for the notes
+        row[-1].legend(loc="center left", bbox_to_anchor=(1, 0.5), handlelength=1.2, **LEGEND)
+    axes[0, 0].set_xlim(0, max(line.get_xdata()[-1] for ax in axes[0] for line in ax.lines))
+    figure.suptitle(_point(runs[0]), fontsize=11.5, color=INK)
+    figure.align_ylabels(axes[:, 0])
+    return _save(figure, path)
+
+
+def _waveform_column(column: np.ndarray, run: Run) -> None:
+    rec = run.recording
+    try:
+        span_s = CYCLES / abs(fundamental_Hz(rec))
+    except ValueError:
+        span_s = FALLBACK_S
+    samples = min(len(rec), max(2, round(span_s * rec.rate_Hz)))
+    part = rec.window(rec.time_s[-samples], rec.time_s[-1] + 1)
+    t_ms = 1e3 * (part.time_s - part.start_s)
+    i_x, i_y = i_xy_A(part)
+    flux_Wb = np.hypot(channel(part, "psi_alpha_Wb"), channel(part, "psi_beta_Wb"))
+
+    def draw(ax: Axes, y: np.ndarray, colour: str, label: str) -> None:
+        ax.plot(*_thin(t_ms, y), color=COLOUR[colour], linewidth=0.9, label=label)
+
+    def reference(ax: Axes, name: str) -> None:
+        if name in part:
+            y = np.asarray(part[name], dtype=float)
+            ax.plot(*_thin(t_ms, y), "--", color=INK, linewidth=1.0, label="reference")
+
+    draw(column[0], channel(part, "i_u1_A"), "i_u1", "$i_{u1}$")
+    draw(column[0], channel(part, "i_u2_A"), "i_u2", "$i_{u2}$")
+    draw(column[1], i_x, "i_x", "$i_x$")
+    draw(column[1], i_y, "i_y", "$i_y$")
+    draw(column[2], channel(part, "torque_Nm"), "torque", "torque")
+    reference(column[2], "torque_ref_Nm")
+    draw(column[3], flux_Wb, "flux", r"$|\psi_s|$")
+    reference(column[3], "flux_ref_Wb")
+    _note(column[0], f"THD (5 kHz) {_value(run.metrics['thd_pct']['5kHz'], 1, '%')}")
+    _note(column[1], f"rms {_value(run.metrics['ixy_rms_A'], 3, 'A')}")
+    _note(column[2], f"std {_value(run.metrics['torque_ripple_Nm'], 3, 'N m')}")
+    _note(column[3], f"std {_value(run.metrics['flux_ripple_Wb'], 4, 'Wb')}")
+
+
+def spectra(runs: list[Run], path: str | Path) -> Path:
+    """Phase u1 spectra in % of the fundamental up to order 25, a panel per run; the
+    fundamental runs off the top of the common scale, the 5th and 7th are marked."""
+    columns = 2 if len(runs) == 4 else max(1, min(3, len(runs)))
+    rows = -(-len(runs) // columns)
+    figure, axes = _figure(rows, columns, 0.7 + 2.5 * rows, sharex="all", sharey="all")
+    top_pct = 1.0
+    for ax, run in zip(axes.flat, runs, strict=False):
+        top_pct = max(top_pct, _spectrum_panel(ax, run))
+    for ax in axes.flat[len(runs) :]:
+        ax.set_visible(False)
+    axes[0, 0].set_xlim(0, HIGHEST_ORDER)
+    axes[0, 0].set_ylim(0, 1.45 * top_pct)
+    axes[0, 0].set_xticks([1, 5, 7, 11, 13, 17, 19, 23, 25])
+    for ax in axes[:, 0]:
+        ax.set_ylabel("$i_{u1}$ [% of fundamental]", **LABEL)
+    for ax in axes.flat[max(0, len(runs) - columns) : len(runs)]:
+        ax.set_xlabel("harmonic order", **LABEL)
+        ax.tick_params(labelbottom=True)
+    title = ", ".join(dict.fromkeys(_point(run) for run in runs))
+    figure.suptitle(f"{title} – spectrum of phase u1", fontsize=11.5, color=INK)
+    return _save(figure, path)
+
+
+def _spectrum_panel(ax: Axes, run: Run) -> float:
+    """Draw one spectrum; returns its largest non-fundamental line in %."""
+    rec, thd = run.recording, run.metrics["thd_pct"]
+    f1_Hz = abs(fundamental_Hz(rec))
+    signal, _ = whole_cycles(channel(rec, "i_u1_A"), rec.rate_Hz, f1_Hz)
+    line = harmonics(signal, rec.rate_Hz, f1_Hz, (1, 5, 7))
+    f_Hz, amplitude = spectrum(signal - signal.mean(), rec.rate_Hz)
+    order, percent = f_Hz / f1_Hz, 100 * amplitude / line[1]
+    shown = order <= HIGHEST_ORDER + 1
+    order, percent = order[shown], percent[shown]
+    ax.fill_between(order, percent, color=COLOUR["spectrum"], alpha=0.18, linewidth=0)
+    ax.plot(order, percent, color=COLOUR["spectrum"], linewidth=0.9)
+    for k, colour in ((5, "#d55e00"), (7, "#009e73")):
+        h_pct = 100 * line[k] / line[1]
+        if np.isfinite(h_pct):
+            ax.plot([k], [h_pct], "v", color=colour, markersize=5, label=f"{k}th {h_pct:.2f} %")
+    ax.set_title(run.label, **TITLE)
+    _note(ax, "THD  " + "   ".join(
+        f"{name.replace('kHz', ' kHz').replace('h50', 'h≤50')}: {_value(thd[name], 1, '%')}"
+        for name in ("1kHz", "5kHz", "h50")))  # fmt: skip
+    ax.legend(loc="upper right", bbox_to_anchor=(1, 0.88), handletextpad=0.2, **LEGEND)
+    outside = np.abs(order - 1) > max(0.5, 3 * (order[1] - order[0]))
+    return float(percent[outside].max(initial=0.0))
+
+
+def bars(runs: list[Run], path: str | Path, paper: dict[str, dict] = PAPER) -> Path:
+    """Overview: THD, torque ripple, Delta-I and f_sw, a row per set-up; bars by scheme
+    and latency, diamonds for what the paper measured."""
+    groups = by_setup(runs)
+    figure, axes = _figure(len(groups), 4, 0.75 + 2.35 * len(groups))
+    for row, (setup, group) in zip(axes, groups.items(), strict=True):
+        row[0].set_ylabel(setup, **TITLE)
+        for ax, (title, key, scale) in zip(row, _BARS, strict=True):
+            _bar_panel(ax, group, key, scale, paper)
+            ax.set_title(title, **LABEL)
+    handles = {}
+    for ax in axes.flat:
+        handles |= dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+    names = [n for n in (*LATENCIES.values(), MEASURED, RELATIVE) if n in handles]
+    figure.legend([handles[name] for name in names], names, loc="outside upper center",
+                  ncols=len(names), **LEGEND)  # fmt: skip
+    return _save(figure, path)
+
+
+_BARS = (
+    ("THD of $i_{u1}$, 5 kHz [%]", "thd_pct", 1.0),
+    ("torque ripple, std [N m]", "torque_ripple_Nm", 1.0),
+    (r"$\Delta I_{u1u2}$ [A]", "delta_i_A", 1.0),
+    ("switching frequency [kHz]", "f_sw_Hz", 1e-3),
+)
+MEASURED, RELATIVE = "paper, measured", "paper, times our DTC1"
+
+
+def _bar_panel(ax: Axes, group: list[Run], key: str, scale: float, paper: dict) -> None:
+    schemes = list(dict.fromkeys(run.scheme for run in group))
+    latencies = [name for name in LATENCIES if any(run.latency == name for run in group)]
+    width = min(0.38, 0.8 / len(latencies))
+    # Where the paper gives f_sw relative to DTC1: ours with the last latency listed.
+    dtc1_Hz = {r.latency: r.metrics["f_sw_Hz"] for r in group if r.scheme == "dtc1"}
+    base_Hz = next((dtc1_Hz[name] for name in reversed(LATENCIES) if dtc1_Hz.get(name)), None)
+    for run in group:
+        at, value = schemes.index(run.scheme), run.metrics[key]
+        value = value["5kHz"] if key == "thd_pct" else value
+        offset = (latencies.index(run.latency) - (len(latencies) - 1) / 2) * width
+        if value is not None:
+            ax.bar(at + offset, scale * value, 0.92 * width, label=run.latency_label,
+                   color=LATENCY_COLOUR[run.latency])  # fmt: skip
+        measured = paper_values(paper, run)
+        if key in measured:
+            ax.plot([at], [scale * measured[key]], "D", markersize=6, color=INK,
+                    markeredgecolor="white", label=MEASURED)  # fmt: skip
+        elif key == "f_sw_Hz" and base_Hz and "f_sw_rel" in measured:
+            ax.plot([at], [scale * base_Hz * measured["f_sw_rel"]], "D", markersize=5.5,
+                    color="white", markeredgecolor=INK, label=RELATIVE)  # fmt: skip
+    ax.set_xticks(range(len(schemes)), [scheme.upper() for scheme in schemes])
+    ax.set_xlim(-0.6, len(schemes) - 0.4)
+    ax.grid(False, axis="x")
+    ax.margins(y=0.1)
+    ax.set_ylim(bottom=0)

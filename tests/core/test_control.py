@@ -1,0 +1,430 @@
+"""ht_control: what comes out of a step is what the papers define for its scheme.
+
+State words are read back from the compare registers; directions, vectors and
+duties are recomputed here from geometry. The latency bookkeeping is checked on a
+machine without resistance, where flux is nothing but applied volt-seconds.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hexatorque.firmware import ffi, lib
+
+TS, VDC, PERIOD = 1e-4, 300.0, 10000
+SCHEMES = {
+    "dtc1": lib.HT_DTC1, "dtc2": lib.HT_DTC2, "dtc3": lib.HT_DTC3,
+    "fdr": lib.HT_FDR, "ddr": lib.HT_DDR, "ddr-ml": lib.HT_DDR_ML,
+}  # fmt: skip
+TABLES = {lib.HT_TABLE_45_135: (45, 135), lib.HT_TABLE_75_105: (75, 105)}
+THETA = np.deg2rad([0, 30, 120, 150, 240, 270])
+T = np.array([np.cos(THETA), np.sin(THETA), np.cos(5 * THETA), np.sin(5 * THETA)]) / 3
+L = (48, 56, 60, 28, 12, 14, 15, 7, 3, 35, 51, 49)
+ML = (57, 52, 24, 44, 30, 13, 6, 11, 39, 19, 33, 50)
+S = (54, 25, 36, 26, 45, 22, 9, 38, 27, 37, 18, 41)
+ZEROS = (0, 21, 42, 63)
+
+
+def vector(word):
+    """alpha beta x y, pu of Vdc."""
+    return T @ (word >> np.arange(5, -1, -1) & 1)
+
+
+def config(scheme="ddr", **changes):
+    cfg = ffi.new("ht_control_config *")
+    cfg.scheme = SCHEMES[scheme]
+    cfg.table = lib.HT_TABLE_45_135
+    cfg.torque_levels = 5 if scheme == "dtc3" else 3
+    cfg.shadow, cfg.predict, cfg.hold_on_zero = True, True, True
+    cfg.period_counts = PERIOD
+    cfg.flux_band_Wb = 0.003
+    cfg.torque_band_Nm, cfg.torque_inner_Nm = 0.3, 0.173
+    cfg.build_current_A = 3.0
+    cfg.observer.ts_s, cfg.observer.inv_ts = TS, 1 / TS
+    cfg.observer.rs_ohm = 6.0
+    cfg.observer.sigma_ls_H, cfg.observer.inv_sigma_ls = 0.028, 1 / 0.028
+    cfg.observer.lxy_H, cfg.observer.torque_gain = 0.0144, 3.0
+    cfg.observer.omega_gain = 0.02
+    cfg.xy.kp_pu_A, cfg.xy.ki_ts_pu_A = 0.1, 2.5e-4
+    cfg.dead.dead_pu, cfg.dead.inv_2i_zero = 0.02, 10.0
+    for name, value in changes.items():
+        owner = cfg
+        *path, last = name.split("__")
+        for part in path:
+            owner = getattr(owner, part)
+        setattr(owner, last, value)
+    return cfg
+
+
+class Drive:
+    """Control core with a state of its own; `step` returns the three words and
+    the compare registers."""
+
+    def __init__(self, cfg):
+        self.cfg, self.state = cfg, ffi.new("ht_control_state *")
+        self.out = ffi.new("ht_compare *")
+        assert lib.ht_control_check(cfg) == lib.HT_CONFIG_OK
+        lib.ht_control_reset(self.state, [[0.0] * 6])
+
+    def step(self, i=(0.0,) * 6, torque=0.0, flux=0.4, vdc=VDC, law=None):
+        inputs = ffi.new("ht_control_input *")
+        inputs.i_A.p = list(i)
+        inputs.vdc_V, inputs.torque_ref_Nm, inputs.flux_ref_Wb = vdc, torque, flux
+        inputs.inv_flux_ref2 = 1 / flux**2 if flux else 0.0
+        (law or lib.ht_control_step)(self.cfg, self.state, inputs, self.out)
+        return words(self.out, self.cfg.period_counts)
+
+    def place(self, psi, psi_xy=0j):
+        """Currents and an estimate that put the decided state at psi, psi_xy, with
+        the machine at rest: no torque, no voltage to come."""
+        self.state.observer.psi_Wb = [psi.real, psi.imag]
+        i_xy = psi_xy / self.cfg.observer.lxy_H
+        return (3 * T.T @ [0, 0, i_xy.real, i_xy.imag]).tolist()
+
+
+def words(out, period):
+    s = [out.start]
+    for compare in (out.ca, out.cb):
+        toggles = sum(1 << (5 - leg) for leg in range(6) if compare[leg] != period)
+        s.append(s[-1] ^ toggles)
+    return tuple(s)
+
+
+def direction(table, sector, torque_up, flux_up):
+    angle = TABLES[table][0 if flux_up else 1] * (1 if torque_up else -1)
+    return (30 * sector + angle - 15) // 30 % 12
+
+
+def is_valid(out, period, first):
+    """Every register a free toggle can use, guards kept, words of six bits."""
+    if not 0 <= out.start <= 63:
+        return False
+    for leg in range(6):
+        a, b = out.ca[leg], out.cb[leg]
+        if not (first < a <= period and first < b <= period):
+            return False
+        if a < period and b < period and not a < b:
+            return False
+    used = [{c for c in regs if c < period} for regs in (out.ca, out.cb)]
+    return all(len(u) <= 1 for u in used)
+
+
+def quiet(scheme, **changes):
+    """A drive whose decided state is the placed one: no latency, no resistance."""
+    options = {"predict": False, "observer__rs_ohm": 0.0, "dead__dead_pu": 0.0}
+    return Drive(config(scheme, **(options | changes)))
+
+
+cases = pytest.mark.parametrize(
+    ("table", "sector", "torque", "flux"),
+    [(t, s, m, f) for t in TABLES for s in range(12) for m in (-5, 5) for f in (0.2, 0.6)],
+)
+
+
+def at(drive, sector, torque, flux, psi_xy=0j):
+    """Step at |psi| = 0.4 in the middle of a sector; returns words and k."""
+    psi = 0.4 * np.exp(1j * np.deg2rad(30 * sector))
+    s = drive.step(drive.place(psi, psi_xy), torque, flux)
+    st_ = drive.state
+    assert st_.sector == sector
+    assert st_.flux_level == (flux > 0.4)
+    assert np.sign(st_.torque_level) == np.sign(torque)
+    return s, direction(drive.cfg.table, sector, torque > 0, flux > 0.4)
+
+
+@cases
+def test_dtc1_applies_one_large_vector(table, sector, torque, flux):
+    s, k = at(quiet("dtc1", table=table), sector, torque, flux)
+    assert s == (L[k],) * 3
+
+
+@cases
+def test_dtc2_takes_of_the_pair_what_lowers_the_xy_flux(table, sector, torque, flux):
+    for degrees in range(7, 360, 40):
+        psi_xy = 0.02 * np.exp(1j * np.deg2rad(degrees))
+        s, k = at(quiet("dtc2", table=table), sector, torque, flux, psi_xy)
+        along = vector(L[k])[2:] @ [psi_xy.real, psi_xy.imag]
+        assert s == ((ML if along > 0 else L)[k],) * 3
+        assert vector(s[0])[2:] @ [psi_xy.real, psi_xy.imag] < 0
+
+
+@cases
+def test_dtc3_levels_choose_the_pair(table, sector, torque, flux):
+    for size, strong in ((0.2, S), (5, L)):
+        for degrees in range(7, 360, 40):
+            psi_xy = 0.02 * np.exp(1j * np.deg2rad(degrees))
+            drive = quiet("dtc3", table=table)
+            s, k = at(drive, sector, np.sign(torque) * size, flux, psi_xy)
+            assert abs(drive.state.torque_level) == (1 if strong is S else 2)
+            assert s[0] == s[1] == s[2]
+            assert s[0] in (ML[k], strong[k])
+            assert vector(s[0])[2:] @ [psi_xy.real, psi_xy.imag] < 0
+
+
+@cases
+def test_fdr_applies_three_large_vectors_for_fixed_times(table, sector, torque, flux):
+    drive = quiet("fdr", table=table)
+    s, k = at(drive, sector, torque, flux, 0.02 + 0.01j)
+    assert s == tuple(L[(k + d) % 12] for d in (-1, 0, 1))
+    assert {c for c in drive.out.ca if c != PERIOD} == {round((2 - np.sqrt(3)) * PERIOD)}
+    assert {c for c in drive.out.cb if c != PERIOD} == {round((np.sqrt(3) - 1) * PERIOD)}
+
+
+@cases
+@pytest.mark.parametrize(("scheme", "group"), (("ddr", L), ("ddr-ml", ML)))
+def test_ddr_realises_its_xy_command(scheme, group, table, sector, torque, flux):
+    """The x-y current is opposed, within the limit, and the registers give the
+    commanded x-y voltage to within the guards."""
+    drive = quiet(scheme, table=table)
+    psi_xy = 0.0144 * (0.08 - 0.11j)
+    s, k = at(drive, sector, torque, flux, psi_xy)
+    assert s == tuple(group[(k + d) % 12] for d in (-1, 0, 1))
+    command = np.array([drive.state.v_xy_pu.x, drive.state.v_xy_pu.y])
+    limit = 0.032692 if group is L else 0.089316
+    wanted = np.clip(-0.2 * np.array([0.08, -0.11]), -limit, limit)
+    np.testing.assert_allclose(command, wanted, atol=1e-5)
+    t = [0, *(drive.state.next.t[n] for n in (1, 2)), 1]
+    mean = np.diff(t) @ np.array([vector(w) for w in s])
+    np.testing.assert_allclose(mean[2:], command, atol=4 / PERIOD)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_no_torque_wanted_gives_the_nearest_zero(scheme):
+    for sector in range(12):
+        drive = quiet(scheme)
+        s, _ = at(drive, sector, 5, 0.6)
+        zero = drive.step(torque=0.0)
+        assert drive.state.torque_level == 0
+        assert zero[0] == zero[1] == zero[2]
+        assert zero[0] in ZEROS
+        assert (zero[0] ^ s[2]).bit_count() == min((z ^ s[2]).bit_count() for z in ZEROS)
+
+
+@pytest.mark.parametrize("hold", (True, False))
+def test_xy_integrators_during_zero_vectors(hold):
+    drive = quiet("ddr", hold_on_zero=hold)
+    i_xy = drive.place(0.4 + 0j, 0.0144 * (0.05 + 0.02j))
+    drive.step(i_xy, 5.0)
+    used = bytes(ffi.buffer(ffi.addressof(drive.state.xy)))
+    drive.step(i_xy, 0.0)
+    assert drive.state.torque_level == 0
+    assert (bytes(ffi.buffer(ffi.addressof(drive.state.xy))) == used) == hold
+
+
+@pytest.mark.parametrize("levels", (2, 3, 5))
+def test_torque_levels(levels):
+    drive = quiet("fdr", torque_levels=levels)
+    seen = []
+    for torque in (0.1, 0.2, 0.4, 0.2, 0.1, -0.1, -0.2, -0.4, 0.0):
+        drive.step(drive.place(0.4 + 0j), torque)
+        seen.append(drive.state.torque_level)
+    want = {
+        2: [0, 0, 1, 1, 1, 1, 1, -1, -1],
+        3: [0, 0, 1, 1, 1, 0, 0, -1, 0],
+        5: [0, 1, 2, 2, 1, 0, -1, -2, 0],
+    }
+    assert seen == want[levels]
+
+
+def test_xy_regulator_turns_with_the_flux():
+    """Integrators of the two frames, after one step from zero."""
+    for degrees in range(0, 360, 25):
+        drive = quiet("ddr")
+        turn = np.exp(1j * np.deg2rad(degrees))
+        drive.step(drive.place(0.4 * turn, 0.0144 * (0.05 - 0.03j)), 5.0)
+        xy = drive.state.xy
+        error = -2.5e-4 * (0.05 - 0.03j)
+        with_, against = (complex(p.x, p.y) for p in (getattr(xy, "with"), xy.against))
+        assert with_ == pytest.approx(error / turn, abs=1e-8)
+        assert against == pytest.approx(error * turn, abs=1e-8)
+
+
+# --- latency ------------------------------------------------------------------
+
+
+def flux_of(applied):
+    """Volt-seconds of an `ht_applied`, per unit of the period, no dead time."""
+    t = [0.0, applied.t[0], applied.t[1], applied.t[2], 1.0]
+    states = [applied.before, *applied.s]
+    if applied.s[0] == applied.s[1] == applied.s[2]:
+        t[2:4] = 1.0, 1.0
+    return np.diff(t) @ np.array([vector(w) for w in states])
+
+
+def complex_flux(estimate):
+    return complex(estimate.psi_Wb.alpha, estimate.psi_Wb.beta)
+
+
+def patterns_of(drive, steps, **changes):
+    """Run with changing references and currents; yields (state, words, applied
+    pattern that this step committed)."""
+    rng = np.random.default_rng(7)
+    for _ in range(steps):
+        s = drive.step(torque=rng.uniform(-2, 2), flux=0.4, i=drive.currents, **changes)
+        yield s, drive.state.next if drive.cfg.shadow else drive.state.active
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize(("shadow", "first"), ((True, 0), (False, 0), (False, 1234)))
+def test_flux_is_the_volt_seconds_of_the_pattern_on_the_legs(scheme, shadow, first):
+    """A pattern counts in the period after its step under immediate load, one
+    period later under shadow load."""
+    cfg = config(
+        scheme, shadow=shadow, predict=False, first_counts=first,
+        observer__rs_ohm=0.0, dead__dead_pu=0.0,
+    )  # fmt: skip
+    drive = Drive(cfg)
+    drive.currents = (3 * T.T @ [1.0, 0.5, 0.05, -0.02]).tolist()
+    psi, waiting, last = 0j, [np.zeros(4)] if shadow else [], 0
+    for n, (s, applied) in enumerate(patterns_of(drive, 300)):
+        assert complex_flux(drive.state.estimate) == pytest.approx(psi, abs=5e-6), n
+        assert applied.before == last
+        assert tuple(applied.s) == s
+        assert applied.t[0] == pytest.approx(first / PERIOD)
+        waiting.append(flux_of(applied))
+        pu = waiting.pop(0)
+        psi += TS * VDC * complex(pu[0], pu[1])
+        last = s[2]
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_prediction_is_the_next_estimate(scheme):
+    """Without resistance and with steady currents nothing is uncertain: what the
+    comparators see now is the flux of the next sample, dead time included."""
+    drive = Drive(config(scheme, observer__rs_ohm=0.0))
+    drive.currents = (3 * T.T @ [2.0, 1.5, 0.05, -0.02]).tolist()
+    expected = None
+    for s, _ in patterns_of(drive, 300):
+        state = drive.state
+        if expected is not None:
+            assert complex_flux(state.estimate) == pytest.approx(expected, abs=1e-6)
+        expected = complex_flux(state.decided)
+        assert is_valid(drive.out, PERIOD, 0)
+        angle = np.rad2deg(np.angle(expected))
+        if abs((angle + 15) % 30) > 1e-3 and abs(expected) > 1e-6:
+            assert state.sector == int((angle + 15) // 30) % 12
+        assert s[0] in range(64)
+
+
+def test_without_prediction_the_estimate_is_decided_on():
+    drive = Drive(config("fdr", predict=False))
+    drive.currents = [0.0] * 6
+    for _ in patterns_of(drive, 50):
+        assert complex_flux(drive.state.decided) == complex_flux(drive.state.estimate)
+
+
+# --- build-up -------------------------------------------------------------------
+
+
+def test_build_up_pulls_the_flux_along_15_degrees():
+    drive = Drive(config("dtc1", observer__rs_ohm=0.0, dead__dead_pu=0.0))
+    for _ in range(200):
+        s = drive.step(law=lib.ht_control_build_step)
+        assert s in ((L[11], L[0], L[1]), (0, 0, 0), (63, 63, 63), (21,) * 3, (42,) * 3)
+    psi = complex_flux(drive.state.estimate)
+    step = 0.59772 * VDC * TS
+    assert 0.4 <= abs(psi) <= 0.4 + step
+    assert np.rad2deg(np.angle(psi)) == pytest.approx(15, abs=0.1)
+    assert s[0] in ZEROS
+
+
+def test_build_up_stops_at_the_current_limit():
+    for size, blocked in ((2.9, False), (3.1, True)):
+        drive = Drive(config("ddr"))
+        i = 3 * T.T @ [size * np.cos(0.3), size * np.sin(0.3), 0, 0]
+        s = drive.step(i, law=lib.ht_control_build_step)
+        assert (s[0] in ZEROS) == blocked
+
+
+# --- any input ------------------------------------------------------------------
+
+wild = st.one_of(
+    st.floats(width=32),
+    st.floats(-20, 20, width=32),
+    st.sampled_from([np.nan, np.inf, -np.inf, 3.4e38]),
+)
+sample = st.tuples(st.lists(wild, min_size=6, max_size=6), wild, wild, wild)
+
+
+@given(
+    st.sampled_from(list(SCHEMES)),
+    st.sampled_from([(True, 0), (False, 0), (False, 4)]),
+    st.booleans(),
+    st.sampled_from([2, 3, 5]),
+    st.sampled_from([(9, 0), (10, 0), (10000, 0), (65535, 0), (10000, 4999)]),
+    st.lists(sample, min_size=1, max_size=5),
+)
+@settings(max_examples=250, deadline=None)
+def test_any_input_gives_a_pattern_that_the_pwm_can_realise(
+    scheme, load, predict, levels, timing, samples
+):
+    shadow, first = load
+    period, first = (timing[0], 0) if shadow else (timing[0], max(timing[1], first))
+    first = min(first, (period - 1) // 2 - 1)
+    cfg = config(
+        scheme, shadow=shadow, predict=predict, torque_levels=levels,
+        period_counts=period, first_counts=first,
+    )  # fmt: skip
+    drive = Drive(cfg)
+    for law in (lib.ht_control_step, lib.ht_control_build_step):
+        for i, torque, flux, vdc in samples:
+            inputs = ffi.new("ht_control_input *")
+            inputs.i_A.p = i
+            inputs.torque_ref_Nm, inputs.flux_ref_Wb, inputs.vdc_V = torque, flux, vdc
+            inputs.inv_flux_ref2 = flux
+            law(cfg, drive.state, inputs, drive.out)
+            assert is_valid(drive.out, period, first)
+            assert all(0 <= w <= 63 for w in words(drive.out, period))
+            assert 0 <= drive.state.sector <= 11
+            assert -2 <= drive.state.torque_level <= 2
+
+
+# --- configuration ----------------------------------------------------------------
+
+
+def test_low_pattern_has_no_edges():
+    out = ffi.new("ht_compare *")
+    lib.ht_control_low_pattern(config(), out)
+    assert out.start == 0
+    assert [*out.ca, *out.cb] == [PERIOD] * 12
+
+
+def test_vsd_is_the_transform():
+    rng = np.random.default_rng(3)
+    for six in rng.uniform(-30, 30, (50, 6)):
+        v = lib.ht_vsd_from_six([six.tolist()])
+        np.testing.assert_allclose([v.ab.alpha, v.ab.beta, v.xy.x, v.xy.y], T @ six, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "status"),
+    [
+        ({}, lib.HT_CONFIG_OK),
+        ({"torque_levels": 4}, lib.HT_CONFIG_SCHEME),
+        ({"torque_levels": 0}, lib.HT_CONFIG_SCHEME),
+        ({"scheme_": 6}, lib.HT_CONFIG_SCHEME),
+        ({"table": 2}, lib.HT_CONFIG_SCHEME),
+        ({"period_counts": 7}, lib.HT_CONFIG_TIMING),
+        ({"first_counts": 1}, lib.HT_CONFIG_TIMING),
+        ({"shadow": False, "first_counts": 5000}, lib.HT_CONFIG_TIMING),
+        ({"shadow": False, "first_counts": 4999}, lib.HT_CONFIG_OK),
+        ({"observer__ts_s": 0.0}, lib.HT_CONFIG_TIMING),
+        ({"observer__ts_s": np.nan}, lib.HT_CONFIG_TIMING),
+        ({"dead__dead_pu": -0.01}, lib.HT_CONFIG_TIMING),
+        ({"dead__dead_pu": 0.51}, lib.HT_CONFIG_TIMING),
+        ({"dead__dead_pu": np.nan}, lib.HT_CONFIG_TIMING),
+        ({"observer__rs_ohm": -1.0}, lib.HT_CONFIG_MACHINE),
+        ({"observer__rs_ohm": np.nan}, lib.HT_CONFIG_MACHINE),
+        ({"observer__sigma_ls_H": 0.0}, lib.HT_CONFIG_MACHINE),
+        ({"observer__inv_sigma_ls": np.inf}, lib.HT_CONFIG_MACHINE),
+        ({"observer__lxy_H": np.inf}, lib.HT_CONFIG_MACHINE),
+    ],
+)
+def test_check_of_the_configuration(changes, status):
+    changes = dict(changes)
+    scheme = changes.pop("scheme_", None)
+    cfg = config(**changes)
+    if scheme is not None:
+        cfg.scheme = scheme
+    assert lib.ht_control_check(cfg) == status

@@ -1,0 +1,124 @@
+"""ht_speed against a textbook PI with conditional integration, and against what
+a flux reference must be: bounded, monotone, and within reach of Vdc.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hexatorque.firmware import ffi, lib
+
+KP, KI_TS, LIMIT = 0.4, 0.02, 15.0
+
+
+def config(limit=LIMIT):
+    return ffi.new("ht_speed_config *", [KP, KI_TS, limit])
+
+
+def textbook(integral, error, limit):
+    """(torque, integral after): integrate unless that pushes on at a limit."""
+    wanted = KP * error + integral
+    torque = min(max(wanted, -limit), limit)
+    at_limit = torque != wanted
+    if not at_limit or np.sign(error) == -np.sign(wanted):
+        moved = integral + KI_TS * error
+        integral = moved if abs(moved) <= limit else integral
+    return torque, integral
+
+
+@given(st.lists(st.floats(-300, 300, width=32), min_size=1, max_size=60))
+@settings(max_examples=150, deadline=None)
+def test_against_the_textbook(errors):
+    state = ffi.new("ht_speed_state *")
+    for error in errors:
+        before = state.integral_Nm
+        torque, after = textbook(before, error, LIMIT)
+        assert lib.ht_speed_step(config(), state, error) == pytest.approx(torque, abs=2e-5)
+        near_edge = abs(abs(KP * error + before) - LIMIT) < 1e-4
+        near_full = abs(abs(before + KI_TS * error) - LIMIT) < 1e-4
+        if not (near_edge or near_full):
+            assert state.integral_Nm == pytest.approx(after, abs=2e-5)
+        assert abs(state.integral_Nm) <= LIMIT
+
+
+def test_no_windup():
+    state = ffi.new("ht_speed_state *")
+    for _ in range(10000):
+        assert lib.ht_speed_step(config(), state, 100.0) == LIMIT
+    assert state.integral_Nm == 0
+    assert lib.ht_speed_step(config(), state, -1.0) == pytest.approx(-KP, rel=1e-6)
+
+
+def test_integral_fills_up_to_the_limit_and_comes_back():
+    state = ffi.new("ht_speed_state *")
+    for _ in range(10000):
+        torque = lib.ht_speed_step(config(), state, 1.0)
+    assert torque == pytest.approx(LIMIT, rel=0.01)
+    assert LIMIT - KP - 2 * KI_TS < state.integral_Nm <= LIMIT
+    for n in range(1, 100):
+        torque = lib.ht_speed_step(config(), state, -1.0)
+    assert torque < LIMIT - KP - KI_TS * (n - 2)
+
+
+def test_integral_comes_back_after_the_limit_was_lowered():
+    state = ffi.new("ht_speed_state *", [LIMIT])
+    for _ in range(2000):
+        torque = lib.ht_speed_step(config(5.0), state, -1.0)
+        assert abs(torque) <= 5.0
+    assert torque < 0
+
+
+@given(st.floats(width=32), st.floats(-LIMIT, LIMIT, width=32))
+@settings(max_examples=150, deadline=None)
+def test_any_error_gives_a_torque_within_the_limit(error, integral):
+    state = ffi.new("ht_speed_state *", [integral])
+    assert abs(lib.ht_speed_step(config(), state, error)) <= LIMIT
+    assert abs(state.integral_Nm) <= LIMIT
+
+
+# --- flux reference ----------------------------------------------------------
+
+FLUX, FLUX_MIN, REACH, RS = 0.6, 0.1, 0.5196, 1.8
+
+
+def flux(vdc, omega, i):
+    return lib.ht_flux_reference([[FLUX, FLUX_MIN, REACH, RS]], vdc, omega, i)
+
+
+speeds = st.floats(-5000, 5000, width=32)
+voltages = st.floats(0, 500, width=32)
+amperes = st.floats(0, 50, width=32)
+
+
+@given(voltages, speeds, amperes)
+@settings(max_examples=200, deadline=None)
+def test_reference_is_the_largest_flux_within_reach(vdc, omega, i):
+    got = flux(vdc, omega, i)
+    room = REACH * vdc - RS * i
+    want = min(FLUX, max(FLUX_MIN, room / abs(omega))) if omega else FLUX
+    if omega or room >= 1e-3:
+        assert got == pytest.approx(want, rel=1e-4)
+    assert flux(vdc, -omega, i) == got
+
+
+@given(voltages, speeds, amperes, st.floats(1, 3))
+@settings(max_examples=200, deadline=None)
+def test_reference_is_monotone(vdc, omega, i, more):
+    got = flux(vdc, omega, i)
+    slack = 1 + 1e-6
+    assert flux(vdc, omega * more, i) <= got * slack
+    assert flux(vdc, omega, i * more) <= got * slack
+    assert flux(vdc * more, omega, i) * slack >= got
+
+
+@given(*[st.floats(width=32)] * 3)
+@settings(max_examples=200, deadline=None)
+def test_reference_is_bounded_for_any_input(vdc, omega, i):
+    assert np.float32(FLUX_MIN) <= flux(vdc, omega, i) <= np.float32(FLUX)
+
+
+def test_base_speed():
+    """Paper A as printed: 250 V with 10 % margin carries 0.6 Wb up to 216 rad/s."""
+    assert flux(250.0, 216.0, 0.0) == np.float32(FLUX)
+    assert flux(250.0, 433.0, 0.0) == pytest.approx(0.3, rel=1e-3)
