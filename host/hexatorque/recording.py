@@ -111,7 +111,9 @@ def _header(rec: Recording) -> dict:
 def _save_npz(rec: Recording, path: Path) -> None:
     header = np.frombuffer(json.dumps(_header(rec)).encode(), np.uint8)
     with path.open("wb") as file:
-        np.savez(file, header=header, **{f"channel:{k}": v for k, v in rec.channels.items()})
+        np.savez_compressed(
+            file, header=header, **{f"channel:{k}": v for k, v in rec.channels.items()}
+        )
 
 
 def _load_npz(path: Path) -> Recording:

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from . import __version__
 from .analysis.paper_values import paper_values
-from .analysis.run import LATENCIES, Run, by_setup
+from .analysis.run import LATENCIES, Run, by_point
 
 
 class Column(NamedTuple):
@@ -49,70 +49,67 @@ COLUMNS = (
     Column("f_sw", "× DTC1", 2, lambda run: None, "f_sw_rel"),
     Column("speed-up", "× real", 1, lambda run: run.realtime_factor, brief=False),
 )
+TITLE = "Direct torque control of six-phase drives"
 THD_NOTE = (
-    "THD of phase u1 up to 1, 2 and 5 kHz and of harmonics 2 to 50; ripple is a standard "
-    "deviation. The papers do not state the band of their THD; it stands in the 5 kHz column."
+    "THD of phase u1; ripple is a standard deviation. The papers do not state the band of their "
+    "THD: it stands in the 5 kHz column."
 )
 LATENCY_TEXT = (
-    "A switching decision may reach the inverter at once, or one sample late because the PWM "
-    "unit takes its shadow registers over at the next period. Run as it is, that one sample "
-    "costs ripple; a one-step prediction of flux and torque wins it back."
+    "Torque ripple (standard deviation) when a switching decision reaches the inverter at once "
+    "(none), when it arrives one sample late because the PWM unit takes its shadow registers over "
+    "at the next period (shadow), and the same with a one-step prediction (predicted)."
 )
-Row = tuple[bool, list[str]]  #: is it the paper's, cells
+Row = tuple[bool, list[str]]  #: is it the paper's; cells
 
 
 def _text(value: float | None, digits: int, scale: float = 1.0) -> str:
     return "–" if value is None else f"{scale * value:.{digits}f}"
 
 
-def _point(run: Run) -> str:
-    return f"{run.speed_ref_rpm:g} r/min, {run.load_Nm:g} N m"
-
-
 def _rows(group: list[Run], paper: dict, columns: Iterable[Column]) -> list[Row]:
-    """Our runs of one set-up, scheme by scheme, each followed by the paper's row."""
+    """Our runs at one point, scheme by scheme, each followed by the paper's row."""
     dtc1_Hz = {run.latency: run.metrics["f_sw_Hz"] for run in group if run.scheme == "dtc1"}
-    rows: list[Row] = []
+    rows = []
     for scheme in dict.fromkeys(run.scheme for run in group):
-        measured: dict[str, float] = {}
-        for run in (run for run in group if run.scheme == scheme):
-            measured = measured or paper_values(paper, run)
+        own = [run for run in group if run.scheme == scheme]
+        measured = paper_values(paper, own[0])
+        for run in own:
             cells = [run.scheme.upper(), run.latency]
             for column in columns:
                 value = column.value(run)
-                if column.paper == "f_sw_rel" and dtc1_Hz.get(run.latency):
-                    value = (run.metrics["f_sw_Hz"] or 0) / dtc1_Hz[run.latency] or None
+                if column.paper == "f_sw_rel" and (base_Hz := dtc1_Hz.get(run.latency)):
+                    value = (run.metrics["f_sw_Hz"] or 0) / base_Hz or None
                 cells.append(_text(value, column.digits, column.scale))
             rows.append((False, cells))
         if measured:
-            cells = [f"{c.scale * measured[c.paper]:.4g}" if c.paper in measured else ""
-                     for c in columns]  # fmt: skip
+            beside = [(measured.get(c.paper), c.scale) for c in columns]
+            cells = ["" if v is None else f"{scale * v:.4g}" for v, scale in beside]
             rows.append((True, [scheme.upper(), "paper", *cells]))
     return rows
 
 
 def _columns(group: list[Run], brief: bool) -> list[Column]:
-    hidden = "" if any(run.scheme == "dtc1" for run in group) else "f_sw_rel"
-    return [c for c in COLUMNS if (c.brief or not brief) and (not hidden or c.paper != hidden)]
+    relative = any(run.scheme == "dtc1" for run in group)
+    return [c for c in COLUMNS if c.brief >= brief and (relative or c.paper != "f_sw_rel")]
 
 
-def _heading(setup: str, group: list[Run], paper: dict) -> str:
-    text = f"{setup}: {'; '.join(dict.fromkeys(map(_point, group)))}"
-    entry = paper.get(setup)
-    return f"{text} ({entry['source']}: {entry['point']})" if entry else text
+def _heading(group: list[Run], paper: dict) -> str:
+    if not any(paper_values(paper, run) for run in group):
+        return group[0].point
+    return f"{group[0].point} (beside {paper[group[0].setup].get('source', 'the paper')})"
 
 
 def console_table(runs: list[Run], paper: dict[str, dict]) -> list[Table]:
-    """A rich table per set-up; the paper's figures as a dim row under the scheme's."""
+    """A rich table per set-up and point; the paper's figures as a dim row under the scheme's."""
     tables = []
-    for setup, group in by_setup(runs).items():
+    for group in by_point(runs).values():
         columns = _columns(group, brief=True)
-        table = Table(title=Text(_heading(setup, group, paper), "bold"), title_justify="left",
+        table = Table(title=Text(_heading(group, paper), "bold"), title_justify="left",
                       box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)  # fmt: skip
         table.add_column("scheme", no_wrap=True)
         table.add_column("latency", no_wrap=True)
-        for column in columns:
-            table.add_column(Text(f"{column.name}\n{column.unit}"), justify="right", no_wrap=True)
+        for c in columns:
+            table.add_column(Text(f"{c.name}\n{c.unit}"), justify="right", no_wrap=True)
         for is_paper, cells in _rows(group, paper, columns):
             table.add_row(*map(Text, cells), style="dim" if is_paper else None)
         tables.append(table)
@@ -125,17 +122,16 @@ def _table(headings: Iterable[str], rows: Iterable[Row]) -> str:
     for is_paper, cells in rows:
         data = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
         body += f"<tr{' class=paper' if is_paper else ''}>{data}</tr>\n"
-    return (f'<div class="wide"><table><thead><tr>{head}</tr></thead>\n'
-            f"<tbody>{body}</tbody></table></div>\n")  # fmt: skip
+    return f"<div class=wide><table><tr>{head}</tr>\n{body}</table></div>\n"
 
 
 def _latency_section(runs: list[Run]) -> str:
     """Torque ripple by latency, for every scheme run both with and without prediction."""
     ripple: dict[tuple, dict[str, float | None]] = {}
     for run in sorted(runs, key=lambda run: run.scheme != "fdr"):
-        key = (run.setup, _point(run), run.scheme_label)
+        key = (run.point, run.scheme_label)
         ripple.setdefault(key, {})[run.latency] = run.metrics["torque_ripple_Nm"]
-    rows: list[Row] = []
+    rows = []
     for key, by_latency in ripple.items():
         shadow, predicted = by_latency.get("shadow"), by_latency.get("predicted")
         if shadow is not None and predicted:
@@ -143,10 +139,8 @@ def _latency_section(runs: list[Run]) -> str:
             rows.append((False, [*key, *values, f"{shadow / predicted:.2f}"]))
     if not rows:
         return "<p>No scheme here was run both with and without prediction.</p>\n"
-    headings = ["set-up", "point", "scheme", *(f"{t} [N m]" for t in LATENCIES.values())]
-    return f"<p>{escape(LATENCY_TEXT)} Torque ripple (standard deviation):</p>\n" + _table(
-        [*headings, "without / with prediction"], rows
-    )
+    headings = ["set-up", "scheme", *(f"{name} [N m]" for name in LATENCIES), "shadow / predicted"]
+    return f"<p>{escape(LATENCY_TEXT)}</p>\n{_table(headings, rows)}"
 
 
 def html_report(
@@ -156,42 +150,36 @@ def html_report(
     figures: Sequence[tuple[str, str | Path]] = (),
     notes: Sequence[str] = (),
     command: str = "make demo",
-    title: str = "Direct torque control of six-phase drives",
 ) -> Path:
     """Write one self-contained HTML file; returns its path. figures: (caption, PNG file);
     notes: paragraphs; command: what reproduces the report. All text is escaped."""
-    setups = by_setup(runs)
-    part = [f"<h1>{escape(title)}</h1>\n<p class=sub>{len(runs)} simulated runs in "
-            f"{len(setups)} set-ups, hexatorque {escape(__version__)}</p>\n"
+    groups = by_point(runs)
+    part = [f"<h1>{TITLE}</h1>\n<p class=sub>{len(runs)} simulated runs in "
+            f"{len(groups)} operating points, hexatorque {escape(__version__)}</p>\n"
             "<h2>What was run</h2>\n<ul>\n"]  # fmt: skip
-    for setup, group in setups.items():
+    for point, group in groups.items():
         labels = ", ".join(dict.fromkeys(run.scheme_label for run in group))
-        latencies = ", ".join(dict.fromkeys(f"{r.latency} ({r.latency_label})" for r in group))
-        rec, slowest = group[0].recording, min(run.realtime_factor for run in group)
-        part.append(
-            f"<li><b>{escape(setup)}</b>: {escape(labels)}; latency {escape(latencies)}; "
-            f"{rec.duration_s:.3g} s evaluated at {rec.rate_Hz / 1e3:g} kHz; at least "
-            f"{slowest:.1f} times real time</li>\n"
-        )
+        latencies = ", ".join(dict.fromkeys(run.latency for run in group))
+        seconds = min(run.recording.duration_s for run in group)
+        text = f"{labels}; latency {latencies}; {seconds:.3g} s evaluated"
+        part.append(f"<li><b>{escape(point)}</b>: {escape(text)}</li>\n")
     part.append("</ul>\n<h2>Results</h2>\n")
-    for setup, group in setups.items():
+    for group in groups.values():
         columns = _columns(group, brief=False)
-        part.append(f"<h3>{escape(_heading(setup, group, paper))}</h3>\n")
         headings = ["scheme", "latency", *(f"{c.name} [{c.unit}]" for c in columns)]
-        part.append(_table(headings, _rows(group, paper, columns)))
+        table = _table(headings, _rows(group, paper, columns))
+        part.append(f"<h3>{escape(_heading(group, paper))}</h3>\n{table}")
     part.append(f"<p class=sub>{escape(THD_NOTE)}</p>\n<h2>What latency does</h2>\n")
-    part.append(_latency_section(runs))
-    part.append("<h2>Figures</h2>\n" if figures else "")
+    part += [_latency_section(runs), "<h2>Figures</h2>\n" if figures else ""]
     for caption, file in figures:
-        image, text = base64.b64encode(Path(file).read_bytes()).decode(), escape(caption)
-        part.append(f'<figure><img alt="{text}" src="data:image/png;base64,{image}">'
-                    f"<figcaption>{text}</figcaption></figure>\n")  # fmt: skip
-    part.append("<h2>Notes</h2>\n" if notes else "")
-    part += [f"<p>{escape(note)}</p>\n" for note in notes]
+        source = f"data:image/png;base64,{base64.b64encode(Path(file).read_bytes()).decode()}"
+        part.append(f'<figure><img alt="{escape(caption)}" src="{source}">\n'
+                    f"<figcaption>{escape(caption)}</figcaption></figure>\n")  # fmt: skip
+    part += ["<h2>Notes</h2>\n" if notes else "", *(f"<p>{escape(n)}</p>\n" for n in notes)]
     part.append(f"<h2>How to reproduce</h2>\n<pre>{escape(command)}</pre>\n")
-    page = (f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-            f'<meta name="viewport" content="width=device-width, initial-scale=1">'
-            f"<title>{escape(title)}</title><style>{STYLE}</style></head>\n"
+    page = ('<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+            '<meta name="viewport" content="width=device-width, initial-scale=1">'
+            f"<title>{TITLE}</title><style>{STYLE}</style></head>\n"
             f"<body><main>\n{''.join(part)}</main></body></html>\n")  # fmt: skip
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     Path(path).write_text(page, encoding="utf-8")
@@ -209,5 +197,4 @@ table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-num
 th,td{padding:.25rem .5rem;text-align:right;border-bottom:1px solid var(--line)}th{font-weight:600}
 td:nth-child(-n+2),th:nth-child(-n+2){text-align:left;white-space:nowrap}
 figure{margin:1.2rem 0}img{width:100%;height:auto;background:#fff;border-radius:6px}
-pre{border:1px solid var(--line);border-radius:6px;padding:.7rem 1rem;overflow:auto}
-"""
+pre{border:1px solid var(--line);border-radius:6px;padding:.7rem 1rem;overflow:auto}"""

@@ -97,6 +97,10 @@ KEYS: dict[str, dict[str, Key]] = {
         "kind": Key("choice", "torque against speed", choices=LOADS, default="constant"),
         "at_rpm": _n("speed at which the load takes the stated torque", "r/min", 1, 1e5, 1000.0),
     },
+    "point": {
+        "speed_rpm": _n("operating point of `compare`: speed", "r/min", -3e4, 3e4, 0.0),
+        "load_Nm": _n("operating point of `compare`: load torque", "N m", -1e4, 1e4, 0.0),
+    },
 }
 
 #: Controller parameters that follow from the rest unless a file sets them.
@@ -372,3 +376,38 @@ def _consistent(setup: Setup) -> None:
     if setup["inverter.vdc_V"] > setup["sensors.vdc_full_V"]:
         raise ScenarioError("inverter.vdc_V is above sensors.vdc_full_V")
     setup.controller_values()
+
+
+def describe(setup: Setup) -> dict[str, dict[str, dict[str, Any]]]:
+    """Every value with unit, tag and note, defaults and derived values included."""
+    table = firmware.parameters()
+    described: dict[str, dict[str, dict[str, Any]]] = {}
+    for section, keys in KEYS.items():
+        described[section] = {}
+        for key, spec in keys.items():
+            given = setup.values[section].get(key, Value(spec.default, "default"))
+            described[section][key] = _row(given, spec.unit, spec.help)
+    described["controller"] = {}
+    effective = setup.controller_values()
+    for key, parameter in table.items():
+        if key in setup.values["controller"]:
+            given = setup.values["controller"][key]
+        elif key in effective:
+            given = Value(effective[key], "derived")
+        else:
+            given = Value(parameter.show(parameter.initial), "default")
+        described["controller"][key] = _row(given, parameter.unit, parameter.help)
+    return described
+
+
+def _row(given: Value, unit: str, help: str) -> dict[str, Any]:
+    return {"value": given.value, "unit": unit, "tag": given.tag, "note": given.note or help}
+
+
+def show(value: Any) -> str:
+    """A value as a person would write it."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(show(v) for v in value) + "]"
+    return str(value)

@@ -5,6 +5,8 @@ duties are recomputed here from geometry. The latency bookkeeping is checked on 
 machine without resistance, where flux is nothing but applied volt-seconds.
 """
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -65,7 +67,7 @@ class Drive:
         self.cfg, self.state = cfg, ffi.new("ht_control_state *")
         self.out = ffi.new("ht_compare *")
         assert lib.ht_control_check(cfg) == lib.HT_CONFIG_OK
-        lib.ht_control_reset(self.state, [[0.0] * 6])
+        lib.ht_control_reset(self.state, [{"p": [0.0] * 6}])
 
     def step(self, i=(0.0,) * 6, torque=0.0, flux=0.4, vdc=VDC, law=None):
         inputs = ffi.new("ht_control_input *")
@@ -116,10 +118,9 @@ def quiet(scheme, **changes):
     return Drive(config(scheme, **(options | changes)))
 
 
-cases = pytest.mark.parametrize(
-    ("table", "sector", "torque", "flux"),
-    [(t, s, m, f) for t in TABLES for s in range(12) for m in (-5, 5) for f in (0.2, 0.6)],
-)
+def all_choices():
+    """Every table, sector, torque demand and flux demand."""
+    return itertools.product(TABLES, range(12), (-5, 5), (0.2, 0.6))
 
 
 def at(drive, sector, torque, flux, psi_xy=0j):
@@ -133,60 +134,64 @@ def at(drive, sector, torque, flux, psi_xy=0j):
     return s, direction(drive.cfg.table, sector, torque > 0, flux > 0.4)
 
 
-@cases
-def test_dtc1_applies_one_large_vector(table, sector, torque, flux):
-    s, k = at(quiet("dtc1", table=table), sector, torque, flux)
-    assert s == (L[k],) * 3
+def test_dtc1_applies_one_large_vector():
+    for table, *demand in all_choices():
+        s, k = at(quiet("dtc1", table=table), *demand)
+        assert s == (L[k],) * 3
 
 
-@cases
-def test_dtc2_takes_of_the_pair_what_lowers_the_xy_flux(table, sector, torque, flux):
-    for degrees in range(7, 360, 40):
-        psi_xy = 0.02 * np.exp(1j * np.deg2rad(degrees))
-        s, k = at(quiet("dtc2", table=table), sector, torque, flux, psi_xy)
-        along = vector(L[k])[2:] @ [psi_xy.real, psi_xy.imag]
-        assert s == ((ML if along > 0 else L)[k],) * 3
-        assert vector(s[0])[2:] @ [psi_xy.real, psi_xy.imag] < 0
+def xy_fluxes():
+    """Twelve x-y fluxes of some size, none across a large vector."""
+    for degrees in range(7, 367, 30):
+        yield 0.02 * np.exp(1j * np.deg2rad(degrees))
 
 
-@cases
-def test_dtc3_levels_choose_the_pair(table, sector, torque, flux):
-    for size, strong in ((0.2, S), (5, L)):
-        for degrees in range(7, 360, 40):
-            psi_xy = 0.02 * np.exp(1j * np.deg2rad(degrees))
-            drive = quiet("dtc3", table=table)
-            s, k = at(drive, sector, np.sign(torque) * size, flux, psi_xy)
-            assert abs(drive.state.torque_level) == (1 if strong is S else 2)
+def test_dtc2_takes_of_the_pair_what_lowers_the_xy_flux():
+    for table, *demand in all_choices():
+        for psi_xy in xy_fluxes():
+            s, k = at(quiet("dtc2", table=table), *demand, psi_xy)
             assert s[0] == s[1] == s[2]
-            assert s[0] in (ML[k], strong[k])
+            assert s[0] in (L[k], ML[k])
             assert vector(s[0])[2:] @ [psi_xy.real, psi_xy.imag] < 0
 
 
-@cases
-def test_fdr_applies_three_large_vectors_for_fixed_times(table, sector, torque, flux):
-    drive = quiet("fdr", table=table)
-    s, k = at(drive, sector, torque, flux, 0.02 + 0.01j)
-    assert s == tuple(L[(k + d) % 12] for d in (-1, 0, 1))
-    assert {c for c in drive.out.ca if c != PERIOD} == {round((2 - np.sqrt(3)) * PERIOD)}
-    assert {c for c in drive.out.cb if c != PERIOD} == {round((np.sqrt(3) - 1) * PERIOD)}
+def test_dtc3_levels_choose_the_pair():
+    for table, sector, torque, flux in all_choices():
+        for size, level, strong in ((0.2, 1, S), (5, 2, L)):
+            for psi_xy in xy_fluxes():
+                drive = quiet("dtc3", table=table)
+                s, k = at(drive, sector, np.sign(torque) * size, flux, psi_xy)
+                assert abs(drive.state.torque_level) == level
+                assert s[0] == s[1] == s[2]
+                assert s[0] in (ML[k], strong[k])
+                assert vector(s[0])[2:] @ [psi_xy.real, psi_xy.imag] < 0
 
 
-@cases
+def test_fdr_applies_three_large_vectors_for_fixed_times():
+    for table, *demand in all_choices():
+        drive = quiet("fdr", table=table)
+        s, k = at(drive, *demand, 0.02 + 0.01j)
+        assert s == tuple(L[(k + d) % 12] for d in (-1, 0, 1))
+        assert {c for c in drive.out.ca if c != PERIOD} == {round((2 - np.sqrt(3)) * PERIOD)}
+        assert {c for c in drive.out.cb if c != PERIOD} == {round((np.sqrt(3) - 1) * PERIOD)}
+
+
 @pytest.mark.parametrize(("scheme", "group"), (("ddr", L), ("ddr-ml", ML)))
-def test_ddr_realises_its_xy_command(scheme, group, table, sector, torque, flux):
+def test_ddr_realises_its_xy_command(scheme, group):
     """The x-y current is opposed, within the limit, and the registers give the
     commanded x-y voltage to within the guards."""
-    drive = quiet(scheme, table=table)
-    psi_xy = 0.0144 * (0.08 - 0.11j)
-    s, k = at(drive, sector, torque, flux, psi_xy)
-    assert s == tuple(group[(k + d) % 12] for d in (-1, 0, 1))
-    command = np.array([drive.state.v_xy_pu.x, drive.state.v_xy_pu.y])
+    i_xy = 0.08 - 0.11j
     limit = 0.032692 if group is L else 0.089316
-    wanted = np.clip(-0.2 * np.array([0.08, -0.11]), -limit, limit)
-    np.testing.assert_allclose(command, wanted, atol=1e-5)
-    t = [0, *(drive.state.next.t[n] for n in (1, 2)), 1]
-    mean = np.diff(t) @ np.array([vector(w) for w in s])
-    np.testing.assert_allclose(mean[2:], command, atol=4 / PERIOD)
+    wanted = np.clip([-0.2 * i_xy.real, -0.2 * i_xy.imag], -limit, limit)
+    for table, *demand in all_choices():
+        drive = quiet(scheme, table=table)
+        s, k = at(drive, *demand, 0.0144 * i_xy)
+        assert s == tuple(group[(k + d) % 12] for d in (-1, 0, 1))
+        command = [drive.state.v_xy_pu.x, drive.state.v_xy_pu.y]
+        np.testing.assert_allclose(command, wanted, atol=1e-5)
+        t = [0, drive.state.next.t[1], drive.state.next.t[2], 1]
+        mean = np.diff(t) @ np.array([vector(w) for w in s])
+        np.testing.assert_allclose(mean[2:], command, atol=4 / PERIOD)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -393,7 +398,7 @@ def test_low_pattern_has_no_edges():
 def test_vsd_is_the_transform():
     rng = np.random.default_rng(3)
     for six in rng.uniform(-30, 30, (50, 6)):
-        v = lib.ht_vsd_from_six([six.tolist()])
+        v = lib.ht_vsd_from_six([{"p": six.tolist()}])
         np.testing.assert_allclose([v.ab.alpha, v.ab.beta, v.xy.x, v.xy.y], T @ six, atol=1e-5)
 
 

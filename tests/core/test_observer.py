@@ -21,8 +21,9 @@ PSI, OMEGA, VDC = 0.4, 250.0, 300.0
 def config(**changes):
     values = {
         "ts_s": TS, "inv_ts": 1 / TS, "rs_ohm": RS, "sigma_ls_H": SIGMA_LS,
-        "inv_sigma_ls": 1 / SIGMA_LS, "lxy_H": LXY, "torque_gain": 3.0, "omega_gain": 0.02, "hybrid_gain": 0.0,
-        "rotor_decay": TS * RR / LR, "rotor_drive": TS * RR * LM / LR, "lm_over_lr": LM / LR,
+        "inv_sigma_ls": 1 / SIGMA_LS, "lxy_H": LXY, "torque_gain": 3.0, "omega_gain": 0.02,
+        "hybrid_gain": 0.0, "rotor_decay": TS * RR / LR, "rotor_drive": TS * RR * LM / LR,
+        "lm_over_lr": LM / LR,
     }  # fmt: skip
     return ffi.new("ht_observer_config *", values | changes)
 

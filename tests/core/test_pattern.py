@@ -23,7 +23,9 @@ VIRTUAL = [
     for group in (lib.HT_L, lib.HT_ML)
     for k in range(12)
 ]
-SINGLE = [(w, w, w) for g in range(3) for w in lib.ht_group[g]] + [(z,) * 3 for z in (0, 21, 42, 63)]
+SINGLE = [(w, w, w) for g in range(3) for w in lib.ht_group[g]] + [
+    (z,) * 3 for z in (0, 21, 42, 63)
+]
 
 words = st.integers(0, 63)
 triples = st.one_of(

@@ -56,9 +56,9 @@ def test_integral_fills_up_to_the_limit_and_comes_back():
         torque = lib.ht_speed_step(config(), state, 1.0)
     assert torque == pytest.approx(LIMIT, rel=0.01)
     assert LIMIT - KP - 2 * KI_TS < state.integral_Nm <= LIMIT
-    for n in range(1, 100):
+    for _ in range(100):
         torque = lib.ht_speed_step(config(), state, -1.0)
-    assert torque < LIMIT - KP - KI_TS * (n - 2)
+    assert torque < LIMIT - KP - KI_TS * 97
 
 
 def test_integral_comes_back_after_the_limit_was_lowered():

@@ -29,8 +29,9 @@ def vector(word):
 
 def on_circle(degrees, size):
     """Float32 point near an angle, and the exact angle of that point."""
-    a, b = np.float32(size * np.cos(np.deg2rad(degrees))), np.float32(
-        size * np.sin(np.deg2rad(degrees))
+    a, b = (
+        np.float32(size * np.cos(np.deg2rad(degrees))),
+        np.float32(size * np.sin(np.deg2rad(degrees))),
     )
     return float(a), float(b), np.rad2deg(np.arctan2(float(b), float(a)))
 

@@ -73,7 +73,9 @@ def test_groups_are_the_printed_words(group):
 @pytest.mark.parametrize("group", GOLDEN)
 def test_groups_by_size_and_angle(group):
     size = np.hypot(VECTORS[:, 0], VECTORS[:, 1])
-    assert sorted(lib.ht_group[group]) == sorted(np.flatnonzero(abs(size - MAGNITUDE[group]) < 1e-9))
+    assert sorted(lib.ht_group[group]) == sorted(
+        np.flatnonzero(abs(size - MAGNITUDE[group]) < 1e-9)
+    )
     for k, word in enumerate(lib.ht_group[group]):
         assert degrees(*VECTORS[word, :2]) == pytest.approx(15 + 30 * k, abs=1e-9)
 

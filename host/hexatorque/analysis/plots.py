@@ -12,7 +12,7 @@ import numpy as np
 
 from .metrics import i_xy_A
 from .paper_values import PAPER, paper_values
-from .run import LATENCIES, Run, by_setup
+from .run import LATENCIES, Run, by_point
 from .spectrum import channel, fundamental_Hz, harmonics, spectrum, whole_cycles
 
 if TYPE_CHECKING:
@@ -74,10 +74,6 @@ def _value(value: float | None, digits: int, unit: str) -> str:
     return "–" if value is None else f"{value:.{digits}f} {unit}"
 
 
-def _point(run: Run) -> str:
-    return f"{run.setup}: {run.speed_ref_rpm:g} r/min, {run.load_Nm:g} N m"
-
-
 def _thin(t: np.ndarray, y: np.ndarray, buckets: int = 1500) -> tuple[np.ndarray, np.ndarray]:
     """Minimum and maximum of each bucket: the same picture from fewer points."""
     size = y.size // buckets
@@ -106,7 +102,7 @@ def waveforms(runs: list[Run], path: str | Path) -> Path:
         row[0].set_ylim(low, high + 0.14 * (high - low))  # room for the notes
         row[-1].legend(loc="center left", bbox_to_anchor=(1, 0.5), handlelength=1.2, **LEGEND)
     axes[0, 0].set_xlim(0, max(line.get_xdata()[-1] for ax in axes[0] for line in ax.lines))
-    figure.suptitle(_point(runs[0]), fontsize=11.5, color=INK)
+    figure.suptitle(runs[0].point, fontsize=11.5, color=INK)
     figure.align_ylabels(axes[:, 0])
     return _save(figure, path)
 
@@ -164,7 +160,7 @@ def spectra(runs: list[Run], path: str | Path) -> Path:
     for ax in axes.flat[max(0, len(runs) - columns) : len(runs)]:
         ax.set_xlabel("harmonic order", **LABEL)
         ax.tick_params(labelbottom=True)
-    title = ", ".join(dict.fromkeys(_point(run) for run in runs))
+    title = ", ".join(by_point(runs))
     figure.suptitle(f"{title} – spectrum of phase u1", fontsize=11.5, color=INK)
     return _save(figure, path)
 
@@ -195,12 +191,12 @@ def _spectrum_panel(ax: Axes, run: Run) -> float:
 
 
 def bars(runs: list[Run], path: str | Path, paper: dict[str, dict] = PAPER) -> Path:
-    """Overview: THD, torque ripple, Delta-I and f_sw, a row per set-up; bars by scheme
-    and latency, diamonds for what the paper measured."""
-    groups = by_setup(runs)
+    """Overview: THD, torque ripple, Delta-I and f_sw, a row per set-up and point; bars
+    by scheme and latency, diamonds for what the paper measured."""
+    groups = by_point(runs)
     figure, axes = _figure(len(groups), 4, 0.75 + 2.35 * len(groups))
-    for row, (setup, group) in zip(axes, groups.items(), strict=True):
-        row[0].set_ylabel(setup, **TITLE)
+    for row, (point, group) in zip(axes, groups.items(), strict=True):
+        row[0].set_ylabel(point.replace(": ", "\n"), **TITLE)
         for ax, (title, key, scale) in zip(row, _BARS, strict=True):
             _bar_panel(ax, group, key, scale, paper)
             ax.set_title(title, **LABEL)

@@ -49,6 +49,11 @@ class Run:
     def label(self) -> str:
         return f"{self.scheme_label} · {self.latency_label}"
 
+    @property
+    def point(self) -> str:
+        """Set-up and operating point, to group runs by."""
+        return f"{self.setup}: {self.speed_ref_rpm:g} r/min, {self.load_Nm:g} N m"
+
     def as_json(self) -> dict:
         """One flat record: what was run, its metrics, the speed of the simulation."""
         return {
@@ -62,9 +67,9 @@ class Run:
         }
 
 
-def by_setup(runs: list[Run]) -> dict[str, list[Run]]:
-    """The runs of each set-up, in the order they came."""
+def by_point(runs: list[Run]) -> dict[str, list[Run]]:
+    """The runs of each set-up and operating point (`Run.point`), in the order they came."""
     groups: dict[str, list[Run]] = {}
     for run in runs:
-        groups.setdefault(run.setup, []).append(run)
+        groups.setdefault(run.point, []).append(run)
     return groups

@@ -1,0 +1,297 @@
+"""The `hexatorque` command: every subcommand is one call into the package.
+
+Exit codes: 0 done; 1 it ran, but a drive tripped or did not reach its point;
+2 the command line, a file or a value is wrong; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from . import __version__
+
+EXAMPLES = """examples:
+  hexatorque compare                                  both papers, all schemes
+  hexatorque compare --setup paper-b --schemes dtc1,dtc2,dtc3
+  hexatorque compare --setup paper-a-feasible --schemes fdr,ddr --speed 400 --load 7.5
+  hexatorque run examples/reversal.toml -o out/reversal.npz
+  hexatorque setups paper-b                           every value and where it is from
+"""
+
+
+def _parser() -> argparse.ArgumentParser:
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(
+        prog="hexatorque",
+        description="Direct torque control of six-phase drives: simulate the C firmware.",
+        epilog=EXAMPLES,
+        formatter_class=raw,
+    )
+    parser.add_argument("--version", action="version", version=f"hexatorque {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+
+    compare = commands.add_parser(
+        "compare",
+        help="schemes side by side at one operating point",
+        description="Run schemes to a steady state and compare them with the papers' numbers.",
+        epilog="example:\n  hexatorque compare --setup paper-b --schemes dtc1,dtc3 --speed 1500 -o out/b",
+        formatter_class=raw,
+    )
+    compare.add_argument("--setup", metavar="NAME|FILE", help="default: paper-a-feasible and paper-b")
+    compare.add_argument("--schemes", metavar="A,B,...", help="default: all")
+    compare.add_argument("--speed", type=float, metavar="RPM", help="default: the set-up's point")
+    compare.add_argument("--load", type=float, metavar="NM", help="default: the set-up's point")
+    compare.add_argument(
+        "--latency", metavar="L", help="none, immediate, shadow or predicted; default: the set-up's"
+    )
+    compare.add_argument("--json", action="store_true", help="metrics on standard output")
+    compare.add_argument("-o", "--output", type=Path, default=Path("out/compare"), metavar="DIR")
+    compare.set_defaults(call=_compare)
+
+    run = commands.add_parser(
+        "run",
+        help="one scenario with a speed and load profile",
+        description="Run a scenario file and write the recording.",
+        epilog="example:\n  hexatorque run examples/reversal.toml -o out/reversal.csv",
+        formatter_class=raw,
+    )
+    run.add_argument("scenario", metavar="SCENARIO.toml")
+    run.add_argument("-o", "--output", type=Path, metavar="FILE.csv|.npz")
+    run.add_argument("--json", action="store_true", help="summary on standard output")
+    run.set_defaults(call=_run)
+
+    setups = commands.add_parser("setups", help="built-in set-ups, each value with its source")
+    setups.add_argument("name", nargs="*", metavar="NAME|FILE")
+    setups.add_argument("--json", action="store_true")
+    setups.set_defaults(call=_setups)
+
+    schemes = commands.add_parser("schemes", help="control schemes, their source and options")
+    schemes.add_argument("--json", action="store_true")
+    schemes.set_defaults(call=_schemes)
+
+    reach = commands.add_parser(
+        "reach",
+        help="highest speed that each scheme holds",
+        description="Highest speed at which a scheme holds the load with its full flux reference.",
+        epilog="example:\n  hexatorque reach --setup paper-b --load 2",
+        formatter_class=raw,
+    )
+    reach.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
+    reach.add_argument("--schemes", metavar="A,B,...", help="default: all")
+    reach.add_argument("--load", type=float, metavar="NM", help="default: the set-up's point")
+    reach.add_argument("--json", action="store_true")
+    reach.set_defaults(call=_reach)
+
+    bench = commands.add_parser("bench", help="speed of the simulation, cost of the firmware")
+    bench.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
+    bench.add_argument(
+        "--counter", type=Path, metavar="PROGRAM", help="instruction counter built by CMake"
+    )
+    bench.add_argument("--json", action="store_true")
+    bench.set_defaults(call=_bench)
+    return parser
+
+
+def _console(as_json: bool):
+    """Tables go to standard output, or to standard error beside JSON."""
+    from rich.console import Console
+
+    return Console(stderr=as_json)
+
+
+def _progress(console):
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.1f} s simulated"),
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
+    )
+
+
+def _print_json(data: object) -> None:
+    print(json.dumps(data, indent=1))
+
+
+def _names(text: str | None) -> list[str] | None:
+    return [part.strip() for part in text.split(",") if part.strip()] if text else None
+
+
+def _compare(args: argparse.Namespace) -> int:
+    from . import compare
+    from .analysis.paper_values import PAPER
+    from .report import console_table
+
+    console = _console(args.json)
+    setups = [args.setup] if args.setup else compare.DEFAULT_SETUPS
+    todo = compare.points(setups, _names(args.schemes), args.speed, args.load, args.latency)
+    with _progress(console) as bar:
+        task = bar.add_task("comparing", total=sum(point.simulated_s for point in todo))
+        comparison = compare.compare(todo, lambda seconds: bar.advance(task, seconds))
+        bar.update(task, description="writing the report")
+        command = " ".join(["hexatorque", *(sys.argv[1:] or ["compare"])])
+        written = compare.write(comparison, args.output, command)
+    for table in console_table(comparison.runs, PAPER):
+        console.print(table)
+    for label, reason in comparison.failed:
+        console.print(f"[bold red]failed[/] {label}: {reason}", highlight=False)
+    console.print(f"report: {written[-1]}", highlight=False)
+    if args.json:
+        _print_json(comparison.as_json())
+    return 1 if comparison.failed else 0
+
+
+def _run(args: argparse.Namespace) -> int:
+    from . import scenario
+    from .sil import Simulation
+
+    console = _console(args.json)
+    setup = scenario.load(args.scenario)
+    output = args.output or Path("out") / f"{setup.name}.npz"
+    if output.suffix not in (".csv", ".npz"):
+        raise scenario.ScenarioError(f"{output}: unknown suffix, use .csv or .npz")
+    sim = Simulation(setup, setup.profile.samples_per_period)
+    with _progress(console) as bar:
+        task = bar.add_task(setup.name, total=setup.profile.duration_s)
+        sim.run_profile(setup.profile, lambda seconds: bar.advance(task, seconds))
+    recording = sim.take()
+    recording.save(output)
+    summary = {
+        "scenario": setup.name,
+        "file": str(output),
+        "duration_s": recording.duration_s,
+        "samples": len(recording),
+        "state": sim.controller.state,
+        "faults": sim.controller.faults,
+        "final_speed_rpm": sim.speed_rpm,
+        "f_sw_Hz": recording.meta["f_sw_Hz"],
+        "realtime_factor": recording.duration_s / sim.wall_s,
+    }
+    if args.json:
+        _print_json(summary)
+    else:
+        for key, value in summary.items():
+            shown = f"{value:.4g}" if isinstance(value, float) else value
+            console.print(f"{key:>16}  {shown}", highlight=False)
+    if sim.controller.state == "fault":
+        print(f"hexatorque: the drive tripped: {', '.join(sim.controller.faults)}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _setups(args: argparse.Namespace) -> int:
+    from rich.table import Table
+
+    from . import scenario
+
+    loaded = [scenario.load(name) for name in args.name or scenario.builtin_names()]
+    if args.json:
+        _print_json({s.name: scenario.describe(s) for s in loaded})
+        return 0
+    console = _console(False)
+    for setup in loaded:
+        table = Table(title=f"{setup.name}\n{setup.title}\n{setup.paper}", title_justify="left")
+        for heading in ("section", "key", "value", "unit", "tag", "note"):
+            table.add_column(heading, justify="right" if heading == "value" else "left")
+        for section, rows in scenario.describe(setup).items():
+            for key, row in rows.items():
+                table.add_row(
+                    section, key, scenario.show(row["value"]), row["unit"], row["tag"], row["note"]
+                )
+            table.add_section()
+        console.print(table)
+    return 0
+
+
+def _schemes(args: argparse.Namespace) -> int:
+    from rich.table import Table
+
+    from .schemes import OPTIONS, SCHEMES
+
+    if args.json:
+        _print_json({"schemes": SCHEMES, "options": OPTIONS})
+        return 0
+    console = _console(False)
+    table = Table(title="schemes (controller.scheme)", title_justify="left", show_lines=True)
+    for heading in ("name", "source", "vectors in a period", "torque levels", "x-y currents"):
+        table.add_column(heading)
+    for name, row in SCHEMES.items():
+        table.add_row(name, row["source"], row["vectors"], row["torque_levels"], row["xy"])
+    console.print(table)
+    table = Table(title="options of every scheme", title_justify="left")
+    for heading in ("key", "choices", "what it decides"):
+        table.add_column(heading)
+    for key, row in OPTIONS.items():
+        table.add_row(key, row["choices"], row["help"])
+    console.print(table)
+    return 0
+
+
+def _reach(args: argparse.Namespace) -> int:
+    from rich.table import Table
+
+    from . import firmware, scenario
+    from .study import reach_all
+
+    console = _console(args.json)
+    setup = scenario.load(args.setup)
+    load_Nm = setup["point.load_Nm"] if args.load is None else args.load
+    names = _names(args.schemes) or firmware.schemes()
+    setups = [setup.changed(controller__scheme=name) for name in names]
+    with _progress(console) as bar:
+        task = bar.add_task("searching", total=None)
+        speeds = reach_all(setups, load_Nm, lambda seconds: bar.advance(task, seconds))
+    result = dict(zip(names, speeds))
+    if args.json:
+        _print_json({"setup": setup.name, "load_Nm": load_Nm, "reachable_rpm": result})
+        return 0
+    table = Table(title=f"{setup.name}, {load_Nm:g} N m, full flux", title_justify="left")
+    table.add_column("scheme")
+    table.add_column("reachable speed [r/min]", justify="right")
+    for name, speed in result.items():
+        table.add_row(name, f"{speed:.0f}")
+    console.print(table)
+    return 0
+
+
+def _bench(args: argparse.Namespace) -> int:
+    from . import bench, scenario
+
+    console = _console(args.json)
+    with _progress(console) as bar:
+        task = bar.add_task("measuring", total=None)
+        result = bench.bench(
+            scenario.load(args.setup), args.counter, lambda seconds: bar.advance(task, seconds)
+        )
+    for table in bench.tables(result):
+        console.print(table)
+    if args.json:
+        _print_json(result)
+    return 0
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point. A user's mistake ends in one line on standard error."""
+    args = _parser().parse_args(argv)
+    from .firmware import FirmwareError
+    from .recording import RecordingError
+    from .scenario import ScenarioError
+
+    try:
+        return args.call(args)
+    except (ScenarioError, FirmwareError, RecordingError) as error:
+        print(f"hexatorque: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("hexatorque: interrupted", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,111 @@
+"""`hexatorque compare`: schemes side by side at one operating point."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from . import firmware
+from .analysis.paper_values import PAPER
+from .analysis.run import Run
+from .scenario import ScenarioError, Setup, load
+from .study import Point, Progress, measure_all
+
+#: What is compared when nothing is asked for: both papers at their own tables.
+DEFAULT_SETUPS = ("paper-a-feasible", "paper-b")
+#: The scheme that shows what latency does.
+LATENCY_SCHEME = "fdr"
+LATENCY_STUDY = ("none", "shadow", "predicted")
+
+
+@dataclass
+class Comparison:
+    """Runs in the order they were asked for; `failed` holds (label, reason)."""
+
+    runs: list[Run] = field(default_factory=list)
+    failed: list[tuple[str, str]] = field(default_factory=list)
+
+    def as_json(self) -> dict:
+        return {"runs": [run.as_json() for run in self.runs], "paper": PAPER}
+
+
+def points(
+    setups: Iterable[str | Setup],
+    schemes: Iterable[str] | None = None,
+    speed_rpm: float | None = None,
+    load_Nm: float | None = None,
+    latency: str | None = None,
+) -> list[Point]:
+    """The points to measure: every scheme on every set-up, then, where FDR is among
+    them, FDR under each latency that is not there yet."""
+    names = tuple(schemes) if schemes else firmware.schemes()
+    for name in names:
+        if name not in firmware.schemes():
+            raise ScenarioError(f"no scheme {name!r}: choose from {', '.join(firmware.schemes())}")
+    result: list[Point] = []
+    for entry in setups:
+        setup = entry if isinstance(entry, Setup) else load(entry)
+        if latency:
+            setup = setup.changed(timing__latency=latency)
+        speed = setup["point.speed_rpm"] if speed_rpm is None else speed_rpm
+        torque = setup["point.load_Nm"] if load_Nm is None else load_Nm
+        if speed == 0:
+            raise ScenarioError(f"{setup.name}: give --speed (not 0), or point.speed_rpm in the file")
+        limit = setup.controller_values().get("torque_limit_Nm", 1e9)
+        if abs(torque) > limit:
+            raise ScenarioError(
+                f"load {torque:g} N m: allowed range is -{limit:g} .. {limit:g} N m (torque limit)"
+            )
+        own = [setup.changed(controller__scheme=name) for name in names]
+        study = [
+            setup.changed(controller__scheme=LATENCY_SCHEME, timing__latency=other)
+            for other in LATENCY_STUDY
+            if LATENCY_SCHEME in names and other != setup["timing.latency"]
+        ]
+        result += [Point(one, speed, torque) for one in own + study]
+    return result
+
+
+def compare(todo: list[Point], progress: Progress | None = None) -> Comparison:
+    """Measure all points over all cores."""
+    comparison = Comparison()
+    for point, outcome in zip(todo, measure_all(todo, progress)):
+        if isinstance(outcome, Run):
+            comparison.runs.append(outcome)
+        else:
+            label = f"{point.setup.name} {point.setup['controller.scheme']}"
+            comparison.failed.append((label, str(outcome)))
+    return comparison
+
+
+def write(comparison: Comparison, folder: Path, command: str) -> list[Path]:
+    """metrics.json, recordings, pictures and report.html into `folder`."""
+    from .analysis import plots
+    from .report import html_report
+
+    try:
+        (folder / "recordings").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ScenarioError(f"{folder}: {error.strerror}") from None
+    metrics_file = folder / "metrics.json"
+    metrics_file.write_text(json.dumps(comparison.as_json(), indent=1) + "\n")
+    written = [metrics_file]
+    by_setup: dict[str, list[Run]] = {}
+    for run in comparison.runs:
+        by_setup.setdefault(run.setup, []).append(run)
+        name = f"{run.setup}-{run.scheme}-{run.latency}.npz"
+        run.recording.save(folder / "recordings" / name)
+    figures: list[tuple[str, Path]] = []
+    for setup, runs in by_setup.items():
+        figures += [
+            (f"{setup}: waveforms", plots.waveforms(runs, folder / f"{setup}-waveforms.png")),
+            (f"{setup}: spectra", plots.spectra(runs, folder / f"{setup}-spectra.png")),
+        ]
+    if comparison.runs:
+        figures.insert(0, ("Overview", plots.bars(comparison.runs, folder / "overview.png")))
+    report = folder / "report.html"
+    notes = [f"{label}: {reason}" for label, reason in comparison.failed]
+    html_report(report, comparison.runs, PAPER, figures, [f"Command: {command}", *notes])
+    return [*written, *(path for _, path in figures), report]

@@ -1,0 +1,83 @@
+"""Figures: written, of the promised width, not blank, and without global state."""
+
+import struct
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from hexatorque.analysis import plots
+
+
+def size(path):
+    data = path.read_bytes()
+    assert data.startswith(b"\x89PNG\r\n\x1a\n")
+    return struct.unpack(">II", data[16:24])
+
+
+def drawn(path):
+    """Share of pixels that are not white."""
+    from matplotlib.image import imread
+
+    return float(np.mean(np.any(imread(path)[..., :3] < 0.95, axis=-1)))
+
+
+@pytest.fixture
+def runs(make_run):
+    pairs = [("dtc1", "predicted"), ("fdr", "none"), ("fdr", "shadow"), ("fdr", "predicted")]
+    return [make_run(scheme=scheme, latency=latency) for scheme, latency in pairs]
+
+
+@pytest.mark.parametrize("draw", [plots.waveforms, plots.spectra, plots.bars])
+@pytest.mark.parametrize("count", [1, 4])
+def test_figure_is_written(draw, count, runs, tmp_path):
+    path = draw(runs[:count], tmp_path / "new" / "figure.png")
+    assert path == tmp_path / "new" / "figure.png"
+    width, height = size(path)
+    assert 1400 <= width <= 1600 and 300 < height < 2000
+    assert 0.01 < drawn(path) < 0.9
+
+
+@pytest.mark.parametrize("draw", [plots.waveforms, plots.spectra, plots.bars])
+def test_no_runs_are_refused(draw, tmp_path):
+    with pytest.raises(ValueError, match="no runs"):
+        draw([], tmp_path / "x.png")
+
+
+def test_missing_values_and_references_do_not_stop_a_figure(make_run, tmp_path):
+    run = make_run(rate_Hz=3000.0, prefix="", meta={})
+    del run.recording.channels["torque_ref_Nm"]
+    for draw in (plots.waveforms, plots.spectra, plots.bars):
+        assert size(draw([run], tmp_path / "x.png"))[0] == 1500
+
+
+def test_waveforms_of_a_short_recording_show_what_there_is(make_run, tmp_path):
+    run = make_run()
+    run.recording = run.recording.window(0.0, 0.03)
+    assert drawn(plots.waveforms([run], tmp_path / "x.png")) > 0.01
+
+
+def test_bars_mark_what_the_paper_measured(make_run, tmp_path):
+    runs = [make_run(scheme=scheme) for scheme in ("dtc1", "dtc3")]
+    with_paper = plots.bars(runs, tmp_path / "a.png").read_bytes()
+    assert plots.bars(runs, tmp_path / "b.png", paper={}).read_bytes() != with_paper
+
+
+def test_thinning_keeps_the_extremes_and_the_span():
+    t = np.arange(100_003) / 1e5
+    y = np.random.default_rng(1).normal(size=t.size)
+    y[[17, 50_001, 100_002]] = 9.0, -9.0, 8.0
+    thin_t, thin_y = plots._thin(t, y)
+    assert thin_y.max() == 9.0 and thin_y.min() == -9.0
+    assert thin_y[-1] == 8.0 and thin_t[-1] == t[-1]
+    assert np.all(np.diff(thin_t) >= 0)
+    assert thin_t.size < 4000
+
+
+def test_matplotlib_loads_on_first_use_only():
+    code = (
+        "import sys, hexatorque.analysis.plots as p; assert 'matplotlib' not in sys.modules;"
+        "p._figure(1, 1, 2.0); assert 'matplotlib.pyplot' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

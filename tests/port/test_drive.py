@@ -1,0 +1,458 @@
+"""The drive application through its registers: states, protection, parameters.
+
+Every test turns the fast interrupt by hand and sets the ADC result registers the
+way the converter would; the trip flags tell whether the gates are on.
+"""
+
+import numpy as np
+import pytest
+
+from hexatorque.firmware import Controller, FirmwareError, ffi, lib, parameters
+
+ADC = {"f28335": (0x7108, 4), "f28377s": (0x0B00, 0)}
+TZFLG = {"f28335": (0x6816, 0x40), "f28377s": (0x4093, 0x100)}
+CMPA = {"f28335": (0x6809, 0x40), "f28377s": (0x406B, 0x100)}
+QPOSCNT = {"f28335": 0x6B00, "f28377s": 0x5100}
+PIEACK, OST = 0x0CE1, 0x0004
+I_FULL, VDC_FULL = 30.0, 500.0
+FAST = {"calibration_s": 0.002, "build_s": 0.01}  # 20 and 100 interrupts
+POWERED = ("build", "run")
+
+
+class Bench:
+    """A controller with its sensors in the test's hands."""
+
+    def __init__(self, device="f28335", **values):
+        self.device = device
+        self.controller = Controller(device, FAST | values)
+        self.words = self.controller.register_words()
+        self.offset = np.zeros(6)
+        self.amperes = np.zeros(6)
+        self.vdc = 250.0
+
+    @property
+    def drive(self):
+        return self.controller.drive
+
+    @property
+    def state(self):
+        return self.controller.state
+
+    @property
+    def gates_on(self):
+        base, stride = TZFLG[self.device]
+        flags = [int(self.words[base + leg * stride]) & OST for leg in range(6)]
+        assert len(set(flags)) == 1  # all legs together
+        return not flags[0]
+
+    def trip_from_outside(self):
+        base, stride = TZFLG[self.device]
+        for leg in range(6):
+            self.words[base + leg * stride] |= OST
+
+    def fast(self, times=1):
+        address, shift = ADC[self.device]
+        counts = np.rint(2048 + self.offset + self.amperes / I_FULL * 2048)
+        counts = np.append(counts, np.rint(self.vdc / VDC_FULL * 4096))
+        self.words[address : address + 7] = np.clip(counts, 0, 4095).astype(np.uint16) << shift
+        for _ in range(times):
+            lib.ht_drive_fast_isr(self.drive)
+
+    def slow(self):
+        lib.ht_drive_slow_isr(self.drive)
+
+    def run_to(self, state):
+        self.controller.start()
+        for _ in range(1000):
+            if self.state == state:
+                return self
+            self.fast()
+        raise AssertionError(f"{state} not reached, in {self.state}")
+
+    def violations(self):
+        return self.controller.registers.violations
+
+
+@pytest.fixture(params=ADC)
+def bench(request):
+    return Bench(request.param)
+
+
+# --- states ---------------------------------------------------------------------
+
+
+def test_states_in_order_and_gates_in_build_and_run_only(bench):
+    assert (bench.state, bench.gates_on) == ("idle", False)
+    bench.fast(5)
+    assert (bench.state, bench.gates_on) == ("idle", False)
+    bench.controller.start()
+    seen = []
+    for _ in range(160):
+        before = bench.state
+        bench.fast()
+        seen.append(bench.state)
+        assert bench.gates_on == (before in POWERED)
+    changes = [n for n in range(1, 160) if seen[n] != seen[n - 1]]
+    assert [seen[0]] + [seen[n] for n in changes] == ["calibrate", "build", "run"]
+    assert changes == [19, 119]
+    assert bench.violations() == 0
+
+
+def test_legs_are_low_before_the_gates_come_on(bench):
+    """The pattern in place at calibration has no edge, start level low."""
+    base, stride = CMPA[bench.device]
+    for leg in range(6):
+        bench.words[base + leg * stride] = 77
+    bench.controller.start()
+    bench.fast()
+    period = bench.drive.config.period_counts
+    assert [int(bench.words[base + leg * stride]) for leg in range(6)] == [period] * 6
+
+
+def test_stop_from_every_state(bench):
+    for state in ("calibrate", "build", "run"):
+        bench.run_to(state)
+        bench.controller.stop()
+        assert (bench.state, bench.gates_on) == ("idle", False)
+        bench.fast(3)
+        assert (bench.state, bench.gates_on) == ("idle", False)
+
+
+def test_start_and_clear_only_where_allowed(bench):
+    with pytest.raises(FirmwareError):
+        bench.controller.clear()
+    bench.run_to("run")
+    with pytest.raises(FirmwareError):
+        bench.controller.start()
+    assert bench.state == "run"
+
+
+def test_interrupt_is_acknowledged(bench):
+    for _ in bench.run_to("run"), None:
+        bench.words[PIEACK] = 0x0FFF
+        bench.fast()
+        assert bench.words[PIEACK] == 0x0FFB
+
+
+# --- measurement -----------------------------------------------------------------
+
+
+def measured(bench):
+    return getattr(bench.drive, "in")  # a Python keyword
+
+
+def test_currents_and_voltage_are_scaled(bench):
+    bench.amperes = np.array([1.0, -1.0, 2.0, 0.5, 0.0, -3.0])
+    bench.fast()
+    assert list(measured(bench).i_A.p) == pytest.approx(bench.amperes, abs=I_FULL / 4096 * 1.01)
+    assert measured(bench).vdc_V == pytest.approx(250.0, abs=VDC_FULL / 8192 * 1.01)
+
+
+def test_offsets_are_calibrated_out(bench):
+    bench.offset = np.array([150, -150, 20, -3, 0, 77])
+    bench.run_to("build")
+    assert list(bench.drive.offset_counts) == pytest.approx(2048 + bench.offset)
+    bench.amperes = np.array([1.0, -1.0, 2.0, 0.5, 0.0, -3.0])
+    bench.fast()
+    assert list(measured(bench).i_A.p) == pytest.approx(bench.amperes, abs=I_FULL / 4096 * 1.01)
+
+
+def test_speed_from_the_encoder_across_its_wrap(bench):
+    """8192 counts a revolution, 100 Hz: 1024 counts are 750 r/min."""
+    address = QPOSCNT[bench.device]
+    for start, moved, rpm in ((100, 1024, 750), (0xFFFFFF00, 1024, 750), (500, -1024, -750)):
+        for position in (start, (start + moved) % 2**32):
+            bench.words[address : address + 2] = position & 0xFFFF, position >> 16
+            bench.fast()
+            bench.slow()
+        assert bench.drive.speed_rpm == pytest.approx(rpm, rel=1e-6)
+
+
+# --- protection --------------------------------------------------------------------
+
+
+def overcurrent(leg, sign):
+    def cause(bench):
+        bench.amperes[leg] = sign * 25.1
+
+    return cause
+
+
+def vdc(value):
+    def cause(bench):
+        bench.vdc = value
+
+    return cause
+
+
+CAUSES = [
+    *[(overcurrent(leg, sign), lib.HT_FAULT_OVERCURRENT) for leg in range(6) for sign in (1, -1)],
+    (vdc(401.0), lib.HT_FAULT_VDC_HIGH),
+    (vdc(149.0), lib.HT_FAULT_VDC_LOW),
+    (Bench.trip_from_outside, lib.HT_FAULT_EXTERNAL),
+]
+
+
+@pytest.mark.parametrize(("cause", "bit"), CAUSES)
+def test_fault_turns_the_gates_off_in_the_same_interrupt(bench, cause, bit):
+    bench.run_to("run").fast(3)
+    assert bench.gates_on
+    cause(bench)
+    bench.fast()
+    assert (bench.state, bench.gates_on, bench.drive.faults) == ("fault", False, bit)
+
+
+@pytest.mark.parametrize("state", ("calibrate", "build"))
+@pytest.mark.parametrize("case", (0, -3, -2))
+def test_faults_before_the_run(bench, state, case):
+    cause, bit = CAUSES[case]
+    bench.run_to(state).fast()
+    cause(bench)
+    bench.fast()
+    assert (bench.state, bench.gates_on, bench.drive.faults) == ("fault", False, bit)
+
+
+def test_idle_does_not_look_at_the_sensors(bench):
+    bench.vdc = 0.0
+    bench.fast(3)
+    assert (bench.state, bench.drive.faults) == ("idle", 0)
+
+
+def test_just_inside_the_limits_is_no_fault(bench):
+    bench.run_to("run")
+    bench.amperes[3], bench.vdc = 24.9, 399.0
+    bench.fast()
+    bench.amperes[3], bench.vdc = -24.9, 151.0
+    bench.fast()
+    assert (bench.state, bench.drive.faults) == ("run", 0)
+
+
+def test_several_faults_are_all_kept(bench):
+    bench.run_to("run")
+    bench.amperes[0], bench.vdc = 29.0, 100.0
+    bench.fast()
+    assert bench.drive.faults == lib.HT_FAULT_OVERCURRENT | lib.HT_FAULT_VDC_LOW
+    assert len(bench.controller.faults) == 2
+
+
+def test_fault_is_latched_until_cleared(bench):
+    bench.run_to("run")
+    bench.vdc = 100.0
+    bench.fast()
+    bench.vdc = 250.0
+    bench.fast(50)
+    assert (bench.state, bench.gates_on) == ("fault", False)
+    with pytest.raises(FirmwareError):
+        bench.controller.start()
+    bench.controller.stop()
+    assert bench.state == "fault"
+    bench.controller.clear()
+    assert (bench.state, bench.gates_on, bench.drive.faults) == ("idle", False, 0)
+    bench.run_to("run").fast(2)
+    assert (bench.state, bench.gates_on, bench.drive.faults) == ("run", True, 0)
+    assert bench.violations() == 0
+
+
+@pytest.mark.parametrize(("counts", "ok"), ((198, True), (-198, True), (202, False), (-202, False)))
+def test_calibration_refuses_a_large_offset(bench, counts, ok):
+    bench.offset[4] = counts
+    bench.controller.start()
+    bench.fast(20)
+    assert bench.state == ("build" if ok else "fault")
+    assert bench.drive.faults == (0 if ok else lib.HT_FAULT_CALIBRATION)
+    assert not bench.gates_on
+
+
+def test_impossible_estimate_is_a_fault(bench):
+    for bad in (np.nan, np.inf, 50.0):
+        bench.run_to("run").fast()
+        bench.drive.control.observer.psi_Wb.beta = bad
+        bench.fast()
+        assert (bench.state, bench.gates_on) == ("fault", False)
+        assert bench.drive.faults == lib.HT_FAULT_NONFINITE
+        bench.controller.clear()
+
+
+# --- slow loop ---------------------------------------------------------------------
+
+
+def test_torque_mode_is_limited_and_reaches_the_fast_loop(bench):
+    bench.controller.set("control_mode", "torque")
+    bench.run_to("run")
+    for wanted, given in ((3.0, 3.0), (99.0, 15.0), (-99.0, -15.0)):
+        bench.controller.set("torque_ref_Nm", wanted)
+        bench.slow()
+        bench.fast()
+        assert measured(bench).torque_ref_Nm == given
+
+
+def test_speed_mode_starts_with_the_proportional_part(bench):
+    bench.run_to("run")
+    bench.controller.set("speed_ref_rpm", 100.0)
+    bench.fast()
+    bench.slow()
+    assert bench.drive.torque_ref_Nm == pytest.approx(0.4 * 100 * np.pi / 30, rel=1e-4)
+
+
+def test_slow_loop_rests_outside_run(bench):
+    bench.controller.set("speed_ref_rpm", 100.0)
+    bench.slow()
+    assert (bench.drive.torque_ref_Nm, bench.drive.speed.integral_Nm) == (0, 0)
+
+
+# --- parameters ----------------------------------------------------------------------
+
+VALUE, CONFIG = lib.HT_ERROR_VALUE, lib.HT_ERROR_CONFIG
+STATE, ID, PORT = lib.HT_ERROR_STATE, lib.HT_ERROR_ID, lib.HT_ERROR_PORT
+
+
+def everything(bench):
+    """All that a parameter could have changed: the drive and its registers."""
+    rf = bench.controller.registers
+    return bytes(ffi.buffer(bench.drive)), bytes(ffi.buffer(rf.low)), bytes(ffi.buffer(rf.sys))
+
+
+def set_raw(bench, name, value):
+    """Past the host's own checks."""
+    return lib.ht_drive_set(bench.drive, parameters()[name].id, value)
+
+
+def refused(bench, name, value):
+    before = everything(bench)
+    result = set_raw(bench, name, value)
+    untouched = everything(bench) == before
+    assert result == lib.HT_OK or untouched, f"{name} refused, yet something changed"
+    return result
+
+
+@pytest.mark.parametrize("name", parameters())
+def test_value_out_of_range_is_refused(name):
+    bench, row = Bench(), parameters()[name]
+    bad = [np.nan, np.inf, -np.inf]
+    bad += [np.nextafter(np.float32(row.max), np.float32(np.inf))]
+    bad += [np.nextafter(np.float32(row.min), np.float32(-np.inf))]
+    if row.choices:
+        bad += [0.5, row.max + 1, -1.0]
+    for value in bad:
+        assert refused(bench, name, value) == VALUE
+    assert lib.ht_drive_get(bench.drive, row.id) == np.float32(
+        row.parse(FAST.get(name, row.show(row.initial)))
+    )
+
+
+@pytest.mark.parametrize("name", parameters())
+def test_initial_values_are_valid_and_can_be_set(name):
+    bench, row = Bench(), parameters()[name]
+    assert set_raw(bench, name, row.initial) == lib.HT_OK
+    assert lib.ht_drive_get(bench.drive, row.id) == np.float32(row.initial)
+
+
+@pytest.mark.parametrize("state", ("calibrate", "build", "run", "fault"))
+def test_idle_parameters_are_refused_outside_idle(bench, state):
+    bench.run_to("run" if state == "fault" else state)
+    if state == "fault":
+        bench.vdc = 0.0
+        bench.fast()
+    assert bench.state == state
+    for name, row in parameters().items():
+        result = refused(bench, name, row.initial)
+        assert result == (lib.HT_OK if row.live else STATE), name
+
+
+INCONSISTENT = (
+    ("torque_inner_Nm", 0.6),  # above the outer band
+    ("torque_band_Nm", 0.1),  # below the inner band
+    ("torque_release_Nm", 0.5),  # not below the band
+    ("flux_min_Wb", 0.7),  # above the reference
+    ("flux_ref_Wb", 0.05),  # below the minimum
+    ("vdc_min_V", 400.0),
+    ("vdc_max_V", 150.0),
+)
+
+
+@pytest.mark.parametrize(("name", "value"), INCONSISTENT)
+@pytest.mark.parametrize("state", ("idle", "run"))
+def test_inconsistent_values_are_refused(bench, name, value, state):
+    if state == "run":
+        bench.run_to("run")
+    assert refused(bench, name, value) == CONFIG
+
+
+def test_period_that_does_not_fit_the_counter_is_refused():
+    assert refused(Bench("f28335"), "f_isr_Hz", 2000.0) == CONFIG  # 75000 counts
+    assert refused(Bench("f28377s"), "f_isr_Hz", 2000.0) == lib.HT_OK  # 50000 counts
+
+
+def test_dead_time_that_does_not_fit_the_register_is_refused():
+    """10 bits at 150 MHz are 6.8 us."""
+    assert refused(Bench("f28335"), "dead_time_us", 6.8) == lib.HT_OK
+    assert refused(Bench("f28335"), "dead_time_us", 10.0) == PORT
+    assert refused(Bench("f28377s"), "dead_time_us", 10.0) == lib.HT_OK
+
+
+def test_unknown_id():
+    bench = Bench()
+    before = everything(bench)
+    for index in (lib.ht_param_count(), 0xFFFF):
+        assert lib.ht_drive_set(bench.drive, index, 0.0) == ID
+        assert lib.ht_drive_get(bench.drive, index) == 0.0
+        assert lib.ht_param_describe(index) == ffi.NULL
+    assert everything(bench) == before
+
+
+def test_bad_start_values_are_refused():
+    for values in (
+        {"torque_inner_Nm": 1.0},
+        {"f_isr_Hz": 2000.0},
+        {"dead_time_us": 10.0},
+        {"flux_min_Wb": 1.0},
+        {"load_mode": "immediate", "f_isr_Hz": 20000.0, "write_delay_us": 26.0},
+    ):
+        with pytest.raises(FirmwareError):
+            Controller("f28335", values)
+
+
+def test_live_change_takes_effect_at_the_next_fast_interrupt(bench):
+    bench.run_to("run")
+    bench.controller.set("scheme", "dtc3")
+    bench.controller.set("flux_band_Wb", 0.02)
+    assert bench.drive.config.scheme == lib.HT_DDR
+    bench.fast()
+    config = bench.drive.config
+    assert (config.scheme, config.torque_levels) == (lib.HT_DTC3, 5)
+    assert config.flux_band_Wb == np.float32(0.02)
+
+
+def test_derived_configuration(bench):
+    clock = {"f28335": 150e6, "f28377s": 100e6}[bench.device]
+    config = bench.drive.config
+    assert config.period_counts == round(clock / 10000)
+    assert config.observer.ts_s == np.float32(1e-4)
+    assert config.observer.torque_gain == 6.0
+    assert config.dead.dead_pu == pytest.approx(0.023)
+    assert (config.shadow, config.predict, config.first_counts) == (True, True, 0)
+    base, stride = CMPA[bench.device]
+    dead = {"f28335": 0x6810, "f28377s": 0x4051}[bench.device]
+    assert bench.words[dead] == round(2.3e-6 * clock)
+    bench.controller.set("load_mode", "immediate")
+    bench.controller.set("write_delay_us", 5.0)
+    config = bench.drive.config
+    assert (config.shadow, config.predict) == (False, False)
+    assert config.first_counts == round(5e-6 * clock)
+
+
+def test_channels_carry_the_state(bench):
+    bench.run_to("run")
+    bench.amperes[2] = 1.5
+    bench.fast()
+    out = ffi.new("float[]", lib.ht_channel_count())
+    lib.ht_channels_read(bench.drive, out)
+    names = [
+        ffi.string(lib.ht_channel_describe(n).name).decode() for n in range(lib.ht_channel_count())
+    ]
+    values = dict(zip(names, out, strict=True))
+    assert values["state"] == lib.HT_STATE_RUN
+    assert values["i_w1_A"] == pytest.approx(1.5, abs=0.01)
+    assert values["vdc_V"] == pytest.approx(250, abs=0.1)
+    assert values["flux_ref_Wb"] == np.float32(0.6)
+    assert lib.ht_channel_describe(lib.ht_channel_count()) == ffi.NULL

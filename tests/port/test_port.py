@@ -1,0 +1,226 @@
+"""The C2000 driver against register values worked out from TI's reference
+manuals: set-up image, pattern image, gates, readings. No access may be one that
+the chip refuses.
+"""
+
+import pytest
+
+from hexatorque.firmware import ffi, lib
+
+#: Register offsets in a PWM module, from the manuals.
+OFFSETS = {
+    "f28335": {
+        "TBCTL": 0x00, "TBPHS": 0x03, "TBCTR": 0x04, "TBPRD": 0x05, "CMPCTL": 0x07, "CMPA": 0x09,
+        "CMPB": 0x0A, "AQCTLA": 0x0B, "AQSFRC": 0x0D, "AQCSFRC": 0x0E, "DBCTL": 0x0F,
+        "DBRED": 0x10, "DBFED": 0x11, "TZSEL": 0x12, "TZCTL": 0x14, "TZFLG": 0x16,
+        "ETSEL": 0x19, "ETPS": 0x1A, "ETFLG": 0x1B,
+    },
+    "f28377s": {
+        "TBCTL": 0x00, "TBPHS": 0x61, "TBCTR": 0x04, "TBPRD": 0x63, "CMPCTL": 0x08, "CMPA": 0x6B,
+        "CMPB": 0x6D, "AQCTL": 0x10, "AQCTLA": 0x40, "AQSFRC": 0x47, "AQCSFRC": 0x49,
+        "DBCTL": 0x0C, "DBRED": 0x51, "DBFED": 0x53, "TZSEL": 0x80, "TZCTL": 0x84,
+        "TZFLG": 0x93, "ETSEL": 0xA4, "ETPS": 0xA6, "ETFLG": 0xA8,
+    },
+}  # fmt: skip
+BASE = {"f28335": (0x6800, 0x40), "f28377s": (0x4000, 0x100)}
+ADC = {"f28335": (0x7108, 4), "f28377s": (0x0B00, 0)}
+QPOSCNT = {"f28335": 0x6B00, "f28377s": 0x5100}
+DEAD_MAX = {"f28335": 1023, "f28377s": 16383}
+CLOCKS = {"f28335": (0x701D, 0x701C), "f28377s": (0x5D326, 0x5D323)}
+PERCLKDIVSEL, PIEACK = 0x5D226, 0x0CE1
+OST = 0x0004
+
+
+class Board:
+    def __init__(self, device):
+        self.device = device
+        self.rf = ffi.new("ht_regfile *")
+        self.port = ffi.new("ht_port *")
+        self.port.map = ffi.addressof(getattr(lib, f"ht_{device}"))
+        self.port.io = self.rf
+        lib.ht_regfile_reset(self.rf, self.port.map)
+
+    def init(self, period=15000, dead=345, shadow=True):
+        return lib.ht_port_init(self.port, [[period, dead, shadow]])
+
+    def reg(self, name, leg=0):
+        base, stride = BASE[self.device]
+        return self.rf.low[base + leg * stride + OFFSETS[self.device][name]]
+
+    def image(self, *names):
+        return [tuple(self.reg(name, leg) for name in names) for leg in range(6)]
+
+    def word(self, address):
+        return self.rf.sys[address - 0x5D000] if address >= 0x5D000 else self.rf.low[address]
+
+    def write(self, start, ca, cb):
+        lib.ht_port_write(self.port, [[start, ca, cb]])
+
+
+@pytest.fixture(params=BASE)
+def board(request):
+    return Board(request.param)
+
+
+@pytest.mark.parametrize("shadow", (True, False))
+def test_set_up_image(board, shadow):
+    assert board.init(period=12345, dead=321, shadow=shadow)
+    # free run, up-count, undivided; leg 1 sends sync at zero, the others follow
+    assert board.image("TBCTL") == [(0x8010,)] + [(0x8004,)] * 5
+    assert board.image("TBPRD", "TBPHS", "TBCTR") == [(12344, 0, 0)] * 6
+    assert board.image("CMPA", "CMPB") == [(12345, 12345)] * 6
+    assert board.image("CMPCTL") == [(0x0000 if shadow else 0x0050,)] * 6
+    # toggle on CAU and CBU; clear at zero under shadow load
+    assert board.image("AQCTLA") == [(0x0331 if shadow else 0x0330,)] * 6
+    if board.device == "f28377s":  # type 4 can shadow AQCTLA: load at period
+        assert board.image("AQCTL") == [(0x0011 if shadow else 0x0000,)] * 6
+    # active-high complementary, both delays from A
+    assert board.image("AQCSFRC", "DBCTL", "DBRED", "DBFED") == [(0, 0x000B, 321, 321)] * 6
+    assert board.image("TZSEL", "TZCTL") == [(0x0100, 0x000A)] * 6
+    # one interrupt and one start of conversion per period, from leg 1 only
+    assert board.image("ETSEL", "ETPS") == [(0x0909, 0x0101)] + [(0, 0)] * 5
+    assert board.rf.violations == 0
+
+
+def test_set_up_leaves_the_gates_off(board):
+    assert board.init()
+    assert all(flag & OST for (flag,) in board.image("TZFLG"))
+    assert lib.ht_port_tripped(board.port)
+
+
+def test_set_up_clocks(board):
+    assert board.init()
+    enable, sync = CLOCKS[board.device]
+    assert board.word(enable) & 0x3F == 0x3F
+    assert board.word(sync) & 0x0004
+    if board.device == "f28377s":
+        assert board.word(PERCLKDIVSEL) & 0x3 == 1  # 200 MHz / 2
+
+
+def test_set_up_keeps_foreign_clock_bits(board):
+    for address in CLOCKS[board.device]:
+        if address < 0x5D000:
+            board.rf.low[address] = 0xA500
+        else:
+            board.rf.sys[address - 0x5D000] = 0xA500
+    assert board.init()
+    for address in CLOCKS[board.device]:
+        assert board.word(address) & 0xFF00 == 0xA500
+
+
+def test_clock_of_the_time_base(board):
+    clock = {"f28335": 150e6, "f28377s": 100e6}
+    assert lib.ht_port_pwm_clock_Hz(board.port) == clock[board.device]
+
+
+def test_dead_time_fills_its_register_and_no_more(board):
+    limit = DEAD_MAX[board.device]
+    assert board.init(dead=limit)
+    assert board.image("DBRED", "DBFED") == [(limit, limit)] * 6
+    other = Board(board.device)
+    assert not other.init(dead=limit + 1)
+    assert all(flag & OST for (flag,) in other.image("TZFLG"))
+    assert other.rf.violations == 0
+
+
+@pytest.mark.parametrize(("period", "fits"), ((7, False), (8, True), (65535, True)))
+def test_period_range(board, period, fits):
+    assert board.init(period=period, dead=0) == fits
+    assert lib.ht_port_tripped(board.port)
+    if fits:
+        assert board.reg("TBPRD", 5) == period - 1
+
+
+CA = [1, 20, 300, 4000, 15000, 14998]
+CB = [2, 15000, 301, 5000, 15000, 14999]
+
+
+@pytest.mark.parametrize("start", (0b100000, 0b000001, 0b010110, 0, 63))
+def test_pattern_under_shadow_load(board, start):
+    board.init(shadow=True)
+    board.write(start, CA, CB)
+    assert board.image("CMPA", "CMPB") == list(zip(CA, CB, strict=True))
+    high = [start >> (5 - leg) & 1 for leg in range(6)]
+    assert board.image("AQCTLA") == [(0x0332 if h else 0x0331,) for h in high]
+    assert board.image("AQSFRC") == [(0,)] * 6
+    assert board.rf.violations == 0
+
+
+@pytest.mark.parametrize("start", (0b100000, 0b000001, 0b010110, 0, 63))
+def test_pattern_under_immediate_load(board, start):
+    board.init(shadow=False)
+    board.write(start, CA, CB)
+    assert board.image("CMPA", "CMPB") == list(zip(CA, CB, strict=True))
+    high = [start >> (5 - leg) & 1 for leg in range(6)]
+    assert board.image("AQCTLA") == [(0x0330,)] * 6  # nothing at zero
+    assert board.image("AQSFRC") == [(0x0006 if h else 0x0005,) for h in high]
+    assert board.rf.violations == 0
+
+
+def test_pattern_does_not_touch_the_gates(board):
+    board.init()
+    board.write(63, CA, CB)
+    assert lib.ht_port_tripped(board.port)
+    lib.ht_port_gates_on(board.port)
+    board.write(0, CA, CB)
+    assert not lib.ht_port_tripped(board.port)
+
+
+def test_gates_on_and_off(board):
+    board.init()
+    lib.ht_port_gates_on(board.port)
+    assert board.image("TZFLG") == [(0,)] * 6
+    assert not lib.ht_port_tripped(board.port)
+    for _ in range(2):  # idempotent
+        lib.ht_port_gates_off(board.port)
+        assert all(flag & OST for (flag,) in board.image("TZFLG"))
+        assert lib.ht_port_tripped(board.port)
+    assert board.rf.violations == 0
+    assert board.rf.eallow == 0
+
+
+def test_external_trip_is_seen(board):
+    board.init()
+    lib.ht_port_gates_on(board.port)
+    base, stride = BASE[board.device]
+    for leg in range(6):
+        board.rf.low[base + leg * stride + OFFSETS[board.device]["TZFLG"]] = OST
+    assert lib.ht_port_tripped(board.port)
+
+
+def test_readings(board):
+    board.init()
+    address, shift = ADC[board.device]
+    counts = [0, 1, 2047, 2048, 2049, 4095, 1234]
+    for channel, count in enumerate(counts):
+        board.rf.low[address + channel] = count << shift
+    board.rf.low[QPOSCNT[board.device]] = 0xFFFE
+    board.rf.low[QPOSCNT[board.device] + 1] = 0x8001
+    samples = ffi.new("ht_samples *")
+    lib.ht_port_read(board.port, samples)
+    assert list(samples.adc) == counts
+    assert samples.position == 0x8001FFFE
+    assert board.rf.violations == 0
+
+
+def test_acknowledge(board):
+    board.init()
+    base, _ = BASE[board.device]
+    flags = base + OFFSETS[board.device]["ETFLG"]
+    board.rf.low[flags] = 0x0005
+    board.rf.low[PIEACK] = 0x0FFF
+    lib.ht_port_ack_fast(board.port)
+    assert board.rf.low[flags] == 0x0004
+    assert board.rf.low[PIEACK] == 0x0FFB  # group 3: the PWM interrupts
+    assert board.rf.violations == 0
+
+
+def test_fixed_number_of_accesses(board):
+    board.init()
+    samples = ffi.new("ht_samples *")
+    for start in (0, 63, 0b101010):
+        before = board.rf.accesses
+        lib.ht_port_read(board.port, samples)
+        assert board.rf.accesses - before == 9
+        board.write(start, CA, CB)
+        assert board.rf.accesses - before == 9 + 18
