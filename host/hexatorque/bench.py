@@ -77,17 +77,21 @@ def write_trace(setup: Setup, path: Path) -> None:
 def instructions(
     setup: Setup, counter: Path, progress: Progress | None = None
 ) -> dict[str, dict[str, int]]:
-    """Host instructions of one fast interrupt, per scheme."""
+    """Host instructions per scheme: the fast interrupt (register model included) and
+    the control step in it."""
     result = {}
     for scheme in firmware.schemes():
         with tempfile.TemporaryDirectory() as folder:
             trace = Path(folder) / "trace.txt"
             write_trace(setup.changed(controller__scheme=scheme), trace)
             done = subprocess.run([counter, trace], capture_output=True, text=True)
-        found = re.fullmatch(r"mean (\d+) max (\d+) periods (\d+)\s*", done.stdout)
+        found = re.fullmatch(
+            r"isr (\d+) (\d+) step (\d+) (\d+) periods (\d+)\s*", done.stdout
+        )
         if done.returncode or not found:
             raise ScenarioError(f"{counter}: {done.stderr.strip() or 'no result'}")
-        result[scheme] = dict(zip(("mean", "max", "periods"), map(int, found.groups())))
+        names = ("isr_mean", "isr_max", "step_mean", "step_max", "periods")
+        result[scheme] = dict(zip(names, map(int, found.groups())))
         if progress:
             progress(TRACE_S)
     return result
@@ -118,10 +122,11 @@ def tables(result: dict) -> list:
         speed.add_row(scheme, f"{row['loop']:.0f}", f"{row['recording']:.0f}")
     if not result["instructions"]:
         return [speed]
-    cost = Table(title="host instructions per fast interrupt", title_justify="left")
-    for heading in ("scheme", "mean", "max", "mean / fdr"):
+    cost = Table(title="host instructions per period", title_justify="left")
+    for heading in ("scheme", "step mean", "step max", "step / fdr", "interrupt mean", "max"):
         cost.add_column(heading, justify="left" if heading == "scheme" else "right")
-    base = result["instructions"]["fdr"]["mean"]
+    base = result["instructions"]["fdr"]["step_mean"]
     for scheme, row in result["instructions"].items():
-        cost.add_row(scheme, str(row["mean"]), str(row["max"]), f"{row['mean'] / base:.2f}")
+        counts = [str(row[key]) for key in ("step_mean", "step_max", "isr_mean", "isr_max")]
+        cost.add_row(scheme, *counts[:2], f"{row['step_mean'] / base:.2f}", *counts[2:])
     return [speed, cost]

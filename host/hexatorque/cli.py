@@ -130,6 +130,7 @@ def _compare(args: argparse.Namespace) -> int:
 
     console = _console(args.json)
     setups = [args.setup] if args.setup else compare.DEFAULT_SETUPS
+    compare.make_folder(args.output)
     todo = compare.points(setups, _names(args.schemes), args.speed, args.load, args.latency)
     with _progress(console) as bar:
         task = bar.add_task("comparing", total=sum(point.simulated_s for point in todo))

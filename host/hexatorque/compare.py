@@ -9,7 +9,7 @@ from pathlib import Path
 
 from . import firmware
 from .analysis.paper_values import PAPER
-from .analysis.run import Run
+from .analysis.run import LATENCY_STUDY, Run
 from .scenario import ScenarioError, Setup, load
 from .study import Point, Progress, measure_all
 
@@ -17,7 +17,6 @@ from .study import Point, Progress, measure_all
 DEFAULT_SETUPS = ("paper-a-feasible", "paper-b")
 #: The scheme that shows what latency does.
 LATENCY_SCHEME = "fdr"
-LATENCY_STUDY = ("none", "shadow", "predicted")
 
 
 @dataclass
@@ -80,15 +79,20 @@ def compare(todo: list[Point], progress: Progress | None = None) -> Comparison:
     return comparison
 
 
-def write(comparison: Comparison, folder: Path, command: str) -> list[Path]:
-    """metrics.json, recordings, pictures and report.html into `folder`."""
-    from .analysis import plots
-    from .report import html_report
-
+def make_folder(folder: Path) -> None:
+    """Where the results will go; refused before anything runs."""
     try:
         (folder / "recordings").mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ScenarioError(f"{folder}: {error.strerror}") from None
+
+
+def write(comparison: Comparison, folder: Path, command: str) -> list[Path]:
+    """metrics.json, recordings, pictures and report.html into an existing `folder`
+    (see `make_folder`); returns the files, the report last."""
+    from .analysis import plots
+    from .report import html_report
+
     metrics_file = folder / "metrics.json"
     metrics_file.write_text(json.dumps(comparison.as_json(), indent=1) + "\n")
     written = [metrics_file]
@@ -107,5 +111,5 @@ def write(comparison: Comparison, folder: Path, command: str) -> list[Path]:
         figures.insert(0, ("Overview", plots.bars(comparison.runs, folder / "overview.png")))
     report = folder / "report.html"
     notes = [f"{label}: {reason}" for label, reason in comparison.failed]
-    html_report(report, comparison.runs, PAPER, figures, [f"Command: {command}", *notes])
+    html_report(report, comparison.runs, PAPER, figures, notes, command)
     return [*written, *(path for _, path in figures), report]

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from . import __version__
 from .analysis.paper_values import paper_values
-from .analysis.run import LATENCIES, Run, by_point
+from .analysis.run import LATENCY_STUDY, Run, by_point
 
 
 class Column(NamedTuple):
@@ -135,11 +135,11 @@ def _latency_section(runs: list[Run]) -> str:
     for key, by_latency in ripple.items():
         shadow, predicted = by_latency.get("shadow"), by_latency.get("predicted")
         if shadow is not None and predicted:
-            values = [_text(by_latency.get(latency), 3) for latency in LATENCIES]
+            values = [_text(by_latency.get(latency), 3) for latency in LATENCY_STUDY]
             rows.append((False, [*key, *values, f"{shadow / predicted:.2f}"]))
     if not rows:
         return "<p>No scheme here was run both with and without prediction.</p>\n"
-    headings = ["set-up", "scheme", *(f"{name} [N m]" for name in LATENCIES), "shadow / predicted"]
+    headings = ["set-up", "scheme", *(f"{name} [N m]" for name in LATENCY_STUDY), "shadow / predicted"]
     return f"<p>{escape(LATENCY_TEXT)}</p>\n{_table(headings, rows)}"
 
 

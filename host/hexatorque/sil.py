@@ -140,6 +140,9 @@ class Simulation:
         self._channels: list[np.ndarray] = []
         self._record_start = 0
         self._transitions = 0
+        # Compile, or load from the cache, before anything is timed.
+        empty = np.empty((0, 0), np.float32)
+        self._call(0, empty, empty)
 
     def _make_sensors(self) -> np.record:
         setup, m = self.setup, self.controller.map
@@ -202,14 +205,7 @@ class Simulation:
         plant = np.empty((rows, columns), np.float32)
         channels = np.empty((n, len(firmware.channels()) if record else 0), np.float32)
         began = time.perf_counter()
-        at_rpm = self.setup["load.at_rpm"]
-        run_periods(
-            n, self.periods, self._timing, self._machine,
-            _load(self.setup["load.kind"], self.load_Nm, at_rpm), self._inverter,
-            self._map, self._pwm, self._sensors, self._registers, self.state,
-            self.vdc_V, *self._entries, self.controller.handle, channels.ctypes.data,
-            plant, channels,
-        )  # fmt: skip
+        self._call(n, plant, channels)
         self.wall_s += time.perf_counter() - began
         self.periods += n
         if record:
@@ -217,6 +213,14 @@ class Simulation:
             self._channels.append(channels)
         else:
             self._forget()
+
+    def _call(self, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
+        load = _load(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
+        run_periods(
+            n, self.periods, self._timing, self._machine, load, self._inverter,
+            self._map, self._pwm, self._sensors, self._registers, self.state, self.vdc_V,
+            *self._entries, self.controller.handle, channels.ctypes.data, plant, channels,
+        )  # fmt: skip
 
     def _forget(self) -> None:
         self._plant.clear()
@@ -277,6 +281,7 @@ class Simulation:
             "title": self.setup.title,
             "scheme": self.controller.get("scheme"),
             "latency": self.setup["timing.latency"],
+            "samples_per_period": per,
             "parameters": self.setup.summary(),
             # Mean switching frequency of a switch: two transitions a cycle, six legs.
             "f_sw_Hz": jumps / (12 * periods * self.period_s) if periods else None,

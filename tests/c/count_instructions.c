@@ -1,12 +1,14 @@
-/* Instructions that one fast interrupt executes on the host, counted by single
- * stepping: exact and repeatable, unlike time.
+/* Instructions of the fast interrupt and of the control step in it, on the host,
+ * counted by single stepping: exact and repeatable, unlike time. The interrupt
+ * includes the register model behind the drivers, the step is the control core
+ * alone.
  *
  *   count_instructions TRACE
  *
  * TRACE (text, written by `hexatorque bench`): a line "device N" (0 F28335,
  * 1 F28377S), a line "params" and one value per parameter, then per period
- * "sample a0..a6 position slow". The drive replays it; the last 1/5 of the periods
- * is counted. Prints "mean MEAN max MAX periods N". Linux only (ptrace).
+ * "sample a0..a6 position slow". The drive replays it; PERIODS periods
+ * of its second half are counted. Prints "isr MEAN MAX step MEAN MAX periods N". Linux only (ptrace).
  */
 #include <errno.h>
 #include <signal.h>
@@ -20,6 +22,8 @@
 
 #include "ht_drive.h"
 #include "ht_port_c2000.h"
+
+#define PERIODS 32
 
 static ht_regfile registers;
 static ht_port port;
@@ -39,11 +43,11 @@ static int replay(const char *path)
     unsigned id;
     long period = 0;
     long count = 0;
-    int first_counted;
+    long every;
     if (file == NULL) {
         return 2;
     }
-    if ((fscanf(file, " device %d periods %ld params", &device, &count) != 2) || (count < 5)) {
+    if ((fscanf(file, " device %d periods %ld params", &device, &count) != 2) || (count < 2 * PERIODS)) {
         return 2;
     }
     ht_params_default(&params);
@@ -59,7 +63,7 @@ static int replay(const char *path)
         return 3;
     }
     (void)ht_drive_start(&drive);
-    first_counted = (int)(count - count / 5);
+    every = count / (2 * PERIODS);
     mark(); /* an empty stretch: the cost of the brackets */
     mark();
     for (period = 0; period < count; period++) {
@@ -77,9 +81,16 @@ static int replay(const char *path)
         }
         registers.low[port.map->qposcnt] = (uint16_t)(position & 0xFFFFu);
         registers.low[port.map->qposcnt + 1u] = (uint16_t)(position >> 16);
-        if (period >= first_counted) {
+        if ((period >= count - every * PERIODS) && (period % every == 0)) {
+            static ht_drive before;
+            ht_compare out;
+            before = drive;
             mark();
             ht_drive_fast_isr(&drive);
+            mark();
+            before.in = drive.in;
+            mark();
+            ht_control_step(&before.config, &before.control, &before.in, &out);
             mark();
         } else {
             ht_drive_fast_isr(&drive);
@@ -115,9 +126,9 @@ int main(int argc, char **argv)
     pid_t child;
     int status = 0;
     long overhead;
-    long total = 0;
-    long most = 0;
-    long periods = 0;
+    long total[2] = {0, 0};
+    long most[2] = {0, 0};
+    long stretches = 0;
     if (argc != 2) {
         fprintf(stderr, "usage: %s TRACE\n", argv[0]);
         return 2;
@@ -139,18 +150,22 @@ int main(int argc, char **argv)
         return 1;
     }
     while (to_mark(child, 0, &status) >= 0) {
+        long which = stretches % 2; /* interrupt and step alternate */
         long steps = to_mark(child, 1, &status);
         if (steps < 0) {
             break;
         }
-        total += steps - overhead;
-        most = (steps - overhead > most) ? steps - overhead : most;
-        periods++;
+        steps -= overhead;
+        total[which] += steps;
+        most[which] = (steps > most[which]) ? steps : most[which];
+        stretches++;
     }
-    if (!WIFEXITED(status) || (WEXITSTATUS(status) != 0) || (periods == 0)) {
+    if (!WIFEXITED(status) || (WEXITSTATUS(status) != 0) || (stretches < 2)) {
         fprintf(stderr, "%s: replay failed with status %d\n", argv[0], WEXITSTATUS(status));
         return 1;
     }
-    printf("mean %ld max %ld periods %ld\n", (total + periods / 2) / periods, most, periods);
+    stretches /= 2;
+    printf("isr %ld %ld step %ld %ld periods %ld\n", (total[0] + stretches / 2) / stretches, most[0],
+           (total[1] + stretches / 2) / stretches, most[1], stretches);
     return 0;
 }

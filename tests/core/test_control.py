@@ -206,6 +206,28 @@ def test_no_torque_wanted_gives_the_nearest_zero(scheme):
         assert (zero[0] ^ s[2]).bit_count() == min((z ^ s[2]).bit_count() for z in ZEROS)
 
 
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("torque", (0.1, -0.1))  # inside the band: no vector wanted
+def test_weak_flux_takes_the_place_of_a_zero_vector(scheme, torque):
+    """Below (1 - flux_hold) of the reference the vector nearest to the flux is
+    applied, on the side of the torque error."""
+    group = ML if scheme == "ddr-ml" else L
+    for sector in range(12):
+        for psi, raised in ((0.37, True), (0.39, False)):
+            drive = quiet(scheme, flux_hold=0.05)
+            placed = psi * np.exp(1j * np.deg2rad(30 * sector))
+            s = drive.step(drive.place(placed), torque, flux=0.4)
+            assert drive.state.torque_level == 0
+            if raised:
+                k = sector if torque > 0 else (sector - 1) % 12
+                assert s[1] in ((S if scheme == "dtc3" else group)[k], ML[k])
+                assert vector(s[1])[:2] @ [placed.real, placed.imag] > 0
+            else:
+                assert s[0] in ZEROS
+        drive = quiet(scheme, flux_hold=0.0)  # 0 = never
+        assert drive.step(drive.place(0.1 + 0j), torque)[0] in ZEROS
+
+
 @pytest.mark.parametrize("hold", (True, False))
 def test_xy_integrators_during_zero_vectors(hold):
     drive = quiet("ddr", hold_on_zero=hold)
@@ -215,6 +237,14 @@ def test_xy_integrators_during_zero_vectors(hold):
     drive.step(i_xy, 0.0)
     assert drive.state.torque_level == 0
     assert (bytes(ffi.buffer(ffi.addressof(drive.state.xy))) == used) == hold
+
+
+def test_xy_integrators_go_on_while_the_flux_is_raised():
+    drive = quiet("ddr", flux_hold=0.05)
+    i_xy = drive.place(0.3 + 0j, 0.0144 * (0.05 + 0.02j))
+    drive.step(i_xy, 0.0)
+    assert drive.state.torque_level == 0
+    assert drive.state.xy.against.x != 0
 
 
 @pytest.mark.parametrize("levels", (2, 3, 5))
@@ -296,20 +326,22 @@ def test_flux_is_the_volt_seconds_of_the_pattern_on_the_legs(scheme, shadow, fir
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_prediction_is_the_next_estimate(scheme):
     """Without resistance and with steady currents nothing is uncertain: what the
-    comparators see now is the flux of the next sample, dead time included."""
-    drive = Drive(config(scheme, observer__rs_ohm=0.0))
-    drive.currents = (3 * T.T @ [2.0, 1.5, 0.05, -0.02]).tolist()
-    expected = None
-    for s, _ in patterns_of(drive, 300):
+    comparators see now is the flux of the next sample, dead time included, also
+    where a delay runs on into the next period."""
+    drive = Drive(config(scheme, observer__rs_ohm=0.0, dead__dead_pu=0.05))
+    drive.currents = (3 * T.T @ [2.0, 1.5, 0.6, 0.5]).tolist()  # x-y command at its limit
+    expected, spilled = None, 0
+    for _ in patterns_of(drive, 400):
         state = drive.state
         if expected is not None:
             assert complex_flux(state.estimate) == pytest.approx(expected, abs=1e-6)
         expected = complex_flux(state.decided)
+        spilled |= state.spill.legs
         assert is_valid(drive.out, PERIOD, 0)
         angle = np.rad2deg(np.angle(expected))
         if abs((angle + 15) % 30) > 1e-3 and abs(expected) > 1e-6:
             assert state.sector == int((angle + 15) // 30) % 12
-        assert s[0] in range(64)
+    assert bool(spilled) == scheme.startswith("ddr")
 
 
 def test_without_prediction_the_estimate_is_decided_on():

@@ -86,6 +86,17 @@ def test_tables_from_first_principles(table, s):
             assert angle == pytest.approx(TABLES[table][0 if flux_up else 1], abs=1e-9)
 
 
+@pytest.mark.parametrize("s", range(12))
+def test_direction_along_the_flux(s):
+    """Of all directions the one nearest to the flux on the side of the torque."""
+    psi = np.exp(1j * np.deg2rad(30 * s))
+    for ahead in (False, True):
+        k = lib.ht_direction_along(s, ahead)
+        assert 0 <= k <= 11
+        effect = np.conj(psi) * np.exp(1j * np.deg2rad(15 + 30 * k))
+        assert np.rad2deg(np.angle(effect)) == pytest.approx(15 if ahead else -15, abs=1e-9)
+
+
 def test_direction_turns_with_the_sector():
     for table in TABLES:
         for up in ((0, 0), (0, 1), (1, 0), (1, 1)):

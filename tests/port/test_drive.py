@@ -15,7 +15,16 @@ CMPA = {"f28335": (0x6809, 0x40), "f28377s": (0x406B, 0x100)}
 QPOSCNT = {"f28335": 0x6B00, "f28377s": 0x5100}
 PIEACK, OST = 0x0CE1, 0x0004
 I_FULL, VDC_FULL = 30.0, 500.0
-FAST = {"calibration_s": 0.002, "build_s": 0.01}  # 20 and 100 interrupts
+#: Nothing below leans on a default; calibration and build-up: 20 and 100 interrupts.
+SETUP = {
+    "f_isr_Hz": 10000.0, "f_slow_Hz": 100.0, "dead_time_us": 2.3, "load_mode": "shadow",
+    "calibration_s": 0.002, "build_s": 0.01, "encoder_counts_rev": 8192.0, "pole_pairs": 2.0,
+    "i_full_A": I_FULL, "vdc_full_V": VDC_FULL, "i_trip_A": 25.0,
+    "vdc_min_V": 150.0, "vdc_max_V": 400.0, "torque_limit_Nm": 15.0, "kp_speed_Nms_rad": 0.4,
+    "torque_band_Nm": 0.5, "torque_inner_Nm": 0.289, "flux_ref_Wb": 0.6, "flux_min_Wb": 0.1,
+    "observer": "hybrid", "crossover_Hz": 1.0, "rr_ohm": 2.0, "lr_H": 0.299, "lm_H": 0.284,
+    "scheme": "ddr", "field_weakening": "off",
+}  # fmt: skip
 POWERED = ("build", "run")
 
 
@@ -24,7 +33,7 @@ class Bench:
 
     def __init__(self, device="f28335", **values):
         self.device = device
-        self.controller = Controller(device, FAST | values)
+        self.controller = Controller(device, SETUP | values)
         self.words = self.controller.register_words()
         self.offset = np.zeros(6)
         self.amperes = np.zeros(6)
@@ -166,6 +175,8 @@ def test_speed_from_the_encoder_across_its_wrap(bench):
             bench.fast()
             bench.slow()
         assert bench.drive.speed_rpm == pytest.approx(rpm, rel=1e-6)
+        electrical = rpm * np.pi / 30 * 2  # two pole pairs
+        assert measured(bench).omega_r_rad_s == pytest.approx(electrical, rel=1e-5)
 
 
 # --- protection --------------------------------------------------------------------
@@ -336,7 +347,7 @@ def test_value_out_of_range_is_refused(name):
     for value in bad:
         assert refused(bench, name, value) == VALUE
     assert lib.ht_drive_get(bench.drive, row.id) == np.float32(
-        row.parse(FAST.get(name, row.show(row.initial)))
+        row.parse(SETUP.get(name, row.show(row.initial)))
     )
 
 
@@ -409,7 +420,7 @@ def test_bad_start_values_are_refused():
         {"load_mode": "immediate", "f_isr_Hz": 20000.0, "write_delay_us": 26.0},
     ):
         with pytest.raises(FirmwareError):
-            Controller("f28335", values)
+            Controller("f28335", SETUP | values)
 
 
 def test_live_change_takes_effect_at_the_next_fast_interrupt(bench):
@@ -430,10 +441,17 @@ def test_derived_configuration(bench):
     assert config.observer.ts_s == np.float32(1e-4)
     assert config.observer.torque_gain == 6.0
     assert config.dead.dead_pu == pytest.approx(0.023)
+    observer = config.observer  # R_r 2 ohm, L_r 299 mH, L_m 284 mH, crossover 1 Hz
+    assert observer.hybrid_gain == pytest.approx(2 * np.pi * 1e-4, rel=1e-5)
+    assert observer.rotor_decay == pytest.approx(1e-4 * 2 / 0.299, rel=1e-5)
+    assert observer.rotor_drive == pytest.approx(1e-4 * 2 * 0.284 / 0.299, rel=1e-5)
+    assert observer.lm_over_lr == pytest.approx(0.284 / 0.299, rel=1e-5)
     assert (config.shadow, config.predict, config.first_counts) == (True, True, 0)
     base, stride = CMPA[bench.device]
     dead = {"f28335": 0x6810, "f28377s": 0x4051}[bench.device]
     assert bench.words[dead] == round(2.3e-6 * clock)
+    bench.controller.set("observer", "voltage")
+    assert bench.drive.config.observer.hybrid_gain == 0
     bench.controller.set("load_mode", "immediate")
     bench.controller.set("write_delay_us", 5.0)
     config = bench.drive.config

@@ -36,7 +36,7 @@ COLOUR = {
 LABEL = {"fontsize": 8.5, "color": INK}
 TITLE = {"fontsize": 9.5, "fontweight": "bold", "color": INK}
 LEGEND = {"frameon": False, "fontsize": 8, "labelcolor": INK}
-LATENCY_COLOUR = {"none": "#56b4e9", "shadow": "#d55e00", "predicted": "#0072b2"}
+LATENCY_COLOUR = {"none": "#56b4e9", "immediate": "#009e73", "shadow": "#d55e00", "predicted": "#0072b2"}
 
 
 def _figure(rows: int, columns: int, height_in: float, **shared) -> tuple[Figure, np.ndarray]:

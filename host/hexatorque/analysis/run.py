@@ -9,9 +9,12 @@ from ..recording import Recording
 #: How the simulated PWM takes over the registers, in the order they are shown.
 LATENCIES = {
     "none": "no latency",
+    "immediate": "at the register write",
     "shadow": "one-sample latency",
     "predicted": "latency + prediction",
 }
+#: The ones that the report sets against each other.
+LATENCY_STUDY = ("none", "shadow", "predicted")
 SCHEMES = {"fdr": "FDR-DTC", "ddr": "DDR-DTC"}
 
 
@@ -19,8 +22,9 @@ SCHEMES = {"fdr": "FDR-DTC", "ddr": "DDR-DTC"}
 class Run:
     """A scheme of a set-up at one operating point.
 
-    latency: "none" (vector applied at once), "shadow" (one sample late) or
-    "predicted" (one sample late, one-step prediction); recording: its steady-state
+    latency: "none" (vector applied at once), "immediate" (once the interrupt has
+    written its registers), "shadow" (one sample late) or "predicted" (one sample late,
+    one-step prediction); recording: its steady-state
     window; metrics: of that window; realtime_factor: simulated s per wall s.
     """
 

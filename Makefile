@@ -1,0 +1,48 @@
+# Every target does its own set-up in .venv.
+#
+#   make demo    compare all schemes of both papers; report in out/compare
+#   make test    all tests, C and Python
+#   make bench   speed of the simulation, instructions of the firmware
+#   make lint    formatting and static checks
+#   make clean   remove what the above made
+
+VENV ?= .venv
+BIN := $(VENV)/bin
+SOURCES := $(shell find firmware host cmake -type f ! -name '*.pyc' ! -name '*.so' ! -name '*.nb?') \
+  pyproject.toml CMakeLists.txt tools/setup.sh
+C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
+JOBS ?= 2
+
+.PHONY: demo test test-c bench lint clean
+.DEFAULT_GOAL := help
+
+help:
+	@sed -n '3,7s/^# \{0,1\}//p' Makefile
+
+$(VENV)/.installed: $(SOURCES)
+	tools/setup.sh $(VENV)
+	@touch $@
+
+demo: $(VENV)/.installed
+	$(BIN)/hexatorque compare -o out/compare
+
+build/host/.built: $(C_SOURCES) $(VENV)/.installed
+	$(BIN)/cmake -S . -B build/host -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null
+	$(BIN)/cmake --build build/host
+	@touch $@
+
+test-c: build/host/.built
+	$(BIN)/ctest --test-dir build/host --output-on-failure
+
+test: test-c
+	$(BIN)/python -m pytest -n $(JOBS) tests
+
+bench: build/host/.built
+	$(BIN)/hexatorque bench --counter build/host/tests/c/count_instructions
+
+lint: $(VENV)/.installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+clean:
+	rm -rf $(VENV) build out

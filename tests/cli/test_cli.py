@@ -1,0 +1,134 @@
+"""The command as a user meets it: results, files, and one clear line for a mistake."""
+
+import json
+
+import pytest
+
+from hexatorque import firmware, scenario
+from hexatorque.cli import main
+from hexatorque.recording import Recording
+
+RUN_KEYS = {
+    "setup", "scheme", "latency", "speed_ref_rpm", "load_Nm", "speed_rpm", "torque_Nm",
+    "torque_ripple_Nm", "flux_Wb", "flux_ripple_Wb", "i1_A", "f1_Hz", "thd_pct", "h5_pct",
+    "h7_pct", "ixy_rms_A", "delta_i_A", "f_sw_Hz", "realtime_factor",
+}  # fmt: skip
+
+
+def test_compare_writes_everything(tmp_path, capsys):
+    code = main(["compare", "--setup", "paper-b", "--schemes", "dtc3,fdr", "--speed", "1500",
+                 "--load", "1", "--json", "-o", str(tmp_path)])  # fmt: skip
+    out = capsys.readouterr().out
+    assert code == 0
+    printed = json.loads(out)
+    assert printed == json.loads((tmp_path / "metrics.json").read_text())
+    assert [(r["scheme"], r["latency"]) for r in printed["runs"]] == [
+        ("dtc3", "none"), ("fdr", "none"), ("fdr", "shadow"), ("fdr", "predicted"),
+    ]  # fmt: skip
+    for run in printed["runs"]:
+        assert set(run) == RUN_KEYS
+        assert set(run["thd_pct"]) == {"1kHz", "2kHz", "5kHz", "h50"}
+        assert run["speed_rpm"] == pytest.approx(1500, rel=0.01)
+    assert "paper-b" in printed["paper"]
+    report = (tmp_path / "report.html").read_text()
+    assert "http" not in report
+    assert "shadow / predicted" in report
+    assert len(list(tmp_path.glob("*.png"))) == 3
+    recording = Recording.load(tmp_path / "recordings" / "paper-b-dtc3-none.npz")
+    assert recording.meta["scheme"] == "dtc3"
+
+
+def test_compare_reports_a_point_out_of_reach(tmp_path, capsys):
+    code = main(["compare", "--setup", "paper-b", "--schemes", "ddr-ml", "--speed", "12000",
+                 "--load", "2", "-o", str(tmp_path)])  # fmt: skip
+    assert code == 1
+    assert "failed" in capsys.readouterr().out
+    assert json.loads((tmp_path / "metrics.json").read_text())["runs"] == []
+    assert "ddr-ml" in (tmp_path / "report.html").read_text()
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz"])
+def test_run_writes_a_recording(tmp_path, suffix, capsys):
+    file = tmp_path / "short.toml"
+    file.write_text(
+        'setup = "paper-b"\n[controller]\nscheme = "fdr"\n'
+        "[profile]\nduration_s = 0.6\nspeed_rpm = [[0.4, 300]]\nsamples_per_period = 1\n"
+    )
+    output = tmp_path / f"rec{suffix}"
+    assert main(["run", str(file), "-o", str(output), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["state"] == "run"
+    recording = Recording.load(output)
+    assert len(recording) == 6000
+    assert recording.units["torque_Nm"] == "N m"
+    assert recording["plant.speed_rpm"][-1] > 100
+
+
+def test_run_says_why_a_drive_tripped(tmp_path, capsys):
+    file = tmp_path / "dip.toml"
+    file.write_text('setup = "paper-b"\n[profile]\nduration_s = 0.5\nvdc_V = [[0.45, 60]]\n')
+    assert main(["run", str(file), "-o", str(tmp_path / "dip.npz")]) == 1
+    assert "dc-link voltage too low" in capsys.readouterr().err
+    assert (tmp_path / "dip.npz").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["compare", "--setup", "paper-c"], ("paper-c", "paper-b")),
+        (["compare", "--schemes", "dtc9"], ("dtc9", "ddr-ml")),
+        (["compare", "--setup", "paper-b", "--latency", "soon"], ("timing.latency", "predicted")),
+        (["compare", "--setup", "paper-b", "--load", "99"], ("99", "allowed range")),
+        (["compare", "--setup", "paper-b", "--speed", "0"], ("--speed",)),
+        (["run", "nowhere.toml"], ("nowhere.toml", "No such file")),
+        (["run", "paper-b", "-o", "x.xls"], ("x.xls", ".csv or .npz")),
+        (["setups", "paper-c"], ("paper-c",)),
+        (["bench", "--counter", "/no/such/program"], ("/no/such/program", "make bench")),
+    ],
+)
+def test_mistakes_end_in_one_line(arguments, words, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("hexatorque: ")
+    assert err.count("\n") == 1
+    for word in words:
+        assert word in err
+
+
+def test_output_folder_that_cannot_be_made(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    arguments = ["compare", "--setup", "paper-b", "--schemes", "dtc1", "-o", str(tmp_path / "file")]
+    assert main(arguments) == 2
+    assert "file" in capsys.readouterr().err
+
+
+def test_setups_lists_every_value_with_its_tag(capsys):
+    assert main(["setups", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert list(listed) == scenario.builtin_names()
+    rows = listed["paper-b"]
+    assert rows["machine"]["rs_ohm"] == {
+        "value": 6.0, "unit": "ohm", "tag": "paper", "note": "Table V",
+    }  # fmt: skip
+    assert set(rows["controller"]) == set(firmware.parameters())
+    assert rows["controller"]["sigma_ls_H"]["tag"] == "derived"
+    assert main(["setups", "paper-a"]) == 0
+    assert "Table III" in capsys.readouterr().out
+
+
+def test_schemes_lists_source_and_options(capsys):
+    assert main(["schemes", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert tuple(listed["schemes"]) == firmware.schemes()
+    assert "controller.table" in listed["options"]
+    assert main(["schemes"]) == 0
+    assert "ddr-ml" in capsys.readouterr().out
+
+
+def test_reach_of_one_scheme(capsys):
+    arguments = ["reach", "--setup", "paper-b", "--schemes", "dtc1", "--load", "2", "--json"]
+    assert main(arguments) == 0
+    speed = json.loads(capsys.readouterr().out)["reachable_rpm"]["dtc1"]
+    # 12-step operation would end at 2 Vdc/pi / psi; the large vectors' inscribed
+    # circle less the resistive drop lies below.
+    assert 3500 < speed < 300 * 0.6366 / 0.4 * 9.5493

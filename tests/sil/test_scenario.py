@@ -1,0 +1,88 @@
+"""Set-ups and scenarios: what is refused, and how it is said."""
+
+import pytest
+
+from hexatorque import scenario
+from hexatorque.scenario import ScenarioError
+
+BASE = 'setup = "paper-b"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[machine]\nrs_ohms = 1\n", ("machine.rs_ohms", "rs_ohm")),
+        ("[machine]\nrs_ohm = -1\n", ("machine.rs_ohm", "0.0001 .. 1000 ohm")),
+        ("[machine]\nrs_ohm = nan\n", ("machine.rs_ohm", "allowed range")),
+        ("[machine]\nrs_ohm = inf\n", ("machine.rs_ohm", "allowed range")),
+        ("[machine]\nrs_ohm = true\n", ("machine.rs_ohm", "number")),
+        ('[machine]\nrs_ohm = "6"\n', ("machine.rs_ohm", "number")),
+        ("[machine]\npole_pairs = 1.5\n", ("machine.pole_pairs", "whole")),
+        ("[machine]\ndrs_ohm = [1, 2]\n", ("machine.drs_ohm", "six")),
+        ("[machine]\ndrs_ohm = [-7, 0, 0, 0, 0, 0]\n", ("machine.drs_ohm", "above 0")),
+        ("[machina]\nrs_ohm = 1\n", ("machina", "machine")),
+        ("machine = 3\n", ("machine", "table")),
+        ("[machine]\nrs_ohm = { value = 6, tag = 'guess' }\n", ("machine.rs_ohm", "tag")),
+        ("[machine]\nrs_ohm = { valu = 6 }\n", ("machine.rs_ohm", "value")),
+        ('[timing]\nlatency = "late"\n', ("timing.latency", "predicted")),
+        ('[controller]\nscheme = "ddt"\n', ("controller.scheme", "ddr-ml")),
+        ("[controller]\npredict = 1\n", ("controller.predict", "timing.latency")),
+        ("[controller]\nflux_ref_Wb = 1e9\n", ("controller.flux_ref_Wb", "0.001 .. 100 Wb")),
+        ("[controller]\nkp_xy = 1\n", ("controller.kp_xy", "kp_xy_pu_A")),
+        ("[profile]\nduration_s = 0\n", ("profile.duration_s", "allowed range")),
+        ("[profile]\nspeed_rpm = [[1, 2], [1, 3]]\n", ("profile.speed_rpm", "ascend")),
+        ("[profile]\nspeed_rpm = 'fast'\n", ("profile.speed_rpm", "pairs")),
+        ("[profile]\nset = [[1, 'f_isr_Hz', 5000]]\n", ("f_isr_Hz", "while the drive runs")),
+        ("[profile]\nsamples_per_period = 3\n", ("samples_per_period", "choose")),
+        ("[profile]\nspeeds = 3\n", ("profile.speeds", "speed_rpm")),
+        ("[inverter]\nvdc_V = 600\n", ("inverter.vdc_V", "vdc_full_V")),
+        ("x = [\n", ("TOML",)),
+    ],
+)
+def test_refused_with_the_name_and_the_range(text, words):
+    with pytest.raises(ScenarioError) as error:
+        scenario.parse(text if text.startswith("machine") else BASE + text, "test")
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_missing_values_are_named():
+    with pytest.raises(ScenarioError, match=r"machine\.pole_pairs is missing"):
+        scenario.parse("[inverter]\nvdc_V = 100\n", "test")
+
+
+def test_unknown_set_up_and_file(tmp_path):
+    with pytest.raises(ScenarioError, match="did you mean 'paper-b'"):
+        scenario.load("paper-bb")
+    with pytest.raises(ScenarioError, match="No such file"):
+        scenario.load(tmp_path / "none.toml")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ScenarioError, match="not a text file"):
+        scenario.load(tmp_path / "binary.toml")
+
+
+@pytest.mark.parametrize("name", scenario.builtin_names())
+def test_every_built_in_value_is_tagged(name):
+    setup = scenario.load(name)
+    for section, values in setup.values.items():
+        for key, value in values.items():
+            if (section, key) != ("controller", "scheme"):
+                assert value.tag in scenario.TAGS, f"{section}.{key}"
+
+
+def test_controller_follows_the_machine_unless_told_otherwise():
+    setup = scenario.load("paper-b")
+    assert setup.controller_values()["rs_ohm"] == 6.0
+    mismatched = setup.changed(controller__rs_ohm=7.0)
+    assert mismatched.controller_values()["rs_ohm"] == 7.0
+    assert mismatched["machine.rs_ohm"] == 6.0
+    assert setup.changed(machine__rs_ohm=5.0).controller_values()["rs_ohm"] == 5.0
+
+
+def test_inconsistent_bands_are_refused_by_the_firmware():
+    from hexatorque.firmware import FirmwareError
+    from hexatorque.sil import Simulation
+
+    setup = scenario.load("paper-b").changed(controller__torque_inner_Nm=0.5)
+    with pytest.raises(FirmwareError, match="do not fit together"):
+        Simulation(setup)

@@ -1,0 +1,42 @@
+#!/bin/sh
+# Create .venv and install hexatorque with its test tools into it.
+#
+#   tools/setup.sh [VENV_DIR]
+#
+# Needs Python 3.11 or newer and a C compiler. On Debian and Ubuntu the modules
+# that Python's packages leave out (venv, headers) are installed with apt if this
+# runs as root; otherwise the command to run is printed.
+set -eu
+
+venv=${1:-.venv}
+python=${PYTHON:-python3}
+root=$(cd "$(dirname "$0")/.." && pwd)
+
+fail() {
+    echo "hexatorque set-up: $*" >&2
+    exit 1
+}
+
+command -v "$python" >/dev/null 2>&1 || fail "$python not found; install Python 3.11 or newer"
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
+    fail "$("$python" --version) is too old; Python 3.11 or newer is needed"
+command -v "${CC:-cc}" >/dev/null 2>&1 || command -v gcc >/dev/null 2>&1 ||
+    fail "no C compiler found; install gcc or clang"
+
+missing=""
+"$python" -c 'import ensurepip, venv' 2>/dev/null || missing="$missing python3-venv"
+"$python" -c 'import os, sys, sysconfig
+sys.exit(not os.path.exists(os.path.join(sysconfig.get_paths()["include"], "Python.h")))' ||
+    missing="$missing python3-dev"
+if [ -n "$missing" ]; then
+    command -v apt-get >/dev/null 2>&1 || fail "Python lacks:$missing (venv module, C headers)"
+    [ "$(id -u)" -eq 0 ] || fail "run first: sudo apt-get install$missing"
+    echo "hexatorque set-up: installing$missing with apt"
+    apt-get update -qq
+    # shellcheck disable=SC2086
+    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $missing >/dev/null
+fi
+
+[ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
+echo "hexatorque set-up: installing into $venv"
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$root[test]"
