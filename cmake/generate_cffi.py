@@ -26,7 +26,10 @@ def main() -> None:
             Path(empty, name).touch()
         cdef = subprocess.run(
             [compiler, "-E", "-P", "-nostdinc", f"-I{empty}", *include, "-x", "c", "-"],
-            input=source, text=True, capture_output=True, check=True,
+            input=source,
+            text=True,
+            capture_output=True,
+            check=True,
         ).stdout
     ffi = FFI()
     ffi.cdef(cdef)

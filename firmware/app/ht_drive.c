@@ -107,9 +107,25 @@ static void set_flux_ref(ht_drive *d, float flux_Wb)
     d->in.inv_flux_ref2 = (flux_Wb > 0.0f) ? (1.0f / (flux_Wb * flux_Wb)) : 0.0f;
 }
 
+/* Parameters to control configuration and PWM set-up, checked as a whole. */
+static ht_result prepare(const ht_port *port, const ht_params *p, ht_control_config *config,
+                         ht_pwm_setup *setup)
+{
+    float clock_Hz = ht_port_pwm_clock_Hz(port);
+    if (!configure(p, clock_Hz, config)) {
+        return HT_ERROR_CONFIG;
+    }
+    setup->period_counts = config->period_counts;
+    setup->dead_counts = (uint16_t)(p->v[HT_P_dead_time_us] * 1.0e-6f * clock_Hz + 0.5f);
+    setup->shadow = config->shadow;
+    return ht_port_accepts(port, setup) ? HT_OK : HT_ERROR_PORT;
+}
+
 ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
 {
+    ht_control_config config;
     ht_pwm_setup setup;
+    ht_result result;
     ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
     uint16_t id;
     int leg;
@@ -118,21 +134,19 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
             return HT_ERROR_VALUE;
         }
     }
-    d->port = port;
-    d->params = *p;
-    if (!configure(p, ht_port_pwm_clock_Hz(port), &d->config)) {
-        return HT_ERROR_CONFIG;
+    result = prepare(port, p, &config, &setup);
+    if (result != HT_OK) {
+        return result;
     }
-    d->staged = d->config;
-    d->staged_ready = 0u;
-    apply_slow(d);
-    setup.period_counts = d->config.period_counts;
-    setup.dead_counts =
-        (uint16_t)(p->v[HT_P_dead_time_us] * 1.0e-6f * ht_port_pwm_clock_Hz(port) + 0.5f);
-    setup.shadow = d->config.shadow;
     if (!ht_port_init(port, &setup)) {
         return HT_ERROR_PORT;
     }
+    d->port = port;
+    d->params = *p;
+    d->config = config;
+    d->staged = config;
+    d->staged_ready = 0u;
+    apply_slow(d);
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->offset_counts[leg] = ADC_MID;
         d->offset_sum[leg] = 0u;
@@ -374,6 +388,8 @@ ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)
 {
     ht_params trial = d->params;
     ht_control_config config;
+    ht_pwm_setup setup;
+    ht_result result;
     const ht_param_info *info = ht_param_describe(id);
     if (info == 0) {
         return HT_ERROR_ID;
@@ -385,8 +401,9 @@ ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)
         return HT_ERROR_STATE;
     }
     trial.v[id] = value;
-    if (!configure(&trial, ht_port_pwm_clock_Hz(d->port), &config)) {
-        return HT_ERROR_CONFIG;
+    result = prepare(d->port, &trial, &config, &setup);
+    if (result != HT_OK) {
+        return result;
     }
     if (info->when == HT_WHEN_IDLE) {
         /* Timing and scaling reach into the PWM: set the whole drive up again. */

@@ -74,7 +74,8 @@ typedef struct {
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. Refuses
- *  parameters that are out of range or do not fit together. */
+ *  parameters that are out of range or do not fit together or the hardware; `d` and
+ *  the hardware are then as they were. */
 ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p);
 
 /** The fast interrupt: sample, protect, control, write. */

@@ -45,8 +45,20 @@ static void add(ht_vsd *sum, const ht_vsd *v, float weight)
     sum->xy.y += weight * v->xy.y;
 }
 
-/* Delays left over from the period before: they count in this one as far as the
- * leg is not switched back at the start. */
+/* First edge of a leg in the period, or 1. */
+static float first_edge(const ht_applied *a, uint16_t bit)
+{
+    if (((a->before ^ a->s[0]) & bit) != 0u) {
+        return a->t[0];
+    }
+    if (((a->s[0] ^ a->s[1]) & bit) != 0u) {
+        return a->t[1];
+    }
+    return (((a->s[1] ^ a->s[2]) & bit) != 0u) ? a->t[2] : 1.0f;
+}
+
+/* Delays left over from the period before: they count in this one until the leg
+ * is switched back. */
 static void apply_spill(const ht_applied *a, ht_spill *spill, ht_vsd *v)
 {
     uint16_t bit = LEG_U1;
@@ -54,9 +66,8 @@ static void apply_spill(const ht_applied *a, ht_spill *spill, ht_vsd *v)
     for (leg = 0; leg < HT_LEGS; leg++) {
         if ((spill->legs & bit) != 0u) {
             float shift = spill->shift[leg];
-            if ((((a->before ^ a->s[0]) & bit) != 0u) && (shift > a->t[0])) {
-                shift = a->t[0];
-            }
+            float room = first_edge(a, bit);
+            shift = (shift < room) ? shift : room;
             add(v, &ht_transform[leg], ((a->before & bit) != 0u) ? -shift : shift);
         }
         bit = (uint16_t)(bit >> 1);

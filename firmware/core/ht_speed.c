@@ -1,21 +1,24 @@
 #include "ht_speed.h"
 
+static float limited(float value, float limit)
+{
+    if (value > limit) {
+        return limit;
+    }
+    return (value < -limit) ? -limit : value;
+}
+
 float ht_speed_step(const ht_speed_config *cfg, ht_speed_state *st, float error_rad_s)
 {
     float limit = cfg->torque_limit_Nm;
     float wanted = cfg->kp_Nms_rad * error_rad_s + st->integral_Nm;
-    float torque = wanted;
-    if (!(torque <= limit)) {
-        torque = limit;
-    }
-    if (torque < -limit) {
-        torque = -limit;
+    float torque = limited(wanted, limit);
+    if ((wanted - wanted) != 0.0f) {
+        return 0.0f; /* NaN or infinity: no torque, nothing learnt */
     }
     if ((torque == wanted) || ((error_rad_s * wanted) < 0.0f)) {
-        float sum = st->integral_Nm + cfg->ki_ts_Nms_rad * error_rad_s;
-        if ((sum <= limit) && (sum >= -limit)) {
-            st->integral_Nm = sum;
-        }
+        /* Limited, not refused: the limit may have been lowered meanwhile. */
+        st->integral_Nm = limited(st->integral_Nm + cfg->ki_ts_Nms_rad * error_rad_s, limit);
     }
     return torque;
 }

@@ -16,7 +16,8 @@ typedef struct {
 } ht_speed_state;
 
 /** Torque reference for a speed error in rad/s (mechanical). The integrator
- *  stops where it would push further into the limit. */
+ *  stops where it would push further into the limit. A NaN or infinite error gives
+ *  no torque and leaves the integrator alone. */
 float ht_speed_step(const ht_speed_config *cfg, ht_speed_state *st, float error_rad_s);
 
 typedef struct {

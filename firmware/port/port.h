@@ -40,8 +40,11 @@ typedef struct {
     bool shadow;            /**< load compare and action registers at counter = 0 */
 } ht_pwm_setup;
 
-/** Configure clocks, PWM and trip zone. Returns false, with the gates off, if the
- *  hardware cannot realise the set-up (dead time or period out of range). */
+/** Can the hardware realise the set-up (period and dead time in range)? */
+bool ht_port_accepts(const ht_port *port, const ht_pwm_setup *setup);
+
+/** Configure clocks, PWM and trip zone. Returns false, with the gates off, for a
+ *  set-up that `ht_port_accepts` refuses. */
 bool ht_port_init(ht_port *port, const ht_pwm_setup *setup);
 
 /** PWM time-base clock, Hz. */

@@ -63,11 +63,13 @@ def write_trace(setup: Setup, path: Path) -> None:
         counts[:, leg] = np.rint(rec[f"i_{phase}_A"] * per_A + zero)
     counts[:, 6] = np.rint(rec["vdc_V"] * 4096 / setup["sensors.vdc_full_V"])
     cpr = 4.0 * setup["sensors.encoder_ppr"]
-    position = np.floor(rec["plant.theta_rad"].astype(float) / (2 * np.pi) * cpr).astype(np.int64)
+    turns = rec["plant.theta_rad"].astype(float) / (2 * np.pi)
+    position = np.floor(turns * cpr).astype(np.int64)
     every = round(controller.get("f_isr_Hz") / controller.get("f_slow_Hz"))
-    values = [firmware.lib.ht_drive_get(controller.drive, i) for i in range(len(firmware.parameters()))]
+    values = list(controller.drive.params.v)
     with path.open("w") as file:
-        file.write(f"device {firmware.DEVICES.index(setup['timing.device'])} periods {len(rec)}\nparams\n")
+        device = firmware.DEVICES.index(setup["timing.device"])
+        file.write(f"device {device} periods {len(rec)}\nparams\n")
         file.write("\n".join(f"{v:.9g}" for v in values) + "\n")
         for k in range(len(rec)):
             row = " ".join(map(str, counts[k]))
@@ -85,9 +87,7 @@ def instructions(
             trace = Path(folder) / "trace.txt"
             write_trace(setup.changed(controller__scheme=scheme), trace)
             done = subprocess.run([counter, trace], capture_output=True, text=True)
-        found = re.fullmatch(
-            r"isr (\d+) (\d+) step (\d+) (\d+) periods (\d+)\s*", done.stdout
-        )
+        found = re.fullmatch(r"isr (\d+) (\d+) step (\d+) (\d+) periods (\d+)\s*", done.stdout)
         if done.returncode or not found:
             raise ScenarioError(f"{counter}: {done.stderr.strip() or 'no result'}")
         names = ("isr_mean", "isr_max", "step_mean", "step_max", "periods")

@@ -37,10 +37,10 @@ def _parser() -> argparse.ArgumentParser:
         "compare",
         help="schemes side by side at one operating point",
         description="Run schemes to a steady state and compare them with the papers' numbers.",
-        epilog="example:\n  hexatorque compare --setup paper-b --schemes dtc1,dtc3 --speed 1500 -o out/b",
+        epilog="example:\n  hexatorque compare --setup paper-b --schemes dtc1,dtc3 --speed 1500",
         formatter_class=raw,
     )
-    compare.add_argument("--setup", metavar="NAME|FILE", help="default: paper-a-feasible and paper-b")
+    compare.add_argument("--setup", metavar="NAME|FILE", help="default: both papers")
     compare.add_argument("--schemes", metavar="A,B,...", help="default: all")
     compare.add_argument("--speed", type=float, metavar="RPM", help="default: the set-up's point")
     compare.add_argument("--load", type=float, metavar="NM", help="default: the set-up's point")

@@ -51,7 +51,7 @@ def points(
         speed = setup["point.speed_rpm"] if speed_rpm is None else speed_rpm
         torque = setup["point.load_Nm"] if load_Nm is None else load_Nm
         if speed == 0:
-            raise ScenarioError(f"{setup.name}: give --speed (not 0), or point.speed_rpm in the file")
+            raise ScenarioError(f"{setup.name}: give --speed (not 0) or point.speed_rpm")
         limit = setup.controller_values().get("torque_limit_Nm", 1e9)
         if abs(torque) > limit:
             raise ScenarioError(

@@ -139,7 +139,8 @@ def _latency_section(runs: list[Run]) -> str:
             rows.append((False, [*key, *values, f"{shadow / predicted:.2f}"]))
     if not rows:
         return "<p>No scheme here was run both with and without prediction.</p>\n"
-    headings = ["set-up", "scheme", *(f"{name} [N m]" for name in LATENCY_STUDY), "shadow / predicted"]
+    columns = [f"{name} [N m]" for name in LATENCY_STUDY]
+    headings = ["set-up", "scheme", *columns, "shadow / predicted"]
     return f"<p>{escape(LATENCY_TEXT)}</p>\n{_table(headings, rows)}"
 
 

@@ -13,6 +13,7 @@ name and the allowed range.
 from __future__ import annotations
 
 import difflib
+import itertools
 import math
 import tomllib
 from dataclasses import dataclass, field, replace
@@ -271,7 +272,7 @@ def _steps(path: str, raw: Any, low: float, high: float, unit: str) -> tuple:
     steps = tuple(
         (_number(f"{path} time", t, 0, 1e6, "s"), _number(path, v, low, high, unit)) for t, v in raw
     )
-    if any(b[0] <= a[0] for a, b in zip(steps, steps[1:])):
+    if any(b[0] <= a[0] for a, b in itertools.pairwise(steps)):
         raise ScenarioError(f"{path}: times must ascend")
     return steps
 
@@ -310,7 +311,8 @@ def _profile(raw: Any) -> Profile:
 
 def builtin_names() -> list[str]:
     folder = resources.files(__package__) / "setups"
-    return sorted(p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml"))
+    names = [path.name for path in folder.iterdir()]
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
 
 def load(name_or_path: str | Path) -> Setup:

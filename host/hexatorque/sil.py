@@ -1,10 +1,10 @@
 """Software in the loop: the plant around the firmware, in compiled code.
 
-    sim = Simulation(scenario.load("paper-b"))
-    sim.start()
-    sim.set("speed_ref_rpm", 2500)
-    sim.run(1.0)
-    recording = sim.take()
+sim = Simulation(scenario.load("paper-b"))
+sim.start()
+sim.set("speed_ref_rpm", 2500)
+sim.run(1.0)
+recording = sim.take()
 """
 
 from __future__ import annotations
@@ -93,9 +93,7 @@ class Simulation:
 
     def __init__(self, setup: Setup, samples_per_period: int = 4) -> None:
         self.setup = setup
-        self.controller = firmware.Controller(
-            setup["timing.device"], setup.controller_values()
-        )
+        self.controller = firmware.Controller(setup["timing.device"], setup.controller_values())
         config = self.controller.drive.config
         clock = float(self.controller.map.pwm_clock_Hz)
         self.period_s = config.period_counts / clock

@@ -102,9 +102,7 @@ def measure(point: Point, progress: Progress | None = None) -> Run:
     )
 
 
-def measure_all(
-    points: Iterable[Point], progress: Progress | None = None
-) -> list[Run | Exception]:
+def measure_all(points: Iterable[Point], progress: Progress | None = None) -> list[Run | Exception]:
     """All points over all cores. A point whose drive trips or does not get there
     yields the exception in its place. The compiled loop releases the GIL."""
 

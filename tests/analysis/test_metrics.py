@@ -107,7 +107,7 @@ def test_run_as_json_is_flat_and_complete(make_run):
 
 
 def test_run_refuses_an_unknown_latency(make_run):
-    with pytest.raises(ValueError, match="none, shadow, predicted"):
+    with pytest.raises(ValueError, match="none, immediate, shadow, predicted"):
         make_run(latency="late")
 
 

@@ -67,7 +67,9 @@ def test_paper_a_flux_and_speed(paper_a, scheme):
     assert m["speed_rpm"] == pytest.approx(100, rel=0.01)
 
 
-@pytest.mark.parametrize(("setup", "speed", "load"), [("paper-a-feasible", 100, 10), ("paper-b", 2500, 2)])
+@pytest.mark.parametrize(
+    ("setup", "speed", "load"), [("paper-a-feasible", 100, 10), ("paper-b", 2500, 2)]
+)
 def test_uncompensated_latency_costs_ripple(setup, speed, load):
     ripple = {
         latency: run(setup, "fdr", speed, load, timing__latency=latency).metrics["torque_ripple_Nm"]

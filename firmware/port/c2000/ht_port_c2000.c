@@ -52,11 +52,15 @@ static void init_leg(ht_port *port, int leg, const ht_pwm_setup *setup)
     }
 }
 
+bool ht_port_accepts(const ht_port *port, const ht_pwm_setup *setup)
+{
+    return (setup->period_counts >= 8u) && (setup->dead_counts <= port->map->dead_max_counts);
+}
+
 bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
 {
     const ht_c2000_map *m = port->map;
     ht_io *io = port->io;
-    bool fits = (setup->period_counts >= 8u) && (setup->dead_counts <= m->dead_max_counts);
     int leg;
     (void)io;
     port->shadow = setup->shadow;
@@ -70,7 +74,7 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
     }
     HT_EDIS(io);
 
-    if (!fits) {
+    if (!ht_port_accepts(port, setup)) {
         ht_port_gates_off(port);
         return false;
     }

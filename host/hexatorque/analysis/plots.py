@@ -19,8 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ..recording import Recording
+
 WIDTH_IN, DPI = 10.0, 150
 CYCLES, FALLBACK_S = 2, 0.04  #: of `waveforms`; the second without a usable fundamental
+ZOOM_S = 0.01  #: of torque and flux in `waveforms`: a hundred control periods at 10 kHz
 HIGHEST_ORDER = 25  #: in `spectra`
 INK, FAINT = "#20242b", "#d9dde3"
 #: Colour of each quantity, distinguishable with colour-blindness.
@@ -36,16 +39,23 @@ COLOUR = {
 LABEL = {"fontsize": 8.5, "color": INK}
 TITLE = {"fontsize": 9.5, "fontweight": "bold", "color": INK}
 LEGEND = {"frameon": False, "fontsize": 8, "labelcolor": INK}
-LATENCY_COLOUR = {"none": "#56b4e9", "immediate": "#009e73", "shadow": "#d55e00", "predicted": "#0072b2"}
+LATENCY_COLOUR = {
+    "none": "#56b4e9",
+    "immediate": "#009e73",
+    "shadow": "#d55e00",
+    "predicted": "#0072b2",
+}
 
 
-def _figure(rows: int, columns: int, height_in: float, **shared) -> tuple[Figure, np.ndarray]:
+def _figure(
+    rows: int, columns: int, height_in: float, width_in: float = WIDTH_IN, **shared
+) -> tuple[Figure, np.ndarray]:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     if rows * columns < 1:
         raise ValueError("no runs to draw")
-    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, columns, squeeze=False, **shared)
     for ax in axes.flat:
@@ -86,56 +96,68 @@ def _thin(t: np.ndarray, y: np.ndarray, buckets: int = 1500) -> tuple[np.ndarray
 
 
 def waveforms(runs: list[Run], path: str | Path) -> Path:
-    """The last two fundamental cycles of the runs of one set-up, a column each:
-    phase currents, x-y currents, torque and stator flux with their references."""
-    figure, axes = _figure(4, len(runs), 8.2, sharex="all", sharey="row")
+    """The end of the runs of one set-up, a column each: phase currents and x-y currents
+    over two fundamental cycles, torque and stator flux with references over 10 ms."""
+    width_in = max(WIDTH_IN, 1.2 + 1.7 * len(runs))
+    figure, axes = _figure(4, len(runs), 8.6, width_in, sharey="row")
     for column, run in zip(axes.T, runs, strict=True):
         column[0].set_title(f"{run.scheme_label}\n", **TITLE, pad=3)
         column[0].text(0.5, 1.02, run.latency_label, transform=column[0].transAxes,
                        ha="center", fontsize=8, color="#666d78")  # fmt: skip
         _waveform_column(column, run)
-        column[-1].set_xlabel("time [ms]", **LABEL)
+        for row in (1, 3):
+            column[row].set_xlabel("time [ms]", **LABEL)
     labels = ("phase currents [A]", "x–y currents [A]", "torque [N m]", "|stator flux| [Wb]")
     for row, label in zip(axes, labels, strict=True):
         row[0].set_ylabel(label, **LABEL)
         low, high = row[0].get_ylim()
         row[0].set_ylim(low, high + 0.14 * (high - low))  # room for the notes
         row[-1].legend(loc="center left", bbox_to_anchor=(1, 0.5), handlelength=1.2, **LEGEND)
-    axes[0, 0].set_xlim(0, max(line.get_xdata()[-1] for ax in axes[0] for line in ax.lines))
+        last = max(line.get_xdata()[-1] for ax in row for line in ax.lines)
+        for ax in row:
+            ax.set_xlim(0, last)
+    for row in (0, 2):
+        for ax in axes[row]:
+            ax.tick_params(labelbottom=False)
     figure.suptitle(runs[0].point, fontsize=11.5, color=INK)
     figure.align_ylabels(axes[:, 0])
     return _save(figure, path)
 
 
-def _waveform_column(column: np.ndarray, run: Run) -> None:
-    rec = run.recording
-    try:
-        span_s = CYCLES / abs(fundamental_Hz(rec))
-    except ValueError:
-        span_s = FALLBACK_S
+def _ending(rec: Recording, span_s: float) -> tuple[Recording, np.ndarray]:
+    """The last `span_s` of a recording and its time from 0, in ms."""
     samples = min(len(rec), max(2, round(span_s * rec.rate_Hz)))
     part = rec.window(rec.time_s[-samples], rec.time_s[-1] + 1)
-    t_ms = 1e3 * (part.time_s - part.start_s)
-    i_x, i_y = i_xy_A(part)
-    flux_Wb = np.hypot(channel(part, "psi_alpha_Wb"), channel(part, "psi_beta_Wb"))
+    return part, 1e3 * (part.time_s - part.start_s)
 
-    def draw(ax: Axes, y: np.ndarray, colour: str, label: str) -> None:
+
+def _waveform_column(column: np.ndarray, run: Run) -> None:
+    try:
+        span_s = CYCLES / abs(fundamental_Hz(run.recording))
+    except ValueError:
+        span_s = FALLBACK_S
+    cycles, cycles_ms = _ending(run.recording, span_s)
+    zoom, zoom_ms = _ending(run.recording, ZOOM_S)
+    i_x, i_y = i_xy_A(cycles)
+    flux_Wb = np.hypot(channel(zoom, "psi_alpha_Wb"), channel(zoom, "psi_beta_Wb"))
+
+    def draw(ax: Axes, t_ms: np.ndarray, y: np.ndarray, colour: str, label: str) -> None:
         ax.plot(*_thin(t_ms, y), color=COLOUR[colour], linewidth=0.9, label=label)
 
     def reference(ax: Axes, name: str) -> None:
-        if name in part:
-            y = np.asarray(part[name], dtype=float)
-            ax.plot(*_thin(t_ms, y), "--", color=INK, linewidth=1.0, label="reference")
+        if name in zoom:
+            y = np.asarray(zoom[name], dtype=float)
+            ax.plot(*_thin(zoom_ms, y), "--", color=INK, linewidth=1.0, label="reference")
 
-    draw(column[0], channel(part, "i_u1_A"), "i_u1", "$i_{u1}$")
-    draw(column[0], channel(part, "i_u2_A"), "i_u2", "$i_{u2}$")
-    draw(column[1], i_x, "i_x", "$i_x$")
-    draw(column[1], i_y, "i_y", "$i_y$")
-    draw(column[2], channel(part, "torque_Nm"), "torque", "torque")
+    draw(column[0], cycles_ms, channel(cycles, "i_u1_A"), "i_u1", "$i_{u1}$")
+    draw(column[0], cycles_ms, channel(cycles, "i_u2_A"), "i_u2", "$i_{u2}$")
+    draw(column[1], cycles_ms, i_x, "i_x", "$i_x$")
+    draw(column[1], cycles_ms, i_y, "i_y", "$i_y$")
+    draw(column[2], zoom_ms, channel(zoom, "torque_Nm"), "torque", "torque")
     reference(column[2], "torque_ref_Nm")
-    draw(column[3], flux_Wb, "flux", r"$|\psi_s|$")
+    draw(column[3], zoom_ms, flux_Wb, "flux", r"$|\psi_s|$")
     reference(column[3], "flux_ref_Wb")
-    _note(column[0], f"THD (5 kHz) {_value(run.metrics['thd_pct']['5kHz'], 1, '%')}")
+    _note(column[0], f"THD {_value(run.metrics['thd_pct']['5kHz'], 1, '%')}")
     _note(column[1], f"rms {_value(run.metrics['ixy_rms_A'], 3, 'A')}")
     _note(column[2], f"std {_value(run.metrics['torque_ripple_Nm'], 3, 'N m')}")
     _note(column[3], f"std {_value(run.metrics['flux_ripple_Wb'], 4, 'Wb')}")
@@ -220,15 +242,19 @@ MEASURED, RELATIVE = "paper, measured", "paper, times our DTC1"
 
 def _bar_panel(ax: Axes, group: list[Run], key: str, scale: float, paper: dict) -> None:
     schemes = list(dict.fromkeys(run.scheme for run in group))
-    latencies = [name for name in LATENCIES if any(run.latency == name for run in group)]
-    width = min(0.38, 0.8 / len(latencies))
+    latencies = {
+        scheme: [n for n in LATENCIES if any((r.scheme, r.latency) == (scheme, n) for r in group)]
+        for scheme in schemes
+    }
+    width = min(0.38, 0.8 / max(map(len, latencies.values())))
     # Where the paper gives f_sw relative to DTC1: ours with the last latency listed.
     dtc1_Hz = {r.latency: r.metrics["f_sw_Hz"] for r in group if r.scheme == "dtc1"}
     base_Hz = next((dtc1_Hz[name] for name in reversed(LATENCIES) if dtc1_Hz.get(name)), None)
     for run in group:
         at, value = schemes.index(run.scheme), run.metrics[key]
         value = value["5kHz"] if key == "thd_pct" else value
-        offset = (latencies.index(run.latency) - (len(latencies) - 1) / 2) * width
+        own = latencies[run.scheme]
+        offset = (own.index(run.latency) - (len(own) - 1) / 2) * width
         if value is not None:
             ax.bar(at + offset, scale * value, 0.92 * width, label=run.latency_label,
                    color=LATENCY_COLOUR[run.latency])  # fmt: skip
@@ -240,6 +266,8 @@ def _bar_panel(ax: Axes, group: list[Run], key: str, scale: float, paper: dict) 
             ax.plot([at], [scale * base_Hz * measured["f_sw_rel"]], "D", markersize=5.5,
                     color="white", markeredgecolor=INK, label=RELATIVE)  # fmt: skip
     ax.set_xticks(range(len(schemes)), [scheme.upper() for scheme in schemes])
+    if len(schemes) > 4:
+        ax.tick_params(axis="x", rotation=30)
     ax.set_xlim(-0.6, len(schemes) - 0.4)
     ax.grid(False, axis="x")
     ax.margins(y=0.1)

@@ -99,7 +99,8 @@ def _follow(m, load, inv, y, vdc, ps, n, c0, c1, clock_Hz, grid, out, row):
 def _source_hash() -> int:
     """Changes with any file of the compiled plant."""
     folder = Path(__file__).parent
-    text = b"".join(p.read_bytes() for p in sorted([*folder.glob("*.py"), folder.parent / "frames.py"]))
+    files = [*folder.glob("*.py"), folder.parent / "frames.py"]
+    text = b"".join(file.read_bytes() for file in sorted(files))
     return zlib.crc32(text) | 1
 
 
@@ -110,8 +111,25 @@ def _compile(source: int):
 
     @njit(cache=True, nogil=True)
     def run_periods(
-        n, first, tm, m, load, inv, pm, ps, se, regs, y, vdc,
-        fast_isr, slow_isr, read_channels, drive, channels, plant_out, channel_out,
+        n,
+        first,
+        tm,
+        m,
+        load,
+        inv,
+        pm,
+        ps,
+        se,
+        regs,
+        y,
+        vdc,
+        fast_isr,
+        slow_isr,
+        read_channels,
+        drive,
+        channels,
+        plant_out,
+        channel_out,
     ):
         """Run n periods; `first` is the index of the first one (for the slow loop).
 

@@ -17,6 +17,7 @@ with the rotor flux because that form also holds for an asymmetrical stator.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+
 import numpy as np
 from numba import njit
 

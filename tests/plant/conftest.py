@@ -1,0 +1,110 @@
+"""The machine in phase coordinates, for the tests to argue from: twelve coils, six
+on the stator (two isolated neutrals) and six short-circuited ones on the turning
+rotor. No space-vector transform enters its equations of motion; `state` translates
+its fluxes to the plant's state.
+"""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from hexatorque.plant.machine import MachineParameters
+
+ANGLE = np.deg2rad([0.0, 30.0, 120.0, 150.0, 240.0, 270.0])
+DELTA = ANGLE[:, None] - ANGLE
+#: Phase currents from those of u1, u2, w1, w2: each set's sum is zero.
+FREE = np.vstack([np.eye(4), [[-1, 0, -1, 0], [0, -1, 0, -1]]])
+VSD = np.array([np.cos(ANGLE), np.sin(ANGLE), np.cos(5 * ANGLE), np.sin(5 * ANGLE)]) / 3
+
+
+def turn(angle):
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+class PhaseModel:
+    def __init__(self, p):
+        self.p = p
+        # Diagonal if the x-y plane has the leakage of the alpha-beta plane.
+        leakage = p.lxy_H * np.eye(6) + (p.lls_H - p.lxy_H) / 3 * np.cos(DELTA)
+        self.l_stator = p.lm_H / 3 * np.cos(DELTA) + leakage + np.diag(p.dlls_H)
+        self.l_rotor = p.lm_H / 3 * np.cos(DELTA) + p.llr_H * np.eye(6)
+        self.r_stator = p.rs_ohm + np.array(p.drs_ohm)
+
+    def mutual(self, theta_e):
+        """(stator coil, rotor coil)"""
+        return self.p.lm_H / 3 * np.cos(DELTA - theta_e)
+
+    def inductance(self, theta_e):
+        m = self.mutual(theta_e)
+        return np.block([[self.l_stator, m], [m.T, self.l_rotor]])
+
+    def free_inductance(self, theta_e):
+        """With the neutral constraint: four stator currents, six of the rotor."""
+        basis = np.block([[FREE, np.zeros((6, 6))], [np.zeros((6, 4)), np.eye(6)]])
+        return basis.T @ self.inductance(theta_e) @ basis
+
+    def torque(self, i_s, i_r, theta_e):
+        return self.p.pole_pairs * i_s @ (self.p.lm_H / 3 * np.sin(DELTA - theta_e)) @ i_r
+
+    def state(self, i_s, i_r, omega, theta):
+        """The plant's state for these coil currents."""
+        theta_e = self.p.pole_pairs * theta
+        flux = self.inductance(theta_e) @ np.concatenate([i_s, i_r])
+        rotor = turn(theta_e) @ VSD[:2] @ flux[6:]
+        return np.concatenate([VSD @ flux[:6], rotor, [omega, theta]])
+
+    def currents(self, y):
+        """Stator currents, and rotor currents as coils that stand at angle 0 carry them."""
+        columns = [self.state(FREE @ e, np.zeros(6), 0, 0)[:6] for e in np.eye(4)]
+        rotor = 3 * VSD[:2].T
+        columns += [self.state(np.zeros(6), rotor @ e, 0, 0)[:6] for e in np.eye(2)]
+        i = np.linalg.solve(np.array(columns).T, y[:6])
+        return FREE @ i[:4], rotor @ i[4:]
+
+    def flux_slopes(self, i_s, i_r, v_leg):
+        """Change of the four loop fluxes and the six rotor fluxes."""
+        return np.concatenate([FREE.T @ (v_leg - self.r_stator * i_s), -self.p.rr_ohm * i_r])
+
+    def solve(self, flux, theta_e):
+        i = np.linalg.solve(self.free_inductance(theta_e), flux)
+        return FREE @ i[:4], i[4:]
+
+    def trajectory(self, legs, dt, load):
+        """From rest: final plant state after leg voltages `legs`, dt each."""
+
+        def slopes(_, z, v_leg):
+            i_s, i_r = self.solve(z[:10], self.p.pole_pairs * z[11])
+            torque = self.torque(i_s, i_r, self.p.pole_pairs * z[11])
+            accelerating = torque - self.p.viscous_Nms * z[10] - load(z[10])
+            return np.concatenate(
+                [self.flux_slopes(i_s, i_r, v_leg), [accelerating / self.p.inertia_kgm2, z[10]]]
+            )
+
+        z = np.zeros(12)
+        for v_leg in legs:
+            z = solve_ivp(
+                slopes, (0, dt), z, "DOP853", (dt,), rtol=1e-11, atol=1e-12, args=(v_leg,)
+            ).y[:, -1]
+        return self.state(*self.solve(z[:10], self.p.pole_pairs * z[11]), z[10], z[11])
+
+
+SYMMETRIC = MachineParameters(2, 1.8, 2.0, 10e-3, 15e-3, 284e-3, 10e-3, 0.03, 0.0033)
+MACHINES = {
+    "symmetric": SYMMETRIC,
+    "other x-y": MachineParameters(1, 6.0, 2.2, 14.4e-3, 14.4e-3, 256e-3, 5e-3, 0.003),
+    "asymmetric": MachineParameters(
+        3, 2.0, 1.5, 12e-3, 9e-3, 200e-3, 7e-3, 0.02, 0.01,
+        drs_ohm=(0.5, -0.3, 0.0, 1.1, 0.2, -0.7),
+        dlls_H=(3e-3, 0.0, -2e-3, 1e-3, 5e-3, -4e-3),
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture(params=MACHINES)
+def model(request):
+    return PhaseModel(MACHINES[request.param])
+
+
+@pytest.fixture
+def symmetric():
+    return PhaseModel(SYMMETRIC)
