@@ -7,6 +7,8 @@ through several periods, with the dead time acting as a delay that a reversed
 command cancels.
 """
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -153,7 +155,7 @@ def follow_leg(commands, dead, outward, end):
     on = np.zeros(end)
     for n in range(end):
         knots = [(-1.0, 0), *edges, (np.inf, None)]
-        for (a, state), (b, _) in zip(knots, knots[1:], strict=False):
+        for (a, state), (b, _) in itertools.pairwise(knots):
             if state:
                 on[n] += max(0.0, min(b, n + 1) - max(a, n))
     return on

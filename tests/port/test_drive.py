@@ -447,7 +447,6 @@ def test_derived_configuration(bench):
     assert observer.rotor_drive == pytest.approx(1e-4 * 2 * 0.284 / 0.299, rel=1e-5)
     assert observer.lm_over_lr == pytest.approx(0.284 / 0.299, rel=1e-5)
     assert (config.shadow, config.predict, config.first_counts) == (True, True, 0)
-    base, stride = CMPA[bench.device]
     dead = {"f28335": 0x6810, "f28377s": 0x4051}[bench.device]
     assert bench.words[dead] == round(2.3e-6 * clock)
     bench.controller.set("observer", "voltage")
