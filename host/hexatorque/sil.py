@@ -30,6 +30,8 @@ from .scenario import Profile, ScenarioError, Setup
 
 #: Periods per compiled call: short enough for progress and Ctrl-C.
 CHUNK = 2000
+#: In place of a record that is not wanted.
+_NOTHING = np.empty((0, 0), np.float32)
 #: Speed over which an eddy-current brake's torque peaks, relative to `at_rpm`.
 EDDY_PEAK = 1.5
 
@@ -41,6 +43,31 @@ class DriveFault(RuntimeError):
         super().__init__(f"drive tripped at {time_s:.4f} s: {', '.join(causes)}")
         self.causes = causes
         self.time_s = time_s
+
+
+class _Rows:
+    """Growing table that keeps its memory: fresh pages would cost more than the
+    simulation that fills them."""
+
+    def __init__(self, width: int) -> None:
+        self._data = np.empty((0, width), np.float32)
+        self._used = 0
+
+    def room(self, rows: int) -> np.ndarray:
+        """The next `rows` rows, to be filled."""
+        end = self._used + rows
+        if end > len(self._data):
+            grown = np.empty((max(end, 2 * len(self._data)), self._data.shape[1]), np.float32)
+            grown[: self._used] = self._data[: self._used]
+            self._data = grown
+        begin, self._used = self._used, end
+        return self._data[begin:end]
+
+    def filled(self) -> np.ndarray:
+        return self._data[: self._used]
+
+    def clear(self) -> None:
+        self._used = 0
 
 
 class EntryPoint(types.WrapperAddressProtocol):
@@ -134,13 +161,12 @@ class Simulation:
             EntryPoint(firmware.address("ht_drive_slow_isr"), u64),
             EntryPoint(firmware.address("ht_channels_read"), u64, u64),
         )
-        self._plant: list[np.ndarray] = []
-        self._channels: list[np.ndarray] = []
+        self._plant = _Rows(len(PLANT_CHANNELS))
+        self._channels = _Rows(len(firmware.channels()))
         self._record_start = 0
         self._transitions = 0
         # Compile, or load from the cache, before anything is timed.
-        empty = np.empty((0, 0), np.float32)
-        self._call(0, empty, empty)
+        self._call(0, _NOTHING, _NOTHING)
 
     def _make_sensors(self) -> np.record:
         setup, m = self.setup, self.controller.map
@@ -198,19 +224,16 @@ class Simulation:
                 progress(n * self.period_s)
 
     def _run_chunk(self, n: int, record: bool) -> None:
-        columns = len(PLANT_CHANNELS)
-        rows = n * self.samples_per_period if record else 0
-        plant = np.empty((rows, columns), np.float32)
-        channels = np.empty((n, len(firmware.channels()) if record else 0), np.float32)
+        plant, channels = _NOTHING, _NOTHING
+        if record:
+            plant = self._plant.room(n * self.samples_per_period)
+            channels = self._channels.room(n)
         began = time.perf_counter()
         self._call(n, plant, channels)
         self.wall_s += time.perf_counter() - began
         self.periods += n
-        if record:
-            self._plant.append(plant)
-            self._channels.append(channels)
-        else:
-            self._forget()
+        if not record:
+            self.discard()
 
     def _call(self, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
         load = _load(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
@@ -220,7 +243,8 @@ class Simulation:
             *self._entries, self.controller.handle, channels.ctypes.data, plant, channels,
         )  # fmt: skip
 
-    def _forget(self) -> None:
+    def discard(self) -> None:
+        """Drop what was recorded."""
         self._plant.clear()
         self._channels.clear()
         self._record_start = self.periods
@@ -252,21 +276,18 @@ class Simulation:
         self.run(profile.duration_s - (self.periods - begin) * self.period_s, progress=progress)
 
     def take(self) -> Recording:
-        """What was recorded since the last `take` or unrecorded run. Telemetry
+        """What was recorded since the last `take`, `discard` or unrecorded run. Telemetry
         channels are held between control periods."""
         per = self.samples_per_period
-        plant = np.concatenate(self._plant or [np.empty((0, len(PLANT_CHANNELS)), np.float32)])
-        telemetry = np.concatenate(
-            self._channels or [np.empty((0, len(firmware.channels())), np.float32)]
-        )
+        plant, telemetry = self._plant.filled(), self._channels.filled()
         data: dict[str, np.ndarray] = {}
         units: dict[str, str] = {}
         phases = plant[:, :4] @ INVERSE.T.astype(np.float32)
         for column, phase in enumerate(PHASES):
-            data[f"plant.i_{phase}_A"] = phases[:, column]
+            data[f"plant.i_{phase}_A"] = np.ascontiguousarray(phases[:, column])
             units[f"plant.i_{phase}_A"] = "A"
         for column, (name, unit) in enumerate(PLANT_CHANNELS):
-            data[f"plant.{name}"] = np.ascontiguousarray(plant[:, column])
+            data[f"plant.{name}"] = plant[:, column].copy()
             units[f"plant.{name}"] = unit
         for column, (name, unit) in enumerate(firmware.channels()):
             data[name] = np.repeat(telemetry[:, column], per)
@@ -288,5 +309,5 @@ class Simulation:
             "register_violations": int(self.controller.registers.violations),
         }
         start = self._record_start * self.period_s
-        self._forget()
+        self.discard()
         return Recording(per / self.period_s, data, units, meta, start)

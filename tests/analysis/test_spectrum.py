@@ -77,6 +77,22 @@ def test_interharmonics_and_subharmonics_count_in_the_bands_only():
     assert thd["h50"] == pytest.approx(0, abs=1e-6)
 
 
+def test_second_harmonic_counts():
+    thd = thd_pct(tones(0.5, (10.0, 40, 0), (0.8, 80, 1)), RATE_HZ, 40.0)
+    assert list(thd.values()) == pytest.approx([8] * 4, rel=1e-6)
+
+
+def test_two_cycles_suffice_for_what_is_outside_the_lobe():
+    signal = 30 + tones(0.05, (10.0, 40, 0), (1.0, 200, 1))
+    assert thd_pct(signal, RATE_HZ, 40.0)["1kHz"] == pytest.approx(10, rel=1e-6)
+
+
+def test_a_line_at_nyquist_counts_with_its_power():
+    signal = tones(1.0, (10.0, 40, 0), (0.5, 1000, 0), rate_Hz=2000)  # +0.5, -0.5, ...
+    expected = 100 * 0.5 / (10 / np.sqrt(2))
+    assert thd_pct(signal, 2000, 40.0)["1kHz"] == pytest.approx(expected, rel=1e-6)
+
+
 def test_white_noise_adds_its_share_of_the_power():
     sigma, amplitude = 0.3, 5.0
     noise = np.random.default_rng(7).normal(0, sigma, round(4 * RATE_HZ))

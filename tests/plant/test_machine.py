@@ -153,7 +153,7 @@ def test_steady_state_at_imposed_slip(symmetric, slip, direction):
     torque = direction * 3 * abs(i_r) ** 2 * p.rr_ohm / slip * p.pole_pairs / w
 
     dt = 40e-6  # 500 steps a cycle, the voltage of mid-step held
-    t = dt * np.arange(75 * 500)
+    t = dt * np.arange(150 * 500)
     v = np.zeros((len(t), 4))
     v[:, 0] = amplitude * np.cos(w * (t + dt / 2))
     v[:, 1] = direction * amplitude * np.sin(w * (t + dt / 2))
@@ -167,7 +167,7 @@ def test_steady_state_at_imposed_slip(symmetric, slip, direction):
     measured = [torque_Nm(m, s, row) for s, row in zip(states, i)]
     assert np.mean(measured) == pytest.approx(torque, rel=1e-3)
     assert np.sign(torque) == np.sign(direction * slip)
-    assert np.ptp(measured) < 2e-3 * abs(torque)
+    assert np.ptp(measured) < 5e-3 * abs(torque)
     np.testing.assert_allclose(i[:, 2:], 0, atol=1e-9)
 
 

@@ -123,6 +123,15 @@ def test_dead_time_fills_its_register_and_no_more(board):
     assert other.rf.violations == 0
 
 
+def test_accepts_foretells_init_and_touches_nothing(board):
+    limit = DEAD_MAX[board.device]
+    for period, dead in ((7, 0), (8, 0), (65535, limit), (15000, limit + 1)):
+        before = bytes(ffi.buffer(board.rf))
+        accepted = lib.ht_port_accepts(board.port, [[period, dead, True]])
+        assert bytes(ffi.buffer(board.rf)) == before
+        assert Board(board.device).init(period, dead) == accepted
+
+
 @pytest.mark.parametrize(("period", "fits"), ((7, False), (8, True), (65535, True)))
 def test_period_range(board, period, fits):
     assert board.init(period=period, dead=0) == fits

@@ -1,0 +1,122 @@
+"""Result registers against the transfer that a set-up states: a converter of the
+stated resolution over -full..full (currents) and 0..full (dc link), left-justified
+in 12 bits; the quadrature counter modulo 2^32. Register addresses and justification
+are those of the two devices' manuals.
+"""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hexatorque import firmware, scenario
+from hexatorque.plant.machine import MachineParameters, machine_record
+from hexatorque.plant.sensors import sample
+from hexatorque.sil import Simulation
+
+DEVICES = {  # first result, justification, position counter
+    "f28335": (0x7108, 4, 0x6B00),
+    "f28377s": (0x0B00, 0, 0x5100),
+}
+FULL_A, FULL_V, PPR = 20.0, 500.0, 1500
+#: Leakage only: currents are fluxes divided by 10 mH, exactly enough.
+MACHINE = machine_record(MachineParameters(2, 1.0, 1.0, 10e-3, 10e-3, 1e-9, 10e-3, 1.0))
+ANGLES = np.radians([0, 30, 120, 150, 240, 270])
+
+
+class Bench:
+    def __init__(self, device, **sensors):
+        setup = scenario.load("paper-b").changed(
+            sensors__i_full_A=FULL_A, sensors__vdc_full_V=FULL_V, sensors__encoder_ppr=PPR,
+            **{f"sensors__{k}": v for k, v in sensors.items()},
+        )  # fmt: skip
+        chip = SimpleNamespace(map=getattr(firmware.lib, f"ht_{device}"))
+        self.sensors = Simulation._make_sensors(SimpleNamespace(setup=setup, controller=chip))
+        self.result, self.shift, self.qposcnt = DEVICES[device]
+
+    def read(self, i_A=(0.0,) * 6, vdc=0.0, theta=0.0):
+        """Counts of six currents and the dc link, as the driver takes them, and position."""
+        regs = np.full(0x8000, 0xA5A5, np.uint16)
+        rows = [f(n * ANGLES) for n in (1, 5) for f in (np.cos, np.sin)]
+        y = np.zeros(8)
+        y[:4] = 10e-3 * np.array(rows) @ i_A / 3
+        y[7] = theta
+        sample(self.sensors, MACHINE, y, vdc, regs)
+        words = [int(w) for w in regs[self.result : self.result + 7]]
+        assert all(w % (1 << self.shift) == 0 for w in words)
+        position = int(regs[self.qposcnt]) + 0x10000 * int(regs[self.qposcnt + 1])
+        regs[self.result : self.result + 7] = 0xA5A5
+        regs[self.qposcnt : self.qposcnt + 2] = 0xA5A5
+        assert np.all(regs == 0xA5A5)  # nothing else is touched
+        return [w >> self.shift for w in words], position
+
+
+@pytest.fixture(params=DEVICES)
+def device(request):
+    return request.param
+
+
+def balanced(u):
+    """Phase currents with `u` in u1 that need no zero sequence; six different values."""
+    return np.array([u, 0.3 * u, -0.7 * u, 0.5 * u, -0.3 * u, -0.8 * u])
+
+
+@pytest.mark.parametrize("bits", [12, 10, 8])
+@pytest.mark.parametrize("u", [0.0, 0.001, 1.234, -7.77, 19.0])
+def test_currents(device, bits, u):
+    counts, _ = Bench(device, adc_bits=bits).read(balanced(u))
+    step = 1 << (12 - bits)
+    for i_A, got in zip(balanced(u), counts):
+        exact = 2048 + i_A * 2048 / FULL_A
+        assert got % step == 0
+        assert abs(got - exact) <= step / 2 + 1e-3  # nearest step
+
+
+def test_one_count_is_one_step_at_the_middle_between_two(device):
+    lsb = FULL_A / 2048
+    for counts in (0.49, -0.49, 0.51, -0.51, 1.49, 1.51):
+        got, _ = Bench(device).read(balanced(counts * lsb))
+        assert got[0] == 2048 + round(counts)
+
+
+@pytest.mark.parametrize("bits", [12, 10, 6])
+def test_saturation_at_both_ends(device, bits):
+    top = 4096 - (1 << (12 - bits))
+    bench = Bench(device, adc_bits=bits)
+    assert bench.read(balanced(FULL_A))[0][0] == top
+    assert bench.read(balanced(-FULL_A))[0][0] == 0
+    assert bench.read(balanced(1e4))[0] == [top, top, 0, top, 0, 0] + [0]
+    assert bench.read(balanced(-1e4))[0] == [0, 0, top, 0, top, top] + [0]
+    assert bench.read(vdc=1e5)[0][6] == top
+    assert bench.read(vdc=-5.0)[0][6] == 0
+
+
+def test_offset_and_gain(device):
+    offset = (0.5, -0.25, 0.0, 1.0, -2.0, 0.1)
+    counts, _ = Bench(device, i_offset_A=offset, i_gain=1.1).read(balanced(5.0), vdc=250.0)
+    for i_A, o, got in zip(balanced(5.0), offset, counts):
+        assert abs(got - (2048 + (1.1 * i_A + o) * 2048 / FULL_A)) <= 0.501
+    assert counts[6] == 2048  # the current sensors' gain is theirs alone
+
+
+def test_dc_link(device):
+    bench = Bench(device)
+    for vdc in (0.0, 0.05, 0.07, 123.4, 300.0, 499.8):
+        assert bench.read(vdc=vdc)[0][6] == math.floor(vdc * 4096 / FULL_V + 0.5)
+    assert Bench(device, adc_bits=10).read(vdc=300.0)[0][6] == 4 * math.floor(614.4 + 0.5)
+
+
+def test_position(device):
+    bench, turn = Bench(device), 2 * math.pi
+    per_rev = 4 * PPR
+    for counts in (0, 1, 17, 65535, 65536, 1234567, -1, -2, -65536, -65537, -987654):
+        for part in (0.001, 0.5, 0.999):
+            theta = (counts + part) / per_rev * turn
+            assert bench.read(theta=theta)[1] == counts % 2**32
+
+
+def test_position_wraps(device):
+    bench, turn = Bench(device), 2 * math.pi
+    for counts in (2**31, 2**32 - 1, 2**32, 2**32 + 5, 3 * 2**32 + 7, -(2**32) - 3):
+        assert bench.read(theta=(counts + 0.5) / (4 * PPR) * turn)[1] == counts % 2**32
