@@ -37,7 +37,13 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     }
     if ((p->v[HT_P_torque_inner_Nm] > p->v[HT_P_torque_band_Nm])
         || (p->v[HT_P_flux_min_Wb] > p->v[HT_P_flux_ref_Wb])
-        || (p->v[HT_P_vdc_min_V] >= p->v[HT_P_vdc_max_V])) {
+        || (p->v[HT_P_vdc_min_V] >= p->v[HT_P_vdc_max_V])
+        || (p->v[HT_P_flux_trip_Wb] <= p->v[HT_P_flux_ref_Wb])) {
+        return false;
+    }
+    /* A trip level that a saturated converter cannot reach protects nothing. */
+    if ((p->v[HT_P_i_trip_A] > 0.95f * p->v[HT_P_i_full_A])
+        || (p->v[HT_P_vdc_max_V] > 0.95f * p->v[HT_P_vdc_full_V])) {
         return false;
     }
     if ((p->v[HT_P_torque_release_Nm] > 0.0f)
@@ -198,16 +204,23 @@ static uint16_t protect(const ht_drive *d)
     return faults;
 }
 
-/* An estimate that cannot be: no NaN, no infinity, no flux far off its reference. */
+/* Is the estimate possible: no NaN, no infinity, no flux beyond the trip level? */
 static bool estimate_sound(const ht_drive *d)
 {
-    float bound = 4.0f * d->params.v[HT_P_flux_ref_Wb];
+    float bound = d->params.v[HT_P_flux_trip_Wb];
     return finite_below(d->control.estimate.psi_Wb.alpha, bound)
            && finite_below(d->control.estimate.psi_Wb.beta, bound)
            && finite_below(d->control.estimate.torque_Nm, 1.0e6f)
            && finite_below(d->control.decided.torque_Nm, 1.0e6f)
            && finite_below(d->in.torque_ref_Nm, 1.0e6f)
            && finite_below(d->control.v_xy_pu.x, 1.0f) && finite_below(d->control.v_xy_pu.y, 1.0f);
+}
+
+/* The latch was released in the first interrupt of BUILD. */
+static bool gates_should_be_on(const ht_drive *d)
+{
+    return (d->state == (uint16_t)HT_STATE_RUN)
+           || ((d->state == (uint16_t)HT_STATE_BUILD) && (d->state_ticks > 1u));
 }
 
 static void fault(ht_drive *d, uint16_t bits)
@@ -291,7 +304,7 @@ void ht_drive_fast_isr(ht_drive *d)
     measure(d, &s);
     if ((d->state != (uint16_t)HT_STATE_IDLE) && (d->state != (uint16_t)HT_STATE_FAULT)) {
         faults = protect(d);
-        if ((d->state == (uint16_t)HT_STATE_RUN) && ht_port_tripped(d->port)) {
+        if (gates_should_be_on(d) && ht_port_tripped(d->port)) {
             faults |= HT_FAULT_EXTERNAL;
         }
         if (faults != 0u) {

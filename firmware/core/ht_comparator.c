@@ -25,10 +25,10 @@ static int16_t three_level_half(int16_t last, float error, float band, float rel
 int16_t ht_compare_three_level(int16_t last, float error, float band, float release)
 {
     if (error > 0.0f) {
-        return three_level_half((last > 0) ? last : (int16_t)0, error, band, release);
+        return three_level_half((last > 0) ? (int16_t)1 : (int16_t)0, error, band, release);
     }
     if (error < 0.0f) {
-        int16_t mirrored = (last < 0) ? (int16_t)-last : (int16_t)0;
+        int16_t mirrored = (last < 0) ? (int16_t)1 : (int16_t)0;
         return (int16_t)-three_level_half(mirrored, -error, band, release);
     }
     return (error == 0.0f) ? (int16_t)0 : last;

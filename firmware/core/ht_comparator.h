@@ -11,7 +11,7 @@
  *  above +band, to `low` below -band. */
 int16_t ht_compare_two_level(int16_t last, float error, float band, int16_t low, int16_t high);
 
-/** Three-level torque comparator: 0 -> +-1 at +-band, back to 0 where the error
+/** Three-level torque comparator (a `last` of +-2 from five levels counts as +-1): 0 -> +-1 at +-band, back to 0 where the error
  *  falls to `release` (0 <= release < band; the papers leave it open, 0 here by
  *  default). */
 int16_t ht_compare_three_level(int16_t last, float error, float band, float release);

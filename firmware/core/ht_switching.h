@@ -16,7 +16,8 @@ typedef enum {
     HT_TABLE_75_105 = 1  /**< paper B, Table I */
 } ht_table;
 
-/** Sector 0..11 of a vector: sector s covers [30 s - 15, 30 s + 15) degrees.
+/** Sector 0..11 of a vector: sector s covers 30 s - 15 to 30 s + 15 degrees,
+ *  an exact edge belonging to either neighbour.
  *  No trigonometry; any input, NaN included, gives a valid sector. */
 unsigned ht_sector(ht_ab vector);
 

@@ -178,6 +178,8 @@ class Setup:
             "write_delay_us": self.write_delay_us if immediate else 0.0,
         }
         given = {key: value.value for key, value in self.values.get("controller", {}).items()}
+        if "flux_ref_Wb" in given:
+            derived["flux_trip_Wb"] = 2.5 * given["flux_ref_Wb"]
         merged = {**derived, **given}
         for key, value in merged.items():
             try:

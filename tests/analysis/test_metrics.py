@@ -127,3 +127,16 @@ def test_paper_values_only_at_the_papers_point(make_run):
     assert paper_values(PAPER, make_run(setup="own")) == {}
     assert paper_values({"own": {"schemes": {"fdr": {"thd_pct": 1.0}}}}, make_run(setup="own"))
     assert isinstance(run, Run)
+
+
+@pytest.mark.parametrize("skipped", [0, 1, 2, 3])
+def test_ripple_is_taken_at_the_control_instants(make_recording, skipped):
+    """+-0.1 N m on every fourth sample, 0 between: 0.1 at the control instants, half
+    of it over all samples, wherever the recording begins."""
+    rec = make_recording(meta={"samples_per_period": 4})
+    instants = np.arange(len(rec)) % 4 == 0
+    rec.channels["plant.torque_Nm"] = 2.0 + 0.1 * instants * np.where(
+        np.arange(len(rec)) % 8 == 0, 1.0, -1.0
+    )
+    part = rec.window(skipped / rec.rate_Hz, rec.duration_s)
+    assert metrics(part)["torque_ripple_Nm"] == pytest.approx(0.1, rel=1e-3)

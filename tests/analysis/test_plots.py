@@ -64,6 +64,24 @@ def test_bars_mark_what_the_paper_measured(make_run, tmp_path):
     assert plots.bars(runs, tmp_path / "b.png", paper={}).read_bytes() != with_paper
 
 
+def test_bar_markers_stand_at_the_papers_values(make_run):
+    runs = [make_run(scheme=scheme, meta={"f_sw_Hz": 1500.0}) for scheme in ("dtc1", "dtc3")]
+    for key, scale, expected in (
+        ("thd_pct", 1.0, [23.5, 12.9]),
+        ("torque_ripple_Nm", 1.0, [0.2617, 0.1063]),
+        ("f_sw_Hz", 1e-3, [1.5, 3.0]),  # relative to our DTC1
+        ("delta_i_A", 1.0, []),
+    ):
+        _, axes = plots._figure(1, 1, 2.0)
+        plots._bar_panel(axes[0, 0], runs, key, scale, plots.PAPER)
+        marks = [float(line.get_ydata()[0]) for line in axes[0, 0].lines]
+        assert marks == pytest.approx(expected)
+        heights = [bar.get_height() for bar in axes[0, 0].patches]
+        values = [run.metrics[key] for run in runs]
+        values = [v["5kHz"] if key == "thd_pct" else v for v in values]
+        assert heights == pytest.approx([scale * v for v in values])
+
+
 def test_thinning_keeps_the_extremes_and_the_span():
     t = np.arange(100_003) / 1e5
     y = np.random.default_rng(1).normal(size=t.size)
@@ -73,6 +91,10 @@ def test_thinning_keeps_the_extremes_and_the_span():
     assert thin_y[-1] == 8.0 and thin_t[-1] == t[-1]
     assert np.all(np.diff(thin_t) >= 0)
     assert thin_t.size < 4000
+    # The last, incomplete bucket is not mixed up with its padding.
+    y += 100
+    y[100_001] = 50.0
+    assert plots._thin(t, y)[1].min() == 50.0
 
 
 def test_matplotlib_loads_on_first_use_only():

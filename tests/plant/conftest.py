@@ -22,8 +22,9 @@ def turn(angle):
 
 
 class PhaseModel:
-    def __init__(self, p):
+    def __init__(self, p, free=FREE):
         self.p = p
+        self.free = free
         # Diagonal if the x-y plane has the leakage of the alpha-beta plane.
         leakage = p.lxy_H * np.eye(6) + (p.lls_H - p.lxy_H) / 3 * np.cos(DELTA)
         self.l_stator = p.lm_H / 3 * np.cos(DELTA) + leakage + np.diag(p.dlls_H)
@@ -39,8 +40,9 @@ class PhaseModel:
         return np.block([[self.l_stator, m], [m.T, self.l_rotor]])
 
     def free_inductance(self, theta_e):
-        """With the neutral constraint: four stator currents, six of the rotor."""
-        basis = np.block([[FREE, np.zeros((6, 6))], [np.zeros((6, 4)), np.eye(6)]])
+        """Of the free stator currents (four, or fewer if legs float) and the six rotor's."""
+        n = self.free.shape[1]
+        basis = np.block([[self.free, np.zeros((6, 6))], [np.zeros((6, n)), np.eye(6)]])
         return basis.T @ self.inductance(theta_e) @ basis
 
     def torque(self, i_s, i_r, theta_e):
@@ -62,30 +64,34 @@ class PhaseModel:
         return FREE @ i[:4], rotor @ i[4:]
 
     def flux_slopes(self, i_s, i_r, v_leg):
-        """Change of the four loop fluxes and the six rotor fluxes."""
-        return np.concatenate([FREE.T @ (v_leg - self.r_stator * i_s), -self.p.rr_ohm * i_r])
+        """Change of the free currents' fluxes and the six rotor fluxes."""
+        slopes = self.free.T @ (v_leg - self.r_stator * i_s)
+        return np.concatenate([slopes, -self.p.rr_ohm * i_r])
+
+    def fluxes(self, i_s, i_r, theta_e):
+        flux = self.inductance(theta_e) @ np.concatenate([i_s, i_r])
+        return np.concatenate([self.free.T @ flux[:6], flux[6:]])
 
     def solve(self, flux, theta_e):
+        """Coil currents of these fluxes."""
         i = np.linalg.solve(self.free_inductance(theta_e), flux)
-        return FREE @ i[:4], i[4:]
+        n = self.free.shape[1]
+        return self.free @ i[:n], i[n:]
 
-    def trajectory(self, legs, dt, load):
-        """From rest: final plant state after leg voltages `legs`, dt each."""
+    def follow(self, z, v_leg, dt, load, events=None):
+        """Advance z = (fluxes, speed, angle) under constant leg voltages."""
 
-        def slopes(_, z, v_leg):
-            i_s, i_r = self.solve(z[:10], self.p.pole_pairs * z[11])
-            torque = self.torque(i_s, i_r, self.p.pole_pairs * z[11])
-            accelerating = torque - self.p.viscous_Nms * z[10] - load(z[10])
-            return np.concatenate(
-                [self.flux_slopes(i_s, i_r, v_leg), [accelerating / self.p.inertia_kgm2, z[10]]]
-            )
+        def slopes(_, z):
+            theta_e = self.p.pole_pairs * z[-1]
+            i_s, i_r = self.solve(z[:-2], theta_e)
+            braking = self.p.viscous_Nms * z[-2] + load(z[-2])
+            turning = (self.torque(i_s, i_r, theta_e) - braking) / self.p.inertia_kgm2
+            return np.concatenate([self.flux_slopes(i_s, i_r, v_leg), [turning, z[-2]]])
 
-        z = np.zeros(12)
-        for v_leg in legs:
-            z = solve_ivp(
-                slopes, (0, dt), z, "DOP853", (dt,), rtol=1e-11, atol=1e-12, args=(v_leg,)
-            ).y[:, -1]
-        return self.state(*self.solve(z[:10], self.p.pole_pairs * z[11]), z[10], z[11])
+        return solve_ivp(slopes, (0, dt), z, "DOP853", rtol=1e-11, atol=1e-12, events=events)
+
+    def plant_state(self, z):
+        return self.state(*self.solve(z[:-2], self.p.pole_pairs * z[-1]), z[-2], z[-1])
 
 
 SYMMETRIC = MachineParameters(2, 1.8, 2.0, 10e-3, 15e-3, 284e-3, 10e-3, 0.03, 0.0033)

@@ -44,7 +44,8 @@ def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
     i_x, i_y = i_xy_A(rec)
     # Extremes of torque and flux fall on control instants: with all samples the
     # ripple would come out up to a fifth lower.
-    control = slice(None, None, rec.meta.get("samples_per_period", 1))
+    per = rec.meta.get("samples_per_period", 1)
+    control = slice(-round(rec.start_s * rec.rate_Hz) % per, None, per)
     percent = 100 / line_A[1] if line_A[1] > 0 else float("nan")
     return _finite(
         {
