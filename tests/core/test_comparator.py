@@ -3,6 +3,7 @@ levels, each left upwards or downwards at its own threshold.
 """
 
 import numpy as np
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -131,3 +132,10 @@ def test_sweep_up_and_down_shows_the_bands():
         *[(50, 1), (100, 2), (50, 1), (0, 0), (-50, -1), (-100, -2)],
         *[(-50, -1), (0, 0), (50, 1), (100, 2)],
     ]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_three_levels_take_over_from_five(sign):
+    """A change of comparator in flight: level +-2 counts as +-1."""
+    assert lib.ht_compare_three_level(2 * sign, sign * 0.2, 0.3, 0.0) == sign
+    assert lib.ht_compare_three_level(2 * sign, -sign * 0.2, 0.3, 0.0) == 0

@@ -246,6 +246,35 @@ def test_several_faults_are_all_kept(bench):
     assert len(bench.controller.faults) == 2
 
 
+@pytest.mark.parametrize("tick", [2, 50, 99])
+def test_external_trip_is_noticed_during_build(bench, tick):
+    bench.run_to("build")
+    bench.fast(tick)
+    bench.trip_from_outside()
+    bench.fast()
+    assert bench.state == "fault"
+    assert bench.drive.faults == lib.HT_FAULT_EXTERNAL
+
+
+def test_lower_flux_reference_in_flight_is_no_fault(bench):
+    bench.run_to("run")
+    bench.controller.set("flux_min_Wb", 0.01)
+    bench.controller.set("flux_ref_Wb", 0.05)
+    bench.slow()
+    bench.fast(3)
+    assert bench.state == "run"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("i_trip_A", 29.0), ("vdc_max_V", 490.0), ("flux_trip_Wb", 0.5)]
+)
+def test_trip_level_that_cannot_be_reached_is_refused(bench, name, value):
+    before = bench.controller.get(name)
+    with pytest.raises(FirmwareError, match="do not fit together"):
+        bench.controller.set(name, value)
+    assert bench.controller.get(name) == before
+
+
 def test_fault_is_latched_until_cleared(bench):
     bench.run_to("run")
     bench.vdc = 100.0
