@@ -13,7 +13,7 @@ SOURCES := $(shell find firmware host cmake -type f ! -name '*.pyc' ! -name '*.s
 C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
 JOBS ?= 2
 
-.PHONY: demo test test-c bench lint clean
+.PHONY: help demo test test-c sanitize bench lint clean
 .DEFAULT_GOAL := help
 
 help:
@@ -27,12 +27,18 @@ demo: $(VENV)/.installed
 	$(BIN)/hexatorque compare -o out/compare
 
 build/host/.built: $(C_SOURCES) $(VENV)/.installed
-	$(BIN)/cmake -S . -B build/host -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null
-	$(BIN)/cmake --build build/host
+	$(BIN)/cmake --preset host -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null
+	$(BIN)/cmake --build --preset host
 	@touch $@
 
 test-c: build/host/.built
-	$(BIN)/ctest --test-dir build/host --output-on-failure
+	$(BIN)/ctest --preset host
+
+# The C tests once more, under the address and undefined-behaviour sanitizers.
+sanitize: $(VENV)/.installed
+	$(BIN)/cmake --preset host-sanitize -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null
+	$(BIN)/cmake --build --preset host-sanitize
+	$(BIN)/ctest --preset host-sanitize
 
 test: test-c
 	$(BIN)/python -m pytest -n $(JOBS) tests

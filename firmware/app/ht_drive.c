@@ -57,7 +57,10 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->predict = shadow && (p->v[HT_P_predict] != 0.0f);
     c->hold_on_zero = p->v[HT_P_zero_hold] != 0.0f;
     c->period_counts = (uint16_t)(period + 0.5f);
-    c->first_counts = shadow ? (uint16_t)0u : (uint16_t)(first + 0.5f);
+    c->first_counts = 0u;
+    if (!shadow) {
+        c->first_counts = (uint16_t)(first + 0.5f);
+    }
     c->flux_band_Wb = p->v[HT_P_flux_band_Wb];
     c->torque_band_Nm = p->v[HT_P_torque_band_Nm];
     c->torque_inner_Nm = p->v[HT_P_torque_inner_Nm];

@@ -21,7 +21,7 @@ from . import __version__, firmware
 from .frames import INVERSE, PHASES
 from .plant.inverter import inverter_record
 from .plant.loop import PLANT_CHANNELS, TIMING, run_periods
-from .plant.machine import LOAD, MachineParameters, machine_record
+from .plant.machine import DRY_RAD_S, LOAD, MachineParameters, machine_record
 from .plant.pwm import PWM_MAP, pwm_record
 from .plant.record import record
 from .plant.sensors import SENSORS
@@ -102,7 +102,7 @@ def _load(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
     elif kind == "fan":
         terms["quadratic_Nms2"] = torque_Nm / w**2
     elif kind == "friction":
-        terms["dry_Nm"] = torque_Nm
+        terms["dry_Nm"] = torque_Nm / math.tanh(w / DRY_RAD_S)
     else:  # brake
         s = 1 / EDDY_PEAK
         terms["eddy_Nm"] = torque_Nm * (1 + s * s) / (2 * s)

@@ -24,6 +24,13 @@ FLOAT_S = 20e-6
 #: Longest step while a leg is off: bounds the error of that location.
 OFF_STEP_S = 5e-6
 
+#: More steps than this in one call mean that time stands still.
+MAX_STEPS = 10_000
+
+#: A floating leg's diode conducts this share of Vdc beyond the rail: far more than a
+#: residual current's decay takes, so that the current then starts the right way.
+FORWARD = 1e-3
+
 _T = TRANSFORM
 
 
@@ -124,6 +131,24 @@ def _solve_floating(inv, m, load, y, vdc):
 
 
 @njit
+def _centre(inv, vdc):
+    """Only differences matter in a set that floats as a whole: hang it so that its
+    highest and its lowest leg reach the rails together, as two diodes conduct."""
+    for first in range(2):
+        low = np.inf
+        high = -np.inf
+        for leg in range(first, 6, 2):
+            if inv.leg[leg] != OFF or inv.diode[leg] != 0:
+                low = -np.inf
+            low = min(low, inv.v_leg[leg])
+            high = max(high, inv.v_leg[leg])
+        if low > -np.inf:
+            shift = 0.5 * (vdc - low - high)
+            for leg in range(first, 6, 2):
+                inv.v_leg[leg] += shift
+
+
+@njit
 def _leg_voltages(inv, m, load, y, vdc):
     """Set leg voltages. Returns True if any leg floats."""
     floats = False
@@ -137,14 +162,16 @@ def _leg_voltages(inv, m, load, y, vdc):
             inv.v_leg[leg] = vdc if state == HIGH else 0.0
     if floats:
         _solve_floating(inv, m, load, y, vdc)
+        _centre(inv, vdc)
+        margin = FORWARD * vdc
         turned_on = False
         for leg in range(6):
             if inv.leg[leg] == OFF and inv.diode[leg] == 0:
-                if inv.v_leg[leg] > vdc:
+                if inv.v_leg[leg] > vdc + margin:
                     inv.diode[leg] = -1
                     inv.v_leg[leg] = vdc
                     turned_on = True
-                elif inv.v_leg[leg] < 0.0:
+                elif inv.v_leg[leg] < -margin:
                     inv.diode[leg] = 1
                     inv.v_leg[leg] = 0.0
                     turned_on = True
@@ -201,8 +228,10 @@ def _advance_off(inv, m, load, y, dt, vdc):
         return
     left = dt
     guard = 0
-    while left > 1e-15 and guard < 10000:
+    while left > 1e-15:
         guard += 1
+        if guard > MAX_STEPS:
+            raise ArithmeticError("inverter: diodes chatter, time does not advance")
         _leg_voltages(inv, m, load, y, vdc)
         h = left if left < OFF_STEP_S else OFF_STEP_S
         rk4_step(m, load, y, inv.v, h, inv.trial, inv.k, inv.z)
@@ -212,8 +241,9 @@ def _advance_off(inv, m, load, y, dt, vdc):
         for leg in range(6):
             if inv.leg[leg] == OFF and inv.diode[leg] != 0:
                 i1 = phase_current(m, inv.trial, leg)
-                if i1 * inv.diode[leg] < 0.0:
-                    i0 = phase_current(m, y, leg)
+                i0 = phase_current(m, y, leg)
+                # A residual of the wrong sign that shrinks is no crossing.
+                if i1 * inv.diode[leg] < min(0.0, i0 * inv.diode[leg]):
                     t = h * i0 / (i0 - i1) if i0 * inv.diode[leg] > 0.0 else 0.0
                     if t < first or crossing < 0:
                         first = t

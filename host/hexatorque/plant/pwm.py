@@ -33,8 +33,9 @@ PWM_MAP = np.dtype(
     ]
 )  # fmt: skip
 
-#: At most 5 output edges per leg and segment, each an off and an on.
-MAX_EDGES = 6 * 12
+#: At most 5 output edges per leg and segment, each an off and an on; two segments
+#: share the list.
+MAX_EDGES = 6 * 20
 
 #: What the modules hold besides the register file, and the edges of a period.
 PWM = np.dtype(
@@ -92,6 +93,8 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
     new number. `regs` is the low part of the register file (uint16). At c1 = TBPRD + 1 the
     pending delays are moved to the next period.
     """
+    if c0 == c1:
+        return n  # registers are taken over by the segment that has counts
     for leg in range(6):
         base = pm.epwm + leg * pm.stride
         prd = np.int64(regs[base + pm.tbprd])
