@@ -188,6 +188,13 @@ static void measure(ht_drive *d, const ht_samples *s)
     d->position_now = s->position;
 }
 
+/* The latch was released in the first interrupt of BUILD. */
+static bool gates_should_be_on(const ht_drive *d)
+{
+    return (d->state == (uint16_t)HT_STATE_RUN)
+           || ((d->state == (uint16_t)HT_STATE_BUILD) && (d->state_ticks > 1u));
+}
+
 static uint16_t protect(const ht_drive *d)
 {
     const float *v = d->params.v;
@@ -197,6 +204,15 @@ static uint16_t protect(const ht_drive *d)
         if (!finite_below(d->in.i_A.p[leg], v[HT_P_i_trip_A])) {
             faults |= HT_FAULT_OVERCURRENT;
         }
+    }
+    if (gates_should_be_on(d) /* offsets are known by then */
+        && (!finite_below(d->in.i_A.p[0] + d->in.i_A.p[2] + d->in.i_A.p[4], v[HT_P_i_sum_trip_A])
+            || !finite_below(d->in.i_A.p[1] + d->in.i_A.p[3] + d->in.i_A.p[5],
+                             v[HT_P_i_sum_trip_A]))) {
+        faults |= HT_FAULT_CURRENT_SUM;
+    }
+    if (!finite_below(d->speed_rpm, v[HT_P_speed_trip_rpm])) {
+        faults |= HT_FAULT_OVERSPEED;
     }
     if (!(d->in.vdc_V <= v[HT_P_vdc_max_V])) {
         faults |= HT_FAULT_VDC_HIGH;
@@ -219,11 +235,12 @@ static bool estimate_sound(const ht_drive *d)
            && finite_below(d->control.v_xy_pu.x, 1.0f) && finite_below(d->control.v_xy_pu.y, 1.0f);
 }
 
-/* The latch was released in the first interrupt of BUILD. */
-static bool gates_should_be_on(const ht_drive *d)
+/* Magnitude in alpha-beta; the control step has just transformed this sample. */
+static bool magnitude_exceeded(const ht_drive *d)
 {
-    return (d->state == (uint16_t)HT_STATE_RUN)
-           || ((d->state == (uint16_t)HT_STATE_BUILD) && (d->state_ticks > 1u));
+    ht_ab i = d->control.observer.i_prev_A.ab;
+    float limit = d->params.v[HT_P_i_ab_trip_A];
+    return !((i.alpha * i.alpha + i.beta * i.beta) <= limit * limit);
 }
 
 static void fault(ht_drive *d, uint16_t bits)
@@ -329,9 +346,13 @@ void ht_drive_fast_isr(ht_drive *d)
     default:
         break;
     }
-    if (((d->state == (uint16_t)HT_STATE_RUN) || (d->state == (uint16_t)HT_STATE_BUILD))
-        && !estimate_sound(d)) {
-        fault(d, HT_FAULT_NONFINITE);
+    if ((d->state == (uint16_t)HT_STATE_RUN) || (d->state == (uint16_t)HT_STATE_BUILD)) {
+        if (magnitude_exceeded(d)) {
+            fault(d, HT_FAULT_OVERCURRENT);
+        }
+        if (!estimate_sound(d)) {
+            fault(d, HT_FAULT_NONFINITE);
+        }
     }
     ht_port_ack_fast(d->port);
 }
@@ -373,6 +394,9 @@ ht_result ht_drive_start(ht_drive *d)
     int leg;
     if (d->state != (uint16_t)HT_STATE_IDLE) {
         return HT_ERROR_STATE;
+    }
+    if (!finite_below(d->speed_rpm, d->params.v[HT_P_start_max_rpm])) {
+        return HT_ERROR_TURNING;
     }
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->offset_sum[leg] = 0u;

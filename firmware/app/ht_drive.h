@@ -30,9 +30,11 @@ enum {
     HT_FAULT_OVERCURRENT = 0x0001,
     HT_FAULT_VDC_HIGH = 0x0002,
     HT_FAULT_VDC_LOW = 0x0004,
-    HT_FAULT_NONFINITE = 0x0008,  /**< an estimate is NaN, infinite or impossible */
-    HT_FAULT_EXTERNAL = 0x0010,   /**< trip zone set by something else */
-    HT_FAULT_CALIBRATION = 0x0020 /**< current offset out of bounds */
+    HT_FAULT_NONFINITE = 0x0008,   /**< an estimate is NaN, infinite or impossible */
+    HT_FAULT_EXTERNAL = 0x0010,    /**< trip zone set by something else */
+    HT_FAULT_CALIBRATION = 0x0020, /**< current offset out of bounds */
+    HT_FAULT_CURRENT_SUM = 0x0040, /**< a set's currents do not add up to zero */
+    HT_FAULT_OVERSPEED = 0x0080
 };
 
 /** Result of a command or an initialisation. */
@@ -42,7 +44,8 @@ typedef enum {
     HT_ERROR_VALUE = 2,  /**< not finite, out of range or not a choice */
     HT_ERROR_STATE = 3,  /**< not allowed in this state */
     HT_ERROR_CONFIG = 4, /**< parameters do not fit together (e.g. bands) */
-    HT_ERROR_PORT = 5    /**< the hardware cannot realise the set-up */
+    HT_ERROR_PORT = 5,   /**< the hardware cannot realise the set-up */
+    HT_ERROR_TURNING = 6 /**< start refused: the machine is turning */
 } ht_result;
 
 typedef struct {
@@ -84,7 +87,8 @@ void ht_drive_fast_isr(ht_drive *d);
 /** The slow interrupt: speed measurement, speed PI, flux reference. */
 void ht_drive_slow_isr(ht_drive *d);
 
-/** Commands from the background. */
+/** Commands from the background. A start needs IDLE and standstill, a clear needs
+ *  FAULT. */
 ht_result ht_drive_start(ht_drive *d);
 void ht_drive_stop(ht_drive *d);
 ht_result ht_drive_clear(ht_drive *d);

@@ -20,6 +20,8 @@ FAULTS = {
     lib.HT_FAULT_NONFINITE: "estimate not finite or out of bounds",
     lib.HT_FAULT_EXTERNAL: "external trip",
     lib.HT_FAULT_CALIBRATION: "current sensor offset out of bounds",
+    lib.HT_FAULT_CURRENT_SUM: "currents of a set do not add up to zero",
+    lib.HT_FAULT_OVERSPEED: "over-speed",
 }
 DEVICES = ("f28335", "f28377s")
 
@@ -110,6 +112,7 @@ _RESULTS = {
     lib.HT_ERROR_VALUE: "value out of range",
     lib.HT_ERROR_STATE: "not allowed in this state",
     lib.HT_ERROR_CONFIG: "parameters do not fit together",
+    lib.HT_ERROR_TURNING: "the machine is turning",
     lib.HT_ERROR_PORT: "the PWM cannot realise this period or dead time",
 }
 

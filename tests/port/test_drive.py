@@ -24,6 +24,8 @@ SETUP = {
     "torque_band_Nm": 0.5, "torque_inner_Nm": 0.289, "flux_ref_Wb": 0.6, "flux_min_Wb": 0.1,
     "observer": "hybrid", "crossover_Hz": 1.0, "rr_ohm": 2.0, "lr_H": 0.299, "lm_H": 0.284,
     "scheme": "ddr", "field_weakening": "off",
+    # One phase at a time is loaded below, which no machine could do.
+    "i_sum_trip_A": 1000.0,
 }  # fmt: skip
 POWERED = ("build", "run")
 
@@ -244,6 +246,67 @@ def test_several_faults_are_all_kept(bench):
     bench.fast()
     assert bench.drive.faults == lib.HT_FAULT_OVERCURRENT | lib.HT_FAULT_VDC_LOW
     assert len(bench.controller.faults) == 2
+
+
+@pytest.mark.parametrize("leg", range(6))
+def test_currents_of_a_set_must_add_up(bench, leg):
+    """A sensor that reads 3 A too much, well below the over-current level."""
+    bench.run_to("run")
+    bench.controller.set("i_sum_trip_A", 2.0)
+    bench.amperes[leg] = 1.5
+    bench.fast()
+    assert bench.state == "run"
+    bench.amperes[leg] = 3.0
+    bench.fast()
+    assert (bench.state, bench.gates_on) == ("fault", False)
+    assert bench.drive.faults == lib.HT_FAULT_CURRENT_SUM
+
+
+def test_magnitude_trips_where_no_phase_does(bench):
+    """24 A in every phase along its axis is 24 A in alpha-beta, below the phase limit."""
+    bench.run_to("run")
+    bench.amperes[:] = 24.0 * np.cos(np.deg2rad([0, 30, 120, 150, 240, 270]) - 0.25)
+    bench.controller.set("i_ab_trip_A", 24.5)
+    bench.fast()
+    assert bench.drive.faults & lib.HT_FAULT_OVERCURRENT == 0
+    bench.controller.set("i_ab_trip_A", 23.5)
+    bench.fast()
+    assert bench.drive.faults & lib.HT_FAULT_OVERCURRENT
+    assert not bench.gates_on
+
+
+def turn(bench, rpm):
+    """Encoder counts of one slow period at `rpm`, then the slow interrupt."""
+    words, address = bench.words, QPOSCNT[bench.device]
+    now = int(words[address]) + (int(words[address + 1]) << 16)
+    now = (now + round(rpm / 60 * 8192 / 100)) & 0xFFFFFFFF
+    words[address], words[address + 1] = now & 0xFFFF, now >> 16
+    bench.fast()
+    bench.slow()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_over_speed(bench, sign):
+    bench.run_to("run")
+    bench.controller.set("speed_trip_rpm", 2000.0)
+    turn(bench, sign * 1900)
+    bench.fast()
+    assert bench.drive.faults & lib.HT_FAULT_OVERSPEED == 0
+    turn(bench, sign * 2100)
+    bench.fast()
+    assert bench.drive.faults & lib.HT_FAULT_OVERSPEED
+    assert not bench.gates_on
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_no_start_into_a_turning_machine(bench, sign):
+    turn(bench, sign * 100)
+    with pytest.raises(FirmwareError, match="turning"):
+        bench.controller.start()
+    assert bench.state == "idle"
+    turn(bench, sign * 10)
+    bench.controller.start()
+    assert bench.state == "calibrate"
 
 
 @pytest.mark.parametrize("tick", [2, 50, 99])
