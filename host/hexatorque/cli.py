@@ -119,8 +119,18 @@ def _print_json(data: object) -> None:
     print(json.dumps(data, indent=1))
 
 
-def _names(text: str | None) -> list[str] | None:
-    return [part.strip() for part in text.split(",") if part.strip()] if text else None
+def _schemes_given(text: str | None) -> list[str]:
+    """The schemes of a --schemes option; all without one."""
+    from . import firmware
+    from .scenario import ScenarioError
+
+    if text is None:
+        return list(firmware.schemes())
+    names = [part.strip() for part in text.split(",")]
+    for name in names:
+        if name not in firmware.schemes():
+            raise ScenarioError(f"no scheme {name!r}: choose from {', '.join(firmware.schemes())}")
+    return list(dict.fromkeys(names))
 
 
 def _compare(args: argparse.Namespace) -> int:
@@ -131,7 +141,7 @@ def _compare(args: argparse.Namespace) -> int:
     console = _console(args.json)
     setups = [args.setup] if args.setup else compare.DEFAULT_SETUPS
     compare.make_folder(args.output)
-    todo = compare.points(setups, _names(args.schemes), args.speed, args.load, args.latency)
+    todo = compare.points(setups, _schemes_given(args.schemes), args.speed, args.load, args.latency)
     with _progress(console) as bar:
         task = bar.add_task("comparing", total=sum(point.simulated_s for point in todo))
         comparison = compare.compare(todo, lambda seconds: bar.advance(task, seconds))
@@ -237,13 +247,15 @@ def _schemes(args: argparse.Namespace) -> int:
 def _reach(args: argparse.Namespace) -> int:
     from rich.table import Table
 
-    from . import firmware, scenario
+    from . import scenario
     from .study import reach_all
 
     console = _console(args.json)
     setup = scenario.load(args.setup)
-    load_Nm = setup["point.load_Nm"] if args.load is None else args.load
-    names = _names(args.schemes) or firmware.schemes()
+    if args.load is not None:
+        setup = setup.changed(point__load_Nm=args.load)
+    load_Nm = setup["point.load_Nm"]
+    names = _schemes_given(args.schemes)
     setups = [setup.changed(controller__scheme=name) for name in names]
     with _progress(console) as bar:
         task = bar.add_task("searching", total=None)

@@ -39,17 +39,17 @@ def points(
 ) -> list[Point]:
     """The points to measure: every scheme on every set-up, then, where FDR is among
     them, FDR under each latency that is not there yet."""
-    names = tuple(schemes) if schemes else firmware.schemes()
-    for name in names:
-        if name not in firmware.schemes():
-            raise ScenarioError(f"no scheme {name!r}: choose from {', '.join(firmware.schemes())}")
+    names = tuple(dict.fromkeys(schemes)) if schemes else firmware.schemes()
     result: list[Point] = []
     for entry in setups:
         setup = entry if isinstance(entry, Setup) else load(entry)
         if latency:
             setup = setup.changed(timing__latency=latency)
-        speed = setup["point.speed_rpm"] if speed_rpm is None else speed_rpm
-        torque = setup["point.load_Nm"] if load_Nm is None else load_Nm
+        if speed_rpm is not None:
+            setup = setup.changed(point__speed_rpm=speed_rpm)
+        if load_Nm is not None:
+            setup = setup.changed(point__load_Nm=load_Nm)
+        speed, torque = setup["point.speed_rpm"], setup["point.load_Nm"]
         if speed == 0:
             raise ScenarioError(f"{setup.name}: give --speed (not 0) or point.speed_rpm")
         limit = setup.controller_values().get("torque_limit_Nm", 1e9)
