@@ -51,8 +51,8 @@ def _n(help: str, unit: str, low: float, high: float, default: float | None = No
     return Key("number", help, unit, low, high, default=default)
 
 
-def _six(help: str, unit: str, low: float, high: float) -> Key:
-    return Key("phases", help, unit, low, high, default=(0.0,) * 6)
+def _six(help: str, unit: str, low: float, high: float, default: float = 0.0) -> Key:
+    return Key("phases", help, unit, low, high, default=(default,) * 6)
 
 
 #: Everything a set-up holds besides the controller's parameters, which the
@@ -80,7 +80,9 @@ KEYS: dict[str, dict[str, Key]] = {
         "i_full_A": _n("phase current at full scale, either sign", "A", 0.1, 1e4),
         "vdc_full_V": _n("dc-link voltage at full scale", "V", 1, 1e4),
         "i_offset_A": _six("current sensor offset", "A", -1e3, 1e3),
-        "i_gain": _n("current sensor gain, 1 = exact", "", 0.5, 2, 1.0),
+        "i_gain": _six("current sensor gain, 1 = exact", "", 0.5, 2, 1.0),
+        "i_noise_A": _n("current sensor noise, rms, white at the converter", "A", 0, 100, 0.0),
+        "noise_seed": Key("integer", "the same seed gives the same noise", "", 1, 1e9, default=1),
         "encoder_ppr": Key("integer", "encoder pulses per revolution", "", 1, 1_000_000),
         "sample_delay_us": _n("counter zero to sample and hold", "us", 0, 40, 0.0),
     },

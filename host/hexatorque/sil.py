@@ -173,7 +173,9 @@ class Simulation:
         per_A = 4096 / (2 * setup["sensors.i_full_A"])
         return record(
             SENSORS,
-            i_counts_per_A=per_A * setup["sensors.i_gain"],
+            i_counts_per_A=per_A * np.array(setup["sensors.i_gain"]),
+            i_noise_counts=per_A * setup["sensors.i_noise_A"],
+            random=setup["sensors.noise_seed"],
             i_offset_counts=2048 + per_A * np.array(setup["sensors.i_offset_A"]),
             v_counts_per_V=4096 / setup["sensors.vdc_full_V"],
             adc_step=float(1 << (12 - setup["sensors.adc_bits"])),

@@ -94,7 +94,7 @@ def test_saturation_at_both_ends(device, bits):
 
 def test_offset_and_gain(device):
     offset = (0.5, -0.25, 0.0, 1.0, -2.0, 0.1)
-    counts, _ = Bench(device, i_offset_A=offset, i_gain=1.1).read(balanced(5.0), vdc=250.0)
+    counts, _ = Bench(device, i_offset_A=offset, i_gain=[1.1] * 6).read(balanced(5.0), vdc=250.0)
     for i_A, o, got in zip(balanced(5.0), offset, counts):
         assert abs(got - (2048 + (1.1 * i_A + o) * 2048 / FULL_A)) <= 0.501
     assert counts[6] == 2048  # the current sensors' gain is theirs alone
@@ -120,3 +120,28 @@ def test_position_wraps(device):
     bench, turn = Bench(device), 2 * math.pi
     for counts in (2**31, 2**32 - 1, 2**32, 2**32 + 5, 3 * 2**32 + 7, -(2**32) - 3):
         assert bench.read(theta=(counts + 0.5) / (4 * PPR) * turn)[1] == counts % 2**32
+
+
+def test_gain_of_each_phase(device):
+    gain = [1.0, 1.1, 0.9, 1.2, 0.8, 1.05]
+    exact, _ = Bench(device).read(balanced(5.0))
+    counts, _ = Bench(device, i_gain=gain).read(balanced(5.0))
+    expected = 2048 + (np.array(exact[:6]) - 2048) * gain
+    assert np.abs(np.array(counts[:6]) - expected).max() <= 1.5
+
+
+def test_noise_is_white_normal_and_seeded(device):
+    """20 counts rms: mean, spread, independence from sample to sample and between phases,
+    and the share beyond two sigma, each within what 4000 draws allow."""
+    rms_A = 20 * 2 * FULL_A / 4096
+    bench = Bench(device, i_noise_A=rms_A, noise_seed=7)
+    draws = np.array([bench.read()[0][:6] for _ in range(4000)]) - 2048.0
+    assert np.abs(draws.mean(axis=0)).max() < 5 * 20 / np.sqrt(4000)
+    assert np.abs(draws.std(axis=0) / 20 - 1).max() < 0.06
+    assert np.mean(np.abs(draws) > 40) == pytest.approx(0.0455, abs=0.008)
+    correlation = np.corrcoef(np.hstack([draws[:-1], draws[1:]]).T) - np.eye(12)
+    assert np.abs(correlation).max() < 0.08
+    again = Bench(device, i_noise_A=rms_A, noise_seed=7)
+    assert np.array_equal(draws[0] + 2048, again.read()[0][:6])
+    other = Bench(device, i_noise_A=rms_A, noise_seed=8)
+    assert not np.array_equal(draws[0] + 2048, other.read()[0][:6])

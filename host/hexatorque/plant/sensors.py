@@ -13,7 +13,9 @@ TWO_PI = 2.0 * np.pi
 #: Transfer of each channel to 12-bit counts, and where the counts go.
 SENSORS = np.dtype(
     [
-        ("i_counts_per_A", "f8"),  # gain error included
+        ("i_counts_per_A", "f8", (6,)),  # gain errors included
+        ("i_noise_counts", "f8"),  # rms
+        ("random", "u8"),  # state of the noise generator, not 0
         ("i_offset_counts", "f8", (6,)),  # mid scale plus offset
         ("v_counts_per_V", "f8"),
         ("adc_step", "f8"),  # counts per converter step: 1 at 12 bits, 4 at 10 bits
@@ -33,12 +35,30 @@ def _counts(value, step):
 
 
 @njit
+def _uniform(se):
+    """Uniform in (0, 1): xorshift64*, its own state in every simulation."""
+    x = se.random
+    x ^= x >> np.uint64(12)
+    x ^= x << np.uint64(25)
+    x ^= x >> np.uint64(27)
+    se.random = x
+    return (np.float64((x * np.uint64(0x2545F4914F6CDD1D)) >> np.uint64(11)) + 0.5) * 2.0**-53
+
+
+@njit
+def _normal(se):
+    """Standard normal, Box and Muller."""
+    return np.sqrt(-2.0 * np.log(_uniform(se))) * np.cos(TWO_PI * _uniform(se))
+
+
+@njit
 def sample(se, m, y, vdc, regs):
     """Convert the present state into the result registers."""
     for leg in range(6):
-        counts = _counts(
-            phase_current(m, y, leg) * se.i_counts_per_A + se.i_offset_counts[leg], se.adc_step
-        )
+        reading = phase_current(m, y, leg) * se.i_counts_per_A[leg] + se.i_offset_counts[leg]
+        if se.i_noise_counts > 0.0:
+            reading += se.i_noise_counts * _normal(se)
+        counts = _counts(reading, se.adc_step)
         regs[se.adc_result + leg] = np.uint16(counts << se.adc_shift)
     counts = _counts(vdc * se.v_counts_per_V, se.adc_step)
     regs[se.adc_result + 6] = np.uint16(counts << se.adc_shift)
