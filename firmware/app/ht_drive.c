@@ -106,8 +106,8 @@ static void apply_slow(ht_drive *d)
 
 static void enter(ht_drive *d, ht_state state)
 {
+    d->state_ticks = 0u; /* first: the interrupt acts on the state */
     d->state = (uint16_t)state;
-    d->state_ticks = 0u;
 }
 
 static void set_flux_ref(ht_drive *d, float flux_Wb)
@@ -408,10 +408,11 @@ ht_result ht_drive_start(ht_drive *d)
 
 void ht_drive_stop(ht_drive *d)
 {
-    ht_port_gates_off(d->port);
+    /* State first: a fast interrupt in between must not turn the gates on again. */
     if (d->state != (uint16_t)HT_STATE_FAULT) {
         enter(d, HT_STATE_IDLE);
     }
+    ht_port_gates_off(d->port);
 }
 
 ht_result ht_drive_clear(ht_drive *d)
@@ -450,6 +451,7 @@ ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)
         return ht_drive_init(d, d->port, &trial);
     }
     d->params = trial;
+    d->staged_ready = 0u; /* the interrupt must not take a half-written copy */
     d->staged = config;
     d->staged_ready = 1u;
     apply_slow(d);

@@ -60,7 +60,7 @@ typedef struct {
     ht_flux_config flux_config;
     float offset_counts[HT_LEGS];  /**< calibrated zero of each current channel */
     uint32_t offset_sum[HT_LEGS];
-    uint32_t state_ticks;          /**< fast interrupts since the state began */
+    volatile uint32_t state_ticks;          /**< fast interrupts since the state began */
     uint32_t tick;                 /**< fast interrupts since init */
     uint32_t position_last;
     uint32_t position_now;
@@ -71,9 +71,9 @@ typedef struct {
     float v_per_count;
     uint16_t calibration_ticks;
     uint32_t build_ticks;
-    uint16_t state;                /**< ht_state */
+    volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
     uint16_t faults;
-    uint16_t staged_ready;         /**< 1 when `staged` is complete */
+    volatile uint16_t staged_ready; /**< 1 when `staged` is complete */
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. Refuses
