@@ -6,7 +6,7 @@
 #   make lint    formatting and static checks
 #   make clean   remove what the above made
 
-VENV ?= .venv
+VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := $(shell find firmware host cmake -type f ! -name '*.pyc' ! -name '*.so' ! -name '*.nb?') \
   pyproject.toml CMakeLists.txt tools/setup.sh
@@ -27,7 +27,7 @@ demo: $(VENV)/.installed
 	$(BIN)/hexatorque compare -o out/compare
 
 build/host/.built: $(C_SOURCES) $(VENV)/.installed
-	$(BIN)/cmake --preset host -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null
+	$(BIN)/cmake --preset host -G Ninja "-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja" >/dev/null
 	$(BIN)/cmake --build --preset host
 	@touch $@
 
@@ -36,7 +36,7 @@ test-c: build/host/.built
 
 # The C tests once more, under the address and undefined-behaviour sanitizers.
 sanitize: $(VENV)/.installed
-	$(BIN)/cmake --preset host-sanitize -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null
+	$(BIN)/cmake --preset host-sanitize -G Ninja "-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja" >/dev/null
 	$(BIN)/cmake --build --preset host-sanitize
 	$(BIN)/ctest --preset host-sanitize
 

@@ -3,6 +3,8 @@
 #define ADC_MID 2048.0f
 #define ADC_FULL 4096.0f
 #define OFFSET_MAX_COUNTS 200.0f
+/* Share of the range that is left on either side at the largest offset, less 2 %. */
+#define TRIP_SHARE 0.885f
 #define PI_F 3.14159265f
 
 /* Largest circle inside the dodecagon of each scheme's mean vectors, units of
@@ -32,6 +34,7 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     float ts = 1.0f / p->v[HT_P_f_isr_Hz];
     bool shadow = p->v[HT_P_load_mode] == 0.0f;
     float first = p->v[HT_P_write_delay_us] * 1.0e-6f * pwm_clock_Hz;
+    float ratio;
     if (!(period <= 65535.0f) || !(period >= 8.0f)) {
         return false;
     }
@@ -41,8 +44,13 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
         || (p->v[HT_P_flux_trip_Wb] <= p->v[HT_P_flux_ref_Wb])) {
         return false;
     }
+    /* The slow interrupt is every n-th fast one. */
+    ratio = p->v[HT_P_f_isr_Hz] / p->v[HT_P_f_slow_Hz];
+    if (!finite_below(ratio - (float)(uint16_t)(ratio + 0.5f), 1.0e-3f)) {
+        return false;
+    }
     /* A trip level that a saturated converter cannot reach protects nothing. */
-    if ((p->v[HT_P_i_trip_A] > 0.95f * p->v[HT_P_i_full_A])
+    if ((p->v[HT_P_i_trip_A] > TRIP_SHARE * p->v[HT_P_i_full_A])
         || (p->v[HT_P_vdc_max_V] > 0.95f * p->v[HT_P_vdc_full_V])) {
         return false;
     }
@@ -134,6 +142,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
 {
     ht_control_config config;
     ht_pwm_setup setup;
+    ht_samples s;
     ht_result result;
     ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
     uint16_t id;
@@ -168,8 +177,9 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     ht_control_reset(&d->control, &none);
     d->speed.integral_Nm = 0.0f;
     d->tick = 0u;
-    d->position_last = 0u;
-    d->position_now = 0u;
+    ht_port_read(port, &s); /* the counter may stand anywhere */
+    d->position_last = s.position;
+    d->position_now = s.position;
     d->speed_rpm = 0.0f;
     d->torque_ref_Nm = 0.0f;
     d->flux_ref_Wb = p->v[HT_P_flux_ref_Wb];
@@ -344,6 +354,9 @@ void ht_drive_fast_isr(ht_drive *d)
     case HT_STATE_IDLE:
     case HT_STATE_FAULT:
     default:
+        if (!ht_port_tripped(d->port)) {
+            ht_port_gates_off(d->port); /* whoever released the latch: not in these states */
+        }
         break;
     }
     if ((d->state == (uint16_t)HT_STATE_RUN) || (d->state == (uint16_t)HT_STATE_BUILD)) {
@@ -392,8 +405,8 @@ void ht_drive_slow_isr(ht_drive *d)
 ht_result ht_drive_start(ht_drive *d)
 {
     int leg;
-    if (d->state != (uint16_t)HT_STATE_IDLE) {
-        return HT_ERROR_STATE;
+    if ((d->state != (uint16_t)HT_STATE_IDLE) || (d->faults != 0u)) {
+        return HT_ERROR_STATE; /* a fault that a stop overtook still wants its clear */
     }
     if (!finite_below(d->speed_rpm, d->params.v[HT_P_start_max_rpm])) {
         return HT_ERROR_TURNING;
@@ -417,7 +430,7 @@ void ht_drive_stop(ht_drive *d)
 
 ht_result ht_drive_clear(ht_drive *d)
 {
-    if (d->state != (uint16_t)HT_STATE_FAULT) {
+    if ((d->state != (uint16_t)HT_STATE_FAULT) && (d->faults == 0u)) {
         return HT_ERROR_STATE;
     }
     d->faults = 0u;

@@ -38,7 +38,8 @@ ht_config_status ht_control_check(const ht_control_config *cfg)
         return HT_CONFIG_TIMING;
     }
     if (!(cfg->observer.rs_ohm >= 0.0f) || !positive(cfg->observer.sigma_ls_H)
-        || !positive(cfg->observer.inv_sigma_ls) || !positive(cfg->observer.lxy_H)) {
+        || !positive(cfg->observer.inv_sigma_ls) || !positive(cfg->observer.lxy_H)
+        || !(cfg->observer.rotor_decay >= 0.0f) || !(cfg->observer.rotor_decay < 0.5f)) {
         return HT_CONFIG_MACHINE;
     }
     return HT_CONFIG_OK;

@@ -16,19 +16,21 @@ void ht_observer_reset(ht_observer_state *st, const ht_vsd *i)
 }
 
 /* Rotor flux of the current model over one period, and the pull of the stator
- * flux towards it. The rotation is of second order: the first-order one would
- * blow up by (w Ts)^2 / 2 a step, which is not small against the decay. */
+ * flux towards it. The rotation is of third order, whose gain 1 - t^4/24 stays
+ * below one; those of first and second order would blow up by t^2/2 and t^4/8 a
+ * step, which at high speed is not small against the decay. */
 static void hybrid_correct(const ht_observer_config *cfg, ht_observer_state *st, const ht_vsd *i,
                            float omega_r)
 {
     float turn = omega_r * cfg->ts_s;
     float keep = 1.0f - cfg->rotor_decay - 0.5f * turn * turn;
     float half = 0.5f * cfg->rotor_drive;
+    float sine = turn * (1.0f - turn * turn * (1.0f / 6.0f));
     ht_ab r = st->psi_r_Wb;
     st->psi_r_Wb.alpha =
-        keep * r.alpha - turn * r.beta + half * (st->i_prev_A.ab.alpha + i->ab.alpha);
+        keep * r.alpha - sine * r.beta + half * (st->i_prev_A.ab.alpha + i->ab.alpha);
     st->psi_r_Wb.beta =
-        keep * r.beta + turn * r.alpha + half * (st->i_prev_A.ab.beta + i->ab.beta);
+        keep * r.beta + sine * r.alpha + half * (st->i_prev_A.ab.beta + i->ab.beta);
     st->psi_Wb.alpha += cfg->hybrid_gain
                         * (cfg->lm_over_lr * st->psi_r_Wb.alpha + cfg->sigma_ls_H * i->ab.alpha
                            - st->psi_Wb.alpha);

@@ -84,7 +84,10 @@ def instructions(
         with tempfile.TemporaryDirectory() as folder:
             trace = Path(folder) / "trace.txt"
             write_trace(setup.changed(controller__scheme=scheme), trace)
-            done = subprocess.run([counter, trace], capture_output=True, text=True)
+            try:
+                done = subprocess.run([counter, trace], capture_output=True, text=True)
+            except OSError as error:
+                raise ScenarioError(f"{counter}: {error.strerror}") from None
         found = re.fullmatch(r"isr (\d+) (\d+) step (\d+) (\d+) periods (\d+)\s*", done.stdout)
         if done.returncode or not found:
             raise ScenarioError(f"{counter}: {done.stderr.strip() or 'no result'}")

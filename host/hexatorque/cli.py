@@ -136,6 +136,7 @@ def _schemes_given(text: str | None) -> list[str]:
 def _compare(args: argparse.Namespace) -> int:
     from . import compare
     from .analysis.paper_values import PAPER
+    from .recording import RecordingError
     from .report import console_table
 
     console = _console(args.json)
@@ -147,7 +148,10 @@ def _compare(args: argparse.Namespace) -> int:
         comparison = compare.compare(todo, lambda seconds: bar.advance(task, seconds))
         bar.update(task, description="writing the report")
         command = " ".join(["hexatorque", *(sys.argv[1:] or ["compare"])])
-        written = compare.write(comparison, args.output, command)
+        try:
+            written = compare.write(comparison, args.output, command)
+        except OSError as error:
+            raise RecordingError(f"{error.filename}: {error.strerror}") from None
     for table in console_table(comparison.runs, PAPER):
         console.print(table)
     for label, reason in comparison.failed:
@@ -295,9 +299,14 @@ def main(argv: list[str] | None = None) -> int:
     from .firmware import FirmwareError
     from .recording import RecordingError
     from .scenario import ScenarioError
+    from .sil import DriveFault
+    from .study import NotReached
 
     try:
         return args.call(args)
+    except (DriveFault, NotReached, ArithmeticError) as error:
+        print(f"hexatorque: {error}", file=sys.stderr)
+        return 1
     except (ScenarioError, FirmwareError, RecordingError) as error:
         print(f"hexatorque: {error}", file=sys.stderr)
         return 2

@@ -52,7 +52,7 @@ def points(
         speed, torque = setup["point.speed_rpm"], setup["point.load_Nm"]
         if speed == 0:
             raise ScenarioError(f"{setup.name}: give --speed (not 0) or point.speed_rpm")
-        limit = setup.controller_values().get("torque_limit_Nm", 1e9)
+        limit = setup.parameter("torque_limit_Nm")
         if abs(torque) > limit:
             raise ScenarioError(
                 f"load {torque:g} N m: allowed range is -{limit:g} .. {limit:g} N m (torque limit)"

@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -94,7 +95,7 @@ class Recording:
             return reader(path)
         except OSError as error:
             raise RecordingError(f"{path}: {error.strerror or error}") from None
-        except (ValueError, KeyError) as error:
+        except (ValueError, KeyError, TypeError, BadZipFile) as error:
             raise RecordingError(f"{path}: not a recording ({error})") from None
 
 

@@ -151,10 +151,17 @@ class Setup:
         values = {section: dict(entries) for section, entries in self.values.items()}
         for path, value in paths.items():
             section, key = path.split("__", 1)
+            if section not in values:
+                raise ScenarioError(f"unknown section {section!r}{_suggest(section, list(values))}")
             values[section][key] = _value(section, key, value, USER)
         result = replace(self, values=values)
-        result.controller_values()  # refuse what the firmware would refuse
+        _consistent(result)
         return result
+
+    def parameter(self, name: str) -> Any:
+        """A controller parameter's effective value, the firmware's default included."""
+        row = firmware.parameters()[name]
+        return self.controller_values().get(name, row.show(row.initial))
 
     def controller_values(self) -> dict[str, Any]:
         """All controller parameters that are not the firmware's default."""
@@ -180,6 +187,9 @@ class Setup:
             "write_delay_us": self.write_delay_us if immediate else 0.0,
         }
         given = {key: value.value for key, value in self.values.get("controller", {}).items()}
+        derived["i_sum_trip_A"] = max(0.01, 0.1 * self["sensors.i_full_A"])
+        if "i_trip_A" in given:
+            derived["i_ab_trip_A"] = 1.2 * given["i_trip_A"]
         if "flux_ref_Wb" in given:
             derived["flux_trip_Wb"] = 2.5 * given["flux_ref_Wb"]
         merged = {**derived, **given}
@@ -215,6 +225,8 @@ def _suggest(word: str, known: list[str]) -> str:
 def _number(path: str, value: Any, low: float, high: float, unit: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ScenarioError(f"{path} = {value!r}: a number is needed")
+    if isinstance(value, int) and abs(value) > 10**18:
+        raise ScenarioError(f"{path}: far out of the allowed range {low:g} .. {high:g} {unit}")
     if not low <= value <= high:
         raise ScenarioError(
             f"{path} = {value:g}: allowed range is {low:g} .. {high:g} {unit}".rstrip()
@@ -262,6 +274,8 @@ def _value(section: str, key: str, raw: Any, default_tag: str) -> Value:
         if unknown or "value" not in raw:
             raise ScenarioError(f"{section}.{key}: expected value, tag, note; got {sorted(raw)}")
         tag, note = raw.get("tag", default_tag), raw.get("note", "")
+        if not isinstance(note, str):
+            raise ScenarioError(f"{section}.{key}: the note must be text")
         if tag not in (*TAGS, USER):
             raise ScenarioError(f"{section}.{key}: tag {tag!r}, choose one of {', '.join(TAGS)}")
         raw = raw["value"]
@@ -289,6 +303,8 @@ def _profile(raw: Any) -> Profile:
         if key not in known:
             raise ScenarioError(f"unknown key profile.{key}{_suggest(key, known)}")
     sets = []
+    if not isinstance(raw.get("set", []), list):
+        raise ScenarioError("profile.set: a list of [time_s, parameter, value] is needed")
     for entry in raw.get("set", []):
         if not isinstance(entry, list) or len(entry) != 3 or not isinstance(entry[1], str):
             raise ScenarioError("profile.set: a list of [time_s, parameter, value] is needed")
@@ -298,7 +314,7 @@ def _profile(raw: Any) -> Profile:
             raise ScenarioError(f"profile.set: {entry[1]} cannot change while the drive runs")
         sets.append((time_s, entry[1], value))
     samples = raw.get("samples_per_period", Profile.samples_per_period)
-    if samples not in (1, 2, 4, 5, 8, 10, 20):
+    if type(samples) is not int or samples not in (1, 2, 4, 5, 8, 10, 20):
         raise ScenarioError(
             f"profile.samples_per_period = {samples!r}: choose one of 1, 2, 4, 5, 8, 10, 20"
         )
@@ -330,7 +346,7 @@ def load(name_or_path: str | Path) -> Setup:
         raise ScenarioError(f"no set-up {text!r}{_suggest(text, builtin_names())}")
     try:
         source = path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise ScenarioError(f"{path}: {reason}") from None
     try:
@@ -350,7 +366,13 @@ def parse(source: str, name: str) -> Setup:
         if key not in (*sections, "setup", "title", "paper", "profile"):
             known = [*sections, "setup", "title", "paper", "profile"]
             raise ScenarioError(f"unknown section {key!r}{_suggest(key, known)}")
-    base = load(data["setup"]) if "setup" in data else None
+    for key in ("setup", "title", "paper"):
+        if not isinstance(data.get(key, ""), str):
+            raise ScenarioError(f"{key} = {data[key]!r}: text is needed")
+    try:
+        base = load(data["setup"]) if "setup" in data else None
+    except RecursionError:
+        raise ScenarioError(f"setup = {data['setup']!r}: the files refer to each other") from None
     values = {s: dict(base.values.get(s, {})) if base else {} for s in sections}
     for section in sections:
         entries = data.get(section, {})

@@ -30,6 +30,8 @@ from .scenario import Profile, ScenarioError, Setup
 
 #: Periods per compiled call: short enough for progress and Ctrl-C.
 CHUNK = 2000
+#: Controller parameters that the simulated hardware is timed by.
+TIMED_WITH_THE_PLANT = ("f_isr_Hz", "f_slow_Hz", "load_mode", "write_delay_us")
 #: In place of a record that is not wanted.
 _NOTHING = np.empty((0, 0), np.float32)
 #: Speed over which an eddy-current brake's torque peaks, relative to `at_rpm`.
@@ -132,6 +134,11 @@ class Simulation:
         write_count = round(setup.write_delay_us * 1e-6 * clock)
         if config.shadow:
             write_count = max(1, write_count)
+        if not sample_count <= write_count < config.period_counts:
+            raise ScenarioError(
+                f"sensors.sample_delay_us + timing.isr_us = {write_count / clock * 1e6:.3g} us: "
+                f"must end within the period of {self.period_s * 1e6:.4g} us"
+            )
         self.samples_per_period = samples_per_period
         f_isr = self.controller.get("f_isr_Hz")
         self._timing = record(
@@ -206,7 +213,11 @@ class Simulation:
     def set(self, name: str, value: object) -> None:
         """A controller parameter, or `load_Nm` or `vdc_V` of the plant."""
         if name in ("load_Nm", "vdc_V"):
+            if not math.isfinite(float(value)):
+                raise ScenarioError(f"{name} = {value}: a finite number is needed")
             setattr(self, name, float(value))
+        elif name in TIMED_WITH_THE_PLANT:
+            raise ScenarioError(f"{name}: belongs to the set-up, make a new simulation")
         else:
             self.controller.set(name, value)
 

@@ -20,6 +20,8 @@ from .sil import DriveFault, Simulation
 REACH_S = 4.0
 #: Time after the load is on before the measurement begins.
 SETTLE_S = 2.0
+#: Longest wait for a slow speed loop to bring the speed back under load.
+RECOVER_S = 10.0
 #: Measured: at least this long and at least this many fundamental cycles.
 WINDOW_S = 0.5
 CYCLES = 10
@@ -75,6 +77,10 @@ def approach(point: Point, progress: Progress | None = None) -> Simulation:
     constant = point.setup["load.kind"] == "constant"
     sim.set("load_Nm", point.load_Nm * (-1 if constant and point.speed_rpm < 0 else 1))
     sim.run(SETTLE_S, record=False, progress=progress)
+    waited = 0.0
+    while abs(sim.speed_rpm - point.speed_rpm) > slack_rpm and waited < RECOVER_S:
+        sim.run(0.5, record=False, progress=progress)
+        waited += 0.5
     sim.check()
     return sim
 
@@ -90,6 +96,12 @@ def measure(point: Point, progress: Progress | None = None) -> Run:
     sim.check()
     speed = window_s / sim.wall_s
     recording = sim.take()
+    values = metrics(recording)
+    if abs(values["speed_rpm"] - point.speed_rpm) > max(2.0, 0.02 * abs(point.speed_rpm)):
+        raise NotReached(
+            f"{values['speed_rpm']:.1f} r/min under {point.load_Nm:g} N m, "
+            f"asked for {point.speed_rpm:g}"
+        )
     return Run(
         setup=point.setup.name,
         scheme=str(point.setup["controller.scheme"]),
@@ -97,7 +109,7 @@ def measure(point: Point, progress: Progress | None = None) -> Run:
         speed_ref_rpm=point.speed_rpm,
         load_Nm=point.load_Nm,
         recording=recording,
-        metrics=metrics(recording),
+        metrics=values,
         realtime_factor=speed,
     )
 
@@ -109,7 +121,7 @@ def measure_all(points: Iterable[Point], progress: Progress | None = None) -> li
     def one(point: Point) -> Run | Exception:
         try:
             return measure(point, progress)
-        except (DriveFault, NotReached, ValueError) as error:
+        except (DriveFault, NotReached, ArithmeticError, ValueError) as error:
             return error
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -131,12 +143,12 @@ def holds(
     """
     try:
         m = measure(point, progress).metrics
-    except (DriveFault, NotReached, ValueError) as error:
+    except (DriveFault, NotReached, ArithmeticError, ValueError) as error:
         return str(error)
     speed_error = abs(m["speed_rpm"] / point.speed_rpm - 1)
     if speed_error > SPEED_TOLERANCE:
         return f"speed {m['speed_rpm']:.1f} r/min"
-    flux_ref = point.setup.controller_values()["flux_ref_Wb"]
+    flux_ref = point.setup.parameter("flux_ref_Wb")
     if abs(m["flux_Wb"] / flux_ref - 1) > flux_tolerance:
         return f"flux {m['flux_Wb']:.4f} Wb, reference {flux_ref:g}"
     return None
@@ -150,10 +162,11 @@ def reachable_rpm(
     0 if there is none."""
     full_flux = setup.changed(controller__field_weakening="off")
     # The bisection starts from the speed at which 12-step operation would end.
-    ceiling = setup["inverter.vdc_V"] * 0.6366 / setup.controller_values()["flux_ref_Wb"]
+    ceiling = setup["inverter.vdc_V"] * 0.6366 / setup.parameter("flux_ref_Wb")
     high = ceiling * 9.5493 / setup["machine.pole_pairs"]
     low = 0.0
-    while high - low > resolution * high:
+    floor = 0.01 * high
+    while high - low > resolution * high and high > floor:
         middle = 0.5 * (low + high)
         if holds(Point(full_flux, middle, load_Nm), progress=progress) is None:
             low = middle

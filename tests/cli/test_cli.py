@@ -138,3 +138,47 @@ def test_reach_of_one_scheme(capsys):
     # 12-step operation would end at 2 Vdc/pi / psi; the large vectors' inscribed
     # circle less the resistive drop lies below.
     assert 3500 < speed < 300 * 0.6366 / 0.4 * 9.5493
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("setup = 5\n", ("setup", "text")),
+        ('setup = "loop.toml"\n', ("refer to each other",)),
+        ('setup = "a\\u0000b.toml"\n', ("not a text file",)),
+        ('setup = "paper-b"\n[profile]\nset = 5\n', ("profile.set",)),
+        ('setup = "paper-b"\n[profile]\nsamples_per_period = 4.0\n', ("samples_per_period",)),
+        ('setup = "paper-b"\n[machine]\nrs_ohm = 1' + "0" * 400 + "\n", ("machine.rs_ohm",)),
+        (
+            'setup = "paper-a"\n[controller]\nf_isr_Hz = 30000\n[sensors]\nsample_delay_us = 40\n',
+            ("sample_delay_us", "period"),
+        ),
+        ('setup = "paper-b"\n[controller]\nf_slow_Hz = 300\n', ("do not fit together",)),
+    ],
+)
+def test_files_that_cannot_be_used(text, words, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "loop.toml").write_text(text)
+    assert main(["run", "loop.toml"]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    for word in words:
+        assert word in err
+
+
+def test_reach_of_an_impossible_load_is_zero(capsys):
+    arguments = ["reach", "--setup", "paper-b", "--schemes", "dtc1", "--load", "50", "--json"]
+    assert main(arguments) == 0
+    assert json.loads(capsys.readouterr().out)["reachable_rpm"]["dtc1"] == 0
+
+
+def test_results_that_cannot_be_written(tmp_path, capsys):
+    (tmp_path / "metrics.json").mkdir()
+    arguments = ["compare", "--setup", "paper-b", "--schemes", "dtc1", "-o", str(tmp_path)]
+    assert main(arguments) == 2
+    assert "metrics.json" in capsys.readouterr().err
+
+
+def test_bench_counter_that_is_no_program(tmp_path, capsys):
+    assert main(["bench", "--counter", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1

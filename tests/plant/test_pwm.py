@@ -80,7 +80,7 @@ class Counter:
         self.since += 1
         if level != self.level:
             self.level, self.since = level, 0
-            self.jumps += 1
+            self.jumps += not reg["TZFLG"] & OST
         if count == reg["TBPRD"]:
             self._load(1)
         if reg["TZFLG"] & OST or self.since < reg["DBRED" if level else "DBFED"]:

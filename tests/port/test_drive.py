@@ -565,3 +565,39 @@ def test_channels_carry_the_state(bench):
     assert values["vdc_V"] == pytest.approx(250, abs=0.1)
     assert values["flux_ref_Wb"] == np.float32(0.6)
     assert lib.ht_channel_describe(lib.ht_channel_count()) == ffi.NULL
+
+
+@pytest.mark.parametrize("position", [12345, 0xFFFFFF00])
+def test_set_up_takes_the_encoder_where_it_stands(bench, position):
+    """A parameter change that sets the drive up again is no jump in speed."""
+    address = QPOSCNT[bench.device]
+    bench.words[address], bench.words[address + 1] = position & 0xFFFF, position >> 16
+    bench.controller.set("build_s", 0.02)
+    bench.fast()
+    bench.slow()
+    assert bench.drive.speed_rpm == 0
+    bench.run_to("run")
+
+
+@pytest.mark.parametrize("state", ["idle", "fault"])
+def test_gates_that_come_on_in_idle_or_fault_go_off_again(bench, state):
+    """Whatever released the latch: the next fast interrupt sets it."""
+    if state == "fault":
+        bench.run_to("run")
+        bench.vdc = 0.0
+        bench.fast()
+    assert bench.state == state
+    base, stride = TZFLG[bench.device]
+    for leg in range(6):
+        bench.words[base + leg * stride] = 0
+    bench.fast()
+    assert not bench.gates_on
+
+
+def test_fault_that_a_stop_overtook_still_wants_its_clear(bench):
+    bench.drive.faults = lib.HT_FAULT_VDC_LOW
+    with pytest.raises(FirmwareError):
+        bench.controller.start()
+    bench.controller.clear()
+    bench.controller.start()
+    assert bench.state == "calibrate"

@@ -61,7 +61,7 @@ def test_reset_state(chip):
         assert chip.read("TZFLG", leg) == 0
     assert chip.read("TBPRD") == 0
     if "PERCLKDIVSEL" in chip.at:
-        assert chip.read("PERCLKDIVSEL") == 1
+        assert chip.read("PERCLKDIVSEL") == 0x51
     assert chip.rf.violations == 0
 
 

@@ -89,5 +89,6 @@ extern const ht_c2000_map ht_f28377s;
 #define PIEACK_GROUP3 0x0004u
 /* PERCLKDIVSEL.EPWMCLKDIV: 1 = /2 */
 #define PERCLKDIVSEL_EPWM_DIV2 0x0001u
+#define PERCLKDIVSEL_EPWM_MASK 0x0003u
 
 #endif

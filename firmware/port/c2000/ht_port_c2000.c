@@ -70,7 +70,9 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
     HT_WR16(io, m->pclk_tbsync, (uint16_t)(HT_RD16(io, m->pclk_tbsync) & (uint16_t)~m->tbsync_bit));
     HT_WR16(io, m->pclk_epwm, (uint16_t)(HT_RD16(io, m->pclk_epwm) | 0x003Fu));
     if (m->perclkdivsel != 0u) {
-        HT_WR16(io, m->perclkdivsel, PERCLKDIVSEL_EPWM_DIV2);
+        HT_WR16(io, m->perclkdivsel, /* other clocks share the register */
+                (uint16_t)((HT_RD16(io, m->perclkdivsel) & (uint16_t)~PERCLKDIVSEL_EPWM_MASK)
+                           | PERCLKDIVSEL_EPWM_DIV2));
     }
     HT_EDIS(io);
 

@@ -19,8 +19,8 @@ typedef void ht_io;
 #define HT_WR16(io, addr, value) (*(volatile uint16_t *)(addr) = (value))
 #define HT_RD32(io, addr) (*(volatile uint32_t *)(addr))
 #define HT_WR32(io, addr, value) (*(volatile uint32_t *)(addr) = (value))
-#define HT_EALLOW(io) asm(" EALLOW")
-#define HT_EDIS(io) asm(" EDIS")
+#define HT_EALLOW(io) __asm(" EALLOW")
+#define HT_EDIS(io) __asm(" EDIS")
 
 #else
 

@@ -5,6 +5,7 @@
 #include "../c2000/ht_c2000_map.h"
 
 #define LEGS 6u
+#define PERCLKDIVSEL_RESET 0x0051u /* EPWM, EMIF1, EMIF2 halved */
 #define TBCTL_RESET 0x0083u /* frozen, HSPCLKDIV = /2 */
 
 static void violation(ht_regfile *rf, uint32_t addr, uint16_t kind)
@@ -38,7 +39,7 @@ void ht_regfile_reset(ht_regfile *rf, const void *map)
         rf->low[m->epwm + leg * m->stride + m->tbctl] = TBCTL_RESET;
     }
     if (m->perclkdivsel != 0u) {
-        *word(rf, m->perclkdivsel) = PERCLKDIVSEL_EPWM_DIV2;
+        *word(rf, m->perclkdivsel) = PERCLKDIVSEL_RESET;
     }
 }
 

@@ -47,7 +47,7 @@ PWM = np.dtype(
         ("band", "i8", (6,)),  # leg state after the dead band
         ("pending", "i8", (6,)),  # count at which the delayed switch turns on
         ("gate", "i8", (6,)),  # leg state after the trip zone
-        ("transitions", "i8", (6,)),  # level changes of output A since reset
+        ("transitions", "i8", (6,)),  # level changes of output A while not tripped
         ("count", "i8", (MAX_EDGES,)),  # edges: ascending counts,
         ("leg", "i8", (MAX_EDGES,)),  # leg,
         ("state", "i8", (MAX_EDGES,)),  # new state
@@ -162,7 +162,8 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
                 level = np.int64(1 - level)
             if level != ps.out[leg]:
                 ps.out[leg] = level
-                ps.transitions[leg] += 1
+                if not tripped:
+                    ps.transitions[leg] += 1
                 # The delayed switch of the edge before may have come on.
                 if ps.pending[leg] != NONE and ps.pending[leg] <= at:
                     ps.band[leg] = np.int64(1 - level)
