@@ -6,8 +6,11 @@
  *  IDLE, any but FAULT -stop-> IDLE. The gates are on in BUILD and RUN only.
  *
  *  Concurrency on a target: `ht_drive_fast_isr` owns everything it writes; the
- *  slow loop hands over single floats and a request word; commands and parameter
- *  changes come from the background and take effect at the next fast interrupt.
+ *  slow loop hands over single floats. Commands come from the background and write
+ *  the state in an order that a fast interrupt in between cannot turn into gates on
+ *  (it re-latches the trip in IDLE and FAULT). A parameter change reaches the control
+ *  law as a whole at the next fast interrupt; protection levels and the slow loop's
+ *  gains, single floats each, act at once.
  */
 #ifndef HT_DRIVE_H
 #define HT_DRIVE_H

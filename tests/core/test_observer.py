@@ -241,3 +241,19 @@ def test_prediction_leaves_the_state_alone():
     before = bytes(ffi.buffer(state)), bytes(ffi.buffer(now))
     lib.ht_observer_predict(config(), state, now, vsd(100, 50), vsd(1, 2))
     assert (bytes(ffi.buffer(state)), bytes(ffi.buffer(now))) == before
+
+
+@pytest.mark.parametrize("turn_rad", [0.02, 0.1, 0.3, 0.45])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_current_model_is_stable_at_large_steps(turn_rad, sign):
+    """Without current the rotor flux may only decay, however far the rotor turns in a
+    period; its own decay is set to almost nothing here."""
+    cfg = ffi.new("ht_observer_config *")
+    cfg.ts_s, cfg.inv_ts, cfg.hybrid_gain = 2e-4, 5e3, 1e-3
+    cfg.rotor_decay, cfg.rotor_drive, cfg.lm_over_lr = 1e-9, 1e-9, 0.95
+    state = ffi.new("ht_observer_state *")
+    state.psi_r_Wb.alpha = 0.5
+    nothing = ffi.new("ht_vsd *")
+    for _ in range(20_000):
+        lib.ht_observer_update(cfg, state, nothing, nothing, sign * turn_rad / cfg.ts_s, 4.0)
+    assert np.hypot(state.psi_r_Wb.alpha, state.psi_r_Wb.beta) < 0.51

@@ -54,8 +54,6 @@ extern const ht_c2000_map ht_f28335;
 extern const ht_c2000_map ht_f28377s;
 
 /* TBCTL */
-#define TBCTL_CTRMODE_UP 0x0000u
-#define TBCTL_CTRMODE_FREEZE 0x0003u
 #define TBCTL_FREE_RUN 0x8000u
 #define TBCTL_SYNCOSEL_CTR0 0x0010u
 #define TBCTL_PHSEN 0x0004u

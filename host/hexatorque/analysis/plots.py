@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 WIDTH_IN, DPI = 10.0, 150
 CYCLES, FALLBACK_S = 2, 0.04  #: of `waveforms`; the second without a usable fundamental
 ZOOM_S = 0.01  #: of torque and flux in `waveforms`: a hundred control periods at 10 kHz
-HIGHEST_ORDER = 25  #: in `spectra`
+HIGHEST_ORDER, LOWEST_PCT = 25, 0.03  #: in `spectra`
 INK, FAINT = "#20242b", "#d9dde3"
 #: Colour of each quantity, distinguishable with colour-blindness.
 COLOUR = {
@@ -164,18 +164,21 @@ def _waveform_column(column: np.ndarray, run: Run) -> None:
 
 
 def spectra(runs: list[Run], path: str | Path) -> Path:
-    """Phase u1 spectra in % of the fundamental up to order 25, a panel per run; the
-    fundamental runs off the top of the common scale, the 5th and 7th are marked."""
+    """Phase u1 spectra in % of the fundamental up to order 25, a panel per run on a
+    common logarithmic scale; the 5th and 7th are marked."""
     columns = 2 if len(runs) == 4 else max(1, min(3, len(runs)))
     rows = -(-len(runs) // columns)
     figure, axes = _figure(rows, columns, 0.7 + 2.5 * rows, sharex="all", sharey="all")
-    top_pct = 1.0
     for ax, run in zip(axes.flat, runs, strict=False):
-        top_pct = max(top_pct, _spectrum_panel(ax, run))
+        _spectrum_panel(ax, run)
     for ax in axes.flat[len(runs) :]:
         ax.set_visible(False)
     axes[0, 0].set_xlim(0, HIGHEST_ORDER)
-    axes[0, 0].set_ylim(0, 1.45 * top_pct)
+    # Logarithmic: 50 % under DTC1 and 0.5 % under DDR stand side by side.
+    axes[0, 0].set_yscale("log")
+    axes[0, 0].set_ylim(LOWEST_PCT, 1500)  # room for the notes above 100 %
+    axes[0, 0].set_yticks([0.1, 1, 10, 100], ["0.1", "1", "10", "100"])
+    axes[0, 0].minorticks_off()
     axes[0, 0].set_xticks([1, 5, 7, 11, 13, 17, 19, 23, 25])
     for ax in axes[:, 0]:
         ax.set_ylabel("$i_{u1}$ [% of fundamental]", **LABEL)
@@ -187,8 +190,7 @@ def spectra(runs: list[Run], path: str | Path) -> Path:
     return _save(figure, path)
 
 
-def _spectrum_panel(ax: Axes, run: Run) -> float:
-    """Draw one spectrum; returns its largest non-fundamental line in %."""
+def _spectrum_panel(ax: Axes, run: Run) -> None:
     rec, thd = run.recording, run.metrics["thd_pct"]
     f1_Hz = abs(fundamental_Hz(rec))
     signal, _ = whole_cycles(channel(rec, "i_u1_A"), rec.rate_Hz, f1_Hz)
@@ -197,7 +199,7 @@ def _spectrum_panel(ax: Axes, run: Run) -> float:
     order, percent = f_Hz / f1_Hz, 100 * amplitude / line[1]
     shown = order <= HIGHEST_ORDER + 1
     order, percent = order[shown], percent[shown]
-    ax.fill_between(order, percent, color=COLOUR["spectrum"], alpha=0.18, linewidth=0)
+    ax.fill_between(order, percent, LOWEST_PCT, color=COLOUR["spectrum"], alpha=0.18, linewidth=0)
     ax.plot(order, percent, color=COLOUR["spectrum"], linewidth=0.9)
     for k, colour in ((5, "#d55e00"), (7, "#009e73")):
         h_pct = 100 * line[k] / line[1]
@@ -208,8 +210,6 @@ def _spectrum_panel(ax: Axes, run: Run) -> float:
         f"{name.replace('kHz', ' kHz').replace('h50', 'h≤50')}: {_value(thd[name], 1, '%')}"
         for name in ("1kHz", "5kHz", "h50")))  # fmt: skip
     ax.legend(loc="upper right", bbox_to_anchor=(1, 0.88), handletextpad=0.2, **LEGEND)
-    outside = np.abs(order - 1) > max(0.5, 3 * (order[1] - order[0]))
-    return float(percent[outside].max(initial=0.0))
 
 
 def bars(runs: list[Run], path: str | Path, paper: dict[str, dict] = PAPER) -> Path:

@@ -24,10 +24,6 @@ from numba import njit
 from ..frames import INVERSE, TRANSFORM
 from .record import record
 
-#: indices into the state vector
-PSI_S, PSI_R, OMEGA, THETA = 0, 4, 6, 7
-N_STATE = 8
-
 
 @dataclass(frozen=True)
 class MachineParameters:
