@@ -6,7 +6,6 @@
 /* Share of the range that is left on either side at the largest offset, less 2 %. */
 #define TRIP_SHARE 0.885f
 #define PI_F 3.14159265f
-
 /* Largest circle inside the dodecagon of each scheme's mean vectors, units of
  * Vdc. Pairs count at their zero-mean share. */
 static const float reach_pu[HT_SCHEMES] = {0.622008f, 0.577350f, 0.577350f,
@@ -81,8 +80,8 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->observer.sigma_ls_H = p->v[HT_P_sigma_ls_H];
     c->observer.inv_sigma_ls = 1.0f / p->v[HT_P_sigma_ls_H];
     c->observer.lxy_H = p->v[HT_P_lxy_H];
-    c->observer.hybrid_gain =
-        (p->v[HT_P_observer] != 0.0f) ? (2.0f * PI_F * p->v[HT_P_crossover_Hz] * ts) : 0.0f;
+    c->observer.kind = (ht_observer_kind)(uint16_t)p->v[HT_P_observer];
+    c->observer.hybrid_gain = 2.0f * PI_F * p->v[HT_P_crossover_Hz] * ts;
     c->observer.rotor_decay = ts * p->v[HT_P_rr_ohm] / p->v[HT_P_lr_H];
     c->observer.lm_over_lr = p->v[HT_P_lm_H] / p->v[HT_P_lr_H];
     c->observer.rotor_drive = ts * p->v[HT_P_rr_ohm] * c->observer.lm_over_lr;
@@ -106,6 +105,8 @@ static void apply_slow(ht_drive *d)
     d->flux_config.flux_min_Wb = v[HT_P_flux_min_Wb];
     d->flux_config.reach_pu = v[HT_P_fw_margin] * reach_pu[(uint16_t)v[HT_P_scheme]];
     d->flux_config.rs_ohm = v[HT_P_rs_ohm];
+    d->adapt_gain =
+        (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz])) : 0.0f;
     d->i_per_count = 2.0f * v[HT_P_i_full_A] / ADC_FULL;
     d->v_per_count = v[HT_P_vdc_full_V] / ADC_FULL;
     d->calibration_ticks = (uint16_t)(v[HT_P_calibration_s] * v[HT_P_f_isr_Hz]);
@@ -174,7 +175,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     d->in.torque_ref_Nm = 0.0f;
     d->in.omega_r_rad_s = 0.0f;
     set_flux_ref(d, p->v[HT_P_flux_ref_Wb]);
-    ht_control_reset(&d->control, &none);
+    ht_control_reset(&d->config, &d->control, &none);
     d->speed.integral_Nm = 0.0f;
     d->tick = 0u;
     ht_port_read(port, &s); /* the counter may stand anywhere */
@@ -285,7 +286,7 @@ static void calibrate(ht_drive *d, const ht_samples *s)
         d->offset_counts[leg] = mean;
     }
     measure(d, s);
-    ht_control_reset(&d->control, &d->in.i_A);
+    ht_control_reset(&d->config, &d->control, &d->in.i_A);
     d->speed.integral_Nm = 0.0f;
     d->torque_ref_Nm = 0.0f;
     enter(d, HT_STATE_BUILD);
@@ -379,6 +380,9 @@ void ht_drive_slow_isr(ht_drive *d)
     d->in.omega_r_rad_s = d->speed_rpm * (PI_F / 30.0f) * v[HT_P_pole_pairs];
     if (d->state != (uint16_t)HT_STATE_RUN) {
         return;
+    }
+    if (d->config.observer.kind == HT_OBSERVER_HYBRID) {
+        ht_observer_adapt(&d->config.observer, &d->control.observer, d->adapt_gain);
     }
     if (v[HT_P_control_mode] != 0.0f) {
         float limit = v[HT_P_torque_limit_Nm];

@@ -70,6 +70,7 @@ typedef struct {
     float speed_rpm;
     float torque_ref_Nm;           /**< slow loop to fast loop */
     float flux_ref_Wb;             /**< slow loop to fast loop */
+    float adapt_gain;              /**< of the resistances, per slow interrupt */
     float i_per_count;
     float v_per_count;
     uint16_t calibration_ticks;

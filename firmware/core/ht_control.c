@@ -37,7 +37,7 @@ ht_config_status ht_control_check(const ht_control_config *cfg)
         || !(cfg->dead.dead_pu >= 0.0f) || !(cfg->dead.dead_pu <= 0.5f)) {
         return HT_CONFIG_TIMING;
     }
-    if (!(cfg->observer.rs_ohm >= 0.0f) || !positive(cfg->observer.sigma_ls_H)
+    if (((unsigned)cfg->observer.kind >= HT_OBSERVERS) || !(cfg->observer.rs_ohm >= 0.0f) || !positive(cfg->observer.sigma_ls_H)
         || !positive(cfg->observer.inv_sigma_ls) || !positive(cfg->observer.lxy_H)
         || !(cfg->observer.rotor_decay >= 0.0f) || !(cfg->observer.rotor_decay < 0.5f)) {
         return HT_CONFIG_MACHINE;
@@ -66,10 +66,10 @@ void ht_control_low_pattern(const ht_control_config *cfg, ht_compare *out)
     }
 }
 
-void ht_control_reset(ht_control_state *st, const ht_six *i_A)
+void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const ht_six *i_A)
 {
     ht_vsd i = ht_vsd_from_six(i_A);
-    ht_observer_reset(&st->observer, &i);
+    ht_observer_reset(&cfg->observer, &st->observer, &i);
     ht_xy_reset(&st->xy);
     rest(&st->active);
     rest(&st->next);

@@ -86,7 +86,7 @@ ht_vsd ht_vsd_from_six(const ht_six *s);
 ht_config_status ht_control_check(const ht_control_config *cfg);
 
 /** Demagnetised machine, currents `i`, all legs low. */
-void ht_control_reset(ht_control_state *st, const ht_six *i_A);
+void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const ht_six *i_A);
 
 /** The pattern that `ht_control_reset` assumes on the legs: all low. */
 void ht_control_low_pattern(const ht_control_config *cfg, ht_compare *out);

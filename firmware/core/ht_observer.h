@@ -5,9 +5,15 @@
  *  pure integrator: whatever is wrong with v or i adds up, and the control loop
  *  hides it by holding the estimate on its circle.
  *
- *  Hybrid: adds g (psi_cm - psi), where psi_cm is the current model's flux, so
- *  that below the crossover g the current model rules. Needs the rotor's
- *  parameters and the measured speed as well.
+ *  Compensated voltage model: adds a pull against the dc part of the measured
+ *  currents, which a flux offset drives through the machine. A leak (low-pass
+ *  instead of integrator) would not do: the controller keeps the *estimate* free of
+ *  dc, so a leak has nothing to act on while the machine drifts. Needs sigma L_s.
+ *
+ *  Hybrid: voltage model with a pull g0 towards the current model's flux, so that
+ *  below that crossover the current model rules. Needs the rotor's parameters and
+ *  the measured speed as well. What both models disagree about also tells which
+ *  resistance is wrong (`ht_observer_adapt`).
  *
  *  The prediction also needs sigma L_s and the x-y inductance.
  */
@@ -16,7 +22,16 @@
 
 #include "ht_types.h"
 
+typedef enum {
+    HT_OBSERVER_VOLTAGE = 0,
+    HT_OBSERVER_COMPENSATED = 1,
+    HT_OBSERVER_HYBRID = 2
+} ht_observer_kind;
+
+#define HT_OBSERVERS 3
+
 typedef struct {
+    ht_observer_kind kind;
     float ts_s;             /**< sampling period, s */
     float inv_ts;           /**< 1 / ts_s */
     float rs_ohm;           /**< stator resistance */
@@ -24,7 +39,7 @@ typedef struct {
     float inv_sigma_ls;     /**< 1 / sigma_ls_H */
     float lxy_H;            /**< x-y plane inductance */
     float torque_gain;      /**< 3 P (amplitude-invariant six-phase transform) */
-    float hybrid_gain;      /**< g Ts: crossover times period, 0 = voltage model */
+    float hybrid_gain;      /**< g0 Ts: pull towards the current model times period */
     float rotor_decay;      /**< Ts R_r / L_r */
     float rotor_drive;      /**< Ts R_r L_m / L_r */
     float lm_over_lr;
@@ -34,8 +49,12 @@ typedef struct {
 typedef struct {
     ht_ab psi_Wb;           /**< stator flux */
     ht_ab psi_r_Wb;         /**< rotor flux of the current model */
+    ht_ab gap_Wb;           /**< stator flux minus the current model's */
+    ht_ab i_dc_A;           /**< dc part of the currents (compensated) */
     ht_vsd i_prev_A;        /**< currents at the sample before */
     float omega_sync_rad_s; /**< mean electrical speed of the stator flux */
+    float rs_ohm;           /**< stator resistance in use */
+    float rr_scale;         /**< rotor resistance in use, relative to the configured one */
 } ht_observer_state;
 
 /** Machine quantities at one instant. */
@@ -45,8 +64,9 @@ typedef struct {
     ht_xy psi_xy_Wb; /**< L_xy i_xy */
 } ht_estimate;
 
-/** Start from a demagnetised machine with currents `i`. */
-void ht_observer_reset(ht_observer_state *st, const ht_vsd *i);
+/** Start from a demagnetised machine with currents `i` and the configured
+ *  resistances. */
+void ht_observer_reset(const ht_observer_config *cfg, ht_observer_state *st, const ht_vsd *i);
 
 /** Advance by one period: `v_V` is the mean voltage since the last sample, `i`
  *  the currents now, `omega_r` the rotor's electrical speed (hybrid only),
@@ -54,6 +74,20 @@ void ht_observer_reset(ht_observer_state *st, const ht_vsd *i);
 ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st,
                                const ht_vsd *v_V, const ht_vsd *i, float omega_r,
                                float inv_psi_ref2);
+
+/** Hybrid: correct the resistances in use; for the slow loop, while torque control
+ *  runs. `gain`, 0..1: share of an observed error that one call takes away; 0 returns
+ *  to the configured values.
+ *
+ *  In steady state the models' difference D obeys, to first order,
+ *
+ *    (g0 + j w) D = r i - q h,   h = w (L_m/L_r) psi_r x/(1 + j x),  x = i_q/i_d
+ *
+ *  with the flux's speed w, the error r of R_s and the relative error q of R_r. A
+ *  gradient step of |.|^2 in r and q cannot diverge; where one of the two leaves no
+ *  trace (no load, w = 0) it stays as it is. An error of L_m gives a D as well,
+ *  which grows with w: above `ADAPT_RAD_S` adaptation fades out. */
+void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, float gain);
 
 /** The estimate one period ahead, under the mean voltage `v_V` that is already
  *  committed. The rotor flux seen from the stator, psi_s - sigma L_s i_s, is
