@@ -6,6 +6,10 @@
 /* Share of the range that is left on either side at the largest offset, less 2 %. */
 #define TRIP_SHARE 0.885f
 #define PI_F 3.14159265f
+/* The model-based checks average over the transients that a healthy drive shows. */
+#define FLUX_CHECK_S 0.2f
+#define ENCODER_CHECK_S 0.05f
+
 /* Largest circle inside the dodecagon of each scheme's mean vectors, units of
  * Vdc. Pairs count at their zero-mean share. */
 static const float reach_pu[HT_SCHEMES] = {0.622008f, 0.577350f, 0.577350f,
@@ -94,6 +98,29 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     return ht_control_check(c) == HT_CONFIG_OK;
 }
 
+static void apply_protection(ht_drive *d)
+{
+    const float *v = d->params.v;
+    ht_protect_config *c = &d->protect_config;
+    float ratio = v[HT_P_lm_H] / v[HT_P_lr_H];
+    c->i_trip_A = v[HT_P_i_trip_A];
+    c->i_ab_trip_A = v[HT_P_i_ab_trip_A];
+    c->i_sum_trip_A = v[HT_P_i_sum_trip_A];
+    c->vdc_min_V = v[HT_P_vdc_min_V];
+    c->vdc_max_V = v[HT_P_vdc_max_V];
+    c->flux_trip_Wb = v[HT_P_flux_trip_Wb];
+    c->speed_trip_rpm = v[HT_P_speed_trip_rpm];
+    c->encoder_trip_rpm = v[HT_P_encoder_trip_rpm];
+    c->flux_check = v[HT_P_flux_check];
+    c->stuck_counts = v[HT_P_stuck_trip_A] * ADC_FULL / (2.0f * v[HT_P_i_full_A]);
+    c->ls_H = v[HT_P_sigma_ls_H] + ratio * v[HT_P_lm_H];
+    c->sigma = v[HT_P_sigma_ls_H] / c->ls_H;
+    c->slip_gain = v[HT_P_rr_ohm] * ratio * ratio;
+    c->rpm_per_rad_s = 30.0f / (PI_F * v[HT_P_pole_pairs]);
+    c->flux_gain = 1.0f / (1.0f + FLUX_CHECK_S * v[HT_P_f_slow_Hz]);
+    c->encoder_gain = 1.0f / (1.0f + ENCODER_CHECK_S * v[HT_P_f_slow_Hz]);
+}
+
 /* Everything outside the control configuration that parameters decide. */
 static void apply_slow(ht_drive *d)
 {
@@ -107,6 +134,7 @@ static void apply_slow(ht_drive *d)
     d->flux_config.rs_ohm = v[HT_P_rs_ohm];
     d->adapt_gain =
         (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz])) : 0.0f;
+    apply_protection(d);
     d->i_per_count = 2.0f * v[HT_P_i_full_A] / ADC_FULL;
     d->v_per_count = v[HT_P_vdc_full_V] / ADC_FULL;
     d->calibration_ticks = (uint16_t)(v[HT_P_calibration_s] * v[HT_P_f_isr_Hz]);
@@ -143,7 +171,6 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
 {
     ht_control_config config;
     ht_pwm_setup setup;
-    ht_samples s;
     ht_result result;
     ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
     uint16_t id;
@@ -178,19 +205,24 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     ht_control_reset(&d->config, &d->control, &none);
     d->speed.integral_Nm = 0.0f;
     d->tick = 0u;
-    ht_port_read(port, &s); /* the counter may stand anywhere */
-    d->position_last = s.position;
-    d->position_now = s.position;
+    ht_port_read(port, &d->samples); /* the counter may stand anywhere */
+    d->position_last = d->samples.position;
+    d->position_now = d->samples.position;
     d->speed_rpm = 0.0f;
     d->torque_ref_Nm = 0.0f;
     d->flux_ref_Wb = p->v[HT_P_flux_ref_Wb];
     d->faults = 0u;
+    d->slow_faults = 0u;
+    d->stuck_leg = 0u;
+    d->snapshot.tick = 0u;
+    ht_protect_reset(&d->protect);
     enter(d, HT_STATE_IDLE);
     return HT_OK;
 }
 
-static void measure(ht_drive *d, const ht_samples *s)
+static void measure(ht_drive *d)
 {
+    const ht_samples *s = &d->samples;
     int leg;
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->in.i_A.p[leg] = ((float)s->adc[HT_ADC_I + leg] - d->offset_counts[leg]) * d->i_per_count;
@@ -206,64 +238,44 @@ static bool gates_should_be_on(const ht_drive *d)
            || ((d->state == (uint16_t)HT_STATE_BUILD) && (d->state_ticks > 1u));
 }
 
-static uint16_t protect(const ht_drive *d)
+static void fault(ht_drive *d, uint16_t bits)
 {
-    const float *v = d->params.v;
-    uint16_t faults = 0u;
-    int leg;
-    for (leg = 0; leg < HT_LEGS; leg++) {
-        if (!finite_below(d->in.i_A.p[leg], v[HT_P_i_trip_A])) {
-            faults |= HT_FAULT_OVERCURRENT;
+    ht_port_gates_off(d->port);
+    if (d->state != (uint16_t)HT_STATE_FAULT) {
+        d->snapshot.tick = d->tick;
+        d->snapshot.state = d->state;
+        d->snapshot.faults = bits;
+        d->snapshot.samples = d->samples;
+        d->snapshot.in = d->in;
+        d->snapshot.estimate = d->control.estimate;
+        d->snapshot.speed_rpm = d->speed_rpm;
+        enter(d, HT_STATE_FAULT);
+    } else {
+        d->snapshot.faults = (uint16_t)(d->snapshot.faults | bits);
+    }
+    d->faults = (uint16_t)(d->faults | bits);
+}
+
+/* Everything that is known before the control step. */
+static uint16_t protect(ht_drive *d)
+{
+    bool powered = gates_should_be_on(d);
+    uint16_t faults =
+        ht_protect_samples(&d->protect_config, &d->in, d->speed_rpm, powered);
+    if (powered) {
+        faults |= ht_protect_stuck(&d->protect_config, &d->protect, &d->samples, d->stuck_leg);
+        d->stuck_leg = (uint16_t)((d->stuck_leg + 1u) % HT_LEGS);
+        if (ht_port_tripped(d->port)) {
+            faults |= HT_FAULT_EXTERNAL;
         }
     }
-    if (gates_should_be_on(d) /* offsets are known by then */
-        && (!finite_below(d->in.i_A.p[0] + d->in.i_A.p[2] + d->in.i_A.p[4], v[HT_P_i_sum_trip_A])
-            || !finite_below(d->in.i_A.p[1] + d->in.i_A.p[3] + d->in.i_A.p[5],
-                             v[HT_P_i_sum_trip_A]))) {
-        faults |= HT_FAULT_CURRENT_SUM;
-    }
-    if (!finite_below(d->speed_rpm, v[HT_P_speed_trip_rpm])) {
-        faults |= HT_FAULT_OVERSPEED;
-    }
-    if (!(d->in.vdc_V <= v[HT_P_vdc_max_V])) {
-        faults |= HT_FAULT_VDC_HIGH;
-    }
-    if (!(d->in.vdc_V >= v[HT_P_vdc_min_V])) {
-        faults |= HT_FAULT_VDC_LOW;
+    if (d->state == (uint16_t)HT_STATE_RUN) {
+        faults |= d->slow_faults;
     }
     return faults;
 }
 
-/* Is the estimate possible: no NaN, no infinity, no flux beyond the trip level? */
-static bool estimate_sound(const ht_drive *d)
-{
-    float bound = d->params.v[HT_P_flux_trip_Wb];
-    return finite_below(d->control.estimate.psi_Wb.alpha, bound)
-           && finite_below(d->control.estimate.psi_Wb.beta, bound)
-           && finite_below(d->control.estimate.torque_Nm, 1.0e6f)
-           && finite_below(d->control.decided.torque_Nm, 1.0e6f)
-           && finite_below(d->in.torque_ref_Nm, 1.0e6f)
-           && finite_below(d->control.v_xy_pu.x, 1.0f) && finite_below(d->control.v_xy_pu.y, 1.0f);
-}
-
-/* Magnitude in alpha-beta; the control step has just transformed this sample. */
-static bool magnitude_exceeded(const ht_drive *d)
-{
-    ht_ab i = d->control.observer.i_prev_A.ab;
-    float limit = d->params.v[HT_P_i_ab_trip_A];
-    return !((i.alpha * i.alpha + i.beta * i.beta) <= limit * limit);
-}
-
-static void fault(ht_drive *d, uint16_t bits)
-{
-    ht_port_gates_off(d->port);
-    d->faults = (uint16_t)(d->faults | bits);
-    if (d->state != (uint16_t)HT_STATE_FAULT) {
-        enter(d, HT_STATE_FAULT);
-    }
-}
-
-static void calibrate(ht_drive *d, const ht_samples *s)
+static void calibrate(ht_drive *d)
 {
     int leg;
     if (d->state_ticks == 1u) { /* all legs low before the gates ever come on */
@@ -272,7 +284,7 @@ static void calibrate(ht_drive *d, const ht_samples *s)
         ht_port_write(d->port, &low);
     }
     for (leg = 0; leg < HT_LEGS; leg++) {
-        d->offset_sum[leg] += s->adc[HT_ADC_I + leg];
+        d->offset_sum[leg] += d->samples.adc[HT_ADC_I + leg];
     }
     if (d->state_ticks < d->calibration_ticks) {
         return;
@@ -285,7 +297,8 @@ static void calibrate(ht_drive *d, const ht_samples *s)
         }
         d->offset_counts[leg] = mean;
     }
-    measure(d, s);
+    measure(d);
+    ht_protect_reset(&d->protect);
     ht_control_reset(&d->config, &d->control, &d->in.i_A);
     d->speed.integral_Nm = 0.0f;
     d->torque_ref_Nm = 0.0f;
@@ -321,30 +334,27 @@ static void run(ht_drive *d, ht_compare *out)
 
 void ht_drive_fast_isr(ht_drive *d)
 {
-    ht_samples s;
     ht_compare out;
     uint16_t faults;
 
-    ht_port_read(d->port, &s);
+    ht_port_begin_fast(d->port);
+    ht_port_read(d->port, &d->samples);
     d->tick++;
     d->state_ticks++;
     if (d->staged_ready != 0u) {
         d->config = d->staged;
         d->staged_ready = 0u;
     }
-    measure(d, &s);
+    measure(d);
     if ((d->state != (uint16_t)HT_STATE_IDLE) && (d->state != (uint16_t)HT_STATE_FAULT)) {
         faults = protect(d);
-        if (gates_should_be_on(d) && ht_port_tripped(d->port)) {
-            faults |= HT_FAULT_EXTERNAL;
-        }
         if (faults != 0u) {
             fault(d, faults);
         }
     }
     switch ((ht_state)d->state) {
     case HT_STATE_CALIBRATE:
-        calibrate(d, &s);
+        calibrate(d);
         break;
     case HT_STATE_BUILD:
         build(d, &out);
@@ -361,11 +371,12 @@ void ht_drive_fast_isr(ht_drive *d)
         break;
     }
     if ((d->state == (uint16_t)HT_STATE_RUN) || (d->state == (uint16_t)HT_STATE_BUILD)) {
-        if (magnitude_exceeded(d)) {
-            fault(d, HT_FAULT_OVERCURRENT);
+        faults = ht_protect_results(&d->protect_config, &d->control, d->in.torque_ref_Nm);
+        if (ht_port_overrun(d->port)) {
+            faults |= HT_FAULT_OVERRUN;
         }
-        if (!estimate_sound(d)) {
-            fault(d, HT_FAULT_NONFINITE);
+        if (faults != 0u) {
+            fault(d, faults);
         }
     }
     ht_port_ack_fast(d->port);
@@ -379,8 +390,11 @@ void ht_drive_slow_isr(ht_drive *d)
     d->speed_rpm = (float)moved * 60.0f * v[HT_P_f_slow_Hz] / v[HT_P_encoder_counts_rev];
     d->in.omega_r_rad_s = d->speed_rpm * (PI_F / 30.0f) * v[HT_P_pole_pairs];
     if (d->state != (uint16_t)HT_STATE_RUN) {
+        d->slow_faults = 0u;
         return;
     }
+    d->slow_faults =
+        ht_protect_slow(&d->protect_config, &d->protect, &d->control, d->speed_rpm);
     if (d->config.observer.kind == HT_OBSERVER_HYBRID) {
         ht_observer_adapt(&d->config.observer, &d->control.observer, d->adapt_gain);
     }

@@ -17,6 +17,7 @@
 
 #include "ht_control.h"
 #include "ht_params.h"
+#include "ht_protect.h"
 #include "ht_speed.h"
 #include "port.h"
 
@@ -27,18 +28,6 @@ typedef enum {
     HT_STATE_RUN = 3,
     HT_STATE_FAULT = 4
 } ht_state;
-
-/** Fault bits, latched until `ht_drive_clear`. */
-enum {
-    HT_FAULT_OVERCURRENT = 0x0001,
-    HT_FAULT_VDC_HIGH = 0x0002,
-    HT_FAULT_VDC_LOW = 0x0004,
-    HT_FAULT_NONFINITE = 0x0008,   /**< an estimate is NaN, infinite or impossible */
-    HT_FAULT_EXTERNAL = 0x0010,    /**< trip zone set by something else */
-    HT_FAULT_CALIBRATION = 0x0020, /**< current offset out of bounds */
-    HT_FAULT_CURRENT_SUM = 0x0040, /**< a set's currents do not add up to zero */
-    HT_FAULT_OVERSPEED = 0x0080
-};
 
 /** Result of a command or an initialisation. */
 typedef enum {
@@ -51,6 +40,17 @@ typedef enum {
     HT_ERROR_TURNING = 6 /**< start refused: the machine is turning */
 } ht_result;
 
+/** What was at hand in the fast interrupt that raised the latest fault. */
+typedef struct {
+    uint32_t tick;         /**< fast interrupts since init; 0 = no fault yet */
+    uint16_t state;        /**< ht_state at the time */
+    uint16_t faults;       /**< what that interrupt found */
+    ht_samples samples;
+    ht_control_input in;
+    ht_estimate estimate;
+    float speed_rpm;
+} ht_snapshot;
+
 typedef struct {
     ht_port *port;
     ht_params params;
@@ -61,6 +61,10 @@ typedef struct {
     ht_speed_config speed_config;
     ht_speed_state speed;
     ht_flux_config flux_config;
+    ht_protect_config protect_config;
+    ht_protect_state protect;
+    ht_samples samples;            /**< latest */
+    ht_snapshot snapshot;          /**< of the latest fault; a clear keeps it */
     float offset_counts[HT_LEGS];  /**< calibrated zero of each current channel */
     uint32_t offset_sum[HT_LEGS];
     volatile uint32_t state_ticks;          /**< fast interrupts since the state began */
@@ -77,6 +81,8 @@ typedef struct {
     uint32_t build_ticks;
     volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
     uint16_t faults;
+    uint16_t stuck_leg;            /**< whose sensor is looked at next */
+    volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
     volatile uint16_t staged_ready; /**< 1 when `staged` is complete */
 } ht_drive;
 

@@ -65,7 +65,14 @@ void ht_port_gates_on(ht_port *port);
 /** True while the latch is set, whoever set it (software or the trip pin). */
 bool ht_port_tripped(const ht_port *port);
 
-/** Acknowledge the fast interrupt at its source and at the controller. */
+/** First in the fast interrupt: acknowledge its event, so that the next one shows. */
+void ht_port_begin_fast(ht_port *port);
+
+/** Has the next event come since `ht_port_begin_fast`? Asked last: the interrupt
+ *  then outlasted its period. */
+bool ht_port_overrun(const ht_port *port);
+
+/** Last in the fast interrupt: acknowledge it at the interrupt controller. */
 void ht_port_ack_fast(ht_port *port);
 
 #endif

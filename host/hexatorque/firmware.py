@@ -17,12 +17,23 @@ FAULTS = {
     lib.HT_FAULT_OVERCURRENT: "over-current",
     lib.HT_FAULT_VDC_HIGH: "dc-link voltage too high",
     lib.HT_FAULT_VDC_LOW: "dc-link voltage too low",
-    lib.HT_FAULT_NONFINITE: "estimate not finite or out of bounds",
+    lib.HT_FAULT_NONFINITE: "estimate not finite",
     lib.HT_FAULT_EXTERNAL: "external trip",
     lib.HT_FAULT_CALIBRATION: "current sensor offset out of bounds",
     lib.HT_FAULT_CURRENT_SUM: "currents of a set do not add up to zero",
     lib.HT_FAULT_OVERSPEED: "over-speed",
+    lib.HT_FAULT_FLUX: "flux estimate cannot be right",
+    lib.HT_FAULT_ENCODER: "encoder against flux speed",
+    lib.HT_FAULT_STUCK: "current sensor stands still",
+    lib.HT_FAULT_OVERRUN: "fast interrupt outlasted its period",
 }
+
+
+def causes(bits: int) -> list[str]:
+    """Names of fault bits."""
+    return [text for bit, text in FAULTS.items() if bits & bit]
+
+
 DEVICES = ("f28335", "f28377s")
 
 
@@ -159,7 +170,29 @@ class Controller:
 
     @property
     def faults(self) -> list[str]:
-        return [text for bit, text in FAULTS.items() if self.drive.faults & bit]
+        return causes(self.drive.faults)
+
+    @property
+    def snapshot(self) -> dict[str, object] | None:
+        """What the firmware kept of the latest fault, or None."""
+        s = self.drive.snapshot
+        if not s.tick:
+            return None
+        measured = getattr(s, "in")
+        return {
+            "tick": s.tick,
+            "state": STATES[s.state],
+            "faults": causes(s.faults),
+            "adc_counts": list(s.samples.adc),
+            "position_counts": s.samples.position,
+            "i_A": list(measured.i_A.p),
+            "vdc_V": measured.vdc_V,
+            "torque_ref_Nm": measured.torque_ref_Nm,
+            "flux_ref_Wb": measured.flux_ref_Wb,
+            "psi_Wb": [s.estimate.psi_Wb.alpha, s.estimate.psi_Wb.beta],
+            "torque_Nm": s.estimate.torque_Nm,
+            "speed_rpm": s.speed_rpm,
+        }
 
     def get(self, name: str) -> str | float:
         row = parameters()[name]

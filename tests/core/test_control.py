@@ -67,7 +67,7 @@ class Drive:
         self.cfg, self.state = cfg, ffi.new("ht_control_state *")
         self.out = ffi.new("ht_compare *")
         assert lib.ht_control_check(cfg) == lib.HT_CONFIG_OK
-        lib.ht_control_reset(self.state, [{"p": [0.0] * 6}])
+        lib.ht_control_reset(self.cfg, self.state, [{"p": [0.0] * 6}])
 
     def step(self, i=(0.0,) * 6, torque=0.0, flux=0.4, vdc=VDC, law=None):
         inputs = ffi.new("ht_control_input *")

@@ -41,7 +41,7 @@ def cplx(pair, names="alpha beta"):
 
 def start(i=0j):
     state = ffi.new("ht_observer_state *")
-    lib.ht_observer_reset(state, vsd(i))
+    lib.ht_observer_reset(config(), state, vsd(i))
     return state
 
 
@@ -181,7 +181,7 @@ def follow(gain, omega, periods, offset_V=0j):
     """(true flux, estimated flux, true rotor flux, estimated) per period, from a
     steady state, under a voltage measured with an offset."""
     flux, slip = operating_point(1.5, 0.0)
-    cfg = config(hybrid_gain=gain * TS)
+    cfg = config(hybrid_gain=gain * TS, kind=lib.HT_OBSERVER_HYBRID if gain else 0)
     state = start(stator_current(flux))
     state.psi_Wb = [flux[0].real, flux[0].imag]
     state.psi_r_Wb = [flux[1].real, flux[1].imag]
@@ -213,7 +213,7 @@ def test_hybrid_bounds_what_an_offset_does_to_the_voltage_model():
 
 
 def test_hybrid_finds_an_unknown_initial_flux():
-    cfg, state = config(hybrid_gain=CROSSOVER * TS), start()
+    cfg, state = config(hybrid_gain=CROSSOVER * TS, kind=lib.HT_OBSERVER_HYBRID), start()
     flux, slip = operating_point(1.5, 0.0)
     i = stator_current(flux) * np.exp(1j * (20.0 + slip) * TS * np.arange(12000))
     psi = flux[0] * np.exp(1j * (20.0 + slip) * TS * np.arange(12000))
@@ -251,7 +251,8 @@ def test_current_model_is_stable_at_large_steps(turn_rad, sign):
     cfg = ffi.new("ht_observer_config *")
     cfg.ts_s, cfg.inv_ts, cfg.hybrid_gain = 2e-4, 5e3, 1e-3
     cfg.rotor_decay, cfg.rotor_drive, cfg.lm_over_lr = 1e-9, 1e-9, 0.95
-    state = ffi.new("ht_observer_state *")
+    cfg.kind = lib.HT_OBSERVER_HYBRID
+    state = start()
     state.psi_r_Wb.alpha = 0.5
     nothing = ffi.new("ht_vsd *")
     for _ in range(20_000):

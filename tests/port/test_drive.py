@@ -26,6 +26,8 @@ SETUP = {
     "scheme": "ddr", "field_weakening": "off",
     # One phase at a time is loaded below, which no machine could do.
     "i_sum_trip_A": 1000.0,
+    # Nor does the flux follow the shaft here, or the current the flux.
+    "encoder_trip_rpm": 0.0, "flux_check": 0.0, "stuck_trip_A": 0.0,
 }  # fmt: skip
 POWERED = ("build", "run")
 
@@ -367,12 +369,16 @@ def test_calibration_refuses_a_large_offset(bench, counts, ok):
 
 
 def test_impossible_estimate_is_a_fault(bench):
-    for bad in (np.nan, np.inf, 50.0):
+    for bad, cause in (
+        (np.nan, lib.HT_FAULT_NONFINITE),
+        (np.inf, lib.HT_FAULT_NONFINITE),
+        (50.0, lib.HT_FAULT_FLUX),
+    ):
         bench.run_to("run").fast()
         bench.drive.control.observer.psi_Wb.beta = bad
         bench.fast()
         assert (bench.state, bench.gates_on) == ("fault", False)
-        assert bench.drive.faults == lib.HT_FAULT_NONFINITE
+        assert bench.drive.faults == cause
         bench.controller.clear()
 
 
@@ -541,8 +547,13 @@ def test_derived_configuration(bench):
     assert (config.shadow, config.predict, config.first_counts) == (True, True, 0)
     dead = {"f28335": 0x6810, "f28377s": 0x4051}[bench.device]
     assert bench.words[dead] == round(2.3e-6 * clock)
-    bench.controller.set("observer", "voltage")
-    assert bench.drive.config.observer.hybrid_gain == 0
+    for name, kind in (
+        ("voltage", lib.HT_OBSERVER_VOLTAGE),
+        ("compensated", lib.HT_OBSERVER_COMPENSATED),
+        ("hybrid", lib.HT_OBSERVER_HYBRID),
+    ):
+        bench.controller.set("observer", name)
+        assert bench.drive.config.observer.kind == kind
     bench.controller.set("load_mode", "immediate")
     bench.controller.set("write_delay_us", 5.0)
     config = bench.drive.config

@@ -218,8 +218,12 @@ def test_acknowledge(board):
     flags = base + OFFSETS[board.device]["ETFLG"]
     board.rf.low[flags] = 0x0005
     board.rf.low[PIEACK] = 0x0FFF
-    lib.ht_port_ack_fast(board.port)
+    lib.ht_port_begin_fast(board.port)
     assert board.rf.low[flags] == 0x0004
+    assert not lib.ht_port_overrun(board.port)
+    board.rf.low[flags] = 0x0001
+    assert lib.ht_port_overrun(board.port)
+    lib.ht_port_ack_fast(board.port)
     assert board.rf.low[PIEACK] == 0x0FFB  # group 3: the PWM interrupts
     assert board.rf.violations == 0
 

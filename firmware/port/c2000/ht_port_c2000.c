@@ -152,8 +152,17 @@ bool ht_port_tripped(const ht_port *port)
     return (HT_RD16(port->io, reg(port, 0, port->map->tzflg)) & TZ_OST) != 0u;
 }
 
-void ht_port_ack_fast(ht_port *port)
+void ht_port_begin_fast(ht_port *port)
 {
     HT_WR16(port->io, reg(port, 0, port->map->etclr), ET_INT);
+}
+
+bool ht_port_overrun(const ht_port *port)
+{
+    return (HT_RD16(port->io, reg(port, 0, port->map->etflg)) & ET_INT) != 0u;
+}
+
+void ht_port_ack_fast(ht_port *port)
+{
     HT_WR16(port->io, port->map->pieack, PIEACK_GROUP3);
 }

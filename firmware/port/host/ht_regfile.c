@@ -43,6 +43,17 @@ void ht_regfile_reset(ht_regfile *rf, const void *map)
     }
 }
 
+/* Every access counts; the planted event arrives in between. */
+static void count(ht_regfile *rf)
+{
+    const ht_c2000_map *m = rf->map;
+    rf->accesses++;
+    if ((rf->event_at != 0u) && (rf->accesses == rf->event_at)) {
+        rf->low[m->epwm + m->etflg] |= ET_INT;
+        rf->event_at = 0u;
+    }
+}
+
 /* Offset inside a PWM module, or -1. */
 static int32_t epwm_offset(const ht_c2000_map *m, uint32_t addr)
 {
@@ -91,7 +102,7 @@ static int is_system_protected(const ht_c2000_map *m, uint32_t addr)
 uint16_t ht_regfile_read16(ht_regfile *rf, uint32_t addr)
 {
     uint16_t *w = word(rf, addr);
-    rf->accesses++;
+    count(rf);
     if (w == 0) {
         violation(rf, addr, HT_REG_HOLE);
         return 0u;
@@ -104,7 +115,7 @@ void ht_regfile_write16(ht_regfile *rf, uint32_t addr, uint16_t value)
     const ht_c2000_map *m = rf->map;
     uint16_t *w = word(rf, addr);
     int32_t offset;
-    rf->accesses++;
+    count(rf);
     if (w == 0) {
         violation(rf, addr, HT_REG_HOLE);
         return;

@@ -6,7 +6,8 @@
  *  zone and event trigger, PIE acknowledge, read-only registers, addresses where
  *  nothing is. A forbidden access has the effect it has on the chip (none) and
  *  is counted, with the first offender kept, so that tests can insist on zero.
- *  What the PWM makes of the values is the plant's business, not this file's.
+ *  What the PWM makes of the values is the plant's business, not this file's; only
+ *  an event that overtakes the running interrupt can be planted here (`event_at`).
  */
 #ifndef HT_REGFILE_H
 #define HT_REGFILE_H
@@ -31,6 +32,7 @@ typedef struct ht_regfile {
     const void *map;          /* ht_c2000_map of the device */
     uint16_t eallow;          /* 1 while protected writes are allowed */
     uint32_t accesses;        /* all reads and writes */
+    uint32_t event_at;        /* the next fast event comes before this access; 0 = never */
     uint32_t violations;      /* forbidden ones */
     uint32_t first_address;   /* of the first violation */
     uint16_t first_kind;

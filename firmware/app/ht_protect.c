@@ -1,0 +1,135 @@
+#include "ht_protect.h"
+
+#include <math.h>
+
+static bool within(float value, float limit)
+{
+    return (value < limit) && (value > -limit);
+}
+
+void ht_protect_reset(ht_protect_state *st)
+{
+    int leg;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        st->count[leg] = 0u;
+        st->other[leg] = 0u;
+        st->same[leg] = 0u;
+    }
+    st->circle2 = 0.0f;
+    st->speed_error_rpm = 0.0f;
+}
+
+uint16_t ht_protect_samples(const ht_protect_config *cfg, const ht_control_input *in,
+                            float speed_rpm, bool powered)
+{
+    const float *i = in->i_A.p;
+    uint16_t faults = 0u;
+    int leg;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        if (!within(i[leg], cfg->i_trip_A)) {
+            faults |= HT_FAULT_OVERCURRENT;
+        }
+    }
+    if (powered
+        && (!within(i[0] + i[2] + i[4], cfg->i_sum_trip_A)
+            || !within(i[1] + i[3] + i[5], cfg->i_sum_trip_A))) {
+        faults |= HT_FAULT_CURRENT_SUM;
+    }
+    if (!within(speed_rpm, cfg->speed_trip_rpm)) {
+        faults |= HT_FAULT_OVERSPEED;
+    }
+    if (!(in->vdc_V <= cfg->vdc_max_V)) {
+        faults |= HT_FAULT_VDC_HIGH;
+    }
+    if (!(in->vdc_V >= cfg->vdc_min_V)) {
+        faults |= HT_FAULT_VDC_LOW;
+    }
+    return faults;
+}
+
+uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st,
+                          const ht_samples *s, uint16_t leg)
+{
+    uint16_t count = s->adc[HT_ADC_I + leg];
+    uint16_t other = s->adc[HT_ADC_I + ((leg + 2u) % HT_LEGS)];
+    float moved;
+    if (count != st->count[leg]) {
+        st->count[leg] = count;
+        st->other[leg] = other;
+        st->same[leg] = 0u;
+        return 0u;
+    }
+    if (st->same[leg] < HT_STUCK_LOOKS) {
+        st->same[leg]++;
+        return 0u;
+    }
+    moved = (float)other - (float)st->other[leg];
+    if ((cfg->stuck_counts > 0.0f) && !within(moved, cfg->stuck_counts)) {
+        return HT_FAULT_STUCK;
+    }
+    return 0u;
+}
+
+uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state *c,
+                            float torque_ref_Nm)
+{
+    const float huge = 1.0e6f;
+    ht_ab i = c->observer.i_prev_A.ab; /* this sample's, transformed by the step */
+    ht_ab psi = c->estimate.psi_Wb;
+    uint16_t faults = 0u;
+    if (!((i.alpha * i.alpha + i.beta * i.beta) <= cfg->i_ab_trip_A * cfg->i_ab_trip_A)) {
+        faults |= HT_FAULT_OVERCURRENT;
+    }
+    if (!within(psi.alpha, huge) || !within(psi.beta, huge)
+        || !within(c->estimate.torque_Nm, huge) || !within(c->decided.torque_Nm, huge)
+        || !within(torque_ref_Nm, huge) || !within(c->v_xy_pu.x, 1.0f)
+        || !within(c->v_xy_pu.y, 1.0f)) {
+        faults |= HT_FAULT_NONFINITE;
+    } else if (!within(psi.alpha, cfg->flux_trip_Wb) || !within(psi.beta, cfg->flux_trip_Wb)) {
+        faults |= HT_FAULT_FLUX;
+    }
+    return faults;
+}
+
+/* Distance of the present current from the circle diagram, in no-load currents. */
+static float circle_distance(const ht_protect_config *cfg, ht_ab psi, ht_ab i, float psi2)
+{
+    float unit = cfg->ls_H / psi2;
+    float q = unit * (psi.alpha * i.alpha + psi.beta * i.beta);
+    float t = unit * (psi.alpha * i.beta - psi.beta * i.alpha);
+    float centre = 0.5f * (1.0f + 1.0f / cfg->sigma);
+    float below = (centre - 1.0f) * (centre - 1.0f) - t * t;
+    return q - centre + ((below > 0.0f) ? sqrtf(below) : 0.0f);
+}
+
+uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
+                         const ht_control_state *c, float speed_rpm)
+{
+    ht_ab psi = c->estimate.psi_Wb;
+    ht_ab i = c->observer.i_prev_A.ab;
+    float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
+    uint16_t faults = 0u;
+    ht_ab r; /* rotor flux seen from the stator */
+    float slip;
+    float off;
+    if (psi2 > 0.0f) {
+        off = circle_distance(cfg, psi, i, psi2);
+        st->circle2 += cfg->flux_gain * (off * off - st->circle2);
+    }
+    r.alpha = psi.alpha - cfg->sigma * cfg->ls_H * i.alpha;
+    r.beta = psi.beta - cfg->sigma * cfg->ls_H * i.beta;
+    slip = c->observer.rr_scale * cfg->slip_gain * (r.alpha * i.beta - r.beta * i.alpha);
+    off = r.alpha * r.alpha + r.beta * r.beta;
+    if (off > 0.0f) {
+        slip /= off;
+        off = speed_rpm - cfg->rpm_per_rad_s * (c->observer.omega_sync_rad_s - slip);
+        st->speed_error_rpm += cfg->encoder_gain * (off - st->speed_error_rpm);
+    }
+    if ((cfg->encoder_trip_rpm > 0.0f) && !within(st->speed_error_rpm, cfg->encoder_trip_rpm)) {
+        faults |= HT_FAULT_ENCODER;
+    }
+    if ((cfg->flux_check > 0.0f) && !(st->circle2 <= cfg->flux_check * cfg->flux_check)) {
+        faults |= HT_FAULT_FLUX;
+    }
+    return faults;
+}

@@ -1,0 +1,84 @@
+/** @file ht_protect.h
+ *  Protection: what must turn the gates off, found from samples, estimates and
+ *  speed. Pure functions over their own config and state; the drive acts on the
+ *  bits they return. A NaN fails every check.
+ */
+#ifndef HT_PROTECT_H
+#define HT_PROTECT_H
+
+#include "ht_control.h"
+#include "port.h"
+
+/** Fault bits, latched by the drive until `ht_drive_clear`. */
+enum {
+    HT_FAULT_OVERCURRENT = 0x0001,
+    HT_FAULT_VDC_HIGH = 0x0002,
+    HT_FAULT_VDC_LOW = 0x0004,
+    HT_FAULT_NONFINITE = 0x0008,   /**< an estimate or reference is NaN or infinite */
+    HT_FAULT_EXTERNAL = 0x0010,    /**< trip zone set by something else */
+    HT_FAULT_CALIBRATION = 0x0020, /**< current offset out of bounds */
+    HT_FAULT_CURRENT_SUM = 0x0040, /**< a set's currents do not add up to zero */
+    HT_FAULT_OVERSPEED = 0x0080,
+    HT_FAULT_FLUX = 0x0100,        /**< the flux estimate cannot be right */
+    HT_FAULT_ENCODER = 0x0200,     /**< measured speed against the flux's speed */
+    HT_FAULT_STUCK = 0x0400,       /**< a current sensor stands still */
+    HT_FAULT_OVERRUN = 0x0800      /**< the fast interrupt outlasted its period */
+};
+
+typedef struct {
+    float i_trip_A;         /**< any phase */
+    float i_ab_trip_A;      /**< magnitude in alpha-beta */
+    float i_sum_trip_A;     /**< sum of a set */
+    float vdc_min_V;
+    float vdc_max_V;
+    float flux_trip_Wb;     /**< either component of the estimate */
+    float speed_trip_rpm;
+    float encoder_trip_rpm; /**< measured against estimated speed; 0 = off */
+    float flux_check;       /**< distance from the circle diagram, rms; 0 = off */
+    float stuck_counts;     /**< converter counts another phase must have moved; 0 = off */
+    float ls_H;             /**< stator inductance */
+    float sigma;            /**< leakage factor */
+    float slip_gain;        /**< R_r (L_m/L_r)^2, configured */
+    float rpm_per_rad_s;    /**< electrical rad/s to r/min of the shaft */
+    float flux_gain;        /**< low-pass gain of `flux_check` per slow interrupt */
+    float encoder_gain;     /**< low-pass gain of `encoder_trip_rpm` per slow interrupt */
+} ht_protect_config;
+
+typedef struct {
+    uint16_t count[HT_LEGS]; /**< reading at the last change */
+    uint16_t other[HT_LEGS]; /**< reading of the set's next phase at that time */
+    uint16_t same[HT_LEGS];  /**< looks since then */
+    float circle2;           /**< mean square distance from the circle diagram */
+    float speed_error_rpm;   /**< mean of measured minus estimated speed */
+} ht_protect_state;
+
+void ht_protect_reset(ht_protect_state *st);
+
+/** Samples of every fast interrupt. `powered`: the gates are on, offsets known. */
+uint16_t ht_protect_samples(const ht_protect_config *cfg, const ht_control_input *in,
+                            float speed_rpm, bool powered);
+
+/** One look at one leg's sensor, for every fast interrupt in turn: stuck, if the
+ *  reading has not moved by one count over `HT_STUCK_LOOKS` looks while the next
+ *  phase of its set moved by `stuck_counts`. */
+uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st,
+                          const ht_samples *s, uint16_t leg);
+#define HT_STUCK_LOOKS 50u
+
+/** Results of the control step: finite, and currents and flux within bounds. */
+uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state *c,
+                            float torque_ref_Nm);
+
+/** For the slow interrupt in RUN.
+ *
+ *  Flux: the controller holds the estimate on its circle whatever the machine does,
+ *  so its size proves nothing. What it must fit is the current. With the stator
+ *  current along and across the estimated flux, in units of the no-load current
+ *  psi/L_s, as q and t, every steady state of a machine lies on the circle diagram
+ *  (q - c)^2 + t^2 = (c - 1)^2, c = (1 + 1/sigma)/2; a wrong flux does not.
+ *
+ *  Encoder: the shaft's speed is that of the flux minus slip. */
+uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
+                         const ht_control_state *c, float speed_rpm);
+
+#endif
