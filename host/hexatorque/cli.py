@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 from . import __version__
+from .verify import STUDIES
 
 EXAMPLES = """examples:
   hexatorque compare                                  both papers, all schemes
@@ -84,6 +85,20 @@ def _parser() -> argparse.ArgumentParser:
     reach.add_argument("--load", type=float, metavar="NM", help="default: the set-up's point")
     reach.add_argument("--json", action="store_true")
     reach.set_defaults(call=_reach)
+
+    verify = commands.add_parser(
+        "verify",
+        help="what simulation and firmware can be trusted for",
+        description="Run studies of accuracy, low speed, light load and faults; "
+        "a table, a picture and the numbers of each.",
+        epilog="examples:\n  hexatorque verify faults\n  hexatorque verify all --quick",
+        formatter_class=raw,
+    )
+    verify.add_argument("study", nargs="+", metavar="STUDY", help=f"all, {', '.join(STUDIES)}")
+    verify.add_argument("--quick", action="store_true", help="fewer cases, shorter runs")
+    verify.add_argument("--json", action="store_true", help="results on standard output")
+    verify.add_argument("-o", "--output", type=Path, default=Path("out/verify"), metavar="DIR")
+    verify.set_defaults(call=_verify)
 
     bench = commands.add_parser("bench", help="speed of the simulation, cost of the firmware")
     bench.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
@@ -274,6 +289,38 @@ def _reach(args: argparse.Namespace) -> int:
     for name, speed in result.items():
         table.add_row(name, f"{speed:.0f}")
     console.print(table)
+    return 0
+
+
+def _verify(args: argparse.Namespace) -> int:
+    from importlib import import_module
+
+    from .recording import RecordingError
+    from .scenario import ScenarioError
+
+    names = list(STUDIES) if "all" in args.study else list(dict.fromkeys(args.study))
+    for name in names:
+        if name not in STUDIES:
+            raise ScenarioError(f"no study {name!r}: choose from all, {', '.join(STUDIES)}")
+    console = _console(args.json)
+    results = {}
+    for name in names:
+        module = import_module(f"hexatorque.verify.{STUDIES[name]}")
+        with _progress(console) as bar:
+            task = bar.add_task(name, total=None)
+            result = module.study(args.quick, lambda seconds, t=task, b=bar: b.advance(t, seconds))
+        for table in module.tables(result):
+            console.print(table)
+        try:
+            args.output.mkdir(parents=True, exist_ok=True)
+            (args.output / f"{name}.json").write_text(json.dumps(result, indent=1) + "\n")
+            picture = module.plot(result, args.output / f"{name}.png")
+        except OSError as error:
+            raise RecordingError(f"{error.filename}: {error.strerror}") from None
+        console.print(f"picture: {picture}", highlight=False)
+        results[name] = result
+    if args.json:
+        _print_json(results)
     return 0
 
 

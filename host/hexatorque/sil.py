@@ -156,7 +156,8 @@ class Simulation:
         self._inverter = inverter_record()
         self._pwm = pwm_record()
         self._map = _pwm_map(self.controller.map)
-        self._sensors = self._make_sensors()
+        #: What the converter makes of the currents; may be changed between runs.
+        self.sensors = self._make_sensors()
         self._registers = self.controller.register_words()
         self.load_Nm = 0.0
         self.vdc_V = setup["inverter.vdc_V"]
@@ -252,7 +253,7 @@ class Simulation:
         load = _load(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
         run_periods(
             n, self.periods, self._timing, self._machine, load, self._inverter,
-            self._map, self._pwm, self._sensors, self._registers, self.state, self.vdc_V,
+            self._map, self._pwm, self.sensors, self._registers, self.state, self.vdc_V,
             *self._entries, self.controller.handle, channels.ctypes.data, plant, channels,
         )  # fmt: skip
 

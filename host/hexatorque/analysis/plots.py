@@ -47,9 +47,10 @@ LATENCY_COLOUR = {
 }
 
 
-def _figure(
+def new_figure(
     rows: int, columns: int, height_in: float, width_in: float = WIDTH_IN, **shared
 ) -> tuple[Figure, np.ndarray]:
+    """Empty panels in the house style, axes as a (rows, columns) array."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -67,7 +68,7 @@ def _figure(
     return figure, axes
 
 
-def _save(figure: Figure, path: str | Path) -> Path:
+def save(figure: Figure, path: str | Path) -> Path:
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, format="png", facecolor="white")
     return Path(path)
@@ -99,7 +100,7 @@ def waveforms(runs: list[Run], path: str | Path) -> Path:
     """The end of the runs of one set-up, a column each: phase currents and x-y currents
     over two fundamental cycles, torque and stator flux with references over 10 ms."""
     width_in = max(WIDTH_IN, 1.2 + 1.7 * len(runs))
-    figure, axes = _figure(4, len(runs), 8.6, width_in, sharey="row")
+    figure, axes = new_figure(4, len(runs), 8.6, width_in, sharey="row")
     for column, run in zip(axes.T, runs, strict=True):
         column[0].set_title(f"{run.scheme_label}\n", **TITLE, pad=3)
         column[0].text(0.5, 1.02, run.latency_label, transform=column[0].transAxes,
@@ -121,7 +122,7 @@ def waveforms(runs: list[Run], path: str | Path) -> Path:
             ax.tick_params(labelbottom=False)
     figure.suptitle(runs[0].point, fontsize=11.5, color=INK)
     figure.align_ylabels(axes[:, 0])
-    return _save(figure, path)
+    return save(figure, path)
 
 
 def _ending(rec: Recording, span_s: float) -> tuple[Recording, np.ndarray]:
@@ -168,7 +169,7 @@ def spectra(runs: list[Run], path: str | Path) -> Path:
     common logarithmic scale; the 5th and 7th are marked."""
     columns = 2 if len(runs) == 4 else max(1, min(3, len(runs)))
     rows = -(-len(runs) // columns)
-    figure, axes = _figure(rows, columns, 0.7 + 2.5 * rows, sharex="all", sharey="all")
+    figure, axes = new_figure(rows, columns, 0.7 + 2.5 * rows, sharex="all", sharey="all")
     for ax, run in zip(axes.flat, runs, strict=False):
         _spectrum_panel(ax, run)
     for ax in axes.flat[len(runs) :]:
@@ -187,7 +188,7 @@ def spectra(runs: list[Run], path: str | Path) -> Path:
         ax.tick_params(labelbottom=True)
     title = ", ".join(by_point(runs))
     figure.suptitle(f"{title} – spectrum of phase u1", fontsize=11.5, color=INK)
-    return _save(figure, path)
+    return save(figure, path)
 
 
 def _spectrum_panel(ax: Axes, run: Run) -> None:
@@ -216,7 +217,7 @@ def bars(runs: list[Run], path: str | Path, paper: dict[str, dict] = PAPER) -> P
     """Overview: THD, torque ripple, Delta-I and f_sw, a row per set-up and point; bars
     by scheme and latency, diamonds for what the paper measured."""
     groups = by_point(runs)
-    figure, axes = _figure(len(groups), 4, 0.75 + 2.35 * len(groups))
+    figure, axes = new_figure(len(groups), 4, 0.75 + 2.35 * len(groups))
     for row, (point, group) in zip(axes, groups.items(), strict=True):
         row[0].set_ylabel(point.replace(": ", "\n"), **TITLE)
         for ax, (title, key, scale) in zip(row, _BARS, strict=True):
@@ -228,7 +229,7 @@ def bars(runs: list[Run], path: str | Path, paper: dict[str, dict] = PAPER) -> P
     names = [n for n in (*LATENCIES.values(), MEASURED, RELATIVE) if n in handles]
     figure.legend([handles[name] for name in names], names, loc="outside upper center",
                   ncols=len(names), **LEGEND)  # fmt: skip
-    return _save(figure, path)
+    return save(figure, path)
 
 
 _BARS = (
