@@ -93,9 +93,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
                 "machine__lxy_H": lxy,
             },
         }
-        for lxy, (s, kp) in itertools.product(
-            LXY_H, [("fdr", 0.1), *(("ddr", g) for g in GAINS_PU_A)]
-        )
+        for lxy, (s, kp) in itertools.product(LXY_H, regulators)
     ]
     return {
         "setup": SETUP,

@@ -1,0 +1,420 @@
+"""Fault campaign: every fault at random instants, in every state of the drive and under
+every scheme, and what the gates do.
+
+After a fault is injected the drive runs on period by period. It must name the cause and
+take the gates off in the interrupt that finds it, within the fault's deadline; from then
+on every leg stays off, whatever is commanded; at no time does a leg go from one switch
+to the other without the dead time in between.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .. import firmware, scenario
+from ..plant.inverter import HIGH, LOW, OFF
+from ..sil import Simulation
+
+TITLE = "Fault campaign"
+SETUPS = ("paper-a-feasible", "paper-b")
+#: Runs per fault; the whole campaign has FAULTS times as many.
+RUNS = 150
+QUICK_RUNS = 12
+#: Periods watched after the gates are off.
+AFTER = 50
+#: Deadlines, in periods: the next interrupt, the next two speed measurements, and for
+#: what only a model can find, half a second.
+NOW, SPEED, MODEL = 1, 201, 5000
+STATES = ("idle", "calibrate", "build", "run", "fault")
+POWERED = ("build", "run")
+TRIP_FLAG = 4
+
+Progress = Callable[[float], None]
+Inject = Callable[[Simulation, np.random.Generator], None]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """`found_in`: states in which it must be found; elsewhere the gates are off anyway.
+    `causes`: one of them must be named first."""
+
+    name: str
+    inject: Inject
+    causes: tuple[str, ...]
+    found_in: tuple[str, ...] = POWERED
+    deadline: int = NOW
+    changes: dict[str, object] = field(default_factory=dict)
+
+
+def _sign(rng: np.random.Generator) -> int:
+    return int(rng.choice([-1, 1]))
+
+
+def _over_current(sim: Simulation, rng: np.random.Generator) -> None:
+    """A real current in x-y: every phase of it beyond the trip level."""
+    amperes = 2.5 * sim.controller.get("i_trip_A")
+    sim.state[2] += _sign(rng) * amperes * sim.machine.lxy_H
+
+
+def _alpha_beta_current(sim: Simulation, rng: np.random.Generator) -> None:
+    """Flux torn away from the rotor's: more than `i_ab_trip_A`, no phase beyond its own."""
+    m, trip_A = sim.machine, sim.controller.get("i_ab_trip_A")
+    angle = rng.uniform(0, 2 * np.pi)
+    direction = np.array([np.cos(angle), np.sin(angle)])
+    sim.state[:4] = 0.0
+    sim.state[:2] = sim.state[4:6] * m.lm_H / m.lr_H + 1.03 * trip_A * m.sigma_ls_H * direction
+
+
+def _vdc(level: str, factor: float) -> Inject:
+    def inject(sim: Simulation, rng: np.random.Generator) -> None:
+        sim.set("vdc_V", factor * sim.controller.get(level))
+
+    return inject
+
+
+def _over_speed(sim: Simulation, rng: np.random.Generator) -> None:
+    sim.state[6] = _sign(rng) * 1.2 * sim.controller.get("speed_trip_rpm") * np.pi / 30
+
+
+def _hold(*sensors: int) -> Inject:
+    def inject(sim: Simulation, rng: np.random.Generator) -> None:
+        sim.sensors.hold[int(rng.choice(sensors))] = 1
+
+    return inject
+
+
+def _railed(sim: Simulation, rng: np.random.Generator) -> None:
+    """A current sensor's output at one end of the converter's range."""
+    sim.sensors.i_offset_counts[rng.integers(6)] += _sign(rng) * 1e4
+
+
+def _offset(share: float) -> Inject:
+    """A sensor's zero jumps by a share of the trip level of a set's sum."""
+
+    def inject(sim: Simulation, rng: np.random.Generator) -> None:
+        counts = share * sim.controller.get("i_sum_trip_A") / sim.controller.drive.i_per_count
+        sim.sensors.i_offset_counts[rng.integers(6)] += _sign(rng) * counts
+
+    return inject
+
+
+def _upset(*values: float) -> Inject:
+    """A word of the observer's memory changes."""
+
+    def inject(sim: Simulation, rng: np.random.Generator) -> None:
+        value = float(rng.choice(values))
+        if np.isfinite(value):
+            value *= sim.controller.get("flux_trip_Wb")
+        setattr(sim.controller.drive.control.observer.psi_Wb, rng.choice(["alpha", "beta"]), value)
+
+    return inject
+
+
+def _trip_pin(sim: Simulation, rng: np.random.Generator) -> None:
+    m, words = sim.controller.map, sim.controller.register_words()
+    for leg in range(6):
+        words[m.epwm + leg * m.stride + m.tzflg] |= TRIP_FLAG
+
+
+def _overrun(sim: Simulation, rng: np.random.Generator) -> None:
+    """The next event comes while the interrupt is still at work. Its first register
+    access acknowledges the event before."""
+    registers = sim.controller.registers
+    registers.event_at = registers.accesses + int(rng.integers(2, 10))
+
+
+def _bad_offset(sim: Simulation, rng: np.random.Generator) -> None:
+    sim.sensors.i_offset_counts[rng.integers(6)] += _sign(rng) * 250
+
+
+OVERCURRENT, OVERSPEED = "over-current", "over-speed"
+SUM, FLUX = "currents of a set do not add up to zero", "flux estimate cannot be right"
+CHECKED = ("calibrate", "build", "run")
+FAULTS = (
+    Fault("over-current in a phase", _over_current, (OVERCURRENT,), CHECKED),
+    Fault("over-current in α–β", _alpha_beta_current, (OVERCURRENT,)),
+    Fault("dc link too high", _vdc("vdc_max_V", 1.02), ("dc-link voltage too high",), CHECKED),
+    Fault("dc link too low", _vdc("vdc_min_V", 0.98), ("dc-link voltage too low",), CHECKED),
+    Fault("over-speed", _over_speed, (OVERSPEED,), CHECKED, SPEED),
+    Fault(
+        "encoder lost",
+        _hold(7),
+        ("encoder against flux speed",),
+        ("run",),
+        MODEL,
+    ),
+    Fault(
+        "current sensor stands still",
+        _hold(0, 1, 2, 3, 4, 5),
+        ("current sensor stands still", SUM),
+        ("run",),
+        MODEL,
+    ),
+    Fault("current sensor at its limit", _railed, (OVERCURRENT,), CHECKED),
+    Fault("current sensor off its zero", _offset(1.5), (SUM,)),
+    Fault(
+        "current sensor off its zero from the start",
+        _bad_offset,
+        ("current sensor offset out of bounds",),
+        ("calibrate",),
+        MODEL,
+    ),
+    Fault("estimate not finite", _upset(np.nan, np.inf, -np.inf), ("estimate not finite",)),
+    Fault("flux out of bounds", _upset(2.0, -2.0), (FLUX,)),
+    Fault("trip pin", _trip_pin, ("external trip",)),
+    Fault(
+        "interrupt outlasts its period",
+        _overrun,
+        ("fast interrupt outlasted its period",),
+    ),
+)
+
+
+@dataclass
+class Result:
+    """One run. `error` is empty if the drive did all it must."""
+
+    fault: str
+    state: str
+    scheme: str
+    setup: str
+    cause: str = ""
+    periods: int = 0  #: from injection to gates off
+    error: str = ""
+
+
+def _setup(name: str, scheme: str, rng: np.random.Generator) -> scenario.Setup:
+    base = scenario.load(name)
+    trip_A = base.parameter("i_trip_A")
+    return base.changed(
+        controller__scheme=scheme,
+        controller__calibration_s=0.004,
+        controller__build_s=0.02,
+        # Beyond any flux current here and below the phases' level.
+        controller__i_ab_trip_A=0.95 * trip_A,
+        timing__latency=str(rng.choice(scenario.LATENCIES)),
+        load__kind="generator",
+        load__at_rpm=1000.0,
+    )
+
+
+def _bring_to(sim: Simulation, state: str, rng: np.random.Generator) -> None:
+    """Somewhere within `state`, in RUN at any speed and load."""
+    sim.run(sim.period_s * int(rng.integers(1, 50)), record=False)
+    if state == "idle":
+        return
+    sim.start()
+    ticks = {"calibrate": (1, 39), "build": (43, 238)}.get(state)
+    if ticks:
+        sim.run(sim.period_s * int(rng.integers(*ticks)), record=False)
+        return
+    sim.run(0.03, record=False)
+    # Fast enough for a lost encoder to matter.
+    sim.set("speed_ref_rpm", _sign(rng) * float(rng.uniform(400, 900)))
+    sim.set("load_Nm", float(rng.uniform(0, 0.7)) * sim.controller.get("torque_limit_Nm"))
+    sim.run(float(rng.uniform(0.15, 0.4)), record=False)
+    if state == "fault":
+        sim.set("vdc_V", 0.5 * sim.vdc_V)
+        sim.run(0.01, record=False)
+        sim.set("vdc_V", sim.setup["inverter.vdc_V"])
+
+
+def _gates_off(sim: Simulation) -> bool:
+    m, words = sim.controller.map, sim.controller.register_words()
+    flags = [int(words[m.epwm + leg * m.stride + m.tzflg]) & TRIP_FLAG for leg in range(6)]
+    return all(flags)
+
+
+def _shoot_through(sim: Simulation, legs: np.ndarray) -> str:
+    """Changes of legs since the log began, checked for the dead time; `legs` holds the
+    states before and is brought up to date."""
+    dead = round(sim.setup["inverter.dead_time_us"] * 1e-6 * float(sim.controller.map.pwm_clock_Hz))
+    since = np.full(6, -(10**9))
+    for count, leg, state in sim.edges:
+        before = legs[leg]
+        if {before, state} == {LOW, HIGH}:
+            return f"leg {leg} changed over without dead time"
+        if before == OFF and state != OFF and 0 <= count - since[leg] < dead:
+            return f"leg {leg}: {count - since[leg]} counts of dead time"
+        if state == OFF:
+            since[leg] = count
+        legs[leg] = state
+    return ""
+
+
+def _disturb(sim: Simulation, rng: np.random.Generator) -> None:
+    """What someone may try while the drive is latched."""
+    try:
+        sim.start()
+    except firmware.FirmwareError:
+        pass
+    sim.set("speed_ref_rpm", float(rng.uniform(-500, 500)))
+
+
+def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
+    """One fault in one drive."""
+    rng = np.random.default_rng(seed)
+    result = Result(fault.name, state, scheme, setup)
+    sim = Simulation(_setup(setup, scheme, rng), 1)
+    _bring_to(sim, state, rng)
+    if sim.controller.state != state:
+        result.error = f"{sim.controller.state} instead of {state} before the injection"
+        return result
+    sim.log_edges(500_000)
+    legs = np.array(sim.inverter.leg)
+    injected = sim.periods
+    fault.inject(sim, rng)
+    must_trip = state in fault.found_in
+    limit = fault.deadline if must_trip else AFTER
+    while sim.periods - injected < limit:
+        sim.run(sim.period_s, record=False)
+        if sim.controller.state == "fault" and state != "fault":
+            break
+    if must_trip:
+        result.error = _latched(sim, fault, injected, result)
+    elif state in ("idle", "fault"):
+        if sim.controller.state not in ("idle", "fault") or not _gates_off(sim):
+            result.error = f"gates on in {sim.controller.state}"
+    latched = sim.controller.state in ("idle", "fault")
+    result.error = result.error or _shoot_through(sim, legs)
+    if latched and not result.error:
+        result.error = _stays_off(sim, rng)
+    if sim.controller.registers.violations and not result.error:
+        result.error = "forbidden register access"
+    return result
+
+
+def _latched(sim: Simulation, fault: Fault, injected: int, result: Result) -> str:
+    """The fault must be found, named, recorded, and the gates off."""
+    if sim.controller.state != "fault":
+        return f"not found within {fault.deadline} periods"
+    snapshot = sim.controller.snapshot
+    result.cause = ", ".join(snapshot["faults"])
+    result.periods = snapshot["tick"] - injected
+    if not _gates_off(sim):
+        return "gates on in fault"
+    if not set(snapshot["faults"]) & set(fault.causes):
+        return f"named {result.cause}"
+    if snapshot["tick"] != sim.periods or snapshot["state"] != result.state:
+        if snapshot["tick"] != sim.periods:
+            return "the snapshot is of another interrupt"
+        if fault.deadline == NOW:
+            return f"the snapshot says {snapshot['state']}"
+    return ""
+
+
+def _stays_off(sim: Simulation, rng: np.random.Generator) -> str:
+    """Latched: no leg comes on, whatever is commanded, until a clear; and a clear alone
+    turns nothing on either. The legs follow the trip flags in the period after."""
+    if sim.controller.state == "idle":
+        return ""
+    sim.run(sim.period_s, record=False)
+    sim.log_edges(10_000)
+    for n in range(AFTER):
+        if n % 10 == 5:
+            _disturb(sim, rng)
+        sim.run(sim.period_s, record=False)
+        if not _gates_off(sim) or any(state != OFF for state in sim.inverter.leg):
+            return "a gate came on after the latch"
+    if len(sim.edges):
+        return "a leg changed after the latch"
+    turning = abs(sim.controller.drive.speed_rpm) > sim.controller.get("start_max_rpm")
+    sim.clear()
+    sim.run(5 * sim.period_s, record=False)
+    if sim.controller.state != "idle" or not _gates_off(sim):
+        return "a clear turned gates on"
+    if turning:
+        try:
+            sim.start()
+        except firmware.FirmwareError:
+            return ""
+        return "started into a turning machine"
+    return ""
+
+
+def study(quick: bool = False, progress: Progress | None = None) -> dict:
+    runs = QUICK_RUNS if quick else RUNS
+    cases = []
+    schemes = firmware.schemes()
+    for f, fault in enumerate(FAULTS):
+        for n in range(runs):
+            # Most runs where the fault must be found, the rest in the other states.
+            states = fault.found_in if n % 4 else STATES
+            state = states[(n // 4 if n % 4 == 0 else n) % len(states)]
+            cases.append(
+                (fault, state, schemes[n % len(schemes)], SETUPS[n // 2 % 2], 1000 * f + n)
+            )
+
+    def one(case: tuple) -> Result:
+        result = run(*case)
+        if progress:
+            progress(0.3)
+        return result
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        results = list(pool.map(one, cases))
+    rows = []
+    for fault in FAULTS:
+        own = [r for r in results if r.fault == fault.name]
+        found = [r for r in own if r.periods]
+        rows.append(
+            {
+                "fault": fault.name,
+                "runs": len(own),
+                "found_in": list(fault.found_in),
+                "found": len(found),
+                "causes": sorted({r.cause for r in found}),
+                "periods_max": max((r.periods for r in found), default=0),
+                "periods_median": float(np.median([r.periods for r in found])) if found else 0.0,
+                "errors": [f"{r.state}, {r.scheme}, {r.setup}: {r.error}" for r in own if r.error],
+            }
+        )
+    return {"runs": len(results), "rows": rows}
+
+
+def tables(result: dict) -> list:
+    from rich.table import Table
+
+    table = Table(title=f"{TITLE}: {result['runs']} runs", title_justify="left")
+    for heading in ("fault", "runs", "must be found in", "named"):
+        table.add_column(heading)
+    table.add_column("periods to gates off\nmedian / longest", justify="right")
+    table.add_column("failures", justify="right")
+    for row in result["rows"]:
+        table.add_row(
+            row["fault"],
+            str(row["runs"]),
+            ", ".join(row["found_in"]),
+            "; ".join(row["causes"]),
+            f"{row['periods_median']:g} / {row['periods_max']}",
+            str(len(row["errors"])),
+        )
+    return [table]
+
+
+def plot(result: dict, path: Path) -> Path:
+    """Time from injection to gates off, by fault."""
+    from ..analysis import plots
+
+    rows = [r for r in result["rows"] if r["found"]]
+    figure, axes = plots.new_figure(1, 1, 1.4 + 0.3 * len(rows))
+    axis = axes[0][0]
+    for n, row in enumerate(rows):
+        ends = [row["periods_median"], row["periods_max"]]
+        axis.plot(ends, [n, n], "-", color=plots.FAINT, lw=5, solid_capstyle="round")
+        axis.plot(ends[0], n, "o", color=plots.COLOUR["i_u1"], label="median" if n == 0 else None)
+        axis.plot(ends[1], n, "|", color=plots.COLOUR["torque"], markersize=11, mew=2,
+                  label="longest" if n == 0 else None)  # fmt: skip
+    axis.set_xscale("log")
+    axis.set_yticks(range(len(rows)), [r["fault"] for r in rows], fontsize=8)
+    axis.invert_yaxis()
+    axis.set_xlabel("control periods (0.1 ms) from injection to gates off", **plots.LABEL)
+    axis.legend(loc="lower right", **plots.LEGEND)
+    figure.suptitle(f"{TITLE}: {result['runs']} runs", **plots.TITLE)
+    return plots.save(figure, path)
