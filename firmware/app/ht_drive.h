@@ -18,6 +18,7 @@
 #include "ht_control.h"
 #include "ht_params.h"
 #include "ht_speed.h"
+#include "ht_speed_measure.h"
 #include "port.h"
 
 typedef enum {
@@ -60,6 +61,8 @@ typedef struct {
     ht_control_input in;           /**< latest measurement and references */
     ht_speed_config speed_config;
     ht_speed_state speed;
+    ht_speed_measure_config measure_config;
+    ht_speed_measure_state measured;
     ht_flux_config flux_config;
     float offset_counts[HT_LEGS];  /**< calibrated zero of each current channel */
     uint32_t offset_sum[HT_LEGS];
