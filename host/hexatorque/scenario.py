@@ -85,7 +85,7 @@ KEYS: dict[str, dict[str, Key]] = {
         "noise_seed": Key("integer", "the same seed gives the same noise", "", 1, 1e9, default=1),
         "encoder_ppr": Key("integer", "encoder pulses per revolution", "", 1, 1_000_000),
         "encoder_error_cycles": _n(
-            "encoder edges off their place, amplitude over a cycle", "cycles", 0, 0.1, 0.0
+            "rise of the encoder's channel B late, fall early by this", "cycles", 0, 0.1, 0.0
         ),
         "sample_delay_us": _n("counter zero to sample and hold", "us", 0, 40, 0.0),
     },

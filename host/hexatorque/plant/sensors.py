@@ -23,7 +23,7 @@ SENSORS = np.dtype(
         ("encoder_counts_rev", "f8"),
         ("adc_result", "i8"),  # word address of the first result
         ("adc_shift", "i8"),  # left shift of the result register
-        ("encoder_error_cycles", "f8"),  # amplitude, as a share of a quadrature cycle
+        ("encoder_error_cycles", "f8"),  # edges of channel B off their place
         ("eqep", "i8"),  # word address of eQEP1
         ("system_clocks", "f8"),  # SYSCLKOUT cycles from sample to sample
         # State of the encoder interface
@@ -64,6 +64,26 @@ def _normal(se):
     return np.sqrt(-2.0 * np.log(_uniform(se))) * np.cos(TWO_PI * _uniform(se))
 
 
+@njit(inline="always")
+def _place(se, edge):
+    """Position of an edge, in counts: those of channel B are off by `encoder_error_cycles`,
+    its rise (1 mod 4) late and its fall (3 mod 4) early."""
+    return edge + 4.0 * se.encoder_error_cycles * ((edge & 1) * (1 - (edge & 2)))
+
+
+@njit
+def _counter(se, counts):
+    """What the quadrature counter shows at position `counts`: the last edge below."""
+    edge = np.int64(np.floor(counts))
+    return edge + (_place(se, edge + 1) <= counts) - (_place(se, edge) > counts)
+
+
+@njit(inline="always")
+def _tick(began, slope, way):
+    """Capture clock `way` counts after it showed `began`."""
+    return np.int64(np.floor(began + slope * way))
+
+
 @njit
 def _capture(se, counts, regs):
     """Capture unit: edges since the last sample, timed as if the speed between two
@@ -73,7 +93,7 @@ def _capture(se, counts, regs):
 
     counts: position in counts, with its fraction.
     """
-    before, began = se.position_counts, se.ticks
+    began, before = se.ticks, se.position_counts
     control = np.int64(regs[se.eqep + QCAPCTL])
     se.position_counts = counts
     se.ticks += se.system_clocks / (1 << (control >> 4 & 7))
@@ -82,26 +102,26 @@ def _capture(se, counts, regs):
         se.event_tick = now
         return
     status = np.int64(regs[se.eqep + QEPSTS])
-    start, end = np.int64(np.floor(before)), np.int64(np.floor(counts))
+    start, end = _counter(se, before), _counter(se, counts)
     crossed = abs(end - start)
     if crossed:
         forward = end > start
         if forward != (status & QDF > 0):
             status = (status ^ QDF) | CDEF
         slope = (se.ticks - began) / (counts - before)
-        # Edge k = 1, 2, ... is at position start + k, backward at start + 1 - k.
-        direction, place = (1, start - before) if forward else (-1, start + 1 - before)
+        # The k-th edge on the way, k = 1, 2, ..., is edge first + k step.
+        first, step = (start, 1) if forward else (start + 1, -1)
         unit = 1 << (control & 15)
         events = (se.edges + crossed) // unit
         if events:
             k = unit - se.edges
-            tick = np.int64(np.floor(began + slope * (place + direction * k)))
+            tick = _tick(began, slope, _place(se, first + k * step) - before)
             if tick - se.event_tick >= TIMER:
                 status |= COEF
-            if events > 1:
+            if events > 1:  # the last two make the period
                 k += (events - 1) * unit
-                se.event_tick = np.int64(np.floor(began + slope * (place + direction * (k - unit))))
-                tick = np.int64(np.floor(began + slope * (place + direction * k)))
+                se.event_tick = _tick(began, slope, _place(se, first + (k - unit) * step) - before)
+                tick = _tick(began, slope, _place(se, first + k * step) - before)
             regs[se.eqep + QCPRD] = np.uint16((tick - se.event_tick) & 0xFFFF)
             se.event_tick = tick
             status |= UPEVNT
@@ -125,9 +145,7 @@ def sample(se, m, y, vdc, regs):
     counts = _counts(vdc * se.v_counts_per_V, se.adc_step)
     regs[se.adc_result + 6] = np.uint16(counts << se.adc_shift)
     turned = y[7] / TWO_PI * se.encoder_counts_rev
-    if se.encoder_error_cycles > 0.0:  # four counts a cycle
-        turned += 4.0 * se.encoder_error_cycles * np.sin(0.25 * TWO_PI * turned)
-    position = np.int64(np.floor(turned)) & 0xFFFFFFFF
+    position = _counter(se, turned) & 0xFFFFFFFF
     regs[se.eqep] = np.uint16(position & 0xFFFF)
     regs[se.eqep + 1] = np.uint16(position >> 16)
     _capture(se, turned, regs)
