@@ -133,6 +133,22 @@ def test_against_every_edge(device, path, channel_b):
     assert flags & wanted[path] == wanted[path]  # the path has shown what it is for
 
 
+@pytest.mark.parametrize(("share", "overflow"), [(-0.05, False), (0.05, True)])
+@pytest.mark.parametrize("device", EQEP)
+def test_overflow_within_the_sample_of_an_event(device, share, overflow):
+    """Edge 4 is passed in the first sample; edge 8, the next unit event, in the one in
+    which the timer ends, a little before or after that."""
+    end = 4 / 4.5 + 65536 / TICKS[device]
+    last = int(end)
+    x = 4.5 + (8 - 4.5) / (end + share - last)
+    emulated, stepped = Emulated(device), Stepped(TICKS[device])
+    for n in range(last + 1):
+        for unit in emulated, stepped:
+            unit.turn(4.5 if n < last else x)
+    assert emulated.read() == stepped.read()
+    assert bool(stepped.read()[3] & COEF) == overflow
+
+
 def test_period_at_constant_speed():
     """1 count in 1 ms: four take 4 ms, 4687.5 ticks; the timer runs from the last event."""
     emulated = Emulated("f28335")
