@@ -193,6 +193,7 @@ class Simulation:
             eqep=int(m.eqep),
             system_clocks=self.period_s * float(m.system_clock_Hz),
             position_counts=0.0,
+            counter=0,
             ticks=0.0,
             event_tick=0,
             edges=0,

@@ -28,6 +28,7 @@ SENSORS = np.dtype(
         ("system_clocks", "f8"),  # SYSCLKOUT cycles from sample to sample
         # State of the encoder interface
         ("position_counts", "f8"),  # at the sample before
+        ("counter", "i8"),  # the same, as the counter shows it, without its wrap
         ("ticks", "f8"),  # capture clock since the beginning
         ("event_tick", "i8"),  # of the last unit event or overflow
         ("edges", "i8"),  # since the last unit event
@@ -85,24 +86,23 @@ def _tick(began, slope, way):
 
 
 @njit
-def _capture(se, counts, regs):
+def _capture(se, counts, end, regs):
     """Capture unit: edges since the last sample, timed as if the speed between two
     samples were constant. Every 2^UPPS-th edge, in whichever direction, is a unit
     event: the timer goes to QCPRD and starts again from 0. The capture clock runs
     freely. The latches QCTMRLAT and QCPRDLAT are not emulated.
 
-    counts: position in counts, with its fraction.
+    counts: position in counts, with its fraction; end: as the counter shows it.
     """
-    began, before = se.ticks, se.position_counts
+    began, before, start = se.ticks, se.position_counts, se.counter
     control = np.int64(regs[se.eqep + QCAPCTL])
-    se.position_counts = counts
+    se.position_counts, se.counter = counts, end
     se.ticks += se.system_clocks / (1 << (control >> 4 & 7))
     now = np.int64(np.floor(se.ticks))
     if not control & CEN:
         se.event_tick = now
         return
     status = np.int64(regs[se.eqep + QEPSTS])
-    start, end = _counter(se, before), _counter(se, counts)
     crossed = abs(end - start)
     if crossed:
         forward = end > start
@@ -145,7 +145,8 @@ def sample(se, m, y, vdc, regs):
     counts = _counts(vdc * se.v_counts_per_V, se.adc_step)
     regs[se.adc_result + 6] = np.uint16(counts << se.adc_shift)
     turned = y[7] / TWO_PI * se.encoder_counts_rev
-    position = _counter(se, turned) & 0xFFFFFFFF
+    counter = _counter(se, turned)
+    position = counter & 0xFFFFFFFF
     regs[se.eqep] = np.uint16(position & 0xFFFF)
     regs[se.eqep + 1] = np.uint16(position >> 16)
-    _capture(se, turned, regs)
+    _capture(se, turned, counter, regs)
