@@ -128,6 +128,11 @@ static void apply_slow(ht_drive *d)
     d->speed_config.kp_Nms_rad = v[HT_P_kp_speed_Nms_rad];
     d->speed_config.ki_ts_Nms_rad = v[HT_P_ki_speed_Nm_rad] / v[HT_P_f_slow_Hz];
     d->speed_config.torque_limit_Nm = v[HT_P_torque_limit_Nm];
+    d->measure_config.rpm_per_count = 60.0f * v[HT_P_f_slow_Hz] / v[HT_P_encoder_counts_rev];
+    d->measure_config.rpm_ticks = 60.0f * (float)HT_CAPTURE_COUNTS
+                                  * ht_port_capture_clock_Hz(d->port)
+                                  / v[HT_P_encoder_counts_rev];
+    d->measure_config.period_rpm = v[HT_P_speed_period_rpm];
     d->flux_config.flux_ref_Wb = v[HT_P_flux_ref_Wb];
     d->flux_config.flux_min_Wb = v[HT_P_flux_min_Wb];
     d->flux_config.reach_pu = v[HT_P_fw_margin] * reach_pu[(uint16_t)v[HT_P_scheme]];
@@ -208,6 +213,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     ht_port_read(port, &d->samples); /* the counter may stand anywhere */
     d->position_last = d->samples.position;
     d->position_now = d->samples.position;
+    ht_speed_measure_reset(&d->measured);
     d->speed_rpm = 0.0f;
     d->torque_ref_Nm = 0.0f;
     d->flux_ref_Wb = p->v[HT_P_flux_ref_Wb];
@@ -385,9 +391,12 @@ void ht_drive_fast_isr(ht_drive *d)
 void ht_drive_slow_isr(ht_drive *d)
 {
     const float *v = d->params.v;
-    int32_t moved = (int32_t)(d->position_now - d->position_last);
-    d->position_last = d->position_now;
-    d->speed_rpm = (float)moved * 60.0f * v[HT_P_f_slow_Hz] / v[HT_P_encoder_counts_rev];
+    uint32_t position = d->position_now; /* once: the fast interrupt may come in between */
+    int32_t moved = (int32_t)(position - d->position_last);
+    ht_capture capture;
+    d->position_last = position;
+    ht_port_read_capture(d->port, &capture);
+    d->speed_rpm = ht_speed_measure_step(&d->measure_config, &d->measured, moved, &capture);
     d->in.omega_r_rad_s = d->speed_rpm * (PI_F / 30.0f) * v[HT_P_pole_pairs];
     if (d->state != (uint16_t)HT_STATE_RUN) {
         d->slow_faults = 0u;

@@ -19,6 +19,7 @@
 #include "ht_params.h"
 #include "ht_protect.h"
 #include "ht_speed.h"
+#include "ht_speed_measure.h"
 #include "port.h"
 
 typedef enum {
@@ -60,6 +61,8 @@ typedef struct {
     ht_control_input in;           /**< latest measurement and references */
     ht_speed_config speed_config;
     ht_speed_state speed;
+    ht_speed_measure_config measure_config;
+    ht_speed_measure_state measured;
     ht_flux_config flux_config;
     ht_protect_config protect_config;
     ht_protect_state protect;

@@ -8,6 +8,8 @@
  *  - `ht_port_read`, `ht_port_write`, `ht_port_gates_off`, `ht_port_gates_on`
  *    from the fast interrupt only. None blocks; each takes a fixed number of
  *    register accesses.
+ *  - `ht_port_read_capture` from the slow interrupt only, which the fast one may
+ *    interrupt. It clears the flags that it reports.
  *  - `ht_port_gates_off` also from anywhere else: it is a single register write
  *    per leg and is idempotent.
  *
@@ -21,6 +23,7 @@
 #define HT_PORT_H
 
 #include "ht_pattern.h"
+#include "ht_speed_measure.h"
 
 typedef struct ht_port ht_port;
 
@@ -43,7 +46,7 @@ typedef struct {
 /** Can the hardware realise the set-up (period and dead time in range)? */
 bool ht_port_accepts(const ht_port *port, const ht_pwm_setup *setup);
 
-/** Configure clocks, PWM and trip zone. Returns false, with the gates off, for a
+/** Configure clocks, PWM, trip zone and encoder interface. Returns false, with the gates off, for a
  *  set-up that `ht_port_accepts` refuses. */
 bool ht_port_init(ht_port *port, const ht_pwm_setup *setup);
 
@@ -52,6 +55,12 @@ float ht_port_pwm_clock_Hz(const ht_port *port);
 
 /** Latest conversion results and encoder position. */
 void ht_port_read(ht_port *port, ht_samples *samples);
+
+/** Clock of the capture timer, Hz: the unit of both times in `ht_capture`. */
+float ht_port_capture_clock_Hz(const ht_port *port);
+
+/** What the capture unit holds now, and what happened to it since the last call. */
+void ht_port_read_capture(ht_port *port, ht_capture *capture);
 
 /** Hand one period's pattern to the PWM. Harmless while the gates are off. */
 void ht_port_write(ht_port *port, const ht_compare *pattern);

@@ -84,6 +84,9 @@ KEYS: dict[str, dict[str, Key]] = {
         "i_noise_A": _n("current sensor noise, rms, white at the converter", "A", 0, 100, 0.0),
         "noise_seed": Key("integer", "the same seed gives the same noise", "", 1, 1e9, default=1),
         "encoder_ppr": Key("integer", "encoder pulses per revolution", "", 1, 1_000_000),
+        "encoder_error_cycles": _n(
+            "rise of the encoder's channel B late, fall early by this", "cycles", 0, 0.1, 0.0
+        ),
         "sample_delay_us": _n("counter zero to sample and hold", "us", 0, 40, 0.0),
     },
     "timing": {

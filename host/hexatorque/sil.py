@@ -190,7 +190,14 @@ class Simulation:
             encoder_counts_rev=4.0 * setup["sensors.encoder_ppr"],
             adc_result=int(m.adc_result),
             adc_shift=int(m.adc_shift),
-            qposcnt=int(m.qposcnt),
+            encoder_error_cycles=setup["sensors.encoder_error_cycles"],
+            eqep=int(m.eqep),
+            system_clocks=self.period_s * float(m.system_clock_Hz),
+            position_counts=0.0,
+            counter=0,
+            ticks=0.0,
+            event_tick=0,
+            edges=0,
         )
 
     @property

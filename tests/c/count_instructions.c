@@ -79,8 +79,8 @@ static int replay(const char *path)
             registers.low[port.map->adc_result + (unsigned)channel] =
                 (uint16_t)(adc[channel] << port.map->adc_shift);
         }
-        registers.low[port.map->qposcnt] = (uint16_t)(position & 0xFFFFu);
-        registers.low[port.map->qposcnt + 1u] = (uint16_t)(position >> 16);
+        registers.low[port.map->eqep] = (uint16_t)(position & 0xFFFFu);
+        registers.low[port.map->eqep + 1u] = (uint16_t)(position >> 16);
         if ((period >= count - every * PERIODS) && (period % every == 0)) {
             static ht_drive before;
             ht_compare out;

@@ -32,12 +32,15 @@ class Bench:
             **{f"sensors__{k}": v for k, v in sensors.items()},
         )  # fmt: skip
         chip = SimpleNamespace(map=getattr(firmware.lib, f"ht_{device}"))
-        self.sensors = Simulation._make_sensors(SimpleNamespace(setup=setup, controller=chip))
+        self.sensors = Simulation._make_sensors(
+            SimpleNamespace(setup=setup, controller=chip, period_s=1e-4)
+        )
         self.result, self.shift, self.qposcnt = DEVICES[device]
 
     def read(self, i_A=(0.0,) * 6, vdc=0.0, theta=0.0):
         """Counts of six currents and the dc link, as the driver takes them, and position."""
         regs = np.full(0x8000, 0xA5A5, np.uint16)
+        regs[self.qposcnt + 0x16] = 0x25A5  # QCAPCTL: capture unit off
         rows = [f(n * ANGLES) for n in (1, 5) for f in (np.cos, np.sin)]
         y = np.zeros(8)
         y[:4] = 10e-3 * np.array(rows) @ i_A / 3
@@ -48,6 +51,7 @@ class Bench:
         position = int(regs[self.qposcnt]) + 0x10000 * int(regs[self.qposcnt + 1])
         regs[self.result : self.result + 7] = 0xA5A5
         regs[self.qposcnt : self.qposcnt + 2] = 0xA5A5
+        regs[self.qposcnt + 0x16] += 0x8000
         assert np.all(regs == 0xA5A5)  # nothing else is touched
         return [w >> self.shift for w in words], position
 

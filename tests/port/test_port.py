@@ -27,6 +27,9 @@ ADC = {"f28335": (0x7108, 4), "f28377s": (0x0B00, 0)}
 QPOSCNT = {"f28335": 0x6B00, "f28377s": 0x5100}
 DEAD_MAX = {"f28335": 1023, "f28377s": 16383}
 CLOCKS = {"f28335": (0x701D, 0x701C), "f28377s": (0x5D326, 0x5D323)}
+#: eQEP1 clock enable: PCLKCR1.EQEP1ENCLK, PCLKCR4.EQEP1; SYSCLKOUT.
+EQEP_CLOCK = {"f28335": (0x701D, 0x4000), "f28377s": (0x5D32A, 0x0001)}
+SYSCLKOUT = {"f28335": 150e6, "f28377s": 200e6}
 PERCLKDIVSEL, PIEACK = 0x5D226, 0x0CE1
 OST = 0x0004
 
@@ -49,6 +52,9 @@ class Board:
 
     def image(self, *names):
         return [tuple(self.reg(name, leg) for name in names) for leg in range(6)]
+
+    def eqep(self, offset):
+        return self.rf.low[QPOSCNT[self.device] + offset]
 
     def word(self, address):
         return self.rf.sys[address - 0x5D000] if address >= 0x5D000 else self.rf.low[address]
@@ -97,15 +103,57 @@ def test_set_up_clocks(board):
         assert board.word(PERCLKDIVSEL) & 0x3 == 1  # 200 MHz / 2
 
 
+def test_set_up_of_the_encoder_interface(board):
+    board.rf.low[QPOSCNT[board.device]] = 1234  # the counter may stand anywhere
+    assert board.init()
+    address, bit = EQEP_CLOCK[board.device]
+    assert board.word(address) & bit
+    assert board.eqep(0x14) == 0  # QDECCTL: quadrature count mode, nothing inverted
+    assert board.eqep(0x04) == board.eqep(0x05) == 0xFFFF  # QPOSMAX
+    # QEPCTL: reset at QPOSMAX only (PCRM = 1), counter enabled, no latch by the unit timer
+    assert board.eqep(0x15) & 0x3FFF == 0x1008
+    # QCAPCTL: enabled, SYSCLKOUT / 2^7, unit event every 2^2 edges
+    assert board.eqep(0x16) == 0x8000 | 7 << 4 | 2
+    assert lib.ht_port_capture_clock_Hz(board.port) == SYSCLKOUT[board.device] / 128
+    assert 1 << 2 == lib.HT_CAPTURE_COUNTS
+    assert board.eqep(0) == 1234
+    assert board.rf.violations == 0
+
+
+@pytest.mark.parametrize("bit", range(16))
+def test_look_at_the_capture_unit(board, bit):
+    """Each status bit alone: reported where it belongs, cleared where it can be."""
+    board.init()
+    base = QPOSCNT[board.device]
+    board.rf.low[base + 0x1C], board.rf.low[base + 0x1D], board.rf.low[base + 0x1E] = (
+        1 << bit, 40001, 65535,
+    )  # fmt: skip
+    look = ffi.new("ht_capture *")
+    before = board.rf.accesses
+    lib.ht_port_read_capture(board.port, look)
+    assert board.rf.accesses - before == 4
+    assert (look.age_ticks, look.period_ticks) == (40001, 65535)
+    got = {"event": look.event, "forward": look.forward, "overflow": look.overflow,
+           "reversed": look.reversed}  # fmt: skip
+    name = {7: "event", 5: "forward", 3: "overflow", 2: "reversed"}.get(bit)
+    assert got == {key: key == name for key in got}
+    # Cleared by the look: UPEVNT, COEF, CDEF. Not ours: the first index marker.
+    assert board.eqep(0x1C) == (0 if bit in (7, 3, 2) else 1 << bit)
+    assert board.rf.violations == 0
+
+
 def test_set_up_keeps_foreign_clock_bits(board):
-    for address in CLOCKS[board.device]:
+    eqep, eqep_bit = EQEP_CLOCK[board.device]
+    registers = {*CLOCKS[board.device], eqep}
+    for address in registers:
         if address < 0x5D000:
             board.rf.low[address] = 0xA500
         else:
             board.rf.sys[address - 0x5D000] = 0xA500
     assert board.init()
-    for address in CLOCKS[board.device]:
-        assert board.word(address) & 0xFF00 == 0xA500
+    for address in registers:
+        ours = 0x00FF | (eqep_bit if address == eqep else 0)
+        assert board.word(address) & ~ours == 0xA500 & ~ours
 
 
 def test_clock_of_the_time_base(board):

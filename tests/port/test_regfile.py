@@ -15,12 +15,13 @@ CHIPS = {
         "base": 0x6800, "stride": 0x40, "TBCTL": 0x6800, "TBPRD": 0x6805, "TZSEL": 0x6812,
         "TZCTL": 0x6814, "TZEINT": 0x6815, "TZFLG": 0x6816, "TZCLR": 0x6817, "TZFRC": 0x6818,
         "ETFLG": 0x681B, "ETCLR": 0x681C, "PCLKCR1": 0x701D, "PCLKCR0": 0x701C,
+        "eqep": 0x6B00,
     },
     "f28377s": {
         "base": 0x4000, "stride": 0x100, "TBCTL": 0x4000, "TBPRD": 0x4063, "TZSEL": 0x4080,
         "TZCTL": 0x4084, "TZEINT": 0x408D, "TZFLG": 0x4093, "TZCLR": 0x4097, "TZFRC": 0x409B,
         "ETFLG": 0x40A8, "ETCLR": 0x40AA, "PCLKCR2": 0x5D326, "PCLKCR0": 0x5D323,
-        "PERCLKDIVSEL": 0x5D226,
+        "PERCLKDIVSEL": 0x5D226, "PCLKCR4": 0x5D32A, "eqep": 0x5100,
     },
 }  # fmt: skip
 PIEACK = 0x0CE1
@@ -137,6 +138,47 @@ def test_pieack_is_cleared_by_ones(chip):
     chip.poke(PIEACK, 0x0FFF)
     chip.write(PIEACK, 0x0004)
     assert chip.read(PIEACK) == 0x0FFB
+
+
+#: eQEP: what only the hardware changes.
+QFLG, QEPSTS, QCTMR, QCPRD, QCTMRLAT, QCPRDLAT = 0x19, 0x1C, 0x1D, 0x1E, 0x1F, 0x20
+LATCHES = range(0x08, 0x0E)  # QPOSILAT, QPOSSLAT, QPOSLAT, two words each
+
+
+def test_encoder_registers_are_zero_after_reset(chip):
+    assert [chip.read(chip.at["eqep"] + n) for n in range(0x21)] == [0] * 0x21
+    assert chip.rf.violations == 0
+
+
+@pytest.mark.parametrize("offset", (QFLG, QCTMR, QCPRD, QCTMRLAT, QCPRDLAT, *LATCHES))
+def test_encoder_results_are_read_only(chip, offset):
+    address = chip.at["eqep"] + offset
+    chip.poke(address, 1234)
+    chip.write(address, 1)
+    assert chip.read(address) == 1234
+    assert (chip.rf.violations, chip.rf.first_kind) == (1, READ_ONLY)
+    assert chip.rf.first_address == address
+
+
+def test_other_encoder_registers_keep_what_is_written(chip):
+    fixed = (QFLG, QEPSTS, QCTMR, QCPRD, QCTMRLAT, QCPRDLAT, *LATCHES)
+    plain = [chip.at["eqep"] + n for n in range(0x1B) if n not in fixed]
+    for address in plain:
+        chip.write(address, address ^ 0x5555)
+    assert [chip.read(address) for address in plain] == [a ^ 0x5555 for a in plain]
+    assert chip.rf.violations == 0
+
+
+def test_encoder_status_is_cleared_by_ones(chip):
+    """UPEVNT, COEF, CDEF, FIMF; the directions and the error flag follow the hardware."""
+    status = chip.at["eqep"] + QEPSTS
+    chip.poke(status, 0x00FF)
+    chip.write(status, 0)
+    assert chip.read(status) == 0x00FF
+    for bit, left in ((0x80, 0x7F), (0x08, 0x77), (0x04, 0x73), (0x02, 0x71), (0xFFFF, 0x71)):
+        chip.write(status, bit)
+        assert chip.read(status) == left
+    assert chip.rf.violations == 0
 
 
 @pytest.mark.parametrize("address", (0x8000, 0x5CFFF, 0x5D800, 0xFFFFFFFF))

@@ -206,3 +206,25 @@ def test_restart_after_stop():
         assert sim.controller.state == "idle"
     sim.run(0.01)
     assert np.max(np.abs(sim.take()["plant.i_u1_A"])) < 1e-3
+
+
+@pytest.mark.parametrize("rpm", [3, 30])
+def test_slow_speeds_are_measured_finer_than_a_count(rpm):
+    """One count in a slow period is 0.73 r/min: the error of edges per time is spread over
+    that. Time per edge must do better by far, and spare the torque reference its steps."""
+    setup = scenario.load("paper-a-feasible")
+    error, step = {}, {}
+    for switch in (0.0, 150.0):
+        changed = setup.changed(controller__speed_period_rpm=switch)
+        sim = approach(Point(changed, rpm, 10))
+        begin = sim.periods
+        sim.run(2.0)
+        rec = sim.take()
+        assert rec.meta["register_violations"] == 0
+        slow = slice(-begin % 100 * 4, None, 400)  # instants of the slow interrupt
+        error[switch] = np.std((rec["speed_rpm"] - rec["plant.speed_rpm"])[slow])
+        step[switch] = np.std(np.diff(rec["torque_ref_Nm"][slow]))
+        assert np.mean(rec["plant.speed_rpm"]) == pytest.approx(rpm, abs=0.15)
+    assert error[0.0] > 0.2  # 0.73 / sqrt(12), and the delay
+    assert error[150.0] < 0.5 * error[0.0]
+    assert step[150.0] < 0.4 * step[0.0]

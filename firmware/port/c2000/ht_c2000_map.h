@@ -40,14 +40,17 @@ typedef struct {
     uint16_t etclr;
     uint32_t adc_result;      /**< seven consecutive results */
     uint16_t adc_shift;       /**< right shift to 12-bit counts */
-    uint32_t qposcnt;         /**< 32 bits */
+    uint32_t eqep;            /**< eQEP1; EQEP_... are offsets from here */
     uint32_t pieack;
     uint32_t pclk_epwm;       /**< clock enables of ePWM1..6, bits 0..5 */
+    uint32_t pclk_eqep;
+    uint16_t eqep_bit;        /**< clock enable of eQEP1 in the word at pclk_eqep */
     uint32_t pclk_tbsync;
     uint16_t tbsync_bit;      /**< within the word at pclk_tbsync */
     uint32_t perclkdivsel;    /**< 0 = not present */
     uint16_t dead_max_counts;
     float pwm_clock_Hz;
+    float system_clock_Hz;    /**< SYSCLKOUT, clocks the eQEP */
 } ht_c2000_map;
 
 extern const ht_c2000_map ht_f28335;
@@ -85,6 +88,36 @@ extern const ht_c2000_map ht_f28377s;
 #define ETPS_EVERY 0x0101u
 #define ET_INT 0x0001u
 #define PIEACK_GROUP3 0x0004u
+/* eQEP: the same offsets on both devices */
+#define EQEP_QPOSCNT 0x00u /* 32 bits */
+#define EQEP_QPOSMAX 0x04u /* 32 bits */
+#define EQEP_QPOSILAT 0x08u /* three 32-bit latches from here */
+#define EQEP_QUTMR 0x0Eu
+#define EQEP_QDECCTL 0x14u
+#define EQEP_QEPCTL 0x15u
+#define EQEP_QCAPCTL 0x16u
+#define EQEP_QFLG 0x19u
+#define EQEP_QEPSTS 0x1Cu
+#define EQEP_QCTMR 0x1Du
+#define EQEP_QCPRD 0x1Eu
+#define EQEP_QCTMRLAT 0x1Fu
+#define EQEP_QCPRDLAT 0x20u
+#define EQEP_WORDS 0x21u
+/* QEPCTL: run on under the debugger, reset at QPOSMAX, counter enabled */
+#define QEPCTL_FREE_RUN 0x8000u
+#define QEPCTL_PCRM_MAX 0x1000u
+#define QEPCTL_QPEN 0x0008u
+/* QCAPCTL: CCPS divides SYSCLKOUT by 2^CCPS, UPPS makes every 2^UPPS-th edge a unit event */
+#define QCAPCTL_CEN 0x8000u
+#define QCAPCTL_CCPS_128 0x0070u
+#define QCAPCTL_UPPS_4 0x0002u
+#define CAPTURE_CLOCK_DIVIDER 128.0f
+/* QEPSTS */
+#define QEPSTS_UPEVNT 0x0080u
+#define QEPSTS_QDF 0x0020u  /* 1 = forward */
+#define QEPSTS_COEF 0x0008u
+#define QEPSTS_CDEF 0x0004u
+#define QEPSTS_FIMF 0x0002u
 /* PERCLKDIVSEL.EPWMCLKDIV: 1 = /2 */
 #define PERCLKDIVSEL_EPWM_DIV2 0x0001u
 #define PERCLKDIVSEL_EPWM_MASK 0x0003u

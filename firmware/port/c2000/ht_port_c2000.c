@@ -52,6 +52,21 @@ static void init_leg(ht_port *port, int leg, const ht_pwm_setup *setup)
     }
 }
 
+/* Quadrature counter over all 32 bits and the capture unit. The pins are the board's
+ * business. Nothing here moves the counter: it may stand anywhere. */
+static void init_eqep(ht_port *port)
+{
+    uint32_t eqep = port->map->eqep;
+    ht_io *io = port->io;
+    (void)io;
+    HT_WR16(io, eqep + EQEP_QDECCTL, 0u); /* quadrature, inputs as they are */
+    HT_WR32(io, eqep + EQEP_QPOSMAX, 0xFFFFFFFFu);
+    HT_WR16(io, eqep + EQEP_QEPCTL, QEPCTL_FREE_RUN | QEPCTL_PCRM_MAX | QEPCTL_QPEN);
+    HT_WR16(io, eqep + EQEP_QCAPCTL, 0u); /* the prescalers change while it is off only */
+    HT_WR16(io, eqep + EQEP_QCAPCTL, QCAPCTL_CCPS_128 | QCAPCTL_UPPS_4);
+    HT_WR16(io, eqep + EQEP_QCAPCTL, QCAPCTL_CEN | QCAPCTL_CCPS_128 | QCAPCTL_UPPS_4);
+}
+
 bool ht_port_accepts(const ht_port *port, const ht_pwm_setup *setup)
 {
     return (setup->period_counts >= 8u) && (setup->dead_counts <= port->map->dead_max_counts);
@@ -69,6 +84,7 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
     HT_EALLOW(io);
     HT_WR16(io, m->pclk_tbsync, (uint16_t)(HT_RD16(io, m->pclk_tbsync) & (uint16_t)~m->tbsync_bit));
     HT_WR16(io, m->pclk_epwm, (uint16_t)(HT_RD16(io, m->pclk_epwm) | 0x003Fu));
+    HT_WR16(io, m->pclk_eqep, (uint16_t)(HT_RD16(io, m->pclk_eqep) | m->eqep_bit));
     if (m->perclkdivsel != 0u) {
         HT_WR16(io, m->perclkdivsel, /* other clocks share the register */
                 (uint16_t)((HT_RD16(io, m->perclkdivsel) & (uint16_t)~PERCLKDIVSEL_EPWM_MASK)
@@ -83,6 +99,7 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
     for (leg = 0; leg < HT_LEGS; leg++) {
         init_leg(port, leg, setup);
     }
+    init_eqep(port);
     /* Sync last: all counters start together. */
     HT_EALLOW(io);
     HT_WR16(io, m->pclk_tbsync, (uint16_t)(HT_RD16(io, m->pclk_tbsync) | m->tbsync_bit));
@@ -95,6 +112,11 @@ float ht_port_pwm_clock_Hz(const ht_port *port)
     return port->map->pwm_clock_Hz;
 }
 
+float ht_port_capture_clock_Hz(const ht_port *port)
+{
+    return port->map->system_clock_Hz * (1.0f / CAPTURE_CLOCK_DIVIDER);
+}
+
 void ht_port_read(ht_port *port, ht_samples *samples)
 {
     const ht_c2000_map *m = port->map;
@@ -103,7 +125,24 @@ void ht_port_read(ht_port *port, ht_samples *samples)
         samples->adc[channel] =
             (uint16_t)(HT_RD16(port->io, m->adc_result + (uint32_t)channel) >> m->adc_shift);
     }
-    samples->position = HT_RD32(port->io, m->qposcnt);
+    samples->position = HT_RD32(port->io, m->eqep + EQEP_QPOSCNT);
+}
+
+void ht_port_read_capture(ht_port *port, ht_capture *capture)
+{
+    uint32_t eqep = port->map->eqep;
+    uint16_t status;
+    /* Flags last: they then cover all that the two numbers may have suffered. */
+    capture->period_ticks = HT_RD16(port->io, eqep + EQEP_QCPRD);
+    capture->age_ticks = HT_RD16(port->io, eqep + EQEP_QCTMR);
+    status = HT_RD16(port->io, eqep + EQEP_QEPSTS);
+    capture->event = (status & QEPSTS_UPEVNT) != 0u;
+    capture->overflow = (status & QEPSTS_COEF) != 0u;
+    capture->reversed = (status & QEPSTS_CDEF) != 0u;
+    capture->forward = (status & QEPSTS_QDF) != 0u;
+    /* Only what was seen: a flag that comes up in between is for the next look. */
+    HT_WR16(port->io, eqep + EQEP_QEPSTS,
+            (uint16_t)(status & (QEPSTS_UPEVNT | QEPSTS_COEF | QEPSTS_CDEF)));
 }
 
 void ht_port_write(ht_port *port, const ht_compare *pattern)

@@ -93,9 +93,26 @@ static int epwm_write(ht_regfile *rf, const ht_c2000_map *m, uint32_t addr, uint
     return 0;
 }
 
+/* Writes to the eQEP that do not just store. Returns 1 if it was one. */
+static int eqep_write(ht_regfile *rf, const ht_c2000_map *m, uint32_t addr, uint16_t value)
+{
+    uint32_t offset = addr - m->eqep;
+    if (offset == EQEP_QEPSTS) { /* write 1 to clear; the other bits are the hardware's */
+        uint16_t clear = value & (QEPSTS_UPEVNT | QEPSTS_COEF | QEPSTS_CDEF | QEPSTS_FIMF);
+        rf->low[addr] = (uint16_t)(rf->low[addr] & (uint16_t)~clear);
+        return 1;
+    }
+    if ((offset == EQEP_QFLG) || ((offset >= EQEP_QPOSILAT) && (offset < EQEP_QUTMR))
+        || ((offset >= EQEP_QCTMR) && (offset <= EQEP_QCPRDLAT))) {
+        violation(rf, addr, HT_REG_READ_ONLY);
+        return 1;
+    }
+    return 0;
+}
+
 static int is_system_protected(const ht_c2000_map *m, uint32_t addr)
 {
-    return (addr == m->pclk_epwm) || (addr == m->pclk_tbsync)
+    return (addr == m->pclk_epwm) || (addr == m->pclk_eqep) || (addr == m->pclk_tbsync)
            || ((m->perclkdivsel != 0u) && (addr == m->perclkdivsel));
 }
 
@@ -122,6 +139,10 @@ void ht_regfile_write16(ht_regfile *rf, uint32_t addr, uint16_t value)
     }
     offset = epwm_offset(m, addr);
     if ((offset >= 0) && (epwm_write(rf, m, addr, (uint16_t)offset, value) != 0)) {
+        return;
+    }
+    if ((addr >= m->eqep) && (addr < (m->eqep + EQEP_WORDS))
+        && (eqep_write(rf, m, addr, value) != 0)) {
         return;
     }
     if (is_system_protected(m, addr) && (rf->eallow == 0u)) {

@@ -3,8 +3,8 @@
  *  accesses do on the chip, with their traps.
  *
  *  Modelled: EALLOW protection, write-1-to-clear and force registers of the trip
- *  zone and event trigger, PIE acknowledge, read-only registers, addresses where
- *  nothing is. A forbidden access has the effect it has on the chip (none) and
+ *  zone and event trigger, of the eQEP's status, PIE acknowledge, read-only registers
+ *  (the capture timer, period and latches among them), addresses where nothing is. A forbidden access has the effect it has on the chip (none) and
  *  is counted, with the first offender kept, so that tests can insist on zero.
  *  What the PWM makes of the values is the plant's business, not this file's; only
  *  an event that overtakes the running interrupt can be planted here (`event_at`).

@@ -1,4 +1,5 @@
-"""Current, voltage and position sensors up to the DSP's result registers."""
+"""Current, voltage and position sensors up to the DSP's result registers, the eQEP's
+quadrature counter and capture unit among them."""
 
 from __future__ import annotations
 
@@ -22,9 +23,22 @@ SENSORS = np.dtype(
         ("encoder_counts_rev", "f8"),
         ("adc_result", "i8"),  # word address of the first result
         ("adc_shift", "i8"),  # left shift of the result register
-        ("qposcnt", "i8"),  # word address, 32 bits
+        ("encoder_error_cycles", "f8"),  # edges of channel B off their place
+        ("eqep", "i8"),  # word address of eQEP1
+        ("system_clocks", "f8"),  # SYSCLKOUT cycles from sample to sample
+        # State of the encoder interface
+        ("position_counts", "f8"),  # at the sample before
+        ("counter", "i8"),  # the same, as the counter shows it, without its wrap
+        ("ticks", "f8"),  # capture clock since the beginning
+        ("event_tick", "i8"),  # of the last unit event or overflow
+        ("edges", "i8"),  # since the last unit event
     ]
 )
+
+#: eQEP: offsets in words, and bits.
+QCAPCTL, QEPSTS, QCTMR, QCPRD = 0x16, 0x1C, 0x1D, 0x1E
+CEN, UPEVNT, QDF, COEF, CDEF = 0x8000, 0x80, 0x20, 0x08, 0x04
+TIMER = 1 << 16
 
 
 @njit(inline="always")
@@ -51,6 +65,74 @@ def _normal(se):
     return np.sqrt(-2.0 * np.log(_uniform(se))) * np.cos(TWO_PI * _uniform(se))
 
 
+@njit(inline="always")
+def _place(se, edge):
+    """Position of an edge, in counts: those of channel B are off by `encoder_error_cycles`,
+    its rise (1 mod 4) late and its fall (3 mod 4) early."""
+    return edge + 4.0 * se.encoder_error_cycles * ((edge & 1) * (1 - (edge & 2)))
+
+
+@njit
+def _counter(se, counts):
+    """What the quadrature counter shows at position `counts`: the last edge below."""
+    edge = np.int64(np.floor(counts))
+    return edge + (_place(se, edge + 1) <= counts) - (_place(se, edge) > counts)
+
+
+@njit(inline="always")
+def _tick(began, slope, way):
+    """Capture clock `way` counts after it showed `began`."""
+    return np.int64(np.floor(began + slope * way))
+
+
+@njit
+def _capture(se, counts, end, regs):
+    """Capture unit: edges since the last sample, timed as if the speed between two
+    samples were constant. Every 2^UPPS-th edge, in whichever direction, is a unit
+    event: the timer goes to QCPRD and starts again from 0. The capture clock runs
+    freely. The latches QCTMRLAT and QCPRDLAT are not emulated.
+
+    counts: position in counts, with its fraction; end: as the counter shows it.
+    """
+    began, before, start = se.ticks, se.position_counts, se.counter
+    control = np.int64(regs[se.eqep + QCAPCTL])
+    se.position_counts, se.counter = counts, end
+    se.ticks += se.system_clocks / (1 << (control >> 4 & 7))
+    now = np.int64(np.floor(se.ticks))
+    if not control & CEN:
+        se.event_tick = now
+        return
+    status = np.int64(regs[se.eqep + QEPSTS])
+    crossed = abs(end - start)
+    if crossed:
+        forward = end > start
+        if forward != (status & QDF > 0):
+            status = (status ^ QDF) | CDEF
+        slope = (se.ticks - began) / (counts - before)
+        # The k-th edge on the way, k = 1, 2, ..., is edge first + k step.
+        first, step = (start, 1) if forward else (start + 1, -1)
+        unit = 1 << (control & 15)
+        events = (se.edges + crossed) // unit
+        if events:
+            k = unit - se.edges
+            tick = _tick(began, slope, _place(se, first + k * step) - before)
+            if tick - se.event_tick >= TIMER:
+                status |= COEF
+            if events > 1:  # the last two make the period
+                k += (events - 1) * unit
+                se.event_tick = _tick(began, slope, _place(se, first + (k - unit) * step) - before)
+                tick = _tick(began, slope, _place(se, first + k * step) - before)
+            regs[se.eqep + QCPRD] = np.uint16((tick - se.event_tick) & 0xFFFF)
+            se.event_tick = tick
+            status |= UPEVNT
+        se.edges += crossed - events * unit
+    if now - se.event_tick >= TIMER:
+        se.event_tick += (now - se.event_tick) // TIMER * TIMER
+        status |= COEF
+    regs[se.eqep + QEPSTS] = np.uint16(status)
+    regs[se.eqep + QCTMR] = np.uint16(now - se.event_tick)
+
+
 @njit
 def sample(se, m, y, vdc, regs):
     """Convert the present state into the result registers."""
@@ -62,6 +144,9 @@ def sample(se, m, y, vdc, regs):
         regs[se.adc_result + leg] = np.uint16(counts << se.adc_shift)
     counts = _counts(vdc * se.v_counts_per_V, se.adc_step)
     regs[se.adc_result + 6] = np.uint16(counts << se.adc_shift)
-    position = np.int64(np.floor(y[7] / TWO_PI * se.encoder_counts_rev)) & 0xFFFFFFFF
-    regs[se.qposcnt] = np.uint16(position & 0xFFFF)
-    regs[se.qposcnt + 1] = np.uint16(position >> 16)
+    turned = y[7] / TWO_PI * se.encoder_counts_rev
+    counter = _counter(se, turned)
+    position = counter & 0xFFFFFFFF
+    regs[se.eqep] = np.uint16(position & 0xFFFF)
+    regs[se.eqep + 1] = np.uint16(position >> 16)
+    _capture(se, turned, counter, regs)

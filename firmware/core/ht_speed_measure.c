@@ -1,0 +1,49 @@
+#include "ht_speed_measure.h"
+
+/* How far edges per time may be below time per edge: a count that has just not come,
+ * and as much again for unequal edges. */
+#define SLACK_COUNTS 2.0f
+/* Counts that hold two unit events for sure, however the looks fall. */
+#define TWO_EVENTS_COUNTS (3 * HT_CAPTURE_COUNTS)
+
+void ht_speed_measure_reset(ht_speed_measure_state *st)
+{
+    st->spoilt = 2u;
+}
+
+/* Is the captured period the time of HT_CAPTURE_COUNTS edges in one direction? A
+ * reversal or an overflow spoils the interval under way, which ends with the first
+ * unit event after this look; the second ends a sound one. */
+static bool sound(ht_speed_measure_state *st, int32_t moved, const ht_capture *capture)
+{
+    bool against = capture->forward ? (moved < 0) : (moved > 0);
+    if (capture->overflow || capture->reversed || against) {
+        st->spoilt = 2u;
+    } else if (capture->event && (st->spoilt > 0u)) {
+        bool two = (moved >= TWO_EVENTS_COUNTS) || (moved <= -TWO_EVENTS_COUNTS);
+        st->spoilt = two ? 0u : (uint16_t)(st->spoilt - 1u);
+    }
+    return st->spoilt == 0u;
+}
+
+float ht_speed_measure_step(const ht_speed_measure_config *cfg, ht_speed_measure_state *st,
+                            int32_t moved, const ht_capture *capture)
+{
+    bool usable = sound(st, moved, capture);
+    float counted = (float)moved * cfg->rpm_per_count;
+    float size = (counted < 0.0f) ? -counted : counted;
+    float limit = size + SLACK_COUNTS * cfg->rpm_per_count;
+    /* Once the time since the last event is the longer one, it bounds the speed. */
+    uint16_t ticks = (capture->age_ticks > capture->period_ticks) ? capture->age_ticks
+                                                                  : capture->period_ticks;
+    float timed;
+    float share;
+    if (!usable || (ticks == 0u) || !(size < 1.25f * cfg->period_rpm)) {
+        return counted;
+    }
+    timed = cfg->rpm_ticks / (float)ticks;
+    timed = (timed > limit) ? limit : timed;
+    timed = capture->forward ? timed : -timed;
+    share = 4.0f * (size / cfg->period_rpm - 1.0f); /* of edges per time */
+    return (share > 0.0f) ? (timed + share * (counted - timed)) : timed;
+}
