@@ -153,7 +153,7 @@ class Simulation:
         self.machine = MachineParameters(**setup.machine_values())
         self._machine = machine_record(self.machine)
         self.state = np.zeros(8)
-        self._inverter = inverter_record()
+        self.inverter = inverter_record()
         self._pwm = pwm_record()
         self._map = _pwm_map(self.controller.map)
         #: What the converter makes of the currents; may be changed between runs.
@@ -185,6 +185,7 @@ class Simulation:
             i_noise_counts=per_A * setup["sensors.i_noise_A"],
             random=setup["sensors.noise_seed"],
             i_offset_counts=2048 + per_A * np.array(setup["sensors.i_offset_A"]),
+            hold=0,
             v_counts_per_V=4096 / setup["sensors.vdc_full_V"],
             adc_step=float(1 << (12 - setup["sensors.adc_bits"])),
             encoder_counts_rev=4.0 * setup["sensors.encoder_ppr"],
@@ -259,7 +260,7 @@ class Simulation:
     def _call(self, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
         load = _load(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
         run_periods(
-            n, self.periods, self._timing, self._machine, load, self._inverter,
+            n, self.periods, self._timing, self._machine, load, self.inverter,
             self._map, self._pwm, self.sensors, self._registers, self.state, self.vdc_V,
             *self._entries, self.controller.handle, channels.ctypes.data, plant, channels,
         )  # fmt: skip

@@ -19,8 +19,8 @@ def test_stop_turns_the_legs_off(sample_delay_us, latency):
     sim = Simulation(setup)
     sim.start()
     sim.run(0.2)
-    assert sim._inverter.off == 0 and np.ptp(sim._machine.i_phase @ sim.state[:6]) > 1
+    assert sim.inverter.off == 0 and np.ptp(sim._machine.i_phase @ sim.state[:6]) > 1
     sim.stop()
     sim.run(0.01)
-    assert np.all(sim._inverter.leg == OFF) and sim._inverter.off == 6
+    assert np.all(sim.inverter.leg == OFF) and sim.inverter.off == 6
     np.testing.assert_allclose(sim._machine.i_phase @ sim.state[:6], 0, atol=1e-3)

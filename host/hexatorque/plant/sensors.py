@@ -19,6 +19,8 @@ SENSORS = np.dtype(
         ("random", "u8"),  # state of the noise generator, not 0
         ("i_offset_counts", "f8", (6,)),  # mid scale plus offset
         ("v_counts_per_V", "f8"),
+        # Sensors that stand still (1): six currents, dc link, encoder
+        ("hold", "i8", (8,)),
         ("adc_step", "f8"),  # counts per converter step: 1 at 12 bits, 4 at 10 bits
         ("encoder_counts_rev", "f8"),
         ("adc_result", "i8"),  # word address of the first result
@@ -140,11 +142,15 @@ def sample(se, m, y, vdc, regs):
         reading = phase_current(m, y, leg) * se.i_counts_per_A[leg] + se.i_offset_counts[leg]
         if se.i_noise_counts > 0.0:
             reading += se.i_noise_counts * _normal(se)
-        counts = _counts(reading, se.adc_step)
-        regs[se.adc_result + leg] = np.uint16(counts << se.adc_shift)
-    counts = _counts(vdc * se.v_counts_per_V, se.adc_step)
-    regs[se.adc_result + 6] = np.uint16(counts << se.adc_shift)
+        if se.hold[leg] == 0:
+            counts = _counts(reading, se.adc_step)
+            regs[se.adc_result + leg] = np.uint16(counts << se.adc_shift)
+    if se.hold[6] == 0:
+        counts = _counts(vdc * se.v_counts_per_V, se.adc_step)
+        regs[se.adc_result + 6] = np.uint16(counts << se.adc_shift)
     turned = y[7] / TWO_PI * se.encoder_counts_rev
+    if se.hold[7] != 0:
+        turned = se.position_counts
     counter = _counter(se, turned)
     position = counter & 0xFFFFFFFF
     regs[se.eqep] = np.uint16(position & 0xFFFF)

@@ -9,6 +9,7 @@ to the other without the dead time in between.
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -250,10 +251,8 @@ def _shoot_through(sim: Simulation, legs: np.ndarray) -> str:
 
 def _disturb(sim: Simulation, rng: np.random.Generator) -> None:
     """What someone may try while the drive is latched."""
-    try:
+    with contextlib.suppress(firmware.FirmwareError):
         sim.start()
-    except firmware.FirmwareError:
-        pass
     sim.set("speed_ref_rpm", float(rng.uniform(-500, 500)))
 
 
@@ -278,8 +277,9 @@ def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
             break
     if must_trip:
         result.error = _latched(sim, fault, injected, result)
-    elif state in ("idle", "fault"):
-        if sim.controller.state not in ("idle", "fault") or not _gates_off(sim):
+    elif state in ("idle", "fault") and (
+        sim.controller.state not in ("idle", "fault") or not _gates_off(sim)
+    ):
             result.error = f"gates on in {sim.controller.state}"
     latched = sim.controller.state in ("idle", "fault")
     result.error = result.error or _shoot_through(sim, legs)
@@ -301,11 +301,10 @@ def _latched(sim: Simulation, fault: Fault, injected: int, result: Result) -> st
         return "gates on in fault"
     if not set(snapshot["faults"]) & set(fault.causes):
         return f"named {result.cause}"
-    if snapshot["tick"] != sim.periods or snapshot["state"] != result.state:
-        if snapshot["tick"] != sim.periods:
-            return "the snapshot is of another interrupt"
-        if fault.deadline == NOW:
-            return f"the snapshot says {snapshot['state']}"
+    if snapshot["tick"] != sim.periods:
+        return "the snapshot is of another interrupt"
+    if fault.deadline == NOW and snapshot["state"] != result.state:
+        return f"the snapshot says {snapshot['state']}"
     return ""
 
 
