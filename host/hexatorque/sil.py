@@ -86,7 +86,7 @@ class EntryPoint(types.WrapperAddressProtocol):
         return self._signature
 
 
-def load_record(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
+def _load(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
     """A load that takes `torque_Nm` at `at_rpm` (constant: at any speed)."""
     w = at_rpm * math.pi / 30
     terms = {
@@ -252,7 +252,7 @@ class Simulation:
             self.discard()
 
     def _call(self, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
-        load = load_record(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
+        load = _load(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
         self._edges_logged = run_periods(
             n, self.periods, self._timing, self._machine, load, self._inverter,
             self._map, self._pwm, self._sensors, self._registers, self.state, self.vdc_V,

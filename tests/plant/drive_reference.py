@@ -13,7 +13,6 @@ which is enough while open switches are a matter of dead times.
 """
 
 import numpy as np
-from conftest import DELTA, FREE, VSD
 from numba import njit
 from scipy.integrate import ode, solve_ivp
 from scipy.optimize import brentq
@@ -68,8 +67,9 @@ class DriveReference:
         p = model.p
         self.vdc_V = vdc_V
         self.integrate = integrate or Compiled()
-        rotor = 3 * VSD[:2].T
-        basis = np.block([[FREE, np.zeros((6, 2))], [np.zeros((6, 4)), rotor]])
+        self._free = model.free
+        self._rotor = model.rotor
+        basis = np.block([[model.free, np.zeros((6, 2))], [np.zeros((6, 4)), model.rotor]])
         inductance = basis.T @ model.inductance(0.0) @ basis
         coils = np.concatenate([model.r_stator, np.full(6, p.rr_ohm)])
         motion = np.zeros((6, 6))
@@ -77,8 +77,10 @@ class DriveReference:
         self._inverse = np.linalg.inv(inductance)
         self._linear = -self._inverse @ basis.T @ np.diag(coils) @ basis
         self._motion = self._inverse @ motion
-        torque = p.pole_pairs * FREE.T @ (p.lm_H / 3 * np.sin(DELTA)) @ rotor
-        shaft = [*torque.T.ravel(), p.viscous_Nms, load_Nm]
+        torque = [
+            model.torque(stator, rotor, 0.0) for rotor in model.rotor.T for stator in model.free.T
+        ]
+        shaft = [*torque, p.viscous_Nms, load_Nm]
         self._shaft = np.array(shaft) / p.inertia_kgm2
         self._ties = {}
         self.legs = [OFF] * 6
@@ -88,14 +90,14 @@ class DriveReference:
     def start(self, i_s, i_r, omega, legs):
         """From these currents (rotor's as coils that stand at angle 0 carry them) and
         leg states, with diodes according to the currents."""
-        self.x = np.concatenate([i_s[:4], VSD[:2] @ i_r, [omega]])
+        self.x = np.concatenate([i_s[:4], self._rotor.T @ i_r / 3, [omega]])
         for leg, state in enumerate(legs):
             self.set_leg(leg, state)
 
     @property
     def i(self):
         """Phase currents."""
-        return FREE @ self.x[:4]
+        return self._free @ self.x[:4]
 
     def set_leg(self, leg, state):
         if state == OFF and self.legs[leg] != OFF:
@@ -111,9 +113,9 @@ class DriveReference:
         if found is None:
             floating = [leg for leg in range(6) if rails[leg] == FLOATS]
             u = np.zeros(6)
-            u[:4] = FREE.T @ (self.vdc_V * (np.array(rails) == HIGH))
+            u[:4] = self._free.T @ (self.vdc_V * (np.array(rails) == HIGH))
             free = np.hstack([self._linear, self._motion, (self._inverse @ u)[:, None]])
-            held = np.hstack([FREE[floating], np.zeros((len(floating), 2))])
+            held = np.hstack([self._free[floating], np.zeros((len(floating), 2))])
             response = held @ self._inverse @ held.T
             volts = -np.linalg.solve(response, held @ free)
             a = np.zeros((7, 13))
@@ -129,22 +131,22 @@ class DriveReference:
         """Positive while the diodes of an open leg stay as they are: the conducting one's
         current, or a floating leg's distance from the nearer rail in parts of Vdc."""
         if self.diodes[leg] != FLOATS:
-            return (FREE[leg] @ x[:4]) * (1 if self.diodes[leg] == LOW else -1)
+            return (self._free[leg] @ x[:4]) * (1 if self.diodes[leg] == LOW else -1)
+        return 0.5 - abs(self._voltage(x, leg) / self.vdc_V - 0.5)
+
+    def _voltage(self, x, leg):
+        """Of a floating leg."""
         _, floating, volts = self._tie(self._rails())
-        v = volts[floating.index(leg)] @ np.concatenate([x[:6], x[6] * x[:6], [1.0]])
-        return 0.5 - abs(v / self.vdc_V - 0.5)
+        return volts[floating.index(leg)] @ np.concatenate([x[:6], x[6] * x[:6], [1.0]])
 
     def _change(self, leg):
         """The conducting diode of an open leg blocks, or the nearer one opens."""
-        if self.diodes[leg] != FLOATS:
+        if self.diodes[leg] == FLOATS:
+            self.diodes[leg] = HIGH if self._voltage(self.x, leg) > 0.5 * self.vdc_V else LOW
+            self.reopened += 1
+        else:
             self.diodes[leg] = FLOATS
             self.blocked += 1
-            return
-        _, floating, volts = self._tie(self._rails())
-        x = self.x
-        v = volts[floating.index(leg)] @ np.concatenate([x[:6], x[6] * x[:6], [1.0]])
-        self.diodes[leg] = HIGH if v > 0.5 * self.vdc_V else LOW
-        self.reopened += 1
 
     def _settle(self):
         """Floating legs whose voltage is beyond the rails: diodes open, furthest first."""
@@ -156,6 +158,12 @@ class DriveReference:
             if not room or min(room.values()) >= 0:
                 return
             self._change(min(room, key=room.get))
+
+    def _end_of_room(self, begin, dt, a, leg):
+        def room(t):
+            return self._room(self.integrate(begin, t, a) if t > 0 else begin, leg)
+
+        return brentq(room, 0, dt, xtol=1e-20, rtol=1e-14)
 
     def advance(self, dt):
         """Time without edges."""
@@ -172,12 +180,7 @@ class DriveReference:
                 # Rounding of a current that has just been zero is no sign.
                 if self._room(end, leg) < -1e-12:
                     assert self._room(begin, leg) > 0
-                    t = brentq(
-                        lambda t, leg=leg: self._room(
-                            self.integrate(begin, t, a) if t > 0 else begin, leg
-                        ),
-                        0, dt, xtol=1e-20, rtol=1e-14,
-                    )  # fmt: skip
+                    t = self._end_of_room(begin, dt, a, leg)
                     if t < first:
                         first, changing = t, leg
             if changing is None:

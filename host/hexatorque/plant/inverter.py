@@ -52,8 +52,8 @@ INVERTER = np.dtype(
         ("k", "f8", (8,)),
         ("z", "f8", (2, 8)),
         ("trial", "f8", (8,)),
-        ("ahead", "f8", (8,)),  # state at a recording instant
-        ("kept", "i8", (6,)),  # diodes meanwhile
+        ("kept", "f8", (8,)),  # by `keep`: the state
+        ("kept_diode", "i8", (6,)),  # and the diodes
         ("a", "f8", (6, 7)),  # floating-leg equations
         ("i", "f8", (4,)),
     ]
@@ -293,6 +293,8 @@ def _advance_off(inv, m, load, y, dt, vdc):
         for leg in range(6):
             if inv.leg[leg] == OFF and inv.diode[leg] != 0:
                 i1 = phase_current(m, inv.trial, leg)
+                if i1 * inv.diode[leg] >= 0.0:
+                    continue
                 i0 = phase_current(m, y, leg)
                 # A residual of the wrong sign that shrinks is no crossing.
                 if i1 * inv.diode[leg] < min(0.0, i0 * inv.diode[leg]):
@@ -304,14 +306,31 @@ def _advance_off(inv, m, load, y, dt, vdc):
                         i1_first = i1
         if crossing >= 0:
             if first > 0.0:
-                left -= _step_to_zero(
-                    inv, m, load, y, h, vdc, floats, crossing, i0_first, i1_first
-                )
+                left -= _step_to_zero(inv, m, load, y, h, vdc, floats, crossing, i0_first, i1_first)
             inv.diode[crossing] = 0
         else:
             for r in range(8):
                 y[r] = inv.trial[r]
             left -= h
+
+
+@njit
+def keep(inv, y):
+    """Remember the state and the diodes for `put_back`."""
+    for r in range(8):
+        inv.kept[r] = y[r]
+    if inv.off > 0:
+        for leg in range(6):
+            inv.kept_diode[leg] = inv.diode[leg]
+
+
+@njit
+def put_back(inv, y):
+    for r in range(8):
+        y[r] = inv.kept[r]
+    if inv.off > 0:
+        for leg in range(6):
+            inv.diode[leg] = inv.kept_diode[leg]
 
 
 @njit
