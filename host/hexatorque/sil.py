@@ -20,7 +20,7 @@ from numba import types
 from . import __version__, firmware
 from .frames import INVERSE, PHASES
 from .plant.inverter import inverter_record
-from .plant.loop import PLANT_CHANNELS, TIMING, run_periods
+from .plant.loop import MAX_STEP_S, PLANT_CHANNELS, TIMING, run_periods
 from .plant.machine import DRY_RAD_S, LOAD, MachineParameters, machine_record
 from .plant.pwm import PWM_MAP, pwm_record
 from .plant.record import record
@@ -149,6 +149,7 @@ class Simulation:
             write_count=write_count,
             slow_every=round(f_isr / self.controller.get("f_slow_Hz")),
             per_period=samples_per_period,
+            max_step=max(1, round(MAX_STEP_S * clock)),
         )
         self.machine = MachineParameters(**setup.machine_values())
         self._machine = machine_record(self.machine)
@@ -173,6 +174,8 @@ class Simulation:
         self._channels = _Rows(len(firmware.channels()))
         self._record_start = 0
         self._transitions = 0
+        self._edges = np.empty((0, 3), np.int64)
+        self._edges_logged = 0
         # Compile, or load from the cache, before anything is timed.
         self._call(0, _NOTHING, _NOTHING)
 
@@ -259,11 +262,23 @@ class Simulation:
 
     def _call(self, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
         load = _load(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
-        run_periods(
+        self._edges_logged = run_periods(
             n, self.periods, self._timing, self._machine, load, self.inverter,
             self._map, self._pwm, self.sensors, self._registers, self.state, self.vdc_V,
             *self._entries, self.controller.handle, channels.ctypes.data, plant, channels,
+            self._edges, self._edges_logged,
         )  # fmt: skip
+
+    def log_edges(self, capacity: int) -> None:
+        """From now on keep every change of a leg, up to `capacity` of them (0: none)."""
+        self._edges = np.empty((capacity, 3), np.int64)
+        self._edges_logged = 0
+
+    @property
+    def edges(self) -> np.ndarray:
+        """(n, 3) of what `log_edges` kept: time in counts since the start of the
+        simulation, leg, new state (`plant.inverter`: LOW, HIGH or OFF)."""
+        return self._edges[: self._edges_logged]
 
     def discard(self) -> None:
         """Drop what was recorded."""

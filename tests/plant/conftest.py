@@ -22,6 +22,9 @@ def turn(angle):
 
 
 class PhaseModel:
+    #: Coil currents of the rotor from its alpha and beta current, at angle 0.
+    rotor = 3 * VSD[:2].T
+
     def __init__(self, p, free=FREE):
         self.p = p
         self.free = free
@@ -58,10 +61,9 @@ class PhaseModel:
     def currents(self, y):
         """Stator currents, and rotor currents as coils that stand at angle 0 carry them."""
         columns = [self.state(FREE @ e, np.zeros(6), 0, 0)[:6] for e in np.eye(4)]
-        rotor = 3 * VSD[:2].T
-        columns += [self.state(np.zeros(6), rotor @ e, 0, 0)[:6] for e in np.eye(2)]
+        columns += [self.state(np.zeros(6), self.rotor @ e, 0, 0)[:6] for e in np.eye(2)]
         i = np.linalg.solve(np.array(columns).T, y[:6])
-        return FREE @ i[:4], rotor @ i[4:]
+        return FREE @ i[:4], self.rotor @ i[4:]
 
     def flux_slopes(self, i_s, i_r, v_leg):
         """Change of the free currents' fluxes and the six rotor fluxes."""
@@ -109,6 +111,12 @@ MACHINES = {
 @pytest.fixture(params=MACHINES)
 def model(request):
     return PhaseModel(MACHINES[request.param])
+
+
+@pytest.fixture
+def phase_model():
+    """To be made from any MachineParameters."""
+    return PhaseModel
 
 
 @pytest.fixture

@@ -19,17 +19,24 @@ from .record import record
 LOW, HIGH, OFF = 0, 1, 2
 
 #: A floating leg's residual current decays with this time constant; it only
-#: removes what the location of the zero crossing leaves (below 1 mA).
+#: removes what the location of the zero crossing leaves.
 FLOAT_S = 20e-6
-#: Longest step while a leg is off: bounds the error of that location.
+#: Longest step while a leg is off: a diode that has to open or close within the step
+#: is seen at its end.
 OFF_STEP_S = 5e-6
+#: A zero crossing is located to this share of the current's change over the step, ...
+ZERO = 1e-9
+#: ... which the secant rule reaches in two or three of these steps.
+MAX_SECANTS = 8
 
 #: More steps than this in one call mean that time stands still.
 MAX_STEPS = 10_000
 
-#: A floating leg's diode conducts this share of Vdc beyond the rail: far more than a
-#: residual current's decay takes, so that the current then starts the right way.
-FORWARD = 1e-3
+#: A floating leg's diode conducts this share of Vdc beyond the rail: above the rounding
+#: of the floating legs' equations, so that the current then starts the right way.
+FORWARD = 1e-8
+#: Pull of floating legs to mid-bus, relative to their own admittance.
+BALANCE = 1e-10
 
 _T = TRANSFORM
 
@@ -45,6 +52,8 @@ INVERTER = np.dtype(
         ("k", "f8", (8,)),
         ("z", "f8", (2, 8)),
         ("trial", "f8", (8,)),
+        ("kept", "f8", (8,)),  # by `keep`: the state
+        ("kept_diode", "i8", (6,)),  # and the diodes
         ("a", "f8", (6, 7)),  # floating-leg equations
         ("i", "f8", (4,)),
     ]
@@ -101,7 +110,7 @@ def _solve_floating(inv, m, load, y, vdc):
                 if inv.leg[other] == OFF and inv.diode[other] == 0:
                     a[row, col] = m.g_leg[leg, other]
                     col += 1
-            epsilon = 1e-7 * m.g_leg[leg, leg]
+            epsilon = BALANCE * m.g_leg[leg, leg]
             a[row, row] += epsilon
             a[row, n] = -slope - phase_current(m, y, leg) / FLOAT_S + epsilon * 0.5 * vdc
             row += 1
@@ -128,6 +137,7 @@ def _solve_floating(inv, m, load, y, vdc):
         if inv.leg[leg] == OFF and inv.diode[leg] == 0:
             inv.v_leg[leg] = a[row, n]
             row += 1
+    _centre(inv, vdc)
 
 
 @njit
@@ -162,7 +172,6 @@ def _leg_voltages(inv, m, load, y, vdc):
             inv.v_leg[leg] = vdc if state == HIGH else 0.0
     if floats:
         _solve_floating(inv, m, load, y, vdc)
-        _centre(inv, vdc)
         margin = FORWARD * vdc
         turned_on = False
         for leg in range(6):
@@ -222,6 +231,48 @@ def _advance_open(inv, m, load, y, dt, vdc):
 
 
 @njit
+def _off_step(inv, m, load, y, dt, vdc, floats, out):
+    """One Runge-Kutta step from y to out with the present diodes. A floating leg's
+    voltage follows the induced voltage, so every stage finds it anew."""
+    if not floats:
+        rk4_step(m, load, y, inv.v, dt, out, inv.k, inv.z)
+        return
+    total = inv.z[0]
+    stage = inv.z[1]
+    for r in range(8):
+        total[r] = 0.0
+        stage[r] = y[r]
+    for n in range(4):
+        _solve_floating(inv, m, load, stage, vdc)
+        _transform(inv)
+        derivative(m, load, stage, inv.v, inv.k)
+        weight = 2.0 if n == 1 or n == 2 else 1.0
+        reach = dt if n == 2 else 0.5 * dt
+        for r in range(8):
+            total[r] += weight * inv.k[r]
+            stage[r] = y[r] + reach * inv.k[r]
+    for r in range(8):
+        out[r] = y[r] + dt / 6.0 * total[r]
+
+
+@njit
+def _step_to_zero(inv, m, load, y, h, vdc, floats, leg, i0, i1):
+    """Advance y to the instant within h at which the leg's current, i0 now and i1 at h,
+    passes zero. Returns the time taken."""
+    enough = ZERO * abs(i0 - i1)
+    t0, t = 0.0, h
+    for _ in range(MAX_SECANTS):
+        t0, t = t, min(max(t - i1 * (t - t0) / (i1 - i0), 0.0), h)
+        _off_step(inv, m, load, y, t, vdc, floats, inv.trial)
+        i0, i1 = i1, phase_current(m, inv.trial, leg)
+        if abs(i1) <= enough or i1 == i0:
+            break
+    for r in range(8):
+        y[r] = inv.trial[r]
+    return t
+
+
+@njit
 def _advance_off(inv, m, load, y, dt, vdc):
     """Advance with at least one leg off."""
     if _currents_absent(inv) and _advance_open(inv, m, load, y, dt, vdc):
@@ -232,15 +283,18 @@ def _advance_off(inv, m, load, y, dt, vdc):
         guard += 1
         if guard > MAX_STEPS:
             raise ArithmeticError("inverter: diodes chatter, time does not advance")
-        _leg_voltages(inv, m, load, y, vdc)
+        floats = _leg_voltages(inv, m, load, y, vdc)
         h = left if left < OFF_STEP_S else OFF_STEP_S
-        rk4_step(m, load, y, inv.v, h, inv.trial, inv.k, inv.z)
+        _off_step(inv, m, load, y, h, vdc, floats, inv.trial)
         # Earliest zero crossing of a diode current within the step.
         first = h
         crossing = -1
+        i0_first = i1_first = 0.0
         for leg in range(6):
             if inv.leg[leg] == OFF and inv.diode[leg] != 0:
                 i1 = phase_current(m, inv.trial, leg)
+                if i1 * inv.diode[leg] >= 0.0:
+                    continue
                 i0 = phase_current(m, y, leg)
                 # A residual of the wrong sign that shrinks is no crossing.
                 if i1 * inv.diode[leg] < min(0.0, i0 * inv.diode[leg]):
@@ -248,15 +302,35 @@ def _advance_off(inv, m, load, y, dt, vdc):
                     if t < first or crossing < 0:
                         first = t
                         crossing = leg
+                        i0_first = i0
+                        i1_first = i1
         if crossing >= 0:
             if first > 0.0:
-                rk4_step(m, load, y, inv.v, first, y, inv.k, inv.z)
+                left -= _step_to_zero(inv, m, load, y, h, vdc, floats, crossing, i0_first, i1_first)
             inv.diode[crossing] = 0
-            left -= first
         else:
             for r in range(8):
                 y[r] = inv.trial[r]
             left -= h
+
+
+@njit
+def keep(inv, y):
+    """Remember the state and the diodes for `put_back`."""
+    for r in range(8):
+        inv.kept[r] = y[r]
+    if inv.off > 0:
+        for leg in range(6):
+            inv.kept_diode[leg] = inv.diode[leg]
+
+
+@njit
+def put_back(inv, y):
+    for r in range(8):
+        y[r] = inv.kept[r]
+    if inv.off > 0:
+        for leg in range(6):
+            inv.diode[leg] = inv.kept_diode[leg]
 
 
 @njit

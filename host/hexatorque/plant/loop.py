@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from numba import njit, uint64
 
-from .inverter import advance, set_leg
+from .inverter import advance, keep, put_back, set_leg
 from .machine import stator_currents, torque_Nm
 from .pwm import pwm_segment
 from .sensors import sample
@@ -41,6 +41,11 @@ PLANT_CHANNELS = (
 )
 
 
+#: Longest integration step. The error of the phase currents falls with its fourth power
+#: and is 9e-8 of their amplitude at most here (docs/model.md, "Measured errors"): the
+#: longest of 100 us and its halves and doubles that keeps 1e-6 with a margin.
+MAX_STEP_S = 100e-6
+
 #: Counts and clock of the loop.
 TIMING = np.dtype(
     [
@@ -50,6 +55,7 @@ TIMING = np.dtype(
         ("write_count", "i8"),  # >= sample_count, < period; >= 1 under shadow load
         ("slow_every", "i8"),  # periods per slow interrupt
         ("per_period", "i8"),  # plant samples per period, a divisor of it
+        ("max_step", "i8"),  # longest integration step, counts
     ]
 )
 
@@ -72,21 +78,13 @@ def _record(row, m, inv, y, i):
 
 
 @njit
-def _follow(m, load, inv, y, vdc, ps, n, c0, c1, clock_Hz, grid, out, row):
+def follow(m, load, inv, y, vdc, ps, n, c0, c1, tm, grid, out, row):
     """Advance the machine over counts c0..c1 along the edges, recording a sample
     at every multiple of `grid` counts (0 = none). Returns the next record row."""
     now = c0
     tick = c1 if grid == 0 else -(-c0 // grid) * grid
     e = 0
-    while True:
-        stop = min(c1, tick)
-        if e < n:
-            stop = min(stop, ps.count[e])
-        if stop > now:
-            advance(inv, m, load, y, (stop - now) / clock_Hz, vdc)
-            now = stop
-        if now == c1:
-            return row
+    while now < c1:
         if now == tick:
             _record(out[row], m, inv, y, inv.i)
             row += 1
@@ -94,9 +92,38 @@ def _follow(m, load, inv, y, vdc, ps, n, c0, c1, clock_Hz, grid, out, row):
         while e < n and ps.count[e] == now:
             set_leg(inv, m, y, ps.leg[e], ps.state[e])
             e += 1
+        stop = min(c1, now + tm.max_step)
+        if e < n:
+            stop = min(stop, ps.count[e])
+        # Recording must not change the steps: there, and back again.
+        there = tick < stop
+        if there:
+            keep(inv, y)
+            stop = tick
+        advance(inv, m, load, y, (stop - now) / tm.clock_Hz, vdc)
+        if there:
+            _record(out[row], m, inv, y, inv.i)
+            row += 1
+            tick += grid
+            put_back(inv, y)
+        else:
+            now = stop
+    return row
 
 
-def _source_hash() -> int:
+@njit
+def _log(edges, logged, ps, n, start):
+    """Append a segment's edges. Returns the new number of edges."""
+    if logged + n > edges.shape[0]:
+        raise IndexError("the log of gate edges is full")
+    for e in range(n):
+        edges[logged + e, 0] = start + ps.count[e]
+        edges[logged + e, 1] = ps.leg[e]
+        edges[logged + e, 2] = ps.state[e]
+    return logged + n
+
+
+def source_hash() -> int:
     """Changes with any file of the compiled plant."""
     folder = Path(__file__).parent
     files = [*folder.glob("*.py"), folder.parent / "frames.py"]
@@ -130,17 +157,22 @@ def _compile(source: int):
         channels,
         plant_out,
         channel_out,
+        edges,
+        logged,
     ):
         """Run n periods; `first` is the index of the first one (for the slow loop).
 
         plant_out: (n * per_period, len(PLANT_CHANNELS)) or empty.
         channels: address of channel_out, (n, channels) float32, or empty.
+        edges: (capacity, 3) int64 or empty; every change of a leg is added as row
+        (counts since period 0, leg, LOW | HIGH | OFF) after the `logged` rows already
+        there. Returns the new number of rows.
 
         Between sampling and register write the controller cannot see the machine, so
         it is called as soon as it has its samples and the machine follows in one go.
         """  # fmt: skip
         if not source:
-            return 0
+            return logged
         grid = tm.period // tm.per_period if plant_out.shape[0] > 0 else 0
         row = 0
         width = channel_out.shape[1] * 4
@@ -148,8 +180,10 @@ def _compile(source: int):
         target = uint64(channels)
         for period in range(n):
             count = pwm_segment(pm, regs, ps, 0, tm.sample_count, 0)
-            row = _follow(m, load, inv, y, vdc, ps, count, 0, tm.sample_count,
-                          tm.clock_Hz, grid, plant_out, row)  # fmt: skip
+            if edges.shape[0] > 0:
+                logged = _log(edges, logged, ps, count, (first + period) * tm.period)
+            row = follow(m, load, inv, y, vdc, ps, count, 0, tm.sample_count,
+                         tm, grid, plant_out, row)  # fmt: skip
             sample(se, m, y, vdc, regs)
             count = pwm_segment(pm, regs, ps, tm.sample_count, tm.write_count, 0)
             fast_isr(handle)
@@ -159,11 +193,13 @@ def _compile(source: int):
                 read_channels(handle, target)
                 target += uint64(width)
             count = pwm_segment(pm, regs, ps, tm.write_count, tm.period, count)
-            row = _follow(m, load, inv, y, vdc, ps, count, tm.sample_count, tm.period,
-                          tm.clock_Hz, grid, plant_out, row)  # fmt: skip
-        return row
+            if edges.shape[0] > 0:
+                logged = _log(edges, logged, ps, count, (first + period) * tm.period)
+            row = follow(m, load, inv, y, vdc, ps, count, tm.sample_count, tm.period,
+                         tm, grid, plant_out, row)  # fmt: skip
+        return logged
 
     return run_periods
 
 
-run_periods = _compile(_source_hash())
+run_periods = _compile(source_hash())

@@ -1,0 +1,208 @@
+"""A second drive to hold the plant against: the same gate edges, other equations, other
+integrator, other diode logic.
+
+States: the free stator currents u1 u2 w1 w2, the rotor's two currents in the stationary
+frame, the speed. Inductances are those of conftest's coils at rotor angle 0: seen from
+the stator a turning cage differs from a standing one by the voltage of motion only.
+
+A leg with both switches open is tied to the rail of the diode that its current opens.
+The instant at which the current is gone is found as a root; from then on a constraint
+holds the current at zero, and the force of the constraint, the leg's voltage, is watched
+until it leaves the rails. Both are looked for between edges that enclose a sign change,
+which is enough while open switches are a matter of dead times.
+"""
+
+import numpy as np
+from numba import njit
+from scipy.integrate import ode, solve_ivp
+from scipy.optimize import brentq
+
+from hexatorque.plant.inverter import HIGH, LOW, OFF
+
+FLOATS = -1  #: beside the rails LOW and HIGH: the diodes block, no current
+RTOL, ATOL = 1e-11, 1e-12
+
+
+@njit
+def slopes(_, x, a):
+    """d x/dt. Rows 0..5 of a: linear (6), times speed (6), constant (1); row 6: torque
+    per inertia of each pair of a stator and a rotor current (8), friction, load."""
+    out = np.empty(7)
+    w = x[6]
+    for r in range(6):
+        total = a[r, 12]
+        for c in range(6):
+            total += (a[r, c] + w * a[r, 6 + c]) * x[c]
+        out[r] = total
+    total = -a[6, 8] * w - a[6, 9]
+    for c in range(4):
+        total += x[c] * (a[6, c] * x[4] + a[6, 4 + c] * x[5])
+    out[6] = total
+    return out
+
+
+class Compiled:
+    """Hairer's DOP853, some ten times as fast as solve_ivp on intervals this short."""
+
+    def __init__(self):
+        # The first step tried is the whole interval.
+        self._ode = ode(slopes).set_integrator("dop853", rtol=RTOL, atol=ATOL, first_step=1.0)
+
+    def __call__(self, x, dt, a):
+        x = self._ode.set_f_params(a).set_initial_value(x).integrate(dt)
+        assert self._ode.successful()
+        return x
+
+
+def interpreted(x, dt, a):
+    done = solve_ivp(slopes, (0, dt), x, "DOP853", rtol=RTOL, atol=ATOL, args=(a,))
+    assert done.success
+    return done.y[:, -1]
+
+
+class DriveReference:
+    """model: PhaseModel; a constant load torque."""
+
+    def __init__(self, model, vdc_V, load_Nm, integrate=None):
+        p = model.p
+        self.vdc_V = vdc_V
+        self.integrate = integrate or Compiled()
+        self._free = model.free
+        self._rotor = model.rotor
+        basis = np.block([[model.free, np.zeros((6, 2))], [np.zeros((6, 4)), model.rotor]])
+        inductance = basis.T @ model.inductance(0.0) @ basis
+        coils = np.concatenate([model.r_stator, np.full(6, p.rr_ohm)])
+        motion = np.zeros((6, 6))
+        motion[4:] = p.pole_pairs * np.array([[0, -1], [1, 0]]) @ inductance[4:]
+        self._inverse = np.linalg.inv(inductance)
+        self._linear = -self._inverse @ basis.T @ np.diag(coils) @ basis
+        self._motion = self._inverse @ motion
+        torque = [
+            model.torque(stator, rotor, 0.0) for rotor in model.rotor.T for stator in model.free.T
+        ]
+        shaft = [*torque, p.viscous_Nms, load_Nm]
+        self._shaft = np.array(shaft) / p.inertia_kgm2
+        self._ties = {}
+        self.legs = [OFF] * 6
+        self.diodes = [FLOATS] * 6  #: rail of each open leg's conducting diode
+        self.blocked = self.reopened = 0  #: how often diodes did
+
+    def start(self, i_s, i_r, omega, legs):
+        """From these currents (rotor's as coils that stand at angle 0 carry them) and
+        leg states, with diodes according to the currents."""
+        self.x = np.concatenate([i_s[:4], self._rotor.T @ i_r / 3, [omega]])
+        for leg, state in enumerate(legs):
+            self.set_leg(leg, state)
+
+    @property
+    def i(self):
+        """Phase currents."""
+        return self._free @ self.x[:4]
+
+    def set_leg(self, leg, state):
+        if state == OFF and self.legs[leg] != OFF:
+            # Current that leaves the leg comes from the negative rail.
+            i = self.i[leg]
+            self.diodes[leg] = LOW if i > 0 else HIGH if i < 0 else FLOATS
+        self.legs[leg] = state
+
+    def _tie(self, rails):
+        """(coefficients of `slopes`, floating legs, coefficients of their voltages) for
+        each leg at LOW, HIGH or FLOATS."""
+        found = self._ties.get(rails)
+        if found is None:
+            floating = [leg for leg in range(6) if rails[leg] == FLOATS]
+            u = np.zeros(6)
+            u[:4] = self._free.T @ (self.vdc_V * (np.array(rails) == HIGH))
+            free = np.hstack([self._linear, self._motion, (self._inverse @ u)[:, None]])
+            held = np.hstack([self._free[floating], np.zeros((len(floating), 2))])
+            response = held @ self._inverse @ held.T
+            volts = -np.linalg.solve(response, held @ free)
+            a = np.zeros((7, 13))
+            a[:6] = free + self._inverse @ held.T @ volts
+            a[6, :10] = self._shaft
+            found = self._ties[rails] = (a, floating, volts)
+        return found
+
+    def _rails(self):
+        return tuple(d if s == OFF else s for s, d in zip(self.legs, self.diodes))
+
+    def _room(self, x, leg):
+        """Positive while the diodes of an open leg stay as they are: the conducting one's
+        current, or a floating leg's distance from the nearer rail in parts of Vdc."""
+        if self.diodes[leg] != FLOATS:
+            return (self._free[leg] @ x[:4]) * (1 if self.diodes[leg] == LOW else -1)
+        return 0.5 - abs(self._voltage(x, leg) / self.vdc_V - 0.5)
+
+    def _voltage(self, x, leg):
+        """Of a floating leg."""
+        _, floating, volts = self._tie(self._rails())
+        return volts[floating.index(leg)] @ np.concatenate([x[:6], x[6] * x[:6], [1.0]])
+
+    def _change(self, leg):
+        """The conducting diode of an open leg blocks, or the nearer one opens."""
+        if self.diodes[leg] == FLOATS:
+            self.diodes[leg] = HIGH if self._voltage(self.x, leg) > 0.5 * self.vdc_V else LOW
+            self.reopened += 1
+        else:
+            self.diodes[leg] = FLOATS
+            self.blocked += 1
+
+    def _settle(self):
+        """Floating legs whose voltage is beyond the rails: diodes open, furthest first."""
+        while True:
+            floating = [
+                leg for leg in range(6) if self.legs[leg] == OFF and self.diodes[leg] == FLOATS
+            ]
+            room = {leg: self._room(self.x, leg) for leg in floating}
+            if not room or min(room.values()) >= 0:
+                return
+            self._change(min(room, key=room.get))
+
+    def _end_of_room(self, begin, dt, a, leg):
+        def room(t):
+            return self._room(self.integrate(begin, t, a) if t > 0 else begin, leg)
+
+        return brentq(room, 0, dt, xtol=1e-20, rtol=1e-14)
+
+    def advance(self, dt):
+        """Time without edges."""
+        if OFF not in self.legs:
+            self.x = self.integrate(self.x, dt, self._tie(tuple(self.legs))[0])
+            return
+        open_legs = [leg for leg in range(6) if self.legs[leg] == OFF]
+        while dt > 0:
+            self._settle()
+            a = self._tie(self._rails())[0]
+            begin, end = self.x, self.integrate(self.x, dt, a)
+            first, changing = dt, None
+            for leg in open_legs:
+                # Rounding of a current that has just been zero is no sign.
+                if self._room(end, leg) < -1e-12:
+                    assert self._room(begin, leg) > 0
+                    t = self._end_of_room(begin, dt, a, leg)
+                    if t < first:
+                        first, changing = t, leg
+            if changing is None:
+                self.x = end
+                return
+            self.x = self.integrate(begin, first, a)
+            self._change(changing)
+            dt -= first
+
+    def follow(self, edges, begin, instants, clock_Hz):
+        """From count `begin` through edges (count, leg, state) in order, those at an
+        instant not yet applied. Returns phase currents (n, 6) and speeds (n,) at
+        `instants` (counts)."""
+        currents, speeds = np.empty((len(instants), 6)), np.empty(len(instants))
+        now, e = begin, 0
+        for n, instant in enumerate(instants):
+            while now < instant:
+                while e < len(edges) and edges[e][0] == now:
+                    self.set_leg(edges[e][1], edges[e][2])
+                    e += 1
+                stop = min(instant, edges[e][0]) if e < len(edges) else instant
+                self.advance((stop - now) / clock_Hz)
+                now = stop
+            currents[n], speeds[n] = self.i, self.x[6]
+        return currents, speeds
