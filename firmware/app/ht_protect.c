@@ -98,8 +98,7 @@ static float circle_distance(const ht_protect_config *cfg, ht_ab psi, ht_ab i, f
     float q = unit * (psi.alpha * i.alpha + psi.beta * i.beta);
     float t = unit * (psi.alpha * i.beta - psi.beta * i.alpha);
     float centre = 0.5f * (1.0f + 1.0f / cfg->sigma);
-    float below = (centre - 1.0f) * (centre - 1.0f) - t * t;
-    return q - centre + ((below > 0.0f) ? sqrtf(below) : 0.0f);
+    return centre - 1.0f - sqrtf((q - centre) * (q - centre) + t * t);
 }
 
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,

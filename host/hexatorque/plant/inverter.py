@@ -34,7 +34,7 @@ MAX_STEPS = 10_000
 
 #: A floating leg's diode conducts this share of Vdc beyond the rail: above the rounding
 #: of the floating legs' equations, so that the current then starts the right way.
-FORWARD = 1e-8
+FORWARD = 1e-6
 #: Pull of floating legs to mid-bus, relative to their own admittance.
 BALANCE = 1e-10
 
