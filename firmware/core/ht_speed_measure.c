@@ -1,8 +1,9 @@
 #include "ht_speed_measure.h"
 
-/* How far edges per time may be below time per edge: a count that has just not come,
- * and as much again for unequal edges. */
-#define SLACK_COUNTS 2.0f
+/* How far time per edge may be from edges per time: the mean speed of the slow period
+ * is within one count. Time per edge may be that of long ago, and a speed loop that
+ * closes on it would hunt. */
+#define SLACK_COUNTS 1.0f
 /* Counts that hold two unit events for sure, however the looks fall. */
 #define TWO_EVENTS_COUNTS (3 * HT_CAPTURE_COUNTS)
 
@@ -32,7 +33,7 @@ float ht_speed_measure_step(const ht_speed_measure_config *cfg, ht_speed_measure
     bool usable = sound(st, moved, capture);
     float counted = (float)moved * cfg->rpm_per_count;
     float size = (counted < 0.0f) ? -counted : counted;
-    float limit = size + SLACK_COUNTS * cfg->rpm_per_count;
+    float slack = SLACK_COUNTS * cfg->rpm_per_count;
     /* Once the time since the last event is the longer one, it bounds the speed. */
     uint16_t ticks = (capture->age_ticks > capture->period_ticks) ? capture->age_ticks
                                                                   : capture->period_ticks;
@@ -42,8 +43,9 @@ float ht_speed_measure_step(const ht_speed_measure_config *cfg, ht_speed_measure
         return counted;
     }
     timed = cfg->rpm_ticks / (float)ticks;
-    timed = (timed > limit) ? limit : timed;
     timed = capture->forward ? timed : -timed;
+    timed = (timed > counted + slack) ? (counted + slack) : timed;
+    timed = (timed < counted - slack) ? (counted - slack) : timed;
     share = 4.0f * (size / cfg->period_rpm - 1.0f); /* of edges per time */
     return (share > 0.0f) ? (timed + share * (counted - timed)) : timed;
 }

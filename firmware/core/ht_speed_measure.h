@@ -49,8 +49,8 @@ void ht_speed_measure_reset(ht_speed_measure_state *st);
 
 /** Speed in r/min, positive forward, once a slow period: `moved` counts since the last
  *  call and a look at the capture unit. Time per edge up to `period_rpm`, from 1.25 of
- *  that on edges per time, in between a weighted mean of the two. Never more than two
- *  counts above edges per time, whatever the capture unit says. */
+ *  that on edges per time, in between a weighted mean of the two. Never more than one
+ *  count from edges per time, whatever the capture unit says. */
 float ht_speed_measure_step(const ht_speed_measure_config *cfg, ht_speed_measure_state *st,
                             int32_t moved, const ht_capture *capture);
 
