@@ -110,7 +110,7 @@ def test_every_fault_is_a_bit_of_its_own_and_has_a_name():
     assert len(set(FAULTS.values())) == len(bits)
 
 
-# --- flux against the circle diagram ------------------------------------------------------
+# --- flux against the circle diagram ---------------------------------------------------
 
 
 def distance(machine, psi, i, state=None, cfg=None):
@@ -237,7 +237,7 @@ def test_flux_check_of_zero_is_off():
     assert looks_until("FLUX", config(machine, flux_check=0.0), control) is None
 
 
-# --- encoder -----------------------------------------------------------------------------------
+# --- encoder ---------------------------------------------------------------------------
 
 
 def turning(machine, shaft_rpm, share, psi=0.6, rr_scale=1.0):
@@ -350,7 +350,7 @@ def test_both_slow_faults_add_up():
     assert lib.ht_protect_slow(cfg, fresh(), control, 500.0) == bit("FLUX") | bit("ENCODER")
 
 
-# --- stuck sensor ----------------------------------------------------------------------------------
+# --- stuck sensor ----------------------------------------------------------------------
 
 NEXT = {0: 2, 2: 4, 4: 0, 1: 3, 3: 5, 5: 1}  # u, v, w of set 1 and of set 2
 count = st.integers(0, 4095)
@@ -439,7 +439,7 @@ def test_stuck_counters_saturate():
     assert all(reports[LOOKS + 1 :])
 
 
-# --- samples ----------------------------------------------------------------------------------------
+# --- samples ---------------------------------------------------------------------------
 
 LIMITS = {
     "i_trip_A": 25.0, "i_sum_trip_A": 2.0, "vdc_min_V": 150.0, "vdc_max_V": 400.0,
@@ -513,7 +513,7 @@ def test_faults_of_samples_add_up(present):
     assert got == sum(bit(name) for name, yes in zip(names, present) if yes)
 
 
-# --- results of the control step ------------------------------------------------------------------------
+# --- results of the control step -------------------------------------------------------
 
 
 def result(i=0j, psi=0.6 + 0j, torque=0.0, decided=0.0, reference=0.0, xy=0j):
