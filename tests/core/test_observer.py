@@ -366,6 +366,16 @@ def test_current_that_is_no_number_does_not_get_hidden(kind, bad, speed):
         assert not np.isfinite(state.psi_Wb.alpha)
 
 
+@pytest.mark.parametrize("speed", (np.nan, np.inf, -np.inf))
+def test_speed_that_is_no_number_does_not_get_hidden(speed):
+    """The pull at full gain: the estimate soon leaves every bound, flux checks see it."""
+    cfg, state = config(kind=COMPENSATED), start(2 + 0j)
+    state.psi_Wb, state.omega_sync_rad_s = [PSI, 0.0], speed
+    for _ in range(1000):
+        lib.ht_observer_update(cfg, state, vsd(RS * 2), vsd(2), 0, 1 / PSI**2)
+    assert not abs(cplx(state.psi_Wb)) < 10 * PSI
+
+
 def test_dc_filter_cannot_overshoot():
     """A speed beyond 1/(0.1 Ts) must not give the filter a gain above one."""
     cfg, state = config(kind=COMPENSATED, omega_gain=0.0), start()
