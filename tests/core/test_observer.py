@@ -537,6 +537,15 @@ def test_no_gain_returns_to_the_configured_resistances(gain):
     assert (state.rs_ohm, state.rr_scale) == (RS, 1.0)
 
 
+@pytest.mark.parametrize(("i", "psi_r"), [(0j, 0.4 + 0j), (1.5 + 1j, 0j), (0j, 0j)])
+def test_nothing_is_learnt_without_current_or_rotor_flux(i, psi_r):
+    cfg, state = config(kind=HYBRID, hybrid_gain=CROSSOVER * TS), start(i)
+    state.psi_r_Wb, state.gap_Wb = [psi_r.real, psi_r.imag], [0.1, -0.2]
+    state.omega_sync_rad_s, state.rs_ohm, state.rr_scale = 40.0, 5.0, 1.25
+    lib.ht_observer_adapt(cfg, state, 0.5)
+    assert (state.rs_ohm, state.rr_scale) == (5.0, 1.25)
+
+
 def test_adaptation_touches_the_resistances_only():
     cfg, state, *_ = adapted(40.0, 2.0, 0.8, 1.3, seconds=0.1)
     before = ffi.new("ht_observer_state *", state[0])
