@@ -305,6 +305,7 @@ static void calibrate(ht_drive *d)
     }
     measure(d);
     ht_protect_reset(&d->protect);
+    d->slow_faults = 0u; /* of the run before: the slow loop may not have come by since */
     ht_control_reset(&d->config, &d->control, &d->in.i_A);
     d->speed.integral_Nm = 0.0f;
     d->torque_ref_Nm = 0.0f;

@@ -111,7 +111,7 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
     ht_ab r; /* rotor flux seen from the stator */
     float slip;
     float off;
-    if (psi2 > 0.0f) {
+    if (psi2 != 0.0f) { /* NaN goes in: it must not pass for a machine without flux */
         off = circle_distance(cfg, psi, i, psi2);
         st->circle2 += cfg->flux_gain * (off * off - st->circle2);
     }
@@ -119,7 +119,7 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
     r.beta = psi.beta - cfg->sigma * cfg->ls_H * i.beta;
     slip = c->observer.rr_scale * cfg->slip_gain * (r.alpha * i.beta - r.beta * i.alpha);
     off = r.alpha * r.alpha + r.beta * r.beta;
-    if (off > 0.0f) {
+    if (off != 0.0f) {
         slip /= off;
         off = speed_rpm - cfg->rpm_per_rad_s * (c->observer.omega_sync_rad_s - slip);
         st->speed_error_rpm += cfg->encoder_gain * (off - st->speed_error_rpm);

@@ -30,12 +30,12 @@ void ht_observer_reset(const ht_observer_config *cfg, ht_observer_state *st, con
     st->rr_scale = 1.0f;
 }
 
-/* exp(j turn) times keep, to third order, whose gain 1 - turn^4/24 stays below one;
+/* exp(j turn) to third order, whose gain 1 - turn^4/24 stays below one;
  * those of first and second order would blow up by turn^2/2 and turn^4/8 a step,
  * which at high speed is not small against the decay. */
-static ht_ab rotated(ht_ab p, float turn, float keep)
+static ht_ab rotated(ht_ab p, float turn)
 {
-    float cosine = keep - 0.5f * turn * turn;
+    float cosine = 1.0f - 0.5f * turn * turn;
     float sine = turn * (1.0f - turn * turn * (1.0f / 6.0f));
     ht_ab q;
     q.alpha = cosine * p.alpha - sine * p.beta;
@@ -63,10 +63,15 @@ static void pull_to_current_model(const ht_observer_config *cfg, ht_observer_sta
                                   const ht_vsd *i, float omega_r)
 {
     float half = 0.5f * cfg->rotor_drive * st->rr_scale;
-    ht_ab r = rotated(st->psi_r_Wb, omega_r * cfg->ts_s, 1.0f - cfg->rotor_decay * st->rr_scale);
+    float keep = 1.0f - cfg->rotor_decay * st->rr_scale;
+    ht_ab r;
     ht_ab gap;
-    r.alpha += half * (st->i_prev_A.ab.alpha + i->ab.alpha);
-    r.beta += half * (st->i_prev_A.ab.beta + i->ab.beta);
+    /* What the rotor's flux had at the period's start turns with the rotor. */
+    r.alpha = keep * st->psi_r_Wb.alpha + half * st->i_prev_A.ab.alpha;
+    r.beta = keep * st->psi_r_Wb.beta + half * st->i_prev_A.ab.beta;
+    r = rotated(r, omega_r * cfg->ts_s);
+    r.alpha += half * i->ab.alpha;
+    r.beta += half * i->ab.beta;
     gap.alpha = st->psi_Wb.alpha - cfg->lm_over_lr * r.alpha - cfg->sigma_ls_H * i->ab.alpha;
     gap.beta = st->psi_Wb.beta - cfg->lm_over_lr * r.beta - cfg->sigma_ls_H * i->ab.beta;
     st->psi_r_Wb = r;

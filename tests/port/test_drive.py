@@ -612,3 +612,240 @@ def test_fault_that_a_stop_overtook_still_wants_its_clear(bench):
     bench.controller.clear()
     bench.controller.start()
     assert bench.state == "calibrate"
+
+
+# --- slow faults, snapshot, overrun ------------------------------------------------------
+
+
+def blind_encoder(bench):
+    """In RUN the flux stands still here; the shaft claims to turn. One slow interrupt."""
+    bench.controller.set("encoder_trip_rpm", 150.0)
+    turn(bench, 2000)
+
+
+def test_slow_fault_reaches_the_gates_at_the_next_fast_interrupt(bench):
+    bench.run_to("run").fast(2)
+    blind_encoder(bench)
+    assert (bench.state, bench.gates_on, bench.drive.faults) == ("run", True, 0)
+    bench.fast()
+    assert (bench.state, bench.gates_on) == ("fault", False)
+    assert bench.drive.faults == lib.HT_FAULT_ENCODER
+    assert bench.controller.faults == ["encoder against flux speed"]
+
+
+def test_flux_check_works_through_the_registers(bench):
+    """Build-up leaves 0.6 Wb along 15 degrees; a current of many times the no-load one
+    along it belongs to no machine. 0.2 s of low-pass."""
+    bench.run_to("run").fast(2)
+    bench.controller.set("flux_check", 0.7)
+    bench.controller.set("i_ab_trip_A", 100.0)
+    bench.amperes[:] = 20.0 * np.cos(np.deg2rad([0, 30, 120, 150, 240, 270]) - np.pi / 12)
+    bench.drive.control.observer.psi_Wb = [0.6 * np.cos(np.pi / 12), 0.6 * np.sin(np.pi / 12)]
+    bench.fast()
+    for _ in range(20):
+        bench.slow()
+    assert bench.drive.slow_faults == lib.HT_FAULT_FLUX
+    bench.fast()
+    assert (bench.state, bench.gates_on) == ("fault", False)
+    assert bench.drive.faults == lib.HT_FAULT_FLUX
+
+
+@pytest.mark.parametrize("state", ("idle", "calibrate", "build"))
+def test_slow_faults_count_in_run_only(bench, state):
+    if state != "idle":
+        bench.run_to(state).fast()
+    bench.drive.slow_faults = lib.HT_FAULT_ENCODER | lib.HT_FAULT_FLUX
+    bench.fast(3)
+    assert (bench.state, bench.drive.faults) == (state, 0)
+    bench.controller.set("encoder_trip_rpm", 150.0)
+    turn(bench, 2000)  # found nothing, and forgotten
+    assert bench.drive.slow_faults == 0
+    assert bench.drive.protect.speed_error_rpm == 0
+    assert bench.state == state
+
+
+def test_slow_fault_of_the_run_before_is_forgotten(bench):
+    """Cleared and started again before the slow interrupt comes by."""
+    bench.run_to("run").fast(2)
+    blind_encoder(bench)
+    bench.fast()
+    assert bench.state == "fault"
+    bench.controller.clear()
+    bench.controller.set("start_max_rpm", 5000.0)
+    bench.run_to("run").fast(3)
+    assert (bench.state, bench.gates_on, bench.drive.faults) == ("run", True, 0)
+
+
+def test_stuck_sensor_is_found_through_the_registers(bench):
+    """Each leg is looked at every sixth interrupt; after 50 looks without a change the
+    next phase of its set must not have moved by 1 A."""
+    bench.run_to("run")
+    bench.controller.set("stuck_trip_A", 1.0)
+    for n in range(700):
+        bench.amperes[:] = 3.0 * np.sin(2 * np.pi * n / 400 + np.arange(6))
+        bench.amperes[3] = 0.7
+        bench.fast()
+        if bench.state == "fault":
+            break
+    assert bench.drive.faults == lib.HT_FAULT_STUCK
+    assert 6 * 50 < n < 6 * 54
+    assert not bench.gates_on
+
+
+def test_moving_sensors_are_not_stuck(bench):
+    bench.run_to("run")
+    bench.controller.set("stuck_trip_A", 1.0)
+    for n in range(2000):
+        bench.amperes[:] = 3.0 * np.sin(2 * np.pi * n / 400 + np.arange(6))
+        bench.fast()
+    assert bench.state == "run"
+
+
+def test_derived_protection(bench):
+    """sigma L_s 25 mH, L_m 284 mH, L_r 299 mH, R_r 2 ohm, 2 pole pairs, +-30 A."""
+    bench.controller.set("sigma_ls_H", 0.025)
+    bench.controller.set("stuck_trip_A", 1.5)
+    c = bench.drive.protect_config
+    ls = 0.025 + 0.284**2 / 0.299
+    assert c.ls_H == pytest.approx(ls, rel=1e-5)
+    assert c.sigma == pytest.approx(0.025 / ls, rel=1e-5)
+    assert c.slip_gain == pytest.approx(2 * (0.284 / 0.299) ** 2, rel=1e-5)
+    assert c.rpm_per_rad_s == pytest.approx(60 / (2 * np.pi) / 2, rel=1e-5)
+    assert c.stuck_counts == pytest.approx(1.5 / (2 * I_FULL / 4096), rel=1e-5)
+    # Low-passes of 0.2 s and 50 ms, whatever the slow loop's frequency.
+    for f in (100.0, 500.0):
+        bench.controller.set("f_slow_Hz", f)
+        for gain, seconds in ((c.flux_gain, 0.2), (c.encoder_gain, 0.05)):
+            assert gain / (1 - gain) == pytest.approx(1 / (seconds * f), rel=1e-4)
+
+
+def kept(bench):
+    return bytes(ffi.buffer(ffi.addressof(bench.drive.snapshot)))
+
+
+@pytest.mark.parametrize("state", ("calibrate", "build", "run"))
+def test_snapshot_holds_what_was_at_hand(bench, state):
+    assert bench.controller.snapshot is None
+    bench.run_to(state).fast(5)
+    address = QPOSCNT[bench.device]
+    bench.words[address : address + 2] = 0x3456, 0x0012
+    bench.amperes[:] = 1.0, 2.0, -3.0, 4.0, 2.0, 26.0
+    estimate = bytes(ffi.buffer(ffi.addressof(bench.drive.control.estimate)))
+    bench.fast()
+    assert bench.state == "fault"
+    s = bench.controller.snapshot
+    assert s["tick"] == bench.drive.tick
+    assert s["state"] == state
+    assert s["faults"] == ["over-current"]
+    counts = np.rint(2048 + bench.amperes / I_FULL * 2048)
+    assert s["adc_counts"] == [*counts, 2048]
+    assert s["position_counts"] == 0x123456
+    assert s["i_A"] == pytest.approx(bench.amperes, abs=0.01)
+    assert s["vdc_V"] == pytest.approx(250.0, abs=0.1)
+    raw = bench.drive.snapshot
+    assert bytes(ffi.buffer(ffi.addressof(raw.estimate))) == estimate
+    assert s["psi_Wb"] == [raw.estimate.psi_Wb.alpha, raw.estimate.psi_Wb.beta]
+    assert s["torque_Nm"] == raw.estimate.torque_Nm
+    assert (np.hypot(*s["psi_Wb"]) > 0.01) == (state != "calibrate")
+
+
+def test_snapshot_has_the_references_and_the_speed(bench):
+    bench.run_to("run")
+    bench.controller.set("control_mode", "torque")
+    bench.controller.set("torque_ref_Nm", 3.0)
+    bench.controller.set("flux_ref_Wb", 0.55)
+    turn(bench, 300)
+    bench.fast()
+    bench.vdc = 100.0
+    bench.fast()
+    s = bench.controller.snapshot
+    assert (s["torque_ref_Nm"], s["flux_ref_Wb"]) == (3.0, np.float32(0.55))
+    assert s["speed_rpm"] == bench.drive.speed_rpm == pytest.approx(300, rel=0.01)
+
+
+def test_snapshot_is_of_the_first_fault_until_the_next(bench):
+    bench.run_to("run").fast(2)
+    bench.vdc = 100.0
+    bench.fast()
+    first = kept(bench)
+    assert bench.controller.snapshot["faults"] == ["dc-link voltage too low"]
+    bench.vdc, bench.amperes[2] = 450.0, 29.0  # more of it while in fault
+    bench.fast(5)
+    bench.slow()
+    assert (kept(bench), bench.drive.faults) == (first, lib.HT_FAULT_VDC_LOW)
+    bench.vdc, bench.amperes[2] = 250.0, 0.0
+    bench.controller.clear()
+    assert kept(bench) == first
+    bench.run_to("run").fast(2)
+    assert kept(bench) == first
+    bench.trip_from_outside()
+    bench.fast()
+    s = bench.controller.snapshot
+    assert (s["faults"], s["tick"]) == (["external trip"], bench.drive.tick)
+
+
+def test_faults_of_one_interrupt_are_all_in_the_snapshot(bench):
+    bench.run_to("run").fast(2)
+    bench.vdc, bench.amperes[0] = 100.0, 29.0
+    bench.fast()
+    assert bench.controller.snapshot["faults"] == ["over-current", "dc-link voltage too low"]
+
+
+def accesses(bench):
+    """Register accesses of one fast interrupt that finds no fault."""
+    registers = bench.controller.registers
+    before = registers.accesses
+    bench.fast()
+    return registers.accesses - before
+
+
+def plant_event(bench, access):
+    """The next fast event arrives just before this access of the next interrupt."""
+    registers = bench.controller.registers
+    registers.event_at = registers.accesses + access
+    bench.fast()
+    assert registers.event_at == 0  # it did arrive
+
+
+@pytest.mark.parametrize("state", POWERED)
+def test_event_during_the_interrupt_is_an_overrun(bench, state):
+    """Before the first access (acknowledges) and the last (after the check) it is none."""
+    bench.run_to(state).fast(3)
+    total = accesses(bench)
+    for access in range(1, total + 1):
+        plant_event(bench, access)
+        if access in (1, total):
+            assert (bench.state, bench.gates_on, bench.drive.faults) == (state, True, 0)
+            bench.fast()  # nor does it count as one later
+            assert (bench.state, bench.drive.faults) == (state, 0)
+        else:
+            assert (bench.state, bench.gates_on) == ("fault", False), access
+            assert bench.drive.faults == lib.HT_FAULT_OVERRUN
+            assert bench.controller.snapshot["faults"] == ["fast interrupt outlasted its period"]
+            assert bench.controller.snapshot["state"] == state
+            bench.controller.clear()
+            bench.run_to(state).fast(3)
+    assert bench.violations() == 0
+
+
+def test_overrun_in_the_interrupt_that_turns_the_gates_on(bench):
+    bench.run_to("build")
+    plant_event(bench, 5)
+    assert (bench.state, bench.gates_on) == ("fault", False)
+    assert bench.drive.faults == lib.HT_FAULT_OVERRUN
+
+
+def test_overrun_adds_to_what_the_results_show(bench):
+    bench.run_to("run").fast()
+    bench.drive.control.observer.psi_Wb.beta = np.nan
+    plant_event(bench, 5)
+    assert bench.drive.faults == lib.HT_FAULT_OVERRUN | lib.HT_FAULT_NONFINITE
+
+
+@pytest.mark.parametrize("state", ("idle", "calibrate"))
+def test_overrun_with_the_gates_off_does_nothing(bench, state):
+    if state == "calibrate":
+        bench.run_to(state).fast()
+    for access in range(1, accesses(bench) + 1):
+        plant_event(bench, access)
+        assert (bench.state, bench.drive.faults) == (state, 0)
