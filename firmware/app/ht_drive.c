@@ -6,6 +6,9 @@
 /* Share of the range that is left on either side at the largest offset, less 2 %. */
 #define TRIP_SHARE 0.885f
 #define PI_F 3.14159265f
+/* No shaft turns further in a period (electrical angle). A counter that jumps must not
+ * blow up the rotor flux: it is for the protection to find. */
+#define TURN_MAX_RAD 1.5f
 /* The model-based checks average over the transients that a healthy drive shows. */
 #define FLUX_CHECK_S 0.2f
 #define ENCODER_CHECK_S 0.05f
@@ -140,6 +143,7 @@ static void apply_slow(ht_drive *d)
     d->adapt_gain =
         (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz])) : 0.0f;
     apply_protection(d);
+    d->turn_per_count = 2.0f * PI_F * v[HT_P_pole_pairs] / v[HT_P_encoder_counts_rev];
     d->i_per_count = 2.0f * v[HT_P_i_full_A] / ADC_FULL;
     d->v_per_count = v[HT_P_vdc_full_V] / ADC_FULL;
     d->calibration_ticks = (uint16_t)(v[HT_P_calibration_s] * v[HT_P_f_isr_Hz]);
@@ -205,7 +209,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     d->in.i_A = none;
     d->in.vdc_V = 0.0f;
     d->in.torque_ref_Nm = 0.0f;
-    d->in.omega_r_rad_s = 0.0f;
+    d->in.turn_rad = 0.0f;
     set_flux_ref(d, p->v[HT_P_flux_ref_Wb]);
     ht_control_reset(&d->config, &d->control, &none);
     d->speed.integral_Nm = 0.0f;
@@ -229,11 +233,14 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
 static void measure(ht_drive *d)
 {
     const ht_samples *s = &d->samples;
+    float turn = (float)(int32_t)(s->position - d->position_now) * d->turn_per_count;
     int leg;
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->in.i_A.p[leg] = ((float)s->adc[HT_ADC_I + leg] - d->offset_counts[leg]) * d->i_per_count;
     }
     d->in.vdc_V = (float)s->adc[HT_ADC_VDC] * d->v_per_count;
+    d->in.turn_rad = (turn > TURN_MAX_RAD) ? TURN_MAX_RAD
+                                           : ((turn < -TURN_MAX_RAD) ? -TURN_MAX_RAD : turn);
     d->position_now = s->position;
 }
 
@@ -256,8 +263,6 @@ static void fault(ht_drive *d, uint16_t bits)
         d->snapshot.estimate = d->control.estimate;
         d->snapshot.speed_rpm = d->speed_rpm;
         enter(d, HT_STATE_FAULT);
-    } else {
-        d->snapshot.faults = (uint16_t)(d->snapshot.faults | bits);
     }
     d->faults = (uint16_t)(d->faults | bits);
 }
@@ -398,7 +403,6 @@ void ht_drive_slow_isr(ht_drive *d)
     d->position_last = position;
     ht_port_read_capture(d->port, &capture);
     d->speed_rpm = ht_speed_measure_step(&d->measure_config, &d->measured, moved, &capture);
-    d->in.omega_r_rad_s = d->speed_rpm * (PI_F / 30.0f) * v[HT_P_pole_pairs];
     if (d->state != (uint16_t)HT_STATE_RUN) {
         d->slow_faults = 0u;
         return;

@@ -78,6 +78,7 @@ typedef struct {
     float torque_ref_Nm;           /**< slow loop to fast loop */
     float flux_ref_Wb;             /**< slow loop to fast loop */
     float adapt_gain;              /**< of the resistances, per slow interrupt */
+    float turn_per_count;          /**< electrical rad */
     float i_per_count;
     float v_per_count;
     uint16_t calibration_ticks;

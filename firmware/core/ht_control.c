@@ -102,7 +102,7 @@ static void observe(const ht_control_config *cfg, ht_control_state *st, const ht
 {
     ht_vsd v = volts(ht_volt_seconds(&st->active, &cfg->dead, &st->i_prev_A, &in->i_A, &st->spill),
                      in->vdc_V);
-    st->estimate = ht_observer_update(&cfg->observer, &st->observer, &v, i, in->omega_r_rad_s,
+    st->estimate = ht_observer_update(&cfg->observer, &st->observer, &v, i, in->turn_rad,
                                       in->inv_flux_ref2);
     st->i_prev_A = in->i_A;
     if (cfg->shadow) {

@@ -75,7 +75,7 @@ typedef struct {
     float vdc_V;
     float torque_ref_Nm;
     float flux_ref_Wb;
-    float omega_r_rad_s; /**< electrical rotor speed, from the slow loop */
+    float turn_rad;      /**< electrical angle the rotor turned since the last sample */
     float inv_flux_ref2; /**< 1 / flux_ref_Wb^2, prepared by the slow loop */
 } ht_control_input;
 

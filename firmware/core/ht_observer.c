@@ -60,7 +60,7 @@ static void pull_against_dc(const ht_observer_config *cfg, ht_observer_state *st
 /* Rotor flux of the current model over one period, and the pull of the stator
  * flux towards it. */
 static void pull_to_current_model(const ht_observer_config *cfg, ht_observer_state *st,
-                                  const ht_vsd *i, float omega_r)
+                                  const ht_vsd *i, float turn)
 {
     float half = 0.5f * cfg->rotor_drive * st->rr_scale;
     float keep = 1.0f - cfg->rotor_decay * st->rr_scale;
@@ -69,7 +69,7 @@ static void pull_to_current_model(const ht_observer_config *cfg, ht_observer_sta
     /* What the rotor's flux had at the period's start turns with the rotor. */
     r.alpha = keep * st->psi_r_Wb.alpha + half * st->i_prev_A.ab.alpha;
     r.beta = keep * st->psi_r_Wb.beta + half * st->i_prev_A.ab.beta;
-    r = rotated(r, omega_r * cfg->ts_s);
+    r = rotated(r, turn);
     r.alpha += half * i->ab.alpha;
     r.beta += half * i->ab.beta;
     gap.alpha = st->psi_Wb.alpha - cfg->lm_over_lr * r.alpha - cfg->sigma_ls_H * i->ab.alpha;
@@ -125,7 +125,7 @@ void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, flo
 }
 
 ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st,
-                               const ht_vsd *v_V, const ht_vsd *i, float omega_r,
+                               const ht_vsd *v_V, const ht_vsd *i, float turn_rad,
                                float inv_psi_ref2)
 {
     ht_estimate now;
@@ -137,7 +137,7 @@ ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state 
         cfg->ts_s * (v_V->ab.alpha - half_rs * (st->i_prev_A.ab.alpha + i->ab.alpha));
     st->psi_Wb.beta += cfg->ts_s * (v_V->ab.beta - half_rs * (st->i_prev_A.ab.beta + i->ab.beta));
     if (cfg->kind == HT_OBSERVER_HYBRID) {
-        pull_to_current_model(cfg, st, i, omega_r);
+        pull_to_current_model(cfg, st, i, turn_rad);
     } else if (cfg->kind == HT_OBSERVER_COMPENSATED) {
         pull_against_dc(cfg, st, i);
     }

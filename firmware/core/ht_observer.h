@@ -12,7 +12,7 @@
  *
  *  Hybrid: voltage model with a pull g0 towards the current model's flux, so that
  *  below that crossover the current model rules. Needs the rotor's parameters and
- *  the measured speed as well. What both models disagree about also tells which
+ *  the encoder as well. What both models disagree about also tells which
  *  resistance is wrong (`ht_observer_adapt`).
  *
  *  The prediction also needs sigma L_s and the x-y inductance.
@@ -69,10 +69,12 @@ typedef struct {
 void ht_observer_reset(const ht_observer_config *cfg, ht_observer_state *st, const ht_vsd *i);
 
 /** Advance by one period: `v_V` is the mean voltage since the last sample, `i`
- *  the currents now, `omega_r` the rotor's electrical speed (hybrid only),
+ *  the currents now, `turn_rad` the electrical angle that the rotor turned meanwhile
+ *  (hybrid only; a measured speed would lag by a slow period, and the error in the
+ *  rotor flux act on the shaft like an inertia of the wrong sign),
  *  `inv_psi_ref2` = 1 / (flux reference)^2. */
 ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st,
-                               const ht_vsd *v_V, const ht_vsd *i, float omega_r,
+                               const ht_vsd *v_V, const ht_vsd *i, float turn_rad,
                                float inv_psi_ref2);
 
 /** Hybrid: correct the resistances in use; for the slow loop, while torque control
