@@ -143,8 +143,8 @@ def test_current_that_reaches_zero_stays_there(model, sign):
 
 def test_any_switching_with_legs_off(model):
     """Whatever is switched: an off leg's current has its diode's sign or is zero, its
-    voltage is within the rails (0.2 % are a diode's own), and time passes. Coarse and
-    fine calls agree."""
+    voltage is within the rails (0.2 %: what it moves within a step), and time passes.
+    Coarse and fine calls agree."""
     p = replace(model.p, inertia_kgm2=1e9)
     rng = np.random.default_rng(5)
     y = running(model, 0.4, omega=50.0)
