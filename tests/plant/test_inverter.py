@@ -172,6 +172,23 @@ def test_any_switching_with_legs_off(model):
     assert floats > 50
 
 
+@pytest.mark.parametrize("seed", [19, 21, 35, 45, 52])
+def test_diodes_do_not_chatter(model, seed):
+    """A voltage may leave its rail and come back within a step: time passes all the same."""
+    rng = np.random.default_rng(seed)
+    i_s, i_r = model.free @ rng.normal(0, 4, 4), model.rotor @ rng.normal(0, 6, 2)
+    drive = Drive(model.p, model.state(i_s, i_r, rng.normal(0, 80), 0.0))
+    legs = rng.choice([LOW, HIGH, OFF], (1500, 6), p=[0.25, 0.25, 0.5])
+    legs[rng.random(1500) < 0.1] = OFF
+    times = 10 ** rng.uniform(-7, -3.3, 1500)
+    for states, dt in zip(legs[1:].tolist(), times[1:]):
+        drive.switch(*states)
+        drive.advance(dt)
+        for leg in np.flatnonzero(np.equal(states, OFF)):
+            current, diode = drive.i[leg], drive.inv.diode[leg]
+            assert (abs(current) if diode == 0 else -current * diode) < 1e-3
+
+
 def energy(model, y):
     i = np.concatenate(model.currents(y))
     return i @ model.inductance(0) @ i / 2 + model.p.inertia_kgm2 * y[6] ** 2 / 2
