@@ -134,17 +134,17 @@ def test_current_that_reaches_zero_stays_there(model, sign):
 
     currents = states[:, :6] @ drive.m.i_phase.T
     floating = np.arange(1, 61) * 10e-6 > zero_at
-    assert np.all(np.abs(currents[floating, 0]) < 1e-3)
+    assert np.all(np.abs(currents[floating, 0]) < 1e-9)
     assert np.all(sign * currents[~floating, 0] > 0)
     assert drive.inv.diode[0] == 0
     assert 0 < drive.inv.v_leg[0] < VDC
-    np.testing.assert_allclose(drive.i, i_end, atol=1e-3)
+    np.testing.assert_allclose(drive.i, i_end, atol=1e-7)
 
 
 def test_any_switching_with_legs_off(model):
     """Whatever is switched: an off leg's current has its diode's sign or is zero, its
-    voltage is within the rails (0.2 % are a diode's own), and time passes. Coarse and
-    fine calls agree."""
+    voltage is within the rails (0.2 %: what it moves within a step), and time passes.
+    Coarse and fine calls agree."""
     p = replace(model.p, inertia_kgm2=1e9)
     rng = np.random.default_rng(5)
     y = running(model, 0.4, omega=50.0)
@@ -159,17 +159,34 @@ def test_any_switching_with_legs_off(model):
         fine.advance(4e-6, 15)
         assert coarse.y[7] - before == pytest.approx(50.0 * 60e-6, rel=1e-6)
         assert fine.y[7] == pytest.approx(coarse.y[7], rel=1e-6)
-        np.testing.assert_allclose(coarse.i, fine.i, atol=5e-3)
+        np.testing.assert_allclose(coarse.i, fine.i, atol=1e-4)
         for leg in np.flatnonzero(legs == OFF):
             current, diode = coarse.i[leg], coarse.inv.diode[leg]
-            assert current * diode > -1e-3
+            assert current * diode > -1e-9
             assert -0.002 * VDC <= coarse.inv.v_leg[leg] <= 1.002 * VDC
             if diode == 0:
                 floats += 1
-                assert abs(current) < 1e-3
+                assert abs(current) < 1e-7
         fine.y[:] = coarse.y  # differences must not add up
         fine.inv.diode[:] = coarse.inv.diode
     assert floats > 50
+
+
+@pytest.mark.parametrize("seed", [19, 21, 35, 45, 52])
+def test_diodes_do_not_chatter(model, seed):
+    """A voltage may leave its rail and come back within a step: time passes all the same."""
+    rng = np.random.default_rng(seed)
+    i_s, i_r = model.free @ rng.normal(0, 4, 4), model.rotor @ rng.normal(0, 6, 2)
+    drive = Drive(model.p, model.state(i_s, i_r, rng.normal(0, 80), 0.0))
+    legs = rng.choice([LOW, HIGH, OFF], (1500, 6), p=[0.25, 0.25, 0.5])
+    legs[rng.random(1500) < 0.1] = OFF
+    times = 10 ** rng.uniform(-7, -3.3, 1500)
+    for states, dt in zip(legs[1:].tolist(), times[1:]):
+        drive.switch(*states)
+        drive.advance(dt)
+        for leg in np.flatnonzero(np.equal(states, OFF)):
+            current, diode = drive.i[leg], drive.inv.diode[leg]
+            assert (abs(current) if diode == 0 else -current * diode) < 1e-3
 
 
 def energy(model, y):
@@ -243,7 +260,7 @@ def test_back_emf_above_the_dc_link_conducts(model, emf):
         np.testing.assert_allclose(currents, 0, atol=1e-6)
         return
     assert np.max(np.abs(currents)) > 0.01
-    assert np.all(legs >= -0.002 * VDC) and np.all(legs <= 1.002 * VDC)
+    assert np.all(legs >= -1e-3 * VDC) and np.all(legs <= 1.001 * VDC)
     np.testing.assert_allclose(currents[:, ::2].sum(axis=1), 0, atol=1e-9)
     link = -np.sum(legs * currents) * dt
     assert link > 0  # into the dc link, whatever the instant

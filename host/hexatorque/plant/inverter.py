@@ -278,13 +278,14 @@ def _advance_off(inv, m, load, y, dt, vdc):
     if _currents_absent(inv) and _advance_open(inv, m, load, y, dt, vdc):
         return
     left = dt
+    longest = OFF_STEP_S
     guard = 0
     while left > 1e-15:
         guard += 1
         if guard > MAX_STEPS:
             raise ArithmeticError("inverter: diodes chatter, time does not advance")
         floats = _leg_voltages(inv, m, load, y, vdc)
-        h = left if left < OFF_STEP_S else OFF_STEP_S
+        h = left if left < longest else longest
         _off_step(inv, m, load, y, h, vdc, floats, inv.trial)
         # Earliest zero crossing of a diode current within the step.
         first = h
@@ -305,13 +306,19 @@ def _advance_off(inv, m, load, y, dt, vdc):
                         i0_first = i0
                         i1_first = i1
         if crossing >= 0:
+            taken = 0.0
             if first > 0.0:
-                left -= _step_to_zero(inv, m, load, y, h, vdc, floats, crossing, i0_first, i1_first)
+                taken = _step_to_zero(inv, m, load, y, h, vdc, floats, crossing, i0_first, i1_first)
             inv.diode[crossing] = 0
+            left -= taken
+            # The voltage may be beyond the rail now and within it at the end of the step:
+            # look closer, until the diode's current is seen to start.
+            longest = 0.5 * longest if taken < 1e-12 else OFF_STEP_S
         else:
             for r in range(8):
                 y[r] = inv.trial[r]
             left -= h
+            longest = OFF_STEP_S
 
 
 @njit
