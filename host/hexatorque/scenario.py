@@ -74,6 +74,10 @@ KEYS: dict[str, dict[str, Key]] = {
     "inverter": {
         "vdc_V": _n("dc-link voltage", "V", 1, 1e4),
         "dead_time_us": _n("dead time", "us", 0, 20),
+        "v_switch_V": _n("threshold voltage of a conducting switch", "V", 0, 10, 0.0),
+        "v_diode_V": _n("threshold voltage of a conducting diode", "V", 0, 10, 0.0),
+        "r_switch_ohm": _n("on-resistance of a switch", "ohm", 0, 10, 0.0),
+        "r_diode_ohm": _n("on-resistance of a diode", "ohm", 0, 10, 0.0),
     },
     "sensors": {
         "adc_bits": Key("integer", "resolution of the converter", "", 6, 12, default=12),
@@ -401,6 +405,8 @@ def _consistent(setup: Setup) -> None:
         change = setup[f"machine.d{key}"]
         if min(change) + setup[f"machine.{key}"] <= 0:
             raise ScenarioError(f"machine.d{key}: {key} plus its change must stay above 0")
+    if min(setup["machine.dlls_H"]) + setup["machine.lxy_H"] <= 0:
+        raise ScenarioError("machine.dlls_H: lxy_H plus its change must stay above 0")
     if setup["inverter.vdc_V"] > setup["sensors.vdc_full_V"]:
         raise ScenarioError("inverter.vdc_V is above sensors.vdc_full_V")
     setup.controller_values()

@@ -19,7 +19,7 @@ from numba import types
 
 from . import __version__, firmware
 from .frames import INVERSE, PHASES
-from .plant.inverter import inverter_record
+from .plant.inverter import DROPS, inverter_record
 from .plant.loop import PLANT_CHANNELS, TIMING, run_periods
 from .plant.machine import DRY_RAD_S, LOAD, MachineParameters, machine_record
 from .plant.pwm import PWM_MAP, pwm_record
@@ -153,7 +153,7 @@ class Simulation:
         self.machine = MachineParameters(**setup.machine_values())
         self._machine = machine_record(self.machine)
         self.state = np.zeros(8)
-        self._inverter = inverter_record()
+        self._inverter = inverter_record(**{name: setup[f"inverter.{name}"] for name in DROPS})
         self._pwm = pwm_record()
         self._map = _pwm_map(self.controller.map)
         self._sensors = self._make_sensors()

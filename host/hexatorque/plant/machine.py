@@ -63,6 +63,7 @@ MACHINE = np.dtype(
         ("i_phase", "f8", (6, 6)),  # phase currents from the six fluxes
         ("g_leg", "f8", (6, 6)),  # d i_phase/dt per volt on each leg
         ("i_stator", "f8", (4, 6)),  # alpha, beta, x, y currents from the fluxes
+        ("inv_l_max", "f8"),  # the fastest di/dt per volt that a stator voltage finds, 1/H
         ("lm_over_lr", "f8"),
         ("rr_over_lr", "f8"),
         ("pole_pairs", "f8"),
@@ -76,9 +77,10 @@ MACHINE = np.dtype(
 def machine_record(p: MachineParameters) -> np.record:
     """Inductance and resistance matrices, inverted once."""
     rs = TRANSFORM @ np.diag(p.rs_ohm + np.array(p.drs_ohm)) @ INVERSE
+    leakage = np.diag([p.lls_H, p.lls_H, p.lxy_H, p.lxy_H])
+    leakage += TRANSFORM @ np.diag(p.dlls_H) @ INVERSE
     inductance = np.zeros((6, 6))
-    inductance[:4, :4] = np.diag([p.ls_H, p.ls_H, p.lxy_H, p.lxy_H])
-    inductance[:4, :4] += TRANSFORM @ np.diag(p.dlls_H) @ INVERSE
+    inductance[:4, :4] = leakage + np.diag([p.lm_H, p.lm_H, 0, 0])
     inductance[4:, 4:] = np.diag([p.lr_H, p.lr_H])
     inductance[:2, 4:] = inductance[4:, :2] = np.diag([p.lm_H, p.lm_H])
     current = np.linalg.inv(inductance)
@@ -93,6 +95,7 @@ def machine_record(p: MachineParameters) -> np.record:
         i_phase=i_phase,
         g_leg=i_phase[:, :4] @ TRANSFORM,
         i_stator=current[:4],
+        inv_l_max=1 / np.linalg.eigvalsh(leakage)[0],
         lm_over_lr=p.lm_H / p.lr_H,
         rr_over_lr=p.rr_ohm / p.lr_H,
         pole_pairs=p.pole_pairs,
