@@ -74,6 +74,7 @@ KEYS: dict[str, dict[str, Key]] = {
     "inverter": {
         "vdc_V": _n("dc-link voltage", "V", 1, 1e4),
         "dead_time_us": _n("dead time", "us", 0, 20),
+        "min_pulse_us": _n("gate pulses shorter than this are suppressed", "us", 0, 10, 0.0),
         "v_switch_V": _n("threshold voltage of a conducting switch", "V", 0, 10, 0.0),
         "v_diode_V": _n("threshold voltage of a conducting diode", "V", 0, 10, 0.0),
         "r_switch_ohm": _n("on-resistance of a switch", "ohm", 0, 10, 0.0),

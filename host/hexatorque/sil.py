@@ -19,6 +19,7 @@ from numba import types
 
 from . import __version__, firmware
 from .frames import INVERSE, PHASES
+from .plant.gates import gates_record
 from .plant.inverter import DROPS, inverter_record
 from .plant.loop import PLANT_CHANNELS, TIMING, run_periods
 from .plant.machine import DRY_RAD_S, LOAD, MachineParameters, machine_record
@@ -155,6 +156,7 @@ class Simulation:
         self.state = np.zeros(8)
         self._inverter = inverter_record(**{name: setup[f"inverter.{name}"] for name in DROPS})
         self._pwm = pwm_record()
+        self._gates = gates_record(round(setup["inverter.min_pulse_us"] * 1e-6 * clock))
         self._map = _pwm_map(self.controller.map)
         self._sensors = self._make_sensors()
         self._registers = self.controller.register_words()
@@ -252,7 +254,8 @@ class Simulation:
         load = _load(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
         run_periods(
             n, self.periods, self._timing, self._machine, load, self._inverter,
-            self._map, self._pwm, self._sensors, self._registers, self.state, self.vdc_V,
+            self._map, self._pwm, self._gates, self._sensors, self._registers,
+            self.state, self.vdc_V,
             *self._entries, self.controller.handle, channels.ctypes.data, plant, channels,
         )  # fmt: skip
 

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from numba import njit, uint64
 
+from .gates import suppress_short_pulses
 from .inverter import advance, set_leg
 from .machine import stator_currents, torque_Nm
 from .pwm import pwm_segment
@@ -119,6 +120,7 @@ def _compile(source: int):
         inv,
         pm,
         ps,
+        gd,
         se,
         regs,
         y,
@@ -148,17 +150,23 @@ def _compile(source: int):
         target = uint64(channels)
         for period in range(n):
             count = pwm_segment(pm, regs, ps, 0, tm.sample_count, 0)
+            count = suppress_short_pulses(gd, pm, regs, ps, 0, tm.sample_count, 0, count)
             row = _follow(m, load, inv, y, vdc, ps, count, 0, tm.sample_count,
                           tm.clock_Hz, grid, plant_out, row)  # fmt: skip
             sample(se, m, y, vdc, regs)
             count = pwm_segment(pm, regs, ps, tm.sample_count, tm.write_count, 0)
+            count = suppress_short_pulses(
+                gd, pm, regs, ps, tm.sample_count, tm.write_count, 0, count
+            )
             fast_isr(handle)
             if (first + period) % tm.slow_every == 0:
                 slow_isr(handle)
             if width > 0:
                 read_channels(handle, target)
                 target += uint64(width)
-            count = pwm_segment(pm, regs, ps, tm.write_count, tm.period, count)
+            done = count
+            count = pwm_segment(pm, regs, ps, tm.write_count, tm.period, done)
+            count = suppress_short_pulses(gd, pm, regs, ps, tm.write_count, tm.period, done, count)
             row = _follow(m, load, inv, y, vdc, ps, count, tm.sample_count, tm.period,
                           tm.clock_Hz, grid, plant_out, row)  # fmt: skip
         return row
