@@ -70,6 +70,10 @@ KEYS: dict[str, dict[str, Key]] = {
         "viscous_Nms": _n("viscous friction", "N m s", 0, 1e3, 0.0),
         "drs_ohm": _six("stator resistance added per phase u1 u2 w1 w2 v1 v2", "ohm", -1e3, 1e3),
         "dlls_H": _six("leakage added per phase u1 u2 w1 w2 v1 v2", "H", -10, 10),
+        "psi_knee_Wb": _n(
+            "main flux that takes twice the unsaturated current, 0: linear", "Wb", 0, 100, 0.0
+        ),
+        "saturation_exponent": _n("how sharply the main flux saturates", "", 1, 20, 6.0),
     },
     "inverter": {
         "vdc_V": _n("dc-link voltage", "V", 1, 1e4),

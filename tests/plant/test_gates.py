@@ -109,6 +109,8 @@ def test_trip_is_immediate(pending):
     n = suppress_short_pulses(gd, MAP, registers([2]), ps, 100, PERIOD, 0, int(not pending))
     assert [(ps.count[e], ps.leg[e], ps.state[e]) for e in range(n)] == [(100, 2, OFF)]
     assert suppress_short_pulses(gd, MAP, registers([2]), ps, 0, PERIOD, 0, 0) == 0
+    # Nothing that was pending comes back when the trip is cleared.
+    assert suppress_short_pulses(gd, MAP, registers(), ps, 0, PERIOD, 0, 0) == 0
 
 
 @pytest.mark.parametrize("latency", ["none", "predicted"])

@@ -14,8 +14,16 @@ import numpy as np
 from numba import njit
 
 from ..frames import TRANSFORM
-from .machine import derivative, load_torque, phase_current, rk4_step
+from .machine import (
+    derivative,
+    leg_response,
+    load_torque,
+    phase_current,
+    phase_current_slope,
+    rk4_step,
+)
 from .record import record
+from .saturation import excess_gain, open_rotor
 
 LOW, HIGH, OFF = 0, 1, 2
 
@@ -109,14 +117,15 @@ def _solve_floating(inv, m, load, y, vdc):
             n += 1
     _transform(inv)
     derivative(m, load, y, inv.v, inv.k)
+    gain = excess_gain(m, y)
     row = 0
     for leg in range(6):
         if inv.leg[leg] == OFF and inv.diode[leg] == 0:
-            slope = phase_current(m, inv.k, leg)
+            slope = phase_current_slope(m, gain, inv.k, leg)
             col = 0
             for other in range(6):
                 if inv.leg[other] == OFF and inv.diode[other] == 0:
-                    a[row, col] = m.g_leg[leg, other]
+                    a[row, col] = leg_response(m, gain, leg, other)
                     col += 1
             epsilon = 1e-7 * m.g_leg[leg, leg]
             a[row, row] += epsilon
@@ -270,19 +279,24 @@ def _advance_open(inv, m, load, y, dt, vdc):
     Returns False, leaving y alone, if a diode would conduct.
     """
     w = m.pole_pairs * y[6]
-    decay = np.exp(-m.rr_over_lr * dt)
-    # Induced voltage seen from the stator: L_m/L_r d psi_r/dt.
-    va = m.lm_over_lr * (-m.rr_over_lr * y[4] - w * y[5])
-    vb = m.lm_over_lr * (-m.rr_over_lr * y[5] + w * y[4])
-    if 1.7321 * np.sqrt(va * va + vb * vb) > vdc + 2.0 * inv.v_diode_V:
+    psi_r = np.sqrt(y[4] * y[4] + y[5] * y[5])
+    ratio, rate = open_rotor(m, psi_r)
+    # Induced voltage seen from the stator: d psi_m/dt by rotation and by decay, the
+    # latter at most L_m/L_r that of the rotor flux.
+    induced = psi_r * np.sqrt((ratio * w) ** 2 + (m.lm_over_lr * rate) ** 2)
+    if 1.7321 * induced > vdc + 2.0 * inv.v_diode_V:
         return False
+    # Exponential with the rate at mid-step: exact while the rate is constant.
+    ratio, rate = open_rotor(m, psi_r * np.exp(-0.5 * rate * dt))
+    decay = np.exp(-rate * dt)
     c = np.cos(w * dt) * decay
     s = np.sin(w * dt) * decay
     psi = y[4]
     y[4] = c * psi - s * y[5]
     y[5] = s * psi + c * y[5]
-    y[0] = m.lm_over_lr * y[4]
-    y[1] = m.lm_over_lr * y[5]
+    ratio, rate = open_rotor(m, psi_r * decay)
+    y[0] = ratio * y[4]
+    y[1] = ratio * y[5]
     y[2] = 0.0
     y[3] = 0.0
     # Coasting: Heun's rule, the speed hardly moves within a step.
