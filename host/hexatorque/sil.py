@@ -183,6 +183,9 @@ class Simulation:
         return record(
             SENSORS,
             i_counts_per_A=per_A * np.array(setup["sensors.i_gain"]),
+            i_filter_rad_s=2 * math.pi * setup["sensors.i_filter_Hz"],
+            i_last_A=0.0,
+            i_filtered_A=0.0,
             i_noise_counts=per_A * setup["sensors.i_noise_A"],
             random=setup["sensors.noise_seed"],
             i_offset_counts=2048 + per_A * np.array(setup["sensors.i_offset_A"]),

@@ -25,7 +25,7 @@ from .gates import suppress_short_pulses
 from .inverter import advance, set_leg
 from .machine import stator_currents, torque_Nm
 from .pwm import pwm_segment
-from .sensors import sample
+from .sensors import filter_currents, sample
 
 #: Columns of the plant record.
 PLANT_CHANNELS = (
@@ -73,7 +73,7 @@ def _record(row, m, inv, y, i):
 
 
 @njit
-def _follow(m, load, inv, y, vdc, ps, n, c0, c1, clock_Hz, grid, out, row):
+def _follow(m, load, inv, se, y, vdc, ps, n, c0, c1, clock_Hz, grid, out, row):
     """Advance the machine over counts c0..c1 along the edges, recording a sample
     at every multiple of `grid` counts (0 = none). Returns the next record row."""
     now = c0
@@ -85,6 +85,8 @@ def _follow(m, load, inv, y, vdc, ps, n, c0, c1, clock_Hz, grid, out, row):
             stop = min(stop, ps.count[e])
         if stop > now:
             advance(inv, m, load, y, (stop - now) / clock_Hz, vdc)
+            if se.i_filter_rad_s > 0.0:
+                filter_currents(se, m, y, (stop - now) / clock_Hz)
             now = stop
         if now == c1:
             return row
@@ -151,7 +153,7 @@ def _compile(source: int):
         for period in range(n):
             count = pwm_segment(pm, regs, ps, 0, tm.sample_count, 0)
             count = suppress_short_pulses(gd, pm, regs, ps, 0, tm.sample_count, 0, count)
-            row = _follow(m, load, inv, y, vdc, ps, count, 0, tm.sample_count,
+            row = _follow(m, load, inv, se, y, vdc, ps, count, 0, tm.sample_count,
                           tm.clock_Hz, grid, plant_out, row)  # fmt: skip
             sample(se, m, y, vdc, regs)
             count = pwm_segment(pm, regs, ps, tm.sample_count, tm.write_count, 0)
@@ -167,7 +169,7 @@ def _compile(source: int):
             done = count
             count = pwm_segment(pm, regs, ps, tm.write_count, tm.period, done)
             count = suppress_short_pulses(gd, pm, regs, ps, tm.write_count, tm.period, done, count)
-            row = _follow(m, load, inv, y, vdc, ps, count, tm.sample_count, tm.period,
+            row = _follow(m, load, inv, se, y, vdc, ps, count, tm.sample_count, tm.period,
                           tm.clock_Hz, grid, plant_out, row)  # fmt: skip
         return row
 
