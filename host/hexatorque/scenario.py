@@ -90,9 +90,7 @@ KEYS: dict[str, dict[str, Key]] = {
         "vdc_full_V": _n("dc-link voltage at full scale", "V", 1, 1e4),
         "i_offset_A": _six("current sensor offset", "A", -1e3, 1e3),
         "i_gain": _six("current sensor gain, 1 = exact", "", 0.5, 2, 1.0),
-        "i_filter_Hz": _n(
-            "corner of the current sensors' first-order filter, 0: none", "Hz", 0, 1e7, 0.0
-        ),
+        "i_filter_Hz": _n("corner of the current sensors' filter, 0: none", "Hz", 0, 1e7, 0.0),
         "i_noise_A": _n("current sensor noise, rms, white at the converter", "A", 0, 100, 0.0),
         "noise_seed": Key("integer", "the same seed gives the same noise", "", 1, 1e9, default=1),
         "encoder_ppr": Key("integer", "encoder pulses per revolution", "", 1, 1_000_000),
