@@ -70,10 +70,19 @@ KEYS: dict[str, dict[str, Key]] = {
         "viscous_Nms": _n("viscous friction", "N m s", 0, 1e3, 0.0),
         "drs_ohm": _six("stator resistance added per phase u1 u2 w1 w2 v1 v2", "ohm", -1e3, 1e3),
         "dlls_H": _six("leakage added per phase u1 u2 w1 w2 v1 v2", "H", -10, 10),
+        "psi_knee_Wb": _n(
+            "main flux that takes twice the unsaturated current, 0: linear", "Wb", 0, 100, 0.0
+        ),
+        "saturation_exponent": _n("how sharply the main flux saturates", "", 1, 20, 6.0),
     },
     "inverter": {
         "vdc_V": _n("dc-link voltage", "V", 1, 1e4),
         "dead_time_us": _n("dead time", "us", 0, 20),
+        "min_pulse_us": _n("gate pulses shorter than this are suppressed", "us", 0, 10, 0.0),
+        "v_switch_V": _n("threshold voltage of a conducting switch", "V", 0, 10, 0.0),
+        "v_diode_V": _n("threshold voltage of a conducting diode", "V", 0, 10, 0.0),
+        "r_switch_ohm": _n("on-resistance of a switch", "ohm", 0, 10, 0.0),
+        "r_diode_ohm": _n("on-resistance of a diode", "ohm", 0, 10, 0.0),
     },
     "sensors": {
         "adc_bits": Key("integer", "resolution of the converter", "", 6, 12, default=12),
@@ -81,6 +90,7 @@ KEYS: dict[str, dict[str, Key]] = {
         "vdc_full_V": _n("dc-link voltage at full scale", "V", 1, 1e4),
         "i_offset_A": _six("current sensor offset", "A", -1e3, 1e3),
         "i_gain": _six("current sensor gain, 1 = exact", "", 0.5, 2, 1.0),
+        "i_filter_Hz": _n("corner of the current sensors' filter, 0: none", "Hz", 0, 1e7, 0.0),
         "i_noise_A": _n("current sensor noise, rms, white at the converter", "A", 0, 100, 0.0),
         "noise_seed": Key("integer", "the same seed gives the same noise", "", 1, 1e9, default=1),
         "encoder_ppr": Key("integer", "encoder pulses per revolution", "", 1, 1_000_000),
@@ -404,6 +414,8 @@ def _consistent(setup: Setup) -> None:
         change = setup[f"machine.d{key}"]
         if min(change) + setup[f"machine.{key}"] <= 0:
             raise ScenarioError(f"machine.d{key}: {key} plus its change must stay above 0")
+    if min(setup["machine.dlls_H"]) + setup["machine.lxy_H"] <= 0:
+        raise ScenarioError("machine.dlls_H: lxy_H plus its change must stay above 0")
     if setup["inverter.vdc_V"] > setup["sensors.vdc_full_V"]:
         raise ScenarioError("inverter.vdc_V is above sensors.vdc_full_V")
     setup.controller_values()

@@ -19,7 +19,8 @@ from numba import types
 
 from . import __version__, firmware
 from .frames import INVERSE, PHASES
-from .plant.inverter import inverter_record
+from .plant.gates import gates_record
+from .plant.inverter import DROPS, inverter_record
 from .plant.loop import MAX_STEP_S, PLANT_CHANNELS, TIMING, run_periods
 from .plant.machine import DRY_RAD_S, LOAD, MachineParameters, machine_record
 from .plant.pwm import PWM_MAP, pwm_record
@@ -154,8 +155,9 @@ class Simulation:
         self.machine = MachineParameters(**setup.machine_values())
         self._machine = machine_record(self.machine)
         self.state = np.zeros(8)
-        self.inverter = inverter_record()
+        self.inverter = inverter_record(**{name: setup[f"inverter.{name}"] for name in DROPS})
         self._pwm = pwm_record()
+        self._gates = gates_record(round(setup["inverter.min_pulse_us"] * 1e-6 * clock))
         self._map = _pwm_map(self.controller.map)
         #: What the converter makes of the currents; may be changed between runs.
         self.sensors = self._make_sensors()
@@ -185,6 +187,9 @@ class Simulation:
         return record(
             SENSORS,
             i_counts_per_A=per_A * np.array(setup["sensors.i_gain"]),
+            i_filter_rad_s=2 * math.pi * setup["sensors.i_filter_Hz"],
+            i_last_A=0.0,
+            i_filtered_A=0.0,
             i_noise_counts=per_A * setup["sensors.i_noise_A"],
             random=setup["sensors.noise_seed"],
             i_offset_counts=2048 + per_A * np.array(setup["sensors.i_offset_A"]),
@@ -264,7 +269,8 @@ class Simulation:
         load = _load(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
         self._edges_logged = run_periods(
             n, self.periods, self._timing, self._machine, load, self.inverter,
-            self._map, self._pwm, self.sensors, self._registers, self.state, self.vdc_V,
+            self._map, self._pwm, self._gates, self.sensors, self._registers,
+            self.state, self.vdc_V,
             *self._entries, self.controller.handle, channels.ctypes.data, plant, channels,
             self._edges, self._edges_logged,
         )  # fmt: skip

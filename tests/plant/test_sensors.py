@@ -9,10 +9,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from hexatorque import firmware, scenario
 from hexatorque.plant.machine import MachineParameters, machine_record
-from hexatorque.plant.sensors import sample
+from hexatorque.plant.sensors import filter_currents, sample
 from hexatorque.sil import Simulation
 
 DEVICES = {  # first result, justification, position counter
@@ -149,3 +150,59 @@ def test_noise_is_white_normal_and_seeded(device):
     assert np.array_equal(draws[0] + 2048, again.read()[0][:6])
     other = Bench(device, i_noise_A=rms_A, noise_seed=8)
     assert not np.array_equal(draws[0] + 2048, other.read()[0][:6])
+
+
+def state_of(i_A):
+    rows = [f(n * ANGLES) for n in (1, 5) for f in (np.cos, np.sin)]
+    y = np.zeros(8)
+    y[:4] = 10e-3 * np.array(rows) @ i_A / 3
+    return y
+
+
+def test_filter_follows_straight_lines_exactly(device):
+    """Currents that bend every few microseconds, through an RC as a differential
+    equation; what the converter reads is the RC's output."""
+    corner_Hz = 20e3
+    bench = Bench(device, i_filter_Hz=corner_Hz)
+    rng = np.random.default_rng(4)
+    times = np.cumsum(rng.uniform(0.1e-6, 30e-6, 40))
+    size = rng.normal(0, 5, 40)
+    last, at, filtered = 0.0, 0.0, 0.0
+    for t, u in zip(times, size):
+        filter_currents(bench.sensors, MACHINE, state_of(balanced(u)), t - at)
+
+        def slope(s, f, last=last, at=at, u=u, t=t):
+            return 2 * np.pi * corner_Hz * (last + (u - last) * s / (t - at) - f)
+
+        filtered = solve_ivp(slope, (0, t - at), [filtered], rtol=1e-9, atol=1e-9).y[0, -1]
+        last, at = u, t
+        np.testing.assert_allclose(bench.sensors.i_filtered_A, balanced(filtered), atol=1e-6)
+    counts, _ = bench.read(balanced(last))
+    exact = 2048 + balanced(filtered) * 2048 / FULL_A
+    assert np.abs(np.array(counts[:6]) - exact).max() <= 0.51
+    assert abs(filtered - last) > 0.1
+
+
+def test_filtered_drive_lags_by_its_time_constant():
+    """In the loop: the firmware's current trails the machine's by 1/(2 pi f_c), whatever
+    the instant of the sample, and not at all without a filter."""
+    setup = scenario.load("paper-b").changed(timing__latency="predicted")
+    lag_s = {}
+    for corner_Hz in (0.0, 1500.0):
+        sim = Simulation(setup.changed(sensors__i_filter_Hz=corner_Hz))
+        sim.start()
+        sim.run(0.4, record=False)
+        sim.set("speed_ref_rpm", 1500)
+        sim.run(0.4, record=False)
+        sim.run(0.4)
+        sim.check()
+        rec = sim.take()
+        sensed, true = rec["i_u1_A"][::4], rec["plant.i_u1_A"][::4]
+        t = np.arange(len(true)) * sim.period_s
+        window = np.hanning(len(t))
+        spectrum = np.abs(np.fft.fft(true * window, 2**18))[: 2**17]
+        w = 2 * np.pi * np.argmax(spectrum) / 2**18 / sim.period_s
+        phasors = [np.sum(x * window * np.exp(-1j * w * t)) for x in (true, sensed)]
+        lag_s[corner_Hz] = np.angle(phasors[0] / phasors[1]) / w
+    assert abs(lag_s[0.0]) < 5e-6
+    assert lag_s[1500.0] == pytest.approx(1 / (2 * np.pi * 1500), rel=0.05)

@@ -4,7 +4,8 @@ A leg is HIGH or LOW while one switch is on. With both off (dead time, trip) the
 current's sign decides: it flows through the lower diode when it leaves the leg,
 through the upper one when it enters. A current that reaches zero while both
 switches are off stays at zero: the leg floats until its voltage would drive a
-diode into conduction.
+diode into conduction. Switches and diodes are ideal, or drop a threshold voltage
+and a resistance's voltage while they conduct.
 """
 
 from __future__ import annotations
@@ -13,8 +14,16 @@ import numpy as np
 from numba import njit
 
 from ..frames import TRANSFORM
-from .machine import derivative, load_torque, phase_current, rk4_step
+from .machine import (
+    derivative,
+    leg_response,
+    load_torque,
+    phase_current,
+    phase_current_slope,
+    rk4_step,
+)
 from .record import record
+from .saturation import excess_gain, open_rotor
 
 LOW, HIGH, OFF = 0, 1, 2
 
@@ -34,9 +43,15 @@ MAX_STEPS = 10_000
 
 #: A floating leg's diode conducts this share of Vdc beyond the rail: above the rounding
 #: of the floating legs' equations, so that the current then starts the right way.
-FORWARD = 1e-6
+FORWARD = 1e-8
 #: Pull of floating legs to mid-bus, relative to their own admittance.
 BALANCE = 1e-10
+
+#: Across zero current a driven leg's drop goes from one device's threshold to the
+#: other's over about this much. A junction's current is exponential in its voltage, so
+#: the voltage fades with the current. A jump would let an explicit step chatter around
+#: zero instead of coming to rest there.
+KNEE_A = 10e-3
 
 _T = TRANSFORM
 
@@ -47,6 +62,11 @@ INVERTER = np.dtype(
         ("leg", "i8", (6,)),  # LOW, HIGH or OFF
         ("diode", "i8", (6,)),  # off legs: +1 lower, -1 upper conducts, 0 floats
         ("off", "i8"),  # number of legs that are off
+        ("drops", "i8"),  # 0: ideal devices
+        ("v_switch_V", "f8"),  # thresholds
+        ("v_diode_V", "f8"),
+        ("r_switch_ohm", "f8"),  # on-resistances
+        ("r_diode_ohm", "f8"),
         ("v_leg", "f8", (6,)),  # leg voltages against the negative rail
         ("v", "f8", (4,)),  # alpha, beta, x, y voltages
         ("k", "f8", (8,)),
@@ -60,10 +80,15 @@ INVERTER = np.dtype(
 )
 
 
-def inverter_record() -> np.record:
-    """All legs off, no current."""
+#: Conduction drops, as `inverter_record` and the set-up's section name them.
+DROPS = ("v_switch_V", "v_diode_V", "r_switch_ohm", "r_diode_ohm")
+
+
+def inverter_record(**drops: float) -> np.record:
+    """All legs off, no current. `drops`: any of DROPS, otherwise zero."""
     zeros = {name: 0 for name in INVERTER.names}
-    return record(INVERTER, **{**zeros, "leg": OFF, "off": 6})
+    start = {"leg": OFF, "off": 6, "drops": any(drops.values())}
+    return record(INVERTER, **{**zeros, **start, **drops})
 
 
 @njit
@@ -101,14 +126,15 @@ def _solve_floating(inv, m, load, y, vdc):
             n += 1
     _transform(inv)
     derivative(m, load, y, inv.v, inv.k)
+    gain = excess_gain(m, y)
     row = 0
     for leg in range(6):
         if inv.leg[leg] == OFF and inv.diode[leg] == 0:
-            slope = phase_current(m, inv.k, leg)
+            slope = phase_current_slope(m, gain, inv.k, leg)
             col = 0
             for other in range(6):
                 if inv.leg[other] == OFF and inv.diode[other] == 0:
-                    a[row, col] = m.g_leg[leg, other]
+                    a[row, col] = leg_response(m, gain, leg, other)
                     col += 1
             epsilon = BALANCE * m.g_leg[leg, leg]
             a[row, row] += epsilon
@@ -159,6 +185,67 @@ def _centre(inv, vdc):
 
 
 @njit
+def _subtract_drops(inv, m, y, vdc):
+    """Voltages of all legs but the floating ones, which keep theirs, behind the devices
+    that carry the currents of y: the upper switch drives current out of a HIGH leg and
+    the upper diode takes current back, the lower two likewise."""
+    for leg in range(6):
+        state = inv.leg[leg]
+        i = phase_current(m, y, leg)
+        if state == OFF:
+            if inv.diode[leg] > 0:
+                inv.v_leg[leg] = -inv.v_diode_V - inv.r_diode_ohm * i
+            elif inv.diode[leg] < 0:
+                inv.v_leg[leg] = vdc + inv.v_diode_V - inv.r_diode_ohm * i
+        else:
+            rail = vdc if state == HIGH else 0.0
+            share = np.tanh(i / KNEE_A)
+            if (i > 0.0) == (state == HIGH):
+                inv.v_leg[leg] = rail - inv.v_switch_V * share - inv.r_switch_ohm * i
+            else:
+                inv.v_leg[leg] = rail - inv.v_diode_V * share - inv.r_diode_ohm * i
+
+
+@njit
+def _step(inv, m, load, y, dt, vdc, floats, out):
+    """One Runge-Kutta step from y to out with the present diodes. A drop follows the
+    current and a floating leg's voltage the induced voltage, so every stage finds
+    them anew."""
+    if inv.drops == 0 and not floats:
+        rk4_step(m, load, y, inv.v, dt, out, inv.k, inv.z)
+        return
+    total = inv.z[0]
+    stage = inv.z[1]
+    for r in range(8):
+        total[r] = 0.0
+        stage[r] = y[r]
+    for n in range(4):
+        if inv.drops != 0:
+            _subtract_drops(inv, m, stage, vdc)
+        if floats:
+            _solve_floating(inv, m, load, stage, vdc)
+        _transform(inv)
+        derivative(m, load, stage, inv.v, inv.k)
+        weight = 2.0 if n == 1 or n == 2 else 1.0
+        reach = dt if n == 2 else 0.5 * dt
+        for r in range(8):
+            total[r] += weight * inv.k[r]
+            stage[r] = y[r] + reach * inv.k[r]
+    for r in range(8):
+        out[r] = y[r] + dt / 6.0 * total[r]
+
+
+@njit
+def _longest_step(inv, m):
+    """Around zero current a threshold acts as a resistance of V / KNEE_A. One time constant
+    of that with the least inductance it can meet keeps the step stable (the limit is 2.78)
+    and accurate. Paper B's machine with 1.2 V: 120 us."""
+    r_switch = inv.v_switch_V / KNEE_A + inv.r_switch_ohm
+    r_diode = inv.v_diode_V / KNEE_A + inv.r_diode_ohm
+    return 1.0 / (max(r_switch, r_diode) * m.inv_l_max)
+
+
+@njit
 def _leg_voltages(inv, m, load, y, vdc):
     """Set leg voltages. Returns True if any leg floats."""
     floats = False
@@ -170,19 +257,21 @@ def _leg_voltages(inv, m, load, y, vdc):
             inv.v_leg[leg] = vdc if inv.diode[leg] < 0 else 0.0
         else:
             inv.v_leg[leg] = vdc if state == HIGH else 0.0
+    if inv.drops != 0:
+        _subtract_drops(inv, m, y, vdc)
     if floats:
         _solve_floating(inv, m, load, y, vdc)
-        margin = FORWARD * vdc
+        margin = inv.v_diode_V + FORWARD * vdc
         turned_on = False
         for leg in range(6):
             if inv.leg[leg] == OFF and inv.diode[leg] == 0:
                 if inv.v_leg[leg] > vdc + margin:
                     inv.diode[leg] = -1
-                    inv.v_leg[leg] = vdc
+                    inv.v_leg[leg] = vdc + inv.v_diode_V
                     turned_on = True
                 elif inv.v_leg[leg] < -margin:
                     inv.diode[leg] = 1
-                    inv.v_leg[leg] = 0.0
+                    inv.v_leg[leg] = -inv.v_diode_V
                     turned_on = True
         if turned_on:
             _solve_floating(inv, m, load, y, vdc)
@@ -205,19 +294,24 @@ def _advance_open(inv, m, load, y, dt, vdc):
     Returns False, leaving y alone, if a diode would conduct.
     """
     w = m.pole_pairs * y[6]
-    decay = np.exp(-m.rr_over_lr * dt)
-    # Induced voltage seen from the stator: L_m/L_r d psi_r/dt.
-    va = m.lm_over_lr * (-m.rr_over_lr * y[4] - w * y[5])
-    vb = m.lm_over_lr * (-m.rr_over_lr * y[5] + w * y[4])
-    if 1.7321 * np.sqrt(va * va + vb * vb) > vdc:
+    psi_r = np.sqrt(y[4] * y[4] + y[5] * y[5])
+    ratio, rate = open_rotor(m, psi_r)
+    # Induced voltage seen from the stator: d psi_m/dt by rotation and by decay, the
+    # latter at most L_m/L_r that of the rotor flux.
+    induced = psi_r * np.sqrt((ratio * w) ** 2 + (m.lm_over_lr * rate) ** 2)
+    if 1.7321 * induced > vdc + 2.0 * inv.v_diode_V:
         return False
+    # Exponential with the rate at mid-step: exact while the rate is constant.
+    ratio, rate = open_rotor(m, psi_r * np.exp(-0.5 * rate * dt))
+    decay = np.exp(-rate * dt)
     c = np.cos(w * dt) * decay
     s = np.sin(w * dt) * decay
     psi = y[4]
     y[4] = c * psi - s * y[5]
     y[5] = s * psi + c * y[5]
-    y[0] = m.lm_over_lr * y[4]
-    y[1] = m.lm_over_lr * y[5]
+    ratio, rate = open_rotor(m, psi_r * decay)
+    y[0] = ratio * y[4]
+    y[1] = ratio * y[5]
     y[2] = 0.0
     y[3] = 0.0
     # Coasting: Heun's rule, the speed hardly moves within a step.
@@ -231,31 +325,6 @@ def _advance_open(inv, m, load, y, dt, vdc):
 
 
 @njit
-def _off_step(inv, m, load, y, dt, vdc, floats, out):
-    """One Runge-Kutta step from y to out with the present diodes. A floating leg's
-    voltage follows the induced voltage, so every stage finds it anew."""
-    if not floats:
-        rk4_step(m, load, y, inv.v, dt, out, inv.k, inv.z)
-        return
-    total = inv.z[0]
-    stage = inv.z[1]
-    for r in range(8):
-        total[r] = 0.0
-        stage[r] = y[r]
-    for n in range(4):
-        _solve_floating(inv, m, load, stage, vdc)
-        _transform(inv)
-        derivative(m, load, stage, inv.v, inv.k)
-        weight = 2.0 if n == 1 or n == 2 else 1.0
-        reach = dt if n == 2 else 0.5 * dt
-        for r in range(8):
-            total[r] += weight * inv.k[r]
-            stage[r] = y[r] + reach * inv.k[r]
-    for r in range(8):
-        out[r] = y[r] + dt / 6.0 * total[r]
-
-
-@njit
 def _step_to_zero(inv, m, load, y, h, vdc, floats, leg, i0, i1):
     """Advance y to the instant within h at which the leg's current, i0 now and i1 at h,
     passes zero. Returns the time taken."""
@@ -263,7 +332,7 @@ def _step_to_zero(inv, m, load, y, h, vdc, floats, leg, i0, i1):
     t0, t = 0.0, h
     for _ in range(MAX_SECANTS):
         t0, t = t, min(max(t - i1 * (t - t0) / (i1 - i0), 0.0), h)
-        _off_step(inv, m, load, y, t, vdc, floats, inv.trial)
+        _step(inv, m, load, y, t, vdc, floats, inv.trial)
         i0, i1 = i1, phase_current(m, inv.trial, leg)
         if abs(i1) <= enough or i1 == i0:
             break
@@ -278,7 +347,8 @@ def _advance_off(inv, m, load, y, dt, vdc):
     if _currents_absent(inv) and _advance_open(inv, m, load, y, dt, vdc):
         return
     left = dt
-    longest = OFF_STEP_S
+    usual = OFF_STEP_S if inv.drops == 0 else min(OFF_STEP_S, _longest_step(inv, m))
+    longest = usual
     guard = 0
     while left > 1e-15:
         guard += 1
@@ -286,7 +356,7 @@ def _advance_off(inv, m, load, y, dt, vdc):
             raise ArithmeticError("inverter: diodes chatter, time does not advance")
         floats = _leg_voltages(inv, m, load, y, vdc)
         h = left if left < longest else longest
-        _off_step(inv, m, load, y, h, vdc, floats, inv.trial)
+        _step(inv, m, load, y, h, vdc, floats, inv.trial)
         # Earliest zero crossing of a diode current within the step.
         first = h
         crossing = -1
@@ -313,12 +383,12 @@ def _advance_off(inv, m, load, y, dt, vdc):
             left -= taken
             # The voltage may be beyond the rail now and within it at the end of the step:
             # look closer, until the diode's current is seen to start.
-            longest = 0.5 * longest if taken < 1e-12 else OFF_STEP_S
+            longest = 0.5 * longest if taken < 1e-12 else usual
         else:
             for r in range(8):
                 y[r] = inv.trial[r]
             left -= h
-            longest = OFF_STEP_S
+            longest = usual
 
 
 @njit
@@ -344,11 +414,17 @@ def put_back(inv, y):
 def advance(inv, m, load, y, dt, vdc):
     """Advance the drive by dt with constant leg states.
 
-    One Runge-Kutta step suffices while every leg is driven: the callers step
-    from edge to edge, far below the machine's time constants.
+    One Runge-Kutta step suffices while every leg is driven (with drops, as many as
+    their slope at zero current asks for): the callers step from edge to edge, far
+    below the machine's time constants.
     """
     if inv.off > 0:
         _advance_off(inv, m, load, y, dt, vdc)
+        return
+    if inv.drops != 0:
+        steps = int(np.ceil(dt / _longest_step(inv, m)))
+        for _ in range(steps):
+            _step(inv, m, load, y, dt / steps, vdc, False, y)
         return
     for leg in range(6):
         inv.v_leg[leg] = vdc if inv.leg[leg] == HIGH else 0.0

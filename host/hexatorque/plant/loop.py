@@ -21,10 +21,11 @@ from pathlib import Path
 import numpy as np
 from numba import njit, uint64
 
+from .gates import suppress_short_pulses
 from .inverter import advance, keep, put_back, set_leg
 from .machine import stator_currents, torque_Nm
 from .pwm import pwm_segment
-from .sensors import sample
+from .sensors import filter_currents, sample
 
 #: Columns of the plant record.
 PLANT_CHANNELS = (
@@ -78,7 +79,7 @@ def _record(row, m, inv, y, i):
 
 
 @njit
-def follow(m, load, inv, y, vdc, ps, n, c0, c1, tm, grid, out, row):
+def follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, grid, out, row):
     """Advance the machine over counts c0..c1 along the edges, recording a sample
     at every multiple of `grid` counts (0 = none). Returns the next record row."""
     now = c0
@@ -107,6 +108,8 @@ def follow(m, load, inv, y, vdc, ps, n, c0, c1, tm, grid, out, row):
             tick += grid
             put_back(inv, y)
         else:
+            if se.i_filter_rad_s > 0.0:
+                filter_currents(se, m, y, (stop - now) / tm.clock_Hz)
             now = stop
     return row
 
@@ -146,6 +149,7 @@ def _compile(source: int):
         inv,
         pm,
         ps,
+        gd,
         se,
         regs,
         y,
@@ -180,22 +184,28 @@ def _compile(source: int):
         target = uint64(channels)
         for period in range(n):
             count = pwm_segment(pm, regs, ps, 0, tm.sample_count, 0)
+            count = suppress_short_pulses(gd, pm, regs, ps, 0, tm.sample_count, 0, count)
             if edges.shape[0] > 0:
                 logged = _log(edges, logged, ps, count, (first + period) * tm.period)
-            row = follow(m, load, inv, y, vdc, ps, count, 0, tm.sample_count,
+            row = follow(m, load, inv, se, y, vdc, ps, count, 0, tm.sample_count,
                          tm, grid, plant_out, row)  # fmt: skip
             sample(se, m, y, vdc, regs)
             count = pwm_segment(pm, regs, ps, tm.sample_count, tm.write_count, 0)
+            count = suppress_short_pulses(
+                gd, pm, regs, ps, tm.sample_count, tm.write_count, 0, count
+            )
             fast_isr(handle)
             if (first + period) % tm.slow_every == 0:
                 slow_isr(handle)
             if width > 0:
                 read_channels(handle, target)
                 target += uint64(width)
-            count = pwm_segment(pm, regs, ps, tm.write_count, tm.period, count)
+            done = count
+            count = pwm_segment(pm, regs, ps, tm.write_count, tm.period, done)
+            count = suppress_short_pulses(gd, pm, regs, ps, tm.write_count, tm.period, done, count)
             if edges.shape[0] > 0:
                 logged = _log(edges, logged, ps, count, (first + period) * tm.period)
-            row = follow(m, load, inv, y, vdc, ps, count, tm.sample_count, tm.period,
+            row = follow(m, load, inv, se, y, vdc, ps, count, tm.sample_count, tm.period,
                          tm, grid, plant_out, row)  # fmt: skip
         return logged
 

@@ -1,8 +1,8 @@
 """Asymmetrical six-phase induction machine in VSD form.
 
 State, SI units: stator flux (alpha, beta, x, y), rotor flux (alpha, beta) in the
-stationary frame, mechanical speed and angle. Linear magnetics. Per-phase stator
-resistance and leakage may differ, which couples alpha-beta with x-y:
+stationary frame, mechanical speed and angle. Per-phase stator resistance and leakage
+may differ, which couples alpha-beta with x-y:
 
     d psi_s/dt = v - R_s i_s
     d psi_r/dt =   - R_r i_r + p w J psi_r        (J: +90 degrees)
@@ -12,6 +12,8 @@ resistance and leakage may differ, which couples alpha-beta with x-y:
 
 Two isolated neutrals: zero-sequence currents do not exist. The torque is written
 with the rotor flux because that form also holds for an asymmetrical stator.
+Magnetics are linear unless `psi_knee_Wb` is set (saturation.py): then currents come
+from psi_s + s, psi_r + s and T_e = 3 p psi_m x i_s.
 """
 
 from __future__ import annotations
@@ -20,9 +22,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
+from numba.extending import overload
 
 from ..frames import INVERSE, TRANSFORM
 from .record import record
+from .saturation import excess_flux
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,8 @@ class MachineParameters:
     viscous_Nms: float = 0.0
     drs_ohm: tuple[float, ...] = field(default=(0.0,) * 6)  #: added per phase
     dlls_H: tuple[float, ...] = field(default=(0.0,) * 6)  #: added per phase
+    psi_knee_Wb: float = 0.0  #: main flux that takes twice the linear current; 0 = linear
+    saturation_exponent: float = 6.0
 
     @property
     def ls_H(self) -> float:
@@ -63,22 +69,47 @@ MACHINE = np.dtype(
         ("i_phase", "f8", (6, 6)),  # phase currents from the six fluxes
         ("g_leg", "f8", (6, 6)),  # d i_phase/dt per volt on each leg
         ("i_stator", "f8", (4, 6)),  # alpha, beta, x, y currents from the fluxes
+        ("inv_l_max", "f8"),  # the fastest di/dt per volt that a stator voltage finds, 1/H
         ("lm_over_lr", "f8"),
         ("rr_over_lr", "f8"),
         ("pole_pairs", "f8"),
         ("torque_gain", "f8"),
+        ("psi_knee_Wb", "f8"),  # 0: linear magnetics
+        ("saturation_exponent", "f8"),
+        ("main", "f8", (2, 6)),  # the linear machine's main flux from the six fluxes
+        ("main_leg", "f8", (2, 6)),  # d main flux / dt per volt on each leg
+        ("excess_share", "f8", (2, 2)),  # K of saturation.py
+        ("i_excess", "f8", (6, 2)),  # phase currents from the excess flux
         ("inertia", "f8"),
         ("viscous", "f8"),
     ]
 )
 
+#: The same for a machine that saturates. Compiled code asks for the type, not the
+#: value: a linear machine pays nothing for the option.
+SATURABLE = np.dtype([*MACHINE.descr, ("saturable", "i8")])
+
+
+def saturates(m) -> bool:
+    """Does this machine's record saturate? Known when the code is compiled."""
+    return "saturable" in m.dtype.names
+
+
+@overload(saturates, inline="always")
+def _saturates(m):
+    known = "saturable" in m.fields
+    return lambda m: known
+
+
+
 
 def machine_record(p: MachineParameters) -> np.record:
     """Inductance and resistance matrices, inverted once."""
     rs = TRANSFORM @ np.diag(p.rs_ohm + np.array(p.drs_ohm)) @ INVERSE
+    leakage = np.diag([p.lls_H, p.lls_H, p.lxy_H, p.lxy_H])
+    leakage += TRANSFORM @ np.diag(p.dlls_H) @ INVERSE
     inductance = np.zeros((6, 6))
-    inductance[:4, :4] = np.diag([p.ls_H, p.ls_H, p.lxy_H, p.lxy_H])
-    inductance[:4, :4] += TRANSFORM @ np.diag(p.dlls_H) @ INVERSE
+    inductance[:4, :4] = leakage + np.diag([p.lm_H, p.lm_H, 0, 0])
     inductance[4:, 4:] = np.diag([p.lr_H, p.lr_H])
     inductance[:2, 4:] = inductance[4:, :2] = np.diag([p.lm_H, p.lm_H])
     current = np.linalg.inv(inductance)
@@ -87,16 +118,26 @@ def machine_record(p: MachineParameters) -> np.record:
     resistance[4:, 4:] = np.diag([p.rr_ohm, p.rr_ohm])
     rows = np.vstack([-resistance @ current, current[:2]])
     i_phase = INVERSE @ current[:4]
+    main = p.lm_H * (current[:2] + current[4:])
+    saturable = {"saturable": 1} if p.psi_knee_Wb > 0 else {}
     return record(
-        MACHINE,
+        SATURABLE if saturable else MACHINE,
+        **saturable,
         slope=rows.T,
         i_phase=i_phase,
         g_leg=i_phase[:, :4] @ TRANSFORM,
         i_stator=current[:4],
+        inv_l_max=1 / np.linalg.eigvalsh(leakage)[0],
         lm_over_lr=p.lm_H / p.lr_H,
         rr_over_lr=p.rr_ohm / p.lr_H,
         pole_pairs=p.pole_pairs,
         torque_gain=3 * p.pole_pairs * p.lm_H / p.lr_H,
+        psi_knee_Wb=p.psi_knee_Wb,
+        saturation_exponent=p.saturation_exponent,
+        main=main,
+        main_leg=main[:, :4] @ TRANSFORM,
+        excess_share=np.eye(2) - main[:, :2] - main[:, 4:],
+        i_excess=i_phase[:, :2] + i_phase[:, 4:],
         inertia=p.inertia_kgm2,
         viscous=p.viscous_Nms,
     )
@@ -134,6 +175,12 @@ def load_torque(load, omega):
 def derivative(m, load, y, v, k):
     """Write d y/dt into k[0:8] for stator voltages v[0:4]."""
     y0, y1, y2, y3, y4, y5 = y[0], y[1], y[2], y[3], y[4], y[5]
+    if saturates(m):
+        s0, s1 = excess_flux(m, y)
+        y0 += s0
+        y1 += s1
+        y4 += s0
+        y5 += s1
     for r in range(8):
         k[r] = (
             (m.slope[0, r] * y0 + m.slope[1, r] * y1)
@@ -148,7 +195,9 @@ def derivative(m, load, y, v, k):
     w = m.pole_pairs * omega
     k[4] -= w * y[5]
     k[5] += w * y[4]
-    torque = m.torque_gain * (y[4] * i_beta - y[5] * i_alpha)
+    torque = m.torque_gain * (y4 * i_beta - y5 * i_alpha)
+    if saturates(m):
+        torque -= 3.0 * m.pole_pairs * (s0 * i_beta - s1 * i_alpha)
     k[6] = (torque - m.viscous * omega - load_torque(load, omega)) / m.inertia
     k[7] = omega
 
@@ -183,7 +232,39 @@ def phase_current(m, y, leg):
     total = 0.0
     for c in range(6):
         total += m.i_phase[leg, c] * y[c]
+    if saturates(m):
+        s0, s1 = excess_flux(m, y)
+        total += m.i_excess[leg, 0] * s0 + m.i_excess[leg, 1] * s1
     return total
+
+
+@njit(inline="always")
+def phase_current_slope(m, gain, k, leg):
+    """d/dt of a phase current, A/s, for flux slopes k[0:6]; `gain` = excess_gain(m, y)."""
+    total = 0.0
+    main0 = 0.0
+    main1 = 0.0
+    for c in range(6):
+        total += m.i_phase[leg, c] * k[c]
+        main0 += m.main[0, c] * k[c]
+        main1 += m.main[1, c] * k[c]
+    return (
+        total
+        + m.i_excess[leg, 0] * (gain[0] * main0 + gain[1] * main1)
+        + m.i_excess[leg, 1] * (gain[2] * main0 + gain[3] * main1)
+    )
+
+
+@njit(inline="always")
+def leg_response(m, gain, leg, other):
+    """d/dt of a phase current per volt on leg `other`, 1/H; `gain` = excess_gain(m, y)."""
+    main0 = m.main_leg[0, other]
+    main1 = m.main_leg[1, other]
+    return (
+        m.g_leg[leg, other]
+        + m.i_excess[leg, 0] * (gain[0] * main0 + gain[1] * main1)
+        + m.i_excess[leg, 1] * (gain[2] * main0 + gain[3] * main1)
+    )
 
 
 @njit(inline="always")
@@ -194,9 +275,18 @@ def stator_currents(m, y, i):
         for c in range(6):
             total += m.i_stator[r, c] * y[c]
         i[r] = total
+    if saturates(m):
+        s0, s1 = excess_flux(m, y)
+        for r in range(4):
+            i[r] += (m.i_stator[r, 0] + m.i_stator[r, 4]) * s0
+            i[r] += (m.i_stator[r, 1] + m.i_stator[r, 5]) * s1
 
 
 @njit(inline="always")
 def torque_Nm(m, y, i):
     """Electromagnetic torque from the state and the stator currents i[0:4]."""
-    return m.torque_gain * (y[4] * i[1] - y[5] * i[0])
+    torque = m.torque_gain * (y[4] * i[1] - y[5] * i[0])
+    if saturates(m):
+        s0, s1 = excess_flux(m, y)
+        torque += (m.torque_gain - 3.0 * m.pole_pairs) * (s0 * i[1] - s1 * i[0])
+    return torque

@@ -71,7 +71,7 @@ def _loads(mode, zero):
 
 
 @njit(inline="always")
-def _push(ps, n, count, leg, state):
+def push_edge(ps, n, count, leg, state):
     """Insert in order of count; equal counts keep their order."""
     p = n
     while p > 0 and ps.count[p - 1] > count:
@@ -118,7 +118,7 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
         gate = np.int64(OFF) if tripped else ps.band[leg]
         if gate != ps.gate[leg]:
             ps.gate[leg] = gate
-            n = _push(ps, n, c0, leg, gate)
+            n = push_edge(ps, n, c0, leg, gate)
 
         force = np.int64(regs[base + pm.aqsfrc])
         forced = np.int64(0)
@@ -171,7 +171,7 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
                     ps.band[leg] = np.int64(1 - level)
                     if not tripped and ps.pending[leg] < at:
                         ps.gate[leg] = ps.band[leg]
-                        n = _push(ps, n, ps.pending[leg], leg, ps.band[leg])
+                        n = push_edge(ps, n, ps.pending[leg], leg, ps.band[leg])
                 delay = red if level == 1 else fed
                 if delay == 0:
                     ps.band[leg] = level
@@ -181,7 +181,7 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
                     ps.pending[leg] = at + delay
                 if not tripped and ps.band[leg] != ps.gate[leg]:
                     ps.gate[leg] = ps.band[leg]
-                    n = _push(ps, n, at, leg, ps.band[leg])
+                    n = push_edge(ps, n, at, leg, ps.band[leg])
             if at == prd:
                 if _loads(cmpctl & 3, False) and not immediate_a:
                     ps.cmpa[leg] = reg_a
@@ -195,7 +195,7 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
             ps.band[leg] = np.int64(HIGH) if ps.out[leg] == 1 else np.int64(LOW)
             if not tripped:
                 ps.gate[leg] = ps.band[leg]
-                n = _push(ps, n, ps.pending[leg], leg, ps.band[leg])
+                n = push_edge(ps, n, ps.pending[leg], leg, ps.band[leg])
             ps.pending[leg] = NONE
         if c1 == prd + 1 and ps.pending[leg] != NONE:
             ps.pending[leg] -= c1

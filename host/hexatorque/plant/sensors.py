@@ -1,5 +1,7 @@
 """Current, voltage and position sensors up to the DSP's result registers, the eQEP's
-quadrature counter and capture unit among them."""
+quadrature counter and capture unit among them. The current sensors' analogue filter
+runs along with the machine; the rest acts at the sample.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +17,9 @@ TWO_PI = 2.0 * np.pi
 SENSORS = np.dtype(
     [
         ("i_counts_per_A", "f8", (6,)),  # gain errors included
+        ("i_filter_rad_s", "f8"),  # corner of the current filters, 0: none
+        ("i_last_A", "f8", (6,)),  # their inputs, phase currents, where they stand
+        ("i_filtered_A", "f8", (6,)),  # their outputs
         ("i_noise_counts", "f8"),  # rms
         ("random", "u8"),  # state of the noise generator, not 0
         ("i_offset_counts", "f8", (6,)),  # mid scale plus offset
@@ -136,10 +141,31 @@ def _capture(se, counts, end, regs):
 
 
 @njit
+def filter_currents(se, m, y, dt):
+    """Advance the current filters over the dt that ended at state y. A first-order lag
+    tau di_f/dt = i - i_f, exact for currents that are straight lines over dt."""
+    x = se.i_filter_rad_s * dt
+    decay = np.exp(-x)
+    mean = -np.expm1(-x) / x  # of the decay over dt
+    for leg in range(6):
+        i = phase_current(m, y, leg)
+        behind = (se.i_filtered_A[leg] - se.i_last_A[leg]) * decay
+        se.i_filtered_A[leg] = i + behind - (i - se.i_last_A[leg]) * mean
+        se.i_last_A[leg] = i
+
+
+@njit
+def _sensed_A(se, m, y, leg):
+    if se.i_filter_rad_s > 0.0:
+        return se.i_filtered_A[leg]
+    return phase_current(m, y, leg)
+
+
+@njit
 def sample(se, m, y, vdc, regs):
     """Convert the present state into the result registers."""
     for leg in range(6):
-        reading = phase_current(m, y, leg) * se.i_counts_per_A[leg] + se.i_offset_counts[leg]
+        reading = _sensed_A(se, m, y, leg) * se.i_counts_per_A[leg] + se.i_offset_counts[leg]
         if se.i_noise_counts > 0.0:
             reading += se.i_noise_counts * _normal(se)
         if se.hold[leg] == 0:

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from .. import firmware
-from ..analysis.plots import INK, LABEL, LEGEND, TITLE, _figure, _save
+from ..analysis.plots import INK, LABEL, LEGEND, TITLE, new_figure, save
 from ..plant.loop import MAX_STEP_S, follow, source_hash
 from ..plant.pwm import pwm_record
 from ..scenario import load
@@ -83,7 +83,7 @@ def _compile(source: int):
     """With a disk cache that notices a change of the plant, as `run_periods`."""
 
     @njit(cache=True, nogil=True)
-    def follow_periods(edges, first, tm, m, load, inv, y, vdc, ps, nothing, states):
+    def follow_periods(edges, first, tm, m, load, inv, se, y, vdc, ps, nothing, states):
         """`run_periods` with the log in place of controller and PWM modules."""
         if not source:
             return
@@ -98,7 +98,7 @@ def _compile(source: int):
                     ps.state[n] = edges[e, 2]
                     n += 1
                     e += 1
-                follow(m, load, inv, y, vdc, ps, n, c0, c1, tm, 0, nothing, 0)
+                follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, 0, nothing, 0)
             states[period] = y
 
     return follow_periods
@@ -117,7 +117,7 @@ def replay(segment: Segment, step_us: float = MAX_STEP_S * 1e6) -> np.ndarray:
     states = np.empty((len(segment.currents_A), 8))
     _follow_periods(
         segment.edges, segment.first, timing, sim._machine, torque, segment.inverter.copy(),
-        segment.state.copy(), sim.vdc_V, pwm_record(), np.empty((0, 0), np.float32), states,
+        sim.sensors.copy(), segment.state.copy(), sim.vdc_V, pwm_record(), np.empty((0, 0), np.float32), states,
     )  # fmt: skip
     return np.array([sim._machine.i_phase @ y for y in states[:, :6]])
 
@@ -169,7 +169,7 @@ def plot(result: dict, path: str | Path) -> Path:
     panels: dict[tuple, list[dict]] = {}
     for row in result["points"]:
         panels.setdefault((row["setup"], row["speed_rpm"], row["load_Nm"]), []).append(row)
-    figure, axes = _figure(1, len(panels), 4.4, sharey=True)
+    figure, axes = new_figure(1, len(panels), 4.4, sharey=True)
     step = np.array(result["step_us"])
     for ax, ((setup, speed_rpm, load_Nm), rows) in zip(axes[0], panels.items()):
         worst = max(row["error"][0] for row in rows)
@@ -195,4 +195,4 @@ def plot(result: dict, path: str | Path) -> Path:
                 rotation=90, ha="right", va="bottom", color="#666d78")  # fmt: skip
     axes[0, 0].set_ylabel("largest error of a phase current / amplitude", **LABEL)
     axes[0, -1].legend(loc="center left", bbox_to_anchor=(1, 0.5), **LEGEND)
-    return _save(figure, path)
+    return save(figure, path)
