@@ -191,7 +191,7 @@ def follow(gain, omega, periods, offset_V=0j):
         v = u * np.exp(1j * (omega + slip) * TS * (n + 0.5))
         flux = machine_after(flux, v, omega)
         i = stator_current(flux)
-        lib.ht_observer_update(cfg, state, vsd(v + offset_V), vsd(i), omega, 1 / PSI**2)
+        lib.ht_observer_update(cfg, state, vsd(v + offset_V), vsd(i), omega * TS, 1 / PSI**2)
         rows.append((flux[0], cplx(state.psi_Wb), flux[1], cplx(state.psi_r_Wb)))
     return np.array(rows).T
 
@@ -219,7 +219,7 @@ def test_hybrid_finds_an_unknown_initial_flux():
     psi = flux[0] * np.exp(1j * (20.0 + slip) * TS * np.arange(12000))
     for n in range(1, len(i)):
         v = (psi[n] - psi[n - 1]) / TS + RS * (i[n] + i[n - 1]) / 2
-        lib.ht_observer_update(cfg, state, vsd(v), vsd(i[n]), 20.0, 1 / PSI**2)
+        lib.ht_observer_update(cfg, state, vsd(v), vsd(i[n]), 20.0 * TS, 1 / PSI**2)
     assert cplx(state.psi_Wb) == pytest.approx(psi[-1], abs=0.01 * PSI)
 
 
@@ -256,7 +256,7 @@ def test_current_model_is_stable_at_large_steps(turn_rad, sign):
     state.psi_r_Wb.alpha = 0.5
     nothing = ffi.new("ht_vsd *")
     for _ in range(20_000):
-        lib.ht_observer_update(cfg, state, nothing, nothing, sign * turn_rad / cfg.ts_s, 4.0)
+        lib.ht_observer_update(cfg, state, nothing, nothing, sign * turn_rad, 4.0)
     assert np.hypot(state.psi_r_Wb.alpha, state.psi_r_Wb.beta) < 0.51
 
 
@@ -411,7 +411,7 @@ def adapted(speed, torque, rs=1.0, rr=1.0, seconds=SETTLED_S, gain=None):
     for n, (v, z) in enumerate(zip(v_V.tolist(), (i * turn[1:]).tolist(), strict=True), 1):
         v_ab.alpha, v_ab.beta = v.real, v.imag
         i_ab.alpha, i_ab.beta = z.real, z.imag
-        lib.ht_observer_update(cfg, state, v_out, i_out, omega_r, 1 / PSI**2)
+        lib.ht_observer_update(cfg, state, v_out, i_out, omega_r * TS, 1 / PSI**2)
         if gain is not None and n % 100 == 0 and n * TS > SETTLED_S:
             lib.ht_observer_adapt(cfg, state, gain)
     return cfg, state, flux * turn[-1], i * turn[-1]

@@ -192,6 +192,6 @@ def test_currents_come_to_rest(symmetric, lxy_H):
 
 def test_set_up_reaches_the_inverter():
     setup = scenario.load("paper-b")
-    assert Simulation(setup)._inverter.drops == 0
-    inv = Simulation(setup.changed(**{f"inverter__{k}": v for k, v in DROPS.items()}))._inverter
+    assert Simulation(setup).inverter.drops == 0
+    inv = Simulation(setup.changed(**{f"inverter__{k}": v for k, v in DROPS.items()})).inverter
     assert inv.drops == 1 and {name: inv[name] for name in DROPS} == DROPS

@@ -121,7 +121,7 @@ def test_drive_trips_at_once(latency):
     sim.start()
     sim.run(0.2)
     sim.check()
-    assert sim._inverter.off < 6
+    assert sim.inverter.off < 6
     sim.stop()
     sim.run(sim.period_s)
     gates = sim.take()["plant.gates"][-sim.samples_per_period :]

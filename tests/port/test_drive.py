@@ -179,8 +179,25 @@ def test_speed_from_the_encoder_across_its_wrap(bench):
             bench.fast()
             bench.slow()
         assert bench.drive.speed_rpm == pytest.approx(rpm, rel=1e-6)
-        electrical = rpm * np.pi / 30 * 2  # two pole pairs
-        assert measured(bench).omega_r_rad_s == pytest.approx(electrical, rel=1e-5)
+
+
+def test_rotor_angle_from_sample_to_sample(bench):
+    """Two pole pairs, 8192 counts: the electrical angle since the sample before, across the
+    counter's wrap; a counter that jumps counts as 1.5 rad at most."""
+    address = QPOSCNT[bench.device]
+
+    def turned(counts):
+        bench.words[address : address + 2] = counts & 0xFFFF, counts >> 16
+        bench.fast()
+        return measured(bench).turn_rad
+
+    turned(0xFFFFFFF0)
+    count = 2 * 2 * np.pi / 8192
+    assert turned(0x10) == pytest.approx(32 * count, rel=1e-6)
+    assert turned(0x10) == 0
+    assert turned(0xFFFFFFFF) == pytest.approx(-17 * count, rel=1e-6)
+    assert turned(5000) == 1.5
+    assert turned(0) == -1.5
 
 
 # --- protection --------------------------------------------------------------------

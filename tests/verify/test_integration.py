@@ -7,7 +7,7 @@ import pytest
 from hexatorque import scenario
 from hexatorque.plant.loop import MAX_STEP_S
 from hexatorque.study import Point, approach
-from hexatorque.verify.integration import plot, replay, run_segment, study
+from hexatorque.verify.integration import errors, plot, replay, run_segment, tables
 
 
 @pytest.mark.parametrize("sample_delay_us", [0.0, 3.0])
@@ -22,7 +22,7 @@ def test_replay_is_the_run_itself(sample_delay_us):
 def test_study_and_its_figure(tmp_path):
     setup = scenario.load("paper-b")
     points = [Point(setup.changed(controller__scheme=s), 2500, 2) for s in ("dtc1", "dtc3")]
-    result = study(points, 0.2)
+    result = errors(points, 0.2)
     step = np.array(result["step_us"])
     for row in result["points"]:
         error = np.array(row["error"])
@@ -31,5 +31,6 @@ def test_study_and_its_figure(tmp_path):
         assert error[4] < 1e-10
         chosen = error[result["step_us"].index(MAX_STEP_S * 1e6)]
         assert chosen < result["limit"] / 5
+    assert len(tables(result)[0].rows) == 2
     path = plot(result, tmp_path / "error.png")
     assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 20_000

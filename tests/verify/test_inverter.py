@@ -14,7 +14,7 @@ THRESHOLD_V = (1.2 + 1.0) / 2
 
 @pytest.fixture(scope="module")
 def result():
-    return inverter.study()
+    return inverter.curves()
 
 
 @pytest.mark.parametrize(("index", "more_V", "ohm"), [(0, 0, 0), (1, THRESHOLD_V, 0.02), (2, 0, 0)])
@@ -51,6 +51,10 @@ def test_firmware_believes_in_a_step(result):
     assert abs(np.interp(0, i, error)) < 1
 
 
-def test_picture(result, tmp_path):
+def test_study_and_its_picture(tmp_path):
+    result = inverter.study()
+    assert result["plateau_V"] == pytest.approx(DEAD_TIME_V)
+    assert [len(c["i_A"]) > 100 for c in result["curves"]] == [True] * 3
+    assert len(inverter.tables(result)[0].rows) == 9
     path = inverter.plot(result, tmp_path / "inverter.png")
     assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 20_000

@@ -63,31 +63,31 @@ class MachineParameters:
 
 #: Matrices for the compiled code. Records rather than tuples of arrays: passed by
 #: address, without reference counting, which costs more than the arithmetic.
-MACHINE = np.dtype(
-    [
-        ("slope", "f8", (6, 8)),  # column c = effect of flux c on (d psi/dt, i_alpha, i_beta)
-        ("i_phase", "f8", (6, 6)),  # phase currents from the six fluxes
-        ("g_leg", "f8", (6, 6)),  # d i_phase/dt per volt on each leg
-        ("i_stator", "f8", (4, 6)),  # alpha, beta, x, y currents from the fluxes
-        ("inv_l_max", "f8"),  # the fastest di/dt per volt that a stator voltage finds, 1/H
-        ("lm_over_lr", "f8"),
-        ("rr_over_lr", "f8"),
-        ("pole_pairs", "f8"),
-        ("torque_gain", "f8"),
-        ("psi_knee_Wb", "f8"),  # 0: linear magnetics
-        ("saturation_exponent", "f8"),
-        ("main", "f8", (2, 6)),  # the linear machine's main flux from the six fluxes
-        ("main_leg", "f8", (2, 6)),  # d main flux / dt per volt on each leg
-        ("excess_share", "f8", (2, 2)),  # K of saturation.py
-        ("i_excess", "f8", (6, 2)),  # phase currents from the excess flux
-        ("inertia", "f8"),
-        ("viscous", "f8"),
-    ]
-)
+_FIELDS = [
+    ("slope", "f8", (6, 8)),  # column c = effect of flux c on (d psi/dt, i_alpha, i_beta)
+    ("i_phase", "f8", (6, 6)),  # phase currents from the six fluxes
+    ("g_leg", "f8", (6, 6)),  # d i_phase/dt per volt on each leg
+    ("i_stator", "f8", (4, 6)),  # alpha, beta, x, y currents from the fluxes
+    ("inv_l_max", "f8"),  # the fastest di/dt per volt that a stator voltage finds, 1/H
+    ("lm_over_lr", "f8"),
+    ("rr_over_lr", "f8"),
+    ("pole_pairs", "f8"),
+    ("torque_gain", "f8"),
+    ("psi_knee_Wb", "f8"),  # 0: linear magnetics
+    ("saturation_exponent", "f8"),
+    ("main", "f8", (2, 6)),  # the linear machine's main flux from the six fluxes
+    ("main_leg", "f8", (2, 6)),  # d main flux / dt per volt on each leg
+    ("excess_share", "f8", (2, 2)),  # K of saturation.py
+    ("i_excess", "f8", (6, 2)),  # phase currents from the excess flux
+    ("inertia", "f8"),
+    ("viscous", "f8"),
+]
 
-#: The same for a machine that saturates. Compiled code asks for the type, not the
-#: value: a linear machine pays nothing for the option.
-SATURABLE = np.dtype([*MACHINE.descr, ("saturable", "i8")])
+#: A type for each kind of magnetics. Compiled code asks for the type, not for a value:
+#: a linear machine pays nothing for the option. Neither type's fields contain the
+#: other's, or a function compiled for the one would accept the other.
+LINEAR = np.dtype([*_FIELDS, ("linear", "i8")])
+SATURABLE = np.dtype([*_FIELDS, ("saturable", "i8")])
 
 
 def saturates(m) -> bool:
@@ -99,8 +99,6 @@ def saturates(m) -> bool:
 def _saturates(m):
     known = "saturable" in m.fields
     return lambda m: known
-
-
 
 
 def machine_record(p: MachineParameters) -> np.record:
@@ -119,10 +117,10 @@ def machine_record(p: MachineParameters) -> np.record:
     rows = np.vstack([-resistance @ current, current[:2]])
     i_phase = INVERSE @ current[:4]
     main = p.lm_H * (current[:2] + current[4:])
-    saturable = {"saturable": 1} if p.psi_knee_Wb > 0 else {}
+    kind = {"saturable" if p.psi_knee_Wb > 0 else "linear": 1}
     return record(
-        SATURABLE if saturable else MACHINE,
-        **saturable,
+        SATURABLE if p.psi_knee_Wb > 0 else LINEAR,
+        **kind,
         slope=rows.T,
         i_phase=i_phase,
         g_leg=i_phase[:, :4] @ TRANSFORM,

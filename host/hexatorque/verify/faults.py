@@ -288,7 +288,7 @@ def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
     elif state in ("idle", "fault") and (
         sim.controller.state not in ("idle", "fault") or not _gates_off(sim)
     ):
-            result.error = f"gates on in {sim.controller.state}"
+        result.error = f"gates on in {sim.controller.state}"
     latched = sim.controller.state in ("idle", "fault")
     result.error = result.error or _shoot_through(sim, legs)
     if latched and not result.error:

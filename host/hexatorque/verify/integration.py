@@ -16,13 +16,16 @@ import numpy as np
 from numba import njit
 
 from .. import firmware
-from ..analysis.plots import INK, LABEL, LEGEND, TITLE, new_figure, save
+from ..analysis.plots import INK, LABEL, LEGEND, new_figure, save
+from ..analysis.plots import TITLE as HEADING
 from ..plant.loop import MAX_STEP_S, follow, source_hash
 from ..plant.pwm import pwm_record
 from ..scenario import load
 from ..sil import Simulation, _load
-from ..study import Point, approach
+from ..study import Point, Progress, approach
 
+TITLE = "Integration: error against step size"
+SETUPS = ("paper-a-feasible", "paper-b")
 #: Longest steps compared: a period of 10 kHz and its halves, us.
 STEPS_US = (100.0, 50.0, 25.0, 12.5, 6.25)
 FINEST_US = STEPS_US[-1] / 16
@@ -117,29 +120,35 @@ def replay(segment: Segment, step_us: float = MAX_STEP_S * 1e6) -> np.ndarray:
     states = np.empty((len(segment.currents_A), 8))
     _follow_periods(
         segment.edges, segment.first, timing, sim._machine, torque, segment.inverter.copy(),
-        sim.sensors.copy(), segment.state.copy(), sim.vdc_V, pwm_record(), np.empty((0, 0), np.float32), states,
+        sim.sensors.copy(), segment.state.copy(), sim.vdc_V, pwm_record(),
+        np.empty((0, 0), np.float32), states,
     )  # fmt: skip
     return np.array([sim._machine.i_phase @ y for y in states[:, :6]])
 
 
-def study(points: Iterable[Point] | None = None, duration_s: float = 0.5) -> dict:
+def study(quick: bool = False, progress: Progress | None = None) -> dict:
+    """Every scheme at the operating points of both papers; quick: one scheme."""
+    schemes = ("dtc3",) if quick else firmware.schemes()
+    points = [
+        Point(s.changed(controller__scheme=scheme), s["point.speed_rpm"], s["point.load_Nm"])
+        for s in (load(name) for name in SETUPS)
+        for scheme in schemes
+    ]
+    return errors(points, 0.2 if quick else 0.5, progress)
+
+
+def errors(
+    points: Iterable[Point], duration_s: float = 0.5, progress: Progress | None = None
+) -> dict:
     """Largest error of any phase current at the control instants, relative to their
-    amplitude, at each of STEPS_US. `points` as they are; default: every scheme at the
-    operating points of both papers.
+    amplitude, at each of STEPS_US.
 
     {"duration_s", "step_us": [...], "finest_us", "chosen_us", "limit",
     "points": [{"setup", "scheme", "speed_rpm", "load_Nm", "error": [...]}]}
     """
-    if points is None:
-        setups = [load(name) for name in ("paper-a-feasible", "paper-b")]
-        points = [
-            Point(s.changed(controller__scheme=scheme), s["point.speed_rpm"], s["point.load_Nm"])
-            for s in setups
-            for scheme in firmware.schemes()
-        ]
     rows = []
     for point in points:
-        segment = run_segment(approach(point), duration_s)
+        segment = run_segment(approach(point, progress), duration_s)
         exact = replay(segment, FINEST_US)
         error = [
             float(np.max(np.abs(replay(segment, step) - exact))) / segment.amplitude_A
@@ -162,6 +171,24 @@ def study(points: Iterable[Point] | None = None, duration_s: float = 0.5) -> dic
         "limit": LIMIT,
         "points": rows,
     }
+
+
+def tables(result: dict) -> list:
+    from rich.table import Table
+
+    table = Table(
+        title=f"{TITLE}\nlargest error of a phase current / amplitude over "
+        f"{result['duration_s']:g} s; required {result['limit']:g}, default step "
+        f"{result['chosen_us']:g} us",
+        title_justify="left",
+    )
+    table.add_column("set-up, scheme")
+    for step in result["step_us"]:
+        table.add_column(f"{step:g} us", justify="right")
+    for row in result["points"]:
+        errors = (f"{error:.1e}" for error in row["error"])
+        table.add_row(f"{row['setup']}, {row['scheme']}", *errors)
+    return [table]
 
 
 def plot(result: dict, path: str | Path) -> Path:
@@ -187,7 +214,7 @@ def plot(result: dict, path: str | Path) -> Path:
         ax.set_xticks(step, [f"{h:g}" for h in step])
         ax.minorticks_off()
         ax.set_xlim(0.85 * step.min(), 1.25 * step.max())
-        ax.set_title(f"{setup}: {speed_rpm:g} r/min, {load_Nm:g} N m", **TITLE)
+        ax.set_title(f"{setup}: {speed_rpm:g} r/min, {load_Nm:g} N m", **HEADING)
         ax.set_xlabel("longest step [µs]", **LABEL)
         ax.text(step.min(), 0.7 * result["limit"], "required", fontsize=8, va="top",
                 color=INK)  # fmt: skip

@@ -20,7 +20,9 @@ from ..frames import ANGLES_RAD
 from ..plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
 from ..plant.machine import LOAD, MachineParameters, machine_record, phase_current
 from ..plant.record import record
+from ..study import Progress
 
+TITLE = "Inverter: error voltage of a leg"
 CLOCK_HZ, PERIOD = 100e6, 10_000  #: counts: 10 kHz
 DEAD_TIME_US = 2.3
 I_MAX_A = 1.0
@@ -139,19 +141,19 @@ def _belief_V(setup: scenario.Setup, table: np.ndarray) -> np.ndarray:
     return setup["inverter.vdc_V"] * np.array(volts)
 
 
-def study(setup: scenario.Setup | None = None) -> Result:
+def curves(setup: scenario.Setup | None = None) -> Result:
     """Simulate the ramp with ideal devices and with drops (DROPS), and ask the firmware.
     By default paper B's drive with DEAD_TIME_US."""
     if setup is None:
         setup = scenario.load("paper-b").changed(inverter__dead_time_us=DEAD_TIME_US)
     ideal, real = _measure(setup), _measure(setup, **DROPS)
-    curves = (
+    found = (
         Curve("ideal devices", ideal[:, CURRENT], ideal[:, ERROR]),
         Curve("with conduction drops", real[:, CURRENT], real[:, ERROR]),
         Curve("firmware's model", ideal[:, CURRENT], _belief_V(setup, ideal)),
     )
     period_us = 1e6 * PERIOD / CLOCK_HZ
-    return Result(setup["inverter.vdc_V"], setup["inverter.dead_time_us"], period_us, curves)
+    return Result(setup["inverter.vdc_V"], setup["inverter.dead_time_us"], period_us, found)
 
 
 def _line(curve: Curve, bins: int = 160) -> tuple[np.ndarray, np.ndarray]:
@@ -165,25 +167,65 @@ def _line(curve: Curve, bins: int = 160) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def plot(result: Result, path: str | Path) -> Path:
+def study(quick: bool = False, progress: Progress | None = None) -> dict:
+    """The curves as plain data; quick or not, it is one ramp each."""
+    result = curves()
+    lines = {curve.name: _line(curve) for curve in result.curves}
+    return {
+        "vdc_V": result.vdc_V,
+        "dead_time_us": result.dead_time_us,
+        "period_us": result.period_us,
+        "plateau_V": result.plateau_V,
+        "curves": [
+            {"name": name, "i_A": i.tolist(), "error_V": error.tolist()}
+            for name, (i, error) in lines.items()
+        ],
+    }
+
+
+def tables(result: dict) -> list:
+    from rich.table import Table
+
+    table = Table(
+        title=f"{TITLE}\nmean leg voltage less command [V], {_point(result)}",
+        title_justify="left",
+    )
+    table.add_column("current [A]", justify="right")
+    for curve in result["curves"]:
+        table.add_column(curve["name"], justify="right")
+    for i_A in (-0.9, -0.4, -0.2, -0.1, 0.0, 0.1, 0.2, 0.4, 0.9):
+        values = (np.interp(i_A, c["i_A"], c["error_V"]) for c in result["curves"])
+        table.add_row(f"{i_A:g}", *(f"{value:+.2f}" for value in values))
+    return [table]
+
+
+def _point(result: dict) -> str:
+    return (
+        f"dead time {result['dead_time_us']:g} µs, {result['vdc_V']:g} V, "
+        f"{1e3 / result['period_us']:g} kHz"
+    )
+
+
+def plot(result: dict, path: str | Path) -> Path:
     """The S-curves, as a PNG file."""
-    from ..analysis.plots import INK, LABEL, LEGEND, TITLE, new_figure, save
+    from ..analysis.plots import INK, LABEL, LEGEND, new_figure, save
+    from ..analysis.plots import TITLE as HEADING
 
     figure, axes = new_figure(1, 1, 5.2, 8.5)
     ax = axes[0, 0]
-    level = result.plateau_V
+    level = result["plateau_V"]
     for sign in (1, -1):
         ax.axhline(sign * level, color="#9aa1ab", linewidth=0.9, linestyle=(0, (4, 3)))
     ax.text(0.98 * I_MAX_A, -0.98 * level, f"$-V_{{dc}}\\,t_{{dead}}/T_s$ = {-level:.2f} V",
             fontsize=8, color=INK, ha="right", va="bottom")  # fmt: skip
     styles = (("#0072b2", 2.2, "-"), ("#d55e00", 1.6, "-"), ("#20242b", 1.3, (0, (5, 2))))
-    for curve, (colour, width, dash) in zip(result.curves, styles, strict=True):
-        ax.plot(*_line(curve), color=colour, linewidth=width, linestyle=dash, label=curve.name)
+    for curve, (colour, width, dash) in zip(result["curves"], styles, strict=True):
+        ax.plot(curve["i_A"], curve["error_V"], color=colour, linewidth=width, linestyle=dash,
+                label=curve["name"])  # fmt: skip
     ax.set_xlim(-I_MAX_A, I_MAX_A)
     ax.set_ylim(-1.35 * level, 1.35 * level)
     ax.set_xlabel("mean phase current [A]", **LABEL)
     ax.set_ylabel("mean leg voltage less command [V]", **LABEL)
-    point = f"{result.dead_time_us:g} µs, {result.vdc_V:g} V, {1e3 / result.period_us:g} kHz"
-    ax.set_title(f"Error voltage of a leg at standstill, dead time {point}", **TITLE)
+    ax.set_title(f"{TITLE}, {_point(result)}", **HEADING)
     ax.legend(loc="center right", bbox_to_anchor=(1, 0.7), **LEGEND)
     return save(figure, path)

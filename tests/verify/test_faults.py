@@ -1,0 +1,84 @@
+"""The fault campaign: 2100 faults, and that the campaign itself would notice."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hexatorque.plant.inverter import HIGH, LOW, OFF
+from hexatorque.verify import faults
+
+
+@pytest.fixture(scope="module")
+def result():
+    return faults.study()
+
+
+def test_every_fault_is_found_and_named(result):
+    assert result["runs"] >= 2000
+    for row in result["rows"]:
+        assert row["errors"] == [], row["fault"]
+        assert row["found"] >= row["runs"] / 2, row["fault"]
+
+
+def test_in_the_next_interrupt(result):
+    """Whatever a sample can show takes one period; the rest its stated time."""
+    slow = {f.name for f in faults.FAULTS if f.deadline != faults.NOW}
+    assert len(slow) == 4
+    for row in result["rows"]:
+        if row["fault"] not in slow:
+            assert row["periods_max"] == 1, row["fault"]
+
+
+def test_tables_and_picture(result, tmp_path):
+    assert len(faults.tables(result)[0].rows) == len(faults.FAULTS)
+    path = faults.plot(result, tmp_path / "faults.png")
+    assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 20_000
+
+
+# --- the campaign's own eyes ------------------------------------------------------
+
+
+def find(name):
+    return next(f for f in faults.FAULTS if f.name == name)
+
+
+def test_a_fault_that_nobody_finds():
+    harmless = faults.Fault("nothing", lambda sim, rng: None, ("over-current",))
+    result = faults.run(harmless, "run", "ddr", "paper-a-feasible", 1)
+    assert result.error == "not found within 1 periods"
+
+
+def test_a_cause_named_wrongly():
+    trip = find("trip pin")
+    misnamed = faults.Fault("trip pin", trip.inject, ("over-speed",))
+    result = faults.run(misnamed, "run", "ddr", "paper-a-feasible", 1)
+    assert result.error == "named external trip"
+
+
+def test_gates_that_come_on_again(monkeypatch):
+    """Someone releases the latch behind the firmware's back: it is set again within a
+    period, which is a period too late for the campaign."""
+
+    def release(sim, rng):
+        m, words = sim.controller.map, sim.controller.register_words()
+        for leg in range(6):
+            words[m.epwm + leg * m.stride + m.tzflg] = 0
+
+    monkeypatch.setattr(faults, "_disturb", release)
+    result = faults.run(find("trip pin"), "run", "ddr", "paper-a-feasible", 1)
+    assert result.error in ("a gate came on after the latch", "a leg changed after the latch")
+
+
+def test_legs_that_change_over_too_fast():
+    clock = SimpleNamespace(map=SimpleNamespace(pwm_clock_Hz=100e6))
+    dead = {"inverter.dead_time_us": 2.0}
+
+    def seen(*edges):
+        sim = SimpleNamespace(setup=dead, controller=clock, edges=np.array(edges))
+        return faults._shoot_through(sim, np.array([LOW] * 6))
+
+    assert seen((0, 0, OFF), (200, 0, HIGH), (900, 0, OFF), (1100, 0, LOW)) == ""
+    assert "without dead time" in seen((0, 0, HIGH))
+    assert "199 counts" in seen((0, 0, OFF), (199, 0, HIGH))
+    assert seen((0, 0, OFF), (100, 1, OFF), (300, 1, HIGH), (400, 0, HIGH)) == ""
