@@ -118,6 +118,7 @@ static void apply_protection(ht_drive *d)
     c->stuck_counts = v[HT_P_stuck_trip_A] * ADC_FULL / (2.0f * v[HT_P_i_full_A]);
     c->ls_H = v[HT_P_sigma_ls_H] + ratio * v[HT_P_lm_H];
     c->sigma = v[HT_P_sigma_ls_H] / c->ls_H;
+    c->no_load_A = v[HT_P_flux_ref_Wb] / c->ls_H;
     c->slip_gain = v[HT_P_rr_ohm] * ratio * ratio;
     c->rpm_per_rad_s = 30.0f / (PI_F * v[HT_P_pole_pairs]);
     c->flux_gain = 1.0f / (1.0f + FLUX_CHECK_S * v[HT_P_f_slow_Hz]);

@@ -91,14 +91,16 @@ uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state
     return faults;
 }
 
-/* Distance of the present current from the circle diagram, in no-load currents. */
-static float circle_distance(const ht_protect_config *cfg, ht_ab psi, ht_ab i, float psi2)
+/* Distance of the present current from the circle diagram, A. */
+static float circle_distance_A(const ht_protect_config *cfg, ht_ab psi, ht_ab i, float psi2)
 {
-    float unit = cfg->ls_H / psi2;
-    float q = unit * (psi.alpha * i.alpha + psi.beta * i.beta);
-    float t = unit * (psi.alpha * i.beta - psi.beta * i.alpha);
-    float centre = 0.5f * (1.0f + 1.0f / cfg->sigma);
-    return centre - 1.0f - sqrtf((q - centre) * (q - centre) + t * t);
+    float size = sqrtf(psi2);
+    float unit_A = size / cfg->ls_H;
+    float along_A = (psi.alpha * i.alpha + psi.beta * i.beta) / size;
+    float across_A = (psi.alpha * i.beta - psi.beta * i.alpha) / size;
+    float radius_A = unit_A * 0.5f * (1.0f / cfg->sigma - 1.0f);
+    along_A -= unit_A + radius_A; /* from the centre */
+    return radius_A - sqrtf(along_A * along_A + across_A * across_A);
 }
 
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
@@ -112,7 +114,7 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
     float slip;
     float off;
     if (psi2 != 0.0f) { /* NaN goes in: it must not pass for a machine without flux */
-        off = circle_distance(cfg, psi, i, psi2);
+        off = circle_distance_A(cfg, psi, i, psi2) / cfg->no_load_A;
         st->circle2 += cfg->flux_gain * (off * off - st->circle2);
     }
     r.alpha = psi.alpha - cfg->sigma * cfg->ls_H * i.alpha;

@@ -34,7 +34,9 @@ typedef struct {
     float flux_trip_Wb;     /**< either component of the estimate */
     float speed_trip_rpm;
     float encoder_trip_rpm; /**< measured against estimated speed; 0 = off */
-    float flux_check;       /**< distance from the circle diagram, rms; 0 = off */
+    float flux_check;       /**< distance from the circle diagram, rms, units of
+                             *   `no_load_A`; 0 = off */
+    float no_load_A;        /**< no-load current at the flux reference, psi/L_s */
     float stuck_counts;     /**< converter counts another phase must have moved; 0 = off */
     float ls_H;             /**< stator inductance */
     float sigma;            /**< leakage factor */
@@ -73,9 +75,10 @@ uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state
  *
  *  Flux: the controller holds the estimate on its circle whatever the machine does,
  *  so its size proves nothing. What it must fit is the current. With the stator
- *  current along and across the estimated flux, in units of the no-load current
+ *  current along and across the estimated flux, in units of its no-load current
  *  psi/L_s, as q and t, every steady state of a machine lies on the circle diagram
- *  (q - c)^2 + t^2 = (c - 1)^2, c = (1 + 1/sigma)/2; a wrong flux does not.
+ *  (q - c)^2 + t^2 = (c - 1)^2, c = (1 + 1/sigma)/2; a wrong flux does not. The limit
+ *  is in amperes: with a weakened field the current's ripple does not shrink.
  *
  *  Encoder: the shaft's speed is that of the flux minus slip. */
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,

@@ -11,7 +11,7 @@ static float cross(ht_ab p, ht_ab q)
 /* Adaptation: fades out above this flux speed, ... */
 #define ADAPT_RAD_S 60.0f
 /* ... a trace weaker than this voltage counts for little, ... */
-#define ADAPT_V 1.0f
+#define ADAPT_V 0.3f
 /* ... and no resistance leaves 0.5 .. 1.6 of its configured value: copper from
  * -40 to 180 degC spans 0.76 .. 1.63 of its value at 20 degC. */
 #define ADAPT_LEAST 0.5f

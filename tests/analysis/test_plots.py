@@ -72,7 +72,7 @@ def test_bar_markers_stand_at_the_papers_values(make_run):
         ("f_sw_Hz", 1e-3, [1.5, 3.0]),  # relative to our DTC1
         ("delta_i_A", 1.0, []),
     ):
-        _, axes = plots._figure(1, 1, 2.0)
+        _, axes = plots.new_figure(1, 1, 2.0)
         plots._bar_panel(axes[0, 0], runs, key, scale, plots.PAPER)
         marks = [float(line.get_ydata()[0]) for line in axes[0, 0].lines]
         assert marks == pytest.approx(expected)
@@ -100,6 +100,6 @@ def test_thinning_keeps_the_extremes_and_the_span():
 def test_matplotlib_loads_on_first_use_only():
     code = (
         "import sys, hexatorque.analysis.plots as p; assert 'matplotlib' not in sys.modules;"
-        "p._figure(1, 1, 2.0); assert 'matplotlib.pyplot' not in sys.modules"
+        "p.new_figure(1, 1, 2.0); assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

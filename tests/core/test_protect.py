@@ -68,6 +68,7 @@ def config(machine=MACHINES[0], **changes):
         "i_trip_A": BIG, "i_ab_trip_A": BIG, "i_sum_trip_A": BIG, "vdc_min_V": 0.0,
         "vdc_max_V": BIG, "flux_trip_Wb": 1e5, "speed_trip_rpm": BIG, "encoder_trip_rpm": 0.0,
         "flux_check": 0.0, "stuck_counts": 0.0, "ls_H": ls, "sigma": sigma(machine),
+        "no_load_A": 1.0,
         "slip_gain": rr * (lm / lr) ** 2, "rpm_per_rad_s": 30 / np.pi / pole_pairs,
         "flux_gain": 1.0, "encoder_gain": 1.0,
     }  # fmt: skip
@@ -114,9 +115,10 @@ def test_every_fault_is_a_bit_of_its_own_and_has_a_name():
 
 
 def distance(machine, psi, i, state=None, cfg=None):
-    """As the check sees it at one look."""
+    """As the check sees it at one look, in no-load currents of this flux."""
     state = state or fresh()
-    lib.ht_protect_slow(cfg or config(machine), state, seen(psi, i), 0.0)
+    cfg = cfg or config(machine, no_load_A=abs(psi) / machine[2])
+    lib.ht_protect_slow(cfg, state, seen(psi, i), 0.0)
     return math.sqrt(state.circle2)
 
 
@@ -171,7 +173,8 @@ def test_distance_of_a_wrong_flux(machine, wrong, share):
     assert distance(machine, estimate, i) == pytest.approx(
         off_circle(machine, z), rel=2e-3, abs=1e-4
     )
-    if share == 0 and not np.imag(wrong):  # only the no-load current: no root in it
+    # Without load: along the axis, from the no-load point unless the other end is nearer.
+    if share == 0 and not np.imag(wrong) and z.real < (1 + 1 / sigma(machine)) / 2:
         assert distance(machine, estimate, i) == pytest.approx(abs(1 / wrong - 1), rel=1e-4)
 
 
@@ -192,7 +195,7 @@ def test_rms_of_a_flux_offset(machine, rotor_rad_s):
     that turns sees it turn, which leaves the root of half its square."""
     psi, offset = 0.5, 0.004 - 0.003j
     extra = current(machine, -rotor_rad_s, offset)
-    cfg, state = config(machine, flux_gain=1e-3), fresh()
+    cfg, state = config(machine, flux_gain=1e-3, no_load_A=psi / machine[2]), fresh()
     turns = psi * np.exp(2j * np.pi * np.arange(0, 400, 0.0391))
     for estimate in turns:
         lib.ht_protect_slow(cfg, state, seen(estimate, estimate / machine[2] + extra), 0.0)
@@ -221,7 +224,9 @@ def test_flux_threshold_and_low_pass(gain, wrong):
     n = np.arange(1, 2000)
     want = n[d**2 * (1 - (1 - gain) ** n) > limit**2][0]
     control = seen(0.6 * wrong + 0j, current(machine, 0.0, 0.6))
-    assert looks_until("FLUX", config(machine, flux_check=limit, flux_gain=gain), control) == want
+    unit = 0.6 * wrong / machine[2]
+    cfg = config(machine, flux_check=limit, flux_gain=gain, no_load_A=unit)
+    assert looks_until("FLUX", cfg, control) == want
 
 
 @pytest.mark.parametrize("sign", (1, -1))
@@ -229,7 +234,16 @@ def test_flux_threshold_is_where_it_says(sign):
     machine, limit = MACHINES[0], 0.45
     for near, found in ((0.999, None), (1.001, 1)):
         i = current(machine, 0.0, 0.6) * (1 + sign * near * limit)
-        assert looks_until("FLUX", config(machine, flux_check=limit), seen(0.6 + 0j, i)) == found
+        cfg = config(machine, flux_check=limit, no_load_A=0.6 / machine[2])
+        assert looks_until("FLUX", cfg, seen(0.6 + 0j, i)) == found
+
+
+def test_flux_limit_is_in_amperes():
+    """Half the flux, the same distance in amperes: the limit stays where it is."""
+    machine = MACHINES[0]
+    for size in (0.6, 0.3):
+        i = current(machine, 0.0, size) + 0.5
+        assert distance(machine, size + 0j, i, cfg=config(machine)) == pytest.approx(0.5, rel=1e-4)
 
 
 def test_flux_check_of_zero_is_off():

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numba import njit
+from scipy.integrate import solve_ivp
 
 from hexatorque.plant.machine import (
     LOAD,
@@ -229,3 +230,83 @@ def test_shape_of_loads():
     assert brake[1] == max(brake) > 8
     for kind in ("generator", "fan", "friction", "brake"):
         assert load_at(_load(kind, 8.0, 1000), 0.01 * w) < 8
+
+
+def winding_equations(p, amplitude, w, t_end, times):
+    """Stator and rotor current, speed and the energies' rates of the two winding equations
+    in complex form, under a sinusoidal supply from standstill: (6 real states) by DOP853."""
+    inductance = np.array([[p.lls_H + p.lm_H, p.lm_H], [p.lm_H, p.llr_H + p.lm_H]])
+    current = np.linalg.inv(inductance)
+
+    def slopes(t, z):
+        psi = z[:2] + 1j * z[2:4]
+        i = current @ psi
+        v = amplitude * np.exp(1j * w * t)
+        d = np.array([v - p.rs_ohm * i[0], -p.rr_ohm * i[1] + 1j * p.pole_pairs * z[4] * psi[1]])
+        torque = 3 * p.pole_pairs * (np.conj(psi[0]) * i[0]).imag
+        turning = (torque - p.viscous_Nms * z[4]) / p.inertia_kgm2
+        lost = 3 * p.rr_ohm * abs(i[1]) ** 2
+        return np.concatenate([d.real, d.imag, [turning, lost]])
+
+    solved = solve_ivp(slopes, (0, t_end), np.zeros(6), "DOP853", times, rtol=1e-8, atol=1e-9)
+    psi = solved.y[:2] + 1j * solved.y[2:4]
+    return current @ psi, solved.y[4], solved.y[5]
+
+
+def supplied(p, amplitude, w, seconds, dt=20e-6):
+    """The plant's states under the same supply, the voltage of mid-step held."""
+    t = dt * np.arange(round(seconds / dt))
+    v = np.zeros((len(t), 4))
+    v[:, 0] = amplitude * np.cos(w * (t + dt / 2))
+    v[:, 1] = amplitude * np.sin(w * (t + dt / 2))
+    m = machine_record(p)
+    return t + dt, m, run(m, NO_LOAD, np.zeros(8), v, dt)
+
+
+def test_free_acceleration(symmetric):
+    """From standstill to no load: the trajectory; synchronous speed at the end; and as much
+    energy lost in the rotor as the shaft keeps (of a start so slow that the transient of
+    switching on is a small part of it)."""
+    p = replace(symmetric.p, viscous_Nms=0.0, inertia_kgm2=0.3)
+    w, amplitude = 2 * np.pi * 50, 180.0
+    t, m, states = supplied(p, amplitude, w, 6.0)
+    every = slice(0, None, 1000)
+    i, speed, lost_J = winding_equations(p, amplitude, w, 6.0, t[every])
+    plant = states[every, :6] @ m.i_stator.T
+    peak = np.abs(i[0]).max()
+    np.testing.assert_allclose(plant[:, 0] + 1j * plant[:, 1], i[0], atol=1e-4 * peak)
+    np.testing.assert_allclose(states[every, 6], speed, atol=1e-4 * w / p.pole_pairs)
+    synchronous = w / p.pole_pairs
+    assert states[-1, 6] == pytest.approx(synchronous, rel=1e-3)
+    assert states[:, 6].max() > 0.99 * synchronous
+    kinetic_J = p.inertia_kgm2 * synchronous**2 / 2
+    assert lost_J[-1] == pytest.approx(kinetic_J, rel=0.03)
+
+
+def test_no_load_at_synchronous_speed(symmetric):
+    """No slip, no rotor current, no torque: the magnetising circuit alone."""
+    p = replace(symmetric.p, viscous_Nms=0.0)
+    w, amplitude = 2 * np.pi * 50, 180.0
+    _, m, states = supplied(p, amplitude, w, 4.0)
+    i = states[-1000:, :6] @ m.i_stator.T
+    expected = amplitude / abs(p.rs_ohm + 1j * w * (p.lls_H + p.lm_H))
+    np.testing.assert_allclose(np.hypot(i[:, 0], i[:, 1]), expected, rtol=1e-3)
+    torque = [torque_Nm(m, y, row) for y, row in zip(states[-1000:], i)]
+    assert np.max(np.abs(torque)) < 1e-3 * 10
+    assert np.mean(states[-1000:, 6]) == pytest.approx(w / p.pole_pairs, rel=1e-6)
+
+
+def test_locked_rotor(symmetric):
+    """Slip 1 with the shaft held: current and torque of the equivalent circuit."""
+    p = replace(symmetric.p, inertia_kgm2=1e9)
+    w, amplitude = 2 * np.pi * 50, 60.0
+    _, m, states = supplied(p, amplitude, w, 2.0)
+    i = states[-1000:, :6] @ m.i_stator.T
+    rotor = p.rr_ohm + 1j * w * p.llr_H
+    parallel = rotor * 1j * w * p.lm_H / (rotor + 1j * w * p.lm_H)
+    stator_A = amplitude / abs(p.rs_ohm + 1j * w * p.lls_H + parallel)
+    rotor_A = stator_A * abs(parallel / rotor)
+    np.testing.assert_allclose(np.hypot(i[:, 0], i[:, 1]), stator_A, rtol=1e-3)
+    torque = np.mean([torque_Nm(m, y, row) for y, row in zip(states[-1000:], i)])
+    assert torque == pytest.approx(3 * p.pole_pairs * rotor_A**2 * p.rr_ohm / w, rel=1e-3)
+    assert abs(states[-1, 6]) < 1e-6
