@@ -88,6 +88,7 @@ def test_run_says_why_a_drive_tripped(tmp_path, capsys):
         (["run", "nowhere.toml"], ("nowhere.toml", "No such file")),
         (["run", "paper-b", "-o", "x.xls"], ("x.xls", ".csv or .npz")),
         (["setups", "paper-c"], ("paper-c",)),
+        (["verify", "low-sped"], ("low-sped", "low-speed")),
         (["bench", "--counter", "/no/such/program"], ("/no/such/program", "make bench")),
     ],
 )
@@ -182,3 +183,23 @@ def test_results_that_cannot_be_written(tmp_path, capsys):
 def test_bench_counter_that_is_no_program(tmp_path, capsys):
     assert main(["bench", "--counter", str(tmp_path)]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_verify_one_study(tmp_path, capsys):
+    assert main(["verify", "inverter", "--quick", "--json", "-o", str(tmp_path)]) == 0
+    printed, told = capsys.readouterr()
+    result = json.loads(printed)["inverter"]
+    assert result == json.loads((tmp_path / "inverter.json").read_text())
+    assert result["plateau_V"] == pytest.approx(6.9)
+    assert "firmware's model" in told and str(tmp_path / "inverter.png") in told.replace("\n", "")
+    assert (tmp_path / "inverter.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_every_study_has_what_the_command_needs():
+    from importlib import import_module
+
+    from hexatorque.verify import STUDIES
+
+    for name in STUDIES.values():
+        module = import_module(f"hexatorque.verify.{name}")
+        assert module.TITLE and module.study and module.tables and module.plot
