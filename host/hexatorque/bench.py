@@ -11,8 +11,6 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-import numpy as np
-
 from . import firmware
 from .scenario import ScenarioError, Setup
 from .sil import Simulation
@@ -41,37 +39,29 @@ def realtime_factors(setup: Setup, progress: Progress | None = None) -> dict[str
 
 
 def write_trace(setup: Setup, path: Path) -> None:
-    """What the drive's sensors read from the start on, for `count_instructions`."""
-    sim = Simulation(setup, 1)
-    per_A = 4096 / (2 * setup["sensors.i_full_A"])
-    sim.start()
+    """What the drive's registers held in every period from the start on, for
+    `count_instructions`. The capture unit is not among them: speed by edges per time."""
+    sim = Simulation(setup.changed(controller__speed_period_rpm=0.0), 1)
     controller = sim.controller
-    build_s = controller.get("calibration_s") + controller.get("build_s") + 0.05
-    sim.run(build_s)
-    sim.set("speed_ref_rpm", setup["point.speed_rpm"])
-    sim.run(TRACE_S - build_s)
-    rec = sim.take()
-    # Back from amperes to counts: exact, the offsets being those just calibrated.
-    offsets = np.array(list(controller.drive.offset_counts))
-    raw = np.array([2048.0] * 6)
-    calibrating = rec["state"] < firmware.STATES.index("build")
-    counts = np.empty((len(rec), 7), int)
-    for leg, phase in enumerate(("u1", "u2", "w1", "w2", "v1", "v2")):
-        zero = np.where(calibrating, raw[leg], offsets[leg])
-        counts[:, leg] = np.rint(rec[f"i_{phase}_A"] * per_A + zero)
-    counts[:, 6] = np.rint(rec["vdc_V"] * 4096 / setup["sensors.vdc_full_V"])
-    cpr = 4.0 * setup["sensors.encoder_ppr"]
-    turns = rec["plant.theta_rad"].astype(float) / (2 * np.pi)
-    position = np.floor(turns * cpr).astype(np.int64)
+    m, words = controller.map, controller.register_words()
+    rows: list[str] = []
+
+    def run(duration_s: float) -> None:
+        for _ in range(round(duration_s / sim.period_s)):
+            sim.run(sim.period_s, record=False)
+            adc = words[m.adc_result : m.adc_result + 7] >> m.adc_shift
+            position = int(words[m.eqep]) | int(words[m.eqep + 1]) << 16
+            rows.append(f"{' '.join(map(str, adc))} {position} {int(len(rows) % every == 0)}")
+
     every = round(controller.get("f_isr_Hz") / controller.get("f_slow_Hz"))
-    values = list(controller.drive.params.v)
-    with path.open("w") as file:
-        device = firmware.DEVICES.index(setup["timing.device"])
-        file.write(f"device {device} periods {len(rec)}\nparams\n")
-        file.write("\n".join(f"{v:.9g}" for v in values) + "\n")
-        for k in range(len(rec)):
-            row = " ".join(map(str, counts[k]))
-            file.write(f"{row} {position[k] & 0xFFFFFFFF} {int(k % every == 0)}\n")
+    # All parameters stand before the start: the replay then is the run itself.
+    sim.set("speed_ref_rpm", setup["point.speed_rpm"])
+    sim.start()
+    run(TRACE_S)
+    values = "\n".join(f"{v:.9g}" for v in controller.drive.params.v)
+    device = firmware.DEVICES.index(setup["timing.device"])
+    lines = [f"device {device} periods {len(rows)}", "params", values, *rows, ""]
+    path.write_text("\n".join(lines))
 
 
 def instructions(
