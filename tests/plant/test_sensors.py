@@ -206,3 +206,28 @@ def test_filtered_drive_lags_by_its_time_constant():
         lag_s[corner_Hz] = np.angle(phasors[0] / phasors[1]) / w
     assert abs(lag_s[0.0]) < 5e-6
     assert lag_s[1500.0] == pytest.approx(1 / (2 * np.pi * 1500), rel=0.05)
+
+
+def test_a_sensor_that_stands_still_keeps_its_register(device):
+    """Its own and no other: the six currents, the dc link."""
+    for held in range(7):
+        bench = Bench(device)
+        bench.sensors.hold[held] = 1
+        regs = np.zeros(0x8000, np.uint16)
+        words = regs[bench.result : bench.result + 7]
+        words[:] = 123 << bench.shift
+        y = np.zeros(8)
+        y[:4] = 10e-3 * 3.0
+        sample(bench.sensors, MACHINE, y, 400.0, regs)
+        same = [int(w) >> bench.shift == 123 for w in words]
+        assert same == [channel == held for channel in range(7)]
+
+
+def test_an_encoder_that_stands_still_moves_on_from_where_the_shaft_is(device):
+    bench = Bench(device)
+    count = 2 * np.pi / (4 * PPR)
+    assert bench.read(theta=100.5 * count)[1] == 100
+    bench.sensors.hold[7] = 1
+    assert bench.read(theta=900.5 * count)[1] == 100
+    bench.sensors.hold[7] = 0
+    assert bench.read(theta=950.5 * count)[1] == 950
