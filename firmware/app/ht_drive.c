@@ -177,19 +177,15 @@ static ht_result prepare(const ht_port *port, const ht_params *p, ht_control_con
     return ht_port_accepts(port, setup) ? HT_OK : HT_ERROR_PORT;
 }
 
-ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
+/* All that parameters decide, from a machine without flux on. What is known of the
+ * shaft and of the faults so far is no matter of parameters and stays. */
+static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
 {
     ht_control_config config;
     ht_pwm_setup setup;
     ht_result result;
     ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
-    uint16_t id;
     int leg;
-    for (id = 0u; id < HT_PARAMS; id++) {
-        if (!ht_param_valid(id, p->v[id])) {
-            return HT_ERROR_VALUE;
-        }
-    }
     result = prepare(port, p, &config, &setup);
     if (result != HT_OK) {
         return result;
@@ -214,20 +210,36 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     set_flux_ref(d, p->v[HT_P_flux_ref_Wb]);
     ht_control_reset(&d->config, &d->control, &none);
     d->speed.integral_Nm = 0.0f;
+    ht_speed_measure_reset(&d->measured);
+    d->torque_ref_Nm = 0.0f;
+    d->flux_ref_Wb = p->v[HT_P_flux_ref_Wb];
+    d->slow_faults = 0u;
+    d->stuck_leg = 0u;
+    ht_protect_reset(&d->protect);
+    enter(d, HT_STATE_IDLE);
+    return HT_OK;
+}
+
+ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
+{
+    ht_result result;
+    uint16_t id;
+    for (id = 0u; id < HT_PARAMS; id++) {
+        if (!ht_param_valid(id, p->v[id])) {
+            return HT_ERROR_VALUE;
+        }
+    }
+    result = set_up(d, port, p);
+    if (result != HT_OK) {
+        return result;
+    }
     d->tick = 0u;
     ht_port_read(port, &d->samples); /* the counter may stand anywhere */
     d->position_last = d->samples.position;
     d->position_now = d->samples.position;
-    ht_speed_measure_reset(&d->measured);
     d->speed_rpm = 0.0f;
-    d->torque_ref_Nm = 0.0f;
-    d->flux_ref_Wb = p->v[HT_P_flux_ref_Wb];
     d->faults = 0u;
-    d->slow_faults = 0u;
-    d->stuck_leg = 0u;
     d->snapshot.tick = 0u;
-    ht_protect_reset(&d->protect);
-    enter(d, HT_STATE_IDLE);
     return HT_OK;
 }
 
@@ -353,7 +365,9 @@ void ht_drive_fast_isr(ht_drive *d)
     ht_port_begin_fast(d->port);
     ht_port_read(d->port, &d->samples);
     d->tick++;
-    d->state_ticks++;
+    if ((d->state != (uint16_t)HT_STATE_IDLE) && (d->state != (uint16_t)HT_STATE_FAULT)) {
+        d->state_ticks++; /* else a start that this interrupt comes into would lose a tick */
+    }
     if (d->staged_ready != 0u) {
         d->config = d->staged;
         d->staged_ready = 0u;
@@ -493,8 +507,8 @@ ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)
         return result;
     }
     if (info->when == HT_WHEN_IDLE) {
-        /* Timing and scaling reach into the PWM: set the whole drive up again. */
-        return ht_drive_init(d, d->port, &trial);
+        /* Timing and scaling reach into the PWM: set it all up again. */
+        return set_up(d, d->port, &trial);
     }
     d->params = trial;
     d->staged_ready = 0u; /* the interrupt must not take a half-written copy */

@@ -122,6 +122,27 @@ def test_legs_are_low_before_the_gates_come_on(bench):
     assert [int(bench.words[base + leg * stride]) for leg in range(6)] == [period] * 6
 
 
+def test_interrupt_within_a_start(bench):
+    """A start zeroes the ticks first and sets the state last. The interrupt that comes
+    in between must not use up the tick in which the legs go low, nor count as a sample
+    of the offsets."""
+    base, stride = CMPA[bench.device]
+    bench.offset[:] = 100
+    bench.controller.start()
+    bench.drive.state = lib.HT_STATE_IDLE
+    bench.fast()
+    bench.drive.state = lib.HT_STATE_CALIBRATE
+    for leg in range(6):
+        bench.words[base + leg * stride] = 77
+    bench.fast()
+    period = bench.drive.config.period_counts
+    assert [int(bench.words[base + leg * stride]) for leg in range(6)] == [period] * 6
+    while bench.state == "calibrate":
+        bench.fast()
+    assert bench.state == "build"
+    assert list(bench.drive.offset_counts) == [2148.0] * 6
+
+
 def test_stop_from_every_state(bench):
     for state in ("calibrate", "build", "run"):
         bench.run_to(state)
@@ -326,6 +347,38 @@ def test_no_start_into_a_turning_machine(bench, sign):
     turn(bench, sign * 10)
     bench.controller.start()
     assert bench.state == "calibrate"
+
+
+def test_no_start_into_a_turning_machine_after_a_new_set_up(bench):
+    """A parameter that sets the drive up again does not stop the shaft, and the slow
+    period that is under way when it comes counts in full."""
+    turn(bench, 100)
+    bench.controller.set("build_s", 0.02)
+    with pytest.raises(FirmwareError, match="turning"):
+        bench.controller.start()
+    words, address = bench.words, QPOSCNT[bench.device]
+    words[address] += round(100 / 60 * 8192 / 100)  # the counts of a whole slow period
+    bench.fast()
+    bench.controller.set("build_s", 0.03)
+    bench.slow()
+    assert bench.drive.speed_rpm == pytest.approx(100, abs=1)
+    with pytest.raises(FirmwareError, match="turning"):
+        bench.controller.start()
+
+
+def test_new_set_up_forgets_no_fault(bench):
+    """What went wrong stays to be cleared, and to be read."""
+    bench.run_to("run")
+    bench.vdc = 0.0
+    bench.fast()
+    kept = bench.controller.snapshot
+    bench.vdc = 250.0
+    bench.controller.clear()
+    bench.drive.faults = lib.HT_FAULT_VDC_LOW  # as where a stop overtakes the fault
+    bench.controller.set("build_s", 0.02)
+    assert bench.controller.snapshot == kept
+    with pytest.raises(FirmwareError):
+        bench.controller.start()
 
 
 @pytest.mark.parametrize("tick", [2, 50, 99])
@@ -597,9 +650,13 @@ def test_channels_carry_the_state(bench):
 
 @pytest.mark.parametrize("position", [12345, 0xFFFFFF00])
 def test_set_up_takes_the_encoder_where_it_stands(bench, position):
-    """A parameter change that sets the drive up again is no jump in speed."""
+    """Wherever the counter stands, a set-up is no jump in speed."""
     address = QPOSCNT[bench.device]
     bench.words[address], bench.words[address + 1] = position & 0xFFFF, position >> 16
+    assert lib.ht_drive_init(bench.drive, bench.controller.port, [bench.drive.params]) == lib.HT_OK
+    bench.fast()
+    bench.slow()
+    assert bench.drive.speed_rpm == 0
     bench.controller.set("build_s", 0.02)
     bench.fast()
     bench.slow()
