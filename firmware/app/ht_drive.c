@@ -12,6 +12,9 @@
 /* The model-based checks average over the transients that a healthy drive shows. */
 #define FLUX_CHECK_S 0.2f
 #define ENCODER_CHECK_S 0.05f
+/* Share of the pull-out torque that is asked for: beyond it more slip gives less
+ * torque, and the controller, which answers with more slip, loses the machine. */
+#define PULL_OUT_SHARE 0.8f
 
 /* Largest circle inside the dodecagon of each scheme's mean vectors, units of
  * Vdc. Pairs count at their zero-mean share. */
@@ -101,6 +104,16 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     return ht_control_check(c) == HT_CONFIG_OK;
 }
 
+/* Torque allowed per flux squared. At constant stator flux the torque peaks at
+ * 3 P psi^2 (1 - sigma)/(2 sigma L_s): the top of the circle diagram. */
+static float pull_out(const float *v)
+{
+    float main_H = v[HT_P_lm_H] * v[HT_P_lm_H] / v[HT_P_lr_H]; /* (1 - sigma) L_s */
+    float sigma_ls_H = v[HT_P_sigma_ls_H];
+    return PULL_OUT_SHARE * 1.5f * v[HT_P_pole_pairs] * main_H
+           / (sigma_ls_H * (sigma_ls_H + main_H));
+}
+
 static void apply_protection(ht_drive *d)
 {
     const float *v = d->params.v;
@@ -141,6 +154,7 @@ static void apply_slow(ht_drive *d)
     d->flux_config.flux_min_Wb = v[HT_P_flux_min_Wb];
     d->flux_config.reach_pu = v[HT_P_fw_margin] * reach_pu[(uint16_t)v[HT_P_scheme]];
     d->flux_config.rs_ohm = v[HT_P_rs_ohm];
+    d->pull_out_Nm_Wb2 = pull_out(v);
     d->adapt_gain =
         (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz])) : 0.0f;
     apply_protection(d);
@@ -409,11 +423,20 @@ void ht_drive_fast_isr(ht_drive *d)
     ht_port_ack_fast(d->port);
 }
 
+/* What the parameters allow and the flux can give. */
+static float torque_limit(const ht_drive *d)
+{
+    float limit = d->params.v[HT_P_torque_limit_Nm];
+    float reach = d->pull_out_Nm_Wb2 * d->flux_ref_Wb * d->flux_ref_Wb;
+    return (reach < limit) ? reach : limit;
+}
+
 void ht_drive_slow_isr(ht_drive *d)
 {
     const float *v = d->params.v;
     uint32_t position = d->position_now; /* once: the fast interrupt may come in between */
     int32_t moved = (int32_t)(position - d->position_last);
+    ht_speed_config speed = d->speed_config;
     ht_capture capture;
     d->position_last = position;
     ht_port_read_capture(d->port, &capture);
@@ -427,15 +450,6 @@ void ht_drive_slow_isr(ht_drive *d)
     if (d->config.observer.kind == HT_OBSERVER_HYBRID) {
         ht_observer_adapt(&d->config.observer, &d->control.observer, d->adapt_gain);
     }
-    if (v[HT_P_control_mode] != 0.0f) {
-        float limit = v[HT_P_torque_limit_Nm];
-        float wanted = v[HT_P_torque_ref_Nm];
-        d->torque_ref_Nm = (wanted > limit) ? limit : ((wanted < -limit) ? -limit : wanted);
-        d->speed.integral_Nm = d->torque_ref_Nm; /* bumpless return to speed mode */
-    } else {
-        float error = (v[HT_P_speed_ref_rpm] - d->speed_rpm) * (PI_F / 30.0f);
-        d->torque_ref_Nm = ht_speed_step(&d->speed_config, &d->speed, error);
-    }
     if (v[HT_P_field_weakening] != 0.0f) {
         ht_ab i = d->control.observer.i_prev_A.ab;
         float a = (i.alpha < 0.0f) ? -i.alpha : i.alpha;
@@ -446,6 +460,17 @@ void ht_drive_slow_isr(ht_drive *d)
                                            d->control.observer.omega_sync_rad_s, size);
     } else {
         d->flux_ref_Wb = v[HT_P_flux_ref_Wb];
+    }
+    /* The flux may be on its way down: the torque goes first. */
+    speed.torque_limit_Nm = torque_limit(d);
+    if (v[HT_P_control_mode] != 0.0f) {
+        float limit = speed.torque_limit_Nm;
+        float wanted = v[HT_P_torque_ref_Nm];
+        d->torque_ref_Nm = (wanted > limit) ? limit : ((wanted < -limit) ? -limit : wanted);
+        d->speed.integral_Nm = d->torque_ref_Nm; /* bumpless return to speed mode */
+    } else {
+        float error = (v[HT_P_speed_ref_rpm] - d->speed_rpm) * (PI_F / 30.0f);
+        d->torque_ref_Nm = ht_speed_step(&speed, &d->speed, error);
     }
 }
 

@@ -77,6 +77,7 @@ typedef struct {
     float speed_rpm;
     float torque_ref_Nm;           /**< slow loop to fast loop */
     float flux_ref_Wb;             /**< slow loop to fast loop */
+    float pull_out_Nm_Wb2;         /**< torque limit per flux squared */
     float adapt_gain;              /**< of the resistances, per slow interrupt */
     float turn_per_count;          /**< electrical rad */
     float i_per_count;

@@ -465,6 +465,39 @@ def test_torque_mode_is_limited_and_reaches_the_fast_loop(bench):
         assert measured(bench).torque_ref_Nm == given
 
 
+def pull_out_Nm(flux_Wb):
+    """Largest torque of the bench's machine over all slips, at this stator flux: air-gap
+    power over synchronous speed, from the equivalent circuit behind the stator."""
+    w, pairs = 2 * np.pi * 50, 2
+    lr, lm, sigma_ls, rr = 0.299, 0.284, 0.025, 2.0
+    ls = sigma_ls + lm**2 / lr
+    slip = np.geomspace(1e-4, 10, 20001)
+    # Rows of the circuit: w psi_s = w (ls i_s + lm i_r), 0 = r/s i_r + j w (lm i_s + lr i_r)
+    i_r = -1j * w * lm * flux_Wb / ls / (rr / slip + 1j * w * (lr - lm**2 / ls))
+    return (3 * pairs * rr / slip * abs(i_r) ** 2 / w).max()
+
+
+@pytest.mark.parametrize("mode", ["torque", "speed"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_no_torque_is_asked_for_that_the_flux_cannot_give(bench, mode, sign):
+    """A weak field: a share of the pull-out torque and no more, whatever the limit says."""
+    bench.controller.set("control_mode", mode)
+    bench.controller.set("sigma_ls_H", 0.025)
+    bench.controller.set("torque_ref_Nm", sign * 15.0)
+    bench.controller.set("speed_ref_rpm", sign * 5000.0)
+    bench.run_to("run")
+    bench.slow()
+    bench.fast()
+    assert measured(bench).torque_ref_Nm == sign * 15.0
+    for flux_Wb in (0.2, 0.1):
+        bench.controller.set("flux_ref_Wb", flux_Wb)
+        bench.slow()
+        bench.fast()
+        asked = sign * measured(bench).torque_ref_Nm
+        assert asked == pytest.approx(0.8 * pull_out_Nm(flux_Wb), rel=0.001)
+    assert abs(bench.drive.speed.integral_Nm) <= asked
+
+
 def test_speed_mode_starts_with_the_proportional_part(bench):
     bench.run_to("run")
     bench.controller.set("speed_ref_rpm", 100.0)
