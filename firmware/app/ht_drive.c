@@ -447,9 +447,9 @@ void ht_drive_slow_isr(ht_drive *d)
     }
     d->slow_faults =
         ht_protect_slow(&d->protect_config, &d->protect, &d->control, d->speed_rpm);
-    if (d->config.observer.kind == HT_OBSERVER_HYBRID) {
-        ht_observer_adapt(&d->config.observer, &d->control.observer, d->adapt_gain);
-    }
+    /* Where nothing adapts, the resistances in use are the configured ones. */
+    ht_observer_adapt(&d->config.observer, &d->control.observer,
+                      (d->config.observer.kind == HT_OBSERVER_HYBRID) ? d->adapt_gain : 0.0f);
     if (v[HT_P_field_weakening] != 0.0f) {
         ht_ab i = d->control.observer.i_prev_A.ab;
         float a = (i.alpha < 0.0f) ? -i.alpha : i.alpha;

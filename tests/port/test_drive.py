@@ -498,6 +498,18 @@ def test_no_torque_is_asked_for_that_the_flux_cannot_give(bench, mode, sign):
     assert abs(bench.drive.speed.integral_Nm) <= asked
 
 
+@pytest.mark.parametrize("observer", ["voltage", "compensated", "hybrid"])
+def test_stator_resistance_can_change_in_flight(bench, observer):
+    """Without adaptation the configured value is the one in use."""
+    bench.controller.set("observer", observer)
+    bench.controller.set("adapt_s", 0.0 if observer == "hybrid" else 1.0)
+    bench.run_to("run")
+    bench.controller.set("rs_ohm", 2.5)
+    bench.fast()
+    bench.slow()
+    assert bench.drive.control.observer.rs_ohm == 2.5
+
+
 def test_speed_mode_starts_with_the_proportional_part(bench):
     bench.run_to("run")
     bench.controller.set("speed_ref_rpm", 100.0)
