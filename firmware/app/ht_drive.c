@@ -12,6 +12,8 @@
 /* The model-based checks average over the transients that a healthy drive shows. */
 #define FLUX_CHECK_S 0.2f
 #define ENCODER_CHECK_S 0.05f
+/* Time constant of the flux's mean speed. */
+#define OMEGA_FILTER_S 0.005f
 /* Share of the pull-out torque that is asked for: beyond it more slip gives less
  * torque, and the controller, which answers with more slip, loses the machine. */
 #define PULL_OUT_SHARE 0.8f
@@ -96,7 +98,7 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->observer.lm_over_lr = p->v[HT_P_lm_H] / p->v[HT_P_lr_H];
     c->observer.rotor_drive = ts * p->v[HT_P_rr_ohm] * c->observer.lm_over_lr;
     c->observer.torque_gain = 3.0f * p->v[HT_P_pole_pairs];
-    c->observer.omega_gain = (ts < 0.005f) ? (ts / 0.005f) : 1.0f;
+    c->observer.omega_gain = (ts < OMEGA_FILTER_S) ? (ts / OMEGA_FILTER_S) : 1.0f;
     c->xy.kp_pu_A = p->v[HT_P_kp_xy_pu_A];
     c->xy.ki_ts_pu_A = p->v[HT_P_ki_xy_pu_As] * ts;
     c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
@@ -135,6 +137,9 @@ static void apply_protection(ht_drive *d)
     c->slip_gain = v[HT_P_rr_ohm] * ratio * ratio;
     c->rpm_per_rad_s = 30.0f / (PI_F * v[HT_P_pole_pairs]);
     c->flux_gain = 1.0f / (1.0f + FLUX_CHECK_S * v[HT_P_f_slow_Hz]);
+    /* A mean over the slow period is half a period old, the flux's speed a time constant. */
+    c->estimate_back = 0.5f - OMEGA_FILTER_S * v[HT_P_f_slow_Hz];
+    c->estimate_back = (c->estimate_back > 0.0f) ? c->estimate_back : 0.0f;
     c->encoder_gain = 1.0f / (1.0f + ENCODER_CHECK_S * v[HT_P_f_slow_Hz]);
 }
 

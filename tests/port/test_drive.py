@@ -832,8 +832,10 @@ def test_derived_protection(bench):
     assert c.rpm_per_rad_s == pytest.approx(60 / (2 * np.pi) / 2, rel=1e-5)
     assert c.stuck_counts == pytest.approx(1.5 / (2 * I_FULL / 4096), rel=1e-5)
     # Low-passes of 0.2 s and 50 ms, whatever the slow loop's frequency.
-    for f in (100.0, 500.0):
+    for f in (10.0, 40.0, 100.0, 500.0):
         bench.controller.set("f_slow_Hz", f)
+        # Half a period behind, and the filter of the flux's speed 5 ms.
+        assert c.estimate_back == pytest.approx(max(0.5 - 0.005 * f, 0.0), abs=1e-6)
         for gain, seconds in ((c.flux_gain, 0.2), (c.encoder_gain, 0.05)):
             assert gain / (1 - gain) == pytest.approx(1 / (seconds * f), rel=1e-4)
 
