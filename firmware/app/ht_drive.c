@@ -12,6 +12,11 @@
 /* The model-based checks average over the transients that a healthy drive shows. */
 #define FLUX_CHECK_S 0.2f
 #define ENCODER_CHECK_S 0.05f
+/* Time constant of the flux's mean speed. */
+#define OMEGA_FILTER_S 0.005f
+/* Share of the pull-out torque that is asked for: beyond it more slip gives less
+ * torque, and the controller, which answers with more slip, loses the machine. */
+#define PULL_OUT_SHARE 0.8f
 
 /* Largest circle inside the dodecagon of each scheme's mean vectors, units of
  * Vdc. Pairs count at their zero-mean share. */
@@ -93,12 +98,22 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->observer.lm_over_lr = p->v[HT_P_lm_H] / p->v[HT_P_lr_H];
     c->observer.rotor_drive = ts * p->v[HT_P_rr_ohm] * c->observer.lm_over_lr;
     c->observer.torque_gain = 3.0f * p->v[HT_P_pole_pairs];
-    c->observer.omega_gain = (ts < 0.005f) ? (ts / 0.005f) : 1.0f;
+    c->observer.omega_gain = (ts < OMEGA_FILTER_S) ? (ts / OMEGA_FILTER_S) : 1.0f;
     c->xy.kp_pu_A = p->v[HT_P_kp_xy_pu_A];
     c->xy.ki_ts_pu_A = p->v[HT_P_ki_xy_pu_As] * ts;
     c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
     c->dead.inv_2i_zero = 0.5f / p->v[HT_P_i_zero_A];
     return ht_control_check(c) == HT_CONFIG_OK;
+}
+
+/* Torque allowed per flux squared. At constant stator flux the torque peaks at
+ * 3 P psi^2 (1 - sigma)/(2 sigma L_s): the top of the circle diagram. */
+static float pull_out(const float *v)
+{
+    float main_H = v[HT_P_lm_H] * v[HT_P_lm_H] / v[HT_P_lr_H]; /* (1 - sigma) L_s */
+    float sigma_ls_H = v[HT_P_sigma_ls_H];
+    return PULL_OUT_SHARE * 1.5f * v[HT_P_pole_pairs] * main_H
+           / (sigma_ls_H * (sigma_ls_H + main_H));
 }
 
 static void apply_protection(ht_drive *d)
@@ -122,6 +137,9 @@ static void apply_protection(ht_drive *d)
     c->slip_gain = v[HT_P_rr_ohm] * ratio * ratio;
     c->rpm_per_rad_s = 30.0f / (PI_F * v[HT_P_pole_pairs]);
     c->flux_gain = 1.0f / (1.0f + FLUX_CHECK_S * v[HT_P_f_slow_Hz]);
+    /* A mean over the slow period is half a period old, the flux's speed a time constant. */
+    c->estimate_back = 0.5f - OMEGA_FILTER_S * v[HT_P_f_slow_Hz];
+    c->estimate_back = (c->estimate_back > 0.0f) ? c->estimate_back : 0.0f;
     c->encoder_gain = 1.0f / (1.0f + ENCODER_CHECK_S * v[HT_P_f_slow_Hz]);
 }
 
@@ -141,6 +159,7 @@ static void apply_slow(ht_drive *d)
     d->flux_config.flux_min_Wb = v[HT_P_flux_min_Wb];
     d->flux_config.reach_pu = v[HT_P_fw_margin] * reach_pu[(uint16_t)v[HT_P_scheme]];
     d->flux_config.rs_ohm = v[HT_P_rs_ohm];
+    d->pull_out_Nm_Wb2 = pull_out(v);
     d->adapt_gain =
         (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz])) : 0.0f;
     apply_protection(d);
@@ -177,19 +196,15 @@ static ht_result prepare(const ht_port *port, const ht_params *p, ht_control_con
     return ht_port_accepts(port, setup) ? HT_OK : HT_ERROR_PORT;
 }
 
-ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
+/* All that parameters decide, from a machine without flux on. What is known of the
+ * shaft and of the faults so far is no matter of parameters and stays. */
+static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
 {
     ht_control_config config;
     ht_pwm_setup setup;
     ht_result result;
     ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
-    uint16_t id;
     int leg;
-    for (id = 0u; id < HT_PARAMS; id++) {
-        if (!ht_param_valid(id, p->v[id])) {
-            return HT_ERROR_VALUE;
-        }
-    }
     result = prepare(port, p, &config, &setup);
     if (result != HT_OK) {
         return result;
@@ -214,20 +229,36 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     set_flux_ref(d, p->v[HT_P_flux_ref_Wb]);
     ht_control_reset(&d->config, &d->control, &none);
     d->speed.integral_Nm = 0.0f;
+    ht_speed_measure_reset(&d->measured);
+    d->torque_ref_Nm = 0.0f;
+    d->flux_ref_Wb = p->v[HT_P_flux_ref_Wb];
+    d->slow_faults = 0u;
+    d->stuck_leg = 0u;
+    ht_protect_reset(&d->protect);
+    enter(d, HT_STATE_IDLE);
+    return HT_OK;
+}
+
+ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
+{
+    ht_result result;
+    uint16_t id;
+    for (id = 0u; id < HT_PARAMS; id++) {
+        if (!ht_param_valid(id, p->v[id])) {
+            return HT_ERROR_VALUE;
+        }
+    }
+    result = set_up(d, port, p);
+    if (result != HT_OK) {
+        return result;
+    }
     d->tick = 0u;
     ht_port_read(port, &d->samples); /* the counter may stand anywhere */
     d->position_last = d->samples.position;
     d->position_now = d->samples.position;
-    ht_speed_measure_reset(&d->measured);
     d->speed_rpm = 0.0f;
-    d->torque_ref_Nm = 0.0f;
-    d->flux_ref_Wb = p->v[HT_P_flux_ref_Wb];
     d->faults = 0u;
-    d->slow_faults = 0u;
-    d->stuck_leg = 0u;
     d->snapshot.tick = 0u;
-    ht_protect_reset(&d->protect);
-    enter(d, HT_STATE_IDLE);
     return HT_OK;
 }
 
@@ -353,7 +384,9 @@ void ht_drive_fast_isr(ht_drive *d)
     ht_port_begin_fast(d->port);
     ht_port_read(d->port, &d->samples);
     d->tick++;
-    d->state_ticks++;
+    if ((d->state != (uint16_t)HT_STATE_IDLE) && (d->state != (uint16_t)HT_STATE_FAULT)) {
+        d->state_ticks++; /* else a start that this interrupt comes into would lose a tick */
+    }
     if (d->staged_ready != 0u) {
         d->config = d->staged;
         d->staged_ready = 0u;
@@ -395,11 +428,20 @@ void ht_drive_fast_isr(ht_drive *d)
     ht_port_ack_fast(d->port);
 }
 
+/* What the parameters allow and the flux can give. */
+static float torque_limit(const ht_drive *d)
+{
+    float limit = d->params.v[HT_P_torque_limit_Nm];
+    float reach = d->pull_out_Nm_Wb2 * d->flux_ref_Wb * d->flux_ref_Wb;
+    return (reach < limit) ? reach : limit;
+}
+
 void ht_drive_slow_isr(ht_drive *d)
 {
     const float *v = d->params.v;
     uint32_t position = d->position_now; /* once: the fast interrupt may come in between */
     int32_t moved = (int32_t)(position - d->position_last);
+    ht_speed_config speed = d->speed_config;
     ht_capture capture;
     d->position_last = position;
     ht_port_read_capture(d->port, &capture);
@@ -410,18 +452,9 @@ void ht_drive_slow_isr(ht_drive *d)
     }
     d->slow_faults =
         ht_protect_slow(&d->protect_config, &d->protect, &d->control, d->speed_rpm);
-    if (d->config.observer.kind == HT_OBSERVER_HYBRID) {
-        ht_observer_adapt(&d->config.observer, &d->control.observer, d->adapt_gain);
-    }
-    if (v[HT_P_control_mode] != 0.0f) {
-        float limit = v[HT_P_torque_limit_Nm];
-        float wanted = v[HT_P_torque_ref_Nm];
-        d->torque_ref_Nm = (wanted > limit) ? limit : ((wanted < -limit) ? -limit : wanted);
-        d->speed.integral_Nm = d->torque_ref_Nm; /* bumpless return to speed mode */
-    } else {
-        float error = (v[HT_P_speed_ref_rpm] - d->speed_rpm) * (PI_F / 30.0f);
-        d->torque_ref_Nm = ht_speed_step(&d->speed_config, &d->speed, error);
-    }
+    /* Where nothing adapts, the resistances in use are the configured ones. */
+    ht_observer_adapt(&d->config.observer, &d->control.observer,
+                      (d->config.observer.kind == HT_OBSERVER_HYBRID) ? d->adapt_gain : 0.0f);
     if (v[HT_P_field_weakening] != 0.0f) {
         ht_ab i = d->control.observer.i_prev_A.ab;
         float a = (i.alpha < 0.0f) ? -i.alpha : i.alpha;
@@ -432,6 +465,17 @@ void ht_drive_slow_isr(ht_drive *d)
                                            d->control.observer.omega_sync_rad_s, size);
     } else {
         d->flux_ref_Wb = v[HT_P_flux_ref_Wb];
+    }
+    /* The flux may be on its way down: the torque goes first. */
+    speed.torque_limit_Nm = torque_limit(d);
+    if (v[HT_P_control_mode] != 0.0f) {
+        float limit = speed.torque_limit_Nm;
+        float wanted = v[HT_P_torque_ref_Nm];
+        d->torque_ref_Nm = (wanted > limit) ? limit : ((wanted < -limit) ? -limit : wanted);
+        d->speed.integral_Nm = d->torque_ref_Nm; /* bumpless return to speed mode */
+    } else {
+        float error = (v[HT_P_speed_ref_rpm] - d->speed_rpm) * (PI_F / 30.0f);
+        d->torque_ref_Nm = ht_speed_step(&speed, &d->speed, error);
     }
 }
 
@@ -493,8 +537,8 @@ ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)
         return result;
     }
     if (info->when == HT_WHEN_IDLE) {
-        /* Timing and scaling reach into the PWM: set the whole drive up again. */
-        return ht_drive_init(d, d->port, &trial);
+        /* Timing and scaling reach into the PWM: set it all up again. */
+        return set_up(d, d->port, &trial);
     }
     d->params = trial;
     d->staged_ready = 0u; /* the interrupt must not take a half-written copy */

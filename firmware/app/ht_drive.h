@@ -5,8 +5,9 @@
  *  States:  IDLE -start-> CALIBRATE -> BUILD -> RUN, any -fault-> FAULT -clear->
  *  IDLE, any but FAULT -stop-> IDLE. The gates are on in BUILD and RUN only.
  *
- *  Concurrency on a target: `ht_drive_fast_isr` owns everything it writes; the
- *  slow loop hands over single floats. Commands come from the background and write
+ *  Concurrency on a target: the slow interrupt, which the fast one may interrupt, hands
+ *  over single floats and flags: references, the resistances in use, `slow_faults`.
+ *  What it reads of the fast one's may be of two successive samples. Commands come from the background and write
  *  the state in an order that a fast interrupt in between cannot turn into gates on
  *  (it re-latches the trip in IDLE and FAULT). A parameter change reaches the control
  *  law as a whole at the next fast interrupt; protection levels and the slow loop's
@@ -77,6 +78,7 @@ typedef struct {
     float speed_rpm;
     float torque_ref_Nm;           /**< slow loop to fast loop */
     float flux_ref_Wb;             /**< slow loop to fast loop */
+    float pull_out_Nm_Wb2;         /**< torque limit per flux squared */
     float adapt_gain;              /**< of the resistances, per slow interrupt */
     float turn_per_count;          /**< electrical rad */
     float i_per_count;

@@ -16,6 +16,7 @@ void ht_protect_reset(ht_protect_state *st)
         st->same[leg] = 0u;
     }
     st->circle2 = 0.0f;
+    st->estimated_rpm = 0.0f;
     st->speed_error_rpm = 0.0f;
 }
 
@@ -122,8 +123,9 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
     slip = c->observer.rr_scale * cfg->slip_gain * (r.alpha * i.beta - r.beta * i.alpha);
     off = r.alpha * r.alpha + r.beta * r.beta;
     if (off != 0.0f) {
-        slip /= off;
-        off = speed_rpm - cfg->rpm_per_rad_s * (c->observer.omega_sync_rad_s - slip);
+        float estimated = cfg->rpm_per_rad_s * (c->observer.omega_sync_rad_s - slip / off);
+        off = speed_rpm - estimated + cfg->estimate_back * (estimated - st->estimated_rpm);
+        st->estimated_rpm = estimated;
         st->speed_error_rpm += cfg->encoder_gain * (off - st->speed_error_rpm);
     }
     if ((cfg->encoder_trip_rpm > 0.0f) && !within(st->speed_error_rpm, cfg->encoder_trip_rpm)) {

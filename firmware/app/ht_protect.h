@@ -43,6 +43,8 @@ typedef struct {
     float slip_gain;        /**< R_r (L_m/L_r)^2, configured */
     float rpm_per_rad_s;    /**< electrical rad/s to r/min of the shaft */
     float flux_gain;        /**< low-pass gain of `flux_check` per slow interrupt */
+    float estimate_back;    /**< by which share of a slow period the measured speed is
+                             *   older than the flux's, 0..0.5 */
     float encoder_gain;     /**< low-pass gain of `encoder_trip_rpm` per slow interrupt */
 } ht_protect_config;
 
@@ -51,6 +53,7 @@ typedef struct {
     uint16_t other[HT_LEGS]; /**< reading of the set's next phase at that time */
     uint16_t same[HT_LEGS];  /**< looks since then */
     float circle2;           /**< mean square distance from the circle diagram */
+    float estimated_rpm;     /**< of the slow interrupt before */
     float speed_error_rpm;   /**< mean of measured minus estimated speed */
 } ht_protect_state;
 
@@ -80,7 +83,8 @@ uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state
  *  (q - c)^2 + t^2 = (c - 1)^2, c = (1 + 1/sigma)/2; a wrong flux does not. The limit
  *  is in amperes: with a weakened field the current's ripple does not shrink.
  *
- *  Encoder: the shaft's speed is that of the flux minus slip. */
+ *  Encoder: the shaft's speed is that of the flux minus slip, at one and the same time:
+ *  a drive that accelerates must not look like one with a wrong encoder. */
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
                          const ht_control_state *c, float speed_rpm);
 

@@ -103,6 +103,8 @@ void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, flo
     float fade = ADAPT_RAD_S * ADAPT_RAD_S / (ADAPT_RAD_S * ADAPT_RAD_S + omega * omega);
     float scale;
     float share;
+    float rs_ohm = st->rs_ohm;
+    float rr_scale = st->rr_scale;
     if (!(gain > 0.0f)) {
         st->rs_ohm = cfg->rs_ohm;
         st->rr_scale = 1.0f;
@@ -119,14 +121,15 @@ void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, flo
     e.alpha = g0 * st->gap_Wb.alpha - omega * st->gap_Wb.beta;
     e.beta = g0 * st->gap_Wb.beta + omega * st->gap_Wb.alpha;
     gain *= fade * fade;
-    st->rs_ohm += gain * (e.alpha * i.alpha + e.beta * i.beta) * cfg->rs_ohm
-                  / (i2 * cfg->rs_ohm + ADAPT_V * ADAPT_V / cfg->rs_ohm);
+    rs_ohm += gain * (e.alpha * i.alpha + e.beta * i.beta) * cfg->rs_ohm
+              / (i2 * cfg->rs_ohm + ADAPT_V * ADAPT_V / cfg->rs_ohm);
     if (across * across > ADAPT_LOAD2 * along * along) {
-        st->rr_scale -= gain * (e.alpha * h.alpha + e.beta * h.beta)
-                        / (h.alpha * h.alpha + h.beta * h.beta + ADAPT_V * ADAPT_V);
+        rr_scale -= gain * (e.alpha * h.alpha + e.beta * h.beta)
+                    / (h.alpha * h.alpha + h.beta * h.beta + ADAPT_V * ADAPT_V);
     }
-    st->rs_ohm = clamp(st->rs_ohm, ADAPT_LEAST * cfg->rs_ohm, ADAPT_MOST * cfg->rs_ohm);
-    st->rr_scale = clamp(st->rr_scale, ADAPT_LEAST, ADAPT_MOST);
+    /* One write each: the fast interrupt may come in between. */
+    st->rs_ohm = clamp(rs_ohm, ADAPT_LEAST * cfg->rs_ohm, ADAPT_MOST * cfg->rs_ohm);
+    st->rr_scale = clamp(rr_scale, ADAPT_LEAST, ADAPT_MOST);
 }
 
 ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st,

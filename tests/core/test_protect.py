@@ -77,7 +77,7 @@ def config(machine=MACHINES[0], **changes):
 
 def fresh():
     state = ffi.new("ht_protect_state *")
-    state.circle2 = state.speed_error_rpm = 99.0
+    state.circle2 = state.speed_error_rpm = state.estimated_rpm = 99.0
     for leg in range(6):
         state.count[leg] = state.other[leg] = state.same[leg] = 99
     lib.ht_protect_reset(state)
@@ -302,6 +302,22 @@ def test_encoder_threshold_is_where_it_says(sign):
         cfg = config(machine, encoder_trip_rpm=150.0)
         assert looks_until("ENCODER", cfg, control, 500.0 + sign * near) == found
     assert looks_until("ENCODER", config(machine), control, sign * 1e5) is None  # off
+
+
+@pytest.mark.parametrize("f_slow_Hz", (10.0, 40.0, 100.0))
+@pytest.mark.parametrize("rpm_per_s", (5000.0, -13000.0))
+def test_speeding_up_is_no_wrong_encoder(f_slow_Hz, rpm_per_s):
+    """A mean over the slow period lags a ramp by half the period, the flux's filtered
+    speed by 5 ms; the drive knows the difference as a share of the period."""
+    machine = MACHINES[0]
+    cfg = config(machine, encoder_trip_rpm=1.0, estimate_back=0.5 - 0.005 * f_slow_Hz)
+    state = fresh()
+    for n in range(20):
+        now = n / f_slow_Hz
+        flux_rpm = rpm_per_s * max(now - 0.005, 0.0)
+        encoder_rpm = rpm_per_s * max(now - 0.5 / f_slow_Hz, 0.0)
+        found = lib.ht_protect_slow(cfg, state, turning(machine, flux_rpm, 0.0), encoder_rpm)
+        assert found == 0 or n < 2
 
 
 @pytest.mark.parametrize("setup", ("paper-a", "paper-b"))

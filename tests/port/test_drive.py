@@ -122,6 +122,27 @@ def test_legs_are_low_before_the_gates_come_on(bench):
     assert [int(bench.words[base + leg * stride]) for leg in range(6)] == [period] * 6
 
 
+def test_interrupt_within_a_start(bench):
+    """A start zeroes the ticks first and sets the state last. The interrupt that comes
+    in between must not use up the tick in which the legs go low, nor count as a sample
+    of the offsets."""
+    base, stride = CMPA[bench.device]
+    bench.offset[:] = 100
+    bench.controller.start()
+    bench.drive.state = lib.HT_STATE_IDLE
+    bench.fast()
+    bench.drive.state = lib.HT_STATE_CALIBRATE
+    for leg in range(6):
+        bench.words[base + leg * stride] = 77
+    bench.fast()
+    period = bench.drive.config.period_counts
+    assert [int(bench.words[base + leg * stride]) for leg in range(6)] == [period] * 6
+    while bench.state == "calibrate":
+        bench.fast()
+    assert bench.state == "build"
+    assert list(bench.drive.offset_counts) == [2148.0] * 6
+
+
 def test_stop_from_every_state(bench):
     for state in ("calibrate", "build", "run"):
         bench.run_to(state)
@@ -328,6 +349,38 @@ def test_no_start_into_a_turning_machine(bench, sign):
     assert bench.state == "calibrate"
 
 
+def test_no_start_into_a_turning_machine_after_a_new_set_up(bench):
+    """A parameter that sets the drive up again does not stop the shaft, and the slow
+    period that is under way when it comes counts in full."""
+    turn(bench, 100)
+    bench.controller.set("build_s", 0.02)
+    with pytest.raises(FirmwareError, match="turning"):
+        bench.controller.start()
+    words, address = bench.words, QPOSCNT[bench.device]
+    words[address] += round(100 / 60 * 8192 / 100)  # the counts of a whole slow period
+    bench.fast()
+    bench.controller.set("build_s", 0.03)
+    bench.slow()
+    assert bench.drive.speed_rpm == pytest.approx(100, abs=1)
+    with pytest.raises(FirmwareError, match="turning"):
+        bench.controller.start()
+
+
+def test_new_set_up_forgets_no_fault(bench):
+    """What went wrong stays to be cleared, and to be read."""
+    bench.run_to("run")
+    bench.vdc = 0.0
+    bench.fast()
+    kept = bench.controller.snapshot
+    bench.vdc = 250.0
+    bench.controller.clear()
+    bench.drive.faults = lib.HT_FAULT_VDC_LOW  # as where a stop overtakes the fault
+    bench.controller.set("build_s", 0.02)
+    assert bench.controller.snapshot == kept
+    with pytest.raises(FirmwareError):
+        bench.controller.start()
+
+
 @pytest.mark.parametrize("tick", [2, 50, 99])
 def test_external_trip_is_noticed_during_build(bench, tick):
     bench.run_to("build")
@@ -410,6 +463,51 @@ def test_torque_mode_is_limited_and_reaches_the_fast_loop(bench):
         bench.slow()
         bench.fast()
         assert measured(bench).torque_ref_Nm == given
+
+
+def pull_out_Nm(flux_Wb):
+    """Largest torque of the bench's machine over all slips, at this stator flux: air-gap
+    power over synchronous speed, from the equivalent circuit behind the stator."""
+    w, pairs = 2 * np.pi * 50, 2
+    lr, lm, sigma_ls, rr = 0.299, 0.284, 0.025, 2.0
+    ls = sigma_ls + lm**2 / lr
+    slip = np.geomspace(1e-4, 10, 20001)
+    # Rows of the circuit: w psi_s = w (ls i_s + lm i_r), 0 = r/s i_r + j w (lm i_s + lr i_r)
+    i_r = -1j * w * lm * flux_Wb / ls / (rr / slip + 1j * w * (lr - lm**2 / ls))
+    return (3 * pairs * rr / slip * abs(i_r) ** 2 / w).max()
+
+
+@pytest.mark.parametrize("mode", ["torque", "speed"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_no_torque_is_asked_for_that_the_flux_cannot_give(bench, mode, sign):
+    """A weak field: a share of the pull-out torque and no more, whatever the limit says."""
+    bench.controller.set("control_mode", mode)
+    bench.controller.set("sigma_ls_H", 0.025)
+    bench.controller.set("torque_ref_Nm", sign * 15.0)
+    bench.controller.set("speed_ref_rpm", sign * 5000.0)
+    bench.run_to("run")
+    bench.slow()
+    bench.fast()
+    assert measured(bench).torque_ref_Nm == sign * 15.0
+    for flux_Wb in (0.2, 0.1):
+        bench.controller.set("flux_ref_Wb", flux_Wb)
+        bench.slow()
+        bench.fast()
+        asked = sign * measured(bench).torque_ref_Nm
+        assert asked == pytest.approx(0.8 * pull_out_Nm(flux_Wb), rel=0.001)
+    assert abs(bench.drive.speed.integral_Nm) <= asked
+
+
+@pytest.mark.parametrize("observer", ["voltage", "compensated", "hybrid"])
+def test_stator_resistance_can_change_in_flight(bench, observer):
+    """Without adaptation the configured value is the one in use."""
+    bench.controller.set("observer", observer)
+    bench.controller.set("adapt_s", 0.0 if observer == "hybrid" else 1.0)
+    bench.run_to("run")
+    bench.controller.set("rs_ohm", 2.5)
+    bench.fast()
+    bench.slow()
+    assert bench.drive.control.observer.rs_ohm == 2.5
 
 
 def test_speed_mode_starts_with_the_proportional_part(bench):
@@ -597,9 +695,13 @@ def test_channels_carry_the_state(bench):
 
 @pytest.mark.parametrize("position", [12345, 0xFFFFFF00])
 def test_set_up_takes_the_encoder_where_it_stands(bench, position):
-    """A parameter change that sets the drive up again is no jump in speed."""
+    """Wherever the counter stands, a set-up is no jump in speed."""
     address = QPOSCNT[bench.device]
     bench.words[address], bench.words[address + 1] = position & 0xFFFF, position >> 16
+    assert lib.ht_drive_init(bench.drive, bench.controller.port, [bench.drive.params]) == lib.HT_OK
+    bench.fast()
+    bench.slow()
+    assert bench.drive.speed_rpm == 0
     bench.controller.set("build_s", 0.02)
     bench.fast()
     bench.slow()
@@ -731,8 +833,10 @@ def test_derived_protection(bench):
     assert c.rpm_per_rad_s == pytest.approx(60 / (2 * np.pi) / 2, rel=1e-5)
     assert c.stuck_counts == pytest.approx(1.5 / (2 * I_FULL / 4096), rel=1e-5)
     # Low-passes of 0.2 s and 50 ms, whatever the slow loop's frequency.
-    for f in (100.0, 500.0):
+    for f in (10.0, 40.0, 100.0, 500.0):
         bench.controller.set("f_slow_Hz", f)
+        # Half a period behind, and the filter of the flux's speed 5 ms.
+        assert c.estimate_back == pytest.approx(max(0.5 - 0.005 * f, 0.0), abs=1e-6)
         for gain, seconds in ((c.flux_gain, 0.2), (c.encoder_gain, 0.05)):
             assert gain / (1 - gain) == pytest.approx(1 / (seconds * f), rel=1e-4)
 

@@ -120,6 +120,19 @@ def test_every_scheme_in_four_quadrants(setup):
         assert m["torque_Nm"] == pytest.approx(shaft + drag, abs=0.02 * LOAD[setup]), case
 
 
+@pytest.mark.parametrize(("setup", "speed_rpm"), [("paper-a-feasible", 2700), ("paper-b", 5000)])
+def test_twice_base_speed_and_back_at_the_torque_limit(setup, speed_rpm):
+    """The torque that the weak field can give falls with its square. A drive that asks
+    for more loses its machine."""
+    sim = Simulation(scenario.load(setup).changed(controller__scheme="ddr"), 1)
+    sim.start()
+    for speed, time_s in ((0, 0.4), (speed_rpm, 2.0), (-speed_rpm, 3.0), (0, 2.0)):
+        sim.set("speed_ref_rpm", speed)
+        sim.run(time_s, record=False)
+        sim.check()
+        assert sim.speed_rpm == pytest.approx(speed, abs=0.02 * speed_rpm)
+
+
 def test_field_weakening_makes_paper_a_rated_speed_reachable():
     """0.6 Wb at 1350 r/min needs more than 250 V can give: as printed the drive ends
     below the speed, with field weakening it holds it at reduced flux."""
