@@ -52,7 +52,8 @@ uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st,
                           const ht_samples *s, uint16_t leg)
 {
     uint16_t count = s->adc[HT_ADC_I + leg];
-    uint16_t other = s->adc[HT_ADC_I + ((leg + 2u) % HT_LEGS)];
+    uint16_t other = (uint16_t)(s->adc[HT_ADC_I + ((leg + 2u) % HT_LEGS)]
+                                + s->adc[HT_ADC_I + ((leg + 4u) % HT_LEGS)]);
     float moved;
     if (count != st->count[leg]) {
         st->count[leg] = count;

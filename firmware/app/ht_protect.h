@@ -37,7 +37,7 @@ typedef struct {
     float flux_check;       /**< distance from the circle diagram, rms, units of
                              *   `no_load_A`; 0 = off */
     float no_load_A;        /**< no-load current at the flux reference, psi/L_s */
-    float stuck_counts;     /**< converter counts another phase must have moved; 0 = off */
+    float stuck_counts;     /**< converter counts a phase must have moved unseen; 0 = off */
     float ls_H;             /**< stator inductance */
     float sigma;            /**< leakage factor */
     float slip_gain;        /**< R_r (L_m/L_r)^2, configured */
@@ -50,7 +50,7 @@ typedef struct {
 
 typedef struct {
     uint16_t count[HT_LEGS]; /**< reading at the last change */
-    uint16_t other[HT_LEGS]; /**< reading of the set's next phase at that time */
+    uint16_t other[HT_LEGS]; /**< sum of the set's other two readings then */
     uint16_t same[HT_LEGS];  /**< looks since then */
     float circle2;           /**< mean square distance from the circle diagram */
     float estimated_rpm;     /**< of the slow interrupt before */
@@ -64,8 +64,9 @@ uint16_t ht_protect_samples(const ht_protect_config *cfg, const ht_control_input
                             float speed_rpm, bool powered);
 
 /** One look at one leg's sensor, for every fast interrupt in turn: stuck, if the
- *  reading has not moved by one count over `HT_STUCK_LOOKS` looks while the next
- *  phase of its set moved by `stuck_counts`. */
+ *  reading has not moved by one count over `HT_STUCK_LOOKS` looks while the sum of
+ *  its set's other two moved by `stuck_counts`, which tells where the phase went. (One
+ *  of them alone may move: a load at standstill, across the phase's axis.) */
 uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st,
                           const ht_samples *s, uint16_t leg);
 #define HT_STUCK_LOOKS 50u

@@ -388,15 +388,17 @@ NEXT = {0: 2, 2: 4, 4: 0, 1: 3, 3: 5, 5: 1}  # u, v, w of set 1 and of set 2
 
 
 def watch(looks, leg=0, limit=100.0, elsewhere=None):
-    """Report of each look at `leg`; `looks`: (its reading, that of its set's next phase).
-    All other channels move about."""
+    """Report of each look at `leg`; `looks`: (its reading, the sum of its set's other
+    two). Their shares and all other channels move about."""
     cfg, state = config(stuck_counts=limit), fresh()
     samples = ffi.new("ht_samples *")
     reports = []
     for n, (own, other) in enumerate(looks):
         for channel in range(7):
             samples.adc[channel] = (n * 977 + channel * 131) % 4096
-        samples.adc[leg], samples.adc[NEXT[leg]] = int(own), other
+        share = n * 977 % (other + 1)
+        samples.adc[NEXT[leg]], samples.adc[NEXT[NEXT[leg]]] = share, other - share
+        samples.adc[leg] = int(own)
         reports.append(lib.ht_protect_stuck(cfg, state, samples, leg))
         assert state.same[leg] <= LOOKS
     assert set(reports) <= {0, bit("STUCK")}
@@ -406,8 +408,8 @@ def watch(looks, leg=0, limit=100.0, elsewhere=None):
 
 
 def literally(looks, limit):
-    """Stuck at a look: more than LOOKS looks since the reading last changed, and the next
-    phase is `limit` or more from where it was then. Before the first look all read 0."""
+    """Stuck at a look: more than LOOKS looks since the reading last changed, and the sum
+    of the other two `limit` or more from where it was then. Before the first look all read 0."""
     changed, at, last, out = -1, 0, 0, []
     for n, (own, other) in enumerate(looks):
         if own != last:
@@ -453,8 +455,9 @@ def test_stuck_at_exactly_the_limit_and_the_first_look_after(leg, sign):
 
 
 @pytest.mark.parametrize("leg", range(6))
-def test_only_the_next_phase_of_the_set_tells(leg):
-    """`watch` moves every other channel all the time."""
+def test_only_the_sum_of_the_other_two_tells(leg):
+    """`watch` moves each of them, and every other channel, all the time: so a load does
+    at standstill with a phase across whose axis it acts."""
     assert not any(watch([(2048, 2000)] * 300, leg, limit=1.0))
 
 

@@ -797,7 +797,7 @@ def test_slow_fault_of_the_run_before_is_forgotten(bench):
 
 def test_stuck_sensor_is_found_through_the_registers(bench):
     """Each leg is looked at every sixth interrupt; after 50 looks without a change the
-    next phase of its set must not have moved by 1 A."""
+    sum of its set's other two must not have moved by 1 A."""
     bench.run_to("run")
     bench.controller.set("stuck_trip_A", 1.0)
     for n in range(700):
