@@ -14,6 +14,9 @@
 #define ENCODER_CHECK_S 0.05f
 /* Time constant of the flux's mean speed. */
 #define OMEGA_FILTER_S 0.005f
+/* The build-up is direct current, where all that the models disagree about is R_s: it
+ * is learnt quickly there, or a wrong one would build a wrong flux. */
+#define BUILD_ADAPT_S 0.1f
 /* Share of the pull-out torque that is asked for: beyond it more slip gives less
  * torque, and the controller, which answers with more slip, loses the machine. */
 #define PULL_OUT_SHARE 0.8f
@@ -160,6 +163,7 @@ static void apply_slow(ht_drive *d)
     d->flux_config.reach_pu = v[HT_P_fw_margin] * reach_pu[(uint16_t)v[HT_P_scheme]];
     d->flux_config.rs_ohm = v[HT_P_rs_ohm];
     d->pull_out_Nm_Wb2 = pull_out(v);
+    d->build_gain = 1.0f / (1.0f + BUILD_ADAPT_S * v[HT_P_f_slow_Hz]);
     d->adapt_gain =
         (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz])) : 0.0f;
     apply_protection(d);
@@ -448,6 +452,10 @@ void ht_drive_slow_isr(ht_drive *d)
     d->speed_rpm = ht_speed_measure_step(&d->measure_config, &d->measured, moved, &capture);
     if (d->state != (uint16_t)HT_STATE_RUN) {
         d->slow_faults = 0u;
+        if ((d->state == (uint16_t)HT_STATE_BUILD) && (d->adapt_gain > 0.0f)
+            && (d->config.observer.kind == HT_OBSERVER_HYBRID)) {
+            ht_observer_adapt(&d->config.observer, &d->control.observer, d->build_gain);
+        }
         return;
     }
     d->slow_faults =

@@ -80,6 +80,7 @@ typedef struct {
     float flux_ref_Wb;             /**< slow loop to fast loop */
     float pull_out_Nm_Wb2;         /**< torque limit per flux squared */
     float adapt_gain;              /**< of the resistances, per slow interrupt */
+    float build_gain;              /**< the same during the build-up */
     float turn_per_count;          /**< electrical rad */
     float i_per_count;
     float v_per_count;
