@@ -88,6 +88,7 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->torque_inner_Nm = p->v[HT_P_torque_inner_Nm];
     c->torque_release_Nm = p->v[HT_P_torque_release_Nm];
     c->flux_hold = p->v[HT_P_flux_hold];
+    c->drop_V = p->v[HT_P_drop_V];
     c->build_current_A = p->v[HT_P_build_current_A];
     c->observer.ts_s = ts;
     c->observer.inv_ts = p->v[HT_P_f_isr_Hz];
@@ -236,6 +237,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     ht_speed_measure_reset(&d->measured);
     d->torque_ref_Nm = 0.0f;
     d->flux_ref_Wb = p->v[HT_P_flux_ref_Wb];
+    d->flux_top_Wb = p->v[HT_P_flux_ref_Wb];
     d->slow_faults = 0u;
     d->stuck_leg = 0u;
     ht_protect_reset(&d->protect);
@@ -366,6 +368,7 @@ static void build(ht_drive *d, ht_compare *out)
     if (d->state_ticks >= d->build_ticks) {
         set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb]);
         d->flux_ref_Wb = d->params.v[HT_P_flux_ref_Wb];
+        d->flux_top_Wb = d->params.v[HT_P_flux_ref_Wb];
         enter(d, HT_STATE_RUN);
     }
 }
@@ -440,6 +443,18 @@ static float torque_limit(const ht_drive *d)
     return (reach < limit) ? reach : limit;
 }
 
+/* A new flux reference is approached as fast as the build-up is: a step would tear the
+ * stator's flux from the rotor's, which cannot follow. */
+static void ramp_flux_top(ht_drive *d)
+{
+    const float *v = d->params.v;
+    float wanted = v[HT_P_flux_ref_Wb];
+    float larger = (wanted > d->flux_top_Wb) ? wanted : d->flux_top_Wb;
+    float step = larger / (v[HT_P_build_s] * v[HT_P_f_slow_Hz]);
+    float missing = wanted - d->flux_top_Wb;
+    d->flux_top_Wb += (missing > step) ? step : ((missing < -step) ? -step : missing);
+}
+
 void ht_drive_slow_isr(ht_drive *d)
 {
     const float *v = d->params.v;
@@ -463,16 +478,19 @@ void ht_drive_slow_isr(ht_drive *d)
     /* Where nothing adapts, the resistances in use are the configured ones. */
     ht_observer_adapt(&d->config.observer, &d->control.observer,
                       (d->config.observer.kind == HT_OBSERVER_HYBRID) ? d->adapt_gain : 0.0f);
+    ramp_flux_top(d);
     if (v[HT_P_field_weakening] != 0.0f) {
+        ht_flux_config flux = d->flux_config;
         ht_ab i = d->control.observer.i_prev_A.ab;
         float a = (i.alpha < 0.0f) ? -i.alpha : i.alpha;
         float b = (i.beta < 0.0f) ? -i.beta : i.beta;
         /* |i| within 4 %: alpha max plus beta min */
         float size = (a > b) ? (0.96f * a + 0.398f * b) : (0.96f * b + 0.398f * a);
-        d->flux_ref_Wb = ht_flux_reference(&d->flux_config, d->in.vdc_V,
+        flux.flux_ref_Wb = d->flux_top_Wb;
+        d->flux_ref_Wb = ht_flux_reference(&flux, d->in.vdc_V,
                                            d->control.observer.omega_sync_rad_s, size);
     } else {
-        d->flux_ref_Wb = v[HT_P_flux_ref_Wb];
+        d->flux_ref_Wb = d->flux_top_Wb;
     }
     /* The flux may be on its way down: the torque goes first. */
     speed.torque_limit_Nm = torque_limit(d);

@@ -78,6 +78,7 @@ typedef struct {
     float speed_rpm;
     float torque_ref_Nm;           /**< slow loop to fast loop */
     float flux_ref_Wb;             /**< slow loop to fast loop */
+    float flux_top_Wb;             /**< flux_ref_Wb on its way; field weakening goes below */
     float pull_out_Nm_Wb2;         /**< torque limit per flux squared */
     float adapt_gain;              /**< of the resistances, per slow interrupt */
     float build_gain;              /**< the same during the build-up */

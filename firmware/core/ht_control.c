@@ -96,12 +96,34 @@ static ht_vsd volts(ht_vsd v_pu, float vdc_V)
     return v_pu;
 }
 
+/* What the devices keep of the voltage: each leg loses the threshold against its
+ * current. Around zero, where the device law is steep and ripple changes the sign, a
+ * share of it, as for the dead time. */
+static void subtract_drops(const ht_control_config *cfg, const ht_six *from, const ht_six *to,
+                           ht_vsd *v)
+{
+    int leg;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        const ht_vsd *column = &ht_transform[leg];
+        float share = cfg->dead.inv_2i_zero * (from->p[leg] + to->p[leg]);
+        float drop = cfg->drop_V
+                     * ((share > 1.0f) ? 1.0f : ((share < -1.0f) ? -1.0f : share));
+        v->ab.alpha -= column->ab.alpha * drop;
+        v->ab.beta -= column->ab.beta * drop;
+        v->xy.x -= column->xy.x * drop;
+        v->xy.y -= column->xy.y * drop;
+    }
+}
+
 /* Observe the period that ended and, if asked, look one period ahead. */
 static void observe(const ht_control_config *cfg, ht_control_state *st, const ht_control_input *in,
                     const ht_vsd *i)
 {
     ht_vsd v = volts(ht_volt_seconds(&st->active, &cfg->dead, &st->i_prev_A, &in->i_A, &st->spill),
                      in->vdc_V);
+    if (cfg->drop_V > 0.0f) {
+        subtract_drops(cfg, &st->i_prev_A, &in->i_A, &v);
+    }
     st->estimate = ht_observer_update(&cfg->observer, &st->observer, &v, i, in->turn_rad,
                                       in->inv_flux_ref2);
     st->i_prev_A = in->i_A;
@@ -111,6 +133,9 @@ static void observe(const ht_control_config *cfg, ht_control_state *st, const ht
     if (cfg->predict) {
         ht_spill spill = st->spill;
         v = volts(ht_volt_seconds(&st->next, &cfg->dead, &in->i_A, &in->i_A, &spill), in->vdc_V);
+        if (cfg->drop_V > 0.0f) {
+            subtract_drops(cfg, &in->i_A, &in->i_A, &v);
+        }
         st->decided = ht_observer_predict(&cfg->observer, &st->observer, &st->estimate, &v, i);
     } else {
         st->decided = st->estimate;

@@ -185,7 +185,8 @@ class Setup:
         immediate = latency in ("none", "immediate")
         derived: dict[str, Any] = {
             "pole_pairs": machine.pole_pairs,
-            "rs_ohm": machine.rs_ohm,
+            "rs_ohm": machine.rs_ohm + self._mean_of_devices("r", "ohm"),
+            "drop_V": self._mean_of_devices("v", "V"),
             "sigma_ls_H": machine.sigma_ls_H,
             "lxy_H": machine.lxy_H,
             "rr_ohm": machine.rr_ohm,
@@ -212,6 +213,10 @@ class Setup:
             except firmware.FirmwareError as error:
                 raise ScenarioError(f"controller.{error}") from None
         return merged
+
+    def _mean_of_devices(self, what: str, unit: str) -> float:
+        """Switches and diodes share the time that a leg carries its current."""
+        return 0.5 * sum(self[f"inverter.{what}_{device}_{unit}"] for device in ("switch", "diode"))
 
     @property
     def write_delay_us(self) -> float:

@@ -465,3 +465,22 @@ def test_check_of_the_configuration(changes, status):
     if scheme is not None:
         cfg.scheme = scheme
     assert lib.ht_control_check(cfg) == status
+
+
+def test_drops_of_the_devices():
+    """Each leg loses the threshold against its current, in full from i_zero on, in
+    proportion below; the flux moves by that much less."""
+    for i_u1 in (5.0, -5.0, 0.02, -0.02):
+        i = np.array([i_u1, 0.0, -i_u1, 0.0, 0.0, 0.0])
+        flux = []
+        for drop_V in (0.0, 1.35):
+            cfg = config(drop_V=drop_V, dead__dead_pu=0.0, observer__rs_ohm=0.0)
+            drive = Drive(cfg)
+            drive.step(i)
+            before = complex_flux(drive.state.estimate)
+            drive.step(i)
+            flux.append(complex_flux(drive.state.estimate) - before)
+        share = np.clip(i / 0.05, -1, 1)  # inv_2i_zero = 10: i_zero = 50 mA
+        lost = 1.35 * T[:2] @ share * TS
+        assert flux[0] - flux[1] == pytest.approx(lost[0] + 1j * lost[1], rel=2e-3)
+        assert abs(flux[0] - flux[1]) > 0

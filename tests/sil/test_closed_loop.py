@@ -241,3 +241,73 @@ def test_slow_speeds_are_measured_finer_than_a_count(rpm):
     assert error[0.0] > 0.2  # 0.73 / sqrt(12), and the delay
     assert error[150.0] < 0.5 * error[0.0]
     assert step[150.0] < 0.4 * step[0.0]
+
+
+@pytest.mark.parametrize("setup", ["paper-a-feasible", "paper-b"])
+@pytest.mark.parametrize("share", [0.7, 0.8, 1.2, 1.3])
+def test_build_up_learns_the_stator_resistance(setup, share):
+    """The flux built is that of the reference, not of the resistance that was typed in."""
+    base = scenario.load(setup)
+    rs_ohm = base["machine.rs_ohm"]
+    sim = Simulation(base.changed(controller__rs_ohm=share * rs_ohm), 1)
+    sim.start()
+    sim.run(0.36)
+    rec = sim.take()
+    assert sim.controller.state == "run"
+    flux = np.hypot(rec["plant.psi_alpha_Wb"], rec["plant.psi_beta_Wb"])[-100:].mean()
+    assert flux == pytest.approx(base.parameter("flux_ref_Wb"), rel=0.15)
+    assert rec["rs_ohm"][-1] == pytest.approx(rs_ohm, rel=0.06)
+
+
+@pytest.mark.parametrize(
+    ("setup", "speed", "load"), [("paper-a-feasible", 300, 5), ("paper-b", 1500, 1)]
+)
+def test_flux_reference_in_flight(setup, speed, load):
+    """Halved and restored: the machine follows, no check takes it for a fault."""
+    sim = approach(Point(scenario.load(setup).changed(controller__scheme="ddr"), speed, load))
+    full_Wb = sim.controller.get("flux_ref_Wb")
+    for wanted_Wb in (0.5 * full_Wb, full_Wb):
+        sim.set("flux_ref_Wb", wanted_Wb)
+        sim.run(1.5, record=False)
+        sim.check()
+        sim.run(0.1)
+        rec = sim.take()
+        flux = np.hypot(rec["plant.psi_alpha_Wb"], rec["plant.psi_beta_Wb"])
+        assert flux.mean() == pytest.approx(wanted_Wb, rel=0.03)
+
+
+DROPS = {"inverter__v_switch_V": 1.5, "inverter__v_diode_V": 1.2}
+
+
+@pytest.mark.parametrize("setup", ["paper-a-feasible", "paper-b"])
+def test_drops_that_the_firmware_knows_cost_nothing(setup):
+    """Reversals at the torque limit, then a crawl under load: no trip, and the resistance
+    in use is the machine's, not the devices'."""
+    base = scenario.load(setup).changed(controller__scheme="ddr", load__kind="constant", **DROPS)
+    assert base.controller_values()["drop_V"] == pytest.approx(1.35)
+    sim = Simulation(base, 1)
+    sim.start()
+    sim.run(0.4, record=False)
+    for speed_rpm in (700, -700, 700, -700, 60):
+        sim.set("speed_ref_rpm", speed_rpm)
+        sim.run(0.7, record=False)
+        sim.check()
+    sim.set("load_Nm", 0.8 * base["point.load_Nm"])
+    sim.run(3.0, record=False)
+    sim.run(0.5)
+    sim.check()
+    rec = sim.take()
+    flux = np.hypot(rec["plant.psi_alpha_Wb"], rec["plant.psi_beta_Wb"])
+    assert flux.mean() == pytest.approx(base.parameter("flux_ref_Wb"), rel=0.03)
+    machine_ohm = base["machine.rs_ohm"] + np.mean(base["machine.drs_ohm"])
+    assert rec["rs_ohm"][-1] == pytest.approx(machine_ohm, rel=0.03)
+
+
+def test_drops_that_the_firmware_does_not_know_look_like_resistance():
+    base = scenario.load("paper-a-feasible").changed(controller__drop_V=0.0, **DROPS)
+    sim = approach(Point(base, 100, 10))
+    sim.run(2.0)
+    rec = sim.take()
+    assert rec["rs_ohm"][-1] > 1.15 * (base["machine.rs_ohm"] + 0.06)
+    flux = np.hypot(rec["plant.psi_alpha_Wb"], rec["plant.psi_beta_Wb"])
+    assert flux.mean() == pytest.approx(0.6, rel=0.05)
