@@ -239,7 +239,7 @@ def _step(inv, m, load, y, dt, vdc, floats, out):
 
 
 @njit
-def _longest_step(inv, m):
+def longest_step_s(inv, m):
     """Around zero current a threshold acts as a resistance of V / KNEE_A. One time constant
     of that with the least inductance it can meet keeps the step stable (the limit is 2.78)
     and accurate. Paper B's machine with 1.2 V: 120 us."""
@@ -373,7 +373,7 @@ def _advance_off(inv, m, load, y, dt, vdc):
     if _currents_absent(inv) and _advance_open(inv, m, load, y, dt, vdc):
         return
     left = dt
-    usual = OFF_STEP_S if inv.drops == 0 else min(OFF_STEP_S, _longest_step(inv, m))
+    usual = OFF_STEP_S if inv.drops == 0 else min(OFF_STEP_S, longest_step_s(inv, m))
     longest = usual
     guard = 0
     while left > 1e-15:
@@ -435,7 +435,7 @@ def advance(inv, m, load, y, dt, vdc):
         _advance_off(inv, m, load, y, dt, vdc)
         return
     if inv.drops != 0:
-        steps = int(np.ceil(dt / _longest_step(inv, m)))
+        steps = int(np.ceil(dt / longest_step_s(inv, m)))
         for _ in range(steps):
             _step(inv, m, load, y, dt / steps, vdc, False, y)
         return
