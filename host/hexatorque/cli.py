@@ -1,6 +1,7 @@
 """The `hexatorque` command: every subcommand is one call into the package.
 
-Exit codes: 0 done; 1 it ran, but a drive tripped or did not reach its point;
+Exit codes: 0 done; 1 it ran, but a drive tripped or did not reach its point,
+or a study found what must not be;
 2 the command line, a file or a value is wrong; 130 interrupted.
 """
 
@@ -296,15 +297,22 @@ def _reach(args: argparse.Namespace) -> int:
 def _verify(args: argparse.Namespace) -> int:
     from importlib import import_module
 
+    from rich.markup import escape
+
     from .recording import RecordingError
     from .scenario import ScenarioError
 
-    names = list(STUDIES) if "all" in args.study else list(dict.fromkeys(args.study))
-    for name in names:
-        if name not in STUDIES:
+    for name in args.study:
+        if name not in ("all", *STUDIES):
             raise ScenarioError(f"no study {name!r}: choose from all, {', '.join(STUDIES)}")
+    names = list(STUDIES) if "all" in args.study else list(dict.fromkeys(args.study))
+    try:
+        args.output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ScenarioError(f"{args.output}: {error.strerror}") from None
     console = _console(args.json)
     results = {}
+    failures = []
     for name in names:
         module = import_module(f"hexatorque.verify.{STUDIES[name]}")
         with _progress(console) as bar:
@@ -313,16 +321,18 @@ def _verify(args: argparse.Namespace) -> int:
         for table in module.tables(result):
             console.print(table)
         try:
-            args.output.mkdir(parents=True, exist_ok=True)
             (args.output / f"{name}.json").write_text(json.dumps(result, indent=1) + "\n")
             picture = module.plot(result, args.output / f"{name}.png")
         except OSError as error:
             raise RecordingError(f"{error.filename}: {error.strerror}") from None
         console.print(f"picture: {picture}", highlight=False)
+        for line in module.failures(result):
+            failures.append(line)
+            console.print(f"[bold red]failed[/] {escape(line)}", highlight=False)
         results[name] = result
     if args.json:
         _print_json(results)
-    return 0
+    return 1 if failures else 0
 
 
 def _bench(args: argparse.Namespace) -> int:

@@ -119,6 +119,9 @@ KEYS: dict[str, dict[str, Key]] = {
     },
 }
 
+#: Far below any machine's; smaller ones overflow the power law.
+SMALLEST_KNEE_WB = 1e-3
+
 #: Controller parameters that follow from the rest unless a file sets them.
 TIMING_OWNS = ("load_mode", "predict", "write_delay_us")
 
@@ -421,6 +424,11 @@ def _consistent(setup: Setup) -> None:
             raise ScenarioError(f"machine.d{key}: {key} plus its change must stay above 0")
     if min(setup["machine.dlls_H"]) + setup["machine.lxy_H"] <= 0:
         raise ScenarioError("machine.dlls_H: lxy_H plus its change must stay above 0")
+    if 0 < setup["machine.psi_knee_Wb"] < SMALLEST_KNEE_WB:
+        raise ScenarioError(
+            f"machine.psi_knee_Wb = {setup['machine.psi_knee_Wb']:g}: allowed is 0 (linear) "
+            f"or {SMALLEST_KNEE_WB:g} Wb and more"
+        )
     if setup["inverter.vdc_V"] > setup["sensors.vdc_full_V"]:
         raise ScenarioError("inverter.vdc_V is above sensors.vdc_full_V")
     setup.controller_values()

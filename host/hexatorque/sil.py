@@ -20,7 +20,7 @@ from numba import types
 from . import __version__, firmware
 from .frames import INVERSE, PHASES
 from .plant.gates import gates_record
-from .plant.inverter import DROPS, inverter_record
+from .plant.inverter import DROPS, inverter_record, longest_step_s
 from .plant.loop import MAX_STEP_S, PLANT_CHANNELS, TIMING, run_periods
 from .plant.machine import DRY_RAD_S, LOAD, MachineParameters, machine_record
 from .plant.pwm import PWM_MAP, pwm_record
@@ -35,6 +35,8 @@ CHUNK = 2000
 TIMED_WITH_THE_PLANT = ("f_isr_Hz", "f_slow_Hz", "load_mode", "write_delay_us")
 #: In place of a record that is not wanted.
 _NOTHING = np.empty((0, 0), np.float32)
+#: Conduction drops that need shorter steps than this would take for ever.
+SHORTEST_STEP_S = 0.1e-6
 #: Speed over which an eddy-current brake's torque peaks, relative to `at_rpm`.
 EDDY_PEAK = 1.5
 
@@ -156,6 +158,12 @@ class Simulation:
         self._machine = machine_record(self.machine)
         self.state = np.zeros(8)
         self.inverter = inverter_record(**{name: setup[f"inverter.{name}"] for name in DROPS})
+        if self.inverter.drops and longest_step_s(self.inverter, self._machine) < SHORTEST_STEP_S:
+            raise ScenarioError(
+                "inverter.v_switch_V, v_diode_V, r_switch_ohm, r_diode_ohm: too large for the "
+                "machine's smallest leakage inductance, the simulation would need steps below "
+                f"{SHORTEST_STEP_S * 1e6:g} us"
+            )
         self._pwm = pwm_record()
         self._gates = gates_record(round(setup["inverter.min_pulse_us"] * 1e-6 * clock))
         self._map = _pwm_map(self.controller.map)
@@ -261,6 +269,12 @@ class Simulation:
         began = time.perf_counter()
         self._call(n, plant, channels)
         self.wall_s += time.perf_counter() - began
+        if not np.isfinite(self.state).all():
+            raise ArithmeticError(
+                f"the simulation diverged before {self.time_s + n * self.period_s:.4g} s: "
+                "are the machine's time constants below the integration step, "
+                f"{MAX_STEP_S * 1e6:g} us?"
+            )
         self.periods += n
         if not record:
             self.discard()

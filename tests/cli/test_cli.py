@@ -1,6 +1,8 @@
 """The command as a user meets it: results, files, and one clear line for a mistake."""
 
 import json
+import sys
+import types
 
 import pytest
 
@@ -89,6 +91,7 @@ def test_run_says_why_a_drive_tripped(tmp_path, capsys):
         (["run", "paper-b", "-o", "x.xls"], ("x.xls", ".csv or .npz")),
         (["setups", "paper-c"], ("paper-c",)),
         (["verify", "low-sped"], ("low-sped", "low-speed")),
+        (["verify", "all", "nothing"], ("'nothing'", "low-speed")),
         (["bench", "--counter", "/no/such/program"], ("/no/such/program", "make bench")),
     ],
 )
@@ -107,6 +110,37 @@ def test_output_folder_that_cannot_be_made(tmp_path, capsys):
     arguments = ["compare", "--setup", "paper-b", "--schemes", "dtc1", "-o", str(tmp_path / "file")]
     assert main(arguments) == 2
     assert "file" in capsys.readouterr().err
+
+
+def test_verify_refuses_its_output_folder_before_it_runs(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert main(["verify", "all", "-o", str(tmp_path / "file")]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("hexatorque: ")
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(("found", "code"), [([], 0), (["gates on [in] fault"], 1)])
+def test_verify_says_what_must_not_be(found, code, tmp_path, capsys, monkeypatch):
+    def plot(result, path):
+        path.write_text("")
+        return path
+
+    study = types.SimpleNamespace(
+        study=lambda quick, progress: {"quick": quick},
+        tables=lambda result: ["a table"],
+        failures=lambda result: found,
+        plot=plot,
+    )
+    monkeypatch.setitem(sys.modules, "hexatorque.verify.faults", study)
+    arguments = ["verify", "faults", "faults", "--quick", "--json", "-o", str(tmp_path / "new")]
+    assert main(arguments) == code
+    out = capsys.readouterr()
+    assert json.loads(out.out) == {"faults": {"quick": True}}
+    assert json.loads((tmp_path / "new" / "faults.json").read_text()) == {"quick": True}
+    assert (tmp_path / "new" / "faults.png").exists()
+    for line in found:
+        assert line in out.err
 
 
 def test_setups_lists_every_value_with_its_tag(capsys):

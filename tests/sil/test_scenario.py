@@ -17,6 +17,7 @@ BASE = 'setup = "paper-b"\n'
         ("[machine]\nrs_ohm = inf\n", ("machine.rs_ohm", "allowed range")),
         ("[machine]\nrs_ohm = true\n", ("machine.rs_ohm", "number")),
         ('[machine]\nrs_ohm = "6"\n', ("machine.rs_ohm", "number")),
+        ("[machine]\npsi_knee_Wb = 1e-200\n", ("machine.psi_knee_Wb", "0 (linear)", "0.001 Wb")),
         ("[machine]\npole_pairs = 1.5\n", ("machine.pole_pairs", "whole")),
         ("[machine]\ndrs_ohm = [1, 2]\n", ("machine.drs_ohm", "six")),
         ("[machine]\ndrs_ohm = [-7, 0, 0, 0, 0, 0]\n", ("machine.drs_ohm", "above 0")),
@@ -77,6 +78,25 @@ def test_controller_follows_the_machine_unless_told_otherwise():
     assert mismatched.controller_values()["rs_ohm"] == 7.0
     assert mismatched["machine.rs_ohm"] == 6.0
     assert setup.changed(machine__rs_ohm=5.0).controller_values()["rs_ohm"] == 5.0
+
+
+def test_drops_that_would_stop_time_are_refused():
+    from hexatorque.sil import Simulation
+
+    setup = scenario.load("paper-b").changed(inverter__v_switch_V=10.0)
+    Simulation(setup)
+    with pytest.raises(ScenarioError, match=r"inverter\.v_switch_V.*0\.1 us"):
+        Simulation(setup.changed(machine__lls_H=1e-6))
+
+
+def test_a_machine_too_fast_for_the_integration_gives_no_numbers():
+    from hexatorque.sil import Simulation
+
+    fast = scenario.load("paper-b").changed(machine__lxy_H=1e-6, machine__rs_ohm=1000.0)
+    sim = Simulation(fast)
+    sim.start()
+    with pytest.raises(ArithmeticError, match="diverged"):
+        sim.run(0.4)
 
 
 def test_inconsistent_bands_are_refused_by_the_firmware():

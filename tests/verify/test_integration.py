@@ -7,7 +7,7 @@ import pytest
 from hexatorque import scenario
 from hexatorque.plant.loop import MAX_STEP_S
 from hexatorque.study import Point, approach
-from hexatorque.verify.integration import errors, plot, replay, run_segment, tables
+from hexatorque.verify.integration import errors, failures, plot, replay, run_segment, tables
 
 
 @pytest.mark.parametrize("sample_delay_us", [0.0, 3.0])
@@ -32,5 +32,7 @@ def test_study_and_its_figure(tmp_path):
         chosen = error[result["step_us"].index(MAX_STEP_S * 1e6)]
         assert chosen < result["limit"] / 5
     assert len(tables(result)[0].rows) == 2
+    assert failures(result) == []
+    assert len(failures(result | {"limit": 1e-20})) == 2
     path = plot(result, tmp_path / "error.png")
     assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 20_000

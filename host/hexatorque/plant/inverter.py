@@ -26,6 +26,7 @@ from .record import record
 from .saturation import excess_gain, open_rotor
 
 LOW, HIGH, OFF = 0, 1, 2
+NO_LEG = -1
 
 #: A floating leg's residual current decays with this time constant; it only
 #: removes what the location of the zero crossing leaves.
@@ -37,6 +38,8 @@ OFF_STEP_S = 5e-6
 ZERO = 1e-9
 #: ... which the secant rule reaches in two or three of these steps.
 MAX_SECANTS = 8
+#: What rounding may leave of a current that is zero.
+RESIDUAL_A = 1e-10
 
 #: More steps than this in one call mean that time stands still.
 MAX_STEPS = 10_000
@@ -236,7 +239,7 @@ def _step(inv, m, load, y, dt, vdc, floats, out):
 
 
 @njit
-def _longest_step(inv, m):
+def longest_step_s(inv, m):
     """Around zero current a threshold acts as a resistance of V / KNEE_A. One time constant
     of that with the least inductance it can meet keeps the step stable (the limit is 2.78)
     and accurate. Paper B's machine with 1.2 V: 120 us."""
@@ -325,9 +328,15 @@ def _advance_open(inv, m, load, y, dt, vdc):
 
 
 @njit
-def _step_to_zero(inv, m, load, y, h, vdc, floats, leg, i0, i1):
-    """Advance y to the instant within h at which the leg's current, i0 now and i1 at h,
-    passes zero. Returns the time taken."""
+def _step_to_zero(inv, m, load, y, h, vdc, floats, leg):
+    """Step from y to the instant within h at which the leg's current passes zero;
+    `inv.trial`, on entry the state at h, becomes the state there. Returns the time taken."""
+    i0 = phase_current(m, y, leg)
+    i1 = phase_current(m, inv.trial, leg)
+    if i0 * inv.diode[leg] <= 0.0:
+        for r in range(8):
+            inv.trial[r] = y[r]
+        return 0.0
     enough = ZERO * abs(i0 - i1)
     t0, t = 0.0, h
     for _ in range(MAX_SECANTS):
@@ -336,9 +345,26 @@ def _step_to_zero(inv, m, load, y, h, vdc, floats, leg, i0, i1):
         i0, i1 = i1, phase_current(m, inv.trial, leg)
         if abs(i1) <= enough or i1 == i0:
             break
-    for r in range(8):
-        y[r] = inv.trial[r]
     return t
+
+
+@njit
+def _first_crossing(inv, m, y, but):
+    """The open leg, other than `but`, whose diode current passes zero first on a straight
+    line from y to `inv.trial`, or NO_LEG."""
+    found = NO_LEG
+    first = 1.0
+    for leg in range(6):
+        if inv.leg[leg] == OFF and inv.diode[leg] != 0 and leg != but:
+            i0 = phase_current(m, y, leg) * inv.diode[leg]
+            i1 = phase_current(m, inv.trial, leg) * inv.diode[leg]
+            # A residual of the wrong sign that shrinks is no crossing, nor is rounding.
+            if i1 < min(-RESIDUAL_A, i0):
+                share = max(i0 / (i0 - i1), 0.0)
+                if found == NO_LEG or share < first:
+                    found = leg
+                    first = share
+    return found
 
 
 @njit
@@ -347,7 +373,7 @@ def _advance_off(inv, m, load, y, dt, vdc):
     if _currents_absent(inv) and _advance_open(inv, m, load, y, dt, vdc):
         return
     left = dt
-    usual = OFF_STEP_S if inv.drops == 0 else min(OFF_STEP_S, _longest_step(inv, m))
+    usual = OFF_STEP_S if inv.drops == 0 else min(OFF_STEP_S, longest_step_s(inv, m))
     longest = usual
     guard = 0
     while left > 1e-15:
@@ -355,40 +381,27 @@ def _advance_off(inv, m, load, y, dt, vdc):
         if guard > MAX_STEPS:
             raise ArithmeticError("inverter: diodes chatter, time does not advance")
         floats = _leg_voltages(inv, m, load, y, vdc)
-        h = left if left < longest else longest
-        _step(inv, m, load, y, h, vdc, floats, inv.trial)
-        # Earliest zero crossing of a diode current within the step.
-        first = h
-        crossing = -1
-        i0_first = i1_first = 0.0
-        for leg in range(6):
-            if inv.leg[leg] == OFF and inv.diode[leg] != 0:
-                i1 = phase_current(m, inv.trial, leg)
-                if i1 * inv.diode[leg] >= 0.0:
-                    continue
-                i0 = phase_current(m, y, leg)
-                # A residual of the wrong sign that shrinks is no crossing.
-                if i1 * inv.diode[leg] < min(0.0, i0 * inv.diode[leg]):
-                    t = h * i0 / (i0 - i1) if i0 * inv.diode[leg] > 0.0 else 0.0
-                    if t < first or crossing < 0:
-                        first = t
-                        crossing = leg
-                        i0_first = i0
-                        i1_first = i1
-        if crossing >= 0:
-            taken = 0.0
-            if first > 0.0:
-                taken = _step_to_zero(inv, m, load, y, h, vdc, floats, crossing, i0_first, i1_first)
+        taken = left if left < longest else longest
+        _step(inv, m, load, y, taken, vdc, floats, inv.trial)
+        crossing = NO_LEG
+        # Currents are no straight lines: where the one that seemed to be first passes
+        # zero, another may have done so already.
+        for _ in range(6):
+            earlier = _first_crossing(inv, m, y, crossing)
+            if earlier == NO_LEG:
+                break
+            crossing = earlier
+            taken = _step_to_zero(inv, m, load, y, taken, vdc, floats, crossing)
+        for r in range(8):
+            y[r] = inv.trial[r]
+        left -= taken
+        if crossing == NO_LEG:
+            longest = usual
+        else:
             inv.diode[crossing] = 0
-            left -= taken
             # The voltage may be beyond the rail now and within it at the end of the step:
             # look closer, until the diode's current is seen to start.
             longest = 0.5 * longest if taken < 1e-12 else usual
-        else:
-            for r in range(8):
-                y[r] = inv.trial[r]
-            left -= h
-            longest = usual
 
 
 @njit
@@ -422,7 +435,7 @@ def advance(inv, m, load, y, dt, vdc):
         _advance_off(inv, m, load, y, dt, vdc)
         return
     if inv.drops != 0:
-        steps = int(np.ceil(dt / _longest_step(inv, m)))
+        steps = int(np.ceil(dt / longest_step_s(inv, m)))
         for _ in range(steps):
             _step(inv, m, load, y, dt / steps, vdc, False, y)
         return

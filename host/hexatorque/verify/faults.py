@@ -385,22 +385,29 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
     return {"runs": len(results), "rows": rows}
 
 
+def failures(result: dict) -> list[str]:
+    return [f"{row['fault']}: {error}" for row in result["rows"] for error in row["errors"]]
+
+
 def tables(result: dict) -> list:
     from rich.table import Table
 
-    table = Table(title=f"{TITLE}: {result['runs']} runs", title_justify="left")
-    for heading in ("fault", "runs", "must be found in", "named"):
-        table.add_column(heading)
-    table.add_column("periods to gates off\nmedian / longest", justify="right")
-    table.add_column("failures", justify="right")
+    table = Table(
+        title=f"{TITLE}: {result['runs']} runs\n"
+        "periods from injection to gates off, median / longest",
+        title_justify="left",
+    )
+    for heading in ("fault", "must be found in", "named"):
+        table.add_column(heading, min_width=13)
+    table.add_column("periods", justify="right", no_wrap=True)
+    table.add_column("failures\n/ runs", justify="right", no_wrap=True)
     for row in result["rows"]:
         table.add_row(
             row["fault"],
-            str(row["runs"]),
             ", ".join(row["found_in"]),
             "; ".join(row["causes"]),
             f"{row['periods_median']:g} / {row['periods_max']}",
-            str(len(row["errors"])),
+            f"{len(row['errors'])} / {row['runs']}",
         )
     return [table]
 

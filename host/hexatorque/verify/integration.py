@@ -173,6 +173,16 @@ def errors(
     }
 
 
+def failures(result: dict) -> list[str]:
+    """Points where the default step costs more than the limit."""
+    chosen = result["step_us"].index(result["chosen_us"])
+    return [
+        f"{row['setup']}, {row['scheme']}: error {row['error'][chosen]:.1e}"
+        for row in result["points"]
+        if not row["error"][chosen] <= result["limit"]
+    ]
+
+
 def tables(result: dict) -> list:
     from rich.table import Table
 

@@ -183,6 +183,11 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
     }
 
 
+def failures(result: dict) -> list[str]:
+    """Only measures."""
+    return []
+
+
 def tables(result: dict) -> list:
     from rich.table import Table
 

@@ -104,6 +104,10 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
     }
 
 
+def _variant(row: dict) -> str:
+    return row["scheme"] + (", hold off" if row.get("hold") == "off" else "")
+
+
 def _cells(row: dict) -> list[str]:
     return [
         f"{row['mean'][f]:.3f} ± {row['spread'][f] / 2:.3f}"
@@ -113,23 +117,29 @@ def _cells(row: dict) -> list[str]:
     ]
 
 
+def failures(result: dict) -> list[str]:
+    """Only measures."""
+    return []
+
+
 def tables(result: dict) -> list:
     from rich.table import Table
 
     made = []
     note = f"{SETUP}, {SPEED_RPM:g} r/min, mean and half spread over {len(LOADS_NM)} loads near 0"
     headings = {
-        "options": ("scheme", "hold", "latency", "band_Nm", "flux_hold"),
-        "gains": ("scheme", "kp_pu_A", "lxy_H"),
+        "options": ("latency", "band_Nm", "flux_hold"),
+        "gains": ("kp_pu_A", "lxy_H"),
     }
     for part, keys in headings.items():
         table = Table(title=f"{TITLE}: {part}\n{note}", title_justify="left")
+        table.add_column("scheme")
         for key in keys:
-            table.add_column(key)
+            table.add_column(key.replace("_", "\n"), no_wrap=True)
         for figure, unit in zip(FIGURES, ("%", "%", "%", "A", "A")):
             table.add_column(f"{figure} [{unit}]", justify="right")
         for row in result[part]:
-            table.add_row(*(str(row[key]) for key in keys), *_cells(row))
+            table.add_row(_variant(row), *(str(row[key]) for key in keys), *_cells(row))
         made.append(table)
     return made
 
@@ -169,5 +179,6 @@ def plot(result: dict, path: Path) -> Path:
     axes[0][0].invert_yaxis()
     handles, names = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=3, **plots.LEGEND)
-    figure.suptitle(f"{TITLE}, no load", **plots.TITLE)
+    loads = f"mean and spread over {len(LOADS_NM)} loads near 0"
+    figure.suptitle(f"{TITLE}, {loads}", **plots.TITLE)
     return plots.save(figure, path)

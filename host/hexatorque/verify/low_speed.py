@@ -154,6 +154,10 @@ def _label(row: dict) -> str:
     return name + (", offset after calibration" if row["late_offset"] else "")
 
 
+def _heading(rs: float, rr: float) -> str:
+    return "right" if rs == rr else f"R_s × {rs:g}" if rs != 1 else f"R_r × {rr:g}"
+
+
 def _groups(result: dict) -> dict[str, dict[tuple[float, float], list[dict]]]:
     groups: dict[str, dict[tuple[float, float], list[dict]]] = {}
     for row in result["rows"]:
@@ -174,6 +178,11 @@ def _cell(rows: list[dict]) -> str:
     return text
 
 
+def failures(result: dict) -> list[str]:
+    """Only measures."""
+    return []
+
+
 def tables(result: dict) -> list:
     from rich.table import Table
 
@@ -182,42 +191,47 @@ def tables(result: dict) -> list:
         "worst flux error, worst speed error [r/min]",
         title_justify="left",
     )
-    table.add_column("observer, scheme")
-    for rs, rr in RESISTANCES:
-        table.add_column("right" if rs == rr else f"R_s × {rs:g}" if rs != 1 else f"R_r × {rr:g}")
+    table.add_column("observer,\nscheme", min_width=11)
+    for resistances in RESISTANCES:
+        table.add_column(_heading(*resistances))
     for label, by_resistance in _groups(result).items():
-        table.add_row(label, *(_cell(by_resistance[key]) for key in RESISTANCES))
+        table.add_row(
+            label.replace(", ", "\n"), *(_cell(by_resistance[key]) for key in RESISTANCES)
+        )
     return [table]
 
 
 def plot(result: dict, path: Path) -> Path:
-    """Flux error of every point, by observer; a cross where the drive tripped."""
+    """Flux error of every point, by observer; a cross at the edge where the drive tripped."""
     from ..analysis import plots
 
     groups = _groups(result)
     height_in = 1.2 + 0.42 * len(groups)
     figure, axes = plots.new_figure(1, len(RESISTANCES), height_in, sharey=True)
     points = list(itertools.product(SPEEDS_RPM, TORQUES_NM))
+    errors = [abs(e) for row in result["rows"] if not row["fault"] for e in row["flux_error"]]
+    end = 100 * max([1.1 * FLUX_WRONG, *(1.1 * e for e in errors)])
     for column, (axis, key) in enumerate(zip(axes[0], RESISTANCES)):
         for line, by_resistance in enumerate(groups.values()):
             for row in by_resistance[key]:
                 place = points.index((row["speed_rpm"], row["load_Nm"])) / len(points)
                 y = line + 0.7 * place - 0.3
                 if row["fault"]:
-                    axis.plot(0, y, "x", color=plots.COLOUR["torque"], markersize=4)
+                    axis.plot(
+                        -end, y, "x", clip_on=False, color=plots.COLOUR["torque"], markersize=4
+                    )
                 else:
                     axis.plot(
                         [100 * e for e in row["flux_error"]], [y, y], "|-", color=plots.INK, ms=4
                     )
         limit = 100 * (FLUX_RIGHT if key == (1.0, 1.0) else FLUX_WRONG)
         axis.axvspan(-limit, limit, color=plots.FAINT, alpha=0.5, lw=0)
-        name = "right" if key == (1.0, 1.0) else f"R_s × {key[0]:g}, R_r × {key[1]:g}"
-        axis.set_title(name, **plots.TITLE)
+        axis.set_title(_heading(*key), **plots.TITLE)
         axis.set_xlabel("true flux error [%]", **plots.LABEL)
-        axis.set_xlim(-25, 25)
+        axis.set_xlim(-end, end)
         if column == 0:
             axis.set_yticks(range(len(groups)), list(groups), fontsize=7.5)
             axis.invert_yaxis()
-    note = "six points each; grey: the limit; ×: tripped"
-    figure.suptitle(f"{TITLE} ({note})", **plots.TITLE)
+    note = "downwards 0, 30, 100 r/min, each with +10 and -10 N m; grey: the limit; ×: tripped"
+    figure.suptitle(f"{TITLE}\n{note}", **plots.TITLE)
     return plots.save(figure, path)
