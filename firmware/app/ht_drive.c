@@ -17,6 +17,12 @@
 /* The build-up is direct current, where all that the models disagree about is R_s: it
  * is learnt quickly there, or a wrong one would build a wrong flux. */
 #define BUILD_ADAPT_S 0.1f
+/* Flux speed that is too low for R_r to show, mean over OMEGA_MEAN_S; load, as i_q/i_d,
+ * from which on R_r matters; and the share of the flux that is given up there. */
+#define DODGE_RAD_S 2.5f
+#define DODGE_LOAD 0.4f
+#define DODGE_FLUX 0.9f
+#define OMEGA_MEAN_S 0.2f
 /* Share of the pull-out torque that is asked for: beyond it more slip gives less
  * torque, and the controller, which answers with more slip, loses the machine. */
 #define PULL_OUT_SHARE 0.8f
@@ -164,6 +170,7 @@ static void apply_slow(ht_drive *d)
     d->flux_config.reach_pu = v[HT_P_fw_margin] * reach_pu[(uint16_t)v[HT_P_scheme]];
     d->flux_config.rs_ohm = v[HT_P_rs_ohm];
     d->pull_out_Nm_Wb2 = pull_out(v);
+    d->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);
     d->build_gain = 1.0f / (1.0f + BUILD_ADAPT_S * v[HT_P_f_slow_Hz]);
     d->adapt_gain =
         (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz])) : 0.0f;
@@ -238,6 +245,8 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     d->torque_ref_Nm = 0.0f;
     d->flux_ref_Wb = p->v[HT_P_flux_ref_Wb];
     d->flux_top_Wb = p->v[HT_P_flux_ref_Wb];
+    d->omega_mean_rad_s = 0.0f;
+    d->dodging = 0u;
     d->slow_faults = 0u;
     d->stuck_leg = 0u;
     ht_protect_reset(&d->protect);
@@ -369,6 +378,8 @@ static void build(ht_drive *d, ht_compare *out)
         set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb]);
         d->flux_ref_Wb = d->params.v[HT_P_flux_ref_Wb];
         d->flux_top_Wb = d->params.v[HT_P_flux_ref_Wb];
+        d->omega_mean_rad_s = 0.0f;
+        d->dodging = 0u;
         enter(d, HT_STATE_RUN);
     }
 }
@@ -443,12 +454,36 @@ static float torque_limit(const ht_drive *d)
     return (reach < limit) ? reach : limit;
 }
 
+/* Where load and speed make the flux stand still, nothing tells R_r, and a drive with a
+ * wrong one may settle just there: more flux, less slip, no more turning. A little less
+ * flux makes more slip, and the flux turns again. */
+static void keep_off_zero_frequency(ht_drive *d)
+{
+    const float *v = d->params.v;
+    float psi = d->flux_top_Wb;
+    /* i_q/i_d of the reference */
+    float load = d->torque_ref_Nm * d->protect_config.ls_H
+                 / (d->config.observer.torque_gain * psi * psi);
+    float size;
+    d->omega_mean_rad_s +=
+        d->omega_mean_gain * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
+    size = (d->omega_mean_rad_s < 0.0f) ? -d->omega_mean_rad_s : d->omega_mean_rad_s;
+    if ((d->config.observer.kind != HT_OBSERVER_HYBRID) || !(v[HT_P_adapt_s] > 0.0f)
+        || finite_below(load, DODGE_LOAD) || (size > 2.0f * DODGE_RAD_S)) {
+        d->dodging = 0u;
+    } else if (size < DODGE_RAD_S) {
+        d->dodging = 1u;
+    } else {
+        /* as it was */
+    }
+}
+
 /* A new flux reference is approached as fast as the build-up is: a step would tear the
  * stator's flux from the rotor's, which cannot follow. */
 static void ramp_flux_top(ht_drive *d)
 {
     const float *v = d->params.v;
-    float wanted = v[HT_P_flux_ref_Wb];
+    float wanted = v[HT_P_flux_ref_Wb] * ((d->dodging != 0u) ? DODGE_FLUX : 1.0f);
     float larger = (wanted > d->flux_top_Wb) ? wanted : d->flux_top_Wb;
     float step = larger / (v[HT_P_build_s] * v[HT_P_f_slow_Hz]);
     float missing = wanted - d->flux_top_Wb;
@@ -478,6 +513,7 @@ void ht_drive_slow_isr(ht_drive *d)
     /* Where nothing adapts, the resistances in use are the configured ones. */
     ht_observer_adapt(&d->config.observer, &d->control.observer,
                       (d->config.observer.kind == HT_OBSERVER_HYBRID) ? d->adapt_gain : 0.0f);
+    keep_off_zero_frequency(d);
     ramp_flux_top(d);
     if (v[HT_P_field_weakening] != 0.0f) {
         ht_flux_config flux = d->flux_config;

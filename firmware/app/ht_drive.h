@@ -79,6 +79,8 @@ typedef struct {
     float torque_ref_Nm;           /**< slow loop to fast loop */
     float flux_ref_Wb;             /**< slow loop to fast loop */
     float flux_top_Wb;             /**< flux_ref_Wb on its way; field weakening goes below */
+    float omega_mean_rad_s;        /**< flux speed, slow mean */
+    float omega_mean_gain;
     float pull_out_Nm_Wb2;         /**< torque limit per flux squared */
     float adapt_gain;              /**< of the resistances, per slow interrupt */
     float build_gain;              /**< the same during the build-up */
@@ -89,6 +91,7 @@ typedef struct {
     uint32_t build_ticks;
     volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
     uint16_t faults;
+    uint16_t dodging;              /**< 1: less flux, to keep the flux turning */
     uint16_t stuck_leg;            /**< whose sensor is looked at next */
     volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
     volatile uint16_t staged_ready; /**< 1 when `staged` is complete */

@@ -124,7 +124,6 @@ _RESULTS = {
     lib.HT_ERROR_STATE: "not allowed in this state",
     lib.HT_ERROR_CONFIG: "parameters do not fit together",
     lib.HT_ERROR_TURNING: "the machine is turning",
-    lib.HT_ERROR_PORT: "the PWM cannot realise this period or dead time",
 }
 
 
@@ -153,7 +152,16 @@ class Controller:
                 raise FirmwareError(f"no controller parameter {name!r}")
             row = parameters()[name]
             params.v[row.id] = row.parse(value)
-        _check(lib.ht_drive_init(self.drive, self.port, params), "controller set-up")
+        self._check(lib.ht_drive_init(self.drive, self.port, params), "controller set-up")
+
+    def _check(self, result: int, what: str) -> None:
+        if result == lib.HT_ERROR_PORT:
+            clock_Hz, most = self.map.pwm_clock_Hz, self.map.dead_max_counts
+            raise FirmwareError(
+                f"{what}: the PWM cannot do this: dead_time_us up to {most / clock_Hz * 1e6:.4g}, "
+                f"f_isr_Hz from {clock_Hz / 65535:.4g} to {clock_Hz / 8:.4g}"
+            )
+        _check(result, what)
 
     @property
     def handle(self) -> int:
@@ -202,7 +210,7 @@ class Controller:
         if name not in parameters():
             raise FirmwareError(f"no controller parameter {name!r}")
         row = parameters()[name]
-        _check(lib.ht_drive_set(self.drive, row.id, row.parse(value)), f"{name} = {value}")
+        self._check(lib.ht_drive_set(self.drive, row.id, row.parse(value)), f"{name} = {value}")
 
     def start(self) -> None:
         _check(lib.ht_drive_start(self.drive), "start")

@@ -2,8 +2,9 @@
 
 import pytest
 
-from hexatorque import scenario
+from hexatorque import firmware, scenario
 from hexatorque.scenario import ScenarioError
+from hexatorque.sil import Simulation
 
 BASE = 'setup = "paper-b"\n'
 
@@ -106,3 +107,17 @@ def test_inconsistent_bands_are_refused_by_the_firmware():
     setup = scenario.load("paper-b").changed(controller__torque_inner_Nm=0.5)
     with pytest.raises(FirmwareError, match="do not fit together"):
         Simulation(setup)
+
+
+def test_step_follows_the_machine():
+    """A machine whose windings are faster than the usual step gets a shorter one."""
+    usual = Simulation(scenario.load("paper-b"))
+    fast = Simulation(scenario.load("paper-b").changed(machine__lxy_H=0.3e-3))
+    assert usual._timing.max_step == round(100e-6 * usual._timing.clock_Hz)
+    longest_s = fast._timing.max_step / fast._timing.clock_Hz
+    assert longest_s == pytest.approx(0.1 * 0.3e-3 / 6.0, rel=0.1)
+
+
+def test_dead_time_that_the_pwm_cannot_do_is_named():
+    with pytest.raises(firmware.FirmwareError, match=r"dead_time_us up to 6\.82"):
+        Simulation(scenario.load("paper-a").changed(inverter__dead_time_us=7.0))

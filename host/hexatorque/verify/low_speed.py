@@ -179,8 +179,15 @@ def _cell(rows: list[dict]) -> str:
 
 
 def failures(result: dict) -> list[str]:
-    """Only measures."""
-    return []
+    """Where the hybrid does not hold what it must, sensors calibrated."""
+    lost = []
+    for row in result["rows"]:
+        case = Case(**{name: row[name] for name in Case.__dataclass_fields__})
+        outcome = Outcome(**{name: row[name] for name in Outcome.__dataclass_fields__})
+        limit = FLUX_RIGHT if (case.rs, case.rr) == (1.0, 1.0) else FLUX_WRONG
+        if case.observer == "hybrid" and not case.late_offset and not outcome.holds(limit):
+            lost.append(f"{case}: {outcome}")
+    return lost
 
 
 def tables(result: dict) -> list:
