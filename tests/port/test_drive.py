@@ -485,6 +485,7 @@ def test_no_torque_is_asked_for_that_the_flux_cannot_give(bench, mode, sign):
     bench.controller.set("sigma_ls_H", 0.025)
     bench.controller.set("torque_ref_Nm", sign * 15.0)
     bench.controller.set("speed_ref_rpm", sign * 5000.0)
+    bench.controller.set("adapt_s", 0.0)  # or it gives way where the flux stands still
     bench.run_to("run")
     bench.slow()
     bench.fast()
@@ -971,3 +972,32 @@ def test_overrun_with_the_gates_off_does_nothing(bench, state):
     for access in range(1, accesses(bench) + 1):
         plant_event(bench, access)
         assert (bench.state, bench.drive.faults) == (state, 0)
+
+
+def test_less_flux_where_it_stands_still_under_load(bench):
+    """Adapting, loaded, the flux's mean speed below 2.5 rad/s: nine tenths of the flux
+    reference, approached over the ramp; back above 5 rad/s, without load, without
+    adaptation."""
+    bench.controller.set("control_mode", "torque")
+    bench.controller.set("torque_ref_Nm", 12.0)
+    bench.run_to("run")
+
+    def settled(omega):
+        for _ in range(300):
+            bench.drive.control.observer.omega_sync_rad_s = omega
+            bench.slow()
+        return bench.drive.flux_ref_Wb
+
+    full = pytest.approx(0.6, rel=1e-5)
+    less = pytest.approx(0.54, rel=1e-5)
+    assert settled(0.0) == less
+    assert settled(-4.0) == less  # hysteresis
+    assert settled(-6.0) == full
+    assert settled(-4.0) == full
+    assert settled(2.0) == less
+    bench.controller.set("torque_ref_Nm", 0.5)
+    assert settled(2.0) == full
+    bench.controller.set("torque_ref_Nm", -12.0)
+    assert settled(2.0) == less
+    bench.controller.set("adapt_s", 0.0)
+    assert settled(2.0) == full
