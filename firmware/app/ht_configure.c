@@ -1,0 +1,185 @@
+#include "ht_configure.h"
+
+#define ADC_FULL 4096.0f
+/* Share of the range that is left on either side at the largest offset, less 2 %. */
+#define TRIP_SHARE 0.885f
+#define PI_F 3.14159265f
+/* Time constants: the model-based checks average over the transients that a healthy
+ * drive shows; mean speed of the flux, quick and slow. */
+#define FLUX_CHECK_S 0.2f
+#define ENCODER_CHECK_S 0.05f
+#define OMEGA_FILTER_S 0.005f
+#define OMEGA_MEAN_S 0.2f
+/* The build-up is direct current, where all that the models disagree about is R_s: it
+ * is learnt quickly there, or a wrong one would build a wrong flux. */
+#define BUILD_ADAPT_S 0.1f
+/* Share of the pull-out torque that is asked for: beyond it more slip gives less
+ * torque, and the controller, which answers with more slip, loses the machine. */
+#define PULL_OUT_SHARE 0.8f
+
+/* Largest circle inside the dodecagon of each scheme's mean vectors, units of
+ * Vdc. Pairs count at their zero-mean share. */
+static const float reach_pu[HT_SCHEMES] = {0.622008f, 0.577350f, 0.577350f,
+                                           0.577350f, 0.577350f, 0.422650f};
+
+static bool finite_below(float value, float limit)
+{
+    return (value < limit) && (value > -limit);
+}
+
+static uint16_t torque_levels(const ht_params *p)
+{
+    static const uint16_t choice[4] = {0u, 2u, 3u, 5u};
+    uint16_t levels = choice[(uint16_t)p->v[HT_P_torque_levels]];
+    if (levels == 0u) {
+        levels = ((uint16_t)p->v[HT_P_scheme] == (uint16_t)HT_DTC3) ? 5u : 3u;
+    }
+    return levels;
+}
+
+/* Derive the control configuration. Returns false if the values do not fit. */
+static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config *c)
+{
+    float period = pwm_clock_Hz / p->v[HT_P_f_isr_Hz];
+    float ts = 1.0f / p->v[HT_P_f_isr_Hz];
+    bool shadow = p->v[HT_P_load_mode] == 0.0f;
+    float first = p->v[HT_P_write_delay_us] * 1.0e-6f * pwm_clock_Hz;
+    float ratio;
+    if (!(period <= 65535.0f) || !(period >= 8.0f)) {
+        return false;
+    }
+    if ((p->v[HT_P_torque_inner_Nm] > p->v[HT_P_torque_band_Nm])
+        || (p->v[HT_P_flux_min_Wb] > p->v[HT_P_flux_ref_Wb])
+        || (p->v[HT_P_vdc_min_V] >= p->v[HT_P_vdc_max_V])
+        || (p->v[HT_P_flux_trip_Wb] <= p->v[HT_P_flux_ref_Wb])) {
+        return false;
+    }
+    /* The slow interrupt is every n-th fast one. */
+    ratio = p->v[HT_P_f_isr_Hz] / p->v[HT_P_f_slow_Hz];
+    if (!finite_below(ratio - (float)(uint16_t)(ratio + 0.5f), 1.0e-3f)) {
+        return false;
+    }
+    /* A trip level that a saturated converter cannot reach protects nothing. */
+    if ((p->v[HT_P_i_trip_A] > TRIP_SHARE * p->v[HT_P_i_full_A])
+        || (p->v[HT_P_vdc_max_V] > 0.95f * p->v[HT_P_vdc_full_V])) {
+        return false;
+    }
+    if ((p->v[HT_P_torque_release_Nm] > 0.0f)
+        && (p->v[HT_P_torque_release_Nm] >= p->v[HT_P_torque_band_Nm])) {
+        return false;
+    }
+    c->scheme = (ht_scheme)(uint16_t)p->v[HT_P_scheme];
+    c->table = (ht_table)(uint16_t)p->v[HT_P_table];
+    c->torque_levels = torque_levels(p);
+    c->shadow = shadow;
+    c->predict = shadow && (p->v[HT_P_predict] != 0.0f);
+    c->hold_on_zero = p->v[HT_P_zero_hold] != 0.0f;
+    c->period_counts = (uint16_t)(period + 0.5f);
+    c->first_counts = 0u;
+    if (!shadow) {
+        c->first_counts = (uint16_t)(first + 0.5f);
+    }
+    c->flux_band_Wb = p->v[HT_P_flux_band_Wb];
+    c->torque_band_Nm = p->v[HT_P_torque_band_Nm];
+    c->torque_inner_Nm = p->v[HT_P_torque_inner_Nm];
+    c->torque_release_Nm = p->v[HT_P_torque_release_Nm];
+    c->flux_hold = p->v[HT_P_flux_hold];
+    c->drop_V = p->v[HT_P_drop_V];
+    c->build_current_A = p->v[HT_P_build_current_A];
+    c->observer.ts_s = ts;
+    c->observer.inv_ts = p->v[HT_P_f_isr_Hz];
+    c->observer.rs_ohm = p->v[HT_P_rs_ohm];
+    c->observer.sigma_ls_H = p->v[HT_P_sigma_ls_H];
+    c->observer.inv_sigma_ls = 1.0f / p->v[HT_P_sigma_ls_H];
+    c->observer.lxy_H = p->v[HT_P_lxy_H];
+    c->observer.kind = (ht_observer_kind)(uint16_t)p->v[HT_P_observer];
+    c->observer.hybrid_gain = 2.0f * PI_F * p->v[HT_P_crossover_Hz] * ts;
+    c->observer.rotor_decay = ts * p->v[HT_P_rr_ohm] / p->v[HT_P_lr_H];
+    c->observer.lm_over_lr = p->v[HT_P_lm_H] / p->v[HT_P_lr_H];
+    c->observer.rotor_drive = ts * p->v[HT_P_rr_ohm] * c->observer.lm_over_lr;
+    c->observer.torque_gain = 3.0f * p->v[HT_P_pole_pairs];
+    c->observer.omega_gain = (ts < OMEGA_FILTER_S) ? (ts / OMEGA_FILTER_S) : 1.0f;
+    c->xy.kp_pu_A = p->v[HT_P_kp_xy_pu_A];
+    c->xy.ki_ts_pu_A = p->v[HT_P_ki_xy_pu_As] * ts;
+    c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
+    c->dead.inv_2i_zero = 0.5f / p->v[HT_P_i_zero_A];
+    return ht_control_check(c) == HT_CONFIG_OK;
+}
+
+/* Torque allowed per flux squared. At constant stator flux the torque peaks at
+ * 3 P psi^2 (1 - sigma)/(2 sigma L_s): the top of the circle diagram. */
+static float pull_out(const float *v)
+{
+    float main_H = v[HT_P_lm_H] * v[HT_P_lm_H] / v[HT_P_lr_H]; /* (1 - sigma) L_s */
+    float sigma_ls_H = v[HT_P_sigma_ls_H];
+    return PULL_OUT_SHARE * 1.5f * v[HT_P_pole_pairs] * main_H
+           / (sigma_ls_H * (sigma_ls_H + main_H));
+}
+
+static void apply_protection(ht_drive *d)
+{
+    const float *v = d->params.v;
+    ht_protect_config *c = &d->protect_config;
+    float ratio = v[HT_P_lm_H] / v[HT_P_lr_H];
+    c->i_trip_A = v[HT_P_i_trip_A];
+    c->i_ab_trip_A = v[HT_P_i_ab_trip_A];
+    c->i_sum_trip_A = v[HT_P_i_sum_trip_A];
+    c->vdc_min_V = v[HT_P_vdc_min_V];
+    c->vdc_max_V = v[HT_P_vdc_max_V];
+    c->flux_trip_Wb = v[HT_P_flux_trip_Wb];
+    c->speed_trip_rpm = v[HT_P_speed_trip_rpm];
+    c->encoder_trip_rpm = v[HT_P_encoder_trip_rpm];
+    c->flux_check = v[HT_P_flux_check];
+    c->stuck_counts = v[HT_P_stuck_trip_A] * ADC_FULL / (2.0f * v[HT_P_i_full_A]);
+    c->ls_H = v[HT_P_sigma_ls_H] + ratio * v[HT_P_lm_H];
+    c->sigma = v[HT_P_sigma_ls_H] / c->ls_H;
+    c->no_load_A = v[HT_P_flux_ref_Wb] / c->ls_H;
+    c->slip_gain = v[HT_P_rr_ohm] * ratio * ratio;
+    c->rpm_per_rad_s = 30.0f / (PI_F * v[HT_P_pole_pairs]);
+    c->flux_gain = 1.0f / (1.0f + FLUX_CHECK_S * v[HT_P_f_slow_Hz]);
+    /* A mean over the slow period is half a period old, the flux's speed a time constant. */
+    c->estimate_back = 0.5f - OMEGA_FILTER_S * v[HT_P_f_slow_Hz];
+    c->estimate_back = (c->estimate_back > 0.0f) ? c->estimate_back : 0.0f;
+    c->encoder_gain = 1.0f / (1.0f + ENCODER_CHECK_S * v[HT_P_f_slow_Hz]);
+}
+
+void ht_configure_rest(ht_drive *d)
+{
+    const float *v = d->params.v;
+    d->speed_config.kp_Nms_rad = v[HT_P_kp_speed_Nms_rad];
+    d->speed_config.ki_ts_Nms_rad = v[HT_P_ki_speed_Nm_rad] / v[HT_P_f_slow_Hz];
+    d->speed_config.torque_limit_Nm = v[HT_P_torque_limit_Nm];
+    d->measure_config.rpm_per_count = 60.0f * v[HT_P_f_slow_Hz] / v[HT_P_encoder_counts_rev];
+    d->measure_config.rpm_ticks = 60.0f * (float)HT_CAPTURE_COUNTS
+                                  * ht_port_capture_clock_Hz(d->port)
+                                  / v[HT_P_encoder_counts_rev];
+    d->measure_config.period_rpm = v[HT_P_speed_period_rpm];
+    d->flux_config.flux_ref_Wb = v[HT_P_flux_ref_Wb];
+    d->flux_config.flux_min_Wb = v[HT_P_flux_min_Wb];
+    d->flux_config.reach_pu = v[HT_P_fw_margin] * reach_pu[(uint16_t)v[HT_P_scheme]];
+    d->flux_config.rs_ohm = v[HT_P_rs_ohm];
+    d->pull_out_Nm_Wb2 = pull_out(v);
+    d->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);
+    d->build_gain = 1.0f / (1.0f + BUILD_ADAPT_S * v[HT_P_f_slow_Hz]);
+    d->adapt_gain =
+        (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz])) : 0.0f;
+    apply_protection(d);
+    d->turn_per_count = 2.0f * PI_F * v[HT_P_pole_pairs] / v[HT_P_encoder_counts_rev];
+    d->i_per_count = 2.0f * v[HT_P_i_full_A] / ADC_FULL;
+    d->v_per_count = v[HT_P_vdc_full_V] / ADC_FULL;
+    d->calibration_ticks = (uint16_t)(v[HT_P_calibration_s] * v[HT_P_f_isr_Hz]);
+    d->build_ticks = (uint32_t)(v[HT_P_build_s] * v[HT_P_f_isr_Hz]);
+}
+
+ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_config *config,
+                       ht_pwm_setup *setup)
+{
+    float clock_Hz = ht_port_pwm_clock_Hz(port);
+    if (!configure(p, clock_Hz, config)) {
+        return HT_ERROR_CONFIG;
+    }
+    setup->period_counts = config->period_counts;
+    setup->dead_counts = (uint16_t)(p->v[HT_P_dead_time_us] * 1.0e-6f * clock_Hz + 0.5f);
+    setup->shadow = config->shadow;
+    return ht_port_accepts(port, setup) ? HT_OK : HT_ERROR_PORT;
+}

@@ -1,0 +1,18 @@
+/** @file ht_configure.h
+ *  From the parameter table to what the interrupts work with.
+ */
+#ifndef HT_CONFIGURE_H
+#define HT_CONFIGURE_H
+
+#include "ht_drive.h"
+
+/** Control configuration and PWM set-up of parameters that are each in range. Refuses
+ *  those that do not fit together (HT_ERROR_CONFIG) or the hardware (HT_ERROR_PORT). */
+ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_config *config,
+                       ht_pwm_setup *setup);
+
+/** Everything outside the control configuration that `d->params` decide: speed loop, flux
+ *  reference, protection, scaling, times. */
+void ht_configure_rest(ht_drive *d);
+
+#endif

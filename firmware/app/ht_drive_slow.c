@@ -1,0 +1,104 @@
+/* The slow interrupt: speed, references, adaptation, and the checks that need a model. */
+#include "ht_drive.h"
+
+#define PI_F 3.14159265f
+/* Flux speed that is too low for R_r to show; load, as i_q/i_d, from which on R_r
+ * matters; and the share of the flux that is kept there. */
+#define DODGE_RAD_S 2.5f
+#define DODGE_LOAD 0.4f
+#define DODGE_FLUX 0.9f
+
+/* What the parameters allow and the flux can give. */
+static float torque_limit(const ht_drive *d)
+{
+    float limit = d->params.v[HT_P_torque_limit_Nm];
+    float reach = d->pull_out_Nm_Wb2 * d->flux_ref_Wb * d->flux_ref_Wb;
+    return (reach < limit) ? reach : limit;
+}
+
+/* Where load and speed make the flux stand still, nothing tells R_r, and a drive with a
+ * wrong one may settle just there: more flux, less slip, no more turning. A little less
+ * flux makes more slip, and the flux turns again. */
+static void keep_off_zero_frequency(ht_drive *d)
+{
+    const float *v = d->params.v;
+    float psi = d->flux_top_Wb;
+    /* i_q/i_d of the reference */
+    float load = d->torque_ref_Nm * d->protect_config.ls_H
+                 / (d->config.observer.torque_gain * psi * psi);
+    float size;
+    d->omega_mean_rad_s +=
+        d->omega_mean_gain * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
+    size = (d->omega_mean_rad_s < 0.0f) ? -d->omega_mean_rad_s : d->omega_mean_rad_s;
+    if ((d->config.observer.kind != HT_OBSERVER_HYBRID) || !(v[HT_P_adapt_s] > 0.0f)
+        || ((load < DODGE_LOAD) && (load > -DODGE_LOAD)) || (size > 2.0f * DODGE_RAD_S)) {
+        d->dodging = 0u;
+    } else if (size < DODGE_RAD_S) {
+        d->dodging = 1u;
+    } else {
+        /* as it was */
+    }
+}
+
+/* A new flux reference is approached as fast as the build-up is: a step would tear the
+ * stator's flux from the rotor's, which cannot follow. */
+static void ramp_flux_top(ht_drive *d)
+{
+    const float *v = d->params.v;
+    float wanted = v[HT_P_flux_ref_Wb] * ((d->dodging != 0u) ? DODGE_FLUX : 1.0f);
+    float larger = (wanted > d->flux_top_Wb) ? wanted : d->flux_top_Wb;
+    float step = larger / (v[HT_P_build_s] * v[HT_P_f_slow_Hz]);
+    float missing = wanted - d->flux_top_Wb;
+    d->flux_top_Wb += (missing > step) ? step : ((missing < -step) ? -step : missing);
+}
+
+void ht_drive_slow_isr(ht_drive *d)
+{
+    const float *v = d->params.v;
+    uint32_t position = d->position_now; /* once: the fast interrupt may come in between */
+    int32_t moved = (int32_t)(position - d->position_last);
+    ht_speed_config speed = d->speed_config;
+    ht_capture capture;
+    d->position_last = position;
+    ht_port_read_capture(d->port, &capture);
+    d->speed_rpm = ht_speed_measure_step(&d->measure_config, &d->measured, moved, &capture);
+    if (d->state != (uint16_t)HT_STATE_RUN) {
+        d->slow_faults = 0u;
+        if ((d->state == (uint16_t)HT_STATE_BUILD) && (d->adapt_gain > 0.0f)
+            && (d->config.observer.kind == HT_OBSERVER_HYBRID)) {
+            ht_observer_adapt(&d->config.observer, &d->control.observer, d->build_gain);
+        }
+        return;
+    }
+    d->slow_faults =
+        ht_protect_slow(&d->protect_config, &d->protect, &d->control, d->speed_rpm);
+    /* Where nothing adapts, the resistances in use are the configured ones. */
+    ht_observer_adapt(&d->config.observer, &d->control.observer,
+                      (d->config.observer.kind == HT_OBSERVER_HYBRID) ? d->adapt_gain : 0.0f);
+    keep_off_zero_frequency(d);
+    ramp_flux_top(d);
+    if (v[HT_P_field_weakening] != 0.0f) {
+        ht_flux_config flux = d->flux_config;
+        ht_ab i = d->control.observer.i_prev_A.ab;
+        float a = (i.alpha < 0.0f) ? -i.alpha : i.alpha;
+        float b = (i.beta < 0.0f) ? -i.beta : i.beta;
+        /* |i| within 4 %: alpha max plus beta min */
+        float size = (a > b) ? (0.96f * a + 0.398f * b) : (0.96f * b + 0.398f * a);
+        flux.flux_ref_Wb = d->flux_top_Wb;
+        d->flux_ref_Wb = ht_flux_reference(&flux, d->in.vdc_V,
+                                           d->control.observer.omega_sync_rad_s, size);
+    } else {
+        d->flux_ref_Wb = d->flux_top_Wb;
+    }
+    /* The flux may be on its way down: the torque goes first. */
+    speed.torque_limit_Nm = torque_limit(d);
+    if (v[HT_P_control_mode] != 0.0f) {
+        float limit = speed.torque_limit_Nm;
+        float wanted = v[HT_P_torque_ref_Nm];
+        d->torque_ref_Nm = (wanted > limit) ? limit : ((wanted < -limit) ? -limit : wanted);
+        d->speed.integral_Nm = d->torque_ref_Nm; /* bumpless return to speed mode */
+    } else {
+        float error = (v[HT_P_speed_ref_rpm] - d->speed_rpm) * (PI_F / 30.0f);
+        d->torque_ref_Nm = ht_speed_step(&speed, &d->speed, error);
+    }
+}
