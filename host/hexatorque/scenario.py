@@ -183,7 +183,9 @@ class Setup:
         """All controller parameters that are not the firmware's default."""
         from .plant.machine import MachineParameters
 
-        machine = MachineParameters(**self.machine_values())
+        given = {key: value.value for key, value in self.values.get("controller", {}).items()}
+        flux_ref_Wb = given.get("flux_ref_Wb", firmware.parameters()["flux_ref_Wb"].initial)
+        machine = MachineParameters(**self.machine_values()).linear_at(flux_ref_Wb)
         latency = self["timing.latency"]
         immediate = latency in ("none", "immediate")
         derived: dict[str, Any] = {
@@ -203,7 +205,6 @@ class Setup:
             "predict": "on" if latency == "predicted" else "off",
             "write_delay_us": self.write_delay_us if immediate else 0.0,
         }
-        given = {key: value.value for key, value in self.values.get("controller", {}).items()}
         derived["i_sum_trip_A"] = max(0.01, 0.1 * self["sensors.i_full_A"])
         if "i_trip_A" in given:
             derived["i_ab_trip_A"] = 1.2 * given["i_trip_A"]

@@ -18,7 +18,7 @@ from psi_s + s, psi_r + s and T_e = 3 p psi_m x i_s.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numba import njit
@@ -59,6 +59,19 @@ class MachineParameters:
     def sigma_ls_H(self) -> float:
         """Stator transient inductance sigma L_s."""
         return self.ls_H - self.lm_H**2 / self.lr_H
+
+    def linear_at(self, psi_s_Wb: float) -> MachineParameters:
+        """The linear machine that a no-load test at this stator flux would find: L_m is
+        the secant of the magnetising curve there."""
+        if self.psi_knee_Wb == 0:
+            return self
+        low, high = 0.0, psi_s_Wb  # the main flux, by bisection
+        for _ in range(60):
+            psi_m = 0.5 * (low + high)
+            lm_H = self.lm_H / (1 + (psi_m / self.psi_knee_Wb) ** self.saturation_exponent)
+            too_much = psi_m * (1 + self.lls_H / lm_H) > psi_s_Wb
+            low, high = (low, psi_m) if too_much else (psi_m, high)
+        return replace(self, lm_H=lm_H, psi_knee_Wb=0.0)
 
 
 #: Matrices for the compiled code. Records rather than tuples of arrays: passed by
