@@ -142,7 +142,7 @@ static uint16_t protect(ht_drive *d)
             faults |= HT_FAULT_EXTERNAL;
         }
     }
-    if (d->state == (uint16_t)HT_STATE_RUN) {
+    if ((d->state == (uint16_t)HT_STATE_RUN) || (d->state == (uint16_t)HT_STATE_BUILD)) {
         faults |= d->slow_faults;
     }
     return faults;
@@ -185,6 +185,9 @@ static void build(ht_drive *d, ht_compare *out)
     set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb] * ((share < 1.0f) ? share : 1.0f));
     d->in.torque_ref_Nm = 0.0f;
     ht_control_build_step(&d->config, &d->control, &d->in, out);
+    if (share < HT_BUILD_BLIND) {
+        d->control.observer.omega_sync_rad_s = 0.0f;
+    }
     ht_port_write(d->port, out);
     if (d->state_ticks == 1u) {
         ht_port_gates_on(d->port); /* only once a pattern is in place */

@@ -42,6 +42,9 @@ typedef enum {
     HT_ERROR_TURNING = 6 /**< start refused: the machine is turning */
 } ht_result;
 
+/** Share of the build-up during which the flux is too small for its speed to be told. */
+#define HT_BUILD_BLIND 0.1f
+
 /** What was at hand in the fast interrupt that raised the latest fault. */
 typedef struct {
     uint32_t tick;         /**< fast interrupts since init; 0 = no fault yet */

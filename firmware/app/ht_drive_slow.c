@@ -8,6 +8,23 @@
 #define DODGE_LOAD 0.4f
 #define DODGE_FLUX 0.9f
 
+/* The flux that the build-up builds stands still; once it is there, one that turns other
+ * than the encoder says is the work of a shaft whose turning the encoder missed. */
+#define BUILD_LOOK_S 0.01f
+#define BUILD_TURN_RPM 100.0f
+static uint16_t turning_unnoticed(const ht_drive *d)
+{
+    float off = d->protect_config.rpm_per_rad_s * d->control.observer.omega_sync_rad_s
+                - d->speed_rpm;
+    bool there = (float)d->state_ticks > HT_BUILD_BLIND * (float)d->build_ticks
+                                             + BUILD_LOOK_S * d->params.v[HT_P_f_isr_Hz];
+    if (!there || !(d->params.v[HT_P_encoder_trip_rpm] > 0.0f)
+        || ((off < BUILD_TURN_RPM) && (off > -BUILD_TURN_RPM))) {
+        return 0u;
+    }
+    return (uint16_t)HT_FAULT_ENCODER;
+}
+
 /* What the parameters allow and the flux can give. */
 static float torque_limit(const ht_drive *d)
 {
@@ -63,7 +80,7 @@ void ht_drive_slow_isr(ht_drive *d)
     ht_port_read_capture(d->port, &capture);
     d->speed_rpm = ht_speed_measure_step(&d->measure_config, &d->measured, moved, &capture);
     if (d->state != (uint16_t)HT_STATE_RUN) {
-        d->slow_faults = 0u;
+        d->slow_faults = (d->state == (uint16_t)HT_STATE_BUILD) ? turning_unnoticed(d) : 0u;
         if ((d->state == (uint16_t)HT_STATE_BUILD) && (d->adapt_gain > 0.0f)
             && (d->config.observer.kind == HT_OBSERVER_HYBRID)) {
             ht_observer_adapt(&d->config.observer, &d->control.observer, d->build_gain);

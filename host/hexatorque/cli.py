@@ -21,7 +21,7 @@ EXAMPLES = """examples:
   hexatorque compare --setup paper-a-feasible --schemes fdr,ddr --speed 400 --load 7.5
   hexatorque run examples/reversal.toml -o out/reversal.npz
   hexatorque setups paper-b                           every value and where it is from
-  hexatorque verify faults                            2100 faults, and what the gates do
+  hexatorque verify faults                            2520 faults, and what the gates do
 """
 
 

@@ -770,8 +770,8 @@ def test_flux_check_works_through_the_registers(bench):
     assert bench.drive.faults == lib.HT_FAULT_FLUX
 
 
-@pytest.mark.parametrize("state", ("idle", "calibrate", "build"))
-def test_slow_faults_count_in_run_only(bench, state):
+@pytest.mark.parametrize("state", ("idle", "calibrate"))
+def test_slow_faults_do_not_count_with_the_gates_off(bench, state):
     if state != "idle":
         bench.run_to(state).fast()
     bench.drive.slow_faults = lib.HT_FAULT_ENCODER | lib.HT_FAULT_FLUX
@@ -782,6 +782,22 @@ def test_slow_faults_count_in_run_only(bench, state):
     assert bench.drive.slow_faults == 0
     assert bench.drive.protect.speed_error_rpm == 0
     assert bench.state == state
+
+
+def test_flux_that_turns_in_the_build_up(bench):
+    """100 r/min apart from the encoder, once there is flux: the shaft turns unnoticed."""
+    bench.controller.set("build_s", 0.1)
+    bench.controller.set("encoder_trip_rpm", 150.0)
+    electrical = 2 * np.pi / 30  # rad/s per r/min, two pole pairs
+    for share, rpm, found in ((0.15, 500.0, False), (0.5, 95.0, False), (0.5, -105.0, True)):
+        bench.run_to("build").fast(int(1000 * share))
+        bench.drive.control.observer.omega_sync_rad_s = rpm * electrical
+        bench.slow()
+        bench.fast()
+        assert (bench.state == "fault") == found
+        assert bench.gates_on != found
+        bench.controller.stop()
+    assert bench.drive.faults == lib.HT_FAULT_ENCODER
 
 
 def test_slow_fault_of_the_run_before_is_forgotten(bench):

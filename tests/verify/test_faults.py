@@ -1,11 +1,14 @@
-"""The fault campaign: 2100 faults, and that the campaign itself would notice."""
+"""The fault campaign: 2520 faults, and that the campaign itself would notice."""
 
+import itertools
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from hexatorque import firmware
 from hexatorque.plant.inverter import HIGH, LOW, OFF
+from hexatorque.sil import Simulation
 from hexatorque.verify import faults
 
 
@@ -35,6 +38,12 @@ def test_tables_and_picture(result, tmp_path):
     assert faults.failures(result) == []
     path = faults.plot(result, tmp_path / "faults.png")
     assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 20_000
+
+
+def test_every_fault_in_every_state_scheme_and_set_up():
+    everywhere = set(itertools.product(faults.STATES, firmware.schemes(), faults.SETUPS))
+    for fault in faults.FAULTS:
+        assert set(faults.places(fault, faults.RUNS)) == everywhere, fault.name
 
 
 # --- the campaign's own eyes ------------------------------------------------------
@@ -83,3 +92,21 @@ def test_legs_that_change_over_too_fast():
     assert "without dead time" in seen((0, 0, HIGH))
     assert "199 counts" in seen((0, 0, OFF), (199, 0, HIGH))
     assert seen((0, 0, OFF), (100, 1, OFF), (300, 1, HIGH), (400, 0, HIGH)) == ""
+
+
+@pytest.mark.parametrize("setup", faults.SETUPS)
+def test_restart_without_an_encoder(setup):
+    """Nothing tells that the shaft turns until there is flux: found in the build-up."""
+    rng = np.random.default_rng(5)
+    sim = Simulation(faults._setup(setup, "ddr", rng), 1)
+    faults._bring_to(sim, "run", rng)
+    sim.set("load_Nm", 0.0)
+    sim.stop()
+    assert faults._restart(sim) == ""  # refused
+    assert sim.controller.state == "idle"
+    sim.sensors.hold[faults.ENCODER] = 1
+    sim.run(0.05, record=False)
+    assert abs(sim.speed_rpm) > 200
+    assert faults._restart(sim) == ""
+    assert sim.controller.faults == ["encoder against flux speed"]
+    assert sim.controller.snapshot["state"] == "build"
