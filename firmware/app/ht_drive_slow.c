@@ -6,7 +6,7 @@
  * matters; and the share of the flux that is kept there. */
 #define DODGE_RAD_S 2.5f
 #define DODGE_LOAD 0.4f
-#define DODGE_FLUX 0.9f
+#define DODGE_FLUX 0.92f
 
 /* The flux that the build-up builds stands still; once it is there, one that turns other
  * than the encoder says is the work of a shaft whose turning the encoder missed. */

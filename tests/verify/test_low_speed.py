@@ -56,7 +56,7 @@ def test_both_resistances_wrong():
 @pytest.mark.parametrize("sign", [1, -1])
 def test_where_the_flux_stands_still(sign):
     """Generating at 20 to 60 r/min: slip and speed cancel in between. The drive keeps the
-    flux turning with 10 % less of it and finds both resistances all the same."""
+    flux turning with 8 % less of it and finds both resistances all the same."""
     cases = [
         Case("hybrid", scheme, sign * speed, sign * -10.0, rs, rr)
         for scheme in ("ddr", "dtc1")
