@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 from . import __version__
+from .papers import ENTRIES
 from .verify import STUDIES
 
 EXAMPLES = """examples:
@@ -21,6 +22,7 @@ EXAMPLES = """examples:
   hexatorque compare --setup paper-a-feasible --schemes fdr,ddr --speed 400 --load 7.5
   hexatorque run examples/reversal.toml -o out/reversal.npz
   hexatorque setups paper-b                           every value and where it is from
+  hexatorque reproduce all                            every figure and table of both papers
   hexatorque verify faults                            2520 faults, and what the gates do
 """
 
@@ -101,6 +103,21 @@ def _parser() -> argparse.ArgumentParser:
     verify.add_argument("--json", action="store_true", help="results on standard output")
     verify.add_argument("-o", "--output", type=Path, default=Path("out/verify"), metavar="DIR")
     verify.set_defaults(call=_verify)
+
+    reproduce = commands.add_parser(
+        "reproduce",
+        help="both papers' figures and tables, beside what the papers print",
+        description="Make figures and tables of the papers again: ID.json, ID.png and recordings "
+        "of each, and index.html with all verdicts. Interrupted, it goes on where it was.",
+        epilog="examples:\n  hexatorque reproduce A10 B-T6\n"
+        "  hexatorque reproduce all --quick -o out/papers",
+        formatter_class=raw,
+    )
+    reproduce.add_argument("id", nargs="+", metavar="ID", help=f"all, {', '.join(ENTRIES)}")
+    reproduce.add_argument("--quick", action="store_true", help="fewer points, shorter windows")
+    reproduce.add_argument("--json", action="store_true", help="verdicts on standard output")
+    reproduce.add_argument("-o", "--output", type=Path, default=Path("out/papers"), metavar="DIR")
+    reproduce.set_defaults(call=_reproduce)
 
     bench = commands.add_parser("bench", help="speed of the simulation, cost of the firmware")
     bench.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
@@ -333,6 +350,36 @@ def _verify(args: argparse.Namespace) -> int:
     if args.json:
         _print_json(results)
     return 1 if failures else 0
+
+
+def _reproduce(args: argparse.Namespace) -> int:
+    from rich.markup import escape
+
+    from .papers import page, reproduce
+
+    names = reproduce.chosen(args.id)
+    reproduce.make_folder(args.output)
+    console = _console(args.json)
+    with _progress(console) as bar:
+        tasks: list = []
+
+        def begin(name: str):
+            for task in tasks:
+                bar.update(task, visible=False)
+            tasks.append(bar.add_task(f"{name} ({len(tasks) + 1} of {len(names)})", total=None))
+            return lambda seconds, task=tasks[-1]: bar.advance(task, seconds)
+
+        outcome = reproduce.reproduce(names, args.output, args.quick, begin)
+    console.print(page.console_table(outcome.figures))
+    for name, reason in outcome.failed.items():
+        console.print(f"[bold red]failed[/] {name}: {escape(reason)}", highlight=False)
+    for name, verdict in outcome.broken():
+        text = f"{name}: {verdict.what}: {verdict.verdict}, must hold"
+        console.print(f"[bold red]failed[/] {escape(text)}", highlight=False)
+    console.print(f"page: {args.output / 'index.html'}", highlight=False)
+    if args.json:
+        _print_json({"figures": outcome.figures, "failed": outcome.failed})
+    return 1 if outcome.failed or outcome.broken() else 0
 
 
 def _bench(args: argparse.Namespace) -> int:

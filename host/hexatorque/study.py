@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from .analysis.metrics import metrics
 from .analysis.run import Run
+from .recording import Recording
 from .scenario import Setup
 from .sil import DriveFault, Simulation
 
@@ -31,6 +32,10 @@ Progress = Callable[[float], None]
 
 class NotReached(RuntimeError):
     """The drive did not come near the commanded speed."""
+
+
+#: What a point that cannot be measured raises.
+NOT_MEASURED = (DriveFault, NotReached, ArithmeticError, ValueError)
 
 
 @dataclass(frozen=True)
@@ -53,9 +58,11 @@ def _at_load_speed(point: Point) -> Setup:
     return point.setup.changed(load__at_rpm=max(1.0, abs(point.speed_rpm)))
 
 
-def approach(point: Point, progress: Progress | None = None) -> Simulation:
+def approach(
+    point: Point, progress: Progress | None = None, samples_per_period: int = 4
+) -> Simulation:
     """A drive running at the point, settled. Raises DriveFault or NotReached."""
-    sim = Simulation(_at_load_speed(point))
+    sim = Simulation(_at_load_speed(point), samples_per_period)
     controller = sim.controller
     sim.start()
     build_s = controller.get("calibration_s") + controller.get("build_s")
@@ -114,6 +121,28 @@ def measure(point: Point, progress: Progress | None = None) -> Run:
     )
 
 
+def transient(
+    point: Point,
+    events: Iterable[tuple[float, str, object]],
+    duration_s: float,
+    progress: Progress | None = None,
+    samples_per_period: int = 4,
+) -> Recording:
+    """What follows when a drive settled at `point` is given `events`: (time, controller
+    parameter or `load_Nm` or `vdc_V`, value). Time counts from 0 at the beginning of the
+    recording. Raises DriveFault or NotReached."""
+    sim = approach(point, progress, samples_per_period)
+    begin = sim.time_s
+    for time_s, name, value in sorted(events, key=lambda event: event[0]):
+        sim.run(begin + time_s - sim.time_s, progress=progress)
+        sim.set(name, value)
+    sim.run(begin + duration_s - sim.time_s, progress=progress)
+    sim.check()
+    recording = sim.take()
+    recording.start_s = 0.0
+    return recording
+
+
 def measure_all(points: Iterable[Point], progress: Progress | None = None) -> list[Run | Exception]:
     """All points over all cores. A point whose drive trips or does not get there
     yields the exception in its place. The compiled loop releases the GIL."""
@@ -121,7 +150,7 @@ def measure_all(points: Iterable[Point], progress: Progress | None = None) -> li
     def one(point: Point) -> Run | Exception:
         try:
             return measure(point, progress)
-        except (DriveFault, NotReached, ArithmeticError, ValueError) as error:
+        except NOT_MEASURED as error:
             return error
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -143,7 +172,7 @@ def holds(
     """
     try:
         m = measure(point, progress).metrics
-    except (DriveFault, NotReached, ArithmeticError, ValueError) as error:
+    except NOT_MEASURED as error:
         return str(error)
     speed_error = abs(m["speed_rpm"] / point.speed_rpm - 1)
     if speed_error > SPEED_TOLERANCE:

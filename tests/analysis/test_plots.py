@@ -86,7 +86,7 @@ def test_thinning_keeps_the_extremes_and_the_span():
     t = np.arange(100_003) / 1e5
     y = np.random.default_rng(1).normal(size=t.size)
     y[[17, 50_001, 100_002]] = 9.0, -9.0, 8.0
-    thin_t, thin_y = plots._thin(t, y)
+    thin_t, thin_y = plots.thin(t, y)
     assert thin_y.max() == 9.0 and thin_y.min() == -9.0
     assert thin_y[-1] == 8.0 and thin_t[-1] == t[-1]
     assert np.all(np.diff(thin_t) >= 0)
@@ -94,7 +94,7 @@ def test_thinning_keeps_the_extremes_and_the_span():
     # The last, incomplete bucket is not mixed up with its padding.
     y += 100
     y[100_001] = 50.0
-    assert plots._thin(t, y)[1].min() == 50.0
+    assert plots.thin(t, y)[1].min() == 50.0
 
 
 def test_matplotlib_loads_on_first_use_only():

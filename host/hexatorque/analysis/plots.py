@@ -74,7 +74,7 @@ def save(figure: Figure, path: str | Path) -> Path:
     return Path(path)
 
 
-def _note(ax: Axes, text: str) -> None:
+def note(ax: Axes, text: str) -> None:
     """A figure of merit in the corner of a panel."""
     box = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
     ax.text(0.985, 0.965, text, transform=ax.transAxes, ha="right", va="top",
@@ -85,7 +85,7 @@ def _value(value: float | None, digits: int, unit: str) -> str:
     return "–" if value is None else f"{value:.{digits}f} {unit}"
 
 
-def _thin(t: np.ndarray, y: np.ndarray, buckets: int = 1500) -> tuple[np.ndarray, np.ndarray]:
+def thin(t: np.ndarray, y: np.ndarray, buckets: int = 1500) -> tuple[np.ndarray, np.ndarray]:
     """Minimum and maximum of each bucket: the same picture from fewer points."""
     size = y.size // buckets
     if size < 4:
@@ -143,12 +143,12 @@ def _waveform_column(column: np.ndarray, run: Run) -> None:
     flux_Wb = np.hypot(channel(zoom, "psi_alpha_Wb"), channel(zoom, "psi_beta_Wb"))
 
     def draw(ax: Axes, t_ms: np.ndarray, y: np.ndarray, colour: str, label: str) -> None:
-        ax.plot(*_thin(t_ms, y), color=COLOUR[colour], linewidth=0.9, label=label)
+        ax.plot(*thin(t_ms, y), color=COLOUR[colour], linewidth=0.9, label=label)
 
     def reference(ax: Axes, name: str) -> None:
         if name in zoom:
             y = np.asarray(zoom[name], dtype=float)
-            ax.plot(*_thin(zoom_ms, y), "--", color=INK, linewidth=1.0, label="reference")
+            ax.plot(*thin(zoom_ms, y), "--", color=INK, linewidth=1.0, label="reference")
 
     draw(column[0], cycles_ms, channel(cycles, "i_u1_A"), "i_u1", "$i_{u1}$")
     draw(column[0], cycles_ms, channel(cycles, "i_u2_A"), "i_u2", "$i_{u2}$")
@@ -158,10 +158,10 @@ def _waveform_column(column: np.ndarray, run: Run) -> None:
     reference(column[2], "torque_ref_Nm")
     draw(column[3], zoom_ms, flux_Wb, "flux", r"$|\psi_s|$")
     reference(column[3], "flux_ref_Wb")
-    _note(column[0], f"THD {_value(run.metrics['thd_pct']['5kHz'], 1, '%')}")
-    _note(column[1], f"rms {_value(run.metrics['ixy_rms_A'], 3, 'A')}")
-    _note(column[2], f"std {_value(run.metrics['torque_ripple_Nm'], 3, 'N m')}")
-    _note(column[3], f"std {_value(run.metrics['flux_ripple_Wb'], 4, 'Wb')}")
+    note(column[0], f"THD {_value(run.metrics['thd_pct']['5kHz'], 1, '%')}")
+    note(column[1], f"rms {_value(run.metrics['ixy_rms_A'], 3, 'A')}")
+    note(column[2], f"std {_value(run.metrics['torque_ripple_Nm'], 3, 'N m')}")
+    note(column[3], f"std {_value(run.metrics['flux_ripple_Wb'], 4, 'Wb')}")
 
 
 def spectra(runs: list[Run], path: str | Path) -> Path:
@@ -207,7 +207,7 @@ def _spectrum_panel(ax: Axes, run: Run) -> None:
         if np.isfinite(h_pct):
             ax.plot([k], [h_pct], "v", color=colour, markersize=5, label=f"{k}th {h_pct:.2f} %")
     ax.set_title(run.label, **TITLE)
-    _note(ax, "THD  " + "   ".join(
+    note(ax, "THD  " + "   ".join(
         f"{name.replace('kHz', ' kHz').replace('h50', 'h≤50')}: {_value(thd[name], 1, '%')}"
         for name in ("1kHz", "5kHz", "h50")))  # fmt: skip
     ax.legend(loc="upper right", bbox_to_anchor=(1, 0.88), handletextpad=0.2, **LEGEND)

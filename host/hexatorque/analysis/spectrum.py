@@ -121,6 +121,15 @@ def harmonics(
     return found
 
 
+def low_pass(signal: np.ndarray, rate_Hz: float, corner_Hz: float) -> np.ndarray:
+    """Second-order Butterworth magnitude 1/sqrt(1 + (f/corner)^4) without phase shift, for
+    pictures of what an oscilloscope's filter shows. The signal is taken as periodic: give
+    whole cycles, or ignore the ends."""
+    x = np.asarray(signal, dtype=float)
+    f_Hz = np.fft.rfftfreq(x.size, 1 / rate_Hz)
+    return np.fft.irfft(np.fft.rfft(x) / np.sqrt(1 + (f_Hz / corner_Hz) ** 4), x.size)
+
+
 def thd_pct(signal: np.ndarray, rate_Hz: float, f1_Hz: float) -> dict[str, float | None]:
     """Total harmonic distortion in % of the fundamental, by band.
 
