@@ -63,7 +63,7 @@ def a5(job: Job) -> Figure:
             axis.set_xlabel("$v_x^*$ [$V_{dc}$]", **plots.LABEL)
             axis.set_xlim(-limit, limit)
         axes[0, 0].set_ylabel(r"$\eta$ [%]", **plots.LABEL)
-        axes[0, 0].legend(loc="upper left", **plots.LEGEND)
+        axes[0, 1].legend(loc="upper center", **plots.LEGEND)
         return plots.save(figure, path)
 
     return Figure(

@@ -58,9 +58,10 @@ class Job:
     def metrics(self, points: Iterable[Point]) -> list[dict | None]:
         """Metrics only, for sweeps: kept in files, and taken from there the next time.
         None for a point that the drive does not reach or trips at."""
-        return self.each(self._metrics, points)
+        return self.each(self.measured, points)
 
-    def _metrics(self, point: Point) -> dict | None:
+    def measured(self, point: Point) -> dict | None:
+        """One of `metrics`."""
         key = [build(), point.setup.summary(), point.speed_rpm, point.load_Nm]
         name = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:24]
         path = self.folder / f"{name}.json"
