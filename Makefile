@@ -1,6 +1,7 @@
 # Every target does its own set-up in .venv.
 #
 #   make demo    compare all schemes of both papers; report in out/compare
+#   make papers  every figure and table of both papers; page in out/papers
 #   make test    all tests, C and Python
 #   make bench   speed of the simulation, instructions of the firmware
 #   make lint    formatting and static checks
@@ -13,11 +14,11 @@ SOURCES := $(shell find firmware host cmake -type f ! -name '*.pyc' ! -name '*.s
 C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
 JOBS ?= 2
 
-.PHONY: help demo test test-c sanitize bench lint clean
+.PHONY: help demo papers papers-quick test test-c sanitize bench lint clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,7s/^# \{0,1\}//p' Makefile
+	@sed -n '3,8s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -25,6 +26,12 @@ $(VENV)/.installed: $(SOURCES)
 
 demo: $(VENV)/.installed
 	$(BIN)/hexatorque compare -o out/compare
+
+papers: $(VENV)/.installed
+	$(BIN)/hexatorque reproduce all -o out/papers
+
+papers-quick: $(VENV)/.installed
+	$(BIN)/hexatorque reproduce all --quick -o out/papers-quick
 
 build/host/.built: $(C_SOURCES) $(VENV)/.installed
 	$(BIN)/cmake --preset host -G Ninja "-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja" >/dev/null

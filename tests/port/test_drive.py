@@ -992,7 +992,7 @@ def test_overrun_with_the_gates_off_does_nothing(bench, state):
 
 def test_less_flux_where_it_stands_still_under_load(bench):
     """Adapting, loaded, the flux's mean speed below 2.5 rad/s: 92 % of the flux
-    reference, approached over the ramp; back above 5 rad/s, without load, without
+    reference, approached over the ramp; back above 4.5 rad/s, without load, without
     adaptation."""
     bench.controller.set("control_mode", "torque")
     bench.controller.set("torque_ref_Nm", 12.0)
