@@ -37,6 +37,19 @@ static void test_states(void)
     }
 }
 
+static void test_sectors(void)
+{
+    ht_sectors_row r;
+    unsigned n;
+    for (n = 0; n < ROWS(ht_sectors_rows); n++) {
+        ht_ab flux;
+        HT_ROM_ROW(&r, &ht_sectors_rows[n]);
+        flux.alpha = r.alpha;
+        flux.beta = r.beta;
+        check(ht_sector(flux) == r.sector, "sectors", n);
+    }
+}
+
 static void test_switching(void)
 {
     ht_switching_row r;
@@ -222,6 +235,7 @@ static void test_virtual_vectors(void)
 int main(void)
 {
     test_states();
+    test_sectors();
     test_switching();
     test_duties();
     test_compare();

@@ -18,7 +18,6 @@ from hexatorque.papers.law import Law
 
 VECTORS = Path(__file__).parents[1] / "vectors"
 GROUP = {"L": lib.HT_L, "ML": lib.HT_ML, "S": lib.HT_S}
-FILES = ("states", "paper_a", "paper_b", "switching", "selection", "decisions", "duties", "compare")
 THETA = np.deg2rad([0, 30, 120, 150, 240, 270])
 LARGE_XY_DEG = [(75 + 150 * k) % 360 for k in range(12)]
 
@@ -45,6 +44,13 @@ def test_states():
         if c["k"] is not None:
             assert lib.ht_group[GROUP[c["group"]]][c["k"]] == c["word"]
     assert sum(c["k"] is not None for c in cases) == 36
+
+
+def test_sectors():
+    cases = rows("sectors")
+    assert {c["sector"] for c in cases} == set(range(12))
+    for c in cases:
+        assert lib.ht_sector({"alpha": c["alpha"], "beta": c["beta"]}) == c["sector"]
 
 
 def test_switching():
@@ -201,6 +207,12 @@ def test_compare_registers_give_the_sequence():
                 )
 
 
+def test_sectors_from_the_angle():
+    for c in rows("sectors"):
+        angle = np.rad2deg(np.arctan2(c["beta"], c["alpha"])) - 30 * c["sector"]
+        assert abs((angle + 180) % 360 - 180) < 15
+
+
 def test_selection_table_is_a_half_plane():
     for c in rows("selection"):
         angle = (30 * c["xy_sector"] - LARGE_XY_DEG[c["k"]] + 180) % 360 - 180
@@ -234,6 +246,7 @@ def test_c_tables_hold_the_numbers_of_the_json_files():
     used = {
         ("states", "states"): ("alpha", "beta", "x", "y", "nearest_zero"),
         ("paper_a", "table_2"): ("sequence", "word1", "word2", "word3"),
+        ("sectors", "sectors"): ("alpha", "beta", "sector"),
         ("switching", "switching"): ("table", "sector", "torque", "flux", "k"),
         ("selection", "selection"): ("k", "xy_sector", "table"),
         ("decisions", "decisions"): (
@@ -260,6 +273,6 @@ def test_c_tables_hold_the_numbers_of_the_json_files():
         assert got == pytest.approx(wanted, rel=1e-8, abs=1e-11)
 
 
-@pytest.mark.parametrize("name", FILES)
-def test_files_are_small(name):
-    assert (VECTORS / f"{name}.json").stat().st_size < 300_000
+def test_files_are_small():
+    sizes = [file.stat().st_size for file in VECTORS.glob("*.json")]
+    assert len(sizes) == 9 and max(sizes) < 300_000

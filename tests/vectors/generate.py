@@ -68,6 +68,16 @@ def virtual(name: str, k: int) -> list[int]:
     return [WORDS[name][(k + d) % 12] for d in (-1, 0, 1)]
 
 
+def sectors() -> list[list]:
+    """Fluxes in the middle and 0.01 degrees inside either edge of each sector, several
+    lengths."""
+    rows = []
+    for s, off, length in itertools.product(range(12), (-14.99, 0, 14.99), (1e-3, 0.4, 1.0)):
+        psi = length * np.exp(1j * np.deg2rad(30 * s + off))
+        rows.append([number(psi.real), number(psi.imag), s])
+    return rows
+
+
 def demanded(table: str, sector: int, torque: int, flux: int) -> int:
     """Direction that raises (+1) or lowers (-1) torque and raises (1) or lowers (0) flux,
     the flux in the middle of its sector."""
@@ -234,6 +244,7 @@ def tables() -> dict[str, dict[str, tuple[list[str], list[list]]]]:
             "table_3": (["vector", "xy_sector", "table"], row_v60()),
             "table_4": (["d_m", "d_psi", "virtual", "vector1", "vector2"], virtual_pairs()),
         },
+        "sectors": {"sectors": (["alpha", "beta", "sector"], sectors())},
         "switching": {"switching": (["table", "sector", "torque", "flux", "k"], switching())},
         "selection": {"selection": (["k", "xy_sector", "table"], selection())},
         "decisions": {"decisions": (["scheme", "sector", "d_m", "d_psi", "word_against",
@@ -260,6 +271,7 @@ C_TABLES = {
     "states": ("float alpha, beta, x, y; uint16_t nearest_zero;",
                ("alpha", "beta", "x", "y", "nearest_zero")),
     "table_2": ("uint16_t sequence[6]; uint16_t word[3];", ("sequence", "word1", "word2", "word3")),
+    "sectors": ("float alpha, beta; uint16_t sector;", ("alpha", "beta", "sector")),
     "switching": ("uint16_t table, sector; int16_t torque, flux; uint16_t k;",
                   ("table", "sector", "torque", "flux", "k")),
     "selection": ("uint16_t k, xy_sector, table;", ("k", "xy_sector", "table")),
