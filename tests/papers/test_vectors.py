@@ -72,6 +72,11 @@ def test_verdicts_hold_and_carry_the_printed_numbers(figure):
         assert {0.644, 0.471, 0.173, 48} <= printed
 
 
+def test_printed_values_hold_to_their_last_digit():
+    assert vectors.rounded("", 0.64404, 0.6440, 4, "").verdict == "match"
+    assert vectors.rounded("", 0.64406, 0.6440, 4, "").broken
+
+
 def test_a_wrong_table_breaks_the_verdicts(job, monkeypatch):
     ab, xy = vectors.firmware_vectors()
     swapped = np.array(ab), np.array(xy)

@@ -36,7 +36,7 @@ class Audit:
     def met(self, level: int, flux_up: int, sector: int, words: Iterable[int] = range(64)) -> int:
         """Periods in a cell of the switching table, with one of `words` on the legs."""
         rec = self.recording
-        demand = (rec["torque_level"] == level) & (rec["flux_level"] == flux_up) & ~self.hold
+        demand = (rec["torque_level"] == level) & (rec["flux_level"] == flux_up)
         return int(np.sum(demand & (rec["sector"] == sector) & np.isin(self.word, list(words))))
 
     @property
