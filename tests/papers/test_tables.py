@@ -138,18 +138,19 @@ def test_a_wrong_word_breaks_the_verdict(job, monkeypatch):
     assert broken == ["DTC1 running: the table's vector is on the legs"]
 
 
-def test_a_wrong_choice_breaks_table_iii(job, monkeypatch):
+@pytest.mark.parametrize(("own", "other"), (("large", "medium"), ("medium", "large")))
+def test_a_wrong_choice_breaks_table_iii(job, monkeypatch, own, other):
     """One period with the other vector of its pair."""
     right = audit_module.audit
-    large, medium = (
-        [w for w in range(64) if abs(abs(AB[w]) - LENGTH[g]) < 1e-4] for g in ("large", "medium")
+    mine, others = (
+        [w for w in range(64) if abs(abs(AB[w]) - LENGTH[g]) < 1e-4] for g in (own, other)
     )
 
     def wrong(job, scheme):
         run = right(job, scheme)
         word = run.word.copy()
-        n = next(n for n in range(500, len(word)) if word[n] in large)
-        word[n] = min(medium, key=lambda w: abs(np.angle(AB[w] / AB[word[n]])))
+        n = next(n for n in range(500, len(word)) if word[n] in mine)
+        word[n] = min(others, key=lambda w: abs(np.angle(AB[w] / AB[word[n]])))
         return dataclasses.replace(run, word=word)
 
     monkeypatch.setattr(tables, "audit", wrong)
