@@ -60,13 +60,22 @@ def a2(job: Job) -> Figure:
     played = play([pattern(_leg_words(s), *t) for _, s, *t in cases], SAMPLES)
     right = sum(_realised(played, n, s, t1, t2) for n, (_, s, t1, t2) in enumerate(cases))
     jumps = [len(played.levels(n, 0)) - 1 for n in range(8)]
-    # Hazards of toggle actions: registers to the letter of the equations, after a low period.
-    low = _as_printed("000", 0.5, 0.5)
-    hazards = {"CA = 0": ("100", 0.0, 0.5), "CA = CB": ("010", 0.5, 0.5)}
-    letter = play([x for case in hazards.values() for x in (low, _as_printed(*case))], SAMPLES)
-    ours = play([pattern(_leg_words(s), *t) for s, *t in hazards.values()], SAMPLES)
-    wrong = {name: letter.levels(2 * n + 1, 0)[-1][1] for n, name in enumerate(hazards)}
-    kept = {name: ours.levels(n, 0)[-1][1] for n, name in enumerate(hazards)}
+    # Hazards of toggle actions, each after a period of the sequence given first: registers
+    # to the letter of the equations, and the firmware's. The leg has to end low.
+    hazards = {
+        "CA = 0": ("000", "100", 0.0, 0.5),
+        "CA = CB": ("000", "010", 0.5, 0.5),
+        "CA = 0, high before": ("111", "100", 0.0, 0.5),
+    }
+    letter, ours = (
+        play([make(*one) for first, *case in hazards.values()
+              for one in ((first, 0.5, 0.5), case)], SAMPLES)
+        for make in (_as_printed, lambda s, t1, t2: pattern(_leg_words(s), t1, t2))
+    )  # fmt: skip
+    wrong, kept = (
+        {name: played.levels(2 * n + 1, 0)[-1][1] for n, name in enumerate(hazards)}
+        for played in (letter, ours)
+    )
     # One virtual vector again and again: edges inside the periods and between them.
     same = play([pattern((49, 48, 56), *FIXED)] * 11)
     at = same.edges[(same.edges[:, 0] >= same.period) & (same.edges[:, 0] < 11 * same.period)]
@@ -81,8 +90,8 @@ def a2(job: Job) -> Figure:
             axes[column].set_title(name, **plots.TITLE)
             names = [f"{n} = {n:03b}" for n in range(7, -1, -1)]
             axes[column].set_yticks(np.arange(8) + 0.3, names)
-        lanes = [(letter, 1, "100, CA = 0"), (ours, 0, "100, guarded"),
-                 (letter, 3, "010, CA = CB"), (ours, 1, "010, guarded")]  # fmt: skip
+        lanes = [(letter, 1, "100, CA = 0"), (ours, 1, "100, guarded"),
+                 (letter, 3, "010, CA = CB"), (ours, 3, "010, guarded")]  # fmt: skip
         for row, (source, n, _) in enumerate(lanes):
             colour = plots.COLOUR["torque" if source is letter else "i_u1"]
             lane(axes[3], source, n, 0, 6 - 2 * row, colour)
@@ -90,7 +99,7 @@ def a2(job: Job) -> Figure:
         axes[3].set_title("at the limits", **plots.TITLE)
         for ax in axes:
             ax.grid(False)
-            ax.set_ylim(-0.3, 8.5)
+            ax.set_ylim(-0.3, 8.9)
             ax.set_xlim(0, 1)
             ax.set_xlabel("period", **plots.LABEL)
         return plots.save(figure, path)
@@ -117,12 +126,13 @@ def a2(job: Job) -> Figure:
             claim("eqs. (17), (18) at T1 = 0: leg low after T1", wrong["CA = 0"] == 0,
                   f"level {wrong['CA = 0']}", "level 0",
                   why="on the chip the compare event outranks ZERO at count 0: the start level is "
-                  "lost and the toggle inverts what was before"),
+                  "lost and the leg toggles from where it was; it comes out right only if that "
+                  "happens to be S1"),
             claim("eqs. (17), (18) at T1 = T2: leg low after T2", wrong["CA = CB"] == 0,
                   f"level {wrong['CA = CB']}", "level 0",
                   why="two compare events at one count give one toggle"),
             claim("the firmware's counts at the same action points", not any(kept.values()),
-                  f"levels {' '.join(map(str, kept.values()))}", "levels 0 0", required=True),
+                  f"levels {' '.join(map(str, kept.values()))}", "levels 0 0 0", required=True),
             claim("at most one jump of a leg in a period (section II-F), one vector repeated",
                   between == 0, f"{inside:.0f} in the period, {between:.0f} between periods",
                   "none between",
@@ -145,7 +155,7 @@ def _shade(sequence: str) -> str:
 
 
 def _marks(ax, t: tuple[float, float]) -> None:
-    for number, at in enumerate(t, 1):
-        ax.plot([at, at], [-0.3, 7.9], "--", color=plots.INK, linewidth=0.8)
+    for number, (at, top) in enumerate(zip(t, (7.9, 8.4), strict=True), 1):
+        ax.plot([at, at], [-0.3, top], "--", color=plots.INK, linewidth=0.8)
         side = "left" if at < 0.2 else "right" if at > 0.8 else "center"
-        ax.text(at, 8.0, f"$T_{number}$ {at:.3f}", ha=side, fontsize=8, color=plots.INK)
+        ax.text(at, top + 0.1, f"$T_{number}$ {at:.3f}", ha=side, fontsize=8, color=plots.INK)
