@@ -103,3 +103,16 @@ def test_matplotlib_loads_on_first_use_only():
         "p.new_figure(1, 1, 2.0); assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+
+
+def test_cells_hold_their_texts(tmp_path):
+    figure, axes = plots.new_figure(1, 1, 2)
+    texts = [["a\n1", "b"], ["c", "d\n4"]]
+    plots.cells(axes[0, 0], ["r1", "r2"], ["c1", "c2"], texts, [["#0072b2"] * 2] * 2)
+    shown = {(t.get_text(), round(t.get_position()[0]), round(t.get_position()[1]))
+             for t in axes[0, 0].texts if t.get_text()}  # fmt: skip
+    assert shown == {("a", 0, 0), ("1", 0, 0), ("b", 1, 0), ("c", 0, 1), ("d", 1, 1), ("4", 1, 1)}
+    low, high = sorted(axes[0, 0].get_ylim())
+    assert axes[0, 0].get_ylim()[0] > axes[0, 0].get_ylim()[1]  # the first row is on top
+    assert low < 0 and high > 1
+    assert drawn(plots.save(figure, tmp_path / "cells.png")) > 0.05

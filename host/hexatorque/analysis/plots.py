@@ -89,6 +89,38 @@ def note(ax: Axes, text: str) -> None:
             fontsize=7.5, color=INK, bbox=box, zorder=5)  # fmt: skip
 
 
+def cells(
+    ax: Axes,
+    rows: list[str],
+    columns: list[str],
+    texts: list[list[str]],
+    colours: list[list[str]],
+    fontsize: float = 8,
+) -> None:
+    """A table: text on pale cells of the given colours. Of two lines the second is small."""
+    from matplotlib.patches import Rectangle
+
+    ax.grid(False)
+    ax.spines[:].set_visible(False)
+    for y, (line, shades) in enumerate(zip(texts, colours, strict=True)):
+        for x, (text, shade) in enumerate(zip(line, shades, strict=True)):
+            ax.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, facecolor=shade, alpha=0.22))
+            ax.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, fill=False, edgecolor="white",
+                                   linewidth=1.2))  # fmt: skip
+            first, _, second = text.partition("\n")
+            ax.text(x, y - 0.16 * bool(second), first, ha="center", va="center",
+                    fontsize=fontsize, color=INK)  # fmt: skip
+            ax.text(x, y + 0.24, second, ha="center", va="center", fontsize=0.8 * fontsize,
+                    color="#666d78")  # fmt: skip
+    ax.set_xticks(range(len(columns)), columns)
+    ax.set_yticks(range(len(rows)), rows)
+    ax.tick_params(length=0)
+    ax.xaxis.tick_top()
+    ax.xaxis.set_label_position("top")
+    ax.set_xlim(-0.5, len(columns) - 0.5)
+    ax.set_ylim(len(rows) - 0.5, -0.5)
+
+
 def _value(value: float | None, digits: int, unit: str) -> str:
     return "–" if value is None else f"{value:.{digits}f} {unit}"
 

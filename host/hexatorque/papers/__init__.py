@@ -23,8 +23,8 @@ class Entry(NamedTuple):
 #: Identifier -> entry, in the order of the papers. "T" marks tables; FSW is in neither.
 ENTRIES: dict[str, Entry] = {
     "A1": Entry("Fig. 1 and Table I: voltage vectors in both planes", "vectors", "a1"),
-    "A-T2": Entry("Table II: twelve virtual vectors of three large ones", "vectors", "a_t2"),
-    "A2": Entry("Fig. 2: eight switching sequences of a leg", "duties", "a2"),
+    "A-T2": Entry("Table II: virtual vectors of three large ones", "virtual_vectors", "a_t2"),
+    "A2": Entry("Fig. 2: eight switching sequences of a leg", "sequences", "a2"),
     "A3": Entry("Fig. 3: nine forms of the first virtual vector", "duties", "a3"),
     "A5": Entry("Fig. 5: dc-link utilisation of the virtual vectors", "duties", "a5"),
     "A-T3": Entry("Table III: parameters of the drive", "parameters", "a_t3"),
@@ -43,7 +43,7 @@ ENTRIES: dict[str, Entry] = {
     "B-T2": Entry("Table II: switching tables of DTC2", "tables", "b_t2"),
     "B-T3": Entry("Table III: choice between the two tables by the x-y flux", "tables", "b_t3"),
     "B-T4": Entry("Table IV: switching table of DTC3", "tables", "b_t4"),
-    "B6": Entry("Fig. 6: 24 virtual vectors of DTC3", "vectors", "b6"),
+    "B6": Entry("Fig. 6: 24 virtual vectors of DTC3", "pairs", "b6"),
     "B7": Entry("Fig. 7: torque slopes of DTC1 at 500 and 2500 r/min", "b_steady", "b7"),
     "B-T5": Entry("Table V: parameters of the machine", "parameters", "b_t5"),
     "B10": Entry("Fig. 10: stator flux loci, DTC1", "b_steady", "b10"),

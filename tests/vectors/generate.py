@@ -1,0 +1,352 @@
+#!/usr/bin/env python3
+"""Generate the test vectors (*.json here) and their copy as C tables (tests/c/vectors.h).
+
+Everything follows from the six phase angles and the definitions in README.md; nothing is
+taken from the firmware or from hexatorque. `--check` compares with the files that are
+checked in and exits 1 if one differs.
+
+Needs numpy.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+HEADER = HERE.parent / "c" / "vectors.h"
+
+PHASES_DEG = (0, 30, 120, 150, 240, 270)  # u1 u2 w1 w2 v1 v2, u1 the highest bit
+BITS = np.arange(64)[:, None] >> np.arange(5, -1, -1) & 1
+#: alpha-beta and x-y voltage of each state word, complex, in units of Vdc.
+AB, XY = (BITS @ np.exp(1j * n * np.deg2rad(PHASES_DEG)) / 3 for n in (1, 5))
+ZEROS = (0, 21, 42, 63)
+LENGTH = {
+    "L": 2 / 3 * np.cos(np.deg2rad(15)),
+    "ML": np.sqrt(2) / 3,
+    "MS": 1 / 3,
+    "S": 2 / 3 * np.cos(np.deg2rad(75)),
+    "0": 0.0,
+}
+TABLES_DEG = {"45/135": (45, 135), "75/105": (75, 105)}
+
+
+def number(x: float) -> float:
+    """12 decimals: far more than single precision, and the same on every machine."""
+    return round(float(x), 12) + 0.0
+
+
+def group(word: int) -> str:
+    (name,) = [name for name, r in LENGTH.items() if abs(abs(AB[word]) - r) < 1e-9]
+    return name
+
+
+def direction(angle_deg: float) -> int:
+    """k = 0..11 of the angle 15 + 30 k degrees."""
+    k = (angle_deg - 15) / 30
+    assert abs(k - round(k)) < 1e-9
+    return round(k) % 12
+
+
+def word(name: str, k: int) -> int:
+    """State word of group L, ML or S in direction k."""
+    turned = AB * np.exp(-1j * np.deg2rad(15 + 30 * k))
+    (found,) = [w for w in range(64) if group(w) == name and abs(np.angle(turned[w])) < 1e-9]
+    return found
+
+
+WORDS = {name: [word(name, k) for k in range(12)] for name in ("L", "ML", "S")}
+
+
+def virtual(name: str, k: int) -> list[int]:
+    """The three words of virtual vector k."""
+    return [WORDS[name][(k + d) % 12] for d in (-1, 0, 1)]
+
+
+def sectors() -> list[list]:
+    """Fluxes in the middle and 0.01 degrees inside either edge of each sector, several
+    lengths."""
+    rows = []
+    for s, off, length in itertools.product(range(12), (-14.99, 0, 14.99), (1e-3, 0.4, 1.0)):
+        psi = length * np.exp(1j * np.deg2rad(30 * s + off))
+        rows.append([number(psi.real), number(psi.imag), s])
+    return rows
+
+
+def demanded(table: str, sector: int, torque: int, flux: int) -> int:
+    """Direction that raises (+1) or lowers (-1) torque and raises (1) or lowers (0) flux,
+    the flux in the middle of its sector."""
+    raising, lowering = TABLES_DEG[table]
+    return direction(30 * sector + torque * (raising if flux else lowering))
+
+
+def adds(k: int, xy_sector: int) -> bool:
+    """Does the large vector k add to an x-y flux in the middle of that sector?"""
+    return (XY[WORDS["L"][k]] * np.exp(-1j * np.deg2rad(30 * xy_sector))).real > 0
+
+
+def states() -> list[list]:
+    rows = []
+    for w in range(64):
+        fewest = sorted(ZEROS, key=lambda z: (w ^ z).bit_count())
+        assert (w ^ fewest[0]).bit_count() < (w ^ fewest[1]).bit_count()
+        name = group(w)
+        k = WORDS[name].index(w) if name in WORDS else None
+        plane = (AB[w].real, AB[w].imag, XY[w].real, XY[w].imag)
+        rows.append([w, *map(number, plane), name, k, fewest[0]])
+    return rows
+
+
+def lengths() -> list[list]:
+    rows = []
+    for name, sample in (("L", 48), ("ML", 57), ("MS", 16), ("S", 54)):
+        assert group(sample) == name
+        share = 100 * LENGTH[name] / LENGTH["L"]
+        rows.append([name, sample, *map(number, (abs(AB[sample]), abs(XY[sample]), share))])
+    return rows
+
+
+def sequences() -> list[list]:
+    rows = []
+    for k in range(12):
+        words = virtual("L", k)
+        digits = BITS[words].T @ (4, 2, 1)
+        rows.append([k, "".join(map(str, digits)), *words])
+    return rows
+
+
+def sector_i(name: str) -> list[list]:
+    """Sector i of the 75/105 table, vectors of one group."""
+    return [[dm, flux, WORDS[name][demanded("75/105", 0, dm, flux)]]
+            for dm, flux in itertools.product((1, -1), (1, 0))]  # fmt: skip
+
+
+def row_v60() -> list[list]:
+    k = WORDS["L"].index(60)
+    return [[60, j, 2 if adds(k, j) else 1] for j in range(12)]
+
+
+def virtual_pairs() -> list[list]:
+    rows = []
+    for dm, flux in itertools.product((2, 1, -1, -2), (1, 0)):
+        k = demanded("75/105", 0, int(np.sign(dm)), flux)
+        name = "L" if abs(dm) == 2 else "S"
+        rows.append([dm, flux, f"V_{name}{k + 1}", WORDS[name][k], WORDS["ML"][k]])
+    return rows
+
+
+def switching() -> list[list]:
+    return [[table, s, torque, flux, demanded(table, s, torque, flux)]
+            for table in TABLES_DEG for s in range(12)
+            for torque, flux in itertools.product((1, -1), (1, 0))]  # fmt: skip
+
+
+def selection() -> list[list]:
+    return [[k, j, 2 if adds(k, j) else 1] for k in range(12) for j in range(12)]
+
+
+def decisions() -> list[list]:
+    rows = []
+    for scheme, levels in (("dtc1", (1, -1)), ("dtc2", (1, -1)), ("dtc3", (2, 1, -1, -2))):
+        for s, dm, flux in itertools.product(range(12), levels, (1, 0)):
+            k = demanded("75/105", s, int(np.sign(dm)), flux)
+            first = WORDS["S" if scheme == "dtc3" and abs(dm) == 1 else "L"][k]
+            other = first if scheme == "dtc1" else WORDS["ML"][k]
+            rows.append([scheme, s, dm, flux, first, other])
+    return rows
+
+
+def solution(name: str, k: int, v: complex) -> np.ndarray:
+    """Duties t1 t2 t3 that give the mean x-y voltage v; they add up to 1."""
+    xy = XY[virtual(name, k)]
+    return np.linalg.solve([xy.real, xy.imag, np.ones(3)], [v.real, v.imag, 1])
+
+
+def tmvcl(name: str) -> float:
+    """Half side of the largest x-y box in which every duty of every k is >= 0."""
+    sides = []
+    for k in range(12):
+        zero = solution(name, k, 0)
+        slopes = np.array([solution(name, k, v) - zero for v in (1, 1j)])
+        sides.append((zero / abs(slopes).sum(axis=0)).min())
+    assert np.ptp(sides) < 1e-12
+    return sides[0]
+
+
+#: x-y commands in units of TMVCL: a grid over the box, and outside of it.
+INSIDE = list(itertools.product((-1, -0.5, 0, 0.5, 1), repeat=2))
+OUTSIDE = [(2, 0), (-2, 0), (0, 2), (0, -2), *itertools.product((-1.5, 1.5), repeat=2),
+           *itertools.product((-30, 30), (-20, 20))]  # fmt: skip
+
+
+def duties() -> list[list]:
+    rows = []
+    for name in ("L", "ML"):
+        side = tmvcl(name)
+        for k, (ux, uy) in itertools.product(range(12), INSIDE + OUTSIDE):
+            x, y = round(ux * side, 9) + 0.0, round(uy * side, 9) + 0.0
+            t = solution(name, k, x + 1j * y)
+            first = min(max(t[0], 0), 1)
+            second = min(max(t[0] + t[1], first), 1)
+            reach = max(abs(ux), abs(uy))
+            where = "inside" if reach < 1 else "edge" if reach == 1 else "outside"
+            rows.append([name, k, x, y, where, *map(number, (*t, first, second))])
+    return rows
+
+
+#: Action points; the first pair are the fixed ones.
+POINTS = ((2 - np.sqrt(3), np.sqrt(3) - 1), (0, 0), (0, 1), (1, 1), (0, 0.6), (0.6, 0.6), (0.31, 1),
+          (1e-6, 2e-6), (0.999998, 0.999999), (0.13, 0.63), (0.402, 0.83))  # fmt: skip
+#: (period, count at which it begins).
+PERIODS = ((8, 0), (9, 0), (8, 3), (100, 0), (10000, 0), (15000, 0), (15000, 307), (65535, 0),
+           (65535, 30001))  # fmt: skip
+
+
+def nearest(first: int, t: float, period: int) -> int:
+    """Nearest count to an instant; the vectors stay away from ties, where single and
+    double precision may differ."""
+    instant = min(first + t * period, period)
+    assert instant == period or abs(instant % 1 - 0.5) > 4e-7 * period, (first, t, period)
+    return int(np.floor(instant + 0.5))
+
+
+def compare() -> list[list]:
+    rows = []
+    for (period, first), (t1, t2) in itertools.product(PERIODS, POINTS):
+        t1, t2 = number(t1), number(t2)
+        ca = min(max(nearest(first, t1, period), first + 1), period - 2)
+        cb = min(max(nearest(first, t2, period), ca + 1), period - 1)
+        for sequence in range(8):
+            s1, s2, s3 = sequence >> 2, sequence >> 1 & 1, sequence & 1
+            rows.append([sequence, t1, t2, period, first, s1, ca if s1 != s2 else period,
+                         cb if s2 != s3 else period])  # fmt: skip
+    return rows
+
+
+#: File -> table -> (columns, rows).
+def tables() -> dict[str, dict[str, tuple[list[str], list[list]]]]:
+    return {
+        "states": {"states": (["word", "alpha", "beta", "x", "y", "group", "k", "nearest_zero"],
+                              states())},
+        "paper_a": {
+            "table_1": (["group", "sample", "alpha_beta", "x_y", "share_pct"], lengths()),
+            "table_2": (["k", "sequence", "word1", "word2", "word3"], sequences()),
+        },
+        "paper_b": {
+            "table_1": (["d_m", "d_psi", "vector"], sector_i("L")),
+            "table_2a": (["d_m", "d_psi", "vector"], sector_i("L")),
+            "table_2b": (["d_m", "d_psi", "vector"], sector_i("ML")),
+            "table_3": (["vector", "xy_sector", "table"], row_v60()),
+            "table_4": (["d_m", "d_psi", "virtual", "vector1", "vector2"], virtual_pairs()),
+        },
+        "sectors": {"sectors": (["alpha", "beta", "sector"], sectors())},
+        "switching": {"switching": (["table", "sector", "torque", "flux", "k"], switching())},
+        "selection": {"selection": (["k", "xy_sector", "table"], selection())},
+        "decisions": {"decisions": (["scheme", "sector", "d_m", "d_psi", "word_against",
+                                     "word_along"], decisions())},
+        "duties": {"duties": (["group", "k", "v_x", "v_y", "where", "t1", "t2", "t3", "T1", "T2"],
+                              duties())},
+        "compare": {"compare": (["sequence", "T1", "T2", "period", "first", "start", "CA", "CB"],
+                                compare())},
+    }  # fmt: skip
+
+
+def as_json(content: dict) -> str:
+    """One row a line."""
+    parts = []
+    for name, (columns, rows) in content.items():
+        lines = ",\n".join(f"   {json.dumps(row)}" for row in rows)
+        parts.append(f'  "{name}": {{\n   "columns": {json.dumps(columns)},\n   "rows": [\n'
+                     f"{lines}\n   ]\n  }}")  # fmt: skip
+    return '{\n "format": "hexatorque-vectors-1",\n "tables": {\n' + ",\n".join(parts) + "\n }\n}\n"
+
+
+#: Table -> C type, its members with the columns they come from, and codes for words.
+C_TABLES = {
+    "states": ("float alpha, beta, x, y; uint16_t nearest_zero;",
+               ("alpha", "beta", "x", "y", "nearest_zero")),
+    "table_2": ("uint16_t sequence[6]; uint16_t word[3];", ("sequence", "word1", "word2", "word3")),
+    "sectors": ("float alpha, beta; uint16_t sector;", ("alpha", "beta", "sector")),
+    "switching": ("uint16_t table, sector; int16_t torque, flux; uint16_t k;",
+                  ("table", "sector", "torque", "flux", "k")),
+    "selection": ("uint16_t k, xy_sector, table;", ("k", "xy_sector", "table")),
+    "decisions": ("uint16_t scheme, sector; int16_t d_m, d_psi; uint16_t word_against, word_along;",
+                  ("scheme", "sector", "d_m", "d_psi", "word_against", "word_along")),
+    "duties": ("uint16_t group, k; float v_x, v_y, t1, t2;",
+               ("group", "k", "v_x", "v_y", "T1", "T2")),
+    "compare": ("float t1, t2; uint16_t sequence, period, first, start, ca, cb;",
+                ("T1", "T2", "sequence", "period", "first", "start", "CA", "CB")),
+}  # fmt: skip
+CODES = {"45/135": 0, "75/105": 1, "dtc1": 0, "dtc2": 1, "dtc3": 2, "L": 0, "ML": 1}
+PREAMBLE = """/* Generated by tests/vectors/generate.py from the rows of the JSON files there, which
+ * tests/vectors/README.md describes. Do not edit.
+ *
+ * Tables are read a row at a time, so that a processor with little memory, or with program
+ * memory apart, can keep them there: define HT_ROM and HT_ROM_ROW before including this
+ * (AVR: PROGMEM and memcpy_P). */
+#ifndef HT_VECTORS_H
+#define HT_VECTORS_H
+
+#include <stdint.h>
+
+#ifndef HT_ROM
+#define HT_ROM
+#define HT_ROM_ROW(to, from) (*(to) = *(from))
+#endif
+"""
+
+
+def as_c(value: object, column: str) -> str:
+    if column == "sequence" and isinstance(value, str):
+        return "{" + ", ".join(value) + "}"
+    if isinstance(value, str):
+        return str(CODES[value])
+    if isinstance(value, float):
+        text = f"{value:.9g}"
+        return f"{text}f" if any(c in text for c in ".e") else f"{text}.0f"
+    return str(value)
+
+
+def header(files: dict) -> str:
+    by_name = {name: table for content in files.values() for name, table in content.items()}
+    parts = [PREAMBLE]
+    for name, (members, wanted) in C_TABLES.items():
+        columns, rows = by_name[name]
+        kind = "virtual_vectors" if name == "table_2" else name
+        parts.append(f"typedef struct {{ {members} }} ht_{kind}_row;")
+        parts.append(f"static const ht_{kind}_row ht_{kind}_rows[{len(rows)}] HT_ROM = {{")
+        for row in rows:
+            values = dict(zip(columns, row, strict=True))
+            cells = [as_c(values[column], column) for column in wanted]
+            if name == "table_2":
+                cells = [cells[0], "{" + ", ".join(cells[1:]) + "}"]
+            parts.append("    {" + ", ".join(cells) + "},")
+        parts.append("};\n")
+    return "\n".join([*parts, "#endif\n"])
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="exit 1 if a file differs")
+    check = parser.parse_args().check
+    files = tables()
+    made = {HERE / f"{name}.json": as_json(content) for name, content in files.items()}
+    made[HEADER] = header(files)
+    stale = []
+    for path, text in made.items():
+        if not check:
+            path.write_text(text)
+        elif not path.exists() or path.read_text() != text:
+            stale.append(path.name)
+    if stale:
+        print(f"differ from what {Path(__file__).name} makes: {', '.join(stale)}", file=sys.stderr)
+    return bool(stale)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
