@@ -153,10 +153,14 @@ def a12(job: Job) -> Figure:
     )  # fmt: skip
 
 
+def load_step() -> Step:
+    load_Nm = _share(0.75)
+    return Step(400.0, 0.0, "load_Nm", load_Nm, 0.3, 2.0, 400.0, load_Nm)
+
+
 def a13(job: Job) -> Figure:
     """75 % load step at 400 r/min."""
-    load_Nm = _share(0.75)
-    step = Step(400.0, 0.0, "load_Nm", load_Nm, 0.3, 2.0, 400.0, load_Nm)
+    step = load_step()
     gains = replace(step, set_up=a.PRINTED, duration_s=7.0)
     return _figure(job, {"": step}, [XY, U2, TORQUE], (0.0, 1.2),
                    "Load step of 75 % of rated torque.", gains)  # fmt: skip
