@@ -81,14 +81,14 @@ def a7(job: Job) -> Figure:
     names = {1: "fundamental", 5: "5th", 7: "7th"}
     verdicts = [
         claim(f"{names[k]} of the x–y current gone under DDR (below a quarter of FDR's)",
-              ddr[k] < GONE * fdr[k], a.milli(fdr[k], ddr[k]), "gone", required=True)
+              ddr[k] < GONE * fdr[k], a.milli(fdr[k], ddr[k]), "gone")
         for k in a.ORDERS
     ]  # fmt: skip
     delta = {s: a.mean(runs[s], "delta_i_A") for s in a.SCHEMES}
     verdicts += [
         claim("unequal phase currents under FDR, equal under DDR",
               delta["ddr"] < 0.1 * delta["fdr"],
-              f"ΔI {a.milli(delta['fdr'], delta['ddr'])}", "seen", required=True),
+              f"ΔI {a.milli(delta['fdr'], delta['ddr'])}", "seen"),
         *_thd_claims(runs, thd),
         not_printed("x–y current, rms",
                     a.milli(*(a.mean(runs[s], "ixy_rms_A") for s in a.SCHEMES))),
@@ -164,13 +164,13 @@ def a8(job: Job) -> Figure:
     ]  # fmt: skip
     verdicts += [
         beside(f"the same with field weakening, {a.NAMES[s]}", a.mean(runs[s][:1], "speed_rpm"),
-               speed_rpm, "r/min", within=0.02, required=True)
+               speed_rpm, "r/min", within=0.02)
         for s in a.SCHEMES
     ]  # fmt: skip
     fdr, ddr = lines["fdr"], lines["ddr"]
     verdicts += [
         claim(f"x–y current at {k} f₁ lower under DDR", ddr[k] < fdr[k],
-              a.milli(fdr[k], ddr[k]), "lower", required=True)
+              a.milli(fdr[k], ddr[k]), "lower")
         for k in a.ORDERS
     ]  # fmt: skip
     verdicts += [

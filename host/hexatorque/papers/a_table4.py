@@ -111,7 +111,7 @@ def _verdicts(runs: dict[str, list[Run]], what_if: dict, eta: dict) -> list[Verd
         rows.append(
             claim(f"{name} ripple at the same level, within {SAME_LEVEL:.0%}",
                   abs(value["ddr"] / value["fdr"] - 1) <= SAME_LEVEL,
-                  a.arrow(value["fdr"], value["ddr"], unit, 4), "same level", required=True)
+                  a.arrow(value["fdr"], value["ddr"], unit, 4), "same level")
         )  # fmt: skip
     return rows
 
@@ -123,7 +123,7 @@ def a_t4(job: Job) -> Figure:
     [step] = pairs(job, [load_step()], 1 if job.quick else 4)
     alone = _only_rs(job)
     verdicts = _verdicts(runs, what_if, eta)
-    verdicts += overlap(step, "transient at the same level (A13): ", required=True)
+    verdicts += overlap(step, "transient at the same level (A13): ")
     verdicts += [
         claim("depends on R_s only (pure voltage model, no prediction)",
               alone == list(a.SCHEMES),
