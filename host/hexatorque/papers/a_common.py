@@ -92,7 +92,7 @@ def asked_for(point: Point, progress: Progress | None = None) -> Simulation:
 def extract(
     rec: Recording, names: tuple[str, ...], begin_s: float = 0.0, end_s: float = 1e9, every: int = 1
 ) -> Recording:
-    """The named channels between two instants, every so manieth sample."""
+    """The named channels between two instants, every n-th sample."""
     part = rec.window(begin_s, end_s)
     per = rec.meta.get("samples_per_period", 1)
     return Recording(

@@ -57,7 +57,7 @@ def _figures(rec: Recording) -> dict:
     }
 
 
-def _verdicts(figures: dict[str, dict], required: bool) -> list[Verdict]:
+def _verdicts(figures: dict[str, dict]) -> list[Verdict]:
     ddr, fdr, again = (figures[part] for part in PARTS)
     rows = []
     for what, pick in (
@@ -70,9 +70,9 @@ def _verdicts(figures: dict[str, dict], required: bool) -> list[Verdict]:
         before, off, on = pick(ddr), pick(fdr), pick(again)
         rows += [
             claim(f"{what} reappears when DDR is switched off in flight", off > MORE * before,
-                  a.milli(before, off), "reappears", required=required),
+                  a.milli(before, off), "reappears", required=True),
             claim(f"{what} vanishes when DDR is switched on again", on * MORE < off,
-                  a.milli(off, on), "vanishes", required=required),
+                  a.milli(off, on), "vanishes", required=True),
         ]  # fmt: skip
     rows.append(
         claim("x–y voltage commands are zero under FDR, and only there",
@@ -137,7 +137,7 @@ def _figure(
     names = tuple(name for names, _ in rows for name in names) + ("scheme",)
     return Figure(
         metrics={"instants_s": list(instants), **figures},
-        verdicts=_verdicts(figures, required=True),
+        verdicts=_verdicts(figures),
         draw=_draw(rec, parts, instants, rows),
         recordings={"": a.extract(rec, names, every=2)},
         setups=[a.setup("ddr")],

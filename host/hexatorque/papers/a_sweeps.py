@@ -116,7 +116,7 @@ def _lower(
 
 
 WHY_RIPPLE = (
-    ", and an x–y command moves the virtual vector in α–β. Ripple hangs on the leakage, x–y "
+    ", and an x–y command moves the virtual vector in α–β. Ripple depends on the leakage, x–y "
     "currents on the devices' drops, neither printed"
 )
 

@@ -1,5 +1,5 @@
 """Paper A, Table IV: FDR-DTC and DDR-DTC at 100 r/min and 10 N m, and what the figures
-that disagree hang on."""
+that disagree depend on."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def a_t4(job: Job) -> Figure:
         setups=[a.setup(s) for s in a.SCHEMES]
         + [a.setup("ddr", **machine(*NEAREST)), a.setup("ddr", **OTHERS[GAIN])],
         caption=f"100 r/min, 10 N m; means over {len(runs['fdr'])} speeds within 3 %. Below: what "
-        "the switching frequency and the THD hang on that the paper does not print. The "
+        "the switching frequency and the THD depend on that the paper does not print. The "
         "asymmetry of the machine is assumed so that ΔI comes out under FDR.",
     )  # fmt: skip
 

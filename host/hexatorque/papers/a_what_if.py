@@ -1,5 +1,5 @@
 """Table IV of paper A under other readings of what the paper does not print: what its
-switching frequency and THD hang on."""
+switching frequency and THD depend on."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .job import Job
 TABLE = PAPER[a.SETUP]
 SPEED_RPM, LOAD_NM = TABLE["speed_rpm"], TABLE["load_Nm"]
 
-#: What the paper does not print and f_sw and THD hang on: leakages relative to the set-up's,
+#: What the paper does not print and f_sw and THD depend on: leakages relative to the set-up's,
 #: and the thresholds of the inverter's devices [V].
 LEAKAGES, DROPS_V = (1.0, 1.2, 1.35, 1.5), (0.0, 1.2)
 NEAREST = (1.35, 1.2)  #: of these, what comes nearest to the printed f_sw
@@ -100,7 +100,7 @@ def why_thd(found: dict) -> str:
         f"the devices' drops are not printed and 0 in the set-up; with {NEAREST[1]:g} V FDR's 5th "
         f"harmonic grows ({five}), which DDR takes out, and THD falls "
         f"{a.arrow(drops['fdr']['5kHz'], drops['ddr']['5kHz'], '%', 1)}. What DDR leaves is "
-        f"switching ripple, which hangs on the leakage: with {NEAREST[0]:g} times of it and the "
+        f"switching ripple, which depends on the leakage: with {NEAREST[0]:g} times of it and the "
         f"drops {a.arrow(near['fdr']['5kHz'], near['ddr']['5kHz'], '%', 1)} at "
         f"{a.arrow(near['fdr']['f_sw_Hz'] / 1e3, near['ddr']['f_sw_Hz'] / 1e3, 'kHz', 2)}. "
         "The paper's band is not stated; 5 kHz here"

@@ -65,8 +65,8 @@ def _figure(setups: list[Setup], rows: list[Row], shown: m.Watched, levels: str,
         setups=[*setups, setups[0].changed(timing__latency="none")],
         caption=caption + " Measured without latency, where the telemetry of a period is what it "
         "was decided from. Bands: mean of the largest error at which a comparator stayed and the "
-        "smallest at which it went. Gains: least squares over the telemetry. Equations: solved from "
-        "those that the plant integrates.",
+        "smallest at which it went. Gains: least squares over the telemetry. Equations: those that "
+        "the plant integrates.",
     )
 
 
@@ -119,6 +119,7 @@ def b_t5(job: Job) -> Figure:
     rec, rec5 = w.recording, v.recording
     settled = rec.window(rec.start_s + 0.6 * seconds, 1e9)
     flux_ref_Wb = float(np.mean(settled["flux_ref_Wb"]))
+    rs_ohm = float(m.phase_ohm(w.machine).mean())
     rr_ohm, inductance = m.inductances_H(w.machine)
     error3, level3 = m.torque_error_Nm(rec), rec["torque_level"]
     error5, level5 = m.torque_error_Nm(rec5), rec5["torque_level"]
@@ -130,9 +131,7 @@ def b_t5(job: Job) -> Figure:
     )
     rows = [
         Row("2P", "poles", poles, 2.0, "", "measured", 0.0),
-        Row(
-            "R_s", "stator resistance", float(m.phase_ohm(w.machine).mean()), 6.0, "Ω", "equations"
-        ),
+        Row("R_s", "stator resistance", rs_ohm, 6.0, "Ω", "equations"),
         Row("R_r", "rotor resistance", rr_ohm, 2.2, "Ω", "equations"),
         Row("L_ls", "stator leakage", 1e3 * inductance["lls_H"], 14.4, "mH", "equations"),
         Row("L_lr", "rotor leakage", 1e3 * inductance["llr_H"], 14.4, "mH", "equations"),
