@@ -132,6 +132,16 @@ def transient(
     parameter or `load_Nm` or `vdc_V`, value). Time counts from 0 at the beginning of the
     recording. Raises DriveFault or NotReached."""
     sim = approach(point, progress, samples_per_period)
+    return follow(sim, events, duration_s, progress)
+
+
+def follow(
+    sim: Simulation,
+    events: Iterable[tuple[float, str, object]],
+    duration_s: float,
+    progress: Progress | None = None,
+) -> Recording:
+    """`transient` from wherever the drive is."""
     begin = sim.time_s
     for time_s, name, value in sorted(events, key=lambda event: event[0]):
         sim.run(begin + time_s - sim.time_s, progress=progress)

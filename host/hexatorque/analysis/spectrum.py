@@ -96,7 +96,8 @@ def line_amplitude(signal: np.ndarray, rate_Hz: float, f_Hz: float) -> float:
 
 
 def _line(w: np.ndarray, x: np.ndarray, rotor: np.ndarray) -> float:
-    return float(2 * abs((w * x) @ rotor) / w.sum())
+    # Not `@`: its threads wait for each other where several points are measured at once.
+    return float(2 * abs(np.einsum("n,n", w * x, rotor)) / w.sum())
 
 
 def harmonics(
