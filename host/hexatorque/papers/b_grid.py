@@ -63,9 +63,13 @@ def record_grid(x_name: str, unit: str, x: np.ndarray, grid: Grid, rows: list[st
     return Recording(1.0, channels, {x_name: unit}, {"rows": x_name})
 
 
+def _finite(values: np.ndarray) -> list[list[float | None]]:
+    return [[value if np.isfinite(value) else None for value in row] for row in values.tolist()]
+
+
 def grid_figure(grid: Grid, **parts) -> Figure:
     return Figure(
-        metrics={scheme: values.tolist() for scheme, values in grid.items()},
+        metrics={scheme: _finite(values) for scheme, values in grid.items()},
         setups=[point(scheme).setup for scheme in SCHEMES],
         **parts,
     )

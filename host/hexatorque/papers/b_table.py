@@ -9,6 +9,7 @@ import numpy as np
 
 from ..analysis import plots
 from ..recording import Recording
+from ..study import NotReached
 from .figure import Figure, Verdict, beside, claim, not_printed
 from .job import Job
 from .paper_b import COLOUR, LOAD_NM, MARKER, PRINTED, SCHEMES, around, mean, point
@@ -74,13 +75,18 @@ def _measure(job: Job) -> tuple[dict, dict, np.ndarray, list[dict]]:
     means at each of them."""
     loads = around(LOAD_NM, job.quick)
     fluxes = QUICK_FLUXES_WB if job.quick else FLUXES_WB
-    scan_loads = loads[:1] if job.quick else loads[:3]
+    scan_loads = loads[:1] if job.quick else around(LOAD_NM, True)
     points = [point(scheme, load_Nm=load) for scheme in SCHEMES for load in loads]
     points += [
         point(scheme, load_Nm=load, controller__flux_ref_Wb=flux)
         for flux in fluxes for scheme in SCHEMES for load in scan_loads
     ]  # fmt: skip
-    rows = iter([_row(m) for m in job.metrics(points)])
+    found = job.metrics(points)
+    for at, metrics in zip(points, found):
+        if metrics is None:
+            raise NotReached(f"no steady state at {at.load_Nm:g} N m under "
+                             f"{at.setup['controller.scheme']}")  # fmt: skip
+    rows = iter([_row(metrics) for metrics in found])
     table, spread = {}, {}
     for scheme in SCHEMES:
         own = [next(rows) for _ in loads]
