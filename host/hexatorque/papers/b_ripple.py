@@ -1,0 +1,73 @@
+"""Paper B's torque ripple over speed (Fig. 16)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .b_grid import draw_grid, grid_figure, measured, record_grid
+from .figure import Figure, beside, claim, not_printed
+from .job import Job
+from .paper_b import LOAD_NM
+
+#: A panel each, over speed. Full load is that of Table VI.
+LOADS_NM = {"no load": 0.0, "half load": LOAD_NM / 2, "full load": LOAD_NM}
+STEP_RPM, QUICK_STEP_RPM, FROM_RPM, TO_RPM = 250.0, 500.0, 500.0, 2500.0
+#: From here on one period of a vector no longer passes all of DTC3's bands.
+FAST_RPM = 1500.0
+#: "Typically 40 %", and what still counts as that.
+PRINTED_RATIO, RATIO = 0.4, (0.35, 0.65)
+
+WHY_SLOW = (
+    "at 0.4 Wb and 500 r/min one period of a medium-large vector raises the torque by 0.5 N m, "
+    "more than both bands of DTC3, which misses them as far as DTC1 misses its own. At 20 kHz (the "
+    "paper: 10 kHz) the ratio there is 0.48"
+)
+WHY_RATIO = (
+    "at 10 kHz and 0.4 Wb the ripple is what one period's vector changes, not what the bands "
+    "allow: at 40 kHz the ratio is 0.43 to 0.48 at 2500 r/min and 0.53 to 0.66 below. At 10 kHz it "
+    "is 0.43 at all loads only with 0.25 Wb and a comparator of DTC1 and DTC2 that goes on to "
+    "0.2 N m beyond the reference"
+)
+
+
+def _within(ratio: np.ndarray) -> bool:
+    return bool(np.all((ratio > RATIO[0]) & (ratio < RATIO[1])))
+
+
+def _range(ratio: np.ndarray) -> str:
+    return f"{np.min(ratio):.2f} to {np.max(ratio):.2f}"
+
+
+def b16(job: Job) -> Figure:
+    """Torque ripple over speed at three loads."""
+    speeds = np.arange(FROM_RPM, TO_RPM + 1, QUICK_STEP_RPM if job.quick else STEP_RPM)
+    ripple = measured(
+        job, tuple(LOADS_NM.values()), speeds, lambda load, speed: (speed, load),
+        lambda m: m["torque_ripple_Nm"],
+    )  # fmt: skip
+    ratio = ripple["dtc3"] / ripple["dtc1"]
+    second = float(np.mean(ripple["dtc2"] / ripple["dtc1"]))
+    fast = ratio[:, speeds >= FAST_RPM]
+    inside = f"within {RATIO[0]} to {RATIO[1]}"
+    names = [f"{name}, {load:g} N m" for name, load in LOADS_NM.items()]
+    return grid_figure(
+        ripple,
+        verdicts=[
+            beside("DTC3 over DTC1, mean", float(np.mean(ratio)), PRINTED_RATIO, within=0.1,
+                   lower_is_better=True, why=WHY_RATIO),
+            claim(f"DTC3 over DTC1, at each speed and load {inside}", _within(ratio), _range(ratio),
+                  "0.4", why=WHY_SLOW),
+            claim(f"DTC3 over DTC1, at each load from {FAST_RPM:g} r/min {inside}", _within(fast),
+                  _range(fast), "0.4", why=WHY_RATIO, required=True),
+            claim("DTC2 over DTC1, mean, within 10 %", abs(second - 1) < 0.1, second, "the same"),
+            *(
+                not_printed(f"DTC3 over DTC1, mean, {name}", float(np.mean(row)))
+                for name, row in zip(LOADS_NM, ratio)
+            ),
+        ],
+        draw=draw_grid(speeds, names, ripple, "speed [r/min]", "torque ripple, std [N m]",
+                       PRINTED_RATIO),
+        recordings={"": record_grid("speed_rpm", "r/min", speeds, ripple, names)},
+        caption="Standard deviation of the true torque at the control instants. The paper's speed "
+        "base is not printed; its other tests are within 500 to 2500 r/min.",
+    )  # fmt: skip

@@ -1,0 +1,161 @@
+"""Sweeps and Table VI of paper B: which number lands where, and when a verdict turns."""
+
+import json
+
+import numpy as np
+import pytest
+
+from hexatorque.papers import b_ripple, b_sweeps, b_table
+from hexatorque.papers.job import Job
+from hexatorque.papers.paper_b import PRINTED, SCHEMES
+from hexatorque.study import NotReached
+
+
+class Formula(Job):
+    """In place of simulations: metrics by a formula of scheme (0, 1, 2), speed, load, flux."""
+
+    def __init__(self, formula, quick=True):
+        super().__init__(quick, None)
+        self.formula, self.points = formula, []
+
+    def metrics(self, points):
+        self.points = list(points)
+        return [
+            self.formula(
+                SCHEMES.index(p.setup["controller.scheme"]), p.speed_rpm, p.load_Nm,
+                p.setup["controller.flux_ref_Wb"],
+            )
+            for p in self.points
+        ]  # fmt: skip
+
+
+def metrics(thd=1.0, ripple=1.0, f_sw=1.0):
+    bands = {"1kHz": thd, "2kHz": thd + 1, "5kHz": thd + 2, "h50": thd - 1}
+    return {"thd_pct": bands, "torque_ripple_Nm": ripple, "f_sw_Hz": f_sw}
+
+
+def words(figure):
+    return {v.what: v.verdict for v in figure.verdicts}
+
+
+def as_printed(at, speed, load, flux):
+    row = PRINTED[SCHEMES[at]]
+    return metrics(row["thd_pct"], row["torque_ripple_Nm"], 900 * row["f_sw_rel"])
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_grid_orientation(quick, tmp_path):
+    """Rows are speeds, columns loads (Fig. 16: the other way round)."""
+    job = Formula(lambda at, speed, load, flux: metrics(at + speed + load / 100), quick)
+    figure = b_sweeps.b14(job)
+    loads = figure.recordings[""]["load_Nm"]
+    for at, scheme in enumerate(SCHEMES):
+        for row, speed in enumerate((500, 1500, 2500)):
+            expected = at + speed + loads / 100
+            assert figure.metrics[scheme][row] == pytest.approx(expected.tolist())
+            assert figure.recordings[""][f"{scheme} {speed} r/min"] == pytest.approx(expected)
+    ripple = Formula(lambda at, speed, load, flux: metrics(ripple=at + speed + load / 100), quick)
+    figure = b_ripple.b16(ripple)
+    speeds = figure.recordings[""]["speed_rpm"]
+    assert speeds[0] == 500 and speeds[-1] == 2500
+    for row, load in enumerate((0.0, 1.0, 2.0)):
+        assert figure.metrics["dtc3"][row] == pytest.approx((2 + speeds + load / 100).tolist())
+    figure.draw(tmp_path / "grid.png")
+    assert (tmp_path / "grid.png").stat().st_size > 20_000
+
+
+def test_14_and_19_share_their_points():
+    """So that the second of them costs nothing."""
+    one, other = Formula(as_printed), Formula(as_printed)
+    b_sweeps.b14(one)
+    b_sweeps.b19(other)
+    assert one.points == other.points
+
+
+def test_thd_over_load_as_the_paper_has_it():
+    assert set(words(b_sweeps.b14(Formula(as_printed))).values()) == {"match"}
+    same = Formula(lambda at, *_: metrics((20, 19, 10)[at]))
+    assert set(words(b_sweeps.b14(same)).values()) == {"differs"}
+
+
+def test_order_of_switching_frequencies():
+    figure = b_sweeps.b19(Formula(as_printed))
+    assert set(words(figure).values()) == {"match"}
+    # At 1500 r/min the second switches less than the first, on the whole it does not.
+    locked = Formula(lambda at, speed, *_: metrics(
+        f_sw=((1800, 1400, 2000) if speed == 1500 else (600, 900, 2000))[at]))  # fmt: skip
+    found = words(b_sweeps.b19(locked))
+    assert found["1500 r/min: DTC1 ≤ DTC2 < DTC3"] == "differs"
+    assert found["500 r/min: DTC1 ≤ DTC2 < DTC3"] == found["all points: DTC1 ≤ DTC2 < DTC3"]
+    assert not [v for v in b_sweeps.b19(locked).verdicts if v.broken]
+    reverse = Formula(lambda at, *_: metrics(f_sw=(1800, 1500, 1400)[at]))
+    broken = [v.what for v in b_sweeps.b19(reverse).verdicts if v.broken]
+    assert broken == ["all points: DTC1 ≤ DTC2 < DTC3"]
+
+
+def test_ripple_ratio():
+    good = Formula(lambda at, *_: metrics(ripple=(0.26, 0.27, 0.105)[at]))
+    found = [v for v in b_ripple.b16(good).verdicts if v.verdict != "not printed"]
+    assert [v.verdict for v in found] == ["match"] * 4
+    # Too much at one slow point: told, not required; at a fast one: required.
+    for speed, broken in ((500, 0), (2500, 1)):
+        job = Formula(lambda at, n, load, flux, speed=speed: metrics(
+            ripple=(0.26, 0.27, 0.2 if (n, load) == (speed, 1.0) else 0.105)[at]))  # fmt: skip
+        figure = b_ripple.b16(job)
+        assert sum(v.broken for v in figure.verdicts) == broken
+        assert [v.verdict for v in figure.verdicts][1] == "differs"
+
+
+def test_a_point_that_is_not_reached():
+    """Is a gap in the sweep, never a "match"; the JSON stays valid."""
+
+    def gap(at, speed, load, flux):
+        return None if (at, speed, load) == (2, 2500, 2.0) else as_printed(at, speed, load, flux)
+
+    for figure in (b_ripple.b16(Formula(gap)), b_sweeps.b14(Formula(gap))):
+        assert figure.metrics["dtc3"][2][-1] is None
+        assert any(v.verdict == "differs" for v in figure.verdicts)
+        json.dumps(figure.metrics, allow_nan=False)
+    with pytest.raises(NotReached, match="2 N m under dtc3"):
+        b_table.b_t6(Formula(gap))
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_table_6(quick, tmp_path):
+    """A machine that does what is printed matches, whatever the flux does elsewhere."""
+
+    def at_flux(at, speed, load, flux):
+        row = as_printed(at, speed, load, flux)
+        row["torque_ripple_Nm"] *= flux / 0.4 * load / 2
+        return row
+
+    figure = b_table.b_t6(Formula(at_flux, quick))
+    assert not [v for v in figure.verdicts if v.broken]
+    for what, verdict in words(figure).items():
+        expected = "not printed" if "5 kHz" in what or what.endswith("f_sw") else "match"
+        assert verdict == expected, what
+    table = figure.metrics["table"]
+    assert table["dtc3"]["f_sw_rel"] == pytest.approx(2.0)
+    assert table["dtc2"]["torque_ripple_Nm"] == pytest.approx(0.271)
+    spread = figure.metrics["spread"]["dtc1"]
+    assert spread["torque_ripple_Nm"] == pytest.approx(0.2617 * (0.02 if quick else 0.04))
+    assert spread["f_sw_Hz"] == 0
+    rec = figure.recordings["flux"]
+    assert rec["dtc3 torque_ripple_Nm"] == pytest.approx(0.1063 * rec["flux_ref_Wb"] / 0.4)
+    assert rec["dtc2 f_sw_rel"] == pytest.approx(np.full(len(rec), 1.1))
+    figure.draw(tmp_path / "t6.png")
+    assert (tmp_path / "t6.png").stat().st_size > 20_000
+
+
+@pytest.mark.parametrize(
+    ("key", "broken"),
+    [("thd", "THD: DTC2 and DTC3 below DTC1"), ("ripple", "ripple: DTC3 below DTC1 and DTC2"),
+     ("f_sw", "f_sw: DTC1 ≤ DTC2 < DTC3")],
+)  # fmt: skip
+def test_table_6_in_the_wrong_order(key, broken):
+    wrong = Formula(lambda at, *_: {
+        "thd": metrics((11, 12, 12)[at], (3, 3, 1)[at], (1, 2, 3)[at]),
+        "ripple": metrics((24, 12, 12)[at], (3, 1, 2)[at], (1, 2, 3)[at]),
+        "f_sw": metrics((24, 12, 12)[at], (3, 3, 1)[at], (1, 3, 2)[at]),
+    }[key])  # fmt: skip
+    assert [v.what for v in b_table.b_t6(wrong).verdicts if v.broken] == [broken]
