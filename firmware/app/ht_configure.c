@@ -64,8 +64,9 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
         || (p->v[HT_P_vdc_max_V] > 0.95f * p->v[HT_P_vdc_full_V])) {
         return false;
     }
-    if ((p->v[HT_P_torque_release_Nm] > 0.0f)
-        && (p->v[HT_P_torque_release_Nm] >= p->v[HT_P_torque_band_Nm])) {
+    if ((p->v[HT_P_torque_release_Nm] != 0.0f)
+        && ((p->v[HT_P_torque_release_Nm] >= p->v[HT_P_torque_band_Nm])
+            || (p->v[HT_P_torque_release_Nm] <= -p->v[HT_P_torque_band_Nm]))) {
         return false;
     }
     c->scheme = (ht_scheme)(uint16_t)p->v[HT_P_scheme];
@@ -83,6 +84,7 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->torque_band_Nm = p->v[HT_P_torque_band_Nm];
     c->torque_inner_Nm = p->v[HT_P_torque_inner_Nm];
     c->torque_release_Nm = p->v[HT_P_torque_release_Nm];
+    c->only_v0 = p->v[HT_P_zero_vector] != 0.0f;
     c->flux_hold = p->v[HT_P_flux_hold];
     c->drop_V = p->v[HT_P_drop_V];
     c->build_current_A = p->v[HT_P_build_current_A];

@@ -11,28 +11,25 @@ int16_t ht_compare_two_level(int16_t last, float error, float band, int16_t low,
     return last;
 }
 
-/* The multi-level comparators are odd functions of the error and never keep a
- * level against its sign, so only the positive half is written out. */
-
-static int16_t three_level_half(int16_t last, float error, float band, float release)
+int16_t ht_compare_three_level(int16_t last, float error, float band, float release)
 {
     if (error >= band) {
         return 1;
     }
-    return (error <= release) ? (int16_t)0 : last;
+    if (error <= -band) {
+        return -1;
+    }
+    if (((last > 0) && (error <= release)) || ((last < 0) && (error >= -release))) {
+        return 0;
+    }
+    if (error != error) { /* NaN */
+        return last;
+    }
+    return (last > 0) ? (int16_t)1 : ((last < 0) ? (int16_t)-1 : (int16_t)0);
 }
 
-int16_t ht_compare_three_level(int16_t last, float error, float band, float release)
-{
-    if (error > 0.0f) {
-        return three_level_half((last > 0) ? (int16_t)1 : (int16_t)0, error, band, release);
-    }
-    if (error < 0.0f) {
-        int16_t mirrored = (last < 0) ? (int16_t)1 : (int16_t)0;
-        return (int16_t)-three_level_half(mirrored, -error, band, release);
-    }
-    return (error == 0.0f) ? (int16_t)0 : last;
-}
+/* The five-level comparator is an odd function of the error and never keeps a
+ * level against its sign, so only the positive half is written out. */
 
 static int16_t five_level_half(int16_t last, float error, float inner, float outer)
 {

@@ -11,9 +11,10 @@
  *  above +band, to `low` below -band. */
 int16_t ht_compare_two_level(int16_t last, float error, float band, int16_t low, int16_t high);
 
-/** Three-level torque comparator (a `last` of +-2 from five levels counts as +-1): 0 -> +-1 at +-band, back to 0 where the error
- *  falls to `release` (0 <= release < band; the papers leave it open, 0 here by
- *  default). */
+/** Three-level torque comparator (a `last` of +-2 from five levels counts as +-1):
+ *  0 -> +-1 at +-band, back to 0 where the error falls to `release`
+ *  (-band < release < band; negative: beyond the reference; the papers leave it open,
+ *  0 here by default). */
 int16_t ht_compare_three_level(int16_t last, float error, float band, float release);
 
 /** Five-level torque comparator of paper B, Fig. 8: 0 -> 1 at `inner` (H_A),

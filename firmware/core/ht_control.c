@@ -175,6 +175,11 @@ static void single_vector(uint16_t word, uint16_t s[3])
     s[2] = word;
 }
 
+static uint16_t zero_vector(const ht_control_config *cfg, const ht_control_state *st)
+{
+    return cfg->only_v0 ? (uint16_t)0 : ht_nearest_zero[st->active.s[2]];
+}
+
 /* Of two vectors that point the same way in alpha-beta and opposite ways in x-y,
  * the one that drives psi_xy down (paper B, Table III): `strong` pushes along
  * the large vector's x-y direction, the medium-large one against it. */
@@ -263,7 +268,7 @@ void ht_control_step(const ht_control_config *cfg, ht_control_state *st, const h
         st->v_xy_pu.y = 0.0f;
     }
     if (zero) {
-        single_vector(ht_nearest_zero[st->active.s[2]], s);
+        single_vector(zero_vector(cfg, st), s);
     } else if (raise) {
         /* Along the flux, 15 degrees to the side the torque wants. */
         bool ahead = in->torque_ref_Nm > st->decided.torque_Nm;
@@ -295,7 +300,7 @@ void ht_control_build_step(const ht_control_config *cfg, ht_control_state *st,
         virtual_vector(HT_L, BUILD_DIRECTION, s);
         p = ht_duty(HT_L, BUILD_DIRECTION, none);
     } else {
-        single_vector(ht_nearest_zero[st->active.s[2]], s);
+        single_vector(zero_vector(cfg, st), s);
     }
     commit(cfg, st, s, p, out);
 }

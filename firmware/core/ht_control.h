@@ -41,6 +41,7 @@ typedef struct {
     float torque_band_Nm;    /**< outer band (H_B) */
     float torque_inner_Nm;   /**< five-level inner band (H_A) */
     float torque_release_Nm; /**< three-level: back to zero at this error */
+    bool only_v0;            /**< zero vectors: V0 only, else the one with the fewest transitions */
     float flux_hold;         /**< zero vectors give way below (1 - this) x reference; 0 = never */
     float drop_V;            /**< threshold voltage of switches and diodes, their mean; 0 = ideal */
     float build_current_A;   /**< current limit of the flux build-up */

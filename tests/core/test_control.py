@@ -207,6 +207,17 @@ def test_no_torque_wanted_gives_the_nearest_zero(scheme):
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
+def test_only_v0_where_asked_for(scheme):
+    others = 0
+    for sector in range(12):
+        drive = quiet(scheme, only_v0=True)
+        s, _ = at(drive, sector, 5, 0.6)
+        others += min((z ^ s[2]).bit_count() for z in ZEROS) < s[2].bit_count()
+        assert drive.step(torque=0.0) == (0, 0, 0)
+    assert others > 0  # nearest would have been another one
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("torque", (0.1, -0.1))  # inside the band: no vector wanted
 def test_weak_flux_takes_the_place_of_a_zero_vector(scheme, torque):
     """Below (1 - flux_hold) of the reference the vector nearest to the flux is

@@ -588,6 +588,7 @@ INCONSISTENT = (
     ("torque_inner_Nm", 0.6),  # above the outer band
     ("torque_band_Nm", 0.1),  # below the inner band
     ("torque_release_Nm", 0.5),  # not below the band
+    ("torque_release_Nm", -0.5),  # not within the band on the other side
     ("flux_min_Wb", 0.7),  # above the reference
     ("flux_ref_Wb", 0.05),  # below the minimum
     ("vdc_min_V", 400.0),

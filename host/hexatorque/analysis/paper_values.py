@@ -37,6 +37,10 @@ PAPER: dict[str, dict] = {
 }
 
 
+#: The same experiment on the set-up whose open values are fitted to it.
+PAPER["paper-b-fitted"] = PAPER["paper-b"]
+
+
 def paper_values(paper: dict[str, dict], run: Run) -> dict[str, float]:
     """The paper's figures for the run's set-up and scheme; empty if it gives none, or
     gives them for another operating point (speed or load more than 2 % away)."""
