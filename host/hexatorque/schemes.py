@@ -47,8 +47,8 @@ SCHEMES: dict[str, dict[str, str]] = {
 }
 
 _CONTROLLER_OPTIONS = (
-    "table", "torque_levels", "torque_release_Nm", "zero_vector", "zero_hold", "flux_hold", "field_weakening",
-    "observer", "control_mode",
+    "table", "torque_levels", "torque_release_Nm", "zero_vector", "zero_hold", "flux_hold",
+    "field_weakening", "observer", "control_mode",
 )  # fmt: skip
 
 OPTIONS: dict[str, dict[str, str]] = {
