@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hexatorque.papers import b_dynamics
-from hexatorque.papers.b_dynamics import LOAD_STEP, SPEED_STEP, response
+from hexatorque.papers.b_dynamics import SPEED_STEP, response
 from hexatorque.papers.job import Job
 from hexatorque.recording import Recording
 
@@ -35,13 +35,13 @@ def within(t_s, speed, target, band):
     return t_s[last + 1]
 
 
-@pytest.mark.parametrize(("figure", "step"), [("b17", SPEED_STEP), ("b18", LOAD_STEP)])
-def test_steps(figure, step, job, tmp_path):
+@pytest.mark.parametrize(("figure", "begin_rpm"), [("b17", 1000.0), ("b18", 2000.0)])
+def test_steps(figure, begin_rpm, job, tmp_path):
     made = getattr(b_dynamics, figure)(job)
     for scheme, rec in made.recordings.items():
         t_s, speed = rec.time_s, rec["plant.speed_rpm"]
         assert rec.duration_s == pytest.approx(1.0)
-        assert speed[:900] == pytest.approx(step.speed_rpm, abs=4)
+        assert speed[:900] == pytest.approx(begin_rpm, abs=4)
         assert speed[-500:] == pytest.approx(2000, abs=8)
         m = made.metrics[scheme]
         settled = 1e3 * (within(t_s, speed, 2000, 20) - b_dynamics.STEPS_S[0])

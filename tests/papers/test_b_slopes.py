@@ -12,7 +12,8 @@ from hexatorque.recording import Recording
 
 SETUP = setup("dtc1")
 #: Recorded gates: two bits a leg, first leg in the highest.
-L48, ZERO, OFF_FIRST = 0b01_01_00_00_00_00, 0, 0b10_01_00_00_00_00
+L48, ZERO = 0b01_01_00_00_00_00, 0
+OFF_FIRST, OFF_LAST = 0b10_01_00_00_00_00, 0b01_01_00_00_00_10
 LS_H = LR_H = 0.256 + 0.0144
 LM_H, RS_OHM, RR_OHM = 0.256, 6.0, 2.2
 
@@ -63,10 +64,12 @@ def test_gate_states():
 
 
 def test_slopes_leave_out_edges_and_dead_time():
-    """Two periods: a rise of 4 kN m/s after 15 us of dead time, a fall of 1 kN m/s. Torque runs
+    """Two periods: a rise of 4 kN m/s after 20 us of dead time, a fall of 1 kN m/s. Torque runs
     wild while a leg is off; a large vector against the torque is no rise."""
     rate_Hz = PER_PERIOD * 1e4
-    gates = np.array([ZERO] + [OFF_FIRST] * 3 + [L48] * 16 + [L48] + [ZERO] * 19 + [ZERO])
+    gates = np.array(
+        [ZERO] + [OFF_FIRST] * 2 + [OFF_LAST] * 2 + [L48] * 15 + [L48] + [ZERO] * 19 + [ZERO]
+    )
     step = np.select([gates[:-1] == L48, gates[:-1] == ZERO], [4000.0, -1000.0], 1e6) / rate_Hz
     torque_Nm = 2 + np.concatenate(([0.0], np.cumsum(step)))
     n = gates.size

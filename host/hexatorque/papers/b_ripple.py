@@ -12,15 +12,15 @@ from .paper_b import LOAD_NM
 #: A panel each, over speed. Full load is that of Table VI.
 LOADS_NM = {"no load": 0.0, "half load": LOAD_NM / 2, "full load": LOAD_NM}
 STEP_RPM, QUICK_STEP_RPM, FROM_RPM, TO_RPM = 250.0, 500.0, 500.0, 2500.0
-#: From here on one period of a vector no longer passes all of DTC3's bands.
+#: Below, one period of a vector raises the torque by more than DTC3's bands are apart.
 FAST_RPM = 1500.0
 #: "Typically 40 %", and what still counts as that.
 PRINTED_RATIO, RATIO = 0.4, (0.35, 0.65)
 
 WHY_SLOW = (
-    "at 0.4 Wb and 500 r/min one period of a medium-large vector raises the torque by 0.5 N m, "
-    "more than both bands of DTC3, which misses them as far as DTC1 misses its own. At 20 kHz (the "
-    "paper: 10 kHz) the ratio there is 0.48"
+    "at 0.4 Wb and 500 r/min one period of a medium-large vector raises the torque by 0.36 N m, "
+    "twice the inner band of DTC3, which misses its bands as far as DTC1 misses its own. At 20 kHz "
+    "(the paper: 10 kHz) the ratio there is 0.48 to 0.60"
 )
 WHY_RATIO = (
     "at 10 kHz and 0.4 Wb the ripple is what one period's vector changes, not what the bands "

@@ -19,8 +19,9 @@ SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 QUICK_SHARES = (0.2, 0.6, 1.0)
 
 WHY_LOCK = (
-    "around 1500 r/min one large vector takes the torque from one side of DTC1's band past the "
-    "other, so that it brakes with active vectors as well (9 to 20 % of the periods)"
+    "around 1500 r/min one large vector often ends just below the reference, and a second one past "
+    "the far edge of DTC1's band, so that it brakes with active vectors as well (9 to 20 % of the "
+    "periods)"
 )
 WHY_ZERO = (
     "the paper's tables have V0 only; we take the zero vector with the fewest transitions, from "
@@ -33,8 +34,8 @@ WHY_DOUBLE = (
 )
 WHY_SAME = (
     "at low speed DTC3 applies small vectors most of the time, which are the longest in the x–y "
-    "plane, and more zero vectors than DTC2. With V0 as the only zero vector, as printed, it is "
-    "1.33, 1.02, 1.06; with 0.25 Wb as well 1.22, 1.11, 1.02"
+    "plane. With V0 as the only zero vector, as printed, it is 1.33, 1.02, 1.06 at 500, 1500, "
+    "2500 r/min; with 0.25 Wb as well 1.22, 1.11, 1.02"
 )
 
 

@@ -43,7 +43,7 @@ WHY_RIPPLE_3 = (
 WHY_F_2 = (
     "the paper's tables have V0 only, we take the zero vector with the fewest transitions, from "
     "which DTC1 gains most. With V0 only it is 1.19 (0.25 Wb: 1.22). Counting does not matter to "
-    "a ratio; hysteresis in the x–y choice gives 1.08, but twice the THD"
+    "a ratio; hysteresis in the x–y choice gives 1.08, but 1.7 times the THD"
 )
 WHY_F_3 = "zero vectors and flux: with V0 only it is 1.56, at 0.25 Wb 2.03"
 WHY_RATIO = (
