@@ -66,9 +66,13 @@ def _flat(row: dict | None) -> dict[str, float]:
 
 
 def _verdicts(
-    sweep: Sweep, other: Sweep, speeds: tuple[float, ...], loads: tuple[float, float]
+    found: tuple[Sweep, Sweep],
+    other: tuple[Sweep, Sweep],
+    speeds: tuple[float, ...],
+    loads: tuple[float, ...],
 ) -> list[Verdict]:
-    """other: FDR and DDR with the leakage and the drops of OTHER."""
+    """found: means and half spreads; other: of FDR and DDR with OTHER_NAME."""
+    sweep, _ = found
     rows: list[Verdict] = []
     for load, when in zip(loads, ("no load", "rated load")):
         fsw = {s: sweep["f_sw_Hz"][load, s] for s in SCHEMES}
@@ -86,7 +90,7 @@ def _verdicts(
         ]  # fmt: skip
         for band in a.BANDS:
             rows += [
-                _lower(sweep, band, load, speeds, when, f"{WHY_RIPPLE}: see {OTHER_NAME}"),
+                _lower(found, band, load, speeds, when, f"{WHY_RIPPLE}: see {OTHER_NAME}"),
                 _lower(other, band, load, speeds, f"{when}, {OTHER_NAME}", WHY_RIPPLE),
             ]
         classical, ddr = (sweep["5kHz"][load, s].mean() for s in ("dtc1", "ddr"))
@@ -98,9 +102,16 @@ def _verdicts(
 
 
 def _lower(
-    sweep: Sweep, band: str, load: float, speeds: tuple[float, ...], when: str, why: str
+    found: tuple[Sweep, Sweep],
+    band: str,
+    load: float,
+    speeds: tuple[float, ...],
+    when: str,
+    why: str,
 ) -> Verdict:
     """Is DDR's THD the lower one at every speed that is reached?"""
+    sweep, spread = found
+    scatter = np.maximum(*(spread[band][load, s] for s in a.SCHEMES))
     fdr, ddr = (sweep[band][load, s] for s in a.SCHEMES)
     reached = np.isfinite(fdr) & np.isfinite(ddr)
     lower = ddr < fdr
@@ -111,7 +122,7 @@ def _lower(
         f"at {np.sum(lower)} of {np.sum(reached)} speeds, mean "
         f"{a.arrow(fdr_mean, ddr_mean, '%', 2)}",
         "lower",
-        why=_where(sweep, load, speeds, ddr - fdr) + why,
+        why=_where(sweep, load, speeds, ddr - fdr, scatter) + why,
     )
 
 
@@ -121,7 +132,13 @@ WHY_RIPPLE = (
 )
 
 
-def _where(sweep: Sweep, load: float, speeds: tuple[float, ...], excess: np.ndarray) -> str:
+def _where(
+    sweep: Sweep,
+    load: float,
+    speeds: tuple[float, ...],
+    excess: np.ndarray,
+    scatter: np.ndarray,
+) -> str:
     """Where DDR's THD is not lower, and what there was to be gained."""
     where = np.nonzero(excess >= 0)[0]
     if where.size == 0:
@@ -129,7 +146,8 @@ def _where(sweep: Sweep, load: float, speeds: tuple[float, ...], excess: np.ndar
     xy = {s: sweep["ixy_rms_A"][load, s][where].mean() for s in a.SCHEMES}
     return (
         f"higher at {', '.join(f'{speeds[n]:g}' for n in where)} r/min, by "
-        f"{np.max(excess[where]):.2f} points at most: there switching ripple in α–β outweighs what "
+        f"{np.max(excess[where]):.2f} points at most, with a scatter of up to "
+        f"±{np.max(scatter[where]):.2f}: there switching ripple in α–β outweighs what "
         f"the x–y regulator takes out (x–y current {a.milli(xy['fdr'], xy['ddr'])} rms)"
     )
 
@@ -138,8 +156,10 @@ def a15(job: Job) -> Figure:
     """Classical DTC, FDR and DDR over speed, without load and at rated load."""
     speeds = QUICK_RPM if job.quick else FULL_RPM
     loads = (0.0, a.rated()[1])
-    sweep, spread = _sweep(job, speeds, loads, SCHEMES, 1 if job.quick else 3)
-    other, _ = _sweep(job, speeds, loads, a.SCHEMES, 1 if job.quick else 2, **machine(*NEAREST))
+    found = sweep, spread = _sweep(job, speeds, loads, SCHEMES, 1 if job.quick else 3)
+    varied = other, _ = _sweep(
+        job, speeds, loads, a.SCHEMES, 1 if job.quick else 2, **machine(*NEAREST)
+    )
 
     def draw(path: Path) -> Path:
         figure, axes = plots.new_figure(3, 2, 8.4, sharex="all", sharey="row")
@@ -197,7 +217,7 @@ def a15(job: Job) -> Figure:
                 for load in loads
             },
         },
-        verdicts=_verdicts(sweep, other, speeds, loads),
+        verdicts=_verdicts(found, varied, speeds, loads),
         draw=draw,
         recordings={"": Recording(1.0, channels, {"speed_rpm": "r/min"}, {"rows": "speed"})},
         setups=[a.setup(s) for s in SCHEMES] + [a.setup(s, **machine(*NEAREST)) for s in a.SCHEMES],

@@ -82,12 +82,17 @@ def why_fsw(found: dict, rec: Recording) -> str:
     """rec: of FDR in the set-up as it is."""
     whole_Nm = 2 * a.setup("fdr").parameter("torque_band_Nm")
     khz = {case: f"{row['fdr']['f_sw_Hz'] / 1e3:.2f}" for case, row in found.items()}
+    fsw_Hz = [found[f, 0.0]["fdr"]["f_sw_Hz"] for f in LEAKAGES]
+    printed_Hz = TABLE["schemes"]["fdr"]["f_sw_Hz"]
     text = (
         f"the leakage, which is not printed: with the set-up's a raising period adds "
         f"{torque_step_Nm(rec):.2f} N m, more than the whole band of {whole_Nm:g} N m, so that the "
         "comparator answers it with the opposite vector instead of a zero one. FDR has "
         + ", ".join(f"{khz[f, 0.0]} kHz at {f:g} times the leakage" for f in LEAKAGES[1:])
     )
+    if min(fsw_Hz) <= printed_Hz <= max(fsw_Hz):
+        factor = np.interp(printed_Hz, fsw_Hz[::-1], LEAKAGES[::-1])
+        text += f"; the printed {printed_Hz / 1e3:g} kHz comes out at about {factor:.2f} times"
     others = [f"{name} {khz[name]}" for name in OTHERS if name in khz and name != GAIN]
     return text + (f". Other readings, kHz: {', '.join(others)}" if others else "")
 
