@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from .b_grid import draw_grid, grid_figure, measured, record_grid
-from .figure import Figure, beside, claim, not_printed
+from .b_grid import Grid, draw_grid, grid_figure, measured, record_grid
+from .figure import Figure, Verdict, beside, claim, not_printed
 from .job import Job
-from .paper_b import LOAD_NM
+from .paper_b import FITTED, LOAD_NM
 
 #: A panel each, over speed. Full load is that of Table VI.
 LOADS_NM = {"no load": 0.0, "half load": LOAD_NM / 2, "full load": LOAD_NM}
 STEP_RPM, QUICK_STEP_RPM, FROM_RPM, TO_RPM = 250.0, 500.0, 500.0, 2500.0
-#: Below, one period of a vector raises the torque by more than DTC3's bands are apart.
-FAST_RPM = 1500.0
 #: "Typically 40 %", and what still counts as that.
 PRINTED_RATIO, RATIO = 0.4, (0.35, 0.65)
 
-WHY_SLOW = (
+WHY_RANGE = (
     "at 0.4 Wb and 500 r/min one period of a medium-large vector raises the torque by 0.36 N m, "
     "twice the inner band of DTC3, which misses its bands as far as DTC1 misses its own. At 20 kHz "
     "(the paper: 10 kHz) the ratio there is 0.48 to 0.60"
+)
+WHY_RANGE_FITTED = (
+    "below it, so better: without load DTC1, released 0.2 N m beyond the reference, swings from "
+    "one side of it to the other"
 )
 WHY_RATIO = (
     "at 10 kHz and 0.4 Wb the ripple is what one period's vector changes, not what the bands "
@@ -38,6 +40,28 @@ def _range(ratio: np.ndarray) -> str:
     return f"{np.min(ratio):.2f} to {np.max(ratio):.2f}"
 
 
+def _verdicts(name: str, ripple: Grid) -> list[Verdict]:
+    ratio = ripple["dtc3"] / ripple["dtc1"]
+    over_loads = ratio.mean(axis=0)
+    second = float(np.mean(ripple["dtc2"] / ripple["dtc1"]))
+    inside = f"within {RATIO[0]} to {RATIO[1]}"
+    why = WHY_RANGE_FITTED if name == FITTED else WHY_RANGE
+    return [
+        beside(f"{name}: DTC3 over DTC1, mean", float(np.mean(ratio)), PRINTED_RATIO, within=0.1,
+               lower_is_better=True, why=WHY_RATIO),
+        claim(f"{name}: DTC3 over DTC1 at each speed, mean of the loads, {inside}",
+              _within(over_loads), _range(over_loads), "0.4", why=why, required=name == FITTED),
+        claim(f"{name}: DTC3 over DTC1 at each speed and load {inside}", _within(ratio),
+              _range(ratio), "0.4", why=why),
+        claim(f"{name}: DTC2 over DTC1, mean, within 10 %", abs(second - 1) < 0.1, second,
+              "the same"),
+        *(
+            not_printed(f"{name}: DTC3 over DTC1, mean, {load}", float(np.mean(row)))
+            for load, row in zip(LOADS_NM, ratio)
+        ),
+    ]  # fmt: skip
+
+
 def b16(job: Job) -> Figure:
     """Torque ripple over speed at three loads."""
     speeds = np.arange(FROM_RPM, TO_RPM + 1, QUICK_STEP_RPM if job.quick else STEP_RPM)
@@ -45,29 +69,16 @@ def b16(job: Job) -> Figure:
         job, tuple(LOADS_NM.values()), speeds, lambda load, speed: (speed, load),
         lambda m: m["torque_ripple_Nm"],
     )  # fmt: skip
-    ratio = ripple["dtc3"] / ripple["dtc1"]
-    second = float(np.mean(ripple["dtc2"] / ripple["dtc1"]))
-    fast = ratio[:, speeds >= FAST_RPM]
-    inside = f"within {RATIO[0]} to {RATIO[1]}"
     names = [f"{name}, {load:g} N m" for name, load in LOADS_NM.items()]
     return grid_figure(
         ripple,
-        verdicts=[
-            beside("DTC3 over DTC1, mean", float(np.mean(ratio)), PRINTED_RATIO, within=0.1,
-                   lower_is_better=True, why=WHY_RATIO),
-            claim(f"DTC3 over DTC1, at each speed and load {inside}", _within(ratio), _range(ratio),
-                  "0.4", why=WHY_SLOW),
-            claim(f"DTC3 over DTC1, at each load from {FAST_RPM:g} r/min {inside}", _within(fast),
-                  _range(fast), "0.4", why=WHY_RATIO, required=True),
-            claim("DTC2 over DTC1, mean, within 10 %", abs(second - 1) < 0.1, second, "the same"),
-            *(
-                not_printed(f"DTC3 over DTC1, mean, {name}", float(np.mean(row)))
-                for name, row in zip(LOADS_NM, ratio)
-            ),
-        ],
+        verdicts=[v for name, grid in ripple.items() for v in _verdicts(name, grid)],
         draw=draw_grid(speeds, names, ripple, "speed [r/min]", "torque ripple, std [N m]",
                        PRINTED_RATIO),
-        recordings={"": record_grid("speed_rpm", "r/min", speeds, ripple, names)},
+        recordings={
+            name: record_grid("speed_rpm", "r/min", speeds, grid, names)
+            for name, grid in ripple.items()
+        },
         caption="Standard deviation of the true torque at the control instants. The paper's speed "
         "base is not printed; its other tests are within 500 to 2500 r/min.",
     )  # fmt: skip
