@@ -1,4 +1,4 @@
-"""Renew the generated part of docs/results.md from what `hexatorque reproduce all` wrote.
+"""Renew the generated parts of docs/results.md from what `hexatorque reproduce all` wrote.
 
 Usage: write_results.py OUT_DIR [docs/results.md]
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 from hexatorque.papers import ENTRIES
 from hexatorque.papers.page import counts, with_unit
 
-BEGIN, END = "<!-- generated: verdicts -->\n", "<!-- end of verdicts -->\n"
+BEGIN, END = "<!-- generated: {} -->\n", "<!-- end of {} -->\n"
 #: Shown in the documentation.
 PICTURES = ("A10", "B16", "FSW")
 
@@ -36,9 +36,29 @@ def table(figures: dict[str, dict]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def renew(text: str, figures: dict[str, dict]) -> str:
-    head, rest = text.split(BEGIN)
-    return head + BEGIN + table(figures) + END + rest.split(END)[1]
+def equal_f_sw(metrics: dict) -> str:
+    """Lowest ripple and lowest THD of every scheme within each switching frequency."""
+    lines = []
+    for name, schemes in metrics.items():
+        judged = next(iter(schemes.values()))
+        budgets = list(next(iter(judged.values())))
+        kHz = [f"≤ {float(budget) / 1e3:g} kHz" for budget in budgets]
+        heads = [f"{what}, {f}" for what in ("ripple [N m]", "THD [%]") for f in kHz]
+        lines += [f"\n{name}:\n", f"| | {' | '.join(heads)} |", "|---" * (1 + len(heads)) + "|"]
+        for scheme, best in schemes.items():
+            cells = [
+                "–" if (row := best[key][budget]) is None else f"{row[key]:.3g}"
+                for key in best
+                for budget in budgets
+            ]
+            lines.append(f"| {scheme} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def renew(text: str, part: str, content: str) -> str:
+    begin, end = BEGIN.format(part), END.format(part)
+    head, rest = text.split(begin)
+    return head + begin + content + end + rest.split(end)[1]
 
 
 def main() -> None:
@@ -47,7 +67,8 @@ def main() -> None:
     figures = {name: json.loads((folder / f"{name}.json").read_text()) for name in ENTRIES}
     if any(data["quick"] for data in figures.values()):
         raise SystemExit(f"{folder}: a quick run; the documentation shows full ones")
-    page.write_text(renew(page.read_text(), figures))
+    text = renew(page.read_text(), "verdicts", table(figures))
+    page.write_text(renew(text, "equal f_sw", equal_f_sw(figures["FSW"]["metrics"])))
     for name in PICTURES:
         shutil.copy(folder / f"{name}.png", page.parent / "images" / f"{name}.png")
 
