@@ -63,6 +63,7 @@ def test_only_required_disagreements_break():
     [
         (None, "–"),
         ("as printed", "as printed"),
+        (True, "yes"),
         (0.0, "0"),
         (90.8965, "90.90"),
         (0.001234, "0.001234"),

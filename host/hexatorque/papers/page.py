@@ -24,6 +24,8 @@ def number(value: float | str | None) -> str:
         return "–"
     if isinstance(value, str):
         return value
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if value == 0 or not math.isfinite(value):
         return f"{value:g}"
     digits = max(0, 4 - math.floor(math.log10(abs(value))) - 1)
