@@ -119,6 +119,19 @@ def _parser() -> argparse.ArgumentParser:
     reproduce.add_argument("-o", "--output", type=Path, default=Path("out/papers"), metavar="DIR")
     reproduce.set_defaults(call=_reproduce)
 
+    budget = commands.add_parser(
+        "budget",
+        help="instructions of the firmware on an embedded processor",
+        description="Count the instructions of the fast interrupt on an emulated Cortex-M4F that "
+        "replays a simulated run. Needs gcc-arm-none-eabi and qemu-system-arm.",
+        epilog="examples:\n  hexatorque budget\n  hexatorque budget --profile ddr",
+        formatter_class=raw,
+    )
+    budget.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
+    budget.add_argument("--profile", metavar="SCHEME", help="where a scheme's instructions go")
+    budget.add_argument("--json", action="store_true")
+    budget.set_defaults(call=_budget)
+
     bench = commands.add_parser("bench", help="speed of the simulation, cost of the firmware")
     bench.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
     bench.add_argument(
@@ -392,6 +405,29 @@ def _bench(args: argparse.Namespace) -> int:
             scenario.load(args.setup), args.counter, lambda seconds: bar.advance(task, seconds)
         )
     for table in bench.tables(result):
+        console.print(table)
+    if args.json:
+        _print_json(result)
+    return 0
+
+
+def _budget(args: argparse.Namespace) -> int:
+    from . import scenario
+    from .targets import budget, tools
+
+    console = _console(args.json)
+    tools.need("arm-none-eabi-gcc", "qemu-system-arm")
+    setup = scenario.load(args.setup)
+    if args.profile:
+        (scheme,) = _schemes_given(args.profile)
+        result = budget.profile(setup.changed(controller__scheme=scheme))
+        tables = budget.profile_tables(result, scheme)
+    else:
+        with _progress(console) as bar:
+            task = bar.add_task("counting", total=None)
+            result = budget.instructions(setup, "mps2-an386", lambda s: bar.advance(task, s))
+        tables = [budget.instruction_table(result)]
+    for table in tables:
         console.print(table)
     if args.json:
         _print_json(result)
