@@ -1,7 +1,7 @@
 """The `hexatorque` command: every subcommand is one call into the package.
 
-Exit codes: 0 done; 1 it ran, but a drive tripped or did not reach its point,
-or a study found what must not be;
+Exit codes: 0 done; 1 it ran, but a drive tripped or did not reach its point, a study
+found what must not be, or a target differs from the host or does not answer;
 2 the command line, a file or a value is wrong; 130 interrupted.
 """
 
@@ -23,6 +23,7 @@ EXAMPLES = """examples:
   hexatorque run examples/reversal.toml -o out/reversal.npz
   hexatorque setups paper-b                           every value and where it is from
   hexatorque reproduce all                            every figure and table of both papers
+  hexatorque pil --schemes ddr                        the firmware on an emulated Cortex-M4F
   hexatorque verify faults                            2520 faults, and what the gates do
 """
 
@@ -67,6 +68,33 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("-o", "--output", type=Path, metavar="FILE.csv|.npz")
     run.add_argument("--json", action="store_true", help="summary on standard output")
     run.set_defaults(call=_run)
+
+    pil = commands.add_parser(
+        "pil",
+        help="processor in the loop: the firmware on an emulated Cortex-M, held against the host's",
+        description="Run schemes through two seconds of transients, or a scenario, once with the "
+        "firmware on the host and once on an emulated processor, and compare all registers and "
+        "channels bit by bit. Needs gcc-arm-none-eabi and qemu-system-arm.",
+        epilog="examples:\n  hexatorque pil\n  hexatorque pil --setup paper-b --schemes dtc1,dtc3\n"
+        "  hexatorque pil examples/reversal.toml -o out/reversal-pil.npz",
+        formatter_class=raw,
+    )
+    pil.add_argument("scenario", nargs="?", metavar="SCENARIO.toml", help="as for run")
+    pil.add_argument("--setup", metavar="NAME|FILE", help="default: paper-a-feasible")
+    pil.add_argument("--schemes", metavar="A,B,...", help="default: all")
+    pil.add_argument("--speed", type=float, metavar="RPM", help="default: the set-up's point")
+    pil.add_argument("--load", type=float, metavar="NM", help="default: the set-up's point")
+    pil.add_argument(
+        "--latency", metavar="L", help="none, immediate, shadow or predicted; default: the set-up's"
+    )
+    pil.add_argument(
+        "--machine", default="mps2-an386", help="mps2-an386 (Cortex-M4F) or mps2-an500 (M7)"
+    )
+    pil.add_argument("--json", action="store_true", help="results on standard output")
+    pil.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="with a scenario: FILE.csv or FILE.npz"
+    )
+    pil.set_defaults(call=_pil)
 
     setups = commands.add_parser("setups", help="built-in set-ups, each value with its source")
     setups.add_argument("name", nargs="*", metavar="NAME|FILE")
@@ -245,6 +273,54 @@ def _run(args: argparse.Namespace) -> int:
         print(f"hexatorque: the drive tripped: {', '.join(sim.controller.faults)}", file=sys.stderr)
         return 1
     return 0
+
+
+def _pil(args: argparse.Namespace) -> int:
+    from . import compare, scenario
+    from .targets import pil, process
+
+    console = _console(args.json)
+    if args.machine not in process.MACHINES:
+        known = ", ".join(process.MACHINES)
+        raise scenario.ScenarioError(f"no machine {args.machine!r}: choose from {known}")
+    if args.scenario:
+        given = [f"--{n}" for n in ("setup", "schemes", "speed", "load", "latency")
+                 if getattr(args, n) is not None]  # fmt: skip
+        if given:
+            raise scenario.ScenarioError(f"{', '.join(given)}: not with a scenario file")
+        setup = scenario.load(args.scenario)
+        output = args.output or Path("out") / f"{setup.name}-pil.npz"
+        if output.suffix not in (".csv", ".npz"):
+            raise scenario.ScenarioError(f"{output}: unknown suffix, use .csv or .npz")
+        todo = [(setup, setup.profile, output)]
+    else:
+        setup = compare.at_point(
+            args.setup or "paper-a-feasible", args.speed, args.load, args.latency
+        )
+        output = args.output or Path("out/pil")
+        compare.make_folder(output)
+        each = [setup.changed(controller__scheme=name) for name in _schemes_given(args.schemes)]
+        todo = [
+            (s, pil.transients(s), output / f"recordings/{s.name}-{s['controller.scheme']}.npz")
+            for s in each
+        ]
+    outcomes = []
+    with _progress(console) as bar:
+        total = 2 * sum(profile.duration_s for _, profile, _ in todo)
+        task = bar.add_task(args.machine, total=total)
+        for setup, profile, file in todo:
+            with process.emulator(args.machine) as target:
+                outcome = pil.compare(setup, profile, target, lambda s: bar.advance(task, s))
+            outcome.recording.save(file)
+            outcomes.append(outcome)
+    console.print(pil.table(outcomes))
+    for outcome in outcomes:
+        for line in outcome.failures():
+            console.print(f"[bold red]failed[/] {line}", highlight=False)
+    console.print(f"recordings: {todo[0][2].parent}", highlight=False)
+    if args.json:
+        _print_json([outcome.as_json() for outcome in outcomes])
+    return 1 if any(outcome.failures() for outcome in outcomes) else 0
 
 
 def _setups(args: argparse.Namespace) -> int:
@@ -442,10 +518,11 @@ def main(argv: list[str] | None = None) -> int:
     from .scenario import ScenarioError
     from .sil import DriveFault
     from .study import NotReached
+    from .targets.link import TargetError
 
     try:
         return args.call(args)
-    except (DriveFault, NotReached, ArithmeticError) as error:
+    except (DriveFault, NotReached, TargetError, ArithmeticError) as error:
         print(f"hexatorque: {error}", file=sys.stderr)
         return 1
     except (ScenarioError, FirmwareError, RecordingError) as error:

@@ -33,6 +33,7 @@ class Outcome:
     processor: str
     recording: Recording
     state: str
+    faults: list[str]
     steps: int
     steps_per_s: float
     difference: str | None
@@ -47,7 +48,17 @@ class Outcome:
             "steps": self.steps,
             "steps_per_s": self.steps_per_s,
             "state": self.state,
+            "faults": self.faults,
         }
+
+    def failures(self) -> list[str]:
+        """What must not be, one line each."""
+        lines = []
+        if self.difference is not None:
+            lines.append(f"{self.scheme}: {self.difference}")
+        if self.faults:
+            lines.append(f"{self.scheme}: the drive tripped: {', '.join(self.faults)}")
+        return lines
 
 
 def transients(setup: Setup) -> Profile:
@@ -105,6 +116,7 @@ def compare(
         processor=target.name,
         recording=b,
         state=pil.controller.state,
+        faults=pil.controller.faults,
         steps=pil.periods,
         steps_per_s=pil.periods / pil.wall_s,
         difference=_first_difference(sil, pil, a, b),
@@ -121,3 +133,19 @@ def _run(
     sim.controller.log.begin(round(profile.duration_s / sim.period_s))
     sim.run_profile(profile, progress)
     return sim, sim.take()
+
+
+def table(outcomes: list[Outcome]):
+    """For the terminal."""
+    from rich.table import Table
+
+    table = Table(
+        title=f"{outcomes[0].setup} on {outcomes[0].processor}, held against the host",
+        title_justify="left",
+    )
+    for heading in ("scheme", "registers and channels", "steps", "steps per s", "state"):
+        table.add_column(heading, justify="right" if heading.startswith("steps") else "left")
+    for row in outcomes:
+        equal = "identical" if row.difference is None else "[bold red]differ[/]"
+        table.add_row(row.scheme, equal, str(row.steps), f"{row.steps_per_s:.0f}", row.state)
+    return table
