@@ -109,7 +109,7 @@ static uint32_t ticks(void (*isr)(ht_drive *), ht_drive *d)
 static void step(ht_drive *d)
 {
     ht_compare out;
-    ht_control_step(&d->config, &d->control, &d->in, &out);
+    ht_control_step(d->config, &d->control, &d->in, &out);
 }
 
 static int profile(int32_t states)
@@ -118,7 +118,7 @@ static int profile(int32_t states)
     for (n = 0u; n < SAMPLES; n++) {
         read_all(states, &now, (uint32_t)sizeof now);
         port.map = (now.inputs[PERIOD_WORDS - 1u] > 1u) ? &ht_f28377s : &ht_f28335;
-        port.shadow = now.drive.config.shadow;
+        port.shadow = now.drive.config->shadow;
         latch(now.inputs);
         ht_drive_fast_isr(&now.drive);
         profile_end();
