@@ -54,7 +54,9 @@ static uint16_t init(ht_pil *p, const uint16_t *payload, uint16_t words)
         params.v[id] = ht_frame_float(&payload[1u + 2u * id]);
     }
     ht_regfile_reset(&p->registers, map);
-    ht_mirror_init(&p->mirror, &p->registers, map);
+    if (!ht_mirror_init(&p->mirror, &p->registers, map)) {
+        return HT_PIL_REFUSED;
+    }
     memset(&p->drive, 0, sizeof p->drive); /* as after a reset */
     memset(&p->port, 0, sizeof p->port);
     p->port.io = &p->registers;

@@ -489,20 +489,20 @@ def _bench(args: argparse.Namespace) -> int:
 
 def _budget(args: argparse.Namespace) -> int:
     from . import scenario
-    from .targets import budget, tools
+    from .targets import count, tools
 
     console = _console(args.json)
     tools.need("arm-none-eabi-gcc", "qemu-system-arm")
     setup = scenario.load(args.setup)
     if args.profile:
         (scheme,) = _schemes_given(args.profile)
-        result = budget.profile(setup.changed(controller__scheme=scheme))
-        tables = budget.profile_tables(result, scheme)
+        result = count.profile(setup.changed(controller__scheme=scheme))
+        tables = count.profile_tables(result, scheme)
     else:
         with _progress(console) as bar:
             task = bar.add_task("counting", total=None)
-            result = budget.instructions(setup, "mps2-an386", lambda s: bar.advance(task, s))
-        tables = [budget.instruction_table(result)]
+            result = count.instructions(setup, "mps2-an386", lambda s: bar.advance(task, s))
+        tables = [count.instruction_table(result)]
     for table in tables:
         console.print(table)
     if args.json:

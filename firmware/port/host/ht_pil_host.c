@@ -38,7 +38,7 @@ void ht_watch_init(ht_watch *w, ht_drive *d, ht_regfile *registers)
 {
     w->drive = d;
     w->registers = registers;
-    ht_mirror_init(&w->mirror, registers, registers->map);
+    (void)ht_mirror_init(&w->mirror, registers, registers->map);
     begin_log(&w->log, &w->mirror);
 }
 
@@ -273,7 +273,7 @@ void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
     const ht_c2000_map *map = (device == 0u) ? &ht_f28335 : &ht_f28377s;
     uint16_t id;
     ht_regfile_reset(&l->registers, map);
-    ht_mirror_init(&l->mirror, &l->registers, map);
+    (void)ht_mirror_init(&l->mirror, &l->registers, map);
     begin_log(&l->log, &l->mirror);
     begin(l, HT_PIL_INIT);
     ht_frame_add(&l->request, device);

@@ -69,6 +69,9 @@ def image_names(controller: Controller) -> list[str]:
         for name in offsets.split():
             place = m.epwm + leg * m.stride + getattr(m, name)
             named.setdefault(place, f"EPWM{leg + 1} {name.upper()}")
+    eqep = {0x00: "QPOSCNT (low)", 0x01: "QPOSCNT (high)", 0x1C: "QEPSTS", 0x1D: "QCTMR",
+            0x1E: "QCPRD"}  # fmt: skip
+    named |= {m.eqep + offset: name for offset, name in eqep.items()}
     for n in range(7):
         named[m.adc_result + n] = f"ADCRESULT{n}"
     names = [named.get(found[i], f"register 0x{found[i]:04X}") for i in range(count)]

@@ -1,6 +1,4 @@
-"""`hexatorque budget`: what the firmware costs on an embedded processor.
-
-Instructions of the fast interrupt, counted on an emulated Cortex-M4F that replays
+"""Instructions of the fast interrupt, counted on an emulated Cortex-M4F that replays
 what the drive's registers held in a simulated run, period by period. Exact, and the same
 on every machine with the same compiler.
 """
@@ -16,17 +14,18 @@ from pathlib import Path
 import numpy as np
 
 from .. import firmware
-from ..scenario import ScenarioError, Setup
+from ..scenario import Setup
 from ..sil import Simulation
 from ..study import Progress
-from . import tools
+from . import process, tools
+from .link import TargetError, WatchedController, image_names
 
 TRACE_S = 1.0  #: of the drive's life, from the start
+LOAD_AT_S = 0.7
 #: Emulated time of an instruction, and of a SysTick tick.
 INSTRUCTION_S, TICK_S = 1024e-9, 1 / 25e6
 #: As in firmware/port/mps2/count_main.c.
 SAMPLES = 64
-MACHINES = {"mps2-an386": "mps2", "mps2-an500": "mps2-m7"}
 IMAGE = Path("firmware/port/mps2/count")
 #: No replay takes longer, by far.
 TIMEOUT_S = 300
@@ -35,21 +34,27 @@ TIMEOUT_S = 300
 def write_trace(setup: Setup, path: Path) -> np.ndarray:
     """The input of `count_main.c`; returns the telemetry channels at its end. The capture
     unit is not among what is kept: speed by edges per time."""
-    sim = Simulation(setup.changed(controller__speed_period_rpm=0.0), 1)
+    setup = setup.changed(controller__speed_period_rpm=0.0)
+    sim = Simulation(setup, 1, WatchedController)
     controller = sim.controller
-    m, words = controller.map, controller.register_words()
-    every = round(controller.get("f_isr_Hz") / controller.get("f_slow_Hz"))
     periods = round(TRACE_S / sim.period_s)
+    controller.log.begin(periods)
     # All parameters stand before the start: the replay then is the run itself.
     sim.set("speed_ref_rpm", setup["point.speed_rpm"])
     values = np.array(list(controller.drive.params.v), "<f4")
     sim.start()
+    sim.run(LOAD_AT_S)
+    sim.set("load_Nm", setup["point.load_Nm"])
+    sim.run(TRACE_S - LOAD_AT_S)
+    sim.check()
+    images, columns = controller.log.images, image_names(controller)
+    every = round(controller.get("f_isr_Hz") / controller.get("f_slow_Hz"))
     rows = np.empty((periods, 10), "<u2")
-    for n in range(periods):
-        sim.run(sim.period_s)
-        rows[n, :7] = words[m.adc_result : m.adc_result + 7] >> m.adc_shift
-        rows[n, 7:9] = words[m.eqep : m.eqep + 2]
-        rows[n, 9] = n % every == 0
+    for n in range(7):
+        rows[:, n] = images[:, columns.index(f"ADCRESULT{n}")] >> controller.map.adc_shift
+    rows[:, 7] = images[:, columns.index("QPOSCNT (low)")]
+    rows[:, 8] = images[:, columns.index("QPOSCNT (high)")]
+    rows[:, 9] = np.arange(periods) % every == 0
     device = firmware.DEVICES.index(setup["timing.device"])
     head = np.array([device, len(values), periods & 0xFFFF, periods >> 16], "<u2")
     path.write_bytes(head.tobytes() + values.tobytes() + rows.tobytes())
@@ -59,20 +64,15 @@ def write_trace(setup: Setup, path: Path) -> np.ndarray:
 
 def _emulate(machine: str, folder: Path, *options: str) -> None:
     """Run the counting image in `folder`."""
-    image = tools.build(MACHINES[machine]) / IMAGE
-    command = [
-        tools.program("qemu-system-arm"), "-M", machine, "-kernel", str(image), "-display", "none",
-        "-monitor", "none", "-serial", "none", "-semihosting-config", "enable=on,target=native",
-        *options,
-    ]  # fmt: skip
+    command = [*process.qemu(machine, tools.build(process.MACHINES[machine]) / IMAGE), *options]
     try:
         done = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, timeout=TIMEOUT_S
         )
     except subprocess.TimeoutExpired:
-        raise ScenarioError(f"{machine}: no end after {TIMEOUT_S} s") from None
+        raise TargetError(f"{machine}: no end after {TIMEOUT_S} s") from None
     if done.returncode:
-        raise ScenarioError(f"{machine}: the replay ended with status {done.returncode}")
+        raise TargetError(f"{machine}: the replay ended with status {done.returncode}")
 
 
 def _replay(setup: Setup, machine: str, folder: Path) -> dict[str, np.ndarray]:
@@ -83,7 +83,7 @@ def _replay(setup: Setup, machine: str, folder: Path) -> dict[str, np.ndarray]:
     width = len(channels)
     # The emulated drive must have done what the simulated one did, to the last bit.
     if data[-width:].tobytes() != channels.tobytes():
-        raise ScenarioError(f"{machine}: the replay does not end where the simulation does")
+        raise TargetError(f"{machine}: the replay does not end where the simulation does")
     empty, rows = data[0], data[1:-width].reshape(-1, 4)
     counted = np.rint((rows[:, :3] - float(empty)) * (TICK_S / INSTRUCTION_S)).astype(int)
     return {
@@ -146,7 +146,7 @@ def profile(setup: Setup, machine: str = "mps2-an386") -> dict[str, list[tuple[s
     """Where a scheme's fast interrupt spends its instructions, mean per interrupt, largest
     first: by "symbol" (as compiled), by "function" (as written: what was inlined counts
     for itself) and by source "line"."""
-    image = tools.build(MACHINES[machine]) / IMAGE
+    image = tools.build(process.MACHINES[machine]) / IMAGE
     names = _symbols(image)
     begin = next(a for a, name in names.items() if name == "ht_drive_fast_isr")
     end = next(a for a, name in names.items() if name == "profile_end")
@@ -174,7 +174,7 @@ def profile(setup: Setup, machine: str = "mps2-an386") -> dict[str, list[tuple[s
                 if inside:
                     counted[address] += 1
     if interrupts != SAMPLES:
-        raise ScenarioError(f"{machine}: {interrupts} interrupts in the log, not {SAMPLES}")
+        raise TargetError(f"{machine}: {interrupts} interrupts in the log, not {SAMPLES}")
     starts = np.array(sorted(names))
     by: dict[str, Counter[str]] = {"symbol": Counter(), "function": Counter(), "line": Counter()}
     addresses = sorted(counted)
