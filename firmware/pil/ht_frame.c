@@ -10,14 +10,22 @@ static uint32_t fold(uint32_t sum)
     return (sum & 0xFFFFu) + (sum >> 16);
 }
 
+/* Words after which the larger sum, from 0xFFFF on, might not fit any more. */
+#define FLETCHER_BLOCK 350u
+
 uint32_t ht_fletcher(uint32_t sum, const uint16_t *words, uint16_t n)
 {
+    const uint16_t *end = words + n;
     uint32_t a = sum & 0xFFFFu;
     uint32_t b = sum >> 16;
-    uint16_t i;
-    for (i = 0u; i < n; i++) {
-        a = fold(a + words[i]);
-        b = fold(b + a);
+    while (words != end) {
+        const uint16_t *stop = ((end - words) > (int)FLETCHER_BLOCK) ? (words + FLETCHER_BLOCK) : end;
+        while (words != stop) {
+            a += *words++;
+            b += a;
+        }
+        a = fold(fold(a));
+        b = fold(fold(b));
     }
     a = (a == 0xFFFFu) ? 0u : a;
     b = (b == 0xFFFFu) ? 0u : b;

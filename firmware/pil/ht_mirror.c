@@ -58,13 +58,15 @@ bool ht_mirror_init(ht_mirror *m, ht_regfile *registers, const ht_c2000_map *map
 
 uint16_t ht_mirror_changes(ht_mirror *m, uint16_t *pairs)
 {
+    uint16_t *const *cell = m->cell;
+    uint16_t *agreed = m->agreed;
+    const uint16_t *end = agreed + m->count;
     uint16_t n = 0u;
-    uint16_t i;
-    for (i = 0u; i < m->count; i++) {
-        uint16_t value = *m->cell[i];
-        if (value != m->agreed[i]) {
-            m->agreed[i] = value;
-            pairs[n] = i;
+    for (; agreed != end; agreed++) {
+        uint16_t value = **cell++;
+        if (value != *agreed) {
+            *agreed = value;
+            pairs[n] = (uint16_t)(agreed - m->agreed);
             pairs[n + 1u] = value;
             n = (uint16_t)(n + 2u);
         }
@@ -89,9 +91,14 @@ bool ht_mirror_apply(ht_mirror *m, const uint16_t *pairs, uint16_t words)
     return true;
 }
 
-uint32_t ht_mirror_digest(const ht_mirror *m)
+uint32_t ht_mirror_digest(const ht_mirror *m, uint16_t turn)
 {
-    return ht_fletcher(0u, m->agreed, m->count);
+    uint32_t sum = 0u;
+    uint16_t i;
+    for (i = turn % HT_MIRROR_TURNS; i < m->count; i = (uint16_t)(i + HT_MIRROR_TURNS)) {
+        sum = ht_fletcher(sum, m->cell[i], 1u);
+    }
+    return sum;
 }
 
 void ht_mirror_read(const ht_mirror *m, uint16_t *out)

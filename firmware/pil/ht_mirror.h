@@ -35,8 +35,10 @@ uint16_t ht_mirror_changes(ht_mirror *m, uint16_t *pairs);
 /** Take over what the other side changed. False if that cannot be. */
 bool ht_mirror_apply(ht_mirror *m, const uint16_t *pairs, uint16_t words);
 
-/** Checksum of what both sides should now agree on. */
-uint32_t ht_mirror_digest(const ht_mirror *m);
+/** Checksum of registers that both sides should agree on: of every HT_MIRROR_TURNS-th in
+ *  turn. Over as many turns it covers all of them. */
+#define HT_MIRROR_TURNS 16u
+uint32_t ht_mirror_digest(const ht_mirror *m, uint16_t turn);
 
 /** All values, in order. */
 void ht_mirror_read(const ht_mirror *m, uint16_t *out);

@@ -112,7 +112,7 @@ static void report(ht_pil *p, float value, ht_frame *reply)
     ht_frame_add_float(reply, value);
     ht_frame_add32(reply, p->registers.accesses);
     ht_frame_add32(reply, p->registers.violations);
-    ht_frame_add32(reply, ht_mirror_digest(&p->mirror));
+    ht_frame_add32(reply, ht_mirror_digest(&p->mirror, ht_frame_number(reply)));
     ht_channels_read(&p->drive, channels);
     for (i = 0u; i < ht_channel_count(); i++) {
         ht_frame_add_float(reply, channels[i]);

@@ -47,7 +47,7 @@ enum {
     HT_PIL_AT_VALUE = 4,      /**< float, of GET */
     HT_PIL_AT_ACCESSES = 6,   /**< 32 bits: of the register file since INIT */
     HT_PIL_AT_VIOLATIONS = 8, /**< 32 bits: forbidden ones among them */
-    HT_PIL_AT_DIGEST = 10,    /**< 32 bits: `ht_mirror_digest` after the changes */
+    HT_PIL_AT_DIGEST = 10,    /**< 32 bits: `ht_mirror_digest`, turn = the request's number */
     HT_PIL_AT_REST = 12
 };
 

@@ -229,7 +229,7 @@ static void digest(ht_link *l)
         down(l, HT_LINK_ANSWER);
         return;
     }
-    if (ht_mirror_digest(&l->mirror) != ht_frame_32(&word[HT_PIL_AT_DIGEST])) {
+    if (ht_mirror_digest(&l->mirror, l->number) != ht_frame_32(&word[HT_PIL_AT_DIGEST])) {
         down(l, HT_LINK_DIGEST);
         return;
     }
