@@ -25,6 +25,8 @@ static void set_flux_ref(ht_drive *d, float flux_Wb)
     d->in.inv_flux_ref2 = (flux_Wb > 0.0f) ? (1.0f / (flux_Wb * flux_Wb)) : 0.0f;
 }
 
+static const ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
+
 /* All that parameters decide, from a machine without flux on. What is known of the
  * shaft and of the faults so far is no matter of parameters and stays. */
 static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
@@ -32,7 +34,6 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     ht_control_config config;
     ht_pwm_setup setup;
     ht_result result;
-    ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
     int leg;
     result = ht_configure(port, p, &config, &setup);
     if (result != HT_OK) {
@@ -305,12 +306,8 @@ ht_result ht_drive_clear(ht_drive *d)
 ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)
 {
     ht_params trial = d->params;
-    ht_control_config config;
-    ht_control_config *next;
-    ht_pwm_setup setup;
-    ht_result result;
     const ht_param_info *info = ht_param_describe(id);
-    if (info == 0) {
+    if (info == NULL) {
         return HT_ERROR_ID;
     }
     if (!ht_param_valid(id, value)) {
@@ -320,21 +317,8 @@ ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)
         return HT_ERROR_STATE;
     }
     trial.v[id] = value;
-    result = ht_configure(d->port, &trial, &config, &setup);
-    if (result != HT_OK) {
-        return result;
-    }
-    if (info->when == HT_WHEN_IDLE) {
-        /* Timing and scaling reach into the PWM: set it all up again. */
-        return set_up(d, d->port, &trial);
-    }
-    d->params = trial;
-    d->staged = NULL; /* the interrupt must not take a half-written copy */
-    next = (d->config == &d->configs[0]) ? &d->configs[1] : &d->configs[0];
-    *next = config;
-    d->staged = next;
-    ht_configure_rest(d);
-    return HT_OK;
+    /* Timing and scaling reach into the PWM: set it all up again. */
+    return (info->when == HT_WHEN_IDLE) ? set_up(d, d->port, &trial) : ht_configure_live(d, &trial);
 }
 
 float ht_drive_get(const ht_drive *d, uint16_t id)
