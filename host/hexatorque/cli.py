@@ -149,15 +149,19 @@ def _parser() -> argparse.ArgumentParser:
 
     budget = commands.add_parser(
         "budget",
-        help="instructions of the firmware on an embedded processor",
-        description="Count the instructions of the fast interrupt on an emulated Cortex-M4F that "
-        "replays a simulated run. Needs gcc-arm-none-eabi and qemu-system-arm.",
-        epilog="examples:\n  hexatorque budget\n  hexatorque budget --profile ddr",
+        help="instructions, stack and size of the firmware on embedded processors",
+        description="Count the instructions of the fast interrupt on an emulated Cortex-M4F, its "
+        "stack and the firmware's size, and hold them against firmware/budget.toml. Needs "
+        "gcc-arm-none-eabi and qemu-system-arm.",
+        epilog="examples:\n  hexatorque budget -o docs\n  hexatorque budget --profile ddr",
         formatter_class=raw,
     )
     budget.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
     budget.add_argument("--profile", metavar="SCHEME", help="where a scheme's instructions go")
     budget.add_argument("--json", action="store_true")
+    budget.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="write budget.json and budget.md there"
+    )
     budget.set_defaults(call=_budget)
 
     bench = commands.add_parser("bench", help="speed of the simulation, cost of the firmware")
@@ -489,7 +493,7 @@ def _bench(args: argparse.Namespace) -> int:
 
 def _budget(args: argparse.Namespace) -> int:
     from . import scenario
-    from .targets import count, tools
+    from .targets import budget, count, tools
 
     console = _console(args.json)
     tools.need("arm-none-eabi-gcc", "qemu-system-arm")
@@ -497,17 +501,21 @@ def _budget(args: argparse.Namespace) -> int:
     if args.profile:
         (scheme,) = _schemes_given(args.profile)
         result = count.profile(setup.changed(controller__scheme=scheme))
-        tables = count.profile_tables(result, scheme)
+        tables, failures = count.profile_tables(result, scheme), []
     else:
         with _progress(console) as bar:
             task = bar.add_task("counting", total=None)
-            result = count.instructions(setup, "mps2-an386", lambda s: bar.advance(task, s))
-        tables = [count.instruction_table(result)]
+            result = budget.measure(setup, lambda seconds: bar.advance(task, seconds))
+        tables, failures = budget.tables(result), budget.exceeded(result, budget.limits())
+        if args.output:
+            budget.write(result, args.output)
     for table in tables:
         console.print(table)
+    for line in failures:
+        console.print(f"[bold red]over budget[/] {line}", highlight=False)
     if args.json:
         _print_json(result)
-    return 0
+    return 1 if failures else 0
 
 
 def main(argv: list[str] | None = None) -> int:

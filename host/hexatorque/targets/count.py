@@ -142,10 +142,21 @@ def _lines(image: Path, addresses: list[int]) -> list[list[tuple[str, str]]]:
     return result
 
 
-def profile(setup: Setup, machine: str = "mps2-an386") -> dict[str, list[tuple[str, float]]]:
-    """Where a scheme's fast interrupt spends its instructions, mean per interrupt, largest
-    first: by "symbol" (as compiled), by "function" (as written: what was inlined counts
-    for itself) and by source "line"."""
+def _branches(image: Path) -> set[int]:
+    """Addresses of all branches, calls and returns."""
+    text = subprocess.run(
+        ["arm-none-eabi-objdump", "-d", "--no-show-raw-insn", image],
+        capture_output=True, text=True, check=True,
+    ).stdout  # fmt: skip
+    pattern = (
+        r"^\s+([0-9a-f]+):\s+(?:b(?!f[ci]|ic|kpt)\w*(?:\.[nw])?|cbn?z|tb[bh]|pop.*pc|ldm.*pc)\b"
+    )
+    return {int(found, 16) for found in re.findall(pattern, text, re.MULTILINE)}
+
+
+def executed(setup: Setup, machine: str = "mps2-an386") -> tuple[Path, Counter[int]]:
+    """The image, and how often the instruction at each address ran in SAMPLES fast
+    interrupts of the running drive."""
     image = tools.build(process.MACHINES[machine]) / IMAGE
     names = _symbols(image)
     begin = next(a for a, name in names.items() if name == "ht_drive_fast_isr")
@@ -175,6 +186,23 @@ def profile(setup: Setup, machine: str = "mps2-an386") -> dict[str, list[tuple[s
                     counted[address] += 1
     if interrupts != SAMPLES:
         raise TargetError(f"{machine}: {interrupts} interrupts in the log, not {SAMPLES}")
+    return image, counted
+
+
+def branches(setup: Setup, machine: str = "mps2-an386") -> tuple[float, float]:
+    """Instructions of a fast interrupt that branch, call or return, and the others: means."""
+    image, counted = executed(setup, machine)
+    places = _branches(image)
+    jumps = sum(n for address, n in counted.items() if address in places)
+    return jumps / SAMPLES, (counted.total() - jumps) / SAMPLES
+
+
+def profile(setup: Setup, machine: str = "mps2-an386") -> dict[str, list[tuple[str, float]]]:
+    """Where a scheme's fast interrupt spends its instructions, mean per interrupt, largest
+    first: by "symbol" (as compiled), by "function" (as written: what was inlined counts
+    for itself) and by source "line"."""
+    image, counted = executed(setup, machine)
+    names = _symbols(image)
     starts = np.array(sorted(names))
     by: dict[str, Counter[str]] = {"symbol": Counter(), "function": Counter(), "line": Counter()}
     addresses = sorted(counted)
@@ -185,8 +213,7 @@ def profile(setup: Setup, machine: str = "mps2-an386") -> dict[str, list[tuple[s
         by["function"][places[0][0]] += n
         by["line"][f"{places[0][1]} {places[0][0]}"] += n
     return {
-        kind: [(name, n / interrupts) for name, n in total.most_common()]
-        for kind, total in by.items()
+        kind: [(name, n / SAMPLES) for name, n in total.most_common()] for kind, total in by.items()
     }
 
 
