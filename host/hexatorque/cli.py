@@ -88,7 +88,10 @@ def _parser() -> argparse.ArgumentParser:
         "--latency", metavar="L", help="none, immediate, shadow or predicted; default: the set-up's"
     )
     pil.add_argument(
-        "--machine", default="mps2-an386", help="mps2-an386 (Cortex-M4F) or mps2-an500 (M7)"
+        "--machine",
+        default="mps2-an386",
+        metavar="NAME",
+        help="mps2-an386 (Cortex-M4F, default), mps2-an500 (Cortex-M7), atmega2560 (16-bit int)",
     )
     pil.add_argument("--json", action="store_true", help="results on standard output")
     pil.add_argument(

@@ -12,7 +12,8 @@
  *           high), n floats; then per period seven ADC counts, position (low, high), slow
  *   counts  written, 32-bit words: ticks of an empty interrupt; per period ticks of
  *           the fast interrupt, of the control step alone (0 outside `run`), of the slow
- *           interrupt (0 without), state; at the end the telemetry channels
+ *           interrupt (0 without), state, octets of stack of the fast interrupt; at
+ *           the end the telemetry channels
  *   states  written: SAMPLES times drive and inputs, spread over the end of the trace
  *
  * With the file `profile` present (any content) it replays only `states`, for the
@@ -31,6 +32,8 @@
 #define SAMPLES 64u
 #define PERIOD_WORDS (HT_ADC_CHANNELS + 3u)
 #define CHANNELS_MAX 128u
+#define STACK_WORDS 512u
+#define STACK_COLOUR 0xA5C3A5C3u
 
 enum { EXIT_OK = 0, EXIT_FILE = 2, EXIT_REFUSED = 3, EXIT_NOT_RUNNING = 4 };
 
@@ -105,6 +108,22 @@ static uint32_t ticks(void (*isr)(ht_drive *), ht_drive *d)
     return (begin - SYST_CVR) & SYST_MASK;
 }
 
+/* Octets of stack that an interrupt takes, on a copy of the drive: whatever is below the
+ * stack pointer gets a colour first. */
+__attribute__((noinline)) static uint32_t stack_of(void (*isr)(ht_drive *), ht_drive *d)
+{
+    volatile uint32_t *sp;
+    volatile uint32_t *word_at;
+    __asm volatile("mov %0, sp" : "=r"(sp));
+    for (word_at = sp - STACK_WORDS; word_at != sp; word_at++) {
+        *word_at = STACK_COLOUR;
+    }
+    isr(d);
+    for (word_at = sp - STACK_WORDS; *word_at == STACK_COLOUR; word_at++) {
+    }
+    return (uint32_t)(sp - word_at) * 4u;
+}
+
 /* The control step alone, on a copy. */
 static void step(ht_drive *d)
 {
@@ -135,7 +154,7 @@ static int count(int32_t trace, int32_t counts, int32_t states)
     uint32_t periods;
     uint32_t period;
     uint32_t every;
-    uint32_t row[4];
+    uint32_t row[5];
     read_all(trace, head, (uint32_t)sizeof head);
     periods = head[2] | ((uint32_t)head[3] << 16);
     every = periods / (2u * SAMPLES);
@@ -155,6 +174,8 @@ static int count(int32_t trace, int32_t counts, int32_t states)
     for (period = 0u; period < periods; period++) {
         read_all(trace, now.inputs, (uint32_t)sizeof now.inputs);
         latch(now.inputs);
+        before = now;
+        row[4] = stack_of(ht_drive_fast_isr, &before.drive);
         before = now;
         row[0] = ticks(ht_drive_fast_isr, &now.drive);
         row[1] = 0u;

@@ -96,11 +96,13 @@ def measure(setup: Setup, progress: Progress | None = None) -> dict:
     sizes = {"host": _sizes(*TARGETS["host"]), MACHINE: _sizes(*TARGETS[MACHINE])}
     if tools.missing("avr-gcc") is None:
         sizes["atmega2560"] = _sizes(*TARGETS["atmega2560"])
+    instructions, used = count.instructions(setup, MACHINE, progress)
     return {
         MACHINE: {
-            **count.instructions(setup, MACHINE, progress),
+            **instructions,
             "stack_octets": max(row["octets"] for row in stacks.values()),
             "stack": stacks,
+            "stack_used_octets": used,
             "library_calls": calls,
         },
         "sizes": sizes,
@@ -171,22 +173,23 @@ The fast interrupt calls no library function{calls}; square roots are the proces
 ## Estimate for a 150 MHz C28x
 **{low:.0f} to {high:.0f} us of the period of 100 us for `ddr`: an estimate, nothing has run on that
 processor.** It takes the {others} instructions of the Cortex-M4F that are not branches at 1 to 1.5
-cycles each (both have single-cycle loads, stores, additions and multiplications in single precision;
-the C28x has 8 floating-point registers instead of 32 and results of its FPU one cycle later, but two
-operations in some instructions), and the {branches} branches, calls and returns at 4 to 7 cycles
-each (the depth of its pipeline), from memory without wait states.
+cycles each (both have loads, stores, additions and multiplications in single precision at one a
+cycle; the C28x has 8 floating-point registers instead of 32 and results of its FPU one cycle later,
+but two operations in some instructions), and the {branches} branches, calls and returns at 4 to 7
+cycles each (the depth of its pipeline), from memory without wait states.
 
 ## Stack
 Octets, Cortex-M4F, from `-fstack-usage` along the deepest path of the call graph (disassembly; no
-calls through pointers, no recursion). The register model behind the driver is in it.
+calls through pointers, no recursion). The register model behind the driver is in it. In the replay
+the fast interrupt used {measured} at most.
 
 {stack}
 
 All three on one stack, with the {exception} octets that each interrupt adds by itself: {together}.
 
 ## Sizes
-Octets of core, app and C2000 driver (constants: with the texts of the parameter and channel tables),
-and of the data of one drive.
+Octets of core, app and C2000 driver (constants: with the texts of the parameter and channel
+tables), and of the data of one drive.
 
 {sizes}
 """
@@ -225,7 +228,7 @@ def page(result: dict, limit: dict) -> str:
                 for kind, row in found["stack"].items()
             ],
         ),
-        together=together,
+        together=together, measured=found["stack_used_octets"],
         sizes=_rows(
             ("target", "code", "constants", "data of a drive"),
             [(name, *row.values()) for name, row in result["sizes"].items()],

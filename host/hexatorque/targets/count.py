@@ -76,7 +76,8 @@ def _emulate(machine: str, folder: Path, *options: str) -> None:
 
 
 def _replay(setup: Setup, machine: str, folder: Path) -> dict[str, np.ndarray]:
-    """Instructions per period: "isr", "step", "slow", and the "state" after each."""
+    """Instructions per period: "isr", "step", "slow", the "state" after each,
+    and the octets of "stack" that the fast interrupt took."""
     channels = write_trace(setup, folder / "trace")
     _emulate(machine, folder, "-icount", "shift=10")
     data = np.fromfile(folder / "counts", "<u4")
@@ -84,21 +85,25 @@ def _replay(setup: Setup, machine: str, folder: Path) -> dict[str, np.ndarray]:
     # The emulated drive must have done what the simulated one did, to the last bit.
     if data[-width:].tobytes() != channels.tobytes():
         raise TargetError(f"{machine}: the replay does not end where the simulation does")
-    empty, rows = data[0], data[1:-width].reshape(-1, 4)
+    empty, rows = data[0], data[1:-width].reshape(-1, 5)
     counted = np.rint((rows[:, :3] - float(empty)) * (TICK_S / INSTRUCTION_S)).astype(int)
     return {
         "isr": counted[:, 0],
         "step": counted[:, 1],
         "slow": counted[:, 2],
         "state": rows[:, 3],
+        "stack": rows[:, 4],
     }
 
 
-def instructions(setup: Setup, machine: str, progress: Progress | None = None) -> dict:
+def instructions(
+    setup: Setup, machine: str, progress: Progress | None = None
+) -> tuple[dict[str, dict], int]:
     """{scheme: {"mean", "max", "step_mean", "step_max", "slow_max"}}: fast interrupt
     and, in it, the control step, both while the drive runs; `max` covers the way there
-    too; slow interrupt."""
+    too; slow interrupt. And the octets of stack that the fast interrupt used at most."""
     result = {}
+    used = 0
     run = firmware.STATES.index("run")
     for scheme in firmware.schemes():
         with tempfile.TemporaryDirectory() as folder:
@@ -111,9 +116,10 @@ def instructions(setup: Setup, machine: str, progress: Progress | None = None) -
             "step_max": int(counts["step"].max()),
             "slow_max": int(counts["slow"].max()),
         }
+        used = max(used, int(counts["stack"].max()))
         if progress:
             progress(TRACE_S)
-    return result
+    return result, used
 
 
 def _symbols(image: Path) -> dict[int, str]:

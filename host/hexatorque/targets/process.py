@@ -13,8 +13,14 @@ from ..firmware import ffi
 from . import tools
 from .link import Target
 
-#: Machine of QEMU -> CMake preset of its images.
-MACHINES = {"mps2-an386": "mps2", "mps2-an500": "mps2-m7"}
+#: Machine -> CMake preset of its images. The last one is simavr's, the others are QEMU's.
+MACHINES = {"mps2-an386": "mps2", "mps2-an500": "mps2-m7", "atmega2560": "avr"}
+#: What each needs.
+NEEDS = {
+    "mps2-an386": ("arm-none-eabi-gcc", "qemu-system-arm"),
+    "mps2-an500": ("arm-none-eabi-gcc", "qemu-system-arm"),
+    "atmega2560": ("avr-gcc", "libsimavr"),
+}
 #: How long a reply may take: a step takes some 50 us, starting the emulator less than 1 s.
 TIMEOUT_S = 10.0
 
@@ -78,8 +84,23 @@ class ProcessTarget(Target):
         return f" (status {self.process.returncode}{last})"
 
 
+def _avr(image: Path) -> list[str]:
+    """The command that runs an image on a simulated ATmega2560."""
+    source = tools.source_root() / "firmware/port/avr/simulator/avr_machine.c"
+    simulator = image.parent / "avr_machine"
+    if not simulator.exists() or simulator.stat().st_mtime < source.stat().st_mtime:
+        fresh = simulator.with_suffix(f".{os.getpid()}")
+        tools.run([tools.program("cc"), "-O2", source, "-o", fresh, "-lsimavr", "-lelf"])
+        fresh.replace(simulator)
+    return [str(simulator), str(image)]
+
+
 def emulator(machine: str = "mps2-an386", timeout_s: float = TIMEOUT_S) -> ProcessTarget:
-    """The firmware built for a QEMU machine, running there."""
-    tools.need("arm-none-eabi-gcc", "qemu-system-arm")
-    image = tools.build(MACHINES[machine]) / "firmware/port/mps2/pil"
-    return ProcessTarget(machine, qemu(machine, image), timeout_s)
+    """The firmware built for a machine, running there."""
+    tools.need(*NEEDS[machine])
+    folder = tools.build(MACHINES[machine])
+    if machine == "atmega2560":
+        command = _avr(folder / "firmware/port/avr/pil")
+    else:
+        command = qemu(machine, folder / "firmware/port/mps2/pil")
+    return ProcessTarget(machine, command, timeout_s)

@@ -16,7 +16,10 @@ PACKAGES = {
     "arm-none-eabi-gcc": "gcc-arm-none-eabi libnewlib-arm-none-eabi",
     "qemu-system-arm": "qemu-system-arm",
     "avr-gcc": "gcc-avr avr-libc",
+    "libsimavr": "libsimavr-dev libelf-dev",
 }
+#: Libraries among them, by their header.
+HEADERS = {"libsimavr": "simavr/sim_avr.h"}
 
 
 class MissingTool(ScenarioError):
@@ -33,13 +36,24 @@ def program(name: str) -> str | None:
     return str(beside) if beside.exists() else shutil.which(name)
 
 
+def _present(name: str) -> bool:
+    compiler = program("cc")
+    if name in HEADERS:
+        text = f"#include <{HEADERS[name]}>\n"
+        asked = [compiler or "cc", "-E", "-x", "c", "-"]
+        return (
+            bool(compiler)
+            and not subprocess.run(asked, input=text, capture_output=True, text=True).returncode
+        )
+    if name == "arm-none-eabi-gcc" and program(name):
+        asked = [program(name), "-print-file-name=libc_nano.a"]
+        return Path(subprocess.run(asked, capture_output=True, text=True).stdout).is_absolute()
+    return program(name) is not None
+
+
 def missing(*names: str) -> str | None:
     """None, or one line that says what is not installed and how to get it."""
-    absent = [name for name in names if program(name) is None]
-    if "arm-none-eabi-gcc" in names and not absent:
-        asked = [program("arm-none-eabi-gcc"), "-print-file-name=libc_nano.a"]
-        found = subprocess.run(asked, capture_output=True, text=True).stdout.strip()
-        absent += [] if Path(found).is_absolute() else ["arm-none-eabi-gcc"]
+    absent = [name for name in names if not _present(name)]
     if absent:
         packages = " ".join(PACKAGES[name] for name in absent)
         return f"{', '.join(absent)} not found: apt-get install {packages}"
@@ -71,6 +85,14 @@ def _build_folder(source: Path, preset: str) -> Path:
     return Path(cache) / "hexatorque" / preset
 
 
+def run(step: list, folder: Path | None = None) -> None:
+    """One step of a build."""
+    done = subprocess.run(step, cwd=folder, capture_output=True, text=True)
+    if done.returncode:
+        text = (done.stdout + done.stderr).strip()
+        raise BuildError(f"{' '.join(map(str, step))} failed:\n{text}")
+
+
 def build(preset: str) -> Path:
     """Build a CMake preset; the folder of its images. Does nothing where nothing changed."""
     source = source_root()
@@ -84,8 +106,16 @@ def build(preset: str) -> Path:
     with (folder / ".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         for step in steps:
-            done = subprocess.run(step, cwd=source, capture_output=True, text=True)
-            if done.returncode:
-                text = (done.stdout + done.stderr).strip()
-                raise BuildError(f"building {preset} failed:\n{text}")
+            run(step, source)
     return folder
+
+
+def main() -> int:
+    """What is missing of all targets, one line each; 1 if anything is."""
+    lines = [missing(name) for name in PACKAGES]
+    print(*(line for line in lines if line), sep="\n", end="\n" if any(lines) else "")
+    return int(any(lines))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
