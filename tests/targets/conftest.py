@@ -7,14 +7,20 @@ from hexatorque import scenario
 from hexatorque.targets import process, tools
 
 
-def need(machine: str) -> None:
-    line = tools.missing(*process.NEEDS[machine])
-    if line:
-        pytest.skip(line)
+@pytest.fixture(scope="session")
+def need():
+    """need(machine): skip the test where that cannot run."""
+
+    def check(machine: str) -> None:
+        line = tools.missing(*process.NEEDS[machine])
+        if line:
+            pytest.skip(line)
+
+    return check
 
 
 @pytest.fixture
-def m4f():
+def m4f(need):
     need("mps2-an386")
     with process.emulator("mps2-an386") as target:
         yield target
