@@ -84,7 +84,7 @@ class ProcessTarget(Target):
         return f" (status {self.process.returncode}{last})"
 
 
-def _avr(image: Path) -> list[str]:
+def avr(image: Path) -> list[str]:
     """The command that runs an image on a simulated ATmega2560."""
     source = tools.source_root() / "firmware/port/avr/simulator/avr_machine.c"
     simulator = image.parent / "avr_machine"
@@ -100,7 +100,7 @@ def emulator(machine: str = "mps2-an386", timeout_s: float = TIMEOUT_S) -> Proce
     tools.need(*NEEDS[machine])
     folder = tools.build(MACHINES[machine])
     if machine == "atmega2560":
-        command = _avr(folder / "firmware/port/avr/pil")
+        command = avr(folder / "firmware/port/avr/pil")
     else:
         command = qemu(machine, folder / "firmware/port/mps2/pil")
     return ProcessTarget(machine, command, timeout_s)

@@ -2,6 +2,8 @@
  * FIFOs in the working directory, `to_target` and `from_target`.
  *
  *   avr_machine IMAGE.elf        cc -O2 avr_machine.c -lsimavr -lelf
+ *   avr_machine IMAGE.elf -      no FIFOs: what it sends goes to standard output, until it
+ *                                sleeps with interrupts off
  */
 #include <fcntl.h>
 #include <poll.h>
@@ -71,9 +73,14 @@ int main(int argc, char **argv)
     int to_target;
     memset(&firmware, 0, sizeof firmware);
     avr = avr_make_mcu_by_name("atmega2560");
-    if ((argc != 2) || (avr == NULL) || (elf_read_firmware(argv[1], &firmware) != 0)) {
+    int alone = (argc == 3) && (strcmp(argv[2], "-") == 0);
+    if (((argc != 2) && !alone) || (avr == NULL) || (elf_read_firmware(argv[1], &firmware) != 0)) {
         fprintf(stderr, "usage: %s IMAGE.elf\n", argv[0]);
         return 2;
+    }
+    if (alone) { /* the simulator talks on standard output as well */
+        from_target = dup(STDOUT_FILENO);
+        (void)dup2(STDERR_FILENO, STDOUT_FILENO);
     }
     avr->ramend = 0xFFFF; /* with external memory */
     avr_init(avr);
@@ -86,8 +93,8 @@ int main(int argc, char **argv)
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), sent, NULL);
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XON), xon, NULL);
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XOFF), xoff, NULL);
-    to_target = open("to_target", O_RDONLY);
-    from_target = open("from_target", O_WRONLY);
+    to_target = open(alone ? "/dev/null" : "to_target", O_RDONLY);
+    from_target = alone ? from_target : open("from_target", O_WRONLY);
     if ((to_target < 0) || (from_target < 0)) {
         return 2;
     }
@@ -96,14 +103,15 @@ int main(int argc, char **argv)
         while (avr->cycle < until) {
             int state = avr_run(avr);
             if ((state == cpu_Done) || (state == cpu_Crashed)) {
-                return 70;
+                flush();
+                return (alone && (state == cpu_Done)) ? 0 : 70;
             }
             while (ready && (given < have)) {
                 avr_raise_irq(input, in[given++]);
             }
         }
         flush();
-        if (given == have) {
+        if (!alone && (given == have)) {
             struct pollfd p = {.fd = to_target, .events = POLLIN, .revents = 0};
             if (poll(&p, 1, 0) > 0) {
                 have = read(to_target, in, sizeof in);
