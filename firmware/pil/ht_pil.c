@@ -2,11 +2,6 @@
 
 #include <string.h>
 
-static const ht_c2000_map *device_map(uint16_t device)
-{
-    return (device == 0u) ? &ht_f28335 : ((device == 1u) ? &ht_f28377s : NULL);
-}
-
 static uint32_t sum_text(uint32_t sum, const char *text)
 {
     for (; *text != '\0'; text++) {
@@ -18,7 +13,6 @@ static uint32_t sum_text(uint32_t sum, const char *text)
 
 void ht_pil_identity(uint16_t *words)
 {
-    uint32_t address[HT_MIRROR_MAX];
     uint32_t sum = 0u;
     uint16_t i;
     for (i = 0u; i < ht_param_count(); i++) {
@@ -30,7 +24,7 @@ void ht_pil_identity(uint16_t *words)
     words[0] = HT_PIL_VERSION;
     words[1] = ht_param_count();
     words[2] = ht_channel_count();
-    words[3] = ht_mirror_addresses(&ht_f28335, address);
+    words[3] = ht_side_registers();
     words[4] = (uint16_t)(sum & 0xFFFFu);
     words[5] = (uint16_t)(sum >> 16);
 }
@@ -40,27 +34,25 @@ void ht_pil_reset(ht_pil *p)
     p->ready = false;
 }
 
+/* Words of INIT up to what the port wants to know. */
+#define INIT_WORDS (1u + 2u * (uint16_t)HT_PARAMS)
+
 static uint16_t init(ht_pil *p, const uint16_t *payload, uint16_t words)
 {
-    const ht_c2000_map *map = (words == (1u + 2u * HT_PARAMS)) ? device_map(payload[0]) : NULL;
     ht_params params;
     ht_result result;
     uint16_t id;
     p->ready = false;
-    if (map == NULL) {
+    memset(&p->drive, 0, sizeof p->drive); /* as after a reset */
+    memset(&p->port, 0, sizeof p->port);
+    if ((words < INIT_WORDS)
+        || !ht_side_init(&p->side, &p->port, payload[0], &payload[INIT_WORDS],
+                         (uint16_t)(words - INIT_WORDS))) {
         return HT_PIL_REFUSED;
     }
     for (id = 0u; id < HT_PARAMS; id++) {
         params.v[id] = ht_frame_float(&payload[1u + 2u * id]);
     }
-    ht_regfile_reset(&p->registers, map);
-    if (!ht_mirror_init(&p->mirror, &p->registers, map)) {
-        return HT_PIL_REFUSED;
-    }
-    memset(&p->drive, 0, sizeof p->drive); /* as after a reset */
-    memset(&p->port, 0, sizeof p->port);
-    p->port.io = &p->registers;
-    p->port.map = map;
     result = ht_drive_init(&p->drive, &p->port, &params);
     p->ready = result == HT_OK;
     return (uint16_t)result;
@@ -69,8 +61,9 @@ static uint16_t init(ht_pil *p, const uint16_t *payload, uint16_t words)
 static uint16_t carry_out(ht_pil *p, uint16_t type, const uint16_t *payload, uint16_t words)
 {
     uint16_t argument;
-    if (!p->ready || (words < (uint16_t)HT_PIL_PAIRS)
-        || !ht_mirror_apply(&p->mirror, &payload[HT_PIL_PAIRS], (uint16_t)(words - HT_PIL_PAIRS))) {
+    if (!p->ready || (words < (uint16_t)HT_PIL_HARDWARE)
+        || !ht_side_take(&p->side, &p->port, &payload[HT_PIL_HARDWARE],
+                         (uint16_t)(words - HT_PIL_HARDWARE))) {
         return HT_PIL_REFUSED;
     }
     argument = payload[HT_PIL_ARGUMENT];
@@ -103,23 +96,17 @@ static uint16_t carry_out(ht_pil *p, uint16_t type, const uint16_t *payload, uin
 static void report(ht_pil *p, float value, ht_frame *reply)
 {
     float channels[HT_PIL_CHANNELS];
-    uint16_t pairs[2 * HT_MIRROR_MAX];
-    uint16_t n = ht_mirror_changes(&p->mirror, pairs);
     uint16_t i;
     ht_frame_add(reply, p->drive.state);
     ht_frame_add(reply, p->drive.faults);
     ht_frame_add(reply, ht_channel_count());
     ht_frame_add_float(reply, value);
-    ht_frame_add32(reply, p->registers.accesses);
-    ht_frame_add32(reply, p->registers.violations);
-    ht_frame_add32(reply, ht_mirror_digest(&p->mirror, ht_frame_number(reply)));
+    ht_side_status(&p->side, &p->port, reply);
     ht_channels_read(&p->drive, channels);
     for (i = 0u; i < ht_channel_count(); i++) {
         ht_frame_add_float(reply, channels[i]);
     }
-    for (i = 0u; i < n; i++) {
-        ht_frame_add(reply, pairs[i]);
-    }
+    ht_side_tell(&p->side, &p->port, reply);
 }
 
 uint16_t ht_pil_answer(ht_pil *p, const ht_frame *request, ht_frame *reply)

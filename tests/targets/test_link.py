@@ -100,7 +100,7 @@ def test_one_bit_of_a_register_shows(quick):
     """A register that the firmware writes at start only, on the target's side."""
 
     def meddle(target):
-        target._local.registers.low[0x6800 + 0x40 + 0x10] ^= 1  # dead time of leg 2
+        target._local.side.registers.low[0x6800 + 0x40 + 0x10] ^= 1  # dead time of leg 2
 
     outcome = pil.compare(quick, PROFILE, Meddling(meddle))
     assert outcome.difference.startswith("period 0: EPWM2 DBRED is 0x")
@@ -113,7 +113,7 @@ def test_register_files_that_part_are_noticed(quick):
         target.link.mirror.agreed[10] ^= 1
         target.link.mirror.cell[10][0] ^= 1
 
-    with pytest.raises(TargetError, match="register files of host and target differ"):
+    with pytest.raises(TargetError, match="host and target see different hardware"):
         pil.compare(quick, PROFILE, Meddling(meddle))
 
 

@@ -38,7 +38,7 @@ void ht_watch_init(ht_watch *w, ht_drive *d, ht_regfile *registers)
 {
     w->drive = d;
     w->registers = registers;
-    (void)ht_mirror_init(&w->mirror, registers, registers->map);
+    ht_mirror_init(&w->mirror, registers, registers->map);
     begin_log(&w->log, &w->mirror);
 }
 
@@ -206,6 +206,127 @@ static void begin(ht_link *l, uint16_t type)
     ht_frame_begin(&l->request, type, l->number);
 }
 
+/* What the driver will find when a target that tells calls has made them, without a
+ * trace: the calls themselves follow the reply. */
+static void look(ht_link *l)
+{
+    uint32_t accesses = l->registers.accesses;
+    uint16_t *status = ht_regfile_word(&l->registers, l->port.map->eqep + EQEP_QEPSTS);
+    uint16_t flags = *status;
+    ht_samples samples;
+    ht_capture capture;
+    int channel;
+    ht_port_read(&l->port, &samples);
+    ht_port_read_capture(&l->port, &capture);
+    for (channel = 0; channel < HT_ADC_CHANNELS; channel++) {
+        l->input[HT_INPUT_ADC + channel] = samples.adc[channel];
+    }
+    l->input[HT_INPUT_POSITION] = (uint16_t)(samples.position & 0xFFFFu);
+    l->input[HT_INPUT_POSITION + 1] = (uint16_t)(samples.position >> 16);
+    l->input[HT_INPUT_TRIPPED] = ht_port_tripped(&l->port) ? 1u : 0u;
+    l->input[HT_INPUT_OVERRUN] = 0u; /* nothing comes in between here */
+    l->input[HT_INPUT_PERIOD_TICKS] = capture.period_ticks;
+    l->input[HT_INPUT_AGE_TICKS] = capture.age_ticks;
+    l->input[HT_INPUT_FLAGS] = (uint16_t)((capture.event ? (unsigned)HT_FLAG_EVENT : 0u)
+                                          | (capture.overflow ? (unsigned)HT_FLAG_OVERFLOW : 0u)
+                                          | (capture.reversed ? (unsigned)HT_FLAG_REVERSED : 0u)
+                                          | (capture.forward ? (unsigned)HT_FLAG_FORWARD : 0u));
+    *status = flags;
+    l->registers.accesses = accesses;
+}
+
+static void add_inputs(ht_link *l)
+{
+    int i;
+    look(l);
+    for (i = 0; i < HT_INPUTS; i++) {
+        ht_frame_add(&l->request, l->input[i]);
+    }
+}
+
+/* One call on the driver; `word` are its code and arguments. Returns how many words
+ * those are, 0 if there is no such call or it goes another way than on the target. */
+static uint16_t make_call(ht_link *l, const uint16_t *word, uint16_t words)
+{
+    ht_pwm_setup setup;
+    ht_compare pattern;
+    ht_samples samples;
+    ht_capture capture;
+    int leg;
+    switch (word[0]) {
+    case HT_CALL_INIT:
+        if (words < 4u) {
+            return 0u;
+        }
+        setup.period_counts = word[1];
+        setup.dead_counts = word[2];
+        setup.shadow = word[3] != 0u;
+        (void)ht_port_init(&l->port, &setup);
+        return 4u;
+    case HT_CALL_WRITE:
+        if (words < 14u) {
+            return 0u;
+        }
+        pattern.start = word[1];
+        for (leg = 0; leg < HT_LEGS; leg++) {
+            pattern.ca[leg] = word[2 + leg];
+            pattern.cb[leg] = word[2 + HT_LEGS + leg];
+        }
+        ht_port_write(&l->port, &pattern);
+        return 14u;
+    case HT_CALL_GATES_OFF:
+        ht_port_gates_off(&l->port);
+        return 1u;
+    case HT_CALL_GATES_ON:
+        ht_port_gates_on(&l->port);
+        return 1u;
+    case HT_CALL_TRIPPED:
+        return ((words >= 2u) && (ht_port_tripped(&l->port) == (word[1] != 0u))) ? 2u : 0u;
+    case HT_CALL_BEGIN_FAST:
+        ht_port_begin_fast(&l->port);
+        return 1u;
+    case HT_CALL_READ:
+        ht_port_read(&l->port, &samples);
+        return 1u;
+    case HT_CALL_READ_CAPTURE:
+        ht_port_read_capture(&l->port, &capture);
+        return 1u;
+    case HT_CALL_OVERRUN:
+        return ((words >= 2u) && (ht_port_overrun(&l->port) == (word[1] != 0u))) ? 2u : 0u;
+    case HT_CALL_ACK_FAST:
+        ht_port_ack_fast(&l->port);
+        return 1u;
+    default:
+        return 0u;
+    }
+}
+
+/* Do what the target's driver did. */
+static void follow(ht_link *l, const uint16_t *reply, uint16_t rest, uint16_t words)
+{
+    if (l->calls != 0u) {
+        while (rest < words) {
+            uint16_t used = make_call(l, &reply[rest], (uint16_t)(words - rest));
+            if (used == 0u) {
+                down(l, HT_LINK_PARTED);
+                return;
+            }
+            rest = (uint16_t)(rest + used);
+        }
+        return;
+    }
+    if (!ht_mirror_apply(&l->mirror, &reply[rest], (uint16_t)(words - rest))) {
+        down(l, HT_LINK_ANSWER);
+        return;
+    }
+    if (ht_mirror_digest(&l->mirror, l->number) != ht_frame_32(&reply[HT_PIL_AT_DIGEST])) {
+        down(l, HT_LINK_PARTED);
+        return;
+    }
+    l->registers.accesses = ht_frame_32(&reply[HT_PIL_AT_ACCESSES]);
+    l->registers.violations = ht_frame_32(&reply[HT_PIL_AT_VIOLATIONS]);
+}
+
 /* Take the reply over. */
 static void digest(ht_link *l)
 {
@@ -224,23 +345,17 @@ static void digest(ht_link *l)
     }
     channels = (words >= (uint16_t)HT_PIL_AT_REST) ? word[HT_PIL_AT_CHANNELS] : 0xFFFFu;
     rest = (uint16_t)(HT_PIL_AT_REST + 2u * channels);
-    if ((channels > (uint16_t)HT_PIL_CHANNELS) || (rest > words)
-        || !ht_mirror_apply(&l->mirror, &word[rest], (uint16_t)(words - rest))) {
+    if ((channels > (uint16_t)HT_PIL_CHANNELS) || (rest > words)) {
         down(l, HT_LINK_ANSWER);
-        return;
-    }
-    if (ht_mirror_digest(&l->mirror, l->number) != ht_frame_32(&word[HT_PIL_AT_DIGEST])) {
-        down(l, HT_LINK_DIGEST);
         return;
     }
     l->state = word[HT_PIL_AT_STATE];
     l->faults = word[HT_PIL_AT_FAULTS];
     l->value = ht_frame_float(&word[HT_PIL_AT_VALUE]);
-    l->registers.accesses = ht_frame_32(&word[HT_PIL_AT_ACCESSES]);
-    l->registers.violations = ht_frame_32(&word[HT_PIL_AT_VIOLATIONS]);
     for (i = 0u; i < channels; i++) {
         l->channels[i] = ht_frame_float(&word[HT_PIL_AT_REST + 2u * i]);
     }
+    follow(l, word, rest, words);
 }
 
 void ht_link_reset(ht_link *l)
@@ -266,6 +381,7 @@ void ht_link_hello(ht_link *l, uint16_t *identity)
         identity[i] =
             (l->error == (uint16_t)HT_LINK_UP) ? ht_frame_payload(&l->reply)[i] : (uint16_t)0u;
     }
+    l->calls = (identity[3] == 0u) ? 1u : 0u;
 }
 
 void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
@@ -273,12 +389,20 @@ void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
     const ht_c2000_map *map = (device == 0u) ? &ht_f28335 : &ht_f28377s;
     uint16_t id;
     ht_regfile_reset(&l->registers, map);
-    (void)ht_mirror_init(&l->mirror, &l->registers, map);
+    ht_mirror_init(&l->mirror, &l->registers, map);
     begin_log(&l->log, &l->mirror);
+    l->port.io = &l->registers;
+    l->port.map = map;
     begin(l, HT_PIL_INIT);
     ht_frame_add(&l->request, device);
     for (id = 0u; id < HT_PARAMS; id++) {
         ht_frame_add_float(&l->request, p->v[id]);
+    }
+    if (l->calls != 0u) {
+        ht_frame_add_float(&l->request, ht_port_pwm_clock_Hz(&l->port));
+        ht_frame_add_float(&l->request, ht_port_capture_clock_Hz(&l->port));
+        ht_frame_add(&l->request, map->dead_max_counts);
+        add_inputs(l);
     }
     if (exchange(l, HT_PIL_INIT)) {
         digest(l);
@@ -288,13 +412,18 @@ void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
 void ht_link_request(ht_link *l, uint16_t type, uint16_t argument, float value)
 {
     uint16_t pairs[2 * HT_MIRROR_MAX];
-    uint16_t n = ht_mirror_changes(&l->mirror, pairs);
+    uint16_t n;
     uint16_t i;
     begin(l, type);
     ht_frame_add(&l->request, argument);
     ht_frame_add_float(&l->request, value);
-    for (i = 0u; i < n; i++) {
-        ht_frame_add(&l->request, pairs[i]);
+    if (l->calls != 0u) {
+        add_inputs(l);
+    } else {
+        n = ht_mirror_changes(&l->mirror, pairs);
+        for (i = 0u; i < n; i++) {
+            ht_frame_add(&l->request, pairs[i]);
+        }
     }
     if (exchange(l, type)) {
         digest(l);

@@ -6,6 +6,7 @@
 #define HT_PIL_HOST_H
 
 #include "ht_pil.h"
+#include "ht_pil_codes.h"
 
 /** Words of an image: all registers of the mirror, then accesses (32 bits) and
  *  violations (32 bits) of the register file. */
@@ -43,7 +44,7 @@ typedef enum {
     HT_LINK_BROKEN = 3,  /**< a frame did not arrive whole, here or there */
     HT_LINK_ANSWER = 4,  /**< a reply to something else, or malformed */
     HT_LINK_REFUSED = 5, /**< the target does not take such a request */
-    HT_LINK_DIGEST = 6   /**< the two register files differ */
+    HT_LINK_PARTED = 6   /**< host and target see different hardware */
 } ht_link_error;
 
 /** A drive on a target. */
@@ -51,6 +52,9 @@ typedef struct {
     ht_regfile registers;  /**< the plant's side of the target's registers */
     ht_mirror mirror;
     ht_log log;
+    ht_port port;          /**< driver for a target that tells calls */
+    uint16_t calls;        /**< 1: the target tells calls, 0: register changes */
+    uint16_t input[HT_INPUTS]; /**< of the latest request to such a target */
     ht_pil *local;         /**< a target in this process, or NULL */
     int to_target;         /**< file descriptors, if not local */
     int from_target;
@@ -71,7 +75,8 @@ typedef struct {
 
 /** Forget everything but the connection. */
 void ht_link_reset(ht_link *l);
-/** Who is there: fills HT_PIL_IDENTITY words. */
+/** Who is there: fills HT_PIL_IDENTITY words. First of all: it tells what kind of target
+ *  that is. */
 void ht_link_hello(ht_link *l, uint16_t *identity);
 /** A new drive; registers start from reset on both sides. */
 void ht_link_init(ht_link *l, uint16_t device, const ht_params *p);

@@ -17,32 +17,7 @@ static void violation(ht_regfile *rf, uint32_t addr, uint16_t kind)
     rf->violations++;
 }
 
-#ifdef HT_REGFILE_POOL
-
-uint16_t *ht_regfile_cell(ht_regfile *rf, uint32_t addr)
-{
-    uint32_t place = addr;
-    uint16_t *page;
-    if (addr >= HT_REGFILE_LOW) {
-        if ((addr < HT_REGFILE_SYS) || (addr >= (HT_REGFILE_SYS + HT_REGFILE_SYS_WORDS))) {
-            return 0;
-        }
-        place = addr - HT_REGFILE_SYS + HT_REGFILE_LOW;
-    }
-    page = &rf->page[place / HT_REGFILE_PAGE];
-    if (*page == 0u) {
-        if (rf->pages >= HT_REGFILE_POOL) {
-            return 0;
-        }
-        rf->pages++;
-        *page = rf->pages;
-    }
-    return &rf->pool[*page - 1u][place % HT_REGFILE_PAGE];
-}
-
-#else
-
-uint16_t *ht_regfile_cell(ht_regfile *rf, uint32_t addr)
+uint16_t *ht_regfile_word(ht_regfile *rf, uint32_t addr)
 {
     if (addr < HT_REGFILE_LOW) {
         return &rf->low[addr];
@@ -53,8 +28,6 @@ uint16_t *ht_regfile_cell(ht_regfile *rf, uint32_t addr)
     return 0;
 }
 
-#endif
-
 void ht_regfile_reset(ht_regfile *rf, const void *map)
 {
     const ht_c2000_map *m = map;
@@ -62,10 +35,10 @@ void ht_regfile_reset(ht_regfile *rf, const void *map)
     memset(rf, 0, sizeof *rf);
     rf->map = map;
     for (leg = 0u; leg < LEGS; leg++) {
-        *ht_regfile_cell(rf, m->epwm + leg * m->stride + m->tbctl) = TBCTL_RESET;
+        rf->low[m->epwm + leg * m->stride + m->tbctl] = TBCTL_RESET;
     }
     if (m->perclkdivsel != 0u) {
-        *ht_regfile_cell(rf, m->perclkdivsel) = PERCLKDIVSEL_RESET;
+        *ht_regfile_word(rf, m->perclkdivsel) = PERCLKDIVSEL_RESET;
     }
 }
 
@@ -75,7 +48,7 @@ static void count(ht_regfile *rf)
     const ht_c2000_map *m = rf->map;
     rf->accesses++;
     if ((rf->event_at != 0u) && (rf->accesses == rf->event_at)) {
-        *ht_regfile_cell(rf, m->epwm + m->etflg) |= ET_INT;
+        rf->low[m->epwm + m->etflg] |= ET_INT;
         rf->event_at = 0u;
     }
 }
@@ -105,18 +78,15 @@ static int epwm_write(ht_regfile *rf, const ht_c2000_map *m, uint32_t addr, uint
         return 1;
     }
     if (offset == m->tzclr) { /* write 1 to clear; INT last, as on the chip */
-        uint16_t *flags = ht_regfile_cell(rf, base + m->tzflg);
-        *flags = (uint16_t)(*flags & (uint16_t)~value);
+        rf->low[base + m->tzflg] = (uint16_t)(rf->low[base + m->tzflg] & (uint16_t)~value);
         return 1;
     }
     if (offset == m->tzfrc) { /* force; reads back 0 */
-        uint16_t *flags = ht_regfile_cell(rf, base + m->tzflg);
-        *flags = (uint16_t)(*flags | (value & 0x007Eu) | TZ_INT);
+        rf->low[base + m->tzflg] = (uint16_t)(rf->low[base + m->tzflg] | (value & 0x007Eu) | TZ_INT);
         return 1;
     }
     if (offset == m->etclr) {
-        uint16_t *flags = ht_regfile_cell(rf, base + m->etflg);
-        *flags = (uint16_t)(*flags & (uint16_t)~value);
+        rf->low[base + m->etflg] = (uint16_t)(rf->low[base + m->etflg] & (uint16_t)~value);
         return 1;
     }
     return 0;
@@ -128,8 +98,7 @@ static int eqep_write(ht_regfile *rf, const ht_c2000_map *m, uint32_t addr, uint
     uint32_t offset = addr - m->eqep;
     if (offset == EQEP_QEPSTS) { /* write 1 to clear; the other bits are the hardware's */
         uint16_t clear = value & (QEPSTS_UPEVNT | QEPSTS_COEF | QEPSTS_CDEF | QEPSTS_FIMF);
-        uint16_t *status = ht_regfile_cell(rf, addr);
-        *status = (uint16_t)(*status & (uint16_t)~clear);
+        rf->low[addr] = (uint16_t)(rf->low[addr] & (uint16_t)~clear);
         return 1;
     }
     if ((offset == EQEP_QFLG) || ((offset >= EQEP_QPOSILAT) && (offset < EQEP_QUTMR))
@@ -148,7 +117,7 @@ static int is_system_protected(const ht_c2000_map *m, uint32_t addr)
 
 uint16_t ht_regfile_read16(ht_regfile *rf, uint32_t addr)
 {
-    uint16_t *w = ht_regfile_cell(rf, addr);
+    uint16_t *w = ht_regfile_word(rf, addr);
     count(rf);
     if (w == 0) {
         violation(rf, addr, HT_REG_HOLE);
@@ -160,7 +129,7 @@ uint16_t ht_regfile_read16(ht_regfile *rf, uint32_t addr)
 void ht_regfile_write16(ht_regfile *rf, uint32_t addr, uint16_t value)
 {
     const ht_c2000_map *m = rf->map;
-    uint16_t *w = ht_regfile_cell(rf, addr);
+    uint16_t *w = ht_regfile_word(rf, addr);
     int32_t offset;
     count(rf);
     if (w == 0) {

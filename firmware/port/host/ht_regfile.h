@@ -26,22 +26,9 @@ enum {
     HT_REG_READ_ONLY = 3
 };
 
-/* Where memory is short: pages of the address space, taken from a pool on the first
- * access. Beyond the pool there is nothing, as in a hole. */
-#ifdef HT_REGFILE_POOL
-#define HT_REGFILE_PAGE 64u
-#define HT_REGFILE_PAGES ((HT_REGFILE_LOW + HT_REGFILE_SYS_WORDS) / HT_REGFILE_PAGE)
-#endif
-
 typedef struct ht_regfile {
-#ifdef HT_REGFILE_POOL
-    uint16_t page[HT_REGFILE_PAGES]; /**< number in the pool, from 1 */
-    uint16_t pages;                  /**< taken */
-    uint16_t pool[HT_REGFILE_POOL][HT_REGFILE_PAGE];
-#else
     uint16_t low[HT_REGFILE_LOW];
     uint16_t sys[HT_REGFILE_SYS_WORDS];
-#endif
     const void *map;          /* ht_c2000_map of the device */
     uint16_t eallow;          /* 1 while protected writes are allowed */
     uint32_t accesses;        /* all reads and writes */
@@ -59,7 +46,7 @@ void ht_regfile_write16(ht_regfile *rf, uint32_t addr, uint16_t value);
 uint32_t ht_regfile_read32(ht_regfile *rf, uint32_t addr);
 void ht_regfile_write32(ht_regfile *rf, uint32_t addr, uint32_t value);
 /** The storage of an address, or NULL where nothing is: the hardware's side of it. */
-uint16_t *ht_regfile_cell(ht_regfile *rf, uint32_t addr);
+uint16_t *ht_regfile_word(ht_regfile *rf, uint32_t addr);
 void ht_regfile_eallow(ht_regfile *rf, uint16_t on);
 
 #endif

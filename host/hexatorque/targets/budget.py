@@ -31,6 +31,7 @@ TARGETS = {
     MACHINE: ("mps2", "arm-none-eabi-"),
     "atmega2560": ("avr", "avr-"),
 }
+#: The last one only where it is compiled.
 ROOMS = ("core", "app", "port/c2000")
 #: Cycles of the C28x, smallest and largest assumption: of an instruction of the
 #: Cortex-M4F that is no branch, and of a branch, call or return.
@@ -188,8 +189,8 @@ the fast interrupt used {measured} at most.
 All three on one stack, with the {exception} octets that each interrupt adds by itself: {together}.
 
 ## Sizes
-Octets of core, app and C2000 driver (constants: with the texts of the parameter and channel
-tables), and of the data of one drive.
+Octets of core, app and C2000 driver (atmega2560: without driver; constants: with the texts of the
+parameter and channel tables), and of the data of one drive.
 
 {sizes}
 """

@@ -20,9 +20,8 @@ typedef struct {
     uint16_t agreed[HT_MIRROR_MAX];   /**< what the other side knows */
 } ht_mirror;
 
-/** List the registers of a freshly reset `registers`: that is what both sides know.
- *  False if it has no room for them. */
-bool ht_mirror_init(ht_mirror *m, ht_regfile *registers, const ht_c2000_map *map);
+/** List the registers of a freshly reset `registers`: that is what both sides know. */
+void ht_mirror_init(ht_mirror *m, ht_regfile *registers, const ht_c2000_map *map);
 
 /** The list of a device: word addresses into `out`, HT_MIRROR_MAX at most. Returns their
  *  number. */

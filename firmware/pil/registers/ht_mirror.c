@@ -41,19 +41,15 @@ uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
     return n;
 }
 
-bool ht_mirror_init(ht_mirror *m, ht_regfile *registers, const ht_c2000_map *map)
+void ht_mirror_init(ht_mirror *m, ht_regfile *registers, const ht_c2000_map *map)
 {
     uint32_t address[HT_MIRROR_MAX];
     uint16_t i;
     m->count = ht_mirror_addresses(map, address);
     for (i = 0u; i < m->count; i++) {
-        m->cell[i] = ht_regfile_cell(registers, address[i]);
-        if (m->cell[i] == 0) {
-            return false;
-        }
+        m->cell[i] = ht_regfile_word(registers, address[i]);
         m->agreed[i] = *m->cell[i];
     }
-    return true;
 }
 
 uint16_t ht_mirror_changes(ht_mirror *m, uint16_t *pairs)
