@@ -42,7 +42,8 @@ C28X_CLOCK_HZ = 150e6
 def _stack(preset: str) -> tuple[dict, list[str]]:
     """Deepest paths by kind of entry, and library functions that the fast interrupt calls."""
     folder = tools.build(preset)
-    graph = stack.call_graph(folder / "firmware/port/mps2/pil", folder)
+    objects = tools.objects(folder, "ht_core", "ht_app", "pil").values()
+    graph = stack.call_graph(folder / "firmware/port/mps2/pil", objects)
     paths = {}
     for kind, entries in ENTRIES.items():
         octets, path = max(stack.deepest(graph, entry) for entry in entries)
@@ -53,7 +54,9 @@ def _stack(preset: str) -> tuple[dict, list[str]]:
 def _sizes(preset: str, prefix: str) -> dict[str, int]:
     """Octets of code and constants of core, app and C2000 driver, and of one drive's data."""
     folder = tools.build(preset)
-    objects = [file for room in ROOMS for file in folder.rglob(f"ht_*.dir/firmware/{room}/*.o*")]
+    rooms = [tools.source_root() / "firmware" / room for room in ROOMS]
+    built = tools.objects(folder, "ht_core", "ht_app")
+    objects = [file for source, file in built.items() if source.parent in rooms]
     listed = subprocess.run(
         [f"{prefix}size", "-A", *objects], capture_output=True, text=True, check=True
     ).stdout
@@ -64,7 +67,7 @@ def _sizes(preset: str, prefix: str) -> dict[str, int]:
             total["code"] += int(octets)
         elif name.startswith((".rodata", ".data", ".bss")):
             total["constants"] += int(octets)
-    (drive,) = folder.rglob("ht_sizes.c.o*")
+    (drive,) = tools.objects(folder, "ht_sizes").values()
     named = subprocess.run(
         [f"{prefix}nm", "--print-size", drive], capture_output=True, text=True, check=True
     ).stdout

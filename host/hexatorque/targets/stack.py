@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,10 +21,15 @@ class Function:
     """`octets` it puts on the stack itself: the compiler's word, or for a library's
     function what its instructions push."""
 
+    name: str
     octets: int
     library: bool
-    calls: set[str] = field(default_factory=set)
+    calls: set[int] = field(default_factory=set)  #: addresses
     indirect: bool = False  #: calls through a pointer
+
+
+#: Functions by address: several files may have a static function of one name.
+Graph = dict[int, Function]
 
 
 def _pushed(what: str, operands: str) -> int:
@@ -42,11 +48,11 @@ def _registers(part: str) -> int:
     return 2 * count if part.startswith("d") else count
 
 
-def _own_octets(folder: Path) -> dict[str, int]:
-    """Function -> octets of stack, from all .su files below a build folder."""
+def _own_octets(objects: Iterable[Path]) -> dict[str, int]:
+    """Function -> octets of stack, from the .su files beside object files."""
     octets: dict[str, int] = {}
-    for file in folder.rglob("*.su"):
-        for line in file.read_text().splitlines():
+    for file in objects:
+        for line in file.with_suffix(".su").read_text().splitlines():
             place, size, kind = line.split("\t")
             name = place.rsplit(":", 1)[1]
             if kind not in ("static", "dynamic,bounded"):
@@ -55,23 +61,23 @@ def _own_octets(folder: Path) -> dict[str, int]:
     return octets
 
 
-def call_graph(image: Path, build_folder: Path) -> dict[str, Function]:
-    """Functions of an Arm image by name, each with whom it calls or jumps to."""
+def call_graph(image: Path, objects: Iterable[Path]) -> Graph:
+    """Functions of an Arm image, each with whom it calls or jumps to."""
     text = subprocess.run(
         ["arm-none-eabi-objdump", "-d", "--no-show-raw-insn", image],
         capture_output=True, text=True, check=True,
     ).stdout  # fmt: skip
-    own = _own_octets(build_folder)
-    graph: dict[str, Function] = {}
-    current = Function(0, True)
+    own = _own_octets(objects)
+    graph: Graph = {}
+    current = Function("", 0, True)
     for line in text.splitlines():
-        head = re.fullmatch(r"[0-9a-f]+ <(.+)>:", line)
+        head = re.fullmatch(r"([0-9a-f]+) <(.+)>:", line)
         if head:
             # Clones of a function (name.constprop.0) are listed by the part before the number.
-            name = head[1]
-            listed = re.sub(r"\.\d+$", "", name)
-            octets = own.get(name, own.get(listed))
-            current = graph.setdefault(name, Function(octets or 0, octets is None))
+            name = head[2]
+            octets = own.get(name, own.get(re.sub(r"\.\d+$", "", name)))
+            current = Function(name, octets or 0, octets is None)
+            graph[int(head[1], 16)] = current
             continue
         instruction = re.match(r"\s+[0-9a-f]+:\s+(\S+)\s*(.*)", line)
         if not instruction:
@@ -79,43 +85,49 @@ def call_graph(image: Path, build_folder: Path) -> dict[str, Function]:
         what, operands = instruction.groups()
         if current.library:
             current.octets += _pushed(what, operands)
-        target = re.search(r"<([^+>]+)>", operands)
+        target = re.search(r"\b([0-9a-f]+) <[^>]+>", operands)
         if what.startswith("blx") and not target:
             current.indirect = True
         elif what.startswith("b") and target:
-            current.calls.add(target[1])
-    for name, function in graph.items():
-        function.calls = {callee for callee in function.calls if callee in graph} - {name}
+            current.calls.add(int(target[1], 16))
+    for address, function in graph.items():
+        function.calls = {callee for callee in function.calls if callee in graph} - {address}
     return graph
 
 
-def deepest(graph: dict[str, Function], entry: str) -> tuple[int, list[str]]:
+def address(graph: Graph, name: str) -> int:
+    """Of the one function of that name."""
+    (found,) = (place for place, function in graph.items() if function.name == name)
+    return found
+
+
+def deepest(graph: Graph, entry: str) -> tuple[int, list[str]]:
     """Octets and functions of the deepest path from `entry`."""
-    known: dict[str, tuple[int, list[str]]] = {}
+    known: dict[int, tuple[int, list[str]]] = {}
 
-    def walk(name: str, above: tuple[str, ...]) -> tuple[int, list[str]]:
-        if name in above:
-            raise TargetError(f"{name} calls itself: {' -> '.join([*above, name])}")
-        if name not in known:
-            function = graph[name]
-            if function.indirect:
-                raise TargetError(f"{name} calls through a pointer: no bound for {entry}")
-            below = [walk(callee, (*above, name)) for callee in sorted(function.calls)]
+    def walk(place: int, above: tuple[int, ...]) -> tuple[int, list[str]]:
+        function = graph[place]
+        if place in above:
+            raise TargetError(f"{function.name} calls itself: no bound for {entry}")
+        if function.indirect:
+            raise TargetError(f"{function.name} calls through a pointer: no bound for {entry}")
+        if place not in known:
+            below = [walk(callee, (*above, place)) for callee in sorted(function.calls)]
             size, path = max(below, default=(0, []), key=lambda row: row[0])
-            known[name] = function.octets + size, [name, *path]
-        return known[name]
+            known[place] = function.octets + size, [function.name, *path]
+        return known[place]
 
-    return walk(entry, ())
+    return walk(address(graph, entry), ())
 
 
-def library_calls(graph: dict[str, Function], entry: str) -> set[str]:
+def library_calls(graph: Graph, entry: str) -> set[str]:
     """Functions that are not ours, anywhere below `entry`; "?" for calls through pointers."""
-    seen: set[str] = set()
-    todo = [entry]
+    seen: set[int] = set()
+    todo = [address(graph, entry)]
     while todo:
-        name = todo.pop()
-        if name not in seen:
-            seen.add(name)
-            todo += graph[name].calls
-    found = {name for name in seen if graph[name].library}
-    return found | ({"?"} if any(graph[name].indirect for name in seen) else set())
+        place = todo.pop()
+        if place not in seen:
+            seen.add(place)
+            todo += graph[place].calls
+    found = {graph[place].name for place in seen if graph[place].library}
+    return found | ({"?"} if any(graph[place].indirect for place in seen) else set())

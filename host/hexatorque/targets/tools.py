@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import shutil
 import subprocess
@@ -108,6 +109,17 @@ def build(preset: str) -> Path:
         for step in steps:
             run(step, source)
     return folder
+
+
+def objects(folder: Path, *libraries: str) -> dict[Path, Path]:
+    """Source -> object file of libraries or programs of a build folder."""
+    rows = json.loads((folder / "compile_commands.json").read_text())
+    found = {}
+    for row in rows:
+        output = folder / row["output"]
+        if any(f"{name}.dir" in output.parts for name in libraries):
+            found[Path(row["file"])] = output
+    return found
 
 
 def main() -> int:
