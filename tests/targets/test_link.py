@@ -32,6 +32,13 @@ def test_local_target_equals_the_drive_itself(quick, target, device, latency):
     assert (outcome.steps, outcome.state) == (4000, "run")
 
 
+def test_a_target_starts_afresh(quick, target):
+    """Drive after drive on one target, as after a reset each time."""
+    for device in (*firmware.DEVICES, firmware.DEVICES[0]):
+        setup = quick.changed(timing__device=device)
+        assert pil.compare(setup, PROFILE, target).difference is None
+
+
 def test_same_recording(quick, target):
     """Names, units and meta data are those of any simulation."""
     recordings = []

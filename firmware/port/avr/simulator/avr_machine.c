@@ -16,6 +16,8 @@
 #include <unistd.h>
 
 #define CYCLES_BETWEEN_LOOKS 2000 /* at the FIFO */
+#define UCSR0B 0xC1
+#define RXEN0 0x10 /* before its program sets this bit the serial port hears nothing */
 
 static int from_target = -1;
 static int ready = 1; /* the serial port takes another octet */
@@ -106,7 +108,7 @@ int main(int argc, char **argv)
                 flush();
                 return (alone && (state == cpu_Done)) ? 0 : 70;
             }
-            while (ready && (given < have)) {
+            while (ready && (given < have) && ((avr->data[UCSR0B] & RXEN0) != 0)) {
                 avr_raise_irq(input, in[given++]);
             }
         }
