@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 from ..scenario import ScenarioError
@@ -83,7 +84,8 @@ def _build_folder(source: Path, preset: str) -> Path:
     if os.access(source, os.W_OK) and (source / "Makefile").exists():
         return source / "build" / preset
     cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(cache) / "hexatorque" / preset
+    place = zlib.crc32(str(source).encode())  # a build folder belongs to one source folder
+    return Path(cache) / "hexatorque" / f"{preset}-{place:08x}"
 
 
 def run(step: list, folder: Path | None = None) -> None:
