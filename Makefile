@@ -1,11 +1,13 @@
 # Every target does its own set-up in .venv.
 #
-#   make demo    compare all schemes of both papers; report in out/compare
-#   make papers  every figure and table of both papers; page in out/papers
-#   make test    all tests, C and Python
-#   make bench   speed of the simulation, instructions of the firmware
-#   make lint    formatting and static checks
-#   make clean   remove what the above made
+#   make demo          compare all schemes of both papers; report in out/compare
+#   make papers        every figure and table of both papers; page in out/papers
+#   make test          all tests, C and Python
+#   make test-targets  the firmware on emulated processors; says which tools are missing
+#   make budget        its instructions, stack and size there, into docs/budget.md
+#   make bench         speed of the simulation, instructions of the firmware
+#   make lint          formatting and static checks
+#   make clean         remove what the above made
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -14,11 +16,11 @@ SOURCES := $(shell find firmware host cmake -type f ! -name '*.pyc' ! -name '*.s
 C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
 JOBS ?= 2
 
-.PHONY: help demo papers papers-quick test test-c sanitize bench lint clean
+.PHONY: help demo papers papers-quick test test-c test-targets budget sanitize bench lint clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,8s/^# \{0,1\}//p' Makefile
+	@sed -n '3,10s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -48,7 +50,16 @@ sanitize: $(VENV)/.installed
 	$(BIN)/ctest --preset host-sanitize
 
 test: test-c
-	$(BIN)/python -m pytest -n $(JOBS) tests
+	$(BIN)/python -m pytest -n $(JOBS) -rs --ignore=tests/targets tests
+	$(BIN)/python -m pytest -rs tests/targets
+
+# One at a time: they measure speed. Fails where a tool is missing, after what can be run.
+test-targets: $(VENV)/.installed
+	$(BIN)/python -m pytest -rs tests/targets
+	$(BIN)/python -m hexatorque.targets.tools
+
+budget: $(VENV)/.installed
+	$(BIN)/hexatorque budget -o docs
 
 bench: build/host/.built
 	$(BIN)/hexatorque bench --counter build/host/tests/c/count_instructions

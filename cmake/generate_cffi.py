@@ -14,12 +14,13 @@ from pathlib import Path
 
 from cffi import FFI
 
-HEADERS = ("ht_drive.h", "ht_comparator.h", "ht_port_c2000.h", "ht_regfile.h")
+HEADERS = ("ht_drive.h", "ht_comparator.h", "ht_port_c2000.h", "ht_regfile.h", "ht_pil_host.h")
 
 
 def main() -> None:
     compiler, firmware, output = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
-    include = [f"-I{firmware / d}" for d in ("core", "app", "port", "port/c2000", "port/host")]
+    folders = ("core", "app", "port", "port/c2000", "port/host", "pil", "pil/registers")
+    include = [f"-I{firmware / d}" for d in folders]
     source = "".join(f'#include "{h}"\n' for h in HEADERS)
     with tempfile.TemporaryDirectory() as empty:
         for name in ("stdint.h", "stdbool.h", "stddef.h", "math.h"):

@@ -1,5 +1,7 @@
 #include "ht_configure.h"
 
+#include <stddef.h>
+
 #define ADC_FULL 4096.0f
 /* Share of the range that is left on either side at the largest offset, less 2 %. */
 #define TRIP_SHARE 0.885f
@@ -184,4 +186,22 @@ ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_confi
     setup->dead_counts = (uint16_t)(p->v[HT_P_dead_time_us] * 1.0e-6f * clock_Hz + 0.5f);
     setup->shadow = config->shadow;
     return ht_port_accepts(port, setup) ? HT_OK : HT_ERROR_PORT;
+}
+
+ht_result ht_configure_live(ht_drive *d, const ht_params *p)
+{
+    ht_control_config config;
+    ht_control_config *next;
+    ht_pwm_setup setup;
+    ht_result result = ht_configure(d->port, p, &config, &setup);
+    if (result != HT_OK) {
+        return result;
+    }
+    d->params = *p;
+    d->staged = NULL; /* the interrupt must not take a half-written copy */
+    next = (d->config == &d->configs[0]) ? &d->configs[1] : &d->configs[0];
+    *next = config;
+    d->staged = next;
+    ht_configure_rest(d);
+    return HT_OK;
 }

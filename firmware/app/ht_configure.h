@@ -15,4 +15,8 @@ ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_confi
  *  reference, protection, scaling, times. */
 void ht_configure_rest(ht_drive *d);
 
+/** New parameters for a drive that may be running: checked, then handed to the next
+ *  fast interrupt. Nothing changes on an error. */
+ht_result ht_configure_live(ht_drive *d, const ht_params *p);
+
 #endif

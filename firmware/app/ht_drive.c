@@ -1,5 +1,7 @@
 #include "ht_configure.h"
 
+#include <stddef.h>
+
 #define ADC_MID 2048.0f
 #define OFFSET_MAX_COUNTS 200.0f
 /* No shaft turns further in a period (electrical angle). A counter that jumps must not
@@ -23,6 +25,8 @@ static void set_flux_ref(ht_drive *d, float flux_Wb)
     d->in.inv_flux_ref2 = (flux_Wb > 0.0f) ? (1.0f / (flux_Wb * flux_Wb)) : 0.0f;
 }
 
+static const ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
+
 /* All that parameters decide, from a machine without flux on. What is known of the
  * shaft and of the faults so far is no matter of parameters and stays. */
 static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
@@ -30,7 +34,6 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     ht_control_config config;
     ht_pwm_setup setup;
     ht_result result;
-    ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
     int leg;
     result = ht_configure(port, p, &config, &setup);
     if (result != HT_OK) {
@@ -41,9 +44,9 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     }
     d->port = port;
     d->params = *p;
-    d->config = config;
-    d->staged = config;
-    d->staged_ready = 0u;
+    d->configs[0] = config;
+    d->config = &d->configs[0];
+    d->staged = NULL;
     ht_configure_rest(d);
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->offset_counts[leg] = ADC_MID;
@@ -54,7 +57,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     d->in.torque_ref_Nm = 0.0f;
     d->in.turn_rad = 0.0f;
     set_flux_ref(d, p->v[HT_P_flux_ref_Wb]);
-    ht_control_reset(&d->config, &d->control, &none);
+    ht_control_reset(d->config, &d->control, &none);
     d->speed.integral_Nm = 0.0f;
     ht_speed_measure_reset(&d->measured);
     d->torque_ref_Nm = 0.0f;
@@ -153,7 +156,7 @@ static void calibrate(ht_drive *d)
     int leg;
     if (d->state_ticks == 1u) { /* all legs low before the gates ever come on */
         ht_compare low;
-        ht_control_low_pattern(&d->config, &low);
+        ht_control_low_pattern(d->config, &low);
         ht_port_write(d->port, &low);
     }
     for (leg = 0; leg < HT_LEGS; leg++) {
@@ -173,7 +176,7 @@ static void calibrate(ht_drive *d)
     measure(d);
     ht_protect_reset(&d->protect);
     d->slow_faults = 0u; /* of the run before: the slow loop may not have come by since */
-    ht_control_reset(&d->config, &d->control, &d->in.i_A);
+    ht_control_reset(d->config, &d->control, &d->in.i_A);
     d->speed.integral_Nm = 0.0f;
     d->torque_ref_Nm = 0.0f;
     enter(d, HT_STATE_BUILD);
@@ -184,7 +187,7 @@ static void build(ht_drive *d, ht_compare *out)
     float share = (float)d->state_ticks / (float)(d->build_ticks + 1u);
     set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb] * ((share < 1.0f) ? share : 1.0f));
     d->in.torque_ref_Nm = 0.0f;
-    ht_control_build_step(&d->config, &d->control, &d->in, out);
+    ht_control_build_step(d->config, &d->control, &d->in, out);
     if (share < HT_BUILD_BLIND) {
         d->control.observer.omega_sync_rad_s = 0.0f;
     }
@@ -208,7 +211,7 @@ static void run(ht_drive *d, ht_compare *out)
     if (d->in.flux_ref_Wb != d->flux_ref_Wb) {
         set_flux_ref(d, d->flux_ref_Wb);
     }
-    ht_control_step(&d->config, &d->control, &d->in, out);
+    ht_control_step(d->config, &d->control, &d->in, out);
     ht_port_write(d->port, out);
 }
 
@@ -223,9 +226,9 @@ void ht_drive_fast_isr(ht_drive *d)
     if ((d->state != (uint16_t)HT_STATE_IDLE) && (d->state != (uint16_t)HT_STATE_FAULT)) {
         d->state_ticks++; /* else a start that this interrupt comes into would lose a tick */
     }
-    if (d->staged_ready != 0u) {
+    if (d->staged != NULL) {
         d->config = d->staged;
-        d->staged_ready = 0u;
+        d->staged = NULL;
     }
     measure(d);
     if ((d->state != (uint16_t)HT_STATE_IDLE) && (d->state != (uint16_t)HT_STATE_FAULT)) {
@@ -303,11 +306,8 @@ ht_result ht_drive_clear(ht_drive *d)
 ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)
 {
     ht_params trial = d->params;
-    ht_control_config config;
-    ht_pwm_setup setup;
-    ht_result result;
     const ht_param_info *info = ht_param_describe(id);
-    if (info == 0) {
+    if (info == NULL) {
         return HT_ERROR_ID;
     }
     if (!ht_param_valid(id, value)) {
@@ -317,20 +317,8 @@ ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)
         return HT_ERROR_STATE;
     }
     trial.v[id] = value;
-    result = ht_configure(d->port, &trial, &config, &setup);
-    if (result != HT_OK) {
-        return result;
-    }
-    if (info->when == HT_WHEN_IDLE) {
-        /* Timing and scaling reach into the PWM: set it all up again. */
-        return set_up(d, d->port, &trial);
-    }
-    d->params = trial;
-    d->staged_ready = 0u; /* the interrupt must not take a half-written copy */
-    d->staged = config;
-    d->staged_ready = 1u;
-    ht_configure_rest(d);
-    return HT_OK;
+    /* Timing and scaling reach into the PWM: set it all up again. */
+    return (info->when == HT_WHEN_IDLE) ? set_up(d, d->port, &trial) : ht_configure_live(d, &trial);
 }
 
 float ht_drive_get(const ht_drive *d, uint16_t id)

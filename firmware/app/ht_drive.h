@@ -59,8 +59,9 @@ typedef struct {
 typedef struct {
     ht_port *port;
     ht_params params;
-    ht_control_config config;      /**< in force, derived from params */
-    ht_control_config staged;      /**< taken over by the next fast interrupt */
+    ht_control_config configs[2];  /**< derived from params: the one in force and the next */
+    const ht_control_config *config; /**< in force */
+    const ht_control_config *volatile staged; /**< for the next fast interrupt to take over */
     ht_control_state control;
     ht_control_input in;           /**< latest measurement and references */
     ht_speed_config speed_config;
@@ -97,7 +98,6 @@ typedef struct {
     uint16_t dodging;              /**< 1: less flux, to keep the flux turning */
     uint16_t stuck_leg;            /**< whose sensor is looked at next */
     volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
-    volatile uint16_t staged_ready; /**< 1 when `staged` is complete */
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. Refuses

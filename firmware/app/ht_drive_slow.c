@@ -44,12 +44,12 @@ static void keep_off_zero_frequency(ht_drive *d)
     float psi = d->flux_top_Wb;
     /* i_q/i_d of the reference */
     float load = d->torque_ref_Nm * d->protect_config.ls_H
-                 / (d->config.observer.torque_gain * psi * psi);
+                 / (d->config->observer.torque_gain * psi * psi);
     float size;
     d->omega_mean_rad_s +=
         d->omega_mean_gain * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
     size = (d->omega_mean_rad_s < 0.0f) ? -d->omega_mean_rad_s : d->omega_mean_rad_s;
-    if ((d->config.observer.kind != HT_OBSERVER_HYBRID) || !(v[HT_P_adapt_s] > 0.0f)
+    if ((d->config->observer.kind != HT_OBSERVER_HYBRID) || !(v[HT_P_adapt_s] > 0.0f)
         || ((load < DODGE_LOAD) && (load > -DODGE_LOAD)) || (size > DODGE_END_RAD_S)) {
         d->dodging = 0u;
     } else if (size < DODGE_RAD_S) {
@@ -84,16 +84,16 @@ void ht_drive_slow_isr(ht_drive *d)
     if (d->state != (uint16_t)HT_STATE_RUN) {
         d->slow_faults = (d->state == (uint16_t)HT_STATE_BUILD) ? turning_unnoticed(d) : 0u;
         if ((d->state == (uint16_t)HT_STATE_BUILD) && (d->adapt_gain > 0.0f)
-            && (d->config.observer.kind == HT_OBSERVER_HYBRID)) {
-            ht_observer_adapt(&d->config.observer, &d->control.observer, d->build_gain);
+            && (d->config->observer.kind == HT_OBSERVER_HYBRID)) {
+            ht_observer_adapt(&d->config->observer, &d->control.observer, d->build_gain);
         }
         return;
     }
     d->slow_faults =
         ht_protect_slow(&d->protect_config, &d->protect, &d->control, d->speed_rpm);
     /* Where nothing adapts, the resistances in use are the configured ones. */
-    ht_observer_adapt(&d->config.observer, &d->control.observer,
-                      (d->config.observer.kind == HT_OBSERVER_HYBRID) ? d->adapt_gain : 0.0f);
+    ht_observer_adapt(&d->config->observer, &d->control.observer,
+                      (d->config->observer.kind == HT_OBSERVER_HYBRID) ? d->adapt_gain : 0.0f);
     keep_off_zero_frequency(d);
     ramp_flux_top(d);
     if (v[HT_P_field_weakening] != 0.0f) {

@@ -1,7 +1,7 @@
 """The `hexatorque` command: every subcommand is one call into the package.
 
-Exit codes: 0 done; 1 it ran, but a drive tripped or did not reach its point,
-or a study found what must not be;
+Exit codes: 0 done; 1 it ran, but a drive tripped or did not reach its point, a study
+found what must not be, or a target differs from the host or does not answer;
 2 the command line, a file or a value is wrong; 130 interrupted.
 """
 
@@ -23,6 +23,7 @@ EXAMPLES = """examples:
   hexatorque run examples/reversal.toml -o out/reversal.npz
   hexatorque setups paper-b                           every value and where it is from
   hexatorque reproduce all                            every figure and table of both papers
+  hexatorque pil --schemes ddr                        the firmware on an emulated Cortex-M4F
   hexatorque verify faults                            2520 faults, and what the gates do
 """
 
@@ -67,6 +68,36 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("-o", "--output", type=Path, metavar="FILE.csv|.npz")
     run.add_argument("--json", action="store_true", help="summary on standard output")
     run.set_defaults(call=_run)
+
+    pil = commands.add_parser(
+        "pil",
+        help="processor in the loop: the firmware on an emulated Cortex-M, held against the host's",
+        description="Run schemes through two seconds of transients, or a scenario, once with the "
+        "firmware on the host and once on an emulated processor, and compare all registers and "
+        "channels bit by bit. Needs gcc-arm-none-eabi and qemu-system-arm.",
+        epilog="examples:\n  hexatorque pil\n  hexatorque pil --setup paper-b --schemes dtc1,dtc3\n"
+        "  hexatorque pil examples/reversal.toml -o out/reversal-pil.npz",
+        formatter_class=raw,
+    )
+    pil.add_argument("scenario", nargs="?", metavar="SCENARIO.toml", help="as for run")
+    pil.add_argument("--setup", metavar="NAME|FILE", help="default: paper-a-feasible")
+    pil.add_argument("--schemes", metavar="A,B,...", help="default: all")
+    pil.add_argument("--speed", type=float, metavar="RPM", help="default: the set-up's point")
+    pil.add_argument("--load", type=float, metavar="NM", help="default: the set-up's point")
+    pil.add_argument(
+        "--latency", metavar="L", help="none, immediate, shadow or predicted; default: the set-up's"
+    )
+    pil.add_argument(
+        "--machine",
+        default="mps2-an386",
+        metavar="NAME",
+        help="mps2-an386 (Cortex-M4F, default), mps2-an500 (Cortex-M7), atmega2560 (16-bit int)",
+    )
+    pil.add_argument("--json", action="store_true", help="results on standard output")
+    pil.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="with a scenario: FILE.csv or FILE.npz"
+    )
+    pil.set_defaults(call=_pil)
 
     setups = commands.add_parser("setups", help="built-in set-ups, each value with its source")
     setups.add_argument("name", nargs="*", metavar="NAME|FILE")
@@ -118,6 +149,23 @@ def _parser() -> argparse.ArgumentParser:
     reproduce.add_argument("--json", action="store_true", help="verdicts on standard output")
     reproduce.add_argument("-o", "--output", type=Path, default=Path("out/papers"), metavar="DIR")
     reproduce.set_defaults(call=_reproduce)
+
+    budget = commands.add_parser(
+        "budget",
+        help="instructions, stack and size of the firmware on embedded processors",
+        description="Count the instructions of the fast interrupt on an emulated Cortex-M4F, its "
+        "stack and the firmware's size, and hold them against firmware/budget.toml. Needs "
+        "gcc-arm-none-eabi and qemu-system-arm.",
+        epilog="examples:\n  hexatorque budget -o docs\n  hexatorque budget --profile ddr",
+        formatter_class=raw,
+    )
+    budget.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
+    budget.add_argument("--profile", metavar="SCHEME", help="where a scheme's instructions go")
+    budget.add_argument("--json", action="store_true")
+    budget.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="write budget.json and budget.md there"
+    )
+    budget.set_defaults(call=_budget)
 
     bench = commands.add_parser("bench", help="speed of the simulation, cost of the firmware")
     bench.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
@@ -232,6 +280,54 @@ def _run(args: argparse.Namespace) -> int:
         print(f"hexatorque: the drive tripped: {', '.join(sim.controller.faults)}", file=sys.stderr)
         return 1
     return 0
+
+
+def _pil(args: argparse.Namespace) -> int:
+    from . import compare, scenario
+    from .targets import pil, process
+
+    console = _console(args.json)
+    if args.machine not in process.MACHINES:
+        known = ", ".join(process.MACHINES)
+        raise scenario.ScenarioError(f"no machine {args.machine!r}: choose from {known}")
+    if args.scenario:
+        given = [f"--{n}" for n in ("setup", "schemes", "speed", "load", "latency")
+                 if getattr(args, n) is not None]  # fmt: skip
+        if given:
+            raise scenario.ScenarioError(f"{', '.join(given)}: not with a scenario file")
+        setup = scenario.load(args.scenario)
+        output = args.output or Path("out") / f"{setup.name}-pil.npz"
+        if output.suffix not in (".csv", ".npz"):
+            raise scenario.ScenarioError(f"{output}: unknown suffix, use .csv or .npz")
+        todo = [(setup, setup.profile, output)]
+    else:
+        setup = compare.at_point(
+            args.setup or "paper-a-feasible", args.speed, args.load, args.latency
+        )
+        output = args.output or Path("out/pil")
+        compare.make_folder(output)
+        each = [setup.changed(controller__scheme=name) for name in _schemes_given(args.schemes)]
+        todo = [
+            (s, pil.transients(s), output / f"recordings/{s.name}-{s['controller.scheme']}.npz")
+            for s in each
+        ]
+    outcomes = []
+    with _progress(console) as bar:
+        total = 2 * sum(profile.duration_s for _, profile, _ in todo)
+        task = bar.add_task(args.machine, total=total)
+        for setup, profile, file in todo:
+            with process.emulator(args.machine) as target:
+                outcome = pil.compare(setup, profile, target, lambda s: bar.advance(task, s))
+            outcome.recording.save(file)
+            outcomes.append(outcome)
+    console.print(pil.table(outcomes))
+    for outcome in outcomes:
+        for line in outcome.failures():
+            console.print(f"[bold red]failed[/] {line}", highlight=False)
+    console.print(f"recordings: {todo[0][2].parent}", highlight=False)
+    if args.json:
+        _print_json([outcome.as_json() for outcome in outcomes])
+    return 1 if any(outcome.failures() for outcome in outcomes) else 0
 
 
 def _setups(args: argparse.Namespace) -> int:
@@ -398,6 +494,33 @@ def _bench(args: argparse.Namespace) -> int:
     return 0
 
 
+def _budget(args: argparse.Namespace) -> int:
+    from . import scenario
+    from .targets import budget, count, tools
+
+    console = _console(args.json)
+    tools.need("arm-none-eabi-gcc", "qemu-system-arm")
+    setup = scenario.load(args.setup)
+    if args.profile:
+        (scheme,) = _schemes_given(args.profile)
+        result = count.profile(setup.changed(controller__scheme=scheme))
+        tables, failures = count.profile_tables(result, scheme), []
+    else:
+        with _progress(console) as bar:
+            task = bar.add_task("counting", total=None)
+            result = budget.measure(setup, lambda seconds: bar.advance(task, seconds))
+        tables, failures = budget.tables(result), budget.exceeded(result, budget.limits())
+        if args.output:
+            budget.write(result, args.output)
+    for table in tables:
+        console.print(table)
+    for line in failures:
+        console.print(f"[bold red]over budget[/] {line}", highlight=False)
+    if args.json:
+        _print_json(result)
+    return 1 if failures else 0
+
+
 def main(argv: list[str] | None = None) -> int:
     """Entry point. A user's mistake ends in one line on standard error."""
     args = _parser().parse_args(argv)
@@ -406,10 +529,11 @@ def main(argv: list[str] | None = None) -> int:
     from .scenario import ScenarioError
     from .sil import DriveFault
     from .study import NotReached
+    from .targets.link import TargetError
 
     try:
         return args.call(args)
-    except (DriveFault, NotReached, ArithmeticError) as error:
+    except (DriveFault, NotReached, TargetError, ArithmeticError) as error:
         print(f"hexatorque: {error}", file=sys.stderr)
         return 1
     except (ScenarioError, FirmwareError, RecordingError) as error:

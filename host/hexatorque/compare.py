@@ -30,6 +30,30 @@ class Comparison:
         return {"runs": [run.as_json() for run in self.runs], "paper": PAPER}
 
 
+def at_point(
+    entry: str | Setup,
+    speed_rpm: float | None = None,
+    load_Nm: float | None = None,
+    latency: str | None = None,
+) -> Setup:
+    """A set-up with what the command line says of its operating point, checked."""
+    setup = entry if isinstance(entry, Setup) else load(entry)
+    if latency:
+        setup = setup.changed(timing__latency=latency)
+    if speed_rpm is not None:
+        setup = setup.changed(point__speed_rpm=speed_rpm)
+    if load_Nm is not None:
+        setup = setup.changed(point__load_Nm=load_Nm)
+    if setup["point.speed_rpm"] == 0:
+        raise ScenarioError(f"{setup.name}: give --speed (not 0) or point.speed_rpm")
+    torque, limit = setup["point.load_Nm"], setup.parameter("torque_limit_Nm")
+    if abs(torque) > limit:
+        raise ScenarioError(
+            f"load {torque:g} N m: allowed range is -{limit:g} .. {limit:g} N m (torque limit)"
+        )
+    return setup
+
+
 def points(
     setups: Iterable[str | Setup],
     schemes: Iterable[str] | None = None,
@@ -42,21 +66,8 @@ def points(
     names = tuple(dict.fromkeys(schemes)) if schemes else firmware.schemes()
     result: list[Point] = []
     for entry in setups:
-        setup = entry if isinstance(entry, Setup) else load(entry)
-        if latency:
-            setup = setup.changed(timing__latency=latency)
-        if speed_rpm is not None:
-            setup = setup.changed(point__speed_rpm=speed_rpm)
-        if load_Nm is not None:
-            setup = setup.changed(point__load_Nm=load_Nm)
+        setup = at_point(entry, speed_rpm, load_Nm, latency)
         speed, torque = setup["point.speed_rpm"], setup["point.load_Nm"]
-        if speed == 0:
-            raise ScenarioError(f"{setup.name}: give --speed (not 0) or point.speed_rpm")
-        limit = setup.parameter("torque_limit_Nm")
-        if abs(torque) > limit:
-            raise ScenarioError(
-                f"load {torque:g} N m: allowed range is -{limit:g} .. {limit:g} N m (torque limit)"
-            )
         own = [setup.changed(controller__scheme=name) for name in names]
         study = [
             setup.changed(controller__scheme=LATENCY_SCHEME, timing__latency=other)

@@ -135,6 +135,10 @@ def _check(result: int, what: str) -> None:
 class Controller:
     """One drive's firmware on its own register file."""
 
+    #: Entry points for compiled callers, arguments `handle` (and the channels' address).
+    entries = ("ht_drive_fast_isr", "ht_drive_slow_isr", "ht_channels_read")
+    processor = "host"
+
     def __init__(self, device: str, values: dict[str, object]) -> None:
         if device not in DEVICES:
             raise FirmwareError(f"device = {device!r}: choose one of {', '.join(DEVICES)}")
@@ -167,6 +171,24 @@ class Controller:
     def handle(self) -> int:
         """Address of the drive, the argument of its entry points."""
         return int(ffi.cast("uintptr_t", self.drive))
+
+    @property
+    def period_counts(self) -> int:
+        return self.drive.config.period_counts
+
+    @property
+    def shadow(self) -> bool:
+        """Does a pattern take effect in the next period?"""
+        return self.drive.config.shadow
+
+    def confirm(self) -> None:
+        """Raise an error if what ran last did not run. Here it always does."""
+
+    def channel(self, name: str) -> float:
+        """Present value of a telemetry channel."""
+        values = ffi.new("float[]", len(channels()))
+        lib.ht_channels_read(self.drive, values)
+        return values[[n for n, _ in channels()].index(name)]
 
     def register_words(self) -> np.ndarray:
         """Live view of the register file below 0x8000, uint16."""

@@ -124,23 +124,29 @@ def _pwm_map(m) -> np.record:
 
 
 class Simulation:
-    """One drive: machine, inverter, sensors and firmware, with the verbs of a drive."""
+    """One drive: machine, inverter, sensors and firmware, with the verbs of a drive.
+    `controller(device, values)` makes the firmware's part: in this process, or elsewhere."""
 
-    def __init__(self, setup: Setup, samples_per_period: int = 4) -> None:
+    def __init__(
+        self,
+        setup: Setup,
+        samples_per_period: int = 4,
+        controller: Callable[..., firmware.Controller] = firmware.Controller,
+    ) -> None:
         self.setup = setup
-        self.controller = firmware.Controller(setup["timing.device"], setup.controller_values())
-        config = self.controller.drive.config
+        self.controller = controller(setup["timing.device"], setup.controller_values())
+        period_counts = self.controller.period_counts
         clock = float(self.controller.map.pwm_clock_Hz)
-        self.period_s = config.period_counts / clock
-        if config.period_counts % samples_per_period:
+        self.period_s = period_counts / clock
+        if period_counts % samples_per_period:
             raise ScenarioError(
-                f"{samples_per_period} samples do not divide {config.period_counts} counts"
+                f"{samples_per_period} samples do not divide {period_counts} counts"
             )
         sample_count = round(setup["sensors.sample_delay_us"] * 1e-6 * clock)
         write_count = round(setup.write_delay_us * 1e-6 * clock)
-        if config.shadow:
+        if self.controller.shadow:
             write_count = max(1, write_count)
-        if not sample_count <= write_count < config.period_counts:
+        if not sample_count <= write_count < period_counts:
             raise ScenarioError(
                 f"sensors.sample_delay_us + timing.isr_us = {write_count / clock * 1e6:.3g} us: "
                 f"must end within the period of {self.period_s * 1e6:.4g} us"
@@ -152,7 +158,7 @@ class Simulation:
         self._timing = record(
             TIMING,
             clock_Hz=clock,
-            period=config.period_counts,
+            period=period_counts,
             sample_count=sample_count,
             write_count=write_count,
             slow_every=round(f_isr / self.controller.get("f_slow_Hz")),
@@ -178,10 +184,9 @@ class Simulation:
         self.periods = 0
         self.wall_s = 0.0
         u64 = types.uint64
-        self._entries = (
-            EntryPoint(firmware.address("ht_drive_fast_isr"), u64),
-            EntryPoint(firmware.address("ht_drive_slow_isr"), u64),
-            EntryPoint(firmware.address("ht_channels_read"), u64, u64),
+        self._entries = tuple(
+            EntryPoint(firmware.address(name), *[u64] * arguments)
+            for name, arguments in zip(self.controller.entries, (1, 1, 2))
         )
         self._plant = _Rows(len(PLANT_CHANNELS))
         self._channels = _Rows(len(firmware.channels()))
@@ -276,6 +281,7 @@ class Simulation:
         began = time.perf_counter()
         self._call(n, plant, channels)
         self.wall_s += time.perf_counter() - began
+        self.controller.confirm()
         if not np.isfinite(self.state).all():
             raise ArithmeticError(
                 f"the simulation diverged before {self.time_s + n * self.period_s:.4g} s: "
@@ -364,6 +370,7 @@ class Simulation:
             "title": self.setup.title,
             "scheme": self.controller.get("scheme"),
             "latency": self.setup["timing.latency"],
+            "processor": self.controller.processor,
             "samples_per_period": per,
             "parameters": self.setup.summary(),
             # Mean switching frequency of a switch: two transitions a cycle, six legs.

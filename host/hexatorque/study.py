@@ -95,7 +95,7 @@ def approach(
 def measure(point: Point, progress: Progress | None = None) -> Run:
     """Steady-state metrics and recording of one point."""
     sim = approach(point, progress)
-    omega = abs(float(sim.controller.drive.control.observer.omega_sync_rad_s))
+    omega = abs(sim.controller.channel("omega_sync_rad_s"))
     cycles_s = CYCLES * 6.2832 / omega if omega > 1.0 else WINDOW_S
     window_s = min(max(WINDOW_S, cycles_s), 10.0)
     sim.wall_s = 0.0

@@ -17,8 +17,7 @@ static void violation(ht_regfile *rf, uint32_t addr, uint16_t kind)
     rf->violations++;
 }
 
-/* Storage of an address, or NULL where the device has nothing. */
-static uint16_t *word(ht_regfile *rf, uint32_t addr)
+uint16_t *ht_regfile_word(ht_regfile *rf, uint32_t addr)
 {
     if (addr < HT_REGFILE_LOW) {
         return &rf->low[addr];
@@ -39,7 +38,7 @@ void ht_regfile_reset(ht_regfile *rf, const void *map)
         rf->low[m->epwm + leg * m->stride + m->tbctl] = TBCTL_RESET;
     }
     if (m->perclkdivsel != 0u) {
-        *word(rf, m->perclkdivsel) = PERCLKDIVSEL_RESET;
+        *ht_regfile_word(rf, m->perclkdivsel) = PERCLKDIVSEL_RESET;
     }
 }
 
@@ -118,7 +117,7 @@ static int is_system_protected(const ht_c2000_map *m, uint32_t addr)
 
 uint16_t ht_regfile_read16(ht_regfile *rf, uint32_t addr)
 {
-    uint16_t *w = word(rf, addr);
+    uint16_t *w = ht_regfile_word(rf, addr);
     count(rf);
     if (w == 0) {
         violation(rf, addr, HT_REG_HOLE);
@@ -130,7 +129,7 @@ uint16_t ht_regfile_read16(ht_regfile *rf, uint32_t addr)
 void ht_regfile_write16(ht_regfile *rf, uint32_t addr, uint16_t value)
 {
     const ht_c2000_map *m = rf->map;
-    uint16_t *w = word(rf, addr);
+    uint16_t *w = ht_regfile_word(rf, addr);
     int32_t offset;
     count(rf);
     if (w == 0) {

@@ -45,6 +45,8 @@ uint16_t ht_regfile_read16(ht_regfile *rf, uint32_t addr);
 void ht_regfile_write16(ht_regfile *rf, uint32_t addr, uint16_t value);
 uint32_t ht_regfile_read32(ht_regfile *rf, uint32_t addr);
 void ht_regfile_write32(ht_regfile *rf, uint32_t addr, uint32_t value);
+/** The storage of an address, or NULL where nothing is: the hardware's side of it. */
+uint16_t *ht_regfile_word(ht_regfile *rf, uint32_t addr);
 void ht_regfile_eallow(ht_regfile *rf, uint16_t on);
 
 #endif

@@ -1,0 +1,17 @@
+# Bare-metal Arm with hard float, single precision. HT_CPU: cortex-m4 or cortex-m7.
+set(CMAKE_SYSTEM_NAME Generic)
+set(CMAKE_SYSTEM_PROCESSOR arm)
+set(CMAKE_C_COMPILER arm-none-eabi-gcc)
+set(CMAKE_OBJDUMP arm-none-eabi-objdump)
+set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
+set(CMAKE_TRY_COMPILE_PLATFORM_VARIABLES HT_CPU)
+
+set(HT_CPU cortex-m4 CACHE STRING "core to compile for")
+if(HT_CPU STREQUAL "cortex-m4")
+  set(fpu fpv4-sp-d16)
+elseif(HT_CPU STREQUAL "cortex-m7")
+  set(fpu fpv5-sp-d16)
+else()
+  message(FATAL_ERROR "HT_CPU = ${HT_CPU}: cortex-m4 or cortex-m7")
+endif()
+set(CMAKE_C_FLAGS_INIT "-mcpu=${HT_CPU} -mthumb -mfpu=${fpu} -mfloat-abi=hard")

@@ -1,0 +1,17 @@
+/** @file ht_pil_side.h
+ *  A target with the C2000 driver and a register model of its own: it tells the host
+ *  which registers changed.
+ */
+#ifndef HT_PIL_SIDE_H
+#define HT_PIL_SIDE_H
+
+#include "ht_frame.h"
+#include "ht_mirror.h"
+#include "ht_port_c2000.h"
+
+typedef struct {
+    ht_regfile registers;
+    ht_mirror mirror;
+} ht_pil_side;
+
+#endif

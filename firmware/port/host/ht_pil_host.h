@@ -1,0 +1,90 @@
+/** @file ht_pil_host.h
+ *  The host's end of processor in the loop, and what looks on from outside. Functions
+ *  of one handle, for the simulation to call in place of the drive's own.
+ */
+#ifndef HT_PIL_HOST_H
+#define HT_PIL_HOST_H
+
+#include "ht_pil.h"
+#include "ht_pil_codes.h"
+
+/** Words of an image: all registers of the mirror, then accesses (32 bits) and
+ *  violations (32 bits) of the register file. */
+#define HT_IMAGE_EXTRA 4
+
+/** Keeps what the registers hold after every period. */
+typedef struct {
+    uint16_t *image;   /**< rows of `width` words, in the caller's memory; NULL: none */
+    uint32_t capacity; /**< rows */
+    uint32_t rows;     /**< filled so far */
+    uint32_t width;
+} ht_log;
+
+/** A drive on the host, watched. */
+typedef struct {
+    ht_drive *drive;
+    ht_regfile *registers;
+    ht_mirror mirror;
+    ht_log log;
+} ht_watch;
+
+/** Begin with a drive that has just been initialised. */
+void ht_watch_init(ht_watch *w, ht_drive *d, ht_regfile *registers);
+/** Entry points: fast and slow interrupt, telemetry channels. The last one ends the
+ *  period and logs it. */
+void ht_watch_fast(ht_watch *w);
+void ht_watch_slow(ht_watch *w);
+void ht_watch_channels(ht_watch *w, float *out);
+
+/** Why a link is down. It stays down: requests then return at once. */
+typedef enum {
+    HT_LINK_UP = 0,
+    HT_LINK_SILENT = 1,  /**< no reply in time */
+    HT_LINK_CLOSED = 2,  /**< the target ended or closed its side */
+    HT_LINK_BROKEN = 3,  /**< a frame did not arrive whole, here or there */
+    HT_LINK_ANSWER = 4,  /**< a reply to something else, or malformed */
+    HT_LINK_REFUSED = 5, /**< the target does not take such a request */
+    HT_LINK_PARTED = 6   /**< host and target see different hardware */
+} ht_link_error;
+
+/** A drive on a target. */
+typedef struct {
+    ht_regfile registers;  /**< the plant's side of the target's registers */
+    ht_mirror mirror;
+    ht_log log;
+    ht_port port;          /**< driver for a target that tells calls */
+    uint16_t calls;        /**< 1: the target tells calls, 0: register changes */
+    uint16_t input[HT_INPUTS]; /**< of the latest request to such a target */
+    ht_pil *local;         /**< a target in this process, or NULL */
+    int to_target;         /**< file descriptors, if not local */
+    int from_target;
+    int timeout_ms;
+    uint16_t error;        /**< ht_link_error */
+    uint16_t number;       /**< of the latest request */
+    uint16_t result;       /**< what follows: of the latest reply */
+    uint16_t state;
+    uint16_t faults;
+    float value;
+    float channels[HT_PIL_CHANNELS];
+    uint32_t flip_request; /**< octet, from 1, of the next request to be spoilt; 0 = none */
+    ht_frame request;
+    ht_frame incoming;     /**< of a local target */
+    ht_frame reply;
+    unsigned char octets[2 * (3 + 512 + 2)];
+} ht_link;
+
+/** Forget everything but the connection. */
+void ht_link_reset(ht_link *l);
+/** Who is there: fills HT_PIL_IDENTITY words. First of all: it tells what kind of target
+ *  that is. */
+void ht_link_hello(ht_link *l, uint16_t *identity);
+/** A new drive; registers start from reset on both sides. */
+void ht_link_init(ht_link *l, uint16_t device, const ht_params *p);
+/** One request; `result`, `value` and the rest of the link hold the reply. */
+void ht_link_request(ht_link *l, uint16_t type, uint16_t argument, float value);
+/** Entry points, as those of `ht_watch`. */
+void ht_link_fast(ht_link *l);
+void ht_link_slow(ht_link *l);
+void ht_link_channels(ht_link *l, float *out);
+
+#endif

@@ -1,0 +1,19 @@
+#!/bin/sh
+# Install the cross compilers and emulators of the targets, as far as they are missing.
+# Debian and Ubuntu; needs root. `make test-targets` says what is missing and installs nothing.
+set -eu
+
+missing=""
+need() { # program or header, packages
+    command -v "$1" >/dev/null 2>&1 || [ -e "/usr/include/$1" ] || missing="$missing $2"
+}
+need arm-none-eabi-gcc "gcc-arm-none-eabi libnewlib-arm-none-eabi"
+need qemu-system-arm "qemu-system-arm"
+need avr-gcc "gcc-avr avr-libc"
+need simavr/sim_avr.h "libsimavr-dev libelf-dev"
+if [ -n "$missing" ]; then
+    echo "targets: installing$missing with apt"
+    apt-get update -qq
+    # shellcheck disable=SC2086
+    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $missing >/dev/null
+fi
