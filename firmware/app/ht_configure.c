@@ -181,5 +181,6 @@ ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_confi
     setup->period_counts = config->period_counts;
     setup->dead_counts = (uint16_t)(p->v[HT_P_dead_time_us] * 1.0e-6f * clock_Hz + 0.5f);
     setup->shadow = config->shadow;
+    setup->slow_Hz = p->v[HT_P_f_slow_Hz];
     return ht_port_accepts(port, setup) ? HT_OK : HT_ERROR_PORT;
 }
