@@ -31,7 +31,7 @@ void ht_eqep_start(ht_port *port)
     HT_WR16(port->io, eqep + QDECCTL, 0u); /* quadrature, inputs as they are */
     HT_WR32(port->io, eqep + QPOSMAX, 0xFFFFFFFFu);
     HT_WR16(port->io, eqep + QEPCTL, QEPCTL_FREE_RUN | QEPCTL_PCRM_MAX | QEPCTL_QPEN);
-    HT_WR16(port->io, eqep + QCAPCTL, 0u); /* the prescalers change while it is off only */
+    /* The prescalers change while it is off only. */
     HT_WR16(port->io, eqep + QCAPCTL, QCAPCTL_CCPS_128 | QCAPCTL_UPPS_4);
     HT_WR16(port->io, eqep + QCAPCTL, QCAPCTL_CEN | QCAPCTL_CCPS_128 | QCAPCTL_UPPS_4);
 }

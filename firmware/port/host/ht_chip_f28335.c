@@ -73,7 +73,7 @@ static const ht_register adc[] = {
         "7-6 ADCBGRFDN, 5 ADCPWDN, 4-1 ADCCLKPS, 0 SMODE_SEL"),
     REG("ADCST", 0x19u, 0u, 0x0030u, HT_FX_ADCST, 0u, 0u,
         "7 EOS_BUF2, 6 EOS_BUF1, 3 SEQ2_BSY, 2 SEQ1_BSY, 1 INT_SEQ2, 0 INT_SEQ1"),
-    PLAIN("ADCREFSEL", 0x1Cu, 0xFFFFu, "15-14 REF_SEL"),
+    PLAIN("ADCREFSEL", 0x1Cu, 0xC000u, "15-14 REF_SEL"),
     PLAIN("ADCOFFTRIM", 0x1Du, 0x01FFu, "8-0 OFFSET_TRIM"),
 };
 
@@ -128,7 +128,7 @@ static const ht_register flash[] = {
 static const ht_module modules[] = {
     {"FLASH", 0x0A80u, 0u, 1u, 1u, 0u, 0u, flash, COUNT(flash)},
     {"TIMER0", 0x0C00u, 0u, 1u, 1u, 0x7020u, 8u, ht_registers_timer, HT_TIMER_REGISTERS},
-    {"PIE", 0x0CE0u, 0u, 1u, 1u, 0u, 0u, ht_registers_pie, HT_PIE_REGISTERS},
+    {"PIE", 0x0CE0u, 0u, 1u, 1u, 0u, 0u, ht_registers_pie_8, HT_PIE_REGISTERS},
     {"VECTOR", 0x0D00u, 2u, 128u, 0u, 0u, 0u, ht_register_vector, 1u},
     {"EPWM", 0x6800u, 0x40u, 6u, 1u, 0x701Du, 0u, epwm, COUNT(epwm)},
     {"EQEP1", 0x6B00u, 0u, 1u, 1u, 0x701Du, 14u, ht_registers_eqep, HT_EQEP_REGISTERS},
@@ -147,6 +147,7 @@ const ht_chip ht_chip_f28335 = {
     .epwm = 0x6800u,
     .epwm_stride = 0x40u,
     .tzctl = 0x14u,
+    .tzeint = 0x15u,
     .tzflg = 0x16u,
     .dbctl = 0x0Fu,
     .etsel = 0x19u,

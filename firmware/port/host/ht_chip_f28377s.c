@@ -226,7 +226,7 @@ static const ht_register pump[] = {
 static const ht_module modules[] = {
     {"ADCA", 0x0B00u, 0u, 1u, 1u, 0x5D33Cu, 0u, adc_result, COUNT(adc_result)},
     {"TIMER0", 0x0C00u, 0u, 1u, 1u, 0x5D322u, 3u, ht_registers_timer, HT_TIMER_REGISTERS},
-    {"PIE", 0x0CE0u, 0u, 1u, 1u, 0u, 0u, ht_registers_pie, HT_PIE_REGISTERS},
+    {"PIE", 0x0CE0u, 0u, 1u, 1u, 0u, 0u, ht_registers_pie_16, HT_PIE_REGISTERS},
     {"VECTOR", 0x0D00u, 2u, 224u, 0u, 0u, 0u, ht_register_vector, 1u},
     {"EPWM", 0x4000u, 0x100u, 12u, 1u, 0x5D326u, 0u, epwm, COUNT(epwm)},
     {"EQEP1", 0x5100u, 0u, 1u, 1u, 0x5D32Au, 0u, ht_registers_eqep, HT_EQEP_REGISTERS},
@@ -254,6 +254,7 @@ const ht_chip ht_chip_f28377s = {
     .epwm = 0x4000u,
     .epwm_stride = 0x100u,
     .tzctl = 0x84u,
+    .tzeint = 0x8Du,
     .tzflg = 0x93u,
     .dbctl = 0x0Cu,
     .etsel = 0xA4u,

@@ -179,7 +179,11 @@ static void count(ht_regfile *rf)
     rf->accesses++;
     if (rf->accesses == rf->event_at) {
         rf->event_at = 0u;
-        ht_regfile_end_of_sequence(rf);
+        if (rf->event_timer != 0u) {
+            (void)ht_regfile_timer(rf);
+        } else {
+            ht_regfile_end_of_sequence(rf);
+        }
     }
 }
 
@@ -214,24 +218,36 @@ static void check_set_up(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint3
     }
 }
 
-static void store(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint32_t value)
+/* A command register leaves its mark elsewhere. */
+static void set_at(ht_regfile *rf, const ht_bound *b, uint32_t value)
+{
+    uint32_t at = b->base + b->reg->at;
+    ht_model_poke(rf, at, b->reg->bits, value);
+    ((ht_bound *)bound_at(rf, at))->written = 1u;
+}
+
+static void store(ht_regfile *rf, ht_bound *b, uint32_t addr, uint32_t value)
 {
     const ht_register *reg = b->reg;
     uint32_t old = ht_model_peek(rf, addr, reg->bits);
     uint32_t ones = value & reg->writable;
     uint32_t at = b->base + reg->at;
+    b->written = 1u;
     switch (reg->what) {
     case HT_ONES_CLEAR:
         ht_model_poke(rf, addr, reg->bits, old & ~ones);
         break;
     case HT_ONES_CLEAR_AT:
-        ht_model_poke(rf, at, reg->bits, ht_model_peek(rf, at, reg->bits) & ~ones);
+        b->written = 0u;
+        set_at(rf, b, ht_model_peek(rf, at, reg->bits) & ~ones);
         break;
     case HT_ONES_SET_AT:
-        if ((at == (b->base + rf->chip->tzflg)) && (ones != 0u)) {
-            ones |= TZ_INT;
+        if ((at == (b->base + rf->chip->tzflg))
+            && ((ones & ht_model_peek(rf, b->base + rf->chip->tzeint, 16u)) != 0u)) {
+            ones |= TZ_INT; /* a trip that interrupts */
         }
-        ht_model_poke(rf, at, reg->bits, ht_model_peek(rf, at, reg->bits) | ones);
+        b->written = 0u;
+        set_at(rf, b, ht_model_peek(rf, at, reg->bits) | ones);
         break;
     case HT_PLAIN:
         ht_model_poke(rf, addr, reg->bits, (old & ~reg->writable) | ones);
@@ -267,7 +283,6 @@ static void write_checked(ht_regfile *rf, uint32_t addr, uint32_t value, uint16_
     }
     check_set_up(rf, b, addr, value);
     store(rf, b, addr, value);
-    b->written = 1u;
     if ((b->reg->what == HT_PLAIN) && (b->reg->flags == 0u) && (bits == 16u)) {
         rf->open[place(addr)] = (uint16_t)b->reg->writable;
     }
@@ -323,6 +338,9 @@ void ht_regfile_write32(ht_regfile *rf, uint32_t addr, uint32_t value)
 
 void ht_regfile_eallow(ht_regfile *rf, uint16_t on)
 {
+    if ((on != 0u) && (rf->eallow != 0u)) { /* harmless, but someone forgot an EDIS */
+        ht_model_violation(rf, 0u, 0u, HT_REG_ORDER, "EALLOW was on already");
+    }
     rf->eallow = on;
 }
 

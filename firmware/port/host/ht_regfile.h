@@ -26,6 +26,7 @@
 #define HT_REGFILE_GATES 40
 #define HT_REGFILE_LOG 16
 #define HT_REGFILE_VECTORS 224
+#define HT_REGFILE_ISRS 8
 #define HT_REGFILE_FIFO 16
 #define HT_REGFILE_LINE 64
 
@@ -79,6 +80,7 @@ typedef struct ht_regfile {
     uint16_t eallow;                  /* 1 while protected writes are allowed */
     uint32_t accesses;                /* all reads and writes */
     uint32_t event_at;                /* a conversion sequence ends before this access; 0 = never */
+    uint16_t event_timer;             /* 1: it is CPU timer 0 instead */
     uint32_t violations;
     uint32_t first_address;           /* of the first violation */
     uint16_t first_kind;
@@ -87,6 +89,7 @@ typedef struct ht_regfile {
     uint16_t intm;                    /* 1: interrupts masked */
     uint16_t ier;
     void (*vector[HT_REGFILE_VECTORS])(void);
+    void (*isr[HT_REGFILE_ISRS])(void); /* those in `vector`, in the order of their coming */
     uint16_t depth;                   /* interrupts within interrupts */
     uint16_t deepest;
     /* Time and watchdog */
@@ -98,7 +101,8 @@ typedef struct ht_regfile {
     /* PLL */
     uint16_t looks;                   /* at the lock flag until it shows */
     uint16_t locks;
-    uint16_t never_locks;             /* planted */
+    uint16_t never_locks;             /* planted: it does not */
+    uint16_t slips;                   /* planted: it slips */
     /* ADC */
     uint16_t calibrated;
     uint16_t powered;

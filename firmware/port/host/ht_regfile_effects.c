@@ -430,7 +430,7 @@ uint32_t ht_model_read(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint32_
         result = look(rf, addr, 16u, value);
         break;
     case HT_FX_PLLLOCK:
-        result = look(rf, addr, 32u, value);
+        result = look(rf, addr, 32u, value) | ((rf->slips != 0u) ? 2u : 0u);
         break;
     case HT_FX_SCIRXBUF:
         result = first_out(rf->sci_in, &rf->sci_in_count) & 0x00FFu;

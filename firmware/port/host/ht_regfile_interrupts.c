@@ -63,11 +63,21 @@ static void request(ht_regfile *rf, uint16_t line)
     ht_model_serve(rf);
 }
 
+/* Functions are numbered as they come: their addresses differ from run to run. */
+static uint32_t number_of(ht_regfile *rf, void (*isr)(void))
+{
+    uint32_t n = 0u;
+    while ((n < (HT_REGFILE_ISRS - 1u)) && (rf->isr[n] != 0) && (rf->isr[n] != isr)) {
+        n++;
+    }
+    rf->isr[n] = isr;
+    return n + 1u;
+}
+
 void ht_regfile_vector(ht_regfile *rf, uint32_t addr, void (*isr)(void))
 {
     uint32_t n = (addr - PIEVECT) / 2u;
-    /* The table shows where a vector leads: its own number, as pointers differ from run to run. */
-    ht_regfile_write32(rf, addr, n);
+    ht_regfile_write32(rf, addr, number_of(rf, isr));
     if ((rf->eallow != 0u) && (addr >= PIEVECT) && (n < HT_REGFILE_VECTORS)) {
         rf->vector[n] = isr;
     }

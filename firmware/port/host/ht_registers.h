@@ -79,6 +79,7 @@ typedef struct {
     uint32_t epwm;           /**< ePWM1, distance to the next one, and offsets */
     uint16_t epwm_stride;
     uint16_t tzctl;
+    uint16_t tzeint;
     uint16_t tzflg;
     uint16_t dbctl;
     uint16_t etsel;
@@ -101,7 +102,9 @@ extern const ht_chip ht_chip_f28377s;
 extern const ht_register ht_registers_eqep[HT_EQEP_REGISTERS];
 extern const ht_register ht_registers_sci[HT_SCI_REGISTERS];
 extern const ht_register ht_registers_timer[HT_TIMER_REGISTERS];
-extern const ht_register ht_registers_pie[HT_PIE_REGISTERS];
+/** Interrupt controller: 8 or 16 interrupts a group. */
+extern const ht_register ht_registers_pie_8[HT_PIE_REGISTERS];
+extern const ht_register ht_registers_pie_16[HT_PIE_REGISTERS];
 extern const ht_register ht_register_vector[1];
 
 /* Table rows: plain, with flags, ... */

@@ -62,26 +62,19 @@ const ht_register ht_registers_timer[HT_TIMER_REGISTERS] = {
     REG("TPRH", 0x7u, 0u, 0x00FFu, HT_PLAIN, 0u, 0u, "15-8 PSCH, 7-0 TDDRH"),
 };
 
-#define GROUP(n, offset, bits)                                                             \
-    REG("PIEIER" n, offset, 0u, bits, HT_FX_PIE, 0u, 0u, "6 INTx7, 0 INTx1"),               \
+#define GROUP(n, offset, bits)                                                 \
+    REG("PIEIER" n, offset, 0u, bits, HT_FX_PIE, 0u, 0u, "6 INTx7, 0 INTx1"),   \
         REG("PIEIFR" n, (offset) + 1u, 0u, bits, HT_FX_PIE, 0u, 0u, "6 INTx7, 0 INTx1")
+#define PIE(bits)                                                             \
+    REG("PIECTRL", 0x00u, 0u, 0x0001u, HT_FX_PIE, 0u, 0u, "15-1 PIEVECT, 0 ENPIE"), \
+        REG("PIEACK", 0x01u, 0u, 0x0FFFu, HT_ONES_CLEAR, 0u, 0u, ""),         \
+        GROUP("1", 0x02u, bits), GROUP("2", 0x04u, bits), GROUP("3", 0x06u, bits), \
+        GROUP("4", 0x08u, bits), GROUP("5", 0x0Au, bits), GROUP("6", 0x0Cu, bits), \
+        GROUP("7", 0x0Eu, bits), GROUP("8", 0x10u, bits), GROUP("9", 0x12u, bits), \
+        GROUP("10", 0x14u, bits), GROUP("11", 0x16u, bits), GROUP("12", 0x18u, bits)
 
-const ht_register ht_registers_pie[HT_PIE_REGISTERS] = {
-    REG("PIECTRL", 0x00u, 0u, 0x0001u, HT_FX_PIE, 0u, 0u, "15-1 PIEVECT, 0 ENPIE"),
-    REG("PIEACK", 0x01u, 0u, 0x0FFFu, HT_ONES_CLEAR, 0u, 0u, ""),
-    GROUP("1", 0x02u, 0xFFFFu),
-    GROUP("2", 0x04u, 0xFFFFu),
-    GROUP("3", 0x06u, 0xFFFFu),
-    GROUP("4", 0x08u, 0xFFFFu),
-    GROUP("5", 0x0Au, 0xFFFFu),
-    GROUP("6", 0x0Cu, 0xFFFFu),
-    GROUP("7", 0x0Eu, 0xFFFFu),
-    GROUP("8", 0x10u, 0xFFFFu),
-    GROUP("9", 0x12u, 0xFFFFu),
-    GROUP("10", 0x14u, 0xFFFFu),
-    GROUP("11", 0x16u, 0xFFFFu),
-    GROUP("12", 0x18u, 0xFFFFu),
-};
+const ht_register ht_registers_pie_8[HT_PIE_REGISTERS] = {PIE(0x00FFu)};
+const ht_register ht_registers_pie_16[HT_PIE_REGISTERS] = {PIE(0xFFFFu)};
 
 const ht_register ht_register_vector[1] = {
     REG32("", 0x0u, 0u, 0xFFFFFFFFu, HT_PLAIN, HT_EALLOWED, 0u, ""),
