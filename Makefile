@@ -4,6 +4,7 @@
 #   make test    all tests, C and Python
 #   make bench   speed of the simulation, instructions of the firmware
 #   make lint    formatting and static checks
+#   make check-c static checks of the C: warnings, 16-bit machine, cppcheck, MISRA
 #   make clean   remove what the above made
 
 VENV := .venv
@@ -13,11 +14,11 @@ SOURCES := $(shell find firmware host cmake -type f ! -name '*.pyc' ! -name '*.s
 C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
 JOBS ?= 2
 
-.PHONY: help demo test test-c sanitize bench lint clean
+.PHONY: help demo test test-c test-targets sanitize bench lint check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,7s/^# \{0,1\}//p' Makefile
+	@sed -n '3,8s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -49,6 +50,13 @@ bench: build/host/.built
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+# Names a tool that is missing and how to get it.
+check-c: $(VENV)/.installed
+	$(BIN)/python tools/check_c.py
+
+# What stands in for a target's own compiler.
+test-targets: check-c
 
 clean:
 	rm -rf $(VENV) build out

@@ -45,7 +45,7 @@
 #define LOW_HALF 0x0000FFFFu
 #define POWER_UP_F28377S_US 1000u
 
-static void start_f28335(ht_port *port)
+static void start_adc_f28335(ht_port *port)
 {
     const uint16_t *channel = port->board->channel;
     uint16_t n;
@@ -85,7 +85,7 @@ static void trim_f28377s(ht_port *port)
     HT_WR32(port->io, ADCINLTRIM5, HT_RD32(port->io, ADCINLTRIM5) & ~(uint32_t)LOW_HALF);
 }
 
-static void start_f28377s(ht_port *port)
+static void start_adc_f28377s(ht_port *port)
 {
     uint16_t n;
     HT_EALLOW(port->io);
@@ -107,9 +107,9 @@ static void start_f28377s(ht_port *port)
 void ht_adc_start(ht_port *port)
 {
     if (port->map->device == HT_F28335) {
-        start_f28335(port);
+        start_adc_f28335(port);
     } else {
-        start_f28377s(port);
+        start_adc_f28377s(port);
     }
 }
 

@@ -1,4 +1,5 @@
 /* Clocks of the F28335: 30 MHz x 10 / 2 = 150 MHz. */
+#include "ht_change.h"
 #include "ht_drivers.h"
 
 #define PLLSTS 0x7011u
@@ -25,13 +26,7 @@
 /* A lock takes 131072 crystal periods, 4.4 ms; a look takes a few CPU cycles. */
 #define LOOKS 60000u
 
-static void change(ht_port *port, uint32_t address, uint16_t clear, uint16_t set)
-{
-    uint16_t kept = (uint16_t)(HT_RD16(port->io, address) & (uint16_t)~clear);
-    HT_WR16(port->io, address, (uint16_t)(kept | set));
-}
-
-static bool lock(ht_port *port)
+static bool lock(const ht_port *port)
 {
     uint16_t looks = 0u;
     while ((HT_RD16(port->io, PLLSTS) & PLLSTS_PLLLOCKS) == 0u) {
@@ -50,18 +45,18 @@ bool ht_clock_start_f28335(ht_port *port)
         return false; /* the crystal does not swing: this is the emergency clock */
     }
     HT_EALLOW(port->io);
-    change(port, PLLSTS, PLLSTS_DIVSEL, 0u); /* before PLLCR may change */
-    change(port, PLLSTS, 0u, PLLSTS_MCLKOFF); /* nor may anyone miss a clock meanwhile */
+    ht_change16(port->io, PLLSTS, PLLSTS_DIVSEL, 0u); /* before PLLCR may change */
+    ht_change16(port->io, PLLSTS, 0u, PLLSTS_MCLKOFF); /* nor may anyone miss a clock meanwhile */
     HT_WR16(port->io, PLLCR, port->board->pll_multiplier);
     locked = lock(port);
-    change(port, PLLSTS, PLLSTS_MCLKOFF, 0u);
+    ht_change16(port->io, PLLSTS, PLLSTS_MCLKOFF, 0u);
     if (locked) {
-        change(port, PLLSTS, PLLSTS_DIVSEL, PLLSTS_DIVSEL_2);
+        ht_change16(port->io, PLLSTS, PLLSTS_DIVSEL, PLLSTS_DIVSEL_2);
         HT_WR16(port->io, HISPCP, HISPCP_6);
         HT_WR16(port->io, LOSPCP, LOSPCP_2);
-        change(port, PCLKCR0, PCLKCR0_TBCLKSYNC, PCLKCR0_ADC | PCLKCR0_SCIA);
-        change(port, PCLKCR1, 0u, (uint16_t)(PCLKCR1_EQEP1 | port->board->modules));
-        change(port, PCLKCR3, 0u, PCLKCR3_CPUTIMER0 | PCLKCR3_GPIOIN);
+        ht_change16(port->io, PCLKCR0, PCLKCR0_TBCLKSYNC, PCLKCR0_ADC | PCLKCR0_SCIA);
+        ht_change16(port->io, PCLKCR1, 0u, (uint16_t)(PCLKCR1_EQEP1 | port->board->modules));
+        ht_change16(port->io, PCLKCR3, 0u, PCLKCR3_CPUTIMER0 | PCLKCR3_GPIOIN);
     }
     HT_EDIS(port->io);
     HT_SETTLE(port->io);
@@ -71,6 +66,6 @@ bool ht_clock_start_f28335(ht_port *port)
 void ht_clock_pwm_f28335(ht_port *port, bool run)
 {
     HT_EALLOW(port->io);
-    change(port, PCLKCR0, PCLKCR0_TBCLKSYNC, run ? PCLKCR0_TBCLKSYNC : 0u);
+    ht_change16(port->io, PCLKCR0, PCLKCR0_TBCLKSYNC, run ? PCLKCR0_TBCLKSYNC : 0u);
     HT_EDIS(port->io);
 }

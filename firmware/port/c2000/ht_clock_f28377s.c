@@ -1,5 +1,6 @@
 /* Clocks of the F28377S: crystal x multiplier = 400 MHz, / 2 = 200 MHz. All these
  * registers have 32 bits. */
+#include "ht_change.h"
 #include "ht_drivers.h"
 
 #define CLKSRCCTL1 0x5D208u
@@ -35,15 +36,10 @@
 #define LOCKS 5u
 #define LOOKS 60000u
 
-static void change(ht_port *port, uint32_t address, uint32_t clear, uint32_t set)
-{
-    HT_WR32(port->io, address, (HT_RD32(port->io, address) & ~clear) | set);
-}
-
 static bool lock(ht_port *port)
 {
     uint16_t looks = 0u;
-    change(port, SYSPLLCTL1, PLLEN, 0u);
+    ht_change32(port->io, SYSPLLCTL1, PLLEN, 0u);
     HT_WAIT_US(port->io, 1u);
     HT_WR32(port->io, SYSPLLMULT, port->board->pll_multiplier); /* starts the PLL as well */
     while ((HT_RD32(port->io, SYSPLLSTS) & PLL_LOCKS) == 0u) {
@@ -58,23 +54,23 @@ static bool lock(ht_port *port)
 static bool start_pll(ht_port *port)
 {
     uint16_t n;
-    change(port, CLKSRCCTL1, XTALOFF, 0u);
+    ht_change32(port->io, CLKSRCCTL1, XTALOFF, 0u);
     HT_WAIT_US(port->io, 2u); /* 300 cycles between two writes of CLKSRCCTL1 */
-    change(port, CLKSRCCTL1, OSCCLKSRCSEL, OSCCLKSRCSEL_XTAL);
+    ht_change32(port->io, CLKSRCCTL1, OSCCLKSRCSEL, OSCCLKSRCSEL_XTAL);
     HT_WAIT_US(port->io, 2u);
-    change(port, SYSPLLCTL1, PLLCLKEN, 0u);
+    ht_change32(port->io, SYSPLLCTL1, PLLCLKEN, 0u);
     HT_WAIT_US(port->io, 12u); /* 120 crystal periods from PLL to crystal */
-    change(port, SYSCLKDIVSEL, PLLSYSCLKDIV, 0u);
+    ht_change32(port->io, SYSCLKDIVSEL, PLLSYSCLKDIV, 0u);
     for (n = 0u; n < LOCKS; n++) {
         if (!lock(port)) {
             return false;
         }
     }
     /* By way of a quarter: half the step in supply current. */
-    change(port, SYSCLKDIVSEL, PLLSYSCLKDIV, 2u);
-    change(port, SYSPLLCTL1, 0u, PLLCLKEN);
+    ht_change32(port->io, SYSCLKDIVSEL, PLLSYSCLKDIV, 2u);
+    ht_change32(port->io, SYSPLLCTL1, 0u, PLLCLKEN);
     HT_WAIT_US(port->io, 2u);
-    change(port, SYSCLKDIVSEL, PLLSYSCLKDIV, 1u);
+    ht_change32(port->io, SYSCLKDIVSEL, PLLSYSCLKDIV, 1u);
     return (HT_RD32(port->io, SYSPLLSTS) & PLL_SLIPS) == 0u;
 }
 
@@ -84,13 +80,13 @@ bool ht_clock_start_f28377s(ht_port *port)
     HT_EALLOW(port->io);
     locked = start_pll(port);
     if (locked) {
-        change(port, PERCLKDIVSEL, EPWMCLKDIV, EPWMCLKDIV_2);
+        ht_change32(port->io, PERCLKDIVSEL, EPWMCLKDIV, EPWMCLKDIV_2);
         HT_WR32(port->io, LOSPCP, LSPCLKDIV_4);
-        change(port, PCLKCR0, PCLKCR0_TBCLKSYNC, PCLKCR0_CPUTIMER0);
-        change(port, PCLKCR2, 0u, port->board->modules);
-        change(port, PCLKCR4, 0u, PCLKCR4_EQEP1);
-        change(port, PCLKCR7, 0u, PCLKCR7_SCIA);
-        change(port, PCLKCR13, 0u, PCLKCR13_ADCA);
+        ht_change32(port->io, PCLKCR0, PCLKCR0_TBCLKSYNC, PCLKCR0_CPUTIMER0);
+        ht_change32(port->io, PCLKCR2, 0u, port->board->modules);
+        ht_change32(port->io, PCLKCR4, 0u, PCLKCR4_EQEP1);
+        ht_change32(port->io, PCLKCR7, 0u, PCLKCR7_SCIA);
+        ht_change32(port->io, PCLKCR13, 0u, PCLKCR13_ADCA);
     }
     HT_EDIS(port->io);
     HT_SETTLE(port->io);
@@ -100,6 +96,6 @@ bool ht_clock_start_f28377s(ht_port *port)
 void ht_clock_pwm_f28377s(ht_port *port, bool run)
 {
     HT_EALLOW(port->io);
-    change(port, PCLKCR0, PCLKCR0_TBCLKSYNC, run ? PCLKCR0_TBCLKSYNC : 0u);
+    ht_change32(port->io, PCLKCR0, PCLKCR0_TBCLKSYNC, run ? PCLKCR0_TBCLKSYNC : 0u);
     HT_EDIS(port->io);
 }

@@ -1,5 +1,6 @@
 /* Flash wait states. The drive runs from RAM; the flash serves the start and
  * constants that were left there. These functions must not run from the flash. */
+#include "ht_change.h"
 #include "ht_drivers.h"
 
 /* F28335 */
@@ -32,7 +33,7 @@
 #define FRDCNTL_RWAIT_200_MHZ 0x00000300u
 #define ECC_ON 0x0000000Au
 
-static void start_f28335(ht_port *port)
+static void start_flash_f28335(ht_port *port)
 {
     HT_EALLOW(port->io);
     HT_WR16(port->io, FOPT, FOPT_ENPIPE);
@@ -43,21 +44,16 @@ static void start_f28335(ht_port *port)
     HT_EDIS(port->io);
 }
 
-static void change(ht_port *port, uint32_t address, uint32_t clear, uint32_t set)
-{
-    HT_WR32(port->io, address, (HT_RD32(port->io, address) & ~clear) | set);
-}
-
-static void start_f28377s(ht_port *port)
+static void start_flash_f28377s(ht_port *port)
 {
     HT_EALLOW(port->io);
     HT_WR32(port->io, PUMPREQUEST, PUMP_KEY | PUMP_BANK0);
-    change(port, FBAC, FBAC_VREADST, FBAC_VREADST_FASTEST);
-    change(port, FPAC1, 0u, FPAC1_PMPPWR);
-    change(port, FBFALLBACK, 0u, FBFALLBACK_ACTIVE);
-    change(port, FRD_INTF_CTRL, PREFETCH_AND_CACHE, 0u); /* off while wait states change */
-    change(port, FRDCNTL, FRDCNTL_RWAIT, FRDCNTL_RWAIT_200_MHZ);
-    change(port, FRD_INTF_CTRL, 0u, PREFETCH_AND_CACHE);
+    ht_change32(port->io, FBAC, FBAC_VREADST, FBAC_VREADST_FASTEST);
+    ht_change32(port->io, FPAC1, 0u, FPAC1_PMPPWR);
+    ht_change32(port->io, FBFALLBACK, 0u, FBFALLBACK_ACTIVE);
+    ht_change32(port->io, FRD_INTF_CTRL, PREFETCH_AND_CACHE, 0u); /* off while wait states change */
+    ht_change32(port->io, FRDCNTL, FRDCNTL_RWAIT, FRDCNTL_RWAIT_200_MHZ);
+    ht_change32(port->io, FRD_INTF_CTRL, 0u, PREFETCH_AND_CACHE);
     HT_WR32(port->io, ECC_ENABLE, ECC_ON);
     HT_WR32(port->io, PUMPREQUEST, PUMP_KEY);
     HT_EDIS(port->io);
@@ -66,9 +62,9 @@ static void start_f28377s(ht_port *port)
 void ht_flash_start(ht_port *port)
 {
     if (port->map->device == HT_F28335) {
-        start_f28335(port);
+        start_flash_f28335(port);
     } else {
-        start_f28377s(port);
+        start_flash_f28377s(port);
     }
     HT_SETTLE(port->io); /* the last write is through before anything is fetched */
 }

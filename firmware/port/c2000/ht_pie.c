@@ -45,6 +45,7 @@ void ht_pie_start(ht_port *port, ht_isr fast, ht_isr slow, ht_isr unexpected)
 
 void ht_pie_enable(ht_port *port)
 {
+    (void)port; /* CPU registers only */
     HT_IER_WRITE(port->io, GROUP1);
     HT_EINT(port->io);
 }

@@ -1,5 +1,6 @@
 /* Pin multiplexers. After reset every pin is an input; on the F28335 the pull-ups of
  * GPIO0..11 are off, on the F28377S all are: a gate driver's own pull-down decides. */
+#include "ht_change.h"
 #include "ht_drivers.h"
 
 /* Words from a port's first register; the second half of its 32 pins is 2 further. */
@@ -13,11 +14,6 @@
 /* F28377S: trip zone 1 listens to input 1 of the crossbar. */
 #define INPUT1SELECT 0x7900u
 
-static void change(ht_port *port, uint32_t address, uint32_t clear, uint32_t set)
-{
-    HT_WR32(port->io, address, (HT_RD32(port->io, address) & ~clear) | set);
-}
-
 static void set_up(ht_port *port, const ht_pin *pin, uint32_t qualify, bool pull_up)
 {
     uint32_t first = port->map->gpio + ((uint32_t)(pin->gpio / 32u) * port->map->gpio_stride);
@@ -27,13 +23,13 @@ static void set_up(ht_port *port, const ht_pin *pin, uint32_t qualify, bool pull
     uint16_t shift = (uint16_t)(2u * (place % 16u));
     uint32_t field = (uint32_t)3u << shift;
     uint32_t mux = pin->mux;
-    change(port, first + GPYPUD, bit, pull_up ? 0u : bit);
-    change(port, half + GPYQSEL1, field, qualify << shift);
-    change(port, first + GPYDIR, bit, 0u); /* for the pins that stay GPIO: input */
+    ht_change32(port->io, first + GPYPUD, bit, pull_up ? 0u : bit);
+    ht_change32(port->io, half + GPYQSEL1, field, qualify << shift);
+    ht_change32(port->io, first + GPYDIR, bit, 0u); /* for the pins that stay GPIO: input */
     if (port->map->device == HT_F28377S) { /* group first: no other function in between */
-        change(port, half + GPYGMUX1, field, (mux >> 2) << shift);
+        ht_change32(port->io, half + GPYGMUX1, field, (mux >> 2) << shift);
     }
-    change(port, half + GPYMUX1, field, (mux & 3u) << shift);
+    ht_change32(port->io, half + GPYMUX1, field, (mux & 3u) << shift);
 }
 
 void ht_pins_start(ht_port *port)

@@ -6,6 +6,7 @@
  *  Addresses are word addresses; a word has 16 bits. `io` is the handle of the
  *  register file: unused on the DSP, where the addresses are the hardware.
  *
+ *  HT_RD16, HT_WR16, HT_RD32, HT_WR32   one access of that width
  *  HT_SETTLE     after clock enables have been written, before the first access
  *  HT_WAIT_US    at least that many microseconds
  *  HT_VECTOR     enter an interrupt function into a vector
@@ -16,6 +17,10 @@
 #define HT_REG_H
 
 #include <stdint.h>
+
+#ifndef __TMS320C2000__
+#include "../host/ht_regfile.h"
+#endif
 
 #ifdef __TMS320C2000__
 
@@ -54,13 +59,31 @@ static inline void ht_wr32(ht_io *io, uint32_t addr, uint32_t value)
     *(volatile uint32_t *)(uintptr_t)addr = value;
 }
 
+static inline void ht_enter_vector(ht_io *io, uint32_t addr, ht_isr isr)
+{
+    (void)io;
+    *(ht_isr volatile *)(uintptr_t)addr = isr;
+}
+
+static inline void ht_call(ht_io *io, uint32_t addr)
+{
+    (void)io;
+    ((void (*)(void))(uintptr_t)addr)();
+}
+
+static inline uint16_t ht_call16(ht_io *io, uint32_t addr, uint16_t argument)
+{
+    (void)io;
+    return ((uint16_t(*)(uint16_t))(uintptr_t)addr)(argument);
+}
+
 #define HT_RD16(io, addr) ht_rd16((io), (addr))
 #define HT_WR16(io, addr, value) ht_wr16((io), (addr), (value))
 #define HT_RD32(io, addr) ht_rd32((io), (addr))
 #define HT_WR32(io, addr, value) ht_wr32((io), (addr), (value))
-#define HT_VECTOR(io, addr, isr) (*(ht_isr volatile *)(uintptr_t)(addr) = (isr))
-#define HT_CALL(io, addr) (((void (*)(void))(uintptr_t)(addr))())
-#define HT_CALL16(io, addr, arg) (((uint16_t(*)(uint16_t))(uintptr_t)(addr))(arg))
+#define HT_VECTOR(io, addr, isr) ht_enter_vector((io), (addr), (isr))
+#define HT_CALL(io, addr) ht_call((io), (addr))
+#define HT_CALL16(io, addr, argument) ht_call16((io), (addr), (argument))
 #define HT_EALLOW(io) __asm(" EALLOW")
 #define HT_EDIS(io) __asm(" EDIS")
 #define HT_SETTLE(io) __asm(" RPT #7 || NOP")
@@ -74,8 +97,6 @@ static inline void ht_wr32(ht_io *io, uint32_t addr, uint32_t value)
 
 #else
 
-#include "../host/ht_regfile.h"
-
 #define HT_INTERRUPT
 
 typedef ht_regfile ht_io;
@@ -87,7 +108,7 @@ typedef HT_INTERRUPT void (*ht_isr)(void);
 #define HT_WR32(io, addr, value) ht_regfile_write32((io), (addr), (value))
 #define HT_VECTOR(io, addr, isr) ht_regfile_vector((io), (addr), (isr))
 #define HT_CALL(io, addr) ((void)ht_regfile_call((io), (addr), 0u))
-#define HT_CALL16(io, addr, arg) ht_regfile_call((io), (addr), (arg))
+#define HT_CALL16(io, addr, argument) ht_regfile_call((io), (addr), (argument))
 #define HT_EALLOW(io) ht_regfile_eallow((io), 1u)
 #define HT_EDIS(io) ht_regfile_eallow((io), 0u)
 #define HT_SETTLE(io) ht_regfile_settle(io)

@@ -65,7 +65,8 @@ float ht_sci_baud(const ht_port *port)
     uint32_t sci = port->map->sci;
     uint32_t high = HT_RD16(port->io, sci + SCIHBAUD);
     uint32_t low = HT_RD16(port->io, sci + SCILBAUD);
-    return (float)port->map->sci_clock_Hz / (8.0f * (float)(((high << 8) | low) + 1u));
+    uint32_t counts = ((high << 8) | low) + 1u;
+    return (float)port->map->sci_clock_Hz / (8.0f * (float)counts);
 }
 
 /* A break or a framing error stops the receiver until it is reset. Settings stay. */

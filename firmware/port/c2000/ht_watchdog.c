@@ -27,10 +27,12 @@ void ht_watchdog_hold(ht_port *port)
 
 void ht_watchdog_start(ht_port *port, float slow_Hz)
 {
-    float timeout_s = COUNTS / port->map->watchdog_Hz;
+    float slow_periods = COUNTS / port->map->watchdog_Hz * slow_Hz;
     uint16_t wdps = 1u;
-    while ((wdps < WDPS_LONGEST) && ((timeout_s * slow_Hz) < SLOW_PERIODS)) {
-        timeout_s = 2.0f * timeout_s;
+    bool short_of = slow_periods < SLOW_PERIODS;
+    while (short_of && (wdps < WDPS_LONGEST)) {
+        slow_periods = 2.0f * slow_periods;
+        short_of = slow_periods < SLOW_PERIODS;
         wdps++;
     }
     prescale(port, wdps);

@@ -133,7 +133,7 @@ void ht_regfile_vector(ht_regfile *rf, uint32_t addr, void (*isr)(void));
 uint16_t ht_regfile_call(ht_regfile *rf, uint32_t addr, uint16_t argument);
 void ht_regfile_intm(ht_regfile *rf, uint16_t masked);
 void ht_regfile_ier(ht_regfile *rf, uint16_t mask);
-void ht_regfile_ifr_clear(ht_regfile *rf);
+void ht_regfile_ifr_clear(const ht_regfile *rf);
 void ht_regfile_idle(ht_regfile *rf);
 
 /* What the hardware does */

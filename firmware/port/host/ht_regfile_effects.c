@@ -320,8 +320,8 @@ static void sci_transmit(ht_regfile *rf, uint32_t addr, uint32_t value)
 static uint16_t first_out(uint16_t *fifo, uint16_t *count)
 {
     uint16_t octet = 0xFFFFu;
-    uint16_t n;
     if (*count != 0u) {
+        uint16_t n;
         octet = fifo[0];
         for (n = 1u; n < *count; n++) {
             fifo[n - 1u] = fifo[n];

@@ -44,14 +44,16 @@ void ht_model_serve(ht_regfile *rf)
     for (;;) {
         uint16_t pending = (uint16_t)(rf->word[PIEIFR1] & rf->word[PIEIER1]);
         uint16_t line = 0u;
+        uint16_t bit = 1u;
         if ((pending == 0u) || (rf->intm != 0u) || ((rf->ier & GROUP1) == 0u)
             || ((rf->word[PIECTRL] & 1u) == 0u) || ((rf->word[PIEACK] & GROUP1) != 0u)) {
             return;
         }
-        while (((pending >> line) & 1u) == 0u) {
+        while ((pending & bit) == 0u) {
+            bit = (uint16_t)(bit << 1);
             line++;
         }
-        rf->word[PIEIFR1] = (uint16_t)(rf->word[PIEIFR1] & (uint16_t)~(1u << line));
+        rf->word[PIEIFR1] = (uint16_t)(rf->word[PIEIFR1] & (uint16_t)~bit);
         rf->word[PIEACK] |= GROUP1;
         take(rf, line);
     }
@@ -95,7 +97,7 @@ void ht_regfile_ier(ht_regfile *rf, uint16_t mask)
     ht_model_serve(rf);
 }
 
-void ht_regfile_ifr_clear(ht_regfile *rf)
+void ht_regfile_ifr_clear(const ht_regfile *rf)
 {
     (void)rf; /* between PIE and CPU nothing is kept here */
 }
@@ -126,7 +128,7 @@ void ht_regfile_end_of_sequence(ht_regfile *rf)
 }
 
 /* Would ePWM1's SOCA start the conversion of seven channels? */
-static uint16_t armed(ht_regfile *rf)
+static uint16_t armed(const ht_regfile *rf)
 {
     const ht_c2000_map *device = rf->map;
     uint16_t n;
