@@ -7,6 +7,7 @@
 #   make budget        its instructions, stack and size there, into docs/budget.md
 #   make bench         speed of the simulation, instructions of the firmware
 #   make lint          formatting and static checks
+#   make check-c       static checks of the C: warnings, 16-bit machine, cppcheck, MISRA
 #   make clean         remove what the above made
 
 VENV := .venv
@@ -16,11 +17,11 @@ SOURCES := $(shell find firmware host cmake -type f ! -name '*.pyc' ! -name '*.s
 C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
 JOBS ?= 2
 
-.PHONY: help demo papers papers-quick test test-c test-targets budget sanitize bench lint clean
+.PHONY: help demo papers papers-quick test test-c test-targets budget sanitize bench lint check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,10s/^# \{0,1\}//p' Makefile
+	@sed -n '3,11s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -67,6 +68,13 @@ bench: build/host/.built
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+# Names a tool that is missing and how to get it.
+check-c: $(VENV)/.installed
+	$(BIN)/python tools/check_c.py
+
+# What stands in for a target's own compiler.
+test-targets: check-c
 
 clean:
 	rm -rf $(VENV) build out

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from cffi import FFI
 
-HEADERS = ("ht_drive.h", "ht_comparator.h", "ht_port_c2000.h", "ht_regfile.h", "ht_pil_host.h")
+HEADERS = ("ht_drive.h", "ht_comparator.h", "ht_drivers.h", "ht_regfile.h", "ht_pil_host.h")
 
 
 def main() -> None:

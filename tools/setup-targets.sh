@@ -1,5 +1,6 @@
 #!/bin/sh
-# Install the cross compilers and emulators of the targets, as far as they are missing.
+# Install the cross compilers and emulators of the targets, and the second compiler of the
+# static checks, as far as they are missing.
 # Debian and Ubuntu; needs root. `make test-targets` says what is missing and installs nothing.
 set -eu
 
@@ -10,6 +11,7 @@ need() { # program or header, packages
 need arm-none-eabi-gcc "gcc-arm-none-eabi libnewlib-arm-none-eabi"
 need qemu-system-arm "qemu-system-arm"
 need avr-gcc "gcc-avr avr-libc"
+need clang "clang"
 need simavr/sim_avr.h "libsimavr-dev libelf-dev"
 if [ -n "$missing" ]; then
     echo "targets: installing$missing with apt"

@@ -150,6 +150,7 @@ static void apply_protection(ht_drive *d)
 void ht_configure_rest(ht_drive *d)
 {
     const float *v = d->params.v;
+    float ticks;
     d->speed_config.kp_Nms_rad = v[HT_P_kp_speed_Nms_rad];
     d->speed_config.ki_ts_Nms_rad = v[HT_P_ki_speed_Nm_rad] / v[HT_P_f_slow_Hz];
     d->speed_config.torque_limit_Nm = v[HT_P_torque_limit_Nm];
@@ -171,20 +172,24 @@ void ht_configure_rest(ht_drive *d)
     d->turn_per_count = 2.0f * PI_F * v[HT_P_pole_pairs] / v[HT_P_encoder_counts_rev];
     d->i_per_count = 2.0f * v[HT_P_i_full_A] / ADC_FULL;
     d->v_per_count = v[HT_P_vdc_full_V] / ADC_FULL;
-    d->calibration_ticks = (uint16_t)(v[HT_P_calibration_s] * v[HT_P_f_isr_Hz]);
-    d->build_ticks = (uint32_t)(v[HT_P_build_s] * v[HT_P_f_isr_Hz]);
+    ticks = v[HT_P_calibration_s] * v[HT_P_f_isr_Hz];
+    d->calibration_ticks = (uint16_t)ticks;
+    ticks = v[HT_P_build_s] * v[HT_P_f_isr_Hz];
+    d->build_ticks = (uint32_t)ticks;
 }
 
 ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_config *config,
                        ht_pwm_setup *setup)
 {
     float clock_Hz = ht_port_pwm_clock_Hz(port);
+    float dead = p->v[HT_P_dead_time_us] * 1.0e-6f * clock_Hz + 0.5f;
     if (!configure(p, clock_Hz, config)) {
         return HT_ERROR_CONFIG;
     }
     setup->period_counts = config->period_counts;
-    setup->dead_counts = (uint16_t)(p->v[HT_P_dead_time_us] * 1.0e-6f * clock_Hz + 0.5f);
+    setup->dead_counts = (uint16_t)dead;
     setup->shadow = config->shadow;
+    setup->slow_Hz = p->v[HT_P_f_slow_Hz];
     return ht_port_accepts(port, setup) ? HT_OK : HT_ERROR_PORT;
 }
 

@@ -98,7 +98,8 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
 static void measure(ht_drive *d)
 {
     const ht_samples *s = &d->samples;
-    float turn = (float)(int32_t)(s->position - d->position_now) * d->turn_per_count;
+    uint32_t moved = s->position - d->position_now;
+    float turn = (float)(int32_t)moved * d->turn_per_count;
     int leg;
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->in.i_A.p[leg] = ((float)s->adc[HT_ADC_I + leg] - d->offset_counts[leg]) * d->i_per_count;
@@ -140,7 +141,7 @@ static uint16_t protect(ht_drive *d)
         ht_protect_samples(&d->protect_config, &d->in, d->speed_rpm, powered);
     if (powered) {
         faults |= ht_protect_stuck(&d->protect_config, &d->protect, &d->samples, d->stuck_leg);
-        d->stuck_leg = (uint16_t)((d->stuck_leg + 1u) % HT_LEGS);
+        d->stuck_leg = (uint16_t)((d->stuck_leg + 1u) % (uint16_t)HT_LEGS);
         if (ht_port_tripped(d->port)) {
             faults |= HT_FAULT_EXTERNAL;
         }
@@ -184,7 +185,8 @@ static void calibrate(ht_drive *d)
 
 static void build(ht_drive *d, ht_compare *out)
 {
-    float share = (float)d->state_ticks / (float)(d->build_ticks + 1u);
+    uint32_t ticks = d->build_ticks + 1u;
+    float share = (float)d->state_ticks / (float)ticks;
     set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb] * ((share < 1.0f) ? share : 1.0f));
     d->in.torque_ref_Nm = 0.0f;
     ht_control_build_step(d->config, &d->control, &d->in, out);
@@ -305,7 +307,7 @@ ht_result ht_drive_clear(ht_drive *d)
 
 ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)
 {
-    ht_params trial = d->params;
+    ht_params trial;
     const ht_param_info *info = ht_param_describe(id);
     if (info == NULL) {
         return HT_ERROR_ID;
@@ -316,6 +318,7 @@ ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)
     if ((info->when == HT_WHEN_IDLE) && (d->state != (uint16_t)HT_STATE_IDLE)) {
         return HT_ERROR_STATE;
     }
+    trial = d->params;
     trial.v[id] = value;
     /* Timing and scaling reach into the PWM: set it all up again. */
     return (info->when == HT_WHEN_IDLE) ? set_up(d, d->port, &trial) : ht_configure_live(d, &trial);

@@ -75,7 +75,8 @@ void ht_drive_slow_isr(ht_drive *d)
 {
     const float *v = d->params.v;
     uint32_t position = d->position_now; /* once: the fast interrupt may come in between */
-    int32_t moved = (int32_t)(position - d->position_last);
+    uint32_t counts = position - d->position_last;
+    int32_t moved = (int32_t)counts;
     ht_speed_config speed = d->speed_config;
     ht_capture capture;
     d->position_last = position;

@@ -52,8 +52,8 @@ uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st,
                           const ht_samples *s, uint16_t leg)
 {
     uint16_t count = s->adc[HT_ADC_I + leg];
-    uint16_t other = (uint16_t)(s->adc[HT_ADC_I + ((leg + 2u) % HT_LEGS)]
-                                + s->adc[HT_ADC_I + ((leg + 4u) % HT_LEGS)]);
+    uint16_t other = (uint16_t)(s->adc[HT_ADC_I + ((leg + 2u) % (uint16_t)HT_LEGS)]
+                                + s->adc[HT_ADC_I + ((leg + 4u) % (uint16_t)HT_LEGS)]);
     float moved;
     if (count != st->count[leg]) {
         st->count[leg] = count;
@@ -89,6 +89,8 @@ uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state
         faults |= HT_FAULT_NONFINITE;
     } else if (!within(psi.alpha, cfg->flux_trip_Wb) || !within(psi.beta, cfg->flux_trip_Wb)) {
         faults |= HT_FAULT_FLUX;
+    } else {
+        /* credible */
     }
     return faults;
 }
@@ -134,6 +136,8 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
     }
     if ((cfg->flux_check > 0.0f) && !(st->circle2 <= cfg->flux_check * cfg->flux_check)) {
         faults |= HT_FAULT_FLUX;
+    } else {
+        /* credible */
     }
     return faults;
 }

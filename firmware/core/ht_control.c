@@ -192,7 +192,7 @@ static uint16_t pair_choice(unsigned strong, unsigned k, ht_xy psi_xy)
 
 
 /* State words and action points for direction k at torque level +-1 or +-2. */
-static ht_action_points choose(const ht_control_config *cfg, ht_control_state *st, unsigned k,
+static ht_action_points choose(const ht_control_config *cfg, const ht_control_state *st, unsigned k,
                                bool full_level, uint16_t s[3])
 {
     ht_xy none = {0.0f, 0.0f};

@@ -26,7 +26,7 @@ typedef enum {
     HT_DDR_ML = 5 /**< paper A: the same on medium-large vectors */
 } ht_scheme;
 
-#define HT_SCHEMES 6
+#define HT_SCHEMES 6u
 
 typedef struct {
     ht_scheme scheme;

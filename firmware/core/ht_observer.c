@@ -103,6 +103,7 @@ void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, flo
     float fade = ADAPT_RAD_S * ADAPT_RAD_S / (ADAPT_RAD_S * ADAPT_RAD_S + omega * omega);
     float scale;
     float share;
+    float weight = gain * (fade * fade);
     float rs_ohm = st->rs_ohm;
     float rr_scale = st->rr_scale;
     if (!(gain > 0.0f)) {
@@ -120,11 +121,10 @@ void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, flo
     h.beta = scale * (along * r.beta - across * r.alpha);
     e.alpha = g0 * st->gap_Wb.alpha - omega * st->gap_Wb.beta;
     e.beta = g0 * st->gap_Wb.beta + omega * st->gap_Wb.alpha;
-    gain *= fade * fade;
-    rs_ohm += gain * (e.alpha * i.alpha + e.beta * i.beta) * cfg->rs_ohm
+    rs_ohm += weight * (e.alpha * i.alpha + e.beta * i.beta) * cfg->rs_ohm
               / (i2 * cfg->rs_ohm + ADAPT_V * ADAPT_V / cfg->rs_ohm);
     if (across * across > ADAPT_LOAD2 * along * along) {
-        rr_scale -= gain * (e.alpha * h.alpha + e.beta * h.beta)
+        rr_scale -= weight * (e.alpha * h.alpha + e.beta * h.beta)
                     / (h.alpha * h.alpha + h.beta * h.beta + ADAPT_V * ADAPT_V);
     }
     /* One write each: the fast interrupt may come in between. */
@@ -148,6 +148,8 @@ ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state 
         pull_to_current_model(cfg, st, i, turn_rad);
     } else if (cfg->kind == HT_OBSERVER_COMPENSATED) {
         pull_against_dc(cfg, st, i);
+    } else {
+        /* as it comes */
     }
     st->i_prev_A = *i;
 

@@ -28,7 +28,7 @@ typedef enum {
     HT_OBSERVER_HYBRID = 2
 } ht_observer_kind;
 
-#define HT_OBSERVERS 3
+#define HT_OBSERVERS 3u
 
 typedef struct {
     ht_observer_kind kind;

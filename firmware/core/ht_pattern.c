@@ -129,14 +129,15 @@ ht_vsd ht_volt_seconds(const ht_applied *a, const ht_dead_time *dead, const ht_s
     for (e = 0; e < 3; e++) {
         uint16_t changed = (uint16_t)(before ^ a->s[e]);
         uint16_t bit = LEG_U1;
-        int leg;
-        for (leg = 0; changed != 0u; leg++) {
+        int leg = 0;
+        while (changed != 0u) {
             if ((changed & bit) != 0u) {
                 float i = i_begin->p[leg] + a->t[e] * (i_end->p[leg] - i_begin->p[leg]);
                 apply_edge(a, e, leg, bit, dead, i, spill, &v);
                 changed = (uint16_t)(changed & (uint16_t)~bit);
             }
             bit = (uint16_t)(bit >> 1);
+            leg++;
         }
         before = a->s[e];
     }

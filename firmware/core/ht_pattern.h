@@ -54,7 +54,7 @@ void ht_pattern_counts(const uint16_t s[3], ht_action_points p, uint16_t period,
  *  at the period's ends (linear in between). A pulse shorter than the dead time
  *  vanishes, and a delay that crosses the period's end is carried over in
  *  `spill` unless the leg is switched back first. */
-ht_vsd ht_volt_seconds(const ht_applied *applied, const ht_dead_time *dead, const ht_six *i_begin,
+ht_vsd ht_volt_seconds(const ht_applied *a, const ht_dead_time *dead, const ht_six *i_begin,
                        const ht_six *i_end, ht_spill *spill);
 
 #endif

@@ -23,6 +23,8 @@ static bool sound(ht_speed_measure_state *st, int32_t moved, const ht_capture *c
     } else if (capture->event && (st->spoilt > 0u)) {
         bool two = (moved >= TWO_EVENTS_COUNTS) || (moved <= -TWO_EVENTS_COUNTS);
         st->spoilt = two ? 0u : (uint16_t)(st->spoilt - 1u);
+    } else {
+        /* as it was */
     }
     return st->spoilt == 0u;
 }

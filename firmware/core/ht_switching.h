@@ -7,7 +7,7 @@
 
 #include "ht_types.h"
 
-#define HT_SECTORS 12
+#define HT_SECTORS 12u
 
 /** Switching table, named after the angle between the flux and the vectors that
  *  raise and lower it (both tables place sector s at 30 s degrees, +-15). */
@@ -19,7 +19,7 @@ typedef enum {
 /** Sector 0..11 of a vector: sector s covers 30 s - 15 to 30 s + 15 degrees,
  *  an exact edge belonging to either neighbour.
  *  No trigonometry; any input, NaN included, gives a valid sector. */
-unsigned ht_sector(ht_ab vector);
+unsigned ht_sector(ht_ab v);
 
 /** Direction 0..11 (15 + 30 k degrees) for a flux in `sector`, torque to rise or
  *  fall, flux to rise or fall. */

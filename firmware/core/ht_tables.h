@@ -9,7 +9,7 @@
 
 #include "ht_types.h"
 
-#define HT_DIRECTIONS 12
+#define HT_DIRECTIONS 12u
 #define HT_GROUPS 3
 
 /** Vector groups; HT_L and HT_ML also index ht_duty_table and ht_tmvcl_pu. */

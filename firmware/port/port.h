@@ -2,9 +2,9 @@
  *  The whole contract between the drive application and a target.
  *
  *  Who calls what, and when:
- *  - `ht_port_init` once, before interrupts are enabled. It leaves all gates off
- *    (one-shot trip latched) and the PWM counters stopped or running, but
- *    synchronised.
+ *  - `ht_port_init` before interrupts are enabled, and again with all gates off when a
+ *    parameter reaches into it. It leaves all gates off (one-shot trip latched) and
+ *    the PWM counters running together; the slow interrupt's timer runs as well.
  *  - `ht_port_begin_fast`, `ht_port_read`, `ht_port_write`, `ht_port_gates_off`,
  *    `ht_port_gates_on`, `ht_port_tripped`, `ht_port_overrun`, `ht_port_ack_fast`
  *    from the fast interrupt only (`ht_port_read` from the set-up as well). None blocks; each takes a fixed number of
@@ -14,8 +14,9 @@
  *  - `ht_port_gates_off` also from anywhere else: it is a single register write
  *    per leg and is idempotent.
  *
- *  Timing: the ADC samples at counter = 0 of leg 1's PWM and the fast interrupt
- *  follows. Under shadow load a pattern written in period n is on the legs in
+ *  Timing: counter = 0 of the PWM starts the conversion of all channels, one after the
+ *  other; the end of the last one raises the fast interrupt, so that the results read
+ *  in it are this period's. Under shadow load a pattern written in period n is on the legs in
  *  period n + 1; under immediate load from the write on.
  *
  *  `ht_port` is defined by each target; the caller owns it.
@@ -37,18 +38,19 @@ typedef struct {
     uint32_t position;             /**< quadrature counts since init, modulo 2^32 */
 } ht_samples;
 
-/** PWM set-up. All counts are time-base counts. */
+/** PWM and timer set-up. All counts are time-base counts. */
 typedef struct {
     uint16_t period_counts; /**< TBPRD + 1, 8..65535 */
     uint16_t dead_counts;   /**< dead time, 0..1023 (type 0) or 0..16383 (type 4) */
     bool shadow;            /**< load compare and action registers at counter = 0 */
+    float slow_Hz;          /**< frequency of the slow interrupt */
 } ht_pwm_setup;
 
 /** Can the hardware realise the set-up (period and dead time in range)? */
 bool ht_port_accepts(const ht_port *port, const ht_pwm_setup *setup);
 
-/** Configure clocks, PWM, trip zone and encoder interface. Returns false, with the gates off, for a
- *  set-up that `ht_port_accepts` refuses. */
+/** Configure PWM, trip zone, encoder interface and the slow interrupt's timer. Returns false,
+ *  with the gates off, for a set-up that `ht_port_accepts` refuses. */
 bool ht_port_init(ht_port *port, const ht_pwm_setup *setup);
 
 /** PWM time-base clock, Hz. */
@@ -75,10 +77,11 @@ void ht_port_gates_on(ht_port *port);
 /** True while the latch is set, whoever set it (software or the trip pin). */
 bool ht_port_tripped(const ht_port *port);
 
-/** First in the fast interrupt: acknowledge its event, so that the next one shows. */
+/** First in the fast interrupt: acknowledge the end of conversion, so that the next one
+ *  shows. */
 void ht_port_begin_fast(ht_port *port);
 
-/** Has the next event come since `ht_port_begin_fast`? Asked last: the interrupt
+/** Has the next conversion ended since `ht_port_begin_fast`? Asked last: the interrupt
  *  then outlasted its period. */
 bool ht_port_overrun(const ht_port *port);
 

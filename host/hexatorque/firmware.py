@@ -35,6 +35,7 @@ def causes(bits: int) -> list[str]:
 
 
 DEVICES = ("f28335", "f28377s")
+BOARDS = (*DEVICES, "launchxl_f28377s")
 
 
 class FirmwareError(ValueError):
@@ -133,22 +134,25 @@ def _check(result: int, what: str) -> None:
 
 
 class Controller:
-    """One drive's firmware on its own register file."""
+    """One drive's firmware on its own chip, from reset on: the start of the board, then
+    the drive's. `device` may be any of BOARDS; its name says which pins and PWM modules."""
 
     #: Entry points for compiled callers, arguments `handle` (and the channels' address).
     entries = ("ht_drive_fast_isr", "ht_drive_slow_isr", "ht_channels_read")
     processor = "host"
 
     def __init__(self, device: str, values: dict[str, object]) -> None:
-        if device not in DEVICES:
+        if device not in BOARDS:
             raise FirmwareError(f"device = {device!r}: choose one of {', '.join(DEVICES)}")
-        self.map = ffi.addressof(getattr(lib, f"ht_{device}"))
+        board = ffi.addressof(getattr(lib, f"ht_board_{device}"))
+        self.map = board.map
         self.registers = ffi.new("ht_regfile *")
         self.port = ffi.new("ht_port *")
         self.drive = ffi.new("ht_drive *")
         lib.ht_regfile_reset(self.registers, self.map)
-        self.port.io = self.registers
-        self.port.map = self.map
+        lib.ht_port_bind(self.port, self.registers, board)
+        if not lib.ht_board_start(self.port):
+            raise FirmwareError(f"{device}: the board does not start")
         params = ffi.new("ht_params *")
         lib.ht_params_default(params)
         for name, value in values.items():
@@ -192,7 +196,8 @@ class Controller:
 
     def register_words(self) -> np.ndarray:
         """Live view of the register file below 0x8000, uint16."""
-        return np.frombuffer(ffi.buffer(self.registers.low), np.uint16)
+        words = np.frombuffer(ffi.buffer(self.registers.word), np.uint16)
+        return words[:0x8000]
 
     @property
     def state(self) -> str:

@@ -219,6 +219,8 @@ class Simulation:
             encoder_counts_rev=4.0 * setup["sensors.encoder_ppr"],
             adc_result=int(m.adc_result),
             adc_shift=int(m.adc_shift),
+            adc_flag=int(m.adc_flag),
+            adc_flag_bit=int(m.adc_flag_bit),
             encoder_error_cycles=setup["sensors.encoder_error_cycles"],
             eqep=int(m.eqep),
             system_clocks=self.period_s * float(m.system_clock_Hz),

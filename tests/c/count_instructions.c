@@ -56,10 +56,9 @@ static int replay(const char *path)
             return 2;
         }
     }
-    port.map = (device == 0) ? &ht_f28335 : &ht_f28377s;
-    port.io = &registers;
+    ht_port_bind(&port, &registers, (device == 0) ? &ht_board_f28335 : &ht_board_f28377s);
     ht_regfile_reset(&registers, port.map);
-    if (ht_drive_init(&drive, &port, &params) != HT_OK) {
+    if (!ht_board_start(&port) || (ht_drive_init(&drive, &port, &params) != HT_OK)) {
         return 3;
     }
     (void)ht_drive_start(&drive);
@@ -76,11 +75,11 @@ static int replay(const char *path)
             return 2;
         }
         for (channel = 0; channel < HT_ADC_CHANNELS; channel++) {
-            registers.low[port.map->adc_result + (unsigned)channel] =
+            registers.word[port.map->adc_result + (unsigned)channel] =
                 (uint16_t)(adc[channel] << port.map->adc_shift);
         }
-        registers.low[port.map->eqep] = (uint16_t)(position & 0xFFFFu);
-        registers.low[port.map->eqep + 1u] = (uint16_t)(position >> 16);
+        registers.word[port.map->eqep] = (uint16_t)(position & 0xFFFFu);
+        registers.word[port.map->eqep + 1u] = (uint16_t)(position >> 16);
         if ((period >= count - every * PERIODS) && (period % every == 0)) {
             static ht_drive before;
             ht_compare out;

@@ -94,23 +94,24 @@ static void fill(ht_regfile *rf, const ht_c2000_map *m, unsigned current, unsign
 {
     unsigned k;
     for (k = 0; k < 6u; k++) {
-        rf->low[m->adc_result + k] = (uint16_t)(current << m->adc_shift);
+        rf->word[m->adc_result + k] = (uint16_t)(current << m->adc_shift);
     }
-    rf->low[m->adc_result + 6u] = (uint16_t)(vdc << m->adc_shift);
+    rf->word[m->adc_result + 6u] = (uint16_t)(vdc << m->adc_shift);
 }
 
-/* Both devices: no forbidden register access, a start that ends in RUN, and an
+/* All boards: no forbidden register access, a start that ends in RUN, and an
  * over-current that has the gates off in the same interrupt. */
-static void test_drive(const ht_c2000_map *m)
+static void test_drive(const ht_board *board)
 {
     static ht_regfile rf;
+    const ht_c2000_map *m = board->map;
     ht_port port;
     ht_drive d;
     ht_params params;
     int k;
     ht_regfile_reset(&rf, m);
-    port.io = &rf;
-    port.map = m;
+    ht_port_bind(&port, &rf, board);
+    CHECK(ht_board_start(&port));
     ht_params_default(&params);
     CHECK(ht_drive_init(&d, &port, &params) == HT_OK);
     CHECK(ht_port_tripped(&port));
@@ -136,8 +137,9 @@ int main(void)
     test_switching_table();
     test_compare_counts();
     test_comparators();
-    test_drive(&ht_f28335);
-    test_drive(&ht_f28377s);
+    test_drive(&ht_board_f28335);
+    test_drive(&ht_board_f28377s);
+    test_drive(&ht_board_launchxl_f28377s);
     printf("%s\n", (failures == 0) ? "all passed" : "failures");
     return (failures == 0) ? 0 : 1;
 }

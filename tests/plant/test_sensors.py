@@ -57,6 +57,15 @@ class Bench:
         return [w >> self.shift for w in words], position
 
 
+@pytest.mark.parametrize(("device", "flag"), (("f28335", 0x7119), ("f28377s", 0x7403)))
+def test_end_of_the_conversion_shows(device, flag):
+    """ADCST.INT_SEQ1, ADCINTFLG.ADCINT1, with whatever else is there."""
+    regs = np.zeros(0x8000, np.uint16)
+    regs[flag] = 0x0008
+    sample(Bench(device).sensors, MACHINE, np.zeros(8), 0.0, regs)
+    assert regs[flag] == 0x0009
+
+
 @pytest.fixture(params=DEVICES)
 def device(request):
     return request.param

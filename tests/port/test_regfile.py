@@ -1,5 +1,5 @@
-"""The register model against what the reference manuals say about the chip:
-EALLOW protection, write-1-to-clear, force and read-only registers, holes.
+"""The register model against what the reference manuals say about the chips. Addresses
+and bits are from the manuals, not from the model's tables.
 """
 
 import pytest
@@ -8,31 +8,47 @@ from hexatorque.firmware import ffi, lib
 
 OST, INT = 0x0004, 0x0001
 NO_EALLOW, HOLE, READ_ONLY = lib.HT_REG_NO_EALLOW, lib.HT_REG_HOLE, lib.HT_REG_READ_ONLY
+RESERVED, WIDTH, UNCLOCKED = lib.HT_REG_RESERVED, lib.HT_REG_WIDTH, lib.HT_REG_UNCLOCKED
+ORDER, KEY, WATCHDOG = lib.HT_REG_ORDER, lib.HT_REG_KEY, lib.HT_REG_WATCHDOG
 
 #: Word addresses from TI's manuals, ePWM1, and the distance to the next module.
 CHIPS = {
     "f28335": {
-        "base": 0x6800, "stride": 0x40, "TBCTL": 0x6800, "TBPRD": 0x6805, "TZSEL": 0x6812,
-        "TZCTL": 0x6814, "TZEINT": 0x6815, "TZFLG": 0x6816, "TZCLR": 0x6817, "TZFRC": 0x6818,
-        "ETFLG": 0x681B, "ETCLR": 0x681C, "PCLKCR1": 0x701D, "PCLKCR0": 0x701C,
-        "eqep": 0x6B00,
+        "base": 0x6800, "stride": 0x40, "TBCTL": 0x6800, "TBPRD": 0x6805, "CMPA": 0x6809,
+        "AQCTLA": 0x680B, "DBCTL": 0x680F, "TZSEL": 0x6812, "TZCTL": 0x6814, "TZEINT": 0x6815,
+        "TZFLG": 0x6816, "TZCLR": 0x6817, "TZFRC": 0x6818, "ETFLG": 0x681B, "ETCLR": 0x681C,
+        "eqep": 0x6B00, "sci": 0x7050, "GPAMUX1": 0x6F86, "GPAPUD": 0x6F8C,
     },
     "f28377s": {
-        "base": 0x4000, "stride": 0x100, "TBCTL": 0x4000, "TBPRD": 0x4063, "TZSEL": 0x4080,
-        "TZCTL": 0x4084, "TZEINT": 0x408D, "TZFLG": 0x4093, "TZCLR": 0x4097, "TZFRC": 0x409B,
-        "ETFLG": 0x40A8, "ETCLR": 0x40AA, "PCLKCR2": 0x5D326, "PCLKCR0": 0x5D323,
-        "PERCLKDIVSEL": 0x5D226, "PCLKCR4": 0x5D32A, "eqep": 0x5100,
+        "base": 0x4000, "stride": 0x100, "TBCTL": 0x4000, "TBPRD": 0x4063, "CMPA": 0x406B,
+        "AQCTLA": 0x4040, "DBCTL": 0x400C, "TZSEL": 0x4080, "TZCTL": 0x4084, "TZEINT": 0x408D,
+        "TZFLG": 0x4093, "TZCLR": 0x4097, "TZFRC": 0x409B, "ETFLG": 0x40A8, "ETCLR": 0x40AA,
+        "eqep": 0x5100, "sci": 0x7200, "GPAMUX1": 0x7C06, "GPAPUD": 0x7C0C,
     },
 }  # fmt: skip
+#: Clock enables of ePWM1..6, eQEP1, SCI-A, ADC(-A), CPU timer 0: (register, bits).
+CLOCKS = {
+    "f28335": {0x701D: 0x403F, 0x701C: 0x0408, 0x7020: 0x0100},
+    "f28377s": {0x5D326: 0x3F, 0x5D32A: 1, 0x5D330: 1, 0x5D33C: 1, 0x5D322: 8},
+}
+TBCLKSYNC = {"f28335": (0x701C, 0x0004), "f28377s": (0x5D322, 0x40000)}
 PIEACK = 0x0CE1
 PROTECTED = ("TZSEL", "TZCTL", "TZEINT", "TZCLR", "TZFRC")
 
 
 class Chip:
-    def __init__(self, device):
+    def __init__(self, device, clocked=True):
+        self.device = device
         self.at = CHIPS[device]
         self.rf = ffi.new("ht_regfile *")
         lib.ht_regfile_reset(self.rf, ffi.addressof(getattr(lib, f"ht_{device}")))
+        if clocked:
+            for address, bits in CLOCKS[device].items():
+                self.word(address)[0] |= bits
+            lib.ht_regfile_settle(self.rf)
+
+    def word(self, address):
+        return lib.ht_regfile_word(self.rf, address)
 
     def address(self, name, leg=0):
         return self.at[name] + leg * self.at["stride"] if isinstance(name, str) else name
@@ -43,12 +59,33 @@ class Chip:
     def write(self, name, value, leg=0):
         lib.ht_regfile_write16(self.rf, self.address(name, leg), value)
 
-    def poke(self, name, value):
-        """Set by hardware, past all protection."""
-        self.rf.low[self.address(name)] = value
+    def read32(self, name):
+        return lib.ht_regfile_read32(self.rf, self.address(name))
 
-    def eallow(self, on):
+    def write32(self, name, value):
+        lib.ht_regfile_write32(self.rf, self.address(name), value)
+
+    def change(self, address, value):
+        """A register as wide as the device's system control has them."""
+        (self.write if self.device == "f28335" else self.write32)(address, value)
+
+    def poke(self, name, value, leg=0):
+        """Set by hardware, past all protection."""
+        self.word(self.address(name, leg))[0] = value
+
+    def eallow(self, on=1):
         lib.ht_regfile_eallow(self.rf, on)
+
+    def trip(self):
+        for leg in range(6):
+            self.poke("TZFLG", OST, leg)
+
+    @property
+    def said(self):
+        """Kinds of the violations so far; forgets them."""
+        log = [self.rf.log[n].kind for n in range(self.rf.violations)]
+        self.rf.violations = 0
+        return log
 
 
 @pytest.fixture(params=CHIPS)
@@ -56,57 +93,76 @@ def chip(request):
     return Chip(request.param)
 
 
+# --- what holds for every register ----------------------------------------------------
+
+
 def test_reset_state(chip):
     for leg in range(6):
         assert chip.read("TBCTL", leg) == 0x0083  # frozen, clock halved
         assert chip.read("TZFLG", leg) == 0
     assert chip.read("TBPRD") == 0
-    if "PERCLKDIVSEL" in chip.at:
-        assert chip.read("PERCLKDIVSEL") == 0x51
+    # No pull-ups on the PWM's pins (F28335), on any (F28377S).
+    assert chip.read32("GPAPUD") == (0x00000FFF if chip.device == "f28335" else 0xFFFFFFFF)
+    if chip.device == "f28377s":
+        assert chip.read32(0x5D226) == 0x51  # PERCLKDIVSEL: ePWM and EMIFs halved
+        assert chip.read32(0x5D22C) == 2  # LOSPCP
+    else:
+        assert chip.read(0x701B) == 2
     assert chip.rf.violations == 0
 
 
 def test_plain_register_keeps_what_is_written(chip):
     for leg in range(6):
-        chip.write("TBPRD", 1000 + leg, leg)
-    assert [chip.read("TBPRD", leg) for leg in range(6)] == list(range(1000, 1006))
-    assert (chip.rf.violations, chip.rf.accesses) == (0, 12)
+        chip.write("CMPA", 1000 + leg, leg)
+        chip.write("CMPA", 2000 + leg, leg)
+    assert [chip.read("CMPA", leg) for leg in range(6)] == list(range(2000, 2006))
+    assert (chip.rf.violations, chip.rf.accesses) == (0, 18)
 
 
 @pytest.mark.parametrize("leg", (0, 5))
 @pytest.mark.parametrize("name", PROTECTED)
 def test_trip_zone_needs_eallow(chip, name, leg):
+    chip.trip()
+    chip.poke("TZFLG", 0, leg)
     chip.write(name, OST, leg)
-    assert chip.rf.violations == 1
     assert (chip.rf.first_address, chip.rf.first_kind) == (chip.address(name, leg), NO_EALLOW)
+    assert chip.said == [NO_EALLOW]
     assert chip.read(name, leg) == 0
     assert chip.read("TZFLG", leg) == 0  # a force without EALLOW trips nothing
-    chip.eallow(1)
-    chip.write(name, OST, leg)
-    assert chip.rf.violations == 1
+    chip.trip()
+    chip.eallow()
+    chip.write(name, OST if name != "TZSEL" else 0x0100, leg)
+    assert not chip.rf.violations
     chip.eallow(0)
     chip.write(name, OST, leg)
-    assert chip.rf.violations == 2
+    assert chip.said == [NO_EALLOW]
 
 
-def test_system_registers_need_eallow(chip):
-    names = [n for n in chip.at if n.startswith("P")]
-    for count, name in enumerate(names, 1):
-        before = chip.read(name)
-        chip.write(name, before ^ 0x3F)
-        assert chip.read(name) == before
-        assert chip.rf.violations == count
-    chip.eallow(1)
-    for name in names:
-        chip.write(name, 0x3F)
-        assert chip.read(name) == 0x3F
-    assert chip.rf.violations == len(names)
+@pytest.mark.parametrize("device", CHIPS)
+def test_system_registers_need_eallow(device):
+    chip = Chip(device, clocked=False)
+    for address, bits in CLOCKS[device].items():
+        before = chip.word(address)[0]
+        chip.change(address, bits)
+        assert chip.word(address)[0] == before
+        assert chip.said == [NO_EALLOW]
+        chip.eallow()
+        chip.change(address, bits)
+        assert chip.word(address)[0] == bits
+        chip.eallow(0)
+    chip.write32("GPAMUX1", 0)
+    assert chip.said == [NO_EALLOW]
+    chip.write32(0x0D40, 0)  # PIE vectors
+    assert chip.said == [NO_EALLOW]
 
 
 def test_force_and_clear_of_the_trip_flag(chip):
-    chip.eallow(1)
+    chip.eallow()
     chip.write("TZFRC", OST, 2)
-    assert chip.read("TZFLG", 2) == OST | INT
+    assert chip.read("TZFLG", 2) == OST
+    chip.write("TZEINT", OST, 2)
+    chip.write("TZFRC", OST, 2)
+    assert chip.read("TZFLG", 2) == OST | INT  # only a trip that may interrupt
     assert chip.read("TZFRC", 2) == 0  # reads back zero
     assert [chip.read("TZFLG", leg) for leg in (0, 1, 3, 4, 5)] == [0] * 5
     chip.write("TZCLR", 0, 2)
@@ -119,10 +175,10 @@ def test_force_and_clear_of_the_trip_flag(chip):
 
 
 def test_trip_flag_is_read_only(chip):
-    chip.eallow(1)
+    chip.eallow()
     chip.write("TZFRC", OST)
     chip.write("TZFLG", 0)
-    assert chip.read("TZFLG") == OST | INT
+    assert chip.read("TZFLG") == OST
     assert (chip.rf.first_address, chip.rf.first_kind) == (chip.address("TZFLG"), READ_ONLY)
 
 
@@ -140,17 +196,336 @@ def test_pieack_is_cleared_by_ones(chip):
     assert chip.read(PIEACK) == 0x0FFB
 
 
+@pytest.mark.parametrize("bit", range(16))
+def test_reserved_bits_stay_and_are_told(chip, bit):
+    """AQCTLA has 12 bits. What was read may be written back."""
+    chip.write("AQCTLA", 1 << bit)
+    assert chip.read("AQCTLA") == (1 << bit) & 0x0FFF
+    assert chip.said == ([RESERVED] if bit > 11 else [])
+    chip.poke("AQCTLA", 0x8000)
+    chip.write("AQCTLA", 0x8000 | (1 << bit & 0x0FFF))
+    assert chip.read("AQCTLA") == 0x8000 | (1 << bit & 0x0FFF)
+    assert not chip.said
+
+
+def test_access_width(chip):
+    chip.eallow()
+    for address in (chip.at["GPAMUX1"], chip.at["GPAMUX1"] + 1, chip.at["eqep"], 0x0C02):
+        chip.write(address, 0x0010)
+        assert chip.said == [WIDTH]
+        assert chip.word(address)[0] == Chip(chip.device).word(address)[0]  # nothing came of it
+        chip.read(address)
+        assert chip.said == [WIDTH]
+    chip.write32("CMPA", 0x12345678)
+    chip.read32("CMPA")
+    assert chip.said == [WIDTH, WIDTH]
+    assert chip.word(chip.at["CMPA"])[0] == 0
+
+
+def test_32_bit_accesses_are_low_word_first(chip):
+    address = chip.at["eqep"]
+    chip.write32(address, 0x89AB4567)
+    assert (chip.word(address)[0], chip.word(address)[1]) == (0x4567, 0x89AB)
+    assert chip.read32(address) == 0x89AB4567
+
+
+@pytest.mark.parametrize(
+    "address", (0x0050, 0x7FFF, 0x8000, 0x5CFFF, 0x5D000, 0x5D800, 0x380080, 0xFFFFFFFF)
+)
+def test_no_such_register(chip, address):
+    assert chip.read(address) == 0
+    assert (chip.rf.violations, chip.rf.first_kind, chip.rf.first_address) == (1, HOLE, address)
+    chip.write(address, 1)
+    assert chip.rf.violations == 2
+
+
+def test_first_violations_are_kept(chip):
+    chip.write("TZFRC", OST)
+    for _ in range(40):
+        chip.read(0x8000)
+    assert (chip.rf.first_address, chip.rf.first_kind) == (chip.address("TZFRC"), NO_EALLOW)
+    assert chip.rf.violations == 41
+    assert chip.rf.log[0].kind == NO_EALLOW
+    assert chip.rf.log[15].address == 0x8000
+
+
+def test_eallow_twice_is_told(chip):
+    chip.eallow()
+    assert not chip.said
+    chip.eallow()
+    assert chip.said == [ORDER]
+    chip.eallow(0)
+    chip.eallow()
+    assert not chip.said
+
+
+def test_names(chip):
+    name = ffi.new("char[64]")
+    for leg in (0, 5):
+        lib.ht_regfile_name(chip.rf, chip.address("TZFRC", leg), name)
+        assert ffi.string(name) == f"EPWM{leg + 1}.TZFRC".encode()
+    lib.ht_regfile_name(chip.rf, 0x0D40, name)
+    assert ffi.string(name) == b"VECTOR32"
+    lib.ht_regfile_name(chip.rf, 0x8000, name)
+    assert ffi.string(name) == b""
+
+
+# --- clocks ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("device", CHIPS)
+def test_module_without_clock(device):
+    """Writes are lost until the enable bit has been set and has settled; each module has
+    its own bit."""
+    chip = Chip(device, clocked=False)
+    register = next(iter(CLOCKS[device]))  # of the ePWMs
+    chip.eallow()
+    chip.write("CMPA", 5, 2)
+    chip.change(register, 0b000100)  # ePWM3
+    chip.write("CMPA", 6, 2)
+    assert chip.said == [UNCLOCKED, UNCLOCKED]
+    lib.ht_regfile_settle(chip.rf)
+    assert chip.read("CMPA", 2) == 0
+    chip.write("CMPA", 7, 2)
+    assert chip.read("CMPA", 2) == 7
+    assert not chip.said
+    for leg in (0, 1, 3, 4, 5):
+        chip.write("CMPA", 7, leg)
+    assert chip.said == [UNCLOCKED] * 5
+    chip.change(register, 0)
+    lib.ht_regfile_settle(chip.rf)
+    chip.write("CMPA", 8, 2)
+    assert chip.said == [UNCLOCKED]
+    for address in (chip.at["eqep"] + 0x14, chip.at["sci"]):
+        chip.write(address, 0)
+        assert chip.said == [UNCLOCKED]
+
+
+def test_pwm_is_set_up_with_the_counters_stopped_and_tripped(chip):
+    address, bit = TBCLKSYNC[chip.device]
+    registers = ("TBCTL", "TBPRD", "DBCTL")
+    for name in registers:
+        chip.write(name, 0)
+        assert chip.said == [ORDER]
+    chip.trip()
+    for name in registers:
+        chip.write(name, 0)
+    assert not chip.said
+    chip.eallow()
+    chip.change(address, chip.word(address)[0] | bit)
+    for name in (*registers, "TZCTL"):
+        chip.write(name, 0)
+        assert chip.said == [ORDER]
+    for name in ("CMPA", "AQCTLA"):  # what changes every period
+        chip.write(name, 0x0330)
+    assert not chip.said
+
+
+def test_pll_of_the_f28335():
+    chip = Chip("f28335")
+    pllsts, pllcr = 0x7011, 0x7021
+    chip.eallow()
+    chip.write(pllcr, 10)
+    assert chip.said == [ORDER]  # MCLKOFF first
+    chip = Chip("f28335")
+    chip.eallow()
+    chip.write(pllsts, 0x0100)
+    chip.write(pllsts, 0x0140)
+    chip.write(pllcr, 10)
+    assert (chip.said, chip.read(pllcr)) == ([ORDER], 0)  # DIVSEL is not 0
+    chip.write(pllsts, 0x0040)
+    chip.write(pllcr, 10)
+    assert not chip.said
+    chip.write(pllsts, 0x0100)
+    assert chip.said == [ORDER]  # not locked
+    looks = 0
+    while not chip.read(pllsts) & 1:
+        looks += 1
+    assert looks > 0
+    chip.write(pllsts, 0x0100)
+    assert not chip.said
+    assert chip.read(pllsts) == 0x0101
+
+
+def test_pll_of_the_f28377s():
+    chip = Chip("f28377s")
+    source, control, multiplier, status = 0x5D208, 0x5D20E, 0x5D214, 0x5D216
+    chip.eallow()
+    chip.write32(source, 0x11)
+    assert chip.said == [ORDER]  # a crystal that is off
+    chip.write32(source, 0x01)
+    chip.write32(control, 0x3)
+    assert chip.said == [ORDER]  # not locked
+    chip.write32(control, 0)
+    assert chip.said == [ORDER]  # stopped while selected
+    chip.write32(multiplier, 20)
+    assert chip.read32(control) == 1  # the write starts the PLL
+    looks = 0
+    while not chip.read32(status) & 1:
+        looks += 1
+    assert looks > 0
+    chip.write32(control, 3)
+    assert not chip.said
+    chip.write32(multiplier, 40)
+    chip.write32(source, 0)
+    assert chip.said == [ORDER, ORDER]
+    chip.write32(status, 1)
+    assert chip.said == [READ_ONLY]
+
+
+# --- watchdog ---------------------------------------------------------------------------
+
+WDKEY, WDCR = 0x7025, 0x7029
+
+
+def test_watchdog_keys(chip):
+    chip.write(WDKEY, 0x55)
+    assert chip.said == [NO_EALLOW]
+    chip.eallow()
+    for keys, services in (
+        ((0xAA,), 0), ((0x55,), 0), ((0x55, 0xAA), 1), ((0xAA, 0x55), 0), ((0xAA,), 1),
+    ):  # fmt: skip
+        before = chip.rf.dog_services
+        for key in keys:
+            chip.write(WDKEY, key)
+        assert chip.rf.dog_services - before == services
+    chip.write(WDKEY, 0x55)
+    chip.write(WDKEY, 0x32)
+    chip.write(WDKEY, 0xAA)
+    assert chip.said == [KEY]
+    assert chip.rf.dog_services == 2
+
+
+def test_watchdog_control(chip):
+    chip.eallow()
+    for value in (0x0000, 0x0068 & ~0x20, 0x0010, 0x007F):
+        chip.write(WDCR, value)
+        assert chip.said == [KEY]  # WDCHK is not 101: reset
+    chip.write(WDCR, 0x002F)
+    assert not chip.said
+    assert chip.read(WDCR) == 0x0007
+
+
+@pytest.mark.parametrize("wdps", range(8))
+def test_watchdog_time(chip, wdps):
+    """256 counts of the clock / 512 / prescaler, which is 1 for 0 and 1, then doubles."""
+    clock = {"f28335": 30e6, "f28377s": 10e6}[chip.device]
+    limit_us = 256 * 512 / clock * (1, 1, 2, 4, 8, 16, 32, 64)[wdps] * 1e6
+    chip.eallow()
+    chip.write(WDCR, 0x28 | wdps)
+    chip.write(WDKEY, 0x55)
+    chip.write(WDKEY, 0xAA)
+
+    def wait(us):
+        while us > 0:
+            lib.ht_regfile_wait(chip.rf, min(60000, us))
+            us -= 60000
+
+    wait(int(limit_us) - 2)
+    chip.write(WDKEY, 0x55)
+    chip.write(WDKEY, 0xAA)
+    wait(int(limit_us) - 2)
+    assert not chip.said
+    wait(4)
+    assert (chip.said, chip.rf.dog_resets) == ([WATCHDOG], 1)
+    chip.write(WDCR, 0x68)  # off
+    wait(int(2 * limit_us))
+    assert not chip.said
+
+
+# --- pins, flash, calibration ---------------------------------------------------------------
+
+
+def ready_for_pins(chip):
+    for leg in range(6):
+        chip.poke("TZFLG", OST, leg)
+        chip.poke("TZCTL", 0x000A, leg)
+        chip.poke("DBCTL", 0x000B, leg)
+    chip.rf.eallow = 1
+
+
+def test_pin_to_the_pwm_only_when_it_is_safe(chip):
+    ready_for_pins(chip)
+    chip.write32("GPAMUX1", 0x00555555)
+    assert not chip.said
+    chip.write32("GPAMUX1", 0)
+    for name in ("TZFLG", "TZCTL", "DBCTL"):
+        ready_for_pins(chip)
+        chip.poke(name, 0, 4)
+        for pin in range(12):
+            chip.write32("GPAMUX1", 1 << 2 * pin)
+            assert chip.said == ([ORDER] if pin // 2 == 4 else [])
+            chip.write32("GPAMUX1", 0)
+    other = Chip(chip.device, clocked=False)
+    ready_for_pins(other)
+    other.write32("GPAMUX1", 1)
+    assert other.said == [ORDER]
+
+
+def test_pin_groups_of_the_f28377s():
+    """GMUX before MUX: with GPIO16 at position 1 the group makes it another function."""
+    chip = Chip("f28377s")
+    mux2, gmux2 = 0x7C08, 0x7C22
+    chip.eallow()
+    chip.write32(gmux2, 1)
+    chip.write32(gmux2, 0)
+    assert not chip.said
+    chip.write32(mux2, 1)
+    chip.write32(gmux2, 1)
+    assert chip.said == [ORDER]
+    # position 5 of GPIO16 is EPWM9A, which has no clock here
+    chip.write32(mux2, 0)
+    chip.write32(gmux2, 1)
+    chip.write32(mux2, 1)
+    assert chip.said == [ORDER]
+
+
+def test_flash_pump_of_the_f28377s():
+    chip = Chip("f28377s")
+    request, fbac, rdcntl, interface = 0x50024, 0x5F81E, 0x5F800, 0x5F980
+    chip.eallow()
+    chip.write32(fbac, 0x14)
+    assert chip.said == [ORDER]
+    chip.write32(request, 2)
+    assert chip.said == [KEY]
+    chip.write32(request, 0x5A5A0002)
+    chip.write32(interface, 3)
+    assert not chip.said
+    chip.write32(rdcntl, 0x300)
+    assert chip.said == [ORDER]
+    chip.write32(interface, 0)
+    chip.write32(rdcntl, 0x300)
+    assert not chip.said
+
+
+def test_functions_in_otp(chip):
+    call = lib.ht_regfile_call
+    if chip.device == "f28335":
+        call(chip.rf, 0x380080, 0)
+        assert chip.word(0x711C)[0] != 0  # ADCREFSEL
+    else:
+        call(chip.rf, 0x0703B4, 0)
+        assert chip.said == [NO_EALLOW]
+        chip.eallow()
+        call(chip.rf, 0x0703B4, 0)
+        assert chip.read32(0x7470) != 0  # ADCINLTRIM1
+        assert call(chip.rf, 0x0703AC, 0) != 0
+    assert not chip.said
+    call(chip.rf, 0x123456, 0)
+    assert chip.said == [HOLE]
+
+
+# --- encoder interface ---------------------------------------------------------------------
+
 #: eQEP: what only the hardware changes.
-QFLG, QEPSTS, QCTMR, QCPRD, QCTMRLAT, QCPRDLAT = 0x19, 0x1C, 0x1D, 0x1E, 0x1F, 0x20
-LATCHES = range(0x08, 0x0E)  # QPOSILAT, QPOSSLAT, QPOSLAT, two words each
+QCAPCTL, QFLG, QEPSTS, QCTMR, QCPRD, QCTMRLAT, QCPRDLAT = 0x16, 0x19, 0x1C, 0x1D, 0x1E, 0x1F, 0x20
 
 
 def test_encoder_registers_are_zero_after_reset(chip):
-    assert [chip.read(chip.at["eqep"] + n) for n in range(0x21)] == [0] * 0x21
-    assert chip.rf.violations == 0
+    assert [chip.word(chip.at["eqep"] + n)[0] for n in range(0x21)] == [0] * 0x21
 
 
-@pytest.mark.parametrize("offset", (QFLG, QCTMR, QCPRD, QCTMRLAT, QCPRDLAT, *LATCHES))
+@pytest.mark.parametrize("offset", (QFLG, QCTMR, QCPRD, QCTMRLAT, QCPRDLAT))
 def test_encoder_results_are_read_only(chip, offset):
     address = chip.at["eqep"] + offset
     chip.poke(address, 1234)
@@ -160,13 +535,31 @@ def test_encoder_results_are_read_only(chip, offset):
     assert chip.rf.first_address == address
 
 
+@pytest.mark.parametrize("offset", (0x08, 0x0A, 0x0C))  # QPOSILAT, QPOSSLAT, QPOSLAT
+def test_encoder_latches_are_read_only(chip, offset):
+    chip.write32(chip.at["eqep"] + offset, 1)
+    assert chip.said == [READ_ONLY]
+    assert chip.read32(chip.at["eqep"] + offset) == 0
+
+
 def test_other_encoder_registers_keep_what_is_written(chip):
-    fixed = (QFLG, QEPSTS, QCTMR, QCPRD, QCTMRLAT, QCPRDLAT, *LATCHES)
-    plain = [chip.at["eqep"] + n for n in range(0x1B) if n not in fixed]
-    for address in plain:
-        chip.write(address, address ^ 0x5555)
-    assert [chip.read(address) for address in plain] == [a ^ 0x5555 for a in plain]
+    base = chip.at["eqep"]
+    for offset in (0x00, 0x02, 0x04, 0x06, 0x0E, 0x10):
+        chip.write32(base + offset, 0x12345678 ^ offset)
+        assert chip.read32(base + offset) == 0x12345678 ^ offset
+    for offset, value in ((0x12, 0xABCD), (0x13, 1), (0x14, 0xFFE0), (0x15, 0x9008), (0x18, 2)):
+        chip.write(base + offset, value)
+        assert chip.read(base + offset) == value
     assert chip.rf.violations == 0
+
+
+def test_capture_prescalers_change_while_it_is_off(chip):
+    control = chip.at["eqep"] + QCAPCTL
+    for value in (0x0072, 0x8072, 0x0072, 0x0013, 0x8013):
+        chip.write(control, value)
+    assert not chip.said
+    chip.write(control, 0x8072)
+    assert chip.said == [ORDER]
 
 
 def test_encoder_status_is_cleared_by_ones(chip):
@@ -175,28 +568,210 @@ def test_encoder_status_is_cleared_by_ones(chip):
     chip.poke(status, 0x00FF)
     chip.write(status, 0)
     assert chip.read(status) == 0x00FF
-    for bit, left in ((0x80, 0x7F), (0x08, 0x77), (0x04, 0x73), (0x02, 0x71), (0xFFFF, 0x71)):
+    for bit, left in ((0x80, 0x7F), (0x08, 0x77), (0x04, 0x73), (0x02, 0x71)):
         chip.write(status, bit)
         assert chip.read(status) == left
     assert chip.rf.violations == 0
+    chip.write(status, 0xFFFF)
+    assert chip.read(status) == 0x71
+    assert chip.said == [RESERVED]
 
 
-@pytest.mark.parametrize("address", (0x8000, 0x5CFFF, 0x5D800, 0xFFFFFFFF))
-def test_holes(chip, address):
-    assert chip.read(address) == 0
-    assert (chip.rf.violations, chip.rf.first_kind, chip.rf.first_address) == (1, HOLE, address)
-    chip.write(address, 1)
-    assert chip.rf.violations == 2
+# --- SCI ------------------------------------------------------------------------------
+
+SCICCR, SCICTL1, SCIRXST, SCIRXBUF, SCITXBUF, SCIFFTX, SCIFFRX = 0, 1, 5, 7, 9, 10, 11
 
 
-def test_first_violation_is_kept(chip):
-    chip.write("TZFRC", OST)
-    chip.read(0x8000)
-    assert (chip.rf.first_address, chip.rf.first_kind) == (chip.address("TZFRC"), NO_EALLOW)
+def running_sci(chip):
+    base = chip.at["sci"]
+    chip.write(base + SCIFFTX, 0xE000)
+    chip.write(base + SCIFFRX, 0x2000)
+    chip.write(base + SCICTL1, 0x0023)
+    return base
 
 
-def test_32_bit_accesses_are_low_word_first(chip):
-    address = 0x5100 if "PERCLKDIVSEL" in chip.at else 0x6B00
-    lib.ht_regfile_write32(chip.rf, address, 0x89AB4567)
-    assert (chip.rf.low[address], chip.rf.low[address + 1]) == (0x4567, 0x89AB)
-    assert lib.ht_regfile_read32(chip.rf, address) == 0x89AB4567
+def test_sci_format_changes_in_software_reset(chip):
+    base = chip.at["sci"]
+    chip.write(base + SCICCR, 7)
+    assert not chip.said
+    running_sci(chip)
+    for offset in (SCICCR, 2, 3):  # and both halves of the divider
+        chip.write(base + offset, 1)
+        assert chip.said == [ORDER]
+
+
+def test_sci_fifos(chip):
+    base = running_sci(chip)
+    for n in range(16):
+        assert lib.ht_regfile_sci_arrive(chip.rf, 100 + n)
+        chip.write(base + SCITXBUF, 200 + n)
+    assert not lib.ht_regfile_sci_arrive(chip.rf, 1)
+    assert chip.read(base + SCIFFRX) == 0x8000 | 0x2000 | 16 << 8  # overflow, level
+    assert chip.read(base + SCIFFTX) == 0xE000 | 16 << 8
+    assert not chip.said
+    chip.write(base + SCITXBUF, 1)
+    assert chip.said == [ORDER]
+    assert [chip.read(base + SCIRXBUF) for _ in range(3)] == [100, 101, 102]
+    assert [lib.ht_regfile_sci_leave(chip.rf) for _ in range(17)] == [*range(200, 216), 0xFFFF]
+    assert chip.read(base + SCIFFRX) >> 8 & 0x1F == 13
+    chip.write(base + SCIFFRX, 0x6000)  # clears the overflow
+    assert chip.read(base + SCIFFRX) == 0x2000 | 13 << 8
+    chip.write(base + SCIFFRX, 0)  # reset empties
+    chip.write(base + SCIFFRX, 0x2000)
+    assert chip.read(base + SCIFFRX) == 0x2000
+
+
+def test_sci_receiver_stops_at_an_error(chip):
+    base = running_sci(chip)
+    chip.poke(base + SCIRXST, 0x0090)  # framing error
+    assert not lib.ht_regfile_sci_arrive(chip.rf, 1)
+    chip.poke(base + SCIRXST, 0)
+    chip.write(base + SCICTL1, 0x0003)
+    assert not lib.ht_regfile_sci_arrive(chip.rf, 1)
+
+
+# --- timer, interrupts --------------------------------------------------------------------
+
+PIECTRL, PIEIER1, PIEIFR1, TCR, PRD = 0x0CE0, 0x0CE2, 0x0CE3, 0x0C04, 0x0C02
+
+
+def test_timer_control(chip):
+    chip.write32(PRD, 1999999)
+    chip.write(TCR, 0x0030)
+    assert chip.read32(0x0C00) == 1999999  # TRB loads the counter
+    assert chip.read(TCR) == 0x0010  # and reads 0
+    assert not lib.ht_regfile_timer(chip.rf)  # stopped
+    chip.write(TCR, 0x4000)
+    assert lib.ht_regfile_timer(chip.rf)
+    assert chip.read(TCR) == 0xC000
+    chip.write(TCR, 0xC000)
+    assert chip.read(TCR) == 0x4000  # TIF is cleared by 1
+
+
+class Interrupts:
+    """Timer and ADC interrupts into Python."""
+
+    def __init__(self, chip):
+        self.chip, self.calls, self.within = chip, [], lambda: None
+        self._keep = [ffi.callback("void(void)", f) for f in (self.fast, self.slow)]
+        chip.eallow()
+        for vector, function in zip((32, 38), self._keep):
+            lib.ht_regfile_vector(chip.rf, 0x0D00 + 2 * vector, function)
+        chip.eallow(0)
+        chip.write(PIECTRL, 1)
+        chip.write(PIEIER1, 0x0041)
+        chip.write(TCR, 0x4000)
+        lib.ht_regfile_ier(chip.rf, 1)
+        # interrupt at the end of a sequence: INT_ENA_SEQ1, or INT1E with EOC6
+        chip.eallow()
+        chip.write(*((0x7101, 0x0800) if chip.device == "f28335" else (0x7407, 0x0026)))
+        chip.eallow(0)
+
+    def fast(self):
+        self.calls.append("fast")
+        self.chip.write(*((0x7119, 0x0010) if self.chip.device == "f28335" else (0x7404, 1)))
+        self.chip.write(PIEACK, 1)
+
+    def slow(self):
+        self.calls.append("slow")
+        self.within()
+        self.chip.write(PIEACK, 1)
+
+    def timer(self):
+        lib.ht_regfile_timer(self.chip.rf)
+
+    def adc(self):
+        lib.ht_regfile_end_of_sequence(self.chip.rf)
+
+
+def test_interrupts_wait_for_the_mask_and_come_in_order(chip):
+    it = Interrupts(chip)
+    it.timer()
+    it.adc()
+    assert not it.calls
+    lib.ht_regfile_intm(chip.rf, 0)
+    assert it.calls == ["fast", "slow"]  # the lower line first
+    assert (chip.rf.intm, chip.rf.ier, chip.rf.word[PIEIFR1]) == (0, 1, 0)
+
+
+@pytest.mark.parametrize("missing", ("PIECTRL", "PIEIER1", "IER", "acknowledge", "flag"))
+def test_what_an_interrupt_needs(chip, missing):
+    it = Interrupts(chip)
+    lib.ht_regfile_intm(chip.rf, 0)
+    if missing == "PIECTRL":
+        chip.write(PIECTRL, 0)
+    elif missing == "PIEIER1":
+        chip.write(PIEIER1, 0x0040)
+    elif missing == "IER":
+        lib.ht_regfile_ier(chip.rf, 0)
+    elif missing == "acknowledge":
+        chip.poke(PIEACK, 1)
+    else:  # the flag of the sequence before has not been cleared
+        chip.poke(0x7119 if chip.device == "f28335" else 0x7403, 1)
+    it.adc()
+    assert not it.calls
+
+
+def test_fast_interrupt_within_the_slow_one(chip):
+    it = Interrupts(chip)
+    lib.ht_regfile_intm(chip.rf, 0)
+
+    def within():
+        it.adc()
+        it.calls.append("masked")
+        chip.write(PIEIER1, 0x0001)
+        chip.write(PIEACK, 1)
+        lib.ht_regfile_ier(chip.rf, 1)
+        lib.ht_regfile_intm(chip.rf, 0)
+        it.calls.append("let in")
+        lib.ht_regfile_intm(chip.rf, 1)
+        chip.write(PIEIER1, 0x0041)
+
+    it.within = within
+    chip.eallow()
+    it.timer()
+    assert it.calls == ["slow", "masked", "fast", "let in"]
+    assert (chip.rf.deepest, chip.rf.depth, chip.rf.eallow) == (2, 0, 1)  # restored
+
+
+def test_interrupt_comes_between_two_accesses(chip):
+    it = Interrupts(chip)
+    lib.ht_regfile_intm(chip.rf, 0)
+    chip.rf.event_at = chip.rf.accesses + 2
+    chip.read("TBCTL")
+    assert not it.calls
+    chip.read("TBCTL")
+    assert it.calls == ["fast"]
+
+
+def test_sequencer_of_the_f28335_is_reset_between_sequences():
+    """RST_SEQ1; else the next sequence goes on where the last one stopped."""
+    chip = Chip("f28335")
+    chip.trip()
+    chip.eallow()
+    for address, value in ((0x6819, 0x0900), (0x681A, 0x0100), (0x7100, 0x0010), (0x7102, 6)):
+        chip.write(address, value)
+    lib.ht_regfile_call(chip.rf, 0x380080, 0)
+    chip.write(0x7118, 0x00E0)
+    chip.write(0x7101, 0x0900)
+    assert not lib.ht_regfile_period(chip.rf)  # the counters stand
+    lib.ht_regfile_wait(chip.rf, 4000)
+    chip.write(0x701C, 0x040C)
+    assert chip.said == [ORDER]  # 5 ms from power-up to the first conversion
+    assert lib.ht_regfile_period(chip.rf)
+    chip.write(0x7101, 0x4900)
+    assert lib.ht_regfile_period(chip.rf)
+    assert not chip.said
+    assert lib.ht_regfile_period(chip.rf)
+    assert chip.said == [ORDER]
+
+
+def test_trip_pin_trips_those_who_listen(chip):
+    chip.trip()
+    chip.eallow()
+    for leg in (0, 2, 4):
+        chip.write("TZSEL", 0x0100, leg)
+    for leg in range(6):
+        chip.poke("TZFLG", 0, leg)
+    lib.ht_regfile_trip_pin(chip.rf)
+    assert [chip.read("TZFLG", leg) for leg in range(6)] == [OST, 0, OST, 0, OST, 0]

@@ -3,15 +3,16 @@
 #include "ht_frame.h"
 #include "port.h"
 
-#define LEG_REGISTERS 24
+#define LEG_REGISTERS 21
 #define ABSENT 0xFFFFu
+#define PIEACK 0x0CE1u
 
 uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
 {
     const uint16_t offset[LEG_REGISTERS] = {
         m->tbctl,  m->tbctr,   m->tbprd, m->tbphs, m->cmpctl, m->cmpa,  m->cmpb,  m->aqctl,
         m->aqctla, m->aqsfrc,  m->aqcsfrc, m->dbctl, m->dbred, m->dbfed, m->tzsel, m->tzctl,
-        m->tzeint, m->tzflg,   m->tzclr, m->tzfrc, m->etsel,  m->etps,  m->etflg, m->etclr,
+        m->tzflg, m->tzclr,    m->tzfrc, m->etsel, m->etps,
     };
     uint16_t n = 0u;
     uint16_t i;
@@ -26,18 +27,11 @@ uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
     for (i = 0u; i < HT_ADC_CHANNELS; i++) {
         out[n++] = m->adc_result + i;
     }
-    for (i = 0u; i < EQEP_WORDS; i++) {
+    for (i = 0u; i < HT_MIRROR_EQEP_WORDS; i++) {
         out[n++] = m->eqep + i;
     }
-    out[n++] = m->pieack;
-    out[n++] = m->pclk_tbsync;
-    out[n++] = m->pclk_epwm;
-    if (m->pclk_eqep != m->pclk_epwm) {
-        out[n++] = m->pclk_eqep;
-    }
-    if (m->perclkdivsel != 0u) {
-        out[n++] = m->perclkdivsel;
-    }
+    out[n++] = m->adc_flag;
+    out[n++] = PIEACK;
     return n;
 }
 

@@ -1,7 +1,7 @@
 /** @file ht_mirror.h
  *  The registers of a drive as a numbered list, and what changed in them: what host
  *  and target tell each other about the register file (docs/pil.md). All the ePWM
- *  registers in use, ADC results, eQEP, interrupt acknowledge, clocks.
+ *  registers in use, ADC results and flag, eQEP, interrupt acknowledge.
  */
 #ifndef HT_MIRROR_H
 #define HT_MIRROR_H
@@ -14,13 +14,17 @@
 /** Registers of a device, at most. */
 enum { HT_MIRROR_MAX = 200 };
 
+/** Words of eQEP1 from its first one, and where among them QEPSTS is. */
+#define HT_MIRROR_EQEP_WORDS 0x21u
+#define HT_MIRROR_QEPSTS 0x1Cu
+
 typedef struct {
     uint16_t count;
     uint16_t *cell[HT_MIRROR_MAX];    /**< into the register file */
     uint16_t agreed[HT_MIRROR_MAX];   /**< what the other side knows */
 } ht_mirror;
 
-/** List the registers of a freshly reset `registers`: that is what both sides know. */
+/** List the registers of a freshly started `registers`: that is what both sides know. */
 void ht_mirror_init(ht_mirror *m, ht_regfile *registers, const ht_c2000_map *map);
 
 /** The list of a device: word addresses into `out`, HT_MIRROR_MAX at most. Returns their

@@ -1,17 +1,30 @@
 /** @file ht_port_c2000.h
- *  `ht_port` of the C2000 targets: one PWM per leg, ePWM1..6 = u1 u2 w1 w2 v1 v2.
+ *  `ht_port` of the C2000 targets. One PWM module per leg, legs u1 u2 w1 w2 v1 v2.
+ *
+ *  Order on a target: `ht_port_bind`, `ht_board_start`, the vectors (ht_image.c),
+ *  then `ht_port_init` (within `ht_drive_init`), interrupts on.
  */
 #ifndef HT_PORT_C2000_H
 #define HT_PORT_C2000_H
 
 #include "../port.h"
-#include "ht_c2000_map.h"
+#include "ht_board.h"
 #include "ht_reg.h"
 
 struct ht_port {
     ht_io *io;               /**< register file (unused on the DSP) */
-    const ht_c2000_map *map; /**< device */
+    const ht_board *board;
+    const ht_c2000_map *map; /**< the board's device */
+    uint32_t leg[HT_LEGS];   /**< PWM module of each leg */
     bool shadow;
 };
+
+/** The port of a board. Touches no register. */
+void ht_port_bind(ht_port *port, ht_io *io, const ht_board *board);
+
+/** After reset: watchdog, PLL, flash, module clocks, ADC, SCI, pins except the PWM's.
+ *  Takes a few ms. False if there is no clock to run on; the gates then stay off
+ *  for want of a pin that could switch them on. */
+bool ht_board_start(ht_port *port);
 
 #endif

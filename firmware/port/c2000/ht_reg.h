@@ -1,32 +1,109 @@
 /** @file ht_reg.h
- *  Register access for C2000 drivers. The same driver source runs on the DSP
- *  (volatile accesses to absolute word addresses) and on the host (calls into
- *  the register model, one register file per simulated drive). A third kind serves to
- *  count instructions.
+ *  Register access and CPU instructions for C2000 drivers. The same driver source
+ *  runs on the DSP (volatile accesses to absolute word addresses) and on the host
+ *  (calls into the register model, one register file per simulated drive). A third
+ *  kind serves to count instructions.
  *
  *  Addresses are word addresses; a word has 16 bits. `io` is the handle of the
  *  register file: unused on the DSP, where the addresses are the hardware.
+ *
+ *  HT_RD16, HT_WR16, HT_RD32, HT_WR32   one access of that width
+ *  HT_SETTLE     after clock enables have been written, before the first access
+ *  HT_WAIT_US    at least that many microseconds
+ *  HT_VECTOR     enter an interrupt function into a vector
+ *  HT_CALL       call a function of TI's in ROM or OTP; HT_CALL16 with argument and result
+ *  HT_IDLE       one turn of the background loop is over
  */
 #ifndef HT_REG_H
 #define HT_REG_H
 
 #include <stdint.h>
 
+#ifndef __TMS320C2000__
+#include "../host/ht_regfile.h"
+#endif
+
 #ifdef __TMS320C2000__
 
-typedef void ht_io;
+#define HT_INTERRUPT __interrupt
 
-#define HT_RD16(io, addr) (*(volatile uint16_t *)(addr))
-#define HT_WR16(io, addr, value) (*(volatile uint16_t *)(addr) = (value))
-#define HT_RD32(io, addr) (*(volatile uint32_t *)(addr))
-#define HT_WR32(io, addr, value) (*(volatile uint32_t *)(addr) = (value))
+typedef void ht_io;
+typedef HT_INTERRUPT void (*ht_isr)(void);
+
+extern __cregister volatile unsigned int IER;
+extern __cregister volatile unsigned int IFR;
+
+/** Busy waiting: no timer is needed, and more than `us` does not hurt. */
+void ht_wait_us(uint16_t us);
+
+static inline uint16_t ht_rd16(const ht_io *io, uint32_t addr)
+{
+    (void)io;
+    return *(volatile uint16_t *)(uintptr_t)addr;
+}
+
+static inline void ht_wr16(ht_io *io, uint32_t addr, uint16_t value)
+{
+    (void)io;
+    *(volatile uint16_t *)(uintptr_t)addr = value;
+}
+
+static inline uint32_t ht_rd32(const ht_io *io, uint32_t addr)
+{
+    (void)io;
+    return *(volatile uint32_t *)(uintptr_t)addr;
+}
+
+static inline void ht_wr32(ht_io *io, uint32_t addr, uint32_t value)
+{
+    (void)io;
+    *(volatile uint32_t *)(uintptr_t)addr = value;
+}
+
+static inline void ht_enter_vector(ht_io *io, uint32_t addr, ht_isr isr)
+{
+    (void)io;
+    *(ht_isr volatile *)(uintptr_t)addr = isr;
+}
+
+static inline void ht_call(ht_io *io, uint32_t addr)
+{
+    (void)io;
+    ((void (*)(void))(uintptr_t)addr)();
+}
+
+static inline uint16_t ht_call16(ht_io *io, uint32_t addr, uint16_t argument)
+{
+    (void)io;
+    return ((uint16_t(*)(uint16_t))(uintptr_t)addr)(argument);
+}
+
+#define HT_RD16(io, addr) ht_rd16((io), (addr))
+#define HT_WR16(io, addr, value) ht_wr16((io), (addr), (value))
+#define HT_RD32(io, addr) ht_rd32((io), (addr))
+#define HT_WR32(io, addr, value) ht_wr32((io), (addr), (value))
+#define HT_VECTOR(io, addr, isr) ht_enter_vector((io), (addr), (isr))
+#define HT_CALL(io, addr) ht_call((io), (addr))
+#define HT_CALL16(io, addr, argument) ht_call16((io), (addr), (argument))
 #define HT_EALLOW(io) __asm(" EALLOW")
 #define HT_EDIS(io) __asm(" EDIS")
+#define HT_SETTLE(io) __asm(" RPT #7 || NOP")
+#define HT_WAIT_US(io, us) ht_wait_us(us)
+#define HT_DINT(io) __asm(" SETC INTM")
+#define HT_EINT(io) __asm(" CLRC INTM")
+#define HT_IFR_CLEAR(io) (IFR = 0u)
+#define HT_IER_WRITE(io, mask) (IER = (mask))
+#define HT_IER_SET(io, mask) (IER |= (mask))
+#define HT_IDLE(io) __asm(" NOP")
 
 #elif defined(HT_REGISTERS_AT)
 
-/* Plain memory from this address on: what the accesses cost, without what they do. */
+/* Plain memory from this address on: what the accesses cost, without what they do. The
+ * start of a board, which waits for flags to come, cannot run on it. */
+#define HT_INTERRUPT
+
 typedef void ht_io;
+typedef void (*ht_isr)(void);
 
 #define HT_REGISTER(type, addr) (*(volatile type *)(HT_REGISTERS_AT + 2u * (uint32_t)(addr)))
 #define HT_RD16(io, addr) HT_REGISTER(uint16_t, addr)
@@ -35,19 +112,42 @@ typedef void ht_io;
 #define HT_WR32(io, addr, value) (HT_REGISTER(uint32_t, addr) = (value))
 #define HT_EALLOW(io) __asm volatile("nop")
 #define HT_EDIS(io) __asm volatile("nop")
+#define HT_VECTOR(io, addr, isr) ((void)(isr))
+#define HT_CALL(io, addr) ((void)(addr))
+#define HT_CALL16(io, addr, argument) (argument)
+#define HT_SETTLE(io) __asm volatile("nop")
+#define HT_WAIT_US(io, us) ((void)(us))
+#define HT_DINT(io) __asm volatile("nop")
+#define HT_EINT(io) __asm volatile("nop")
+#define HT_IFR_CLEAR(io) __asm volatile("nop")
+#define HT_IER_WRITE(io, mask) ((void)(mask))
+#define HT_IER_SET(io, mask) ((void)(mask))
+#define HT_IDLE(io) __asm volatile("nop")
 
 #else
 
-#include "../host/ht_regfile.h"
+#define HT_INTERRUPT
 
 typedef ht_regfile ht_io;
+typedef HT_INTERRUPT void (*ht_isr)(void);
 
 #define HT_RD16(io, addr) ht_regfile_read16((io), (addr))
 #define HT_WR16(io, addr, value) ht_regfile_write16((io), (addr), (value))
 #define HT_RD32(io, addr) ht_regfile_read32((io), (addr))
 #define HT_WR32(io, addr, value) ht_regfile_write32((io), (addr), (value))
-#define HT_EALLOW(io) ht_regfile_eallow((io), 1)
-#define HT_EDIS(io) ht_regfile_eallow((io), 0)
+#define HT_VECTOR(io, addr, isr) ht_regfile_vector((io), (addr), (isr))
+#define HT_CALL(io, addr) ((void)ht_regfile_call((io), (addr), 0u))
+#define HT_CALL16(io, addr, argument) ht_regfile_call((io), (addr), (argument))
+#define HT_EALLOW(io) ht_regfile_eallow((io), 1u)
+#define HT_EDIS(io) ht_regfile_eallow((io), 0u)
+#define HT_SETTLE(io) ht_regfile_settle(io)
+#define HT_WAIT_US(io, us) ht_regfile_wait((io), (us))
+#define HT_DINT(io) ht_regfile_intm((io), 1u)
+#define HT_EINT(io) ht_regfile_intm((io), 0u)
+#define HT_IFR_CLEAR(io) ht_regfile_ifr_clear(io)
+#define HT_IER_WRITE(io, mask) ht_regfile_ier((io), (mask))
+#define HT_IER_SET(io, mask) ht_regfile_ier((io), (uint16_t)((io)->ier | (mask)))
+#define HT_IDLE(io) ht_regfile_idle(io)
 
 #endif
 

@@ -211,7 +211,7 @@ static void begin(ht_link *l, uint16_t type)
 static void look(ht_link *l)
 {
     uint32_t accesses = l->registers.accesses;
-    uint16_t *status = ht_regfile_word(&l->registers, l->port.map->eqep + EQEP_QEPSTS);
+    uint16_t *status = ht_regfile_word(&l->registers, l->port.map->eqep + HT_MIRROR_QEPSTS);
     uint16_t flags = *status;
     ht_samples samples;
     ht_capture capture;
@@ -386,13 +386,14 @@ void ht_link_hello(ht_link *l, uint16_t *identity)
 
 void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
 {
-    const ht_c2000_map *map = (device == 0u) ? &ht_f28335 : &ht_f28377s;
+    const ht_board *board = (device == 0u) ? &ht_board_f28335 : &ht_board_f28377s;
+    const ht_c2000_map *map = board->map;
     uint16_t id;
     ht_regfile_reset(&l->registers, map);
+    ht_port_bind(&l->port, &l->registers, board);
+    (void)ht_board_start(&l->port);
     ht_mirror_init(&l->mirror, &l->registers, map);
     begin_log(&l->log, &l->mirror);
-    l->port.io = &l->registers;
-    l->port.map = map;
     begin(l, HT_PIL_INIT);
     ht_frame_add(&l->request, device);
     for (id = 0u; id < HT_PARAMS; id++) {

@@ -1,52 +1,167 @@
 /** @file ht_regfile.h
- *  Model of a C2000 register file, one per simulated drive: what a driver's
+ *  Model of a C2000 chip as its drivers see it, one per simulated drive: what their
  *  accesses do on the chip, with their traps.
  *
- *  Modelled: EALLOW protection, write-1-to-clear and force registers of the trip
- *  zone and event trigger, of the eQEP's status, PIE acknowledge, read-only registers
- *  (the capture timer, period and latches among them), addresses where nothing is. A forbidden access has the effect it has on the chip (none) and
- *  is counted, with the first offender kept, so that tests can insist on zero.
- *  What the PWM makes of the values is the plant's business, not this file's; only
- *  an event that overtakes the running interrupt can be planted here (`event_at`).
+ *  Modelled: reset values; EALLOW; write-1-to-clear, force and read-only registers;
+ *  reserved bits; access width; module clocks (a write to a module without clock is
+ *  lost; an enable acts after HT_SETTLE); watchdog keys and time; the PLLs' sequences;
+ *  flash pump; pin multiplexers; the ADC's power-up and sequencer; CPU timer 0; SCI-A
+ *  with its FIFOs; PIE group 1 with vectors, nesting and acknowledge; TI's functions
+ *  in OTP. An access that the chip refuses, or that manual or common sense forbid at
+ *  this point, is counted as a violation and the first ones are kept, so that tests
+ *  can insist on zero. A register that the tables do not list counts as not there.
+ *
+ *  What the PWM makes of the values is the plant's business, not this file's.
  */
 #ifndef HT_REGFILE_H
 #define HT_REGFILE_H
 
 #include <stdint.h>
 
-#define HT_REGFILE_LOW 0x8000u    /* words 0x0000..0x7FFF */
-#define HT_REGFILE_SYS 0x5D000u   /* words 0x5D000..0x5D7FF */
-#define HT_REGFILE_SYS_WORDS 0x800u
+#include "ht_registers.h"
 
-/** Kinds of forbidden access. */
+#define HT_REGFILE_LOW 0x8000u    /* words 0x0000..0x7FFF, then the windows above them */
+#define HT_REGFILE_WORDS 0x8C20u
+#define HT_REGFILE_BOUND 1200
+#define HT_REGFILE_GATES 40
+#define HT_REGFILE_LOG 16
+#define HT_REGFILE_VECTORS 224
+#define HT_REGFILE_ISRS 8
+#define HT_REGFILE_FIFO 16
+#define HT_REGFILE_LINE 64
+
+/** Kinds of violation. */
 enum {
     HT_REG_OK = 0,
     HT_REG_NO_EALLOW = 1,
-    HT_REG_HOLE = 2,
-    HT_REG_READ_ONLY = 3
+    HT_REG_HOLE = 2,      /**< no such register */
+    HT_REG_READ_ONLY = 3,
+    HT_REG_RESERVED = 4,  /**< a one in a reserved bit */
+    HT_REG_WIDTH = 5,     /**< 16 bits of a 32-bit register or the other way round */
+    HT_REG_UNCLOCKED = 6, /**< its module has no clock (yet) */
+    HT_REG_ORDER = 7,     /**< not now */
+    HT_REG_KEY = 8,       /**< wrong key */
+    HT_REG_WATCHDOG = 9   /**< the watchdog has reset the chip */
 };
 
+/** A register of the table at its place on the chip. */
+typedef struct {
+    const ht_register *reg;
+    const ht_module *module;
+    uint32_t base;     /* of the instance */
+    uint16_t number;   /* of the instance */
+    uint16_t gate;     /* its module's clock, in `gate` */
+    uint16_t written;  /* 1 once it has been written */
+} ht_bound;
+
+typedef struct {
+    uint32_t address;
+    uint16_t bit;
+    uint16_t on;
+} ht_gate;
+
+typedef struct {
+    uint32_t address;
+    uint32_t value;
+    uint16_t kind;
+    const char *why;
+} ht_violation;
+
 typedef struct ht_regfile {
-    uint16_t low[HT_REGFILE_LOW];
-    uint16_t sys[HT_REGFILE_SYS_WORDS];
-    const void *map;          /* ht_c2000_map of the device */
-    uint16_t eallow;          /* 1 while protected writes are allowed */
-    uint32_t accesses;        /* all reads and writes */
-    uint32_t event_at;        /* the next fast event comes before this access; 0 = never */
-    uint32_t violations;      /* forbidden ones */
-    uint32_t first_address;   /* of the first violation */
+    uint16_t word[HT_REGFILE_WORDS];
+    uint16_t open[HT_REGFILE_WORDS];  /* bits that may be stored without further ado */
+    uint16_t index[HT_REGFILE_WORDS]; /* 1 + number in `bound`; bit 15: may just be read */
+    ht_bound bound[HT_REGFILE_BOUND];
+    ht_gate gate[HT_REGFILE_GATES];   /* gate 0 = always on */
+    uint16_t bound_count;
+    uint16_t gate_count;
+    const void *map;                  /* ht_c2000_map of the device */
+    const ht_chip *chip;
+    uint16_t eallow;                  /* 1 while protected writes are allowed */
+    uint32_t accesses;                /* all reads and writes */
+    uint32_t event_at;                /* a conversion sequence ends before this access; 0 = never */
+    uint16_t event_timer;             /* 1: it is CPU timer 0 instead */
+    uint32_t violations;
+    uint32_t first_address;           /* of the first violation */
     uint16_t first_kind;
+    ht_violation log[HT_REGFILE_LOG]; /* the first ones */
+    /* CPU and interrupts */
+    uint16_t intm;                    /* 1: interrupts masked */
+    uint16_t ier;
+    void (*vector[HT_REGFILE_VECTORS])(void);
+    void (*isr[HT_REGFILE_ISRS])(void); /* those in `vector`, in the order of their coming */
+    uint16_t depth;                   /* interrupts within interrupts */
+    uint16_t deepest;
+    /* Time and watchdog */
+    uint32_t time_us;
+    uint32_t dog_us;                  /* when it was serviced last */
+    uint16_t dog_armed;               /* the first key has been written */
+    uint32_t dog_services;
+    uint32_t dog_resets;
+    /* PLL */
+    uint16_t looks;                   /* at the lock flag until it shows */
+    uint16_t locks;
+    uint16_t never_locks;             /* planted: it does not */
+    uint16_t slips;                   /* planted: it slips */
+    /* ADC */
+    uint16_t calibrated;
+    uint16_t powered;
+    uint32_t powered_us;
+    uint16_t stands;                  /* F28335: the sequencer stands at its end */
+    /* SCI */
+    uint16_t sci_in[HT_REGFILE_FIFO];
+    uint16_t sci_in_count;
+    uint16_t sci_out[HT_REGFILE_FIFO];
+    uint16_t sci_out_count;
+    /* What the background loop of an image does with its time */
+    void (*idle)(struct ht_regfile *rf);
+    void *user;
 } ht_regfile;
 
 /** Reset state of a device; `map` is ht_f28335 or ht_f28377s. */
 void ht_regfile_reset(ht_regfile *rf, const void *map);
 
+/* Accesses and instructions of a driver (ht_reg.h) */
 uint16_t ht_regfile_read16(ht_regfile *rf, uint32_t addr);
 void ht_regfile_write16(ht_regfile *rf, uint32_t addr, uint16_t value);
 uint32_t ht_regfile_read32(ht_regfile *rf, uint32_t addr);
 void ht_regfile_write32(ht_regfile *rf, uint32_t addr, uint32_t value);
-/** The storage of an address, or NULL where nothing is: the hardware's side of it. */
-uint16_t *ht_regfile_word(ht_regfile *rf, uint32_t addr);
 void ht_regfile_eallow(ht_regfile *rf, uint16_t on);
+void ht_regfile_settle(ht_regfile *rf);
+void ht_regfile_wait(ht_regfile *rf, uint16_t us);
+void ht_regfile_vector(ht_regfile *rf, uint32_t addr, void (*isr)(void));
+uint16_t ht_regfile_call(ht_regfile *rf, uint32_t addr, uint16_t argument);
+void ht_regfile_intm(ht_regfile *rf, uint16_t masked);
+void ht_regfile_ier(ht_regfile *rf, uint16_t mask);
+void ht_regfile_ifr_clear(const ht_regfile *rf);
+void ht_regfile_idle(ht_regfile *rf);
+
+/* What the hardware does */
+
+/** A conversion sequence ends: flag, interrupt. */
+void ht_regfile_end_of_sequence(ht_regfile *rf);
+/** ePWM1's counter passes 0. If PWM and ADC are set up for it, a sequence is converted.
+ *  Returns 1 if it was. */
+uint16_t ht_regfile_period(ht_regfile *rf);
+/** CPU timer 0 reaches 0. Returns 1 if it runs. */
+uint16_t ht_regfile_timer(ht_regfile *rf);
+/** The trip pin goes low: all modules that listen to it trip. */
+void ht_regfile_trip_pin(ht_regfile *rf);
+/** An octet arrives at the SCI's receiver. Returns 1 if it was taken. */
+uint16_t ht_regfile_sci_arrive(ht_regfile *rf, uint16_t octet);
+/** Next octet that leaves the transmitter, or 0xFFFF. */
+uint16_t ht_regfile_sci_leave(ht_regfile *rf);
+
+/* For tests */
+
+/** Where an address is kept, past all protection; NULL if the model has no such word. */
+uint16_t *ht_regfile_word(ht_regfile *rf, uint32_t addr);
+/** Entry `n` of the table of registers (n < bound_count): address and value. */
+uint32_t ht_regfile_address(const ht_regfile *rf, uint16_t n);
+uint32_t ht_regfile_value(ht_regfile *rf, uint16_t n);
+/** Name of the register at an address, "EPWM1.TBCTL", or "". */
+void ht_regfile_name(const ht_regfile *rf, uint32_t addr, char name[HT_REGFILE_LINE]);
+/** What a kind of violation is called. */
+const char *ht_regfile_kind(uint16_t kind);
 
 #endif

@@ -131,12 +131,17 @@ static void step(ht_drive *d)
     ht_control_step(d->config, &d->control, &d->in, &out);
 }
 
+static void bind(uint16_t device)
+{
+    ht_port_bind(&port, NULL, (device == 0u) ? &ht_board_f28335 : &ht_board_f28377s);
+}
+
 static int profile(int32_t states)
 {
     uint32_t n;
     for (n = 0u; n < SAMPLES; n++) {
         read_all(states, &now, (uint32_t)sizeof now);
-        port.map = (now.inputs[PERIOD_WORDS - 1u] > 1u) ? &ht_f28377s : &ht_f28335;
+        bind((uint16_t)(now.inputs[PERIOD_WORDS - 1u] / 2u));
         port.shadow = now.drive.config->shadow;
         latch(now.inputs);
         ht_drive_fast_isr(&now.drive);
@@ -162,7 +167,7 @@ static int count(int32_t trace, int32_t counts, int32_t states)
         return EXIT_FILE;
     }
     read_all(trace, params.v, (uint32_t)sizeof params.v);
-    port.map = (head[0] == 0u) ? &ht_f28335 : &ht_f28377s;
+    bind(head[0]);
     if (ht_drive_init(&now.drive, &port, &params) != HT_OK) {
         return EXIT_REFUSED;
     }

@@ -2,8 +2,9 @@
 
 Order within one PWM period, as on the chip:
 
-    count 0            ADC sampling starts (leg 1's counter at zero)
-    `sample_count`     currents, Vdc and position are held
+    count 0            ADC sampling starts (ePWM1's counter at zero)
+    `sample_count`     currents, Vdc and position are held; the end of their conversion
+                       raises the fast interrupt
     `write_count`      the fast interrupt has written its registers
     ...                edges of the active compare registers
     TBPRD              next period

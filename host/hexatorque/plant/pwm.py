@@ -28,7 +28,7 @@ PWM_MAP = np.dtype(
         (name, "i8")
         for name in (
             "epwm", "stride", "tbprd", "cmpctl", "cmpa", "cmpb", "aqctl", "aqctla", "aqsfrc",
-            "dbred", "dbfed", "tzflg", "etflg",
+            "dbred", "dbfed", "tzflg",
         )
     ]
 )  # fmt: skip
@@ -95,8 +95,6 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
     """
     if c0 == c1:
         return n  # registers are taken over by the segment that has counts
-    if c0 == 0:
-        regs[pm.epwm + pm.etflg] |= np.uint16(1)  # leg 1's event raises the fast interrupt
     for leg in range(6):
         base = pm.epwm + leg * pm.stride
         prd = np.int64(regs[base + pm.tbprd])

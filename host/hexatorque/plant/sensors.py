@@ -30,6 +30,8 @@ SENSORS = np.dtype(
         ("encoder_counts_rev", "f8"),
         ("adc_result", "i8"),  # word address of the first result
         ("adc_shift", "i8"),  # left shift of the result register
+        ("adc_flag", "i8"),  # word address of the flag that a sequence has ended
+        ("adc_flag_bit", "i8"),
         ("encoder_error_cycles", "f8"),  # edges of channel B off their place
         ("eqep", "i8"),  # word address of eQEP1
         ("system_clocks", "f8"),  # SYSCLKOUT cycles from sample to sample
@@ -163,7 +165,8 @@ def _sensed_A(se, m, y, leg):
 
 @njit
 def sample(se, m, y, vdc, regs):
-    """Convert the present state into the result registers."""
+    """Convert the present state into the result registers and raise the flag that the
+    fast interrupt acknowledges."""
     for leg in range(6):
         reading = _sensed_A(se, m, y, leg) * se.i_counts_per_A[leg] + se.i_offset_counts[leg]
         if se.i_noise_counts > 0.0:
@@ -174,6 +177,7 @@ def sample(se, m, y, vdc, regs):
     if se.hold[6] == 0:
         counts = _counts(vdc * se.v_counts_per_V, se.adc_step)
         regs[se.adc_result + 6] = np.uint16(counts << se.adc_shift)
+    regs[se.adc_flag] |= np.uint16(se.adc_flag_bit)
     turned = y[7] / TWO_PI * se.encoder_counts_rev
     if se.hold[7] != 0:
         turned = se.position_counts

@@ -64,20 +64,11 @@ def image_names(controller: Controller) -> list[str]:
     m = controller.map
     found = ffi.new("uint32_t[]", lib.HT_MIRROR_MAX)
     count = lib.ht_mirror_addresses(m, found)
-    offsets = ("tbctl tbctr tbprd tbphs cmpctl cmpa cmpb aqctl aqctla aqsfrc aqcsfrc dbctl dbred "
-               "dbfed tzsel tzctl tzeint tzflg tzclr tzfrc etsel etps etflg etclr")  # fmt: skip
-    named = {m.pieack: "PIEACK", m.pclk_tbsync: "PCLKCR (TBCLKSYNC)", m.pclk_eqep: "PCLKCR (eQEP)",
-             m.pclk_epwm: "PCLKCR (ePWM)", m.perclkdivsel: "PERCLKDIVSEL"}  # fmt: skip
-    for leg in range(6):
-        for name in offsets.split():
-            place = m.epwm + leg * m.stride + getattr(m, name)
-            named.setdefault(place, f"EPWM{leg + 1} {name.upper()}")
-    eqep = {0x00: "QPOSCNT (low)", 0x01: "QPOSCNT (high)", 0x1C: "QEPSTS", 0x1D: "QCTMR",
-            0x1E: "QCPRD"}  # fmt: skip
-    named |= {m.eqep + offset: name for offset, name in eqep.items()}
-    for n in range(7):
-        named[m.adc_result + n] = f"ADCRESULT{n}"
-    names = [named.get(found[i], f"register 0x{found[i]:04X}") for i in range(count)]
+    line = ffi.new("char[]", lib.HT_REGFILE_LINE)
+    names = []
+    for address in found[0:count]:
+        lib.ht_regfile_name(controller.registers, address, line)
+        names.append(ffi.string(line).decode() or f"register 0x{address:04X}")
     return [*names, "accesses (low)", "accesses (high)", "violations (low)", "violations (high)"]
 
 

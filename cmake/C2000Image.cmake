@@ -1,0 +1,43 @@
+# Complete images for a C2000 device: one that runs from flash, one for RAM (debugger
+# or SCI boot). Included when the toolchain is TI's; HT_DEVICE and HT_BOARD come
+# from the preset.
+enable_language(ASM)
+
+set(HT_DEVICE "" CACHE STRING "f28335 or f28377s: linker command files")
+set(HT_BOARD "" CACHE STRING "table of firmware/port/c2000/ht_board.c: f28335, f28377s, launchxl_f28377s")
+set(port firmware/port/c2000)
+if(NOT EXISTS "${CMAKE_CURRENT_SOURCE_DIR}/${port}/image/${HT_DEVICE}_flash.cmd")
+  message(FATAL_ERROR "HT_DEVICE = \"${HT_DEVICE}\": f28335 or f28377s")
+endif()
+if(NOT HT_BOARD MATCHES "^(f28335|f28377s|launchxl_f28377s)$" OR NOT HT_BOARD MATCHES "${HT_DEVICE}")
+  message(FATAL_ERROR "HT_BOARD = \"${HT_BOARD}\" is no board with a ${HT_DEVICE}")
+endif()
+
+# Results must be those of the host, bit for bit: no relaxed arithmetic, no TMU.
+set(machine -v28 -ml -mt --float_support=fpu32 --abi=eabi)
+set(arithmetic --fp_mode=strict --fp_reassoc=off)
+set(messages --display_error_number --diag_wrap=off --diag_warning=225)
+
+# What runs while the drive runs is in RAM: every function of these.
+file(GLOB core CONFIGURE_DEPENDS firmware/core/*.c)
+file(GLOB app CONFIGURE_DEPENDS firmware/app/*.c)
+file(GLOB drivers CONFIGURE_DEPENDS ${port}/*.c)
+set(ram ${core} ${app} ${drivers} ${port}/image/ht_image.c ${port}/image/ht_wait.c)
+set_source_files_properties(${ram} PROPERTIES COMPILE_OPTIONS "--ramfunc=on")
+# What copies it there is not.
+set(flash ${port}/image/main.c ${port}/image/codestart.asm)
+
+foreach(place flash ram)
+  set(image hexatorque_${HT_BOARD}_${place})
+  set(command_file "${CMAKE_CURRENT_SOURCE_DIR}/${port}/image/${HT_DEVICE}_${place}.cmd")
+  add_executable(${image} ${ram} ${flash})
+  set_target_properties(${image} PROPERTIES SUFFIX ".out" LINK_DEPENDS "${command_file}")
+  target_include_directories(${image} PRIVATE firmware/core firmware/app firmware/port ${port}
+    ${port}/image)
+  target_compile_definitions(${image} PRIVATE HT_BOARD=ht_board_${HT_BOARD})
+  target_compile_options(${image} PRIVATE ${machine} ${messages}
+    $<$<COMPILE_LANGUAGE:C>:${arithmetic}> $<$<COMPILE_LANGUAGE:C>:--opt_level=2>)
+  target_link_options(${image} PRIVATE --rom_model --entry_point=code_start --stack_size=0x300
+    --warn_sections --reread_libs "--search_path=${TI_CGT_ROOT}/lib" --library=libc.a
+    "${command_file}")
+endforeach()

@@ -1,0 +1,49 @@
+#include "ht_board.h"
+
+const ht_board ht_board_f28335 = {
+    .name = "f28335",
+    .map = &ht_f28335,
+    .pll_multiplier = 10u,
+    .modules = 0x003Fu,
+    .module = {0u, 1u, 2u, 3u, 4u, 5u},
+    .pwm = {{0u, 1u}, {1u, 1u}, {2u, 1u}, {3u, 1u}, {4u, 1u}, {5u, 1u},
+            {6u, 1u}, {7u, 1u}, {8u, 1u}, {9u, 1u}, {10u, 1u}, {11u, 1u}},
+    .trip = {12u, 1u},
+    .encoder_a = {20u, 1u},
+    .encoder_b = {21u, 1u},
+    .receive = {28u, 1u},
+    .transmit = {29u, 1u},
+    .channel = {0u, 1u, 2u, 3u, 4u, 5u, 6u},
+};
+
+const ht_board ht_board_f28377s = {
+    .name = "f28377s",
+    .map = &ht_f28377s,
+    .pll_multiplier = 20u,
+    .modules = 0x003Fu,
+    .module = {0u, 1u, 2u, 3u, 4u, 5u},
+    .pwm = {{0u, 1u}, {1u, 1u}, {2u, 1u}, {3u, 1u}, {4u, 1u}, {5u, 1u},
+            {6u, 1u}, {7u, 1u}, {8u, 1u}, {9u, 1u}, {10u, 1u}, {11u, 1u}},
+    .trip = {12u, 0u},
+    .encoder_a = {20u, 1u},
+    .encoder_b = {21u, 1u},
+    .receive = {28u, 1u},
+    .transmit = {29u, 1u},
+    .channel = {0u, 1u, 2u, 3u, 4u, 5u, 14u},
+};
+
+const ht_board ht_board_launchxl_f28377s = {
+    .name = "launchxl-f28377s",
+    .map = &ht_f28377s,
+    .pll_multiplier = 40u,
+    .modules = 0x03FFu, /* the sync signal passes through 3, 4 and 5 */
+    .module = {1u, 5u, 6u, 7u, 8u, 9u},
+    .pwm = {{2u, 1u}, {3u, 1u}, {10u, 1u}, {11u, 1u}, {12u, 1u}, {13u, 1u},
+            {14u, 1u}, {15u, 1u}, {16u, 5u}, {17u, 5u}, {18u, 5u}, {19u, 5u}},
+    .trip = {4u, 0u},
+    .encoder_a = {20u, 1u},
+    .encoder_b = {21u, 1u},
+    .receive = {85u, 5u},
+    .transmit = {84u, 5u},
+    .channel = {0u, 1u, 2u, 3u, 4u, 5u, 14u},
+};

@@ -1,0 +1,42 @@
+/** @file ht_board.h
+ *  The boards: crystal, pins, channels. The same tables in words: docs/flash.md.
+ */
+#ifndef HT_BOARD_H
+#define HT_BOARD_H
+
+#include "ht_c2000_map.h"
+#include "ht_types.h"
+
+/** Channels of the conversion sequence: six currents in phase order, Vdc. */
+#define HT_BOARD_CHANNELS 7
+
+/** A pin and the position of its multiplexer that makes it what it is. */
+typedef struct {
+    uint16_t gpio;
+    uint16_t mux; /**< 0..3 on the F28335, 0..15 on the F28377S */
+} ht_pin;
+
+typedef struct {
+    const char *name;
+    const ht_c2000_map *map;
+    uint16_t pll_multiplier;          /**< crystal to twice SYSCLKOUT */
+    uint16_t modules;                 /**< ePWM modules with a clock: bit 0 = ePWM1 */
+    uint16_t module[HT_LEGS];         /**< of each leg, 0 = ePWM1 */
+    ht_pin pwm[2 * HT_LEGS];          /**< upper, lower switch of each leg */
+    ht_pin trip;                      /**< low trips all legs */
+    ht_pin encoder_a;
+    ht_pin encoder_b;
+    ht_pin receive;
+    ht_pin transmit;
+    uint16_t channel[HT_BOARD_CHANNELS]; /**< ADC inputs (ADC-A) */
+} ht_board;
+
+/** TI's F28335 controlCARD: 30 MHz. */
+extern const ht_board ht_board_f28335;
+/** F28377S in a package with GPIO0..11 (176 and 337 pins): 20 MHz. */
+extern const ht_board ht_board_f28377s;
+/** LAUNCHXL-F28377S, 100 pins: 10 MHz. GPIO0, 1 and 5..9 have no pin, so the legs are
+ *  ePWM2 and 6..10; ePWM1 keeps the time and starts the ADC all the same. */
+extern const ht_board ht_board_launchxl_f28377s;
+
+#endif

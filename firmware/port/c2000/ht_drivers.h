@@ -1,0 +1,86 @@
+/** @file ht_drivers.h
+ *  The drivers of the C2000 targets, one file each. The functions of port.h are with
+ *  the module that they talk to. All may be called again.
+ */
+#ifndef HT_DRIVERS_H
+#define HT_DRIVERS_H
+
+#include "ht_port_c2000.h"
+
+/* ht_watchdog.c. Both halves are needed to keep it from resetting the device. */
+
+/** On, with its longest time: for the start. */
+void ht_watchdog_hold(ht_port *port);
+/** On, with the shortest time that is longer than 2.5 slow periods. */
+void ht_watchdog_start(ht_port *port, float slow_Hz);
+/** First half, from the slow interrupt. */
+void ht_watchdog_first(ht_port *port);
+/** Second half, from the background. */
+void ht_watchdog_second(ht_port *port);
+
+/* ht_clock_f28335.c, ht_clock_f28377s.c */
+
+/** Crystal, PLL, prescalers, clocks of the modules in use. False: no clock, no lock. */
+bool ht_clock_start_f28335(ht_port *port);
+bool ht_clock_start_f28377s(ht_port *port);
+/** TBCLKSYNC: stop or start all PWM counters together. */
+void ht_clock_pwm_f28335(ht_port *port, bool run);
+void ht_clock_pwm_f28377s(ht_port *port, bool run);
+
+/* ht_flash.c */
+
+/** Wait states for the full clock. Must run from RAM. */
+void ht_flash_start(ht_port *port);
+
+/* ht_pins.c */
+
+/** Encoder, SCI, trip pin. */
+void ht_pins_start(ht_port *port);
+/** The PWM's twelve pins. Only with the trip latched: from here on they drive the gates. */
+void ht_pins_pwm(ht_port *port);
+
+/* ht_adc.c */
+
+/** Calibrate, power up, wait until it is settled, set up the sequence: ePWM1's SOCA
+ *  starts it, its end raises the fast interrupt. */
+void ht_adc_start(ht_port *port);
+
+/* ht_pwm.c */
+
+/** All legs, tripped and with the counters stopped. */
+void ht_pwm_start(ht_port *port, const ht_pwm_setup *setup);
+
+/* ht_eqep.c */
+
+/** Quadrature counter and capture unit. Nothing in here moves the counter. */
+void ht_eqep_start(ht_port *port);
+/** Position counter. */
+uint32_t ht_eqep_position(const ht_port *port);
+
+/* ht_timer.c */
+
+/** CPU timer 0: the slow interrupt. */
+void ht_timer_start(ht_port *port, float slow_Hz);
+
+/* ht_sci.c: 8 data bits, no parity, one stop bit, FIFOs of 16 */
+
+/** False, and nothing changed, for a rate that the divider cannot make. */
+bool ht_sci_start(ht_port *port, uint32_t baud);
+/** Rate in force, baud. */
+float ht_sci_baud(const ht_port *port);
+/** Take up to `n` octets that have arrived, without waiting. Returns how many. */
+uint16_t ht_sci_read(ht_port *port, uint16_t *octets, uint16_t n);
+/** Hand over up to `n` octets, without waiting. Returns how many were taken. */
+uint16_t ht_sci_write(ht_port *port, const uint16_t *octets, uint16_t n);
+
+/* ht_pie.c */
+
+/** Vectors, and the two interrupts enabled at the interrupt controller. */
+void ht_pie_start(ht_port *port, ht_isr fast, ht_isr slow, ht_isr unexpected);
+/** Let interrupts through. */
+void ht_pie_enable(ht_port *port);
+/** First in the slow interrupt: the fast one may come in between. */
+void ht_pie_begin_slow(ht_port *port);
+/** Last in the slow interrupt. */
+void ht_pie_end_slow(ht_port *port);
+#endif

@@ -1,0 +1,59 @@
+/* Pin multiplexers. After reset every pin is an input; on the F28335 the pull-ups of
+ * GPIO0..11 are off, on the F28377S all are: a gate driver's own pull-down decides. */
+#include "ht_change.h"
+#include "ht_drivers.h"
+
+/* Words from a port's first register; the second half of its 32 pins is 2 further. */
+#define GPYQSEL1 0x02u
+#define GPYMUX1 0x06u
+#define GPYDIR 0x0Au
+#define GPYPUD 0x0Cu
+#define GPYGMUX1 0x20u /* F28377S: upper two bits of the position */
+#define QUALIFY_SYNC 0u
+#define QUALIFY_ASYNC 3u
+/* F28377S: trip zone 1 listens to input 1 of the crossbar. */
+#define INPUT1SELECT 0x7900u
+
+static void set_up(ht_port *port, const ht_pin *pin, uint32_t qualify, bool pull_up)
+{
+    uint32_t first = port->map->gpio + ((uint32_t)(pin->gpio / 32u) * port->map->gpio_stride);
+    uint16_t place = pin->gpio % 32u;
+    uint32_t half = first + ((place < 16u) ? 0u : 2u);
+    uint32_t bit = (uint32_t)1u << place;
+    uint16_t shift = (uint16_t)(2u * (place % 16u));
+    uint32_t field = (uint32_t)3u << shift;
+    uint32_t mux = pin->mux;
+    ht_change32(port->io, first + GPYPUD, bit, pull_up ? 0u : bit);
+    ht_change32(port->io, half + GPYQSEL1, field, qualify << shift);
+    ht_change32(port->io, first + GPYDIR, bit, 0u); /* for the pins that stay GPIO: input */
+    if (port->map->device == HT_F28377S) { /* group first: no other function in between */
+        ht_change32(port->io, half + GPYGMUX1, field, (mux >> 2) << shift);
+    }
+    ht_change32(port->io, half + GPYMUX1, field, (mux & 3u) << shift);
+}
+
+void ht_pins_start(ht_port *port)
+{
+    const ht_board *board = port->board;
+    HT_EALLOW(port->io);
+    /* The trip acts without a clock. No pull-up: a broken wire trips (the board pulls down). */
+    set_up(port, &board->trip, QUALIFY_ASYNC, false);
+    if (port->map->device == HT_F28377S) {
+        HT_WR16(port->io, INPUT1SELECT, board->trip.gpio);
+    }
+    set_up(port, &board->encoder_a, QUALIFY_SYNC, true);
+    set_up(port, &board->encoder_b, QUALIFY_SYNC, true);
+    set_up(port, &board->receive, QUALIFY_ASYNC, true);
+    set_up(port, &board->transmit, QUALIFY_SYNC, true);
+    HT_EDIS(port->io);
+}
+
+void ht_pins_pwm(ht_port *port)
+{
+    uint16_t n;
+    HT_EALLOW(port->io);
+    for (n = 0u; n < (2u * (uint16_t)HT_LEGS); n++) {
+        set_up(port, &port->board->pwm[n], QUALIFY_SYNC, false);
+    }
+    HT_EDIS(port->io);
+}

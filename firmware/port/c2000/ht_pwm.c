@@ -1,0 +1,141 @@
+/* ePWM set-up. Register order matters in two places, named below: trip first, and
+ * no counter runs (TBCLKSYNC = 0) until all modules are set up. */
+#include "ht_drivers.h"
+
+#define NOT_PRESENT 0xFFFFu
+/* TBCTL: up-count, clock undivided (the reset value halves it) */
+#define TBCTL_FREE_RUN 0x8000u
+#define TBCTL_SYNCOSEL_CTR0 0x0010u
+#define TBCTL_PHSEN 0x0004u
+/* The sync signal takes two counts from one module to the others. */
+#define SYNC_DELAY_COUNTS 2u
+/* CMPCTL: load on counter = 0 is the reset state */
+#define CMPCTL_SHDWAMODE_IMMEDIATE 0x0010u
+#define CMPCTL_SHDWBMODE_IMMEDIATE 0x0040u
+/* AQCTL (type 4): shadow AQCTLA, load on counter = period */
+#define AQCTL_SHDWAQAMODE 0x0010u
+#define AQCTL_LDAQAMODE_PRD 0x0001u
+/* AQCTLA fields: 0 nothing, 1 clear, 2 set, 3 toggle */
+#define AQ_ZRO_CLEAR 0x0001u
+#define AQ_ZRO_SET 0x0002u
+#define AQ_CAU_TOGGLE 0x0030u
+#define AQ_CBU_TOGGLE 0x0300u
+/* AQSFRC: one-shot force of output A */
+#define AQSFRC_OTSFA 0x0004u
+#define AQSFRC_ACTSFA_CLEAR 0x0001u
+#define AQSFRC_ACTSFA_SET 0x0002u
+/* DBCTL: A source for both, B inverted, both delays on */
+#define DBCTL_COMPLEMENTARY 0x000Bu
+/* Trip zone: pin TZ1 trips for good, both outputs go low */
+#define TZSEL_OSHT1 0x0100u
+#define TZCTL_BOTH_LOW 0x000Au
+#define TZ_OST 0x0004u
+#define TZ_INT 0x0001u
+/* Event trigger: every counter = 0 starts a conversion sequence */
+#define ETSEL_SOCA_CTR0 0x0900u
+#define ETPS_SOCA_EVERY 0x0100u
+
+static void start_module(ht_port *port, uint32_t base, bool first, const ht_pwm_setup *setup)
+{
+    const ht_c2000_map *m = port->map;
+    ht_io *io = port->io;
+    uint16_t never = setup->period_counts;
+
+    /* Trip first: the outputs stay low through everything that follows. */
+    HT_EALLOW(io);
+    HT_WR16(io, base + m->tzctl, TZCTL_BOTH_LOW);
+    HT_WR16(io, base + m->tzfrc, TZ_OST);
+    HT_WR16(io, base + m->tzsel, TZSEL_OSHT1);
+    HT_EDIS(io);
+
+    /* ePWM1 sends the sync signal at counter = 0, the others pass it on and follow. */
+    HT_WR16(io, base + m->tbctl,
+            first ? (TBCTL_FREE_RUN | TBCTL_SYNCOSEL_CTR0) : (TBCTL_FREE_RUN | TBCTL_PHSEN));
+    HT_WR16(io, base + m->tbprd, (uint16_t)(setup->period_counts - 1u));
+    HT_WR16(io, base + m->tbphs, first ? 0u : SYNC_DELAY_COUNTS);
+    HT_WR16(io, base + m->tbctr, 0u);
+
+    HT_WR16(io, base + m->cmpctl,
+            setup->shadow ? 0u : (CMPCTL_SHDWAMODE_IMMEDIATE | CMPCTL_SHDWBMODE_IMMEDIATE));
+    HT_WR16(io, base + m->cmpa, never);
+    HT_WR16(io, base + m->cmpb, never);
+    if (m->aqctl != NOT_PRESENT) {
+        /* Load on PRD: settled before the ZERO action uses it. */
+        HT_WR16(io, base + m->aqctl,
+                setup->shadow ? (AQCTL_SHDWAQAMODE | AQCTL_LDAQAMODE_PRD) : 0u);
+    }
+    HT_WR16(io, base + m->aqctla,
+            (uint16_t)(AQ_CAU_TOGGLE | AQ_CBU_TOGGLE | (setup->shadow ? AQ_ZRO_CLEAR : 0u)));
+    HT_WR16(io, base + m->aqcsfrc, 0u);
+
+    HT_WR16(io, base + m->dbctl, DBCTL_COMPLEMENTARY);
+    HT_WR16(io, base + m->dbred, setup->dead_counts);
+    HT_WR16(io, base + m->dbfed, setup->dead_counts);
+
+    if (first) {
+        HT_WR16(io, base + m->etps, ETPS_SOCA_EVERY);
+        HT_WR16(io, base + m->etsel, ETSEL_SOCA_CTR0);
+    }
+}
+
+void ht_pwm_start(ht_port *port, const ht_pwm_setup *setup)
+{
+    uint32_t master = port->map->epwm;
+    bool master_is_a_leg = false;
+    uint16_t leg;
+    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+        bool first = port->leg[leg] == master;
+        master_is_a_leg = master_is_a_leg || first;
+        start_module(port, port->leg[leg], first, setup);
+    }
+    if (!master_is_a_leg) { /* its outputs have no pins; it keeps the time */
+        start_module(port, master, true, setup);
+    }
+}
+
+void ht_port_write(ht_port *port, const ht_compare *pattern)
+{
+    const ht_c2000_map *m = port->map;
+    uint16_t bit = 0x20u;
+    uint16_t leg;
+    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+        uint32_t base = port->leg[leg];
+        bool high = (pattern->start & bit) != 0u;
+        HT_WR16(port->io, base + m->cmpa, pattern->ca[leg]);
+        HT_WR16(port->io, base + m->cmpb, pattern->cb[leg]);
+        if (port->shadow) { /* the start level is the ZERO action of the next period */
+            HT_WR16(port->io, base + m->aqctla,
+                    (uint16_t)(AQ_CAU_TOGGLE | AQ_CBU_TOGGLE | (high ? AQ_ZRO_SET : AQ_ZRO_CLEAR)));
+        } else { /* the start level is forced now; ZERO does nothing */
+            HT_WR16(port->io, base + m->aqsfrc,
+                    (uint16_t)(AQSFRC_OTSFA | (high ? AQSFRC_ACTSFA_SET : AQSFRC_ACTSFA_CLEAR)));
+        }
+        bit = (uint16_t)(bit >> 1);
+    }
+}
+
+void ht_port_gates_off(ht_port *port)
+{
+    uint16_t leg;
+    HT_EALLOW(port->io);
+    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+        HT_WR16(port->io, port->leg[leg] + port->map->tzfrc, TZ_OST);
+    }
+    HT_EDIS(port->io);
+}
+
+void ht_port_gates_on(ht_port *port)
+{
+    uint16_t leg;
+    HT_EALLOW(port->io);
+    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+        HT_WR16(port->io, port->leg[leg] + port->map->tzclr, TZ_OST | TZ_INT);
+    }
+    HT_EDIS(port->io);
+}
+
+bool ht_port_tripped(const ht_port *port)
+{
+    /* Pin and software trip all six legs together: one flag tells. */
+    return (HT_RD16(port->io, port->leg[0] + port->map->tzflg) & TZ_OST) != 0u;
+}

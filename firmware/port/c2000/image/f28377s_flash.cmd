@@ -1,0 +1,31 @@
+/* F28377S, image in flash bank 0. The drive's code and constants are loaded there and run
+ * from RAM. Kept free: the last 16 words of every range next to nothing (the CPU
+ * prefetches beyond the end) and of the bank. */
+MEMORY
+{
+    BOOT    : origin = 0x000000, length = 0x000123   /* stack of the boot ROM */
+    STACK   : origin = 0x000400, length = 0x0003F0   /* M1; last 16 words free */
+    CODE    : origin = 0x008000, length = 0x004000   /* LS0..LS5, D0, D1 */
+    DATA    : origin = 0x00C000, length = 0x003FF0   /* GS0..GS3 */
+    BEGIN   : origin = 0x080000, length = 0x000002   /* the boot ROM's jump to flash */
+    FLASH   : origin = 0x080002, length = 0x03FFEE   /* sectors A..N */
+    RESET   : origin = 0x3FFFC0, length = 0x000002   /* in the boot ROM */
+}
+
+SECTIONS
+{
+    codestart   : > BEGIN
+    .text       : > FLASH, ALIGN(8)
+    .cinit      : > FLASH, ALIGN(8)
+    .init_array : > FLASH, ALIGN(8)
+    .switch     : > FLASH, ALIGN(8)
+    .TI.ramfunc : {} LOAD = FLASH, RUN = CODE, ALIGN(8),
+                  LOAD_START(ht_code_load), RUN_START(ht_code_run), LOAD_SIZE(ht_code_size)
+    .const      : LOAD = FLASH, RUN = DATA, ALIGN(8),
+                  LOAD_START(ht_const_load), RUN_START(ht_const_run), LOAD_SIZE(ht_const_size)
+    .stack      : > STACK
+    .data       : > DATA
+    .bss        : > DATA
+    .sysmem     : > DATA
+    .reset      : > RESET, TYPE = DSECT
+}

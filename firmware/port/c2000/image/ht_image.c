@@ -1,0 +1,97 @@
+/* The image: the drive's only instance, its interrupts, its background. */
+#include "ht_image.h"
+
+#include "ht_drivers.h"
+
+#ifndef HT_BOARD
+#error "HT_BOARD: name of the board's table, e.g. ht_board_f28335"
+#endif
+
+ht_mailbox ht_image_mailbox;
+ht_port ht_image_port;
+ht_drive ht_image_drive;
+
+static uint32_t tick_seen;
+
+/* Nothing sensible can be done any more. The gates are off; nobody services the
+ * watchdog, so the chip starts again. */
+static void give_up(void)
+{
+    HT_DINT(ht_image_port.io);
+    for (;;) {
+        HT_IDLE(ht_image_port.io);
+    }
+}
+
+static HT_INTERRUPT void fast(void)
+{
+    ht_drive_fast_isr(&ht_image_drive);
+}
+
+static HT_INTERRUPT void slow(void)
+{
+    ht_pie_begin_slow(&ht_image_port);
+    if (ht_image_drive.tick != tick_seen) { /* else the fast interrupt is dead */
+        tick_seen = ht_image_drive.tick;
+        ht_watchdog_first(&ht_image_port);
+    }
+    ht_drive_slow_isr(&ht_image_drive);
+    ht_pie_end_slow(&ht_image_port);
+}
+
+static HT_INTERRUPT void unexpected(void)
+{
+    ht_port_gates_off(&ht_image_port);
+    give_up();
+}
+
+void ht_image_start(void)
+{
+    ht_params params;
+    ht_port_bind(&ht_image_port, HT_TARGET_IO, &HT_BOARD);
+    HT_DINT(ht_image_port.io);
+    if (!ht_board_start(&ht_image_port)) {
+        give_up();
+    }
+    ht_pie_start(&ht_image_port, fast, slow, unexpected);
+    ht_params_default(&params);
+    if (ht_drive_init(&ht_image_drive, &ht_image_port, &params) != HT_OK) {
+        give_up();
+    }
+    ht_pie_enable(&ht_image_port);
+}
+
+static ht_result execute(ht_mailbox *box)
+{
+    ht_result result = HT_OK;
+    switch (box->command) {
+    case HT_COMMAND_START:
+        result = ht_drive_start(&ht_image_drive);
+        break;
+    case HT_COMMAND_STOP:
+        ht_drive_stop(&ht_image_drive);
+        break;
+    case HT_COMMAND_CLEAR:
+        result = ht_drive_clear(&ht_image_drive);
+        break;
+    case HT_COMMAND_SET:
+        result = ht_drive_set(&ht_image_drive, box->id, box->value);
+        break;
+    case HT_COMMAND_GET:
+        box->value = ht_drive_get(&ht_image_drive, box->id);
+        break;
+    default:
+        result = HT_ERROR_ID;
+        break;
+    }
+    return result;
+}
+
+void ht_image_background(void)
+{
+    ht_watchdog_second(&ht_image_port);
+    if (ht_image_mailbox.command != (uint16_t)HT_COMMAND_NONE) {
+        ht_image_mailbox.result = (uint16_t)execute(&ht_image_mailbox);
+        ht_image_mailbox.command = (uint16_t)HT_COMMAND_NONE;
+    }
+}

@@ -1,0 +1,52 @@
+/** @file ht_image.h
+ *  What a complete image does around the drive: start, interrupts, background.
+ *  One drive on one chip, so its state is static here.
+ */
+#ifndef HT_IMAGE_H
+#define HT_IMAGE_H
+
+#include "ht_drive.h"
+#include "ht_port_c2000.h"
+
+/** Commands of the mailbox. */
+enum {
+    HT_COMMAND_NONE = 0,
+    HT_COMMAND_START = 1,
+    HT_COMMAND_STOP = 2,
+    HT_COMMAND_CLEAR = 3,
+    HT_COMMAND_SET = 4, /**< parameter `id` becomes `value` */
+    HT_COMMAND_GET = 5  /**< `value` becomes parameter `id` */
+};
+
+/** For a debugger's expression window: write `id` and `value`, then `command`. The
+ *  background executes it, leaves an `ht_result` in `result` and HT_COMMAND_NONE in
+ *  `command`. */
+typedef struct {
+    volatile uint16_t command;
+    volatile uint16_t id;
+    volatile float value;
+    volatile uint16_t result;
+} ht_mailbox;
+
+/** Handle of the image's only chip. On the host the test around the image has it. */
+#ifdef __TMS320C2000__
+#define HT_TARGET_IO ((ht_io *)0)
+#else
+extern ht_regfile ht_image_registers;
+#define HT_TARGET_IO (&ht_image_registers)
+#endif
+
+extern ht_mailbox ht_image_mailbox;
+extern ht_port ht_image_port;
+extern ht_drive ht_image_drive;
+
+/** From reset to a drive in IDLE with both interrupts running. Does not return if the
+ *  chip does not start: the watchdog then resets it. */
+void ht_image_start(void);
+
+/** One turn of the background loop. */
+void ht_image_background(void);
+
+int main(void);
+
+#endif

@@ -1,0 +1,188 @@
+/* Register model: events of the hardware, and what the interrupt controller and the
+ * CPU make of them. Both interrupts are in PIE group 1. */
+#include "../c2000/ht_c2000_map.h"
+#include "ht_regfile_model.h"
+
+#define PIECTRL 0x0CE0u
+#define PIEACK 0x0CE1u
+#define PIEIER1 0x0CE2u
+#define PIEIFR1 0x0CE3u
+#define PIEVECT 0x0D00u
+#define GROUP1 1u
+#define VECTOR_1_1 32u
+#define INT_1_1 0x0001u
+#define INT_1_7 0x0040u
+#define TCR 0x0C04u
+#define TRIP_PIN_ONE_SHOT 0x0100u
+#define OST 0x0004u
+
+static void take(ht_regfile *rf, uint16_t line)
+{
+    void (*isr)(void) = rf->vector[VECTOR_1_1 + line];
+    uint16_t eallow = rf->eallow;
+    uint16_t ier = rf->ier;
+    if (isr == 0) {
+        ht_model_violation(rf, PIEVECT + 2u * (VECTOR_1_1 + line), 0u, HT_REG_ORDER,
+                           "interrupt without a vector");
+        return;
+    }
+    rf->depth++;
+    rf->deepest = (rf->depth > rf->deepest) ? rf->depth : rf->deepest;
+    /* The CPU saves what it changes on the way in and restores it on the way out. */
+    rf->eallow = 0u;
+    rf->intm = 1u;
+    rf->ier = (uint16_t)(ier & (uint16_t)~GROUP1);
+    isr();
+    rf->eallow = eallow;
+    rf->ier = ier;
+    rf->intm = 0u;
+    rf->depth--;
+}
+
+void ht_model_serve(ht_regfile *rf)
+{
+    for (;;) {
+        uint16_t pending = (uint16_t)(rf->word[PIEIFR1] & rf->word[PIEIER1]);
+        uint16_t line = 0u;
+        uint16_t bit = 1u;
+        if ((pending == 0u) || (rf->intm != 0u) || ((rf->ier & GROUP1) == 0u)
+            || ((rf->word[PIECTRL] & 1u) == 0u) || ((rf->word[PIEACK] & GROUP1) != 0u)) {
+            return;
+        }
+        while ((pending & bit) == 0u) {
+            bit = (uint16_t)(bit << 1);
+            line++;
+        }
+        rf->word[PIEIFR1] = (uint16_t)(rf->word[PIEIFR1] & (uint16_t)~bit);
+        rf->word[PIEACK] |= GROUP1;
+        take(rf, line);
+    }
+}
+
+static void request(ht_regfile *rf, uint16_t line)
+{
+    rf->word[PIEIFR1] |= line;
+    ht_model_serve(rf);
+}
+
+/* Functions are numbered as they come: their addresses differ from run to run. */
+static uint32_t number_of(ht_regfile *rf, void (*isr)(void))
+{
+    uint32_t n = 0u;
+    while ((n < (HT_REGFILE_ISRS - 1u)) && (rf->isr[n] != 0) && (rf->isr[n] != isr)) {
+        n++;
+    }
+    rf->isr[n] = isr;
+    return n + 1u;
+}
+
+void ht_regfile_vector(ht_regfile *rf, uint32_t addr, void (*isr)(void))
+{
+    uint32_t n = (addr - PIEVECT) / 2u;
+    ht_regfile_write32(rf, addr, number_of(rf, isr));
+    if ((rf->eallow != 0u) && (addr >= PIEVECT) && (n < HT_REGFILE_VECTORS)) {
+        rf->vector[n] = isr;
+    }
+}
+
+void ht_regfile_intm(ht_regfile *rf, uint16_t masked)
+{
+    rf->intm = masked;
+    ht_model_serve(rf);
+}
+
+void ht_regfile_ier(ht_regfile *rf, uint16_t mask)
+{
+    rf->ier = mask;
+    ht_model_serve(rf);
+}
+
+void ht_regfile_ifr_clear(const ht_regfile *rf)
+{
+    (void)rf; /* between PIE and CPU nothing is kept here */
+}
+
+void ht_regfile_idle(ht_regfile *rf)
+{
+    if (rf->idle != 0) {
+        rf->idle(rf);
+    }
+}
+
+void ht_regfile_end_of_sequence(ht_regfile *rf)
+{
+    const ht_c2000_map *device = rf->map;
+    uint32_t flag = rf->chip->adc_flag;
+    uint32_t enabled;
+    uint16_t was = (uint16_t)(rf->word[flag] & 1u);
+    if (device->device == HT_F28335) { /* ADCTRL2.INT_ENA_SEQ1 */
+        enabled = rf->word[0x7101] & 0x0800u;
+    } else { /* ADCINTSEL1N2: INT1E, INT1SEL = EOC6 */
+        enabled = (uint32_t)((rf->word[0x7407] & 0x002Fu) == 0x0026u);
+    }
+    rf->word[flag] |= 1u;
+    /* A flag that has not been cleared lets no further interrupt through. */
+    if ((enabled != 0u) && (was == 0u)) {
+        request(rf, INT_1_1);
+    }
+}
+
+/* Would ePWM1's SOCA start the conversion of seven channels? */
+static uint16_t armed(const ht_regfile *rf)
+{
+    const ht_c2000_map *device = rf->map;
+    uint16_t n;
+    if (device->device == HT_F28335) { /* cascaded, 7 conversions, started by SOCA */
+        return (uint16_t)(((rf->word[0x7100] & 0x0010u) != 0u) && (rf->word[0x7102] == 6u)
+                          && ((rf->word[0x7101] & 0x0100u) != 0u));
+    }
+    for (n = 0u; n < 7u; n++) { /* SOC0..6: TRIGSEL 5 */
+        if (((rf->word[0x7411 + 2u * n] >> 4) & 0x1Fu) != 5u) {
+            return 0u;
+        }
+    }
+    return 1u;
+}
+
+uint16_t ht_regfile_period(ht_regfile *rf)
+{
+    const ht_chip *chip = rf->chip;
+    uint16_t etsel = rf->word[chip->epwm + chip->etsel];
+    uint16_t etps = rf->word[chip->epwm + chip->etps];
+    if ((ht_model_counting(rf) == 0u) || (ht_model_clocked(rf, chip->epwm) == 0u)
+        || ((etsel & 0x0F00u) != 0x0900u) || ((etps & 0x0300u) != 0x0100u)
+        || (rf->powered == 0u) || (armed(rf) == 0u)) {
+        return 0u;
+    }
+    if (rf->stands != 0u) {
+        ht_model_violation(rf, 0x7101u, 0u, HT_REG_ORDER, "sequencer started at its end");
+    }
+    rf->stands = (uint16_t)(((const ht_c2000_map *)rf->map)->device == HT_F28335);
+    ht_regfile_end_of_sequence(rf);
+    return 1u;
+}
+
+uint16_t ht_regfile_timer(ht_regfile *rf)
+{
+    uint16_t control = rf->word[TCR];
+    if ((ht_model_clocked(rf, TCR) == 0u) || ((control & 0x0010u) != 0u)) {
+        return 0u;
+    }
+    rf->word[TCR] = (uint16_t)(control | 0x8000u);
+    if ((control & 0x4000u) != 0u) {
+        request(rf, INT_1_7);
+    }
+    return 1u;
+}
+
+void ht_regfile_trip_pin(ht_regfile *rf)
+{
+    uint16_t n;
+    for (n = 0u; n < rf->bound_count; n++) {
+        const ht_bound *b = &rf->bound[n];
+        if (((b->reg->flags & HT_SET_UP) != 0u) && (b->reg->name[0] == 'T')
+            && (b->reg->name[1] == 'Z') && ((ht_regfile_value(rf, n) & TRIP_PIN_ONE_SHOT) != 0u)) {
+            rf->word[b->base + rf->chip->tzflg] |= OST; /* TZSEL.OSHT1 */
+        }
+    }
+}

