@@ -19,7 +19,7 @@ HEADERS = ("ht_drive.h", "ht_comparator.h", "ht_drivers.h", "ht_regfile.h", "ht_
 
 def main() -> None:
     compiler, firmware, output = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
-    folders = ("core", "app", "port", "port/c2000", "port/host", "pil", "pil/registers")
+    folders = ("core", "app", "port", "port/c2000", "port/host", "pil", "pil/registers", "pil/host")
     include = [f"-I{firmware / d}" for d in folders]
     source = "".join(f'#include "{h}"\n' for h in HEADERS)
     with tempfile.TemporaryDirectory() as empty:

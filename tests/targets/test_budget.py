@@ -93,7 +93,7 @@ def test_stack_used_is_within_the_computed_one(measured):
 def test_stack_of_a_path_is_the_sum_of_its_functions(measured):
     """By the compiler's own files, each function's largest entry."""
     folder = tools.build(process.MACHINES["mps2-an386"])
-    objects = tools.objects(folder, "ht_core", "ht_app").values()
+    objects = tools.objects(folder, "ht_core", "count").values()
     text = "".join(file.with_suffix(".su").read_text() for file in objects)
     for row in measured["mps2-an386"]["stack"].values():
         total = 0

@@ -202,7 +202,14 @@ static int count(int32_t trace, int32_t counts, int32_t states)
     }
     ht_channels_read(&now.drive, channels);
     write_all(counts, channels, ht_channel_count() * (uint32_t)sizeof channels[0]);
-    return (now.drive.state == (uint16_t)HT_STATE_RUN) ? EXIT_OK : EXIT_NOT_RUNNING;
+    if (now.drive.state != (uint16_t)HT_STATE_RUN) {
+        return EXIT_NOT_RUNNING;
+    }
+    /* The rest of the drive belongs into the image, for the look at its stack. */
+    (void)ht_drive_set(&now.drive, HT_P_speed_ref_rpm, 0.0f);
+    ht_drive_stop(&now.drive);
+    (void)ht_drive_clear(&now.drive);
+    return EXIT_OK;
 }
 
 int main(void)

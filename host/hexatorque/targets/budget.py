@@ -42,8 +42,8 @@ C28X_CLOCK_HZ = 150e6
 def _stack(preset: str) -> tuple[dict, list[str]]:
     """Deepest paths by kind of entry, and library functions that the fast interrupt calls."""
     folder = tools.build(preset)
-    objects = tools.objects(folder, "ht_core", "ht_app", "pil").values()
-    graph = stack.call_graph(folder / "firmware/port/mps2/pil", objects)
+    objects = tools.objects(folder, "ht_core", "count").values()
+    graph = stack.call_graph(folder / count.IMAGE, objects)
     paths = {}
     for kind, entries in ENTRIES.items():
         octets, path = max(stack.deepest(graph, entry) for entry in entries)
@@ -184,8 +184,7 @@ cycles each (the depth of its pipeline), from memory without wait states.
 
 ## Stack
 Octets, Cortex-M4F, from `-fstack-usage` along the deepest path of the call graph (disassembly; no
-calls through pointers, no recursion). The register model behind the driver is in it. In the replay
-the fast interrupt used {measured} at most.
+calls through pointers, no recursion). In the replay the fast interrupt used {measured} at most.
 
 {stack}
 

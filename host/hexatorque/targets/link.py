@@ -1,6 +1,6 @@
 """A drive's firmware on another processor, driven period by period: the controller of a
 simulation whose plant runs here. And a controller on the host that keeps the same record
-of its registers. The protocol is in firmware/pil and firmware/port/host/ht_pil_host.c.
+of its registers. The protocol is in firmware/pil and its folder host.
 """
 
 from __future__ import annotations
