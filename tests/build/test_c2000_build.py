@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -182,7 +183,7 @@ def test_ranges_are_memory_and_do_not_overlap(device, place):
     for start, words in used.values():
         assert any(a <= start and start + words <= a + n for a, n in MEMORIES[device])
     ends = sorted((start, start + words) for start, words in used.values())
-    assert all(end <= following for (_, end), (following, _) in zip(ends, ends[1:]))
+    assert all(end <= following for (_, end), (following, _) in pairwise(ends))
     assert used["BEGIN"] == (ENTRY[device, place], 2)
 
 

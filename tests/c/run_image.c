@@ -177,6 +177,12 @@ static void slow_interrupt(void)
 static void drive(void)
 {
     unsigned n;
+    uint16_t dead = ht_image_registers.word[ht_image_port.leg[3] + ht_image_port.map->dbred];
+    /* A parameter that reaches into the PWM: set up again between the interrupts. */
+    set(HT_P_dead_time_us, 4.6f);
+    check("dead time is doubled",
+          ht_image_registers.word[ht_image_port.leg[3] + ht_image_port.map->dbred] == 2u * dead);
+    check("gates are off after a set-up", !gates_on());
     /* No machine is connected: nothing that asks for one. */
     set(HT_P_encoder_trip_rpm, 0.0f);
     set(HT_P_flux_check, 0.0f);
