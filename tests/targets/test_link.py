@@ -107,10 +107,10 @@ def test_one_bit_of_a_register_shows(quick):
     """A register that the firmware writes at start only, on the target's side."""
 
     def meddle(target):
-        target._local.side.registers.low[0x6800 + 0x40 + 0x10] ^= 1  # dead time of leg 2
+        target._local.side.registers.word[0x6800 + 0x40 + 0x10] ^= 1  # dead time of leg 2
 
     outcome = pil.compare(quick, PROFILE, Meddling(meddle))
-    assert outcome.difference.startswith("period 0: EPWM2 DBRED is 0x")
+    assert outcome.difference.startswith("period 0: EPWM2.DBRED is 0x")
 
 
 def test_register_files_that_part_are_noticed(quick):
@@ -230,9 +230,9 @@ def test_image_has_every_epwm_register_of_the_map(device):
     controller = WatchedController(device, {})
     names = image_names(controller)
     fields = [name for name, _ in ffi.typeof("ht_c2000_map").fields]
-    first, last = fields.index("tbctl"), fields.index("etclr")
+    first, last = fields.index("tbctl"), fields.index("etps")
     for field in fields[first : last + 1]:
         if getattr(controller.map, field) != 0xFFFF:
             for leg in range(1, 7):
-                assert f"EPWM{leg} {field.upper()}" in names
+                assert f"EPWM{leg}.{field.upper()}" in names
     assert len(names) == controller.log.images.shape[1]

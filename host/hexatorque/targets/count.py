@@ -50,10 +50,11 @@ def write_trace(setup: Setup, path: Path) -> np.ndarray:
     images, columns = controller.log.images, image_names(controller)
     every = round(controller.get("f_isr_Hz") / controller.get("f_slow_Hz"))
     rows = np.empty((periods, 10), "<u2")
+    first = next(n for n, name in enumerate(columns) if name.endswith(".ADCRESULT0"))
     for n in range(7):
-        rows[:, n] = images[:, columns.index(f"ADCRESULT{n}")] >> controller.map.adc_shift
-    rows[:, 7] = images[:, columns.index("QPOSCNT (low)")]
-    rows[:, 8] = images[:, columns.index("QPOSCNT (high)")]
+        rows[:, n] = images[:, first + n] >> controller.map.adc_shift
+    rows[:, 7] = images[:, columns.index("EQEP1.QPOSCNT")]
+    rows[:, 8] = images[:, columns.index("EQEP1.QPOSCNT (high)")]
     rows[:, 9] = np.arange(periods) % every == 0
     device = firmware.DEVICES.index(setup["timing.device"])
     head = np.array([device, len(values), periods & 0xFFFF, periods >> 16], "<u2")

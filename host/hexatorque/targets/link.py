@@ -64,11 +64,12 @@ def image_names(controller: Controller) -> list[str]:
     m = controller.map
     found = ffi.new("uint32_t[]", lib.HT_MIRROR_MAX)
     count = lib.ht_mirror_addresses(m, found)
-    line = ffi.new("char[]", lib.HT_REGFILE_LINE)
+    line = ffi.new("char[64]")
     names = []
     for address in found[0:count]:
         lib.ht_regfile_name(controller.registers, address, line)
-        names.append(ffi.string(line).decode() or f"register 0x{address:04X}")
+        name = ffi.string(line).decode() or f"register 0x{address:04X}"
+        names.append(f"{name} (high)" if names[-1:] == [name] else name)
     return [*names, "accesses (low)", "accesses (high)", "violations (low)", "violations (high)"]
 
 
