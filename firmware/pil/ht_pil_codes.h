@@ -6,7 +6,7 @@
 
 /** Calls, in the order they were made; after some of them arguments. */
 enum {
-    HT_CALL_INIT = 1,        /**< period_counts, dead_counts, shadow */
+    HT_CALL_INIT = 1,        /**< period_counts, dead_counts, shadow, slow_Hz (float) */
     HT_CALL_WRITE = 2,       /**< start, ca of each leg, cb of each leg */
     HT_CALL_GATES_OFF = 3,
     HT_CALL_GATES_ON = 4,

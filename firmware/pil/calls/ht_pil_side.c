@@ -9,6 +9,17 @@ static void note(const ht_port *port, uint16_t word)
     notes->count++; /* beyond the end: too many, and the reply says so */
 }
 
+static void note_float(const ht_port *port, float value)
+{
+    union {
+        float value;
+        uint32_t bits;
+    } u;
+    u.value = value;
+    note(port, (uint16_t)(u.bits & 0xFFFFu));
+    note(port, (uint16_t)(u.bits >> 16));
+}
+
 uint16_t ht_side_registers(void)
 {
     return 0u;
@@ -77,6 +88,7 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
     note(port, setup->period_counts);
     note(port, setup->dead_counts);
     note(port, setup->shadow ? 1u : 0u);
+    note_float(port, setup->slow_Hz);
     port->tripped = 1u;
     return ht_port_accepts(port, setup);
 }

@@ -8,6 +8,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#define QEPSTS 0x1Cu /* of the eQEP */
+
 /* --- images --------------------------------------------------------------------- */
 
 static void log_period(ht_log *log, const ht_mirror *m, const ht_regfile *registers)
@@ -211,7 +213,7 @@ static void begin(ht_link *l, uint16_t type)
 static void look(ht_link *l)
 {
     uint32_t accesses = l->registers.accesses;
-    uint16_t *status = ht_regfile_word(&l->registers, l->port.map->eqep + HT_MIRROR_QEPSTS);
+    uint16_t *status = ht_regfile_word(&l->registers, l->port.map->eqep + QEPSTS);
     uint16_t flags = *status;
     ht_samples samples;
     ht_capture capture;
@@ -255,14 +257,15 @@ static uint16_t make_call(ht_link *l, const uint16_t *word, uint16_t words)
     int leg;
     switch (word[0]) {
     case HT_CALL_INIT:
-        if (words < 4u) {
+        if (words < 6u) {
             return 0u;
         }
         setup.period_counts = word[1];
         setup.dead_counts = word[2];
         setup.shadow = word[3] != 0u;
+        setup.slow_Hz = ht_frame_float(&word[4]);
         (void)ht_port_init(&l->port, &setup);
-        return 4u;
+        return 6u;
     case HT_CALL_WRITE:
         if (words < 14u) {
             return 0u;
@@ -390,10 +393,12 @@ void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
     const ht_c2000_map *map = board->map;
     uint16_t id;
     ht_regfile_reset(&l->registers, map);
-    ht_port_bind(&l->port, &l->registers, board);
-    (void)ht_board_start(&l->port);
     ht_mirror_init(&l->mirror, &l->registers, map);
     begin_log(&l->log, &l->mirror);
+    ht_port_bind(&l->port, &l->registers, board);
+    if ((l->calls != 0u) && !ht_board_start(&l->port)) {
+        down(l, HT_LINK_PARTED); /* never: the model's clock starts */
+    }
     begin(l, HT_PIL_INIT);
     ht_frame_add(&l->request, device);
     for (id = 0u; id < HT_PARAMS; id++) {

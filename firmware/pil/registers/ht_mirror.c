@@ -4,33 +4,41 @@
 #include "port.h"
 
 #define LEG_REGISTERS 21
+#define EQEP_WORDS 0x21u
 #define ABSENT 0xFFFFu
 #define PIEACK 0x0CE1u
+#define ADCTRL2 0x7101u /* F28335 */
 
 uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
 {
     const uint16_t offset[LEG_REGISTERS] = {
-        m->tbctl,  m->tbctr,   m->tbprd, m->tbphs, m->cmpctl, m->cmpa,  m->cmpb,  m->aqctl,
-        m->aqctla, m->aqsfrc,  m->aqcsfrc, m->dbctl, m->dbred, m->dbfed, m->tzsel, m->tzctl,
-        m->tzflg, m->tzclr,    m->tzfrc, m->etsel, m->etps,
+        m->tbctl,  m->tbctr,  m->tbprd,   m->tbphs, m->cmpctl, m->cmpa,  m->cmpb,
+        m->aqctl,  m->aqctla, m->aqsfrc,  m->aqcsfrc, m->dbctl, m->dbred, m->dbfed,
+        m->tzsel,  m->tzctl,  m->tzflg,   m->tzclr, m->tzfrc,  m->etsel, m->etps,
     };
     uint16_t n = 0u;
     uint16_t i;
     int leg;
     for (leg = 0; leg < HT_LEGS; leg++) {
-        for (i = 0u; i < LEG_REGISTERS; i++) {
+        for (i = 0u; i < (uint16_t)LEG_REGISTERS; i++) {
             if (offset[i] != ABSENT) {
                 out[n++] = m->epwm + (uint32_t)leg * m->stride + offset[i];
             }
         }
     }
-    for (i = 0u; i < HT_ADC_CHANNELS; i++) {
+    for (i = 0u; i < (uint16_t)HT_ADC_CHANNELS; i++) {
         out[n++] = m->adc_result + i;
     }
-    for (i = 0u; i < HT_MIRROR_EQEP_WORDS; i++) {
+    for (i = 0u; i < EQEP_WORDS; i++) {
         out[n++] = m->eqep + i;
     }
     out[n++] = m->adc_flag;
+    if (m->adc_clear != m->adc_flag) {
+        out[n++] = m->adc_clear;
+    }
+    if (m->device == HT_F28335) {
+        out[n++] = ADCTRL2;
+    }
     out[n++] = PIEACK;
     return n;
 }

@@ -1,7 +1,7 @@
 /** @file ht_mirror.h
  *  The registers of a drive as a numbered list, and what changed in them: what host
  *  and target tell each other about the register file (docs/pil.md). All the ePWM
- *  registers in use, ADC results and flag, eQEP, interrupt acknowledge.
+ *  registers in use, ADC results, flag and its commands, eQEP, interrupt acknowledge.
  */
 #ifndef HT_MIRROR_H
 #define HT_MIRROR_H
@@ -13,10 +13,6 @@
 
 /** Registers of a device, at most. */
 enum { HT_MIRROR_MAX = 200 };
-
-/** Words of eQEP1 from its first one, and where among them QEPSTS is. */
-#define HT_MIRROR_EQEP_WORDS 0x21u
-#define HT_MIRROR_QEPSTS 0x1Cu
 
 typedef struct {
     uint16_t count;

@@ -9,19 +9,14 @@ uint16_t ht_side_registers(void)
 bool ht_side_init(ht_pil_side *side, ht_port *port, uint16_t device, const uint16_t *words,
                   uint16_t n)
 {
-    const ht_board *board;
     (void)words;
     if ((device > 1u) || (n != 0u)) {
         return false;
     }
-    board = (device == 0u) ? &ht_board_f28335 : &ht_board_f28377s;
-    ht_regfile_reset(&side->registers, board->map);
-    ht_port_bind(port, &side->registers, board);
-    if (!ht_board_start(port)) {
-        return false;
-    }
+    ht_port_bind(port, &side->registers, (device == 0u) ? &ht_board_f28335 : &ht_board_f28377s);
+    ht_regfile_reset(&side->registers, port->map);
     ht_mirror_init(&side->mirror, &side->registers, port->map);
-    return true;
+    return ht_board_start(port);
 }
 
 bool ht_side_take(ht_pil_side *side, ht_port *port, const uint16_t *words, uint16_t n)

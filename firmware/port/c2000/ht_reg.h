@@ -19,7 +19,7 @@
 
 #include <stdint.h>
 
-#ifndef __TMS320C2000__
+#if !defined(__TMS320C2000__) && !defined(HT_REGISTERS_AT)
 #include "../host/ht_regfile.h"
 #endif
 
@@ -99,30 +99,30 @@ static inline uint16_t ht_call16(ht_io *io, uint32_t addr, uint16_t argument)
 #elif defined(HT_REGISTERS_AT)
 
 /* Plain memory from this address on: what the accesses cost, without what they do. The
- * start of a board, which waits for flags to come, cannot run on it. */
+ * interrupts' work only: nothing here waits, calls or enters vectors. */
 #define HT_INTERRUPT
 
 typedef void ht_io;
-typedef void (*ht_isr)(void);
+typedef HT_INTERRUPT void (*ht_isr)(void);
 
 #define HT_REGISTER(type, addr) (*(volatile type *)(HT_REGISTERS_AT + 2u * (uint32_t)(addr)))
-#define HT_RD16(io, addr) HT_REGISTER(uint16_t, addr)
-#define HT_WR16(io, addr, value) (HT_REGISTER(uint16_t, addr) = (value))
-#define HT_RD32(io, addr) HT_REGISTER(uint32_t, addr)
-#define HT_WR32(io, addr, value) (HT_REGISTER(uint32_t, addr) = (value))
+#define HT_RD16(io, addr) ((void)(io), HT_REGISTER(uint16_t, addr))
+#define HT_WR16(io, addr, value) ((void)(io), HT_REGISTER(uint16_t, addr) = (value))
+#define HT_RD32(io, addr) ((void)(io), HT_REGISTER(uint32_t, addr))
+#define HT_WR32(io, addr, value) ((void)(io), HT_REGISTER(uint32_t, addr) = (value))
 #define HT_EALLOW(io) __asm volatile("nop")
 #define HT_EDIS(io) __asm volatile("nop")
-#define HT_VECTOR(io, addr, isr) ((void)(isr))
-#define HT_CALL(io, addr) ((void)(addr))
-#define HT_CALL16(io, addr, argument) (argument)
-#define HT_SETTLE(io) __asm volatile("nop")
-#define HT_WAIT_US(io, us) ((void)(us))
-#define HT_DINT(io) __asm volatile("nop")
-#define HT_EINT(io) __asm volatile("nop")
-#define HT_IFR_CLEAR(io) __asm volatile("nop")
-#define HT_IER_WRITE(io, mask) ((void)(mask))
-#define HT_IER_SET(io, mask) ((void)(mask))
-#define HT_IDLE(io) __asm volatile("nop")
+#define HT_SETTLE(io) ((void)(io))
+#define HT_WAIT_US(io, us) ((void)(io), (void)(us))
+#define HT_VECTOR(io, addr, isr) ((void)(io), (void)(addr), (void)(isr))
+#define HT_CALL(io, addr) ((void)(io), (void)(addr))
+#define HT_CALL16(io, addr, argument) ((void)(io), (void)(addr), (uint16_t)(argument))
+#define HT_DINT(io) ((void)(io))
+#define HT_EINT(io) ((void)(io))
+#define HT_IFR_CLEAR(io) ((void)(io))
+#define HT_IER_WRITE(io, mask) ((void)(io), (void)(mask))
+#define HT_IER_SET(io, mask) ((void)(io), (void)(mask))
+#define HT_IDLE(io) ((void)(io))
 
 #else
 
