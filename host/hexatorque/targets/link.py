@@ -177,7 +177,7 @@ class TargetController(Controller):
 
     @property
     def snapshot(self) -> dict[str, object] | None:
-        raise NotImplementedError("the fault snapshot stays on the target")
+        raise TargetError("the fault snapshot stays on the target: the link has no request for it")
 
     def channel(self, name: str) -> float:
         return self._link.channels[[n for n, _ in channels()].index(name)]
