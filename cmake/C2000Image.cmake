@@ -21,8 +21,9 @@ set(messages --display_error_number --diag_wrap=off --diag_warning=225)
 # What runs while the drive runs is in RAM: every function of these.
 file(GLOB core CONFIGURE_DEPENDS firmware/core/*.c)
 file(GLOB app CONFIGURE_DEPENDS firmware/app/*.c)
+file(GLOB link CONFIGURE_DEPENDS firmware/link/*.c)
 file(GLOB drivers CONFIGURE_DEPENDS ${port}/*.c)
-set(ram ${core} ${app} ${drivers} ${port}/image/ht_image.c ${port}/image/ht_wait.c)
+set(ram ${core} ${app} ${link} ${drivers} ${port}/image/ht_image.c ${port}/image/ht_wait.c)
 set_source_files_properties(${ram} PROPERTIES COMPILE_OPTIONS "--ramfunc=on")
 # What copies it there is not.
 set(flash ${port}/image/main.c ${port}/image/codestart.asm)
@@ -32,9 +33,10 @@ foreach(place flash ram)
   set(command_file "${CMAKE_CURRENT_SOURCE_DIR}/${port}/image/${HT_DEVICE}_${place}.cmd")
   add_executable(${image} ${ram} ${flash})
   set_target_properties(${image} PROPERTIES SUFFIX ".out" LINK_DEPENDS "${command_file}")
-  target_include_directories(${image} PRIVATE firmware/core firmware/app firmware/port ${port}
+  target_include_directories(${image} PRIVATE firmware/core firmware/app firmware/link firmware/port ${port}
     ${port}/image)
-  target_compile_definitions(${image} PRIVATE HT_BOARD=ht_board_${HT_BOARD})
+  target_compile_definitions(${image} PRIVATE HT_BOARD=ht_board_${HT_BOARD}
+    HT_CAPTURE_VALUES=${HT_CAPTURE_VALUES} "HT_BUILD=\"${HT_BUILD}\"")
   target_compile_options(${image} PRIVATE ${machine} ${messages}
     $<$<COMPILE_LANGUAGE:C>:${arithmetic}> $<$<COMPILE_LANGUAGE:C>:--opt_level=2>)
   target_link_options(${image} PRIVATE --rom_model --entry_point=code_start --stack_size=0x300

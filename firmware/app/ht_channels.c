@@ -31,3 +31,16 @@ void ht_channels_read(const ht_drive *d, float *out)
 #include "ht_channels.def"
 #undef HT_CHANNEL
 }
+
+float ht_channel_read(const ht_drive *d, uint16_t id)
+{
+    switch (id) {
+#define HT_CHANNEL(name, unit, expression, help) \
+    case CHANNEL_##name:                         \
+        return (expression);
+#include "ht_channels.def"
+#undef HT_CHANNEL
+    default:
+        return 0.0f;
+    }
+}

@@ -13,6 +13,12 @@ static bool finite_below(float value, float limit)
     return (value < limit) && (value > -limit);
 }
 
+const char *ht_state_name(uint16_t state)
+{
+    static const char *const names[HT_STATES] = {"idle", "calibrate", "build", "run", "fault"};
+    return (state < (uint16_t)HT_STATES) ? names[state] : "";
+}
+
 static void enter(ht_drive *d, ht_state state)
 {
     d->state_ticks = 0u; /* first: the interrupt acts on the state */
@@ -68,6 +74,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     d->slow_faults = 0u;
     d->stuck_leg = 0u;
     ht_protect_reset(&d->protect);
+    d->taken_tick = d->tick + 1u;
     enter(d, HT_STATE_IDLE);
     return HT_OK;
 }
@@ -131,6 +138,11 @@ static void fault(ht_drive *d, uint16_t bits)
         enter(d, HT_STATE_FAULT);
     }
     d->faults = (uint16_t)(d->faults | bits);
+}
+
+void ht_drive_trip(ht_drive *d, uint16_t bits)
+{
+    fault(d, bits);
 }
 
 /* Everything that is known before the control step. */
@@ -230,6 +242,7 @@ void ht_drive_fast_isr(ht_drive *d)
     }
     if (d->staged != NULL) {
         d->config = d->staged;
+        d->taken_tick = d->tick;
         d->staged = NULL;
     }
     measure(d);
@@ -305,23 +318,37 @@ ht_result ht_drive_clear(ht_drive *d)
     return HT_OK;
 }
 
+ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, uint16_t n,
+                         uint16_t *at)
+{
+    ht_params trial = d->params;
+    bool set_up_again = false;
+    uint16_t k;
+    for (k = 0u; k < n; k++) {
+        const ht_param_info *info = ht_param_describe(ids[k]);
+        *at = ids[k];
+        if (info == NULL) {
+            return HT_ERROR_ID;
+        }
+        if (!ht_param_valid(ids[k], values[k])) {
+            return HT_ERROR_VALUE;
+        }
+        if (info->when == HT_WHEN_IDLE) {
+            if (d->state != (uint16_t)HT_STATE_IDLE) {
+                return HT_ERROR_STATE;
+            }
+            set_up_again = true;
+        }
+        trial.v[ids[k]] = values[k];
+    }
+    /* Timing and scaling reach into the PWM: set it all up again. */
+    return set_up_again ? set_up(d, d->port, &trial) : ht_configure_live(d, &trial);
+}
+
 ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)
 {
-    ht_params trial;
-    const ht_param_info *info = ht_param_describe(id);
-    if (info == NULL) {
-        return HT_ERROR_ID;
-    }
-    if (!ht_param_valid(id, value)) {
-        return HT_ERROR_VALUE;
-    }
-    if ((info->when == HT_WHEN_IDLE) && (d->state != (uint16_t)HT_STATE_IDLE)) {
-        return HT_ERROR_STATE;
-    }
-    trial = d->params;
-    trial.v[id] = value;
-    /* Timing and scaling reach into the PWM: set it all up again. */
-    return (info->when == HT_WHEN_IDLE) ? set_up(d, d->port, &trial) : ht_configure_live(d, &trial);
+    uint16_t at;
+    return ht_drive_write(d, &id, &value, 1u, &at);
 }
 
 float ht_drive_get(const ht_drive *d, uint16_t id)

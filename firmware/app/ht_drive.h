@@ -28,8 +28,12 @@ typedef enum {
     HT_STATE_CALIBRATE = 1,
     HT_STATE_BUILD = 2,
     HT_STATE_RUN = 3,
-    HT_STATE_FAULT = 4
+    HT_STATE_FAULT = 4,
+    HT_STATES = 5
 } ht_state;
+
+/** Name of a state, "" if there is none. */
+const char *ht_state_name(uint16_t state);
 
 /** Result of a command or an initialisation. */
 typedef enum {
@@ -77,6 +81,7 @@ typedef struct {
     uint32_t offset_sum[HT_LEGS];
     volatile uint32_t state_ticks;          /**< fast interrupts since the state began */
     uint32_t tick;                 /**< fast interrupts since init */
+    uint32_t taken_tick;           /**< of the first interrupt with the parameters in force */
     uint32_t position_last;
     uint32_t position_now;
     float speed_rpm;
@@ -117,9 +122,16 @@ ht_result ht_drive_start(ht_drive *d);
 void ht_drive_stop(ht_drive *d);
 ht_result ht_drive_clear(ht_drive *d);
 
+/** Whatever else finds a fault, in the fast interrupt's place: gates off, `bits` latched. */
+void ht_drive_trip(ht_drive *d, uint16_t bits);
+
 /** Change one parameter: range, state and consistency are checked first, and
  *  nothing changes on an error. */
 ht_result ht_drive_set(ht_drive *d, uint16_t id, float value);
+/** The same for `n` parameters together: all of them or none; of an id that comes twice
+ *  the last value counts. On an error of a single one its id is in `*at`. */
+ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, uint16_t n,
+                         uint16_t *at);
 /** Current value; NaN-free. Returns 0 for an unknown id. */
 float ht_drive_get(const ht_drive *d, uint16_t id);
 
@@ -132,6 +144,8 @@ typedef struct {
 
 uint16_t ht_channel_count(void);
 const ht_channel_info *ht_channel_describe(uint16_t id);
+/** One channel; 0 for an unknown id. */
+float ht_channel_read(const ht_drive *d, uint16_t id);
 /** All channels into `out[0 .. ht_channel_count() - 1]`. */
 void ht_channels_read(const ht_drive *d, float *out);
 

@@ -7,23 +7,8 @@
 #define HT_PROTECT_H
 
 #include "ht_control.h"
+#include "ht_faults.h"
 #include "port.h"
-
-/** Fault bits, latched by the drive until `ht_drive_clear`. */
-enum {
-    HT_FAULT_OVERCURRENT = 0x0001,
-    HT_FAULT_VDC_HIGH = 0x0002,
-    HT_FAULT_VDC_LOW = 0x0004,
-    HT_FAULT_NONFINITE = 0x0008,   /**< an estimate or reference is NaN or infinite */
-    HT_FAULT_EXTERNAL = 0x0010,    /**< trip zone set by something else */
-    HT_FAULT_CALIBRATION = 0x0020, /**< current offset out of bounds */
-    HT_FAULT_CURRENT_SUM = 0x0040, /**< a set's currents do not add up to zero */
-    HT_FAULT_OVERSPEED = 0x0080,
-    HT_FAULT_FLUX = 0x0100,        /**< the flux estimate cannot be right */
-    HT_FAULT_ENCODER = 0x0200,     /**< measured speed against the flux's speed */
-    HT_FAULT_STUCK = 0x0400,       /**< a current sensor stands still */
-    HT_FAULT_OVERRUN = 0x0800      /**< the fast interrupt outlasted its period */
-};
 
 typedef struct {
     float i_trip_A;         /**< any phase */

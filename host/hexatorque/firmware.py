@@ -12,21 +12,21 @@ from . import _firmware
 
 ffi, lib = _firmware.ffi, _firmware.lib
 
-STATES = ("idle", "calibrate", "build", "run", "fault")
-FAULTS = {
-    lib.HT_FAULT_OVERCURRENT: "over-current",
-    lib.HT_FAULT_VDC_HIGH: "dc-link voltage too high",
-    lib.HT_FAULT_VDC_LOW: "dc-link voltage too low",
-    lib.HT_FAULT_NONFINITE: "estimate not finite",
-    lib.HT_FAULT_EXTERNAL: "external trip",
-    lib.HT_FAULT_CALIBRATION: "current sensor offset out of bounds",
-    lib.HT_FAULT_CURRENT_SUM: "currents of a set do not add up to zero",
-    lib.HT_FAULT_OVERSPEED: "over-speed",
-    lib.HT_FAULT_FLUX: "flux estimate cannot be right",
-    lib.HT_FAULT_ENCODER: "encoder against flux speed",
-    lib.HT_FAULT_STUCK: "current sensor stands still",
-    lib.HT_FAULT_OVERRUN: "fast interrupt outlasted its period",
-}
+
+def _text(pointer) -> str:
+    return ffi.string(pointer).decode()
+
+
+STATES = tuple(_text(lib.ht_state_name(state)) for state in range(lib.HT_STATES))
+
+
+def _faults() -> dict[int, str]:
+    rows = (lib.ht_fault_describe(row) for row in range(lib.ht_fault_count()))
+    return {row.bit: _text(row.name) for row in rows}
+
+
+#: Bit -> name of a fault.
+FAULTS = _faults()
 
 
 def causes(bits: int) -> list[str]:
@@ -76,10 +76,6 @@ class Parameter:
 
     def show(self, value: float) -> str | float:
         return self.choices[int(value)] if self.choices else value
-
-
-def _text(pointer) -> str:
-    return ffi.string(pointer).decode()
 
 
 @lru_cache(maxsize=1)

@@ -14,6 +14,7 @@ const ht_board ht_board_f28335 = {
     .receive = {28u, 1u},
     .transmit = {29u, 1u},
     .channel = {0u, 1u, 2u, 3u, 4u, 5u, 6u},
+    .baud = 921600u, /* 937500: nothing nearer to 1.25 M comes out of 75 MHz */
 };
 
 const ht_board ht_board_f28377s = {
@@ -30,6 +31,7 @@ const ht_board ht_board_f28377s = {
     .receive = {28u, 1u},
     .transmit = {29u, 1u},
     .channel = {0u, 1u, 2u, 3u, 4u, 5u, 14u},
+    .baud = 1250000u, /* exact */
 };
 
 const ht_board ht_board_launchxl_f28377s = {
@@ -46,4 +48,5 @@ const ht_board ht_board_launchxl_f28377s = {
     .receive = {85u, 5u},
     .transmit = {84u, 5u},
     .channel = {0u, 1u, 2u, 3u, 4u, 5u, 14u},
+    .baud = 1250000u, /* exact */
 };

@@ -29,6 +29,7 @@ typedef struct {
     ht_pin receive;
     ht_pin transmit;
     uint16_t channel[HT_BOARD_CHANNELS]; /**< ADC inputs (ADC-A) */
+    uint32_t baud;                    /**< of the link */
 } ht_board;
 
 /** TI's F28335 controlCARD: 30 MHz. */

@@ -5,6 +5,7 @@
 #ifndef HT_DRIVERS_H
 #define HT_DRIVERS_H
 
+#include "ht_line.h"
 #include "ht_port_c2000.h"
 
 /* ht_watchdog.c. Both halves are needed to keep it from resetting the device. */
@@ -72,6 +73,12 @@ float ht_sci_baud(const ht_port *port);
 uint16_t ht_sci_read(ht_port *port, uint16_t *octets, uint16_t n);
 /** Hand over up to `n` octets, without waiting. Returns how many were taken. */
 uint16_t ht_sci_write(ht_port *port, const uint16_t *octets, uint16_t n);
+
+/** A break or a framing error stops the receiver, an overflow the count of what is there:
+ *  let it go on. True if octets were lost. Settings stay. */
+bool ht_sci_recover(ht_port *port);
+/** The SCI as the link's line, at the rate in force. */
+ht_line ht_sci_line(ht_port *port);
 
 /* ht_pie.c */
 

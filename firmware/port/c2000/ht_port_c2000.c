@@ -3,8 +3,6 @@
 
 #include "ht_drivers.h"
 
-#define BAUD_AT_START 115200u
-
 void ht_port_bind(ht_port *port, ht_io *io, const ht_board *board)
 {
     uint16_t leg;
@@ -30,7 +28,7 @@ bool ht_board_start(ht_port *port)
     if (clocked) {
         ht_pins_start(port);
         ht_adc_start(port);
-        (void)ht_sci_start(port, BAUD_AT_START);
+        (void)ht_sci_start(port, port->board->baud);
     }
     return clocked;
 }

@@ -69,19 +69,6 @@ float ht_sci_baud(const ht_port *port)
     return (float)port->map->sci_clock_Hz / (8.0f * (float)counts);
 }
 
-/* A break or a framing error stops the receiver until it is reset. Settings stay. */
-static void recover(ht_port *port)
-{
-    uint32_t sci = port->map->sci;
-    if ((HT_RD16(port->io, sci + SCIRXST) & SCIRXST_ERROR) != 0u) {
-        HT_WR16(port->io, sci + SCICTL1, SCICTL1_RESET);
-        HT_WR16(port->io, sci + SCICTL1, SCICTL1_RUN);
-    }
-    if ((HT_RD16(port->io, sci + SCIFFRX) & SCIFFRX_OVERFLOW) != 0u) {
-        HT_WR16(port->io, sci + SCIFFRX, SCIFFRX_RUN | SCIFFRX_CLEAR_OVERFLOW);
-    }
-}
-
 static uint16_t level(const ht_port *port, uint32_t fifo)
 {
     uint16_t status = HT_RD16(port->io, port->map->sci + fifo);
@@ -96,8 +83,23 @@ uint16_t ht_sci_read(ht_port *port, uint16_t *octets, uint16_t n)
     for (k = 0u; k < count; k++) {
         octets[k] = (uint16_t)(HT_RD16(port->io, port->map->sci + SCIRXBUF) & OCTET);
     }
-    recover(port);
     return count;
+}
+
+bool ht_sci_recover(ht_port *port)
+{
+    uint32_t sci = port->map->sci;
+    bool lost = false;
+    if ((HT_RD16(port->io, sci + SCIRXST) & SCIRXST_ERROR) != 0u) {
+        HT_WR16(port->io, sci + SCICTL1, SCICTL1_RESET);
+        HT_WR16(port->io, sci + SCICTL1, SCICTL1_RUN);
+        lost = true;
+    }
+    if ((HT_RD16(port->io, sci + SCIFFRX) & SCIFFRX_OVERFLOW) != 0u) {
+        HT_WR16(port->io, sci + SCIFFRX, SCIFFRX_RUN | SCIFFRX_CLEAR_OVERFLOW);
+        lost = true;
+    }
+    return lost;
 }
 
 uint16_t ht_sci_write(ht_port *port, const uint16_t *octets, uint16_t n)
@@ -109,4 +111,26 @@ uint16_t ht_sci_write(ht_port *port, const uint16_t *octets, uint16_t n)
         HT_WR16(port->io, port->map->sci + SCITXBUF, (uint16_t)(octets[k] & OCTET));
     }
     return count;
+}
+
+static uint16_t line_read(void *at, uint16_t *octets, uint16_t n, bool *lost)
+{
+    uint16_t count = ht_sci_read((ht_port *)at, octets, n);
+    *lost = ht_sci_recover((ht_port *)at);
+    return count;
+}
+
+static uint16_t line_write(void *at, const uint16_t *octets, uint16_t n)
+{
+    return ht_sci_write((ht_port *)at, octets, n);
+}
+
+ht_line ht_sci_line(ht_port *port)
+{
+    ht_line line;
+    line.read = line_read;
+    line.write = line_write;
+    line.at = port;
+    line.octets_per_s = (uint32_t)(ht_sci_baud(port) * 0.1f); /* start, 8, stop */
+    return line;
 }

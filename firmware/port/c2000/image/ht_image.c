@@ -6,10 +6,20 @@
 #ifndef HT_BOARD
 #error "HT_BOARD: name of the board's table, e.g. ht_board_f28335"
 #endif
+#ifndef HT_CAPTURE_VALUES
+#error "HT_CAPTURE_VALUES: 32-bit values of memory for captures"
+#endif
+#ifndef HT_BUILD
+#define HT_BUILD "unknown"
+#endif
 
 ht_mailbox ht_image_mailbox;
 ht_port ht_image_port;
 ht_drive ht_image_drive;
+ht_service ht_image_service;
+
+/* For captures: what the linker command file leaves. */
+static uint32_t capture_memory[HT_CAPTURE_VALUES];
 
 static uint32_t tick_seen;
 
@@ -26,6 +36,7 @@ static void give_up(void)
 static HT_INTERRUPT void fast(void)
 {
     ht_drive_fast_isr(&ht_image_drive);
+    ht_service_fast(&ht_image_service);
 }
 
 static HT_INTERRUPT void slow(void)
@@ -48,6 +59,7 @@ static HT_INTERRUPT void unexpected(void)
 void ht_image_start(void)
 {
     ht_params params;
+    ht_service_setup link;
     ht_port_bind(&ht_image_port, HT_TARGET_IO, &HT_BOARD);
     HT_DINT(ht_image_port.io);
     if (!ht_board_start(&ht_image_port)) {
@@ -58,6 +70,13 @@ void ht_image_start(void)
     if (ht_drive_init(&ht_image_drive, &ht_image_port, &params) != HT_OK) {
         give_up();
     }
+    link.device = HT_BOARD.name;
+    link.build = HT_BUILD;
+    link.watchdog_ms = HT_SERVICE_WATCHDOG_MS;
+    link.line = ht_sci_line(&ht_image_port);
+    link.memory = capture_memory;
+    link.memory_size = HT_CAPTURE_VALUES;
+    ht_service_init(&ht_image_service, &ht_image_drive, &link);
     ht_pie_enable(&ht_image_port);
 }
 
@@ -90,6 +109,7 @@ static ht_result execute(ht_mailbox *box)
 void ht_image_background(void)
 {
     ht_watchdog_second(&ht_image_port);
+    ht_service_turn(&ht_image_service);
     if (ht_image_mailbox.command != (uint16_t)HT_COMMAND_NONE) {
         ht_image_mailbox.result = (uint16_t)execute(&ht_image_mailbox);
         ht_image_mailbox.command = (uint16_t)HT_COMMAND_NONE;

@@ -5,10 +5,10 @@
 #ifndef HT_IMAGE_H
 #define HT_IMAGE_H
 
-#include "ht_drive.h"
+#include "ht_service.h"
 #include "ht_port_c2000.h"
 
-/** Commands of the mailbox. */
+/** Commands of the mailbox, which knows no watchdog: for a debugger. */
 enum {
     HT_COMMAND_NONE = 0,
     HT_COMMAND_START = 1,
@@ -39,6 +39,7 @@ extern ht_regfile ht_image_registers;
 extern ht_mailbox ht_image_mailbox;
 extern ht_port ht_image_port;
 extern ht_drive ht_image_drive;
+extern ht_service ht_image_service;
 
 /** From reset to a drive in IDLE with both interrupts running. Does not return if the
  *  chip does not start: the watchdog then resets it. */

@@ -1,0 +1,91 @@
+#include "ht_dictionary.h"
+
+#include "ht_drive.h"
+#include "ht_octets.h"
+
+#define TYPE_F32 0u
+#define FLAG_LIVE 1u
+
+uint16_t ht_dictionary_rows(uint16_t kind)
+{
+    switch (kind) {
+    case HT_LIST_PARAMETER:
+        return ht_param_count();
+    case HT_LIST_CHANNEL:
+        return ht_channel_count();
+    case HT_LIST_FAULT:
+        return ht_fault_count();
+    case HT_LIST_STATE:
+        return (uint16_t)HT_STATES;
+    default:
+        return 0u;
+    }
+}
+
+static void add_parameter(ht_packet *p, const ht_param_info *info)
+{
+    ht_packet_add8(p, TYPE_F32);
+    ht_packet_add8(p, (info->when == (uint16_t)HT_WHEN_LIVE) ? FLAG_LIVE : 0u);
+    ht_packet_add_float(p, info->min);
+    ht_packet_add_float(p, info->max);
+    ht_packet_add_float(p, info->initial);
+    ht_packet_add_text(p, info->name);
+    ht_packet_add_text(p, info->unit);
+    ht_packet_add_text(p, info->choices);
+    ht_packet_add_text(p, info->help);
+}
+
+static void add_channel(ht_packet *p, const ht_channel_info *info)
+{
+    ht_packet_add8(p, TYPE_F32);
+    ht_packet_add_text(p, info->name);
+    ht_packet_add_text(p, info->unit);
+    ht_packet_add_text(p, info->help);
+}
+
+static void add_fault(ht_packet *p, const ht_fault_info *info)
+{
+    ht_packet_add16(p, info->bit);
+    ht_packet_add_text(p, info->name);
+    ht_packet_add_text(p, info->help);
+}
+
+bool ht_dictionary_add(ht_packet *p, uint16_t kind, uint16_t row)
+{
+    if (row >= ht_dictionary_rows(kind)) {
+        return false;
+    }
+    ht_packet_add8(p, kind);
+    ht_packet_add16(p, row);
+    switch (kind) {
+    case HT_LIST_PARAMETER:
+        add_parameter(p, ht_param_describe(row));
+        break;
+    case HT_LIST_CHANNEL:
+        add_channel(p, ht_channel_describe(row));
+        break;
+    case HT_LIST_FAULT:
+        add_fault(p, ht_fault_describe(row));
+        break;
+    case HT_LIST_STATE:
+    default:
+        ht_packet_add_text(p, ht_state_name(row));
+        break;
+    }
+    return true;
+}
+
+uint32_t ht_dictionary_crc(ht_packet *scratch)
+{
+    uint32_t crc = 0u;
+    uint16_t kind;
+    uint16_t row;
+    for (kind = 0u; kind < (uint16_t)HT_LISTS; kind++) {
+        for (row = 0u; row < ht_dictionary_rows(kind); row++) {
+            ht_packet_begin(scratch);
+            (void)ht_dictionary_add(scratch, kind, row);
+            crc = ht_crc32(crc, scratch->octet, scratch->n);
+        }
+    }
+    return crc;
+}

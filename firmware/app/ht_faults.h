@@ -1,0 +1,26 @@
+/** @file ht_faults.h
+ *  Fault bits, latched by the drive until `ht_drive_clear`, and what they mean.
+ */
+#ifndef HT_FAULTS_H
+#define HT_FAULTS_H
+
+#include <stdint.h>
+
+enum {
+#define HT_FAULT(name, bit, text, help) HT_FAULT_##name = (bit),
+#include "ht_faults.def"
+#undef HT_FAULT
+    HT_FAULT_NONE = 0
+};
+
+typedef struct {
+    uint16_t bit;
+    const char *name;
+    const char *help;
+} ht_fault_info;
+
+uint16_t ht_fault_count(void);
+/** Table entry, or NULL if there is no such row. */
+const ht_fault_info *ht_fault_describe(uint16_t row);
+
+#endif

@@ -1,0 +1,220 @@
+/* The line's two ends, session and watchdog. The requests are in ht_service_requests.c. */
+#include "ht_service.h"
+
+#include "ht_dictionary.h"
+#include "ht_octets.h"
+
+#include <stddef.h>
+
+#define FIFO 16u
+#define SAMPLE_TYPE 0x40u
+#define CAPTURE_TYPE 0x50u
+#define CAPTURE_VALUES 60u
+/* Streams leave a tenth of the line to everything else. */
+#define BUDGET_TENTHS 9u
+#define SESSION_WATCHDOGS 4u
+
+static float read_channel(const void *object, uint16_t id)
+{
+    return ht_channel_read((const ht_drive *)object, id);
+}
+
+void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
+{
+    l->drive = d;
+    l->setup = *setup;
+    l->dictionary = ht_dictionary_crc(&l->reply);
+    ht_incoming_reset(&l->in);
+    ht_packet_begin(&l->reply);
+    l->out.n = 0u;
+    l->out.sent = 0u;
+    l->answered = false;
+    l->reply_due = false;
+    l->reply_waits = false;
+    l->last_crc = 0u;
+    l->session = 0u;
+    l->asks = 0u;
+    l->session_tick = 0u;
+    l->armed = 0u;
+    l->fed = 0u;
+    l->watchdog_left = 0u;
+    l->watchdog_ticks = 0u;
+    l->streams.head = 0u;
+    l->streams.dropped = 0u;
+    ht_streams_reset(&l->streams);
+    ht_burst_init(&l->burst, setup->memory, setup->memory_size);
+    l->read_at = 0u;
+    l->read_left = 0u;
+    l->damaged = 0u;
+    l->overruns = 0u;
+}
+
+uint32_t ht_service_watchdog_ticks(const ht_service *l)
+{
+    float ticks = l->drive->params.v[HT_P_f_isr_Hz] * (float)l->setup.watchdog_ms * 0.001f;
+    return (uint32_t)ticks;
+}
+
+uint32_t ht_service_budget(const ht_service *l)
+{
+    return l->setup.line.octets_per_s / 10u * BUDGET_TENTHS;
+}
+
+/* --- fast interrupt ----------------------------------------------------------------------- */
+
+static void watch(ht_service *l)
+{
+    uint16_t state = l->drive->state;
+    if ((state == (uint16_t)HT_STATE_IDLE) || (state == (uint16_t)HT_STATE_FAULT)) {
+        l->armed = 0u;
+    } else if (l->fed != 0u) {
+        l->fed = 0u;
+        l->watchdog_left = l->watchdog_ticks;
+    } else {
+        l->watchdog_left--;
+        if (l->watchdog_left == 0u) {
+            l->armed = 0u;
+            ht_drive_trip(l->drive, (uint16_t)HT_FAULT_LINK);
+        }
+    }
+}
+
+void ht_service_fast(ht_service *l)
+{
+    ht_source source;
+    if (l->armed != 0u) {
+        watch(l);
+    }
+    source.read = read_channel;
+    source.object = l->drive;
+    ht_streams_sample(&l->streams, &source, l->drive->tick);
+    ht_burst_sample(&l->burst, &source, l->drive->tick, l->drive->faults != 0u);
+}
+
+/* --- background --------------------------------------------------------------------------- */
+
+static void request(ht_service *l)
+{
+    uint32_t crc = ht_get32(&l->in.octet[l->in.n]);
+    if ((l->in.octet[0] >= 0x40u) || (l->in.octet[0] == 0u)) {
+        l->damaged++; /* no request: an echo? */
+        return;
+    }
+    if (l->answered && (crc == l->last_crc)) {
+        l->reply_due = true; /* once more */
+        return;
+    }
+    if (l->reply_due) {
+        return; /* the host has not waited; it will ask again */
+    }
+    l->last_crc = crc;
+    ht_service_execute(l, l->in.octet, l->in.n);
+    l->answered = true;
+    l->reply_due = true;
+}
+
+static void receive(ht_service *l)
+{
+    uint16_t octets[FIFO];
+    bool lost = false;
+    uint16_t n = l->setup.line.read(l->setup.line.at, octets, FIFO, &lost);
+    uint16_t i;
+    if (lost) {
+        l->overruns++;
+        ht_incoming_spoil(&l->in);
+    }
+    for (i = 0u; i < n; i++) {
+        switch (ht_incoming_take(&l->in, octets[i])) {
+        case HT_INCOMING_WHOLE:
+            request(l);
+            break;
+        case HT_INCOMING_DAMAGED:
+            l->damaged++;
+            break;
+        case HT_INCOMING_PART:
+        default:
+            break;
+        }
+    }
+}
+
+static void expire(ht_service *l)
+{
+    uint32_t ticks = SESSION_WATCHDOGS * ht_service_watchdog_ticks(l);
+    if ((l->session != 0u) && ((l->drive->tick - l->session_tick) > ticks)) {
+        l->session = 0u;
+        ht_streams_reset(&l->streams);
+    }
+}
+
+static bool sample_frame(ht_service *l, ht_packet *p)
+{
+    uint16_t i;
+    if (!ht_streams_next(&l->streams, &l->sample)) {
+        return false;
+    }
+    ht_packet_add8(p, (uint16_t)(SAMPLE_TYPE + l->sample.stream));
+    ht_packet_add8(p, l->sample.number);
+    ht_packet_add32(p, l->sample.tick);
+    for (i = 0u; i < l->sample.n; i++) {
+        ht_packet_add32(p, l->sample.value[i]);
+    }
+    return true;
+}
+
+static bool capture_frame(ht_service *l, ht_packet *p)
+{
+    uint32_t left = l->read_left;
+    uint32_t n = (left < CAPTURE_VALUES) ? left : CAPTURE_VALUES;
+    uint32_t i;
+    if (n == 0u) {
+        return false;
+    }
+    ht_packet_add8(p, CAPTURE_TYPE);
+    ht_packet_add8(p, l->burst.number);
+    ht_packet_add32(p, l->read_at);
+    for (i = 0u; i < n; i++) {
+        ht_packet_add32(p, ht_burst_value(&l->burst, l->read_at + i));
+    }
+    l->read_at += n;
+    l->read_left = left - n;
+    return true;
+}
+
+static void next_frame(ht_service *l)
+{
+    if (l->reply_waits && (l->drive->staged == NULL)) {
+        l->reply_waits = false;
+        ht_put32(&l->reply.octet[HT_SERVICE_REPLY_HEAD], l->drive->taken_tick);
+    }
+    if (l->reply_due && !l->reply_waits) {
+        l->reply_due = false;
+        ht_outgoing_set(&l->out, &l->reply);
+        return;
+    }
+    ht_packet_begin(&l->data);
+    if (sample_frame(l, &l->data) || capture_frame(l, &l->data)) {
+        ht_outgoing_set(&l->out, &l->data);
+    }
+}
+
+static void transmit(ht_service *l)
+{
+    if (l->out.sent == l->out.n) {
+        next_frame(l);
+    }
+    if (l->out.sent < l->out.n) {
+        uint16_t left = (uint16_t)(l->out.n - l->out.sent);
+        uint16_t n = (left < FIFO) ? left : FIFO;
+        uint16_t taken = l->setup.line.write(l->setup.line.at, &l->out.octet[l->out.sent], n);
+        l->out.sent = (uint16_t)(l->out.sent + taken);
+    }
+}
+
+void ht_service_turn(ht_service *l)
+{
+    receive(l);
+    expire(l);
+    ht_burst_sum(&l->burst);
+    transmit(l);
+}

@@ -1,0 +1,94 @@
+/** @file ht_service.h
+ *  One drive on a serial line (docs/protocol.md): requests, streams, captures, and the
+ *  watchdog that stops a drive whose host has gone.
+ *
+ *  Concurrency: `ht_service_fast` runs in the fast interrupt, after the drive; everything
+ *  else in the background, which the interrupt may interrupt anywhere.
+ */
+#ifndef HT_SERVICE_H
+#define HT_SERVICE_H
+
+#include "ht_burst.h"
+#include "ht_drive.h"
+#include "ht_line.h"
+#include "ht_packet.h"
+#include "ht_streams.h"
+
+#define HT_SERVICE_VERSION 1u
+#define HT_SERVICE_WRITE 80u /**< parameters of one WRITE */
+#define HT_SERVICE_REPLY_HEAD 10u /**< octets of a reply before its payload */
+
+/** The watchdog's time on a board. */
+enum { HT_SERVICE_WATCHDOG_MS = 250 };
+
+/** Status of a reply; 0 .. 6 are ht_result. */
+enum {
+    HT_SERVICE_OPCODE = 16,
+    HT_SERVICE_LENGTH = 17,
+    HT_SERVICE_SESSION = 18,
+    HT_SERVICE_DICTIONARY = 19,
+    HT_SERVICE_BUSY = 20,
+    HT_SERVICE_BUDGET = 21,
+    HT_SERVICE_CAPTURE = 22
+};
+
+typedef struct {
+    const char *device;
+    const char *build;  /**< of the firmware */
+    uint16_t watchdog_ms; /**< of the drive's time; a session lives for four of these */
+    ht_line line;
+    uint32_t *memory;   /**< for captures */
+    uint32_t memory_size; /**< values */
+} ht_service_setup;
+
+typedef struct {
+    ht_drive *drive;
+    ht_service_setup setup;
+    uint32_t dictionary;        /**< its CRC */
+    uint16_t write_id[HT_SERVICE_WRITE]; /**< of the WRITE in hand: too large for a stack */
+    float write_value[HT_SERVICE_WRITE];
+    ht_incoming in;
+    ht_packet reply;            /**< to the latest request */
+    ht_packet data;             /**< sample or values of a capture on its way out */
+    ht_outgoing out;
+    bool answered;              /**< `reply` is that of `last_crc` */
+    bool reply_due;
+    bool reply_waits;           /**< for the interrupt that takes the parameters over */
+    uint32_t last_crc;
+    uint16_t detail;            /**< of a refusal */
+    uint16_t session;           /**< 0: none */
+    uint16_t asks;              /**< session of the request in hand */
+    uint32_t session_tick;      /**< of its latest request */
+    volatile uint16_t armed;    /**< the watchdog */
+    volatile uint16_t fed;
+    volatile uint32_t watchdog_left; /**< fast interrupts */
+    volatile uint32_t watchdog_ticks;
+    ht_streams streams;
+    ht_stream_sample sample;    /**< on its way out */
+    ht_burst burst;
+    uint32_t read_at;           /**< of the capture: next value to send ... */
+    uint32_t read_left;         /**< ... and how many */
+    uint32_t damaged;           /**< frames */
+    uint32_t overruns;          /**< of the receiver */
+} ht_service;
+
+/** `d` is set up. */
+void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup);
+
+/** The fast interrupt, after `ht_drive_fast_isr`. */
+void ht_service_fast(ht_service *l);
+
+/** One turn of the background: takes what the line has, up to a FIFO's 16 octets,
+ *  carries out at most one request, hands over what the line takes. */
+void ht_service_turn(ht_service *l);
+
+/** Fast interrupts that the watchdog waits. */
+uint32_t ht_service_watchdog_ticks(const ht_service *l);
+/** Octets that streams may take in a second. */
+uint32_t ht_service_budget(const ht_service *l);
+
+/** Carry out the request `octets[0 .. n - 1]`, a body without its CRC, into `l->reply`. For
+ *  the link itself. */
+void ht_service_execute(ht_service *l, const uint16_t *octets, uint16_t n);
+
+#endif

@@ -1,0 +1,496 @@
+/* The requests, one function each: payload in, status out, payload of the reply appended. */
+#include "ht_service.h"
+
+#include "ht_dictionary.h"
+#include "ht_octets.h"
+
+#include <stddef.h>
+
+#define REQUEST_HEAD 6u
+#define REPLY 0x80u
+#define NO_DETAIL 0xFFFFu
+#define GET_MOST 100u
+#define PAIR 6u /* octets of id and value */
+#define SAMPLE_HEAD 12u /* octets of a sample on the line that are no values */
+
+enum { NEEDS_NOTHING = 0, NEEDS_DICTIONARY = 1, NEEDS_SESSION = 2, NEEDS_BOTH = 3 };
+
+static uint16_t hello(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    uint16_t kind;
+    ht_packet *p = &l->reply;
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    ht_packet_add16(p, HT_SERVICE_VERSION);
+    ht_packet_add32(p, l->dictionary);
+    ht_packet_add_float(p, l->drive->params.v[HT_P_f_isr_Hz]);
+    ht_packet_add32(p, ht_service_budget(l));
+    for (kind = 0u; kind < (uint16_t)HT_LISTS; kind++) {
+        ht_packet_add16(p, ht_dictionary_rows(kind));
+    }
+    ht_packet_add16(p, HT_PACKET_BODY);
+    ht_packet_add8(p, HT_STREAMS);
+    ht_packet_add8(p, HT_STREAM_CHANNELS);
+    ht_packet_add8(p, HT_BURST_CHANNELS);
+    ht_packet_add8(p, (l->session != 0u) ? 1u : 0u);
+    ht_packet_add32(p, l->burst.size);
+    ht_packet_add16(p, l->setup.watchdog_ms);
+    ht_packet_add_text(p, l->setup.device);
+    ht_packet_add_text(p, l->setup.build);
+    return HT_OK;
+}
+
+static uint16_t list(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    if (n != 3u) {
+        return HT_SERVICE_LENGTH;
+    }
+    return ht_dictionary_add(&l->reply, in[0], ht_get16(&in[1])) ? HT_OK : HT_ERROR_ID;
+}
+
+static uint16_t open_session(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    uint16_t nonce;
+    if (n != 2u) {
+        return HT_SERVICE_LENGTH;
+    }
+    nonce = ht_get16(in);
+    if (nonce == 0u) {
+        return HT_ERROR_VALUE;
+    }
+    if ((l->session != 0u) && (l->session != nonce)) {
+        return HT_SERVICE_BUSY;
+    }
+    l->session = nonce;
+    l->session_tick = l->drive->tick;
+    return HT_OK;
+}
+
+static uint16_t close_session(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    if (l->armed != 0u) {
+        ht_drive_stop(l->drive);
+        l->armed = 0u;
+    }
+    l->session = 0u;
+    ht_streams_reset(&l->streams);
+    return HT_OK;
+}
+
+static uint16_t status(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    ht_packet *p = &l->reply;
+    bool armed = l->armed != 0u;
+    float per_ms = l->drive->params.v[HT_P_f_isr_Hz] * 0.001f;
+    float left_ms = armed ? ((float)l->watchdog_left / per_ms) : 0.0f;
+    uint16_t flags = (l->session != 0u) ? 1u : 0u;
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    if ((l->session != 0u) && (l->asks == l->session)) {
+        flags |= 2u;
+    }
+    flags |= armed ? 4u : 0u;
+    ht_packet_add8(p, flags);
+    ht_packet_add8(p, l->burst.state);
+    ht_packet_add16(p, (uint16_t)left_ms);
+    ht_packet_add32(p, l->damaged);
+    ht_packet_add32(p, l->overruns);
+    ht_packet_add32(p, l->streams.dropped);
+    return HT_OK;
+}
+
+static uint16_t get(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    uint16_t k;
+    if (((n & 1u) != 0u) || (n > (2u * GET_MOST))) {
+        return HT_SERVICE_LENGTH;
+    }
+    for (k = 0u; k < n; k += 2u) {
+        uint16_t id = ht_get16(&in[k]);
+        if (id >= ht_param_count()) {
+            l->detail = id;
+            return HT_ERROR_ID;
+        }
+        ht_packet_add_float(&l->reply, ht_drive_get(l->drive, id));
+    }
+    return HT_OK;
+}
+
+/* The rate of the interrupt is the streams' and captures' unit of time. */
+static bool rate_is_used(const ht_service *l)
+{
+    return ht_streams_any(&l->streams)
+           || ((l->burst.state != (uint16_t)HT_BURST_NONE)
+               && (l->burst.state < (uint16_t)HT_BURST_SUMMING));
+}
+
+static uint16_t write(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    uint16_t *ids = l->write_id;
+    float *values = l->write_value;
+    uint16_t count = (uint16_t)(n / PAIR);
+    uint16_t at = NO_DETAIL;
+    uint16_t result;
+    uint16_t k;
+    if ((n == 0u) || ((count * PAIR) != n) || (count > HT_SERVICE_WRITE)) {
+        return HT_SERVICE_LENGTH;
+    }
+    for (k = 0u; k < count; k++) {
+        ids[k] = ht_get16(&in[k * PAIR]);
+        values[k] = ht_float_of(ht_get32(&in[(k * PAIR) + 2u]));
+        if ((ids[k] == (uint16_t)HT_P_f_isr_Hz) && rate_is_used(l)
+            && (values[k] != ht_drive_get(l->drive, ids[k]))) {
+            l->detail = ids[k];
+            return HT_ERROR_STATE;
+        }
+    }
+    result = (uint16_t)ht_drive_write(l->drive, ids, values, count, &at);
+    if (result != (uint16_t)HT_OK) {
+        bool single = (result == (uint16_t)HT_ERROR_ID) || (result == (uint16_t)HT_ERROR_VALUE)
+                      || (result == (uint16_t)HT_ERROR_STATE);
+        l->detail = single ? at : NO_DETAIL;
+        return result;
+    }
+    l->burst.command = 1u;
+    l->reply_waits = true;
+    ht_packet_add32(&l->reply, 0u); /* the tick: once it is known */
+    for (k = 0u; k < count; k++) {
+        ht_packet_add_float(&l->reply, ht_drive_get(l->drive, ids[k]));
+    }
+    return HT_OK;
+}
+
+static uint16_t start(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    uint16_t result;
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    l->watchdog_ticks = ht_service_watchdog_ticks(l);
+    result = (uint16_t)ht_drive_start(l->drive);
+    if (result == (uint16_t)HT_OK) {
+        l->watchdog_left = l->watchdog_ticks;
+        l->fed = 1u;
+        l->armed = 1u; /* last: the interrupt disarms what does not run */
+        l->burst.command = 1u;
+    }
+    return result;
+}
+
+static uint16_t stop(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    ht_drive_stop(l->drive);
+    l->armed = 0u;
+    l->burst.command = 1u;
+    return HT_OK;
+}
+
+static uint16_t clear(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    uint16_t result;
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    result = (uint16_t)ht_drive_clear(l->drive);
+    if (result == (uint16_t)HT_OK) {
+        l->burst.command = 1u;
+    }
+    return result;
+}
+
+static bool take_channels(ht_service *l, const uint16_t *in, uint16_t n, uint16_t *ids)
+{
+    uint16_t k;
+    for (k = 0u; k < n; k++) {
+        ids[k] = ht_get16(&in[2u * k]);
+        if (ids[k] >= ht_channel_count()) {
+            l->detail = ids[k];
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Octets a second of a stream: rounded up. */
+static uint32_t load(const ht_service *l, uint16_t n, uint16_t decimation)
+{
+    float octets = (float)(SAMPLE_HEAD + (4u * n));
+    float rate = l->drive->params.v[HT_P_f_isr_Hz] / (float)decimation;
+    return (n == 0u) ? 0u : ((uint32_t)(octets * rate) + 1u);
+}
+
+/* Smallest decimation with which a stream of `n` channels takes up to `rest` octets a
+ * second; 0: none. */
+static uint16_t smallest(const ht_service *l, uint16_t n, uint32_t rest)
+{
+    uint32_t least;
+    if (rest == 0u) {
+        return 0u;
+    }
+    least = load(l, n, 1u) / rest; /* this one or the next */
+    if (least >= 0xFFFFu) {
+        return 0u;
+    }
+    if ((least == 0u) || (load(l, n, (uint16_t)least) > rest)) {
+        least++;
+    }
+    return (load(l, n, (uint16_t)least) > rest) ? 0u : (uint16_t)least;
+}
+
+static uint16_t stream(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    uint16_t ids[HT_STREAM_CHANNELS];
+    uint32_t others = 0u;
+    uint32_t budget = ht_service_budget(l);
+    uint32_t needed;
+    uint16_t slot;
+    uint16_t count;
+    uint16_t decimation;
+    uint16_t k;
+    if ((n < 4u) || (n != (4u + (2u * in[1])))) {
+        return HT_SERVICE_LENGTH;
+    }
+    slot = in[0];
+    count = in[1];
+    decimation = ht_get16(&in[2]);
+    if ((slot >= HT_STREAMS) || (count > HT_STREAM_CHANNELS) || (decimation == 0u)) {
+        l->detail = (slot >= HT_STREAMS) ? 0u : ((decimation == 0u) ? 2u : 1u);
+        return HT_ERROR_VALUE;
+    }
+    if (!take_channels(l, &in[4], count, ids)) {
+        return HT_ERROR_ID;
+    }
+    for (k = 0u; k < HT_STREAMS; k++) {
+        if ((k != slot) && (l->streams.stream[k].active != 0u)) {
+            others += load(l, l->streams.stream[k].n, l->streams.stream[k].decimation);
+        }
+    }
+    needed = load(l, count, decimation);
+    if ((others + needed) > budget) {
+        l->detail = smallest(l, count, (others < budget) ? (budget - others) : 0u);
+        return HT_SERVICE_BUDGET;
+    }
+    ht_streams_set(&l->streams, slot, ids, count, decimation);
+    ht_packet_add32(&l->reply, others + needed);
+    ht_packet_add32(&l->reply, budget);
+    return HT_OK;
+}
+
+#define ARM_HEAD 18u
+
+static uint16_t arm(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    ht_burst_setup setup;
+    if ((n < ARM_HEAD) || (n != (ARM_HEAD + (2u * in[0])))) {
+        return HT_SERVICE_LENGTH;
+    }
+    setup.n = in[0];
+    setup.trigger = in[1];
+    setup.prescaler = ht_get16(&in[2]);
+    setup.samples = ht_get32(&in[4]);
+    setup.before = ht_get32(&in[8]);
+    setup.channel = ht_get16(&in[12]);
+    setup.level = ht_float_of(ht_get32(&in[14]));
+    if (setup.n > HT_BURST_CHANNELS) {
+        return HT_ERROR_VALUE;
+    }
+    if (setup.channel >= ht_channel_count()) {
+        l->detail = setup.channel;
+        return HT_ERROR_ID;
+    }
+    if (!take_channels(l, &in[ARM_HEAD], setup.n, setup.id)) {
+        return HT_ERROR_ID;
+    }
+    l->read_left = 0u;
+    if (!ht_burst_arm(&l->burst, &setup)) {
+        return HT_ERROR_VALUE;
+    }
+    ht_packet_add8(&l->reply, l->burst.number);
+    return HT_OK;
+}
+
+static uint16_t capture(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    const ht_burst *b = &l->burst;
+    ht_packet *p = &l->reply;
+    uint16_t state = b->state; /* once: the interrupt moves it on */
+    uint16_t k;
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    ht_packet_add8(p, state);
+    ht_packet_add8(p, b->number);
+    ht_packet_add16(p, b->setup.prescaler);
+    ht_packet_add32(p, b->setup.samples);
+    ht_packet_add32(p, b->setup.before);
+    ht_packet_add32(p, b->tick);
+    ht_packet_add32(p, (state == (uint16_t)HT_BURST_COMPLETE) ? b->crc : 0u);
+    for (k = 0u; k < b->setup.n; k++) {
+        ht_packet_add16(p, b->setup.id[k]);
+    }
+    return HT_OK;
+}
+
+static uint16_t read(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    uint32_t first;
+    uint32_t count;
+    uint32_t values = ht_burst_values(&l->burst);
+    if (n != 8u) {
+        return HT_SERVICE_LENGTH;
+    }
+    first = ht_get32(in);
+    count = ht_get32(&in[4]);
+    if ((l->burst.state != (uint16_t)HT_BURST_COMPLETE) || (first > values)
+        || (count > (values - first))) {
+        return HT_SERVICE_CAPTURE;
+    }
+    l->read_at = first;
+    l->read_left = count;
+    return HT_OK;
+}
+
+static uint16_t trigger(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    if ((l->burst.state != (uint16_t)HT_BURST_FILLING)
+        && (l->burst.state != (uint16_t)HT_BURST_WAITING)) {
+        return HT_SERVICE_CAPTURE;
+    }
+    l->burst.manual = 1u;
+    return HT_OK;
+}
+
+static uint16_t cancel(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    ht_burst_cancel(&l->burst);
+    l->read_left = 0u;
+    return HT_OK;
+}
+
+static uint16_t snapshot(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    const ht_snapshot *s = &l->drive->snapshot;
+    ht_packet *p = &l->reply;
+    uint16_t k;
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    ht_packet_add32(p, s->tick);
+    ht_packet_add16(p, s->state);
+    ht_packet_add16(p, s->faults);
+    for (k = 0u; k < (uint16_t)HT_ADC_CHANNELS; k++) {
+        ht_packet_add16(p, s->samples.adc[k]);
+    }
+    ht_packet_add32(p, s->samples.position);
+    for (k = 0u; k < (uint16_t)HT_LEGS; k++) {
+        ht_packet_add_float(p, s->in.i_A.p[k]);
+    }
+    ht_packet_add_float(p, s->in.vdc_V);
+    ht_packet_add_float(p, s->in.torque_ref_Nm);
+    ht_packet_add_float(p, s->in.flux_ref_Wb);
+    ht_packet_add_float(p, s->estimate.psi_Wb.alpha);
+    ht_packet_add_float(p, s->estimate.psi_Wb.beta);
+    ht_packet_add_float(p, s->estimate.torque_Nm);
+    ht_packet_add_float(p, s->speed_rpm);
+    return HT_OK;
+}
+
+typedef struct {
+    uint16_t needs;
+    uint16_t (*carry_out)(ht_service *l, const uint16_t *in, uint16_t n);
+} handler;
+
+/* By opcode, from 1 on. */
+static const handler handlers[] = {
+    {NEEDS_NOTHING, hello},    {NEEDS_NOTHING, list},          {NEEDS_NOTHING, open_session},
+    {NEEDS_SESSION, close_session}, {NEEDS_NOTHING, status},   {NEEDS_DICTIONARY, get},
+    {NEEDS_BOTH, write},       {NEEDS_BOTH, start},            {NEEDS_NOTHING, stop},
+    {NEEDS_BOTH, clear},       {NEEDS_BOTH, stream},           {NEEDS_BOTH, arm},
+    {NEEDS_NOTHING, capture},  {NEEDS_SESSION, read},          {NEEDS_SESSION, trigger},
+    {NEEDS_SESSION, cancel},   {NEEDS_NOTHING, snapshot}};
+
+#define HANDLERS ((uint16_t)(sizeof handlers / sizeof handlers[0]))
+
+static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)
+{
+    const handler *h;
+    uint16_t dictionary;
+    bool owner;
+    if (n < REQUEST_HEAD) {
+        return HT_SERVICE_LENGTH;
+    }
+    if (octets[0] > HANDLERS) {
+        return HT_SERVICE_OPCODE;
+    }
+    h = &handlers[octets[0] - 1u];
+    l->asks = ht_get16(&octets[2]);
+    dictionary = ht_get16(&octets[4]);
+    owner = (l->session != 0u) && (l->asks == l->session);
+    if (owner) { /* a host that asks is there, whatever the answer */
+        l->session_tick = l->drive->tick;
+        l->fed = 1u;
+    }
+    if (((h->needs & (uint16_t)NEEDS_SESSION) != 0u) && !owner) {
+        return HT_SERVICE_SESSION;
+    }
+    if (((h->needs & (uint16_t)NEEDS_DICTIONARY) != 0u)
+        && (dictionary != (uint16_t)(l->dictionary & 0xFFFFu))) {
+        return HT_SERVICE_DICTIONARY;
+    }
+    return h->carry_out(l, &octets[REQUEST_HEAD], (uint16_t)(n - REQUEST_HEAD));
+}
+
+static bool has_detail(uint16_t status_code)
+{
+    return ((status_code >= (uint16_t)HT_ERROR_ID) && (status_code <= (uint16_t)HT_ERROR_TURNING))
+           || (status_code == (uint16_t)HT_SERVICE_BUDGET);
+}
+
+void ht_service_execute(ht_service *l, const uint16_t *octets, uint16_t n)
+{
+    ht_packet *p = &l->reply;
+    uint16_t result;
+    uint16_t k;
+    ht_packet_begin(p);
+    for (k = 0u; k < HT_SERVICE_REPLY_HEAD; k++) {
+        ht_packet_add8(p, 0u);
+    }
+    l->detail = NO_DETAIL;
+    result = carry_out(l, octets, n);
+    if (result != (uint16_t)HT_OK) {
+        p->n = HT_SERVICE_REPLY_HEAD;
+        if (has_detail(result)) {
+            ht_packet_add16(p, l->detail);
+        }
+    }
+    p->octet[0] = (uint16_t)(octets[0] | REPLY);
+    p->octet[1] = octets[1];
+    p->octet[2] = result;
+    p->octet[3] = l->drive->state;
+    ht_put16(&p->octet[4], l->drive->faults);
+    ht_put32(&p->octet[6], l->drive->tick);
+}

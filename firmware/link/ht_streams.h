@@ -1,0 +1,60 @@
+/** @file ht_streams.h
+ *  Sample streams: the fast interrupt puts every n-th sample of chosen channels into a
+ *  ring, the background takes them out. One writer, one reader, no lock.
+ */
+#ifndef HT_STREAMS_H
+#define HT_STREAMS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define HT_STREAMS 4u
+#define HT_STREAM_CHANNELS 32u
+#define HT_STREAM_RING 1024u /* values; a power of two */
+
+/** Where samples come from: channel `id` of `object`, now. */
+typedef struct {
+    float (*read)(const void *object, uint16_t id);
+    const void *object;
+} ht_source;
+
+typedef struct {
+    volatile uint16_t active; /**< the interrupt looks at the rest only if set */
+    uint16_t n;
+    uint16_t decimation;
+    uint16_t left;            /**< fast interrupts until the next sample */
+    uint16_t number;          /**< of the next sample, modulo 256 */
+    uint16_t id[HT_STREAM_CHANNELS];
+} ht_stream;
+
+typedef struct {
+    ht_stream stream[HT_STREAMS];
+    volatile uint16_t head;     /**< next value to write */
+    volatile uint16_t tail;     /**< next value to read */
+    volatile uint32_t dropped;  /**< samples that found no room */
+    uint32_t ring[HT_STREAM_RING];
+} ht_streams;
+
+/** A sample as it was taken. */
+typedef struct {
+    uint16_t stream;
+    uint16_t number;
+    uint16_t n;
+    uint32_t tick;
+    uint32_t value[HT_STREAM_CHANNELS]; /**< bits of floats */
+} ht_stream_sample;
+
+void ht_streams_reset(ht_streams *s);
+
+/** Background: begin stream `k` with `n` channels (0: end it). `n` up to
+ *  HT_STREAM_CHANNELS, `decimation` from 1. The first sample is the next one. */
+void ht_streams_set(ht_streams *s, uint16_t k, const uint16_t *id, uint16_t n, uint16_t decimation);
+bool ht_streams_any(const ht_streams *s);
+
+/** Fast interrupt. */
+void ht_streams_sample(ht_streams *s, const ht_source *source, uint32_t tick);
+
+/** Background: the oldest sample. False if there is none. */
+bool ht_streams_next(ht_streams *s, ht_stream_sample *out);
+
+#endif
