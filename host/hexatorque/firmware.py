@@ -87,14 +87,14 @@ def parameters() -> dict[str, Parameter]:
         choices = _text(row.choices)
         name = _text(row.name)
         table[name] = Parameter(
-            index, name, _text(row.unit), _decimal(row.min), _decimal(row.max),
-            _decimal(row.initial), row.when == lib.HT_WHEN_LIVE,
+            index, name, _text(row.unit), decimal(row.min), decimal(row.max),
+            decimal(row.initial), row.when == lib.HT_WHEN_LIVE,
             tuple(choices.split("|")) if choices else (), _text(row.help),
         )  # fmt: skip
     return table
 
 
-def _decimal(value: float) -> float:
+def decimal(value: float) -> float:
     """The decimal that a float32 table entry stands for."""
     return float(np.format_float_positional(np.float32(value)))
 

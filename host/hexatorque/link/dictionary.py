@@ -1,0 +1,117 @@
+"""What a board has: parameters, channels, faults and states, as it lists them itself.
+
+Kept by CRC in the user's cache directory; what is kept is believed only if its CRC is right.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..firmware import Parameter, decimal
+from . import LinkError, wire
+from .client import Client
+from .wire import Hello, Kind, Op
+
+
+@dataclass(frozen=True)
+class Dictionary:
+    crc: int
+    parameters: dict[str, Parameter]
+    channels: tuple[wire.ChannelRow, ...]
+    faults: tuple[wire.FaultRow, ...]
+    states: tuple[str, ...]
+
+    def causes(self, bits: int) -> list[str]:
+        """Names of fault bits."""
+        return [fault.name for fault in self.faults if bits & fault.bit]
+
+    def channel_ids(self, names: tuple[str, ...] | list[str]) -> tuple[int, ...]:
+        ids = {row.name: id for id, row in enumerate(self.channels)}
+        for name in names:
+            if name not in ids:
+                known = ", ".join(ids)
+                raise LinkError(f"no channel {name!r}: the board has {known}", mistake=True)
+        return tuple(ids[name] for name in names)
+
+
+def fetch(client: Client) -> tuple[Hello, Dictionary]:
+    """Ask the board who it is, and for its dictionary if that is not kept here."""
+    try:
+        hello = wire.parse_hello(client.do(Op.HELLO).payload)
+        client.dictionary = hello.crc & 0xFFFF
+        rows = kept(hello)
+        if rows is None:
+            rows = _ask(client, hello)
+            _keep(hello.crc, rows)
+        dictionary = _parse(hello, rows)
+    except wire.WireError as error:
+        raise LinkError(f"{client.url}: {error}") from None
+    client.states = dictionary.states
+    return hello, dictionary
+
+
+def _keys(hello: Hello) -> list[tuple[Kind, int]]:
+    return [(kind, row) for kind, count in zip(Kind, hello.rows) for row in range(count)]
+
+
+def _ask(client: Client, hello: Hello) -> list[bytes]:
+    rows = [client.do(Op.LIST, struct.pack("<BH", *key)).payload for key in _keys(hello)]
+    crc = zlib.crc32(b"".join(rows))
+    if crc != hello.crc:
+        raise LinkError(
+            f"{client.url}: the dictionary's CRC is {crc:08x}, the board says {hello.crc:08x}"
+        )
+    return rows
+
+
+def _parse(hello: Hello, rows: list[bytes]) -> Dictionary:
+    parsed: dict[Kind, list] = {kind: [] for kind in Kind}
+    for (kind, row), payload in zip(_keys(hello), rows):
+        parsed[kind].append(wire.parse_row(payload, kind, row))
+    parameters = {
+        row.name: Parameter(
+            id, row.name, row.unit, decimal(row.min), decimal(row.max), decimal(row.initial),
+            row.live, tuple(row.choices.split("|")) if row.choices else (), row.help,
+        )
+        for id, row in enumerate(parsed[Kind.PARAMETER])
+    }  # fmt: skip
+    states = tuple(row.name for row in parsed[Kind.STATE])
+    return Dictionary(
+        hello.crc, parameters, tuple(parsed[Kind.CHANNEL]), tuple(parsed[Kind.FAULT]), states
+    )
+
+
+def _file(crc: int) -> Path:
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "hexatorque" / f"dictionary-{crc:08x}"
+
+
+def _keep(crc: int, rows: list[bytes]) -> None:
+    path = _file(crc)
+    partial = path.with_name(f"{path.name}.{os.getpid()}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial.write_bytes(b"".join(struct.pack("<H", len(row)) + row for row in rows))
+        partial.replace(path)
+    except OSError:
+        pass  # it is asked for again
+
+
+def kept(hello: Hello) -> list[bytes] | None:
+    """The rows of a kept dictionary; None if there is none, or it is damaged."""
+    try:
+        octets = _file(hello.crc).read_bytes()
+    except OSError:
+        return None
+    rows, at = [], 0
+    while at + 2 <= len(octets):
+        end = at + 2 + struct.unpack_from("<H", octets, at)[0]
+        rows.append(octets[at + 2 : end])
+        at = end
+    if len(rows) != sum(hello.rows) or zlib.crc32(b"".join(rows)) != hello.crc:
+        return None
+    return rows

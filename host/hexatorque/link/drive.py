@@ -1,0 +1,418 @@
+"""A drive on a board, with the verbs of `sil.Simulation`, in real time.
+
+with Drive.open("/dev/ttyUSB0") as drive:
+    drive.set("scheme", "ddr")
+    drive.start()
+    drive.run(0.6)
+    drive.set("speed_ref_rpm", 400)
+    drive.run(1.0)
+    recording = drive.take()
+
+Leaving the block stops the drive if this opened its session; a process that dies leaves that
+to the board's watchdog.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import time
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from .. import __version__
+from ..firmware import FirmwareError, Parameter
+from ..recording import Recording
+from ..verbs import DriveVerbs, Progress
+from . import LinkError, capture, wire
+from .client import Client
+from .dictionary import fetch
+from .relay import Relay
+from .stream import Stream, decimation_for, on_a_grid
+from .wire import Op, Status
+
+BAUD = 1_250_000
+#: What a profile may ask of the test bench around a real drive.
+PLANT = {"load_Nm": "N m", "vdc_V": "V"}
+
+
+class Drive(DriveVerbs):
+    @classmethod
+    def open(
+        cls,
+        url: str | None = None,
+        baud: int = BAUD,
+        record: tuple[str, ...] | list[str] | None = None,
+        rate_Hz: float | None = None,
+        operator: Callable[[str, float], None] | None = None,
+    ) -> Drive:
+        """The drive at a device, pseudo-terminal or `socket://host:port`; without one, the
+        only board that is found.
+
+        record, rate_Hz: what `run` records; by default all channels that a stream takes, as
+        fast as the line carries them. operator(name, value): called where a profile changes
+        `load_Nm` or `vdc_V`, which nobody but the test bench can do.
+        """
+        if url is None:
+            from .devices import only
+
+            url = only(baud)
+        return cls(url, baud, record, rate_Hz, operator)
+
+    def __init__(self, url: str, baud: int, record, rate_Hz, operator) -> None:
+        self.client = Client(url, baud)
+        self._relay: Relay | None = None
+        self._recorder: Stream | None = None
+        try:
+            self.hello, self.dictionary = fetch(self.client)
+            self.operator = operator
+            if record is None:
+                record = [row.name for row in self.dictionary.channels]
+                record = record[: self.hello.stream_channels]
+            self.dictionary.channel_ids(record)
+            self.record = tuple(record)
+            self._decimation = rate_Hz and decimation_for(self.hello.f_isr_Hz, rate_Hz)
+            self.client.on_return.append(self._same_board)
+            self._opened_tick = self._now_tick()
+            self._opened_s = time.monotonic()
+            if not self.client.transport.relayed:
+                self._relay = Relay.beside(self.client)
+        except BaseException:
+            self.client.close()
+            raise
+
+    def _same_board(self) -> None:
+        """After an interruption: is it the one that was there before?"""
+        hello = wire.parse_hello(self.client.do(Op.HELLO).payload)
+        if hello.crc != self.dictionary.crc:
+            raise LinkError(
+                f"{self.client.url}: another firmware has come back, open it again", mistake=True
+            )
+
+    def _now_tick(self) -> int:
+        self.client.get_status()
+        assert self.client.latest
+        return self.client.latest.tick
+
+    def close(self) -> None:
+        if self._relay:
+            self._relay.close()
+        self.client.close()
+
+    # -- what it is ------------------------------------------------------------------------
+
+    @property
+    def params(self) -> Mapping[str, Parameter]:
+        return MappingProxyType(self.dictionary.parameters)
+
+    @property
+    def channels(self) -> tuple[tuple[str, str], ...]:
+        return tuple((row.name, row.unit) for row in self.dictionary.channels)
+
+    @property
+    def time_s(self) -> float:
+        return time.monotonic() - self._opened_s
+
+    @property
+    def state(self) -> str:
+        return self._standing()[0]
+
+    @property
+    def faults(self) -> list[str]:
+        return self._standing()[1]
+
+    def _standing(self) -> tuple[str, list[str]]:
+        """State and faults; every reply tells them."""
+        self.client.get_status()
+        reply = self.client.latest
+        assert reply
+        return self.client.state_name(reply.state), self.dictionary.causes(reply.faults)
+
+    @property
+    def snapshot(self) -> dict[str, object] | None:
+        try:
+            found = wire.parse_snapshot(self.client.do(Op.SNAPSHOT).payload)
+        except wire.WireError as error:
+            raise LinkError(f"{self.client.url}: SNAPSHOT: {error}") from None
+        if found is None:
+            return None
+        state, faults = found["state"], found["faults"]
+        return {
+            **found,
+            "state": self.client.state_name(state),
+            "faults": self.dictionary.causes(faults),
+        }
+
+    # -- parameters --------------------------------------------------------------------------
+
+    def _parameter(self, name: str) -> Parameter:
+        try:
+            return self.params[name]
+        except KeyError:
+            raise LinkError(f"no parameter {name!r}", mistake=True) from None
+
+    def get(self, name: str) -> str | float:
+        return self.get_many([name])[name]
+
+    def get_many(self, names: list[str]) -> dict[str, str | float]:
+        """The values of parameters, choices by name."""
+        rows = [self._parameter(name) for name in names]
+        values: dict[str, str | float] = {}
+        for at in range(0, len(rows), wire.GET_MOST):
+            part = rows[at : at + wire.GET_MOST]
+            ids = struct.pack(f"<{len(part)}H", *(row.id for row in part))
+            reply = self.client.do(Op.GET, ids, "get")
+            numbers = self._numbers(f"{len(part)}f", reply.payload, "GET")
+            values.update((row.name, _shown(row, v)) for row, v in zip(part, numbers))
+        return values
+
+    def get_all(self) -> dict[str, str | float]:
+        return self.get_many(list(self.params))
+
+    def set_many(self, values: Mapping[str, object]) -> None:
+        """All at one fast interrupt, or none if one is refused."""
+        if not values:
+            return
+        if self.operator and len(values) == 1 and (name := next(iter(values))) in PLANT:
+            self.operator(name, float(values[name]))
+            return
+        for name in values:
+            if name in PLANT:
+                raise LinkError(
+                    f"{name}: belongs to the test bench, a board cannot set it", mistake=True
+                )
+        rows = [self._parameter(name) for name in values]
+        if len(rows) > wire.WRITE_MOST:
+            raise LinkError(
+                f"{len(rows)} parameters at once: up to {wire.WRITE_MOST}", mistake=True
+            )
+        try:
+            numbers = [row.parse(value) for row, value in zip(rows, values.values())]
+        except FirmwareError as error:
+            raise LinkError(str(error), mistake=True) from None
+        wanted = np.array(numbers, np.float32)
+        payload = b"".join(struct.pack("<Hf", row.id, number) for row, number in zip(rows, wanted))
+        reply = self.client.ask(Op.WRITE, payload)
+        if reply.status != Status.DONE:
+            raise self._refused(reply, values)
+        _, *now = self._numbers(f"I{len(rows)}f", reply.payload, "WRITE")
+        for row, asked, got in zip(rows, wanted, now):
+            if asked != np.float32(got):
+                raise LinkError(f"{row.name}: {got:g} is in force instead of {asked:g}")
+
+    def _refused(self, reply: wire.Reply, values: Mapping[str, object]) -> LinkError:
+        """A WRITE's refusal with the parameter's name and what is allowed."""
+        what = ", ".join(f"{name} = {value}" for name, value in values.items())
+        if len(reply.payload) == 2:
+            (id,) = struct.unpack("<H", reply.payload)
+            for name, row in self.params.items():
+                if row.id != id:
+                    continue
+                what = f"{name} = {values.get(name)}"
+                if reply.status == Status.VALUE:
+                    allowed = (
+                        f"one of {', '.join(row.choices)}"
+                        if row.choices
+                        else f"{row.min:g} .. {row.max:g} {row.unit}".rstrip()
+                    )
+                    return LinkError(f"{what}: allowed is {allowed}", reply.status, mistake=True)
+                if reply.status == Status.STATE:
+                    state = self.client.state_name(reply.state)
+                    when = (
+                        "can change only while nothing is streamed or captured"
+                        if row.live or state in ("idle", "fault")
+                        else "can change only while the gates are off"
+                    )
+                    return LinkError(f"{what}: {when} (state {state})", reply.status)
+        return self.client.refused(reply, what)
+
+    def _numbers(self, layout: str, payload: bytes, what: str) -> tuple:
+        try:
+            return wire.unpack(layout, payload)
+        except wire.WireError as error:
+            raise LinkError(f"{self.client.url}: {what}: {error}") from None
+
+    # -- commands ------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """From now on the board stops by itself if this process is gone."""
+        self.client.do(Op.START, what="start")
+
+    def stop(self) -> None:
+        self.client.do(Op.STOP, what="stop")
+
+    def clear(self) -> None:
+        self.client.do(Op.CLEAR, what="clear")
+
+    # -- time and recordings -------------------------------------------------------------------
+
+    def run(self, duration_s: float, record: bool = True, progress: Progress | None = None) -> None:
+        """Let real time pass; the board's state is not looked at."""
+        if not record:
+            self.discard()
+        elif self._recorder is None:
+            self._recorder = self.stream(self.record, decimation=self._decimation)
+        begin = done = time.monotonic()
+        while (left := begin + duration_s - time.monotonic()) > 0:
+            time.sleep(min(left, 0.05))
+            if self.client.broken:
+                raise self.client.broken
+            if progress:
+                now = time.monotonic()
+                progress(min(now, begin + duration_s) - min(done, begin + duration_s))
+                done = now
+
+    def discard(self) -> None:
+        if self._recorder:
+            self._recorder.close()
+            self._recorder = None
+
+    def take(self) -> Recording:
+        """Ends the recording. Time counts from the opening of the drive; samples that
+        were lost are NaN."""
+        recorder = self._recorder
+        if recorder is None:
+            raise LinkError("nothing was recorded", mistake=True)
+        self.discard()
+        blocks = recorder.waiting()
+        ticks = np.concatenate([np.empty(0, np.int64), *(t for t, _ in blocks)])
+        values = np.concatenate(
+            [np.empty((0, len(recorder.channels)), np.float32), *(v for _, v in blocks)]
+        )
+        grid = on_a_grid(ticks, values, recorder.decimation)
+        first = int(ticks[0]) if len(ticks) else self._opened_tick
+        start_s = ((first - self._opened_tick) & 0xFFFFFFFF) / self.hello.f_isr_Hz
+        meta = {
+            **self.meta(),
+            "first_tick": first,
+            "decimation": recorder.decimation,
+            "gaps": recorder.gaps,
+            "lost_samples": recorder.lost,
+        }
+        return self._recording(recorder.rate_Hz, recorder.channels, grid, meta, start_s)
+
+    def _recording(self, rate_Hz, names, table, meta, start_s) -> Recording:
+        units = {row.name: row.unit for row in self.dictionary.channels}
+        data = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(names)}
+        return Recording(rate_Hz, data, {name: units[name] for name in names}, meta, start_s)
+
+    def meta(self) -> dict:
+        """Who this is, all its parameters, and what went wrong on the line."""
+        status = self.client.get_status()
+        state, faults = self._standing()
+        values = self.get_all()
+        return {
+            "hexatorque": __version__,
+            "device": self.hello.device,
+            "build": self.hello.build,
+            "dictionary": f"{self.dictionary.crc:08x}",
+            "port": self.client.url,
+            "scheme": values.get("scheme"),
+            "parameters": {"controller": values},
+            "state": state,
+            "faults": faults,
+            **self.line_counters(),
+            "board_counters": {
+                "damaged": status.damaged,
+                "overruns": status.overruns,
+                "dropped": status.dropped,
+            },
+        }
+
+    def line_counters(self) -> dict[str, int]:
+        """What this end of the line has counted."""
+        return {
+            "crc_errors": self.client.damaged,
+            "retries": self.client.counters.retries,
+            "reconnects": self.client.counters.reconnects,
+        }
+
+    def _can_follow(self, names: set[str]) -> None:
+        if not self.operator and names & set(PLANT):
+            raise LinkError(
+                f"profile: {', '.join(sorted(names & set(PLANT)))}: a board cannot set this; "
+                "open the drive with an operator that can",
+                mistake=True,
+            )
+        for name in names - set(PLANT):
+            self._parameter(name)
+
+    # -- more than a simulation has --------------------------------------------------------------
+
+    def stream(
+        self,
+        channels: tuple[str, ...] | list[str],
+        rate_Hz: float | None = None,
+        decimation: int | None = None,
+    ) -> Stream:
+        """Samples as they come, at a rate or every so many fast interrupts; without either
+        as fast as the line carries them."""
+        if rate_Hz is not None:
+            if decimation is not None:
+                raise LinkError("rate_Hz and decimation: give one of them", mistake=True)
+            decimation = decimation_for(self.hello.f_isr_Hz, rate_Hz)
+        return Stream(self.client, self.hello, self.dictionary, channels, decimation)
+
+    def arm(
+        self,
+        channels: tuple[str, ...] | list[str],
+        samples: int,
+        pre: int = 0,
+        trigger: str = "manual",
+        prescaler: int = 1,
+    ) -> None:
+        """Have the board capture `samples` into its memory, one every `prescaler` fast
+        interrupts, `pre` of them before the trigger: `manual`, `fault`, `command`, or
+        `rising:torque_Nm:5` (falling, above, below)."""
+        capture.arm(
+            self.client, self.hello, self.dictionary, channels, samples, pre,
+            capture.Trigger.parse(trigger), prescaler,
+        )  # fmt: skip
+
+    def trigger(self) -> None:
+        """Trigger what is armed, whatever its trigger."""
+        self.client.do(Op.TRIGGER, what="trigger")
+
+    def cancel(self) -> None:
+        """End what is armed."""
+        self.client.do(Op.CANCEL, what="cancel")
+
+    def captured(self, timeout_s: float | None = None) -> Recording:
+        """Wait for what is armed, and bring it over. The trigger is at time 0."""
+        return self._bring(capture.wait(self.client, timeout_s, manual=False))
+
+    def capture(
+        self,
+        channels: tuple[str, ...] | list[str],
+        samples: int,
+        pre: int = 0,
+        trigger: str = "manual",
+        prescaler: int = 1,
+        timeout_s: float | None = None,
+    ) -> Recording:
+        """`arm` and `captured`; a manual trigger comes as soon as it counts."""
+        self.arm(channels, samples, pre, trigger, prescaler)
+        return self._bring(capture.wait(self.client, timeout_s, trigger == "manual"))
+
+    def _bring(self, found: wire.CaptureReply) -> Recording:
+        table = capture.upload(self.client, found)
+        rate_Hz = self.hello.f_isr_Hz / found.prescaler
+        names = [self.dictionary.channels[id].name for id in found.channels]
+        meta = {
+            **self.meta(),
+            "trigger_s": 0.0,
+            "trigger_tick": found.tick,
+            "decimation": found.prescaler,
+            "gaps": 0,
+            "lost_samples": 0,
+        }
+        return self._recording(rate_Hz, names, table, meta, -found.pre / rate_Hz)
+
+
+def _shown(row: Parameter, value: float) -> str | float:
+    """As a person would write it: the shortest decimal that is this float32."""
+    if row.choices and value == int(value) and 0 <= value < len(row.choices):
+        return row.show(value)
+    return float(str(np.float32(value))) if math.isfinite(value) else value

@@ -1,0 +1,63 @@
+"""Where processes of one user find each other: running virtual boards announce their
+pseudo-terminal here, and whoever holds a port its relay's socket."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+import tempfile
+import zlib
+from pathlib import Path
+
+from . import LinkError
+
+
+def directory() -> Path:
+    """`$XDG_RUNTIME_DIR/hexatorque`, else one in the temporary directory; this user's alone."""
+    base = os.environ.get("XDG_RUNTIME_DIR")
+    path = (
+        Path(base) / "hexatorque"
+        if base
+        else Path(tempfile.gettempdir()) / f"hexatorque-{os.getuid()}"
+    )
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = path.lstat()
+    except OSError as error:
+        raise LinkError(f"{path}: {error.strerror}") from None
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+        raise LinkError(f"{path}: must be a directory that belongs to you alone (mode 700)")
+    return path
+
+
+def relay_path(url: str) -> Path:
+    """The socket of whoever holds this port; short, whatever the port is called."""
+    name = url if "://" in url else os.path.realpath(url)
+    return directory() / f"relay-{zlib.crc32(name.encode()):08x}"
+
+
+def announce(port: str, title: str) -> Path:
+    """Say that this process serves a board on `port`; unlink the file in the end."""
+    path = directory() / f"board-{os.getpid()}-{Path(port).name}.json"
+    text = json.dumps({"port": port, "pid": os.getpid(), "title": title})
+    partial = path.with_suffix(".part")
+    partial.write_text(text)
+    partial.replace(path)
+    return path
+
+
+def announced() -> list[tuple[str, str]]:
+    """(port, title) of the virtual boards that run. What others left behind is removed."""
+    boards = []
+    for path in sorted(directory().glob("board-*.json")):
+        try:
+            row = json.loads(path.read_text())
+            port, pid, title = str(row["port"]), int(row["pid"]), str(row["title"])
+            os.kill(pid, 0)
+        except (ValueError, KeyError, TypeError, OSError):
+            path.unlink(missing_ok=True)
+            continue
+        if os.path.exists(port):
+            boards.append((port, title))
+    return boards

@@ -1,0 +1,211 @@
+"""The line: a serial port, a pseudo-terminal or a `socket://host:port`, directly or through the
+process that holds it (relay.py). One thread reads it, and opens it again when it comes back
+after it was unplugged."""
+
+from __future__ import annotations
+
+import errno
+import select
+import socket
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import serial
+
+from . import LinkError, runtime
+from .wire import LONGEST_FRAME
+
+#: Octets per read, and how long it waits for them: few wake-ups at full speed, and a reply
+#: is seen in time.
+READ_OCTETS = 4096
+READ_S = 0.01
+#: Time for a reply besides its time on the line; USB adapters keep octets for 16 ms.
+REPLY_S = 0.05
+TRIES = 3
+#: How often an unplugged port is looked for.
+RETURN_S = 0.2
+#: A port that another process holds may be let go, or gain a relay, within this.
+BUSY_S = 1.5
+
+
+class Busy(LinkError):
+    """The port is there, but another process has it."""
+
+
+class _RelayPort:
+    """A relay's socket, with the few verbs of a serial port that are used here."""
+
+    def __init__(self, path: Path) -> None:
+        self._socket = socket.socket(socket.AF_UNIX)
+        self._socket.settimeout(1.0)
+        try:
+            self._socket.connect(str(path))
+        except OSError:
+            self._socket.close()
+            raise
+
+    def read(self, size: int) -> bytes:
+        if not select.select([self._socket], [], [], READ_S)[0]:
+            return b""
+        octets = self._socket.recv(size)
+        if not octets:
+            raise OSError(errno.EPIPE, "the process that held the port is gone")
+        return octets
+
+    def write(self, octets: bytes) -> None:
+        self._socket.sendall(octets)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+def _serial(url: str, baud: int):
+    """Open exclusively; one clear line if that fails."""
+    try:
+        port = serial.serial_for_url(url, do_not_open=True)
+        port.baudrate = baud
+        port.timeout = READ_S
+        port.write_timeout = 1.0
+        if "://" not in url:
+            port.exclusive = True
+        port.open()
+    except ValueError as error:
+        raise LinkError(f"{url}: {error}", mistake=True) from None
+    except (serial.SerialException, OSError) as error:
+        number = _errno(error)
+        if number in (errno.EBUSY, errno.EAGAIN):
+            raise Busy(f"{url}: busy, another program has it open", mistake=True) from None
+        raise LinkError(f"{url}: {_reason(number, baud) or error}", mistake=True) from None
+    return port
+
+
+def _errno(error: BaseException | None) -> int | None:
+    """pyserial keeps the number of some errors only in what they came from."""
+    while error is not None:
+        if getattr(error, "errno", None) is not None:
+            return error.errno
+        error = error.__context__
+    return None
+
+
+def _reason(number: int | None, baud: int) -> str | None:
+    if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV):
+        return "no such device"
+    if number in (errno.EACCES, errno.EPERM):
+        return "permission denied; on most systems group dialout may use serial ports"
+    if number == errno.ENOTTY:
+        return "not a serial port"
+    if number == errno.ECONNREFUSED:
+        return "connection refused"
+    if number == errno.EINVAL:
+        return f"the port refuses {baud} baud"
+    return None
+
+
+class Transport:
+    """An open line. `octets(data)`, `lost(reason)` and `back()` are called by its thread."""
+
+    def __init__(
+        self,
+        url: str,
+        baud: int,
+        octets: Callable[[bytes], None],
+        lost: Callable[[str], None],
+        back: Callable[[], None],
+    ) -> None:
+        self.url = url
+        self.baud = baud
+        self._octets, self._lost, self._back = octets, lost, back
+        self._write_lock = threading.Lock()
+        self._closing = threading.Event()
+        self.relayed = False
+        #: This process is the relay of the port: never its own client.
+        self.serves = False
+        self._port = self._open(BUSY_S)
+        self._thread = threading.Thread(target=self._run, name=f"reader of {url}", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def _open(self, patience_s: float):
+        """The relay of whoever holds the port, else the port."""
+        end = time.monotonic() + patience_s
+        while True:
+            try:
+                if not self.serves:
+                    port = _RelayPort(runtime.relay_path(self.url))
+                    self.relayed = True
+                    return port
+            except OSError:
+                self.relayed = False
+            try:
+                return _serial(self.url, self.baud)
+            except Busy:
+                if time.monotonic() > end:
+                    raise
+            time.sleep(0.05)
+
+    @property
+    def tries(self) -> int:
+        """A relay loses nothing, and asks the board three times itself."""
+        return 1 if self.relayed else TRIES
+
+    def reply_s(self, octets: int) -> float:
+        """How long to wait for the reply to a request of so many octets on the line."""
+        once = (octets + LONGEST_FRAME) * 10 / self.baud + REPLY_S
+        return 2 * TRIES * once if self.relayed else once
+
+    @property
+    def plugged(self) -> bool:
+        return self._port is not None
+
+    def write(self, octets: bytes) -> None:
+        with self._write_lock:
+            port = self._port
+            if port is None:
+                raise LinkError(f"{self.url}: unplugged")
+            try:
+                port.write(octets)
+            except (serial.SerialException, OSError) as error:
+                raise LinkError(f"{self.url}: cannot send ({error})") from None
+
+    def close(self) -> None:
+        self._closing.set()
+        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+            self._thread.join()
+        self._drop()
+
+    def _drop(self) -> None:
+        with self._write_lock:
+            port, self._port = self._port, None
+            if port is not None:
+                port.close()
+
+    def _run(self) -> None:
+        while not self._closing.is_set():
+            try:
+                octets = self._port.read(READ_OCTETS)
+            except (serial.SerialException, OSError) as error:
+                self._drop()
+                self._lost(str(error))
+                if not self._returned():
+                    return
+                self._back()
+                continue
+            if octets:
+                self._octets(octets)
+
+    def _returned(self) -> bool:
+        """Wait until the port is there again. A pseudo-terminal that is gone does not come
+        back: its name may be given to anybody."""
+        if self.url.startswith("/dev/pts/") and not self.relayed:
+            return False
+        while not self._closing.wait(RETURN_S):
+            try:
+                self._port = self._open(0.0)
+            except LinkError:
+                continue
+            return True
+        return False

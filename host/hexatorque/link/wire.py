@@ -1,0 +1,367 @@
+"""Frames and bodies as docs/protocol.md defines them. Pure functions; no input or output."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from cobs import cobs
+
+PROTOCOL = 1
+LONGEST_BODY = 508
+#: Body and CRC, COBS's octets, the zero on either side.
+LONGEST_FRAME = LONGEST_BODY + 4 + (LONGEST_BODY + 4) // 254 + 1 + 2
+#: A CRC-32 over a body and its CRC comes to this.
+CRC_RESIDUE = 0x2144DF1C
+SAMPLE = 0x40
+STREAMS = 4
+DATA = 0x50
+REPLY = 0x80
+#: Most ids in a GET and pairs in a WRITE.
+GET_MOST, WRITE_MOST = 100, 80
+
+
+class Op(IntEnum):
+    HELLO = 0x01
+    LIST = 0x02
+    OPEN = 0x03
+    CLOSE = 0x04
+    STATUS = 0x05
+    GET = 0x06
+    WRITE = 0x07
+    START = 0x08
+    STOP = 0x09
+    CLEAR = 0x0A
+    STREAM = 0x0B
+    ARM = 0x0C
+    CAPTURE = 0x0D
+    READ = 0x0E
+    TRIGGER = 0x0F
+    CANCEL = 0x10
+    SNAPSHOT = 0x11
+
+
+NEEDS_SESSION = frozenset(
+    (Op.CLOSE, Op.TRIGGER, Op.CANCEL, Op.READ, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM)
+)
+NEEDS_DICTIONARY = frozenset((Op.GET, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM))
+
+
+class Status(IntEnum):
+    DONE = 0
+    ID = 1
+    VALUE = 2
+    STATE = 3
+    CONFIG = 4
+    PORT = 5
+    TURNING = 6
+    OPCODE = 16
+    LENGTH = 17
+    NO_SESSION = 18
+    DICTIONARY = 19
+    OTHER_SESSION = 20
+    BUDGET = 21
+    CAPTURE = 22
+
+
+class Kind(IntEnum):
+    """Rows of LIST."""
+
+    PARAMETER = 0
+    CHANNEL = 1
+    FAULT = 2
+    STATE = 3
+
+
+class CaptureState(IntEnum):
+    NONE = 0
+    FILLING = 1
+    WAITING = 2
+    TRIGGERED = 3
+    SUMMING = 4
+    COMPLETE = 5
+
+
+TRIGGERS = ("manual", "rising", "falling", "above", "below", "fault", "command")
+
+
+class WireError(ValueError):
+    """A body that is not what its type says."""
+
+
+def frame(body: bytes) -> bytes:
+    """A body as it goes onto the line."""
+    return b"\0" + cobs.encode(body + struct.pack("<I", zlib.crc32(body))) + b"\0"
+
+
+def unframe(octets: bytes) -> bytes | None:
+    """The body of what stood between two zeros, or None if it is damaged."""
+    try:
+        checked = cobs.decode(octets)
+    except cobs.DecodeError:
+        return None
+    if not 2 <= len(checked) - 4 <= LONGEST_BODY or zlib.crc32(checked) != CRC_RESIDUE:
+        return None
+    return checked[:-4]
+
+
+class Splitter:
+    """Cuts a line into bodies as its octets come; counts what is damaged."""
+
+    def __init__(self) -> None:
+        self.damaged = 0
+        self.restart()
+
+    def restart(self) -> None:
+        """The line begins anew: what comes before a zero may be the rest of a frame."""
+        self._rest = b""
+        self._first = True
+        self._too_long = False
+
+    def push(self, octets: bytes) -> list[bytes]:
+        parts = (self._rest + octets).split(b"\0")
+        rest = parts.pop()
+        bodies = []
+        for part in parts:
+            if self._too_long:  # counted already
+                self._too_long = False
+            elif part:
+                body = unframe(part)
+                if body is not None:
+                    bodies.append(body)
+                elif not self._first:
+                    self.damaged += 1
+            self._first = False
+        if len(rest) > LONGEST_FRAME or self._too_long:
+            if not self._too_long and not self._first:
+                self.damaged += 1
+            self._too_long = True
+            rest = b""
+        self._rest = rest
+        return bodies
+
+
+def request(op: int, id: int, session: int, dictionary: int, payload: bytes = b"") -> bytes:
+    return struct.pack("<BBHH", op, id, session, dictionary & 0xFFFF) + payload
+
+
+class Request(NamedTuple):
+    op: int
+    id: int
+    session: int
+    dictionary: int
+    payload: bytes
+
+
+def parse_request(body: bytes) -> Request:
+    if len(body) < 6:
+        raise WireError("a request has 6 octets or more")
+    return Request(*struct.unpack_from("<BBHH", body), body[6:])
+
+
+class Reply(NamedTuple):
+    op: int
+    id: int
+    status: int
+    state: int
+    faults: int
+    tick: int
+    payload: bytes
+
+
+def parse_reply(body: bytes) -> Reply:
+    if len(body) < 10:
+        raise WireError("a reply has 10 octets or more")
+    op, *rest = struct.unpack_from("<BBBBHI", body)
+    return Reply(op - REPLY, *rest, body[10:])
+
+
+def reply(
+    op: int, id: int, status: int, state: int, faults: int, tick: int, payload: bytes = b""
+) -> bytes:
+    return struct.pack("<BBBBHI", op + REPLY, id, status, state, faults, tick) + payload
+
+
+def unpack(layout: str, payload: bytes) -> tuple:
+    """The numbers of a payload that consists of them alone."""
+    try:
+        return struct.unpack("<" + layout, payload)
+    except struct.error:
+        raise WireError(
+            f"{len(payload)} octets instead of {struct.calcsize('<' + layout)}"
+        ) from None
+
+
+def _texts(payload: bytes, count: int) -> list[str]:
+    parts = payload.split(b"\0")
+    if len(parts) != count + 1 or parts[-1]:
+        raise WireError(f"{count} texts are needed")
+    return [part.decode("ascii", "replace") for part in parts[:-1]]
+
+
+class Hello(NamedTuple):
+    protocol: int
+    crc: int
+    f_isr_Hz: float
+    budget: int  #: octets per second for streams
+    rows: tuple[int, int, int, int]  #: parameters, channels, faults, states
+    longest_body: int
+    streams: int
+    stream_channels: int
+    capture_channels: int
+    in_session: bool
+    memory: int  #: values that captures can hold
+    watchdog_ms: int
+    device: str
+    build: str
+
+
+_HELLO = struct.Struct("<HIfI4HHBBBBIH")
+
+
+def parse_hello(payload: bytes) -> Hello:
+    if len(payload) < 2:
+        raise WireError("a HELLO without a version")
+    if (version := struct.unpack_from("<H", payload)[0]) != PROTOCOL:
+        raise WireError(f"protocol version {version}, this client speaks {PROTOCOL}")
+    if len(payload) < _HELLO.size:
+        raise WireError("a HELLO that is too short")
+    numbers = _HELLO.unpack_from(payload)
+    device, build = _texts(payload[_HELLO.size :], 2)
+    in_session = bool(numbers[12])
+    return Hello(
+        *numbers[:4], numbers[4:8], *numbers[8:12], in_session, *numbers[13:], device, build
+    )
+
+
+class ParameterRow(NamedTuple):
+    live: bool
+    min: float
+    max: float
+    initial: float
+    name: str
+    unit: str
+    choices: str
+    help: str
+
+
+class ChannelRow(NamedTuple):
+    name: str
+    unit: str
+    help: str
+
+
+class FaultRow(NamedTuple):
+    bit: int
+    name: str
+    help: str
+
+
+class StateRow(NamedTuple):
+    name: str
+
+
+def parse_row(
+    payload: bytes, kind: int, row: int
+) -> ParameterRow | ChannelRow | FaultRow | StateRow:
+    """One row of the dictionary, from LIST's payload."""
+    if len(payload) < 3 or struct.unpack_from("<BH", payload) != (kind, row):
+        raise WireError(f"not row {row} of kind {kind}")
+    try:
+        if kind == Kind.PARAMETER:
+            type_, flags, low, high, initial = struct.unpack_from("<BBfff", payload, 3)
+            if type_ != 0:
+                raise WireError(f"a parameter of unknown type {type_}")
+            return ParameterRow(bool(flags & 1), low, high, initial, *_texts(payload[17:], 4))
+        if kind == Kind.CHANNEL:
+            if payload[3] != 0:
+                raise WireError(f"a channel of unknown type {payload[3]}")
+            return ChannelRow(*_texts(payload[4:], 3))
+        if kind == Kind.FAULT:
+            return FaultRow(struct.unpack_from("<H", payload, 3)[0], *_texts(payload[5:], 2))
+        return StateRow(*_texts(payload[3:], 1))
+    except (struct.error, IndexError):
+        raise WireError(f"row {row} of kind {kind} is too short") from None
+
+
+class StatusReply(NamedTuple):
+    in_session: bool
+    ours: bool
+    guarded: bool
+    capture: int
+    watchdog_ms: int
+    damaged: int
+    overruns: int
+    dropped: int
+
+
+def parse_status(payload: bytes) -> StatusReply:
+    flags, *rest = unpack("BBHIII", payload)
+    return StatusReply(bool(flags & 1), bool(flags & 2), bool(flags & 4), *rest)
+
+
+class CaptureReply(NamedTuple):
+    state: int
+    number: int
+    prescaler: int
+    samples: int
+    pre: int
+    tick: int
+    crc: int
+    channels: tuple[int, ...]
+
+
+def parse_capture(payload: bytes) -> CaptureReply:
+    fixed = struct.calcsize("<BBHIIII")
+    count = max(0, len(payload) - fixed) // 2
+    numbers = unpack(f"BBHIIII{count}H", payload)
+    return CaptureReply(*numbers[:7], numbers[7:])
+
+
+def parse_snapshot(payload: bytes) -> dict[str, object] | None:
+    """The latest fault's as numbers, or None; state and faults are still numbers."""
+    tick, state, faults, *rest = unpack("IHH7HI13f", payload)
+    if not tick:
+        return None
+    adc, position, values = rest[:7], rest[7], rest[8:]
+    names = ("vdc_V", "torque_ref_Nm", "flux_ref_Wb")
+    return {
+        "tick": tick,
+        "state": state,
+        "faults": faults,
+        "adc_counts": adc,
+        "position_counts": position,
+        "i_A": values[:6],
+        **dict(zip(names, values[6:9])),
+        "psi_Wb": values[9:11],
+        "torque_Nm": values[11],
+        "speed_rpm": values[12],
+    }
+
+
+def stream(stream: int, channels: tuple[int, ...], decimation: int) -> bytes:
+    """STREAM's payload."""
+    return struct.pack(f"<BBH{len(channels)}H", stream, len(channels), decimation, *channels)
+
+
+def sample_octets(channels: int) -> int:
+    """What one sample takes on the line."""
+    return 12 + 4 * channels
+
+
+def sample_type(channels: int) -> np.dtype:
+    """A sample's body."""
+    return np.dtype(
+        [("type", "u1"), ("number", "u1"), ("tick", "<u4"), ("values", "<f4", (channels,))]
+    )
+
+
+def parse_data(body: bytes) -> tuple[int, int, np.ndarray]:
+    """Number of the capture, first value, (n,) float32 of a capture's data."""
+    if len(body) < 10 or (len(body) - 6) % 4:
+        raise WireError("capture data of a wrong length")
+    _, number, first = struct.unpack_from("<BBI", body)
+    return number, first, np.frombuffer(body, "<f4", offset=6)
