@@ -18,11 +18,33 @@ set(machine -v28 -ml -mt --float_support=fpu32 --abi=eabi)
 set(arithmetic --fp_mode=strict --fp_reassoc=off)
 set(messages --display_error_number --diag_wrap=off --diag_warning=225)
 
-# What runs while the drive runs is in RAM: every function of these.
+# Version and commit, told by HELLO.
+file(STRINGS host/hexatorque/__init__.py version REGEX "^__version__")
+string(REGEX REPLACE ".*\"(.*)\".*" "\\1" version "${version}")
+execute_process(COMMAND git describe --always --dirty WORKING_DIRECTORY "${CMAKE_CURRENT_SOURCE_DIR}"
+  OUTPUT_VARIABLE commit ERROR_QUIET OUTPUT_STRIP_TRAILING_WHITESPACE)
+set(build "${version} ${commit}")
+
+# Memory for captures, 32-bit values: what is left of the RAM.
+if(HT_DEVICE STREQUAL "f28335")
+  set(capture_flash 3072)
+  set(capture_ram 256)
+else()
+  set(capture_flash 20480)
+  set(capture_ram 20480)
+endif()
+
+# What the interrupts run is in RAM: every function of these.
 file(GLOB core CONFIGURE_DEPENDS firmware/core/*.c)
 file(GLOB app CONFIGURE_DEPENDS firmware/app/*.c)
 file(GLOB link CONFIGURE_DEPENDS firmware/link/*.c)
 file(GLOB drivers CONFIGURE_DEPENDS ${port}/*.c)
+# The link's requests may wait for the flash.
+set(background firmware/app/ht_service.c firmware/app/ht_service_requests.c
+  firmware/app/ht_dictionary.c firmware/link/ht_packet.c)
+list(TRANSFORM background PREPEND "${CMAKE_CURRENT_SOURCE_DIR}/")
+list(REMOVE_ITEM app ${background})
+list(REMOVE_ITEM link ${background})
 set(ram ${core} ${app} ${link} ${drivers} ${port}/image/ht_image.c ${port}/image/ht_wait.c)
 set_source_files_properties(${ram} PROPERTIES COMPILE_OPTIONS "--ramfunc=on")
 # What copies it there is not.
@@ -31,15 +53,15 @@ set(flash ${port}/image/main.c ${port}/image/codestart.asm)
 foreach(place flash ram)
   set(image hexatorque_${HT_BOARD}_${place})
   set(command_file "${CMAKE_CURRENT_SOURCE_DIR}/${port}/image/${HT_DEVICE}_${place}.cmd")
-  add_executable(${image} ${ram} ${flash})
+  add_executable(${image} ${ram} ${background} ${flash})
   set_target_properties(${image} PROPERTIES SUFFIX ".out" LINK_DEPENDS "${command_file}")
   target_include_directories(${image} PRIVATE firmware/core firmware/app firmware/link firmware/port ${port}
     ${port}/image)
   target_compile_definitions(${image} PRIVATE HT_BOARD=ht_board_${HT_BOARD}
-    HT_CAPTURE_VALUES=${HT_CAPTURE_VALUES} "HT_BUILD=\"${HT_BUILD}\"")
+    HT_CAPTURE_VALUES=${capture_${place}}u "HT_BUILD=\"${build}\"")
   target_compile_options(${image} PRIVATE ${machine} ${messages}
     $<$<COMPILE_LANGUAGE:C>:${arithmetic}> $<$<COMPILE_LANGUAGE:C>:--opt_level=2>)
-  target_link_options(${image} PRIVATE --rom_model --entry_point=code_start --stack_size=0x300
+  target_link_options(${image} PRIVATE --rom_model --entry_point=code_start --stack_size=0x3C0
     --warn_sections --reread_libs "--search_path=${TI_CGT_ROOT}/lib" --library=libc.a
     "${command_file}")
 endforeach()

@@ -22,9 +22,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-FOLDERS = ("core", "app", "port", "port/c2000", "port/c2000/image")
-TARGET = ("core", "app", "port/c2000", "port/c2000/image")
-BOARD = "-DHT_BOARD=ht_board_f28335"
+FOLDERS = ("core", "app", "link", "port", "port/c2000", "port/c2000/image")
+TARGET = ("core", "app", "link", "port/c2000", "port/c2000/image")
+BOARD = ("-DHT_BOARD=ht_board_f28335", "-DHT_CAPTURE_VALUES=1024u")
 WARNINGS = [
     "-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wconversion",
     "-Wdouble-promotion", "-Wshadow", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Wundef",
@@ -53,7 +53,7 @@ def compile_all(root: Path, command: list[str], files: list[Path]) -> list[str]:
     said = []
     for file in files:
         done = subprocess.run(
-            [*command, *WARNINGS, *include, BOARD, "-c", str(file), "-o", os.devnull],
+            [*command, *WARNINGS, *include, *BOARD, "-c", str(file), "-o", os.devnull],
             cwd=root, capture_output=True, text=True,
         )  # fmt: skip
         if done.returncode:
@@ -107,8 +107,8 @@ def check_cppcheck(root: Path) -> list[str]:
         return [f"cppcheck {VERSION} is wanted, this is {version.stdout.strip()}"]
     target = cppcheck(
         root, "--addon=misra", "-D__TMS320C2000__", "-D__interrupt=", "-D__cregister=",
-        "-D__asm(text)=((void)0)", BOARD, *suppressions(root),
-        *[f"firmware/{folder}" for folder in ("core", "app", "port/c2000")],
+        "-D__asm(text)=((void)0)", *BOARD, *suppressions(root),
+        *[f"firmware/{folder}" for folder in ("core", "app", "link", "port/c2000")],
     )  # fmt: skip
     static = ("--suppress=unusedFunction", "--suppress=staticFunction")
     return target + cppcheck(root, *static, "firmware/port/host")

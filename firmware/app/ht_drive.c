@@ -321,9 +321,10 @@ ht_result ht_drive_clear(ht_drive *d)
 ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, uint16_t n,
                          uint16_t *at)
 {
-    ht_params trial = d->params;
+    ht_params trial;
     bool set_up_again = false;
     uint16_t k;
+    trial = d->params;
     for (k = 0u; k < n; k++) {
         const ht_param_info *info = ht_param_describe(ids[k]);
         *at = ids[k];

@@ -14,11 +14,6 @@
 #define BUDGET_TENTHS 9u
 #define SESSION_WATCHDOGS 4u
 
-static float read_channel(const void *object, uint16_t id)
-{
-    return ht_channel_read((const ht_drive *)object, id);
-}
-
 void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
 {
     l->drive = d;
@@ -59,39 +54,6 @@ uint32_t ht_service_budget(const ht_service *l)
 {
     return l->setup.line.octets_per_s / 10u * BUDGET_TENTHS;
 }
-
-/* --- fast interrupt ----------------------------------------------------------------------- */
-
-static void watch(ht_service *l)
-{
-    uint16_t state = l->drive->state;
-    if ((state == (uint16_t)HT_STATE_IDLE) || (state == (uint16_t)HT_STATE_FAULT)) {
-        l->armed = 0u;
-    } else if (l->fed != 0u) {
-        l->fed = 0u;
-        l->watchdog_left = l->watchdog_ticks;
-    } else {
-        l->watchdog_left--;
-        if (l->watchdog_left == 0u) {
-            l->armed = 0u;
-            ht_drive_trip(l->drive, (uint16_t)HT_FAULT_LINK);
-        }
-    }
-}
-
-void ht_service_fast(ht_service *l)
-{
-    ht_source source;
-    if (l->armed != 0u) {
-        watch(l);
-    }
-    source.read = read_channel;
-    source.object = l->drive;
-    ht_streams_sample(&l->streams, &source, l->drive->tick);
-    ht_burst_sample(&l->burst, &source, l->drive->tick, l->drive->faults != 0u);
-}
-
-/* --- background --------------------------------------------------------------------------- */
 
 static void request(ht_service *l)
 {

@@ -11,7 +11,7 @@
 #define NO_DETAIL 0xFFFFu
 #define GET_MOST 100u
 #define PAIR 6u /* octets of id and value */
-#define SAMPLE_HEAD 12u /* octets of a sample on the line that are no values */
+#define SAMPLE_HEAD 12.0f /* octets of a sample on the line that are no values */
 
 enum { NEEDS_NOTHING = 0, NEEDS_DICTIONARY = 1, NEEDS_SESSION = 2, NEEDS_BOTH = 3 };
 
@@ -228,9 +228,10 @@ static bool take_channels(ht_service *l, const uint16_t *in, uint16_t n, uint16_
 /* Octets a second of a stream: rounded up. */
 static uint32_t load(const ht_service *l, uint16_t n, uint16_t decimation)
 {
-    float octets = (float)(SAMPLE_HEAD + (4u * n));
+    float octets = 4.0f * (float)n + SAMPLE_HEAD;
     float rate = l->drive->params.v[HT_P_f_isr_Hz] / (float)decimation;
-    return (n == 0u) ? 0u : ((uint32_t)(octets * rate) + 1u);
+    float sum = octets * rate;
+    return (n == 0u) ? 0u : ((uint32_t)sum + 1u);
 }
 
 /* Smallest decimation with which a stream of `n` channels takes up to `rest` octets a

@@ -9,16 +9,18 @@
 
 #define HT_BURST_CHANNELS 16u
 
-typedef enum {
+/** ht_burst.state */
+enum {
     HT_BURST_NONE = 0,
     HT_BURST_FILLING = 1,   /**< the samples before the trigger */
     HT_BURST_WAITING = 2,
     HT_BURST_TRIGGERED = 3, /**< the samples after it */
     HT_BURST_SUMMING = 4,   /**< complete but for the CRC */
     HT_BURST_COMPLETE = 5
-} ht_burst_state;
+};
 
-typedef enum {
+/** ht_burst_setup.trigger */
+enum {
     HT_TRIGGER_MANUAL = 0,
     HT_TRIGGER_RISING = 1, /**< was not above the level, is above */
     HT_TRIGGER_FALLING = 2,
@@ -27,12 +29,12 @@ typedef enum {
     HT_TRIGGER_FAULT = 5,
     HT_TRIGGER_COMMAND = 6,
     HT_TRIGGERS = 7
-} ht_trigger;
+};
 
 /** What is to be captured. */
 typedef struct {
     uint16_t n;             /**< channels, 1 .. HT_BURST_CHANNELS */
-    uint16_t trigger;       /**< ht_trigger */
+    uint16_t trigger;       /**< HT_TRIGGER_... */
     uint16_t prescaler;     /**< fast interrupts per sample, from 1 */
     uint32_t samples;       /**< samples * n values must fit the memory */
     uint32_t before;        /**< of these before the trigger, < samples */
@@ -42,7 +44,7 @@ typedef struct {
 } ht_burst_setup;
 
 typedef struct {
-    volatile uint16_t state;   /**< ht_burst_state */
+    volatile uint16_t state;   /**< HT_BURST_... */
     volatile uint16_t manual;  /**< the background's trigger */
     volatile uint16_t command; /**< a command was carried out */
     uint16_t number;           /**< of the capture, modulo 256 */

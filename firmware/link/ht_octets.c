@@ -49,9 +49,9 @@ static const uint32_t remainder_of[16] = {
 
 static uint32_t step(uint32_t sum, uint32_t octet)
 {
-    sum ^= octet;
-    sum = (sum >> 4) ^ remainder_of[sum & 0xFu];
-    return (sum >> 4) ^ remainder_of[sum & 0xFu];
+    uint32_t first = sum ^ octet;
+    uint32_t second = (first >> 4) ^ remainder_of[first & 0xFu];
+    return (second >> 4) ^ remainder_of[second & 0xFu];
 }
 
 uint32_t ht_crc32(uint32_t crc, const uint16_t *octets, uint16_t n)

@@ -13,7 +13,7 @@ void ht_packet_begin(ht_packet *p)
 static uint16_t *room(ht_packet *p, uint16_t octets)
 {
     uint16_t *at = &p->octet[p->n];
-    if (octets > (uint16_t)(HT_PACKET_BODY - p->n)) {
+    if (octets > (HT_PACKET_BODY - p->n)) {
         p->full = true;
         return &p->octet[HT_PACKET_BODY]; /* where only the CRC will be */
     }
@@ -43,8 +43,9 @@ void ht_packet_add_float(ht_packet *p, float value)
 
 void ht_packet_add_text(ht_packet *p, const char *text)
 {
-    for (; *text != '\0'; text++) {
-        ht_packet_add8(p, (uint16_t)*text);
+    uint16_t i;
+    for (i = 0u; text[i] != '\0'; i++) {
+        ht_packet_add8(p, (uint16_t)text[i]);
     }
     ht_packet_add8(p, 0u);
 }
@@ -60,21 +61,24 @@ void ht_outgoing_set(ht_outgoing *out, ht_packet *p)
     for (i = 0u; i < total; i++) {
         if (code == COBS_FULL) { /* opened only when an octet follows */
             out->octet[code_at] = code;
-            code_at = end++;
+            code_at = end;
+            end++;
             code = 1u;
         }
         if (p->octet[i] != 0u) {
-            out->octet[end++] = p->octet[i];
+            out->octet[end] = p->octet[i];
+            end++;
             code++;
         } else {
             out->octet[code_at] = code;
-            code_at = end++;
+            code_at = end;
+            end++;
             code = 1u;
         }
     }
     out->octet[code_at] = code;
-    out->octet[end++] = 0u;
-    out->n = end;
+    out->octet[end] = 0u;
+    out->n = (uint16_t)(end + 1u);
     out->sent = 0u;
 }
 
@@ -124,9 +128,9 @@ static ht_incoming_status close(ht_incoming *in)
     return HT_INCOMING_DAMAGED;
 }
 
-ht_incoming_status ht_incoming_take(ht_incoming *in, uint16_t octet)
+ht_incoming_status ht_incoming_take(ht_incoming *in, uint16_t cell)
 {
-    octet = (uint16_t)(octet & HT_OCTET);
+    uint16_t octet = (uint16_t)(cell & HT_OCTET);
     if (octet == 0u) {
         return close(in);
     }

@@ -15,7 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = Path(__file__).parent / "golden"
 BOARDS = {"f28335": "f28335", "f28377s": "f28377s", "launchxl_f28377s": "f28377s"}
-FOLDERS = ("core", "app", "port/host", "port/c2000", "port/c2000/image")
+FOLDERS = ("core", "app", "link", "port/host", "port/c2000", "port/c2000/image")
 FLAGS = ["-std=c99", "-O1", "-fno-pie", "-ffp-contract=off"]
 SIZES = {"ht_code_size": 64, "ht_const_size": 32}
 CC = os.environ.get("CC") or next(filter(shutil.which, ("gcc", "clang", "cc")), "cc")
@@ -41,7 +41,9 @@ class Builder:
         for folder in FOLDERS[:-1]:
             for source in sorted((firmware / folder).glob("*.c")):
                 sources[source.name] = source, self.folder / f"{source.stem}.o", ()
-        options = (f"-DHT_BOARD=ht_board_{board}", "-Dmain=ht_target_main")
+        options = (
+            f"-DHT_BOARD=ht_board_{board}", "-DHT_CAPTURE_VALUES=2048u", "-Dmain=ht_target_main",
+        )  # fmt: skip
         for name in ("ht_image.c", "main.c"):
             source = firmware / FOLDERS[-1] / name
             sources[name] = source, self.folder / f"{board}_{name}.o", options

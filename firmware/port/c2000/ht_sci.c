@@ -127,10 +127,11 @@ static uint16_t line_write(void *at, const uint16_t *octets, uint16_t n)
 
 ht_line ht_sci_line(ht_port *port)
 {
+    float octets_per_s = ht_sci_baud(port) * 0.1f; /* start, 8, stop */
     ht_line line;
     line.read = line_read;
     line.write = line_write;
     line.at = port;
-    line.octets_per_s = (uint32_t)(ht_sci_baud(port) * 0.1f); /* start, 8, stop */
+    line.octets_per_s = (uint32_t)octets_per_s;
     return line;
 }

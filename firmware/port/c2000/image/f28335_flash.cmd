@@ -21,6 +21,8 @@ SECTIONS
     .switch     : > FLASH, ALIGN(8)
     .TI.ramfunc : {} LOAD = FLASH, RUN = CODE, ALIGN(8),
                   LOAD_START(ht_code_load), RUN_START(ht_code_run), LOAD_SIZE(ht_code_size)
+    .texts      : { *ht_params.*(.const) *ht_channels.*(.const) *ht_faults.*(.const)
+                    *ht_dictionary.*(.const) } > FLASH, ALIGN(8)
     .const      : LOAD = FLASH, RUN = DATA, ALIGN(8),
                   LOAD_START(ht_const_load), RUN_START(ht_const_run), LOAD_SIZE(ht_const_size)
     .stack      : > STACK

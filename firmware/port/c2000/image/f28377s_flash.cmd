@@ -6,7 +6,7 @@ MEMORY
     BOOT    : origin = 0x000000, length = 0x000123   /* stack of the boot ROM */
     STACK   : origin = 0x000400, length = 0x0003F0   /* M1; last 16 words free */
     CODE    : origin = 0x008000, length = 0x004000   /* LS0..LS5, D0, D1 */
-    DATA    : origin = 0x00C000, length = 0x003FF0   /* GS0..GS3 */
+    DATA    : origin = 0x00C000, length = 0x00FFF0   /* GS0..GS15 */
     BEGIN   : origin = 0x080000, length = 0x000002   /* the boot ROM's jump to flash */
     FLASH   : origin = 0x080002, length = 0x03FFEE   /* sectors A..N */
     RESET   : origin = 0x3FFFC0, length = 0x000002   /* in the boot ROM */
@@ -21,6 +21,8 @@ SECTIONS
     .switch     : > FLASH, ALIGN(8)
     .TI.ramfunc : {} LOAD = FLASH, RUN = CODE, ALIGN(8),
                   LOAD_START(ht_code_load), RUN_START(ht_code_run), LOAD_SIZE(ht_code_size)
+    .texts      : { *ht_params.*(.const) *ht_channels.*(.const) *ht_faults.*(.const)
+                    *ht_dictionary.*(.const) } > FLASH, ALIGN(8)
     .const      : LOAD = FLASH, RUN = DATA, ALIGN(8),
                   LOAD_START(ht_const_load), RUN_START(ht_const_run), LOAD_SIZE(ht_const_size)
     .stack      : > STACK

@@ -5,7 +5,7 @@ MEMORY
     BEGIN   : origin = 0x000000, length = 0x000002   /* the boot ROM's jump to RAM */
     STACK   : origin = 0x000400, length = 0x0003F0   /* M1; last 16 words free */
     CODE    : origin = 0x008000, length = 0x004000   /* LS0..LS5, D0, D1 */
-    DATA    : origin = 0x00C000, length = 0x003FF0   /* GS0..GS3 */
+    DATA    : origin = 0x00C000, length = 0x00FFF0   /* GS0..GS15 */
     RESET   : origin = 0x3FFFC0, length = 0x000002
 }
 
