@@ -19,11 +19,16 @@ set(arithmetic --fp_mode=strict --fp_reassoc=off)
 set(messages --display_error_number --diag_wrap=off --diag_warning=225)
 
 # Version and commit, told by HELLO.
-file(STRINGS host/hexatorque/__init__.py version REGEX "^__version__")
-string(REGEX REPLACE ".*\"(.*)\".*" "\\1" version "${version}")
+set(version "unknown")
+foreach(file host/hexatorque/__init__.py ../__init__.py) # of the repository, installed
+  if(EXISTS "${CMAKE_CURRENT_SOURCE_DIR}/${file}")
+    file(STRINGS ${file} line REGEX "^__version__")
+    string(REGEX REPLACE ".*\"(.*)\".*" "\\1" version "${line}")
+  endif()
+endforeach()
 execute_process(COMMAND git describe --always --dirty WORKING_DIRECTORY "${CMAKE_CURRENT_SOURCE_DIR}"
   OUTPUT_VARIABLE commit ERROR_QUIET OUTPUT_STRIP_TRAILING_WHITESPACE)
-set(build "${version} ${commit}")
+set(build "${version}+${commit}")
 
 # Memory for captures, 32-bit values: what is left of the RAM.
 if(HT_DEVICE STREQUAL "f28335")

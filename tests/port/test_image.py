@@ -286,8 +286,8 @@ FAULTS = {
         F28377S, "ht_pins.c", "        HT_WR16(port->io, INPUT1SELECT, board->trip.gpio);\n", "",
         "-INPUTXBAR"),
     "two channels exchanged": (
-        F28377S, "ht_board.c", "4u, 5u, 14u},\n};\n\nconst ht_board ht_board_launch",
-        "5u, 4u, 14u},\n};\n\nconst ht_board ht_board_launch",
+        F28377S, "ht_board.c", "4u, 5u, 14u},\n    .baud = 1250000u, /* exact */\n};\n\nconst",
+        "5u, 4u, 14u},\n    .baud = 1250000u, /* exact */\n};\n\nconst",
         "+ADCA.ADCSOC4CTL         0x07418  0x00528013"),
     "two legs exchanged": (
         LAUNCHPAD, "ht_board.c", "{2u, 1u}, {3u, 1u}, {10u, 1u}", "{3u, 1u}, {4u, 1u}, {10u, 1u}",
