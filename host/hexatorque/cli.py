@@ -12,7 +12,7 @@ import json
 import sys
 from pathlib import Path
 
-from . import __version__
+from . import __version__, cli_board
 from .papers import ENTRIES
 from .verify import STUDIES
 
@@ -166,6 +166,8 @@ def _parser() -> argparse.ArgumentParser:
         "-o", "--output", type=Path, metavar="DIR", help="write budget.json and budget.md there"
     )
     budget.set_defaults(call=_budget)
+
+    cli_board.add(commands)
 
     bench = commands.add_parser("bench", help="speed of the simulation, cost of the firmware")
     bench.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")

@@ -1,0 +1,101 @@
+"""`hexatorque board`: a virtual board to open with the link's commands."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from pathlib import Path
+
+EXAMPLES = """examples:
+  hexatorque board --virtual                       paper A's machine; prints the port
+  hexatorque board --virtual --setup paper-b --load 1 --link /tmp/board
+  hexatorque board --virtual --fast 5              five times as fast as the clock
+in another terminal:
+  hexatorque start --speed 400
+"""
+
+
+def add(commands: argparse._SubParsersAction) -> None:
+    board = commands.add_parser(
+        "board",
+        help="a virtual board: firmware and plant behind a serial port",
+        description="Run firmware and plant in one process that serves the serial protocol on a "
+        "pseudo-terminal, as the image on a DSP does on its serial port. Ends with Ctrl-C.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    board.add_argument("--virtual", action="store_true", help="required: what else runs here")
+    board.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
+    board.add_argument("--load", type=float, metavar="NM", help="on the shaft; default: none")
+    board.add_argument("--baud", type=int, metavar="N", help="default: the device's own")
+    pace = board.add_mutually_exclusive_group()
+    pace.add_argument("--realtime", action="store_true", help="as fast as the clock (default)")
+    pace.add_argument(
+        "--fast", type=float, default=1.0, metavar="N", help="N times as fast; so is the line"
+    )
+    board.add_argument("--link", type=Path, metavar="PATH", help="a fixed name for the port")
+    board.add_argument(
+        "--record", type=Path, metavar="FILE", help="the simulation's own recording, at the end"
+    )
+    board.add_argument("--json", action="store_true", help="the port as JSON, in one line")
+    board.set_defaults(call=_board)
+
+
+def _board(args: argparse.Namespace) -> int:
+    import json
+
+    from . import scenario
+    from .link import runtime
+    from .virtual_board import Terminal, VirtualBoard, serve
+
+    if not args.virtual:
+        raise scenario.ScenarioError(
+            "board: say --virtual; a real board needs no command: plug it in, `hexatorque devices`"
+        )
+    board = VirtualBoard(scenario.load(args.setup), args.baud, args.fast)
+    if args.load is not None:
+        board.sim.set("load_Nm", args.load)
+    ended = []
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: ended.append(True))
+    with Terminal() as line, _name(args.link, line.port):
+        file = runtime.announce(line.port, board.title)
+        try:
+            if args.json:
+                said = json.dumps({"port": line.port, "baud": board.controller.baud,
+                                   "title": board.title})  # fmt: skip
+            else:
+                said = f"{board.title} on {args.link or line.port}, Ctrl-C ends it"
+            print(said, flush=True)
+            serve(board, line, until=lambda: bool(ended), record=args.record is not None)
+        finally:
+            file.unlink(missing_ok=True)
+    if args.record is not None:
+        board.take().save(args.record)
+        print(f"recording: {args.record}", file=sys.stderr)
+    return 0
+
+
+class _name:
+    """A symbolic link while it is needed."""
+
+    def __init__(self, path: Path | None, port: str) -> None:
+        self._path = path
+        self._port = port
+
+    def __enter__(self) -> None:
+        from .scenario import ScenarioError
+
+        if self._path is None:
+            return
+        if self._path.is_symlink():  # of a board that was killed
+            self._path.unlink()
+        try:
+            self._path.symlink_to(self._port)
+        except OSError as error:
+            raise ScenarioError(f"{self._path}: {error.strerror}") from None
+
+    def __exit__(self, *_: object) -> None:
+        if self._path is not None:
+            self._path.unlink(missing_ok=True)
