@@ -114,6 +114,7 @@ class Transport:
         octets: Callable[[bytes], None],
         lost: Callable[[str], None],
         back: Callable[[], None],
+        patience_s: float = BUSY_S,
     ) -> None:
         self.url = url
         self.baud = baud
@@ -123,7 +124,7 @@ class Transport:
         self.relayed = False
         #: This process is the relay of the port: never its own client.
         self.serves = False
-        self._port = self._open(BUSY_S)
+        self._port = self._open(patience_s)
         self._thread = threading.Thread(target=self._run, name=f"reader of {url}", daemon=True)
 
     def start(self) -> None:
