@@ -348,7 +348,7 @@ def _plot(args: argparse.Namespace) -> int:
         for heading in ("channel", "unit", *(escape(t.label) for t in traces[1:])):
             table.add_column(heading)
         for name, row in result["channels"].items():
-            rms = [file["rms_difference"] for file in row["files"].values()]
+            rms = row["rms_difference"][1:]
             table.add_row(name, row["unit"], *("–" if v is None else f"{v:.4g}" for v in rms))
         console.print(table)
     console.print(f"picture: {picture}", highlight=False)

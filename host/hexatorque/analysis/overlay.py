@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,7 @@ class Trace:
     label: str
     rec: Recording
     shift_s: float = 0.0
+    file: str = ""
 
     @property
     def time_s(self) -> np.ndarray:
@@ -48,7 +49,7 @@ class Trace:
         if self.shift_s:
             parts.append(f"shifted by {-self.shift_s:+.6g} s")
         if meta.get("lost_samples"):
-            parts.append(f"{meta['lost_samples']} samples lost in {meta['gaps']} gaps")
+            parts.append(f"{meta['lost_samples']} samples lost")
         if meta.get("closed") is False:
             parts.append("not closed")
         return f"{self.label}  ({', '.join(parts)})"
@@ -74,7 +75,7 @@ def read(arguments: list[str]) -> list[Trace]:
             raise RecordingError(f"{file}: no samples")
         if trigger_s is not None:
             rec.meta[TRIGGER] = trigger_s
-        traces.append(Trace(file, rec))
+        traces.append(Trace(file, rec, file=file))
     _shorten(traces)
     return traces
 
@@ -160,7 +161,7 @@ def cut(traces: list[Trace], window_s: tuple[float, float] | None) -> list[Trace
                 f"{trace.label}: no samples in the window; it lasts from {trace.begin_s:.6g} "
                 f"to {trace.end_s:.6g} s"
             )
-        parts.append(Trace(trace.label, part, trace.shift_s))
+        parts.append(replace(trace, rec=part))
     return parts
 
 
@@ -180,17 +181,18 @@ def difference(first: Trace, other: Trace, name: str) -> tuple[float | None, int
 
 def summary(traces: list[Trace], names: list[str], how: str) -> dict:
     """For --json: the files, and for each channel the rms difference of each file from
-    the first, in the channel's unit."""
+    the first, in the channel's unit (the first's is None)."""
     channels = {}
     for name in names:
-        rows = {}
-        for trace in traces[1:]:
-            rms, samples = difference(traces[0], trace, name)
-            rows[trace.label] = {"rms_difference": rms, "samples": samples}
-        channels[name] = {"unit": unit(traces, name), "against": traces[0].label, "files": rows}
+        rows = [(None, 0), *(difference(traces[0], trace, name) for trace in traces[1:])]
+        channels[name] = {
+            "unit": unit(traces, name),
+            "rms_difference": [rms for rms, _ in rows],
+            "samples_compared": [samples for _, samples in rows],
+        }
     files = [
         {
-            "file": trace.label,
+            "file": trace.file,
             "rate_Hz": trace.rec.rate_Hz,
             "samples": len(trace.rec),
             "shift_s": -trace.shift_s,
