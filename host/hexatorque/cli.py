@@ -12,7 +12,7 @@ import json
 import sys
 from pathlib import Path
 
-from . import __version__, cli_board
+from . import __version__, cli_board, cli_link, cli_record
 from .files import PART, suffixes_text
 from .papers import ENTRIES
 from .verify import STUDIES
@@ -206,6 +206,8 @@ def _parser() -> argparse.ArgumentParser:
     budget.set_defaults(call=_budget)
 
     cli_board.add(commands)
+    cli_link.add(commands)
+    cli_record.add(commands)
 
     bench = commands.add_parser("bench", help="speed of the simulation, cost of the firmware")
     bench.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
@@ -631,6 +633,7 @@ def main(argv: list[str] | None = None) -> int:
         argv[at : at + 2] = [f"--window={argv[at + 1]}"]
     args = _parser().parse_args(argv)
     from .firmware import FirmwareError
+    from .link import LinkError
     from .recording import RecordingError
     from .scenario import ScenarioError
     from .sil import DriveFault
@@ -642,6 +645,9 @@ def main(argv: list[str] | None = None) -> int:
     except (DriveFault, NotReached, TargetError, ArithmeticError) as error:
         print(f"hexatorque: {error}", file=sys.stderr)
         return 1
+    except LinkError as error:
+        print(f"hexatorque: {error}", file=sys.stderr)
+        return 2 if error.mistake else 1
     except (ScenarioError, FirmwareError, RecordingError) as error:
         print(f"hexatorque: {error}", file=sys.stderr)
         return 2

@@ -386,9 +386,10 @@ class Drive(DriveVerbs):
         """End what is armed."""
         self.client.do(Op.CANCEL, what="cancel")
 
-    def captured(self, timeout_s: float | None = None) -> Recording:
-        """Wait for what is armed, and bring it over. The trigger is at time 0."""
-        return self._bring(capture.wait(self.client, timeout_s, manual=False))
+    def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
+        """Wait for what is armed, and bring it over; `now`: trigger it as soon as that
+        counts. The trigger is at time 0."""
+        return self._bring(capture.wait(self.client, timeout_s, now))
 
     def capture(
         self,
@@ -401,7 +402,7 @@ class Drive(DriveVerbs):
     ) -> Recording:
         """`arm` and `captured`; a manual trigger comes as soon as it counts."""
         self.arm(channels, samples, pre, trigger, prescaler)
-        return self._bring(capture.wait(self.client, timeout_s, trigger == "manual"))
+        return self.captured(timeout_s, trigger == "manual")
 
     def _bring(self, found: wire.CaptureReply) -> Recording:
         table = capture.upload(self.client, found)
