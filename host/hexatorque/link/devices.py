@@ -44,7 +44,7 @@ def only(baud: int | None = None) -> Found:
     """The only board there is."""
     found = find(baud)
     if not found:
-        raise LinkError("no board found; give its port (--device)", mistake=True)
+        raise LinkError("no board found; give its port (--device)")
     if len(found) > 1:
         ports = ", ".join(board.port for board in found)
         raise LinkError(f"{len(found)} boards found, choose one: {ports}", mistake=True)

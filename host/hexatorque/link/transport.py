@@ -30,6 +30,9 @@ RETURN_S = 0.2
 BUSY_S = 1.5
 
 
+_MISSING = (errno.ENOENT, errno.ENXIO, errno.ENODEV)
+
+
 class Busy(LinkError):
     """The port is there, but another process has it."""
 
@@ -76,8 +79,10 @@ def _serial(url: str, baud: int):
     except (serial.SerialException, OSError) as error:
         number = _errno(error)
         if number in (errno.EBUSY, errno.EAGAIN):
-            raise Busy(f"{url}: busy, another program has it open", mistake=True) from None
-        raise LinkError(f"{url}: {_reason(number, baud) or error}", mistake=True) from None
+            raise Busy(f"{url}: busy, another program has it open") from None
+        missing = number in _MISSING
+        reason = "no such device" if missing else _reason(number, baud) or error
+        raise LinkError(f"{url}: {reason}", mistake=missing) from None
     return port
 
 
@@ -91,8 +96,6 @@ def _errno(error: BaseException | None) -> int | None:
 
 
 def _reason(number: int | None, baud: int) -> str | None:
-    if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV):
-        return "no such device"
     if number in (errno.EACCES, errno.EPERM):
         return "permission denied; on most systems group dialout may use serial ports"
     if number == errno.ENOTTY:
