@@ -88,9 +88,8 @@ class Peer:
 
     def close(self) -> None:
         self._closing = True
-        self.write(b"")
-        os.close(self._slave)
         self._thread.join(2)
+        os.close(self._slave)
 
     def write(self, octets: bytes) -> None:
         os.write(self._master, octets)

@@ -269,7 +269,6 @@ class Client:
 
     def _resume(self) -> None:
         """A session again on a board that lost it; those who had streams set them again."""
-        self.counters.reconnects += 1
         self.in_session = False
         self.open_session()
         for listener in tuple(self.on_return):
@@ -279,6 +278,7 @@ class Client:
                 if error.mistake:
                     self.broken = error
                 raise
+        self.counters.reconnects += 1
 
     def close(self) -> None:
         """End the session, which stops a drive that the watchdog guards, and the line."""

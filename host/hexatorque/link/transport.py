@@ -87,10 +87,12 @@ def _serial(url: str, baud: int):
 
 
 def _errno(error: BaseException | None) -> int | None:
-    """pyserial keeps the number of some errors only in what they came from."""
+    """pyserial keeps the number of some errors only in what they came from; those of
+    termios have no attribute for it."""
     while error is not None:
-        if getattr(error, "errno", None) is not None:
-            return error.errno
+        number = getattr(error, "errno", None) or next(iter(error.args), None)
+        if isinstance(number, int):
+            return number
         error = error.__context__
     return None
 
