@@ -73,7 +73,7 @@ static void write_all(int32_t file, const void *data, uint32_t size)
 
 static volatile uint16_t *word(uint32_t addr)
 {
-    return &HT_REGISTER(uint16_t, addr);
+    return (volatile uint16_t *)HT_REGISTERS_AT + addr;
 }
 
 /* What the hardware makes of the driver's writes. */
