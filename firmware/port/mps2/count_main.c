@@ -128,7 +128,7 @@ __attribute__((noinline)) static uint32_t stack_of(void (*isr)(ht_drive *), ht_d
 static void step(ht_drive *d)
 {
     ht_compare out;
-    ht_control_step(d->config, &d->control, &d->in, &out);
+    ht_control_step(d->config, &d->control, &d->in, false, &out);
 }
 
 static void bind(uint16_t device)
