@@ -105,8 +105,9 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->observer.omega_gain = (ts < OMEGA_FILTER_S) ? (ts / OMEGA_FILTER_S) : 1.0f;
     c->xy.kp_pu_A = p->v[HT_P_kp_xy_pu_A];
     c->xy.ki_ts_pu_A = p->v[HT_P_ki_xy_pu_As] * ts;
+    c->xy_limit_pu = ht_tmvcl_pu[(c->scheme == HT_DDR_ML) ? HT_ML : HT_L];
     c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
-    c->dead.inv_2i_zero = 0.5f / p->v[HT_P_i_zero_A];
+    c->dead.i_zero_A = p->v[HT_P_i_zero_A];
     return ht_control_check(c) == HT_CONFIG_OK;
 }
 

@@ -61,48 +61,50 @@ typedef struct {
 } ht_snapshot;
 
 typedef struct {
+    /* What the fast interrupt needs comes first, within reach of one instruction. */
     ht_port *port;
-    ht_params params;
-    ht_control_config configs[2];  /**< derived from params: the one in force and the next */
     const ht_control_config *config; /**< in force */
     const ht_control_config *volatile staged; /**< for the next fast interrupt to take over */
-    ht_control_state control;
+    uint32_t tick;                 /**< fast interrupts since init */
+    uint32_t taken_tick;           /**< of the first interrupt with the parameters in force */
+    volatile uint32_t state_ticks; /**< fast interrupts since the state began */
+    volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
+    volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
+    uint16_t faults;
+    uint16_t stuck_leg;            /**< whose sensor is looked at next */
+    ht_samples samples;            /**< latest */
+    uint32_t position_now;
+    float offset_counts[HT_LEGS];  /**< calibrated zero of each current channel */
+    float i_per_count;
+    float v_per_count;
+    float turn_per_count;          /**< electrical rad */
+    float speed_rpm;
+    float torque_ref_Nm;           /**< slow loop to fast loop */
+    float flux_ref_Wb;             /**< slow loop to fast loop */
     ht_control_input in;           /**< latest measurement and references */
+    ht_control_state control;
+    ht_protect_config protect_config;
+    ht_protect_state protect;
+    /* Slow interrupt, states and commands. */
     ht_speed_config speed_config;
     ht_speed_state speed;
     ht_speed_measure_config measure_config;
     ht_speed_measure_state measured;
     ht_flux_config flux_config;
-    ht_protect_config protect_config;
-    ht_protect_state protect;
-    ht_samples samples;            /**< latest */
-    ht_snapshot snapshot;          /**< of the latest fault; a clear keeps it */
-    float offset_counts[HT_LEGS];  /**< calibrated zero of each current channel */
-    uint32_t offset_sum[HT_LEGS];
-    volatile uint32_t state_ticks;          /**< fast interrupts since the state began */
-    uint32_t tick;                 /**< fast interrupts since init */
-    uint32_t taken_tick;           /**< of the first interrupt with the parameters in force */
     uint32_t position_last;
-    uint32_t position_now;
-    float speed_rpm;
-    float torque_ref_Nm;           /**< slow loop to fast loop */
-    float flux_ref_Wb;             /**< slow loop to fast loop */
     float flux_top_Wb;             /**< flux_ref_Wb on its way; field weakening goes below */
     float omega_mean_rad_s;        /**< flux speed, slow mean */
     float omega_mean_gain;
     float pull_out_Nm_Wb2;         /**< torque limit per flux squared */
     float adapt_gain;              /**< of the resistances, per slow interrupt */
     float build_gain;              /**< the same during the build-up */
-    float turn_per_count;          /**< electrical rad */
-    float i_per_count;
-    float v_per_count;
-    uint16_t calibration_ticks;
+    uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
-    volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
-    uint16_t faults;
+    uint16_t calibration_ticks;
     uint16_t dodging;              /**< 1: less flux, to keep the flux turning */
-    uint16_t stuck_leg;            /**< whose sensor is looked at next */
-    volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
+    ht_snapshot snapshot;          /**< of the latest fault; a clear keeps it */
+    ht_params params;
+    ht_control_config configs[2];  /**< derived from params: the one in force and the next */
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. Refuses

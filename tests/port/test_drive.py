@@ -678,6 +678,14 @@ def test_derived_configuration(bench):
     assert config.first_counts == round(5e-6 * clock)
 
 
+@pytest.mark.parametrize("scheme", ("dtc1", "fdr", "ddr", "ddr-ml"))
+def test_limit_of_the_xy_command_is_that_of_the_scheme(bench, scheme):
+    bench.controller.set("scheme", scheme)
+    bench.fast()
+    group = lib.HT_ML if scheme == "ddr-ml" else lib.HT_L
+    assert bench.drive.config.xy_limit_pu == lib.ht_tmvcl_pu[group]
+
+
 def test_channels_carry_the_state(bench):
     bench.run_to("run")
     bench.amperes[2] = 1.5
@@ -692,6 +700,10 @@ def test_channels_carry_the_state(bench):
     assert values["i_w1_A"] == pytest.approx(1.5, abs=0.01)
     assert values["vdc_V"] == pytest.approx(250, abs=0.1)
     assert values["flux_ref_Wb"] == np.float32(0.6)
+    # w1 alone: a sixth of it in -x, cos 30 / 3 in -y
+    l_xy = bench.drive.config.observer.lxy_H
+    assert values["psi_x_Wb"] == pytest.approx(-l_xy * 1.5 / 6, rel=0.02)
+    assert values["psi_y_Wb"] == pytest.approx(-l_xy * 1.5 * 0.288675, rel=0.02)
     assert lib.ht_channel_describe(lib.ht_channel_count()) == ffi.NULL
 
 
@@ -973,6 +985,17 @@ def test_overrun_in_the_interrupt_that_turns_the_gates_on(bench):
     plant_event(bench, 5)
     assert (bench.state, bench.gates_on) == ("fault", False)
     assert bench.drive.faults == lib.HT_FAULT_OVERRUN
+
+
+def test_overrun_in_the_interrupt_that_ends_the_calibration(bench):
+    """The next one would turn the gates on."""
+    bench.run_to("calibrate")
+    bench.fast(bench.drive.calibration_ticks - bench.drive.state_ticks - 1)
+    assert bench.state == "calibrate"
+    plant_event(bench, 5)
+    assert (bench.state, bench.gates_on) == ("fault", False)
+    assert bench.drive.faults == lib.HT_FAULT_OVERRUN
+    assert bench.controller.snapshot["state"] == "build"
 
 
 def test_overrun_adds_to_what_the_results_show(bench):

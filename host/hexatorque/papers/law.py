@@ -50,7 +50,7 @@ class Law:
         inputs.torque_ref_Nm = self._torque_error(torque_level)
         inputs.flux_ref_Wb = PSI_WB * (1 + FLUX_STEP * (1 if flux_up else -1))
         compare = ffi.new("ht_compare *")
-        lib.ht_control_step(config, state, inputs, compare)
+        lib.ht_control_step(config, state, inputs, False, compare)
         if (state.sector, state.torque_level, state.flux_level) != (sector, torque_level, flux_up):
             raise ValueError(f"no such demand: sector {sector}, levels {torque_level}, {flux_up}")
         return decode(compare, config.period_counts)
