@@ -51,10 +51,11 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     }
     d->port = port;
     d->params = *p;
-    d->configs[0] = config;
-    d->config = &d->configs[0];
     d->staged = NULL;
-    ht_configure_rest(d);
+    d->configs[0].control = config;
+    ht_configure_rest(port, p, &d->configs[0]);
+    d->config = &d->configs[0];
+    ht_configure_scales(d);
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->offset_counts[leg] = ADC_MID;
         d->offset_sum[leg] = 0u;
@@ -64,7 +65,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     d->in.torque_ref_Nm = 0.0f;
     d->in.turn_rad = 0.0f;
     set_flux_ref(d, p->v[HT_P_flux_ref_Wb]);
-    ht_control_reset(d->config, &d->control, &none);
+    ht_control_reset(&d->config->control, &d->control, &none);
     d->speed.integral_Nm = 0.0f;
     ht_speed_measure_reset(&d->measured);
     d->torque_ref_Nm = 0.0f;
@@ -145,10 +146,10 @@ void ht_drive_trip(ht_drive *d, uint16_t bits)
  * what that needs is known. */
 static inline uint16_t faults_before(ht_drive *d, bool powered)
 {
-    unsigned faults = ht_protect_samples(&d->protect_config, &d->in, d->speed_rpm, powered);
+    unsigned faults = ht_protect_samples(&d->config->protect, &d->in, d->speed_rpm, powered);
     if (powered) {
         uint16_t leg = d->stuck_leg;
-        faults |= ht_protect_stuck(&d->protect_config, &d->protect, &d->samples, leg);
+        faults |= ht_protect_stuck(&d->config->protect, &d->protect, &d->samples, leg);
         d->stuck_leg = ((leg + 1u) < (uint16_t)HT_LEGS) ? (uint16_t)(leg + 1u) : 0u;
         if (ht_port_tripped(d->port)) {
             faults |= HT_FAULT_EXTERNAL;
@@ -160,7 +161,7 @@ static inline uint16_t faults_before(ht_drive *d, bool powered)
 /* And everything that is known after it. */
 static inline void protect_after(ht_drive *d)
 {
-    unsigned faults = ht_protect_results(&d->protect_config, &d->control, d->in.torque_ref_Nm);
+    unsigned faults = ht_protect_results(&d->config->protect, &d->control, d->in.torque_ref_Nm);
     if (ht_port_overrun(d->port)) {
         faults |= HT_FAULT_OVERRUN;
     }
@@ -179,7 +180,7 @@ static void calibrate(ht_drive *d)
     }
     if (d->state_ticks == 1u) { /* all legs low before the gates ever come on */
         ht_compare low;
-        ht_control_low_pattern(d->config, &low);
+        ht_control_low_pattern(&d->config->control, &low);
         ht_port_write(d->port, &low);
     }
     for (leg = 0; leg < HT_LEGS; leg++) {
@@ -199,7 +200,7 @@ static void calibrate(ht_drive *d)
     measure(d);
     ht_protect_reset(&d->protect);
     d->slow_faults = 0u; /* of the run before: the slow loop may not have come by since */
-    ht_control_reset(d->config, &d->control, &d->in.i_A);
+    ht_control_reset(&d->config->control, &d->control, &d->in.i_A);
     d->speed.integral_Nm = 0.0f;
     d->torque_ref_Nm = 0.0f;
     enter(d, HT_STATE_BUILD);
@@ -211,7 +212,7 @@ static float begin_build(ht_drive *d)
 {
     uint32_t ticks = d->build_ticks + 1u;
     float share = (float)d->state_ticks / (float)ticks;
-    set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb] * ((share < 1.0f) ? share : 1.0f));
+    set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb] * ((share < 1.0f) ? share : 1.0f));
     d->in.torque_ref_Nm = 0.0f;
     return share;
 }
@@ -225,9 +226,9 @@ static void end_build(ht_drive *d, float share)
         ht_port_gates_on(d->port); /* only once a pattern is in place */
     }
     if (d->state_ticks >= d->build_ticks) {
-        set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb]);
-        d->flux_ref_Wb = d->params.v[HT_P_flux_ref_Wb];
-        d->flux_top_Wb = d->params.v[HT_P_flux_ref_Wb];
+        set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb]);
+        d->flux_ref_Wb = d->config->params.v[HT_P_flux_ref_Wb];
+        d->flux_top_Wb = d->config->params.v[HT_P_flux_ref_Wb];
         d->omega_mean_rad_s = 0.0f;
         d->dodging = 0u;
         enter(d, HT_STATE_RUN);
@@ -254,7 +255,7 @@ static inline void drive(ht_drive *d, bool build)
             set_flux_ref(d, d->flux_ref_Wb);
         }
     }
-    ht_control_step(d->config, &d->control, &d->in, build, &out);
+    ht_control_step(&d->config->control, &d->control, &d->in, build, &out);
     ht_port_write(d->port, &out);
     if (build) {
         end_build(d, share);

@@ -174,12 +174,12 @@ class Controller:
 
     @property
     def period_counts(self) -> int:
-        return self.drive.config.period_counts
+        return self.drive.config.control.period_counts
 
     @property
     def shadow(self) -> bool:
         """Does a pattern take effect in the next period?"""
-        return self.drive.config.shadow
+        return self.drive.config.control.shadow
 
     def confirm(self) -> None:
         """Raise an error if what ran last did not run. Here it always does."""

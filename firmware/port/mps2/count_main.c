@@ -128,7 +128,7 @@ __attribute__((noinline)) static uint32_t stack_of(void (*isr)(ht_drive *), ht_d
 static void step(ht_drive *d)
 {
     ht_compare out;
-    ht_control_step(d->config, &d->control, &d->in, false, &out);
+    ht_control_step(&d->config->control, &d->control, &d->in, false, &out);
 }
 
 static void bind(uint16_t device)
@@ -142,7 +142,7 @@ static int profile(int32_t states)
     for (n = 0u; n < SAMPLES; n++) {
         read_all(states, &now, (uint32_t)sizeof now);
         bind((uint16_t)(now.inputs[PERIOD_WORDS - 1u] / 2u));
-        port.shadow = now.drive.config->shadow;
+        port.shadow = now.drive.config->control.shadow;
         latch(now.inputs);
         ht_drive_fast_isr(&now.drive);
         profile_end();

@@ -20,7 +20,7 @@ class Law:
     def __init__(self, setup: Setup) -> None:
         setup = setup.changed(timing__latency="none", controller__observer="voltage")
         self._controller = Controller(setup["timing.device"], setup.controller_values())
-        self._config = ffi.new("ht_control_config *", self._controller.drive.config[0])
+        self._config = ffi.new("ht_control_config *", self._controller.drive.config.control)
         self._config.flux_hold = 2 * FLUX_STEP
 
     @property
