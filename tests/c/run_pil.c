@@ -5,10 +5,10 @@
  *   run_pil BAUD        serves a host whose end of the line has this rate
  *
  * Octets take their time on the line, one way and the other; where the two ends' rates differ
- * by more than 2.5 %, they arrive spoilt. SIGUSR1: the octets under way come all at
- * once. Ends with status 70 and a line on standard error at the first forbidden access, the
- * watchdog's reset among them, and as soon as a pin of the PWM is not an input; with
- * status 0 when the host hangs up. A flash image's copy to RAM: see run_image.c. */
+ * by more than 2.5 %, they arrive spoilt. SIGUSR1: the next octets come all at once.
+ * SIGUSR2: a framing error. Ends with status 70 and a line on standard error at the first
+ * forbidden access, the watchdog's reset among them, and as soon as a pin of the PWM is
+ * not an input; with status 0 when the host hangs up. */
 #define _POSIX_C_SOURCE 200809L
 
 #include <errno.h>
@@ -24,30 +24,36 @@
 
 #define TURN_US 4    /* of the background loop */
 #define IDLE_US 1000 /* while the line is quiet: about real time */
+#define TIMER_US 10000.0f /* no timer is shorter */
 #define TOLERANCE 0.025f
 
 int ht_target_main(void);
 extern const ht_board HT_BOARD_UNDER_TEST;
 
 ht_regfile ht_image_registers;
-const uint16_t ht_code_load[1] = {1};
-uint16_t ht_code_run[1];
-const uint16_t ht_const_load[1] = {2};
-uint16_t ht_const_run[1];
+
+/* What the linker would provide: see main.c. The sizes are on the command line. */
+const uint16_t ht_code_load[64] = {1};
+uint16_t ht_code_run[64];
+const uint16_t ht_const_load[32] = {2};
+uint16_t ht_const_run[32];
 
 static float host_baud; /* 0: only the registers are asked for */
 static unsigned char in[4096];
 static size_t have;
 static size_t given;
+static unsigned char out[64];
+static size_t waiting;
 static float in_us;  /* until the next octet has arrived */
 static float out_us; /* ... has left */
 static float timer_us;
 static volatile sig_atomic_t burst;
+static volatile sig_atomic_t broken;
 
 static void on_signal(int number)
 {
-    (void)number;
-    burst = 1;
+    burst = (number == SIGUSR1) ? 1 : burst;
+    broken = (number == SIGUSR2) ? 1 : broken;
 }
 
 /* --- what the chip has been set to --------------------------------------------------- */
@@ -105,18 +111,16 @@ static void show_violations(FILE *file)
 static int gates_are_inputs(void)
 {
     uint32_t gpio = (HT_BOARD_UNDER_TEST.map == &ht_f28335) ? 0x6F80u : 0x7C00u;
+    const uint16_t *mux = &ht_image_registers.word[gpio + 6u]; /* eight pins a word */
+    const uint16_t *direction = &ht_image_registers.word[gpio + 0xAu]; /* sixteen */
+    unsigned bad = 0;
     unsigned n;
     for (n = 0; n < 2 * HT_LEGS; n++) {
         unsigned pin = HT_BOARD_UNDER_TEST.pwm[n].gpio;
-        unsigned field = pin / 8u; /* eight pins a word of the multiplexers */
-        if (((word(gpio + 6u + field) >> (2u * (pin % 8u))) & 3u) != 0u) {
-            return 0;
-        }
-        if (((word(gpio + 0xAu + pin / 16u) >> (pin % 16u)) & 1u) != 0u) {
-            return 0;
-        }
+        bad |= (mux[pin / 8u] >> (2u * (pin % 8u))) & 3u;
+        bad |= (direction[pin / 16u] >> (pin % 16u)) & 1u;
     }
-    return 1;
+    return bad == 0;
 }
 
 static void insist(void)
@@ -135,25 +139,31 @@ static void insist(void)
 
 static void pass(unsigned us)
 {
-    float period_us =
-        ((float)(word(0xC02u) | (word(0xC03u) << 16)) + 1.0f) / system_Hz() * 1.0e6f;
     ht_regfile_wait(&ht_image_registers, (uint16_t)us);
     timer_us += (float)us;
-    if (timer_us >= period_us) {
-        timer_us = 0.0f;
-        (void)ht_regfile_timer(&ht_image_registers);
+    if (timer_us >= TIMER_US) {
+        float counts = (float)(word(0xC02u) | (word(0xC03u) << 16)) + 1.0f;
+        if (timer_us >= counts / system_Hz() * 1.0e6f) {
+            timer_us = 0.0f;
+            (void)ht_regfile_timer(&ht_image_registers);
+        }
     }
 }
 
 static void arrive(void)
 {
-    if (burst != 0) {
+    if (broken != 0) { /* SCIRXST: RXERROR, FE */
+        broken = 0;
+        *ht_regfile_word(&ht_image_registers,
+                         (HT_BOARD_UNDER_TEST.map == &ht_f28335) ? 0x7055u : 0x7205u) = 0x0090u;
+    }
+    if ((burst != 0) && (given < have)) {
         burst = 0;
         while (given < have) {
             (void)ht_regfile_sci_arrive(&ht_image_registers, (uint16_t)on_the_line(in[given++]));
         }
     }
-    in_us -= (float)TURN_US;
+    in_us = (in_us > 0.0f) ? in_us - (float)TURN_US : 0.0f;
     while ((given < have) && (in_us <= 0.0f)) {
         (void)ht_regfile_sci_arrive(&ht_image_registers, (uint16_t)on_the_line(in[given++]));
         in_us += 10.0e6f / host_baud;
@@ -162,13 +172,17 @@ static void arrive(void)
 
 static void leave(void)
 {
-    out_us -= (float)TURN_US;
+    out_us = (out_us > 0.0f) ? out_us - (float)TURN_US : 0.0f;
     while ((ht_image_registers.sci_out_count != 0u) && (out_us <= 0.0f)) {
-        unsigned char octet = (unsigned char)on_the_line(ht_regfile_sci_leave(&ht_image_registers));
-        if (write(STDOUT_FILENO, &octet, 1) != 1) {
+        out[waiting++] = (unsigned char)on_the_line(ht_regfile_sci_leave(&ht_image_registers));
+        out_us += 10.0e6f / chip_baud();
+    }
+    /* In larger pieces, as a USB adapter does. */
+    if ((waiting == sizeof out) || ((waiting != 0u) && (ht_image_registers.sci_out_count == 0u))) {
+        if (write(STDOUT_FILENO, out, waiting) != (ssize_t)waiting) {
             exit(0);
         }
-        out_us += 10.0e6f / chip_baud();
+        waiting = 0;
     }
 }
 
@@ -198,7 +212,7 @@ static void idle(ht_regfile *rf)
             }
             have = (size_t)n;
             given = 0;
-        } else if (rf->time_us > 100000u) { /* a start that hangs is not for waiting */
+        } else {
             pass(IDLE_US);
         }
     }
@@ -214,6 +228,7 @@ int main(int argc, char **argv)
     }
     host_baud = (strcmp(argv[1], "registers") == 0) ? 0.0f : (float)atol(argv[1]);
     (void)signal(SIGUSR1, on_signal);
+    (void)signal(SIGUSR2, on_signal);
     ht_regfile_reset(&ht_image_registers, HT_BOARD_UNDER_TEST.map);
     ht_image_registers.idle = idle;
     if (host_baud != 0.0f) { /* another image ran before: all pins of port A to the PWM */

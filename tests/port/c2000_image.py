@@ -64,7 +64,10 @@ class Builder:
         what takes its place."""
         name, old, new = change or ("", "", "")
         objects = []
-        for source, out, options in self._sources(board, pil).values():
+        sources = self._sources(board, pil)
+        if change and name not in sources:
+            raise ValueError(f"{name} is not in this image")
+        for source, out, options in sources.values():
             if source.name == name:
                 text = source.read_text()
                 if text.count(old) != 1:

@@ -130,6 +130,7 @@ static void receive(ht_link *l, int64_t until_ms)
         if (n > 0) {
             uint16_t used;
             ht_frame_status status = ht_frame_take(&l->reply, l->octets, (uint16_t)n, &used);
+            l->heard += (uint32_t)n;
             if (status == HT_FRAME_BROKEN) {
                 down(l, HT_LINK_BROKEN);
             } else if ((status == HT_FRAME_WHOLE) && (used != (uint16_t)n)) {
@@ -177,6 +178,7 @@ static void through_local(ht_link *l, uint16_t octets)
 static bool exchange(ht_link *l, uint16_t type)
 {
     uint16_t octets = ht_frame_end(&l->request);
+    l->heard = 0u;
     if (l->error != (uint16_t)HT_LINK_UP) {
         return false;
     }
@@ -359,6 +361,11 @@ static void digest(ht_link *l)
         l->channels[i] = ht_frame_float(&word[HT_PIL_AT_REST + 2u * i]);
     }
     follow(l, word, rest, words);
+}
+
+uint32_t ht_link_baud(void)
+{
+    return HT_PIL_BAUD;
 }
 
 void ht_link_reset(ht_link *l)

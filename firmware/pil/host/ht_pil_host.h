@@ -59,6 +59,7 @@ typedef struct {
     int to_target;         /**< file descriptors, if not local */
     int from_target;
     int timeout_ms;
+    uint32_t heard;        /**< octets that came since the latest request */
     uint16_t error;        /**< ht_link_error */
     uint16_t number;       /**< of the latest request */
     uint16_t result;       /**< what follows: of the latest reply */
@@ -70,8 +71,11 @@ typedef struct {
     ht_frame request;
     ht_frame incoming;     /**< of a local target */
     ht_frame reply;
-    unsigned char octets[2 * (3 + 512 + 2)];
+    unsigned char octets[HT_FRAME_OCTETS];
 } ht_link;
+
+/** Rate of a board's serial line unless it is built for another one, baud. */
+uint32_t ht_link_baud(void);
 
 /** Forget everything but the connection. */
 void ht_link_reset(ht_link *l);

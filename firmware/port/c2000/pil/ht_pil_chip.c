@@ -12,9 +12,9 @@
 #error "HT_BOARD: name of the board's table, e.g. ht_board_f28335"
 #endif
 
-/* A request that stands still for one to two periods of this is given up. A host writes
- * a request in one piece. */
-#define QUIET_HZ 10.0f
+/* A request of which nothing more comes for one to two periods of this is given up. A
+ * host writes a request in one piece. */
+#define QUIET_HZ 5.0f
 
 static ht_port chip;
 static bool heard; /* an octet, since the timer passed */
