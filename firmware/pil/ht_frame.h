@@ -13,7 +13,6 @@
 #define HT_FRAME_PAYLOAD 512u /* words at most */
 #define HT_FRAME_HEAD 3u      /* words: sync, length, type and number */
 #define HT_FRAME_SUM 2u       /* words: Fletcher-32 of all between sync and itself */
-#define HT_FRAME_OCTETS (2u * (HT_FRAME_HEAD + HT_FRAME_PAYLOAD + HT_FRAME_SUM)) /* at most */
 
 typedef struct {
     uint16_t have;    /**< octets received so far */

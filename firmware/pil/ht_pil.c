@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "ht_pil_snapshot.h"
+
 static uint32_t sum_text(uint32_t sum, const char *text)
 {
     uint32_t total = sum;
@@ -124,6 +126,13 @@ uint16_t ht_pil_answer(ht_pil *p, const ht_frame *request, ht_frame *reply)
         ht_pil_identity(identity);
         for (i = 0u; i < HT_PIL_IDENTITY; i++) {
             ht_frame_add(reply, identity[i]);
+        }
+        return ht_frame_end(reply);
+    }
+    if (type == (uint16_t)HT_PIL_SNAPSHOT) {
+        ht_frame_add(reply, p->ready ? (uint16_t)HT_OK : (uint16_t)HT_PIL_REFUSED);
+        if (p->ready) {
+            ht_pil_snapshot_add(reply, &p->drive.snapshot);
         }
         return ht_frame_end(reply);
     }

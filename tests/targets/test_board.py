@@ -11,6 +11,7 @@ import os
 import pty
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -183,6 +184,14 @@ def test_every_register_and_channel_bit_by_bit(programs, quick, name, device, la
     assert (outcome.steps, outcome.state) == (3000, "run")
 
 
+def test_a_fault_and_what_it_left(a_board, quick):
+    setup = quick.changed(controller__i_trip_A=6.0)
+    with target_of(a_board) as target:
+        outcome = pil.compare(setup, Profile(duration_s=0.1, samples_per_period=1), target)
+    assert outcome.difference is None
+    assert outcome.faults == outcome.snapshot["faults"] == ["over-current"]
+
+
 def test_one_bit_of_a_parameter_shows(a_board, quick):
     with target_of(a_board) as target:
         make = target.controller
@@ -199,6 +208,20 @@ def test_runs_one_after_the_other_without_a_reset(a_board, quick):
             outcome = pil.compare(quick.changed(timing__device=device), SHORT, target)
         assert outcome.failures() == []
     assert a_board.process.poll() is None
+
+
+def test_line_with_a_network_address(programs, quick):
+    """What pyserial opens as socket://, e.g. a serial server's port."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        name = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        with board.BoardTarget(name) as target:
+            far, _ = server.accept()
+            with (
+                far,
+                subprocess.Popen([programs[F28335], str(board.BAUD)], stdin=far, stdout=far) as it,
+            ):
+                assert pil.compare(quick, SHORT, target).failures() == []
+                it.kill()
 
 
 def test_command(a_board, tmp_path, capsys):

@@ -1,6 +1,7 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include "ht_pil_host.h"
+#include "ht_pil_snapshot.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -440,6 +441,21 @@ void ht_link_request(ht_link *l, uint16_t type, uint16_t argument, float value)
     }
     if (exchange(l, type)) {
         digest(l);
+    }
+}
+
+void ht_link_snapshot(ht_link *l, ht_snapshot *s)
+{
+    begin(l, HT_PIL_SNAPSHOT);
+    if (exchange(l, HT_PIL_SNAPSHOT)) {
+        const uint16_t *word = ht_frame_payload(&l->reply);
+        if (word[HT_PIL_AT_RESULT] != (uint16_t)HT_OK) {
+            down(l, HT_LINK_REFUSED);
+        } else if (ht_frame_length(&l->reply) != 1u + (uint16_t)HT_PIL_SNAPSHOT_WORDS) {
+            down(l, HT_LINK_ANSWER);
+        } else {
+            ht_pil_snapshot_take(&word[1], s);
+        }
     }
 }
 

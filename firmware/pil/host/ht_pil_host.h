@@ -12,6 +12,9 @@
  *  violations (32 bits) of the register file. */
 #define HT_IMAGE_EXTRA 4
 
+/** Octets of the largest frame. */
+#define HT_FRAME_OCTETS (2u * (HT_FRAME_HEAD + HT_FRAME_PAYLOAD + HT_FRAME_SUM))
+
 /** Keeps what the registers hold after every period. */
 typedef struct {
     uint16_t *image;   /**< rows of `width` words, in the caller's memory; NULL: none */
@@ -86,6 +89,8 @@ void ht_link_hello(ht_link *l, uint16_t *identity);
 void ht_link_init(ht_link *l, uint16_t device, const ht_params *p);
 /** One request; `result`, `value` and the rest of the link hold the reply. */
 void ht_link_request(ht_link *l, uint16_t type, uint16_t argument, float value);
+/** What the target kept of its latest fault. The drive and its hardware do not notice. */
+void ht_link_snapshot(ht_link *l, ht_snapshot *s);
 /** Entry points, as those of `ht_watch`. */
 void ht_link_fast(ht_link *l);
 void ht_link_slow(ht_link *l);
