@@ -1,4 +1,4 @@
-/* The only function of the C library that the drive calls, for compilers that come
+/* The only function of the C library that the firmware calls, for compilers that come
  * without a library for the target. */
 #ifndef HT_C28X_MATH_H
 #define HT_C28X_MATH_H
