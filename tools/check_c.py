@@ -22,8 +22,20 @@ import subprocess
 import sys
 from pathlib import Path
 
-FOLDERS = ("core", "app", "link", "port", "port/c2000", "port/c2000/image")
-TARGET = ("core", "app", "link", "port/c2000", "port/c2000/image")
+TARGET = (
+    "core", "app", "link", "pil", "pil/calls", "port/c2000", "port/c2000/image", "port/c2000/pil"
+)  # fmt: skip
+FOLDERS = (*TARGET, "port")
+#: The programs: the drive, and processor in the loop. Folders, and files of them that it is
+#: without.
+IMAGES = (
+    (("core", "app", "link", "port/c2000", "port/c2000/image"), ()),
+    (
+        ("core", "app", "pil", "pil/calls", "port/c2000", "port/c2000/image", "port/c2000/pil"),
+        ("ht_adc.c", "ht_eqep.c", "ht_image.c", "ht_pie.c", "ht_port_c2000.c", "ht_pwm.c",
+         "ht_service.c", "ht_service_fast.c", "ht_service_requests.c", "ht_dictionary.c"),
+    ),
+)  # fmt: skip
 BOARD = ("-DHT_BOARD=ht_board_f28335", "-DHT_CAPTURE_VALUES=1024u")
 WARNINGS = [
     "-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wconversion",
@@ -105,13 +117,15 @@ def check_cppcheck(root: Path) -> list[str]:
     version = subprocess.run([str(tool("cppcheck")), "--version"], capture_output=True, text=True)
     if VERSION not in version.stdout:
         return [f"cppcheck {VERSION} is wanted, this is {version.stdout.strip()}"]
-    target = cppcheck(
-        root, "--addon=misra", "-D__TMS320C2000__", "-D__interrupt=", "-D__cregister=",
-        "-D__asm(text)=((void)0)", *BOARD, *suppressions(root),
-        *[f"firmware/{folder}" for folder in ("core", "app", "link", "port/c2000")],
-    )  # fmt: skip
+    said: list[str] = []
+    for folders, without in IMAGES:
+        files = [f for f in sources(root, *folders) if f.name not in without]
+        said += cppcheck(
+            root, "--addon=misra", "-D__TMS320C2000__", "-D__interrupt=", "-D__cregister=",
+            "-D__asm(text)=((void)0)", *BOARD, *suppressions(root), *map(str, files),
+        )  # fmt: skip
     static = ("--suppress=unusedFunction", "--suppress=staticFunction")
-    return target + cppcheck(root, *static, "firmware/port/host")
+    return said + cppcheck(root, *static, "firmware/port/host")
 
 
 CHECKS = {

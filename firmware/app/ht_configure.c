@@ -105,8 +105,9 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->observer.omega_gain = (ts < OMEGA_FILTER_S) ? (ts / OMEGA_FILTER_S) : 1.0f;
     c->xy.kp_pu_A = p->v[HT_P_kp_xy_pu_A];
     c->xy.ki_ts_pu_A = p->v[HT_P_ki_xy_pu_As] * ts;
+    c->xy_limit_pu = ht_tmvcl_pu[(c->scheme == HT_DDR_ML) ? HT_ML : HT_L];
     c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
-    c->dead.inv_2i_zero = 0.5f / p->v[HT_P_i_zero_A];
+    c->dead.i_zero_A = p->v[HT_P_i_zero_A];
     return ht_control_check(c) == HT_CONFIG_OK;
 }
 
@@ -120,10 +121,8 @@ static float pull_out(const float *v)
            / (sigma_ls_H * (sigma_ls_H + main_H));
 }
 
-static void apply_protection(ht_drive *d)
+static void apply_protection(const float *v, ht_protect_config *c)
 {
-    const float *v = d->params.v;
-    ht_protect_config *c = &d->protect_config;
     float ratio = v[HT_P_lm_H] / v[HT_P_lr_H];
     c->i_trip_A = v[HT_P_i_trip_A];
     c->i_ab_trip_A = v[HT_P_i_ab_trip_A];
@@ -147,28 +146,33 @@ static void apply_protection(ht_drive *d)
     c->encoder_gain = 1.0f / (1.0f + ENCODER_CHECK_S * v[HT_P_f_slow_Hz]);
 }
 
-void ht_configure_rest(ht_drive *d)
+void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config *c)
+{
+    const float *v = p->v;
+    c->params = *p;
+    c->speed.kp_Nms_rad = v[HT_P_kp_speed_Nms_rad];
+    c->speed.ki_ts_Nms_rad = v[HT_P_ki_speed_Nm_rad] / v[HT_P_f_slow_Hz];
+    c->speed.torque_limit_Nm = v[HT_P_torque_limit_Nm];
+    c->measure.rpm_per_count = 60.0f * v[HT_P_f_slow_Hz] / v[HT_P_encoder_counts_rev];
+    c->measure.rpm_ticks = 60.0f * (float)HT_CAPTURE_COUNTS * ht_port_capture_clock_Hz(port)
+                           / v[HT_P_encoder_counts_rev];
+    c->measure.period_rpm = v[HT_P_speed_period_rpm];
+    c->flux.flux_ref_Wb = v[HT_P_flux_ref_Wb];
+    c->flux.flux_min_Wb = v[HT_P_flux_min_Wb];
+    c->flux.reach_pu = v[HT_P_fw_margin] * reach_pu[(uint16_t)v[HT_P_scheme]];
+    c->flux.rs_ohm = v[HT_P_rs_ohm];
+    c->pull_out_Nm_Wb2 = pull_out(v);
+    c->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);
+    c->build_gain = 1.0f / (1.0f + BUILD_ADAPT_S * v[HT_P_f_slow_Hz]);
+    c->adapt_gain =
+        (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz])) : 0.0f;
+    apply_protection(v, &c->protect);
+}
+
+void ht_configure_scales(ht_drive *d)
 {
     const float *v = d->params.v;
     float ticks;
-    d->speed_config.kp_Nms_rad = v[HT_P_kp_speed_Nms_rad];
-    d->speed_config.ki_ts_Nms_rad = v[HT_P_ki_speed_Nm_rad] / v[HT_P_f_slow_Hz];
-    d->speed_config.torque_limit_Nm = v[HT_P_torque_limit_Nm];
-    d->measure_config.rpm_per_count = 60.0f * v[HT_P_f_slow_Hz] / v[HT_P_encoder_counts_rev];
-    d->measure_config.rpm_ticks = 60.0f * (float)HT_CAPTURE_COUNTS
-                                  * ht_port_capture_clock_Hz(d->port)
-                                  / v[HT_P_encoder_counts_rev];
-    d->measure_config.period_rpm = v[HT_P_speed_period_rpm];
-    d->flux_config.flux_ref_Wb = v[HT_P_flux_ref_Wb];
-    d->flux_config.flux_min_Wb = v[HT_P_flux_min_Wb];
-    d->flux_config.reach_pu = v[HT_P_fw_margin] * reach_pu[(uint16_t)v[HT_P_scheme]];
-    d->flux_config.rs_ohm = v[HT_P_rs_ohm];
-    d->pull_out_Nm_Wb2 = pull_out(v);
-    d->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);
-    d->build_gain = 1.0f / (1.0f + BUILD_ADAPT_S * v[HT_P_f_slow_Hz]);
-    d->adapt_gain =
-        (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz])) : 0.0f;
-    apply_protection(d);
     d->turn_per_count = 2.0f * PI_F * v[HT_P_pole_pairs] / v[HT_P_encoder_counts_rev];
     d->i_per_count = 2.0f * v[HT_P_i_full_A] / ADC_FULL;
     d->v_per_count = v[HT_P_vdc_full_V] / ADC_FULL;
@@ -196,7 +200,7 @@ ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_confi
 ht_result ht_configure_live(ht_drive *d, const ht_params *p)
 {
     ht_control_config config;
-    ht_control_config *next;
+    ht_drive_config *next;
     ht_pwm_setup setup;
     ht_result result = ht_configure(d->port, p, &config, &setup);
     if (result != HT_OK) {
@@ -205,8 +209,8 @@ ht_result ht_configure_live(ht_drive *d, const ht_params *p)
     d->params = *p;
     d->staged = NULL; /* the interrupt must not take a half-written copy */
     next = (d->config == &d->configs[0]) ? &d->configs[1] : &d->configs[0];
-    *next = config;
+    next->control = config;
+    ht_configure_rest(d->port, p, next);
     d->staged = next;
-    ht_configure_rest(d);
     return HT_OK;
 }

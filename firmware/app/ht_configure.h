@@ -11,9 +11,12 @@
 ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_config *config,
                        ht_pwm_setup *setup);
 
-/** Everything outside the control configuration that `d->params` decide: speed loop, flux
- *  reference, protection, scaling, times. */
-void ht_configure_rest(ht_drive *d);
+/** Everything outside the control configuration that parameters decide and that may change
+ *  while the drive runs: speed loop, flux reference, protection. */
+void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config *c);
+
+/** Scaling and times, which only change with the gates off. */
+void ht_configure_scales(ht_drive *d);
 
 /** New parameters for a drive that may be running: checked, then handed to the next
  *  fast interrupt. Nothing changes on an error. */

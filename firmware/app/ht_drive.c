@@ -1,5 +1,6 @@
 #include "ht_configure.h"
 
+#include <math.h>
 #include <stddef.h>
 
 #define ADC_MID 2048.0f
@@ -10,7 +11,7 @@
 
 static bool finite_below(float value, float limit)
 {
-    return (value < limit) && (value > -limit);
+    return fabsf(value) < limit;
 }
 
 const char *ht_state_name(uint16_t state)
@@ -50,10 +51,11 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     }
     d->port = port;
     d->params = *p;
-    d->configs[0] = config;
-    d->config = &d->configs[0];
     d->staged = NULL;
-    ht_configure_rest(d);
+    d->configs[0].control = config;
+    ht_configure_rest(port, p, &d->configs[0]);
+    d->config = &d->configs[0];
+    ht_configure_scales(d);
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->offset_counts[leg] = ADC_MID;
         d->offset_sum[leg] = 0u;
@@ -63,7 +65,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     d->in.torque_ref_Nm = 0.0f;
     d->in.turn_rad = 0.0f;
     set_flux_ref(d, p->v[HT_P_flux_ref_Wb]);
-    ht_control_reset(d->config, &d->control, &none);
+    ht_control_reset(&d->config->control, &d->control, &none);
     d->speed.integral_Nm = 0.0f;
     ht_speed_measure_reset(&d->measured);
     d->torque_ref_Nm = 0.0f;
@@ -112,16 +114,11 @@ static void measure(ht_drive *d)
         d->in.i_A.p[leg] = ((float)s->adc[HT_ADC_I + leg] - d->offset_counts[leg]) * d->i_per_count;
     }
     d->in.vdc_V = (float)s->adc[HT_ADC_VDC] * d->v_per_count;
-    d->in.turn_rad = (turn > TURN_MAX_RAD) ? TURN_MAX_RAD
-                                           : ((turn < -TURN_MAX_RAD) ? -TURN_MAX_RAD : turn);
+    if (!(fabsf(turn) <= TURN_MAX_RAD)) {
+        turn = (turn > 0.0f) ? TURN_MAX_RAD : -TURN_MAX_RAD;
+    }
+    d->in.turn_rad = turn;
     d->position_now = s->position;
-}
-
-/* The latch was released in the first interrupt of BUILD. */
-static bool gates_should_be_on(const ht_drive *d)
-{
-    return (d->state == (uint16_t)HT_STATE_RUN)
-           || ((d->state == (uint16_t)HT_STATE_BUILD) && (d->state_ticks > 1u));
 }
 
 static void fault(ht_drive *d, uint16_t bits)
@@ -145,31 +142,45 @@ void ht_drive_trip(ht_drive *d, uint16_t bits)
     fault(d, bits);
 }
 
-/* Everything that is known before the control step. */
-static uint16_t protect(ht_drive *d)
+/* Everything that is known before the control step. `powered`: the gates are on, and
+ * what that needs is known. */
+static inline uint16_t faults_before(ht_drive *d, bool powered)
 {
-    bool powered = gates_should_be_on(d);
-    uint16_t faults =
-        ht_protect_samples(&d->protect_config, &d->in, d->speed_rpm, powered);
+    unsigned faults = ht_protect_samples(&d->config->protect, &d->in, d->speed_rpm, powered);
     if (powered) {
-        faults |= ht_protect_stuck(&d->protect_config, &d->protect, &d->samples, d->stuck_leg);
-        d->stuck_leg = (uint16_t)((d->stuck_leg + 1u) % (uint16_t)HT_LEGS);
+        uint16_t leg = d->stuck_leg;
+        faults |= ht_protect_stuck(&d->config->protect, &d->protect, &d->samples, leg);
+        d->stuck_leg = ((leg + 1u) < (uint16_t)HT_LEGS) ? (uint16_t)(leg + 1u) : 0u;
         if (ht_port_tripped(d->port)) {
             faults |= HT_FAULT_EXTERNAL;
         }
     }
-    if ((d->state == (uint16_t)HT_STATE_RUN) || (d->state == (uint16_t)HT_STATE_BUILD)) {
-        faults |= d->slow_faults;
+    return (uint16_t)faults;
+}
+
+/* And everything that is known after it. */
+static inline void protect_after(ht_drive *d)
+{
+    unsigned faults = ht_protect_results(&d->config->protect, &d->control, d->in.torque_ref_Nm);
+    if (ht_port_overrun(d->port)) {
+        faults |= HT_FAULT_OVERRUN;
     }
-    return faults;
+    if (faults != 0u) {
+        fault(d, (uint16_t)faults);
+    }
 }
 
 static void calibrate(ht_drive *d)
 {
+    uint16_t faults = faults_before(d, false);
     int leg;
+    if (faults != 0u) {
+        fault(d, faults);
+        return;
+    }
     if (d->state_ticks == 1u) { /* all legs low before the gates ever come on */
         ht_compare low;
-        ht_control_low_pattern(d->config, &low);
+        ht_control_low_pattern(&d->config->control, &low);
         ht_port_write(d->port, &low);
     }
     for (leg = 0; leg < HT_LEGS; leg++) {
@@ -189,95 +200,101 @@ static void calibrate(ht_drive *d)
     measure(d);
     ht_protect_reset(&d->protect);
     d->slow_faults = 0u; /* of the run before: the slow loop may not have come by since */
-    ht_control_reset(d->config, &d->control, &d->in.i_A);
+    ht_control_reset(&d->config->control, &d->control, &d->in.i_A);
     d->speed.integral_Nm = 0.0f;
     d->torque_ref_Nm = 0.0f;
     enter(d, HT_STATE_BUILD);
+    protect_after(d);
 }
 
-static void build(ht_drive *d, ht_compare *out)
+/* References of the build-up; returns how far it has come. */
+static float begin_build(ht_drive *d)
 {
     uint32_t ticks = d->build_ticks + 1u;
     float share = (float)d->state_ticks / (float)ticks;
-    set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb] * ((share < 1.0f) ? share : 1.0f));
+    set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb] * ((share < 1.0f) ? share : 1.0f));
     d->in.torque_ref_Nm = 0.0f;
-    ht_control_build_step(d->config, &d->control, &d->in, out);
+    return share;
+}
+
+static void end_build(ht_drive *d, float share)
+{
     if (share < HT_BUILD_BLIND) {
         d->control.observer.omega_sync_rad_s = 0.0f;
     }
-    ht_port_write(d->port, out);
     if (d->state_ticks == 1u) {
         ht_port_gates_on(d->port); /* only once a pattern is in place */
     }
     if (d->state_ticks >= d->build_ticks) {
-        set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb]);
-        d->flux_ref_Wb = d->params.v[HT_P_flux_ref_Wb];
-        d->flux_top_Wb = d->params.v[HT_P_flux_ref_Wb];
+        set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb]);
+        d->flux_ref_Wb = d->config->params.v[HT_P_flux_ref_Wb];
+        d->flux_top_Wb = d->config->params.v[HT_P_flux_ref_Wb];
         d->omega_mean_rad_s = 0.0f;
         d->dodging = 0u;
         enter(d, HT_STATE_RUN);
     }
 }
 
-static void run(ht_drive *d, ht_compare *out)
+/* One period of BUILD or RUN. */
+static inline void drive(ht_drive *d, bool build)
 {
-    d->in.torque_ref_Nm = d->torque_ref_Nm;
-    if (d->in.flux_ref_Wb != d->flux_ref_Wb) {
-        set_flux_ref(d, d->flux_ref_Wb);
+    ht_compare out;
+    float share = 1.0f;
+    /* The latch was released in the first interrupt of BUILD. */
+    unsigned faults = faults_before(d, !build || (d->state_ticks > 1u));
+    faults |= d->slow_faults;
+    if (faults != 0u) {
+        fault(d, (uint16_t)faults);
+        return;
     }
-    ht_control_step(d->config, &d->control, &d->in, out);
-    ht_port_write(d->port, out);
+    if (build) {
+        share = begin_build(d);
+    } else {
+        d->in.torque_ref_Nm = d->torque_ref_Nm;
+        if (d->in.flux_ref_Wb != d->flux_ref_Wb) {
+            set_flux_ref(d, d->flux_ref_Wb);
+        }
+    }
+    ht_control_step(&d->config->control, &d->control, &d->in, build, &out);
+    ht_port_write(d->port, &out);
+    if (build) {
+        end_build(d, share);
+    }
+    protect_after(d);
 }
 
 void ht_drive_fast_isr(ht_drive *d)
 {
-    ht_compare out;
-    uint16_t faults;
-
+    ht_state state = (ht_state)d->state;
     ht_port_begin_fast(d->port);
     ht_port_read(d->port, &d->samples);
     d->tick++;
-    if ((d->state != (uint16_t)HT_STATE_IDLE) && (d->state != (uint16_t)HT_STATE_FAULT)) {
-        d->state_ticks++; /* else a start that this interrupt comes into would lose a tick */
-    }
     if (d->staged != NULL) {
         d->config = d->staged;
         d->taken_tick = d->tick;
         d->staged = NULL;
     }
     measure(d);
-    if ((d->state != (uint16_t)HT_STATE_IDLE) && (d->state != (uint16_t)HT_STATE_FAULT)) {
-        faults = protect(d);
-        if (faults != 0u) {
-            fault(d, faults);
-        }
-    }
-    switch ((ht_state)d->state) {
-    case HT_STATE_CALIBRATE:
-        calibrate(d);
+    switch (state) {
+    case HT_STATE_RUN:
+        d->state_ticks++;
+        drive(d, false);
         break;
     case HT_STATE_BUILD:
-        build(d, &out);
+        d->state_ticks++;
+        drive(d, true);
         break;
-    case HT_STATE_RUN:
-        run(d, &out);
+    case HT_STATE_CALIBRATE:
+        d->state_ticks++;
+        calibrate(d);
         break;
-    case HT_STATE_IDLE:
+    case HT_STATE_IDLE: /* no tick: a start that this interrupt comes into would lose it */
     case HT_STATE_FAULT:
     default:
         if (!ht_port_tripped(d->port)) {
             ht_port_gates_off(d->port); /* whoever released the latch: not in these states */
         }
         break;
-    }
-    if ((d->state == (uint16_t)HT_STATE_RUN) || (d->state == (uint16_t)HT_STATE_BUILD)) {
-        faults = ht_protect_results(&d->protect_config, &d->control, d->in.torque_ref_Nm);
-        if (ht_port_overrun(d->port)) {
-            faults |= HT_FAULT_OVERRUN;
-        }
-        if (faults != 0u) {
-            fault(d, faults);
-        }
     }
     ht_port_ack_fast(d->port);
 }

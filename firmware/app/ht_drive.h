@@ -9,9 +9,8 @@
  *  over single floats and flags: references, the resistances in use, `slow_faults`.
  *  What it reads of the fast one's may be of two successive samples. Commands come from the background and write
  *  the state in an order that a fast interrupt in between cannot turn into gates on
- *  (it re-latches the trip in IDLE and FAULT). A parameter change reaches the control
- *  law as a whole at the next fast interrupt; protection levels and the slow loop's
- *  gains, single floats each, act at once.
+ *  (it re-latches the trip in IDLE and FAULT). A parameter change reaches both interrupts as a
+ *  whole: the fast one takes it over, a slow one that it comes into ends with what it began with.
  */
 #ifndef HT_DRIVE_H
 #define HT_DRIVE_H
@@ -60,49 +59,59 @@ typedef struct {
     float speed_rpm;
 } ht_snapshot;
 
+/** What the parameters decide, for interrupts that may come at any time: made as a whole,
+ *  then taken over as a whole. What reaches into the PWM or the scaling and therefore only changes
+ *  with the gates off is in the drive itself. */
 typedef struct {
-    ht_port *port;
-    ht_params params;
-    ht_control_config configs[2];  /**< derived from params: the one in force and the next */
-    const ht_control_config *config; /**< in force */
-    const ht_control_config *volatile staged; /**< for the next fast interrupt to take over */
-    ht_control_state control;
-    ht_control_input in;           /**< latest measurement and references */
-    ht_speed_config speed_config;
-    ht_speed_state speed;
-    ht_speed_measure_config measure_config;
-    ht_speed_measure_state measured;
-    ht_flux_config flux_config;
-    ht_protect_config protect_config;
-    ht_protect_state protect;
-    ht_samples samples;            /**< latest */
-    ht_snapshot snapshot;          /**< of the latest fault; a clear keeps it */
-    float offset_counts[HT_LEGS];  /**< calibrated zero of each current channel */
-    uint32_t offset_sum[HT_LEGS];
-    volatile uint32_t state_ticks;          /**< fast interrupts since the state began */
-    uint32_t tick;                 /**< fast interrupts since init */
-    uint32_t taken_tick;           /**< of the first interrupt with the parameters in force */
-    uint32_t position_last;
-    uint32_t position_now;
-    float speed_rpm;
-    float torque_ref_Nm;           /**< slow loop to fast loop */
-    float flux_ref_Wb;             /**< slow loop to fast loop */
-    float flux_top_Wb;             /**< flux_ref_Wb on its way; field weakening goes below */
-    float omega_mean_rad_s;        /**< flux speed, slow mean */
+    ht_control_config control;
+    ht_protect_config protect;
+    ht_speed_config speed;
+    ht_speed_measure_config measure;
+    ht_flux_config flux;
     float omega_mean_gain;
     float pull_out_Nm_Wb2;         /**< torque limit per flux squared */
     float adapt_gain;              /**< of the resistances, per slow interrupt */
     float build_gain;              /**< the same during the build-up */
-    float turn_per_count;          /**< electrical rad */
+    ht_params params;              /**< all this is from */
+} ht_drive_config;
+
+typedef struct {
+    /* What the fast interrupt needs comes first, within reach of one instruction. */
+    ht_port *port;
+    const ht_drive_config *config; /**< in force */
+    const ht_drive_config *volatile staged; /**< for the next fast interrupt to take over */
+    uint32_t tick;                 /**< fast interrupts since init */
+    uint32_t taken_tick;           /**< of the first interrupt with the parameters in force */
+    volatile uint32_t state_ticks; /**< fast interrupts since the state began */
+    volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
+    volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
+    uint16_t faults;
+    uint16_t stuck_leg;            /**< whose sensor is looked at next */
+    ht_samples samples;            /**< latest */
+    uint32_t position_now;
+    float offset_counts[HT_LEGS];  /**< calibrated zero of each current channel */
     float i_per_count;
     float v_per_count;
-    uint16_t calibration_ticks;
+    float turn_per_count;          /**< electrical rad */
+    float speed_rpm;
+    float torque_ref_Nm;           /**< slow loop to fast loop */
+    float flux_ref_Wb;             /**< slow loop to fast loop */
+    ht_control_input in;           /**< latest measurement and references */
+    ht_control_state control;
+    ht_protect_state protect;
+    /* Slow interrupt, states and commands. */
+    ht_speed_state speed;
+    ht_speed_measure_state measured;
+    uint32_t position_last;
+    float flux_top_Wb;             /**< flux_ref_Wb on its way; field weakening goes below */
+    float omega_mean_rad_s;        /**< flux speed, slow mean */
+    uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
-    volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
-    uint16_t faults;
+    uint16_t calibration_ticks;
     uint16_t dodging;              /**< 1: less flux, to keep the flux turning */
-    uint16_t stuck_leg;            /**< whose sensor is looked at next */
-    volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
+    ht_snapshot snapshot;          /**< of the latest fault; a clear keeps it */
+    ht_params params;              /**< the latest that were accepted */
+    ht_drive_config configs[2];    /**< the one in force and the next */
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. Refuses

@@ -14,13 +14,13 @@
  * than the encoder says is the work of a shaft whose turning the encoder missed. */
 #define BUILD_LOOK_S 0.01f
 #define BUILD_TURN_RPM 100.0f
-static uint16_t turning_unnoticed(const ht_drive *d)
+static uint16_t turning_unnoticed(const ht_drive *d, const ht_drive_config *c)
 {
-    float off = d->protect_config.rpm_per_rad_s * d->control.observer.omega_sync_rad_s
+    float off = c->protect.rpm_per_rad_s * d->control.observer.omega_sync_rad_s
                 - d->speed_rpm;
     bool there = (float)d->state_ticks > HT_BUILD_BLIND * (float)d->build_ticks
-                                             + BUILD_LOOK_S * d->params.v[HT_P_f_isr_Hz];
-    if (!there || !(d->params.v[HT_P_encoder_trip_rpm] > 0.0f)
+                                             + BUILD_LOOK_S * c->params.v[HT_P_f_isr_Hz];
+    if (!there || !(c->params.v[HT_P_encoder_trip_rpm] > 0.0f)
         || ((off < BUILD_TURN_RPM) && (off > -BUILD_TURN_RPM))) {
         return 0u;
     }
@@ -28,28 +28,28 @@ static uint16_t turning_unnoticed(const ht_drive *d)
 }
 
 /* What the parameters allow and the flux can give. */
-static float torque_limit(const ht_drive *d)
+static float torque_limit(const ht_drive *d, const ht_drive_config *c)
 {
-    float limit = d->params.v[HT_P_torque_limit_Nm];
-    float reach = d->pull_out_Nm_Wb2 * d->flux_ref_Wb * d->flux_ref_Wb;
+    float limit = c->params.v[HT_P_torque_limit_Nm];
+    float reach = c->pull_out_Nm_Wb2 * d->flux_ref_Wb * d->flux_ref_Wb;
     return (reach < limit) ? reach : limit;
 }
 
 /* Where load and speed make the flux stand still, nothing tells R_r, and a drive with a
  * wrong one may settle just there: more flux, less slip, no more turning. A little less
  * flux makes more slip, and the flux turns again. */
-static void keep_off_zero_frequency(ht_drive *d)
+static void keep_off_zero_frequency(ht_drive *d, const ht_drive_config *c)
 {
-    const float *v = d->params.v;
+    const float *v = c->params.v;
     float psi = d->flux_top_Wb;
     /* i_q/i_d of the reference */
-    float load = d->torque_ref_Nm * d->protect_config.ls_H
-                 / (d->config->observer.torque_gain * psi * psi);
+    float load = d->torque_ref_Nm * c->protect.ls_H
+                 / (c->control.observer.torque_gain * psi * psi);
     float size;
     d->omega_mean_rad_s +=
-        d->omega_mean_gain * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
+        c->omega_mean_gain * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
     size = (d->omega_mean_rad_s < 0.0f) ? -d->omega_mean_rad_s : d->omega_mean_rad_s;
-    if ((d->config->observer.kind != HT_OBSERVER_HYBRID) || !(v[HT_P_adapt_s] > 0.0f)
+    if ((c->control.observer.kind != HT_OBSERVER_HYBRID) || !(v[HT_P_adapt_s] > 0.0f)
         || ((load < DODGE_LOAD) && (load > -DODGE_LOAD)) || (size > DODGE_END_RAD_S)) {
         d->dodging = 0u;
     } else if (size < DODGE_RAD_S) {
@@ -61,9 +61,9 @@ static void keep_off_zero_frequency(ht_drive *d)
 
 /* A new flux reference is approached as fast as the build-up is: a step would tear the
  * stator's flux from the rotor's, which cannot follow. */
-static void ramp_flux_top(ht_drive *d)
+static void ramp_flux_top(ht_drive *d, const ht_drive_config *c)
 {
-    const float *v = d->params.v;
+    const float *v = c->params.v;
     float wanted = v[HT_P_flux_ref_Wb] * ((d->dodging != 0u) ? DODGE_FLUX : 1.0f);
     float larger = (wanted > d->flux_top_Wb) ? wanted : d->flux_top_Wb;
     float step = larger / (v[HT_P_build_s] * v[HT_P_f_slow_Hz]);
@@ -73,33 +73,34 @@ static void ramp_flux_top(ht_drive *d)
 
 void ht_drive_slow_isr(ht_drive *d)
 {
-    const float *v = d->params.v;
+    const ht_drive_config *c = d->config; /* once: nor must it change half-way */
+    const float *v = c->params.v;
     uint32_t position = d->position_now; /* once: the fast interrupt may come in between */
     uint32_t counts = position - d->position_last;
     int32_t moved = (int32_t)counts;
-    ht_speed_config speed = d->speed_config;
+    ht_speed_config speed = c->speed;
     ht_capture capture;
     d->position_last = position;
     ht_port_read_capture(d->port, &capture);
-    d->speed_rpm = ht_speed_measure_step(&d->measure_config, &d->measured, moved, &capture);
+    d->speed_rpm = ht_speed_measure_step(&c->measure, &d->measured, moved, &capture);
     if (d->state != (uint16_t)HT_STATE_RUN) {
-        d->slow_faults = (d->state == (uint16_t)HT_STATE_BUILD) ? turning_unnoticed(d) : 0u;
-        if ((d->state == (uint16_t)HT_STATE_BUILD) && (d->adapt_gain > 0.0f)
-            && (d->config->observer.kind == HT_OBSERVER_HYBRID)) {
-            ht_observer_adapt(&d->config->observer, &d->control.observer, d->build_gain);
+        d->slow_faults = (d->state == (uint16_t)HT_STATE_BUILD) ? turning_unnoticed(d, c) : 0u;
+        if ((d->state == (uint16_t)HT_STATE_BUILD) && (c->adapt_gain > 0.0f)
+            && (c->control.observer.kind == HT_OBSERVER_HYBRID)) {
+            ht_observer_adapt(&c->control.observer, &d->control.observer, c->build_gain);
         }
         return;
     }
     d->slow_faults =
-        ht_protect_slow(&d->protect_config, &d->protect, &d->control, d->speed_rpm);
+        ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
     /* Where nothing adapts, the resistances in use are the configured ones. */
-    ht_observer_adapt(&d->config->observer, &d->control.observer,
-                      (d->config->observer.kind == HT_OBSERVER_HYBRID) ? d->adapt_gain : 0.0f);
-    keep_off_zero_frequency(d);
-    ramp_flux_top(d);
+    ht_observer_adapt(&c->control.observer, &d->control.observer,
+                      (c->control.observer.kind == HT_OBSERVER_HYBRID) ? c->adapt_gain : 0.0f);
+    keep_off_zero_frequency(d, c);
+    ramp_flux_top(d, c);
     if (v[HT_P_field_weakening] != 0.0f) {
-        ht_flux_config flux = d->flux_config;
-        ht_ab i = d->control.observer.i_prev_A.ab;
+        ht_flux_config flux = c->flux;
+        ht_ab i = d->control.observer.i_prev_A;
         float a = (i.alpha < 0.0f) ? -i.alpha : i.alpha;
         float b = (i.beta < 0.0f) ? -i.beta : i.beta;
         /* |i| within 4 %: alpha max plus beta min */
@@ -111,7 +112,7 @@ void ht_drive_slow_isr(ht_drive *d)
         d->flux_ref_Wb = d->flux_top_Wb;
     }
     /* The flux may be on its way down: the torque goes first. */
-    speed.torque_limit_Nm = torque_limit(d);
+    speed.torque_limit_Nm = torque_limit(d, c);
     if (v[HT_P_control_mode] != 0.0f) {
         float limit = speed.torque_limit_Nm;
         float wanted = v[HT_P_torque_ref_Nm];

@@ -4,7 +4,7 @@
 
 static bool within(float value, float limit)
 {
-    return (value < limit) && (value > -limit);
+    return fabsf(value) < limit;
 }
 
 void ht_protect_reset(ht_protect_state *st)
@@ -24,16 +24,19 @@ uint16_t ht_protect_samples(const ht_protect_config *cfg, const ht_control_input
                             float speed_rpm, bool powered)
 {
     const float *i = in->i_A.p;
-    uint16_t faults = 0u;
-    int leg;
-    for (leg = 0; leg < HT_LEGS; leg++) {
-        if (!within(i[leg], cfg->i_trip_A)) {
-            faults |= HT_FAULT_OVERCURRENT;
-        }
+    float trip = cfg->i_trip_A;
+    float squares = i[0] * i[0] + i[1] * i[1] + i[2] * i[2] + i[3] * i[3] + i[4] * i[4]
+                    + i[5] * i[5];
+    unsigned faults = 0u;
+    /* Where the squares' sum is below one phase's limit, no phase is beyond it. */
+    if (!(squares < trip * trip)
+        && !(within(i[0], trip) && within(i[1], trip) && within(i[2], trip) && within(i[3], trip)
+             && within(i[4], trip) && within(i[5], trip))) {
+        faults |= HT_FAULT_OVERCURRENT;
     }
     if (powered
-        && (!within(i[0] + i[2] + i[4], cfg->i_sum_trip_A)
-            || !within(i[1] + i[3] + i[5], cfg->i_sum_trip_A))) {
+        && !(within(i[0] + i[2] + i[4], cfg->i_sum_trip_A)
+             && within(i[1] + i[3] + i[5], cfg->i_sum_trip_A))) {
         faults |= HT_FAULT_CURRENT_SUM;
     }
     if (!within(speed_rpm, cfg->speed_trip_rpm)) {
@@ -45,15 +48,19 @@ uint16_t ht_protect_samples(const ht_protect_config *cfg, const ht_control_input
     if (!(in->vdc_V >= cfg->vdc_min_V)) {
         faults |= HT_FAULT_VDC_LOW;
     }
-    return faults;
+    return (uint16_t)faults;
 }
+
+/* The other two legs of the same set. */
+static const uint16_t others[HT_LEGS][2] = {{2u, 4u}, {3u, 5u}, {0u, 4u},
+                                            {1u, 5u}, {0u, 2u}, {1u, 3u}};
 
 uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st,
                           const ht_samples *s, uint16_t leg)
 {
     uint16_t count = s->adc[HT_ADC_I + leg];
-    uint16_t other = (uint16_t)(s->adc[HT_ADC_I + ((leg + 2u) % (uint16_t)HT_LEGS)]
-                                + s->adc[HT_ADC_I + ((leg + 4u) % (uint16_t)HT_LEGS)]);
+    uint16_t other =
+        (uint16_t)(s->adc[HT_ADC_I + others[leg][0]] + s->adc[HT_ADC_I + others[leg][1]]);
     float moved;
     if (count != st->count[leg]) {
         st->count[leg] = count;
@@ -72,27 +79,40 @@ uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st,
     return 0u;
 }
 
+static bool finite_results(const ht_control_state *c, float torque_ref_Nm)
+{
+    const float huge = 1.0e6f;
+    return within(c->estimate.torque_Nm, huge) && within(c->decided.torque_Nm, huge)
+           && within(torque_ref_Nm, huge) && within(c->v_xy_pu.x, 1.0f)
+           && within(c->v_xy_pu.y, 1.0f) && within(c->estimate.psi_Wb.alpha, huge)
+           && within(c->estimate.psi_Wb.beta, huge);
+}
+
 uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state *c,
                             float torque_ref_Nm)
 {
-    const float huge = 1.0e6f;
-    ht_ab i = c->observer.i_prev_A.ab; /* this sample's, transformed by the step */
+    ht_ab i = c->observer.i_prev_A; /* this sample's, transformed by the step */
     ht_ab psi = c->estimate.psi_Wb;
-    uint16_t faults = 0u;
-    if (!((i.alpha * i.alpha + i.beta * i.beta) <= cfg->i_ab_trip_A * cfg->i_ab_trip_A)) {
+    float i2 = i.alpha * i.alpha + i.beta * i.beta;
+    /* Of sums as small as these each part is finite and within its bound. */
+    float torques =
+        fabsf(c->estimate.torque_Nm) + fabsf(c->decided.torque_Nm) + fabsf(torque_ref_Nm);
+    float command = fabsf(c->v_xy_pu.x) + fabsf(c->v_xy_pu.y);
+    bool flux = within(psi.alpha, cfg->flux_trip_Wb) && within(psi.beta, cfg->flux_trip_Wb);
+    unsigned faults = 0u;
+    if (!(i2 <= cfg->i_ab_trip_A * cfg->i_ab_trip_A)) {
         faults |= HT_FAULT_OVERCURRENT;
     }
-    if (!within(psi.alpha, huge) || !within(psi.beta, huge)
-        || !within(c->estimate.torque_Nm, huge) || !within(c->decided.torque_Nm, huge)
-        || !within(torque_ref_Nm, huge) || !within(c->v_xy_pu.x, 1.0f)
-        || !within(c->v_xy_pu.y, 1.0f)) {
-        faults |= HT_FAULT_NONFINITE;
-    } else if (!within(psi.alpha, cfg->flux_trip_Wb) || !within(psi.beta, cfg->flux_trip_Wb)) {
-        faults |= HT_FAULT_FLUX;
-    } else {
-        /* credible */
+    if (!(flux && (torques < 1.0e5f) && (command < 1.0f))) { /* look closer */
+        if (!finite_results(c, torque_ref_Nm)) {
+            faults |= HT_FAULT_NONFINITE;
+        } else if (!flux) {
+            faults |= HT_FAULT_FLUX;
+        } else {
+            /* credible */
+        }
     }
-    return faults;
+    return (uint16_t)faults;
 }
 
 /* Distance of the present current from the circle diagram, A. */
@@ -111,7 +131,7 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
                          const ht_control_state *c, float speed_rpm)
 {
     ht_ab psi = c->estimate.psi_Wb;
-    ht_ab i = c->observer.i_prev_A.ab;
+    ht_ab i = c->observer.i_prev_A;
     float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
     uint16_t faults = 0u;
     ht_ab r; /* rotor flux seen from the stator */

@@ -6,17 +6,29 @@
 
 #define BUILD_DIRECTION 0u
 
+#define THIRD 0.333333333f
+#define SIXTH 0.166666667f
+#define COS_30_THIRD 0.288675135f
+
 ht_vsd ht_vsd_from_six(const ht_six *s)
 {
-    ht_vsd v = {{0.0f, 0.0f}, {0.0f, 0.0f}};
-    int leg;
-    for (leg = 0; leg < HT_LEGS; leg++) {
-        const ht_vsd *column = &ht_transform[leg];
-        v.ab.alpha += column->ab.alpha * s->p[leg];
-        v.ab.beta += column->ab.beta * s->p[leg];
-        v.xy.x += column->xy.x * s->p[leg];
-        v.xy.y += column->xy.y * s->p[leg];
-    }
+    float u1 = s->p[0];
+    float u2 = s->p[1];
+    float w1 = s->p[2];
+    float w2 = s->p[3];
+    float v1 = s->p[4];
+    float v2 = s->p[5];
+    /* The columns of ht_transform come in pairs of the same size: alpha and x are sum
+     * and difference of two parts, so are beta and y. */
+    float even = THIRD * u1 - SIXTH * (w1 + v1);
+    float odd = COS_30_THIRD * (u2 - w2);
+    float cross = COS_30_THIRD * (w1 - v1);
+    float along = SIXTH * (u2 + w2) - THIRD * v2;
+    ht_vsd v;
+    v.ab.alpha = even + odd;
+    v.ab.beta = along + cross;
+    v.xy.x = even - odd;
+    v.xy.y = along - cross;
     return v;
 }
 
@@ -29,12 +41,13 @@ ht_config_status ht_control_check(const ht_control_config *cfg)
 {
     uint16_t levels = cfg->torque_levels;
     if (((unsigned)cfg->scheme >= HT_SCHEMES) || ((unsigned)cfg->table > 1u)
-        || ((levels != 2u) && (levels != 3u) && (levels != 5u))) {
+        || ((levels != 2u) && (levels != 3u) && (levels != 5u)) || !positive(cfg->xy_limit_pu)) {
         return HT_CONFIG_SCHEME;
     }
     if ((cfg->period_counts < 8u) || (cfg->first_counts >= (uint16_t)(cfg->period_counts / 2u))
         || (cfg->shadow && (cfg->first_counts != 0u)) || !positive(cfg->observer.ts_s)
-        || !(cfg->dead.dead_pu >= 0.0f) || !(cfg->dead.dead_pu <= 0.5f)) {
+        || !(cfg->dead.dead_pu >= 0.0f) || !(cfg->dead.dead_pu <= 0.5f)
+        || !positive(cfg->dead.i_zero_A)) {
         return HT_CONFIG_TIMING;
     }
     if (((unsigned)cfg->observer.kind >= HT_OBSERVERS) || !(cfg->observer.rs_ohm >= 0.0f) || !positive(cfg->observer.sigma_ls_H)
@@ -45,15 +58,15 @@ ht_config_status ht_control_check(const ht_control_config *cfg)
     return HT_CONFIG_OK;
 }
 
-static void rest(ht_applied *a)
+/* All low, no edge. */
+static void rest(ht_applied *a, const ht_dead_time *dead)
 {
-    a->before = 0u;
-    a->s[0] = 0u;
-    a->s[1] = 0u;
-    a->s[2] = 0u;
-    a->t[0] = 0.0f;
-    a->t[1] = 0.0f;
-    a->t[2] = 0.0f;
+    int n;
+    for (n = 0; n < 3; n++) {
+        a->s[n] = 0u;
+        a->t[n] = (n == 0) ? 0.0f : 1.0f;
+    }
+    ht_applied_finish(a, 0u, dead);
 }
 
 void ht_control_low_pattern(const ht_control_config *cfg, ht_compare *out)
@@ -69,17 +82,19 @@ void ht_control_low_pattern(const ht_control_config *cfg, ht_compare *out)
 void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const ht_six *i_A)
 {
     ht_vsd i = ht_vsd_from_six(i_A);
-    ht_observer_reset(&cfg->observer, &st->observer, &i);
+    ht_observer_reset(&cfg->observer, &st->observer, i.ab);
     ht_xy_reset(&st->xy);
-    rest(&st->active);
-    rest(&st->next);
+    rest(&st->active, &cfg->dead);
+    rest(&st->next, &cfg->dead);
     st->spill.legs = 0u;
     st->i_prev_A = *i_A;
+    st->flow_prev = ht_flow_of(i_A, &cfg->dead);
     st->estimate.psi_Wb = st->observer.psi_Wb;
     st->estimate.torque_Nm = 0.0f;
-    st->estimate.psi_xy_Wb.x = 0.0f;
-    st->estimate.psi_xy_Wb.y = 0.0f;
     st->decided = st->estimate;
+    st->i_xy_A = i.xy;
+    st->psi_xy_Wb.x = 0.0f;
+    st->psi_xy_Wb.y = 0.0f;
     st->v_xy_pu.x = 0.0f;
     st->v_xy_pu.y = 0.0f;
     st->torque_level = 0;
@@ -87,58 +102,88 @@ void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const 
     st->sector = 0u;
 }
 
-static ht_vsd volts(ht_vsd v_pu, float vdc_V)
+/* Less what the devices keep: each leg loses the threshold against its current. Around
+ * zero, where the device law is steep and ripple changes the sign, a share of it, as
+ * for the dead time. */
+static ht_vsd less_drops(const ht_control_config *cfg, const ht_six *from, const ht_six *to,
+                         ht_vsd v)
 {
-    v_pu.ab.alpha *= vdc_V;
-    v_pu.ab.beta *= vdc_V;
-    v_pu.xy.x *= vdc_V;
-    v_pu.xy.y *= vdc_V;
-    return v_pu;
-}
-
-/* What the devices keep of the voltage: each leg loses the threshold against its
- * current. Around zero, where the device law is steep and ripple changes the sign, a
- * share of it, as for the dead time. */
-static void subtract_drops(const ht_control_config *cfg, const ht_six *from, const ht_six *to,
-                           ht_vsd *v)
-{
+    float per_A = 0.5f / cfg->dead.i_zero_A;
+    ht_six drop;
+    ht_vsd lost;
     int leg;
     for (leg = 0; leg < HT_LEGS; leg++) {
-        const ht_vsd *column = &ht_transform[leg];
-        float share = cfg->dead.inv_2i_zero * (from->p[leg] + to->p[leg]);
-        float drop = cfg->drop_V
-                     * ((share > 1.0f) ? 1.0f : ((share < -1.0f) ? -1.0f : share));
-        v->ab.alpha -= column->ab.alpha * drop;
-        v->ab.beta -= column->ab.beta * drop;
-        v->xy.x -= column->xy.x * drop;
-        v->xy.y -= column->xy.y * drop;
+        float share = per_A * (from->p[leg] + to->p[leg]);
+        drop.p[leg] = cfg->drop_V
+                      * ((share > 1.0f) ? 1.0f : ((share < -1.0f) ? -1.0f : share));
     }
+    lost = ht_vsd_from_six(&drop);
+    v.ab.alpha -= lost.ab.alpha;
+    v.ab.beta -= lost.ab.beta;
+    v.xy.x -= lost.xy.x;
+    v.xy.y -= lost.xy.y;
+    return v;
+}
+
+/* Mean voltage under a pattern, from currents `from` to `to`. */
+static inline ht_vsd voltage(const ht_control_config *cfg, const ht_applied *a, ht_flow flow,
+                             const ht_six *from, const ht_six *to, float vdc_V,
+                             const ht_spill *left, ht_spill *over, bool xy)
+{
+    ht_vsd v = ht_volt_seconds(a, &cfg->dead, flow, from, to, left, over, xy);
+    v.ab.alpha *= vdc_V;
+    v.ab.beta *= vdc_V;
+    if (xy) {
+        v.xy.x *= vdc_V;
+        v.xy.y *= vdc_V;
+    }
+    return (cfg->drop_V > 0.0f) ? less_drops(cfg, from, to, v) : v;
+}
+
+/* Does the scheme choose between vectors by their effect on the x-y flux? */
+static bool chooses_pairs(const ht_control_config *cfg)
+{
+    return (cfg->scheme == HT_DTC2) || (cfg->scheme == HT_DTC3);
 }
 
 /* Observe the period that ended and, if asked, look one period ahead. */
 static void observe(const ht_control_config *cfg, ht_control_state *st, const ht_control_input *in,
-                    const ht_vsd *i)
+                    ht_vsd i)
 {
-    ht_vsd v = volts(ht_volt_seconds(&st->active, &cfg->dead, &st->i_prev_A, &in->i_A, &st->spill),
-                     in->vdc_V);
-    if (cfg->drop_V > 0.0f) {
-        subtract_drops(cfg, &st->i_prev_A, &in->i_A, &v);
+    ht_flow now = {0u, 0u};
+    ht_flow then;
+    ht_estimate estimate;
+    ht_vsd v;
+    /* Where the currents flow is asked for by edges, all of which are known under shadow
+     * load. (A leg of which it is not known is looked at edge by edge.) */
+    if (!cfg->shadow || ((st->active.later | st->next.rising | st->next.falling) != 0u)) {
+        now = ht_flow_of(&in->i_A, &cfg->dead);
     }
-    st->estimate = ht_observer_update(&cfg->observer, &st->observer, &v, i, in->turn_rad,
-                                      in->inv_flux_ref2);
+    then = ht_flow_at_edges(&st->active, st->flow_prev, now);
+    v = voltage(cfg, &st->active, then, &st->i_prev_A, &in->i_A, in->vdc_V, &st->spill, &st->spill,
+                false);
+    estimate = ht_observer_update(&cfg->observer, &st->observer, v.ab, i.ab, in->turn_rad,
+                                  in->inv_flux_ref2);
+    st->estimate = estimate;
+    st->i_xy_A.x = i.xy.x;
+    st->i_xy_A.y = i.xy.y;
     st->i_prev_A = in->i_A;
+    st->flow_prev = now;
     if (cfg->shadow) {
         st->active = st->next;
     }
     if (cfg->predict) {
-        ht_spill spill = st->spill;
-        v = volts(ht_volt_seconds(&st->next, &cfg->dead, &in->i_A, &in->i_A, &spill), in->vdc_V);
-        if (cfg->drop_V > 0.0f) {
-            subtract_drops(cfg, &in->i_A, &in->i_A, &v);
+        bool xy = chooses_pairs(cfg);
+        ht_spill over; /* of no interest */
+        v = voltage(cfg, &st->next, now, &in->i_A, &in->i_A, in->vdc_V, &st->spill, &over, xy);
+        st->decided = ht_observer_predict(&cfg->observer, &st->observer, estimate, v.ab, i.ab);
+        if (xy) {
+            st->psi_xy_Wb = ht_observer_predict_xy(&cfg->observer, &st->observer, v.xy, i.xy);
         }
-        st->decided = ht_observer_predict(&cfg->observer, &st->observer, &st->estimate, &v, i);
     } else {
-        st->decided = st->estimate;
+        st->decided = estimate;
+        st->psi_xy_Wb.x = cfg->observer.lxy_H * i.xy.x;
+        st->psi_xy_Wb.y = cfg->observer.lxy_H * i.xy.y;
     }
 }
 
@@ -148,10 +193,10 @@ static void compare_levels(const ht_control_config *cfg, ht_control_state *st,
 {
     float error = in->torque_ref_Nm - st->decided.torque_Nm;
     int16_t last = st->torque_level;
-    if (cfg->torque_levels == 5u) {
-        last = ht_compare_five_level(last, error, cfg->torque_inner_Nm, cfg->torque_band_Nm);
-    } else if (cfg->torque_levels == 3u) {
+    if (cfg->torque_levels == 3u) {
         last = ht_compare_three_level(last, error, cfg->torque_band_Nm, cfg->torque_release_Nm);
+    } else if (cfg->torque_levels == 5u) {
+        last = ht_compare_five_level(last, error, cfg->torque_inner_Nm, cfg->torque_band_Nm);
     } else {
         last = ht_compare_two_level(last, error, cfg->torque_band_Nm, -1, 1);
     }
@@ -163,9 +208,9 @@ static void compare_levels(const ht_control_config *cfg, ht_control_state *st,
 /* Virtual vector k of a group: three consecutive vectors (paper A, Table II). */
 static void virtual_vector(unsigned group, unsigned k, uint16_t s[3])
 {
-    s[0] = ht_group[group][(k + HT_DIRECTIONS - 1u) % HT_DIRECTIONS];
+    s[0] = ht_group[group][(k == 0u) ? (HT_DIRECTIONS - 1u) : (k - 1u)];
     s[1] = ht_group[group][k];
-    s[2] = ht_group[group][(k + 1u) % HT_DIRECTIONS];
+    s[2] = ht_group[group][(k == HT_DIRECTIONS - 1u) ? 0u : (k + 1u)];
 }
 
 static void single_vector(uint16_t word, uint16_t s[3])
@@ -191,21 +236,23 @@ static uint16_t pair_choice(unsigned strong, unsigned k, ht_xy psi_xy)
 }
 
 
-/* State words and action points for direction k at torque level +-1 or +-2. */
+/* State words and action points for direction k. */
 static ht_action_points choose(const ht_control_config *cfg, const ht_control_state *st, unsigned k,
-                               bool full_level, uint16_t s[3])
+                               uint16_t s[3])
 {
     ht_xy none = {0.0f, 0.0f};
     ht_action_points whole = {1.0f, 1.0f};
+    bool full_level;
     switch (cfg->scheme) {
     case HT_DTC1:
         single_vector(ht_group[HT_L][k], s);
         return whole;
     case HT_DTC2:
-        single_vector(pair_choice(HT_L, k, st->decided.psi_xy_Wb), s);
+        single_vector(pair_choice(HT_L, k, st->psi_xy_Wb), s);
         return whole;
     case HT_DTC3:
-        single_vector(pair_choice(full_level ? HT_L : HT_S, k, st->decided.psi_xy_Wb), s);
+        full_level = (st->torque_level == 2) || (st->torque_level == -2);
+        single_vector(pair_choice(full_level ? HT_L : HT_S, k, st->psi_xy_Wb), s);
         return whole;
     case HT_DDR:
         virtual_vector(HT_L, k, s);
@@ -227,7 +274,7 @@ static void commit(const ht_control_config *cfg, ht_control_state *st, const uin
     uint16_t before = st->active.s[2];
     ht_applied *target = cfg->shadow ? &st->next : &st->active;
     ht_pattern_counts(s, p, cfg->period_counts, cfg->first_counts, out, target);
-    target->before = before;
+    ht_applied_finish(target, before, &cfg->dead);
 }
 
 static void regulate_xy(const ht_control_config *cfg, ht_control_state *st, ht_xy i_xy,
@@ -235,25 +282,22 @@ static void regulate_xy(const ht_control_config *cfg, ht_control_state *st, ht_x
 {
     float inverse = (psi_Wb > 0.0f) ? (1.0f / psi_Wb) : 0.0f;
     ht_ab turn = {st->decided.psi_Wb.alpha * inverse, st->decided.psi_Wb.beta * inverse};
-    float limit = ht_tmvcl_pu[(cfg->scheme == HT_DDR_ML) ? HT_ML : HT_L];
-    st->v_xy_pu = ht_xy_step(&cfg->xy, &st->xy, i_xy, turn, limit, zero && cfg->hold_on_zero);
+    st->v_xy_pu = ht_xy_step(&cfg->xy, &st->xy, i_xy, turn, cfg->xy_limit_pu,
+                             zero && cfg->hold_on_zero);
 }
 
-void ht_control_step(const ht_control_config *cfg, ht_control_state *st, const ht_control_input *in,
-                     ht_compare *out)
+/* The pattern of normal operation: action points, and the state words into `s`. */
+static ht_action_points decide(const ht_control_config *cfg, ht_control_state *st,
+                               const ht_control_input *in, ht_xy i_xy, uint16_t s[3])
 {
-    ht_vsd i = ht_vsd_from_six(&in->i_A);
-    ht_action_points p = {1.0f, 1.0f};
-    uint16_t s[3];
+    ht_action_points whole = {1.0f, 1.0f};
+    ht_ab psi = st->decided.psi_Wb;
+    float psi_Wb = sqrtf(psi.alpha * psi.alpha + psi.beta * psi.beta);
     bool zero;
     bool raise;
-    float psi_Wb;
+    unsigned k;
 
-    observe(cfg, st, in, &i);
-    psi_Wb = sqrtf(st->decided.psi_Wb.alpha * st->decided.psi_Wb.alpha
-                   + st->decided.psi_Wb.beta * st->decided.psi_Wb.beta);
     compare_levels(cfg, st, in, psi_Wb);
-    st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
     zero = st->torque_level == 0;
     /* Under a zero vector the flux decays with R_s i; at low speed and light load
      * that can last until the machine is lost. */
@@ -262,45 +306,49 @@ void ht_control_step(const ht_control_config *cfg, ht_control_state *st, const h
     zero = zero && !raise;
 
     if ((cfg->scheme == HT_DDR) || (cfg->scheme == HT_DDR_ML)) {
-        regulate_xy(cfg, st, i.xy, psi_Wb, zero);
+        regulate_xy(cfg, st, i_xy, psi_Wb, zero);
     } else {
         st->v_xy_pu.x = 0.0f;
         st->v_xy_pu.y = 0.0f;
     }
     if (zero) {
         single_vector(zero_vector(cfg, st), s);
-    } else if (raise) {
-        /* Along the flux, 15 degrees to the side the torque wants. */
-        bool ahead = in->torque_ref_Nm > st->decided.torque_Nm;
-        p = choose(cfg, st, ht_direction_along(st->sector, ahead), false, s);
-    } else {
-        unsigned k = ht_direction(cfg->table, st->sector, st->torque_level > 0, st->flux_level > 0);
-        bool full_level = (st->torque_level == 2) || (st->torque_level == -2);
-        p = choose(cfg, st, k, full_level, s);
+        return whole;
     }
-    commit(cfg, st, s, p, out);
+    if (raise) { /* along the flux, 15 degrees to the side the torque wants */
+        k = ht_direction_along(st->sector, in->torque_ref_Nm > st->decided.torque_Nm);
+    } else {
+        k = ht_direction(cfg->table, st->sector, st->torque_level > 0, st->flux_level > 0);
+    }
+    return choose(cfg, st, k, s);
 }
 
-void ht_control_build_step(const ht_control_config *cfg, ht_control_state *st,
-                           const ht_control_input *in, ht_compare *out)
+/* The pattern of the flux build-up. */
+static ht_action_points decide_build(const ht_control_config *cfg, const ht_control_state *st,
+                                     const ht_control_input *in, ht_ab i, uint16_t s[3])
 {
-    ht_vsd i = ht_vsd_from_six(&in->i_A);
+    ht_action_points whole = {1.0f, 1.0f};
     ht_xy none = {0.0f, 0.0f};
-    ht_action_points p = {1.0f, 1.0f};
-    uint16_t s[3];
+    ht_ab psi = st->decided.psi_Wb;
     float limit2 = cfg->build_current_A * cfg->build_current_A;
-    float i2 = i.ab.alpha * i.ab.alpha + i.ab.beta * i.ab.beta;
-    float psi2;
-
-    observe(cfg, st, in, &i);
-    psi2 = st->decided.psi_Wb.alpha * st->decided.psi_Wb.alpha
-           + st->decided.psi_Wb.beta * st->decided.psi_Wb.beta;
-    st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
+    float i2 = i.alpha * i.alpha + i.beta * i.beta;
+    float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
     if ((i2 < limit2) && (psi2 < in->flux_ref_Wb * in->flux_ref_Wb)) {
         virtual_vector(HT_L, BUILD_DIRECTION, s);
-        p = ht_duty(HT_L, BUILD_DIRECTION, none);
-    } else {
-        single_vector(zero_vector(cfg, st), s);
+        return ht_duty(HT_L, BUILD_DIRECTION, none);
     }
+    single_vector(zero_vector(cfg, st), s);
+    return whole;
+}
+
+void ht_control_step(const ht_control_config *cfg, ht_control_state *st, const ht_control_input *in,
+                     bool build, ht_compare *out)
+{
+    ht_vsd i = ht_vsd_from_six(&in->i_A);
+    ht_action_points p;
+    uint16_t s[3];
+    observe(cfg, st, in, i);
+    st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
+    p = build ? decide_build(cfg, st, in, i.ab, s) : decide(cfg, st, in, i.xy, s);
     commit(cfg, st, s, p, out);
 }

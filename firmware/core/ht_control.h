@@ -47,12 +47,13 @@ typedef struct {
     float build_current_A;   /**< current limit of the flux build-up */
     ht_observer_config observer;
     ht_xy_config xy;
+    float xy_limit_pu;       /**< limit of the x-y command: ht_tmvcl_pu of the scheme's group */
     ht_dead_time dead;
 } ht_control_config;
 
 typedef enum {
     HT_CONFIG_OK = 0,
-    HT_CONFIG_SCHEME = 1, /**< scheme, table or number of torque levels */
+    HT_CONFIG_SCHEME = 1, /**< scheme, table, number of torque levels or x-y limit */
     HT_CONFIG_TIMING = 2, /**< period, write instant, dead time or sampling period */
     HT_CONFIG_MACHINE = 3 /**< resistance or inductance */
 } ht_config_status;
@@ -64,8 +65,11 @@ typedef struct {
     ht_applied active;    /**< on the legs during the period that just ended */
     ht_applied next;      /**< shadow load: on the legs from this sample on */
     ht_six i_prev_A;
+    ht_flow flow_prev;    /**< where these flow */
     ht_estimate estimate; /**< now */
     ht_estimate decided;  /**< what the comparators saw (now or one period ahead) */
+    ht_xy i_xy_A;         /**< of the latest sample */
+    ht_xy psi_xy_Wb;      /**< x-y flux decided on: HT_DTC2 and HT_DTC3 only */
     ht_xy v_xy_pu;        /**< x-y command, units of Vdc */
     int16_t torque_level; /**< -2..2 */
     int16_t flux_level;   /**< 1 raise, 0 lower */
@@ -93,13 +97,10 @@ void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const 
 /** The pattern that `ht_control_reset` assumes on the legs: all low. */
 void ht_control_low_pattern(const ht_control_config *cfg, ht_compare *out);
 
-/** One sampling period in normal operation. */
+/** One sampling period. `build`: flux build-up at standstill instead of normal operation,
+ *  the zero-mean virtual vector along 15 degrees, current limited, until |psi| is at the
+ *  reference. */
 void ht_control_step(const ht_control_config *cfg, ht_control_state *st, const ht_control_input *in,
-                     ht_compare *out);
-
-/** One sampling period of flux build-up at standstill: the zero-mean virtual
- *  vector along 15 degrees, current limited, until |psi| is at the reference. */
-void ht_control_build_step(const ht_control_config *cfg, ht_control_state *st,
-                           const ht_control_input *in, ht_compare *out);
+                     bool build, ht_compare *out);
 
 #endif

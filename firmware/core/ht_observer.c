@@ -1,5 +1,7 @@
 #include "ht_observer.h"
 
+#include <math.h>
+
 static float cross(ht_ab p, ht_ab q)
 {
     return p.alpha * q.beta - p.beta * q.alpha;
@@ -20,14 +22,14 @@ static float cross(ht_ab p, ht_ab q)
 #define ADAPT_LEAST 0.5f
 #define ADAPT_MOST 1.6f
 
-void ht_observer_reset(const ht_observer_config *cfg, ht_observer_state *st, const ht_vsd *i)
+void ht_observer_reset(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A)
 {
     const ht_ab none = {0.0f, 0.0f};
     st->psi_Wb = none;
     st->psi_r_Wb = none;
     st->gap_Wb = none;
     st->i_dc_A = none;
-    st->i_prev_A = *i;
+    st->i_prev_A = i_A;
     st->omega_sync_rad_s = 0.0f;
     st->rs_ohm = cfg->rs_ohm;
     st->rr_scale = 1.0f;
@@ -47,40 +49,45 @@ static ht_ab rotated(ht_ab p, float turn)
 }
 
 /* Pull against the dc part of the currents. */
-static void pull_against_dc(const ht_observer_config *cfg, ht_observer_state *st, const ht_vsd *i)
+static ht_ab pulled_against_dc(const ht_observer_config *cfg, ht_observer_state *st, ht_ab psi,
+                               ht_ab i)
 {
-    float speed = (st->omega_sync_rad_s < 0.0f) ? -st->omega_sync_rad_s : st->omega_sync_rad_s;
+    float speed = fabsf(st->omega_sync_rad_s);
     float gain = DC_RATIO * speed * cfg->ts_s;
     float pull;
     gain = (gain < 1.0f) ? gain : 1.0f; /* NaN counts as 1: it must not hide in the filter */
     pull = gain * cfg->sigma_ls_H;
-    st->i_dc_A.alpha += gain * (i->ab.alpha - st->i_dc_A.alpha);
-    st->i_dc_A.beta += gain * (i->ab.beta - st->i_dc_A.beta);
-    st->psi_Wb.alpha += pull * st->i_dc_A.alpha;
-    st->psi_Wb.beta += pull * st->i_dc_A.beta;
+    st->i_dc_A.alpha += gain * (i.alpha - st->i_dc_A.alpha);
+    st->i_dc_A.beta += gain * (i.beta - st->i_dc_A.beta);
+    psi.alpha += pull * st->i_dc_A.alpha;
+    psi.beta += pull * st->i_dc_A.beta;
+    return psi;
 }
 
 /* Rotor flux of the current model over one period, and the pull of the stator
  * flux towards it. */
-static void pull_to_current_model(const ht_observer_config *cfg, ht_observer_state *st,
-                                  const ht_vsd *i, float turn)
+static ht_ab pulled_to_current_model(const ht_observer_config *cfg, ht_observer_state *st,
+                                     ht_ab psi, ht_ab i, float turn)
 {
     float half = 0.5f * cfg->rotor_drive * st->rr_scale;
     float keep = 1.0f - cfg->rotor_decay * st->rr_scale;
     ht_ab r;
     ht_ab gap;
     /* What the rotor's flux had at the period's start turns with the rotor. */
-    r.alpha = keep * st->psi_r_Wb.alpha + half * st->i_prev_A.ab.alpha;
-    r.beta = keep * st->psi_r_Wb.beta + half * st->i_prev_A.ab.beta;
+    r.alpha = keep * st->psi_r_Wb.alpha + half * st->i_prev_A.alpha;
+    r.beta = keep * st->psi_r_Wb.beta + half * st->i_prev_A.beta;
     r = rotated(r, turn);
-    r.alpha += half * i->ab.alpha;
-    r.beta += half * i->ab.beta;
-    gap.alpha = st->psi_Wb.alpha - cfg->lm_over_lr * r.alpha - cfg->sigma_ls_H * i->ab.alpha;
-    gap.beta = st->psi_Wb.beta - cfg->lm_over_lr * r.beta - cfg->sigma_ls_H * i->ab.beta;
-    st->psi_r_Wb = r;
-    st->gap_Wb = gap;
-    st->psi_Wb.alpha -= cfg->hybrid_gain * gap.alpha;
-    st->psi_Wb.beta -= cfg->hybrid_gain * gap.beta;
+    r.alpha += half * i.alpha;
+    r.beta += half * i.beta;
+    gap.alpha = psi.alpha - cfg->lm_over_lr * r.alpha - cfg->sigma_ls_H * i.alpha;
+    gap.beta = psi.beta - cfg->lm_over_lr * r.beta - cfg->sigma_ls_H * i.beta;
+    st->psi_r_Wb.alpha = r.alpha;
+    st->psi_r_Wb.beta = r.beta;
+    st->gap_Wb.alpha = gap.alpha;
+    st->gap_Wb.beta = gap.beta;
+    psi.alpha -= cfg->hybrid_gain * gap.alpha;
+    psi.beta -= cfg->hybrid_gain * gap.beta;
+    return psi;
 }
 
 static float clamp(float value, float least, float most)
@@ -91,7 +98,7 @@ static float clamp(float value, float least, float most)
 
 void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, float gain)
 {
-    ht_ab i = st->i_prev_A.ab;
+    ht_ab i = st->i_prev_A;
     ht_ab r = st->psi_r_Wb;
     ht_ab h;
     ht_ab e; /* (g0 + j w) D */
@@ -132,61 +139,65 @@ void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, flo
     st->rr_scale = clamp(rr_scale, ADAPT_LEAST, ADAPT_MOST);
 }
 
-ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st,
-                               const ht_vsd *v_V, const ht_vsd *i, float turn_rad,
-                               float inv_psi_ref2)
+ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st, ht_ab v_V,
+                               ht_ab i_A, float turn_rad, float inv_psi_ref2)
 {
     ht_estimate now;
     ht_ab old = st->psi_Wb;
+    ht_ab psi;
     float half_rs = 0.5f * st->rs_ohm;
     float omega;
 
-    st->psi_Wb.alpha +=
-        cfg->ts_s * (v_V->ab.alpha - half_rs * (st->i_prev_A.ab.alpha + i->ab.alpha));
-    st->psi_Wb.beta += cfg->ts_s * (v_V->ab.beta - half_rs * (st->i_prev_A.ab.beta + i->ab.beta));
+    psi.alpha = old.alpha + cfg->ts_s * (v_V.alpha - half_rs * (st->i_prev_A.alpha + i_A.alpha));
+    psi.beta = old.beta + cfg->ts_s * (v_V.beta - half_rs * (st->i_prev_A.beta + i_A.beta));
     if (cfg->kind == HT_OBSERVER_HYBRID) {
-        pull_to_current_model(cfg, st, i, turn_rad);
+        psi = pulled_to_current_model(cfg, st, psi, i_A, turn_rad);
     } else if (cfg->kind == HT_OBSERVER_COMPENSATED) {
-        pull_against_dc(cfg, st, i);
+        psi = pulled_against_dc(cfg, st, psi, i_A);
     } else {
-        /* as it comes */
+        /* the voltage model alone */
     }
-    st->i_prev_A = *i;
+    st->psi_Wb.alpha = psi.alpha;
+    st->psi_Wb.beta = psi.beta;
+    st->i_prev_A.alpha = i_A.alpha;
+    st->i_prev_A.beta = i_A.beta;
 
     /* |psi| is held at its reference, so the reference's square stands in for
      * the division. */
-    omega = cross(old, st->psi_Wb) * inv_psi_ref2 * cfg->inv_ts;
+    omega = cross(old, psi) * inv_psi_ref2 * cfg->inv_ts;
     st->omega_sync_rad_s += cfg->omega_gain * (omega - st->omega_sync_rad_s);
 
-    now.psi_Wb = st->psi_Wb;
-    now.torque_Nm = cfg->torque_gain * cross(st->psi_Wb, i->ab);
-    now.psi_xy_Wb.x = cfg->lxy_H * i->xy.x;
-    now.psi_xy_Wb.y = cfg->lxy_H * i->xy.y;
+    now.psi_Wb.alpha = psi.alpha;
+    now.psi_Wb.beta = psi.beta;
+    now.torque_Nm = cfg->torque_gain * cross(psi, i_A);
     return now;
 }
 
 ht_estimate ht_observer_predict(const ht_observer_config *cfg, const ht_observer_state *st,
-                                const ht_estimate *now, const ht_vsd *v_V, const ht_vsd *i)
+                                ht_estimate now, ht_ab v_V, ht_ab i_A)
 {
     ht_estimate next;
     ht_ab behind; /* rotor flux seen from the stator */
-    ht_ab i_next;
+    ht_ab turned;
     float turn = cfg->ts_s * st->omega_sync_rad_s;
-    float a;
 
-    next.psi_Wb.alpha = now->psi_Wb.alpha + cfg->ts_s * (v_V->ab.alpha - st->rs_ohm * i->ab.alpha);
-    next.psi_Wb.beta = now->psi_Wb.beta + cfg->ts_s * (v_V->ab.beta - st->rs_ohm * i->ab.beta);
+    next.psi_Wb.alpha = now.psi_Wb.alpha + cfg->ts_s * (v_V.alpha - st->rs_ohm * i_A.alpha);
+    next.psi_Wb.beta = now.psi_Wb.beta + cfg->ts_s * (v_V.beta - st->rs_ohm * i_A.beta);
 
-    behind.alpha = now->psi_Wb.alpha - cfg->sigma_ls_H * i->ab.alpha;
-    behind.beta = now->psi_Wb.beta - cfg->sigma_ls_H * i->ab.beta;
-    a = behind.alpha;
-    behind.alpha -= turn * behind.beta;
-    behind.beta += turn * a;
-    i_next.alpha = (next.psi_Wb.alpha - behind.alpha) * cfg->inv_sigma_ls;
-    i_next.beta = (next.psi_Wb.beta - behind.beta) * cfg->inv_sigma_ls;
+    behind.alpha = now.psi_Wb.alpha - cfg->sigma_ls_H * i_A.alpha;
+    behind.beta = now.psi_Wb.beta - cfg->sigma_ls_H * i_A.beta;
+    turned.alpha = behind.alpha - turn * behind.beta;
+    turned.beta = behind.beta + turn * behind.alpha;
+    /* T = 3 P psi x i, i = (psi - turned)/(sigma L_s), and psi x psi = 0 */
+    next.torque_Nm = cfg->torque_gain * cfg->inv_sigma_ls * cross(turned, next.psi_Wb);
+    return next;
+}
 
-    next.torque_Nm = cfg->torque_gain * cross(next.psi_Wb, i_next);
-    next.psi_xy_Wb.x = now->psi_xy_Wb.x + cfg->ts_s * (v_V->xy.x - st->rs_ohm * i->xy.x);
-    next.psi_xy_Wb.y = now->psi_xy_Wb.y + cfg->ts_s * (v_V->xy.y - st->rs_ohm * i->xy.y);
+ht_xy ht_observer_predict_xy(const ht_observer_config *cfg, const ht_observer_state *st, ht_xy v_V,
+                             ht_xy i_A)
+{
+    ht_xy next;
+    next.x = cfg->lxy_H * i_A.x + cfg->ts_s * (v_V.x - st->rs_ohm * i_A.x);
+    next.y = cfg->lxy_H * i_A.y + cfg->ts_s * (v_V.y - st->rs_ohm * i_A.y);
     return next;
 }

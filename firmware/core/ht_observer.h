@@ -51,7 +51,7 @@ typedef struct {
     ht_ab psi_r_Wb;         /**< rotor flux of the current model */
     ht_ab gap_Wb;           /**< stator flux minus the current model's */
     ht_ab i_dc_A;           /**< dc part of the currents (compensated) */
-    ht_vsd i_prev_A;        /**< currents at the sample before */
+    ht_ab i_prev_A;         /**< currents at the sample before */
     float omega_sync_rad_s; /**< mean electrical speed of the stator flux */
     float rs_ohm;           /**< stator resistance in use */
     float rr_scale;         /**< rotor resistance in use, relative to the configured one */
@@ -61,21 +61,19 @@ typedef struct {
 typedef struct {
     ht_ab psi_Wb;
     float torque_Nm;
-    ht_xy psi_xy_Wb; /**< L_xy i_xy */
 } ht_estimate;
 
-/** Start from a demagnetised machine with currents `i` and the configured
+/** Start from a demagnetised machine with currents `i_A` and the configured
  *  resistances. */
-void ht_observer_reset(const ht_observer_config *cfg, ht_observer_state *st, const ht_vsd *i);
+void ht_observer_reset(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A);
 
-/** Advance by one period: `v_V` is the mean voltage since the last sample, `i`
+/** Advance by one period: `v_V` is the mean voltage since the last sample, `i_A`
  *  the currents now, `turn_rad` the electrical angle that the rotor turned meanwhile
  *  (hybrid only; a measured speed would lag by a slow period, and the error in the
  *  rotor flux act on the shaft like an inertia of the wrong sign),
  *  `inv_psi_ref2` = 1 / (flux reference)^2. */
 ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st,
-                               const ht_vsd *v_V, const ht_vsd *i, float turn_rad,
-                               float inv_psi_ref2);
+                               ht_ab v_V, ht_ab i_A, float turn_rad, float inv_psi_ref2);
 
 /** Hybrid: correct the resistances in use; for the slow loop, while torque control
  *  runs. `gain`, 0..1: share of an observed error that one call takes away; 0 returns
@@ -96,6 +94,10 @@ void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, flo
  *  taken to turn on with the mean speed of the stator flux, so no rotor
  *  parameter is needed. */
 ht_estimate ht_observer_predict(const ht_observer_config *cfg, const ht_observer_state *st,
-                                const ht_estimate *now, const ht_vsd *v_V, const ht_vsd *i);
+                                ht_estimate now, ht_ab v_V, ht_ab i_A);
+
+/** The same for the x-y flux, L_xy i now. */
+ht_xy ht_observer_predict_xy(const ht_observer_config *cfg, const ht_observer_state *st, ht_xy v_V,
+                             ht_xy i_A);
 
 #endif

@@ -2,144 +2,281 @@
 
 #define LEG_U1 0x20u /* bit of leg 0 in a state word */
 
+static unsigned without_first(unsigned legs)
+{
+    return legs & ~(LEG_U1 >> ht_first_leg[legs]);
+}
+
 void ht_pattern_counts(const uint16_t s[3], ht_action_points p, uint16_t period, uint16_t first,
                        ht_compare *counts, ht_applied *applied)
 {
+    unsigned toggle1 = (unsigned)s[0] ^ s[1];
+    unsigned toggle2 = (unsigned)s[1] ^ s[2];
     float full = (float)period;
-    uint16_t low1 = (uint16_t)(first + 1u);
-    uint16_t high1 = (uint16_t)(period - 2u);
-    uint16_t high2 = (uint16_t)(period - 1u);
-    /* Limit in float first: the conversion of a value out of range is undefined. */
-    float f1 = (float)first + p.t1 * full + 0.5f;
-    float f2 = (float)first + p.t2 * full + 0.5f;
-    uint16_t c1 = (uint16_t)((f1 < full) ? f1 : full);
-    uint16_t c2 = (uint16_t)((f2 < full) ? f2 : full);
-    uint16_t toggle1 = (uint16_t)(s[0] ^ s[1]);
-    uint16_t toggle2 = (uint16_t)(s[1] ^ s[2]);
-    float per_count = 1.0f / full;
-    uint16_t bit = LEG_U1;
     int leg;
-
-    c1 = (c1 < low1) ? low1 : ((c1 > high1) ? high1 : c1);
-    c2 = (c2 <= c1) ? (uint16_t)(c1 + 1u) : ((c2 > high2) ? high2 : c2);
 
     counts->start = s[0];
     for (leg = 0; leg < HT_LEGS; leg++) {
-        counts->ca[leg] = ((toggle1 & bit) != 0u) ? c1 : period;
-        counts->cb[leg] = ((toggle2 & bit) != 0u) ? c2 : period;
-        bit = (uint16_t)(bit >> 1);
+        counts->ca[leg] = period;
+        counts->cb[leg] = period;
     }
     applied->s[0] = s[0];
     applied->s[1] = s[1];
     applied->s[2] = s[2];
-    applied->t[0] = (float)first * per_count;
-    applied->t[1] = (float)c1 * per_count;
-    applied->t[2] = (float)c2 * per_count;
-}
-
-static void add(ht_vsd *sum, const ht_vsd *v, float weight)
-{
-    sum->ab.alpha += weight * v->ab.alpha;
-    sum->ab.beta += weight * v->ab.beta;
-    sum->xy.x += weight * v->xy.x;
-    sum->xy.y += weight * v->xy.y;
-}
-
-/* First edge of a leg in the period, or 1. */
-static float first_edge(const ht_applied *a, uint16_t bit)
-{
-    if (((a->before ^ a->s[0]) & bit) != 0u) {
-        return a->t[0];
+    applied->t[0] = 0.0f;
+    applied->t[1] = 1.0f;
+    applied->t[2] = 1.0f;
+    if (first != 0u) {
+        applied->t[0] = (float)first / full;
     }
-    if (((a->s[0] ^ a->s[1]) & bit) != 0u) {
-        return a->t[1];
-    }
-    return (((a->s[1] ^ a->s[2]) & bit) != 0u) ? a->t[2] : 1.0f;
-}
-
-/* Delays left over from the period before: they count in this one until the leg
- * is switched back. */
-static void apply_spill(const ht_applied *a, ht_spill *spill, ht_vsd *v)
-{
-    uint16_t bit = LEG_U1;
-    int leg;
-    for (leg = 0; leg < HT_LEGS; leg++) {
-        if ((spill->legs & bit) != 0u) {
-            float shift = spill->shift[leg];
-            float room = first_edge(a, bit);
-            shift = (shift < room) ? shift : room;
-            add(v, &ht_transform[leg], ((a->before & bit) != 0u) ? -shift : shift);
+    if ((toggle1 | toggle2) != 0u) {
+        float per_count = 1.0f / full;
+        /* First count and up to a whole period: more than 16 bits. */
+        float f1 = (float)first + p.t1 * full + 0.5f;
+        float f2 = (float)first + p.t2 * full + 0.5f;
+        uint32_t c1 = (uint32_t)f1;
+        uint32_t c2 = (uint32_t)f2;
+        uint32_t low1 = (uint32_t)first + 1u;
+        uint32_t high1 = (uint32_t)period - 2u;
+        uint32_t high2 = (uint32_t)period - 1u;
+        c1 = (c1 < low1) ? low1 : ((c1 > high1) ? high1 : c1);
+        c2 = (c2 <= c1) ? (c1 + 1u) : ((c2 > high2) ? high2 : c2);
+        while (toggle1 != 0u) {
+            counts->ca[ht_first_leg[toggle1]] = (uint16_t)c1;
+            toggle1 = without_first(toggle1);
         }
-        bit = (uint16_t)(bit >> 1);
+        while (toggle2 != 0u) {
+            counts->cb[ht_first_leg[toggle2]] = (uint16_t)c2;
+            toggle2 = without_first(toggle2);
+        }
+        applied->t[1] = (float)c1 * per_count;
+        applied->t[2] = (float)c2 * per_count;
     }
-    spill->legs = 0u;
 }
 
-/* Time from edge `e` of a leg to its next one in the same period. */
-static float gap_to_next_edge(const ht_applied *a, int e, uint16_t bit)
+static void add_ab(ht_ab *sum, const ht_ab *v, float weight)
 {
-    if ((e < 1) && (((a->s[0] ^ a->s[1]) & bit) != 0u)) {
-        return a->t[1] - a->t[0];
+    sum->alpha += weight * v->alpha;
+    sum->beta += weight * v->beta;
+}
+
+static void add_xy(ht_xy *sum, const ht_xy *v, float weight)
+{
+    sum->x += weight * v->x;
+    sum->y += weight * v->y;
+}
+
+void ht_applied_finish(ht_applied *a, uint16_t before, const ht_dead_time *dead)
+{
+    unsigned s0 = a->s[0];
+    unsigned s1 = a->s[1];
+    unsigned s2 = a->s[2];
+    float first = a->t[0];
+    /* Legs with an edge at t[0], t[1], t[2]. */
+    unsigned edge0 = before ^ s0;
+    unsigned edge1 = s0 ^ s1;
+    unsigned edge2 = s1 ^ s2;
+    unsigned rising = edge0 & s0;
+    unsigned falling = edge0 & before;
+    unsigned later = edge1 | edge2;
+    unsigned close = 0u;
+    ht_ab mean;
+
+    a->before = before;
+    mean.alpha = ht_vector[s0].ab.alpha;
+    mean.beta = ht_vector[s0].ab.beta;
+    if (later != 0u) {
+        float d1 = a->t[1];
+        float d2 = a->t[2] - a->t[1];
+        float d3 = 1.0f - a->t[2];
+        mean.alpha *= d1;
+        mean.beta *= d1;
+        add_ab(&mean, &ht_vector[s1].ab, d2);
+        add_ab(&mean, &ht_vector[s2].ab, d3);
+        /* Three edges: two of them in the same direction, which one bit cannot tell. (An
+         * edge at t[0] alone keeps its distance: first and dead time are at most half a
+         * period.) */
+        close = edge0 & edge1 & edge2;
+        if (d1 - first < dead->dead_pu) {
+            close |= edge0 & later;
+        }
+        if (d2 < dead->dead_pu) {
+            close |= edge1 & edge2;
+        }
+        if (d3 < dead->dead_pu) {
+            close |= later;
+        }
+        rising = (rising | (edge1 & s1) | (edge2 & s2)) & ~close;
+        falling = (falling | (edge1 & s0) | (edge2 & s1)) & ~close;
     }
-    if ((e < 2) && (((a->s[1] ^ a->s[2]) & bit) != 0u)) {
-        return a->t[2] - a->t[e];
+    if (first > 0.0f) {
+        add_ab(&mean, &ht_vector[before].ab, first);
+        add_ab(&mean, &ht_vector[s0].ab, -first);
+        later |= edge0;
+    }
+    a->mean_pu.alpha = mean.alpha;
+    a->mean_pu.beta = mean.beta;
+    a->later = later;
+    a->close = close;
+    a->rising = rising;
+    a->falling = falling;
+}
+
+/* The same for x and y, which few ask for. */
+static ht_xy mean_xy(const ht_applied *a)
+{
+    ht_xy mean = {0.0f, 0.0f};
+    add_xy(&mean, &ht_vector[a->before].xy, a->t[0]);
+    add_xy(&mean, &ht_vector[a->s[0]].xy, a->t[1] - a->t[0]);
+    add_xy(&mean, &ht_vector[a->s[1]].xy, a->t[2] - a->t[1]);
+    add_xy(&mean, &ht_vector[a->s[2]].xy, 1.0f - a->t[2]);
+    return mean;
+}
+
+ht_flow ht_flow_of(const ht_six *i_A, const ht_dead_time *dead)
+{
+    float zero = dead->i_zero_A;
+    ht_flow flow = {0u, 0u};
+    unsigned bit = 1u;
+    int leg;
+    for (leg = HT_LEGS - 1; leg >= 0; leg--) {
+        if (i_A->p[leg] >= zero) {
+            flow.out |= bit;
+        }
+        if (i_A->p[leg] <= -zero) {
+            flow.in |= bit;
+        }
+        bit <<= 1;
+    }
+    return flow;
+}
+
+ht_flow ht_flow_at_edges(const ht_applied *a, ht_flow begin, ht_flow end)
+{
+    ht_flow flow;
+    flow.out = begin.out & (end.out | ~a->later);
+    flow.in = begin.in & (end.in | ~a->later);
+    return flow;
+}
+
+/* Instant of a leg's first edge at t[from] or later; 1 if there is none. */
+static float next_edge(const ht_applied *a, int from, uint16_t bit)
+{
+    uint16_t last = (from == 0) ? a->before : a->s[from - 1];
+    int e;
+    for (e = from; e < 3; e++) {
+        if (((last ^ a->s[e]) & bit) != 0u) {
+            return a->t[e];
+        }
+        last = a->s[e];
     }
     return 1.0f;
 }
 
-static void apply_edge(const ht_applied *a, int e, int leg, uint16_t bit, const ht_dead_time *dead,
-                       float i_A, ht_spill *spill, ht_vsd *v)
+/* What late edges take from the time that a leg is high. What of the last delay is
+ * left at the period's end goes to `over`. */
+static float lost_pu(const ht_applied *a, const ht_dead_time *dead, uint16_t bit, float i_begin,
+                     float i_end, float *over)
 {
-    bool rising = (a->s[e] & bit) != 0u;
-    float outward = 0.5f + i_A * dead->inv_2i_zero; /* 1: current flows out of the leg */
-    float shift;
-    float gap = gap_to_next_edge(a, e, bit);
-    float room = 1.0f - a->t[e];
-    outward = (outward > 0.0f) ? outward : 0.0f;
-    outward = (outward < 1.0f) ? outward : 1.0f;
-    shift = dead->dead_pu * (rising ? outward : (1.0f - outward));
-    shift = (shift < gap) ? shift : gap;
-    if (shift > room) {
-        spill->legs |= bit;
-        spill->shift[leg] = shift - room;
-        shift = room;
+    float lost = 0.0f;
+    uint16_t level = (uint16_t)(a->before & bit);
+    int e;
+    for (e = 0; e < 3; e++) {
+        uint16_t then = (uint16_t)(a->s[e] & bit);
+        if (then != level) {
+            float i = i_begin + a->t[e] * (i_end - i_begin);
+            float outward = 0.5f + 0.5f * i / dead->i_zero_A; /* 1: current flows out of the leg */
+            float next = next_edge(a, e + 1, bit);
+            float room = next - a->t[e];
+            float late;
+            outward = (outward > 0.0f) ? outward : 0.0f;
+            outward = (outward < 1.0f) ? outward : 1.0f;
+            late = dead->dead_pu * ((then != 0u) ? outward : (1.0f - outward));
+            if (late > room) {
+                if (!(next < 1.0f)) {
+                    *over = late - room;
+                }
+                late = room;
+            }
+            lost += (then != 0u) ? late : -late;
+            level = then;
+        }
     }
-    add(v, &ht_transform[leg], rising ? -shift : shift);
+    return lost;
 }
 
-ht_vsd ht_volt_seconds(const ht_applied *a, const ht_dead_time *dead, const ht_six *i_begin,
-                       const ht_six *i_end, ht_spill *spill)
+/* Legs that need a look at each of their edges, and delays left over from the period
+ * before, which count in this one until the leg is switched back. */
+static ht_vsd leg_by_leg(const ht_applied *a, const ht_dead_time *dead, unsigned legs,
+                         const ht_six *i_begin, const ht_six *i_end, const ht_spill *left,
+                         ht_spill *over)
 {
+    unsigned left_legs = left->legs;
+    unsigned over_legs = 0u;
+    unsigned todo = legs | left_legs;
     ht_vsd v = {{0.0f, 0.0f}, {0.0f, 0.0f}};
-    uint16_t before = a->before;
-    int e;
-    if (a->t[0] > 0.0f) {
-        add(&v, &ht_vector[a->before], a->t[0]);
-    }
-    if ((a->s[0] == a->s[1]) && (a->s[1] == a->s[2])) {
-        add(&v, &ht_vector[a->s[0]], 1.0f - a->t[0]);
-    } else {
-        add(&v, &ht_vector[a->s[0]], a->t[1] - a->t[0]);
-        add(&v, &ht_vector[a->s[1]], a->t[2] - a->t[1]);
-        add(&v, &ht_vector[a->s[2]], 1.0f - a->t[2]);
-    }
-    if (spill->legs != 0u) {
-        apply_spill(a, spill, &v);
-    }
-    for (e = 0; e < 3; e++) {
-        uint16_t changed = (uint16_t)(before ^ a->s[e]);
-        uint16_t bit = LEG_U1;
-        int leg = 0;
-        while (changed != 0u) {
-            if ((changed & bit) != 0u) {
-                float i = i_begin->p[leg] + a->t[e] * (i_end->p[leg] - i_begin->p[leg]);
-                apply_edge(a, e, leg, bit, dead, i, spill, &v);
-                changed = (uint16_t)(changed & (uint16_t)~bit);
-            }
-            bit = (uint16_t)(bit >> 1);
-            leg++;
+    while (todo != 0u) {
+        unsigned leg = ht_first_leg[todo];
+        uint16_t bit = (uint16_t)(LEG_U1 >> leg);
+        float lost = 0.0f;
+        float rest = 0.0f;
+        if ((left_legs & bit) != 0u) {
+            float late = left->shift[leg];
+            float room = next_edge(a, 0, bit);
+            late = (late < room) ? late : room;
+            lost = ((a->before & bit) != 0u) ? late : -late;
         }
-        before = a->s[e];
+        if ((legs & bit) != 0u) {
+            lost += lost_pu(a, dead, bit, i_begin->p[leg], i_end->p[leg], &rest);
+        }
+        if (rest > 0.0f) {
+            over_legs |= bit;
+            over->shift[leg] = rest;
+        }
+        add_ab(&v.ab, &ht_transform[leg].ab, -lost);
+        add_xy(&v.xy, &ht_transform[leg].xy, -lost);
+        todo = without_first(todo);
     }
+    over->legs = (uint16_t)over_legs;
+    return v;
+}
+
+ht_vsd ht_volt_seconds(const ht_applied *a, const ht_dead_time *dead, ht_flow flow,
+                       const ht_six *i_begin, const ht_six *i_end, const ht_spill *left,
+                       ht_spill *over, bool xy)
+{
+    unsigned edges = a->rising | a->falling;
+    ht_vsd v = {{0.0f, 0.0f}, {0.0f, 0.0f}};
+    v.ab.alpha = a->mean_pu.alpha;
+    v.ab.beta = a->mean_pu.beta;
+    if (xy) {
+        v.xy = mean_xy(a);
+    }
+    if ((edges | a->close | left->legs) != 0u) {
+        /* Where the current's direction is beyond doubt and edges keep their distance, each
+         * is late by the dead time or not at all: such legs are taken together. Late
+         * rising edges cost voltage, late falling ones bring it. */
+        unsigned others = (edges & ~(flow.out | flow.in)) | a->close;
+        const ht_vsd *lost = &ht_vector[a->rising & flow.out];
+        const ht_vsd *won = &ht_vector[a->falling & flow.in];
+        float late = dead->dead_pu;
+        v.ab.alpha += late * (won->ab.alpha - lost->ab.alpha);
+        v.ab.beta += late * (won->ab.beta - lost->ab.beta);
+        if (xy) {
+            v.xy.x += late * (won->xy.x - lost->xy.x);
+            v.xy.y += late * (won->xy.y - lost->xy.y);
+        }
+        if ((others | left->legs) != 0u) {
+            ht_vsd more = leg_by_leg(a, dead, others, i_begin, i_end, left, over);
+            v.ab.alpha += more.ab.alpha;
+            v.ab.beta += more.ab.beta;
+            if (xy) {
+                v.xy.x += more.xy.x;
+                v.xy.y += more.xy.y;
+            }
+            return v;
+        }
+    }
+    over->legs = 0u;
     return v;
 }

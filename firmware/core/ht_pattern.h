@@ -18,8 +18,23 @@ typedef struct {
 typedef struct {
     uint16_t before; /**< state word before the first edge */
     uint16_t s[3];   /**< state words from t[0], t[1], t[2] on */
-    float t[3];      /**< instants in per unit of the period, ascending, in [0, 1] */
+    float t[3];      /**< instants in per unit of the period, ascending, in [0, 1];
+                      *   t[1] and t[2] are 1 where no leg switches after t[0] */
+    /* What follows from these, by ht_applied_finish: */
+    unsigned later;   /**< legs with an edge after the period's very start */
+    unsigned close;   /**< legs whose edges may be closer to each other or to the period's end
+                       *   than the dead time */
+    unsigned rising;  /**< other legs with a rising edge */
+    unsigned falling; /**< other legs with a falling edge (a leg may have both) */
+    ht_ab mean_pu;    /**< mean voltage as commanded, units of Vdc */
 } ht_applied;
+
+/** Legs whose current flows beyond doubt, as state words: far enough from zero to shift
+ *  an edge by all of the dead time or by none. */
+typedef struct {
+    unsigned out; /**< out of the leg */
+    unsigned in;  /**< into the leg */
+} ht_flow;
 
 /** Dead-time delay that ran past the end of a period (see ht_volt_seconds). */
 typedef struct {
@@ -29,11 +44,11 @@ typedef struct {
 
 /** How the inverter's edges deviate from the commanded ones. */
 typedef struct {
-    float dead_pu;       /**< dead time in per unit of the period, 0..0.5 */
-    float inv_2i_zero;   /**< 1/(2 I0): below |I0| amperes an edge is shifted in part */
+    float dead_pu;  /**< dead time in per unit of the period, 0..0.5 */
+    float i_zero_A; /**< below this current an edge is shifted in part, > 0 */
 } ht_dead_time;
 
-/** Counts for state words `s` and action points `p`.
+/** Counts for state words `s` and action points `p`, 0 <= t1 <= t2 <= 1.
  *
  *  `period` = TBPRD + 1, 8 <= period <= 65535. `first` = count at which the
  *  period starts: 0 under shadow load, the write instant under immediate load;
@@ -42,19 +57,33 @@ typedef struct {
  *  never reaches. Two hazards of toggle actions, which the paper does not name,
  *  are kept out by at least one count between start, CA and CB: CA = 0 would
  *  swallow the start level, CA = CB would give one toggle for two.
- *  `applied` gets the instants after rounding, `before` is left to the caller. */
+ *  `applied` gets the words and the instants after rounding; the rest of it needs
+ *  ht_applied_finish. */
 void ht_pattern_counts(const uint16_t s[3], ht_action_points p, uint16_t period, uint16_t first,
                        ht_compare *counts, ht_applied *applied);
+
+/** Complete a pattern: state word `before` it, and what follows from words and instants. */
+void ht_applied_finish(ht_applied *a, uint16_t before, const ht_dead_time *dead);
+
+/** Where the phase currents flow. */
+ht_flow ht_flow_of(const ht_six *i_A, const ht_dead_time *dead);
+
+/** Where currents flow at the edges of a pattern, from where they flow at the period's
+ *  begin and end: an edge at the very start meets the currents of then. */
+ht_flow ht_flow_at_edges(const ht_applied *a, ht_flow begin, ht_flow end);
 
 /** Mean voltage of one sampling period in units of Vdc, edge by edge.
  *
  *  While both switches of a leg are off the current's sign decides: a rising
  *  edge is late by the dead time when the current flows out of the leg, a
  *  falling edge when it flows in. `i_begin` and `i_end` are the phase currents
- *  at the period's ends (linear in between). A pulse shorter than the dead time
- *  vanishes, and a delay that crosses the period's end is carried over in
- *  `spill` unless the leg is switched back first. */
-ht_vsd ht_volt_seconds(const ht_applied *a, const ht_dead_time *dead, const ht_six *i_begin,
-                       const ht_six *i_end, ht_spill *spill);
+ *  at the period's ends (linear in between), `flow` is where they flow at the edges.
+ *  A pulse shorter than the dead time vanishes, and a delay that crosses the period's end
+ *  is carried over unless the leg is switched back first: `left` is what the period
+ *  before left over, `over` gets what this one does (both may be the same).
+ *  x and y are 0 unless `xy`. */
+ht_vsd ht_volt_seconds(const ht_applied *a, const ht_dead_time *dead, ht_flow flow,
+                       const ht_six *i_begin, const ht_six *i_end, const ht_spill *left,
+                       ht_spill *over, bool xy);
 
 #endif

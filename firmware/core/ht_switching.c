@@ -1,5 +1,7 @@
 #include "ht_switching.h"
 
+#include <math.h>
+
 #define TAN_15 0.267949192f
 #define TAN_75 3.73205081f
 
@@ -11,17 +13,13 @@ static const uint16_t offset[2][2][2] = {
 
 unsigned ht_sector(ht_ab v)
 {
-    float a = (v.alpha < 0.0f) ? -v.alpha : v.alpha;
-    float b = (v.beta < 0.0f) ? -v.beta : v.beta;
+    float a = fabsf(v.alpha);
+    float b = fabsf(v.beta);
     unsigned q; /* sector of (|alpha|, |beta|): 0, 1, 2 or 3 */
-    if (b < (a * TAN_15)) {
-        q = 0u;
-    } else if (b < a) {
-        q = 1u;
-    } else if (b < (a * TAN_75)) {
-        q = 2u;
+    if (b < a) {
+        q = (b < (a * TAN_15)) ? 0u : 1u;
     } else {
-        q = 3u;
+        q = (b < (a * TAN_75)) ? 2u : 3u; /* NaN ends here */
     }
     if (v.beta < 0.0f) {
         return (v.alpha < 0.0f) ? (6u + q) : ((q == 0u) ? 0u : (12u - q));
@@ -31,12 +29,14 @@ unsigned ht_sector(ht_ab v)
 
 unsigned ht_direction(ht_table table, unsigned sector, bool torque_up, bool flux_up)
 {
-    unsigned t = (table == HT_TABLE_75_105) ? 1u : 0u;
-    unsigned k = sector + offset[t][torque_up ? 1 : 0][flux_up ? 1 : 0];
-    return k % HT_SECTORS;
+    unsigned k = sector + offset[(table == HT_TABLE_75_105) ? 1 : 0][torque_up ? 1 : 0][flux_up ? 1 : 0];
+    return (k < HT_SECTORS) ? k : (k - HT_SECTORS);
 }
 
 unsigned ht_direction_along(unsigned sector, bool ahead)
 {
-    return ahead ? sector : ((sector + HT_SECTORS - 1u) % HT_SECTORS);
+    if (ahead) {
+        return sector;
+    }
+    return (sector == 0u) ? (HT_SECTORS - 1u) : (sector - 1u);
 }

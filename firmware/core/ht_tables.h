@@ -34,6 +34,8 @@ extern const ht_vsd ht_vector[64];
 extern const uint16_t ht_group[HT_GROUPS][HT_DIRECTIONS];
 /** Zero state reached with the fewest leg transitions, by state word. */
 extern const uint16_t ht_nearest_zero[64];
+/** First leg, in phase order, of a set of legs given as a state word; 6 for none. */
+extern const uint16_t ht_first_leg[64];
 /** Duty solver rows of the virtual vectors (k-1, k, k+1), groups L and ML. */
 extern const ht_duty_row ht_duty_table[2][HT_DIRECTIONS];
 /** Total maximum voltage compensation limit per axis, groups L and ML

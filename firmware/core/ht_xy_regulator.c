@@ -1,11 +1,13 @@
 #include "ht_xy_regulator.h"
 
+#include <math.h>
+
 static float limited(float value, float limit)
 {
-    if (value > limit) {
-        return limit;
+    if (fabsf(value) <= limit) {
+        return value;
     }
-    return (value >= -limit) ? value : -limit; /* NaN ends here too */
+    return (value > 0.0f) ? limit : -limit; /* NaN ends here too */
 }
 
 void ht_xy_reset(ht_xy_state *st)

@@ -15,14 +15,16 @@ static uint32_t fold(uint32_t sum)
 
 uint32_t ht_fletcher(uint32_t sum, const uint16_t *words, uint16_t n)
 {
+    const uint16_t *next = words;
     const uint16_t *end = words + n;
     uint32_t a = sum & 0xFFFFu;
     uint32_t b = sum >> 16;
-    while (words != end) {
-        const uint16_t *stop = ((end - words) > (int)FLETCHER_BLOCK) ? (words + FLETCHER_BLOCK) : end;
-        while (words != stop) {
-            a += *words++;
+    while (next != end) {
+        const uint16_t *stop = ((end - next) > (int)FLETCHER_BLOCK) ? (next + FLETCHER_BLOCK) : end;
+        while (next != stop) {
+            a += *next;
             b += a;
+            next++;
         }
         a = fold(fold(a));
         b = fold(fold(b));

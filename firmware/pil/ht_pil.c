@@ -2,13 +2,17 @@
 
 #include <string.h>
 
+#include "ht_pil_snapshot.h"
+
 static uint32_t sum_text(uint32_t sum, const char *text)
 {
-    for (; *text != '\0'; text++) {
-        uint16_t word = (uint16_t)*text;
-        sum = ht_fletcher(sum, &word, 1u);
+    uint32_t total = sum;
+    uint16_t i;
+    for (i = 0u; text[i] != '\0'; i++) {
+        uint16_t word = (uint16_t)text[i];
+        total = ht_fletcher(total, &word, 1u);
     }
-    return sum;
+    return total;
 }
 
 void ht_pil_identity(uint16_t *words)
@@ -43,8 +47,8 @@ static uint16_t init(ht_pil *p, const uint16_t *payload, uint16_t words)
     ht_result result;
     uint16_t id;
     p->ready = false;
-    memset(&p->drive, 0, sizeof p->drive); /* as after a reset */
-    memset(&p->port, 0, sizeof p->port);
+    (void)memset(&p->drive, 0, sizeof p->drive); /* as after a reset */
+    (void)memset(&p->port, 0, sizeof p->port);
     if ((words < INIT_WORDS)
         || !ht_side_init(&p->side, &p->port, payload[0], &payload[INIT_WORDS],
                          (uint16_t)(words - INIT_WORDS))) {
@@ -122,6 +126,13 @@ uint16_t ht_pil_answer(ht_pil *p, const ht_frame *request, ht_frame *reply)
         ht_pil_identity(identity);
         for (i = 0u; i < HT_PIL_IDENTITY; i++) {
             ht_frame_add(reply, identity[i]);
+        }
+        return ht_frame_end(reply);
+    }
+    if (type == (uint16_t)HT_PIL_SNAPSHOT) {
+        ht_frame_add(reply, p->ready ? (uint16_t)HT_OK : (uint16_t)HT_PIL_REFUSED);
+        if (p->ready) {
+            ht_pil_snapshot_add(reply, &p->drive.snapshot);
         }
         return ht_frame_end(reply);
     }

@@ -11,7 +11,7 @@
 #include "ht_frame.h"
 #include "ht_pil_side.h"
 
-#define HT_PIL_VERSION 1u
+#define HT_PIL_VERSION 2u
 
 /** Types of request; the reply to one has HT_PIL_REPLY set as well. */
 enum {
@@ -23,6 +23,7 @@ enum {
     HT_PIL_CLEAR = 6,
     HT_PIL_SET = 7,    /**< parameter id, value */
     HT_PIL_GET = 8,    /**< parameter id; the reply's `value` */
+    HT_PIL_SNAPSHOT = 9, /**< no payload; the reply: result, `ht_pil_snapshot_add` */
     HT_PIL_REPLY = 0x80,
     HT_PIL_BROKEN = 0xFF /**< the reply to a frame that did not arrive whole */
 };
@@ -33,10 +34,11 @@ enum { HT_PIL_FAST = 1, HT_PIL_SLOW = 2 };
 /** Results of a request, after those of ht_result. */
 enum { HT_PIL_REFUSED = 0x100 /**< malformed, unknown, or no INIT so far */ };
 
-/** Payload of requests, in words, up to what the hardware did: all but HELLO and INIT. */
+/** Payload of requests, in words, up to what the hardware did: all but HELLO, INIT and
+ *  SNAPSHOT. */
 enum { HT_PIL_ARGUMENT = 0, HT_PIL_VALUE = 1, HT_PIL_HARDWARE = 3 };
 
-/** Payload of replies, in words; all but that to HELLO. Telemetry channels follow, then
+/** Payload of replies, in words; all but those to HELLO and SNAPSHOT. Telemetry channels follow, then
  *  register changes or calls. */
 enum {
     HT_PIL_AT_RESULT = 0,

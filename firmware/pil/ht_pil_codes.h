@@ -4,6 +4,12 @@
 #ifndef HT_PIL_CODES_H
 #define HT_PIL_CODES_H
 
+/** Rate of a board's serial line, baud, unless both ends are told another one. The C2000
+ *  boards' clocks (75 and 50 MHz / 8) have no faster one in common that is exact. */
+#ifndef HT_PIL_BAUD
+#define HT_PIL_BAUD 625000u
+#endif
+
 /** Calls, in the order they were made; after some of them arguments. */
 enum {
     HT_CALL_INIT = 1,        /**< period_counts, dead_counts, shadow, slow_Hz (float) */

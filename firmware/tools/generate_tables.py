@@ -70,6 +70,11 @@ def nearest_zero(word: int) -> int:
     return zeros[distance.index(best)]
 
 
+def first_leg(word: int) -> int:
+    """First leg, in phase order, whose bit is set in `word`; 6 if there is none."""
+    return 6 - word.bit_length()
+
+
 def duty_rows(words: list[int]) -> list[tuple[float, ...]]:
     """Eq. (13) of paper A expanded for each virtual vector k = (k-1, k, k+1):
     t1 = t1_0 + a1 vx + b1 vy, t2 = t2_0 + a2 vx + b2 vy."""
@@ -122,6 +127,9 @@ def render() -> str:
     out += ["};", "", "const uint16_t ht_nearest_zero[64] = {"]
     for row in range(0, 64, 16):
         out.append("    " + ", ".join(str(nearest_zero(w)) for w in range(row, row + 16)) + ",")
+    out += ["};", "", "const uint16_t ht_first_leg[64] = {"]
+    for row in range(0, 64, 16):
+        out.append("    " + ", ".join(str(first_leg(w)) for w in range(row, row + 16)) + ",")
     out += ["};", "", "const ht_duty_row ht_duty_table[2][HT_DIRECTIONS] = {"]
     for name in ("L", "ML"):
         out.append(f"    {{ /* {name} */")

@@ -109,12 +109,15 @@ def _parser() -> argparse.ArgumentParser:
 
     pil = commands.add_parser(
         "pil",
-        help="processor in the loop: the firmware on an emulated Cortex-M, held against the host's",
+        help="processor in the loop: the firmware on an emulated Cortex-M or a board, held against "
+        "the host's",
         description="Run schemes through two seconds of transients, or a scenario, once with the "
-        "firmware on the host and once on an emulated processor, and compare all registers and "
-        "channels bit by bit. Needs gcc-arm-none-eabi and qemu-system-arm.",
+        "firmware on the host and once on an emulated processor or a board, and compare all "
+        "registers and channels bit by bit. The emulator needs gcc-arm-none-eabi and "
+        "qemu-system-arm, a board its image (docs/pil.md).",
         epilog="examples:\n  hexatorque pil\n  hexatorque pil --setup paper-b --schemes dtc1,dtc3\n"
-        "  hexatorque pil examples/reversal.toml -o out/reversal-pil.npz",
+        "  hexatorque pil examples/reversal.toml -o out/reversal-pil.npz\n"
+        "  hexatorque pil --device /dev/ttyUSB1 --schemes ddr",
         formatter_class=raw,
     )
     pil.add_argument("scenario", nargs="?", metavar="SCENARIO.toml", help="as for run")
@@ -127,10 +130,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     pil.add_argument(
         "--machine",
-        default="mps2-an386",
         metavar="NAME",
         help="mps2-an386 (Cortex-M4F, default), mps2-an500 (Cortex-M7), atmega2560 (16-bit int)",
     )
+    pil.add_argument("--device", metavar="PORT", help="a board's serial port, e.g. /dev/ttyUSB1")
+    pil.add_argument("--baud", type=int, metavar="N", help="its rate; default: the images'")
     pil.add_argument("--json", action="store_true", help="results on standard output")
     pil.add_argument(
         "-o", "--output", type=Path, metavar="DIR|FILE", help=f"with a scenario: FILE, {suffixes}"
@@ -386,15 +390,32 @@ def _convert(args: argparse.Namespace) -> int:
     return 0
 
 
+def _target(args: argparse.Namespace):
+    """Name of what `pil` runs on, and a function that gives a fresh one for a run."""
+    from .scenario import ScenarioError
+    from .targets import board, process
+
+    if args.device is not None:
+        if args.machine is not None:
+            raise ScenarioError("--machine: not with --device")
+        baud = board.BAUD if args.baud is None else args.baud
+        return args.device, lambda: board.BoardTarget(args.device, baud)
+    if args.baud is not None:
+        raise ScenarioError("--baud: only with --device")
+    machine = args.machine or "mps2-an386"
+    if machine not in process.MACHINES:
+        known = ", ".join(process.MACHINES)
+        raise ScenarioError(f"no machine {machine!r}: choose from {known}")
+    return machine, lambda: process.emulator(machine)
+
+
 def _pil(args: argparse.Namespace) -> int:
     from . import compare, scenario
     from .files import check_output
-    from .targets import pil, process
+    from .targets import pil
 
     console = _console(args.json)
-    if args.machine not in process.MACHINES:
-        known = ", ".join(process.MACHINES)
-        raise scenario.ScenarioError(f"no machine {args.machine!r}: choose from {known}")
+    name, target_of_run = _target(args)
     if args.scenario:
         given = [f"--{n}" for n in ("setup", "schemes", "speed", "load", "latency")
                  if getattr(args, n) is not None]  # fmt: skip
@@ -417,9 +438,9 @@ def _pil(args: argparse.Namespace) -> int:
     outcomes = []
     with _progress(console) as bar:
         total = 2 * sum(profile.duration_s for _, profile, _ in todo)
-        task = bar.add_task(args.machine, total=total)
+        task = bar.add_task(name, total=total)
         for setup, profile, file in todo:
-            with process.emulator(args.machine) as target:
+            with target_of_run() as target:
                 outcome = pil.compare(setup, profile, target, lambda s: bar.advance(task, s))
             outcome.recording.save(file)
             outcomes.append(outcome)

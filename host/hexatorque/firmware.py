@@ -130,6 +130,27 @@ def _check(result: int, what: str) -> None:
         raise FirmwareError(f"{what}: {_RESULTS[result]}")
 
 
+def snapshot_of(s) -> dict[str, object] | None:
+    """An `ht_snapshot` in the field's terms; None where there was no fault."""
+    if not s.tick:
+        return None
+    measured = getattr(s, "in")
+    return {
+        "tick": s.tick,
+        "state": STATES[s.state],
+        "faults": causes(s.faults),
+        "adc_counts": list(s.samples.adc),
+        "position_counts": s.samples.position,
+        "i_A": list(measured.i_A.p),
+        "vdc_V": measured.vdc_V,
+        "torque_ref_Nm": measured.torque_ref_Nm,
+        "flux_ref_Wb": measured.flux_ref_Wb,
+        "psi_Wb": [s.estimate.psi_Wb.alpha, s.estimate.psi_Wb.beta],
+        "torque_Nm": s.estimate.torque_Nm,
+        "speed_rpm": s.speed_rpm,
+    }
+
+
 class Controller:
     """One drive's firmware on its own chip, from reset on: the start of the board, then
     the drive's. `device` may be any of BOARDS; its name says which pins and PWM modules."""
@@ -175,12 +196,12 @@ class Controller:
 
     @property
     def period_counts(self) -> int:
-        return self.drive.config.period_counts
+        return self.drive.config.control.period_counts
 
     @property
     def shadow(self) -> bool:
         """Does a pattern take effect in the next period?"""
-        return self.drive.config.shadow
+        return self.drive.config.control.shadow
 
     def confirm(self) -> None:
         """Raise an error if what ran last did not run. Here it always does."""
@@ -207,24 +228,7 @@ class Controller:
     @property
     def snapshot(self) -> dict[str, object] | None:
         """What the firmware kept of the latest fault, or None."""
-        s = self.drive.snapshot
-        if not s.tick:
-            return None
-        measured = getattr(s, "in")
-        return {
-            "tick": s.tick,
-            "state": STATES[s.state],
-            "faults": causes(s.faults),
-            "adc_counts": list(s.samples.adc),
-            "position_counts": s.samples.position,
-            "i_A": list(measured.i_A.p),
-            "vdc_V": measured.vdc_V,
-            "torque_ref_Nm": measured.torque_ref_Nm,
-            "flux_ref_Wb": measured.flux_ref_Wb,
-            "psi_Wb": [s.estimate.psi_Wb.alpha, s.estimate.psi_Wb.beta],
-            "torque_Nm": s.estimate.torque_Nm,
-            "speed_rpm": s.speed_rpm,
-        }
+        return snapshot_of(self.drive.snapshot)
 
     def get(self, name: str) -> str | float:
         row = parameters()[name]

@@ -12,6 +12,7 @@ import sys
 from itertools import pairwise
 from pathlib import Path
 
+import c2000_image
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -112,10 +113,14 @@ def test_what_the_compiler_gets(tree, tmp_path, preset, board, device):
         return Path(names[0] if names[0] else call[-1])
 
     firmware = tree / "firmware"
-    folders = ("core", "app", "link", "port/c2000", "port/c2000/image")
-    want = {f.name for folder in folders for f in (firmware / folder).glob("*.[ca]*")
-            if f.suffix in (".c", ".asm")}  # fmt: skip
-    assert sorted(source(c).name for c in compiled) == sorted([*want, *want])  # two images
+
+    def names(*folders):
+        found = [f for folder in folders for f in (firmware / folder).glob("*.[ca]*")]
+        return {f.name for f in found if f.suffix in (".c", ".asm")}
+
+    drive = names(*c2000_image.FOLDERS) - names("port/host")
+    pil = (drive | names(*c2000_image.PIL_FOLDERS)) - set(c2000_image.NOT_IN_PIL)
+    assert sorted(source(c).name for c in compiled) == sorted([*drive, *drive, *pil, *pil])
     for call in compiled:
         flash = source(call).name in FROM_FLASH
         assert ("--ramfunc=on" in call) != flash  # what copies is not copied
@@ -123,15 +128,23 @@ def test_what_the_compiler_gets(tree, tmp_path, preset, board, device):
         if source(call).suffix == ".c":
             assert {"--c99", "--strict_ansi", "--fp_mode=strict", "--fp_reassoc=off"} <= set(call)
             assert any(re.fullmatch(rf"(-D|--define=)HT_BOARD=ht_board_{board}", w) for w in call)
+        if source(call).name in ("ht_pil_chip.c", "ht_pil_side.c"):
+            assert any(re.fullmatch(r"(-D|--define=)HT_PIL_BAUD=625000u", w) for w in call)
+            assert not any("registers" in word for word in call)
         assert not any("tmu" in word for word in call)
-    assert len(linked) == 2
-    for call, place in zip(sorted(linked, key=str), ("flash", "ram")):
-        assert f"--output_file=hexatorque_{board}_{place}.out" in call
+    images = [
+        (f"hexatorque_{board}{kind}_{place}.out", place, len(want))
+        for kind, want in (("", drive), ("_pil", pil))
+        for place in ("flash", "ram")
+    ]
+    assert len(linked) == len(images)
+    for image, place, sources in images:
+        (call,) = (c for c in linked if f"--output_file={image}" in c)
         assert [w for w in call if w.endswith(".cmd")] == [
             str(tree / f"firmware/port/c2000/image/{device}_{place}.cmd")
         ]
         assert {"--entry_point=code_start", "--rom_model", "--library=libc.a"} <= set(call)
-        assert sum(w.endswith(".obj") for w in call) == len(want)
+        assert sum(w.endswith(".obj") for w in call) == sources
 
 
 @needs_cmake

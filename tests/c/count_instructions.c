@@ -89,7 +89,7 @@ static int replay(const char *path)
             mark();
             before.in = drive.in;
             mark();
-            ht_control_step(before.config, &before.control, &before.in, &out);
+            ht_control_step(&before.config->control, &before.control, &before.in, false, &out);
             mark();
         } else {
             ht_drive_fast_isr(&drive);

@@ -120,7 +120,7 @@ static void configure(ht_control_config *cfg, ht_scheme scheme, ht_table table)
     cfg->observer.inv_sigma_ls = 1.0f / 0.028f;
     cfg->observer.lxy_H = 0.0144f;
     cfg->observer.torque_gain = 3.0f;
-    cfg->dead.inv_2i_zero = 10.0f;
+    cfg->dead.i_zero_A = 0.05f;
 }
 
 /* Words of one control step with the flux in the middle of a sector, the comparators at
@@ -153,7 +153,7 @@ static void decide(ht_scheme scheme, ht_table table, unsigned sector, int level,
     ht_control_reset(&cfg, &st, &in.i_A);
     st.observer.psi_Wb.alpha = 0.4f * cosf(angle);
     st.observer.psi_Wb.beta = 0.4f * sinf(angle);
-    ht_control_step(&cfg, &st, &in, &out);
+    ht_control_step(&cfg, &st, &in, false, &out);
     s[0] = st.active.s[0];
     s[1] = st.active.s[1];
     s[2] = st.active.s[2];

@@ -49,7 +49,8 @@ def config(scheme="ddr", **changes):
     cfg.observer.lxy_H, cfg.observer.torque_gain = 0.0144, 3.0
     cfg.observer.omega_gain = 0.02
     cfg.xy.kp_pu_A, cfg.xy.ki_ts_pu_A = 0.1, 2.5e-4
-    cfg.dead.dead_pu, cfg.dead.inv_2i_zero = 0.02, 10.0
+    cfg.xy_limit_pu = lib.ht_tmvcl_pu[lib.HT_ML if scheme == "ddr-ml" else lib.HT_L]
+    cfg.dead.dead_pu, cfg.dead.i_zero_A = 0.02, 0.05
     for name, value in changes.items():
         owner = cfg
         *path, last = name.split("__")
@@ -69,12 +70,12 @@ class Drive:
         assert lib.ht_control_check(cfg) == lib.HT_CONFIG_OK
         lib.ht_control_reset(self.cfg, self.state, [{"p": [0.0] * 6}])
 
-    def step(self, i=(0.0,) * 6, torque=0.0, flux=0.4, vdc=VDC, law=None):
+    def step(self, i=(0.0,) * 6, torque=0.0, flux=0.4, vdc=VDC, build=False):
         inputs = ffi.new("ht_control_input *")
         inputs.i_A.p = list(i)
         inputs.vdc_V, inputs.torque_ref_Nm, inputs.flux_ref_Wb = vdc, torque, flux
         inputs.inv_flux_ref2 = 1 / flux**2 if flux else 0.0
-        (law or lib.ht_control_step)(self.cfg, self.state, inputs, self.out)
+        lib.ht_control_step(self.cfg, self.state, inputs, build, self.out)
         return words(self.out, self.cfg.period_counts)
 
     def place(self, psi, psi_xy=0j):
@@ -355,6 +356,49 @@ def test_prediction_is_the_next_estimate(scheme):
     assert bool(spilled) == scheme.startswith("ddr")
 
 
+@pytest.mark.parametrize("shadow", (True, False))
+def test_dead_time_goes_by_the_currents_at_each_edge(shadow):
+    """One vector a period, so all edges are at its start; currents whose signs change from
+    sample to sample. A rising edge costs the dead time where the current flows out, a
+    falling one brings it where it flows in."""
+    cfg = config(
+        "dtc1", shadow=shadow, predict=False, observer__rs_ohm=0.0, dead__dead_pu=0.05
+    )  # fmt: skip
+    drive = Drive(cfg)
+    rng = np.random.default_rng(11)
+    i_begin = rng.choice([-5.0, 5.0], 6)
+    lib.ht_control_reset(cfg, drive.state, [{"p": i_begin.tolist()}])
+    psi, last, waiting = 0j, np.zeros(6), [0, 0] if shadow else [0]
+    for _ in range(300):
+        i_end = rng.choice([-5.0, 5.0], 6)
+        (word,) = set(drive.step(i_end, torque=rng.uniform(-2, 2)))
+        waiting.append(word)
+        level = waiting.pop(0) >> np.arange(5, -1, -1) & 1
+        late = (level > last) & (i_begin > 0), (level < last) & (i_begin < 0)
+        pu = T[:2] @ (level - 0.05 * (late[0].astype(float) - late[1]))
+        psi += TS * VDC * complex(*pu)
+        assert complex_flux(drive.state.estimate) == pytest.approx(psi, abs=1e-5)
+        last, i_begin = level, i_end
+
+
+@pytest.mark.parametrize("scheme", ("dtc2", "dtc3"))
+def test_predicted_xy_flux_is_that_of_the_pattern_to_come(scheme):
+    """Of the build-up's last virtual vector as of single ones."""
+    drive = Drive(config(scheme, dead__dead_pu=0.0))
+    i = T.T @ [3.0, 1.5, 0.9, -0.6]
+    steps = [drive.step(i, build=True) for _ in range(3)]
+    assert len(set(steps[-1])) > 1
+    for n in range(20):
+        coming = drive.state.next
+        t = [0, *list(coming.t)[1:], 1]
+        mean = np.diff(t) @ np.array([vector(w)[2:] for w in coming.s])
+        drive.step(i, torque=0.5 * (-1) ** n)
+        i_xy = T[2:] @ i
+        want = 0.0144 * i_xy + TS * (VDC * mean - 6.0 * i_xy)
+        got = drive.state.psi_xy_Wb
+        np.testing.assert_allclose([got.x, got.y], want, atol=1e-6)
+
+
 def test_without_prediction_the_estimate_is_decided_on():
     drive = Drive(config("fdr", predict=False))
     drive.currents = [0.0] * 6
@@ -368,7 +412,7 @@ def test_without_prediction_the_estimate_is_decided_on():
 def test_build_up_pulls_the_flux_along_15_degrees():
     drive = Drive(config("dtc1", observer__rs_ohm=0.0, dead__dead_pu=0.0))
     for _ in range(200):
-        s = drive.step(law=lib.ht_control_build_step)
+        s = drive.step(build=True)
         assert s in ((L[11], L[0], L[1]), (0, 0, 0), (63, 63, 63), (21,) * 3, (42,) * 3)
     psi = complex_flux(drive.state.estimate)
     step = 0.59772 * VDC * TS
@@ -381,7 +425,7 @@ def test_build_up_stops_at_the_current_limit():
     for size, blocked in ((2.9, False), (3.1, True)):
         drive = Drive(config("ddr"))
         i = 3 * T.T @ [size * np.cos(0.3), size * np.sin(0.3), 0, 0]
-        s = drive.step(i, law=lib.ht_control_build_step)
+        s = drive.step(i, build=True)
         assert (s[0] in ZEROS) == blocked
 
 
@@ -415,13 +459,13 @@ def test_any_input_gives_a_pattern_that_the_pwm_can_realise(
         period_counts=period, first_counts=first,
     )  # fmt: skip
     drive = Drive(cfg)
-    for law in (lib.ht_control_step, lib.ht_control_build_step):
+    for build in (False, True):
         for i, torque, flux, vdc in samples:
             inputs = ffi.new("ht_control_input *")
             inputs.i_A.p = i
             inputs.torque_ref_Nm, inputs.flux_ref_Wb, inputs.vdc_V = torque, flux, vdc
             inputs.inv_flux_ref2 = flux
-            law(cfg, drive.state, inputs, drive.out)
+            lib.ht_control_step(cfg, drive.state, inputs, build, drive.out)
             assert is_valid(drive.out, period, first)
             assert all(0 <= w <= 63 for w in words(drive.out, period))
             assert 0 <= drive.state.sector <= 11
@@ -462,6 +506,9 @@ def test_vsd_is_the_transform():
         ({"dead__dead_pu": -0.01}, lib.HT_CONFIG_TIMING),
         ({"dead__dead_pu": 0.51}, lib.HT_CONFIG_TIMING),
         ({"dead__dead_pu": np.nan}, lib.HT_CONFIG_TIMING),
+        ({"dead__i_zero_A": 0.0}, lib.HT_CONFIG_TIMING),
+        ({"xy_limit_pu": 0.0}, lib.HT_CONFIG_SCHEME),
+        ({"xy_limit_pu": np.nan}, lib.HT_CONFIG_SCHEME),
         ({"observer__rs_ohm": -1.0}, lib.HT_CONFIG_MACHINE),
         ({"observer__rs_ohm": np.nan}, lib.HT_CONFIG_MACHINE),
         ({"observer__sigma_ls_H": 0.0}, lib.HT_CONFIG_MACHINE),
@@ -481,7 +528,7 @@ def test_check_of_the_configuration(changes, status):
 def test_drops_of_the_devices():
     """Each leg loses the threshold against its current, in full from i_zero on, in
     proportion below; the flux moves by that much less."""
-    for i_u1 in (5.0, -5.0, 0.02, -0.02):
+    for i_u1 in (5.0, -5.0, 0.06, -0.06, 0.02, -0.02):
         i = np.array([i_u1, 0.0, -i_u1, 0.0, 0.0, 0.0])
         flux = []
         for drop_V in (0.0, 1.35):
@@ -491,7 +538,18 @@ def test_drops_of_the_devices():
             before = complex_flux(drive.state.estimate)
             drive.step(i)
             flux.append(complex_flux(drive.state.estimate) - before)
-        share = np.clip(i / 0.05, -1, 1)  # inv_2i_zero = 10: i_zero = 50 mA
+        share = np.clip(i / 0.05, -1, 1)  # i_zero_A
         lost = 1.35 * T[:2] @ share * TS
         assert flux[0] - flux[1] == pytest.approx(lost[0] + 1j * lost[1], rel=2e-3)
         assert abs(flux[0] - flux[1]) > 0
+
+
+def test_drops_act_on_the_predicted_xy_flux():
+    i = np.array([5.0, 0.02, -5.0, 0.0, 0.0, -0.06])
+    psi_xy = []
+    for drop_V in (0.0, 1.35):
+        drive = Drive(config("dtc2", drop_V=drop_V, dead__dead_pu=0.0))
+        drive.step(i)
+        psi_xy.append(complex(drive.state.psi_xy_Wb.x, drive.state.psi_xy_Wb.y))
+    lost = 1.35 * T[2:] @ np.clip(i / 0.05, -1, 1) * TS
+    assert psi_xy[0] - psi_xy[1] == pytest.approx(lost[0] + 1j * lost[1], rel=2e-3)

@@ -82,11 +82,14 @@ def check_counts(s, t1, t2, period, first):
             used[i].add(count)
     assert len(used[1]) <= 1 and len(used[2]) <= 1  # all legs switch together
 
+    assert applied.t[0] == pytest.approx(first / period, rel=1e-6, abs=1e-9)
+    assert tuple(applied.s) == tuple(s)
+    if s[0] == s[1] == s[2]:
+        assert (applied.t[1], applied.t[2]) == (1, 1) and not used[1] | used[2]
+        return
     c1, c2 = (round(applied.t[i] * period) for i in (1, 2))
     assert first < c1 < c2 < period
-    assert applied.t[0] == pytest.approx(first / period, rel=1e-6, abs=1e-9)
     assert used[1] <= {c1} and used[2] <= {c2}
-    assert tuple(applied.s) == tuple(s)
     for c, t, low, high in ((c1, t1, first + 1, period - 2), (c2, t2, c1 + 1, period - 1)):
         target = first + t * period
         inside = low <= target <= high
@@ -161,25 +164,33 @@ def follow_leg(commands, dead, outward, end):
     return on
 
 
-def applied_sequence(patterns, period, first):
+def volt_seconds(applied, dead, i_begin, i_end, spill, xy=True):
+    """The mean voltage, alpha beta x y; `spill` takes part on both sides."""
+    begin, end = ffi.new("ht_six *", {"p": i_begin}), ffi.new("ht_six *", {"p": i_end})
+    flow = lib.ht_flow_at_edges(applied, *(lib.ht_flow_of(i, dead) for i in (begin, end)))
+    v = lib.ht_volt_seconds(applied, dead, flow, begin, end, spill, spill, xy)
+    return [v.ab.alpha, v.ab.beta, v.xy.x, v.xy.y]
+
+
+def applied_sequence(patterns, dead, period, first):
     """ht_applied of consecutive periods, all legs low before the first."""
     before, sequence = 0, []
     for s, (t1, t2) in patterns:
         _, applied = counts(s, t1, t2, period, first)
-        applied.before, before = before, s[2]
+        lib.ht_applied_finish(applied, before, [{"dead_pu": dead}])
+        before = s[2]
         sequence.append(applied)
     return sequence
 
 
 def compare_volt_seconds(patterns, outward, dead, period, first=0):
-    sequence = applied_sequence(patterns, period, first)
-    current = {"p": [20.0 if out else -20.0 for out in outward]}
-    config = {"dead_pu": dead, "inv_2i_zero": 10.0}
+    sequence = applied_sequence(patterns, dead, period, first)
+    config = ffi.new("ht_dead_time *", {"dead_pu": dead, "i_zero_A": 0.05})
+    current = [20.0 if out else -20.0 for out in outward]
     spill = ffi.new("ht_spill *")
     got = []
     for applied in sequence:
-        v = lib.ht_volt_seconds(applied, [config], [current], [current], spill)
-        got.append([v.ab.alpha, v.ab.beta, v.xy.x, v.xy.y])
+        got.append(volt_seconds(applied, config, current, current, spill))
     on = np.empty((6, len(sequence)))
     for leg in LEGS:
         commands = [
@@ -239,15 +250,14 @@ def test_delay_that_a_later_edge_of_the_next_period_cancels(back, outward):
 
 
 def mean_on_u1(applied, dead, i_begin, i_end):
-    spill = ffi.new("ht_spill *")
-    begin, end = {"p": [i_begin] * 6}, {"p": [i_end] * 6}
-    v = lib.ht_volt_seconds(applied, [dead], [begin], [end], spill)
-    return (v.ab.alpha + v.xy.x) * 1.5  # only u1 switches
+    lib.ht_applied_finish(applied, applied.before, dead)
+    v = volt_seconds(applied, dead, [i_begin] * 6, [i_end] * 6, ffi.new("ht_spill *"))
+    return (v[0] + v[2]) * 1.5  # only u1 switches
 
 
 def test_small_currents_shift_in_part_and_current_is_interpolated():
     _, applied = counts((0, 32, 32), 0.25, 0.5, 10000)
-    dead = {"dead_pu": 0.04, "inv_2i_zero": 1 / (2 * 0.5)}
+    dead = ffi.new("ht_dead_time *", {"dead_pu": 0.04, "i_zero_A": 0.5})
     for i, late in ((-1, 0), (-0.5, 0), (-0.25, 0.25), (0, 0.5), (0.25, 0.75), (0.5, 1), (1, 1)):
         assert mean_on_u1(applied, dead, i, i) == pytest.approx(0.75 - 0.04 * late, abs=1e-6)
     # 0.2 A at the edge, a quarter into the period
@@ -258,11 +268,126 @@ def test_small_currents_shift_in_part_and_current_is_interpolated():
 def test_no_dead_time_gives_the_commanded_volt_seconds():
     for s in VIRTUAL:
         _, applied = counts(s, 0.3, 0.6, 10000)
-        applied.before = s[0]
+        dead = ffi.new("ht_dead_time *", {"dead_pu": 0, "i_zero_A": 0.05})
+        lib.ht_applied_finish(applied, s[0], dead)
         spill = ffi.new("ht_spill *")
-        six = {"p": [1.0, -2.0, 3.0, -4.0, 5.0, -6.0]}
-        v = lib.ht_volt_seconds(applied, [{"dead_pu": 0, "inv_2i_zero": 10}], [six], [six], spill)
+        six = [1.0, -2.0, 3.0, -4.0, 5.0, -6.0]
+        v = volt_seconds(applied, dead, six, six, spill)
         legs = np.array([[bit(w, leg) for leg in LEGS] for w in s])
         want = T @ (np.array([0.3, 0.3, 0.4]) @ legs)
-        np.testing.assert_allclose([v.ab.alpha, v.ab.beta, v.xy.x, v.xy.y], want, atol=3e-7)
+        np.testing.assert_allclose(v, want, atol=3e-7)
         assert spill.legs == 0
+
+
+def mean_levels(sequence, leg, dead, i_zero, current):
+    """Share of each period that a leg is high; current[n], current[n + 1] are its
+    current at the ends of period n. An edge is late by the dead time times the share of
+    current that opposes it, at most until the leg's next edge; what is left at the
+    period's end goes on until the leg's first edge in the next one."""
+    means, left = [], 0.0
+    for a, begin, end in zip(sequence, current, current[1:]):
+        levels = [bit(w, leg) for w in (a.before, *a.s)]
+        knots = [0.0, *a.t, 1.0]
+        high = sum(level * (q - p) for level, p, q in zip(levels, knots, knots[1:]))
+        edges = [(a.t[e], levels[e + 1]) for e in range(3) if levels[e + 1] != levels[e]]
+        ends = [t for t, _ in edges[1:]] + [1.0]
+        late = min(left, edges[0][0] if edges else 1.0)
+        high -= late if levels[0] else -late
+        left = 0.0
+        for (t, level), until in zip(edges, ends):
+            outward = np.clip(0.5 + 0.5 * (begin + t * (end - begin)) / i_zero, 0, 1)
+            late = dead * (outward if level else 1 - outward)
+            if until == 1.0:
+                left = max(0.0, late - (1 - t))
+            late = min(late, until - t)
+            high -= late if level else -late
+        means.append(high)
+    return means
+
+
+amperes = st.one_of(
+    st.sampled_from([-5.0, -0.05, 0.0, 0.05, 5.0]), st.floats(-0.25, 0.25, width=32)
+)
+six_amperes = st.lists(amperes, min_size=6, max_size=6)
+
+
+@given(sequences, st.lists(six_amperes, min_size=7, max_size=7), dead_times, st.integers(0, 4999))
+@settings(max_examples=400, deadline=None)
+def test_volt_seconds_of_any_currents(patterns, currents, dead, first):
+    """Legs whose current is beyond doubt, legs around zero and legs with short pulses side
+    by side, shadow load (first = 0) and immediate load."""
+    for start in (0, first):
+        sequence = applied_sequence(patterns, dead, 10000, start)
+        config = ffi.new("ht_dead_time *", {"dead_pu": dead, "i_zero_A": 0.05})
+        spill = ffi.new("ht_spill *")
+        got = [
+            volt_seconds(a, config, currents[n], currents[n + 1], spill)
+            for n, a in enumerate(sequence)
+        ]
+        current = np.float32(currents[: len(sequence) + 1]).T.astype(float)
+        i_zero = float(np.float32(0.05))
+        means = [
+            mean_levels(sequence, leg, float(np.float32(dead)), i_zero, current[leg])
+            for leg in LEGS
+        ]
+        np.testing.assert_allclose(got, (T @ means).T, atol=2e-6)
+
+
+@given(sequences, six_amperes)
+@settings(max_examples=60, deadline=None)
+def test_x_and_y_only_if_asked_for(patterns, current):
+    dead = ffi.new("ht_dead_time *", {"dead_pu": 0.05, "i_zero_A": 0.05})
+    spills = ffi.new("ht_spill[2]")
+    for a in applied_sequence(patterns, 0.05, 10000, 0):
+        whole = volt_seconds(a, dead, current, current, spills + 0)
+        half = volt_seconds(a, dead, current, current, spills + 1, xy=False)
+        assert half == [*whole[:2], 0, 0]
+
+
+def test_a_look_ahead_leaves_the_delay_of_the_past_alone():
+    """`left` and `over` apart: what is left over stays for the period itself."""
+    late, back = applied_sequence(
+        [((0, 0, 32), (0.5, 0.99)), ((32, 32, 0), (0.5, 0.99))], 0.05, 10000, 0
+    )
+    dead = ffi.new("ht_dead_time *", {"dead_pu": 0.05, "i_zero_A": 0.05})
+    begin = ffi.new("ht_six *", {"p": [5.0] * 6})
+    left, over = ffi.new("ht_spill *"), ffi.new("ht_spill *")
+    flow = lib.ht_flow_of(begin, dead)
+    lib.ht_volt_seconds(late, dead, flow, begin, begin, left, left, True)
+    assert left.legs == 32 and left.shift[0] == pytest.approx(0.04, abs=1e-6)
+    before = bytes(ffi.buffer(left))
+    ahead = lib.ht_volt_seconds(back, dead, flow, begin, begin, left, over, True)
+    assert bytes(ffi.buffer(left)) == before and over.legs == 0
+    now = lib.ht_volt_seconds(back, dead, flow, begin, begin, left, left, True)
+    assert bytes(ffi.buffer(ffi.new("ht_vsd *", ahead))) == bytes(
+        ffi.buffer(ffi.new("ht_vsd *", now))
+    )
+    assert left.legs == 0
+    (plain,) = applied_sequence([((0, 32, 32), (0.5, 0.9))], 0.05, 10000, 0)
+    for pattern in (back, plain):  # and nothing is left over where nothing comes to be
+        over.legs = 63
+        lib.ht_volt_seconds(pattern, dead, flow, begin, begin, left, over, True)
+        assert over.legs == 0
+
+
+def test_flow_is_what_lies_beyond_the_zero_current():
+    dead = ffi.new("ht_dead_time *", {"dead_pu": 0.02, "i_zero_A": 0.25})
+    flow = lib.ht_flow_of([{"p": [0.25, 0.249, -0.249, -0.25, 9.0, -9.0]}], dead)
+    assert (flow.out, getattr(flow, "in")) == (0b100010, 0b000101)
+    nothing = lib.ht_flow_of([{"p": [np.nan] * 6}], dead)
+    assert (nothing.out, getattr(nothing, "in")) == (0, 0)
+
+
+def test_edges_at_the_start_meet_the_currents_of_then():
+    """Such legs need no look at each edge when their current turns later in the period."""
+    dead = ffi.new("ht_dead_time *", {"dead_pu": 0.02, "i_zero_A": 0.25})
+    out, none, into = ({"out": o, "in": i} for o, i in ((63, 0), (0, 0), (0, 63)))
+    for first, later in ((0, 0b000011), (100, 0b110011)):
+        _, applied = counts((0b110000, 0b110001, 0b110011), 0.3, 0.6, 10000, first)
+        lib.ht_applied_finish(applied, 0, dead)  # u1, u2 at the start, v2 and v1 later
+        for begin, end in ((out, none), (out, into), (into, none), (into, out)):
+            flow = lib.ht_flow_at_edges(applied, begin, end)
+            assert flow.out == (63 & ~later if begin is out else 0)
+            assert getattr(flow, "in") == (63 & ~later if begin is into else 0)
+        flow = lib.ht_flow_at_edges(applied, none, out)
+        assert (flow.out, getattr(flow, "in")) == (0, 0)

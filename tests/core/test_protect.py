@@ -88,7 +88,7 @@ def seen(psi, i, speed=0.0, rr_scale=1.0):
     """Control state after a step that estimated `psi` at a current `i`."""
     control = ffi.new("ht_control_state *")
     control.estimate.psi_Wb = [psi.real, psi.imag]
-    control.observer.i_prev_A.ab = [i.real, i.imag]
+    control.observer.i_prev_A = [i.real, i.imag]
     control.observer.omega_sync_rad_s, control.observer.rr_scale = speed, rr_scale
     return control
 
@@ -512,6 +512,13 @@ def test_phase_current(leg, sign, powered):
         assert sampled(i, powered=powered) == want
 
 
+@pytest.mark.parametrize("sign", (1, -1))
+def test_all_phases_at_once(sign):
+    """Six currents below the limit are no fault, whatever they amount to together."""
+    assert sampled([sign * 24.999] * 6, powered=False) == 0
+    assert sampled([sign * 25.001] * 6, powered=False) == bit("OVERCURRENT")
+
+
 @pytest.mark.parametrize("leg", range(6))
 @pytest.mark.parametrize("sign", (1, -1))
 def test_current_sum_of_each_set(leg, sign):
@@ -597,7 +604,16 @@ def test_xy_command_within_the_link_voltage(sign):
         assert result(xy=complex(bad, 0)) == result(xy=complex(0, bad)) == bit("NONFINITE")
 
 
+def test_bounds_are_those_of_each_value():
+    """However many are near their bounds at a time."""
+    assert result(torque=0.99e6, decided=-0.99e6, reference=0.99e6, xy=0.99 - 0.99j) == 0
+    assert result(torque=0.99e6, psi=2j) == bit("FLUX")
+    assert result(torque=9e4, decided=9e4, reference=1.01e6) == bit("NONFINITE")
+    assert result(xy=0.8 + 1.1j) == result(xy=1.1 + 0.8j) == bit("NONFINITE")
+
+
 def test_faults_of_results_add_up():
+    assert result(torque=NAN, psi=2j) == bit("NONFINITE")
     assert result(i=31j, psi=2j) == bit("OVERCURRENT") | bit("FLUX")
     assert result(i=31j, torque=NAN) == bit("OVERCURRENT") | bit("NONFINITE")
     assert result() == 0

@@ -102,6 +102,12 @@ def test_medium_large_opposes_in_xy(other):
         assert a @ b == pytest.approx(-np.linalg.norm(a) * np.linalg.norm(b), rel=1e-9)
 
 
+def test_first_leg_of_a_set():
+    for word in range(64):
+        legs = [leg for leg in range(6) if BITS[word][leg]]
+        assert lib.ht_first_leg[word] == (legs[0] if legs else 6)
+
+
 def test_nearest_zero_needs_fewest_transitions():
     for word in range(64):
         zero = lib.ht_nearest_zero[word]

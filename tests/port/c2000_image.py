@@ -17,6 +17,13 @@ GOLDEN = Path(__file__).parent / "golden"
 BOARDS = {"f28335": "f28335", "f28377s": "f28377s", "launchxl_f28377s": "f28377s"}
 FOLDERS = ("core", "app", "link", "port/host", "port/c2000", "port/c2000/image")
 FLAGS = ["-std=c99", "-O1", "-fno-pie", "-ffp-contract=off"]
+#: Processor in the loop: more folders, and what of the others it is without.
+PIL_FOLDERS = ("pil", "pil/calls", "port/c2000/pil")
+NOT_IN_PIL = (
+    "ht_adc.c", "ht_eqep.c", "ht_image.c", "ht_pie.c", "ht_port_c2000.c", "ht_pwm.c",
+    "ht_service.c", "ht_service_fast.c", "ht_service_requests.c", "ht_dictionary.c",
+    *(file.name for file in (ROOT / "firmware/link").glob("*.c")),
+)  # fmt: skip
 SIZES = {"ht_code_size": 64, "ht_const_size": 32}
 CC = os.environ.get("CC") or next(filter(shutil.which, ("gcc", "clang", "cc")), "cc")
 
@@ -29,35 +36,46 @@ class Builder:
         self.folder = folder
 
     def _compile(self, source: Path, out: Path, *options: str) -> Path:
-        include = [f"-I{ROOT / 'firmware' / f}" for f in (*FOLDERS, "port")]
+        include = [f"-I{ROOT / 'firmware' / f}" for f in (*FOLDERS, *PIL_FOLDERS, "port")]
         command = [CC, *FLAGS, *options, *include, "-c", source, "-o", out]
         subprocess.run(command, check=True, capture_output=True, text=True)
         return out
 
-    def _sources(self, board: str) -> dict[str, tuple[Path, Path, tuple[str, ...]]]:
+    def _sources(self, board: str, pil: bool) -> dict[str, tuple[Path, Path, tuple[str, ...]]]:
         """Source name -> source, object, options."""
         firmware = ROOT / "firmware"
+        folders = FOLDERS[:-1] + (PIL_FOLDERS if pil else ())
+        found = [file for folder in folders for file in sorted((firmware / folder).glob("*.c"))]
+        found += [firmware / FOLDERS[-1] / name for name in ("ht_image.c", "main.c")]
+        found.append(ROOT / "tests" / "c" / ("run_pil.c" if pil else "run_image.c"))
+        of_board = {
+            name: (
+                f"-DHT_BOARD=ht_board_{board}",
+                "-DHT_CAPTURE_VALUES=2048u",
+                "-Dmain=ht_target_main",
+            )  # fmt: skip
+            for name in ("ht_image.c", "main.c", "ht_pil_chip.c")
+        }
+        of_board[found[-1].name] = (f"-DHT_BOARD_UNDER_TEST=ht_board_{board}",)
         sources = {}
-        for folder in FOLDERS[:-1]:
-            for source in sorted((firmware / folder).glob("*.c")):
-                sources[source.name] = source, self.folder / f"{source.stem}.o", ()
-        options = (
-            f"-DHT_BOARD=ht_board_{board}", "-DHT_CAPTURE_VALUES=2048u", "-Dmain=ht_target_main",
-        )  # fmt: skip
-        for name in ("ht_image.c", "main.c"):
-            source = firmware / FOLDERS[-1] / name
-            sources[name] = source, self.folder / f"{board}_{name}.o", options
-        source = ROOT / "tests" / "c" / "run_image.c"
-        options = (f"-DHT_BOARD_UNDER_TEST=ht_board_{board}",)
-        sources[source.name] = source, self.folder / f"{board}_{source.name}.o", options
+        for source in found:
+            if not (pil and source.name in NOT_IN_PIL):
+                options = of_board.get(source.name, ())
+                stem = f"{board}_{source.name}" if options else source.stem
+                sources[source.name] = source, self.folder / f"{stem}.o", options
         return sources
 
-    def build(self, board: str, change: tuple[str, str, str] | None = None) -> Path:
+    def build(
+        self, board: str, change: tuple[str, str, str] | None = None, pil: bool = False
+    ) -> Path:
         """The program of a board. `change`: source name, text that must be there once,
         what takes its place."""
         name, old, new = change or ("", "", "")
         objects = []
-        for source, out, options in self._sources(board).values():
+        sources = self._sources(board, pil)
+        if change and name not in sources:
+            raise ValueError(f"{name} is not in this image")
+        for source, out, options in sources.values():
             if source.name == name:
                 text = source.read_text()
                 if text.count(old) != 1:
@@ -68,16 +86,16 @@ class Builder:
             elif not out.exists():
                 self._compile(source, out, *options)
             objects.append(out)
-        program = self.folder / f"run_{board}"
+        program = self.folder / f"run_{'pil_' if pil else ''}{board}"
         sizes = [f"-Wl,--defsym={symbol}={size}" for symbol, size in SIZES.items()]
         command = [CC, "-no-pie", *objects, "-o", program, "-lm", *sizes]
         subprocess.run(command, check=True, capture_output=True, text=True)
         return program
 
 
-def run(program: Path) -> tuple[bool, list[str]]:
+def run(program: Path, *arguments: str) -> tuple[bool, list[str]]:
     """Did it find everything in order, and what it printed."""
-    done = subprocess.run([program], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([program, *arguments], capture_output=True, text=True, timeout=60)
     return done.returncode == 0, done.stdout.splitlines()
 
 
@@ -146,8 +164,8 @@ def describe(board: str, lines: list[str]) -> list[str]:
     ]
 
 
-def golden(board: str) -> Path:
-    return GOLDEN / f"{board}.txt"
+def golden(board: str, pil: bool = False) -> Path:
+    return GOLDEN / f"{'pil_' if pil else ''}{board}.txt"
 
 
 def main() -> None:
@@ -157,10 +175,12 @@ def main() -> None:
         builder = Builder(Path(folder))
         GOLDEN.mkdir(exist_ok=True)
         for board in BOARDS:
-            good, lines = run(builder.build(board))
-            if not good:
-                sys.exit("\n".join([f"{board}:", *complaints(lines)]))
-            golden(board).write_text("\n".join(describe(board, lines)) + "\n")
+            for pil in (False, True):
+                arguments = ("registers",) if pil else ()
+                good, lines = run(builder.build(board, pil=pil), *arguments)
+                if not good:
+                    sys.exit("\n".join([f"{board}:", *complaints(lines)]))
+                golden(board, pil).write_text("\n".join(describe(board, lines)) + "\n")
 
 
 if __name__ == "__main__":

@@ -118,7 +118,7 @@ def test_legs_are_low_before_the_gates_come_on(bench):
         bench.words[base + leg * stride] = 77
     bench.controller.start()
     bench.fast()
-    period = bench.drive.config.period_counts
+    period = bench.drive.config.control.period_counts
     assert [int(bench.words[base + leg * stride]) for leg in range(6)] == [period] * 6
 
 
@@ -135,7 +135,7 @@ def test_interrupt_within_a_start(bench):
     for leg in range(6):
         bench.words[base + leg * stride] = 77
     bench.fast()
-    period = bench.drive.config.period_counts
+    period = bench.drive.config.control.period_counts
     assert [int(bench.words[base + leg * stride]) for leg in range(6)] == [period] * 6
     while bench.state == "calibrate":
         bench.fast()
@@ -642,16 +642,16 @@ def test_live_change_takes_effect_at_the_next_fast_interrupt(bench):
     bench.run_to("run")
     bench.controller.set("scheme", "dtc3")
     bench.controller.set("flux_band_Wb", 0.02)
-    assert bench.drive.config.scheme == lib.HT_DDR
+    assert bench.drive.config.control.scheme == lib.HT_DDR
     bench.fast()
-    config = bench.drive.config
+    config = bench.drive.config.control
     assert (config.scheme, config.torque_levels) == (lib.HT_DTC3, 5)
     assert config.flux_band_Wb == np.float32(0.02)
 
 
 def test_derived_configuration(bench):
     clock = {"f28335": 150e6, "f28377s": 100e6}[bench.device]
-    config = bench.drive.config
+    config = bench.drive.config.control
     assert config.period_counts == round(clock / 10000)
     assert config.observer.ts_s == np.float32(1e-4)
     assert config.observer.torque_gain == 6.0
@@ -670,12 +670,20 @@ def test_derived_configuration(bench):
         ("hybrid", lib.HT_OBSERVER_HYBRID),
     ):
         bench.controller.set("observer", name)
-        assert bench.drive.config.observer.kind == kind
+        assert bench.drive.config.control.observer.kind == kind
     bench.controller.set("load_mode", "immediate")
     bench.controller.set("write_delay_us", 5.0)
-    config = bench.drive.config
+    config = bench.drive.config.control
     assert (config.shadow, config.predict) == (False, False)
     assert config.first_counts == round(5e-6 * clock)
+
+
+@pytest.mark.parametrize("scheme", ("dtc1", "fdr", "ddr", "ddr-ml"))
+def test_limit_of_the_xy_command_is_that_of_the_scheme(bench, scheme):
+    bench.controller.set("scheme", scheme)
+    bench.fast()
+    group = lib.HT_ML if scheme == "ddr-ml" else lib.HT_L
+    assert bench.drive.config.control.xy_limit_pu == lib.ht_tmvcl_pu[group]
 
 
 def test_channels_carry_the_state(bench):
@@ -692,6 +700,10 @@ def test_channels_carry_the_state(bench):
     assert values["i_w1_A"] == pytest.approx(1.5, abs=0.01)
     assert values["vdc_V"] == pytest.approx(250, abs=0.1)
     assert values["flux_ref_Wb"] == np.float32(0.6)
+    # w1 alone: a sixth of it in -x, cos 30 / 3 in -y
+    l_xy = bench.drive.config.control.observer.lxy_H
+    assert values["psi_x_Wb"] == pytest.approx(-l_xy * 1.5 / 6, rel=0.02)
+    assert values["psi_y_Wb"] == pytest.approx(-l_xy * 1.5 * 0.288675, rel=0.02)
     assert lib.ht_channel_describe(lib.ht_channel_count()) == ffi.NULL
 
 
@@ -842,7 +854,7 @@ def test_derived_protection(bench):
     """sigma L_s 25 mH, L_m 284 mH, L_r 299 mH, R_r 2 ohm, 2 pole pairs, +-30 A."""
     bench.controller.set("sigma_ls_H", 0.025)
     bench.controller.set("stuck_trip_A", 1.5)
-    c = bench.drive.protect_config
+    c = bench.drive.config.protect
     ls = 0.025 + 0.284**2 / 0.299
     assert c.ls_H == pytest.approx(ls, rel=1e-5)
     assert c.sigma == pytest.approx(0.025 / ls, rel=1e-5)
@@ -973,6 +985,17 @@ def test_overrun_in_the_interrupt_that_turns_the_gates_on(bench):
     plant_event(bench, 5)
     assert (bench.state, bench.gates_on) == ("fault", False)
     assert bench.drive.faults == lib.HT_FAULT_OVERRUN
+
+
+def test_overrun_in_the_interrupt_that_ends_the_calibration(bench):
+    """The next one would turn the gates on."""
+    bench.run_to("calibrate")
+    bench.fast(bench.drive.calibration_ticks - bench.drive.state_ticks - 1)
+    assert bench.state == "calibrate"
+    plant_event(bench, 5)
+    assert (bench.state, bench.gates_on) == ("fault", False)
+    assert bench.drive.faults == lib.HT_FAULT_OVERRUN
+    assert bench.controller.snapshot["state"] == "build"
 
 
 def test_overrun_adds_to_what_the_results_show(bench):

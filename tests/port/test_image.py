@@ -53,7 +53,11 @@ FAULTS = {
         F28377S, "ht_clock_f28377s.c", "    HT_EALLOW(port->io);\n    locked", "    locked",
         "CLKSRCCTL1: no EALLOW"),
     "no EALLOW for the pins": (
-        F28335, "ht_pins.c", "    HT_EALLOW(port->io);\n    for", "    for", "MUX1: no EALLOW"),
+        F28335, "ht_pins.c",
+        "    HT_EALLOW(port->io);\n    for (n = 0u; n < (2u * (uint16_t)HT_LEGS); n++) {\n"
+        "        set_up",
+        "    for (n = 0u; n < (2u * (uint16_t)HT_LEGS); n++) {\n        set_up",
+        "MUX1: no EALLOW"),
     "no EALLOW for the vectors": (
         F28377S, "ht_pie.c", "    HT_EALLOW(port->io);\n", "", "VECTOR13: no EALLOW"),
     "no EALLOW for the watchdog": (

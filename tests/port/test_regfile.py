@@ -625,9 +625,11 @@ def test_sci_receiver_stops_at_an_error(chip):
     base = running_sci(chip)
     chip.poke(base + SCIRXST, 0x0090)  # framing error
     assert not lib.ht_regfile_sci_arrive(chip.rf, 1)
-    chip.poke(base + SCIRXST, 0)
-    chip.write(base + SCICTL1, 0x0003)
+    chip.write(base + SCICTL1, 0x0003)  # software reset: clears the error, receives nothing
+    assert chip.read(base + SCIRXST) == 0
     assert not lib.ht_regfile_sci_arrive(chip.rf, 1)
+    chip.write(base + SCICTL1, 0x0023)
+    assert lib.ht_regfile_sci_arrive(chip.rf, 1)
 
 
 # --- timer, interrupts --------------------------------------------------------------------

@@ -9,7 +9,13 @@ from hexatorque.firmware import Controller, FirmwareError, ffi, lib
 from hexatorque.scenario import Profile
 from hexatorque.sil import Simulation
 from hexatorque.targets import pil
-from hexatorque.targets.link import Target, TargetError, WatchedController, image_names
+from hexatorque.targets.link import (
+    Target,
+    TargetController,
+    TargetError,
+    WatchedController,
+    image_names,
+)
 
 PROFILE = Profile(
     duration_s=0.4, speed_rpm=((0.11, 100.0), (0.25, -200.0)), load_Nm=((0.2, 5.0),),
@@ -189,6 +195,68 @@ def test_trip_travels(quick, target):
     assert sim.controller.state == "fault"
     sim.clear()
     assert (sim.controller.state, sim.controller.faults) == ("idle", [])
+
+
+def test_snapshot_of_a_fault_travels(quick, target):
+    """Current limit below what the flux needs: the same fault, and the same left of it."""
+    setup = quick.changed(controller__i_trip_A=6.0)
+    outcome = pil.compare(setup, Profile(duration_s=0.2, samples_per_period=1), target)
+    assert outcome.difference is None
+    assert outcome.faults == ["over-current"]
+    assert outcome.snapshot["faults"] == ["over-current"]
+    assert 0 < outcome.snapshot["tick"] < 2000
+    assert max(map(abs, outcome.snapshot["i_A"])) > 6.0
+
+
+def test_every_word_of_a_snapshot_has_its_place(quick, target):
+    controller = target.controller("f28335", quick.controller_values())
+    assert controller.snapshot is None
+    s = target._local.drive.snapshot
+    s.tick, s.state, s.faults, s.samples.position = 0x12345, 3, 5, 0xFEDC0007
+    s.samples.adc[0:7] = range(100, 107)
+    measured = getattr(s, "in")
+    measured.i_A.p[0:6] = range(11, 17)
+    measured.vdc_V, measured.torque_ref_Nm, measured.flux_ref_Wb = 17, 18, 19
+    s.estimate.psi_Wb.alpha, s.estimate.psi_Wb.beta, s.estimate.torque_Nm, s.speed_rpm = (
+        20,
+        21,
+        22,
+        23,
+    )
+    kept = controller.snapshot
+    assert kept == firmware.snapshot_of(s)
+    assert [kept["tick"], kept["position_counts"]] == [0x12345, 0xFEDC0007]
+    rest = ("vdc_V", "torque_ref_Nm", "flux_ref_Wb")
+    assert [*kept["i_A"], *(kept[name] for name in rest)] == list(range(11, 20))
+    assert [*kept["psi_Wb"], kept["torque_Nm"], kept["speed_rpm"]] == [20, 21, 22, 23]
+
+
+def test_snapshot_that_differs_is_noticed(quick, target, monkeypatch):
+    """The least bit of one value."""
+    real = TargetController.snapshot.fget
+
+    def off(controller):
+        kept = real(controller)
+        return kept and {**kept, "speed_rpm": one_ulp(kept["speed_rpm"])}
+
+    monkeypatch.setattr(TargetController, "snapshot", property(off))
+    setup = quick.changed(controller__i_trip_A=6.0)
+    outcome = pil.compare(setup, Profile(duration_s=0.2, samples_per_period=1), target)
+    assert outcome.difference.startswith("fault snapshot: speed_rpm is ")
+
+
+def test_reading_a_snapshot_moves_nothing(quick, target):
+    """No register, no access, no mirror: the run goes on as if nothing had been."""
+    controller = target.controller("f28335", quick.controller_values())
+    parts = ffi.addressof(target.link.registers), ffi.addressof(target._local.drive)
+    before = [bytes(ffi.buffer(part)) for part in parts]
+    assert controller.snapshot is None
+    assert before == [bytes(ffi.buffer(part)) for part in parts]
+
+
+def test_no_snapshot_before_init(target):
+    lib.ht_link_snapshot(target.link, ffi.new("ht_snapshot *"))
+    assert target.link.error == lib.HT_LINK_REFUSED
 
 
 def test_nothing_before_init(target):

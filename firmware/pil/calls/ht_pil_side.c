@@ -43,7 +43,7 @@ bool ht_side_init(ht_pil_side *side, ht_port *port, uint16_t device, const uint1
                   uint16_t n)
 {
     (void)device;
-    if (n != (uint16_t)(HT_CALLS_AT_INPUTS + HT_INPUTS)) {
+    if (n != ((uint16_t)HT_CALLS_AT_INPUTS + (uint16_t)HT_INPUTS)) {
         return false;
     }
     port->notes = side;
@@ -87,7 +87,7 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
     note(port, HT_CALL_INIT);
     note(port, setup->period_counts);
     note(port, setup->dead_counts);
-    note(port, setup->shadow ? 1u : 0u);
+    note(port, (uint16_t)(setup->shadow ? 1u : 0u));
     note_float(port, setup->slow_Hz);
     port->tripped = 1u;
     return ht_port_accepts(port, setup);

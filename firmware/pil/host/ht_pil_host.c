@@ -1,6 +1,7 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include "ht_pil_host.h"
+#include "ht_pil_snapshot.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -130,6 +131,7 @@ static void receive(ht_link *l, int64_t until_ms)
         if (n > 0) {
             uint16_t used;
             ht_frame_status status = ht_frame_take(&l->reply, l->octets, (uint16_t)n, &used);
+            l->heard += (uint32_t)n;
             if (status == HT_FRAME_BROKEN) {
                 down(l, HT_LINK_BROKEN);
             } else if ((status == HT_FRAME_WHOLE) && (used != (uint16_t)n)) {
@@ -177,6 +179,7 @@ static void through_local(ht_link *l, uint16_t octets)
 static bool exchange(ht_link *l, uint16_t type)
 {
     uint16_t octets = ht_frame_end(&l->request);
+    l->heard = 0u;
     if (l->error != (uint16_t)HT_LINK_UP) {
         return false;
     }
@@ -361,6 +364,11 @@ static void digest(ht_link *l)
     follow(l, word, rest, words);
 }
 
+uint32_t ht_link_baud(void)
+{
+    return HT_PIL_BAUD;
+}
+
 void ht_link_reset(ht_link *l)
 {
     l->error = (uint16_t)HT_LINK_UP;
@@ -433,6 +441,21 @@ void ht_link_request(ht_link *l, uint16_t type, uint16_t argument, float value)
     }
     if (exchange(l, type)) {
         digest(l);
+    }
+}
+
+void ht_link_snapshot(ht_link *l, ht_snapshot *s)
+{
+    begin(l, HT_PIL_SNAPSHOT);
+    if (exchange(l, HT_PIL_SNAPSHOT)) {
+        const uint16_t *word = ht_frame_payload(&l->reply);
+        if (word[HT_PIL_AT_RESULT] != (uint16_t)HT_OK) {
+            down(l, HT_LINK_REFUSED);
+        } else if (ht_frame_length(&l->reply) != 1u + (uint16_t)HT_PIL_SNAPSHOT_WORDS) {
+            down(l, HT_LINK_ANSWER);
+        } else {
+            ht_pil_snapshot_take(&word[1], s);
+        }
     }
 }
 

@@ -12,6 +12,9 @@
  *  violations (32 bits) of the register file. */
 #define HT_IMAGE_EXTRA 4
 
+/** Octets of the largest frame. */
+#define HT_FRAME_OCTETS (2u * (HT_FRAME_HEAD + HT_FRAME_PAYLOAD + HT_FRAME_SUM))
+
 /** Keeps what the registers hold after every period. */
 typedef struct {
     uint16_t *image;   /**< rows of `width` words, in the caller's memory; NULL: none */
@@ -59,6 +62,7 @@ typedef struct {
     int to_target;         /**< file descriptors, if not local */
     int from_target;
     int timeout_ms;
+    uint32_t heard;        /**< octets that came since the latest request */
     uint16_t error;        /**< ht_link_error */
     uint16_t number;       /**< of the latest request */
     uint16_t result;       /**< what follows: of the latest reply */
@@ -70,8 +74,11 @@ typedef struct {
     ht_frame request;
     ht_frame incoming;     /**< of a local target */
     ht_frame reply;
-    unsigned char octets[2 * (3 + 512 + 2)];
+    unsigned char octets[HT_FRAME_OCTETS];
 } ht_link;
+
+/** Rate of a board's serial line unless it is built for another one, baud. */
+uint32_t ht_link_baud(void);
 
 /** Forget everything but the connection. */
 void ht_link_reset(ht_link *l);
@@ -82,6 +89,8 @@ void ht_link_hello(ht_link *l, uint16_t *identity);
 void ht_link_init(ht_link *l, uint16_t device, const ht_params *p);
 /** One request; `result`, `value` and the rest of the link hold the reply. */
 void ht_link_request(ht_link *l, uint16_t type, uint16_t argument, float value);
+/** What the target kept of its latest fault. The drive and its hardware do not notice. */
+void ht_link_snapshot(ht_link *l, ht_snapshot *s);
 /** Entry points, as those of `ht_watch`. */
 void ht_link_fast(ht_link *l);
 void ht_link_slow(ht_link *l);

@@ -116,10 +116,11 @@ void ht_adc_start(ht_port *port)
 void ht_port_read(ht_port *port, ht_samples *samples)
 {
     const ht_c2000_map *m = port->map;
+    uint32_t result = m->adc_result;
+    uint16_t shift = m->adc_shift;
     uint16_t channel;
     for (channel = 0u; channel < (uint16_t)HT_ADC_CHANNELS; channel++) {
-        samples->adc[channel] =
-            (uint16_t)(HT_RD16(port->io, m->adc_result + (uint32_t)channel) >> m->adc_shift);
+        samples->adc[channel] = (uint16_t)(HT_RD16(port->io, result + (uint32_t)channel) >> shift);
     }
     samples->position = ht_eqep_position(port);
 }

@@ -39,6 +39,8 @@ void ht_flash_start(ht_port *port);
 void ht_pins_start(ht_port *port);
 /** The PWM's twelve pins. Only with the trip latched: from here on they drive the gates. */
 void ht_pins_pwm(ht_port *port);
+/** The PWM's twelve pins as inputs, as after reset: they drive nothing. */
+void ht_pins_release(ht_port *port);
 
 /* ht_adc.c */
 
@@ -62,6 +64,8 @@ uint32_t ht_eqep_position(const ht_port *port);
 
 /** CPU timer 0: the slow interrupt. */
 void ht_timer_start(ht_port *port, float slow_Hz);
+/** Has it passed since the last look? For a background without interrupts. */
+bool ht_timer_passed(ht_port *port);
 
 /* ht_sci.c: 8 data bits, no parity, one stop bit, FIFOs of 16 */
 

@@ -14,13 +14,28 @@
 /* F28377S: trip zone 1 listens to input 1 of the crossbar. */
 #define INPUT1SELECT 0x7900u
 
+/* Of the port that a pin belongs to, and of the half with its two-bit fields. */
+static uint32_t first_register(const ht_port *port, const ht_pin *pin)
+{
+    return port->map->gpio + ((uint32_t)(pin->gpio / 32u) * port->map->gpio_stride);
+}
+
+static uint32_t half_of(uint32_t first, const ht_pin *pin)
+{
+    return first + (((pin->gpio % 32u) < 16u) ? 0u : 2u);
+}
+
+static uint16_t shift_of(const ht_pin *pin)
+{
+    return (uint16_t)(2u * (pin->gpio % 16u));
+}
+
 static void set_up(ht_port *port, const ht_pin *pin, uint32_t qualify, bool pull_up)
 {
-    uint32_t first = port->map->gpio + ((uint32_t)(pin->gpio / 32u) * port->map->gpio_stride);
-    uint16_t place = pin->gpio % 32u;
-    uint32_t half = first + ((place < 16u) ? 0u : 2u);
-    uint32_t bit = (uint32_t)1u << place;
-    uint16_t shift = (uint16_t)(2u * (place % 16u));
+    uint32_t first = first_register(port, pin);
+    uint32_t half = half_of(first, pin);
+    uint32_t bit = (uint32_t)1u << (pin->gpio % 32u);
+    uint16_t shift = shift_of(pin);
     uint32_t field = (uint32_t)3u << shift;
     uint32_t mux = pin->mux;
     ht_change32(port->io, first + GPYPUD, bit, pull_up ? 0u : bit);
@@ -54,6 +69,20 @@ void ht_pins_pwm(ht_port *port)
     HT_EALLOW(port->io);
     for (n = 0u; n < (2u * (uint16_t)HT_LEGS); n++) {
         set_up(port, &port->board->pwm[n], QUALIFY_SYNC, false);
+    }
+    HT_EDIS(port->io);
+}
+
+void ht_pins_release(ht_port *port)
+{
+    uint16_t n;
+    HT_EALLOW(port->io);
+    for (n = 0u; n < (2u * (uint16_t)HT_LEGS); n++) {
+        const ht_pin *pin = &port->board->pwm[n];
+        uint32_t first = first_register(port, pin);
+        /* Input first: a pin that leaves the PWM is one at once. */
+        ht_change32(port->io, first + GPYDIR, (uint32_t)1u << (pin->gpio % 32u), 0u);
+        ht_change32(port->io, half_of(first, pin) + GPYMUX1, (uint32_t)3u << shift_of(pin), 0u);
     }
     HT_EDIS(port->io);
 }

@@ -3,6 +3,7 @@
 #include "ht_drivers.h"
 
 #define NOT_PRESENT 0xFFFFu
+#define LEG_U1_BIT 5u /* of a state word */
 /* TBCTL: up-count, clock undivided (the reset value halves it) */
 #define TBCTL_FREE_RUN 0x8000u
 #define TBCTL_SYNCOSEL_CTR0 0x0010u
@@ -17,13 +18,11 @@
 #define AQCTL_LDAQAMODE_PRD 0x0001u
 /* AQCTLA fields: 0 nothing, 1 clear, 2 set, 3 toggle */
 #define AQ_ZRO_CLEAR 0x0001u
-#define AQ_ZRO_SET 0x0002u
 #define AQ_CAU_TOGGLE 0x0030u
 #define AQ_CBU_TOGGLE 0x0300u
 /* AQSFRC: one-shot force of output A */
 #define AQSFRC_OTSFA 0x0004u
 #define AQSFRC_ACTSFA_CLEAR 0x0001u
-#define AQSFRC_ACTSFA_SET 0x0002u
 /* DBCTL: A source for both, B inverted, both delays on */
 #define DBCTL_COMPLEMENTARY 0x000Bu
 /* Trip zone: pin TZ1 trips for good, both outputs go low */
@@ -96,21 +95,21 @@ void ht_pwm_start(ht_port *port, const ht_pwm_setup *setup)
 void ht_port_write(ht_port *port, const ht_compare *pattern)
 {
     const ht_c2000_map *m = port->map;
-    uint16_t bit = 0x20u;
+    uint32_t cmpa = m->cmpa;
+    uint32_t cmpb = m->cmpb;
+    /* Shadow load: the start level is the ZERO action of the next period. Immediate
+     * load: it is forced now, ZERO does nothing. In both registers 1 clears and 2 sets. */
+    uint32_t action = port->shadow ? m->aqctla : m->aqsfrc;
+    uint16_t clear = port->shadow ? (AQ_CAU_TOGGLE | AQ_CBU_TOGGLE | AQ_ZRO_CLEAR)
+                                  : (AQSFRC_OTSFA | AQSFRC_ACTSFA_CLEAR);
+    uint16_t start = pattern->start;
     uint16_t leg;
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
         uint32_t base = port->leg[leg];
-        bool high = (pattern->start & bit) != 0u;
-        HT_WR16(port->io, base + m->cmpa, pattern->ca[leg]);
-        HT_WR16(port->io, base + m->cmpb, pattern->cb[leg]);
-        if (port->shadow) { /* the start level is the ZERO action of the next period */
-            HT_WR16(port->io, base + m->aqctla,
-                    (uint16_t)(AQ_CAU_TOGGLE | AQ_CBU_TOGGLE | (high ? AQ_ZRO_SET : AQ_ZRO_CLEAR)));
-        } else { /* the start level is forced now; ZERO does nothing */
-            HT_WR16(port->io, base + m->aqsfrc,
-                    (uint16_t)(AQSFRC_OTSFA | (high ? AQSFRC_ACTSFA_SET : AQSFRC_ACTSFA_CLEAR)));
-        }
-        bit = (uint16_t)(bit >> 1);
+        uint16_t high = (uint16_t)((uint16_t)(start >> (LEG_U1_BIT - leg)) & 1u);
+        HT_WR16(port->io, base + cmpa, pattern->ca[leg]);
+        HT_WR16(port->io, base + cmpb, pattern->cb[leg]);
+        HT_WR16(port->io, base + action, (uint16_t)(clear + high));
     }
 }
 

@@ -98,18 +98,49 @@ static inline uint16_t ht_call16(ht_io *io, uint32_t addr, uint16_t argument)
 
 #elif defined(HT_REGISTERS_AT)
 
-/* Plain memory from this address on: what the accesses cost, without what they do. The
- * interrupts' work only: nothing here waits, calls or enters vectors. */
+/* Plain memory of an Arm from this address on: what the accesses cost, one instruction
+ * each as on the DSP, without what they do. The interrupts' work only: nothing here
+ * waits, calls or enters vectors. */
 #define HT_INTERRUPT
 
 typedef void ht_io;
 typedef HT_INTERRUPT void (*ht_isr)(void);
 
-#define HT_REGISTER(type, addr) (*(volatile type *)(HT_REGISTERS_AT + 2u * (uint32_t)(addr)))
-#define HT_RD16(io, addr) ((void)(io), HT_REGISTER(uint16_t, addr))
-#define HT_WR16(io, addr, value) ((void)(io), HT_REGISTER(uint16_t, addr) = (value))
-#define HT_RD32(io, addr) ((void)(io), HT_REGISTER(uint32_t, addr))
-#define HT_WR32(io, addr, value) ((void)(io), HT_REGISTER(uint32_t, addr) = (value))
+static inline uint16_t ht_rd16(const ht_io *io, uint32_t addr)
+{
+    uint32_t value;
+    (void)io;
+    __asm volatile("ldrh %0, [%1, %2, lsl #1]" : "=r"(value) : "r"(HT_REGISTERS_AT), "r"(addr));
+    if (value > 0xFFFFu) {
+        __builtin_unreachable(); /* the compiler does not know what ldrh loads */
+    }
+    return (uint16_t)value;
+}
+
+static inline void ht_wr16(ht_io *io, uint32_t addr, uint16_t value)
+{
+    (void)io;
+    __asm volatile("strh %0, [%1, %2, lsl #1]" : : "r"(value), "r"(HT_REGISTERS_AT), "r"(addr));
+}
+
+static inline uint32_t ht_rd32(const ht_io *io, uint32_t addr)
+{
+    uint32_t value;
+    (void)io;
+    __asm volatile("ldr %0, [%1, %2, lsl #1]" : "=r"(value) : "r"(HT_REGISTERS_AT), "r"(addr));
+    return value;
+}
+
+static inline void ht_wr32(ht_io *io, uint32_t addr, uint32_t value)
+{
+    (void)io;
+    __asm volatile("str %0, [%1, %2, lsl #1]" : : "r"(value), "r"(HT_REGISTERS_AT), "r"(addr));
+}
+
+#define HT_RD16(io, addr) ht_rd16((io), (addr))
+#define HT_WR16(io, addr, value) ht_wr16((io), (addr), (value))
+#define HT_RD32(io, addr) ht_rd32((io), (addr))
+#define HT_WR32(io, addr, value) ht_wr32((io), (addr), (value))
 #define HT_EALLOW(io) __asm volatile("nop")
 #define HT_EDIS(io) __asm volatile("nop")
 #define HT_SETTLE(io) ((void)(io))

@@ -1,4 +1,4 @@
-/* CPU timer 0, the same on both devices. Interrupt 1.7. */
+/* CPU timer 0, the same on both devices. Interrupt 1.7, or a look at its flag. */
 #include "ht_drivers.h"
 
 #define PRD 0x0C02u /* 32 bits */
@@ -19,4 +19,13 @@ void ht_timer_start(ht_port *port, float slow_Hz)
     HT_WR32(port->io, PRD, counts - 1u);
     HT_WR16(port->io, TCR, TCR_STOP | TCR_RELOAD | TCR_FLAG);
     HT_WR16(port->io, TCR, TCR_INTERRUPT);
+}
+
+bool ht_timer_passed(ht_port *port)
+{
+    bool passed = (HT_RD16(port->io, TCR) & TCR_FLAG) != 0u;
+    if (passed) {
+        HT_WR16(port->io, TCR, TCR_INTERRUPT | TCR_FLAG);
+    }
+    return passed;
 }

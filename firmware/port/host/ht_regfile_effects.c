@@ -408,6 +408,11 @@ uint32_t ht_model_written(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint
         return (value & 0x4C10u) | (old & ~value & 0x8000u);
     case HT_FX_SCIFORMAT:
         return sci_format(rf, addr, value);
+    case HT_FX_SCICTL1: /* the software reset clears the receiver's flags */
+        if ((plain & SCI_RUNS) == 0u) {
+            ht_model_poke(rf, sci(rf) + 5u, 16u, 0u);
+        }
+        return plain;
     case HT_FX_SCITXBUF:
         sci_transmit(rf, addr, value);
         return value & 0x00FFu;

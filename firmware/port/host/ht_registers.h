@@ -36,6 +36,7 @@ typedef enum {
     HT_FX_QCAPCTL,
     HT_FX_TCR,
     HT_FX_SCIFORMAT,
+    HT_FX_SCICTL1,
     HT_FX_SCITXBUF,
     HT_FX_SCIRXBUF,
     HT_FX_SCIFFTX,

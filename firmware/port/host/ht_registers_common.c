@@ -35,7 +35,7 @@ const ht_register ht_registers_eqep[HT_EQEP_REGISTERS] = {
 const ht_register ht_registers_sci[HT_SCI_REGISTERS] = {
     REG("SCICCR", 0x0u, 0u, 0x00FFu, HT_FX_SCIFORMAT, 0u, 0u,
         "7 STOPBITS, 6 PARITY, 5 PARITYENA, 4 LOOPBKENA, 3 ADDRIDLE_MODE, 2-0 SCICHAR"),
-    REG("SCICTL1", 0x1u, 0u, 0x006Fu, HT_PLAIN, 0u, 0u,
+    REG("SCICTL1", 0x1u, 0u, 0x006Fu, HT_FX_SCICTL1, 0u, 0u,
         "6 RXERRINTENA, 5 SWRESET, 3 TXWAKE, 2 SLEEP, 1 TXENA, 0 RXENA"),
     REG("SCIHBAUD", 0x2u, 0u, 0x00FFu, HT_FX_SCIFORMAT, 0u, 0u, "7-0 BAUD_HIGH"),
     REG("SCILBAUD", 0x3u, 0u, 0x00FFu, HT_FX_SCIFORMAT, 0u, 0u, "7-0 BAUD_LOW"),

@@ -73,7 +73,7 @@ static void write_all(int32_t file, const void *data, uint32_t size)
 
 static volatile uint16_t *word(uint32_t addr)
 {
-    return &HT_REGISTER(uint16_t, addr);
+    return (volatile uint16_t *)HT_REGISTERS_AT + addr;
 }
 
 /* What the hardware makes of the driver's writes. */
@@ -128,7 +128,7 @@ __attribute__((noinline)) static uint32_t stack_of(void (*isr)(ht_drive *), ht_d
 static void step(ht_drive *d)
 {
     ht_compare out;
-    ht_control_step(d->config, &d->control, &d->in, &out);
+    ht_control_step(&d->config->control, &d->control, &d->in, false, &out);
 }
 
 static void bind(uint16_t device)
@@ -142,7 +142,7 @@ static int profile(int32_t states)
     for (n = 0u; n < SAMPLES; n++) {
         read_all(states, &now, (uint32_t)sizeof now);
         bind((uint16_t)(now.inputs[PERIOD_WORDS - 1u] / 2u));
-        port.shadow = now.drive.config->shadow;
+        port.shadow = now.drive.config->control.shadow;
         latch(now.inputs);
         ht_drive_fast_isr(&now.drive);
         profile_end();

@@ -20,7 +20,7 @@ class Law:
     def __init__(self, setup: Setup) -> None:
         setup = setup.changed(timing__latency="none", controller__observer="voltage")
         self._controller = Controller(setup["timing.device"], setup.controller_values())
-        self._config = ffi.new("ht_control_config *", self._controller.drive.config[0])
+        self._config = ffi.new("ht_control_config *", self._controller.drive.config.control)
         self._config.flux_hold = 2 * FLUX_STEP
 
     @property
@@ -50,7 +50,7 @@ class Law:
         inputs.torque_ref_Nm = self._torque_error(torque_level)
         inputs.flux_ref_Wb = PSI_WB * (1 + FLUX_STEP * (1 if flux_up else -1))
         compare = ffi.new("ht_compare *")
-        lib.ht_control_step(config, state, inputs, compare)
+        lib.ht_control_step(config, state, inputs, False, compare)
         if (state.sector, state.torque_level, state.flux_level) != (sector, torque_level, flux_up):
             raise ValueError(f"no such demand: sector {sector}, levels {torque_level}, {flux_up}")
         return decode(compare, config.period_counts)

@@ -108,7 +108,7 @@ def play(patterns: Sequence, samples_per_period: int = 4) -> Played:
         raise RuntimeError("the driver made an access that the chip refuses")
     mean_pu = np.diff(flux, axis=0) / (bench.period_s * bench.vdc_V)
     edges = bench.edges.copy()
-    period = int(bench.controller.drive.config.period_counts)
+    period = int(bench.controller.drive.config.control.period_counts)
     edges[:, 0] -= period
     return Played(period, edges, mean_pu, _recording(bench, mean_pu))
 

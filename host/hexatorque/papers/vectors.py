@@ -120,7 +120,7 @@ def a1(job: Job) -> Figure:
             rounded(f"Table I, {name}, x-y", float(length_xy.mean()), r_xy, 4, "Vdc"),
             rounded(f"Table I, {name}, share", metrics[name]["share_pct"], share, 2, "%"),
             claim(f"Table I, {name}: sample {sample} is one of {len(words)} equally long ones",
-                  sample in words and even, str(sample in words and even), "True",
+                  sample in words and even, bool(sample in words and even), True,
                   required=True),
         ]  # fmt: skip
     active = int(np.sum(abs(ab) > FLOAT32))
@@ -202,9 +202,9 @@ def b2(job: Job) -> Figure:
             claim("groups L1 to L4 by descending length", lengths == sorted(lengths)[::-1],
                   " > ".join(f"{r:.3f}" for r in lengths), "descending", required=True),
             claim("distinct active vectors", distinct == 48, distinct, 48, required=True),
-            claim("V24 and V36 in phase with V60 in d-q", aligned, str(aligned), "True",
+            claim("V24 and V36 in phase with V60 in d-q", aligned, aligned, True,
                   required=True),
-            claim("V36 in phase with V60, V24 opposed, in x-y", opposed, str(opposed), "True",
+            claim("V36 in phase with V60, V24 opposed, in x-y", opposed, opposed, True,
                   required=True),
         ],
         draw=draw,

@@ -63,9 +63,14 @@ def write_trace(setup: Setup, path: Path) -> np.ndarray:
     return np.array([recording[name][-1] for name, _ in firmware.channels()], "<f4")
 
 
-def _emulate(machine: str, folder: Path, *options: str) -> None:
+def _image(machine: str, preset: str | None) -> Path:
+    """As built for the machine, or by another preset."""
+    return tools.build(preset or process.MACHINES[machine]) / IMAGE
+
+
+def _emulate(machine: str, image: Path, folder: Path, *options: str) -> None:
     """Run the counting image in `folder`."""
-    command = [*process.qemu(machine, tools.build(process.MACHINES[machine]) / IMAGE), *options]
+    command = [*process.qemu(machine, image), *options]
     try:
         done = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, timeout=TIMEOUT_S
@@ -76,11 +81,13 @@ def _emulate(machine: str, folder: Path, *options: str) -> None:
         raise TargetError(f"{machine}: the replay ended with status {done.returncode}")
 
 
-def _replay(setup: Setup, machine: str, folder: Path) -> dict[str, np.ndarray]:
+def _replay(
+    setup: Setup, machine: str, folder: Path, preset: str | None = None
+) -> dict[str, np.ndarray]:
     """Instructions per period: "isr", "step", "slow", the "state" after each,
     and the octets of "stack" that the fast interrupt took."""
     channels = write_trace(setup, folder / "trace")
-    _emulate(machine, folder, "-icount", "shift=10")
+    _emulate(machine, _image(machine, preset), folder, "-icount", "shift=10")
     data = np.fromfile(folder / "counts", "<u4")
     width = len(channels)
     # The emulated drive must have done what the simulated one did, to the last bit.
@@ -128,8 +135,8 @@ def _symbols(image: Path) -> dict[int, str]:
     listed = subprocess.run(
         ["arm-none-eabi-nm", image], capture_output=True, text=True, check=True
     ).stdout
-    rows = (line.split() for line in listed.splitlines())
-    return {int(a, 16) & ~1: name for a, kind, name in rows if kind in "tT" and name[0] != "$"}
+    rows = re.findall(r"^(\S+) [tT] ([^$]\S*)$", listed, re.MULTILINE)
+    return {int(address, 16) & ~1: name for address, name in rows}
 
 
 def _lines(image: Path, addresses: list[int]) -> list[list[tuple[str, str]]]:
@@ -161,19 +168,21 @@ def _branches(image: Path) -> set[int]:
     return {int(found, 16) for found in re.findall(pattern, text, re.MULTILINE)}
 
 
-def executed(setup: Setup, machine: str = "mps2-an386") -> tuple[Path, Counter[int]]:
+def executed(
+    setup: Setup, machine: str = "mps2-an386", preset: str | None = None
+) -> tuple[Path, Counter[int]]:
     """The image, and how often the instruction at each address ran in SAMPLES fast
     interrupts of the running drive."""
-    image = tools.build(process.MACHINES[machine]) / IMAGE
+    image = _image(machine, preset)
     names = _symbols(image)
     begin = next(a for a, name in names.items() if name == "ht_drive_fast_isr")
     end = next(a for a, name in names.items() if name == "profile_end")
     with tempfile.TemporaryDirectory() as folder:
-        _replay(setup, machine, Path(folder))
+        _replay(setup, machine, Path(folder), preset)
         (Path(folder) / "profile").touch()
         log = Path(folder) / "log"
         # One instruction per translated block, none of them chained: every one is logged.
-        _emulate(machine, Path(folder), "-singlestep", "-d", "exec,nochain", "-D", str(log))
+        _emulate(machine, image, Path(folder), "-singlestep", "-d", "exec,nochain", "-D", str(log))
         counted: Counter[int] = Counter()
         inside = False
         interrupts = 0
@@ -196,9 +205,10 @@ def executed(setup: Setup, machine: str = "mps2-an386") -> tuple[Path, Counter[i
     return image, counted
 
 
-def branches(setup: Setup, machine: str = "mps2-an386") -> tuple[float, float]:
-    """Instructions of a fast interrupt that branch, call or return, and the others: means."""
-    image, counted = executed(setup, machine)
+def branches(setup: Setup, preset: str) -> tuple[float, float]:
+    """Instructions of a fast interrupt that branch, call or return, and the others: means,
+    of the Cortex-M4F's image that `preset` builds."""
+    image, counted = executed(setup, preset=preset)
     places = _branches(image)
     jumps = sum(n for address, n in counted.items() if address in places)
     return jumps / SAMPLES, (counted.total() - jumps) / SAMPLES

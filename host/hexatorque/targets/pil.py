@@ -34,6 +34,7 @@ class Outcome:
     recording: Recording
     state: str
     faults: list[str]
+    snapshot: dict[str, object] | None
     steps: int
     steps_per_s: float
     difference: str | None
@@ -49,6 +50,7 @@ class Outcome:
             "steps_per_s": self.steps_per_s,
             "state": self.state,
             "faults": self.faults,
+            "snapshot": self.snapshot,
         }
 
     def failures(self) -> list[str]:
@@ -79,7 +81,7 @@ def transients(setup: Setup) -> Profile:
 
 def _first_difference(sil: Simulation, pil: Simulation, a: Recording, b: Recording) -> str | None:
     """Where two runs part, or None. Registers and access counts first, then the firmware's
-    telemetry, then the plant; all bit by bit."""
+    telemetry, then the plant, then what a fault left; all bit by bit."""
     images = sil.controller.log.images, pil.controller.log.images
     if images[0].shape != images[1].shape or len(images[0]) != sil.periods:
         return f"{len(images[0])} periods logged on the host, {len(images[1])} on the target"
@@ -99,6 +101,11 @@ def _first_difference(sil: Simulation, pil: Simulation, a: Recording, b: Recordi
                 f"period {period}: {name} is {a[name][n]!r} on the host, "
                 f"{b[name][n]!r} on the target"
             )
+    x, y = sil.controller.snapshot, pil.controller.snapshot
+    for name in x or y or {}:
+        here, there = (kept and repr(kept[name]) for kept in (x, y))
+        if here != there:
+            return f"fault snapshot: {name} is {here} on the host, {there} on the target"
     return None
 
 
@@ -117,6 +124,7 @@ def compare(
         recording=b,
         state=pil.controller.state,
         faults=pil.controller.faults,
+        snapshot=pil.controller.snapshot,
         steps=pil.periods,
         steps_per_s=pil.periods / pil.wall_s,
         difference=_first_difference(sil, pil, a, b),

@@ -48,11 +48,18 @@ def _registers(part: str) -> int:
     return 2 * count if part.startswith("d") else count
 
 
-def _own_octets(objects: Iterable[Path]) -> dict[str, int]:
-    """Function -> octets of stack, from the .su files beside object files."""
+def usage_files(image: Path, objects: Iterable[Path]) -> list[Path]:
+    """The compiler's stack usage files: of an image that was compiled when it was linked
+    those beside it, else those beside its object files."""
+    linked = sorted(image.parent.glob(f"{image.name}.ltrans*.su"))
+    return linked or [file.with_suffix(".su") for file in objects]
+
+
+def _own_octets(files: Iterable[Path]) -> dict[str, int]:
+    """Function -> octets of stack, from stack usage files."""
     octets: dict[str, int] = {}
-    for file in objects:
-        for line in file.with_suffix(".su").read_text().splitlines():
+    for file in files:
+        for line in file.read_text().splitlines():
             place, size, kind = line.split("\t")
             name = place.rsplit(":", 1)[1]
             if kind not in ("static", "dynamic,bounded"):
@@ -67,14 +74,15 @@ def call_graph(image: Path, objects: Iterable[Path]) -> Graph:
         ["arm-none-eabi-objdump", "-d", "--no-show-raw-insn", image],
         capture_output=True, text=True, check=True,
     ).stdout  # fmt: skip
-    own = _own_octets(objects)
+    own = _own_octets(usage_files(image, objects))
     graph: Graph = {}
     current = Function("", 0, True)
     for line in text.splitlines():
         head = re.fullmatch(r"([0-9a-f]+) <(.+)>:", line)
         if head:
-            # Clones of a function (name.constprop.0) are listed by the part before the number.
-            name = head[2]
+            # Clones of a function (name.constprop.0) are listed by the part before the number,
+            # static ones of an image compiled when linked (name.lto_priv.0) by their name.
+            name = re.sub(r"\.lto_priv\.\d+$", "", head[2])
             octets = own.get(name, own.get(re.sub(r"\.\d+$", "", name)))
             current = Function(name, octets or 0, octets is None)
             graph[int(head[1], 16)] = current

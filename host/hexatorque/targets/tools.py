@@ -124,6 +124,14 @@ def objects(folder: Path, *libraries: str) -> dict[Path, Path]:
     return found
 
 
+def optimisation(folder: Path, library: str) -> str:
+    """A library's options of optimisation: level, and whether it goes on when linking."""
+    rows = json.loads((folder / "compile_commands.json").read_text())
+    command = next(row["command"] for row in rows if f"{library}.dir" in row["output"]).split()
+    level = [word for word in command if word.startswith("-O")][-1]  # the last one counts
+    return " ".join([level, *(word for word in command if word == "-flto")])
+
+
 def main() -> int:
     """What is missing of all targets, one line each; 1 if anything is."""
     lines = [missing(name) for name in PACKAGES]

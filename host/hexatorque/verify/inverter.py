@@ -125,18 +125,19 @@ def _measure(setup: scenario.Setup, **drops: float) -> np.ndarray:
 def _belief_V(setup: scenario.Setup, table: np.ndarray) -> np.ndarray:
     """What ht_volt_seconds makes of the same edges and the currents at the period's ends.
     Only u1 switches: its share of alpha and x is a third each."""
-    i_zero_A = setup.parameter("i_zero_A")
-    dead = {
-        "dead_pu": setup["inverter.dead_time_us"] * 1e-6 * CLOCK_HZ / PERIOD,
-        "inv_2i_zero": 0.5 / i_zero_A,
-    }
-    spill = firmware.ffi.new("ht_spill *")
+    ffi, lib = firmware.ffi, firmware.lib
+    dead_pu = setup["inverter.dead_time_us"] * 1e-6 * CLOCK_HZ / PERIOD
+    dead = ffi.new("ht_dead_time *", {"dead_pu": dead_pu, "i_zero_A": setup.parameter("i_zero_A")})
+    spill = ffi.new("ht_spill *")
     volts = []
     for row in table:
         rise, fall = row[RISE] / PERIOD, row[FALL] / PERIOD
-        applied = {"before": 0, "s": [0, 32, 0], "t": [0.0, rise, fall]}
-        begin, end = {"p": [row[BEGIN]] * 6}, {"p": [row[END]] * 6}
-        v = firmware.lib.ht_volt_seconds([applied], [dead], [begin], [end], spill)
+        applied = ffi.new("ht_applied *", {"s": [0, 32, 0], "t": [0.0, rise, fall]})
+        lib.ht_applied_finish(applied, 0, dead)
+        begin, end = ({"p": [row[n]] * 6} for n in (BEGIN, END))
+        flows = (lib.ht_flow_of([i], dead) for i in (begin, end))
+        flow = lib.ht_flow_at_edges(applied, *flows)
+        v = lib.ht_volt_seconds(applied, dead, flow, [begin], [end], spill, spill, True)
         volts.append(1.5 * (v.ab.alpha + v.xy.x) - (fall - rise))
     return setup["inverter.vdc_V"] * np.array(volts)
 

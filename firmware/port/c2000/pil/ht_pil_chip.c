@@ -1,0 +1,78 @@
+/* Processor in the loop on the DSP: the chip around the drive, in place of ht_image.c. The
+ * plant is on the PC, and so is the driver that the drive's calls reach: no PWM may
+ * leave this chip. Its twelve pins are inputs all the time, so the gate drivers' own
+ * pull-downs keep the switches off; the PWM's counters stand still and no interrupt is
+ * enabled. The background does all: watchdog, serial line, requests. */
+#include "ht_drivers.h"
+#include "ht_image.h"
+#include "ht_pil_codes.h"
+#include "ht_pil_server.h"
+
+#ifndef HT_BOARD
+#error "HT_BOARD: name of the board's table, e.g. ht_board_f28335"
+#endif
+
+/* A request of which nothing more comes for one to two periods of this is given up. A
+ * host writes a request in one piece. */
+#define QUIET_HZ 5.0f
+
+static ht_port chip;
+static bool heard; /* an octet, since the timer passed */
+
+static bool start(ht_port *port)
+{
+    bool clocked;
+    ht_pins_release(port); /* whatever ran here before, a debugger's load may follow it */
+    ht_watchdog_hold(port);
+    ht_flash_start(port); /* before the clock that needs it */
+    if (port->map->device == HT_F28335) {
+        clocked = ht_clock_start_f28335(port);
+    } else {
+        clocked = ht_clock_start_f28377s(port);
+    }
+    if (clocked) {
+        ht_pins_start(port);
+        ht_timer_start(port, QUIET_HZ);
+        clocked = ht_sci_start(port, HT_PIL_BAUD);
+    }
+    return clocked;
+}
+
+void ht_image_start(void)
+{
+    chip.io = HT_TARGET_IO;
+    chip.board = &HT_BOARD;
+    chip.map = chip.board->map;
+    HT_DINT(chip.io);
+    if (!start(&chip)) {
+        for (;;) { /* nobody services the watchdog, so the chip starts again */
+            HT_IDLE(chip.io);
+        }
+    }
+    ht_pil_server_reset();
+    heard = false;
+}
+
+void ht_image_background(void)
+{
+    uint16_t octet;
+    /* Both halves here: no interrupt runs that could stand still by itself. */
+    ht_watchdog_first(&chip);
+    ht_watchdog_second(&chip);
+    if (ht_pil_server_give(&octet)) {
+        if (ht_sci_write(&chip, &octet, 1u) == 1u) {
+            ht_pil_server_sent();
+        }
+    } else if (ht_sci_read(&chip, &octet, 1u) == 1u) {
+        heard = true;
+        ht_pil_server_take(octet);
+    } else {
+        /* nothing to do */
+    }
+    if (ht_timer_passed(&chip)) {
+        if (!heard) {
+            ht_pil_server_forget();
+        }
+        heard = false;
+    }
+}
