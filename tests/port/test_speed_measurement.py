@@ -46,7 +46,7 @@ class Shaft:
         sim, readings = self.sim, []
         thetas = np.asarray(counts) / COUNTS_REV * 2 * np.pi
         for chunk in thetas.reshape(-1, EVERY):
-            turn(sim.sensors, sim._machine, sim.state, sim._registers, chunk)
+            turn(sim.sensors, sim._machine, sim.plant_state, sim._registers, chunk)
             lib.ht_drive_fast_isr(sim.controller.drive)
             lib.ht_drive_slow_isr(sim.controller.drive)
             readings.append(sim.controller.drive.speed_rpm)
