@@ -48,7 +48,9 @@ JSON = st.recursive(
 
 @st.composite
 def recordings(draw) -> Recording:
-    names = draw(st.lists(NAMES, max_size=4, unique=True).filter(lambda n: "time_s" not in n))
+    names = draw(
+        st.lists(NAMES, max_size=4, unique=True).filter(lambda n: not {"time_s", "tick"} & {*n})
+    )
     n = draw(st.integers(0, 20))
     kinds = st.sampled_from(TYPES)
     channels = {name: draw(of_numpy.arrays(np.dtype(draw(kinds)), n)) for name in names}
@@ -226,6 +228,19 @@ def test_a_damaged_file_is_one_line(full, suffix, tmp_path, capfd):
         said += bool(loads_or_says_so(path))
     assert said > 10
     assert capfd.readouterr() == ("", "")
+
+
+def test_mf4_samples_that_changed_are_found(full, tmp_path):
+    """The library saves other samples with the old metadata, as a damaged block would be."""
+    asammdf = pytest.importorskip("asammdf", reason=".mf4 needs asammdf")
+    with asammdf.MDF(full.save(tmp_path / "rec.mf4")) as mdf:
+        signals = [mdf.get(name, raw=True) for name in full.channels]
+        signals[3].samples[7] += 1
+        with asammdf.MDF() as damaged:
+            damaged.append(signals, common_timebase=True)
+            damaged.attach(bytes(mdf.extract_attachment(0)[0]), file_name="recording.json")
+            damaged.save(tmp_path / "damaged.mf4")
+    assert "damaged samples" in loads_or_says_so(tmp_path / "damaged.mf4")
 
 
 def test_a_header_that_does_not_fit_is_one_line(full, tmp_path):
