@@ -396,3 +396,13 @@ def test_the_journal_is_as_documented(tmp_path):
     rec = Recording.load(own)
     assert rec.time_s.tolist() == [2, 2.0005, 2.001]
     assert rec["i_u1_A"][[0, 2]].tolist() == [1, 3] and np.isnan(rec["i_u1_A"][1])
+
+
+def test_a_csv_that_was_deleted_after_a_crash_is_no_obstacle(tmp_path):
+    crashed = Writer.open(tmp_path / "rec.csv", STREAM)
+    crashed._file.close()
+    with pytest.raises(RecordingError, match="not closed"):
+        Writer.open(tmp_path / "rec.csv", STREAM)
+    (tmp_path / "rec.csv").unlink()  # its .json stays
+    Writer.open(tmp_path / "rec.csv", STREAM).close()
+    Writer.open(tmp_path / "rec.csv", STREAM).close()  # a closed one is written again
