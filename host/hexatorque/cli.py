@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 from . import __version__, cli_board
+from .files import PART, suffixes_text
 from .papers import ENTRIES
 from .verify import STUDIES
 
@@ -21,6 +22,7 @@ EXAMPLES = """examples:
   hexatorque compare --setup paper-b --schemes dtc1,dtc2,dtc3
   hexatorque compare --setup paper-a-feasible --schemes fdr,ddr --speed 400 --load 7.5
   hexatorque run examples/reversal.toml -o out/reversal.npz
+  hexatorque plot out/reversal.npz bench.csv          recordings over each other
   hexatorque setups paper-b                           every value and where it is from
   hexatorque reproduce all                            every figure and table of both papers
   hexatorque pil --schemes ddr                        the firmware on an emulated Cortex-M4F
@@ -38,6 +40,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"hexatorque {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    suffixes = suffixes_text()
 
     compare = commands.add_parser(
         "compare",
@@ -65,9 +68,44 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=raw,
     )
     run.add_argument("scenario", metavar="SCENARIO.toml")
-    run.add_argument("-o", "--output", type=Path, metavar="FILE.csv|.npz")
+    run.add_argument("-o", "--output", type=Path, metavar="FILE", help=f"recording, {suffixes}")
     run.add_argument("--json", action="store_true", help="summary on standard output")
     run.set_defaults(call=_run)
+
+    plot = commands.add_parser(
+        "plot",
+        help="recordings over each other, and how far they are apart",
+        description="Draw recordings of simulation, emulated processor and bench over each other, "
+        "aligned by their trigger.",
+        epilog="examples:\n  hexatorque plot out/reversal.npz\n"
+        "  hexatorque plot sil.npz@0.4 bench.csv --channels torque_Nm,speed_rpm --window -0.01,0.1",
+        formatter_class=raw,
+    )
+    plot.add_argument(
+        "file", nargs="+", metavar="FILE[@S]",
+        help=f"recording ({suffixes}, or {PART} of one never closed); @S: time of its trigger",
+    )  # fmt: skip
+    plot.add_argument("--channels", metavar="A,B,...", help="default: the main ones all have")
+    plot.add_argument(
+        "--align", metavar="HOW",
+        help="trigger, start or none; default: trigger if all have one, else start if several",
+    )  # fmt: skip
+    plot.add_argument("--window", metavar="T0,T1", help="seconds to show, after alignment")
+    plot.add_argument("--json", action="store_true", help="rms differences on standard output")
+    plot.add_argument("-o", "--output", type=Path, default=Path("out/plot.png"), metavar="FILE.png")
+    plot.set_defaults(call=_plot)
+
+    convert = commands.add_parser(
+        "convert",
+        help="a recording into another kind of file",
+        description=f"Write a recording again by the new name's suffix: {suffixes}. "
+        f"From a {PART} file it saves a recording that was never closed.",
+        epilog="example:\n  hexatorque convert out/bench.npz.part out/bench.mf4",
+        formatter_class=raw,
+    )
+    convert.add_argument("file", metavar="FILE")
+    convert.add_argument("output", type=Path, metavar="NEW")
+    convert.set_defaults(call=_convert)
 
     pil = commands.add_parser(
         "pil",
@@ -99,7 +137,7 @@ def _parser() -> argparse.ArgumentParser:
     pil.add_argument("--baud", type=int, metavar="N", help="its rate; default: the images'")
     pil.add_argument("--json", action="store_true", help="results on standard output")
     pil.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="with a scenario: FILE.csv or FILE.npz"
+        "-o", "--output", type=Path, metavar="DIR|FILE", help=f"with a scenario: FILE, {suffixes}"
     )
     pil.set_defaults(call=_pil)
 
@@ -252,13 +290,12 @@ def _compare(args: argparse.Namespace) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     from . import scenario
+    from .files import check_output
     from .sil import Simulation
 
     console = _console(args.json)
     setup = scenario.load(args.scenario)
-    output = args.output or Path("out") / f"{setup.name}.npz"
-    if output.suffix not in (".csv", ".npz"):
-        raise scenario.ScenarioError(f"{output}: unknown suffix, use .csv or .npz")
+    output = check_output(args.output or Path("out") / f"{setup.name}.npz")
     sim = Simulation(setup, setup.profile.samples_per_period)
     with _progress(console) as bar:
         task = bar.add_task(setup.name, total=setup.profile.duration_s)
@@ -307,8 +344,72 @@ def _target(args: argparse.Namespace):
     return machine, lambda: process.emulator(machine)
 
 
+def _plot(args: argparse.Namespace) -> int:
+    from rich.markup import escape
+    from rich.table import Table
+
+    from .analysis import overlay
+    from .recording import RecordingError
+
+    window_s = _window(args.window)
+    if args.align not in (None, *overlay.ALIGNMENTS):
+        known = ", ".join(overlay.ALIGNMENTS)
+        raise RecordingError(f"--align {args.align}: choose from {known}")
+    if args.output.suffix != ".png":
+        raise RecordingError(f"{args.output}: a picture is a .png")
+    console = _console(args.json)
+    traces = overlay.read(args.file)
+    how = overlay.align(traces, args.align)
+    asked = None if args.channels is None else [n.strip() for n in args.channels.split(",")]
+    names = overlay.chosen(traces, asked)
+    traces = overlay.cut(traces, window_s)
+    try:
+        picture = overlay.plot(traces, names, how, args.output)
+    except OSError as error:
+        raise RecordingError(f"{args.output}: {error.strerror}") from None
+    result = overlay.summary(traces, names, how)
+    if len(traces) > 1:
+        table = Table(title=f"rms difference from {escape(traces[0].label)}", title_justify="left")
+        for heading in ("channel", "unit", *(escape(t.label) for t in traces[1:])):
+            table.add_column(heading)
+        for name, row in result["channels"].items():
+            rms = row["rms_difference"][1:]
+            table.add_row(name, row["unit"], *("–" if v is None else f"{v:.4g}" for v in rms))
+        console.print(table)
+    console.print(f"picture: {picture}", highlight=False)
+    if args.json:
+        _print_json({**result, "picture": str(picture)})
+    return 0
+
+
+def _window(text: str | None) -> tuple[float, float] | None:
+    """The seconds of a --window option."""
+    from .recording import RecordingError
+
+    if text is None:
+        return None
+    try:
+        begin_s, end_s = map(float, text.split(","))
+    except ValueError:
+        begin_s = end_s = float("nan")
+    if not float("-inf") < begin_s < end_s < float("inf"):
+        raise RecordingError(f"--window {text}: two times in s that ascend, as in -0.01,0.1")
+    return begin_s, end_s
+
+
+def _convert(args: argparse.Namespace) -> int:
+    from .files import check_output
+    from .recording import Recording
+
+    output = check_output(args.output)
+    rec = Recording.load(args.file)
+    print(f"{rec.save(output)}: {len(rec)} samples of {len(rec.channels)} channels")
+    return 0
+
+
 def _pil(args: argparse.Namespace) -> int:
     from . import compare, scenario
+    from .files import check_output
     from .targets import pil
 
     console = _console(args.json)
@@ -319,9 +420,7 @@ def _pil(args: argparse.Namespace) -> int:
         if given:
             raise scenario.ScenarioError(f"{', '.join(given)}: not with a scenario file")
         setup = scenario.load(args.scenario)
-        output = args.output or Path("out") / f"{setup.name}-pil.npz"
-        if output.suffix not in (".csv", ".npz"):
-            raise scenario.ScenarioError(f"{output}: unknown suffix, use .csv or .npz")
+        output = check_output(args.output or Path("out") / f"{setup.name}-pil.npz")
         todo = [(setup, setup.profile, output)]
     else:
         setup = compare.at_point(
@@ -546,6 +645,11 @@ def _budget(args: argparse.Namespace) -> int:
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point. A user's mistake ends in one line on standard error."""
+    argv = list(sys.argv[1:] if argv is None else argv)
+    # Else a window that begins with a minus sign is taken for an option.
+    if "--window" in argv[:-1]:
+        at = argv.index("--window")
+        argv[at : at + 2] = [f"--window={argv[at + 1]}"]
     args = _parser().parse_args(argv)
     from .firmware import FirmwareError
     from .recording import RecordingError

@@ -5,21 +5,31 @@ One type for simulation, emulated processor and bench. Channel names:
 telemetry channels of the firmware); `plant.i_u1_A`, ... are true values, which
 only a simulation has.
 
-Files: `.npz`, or `.csv` with the metadata in a `.json` beside it.
+Files by suffix: see `files` and docs/recordings.md.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
+from . import files
+from .files import RecordingError
 
-class RecordingError(ValueError):
-    """A recording file that cannot be read or written."""
+__all__ = ["TRIGGER", "Recording", "RecordingError"]
+
+#: Key of `meta`: time of the trigger on the recording's own time base. Recordings are
+#: aligned by it; a capture sets it.
+TRIGGER = "trigger_s"
+
+FORMAT = "hexatorque-recording-1"
+#: What every kind of file can hold.
+TYPES = ("float32", "float64", "bool", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)))
+_UNFIT = frozenset(',"')
 
 
 @dataclass
@@ -27,7 +37,8 @@ class Recording:
     """Equally sampled channels.
 
     rate_Hz: samples per second; start_s: time of the first sample;
-    channels: name -> (n,) array, all of one length; units: name -> unit;
+    channels: name -> (n,) array, all of one length, NaN where a sample was lost;
+    units: name -> unit;
     meta: anything JSON can hold (set-up, parameters, firmware build, drops).
     """
 
@@ -62,6 +73,12 @@ class Recording:
     def duration_s(self) -> float:
         return len(self) / self.rate_Hz
 
+    @property
+    def trigger_s(self) -> float | None:
+        """Time of the trigger; None without one."""
+        value = self.meta.get(TRIGGER)
+        return float(value) if isinstance(value, int | float) and np.isfinite(value) else None
+
     def window(self, begin_s: float, end_s: float) -> Recording:
         """The samples with begin_s <= time < end_s (a view)."""
         first = max(0, int(np.ceil((begin_s - self.start_s) * self.rate_Hz - 1e-6)))
@@ -72,79 +89,96 @@ class Recording:
         )
 
     def save(self, path: str | Path) -> Path:
-        """Write by suffix; returns the path. Refuses other suffixes."""
+        """Write by suffix (`files.SUFFIXES`); returns the path. Until all is written an
+        older file of that name stays."""
         path = Path(path)
-        writer = {".npz": _save_npz, ".csv": _save_csv}.get(path.suffix)
-        if writer is None:
-            raise RecordingError(f"{path}: unknown suffix, use .npz or .csv")
+        writer = files.module(path)
+        check_names(self.channels)
+        for name, data in self.channels.items():
+            kind, dimensions = np.asarray(data).dtype.name, np.ndim(data)
+            if kind not in TYPES or dimensions != 1:
+                raise RecordingError(
+                    f"channel {name!r}: {dimensions} dimensions of {kind}, where one of numbers "
+                    "is needed"
+                )
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            writer(self, path)
-        except OSError as error:
-            raise RecordingError(f"{path}: {error.strerror or error}") from None
+            with files.replacing(path) as draft:
+                writer.save(self, draft)
+        except Exception as error:  # of libraries, too
+            raise RecordingError(f"{path}: {files.one_line(error)}") from None
         return path
 
     @staticmethod
     def load(path: str | Path) -> Recording:
-        """Read what `save` wrote."""
+        """Read what `save` wrote, what `files.writer` writes, and the journal of a
+        recording that was never closed (.part)."""
         path = Path(path)
-        reader = {".npz": _load_npz, ".csv": _load_csv}.get(path.suffix)
-        if reader is None:
-            raise RecordingError(f"{path}: unknown suffix, use .npz or .csv")
+        if path.suffix == files.PART:
+            from .files import journal as reader
+        else:
+            reader = files.module(path)
         try:
-            return reader(path)
-        except OSError as error:
-            raise RecordingError(f"{path}: {error.strerror or error}") from None
-        except (ValueError, KeyError, TypeError, BadZipFile) as error:
-            raise RecordingError(f"{path}: not a recording ({error})") from None
+            return reader.load(path)
+        except (OSError, RecordingError) as error:
+            raise RecordingError(f"{path}: {files.one_line(error)}") from None
+        except Exception as error:  # a damaged file makes a parser raise anything
+            raise RecordingError(f"{path}: not a recording ({files.one_line(error)})") from None
 
 
-def _header(rec: Recording) -> dict:
-    return {
-        "format": "hexatorque-recording-1",
+def check_names(names: Iterable[str]) -> None:
+    """Refuse channel names that a table's head could not hold."""
+    for name in names:
+        if not name or name != name.strip() or not name.isprintable() or _UNFIT & set(name):
+            raise RecordingError(f"channel {name!r}: a name without commas and quotes is needed")
+        if name in ("time_s", "tick"):
+            raise RecordingError(f"channel {name!r}: that is the name of the time base")
+
+
+def header_text(rec: Recording, **more: object) -> str:
+    """All of a recording but its samples, as one line of JSON."""
+    header = {
+        "format": FORMAT,
         "rate_Hz": rec.rate_Hz,
         "start_s": rec.start_s,
+        "samples": len(rec),
         "units": {name: rec.units.get(name, "") for name in rec.channels},
+        "types": {name: np.asarray(data).dtype.name for name, data in rec.channels.items()},
         "meta": rec.meta,
+        **more,
     }
+    return to_json(header)
 
 
-def _save_npz(rec: Recording, path: Path) -> None:
-    header = np.frombuffer(json.dumps(_header(rec)).encode(), np.uint8)
-    with path.open("wb") as file:
-        np.savez_compressed(
-            file, header=header, **{f"channel:{k}": v for k, v in rec.channels.items()}
-        )
+def to_json(data: object) -> str:
+    """One line; numbers of numpy as numbers, what JSON does not know as text."""
+    return json.dumps(data, default=lambda x: x.tolist() if hasattr(x, "tolist") else str(x))
 
 
-def _load_npz(path: Path) -> Recording:
-    with np.load(path, allow_pickle=False) as data:
-        header = json.loads(bytes(data["header"]).decode())
-        channels = {
-            key.removeprefix("channel:"): data[key] for key in data.files if key != "header"
-        }
-    return Recording(
-        header["rate_Hz"], channels, header["units"], header["meta"], header["start_s"]
-    )
+def from_header(text: str | bytes, channels: dict[str, np.ndarray]) -> Recording:
+    """The recording of a header (`header_text`) and its samples, name -> array."""
+    header = json.loads(text)
+    rate_Hz, start_s = float(header["rate_Hz"]), float(header["start_s"])
+    units, meta = header["units"], header["meta"]
+    types, samples = header.get("types", {}), header.get("samples")
+    if not (np.isfinite([rate_Hz, start_s]).all() and rate_Hz > 0):
+        raise ValueError(f"{rate_Hz} samples per second from {start_s} s on")
+    if not isinstance(meta, dict) or not all(isinstance(u, str) for u in units.values()):
+        raise ValueError("units or metadata of another form")
+    if set(units) != set(channels):
+        raise ValueError("other channels than its header says")
+    if not set(types.values()) <= set(TYPES):
+        raise ValueError("samples of an unknown type")
+    data = {name: _as_type(channels[name], types.get(name)) for name in units}
+    rec = Recording(rate_Hz, data, units, meta, start_s)
+    if samples is not None and len(rec) != samples:
+        raise ValueError(f"{len(rec)} of {samples} samples")
+    return rec
 
 
-def _save_csv(rec: Recording, path: Path) -> None:
-    path.with_suffix(".json").write_text(json.dumps(_header(rec), indent=1) + "\n")
-    names = list(rec.channels)
-    table = np.column_stack([rec.time_s, *(rec.channels[n] for n in names)])
-    with path.open("w") as file:
-        file.write(",".join(["time_s", *names]) + "\n")
-        np.savetxt(file, table, fmt="%.9g", delimiter=",")
-
-
-def _load_csv(path: Path) -> Recording:
-    header = json.loads(path.with_suffix(".json").read_text())
-    with path.open() as file:
-        names = file.readline().strip().split(",")
-        table = np.loadtxt(file, delimiter=",", ndmin=2)
-    if table.shape[1] != len(names):
-        raise ValueError(f"{len(names)} names for {table.shape[1]} columns")
-    channels = {name: table[:, i] for i, name in enumerate(names) if name != "time_s"}
-    return Recording(
-        header["rate_Hz"], channels, header["units"], header["meta"], header["start_s"]
-    )
+def _as_type(data: np.ndarray, kind: str | None) -> np.ndarray:
+    """(n,) samples as they were; some files have no type for bool, old ones tell none."""
+    if np.ndim(data) != 1:
+        raise ValueError(f"samples of {np.ndim(data)} dimensions")
+    if kind == "bool":
+        data = data != 0
+    return np.ascontiguousarray(data.astype(kind or data.dtype, casting="same_kind", copy=False))

@@ -5,10 +5,14 @@ import re
 import sys
 import types
 
+import numpy as np
 import pytest
 
 from hexatorque import firmware, scenario
 from hexatorque.cli import main
+from hexatorque.files import SUFFIXES
+from hexatorque.files.journal import Stream
+from hexatorque.files.writer import Writer
 from hexatorque.recording import Recording
 
 RUN_KEYS = {
@@ -51,8 +55,10 @@ def test_compare_reports_a_point_out_of_reach(tmp_path, capsys):
     assert "ddr-ml" in (tmp_path / "report.html").read_text()
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".npz"])
+@pytest.mark.parametrize("suffix", list(SUFFIXES))
 def test_run_writes_a_recording(tmp_path, suffix, capsys):
+    if library := SUFFIXES[suffix]:
+        pytest.importorskip(library, reason=f"{suffix} needs {library}")
     file = tmp_path / "short.toml"
     file.write_text(
         'setup = "paper-b"\n[controller]\nscheme = "fdr"\n'
@@ -90,7 +96,19 @@ def test_run_says_why_a_drive_tripped(tmp_path, capsys):
         (["reach", "--load", "nan"], ("point.load_Nm", "allowed range")),
         (["reach", "--schemes", "dtc9"], ("dtc9", "ddr-ml")),
         (["run", "nowhere.toml"], ("nowhere.toml", "No such file")),
-        (["run", "paper-b", "-o", "x.xls"], ("x.xls", ".csv or .npz")),
+        (["run", "paper-b", "-o", "x.xls"], ("x.xls", ".csv, .npz,", ".parquet")),
+        (["pil", "paper-b", "-o", "x.xls"], ("x.xls", ".csv, .npz,", ".parquet")),
+        (["plot", "nowhere.npz"], ("nowhere.npz", "No such file")),
+        (["plot", "nowhere.npz.part"], ("nowhere.npz.part", "No such file")),
+        (["plot", "x.xls"], ("x.xls", "unknown suffix")),
+        (["plot", "x.npz", "-o", "x.pdf"], ("x.pdf", ".png")),
+        (["plot", "x.npz", "--align", "end"], ("--align end", "trigger, start, none")),
+        (["plot", "x.npz", "--window", "1"], ("--window 1", "two times")),
+        (["plot", "x.npz", "--window", "2,1"], ("--window 2,1", "ascend")),
+        (["plot", "x.npz", "--window", "0,nan"], ("--window", "two times")),
+        (["plot", "x.npz@soon"], ("x.npz@soon", "trigger")),
+        (["convert", "x.npz", "x.xls"], ("x.xls", "unknown suffix")),
+        (["convert", "x.npz", "y.npz"], ("x.npz", "No such file")),
         (["setups", "paper-c"], ("paper-c",)),
         (["verify", "low-sped"], ("low-sped", "low-speed")),
         (["verify", "all", "nothing"], ("'nothing'", "low-speed")),
@@ -105,6 +123,61 @@ def test_mistakes_end_in_one_line(arguments, words, tmp_path, capsys, monkeypatc
     assert err.count("\n") == 1
     for word in words:
         assert word in err
+
+
+@pytest.mark.parametrize("command", ["run", "pil"])
+@pytest.mark.parametrize("output", ["file/x.npz", "folder.npz", "x.mf4"])
+def test_an_output_is_refused_before_the_run(command, output, tmp_path, capsys, monkeypatch):
+    def never(*_):
+        raise AssertionError("it ran")
+
+    monkeypatch.setattr("hexatorque.sil.Simulation", never)
+    monkeypatch.setattr("hexatorque.targets.pil.compare", never)
+    monkeypatch.setitem(sys.modules, "asammdf", None)
+    (tmp_path / "file").write_text("")
+    (tmp_path / "folder.npz").mkdir()
+    scenario_file = tmp_path / "short.toml"
+    scenario_file.write_text('setup = "paper-b"\n[profile]\nduration_s = 0.6\n')
+    assert main([command, str(scenario_file), "-o", str(tmp_path / output)]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and err.startswith("hexatorque: ")
+
+
+def recorded(path, **meta):
+    t = np.arange(1000) / 1e3
+    return Recording(1e3, {"torque_Nm": np.sin(20 * t)}, {"torque_Nm": "N m"}, meta).save(path)
+
+
+def test_plot_compares_recordings_of_two_kinds(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    recorded("a.npz", trigger_s=0.3)
+    recorded("b.csv")
+    arguments = ["plot", "a.npz", "b.csv@0.3", "--window", "-0.1,0.2", "--json"]
+    assert main(arguments) == 0
+    printed, told = capsys.readouterr()
+    result = json.loads(printed)
+    assert result["align"] == "trigger" and result["picture"] == "out/plot.png"
+    assert result["channels"]["torque_Nm"]["rms_difference"] == [None, pytest.approx(0, abs=1e-9)]
+    assert result["channels"]["torque_Nm"]["samples_compared"] == [0, 300]
+    assert (tmp_path / "out" / "plot.png").read_bytes()[:4] == b"\x89PNG"
+    assert "rms difference from a.npz" in told
+    for wrong in (["--channels", "speed_rpm"], ["--window", "5,6"], ["--align", "trigger"]):
+        assert main(["plot", "b.csv", *wrong]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert main(["plot", "a.npz", "-o", "a.npz/x.png"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_journal_that_was_left_is_drawn_and_converted(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    writer = Writer.open("x.npz", Stream((("torque_Nm", "N m"),), 1e3))
+    writer.append(np.arange(50), np.ones((50, 1)))
+    writer._file.close()  # as a killed process leaves it
+    assert main(["plot", "x.npz.part", "-o", "x.png", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["files"][0]["closed"] is False
+    assert main(["convert", "x.npz.part", "new/x.csv"]) == 0
+    assert "50 samples of 1 channels" in capsys.readouterr().out
+    assert len(Recording.load("new/x.csv")) == 50
 
 
 def test_output_folder_that_cannot_be_made(tmp_path, capsys):

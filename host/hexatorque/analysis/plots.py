@@ -126,12 +126,15 @@ def _value(value: float | None, digits: int, unit: str) -> str:
 
 
 def thin(t: np.ndarray, y: np.ndarray, buckets: int = 1500) -> tuple[np.ndarray, np.ndarray]:
-    """Minimum and maximum of each bucket: the same picture from fewer points."""
+    """Minimum and maximum of each bucket: the same picture from fewer points. NaN (a lost
+    sample) only where a bucket has nothing else."""
     size = y.size // buckets
     if size < 4:
         return t, y
     block = np.pad(y, (0, -y.size % size), mode="edge").reshape(-1, size)
-    at = np.sort([block.argmin(axis=1), block.argmax(axis=1)], axis=0).T
+    lost = np.isnan(block)
+    low, high = np.where(lost, np.inf, block), np.where(lost, -np.inf, block)
+    at = np.sort([low.argmin(axis=1), high.argmax(axis=1)], axis=0).T
     at = np.minimum((at + size * np.arange(len(block))[:, None]).ravel(), y.size - 1)
     return t[at], y[at]
 

@@ -1,0 +1,253 @@
+"""Recordings of any origin over each other: aligned, drawn, and how far they are apart."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..recording import TRIGGER, Recording, RecordingError
+from .plots import INK, LABEL, LEGEND, TITLE, new_figure, save, thin
+
+ALIGNMENTS = ("trigger", "start", "none")
+#: Shown unless channels are asked for, where all recordings have them; `plant.` (true
+#: values) where none is measured.
+MAIN = ("i_u1_A", "i_u2_A", "torque_Nm", "speed_rpm", "flux_Wb")
+FLUX = "flux_Wb"  #: magnitude of (psi_alpha_Wb, psi_beta_Wb), if no channel has that name
+MOST_BY_DEFAULT = 6
+ROW_IN, HEAD_IN = 1.55, 0.55
+MOST_ROWS = 40
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#20242b", "#cc79a7", "#e69f00", "#56b4e9", "#5b4fa2")
+
+
+@dataclass
+class Trace:
+    """One recording in an overlay; its time is shown less `shift_s`."""
+
+    label: str
+    rec: Recording
+    shift_s: float = 0.0
+    file: str = ""
+
+    @property
+    def time_s(self) -> np.ndarray:
+        return self.rec.time_s - self.shift_s
+
+    @property
+    def begin_s(self) -> float:
+        return self.rec.start_s - self.shift_s
+
+    @property
+    def end_s(self) -> float:
+        return self.begin_s + self.rec.duration_s
+
+    def legend(self) -> str:
+        meta = self.rec.meta
+        parts = [f"{self.rec.rate_Hz:.6g}/s"]
+        if self.shift_s:
+            parts.append(f"shifted by {-self.shift_s:+.6g} s")
+        if meta.get("lost_samples"):
+            parts.append(f"{meta['lost_samples']} samples lost")
+        if meta.get("closed") is False:
+            parts.append("not closed")
+        return f"{self.label}  ({', '.join(parts)})"
+
+
+def read(arguments: list[str]) -> list[Trace]:
+    """Traces of files. FILE@SECONDS sets the trigger of a recording, on its own time."""
+    traces = []
+    for argument in arguments:
+        file, at, seconds = argument.rpartition("@")
+        trigger_s = None
+        if at and not Path(argument).exists():
+            try:
+                trigger_s = float(seconds)
+            except ValueError:
+                trigger_s = math.nan
+            if not math.isfinite(trigger_s):
+                raise RecordingError(f"{argument}: after @ the time of the trigger in s is needed")
+        else:
+            file = argument
+        rec = Recording.load(file)
+        if not len(rec):
+            raise RecordingError(f"{file}: no samples")
+        if trigger_s is not None:
+            rec.meta[TRIGGER] = trigger_s
+        traces.append(Trace(file, rec, file=file))
+    _shorten(traces)
+    return traces
+
+
+def _shorten(traces: list[Trace]) -> None:
+    """Labels: as many of a path's last parts as tell the files apart."""
+    paths = [Path(trace.label).parts for trace in traces]
+    for trace, parts in zip(traces, paths):
+        for n in range(1, len(parts) + 1):
+            trace.label = "/".join(parts[-n:])
+            if sum(other[-n:] == parts[-n:] for other in paths) == 1:
+                break
+
+
+def align(traces: list[Trace], how: str | None) -> str:
+    """Set the shifts; returns what was done. Without `how`: by the trigger if all have one,
+    else several by their start."""
+    without = next((t for t in traces if t.rec.trigger_s is None), None)
+    if how is None:
+        how = "trigger" if not without else "start" if len(traces) > 1 else "none"
+    if how == "trigger" and without:
+        raise RecordingError(
+            f"{without.label}: no trigger ({TRIGGER} in the metadata): give FILE@SECONDS, "
+            "or --align start"
+        )
+    for trace in traces:
+        own_s = {"trigger": trace.rec.trigger_s, "start": trace.rec.start_s, "none": 0.0}[how]
+        trace.shift_s = float(own_s)
+    return how
+
+
+def values(rec: Recording, name: str) -> np.ndarray | None:
+    """A channel, or what is made of others; None without."""
+    prefix, _, plain = name.rpartition(".")
+    if name in rec or plain != FLUX:
+        return rec.channels.get(name)
+    dot = f"{prefix}." if prefix else ""
+    parts = [rec.channels.get(f"{dot}psi_{axis}_Wb") for axis in ("alpha", "beta")]
+    return None if any(p is None for p in parts) else np.hypot(*parts)
+
+
+def unit(traces: list[Trace], name: str) -> str:
+    if name.rpartition(".")[2] == FLUX:
+        return "Wb"
+    return next((u for t in traces if (u := t.rec.units.get(name))), "")
+
+
+def chosen(traces: list[Trace], names: list[str] | None) -> list[str]:
+    """The channels asked for, which all must have; without: the main ones all have."""
+
+    def everywhere(name: str) -> bool:
+        return all(values(trace.rec, name) is not None for trace in traces)
+
+    if names is not None:
+        for name in names:
+            for trace in traces:
+                if values(trace.rec, name) is None:
+                    raise RecordingError(
+                        f"{trace.label}: no channel {name!r}; there are "
+                        f"{', '.join(trace.rec.channels)}"
+                    )
+        found = list(dict.fromkeys(names))
+    else:
+        both = ([n for n in (name, f"plant.{name}") if everywhere(n)][:1] for name in MAIN)
+        found = [name for names in both for name in names]
+        found = found or [n for n in traces[0].rec.channels if everywhere(n)][:MOST_BY_DEFAULT]
+    if not found:
+        raise RecordingError("the recordings have no channel in common")
+    if len(found) > MOST_ROWS:
+        raise RecordingError(f"{len(found)} channels: at most {MOST_ROWS} in a picture")
+    return found
+
+
+def cut(traces: list[Trace], window_s: tuple[float, float] | None) -> list[Trace]:
+    """The part of each with window_s[0] <= time < window_s[1]."""
+    if window_s is None:
+        return traces
+    parts = []
+    for trace in traces:
+        part = trace.rec.window(window_s[0] + trace.shift_s, window_s[1] + trace.shift_s)
+        if not len(part):
+            raise RecordingError(
+                f"{trace.label}: no samples in the window; it lasts from {trace.begin_s:.6g} "
+                f"to {trace.end_s:.6g} s"
+            )
+        parts.append(replace(trace, rec=part))
+    return parts
+
+
+def difference(first: Trace, other: Trace, name: str) -> tuple[float | None, int]:
+    """(rms of other - first over the time both cover, samples compared); None without any.
+    At the instants of the slower one, the faster one interpolated; lost samples count not.
+    """
+    slow, fast = sorted((first, other), key=lambda trace: trace.rec.rate_Hz)
+    t_s, fast_s = slow.time_s, fast.time_s
+    slack_s = 1e-6 / fast.rec.rate_Hz  # rounding of times: the same instant
+    common = (t_s >= fast_s[0] - slack_s) & (t_s <= fast_s[-1] + slack_s)
+    y_slow = np.asarray(values(slow.rec, name), float)[common]
+    error = np.interp(t_s[common], fast_s, np.asarray(values(fast.rec, name), float)) - y_slow
+    error = error[np.isfinite(error)]
+    return (float(np.sqrt(np.mean(error**2))) if error.size else None), int(error.size)
+
+
+def summary(traces: list[Trace], names: list[str], how: str) -> dict:
+    """For --json: the files, and for each channel the rms difference of each file from
+    the first, in the channel's unit (the first's is None)."""
+    channels = {}
+    for name in names:
+        rows = [(None, 0), *(difference(traces[0], trace, name) for trace in traces[1:])]
+        channels[name] = {
+            "unit": unit(traces, name),
+            "rms_difference": [rms for rms, _ in rows],
+            "samples_compared": [samples for _, samples in rows],
+        }
+    files = [
+        {
+            "file": trace.file,
+            "rate_Hz": trace.rec.rate_Hz,
+            "samples": len(trace.rec),
+            "shift_s": -trace.shift_s,
+            "begin_s": trace.begin_s,
+            "end_s": trace.end_s,
+            "gaps": trace.rec.meta.get("gaps"),
+            "lost_samples": trace.rec.meta.get("lost_samples"),
+            "closed": trace.rec.meta.get("closed"),
+        }
+        for trace in traces
+    ]
+    return {"align": how, "files": files, "channels": channels}
+
+
+def plot(traces: list[Trace], names: list[str], how: str, path: Path) -> Path:
+    """A row per channel, a colour per recording; lost samples are shaded."""
+    height_in = HEAD_IN + 0.16 * len(traces) + ROW_IN * max(2, len(names))
+    figure, axes = new_figure(len(names), 1, height_in, sharex=True)
+    begin_s = min(t.begin_s for t in traces)
+    end_s = max(t.end_s for t in traces)
+    scale, time_unit = (1e3, "ms") if end_s - begin_s <= 0.5 else (1.0, "s")
+    for ax, name in zip(axes[:, 0], names, strict=True):
+        for number, trace in enumerate(traces):
+            _draw(ax, trace, name, scale, number, len(traces))
+        if how == "trigger":
+            ax.axvline(0, color=INK, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1.5)
+        ax.set_title(name, loc="left", pad=3, **TITLE)
+        ax.set_ylabel(unit(traces, name), **LABEL)
+        ax.margins(y=0.08)
+    axes[0, 0].set_xlim(scale * begin_s, scale * end_s)
+    since = {"trigger": " after the trigger", "start": " since the start", "none": ""}[how]
+    axes[-1, 0].set_xlabel(f"time{since} [{time_unit}]", **LABEL)
+    figure.align_ylabels(axes[:, 0])
+    lines = [ax_line for ax_line in axes[0, 0].lines if not ax_line.get_label().startswith("_")]
+    figure.legend(lines, [trace.legend() for trace in traces], loc="outside upper left", **LEGEND)
+    return save(figure, path)
+
+
+def _draw(ax, trace: Trace, name: str, scale: float, number: int, many: int) -> None:
+    colour = COLOURS[number % len(COLOURS)]
+    y = np.asarray(values(trace.rec, name), float)
+    t = scale * trace.time_s
+    # The first below and wider, so that it is seen where another lies on it.
+    wide = number == 0 and many > 1
+    ax.plot(*thin(t, y), color=colour, linewidth=2.2 if wide else 1.0,
+            alpha=0.55 if wide else 1.0, label=trace.label)  # fmt: skip
+    if np.isfinite(y).any():
+        _shade(ax, t, ~np.isfinite(y), colour)
+
+
+def _shade(ax, t: np.ndarray, lost: np.ndarray, colour: str) -> None:
+    """Spans without samples, behind the lines."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(np.int8), [0]])))
+    step = t[1] - t[0] if len(t) > 1 else 0.0
+    spans = [(t[0] + step * (a - 0.5), step * (b - a)) for a, b in edges.reshape(-1, 2)]
+    if spans:
+        ax.broken_barh(spans, (0, 1), transform=ax.get_xaxis_transform(), zorder=0.5,
+                       color=colour, alpha=0.18, linewidth=0)  # fmt: skip
