@@ -12,7 +12,7 @@ import json
 import sys
 from pathlib import Path
 
-from . import __version__, cli_board
+from . import __version__, cli_board, cli_link, cli_record
 from .files import PART, suffixes_text
 from .papers import ENTRIES
 from .verify import STUDIES
@@ -210,6 +210,8 @@ def _parser() -> argparse.ArgumentParser:
     budget.set_defaults(call=_budget)
 
     cli_board.add(commands)
+    cli_link.add(commands)
+    cli_record.add(commands)
 
     bench = commands.add_parser("bench", help="speed of the simulation, cost of the firmware")
     bench.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
@@ -325,25 +327,6 @@ def _run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _target(args: argparse.Namespace):
-    """Name of what `pil` runs on, and a function that gives a fresh one for a run."""
-    from .scenario import ScenarioError
-    from .targets import board, process
-
-    if args.device is not None:
-        if args.machine is not None:
-            raise ScenarioError("--machine: not with --device")
-        baud = board.BAUD if args.baud is None else args.baud
-        return args.device, lambda: board.BoardTarget(args.device, baud)
-    if args.baud is not None:
-        raise ScenarioError("--baud: only with --device")
-    machine = args.machine or "mps2-an386"
-    if machine not in process.MACHINES:
-        known = ", ".join(process.MACHINES)
-        raise ScenarioError(f"no machine {machine!r}: choose from {known}")
-    return machine, lambda: process.emulator(machine)
-
-
 def _plot(args: argparse.Namespace) -> int:
     from rich.markup import escape
     from rich.table import Table
@@ -405,6 +388,25 @@ def _convert(args: argparse.Namespace) -> int:
     rec = Recording.load(args.file)
     print(f"{rec.save(output)}: {len(rec)} samples of {len(rec.channels)} channels")
     return 0
+
+
+def _target(args: argparse.Namespace):
+    """Name of what `pil` runs on, and a function that gives a fresh one for a run."""
+    from .scenario import ScenarioError
+    from .targets import board, process
+
+    if args.device is not None:
+        if args.machine is not None:
+            raise ScenarioError("--machine: not with --device")
+        baud = board.BAUD if args.baud is None else args.baud
+        return args.device, lambda: board.BoardTarget(args.device, baud)
+    if args.baud is not None:
+        raise ScenarioError("--baud: only with --device")
+    machine = args.machine or "mps2-an386"
+    if machine not in process.MACHINES:
+        known = ", ".join(process.MACHINES)
+        raise ScenarioError(f"no machine {machine!r}: choose from {known}")
+    return machine, lambda: process.emulator(machine)
 
 
 def _pil(args: argparse.Namespace) -> int:
@@ -652,6 +654,7 @@ def main(argv: list[str] | None = None) -> int:
         argv[at : at + 2] = [f"--window={argv[at + 1]}"]
     args = _parser().parse_args(argv)
     from .firmware import FirmwareError
+    from .link import LinkError
     from .recording import RecordingError
     from .scenario import ScenarioError
     from .sil import DriveFault
@@ -663,6 +666,9 @@ def main(argv: list[str] | None = None) -> int:
     except (DriveFault, NotReached, TargetError, ArithmeticError) as error:
         print(f"hexatorque: {error}", file=sys.stderr)
         return 1
+    except LinkError as error:
+        print(f"hexatorque: {error}", file=sys.stderr)
+        return 2 if error.mistake else 1
     except (ScenarioError, FirmwareError, RecordingError) as error:
         print(f"hexatorque: {error}", file=sys.stderr)
         return 2

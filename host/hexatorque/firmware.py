@@ -3,6 +3,7 @@ points for compiled callers, one `Controller` per simulated drive."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -234,10 +235,21 @@ class Controller:
         return row.show(lib.ht_drive_get(self.drive, row.id))
 
     def set(self, name: str, value: object) -> None:
-        if name not in parameters():
-            raise FirmwareError(f"no controller parameter {name!r}")
-        row = parameters()[name]
-        self._check(lib.ht_drive_set(self.drive, row.id, row.parse(value)), f"{name} = {value}")
+        self.set_many({name: value})
+
+    def set_many(self, values: Mapping[str, object]) -> None:
+        """All of them, or none if one is refused."""
+        for name in values:
+            if name not in parameters():
+                raise FirmwareError(f"no controller parameter {name!r}")
+        rows = [parameters()[name] for name in values]
+        if not rows:
+            return
+        ids = ffi.new("uint16_t[]", [row.id for row in rows])
+        numbers = ffi.new("float[]", [row.parse(v) for row, v in zip(rows, values.values())])
+        at = ffi.new("uint16_t *")
+        result = lib.ht_drive_write(self.drive, ids, numbers, len(rows), at)
+        self._check(result, ", ".join(f"{name} = {value}" for name, value in values.items()))
 
     def start(self) -> None:
         _check(lib.ht_drive_start(self.drive), "start")

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 import numba.experimental.function_type  # noqa: F401  (functions as arguments)
 import numpy as np
@@ -27,7 +28,10 @@ from .plant.pwm import PWM_MAP, pwm_record
 from .plant.record import record
 from .plant.sensors import SENSORS
 from .recording import Recording
-from .scenario import Profile, ScenarioError, Setup
+from .scenario import ScenarioError, Setup
+from .verbs import DriveFault, DriveVerbs, Progress
+
+__all__ = ["DriveFault", "Simulation"]
 
 #: Periods per compiled call: short enough for progress and Ctrl-C.
 CHUNK = 2000
@@ -42,15 +46,6 @@ _NOTHING = np.empty((0, 0), np.float32)
 SHORTEST_STEP_S = 0.1e-6
 #: Speed over which an eddy-current brake's torque peaks, relative to `at_rpm`.
 EDDY_PEAK = 1.5
-
-
-class DriveFault(RuntimeError):
-    """The simulated drive tripped; `causes` says why."""
-
-    def __init__(self, causes: list[str], time_s: float) -> None:
-        super().__init__(f"drive tripped at {time_s:.4f} s: {', '.join(causes)}")
-        self.causes = causes
-        self.time_s = time_s
 
 
 class _Rows:
@@ -123,7 +118,7 @@ def _pwm_map(m) -> np.record:
     return record(PWM_MAP, **{n: -1 if v == 0xFFFF else v for n, v in offsets.items()})
 
 
-class Simulation:
+class Simulation(DriveVerbs):
     """One drive: machine, inverter, sensors and firmware, with the verbs of a drive.
     `controller(device, values)` makes the firmware's part: in this process, or elsewhere."""
 
@@ -165,7 +160,7 @@ class Simulation:
             per_period=samples_per_period,
             max_step=max(1, int(min(MAX_STEP_S, STEP_SHARE / self._fastest_per_s()) * clock)),
         )
-        self.state = np.zeros(8)
+        self.plant_state = np.zeros(8)
         self.inverter = inverter_record(**{name: setup[f"inverter.{name}"] for name in DROPS})
         if self.inverter.drops and longest_step_s(self.inverter, self._machine) < SHORTEST_STEP_S:
             raise ScenarioError(
@@ -238,7 +233,7 @@ class Simulation:
     @property
     def speed_rpm(self) -> float:
         """True speed."""
-        return self.state[6] * 30 / math.pi
+        return self.plant_state[6] * 30 / math.pi
 
     def start(self) -> None:
         self.controller.start()
@@ -249,22 +244,51 @@ class Simulation:
     def clear(self) -> None:
         self.controller.clear()
 
-    def set(self, name: str, value: object) -> None:
-        """A controller parameter, or `load_Nm` or `vdc_V` of the plant."""
-        if name in ("load_Nm", "vdc_V"):
+    @property
+    def params(self) -> Mapping[str, firmware.Parameter]:
+        return MappingProxyType(firmware.parameters())
+
+    @property
+    def channels(self) -> tuple[tuple[str, str], ...]:
+        return firmware.channels()
+
+    @property
+    def state(self) -> str:
+        return self.controller.state
+
+    @property
+    def faults(self) -> list[str]:
+        return self.controller.faults
+
+    @property
+    def snapshot(self) -> dict[str, object] | None:
+        return self.controller.snapshot
+
+    def get(self, name: str) -> str | float:
+        return self.controller.get(name)
+
+    def set_many(self, values: Mapping[str, object]) -> None:
+        """Controller parameters, and `load_Nm` and `vdc_V` of the plant."""
+        plant = {name: values[name] for name in values if name in ("load_Nm", "vdc_V")}
+        for name, value in plant.items():
             if not math.isfinite(float(value)):
                 raise ScenarioError(f"{name} = {value}: a finite number is needed")
+        rest = {name: value for name, value in values.items() if name not in plant}
+        for name in rest:
+            if name in TIMED_WITH_THE_PLANT:
+                raise ScenarioError(f"{name}: belongs to the set-up, make a new simulation")
+        self.controller.set_many(rest)
+        for name, value in plant.items():
             setattr(self, name, float(value))
-        elif name in TIMED_WITH_THE_PLANT:
-            raise ScenarioError(f"{name}: belongs to the set-up, make a new simulation")
-        else:
-            self.controller.set(name, value)
+
+    def close(self) -> None:
+        """Nothing to leave: time stands still."""
 
     def run(
         self,
         duration_s: float,
         record: bool = True,
-        progress: Callable[[float], None] | None = None,
+        progress: Progress | None = None,
     ) -> None:
         """Advance. `progress` is called with the simulated seconds just done."""
         left = round(duration_s / self.period_s)
@@ -284,7 +308,7 @@ class Simulation:
         self._call(n, plant, channels)
         self.wall_s += time.perf_counter() - began
         self.controller.confirm()
-        if not np.isfinite(self.state).all():
+        if not np.isfinite(self.plant_state).all():
             raise ArithmeticError(
                 f"the simulation diverged before {self.time_s + n * self.period_s:.4g} s: "
                 "are the machine's time constants below the integration step, "
@@ -299,7 +323,7 @@ class Simulation:
         self._edges_logged = run_periods(
             n, self.periods, self._timing, self._machine, load, self.inverter,
             self._map, self._pwm, self._gates, self.sensors, self._registers,
-            self.state, self.vdc_V,
+            self.plant_state, self.vdc_V,
             *self._entries, self.controller.handle, channels.ctypes.data, plant, channels,
             self._edges, self._edges_logged,
         )  # fmt: skip
@@ -321,31 +345,6 @@ class Simulation:
         self._channels.clear()
         self._record_start = self.periods
         self._transitions = int(np.sum(self._pwm.transitions))
-
-    def check(self) -> None:
-        """Raise DriveFault if the drive has tripped."""
-        if self.controller.state == "fault":
-            raise DriveFault(self.controller.faults, self.time_s)
-
-    def run_profile(
-        self, profile: Profile, progress: Callable[[float], None] | None = None
-    ) -> None:
-        """Start the drive and follow a profile; time counts from now."""
-        begin = self.periods
-        events: list[tuple[float, str, object]] = []
-        events += [(t, "speed_ref_rpm", v) for t, v in profile.speed_rpm]
-        events += [(t, "load_Nm", v) for t, v in profile.load_Nm]
-        events += [(t, "vdc_V", v) for t, v in profile.vdc_V]
-        events += [(t, name, v) for t, name, v in profile.set]
-        if self.controller.state == "idle":
-            self.start()
-        for time_s, name, value in sorted(events, key=lambda e: e[0]):
-            if time_s >= profile.duration_s:
-                break
-            done = (self.periods - begin) * self.period_s
-            self.run(time_s - done, progress=progress)
-            self.set(name, value)
-        self.run(profile.duration_s - (self.periods - begin) * self.period_s, progress=progress)
 
     def take(self) -> Recording:
         """What was recorded since the last `take`, `discard` or unrecorded run. Telemetry

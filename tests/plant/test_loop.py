@@ -21,11 +21,11 @@ def test_stop_turns_the_legs_off(sample_delay_us, latency):
     sim = Simulation(setup)
     sim.start()
     sim.run(0.2)
-    assert sim.inverter.off == 0 and np.ptp(sim._machine.i_phase @ sim.state[:6]) > 1
+    assert sim.inverter.off == 0 and np.ptp(sim._machine.i_phase @ sim.plant_state[:6]) > 1
     sim.stop()
     sim.run(0.01)
     assert np.all(sim.inverter.leg == OFF) and sim.inverter.off == 6
-    np.testing.assert_allclose(sim._machine.i_phase @ sim.state[:6], 0, atol=1e-3)
+    np.testing.assert_allclose(sim._machine.i_phase @ sim.plant_state[:6], 0, atol=1e-3)
 
 
 @pytest.mark.parametrize("sample_delay_us", [0.0, 3.0])
@@ -43,7 +43,7 @@ def test_recording_changes_nothing(sample_delay_us):
         at_speed = sim.speed_rpm
         sim.stop()
         sim.run(0.003, record=per > 0)
-        states.append(sim.state.copy())
+        states.append(sim.plant_state.copy())
         edges.append(sim.edges)
         if per:
             rec = sim.take()

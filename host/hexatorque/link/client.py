@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from . import LinkError, wire
-from .transport import Transport
+from .transport import BUSY_S, Transport
 from .wire import Op, Reply, Status
 
 #: Three of these fit a board's watchdog of 250 ms.
@@ -46,6 +46,10 @@ class Counters:
     reconnects: int = 0
 
 
+class NoReply(LinkError):
+    """The line is there, but no board that answers."""
+
+
 #: Gets a batch of bodies, in the reader's thread: must not wait.
 Sink = Callable[[list[bytes]], None]
 
@@ -53,7 +57,8 @@ Sink = Callable[[list[bytes]], None]
 class Client:
     """One board at the other end of a line."""
 
-    def __init__(self, url: str, baud: int) -> None:
+    def __init__(self, url: str, baud: int, patience_s: float = BUSY_S) -> None:
+        """`patience_s`: how long a port is waited for that another process has."""
         self.url = url
         self.counters = Counters()
         #: Low half of the dictionary's CRC, for requests that name rows of it.
@@ -80,7 +85,7 @@ class Client:
         self._closing = threading.Event()
         self._returned = threading.Event()
         self._heart: threading.Thread | None = None
-        self.transport = Transport(url, baud, self._octets, self._lost, self._back)
+        self.transport = Transport(url, baud, self._octets, self._lost, self._back, patience_s)
         self.transport.start()
 
     # -- what comes in (the reader's thread) ----------------------------------------
@@ -179,7 +184,7 @@ class Client:
                 raise LinkError(f"{self.url}: unplugged")
             return reply
         self._awaited = None
-        raise LinkError(
+        raise NoReply(
             f"{self.url}: no reply to {Op(op).name} within {wait_s * self.transport.tries:.2g} s"
         )
 
@@ -206,6 +211,12 @@ class Client:
 
     def state_name(self, state: int) -> str:
         return self.states[state] if state < len(self.states) else str(state)
+
+    def hello(self) -> wire.Hello:
+        try:
+            return wire.parse_hello(self.do(Op.HELLO).payload)
+        except wire.WireError as error:
+            raise LinkError(f"{self.url}: {error}") from None
 
     def get_status(self) -> wire.StatusReply:
         try:
@@ -258,7 +269,6 @@ class Client:
 
     def _resume(self) -> None:
         """A session again on a board that lost it; those who had streams set them again."""
-        self.counters.reconnects += 1
         self.in_session = False
         self.open_session()
         for listener in tuple(self.on_return):
@@ -268,6 +278,7 @@ class Client:
                 if error.mistake:
                     self.broken = error
                 raise
+        self.counters.reconnects += 1
 
     def close(self) -> None:
         """End the session, which stops a drive that the watchdog guards, and the line."""

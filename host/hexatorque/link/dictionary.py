@@ -40,13 +40,13 @@ class Dictionary:
 
 def fetch(client: Client) -> tuple[Hello, Dictionary]:
     """Ask the board who it is, and for its dictionary if that is not kept here."""
+    hello = client.hello()
+    client.dictionary = hello.crc & 0xFFFF
+    rows = kept(hello)
+    if rows is None:
+        rows = _ask(client, hello)
+        _keep(hello.crc, rows)
     try:
-        hello = wire.parse_hello(client.do(Op.HELLO).payload)
-        client.dictionary = hello.crc & 0xFFFF
-        rows = kept(hello)
-        if rows is None:
-            rows = _ask(client, hello)
-            _keep(hello.crc, rows)
         dictionary = _parse(hello, rows)
     except wire.WireError as error:
         raise LinkError(f"{client.url}: {error}") from None

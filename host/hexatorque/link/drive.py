@@ -14,6 +14,7 @@ to the board's watchdog.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import struct
 import time
@@ -27,13 +28,14 @@ from ..firmware import FirmwareError, Parameter
 from ..recording import Recording
 from ..verbs import DriveVerbs, Progress
 from . import LinkError, capture, wire
-from .client import Client
+from .client import Client, NoReply
 from .dictionary import fetch
 from .relay import Relay
 from .stream import Stream, decimation_for, on_a_grid
 from .wire import Op, Status
 
-BAUD = 1_250_000
+#: Of the images for the F28377S and the F28335.
+BAUDS = (1_250_000, 937_500)
 #: What a profile may ask of the test bench around a real drive.
 PLANT = {"load_Nm": "N m", "vdc_V": "V"}
 
@@ -43,13 +45,13 @@ class Drive(DriveVerbs):
     def open(
         cls,
         url: str | None = None,
-        baud: int = BAUD,
+        baud: int | None = None,
         record: tuple[str, ...] | list[str] | None = None,
         rate_Hz: float | None = None,
         operator: Callable[[str, float], None] | None = None,
     ) -> Drive:
         """The drive at a device, pseudo-terminal or `socket://host:port`; without one, the
-        only board that is found.
+        only board that is found. Without a baud rate those of the images are tried.
 
         record, rate_Hz: what `run` records; by default all channels that a stream takes, as
         fast as the line carries them. operator(name, value): called where a profile changes
@@ -58,11 +60,16 @@ class Drive(DriveVerbs):
         if url is None:
             from .devices import only
 
-            url = only(baud)
-        return cls(url, baud, record, rate_Hz, operator)
+            found = only(baud)
+            url, baud = found.port, found.baud
+        *rest, last = (baud,) if baud else BAUDS
+        for each in rest:
+            with contextlib.suppress(NoReply):
+                return cls(Client(url, each), record, rate_Hz, operator)
+        return cls(Client(url, last), record, rate_Hz, operator)
 
-    def __init__(self, url: str, baud: int, record, rate_Hz, operator) -> None:
-        self.client = Client(url, baud)
+    def __init__(self, client: Client, record, rate_Hz, operator) -> None:
+        self.client = client
         self._relay: Relay | None = None
         self._recorder: Stream | None = None
         try:
@@ -85,7 +92,7 @@ class Drive(DriveVerbs):
 
     def _same_board(self) -> None:
         """After an interruption: is it the one that was there before?"""
-        hello = wire.parse_hello(self.client.do(Op.HELLO).payload)
+        hello = self.client.hello()
         if hello.crc != self.dictionary.crc:
             raise LinkError(
                 f"{self.client.url}: another firmware has come back, open it again", mistake=True
@@ -379,9 +386,10 @@ class Drive(DriveVerbs):
         """End what is armed."""
         self.client.do(Op.CANCEL, what="cancel")
 
-    def captured(self, timeout_s: float | None = None) -> Recording:
-        """Wait for what is armed, and bring it over. The trigger is at time 0."""
-        return self._bring(capture.wait(self.client, timeout_s, manual=False))
+    def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
+        """Wait for what is armed, and bring it over; `now`: trigger it as soon as that
+        counts. The trigger is at time 0."""
+        return self._bring(capture.wait(self.client, timeout_s, now))
 
     def capture(
         self,
@@ -394,7 +402,7 @@ class Drive(DriveVerbs):
     ) -> Recording:
         """`arm` and `captured`; a manual trigger comes as soon as it counts."""
         self.arm(channels, samples, pre, trigger, prescaler)
-        return self._bring(capture.wait(self.client, timeout_s, trigger == "manual"))
+        return self.captured(timeout_s, trigger == "manual")
 
     def _bring(self, found: wire.CaptureReply) -> Recording:
         table = capture.upload(self.client, found)

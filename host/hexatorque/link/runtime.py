@@ -9,6 +9,7 @@ import stat
 import tempfile
 import zlib
 from pathlib import Path
+from typing import NamedTuple
 
 from . import LinkError
 
@@ -47,17 +48,23 @@ def announce(port: str, title: str) -> Path:
     return path
 
 
-def announced() -> list[tuple[str, str]]:
-    """(port, title) of the virtual boards that run. What others left behind is removed."""
+class Announced(NamedTuple):
+    port: str
+    pid: int
+    title: str
+
+
+def announced() -> list[Announced]:
+    """The virtual boards that run. What others left behind is removed."""
     boards = []
     for path in sorted(directory().glob("board-*.json")):
         try:
             row = json.loads(path.read_text())
-            port, pid, title = str(row["port"]), int(row["pid"]), str(row["title"])
-            os.kill(pid, 0)
+            board = Announced(str(row["port"]), int(row["pid"]), str(row["title"]))
+            os.kill(board.pid, 0)
         except (ValueError, KeyError, TypeError, OSError):
             path.unlink(missing_ok=True)
             continue
-        if os.path.exists(port):
-            boards.append((port, title))
+        if os.path.exists(board.port):
+            boards.append(board)
     return boards

@@ -30,6 +30,9 @@ RETURN_S = 0.2
 BUSY_S = 1.5
 
 
+_MISSING = (errno.ENOENT, errno.ENXIO, errno.ENODEV)
+
+
 class Busy(LinkError):
     """The port is there, but another process has it."""
 
@@ -76,23 +79,25 @@ def _serial(url: str, baud: int):
     except (serial.SerialException, OSError) as error:
         number = _errno(error)
         if number in (errno.EBUSY, errno.EAGAIN):
-            raise Busy(f"{url}: busy, another program has it open", mistake=True) from None
-        raise LinkError(f"{url}: {_reason(number, baud) or error}", mistake=True) from None
+            raise Busy(f"{url}: busy, another program has it open") from None
+        missing = number in _MISSING
+        reason = "no such device" if missing else _reason(number, baud) or error
+        raise LinkError(f"{url}: {reason}", mistake=missing) from None
     return port
 
 
 def _errno(error: BaseException | None) -> int | None:
-    """pyserial keeps the number of some errors only in what they came from."""
+    """pyserial keeps the number of some errors only in what they came from; those of
+    termios have no attribute for it."""
     while error is not None:
-        if getattr(error, "errno", None) is not None:
-            return error.errno
+        number = getattr(error, "errno", None) or next(iter(error.args), None)
+        if isinstance(number, int):
+            return number
         error = error.__context__
     return None
 
 
 def _reason(number: int | None, baud: int) -> str | None:
-    if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV):
-        return "no such device"
     if number in (errno.EACCES, errno.EPERM):
         return "permission denied; on most systems group dialout may use serial ports"
     if number == errno.ENOTTY:
@@ -114,6 +119,7 @@ class Transport:
         octets: Callable[[bytes], None],
         lost: Callable[[str], None],
         back: Callable[[], None],
+        patience_s: float = BUSY_S,
     ) -> None:
         self.url = url
         self.baud = baud
@@ -123,7 +129,7 @@ class Transport:
         self.relayed = False
         #: This process is the relay of the port: never its own client.
         self.serves = False
-        self._port = self._open(BUSY_S)
+        self._port = self._open(patience_s)
         self._thread = threading.Thread(target=self._run, name=f"reader of {url}", daemon=True)
 
     def start(self) -> None:

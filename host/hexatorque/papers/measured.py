@@ -44,12 +44,12 @@ def watch(
     sim.run(0.4, record=False, progress=progress)
     sim.check()
     sim.log_edges(24 * round(seconds / sim.period_s))
-    counts, angle = position(), sim.state[7]
+    counts, angle = position(), sim.plant_state[7]
     sim.set("speed_ref_rpm", speed_rpm)
     sim.run(seconds, progress=progress)
     sim.check()
     moved = (position() - counts + 2**31) % 2**32 - 2**31  # the counter wraps
-    turns = float((sim.state[7] - angle) / (2 * np.pi))
+    turns = float((sim.plant_state[7] - angle) / (2 * np.pi))
     clock_Hz = float(layout.pwm_clock_Hz)
     return Watched(sim.take(), sim.edges, clock_Hz, turns, moved, speed_rpm, sim._machine)
 

@@ -98,10 +98,10 @@ def play(patterns: Sequence, samples_per_period: int = 4) -> Played:
     bench = _Bench(patterns, samples_per_period)
     bench.log_edges(100 * (len(patterns) + 1))
     bench.run(bench.period_s, record=False)  # shadow load: the first is for the next period
-    flux = [bench.state[:4].copy()]
+    flux = [bench.plant_state[:4].copy()]
     for _ in patterns:
         bench.run(bench.period_s)
-        flux.append(bench.state[:4].copy())
+        flux.append(bench.plant_state[:4].copy())
     if bench.failures:
         raise bench.failures[0]
     if bench.controller.registers.violations:

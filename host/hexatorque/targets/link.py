@@ -5,6 +5,7 @@ of its registers. The protocol is in firmware/pil and its folder host.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Self
 
 import numpy as np
@@ -191,9 +192,24 @@ class TargetController(Controller):
         self._check(self._request(lib.HT_PIL_GET, row.id), name)
         return row.show(self._link.value)
 
-    def set(self, name: str, value: object) -> None:
-        if name not in parameters():
-            raise FirmwareError(f"no controller parameter {name!r}")
+    def set_many(self, values: Mapping[str, object]) -> None:
+        """The link knows single ones only: what was changed before a refusal is put back."""
+        for name, value in values.items():
+            if name not in parameters():
+                raise FirmwareError(f"no controller parameter {name!r}")
+            parameters()[name].parse(value)
+        done: dict[str, object] = {}
+        for name, value in values.items():
+            before = self.get(name)
+            try:
+                self._put(name, value)
+            except FirmwareError:
+                for changed, old in reversed(done.items()):
+                    self._put(changed, old)
+                raise
+            done[name] = before
+
+    def _put(self, name: str, value: object) -> None:
         row = parameters()[name]
         self._check(self._request(lib.HT_PIL_SET, row.id, row.parse(value)), f"{name} = {value}")
 

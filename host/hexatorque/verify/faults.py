@@ -63,7 +63,7 @@ def _sign(rng: np.random.Generator) -> int:
 def _over_current(sim: Simulation, rng: np.random.Generator) -> None:
     """A real current in x-y: every phase of it beyond the trip level."""
     amperes = 2.5 * sim.controller.get("i_trip_A")
-    sim.state[2] += _sign(rng) * amperes * sim.machine.lxy_H
+    sim.plant_state[2] += _sign(rng) * amperes * sim.machine.lxy_H
 
 
 def _alpha_beta_current(sim: Simulation, rng: np.random.Generator) -> None:
@@ -71,8 +71,10 @@ def _alpha_beta_current(sim: Simulation, rng: np.random.Generator) -> None:
     m, trip_A = sim.machine, sim.controller.get("i_ab_trip_A")
     angle = rng.uniform(0, 2 * np.pi)
     direction = np.array([np.cos(angle), np.sin(angle)])
-    sim.state[:4] = 0.0
-    sim.state[:2] = sim.state[4:6] * m.lm_H / m.lr_H + 1.03 * trip_A * m.sigma_ls_H * direction
+    sim.plant_state[:4] = 0.0
+    sim.plant_state[:2] = (
+        sim.plant_state[4:6] * m.lm_H / m.lr_H + 1.03 * trip_A * m.sigma_ls_H * direction
+    )
 
 
 def _vdc(level: str, factor: float) -> Inject:
@@ -85,7 +87,7 @@ def _vdc(level: str, factor: float) -> Inject:
 def _over_speed(sim: Simulation, rng: np.random.Generator) -> None:
     """The load turns and drives the shaft, 1000 rad/s2 beyond what the drive can hold."""
     torque_Nm = sim.controller.get("torque_limit_Nm") + 1000 * sim.machine.inertia_kgm2
-    forward = sim.state[6] > 0 if abs(sim.state[6]) > 1 else _sign(rng) > 0
+    forward = sim.plant_state[6] > 0 if abs(sim.plant_state[6]) > 1 else _sign(rng) > 0
     sim.set("load_Nm", -torque_Nm if forward else torque_Nm)
 
 

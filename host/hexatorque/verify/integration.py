@@ -69,13 +69,13 @@ class Segment:
 def run_segment(sim: Simulation, duration_s: float) -> Segment:
     """Go on running `sim`, unrecorded, keeping what it takes to do it again."""
     periods = round(duration_s / sim.period_s)
-    first, state, inverter = sim.periods, sim.state.copy(), sim.inverter.copy()
+    first, state, inverter = sim.periods, sim.plant_state.copy(), sim.inverter.copy()
     currents, speed = np.empty((periods, 6)), np.empty(periods)
     sim.log_edges(periods * EDGES_PER_PERIOD)
     for period in range(periods):
         sim.run(sim.period_s, record=False)
-        currents[period] = sim._machine.i_phase @ sim.state[:6]
-        speed[period] = sim.state[6]
+        currents[period] = sim._machine.i_phase @ sim.plant_state[:6]
+        speed[period] = sim.plant_state[6]
     sim.check()
     edges = sim.edges.copy()
     sim.log_edges(0)

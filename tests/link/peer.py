@@ -1,0 +1,177 @@
+"""A board that misbehaves on command: what no honest board can be made to do. It knows the
+protocol from docs/protocol.md and nothing of the client's code."""
+
+import binascii
+import os
+import struct
+import threading
+import time
+import tty
+
+
+def cobs_encode(data: bytes) -> bytes:
+    """By definition: groups of up to 254 octets without zero, each led by its length + 1;
+    a group shorter than 254 stands for a zero behind it, except at the end."""
+    out, group = bytearray(), bytearray()
+    for place, octet in enumerate(data):
+        if octet:
+            group.append(octet)
+        if not octet:
+            out += bytes([len(group) + 1]) + group
+            group.clear()
+        elif len(group) == 254:
+            out += b"\xff" + group
+            group.clear()
+            if place == len(data) - 1:
+                return bytes(out)
+    return bytes(out + bytes([len(group) + 1]) + group)
+
+
+def cobs_decode(octets: bytes) -> bytes:
+    out = bytearray()
+    while octets:
+        length = octets[0]
+        out += octets[1:length]
+        octets = octets[length:]
+        if octets and length < 255:
+            out.append(0)
+    return bytes(out)
+
+
+def frame(body: bytes) -> bytes:
+    checked = body + struct.pack("<I", binascii.crc32(body))
+    return b"\0" + cobs_encode(checked) + b"\0"
+
+
+def parameter(row, live, low, high, initial, name, unit="", choices=""):
+    texts = b"".join(t.encode() + b"\0" for t in (name, unit, choices, f"the {name}"))
+    return struct.pack("<BHBBfff", 0, row, 0, live, low, high, initial) + texts
+
+
+ROWS = [
+    parameter(0, 1, 0, 2, 1, "scheme", choices="dtc1|fdr|ddr"),
+    parameter(1, 1, -400, 400, 0, "speed_ref_rpm", "r/min"),
+    parameter(2, 0, 0, 20, 2.3, "dead_time_us", "us"),
+    b"\x01\x00\x00\x00" + b"speed_rpm\0r/min\0measured speed\0",
+    b"\x01\x01\x00\x00" + b"torque_Nm\0N m\0estimated torque\0",
+    b"\x02\x00\x00\x01\x00" + b"over-current\0a phase\0",
+    *(bytes([3, row, 0]) + name + b"\0" for row, name in enumerate(
+        (b"idle", b"calibrate", b"build", b"run", b"fault"))),
+]  # fmt: skip
+COUNTS = (3, 2, 1, 5)
+
+
+class Peer:
+    """`faults`: what it does to the next requests, one word each: `mute`, `damage`, `late`,
+    `twice`, `cut`. All requests come into `requests`, executed ones into `executed`."""
+
+    def __init__(self) -> None:
+        self._master, slave = os.openpty()
+        tty.setraw(slave)
+        self.port = os.ttyname(slave)
+        self._slave = slave
+        self.rows = list(ROWS)
+        self.crc = binascii.crc32(b"".join(self.rows))
+        self.protocol = 1
+        self.values = {0: 1.0, 1: 0.0, 2: 2.3}
+        self.refuse: dict[int, tuple[int, bytes]] = {}  # opcode -> status, payload
+        self.faults: list[str] = []
+        self.requests: list[bytes] = []
+        self.executed: list[int] = []
+        self.state, self.tick, self.session = 0, 1000, 0
+        self.capture = (0, b"")
+        self._last = (b"", b"")
+        self._left = b""
+        self._closing = False
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._closing = True
+        self._thread.join(2)
+        os.close(self._slave)
+
+    def write(self, octets: bytes) -> None:
+        os.write(self._master, octets)
+
+    def sample(self, stream: int, number: int, tick: int, *values: float) -> bytes:
+        head = struct.pack("<BBI", 0x40 + stream, number & 0xFF, tick & 0xFFFFFFFF)
+        return frame(head + struct.pack(f"<{len(values)}f", *values))
+
+    def _run(self) -> None:
+        import select
+
+        while not self._closing:
+            if not select.select([self._master], [], [], 0.02)[0]:
+                continue
+            try:
+                octets = os.read(self._master, 4096)
+            except OSError:
+                break
+            *parts, self._left = (self._left + octets).split(b"\0")
+            for part in filter(None, parts):
+                checked = cobs_decode(part)
+                body = checked[:-4]
+                assert checked[-4:] == struct.pack("<I", binascii.crc32(body)), "a damaged request"
+                self._request(body)
+        os.close(self._master)
+
+    def _request(self, body: bytes) -> None:
+        self.requests.append(body)
+        fault = self.faults.pop(0) if self.faults else ""
+        if fault == "mute":
+            return
+        if self._last[0] != body:
+            self._last = (body, frame(self._execute(*struct.unpack_from("<BBHH", body), body[6:])))
+        octets = self._last[1]
+        if fault == "damage":
+            octets = octets[:5] + bytes([octets[5] ^ 0x10 or 1]) + octets[6:]
+        if fault == "cut":
+            octets = octets[:7] + b"\0"
+        if fault == "late":
+            time.sleep(0.1)
+        self.write(octets * (2 if fault == "twice" else 1))
+
+    def _execute(self, op, id, session, dictionary, payload) -> bytes:
+        status, answer = 0, b""
+        if op in self.refuse:
+            status, answer = self.refuse[op]
+        elif op in (6, 7, 8, 10, 11, 12) and dictionary != self.crc & 0xFFFF:
+            status = 19
+        elif op in (4, 7, 8, 10, 11, 12, 14, 15, 16) and session != self.session:
+            status = 18
+        else:
+            self.executed.append(op)
+            answer = self._answer(op, session, payload)
+        head = struct.pack("<BBBBHI", op + 0x80, id, status, self.state, 0, self.tick)
+        return head + answer
+
+    def _answer(self, op, session, payload) -> bytes:
+        if op == 1:
+            numbers = struct.pack(
+                "<HIfI4HHBBBBIH", self.protocol, self.crc, 10000.0, 112500, *COUNTS, 508,
+                4, 32, 16, bool(self.session), 20480, 250,
+            )  # fmt: skip
+            return numbers + b"peer\0test\0"
+        if op == 2:
+            kind, row = struct.unpack("<BH", payload)
+            return self.rows[sum(COUNTS[:kind]) + row]
+        if op == 3:
+            self.session = struct.unpack("<H", payload)[0]
+        if op == 4:
+            self.session = 0
+        if op == 5:
+            flags = bool(self.session) | (session == self.session) << 1
+            return struct.pack("<BBHIII", flags, self.capture[0], 0, 7, 8, 9)
+        if op == 6:
+            ids = struct.unpack(f"<{len(payload) // 2}H", payload)
+            return struct.pack(f"<{len(ids)}f", *(self.values[i] for i in ids))
+        if op == 7:
+            pairs = list(struct.iter_unpack("<Hf", payload))
+            self.values.update(pairs)
+            return struct.pack(f"<I{len(pairs)}f", self.tick, *(self.values[i] for i, _ in pairs))
+        if op == 11:
+            return struct.pack("<II", 1000, 112500)
+        if op == 13:
+            return self.capture[1]
+        return b""
