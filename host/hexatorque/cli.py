@@ -88,7 +88,7 @@ def _parser() -> argparse.ArgumentParser:
     plot.add_argument("--channels", metavar="A,B,...", help="default: the main ones all have")
     plot.add_argument(
         "--align", metavar="HOW",
-        help="trigger, start or none; default: trigger if all have one, else start",
+        help="trigger, start or none; default: trigger if all have one, else start if several",
     )  # fmt: skip
     plot.add_argument("--window", metavar="T0,T1", help="seconds to show, after alignment")
     plot.add_argument("--json", action="store_true", help="rms differences on standard output")

@@ -30,8 +30,9 @@ from .sil import Simulation
 
 #: Simulated seconds between two looks at the line, at real time.
 TURN_S = 0.002
-#: A process that was held up for longer does not catch up.
-LATE_S = 0.25
+#: A process that was held up for longer does not catch up: on a busy computer the client was
+#: held up as well, and simulated time without a sign of life is what the watchdog counts.
+LATE_S = 0.05
 #: Memory for captures, values: what the F28377S's image has.
 CAPTURE_VALUES = 20480
 

@@ -116,3 +116,13 @@ def test_cells_hold_their_texts(tmp_path):
     assert axes[0, 0].get_ylim()[0] > axes[0, 0].get_ylim()[1]  # the first row is on top
     assert low < 0 and high > 1
     assert drawn(plots.save(figure, tmp_path / "cells.png")) > 0.05
+
+
+def test_thinning_keeps_extremes_beside_lost_samples():
+    """Each bucket of 10 has a peak, a trough and a lost sample; one bucket is lost whole."""
+    y = np.tile([0.0, 9.0, np.nan, -9.0, 0, 0, 0, 0, 0, 0], 1500)
+    y[70:80] = np.nan
+    t, kept = plots.thin(np.arange(y.size), y)
+    assert kept.size == 3000 and np.all(np.diff(t) >= 0)
+    assert np.flatnonzero(np.isnan(kept)).tolist() == [14, 15]
+    assert np.all(np.delete(kept, [14, 15]).reshape(-1, 2) == [9, -9])

@@ -47,6 +47,7 @@ def full() -> Recording:
             "on": random.random(n) < 0.5,
             "end": np.full(n, -np.inf, np.float32),
             "ψ α/x-y [0] #1": np.zeros(n, np.float32),
+            "a_name_that_has_more_than_thirty_one_characters_V": np.ones(n, np.float32),
         },
         {"plant.i_u1_A": "A", "torque_Nm": "N m", "ψ α/x-y [0] #1": "Ω"},
         {

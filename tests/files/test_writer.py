@@ -6,6 +6,7 @@ import os
 import resource
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -372,3 +373,36 @@ def test_the_header_beside_a_growing_csv_is_readable(tmp_path):
         assert header["closed"] is False and header["units"] == dict(CHANNELS)
     assert json.loads((tmp_path / "rec.json").read_text())["closed"] is True
     assert (tmp_path / "rec.csv").read_text().startswith("time_s,tick,i_u1_A,torque_Nm\n0,5,")
+
+
+def test_the_journal_is_as_documented(tmp_path):
+    """Written and read here with nothing but docs/recordings.md."""
+    with Writer.open(tmp_path / "rec.npz", STREAM) as writer:
+        writer.append([7, 12, 22], [[1.5, -2], [2.5, -3], [3.5, -4]])
+        octets = writer.growing.read_bytes()
+    header, rest = octets.split(b"\n", 1)
+    head = json.loads(header)
+    assert head["format"] == "hexatorque-journal-1"
+    assert head["channels"] == [["i_u1_A", "A"], ["torque_Nm", "N m"]]
+    assert (head["tick_Hz"], head["decimation"], head["start_s"]) == (10e3, 5, 0)
+    assert json.loads(rest[:256]) == {"drops": 0, "crc_errors": 0} and rest[255:256] == b"\n"
+    there = list(struct.iter_unpack("<Iff", rest[256:]))
+    assert there == [(7, 1.5, -2), (12, 2.5, -3), (22, 3.5, -4)]
+    own = tmp_path / "own.mat.part"
+    own.write_bytes(
+        json.dumps({**head, "start_s": 2}).encode() + b"\n" + b"{}".ljust(255) + b"\n"
+        + struct.pack("<Iff", 2**32 - 1, 1, 2) + struct.pack("<Iff", 9, 3, 4) + b"\1\2\3"
+    )  # fmt: skip
+    rec = Recording.load(own)
+    assert rec.time_s.tolist() == [2, 2.0005, 2.001]
+    assert rec["i_u1_A"][[0, 2]].tolist() == [1, 3] and np.isnan(rec["i_u1_A"][1])
+
+
+def test_a_csv_that_was_deleted_after_a_crash_is_no_obstacle(tmp_path):
+    crashed = Writer.open(tmp_path / "rec.csv", STREAM)
+    crashed._file.close()
+    with pytest.raises(RecordingError, match="not closed"):
+        Writer.open(tmp_path / "rec.csv", STREAM)
+    (tmp_path / "rec.csv").unlink()  # its .json stays
+    Writer.open(tmp_path / "rec.csv", STREAM).close()
+    Writer.open(tmp_path / "rec.csv", STREAM).close()  # a closed one is written again

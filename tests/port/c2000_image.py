@@ -16,6 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = Path(__file__).parent / "golden"
 BOARDS = {"f28335": "f28335", "f28377s": "f28377s", "launchxl_f28377s": "f28377s"}
 FOLDERS = ("core", "app", "link", "port/host", "port/c2000", "port/c2000/image")
+CAPTURE = "-DHT_CAPTURE_VALUES=2048u"
 FLAGS = ["-std=c99", "-O1", "-fno-pie", "-ffp-contract=off"]
 #: Processor in the loop: more folders, and what of the others it is without.
 PIL_FOLDERS = ("pil", "pil/calls", "port/c2000/pil")
@@ -49,11 +50,7 @@ class Builder:
         found += [firmware / FOLDERS[-1] / name for name in ("ht_image.c", "main.c")]
         found.append(ROOT / "tests" / "c" / ("run_pil.c" if pil else "run_image.c"))
         of_board = {
-            name: (
-                f"-DHT_BOARD=ht_board_{board}",
-                "-DHT_CAPTURE_VALUES=2048u",
-                "-Dmain=ht_target_main",
-            )  # fmt: skip
+            name: (f"-DHT_BOARD=ht_board_{board}", CAPTURE, "-Dmain=ht_target_main")
             for name in ("ht_image.c", "main.c", "ht_pil_chip.c")
         }
         of_board[found[-1].name] = (f"-DHT_BOARD_UNDER_TEST=ht_board_{board}",)

@@ -63,8 +63,9 @@ class Writer:
 
     def _refuse_unfinished(self) -> None:
         """What an earlier process left behind is not overwritten."""
-        left = not self._csv and self.growing.exists()
-        if self._csv:
+        left = self.growing.exists()
+        if left and self._csv:
+            left = False
             with suppress(OSError, ValueError, AttributeError):
                 left = json.loads(beside(self.path)[0].read_text()).get("closed") is False
         if left:
