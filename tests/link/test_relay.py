@@ -211,7 +211,7 @@ def test_a_device_that_is_no_board_is_passed_over(announced, monkeypatch):
     monkeypatch.setattr(devices.list_ports, "comports", lambda: [mute])
     begun = time.monotonic()
     assert [board.port for board in devices.find()] == [announced]
-    assert time.monotonic() - begun < 1.5
+    assert time.monotonic() - begun < 5
     os.close(master)
     os.close(slave)
 
