@@ -24,7 +24,7 @@ from hexatorque.link import LinkError, wire
 from hexatorque.link.drive import Drive
 from hexatorque.link.wire import CaptureState, Op, Status
 from hexatorque.recording import Recording
-from hexatorque.targets import emulated_board, tools
+from hexatorque.targets import emulated_board
 
 #: Arguments of `hexatorque board --virtual`.
 BOARDS = {
