@@ -28,9 +28,9 @@ BAUD = 1_250_000
 #: What the divider of their serial port makes of 25 MHz.
 BAUD_RANGE = (25_000_000 // 0xFFFFF + 1, 25_000_000 // 16)
 IMAGE = "firmware/port/mps2/board"
-#: The serial port's other end: FIFOs uart.in and uart.out of the working directory. They take
-#: octets one by one without a system call's fixed cost in memory, as sockets have it, and
-#: know nothing of clients that come and go, as QEMU's own pseudo-terminals do.
+#: The serial port's other end: FIFOs uart.in and uart.out of the working directory. A socket
+#: is full after some 300 single octets; QEMU's own pseudo-terminals drop them until they have
+#: noticed that there is a client, once a second.
 SERIAL = ("-chardev", "pipe,id=uart,path=uart", "-serial", "chardev:uart")
 
 
