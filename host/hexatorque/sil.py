@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 import numba.experimental.function_type  # noqa: F401  (functions as arguments)
@@ -19,6 +19,7 @@ import numpy as np
 from numba import types
 
 from . import __version__, firmware
+from .burst import Burst, Trigger
 from .frames import INVERSE, PHASES
 from .plant.gates import gates_record
 from .plant.inverter import DROPS, inverter_record, longest_step_s
@@ -35,6 +36,8 @@ __all__ = ["DriveFault", "Simulation"]
 
 #: Periods per compiled call: short enough for progress and Ctrl-C.
 CHUNK = 2000
+#: How far a simulation runs between two looks at a capture.
+CAPTURE_TURN_S = 0.01
 #: Longest step over the machine's shortest time constant: far within the integrator's
 #: stability and 1e-7 a step. The papers' machines have more than twice 100 us.
 STEP_SHARE = 0.1
@@ -183,6 +186,8 @@ class Simulation(DriveVerbs):
             EntryPoint(firmware.address(name), *[u64] * arguments)
             for name, arguments in zip(self.controller.entries, (1, 1, 2))
         )
+        self._burst: Burst | None = None
+        self._burst_names: tuple[str, ...] = ()
         self._plant = _Rows(len(PLANT_CHANNELS))
         self._channels = _Rows(len(firmware.channels()))
         self._record_start = 0
@@ -237,12 +242,15 @@ class Simulation(DriveVerbs):
 
     def start(self) -> None:
         self.controller.start()
+        self._commanded()
 
     def stop(self) -> None:
         self.controller.stop()
+        self._commanded()
 
     def clear(self) -> None:
         self.controller.clear()
+        self._commanded()
 
     @property
     def params(self) -> Mapping[str, firmware.Parameter]:
@@ -277,7 +285,9 @@ class Simulation(DriveVerbs):
         for name in rest:
             if name in TIMED_WITH_THE_PLANT:
                 raise ScenarioError(f"{name}: belongs to the set-up, make a new simulation")
-        self.controller.set_many(rest)
+        if rest:
+            self.controller.set_many(rest)
+            self._commanded()
         for name, value in plant.items():
             setattr(self, name, float(value))
 
@@ -304,6 +314,8 @@ class Simulation(DriveVerbs):
         if record:
             plant = self._plant.room(n * self.samples_per_period)
             channels = self._channels.room(n)
+        elif self._burst:
+            channels = np.empty((n, len(firmware.channels())), np.float32)
         began = time.perf_counter()
         self._call(n, plant, channels)
         self.wall_s += time.perf_counter() - began
@@ -314,6 +326,8 @@ class Simulation(DriveVerbs):
                 "are the machine's time constants below the integration step, "
                 f"{MAX_STEP_S * 1e6:g} us?"
             )
+        if self._burst:
+            self._burst.feed(channels, self.periods)
         self.periods += n
         if not record:
             self.discard()
@@ -346,6 +360,62 @@ class Simulation(DriveVerbs):
         self._record_start = self.periods
         self._transitions = int(np.sum(self._pwm.transitions))
 
+    def arm(
+        self,
+        channels: Sequence[str],
+        samples: int,
+        pre: int = 0,
+        trigger: str = "manual",
+        prescaler: int = 1,
+    ) -> None:
+        what = Trigger.parse(trigger)
+        on = {"fault": "faults"}.get(what.kind, what.channel or "state")
+        names = [name for name, _ in firmware.channels()]
+        for name in (*channels, on):
+            if name not in names:
+                raise ScenarioError(f"no channel {name!r}; there are {', '.join(names)}")
+        columns = [names.index(name) for name in channels]
+        self._burst = Burst(columns, samples, pre, prescaler, what, names.index(on))
+        self._burst_names = tuple(channels)
+
+    def trigger(self) -> None:
+        if self._burst:
+            self._burst.manual = True
+
+    def cancel(self) -> None:
+        self._burst = None
+
+    def _commanded(self) -> None:
+        if self._burst:
+            self._burst.command = True
+
+    def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
+        burst, begun_s = self._burst, self.time_s
+        if burst is None:
+            raise ScenarioError("capture: none is armed")
+        burst.manual |= now
+        while not burst.complete:
+            if timeout_s is not None and self.time_s - begun_s > timeout_s:
+                raise ScenarioError(f"capture: not complete within {timeout_s:g} s")
+            self.run(CAPTURE_TURN_S)
+        assert burst.period is not None
+        units = dict(firmware.channels())
+        data = {
+            name: np.ascontiguousarray(burst.values[:, column])
+            for column, name in enumerate(self._burst_names)
+        }
+        meta = {
+            **self._meta(),
+            "trigger_s": 0.0,
+            "trigger_tick": burst.period + 1,  # the firmware counts from 1
+            "decimation": burst.prescaler,
+            "gaps": 0,
+            "lost_samples": 0,
+        }
+        rate_Hz = 1 / (self.period_s * burst.prescaler)
+        units = {name: units[name] for name in self._burst_names}
+        return Recording(rate_Hz, data, units, meta, -burst.pre / rate_Hz)
+
     def take(self) -> Recording:
         """What was recorded since the last `take`, `discard` or unrecorded run. Telemetry
         channels are held between control periods."""
@@ -366,20 +436,25 @@ class Simulation(DriveVerbs):
         periods = self.periods - self._record_start
         jumps = int(np.sum(self._pwm.transitions)) - self._transitions
         meta = {
+            **self._meta(),
+            "samples_per_period": per,
+            # Mean switching frequency of a switch: two transitions a cycle, six legs.
+            "f_sw_Hz": jumps / (12 * periods * self.period_s) if periods else None,
+        }
+        start = self._record_start * self.period_s
+        self.discard()
+        return Recording(per / self.period_s, data, units, meta, start)
+
+    def _meta(self) -> dict:
+        return {
             "hexatorque": __version__,
             "setup": self.setup.name,
             "title": self.setup.title,
             "scheme": self.controller.get("scheme"),
             "latency": self.setup["timing.latency"],
             "processor": self.controller.processor,
-            "samples_per_period": per,
             "parameters": self.setup.summary(),
-            # Mean switching frequency of a switch: two transitions a cycle, six legs.
-            "f_sw_Hz": jumps / (12 * periods * self.period_s) if periods else None,
             "state": self.controller.state,
             "faults": self.controller.faults,
             "register_violations": int(self.controller.registers.violations),
         }
-        start = self._record_start * self.period_s
-        self.discard()
-        return Recording(per / self.period_s, data, units, meta, start)

@@ -15,7 +15,7 @@ def bench(drive):
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Self
 
 from .firmware import Parameter
@@ -96,6 +96,45 @@ class DriveVerbs(ABC):
     @abstractmethod
     def take(self) -> Recording:
         """What was recorded since the last `take`, `discard` or unrecorded run."""
+
+    @abstractmethod
+    def arm(
+        self,
+        channels: Sequence[str],
+        samples: int,
+        pre: int = 0,
+        trigger: str = "manual",
+        prescaler: int = 1,
+    ) -> None:
+        """Capture `samples` of the firmware's channels, one every `prescaler` fast
+        interrupts, `pre` of them before the trigger: `manual`, `fault`, `command`, or
+        `rising:torque_Nm:5` (falling, above, below)."""
+
+    @abstractmethod
+    def trigger(self) -> None:
+        """Trigger what is armed, whatever its trigger."""
+
+    @abstractmethod
+    def cancel(self) -> None:
+        """End what is armed."""
+
+    @abstractmethod
+    def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
+        """Let time pass until what is armed is complete; `now`: trigger it as soon as that
+        counts. The trigger is at time 0 of the recording."""
+
+    def capture(
+        self,
+        channels: Sequence[str],
+        samples: int,
+        pre: int = 0,
+        trigger: str = "manual",
+        prescaler: int = 1,
+        timeout_s: float | None = None,
+    ) -> Recording:
+        """`arm` and `captured`; a manual trigger comes as soon as it counts."""
+        self.arm(channels, samples, pre, trigger, prescaler)
+        return self.captured(timeout_s, trigger == "manual")
 
     @abstractmethod
     def close(self) -> None:

@@ -11,16 +11,19 @@ import pytest
 from peer import Peer
 
 from hexatorque import firmware
-from hexatorque.link import LinkError, wire
+from hexatorque.link import LinkError, transport, wire
 from hexatorque.link.client import Client, NoReply
 from hexatorque.link.drive import Drive
 from hexatorque.link.wire import Op
 
 WRITE, STREAM, LIST = 7, 11, 2
+WAIT_S = 0.1
 
 
 @pytest.fixture
-def peer():
+def peer(monkeypatch):
+    """Nearly as impatient with it as with a real board."""
+    monkeypatch.setattr(transport, "PROCESS_REPLY_S", WAIT_S)
     peer = Peer()
     yield peer
     peer.close()
@@ -79,10 +82,9 @@ def test_three_tries_and_no_more(peer, drive):
     with drive.client._one_at_a_time:
         peer.faults = ["mute"] * 3
         begun = time.monotonic()
-        with pytest.raises(NoReply, match=r"no reply to WRITE within 0\.1"):
+        with pytest.raises(NoReply, match=r"no reply to WRITE within 0\.3"):
             drive.set("speed_ref_rpm", 1.0)
-        # 50 ms and the time on the line each.
-        assert 0.15 < time.monotonic() - begun < 0.4
+        assert 3 * WAIT_S < time.monotonic() - begun < 3 * WAIT_S + 0.5
         assert len(of(peer, WRITE)) == 3 and peer.values[1] == 0.0
         drive.set("speed_ref_rpm", 2.0)
     assert peer.values[1] == 2.0
@@ -90,11 +92,12 @@ def test_three_tries_and_no_more(peer, drive):
     assert len(set(ids)) == 2
 
 
-def test_time_on_a_slow_line_is_waited_for(peer):
+def test_the_time_on_the_line_and_50_ms_are_waited_for(peer, monkeypatch):
     slow = Client(peer.port, 9600)
     try:
-        # 516 octets of reply at 960 a second.
-        assert slow.transport.reply_s(20) > 0.05 + 536 / 960
+        monkeypatch.setattr(slow.transport, "url", "/dev/ttyUSB0")
+        # Up to 517 octets of reply at 960 a second.
+        assert slow.transport.reply_s(20) == pytest.approx(0.05 + 537 / 960)
     finally:
         slow.close()
 
@@ -106,7 +109,7 @@ def test_heartbeat_keeps_the_session_and_only_that(peer, drive):
     peer.requests.clear()
     time.sleep(1.0)
     beats = of(peer, Op.STATUS)
-    assert 9 <= len(beats) <= 14
+    assert 6 <= len(beats) <= 14
     nonces = {struct.unpack_from("<H", body, 2)[0] for body in beats}
     assert nonces == {peer.session} and 0 not in nonces
     drive.close()
@@ -412,7 +415,7 @@ def test_a_board_that_sends_no_data_is_given_up(peer, drive):
     ("arguments", "text"),
     [
         ({"samples": 10241}, r"samples = 10241: allowed range is 1 .. 10240 with 2 channels"),
-        ({"samples": 0}, "allowed range"),
+        ({"samples": 0}, "samples = 0: 1 or more"),
         ({"samples": 10, "pre": 10}, r"pre = 10: allowed range is 0 .. 9"),
         ({"samples": 10, "prescaler": 0}, "prescaler = 0"),
         ({"samples": 10, "trigger": "rising:nope:1"}, "no channel 'nope'"),

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import struct
 import time
 import zlib
-from dataclasses import dataclass
 
 import numpy as np
 
+from ..burst import Trigger, check
+from ..recording import RecordingError
 from . import LinkError, wire
 from .client import Client
 from .dictionary import Dictionary
@@ -23,35 +23,6 @@ PATIENCE = 6
 READ_VALUES = 6000
 
 
-@dataclass(frozen=True)
-class Trigger:
-    kind: int  #: as on the wire
-    channel: str = ""
-    level: float = 0.0
-
-    @staticmethod
-    def parse(text: str) -> Trigger:
-        """`manual`, `fault`, `command`, or `rising:torque_Nm:5` (falling, above, below)."""
-        name, *rest = text.split(":")
-        try:
-            kind = wire.TRIGGERS.index(name)
-        except ValueError:
-            known = ", ".join(wire.TRIGGERS)
-            raise LinkError(f"trigger {text!r}: choose one of {known}", mistake=True) from None
-        if name in ("manual", "fault", "command"):
-            if rest:
-                raise LinkError(f"trigger {text!r}: {name} takes nothing more", mistake=True)
-            return Trigger(kind)
-        try:
-            channel, level = rest
-            number = float(level)
-        except ValueError:
-            number = math.nan
-        if not math.isfinite(number):
-            raise LinkError(f"trigger {text!r}: write {name}:CHANNEL:LEVEL", mistake=True)
-        return Trigger(kind, channel, number)
-
-
 def arm(
     client: Client,
     hello: Hello,
@@ -59,29 +30,30 @@ def arm(
     channels: tuple[str, ...] | list[str],
     samples: int,
     pre: int,
-    trigger: Trigger,
+    trigger: str,
     prescaler: int,
 ) -> int:
     """Set the board's capture; returns its number."""
+    try:
+        what = Trigger.parse(trigger)
+        check(samples, pre, prescaler)
+    except RecordingError as error:
+        raise LinkError(str(error), mistake=True) from None
     ids = dictionary.channel_ids(channels)
     if not 1 <= len(ids) <= hello.capture_channels:
         raise LinkError(
             f"{len(ids)} channels: a capture has 1 to {hello.capture_channels}", mistake=True
         )
     most = hello.memory // len(ids)
-    if not 1 <= samples <= most:
+    if samples > most:
         raise LinkError(
             f"samples = {samples}: allowed range is 1 .. {most} with {len(ids)} channels",
             mistake=True,
         )
-    if not 0 <= pre < samples:
-        raise LinkError(f"pre = {pre}: allowed range is 0 .. {samples - 1}", mistake=True)
-    if not 1 <= prescaler <= 0xFFFF:
-        raise LinkError(f"prescaler = {prescaler}: allowed range is 1 .. 65535", mistake=True)
-    (on,) = dictionary.channel_ids((trigger.channel,)) if trigger.channel else (0,)
+    (on,) = dictionary.channel_ids((what.channel,)) if what.channel else (0,)
     payload = struct.pack(
         f"<BBHIIHf{len(ids)}H",
-        len(ids), trigger.kind, prescaler, samples, pre, on, trigger.level, *ids,
+        len(ids), what.number, prescaler, samples, pre, on, what.level, *ids,
     )  # fmt: skip
     return client.do(Op.ARM, payload).payload[0]
 

@@ -346,8 +346,6 @@ class Drive(DriveVerbs):
         for name in names - set(PLANT):
             self._parameter(name)
 
-    # -- more than a simulation has --------------------------------------------------------------
-
     def stream(
         self,
         channels: tuple[str, ...] | list[str],
@@ -362,6 +360,8 @@ class Drive(DriveVerbs):
             decimation = decimation_for(self.hello.f_isr_Hz, rate_Hz)
         return Stream(self.client, self.hello, self.dictionary, channels, decimation)
 
+    # -- captures --------------------------------------------------------------------------------
+
     def arm(
         self,
         channels: tuple[str, ...] | list[str],
@@ -370,39 +370,18 @@ class Drive(DriveVerbs):
         trigger: str = "manual",
         prescaler: int = 1,
     ) -> None:
-        """Have the board capture `samples` into its memory, one every `prescaler` fast
-        interrupts, `pre` of them before the trigger: `manual`, `fault`, `command`, or
-        `rising:torque_Nm:5` (falling, above, below)."""
         capture.arm(
-            self.client, self.hello, self.dictionary, channels, samples, pre,
-            capture.Trigger.parse(trigger), prescaler,
-        )  # fmt: skip
+            self.client, self.hello, self.dictionary, channels, samples, pre, trigger, prescaler
+        )
 
     def trigger(self) -> None:
-        """Trigger what is armed, whatever its trigger."""
         self.client.do(Op.TRIGGER, what="trigger")
 
     def cancel(self) -> None:
-        """End what is armed."""
         self.client.do(Op.CANCEL, what="cancel")
 
     def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
-        """Wait for what is armed, and bring it over; `now`: trigger it as soon as that
-        counts. The trigger is at time 0."""
         return self._bring(capture.wait(self.client, timeout_s, now))
-
-    def capture(
-        self,
-        channels: tuple[str, ...] | list[str],
-        samples: int,
-        pre: int = 0,
-        trigger: str = "manual",
-        prescaler: int = 1,
-        timeout_s: float | None = None,
-    ) -> Recording:
-        """`arm` and `captured`; a manual trigger comes as soon as it counts."""
-        self.arm(channels, samples, pre, trigger, prescaler)
-        return self.captured(timeout_s, trigger == "manual")
 
     def _bring(self, found: wire.CaptureReply) -> Recording:
         table = capture.upload(self.client, found)

@@ -5,6 +5,7 @@ after it was unplugged."""
 from __future__ import annotations
 
 import errno
+import os
 import select
 import socket
 import threading
@@ -23,6 +24,9 @@ READ_OCTETS = 4096
 READ_S = 0.01
 #: Time for a reply besides its time on the line; USB adapters keep octets for 16 ms.
 REPLY_S = 0.05
+#: The same for a virtual board, which is a process that others may hold up; its watchdog is
+#: held up with it.
+PROCESS_REPLY_S = 0.25
 TRIES = 3
 #: How often an unplugged port is looked for.
 RETURN_S = 0.2
@@ -160,7 +164,9 @@ class Transport:
 
     def reply_s(self, octets: int) -> float:
         """How long to wait for the reply to a request of so many octets on the line."""
-        once = (octets + LONGEST_FRAME) * 10 / self.baud + REPLY_S
+        process = os.path.realpath(self.url).startswith("/dev/pts/")
+        wait_s = PROCESS_REPLY_S if process else REPLY_S
+        once = (octets + LONGEST_FRAME) * 10 / self.baud + wait_s
         return 2 * TRIES * once if self.relayed else once
 
     @property

@@ -85,9 +85,6 @@ class CaptureState(IntEnum):
     COMPLETE = 5
 
 
-TRIGGERS = ("manual", "rising", "falling", "above", "below", "fault", "command")
-
-
 class WireError(ValueError):
     """A body that is not what its type says."""
 
