@@ -51,8 +51,8 @@ sanitize: $(VENV)/.installed
 	$(BIN)/ctest --preset host-sanitize
 
 test: test-c
-	$(BIN)/python -m pytest -n $(JOBS) -rs --ignore=tests/targets tests
-	$(BIN)/python -m pytest -rs tests/targets
+	$(BIN)/python -m pytest -n $(JOBS) -rs --ignore=tests/targets --ignore=tests/link tests
+	$(BIN)/python -m pytest -rs tests/link tests/targets # one at a time: they keep time
 
 # One at a time: they measure speed. Fails where a tool is missing, after what can be run.
 test-targets: $(VENV)/.installed

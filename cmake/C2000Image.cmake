@@ -19,17 +19,7 @@ set(machine -v28 -ml -mt --float_support=fpu32 --abi=eabi)
 set(arithmetic --fp_mode=strict --fp_reassoc=off)
 set(messages --display_error_number --diag_wrap=off --diag_warning=225)
 
-# Version and commit, told by HELLO.
-set(version "unknown")
-foreach(file host/hexatorque/__init__.py ../__init__.py) # of the repository, installed
-  if(EXISTS "${CMAKE_CURRENT_SOURCE_DIR}/${file}")
-    file(STRINGS ${file} line REGEX "^__version__")
-    string(REGEX REPLACE ".*\"(.*)\".*" "\\1" version "${line}")
-  endif()
-endforeach()
-execute_process(COMMAND git describe --always --dirty WORKING_DIRECTORY "${CMAKE_CURRENT_SOURCE_DIR}"
-  OUTPUT_VARIABLE commit ERROR_QUIET OUTPUT_STRIP_TRAILING_WHITESPACE)
-set(build "${version}+${commit}")
+include(cmake/BuildName.cmake)
 
 # Memory for captures, 32-bit values: what is left of the RAM.
 if(HT_DEVICE STREQUAL "f28335")
@@ -83,7 +73,7 @@ foreach(place flash ram)
   set(image hexatorque_${HT_BOARD}_${place})
   ht_c2000_image(${image} ${place} "${drive_ram};${background}" "")
   target_compile_definitions(${image} PRIVATE HT_CAPTURE_VALUES=${capture_${place}}u
-    "HT_BUILD=\"${build}\"")
+    "HT_BUILD=\"${HT_BUILD}\"")
   set(image hexatorque_${HT_BOARD}_pil_${place})
   ht_c2000_image(${image} ${place} "${pil_ram}" "firmware/pil;firmware/pil/calls;${port}/pil")
   target_compile_definitions(${image} PRIVATE HT_PIL_BAUD=${HT_PIL_BAUD}u)

@@ -39,4 +39,4 @@ fi
 
 "$venv/bin/python" -m pip --version >/dev/null 2>&1 || "$python" -m venv --clear "$venv"
 echo "hexatorque set-up: installing into $venv"
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$root[test]"
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$root[test${HT_EXTRAS:+,$HT_EXTRAS}]"

@@ -10,7 +10,6 @@ enum {
 #define HT_FAULT(name, bit, text, help) HT_FAULT_##name = (bit),
 #include "ht_faults.def"
 #undef HT_FAULT
-    HT_FAULT_NONE = 0
 };
 
 typedef struct {

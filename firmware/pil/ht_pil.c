@@ -1,5 +1,6 @@
 #include "ht_pil.h"
 
+#include <stddef.h>
 #include <string.h>
 
 #include "ht_pil_snapshot.h"
@@ -36,6 +37,9 @@ void ht_pil_identity(uint16_t *words)
 void ht_pil_reset(ht_pil *p)
 {
     p->ready = false;
+    p->image.begin = NULL;
+    p->image.fast = NULL;
+    p->image.at = NULL;
 }
 
 /* Words of INIT up to what the port wants to know. */
@@ -59,7 +63,19 @@ static uint16_t init(ht_pil *p, const uint16_t *payload, uint16_t words)
     }
     result = ht_drive_init(&p->drive, &p->port, &params);
     p->ready = result == HT_OK;
+    if (p->ready && (p->image.begin != NULL)) {
+        p->image.begin(p->image.at, &p->drive);
+    }
     return (uint16_t)result;
+}
+
+static void fast(ht_pil *p)
+{
+    if (p->image.fast != NULL) {
+        p->image.fast(p->image.at);
+    } else {
+        ht_drive_fast_isr(&p->drive);
+    }
 }
 
 static uint16_t carry_out(ht_pil *p, uint16_t type, const uint16_t *payload, uint16_t words)
@@ -74,7 +90,7 @@ static uint16_t carry_out(ht_pil *p, uint16_t type, const uint16_t *payload, uin
     switch (type) {
     case HT_PIL_STEP:
         if ((argument & (uint16_t)HT_PIL_FAST) != 0u) {
-            ht_drive_fast_isr(&p->drive);
+            fast(p);
         }
         if ((argument & (uint16_t)HT_PIL_SLOW) != 0u) {
             ht_drive_slow_isr(&p->drive);

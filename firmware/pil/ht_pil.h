@@ -52,11 +52,19 @@ enum {
     HT_PIL_AT_REST = 12
 };
 
+/** What an image has besides the drive; functions may be NULL. */
+typedef struct {
+    void (*begin)(void *at, ht_drive *drive); /**< INIT has made a new drive */
+    void (*fast)(void *at);  /**< in place of `ht_drive_fast_isr`, which it calls */
+    void *at;
+} ht_pil_image;
+
 typedef struct {
     ht_drive drive;
     ht_port port;
     ht_pil_side side;
     bool ready; /**< INIT succeeded */
+    ht_pil_image image; /**< to be set after `ht_pil_reset` */
 } ht_pil;
 
 /** Before the first request. */

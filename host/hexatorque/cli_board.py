@@ -11,6 +11,7 @@ EXAMPLES = """examples:
   hexatorque board --virtual                       paper A's machine; prints the port
   hexatorque board --virtual --setup paper-b --load 1 --link /tmp/board
   hexatorque board --virtual --fast 5              five times as fast as the clock
+  hexatorque board --virtual --machine mps2-an386  the firmware on an emulated Cortex-M4F
 in another terminal:
   hexatorque start --speed 400
 """
@@ -28,6 +29,10 @@ def add(commands: argparse._SubParsersAction) -> None:
     board.add_argument("--virtual", action="store_true", help="required: what else runs here")
     board.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
     board.add_argument("--load", type=float, metavar="NM", help="on the shaft; default: none")
+    board.add_argument(
+        "--machine", metavar="NAME",
+        help="firmware and link on an emulated processor: mps2-an386, mps2-an500",
+    )  # fmt: skip
     board.add_argument("--baud", type=int, metavar="N", help="default: the device's own")
     pace = board.add_mutually_exclusive_group()
     pace.add_argument("--realtime", action="store_true", help="as fast as the clock (default)")
@@ -47,19 +52,18 @@ def _board(args: argparse.Namespace) -> int:
 
     from . import scenario
     from .link import runtime
-    from .virtual_board import Terminal, VirtualBoard, serve
+    from .virtual_board import Terminal, serve
 
     if not args.virtual:
         raise scenario.ScenarioError(
             "board: say --virtual; a real board needs no command: plug it in, `hexatorque devices`"
         )
-    board = VirtualBoard(scenario.load(args.setup), args.baud, args.fast)
-    if args.load is not None:
-        board.sim.set("load_Nm", args.load)
     ended = []
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: ended.append(True))
-    with Terminal() as line, _name(args.link, line.port):
+    with _make(args) as board, Terminal() as line, _name(args.link, line.port):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, lambda *_: ended.append(True))
+        if args.load is not None:
+            board.sim.set("load_Nm", args.load)
         file = runtime.announce(line.port, board.title)
         try:
             if args.json:
@@ -71,10 +75,23 @@ def _board(args: argparse.Namespace) -> int:
             serve(board, line, until=lambda: bool(ended), record=args.record is not None)
         finally:
             file.unlink(missing_ok=True)
-    if args.record is not None:
-        board.take().save(args.record)
-        print(f"recording: {args.record}", file=sys.stderr)
+        if args.record is not None:
+            board.take().save(args.record)
+            print(f"recording: {args.record}", file=sys.stderr)
     return 0
+
+
+def _make(args: argparse.Namespace):
+    from . import scenario
+
+    setup = scenario.load(args.setup)
+    if args.machine is None:
+        from .virtual_board import VirtualBoard
+
+        return VirtualBoard(setup, args.baud, args.fast)
+    from .targets.emulated_board import EmulatedBoard
+
+    return EmulatedBoard(setup, args.machine, args.baud, args.fast)
 
 
 class _name:

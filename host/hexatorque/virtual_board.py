@@ -19,6 +19,7 @@ import time
 import tty
 from collections.abc import Callable
 from functools import partial
+from typing import Self
 
 import numpy as np
 
@@ -78,15 +79,19 @@ class BoardController(firmware.Controller):
         return self._out[:n].astype(np.uint8).tobytes()
 
 
+def watchdog_ms(factor: float) -> int:
+    """Of a board that is run `factor` times as fast as the clock."""
+    if not 0.01 <= factor <= 100:
+        raise FirmwareError(f"factor = {factor:g}: allowed range is 0.01 .. 100")
+    return round(lib.HT_SERVICE_WATCHDOG_MS * max(1.0, factor))
+
+
 class VirtualBoard:
     """Firmware and plant. `baud` and rate are the line's in simulated time; `factor` is how
     much faster than real time it will be run: the watchdog waits that much longer."""
 
     def __init__(self, setup: Setup, baud: int | None = None, factor: float = 1.0) -> None:
-        if not 0.01 <= factor <= 100:
-            raise FirmwareError(f"factor = {factor:g}: allowed range is 0.01 .. 100")
-        watchdog_ms = round(lib.HT_SERVICE_WATCHDOG_MS * max(1.0, factor))
-        make = partial(BoardController, baud=baud, watchdog_ms=watchdog_ms)
+        make = partial(BoardController, baud=baud, watchdog_ms=watchdog_ms(factor))
         self.factor = factor
         self.sim = Simulation(setup, controller=make)
         self.controller: BoardController = self.sim.controller
@@ -94,6 +99,15 @@ class VirtualBoard:
     @property
     def title(self) -> str:
         return f"virtual {self.sim.setup['timing.device']}, {self.sim.setup.name}"
+
+    def close(self) -> None:
+        """End it. May be called again."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def run(self, duration_s: float, record: bool = False) -> None:
         """Advance; `record`: keep what the simulation records for `take`."""

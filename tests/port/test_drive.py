@@ -460,9 +460,48 @@ def test_torque_mode_is_limited_and_reaches_the_fast_loop(bench):
     bench.run_to("run")
     for wanted, given in ((3.0, 3.0), (99.0, 15.0), (-99.0, -15.0)):
         bench.controller.set("torque_ref_Nm", wanted)
+        bench.fast()  # takes it over
         bench.slow()
         bench.fast()
         assert measured(bench).torque_ref_Nm == given
+
+
+def test_parameters_reach_both_interrupts_together(bench):
+    """Two that belong together, of the slow loop and of the protection: a slow interrupt before
+    the fast one has taken them over knows neither, one after it knows both."""
+    bench.controller.set("control_mode", "torque")
+    bench.run_to("run").fast()
+    ids = [parameters()[n].id for n in ("torque_ref_Nm", "torque_limit_Nm", "i_trip_A")]
+    at = ffi.new("uint16_t *")
+    assert lib.ht_drive_write(bench.drive, ids, [9.0, 4.0, 7.0], 3, at) == lib.HT_OK
+    before = bench.drive.config
+    bench.slow()
+    assert bench.drive.torque_ref_Nm == 0.0
+    assert before.params.v[ids[1]] == 15.0 and before.protect.i_trip_A == 25.0
+    bench.fast()
+    assert bench.drive.taken_tick == bench.drive.tick
+    bench.slow()
+    assert bench.drive.torque_ref_Nm == 4.0
+    assert bench.drive.config.protect.i_trip_A == 7.0
+
+
+def test_a_write_is_all_or_nothing(bench):
+    bench.run_to("run").fast()
+    rows = [parameters()[n] for n in ("torque_ref_Nm", "kp_speed_Nms_rad", "torque_band_Nm")]
+    at = ffi.new("uint16_t *")
+    for last, result in (
+        ((rows[0].id, np.nan), lib.HT_ERROR_VALUE),
+        ((rows[0].id, 1e9), lib.HT_ERROR_VALUE),
+        ((9999, 0.0), lib.HT_ERROR_ID),
+        ((parameters()["pole_pairs"].id, 3.0), lib.HT_ERROR_STATE),
+        ((parameters()["flux_min_Wb"].id, 50.0), lib.HT_ERROR_CONFIG),
+    ):
+        ids, values = [*(row.id for row in rows), last[0]], [1.0, 2.0, 3.0, last[1]]
+        before = list(bench.drive.params.v)
+        assert lib.ht_drive_write(bench.drive, ids, values, 4, at) == result
+        assert at[0] == last[0]
+        bench.fast(3)
+        assert list(bench.drive.params.v) == before == list(bench.drive.config.params.v)
 
 
 def pull_out_Nm(flux_Wb):
@@ -492,6 +531,7 @@ def test_no_torque_is_asked_for_that_the_flux_cannot_give(bench, mode, sign):
     assert measured(bench).torque_ref_Nm == sign * 15.0
     for flux_Wb in (0.2, 0.1):
         bench.controller.set("flux_ref_Wb", flux_Wb)
+        bench.fast()  # takes it over
         bench.slow()
         bench.fast()
         asked = sign * measured(bench).torque_ref_Nm
@@ -854,6 +894,7 @@ def test_derived_protection(bench):
     """sigma L_s 25 mH, L_m 284 mH, L_r 299 mH, R_r 2 ohm, 2 pole pairs, +-30 A."""
     bench.controller.set("sigma_ls_H", 0.025)
     bench.controller.set("stuck_trip_A", 1.5)
+    bench.fast()  # takes them over
     c = bench.drive.config.protect
     ls = 0.025 + 0.284**2 / 0.299
     assert c.ls_H == pytest.approx(ls, rel=1e-5)
@@ -865,6 +906,7 @@ def test_derived_protection(bench):
     # Low-passes of 0.2 s and 50 ms, whatever the slow loop's frequency.
     for f in (10.0, 40.0, 100.0, 500.0):
         bench.controller.set("f_slow_Hz", f)
+        c = bench.drive.config.protect
         # Half a period behind, and the filter of the flux's speed 5 ms.
         assert c.estimate_back == pytest.approx(max(0.5 - 0.005 * f, 0.0), abs=1e-6)
         for gain, seconds in ((c.flux_gain, 0.2), (c.encoder_gain, 0.05)):
@@ -1023,6 +1065,7 @@ def test_less_flux_where_it_stands_still_under_load(bench):
     bench.run_to("run")
 
     def settled(omega):
+        bench.fast()  # takes new parameters over
         for _ in range(300):
             bench.drive.control.observer.omega_sync_rad_s = omega
             bench.slow()

@@ -14,7 +14,7 @@ from hexatorque.targets import pil, process, tools
 from hexatorque.targets.link import TargetError
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware"
-FOLDERS = [FIRMWARE / name for name in ("core", "app", "pil", "pil/calls", "port")]
+FOLDERS = [FIRMWARE / name for name in ("core", "app", "link", "pil", "pil/calls", "port")]
 PROFILE = Profile(
     duration_s=0.4, speed_rpm=((0.11, 100.0), (0.25, -200.0)), load_Nm=((0.2, 5.0),),
     set=((0.22, "scheme", "dtc3"), (0.3, "scheme", "ddr")), samples_per_period=1,

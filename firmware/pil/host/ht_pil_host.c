@@ -469,6 +469,14 @@ void ht_link_slow(ht_link *l)
     ht_link_request(l, HT_PIL_STEP, HT_PIL_SLOW, 0.0f);
 }
 
+void ht_link_slow_unseen(ht_link *l)
+{
+    float channels[HT_PIL_CHANNELS];
+    (void)memcpy(channels, l->channels, sizeof channels);
+    ht_link_slow(l);
+    (void)memcpy(l->channels, channels, sizeof channels);
+}
+
 void ht_link_channels(ht_link *l, float *out)
 {
     (void)memcpy(out, l->channels, (size_t)ht_channel_count() * sizeof out[0]);

@@ -95,5 +95,8 @@ void ht_link_snapshot(ht_link *l, ht_snapshot *s);
 void ht_link_fast(ht_link *l);
 void ht_link_slow(ht_link *l);
 void ht_link_channels(ht_link *l, float *out);
+/** Slow interrupt of a target that has streams and captures of its own: the channels stay
+ *  those of the end of the fast interrupt, which is what they are made of. */
+void ht_link_slow_unseen(ht_link *l);
 
 #endif

@@ -25,13 +25,25 @@ NEEDS = {
 TIMEOUT_S = 10.0
 
 
-def qemu(machine: str, image: Path) -> list[str]:
+def qemu(machine: str, image: Path, serial: tuple[str, ...] = ("-serial", "none")) -> list[str]:
     """The command that runs an image; its files are those of the working directory."""
     return [
         tools.program("qemu-system-arm") or "qemu-system-arm", "-M", machine,
-        "-kernel", str(image), "-display", "none", "-monitor", "none", "-serial", "none",
+        "-kernel", str(image), "-display", "none", "-monitor", "none", *serial,
         "-semihosting-config", "enable=on,target=native",
     ]  # fmt: skip
+
+
+def fifos(place: Path, there: str, back: str) -> list[int]:
+    """Make two FIFOs, to another process and from it. Descriptors of our ends: the first
+    is open for both ways, so that it waits for nobody; the second one for reading only, so
+    that it tells when the other is gone."""
+    for name in (there, back):
+        os.mkfifo(place / name)
+    return [
+        os.open(place / there, os.O_RDWR | os.O_NONBLOCK),
+        os.open(place / back, os.O_RDONLY | os.O_NONBLOCK),
+    ]
 
 
 def _end(process: subprocess.Popen, files: list[int], folder: tempfile.TemporaryDirectory) -> None:
@@ -52,14 +64,8 @@ class ProcessTarget(Target):
         self.name = name
         folder = tempfile.TemporaryDirectory(prefix="hexatorque-")
         place = Path(folder.name)
-        for fifo in ("to_target", "from_target"):
-            os.mkfifo(place / fifo)
-        # Opened for both ways the first one waits for nobody. The second one is for
-        # reading only: then it tells when the target is gone.
-        files = [
-            os.open(place / "to_target", os.O_RDWR | os.O_NONBLOCK),
-            os.open(place / "from_target", os.O_RDONLY | os.O_NONBLOCK),
-        ]
+        files = fifos(place, "to_target", "from_target")
+        files += self.prepare(place)
         self._said = place / "stderr"
         with self._said.open("w") as said:
             # Of its own session: Ctrl-C is for this program, which then ends it.
@@ -69,8 +75,13 @@ class ProcessTarget(Target):
             )  # fmt: skip
         self.close = weakref.finalize(self, _end, self.process, files, folder)
         self.link.local = ffi.NULL
-        self.link.to_target, self.link.from_target = files
+        self.link.to_target, self.link.from_target = files[:2]
         self.link.timeout_ms = round(timeout_s * 1000)
+
+    def prepare(self, place: Path) -> list[int]:
+        """Make what else the process needs in its working directory, before it starts.
+        Returns descriptors that are closed with it."""
+        return []
 
     def epitaph(self) -> str:
         if self.close.alive is False:
