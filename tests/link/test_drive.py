@@ -261,6 +261,22 @@ def test_stream_without_a_gap_at_a_small_share_of_a_core(drive):
     assert used < 0.25, f"{used:.0%} of a core"
 
 
+def test_rates_follow_the_fast_interrupt(drive):
+    drive.set("f_isr_Hz", 5000.0)
+    try:
+        with drive.stream(["vdc_V"], rate_Hz=500) as stream:
+            assert stream.decimation == 10
+            with pytest.raises(
+                LinkError, match=r"f_isr_Hz = 8000\.0: can change only while nothing"
+            ):
+                drive.set("f_isr_Hz", 8000.0)
+        assert drive.capture(["vdc_V"], 10, timeout_s=2).rate_Hz == 5000
+        drive.cancel()
+    finally:
+        drive.set("f_isr_Hz", 10000.0)
+    assert drive.capture(["vdc_V"], 10, timeout_s=2).rate_Hz == 10000
+
+
 def test_over_budget_beside_other_streams(drive):
     eight = drive.stream(["torque_Nm"] * 8, rate_Hz=2500)
     with pytest.raises(LinkError, match=r"smallest decimation that fits is|nothing more fits"):

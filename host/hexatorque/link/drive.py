@@ -80,7 +80,9 @@ class Drive(DriveVerbs):
                 record = record[: self.hello.stream_channels]
             self.dictionary.channel_ids(record)
             self.record = tuple(record)
-            self._decimation = rate_Hz and decimation_for(self.hello.f_isr_Hz, rate_Hz)
+            if rate_Hz is not None:
+                decimation_for(self.hello.f_isr_Hz, rate_Hz)  # a mistake shows now
+            self._rate_Hz = rate_Hz
             self.client.on_return.append(self._same_board)
             self._opened_tick = self._now_tick()
             self._opened_s = time.monotonic()
@@ -260,7 +262,7 @@ class Drive(DriveVerbs):
         if not record:
             self.discard()
         elif self._recorder is None:
-            self._recorder = self.stream(self.record, decimation=self._decimation)
+            self._recorder = self.stream(self.record, self._rate_Hz)
         begin = done = time.monotonic()
         while (left := begin + duration_s - time.monotonic()) > 0:
             time.sleep(min(left, 0.05))
@@ -354,9 +356,10 @@ class Drive(DriveVerbs):
     ) -> Stream:
         """Samples as they come, at a rate or every so many fast interrupts; without either
         as fast as the line carries them."""
+        if rate_Hz is not None and decimation is not None:
+            raise LinkError("rate_Hz and decimation: give one of them", mistake=True)
+        self.hello = self.client.hello()  # f_isr_Hz is a parameter
         if rate_Hz is not None:
-            if decimation is not None:
-                raise LinkError("rate_Hz and decimation: give one of them", mistake=True)
             decimation = decimation_for(self.hello.f_isr_Hz, rate_Hz)
         return Stream(self.client, self.hello, self.dictionary, channels, decimation)
 
@@ -385,6 +388,7 @@ class Drive(DriveVerbs):
 
     def _bring(self, found: wire.CaptureReply) -> Recording:
         table = capture.upload(self.client, found)
+        self.hello = self.client.hello()  # f_isr_Hz is a parameter
         rate_Hz = self.hello.f_isr_Hz / found.prescaler
         names = [self.dictionary.channels[id].name for id in found.channels]
         meta = {
