@@ -129,7 +129,7 @@ class Peer:
         if fault == "cut":
             octets = octets[:7] + b"\0"
         if fault == "late":
-            time.sleep(0.15)
+            time.sleep(0.35)
         self.write(octets * (2 if fault == "twice" else 1))
 
     def _execute(self, op, id, session, dictionary, payload) -> bytes:
