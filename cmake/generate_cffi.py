@@ -14,12 +14,31 @@ from pathlib import Path
 
 from cffi import FFI
 
-HEADERS = ("ht_drive.h", "ht_comparator.h", "ht_drivers.h", "ht_regfile.h", "ht_pil_host.h", "ht_virtual_board.h")
+HEADERS = (
+    "ht_drive.h",
+    "ht_comparator.h",
+    "ht_drivers.h",
+    "ht_regfile.h",
+    "ht_pil_host.h",
+    "ht_virtual_board.h",
+    "ht_octets.h",
+    "ht_dictionary.h",
+)
 
 
 def main() -> None:
     compiler, firmware, output = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
-    folders = ("core", "app", "link", "port", "port/c2000", "port/host", "pil", "pil/registers", "pil/host")
+    folders = (
+        "core",
+        "app",
+        "link",
+        "port",
+        "port/c2000",
+        "port/host",
+        "pil",
+        "pil/registers",
+        "pil/host",
+    )
     include = [f"-I{firmware / d}" for d in folders]
     source = "".join(f'#include "{h}"\n' for h in HEADERS)
     with tempfile.TemporaryDirectory() as empty:
