@@ -199,8 +199,13 @@ async function history() {
   }
   const [begin, end] = live.view;
   const bins = Math.min(8000, 2 * $("plots").clientWidth);
-  const news = await order(`/history?begin_s=${Math.max(0, begin)}&end_s=${end}&bins=${bins}`, undefined);
-  if (!news || !paused || !live.view || live.view[0] !== begin || news.epoch !== epoch || !news.count) return;
+  let news;
+  try {
+    news = await ask(`/history?begin_s=${Math.max(0, begin)}&end_s=${end}&bins=${bins}`);
+  } catch {
+    return; // what the page has is drawn, only coarser
+  }
+  if (!paused || !live.view || live.view[0] !== begin || news.epoch !== epoch || !news.count) return;
   const fine = new Bins(live.series.length, news.count, news.dt_s);
   const lo = decode(news.lo);
   fine.put(news.first, news.count, lo, news.hi ? decode(news.hi) : lo);
@@ -296,7 +301,7 @@ function alarm() {
   if (silent) {
     document.body.dataset.state = "unknown";
     $("state").textContent = "unknown";
-    $("start").disabled = true;
+    $("start").disabled = $("clear").disabled = true;
   }
   $("alarm").hidden = !text;
   if ($("alarm").textContent !== text) $("alarm").textContent = text;
@@ -309,12 +314,12 @@ function linkTable(now) {
     ["samples", `${Math.round(now.measured_Hz)} /s`, Math.round(now.rate_Hz) + " /s wanted"],
     ["gaps", now.gaps, "", now.gaps],
     ["lost samples", now.lost, "", now.lost],
-    ["damaged frames", now.damaged, "received by this computer", now.damaged],
-    ["repeated requests", now.retries, "", now.retries],
+    ["damaged frames", now.damaged, "that this computer received", now.damaged],
+    ["retries", now.retries, "requests that were sent again", now.retries],
     ["reconnects", now.reconnects, "", now.reconnects],
-    ["board: damaged, overruns", `${now.board_damaged}, ${now.board_overruns}`, "received by the board", board],
-    ["board: dropped", now.board_dropped, "samples for which the line had no room", now.board_dropped],
-    ["pages", now.pages],
+    ["board damaged", board, `${now.board_damaged} damaged frames, ${now.board_overruns} overruns of its receiver`, board],
+    ["board dropped", now.board_dropped, "samples for which the line had no room", now.board_dropped],
+    ["pages", now.pages, "that show this drive"],
   ];
   const list = $("link");
   if (list.children.length !== rows.length) {
@@ -326,6 +331,7 @@ function linkTable(now) {
     box.dataset.name = name;
     box.classList.toggle("bad", bad > 0);
     box.lastChild.textContent = value;
+    box.hidden = name === "pages" && value < 2;
   });
 }
 
@@ -491,10 +497,12 @@ function mark(name) {
 }
 
 function pending() {
-  const bad = [...edits].some(([name, text]) => mistake(parameterRow.get(name).row, text));
+  const bad = [...edits].find(([name, text]) => mistake(parameterRow.get(name).row, text));
   $("apply").hidden = edits.size === 0;
-  $("apply-all").disabled = bad;
-  $("apply-text").textContent = edits.size === 1 ? "1 change" : `${edits.size} changes, all at once`;
+  $("apply-all").disabled = Boolean(bad);
+  const count = edits.size === 1 ? "1 change" : `${edits.size} changes, all at once`;
+  $("apply-text").textContent = bad ? `${bad[0]}: ${mistake(parameterRow.get(bad[0]).row, bad[1])}` : count;
+  $("apply-text").classList.toggle("error", Boolean(bad));
 }
 
 async function apply() {

@@ -263,7 +263,8 @@ class Plot {
     pen.clip();
     pen.lineJoin = "round";
     pen.lineWidth = 1.4;
-    for (const one of this.series) this.trace(pen, x, y, one, from_s, to_s);
+    // The first on top: a reference stays visible on what follows it.
+    for (const one of [...this.series].reverse()) this.trace(pen, x, y, one, from_s, to_s);
     pen.restore();
     this.lines(pen, x, bottom);
   }
@@ -275,7 +276,7 @@ class Plot {
     pen.fillStyle = faint;
     pen.textBaseline = "middle";
     pen.textAlign = "right";
-    const step = stepFor(high - low, (bottom - TOP) / 34);
+    const step = stepFor(high - low, Math.max(2.5, (bottom - TOP) / 26));
     const places = decimals(step);
     for (let n = Math.ceil(low / step - 1e-9); n * step <= high + step * 1e-6; n++) {
       const at = Math.round(y(n * step)) + 0.5;
@@ -323,6 +324,7 @@ class Plot {
     pen.strokeStyle = this.stack.colours.traces[one.colour];
     pen.beginPath();
     let down = false;
+    let before = 0;
     for (let bin = first; bin < last; bin++) {
       const low = lo[one.index][bin % capacity];
       const high = hi[one.index][bin % capacity];
@@ -331,10 +333,14 @@ class Plot {
         continue;
       }
       const at = x(bins.time(bin));
-      if (!down) pen.moveTo(at, y(low));
-      else if (one.steps) pen.lineTo(at, y(lo[one.index][(bin - 1) % capacity]));
-      if (down) pen.lineTo(at, y(low));
-      if (high !== low) pen.lineTo(at, y(high));
+      // Into a bin at the end that is nearer, out of it at the other.
+      const up = !down || Math.abs(before - low) <= Math.abs(before - high);
+      const [into, out] = up ? [low, high] : [high, low];
+      if (!down) pen.moveTo(at, y(into));
+      else if (one.steps) pen.lineTo(at, y(before));
+      if (down) pen.lineTo(at, y(into));
+      if (out !== into) pen.lineTo(at, y(out));
+      before = out;
       down = true;
     }
     pen.stroke();
@@ -408,6 +414,7 @@ export class Stack {
       units.get(one.unit).push(one);
     }
     this.series = series;
+    this.cursor_s = this.mark_s = null;
     this.plots = [...units].map(([unit, rows]) => new Plot(this, unit, rows));
     this.box.replaceChildren(...this.plots.map((plot) => plot.box));
     this.draw();
@@ -432,6 +439,7 @@ export class Stack {
 
   zoom(from_s, to_s) {
     this.view = [from_s, to_s];
+    this.cursor_s = this.mark_s = null;
     this.options.zoomed(this.view);
   }
 
