@@ -1,13 +1,14 @@
-"""`hexatorque monitor`: the board in a browser on this computer."""
+"""`hexatorque monitor`: a board in a browser on this computer."""
 
 from __future__ import annotations
 
 import argparse
 import os
-import signal
 import sys
 import threading
 from pathlib import Path
+
+from .cli_link import PORT, open_drive, until_told
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -16,7 +17,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         help="a board's live traces, parameters and commands as a local web page",
         description="Serve a web page on 127.0.0.1: live traces, parameters, start and stop, "
         "burst captures, recordings. Ctrl-C ends it and stops a drive that was started there.",
-        epilog="examples:\n  hexatorque monitor\n  hexatorque monitor --device /dev/ttyUSB0",
+        epilog=f"example:\n  hexatorque monitor\n{PORT}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
@@ -42,42 +43,24 @@ def _port(text: str) -> int:
 
 def _monitor(args: argparse.Namespace) -> int:
     from .link import LinkError
-    from .link.drive import Drive
     from .monitor.desk import Desk
     from .monitor.server import Server
 
-    def ended(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    # A closed terminal or a `kill` ends it as Ctrl-C does: the drive is stopped.
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, ended)
-    drive = Drive.open(args.device, args.baud)
-    try:
-        desk = Desk(drive, args.output)
-    except BaseException:
-        drive.close()
-        raise
-    try:
+    with until_told() as told, open_drive(args) as drive, Desk(drive, args.output) as desk:
         try:
             server = Server(desk, args.port)
         except OSError as error:
             reason = error.strerror or error
-            raise LinkError(f"port {args.port}: {reason}", mistake=True) from None
+            raise LinkError(f"--port {args.port}: {reason}", mistake=True) from None
         with server:
-            print(f"{drive.hello.device} at {drive.client.url}; Ctrl-C ends")
-            print(server.url, flush=True)
             thread = threading.Thread(target=server.serve_forever, daemon=True)
             thread.start()
+            print(f"{drive.hello.device} at {drive.client.url}; Ctrl-C ends and stops the drive")
+            print(server.url, flush=True)
             if not args.no_browser:
                 _browse(server.url)
-            try:
-                thread.join()
-            except KeyboardInterrupt:
-                print("hexatorque: monitor ended", file=sys.stderr)
+            told.wait()
             server.shutdown()
-    finally:
-        desk.close()
     return 0
 
 

@@ -27,6 +27,8 @@ from .traces import Ring
 
 #: A drive that was started here is stopped when no page has been there for so long.
 ALONE_S = 2.0
+#: A start shows in the board's state within this.
+START_S = 0.5
 #: How much of the past pages can look at, and how many values that may take.
 HISTORY_S, HISTORY_VALUES = 60.0, 1 << 23
 #: How often samples are moved, and parameters are read (another client may change them).
@@ -38,12 +40,14 @@ CHANNELS = (
     "speed_rpm", "torque_ref_Nm", "torque_Nm", "i_u1_A", "i_u2_A", "psi_alpha_Wb",
     "psi_beta_Wb", "vdc_V",
 )  # fmt: skip
+#: Beyond all float32.
+FLOAT32 = 3.5e38
 #: States in which the drive works; what the desk started there is its own.
 WORKING = ("calibrate", "build", "run")
 
 
 class Desk:
-    """Takes the drive over: `close` stops it if it was started here, and leaves it."""
+    """`close` stops the drive if it was started here; it stays open."""
 
     def __init__(self, drive: Drive, folder: Path, alone_s: float = ALONE_S) -> None:
         self.drive = drive
@@ -63,7 +67,7 @@ class Desk:
         self._recorder: _Record | None = None
         self._capture_text = ""
         self._capture_wanted = 0  # number of the capture that was armed last
-        self._started = False  # the drive, from here
+        self._started_s: float | None = None  # the drive, from here
         self._pages = 0
         self._alone_since = time.monotonic()
         self._counted = (0, 0.0)
@@ -89,20 +93,26 @@ class Desk:
         for thread in self._threads:
             thread.start()
 
+    def __enter__(self) -> Desk:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def close(self) -> None:
-        """Stop what was started here, and leave the drive."""
         self._closing.set()
+        with contextlib.suppress(LinkError):
+            if self._started_s is not None:
+                self.drive.stop()
         for thread in self._threads:
             thread.join()
-        with contextlib.suppress(LinkError):
-            if self._started:
-                self.drive.stop()
         with self._lock:
-            if self._recorder:
-                self.record_stop()
-            if self.stream:
-                self.stream.close()
-        self.drive.close()
+            try:
+                if self._recorder:
+                    self.record_stop()
+            finally:
+                if self.stream:
+                    self.stream.close()
 
     # -- what it is ----------------------------------------------------------------------
 
@@ -189,12 +199,12 @@ class Desk:
     def start(self) -> None:
         self.notice = ""
         self.drive.start()
-        self._started = True
+        self._started_s = time.monotonic()
         self._refresh.set()
 
     def stop(self) -> None:
         self.drive.stop()
-        self._started = False
+        self._started_s = None
         self._refresh.set()
 
     def clear(self) -> None:
@@ -205,8 +215,8 @@ class Desk:
     def write(self, values: dict[str, object]) -> dict[str, str | float]:
         """All at one fast interrupt or none; what is in force after that."""
         for name, value in values.items():
-            if isinstance(value, float) and not math.isfinite(value):
-                raise LinkError(f"{name}: a number is needed", mistake=True)
+            if isinstance(value, (int, float)) and not -FLOAT32 < value < FLOAT32:
+                raise LinkError(f"{name}: a finite number is needed", mistake=True)
         self.drive.set_many(values)
         now = self.drive.get_many(list(values))
         self._refresh.set()
@@ -313,10 +323,14 @@ class Desk:
                 self._closing.wait(HEARTBEAT_S)
 
     def _stop_if_alone(self) -> None:
-        if not self.working():
+        now = time.monotonic()
+        if self._started_s is None:
             return
-        alone_s = time.monotonic() - self._alone_since
-        if self._started and not self._pages and alone_s > self.alone_s:
+        if not self.working():
+            # Whoever starts it next may be another client; our own start is given time.
+            if now - self._started_s > START_S:
+                self._started_s = None
+        elif not self._pages and now - self._alone_since > self.alone_s:
             self.stop()
             self.notice = "stopped: no page was open"
 

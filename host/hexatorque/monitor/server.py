@@ -193,6 +193,8 @@ class Handler(BaseHTTPRequestHandler):
             self._json({"error": str(error)}, 400 if error.mistake else 409)
         except (FirmwareError, RecordingError) as error:
             self._json({"error": str(error)}, 400)
+        except OverflowError:
+            self._json({"error": "a number is too large"}, 400)
 
     def do_GET(self) -> None:
         self._answer(self._get)
