@@ -31,10 +31,10 @@ class Chromium:
                  "--hide-scrollbars", "--force-color-profile=srgb"]  # fmt: skip
         if os.geteuid() == 0:
             flags.append("--no-sandbox")  # the sandbox needs a user that is not root
-        # The pipe's ends must be the browser's descriptors 3 and 4.
+        # The pipe's ends must be the browser's descriptors 3 and 4; sh knows one digit only.
         script = f'exec "$0" "$@" 3<&{for_browser} 4>&{by_browser}'
         self.process = subprocess.Popen(
-            ["sh", "-c", script, program(), *flags, "about:blank"],
+            ["bash", "-c", script, program(), *flags, "about:blank"],
             pass_fds=(for_browser, by_browser),
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
@@ -102,6 +102,7 @@ class Chromium:
 class Page:
     def __init__(self, browser: Chromium, target: str, session: str) -> None:
         self.browser, self.target, self.session = browser, target, session
+        self.closed = False
 
     def call(self, method: str, **params: object) -> dict:
         return self.browser.call(method, self.session, **params)
@@ -127,7 +128,7 @@ class Page:
 
     def until(self, expression: str, seconds: float = 20.0) -> None:
         end = time.monotonic() + seconds
-        while not self.js(expression):
+        while not self.js(f"!!({expression})"):
             if time.monotonic() > end:
                 raise AssertionError(f"not within {seconds:g} s: {expression}")
             time.sleep(0.05)
@@ -189,4 +190,7 @@ class Page:
         ]
 
     def close(self) -> None:
+        if self.closed:
+            return
+        self.closed = True
         self.browser.call("Target.closeTarget", targetId=self.target)

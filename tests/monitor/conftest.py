@@ -4,6 +4,8 @@ end of HTTP without a browser."""
 import http.client
 import json
 import os
+import re
+import signal
 import subprocess
 import sys
 import threading
@@ -41,13 +43,27 @@ def own_directories(tmp_path_factory):
 @pytest.fixture(scope="session")
 def port(own_directories, tmp_path_factory) -> str:
     link = tmp_path_factory.mktemp("dev") / "ttyHT0"
-    process = hexatorque_process("board", "--virtual", "--setup", "paper-b", "--link", link)
+    process = hexatorque_process("board", "--virtual", "--setup", "paper-b", "--load", 1, "--link", link)
     try:
         assert str(link) in process.stdout.readline(), process.stderr.read()
         yield str(link)
     finally:
         process.terminate()
         process.communicate()
+
+
+def to_rest(drive) -> None:
+    """Idle, without faults, and the machine stands: ready for the next start."""
+    drive.stop()
+    if drive.state == "fault":
+        drive.clear()
+    drive.set("speed_ref_rpm", 0)
+    end = time.monotonic() + 10
+    with drive.stream(["speed_rpm"], rate_Hz=100) as stream:
+        for _, values in stream:
+            if abs(values[-1, 0]) < 15:
+                break
+            assert time.monotonic() < end
 
 
 @pytest.fixture
@@ -58,28 +74,23 @@ def drive(port):
     with Drive.open(port) as drive:
         before = drive.get_all()
         yield drive
-        drive.stop()
-        if drive.state == "fault":
-            drive.clear()
-        end = time.monotonic() + 10
-        while drive.get_all() != before:
-            drive.set_many(before)
-            assert time.monotonic() < end
+        to_rest(drive)
+        drive.set_many(before)
 
 
-class Site:
-    """A desk, its server, and a browser that has entered it."""
+class Visitor:
+    """What a browser does for a page, on one port of this computer."""
 
-    def __init__(self, desk, server) -> None:
-        self.desk, self.server = desk, server
-        self.host = f"127.0.0.1:{server.port}"
+    def __init__(self, port: int, token: str) -> None:
+        self.port, self.token = port, token
+        self.host = f"127.0.0.1:{port}"
         self.cookie = ""
 
     def ask(self, method: str, path: str, body: bytes | None = None, **headers: str):
         """Status, headers, body. Headers by name, underscores for dashes; "" leaves one out."""
         given = {"Host": self.host, "Cookie": self.cookie}
         given |= {name.replace("_", "-"): value for name, value in headers.items()}
-        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=10)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
         try:
             connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
             if body is not None:
@@ -94,7 +105,7 @@ class Site:
             connection.close()
 
     def enter(self) -> None:
-        status, headers, _ = self.ask("GET", f"/?token={self.server.token}")
+        status, headers, _ = self.ask("GET", f"/?token={self.token}")
         assert status == 303
         self.cookie = headers["Set-Cookie"].partition(";")[0]
 
@@ -111,7 +122,7 @@ class Site:
     @contextmanager
     def page(self, window_s: float = 2, bins: int = 500, cookie: str | None = None):
         """An open page's events: a function that gives the next frame."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=10)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
         headers = {"Host": self.host, "Cookie": self.cookie if cookie is None else cookie}
         connection.request("GET", f"/events?window_s={window_s}&bins={bins}", headers=headers)
         answer = connection.getresponse()
@@ -131,6 +142,15 @@ class Site:
             answer.close()
             connection.close()
 
+
+class Site(Visitor):
+    """A desk, its server, and a browser that has entered it."""
+
+    def __init__(self, desk, server) -> None:
+        super().__init__(server.port, server.token)
+        self.desk, self.server = desk, server
+        self.enter()
+
     def until(self, state: str, seconds: float = 10.0) -> float:
         """Wait for the drive's state; how long that took."""
         begun = time.monotonic()
@@ -148,8 +168,41 @@ def site(drive, tmp_path):
     with Desk(drive, tmp_path / "recordings", alone_s=0.6) as desk, Server(desk) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
-        site = Site(desk, server)
-        site.enter()
-        yield site
+        yield Site(desk, server)
         server.shutdown()
         thread.join()
+
+
+class Monitor(Visitor):
+    """`hexatorque monitor` in a process of its own."""
+
+    def __init__(self, *arguments: object) -> None:
+        self.process = hexatorque_process("monitor", "--no-browser", *arguments)
+        self.title = self.process.stdout.readline().strip()
+        self.url = self.process.stdout.readline().strip()
+        found = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/\?token=([\w-]{32})", self.url)
+        assert found, (self.title, self.url, self.process.stderr.read())
+        super().__init__(int(found[1]), found[2])
+        self.enter()
+
+    def end(self, number: signal.Signals) -> tuple[int, str]:
+        """Exit code and what it said."""
+        self.process.send_signal(number)
+        out, err = self.process.communicate(timeout=20)
+        return self.process.returncode, out + err
+
+
+@pytest.fixture
+def monitor(port, tmp_path):
+    """Of a board that the test leaves idle and without faults."""
+    from hexatorque.link.drive import Drive
+
+    with Drive.open(port) as drive:
+        before = drive.get_all()
+    monitor = Monitor("--device", port, "-o", tmp_path / "recordings")
+    yield monitor
+    if monitor.process.poll() is None:
+        monitor.end(signal.SIGINT)
+    with Drive.open(port) as drive:
+        to_rest(drive)
+        drive.set_many(before)

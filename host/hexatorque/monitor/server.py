@@ -392,11 +392,13 @@ def _write(desk: Desk, body: dict) -> dict:
     return {"values": desk.write(values)}
 
 
-def _select(desk: Desk, body: dict) -> None:
+def _select(desk: Desk, body: dict) -> dict:
     rate_Hz = body.get("rate_Hz")
     if rate_Hz is not None:
         rate_Hz = float(_field(body, "rate_Hz", (int, float), "a number"))
-    desk.select(_names(body), rate_Hz)
+    names = _names(body)
+    desk.select(names, rate_Hz)
+    return {"channels": names}
 
 
 def _arm(desk: Desk, body: dict) -> None:

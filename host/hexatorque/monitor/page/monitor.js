@@ -153,6 +153,8 @@ function retrace() {
   epoch = -1;
   live.show(series(status.channels));
   choose(status.channels);
+  const rate = [...$("rate").options].find((option) => Math.abs(option.value - status.rate_Hz) < 0.5);
+  if (rate && !orders) $("rate").value = rate.value;
 }
 
 function series(names) {
@@ -247,7 +249,7 @@ function tools() {
   for (const rate of RATES_HZ) {
     if (rate <= device.f_isr_Hz) $("rate").append(new Option(`${rate} Hz`, rate));
   }
-  $("rate").addEventListener("change", () => trace(status.channels));
+  $("rate").addEventListener("change", () => trace(choice));
   $("pause").addEventListener("click", () => pause(!paused));
   $("whole").addEventListener("click", () => (seeing === "live" ? live : burst).whole());
   $("see-live").addEventListener("click", () => see("live"));
@@ -393,27 +395,36 @@ function channels() {
   $("channels-hint").textContent =
     `Up to ${device.stream_channels} channels. More of them leave fewer samples per second.`;
   channelRow = checkList($("channels"), (input) => {
-    const now = status.channels.filter((name) => name !== input.value);
-    trace(input.checked ? [...now, input.value] : now);
+    const others = choice.filter((name) => name !== input.value);
+    trace(input.checked ? [...others, input.value] : others);
   });
 }
 
-async function trace(names) {
+let choice = []; // what is traced, or will be when all that was ordered is done
+let ordered = Promise.resolve();
+let orders = 0;
+
+/** One order after the other: who clicks fast has the last word last. */
+function trace(names) {
   const rate = $("rate").value;
   pause(false);
-  if (!(await order("/channels", { channels: names, rate_Hz: rate ? Number(rate) : null }))) {
-    choose(status.channels);
-  }
+  choice = names;
+  orders += 1;
+  ordered = ordered.then(async () => {
+    const done = await order("/channels", { channels: names, rate_Hz: rate ? Number(rate) : null });
+    orders -= 1;
+    choose(done ? done.channels : status.channels);
+  });
 }
 
 function choose(names) {
+  if (orders) return;
+  choice = [...names];
   for (const [name, { input, swatch }] of channelRow) {
     const place = names.indexOf(name);
     input.checked = place >= 0;
     swatch.style.background = place >= 0 ? `var(--trace-${place % 10})` : "";
   }
-  const rate = [...$("rate").options].find((option) => Math.abs(option.value - status.rate_Hz) < 0.5);
-  if (rate) $("rate").value = rate.value;
 }
 
 // -- parameters --------------------------------------------------------------------------
