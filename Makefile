@@ -65,8 +65,8 @@ fuzz: $(VENV)/.installed
 	  -artifact_prefix=out/fuzz/ out/fuzz/service tests/fuzz/corpus/service
 
 test: test-c
-	$(BIN)/python -m pytest -n $(JOBS) -rs --ignore=tests/targets --ignore=tests/link tests
-	$(BIN)/python -m pytest -rs tests/link tests/targets # one at a time: they keep time
+	$(BIN)/python -m pytest -n $(JOBS) -rs --ignore=tests/targets --ignore=tests/link --ignore=tests/monitor tests
+	$(BIN)/python -m pytest -rs tests/link tests/monitor tests/targets # one at a time: they keep time
 
 # One at a time: they measure speed. Fails where a tool is missing, after what can be run.
 test-targets: $(VENV)/.installed

@@ -43,7 +43,9 @@ def own_directories(tmp_path_factory):
 @pytest.fixture(scope="session")
 def port(own_directories, tmp_path_factory) -> str:
     link = tmp_path_factory.mktemp("dev") / "ttyHT0"
-    process = hexatorque_process("board", "--virtual", "--setup", "paper-b", "--load", 1, "--link", link)
+    process = hexatorque_process(
+        "board", "--virtual", "--setup", "paper-b", "--load", 1, "--link", link
+    )
     try:
         assert str(link) in process.stdout.readline(), process.stderr.read()
         yield str(link)
