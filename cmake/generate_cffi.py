@@ -21,6 +21,8 @@ HEADERS = (
     "ht_regfile.h",
     "ht_pil_host.h",
     "ht_virtual_board.h",
+    "ht_octets.h",
+    "ht_dictionary.h",
 )
 
 

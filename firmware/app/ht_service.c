@@ -55,6 +55,23 @@ uint32_t ht_service_budget(const ht_service *l)
     return l->setup.line.octets_per_s / 10u * BUDGET_TENTHS;
 }
 
+/* What counts of every request, even one that is not carried out because it is a repetition
+ * or comes too soon: a host that asks is there, and a stop stops. */
+static void heed(ht_service *l)
+{
+    if (l->in.n < HT_SERVICE_REQUEST_HEAD) {
+        return;
+    }
+    if ((l->session != 0u) && (ht_get16(&l->in.octet[2]) == l->session)) {
+        l->session_tick = l->drive->tick;
+        l->fed = 1u;
+    }
+    if ((l->in.octet[0] == HT_SERVICE_STOP) && (l->in.n == HT_SERVICE_REQUEST_HEAD)) {
+        ht_drive_stop(l->drive);
+        l->armed = 0u;
+    }
+}
+
 static void request(ht_service *l)
 {
     uint32_t crc = ht_get32(&l->in.octet[l->in.n]);
@@ -62,6 +79,7 @@ static void request(ht_service *l)
         l->damaged++; /* no request: an echo? */
         return;
     }
+    heed(l);
     if (l->answered && (crc == l->last_crc)) {
         l->reply_due = true; /* once more */
         return;

@@ -16,10 +16,14 @@
 
 #define HT_SERVICE_VERSION 1u
 #define HT_SERVICE_WRITE 80u /**< parameters of one WRITE */
+#define HT_SERVICE_REQUEST_HEAD 6u /**< octets of a request before its payload */
 #define HT_SERVICE_REPLY_HEAD 10u /**< octets of a reply before its payload */
 
 /** The watchdog's time on a board. */
 enum { HT_SERVICE_WATCHDOG_MS = 250 };
+
+/** Opcode of the request that whoever reaches the line may make, at any time. */
+#define HT_SERVICE_STOP 0x09u
 
 /** Status of a reply; 0 .. 6 are ht_result. */
 enum {

@@ -6,7 +6,6 @@
 
 #include <stddef.h>
 
-#define REQUEST_HEAD 6u
 #define REPLY 0x80u
 #define NO_DETAIL 0xFFFFu
 #define GET_MOST 100u
@@ -316,10 +315,10 @@ static uint16_t arm(ht_service *l, const uint16_t *in, uint16_t n)
     if (!take_channels(l, &in[ARM_HEAD], setup.n, setup.id)) {
         return HT_ERROR_ID;
     }
-    l->read_left = 0u;
     if (!ht_burst_arm(&l->burst, &setup)) {
         return HT_ERROR_VALUE;
     }
+    l->read_left = 0u; /* of the capture that was there */
     ht_packet_add8(&l->reply, l->burst.number);
     return HT_OK;
 }
@@ -441,7 +440,7 @@ static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)
     const handler *h;
     uint16_t dictionary;
     bool owner;
-    if (n < REQUEST_HEAD) {
+    if (n < HT_SERVICE_REQUEST_HEAD) {
         return HT_SERVICE_LENGTH;
     }
     if (octets[0] > HANDLERS) {
@@ -451,10 +450,6 @@ static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)
     l->asks = ht_get16(&octets[2]);
     dictionary = ht_get16(&octets[4]);
     owner = (l->session != 0u) && (l->asks == l->session);
-    if (owner) { /* a host that asks is there, whatever the answer */
-        l->session_tick = l->drive->tick;
-        l->fed = 1u;
-    }
     if (((h->needs & (uint16_t)NEEDS_SESSION) != 0u) && !owner) {
         return HT_SERVICE_SESSION;
     }
@@ -462,7 +457,7 @@ static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)
         && (dictionary != (uint16_t)(l->dictionary & 0xFFFFu))) {
         return HT_SERVICE_DICTIONARY;
     }
-    return h->carry_out(l, &octets[REQUEST_HEAD], (uint16_t)(n - REQUEST_HEAD));
+    return h->carry_out(l, &octets[HT_SERVICE_REQUEST_HEAD], (uint16_t)(n - HT_SERVICE_REQUEST_HEAD));
 }
 
 static bool has_detail(uint16_t status_code)

@@ -4,6 +4,7 @@
 
 #define MASK (HT_STREAM_RING - 1u)
 #define HEAD_VALUES 2u /* of a sample: stream, number and channels; tick */
+#define NOBODY 0xFFu   /* stream of a sample that nobody waits for any more */
 
 void ht_streams_reset(ht_streams *s)
 {
@@ -16,11 +17,27 @@ void ht_streams_reset(ht_streams *s)
     s->tail = s->head; /* the reader's own end */
 }
 
+/* Samples of stream `k` that are still in the ring: as it was, so they would be taken for
+ * what it will be. The interrupt only adds behind them. */
+static void forget(ht_streams *s, uint16_t k)
+{
+    uint16_t at = s->tail;
+    while (at != s->head) {
+        uint32_t head = s->ring[at];
+        uint16_t n = (uint16_t)((head >> 8) & HT_OCTET);
+        if ((head & HT_OCTET) == k) {
+            s->ring[at] = head | NOBODY;
+        }
+        at = (uint16_t)((at + HEAD_VALUES + n) & MASK);
+    }
+}
+
 void ht_streams_set(ht_streams *s, uint16_t k, const uint16_t *id, uint16_t n, uint16_t decimation)
 {
     ht_stream *stream = &s->stream[k];
     uint16_t i;
     stream->active = 0u; /* first: the interrupt must not see a mixture */
+    forget(s, k);
     for (i = 0u; i < n; i++) {
         stream->id[i] = id[i];
     }
@@ -83,23 +100,24 @@ void ht_streams_sample(ht_streams *s, const ht_source *source, uint32_t tick)
 
 bool ht_streams_next(ht_streams *s, ht_stream_sample *out)
 {
-    uint16_t at = s->tail;
-    uint32_t head;
-    uint16_t i;
-    if (at == s->head) {
-        return false;
-    }
-    head = s->ring[at];
-    at = (uint16_t)((at + 1u) & MASK);
-    out->stream = (uint16_t)(head & HT_OCTET);
-    out->n = (uint16_t)((head >> 8) & HT_OCTET);
-    out->number = (uint16_t)(head >> 16);
-    out->tick = s->ring[at];
-    at = (uint16_t)((at + 1u) & MASK);
-    for (i = 0u; i < out->n; i++) {
-        out->value[i] = s->ring[at];
+    while (s->tail != s->head) {
+        uint16_t at = s->tail;
+        uint32_t head = s->ring[at];
+        uint16_t i;
         at = (uint16_t)((at + 1u) & MASK);
+        out->stream = (uint16_t)(head & HT_OCTET);
+        out->n = (uint16_t)((head >> 8) & HT_OCTET);
+        out->number = (uint16_t)(head >> 16);
+        out->tick = s->ring[at];
+        at = (uint16_t)((at + 1u) & MASK);
+        for (i = 0u; i < out->n; i++) {
+            out->value[i] = s->ring[at];
+            at = (uint16_t)((at + 1u) & MASK);
+        }
+        s->tail = at;
+        if (out->stream != NOBODY) {
+            return true;
+        }
     }
-    s->tail = at;
-    return true;
+    return false;
 }

@@ -47,7 +47,8 @@ typedef struct {
 void ht_streams_reset(ht_streams *s);
 
 /** Background: begin stream `k` with `n` channels (0: end it). `n` up to
- *  HT_STREAM_CHANNELS, `decimation` from 1. The first sample is the next one. */
+ *  HT_STREAM_CHANNELS, `decimation` from 1. The first sample is the next one; none of what the
+ *  stream was before comes after this. */
 void ht_streams_set(ht_streams *s, uint16_t k, const uint16_t *id, uint16_t n, uint16_t decimation);
 bool ht_streams_any(const ht_streams *s);
 

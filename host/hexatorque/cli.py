@@ -12,7 +12,7 @@ import json
 import sys
 from pathlib import Path
 
-from . import __version__, cli_board, cli_link, cli_record
+from . import __version__, cli_board, cli_link, cli_monitor, cli_record
 from .files import PART, suffixes_text
 from .papers import ENTRIES
 from .verify import STUDIES
@@ -27,6 +27,7 @@ EXAMPLES = """examples:
   hexatorque reproduce all                            every figure and table of both papers
   hexatorque pil --schemes ddr                        the firmware on an emulated Cortex-M4F
   hexatorque verify faults                            2520 faults, and what the gates do
+  hexatorque verify line                              the serial link on a line that spoils octets
 """
 
 
@@ -212,6 +213,7 @@ def _parser() -> argparse.ArgumentParser:
     cli_board.add(commands)
     cli_link.add(commands)
     cli_record.add(commands)
+    cli_monitor.add(commands)
 
     bench = commands.add_parser("bench", help="speed of the simulation, cost of the firmware")
     bench.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")

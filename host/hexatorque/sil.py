@@ -34,6 +34,8 @@ from .verbs import DriveFault, DriveVerbs, Progress
 
 __all__ = ["DriveFault", "Simulation"]
 
+#: Period register of CPU timer 0, the slow interrupt's; two words.
+TIMER_PERIOD = 0x0C02
 #: Periods per compiled call: short enough for progress and Ctrl-C.
 CHUNK = 2000
 #: How far a simulation runs between two looks at a capture.
@@ -180,6 +182,7 @@ class Simulation(DriveVerbs):
         self.load_Nm = 0.0
         self.vdc_V = setup["inverter.vdc_V"]
         self.periods = 0
+        self._begun, self._begun_s = 0, 0.0  # periods and time at the latest change of rate
         self.wall_s = 0.0
         u64 = types.uint64
         self._entries = tuple(
@@ -231,9 +234,28 @@ class Simulation(DriveVerbs):
             edges=0,
         )
 
+    def follow_timers(self) -> None:
+        """The periods that the firmware has set its timers to since: for a board that is told
+        to by others than this object. What was recorded at another rate is dropped."""
+        m, words, timing = self.controller.map, self._registers, self._timing
+        counts = int(words[self.controller.port.leg[0] + m.tbprd]) + 1
+        ticks = int(words[TIMER_PERIOD]) + (int(words[TIMER_PERIOD + 1]) << 16) + 1
+        slow_every = round(ticks / float(m.system_clock_Hz) * float(m.pwm_clock_Hz) / counts)
+        if (counts, slow_every) == (timing.period, timing.slow_every):
+            return
+        self._begun_s, self._begun = self.time_s, self.periods
+        self.period_s = counts / float(m.pwm_clock_Hz)
+        timing.period, timing.slow_every = counts, slow_every
+        timing.write_count = min(timing.write_count, counts - 1)
+        timing.sample_count = min(timing.sample_count, timing.write_count)
+        if counts % timing.per_period:
+            timing.per_period = self.samples_per_period = 1
+        self.sensors.system_clocks = self.period_s * float(m.system_clock_Hz)
+        self.discard()
+
     @property
     def time_s(self) -> float:
-        return self.periods * self.period_s
+        return self._begun_s + (self.periods - self._begun) * self.period_s
 
     @property
     def speed_rpm(self) -> float:
@@ -441,7 +463,7 @@ class Simulation(DriveVerbs):
             # Mean switching frequency of a switch: two transitions a cycle, six legs.
             "f_sw_Hz": jumps / (12 * periods * self.period_s) if periods else None,
         }
-        start = self._record_start * self.period_s
+        start = self._begun_s + (self._record_start - self._begun) * self.period_s
         self.discard()
         return Recording(per / self.period_s, data, units, meta, start)
 

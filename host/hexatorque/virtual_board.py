@@ -111,6 +111,7 @@ class VirtualBoard:
 
     def run(self, duration_s: float, record: bool = False) -> None:
         """Advance; `record`: keep what the simulation records for `take`."""
+        self.sim.follow_timers()  # a client may have changed f_isr_Hz
         self.sim.run(duration_s, record=record)
 
     def take(self) -> Recording:

@@ -16,6 +16,7 @@ import json
 import sys
 from pathlib import Path
 
+import link_frames
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
@@ -253,6 +254,7 @@ def tables() -> dict[str, dict[str, tuple[list[str], list[list]]]]:
                               duties())},
         "compare": {"compare": (["sequence", "T1", "T2", "period", "first", "start", "CA", "CB"],
                                 compare())},
+        "link": link_frames.tables(),
     }  # fmt: skip
 
 

@@ -13,4 +13,5 @@ STUDIES = {
     "low-speed": "low_speed",
     "light-load": "light_load",
     "faults": "faults",
+    "line": "line",
 }

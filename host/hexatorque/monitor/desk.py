@@ -1,0 +1,474 @@
+"""The operator's desk: one drive, what is traced, captured and recorded of it.
+
+All pages share it. Samples come from the client's own thread into an unbounded queue; a
+thread here moves them into a ring of bounded size. Pages look at the ring when they are
+ready to draw, so none of them can hold up the line.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+from ..files import SUFFIXES, RecordingError, journal
+from ..files.writer import Writer
+from ..link import LinkError, wire
+from ..link.client import HEARTBEAT_S
+from ..link.drive import Drive
+from ..link.stream import Stream, decimation_for
+from ..recording import Recording
+from .traces import Ring
+
+#: A drive that was started here is stopped when no page has been there for so long.
+ALONE_S = 2.0
+#: A start shows in the board's state within this.
+START_S = 0.5
+#: How much of the past pages can look at, and how many values that may take.
+HISTORY_S, HISTORY_VALUES = 60.0, 1 << 23
+#: How often samples are moved, and parameters are read (another client may change them).
+MOVE_S, PARAMETERS_S = 0.02, 1.0
+#: Samples per second unless the page asks for more: leaves room on the line.
+RATE_HZ = 2000.0
+#: Traced in the beginning, as far as the board has them.
+CHANNELS = (
+    "speed_rpm", "torque_ref_Nm", "torque_Nm", "i_u1_A", "i_u2_A", "psi_alpha_Wb",
+    "psi_beta_Wb", "vdc_V",
+)  # fmt: skip
+#: Beyond all float32.
+FLOAT32 = 3.5e38
+#: States in which the drive works; what the desk started there is its own.
+WORKING = ("calibrate", "build", "run")
+
+
+class Desk:
+    """`close` stops the drive if it was started here; it stays open."""
+
+    def __init__(self, drive: Drive, folder: Path, alone_s: float = ALONE_S) -> None:
+        self.drive = drive
+        self.folder = folder
+        self.alone_s = alone_s
+        #: Number of the present choice of channels and rate.
+        self.epoch = 0
+        self.ring: Ring | None = None
+        self.stream: Stream | None = None
+        self.values: dict[str, str | float] = {}
+        self.values_version = 0
+        self.snapshot: dict[str, object] | None = None
+        self.snapshot_version = 0
+        self.captured: Recording | None = None
+        self.capture_number = 0
+        self.notice = ""  #: what happened without anybody asking
+        self._recorder: _Record | None = None
+        self._capture_text = ""
+        self._capture_wanted = 0  # number of the capture that was armed last
+        self._started_s: float | None = None  # the drive, from here
+        self._pages = 0
+        self._alone_since = time.monotonic()
+        self._counted = (0, 0.0)
+        self._rate_Hz = 0.0
+        self._received = 0
+        self._closing = threading.Event()
+        self._refresh = threading.Event()
+        self._lock = threading.RLock()  # of what pages change, never held by the mover for long
+        names = [name for name, _ in drive.channels]
+        wanted = [name for name in CHANNELS if name in names] or names[:4]
+        try:
+            self.select(wanted[: drive.hello.stream_channels], RATE_HZ)
+        except LinkError as error:  # somebody else has the line's room: it can be tried again
+            if not error.mistake:
+                raise
+            self.notice = str(error)
+        self._read_values()
+        self._read_snapshot()
+        self._threads = [
+            threading.Thread(target=self._move, name="samples", daemon=True),
+            threading.Thread(target=self._watch, name="watch", daemon=True),
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def __enter__(self) -> Desk:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._closing.set()
+        with contextlib.suppress(LinkError):
+            if self._started_s is not None:
+                self.drive.stop()
+        for thread in self._threads:
+            thread.join()
+        with self._lock:
+            try:
+                if self._recorder:
+                    self.record_stop()
+            finally:
+                if self.stream:
+                    self.stream.close()
+
+    # -- what it is ----------------------------------------------------------------------
+
+    def device(self) -> dict:
+        """What does not change: who the board is, and its dictionary."""
+        hello, dictionary = self.drive.hello, self.drive.dictionary
+        return {
+            "device": hello.device,
+            "build": hello.build,
+            "port": self.drive.client.url,
+            "baud": self.drive.client.transport.baud,
+            "f_isr_Hz": hello.f_isr_Hz,
+            "watchdog_ms": hello.watchdog_ms,
+            "stream_channels": hello.stream_channels,
+            "capture_channels": hello.capture_channels,
+            "memory": hello.memory,
+            "history_s": HISTORY_S,
+            "alone_s": self.alone_s,
+            "triggers": wire.TRIGGERS,
+            "states": dictionary.states,
+            "working": WORKING,
+            "parameters": [
+                {
+                    "name": row.name, "unit": row.unit, "min": row.min, "max": row.max,
+                    "initial": row.initial, "live": row.live, "choices": row.choices,
+                    "help": row.help,
+                }
+                for row in dictionary.parameters.values()
+            ],
+            "channels": [row._asdict() for row in dictionary.channels],
+            "faults": [row._asdict() for row in dictionary.faults],
+        }  # fmt: skip
+
+    def status(self) -> dict:
+        """What changes, without asking the board: every reply and the heartbeat tell it."""
+        client, stream = self.drive.client, self.stream
+        latest, board = client.latest, client.status
+        ticks = self.ring.end * stream.decimation if self.ring and stream else 0
+        return {
+            "state": client.state_name(latest.state) if latest else "",
+            "faults": self.drive.dictionary.causes(latest.faults) if latest else [],
+            "time_s": (ticks or (latest.tick if latest else 0)) / self.drive.hello.f_isr_Hz,
+            "plugged": client.transport.plugged,
+            "broken": str(client.broken) if client.broken else "",
+            "notice": self.notice,
+            "pages": self._pages,
+            "channels": stream.channels if stream else (),
+            "epoch": self.epoch,
+            "rate_Hz": stream.rate_Hz if stream else 0,
+            "measured_Hz": self._rate_Hz,
+            "gaps": stream.gaps if stream else 0,
+            "lost": stream.lost if stream else 0,
+            "damaged": client.damaged + (stream.damaged if stream else 0),
+            "retries": client.counters.retries,
+            "reconnects": client.counters.reconnects,
+            "board_damaged": board.damaged if board else 0,
+            "board_overruns": board.overruns if board else 0,
+            "board_dropped": board.dropped if board else 0,
+            "guarded": board.guarded if board else False,
+            "values": self.values_version,
+            "snapshot": self.snapshot_version,
+            "capture": self.capture_number,
+            "capture_state": self._capture_text,
+            "record": self._recorder.status() if self._recorder else None,
+        }
+
+    def working(self) -> bool:
+        latest = self.drive.client.latest
+        return latest is not None and self.drive.client.state_name(latest.state) in WORKING
+
+    # -- pages come and go -----------------------------------------------------------------
+
+    def page_came(self) -> None:
+        with self._lock:
+            self._pages += 1
+
+    def page_went(self) -> None:
+        with self._lock:
+            self._pages -= 1
+            self._alone_since = time.monotonic()
+
+    # -- commands --------------------------------------------------------------------------
+
+    def start(self) -> None:
+        self.notice = ""
+        self.drive.start()
+        self._started_s = time.monotonic()
+        self._refresh.set()
+
+    def stop(self) -> None:
+        self.drive.stop()
+        self._started_s = None
+        self._refresh.set()
+
+    def clear(self) -> None:
+        self.drive.clear()
+        self.notice = ""
+        self._refresh.set()
+
+    def write(self, values: dict[str, object]) -> dict[str, str | float]:
+        """All at one fast interrupt or none; what is in force after that."""
+        for name, value in values.items():
+            if isinstance(value, (int, float)) and not -FLOAT32 < value < FLOAT32:
+                raise LinkError(f"{name}: a finite number is needed", mistake=True)
+        self.drive.set_many(values)
+        now = self.drive.get_many(list(values))
+        self._refresh.set()
+        return now
+
+    # -- traces ------------------------------------------------------------------------------
+
+    def select(self, channels: list[str], rate_Hz: float | None) -> None:
+        """Trace these channels; at a rate, or the next lower one that the line carries;
+        without a rate as fast as it goes."""
+        with self._lock:
+            if self._recorder:
+                raise LinkError("channels: end the recording first", mistake=True)
+            self.drive.dictionary.channel_ids(channels)
+            if len(set(channels)) != len(channels):
+                raise LinkError("channels: one is named twice", mistake=True)
+            if len(channels) > (most := self.drive.hello.stream_channels):
+                raise LinkError(f"{len(channels)} channels: up to {most}", mistake=True)
+            decimation = rate_Hz and decimation_for(self.drive.hello.f_isr_Hz, rate_Hz)
+            old, self.stream, self.ring = self.stream, None, None
+            self.epoch += 1
+            if old:
+                old.close()
+            try:
+                self._open(channels, decimation)
+            except LinkError:
+                if old:
+                    self._open(old.channels, old.decimation)
+                raise
+
+    def _open(self, channels: list[str] | tuple[str, ...], decimation: int | None) -> None:
+        if not channels:
+            return
+        try:
+            stream = self.drive.stream(channels, decimation=decimation)
+        except LinkError as error:
+            if error.status != wire.Status.BUDGET:
+                raise
+            stream = self.drive.stream(channels)
+        most = HISTORY_VALUES // len(channels)
+        self.ring = Ring(len(channels), min(most, math.ceil(HISTORY_S * stream.rate_Hz)))
+        self.stream = stream
+
+    def looked_at(self) -> tuple[int, Ring, Stream] | None:
+        """Epoch, ring and stream that belong together."""
+        with self._lock:
+            if self.ring is None or self.stream is None:
+                return None
+            return self.epoch, self.ring, self.stream
+
+    def _move(self) -> None:
+        """The thread between the client's queue and the ring."""
+        while not self._closing.wait(MOVE_S):
+            with self._lock:
+                if self.stream is None or self.ring is None:
+                    continue
+                blocks = self.stream.waiting()
+                if not blocks:
+                    self._count(0)
+                    continue
+                ticks = np.concatenate([t for t, _ in blocks])
+                values = np.concatenate([v for _, v in blocks])
+                self.ring.push(ticks // self.stream.decimation, values)
+                self._count(len(ticks))
+                if self._recorder:
+                    try:
+                        self._recorder.put(ticks, values, self._counters())
+                    except RecordingError as error:
+                        recorder, self._recorder = self._recorder, None
+                        self.notice = f"recording ended: {error}"
+                        with contextlib.suppress(RecordingError):
+                            recorder.writer.close()
+
+    def _count(self, samples: int) -> None:
+        """Samples per second, over the latest second."""
+        self._received += samples
+        now = time.monotonic()
+        before, since = self._counted
+        if now - since >= 1.0:
+            self._rate_Hz = (self._received - before) / (now - since) if since else 0.0
+            self._counted = (self._received, now)
+
+    # -- the watch -----------------------------------------------------------------------------
+
+    def _watch(self) -> None:
+        """Reads what may have changed, and stops a drive that nobody watches."""
+        read_s, shown = 0.0, self._fault()
+        while not self._closing.is_set():
+            due = self._refresh.wait(HEARTBEAT_S)
+            self._refresh.clear()
+            try:
+                if not self.drive.client.in_session:
+                    self.drive.client.get_status()
+                self._stop_if_alone()
+                if due or time.monotonic() - read_s > PARAMETERS_S:
+                    self._read_values()
+                    read_s = time.monotonic()
+                if (fault := self._fault()) != shown:
+                    if fault[0]:
+                        self._read_snapshot()
+                    shown = fault
+            except LinkError:
+                # The page shows that the line is down; the watchdog has the drive.
+                self._closing.wait(HEARTBEAT_S)
+
+    def _stop_if_alone(self) -> None:
+        now = time.monotonic()
+        if self._started_s is None:
+            return
+        if not self.working():
+            # Whoever starts it next may be another client; our own start is given time.
+            if now - self._started_s > START_S:
+                self._started_s = None
+        elif not self._pages and now - self._alone_since > self.alone_s:
+            self.stop()
+            self.notice = "stopped: no page was open"
+
+    def _fault(self) -> tuple[bool, int]:
+        latest = self.drive.client.latest
+        if latest is None:
+            return False, 0
+        return self.drive.client.state_name(latest.state) == "fault", latest.faults
+
+    def _read_values(self) -> None:
+        values = self.drive.get_all()
+        if values != self.values:
+            self.values = values
+            self.values_version += 1
+
+    def _read_snapshot(self) -> None:
+        self.snapshot = self.drive.snapshot
+        self.snapshot_version += 1
+
+    # -- burst capture -------------------------------------------------------------------------
+
+    def arm(
+        self, channels: list[str], samples: int, pre: int, trigger: str, prescaler: int
+    ) -> None:
+        with self._lock:
+            self.drive.arm(channels, samples, pre, trigger, prescaler)
+            self._capture_wanted += 1
+            wanted = self._capture_wanted
+        self._capture_text = "armed"
+        threading.Thread(
+            target=self._fetch, args=(wanted,), name="capture", daemon=True
+        ).start()  # fmt: skip
+
+    def trigger(self) -> None:
+        self.drive.trigger()
+
+    def cancel(self) -> None:
+        with self._lock:
+            self._capture_wanted += 1
+            self._capture_text = ""
+            self.drive.cancel()
+
+    def _fetch(self, wanted: int) -> None:
+        """Wait for a capture and bring it over, unless another takes its place."""
+        words = {
+            wire.CaptureState.FILLING: "filling the pre-trigger",
+            wire.CaptureState.WAITING: "waiting for the trigger",
+            wire.CaptureState.TRIGGERED: "triggered",
+            wire.CaptureState.SUMMING: "triggered",
+        }
+        while not self._closing.wait(HEARTBEAT_S):
+            board = self.drive.client.status
+            if wanted != self._capture_wanted:
+                return
+            try:
+                if board is None or board.capture == wire.CaptureState.NONE:
+                    board = self.drive.client.get_status()
+                    if board.capture == wire.CaptureState.NONE:
+                        self._capture_text = "gone: the board no longer has it"
+                        return
+                if board.capture != wire.CaptureState.COMPLETE:
+                    self._capture_text = words.get(board.capture, "")
+                    continue
+                self._capture_text = "uploading"
+                found = self.drive.captured(1.0)
+            except LinkError as error:
+                self._capture_text = str(error)
+                if not self.drive.client.transport.plugged:
+                    continue
+                return
+            with self._lock:
+                if wanted == self._capture_wanted:
+                    self.captured = found
+                    self.capture_number += 1
+                    self._capture_text = "complete"
+            return
+
+    def capture_file(self, suffix: str) -> bytes:
+        """The latest capture as a file."""
+        if self.captured is None:
+            raise LinkError("there is no capture yet", mistake=True)
+        with tempfile.TemporaryDirectory() as folder:
+            return self.captured.save(Path(folder) / f"capture{suffix}").read_bytes()
+
+    # -- recording -------------------------------------------------------------------------------
+
+    def record_start(self, suffix: str) -> Path:
+        with self._lock:
+            if self._recorder:
+                raise LinkError("a recording is under way", mistake=True)
+            if self.stream is None:
+                raise LinkError("choose channels to record", mistake=True)
+            if suffix not in SUFFIXES:
+                raise LinkError(f"suffix {suffix!r}: choose {', '.join(SUFFIXES)}", mistake=True)
+            name = self.drive.hello.device.replace(" ", "-")
+            path = self.folder / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}{suffix}"
+            self._recorder = _Record(path, self.stream, self.drive.meta(), self._counters())
+            return path
+
+    def record_stop(self) -> Path:
+        with self._lock:
+            if self._recorder is None:
+                raise LinkError("nothing is being recorded", mistake=True)
+            recorder, self._recorder = self._recorder, None
+            recorder.count(self._counters())
+            return recorder.writer.close()
+
+    def _counters(self) -> dict[str, int]:
+        """What was lost since this was opened, and why."""
+        lost = self.stream.lost if self.stream else 0
+        return {"drops": lost, **self.drive.line_counters()}
+
+
+class _Record:
+    """A recording under way."""
+
+    def __init__(self, path: Path, stream: Stream, meta: dict, before: dict[str, int]) -> None:
+        channels = tuple((name, stream.units[name]) for name in stream.channels)
+        kind = journal.Stream(channels, stream.f_isr_Hz, stream.decimation, meta=meta)
+        self.writer = Writer.open(path, kind)
+        self.rows = 0
+        self._before = before
+        self._begun = self._counted = time.monotonic()
+
+    def put(self, ticks: np.ndarray, values: np.ndarray, counters: dict[str, int]) -> None:
+        self.writer.append(ticks, values)
+        self.rows += len(ticks)
+        if time.monotonic() - self._counted > 1.0:
+            self.count(counters)
+
+    def count(self, counters: dict[str, int]) -> None:
+        """Counters of the line, as they stand now."""
+        self._counted = time.monotonic()
+        self.writer.count(**{name: now - self._before[name] for name, now in counters.items()})
+
+    def status(self) -> dict:
+        return {
+            "file": str(self.writer.path),
+            "rows": self.rows,
+            "seconds": time.monotonic() - self._begun,
+        }

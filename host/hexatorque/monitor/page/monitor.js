@@ -1,0 +1,761 @@
+// The page: hears of the drive by server-sent events, asks by POST. STOP comes first.
+
+import { Bins, Stack, decode, show } from "/plot.js";
+
+const $ = (id) => document.getElementById(id);
+const WINDOWS_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
+const RATES_HZ = [200, 500, 1000, 2000, 2500, 5000, 10000];
+//: Channels that move in steps, not along a line.
+const STEPS = new Set(["torque_level", "flux_level", "sector"]);
+const QUICK = [
+  ["scheme"], ["control_mode"], ["speed_ref_rpm", 100], ["torque_ref_Nm", 1], ["flux_ref_Wb", 0.05],
+];
+const FIGURES = [["speed_rpm", "speed"], ["torque_Nm", "torque"], ["vdc_V", "dc link"]];
+
+let device = null;
+let status = null;
+let values = {};
+let events = null;
+let heard_ms = 0;
+let epoch = -1;
+let captured = null;
+let armedHere = false;
+let seen = { values: -1, snapshot: -1, capture: 0 };
+const edits = new Map(); // parameter -> text that was typed and not applied
+let channelRow = new Map();
+let parameterRow = new Map();
+
+// -- asking ------------------------------------------------------------------------------
+
+async function ask(path, body) {
+  const options = body === undefined ? {} : {
+    method: "POST",
+    headers: { "Content-Type": "application/json" },
+    body: JSON.stringify(body),
+  };
+  let answer;
+  try {
+    answer = await fetch(path, options);
+  } catch {
+    throw new Error("the monitor does not answer");
+  }
+  const data = await answer.json();
+  if (!answer.ok) throw new Error(data.error || answer.statusText);
+  return data;
+}
+
+/** Ask; a refusal is shown. Returns the answer or null. */
+async function order(path, body = {}) {
+  try {
+    return await ask(path, body);
+  } catch (error) {
+    toast(error.message, "bad");
+    return null;
+  }
+}
+
+function toast(text, kind = "") {
+  const line = document.createElement("p");
+  line.className = kind;
+  line.textContent = text;
+  $("toasts").append(line);
+  setTimeout(() => line.remove(), kind === "bad" ? 8000 : 3500);
+}
+
+function make(tag, properties = {}, ...children) {
+  const element = Object.assign(document.createElement(tag), properties);
+  element.append(...children);
+  return element;
+}
+
+// -- commands ----------------------------------------------------------------------------
+
+const working = () => status !== null && device !== null && device.working.includes(status.state);
+
+async function stop() {
+  $("stop").classList.add("pressed");
+  setTimeout(() => $("stop").classList.remove("pressed"), 250);
+  if (!(await order("/stop"))) toast("STOP did not get through: use the hardware's own stop", "bad");
+}
+
+function typing(element) {
+  return element instanceof HTMLInputElement && element.type !== "checkbox";
+}
+
+function keys() {
+  // A key that stops must not press the button that has the focus as well: both edges.
+  for (const kind of ["keydown", "keyup"]) {
+    document.addEventListener(kind, (event) => {
+      const space = event.code === "Space" && working() && !typing(event.target);
+      if (event.key !== "Escape" && !space) return;
+      event.preventDefault();
+      event.stopPropagation();
+      if (kind === "keydown" && !event.repeat) stop();
+    }, true);
+  }
+  $("stop").addEventListener("click", stop);
+  $("start").addEventListener("click", () => order("/start"));
+  $("clear").addEventListener("click", () => order("/clear"));
+  window.addEventListener("beforeunload", (event) => {
+    if (working() && status.guarded) event.preventDefault();
+  });
+}
+
+// -- live --------------------------------------------------------------------------------
+
+const live = new Stack(make("div", { className: "stack" }), {
+  words: wordFor,
+  zoomed: (view) => { if (view) pause(true); history(); },
+  cursor: (cursor, mark) => seeing === "live" && readout(cursor, mark),
+});
+const burst = new Stack(make("div", { className: "stack" }), {
+  words: wordFor,
+  zoomed: () => { $("whole").hidden = !burst.view; },
+  cursor: (cursor, mark) => seeing === "capture" && readout(cursor, mark),
+});
+burst.trigger = true;
+let seeing = "live";
+let paused = false;
+let held = null; // bins as they were when the page was paused
+
+function listen() {
+  events?.close();
+  epoch = -1;
+  const bins = Math.max(200, Math.min(4000, Math.round($("plots").clientWidth) || 900));
+  events = new EventSource(`/events?window_s=${live.window_s}&bins=${bins}`);
+  events.onmessage = (event) => {
+    heard_ms = performance.now();
+    const frame = JSON.parse(event.data);
+    if (frame.status) hear(frame.status);
+    if (frame.bins && !paused) take(frame.bins);
+    if (frame.newest && !paused) {
+      live.newest(frame.newest);
+      figures(frame.newest);
+    }
+  };
+}
+
+function take(news) {
+  if (news.epoch !== epoch || !live.bins) {
+    if (!status || news.epoch !== status.epoch) return;
+    epoch = news.epoch;
+    const count = live.series.length;
+    live.bins = new Bins(count, Math.ceil(live.window_s / news.dt_s) + 2, news.dt_s);
+  }
+  const lo = decode(news.lo);
+  live.bins.put(news.first, news.count, lo, news.hi ? decode(news.hi) : lo);
+  if (seeing === "live") live.draw();
+}
+
+/** After a reload of the choice: the plots of what is traced now. */
+function retrace() {
+  live.bins = null;
+  epoch = -1;
+  live.show(series(status.channels));
+  choose(status.channels);
+  const rate = [...$("rate").options].find((option) => Math.abs(option.value - status.rate_Hz) < 0.5);
+  if (rate && !orders) $("rate").value = rate.value;
+}
+
+function series(names) {
+  return names.map((name, index) => {
+    const row = device.channels.find((channel) => channel.name === name);
+    const steps = STEPS.has(name) || wordsOf(name) !== null;
+    return { name, index, colour: index % 10, unit: row.unit, help: row.help, steps };
+  });
+}
+
+function wordsOf(name) {
+  if (name === "state") return device.states;
+  const row = device.parameters.find((parameter) => parameter.name === name);
+  return row && row.choices.length ? row.choices : null;
+}
+
+function wordFor(name, value) {
+  if (name === "faults") {
+    return device.faults.filter((fault) => value & fault.bit).map((fault) => fault.name).join(", ") || "none";
+  }
+  return wordsOf(name)?.[value] ?? null;
+}
+
+function pause(on) {
+  if (on === paused) return;
+  paused = on;
+  $("pause").setAttribute("aria-pressed", String(on));
+  $("pause").textContent = on ? "Resume" : "Pause";
+  held = on ? live.bins : null;
+  if (!on) {
+    live.view = live.mark_s = null;
+    listen();
+  }
+  $("whole").hidden = !(seeing === "live" ? live.view : burst.view);
+}
+
+/** The chosen part of the past, as fine as the plot can show it. */
+async function history() {
+  $("whole").hidden = !live.view;
+  if (!paused) return;
+  if (!live.view) {
+    live.bins = held;
+    return;
+  }
+  const [begin, end] = live.view;
+  const bins = Math.min(8000, 2 * $("plots").clientWidth);
+  let news;
+  try {
+    news = await ask(`/history?begin_s=${Math.max(0, begin)}&end_s=${end}&bins=${bins}`);
+  } catch {
+    return; // what the page has is drawn, only coarser
+  }
+  if (!paused || !live.view || live.view[0] !== begin || news.epoch !== epoch || !news.count) return;
+  const fine = new Bins(live.series.length, news.count, news.dt_s);
+  const lo = decode(news.lo);
+  fine.put(news.first, news.count, lo, news.hi ? decode(news.hi) : lo);
+  live.bins = fine;
+  live.draw();
+}
+
+function readout(cursor_s, mark_s) {
+  const time = (s) => (Math.abs(s) < 0.5 ? `${show(s * 1e3)} ms` : `${show(s)} s`);
+  let text = cursor_s === null ? "" : time(cursor_s);
+  if (cursor_s !== null && mark_s !== null && cursor_s !== mark_s) {
+    const apart = cursor_s - mark_s;
+    text = `Δ ${time(apart)}  ·  ${show(Math.abs(1 / apart))} Hz`;
+  }
+  $("cursor").textContent = text;
+}
+
+function see(what) {
+  seeing = what;
+  document.body.dataset.seeing = what;
+  for (const name of ["live", "capture"]) {
+    $(`see-${name}`).setAttribute("aria-selected", String(name === what));
+  }
+  const stack = what === "live" ? live : burst;
+  $("plots").replaceChildren(stack.box);
+  $("whole").hidden = !stack.view;
+  stack.draw();
+}
+
+function tools() {
+  for (const window_s of WINDOWS_S) $("window").append(new Option(`${window_s} s`, window_s));
+  $("window").value = live.window_s;
+  $("window").addEventListener("change", () => {
+    live.window_s = Number($("window").value);
+    pause(false);
+    listen();
+  });
+  $("rate").append(new Option("fastest", ""));
+  for (const rate of RATES_HZ) {
+    if (rate <= device.f_isr_Hz) $("rate").append(new Option(`${rate} Hz`, rate));
+  }
+  $("rate").addEventListener("change", () => trace(choice));
+  $("pause").addEventListener("click", () => pause(!paused));
+  $("whole").addEventListener("click", () => (seeing === "live" ? live : burst).whole());
+  $("see-live").addEventListener("click", () => see("live"));
+  $("see-capture").addEventListener("click", () => see("capture"));
+  $("record").addEventListener("click", async () => {
+    const done = status.record
+      ? await order("/record/stop")
+      : await order("/record/start", { suffix: $("suffix").value });
+    if (done) toast(`${status.record ? "recorded" : "recording to"} ${done.file}`);
+  });
+  let resized = 0;
+  new ResizeObserver(() => {
+    clearTimeout(resized);
+    resized = setTimeout(() => { if (!paused && device) listen(); }, 400);
+  }).observe($("plots"));
+}
+
+// -- what the server tells ---------------------------------------------------------------
+
+function hear(now) {
+  const before = status;
+  status = now;
+  document.body.dataset.state = now.plugged && !now.broken ? now.state : "unknown";
+  document.body.dataset.faulty = String(now.faults.length > 0);
+  $("state").textContent = now.plugged ? now.state || "–" : "unplugged";
+  $("faults").textContent = now.faults.join(", ");
+  $("faults").title = now.faults.join(", ");
+  $("start").disabled = now.state !== "idle" || !now.plugged;
+  $("clear").disabled = now.state !== "fault" || !now.plugged;
+  alarm();
+  linkTable(now);
+  record(now.record);
+  $("capture-state").textContent = now.capture_state;
+  const armed = !["", "complete"].includes(now.capture_state);
+  $("trigger-now").disabled = $("cancel").disabled = !armed;
+  if (!before || now.epoch !== before.epoch) retrace();
+  if (now.values !== seen.values) fetchValues(now.values);
+  if (now.snapshot !== seen.snapshot) fetchSnapshot(now.snapshot);
+  if (now.capture !== seen.capture) fetchCapture(now.capture);
+  if (!before || before.state !== now.state) lock();
+}
+
+function alarm() {
+  const silent = performance.now() - heard_ms > 1500;
+  let text = "";
+  if (silent) text = "No word from the monitor. A drive that it started stops by itself.";
+  else if (status?.broken) text = status.broken;
+  else if (status && !status.plugged) {
+    text = `${device.port} is gone. A drive that was started from here stops by itself.`;
+  } else if (status?.notice) text = status.notice;
+  if (silent) {
+    document.body.dataset.state = "unknown";
+    $("state").textContent = "unknown";
+    $("start").disabled = $("clear").disabled = true;
+  }
+  $("alarm").hidden = !text;
+  if ($("alarm").textContent !== text) $("alarm").textContent = text;
+}
+
+function linkTable(now) {
+  const board = now.board_damaged + now.board_overruns;
+  const rows = [
+    ["time", `${now.time_s.toFixed(1)} s`],
+    ["samples", `${Math.round(now.measured_Hz)} /s`, Math.round(now.rate_Hz) + " /s wanted"],
+    ["gaps", now.gaps, "", now.gaps],
+    ["lost samples", now.lost, "", now.lost],
+    ["damaged frames", now.damaged, "that this computer received", now.damaged],
+    ["retries", now.retries, "requests that were sent again", now.retries],
+    ["reconnects", now.reconnects, "", now.reconnects],
+    ["board damaged", board, `${now.board_damaged} damaged frames, ${now.board_overruns} overruns of its receiver`, board],
+    ["board dropped", now.board_dropped, "samples for which the line had no room", now.board_dropped],
+    ["pages", now.pages, "that show this drive"],
+  ];
+  const list = $("link");
+  if (list.children.length !== rows.length) {
+    list.replaceChildren(...rows.map(([name]) => make("div", {}, make("dt", { textContent: name }), make("dd"))));
+  }
+  rows.forEach(([name, value, title = "", bad = 0], i) => {
+    const box = list.children[i];
+    box.title = title;
+    box.dataset.name = name;
+    box.classList.toggle("bad", bad > 0);
+    box.lastChild.textContent = value;
+    box.hidden = name === "pages" && value < 2;
+  });
+}
+
+function record(now) {
+  $("record").setAttribute("aria-pressed", String(Boolean(now)));
+  $("record").lastChild.textContent = now ? `${now.seconds.toFixed(1)} s` : "Record";
+  $("record").title = now ? now.file : `record the traces to a file on this computer`;
+  $("suffix").hidden = Boolean(now);
+}
+
+function figures(newest) {
+  if (!$("figures").children.length) {
+    for (const [channel, name] of FIGURES) {
+      const row = device.channels.find((one) => one.name === channel);
+      if (!row) continue;
+      const value = make("b", { textContent: "–" });
+      value.dataset.figure = channel;
+      $("figures").append(make("div", {},
+        make("dt", { textContent: name }),
+        make("dd", {}, value, make("small", { textContent: row.unit }))));
+    }
+  }
+  for (const value of $("figures").querySelectorAll("b")) {
+    const place = status.channels.indexOf(value.dataset.figure);
+    value.closest("div").hidden = place < 0;
+    if (place >= 0) value.textContent = show(newest[place]);
+  }
+}
+
+// -- traces to choose --------------------------------------------------------------------
+
+function byUnit(rows) {
+  const groups = new Map();
+  for (const row of rows) {
+    if (!groups.has(row.unit)) groups.set(row.unit, []);
+    groups.get(row.unit).push(row);
+  }
+  return [...groups].sort((a, b) => Number(!a[0]) - Number(!b[0]));
+}
+
+function checkList(box, changed) {
+  const rows = new Map();
+  for (const [unit, channels] of byUnit(device.channels)) {
+    const list = make("fieldset", {}, make("legend", { textContent: unit || "no unit" }));
+    for (const channel of channels) {
+      const input = make("input", { type: "checkbox", value: channel.name });
+      input.addEventListener("change", () => changed(input));
+      const swatch = make("i");
+      list.append(make("label", { title: channel.help }, input, swatch,
+        make("span", { textContent: channel.name }), make("small", { textContent: channel.help })));
+      rows.set(channel.name, { input, swatch });
+    }
+    box.append(list);
+  }
+  return rows;
+}
+
+function channels() {
+  $("channels-hint").textContent =
+    `Up to ${device.stream_channels} channels. More of them leave fewer samples per second.`;
+  channelRow = checkList($("channels"), (input) => {
+    const others = choice.filter((name) => name !== input.value);
+    trace(input.checked ? [...others, input.value] : others);
+  });
+}
+
+let choice = []; // what is traced, or will be when all that was ordered is done
+let ordered = Promise.resolve();
+let orders = 0;
+
+/** One order after the other: who clicks fast has the last word last. */
+function trace(names) {
+  const rate = $("rate").value;
+  pause(false);
+  choice = names;
+  orders += 1;
+  ordered = ordered.then(async () => {
+    const done = await order("/channels", { channels: names, rate_Hz: rate ? Number(rate) : null });
+    orders -= 1;
+    choose(done ? done.channels : status.channels);
+  });
+}
+
+function choose(names) {
+  if (orders) return;
+  choice = [...names];
+  for (const [name, { input, swatch }] of channelRow) {
+    const place = names.indexOf(name);
+    input.checked = place >= 0;
+    swatch.style.background = place >= 0 ? `var(--trace-${place % 10})` : "";
+  }
+}
+
+// -- parameters --------------------------------------------------------------------------
+
+function editor(row) {
+  let input;
+  if (row.choices.length) {
+    input = make("select", {}, ...row.choices.map((choice) => new Option(choice, choice)));
+  } else {
+    input = make("input", { type: "text", inputMode: "decimal", spellcheck: false });
+  }
+  input.setAttribute("aria-label", row.name);
+  return input;
+}
+
+const range = (row) => `${shortest(row.min)} … ${shortest(row.max)}`;
+const shortest = (value) => String(value).replace("-", "−");
+
+/** What is wrong with a text for a parameter, or "". */
+function mistake(row, text) {
+  if (row.choices.length) return "";
+  const value = parse(text);
+  if (text.trim() === "" || !Number.isFinite(value)) return "a number is needed";
+  if (value < row.min || value > row.max) return `allowed: ${range(row)}${row.unit ? ` ${row.unit}` : ""}`;
+  return "";
+}
+
+const parse = (text) => Number(text.replace("−", "-"));
+const asValue = (row, text) => (row.choices.length ? text : parse(text));
+const asText = (value) => (value === undefined || value === null ? "" : String(value));
+
+function parameters() {
+  for (const row of device.parameters) {
+    const input = editor(row);
+    const error = make("p", { className: "error", hidden: true });
+    const limits = row.choices.length ? "" : range(row);
+    const box = make("div", { className: "parameter" },
+      make("label", {},
+        make("span", { className: "name", textContent: row.name }),
+        make("span", { className: "field" }, input, make("span", { textContent: row.unit }))),
+      make("p", { className: "hint" }, row.help),
+      make("p", { className: "limits" }, limits), error);
+    if (!row.live) box.classList.add("idle-only");
+    box.dataset.text = `${row.name} ${row.unit} ${row.help} ${row.choices.join(" ")}`.toLowerCase();
+    const changed = () => {
+      const text = input.value;
+      if (text === asText(values[row.name])) edits.delete(row.name);
+      else edits.set(row.name, text);
+      mark(row.name);
+      pending();
+    };
+    input.addEventListener("input", changed);
+    input.addEventListener("keydown", (event) => { if (event.key === "Enter") apply(); });
+    parameterRow.set(row.name, { row, input, box, error });
+    $("parameters").append(box);
+  }
+  const none = make("p", { className: "hint", hidden: true, textContent: "No parameter has that in its name, unit or description." });
+  $("parameters").append(none);
+  $("search").addEventListener("input", () => {
+    const words = $("search").value.toLowerCase().split(/\s+/).filter(Boolean);
+    let found = 0;
+    for (const { box } of parameterRow.values()) {
+      box.hidden = !words.every((word) => box.dataset.text.includes(word));
+      found += !box.hidden;
+    }
+    none.hidden = found > 0;
+  });
+  $("revert").addEventListener("click", () => { edits.clear(); showValues(); pending(); });
+  $("apply-all").addEventListener("click", apply);
+}
+
+function mark(name) {
+  const { row, input, box, error } = parameterRow.get(name);
+  const text = edits.get(name);
+  const wrong = text === undefined ? "" : mistake(row, text);
+  box.classList.toggle("edited", text !== undefined);
+  input.setAttribute("aria-invalid", String(Boolean(wrong)));
+  error.hidden = !wrong;
+  error.textContent = wrong;
+  return !wrong;
+}
+
+function pending() {
+  const bad = [...edits].find(([name, text]) => mistake(parameterRow.get(name).row, text));
+  $("apply").hidden = edits.size === 0;
+  $("apply-all").disabled = Boolean(bad);
+  const count = edits.size === 1 ? "1 change" : `${edits.size} changes, all at once`;
+  $("apply-text").textContent = bad ? `${bad[0]}: ${mistake(parameterRow.get(bad[0]).row, bad[1])}` : count;
+  $("apply-text").classList.toggle("error", Boolean(bad));
+}
+
+async function apply() {
+  if (!edits.size || $("apply-all").disabled) return;
+  const wanted = Object.fromEntries([...edits].map(([name, text]) => [name, asValue(parameterRow.get(name).row, text)]));
+  await write(wanted);
+}
+
+/** Write, and show what is in force after that. */
+async function write(wanted) {
+  const answer = await order("/write", { values: wanted });
+  if (!answer) return false;
+  Object.assign(values, answer.values);
+  for (const name of Object.keys(wanted)) {
+    edits.delete(name);
+    const { box } = parameterRow.get(name);
+    box.classList.remove("taken");
+    void box.offsetWidth; // begin the animation again
+    box.classList.add("taken");
+  }
+  showValues();
+  pending();
+  return true;
+}
+
+async function fetchValues(version) {
+  seen.values = version;
+  try {
+    values = await ask("/values");
+  } catch {
+    seen.values = -1;
+    return;
+  }
+  showValues();
+  pending();
+}
+
+function showValues() {
+  for (const [name, { input }] of parameterRow) {
+    if (!edits.has(name)) input.value = asText(values[name]);
+    mark(name);
+  }
+  for (const [name, { input }] of quickRow) {
+    if (document.activeElement !== input || input.tagName === "SELECT") input.value = asText(values[name]);
+  }
+  const torque = values.control_mode === "torque";
+  quickRow.get("speed_ref_rpm")?.box.classList.toggle("off", torque);
+  quickRow.get("torque_ref_Nm")?.box.classList.toggle("off", !torque);
+}
+
+/** Parameters that can only change while the gates are off. */
+function lock() {
+  const on = working();
+  for (const { row, input, box } of parameterRow.values()) {
+    input.disabled = on && !row.live;
+    box.classList.toggle("locked", on && !row.live);
+  }
+}
+
+// -- the quick ones ----------------------------------------------------------------------
+
+const quickRow = new Map();
+
+function quick() {
+  for (const [name, step] of QUICK) {
+    const row = device.parameters.find((parameter) => parameter.name === name);
+    if (!row) continue;
+    const input = editor(row);
+    const box = make("div", { className: "quick" });
+    const send = async (text) => {
+      const wrong = mistake(row, text);
+      if (wrong) toast(`${name}: ${wrong}`, "bad");
+      else if (await write({ [name]: asValue(row, text) })) return;
+      input.value = asText(values[name]);
+    };
+    box.append(make("label", { title: row.help },
+      make("span", { textContent: row.help }),
+      make("span", { className: "field" }, input, make("span", { textContent: row.unit }))));
+    if (step) {
+      const by = (change) => {
+        const next = Number((Number(values[name]) + change).toPrecision(12));
+        send(String(Math.min(row.max, Math.max(row.min, next))));
+      };
+      const button = (text, act) => {
+        const element = make("button", { type: "button", textContent: text });
+        element.addEventListener("click", act);
+        return element;
+      };
+      const steps = make("div", { className: "steps" },
+        button(`−${step}`, () => by(-step)), button(`+${step}`, () => by(step)));
+      if (row.min <= 0) steps.append(button("0", () => send("0")));
+      if (row.min < 0) steps.append(button("reverse", () => send(String(-Number(values[name])))));
+      box.append(steps);
+      input.addEventListener("keydown", (event) => { if (event.key === "Enter") send(input.value); });
+      input.addEventListener("blur", () => { input.value = asText(values[name]); });
+    } else {
+      input.addEventListener("change", () => send(input.value));
+    }
+    quickRow.set(name, { input, box });
+    $("quick").append(box);
+  }
+  $("quick").append(make("p", { className: "hint", textContent:
+    `Enter applies. Esc stops, anywhere; so does space while the drive works. ` +
+    `A drive that was started from here stops when no page has been open for ${device.alone_s} s.` }));
+}
+
+// -- burst capture -----------------------------------------------------------------------
+
+let captureRow = new Map();
+
+function capture() {
+  const names = { rising: "rises through", falling: "falls through", command: "a command", fault: "a fault" };
+  for (const trigger of device.triggers) $("trigger").append(new Option(names[trigger] ?? trigger, trigger));
+  for (const channel of device.channels) $("trigger-channel").append(new Option(channel.name, channel.name));
+  $("trigger-channel").value = device.channels.some((one) => one.name === "torque_Nm") ? "torque_Nm" : device.channels[0].name;
+  captureRow = checkList($("capture-channels"), shape);
+  const wanted = device.channels.filter((one) => ["A", "N m", "Wb"].includes(one.unit)).slice(0, Math.min(10, device.capture_channels));
+  for (const channel of wanted) captureRow.get(channel.name).input.checked = true;
+  for (const name of ["trigger", "trigger-channel", "samples", "pre", "prescaler"]) $(name).addEventListener("input", shape);
+  $("capture-form").addEventListener("submit", async (event) => {
+    event.preventDefault();
+    const samples = $("samples").valueAsNumber;
+    const kind = $("trigger").value;
+    const level = onLevel() ? `:${$("trigger-channel").value}:${$("level").valueAsNumber}` : "";
+    armedHere = Boolean(await order("/capture/arm", {
+      channels: chosen(), samples, trigger: kind + level, prescaler: $("prescaler").valueAsNumber,
+      pre: Math.min(samples - 1, Math.round((samples * $("pre").valueAsNumber) / 100)),
+    }));
+  });
+  $("trigger-now").addEventListener("click", () => order("/capture/trigger"));
+  $("cancel").addEventListener("click", () => order("/capture/cancel"));
+  shape();
+}
+
+const onLevel = () => ["rising", "falling", "above", "below"].includes($("trigger").value);
+const chosen = () => [...captureRow.values()].filter(({ input }) => input.checked).map(({ input }) => input.value);
+
+function shape() {
+  for (const label of document.querySelectorAll(".on-level")) label.hidden = !onLevel();
+  const on = device.channels.find((one) => one.name === $("trigger-channel").value);
+  $("level-unit").textContent = on.unit;
+  const count = chosen().length;
+  $("capture-chosen").textContent = `${count} of up to ${device.capture_channels} channels`;
+  const most = Math.floor(device.memory / Math.max(1, count));
+  $("samples").max = most;
+  const span_ms = ($("samples").valueAsNumber * $("prescaler").valueAsNumber * 1e3) / device.f_isr_Hz;
+  $("capture-length").textContent = `${show(span_ms)} ms at ${show(device.f_isr_Hz / $("prescaler").valueAsNumber)} Hz; room for ${most} samples`;
+}
+
+async function fetchCapture(number) {
+  seen.capture = number;
+  if (!number) return;
+  try {
+    captured = await ask("/capture");
+  } catch {
+    seen.capture = 0;
+    return;
+  }
+  const data = decode(captured.lo);
+  burst.view = burst.mark_s = null;
+  burst.bins = new Bins(captured.channels.length, captured.count, captured.dt_s, captured.start_s);
+  burst.bins.put(0, captured.count, data, data);
+  burst.show(series(captured.channels));
+  burst.whole();
+  // All of it, without the live window's end.
+  burst.view = null;
+  burst.window_s = captured.count * captured.dt_s;
+  $("see-capture").disabled = false;
+  $("see-capture").textContent = `Capture ${number}`;
+  if (armedHere) see("capture");
+  armedHere = false;
+}
+
+// -- the latest fault --------------------------------------------------------------------
+
+async function fetchSnapshot(version) {
+  seen.snapshot = version;
+  let found;
+  try {
+    found = await ask("/snapshot");
+  } catch {
+    seen.snapshot = -1;
+    return;
+  }
+  const box = $("snapshot");
+  if (!found) {
+    box.replaceChildren(make("p", { className: "hint", textContent: "No fault since the board was reset." }));
+    return;
+  }
+  const unit = (name) => ({ A: "A", V: "V", Nm: "N m", Wb: "Wb", rpm: "r/min", counts: "" })[name.split("_").pop()] ?? "";
+  const rows = [];
+  const row = (name, value, what) => rows.push(make("tr", {},
+    make("th", { textContent: name, scope: "row" }), make("td", { textContent: value }), make("td", { textContent: what })));
+  const phases = ["u1", "u2", "w1", "w2", "v1", "v2"];
+  for (const [name, value] of Object.entries(found)) {
+    if (["tick", "state", "faults"].includes(name)) continue;
+    if (name === "i_A") value.forEach((one, i) => row(`i_${phases[i]}`, show(one), "A"));
+    else if (name === "psi_Wb") value.forEach((one, i) => row(`psi_${["alpha", "beta"][i]}`, show(one), "Wb"));
+    else if (Array.isArray(value)) row(name.replace("_counts", ""), value.join(" "), "counts");
+    else row(name, show(value), unit(name));
+  }
+  box.replaceChildren(
+    make("h2", { textContent: found.faults.join(", ") }),
+    make("p", { className: "hint", textContent: `in state ${found.state}, ${(found.tick / device.f_isr_Hz).toFixed(4)} s after the board's reset` }),
+    make("table", {}, make("tbody", {}, ...rows)));
+}
+
+// -- begin -------------------------------------------------------------------------------
+
+function tabs() {
+  const all = [...document.querySelectorAll("[data-panel]")];
+  for (const tab of all) {
+    tab.addEventListener("click", () => {
+      for (const other of all) {
+        other.setAttribute("aria-selected", String(other === tab));
+        $(`panel-${other.dataset.panel}`).hidden = other !== tab;
+      }
+    });
+  }
+}
+
+async function begin() {
+  keys();
+  tabs();
+  see("live");
+  try {
+    device = await ask("/device");
+  } catch (error) {
+    $("alarm").hidden = false;
+    $("alarm").textContent = error.message;
+    return;
+  }
+  $("device").textContent = `${device.device} · ${device.build}`;
+  $("device").title = `${device.port}, ${device.baud} baud`;
+  document.title = `${device.device} · hexatorque monitor`;
+  quick();
+  parameters();
+  channels();
+  capture();
+  tools();
+  listen();
+  setInterval(alarm, 500);
+}
+
+begin();

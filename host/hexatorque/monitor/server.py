@@ -1,0 +1,427 @@
+"""The desk as a web page: files of `page/`, JSON requests, and one stream of events per page.
+
+Whoever may use the page may turn the machine, so:
+- the server listens on 127.0.0.1 only;
+- a request needs the token, which is printed once, in a cookie that the first page load sets;
+- it must name this server as its host (a name that was pointed here by DNS does not), and
+  must not come from another site;
+- commands are POSTs of JSON with this server's Origin.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable
+from http.cookies import CookieError, SimpleCookie
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib import resources
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+
+from ..files import RecordingError
+from ..firmware import FirmwareError
+from ..link import LinkError
+from .desk import Desk
+from .traces import View
+
+FRAME_S = 0.04
+#: How often a page hears of the state of things between samples.
+STATUS_S = 0.1
+#: A page that takes nothing for so long is gone; its browser connects again.
+STALLED_S = 4.0
+#: Octets between server and page: what a slow page has not got yet when it skips.
+SEND_BUFFER = 1 << 16
+#: A browser has six connections for one server; STOP needs one of them.
+PAGES_OF_A_BROWSER = 4
+BODY_OCTETS = 1 << 16
+WINDOW_S = (0.01, 60.0)
+BINS = (16, 8192)
+
+TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'; object-src 'none'",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Cache-Control": "no-store",
+}
+
+
+class Refused(Exception):
+    """An HTTP status and one line for the page."""
+
+    def __init__(self, status: int, text: str) -> None:
+        super().__init__(text)
+        self.status = status
+
+
+class Server(ThreadingHTTPServer):
+    daemon_threads = True
+
+    def __init__(self, desk: Desk, port: int = 0) -> None:
+        super().__init__(("127.0.0.1", port), Handler)
+        self.desk = desk
+        self.token = secrets.token_urlsafe(24)
+        self.closing = threading.Event()
+        #: Cookies that were given out, and how many pages each has open.
+        self.browsers: dict[str, int] = {}
+        self.browsers_lock = threading.Lock()
+        folder = resources.files(__package__) / "page"
+        self.page = {
+            f"/{file.name}": (TYPES[suffix], file.read_bytes())
+            for file in folder.iterdir()
+            if (suffix := file.name[file.name.rfind(".") :]) in TYPES
+        }
+
+    @property
+    def port(self) -> int:
+        return self.server_address[1]
+
+    @property
+    def url(self) -> str:
+        """For the browser; whoever knows it has the drive."""
+        return f"http://127.0.0.1:{self.port}/?token={self.token}"
+
+    @property
+    def hosts(self) -> tuple[str, str]:
+        return f"127.0.0.1:{self.port}", f"localhost:{self.port}"
+
+    def handle_error(self, request, client_address) -> None:
+        """A browser that went away is no error."""
+        import sys
+
+        if not isinstance(sys.exception(), (OSError, ValueError)):
+            super().handle_error(request, client_address)
+
+    def shutdown(self) -> None:
+        self.closing.set()
+        super().shutdown()
+
+
+class Handler(BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+    server: Server
+    server_version, sys_version = "hexatorque", ""
+    timeout = 60.0
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+    # -- who may ask ---------------------------------------------------------------------
+
+    def _browser(self) -> str:
+        """The cookie of a request that may be answered."""
+        if self.headers.get("Host") not in self.server.hosts:
+            raise Refused(403, "this address is not the monitor's")
+        if self.headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
+            raise Refused(403, "from another site")
+        try:
+            cookies = SimpleCookie(self.headers.get("Cookie", ""))
+        except CookieError:
+            cookies = SimpleCookie()
+        cookie = cookies.get(self._cookie_name)
+        given = cookie.value if cookie else ""
+        with self.server.browsers_lock:
+            if given not in self.server.browsers:
+                raise Refused(403, "open the address that `hexatorque monitor` printed")
+        return given
+
+    @property
+    def _cookie_name(self) -> str:
+        # Cookies do not know ports: another monitor on this machine has its own.
+        return f"hexatorque-{self.server.port}"
+
+    def _enter(self, token: str) -> None:
+        """The first page load: a cookie instead of the token."""
+        if self.headers.get("Host") not in self.server.hosts:
+            raise Refused(403, "this address is not the monitor's")
+        if not secrets.compare_digest(token.encode(), self.server.token.encode()):
+            raise Refused(403, "not the token of this monitor: it was printed when it started")
+        cookie = secrets.token_urlsafe(24)
+        with self.server.browsers_lock:
+            self.server.browsers[cookie] = 0
+        self.send_response(303)
+        self.send_header("Location", "/")
+        self.send_header(
+            "Set-Cookie", f"{self._cookie_name}={cookie}; Path=/; HttpOnly; SameSite=Strict"
+        )
+        self.send_header("Content-Length", "0")
+        self._end()
+
+    # -- answers -------------------------------------------------------------------------
+
+    def _end(self) -> None:
+        for name, value in HEADERS.items():
+            self.send_header(name, value)
+        self.end_headers()
+
+    def _send(self, body: bytes, kind: str, status: int = 200, name: str = "") -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(body)))
+        if name:
+            self.send_header("Content-Disposition", f'attachment; filename="{name}"')
+        if status >= 400:  # what is left of the request is not read
+            self.send_header("Connection", "close")
+            self.close_connection = True
+        self._end()
+        self.wfile.write(body)
+
+    def _json(self, data: object, status: int = 200) -> None:
+        self._send(json.dumps(_finite(data)).encode(), "application/json", status)
+
+    def _answer(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except Refused as error:
+            self._json({"error": str(error)}, error.status)
+        except LinkError as error:
+            self._json({"error": str(error)}, 400 if error.mistake else 409)
+        except (FirmwareError, RecordingError) as error:
+            self._json({"error": str(error)}, 400)
+        except OverflowError:
+            self._json({"error": "a number is too large"}, 400)
+
+    def do_GET(self) -> None:
+        self._answer(self._get)
+
+    def do_POST(self) -> None:
+        self._answer(self._post)
+
+    def _get(self) -> None:
+        url = urlsplit(self.path)
+        query = {name: values[-1] for name, values in parse_qs(url.query).items()}
+        if url.path == "/" and "token" in query:
+            return self._enter(query["token"])
+        browser = self._browser()
+        desk = self.server.desk
+        if found := self.server.page.get("/index.html" if url.path == "/" else url.path):
+            kind, body = found
+            self._send(body, kind)
+        elif url.path == "/device":
+            self._json(desk.device())
+        elif url.path == "/values":
+            self._json(desk.values)
+        elif url.path == "/snapshot":
+            self._json(desk.snapshot)
+        elif url.path == "/history":
+            self._history(query)
+        elif url.path == "/capture":
+            self._json(_capture(desk))
+        elif url.path in ("/capture.csv", "/capture.npz"):
+            body = desk.capture_file(url.path[-4:])
+            name = f"capture-{desk.capture_number}{url.path[-4:]}"
+            self._send(body, "application/octet-stream", name=name)
+        elif url.path == "/events":
+            self._events(browser, query)
+        else:
+            raise Refused(404, f"no {url.path}")
+
+    def _post(self) -> None:
+        self._browser()
+        origin = self.headers.get("Origin")
+        if origin != f"http://{self.headers['Host']}":
+            raise Refused(403, "from another site")
+        if self.headers.get_content_type() != "application/json":
+            raise Refused(415, "JSON is needed")
+        length = self.headers.get("Content-Length", "")
+        if not length.isdigit() or not int(length) <= BODY_OCTETS:
+            raise Refused(413, f"up to {BODY_OCTETS} octets")
+        try:
+            body = json.loads(self.rfile.read(int(length)))
+        except (ValueError, RecursionError):
+            raise Refused(400, "not JSON") from None
+        command = COMMANDS.get(urlsplit(self.path).path)
+        if command is None:
+            raise Refused(404, f"no {self.path}")
+        if not isinstance(body, dict):
+            raise Refused(400, "a JSON object is needed")
+        self._json(command(self.server.desk, body) or {})
+
+    # -- traces --------------------------------------------------------------------------
+
+    def _history(self, query: dict[str, str]) -> None:
+        """Envelope of a part of the past, with as many bins as asked for."""
+        begin = _number(query, "begin_s", 0.0, 1e12)
+        end = _number(query, "end_s", begin, begin + WINDOW_S[1] + 1)
+        bins = round(_number(query, "bins", *BINS))
+        found = self.server.desk.looked_at()
+        if found is None:
+            raise Refused(409, "nothing is traced")
+        epoch, ring, stream = found
+        samples = (end - begin) * stream.rate_Hz
+        width = max(1, round(samples / bins))
+        first = int(begin * stream.rate_Hz) // width
+        last = min(int(end * stream.rate_Hz), ring.end) // width + 1
+        count = max(0, last - first)
+        lo, hi = ring.envelope(width, first, first + count)
+        self._json(_bins(epoch, stream.rate_Hz, width, first, lo, hi))
+
+    def _events(self, browser: str, query: dict[str, str]) -> None:
+        window_s = _number(query, "window_s", *WINDOW_S)
+        bins = round(_number(query, "bins", *BINS))
+        with self.server.browsers_lock:
+            if self.server.browsers[browser] >= PAGES_OF_A_BROWSER:
+                raise Refused(409, f"this browser has {PAGES_OF_A_BROWSER} pages open already")
+            self.server.browsers[browser] += 1
+        self.server.desk.page_came()
+        try:
+            self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+            self.connection.settimeout(STALLED_S)
+            self.close_connection = True
+            self.send_response(200)
+            self.send_header("Content-Type", "text/event-stream")
+            self.send_header("Connection", "close")
+            self._end()
+            self._frames(window_s, bins)
+        finally:
+            self.server.desk.page_went()
+            with self.server.browsers_lock:
+                self.server.browsers[browser] -= 1
+
+    def _frames(self, window_s: float, bins: int) -> None:
+        """Until the page goes away. What it does not take in time it does not get."""
+        desk = self.server.desk
+        epoch, view, told_s = None, None, 0.0
+        self.wfile.write(b"retry: 500\n\n")
+        while not self.server.closing.is_set():
+            begun_s = time.monotonic()
+            frame = {}
+            found = desk.looked_at()
+            if found and found[0] != epoch:
+                epoch, ring, stream = found
+                view = View(ring, stream.rate_Hz, window_s, bins)
+            if found and view and (news := view.news()):
+                frame["bins"] = _bins(epoch, stream.rate_Hz, view.width, *news)
+            if begun_s - told_s >= STATUS_S:
+                told_s = begun_s
+                frame["status"] = desk.status()
+                if found and (newest := ring.newest()) is not None:
+                    frame["newest"] = [float(f"{value:.6g}") for value in newest]
+            if frame:
+                text = json.dumps(_finite(frame), separators=(",", ":"))
+                self.wfile.write(b"data: " + text.encode() + b"\n\n")
+            self.server.closing.wait(max(0.0, begun_s + FRAME_S - time.monotonic()))
+
+
+def _bins(
+    epoch: int, rate_Hz: float, width: int, first: int, lo: np.ndarray, hi: np.ndarray
+) -> dict:
+    """Bins of `width` samples each: number of the first, float32 channel by channel."""
+    return {
+        "epoch": epoch, "dt_s": width / rate_Hz, "width": width, "first": first,
+        "count": lo.shape[1], "lo": _floats(lo), "hi": "" if hi is lo else _floats(hi),
+    }  # fmt: skip
+
+
+def _floats(values: np.ndarray) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
+
+
+def _capture(desk: Desk) -> dict | None:
+    """The latest capture with all its samples; the trigger is at time 0."""
+    found = desk.captured
+    if found is None:
+        return None
+    table = np.array([found[name] for name in found.channels], np.float32)
+    return {
+        "number": desk.capture_number,
+        "channels": list(found.channels),
+        "start_s": found.start_s,
+        "meta": {key: found.meta[key] for key in ("trigger_tick", "scheme", "state", "faults")},
+        **_bins(0, found.rate_Hz, 1, 0, table, table),
+    }
+
+
+def _finite(data: object) -> object:
+    """JSON has neither NaN nor infinity: None instead."""
+    if isinstance(data, float):
+        return data if abs(data) < float("inf") else None
+    if isinstance(data, dict):
+        return {key: _finite(value) for key, value in data.items()}
+    if isinstance(data, (list, tuple)):
+        return [_finite(value) for value in data]
+    return data
+
+
+# -- requests of the page, checked before anything is done -------------------------------
+
+
+def _number(query: dict[str, str], name: str, low: float, high: float) -> float:
+    try:
+        value = float(query[name])
+    except (KeyError, ValueError):
+        raise Refused(400, f"{name}: a number is needed") from None
+    if not low <= value <= high:
+        raise Refused(400, f"{name} = {value:g}: allowed range is {low:g} .. {high:g}")
+    return value
+
+
+def _field(body: dict, name: str, kind: type | tuple[type, ...], words: str):
+    value = body.get(name)
+    if not isinstance(value, kind) or isinstance(value, bool):
+        raise Refused(400, f"{name}: {words} is needed")
+    return value
+
+
+def _names(body: dict) -> list[str]:
+    names = _field(body, "channels", list, "a list of channels")
+    if not all(isinstance(name, str) for name in names):
+        raise Refused(400, "channels: a list of names is needed")
+    return names
+
+
+def _write(desk: Desk, body: dict) -> dict:
+    values = _field(body, "values", dict, "an object of values")
+    if not values:
+        raise Refused(400, "values: nothing to write")
+    return {"values": desk.write(values)}
+
+
+def _select(desk: Desk, body: dict) -> dict:
+    rate_Hz = body.get("rate_Hz")
+    if rate_Hz is not None:
+        rate_Hz = float(_field(body, "rate_Hz", (int, float), "a number"))
+    names = _names(body)
+    desk.select(names, rate_Hz)
+    return {"channels": names}
+
+
+def _arm(desk: Desk, body: dict) -> None:
+    numbers = [
+        _field(body, name, int, "a whole number") for name in ("samples", "pre", "prescaler")
+    ]
+    samples, pre, prescaler = numbers
+    desk.arm(_names(body), samples, pre, _field(body, "trigger", str, "a text"), prescaler)
+
+
+def _record(desk: Desk, body: dict) -> dict:
+    return {"file": str(desk.record_start(_field(body, "suffix", str, "a text")))}
+
+
+COMMANDS: dict[str, Callable[[Desk, dict], dict | None]] = {
+    "/start": lambda desk, _: desk.start(),
+    "/stop": lambda desk, _: desk.stop(),
+    "/clear": lambda desk, _: desk.clear(),
+    "/write": _write,
+    "/channels": _select,
+    "/capture/arm": _arm,
+    "/capture/trigger": lambda desk, _: desk.trigger(),
+    "/capture/cancel": lambda desk, _: desk.cancel(),
+    "/record/start": _record,
+    "/record/stop": lambda desk, _: {"file": str(desk.record_stop())},
+}

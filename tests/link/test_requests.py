@@ -1,0 +1,485 @@
+"""Requests as docs/protocol.md has them: who may ask what, what is refused, and that what is
+refused changes nothing."""
+
+import math
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from device import (
+    ARM,
+    CANCEL,
+    CAPTURE,
+    CHANNELS,
+    CLEAR,
+    CLOSE,
+    CONFIG,
+    DICTIONARY,
+    DONE,
+    GET,
+    HELLO,
+    ID,
+    LENGTH,
+    LIST,
+    NONCE,
+    OPCODE,
+    OPEN,
+    PARAMETERS,
+    PORT,
+    READ,
+    SESSION,
+    SNAPSHOT,
+    START,
+    STATE,
+    STATUS,
+    STOP,
+    STREAM,
+    TRIGGER,
+    TURNING,
+    VALUE,
+    WRITE,
+    Device,
+    frame,
+)
+
+from hexatorque import firmware
+from hexatorque.firmware import ffi, lib
+
+NEEDS_SESSION = {CLOSE, TRIGGER, CANCEL, READ, WRITE, START, CLEAR, STREAM, ARM}
+NEEDS_DICTIONARY = {GET, WRITE, START, CLEAR, STREAM, ARM}
+#: A payload of a right length.
+RIGHT = {
+    LIST: struct.pack("<BH", 0, 0),
+    OPEN: struct.pack("<H", NONCE),
+    GET: struct.pack("<H", 0),
+    WRITE: struct.pack("<Hf", PARAMETERS["speed_ref_rpm"], 1.0),
+    STREAM: struct.pack("<BBHH", 0, 1, 10, 0),
+    ARM: struct.pack("<BBHIIHfH", 1, 0, 1, 10, 5, 0, 0.0, 0),
+    READ: struct.pack("<II", 0, 0),
+}
+WRONG = {
+    HELLO: [1],
+    LIST: [0, 2, 4],
+    OPEN: [0, 1, 3],
+    CLOSE: [1],
+    STATUS: [1],
+    GET: [1, 3, 202, 501],
+    WRITE: [0, 5, 7, 486],
+    START: [1],
+    STOP: [1, 6],
+    CLEAR: [1],
+    STREAM: [0, 3, 5],
+    ARM: [0, 17, 19],
+    CAPTURE: [1],
+    READ: [0, 7, 9],
+    TRIGGER: [1],
+    CANCEL: [1],
+    SNAPSHOT: [1],
+}
+
+
+def everything(device):
+    """What a refused request must not change."""
+    s = device.service
+    return (
+        [lib.ht_drive_get(device.drive, k) for k in range(lib.ht_param_count())],
+        device.state,
+        s.session,
+        s.burst.state,
+        s.burst.number,
+        [(x.active, x.n, x.decimation) for x in s.streams.stream],
+    )
+
+
+@pytest.fixture
+def device():
+    return Device()
+
+
+# --- what may be asked ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("op", range(1, 18))
+def test_wrong_length(device, op):
+    before = everything(device)
+    for n in WRONG[op]:
+        reply = device.ask(op, bytes(n))
+        assert (reply.status, reply.payload) == (LENGTH, b""), n
+    assert everything(device) == before
+
+
+@pytest.mark.parametrize("op", range(1, 18))
+def test_no_session(device, op):
+    before = everything(device)
+    for session in (0, NONCE + 1, 0xFFFF):
+        reply = device.ask(op, RIGHT.get(op, b""), session=session)
+        if op in NEEDS_SESSION:
+            assert (reply.status, reply.payload) == (SESSION, b"")
+        else:
+            assert reply.status == DONE
+    assert everything(device) == before
+    closed = Device(session=False)
+    for session in (0, NONCE):
+        status = closed.ask(op, RIGHT.get(op, b""), session=session).status
+        assert (status == SESSION) == (op in NEEDS_SESSION)
+
+
+@pytest.mark.parametrize("op", range(1, 18))
+def test_stale_dictionary(device, op):
+    before = everything(device)
+    for wrong in (1, 0x8000, 0xFFFF):
+        reply = device.ask(op, RIGHT.get(op, b""), dictionary=device.dictionary ^ wrong)
+        if op in NEEDS_DICTIONARY:
+            assert (reply.status, reply.payload) == (DICTIONARY, b"")
+            assert everything(device) == before
+        else:
+            assert reply.status != DICTIONARY
+
+
+@pytest.mark.parametrize("op", [18, 32, 63])
+def test_unknown_opcode(device, op):
+    assert device.ask(op).status == OPCODE
+    assert device.ask(op, bytes(300)).status == OPCODE
+
+
+def test_what_is_no_request(device):
+    """Bodies of other types, an echo of the device's own: not answered, counted."""
+    for op in (0, 0x40, 0x50, 0x81, 0xFF):
+        damaged = device.service.damaged
+        assert device.answer(struct.pack("<BBHH", op, 1, NONCE, 0), 30) is None
+        assert device.service.damaged == damaged + 1
+    short = device.answer(b"\x05\x01", 30)  # a request without its head
+    assert short.status == LENGTH
+
+
+def test_a_request_of_the_longest_body(device):
+    assert device.ask(GET, bytes(502)).status == LENGTH
+    damaged = device.service.damaged
+    body = device.request(GET, bytes(503))
+    assert device.answer(body, 100) is None
+    assert device.service.damaged == damaged + 1
+    assert device.ask(STATUS).status == DONE
+
+
+def test_head_of_a_reply(device):
+    device.id = 254
+    for _ in range(4):  # ids wrap
+        reply = device.ask(STATUS)
+        assert (reply.status, reply.state, reply.faults) == (DONE, "idle", 0)
+        assert 0 <= device.now - reply.tick < 10
+
+
+# --- the dictionary ---------------------------------------------------------------------------
+
+
+def test_dictionary(device):
+    hello = device.done(HELLO).payload
+    version, crc, f_isr_Hz, budget, *rows = struct.unpack_from("<HIfI4H", hello)
+    longest, streams, per_stream, per_capture, taken, memory, watchdog_ms = struct.unpack_from(
+        "<HBBBBIH", hello, 22
+    )
+    assert (version, f_isr_Hz, budget, longest) == (1, 10000.0, 112500, 508)
+    assert (streams, per_stream, per_capture, taken, memory) == (4, 32, 16, 1, 20480)
+    assert watchdog_ms == 250
+    assert hello[34:].split(b"\0")[0] == b"virtual f28377s"
+    assert Device(session=False).ask(HELLO).payload[27] == 0
+    found = 0
+    texts = []
+    for kind, count in enumerate(rows):
+        for row in range(count):
+            payload = device.done(LIST, "BH", kind, row).payload
+            assert struct.unpack_from("<BH", payload) == (kind, row)
+            assert len(payload) <= 498
+            found = zlib.crc32(payload, found)
+            texts.append(payload[{0: 17, 1: 4, 2: 5, 3: 3}[kind] :].split(b"\0")[:-1])
+        reply = device.ask(LIST, struct.pack("<BH", kind, count))
+        assert (reply.status, reply.payload) == (ID, b"\xff\xff")
+    assert found == crc
+    assert device.ask(LIST, struct.pack("<BH", 4, 0)).status == ID
+    names = [t[0].decode() for t in texts]
+    assert names[: rows[0]] == list(PARAMETERS)
+    assert names[rows[0] : rows[0] + rows[1]] == list(CHANNELS)
+    assert names[-5:] == list(firmware.STATES)
+    # Kinds have their number of texts, so no row was cut.
+    per_kind = [4] * rows[0] + [3] * rows[1] + [2] * rows[2] + [1] * rows[3]
+    assert [len(t) for t in texts] == per_kind
+
+
+def test_parameters_in_the_dictionary(device):
+    for row in firmware.parameters().values():
+        payload = device.done(LIST, "BH", 0, row.id).payload
+        kind, flags, low, high, initial = struct.unpack_from("<BBfff", payload, 3)
+        assert (kind, bool(flags)) == (0, row.live)
+        assert (
+            np.float32([low, high, initial]).tolist()
+            == np.float32([row.min, row.max, row.initial]).tolist()
+        )
+        name, unit, choices, text, _ = payload[17:].decode().split("\0")
+        assert (name, unit, text) == (row.name, row.unit, row.help)
+        assert tuple(choices.split("|") if choices else ()) == row.choices
+
+
+# --- parameters -------------------------------------------------------------------------------
+
+
+def test_get(device):
+    ids = list(range(len(PARAMETERS)))
+    values = device.done(GET, f"{len(ids)}H", *ids).payload
+    assert struct.unpack(f"<{len(ids)}f", values) == tuple(
+        lib.ht_drive_get(device.drive, k) for k in ids
+    )
+    assert len(device.done(GET, "100H", *[3] * 100).payload) == 400
+    assert device.done(GET).payload == b""
+    for bad in (len(ids), 0x8000, 0xFFFF):
+        reply = device.ask(GET, struct.pack("<3H", 0, bad, 1))
+        assert (reply.status, reply.payload) == (ID, struct.pack("<H", bad))
+
+
+def test_write_takes_effect_in_the_interrupt_that_it_names(device):
+    device.run()
+    reply = device.write(scheme=0, speed_ref_rpm=-12.5, torque_limit_Nm=7.0)
+    assert reply.status == DONE
+    tick, *values = struct.unpack("<I3f", reply.payload)
+    assert values == [0.0, -12.5, 7.0]
+    assert reply.tick < tick <= device.now
+    assert device.channel("scheme") == 0.0
+    assert device.value("speed_ref_rpm") == -12.5
+
+
+def test_write_scheme_is_seen_from_the_tick_on(device):
+    """The channel `scheme` is the one in force: a stream of it changes at the reply's tick."""
+    device.run()
+    assert device.stream(0, 2, "scheme").status == DONE
+    for scheme in (0, 5, 2):
+        device.samples(0)
+        reply = device.write(scheme=scheme)
+        (tick,) = struct.unpack_from("<I", reply.payload)
+        device.tick(20)
+        got = {t: v[0] for _, t, v in device.samples(0)}
+        assert {v for t, v in got.items() if t >= tick} == {scheme}
+        assert scheme not in {v for t, v in got.items() if t < tick}
+
+
+BAD = [math.nan, math.inf, -math.inf]
+
+
+@pytest.mark.parametrize("name", PARAMETERS)
+def test_bad_values(device, name):
+    """NaN, infinite, out of range, between two choices: refused, one among many good ones."""
+    row = firmware.parameters()[name]
+    beyond = [np.nextafter(np.float32(row.max), np.float32(np.inf))]
+    beyond += [np.nextafter(np.float32(row.min), np.float32(-np.inf))]
+    beyond += [row.min + 0.5, 1e-9 + row.max - 0.25] if row.choices else []
+    before = everything(device)
+    for value in [*BAD, *map(float, beyond)]:
+        pairs = [("kp_speed_Nms_rad", 0.9), (name, value), ("ki_speed_Nm_rad", 0.3)]
+        payload = b"".join(struct.pack("<Hf", PARAMETERS[n], v) for n, v in pairs)
+        reply = device.ask(WRITE, payload)
+        assert reply.status == VALUE, value
+        assert reply.payload == struct.pack("<H", row.id)
+        assert everything(device) == before
+
+
+def test_unknown_parameter(device):
+    before = everything(device)
+    for bad in (len(PARAMETERS), 0x0100, 0xFFFF):
+        pairs = struct.pack("<HfHf", PARAMETERS["speed_ref_rpm"], 5.0, bad, 1.0)
+        reply = device.ask(WRITE, pairs)
+        assert (reply.status, reply.payload) == (ID, struct.pack("<H", bad))
+        assert everything(device) == before
+
+
+def test_write_of_many(device):
+    """As many as there may be; all or none, wherever the bad one is."""
+    ident = PARAMETERS["speed_ref_rpm"]
+    good = [struct.pack("<Hf", ident, float(k)) for k in range(80)]
+    for at in (0, 1, 40, 79):
+        bad = [*good]
+        bad[at] = struct.pack("<Hf", ident, math.nan)
+        assert device.ask(WRITE, b"".join(bad)).status == VALUE
+        assert device.value("speed_ref_rpm") == 0.0
+    reply = device.ask(WRITE, b"".join(good))
+    assert reply.status == DONE
+    assert len(reply.payload) == 4 + 80 * 4
+    assert device.value("speed_ref_rpm") == 79.0  # the last one counts
+
+
+@pytest.mark.parametrize("name", [n for n, r in firmware.parameters().items() if not r.live])
+def test_only_while_idle(device, name):
+    row = firmware.parameters()[name]
+    value = lib.ht_drive_get(device.drive, row.id)
+    device.run()
+    before = everything(device)
+    pairs = struct.pack("<HfHf", PARAMETERS["speed_ref_rpm"], 5.0, row.id, value)
+    reply = device.ask(WRITE, pairs)
+    assert (reply.status, reply.payload) == (STATE, struct.pack("<H", row.id))
+    assert everything(device) == before
+    device.done(STOP)
+    assert device.ask(WRITE, pairs).status == DONE
+
+
+def test_values_that_do_not_fit_together(device):
+    before = everything(device)
+    reply = device.write(torque_band_Nm=0.1, torque_inner_Nm=0.2)
+    assert (reply.status, reply.payload) == (CONFIG, b"\xff\xff")
+    reply = device.write(dead_time_us=20.0, f_isr_Hz=1000.0)  # no period of that length
+    assert reply.status in (CONFIG, PORT)
+    assert reply.payload == b"\xff\xff"
+    assert everything(device) == before
+    assert device.write(torque_inner_Nm=0.1, torque_band_Nm=0.2).status == DONE
+
+
+def test_rate_stays_while_it_is_counted_in(device):
+    rate = struct.pack("<H", PARAMETERS["f_isr_Hz"])
+    device.stream(2, 100, "state")
+    reply = device.write(f_isr_Hz=5000.0)
+    assert (reply.status, reply.payload) == (STATE, rate)
+    assert device.write(f_isr_Hz=10000.0).status == DONE  # as it is
+    device.stream(2, 1)
+    device.done(ARM, "BBHIIHfH", 1, 0, 1, 10, 5, 0, 0.0, 0)
+    assert device.write(f_isr_Hz=5000.0).status == STATE
+    device.done(TRIGGER)
+    device.tick(30)
+    assert device.write(f_isr_Hz=5000.0).status == DONE
+    assert device.now
+    assert struct.unpack_from("<f", device.done(HELLO).payload, 6) == (5000.0,)
+
+
+# --- commands ---------------------------------------------------------------------------------
+
+
+def test_commands_in_the_wrong_state(device):
+    assert device.ask(CLEAR).status == STATE
+    device.run()
+    assert (device.ask(START).status, device.ask(CLEAR).status) == (STATE, STATE)
+    assert device.state == "run"
+    device.sense(0, 4095)
+    device.tick(2)
+    reply = device.ask(START)
+    assert (reply.status, reply.payload, reply.state) == (STATE, b"\xff\xff", "fault")
+    assert reply.faults & lib.HT_FAULT_OVERCURRENT
+    device.done(STOP)  # leaves a fault alone
+    assert device.state == "fault"
+    device.sense(0, 2048)
+    assert device.done(CLEAR).status == DONE
+    assert (device.state, device.controller.faults) == ("idle", [])
+
+
+def test_start_of_a_turning_machine(device):
+    device.drive.speed_rpm = 100.0
+    assert device.ask(START).status == TURNING
+    assert device.state == "idle"
+
+
+def test_stop_is_for_everybody(device):
+    for session, dictionary in ((0, 0), (NONCE + 1, 0), (NONCE, 0)):
+        device.run()
+        device.ask(STOP, session=session, dictionary=dictionary)
+        assert device.state == "idle"
+        assert device.gates_off
+
+
+def test_snapshot(device):
+    assert device.done(SNAPSHOT).payload == bytes(78)
+    device.run()
+    device.sense(3, 4095)
+    device.tick(5)
+    tick, state, faults, *rest = struct.unpack("<IHH7HI13f", device.done(SNAPSHOT).payload)
+    kept = device.controller.snapshot
+    assert (tick, firmware.STATES[state], firmware.causes(faults)) == (
+        kept["tick"],
+        kept["state"],
+        kept["faults"],
+    )
+    assert (rest[:7], rest[7]) == (kept["adc_counts"], kept["position_counts"])
+    assert rest[3] == 4095
+    names = ("vdc_V", "torque_ref_Nm", "flux_ref_Wb")
+    values = [*kept["i_A"], *(kept[n] for n in names), *kept["psi_Wb"]]
+    assert rest[8:] == [*values, kept["torque_Nm"], kept["speed_rpm"]]
+
+
+# --- repetitions ------------------------------------------------------------------------------
+
+
+def test_repetition_is_answered_and_not_carried_out(device):
+    body = device.request(START)
+    first = device.answer(body)
+    assert (first.status, first.state) == (DONE, "calibrate")
+    device.tick(5)
+    again = device.answer(body)
+    assert again == first  # a second start would be refused
+    assert device.state == "calibrate"
+    for _ in range(12):
+        device.done(STATUS)
+        device.tick(15)
+    assert device.state == "run"
+
+
+def test_repetition_of_an_arm(device):
+    payload = struct.pack("<BBHIIHfH", 1, 0, 1, 10, 5, 0, 0.0, 0)
+    body = device.request(ARM, payload)
+    numbers = [device.answer(body).payload for _ in range(3)]
+    assert numbers == [b"\x01"] * 3
+    assert device.ask(ARM, payload).payload == b"\x02"  # another id is another request
+
+
+def test_repetition_of_a_write_does_not_overwrite(device):
+    body = device.request(WRITE, struct.pack("<Hf", PARAMETERS["speed_ref_rpm"], 7.0))
+    first = device.answer(body)
+    lib.ht_drive_set(device.drive, PARAMETERS["speed_ref_rpm"], 8.0)  # a debugger
+    assert device.answer(body) == first
+    assert device.value("speed_ref_rpm") == 8.0
+
+
+def test_repetition_after_another_request_is_a_new_one(device):
+    body = device.request(ARM, struct.pack("<BBHIIHfH", 1, 0, 1, 10, 5, 0, 0.0, 0))
+    device.answer(body)
+    device.ask(STATUS)
+    assert device.answer(body).payload == b"\x02"
+
+
+def test_stop_stops_also_when_repeated():
+    """Two programs that say nothing but STOP say the same octets."""
+    device = Device()
+    body = struct.pack("<BBHH", STOP, 1, 0, 0)
+    device.answer(body)
+    lib.ht_drive_start(device.drive)  # a debugger
+    device.tick(3)
+    assert device.state == "calibrate"
+    assert device.answer(body).status == DONE
+    assert device.state == "idle"
+
+
+def turn(device, octets):
+    """The background alone."""
+    for octet in octets:
+        lib.ht_regfile_sci_arrive(device.controller.registers, octet)
+        lib.ht_service_turn(ffi.addressof(device.controller.board, "service"))
+
+
+def test_stop_while_a_reply_waits(device):
+    """The reply to a WRITE waits for a fast interrupt; a stop waits for nothing."""
+    device.run()
+    write = device.request(WRITE, struct.pack("<Hf", PARAMETERS["speed_ref_rpm"], 7.0))
+    turn(device, frame(write))
+    assert device.service.reply_due
+    turn(device, frame(device.request(STOP)))
+    assert device.state == "idle"
+    assert device.gates_off
+    assert device.wait(write).status == DONE
+
+
+def test_a_request_that_comes_too_soon(device):
+    """While a reply waits the next request is left; done when it is repeated."""
+    write = device.request(WRITE, struct.pack("<Hf", PARAMETERS["speed_ref_rpm"], 7.0))
+    early = device.request(CANCEL)
+    device.done(ARM, "BBHIIHfH", 1, 0, 1, 10, 5, 0, 0.0, 0)
+    device.run()  # parameters are taken over by an interrupt
+    turn(device, frame(write))
+    turn(device, frame(early))
+    assert device.service.burst.state != 0
+    assert device.wait(write).status == DONE
+    assert device.wait(early, 50) is None
+    assert device.answer(early).status == DONE
+    assert device.service.burst.state == 0

@@ -1,0 +1,355 @@
+"""Who has the session, and the watchdog: a drive that a host has started does not run
+without it."""
+
+import struct
+
+import pytest
+from device import (
+    ARM,
+    BUSY,
+    CLEAR,
+    CLOSE,
+    DONE,
+    GET,
+    HELLO,
+    LIST,
+    NONCE,
+    OPEN,
+    SESSION,
+    SNAPSHOT,
+    START,
+    STATE,
+    STATUS,
+    STOP,
+    TO_RUN,
+    TRIGGER,
+    VALUE,
+    WRITE,
+    Device,
+    frame,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hexatorque.firmware import lib
+
+OTHER = 0x4321
+
+
+def nonce(value):
+    return struct.pack("<H", value)
+
+
+def until_fault(device, most):
+    """Interrupts until the drive is in fault, or None."""
+    for k in range(most):
+        device.tick()
+        if device.state == "fault":
+            return k + 1
+    return None
+
+
+# --- session ------------------------------------------------------------------------------
+
+
+def test_open_and_close():
+    device = Device(session=False)
+    assert device.ask(OPEN, nonce(0)).status == VALUE
+    assert device.ask(OPEN, nonce(NONCE)).status == DONE
+    assert device.ask(OPEN, nonce(NONCE)).status == DONE  # is confirmed
+    assert device.ask(OPEN, nonce(OTHER)).status == BUSY
+    assert device.ask(CLOSE, session=OTHER).status == SESSION
+    assert device.ask(CLOSE, session=NONCE).status == DONE
+    assert device.ask(CLOSE, session=NONCE).status == SESSION
+    assert device.ask(OPEN, nonce(OTHER)).status == DONE
+    assert device.ask(TRIGGER, session=NONCE).status == SESSION
+    assert device.ask(TRIGGER, session=OTHER).status != SESSION
+
+
+def flags(device, session):
+    return struct.unpack_from("<B", device.ask(STATUS, session=session).payload)[0]
+
+
+def test_status_says_whose_it_is():
+    device = Device(session=False)
+    assert flags(device, 0) == 0
+    device.ask(OPEN, nonce(NONCE))
+    assert flags(device, 0) == 1
+    assert flags(device, OTHER) == 1
+    assert flags(device, NONCE) == 3
+    device.session = NONCE
+    device.done(START)
+    assert flags(device, NONCE) == 7
+    assert flags(device, 0) == 5
+    device.done(STOP)
+    assert flags(device, NONCE) == 3
+
+
+def test_two_hosts():
+    """The second is told so, may look and may stop; the first does not notice but the stop."""
+    device = Device()
+    device.run()
+    assert device.ask(OPEN, nonce(OTHER)).status == BUSY
+    for op, payload in ((START, b""), (CLEAR, b""), (WRITE, struct.pack("<Hf", 9, 1.0))):
+        assert device.ask(op, payload, session=OTHER).status == SESSION
+    assert device.ask(GET, nonce(9), session=OTHER).status == DONE
+    assert device.state == "run"
+    assert device.ask(STOP, session=OTHER).status == DONE
+    assert device.state == "idle"
+    assert device.service.session == NONCE
+
+
+@pytest.mark.parametrize("watchdog_ms", [5, 20])
+def test_session_that_is_left_alone(watchdog_ms):
+    """Ends after four times the watchdog's time; its streams end with it."""
+    device = Device(watchdog_ms=watchdog_ms)
+    device.stream(0, 10, "state")
+    limit = 4 * watchdog_ms * 10
+    asked = device.ask(STATUS).tick
+    while device.service.session:
+        device.tick()
+    assert device.now - asked == limit + 2  # the turn is before the interrupt
+    device.tick(100)
+    device.samples(0)
+    device.tick(100)
+    assert device.samples(0) == []
+    assert device.ask(TRIGGER, session=NONCE).status == SESSION
+    assert device.ask(OPEN, nonce(OTHER)).status == DONE
+
+
+def test_session_that_is_used_stays():
+    device = Device(watchdog_ms=5)
+    for _ in range(20):
+        device.tick(150)
+        device.done(STATUS)
+    device.tick(150)
+    device.ask(STATUS, session=OTHER)  # somebody else's request is no sign of life
+    device.tick(60)
+    assert device.service.session == 0
+
+
+def test_streams_end_with_close():
+    device = Device()
+    device.stream(0, 5, "state")
+    device.tick(50)
+    assert len(device.samples(0)) > 5
+    device.done(CLOSE)
+    device.samples(0)
+    device.tick(100)
+    assert device.samples(0) == []
+
+
+# --- watchdog -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("f_isr_Hz", [5000.0, 10000.0, 20000.0])
+@pytest.mark.parametrize("watchdog_ms", [1, 7, 250])
+def test_runs_out_after_its_time(watchdog_ms, f_isr_Hz):
+    """In interrupts, from the first one after the request on; gates off in that interrupt."""
+    device = Device(watchdog_ms=watchdog_ms, f_isr_Hz=f_isr_Hz)
+    begun = device.done(START).tick
+    assert device.state == "calibrate"
+    limit = round(watchdog_ms * 1e-3 * f_isr_Hz)
+    for _ in range(limit + 10):
+        if device.state == "fault":
+            break
+        assert device.service.armed
+        device.tick()
+    assert device.drive.snapshot.tick - (begun + 1) == limit
+    assert device.controller.faults == ["link lost"]
+    assert device.gates_off
+    assert not device.service.armed
+
+
+def test_start_without_a_heartbeat():
+    """Ends in fault `link lost`, which wants its CLEAR."""
+    device = Device()
+    device.done(START)
+    device.tick(TO_RUN)
+    assert device.state == "run"
+    assert not device.gates_off
+    assert until_fault(device, 2500 - TO_RUN + 10) is not None
+    assert device.gates_off
+    assert device.ask(START).status == STATE
+    reply = device.ask(STATUS)
+    assert (reply.state, reply.faults) == ("fault", 0x1000)
+    device.done(CLEAR)
+    device.run()
+
+
+SESSION_REQUESTS = {
+    "STATUS": (STATUS, b""),
+    "HELLO": (HELLO, b""),
+    "GET": (GET, nonce(0)),
+    "refused": (START, b""),
+    "wrong length": (STATUS, b"?"),
+    "unknown": (63, b""),
+}
+
+
+@pytest.mark.parametrize("name", SESSION_REQUESTS)
+def test_fed_by_every_request_of_the_session(name):
+    op, payload = SESSION_REQUESTS[name]
+    device = Device(watchdog_ms=20)
+    device.run()
+    for _ in range(10):
+        device.tick(150)
+        asked = device.ask(op, payload).tick
+        assert device.state == "run"
+    until_fault(device, 300)
+    assert device.drive.snapshot.tick - (asked + 1) == 200
+
+
+def test_fed_by_a_repetition():
+    """Whose reply was lost: the host is there all the same."""
+    device = Device(watchdog_ms=20)
+    device.run()
+    body = device.request(STATUS)
+    for _ in range(5):
+        assert device.answer(body) is not None
+        device.tick(150)
+    assert device.state == "run"
+
+
+NO_FOOD = {
+    "nobody's STATUS": lambda d: frame(d.request(STATUS, session=0)),
+    "another's STATUS": lambda d: frame(d.request(STATUS, session=OTHER)),
+    "another's OPEN": lambda d: frame(d.request(OPEN, nonce(OTHER), session=0)),
+    "HELLO": lambda d: frame(d.request(HELLO, session=0)),
+    "LIST": lambda d: frame(d.request(LIST, b"\0\0\0", session=0)),
+    "SNAPSHOT": lambda d: frame(d.request(SNAPSHOT, session=0)),
+    "damaged": lambda d: frame(d.request(STATUS))[:-3] + b"\x55\x55\0",
+    "noise": lambda d: bytes(range(256)),
+    "zeros": lambda d: bytes(20),
+    "a sample": lambda d: frame(b"\x40\0" + nonce(NONCE) + bytes(6)),
+    "a request without a head": lambda d: frame(b"\x05\x01\x34\x12"),
+}
+
+
+@pytest.mark.parametrize("name", NO_FOOD)
+def test_not_fed_by_anything_else(name):
+    device = Device(watchdog_ms=20)
+    device.run()
+    asked = device.ask(STATUS).tick
+    for _ in range(30):
+        device.put(NO_FOOD[name](device))
+        device.tick(10)
+    assert device.drive.snapshot.tick - (asked + 1) == 200
+    assert device.controller.faults == ["link lost"]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.integers(1, 260), min_size=1, max_size=12))
+def test_any_heartbeat(pauses):
+    """Runs as long as no pause is longer than the watchdog's time, and no longer."""
+    device = Device(watchdog_ms=20)
+    device.run()
+    asked = device.ask(STATUS).tick
+    for pause in pauses:
+        device.tick(pause)
+        # An interrupt takes octets that came before it: 14 octets need one or two.
+        body = device.request(STATUS)
+        reply = device.answer(body)
+        if device.now - asked > 203 and reply.tick - asked > 200:
+            assert reply.state == "fault"
+            assert device.drive.snapshot.tick - (asked + 1) == 200
+            return
+        assert reply.state == "run"
+        asked = reply.tick
+
+
+def test_time_that_is_left():
+    device = Device()
+    assert device.watchdog() == (False, 0)
+    device.run()
+    asked = device.ask(STATUS).tick
+    device.tick(500)
+    armed, left_ms = device.watchdog()
+    assert armed
+    assert left_ms == pytest.approx(250 - (device.now - asked) / 10, abs=1)
+
+
+@pytest.mark.parametrize("how", ["stop", "close", "fault"])
+def test_disarmed(how):
+    device = Device(watchdog_ms=20)
+    device.run()
+    if how == "stop":
+        device.done(STOP)
+    elif how == "close":
+        device.done(CLOSE)
+    else:
+        device.sense(1, 4095)
+        device.tick(3)
+        assert device.controller.faults == [
+            "over-current",
+            "currents of a set do not add up to zero",
+        ]
+    assert device.gates_off
+    assert device.state == ("fault" if how == "fault" else "idle")
+    assert not device.service.armed
+    device.tick(300)
+    assert "link lost" not in device.controller.faults
+
+
+def test_start_from_elsewhere_is_not_guarded():
+    device = Device(watchdog_ms=5)
+    assert lib.ht_drive_start(device.drive) == lib.HT_OK
+    device.done(STATUS)
+    device.tick(1000)
+    assert device.state == "run"
+    assert device.service.session == 0
+    assert device.ask(OPEN, nonce(OTHER)).status == DONE
+    assert device.ask(CLOSE, session=OTHER).status == DONE
+    assert device.state == "run"  # not this session's drive
+    device.ask(STOP)
+    assert device.state == "idle"
+
+
+def test_start_that_is_refused_does_not_arm():
+    device = Device(watchdog_ms=5)
+    assert lib.ht_drive_start(device.drive) == lib.HT_OK
+    assert device.ask(START).status == STATE
+    assert not device.service.armed
+    device.tick(300)
+    assert device.state == "run"
+
+
+def test_counter_that_wraps():
+    """The counter of interrupts wraps while the drive runs; session and watchdog do not care."""
+    device = Device(watchdog_ms=20)
+    device.drive.tick = 2**32 - 400
+    device.service.session_tick = device.drive.tick
+    device.run()
+    for _ in range(20):
+        device.tick(100)
+        assert device.ask(STATUS).state == "run"
+    assert device.now < 4000
+    assert device.service.session == NONCE
+    assert until_fault(device, 250) is not None
+    device.tick(900)
+    assert device.service.session == 0
+
+
+def test_every_start_finds_its_watchdog():
+    """Start and stop in quick succession, with any number of interrupts between."""
+    for pause in range(1, 8):
+        device = Device(watchdog_ms=3)
+        for _ in range(4):
+            device.done(START)
+            device.tick(pause)
+            device.done(STOP)
+        device.done(START)
+        assert until_fault(device, 60) is not None
+        assert device.controller.faults == ["link lost"]
+
+
+def test_capture_of_the_end():
+    """The host's death is a fault like others: a capture catches it."""
+    device = Device(watchdog_ms=20)
+    device.run()
+    payload = struct.pack("<BBHIIHfH", 1, 5, 1, 40, 20, 0, 0.0, 0)
+    assert device.ask(ARM, payload).status == DONE
+    until_fault(device, 400)
+    device.tick(40)
+    assert device.service.burst.state == 5
+    assert device.service.burst.tick == device.drive.snapshot.tick

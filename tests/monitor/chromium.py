@@ -1,0 +1,196 @@
+"""A headless Chromium over its debugging pipe: as much of that protocol as the tests need.
+
+https://chromedevtools.github.io/devtools-protocol; messages are JSON closed by a zero octet.
+"""
+
+import base64
+import json
+import os
+import select
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+
+
+def program() -> str | None:
+    return next((found for name in PROGRAMS if (found := shutil.which(name))), None)
+
+
+class Chromium:
+    """One browser with a profile of its own in `folder`."""
+
+    def __init__(self, folder: Path) -> None:
+        for_browser, self._to = os.pipe()
+        self._from, by_browser = os.pipe()
+        flags = ["--headless=new", "--remote-debugging-pipe", f"--user-data-dir={folder}",
+                 "--no-first-run", "--disable-gpu", "--disable-dev-shm-usage", "--mute-audio",
+                 "--disable-background-networking", "--disable-component-update",
+                 "--hide-scrollbars", "--force-color-profile=srgb"]  # fmt: skip
+        if os.geteuid() == 0:
+            flags.append("--no-sandbox")  # the sandbox needs a user that is not root
+        # The pipe's ends must be the browser's descriptors 3 and 4; sh knows one digit only.
+        script = f'exec "$0" "$@" 3<&{for_browser} 4>&{by_browser}'
+        self.process = subprocess.Popen(
+            ["bash", "-c", script, program(), *flags, "about:blank"],
+            pass_fds=(for_browser, by_browser),
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        os.close(for_browser)
+        os.close(by_browser)
+        self._rest = b""
+        self._id = 0
+        self.events: list[dict] = []
+
+    def __enter__(self) -> "Chromium":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            try:
+                self.call("Browser.close")
+                self.process.wait(10)
+            except (OSError, TimeoutError, subprocess.TimeoutExpired):
+                self.process.kill()
+                self.process.wait()
+        os.close(self._to)
+        os.close(self._from)
+
+    def _message(self, end: float) -> dict:
+        while b"\0" not in self._rest:
+            if not select.select([self._from], [], [], max(0.0, end - time.monotonic()))[0]:
+                raise TimeoutError("the browser does not answer")
+            octets = os.read(self._from, 1 << 16)
+            if not octets:
+                raise OSError("the browser has ended")
+            self._rest += octets
+        text, self._rest = self._rest.split(b"\0", 1)
+        return json.loads(text)
+
+    def call(self, method: str, session: str | None = None, **params: object) -> dict:
+        self._id += 1
+        request = {"id": self._id, "method": method, "params": params}
+        if session:
+            request["sessionId"] = session
+        os.write(self._to, json.dumps(request).encode() + b"\0")
+        end = time.monotonic() + 30
+        while True:
+            message = self._message(end)
+            if message.get("id") != self._id:
+                self.events.append(message)
+            elif "error" in message:
+                raise AssertionError(f"{method}: {message['error']}")
+            else:
+                return message["result"]
+
+    def open(self, url: str, wide: int = 1400, high: int = 900) -> "Page":
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        page = Page(self, target, session)
+        page.call("Runtime.enable")
+        page.call("Log.enable")
+        page.call("Network.enable")
+        page.call("Page.enable")
+        page.size(wide, high)
+        page.call("Page.navigate", url=url)
+        page.until("location.protocol == 'http:' && document.readyState == 'complete'")
+        return page
+
+
+class Page:
+    def __init__(self, browser: Chromium, target: str, session: str) -> None:
+        self.browser, self.target, self.session = browser, target, session
+        self.closed = False
+
+    def call(self, method: str, **params: object) -> dict:
+        return self.browser.call(method, self.session, **params)
+
+    def size(self, wide: int, high: int, mobile: bool = False) -> None:
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=wide, height=high, deviceScaleFactor=2 if mobile else 1, mobile=mobile,
+        )  # fmt: skip
+
+    def scheme(self, name: str) -> None:
+        features = [{"name": "prefers-color-scheme", "value": name}]
+        self.call("Emulation.setEmulatedMedia", features=features)
+
+    def js(self, expression: str) -> object:
+        """The value of an expression, of a promise when it is fulfilled."""
+        answer = self.call(
+            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
+        )
+        if "exceptionDetails" in answer:
+            raise AssertionError(f"{expression}: {answer['exceptionDetails']}")
+        return answer["result"].get("value")
+
+    def until(self, expression: str, seconds: float = 20.0) -> None:
+        end = time.monotonic() + seconds
+        while not self.js(f"!!({expression})"):
+            if time.monotonic() > end:
+                raise AssertionError(f"not within {seconds:g} s: {expression}")
+            time.sleep(0.05)
+
+    def click(self, selector: str) -> None:
+        """With the mouse, at the middle of what is visible there."""
+        x, y = self.js(
+            f"(() => {{ const e = document.querySelector({selector!r});"
+            "e.scrollIntoView({block: 'nearest'}); const r = e.getBoundingClientRect();"
+            "return [r.x + r.width / 2, r.y + r.height / 2]; })()"
+        )
+        self.mouse(x, y, "mousePressed")
+        self.mouse(x, y, "mouseReleased")
+
+    def mouse(self, x: float, y: float, kind: str) -> None:
+        pressed = kind != "mouseMoved"
+        self.call(
+            "Input.dispatchMouseEvent", type=kind, x=x, y=y,
+            button="left" if pressed else "none", clickCount=int(pressed),
+        )  # fmt: skip
+
+    def key(self, key: str, code: str, text: str = "") -> None:
+        self.call("Input.dispatchKeyEvent", type="keyDown", key=key, code=code, text=text)
+        self.call("Input.dispatchKeyEvent", type="keyUp", key=key, code=code)
+
+    def type(self, selector: str, text: str) -> None:
+        """Replace what is in a field."""
+        self.js(f"(() => {{ const e = document.querySelector({selector!r}); e.focus(); "
+                "e.select(); })()")  # fmt: skip
+        self.call("Input.insertText", text=text)
+
+    def choose(self, selector: str, value: str) -> None:
+        self.js(f"(() => {{ const e = document.querySelector({selector!r}); e.value = {value!r};"
+                "e.dispatchEvent(new Event('change', {bubbles: true})); })()")  # fmt: skip
+
+    def picture(self, file: Path) -> None:
+        data = self.call("Page.captureScreenshot", format="png")["data"]
+        file.write_bytes(base64.b64decode(data))
+
+    def complaints(self) -> list[str]:
+        """Exceptions and errors in the console, refused resources included."""
+        self.js("0")  # what is under way arrives before the answer
+        found = []
+        for event in self.browser.events:
+            if event.get("method") == "Runtime.exceptionThrown":
+                details = event["params"]["exceptionDetails"]
+                found.append(details.get("exception", {}).get("description", details["text"]))
+            elif event.get("method") == "Log.entryAdded":
+                entry = event["params"]["entry"]
+                if entry["level"] == "error":
+                    found.append(f"{entry['text']} {entry.get('url', '')}")
+        return found
+
+    def requests(self) -> list[str]:
+        return [
+            event["params"]["request"]["url"]
+            for event in self.browser.events
+            if event.get("method") == "Network.requestWillBeSent"
+        ]
+
+    def close(self) -> None:
+        if self.closed:
+            return
+        self.closed = True
+        self.browser.call("Target.closeTarget", targetId=self.target)

@@ -1,0 +1,210 @@
+"""A virtual board in a process of its own, a desk and a server in this one, and a browser's
+end of HTTP without a browser."""
+
+import http.client
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import hexatorque
+
+HOST = Path(hexatorque.__file__).parents[1]
+
+
+def hexatorque_process(*arguments: object) -> subprocess.Popen:
+    environment = {**os.environ, "PYTHONPATH": str(HOST)}
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        environment.pop(name, None)
+    return subprocess.Popen(
+        [sys.executable, "-m", "hexatorque", *map(str, arguments)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_directories(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("XDG_RUNTIME_DIR", "XDG_CACHE_HOME"):
+            folder = tmp_path_factory.mktemp(name)
+            folder.chmod(0o700)
+            patch.setenv(name, str(folder))
+        yield
+
+
+@pytest.fixture(scope="session")
+def port(own_directories, tmp_path_factory) -> str:
+    link = tmp_path_factory.mktemp("dev") / "ttyHT0"
+    process = hexatorque_process(
+        "board", "--virtual", "--setup", "paper-b", "--load", 1, "--link", link
+    )
+    try:
+        assert str(link) in process.stdout.readline(), process.stderr.read()
+        yield str(link)
+    finally:
+        process.terminate()
+        process.communicate()
+
+
+def to_rest(drive) -> None:
+    """Idle, without faults, and the machine stands: ready for the next start."""
+    drive.stop()
+    if drive.state == "fault":
+        drive.clear()
+    drive.set("speed_ref_rpm", 0)
+    end = time.monotonic() + 10
+    with drive.stream(["speed_rpm"], rate_Hz=100) as stream:
+        for _, values in stream:
+            if abs(values[-1, 0]) < 15:
+                break
+            assert time.monotonic() < end
+
+
+@pytest.fixture
+def drive(port):
+    """An idle drive with the parameters it had in the beginning."""
+    from hexatorque.link.drive import Drive
+
+    with Drive.open(port) as drive:
+        before = drive.get_all()
+        yield drive
+        to_rest(drive)
+        drive.set_many(before)
+
+
+class Visitor:
+    """What a browser does for a page, on one port of this computer."""
+
+    def __init__(self, port: int, token: str) -> None:
+        self.port, self.token = port, token
+        self.host = f"127.0.0.1:{port}"
+        self.cookie = ""
+
+    def ask(self, method: str, path: str, body: bytes | None = None, **headers: str):
+        """Status, headers, body. Headers by name, underscores for dashes; "" leaves one out."""
+        given = {"Host": self.host, "Cookie": self.cookie}
+        given |= {name.replace("_", "-"): value for name, value in headers.items()}
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+        try:
+            connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
+            if body is not None:
+                given.setdefault("Content-Length", str(len(body)))
+            for name, value in given.items():
+                if value:
+                    connection.putheader(name, value)
+            connection.endheaders(body)
+            answer = connection.getresponse()
+            return answer.status, answer.headers, answer.read()
+        finally:
+            connection.close()
+
+    def enter(self) -> None:
+        status, headers, _ = self.ask("GET", f"/?token={self.token}")
+        assert status == 303
+        self.cookie = headers["Set-Cookie"].partition(";")[0]
+
+    def get(self, path: str):
+        status, _, body = self.ask("GET", path)
+        return status, json.loads(body)
+
+    def post(self, path: str, data: object, **headers: str):
+        """As the page does it."""
+        mine = {"Origin": f"http://{self.host}", "Content_Type": "application/json"}
+        status, _, body = self.ask("POST", path, json.dumps(data).encode(), **(mine | headers))
+        return status, json.loads(body)
+
+    @contextmanager
+    def page(self, window_s: float = 2, bins: int = 500, cookie: str | None = None):
+        """An open page's events: a function that gives the next frame."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+        headers = {"Host": self.host, "Cookie": self.cookie if cookie is None else cookie}
+        connection.request("GET", f"/events?window_s={window_s}&bins={bins}", headers=headers)
+        answer = connection.getresponse()
+        assert answer.status == 200, answer.read()
+
+        def frame() -> dict:
+            while True:
+                line = answer.readline()
+                assert line, "the stream has ended"
+                if line.startswith(b"data: "):
+                    return json.loads(line[6:])
+
+        frame.connection = connection
+        try:
+            yield frame
+        finally:
+            answer.close()
+            connection.close()
+
+
+class Site(Visitor):
+    """A desk, its server, and a browser that has entered it."""
+
+    def __init__(self, desk, server) -> None:
+        super().__init__(server.port, server.token)
+        self.desk, self.server = desk, server
+        self.enter()
+
+    def until(self, state: str, seconds: float = 10.0) -> float:
+        """Wait for the drive's state; how long that took."""
+        begun = time.monotonic()
+        while self.desk.status()["state"] != state:
+            assert time.monotonic() - begun < seconds, self.desk.status()
+            time.sleep(0.01)
+        return time.monotonic() - begun
+
+
+@pytest.fixture
+def site(drive, tmp_path):
+    from hexatorque.monitor.desk import Desk
+    from hexatorque.monitor.server import Server
+
+    with Desk(drive, tmp_path / "recordings", alone_s=0.6) as desk, Server(desk) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield Site(desk, server)
+        server.shutdown()
+        thread.join()
+
+
+class Monitor(Visitor):
+    """`hexatorque monitor` in a process of its own."""
+
+    def __init__(self, *arguments: object) -> None:
+        self.process = hexatorque_process("monitor", "--no-browser", *arguments)
+        self.title = self.process.stdout.readline().strip()
+        self.url = self.process.stdout.readline().strip()
+        found = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/\?token=([\w-]{32})", self.url)
+        assert found, (self.title, self.url, self.process.stderr.read())
+        super().__init__(int(found[1]), found[2])
+        self.enter()
+
+    def end(self, number: signal.Signals) -> tuple[int, str]:
+        """Exit code and what it said."""
+        self.process.send_signal(number)
+        out, err = self.process.communicate(timeout=20)
+        return self.process.returncode, out + err
+
+
+@pytest.fixture
+def monitor(port, tmp_path):
+    """Of a board that the test leaves idle and without faults."""
+    from hexatorque.link.drive import Drive
+
+    with Drive.open(port) as drive:
+        before = drive.get_all()
+    monitor = Monitor("--device", port, "-o", tmp_path / "recordings")
+    yield monitor
+    if monitor.process.poll() is None:
+        monitor.end(signal.SIGINT)
+    with Drive.open(port) as drive:
+        to_rest(drive)
+        drive.set_many(before)

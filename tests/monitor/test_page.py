@@ -1,0 +1,264 @@
+"""The page in a headless Chromium, against a virtual board: what a person would do."""
+
+import signal
+import time
+
+import pytest
+from chromium import Chromium, program
+
+pytestmark = pytest.mark.skipif(program() is None, reason="no chromium")
+
+#: Pixels of a plot that are not its background, as numbers that change when traces move.
+INKED = """(() => {
+  const canvas = document.querySelectorAll('#plots canvas')[%d];
+  const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+  let sum = 0;
+  for (let i = 3; i < pixels.length; i += 4) if (pixels[i]) sum = (sum * 31 + i) %% 1000000007;
+  return sum;
+})()"""
+STATE = "document.body.dataset.state"
+SPEED = "Number(document.querySelector('[data-figure=speed_rpm]').textContent.replace('−', '-'))"
+QUICK_SPEED = "#quick input[aria-label=speed_ref_rpm]"
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    with Chromium(tmp_path_factory.mktemp("profile")) as browser:
+        yield browser
+
+
+@pytest.fixture
+def page(browser, monitor):
+    browser.events.clear()
+    page = browser.open(monitor.url)
+    page.until(f"{STATE} === 'idle'")
+    yield page
+    page.close()
+
+
+def tab(page, name: str) -> None:
+    page.click(f"[data-panel={name}]")
+
+
+def start(page) -> None:
+    page.until("!document.querySelector('#start').disabled")
+    page.click("#start")
+    page.until(f"{STATE} === 'run'")
+
+
+def inked(page, plot: int) -> int:
+    return page.js(INKED % plot)
+
+
+def test_start_speed_traces_stop(page, monitor):
+    assert "token" not in page.js("location.href")
+    page.choose("#window", "1")
+    start(page)
+    page.type(QUICK_SPEED, "500")
+    page.key("Enter", "Enter", "\r")
+    page.until(f"Math.abs({SPEED} - 500) < 15")
+    # Traces of phase currents move; a paused page stands still, though samples come in.
+    plots = page.js("[...document.querySelectorAll('.plot .unit')].map(e => e.textContent)")
+    currents = plots.index("A")
+    before = inked(page, currents)
+    page.until(f"({INKED % currents}) !== {before}", 2)
+    page.click("#pause")
+    time.sleep(0.3)
+    before = inked(page, currents)
+    time.sleep(0.5)
+    assert inked(page, currents) == before
+    page.click("#pause")
+    page.until(f"({INKED % currents}) !== {before}", 3)
+    page.choose("#quick select[aria-label=scheme]", "fdr")
+    end = time.monotonic() + 3
+    while monitor.get("/values")[1]["scheme"] != "fdr":
+        assert time.monotonic() < end
+    page.click("#stop")
+    page.until(f"{STATE} === 'idle'", 1)
+    page.until(f"Math.abs({SPEED}) < 250", 5)
+    assert page.complaints() == []
+    requests = page.requests()
+    assert requests and all(url.startswith(f"http://{monitor.host}/") for url in requests)
+
+
+@pytest.mark.parametrize(
+    ("key", "code", "where"),
+    [
+        ("Escape", "Escape", "document.activeElement.blur()"),
+        ("Escape", "Escape", f"document.querySelector('{QUICK_SPEED}').focus()"),
+        ("Escape", "Escape", "document.querySelector('#window').focus()"),
+        (" ", "Space", "document.activeElement.blur()"),
+        (" ", "Space", "document.querySelector('#start').focus()"),
+        (" ", "Space", "document.querySelector('#record').focus()"),
+    ],
+)
+def test_a_key_stops_wherever_the_focus_is(page, monitor, key, code, where):
+    start(page)
+    page.js(where)
+    page.key(key, code, key if key == " " else "")
+    page.until(f"{STATE} === 'idle'", 1)
+    time.sleep(0.3)
+    assert page.js(STATE) == "idle"  # the key did not press the button as well
+    assert page.js("document.querySelector('#record').getAttribute('aria-pressed')") == "false"
+
+
+def test_stop_can_be_hit_at_any_size(page):
+    for wide, high in ((1400, 900), (1024, 700), (420, 800), (360, 560)):
+        page.size(wide, high, mobile=wide < 500)
+        page.js("window.scrollTo(0, 600)")
+        time.sleep(0.1)
+        assert page.js(
+            "(() => { const r = document.querySelector('#stop').getBoundingClientRect();"
+            "const hit = document.elementFromPoint(r.x + r.width / 2, r.y + r.height / 2);"
+            "return hit.closest('#stop') !== null && r.width >= 100 && r.height >= 44 })()"
+        ), (wide, high)
+        assert page.js("document.documentElement.scrollWidth <= innerWidth"), (wide, high)
+        assert not page.js("document.querySelector('#stop').disabled")
+
+
+def test_parameters_are_searched_checked_and_set_together(page, monitor):
+    tab(page, "parameters")
+    rows = "[...document.querySelectorAll('.parameter')].filter(e => !e.hidden)"
+    count = page.js(f"{rows}.length")
+    assert count == len(monitor.get("/device")[1]["parameters"])
+    page.type("#search", "flux trip")
+    assert 0 < page.js(f"{rows}.length") < count
+    page.type("#search", "")
+    page.type(".parameter [aria-label=torque_limit_Nm]", "1e9")
+    page.type(".parameter [aria-label=kp_speed_Nms_rad]", "0.123")
+    assert page.js("document.querySelector('#apply-all').disabled")
+    assert "10000" in page.js("document.querySelector('#apply-text').textContent")
+    before = monitor.get("/values")[1]
+    page.type(".parameter [aria-label=torque_limit_Nm]", "4.5")
+    assert "2 changes" in page.js("document.querySelector('#apply-text').textContent")
+    page.key("Enter", "Enter", "\r")
+    page.until("document.querySelector('#apply').hidden")
+    end = time.monotonic() + 3
+    while (now := monitor.get("/values")[1]) == before:
+        assert time.monotonic() < end
+    changed = {name: value for name, value in now.items() if value != before[name]}
+    assert changed == {"torque_limit_Nm": 4.5, "kp_speed_Nms_rad": pytest.approx(0.123)}
+    # What another client sets arrives in the field.
+    monitor.post("/write", {"values": {name: before[name] for name in changed}})
+    limit = "document.querySelector('.parameter [aria-label=torque_limit_Nm]').value"
+    page.until(f"Number({limit}) === {before['torque_limit_Nm']}")
+    # While the gates are on, what needs them off cannot be edited.
+    locked = "document.querySelector('.parameter [aria-label=dead_time_us]').disabled"
+    assert not page.js(locked)
+    start(page)
+    page.until(locked)
+    page.click("#stop")
+
+
+def test_a_refusal_is_shown_in_the_boards_words(page):
+    """Parameters that do not fit together: only the board knows."""
+    tab(page, "parameters")
+    page.type(".parameter [aria-label=vdc_min_V]", "399")
+    page.type(".parameter [aria-label=vdc_max_V]", "200")
+    page.key("Enter", "Enter", "\r")
+    page.until("document.querySelector('#toasts .bad')")
+    assert "fit together" in page.js("document.querySelector('#toasts .bad').textContent")
+    assert "2 changes" in page.js("document.querySelector('#apply-text').textContent")
+    page.click("#revert")
+
+
+def test_traces_are_chosen(page):
+    tab(page, "channels")
+    for name in ("vdc_V", "psi_alpha_Wb", "psi_beta_Wb"):
+        page.click(f"#channels input[value={name}]")  # faster than the page is told
+    page.click("#channels input[value=scheme]")
+    # A channel whose values have names is read by name.
+    page.until("document.querySelector('.chip [data-channel=scheme]')?.textContent === 'dtc1'")
+    plots = page.js("[...document.querySelectorAll('.plot .unit')].map(e => e.textContent)")
+    assert plots == ["r/min", "N m", "A", "–"]
+
+
+def test_cursor_zoom_and_fixed_scale(page):
+    time.sleep(1.0)
+    x, y, wide, high = page.js(
+        "(() => { const r = document.querySelector('#plots canvas').getBoundingClientRect();"
+        "return [r.x, r.y, r.width, r.height]; })()"
+    )
+    middle = y + high / 2
+    page.mouse(x + wide / 2, middle, "mouseMoved")
+    page.until("document.querySelector('#cursor').textContent.startsWith('−2.')")  # of 5 s
+    page.mouse(x + wide / 2, middle, "mousePressed")
+    page.mouse(x + wide / 2, middle, "mouseReleased")
+    page.mouse(x + wide * 0.6, middle, "mouseMoved")
+    page.until("/^Δ .* Hz$/.test(document.querySelector('#cursor').textContent)")
+    page.mouse(x + wide * 0.6, middle, "mousePressed")
+    page.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + wide * 0.7, y=middle,
+              button="left", buttons=1)  # fmt: skip
+    page.mouse(x + wide * 0.7, middle, "mouseReleased")
+    page.until("document.querySelector('#pause').getAttribute('aria-pressed') === 'true'")
+    assert not page.js("document.querySelector('#whole').hidden")
+    page.until("performance.getEntriesByType('resource').some(e => e.name.includes('/history'))")
+    page.click("#whole")
+    page.click("#pause")
+    page.click(".scale button")
+    page.js("(() => { const [low, high] = document.querySelectorAll('.scale input');"
+            "low.value = -50; high.value = 950;"
+            "high.dispatchEvent(new Event('change')); })()")  # fmt: skip
+    assert page.js("document.querySelector('.scale button').textContent") == "fixed"
+    assert page.complaints() == []
+
+
+def test_burst_capture_is_drawn(page):
+    tab(page, "capture")
+    page.type("#samples", "800")
+    page.js("document.querySelector('#capture-form').requestSubmit()")
+    page.until("document.querySelector('#capture-state').textContent.startsWith('waiting')")
+    page.click("#trigger-now")
+    page.until("document.body.dataset.seeing === 'capture'")
+    assert page.js("document.querySelector('#see-capture').textContent").startswith("Capture")
+    time.sleep(0.3)
+    assert inked(page, 0) != 0
+    link = "document.querySelector('.downloads a').href"
+    assert page.js(f"fetch({link}).then(r => r.text()).then(t => t.split('\\n').length)") == 802
+    assert page.complaints() == []
+
+
+def test_a_fault_is_plain_to_see(page, monitor):
+    start(page)
+    monitor.post("/write", {"values": {"vdc_max_V": 200}})
+    page.until(f"{STATE} === 'fault'")
+    assert page.js("document.querySelector('#faults').textContent") == "dc-link voltage too high"
+    tab(page, "fault")
+    page.until("document.querySelector('#snapshot h2')?.textContent === 'dc-link voltage too high'")
+    monitor.post("/write", {"values": {"vdc_max_V": 400}})
+    page.click("#clear")
+    page.until(f"{STATE} === 'idle'")
+
+
+def test_a_closed_tab_stops_the_drive(browser, page, monitor):
+    start(page)
+    page.close()
+    time.sleep(1.0)
+    with monitor.page() as frame:
+        time.sleep(0.2)
+        # One that came back within two seconds keeps it running ...
+        while "status" not in (one := frame()):
+            pass
+        assert one["status"]["state"] == "run"
+    time.sleep(3.0)
+    with monitor.page() as frame:
+        while "status" not in (one := frame()):
+            pass
+        assert one["status"]["state"] == "idle" and "no page" in one["status"]["notice"]
+
+
+def test_a_monitor_that_is_gone_is_plain_to_see(page, monitor):
+    start(page)
+    monitor.end(signal.SIGTERM)
+    page.until(f"{STATE} === 'unknown'", 4)
+    assert not page.js("document.querySelector('#alarm').hidden")
+    page.click("#stop")
+    page.until("document.querySelector('#toasts .bad')")
+
+
+def test_without_the_cookie_the_page_says_how_to_get_in(browser, monitor):
+    """Another profile, or a copied address without its token."""
+    monitor.cookie = ""
+    page = browser.open(f"http://localhost:{monitor.port}/")
+    assert "hexatorque monitor" in page.js("document.body.textContent")
+    page.close()

@@ -1,0 +1,105 @@
+"""The ring and its envelopes against every sample kept in a table."""
+
+import numpy as np
+import pytest
+
+from hexatorque.monitor.traces import Ring, View
+
+
+def samples(seed: int, blocks: int, most: int, hole: float) -> list[tuple]:
+    """Blocks of (numbers, values) as a line delivers them: in order, with holes."""
+    rng = np.random.default_rng(seed)
+    at, out = 1_000_000, []
+    for _ in range(blocks):
+        numbers = at + np.arange(rng.integers(1, most))
+        numbers = numbers[rng.random(len(numbers)) >= hole]
+        at = int(numbers[-1]) + 1 + int(rng.integers(0, 3)) if len(numbers) else at + most
+        out.append((numbers, rng.normal(size=(len(numbers), 2)).astype(np.float32)))
+    return out
+
+
+def table(blocks: list[tuple]) -> dict[int, np.ndarray]:
+    return {int(n): v for numbers, values in blocks for n, v in zip(numbers, values)}
+
+
+def by_hand(kept: dict, width: int, first: int, last: int, oldest: int) -> list[tuple]:
+    """(2, 2): smallest and largest of both channels, of each bin; None without samples."""
+    out = []
+    for bin in range(first, last):
+        numbers = range(max(oldest, bin * width), (bin + 1) * width)
+        rows = np.array([kept[n] for n in numbers if n in kept])
+        out.append((rows.min(axis=0), rows.max(axis=0)) if len(rows) else None)
+    return out
+
+
+def assert_bins(lo: np.ndarray, hi: np.ndarray, wanted: list) -> None:
+    assert lo.shape == hi.shape == (2, len(wanted))
+    for low, high, want in zip(lo.T, hi.T, wanted):
+        if want is None:
+            assert np.isnan(low).all() and np.isnan(high).all()
+        else:
+            np.testing.assert_array_equal(low, want[0])
+            np.testing.assert_array_equal(high, want[1])
+
+
+@pytest.mark.parametrize("hole", [0.0, 0.2])
+@pytest.mark.parametrize("width", [1, 7])
+def test_envelope_is_of_all_samples_that_are_there(width, hole):
+    blocks = samples(1, 60, 40, hole)
+    ring = Ring(2, 300)
+    kept: dict[int, np.ndarray] = {}
+    for block in blocks:
+        ring.push(*block)
+        kept |= table([block])
+        oldest = max(ring.end - 300, min(kept))
+        first, last = (oldest - 20) // width, ring.end // width + 3
+        lo, hi = ring.envelope(width, first, last)
+        assert_bins(lo, hi, by_hand(kept, width, first, last, oldest))
+
+
+def test_a_gap_longer_than_the_ring_leaves_nothing_old():
+    ring = Ring(1, 10)
+    ring.push(np.arange(10), np.ones((10, 1), np.float32))
+    ring.push(np.array([10**6]), np.full((1, 1), 2, np.float32))
+    values = ring.part(10**6 - 12, 10**6 + 2)[0]
+    assert values[12] == 2
+    assert np.isnan(np.delete(values, 12)).all()
+
+
+def test_a_block_longer_than_the_ring_leaves_its_newest():
+    ring = Ring(1, 10)
+    ring.push(np.arange(35), np.arange(35, dtype=np.float32)[:, None])
+    np.testing.assert_array_equal(ring.part(25, 35)[0], np.arange(25, 35))
+    assert np.isnan(ring.part(20, 25)).all()
+
+
+@pytest.mark.parametrize("patience", [1, 30])  # blocks between two looks
+def test_a_page_that_keeps_what_it_gets_has_the_envelope(patience):
+    blocks = samples(2, 200, 30, 0.05)
+    ring = Ring(2, 4000)
+    view = View(ring, rate_Hz=1000.0, window_s=0.4, bins=100)
+    assert view.width == 4
+    page: dict[int, tuple] = {}
+    for turn, block in enumerate(blocks):
+        ring.push(*block)
+        if turn % patience:
+            continue
+        first, lo, hi = view.news()
+        assert lo.shape[1] <= view.count
+        page |= {first + i: (lo[:, i], hi[:, i]) for i in range(lo.shape[1])}
+        newest = (ring.end - 1) // 4
+        bins = range(max(newest - 100, ring.begin // 4), newest + 1)
+        assert set(bins) <= set(page)
+        lo, hi = (np.array([page[bin][which] for bin in bins]).T for which in (0, 1))
+        kept = table(blocks[: turn + 1])
+        assert_bins(lo, hi, by_hand(kept, 4, bins[0], bins[-1] + 1, 0))
+    assert view.news() is None or ring.end % 4  # a full last bin is not sent again
+
+
+def test_a_page_that_asks_again_at_once_gets_nothing():
+    ring = Ring(1, 100)
+    view = View(ring, 100.0, 1.0, 50)
+    assert view.news() is None
+    ring.push(np.arange(20), np.zeros((20, 1), np.float32))
+    assert view.news() is not None
+    assert view.news() is None

@@ -1,0 +1,114 @@
+"""Golden frames of the serial link (docs/protocol.md), for generate.py. CRC and COBS by
+their definitions: no library, nothing of hexatorque."""
+
+from __future__ import annotations
+
+import struct
+
+#: Of the requests.
+SESSION, DICTIONARY = 0x1234, 0xBEEF
+
+
+def crc32(octets: bytes) -> int:
+    """Bit by bit, the lowest first."""
+    remainder = 0xFFFFFFFF
+    for octet in octets:
+        for bit in range(8):
+            out = (remainder ^ (octet >> bit)) & 1
+            remainder = (remainder >> 1) ^ (0xEDB88320 if out else 0)
+    return remainder ^ 0xFFFFFFFF
+
+
+def stuffed(octets: bytes) -> bytes:
+    """COBS: blocks of up to 254 octets without a zero, each behind its length + 1. After a
+    shorter block stands a zero, but not after the last one."""
+    out, rest = b"", octets
+    while True:
+        length = min((rest + b"\0").index(0), 254)
+        out += bytes([length + 1]) + rest[:length]
+        full, rest = length == 254, rest[length:]
+        if not rest:
+            return out
+        rest = rest if full else rest[1:]
+
+
+def closed(body: bytes) -> bytes:
+    return body + struct.pack("<I", crc32(body))
+
+
+def frame(body: bytes) -> bytes:
+    return b"\0" + stuffed(closed(body)) + b"\0"
+
+
+def bodies() -> list[tuple[str, bytes]]:
+    def request(op: int, layout: str = "", *values: object) -> bytes:
+        return struct.pack("<BBHH" + layout, op, op + 6, SESSION, DICTIONARY, *values)
+
+    def reply(op: int, status: int, layout: str = "", *values: object) -> bytes:
+        head = struct.pack("<BBBBHI", op + 0x80, op + 6, status, 3, 0x0041, 0x01020300)
+        return head + struct.pack("<" + layout, *values)
+
+    return [
+        ("HELLO", struct.pack("<BBHH", 1, 7, 0, 0)),
+        ("LIST row 2 of the faults", request(2, "BH", 2, 2)),
+        ("OPEN", struct.pack("<BBHHH", 3, 9, 0, DICTIONARY, SESSION)),
+        ("CLOSE", request(4)),
+        ("STATUS", request(5)),
+        ("GET parameters 0, 256, 7", request(6, "3H", 0, 256, 7)),
+        ("WRITE two values", request(7, "HfHf", 0, 3.0, 9, -1500.5)),
+        ("START", request(8)),
+        ("STOP without a session", struct.pack("<BBHH", 9, 15, 0, 0)),
+        ("CLEAR", request(10)),
+        ("STREAM 3 channels, every 4th", request(11, "BBH3H", 1, 3, 4, 2, 3, 8)),
+        ("STREAM ends", request(11, "BBH", 1, 0, 1)),
+        ("ARM falling through 0.25",
+         request(12, "BBHIIHf2H", 2, 2, 10, 1000, 250, 9, 0.25, 9, 10)),
+        ("CAPTURE", request(13)),
+        ("READ values 600 to 659", request(14, "II", 600, 60)),
+        ("TRIGGER", request(15)),
+        ("CANCEL", request(16)),
+        ("SNAPSHOT", request(17)),
+        ("reply to HELLO", reply(1, 0, "HIfI4HHBBBBIH", 1, 0x0BADBEEF, 10000.0, 112500,
+                                 62, 27, 13, 5, 508, 4, 32, 16, 1, 20480, 250)
+         + b"board\0build\0"),
+        ("reply to WRITE, refused", reply(7, 2, "H", 9)),
+        ("reply to STREAM, over the budget", reply(11, 21, "H", 7)),
+        ("reply to STATUS", reply(5, 0, "BBHIII", 7, 2, 180, 3, 0, 1000000)),
+        ("sample of stream 1", struct.pack("<BBI3f", 0x41, 255, 0xFFFFFFFF, 1.5, -0.0, 311.0)),
+        ("data of a capture", struct.pack("<BBI5f", 0x50, 3, 600, *(0.1 * k for k in range(5)))),
+        ("shortest body", b"\x05\x00"),
+        *((f"{n} octets without a zero", bytes(1 + k % 255 for k in range(n)))
+          for n in (249, 250, 251, 253, 254, 255, 504, 508)),
+        *((f"{n} zeros", bytes(n)) for n in (2, 254, 508)),
+        ("254 octets and a zero", bytes([7]) * 254 + b"\0"),
+        ("254 octets, a zero, 253 octets", bytes([7]) * 254 + b"\0" + bytes([9]) * 253),
+    ]  # fmt: skip
+
+
+def spoilt() -> list[tuple[str, bytes]]:
+    """What stands between two zeros and is no frame."""
+    good = stuffed(closed(struct.pack("<BBHH", 5, 1, SESSION, DICTIONARY)))
+    inside = closed(b"\x05\x01\x34")
+    return [
+        ("a wrong bit", bytes([*good[:3], good[3] ^ 0x10, *good[4:]])),
+        ("the last octet is missing", good[:-1]),
+        ("an octet more", good + b"\x01"),
+        ("body of one octet", stuffed(closed(b"\x05"))),
+        ("no body", stuffed(closed(b""))),
+        ("less than a CRC", b"\x03\x01\x02"),
+        ("body of 509 octets", stuffed(closed(bytes([7]) * 509))),
+        ("CRC with its octets in the other order",
+         stuffed(inside[:-4] + inside[:-5:-1])),
+        ("CRC not inverted", stuffed(b"\x05\x01\x34" + struct.pack("<I", crc32(b"\x05\x01\x34")
+                                                                   ^ 0xFFFFFFFF))),
+        ("last block longer than what is left", b"\x20" + good[1:]),
+    ]  # fmt: skip
+
+
+def tables() -> dict[str, tuple[list[str], list[list]]]:
+    return {
+        "frames": (["what", "body", "crc", "frame"],
+                   [[what, body.hex(), f"{crc32(body):08x}", frame(body).hex()]
+                    for what, body in bodies()]),
+        "damaged": (["what", "octets"], [[what, octets.hex()] for what, octets in spoilt()]),
+    }  # fmt: skip
