@@ -29,7 +29,6 @@ TRIGGER = "trigger_s"
 FORMAT = "hexatorque-recording-1"
 #: What every kind of file can hold.
 TYPES = ("float32", "float64", "bool", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)))
-_UNFIT = frozenset(',"')
 
 
 @dataclass
@@ -128,8 +127,8 @@ class Recording:
 def check_names(names: Iterable[str]) -> None:
     """Refuse channel names that a table's head could not hold."""
     for name in names:
-        if not name or name != name.strip() or not name.isprintable() or _UNFIT & set(name):
-            raise RecordingError(f"channel {name!r}: a name without commas and quotes is needed")
+        if not name or name != name.strip() or not name.isprintable():
+            raise RecordingError(f"channel {name!r}: a name of printing characters is needed")
         if name in ("time_s", "tick"):
             raise RecordingError(f"channel {name!r}: that is the name of the time base")
 

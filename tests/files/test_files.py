@@ -37,7 +37,7 @@ def test_no_samples(channels, suffix, tmp_path):
     same(rec, Recording.load(rec.save(tmp_path / f"rec{suffix}")))
 
 
-NAMES = st.text(st.characters(exclude_categories=["C", "Z"], exclude_characters=',"'), min_size=1)
+NAMES = st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1)
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**60), 2**60) | st.text()
     | st.floats(allow_nan=False),
@@ -126,7 +126,7 @@ def test_a_csv_file_is_a_table_and_a_header(full, tmp_path):
 # -- refused
 
 
-@pytest.mark.parametrize("name", ["", " a", "a,b", 'a"b', "a\nb", "time_s", "tick"])
+@pytest.mark.parametrize("name", ["", " a", "a\nb", "time_s", "tick"])
 def test_names_that_a_table_cannot_hold(name, tmp_path):
     with pytest.raises(RecordingError, match="channel"):
         Recording(1.0, {name: np.zeros(2)}).save(tmp_path / "rec.npz")
@@ -149,7 +149,7 @@ def test_every_suffix_has_a_module_and_an_extra():
         if library:
             name = library.partition(".")[0]
             assert any(need.startswith(name) for need in extras[suffix[1:]])
-            assert any(need.startswith(name) for need in extras["test"])
+            assert suffix[1:] in extras["all-files"][0]
 
 
 @pytest.mark.parametrize("suffix_needed", [s for s, library in files.SUFFIXES.items() if library])

@@ -215,7 +215,7 @@ def test_shapes_and_calls_that_do_not_fit(tmp_path):
 @pytest.mark.parametrize(
     "bad",
     [
-        {"channels": ()}, {"channels": (("a", ""), ("a", ""))}, {"channels": (("a,b", ""),)},
+        {"channels": ()}, {"channels": (("a", ""), ("a", ""))}, {"channels": (("a\nb", ""),)},
         {"tick_Hz": 0}, {"tick_Hz": float("nan")}, {"decimation": 0}, {"decimation": 1.5},
         {"start_s": float("inf")},
     ],

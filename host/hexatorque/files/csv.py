@@ -6,6 +6,7 @@ only for samples that arrived, and `stream` in the header (`journal.Stream`).
 
 from __future__ import annotations
 
+import csv
 import json
 from io import StringIO
 from pathlib import Path
@@ -34,7 +35,7 @@ def save(rec: Recording, path: Path) -> None:
     formats = ["%.12g", *(_DIGITS.get(kind, "%d") for kind in header["types"].values())]
     columns = [rec.time_s, *map(np.asarray, rec.channels.values())]
     with path.open("w", encoding="utf-8") as file:
-        file.write(",".join(["time_s", *rec.channels]) + "\n")
+        file.write(_head(["time_s", *rec.channels]))
         for i in range(0, len(rec), _LINES):
             file.write(lines([c[i : i + _LINES] for c in columns], formats))
 
@@ -52,8 +53,15 @@ def load(path: Path) -> Recording:
     return from_header(beside_text, dict(zip(names, columns, strict=True)))
 
 
+def _head(names: list[str]) -> str:
+    """The line of names; those with commas in quotes."""
+    line = StringIO()
+    csv.writer(line, lineterminator="\n").writerow(names)
+    return line.getvalue()
+
+
 def _names(text: str) -> list[str]:
-    return text.partition("\n")[0].strip().split(",")
+    return next(csv.reader([text.partition("\n")[0].strip()]))
 
 
 def _table(text: str, types: list[str]) -> list[np.ndarray]:
@@ -72,7 +80,7 @@ def _table(text: str, types: list[str]) -> list[np.ndarray]:
 def stream_head(stream: Stream) -> str:
     """First line of a recording in the making."""
     check_names(name for name, _ in stream.channels)
-    return ",".join(["time_s", "tick", *(name for name, _ in stream.channels)]) + "\n"
+    return _head(["time_s", "tick", *(name for name, _ in stream.channels)])
 
 
 def stream_lines(time_s: np.ndarray, ticks: np.ndarray, values: np.ndarray) -> str:
