@@ -85,6 +85,12 @@ def test_a_request_is_carried_out_once_whatever_happens(peer, drive, fault, time
     assert drive.client.counters.retries > 0 or fault == "twice"
 
 
+def test_a_line_gets_more_tries_than_a_process(peer, drive, monkeypatch):
+    assert drive.client.transport.tries == 3
+    monkeypatch.setattr(drive.client.transport, "url", "/dev/ttyUSB0")
+    assert drive.client.transport.tries == 8
+
+
 def test_three_tries_and_no_more(peer, drive):
     drive.client.open_session()
     with drive.client._one_at_a_time:

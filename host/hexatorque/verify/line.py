@@ -21,6 +21,7 @@ from cobs import cobs
 from .. import firmware, scenario
 from ..firmware import lib
 from ..link import wire
+from ..link.transport import REPLY_S, TRIES
 from ..link.wire import Op, Status
 from ..study import Progress
 from ..virtual_board import BoardController, VirtualBoard
@@ -37,9 +38,6 @@ CHECKED, QUICK_CHECKED = 3_000_000, 60_000
 REQUESTS, QUICK_REQUESTS = 5_000, 250
 #: Bits of the CRC-32 that are looked at: the fewer, the more damage they let pass.
 BITS = (2, 4, 6, 8, 10, 12, 14, 16, 32)
-#: Enough for such a line; three are for one with an error now and then.
-TRIES = 8
-PATIENCE_S = 0.05
 NONCE = 0x2B2B
 #: Seconds that one board is run before another look at its line.
 PIECE_S = 0.05
@@ -257,7 +255,7 @@ class _Host:
         self._id = (self._id + 1) & 0xFF
         frame = wire.frame(wire.request(op, self._id, NONCE, self.dictionary, payload))
         patience = round(
-            1e4 * PATIENCE_S + (len(frame) + wire.LONGEST_FRAME) / self.octets_per_tick
+            1e4 * REPLY_S + (len(frame) + wire.LONGEST_FRAME) / self.octets_per_tick
         )
         for tried in range(1, TRIES + 1):
             self.board.put(spoil(_octets(frame), RATE, self._rng).tobytes())
