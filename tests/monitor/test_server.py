@@ -385,7 +385,7 @@ def test_capture_with_what_came_before_the_trigger(site, tmp_path):
             assert time.monotonic() < end
         assert site.post("/start", {})[0] == 200
         while site.desk.status()["capture"] == 0:
-            assert time.monotonic() < end + 5
+            assert time.monotonic() < end + 5, site.desk.status()
             frame()
         assert site.post("/stop", {})[0] == 200
     _, capture = site.get("/capture")
@@ -419,6 +419,21 @@ def test_a_capture_that_is_not_possible_is_refused(site, change, word):
     order = {"channels": ["vdc_V"], "samples": 100, "pre": 10, "prescaler": 1, "trigger": "manual"}
     status, answer = site.post("/capture/arm", order | change)
     assert status == 400 and word in answer["error"]
+
+
+def test_a_capture_is_not_taken_for_the_one_before(site):
+    order = {"channels": ["vdc_V"], "samples": 20, "pre": 0, "prescaler": 1}
+    with site.page() as frame:
+        for number in (1, 2, 3):
+            assert site.post("/capture/arm", order | {"trigger": "fault"})[0] == 200
+            end = time.monotonic() + 0.4
+            while time.monotonic() < end:
+                status = frame().get("status", {"capture": number - 1})
+                assert status["capture"] == number - 1
+            assert site.post("/capture/trigger", {})[0] == 200
+            end = time.monotonic() + 5
+            while frame().get("status", {}).get("capture") != number:
+                assert time.monotonic() < end
 
 
 def test_a_capture_can_be_cancelled(site):

@@ -27,6 +27,9 @@ from .traces import Ring
 
 #: A drive that was started here is stopped when no page has been there for so long.
 ALONE_S = 2.0
+STOP_S = 1.0
+#: Attempts to bring a capture over.
+FETCH_TRIES = 5
 #: A start shows in the board's state within this.
 START_S = 0.5
 #: How much of the past pages can look at, and how many values that may take.
@@ -103,7 +106,7 @@ class Desk:
         self._closing.set()
         with contextlib.suppress(LinkError):
             if self._started_s is not None:
-                self.drive.stop()
+                self.stop()
         for thread in self._threads:
             thread.join()
         with self._lock:
@@ -203,7 +206,15 @@ class Desk:
         self._refresh.set()
 
     def stop(self) -> None:
-        self.drive.stop()
+        """Asked for again and again for a while: this one has to get through."""
+        end = time.monotonic() + STOP_S
+        while True:
+            try:
+                self.drive.stop()
+                break
+            except LinkError:
+                if time.monotonic() > end or not self.drive.client.transport.plugged:
+                    raise
         self._started_s = None
         self._refresh.set()
 
@@ -381,16 +392,16 @@ class Desk:
             wire.CaptureState.TRIGGERED: "triggered",
             wire.CaptureState.SUMMING: "triggered",
         }
+        failed = 0
         while not self._closing.wait(HEARTBEAT_S):
-            board = self.drive.client.status
             if wanted != self._capture_wanted:
                 return
             try:
-                if board is None or board.capture == wire.CaptureState.NONE:
-                    board = self.drive.client.get_status()
-                    if board.capture == wire.CaptureState.NONE:
-                        self._capture_text = "gone: the board no longer has it"
-                        return
+                # Asked for here: what the heartbeat has heard may be of the one before.
+                board = self.drive.client.get_status()
+                if board.capture == wire.CaptureState.NONE:
+                    self._capture_text = "gone: the board no longer has it"
+                    return
                 if board.capture != wire.CaptureState.COMPLETE:
                     self._capture_text = words.get(board.capture, "")
                     continue
@@ -398,9 +409,10 @@ class Desk:
                 found = self.drive.captured(1.0)
             except LinkError as error:
                 self._capture_text = str(error)
-                if not self.drive.client.transport.plugged:
-                    continue
-                return
+                failed += self.drive.client.transport.plugged
+                if failed == FETCH_TRIES:
+                    return
+                continue
             with self._lock:
                 if wanted == self._capture_wanted:
                     self.captured = found
