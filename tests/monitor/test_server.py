@@ -144,6 +144,27 @@ def test_several_values_at_once_and_what_is_in_force(site):
         assert time.monotonic() < end
 
 
+def test_the_interrupts_rate_changes_between_streams(site):
+    """The board refuses it while anything is streamed; the traces go on at the new rate."""
+    traced = site.desk.stream.channels
+    assert site.post("/record/start", {"suffix": ".csv"})[0] == 200
+    assert site.post("/write", {"values": {"f_isr_Hz": 8000.0}})[0] == 400
+    assert site.post("/record/stop", {})[0] == 200
+    status, answer = site.post("/write", {"values": {"f_isr_Hz": 8000.0, "rs_ohm": 1.5}})
+    assert status == 200 and answer["values"] == {"f_isr_Hz": 8000.0, "rs_ohm": 1.5}
+    assert site.desk.stream.channels == traced
+    assert site.desk.status()["f_isr_Hz"] == 8000
+    assert site.desk.stream.rate_Hz == 2000
+    with site.page() as frame:
+        begun = frame()["status"]["time_s"]
+        end = time.monotonic() + 3
+        while frame().get("status", {}).get("time_s", begun) < begun + 0.2:
+            assert time.monotonic() < end
+    status, answer = site.post("/write", {"values": {"f_isr_Hz": 1e6}})
+    assert status == 400 and "f_isr_Hz" in answer["error"]
+    assert site.desk.stream.channels == traced
+
+
 def test_a_change_by_another_client_shows(site):
     site.desk.drive.set("torque_limit_Nm", 3.5)
     end = time.monotonic() + 3

@@ -16,12 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ..burst import TRIGGERS
 from ..files import SUFFIXES, RecordingError, journal
 from ..files.writer import Writer
 from ..link import LinkError, wire
 from ..link.client import HEARTBEAT_S
 from ..link.drive import Drive
-from ..link.stream import Stream, decimation_for
+from ..link.stream import Stream
 from ..recording import Recording
 from .traces import Ring
 
@@ -127,14 +128,13 @@ class Desk:
             "build": hello.build,
             "port": self.drive.client.url,
             "baud": self.drive.client.transport.baud,
-            "f_isr_Hz": hello.f_isr_Hz,
             "watchdog_ms": hello.watchdog_ms,
             "stream_channels": hello.stream_channels,
             "capture_channels": hello.capture_channels,
             "memory": hello.memory,
             "history_s": HISTORY_S,
             "alone_s": self.alone_s,
-            "triggers": wire.TRIGGERS,
+            "triggers": TRIGGERS,
             "states": dictionary.states,
             "working": WORKING,
             "parameters": [
@@ -164,6 +164,7 @@ class Desk:
             "pages": self._pages,
             "channels": stream.channels if stream else (),
             "epoch": self.epoch,
+            "f_isr_Hz": self.drive.hello.f_isr_Hz,
             "rate_Hz": stream.rate_Hz if stream else 0,
             "measured_Hz": self._rate_Hz,
             "gaps": stream.gaps if stream else 0,
@@ -228,10 +229,25 @@ class Desk:
         for name, value in values.items():
             if isinstance(value, (int, float)) and not -FLOAT32 < value < FLOAT32:
                 raise LinkError(f"{name}: a finite number is needed", mistake=True)
-        self.drive.set_many(values)
+        if "f_isr_Hz" in values:
+            self._write_untraced(values)
+        else:
+            self.drive.set_many(values)
         now = self.drive.get_many(list(values))
         self._refresh.set()
         return now
+
+    def _write_untraced(self, values: dict[str, object]) -> None:
+        """The board changes its interrupts' rate only while nothing is streamed."""
+        with self._lock:
+            old = self.stream
+            self.select([], None)
+            try:
+                self.drive.set_many(values)
+            finally:
+                if old:
+                    rate_Hz = min(old.rate_Hz, float(self.drive.get("f_isr_Hz")))
+                    self.select(list(old.channels), rate_Hz)
 
     # -- traces ------------------------------------------------------------------------------
 
@@ -246,23 +262,22 @@ class Desk:
                 raise LinkError("channels: one is named twice", mistake=True)
             if len(channels) > (most := self.drive.hello.stream_channels):
                 raise LinkError(f"{len(channels)} channels: up to {most}", mistake=True)
-            decimation = rate_Hz and decimation_for(self.drive.hello.f_isr_Hz, rate_Hz)
             old, self.stream, self.ring = self.stream, None, None
             self.epoch += 1
             if old:
                 old.close()
             try:
-                self._open(channels, decimation)
+                self._open(channels, rate_Hz)
             except LinkError:
                 if old:
-                    self._open(old.channels, old.decimation)
+                    self._open(old.channels, old.rate_Hz)
                 raise
 
-    def _open(self, channels: list[str] | tuple[str, ...], decimation: int | None) -> None:
+    def _open(self, channels: list[str] | tuple[str, ...], rate_Hz: float | None) -> None:
         if not channels:
             return
         try:
-            stream = self.drive.stream(channels, decimation=decimation)
+            stream = self.drive.stream(channels, rate_Hz)
         except LinkError as error:
             if error.status != wire.Status.BUDGET:
                 raise
