@@ -1,6 +1,6 @@
 #!/bin/sh
-# Install the cross compilers and emulators of the targets, and the second compiler of the
-# static checks, as far as they are missing.
+# Install the cross compilers and emulators of the targets, the second compiler of the static
+# checks and the browser of the monitor's tests, as far as they are missing.
 # Debian and Ubuntu; needs root. `make test-targets` says what is missing and installs nothing.
 set -eu
 
@@ -12,6 +12,7 @@ need arm-none-eabi-gcc "gcc-arm-none-eabi libnewlib-arm-none-eabi"
 need qemu-system-arm "qemu-system-arm"
 need avr-gcc "gcc-avr avr-libc"
 need clang "clang"
+need chromium "chromium"
 need simavr/sim_avr.h "libsimavr-dev libelf-dev"
 if [ -n "$missing" ]; then
     echo "targets: installing$missing with apt"

@@ -130,7 +130,8 @@ class Page:
         end = time.monotonic() + seconds
         while not self.js(f"!!({expression})"):
             if time.monotonic() > end:
-                raise AssertionError(f"not within {seconds:g} s: {expression}")
+                text = self.js("document.body.innerText.slice(0, 400)")
+                raise AssertionError(f"not within {seconds:g} s: {expression}\n{text}")
             time.sleep(0.05)
 
     def click(self, selector: str) -> None:

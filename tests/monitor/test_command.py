@@ -38,10 +38,14 @@ def test_killed_it_leaves_the_drive_to_the_boards_watchdog(monitor, port):
 
     with monitor.page() as frame:
         run_drive(monitor, frame)
+        watchdog_s = monitor.get("/device")[1]["watchdog_ms"] / 1e3
         monitor.end(signal.SIGKILL)
-        time.sleep(0.35)
+    time.sleep(watchdog_s + 0.2)
     with Drive.open(port) as drive:
         assert drive.state == "fault" and drive.faults == ["link lost"]
+        end = time.monotonic() + 4 * watchdog_s  # its session is over then
+        while drive.client.get_status().in_session:
+            assert time.monotonic() < end
 
 
 def test_two_monitors_of_one_board(monitor, port):

@@ -144,6 +144,27 @@ def test_several_values_at_once_and_what_is_in_force(site):
         assert time.monotonic() < end
 
 
+def test_the_interrupts_rate_changes_between_streams(site):
+    """The board refuses it while anything is streamed; the traces go on at the new rate."""
+    traced = site.desk.stream.channels
+    assert site.post("/record/start", {"suffix": ".csv"})[0] == 200
+    assert site.post("/write", {"values": {"f_isr_Hz": 8000.0}})[0] == 400
+    assert site.post("/record/stop", {})[0] == 200
+    status, answer = site.post("/write", {"values": {"f_isr_Hz": 8000.0, "rs_ohm": 1.5}})
+    assert status == 200 and answer["values"] == {"f_isr_Hz": 8000.0, "rs_ohm": 1.5}
+    assert site.desk.stream.channels == traced
+    assert site.desk.status()["f_isr_Hz"] == 8000
+    assert site.desk.stream.rate_Hz == 2000
+    with site.page() as frame:
+        begun = frame()["status"]["time_s"]
+        end = time.monotonic() + 3
+        while frame().get("status", {}).get("time_s", begun) < begun + 0.2:
+            assert time.monotonic() < end
+    status, answer = site.post("/write", {"values": {"f_isr_Hz": 1e6}})
+    assert status == 400 and "f_isr_Hz" in answer["error"]
+    assert site.desk.stream.channels == traced
+
+
 def test_a_change_by_another_client_shows(site):
     site.desk.drive.set("torque_limit_Nm", 3.5)
     end = time.monotonic() + 3
@@ -385,7 +406,7 @@ def test_capture_with_what_came_before_the_trigger(site, tmp_path):
             assert time.monotonic() < end
         assert site.post("/start", {})[0] == 200
         while site.desk.status()["capture"] == 0:
-            assert time.monotonic() < end + 5
+            assert time.monotonic() < end + 5, site.desk.status()
             frame()
         assert site.post("/stop", {})[0] == 200
     _, capture = site.get("/capture")
@@ -419,6 +440,21 @@ def test_a_capture_that_is_not_possible_is_refused(site, change, word):
     order = {"channels": ["vdc_V"], "samples": 100, "pre": 10, "prescaler": 1, "trigger": "manual"}
     status, answer = site.post("/capture/arm", order | change)
     assert status == 400 and word in answer["error"]
+
+
+def test_a_capture_is_not_taken_for_the_one_before(site):
+    order = {"channels": ["vdc_V"], "samples": 20, "pre": 0, "prescaler": 1}
+    with site.page() as frame:
+        for number in (1, 2, 3):
+            assert site.post("/capture/arm", order | {"trigger": "fault"})[0] == 200
+            end = time.monotonic() + 0.4
+            while time.monotonic() < end:
+                status = frame().get("status", {"capture": number - 1})
+                assert status["capture"] == number - 1
+            assert site.post("/capture/trigger", {})[0] == 200
+            end = time.monotonic() + 5
+            while frame().get("status", {}).get("capture") != number:
+                assert time.monotonic() < end
 
 
 def test_a_capture_can_be_cancelled(site):

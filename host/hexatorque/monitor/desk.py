@@ -16,17 +16,21 @@ from pathlib import Path
 
 import numpy as np
 
+from ..burst import TRIGGERS
 from ..files import SUFFIXES, RecordingError, journal
 from ..files.writer import Writer
 from ..link import LinkError, wire
 from ..link.client import HEARTBEAT_S
 from ..link.drive import Drive
-from ..link.stream import Stream, decimation_for
+from ..link.stream import Stream
 from ..recording import Recording
 from .traces import Ring
 
 #: A drive that was started here is stopped when no page has been there for so long.
 ALONE_S = 2.0
+STOP_S = 1.0
+#: Attempts to bring a capture over.
+FETCH_TRIES = 5
 #: A start shows in the board's state within this.
 START_S = 0.5
 #: How much of the past pages can look at, and how many values that may take.
@@ -103,7 +107,7 @@ class Desk:
         self._closing.set()
         with contextlib.suppress(LinkError):
             if self._started_s is not None:
-                self.drive.stop()
+                self.stop()
         for thread in self._threads:
             thread.join()
         with self._lock:
@@ -124,14 +128,13 @@ class Desk:
             "build": hello.build,
             "port": self.drive.client.url,
             "baud": self.drive.client.transport.baud,
-            "f_isr_Hz": hello.f_isr_Hz,
             "watchdog_ms": hello.watchdog_ms,
             "stream_channels": hello.stream_channels,
             "capture_channels": hello.capture_channels,
             "memory": hello.memory,
             "history_s": HISTORY_S,
             "alone_s": self.alone_s,
-            "triggers": wire.TRIGGERS,
+            "triggers": TRIGGERS,
             "states": dictionary.states,
             "working": WORKING,
             "parameters": [
@@ -161,6 +164,7 @@ class Desk:
             "pages": self._pages,
             "channels": stream.channels if stream else (),
             "epoch": self.epoch,
+            "f_isr_Hz": self.drive.hello.f_isr_Hz,
             "rate_Hz": stream.rate_Hz if stream else 0,
             "measured_Hz": self._rate_Hz,
             "gaps": stream.gaps if stream else 0,
@@ -203,7 +207,15 @@ class Desk:
         self._refresh.set()
 
     def stop(self) -> None:
-        self.drive.stop()
+        """Asked for again and again for a while: this one has to get through."""
+        end = time.monotonic() + STOP_S
+        while True:
+            try:
+                self.drive.stop()
+                break
+            except LinkError:
+                if time.monotonic() > end or not self.drive.client.transport.plugged:
+                    raise
         self._started_s = None
         self._refresh.set()
 
@@ -217,10 +229,25 @@ class Desk:
         for name, value in values.items():
             if isinstance(value, (int, float)) and not -FLOAT32 < value < FLOAT32:
                 raise LinkError(f"{name}: a finite number is needed", mistake=True)
-        self.drive.set_many(values)
+        if "f_isr_Hz" in values:
+            self._write_untraced(values)
+        else:
+            self.drive.set_many(values)
         now = self.drive.get_many(list(values))
         self._refresh.set()
         return now
+
+    def _write_untraced(self, values: dict[str, object]) -> None:
+        """The board changes its interrupts' rate only while nothing is streamed."""
+        with self._lock:
+            old = self.stream
+            self.select([], None)
+            try:
+                self.drive.set_many(values)
+            finally:
+                if old:
+                    rate_Hz = min(old.rate_Hz, float(self.drive.get("f_isr_Hz")))
+                    self.select(list(old.channels), rate_Hz)
 
     # -- traces ------------------------------------------------------------------------------
 
@@ -235,23 +262,22 @@ class Desk:
                 raise LinkError("channels: one is named twice", mistake=True)
             if len(channels) > (most := self.drive.hello.stream_channels):
                 raise LinkError(f"{len(channels)} channels: up to {most}", mistake=True)
-            decimation = rate_Hz and decimation_for(self.drive.hello.f_isr_Hz, rate_Hz)
             old, self.stream, self.ring = self.stream, None, None
             self.epoch += 1
             if old:
                 old.close()
             try:
-                self._open(channels, decimation)
+                self._open(channels, rate_Hz)
             except LinkError:
                 if old:
-                    self._open(old.channels, old.decimation)
+                    self._open(old.channels, old.rate_Hz)
                 raise
 
-    def _open(self, channels: list[str] | tuple[str, ...], decimation: int | None) -> None:
+    def _open(self, channels: list[str] | tuple[str, ...], rate_Hz: float | None) -> None:
         if not channels:
             return
         try:
-            stream = self.drive.stream(channels, decimation=decimation)
+            stream = self.drive.stream(channels, rate_Hz)
         except LinkError as error:
             if error.status != wire.Status.BUDGET:
                 raise
@@ -381,16 +407,16 @@ class Desk:
             wire.CaptureState.TRIGGERED: "triggered",
             wire.CaptureState.SUMMING: "triggered",
         }
+        failed = 0
         while not self._closing.wait(HEARTBEAT_S):
-            board = self.drive.client.status
             if wanted != self._capture_wanted:
                 return
             try:
-                if board is None or board.capture == wire.CaptureState.NONE:
-                    board = self.drive.client.get_status()
-                    if board.capture == wire.CaptureState.NONE:
-                        self._capture_text = "gone: the board no longer has it"
-                        return
+                # Asked for here: what the heartbeat has heard may be of the one before.
+                board = self.drive.client.get_status()
+                if board.capture == wire.CaptureState.NONE:
+                    self._capture_text = "gone: the board no longer has it"
+                    return
                 if board.capture != wire.CaptureState.COMPLETE:
                     self._capture_text = words.get(board.capture, "")
                     continue
@@ -398,9 +424,10 @@ class Desk:
                 found = self.drive.captured(1.0)
             except LinkError as error:
                 self._capture_text = str(error)
-                if not self.drive.client.transport.plugged:
-                    continue
-                return
+                failed += self.drive.client.transport.plugged
+                if failed == FETCH_TRIES:
+                    return
+                continue
             with self._lock:
                 if wanted == self._capture_wanted:
                     self.captured = found

@@ -247,7 +247,7 @@ function tools() {
   });
   $("rate").append(new Option("fastest", ""));
   for (const rate of RATES_HZ) {
-    if (rate <= device.f_isr_Hz) $("rate").append(new Option(`${rate} Hz`, rate));
+    $("rate").append(new Option(`${rate} Hz`, rate));
   }
   $("rate").addEventListener("change", () => trace(choice));
   $("pause").addEventListener("click", () => pause(!paused));
@@ -286,6 +286,10 @@ function hear(now) {
   const armed = !["", "complete"].includes(now.capture_state);
   $("trigger-now").disabled = $("cancel").disabled = !armed;
   if (!before || now.epoch !== before.epoch) retrace();
+  if (now.f_isr_Hz !== before?.f_isr_Hz) {
+    for (const option of $("rate").options) option.hidden = Number(option.value) > now.f_isr_Hz;
+    shape();
+  }
   if (now.values !== seen.values) fetchValues(now.values);
   if (now.snapshot !== seen.snapshot) fetchSnapshot(now.snapshot);
   if (now.capture !== seen.capture) fetchCapture(now.capture);
@@ -659,8 +663,9 @@ function shape() {
   $("capture-chosen").textContent = `${count} of up to ${device.capture_channels} channels`;
   const most = Math.floor(device.memory / Math.max(1, count));
   $("samples").max = most;
-  const span_ms = ($("samples").valueAsNumber * $("prescaler").valueAsNumber * 1e3) / device.f_isr_Hz;
-  $("capture-length").textContent = `${show(span_ms)} ms at ${show(device.f_isr_Hz / $("prescaler").valueAsNumber)} Hz; room for ${most} samples`;
+  const f_isr_Hz = status?.f_isr_Hz ?? NaN;
+  const span_ms = ($("samples").valueAsNumber * $("prescaler").valueAsNumber * 1e3) / f_isr_Hz;
+  $("capture-length").textContent = `${show(span_ms)} ms at ${show(f_isr_Hz / $("prescaler").valueAsNumber)} Hz; room for ${most} samples`;
 }
 
 async function fetchCapture(number) {
@@ -717,7 +722,7 @@ async function fetchSnapshot(version) {
   }
   box.replaceChildren(
     make("h2", { textContent: found.faults.join(", ") }),
-    make("p", { className: "hint", textContent: `in state ${found.state}, ${(found.tick / device.f_isr_Hz).toFixed(4)} s after the board's reset` }),
+    make("p", { className: "hint", textContent: `in state ${found.state}, ${(found.tick / status.f_isr_Hz).toFixed(4)} s after the board's reset` }),
     make("table", {}, make("tbody", {}, ...rows)));
 }
 

@@ -276,7 +276,8 @@ class Plot {
     pen.fillStyle = faint;
     pen.textBaseline = "middle";
     pen.textAlign = "right";
-    const step = stepFor(high - low, Math.max(2.5, (bottom - TOP) / 26));
+    let step = stepFor(high - low, Math.max(2.5, (bottom - TOP) / 26));
+    if (Math.floor(high / step) - Math.ceil(low / step) < 1) step = stepFor(high - low, 4.5);
     const places = decimals(step);
     for (let n = Math.ceil(low / step - 1e-9); n * step <= high + step * 1e-6; n++) {
       const at = Math.round(y(n * step)) + 0.5;
