@@ -254,9 +254,7 @@ class _Host:
         """Reply or None, and tries."""
         self._id = (self._id + 1) & 0xFF
         frame = wire.frame(wire.request(op, self._id, NONCE, self.dictionary, payload))
-        patience = round(
-            1e4 * REPLY_S + (len(frame) + wire.LONGEST_FRAME) / self.octets_per_tick
-        )
+        patience = round(1e4 * REPLY_S + (len(frame) + wire.LONGEST_FRAME) / self.octets_per_tick)
         for tried in range(1, TRIES + 1):
             self.board.put(spoil(_octets(frame), RATE, self._rng).tobytes())
             for _ in range(patience):
