@@ -208,7 +208,7 @@ ht_result ht_configure_live(ht_drive *d, const ht_params *p)
     }
     d->params = *p;
     d->staged = NULL; /* the interrupt must not take a half-written copy */
-    next = (d->config == &d->configs[0]) ? &d->configs[1] : &d->configs[0];
+    next = (ht_config_in_force(d) == &d->configs[0]) ? &d->configs[1] : &d->configs[0];
     next->control = config;
     ht_configure_rest(d->port, p, next);
     d->staged = next;

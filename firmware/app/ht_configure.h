@@ -15,6 +15,13 @@ ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_confi
  *  while the drive runs: speed loop, flux reference, protection. */
 void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config *c);
 
+/** The configuration in force, read now and once: the fast interrupt exchanges it at any time. */
+static inline const ht_drive_config *ht_config_in_force(const ht_drive *d)
+{
+    const ht_drive_config *const volatile *config = &d->config;
+    return *config;
+}
+
 /** Scaling and times, which only change with the gates off. */
 void ht_configure_scales(ht_drive *d);
 

@@ -318,9 +318,11 @@ ht_result ht_drive_start(ht_drive *d)
 
 void ht_drive_stop(ht_drive *d)
 {
-    /* State first: a fast interrupt in between must not turn the gates on again. */
+    /* State first: a fast interrupt in between must not turn the gates on again. And nothing
+     * but the state: with its ticks at 0, one that still finds BUILD would begin that anew,
+     * and release a latch that the pin has set. */
     if (d->state != (uint16_t)HT_STATE_FAULT) {
-        enter(d, HT_STATE_IDLE);
+        d->state = (uint16_t)HT_STATE_IDLE;
     }
     ht_port_gates_off(d->port);
 }

@@ -81,14 +81,14 @@ typedef struct {
     const ht_drive_config *config; /**< in force */
     const ht_drive_config *volatile staged; /**< for the next fast interrupt to take over */
     uint32_t tick;                 /**< fast interrupts since init */
-    uint32_t taken_tick;           /**< of the first interrupt with the parameters in force */
+    volatile uint32_t taken_tick;  /**< of the first interrupt with the parameters in force */
     volatile uint32_t state_ticks; /**< fast interrupts since the state began */
     volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
     volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
     uint16_t faults;
     uint16_t stuck_leg;            /**< whose sensor is looked at next */
     ht_samples samples;            /**< latest */
-    uint32_t position_now;
+    volatile uint32_t position_now;
     float offset_counts[HT_LEGS];  /**< calibrated zero of each current channel */
     float i_per_count;
     float v_per_count;

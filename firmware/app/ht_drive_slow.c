@@ -1,5 +1,5 @@
 /* The slow interrupt: speed, references, adaptation, and the checks that need a model. */
-#include "ht_drive.h"
+#include "ht_configure.h"
 
 #define PI_F 3.14159265f
 /* Flux speed that is too low for R_r to show; load, as i_q/i_d, from which on R_r
@@ -73,7 +73,7 @@ static void ramp_flux_top(ht_drive *d, const ht_drive_config *c)
 
 void ht_drive_slow_isr(ht_drive *d)
 {
-    const ht_drive_config *c = d->config; /* once: nor must it change half-way */
+    const ht_drive_config *c = ht_config_in_force(d); /* once: nor must it change half-way */
     const float *v = c->params.v;
     uint32_t position = d->position_now; /* once: the fast interrupt may come in between */
     uint32_t counts = position - d->position_last;

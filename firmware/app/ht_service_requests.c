@@ -390,16 +390,9 @@ static uint16_t cancel(ht_service *l, const uint16_t *in, uint16_t n)
     return HT_OK;
 }
 
-static uint16_t snapshot(ht_service *l, const uint16_t *in, uint16_t n)
+static void add_snapshot(ht_packet *p, const volatile ht_snapshot *s)
 {
-    const ht_snapshot *s = &l->drive->snapshot;
-    ht_packet *p = &l->reply;
     uint16_t k;
-    (void)in;
-    if (n != 0u) {
-        return HT_SERVICE_LENGTH;
-    }
-    ht_packet_add32(p, s->tick);
     ht_packet_add16(p, s->state);
     ht_packet_add16(p, s->faults);
     for (k = 0u; k < (uint16_t)HT_ADC_CHANNELS; k++) {
@@ -416,6 +409,24 @@ static uint16_t snapshot(ht_service *l, const uint16_t *in, uint16_t n)
     ht_packet_add_float(p, s->estimate.psi_Wb.beta);
     ht_packet_add_float(p, s->estimate.torque_Nm);
     ht_packet_add_float(p, s->speed_rpm);
+}
+
+static uint16_t snapshot(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    const volatile ht_snapshot *s = &l->drive->snapshot;
+    ht_packet *p = &l->reply;
+    uint16_t begin = p->n;
+    uint32_t tick;
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    do { /* again, if a fault came in between: its tick is another one */
+        tick = s->tick;
+        p->n = begin;
+        ht_packet_add32(p, tick);
+        add_snapshot(p, s);
+    } while (s->tick != tick);
     return HT_OK;
 }
 

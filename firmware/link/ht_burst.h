@@ -43,18 +43,19 @@ typedef struct {
     uint16_t id[HT_BURST_CHANNELS];
 } ht_burst_setup;
 
+/** Volatile is what the interrupt works with: it is written before `state` says so. */
 typedef struct {
     volatile uint16_t state;   /**< HT_BURST_... */
     volatile uint16_t manual;  /**< the background's trigger */
     volatile uint16_t command; /**< a command was carried out */
     uint16_t number;           /**< of the capture, modulo 256 */
-    ht_burst_setup setup;
-    uint16_t left;             /**< fast interrupts until the next sample */
-    bool below;                /**< the trigger's channel was not above the level ... */
-    bool above;                /**< ... not below it */
-    uint32_t at;               /**< next value to write: the oldest, once complete */
-    uint32_t rows;             /**< still to come, in FILLING and TRIGGERED */
-    uint32_t tick;             /**< of the trigger */
+    volatile ht_burst_setup setup;
+    volatile uint16_t left;    /**< fast interrupts until the next sample */
+    volatile bool below;       /**< the trigger's channel was not above the level ... */
+    volatile bool above;       /**< ... not below it */
+    volatile uint32_t at;      /**< next value to write: the oldest, once complete */
+    volatile uint32_t rows;    /**< still to come, in FILLING and TRIGGERED */
+    volatile uint32_t tick;    /**< of the trigger */
     uint32_t crc;
     uint32_t summed;           /**< values that the CRC covers so far */
     uint32_t *memory;

@@ -18,13 +18,15 @@ typedef struct {
     const void *object;
 } ht_source;
 
+/** Volatile as a whole, like the ring: the rest is written before `active` is set and a sample
+ *  before `head` moves, and so on; a compiler keeps the order of volatile accesses only. */
 typedef struct {
     volatile uint16_t active; /**< the interrupt looks at the rest only if set */
-    uint16_t n;
-    uint16_t decimation;
-    uint16_t left;            /**< fast interrupts until the next sample */
-    uint16_t number;          /**< of the next sample, modulo 256 */
-    uint16_t id[HT_STREAM_CHANNELS];
+    volatile uint16_t n;
+    volatile uint16_t decimation;
+    volatile uint16_t left;   /**< fast interrupts until the next sample */
+    volatile uint16_t number; /**< of the next sample, modulo 256 */
+    volatile uint16_t id[HT_STREAM_CHANNELS];
 } ht_stream;
 
 typedef struct {
@@ -32,7 +34,7 @@ typedef struct {
     volatile uint16_t head;     /**< next value to write */
     volatile uint16_t tail;     /**< next value to read */
     volatile uint32_t dropped;  /**< samples that found no room */
-    uint32_t ring[HT_STREAM_RING];
+    volatile uint32_t ring[HT_STREAM_RING];
 } ht_streams;
 
 /** A sample as it was taken. */

@@ -12,8 +12,9 @@ import json
 import sys
 from pathlib import Path
 
-from . import __version__, cli_board, cli_link, cli_monitor, cli_record
-from .files import PART, suffixes_text
+from . import __version__, cli_board, cli_link, cli_monitor, cli_pil, cli_plot, cli_record
+from .cli_common import console_of, point_options, print_json, progress, schemes_given
+from .files import suffixes_text
 from .papers import ENTRIES
 from .verify import STUDIES
 
@@ -50,13 +51,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog="example:\n  hexatorque compare --setup paper-b --schemes dtc1,dtc3 --speed 1500",
         formatter_class=raw,
     )
-    compare.add_argument("--setup", metavar="NAME|FILE", help="default: both papers")
-    compare.add_argument("--schemes", metavar="A,B,...", help="default: all")
-    compare.add_argument("--speed", type=float, metavar="RPM", help="default: the set-up's point")
-    compare.add_argument("--load", type=float, metavar="NM", help="default: the set-up's point")
-    compare.add_argument(
-        "--latency", metavar="L", help="none, immediate, shadow or predicted; default: the set-up's"
-    )
+    point_options(compare, "both papers")
     compare.add_argument("--json", action="store_true", help="metrics on standard output")
     compare.add_argument("-o", "--output", type=Path, default=Path("out/compare"), metavar="DIR")
     compare.set_defaults(call=_compare)
@@ -73,74 +68,8 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--json", action="store_true", help="summary on standard output")
     run.set_defaults(call=_run)
 
-    plot = commands.add_parser(
-        "plot",
-        help="recordings over each other, and how far they are apart",
-        description="Draw recordings of simulation, emulated processor and bench over each other, "
-        "aligned by their trigger.",
-        epilog="examples:\n  hexatorque plot out/reversal.npz\n"
-        "  hexatorque plot sil.npz@0.4 bench.csv --channels torque_Nm,speed_rpm --window -0.01,0.1",
-        formatter_class=raw,
-    )
-    plot.add_argument(
-        "file", nargs="+", metavar="FILE[@S]",
-        help=f"recording ({suffixes}, or {PART} of one never closed); @S: time of its trigger",
-    )  # fmt: skip
-    plot.add_argument("--channels", metavar="A,B,...", help="default: the main ones all have")
-    plot.add_argument(
-        "--align", metavar="HOW",
-        help="trigger, start or none; default: trigger if all have one, else start if several",
-    )  # fmt: skip
-    plot.add_argument("--window", metavar="T0,T1", help="seconds to show, after alignment")
-    plot.add_argument("--json", action="store_true", help="rms differences on standard output")
-    plot.add_argument("-o", "--output", type=Path, default=Path("out/plot.png"), metavar="FILE.png")
-    plot.set_defaults(call=_plot)
-
-    convert = commands.add_parser(
-        "convert",
-        help="a recording into another kind of file",
-        description=f"Write a recording again by the new name's suffix: {suffixes}. "
-        f"From a {PART} file it saves a recording that was never closed.",
-        epilog="example:\n  hexatorque convert out/bench.npz.part out/bench.mf4",
-        formatter_class=raw,
-    )
-    convert.add_argument("file", metavar="FILE")
-    convert.add_argument("output", type=Path, metavar="NEW")
-    convert.set_defaults(call=_convert)
-
-    pil = commands.add_parser(
-        "pil",
-        help="processor in the loop: the firmware on an emulated Cortex-M or a board, held against "
-        "the host's",
-        description="Run schemes through two seconds of transients, or a scenario, once with the "
-        "firmware on the host and once on an emulated processor or a board, and compare all "
-        "registers and channels bit by bit. The emulator needs gcc-arm-none-eabi and "
-        "qemu-system-arm, a board its image (docs/pil.md).",
-        epilog="examples:\n  hexatorque pil\n  hexatorque pil --setup paper-b --schemes dtc1,dtc3\n"
-        "  hexatorque pil examples/reversal.toml -o out/reversal-pil.npz\n"
-        "  hexatorque pil --device /dev/ttyUSB1 --schemes ddr",
-        formatter_class=raw,
-    )
-    pil.add_argument("scenario", nargs="?", metavar="SCENARIO.toml", help="as for run")
-    pil.add_argument("--setup", metavar="NAME|FILE", help="default: paper-a-feasible")
-    pil.add_argument("--schemes", metavar="A,B,...", help="default: all")
-    pil.add_argument("--speed", type=float, metavar="RPM", help="default: the set-up's point")
-    pil.add_argument("--load", type=float, metavar="NM", help="default: the set-up's point")
-    pil.add_argument(
-        "--latency", metavar="L", help="none, immediate, shadow or predicted; default: the set-up's"
-    )
-    pil.add_argument(
-        "--machine",
-        metavar="NAME",
-        help="mps2-an386 (Cortex-M4F, default), mps2-an500 (Cortex-M7), atmega2560 (16-bit int)",
-    )
-    pil.add_argument("--device", metavar="PORT", help="a board's serial port, e.g. /dev/ttyUSB1")
-    pil.add_argument("--baud", type=int, metavar="N", help="its rate; default: the images'")
-    pil.add_argument("--json", action="store_true", help="results on standard output")
-    pil.add_argument(
-        "-o", "--output", type=Path, metavar="DIR|FILE", help=f"with a scenario: FILE, {suffixes}"
-    )
-    pil.set_defaults(call=_pil)
+    cli_plot.add(commands)
+    cli_pil.add(commands)
 
     setups = commands.add_parser("setups", help="built-in set-ups, each value with its source")
     setups.add_argument("name", nargs="*", metavar="NAME|FILE")
@@ -193,23 +122,6 @@ def _parser() -> argparse.ArgumentParser:
     reproduce.add_argument("-o", "--output", type=Path, default=Path("out/papers"), metavar="DIR")
     reproduce.set_defaults(call=_reproduce)
 
-    budget = commands.add_parser(
-        "budget",
-        help="instructions, stack and size of the firmware on embedded processors",
-        description="Count the instructions of the fast interrupt on an emulated Cortex-M4F, its "
-        "stack and the firmware's size, and hold them against firmware/budget.toml. Needs "
-        "gcc-arm-none-eabi and qemu-system-arm.",
-        epilog="examples:\n  hexatorque budget -o docs\n  hexatorque budget --profile ddr",
-        formatter_class=raw,
-    )
-    budget.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
-    budget.add_argument("--profile", metavar="SCHEME", help="where a scheme's instructions go")
-    budget.add_argument("--json", action="store_true")
-    budget.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="write budget.json and budget.md there"
-    )
-    budget.set_defaults(call=_budget)
-
     cli_board.add(commands)
     cli_link.add(commands)
     cli_record.add(commands)
@@ -225,55 +137,17 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _console(as_json: bool):
-    """Tables go to standard output, or to standard error beside JSON."""
-    from rich.console import Console
-
-    return Console(stderr=as_json)
-
-
-def _progress(console):
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:.1f} s simulated"),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-    )
-
-
-def _print_json(data: object) -> None:
-    print(json.dumps(data, indent=1))
-
-
-def _schemes_given(text: str | None) -> list[str]:
-    """The schemes of a --schemes option; all without one."""
-    from . import firmware
-    from .scenario import ScenarioError
-
-    if text is None:
-        return list(firmware.schemes())
-    names = [part.strip() for part in text.split(",")]
-    for name in names:
-        if name not in firmware.schemes():
-            raise ScenarioError(f"no scheme {name!r}: choose from {', '.join(firmware.schemes())}")
-    return list(dict.fromkeys(names))
-
-
 def _compare(args: argparse.Namespace) -> int:
     from . import compare
     from .analysis.paper_values import PAPER
     from .recording import RecordingError
     from .report import console_table
 
-    console = _console(args.json)
+    console = console_of(args.json)
     setups = [args.setup] if args.setup else compare.DEFAULT_SETUPS
     compare.make_folder(args.output)
-    todo = compare.points(setups, _schemes_given(args.schemes), args.speed, args.load, args.latency)
-    with _progress(console) as bar:
+    todo = compare.points(setups, schemes_given(args.schemes), args.speed, args.load, args.latency)
+    with progress(console) as bar:
         task = bar.add_task("comparing", total=sum(point.simulated_s for point in todo))
         comparison = compare.compare(todo, lambda seconds: bar.advance(task, seconds))
         bar.update(task, description="writing the report")
@@ -288,7 +162,7 @@ def _compare(args: argparse.Namespace) -> int:
         console.print(f"[bold red]failed[/] {label}: {reason}", highlight=False)
     console.print(f"report: {written[-1]}", highlight=False)
     if args.json:
-        _print_json(comparison.as_json())
+        print_json(comparison.as_json())
     return 1 if comparison.failed else 0
 
 
@@ -297,11 +171,11 @@ def _run(args: argparse.Namespace) -> int:
     from .files import check_output
     from .sil import Simulation
 
-    console = _console(args.json)
+    console = console_of(args.json)
     setup = scenario.load(args.scenario)
     output = check_output(args.output or Path("out") / f"{setup.name}.npz")
     sim = Simulation(setup, setup.profile.samples_per_period)
-    with _progress(console) as bar:
+    with progress(console) as bar:
         task = bar.add_task(setup.name, total=setup.profile.duration_s)
         sim.run_profile(setup.profile, lambda seconds: bar.advance(task, seconds))
     recording = sim.take()
@@ -318,7 +192,7 @@ def _run(args: argparse.Namespace) -> int:
         "realtime_factor": recording.duration_s / sim.wall_s,
     }
     if args.json:
-        _print_json(summary)
+        print_json(summary)
     else:
         for key, value in summary.items():
             shown = f"{value:.4g}" if isinstance(value, float) else value
@@ -329,133 +203,6 @@ def _run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _plot(args: argparse.Namespace) -> int:
-    from rich.markup import escape
-    from rich.table import Table
-
-    from .analysis import overlay
-    from .recording import RecordingError
-
-    window_s = _window(args.window)
-    if args.align not in (None, *overlay.ALIGNMENTS):
-        known = ", ".join(overlay.ALIGNMENTS)
-        raise RecordingError(f"--align {args.align}: choose from {known}")
-    if args.output.suffix != ".png":
-        raise RecordingError(f"{args.output}: a picture is a .png")
-    console = _console(args.json)
-    traces = overlay.read(args.file)
-    how = overlay.align(traces, args.align)
-    asked = None if args.channels is None else [n.strip() for n in args.channels.split(",")]
-    names = overlay.chosen(traces, asked)
-    traces = overlay.cut(traces, window_s)
-    try:
-        picture = overlay.plot(traces, names, how, args.output)
-    except OSError as error:
-        raise RecordingError(f"{args.output}: {error.strerror}") from None
-    result = overlay.summary(traces, names, how)
-    if len(traces) > 1:
-        table = Table(title=f"rms difference from {escape(traces[0].label)}", title_justify="left")
-        for heading in ("channel", "unit", *(escape(t.label) for t in traces[1:])):
-            table.add_column(heading)
-        for name, row in result["channels"].items():
-            rms = row["rms_difference"][1:]
-            table.add_row(name, row["unit"], *("–" if v is None else f"{v:.4g}" for v in rms))
-        console.print(table)
-    console.print(f"picture: {picture}", highlight=False)
-    if args.json:
-        _print_json({**result, "picture": str(picture)})
-    return 0
-
-
-def _window(text: str | None) -> tuple[float, float] | None:
-    """The seconds of a --window option."""
-    from .recording import RecordingError
-
-    if text is None:
-        return None
-    try:
-        begin_s, end_s = map(float, text.split(","))
-    except ValueError:
-        begin_s = end_s = float("nan")
-    if not float("-inf") < begin_s < end_s < float("inf"):
-        raise RecordingError(f"--window {text}: two times in s that ascend, as in -0.01,0.1")
-    return begin_s, end_s
-
-
-def _convert(args: argparse.Namespace) -> int:
-    from .files import check_output
-    from .recording import Recording
-
-    output = check_output(args.output)
-    rec = Recording.load(args.file)
-    print(f"{rec.save(output)}: {len(rec)} samples of {len(rec.channels)} channels")
-    return 0
-
-
-def _target(args: argparse.Namespace):
-    """Name of what `pil` runs on, and a function that gives a fresh one for a run."""
-    from .scenario import ScenarioError
-    from .targets import board, process
-
-    if args.device is not None:
-        if args.machine is not None:
-            raise ScenarioError("--machine: not with --device")
-        baud = board.BAUD if args.baud is None else args.baud
-        return args.device, lambda: board.BoardTarget(args.device, baud)
-    if args.baud is not None:
-        raise ScenarioError("--baud: only with --device")
-    machine = args.machine or "mps2-an386"
-    if machine not in process.MACHINES:
-        known = ", ".join(process.MACHINES)
-        raise ScenarioError(f"no machine {machine!r}: choose from {known}")
-    return machine, lambda: process.emulator(machine)
-
-
-def _pil(args: argparse.Namespace) -> int:
-    from . import compare, scenario
-    from .files import check_output
-    from .targets import pil
-
-    console = _console(args.json)
-    name, target_of_run = _target(args)
-    if args.scenario:
-        given = [f"--{n}" for n in ("setup", "schemes", "speed", "load", "latency")
-                 if getattr(args, n) is not None]  # fmt: skip
-        if given:
-            raise scenario.ScenarioError(f"{', '.join(given)}: not with a scenario file")
-        setup = scenario.load(args.scenario)
-        output = check_output(args.output or Path("out") / f"{setup.name}-pil.npz")
-        todo = [(setup, setup.profile, output)]
-    else:
-        setup = compare.at_point(
-            args.setup or "paper-a-feasible", args.speed, args.load, args.latency
-        )
-        output = args.output or Path("out/pil")
-        compare.make_folder(output)
-        each = [setup.changed(controller__scheme=name) for name in _schemes_given(args.schemes)]
-        todo = [
-            (s, pil.transients(s), output / f"recordings/{s.name}-{s['controller.scheme']}.npz")
-            for s in each
-        ]
-    outcomes = []
-    with _progress(console) as bar:
-        total = 2 * sum(profile.duration_s for _, profile, _ in todo)
-        task = bar.add_task(name, total=total)
-        for setup, profile, file in todo:
-            with target_of_run() as target:
-                outcome = pil.compare(setup, profile, target, lambda s: bar.advance(task, s))
-            outcome.recording.save(file)
-            outcomes.append(outcome)
-    console.print(pil.table(outcomes))
-    for outcome in outcomes:
-        for line in outcome.failures():
-            console.print(f"[bold red]failed[/] {line}", highlight=False)
-    console.print(f"recordings: {todo[0][2].parent}", highlight=False)
-    if args.json:
-        _print_json([outcome.as_json() for outcome in outcomes])
-    return 1 if any(outcome.failures() for outcome in outcomes) else 0
-
-
 def _setups(args: argparse.Namespace) -> int:
     from rich.table import Table
 
@@ -463,9 +210,9 @@ def _setups(args: argparse.Namespace) -> int:
 
     loaded = [scenario.load(name) for name in args.name or scenario.builtin_names()]
     if args.json:
-        _print_json({s.name: scenario.describe(s) for s in loaded})
+        print_json({s.name: scenario.describe(s) for s in loaded})
         return 0
-    console = _console(False)
+    console = console_of(False)
     for setup in loaded:
         table = Table(title=f"{setup.name}\n{setup.title}\n{setup.paper}", title_justify="left")
         for heading in ("section", "key", "value", "unit", "tag", "note"):
@@ -486,9 +233,9 @@ def _schemes(args: argparse.Namespace) -> int:
     from .schemes import OPTIONS, SCHEMES
 
     if args.json:
-        _print_json({"schemes": SCHEMES, "options": OPTIONS})
+        print_json({"schemes": SCHEMES, "options": OPTIONS})
         return 0
-    console = _console(False)
+    console = console_of(False)
     table = Table(title="schemes (controller.scheme)", title_justify="left", show_lines=True)
     for heading in ("name", "source", "vectors in a period", "torque levels", "x-y currents"):
         table.add_column(heading)
@@ -510,19 +257,19 @@ def _reach(args: argparse.Namespace) -> int:
     from . import scenario
     from .study import reach_all
 
-    console = _console(args.json)
+    console = console_of(args.json)
     setup = scenario.load(args.setup)
     if args.load is not None:
         setup = setup.changed(point__load_Nm=args.load)
     load_Nm = setup["point.load_Nm"]
-    names = _schemes_given(args.schemes)
+    names = schemes_given(args.schemes)
     setups = [setup.changed(controller__scheme=name) for name in names]
-    with _progress(console) as bar:
+    with progress(console) as bar:
         task = bar.add_task("searching", total=None)
         speeds = reach_all(setups, load_Nm, lambda seconds: bar.advance(task, seconds))
     result = dict(zip(names, speeds))
     if args.json:
-        _print_json({"setup": setup.name, "load_Nm": load_Nm, "reachable_rpm": result})
+        print_json({"setup": setup.name, "load_Nm": load_Nm, "reachable_rpm": result})
         return 0
     table = Table(title=f"{setup.name}, {load_Nm:g} N m, full flux", title_justify="left")
     table.add_column("scheme")
@@ -549,12 +296,12 @@ def _verify(args: argparse.Namespace) -> int:
         args.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ScenarioError(f"{args.output}: {error.strerror}") from None
-    console = _console(args.json)
+    console = console_of(args.json)
     results = {}
     failures = []
     for name in names:
         module = import_module(f"hexatorque.verify.{STUDIES[name]}")
-        with _progress(console) as bar:
+        with progress(console) as bar:
             task = bar.add_task(name, total=None)
             result = module.study(args.quick, lambda seconds, t=task, b=bar: b.advance(t, seconds))
         for table in module.tables(result):
@@ -570,7 +317,7 @@ def _verify(args: argparse.Namespace) -> int:
             console.print(f"[bold red]failed[/] {escape(line)}", highlight=False)
         results[name] = result
     if args.json:
-        _print_json(results)
+        print_json(results)
     return 1 if failures else 0
 
 
@@ -581,8 +328,8 @@ def _reproduce(args: argparse.Namespace) -> int:
 
     names = reproduce.chosen(args.id)
     reproduce.make_folder(args.output)
-    console = _console(args.json)
-    with _progress(console) as bar:
+    console = console_of(args.json)
+    with progress(console) as bar:
         tasks: list = []
 
         def begin(name: str):
@@ -600,15 +347,15 @@ def _reproduce(args: argparse.Namespace) -> int:
         console.print(f"[bold red]failed[/] {escape(text)}", highlight=False)
     console.print(f"page: {args.output / 'index.html'}", highlight=False)
     if args.json:
-        _print_json({"figures": outcome.figures, "failed": outcome.failed})
+        print_json({"figures": outcome.figures, "failed": outcome.failed})
     return 1 if outcome.failed or outcome.broken() else 0
 
 
 def _bench(args: argparse.Namespace) -> int:
     from . import bench, scenario
 
-    console = _console(args.json)
-    with _progress(console) as bar:
+    console = console_of(args.json)
+    with progress(console) as bar:
         task = bar.add_task("measuring", total=None)
         result = bench.bench(
             scenario.load(args.setup), args.counter, lambda seconds: bar.advance(task, seconds)
@@ -616,35 +363,8 @@ def _bench(args: argparse.Namespace) -> int:
     for table in bench.tables(result):
         console.print(table)
     if args.json:
-        _print_json(result)
+        print_json(result)
     return 0
-
-
-def _budget(args: argparse.Namespace) -> int:
-    from . import scenario
-    from .targets import budget, count, tools
-
-    console = _console(args.json)
-    tools.need("arm-none-eabi-gcc", "qemu-system-arm")
-    setup = scenario.load(args.setup)
-    if args.profile:
-        (scheme,) = _schemes_given(args.profile)
-        result = count.profile(setup.changed(controller__scheme=scheme))
-        tables, failures = count.profile_tables(result, scheme), []
-    else:
-        with _progress(console) as bar:
-            task = bar.add_task("counting", total=None)
-            result = budget.measure(setup, lambda seconds: bar.advance(task, seconds))
-        tables, failures = budget.tables(result), budget.exceeded(result, budget.limits())
-        if args.output:
-            budget.write(result, args.output)
-    for table in tables:
-        console.print(table)
-    for line in failures:
-        console.print(f"[bold red]over budget[/] {line}", highlight=False)
-    if args.json:
-        _print_json(result)
-    return 1 if failures else 0
 
 
 def main(argv: list[str] | None = None) -> int:

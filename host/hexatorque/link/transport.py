@@ -84,7 +84,7 @@ def _serial(url: str, baud: int):
     except ValueError as error:
         raise LinkError(f"{url}: {error}", mistake=True) from None
     except (serial.SerialException, OSError) as error:
-        number = _errno(error)
+        number = error_number(error)
         if number in (errno.EBUSY, errno.EAGAIN):
             raise Busy(f"{url}: busy, another program has it open") from None
         missing = number in _MISSING
@@ -93,7 +93,7 @@ def _serial(url: str, baud: int):
     return port
 
 
-def _errno(error: BaseException | None) -> int | None:
+def error_number(error: BaseException | None) -> int | None:
     """pyserial keeps the number of some errors only in what they came from; those of
     termios have no attribute for it."""
     while error is not None:

@@ -7,10 +7,12 @@ import errno
 import time
 import weakref
 
+import serial
+
 from ..firmware import ffi, lib
+from ..link.transport import error_number
 from ..scenario import ScenarioError
 from .link import Target, TargetError
-from .tools import MissingTool
 
 #: Rate unless another one is given, baud: that of the boards' images.
 BAUD = lib.ht_link_baud()
@@ -41,10 +43,6 @@ def _known() -> str:
 
 def _open(name: str, baud: int):
     """The port, open for this program alone: a path, or an address that pyserial knows."""
-    try:
-        import serial
-    except ImportError:
-        raise MissingTool("pyserial not found: pip install pyserial") from None
     if baud <= 0:
         raise ScenarioError(f"baud = {baud}: a positive rate")
     try:
@@ -52,9 +50,7 @@ def _open(name: str, baud: int):
             name, baudrate=baud, exclusive=True, timeout=QUIET_S, write_timeout=TIMEOUT_S
         )
     except (OSError, ValueError) as error:  # SerialException is an OSError
-        number = getattr(error, "errno", None)
-        if number is None and error.__context__ is not None:  # pyserial wraps termios's
-            number = getattr(error.__context__, "args", (None,))[0]
+        number = error_number(error)
         why = _WHY.get(number, str(error).splitlines()[0])
         raise ScenarioError(f"{name}: {why}{_known() if number == errno.ENOENT else ''}") from None
     with contextlib.suppress(AttributeError, ValueError, OSError):
@@ -88,8 +84,6 @@ class BoardTarget(Target):
 
     def _hush(self) -> None:
         """Bring the target to where it waits for a request, and the line to silence."""
-        import serial
-
         try:
             self._port.write(ZEROS)
             sent = time.monotonic() + 10 * len(ZEROS) / self.baud

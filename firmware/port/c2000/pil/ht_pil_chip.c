@@ -67,7 +67,7 @@ void ht_image_background(void)
         heard = true;
         ht_pil_server_take(octet);
     } else {
-        /* nothing to do */
+        (void)ht_sci_recover(&chip); /* a receiver that an error stopped brings no octets */
     }
     if (ht_timer_passed(&chip)) {
         if (!heard) {
