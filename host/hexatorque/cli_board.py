@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 from pathlib import Path
+
+from .cli_link import baud
 
 EXAMPLES = """examples:
   hexatorque board --virtual                       paper A's machine; prints the port
@@ -33,7 +36,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         "--machine", metavar="NAME",
         help="firmware and link on an emulated processor: mps2-an386, mps2-an500",
     )  # fmt: skip
-    board.add_argument("--baud", type=int, metavar="N", help="default: the device's own")
+    board.add_argument("--baud", type=baud, metavar="N", help="default: the device's own")
     pace = board.add_mutually_exclusive_group()
     pace.add_argument("--realtime", action="store_true", help="as fast as the clock (default)")
     pace.add_argument(
@@ -51,6 +54,7 @@ def _board(args: argparse.Namespace) -> int:
     import json
 
     from . import scenario
+    from .files import check_output
     from .link import runtime
     from .virtual_board import Terminal, serve
 
@@ -58,6 +62,8 @@ def _board(args: argparse.Namespace) -> int:
         raise scenario.ScenarioError(
             "board: say --virtual; a real board needs no command: plug it in, `hexatorque devices`"
         )
+    if args.record is not None:
+        check_output(args.record)
     ended = []
     with _make(args) as board, Terminal() as line, _name(args.link, line.port):
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -102,17 +108,26 @@ class _name:
         self._port = port
 
     def __enter__(self) -> None:
+        from .link.runtime import announced
         from .scenario import ScenarioError
 
         if self._path is None:
             return
-        if self._path.is_symlink():  # of a board that was killed
-            self._path.unlink()
+        if self._path.is_symlink() and self._target().startswith("/dev/pts/"):
+            if self._target() in (board.port for board in announced()):
+                raise ScenarioError(f"{self._path}: is the name of another board that runs")
+            self._path.unlink()  # of a board that was killed
         try:
             self._path.symlink_to(self._port)
         except OSError as error:
             raise ScenarioError(f"{self._path}: {error.strerror}") from None
 
     def __exit__(self, *_: object) -> None:
-        if self._path is not None:
+        if self._path is not None and self._target() == self._port:
             self._path.unlink(missing_ok=True)
+
+    def _target(self) -> str:
+        try:
+            return os.readlink(self._path)
+        except OSError:
+            return ""

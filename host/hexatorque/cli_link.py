@@ -4,18 +4,34 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import signal
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PORT = """
 The port is found by itself if there is one board; see `hexatorque devices`. A port that
 another hexatorque command holds is shared with it.
 """
+
+
+def seconds(text: str) -> float:
+    """An option's time."""
+    with suppress(ValueError):
+        if 0 < float(text) < math.inf:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"{text!r}: a time above 0 s is needed")
+
+
+def baud(text: str) -> int:
+    """An option's line rate."""
+    if text.isdecimal() and int(text) > 0:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{text!r}: a rate above 0 is needed")
 
 
 def command(to, name: str, help: str, call, example: str) -> argparse.ArgumentParser:
@@ -33,7 +49,7 @@ def command(to, name: str, help: str, call, example: str) -> argparse.ArgumentPa
             metavar="PORT",
             help="/dev/ttyUSB0, socket://host:port; default: the only board",
         )
-    parser.add_argument("--baud", type=int, metavar="N", help="default: those of the images")
+    parser.add_argument("--baud", type=baud, metavar="N", help="default: those of the images")
     parser.add_argument("--json", action="store_true", help="result on standard output")
     parser.set_defaults(call=call)
     return parser
@@ -56,7 +72,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         "start --scheme ddr --speed 400",
     )
     before_start_options(start)
-    start.add_argument("--duration", type=float, metavar="S", help="default: until Ctrl-C")
+    start.add_argument("--duration", type=seconds, metavar="S", help="default: until Ctrl-C")
     command(commands, "stop", "stop the drive, whoever started it", _stop, "stop")
     command(commands, "clear", "clear the latched faults", _clear, "clear")
     speed = command(commands, "speed", "set the speed reference", _speed, "speed 400")

@@ -8,7 +8,7 @@ import sys
 import threading
 from pathlib import Path
 
-from .cli_link import PORT, open_drive, until_told
+from .cli_link import PORT, baud, open_drive, until_told
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -25,7 +25,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         metavar="PORT",
         help="/dev/ttyUSB0, socket://host:port; default: the only board",
     )
-    parser.add_argument("--baud", type=int, metavar="N", help="default: those of the images")
+    parser.add_argument("--baud", type=baud, metavar="N", help="default: those of the images")
     parser.add_argument("--port", type=_port, default=0, metavar="P", help="default: a free one")
     parser.add_argument("--no-browser", action="store_true", help="print the address only")
     parser.add_argument(

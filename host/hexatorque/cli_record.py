@@ -17,6 +17,7 @@ from .cli_link import (
     console_for,
     open_drive,
     say,
+    seconds,
     set_values,
     tripped,
     until_told,
@@ -38,7 +39,7 @@ def add(commands: argparse._SubParsersAction) -> None:
     pace = stream.add_mutually_exclusive_group()
     pace.add_argument("--rate", type=float, metavar="HZ", help="default: what the line carries")
     pace.add_argument("--decimation", type=int, metavar="N", help="every N-th fast interrupt")
-    stream.add_argument("--duration", type=float, metavar="S", help="default: until Ctrl-C")
+    stream.add_argument("--duration", type=seconds, metavar="S", help="default: until Ctrl-C")
     _started(stream)
 
     capture = command(
@@ -62,7 +63,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         help="rising:CH:LEVEL, falling:…, above:…, below:…, fault, command, manual (at once)",
     )
     capture.add_argument(
-        "--timeout", type=float, metavar="S", help="give up after; default: until Ctrl-C"
+        "--timeout", type=seconds, metavar="S", help="give up after; default: until Ctrl-C"
     )
     _started(capture)
 
@@ -74,8 +75,8 @@ def add(commands: argparse._SubParsersAction) -> None:
         "watch speed_rpm torque_Nm",
     )
     watch.add_argument("channel", nargs="+", metavar="CH")
-    watch.add_argument("--window", type=float, default=5.0, metavar="S", help="default: 5 s")
-    watch.add_argument("--duration", type=float, metavar="S", help="default: until Ctrl-C")
+    watch.add_argument("--window", type=seconds, default=5.0, metavar="S", help="default: 5 s")
+    watch.add_argument("--duration", type=seconds, metavar="S", help="default: until Ctrl-C")
 
 
 def _started(parser: argparse.ArgumentParser) -> None:
@@ -105,6 +106,7 @@ def _stream(args: argparse.Namespace) -> int:
     check_output(args.output)
     console = console_for(args)
     with until_told() as told, open_drive(args) as drive, running(args, drive):
+        faulted = not args.start and drive.state == "fault"  # before: it does not trip here
         stream = drive.stream(args.channel, args.rate, args.decimation)
         kind = journal.Stream(
             tuple((name, stream.units[name]) for name in stream.channels),
@@ -130,7 +132,7 @@ def _stream(args: argparse.Namespace) -> int:
         "faults": faults,
     }
     say(args, summary)
-    return tripped(state, faults)
+    return 0 if faulted else tripped(state, faults)
 
 
 def _write(drive, stream, writer, wanted: int | None, told: threading.Event, console) -> int:

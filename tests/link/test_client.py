@@ -156,6 +156,7 @@ def test_the_session_of_a_dead_client_is_waited_for(peer, drive):
         (3, b"\1\0", "while nothing is streamed or captured (state idle)", False),
         (4, b"\xff\xff", "speed_ref_rpm = 9: parameters do not fit together", True),
         (5, b"\xff\xff", "the hardware cannot do this", True),
+        (6, b"\xff\xff", "the machine turns faster than start_max_rpm", False),
         (19, b"", "dictionary has changed", False),
         (20, b"", "another client has a session", False),
         (77, b"", "status 77", False),

@@ -147,6 +147,76 @@ def test_a_start_that_trips(call, board):
     assert "the drive tripped: over-current" in err
 
 
+def test_a_start_that_is_refused_says_what_to_do(call, board, tmp_path):
+    with Drive.open(board) as drive:
+        trip_A = drive.get("i_trip_A")
+    assert call("start", "--set", "i_trip_A=0.1")[0] == 1
+    assert call("params", "set", f"i_trip_A={trip_A}")[0] == 0
+    code, _, err = call("start")
+    assert code == 1 and "start: not allowed in state fault; clear the fault first" in err
+    # A recording of what the fault left is none that trips.
+    file = str(tmp_path / "after.csv")
+    code, _, err = call("stream", "state", "--rate", "100", "--duration", "0.1", "-o", file)
+    assert (code, err) == (0, "")
+    assert call("clear")[0] == 0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["start", "--duration", "-1"],
+        ["stream", "state", "-o", "x.csv", "--duration", "nan"],
+        ["capture", "state", "-o", "x.csv", "--timeout", "-1"],
+        ["watch", "state", "--window", "0"],
+        ["watch", "state", "--duration", "inf"],
+        ["status", "--baud", "0"],
+        ["devices", "--baud", "-5"],
+        ["board", "--virtual", "--baud", "0"],
+        ["monitor", "--baud", "-1"],
+    ],
+)
+def test_times_and_rates_are_above_zero(words, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(words)
+    assert "above 0" in capsys.readouterr().err
+
+
+def test_ports_that_are_none(capsys, tmp_path):
+    for port, code, said in [
+        (str(tmp_path), 1, "not a serial port"),
+        ("socket://here", 2, "write socket://HOST:PORT"),
+    ]:
+        assert main(["status", "--device", port]) == code
+        assert capsys.readouterr().err == f"hexatorque: {port}: {said}\n"
+
+
+def test_a_name_belongs_to_one_board(tmp_path, capsys):
+    """A second board does not take the name of one that runs, nor a link to anything else; that
+    of a killed board it does."""
+    name = tmp_path / "board"
+    first = background("board", "--virtual", "--setup", "paper-b", "--link", str(name))
+    line_with(first, "Ctrl-C")
+    port = os.readlink(name)
+    assert main(["board", "--virtual", "--setup", "paper-b", "--link", str(name)]) == 2
+    assert "another board" in capsys.readouterr().err and os.readlink(name) == port
+    first.kill()
+    first.communicate()
+    again = background("board", "--virtual", "--setup", "paper-b", "--link", str(name))
+    line_with(again, "Ctrl-C")
+    again.terminate()
+    again.communicate(timeout=10)
+    assert not name.is_symlink()
+    name.symlink_to(tmp_path)
+    assert main(["board", "--virtual", "--setup", "paper-b", "--link", str(name)]) == 2
+    assert name.resolve() == tmp_path
+
+
+def test_a_recording_of_a_board_is_checked_before_it_runs(capsys):
+    assert main(["board", "--virtual", "--record", "x.xyz"]) == 2
+    said = capsys.readouterr()
+    assert "unknown suffix" in said.err and said.out == ""
+
+
 def test_stop_and_clear_from_elsewhere(call, board):
     process = background("start", "--speed", "50", "--device", board)
     line_with(process, "run")

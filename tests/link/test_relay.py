@@ -85,6 +85,47 @@ os.kill(os.getpid(), {"leaves": 0, "dies": signal.SIGKILL, "hangs": signal.SIGST
 """
 
 
+@pytest.mark.parametrize("how", ["leaves", "dies"])
+def test_a_guest_takes_over_from_a_holder_that_is_gone_and_shares_the_port(board, how):
+    """Else nobody could stop, clear or start until the guest ends."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLDER, board],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONPATH": str(HOST)},
+    )  # fmt: skip
+    try:
+        assert process.stdout.readline() == "False\n"
+        with Drive.open(board) as guest, guest.stream(["speed_rpm"], rate_Hz=500) as stream:
+            assert guest.client.transport.relayed
+            if how == "dies":
+                process.kill()
+            process.stdin.close()
+            process.wait()
+            until(lambda: guest.client.counters.reconnects == 1, 5.0)
+            assert not guest.client.transport.relayed
+            with Drive.open(board) as third:
+                assert third.client.transport.relayed
+                third.start()
+                until(lambda: third.state == "run")
+                third.stop()
+                assert guest.state == "idle"
+            assert stream.read(1.0) is not None
+    finally:
+        process.kill()
+        process.wait()
+        process.stdin.close()
+        process.stdout.close()
+
+
+HOLDER = """
+import sys
+from hexatorque.link.drive import Drive
+with Drive.open(sys.argv[1]) as drive:
+    print(drive.client.transport.relayed, flush=True)
+    sys.stdin.read()
+"""
+
+
 def test_streams_of_both_at_once(holder, guest):
     mine = holder.stream(["speed_rpm"], rate_Hz=500)
     other = guest.stream(["torque_Nm", "vdc_V"], rate_Hz=1000)

@@ -24,7 +24,7 @@ _REFUSED = {
     Status.STATE: "not allowed in state {state}",
     Status.CONFIG: "parameters do not fit together",
     Status.PORT: "the hardware cannot do this",
-    Status.TURNING: "the machine is turning",
+    Status.TURNING: "the machine turns faster than start_max_rpm; wait until it stands",
     Status.OPCODE: "the board does not know this request",
     Status.LENGTH: "the board expects another length of this request",
     Status.NO_SESSION: "the session has ended",
@@ -203,6 +203,8 @@ class Client:
 
     def refused(self, reply: Reply, what: str) -> LinkError:
         text = _REFUSED.get(reply.status, f"status {reply.status}")
+        if reply.status == Status.STATE and reply.faults:
+            text += "; clear the fault first"
         return LinkError(
             f"{what}: {text.format(state=self.state_name(reply.state))}",
             reply.status,

@@ -93,12 +93,15 @@ class Drive(DriveVerbs):
             raise
 
     def _same_board(self) -> None:
-        """After an interruption: is it the one that was there before?"""
+        """After an interruption: is it the one that was there before? If who held the port is
+        gone, this process has it now, and shares it."""
         hello = self.client.hello()
         if hello.crc != self.dictionary.crc:
             raise LinkError(
                 f"{self.client.url}: another firmware has come back, open it again", mistake=True
             )
+        if self._relay is None and not self.client.transport.relayed:
+            self._relay = Relay.beside(self.client)
 
     def _now_tick(self) -> int:
         self.client.get_status()

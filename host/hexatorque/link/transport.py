@@ -73,6 +73,8 @@ class _RelayPort:
 
 def _serial(url: str, baud: int):
     """Open exclusively; one clear line if that fails."""
+    if url.startswith("socket://") and not url.rpartition(":")[2].isdigit():
+        raise LinkError(f"{url}: write socket://HOST:PORT", mistake=True)
     try:
         port = serial.serial_for_url(url, do_not_open=True)
         port.baudrate = baud
@@ -107,7 +109,7 @@ def error_number(error: BaseException | None) -> int | None:
 def _reason(number: int | None, baud: int) -> str | None:
     if number in (errno.EACCES, errno.EPERM):
         return "permission denied; on most systems group dialout may use serial ports"
-    if number == errno.ENOTTY:
+    if number in (errno.ENOTTY, errno.EISDIR):
         return "not a serial port"
     if number == errno.ECONNREFUSED:
         return "connection refused"
