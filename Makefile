@@ -70,8 +70,11 @@ test: test-c
 
 # One at a time: they measure speed. Fails where a tool is missing, after what can be run.
 test-targets: $(VENV)/.installed
-	$(BIN)/python -m pytest -rs tests/targets
-	$(BIN)/python -m hexatorque.targets.tools
+	@failed=0; \
+	$(BIN)/python -m pytest -rs tests/targets || failed=1; \
+	$(BIN)/python -m hexatorque.targets.tools || failed=1; \
+	$(MAKE) check-c || failed=1; \
+	exit $$failed
 
 budget: $(VENV)/.installed
 	$(BIN)/hexatorque budget -o docs
@@ -86,9 +89,6 @@ lint: $(VENV)/.installed
 # Names a tool that is missing and how to get it.
 check-c: $(VENV)/.installed
 	$(BIN)/python tools/check_c.py
-
-# What stands in for a target's own compiler.
-test-targets: check-c
 
 clean:
 	rm -rf $(VENV) build out

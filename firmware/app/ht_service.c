@@ -27,6 +27,8 @@ void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
     l->reply_due = false;
     l->reply_waits = false;
     l->last_crc = 0u;
+    l->started = false;
+    l->start_crc = 0u;
     l->session = 0u;
     l->asks = 0u;
     l->session_tick = 0u;

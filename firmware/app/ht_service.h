@@ -23,6 +23,7 @@
 enum { HT_SERVICE_WATCHDOG_MS = 250 };
 
 /** Opcode of the request that whoever reaches the line may make, at any time. */
+#define HT_SERVICE_START 0x08u
 #define HT_SERVICE_STOP 0x09u
 
 /** Status of a reply; 0 .. 6 are ht_result. */
@@ -59,6 +60,8 @@ typedef struct {
     bool reply_due;
     bool reply_waits;           /**< for the interrupt that takes the parameters over */
     uint32_t last_crc;
+    bool started;               /**< `start_crc` is the session's latest request, a START */
+    uint32_t start_crc;
     uint16_t detail;            /**< of a refusal */
     uint16_t session;           /**< 0: none */
     uint16_t asks;              /**< session of the request in hand */

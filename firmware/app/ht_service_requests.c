@@ -174,9 +174,14 @@ static uint16_t start(ht_service *l, const uint16_t *in, uint16_t n)
     if (n != 0u) {
         return HT_SERVICE_LENGTH;
     }
+    if (l->started && (l->last_crc == l->start_crc)) {
+        return HT_ERROR_STATE; /* repeated after another host's request, a stop perhaps */
+    }
     l->watchdog_ticks = ht_service_watchdog_ticks(l);
     result = (uint16_t)ht_drive_start(l->drive);
     if (result == (uint16_t)HT_OK) {
+        l->started = true;
+        l->start_crc = l->last_crc;
         l->watchdog_left = l->watchdog_ticks;
         l->fed = 1u;
         l->armed = 1u; /* last: the interrupt disarms what does not run */
@@ -461,6 +466,9 @@ static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)
     l->asks = ht_get16(&octets[2]);
     dictionary = ht_get16(&octets[4]);
     owner = (l->session != 0u) && (l->asks == l->session);
+    if (owner && (octets[0] != HT_SERVICE_START)) {
+        l->started = false; /* its host has gone on: no repetition of that START will come */
+    }
     if (((h->needs & (uint16_t)NEEDS_SESSION) != 0u) && !owner) {
         return HT_SERVICE_SESSION;
     }

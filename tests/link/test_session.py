@@ -99,6 +99,17 @@ def test_two_hosts():
     assert device.service.session == NONCE
 
 
+def test_a_stop_from_elsewhere_outlives_the_start_that_it_follows():
+    """The first host missed the reply to its START and repeats it, after the second's STOP."""
+    device = Device()
+    start = device.request(START)
+    assert device.answer(start).status == DONE
+    assert device.ask(STOP, session=OTHER).status == DONE
+    assert device.answer(start).status == STATE
+    assert device.state == "idle"
+    assert device.ask(START).status == DONE  # a new one
+
+
 @pytest.mark.parametrize("watchdog_ms", [5, 20])
 def test_session_that_is_left_alone(watchdog_ms):
     """Ends after four times the watchdog's time; its streams end with it."""

@@ -19,6 +19,7 @@ PACKAGES = {
     "qemu-system-arm": "qemu-system-arm",
     "avr-gcc": "gcc-avr avr-libc",
     "libsimavr": "libsimavr-dev libelf-dev",
+    "clang": "clang",
 }
 #: Libraries among them, by their header.
 HEADERS = {"libsimavr": "simavr/sim_avr.h"}
