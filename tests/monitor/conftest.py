@@ -205,11 +205,16 @@ class Monitor(Visitor):
     """`hexatorque monitor` in a process of its own."""
 
     def __init__(self, *arguments: object) -> None:
-        self.process = python("-m", "hexatorque", "monitor", "--no-browser", *arguments)
-        self.title = self.process.stdout.readline().strip()
-        self.url = self.process.stdout.readline().strip()
+        for _ in range(5):
+            self.process = python("-m", "hexatorque", "monitor", "--no-browser", *arguments)
+            title = self.process.stdout.readline()
+            self.url = self.process.stdout.readline().strip()
+            if self.url:
+                break
+            title += self.process.communicate()[1]
+            assert "no reply" in title, title  # a board that gets no time does not answer
         found = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/\?token=([\w-]{32})", self.url)
-        assert found, (self.title, self.url, self.process.stderr.read())
+        assert found, (title, self.url)
         super().__init__(int(found[1]), found[2])
         self.enter()
 

@@ -6,7 +6,7 @@ import time
 import pytest
 from chromium import Chromium, program
 
-pytestmark = pytest.mark.skipif(program() is None, reason="no chromium")
+pytestmark = pytest.mark.skipif(program() is None, reason="no chromium: apt-get install chromium")
 
 #: Pixels of a plot that are not its background, as numbers that change when traces move.
 INKED = """(() => {
