@@ -13,6 +13,10 @@ from .recording import RecordingError
 TRIGGERS = ("manual", "rising", "falling", "above", "below", "fault", "command")
 
 
+#: A level travels as a float.
+FLOAT32_MOST = float(np.finfo(np.float32).max)
+
+
 @dataclass(frozen=True)
 class Trigger:
     kind: str
@@ -34,8 +38,10 @@ class Trigger:
             number = float(level)
         except ValueError:
             number = math.nan
-        if not math.isfinite(number):
-            raise RecordingError(f"trigger {text!r}: write {kind}:CHANNEL:LEVEL")
+        if not abs(number) <= FLOAT32_MOST:
+            raise RecordingError(
+                f"trigger {text!r}: write {kind}:CHANNEL:LEVEL, levels up to 3.4e38 either way"
+            )
         return Trigger(kind, channel, number)
 
     @property

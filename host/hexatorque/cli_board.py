@@ -31,7 +31,7 @@ def add(commands: argparse._SubParsersAction) -> None:
     )
     board.add_argument("--virtual", action="store_true", help="required: what else runs here")
     board.add_argument("--setup", default="paper-a-feasible", metavar="NAME|FILE")
-    board.add_argument("--load", type=float, metavar="NM", help="on the shaft; default: none")
+    board.add_argument("--load", type=float, metavar="NM", help="brake on the shaft; default: none")
     board.add_argument(
         "--machine", metavar="NAME",
         help="firmware and link on an emulated processor: mps2-an386, mps2-an500",
@@ -91,6 +91,9 @@ def _make(args: argparse.Namespace):
     from . import scenario
 
     setup = scenario.load(args.setup)
+    if args.load is not None and setup["load.kind"] == "constant":
+        # One that pulls would drag an idle machine along, which could then not be started.
+        setup = setup.changed(load__kind="friction")
     if args.machine is None:
         from .virtual_board import VirtualBoard
 

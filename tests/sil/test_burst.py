@@ -122,3 +122,9 @@ def test_arming_changes_nothing():
         sim.run(0.2, record=False)
         states.append(sim.plant_state.copy())
     assert np.array_equal(*states)
+
+
+@pytest.mark.parametrize("level", ["1e300", "-1e39", "inf", "nan", "x", ""])
+def test_a_level_that_no_float_holds(level):
+    with pytest.raises(RecordingError, match=r"levels up to 3\.4e38"):
+        Trigger.parse(f"rising:torque_Nm:{level}")
