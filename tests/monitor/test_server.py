@@ -435,7 +435,7 @@ def test_capture_with_what_came_before_the_trigger(site, tmp_path):
         ({"samples": 1.5}, "samples"), ({"pre": 100}, "pre"), ({"pre": -1}, "pre"),
         ({"prescaler": 0}, "prescaler"), ({"prescaler": 10**30}, "prescaler"),
         ({"trigger": "nothing"}, "trigger"), ({"trigger": "rising:x:1"}, "x"),
-        ({"trigger": "rising:vdc_V:1e300"}, "large"), ({"trigger": 1}, "trigger"),
+        ({"trigger": "rising:vdc_V:1e300"}, "levels up to"), ({"trigger": 1}, "trigger"),
         ({"channels": []}, "channels"), ({"channels": ["nonsense"]}, "nonsense"),
     ],
 )  # fmt: skip
