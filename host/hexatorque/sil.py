@@ -36,6 +36,7 @@ __all__ = ["DriveFault", "Simulation"]
 
 #: Period register of CPU timer 0, the slow interrupt's; two words.
 TIMER_PERIOD = 0x0C02
+RESET_TICKS = 0x10000  # what it says before it is set
 #: Periods per compiled call: short enough for progress and Ctrl-C.
 CHUNK = 2000
 #: How far a simulation runs between two looks at a capture.
@@ -240,7 +241,10 @@ class Simulation(DriveVerbs):
         m, words, timing = self.controller.map, self._registers, self._timing
         counts = int(words[self.controller.port.leg[0] + m.tbprd]) + 1
         ticks = int(words[TIMER_PERIOD]) + (int(words[TIMER_PERIOD + 1]) << 16) + 1
-        slow_every = round(ticks / float(m.system_clock_Hz) * float(m.pwm_clock_Hz) / counts)
+        if ticks == RESET_TICKS:  # firmware elsewhere: that register is not told, its rate stays
+            slow_every = round(timing.slow_every * timing.period / counts)
+        else:
+            slow_every = round(ticks / float(m.system_clock_Hz) * float(m.pwm_clock_Hz) / counts)
         if (counts, slow_every) == (timing.period, timing.slow_every):
             return
         self._begun_s, self._begun = self.time_s, self.periods
