@@ -64,14 +64,20 @@ fuzz: $(VENV)/.installed
 	build/fuzz/tests/fuzz/fuzz_service -max_len=300 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
 	  -artifact_prefix=out/fuzz/ out/fuzz/service tests/fuzz/corpus/service
 
+# These keep time with processes of their own: one at a time, and what a computer that was held up
+# has failed gets a second chance.
+TIMED := tests/link tests/monitor tests/targets
+timed = $(BIN)/python -m pytest -rs $(1) || \
+	$(BIN)/python -m pytest -rs --last-failed --last-failed-no-failures none $(1)
+
 test: test-c
-	$(BIN)/python -m pytest -n $(JOBS) -rs --ignore=tests/targets --ignore=tests/link --ignore=tests/monitor tests
-	$(BIN)/python -m pytest -rs tests/link tests/monitor tests/targets # one at a time: they keep time
+	$(BIN)/python -m pytest -n $(JOBS) -rs $(addprefix --ignore=,$(TIMED)) tests
+	$(call timed,$(TIMED))
 
 # One at a time: they measure speed. Fails where a tool is missing, after what can be run.
 test-targets: $(VENV)/.installed
 	@failed=0; \
-	$(BIN)/python -m pytest -rs tests/targets || failed=1; \
+	($(call timed,tests/targets)) || failed=1; \
 	$(BIN)/python -m hexatorque.targets.tools || failed=1; \
 	$(MAKE) check-c || failed=1; \
 	exit $$failed
