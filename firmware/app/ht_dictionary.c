@@ -5,6 +5,7 @@
 
 #define TYPE_F32 0u
 #define FLAG_LIVE 1u
+#define FLAG_WHOLE 2u
 
 uint16_t ht_dictionary_rows(uint16_t kind)
 {
@@ -24,8 +25,10 @@ uint16_t ht_dictionary_rows(uint16_t kind)
 
 static void add_parameter(ht_packet *p, const ht_param_info *info)
 {
+    uint16_t flags = (info->when == (uint16_t)HT_WHEN_LIVE) ? FLAG_LIVE : 0u;
+    flags |= info->whole ? FLAG_WHOLE : 0u;
     ht_packet_add8(p, TYPE_F32);
-    ht_packet_add8(p, (info->when == (uint16_t)HT_WHEN_LIVE) ? FLAG_LIVE : 0u);
+    ht_packet_add8(p, flags);
     ht_packet_add_float(p, info->min);
     ht_packet_add_float(p, info->max);
     ht_packet_add_float(p, info->initial);

@@ -4,9 +4,12 @@
 
 static const ht_param_info table[HT_PARAMS] = {
 #define HT_PARAM(name, unit, min, max, def, when, choices, help) \
-    {#name, unit, min, max, def, HT_WHEN_##when, choices, help},
+    {#name, unit, min, max, def, HT_WHEN_##when, choices, help, sizeof(choices) > 1u},
+#define HT_WHOLE(name, unit, min, max, def, when, help) \
+    {#name, unit, min, max, def, HT_WHEN_##when, "", help, true},
 #include "ht_params.def"
 #undef HT_PARAM
+#undef HT_WHOLE
 };
 
 uint16_t ht_param_count(void)
@@ -35,6 +38,6 @@ bool ht_param_valid(uint16_t id, float value)
     if (!((value >= table[id].min) && (value <= table[id].max))) {
         return false; /* NaN fails both comparisons */
     }
-    /* Choices are few: the conversion is in range once the limits hold. */
-    return (table[id].choices[0] == '\0') || ((float)(int16_t)value == value);
+    /* No such parameter has a limit beyond int32_t. */
+    return !table[id].whole || ((float)(int32_t)value == value);
 }

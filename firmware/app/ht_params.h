@@ -10,8 +10,10 @@
 /** Parameter ids: HT_P_<name>, in table order; HT_PARAMS is their number. */
 enum {
 #define HT_PARAM(name, unit, min, max, def, when, choices, help) HT_P_##name,
+#define HT_WHOLE(name, unit, min, max, def, when, help) HT_P_##name,
 #include "ht_params.def"
 #undef HT_PARAM
+#undef HT_WHOLE
     HT_PARAMS
 };
 
@@ -27,6 +29,7 @@ typedef struct {
     uint16_t when;       /**< HT_WHEN_... */
     const char *choices; /**< "" or the names of values 0, 1, ..., joined by '|' */
     const char *help;
+    bool whole;          /**< takes whole numbers only; so does every choice */
 } ht_param_info;
 
 /** All parameter values, by id. */
@@ -38,7 +41,7 @@ uint16_t ht_param_count(void);
 /** Table entry, or NULL if there is no such id. */
 const ht_param_info *ht_param_describe(uint16_t id);
 void ht_params_default(ht_params *p);
-/** True if `value` is finite, in range and, for choices, whole. */
+/** True if `value` is finite, in range and, where the table says so, whole. */
 bool ht_param_valid(uint16_t id, float value);
 
 #endif

@@ -29,6 +29,7 @@ void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
     l->last_crc = 0u;
     l->started = false;
     l->start_crc = 0u;
+    l->mark = 0u;
     l->session = 0u;
     l->asks = 0u;
     l->session_tick = 0u;

@@ -14,7 +14,7 @@
 #include "ht_packet.h"
 #include "ht_streams.h"
 
-#define HT_SERVICE_VERSION 1u
+#define HT_SERVICE_VERSION 2u
 #define HT_SERVICE_WRITE 80u /**< parameters of one WRITE */
 #define HT_SERVICE_REQUEST_HEAD 6u /**< octets of a request before its payload */
 #define HT_SERVICE_REPLY_HEAD 10u /**< octets of a reply before its payload */
@@ -22,11 +22,12 @@
 /** The watchdog's time on a board. */
 enum { HT_SERVICE_WATCHDOG_MS = 250 };
 
-/** Opcode of the request that whoever reaches the line may make, at any time. */
+/** Opcodes. A START is never carried out twice. */
 #define HT_SERVICE_START 0x08u
+/** A STOP may come from whoever reaches the line, at any time. */
 #define HT_SERVICE_STOP 0x09u
 
-/** Status of a reply; 0 .. 6 are ht_result. */
+/** Status of a reply; smaller ones are ht_result. */
 enum {
     HT_SERVICE_OPCODE = 16,
     HT_SERVICE_LENGTH = 17,
@@ -34,7 +35,8 @@ enum {
     HT_SERVICE_DICTIONARY = 19,
     HT_SERVICE_BUSY = 20,
     HT_SERVICE_BUDGET = 21,
-    HT_SERVICE_CAPTURE = 22
+    HT_SERVICE_CAPTURE = 22,
+    HT_SERVICE_NO_STREAM = 23 /**< all streams are in use */
 };
 
 typedef struct {
@@ -63,6 +65,7 @@ typedef struct {
     bool started;               /**< `start_crc` is the session's latest request, a START */
     uint32_t start_crc;
     uint16_t detail;            /**< of a refusal */
+    uint32_t mark;              /**< the first that an OPEN has brought since the reset; 0: none */
     uint16_t session;           /**< 0: none */
     uint16_t asks;              /**< session of the request in hand */
     uint32_t session_tick;      /**< of its latest request */

@@ -52,7 +52,7 @@ static uint16_t list(ht_service *l, const uint16_t *in, uint16_t n)
 static uint16_t open_session(ht_service *l, const uint16_t *in, uint16_t n)
 {
     uint16_t nonce;
-    if (n != 2u) {
+    if (n != 6u) {
         return HT_SERVICE_LENGTH;
     }
     nonce = ht_get16(in);
@@ -64,6 +64,10 @@ static uint16_t open_session(ht_service *l, const uint16_t *in, uint16_t n)
     }
     l->session = nonce;
     l->session_tick = l->drive->tick;
+    if (l->mark == 0u) {
+        l->mark = ht_get32(&in[2]);
+    }
+    ht_packet_add32(&l->reply, l->mark);
     return HT_OK;
 }
 
@@ -103,6 +107,7 @@ static uint16_t status(ht_service *l, const uint16_t *in, uint16_t n)
     ht_packet_add32(p, l->damaged);
     ht_packet_add32(p, l->overruns);
     ht_packet_add32(p, l->streams.dropped);
+    ht_packet_add32(p, l->mark);
     return HT_OK;
 }
 
@@ -272,8 +277,11 @@ static uint16_t stream(ht_service *l, const uint16_t *in, uint16_t n)
     slot = in[0];
     count = in[1];
     decimation = ht_get16(&in[2]);
-    if ((slot >= HT_STREAMS) || (count > HT_STREAM_CHANNELS) || (decimation == 0u)) {
-        l->detail = (slot >= HT_STREAMS) ? 0u : ((decimation == 0u) ? 2u : 1u);
+    if (slot >= HT_STREAMS) {
+        return HT_SERVICE_NO_STREAM;
+    }
+    if ((count > HT_STREAM_CHANNELS) || (decimation == 0u)) {
+        l->detail = (decimation == 0u) ? 2u : 1u;
         return HT_ERROR_VALUE;
     }
     if (!take_channels(l, &in[4], count, ids)) {
@@ -481,7 +489,7 @@ static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)
 
 static bool has_detail(uint16_t status_code)
 {
-    return ((status_code >= (uint16_t)HT_ERROR_ID) && (status_code <= (uint16_t)HT_ERROR_TURNING))
+    return ((status_code >= (uint16_t)HT_ERROR_ID) && (status_code < (uint16_t)HT_SERVICE_OPCODE))
            || (status_code == (uint16_t)HT_SERVICE_BUDGET);
 }
 

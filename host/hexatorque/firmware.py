@@ -56,6 +56,7 @@ class Parameter:
     live: bool  #: may change while the drive runs
     choices: tuple[str, ...]
     help: str
+    whole: bool = False  #: takes whole numbers only
 
     def parse(self, value: object) -> float:
         """The number for a value given as a number or a choice's name."""
@@ -68,10 +69,12 @@ class Parameter:
             raise FirmwareError(f"{self.name} = {value!r}: choose one of {', '.join(self.choices)}")
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise FirmwareError(f"{self.name} = {value!r}: a number is needed")
-        if not self.min <= value <= self.max:
+        if not self.min <= value <= self.max or (self.whole and value % 1 != 0):
             unit = f" {self.unit}" if self.unit else ""
+            whole = ", whole numbers only" if self.whole else ""
             raise FirmwareError(
-                f"{self.name} = {value:g}: allowed range is {self.min:g} .. {self.max:g}{unit}"
+                f"{self.name} = {value:.9g}: allowed range is "
+                f"{self.min:.9g} .. {self.max:.9g}{unit}{whole}"
             )
         return float(value)
 
@@ -91,6 +94,7 @@ def parameters() -> dict[str, Parameter]:
             index, name, _text(row.unit), decimal(row.min), decimal(row.max),
             decimal(row.initial), row.when == lib.HT_WHEN_LIVE,
             tuple(choices.split("|")) if choices else (), _text(row.help),
+            row.whole,
         )  # fmt: skip
     return table
 

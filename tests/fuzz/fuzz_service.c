@@ -62,7 +62,7 @@ static void write_valid(tape *t)
         if (where % 4u == 1u) {
             value = info->initial * (0.5f + (float)where / 255.0f);
         }
-        if (info->choices[0] != '\0') {
+        if (info->whole) {
             value = (float)(int)value;
         }
         pairs[6 * k] = (uint8_t)id;

@@ -277,7 +277,7 @@ void rig_begin(unsigned start)
         ready = true;
         power_up();
         go_on(RIG_IDLE);
-        ask(0x03, "\64\22", 2);
+        ask(0x03, "\64\22\1\0\0\0", 6);
         keep(&pictures[RIG_SESSION]);
         go_on(RIG_SESSION);
         ask(0x08, "", 0);

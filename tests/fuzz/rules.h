@@ -21,6 +21,7 @@ typedef struct {
 
 typedef struct {
     uint16_t session;
+    uint32_t mark;
     uint32_t session_tick; /* of its latest request */
     bool elsewhere;        /* the drive was started by a debugger */
     bool answered;

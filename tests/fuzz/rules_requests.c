@@ -13,7 +13,7 @@ enum {
 };
 enum {
     DONE, NO_ID, BAD_VALUE, BAD_STATE, NO_FIT, NO_HARDWARE, TURNING,
-    NO_OPCODE = 16, BAD_LENGTH, NO_SESSION, STALE, BUSY, BUDGET, NO_CAPTURE
+    NO_OPCODE = 16, BAD_LENGTH, NO_SESSION, STALE, BUSY, BUDGET, NO_CAPTURE, NO_STREAM
 };
 
 #define NEEDS_SESSION                                                                     \
@@ -65,7 +65,7 @@ static bool length_fits(unsigned opcode, const uint8_t *in, size_t n)
     case LIST:
         return n == 3;
     case OPEN:
-        return n == 2;
+        return n == 6;
     case GET:
         return (n % 2 == 0) && (n <= 200);
     case WRITE:
@@ -83,7 +83,7 @@ static bool valid(uint16_t id, float value)
 {
     const ht_param_info *info = ht_param_describe(id);
     return (value >= info->min) && (value <= info->max)
-           && ((info->choices[0] == '\0') || (floorf(value) == value));
+           && (!info->whole || (floorf(value) == value));
 }
 
 static bool sampling(const rules_before *b)
@@ -167,7 +167,9 @@ static void check_stream(const uint8_t *in, const rules_before *b, unsigned stat
     for (k = 0; k < n; k++) {
         ids = ids && (u16(&in[4 + 2 * k]) < ht_channel_count());
     }
-    if ((in[0] >= HT_STREAMS) || (n > HT_STREAM_CHANNELS) || (u16(&in[2]) == 0)) {
+    if (in[0] >= HT_STREAMS) {
+        CHECK(status == NO_STREAM);
+    } else if ((n > HT_STREAM_CHANNELS) || (u16(&in[2]) == 0)) {
         CHECK(status == BAD_VALUE);
     } else if (!ids) {
         CHECK(status == NO_ID);
@@ -225,6 +227,8 @@ static void check_done(unsigned opcode, const uint8_t *in, bool disturbed)
     switch (opcode) {
     case OPEN:
         the_rules.session = u16(in);
+        the_rules.mark = (the_rules.mark != 0u) ? the_rules.mark : u32(&in[2]);
+        CHECK(answered(10, 4) == the_rules.mark);
         break;
     case CLOSE:
         the_rules.session = 0u;
@@ -241,6 +245,9 @@ static void check_done(unsigned opcode, const uint8_t *in, bool disturbed)
         break;
     case CANCEL:
         CHECK(the_rig.service.burst.state == HT_BURST_NONE);
+        break;
+    case STATUS:
+        CHECK(answered(26, 4) == the_rules.mark);
         break;
     case LIST:
         CHECK(in[0] < HT_LISTS);
@@ -276,7 +283,7 @@ static void unchanged(unsigned opcode, const rules_before *b, bool refused, bool
 
 static void check_detail(unsigned status, size_t n)
 {
-    bool has = ((status >= NO_ID) && (status <= TURNING)) || (status == BUDGET);
+    bool has = ((status >= NO_ID) && (status < NO_OPCODE)) || (status == BUDGET);
     CHECK(n == (has ? 12u : 10u));
 }
 

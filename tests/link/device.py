@@ -14,9 +14,10 @@ from hexatorque.virtual_board import BoardController
 HELLO, LIST, OPEN, CLOSE, STATUS, GET, WRITE, START, STOP, CLEAR = range(1, 11)
 STREAM, ARM, CAPTURE, READ, TRIGGER, CANCEL, SNAPSHOT = range(11, 18)
 DONE, ID, VALUE, STATE, CONFIG, PORT, TURNING = range(7)
-OPCODE, LENGTH, SESSION, DICTIONARY, BUSY, BUDGET, NO_CAPTURE = range(16, 23)
+OPCODE, LENGTH, SESSION, DICTIONARY, BUSY, BUDGET, NO_CAPTURE, NO_STREAM = range(16, 24)
 NONE, FILLING, WAITING, TRIGGERED, SUMMING, COMPLETE = range(6)
 NONCE = 0x1234
+MARK = 0x89ABCDEF
 MID = 2048
 PARAMETERS = {name: row.id for name, row in firmware.parameters().items()}
 CHANNELS = {name: k for k, (name, _) in enumerate(firmware.channels())}
@@ -65,7 +66,7 @@ class Device:
         for which in range(7):
             self.sense(which, MID)
         if session:
-            assert self.ask(OPEN, struct.pack("<H", NONCE)).status == DONE
+            assert self.ask(OPEN, struct.pack("<HI", NONCE, MARK)).status == DONE
             self.session = NONCE
 
     # -- the world ---------------------------------------------------------------------
@@ -151,7 +152,7 @@ class Device:
 
     def watchdog(self) -> tuple[bool, int]:
         """Armed, ms left; asked without the session."""
-        flags, _, left_ms, *_ = struct.unpack("<BBHIII", self.ask(STATUS, session=0).payload)
+        flags, _, left_ms, *_ = struct.unpack("<BBHIIII", self.ask(STATUS, session=0).payload)
         return bool(flags & 4), left_ms
 
     def stream(self, slot: int, decimation: int, *channels: str) -> Reply:

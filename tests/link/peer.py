@@ -72,13 +72,13 @@ class Peer:
         self._slave = slave
         self.rows = list(ROWS)
         self.crc = binascii.crc32(b"".join(self.rows))
-        self.protocol = 1
+        self.protocol = 2
         self.values = {0: 1.0, 1: 0.0, 2: 2.3}
         self.refuse: dict[int, tuple[int, bytes]] = {}  # opcode -> status, payload
         self.faults: list[str] = []
         self.requests: list[bytes] = []
         self.executed: list[int] = []
-        self.state, self.tick, self.session = 0, 1000, 0
+        self.state, self.tick, self.session, self.mark = 0, 1000, 0, 0
         self.capture = (0, b"")
         self._last = (b"", b"")
         self._left = b""
@@ -157,12 +157,14 @@ class Peer:
             kind, row = struct.unpack("<BH", payload)
             return self.rows[sum(COUNTS[:kind]) + row]
         if op == 3:
-            self.session = struct.unpack("<H", payload)[0]
+            self.session, mark = struct.unpack("<HI", payload)
+            self.mark = self.mark or mark
+            return struct.pack("<I", self.mark)
         if op == 4:
             self.session = 0
         if op == 5:
             flags = bool(self.session) | (session == self.session) << 1
-            return struct.pack("<BBHIII", flags, self.capture[0], 0, 7, 8, 9)
+            return struct.pack("<BBHIIII", flags, self.capture[0], 0, 7, 8, 9, self.mark)
         if op == 6:
             ids = struct.unpack(f"<{len(payload) // 2}H", payload)
             return struct.pack(f"<{len(ids)}f", *(self.values[i] for i in ids))

@@ -240,8 +240,8 @@ def test_another_firmware_is_another_dictionary(peer):
 
 
 def test_another_protocol_is_refused(peer):
-    peer.protocol = 2
-    with pytest.raises(LinkError, match="protocol version 2, this client speaks 1"):
+    peer.protocol = 1
+    with pytest.raises(LinkError, match="protocol version 1, this client speaks 2"):
         Drive.open(peer.port)
 
 

@@ -22,6 +22,7 @@ from device import (
     ID,
     LENGTH,
     LIST,
+    MARK,
     NONCE,
     OPCODE,
     OPEN,
@@ -51,7 +52,7 @@ NEEDS_DICTIONARY = {GET, WRITE, START, CLEAR, STREAM, ARM}
 #: A payload of a right length.
 RIGHT = {
     LIST: struct.pack("<BH", 0, 0),
-    OPEN: struct.pack("<H", NONCE),
+    OPEN: struct.pack("<HI", NONCE, MARK),
     GET: struct.pack("<H", 0),
     WRITE: struct.pack("<Hf", PARAMETERS["speed_ref_rpm"], 1.0),
     STREAM: struct.pack("<BBHH", 0, 1, 10, 0),
@@ -61,7 +62,7 @@ RIGHT = {
 WRONG = {
     HELLO: [1],
     LIST: [0, 2, 4],
-    OPEN: [0, 1, 3],
+    OPEN: [0, 2, 5, 7],
     CLOSE: [1],
     STATUS: [1],
     GET: [1, 3, 202, 501],
@@ -179,7 +180,7 @@ def test_dictionary(device):
     longest, streams, per_stream, per_capture, taken, memory, watchdog_ms = struct.unpack_from(
         "<HBBBBIH", hello, 22
     )
-    assert (version, f_isr_Hz, budget, longest) == (1, 10000.0, 112500, 508)
+    assert (version, f_isr_Hz, budget, longest) == (2, 10000.0, 112500, 508)
     assert (streams, per_stream, per_capture, taken, memory) == (4, 32, 16, 1, 20480)
     assert watchdog_ms == 250
     assert hello[34:].split(b"\0")[0] == b"virtual f28377s"
@@ -210,7 +211,7 @@ def test_parameters_in_the_dictionary(device):
     for row in firmware.parameters().values():
         payload = device.done(LIST, "BH", 0, row.id).payload
         kind, flags, low, high, initial = struct.unpack_from("<BBfff", payload, 3)
-        assert (kind, bool(flags)) == (0, row.live)
+        assert (kind, flags) == (0, row.live + 2 * row.whole)
         assert (
             np.float32([low, high, initial]).tolist()
             == np.float32([row.min, row.max, row.initial]).tolist()
@@ -270,7 +271,7 @@ def test_bad_values(device, name):
     row = firmware.parameters()[name]
     beyond = [np.nextafter(np.float32(row.max), np.float32(np.inf))]
     beyond += [np.nextafter(np.float32(row.min), np.float32(-np.inf))]
-    beyond += [row.min + 0.5, 1e-9 + row.max - 0.25] if row.choices else []
+    beyond += [row.min + 0.5, row.max - 0.25] if row.whole else []
     before = everything(device)
     for value in [*BAD, *map(float, beyond)]:
         pairs = [("kp_speed_Nms_rad", 0.9), (name, value), ("ki_speed_Nm_rad", 0.3)]

@@ -37,7 +37,8 @@ OTHER = 0x4321
 
 
 def nonce(value):
-    return struct.pack("<H", value)
+    """OPEN's payload, with some mark."""
+    return struct.pack("<HI", value, 7)
 
 
 def until_fault(device, most):
@@ -50,6 +51,27 @@ def until_fault(device, most):
 
 
 # --- session ------------------------------------------------------------------------------
+
+
+def marks(device, value):
+    """OPEN with a mark: the marks in force by its reply and by STATUS."""
+    opened = device.done(OPEN, "HI", NONCE, value).payload
+    return struct.unpack("<I", opened)[0], struct.unpack_from("<I", device.ask(STATUS).payload, 16)[
+        0
+    ]
+
+
+def test_the_first_mark_stays_until_a_reset():
+    """So whoever knows it can tell a reset, even if others have opened sessions since."""
+    device = Device(session=False)
+    assert struct.unpack_from("<I", device.ask(STATUS).payload, 16) == (0,)
+    assert marks(device, 0) == (0, 0)  # none given
+    assert marks(device, 0xFEDCBA98) == (0xFEDCBA98, 0xFEDCBA98)
+    assert marks(device, 5) == (0xFEDCBA98, 0xFEDCBA98)
+    assert device.ask(CLOSE, session=NONCE).status == DONE
+    assert device.ask(OPEN, struct.pack("<HI", 0, 9)).status == VALUE  # changes nothing
+    assert marks(device, 6) == (0xFEDCBA98, 0xFEDCBA98)
+    assert marks(Device(session=False), 6) == (6, 6)  # another life
 
 
 def test_open_and_close():

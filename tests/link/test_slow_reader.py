@@ -33,7 +33,7 @@ def test_what_it_reads_in_the_end_is_right_and_what_is_missing_is_told():
     with Terminal() as line:
         reader = os.open(line.port, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
         try:
-            ask(wire.Op.OPEN, struct.pack("<H", SESSION))
+            ask(wire.Op.OPEN, wire.open_session(SESSION, 1))
             board.run(0.05, record=True)
             ask(wire.Op.STREAM, wire.stream(0, CHANNELS, 4))
             for _ in range(12):  # nobody reads

@@ -242,8 +242,8 @@ def test_budget(baud, count):
 @pytest.mark.parametrize(
     "payload, status, detail",
     [
-        (struct.pack("<BBHH", 4, 1, 1, 0), VALUE, 0),
-        (struct.pack("<BBHH", 255, 1, 1, 0), VALUE, 0),
+        (struct.pack("<BBHH", 4, 1, 1, 0), NO_STREAM, None),
+        (struct.pack("<BBHH", 255, 1, 1, 0), NO_STREAM, None),
         (struct.pack("<BBH33H", 0, 33, 9, *range(33)), VALUE, 1),
         (struct.pack("<BBHH", 0, 1, 0, 0), VALUE, 2),
         (struct.pack("<BBHHH", 0, 2, 9, 0, 27), ID, 27),

@@ -6,7 +6,7 @@ from __future__ import annotations
 import struct
 
 #: Of the requests.
-SESSION, DICTIONARY = 0x1234, 0xBEEF
+SESSION, DICTIONARY, MARK = 0x1234, 0xBEEF, 0x89ABCDEF
 
 
 def crc32(octets: bytes) -> int:
@@ -51,7 +51,7 @@ def bodies() -> list[tuple[str, bytes]]:
     return [
         ("HELLO", struct.pack("<BBHH", 1, 7, 0, 0)),
         ("LIST row 2 of the faults", request(2, "BH", 2, 2)),
-        ("OPEN", struct.pack("<BBHHH", 3, 9, 0, DICTIONARY, SESSION)),
+        ("OPEN", struct.pack("<BBHHHI", 3, 9, 0, DICTIONARY, SESSION, MARK)),
         ("CLOSE", request(4)),
         ("STATUS", request(5)),
         ("GET parameters 0, 256, 7", request(6, "3H", 0, 256, 7)),
@@ -68,12 +68,13 @@ def bodies() -> list[tuple[str, bytes]]:
         ("TRIGGER", request(15)),
         ("CANCEL", request(16)),
         ("SNAPSHOT", request(17)),
-        ("reply to HELLO", reply(1, 0, "HIfI4HHBBBBIH", 1, 0x0BADBEEF, 10000.0, 112500,
+        ("reply to HELLO", reply(1, 0, "HIfI4HHBBBBIH", 2, 0x0BADBEEF, 10000.0, 112500,
                                  62, 27, 13, 5, 508, 4, 32, 16, 1, 20480, 250)
          + b"board\0build\0"),
+        ("reply to OPEN", reply(3, 0, "I", MARK)),
         ("reply to WRITE, refused", reply(7, 2, "H", 9)),
         ("reply to STREAM, over the budget", reply(11, 21, "H", 7)),
-        ("reply to STATUS", reply(5, 0, "BBHIII", 7, 2, 180, 3, 0, 1000000)),
+        ("reply to STATUS", reply(5, 0, "BBHIIII", 7, 2, 180, 3, 0, 1000000, MARK)),
         ("sample of stream 1", struct.pack("<BBI3f", 0x41, 255, 0xFFFFFFFF, 1.5, -0.0, 311.0)),
         ("data of a capture", struct.pack("<BBI5f", 0x50, 3, 600, *(0.1 * k for k in range(5)))),
         ("shortest body", b"\x05\x00"),

@@ -32,6 +32,7 @@ _REFUSED = {
     Status.OTHER_SESSION: "another client has a session",
     Status.BUDGET: "more than the line carries",
     Status.CAPTURE: "the board's capture is not in a state for this",
+    Status.NO_STREAM: "all of the board's streams are in use",
 }
 #: Refusals of what was asked for, not of when.
 _MISTAKES = (Status.ID, Status.VALUE, Status.CONFIG, Status.PORT, Status.LENGTH, Status.BUDGET)
@@ -74,6 +75,8 @@ class Client:
         #: Why this client cannot be used any more.
         self.broken: LinkError | None = None
         self._nonce = random.SystemRandom().randint(1, 0xFFFF)
+        #: The board's mark as this client knows it; at first the one that it will bring.
+        self.mark = random.SystemRandom().randint(1, 0xFFFFFFFF)
         self._id = random.randrange(256)
         self._splitter = wire.Splitter()
         self._one_at_a_time = threading.RLock()
@@ -235,8 +238,9 @@ class Client:
         with self._one_at_a_time:
             end = time.monotonic() + OPEN_PATIENCE_S
             while True:
-                reply = self._ask(Op.OPEN, self._nonce.to_bytes(2, "little"))
+                reply = self._ask(Op.OPEN, wire.open_session(self._nonce, self.mark))
                 if reply.status == Status.DONE:
+                    self._take_mark(reply)
                     break
                 if reply.status != Status.OTHER_SESSION or time.monotonic() > end:
                     raise self.refused(reply, self.url)
@@ -248,6 +252,12 @@ class Client:
                     target=self._beat, name=f"heartbeat of {self.url}", daemon=True
                 )
                 self._heart.start()
+
+    def _take_mark(self, reply: Reply) -> None:
+        try:
+            self.mark = wire.parse_open(reply.payload)
+        except wire.WireError as error:
+            raise LinkError(f"{self.url}: OPEN: {error}") from None
 
     def _beat(self) -> None:
         """Keep the session while nothing else is asked; take it again after an unplugging."""

@@ -75,7 +75,7 @@ def _parse(hello: Hello, rows: list[bytes]) -> Dictionary:
     parameters = {
         row.name: Parameter(
             id, row.name, row.unit, decimal(row.min), decimal(row.max), decimal(row.initial),
-            row.live, tuple(row.choices.split("|")) if row.choices else (), row.help,
+            row.live, tuple(row.choices.split("|")) if row.choices else (), row.help, row.whole,
         )
         for id, row in enumerate(parsed[Kind.PARAMETER])
     }  # fmt: skip

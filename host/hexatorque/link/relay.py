@@ -166,7 +166,8 @@ class _Peer:
             # The session is the holder's.
             done = client.ask(Op.STOP if op == Op.CLOSE and self.started else Op.STATUS)
             self.started = self.started and op != Op.CLOSE
-            return done._replace(payload=b"")
+            mark = client.mark.to_bytes(4, "little")
+            return done._replace(payload=mark if op == Op.OPEN else b"")
         reply = client.ask(op, request.payload)
         if reply.status == Status.DONE and op in (Op.START, Op.STOP):
             self.started = op == Op.START

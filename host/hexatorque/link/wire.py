@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from cobs import cobs
 
-PROTOCOL = 1
+PROTOCOL = 2
 LONGEST_BODY = 508
 #: Body and CRC, COBS's octets, the zero on either side.
 LONGEST_FRAME = LONGEST_BODY + 4 + (LONGEST_BODY + 4) // 254 + 1 + 2
@@ -42,6 +42,8 @@ class Op(IntEnum):
     TRIGGER = 0x0F
     CANCEL = 0x10
     SNAPSHOT = 0x11
+    SAVE = 0x12
+    FORGET = 0x13
 
 
 NEEDS_SESSION = frozenset(
@@ -65,6 +67,7 @@ class Status(IntEnum):
     OTHER_SESSION = 20
     BUDGET = 21
     CAPTURE = 22
+    NO_STREAM = 23
 
 
 class Kind(IntEnum):
@@ -236,6 +239,7 @@ def parse_hello(payload: bytes) -> Hello:
 
 class ParameterRow(NamedTuple):
     live: bool
+    whole: bool
     min: float
     max: float
     initial: float
@@ -272,7 +276,8 @@ def parse_row(
             type_, flags, low, high, initial = struct.unpack_from("<BBfff", payload, 3)
             if type_ != 0:
                 raise WireError(f"a parameter of unknown type {type_}")
-            return ParameterRow(bool(flags & 1), low, high, initial, *_texts(payload[17:], 4))
+            live, whole = bool(flags & 1), bool(flags & 2)
+            return ParameterRow(live, whole, low, high, initial, *_texts(payload[17:], 4))
         if kind == Kind.CHANNEL:
             if payload[3] != 0:
                 raise WireError(f"a channel of unknown type {payload[3]}")
@@ -293,11 +298,22 @@ class StatusReply(NamedTuple):
     damaged: int
     overruns: int
     dropped: int
+    mark: int  #: the board's word for the time since its reset; 0: nobody has given one
 
 
 def parse_status(payload: bytes) -> StatusReply:
-    flags, *rest = unpack("BBHIII", payload)
+    flags, *rest = unpack("BBHIIII", payload)
     return StatusReply(bool(flags & 1), bool(flags & 2), bool(flags & 4), *rest)
+
+
+def open_session(nonce: int, mark: int) -> bytes:
+    """OPEN's payload."""
+    return struct.pack("<HI", nonce, mark)
+
+
+def parse_open(payload: bytes) -> int:
+    """The mark now in force, from the reply to OPEN."""
+    return unpack("I", payload)[0]
 
 
 class CaptureReply(NamedTuple):

@@ -80,7 +80,7 @@ class _Source:
         self.dictionary = self.board.controller.board.service.dictionary & 0xFFFF
         self._id = 0
         self._turn = 0
-        self._ask(Op.OPEN, struct.pack("<H", NONCE))
+        self._ask(Op.OPEN, wire.open_session(NONCE, 1))
         ids = [[name for name, _ in firmware.channels()].index(c) for c in CHANNELS]
         self._ask(Op.STREAM, wire.stream(0, tuple(ids), 1))
         self._ask(Op.START)
@@ -278,7 +278,7 @@ def _requests(count: int, rng: np.random.Generator) -> list[dict]:
         rows.append({"request": op.name, "tries": [0] * TRIES, "failed": 0, "wrong": 0})
     for n in range(count):
         if n % 50 == 0:  # the session may have ended meanwhile
-            while not host.ask(Op.OPEN, struct.pack("<H", NONCE))[0]:
+            while not host.ask(Op.OPEN, wire.open_session(NONCE, 1))[0]:
                 pass
         row = rows[n % len(rows)]
         op = Op[row["request"]]
