@@ -75,8 +75,8 @@ class Client:
         #: Why this client cannot be used any more.
         self.broken: LinkError | None = None
         self._nonce = random.SystemRandom().randint(1, 0xFFFF)
-        #: The board's mark as this client knows it; at first the one that it will bring.
-        self.mark = random.SystemRandom().randint(1, 0xFFFFFFFF)
+        #: The board's mark; 0 before the first session. Another one means that it was reset.
+        self.mark = 0
         self._id = random.randrange(256)
         self._splitter = wire.Splitter()
         self._one_at_a_time = threading.RLock()
@@ -238,7 +238,7 @@ class Client:
         with self._one_at_a_time:
             end = time.monotonic() + OPEN_PATIENCE_S
             while True:
-                reply = self._ask(Op.OPEN, wire.open_session(self._nonce, self.mark))
+                reply = self._ask(Op.OPEN, wire.open_session(self._nonce, _new_mark()))
                 if reply.status == Status.DONE:
                     self._take_mark(reply)
                     break
@@ -348,6 +348,11 @@ class Client:
         """Get capture data; returns what ends it."""
         self._data_sinks.append(sink)
         return lambda: self._data_sinks.remove(sink)
+
+
+def _new_mark() -> int:
+    """For every OPEN another one: a board that was reset must not take the one that it had."""
+    return random.SystemRandom().randint(1, 0xFFFFFFFF)
 
 
 def _nobody(bodies: list[bytes]) -> None:
