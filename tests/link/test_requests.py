@@ -29,6 +29,7 @@ from device import (
     PARAMETERS,
     PORT,
     READ,
+    SAMPLING,
     SESSION,
     SNAPSHOT,
     START,
@@ -335,11 +336,11 @@ def test_rate_stays_while_it_is_counted_in(device):
     rate = struct.pack("<H", PARAMETERS["f_isr_Hz"])
     device.stream(2, 100, "state")
     reply = device.write(f_isr_Hz=5000.0)
-    assert (reply.status, reply.payload) == (STATE, rate)
+    assert (reply.status, reply.payload) == (SAMPLING, rate)
     assert device.write(f_isr_Hz=10000.0).status == DONE  # as it is
     device.stream(2, 1)
     device.done(ARM, "BBHIIHfH", 1, 0, 1, 10, 5, 0, 0.0, 0)
-    assert device.write(f_isr_Hz=5000.0).status == STATE
+    assert device.write(f_isr_Hz=5000.0).status == SAMPLING
     device.done(TRIGGER)
     device.tick(30)
     assert device.write(f_isr_Hz=5000.0).status == DONE

@@ -10,6 +10,7 @@ from device import (
     CLEAR,
     CLOSE,
     DONE,
+    FIELD,
     GET,
     HELLO,
     LIST,
@@ -23,7 +24,6 @@ from device import (
     STOP,
     TO_RUN,
     TRIGGER,
-    VALUE,
     WRITE,
     Device,
     frame,
@@ -69,14 +69,15 @@ def test_the_first_mark_stays_until_a_reset():
     assert marks(device, 0xFEDCBA98) == (0xFEDCBA98, 0xFEDCBA98)
     assert marks(device, 5) == (0xFEDCBA98, 0xFEDCBA98)
     assert device.ask(CLOSE, session=NONCE).status == DONE
-    assert device.ask(OPEN, struct.pack("<HI", 0, 9)).status == VALUE  # changes nothing
+    assert device.ask(OPEN, struct.pack("<HI", 0, 9)).status == FIELD  # changes nothing
     assert marks(device, 6) == (0xFEDCBA98, 0xFEDCBA98)
     assert marks(Device(session=False), 6) == (6, 6)  # another life
 
 
 def test_open_and_close():
     device = Device(session=False)
-    assert device.ask(OPEN, nonce(0)).status == VALUE
+    none = device.ask(OPEN, nonce(0))
+    assert (none.status, none.payload) == (FIELD, b"\0\0")
     assert device.ask(OPEN, nonce(NONCE)).status == DONE
     assert device.ask(OPEN, nonce(NONCE)).status == DONE  # is confirmed
     assert device.ask(OPEN, nonce(OTHER)).status == BUSY

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import random
 import threading
@@ -33,9 +34,15 @@ _REFUSED = {
     Status.BUDGET: "more than the line carries",
     Status.CAPTURE: "the board's capture is not in a state for this",
     Status.NO_STREAM: "all of the board's streams are in use",
+    Status.FIELD: "the board refuses a part of this request",
+    Status.MEMORY: "larger than the board's memory",
+    Status.SAMPLING: "not while streams or a capture are on",
 }
 #: Refusals of what was asked for, not of when.
-_MISTAKES = (Status.ID, Status.VALUE, Status.CONFIG, Status.PORT, Status.LENGTH, Status.BUDGET)
+_MISTAKES = (
+    Status.ID, Status.VALUE, Status.CONFIG, Status.PORT, Status.LENGTH, Status.BUDGET,
+    Status.NO_STREAM, Status.FIELD, Status.MEMORY,
+)  # fmt: skip
 
 
 @dataclass
@@ -173,7 +180,7 @@ class Client:
         octets = wire.frame(wire.request(op, self._id, self._nonce, self.dictionary, payload))
         while not self._replies.empty():
             self._replies.get()
-        wait_s = self.transport.reply_s(len(octets))
+        wait_s = self.transport.reply_s(len(octets) + wire.reply_bytes(op, len(payload)))
         for attempt in range(self.transport.tries):
             self._awaited = (op, self._id, accepted)
             self.counters.retries += attempt > 0
@@ -206,6 +213,8 @@ class Client:
 
     def refused(self, reply: Reply, what: str) -> LinkError:
         text = _REFUSED.get(reply.status, f"status {reply.status}")
+        with contextlib.suppress(wire.WireError):
+            text = wire.refusal(reply) or text
         if reply.status == Status.STATE and reply.faults:
             text += "; clear the fault first"
         return LinkError(

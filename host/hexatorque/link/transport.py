@@ -16,7 +16,6 @@ from pathlib import Path
 import serial
 
 from . import LinkError, runtime
-from .wire import LONGEST_FRAME
 
 #: Octets per read, and how long it waits for them: few wake-ups at full speed, and a reply
 #: is seen in time.
@@ -177,9 +176,9 @@ class Transport:
         return 1 if self.relayed else self._port_tries
 
     def reply_s(self, octets: int) -> float:
-        """How long to wait for the reply to a request of so many octets on the line."""
+        """How long to wait for a reply, which so many octets on the line may precede."""
         wait_s = PROCESS_REPLY_S if self._process else REPLY_S
-        once = (octets + LONGEST_FRAME) * 10 / self.baud + wait_s
+        once = octets * 10 / self.baud + wait_s
         return 2 * self._port_tries * once if self.relayed else once
 
     @property
