@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from device import BUDGET, DONE, ID, LENGTH, STREAM, VALUE, Device
+from device import BUDGET, DONE, ID, LENGTH, NO_STREAM, STREAM, VALUE, Device
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
