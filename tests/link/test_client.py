@@ -12,8 +12,8 @@ from peer import Peer, frame
 
 from hexatorque import firmware
 from hexatorque.link import LinkError, server, wire
-from hexatorque.link.exchange import NoReply
 from hexatorque.link.drive import Drive
+from hexatorque.link.exchange import NoReply
 from hexatorque.link.wire import Op
 
 WRITE, STREAM, LIST = 7, 11, 2
@@ -375,7 +375,7 @@ def test_a_request_that_finds_a_reset_board_is_not_carried_out(peer, drive):
     drive.set("speed_ref_rpm", 5.0)
     with drive.client._one_at_a_time:  # no heartbeat sees it first
         reset(peer)
-        with pytest.raises(LinkError, match="the board was reset; .*START was not carried out"):
+        with pytest.raises(LinkError, match=r"the board was reset; .*START was not carried out"):
             drive.start()
     assert 8 not in peer.executed
     drive.start()

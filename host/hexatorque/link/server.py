@@ -4,9 +4,9 @@
 
 The first client starts it (transport.py); it ends by itself a second after the last one left.
 Clients speak the board's own protocol to it over a socket, without COBS and CRC: a u16 length
-before each body (exchange.py). Requests go to the board one at a time under the server's own session, so
-ids, sessions and the numbers of streams are changed on the way. A board that answers nothing,
-a port that is gone and the line's counters have bodies of their own (`Notice`).
+before each body (exchange.py). Requests go to the board one at a time under the server's own
+session, so ids, sessions and the numbers of streams are changed on the way. A board that
+answers nothing, a port that is gone and the line's counters have bodies of their own (`Notice`).
 
 The drive stops when the client that started it leaves or is silent for 250 ms. Should this
 process stand still or die, the board's watchdog stops the drive.
@@ -180,7 +180,7 @@ class Server:
         if self._out:
             writes.append(self.line)
         wait_s = max(0.0, min(self._due_s()) - now_s)
-        readable, writable, _ = select.select(reads, writes, [], wait_s)
+        readable, _, _ = select.select(reads, writes, [], wait_s)
         if self.line in readable:
             self._read_line()
         if self._out:
@@ -217,9 +217,9 @@ class Server:
         if starter and not starter.pending and now_s > starter.heard_s + SILENT_S:
             self.starter = None
             self._put(Job(Op.STOP))
-        if self._kept() and not self.job and not self.queue:
-            if now_s > self._asked_s + HEARTBEAT_S:
-                self._put(Job(Op.STATUS))
+        quiet = not self.job and not self.queue and now_s > self._asked_s + HEARTBEAT_S
+        if quiet and self._kept():
+            self._put(Job(Op.STATUS))
         for peer in self.peers:
             if peer.pending and now_s > peer.pulse_s:
                 peer.pulse_s = now_s + PULSE_S
@@ -523,9 +523,7 @@ class Server:
             job.done = lambda reply: self._closed(job, reply)
             self._put(job)
         elif request:
-            job = Job(Op.STATUS, peer=peer, request=request)
-            job.done = lambda reply: self._pass_on(job, reply, payload=b"")
-            self._put(job)
+            self._answer(peer, request, Status.DONE)
 
     def _closed(self, job: Job, reply: Reply) -> None:
         if self.session:
@@ -533,24 +531,24 @@ class Server:
         if job.request:
             self._pass_on(job, reply, status=Status.DONE, payload=b"")
 
+    def _answer(self, peer: Peer, request: Request, status: Status) -> None:
+        """A reply that is not the board's; state and tick are."""
+        job = Job(Op.STATUS, peer=peer, request=request)
+        job.done = lambda reply: self._pass_on(job, reply, status=status, payload=b"")
+        self._put(job)
+
     # -- streams ---------------------------------------------------------------------------
 
     def _stream(self, peer: Peer, request: Request) -> None:
         """Another number for the board's stream than the client's own."""
         number, ends = request.payload[0], request.payload[1:2] == b"\0"
-        for at, slot in enumerate(self.slots):
-            if slot and (slot.peer, slot.number) == (peer, number):
-                break
-        else:
-            free = [k for k, slot in enumerate(self.slots) if slot is None]
-            if ends or not free:
-                job = Job(Op.STATUS, peer=peer, request=request)
-                status = Status.DONE if ends else Status.NO_STREAM
-                job.done = lambda reply: self._pass_on(job, reply, status=status, payload=b"")
-                self._put(job)
-                return
-            at, slot = free[0], Slot(peer, number)
-            self.slots[at] = slot
+        mine = [k for k, s in enumerate(self.slots) if s and (s.peer, s.number) == (peer, number)]
+        free = [k for k, s in enumerate(self.slots) if s is None]
+        if not mine and (ends or not free):
+            self._answer(peer, request, Status.DONE if ends else Status.NO_STREAM)
+            return
+        at = (mine or free)[0]
+        slot = self.slots[at] = self.slots[at] or Slot(peer, number)
 
         def free_unless_live() -> None:
             if self.slots[at] is slot and not slot.live:

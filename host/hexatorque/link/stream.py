@@ -68,7 +68,7 @@ class Stream:
         self._blocks: queue.SimpleQueue[tuple[np.ndarray, np.ndarray]] = queue.SimpleQueue()
         #: What has ended the stream for good: the board was reset.
         self.ended: LinkError | None = None
-        self._from = 0  # tick from which the stream is in force
+        self._from: int | None = None  # tick from which the stream is in force
         self._fresh = True  # no sample yet since it is
         self._tick: int | None = None  # of the latest sample, as the board counts
         self._time = 0  # the same, counted on
@@ -130,6 +130,10 @@ class Stream:
     # -- the reader's thread -------------------------------------------------------------
 
     def _begun(self, reply: Reply) -> None:
+        if self._tick is None and self._from is not None:
+            # Set again before its first sample came: what is missing counts from the beginning.
+            self._time = self._from + 1 - self.decimation
+            self._tick = self._time & 0xFFFFFFFF
         self._from, self._fresh = reply.tick, True
 
     def _push(self, bodies: list[bytes]) -> None:
@@ -156,6 +160,7 @@ class Stream:
         """Those that belong to the stream as it is now. What is missing before the very first
         sample is told by its number, which counts modulo 256, and by the tick of the reply:
         the board takes sample 0 within a few interrupts of it."""
+        assert self._from is not None
         ahead = (rows["tick"] - np.uint32(self._from)).astype(np.int32)
         rows = rows[ahead >= 0]  # before: left over from another stream
         if not len(rows):

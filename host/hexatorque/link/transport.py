@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from .. import __version__
@@ -114,10 +115,8 @@ class Transport:
         if connection is None:
             return
         self.reason = self.reason or reason
-        try:
+        with suppress(OSError):
             connection.shutdown(socket.SHUT_RDWR)  # the reader wakes up
-        except OSError:
-            pass
         if threading.current_thread() is self._thread or self._thread is None:
             connection.close()
 
@@ -187,10 +186,11 @@ class Transport:
         self._socket = connection
 
     def _dial(self) -> socket.socket | None:
+        path = runtime.port_path(self.url, "sock")
         connection = socket.socket(socket.AF_UNIX)
         connection.settimeout(MISSED_PULSES * PULSE_S)
         try:
-            connection.connect(str(runtime.port_path(self.url, "sock")))
+            connection.connect(str(path))
         except (FileNotFoundError, ConnectionRefusedError):
             connection.close()
             return None
