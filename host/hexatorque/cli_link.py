@@ -14,8 +14,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PORT = """
-The port is found by itself if there is one board; see `hexatorque devices`. A port that
-another hexatorque command holds is shared with it.
+The port is found by itself if there is one board; see `hexatorque devices`. All hexatorque
+commands share a port.
 """
 
 
@@ -219,7 +219,7 @@ def _devices(args: argparse.Namespace) -> int:
     for heading in ("port", "device", "build", "baud", "what it is"):
         table.add_column(heading)
     for board in found:
-        where = f"{board.where}, shared" if board.shared else board.where
+        where = f"{board.where}, in use by other clients" if board.shared else board.where
         table.add_row(board.port, board.device, board.build, str(board.baud), where)
     console_for(args).print(table)
     return 0
@@ -275,6 +275,10 @@ def _start(args: argparse.Namespace) -> int:
             drive.stop()
     if args.json:
         print(json.dumps({"state": was, "faults": faults}))
+    if drive.resets:
+        print("hexatorque: the board was reset; its parameters are at their initial values",
+              file=sys.stderr)  # fmt: skip
+        return 1
     if was == "idle":
         console.print("stopped by somebody else")
     return tripped(was, faults)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -102,6 +103,7 @@ def running(args: argparse.Namespace, drive) -> Iterator[None]:
 def _stream(args: argparse.Namespace) -> int:
     from .files import check_output, journal
     from .files.writer import Writer
+    from .link.drive import BOARD_RESET
 
     check_output(args.output)
     console = console_for(args)
@@ -120,7 +122,8 @@ def _stream(args: argparse.Namespace) -> int:
             samples = _write(drive, stream, writer, wanted, told, console)
             state, faults = drive.state, drive.faults
             writer.count(**_counters(drive, stream))
-            path = writer.close(state=state, faults=faults)
+            ended = {"ended": BOARD_RESET} if stream.ended else {}
+            path = writer.close(state=state, faults=faults, **ended)
     summary = {
         "file": str(path),
         "samples": samples,
@@ -130,16 +133,27 @@ def _stream(args: argparse.Namespace) -> int:
         **drive.line_counters(),
         "state": state,
         "faults": faults,
+        **ended,
     }
     say(args, summary)
+    if stream.ended:
+        print(f"hexatorque: {stream.ended}", file=sys.stderr)
+        return 1
     return 0 if faulted else tripped(state, faults)
 
 
 def _write(drive, stream, writer, wanted: int | None, told: threading.Event, console) -> int:
-    """Until so many samples are written, or told; returns how many."""
+    """Until so many samples are written, told, or the board is reset; returns how many."""
+    from .link import LinkError
+
     samples, plugged, counted_s = 0, True, time.monotonic()
     while not told.is_set() and (wanted is None or samples < wanted):
-        block = stream.read(0.1)
+        try:
+            block = stream.read(0.1)
+        except LinkError:
+            if stream.ended is None:
+                raise
+            break
         if plugged != drive.client.transport.plugged:
             plugged = not plugged
             console.print("back again" if plugged else "unplugged: waiting for the board")
@@ -205,6 +219,8 @@ def _watch(args: argparse.Namespace) -> int:
                 while not told.wait(0.1) and (end is None or time.monotonic() < end):
                     for ticks, values in stream.waiting():
                         curves.add(ticks / stream.f_isr_Hz, values)
+                    if stream.ended:
+                        raise stream.ended
                     live.update(curves.drawn(live.console.width), refresh=True)
     if args.json:
         latest = curves.latest()

@@ -109,13 +109,17 @@ def load(path: Path) -> Recording:
 def ascending(ticks: np.ndarray, decimation: int) -> tuple[np.ndarray, np.ndarray]:
     """(places, kept): the sample number of each row that is kept, counted from the first
     row, and which rows those are. Not kept: rows that are not later than all before
-    (ticks are modulo 2**32) or not on the stream's raster."""
+    (ticks are modulo 2**32), and single ones that are not on the stream's raster. Behind an
+    interruption the board goes on at any tick: such rows are at the nearest place."""
     steps = np.diff(ticks.astype(np.uint32)).astype(np.int32)  # wraps
     since = np.concatenate([[0], np.cumsum(steps, dtype=np.int64)])[: len(ticks)]
-    on_raster = since % decimation == 0
-    latest = np.maximum.accumulate(np.where(on_raster, since, -1))
-    kept = on_raster & (since > np.concatenate([[-1], latest[:-1]])[: len(ticks)])
-    return since[kept] // decimation, kept
+    phase = since % decimation
+    as_next = np.append(phase[1:] == phase[:-1], False)[: len(ticks)]
+    on_raster = (phase == 0) | as_next | np.roll(as_next, 1)
+    place = (since + decimation // 2) // decimation
+    latest = np.maximum.accumulate(np.where(on_raster, place, -1))
+    kept = on_raster & (place > np.concatenate([[-1], latest[:-1]])[: len(ticks)])
+    return place[kept], kept
 
 
 def assemble(

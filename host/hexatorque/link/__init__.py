@@ -4,6 +4,9 @@ The wire is defined by docs/protocol.md. What a board can do (parameters, channe
 states) is what the board's own dictionary says, never the firmware compiled into this package.
 """
 
+#: Of the images for the F28377S and the F28335.
+BAUDS = (1_250_000, 937_500)
+
 
 class LinkError(RuntimeError):
     """The link failed or the board refused; the text says which and what is allowed.

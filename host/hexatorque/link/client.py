@@ -1,22 +1,31 @@
-"""Requests and their replies, the session and its heartbeat, and who gets which frames."""
+"""Requests and their replies, the session and its heartbeat, and who gets which frames.
+
+The line, its repetitions and the board's own session are the port server's (server.py).
+"""
 
 from __future__ import annotations
 
 import contextlib
 import queue
 import random
+import struct
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from . import LinkError, wire
-from .transport import BUSY_S, Transport
+from .exchange import PULSE_S, NoReply, Notice
+from .transport import MISSED_PULSES, Transport
 from .wire import Op, Reply, Status
 
 #: Three of these fit a board's watchdog of 250 ms.
 HEARTBEAT_S = 0.08
-#: A client that died leaves its session to the board for a second.
+#: Without a session the board is looked at this often: was it reset?
+LOOK_S = 1.0
+#: A port that is gone is looked for this often, one at the end of a network less often.
+RETURN_S, RETURN_SOCKET_S = 0.2, 1.0
+#: A server that died leaves its session to the board for a second.
 OPEN_PATIENCE_S = 1.6
 
 _REFUSED = {
@@ -54,10 +63,6 @@ class Counters:
     reconnects: int = 0
 
 
-class NoReply(LinkError):
-    """The line is there, but no board that answers."""
-
-
 #: Gets a batch of bodies, in the reader's thread: must not wait.
 Sink = Callable[[list[bytes]], None]
 
@@ -65,8 +70,9 @@ Sink = Callable[[list[bytes]], None]
 class Client:
     """One board at the other end of a line."""
 
-    def __init__(self, url: str, baud: int, patience_s: float = BUSY_S) -> None:
-        """`patience_s`: how long a port is waited for that another process has."""
+    def __init__(self, url: str, bauds: int | tuple[int, ...], connect=Transport) -> None:
+        """`bauds`: of several the one at which the board answers. `connect(url, bauds, bodies,
+        lost)` makes the transport."""
         self.url = url
         self.counters = Counters()
         #: Low half of the dictionary's CRC, for requests that name rows of it.
@@ -76,45 +82,58 @@ class Client:
         #: Called when the board is there again, with a session if there was one; not in
         #: the reader's thread. May raise LinkError to give up.
         self.on_return: list[Callable[[], None]] = []
+        #: Called when the board has lost its memory, at once: must not wait or ask.
+        self.on_forgotten: list[Callable[[], None]] = []
+        #: The same, when the session and all else is in order again; may ask.
+        self.on_reset: list[Callable[[], None]] = []
+        #: How often the board was reset while this client was there.
+        self.resets = 0
+        #: The board's word for the time since its reset (docs/protocol.md); 0: not known yet.
+        self.mark = 0
         self.latest: Reply | None = None
         self.status: wire.StatusReply | None = None
         self.in_session = False
         #: Why this client cannot be used any more.
         self.broken: LinkError | None = None
         self._nonce = random.SystemRandom().randint(1, 0xFFFF)
-        #: The board's mark; 0 before the first session. Another one means that it was reset.
-        self.mark = 0
         self._id = random.randrange(256)
-        self._splitter = wire.Splitter()
         self._one_at_a_time = threading.RLock()
-        self._replies: queue.SimpleQueue[Reply | None] = queue.SimpleQueue()
+        self._replies: queue.SimpleQueue[Reply | LinkError] = queue.SimpleQueue()
         self._awaited: tuple[int, int, Callable[[Reply], None] | None] | None = None
-        self._asked_s = 0.0
+        self._asked_s = time.monotonic()
         self._sinks: list[Sink | None] = [None] * wire.STREAMS
         self._data_sinks: list[Sink] = []
+        self._line_counters: tuple[int, int] | None = None  # the server's, as they were before
+        self._resuming = False  # until the session and the streams are there again
+        self._returning = False  # the same, and a session is wanted
+        self._untold = 0  # resets that nobody was told
         self._closing = threading.Event()
-        self._returned = threading.Event()
-        self._heart: threading.Thread | None = None
-        self.transport = Transport(url, baud, self._octets, self._lost, self._back, patience_s)
+        self._wake = threading.Event()
+        bauds = (bauds,) if isinstance(bauds, int) else bauds
+        self.transport = connect(url, bauds, self._bodies, self._lost)
         self.transport.start()
+        self._keeper = threading.Thread(target=self._keep, name=f"keeper of {url}", daemon=True)
+        self._keeper.start()
 
     # -- what comes in (the reader's thread) ----------------------------------------
 
-    def _octets(self, octets: bytes) -> None:
+    def _bodies(self, bodies: list[bytes]) -> None:
         samples: tuple[list[bytes], ...] = ([], [], [], [])
         data: list[bytes] = []
-        for body in self._splitter.push(octets):
+        for body in bodies:
             kind = body[0]
             if wire.SAMPLE <= kind < wire.SAMPLE + wire.STREAMS:
                 samples[kind - wire.SAMPLE].append(body)
-            elif kind >= wire.REPLY:
+            elif wire.REPLY <= kind < Notice.GREETING:
                 # Samples before a reply belong to what was in force before it.
                 self._deliver(samples)
                 self._reply(body)
             elif kind == wire.DATA:
                 data.append(body)
-            else:
-                self.counters.damaged += 1
+            elif kind == Notice.COUNTERS:
+                self._count(*struct.unpack_from("<II", body, 1))
+            elif kind == Notice.FAILED:
+                self._failed(body)
         self._deliver(samples)
         if data:
             for sink in tuple(self._data_sinks):
@@ -136,23 +155,36 @@ class Client:
             return
         awaited = self._awaited
         if awaited is None or (reply.op, reply.id) != awaited[:2]:
-            return  # the reply to a repetition, or to one that was given up
+            return  # to a request that was given up
         self._awaited = None
         self.latest = reply
         if awaited[2] and reply.status == Status.DONE:
             awaited[2](reply)
         self._replies.put(reply)
 
-    def _lost(self, reason: str) -> None:
-        self._replies.put(None)
+    def _failed(self, body: bytes) -> None:
+        awaited = self._awaited
+        if awaited and (body[1], body[2]) == awaited[:2]:
+            self._awaited = None
+            self._replies.put(NoReply(f"{self.url}: {body[3:].decode()}"))
 
-    def _back(self) -> None:
-        self._splitter.restart()
-        self._returned.set()
+    def _count(self, damaged: int, retries: int) -> None:
+        """What the line has had while this client was there."""
+        before = self._line_counters
+        if before is not None:
+            self.counters.damaged += damaged - before[0]
+            self.counters.retries += retries - before[1]
+        self._line_counters = (damaged, retries)
+
+    def _lost(self) -> None:
+        self._returning = True
+        self._line_counters = None
+        self._replies.put(LinkError(f"{self.url}: {self.transport.reason}"))
+        self._wake.set()
 
     @property
     def damaged(self) -> int:
-        return self.counters.damaged + self._splitter.damaged
+        return self.counters.damaged
 
     # -- requests --------------------------------------------------------------------
 
@@ -168,8 +200,14 @@ class Client:
                 self.open_session()
             reply = self._ask(op, payload, accepted)
             if reply.status == Status.NO_SESSION and self.in_session:
-                # The board forgot: it was reset, or this process slept for a second.
+                # The board forgot: it was reset, or the port server stood still for a second.
+                resets = self.resets
                 self._resume()
+                if self.resets != resets:
+                    raise LinkError(
+                        f"{self.url}: the board was reset; its parameters are at their "
+                        f"initial values; {Op(op).name} was not carried out"
+                    )
                 reply = self._ask(op, payload, accepted)
             return reply
 
@@ -177,26 +215,25 @@ class Client:
         self, op: int, payload: bytes = b"", accepted: Callable[[Reply], None] | None = None
     ) -> Reply:
         self._id = (self._id + 1) & 0xFF
-        octets = wire.frame(wire.request(op, self._id, self._nonce, self.dictionary, payload))
         while not self._replies.empty():
             self._replies.get()
-        wait_s = self.transport.reply_s(len(octets) + wire.reply_bytes(op, len(payload)))
-        for attempt in range(self.transport.tries):
-            self._awaited = (op, self._id, accepted)
-            self.counters.retries += attempt > 0
-            self._asked_s = time.monotonic()
-            self.transport.write(octets)
+        self._awaited = (op, self._id, accepted)
+        self._asked_s = time.monotonic()
+        self.transport.write(wire.request(op, self._id, self._nonce, self.dictionary, payload))
+        missed, heard = 0, self.transport.heard
+        while missed < MISSED_PULSES:
             try:
-                reply = self._replies.get(timeout=wait_s)
+                found = self._replies.get(timeout=PULSE_S)
             except queue.Empty:
+                # What comes while this process stood still counts as well.
+                missed = missed + 1 if heard == self.transport.heard else 0
+                heard = self.transport.heard
                 continue
-            if reply is None:
-                raise LinkError(f"{self.url}: unplugged")
-            return reply
+            if isinstance(found, LinkError):
+                raise found
+            return found
         self._awaited = None
-        raise NoReply(
-            f"{self.url}: no reply to {Op(op).name} within {wait_s * self.transport.tries:.2g} s"
-        )
+        raise self.transport.hung()
 
     def do(
         self,
@@ -233,65 +270,96 @@ class Client:
             raise LinkError(f"{self.url}: {error}") from None
 
     def get_status(self) -> wire.StatusReply:
-        try:
-            self.status = wire.parse_status(self.do(Op.STATUS).payload)
-        except wire.WireError as error:
-            raise LinkError(f"{self.url}: STATUS: {error}") from None
-        return self.status
+        with self._one_at_a_time:
+            reply = self.do(Op.STATUS)
+            try:
+                self.status = wire.parse_status(reply.payload)
+            except wire.WireError as error:
+                raise LinkError(f"{self.url}: STATUS: {error}") from None
+            self._take_mark(self.status.mark)
+            return self.status
 
     # -- session ---------------------------------------------------------------------
 
     def open_session(self) -> None:
-        """Take the session, and keep it by a heartbeat. One that somebody who died left
+        """Take the session, and keep it by a heartbeat. One that a server that died left
         behind is waited for."""
         with self._one_at_a_time:
             end = time.monotonic() + OPEN_PATIENCE_S
             while True:
-                reply = self._ask(Op.OPEN, wire.open_session(self._nonce, _new_mark()))
+                reply = self._ask(Op.OPEN, wire.open_session(self._nonce, self._nonce))
                 if reply.status == Status.DONE:
-                    self._take_mark(reply)
                     break
                 if reply.status != Status.OTHER_SESSION or time.monotonic() > end:
                     raise self.refused(reply, self.url)
                 time.sleep(0.1)
-            self.in_session = True
-            self._returned.clear()
-            if self._heart is None:
-                self._heart = threading.Thread(
-                    target=self._beat, name=f"heartbeat of {self.url}", daemon=True
-                )
-                self._heart.start()
-
-    def _take_mark(self, reply: Reply) -> None:
-        try:
-            self.mark = wire.parse_open(reply.payload)
-        except wire.WireError as error:
-            raise LinkError(f"{self.url}: OPEN: {error}") from None
-
-    def _beat(self) -> None:
-        """Keep the session while nothing else is asked; take it again after an unplugging."""
-        while not self._closing.wait(max(0.0, self._asked_s + HEARTBEAT_S - time.monotonic())):
-            if self.broken:
-                return
-            if not self.transport.plugged:
-                self._closing.wait(HEARTBEAT_S)
-                continue
             try:
-                with self._one_at_a_time:
-                    if self._returned.is_set():
-                        self._resume()
-                    elif time.monotonic() - self._asked_s >= HEARTBEAT_S:
-                        self.status = wire.parse_status(self.ask(Op.STATUS).payload)
-                        if not self.status.ours:
-                            self._resume()
+                mark = wire.parse_open(reply.payload)
+            except wire.WireError as error:
+                raise LinkError(f"{self.url}: OPEN: {error}") from None
+            self.in_session = True
+            self._take_mark(mark)
+            self._wake.set()
+
+    def _take_mark(self, mark: int) -> None:
+        """A mark that is not the one that was known: the board was reset."""
+        known, self.mark = self.mark, mark
+        if known and mark != known:
+            self.resets += 1
+            self._untold += 1
+            for listener in tuple(self.on_forgotten):
+                listener()
+            self._wake.set()
+
+    def _keep(self) -> None:
+        """Keep the session while nothing else is asked; have the port and the session again
+        after they were lost."""
+        while not self._closing.is_set() and not self.broken:
+            self._wake.wait(self._pause_s())
+            self._wake.clear()
+            if self._closing.is_set():
+                return
+            try:
+                if self.transport.plugged or self.transport.again():
+                    self.keep_up()
+                else:
+                    self._closing.wait(self._return_s)
             except (LinkError, wire.WireError):
                 # Who asks for something next gets the error; the board helps itself.
                 self._closing.wait(HEARTBEAT_S)
 
+    @property
+    def _return_s(self) -> float:
+        return RETURN_SOCKET_S if "://" in self.url else RETURN_S
+
+    def _pause_s(self) -> float:
+        if self._returning or not self.transport.plugged:
+            return 0.0
+        every_s = HEARTBEAT_S if self.in_session else LOOK_S
+        return max(0.0, self._asked_s + every_s - time.monotonic())
+
+    def keep_up(self) -> None:
+        """What is due: the session again, a sign of life, word of a reset."""
+        with self._one_at_a_time:
+            if self._returning:
+                self._resume()
+            elif self._pause_s() == 0.0:
+                status = self.get_status()
+                if self.in_session and not status.ours:
+                    self._resume()
+        while self._untold:
+            self._untold -= 1
+            for listener in tuple(self.on_reset):
+                listener()
+
     def _resume(self) -> None:
         """A session again on a board that lost it; those who had streams set them again."""
-        self.in_session = False
-        self.open_session()
+        self._returning = True
+        if self.in_session or self._resuming:
+            self._resuming, self.in_session = True, False
+            self.open_session()
+        else:
+            self.get_status()
         for listener in tuple(self.on_return):
             try:
                 listener()
@@ -299,13 +367,15 @@ class Client:
                 if error.mistake:
                     self.broken = error
                 raise
+        self._returning = self._resuming = False
         self.counters.reconnects += 1
 
     def close(self) -> None:
-        """End the session, which stops a drive that the watchdog guards, and the line."""
+        """End the session, which stops a drive that was started in it, and the line."""
         self._closing.set()
-        if self._heart:
-            self._heart.join()
+        self._wake.set()
+        if threading.current_thread() is not self._keeper:
+            self._keeper.join()
         try:
             if self.in_session and self.transport.plugged and not self.broken:
                 with self._one_at_a_time:
@@ -353,15 +423,14 @@ class Client:
         finally:
             self._sinks[stream] = None
 
+    def forget_stream(self, stream: int) -> None:
+        """The board has lost it."""
+        self._sinks[stream] = None
+
     def listen(self, sink: Sink) -> Callable[[], None]:
         """Get capture data; returns what ends it."""
         self._data_sinks.append(sink)
         return lambda: self._data_sinks.remove(sink)
-
-
-def _new_mark() -> int:
-    """For every OPEN another one: a board that was reset must not take the one that it had."""
-    return random.SystemRandom().randint(1, 0xFFFFFFFF)
 
 
 def _nobody(bodies: list[bytes]) -> None:

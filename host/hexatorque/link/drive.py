@@ -14,7 +14,6 @@ to the board's watchdog.
 
 from __future__ import annotations
 
-import contextlib
 import math
 import struct
 import time
@@ -27,15 +26,14 @@ from .. import __version__
 from ..firmware import FirmwareError, Parameter
 from ..recording import Recording
 from ..verbs import DriveVerbs, Progress
-from . import LinkError, capture, wire
-from .client import Client, NoReply
+from . import BAUDS, LinkError, capture, wire
+from .client import Client
 from .dictionary import fetch
-from .relay import Relay
 from .stream import Stream, decimation_for, on_a_grid
 from .wire import Op, Status
 
-#: Of the images for the F28377S and the F28335.
-BAUDS = (1_250_000, 937_500)
+#: In the metadata of a recording that a reset of the board has ended.
+BOARD_RESET = "board reset"
 #: What a profile may ask of the test bench around a real drive.
 PLANT = {"load_Nm": "N m", "vdc_V": "V"}
 
@@ -62,15 +60,10 @@ class Drive(DriveVerbs):
 
             found = only(baud)
             url, baud = found.port, found.baud
-        *rest, last = (baud,) if baud else BAUDS
-        for each in rest:
-            with contextlib.suppress(NoReply):
-                return cls(Client(url, each), record, rate_Hz, operator)
-        return cls(Client(url, last), record, rate_Hz, operator)
+        return cls(Client(url, baud or BAUDS), record, rate_Hz, operator)
 
     def __init__(self, client: Client, record, rate_Hz, operator) -> None:
         self.client = client
-        self._relay: Relay | None = None
         self._recorder: Stream | None = None
         try:
             self.hello, self.dictionary = fetch(self.client)
@@ -85,23 +78,23 @@ class Drive(DriveVerbs):
             self._rate_Hz = rate_Hz
             self.client.on_return.append(self._same_board)
             self._opened_tick = self._now_tick()
+            self.client.on_forgotten.append(self._board_restarted)
+            self._since_tick = self._opened_tick
             self._opened_s = time.monotonic()
-            if not self.client.transport.relayed:
-                self._relay = Relay.beside(self.client)
         except BaseException:
             self.client.close()
             raise
 
     def _same_board(self) -> None:
-        """After an interruption: is it the one that was there before? If who held the port is
-        gone, this process has it now, and shares it."""
+        """After an interruption: is it the one that was there before?"""
         hello = self.client.hello()
         if hello.crc != self.dictionary.crc:
             raise LinkError(
                 f"{self.client.url}: another firmware has come back, open it again", mistake=True
             )
-        if self._relay is None and not self.client.transport.relayed:
-            self._relay = Relay.beside(self.client)
+
+    def _board_restarted(self) -> None:
+        self._opened_tick = 0
 
     def _now_tick(self) -> int:
         self.client.get_status()
@@ -109,9 +102,20 @@ class Drive(DriveVerbs):
         return self.client.latest.tick
 
     def close(self) -> None:
-        if self._relay:
-            self._relay.close()
         self.client.close()
+
+    @property
+    def resets(self) -> int:
+        """How often the board was reset since this was opened, by the board's own word. Its
+        parameters are at their initial values since, and streams have ended."""
+        return self.client.resets
+
+    @property
+    def on_reset(self) -> list[Callable[[], None]]:
+        """Called after a reset of the board, when it can be talked to again. Not in the thread
+        that reads the line, so it may ask for things; it must not wait for long, since the
+        heartbeat waits for it."""
+        return self.client.on_reset
 
     # -- what it is ------------------------------------------------------------------------
 
@@ -266,11 +270,14 @@ class Drive(DriveVerbs):
             self.discard()
         elif self._recorder is None:
             self._recorder = self.stream(self.record, self._rate_Hz)
+            self._since_tick = self._opened_tick
         begin = done = time.monotonic()
         while (left := begin + duration_s - time.monotonic()) > 0:
             time.sleep(min(left, 0.05))
             if self.client.broken:
                 raise self.client.broken
+            if self._recorder and self._recorder.ended:
+                raise self._recorder.ended
             if progress:
                 now = time.monotonic()
                 progress(min(now, begin + duration_s) - min(done, begin + duration_s))
@@ -282,8 +289,8 @@ class Drive(DriveVerbs):
             self._recorder = None
 
     def take(self) -> Recording:
-        """Ends the recording. Time counts from the opening of the drive; samples that
-        were lost are NaN."""
+        """Ends the recording. Time counts from the opening of the drive, or from the board's
+        latest reset since, by the board's ticks; samples that were lost are NaN."""
         recorder = self._recorder
         if recorder is None:
             raise LinkError("nothing was recorded", mistake=True)
@@ -294,14 +301,15 @@ class Drive(DriveVerbs):
             [np.empty((0, len(recorder.channels)), np.float32), *(v for _, v in blocks)]
         )
         grid = on_a_grid(ticks, values, recorder.decimation)
-        first = int(ticks[0]) if len(ticks) else self._opened_tick
-        start_s = ((first - self._opened_tick) & 0xFFFFFFFF) / self.hello.f_isr_Hz
+        first = int(ticks[0]) if len(ticks) else self._since_tick
+        start_s = ((first - self._since_tick) & 0xFFFFFFFF) / recorder.f_isr_Hz
         meta = {
             **self.meta(),
             "first_tick": first,
             "decimation": recorder.decimation,
             "gaps": recorder.gaps,
             "lost_samples": recorder.lost,
+            **({"ended": BOARD_RESET} if recorder.ended else {}),
         }
         return self._recording(recorder.rate_Hz, recorder.channels, grid, meta, start_s)
 

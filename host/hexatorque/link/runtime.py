@@ -1,12 +1,11 @@
 """Where processes of one user find each other: running virtual boards announce their
-pseudo-terminal here, and whoever holds a port its relay's socket."""
+pseudo-terminal here, and each port's server keeps its socket and its lock."""
 
 from __future__ import annotations
 
 import json
 import os
 import stat
-import tempfile
 import zlib
 from pathlib import Path
 from typing import NamedTuple
@@ -16,12 +15,12 @@ from . import LinkError
 
 def directory() -> Path:
     """`$XDG_RUNTIME_DIR/hexatorque`, else one in the temporary directory; this user's alone."""
-    base = os.environ.get("XDG_RUNTIME_DIR")
-    path = (
-        Path(base) / "hexatorque"
-        if base
-        else Path(tempfile.gettempdir()) / f"hexatorque-{os.getuid()}"
-    )
+    if base := os.environ.get("XDG_RUNTIME_DIR"):
+        path = Path(base) / "hexatorque"
+    else:
+        import tempfile  # slow to import
+
+        path = Path(tempfile.gettempdir()) / f"hexatorque-{os.getuid()}"
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = path.lstat()
@@ -32,10 +31,27 @@ def directory() -> Path:
     return path
 
 
-def relay_path(url: str) -> Path:
-    """The socket of whoever holds this port; short, whatever the port is called."""
+def port_path(url: str, suffix: str) -> Path:
+    """A file of this port's server: `sock` is its socket, `lock` says who it is, `log` is what
+    it complained about. Short, whatever the port is called."""
     name = url if "://" in url else os.path.realpath(url)
-    return directory() / f"relay-{zlib.crc32(name.encode()):08x}"
+    return directory() / f"port-{zlib.crc32(name.encode()):08x}.{suffix}"
+
+
+class Locked(NamedTuple):
+    pid: int
+    command: str
+    started: str
+    port: str
+
+
+def locked(path: Path) -> Locked | None:
+    """What a lock file says of the server that made it; None if it cannot be read."""
+    try:
+        row = json.loads(path.read_text())
+        return Locked(int(row["pid"]), *(str(row[key]) for key in Locked._fields[1:]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def announce(port: str, title: str) -> Path:

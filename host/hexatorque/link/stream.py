@@ -32,12 +32,14 @@ def decimation_for(f_isr_Hz: float, rate_Hz: float) -> int:
 
 
 class Stream:
-    """One stream of the board, from now on until `close`.
+    """One stream of the board, from now on until `close` or a reset of the board.
 
-    Iterating gives blocks (ticks int64 (n,), values float32 (n, channels)) in order. Ticks
-    count fast interrupts, on beyond 2^32, and ascend by whole decimations; should the board
-    restart, they go on by this computer's clock. The queue between is unbounded: a slow
-    reader loses nothing.
+    Iterating gives blocks (ticks int64 (n,), values float32 (n, channels)) in order. Ticks are
+    the board's count of fast interrupts, on beyond 2^32, and nothing else: no clock of this
+    computer has a part in them. An interruption may be as long as half of 2^32 ticks, which is
+    59 hours at 10 kHz. A stream that is set again after one goes on at any tick, so the step
+    over it need not be a whole number of decimations. After a reset `read` raises what `ended`
+    says. The queue between is unbounded: a slow reader loses nothing.
     """
 
     def __init__(
@@ -52,7 +54,7 @@ class Stream:
         self.units = {row.name: row.unit for row in dictionary.channels}
         self.f_isr_Hz = hello.f_isr_Hz
         self.gaps = 0  #: interruptions
-        self.lost = 0  #: samples that never came
+        self.lost = 0  #: samples that never came, by their ticks
         self.damaged = 0  #: samples of a wrong length, doubled or out of order
         self._client = client
         self._ids = dictionary.channel_ids(self.channels)
@@ -67,11 +69,12 @@ class Stream:
             )
         self._type = wire.sample_type(len(self._ids))
         self._blocks: queue.SimpleQueue[tuple[np.ndarray, np.ndarray]] = queue.SimpleQueue()
-        self._from = 0  # tick from which the stream is in force
+        #: What has ended the stream for good: the board was reset.
+        self.ended: LinkError | None = None
+        self._from: int | None = None  # tick from which the stream is in force
         self._fresh = True  # no sample yet since it is
-        self._tick = 0  # of the latest sample, as the board counts
-        self._time = 0  # the same, as we count
-        self._seen_s: float | None = None  # when that came
+        self._tick: int | None = None  # of the latest sample, as the board counts
+        self._time = 0  # the same, counted on
         self._slot = client.take_stream()
         try:
             self.decimation = self._begin(decimation)
@@ -79,6 +82,7 @@ class Stream:
             client.free_stream(self._slot)
             raise
         client.on_return.append(self._again)
+        client.on_forgotten.append(self._end)
 
     @property
     def rate_Hz(self) -> float:
@@ -114,12 +118,25 @@ class Stream:
 
     def _again(self) -> None:
         """The board is back after an interruption."""
-        if self._set(self.decimation).status != Status.DONE:
+        if self.ended is None and self._set(self.decimation).status != Status.DONE:
             raise LinkError("the stream cannot be set again", mistake=True)
+
+    def _end(self) -> None:
+        """The board was reset: its ticks begin anew, and nothing follows on what was before."""
+        at = "before its first sample" if self._tick is None else f"at tick {self._time}"
+        self.ended = LinkError(
+            f"{self._client.url}: the board was reset; the recording ends {at}; "
+            "its parameters are at their initial values"
+        )
+        self._detach()
 
     # -- the reader's thread -------------------------------------------------------------
 
     def _begun(self, reply: Reply) -> None:
+        if self._tick is None and self._from is not None:
+            # Set again before its first sample came: what is missing counts from the beginning.
+            self._time = self._from + 1 - self.decimation
+            self._tick = self._time & 0xFFFFFFFF
         self._from, self._fresh = reply.tick, True
 
     def _push(self, bodies: list[bytes]) -> None:
@@ -127,11 +144,11 @@ class Stream:
         good = [body for body in bodies if len(body) == size]
         self.damaged += len(bodies) - len(good)
         rows = np.frombuffer(b"".join(good), self._type)
-        now_s = time.monotonic()
         if self._fresh:
-            rows = self._first(rows, now_s)
+            rows = self._first(rows)
         if not len(rows):
             return
+        assert self._tick is not None
         # Wraps as the board's counter does.
         steps = np.diff(rows["tick"], prepend=np.uint32(self._tick)).astype(np.int32)
         if (steps != self.decimation).any():
@@ -140,32 +157,26 @@ class Stream:
                 return
         ticks = self._time + np.cumsum(steps, dtype=np.int64)
         self._tick, self._time = int(rows["tick"][-1]), int(ticks[-1])
-        self._seen_s = now_s
         self._blocks.put((ticks, rows["values"].copy()))
 
-    def _first(self, rows: np.ndarray, now_s: float) -> np.ndarray:
-        """Join the first samples since the stream is in force to what was before."""
+    def _first(self, rows: np.ndarray) -> np.ndarray:
+        """Those that belong to the stream as it is now. What is missing before the very first
+        sample is told by its number, which counts modulo 256, and by the tick of the reply:
+        the board takes sample 0 within a few interrupts of it."""
+        assert self._from is not None
         ahead = (rows["tick"] - np.uint32(self._from)).astype(np.int32)
         rows = rows[ahead >= 0]  # before: left over from another stream
         if not len(rows):
             return rows
         self._fresh = False
-        first, missed = int(rows["tick"][0]), int(rows["number"][0])
-        if self._seen_s is None:
+        if self._tick is None:
+            first, number = int(rows["tick"][0]), int(rows["number"][0])
+            passed = ((first - self._from) & 0xFFFFFFFF) / self.decimation
+            missed = number + 256 * max(0, round((passed - number) / 256))
             self.gaps += missed > 0
             self.lost += missed
             self._time = first - self.decimation
-        else:
-            step = (first - self._tick) & 0xFFFFFFFF
-            by_clock = (now_s - self._seen_s) * self.f_isr_Hz
-            if abs(step - by_clock) > self.f_isr_Hz + 0.1 * by_clock:  # its counter restarted
-                step = by_clock
-            # The board begins anew at any tick; rows stay on the raster of the first one.
-            places = max(1, round(step / self.decimation))
-            self.gaps += 1
-            self.lost += places - 1
-            self._time += (places - 1) * self.decimation
-        self._tick = (first - self.decimation) & 0xFFFFFFFF
+            self._tick = self._time & 0xFFFFFFFF
         return rows
 
     def _mend(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -176,9 +187,9 @@ class Stream:
             if step == 0 or step >= 1 << 31:
                 self.damaged += 1
                 continue
-            if step != self.decimation:
-                self.gaps += 1
-                self.lost += max(0, step // self.decimation - 1)
+            missed = (step - 1) // self.decimation
+            self.gaps += missed > 0
+            self.lost += missed
             keep.append(place)
             steps.append(step)
             last = tick
@@ -187,13 +198,16 @@ class Stream:
     # -- the user's ------------------------------------------------------------------------
 
     def read(self, timeout_s: float | None = None) -> tuple[np.ndarray, np.ndarray] | None:
-        """The next block; None if there is none in time."""
+        """The next block; None if there is none in time. LinkError after the last one before
+        a reset of the board."""
         end = None if timeout_s is None else time.monotonic() + timeout_s
         while True:
             wait_s = 0.2 if end is None else min(0.2, max(0.0, end - time.monotonic()))
             try:
                 return self._blocks.get(timeout=wait_s)
             except queue.Empty:
+                if self.ended and self._blocks.empty():
+                    raise self.ended from None
                 if self._client.broken:
                     raise self._client.broken from None
                 if end is not None and time.monotonic() >= end:
@@ -213,9 +227,19 @@ class Stream:
             yield block
 
     def close(self) -> None:
-        if self._again in self._client.on_return:
-            self._client.on_return.remove(self._again)
+        if self.ended is None and self._again in self._client.on_return:
+            self._detach()
             self._client.free_stream(self._slot)
+
+    def _detach(self) -> None:
+        for listeners, mine in (
+            (self._client.on_return, self._again),
+            (self._client.on_forgotten, self._end),
+        ):
+            if mine in listeners:
+                listeners.remove(mine)
+        if self.ended:
+            self._client.forget_stream(self._slot)
 
     def __enter__(self) -> Stream:
         return self
@@ -225,10 +249,13 @@ class Stream:
 
 
 def on_a_grid(ticks: np.ndarray, values: np.ndarray, decimation: int) -> np.ndarray:
-    """(n, k) rows at equal steps from the first tick on; rows that are missing are NaN."""
+    """(n, k) rows at equal steps from the first tick on; rows that are missing are NaN. A row
+    that an interruption has put between two steps goes to the nearest."""
     if not len(ticks):
         return values
     place = (ticks - ticks[0] + decimation // 2) // decimation
+    row = np.arange(len(place))
+    place = np.maximum.accumulate(place - row) + row  # no two in one place
     grid = np.full((int(place[-1]) + 1, values.shape[1]), np.nan, np.float32)
     grid[place] = values
     return grid

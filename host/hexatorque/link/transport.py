@@ -1,235 +1,260 @@
-"""The line: a serial port, a pseudo-terminal or a `socket://host:port`, directly or through the
-process that holds it (relay.py). One thread reads it, and opens it again when it comes back
-after it was unplugged."""
+"""The client's end of a port: a socket to the port's server (server.py), which is started if
+there is none. One thread reads it."""
 
 from __future__ import annotations
 
-import errno
+import json
 import os
 import select
 import socket
+import struct
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
-import serial
-
+from .. import __version__
 from . import LinkError, runtime
+from .exchange import PULSE_S, Busy, NoReply, Notice, Unpacker, is_process, packed
 
-#: Octets per read, and how long it waits for them: few wake-ups at full speed, and a reply
-#: is seen in time.
-READ_OCTETS = 4096
-READ_S = 0.01
-#: Time for a reply besides its time on the line; USB adapters keep octets for 16 ms.
-REPLY_S = 0.05
-#: The same for a virtual board, which is a process that others may hold up; its watchdog is
-#: held up with it.
-PROCESS_REPLY_S = 0.25
-#: On a line that spoils a fifth of its frames three tries lose one GET in eight, eight tries one
-#: in a hundred (`hexatorque verify line`). What a process serves loses nothing, but may be late.
-TRIES = 8
-PROCESS_TRIES = 3
-#: How often an unplugged port is looked for.
-RETURN_S = 0.2
-#: A port that another process holds may be let go, or gain a relay, within this.
-BUSY_S = 1.5
+#: So many pulses that are missing in a row mean that the server stands still. Counted, not
+#: timed: this process may have stood still itself.
+MISSED_PULSES = 5
+#: A server that just ends, or just begins, is there or gone within this.
+CHANGE_S = 2.0
+#: Python starts within this, even on a computer that is busy.
+START_S = 20.0
 
 
-_MISSING = (errno.ENOENT, errno.ENXIO, errno.ENODEV)
-
-
-class Busy(LinkError):
-    """The port is there, but another process has it."""
-
-
-class _RelayPort:
-    """A relay's socket, with the few verbs of a serial port that are used here."""
-
-    def __init__(self, path: Path) -> None:
-        self._socket = socket.socket(socket.AF_UNIX)
-        self._socket.settimeout(1.0)
-        try:
-            self._socket.connect(str(path))
-        except OSError:
-            self._socket.close()
-            raise
-
-    def read(self, size: int) -> bytes:
-        if not select.select([self._socket], [], [], READ_S)[0]:
-            return b""
-        octets = self._socket.recv(size)
-        if not octets:
-            raise OSError(errno.EPIPE, "the process that held the port is gone")
-        return octets
-
-    def write(self, octets: bytes) -> None:
-        self._socket.sendall(octets)
-
-    def close(self) -> None:
-        self._socket.close()
-
-
-def _serial(url: str, baud: int):
-    """Open exclusively; one clear line if that fails."""
-    if url.startswith("socket://") and not url.rpartition(":")[2].isdigit():
-        raise LinkError(f"{url}: write socket://HOST:PORT", mistake=True)
-    try:
-        port = serial.serial_for_url(url, do_not_open=True)
-        port.baudrate = baud
-        port.timeout = READ_S
-        port.write_timeout = 1.0
-        if "://" not in url:
-            port.exclusive = True
-        port.open()
-    except ValueError as error:
-        raise LinkError(f"{url}: {error}", mistake=True) from None
-    except (serial.SerialException, OSError) as error:
-        number = error_number(error)
-        if number in (errno.EBUSY, errno.EAGAIN):
-            raise Busy(f"{url}: busy, another program has it open") from None
-        missing = number in _MISSING
-        reason = "no such device" if missing else _reason(number, baud) or error
-        raise LinkError(f"{url}: {reason}", mistake=missing) from None
-    return port
-
-
-def error_number(error: BaseException | None) -> int | None:
-    """pyserial keeps the number of some errors only in what they came from; those of
-    termios have no attribute for it."""
-    while error is not None:
-        number = getattr(error, "errno", None) or next(iter(error.args), None)
-        if isinstance(number, int):
-            return number
-        error = error.__context__
-    return None
-
-
-def _reason(number: int | None, baud: int) -> str | None:
-    if number in (errno.EACCES, errno.EPERM):
-        return "permission denied; on most systems group dialout may use serial ports"
-    if number in (errno.ENOTTY, errno.EISDIR):
-        return "not a serial port"
-    if number == errno.ECONNREFUSED:
-        return "connection refused"
-    if number == errno.EINVAL:
-        return f"the port refuses {baud} baud"
-    return None
+def hung(url: str, pid: int) -> LinkError:
+    return LinkError(
+        f"{url}: the port server, process {pid}, does not answer; the board stops a running "
+        f"drive by itself after 250 ms; end it with: kill -9 {pid}"
+    )
 
 
 class Transport:
-    """An open line. `octets(data)`, `lost(reason)` and `back()` are called by its thread."""
+    """`bodies(list)` and `lost()` are called by the reading thread."""
 
     def __init__(
         self,
         url: str,
-        baud: int,
-        octets: Callable[[bytes], None],
-        lost: Callable[[str], None],
-        back: Callable[[], None],
-        patience_s: float = BUSY_S,
+        bauds: tuple[int, ...],
+        bodies: Callable[[list[bytes]], None],
+        lost: Callable[[], None],
     ) -> None:
+        """`bauds`: with several, the one at which the board answers; the server may be open
+        already, then it must be one of them."""
         self.url = url
-        self.baud = baud
-        self._octets, self._lost, self._back = octets, lost, back
+        self._bauds = bauds
+        self._bodies, self._lost = bodies, lost
         self._write_lock = threading.Lock()
-        self._closing = threading.Event()
-        self.relayed = False
-        #: This process is the relay of the port: never its own client.
-        self.serves = False
-        self._port = self._open(patience_s)
-        self._thread = threading.Thread(target=self._run, name=f"reader of {url}", daemon=True)
+        self._closing = False
+        self._socket: socket.socket | None = None
+        self._thread: threading.Thread | None = None
+        #: Why there is no port now.
+        self.reason = ""
+        #: Whatever came from the server counts.
+        self.heard = 0
+        self.pid = 0  #: the server's
+        self.baud = bauds[0]
+        self.shared = False  #: other clients were there before
+        self._connect()
 
     def start(self) -> None:
+        """Begin to read."""
+        self._thread = threading.Thread(target=self._run, name=f"reader of {self.url}", daemon=True)
         self._thread.start()
-
-    def _open(self, patience_s: float):
-        """The relay of whoever holds the port, else the port."""
-        end = time.monotonic() + patience_s
-        while True:
-            try:
-                if not self.serves:
-                    port = _RelayPort(runtime.relay_path(self.url))
-                    self.relayed = True
-                    return port
-            except OSError:
-                self.relayed = False
-            try:
-                return _serial(self.url, self.baud)
-            except Busy:
-                if time.monotonic() > end:
-                    raise
-            time.sleep(0.05)
-
-    @property
-    def _process(self) -> bool:
-        """A pseudo-terminal: no line, but another process."""
-        return os.path.realpath(self.url).startswith("/dev/pts/")
-
-    @property
-    def _port_tries(self) -> int:
-        return PROCESS_TRIES if self._process else TRIES
-
-    @property
-    def tries(self) -> int:
-        """A relay loses nothing, and repeats what it asks the board itself."""
-        return 1 if self.relayed else self._port_tries
-
-    def reply_s(self, octets: int) -> float:
-        """How long to wait for a reply, which so many octets on the line may precede."""
-        wait_s = PROCESS_REPLY_S if self._process else REPLY_S
-        once = octets * 10 / self.baud + wait_s
-        return 2 * self._port_tries * once if self.relayed else once
 
     @property
     def plugged(self) -> bool:
-        return self._port is not None
+        return self._socket is not None
 
-    def write(self, octets: bytes) -> None:
+    def write(self, body: bytes) -> None:
         with self._write_lock:
-            port = self._port
-            if port is None:
-                raise LinkError(f"{self.url}: unplugged")
+            connection = self._socket
+            if connection is None:
+                raise LinkError(f"{self.url}: {self.reason}")
             try:
-                port.write(octets)
-            except (serial.SerialException, OSError) as error:
-                raise LinkError(f"{self.url}: cannot send ({error})") from None
+                connection.sendall(packed(body))
+            except TimeoutError:
+                raise hung(self.url, self.pid) from None
+            except OSError as error:
+                raise LinkError(f"{self.url}: cannot send ({error.strerror})") from None
+
+    def hung(self) -> LinkError:
+        return hung(self.url, self.pid)
+
+    def again(self) -> bool:
+        """Try once to have the port again after it was lost. A pseudo-terminal that is gone
+        does not come back: its name may be given to anybody."""
+        if self.url.startswith("/dev/pts/") and self.reason.startswith("unplugged"):
+            return False
+        if "://" not in self.url and not os.path.exists(self.url):
+            return False
+        if self._thread:
+            self._thread.join()
+        try:
+            self._connect()
+        except LinkError:
+            return False
+        self.start()
+        return True
 
     def close(self) -> None:
-        self._closing.set()
-        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+        self._closing = True
+        self._drop("closed")
+        if self._thread and threading.current_thread() is not self._thread:
             self._thread.join()
-        self._drop()
 
-    def _drop(self) -> None:
-        with self._write_lock:
-            port, self._port = self._port, None
-            if port is not None:
-                port.close()
+    def _drop(self, reason: str) -> None:
+        connection, self._socket = self._socket, None
+        if connection is None:
+            return
+        self.reason = self.reason or reason
+        with suppress(OSError):
+            connection.shutdown(socket.SHUT_RDWR)  # the reader wakes up
+        if threading.current_thread() is self._thread or self._thread is None:
+            connection.close()
 
     def _run(self) -> None:
-        while not self._closing.is_set():
+        connection = self._socket
+        unpacker = self._unpacker
+        self._bodies(self._first)
+        while connection:
             try:
-                octets = self._port.read(READ_OCTETS)
-            except (serial.SerialException, OSError) as error:
-                self._drop()
-                self._lost(str(error))
-                if not self._returned():
-                    return
-                self._back()
+                data = connection.recv(1 << 18)
+            except TimeoutError:
                 continue
-            if octets:
-                self._octets(octets)
+            except OSError:
+                data = b""
+            if not data:
+                break
+            self.heard += 1
+            bodies = unpacker.push(data)
+            for body in bodies:
+                if body[0] == Notice.LOST:
+                    self.reason = "unplugged"
+            self._bodies(bodies)
+        self._drop("the port server has ended")
+        if connection:
+            connection.close()
+        if not self._closing:
+            self._lost()
 
-    def _returned(self) -> bool:
-        """Wait until the port is there again. A pseudo-terminal that is gone does not come
-        back: its name may be given to anybody."""
-        if self.url.startswith("/dev/pts/") and not self.relayed:
-            return False
-        while not self._closing.wait(RETURN_S):
-            try:
-                self._port = self._open(0.0)
-            except LinkError:
+    # -- finding the server ------------------------------------------------------------------
+
+    def _connect(self) -> None:
+        end_s = time.monotonic() + CHANGE_S
+        while True:
+            connection = self._dial()
+            if connection:
+                greeting = self._greeted(connection)
+                if greeting:
+                    break
+                connection.close()
+            else:
+                said = self._serve()
+                if said.get("ready"):
+                    end_s = time.monotonic() + CHANGE_S
+                    continue
+                if "error" in said:
+                    kind = Busy if said["busy"] else NoReply if said["silent"] else LinkError
+                    raise kind(said["error"], mistake=said["mistake"])
+            if time.monotonic() > end_s:
+                raise self._nobody()
+            time.sleep(0.02)
+        if greeting["version"] != __version__:
+            connection.close()
+            raise LinkError(
+                f"{self.url}: the port server, process {greeting['pid']}, is of hexatorque "
+                f"{greeting['version']}, this is {__version__}; end it with: kill {greeting['pid']}"
+            )
+        if greeting["baud"] not in self._bauds and not is_process(self.url):
+            connection.close()
+            raise LinkError(
+                f"{self.url}: open at {greeting['baud']} baud in the port server, process "
+                f"{greeting['pid']}"
+            )
+        self.pid, self.baud = greeting["pid"], greeting["baud"]
+        self.shared = greeting["clients"] > 0
+        self.reason = ""
+        connection.settimeout(MISSED_PULSES * PULSE_S)
+        self._socket = connection
+
+    def _dial(self) -> socket.socket | None:
+        path = runtime.port_path(self.url, "sock")
+        connection = socket.socket(socket.AF_UNIX)
+        connection.settimeout(MISSED_PULSES * PULSE_S)
+        try:
+            connection.connect(str(path))
+        except (FileNotFoundError, ConnectionRefusedError):
+            connection.close()
+            return None
+        except (TimeoutError, BlockingIOError):  # nobody takes those who wait
+            connection.close()
+            raise self._nobody() from None
+        except OSError as error:
+            connection.close()
+            raise LinkError(f"{self.url}: {error.strerror or error}") from None
+        return connection
+
+    def _greeted(self, connection: socket.socket) -> dict | None:
+        """The server's greeting; None if it has just ended."""
+        self._unpacker = Unpacker()
+        missed = 0
+        while True:
+            if not select.select([connection], [], [], PULSE_S)[0]:
+                missed += 1
+                if missed == MISSED_PULSES:
+                    # Who has bound the socket, whether it runs or not.
+                    peer = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
+                    connection.close()
+                    raise hung(self.url, struct.unpack("3i", peer)[0])
                 continue
-            return True
-        return False
+            try:
+                data = connection.recv(4096)
+            except OSError:
+                return None
+            if not data:
+                return None
+            bodies = self._unpacker.push(data)
+            if bodies:
+                self._first = bodies[1:]
+                return json.loads(bodies[0][1:]) if bodies[0][0] == Notice.GREETING else None
+
+    def _nobody(self) -> LinkError:
+        """A server has the port's lock, and does not take clients."""
+        server = runtime.locked(runtime.port_path(self.url, "lock"))
+        if server:
+            return hung(self.url, server.pid)
+        return LinkError(f"{self.url}: the port server does not start")
+
+    def _serve(self) -> dict:
+        """Start a server; what it says: `ready`, `held` by another one, or its error."""
+        url = self.url if "://" in self.url else os.path.abspath(self.url)
+        package = str(Path(__file__).parents[2])
+        path = os.pathsep.join(filter(None, (package, os.environ.get("PYTHONPATH"))))
+        log = runtime.port_path(self.url, "log")
+        with log.open("ab") as complaints:
+            process = subprocess.Popen(
+                # -P: nothing from the directory where the user happens to be.
+                [sys.executable, "-P", "-m", f"{__package__}.server", url,
+                 ",".join(str(baud) for baud in self._bauds)],
+                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=complaints,
+                env={**os.environ, "PYTHONPATH": path}, start_new_session=True,
+            )  # fmt: skip
+        assert process.stdout
+        with process.stdout:
+            ready = select.select([process.stdout], [], [], START_S)[0]
+            line = process.stdout.readline() if ready else b""
+        process.wait()  # it has a child that goes on
+        if not line:
+            return {
+                "error": f"{self.url}: the port server does not start, see {log}",
+                "mistake": False, "busy": False, "silent": False,
+            }  # fmt: skip
+        return json.loads(line)

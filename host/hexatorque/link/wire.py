@@ -5,10 +5,12 @@ from __future__ import annotations
 import struct
 import zlib
 from enum import IntEnum
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
 from cobs import cobs
+
+if TYPE_CHECKING:
+    import numpy as np
 
 PROTOCOL = 2
 LONGEST_BODY = 508
@@ -411,6 +413,8 @@ def sample_octets(channels: int) -> int:
 
 def sample_type(channels: int) -> np.dtype:
     """A sample's body."""
+    import numpy as np  # the port server starts without it
+
     return np.dtype(
         [("type", "u1"), ("number", "u1"), ("tick", "<u4"), ("values", "<f4", (channels,))]
     )
@@ -420,5 +424,7 @@ def parse_data(body: bytes) -> tuple[int, int, np.ndarray]:
     """Number of the capture, first value, (n,) float32 of a capture's data."""
     if len(body) < 10 or (len(body) - 6) % 4:
         raise WireError("capture data of a wrong length")
+    import numpy as np
+
     _, number, first = struct.unpack_from("<BBI", body)
     return number, first, np.frombuffer(body, "<f4", offset=6)

@@ -10,7 +10,7 @@ import weakref
 import serial
 
 from ..firmware import ffi, lib
-from ..link.transport import error_number
+from ..link.port import error_number
 from ..scenario import ScenarioError
 from .link import Target, TargetError
 

@@ -21,7 +21,7 @@ from cobs import cobs
 from .. import firmware, scenario
 from ..firmware import lib
 from ..link import wire
-from ..link.transport import REPLY_S, TRIES
+from ..link.server import REPLY_S, TRIES
 from ..link.wire import Op, Status
 from ..study import Progress
 from ..virtual_board import BoardController, VirtualBoard

@@ -1,0 +1,189 @@
+"""The serial port itself, or a `socket://host:port`: opened by the port server alone."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import socket
+import termios
+from contextlib import suppress
+from typing import NamedTuple
+
+import serial
+
+from . import LinkError
+from .exchange import Busy
+
+#: Bytes per read: all that a port's driver keeps.
+READ_BYTES = 65536
+#: How long a `socket://` may take to connect.
+CONNECT_S = 3.0
+
+_MISSING = (errno.ENOENT, errno.ENXIO, errno.ENODEV)
+
+
+class Line:
+    """An open port that is read and written without waiting."""
+
+    def __init__(self, url: str, baud: int) -> None:
+        self.url = url
+        self._serial: serial.Serial | None = None
+        if "://" in url:
+            self._socket = _connected(url)
+            self._file = self._socket.fileno()
+        else:
+            self._serial = _serial(url, baud)
+            self._file = self._serial.fileno()
+        os.set_blocking(self._file, False)
+
+    def fileno(self) -> int:
+        return self._file
+
+    def change_baud(self, baud: int) -> None:
+        """Go on at another rate; without what came at the former one."""
+        if self._serial is not None:
+            try:
+                self._serial.baudrate = baud
+                self._serial.reset_input_buffer()
+            except (serial.SerialException, OSError, ValueError) as error:
+                raise _failed(self.url, baud, error) from None
+
+    def read(self) -> bytes:
+        """What has come, b"" if nothing. OSError if the port is gone."""
+        try:
+            data = os.read(self._file, READ_BYTES)
+        except BlockingIOError:
+            return b""
+        if not data:
+            raise OSError(errno.EIO, "the port was closed")
+        return data
+
+    def write(self, data: bytes) -> int:
+        """How many bytes found room. OSError if the port is gone."""
+        try:
+            return os.write(self._file, data)
+        except BlockingIOError:
+            return 0
+
+    def close(self) -> None:
+        with suppress(OSError, serial.SerialException):
+            (self._serial or self._socket).close()
+
+
+def _connected(url: str) -> socket.socket:
+    scheme, _, rest = url.partition("://")
+    host, _, number = rest.rpartition(":")
+    if scheme != "socket" or not number.isdigit() or not 0 < int(number) < 65536:
+        raise LinkError(f"{url}: write a device's name or socket://HOST:PORT", mistake=True)
+    try:
+        line = socket.create_connection((host, int(number)), CONNECT_S)
+        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    except OSError as error:
+        raise LinkError(f"{url}: {_reason(error.errno, 0) or error.strerror or error}") from None
+    return line
+
+
+def _serial(url: str, baud: int) -> serial.Serial:
+    """Open exclusively; one clear line if that fails."""
+    if holder := holder_of(url):
+        raise Busy(f"{url}: in use by {holder}")
+    try:
+        # Exclusive: a lock on the file, which pyserial takes, and TIOCEXCL.
+        port = serial.Serial(None, baud, timeout=0, write_timeout=0, exclusive=True)
+        port.port = url
+        port.open()
+    except (serial.SerialException, OSError, ValueError) as error:
+        raise _failed(url, baud, error) from None
+    if not os.path.realpath(url).startswith("/dev/pts/"):
+        # Ends with the last close, which a pseudo-terminal's own process never makes.
+        with suppress(OSError):
+            fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
+    return port
+
+
+def _failed(url: str, baud: int, error: BaseException) -> LinkError:
+    number = error_number(error)
+    if number in (errno.EBUSY, errno.EAGAIN):
+        return Busy(f"{url}: in use by {holder_of(url) or 'a process of another user'}")
+    missing = number in _MISSING
+    reason = "no such device" if missing else _reason(number, baud) or error
+    return LinkError(f"{url}: {reason}", mistake=missing or isinstance(error, ValueError))
+
+
+def error_number(error: BaseException | None) -> int | None:
+    """pyserial keeps the number of some errors only in what they came from; those of
+    termios have no attribute for it."""
+    while error is not None:
+        number = getattr(error, "errno", None) or next(iter(error.args), None)
+        if isinstance(number, int):
+            return number
+        error = error.__context__
+    return None
+
+
+def _reason(number: int | None, baud: int) -> str | None:
+    if number in (errno.EACCES, errno.EPERM):
+        return "permission denied; on most systems group dialout may use serial ports"
+    if number in (errno.ENOTTY, errno.EISDIR):
+        return "not a serial port"
+    if number == errno.ECONNREFUSED:
+        return "connection refused"
+    if number == errno.EINVAL:
+        return f"the port refuses {baud} baud"
+    return None
+
+
+class Holder(NamedTuple):
+    pid: int
+    command: str
+
+    def __str__(self) -> str:
+        return f"process {self.pid} ({self.command})"
+
+
+def command_of(pid: int) -> str:
+    """The command line of a process, shortened; "?" if it cannot be seen."""
+    try:
+        with open(f"/proc/{pid}/cmdline", "rb") as file:
+            words = file.read(500).rstrip(b"\0").split(b"\0")
+    except OSError:
+        return "?"
+    text = " ".join(word.decode(errors="replace") for word in words)
+    text = " ".join(text.split())  # a script of several lines
+    return text if len(text) <= 100 else text[:97] + "..."
+
+
+def holder_of(url: str) -> Holder | None:
+    """Another process that has this port open, as far as this user can see. Who serves a
+    pseudo-terminal has both of its ends open, and does not count."""
+    name = os.path.realpath(url)
+    for pid in os.listdir("/proc"):
+        if not pid.isdigit() or int(pid) == os.getpid():
+            continue
+        try:
+            handles = os.listdir(f"/proc/{pid}/fd")
+        except OSError:
+            continue  # of another user, or gone
+        masters: list[str] = []
+        found = False
+        for handle in handles:
+            with suppress(OSError):
+                target = os.readlink(f"/proc/{pid}/fd/{handle}")
+                found = found or target == name
+                if target.endswith("/ptmx"):
+                    masters.append(handle)
+        if found and not _serves(pid, masters, name):
+            return Holder(int(pid), command_of(int(pid)))
+    return None
+
+
+def _serves(pid: str, masters: list[str], name: str) -> bool:
+    """Whether one of the process's pseudo-terminals is the one of this name."""
+    for handle in masters:
+        with suppress(OSError), open(f"/proc/{pid}/fdinfo/{handle}") as file:
+            for line in file:
+                key, _, value = line.partition(":")
+                if key == "tty-index" and name == f"/dev/pts/{value.strip()}":
+                    return True
+    return False
