@@ -6,6 +6,17 @@
 
 #include "ht_drive.h"
 
+/** Range of a parameter on this hardware: the table's, except for the dead time, which the
+ *  board limits further. Empty (0 .. 0) for an unknown id. */
+typedef struct {
+    float min;
+    float max;
+} ht_range;
+
+ht_range ht_configure_range(const ht_port *port, uint16_t id);
+/** True if `value` is finite, in that range and, for choices, whole. */
+bool ht_configure_valid(const ht_port *port, uint16_t id, float value);
+
 /** Control configuration and PWM set-up of parameters that are each in range. Refuses
  *  those that do not fit together (HT_ERROR_CONFIG) or the hardware (HT_ERROR_PORT). */
 ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_config *config,

@@ -42,7 +42,8 @@ typedef enum {
     HT_ERROR_STATE = 3,  /**< not allowed in this state */
     HT_ERROR_CONFIG = 4, /**< parameters do not fit together (e.g. bands) */
     HT_ERROR_PORT = 5,   /**< the hardware cannot realise the set-up */
-    HT_ERROR_TURNING = 6 /**< start refused: the machine is turning */
+    HT_ERROR_TURNING = 6, /**< start refused: the machine is turning */
+    HT_ERROR_TRIP = 7    /**< start or clear refused: the trip pin is low */
 } ht_result;
 
 /** Share of the build-up during which the flux is too small for its speed to be told. */
@@ -126,7 +127,7 @@ void ht_drive_fast_isr(ht_drive *d);
 void ht_drive_slow_isr(ht_drive *d);
 
 /** Commands from the background. A start needs IDLE and standstill, a clear needs
- *  FAULT. */
+ *  FAULT; both are refused while the trip pin is low. */
 ht_result ht_drive_start(ht_drive *d);
 void ht_drive_stop(ht_drive *d);
 ht_result ht_drive_clear(ht_drive *d);

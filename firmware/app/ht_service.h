@@ -26,7 +26,7 @@ enum { HT_SERVICE_WATCHDOG_MS = 250 };
 #define HT_SERVICE_START 0x08u
 #define HT_SERVICE_STOP 0x09u
 
-/** Status of a reply; 0 .. 6 are ht_result. */
+/** Status of a reply; 0 .. 15 are ht_result. */
 enum {
     HT_SERVICE_OPCODE = 16,
     HT_SERVICE_LENGTH = 17,

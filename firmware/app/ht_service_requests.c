@@ -46,7 +46,8 @@ static uint16_t list(ht_service *l, const uint16_t *in, uint16_t n)
     if (n != 3u) {
         return HT_SERVICE_LENGTH;
     }
-    return ht_dictionary_add(&l->reply, in[0], ht_get16(&in[1])) ? HT_OK : HT_ERROR_ID;
+    return ht_dictionary_add(&l->reply, l->drive->port, in[0], ht_get16(&in[1])) ? HT_OK
+                                                                               : HT_ERROR_ID;
 }
 
 static uint16_t open_session(ht_service *l, const uint16_t *in, uint16_t n)
@@ -481,7 +482,7 @@ static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)
 
 static bool has_detail(uint16_t status_code)
 {
-    return ((status_code >= (uint16_t)HT_ERROR_ID) && (status_code <= (uint16_t)HT_ERROR_TURNING))
+    return ((status_code >= (uint16_t)HT_ERROR_ID) && (status_code <= (uint16_t)HT_ERROR_TRIP))
            || (status_code == (uint16_t)HT_SERVICE_BUDGET);
 }
 

@@ -82,6 +82,11 @@ static int gates_on(void)
     return on != 0;
 }
 
+static void trip_pin(uint16_t level)
+{
+    ht_regfile_pin(&ht_image_registers, ht_image_port.board->trip.gpio, level);
+}
+
 static void command(uint16_t what)
 {
     ht_image_mailbox.command = what;
@@ -199,7 +204,8 @@ static void drive(void)
     }
     check("drive runs", ht_image_drive.state == (uint16_t)HT_STATE_RUN);
     check("gates are on", gates_on());
-    ht_regfile_trip_pin(&ht_image_registers);
+    trip_pin(0u);
+    trip_pin(1u);
     check("trip pin switches off by itself", !gates_on());
     period();
     check("trip pin is noticed", ht_image_drive.faults == (uint16_t)HT_FAULT_EXTERNAL);

@@ -49,6 +49,7 @@ bool ht_side_init(ht_pil_side *side, ht_port *port, uint16_t device, const uint1
     port->notes = side;
     port->pwm_clock_Hz = ht_frame_float(&words[HT_CALLS_AT_PWM_CLOCK]);
     port->capture_clock_Hz = ht_frame_float(&words[HT_CALLS_AT_CAPTURE_CLOCK]);
+    port->dead_min_us = ht_frame_float(&words[HT_CALLS_AT_DEAD_MIN]);
     port->dead_max_counts = words[HT_CALLS_AT_DEAD_MAX];
     return ht_side_take(side, port, &words[HT_CALLS_AT_INPUTS], HT_INPUTS);
 }
@@ -77,9 +78,19 @@ void ht_side_tell(ht_pil_side *side, ht_port *port, ht_frame *reply)
 
 /* --- port.h --------------------------------------------------------------------- */
 
+ht_dead_range ht_port_dead_range(const ht_port *port)
+{
+    ht_dead_range range;
+    range.min_us = port->dead_min_us;
+    range.max_us = (float)port->dead_max_counts * 1.0e6f / port->pwm_clock_Hz;
+    return range;
+}
+
 bool ht_port_accepts(const ht_port *port, const ht_pwm_setup *setup)
 {
-    return (setup->period_counts >= 8u) && (setup->dead_counts <= port->dead_max_counts);
+    float least = port->dead_min_us * 1.0e-6f * port->pwm_clock_Hz;
+    return (setup->period_counts >= 8u) && (setup->dead_counts <= port->dead_max_counts)
+           && (((float)setup->dead_counts + HT_DEAD_TOLERANCE_COUNTS) >= least);
 }
 
 bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
@@ -144,10 +155,22 @@ void ht_port_gates_off(ht_port *port)
     port->tripped = 1u;
 }
 
-void ht_port_gates_on(ht_port *port)
+bool ht_port_gates_on(ht_port *port)
 {
+    bool allowed = port->input[HT_INPUT_TRIP_PIN_LOW] == 0u;
     note(port, HT_CALL_GATES_ON);
-    port->tripped = 0u;
+    note(port, allowed ? 1u : 0u);
+    if (allowed) {
+        port->tripped = 0u;
+    }
+    return allowed;
+}
+
+bool ht_port_trip_pin_low(const ht_port *port)
+{
+    note(port, HT_CALL_TRIP_PIN_LOW);
+    note(port, port->input[HT_INPUT_TRIP_PIN_LOW]);
+    return port->input[HT_INPUT_TRIP_PIN_LOW] != 0u;
 }
 
 bool ht_port_tripped(const ht_port *port)

@@ -238,6 +238,9 @@ static void store(ht_regfile *rf, ht_bound *b, uint32_t addr, uint32_t value)
         ht_model_poke(rf, addr, reg->bits, old & ~ones);
         break;
     case HT_ONES_CLEAR_AT:
+        if (at == (b->base + rf->chip->tzflg)) {
+            ht_model_check_clear(rf, b->base, addr, value);
+        }
         b->written = 0u;
         set_at(rf, b, ht_model_peek(rf, at, reg->bits) & ~ones);
         break;
@@ -283,6 +286,12 @@ static void write_checked(ht_regfile *rf, uint32_t addr, uint32_t value, uint16_
     }
     check_set_up(rf, b, addr, value);
     store(rf, b, addr, value);
+    if ((b->reg->flags & HT_SET_UP) != 0u) {
+        ht_model_check_dead_time(rf, b->base, addr, value);
+    }
+    if ((b->reg->flags & HT_EALLOWED) != 0u) { /* a latch was cleared, a module listens now */
+        ht_regfile_pins(rf);
+    }
     if ((b->reg->what == HT_PLAIN) && (b->reg->flags == 0u) && (bits == 16u)) {
         rf->open[place(addr)] = (uint16_t)b->reg->writable;
     }
