@@ -29,7 +29,7 @@ static bool finite_below(float value, float limit)
     return (value < limit) && (value > -limit);
 }
 
-ht_range ht_configure_range(const ht_port *port, uint16_t id)
+ht_range ht_param_range(const ht_port *port, uint16_t id)
 {
     ht_range range = {0.0f, 0.0f};
     const ht_param_info *info = ht_param_describe(id);
@@ -47,7 +47,7 @@ ht_range ht_configure_range(const ht_port *port, uint16_t id)
 
 bool ht_configure_valid(const ht_port *port, uint16_t id, float value)
 {
-    ht_range range = ht_configure_range(port, id);
+    ht_range range = ht_param_range(port, id);
     return ht_param_valid(id, value) && (value >= range.min) && (value <= range.max);
 }
 

@@ -6,15 +6,7 @@
 
 #include "ht_drive.h"
 
-/** Range of a parameter on this hardware: the table's, except for the dead time, which the
- *  board limits further. Empty (0 .. 0) for an unknown id. */
-typedef struct {
-    float min;
-    float max;
-} ht_range;
-
-ht_range ht_configure_range(const ht_port *port, uint16_t id);
-/** True if `value` is finite, in that range and, for choices, whole. */
+/** True if `value` is finite, in `ht_param_range` and, for choices, whole. */
 bool ht_configure_valid(const ht_port *port, uint16_t id, float value);
 
 /** Control configuration and PWM set-up of parameters that are each in range. Refuses

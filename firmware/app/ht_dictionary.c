@@ -1,6 +1,6 @@
 #include "ht_dictionary.h"
 
-#include "ht_configure.h"
+#include "ht_drive.h"
 #include "ht_octets.h"
 
 #define TYPE_F32 0u
@@ -25,7 +25,7 @@ uint16_t ht_dictionary_rows(uint16_t kind)
 static void add_parameter(ht_packet *p, const ht_port *port, uint16_t id)
 {
     const ht_param_info *info = ht_param_describe(id);
-    ht_range range = ht_configure_range(port, id);
+    ht_range range = ht_param_range(port, id);
     ht_packet_add8(p, TYPE_F32);
     ht_packet_add8(p, (info->when == (uint16_t)HT_WHEN_LIVE) ? FLAG_LIVE : 0u);
     ht_packet_add_float(p, range.min);

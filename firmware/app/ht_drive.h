@@ -145,6 +145,15 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
 /** Current value; NaN-free. Returns 0 for an unknown id. */
 float ht_drive_get(const ht_drive *d, uint16_t id);
 
+/** Range of a parameter on the hardware behind `port`: the table's, except for the dead time,
+ *  which the board limits further. Empty (0 .. 0) for an unknown id. */
+typedef struct {
+    float min;
+    float max;
+} ht_range;
+
+ht_range ht_param_range(const ht_port *port, uint16_t id);
+
 /** Telemetry channels (ht_channels.def). */
 typedef struct {
     const char *name;

@@ -7,6 +7,10 @@
 #include "../c2000/ht_c2000_map.h"
 #include "ht_regfile_model.h"
 
+/* The gate drivers that are connected, unless someone sets `gates_active_low`. */
+#ifndef HT_GATES_ACTIVE_LOW
+#define HT_GATES_ACTIVE_LOW 0
+#endif
 #define NOWHERE 0xFFFFFFFFu
 #define MAY_READ 0x8000u
 #define TZ_OST 0x0004u
@@ -140,6 +144,7 @@ void ht_regfile_reset(ht_regfile *rf, const void *map)
     rf->map = map;
     rf->chip = (device->device == HT_F28335) ? &ht_chip_f28335 : &ht_chip_f28377s;
     rf->intm = 1u;
+    rf->gates_active_low = HT_GATES_ACTIVE_LOW;
     rf->gate_count = 1u; /* gate 0: always on */
     for (n = 0u; n < rf->chip->length; n++) {
         const ht_module *m = &rf->chip->modules[n];

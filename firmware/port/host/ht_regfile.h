@@ -79,7 +79,7 @@ typedef struct ht_regfile {
     const void *map;                  /* ht_c2000_map of the device */
     const ht_chip *chip;
     uint16_t eallow;                  /* 1 while protected writes are allowed */
-    uint16_t gates_active_low;        /* the gate drivers invert: to be set after the reset */
+    uint16_t gates_active_low;        /* the gate drivers invert; after a reset as built */
     uint32_t accesses;                /* all reads and writes */
     uint32_t event_at;                /* a conversion sequence ends before this access; 0 = never */
     uint16_t event_timer;             /* 1: it is CPU timer 0 instead */

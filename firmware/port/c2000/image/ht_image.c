@@ -1,7 +1,6 @@
 /* The image: the drive's only instance, its interrupts, its background. */
 #include "ht_image.h"
 
-#include "ht_configure.h"
 #include "ht_drivers.h"
 
 #ifndef HT_BOARD
@@ -83,7 +82,7 @@ void ht_image_start(void)
 
 static void tell_range(ht_mailbox *box)
 {
-    ht_range range = ht_configure_range(&ht_image_port, box->id);
+    ht_range range = ht_param_range(&ht_image_port, box->id);
     box->smallest = range.min;
     box->largest = range.max;
 }
