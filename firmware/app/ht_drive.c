@@ -151,7 +151,7 @@ static inline uint16_t faults_before(ht_drive *d, bool powered)
         uint16_t leg = d->stuck_leg;
         faults |= ht_protect_stuck(&d->config->protect, &d->protect, &d->samples, leg);
         d->stuck_leg = ((leg + 1u) < (uint16_t)HT_LEGS) ? (uint16_t)(leg + 1u) : 0u;
-        if (ht_port_tripped(d->port)) {
+        if (ht_port_leg_tripped(d->port, leg)) { /* all legs in six periods */
             faults |= HT_FAULT_EXTERNAL;
         }
     }
@@ -245,7 +245,11 @@ static inline void drive(ht_drive *d, bool build)
     ht_compare out;
     float share = 1.0f;
     /* The latch was released in the first interrupt of BUILD. */
-    unsigned faults = faults_before(d, !build || (d->state_ticks > 1u));
+    bool powered = !build || (d->state_ticks > 1u);
+    unsigned faults = faults_before(d, powered);
+    if (build && powered && ht_port_tripped(d->port)) { /* just released: all legs at once */
+        faults |= HT_FAULT_EXTERNAL;
+    }
     faults |= d->slow_faults;
     if (faults != 0u) {
         fault(d, (uint16_t)faults);

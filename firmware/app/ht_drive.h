@@ -87,7 +87,7 @@ typedef struct {
     volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
     volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
     uint16_t faults;
-    uint16_t stuck_leg;            /**< whose sensor is looked at next */
+    uint16_t stuck_leg;            /**< whose sensor and trip latch are looked at next */
     ht_samples samples;            /**< latest */
     volatile uint32_t position_now;
     float offset_counts[HT_LEGS];  /**< calibrated zero of each current channel */

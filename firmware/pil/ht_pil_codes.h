@@ -22,7 +22,8 @@ enum {
     HT_CALL_READ_CAPTURE = 8,
     HT_CALL_OVERRUN = 9,     /**< the answer */
     HT_CALL_ACK_FAST = 10,
-    HT_CALL_TRIP_PIN_LOW = 11 /**< the answer */
+    HT_CALL_TRIP_PIN_LOW = 11, /**< the answer */
+    HT_CALL_LEG_TRIPPED = 12 /**< leg, the answer */
 };
 
 /** Words of INIT, after the parameters: clocks and the shortest dead time (us) as floats, the
@@ -39,7 +40,7 @@ enum {
 enum {
     HT_INPUT_ADC = 0,
     HT_INPUT_POSITION = 7,     /**< 32 bits */
-    HT_INPUT_TRIPPED = 9,
+    HT_INPUT_TRIPPED = 9,      /**< a bit for each leg */
     HT_INPUT_OVERRUN = 10,
     HT_INPUT_PERIOD_TICKS = 11,
     HT_INPUT_AGE_TICKS = 12,

@@ -7,7 +7,7 @@
  *    the PWM counters running together; the slow interrupt's timer runs as well.
  *  - `ht_port_dead_range` at any time, from anywhere: it touches no register.
  *  - `ht_port_begin_fast`, `ht_port_read`, `ht_port_write`, `ht_port_gates_off`,
- *    `ht_port_gates_on`, `ht_port_tripped`, `ht_port_overrun`, `ht_port_ack_fast`
+ *    `ht_port_gates_on`, `ht_port_tripped`, `ht_port_leg_tripped`, `ht_port_overrun`, `ht_port_ack_fast`
  *    from the fast interrupt only (`ht_port_read` from the set-up as well). None blocks; each takes a fixed number of
  *    register accesses.
  *  - `ht_port_read_capture` from the slow interrupt only, which the fast one may
@@ -86,12 +86,16 @@ void ht_port_write(ht_port *port, const ht_compare *pattern);
 /** All gates off at once, latched until `ht_port_gates_on`. */
 void ht_port_gates_off(ht_port *port);
 
-/** Release the latch of all legs. Returns false, and leaves the latch as it is, while the
+/** Release the latch of all legs. Returns false, and leaves the latches as they are, while the
  *  trip pin is low. */
 bool ht_port_gates_on(ht_port *port);
 
 /** True while the latch of any leg is set, whoever set it (software or the trip pin). */
 bool ht_port_tripped(const ht_port *port);
+
+/** The same of one leg. The pin and the software trip all legs together, so for these any leg
+ *  tells. A disturbance may set one leg's latch alone: ask each in turn. */
+bool ht_port_leg_tripped(const ht_port *port, uint16_t leg);
 
 /** The level of the trip pin now: true while it asks for the gates to be off. */
 bool ht_port_trip_pin_low(const ht_port *port);

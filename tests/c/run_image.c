@@ -314,9 +314,12 @@ static void trip_pin_held_low(void)
 static void one_leg_trips(void)
 {
     uint16_t *flag = &ht_image_registers.word[ht_image_port.leg[4] + ht_image_port.map->tzflg];
+    int n;
     start_to(HT_STATE_RUN);
     *flag = (uint16_t)(*flag | 4u);
-    period();
+    for (n = 0; n < HT_LEGS; n++) { /* each is asked in turn */
+        period();
+    }
     check("one leg's trip is noticed", ht_image_drive.faults == (uint16_t)HT_FAULT_EXTERNAL);
     check("one leg's trip switches all off", !gates_on());
     command(HT_COMMAND_CLEAR);

@@ -342,8 +342,8 @@ FAULTS = {
         "uint32_t gpio = port->board->trip.gpio + 1u;", "a low trip pin refuses"),
     "one leg's flag for all": (
         F28335, "ht_pwm.c",
-        "flags = (uint16_t)(flags | HT_RD16(port->io, port->leg[leg] + port->map->tzflg));",
-        "flags = HT_RD16(port->io, port->leg[0] + port->map->tzflg);",
+        "HT_RD16(port->io, port->leg[leg] + port->map->tzflg) & TZ_OST",
+        "HT_RD16(port->io, port->leg[leg & 0u] + port->map->tzflg) & TZ_OST",
         "one leg's trip is noticed"),
     "trip pin synchronised": (
         F28335, "ht_pins.c", "set_up(port, &board->trip, QUALIFY_ASYNC, false)",

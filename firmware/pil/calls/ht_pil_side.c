@@ -1,5 +1,7 @@
 #include "ht_pil.h"
 
+#define ALL_LEGS ((uint16_t)(((uint16_t)1u << (uint16_t)HT_LEGS) - 1u))
+
 static void note(const ht_port *port, uint16_t word)
 {
     ht_pil_side *notes = port->notes;
@@ -100,7 +102,7 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
     note(port, setup->dead_counts);
     note(port, (uint16_t)(setup->shadow ? 1u : 0u));
     note_float(port, setup->slow_Hz);
-    port->tripped = 1u;
+    port->tripped = ALL_LEGS;
     return ht_port_accepts(port, setup);
 }
 
@@ -152,7 +154,7 @@ void ht_port_write(ht_port *port, const ht_compare *pattern)
 void ht_port_gates_off(ht_port *port)
 {
     note(port, HT_CALL_GATES_OFF);
-    port->tripped = 1u;
+    port->tripped = ALL_LEGS;
 }
 
 bool ht_port_gates_on(ht_port *port)
@@ -175,9 +177,19 @@ bool ht_port_trip_pin_low(const ht_port *port)
 
 bool ht_port_tripped(const ht_port *port)
 {
+    uint16_t any = (port->tripped != 0u) ? 1u : 0u;
     note(port, HT_CALL_TRIPPED);
-    note(port, port->tripped);
-    return port->tripped != 0u;
+    note(port, any);
+    return any != 0u;
+}
+
+bool ht_port_leg_tripped(const ht_port *port, uint16_t leg)
+{
+    uint16_t answer = (uint16_t)((uint16_t)(port->tripped >> leg) & 1u);
+    note(port, HT_CALL_LEG_TRIPPED);
+    note(port, leg);
+    note(port, answer);
+    return answer != 0u;
 }
 
 void ht_port_begin_fast(ht_port *port)

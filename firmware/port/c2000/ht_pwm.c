@@ -144,6 +144,11 @@ bool ht_port_gates_on(ht_port *port)
     return allowed;
 }
 
+bool ht_port_leg_tripped(const ht_port *port, uint16_t leg)
+{
+    return (HT_RD16(port->io, port->leg[leg] + port->map->tzflg) & TZ_OST) != 0u;
+}
+
 bool ht_port_tripped(const ht_port *port)
 {
     /* Each leg has a latch of its own: a short pulse may reach some of them only. */
