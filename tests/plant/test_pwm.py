@@ -194,9 +194,7 @@ def random_run(device, seed, periods=6, active_low=False):
                 pwm.play(pwm.edges(n), begin, stop)
                 begin, n = stop, 0
             for leg, counter in enumerate(counters):
-                truth[leg] += [
-                    (counter.clock(count), counter.pins()) for count in range(at, stop)
-                ]
+                truth[leg] += [(counter.clock(count), counter.pins()) for count in range(at, stop)]
     for leg, counter in enumerate(counters):
         assert pwm.record.transitions[leg] == counter.jumps
         assert pwm.read(leg, "AQSFRC") & OTSFA == 0

@@ -388,7 +388,9 @@ def test_image_for_gate_drivers_that_invert(tmp_path, board):
     good, lines = image.run(image.Builder(tmp_path, active_low=True).build(board))
     assert not image.complaints(lines)
     assert good
-    changed = [line for line in difference(board, lines) if not line.startswith(("---", "+++", "@@"))]
+    changed = [
+        line for line in difference(board, lines) if not line.startswith(("---", "+++", "@@"))
+    ]
     kinds = {line.split()[0][1:].split(".")[1] for line in changed}
     assert kinds == {"DBCTL", "TZCTL", "GPAPUD"}
     found = {(line[0], *line.split()[2:]) for line in changed if "TZCTL" in line or "DBCTL" in line}
