@@ -1,4 +1,5 @@
-# What an image's link says of its build (HELLO): HT_BUILD, "version+commit".
+# What an image's link says of its build (HELLO): HT_BUILD, "version+commit", and the gates'
+# polarity if it is not the usual one.
 set(version "unknown")
 foreach(file host/hexatorque/__init__.py ../__init__.py) # of the repository, installed
   if(EXISTS "${PROJECT_SOURCE_DIR}/${file}")
@@ -11,4 +12,7 @@ execute_process(COMMAND git describe --always --dirty WORKING_DIRECTORY "${PROJE
 set(HT_BUILD "${version}")
 if(commit)
   string(APPEND HT_BUILD "+${commit}")
+endif()
+if(HT_GATES_ACTIVE_LOW)
+  string(APPEND HT_BUILD "+active-low")
 endif()

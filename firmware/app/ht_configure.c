@@ -29,6 +29,37 @@ static bool finite_below(float value, float limit)
     return (value < limit) && (value > -limit);
 }
 
+ht_range ht_param_range(const ht_port *port, uint16_t id)
+{
+    ht_range range = {0.0f, 0.0f};
+    const ht_param_info *info = ht_param_describe(id);
+    if (info != NULL) {
+        range.min = info->min;
+        range.max = info->max;
+    }
+    if (id == (uint16_t)HT_P_dead_time_us) {
+        ht_dead_range dead = ht_port_dead_range(port);
+        range.min = (dead.min_us > range.min) ? dead.min_us : range.min;
+        range.max = (dead.max_us < range.max) ? dead.max_us : range.max;
+    }
+    return range;
+}
+
+bool ht_configure_valid(const ht_port *port, uint16_t id, float value)
+{
+    ht_range range = ht_param_range(port, id);
+    return ht_param_valid(id, value) && (value >= range.min) && (value <= range.max);
+}
+
+/* Dead time as a register counts it: never shorter than what was asked for. In range, so
+ * the conversion is as well. */
+static uint16_t dead_counts(float dead_us, float clock_Hz)
+{
+    float exact = dead_us * 1.0e-6f * clock_Hz - HT_DEAD_TOLERANCE_COUNTS;
+    uint16_t whole = (uint16_t)exact;
+    return ((float)whole < exact) ? (uint16_t)(whole + 1u) : whole;
+}
+
 static uint16_t torque_levels(const ht_params *p)
 {
     static const uint16_t choice[4] = {0u, 2u, 3u, 5u};
@@ -186,12 +217,11 @@ ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_confi
                        ht_pwm_setup *setup)
 {
     float clock_Hz = ht_port_pwm_clock_Hz(port);
-    float dead = p->v[HT_P_dead_time_us] * 1.0e-6f * clock_Hz + 0.5f;
     if (!configure(p, clock_Hz, config)) {
         return HT_ERROR_CONFIG;
     }
     setup->period_counts = config->period_counts;
-    setup->dead_counts = (uint16_t)dead;
+    setup->dead_counts = dead_counts(p->v[HT_P_dead_time_us], clock_Hz);
     setup->shadow = config->shadow;
     setup->slow_Hz = p->v[HT_P_f_slow_Hz];
     return ht_port_accepts(port, setup) ? HT_OK : HT_ERROR_PORT;

@@ -6,6 +6,9 @@
 
 #include "ht_drive.h"
 
+/** True if `value` is finite, in `ht_param_range` and, for choices, whole. */
+bool ht_configure_valid(const ht_port *port, uint16_t id, float value);
+
 /** Control configuration and PWM set-up of parameters that are each in range. Refuses
  *  those that do not fit together (HT_ERROR_CONFIG) or the hardware (HT_ERROR_PORT). */
 ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_config *config,

@@ -23,14 +23,16 @@ uint16_t ht_dictionary_rows(uint16_t kind)
     }
 }
 
-static void add_parameter(ht_packet *p, const ht_param_info *info)
+static void add_parameter(ht_packet *p, const ht_port *port, uint16_t id)
 {
+    const ht_param_info *info = ht_param_describe(id);
+    ht_range range = ht_param_range(port, id);
     uint16_t flags = (info->when == (uint16_t)HT_WHEN_LIVE) ? FLAG_LIVE : 0u;
     flags |= info->whole ? FLAG_WHOLE : 0u;
     ht_packet_add8(p, TYPE_F32);
     ht_packet_add8(p, flags);
-    ht_packet_add_float(p, info->min);
-    ht_packet_add_float(p, info->max);
+    ht_packet_add_float(p, range.min);
+    ht_packet_add_float(p, range.max);
     ht_packet_add_float(p, info->initial);
     ht_packet_add_text(p, info->name);
     ht_packet_add_text(p, info->unit);
@@ -53,7 +55,7 @@ static void add_fault(ht_packet *p, const ht_fault_info *info)
     ht_packet_add_text(p, info->help);
 }
 
-bool ht_dictionary_add(ht_packet *p, uint16_t kind, uint16_t row)
+bool ht_dictionary_add(ht_packet *p, const ht_port *port, uint16_t kind, uint16_t row)
 {
     if (row >= ht_dictionary_rows(kind)) {
         return false;
@@ -62,7 +64,7 @@ bool ht_dictionary_add(ht_packet *p, uint16_t kind, uint16_t row)
     ht_packet_add16(p, row);
     switch (kind) {
     case HT_LIST_PARAMETER:
-        add_parameter(p, ht_param_describe(row));
+        add_parameter(p, port, row);
         break;
     case HT_LIST_CHANNEL:
         add_channel(p, ht_channel_describe(row));
@@ -78,7 +80,7 @@ bool ht_dictionary_add(ht_packet *p, uint16_t kind, uint16_t row)
     return true;
 }
 
-uint32_t ht_dictionary_crc(ht_packet *scratch)
+uint32_t ht_dictionary_crc(ht_packet *scratch, const ht_port *port)
 {
     uint32_t crc = 0u;
     uint16_t kind;
@@ -86,7 +88,7 @@ uint32_t ht_dictionary_crc(ht_packet *scratch)
     for (kind = 0u; kind < (uint16_t)HT_LISTS; kind++) {
         for (row = 0u; row < ht_dictionary_rows(kind); row++) {
             ht_packet_begin(scratch);
-            (void)ht_dictionary_add(scratch, kind, row);
+            (void)ht_dictionary_add(scratch, port, kind, row);
             crc = ht_crc32(crc, scratch->octet, scratch->n);
         }
     }

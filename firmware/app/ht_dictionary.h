@@ -6,6 +6,7 @@
 #define HT_DICTIONARY_H
 
 #include "ht_packet.h"
+#include "port.h"
 
 enum {
     HT_LIST_PARAMETER = 0,
@@ -17,9 +18,10 @@ enum {
 
 /** Rows of a kind; 0 for an unknown one. */
 uint16_t ht_dictionary_rows(uint16_t kind);
-/** Append row `row`. False, and nothing added, if there is none. */
-bool ht_dictionary_add(ht_packet *p, uint16_t kind, uint16_t row);
+/** Append row `row`; ranges are those of the hardware behind `port`. False, and nothing
+ *  added, if there is none. */
+bool ht_dictionary_add(ht_packet *p, const ht_port *port, uint16_t kind, uint16_t row);
 /** CRC-32 over all rows, which are made in `scratch`. */
-uint32_t ht_dictionary_crc(ht_packet *scratch);
+uint32_t ht_dictionary_crc(ht_packet *scratch, const ht_port *port);
 
 #endif

@@ -86,7 +86,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     ht_result result;
     uint16_t id;
     for (id = 0u; id < HT_PARAMS; id++) {
-        if (!ht_param_valid(id, p->v[id])) {
+        if (!ht_configure_valid(port, id, p->v[id])) {
             return HT_ERROR_VALUE;
         }
     }
@@ -151,7 +151,7 @@ static inline uint16_t faults_before(ht_drive *d, bool powered)
         uint16_t leg = d->stuck_leg;
         faults |= ht_protect_stuck(&d->config->protect, &d->protect, &d->samples, leg);
         d->stuck_leg = ((leg + 1u) < (uint16_t)HT_LEGS) ? (uint16_t)(leg + 1u) : 0u;
-        if (ht_port_tripped(d->port)) {
+        if (ht_port_leg_tripped(d->port, leg)) { /* all legs in six periods */
             faults |= HT_FAULT_EXTERNAL;
         }
     }
@@ -172,10 +172,13 @@ static inline void protect_after(ht_drive *d)
 
 static void calibrate(ht_drive *d)
 {
-    uint16_t faults = faults_before(d, false);
+    unsigned faults = faults_before(d, false);
     int leg;
+    if (ht_port_trip_pin_low(d->port)) { /* before the gates ever come on */
+        faults |= HT_FAULT_EXTERNAL;
+    }
     if (faults != 0u) {
-        fault(d, faults);
+        fault(d, (uint16_t)faults);
         return;
     }
     if (d->state_ticks == 1u) { /* all legs low before the gates ever come on */
@@ -222,16 +225,17 @@ static void end_build(ht_drive *d, float share)
     if (share < HT_BUILD_BLIND) {
         d->control.observer.omega_sync_rad_s = 0.0f;
     }
-    if (d->state_ticks == 1u) {
-        ht_port_gates_on(d->port); /* only once a pattern is in place */
-    }
-    if (d->state_ticks >= d->build_ticks) {
+    if ((d->state_ticks == 1u) && !ht_port_gates_on(d->port)) { /* a pattern is in place */
+        fault(d, HT_FAULT_EXTERNAL);
+    } else if (d->state_ticks >= d->build_ticks) {
         set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb]);
         d->flux_ref_Wb = d->config->params.v[HT_P_flux_ref_Wb];
         d->flux_top_Wb = d->config->params.v[HT_P_flux_ref_Wb];
         d->omega_mean_rad_s = 0.0f;
         d->dodging = 0u;
         enter(d, HT_STATE_RUN);
+    } else {
+        /* still building */
     }
 }
 
@@ -241,7 +245,11 @@ static inline void drive(ht_drive *d, bool build)
     ht_compare out;
     float share = 1.0f;
     /* The latch was released in the first interrupt of BUILD. */
-    unsigned faults = faults_before(d, !build || (d->state_ticks > 1u));
+    bool powered = !build || (d->state_ticks > 1u);
+    unsigned faults = faults_before(d, powered);
+    if (build && powered && ht_port_tripped(d->port)) { /* just released: all legs at once */
+        faults |= HT_FAULT_EXTERNAL;
+    }
     faults |= d->slow_faults;
     if (faults != 0u) {
         fault(d, (uint16_t)faults);
@@ -291,9 +299,7 @@ void ht_drive_fast_isr(ht_drive *d)
     case HT_STATE_IDLE: /* no tick: a start that this interrupt comes into would lose it */
     case HT_STATE_FAULT:
     default:
-        if (!ht_port_tripped(d->port)) {
-            ht_port_gates_off(d->port); /* whoever released the latch: not in these states */
-        }
+        ht_port_gates_off(d->port); /* whoever released a latch: not in these states */
         break;
     }
     ht_port_ack_fast(d->port);
@@ -302,6 +308,9 @@ void ht_drive_fast_isr(ht_drive *d)
 ht_result ht_drive_start(ht_drive *d)
 {
     int leg;
+    if (ht_port_trip_pin_low(d->port)) {
+        return HT_ERROR_TRIP;
+    }
     if ((d->state != (uint16_t)HT_STATE_IDLE) || (d->faults != 0u)) {
         return HT_ERROR_STATE; /* a fault that a stop overtook still wants its clear */
     }
@@ -329,6 +338,9 @@ void ht_drive_stop(ht_drive *d)
 
 ht_result ht_drive_clear(ht_drive *d)
 {
+    if (ht_port_trip_pin_low(d->port)) {
+        return HT_ERROR_TRIP;
+    }
     if ((d->state != (uint16_t)HT_STATE_FAULT) && (d->faults == 0u)) {
         return HT_ERROR_STATE;
     }
@@ -350,7 +362,7 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
         if (info == NULL) {
             return HT_ERROR_ID;
         }
-        if (!ht_param_valid(ids[k], values[k])) {
+        if (!ht_configure_valid(d->port, ids[k], values[k])) {
             return HT_ERROR_VALUE;
         }
         if (info->when == HT_WHEN_IDLE) {

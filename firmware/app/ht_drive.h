@@ -42,7 +42,8 @@ typedef enum {
     HT_ERROR_STATE = 3,  /**< not allowed in this state */
     HT_ERROR_CONFIG = 4, /**< parameters do not fit together (e.g. bands) */
     HT_ERROR_PORT = 5,   /**< the hardware cannot realise the set-up */
-    HT_ERROR_TURNING = 6 /**< start refused: the machine is turning */
+    HT_ERROR_TURNING = 6, /**< start refused: the machine is turning */
+    HT_ERROR_TRIP = 7    /**< start or clear refused: the trip pin is low */
 } ht_result;
 
 /** Share of the build-up during which the flux is too small for its speed to be told. */
@@ -86,7 +87,7 @@ typedef struct {
     volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
     volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
     uint16_t faults;
-    uint16_t stuck_leg;            /**< whose sensor is looked at next */
+    uint16_t stuck_leg;            /**< whose sensor and trip latch are looked at next */
     ht_samples samples;            /**< latest */
     volatile uint32_t position_now;
     float offset_counts[HT_LEGS];  /**< calibrated zero of each current channel */
@@ -126,7 +127,7 @@ void ht_drive_fast_isr(ht_drive *d);
 void ht_drive_slow_isr(ht_drive *d);
 
 /** Commands from the background. A start needs IDLE and standstill, a clear needs
- *  FAULT. */
+ *  FAULT; both are refused while the trip pin is low. */
 ht_result ht_drive_start(ht_drive *d);
 void ht_drive_stop(ht_drive *d);
 ht_result ht_drive_clear(ht_drive *d);
@@ -143,6 +144,15 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
                          uint16_t *at);
 /** Current value; NaN-free. Returns 0 for an unknown id. */
 float ht_drive_get(const ht_drive *d, uint16_t id);
+
+/** Range of a parameter on the hardware behind `port`: the table's, except for the dead time,
+ *  which the board limits further. Empty (0 .. 0) for an unknown id. */
+typedef struct {
+    float min;
+    float max;
+} ht_range;
+
+ht_range ht_param_range(const ht_port *port, uint16_t id);
 
 /** Telemetry channels (ht_channels.def). */
 typedef struct {

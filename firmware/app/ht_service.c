@@ -22,7 +22,7 @@ void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
     if (l->setup.watchdog_ms == 0u) {
         l->setup.watchdog_ms = 1u; /* none at all is not to be had */
     }
-    l->dictionary = ht_dictionary_crc(&l->reply);
+    l->dictionary = ht_dictionary_crc(&l->reply, d->port);
     ht_incoming_reset(&l->in);
     ht_packet_begin(&l->reply);
     l->out.n = 0u;

@@ -53,7 +53,8 @@ static uint16_t list(ht_service *l, const uint16_t *in, uint16_t n)
     if (n != 3u) {
         return HT_SERVICE_LENGTH;
     }
-    return ht_dictionary_add(&l->reply, in[0], ht_get16(&in[1])) ? HT_OK : HT_ERROR_ID;
+    return ht_dictionary_add(&l->reply, l->drive->port, in[0], ht_get16(&in[1])) ? HT_OK
+                                                                               : HT_ERROR_ID;
 }
 
 static uint16_t open_session(ht_service *l, const uint16_t *in, uint16_t n)

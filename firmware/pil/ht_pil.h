@@ -11,7 +11,7 @@
 #include "ht_frame.h"
 #include "ht_pil_side.h"
 
-#define HT_PIL_VERSION 2u
+#define HT_PIL_VERSION 3u
 
 /** Types of request; the reply to one has HT_PIL_REPLY set as well. */
 enum {

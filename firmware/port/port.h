@@ -5,14 +5,16 @@
  *  - `ht_port_init` before interrupts are enabled, and again with all gates off when a
  *    parameter reaches into it. It leaves all gates off (one-shot trip latched) and
  *    the PWM counters running together; the slow interrupt's timer runs as well.
+ *  - `ht_port_dead_range` at any time, from anywhere: it touches no register.
  *  - `ht_port_begin_fast`, `ht_port_read`, `ht_port_write`, `ht_port_gates_off`,
- *    `ht_port_gates_on`, `ht_port_tripped`, `ht_port_overrun`, `ht_port_ack_fast`
+ *    `ht_port_gates_on`, `ht_port_tripped`, `ht_port_leg_tripped`, `ht_port_overrun`, `ht_port_ack_fast`
  *    from the fast interrupt only (`ht_port_read` from the set-up as well). None blocks; each takes a fixed number of
  *    register accesses.
  *  - `ht_port_read_capture` from the slow interrupt only, which the fast one may
  *    interrupt. It clears the flags that it reports.
  *  - `ht_port_gates_off` also from anywhere else: it is a single register write
  *    per leg and is idempotent.
+ *  - `ht_port_trip_pin_low` from anywhere: one register read.
  *
  *  Timing: counter = 0 of the PWM starts the conversion of all channels, one after the
  *  other; the end of the last one raises the fast interrupt, so that the results read
@@ -41,10 +43,23 @@ typedef struct {
 /** PWM and timer set-up. All counts are time-base counts. */
 typedef struct {
     uint16_t period_counts; /**< TBPRD + 1, 8..65535 */
-    uint16_t dead_counts;   /**< dead time, 0..1023 (type 0) or 0..16383 (type 4) */
+    uint16_t dead_counts;   /**< dead time, within `ht_port_dead_range` */
     bool shadow;            /**< load compare and action registers at counter = 0 */
     float slow_Hz;          /**< frequency of the slow interrupt */
 } ht_pwm_setup;
+
+/** Dead times that the board allows. Below `min_us` both switches of a leg may conduct at
+ *  the same time; more than `max_us` the register does not hold. */
+typedef struct {
+    float min_us;
+    float max_us;
+} ht_dead_range;
+
+/** Dead times become whole counts by rounding up. A float holds 2.3 us as 229.99999 or
+ *  230.00001 counts of 10 ns: what is this little above a whole number is that number. */
+#define HT_DEAD_TOLERANCE_COUNTS 0.01f
+
+ht_dead_range ht_port_dead_range(const ht_port *port);
 
 /** Can the hardware realise the set-up (period and dead time in range)? */
 bool ht_port_accepts(const ht_port *port, const ht_pwm_setup *setup);
@@ -71,11 +86,19 @@ void ht_port_write(ht_port *port, const ht_compare *pattern);
 /** All gates off at once, latched until `ht_port_gates_on`. */
 void ht_port_gates_off(ht_port *port);
 
-/** Release the latch. */
-void ht_port_gates_on(ht_port *port);
+/** Release the latch of all legs. Returns false, and leaves the latches as they are, while the
+ *  trip pin is low. */
+bool ht_port_gates_on(ht_port *port);
 
-/** True while the latch is set, whoever set it (software or the trip pin). */
+/** True while the latch of any leg is set, whoever set it (software or the trip pin). */
 bool ht_port_tripped(const ht_port *port);
+
+/** The same of one leg. The pin and the software trip all legs together, so for these any leg
+ *  tells. A disturbance may set one leg's latch alone: ask each in turn. */
+bool ht_port_leg_tripped(const ht_port *port, uint16_t leg);
+
+/** The level of the trip pin now: true while it asks for the gates to be off. */
+bool ht_port_trip_pin_low(const ht_port *port);
 
 /** First in the fast interrupt: acknowledge the end of conversion, so that the next one
  *  shows. */

@@ -4,7 +4,7 @@ points for compiled callers, one `Controller` per simulated drive."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -82,9 +82,13 @@ class Parameter:
         return self.choices[int(value)] if self.choices else value
 
 
-@lru_cache(maxsize=1)
-def parameters() -> dict[str, Parameter]:
-    """The parameter table, by name."""
+@lru_cache
+def parameters(device: str = "") -> dict[str, Parameter]:
+    """The parameter table, by name; with the ranges of a board if one is named."""
+    if device:
+        port = ffi.new("ht_port *")
+        lib.ht_port_bind(port, ffi.NULL, board_of(device))  # touches no register
+        return {name: _on_port(row, port) for name, row in parameters().items()}
     table = {}
     for index in range(lib.ht_param_count()):
         row = lib.ht_param_describe(index)
@@ -97,6 +101,18 @@ def parameters() -> dict[str, Parameter]:
             row.whole,
         )  # fmt: skip
     return table
+
+
+def _on_port(row: Parameter, port) -> Parameter:
+    span = lib.ht_param_range(port, row.id)
+    return replace(row, min=decimal(span.min), max=decimal(span.max))
+
+
+def board_of(device: str):
+    """A board's table."""
+    if device not in BOARDS:
+        raise FirmwareError(f"device = {device!r}: choose one of {', '.join(DEVICES)}")
+    return ffi.addressof(getattr(lib, f"ht_board_{device}"))
 
 
 def decimal(value: float) -> float:
@@ -126,6 +142,7 @@ _RESULTS = {
     lib.HT_ERROR_STATE: "not allowed in this state",
     lib.HT_ERROR_CONFIG: "parameters do not fit together",
     lib.HT_ERROR_TURNING: "the machine is turning",
+    lib.HT_ERROR_TRIP: "the trip pin is low (external trip): release it, then clear",
 }
 
 
@@ -163,32 +180,37 @@ class Controller:
     entries = ("ht_drive_fast_isr", "ht_drive_slow_isr", "ht_channels_read")
     processor = "host"
 
-    def __init__(self, device: str, values: dict[str, object]) -> None:
-        if device not in BOARDS:
-            raise FirmwareError(f"device = {device!r}: choose one of {', '.join(DEVICES)}")
-        board = ffi.addressof(getattr(lib, f"ht_board_{device}"))
+    def __init__(
+        self, device: str, values: dict[str, object], active_low: bool | None = None
+    ) -> None:
+        """`active_low`: gate drivers that invert, or not, whatever the build says."""
+        self.parameters = parameters(device)
+        board = self._board = ffi.new("ht_board *", board_of(device)[0])
+        if active_low is not None:
+            board.gates_active_low = active_low
         self.map = board.map
         self.registers = ffi.new("ht_regfile *")
         self.port = ffi.new("ht_port *")
         self.drive = ffi.new("ht_drive *")
         lib.ht_regfile_reset(self.registers, self.map)
+        self.registers.gates_active_low = board.gates_active_low
         lib.ht_port_bind(self.port, self.registers, board)
         if not lib.ht_board_start(self.port):
             raise FirmwareError(f"{device}: the board does not start")
         params = ffi.new("ht_params *")
         lib.ht_params_default(params)
         for name, value in values.items():
-            if name not in parameters():
+            if name not in self.parameters:
                 raise FirmwareError(f"no controller parameter {name!r}")
-            row = parameters()[name]
+            row = self.parameters[name]
             params.v[row.id] = row.parse(value)
         self._check(lib.ht_drive_init(self.drive, self.port, params), "controller set-up")
 
     def _check(self, result: int, what: str) -> None:
         if result == lib.HT_ERROR_PORT:
-            clock_Hz, most = self.map.pwm_clock_Hz, self.map.dead_max_counts
+            clock_Hz = self.map.pwm_clock_Hz
             raise FirmwareError(
-                f"{what}: the PWM cannot do this: dead_time_us up to {most / clock_Hz * 1e6:.4g}, "
+                f"{what}: the PWM cannot do this: "
                 f"f_isr_Hz from {clock_Hz / 65535:.4g} to {clock_Hz / 8:.4g}"
             )
         _check(result, what)
@@ -216,6 +238,10 @@ class Controller:
         lib.ht_channels_read(self.drive, values)
         return values[[n for n, _ in channels()].index(name)]
 
+    def set_trip_pin(self, level: int) -> None:
+        """The trip pin goes to a level, 0 or 1, and stays there."""
+        lib.ht_regfile_pin(self.registers, self.port.board.trip.gpio, level)
+
     def register_words(self) -> np.ndarray:
         """Live view of the register file below 0x8000, uint16."""
         words = np.frombuffer(ffi.buffer(self.registers.word), np.uint16)
@@ -235,7 +261,7 @@ class Controller:
         return snapshot_of(self.drive.snapshot)
 
     def get(self, name: str) -> str | float:
-        row = parameters()[name]
+        row = self.parameters[name]
         return row.show(lib.ht_drive_get(self.drive, row.id))
 
     def set(self, name: str, value: object) -> None:
@@ -244,9 +270,9 @@ class Controller:
     def set_many(self, values: Mapping[str, object]) -> None:
         """All of them, or none if one is refused."""
         for name in values:
-            if name not in parameters():
+            if name not in self.parameters:
                 raise FirmwareError(f"no controller parameter {name!r}")
-        rows = [parameters()[name] for name in values]
+        rows = [self.parameters[name] for name in values]
         if not rows:
             return
         ids = ffi.new("uint16_t[]", [row.id for row in rows])

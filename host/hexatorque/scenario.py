@@ -211,11 +211,14 @@ class Setup:
         if "flux_ref_Wb" in given:
             derived["flux_trip_Wb"] = 2.5 * given["flux_ref_Wb"]
         merged = {**derived, **given}
+        table = firmware.parameters(self["timing.device"])  # a board has narrower ranges
         for key, value in merged.items():
             try:
-                firmware.parameters()[key].parse(value)
+                table[key].parse(value)
             except firmware.FirmwareError as error:
-                raise ScenarioError(f"controller.{error}") from None
+                derived_dead_time = key == "dead_time_us" and key not in given
+                section = "inverter" if derived_dead_time else "controller"
+                raise ScenarioError(f"{section}.{error}") from None
         return merged
 
     def _mean_of_devices(self, what: str, unit: str) -> float:

@@ -118,10 +118,11 @@ def _load(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
     return record(LOAD, **terms)
 
 
-def _pwm_map(m) -> np.record:
-    """Register layout from the firmware's own map."""
-    offsets = {n: int(getattr(m, n)) for n in PWM_MAP.names}
-    return record(PWM_MAP, **{n: -1 if v == 0xFFFF else v for n, v in offsets.items()})
+def _pwm_map(m, active_low: bool = False) -> np.record:
+    """Register layout from the firmware's own map; polarity of the gate drivers."""
+    offsets = {n: int(getattr(m, n)) for n in PWM_MAP.names if n != "active_low"}
+    offsets = {n: -1 if v == 0xFFFF else v for n, v in offsets.items()}
+    return record(PWM_MAP, **offsets, active_low=int(active_low))
 
 
 class Simulation(DriveVerbs):
@@ -176,7 +177,7 @@ class Simulation(DriveVerbs):
             )
         self._pwm = pwm_record()
         self._gates = gates_record(round(setup["inverter.min_pulse_us"] * 1e-6 * clock))
-        self._map = _pwm_map(self.controller.map)
+        self._map = _pwm_map(self.controller.map, self.controller.port.board.gates_active_low)
         #: What the converter makes of the currents; may be changed between runs.
         self.sensors = self._make_sensors()
         self._registers = self.controller.register_words()
@@ -280,7 +281,7 @@ class Simulation(DriveVerbs):
 
     @property
     def params(self) -> Mapping[str, firmware.Parameter]:
-        return MappingProxyType(firmware.parameters())
+        return MappingProxyType(self.controller.parameters)
 
     @property
     def channels(self) -> tuple[tuple[str, str], ...]:
@@ -378,6 +379,11 @@ class Simulation(DriveVerbs):
         """(n, 3) of what `log_edges` kept: time in counts since the start of the
         simulation, leg, new state (`plant.inverter`: LOW, HIGH or OFF)."""
         return self._edges[: self._edges_logged]
+
+    @property
+    def shorts(self) -> int:
+        """How often both switches of a leg were told to be on at the same time."""
+        return int(np.sum(self._pwm.shorts))
 
     def discard(self) -> None:
         """Drop what was recorded."""

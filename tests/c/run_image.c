@@ -82,10 +82,52 @@ static int gates_on(void)
     return on != 0;
 }
 
+static void trip_pin(uint16_t level)
+{
+    ht_regfile_pin(&ht_image_registers, ht_image_port.board->trip.gpio, level);
+}
+
 static void command(uint16_t what)
 {
     ht_image_mailbox.command = what;
     ht_image_background();
+}
+
+/* A request over the serial line, with a session. Returns the status of the reply. */
+static unsigned ask(uint16_t opcode)
+{
+    static ht_packet body;
+    static ht_outgoing out;
+    static ht_incoming in;
+    static uint16_t number;
+    uint16_t octet;
+    uint16_t k;
+    ht_image_service.session = 0x1234u;
+    ht_image_service.session_tick = ht_image_drive.tick;
+    number++;
+    ht_packet_begin(&body);
+    ht_packet_add8(&body, opcode);
+    ht_packet_add8(&body, (uint16_t)(number & 0xFFu));
+    ht_packet_add16(&body, 0x1234u);
+    ht_packet_add16(&body, (uint16_t)(ht_image_service.dictionary & 0xFFFFu));
+    ht_outgoing_set(&out, &body);
+    for (k = 0u; k < out.n; k++) {
+        (void)ht_regfile_sci_arrive(&ht_image_registers, out.octet[k]);
+        ht_image_background();
+    }
+    ht_incoming_reset(&in);
+    for (k = 0u; k < 200u; k++) {
+        ht_image_background();
+        octet = ht_regfile_sci_leave(&ht_image_registers);
+        while (octet != 0xFFFFu) {
+            if ((ht_incoming_take(&in, octet) == HT_INCOMING_WHOLE)
+                && (in.octet[0] == (opcode | 0x80u))) {
+                return in.octet[2];
+            }
+            octet = ht_regfile_sci_leave(&ht_image_registers);
+        }
+    }
+    return 0xFFFFu; /* no reply */
 }
 
 static void set(uint16_t id, float value)
@@ -174,6 +216,135 @@ static void slow_interrupt(void)
     check("slow interrupt keeps arriving", ht_image_drive.speed_rpm == 0.0f);
 }
 
+/* A dead time that the board does not allow, from the debugger. */
+static void dead_time(float value, float smallest, float largest)
+{
+    uint16_t at = ht_image_port.leg[5] + ht_image_port.map->dbfed;
+    uint16_t before = ht_image_registers.word[at];
+    ht_image_mailbox.smallest = 0.0f;
+    ht_image_mailbox.largest = 0.0f;
+    ht_image_mailbox.id = HT_P_dead_time_us;
+    ht_image_mailbox.value = value;
+    command(HT_COMMAND_SET);
+    check("dead time is refused", ht_image_mailbox.result == (uint16_t)HT_ERROR_VALUE);
+    check("... with the allowed range",
+          (ht_image_mailbox.smallest == smallest) && (ht_image_mailbox.largest == largest));
+    check("... and is as it was", ht_image_registers.word[at] == before);
+}
+
+static void dead_times(void)
+{
+    float largest = (ht_image_port.map->dead_max_counts == 0x3FFu) ? 6.82f : 20.0f;
+    dead_time(0.0f, 1.0f, largest);
+    dead_time(0.99f, 1.0f, largest);
+    dead_time(largest + 0.01f, 1.0f, largest);
+    set(HT_P_dead_time_us, 1.0f);
+    set(HT_P_dead_time_us, largest);
+    set(HT_P_dead_time_us, 2.3f);
+}
+
+/* --- the trip pin held low ------------------------------------------------------------- */
+
+static void refused(const char *name)
+{
+    uint16_t state = ht_image_drive.state;
+    command(HT_COMMAND_START);
+    check(name, ht_image_mailbox.result == (uint16_t)HT_ERROR_TRIP);
+    command(HT_COMMAND_CLEAR);
+    check(name, ht_image_mailbox.result == (uint16_t)HT_ERROR_TRIP);
+    check(name, ask(HT_SERVICE_START) == (unsigned)HT_ERROR_TRIP);
+    check(name, ask(0x0Au) == (unsigned)HT_ERROR_TRIP); /* CLEAR */
+    check("... and nothing changes", (ht_image_drive.state == state) && !gates_on());
+}
+
+/* Up to `state`, with the gates off before RUN's build-up. */
+static void start_to(uint16_t state)
+{
+    unsigned n;
+    command(HT_COMMAND_START);
+    check("start is accepted with the pin high", ht_image_mailbox.result == (uint16_t)HT_OK);
+    for (n = 0; (n < 6000u) && (ht_image_drive.state != state); n++) {
+        if ((n % fast_per_slow) == 0u) {
+            slow_period(0);
+        } else {
+            period();
+        }
+        ht_image_background();
+    }
+    check("state is reached", ht_image_drive.state == state);
+}
+
+static void held_low(uint16_t state, unsigned more)
+{
+    unsigned n;
+    start_to(state);
+    for (n = 0; n < more; n++) {
+        period();
+    }
+    trip_pin(0u);
+    check("a low trip pin switches off", !gates_on());
+    for (n = 0; n < 20u; n++) {
+        period();
+        ht_image_background();
+        check("no gate comes on while the trip pin is low", !gates_on());
+        check("a low trip pin is the fault",
+              (ht_image_drive.state == (uint16_t)HT_STATE_FAULT)
+                  && (ht_image_drive.faults == (uint16_t)HT_FAULT_EXTERNAL));
+    }
+    refused("a low trip pin refuses start and clear in a fault");
+    trip_pin(1u);
+    command(HT_COMMAND_START);
+    check("a fault wants its clear", ht_image_mailbox.result == (uint16_t)HT_ERROR_STATE);
+    check("clear is accepted with the pin high", ask(0x0Au) == (unsigned)HT_OK);
+    check("a clear switches nothing on", !gates_on());
+}
+
+static void trip_pin_held_low(void)
+{
+    trip_pin(0u);
+    refused("a low trip pin refuses a start");
+    trip_pin(1u);
+    held_low(HT_STATE_CALIBRATE, 3u);
+    held_low(HT_STATE_BUILD, 0u); /* before the first interrupt of BUILD */
+    held_low(HT_STATE_BUILD, 5u);
+    held_low(HT_STATE_RUN, 5u);
+}
+
+/* One leg's latch alone. */
+static void one_leg_trips(void)
+{
+    uint16_t *flag = &ht_image_registers.word[ht_image_port.leg[4] + ht_image_port.map->tzflg];
+    int n;
+    start_to(HT_STATE_RUN);
+    *flag = (uint16_t)(*flag | 4u);
+    for (n = 0; n < HT_LEGS; n++) { /* each is asked in turn */
+        period();
+    }
+    check("one leg's trip is noticed", ht_image_drive.faults == (uint16_t)HT_FAULT_EXTERNAL);
+    check("one leg's trip switches all off", !gates_on());
+    command(HT_COMMAND_CLEAR);
+}
+
+/* Halted by a debugger, out of a clock: the F28377S switches off by itself. */
+static void other_trips(void)
+{
+    int large = ht_image_port.map->device == HT_F28377S;
+    start_to(HT_STATE_RUN);
+    ht_regfile_emulation_stops(&ht_image_registers);
+    check("an emulation stop switches off", gates_on() != large);
+    period();
+    check("an emulation stop is a fault", (ht_image_drive.faults != 0u) == large);
+    command(HT_COMMAND_STOP);
+    command(HT_COMMAND_CLEAR);
+    start_to(HT_STATE_RUN);
+    ht_regfile_clock_fails(&ht_image_registers);
+    check("a clock failure switches off", gates_on() != large);
+    period();
+    check("a clock failure is a fault", (ht_image_drive.faults != 0u) == large);
+    command(HT_COMMAND_STOP);
+    command(HT_COMMAND_CLEAR);
+}
+
 static void drive(void)
 {
     unsigned n;
@@ -183,6 +354,7 @@ static void drive(void)
     check("dead time is doubled",
           ht_image_registers.word[ht_image_port.leg[3] + ht_image_port.map->dbred] == 2u * dead);
     check("gates are off after a set-up", !gates_on());
+    dead_times();
     /* No machine is connected: nothing that asks for one. */
     set(HT_P_encoder_trip_rpm, 0.0f);
     set(HT_P_flux_check, 0.0f);
@@ -199,7 +371,8 @@ static void drive(void)
     }
     check("drive runs", ht_image_drive.state == (uint16_t)HT_STATE_RUN);
     check("gates are on", gates_on());
-    ht_regfile_trip_pin(&ht_image_registers);
+    trip_pin(0u);
+    trip_pin(1u);
     check("trip pin switches off by itself", !gates_on());
     period();
     check("trip pin is noticed", ht_image_drive.faults == (uint16_t)HT_FAULT_EXTERNAL);
@@ -210,6 +383,9 @@ static void drive(void)
     slow_period(0);
     command(HT_COMMAND_STOP);
     check("drive stops", ht_image_drive.state == (uint16_t)HT_STATE_IDLE);
+    trip_pin_held_low();
+    one_leg_trips();
+    other_trips();
     command(77);
     check("unknown command", ht_image_mailbox.result == (uint16_t)HT_ERROR_ID);
 }

@@ -126,7 +126,8 @@ static void debugger(unsigned what)
         (void)ht_drive_clear(&the_rig.drive);
         break;
     default:
-        ht_regfile_trip_pin(the_rig.registers);
+        rig_trip_pin(0u);
+        rig_trip_pin(1u);
         break;
     }
     rig_fast();
@@ -137,6 +138,7 @@ static void switches(unsigned which)
     the_rig.isr_in_read = (which & 1u) != 0;
     the_rig.isr_in_write = (which & 2u) != 0;
     the_rig.lost = (which & 4u) != 0;
+    rig_trip_pin((which & 8u) == 0);
 }
 
 static void repeat(unsigned n, void (*what)(void))

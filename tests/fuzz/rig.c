@@ -174,6 +174,17 @@ void rig_sense(unsigned which, uint16_t value)
     }
 }
 
+void rig_trip_pin(bool high)
+{
+    ht_regfile_pin(the_rig.registers, the_rig.port.board->trip.gpio, high ? 1u : 0u);
+}
+
+bool rig_trip_pin_low(void)
+{
+    uint16_t gpio = the_rig.port.board->trip.gpio; /* of port A */
+    return ((*ht_regfile_word(the_rig.registers, 0x7F00u) >> gpio) & 1u) == 0u;
+}
+
 /* From the registers. */
 bool rig_gates_off(void)
 {

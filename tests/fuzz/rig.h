@@ -66,5 +66,8 @@ void rig_settle(void);
 /* Sensor `which`: 0 .. 5 currents, 6 the dc-link, 7 the encoder. */
 void rig_sense(unsigned which, uint16_t value);
 bool rig_gates_off(void);
+/** The trip pin goes to a level; true: high. */
+void rig_trip_pin(bool high);
+bool rig_trip_pin_low(void);
 
 #endif

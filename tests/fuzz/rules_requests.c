@@ -12,7 +12,7 @@ enum {
     READ, TRIGGER, CANCEL, SNAPSHOT, OPCODES
 };
 enum {
-    DONE, NO_ID, BAD_VALUE, BAD_STATE, NO_FIT, NO_HARDWARE, TURNING,
+    DONE, NO_ID, BAD_VALUE, BAD_STATE, NO_FIT, NO_HARDWARE, TURNING, TRIPPED,
     NO_OPCODE = 16, BAD_LENGTH, NO_SESSION, STALE, BUSY, BUDGET, NO_CAPTURE, NO_STREAM,
     BAD_FIELD, TOO_LARGE, SAMPLING
 };
@@ -83,6 +83,9 @@ static bool length_fits(unsigned opcode, const uint8_t *in, size_t n)
 static bool valid(uint16_t id, float value)
 {
     const ht_param_info *info = ht_param_describe(id);
+    if ((id == HT_P_dead_time_us) && !(value >= 1.0f)) { /* the rig's board: 1 .. 20 us */
+        return false;
+    }
     return (value >= info->min) && (value <= info->max)
            && (!info->whole || (floorf(value) == value));
 }
@@ -363,9 +366,12 @@ void rules_request(const uint8_t *body, size_t n, const rules_before *b, bool di
                        : NO_CAPTURE;
     } else if (opcode == START) {
         bool ready = (b->state == HT_STATE_IDLE) && (b->faults == 0u);
-        expected = !ready ? BAD_STATE : ((status == TURNING) ? TURNING : DONE);
+        expected = rig_trip_pin_low() ? TRIPPED
+                                      : (!ready ? BAD_STATE
+                                                : ((status == TURNING) ? TURNING : DONE));
     } else if (opcode == CLEAR) {
-        expected = ((b->state == HT_STATE_FAULT) || (b->faults != 0u)) ? DONE : BAD_STATE;
+        bool latched = (b->state == HT_STATE_FAULT) || (b->faults != 0u);
+        expected = rig_trip_pin_low() ? TRIPPED : (latched ? DONE : BAD_STATE);
     } else if (opcode == LIST) {
         expected = (u16(&in[1]) < ht_dictionary_rows(in[0])) ? DONE : NO_ID;
     } else if ((opcode == WRITE) || (opcode == GET) || (opcode == STREAM) || (opcode == ARM)) {

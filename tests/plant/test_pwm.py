@@ -20,15 +20,19 @@ LOW, HIGH, OFF = 0, 1, 2
 REGISTERS = {
     "f28335": {
         "BASE": 0x6800, "STRIDE": 0x40, "TBPRD": 0x05, "CMPCTL": 0x07, "CMPA": 0x09,
-        "CMPB": 0x0A, "AQCTLA": 0x0B, "AQSFRC": 0x0D, "DBRED": 0x10, "DBFED": 0x11,
-        "TZFLG": 0x16,
+        "CMPB": 0x0A, "AQCTLA": 0x0B, "AQSFRC": 0x0D, "DBCTL": 0x0F, "DBRED": 0x10,
+        "DBFED": 0x11, "TZCTL": 0x14, "TZFLG": 0x16,
     },
     "f28377s": {
         "BASE": 0x4000, "STRIDE": 0x100, "TBPRD": 0x63, "CMPCTL": 0x08, "CMPA": 0x6B,
-        "CMPB": 0x6D, "AQCTL": 0x10, "AQCTLA": 0x40, "AQSFRC": 0x47, "DBRED": 0x51,
-        "DBFED": 0x53, "TZFLG": 0x93,
+        "CMPB": 0x6D, "AQCTL": 0x10, "AQCTLA": 0x40, "AQSFRC": 0x47, "DBCTL": 0x0C,
+        "DBRED": 0x51, "DBFED": 0x53, "TZCTL": 0x84, "TZFLG": 0x93,
     },
 }  # fmt: skip
+#: Drivers that switch on with a high pin: output B inverted, a trip forces both low.
+ACTIVE_HIGH = {"DBCTL": 0x000B, "TZCTL": 0x000A}
+#: With a low pin: output A inverted, a trip forces both high.
+ACTIVE_LOW = {"DBCTL": 0x0007, "TZCTL": 0x0005}
 SHADOW_AQ = 0x10
 IMMEDIATE = 0x50
 OTSFA, OST = 4, 4
@@ -87,12 +91,23 @@ class Counter:
             return OFF
         return HIGH if level else LOW
 
+    def pins(self):
+        """Levels of outputs A and B in the count just clocked: A is the signal with its rise
+        delayed, B with its fall delayed; POLSEL inverts either (DBCTL bit 2: A, 3: B). A trip
+        forces 1: high, 2: low (TZCTL bits 1-0: A, 3-2: B)."""
+        reg = self.reg
+        if reg["TZFLG"] & OST:
+            return tuple({1: 1, 2: 0}[reg["TZCTL"] >> shift & 3] for shift in (0, 2))
+        rise = self.level == 1 and self.since >= reg["DBRED"]
+        fall = self.level == 1 or self.since < reg["DBFED"]
+        return int(rise) ^ reg["DBCTL"] >> 2 & 1, int(fall) ^ reg["DBCTL"] >> 3 & 1
+
 
 class Emulation:
     """pwm_segment with its edges played into a waveform."""
 
-    def __init__(self, device):
-        self.map = _pwm_map(getattr(firmware.lib, f"ht_{device}"))
+    def __init__(self, device, active_low=False):
+        self.map = _pwm_map(getattr(firmware.lib, f"ht_{device}"), active_low)
         self.offsets = REGISTERS[device]
         self.regs = np.zeros(0x8000, np.uint16)
         self.record = pwm_record()
@@ -147,16 +162,18 @@ def random_writes(rng, device, prd):
     return {name: value for name, value in values.items() if rng.random() < share}
 
 
-def random_run(device, seed, periods=6):
-    """(emulated, counted) waveforms of six legs, and the run's dead bands."""
+def random_run(device, seed, periods=6, active_low=False):
+    """(emulated, counted) waveforms of six legs, and the run's dead bands. The counted ones
+    are (leg's state, levels of its pins)."""
     rng = random.Random(f"{device}{seed}")
     prd = rng.choice([7, 8, 12, 23, 60])
-    pwm = Emulation(device)
+    pwm = Emulation(device, active_low)
     counters = []
     for leg in range(6):
         dead = [0, 0, 1, 2, prd // 3, prd, prd + 1, 3 * prd]
         reg = {name: 0 for name in REGISTERS[device] if name not in ("BASE", "STRIDE")}
         both = rng.choice(dead)
+        reg |= ACTIVE_LOW if active_low else ACTIVE_HIGH
         reg |= {"TBPRD": prd, "DBRED": both, "DBFED": rng.choice([both, both, rng.choice(dead)])}
         counters.append(Counter(reg))
         for name, value in reg.items():
@@ -177,10 +194,11 @@ def random_run(device, seed, periods=6):
                 pwm.play(pwm.edges(n), begin, stop)
                 begin, n = stop, 0
             for leg, counter in enumerate(counters):
-                truth[leg] += [counter.clock(count) for count in range(at, stop)]
+                truth[leg] += [(counter.clock(count), counter.pins()) for count in range(at, stop)]
     for leg, counter in enumerate(counters):
         assert pwm.record.transitions[leg] == counter.jumps
         assert pwm.read(leg, "AQSFRC") & OTSFA == 0
+    assert not pwm.record.shorts.any()
     return pwm.wave, truth, [c.reg for c in counters]
 
 
@@ -189,7 +207,39 @@ def random_run(device, seed, periods=6):
 def test_every_count_of_random_register_writes(device, block):
     for seed in range(block * 100, block * 100 + 100):
         wave, truth, _ = random_run(device, seed)
-        assert wave == truth, f"seed {seed}"
+        assert wave == [[state for state, _ in leg] for leg in truth], f"seed {seed}"
+
+
+@pytest.mark.parametrize("active_low", (False, True))
+@pytest.mark.parametrize("device", REGISTERS)
+def test_off_is_the_level_that_the_gate_drivers_take_as_off(device, active_low):
+    """In the dead time and in a trip both pins have that level; on is the other one."""
+    off = int(active_low)
+    pins_of = {OFF: (off, off), HIGH: (1 - off, off), LOW: (off, 1 - off)}
+    seen = set()
+    for seed in range(2000, 2060):
+        wave, truth, _ = random_run(device, seed, active_low=active_low)
+        for emulated, counted in zip(wave, truth, strict=True):
+            for state, (_, pins) in zip(emulated, counted, strict=True):
+                assert pins == pins_of[state]
+                seen.add(state)
+    assert seen == {LOW, HIGH, OFF}
+
+
+@pytest.mark.parametrize("wrong", ("drivers", "dead band", "trip"))
+@pytest.mark.parametrize("device", REGISTERS)
+def test_wrong_polarity_is_both_switches_on(device, wrong):
+    """Registers for one kind of gate drivers and drivers of the other kind."""
+    registers = dict(ACTIVE_HIGH if wrong == "drivers" else ACTIVE_LOW)
+    if wrong == "dead band":
+        registers["DBCTL"] = ACTIVE_HIGH["DBCTL"]
+    elif wrong == "trip":
+        registers["TZCTL"] = ACTIVE_HIGH["TZCTL"]
+    prd = 40
+    pwm = start(device, prd, 5, active_low=True, AQCTLA=0x0121, CMPA=10, CMPB=30, **registers)
+    run_period(pwm, prd, 20, {})
+    run_period(pwm, prd, 20, {0: {"TZFLG": OST}})
+    assert pwm.record.shorts[0] > 0
 
 
 @pytest.mark.parametrize("device", REGISTERS)
@@ -209,9 +259,10 @@ def test_dead_time_between_the_two_switches(device):
     assert crossings > 1000
 
 
-def start(device, prd, dead=0, **registers):
-    pwm = Emulation(device)
+def start(device, prd, dead=0, active_low=False, **registers):
+    pwm = Emulation(device, active_low)
     common = {"TBPRD": prd, "DBRED": dead, "DBFED": dead, "CMPA": 65535, "CMPB": 65535}
+    common |= ACTIVE_HIGH
     for leg, (name, value) in itertools.product(range(6), (common | registers).items()):
         pwm.write(leg, name, value)
     return pwm

@@ -34,12 +34,14 @@ class Builder:
     """Programs that run an image. Objects are kept: a changed source costs its own
     object and a link."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, active_low: bool = False) -> None:
+        """`active_low`: the build option for gate drivers that invert."""
         self.folder = folder
+        self.polarity = f"-DHT_GATES_ACTIVE_LOW={int(active_low)}"
 
     def _compile(self, source: Path, out: Path, *options: str) -> Path:
         include = [f"-I{ROOT / 'firmware' / f}" for f in (*FOLDERS, *PIL_FOLDERS, "port")]
-        command = [CC, *FLAGS, *options, *include, "-c", source, "-o", out]
+        command = [CC, *FLAGS, self.polarity, *options, *include, "-c", source, "-o", out]
         subprocess.run(command, check=True, capture_output=True, text=True)
         return out
 

@@ -568,7 +568,8 @@ def test_slow_loop_rests_outside_run(bench):
 # --- parameters ----------------------------------------------------------------------
 
 VALUE, CONFIG = lib.HT_ERROR_VALUE, lib.HT_ERROR_CONFIG
-STATE, ID, PORT = lib.HT_ERROR_STATE, lib.HT_ERROR_ID, lib.HT_ERROR_PORT
+STATE, ID = lib.HT_ERROR_STATE, lib.HT_ERROR_ID
+EXTERNAL = lib.HT_FAULT_EXTERNAL
 
 
 def everything(bench):
@@ -649,11 +650,106 @@ def test_period_that_does_not_fit_the_counter_is_refused():
     assert refused(Bench("f28377s"), "f_isr_Hz", 2000.0) == lib.HT_OK  # 50000 counts
 
 
-def test_dead_time_that_does_not_fit_the_register_is_refused():
-    """10 bits at 150 MHz are 6.8 us."""
-    assert refused(Bench("f28335"), "dead_time_us", 6.8) == lib.HT_OK
-    assert refused(Bench("f28335"), "dead_time_us", 10.0) == PORT
-    assert refused(Bench("f28377s"), "dead_time_us", 10.0) == lib.HT_OK
+@pytest.mark.parametrize("state", ("idle", "run"))
+def test_dead_time_that_the_board_does_not_allow_is_refused(bench, state):
+    """At least 1 us for the power stage. 10 bits at 150 MHz are 6.82 us; 20 us for any."""
+    most = {"f28335": 6.82, "f28377s": 20.0}[bench.device]
+    if state == "run":
+        bench.run_to("run")
+    for us in (0.0, -1.0, 0.5, 0.999, most * 1.001, 163.0, np.nan, np.inf):
+        assert refused(bench, "dead_time_us", us) == VALUE
+    for us in (1.0, most) if state == "idle" else ():
+        assert refused(bench, "dead_time_us", us) == lib.HT_OK
+    assert bench.controller.registers.violations == 0
+
+
+def test_message_of_a_refused_dead_time_names_the_boards_range():
+    for device, most in (("f28335", "6.82"), ("f28377s", "20")):
+        said = rf"dead_time_us = 0\.1: allowed range is 1 \.\. {most} us"
+        with pytest.raises(FirmwareError, match=said):
+            Controller(device, SETUP | {"dead_time_us": 0.1})
+        bench = Bench(device)
+        with pytest.raises(FirmwareError, match=said):
+            bench.controller.set("dead_time_us", 0.1)
+        assert bench.controller.get("dead_time_us") == pytest.approx(2.3)
+
+
+@pytest.mark.parametrize("device", ("f28335", "f28377s"))
+def test_start_values_without_dead_time_are_refused(device):
+    """By the firmware itself, whatever the host lets through."""
+    bench = Bench(device)
+    params = ffi.new("ht_params *")
+    params[0] = bench.drive.params
+    dbred = {"f28335": 0x6810, "f28377s": 0x4051}[device]
+    before = int(bench.words[dbred])
+    for us in (0.0, 0.9):
+        params.v[parameters()["dead_time_us"].id] = us
+        assert lib.ht_drive_init(bench.drive, bench.controller.port, params) == VALUE
+    assert int(bench.words[dbred]) == before
+
+
+@pytest.mark.parametrize("device", ("f28335", "f28377s"))
+def test_dead_time_is_rounded_up(device):
+    """Never shorter than asked for, never a whole count longer. What a float makes of a whole
+    number of counts (2.3 us are 230 of 10 ns) is that number."""
+    clock = {"f28335": 150, "f28377s": 100}[device]
+    first = {"f28335": 0x6810, "f28377s": 0x4051}[device]
+    second = {"f28335": 0x6811, "f28377s": 0x4053}[device]
+    most = {"f28335": 6.82, "f28377s": 20.0}[device]
+    bench = Bench(device)
+    whole = {1.0: clock, 2.0: 2 * clock, 2.3: 23 * clock // 10, most: round(most * clock)}
+    exact = [count / clock for count in range(clock, round(most * clock), 37)]
+    between = [1.001, 1.0051, 2.301, 2.2999, 3.333, 6.0007, 6.7939]
+    for us in (*whole, *exact, *between):
+        bench.controller.set("dead_time_us", us)
+        counts = int(bench.words[first])
+        assert counts == int(bench.words[second]) == whole.get(us, counts)
+        assert -0.011 <= counts - us * clock < 1 - 0.009, us
+    assert bench.controller.registers.violations == 0
+
+
+@pytest.mark.parametrize("state", ("calibrate", "build", "run"))
+def test_low_trip_pin_is_a_fault_and_refuses_start_and_clear(bench, state):
+    bench.run_to(state)
+    bench.controller.set_trip_pin(0)
+    bench.fast()
+    assert (bench.state, bench.drive.faults) == ("fault", EXTERNAL)
+    before = bench.controller.registers.accesses
+    for command in (bench.controller.start, bench.controller.clear):
+        with pytest.raises(FirmwareError, match="the trip pin is low .*: release it, then clear"):
+            command()
+    assert bench.controller.registers.accesses - before == 2  # a look each, nothing written
+    for _ in range(20):
+        bench.fast()
+        assert (bench.state, bench.gates_on, bench.drive.faults) == ("fault", False, EXTERNAL)
+    bench.controller.set_trip_pin(1)
+    bench.controller.clear()
+    assert bench.run_to("run").gates_on
+    assert bench.controller.registers.violations == 0
+
+
+def test_trip_pin_that_goes_low_within_the_interrupt_that_switches_on(bench):
+    """Between the look at the pin and the release: the latch comes back, the next interrupt
+    finds it."""
+    bench.run_to("build")
+    bench.fast()
+    assert bench.gates_on
+    bench.controller.set_trip_pin(0)
+    assert not bench.gates_on
+    bench.fast()
+    assert (bench.state, bench.drive.faults) == ("fault", EXTERNAL)
+
+
+@pytest.mark.parametrize("state", ("build", "run"))
+@pytest.mark.parametrize("leg", range(6))
+def test_trip_of_one_leg_alone_is_found(bench, state, leg):
+    """In RUN within six interrupts, in BUILD in the next."""
+    bench.run_to(state)
+    bench.fast(2)
+    base, stride = TZFLG[bench.device]
+    bench.words[base + leg * stride] |= OST
+    bench.fast(6 if state == "run" else 1)
+    assert (bench.state, bench.gates_on, bench.drive.faults) == ("fault", False, EXTERNAL)
 
 
 def test_unknown_id():

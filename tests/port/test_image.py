@@ -47,8 +47,8 @@ FAULTS = {
         F28335, "ht_pwm.c", "    HT_EALLOW(io);\n", "", "TZCTL: no EALLOW"),
     "no EALLOW for gates on": (
         F28377S, "ht_pwm.c",
-        "void ht_port_gates_on(ht_port *port)\n{\n    uint16_t leg;\n    HT_EALLOW(port->io);",
-        "void ht_port_gates_on(ht_port *port)\n{\n    uint16_t leg;", "TZCLR: no EALLOW"),
+        "    if (allowed) {\n        HT_EALLOW(port->io);", "    if (allowed) {",
+        "TZCLR: no EALLOW"),
     "no EALLOW for the PLL": (
         F28377S, "ht_clock_f28377s.c", "    HT_EALLOW(port->io);\n    locked", "    locked",
         "CLKSRCCTL1: no EALLOW"),
@@ -79,11 +79,41 @@ FAULTS = {
         F28335, "ht_pwm.c", "    HT_WR16(io, base + m->tzfrc, TZ_OST);\n", "",
         "the module is not tripped"),
     "trip does not switch off": (
-        F28377S, "ht_pwm.c", "    HT_WR16(io, base + m->tzctl, TZCTL_BOTH_LOW);\n", "",
+        F28377S, "ht_pwm.c",
+        "    HT_WR16(io, base + m->tzctl, low ? TZCTL_BOTH_HIGH : TZCTL_BOTH_LOW);\n", "",
+        "trip does not switch off"),
+    "trip switches on": (
+        F28335, "ht_pwm.c", "low ? TZCTL_BOTH_HIGH : TZCTL_BOTH_LOW",
+        "low ? TZCTL_BOTH_LOW : TZCTL_BOTH_HIGH", "trip does not switch off"),
+    "dead band for the other polarity": (
+        F28377S, "ht_pwm.c", "low ? DBCTL_ACTIVE_LOW : DBCTL_ACTIVE_HIGH",
+        "low ? DBCTL_ACTIVE_HIGH : DBCTL_ACTIVE_LOW", "without dead band"),
+    "polarity of the other drivers in the board's table": (
+        LAUNCHPAD, "ht_board.c", "#ifndef HT_GATES_ACTIVE_LOW\n#define HT_GATES_ACTIVE_LOW 0\n",
+        "#if 1\n#undef HT_GATES_ACTIVE_LOW\n#define HT_GATES_ACTIVE_LOW 1\n",
         "trip does not switch off"),
     "no dead band": (
-        LAUNCHPAD, "ht_pwm.c", "    HT_WR16(io, base + m->dbctl, DBCTL_COMPLEMENTARY);\n", "",
+        LAUNCHPAD, "ht_pwm.c",
+        "    HT_WR16(io, base + m->dbctl, low ? DBCTL_ACTIVE_LOW : DBCTL_ACTIVE_HIGH);\n", "",
         "without dead band"),
+    "no delay of the rise": (
+        F28335, "ht_pwm.c", "    HT_WR16(io, base + m->dbred, setup->dead_counts);\n", "",
+        "with DBRED or DBFED = 0"),
+    "no delay of the fall": (
+        F28377S, "ht_pwm.c", "    HT_WR16(io, base + m->dbfed, setup->dead_counts);\n", "",
+        "with DBRED or DBFED = 0"),
+    "dead time taken away while the drive is set up again": (
+        LAUNCHPAD, "ht_pwm.c", "    HT_WR16(io, base + m->dbfed, setup->dead_counts);\n",
+        "    HT_WR16(io, base + m->dbfed, 0u);\n"
+        "    HT_WR16(io, base + m->dbfed, setup->dead_counts);\n",
+        "DBRED or DBFED = 0 at a module with pins"),
+    "dead time without a minimum": (
+        F28377S, "ht_port_c2000.c", "    range.min_us = port->board->dead_min_us;",
+        "    range.min_us = 0.0f;", "dead time is refused"),
+    "dead time without the register's maximum": (
+        F28335, "ht_port_c2000.c",
+        "(float)port->map->dead_max_counts * 1.0e6f / port->map->pwm_clock_Hz", "20.0f",
+        "dead time is refused"),
     "divider before the lock": (
         F28335, "ht_clock_f28335.c", "    locked = lock(port);", "    locked = true;",
         "divider before the PLL has locked"),
@@ -278,8 +308,43 @@ FAULTS = {
     # values that no rule forbids: the golden image
     "flash wait states forgotten": (F28335, INIT, "    ht_flash_start(port);", "    ", "-FLASH"),
     "trip pin not listened to": (
-        F28335, "ht_pwm.c", "    HT_WR16(io, base + m->tzsel, TZSEL_OSHT1);\n", "",
+        F28335, "ht_pwm.c", "    HT_WR16(io, base + m->tzsel, m->one_shot);\n", "",
         "trip pin switches off by itself"),
+    "emulation stop not listened to": (
+        F28377S, "ht_c2000_map.c", ".one_shot = 0x3100u", ".one_shot = 0x1100u",
+        "an emulation stop switches off"),
+    "clock failure not listened to": (
+        LAUNCHPAD, "ht_c2000_map.c", ".one_shot = 0x3100u", ".one_shot = 0x2100u",
+        "a clock failure switches off"),
+    "gates on without a look at the trip pin": (
+        F28335, "ht_pwm.c", "bool allowed = !ht_port_trip_pin_low(port);", "bool allowed = true;",
+        "trip cleared while its pin is low"),
+    "start without a look at the trip pin": (
+        F28377S, "ht_drive.c",
+        "    int leg;\n    if (ht_port_trip_pin_low(d->port)) {\n        return HT_ERROR_TRIP;\n    }\n",
+        "    int leg;\n", "a low trip pin refuses"),
+    "clear without a look at the trip pin": (
+        F28335, "ht_drive.c",
+        "ht_result ht_drive_clear(ht_drive *d)\n{\n    if (ht_port_trip_pin_low(d->port)) {",
+        "ht_result ht_drive_clear(ht_drive *d)\n{\n    if (d == NULL) {",
+        "a low trip pin refuses"),
+    "calibration without a look at the trip pin": (
+        LAUNCHPAD, "ht_drive.c",
+        "    if (ht_port_trip_pin_low(d->port)) { /* before the gates ever come on */",
+        "    if (d->state_ticks == 0u) {", "a low trip pin is the fault"),
+    "gates on refused and not heeded": (
+        F28377S, "ht_drive.c",
+        "    if ((d->state_ticks == 1u) && !ht_port_gates_on(d->port)) { /* a pattern is in place */",
+        "    (void)((d->state_ticks == 1u) && ht_port_gates_on(d->port));\n"
+        "    if (d->state_ticks == 0u) {", "a low trip pin is the fault"),
+    "level of another pin": (
+        F28377S, "ht_pwm.c", "uint32_t gpio = port->board->trip.gpio;",
+        "uint32_t gpio = port->board->trip.gpio + 1u;", "a low trip pin refuses"),
+    "one leg's flag for all": (
+        F28335, "ht_pwm.c",
+        "HT_RD16(port->io, port->leg[leg] + port->map->tzflg) & TZ_OST",
+        "HT_RD16(port->io, port->leg[leg & 0u] + port->map->tzflg) & TZ_OST",
+        "one leg's trip is noticed"),
     "trip pin synchronised": (
         F28335, "ht_pins.c", "set_up(port, &board->trip, QUALIFY_ASYNC, false)",
         "set_up(port, &board->trip, QUALIFY_SYNC, false)", "-GPIO.GPAQSEL1"),
@@ -313,6 +378,41 @@ def test_fault_is_found(builder, fault):
     _, lines = image.run(builder.build(board, (source, old, new)))
     found = [*image.complaints(lines), *difference(board, lines)]
     assert any(said in line for line in found), "\n".join(found) or "nothing found"
+
+
+@pytest.mark.parametrize("board", image.BOARDS)
+def test_image_for_gate_drivers_that_invert(tmp_path, board):
+    """The whole run is in order, and what the start leaves differs in nothing but this: the
+    dead band inverts output A in place of B, a trip forces both outputs high, and the pins have
+    pull-ups while they are inputs."""
+    good, lines = image.run(image.Builder(tmp_path, active_low=True).build(board))
+    assert not image.complaints(lines)
+    assert good
+    changed = [
+        line for line in difference(board, lines) if not line.startswith(("---", "+++", "@@"))
+    ]
+    kinds = {line.split()[0][1:].split(".")[1] for line in changed}
+    assert kinds == {"DBCTL", "TZCTL", "GPAPUD"}
+    found = {(line[0], *line.split()[2:]) for line in changed if "TZCTL" in line or "DBCTL" in line}
+    assert found == {
+        ("-", "0x000A", "TZB=2", "TZA=2"), ("+", "0x0005", "TZB=1", "TZA=1"),
+        ("-", "0x000B", "POLSEL=2", "OUT_MODE=3"), ("+", "0x0007", "POLSEL=1", "OUT_MODE=3"),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("source", "old", "new", "said"),
+    (
+        ("ht_pwm.c", "low ? TZCTL_BOTH_HIGH : TZCTL_BOTH_LOW", "TZCTL_BOTH_LOW",
+         "trip does not switch off"),
+        ("ht_pwm.c", "low ? DBCTL_ACTIVE_LOW : DBCTL_ACTIVE_HIGH", "DBCTL_ACTIVE_HIGH",
+         "without dead band"),
+    ),
+)  # fmt: skip
+def test_polarity_that_is_forgotten_is_found(tmp_path, source, old, new, said):
+    builder = image.Builder(tmp_path, active_low=True)
+    _, lines = image.run(builder.build(F28335, (source, old, new)))
+    assert any(said in line for line in image.complaints(lines))
 
 
 def test_change_that_does_not_fit_is_refused(builder):

@@ -26,6 +26,10 @@ BASE = {"f28335": (0x6800, 0x40), "f28377s": (0x4000, 0x100)}
 ADC = {"f28335": (0x7108, 4), "f28377s": (0x0B00, 0)}
 QPOSCNT = {"f28335": 0x6B00, "f28377s": 0x5100}
 DEAD_MAX = {"f28335": 1023, "f28377s": 16383}
+#: 1 us, the shortest dead time of the boards.
+DEAD_MIN = {"f28335": 150, "f28377s": 100}
+#: One-shot trips: TZ1, the pin; on the F28377S clock failure (TZ5), emulation stop (TZ6) too.
+ONE_SHOT = {"f28335": 0x0100, "f28377s": 0x3100}
 CLOCKS = {"f28335": (0x701D, 0x701C), "f28377s": (0x5D326, 0x5D323)}
 #: eQEP1 clock enable: PCLKCR1.EQEP1ENCLK, PCLKCR4.EQEP1; SYSCLKOUT.
 EQEP_CLOCK = {"f28335": (0x701D, 0x4000), "f28377s": (0x5D32A, 0x0001)}
@@ -88,7 +92,7 @@ def test_set_up_image(board, shadow):
         assert board.image("AQCTL") == [(0x0011 if shadow else 0x0000,)] * 6
     # active-high complementary, both delays from A
     assert board.image("AQCSFRC", "DBCTL", "DBRED", "DBFED") == [(0, 0x000B, 321, 321)] * 6
-    assert board.image("TZSEL", "TZCTL") == [(0x0100, 0x000A)] * 6
+    assert board.image("TZSEL", "TZCTL") == [(ONE_SHOT[board.device], 0x000A)] * 6
     # one start of conversion per period, from leg 1 only; no interrupt
     assert board.image("ETSEL", "ETPS") == [(0x0900, 0x0100)] + [(0, 0)] * 5
     assert board.rf.violations == 0
@@ -163,6 +167,20 @@ def test_clock_of_the_time_base(board):
     assert lib.ht_port_pwm_clock_Hz(board.port) == clock[board.device]
 
 
+def test_dead_time_has_a_minimum(board):
+    least = DEAD_MIN[board.device]
+    assert board.init(dead=least)
+    for dead in (0, 1, least - 1):
+        other = Board(board.device)
+        assert not other.init(dead=dead)
+        assert all(flag & OST for (flag,) in other.image("TZFLG"))
+        assert other.image("DBRED", "DBFED") == [(0, 0)] * 6
+        assert other.rf.violations == 0
+    span = lib.ht_port_dead_range(board.port)
+    assert span.min_us == 1.0
+    assert span.max_us == pytest.approx(1023 / 150 if board.device == "f28335" else 163.83)
+
+
 def test_dead_time_fills_its_register_and_no_more(board):
     limit = DEAD_MAX[board.device]
     assert board.init(dead=limit)
@@ -175,7 +193,10 @@ def test_dead_time_fills_its_register_and_no_more(board):
 
 def test_accepts_foretells_init_and_touches_nothing(board):
     limit = DEAD_MAX[board.device]
-    for period, dead in ((7, 0), (8, 0), (65535, limit), (15000, limit + 1)):
+    least = DEAD_MIN[board.device]
+    for period, dead in (
+        (7, least), (8, least), (8, least - 1), (8, 0), (65535, limit), (15000, limit + 1),
+    ):  # fmt: skip
         before = bytes(ffi.buffer(board.rf))
         accepted = lib.ht_port_accepts(board.port, [[period, dead, True, 100.0]])
         assert bytes(ffi.buffer(board.rf)) == before
@@ -184,7 +205,7 @@ def test_accepts_foretells_init_and_touches_nothing(board):
 
 @pytest.mark.parametrize(("period", "fits"), ((7, False), (8, True), (65535, True)))
 def test_period_range(board, period, fits):
-    assert board.init(period=period, dead=0) == fits
+    assert board.init(period=period) == fits
     assert lib.ht_port_tripped(board.port)
     if fits:
         assert board.reg("TBPRD", 5) == period - 1
@@ -238,13 +259,71 @@ def test_gates_on_and_off(board):
     assert board.rf.eallow == 0
 
 
-def test_external_trip_is_seen(board):
+@pytest.mark.parametrize("leg", range(6))
+def test_external_trip_is_seen_on_any_leg(board, leg):
+    board.init()
+    assert lib.ht_port_gates_on(board.port)
+    base, stride = BASE[board.device]
+    board.rf.word[base + leg * stride + OFFSETS[board.device]["TZFLG"]] = OST
+    assert lib.ht_port_tripped(board.port)
+    told = [lib.ht_port_leg_tripped(board.port, n) for n in range(6)]
+    assert told == [n == leg for n in range(6)]
+
+
+def test_gates_stay_off_while_the_trip_pin_is_low(board):
+    board.init()
+    gpio = board.port.board.trip.gpio
+    assert not lib.ht_port_trip_pin_low(board.port)
+    lib.ht_regfile_pin(board.rf, gpio, 0)
+    assert lib.ht_port_trip_pin_low(board.port)
+    before = board.rf.accesses
+    assert not lib.ht_port_gates_on(board.port)
+    assert board.rf.accesses - before == 1  # the look; no latch is written to
+    assert all(flag & OST for (flag,) in board.image("TZFLG"))
+    lib.ht_regfile_pin(board.rf, gpio, 1)
+    assert not lib.ht_port_trip_pin_low(board.port)
+    assert all(flag & OST for (flag,) in board.image("TZFLG"))  # latched all the same
+    assert lib.ht_port_gates_on(board.port)
+    assert board.image("TZFLG") == [(0,)] * 6
+    lib.ht_regfile_pin(board.rf, gpio, 0)  # by itself, no code involved
+    assert all(flag & OST for (flag,) in board.image("TZFLG"))
+    assert board.rf.violations == 0
+
+
+def test_levels_of_the_pins_are_read_where_the_manuals_have_them(board):
+    data = {"f28335": 0x6FC0, "f28377s": 0x7F00}[board.device]  # GPADAT
+    board.init()
+    for gpio in range(32):
+        lib.ht_regfile_pin(board.rf, gpio, 0)
+        assert board.word(data) | board.word(data + 1) << 16 == 0xFFFFFFFF ^ 1 << gpio
+        assert lib.ht_port_trip_pin_low(board.port) == (gpio == 12)
+        lib.ht_regfile_pin(board.rf, gpio, 1)
+
+
+@pytest.mark.parametrize("what", ("clock_fails", "emulation_stops"))
+def test_what_else_switches_off(board, what):
     board.init()
     lib.ht_port_gates_on(board.port)
-    base, stride = BASE[board.device]
-    for leg in range(6):
-        board.rf.word[base + leg * stride + OFFSETS[board.device]["TZFLG"]] = OST
-    assert lib.ht_port_tripped(board.port)
+    getattr(lib, f"ht_regfile_{what}")(board.rf)
+    assert lib.ht_port_tripped(board.port) == (board.device == "f28377s")
+
+
+def test_inverting_gate_drivers():
+    """Off is high: in a trip, and (output A inverted, not B) in the dead time."""
+    for device in BASE:
+        table = ffi.new("ht_board *", getattr(lib, f"ht_board_{device}"))
+        table.gates_active_low = True
+        rf, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
+        lib.ht_regfile_reset(rf, table.map)
+        rf.gates_active_low = 1
+        lib.ht_port_bind(port, rf, table)
+        assert lib.ht_board_start(port)
+        assert lib.ht_port_init(port, [[15000, 345, True, 100.0]])
+        assert lib.ht_port_gates_on(port)
+        board = Board(device)
+        board.rf = rf
+        assert board.image("DBCTL", "DBRED", "DBFED", "TZCTL") == [(0x0007, 345, 345, 0x0005)] * 6
+        assert rf.violations == 0
 
 
 def test_readings(board):

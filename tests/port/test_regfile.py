@@ -15,13 +15,13 @@ ORDER, KEY, WATCHDOG = lib.HT_REG_ORDER, lib.HT_REG_KEY, lib.HT_REG_WATCHDOG
 CHIPS = {
     "f28335": {
         "base": 0x6800, "stride": 0x40, "TBCTL": 0x6800, "TBPRD": 0x6805, "CMPA": 0x6809,
-        "AQCTLA": 0x680B, "DBCTL": 0x680F, "TZSEL": 0x6812, "TZCTL": 0x6814, "TZEINT": 0x6815,
+        "AQCTLA": 0x680B, "DBCTL": 0x680F, "DBRED": 0x6810, "DBFED": 0x6811, "TZSEL": 0x6812, "TZCTL": 0x6814, "TZEINT": 0x6815,
         "TZFLG": 0x6816, "TZCLR": 0x6817, "TZFRC": 0x6818, "ETFLG": 0x681B, "ETCLR": 0x681C,
         "eqep": 0x6B00, "sci": 0x7050, "GPAMUX1": 0x6F86, "GPAPUD": 0x6F8C,
     },
     "f28377s": {
         "base": 0x4000, "stride": 0x100, "TBCTL": 0x4000, "TBPRD": 0x4063, "CMPA": 0x406B,
-        "AQCTLA": 0x4040, "DBCTL": 0x400C, "TZSEL": 0x4080, "TZCTL": 0x4084, "TZEINT": 0x408D,
+        "AQCTLA": 0x4040, "DBCTL": 0x400C, "DBRED": 0x4051, "DBFED": 0x4053, "TZSEL": 0x4080, "TZCTL": 0x4084, "TZEINT": 0x408D,
         "TZFLG": 0x4093, "TZCLR": 0x4097, "TZFRC": 0x409B, "ETFLG": 0x40A8, "ETCLR": 0x40AA,
         "eqep": 0x5100, "sci": 0x7200, "GPAMUX1": 0x7C06, "GPAPUD": 0x7C0C,
     },
@@ -441,6 +441,8 @@ def ready_for_pins(chip):
         chip.poke("TZFLG", OST, leg)
         chip.poke("TZCTL", 0x000A, leg)
         chip.poke("DBCTL", 0x000B, leg)
+        chip.poke("DBRED", 100, leg)
+        chip.poke("DBFED", 100, leg)
     chip.rf.eallow = 1
 
 
@@ -449,7 +451,7 @@ def test_pin_to_the_pwm_only_when_it_is_safe(chip):
     chip.write32("GPAMUX1", 0x00555555)
     assert not chip.said
     chip.write32("GPAMUX1", 0)
-    for name in ("TZFLG", "TZCTL", "DBCTL"):
+    for name in ("TZFLG", "TZCTL", "DBCTL", "DBRED", "DBFED"):
         ready_for_pins(chip)
         chip.poke(name, 0, 4)
         for pin in range(12):
@@ -460,6 +462,53 @@ def test_pin_to_the_pwm_only_when_it_is_safe(chip):
     ready_for_pins(other)
     other.write32("GPAMUX1", 1)
     assert other.said == [ORDER]
+
+
+@pytest.mark.parametrize("active_low", (0, 1))
+def test_pin_to_the_pwm_wants_the_polarity_of_the_gate_drivers(chip, active_low):
+    ready_for_pins(chip)
+    chip.rf.gates_active_low = active_low
+    for trip, dead_band, fits in (
+        (0x000A, 0x000B, not active_low), (0x0005, 0x0007, active_low),
+        (0x000A, 0x0007, False), (0x0005, 0x000B, False), (0x0000, 0x000B, False),
+        (0x000A, 0x0000, False), (0x0005, 0x0003, False), (0x0005, 0x000F, False),
+    ):  # fmt: skip
+        chip.poke("TZCTL", trip, 3)
+        chip.poke("DBCTL", dead_band, 3)
+        chip.write32("GPAMUX1", 0x1000)  # GPIO6 to ePWM4
+        assert chip.said == ([] if fits else [ORDER])
+        chip.write32("GPAMUX1", 0)
+
+
+@pytest.mark.parametrize("name", ("DBRED", "DBFED"))
+def test_no_dead_time_at_a_module_with_pins(chip, name):
+    """While it is tripped: the write is told. A release of the trip as well."""
+    ready_for_pins(chip)
+    chip.write32("GPAMUX1", 0x00555555)
+    chip.write(name, 200, 2)
+    assert not chip.said
+    chip.write(name, 0, 2)
+    assert chip.said == [ORDER]
+    for leg in range(6):
+        chip.write("TZCLR", OST, leg)
+        assert chip.said == ([ORDER] if leg == 2 else [])
+        chip.poke("TZFLG", OST, leg)
+    chip.write(name, 200, 2)
+    chip.write("DBCTL", 0, 2)  # bypassed
+    chip.write("TZCLR", OST, 2)
+    assert chip.said == [ORDER, ORDER]
+
+
+def test_no_dead_time_at_a_module_without_pins(chip):
+    """Nothing follows it, so it may be set up in any order; released without a dead time, with
+    complementary outputs, it is told."""
+    chip.trip()
+    chip.eallow()
+    chip.write("DBCTL", 0x000B)
+    chip.write("DBRED", 0)
+    assert not chip.said
+    chip.write("TZCLR", OST)
+    assert chip.said == [ORDER]
 
 
 def test_pin_groups_of_the_f28377s():
@@ -773,7 +822,65 @@ def test_trip_pin_trips_those_who_listen(chip):
     chip.eallow()
     for leg in (0, 2, 4):
         chip.write("TZSEL", 0x0100, leg)
+    connect_the_trip_pin(chip)
     for leg in range(6):
         chip.poke("TZFLG", 0, leg)
-    lib.ht_regfile_trip_pin(chip.rf)
+    lib.ht_regfile_pin(chip.rf, 13, 0)  # another one
+    assert [chip.read("TZFLG", leg) for leg in range(6)] == [0] * 6
+    lib.ht_regfile_pin(chip.rf, 12, 0)
     assert [chip.read("TZFLG", leg) for leg in range(6)] == [OST, 0, OST, 0, OST, 0]
+
+
+def connect_the_trip_pin(chip):
+    """GPIO12: TZ1 by its multiplexer, or input 1 of the crossbar."""
+    if chip.device == "f28335":
+        chip.write32("GPAMUX1", 1 << 24)
+    else:
+        chip.write(0x7900, 12)
+
+
+def test_trip_comes_back_while_its_pin_is_low(chip):
+    """A level, not an edge: a clear under a low pin clears nothing, and is told."""
+    chip.trip()
+    chip.eallow()
+    lib.ht_regfile_pin(chip.rf, 12, 0)
+    connect_the_trip_pin(chip)
+    chip.poke("TZFLG", 0)
+    chip.write("TZEINT", 0)
+    assert chip.read("TZFLG") == 0  # nobody listens yet
+    chip.write("TZSEL", 0x0100)
+    assert chip.said == [ORDER]  # set up while not tripped
+    assert chip.read("TZFLG") == OST
+    chip.write("TZCLR", OST)
+    assert (chip.said, chip.read("TZFLG")) == ([ORDER], OST)
+    lib.ht_regfile_pin(chip.rf, 12, 1)
+    assert chip.read("TZFLG") == OST
+    chip.write("TZCLR", OST)
+    assert (chip.said, chip.read("TZFLG")) == ([], 0)
+
+
+def test_levels_of_the_pins_are_the_worlds(chip):
+    data = {"f28335": 0x6FC0, "f28377s": 0x7F00}[chip.device]
+    assert chip.read32(data) == 0xFFFFFFFF
+    lib.ht_regfile_pin(chip.rf, 31, 0)
+    assert chip.read32(data) == 0x7FFFFFFF
+    chip.write32(data, 0)
+    assert chip.said == [READ_ONLY]
+    assert chip.read32(data) == 0x7FFFFFFF
+
+
+def test_clock_failure_and_emulation_stop_trip_the_f28377s(chip):
+    chip.trip()
+    chip.eallow()
+    for leg, sources in enumerate((0x1000, 0x2000, 0x3000, 0x0100, 0x0000, 0x0010)):
+        chip.write("TZSEL", sources, leg)
+
+    def tripped(event):
+        for leg in range(6):
+            chip.poke("TZFLG", 0, leg)
+        event(chip.rf)
+        return [leg for leg in range(6) if chip.read("TZFLG", leg) & OST]
+
+    large = chip.device == "f28377s"  # on the F28335 these two are pins
+    assert tripped(lib.ht_regfile_clock_fails) == ([0, 2] if large else [])
+    assert tripped(lib.ht_regfile_emulation_stops) == ([1, 2] if large else [])

@@ -118,6 +118,18 @@ def test_step_follows_the_machine():
     assert longest_s == pytest.approx(0.1 * 0.3e-3 / 6.0, rel=0.1)
 
 
-def test_dead_time_that_the_pwm_cannot_do_is_named():
-    with pytest.raises(firmware.FirmwareError, match=r"dead_time_us up to 6\.82"):
-        Simulation(scenario.load("paper-a").changed(inverter__dead_time_us=7.0))
+@pytest.mark.parametrize("us", (0.0, 0.1, 7.0))
+def test_dead_time_that_the_board_does_not_allow_is_named(us):
+    said = rf"inverter\.dead_time_us = {us:g}: allowed range is 1 \.\. 6\.82 us"
+    with pytest.raises(scenario.ScenarioError, match=said):
+        scenario.load("paper-a").changed(inverter__dead_time_us=us)
+
+
+@pytest.mark.parametrize("name", ("paper-a", "paper-a-feasible", "paper-b", "paper-b-fitted"))
+def test_dead_times_of_the_papers_are_whole_counts(name):
+    """2.3 us and 2.0 us at 150 MHz: rounding up adds nothing."""
+    sim = Simulation(scenario.load(name))
+    m, words = sim.controller.map, sim.controller.register_words()
+    counts = {2.3: 345, 2.0: 300}[sim.setup["inverter.dead_time_us"]]
+    assert m.pwm_clock_Hz == 150e6
+    assert words[m.epwm + m.dbred] == words[m.epwm + m.dbfed] == counts

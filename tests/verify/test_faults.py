@@ -1,4 +1,4 @@
-"""The fault campaign: 2520 faults, and that the campaign itself would notice."""
+"""The fault campaign: 2700 faults, and that the campaign itself would notice."""
 
 import itertools
 from types import SimpleNamespace
@@ -85,13 +85,38 @@ def test_legs_that_change_over_too_fast():
     dead = {"inverter.dead_time_us": 2.0}
 
     def seen(*edges):
-        sim = SimpleNamespace(setup=dead, controller=clock, edges=np.array(edges))
+        sim = SimpleNamespace(setup=dead, controller=clock, edges=np.array(edges), shorts=0)
         return faults._shoot_through(sim, np.array([LOW] * 6))
 
     assert seen((0, 0, OFF), (200, 0, HIGH), (900, 0, OFF), (1100, 0, LOW)) == ""
     assert "without dead time" in seen((0, 0, HIGH))
     assert "199 counts" in seen((0, 0, OFF), (199, 0, HIGH))
     assert seen((0, 0, OFF), (100, 1, OFF), (300, 1, HIGH), (400, 0, HIGH)) == ""
+
+
+@pytest.mark.parametrize("state", faults.STATES)
+def test_trip_pin_held_low(state):
+    result = faults.run(find("trip pin held low"), state, "ddr", "paper-b", 3)
+    assert result.error == ""
+
+
+@pytest.mark.parametrize("command", ("start", "clear"))
+def test_a_command_that_a_low_trip_pin_does_not_refuse(monkeypatch, command):
+    """A firmware that does not look at the pin: the pin is high for the command alone."""
+    honest = getattr(firmware.Controller, command)
+
+    def blind(self):
+        self.set_trip_pin(1)
+        try:
+            honest(self)
+        finally:
+            self.set_trip_pin(0)
+
+    monkeypatch.setattr(faults, "_disturb", lambda sim, rng: None)
+    monkeypatch.setattr(firmware.Controller, command, blind)
+    held = find("trip pin held low")
+    result = faults.run(held, "idle" if command == "start" else "run", "ddr", "paper-b", 3)
+    assert command in result.error
 
 
 @pytest.mark.parametrize("setup", faults.SETUPS)

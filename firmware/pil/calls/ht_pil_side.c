@@ -1,5 +1,7 @@
 #include "ht_pil.h"
 
+#define ALL_LEGS ((uint16_t)(((uint16_t)1u << (uint16_t)HT_LEGS) - 1u))
+
 static void note(const ht_port *port, uint16_t word)
 {
     ht_pil_side *notes = port->notes;
@@ -49,6 +51,7 @@ bool ht_side_init(ht_pil_side *side, ht_port *port, uint16_t device, const uint1
     port->notes = side;
     port->pwm_clock_Hz = ht_frame_float(&words[HT_CALLS_AT_PWM_CLOCK]);
     port->capture_clock_Hz = ht_frame_float(&words[HT_CALLS_AT_CAPTURE_CLOCK]);
+    port->dead_min_us = ht_frame_float(&words[HT_CALLS_AT_DEAD_MIN]);
     port->dead_max_counts = words[HT_CALLS_AT_DEAD_MAX];
     return ht_side_take(side, port, &words[HT_CALLS_AT_INPUTS], HT_INPUTS);
 }
@@ -77,9 +80,19 @@ void ht_side_tell(ht_pil_side *side, ht_port *port, ht_frame *reply)
 
 /* --- port.h --------------------------------------------------------------------- */
 
+ht_dead_range ht_port_dead_range(const ht_port *port)
+{
+    ht_dead_range range;
+    range.min_us = port->dead_min_us;
+    range.max_us = (float)port->dead_max_counts * 1.0e6f / port->pwm_clock_Hz;
+    return range;
+}
+
 bool ht_port_accepts(const ht_port *port, const ht_pwm_setup *setup)
 {
-    return (setup->period_counts >= 8u) && (setup->dead_counts <= port->dead_max_counts);
+    float least = port->dead_min_us * 1.0e-6f * port->pwm_clock_Hz;
+    return (setup->period_counts >= 8u) && (setup->dead_counts <= port->dead_max_counts)
+           && (((float)setup->dead_counts + HT_DEAD_TOLERANCE_COUNTS) >= least);
 }
 
 bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
@@ -89,7 +102,7 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
     note(port, setup->dead_counts);
     note(port, (uint16_t)(setup->shadow ? 1u : 0u));
     note_float(port, setup->slow_Hz);
-    port->tripped = 1u;
+    port->tripped = ALL_LEGS;
     return ht_port_accepts(port, setup);
 }
 
@@ -141,20 +154,42 @@ void ht_port_write(ht_port *port, const ht_compare *pattern)
 void ht_port_gates_off(ht_port *port)
 {
     note(port, HT_CALL_GATES_OFF);
-    port->tripped = 1u;
+    port->tripped = ALL_LEGS;
 }
 
-void ht_port_gates_on(ht_port *port)
+bool ht_port_gates_on(ht_port *port)
 {
+    bool allowed = port->input[HT_INPUT_TRIP_PIN_LOW] == 0u;
     note(port, HT_CALL_GATES_ON);
-    port->tripped = 0u;
+    note(port, allowed ? 1u : 0u);
+    if (allowed) {
+        port->tripped = 0u;
+    }
+    return allowed;
+}
+
+bool ht_port_trip_pin_low(const ht_port *port)
+{
+    note(port, HT_CALL_TRIP_PIN_LOW);
+    note(port, port->input[HT_INPUT_TRIP_PIN_LOW]);
+    return port->input[HT_INPUT_TRIP_PIN_LOW] != 0u;
 }
 
 bool ht_port_tripped(const ht_port *port)
 {
+    uint16_t any = (port->tripped != 0u) ? 1u : 0u;
     note(port, HT_CALL_TRIPPED);
-    note(port, port->tripped);
-    return port->tripped != 0u;
+    note(port, any);
+    return any != 0u;
+}
+
+bool ht_port_leg_tripped(const ht_port *port, uint16_t leg)
+{
+    uint16_t answer = (uint16_t)((uint16_t)(port->tripped >> leg) & 1u);
+    note(port, HT_CALL_LEG_TRIPPED);
+    note(port, leg);
+    note(port, answer);
+    return answer != 0u;
 }
 
 void ht_port_begin_fast(ht_port *port)

@@ -22,8 +22,9 @@ struct ht_port {
     ht_pil_side *notes;
     float pwm_clock_Hz;
     float capture_clock_Hz;
+    float dead_min_us;
     uint16_t dead_max_counts;
-    uint16_t tripped;
+    uint16_t tripped; /**< a bit for each leg */
     uint16_t input[HT_INPUTS];
 };
 

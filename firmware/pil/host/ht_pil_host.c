@@ -220,6 +220,7 @@ static void look(ht_link *l)
     uint16_t flags = *status;
     ht_samples samples;
     ht_capture capture;
+    uint16_t leg;
     int channel;
     ht_port_read(&l->port, &samples);
     ht_port_read_capture(&l->port, &capture);
@@ -228,7 +229,13 @@ static void look(ht_link *l)
     }
     l->input[HT_INPUT_POSITION] = (uint16_t)(samples.position & 0xFFFFu);
     l->input[HT_INPUT_POSITION + 1] = (uint16_t)(samples.position >> 16);
-    l->input[HT_INPUT_TRIPPED] = ht_port_tripped(&l->port) ? 1u : 0u;
+    l->input[HT_INPUT_TRIPPED] = 0u;
+    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+        if (ht_port_leg_tripped(&l->port, leg)) {
+            l->input[HT_INPUT_TRIPPED] = (uint16_t)(l->input[HT_INPUT_TRIPPED] | (1u << leg));
+        }
+    }
+    l->input[HT_INPUT_TRIP_PIN_LOW] = ht_port_trip_pin_low(&l->port) ? 1u : 0u;
     l->input[HT_INPUT_OVERRUN] = 0u; /* nothing comes in between here */
     l->input[HT_INPUT_PERIOD_TICKS] = capture.period_ticks;
     l->input[HT_INPUT_AGE_TICKS] = capture.age_ticks;
@@ -284,10 +291,16 @@ static uint16_t make_call(ht_link *l, const uint16_t *word, uint16_t words)
         ht_port_gates_off(&l->port);
         return 1u;
     case HT_CALL_GATES_ON:
-        ht_port_gates_on(&l->port);
-        return 1u;
+        return ((words >= 2u) && (ht_port_gates_on(&l->port) == (word[1] != 0u))) ? 2u : 0u;
+    case HT_CALL_TRIP_PIN_LOW:
+        return ((words >= 2u) && (ht_port_trip_pin_low(&l->port) == (word[1] != 0u))) ? 2u : 0u;
     case HT_CALL_TRIPPED:
         return ((words >= 2u) && (ht_port_tripped(&l->port) == (word[1] != 0u))) ? 2u : 0u;
+    case HT_CALL_LEG_TRIPPED:
+        return ((words >= 3u) && (word[1] < (uint16_t)HT_LEGS)
+                && (ht_port_leg_tripped(&l->port, word[1]) == (word[2] != 0u)))
+                   ? 3u
+                   : 0u;
     case HT_CALL_BEGIN_FAST:
         ht_port_begin_fast(&l->port);
         return 1u;
@@ -415,6 +428,7 @@ void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
     if (l->calls != 0u) {
         ht_frame_add_float(&l->request, ht_port_pwm_clock_Hz(&l->port));
         ht_frame_add_float(&l->request, ht_port_capture_clock_Hz(&l->port));
+        ht_frame_add_float(&l->request, board->dead_min_us);
         ht_frame_add(&l->request, map->dead_max_counts);
         add_inputs(l);
     }

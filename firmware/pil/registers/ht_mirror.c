@@ -32,6 +32,8 @@ uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
     for (i = 0u; i < EQEP_WORDS; i++) {
         out[n++] = m->eqep + i;
     }
+    out[n++] = m->gpio_data; /* of port A, where the trip pin is */
+    out[n++] = m->gpio_data + 1u;
     out[n++] = m->adc_flag;
     if (m->adc_clear != m->adc_flag) {
         out[n++] = m->adc_clear;

@@ -1,7 +1,8 @@
 /** @file ht_mirror.h
  *  The registers of a drive as a numbered list, and what changed in them: what host
  *  and target tell each other about the register file (docs/pil.md). All the ePWM
- *  registers in use, ADC results, flag and its commands, eQEP, interrupt acknowledge.
+ *  registers in use, ADC results, flag and its commands, eQEP, levels of the pins of port A,
+ *  interrupt acknowledge.
  */
 #ifndef HT_MIRROR_H
 #define HT_MIRROR_H

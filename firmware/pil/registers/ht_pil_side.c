@@ -21,8 +21,10 @@ bool ht_side_init(ht_pil_side *side, ht_port *port, uint16_t device, const uint1
 
 bool ht_side_take(ht_pil_side *side, ht_port *port, const uint16_t *words, uint16_t n)
 {
+    bool taken = ht_mirror_apply(&side->mirror, words, n);
     (void)port;
-    return ht_mirror_apply(&side->mirror, words, n);
+    ht_regfile_pins(&side->registers);
+    return taken;
 }
 
 void ht_side_status(ht_pil_side *side, const ht_port *port, ht_frame *reply)

@@ -1,5 +1,18 @@
 #include "ht_board.h"
 
+/* Build option HT_GATES_ACTIVE_LOW (CMakeLists.txt): gate drivers that invert. */
+#ifndef HT_GATES_ACTIVE_LOW
+#define HT_GATES_ACTIVE_LOW 0
+#endif
+
+/* The shortest dead time. When a switch is told to go off, the other one of its leg must
+ * wait until the first one is really off. An IGBT of 600 V or 1200 V and 10 A to 50 A is off
+ * 0.3 us to 0.6 us after its gate (delay and fall time, hot). Two optocoupled gate drivers
+ * of one type differ by up to 0.35 us. Together that is just below 1 us. A power stage with
+ * slower switches needs more, one with faster switches (SiC, GaN) needs less: then change
+ * this figure in the board's table, from the data sheets of switch and driver. */
+#define IGBT_DEAD_MIN_US 1.0f
+
 const ht_board ht_board_f28335 = {
     .name = "f28335",
     .map = &ht_f28335,
@@ -8,6 +21,8 @@ const ht_board ht_board_f28335 = {
     .module = {0u, 1u, 2u, 3u, 4u, 5u},
     .pwm = {{0u, 1u}, {1u, 1u}, {2u, 1u}, {3u, 1u}, {4u, 1u}, {5u, 1u},
             {6u, 1u}, {7u, 1u}, {8u, 1u}, {9u, 1u}, {10u, 1u}, {11u, 1u}},
+    .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
+    .dead_min_us = IGBT_DEAD_MIN_US,
     .trip = {12u, 1u},
     .encoder_a = {20u, 1u},
     .encoder_b = {21u, 1u},
@@ -25,6 +40,8 @@ const ht_board ht_board_f28377s = {
     .module = {0u, 1u, 2u, 3u, 4u, 5u},
     .pwm = {{0u, 1u}, {1u, 1u}, {2u, 1u}, {3u, 1u}, {4u, 1u}, {5u, 1u},
             {6u, 1u}, {7u, 1u}, {8u, 1u}, {9u, 1u}, {10u, 1u}, {11u, 1u}},
+    .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
+    .dead_min_us = IGBT_DEAD_MIN_US,
     .trip = {12u, 0u},
     .encoder_a = {20u, 1u},
     .encoder_b = {21u, 1u},
@@ -42,6 +59,8 @@ const ht_board ht_board_launchxl_f28377s = {
     .module = {1u, 5u, 6u, 7u, 8u, 9u},
     .pwm = {{2u, 1u}, {3u, 1u}, {10u, 1u}, {11u, 1u}, {12u, 1u}, {13u, 1u},
             {14u, 1u}, {15u, 1u}, {16u, 5u}, {17u, 5u}, {18u, 5u}, {19u, 5u}},
+    .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
+    .dead_min_us = IGBT_DEAD_MIN_US,
     .trip = {4u, 0u},
     .encoder_a = {20u, 1u},
     .encoder_b = {21u, 1u},

@@ -1,5 +1,6 @@
 /** @file ht_board.h
- *  The boards: crystal, pins, channels. The same tables in words: docs/flash.md.
+ *  The boards: crystal, pins, channels, and what the power stage asks for. The same tables
+ *  in words: docs/flash.md.
  */
 #ifndef HT_BOARD_H
 #define HT_BOARD_H
@@ -23,6 +24,8 @@ typedef struct {
     uint16_t modules;                 /**< ePWM modules with a clock: bit 0 = ePWM1 */
     uint16_t module[HT_LEGS];         /**< of each leg, 0 = ePWM1 */
     ht_pin pwm[2 * HT_LEGS];          /**< upper, lower switch of each leg */
+    bool gates_active_low;            /**< the gate drivers invert: a low pin switches on */
+    float dead_min_us;                /**< shortest dead time that the power stage stands */
     ht_pin trip;                      /**< low trips all legs */
     ht_pin encoder_a;
     ht_pin encoder_b;

@@ -37,6 +37,7 @@ typedef struct {
     uint16_t tzflg;
     uint16_t tzclr;
     uint16_t tzfrc;
+    uint16_t one_shot;        /**< TZSEL: what trips all legs for good */
     uint16_t etsel;
     uint16_t etps;
     uint32_t adc_result;      /**< seven consecutive results */
@@ -49,6 +50,7 @@ typedef struct {
     uint32_t sci;             /**< SCI-A */
     uint32_t gpio;            /**< control registers of port A */
     uint16_t gpio_stride;     /**< to the next port */
+    uint32_t gpio_data;       /**< GPADAT: levels of the pins of port A */
     uint16_t vectors;         /**< entries of the PIE vector table */
     uint16_t dead_max_counts;
     float pwm_clock_Hz;

@@ -1,5 +1,6 @@
 /* Pin multiplexers. After reset every pin is an input; on the F28335 the pull-ups of
- * GPIO0..11 are off, on the F28377S all are: a gate driver's own pull-down decides. */
+ * GPIO0..11 are off, on the F28377S all are: a resistor at the gate driver's input decides. It
+ * pulls down, or up where the driver inverts (`gates_active_low`). */
 #include "ht_change.h"
 #include "ht_drivers.h"
 
@@ -68,7 +69,7 @@ void ht_pins_pwm(ht_port *port)
     uint16_t n;
     HT_EALLOW(port->io);
     for (n = 0u; n < (2u * (uint16_t)HT_LEGS); n++) {
-        set_up(port, &port->board->pwm[n], QUALIFY_SYNC, false);
+        set_up(port, &port->board->pwm[n], QUALIFY_SYNC, port->board->gates_active_low);
     }
     HT_EDIS(port->io);
 }
@@ -81,7 +82,9 @@ void ht_pins_release(ht_port *port)
         const ht_pin *pin = &port->board->pwm[n];
         uint32_t first = first_register(port, pin);
         /* Input first: a pin that leaves the PWM is one at once. */
-        ht_change32(port->io, first + GPYDIR, (uint32_t)1u << (pin->gpio % 32u), 0u);
+        uint32_t bit = (uint32_t)1u << (pin->gpio % 32u);
+        ht_change32(port->io, first + GPYDIR, bit, 0u);
+        ht_change32(port->io, first + GPYPUD, bit, port->board->gates_active_low ? 0u : bit);
         ht_change32(port->io, half_of(first, pin) + GPYMUX1, (uint32_t)3u << shift_of(pin), 0u);
     }
     HT_EDIS(port->io);

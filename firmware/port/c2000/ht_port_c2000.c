@@ -33,9 +33,19 @@ bool ht_board_start(ht_port *port)
     return clocked;
 }
 
+ht_dead_range ht_port_dead_range(const ht_port *port)
+{
+    ht_dead_range range;
+    range.min_us = port->board->dead_min_us;
+    range.max_us = (float)port->map->dead_max_counts * 1.0e6f / port->map->pwm_clock_Hz;
+    return range;
+}
+
 bool ht_port_accepts(const ht_port *port, const ht_pwm_setup *setup)
 {
-    return (setup->period_counts >= 8u) && (setup->dead_counts <= port->map->dead_max_counts);
+    float least = port->board->dead_min_us * 1.0e-6f * port->map->pwm_clock_Hz;
+    return (setup->period_counts >= 8u) && (setup->dead_counts <= port->map->dead_max_counts)
+           && (((float)setup->dead_counts + HT_DEAD_TOLERANCE_COUNTS) >= least);
 }
 
 static void run_counters(ht_port *port, bool run)
@@ -59,7 +69,7 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
     ht_eqep_start(port);
     ht_timer_start(port, setup->slow_Hz);
     ht_watchdog_start(port, setup->slow_Hz);
-    ht_pins_pwm(port);         /* tripped: low */
+    ht_pins_pwm(port);         /* tripped: all switches off */
     run_counters(port, true);  /* last: all counters start together */
     return true;
 }

@@ -23,13 +23,19 @@
 /* AQSFRC: one-shot force of output A */
 #define AQSFRC_OTSFA 0x0004u
 #define AQSFRC_ACTSFA_CLEAR 0x0001u
-/* DBCTL: A source for both, B inverted, both delays on */
-#define DBCTL_COMPLEMENTARY 0x000Bu
-/* Trip zone: pin TZ1 trips for good, both outputs go low */
-#define TZSEL_OSHT1 0x0100u
+/* DBCTL: A source for both, both delays on. The upper switch comes on late, the lower one as
+ * well. Active high: output B is inverted. Active low: output A is, so that in the dead time
+ * both outputs are high. */
+#define DBCTL_ACTIVE_HIGH 0x000Bu
+#define DBCTL_ACTIVE_LOW 0x0007u
+/* TZCTL: what a trip does to both outputs */
 #define TZCTL_BOTH_LOW 0x000Au
+#define TZCTL_BOTH_HIGH 0x0005u
 #define TZ_OST 0x0004u
 #define TZ_INT 0x0001u
+/* GPxDAT: eight words from port to port */
+#define PORT_WORDS 8u
+#define PORT_PINS 32u
 /* Event trigger: every counter = 0 starts a conversion sequence */
 #define ETSEL_SOCA_CTR0 0x0900u
 #define ETPS_SOCA_EVERY 0x0100u
@@ -39,12 +45,13 @@ static void start_module(ht_port *port, uint32_t base, bool first, const ht_pwm_
     const ht_c2000_map *m = port->map;
     ht_io *io = port->io;
     uint16_t never = setup->period_counts;
+    bool low = port->board->gates_active_low;
 
-    /* Trip first: the outputs stay low through everything that follows. */
+    /* Trip first: the switches stay off through everything that follows. */
     HT_EALLOW(io);
-    HT_WR16(io, base + m->tzctl, TZCTL_BOTH_LOW);
+    HT_WR16(io, base + m->tzctl, low ? TZCTL_BOTH_HIGH : TZCTL_BOTH_LOW);
     HT_WR16(io, base + m->tzfrc, TZ_OST);
-    HT_WR16(io, base + m->tzsel, TZSEL_OSHT1);
+    HT_WR16(io, base + m->tzsel, m->one_shot);
     HT_EDIS(io);
 
     /* ePWM1 sends the sync signal at counter = 0, the others pass it on and follow. */
@@ -67,7 +74,7 @@ static void start_module(ht_port *port, uint32_t base, bool first, const ht_pwm_
             (uint16_t)(AQ_CAU_TOGGLE | AQ_CBU_TOGGLE | (setup->shadow ? AQ_ZRO_CLEAR : 0u)));
     HT_WR16(io, base + m->aqcsfrc, 0u);
 
-    HT_WR16(io, base + m->dbctl, DBCTL_COMPLEMENTARY);
+    HT_WR16(io, base + m->dbctl, low ? DBCTL_ACTIVE_LOW : DBCTL_ACTIVE_HIGH);
     HT_WR16(io, base + m->dbred, setup->dead_counts);
     HT_WR16(io, base + m->dbfed, setup->dead_counts);
 
@@ -123,18 +130,40 @@ void ht_port_gates_off(ht_port *port)
     HT_EDIS(port->io);
 }
 
-void ht_port_gates_on(ht_port *port)
+bool ht_port_gates_on(ht_port *port)
 {
+    bool allowed = !ht_port_trip_pin_low(port);
     uint16_t leg;
-    HT_EALLOW(port->io);
-    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
-        HT_WR16(port->io, port->leg[leg] + port->map->tzclr, TZ_OST | TZ_INT);
+    if (allowed) {
+        HT_EALLOW(port->io);
+        for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+            HT_WR16(port->io, port->leg[leg] + port->map->tzclr, TZ_OST | TZ_INT);
+        }
+        HT_EDIS(port->io);
     }
-    HT_EDIS(port->io);
+    return allowed;
+}
+
+bool ht_port_leg_tripped(const ht_port *port, uint16_t leg)
+{
+    return (HT_RD16(port->io, port->leg[leg] + port->map->tzflg) & TZ_OST) != 0u;
 }
 
 bool ht_port_tripped(const ht_port *port)
 {
-    /* Pin and software trip all six legs together: one flag tells. */
-    return (HT_RD16(port->io, port->leg[0] + port->map->tzflg) & TZ_OST) != 0u;
+    /* Each leg has a latch of its own: a short pulse may reach some of them only. */
+    uint16_t flags = 0u;
+    uint16_t leg;
+    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+        flags = (uint16_t)(flags | HT_RD16(port->io, port->leg[leg] + port->map->tzflg));
+    }
+    return (flags & TZ_OST) != 0u;
+}
+
+bool ht_port_trip_pin_low(const ht_port *port)
+{
+    /* GPxDAT shows a pin's level whatever its multiplexer makes of it. */
+    uint32_t gpio = port->board->trip.gpio;
+    uint32_t data = port->map->gpio_data + ((gpio / PORT_PINS) * PORT_WORDS);
+    return (HT_RD32(port->io, data) & ((uint32_t)1u << (gpio % PORT_PINS))) == 0u;
 }

@@ -91,6 +91,12 @@ static const ht_register adc[] = {
 static const ht_register gpio_a[] = {PORT("A", 0x00000FFFu)}; /* no pull-ups on the PWM's pins */
 static const ht_register gpio_b[] = {PORT("B", 0u)};
 
+/* Pins are inputs here, or a peripheral's: what is written has no effect on their level. */
+#define LEVELS(letter) \
+    {REG32("GP" letter "DAT", 0x0u, 0xFFFFFFFFu, 0u, HT_READ_ONLY, 0u, 0u, "")}
+static const ht_register data_a[] = LEVELS("A");
+static const ht_register data_b[] = LEVELS("B");
+
 #define SYSTEM(name, offset, reset, writable, what, fields) \
     REG(name, offset, reset, writable, what, HT_EALLOWED, 0u, fields)
 
@@ -134,6 +140,8 @@ static const ht_module modules[] = {
     {"EQEP1", 0x6B00u, 0u, 1u, 1u, 0x701Du, 14u, ht_registers_eqep, HT_EQEP_REGISTERS},
     {"GPIO", 0x6F80u, 0u, 1u, 1u, 0u, 0u, gpio_a, COUNT(gpio_a)},
     {"GPIO", 0x6F90u, 0u, 1u, 1u, 0u, 0u, gpio_b, COUNT(gpio_b)},
+    {"GPIO", 0x6FC0u, 0u, 1u, 1u, 0u, 0u, data_a, COUNT(data_a)},
+    {"GPIO", 0x6FC8u, 0u, 1u, 1u, 0u, 0u, data_b, COUNT(data_b)},
     {"SYS", 0x7010u, 0u, 1u, 1u, 0u, 0u, sys, COUNT(sys)},
     {"SCIA", 0x7050u, 0u, 1u, 1u, 0x701Cu, 10u, ht_registers_sci, HT_SCI_REGISTERS},
     {"ADC", 0x7100u, 0u, 1u, 1u, 0x701Cu, 3u, adc, COUNT(adc)},
@@ -146,14 +154,18 @@ const ht_chip ht_chip_f28335 = {
     .sync_bit = 2u,
     .epwm = 0x6800u,
     .epwm_stride = 0x40u,
+    .tzsel = 0x12u,
     .tzctl = 0x14u,
     .tzeint = 0x15u,
     .tzflg = 0x16u,
     .dbctl = 0x0Fu,
+    .dbred = 0x10u,
+    .dbfed = 0x11u,
     .etsel = 0x19u,
     .etps = 0x1Au,
     .gpio = 0x6F80u,
     .gpio_stride = 0x10u,
+    .gpio_data = 0x6FC0u,
     .adc_flag = 0x7119u,
     .adc_settle_us = 5000u,
     .watchdog_Hz = 30.0e6f / 512.0f,

@@ -170,6 +170,13 @@ static const ht_register gpio_a[] = {PORT("A")};
 static const ht_register gpio_b[] = {PORT("B")};
 static const ht_register gpio_c[] = {PORT("C")};
 
+/* Pins are inputs here, or a peripheral's: what is written has no effect on their level. */
+#define LEVELS(letter) \
+    {REG32("GP" letter "DAT", 0x0u, 0xFFFFFFFFu, 0u, HT_READ_ONLY, 0u, 0u, "")}
+static const ht_register data_a[] = LEVELS("A");
+static const ht_register data_b[] = LEVELS("B");
+static const ht_register data_c[] = LEVELS("C");
+
 static const ht_register wd[] = {
     REG("SCSR", 0x22u, 0x0005u, 0x0002u, HT_PLAIN, HT_EALLOWED, 0u,
         "2 WDINTS, 1 WDENINT, 0 WDOVERRIDE"),
@@ -238,6 +245,9 @@ static const ht_module modules[] = {
     {"GPIO", 0x7C00u, 0u, 1u, 1u, 0u, 0u, gpio_a, COUNT(gpio_a)},
     {"GPIO", 0x7C40u, 0u, 1u, 1u, 0u, 0u, gpio_b, COUNT(gpio_b)},
     {"GPIO", 0x7C80u, 0u, 1u, 1u, 0u, 0u, gpio_c, COUNT(gpio_c)},
+    {"GPIO", 0x7F00u, 0u, 1u, 1u, 0u, 0u, data_a, COUNT(data_a)},
+    {"GPIO", 0x7F08u, 0u, 1u, 1u, 0u, 0u, data_b, COUNT(data_b)},
+    {"GPIO", 0x7F10u, 0u, 1u, 1u, 0u, 0u, data_c, COUNT(data_c)},
     {"PUMP", 0x50024u, 0u, 1u, 1u, 0u, 0u, pump, COUNT(pump)},
     {"CLKCFG", 0x5D200u, 0u, 1u, 1u, 0u, 0u, clkcfg, COUNT(clkcfg)},
     {"CPUSYS", 0x5D300u, 0u, 1u, 1u, 0u, 0u, cpusys, COUNT(cpusys)},
@@ -253,14 +263,18 @@ const ht_chip ht_chip_f28377s = {
     .sync_bit = 18u,
     .epwm = 0x4000u,
     .epwm_stride = 0x100u,
+    .tzsel = 0x80u,
     .tzctl = 0x84u,
     .tzeint = 0x8Du,
     .tzflg = 0x93u,
     .dbctl = 0x0Cu,
+    .dbred = 0x51u,
+    .dbfed = 0x53u,
     .etsel = 0xA4u,
     .etps = 0xA6u,
     .gpio = 0x7C00u,
     .gpio_stride = 0x40u,
+    .gpio_data = 0x7F00u,
     .adc_flag = 0x7403u,
     .adc_settle_us = 500u,
     .watchdog_Hz = 10.0e6f / 512.0f,

@@ -7,6 +7,10 @@
 #include "../c2000/ht_c2000_map.h"
 #include "ht_regfile_model.h"
 
+/* The gate drivers that are connected, unless someone sets `gates_active_low`. */
+#ifndef HT_GATES_ACTIVE_LOW
+#define HT_GATES_ACTIVE_LOW 0
+#endif
 #define NOWHERE 0xFFFFFFFFu
 #define MAY_READ 0x8000u
 #define TZ_OST 0x0004u
@@ -140,6 +144,7 @@ void ht_regfile_reset(ht_regfile *rf, const void *map)
     rf->map = map;
     rf->chip = (device->device == HT_F28335) ? &ht_chip_f28335 : &ht_chip_f28377s;
     rf->intm = 1u;
+    rf->gates_active_low = HT_GATES_ACTIVE_LOW;
     rf->gate_count = 1u; /* gate 0: always on */
     for (n = 0u; n < rf->chip->length; n++) {
         const ht_module *m = &rf->chip->modules[n];
@@ -238,6 +243,9 @@ static void store(ht_regfile *rf, ht_bound *b, uint32_t addr, uint32_t value)
         ht_model_poke(rf, addr, reg->bits, old & ~ones);
         break;
     case HT_ONES_CLEAR_AT:
+        if (at == (b->base + rf->chip->tzflg)) {
+            ht_model_check_clear(rf, b->base, addr, value);
+        }
         b->written = 0u;
         set_at(rf, b, ht_model_peek(rf, at, reg->bits) & ~ones);
         break;
@@ -283,6 +291,12 @@ static void write_checked(ht_regfile *rf, uint32_t addr, uint32_t value, uint16_
     }
     check_set_up(rf, b, addr, value);
     store(rf, b, addr, value);
+    if ((b->reg->flags & HT_SET_UP) != 0u) {
+        ht_model_check_dead_time(rf, b->base, addr, value);
+    }
+    if ((b->reg->flags & HT_EALLOWED) != 0u) { /* a latch was cleared, a module listens now */
+        ht_regfile_pins(rf);
+    }
     if ((b->reg->what == HT_PLAIN) && (b->reg->flags == 0u) && (bits == 16u)) {
         rf->open[place(addr)] = (uint16_t)b->reg->writable;
     }

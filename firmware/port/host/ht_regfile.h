@@ -7,7 +7,8 @@
  *  lost; an enable acts after HT_SETTLE); watchdog keys and time; the PLLs' sequences;
  *  flash pump; pin multiplexers; the ADC's power-up and sequencer; CPU timer 0; SCI-A
  *  with its FIFOs; PIE group 1 with vectors, nesting and acknowledge; TI's functions
- *  in OTP. An access that the chip refuses, or that manual or common sense forbid at
+ *  in OTP; levels of the pins, and a trip that comes back as long as its pin is low.
+ *  An access that the chip refuses, or that manual or common sense forbid at
  *  this point, is counted as a violation and the first ones are kept, so that tests
  *  can insist on zero. A register that the tables do not list counts as not there.
  *
@@ -78,6 +79,7 @@ typedef struct ht_regfile {
     const void *map;                  /* ht_c2000_map of the device */
     const ht_chip *chip;
     uint16_t eallow;                  /* 1 while protected writes are allowed */
+    uint16_t gates_active_low;        /* the gate drivers invert; after a reset as built */
     uint32_t accesses;                /* all reads and writes */
     uint32_t event_at;                /* a conversion sequence ends before this access; 0 = never */
     uint16_t event_timer;             /* 1: it is CPU timer 0 instead */
@@ -145,8 +147,15 @@ void ht_regfile_end_of_sequence(ht_regfile *rf);
 uint16_t ht_regfile_period(ht_regfile *rf);
 /** CPU timer 0 reaches 0. Returns 1 if it runs. */
 uint16_t ht_regfile_timer(ht_regfile *rf);
-/** The trip pin goes low: all modules that listen to it trip. */
-void ht_regfile_trip_pin(ht_regfile *rf);
+/** A pin goes to a level and stays there: 0 or 1. After reset all are high. While the trip
+ *  pin is low, all modules that listen to it trip, and trip again if they are cleared. */
+void ht_regfile_pin(ht_regfile *rf, uint16_t gpio, uint16_t level);
+/** The levels of the pins have been changed in the words that hold them. */
+void ht_regfile_pins(ht_regfile *rf);
+/** The clock fails (TZ5), a debugger halts the processor (TZ6): on the F28377S all modules
+ *  that listen to it trip. On the F28335 these two are pins. */
+void ht_regfile_clock_fails(ht_regfile *rf);
+void ht_regfile_emulation_stops(ht_regfile *rf);
 /** An octet arrives at the SCI's receiver. Returns 1 if it was taken. */
 uint16_t ht_regfile_sci_arrive(ht_regfile *rf, uint16_t octet);
 /** Next octet that leaves the transmitter, or 0xFFFF. */

@@ -2,7 +2,6 @@
 #include "../c2000/ht_c2000_map.h"
 #include "ht_regfile_model.h"
 
-#define TZ_OST 0x0004u
 #define LOOKS_TO_LOCK 3u /* any number: a driver has to wait */
 #define SCI_RUNS 0x0020u /* SCICTL1.SWRESET */
 
@@ -175,37 +174,6 @@ static uint32_t flash(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint32_t
     return (old & ~b->reg->writable) | (value & b->reg->writable);
 }
 
-/* ePWM module (0 = ePWM1) that drives a pin at this position, or -1. */
-static int32_t module_of(const ht_regfile *rf, uint32_t pin, uint32_t mux)
-{
-    const ht_c2000_map *device = rf->map;
-    uint32_t last = (device->device == HT_F28335) ? 11u : 15u;
-    if ((mux == 1u) && (pin <= last)) {
-        return (int32_t)(pin / 2u);
-    }
-    if ((device->device == HT_F28377S) && (mux == 5u) && (pin >= 16u) && (pin <= 21u)) {
-        return (int32_t)(pin / 2u);
-    }
-    return -1;
-}
-
-/* A pin that gets under the PWM's command: only with everything in place. */
-static void check_pin(ht_regfile *rf, uint32_t addr, uint32_t value, int32_t module)
-{
-    uint32_t base = rf->chip->epwm + (uint32_t)module * rf->chip->epwm_stride;
-    if (ht_model_clocked(rf, base) == 0u) {
-        order(rf, addr, value, "pin to a PWM module without clock");
-    } else if ((ht_model_peek(rf, base + rf->chip->tzflg, 16u) & TZ_OST) == 0u) {
-        order(rf, addr, value, "pin to a PWM module that is not tripped");
-    } else if ((ht_model_peek(rf, base + rf->chip->tzctl, 16u) & 0x000Fu) != 0x000Au) {
-        order(rf, addr, value, "pin to a PWM module whose trip does not switch off");
-    } else if ((ht_model_peek(rf, base + rf->chip->dbctl, 16u) & 0x000Fu) != 0x000Bu) {
-        order(rf, addr, value, "pin to a PWM module without dead band");
-    } else {
-        /* safe */
-    }
-}
-
 static uint32_t mux(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint32_t old, uint32_t value)
 {
     const ht_c2000_map *device = rf->map;
@@ -218,9 +186,10 @@ static uint32_t mux(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint32_t o
     for (n = 0u; n < 16u; n++) {
         uint32_t to = (value >> (2u * n)) & 3u;
         if (to != ((old >> (2u * n)) & 3u)) {
-            int32_t module = module_of(rf, first + n, (((group >> (2u * n)) & 3u) << 2) | to);
+            int32_t module =
+                ht_model_module_of(rf, first + n, (((group >> (2u * n)) & 3u) << 2) | to);
             if ((to != 0u) && (module >= 0)) {
-                check_pin(rf, addr, value, module);
+                ht_model_check_pin(rf, addr, value, module);
             }
         }
     }

@@ -13,8 +13,6 @@
 #define INT_1_1 0x0001u
 #define INT_1_7 0x0040u
 #define TCR 0x0C04u
-#define TRIP_PIN_ONE_SHOT 0x0100u
-#define OST 0x0004u
 
 static void take(ht_regfile *rf, uint16_t line)
 {
@@ -173,16 +171,4 @@ uint16_t ht_regfile_timer(ht_regfile *rf)
         request(rf, INT_1_7);
     }
     return 1u;
-}
-
-void ht_regfile_trip_pin(ht_regfile *rf)
-{
-    uint16_t n;
-    for (n = 0u; n < rf->bound_count; n++) {
-        const ht_bound *b = &rf->bound[n];
-        if (((b->reg->flags & HT_SET_UP) != 0u) && (b->reg->name[0] == 'T')
-            && (b->reg->name[1] == 'Z') && ((ht_regfile_value(rf, n) & TRIP_PIN_ONE_SHOT) != 0u)) {
-            rf->word[b->base + rf->chip->tzflg] |= OST; /* TZSEL.OSHT1 */
-        }
-    }
 }

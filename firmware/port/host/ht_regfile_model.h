@@ -17,6 +17,17 @@ uint16_t ht_model_clocked(const ht_regfile *rf, uint32_t addr);
 /** Do the PWM counters run (TBCLKSYNC)? */
 uint16_t ht_model_counting(ht_regfile *rf);
 
+/* ht_regfile_pwm.c: what the PWM's outputs may do to the switches */
+
+/** ePWM module (0 = ePWM1) that drives a pin at this position of its multiplexer, or -1. */
+int32_t ht_model_module_of(const ht_regfile *rf, uint32_t pin, uint32_t mux);
+/** A pin that gets under a module's command: only with everything in place. */
+void ht_model_check_pin(ht_regfile *rf, uint32_t addr, uint32_t value, int32_t module);
+/** TZCLR of the module at `base` is about to be written. */
+void ht_model_check_clear(ht_regfile *rf, uint32_t base, uint32_t addr, uint32_t value);
+/** A set-up register of the module at `base` has been written. */
+void ht_model_check_dead_time(ht_regfile *rf, uint32_t base, uint32_t addr, uint32_t value);
+
 /** Effect of a write of `value` to a register that held `old`. Returns what it holds now. */
 uint32_t ht_model_written(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint32_t old,
                           uint32_t value);

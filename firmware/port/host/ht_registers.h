@@ -79,14 +79,18 @@ typedef struct {
     uint16_t sync_bit;
     uint32_t epwm;           /**< ePWM1, distance to the next one, and offsets */
     uint16_t epwm_stride;
+    uint16_t tzsel;
     uint16_t tzctl;
     uint16_t tzeint;
     uint16_t tzflg;
     uint16_t dbctl;
+    uint16_t dbred;
+    uint16_t dbfed;
     uint16_t etsel;
     uint16_t etps;
     uint32_t gpio;           /**< port A, distance to the next port */
     uint16_t gpio_stride;
+    uint32_t gpio_data;      /**< levels of port A; the next port's are 8 words further */
     uint32_t adc_flag;       /**< where the end of a sequence shows (bit 0) */
     uint32_t adc_settle_us;  /**< from power-up to the first conversion */
     float watchdog_Hz;       /**< its clock / 512 */

@@ -134,6 +134,8 @@ static void step(ht_drive *d)
 static void bind(uint16_t device)
 {
     ht_port_bind(&port, NULL, (device == 0u) ? &ht_board_f28335 : &ht_board_f28377s);
+    *word(port.map->gpio_data) = 0xFFFFu; /* no pin is low */
+    *word(port.map->gpio_data + 1u) = 0xFFFFu;
 }
 
 static int profile(int32_t states)

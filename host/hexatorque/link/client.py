@@ -35,6 +35,7 @@ _REFUSED = {
     Status.CONFIG: "parameters do not fit together",
     Status.PORT: "the hardware cannot do this",
     Status.TURNING: "the machine turns faster than start_max_rpm; wait until it stands",
+    Status.TRIP: "the trip pin is low (external trip): release it, then clear",
     Status.OPCODE: "the board does not know this request",
     Status.LENGTH: "the board expects another length of this request",
     Status.NO_SESSION: "the session has ended",

@@ -62,6 +62,7 @@ class Status(IntEnum):
     CONFIG = 4
     PORT = 5
     TURNING = 6
+    TRIP = 7
     OPCODE = 16
     LENGTH = 17
     NO_SESSION = 18

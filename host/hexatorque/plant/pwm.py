@@ -8,7 +8,9 @@ by the interrupt at count c takes effect in the segment that starts at c.
 Modelled: shadow load of CMPA/CMPB (zero, period, both) and of AQCTLA (type 4),
 immediate load, action qualifier of output A for ZERO, CAU, CBU, PERIOD and
 one-shot software force with the hardware's priority (force > PRD > CBU > CAU >
-ZERO), complementary dead band, one-shot trip forcing both outputs low.
+ZERO), complementary dead band with the polarity of both outputs, one-shot trip with the
+levels that it forces. Whether a level switches on is the gate drivers' business
+(`active_low`). Both switches of a leg on is counted, and the leg taken as off.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ PWM_MAP = np.dtype(
         (name, "i8")
         for name in (
             "epwm", "stride", "tbprd", "cmpctl", "cmpa", "cmpb", "aqctl", "aqctla", "aqsfrc",
-            "dbred", "dbfed", "tzflg",
+            "dbctl", "dbred", "dbfed", "tzctl", "tzflg",
+            "active_low",  # not a register: 1 where a low pin switches on
         )
     ]
 )  # fmt: skip
@@ -47,6 +50,7 @@ PWM = np.dtype(
         ("band", "i8", (6,)),  # leg state after the dead band
         ("pending", "i8", (6,)),  # count at which the delayed switch turns on
         ("gate", "i8", (6,)),  # leg state after the trip zone
+        ("shorts", "i8", (6,)),  # times that both switches were on
         ("transitions", "i8", (6,)),  # level changes of output A while not tripped
         ("count", "i8", (MAX_EDGES,)),  # edges: ascending counts,
         ("leg", "i8", (MAX_EDGES,)),  # leg,
@@ -68,6 +72,35 @@ def _loads(mode, zero):
     if zero:
         return mode == 0 or mode == 2
     return mode == 1 or mode == 2
+
+
+@njit(inline="always")
+def _leg_of_pins(ps, leg, a, b, active_low):
+    """Leg state that the levels of both pins make."""
+    upper = a != active_low
+    lower = b != active_low
+    if upper and lower:
+        ps.shorts[leg] += 1
+    if upper == lower:
+        return np.int64(OFF)
+    return np.int64(HIGH) if upper else np.int64(LOW)
+
+
+@njit(inline="always")
+def _leg_of_band(ps, leg, band, dbctl, active_low):
+    """The same of the dead band's state. A is the delayed rise, B the delayed fall; POLSEL
+    inverts either."""
+    a = np.int64(band == HIGH) ^ (dbctl >> 2 & 1)
+    b = np.int64(band != LOW) ^ (dbctl >> 3 & 1)
+    return _leg_of_pins(ps, leg, a, b, active_low)
+
+
+@njit(inline="always")
+def _forced(action, active_low):
+    """Level of a pin in a trip: 1 high, 2 low. Else none, and a resistor switches off."""
+    if action == 1:
+        return np.int64(1)
+    return np.int64(0) if action == 2 else np.int64(active_low)
 
 
 @njit(inline="always")
@@ -113,7 +146,13 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
         if not shadow_aq or (c0 == 0 and _loads(aqctl & 3, True)):
             ps.aq[leg] = reg_aq
         tripped = (regs[base + pm.tzflg] & 4) != 0
-        gate = np.int64(OFF) if tripped else ps.band[leg]
+        dbctl = np.int64(regs[base + pm.dbctl])
+        low = pm.active_low
+        if tripped:
+            tzctl = np.int64(regs[base + pm.tzctl])
+            gate = _leg_of_pins(ps, leg, _forced(tzctl & 3, low), _forced(tzctl >> 2 & 3, low), low)
+        else:
+            gate = _leg_of_band(ps, leg, ps.band[leg], dbctl, low)
         if gate != ps.gate[leg]:
             ps.gate[leg] = gate
             n = push_edge(ps, n, c0, leg, gate)
@@ -168,8 +207,8 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
                 if ps.pending[leg] != NONE and ps.pending[leg] <= at:
                     ps.band[leg] = np.int64(1 - level)
                     if not tripped and ps.pending[leg] < at:
-                        ps.gate[leg] = ps.band[leg]
-                        n = push_edge(ps, n, ps.pending[leg], leg, ps.band[leg])
+                        ps.gate[leg] = _leg_of_band(ps, leg, ps.band[leg], dbctl, low)
+                        n = push_edge(ps, n, ps.pending[leg], leg, ps.gate[leg])
                 delay = red if level == 1 else fed
                 if delay == 0:
                     ps.band[leg] = level
@@ -177,9 +216,10 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
                 else:
                     ps.band[leg] = np.int64(OFF)
                     ps.pending[leg] = at + delay
-                if not tripped and ps.band[leg] != ps.gate[leg]:
-                    ps.gate[leg] = ps.band[leg]
-                    n = push_edge(ps, n, at, leg, ps.band[leg])
+                gate = _leg_of_band(ps, leg, ps.band[leg], dbctl, low)
+                if not tripped and gate != ps.gate[leg]:
+                    ps.gate[leg] = gate
+                    n = push_edge(ps, n, at, leg, gate)
             if at == prd:
                 if _loads(cmpctl & 3, False) and not immediate_a:
                     ps.cmpa[leg] = reg_a
@@ -192,8 +232,8 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
         if ps.pending[leg] != NONE and ps.pending[leg] < c1:
             ps.band[leg] = np.int64(HIGH) if ps.out[leg] == 1 else np.int64(LOW)
             if not tripped:
-                ps.gate[leg] = ps.band[leg]
-                n = push_edge(ps, n, ps.pending[leg], leg, ps.band[leg])
+                ps.gate[leg] = _leg_of_band(ps, leg, ps.band[leg], dbctl, low)
+                n = push_edge(ps, n, ps.pending[leg], leg, ps.gate[leg])
             ps.pending[leg] = NONE
         if c1 == prd + 1 and ps.pending[leg] != NONE:
             ps.pending[leg] -= c1

@@ -19,7 +19,6 @@ from ..firmware import (
     channels,
     ffi,
     lib,
-    parameters,
     snapshot_of,
 )
 
@@ -188,16 +187,16 @@ class TargetController(Controller):
         return self._link.channels[[n for n, _ in channels()].index(name)]
 
     def get(self, name: str) -> str | float:
-        row = parameters()[name]
+        row = self.parameters[name]
         self._check(self._request(lib.HT_PIL_GET, row.id), name)
         return row.show(self._link.value)
 
     def set_many(self, values: Mapping[str, object]) -> None:
         """The link knows single ones only: what was changed before a refusal is put back."""
         for name, value in values.items():
-            if name not in parameters():
+            if name not in self.parameters:
                 raise FirmwareError(f"no controller parameter {name!r}")
-            parameters()[name].parse(value)
+            self.parameters[name].parse(value)
         done: dict[str, object] = {}
         for name, value in values.items():
             before = self.get(name)
@@ -210,7 +209,7 @@ class TargetController(Controller):
             done[name] = before
 
     def _put(self, name: str, value: object) -> None:
-        row = parameters()[name]
+        row = self.parameters[name]
         self._check(self._request(lib.HT_PIL_SET, row.id, row.parse(value)), f"{name} = {value}")
 
     def start(self) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import math
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -46,7 +47,8 @@ Inject = Callable[[Simulation, np.random.Generator], None]
 @dataclass(frozen=True)
 class Fault:
     """`found_in`: states in which it must be found; elsewhere the gates are off anyway.
-    `causes`: one of them must be named first."""
+    `causes`: one of them must be named first. `end` takes the fault away before the clear and
+    returns what was wrong until then."""
 
     name: str
     inject: Inject
@@ -54,6 +56,7 @@ class Fault:
     found_in: tuple[str, ...] = POWERED
     deadline: int = NOW
     changes: dict[str, object] = field(default_factory=dict)
+    end: Callable[[Simulation], str] | None = None
 
 
 def _sign(rng: np.random.Generator) -> int:
@@ -126,9 +129,32 @@ def _upset(*values: float) -> Inject:
 
 
 def _trip_pin(sim: Simulation, rng: np.random.Generator) -> None:
-    m, words = sim.controller.map, sim.controller.register_words()
-    for leg in range(6):
-        words[m.epwm + leg * m.stride + m.tzflg] |= TRIP_FLAG
+    """A pulse: low, and high again."""
+    sim.controller.set_trip_pin(0)
+    sim.controller.set_trip_pin(1)
+
+
+def _trip_pin_held(sim: Simulation, rng: np.random.Generator) -> None:
+    sim.controller.set_trip_pin(0)
+
+
+def _release_the_trip_pin(sim: Simulation) -> str:
+    """What must have held while the pin was low, after it: a start and a clear are refused and
+    say why, in every state. Then the pin goes high."""
+    for command in (sim.start, sim.clear):
+        before = sim.state
+        try:
+            command()
+        except firmware.FirmwareError as error:
+            if "the trip pin is low" not in str(error):
+                return f"{command.__name__} under a low trip pin says: {error}"
+        else:
+            return f"{command.__name__} was accepted under a low trip pin"
+        sim.run(sim.period_s, record=False)
+        if sim.state != before or not _gates_off(sim):
+            return f"{command.__name__} under a low trip pin changed something"
+    sim.controller.set_trip_pin(1)
+    return ""
 
 
 def _overrun(sim: Simulation, rng: np.random.Generator) -> None:
@@ -185,6 +211,13 @@ FAULTS = (
         "interrupt outlasts its period",
         _overrun,
         ("fast interrupt outlasted its period",),
+    ),
+    Fault(
+        "trip pin held low",
+        _trip_pin_held,
+        ("external trip",),
+        CHECKED,
+        end=_release_the_trip_pin,
     ),
 )
 
@@ -249,7 +282,10 @@ def _gates_off(sim: Simulation) -> bool:
 def _shoot_through(sim: Simulation, legs: np.ndarray) -> str:
     """Changes of legs since the log began, checked for the dead time; `legs` holds the
     states before and is brought up to date."""
-    dead = round(sim.setup["inverter.dead_time_us"] * 1e-6 * float(sim.controller.map.pwm_clock_Hz))
+    clock_Hz = float(sim.controller.map.pwm_clock_Hz)
+    dead = math.ceil(sim.setup["inverter.dead_time_us"] * 1e-6 * clock_Hz - 0.01)
+    if sim.shorts:
+        return "both switches of a leg were told to be on"
     since = np.full(6, -(10**9))
     for count, leg, state in sim.edges:
         before = legs[leg]
@@ -298,7 +334,7 @@ def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
     latched = sim.controller.state in ("idle", "fault")
     result.error = result.error or _shoot_through(sim, legs)
     if latched and not result.error:
-        result.error = _stays_off(sim, rng)
+        result.error = _stays_off(sim, rng, fault.end)
     if sim.controller.registers.violations and not result.error:
         result.error = "forbidden register access"
     return result
@@ -322,11 +358,13 @@ def _latched(sim: Simulation, fault: Fault, injected: int, result: Result) -> st
     return ""
 
 
-def _stays_off(sim: Simulation, rng: np.random.Generator) -> str:
+def _stays_off(
+    sim: Simulation, rng: np.random.Generator, end: Callable[[Simulation], str] | None
+) -> str:
     """Latched: no leg comes on, whatever is commanded, until a clear; and a clear alone
     turns nothing on either. The legs follow the trip flags in the period after."""
     if sim.controller.state == "idle":
-        return ""
+        return end(sim) if end else ""
     sim.run(sim.period_s, record=False)
     sim.log_edges(10_000)
     for n in range(AFTER):
@@ -337,6 +375,9 @@ def _stays_off(sim: Simulation, rng: np.random.Generator) -> str:
             return "a gate came on after the latch"
     if len(sim.edges):
         return "a leg changed after the latch"
+    error = end(sim) if end else ""
+    if error:
+        return error
     turning = abs(sim.controller.drive.speed_rpm) > sim.controller.get("start_max_rpm")
     sim.clear()
     sim.run(5 * sim.period_s, record=False)

@@ -80,6 +80,13 @@ void ht_image_start(void)
     ht_pie_enable(&ht_image_port);
 }
 
+static void tell_range(ht_mailbox *box)
+{
+    ht_range range = ht_param_range(&ht_image_port, box->id);
+    box->smallest = range.min;
+    box->largest = range.max;
+}
+
 static ht_result execute(ht_mailbox *box)
 {
     ht_result result = HT_OK;
@@ -95,9 +102,11 @@ static ht_result execute(ht_mailbox *box)
         break;
     case HT_COMMAND_SET:
         result = ht_drive_set(&ht_image_drive, box->id, box->value);
+        tell_range(box);
         break;
     case HT_COMMAND_GET:
         box->value = ht_drive_get(&ht_image_drive, box->id);
+        tell_range(box);
         break;
     default:
         result = HT_ERROR_ID;

@@ -20,12 +20,15 @@ enum {
 
 /** For a debugger's expression window: write `id` and `value`, then `command`. The
  *  background executes it, leaves an `ht_result` in `result` and HT_COMMAND_NONE in
- *  `command`. */
+ *  `command`. After HT_COMMAND_SET and HT_COMMAND_GET `smallest` and `largest` are the
+ *  allowed range of parameter `id`. */
 typedef struct {
     volatile uint16_t command;
     volatile uint16_t id;
     volatile float value;
     volatile uint16_t result;
+    volatile float smallest;
+    volatile float largest;
 } ht_mailbox;
 
 /** Handle of the image's only chip. On the host the test around the image has it. */

@@ -1,0 +1,205 @@
+/* Register model: what stands between the PWM and the switches. Pins, dead band, trip zone,
+ * and the level of the trip pin. */
+#include "../c2000/ht_c2000_map.h"
+#include "ht_regfile_model.h"
+
+#define TZ_OST 0x0004u
+#define OSHT1 0x0100u /* TZSEL: trip pin, clock failure, emulation stop */
+#define OSHT5 0x1000u
+#define OSHT6 0x2000u
+#define OUT_MODE 0x0003u /* DBCTL: both delays on, none bypassed */
+#define MODULES 12u
+#define PORT_PINS 32u
+#define PORT_WORDS 8u
+#define INPUT1SELECT 0x7900u
+#define TZ1_F28335 12u /* GPIO12, where its multiplexer says so */
+
+static void order(ht_regfile *rf, uint32_t addr, uint32_t value, const char *why)
+{
+    ht_model_violation(rf, addr, value, HT_REG_ORDER, why);
+}
+
+static uint16_t small(const ht_regfile *rf)
+{
+    const ht_c2000_map *device = rf->map;
+    return (device->device == HT_F28335) ? 1u : 0u;
+}
+
+static uint32_t of_module(ht_regfile *rf, uint32_t base, uint16_t offset)
+{
+    return ht_model_peek(rf, base + offset, 16u);
+}
+
+/* --- pins of the modules -------------------------------------------------------------- */
+
+int32_t ht_model_module_of(const ht_regfile *rf, uint32_t pin, uint32_t mux)
+{
+    uint32_t last = (small(rf) != 0u) ? 11u : 15u;
+    if ((mux == 1u) && (pin <= last)) {
+        return (int32_t)(pin / 2u);
+    }
+    if ((small(rf) == 0u) && (mux == 5u) && (pin >= 16u) && (pin <= 21u)) {
+        return (int32_t)(pin / 2u);
+    }
+    return -1;
+}
+
+/* Position of a pin's multiplexer. */
+static uint32_t position(ht_regfile *rf, uint32_t pin)
+{
+    uint32_t half = rf->chip->gpio + ((pin / PORT_PINS) * rf->chip->gpio_stride)
+                    + (((pin % PORT_PINS) < 16u) ? 0u : 2u);
+    uint32_t shift = 2u * (pin % 16u);
+    uint32_t mux = (ht_model_peek(rf, half + 0x06u, 32u) >> shift) & 3u;
+    if (small(rf) == 0u) {
+        mux |= ((ht_model_peek(rf, half + 0x20u, 32u) >> shift) & 3u) << 2;
+    }
+    return mux;
+}
+
+/* Does a pin follow the module at `base`? All of them are on port A. */
+static uint16_t has_pin(ht_regfile *rf, uint32_t base)
+{
+    int32_t module = (int32_t)((base - rf->chip->epwm) / rf->chip->epwm_stride);
+    uint32_t pin;
+    for (pin = 0u; pin < PORT_PINS; pin++) {
+        if (ht_model_module_of(rf, pin, position(rf, pin)) == module) {
+            return 1u;
+        }
+    }
+    return 0u;
+}
+
+/* --- what a module must have in place ---------------------------------------------------- */
+
+static uint16_t without_dead_band(ht_regfile *rf, uint32_t base)
+{
+    uint32_t wanted = (rf->gates_active_low != 0u) ? 0x0007u : 0x000Bu; /* A or B inverted */
+    return ((of_module(rf, base, rf->chip->dbctl) & 0x000Fu) != wanted) ? 1u : 0u;
+}
+
+static uint16_t without_dead_time(ht_regfile *rf, uint32_t base)
+{
+    return ((of_module(rf, base, rf->chip->dbred) == 0u)
+            || (of_module(rf, base, rf->chip->dbfed) == 0u))
+               ? 1u
+               : 0u;
+}
+
+void ht_model_check_pin(ht_regfile *rf, uint32_t addr, uint32_t value, int32_t module)
+{
+    uint32_t base = rf->chip->epwm + (uint32_t)module * rf->chip->epwm_stride;
+    uint32_t off = (rf->gates_active_low != 0u) ? 0x0005u : 0x000Au; /* both high, both low */
+    if (ht_model_clocked(rf, base) == 0u) {
+        order(rf, addr, value, "pin to a PWM module without clock");
+    } else if ((of_module(rf, base, rf->chip->tzflg) & TZ_OST) == 0u) {
+        order(rf, addr, value, "pin to a PWM module that is not tripped");
+    } else if ((of_module(rf, base, rf->chip->tzctl) & 0x000Fu) != off) {
+        order(rf, addr, value, "pin to a PWM module whose trip does not switch off");
+    } else if (without_dead_band(rf, base) != 0u) {
+        order(rf, addr, value, "pin to a PWM module without dead band");
+    } else if (without_dead_time(rf, base) != 0u) {
+        order(rf, addr, value, "pin to a PWM module with DBRED or DBFED = 0");
+    } else {
+        /* safe */
+    }
+}
+
+void ht_model_check_dead_time(ht_regfile *rf, uint32_t base, uint32_t addr, uint32_t value)
+{
+    uint32_t offset = addr - base;
+    if (((offset != rf->chip->dbctl) && (offset != rf->chip->dbred) && (offset != rf->chip->dbfed))
+        || (has_pin(rf, base) == 0u)) {
+        return;
+    }
+    if (without_dead_band(rf, base) != 0u) {
+        order(rf, addr, value, "no dead band at a module with pins");
+    } else if (without_dead_time(rf, base) != 0u) {
+        order(rf, addr, value, "DBRED or DBFED = 0 at a module with pins");
+    } else {
+        /* safe */
+    }
+}
+
+/* --- trips ------------------------------------------------------------------------------ */
+
+/* Level of the pin that the trip zone listens to. */
+static uint16_t trip_pin_low(ht_regfile *rf)
+{
+    uint32_t pin = TZ1_F28335;
+    uint32_t data;
+    if (small(rf) == 0u) {
+        pin = ht_model_peek(rf, INPUT1SELECT, 16u);
+    } else if (position(rf, pin) != 1u) {
+        return 0u; /* no pin is TZ1 */
+    } else {
+        /* GPIO12 */
+    }
+    data = rf->chip->gpio_data + ((pin / PORT_PINS) * PORT_WORDS);
+    if (ht_regfile_word(rf, data) == 0) {
+        return 0u;
+    }
+    return (((ht_model_peek(rf, data, 32u) >> (pin % PORT_PINS)) & 1u) == 0u) ? 1u : 0u;
+}
+
+/* One-shot trip of all modules whose TZSEL has the bit. */
+static void trip(ht_regfile *rf, uint16_t source)
+{
+    uint32_t n;
+    for (n = 0u; n < MODULES; n++) {
+        uint32_t base = rf->chip->epwm + n * rf->chip->epwm_stride;
+        if ((ht_model_clocked(rf, base) != 0u)
+            && ((of_module(rf, base, rf->chip->tzsel) & source) != 0u)) {
+            rf->word[base + rf->chip->tzflg] |= TZ_OST;
+        }
+    }
+}
+
+void ht_regfile_pins(ht_regfile *rf)
+{
+    if (trip_pin_low(rf) != 0u) {
+        trip(rf, OSHT1);
+    }
+}
+
+void ht_regfile_pin(ht_regfile *rf, uint16_t gpio, uint16_t level)
+{
+    uint32_t data = rf->chip->gpio_data + ((gpio / PORT_PINS) * PORT_WORDS);
+    uint32_t bit = (uint32_t)1u << (gpio % PORT_PINS);
+    uint32_t levels = ht_model_peek(rf, data, 32u);
+    ht_model_poke(rf, data, 32u, (level != 0u) ? (levels | bit) : (levels & ~bit));
+    ht_regfile_pins(rf);
+}
+
+void ht_regfile_clock_fails(ht_regfile *rf)
+{
+    if (small(rf) == 0u) {
+        trip(rf, OSHT5);
+    }
+}
+
+void ht_regfile_emulation_stops(ht_regfile *rf)
+{
+    if (small(rf) == 0u) {
+        trip(rf, OSHT6);
+    }
+}
+
+void ht_model_check_clear(ht_regfile *rf, uint32_t base, uint32_t addr, uint32_t value)
+{
+    if ((value & TZ_OST) == 0u) {
+        return;
+    }
+    if ((trip_pin_low(rf) != 0u) && ((of_module(rf, base, rf->chip->tzsel) & OSHT1) != 0u)) {
+        order(rf, addr, value, "trip cleared while its pin is low");
+    }
+    if ((has_pin(rf, base) != 0u) && (without_dead_band(rf, base) != 0u)) {
+        order(rf, addr, value, "trip cleared at a module without dead band");
+    } else if (((has_pin(rf, base) != 0u)
+                || ((of_module(rf, base, rf->chip->dbctl) & OUT_MODE) == OUT_MODE))
+               && (without_dead_time(rf, base) != 0u)) {
+        order(rf, addr, value, "trip cleared with DBRED or DBFED = 0");
+    } else {
+        /* safe */
+    }
+}
