@@ -12,6 +12,7 @@
 #include "ht_drive.h"
 #include "ht_line.h"
 #include "ht_packet.h"
+#include "ht_store.h"
 #include "ht_streams.h"
 
 #define HT_SERVICE_VERSION 1u
@@ -26,7 +27,7 @@ enum { HT_SERVICE_WATCHDOG_MS = 250 };
 #define HT_SERVICE_START 0x08u
 #define HT_SERVICE_STOP 0x09u
 
-/** Status of a reply; 0 .. 6 are ht_result. */
+/** Status of a reply; 0 .. 8 are ht_result. */
 enum {
     HT_SERVICE_OPCODE = 16,
     HT_SERVICE_LENGTH = 17,
@@ -44,6 +45,7 @@ typedef struct {
     ht_line line;
     uint32_t *memory;   /**< for captures */
     uint32_t memory_size; /**< values */
+    const ht_store *store; /**< of the parameters; NULL: none */
 } ht_service_setup;
 
 typedef struct {
@@ -93,6 +95,11 @@ void ht_service_turn(ht_service *l);
 uint32_t ht_service_watchdog_ticks(const ht_service *l);
 /** Octets that streams may take in a second. */
 uint32_t ht_service_budget(const ht_service *l);
+
+/** Keep the parameters in force over a power-off, or forget those that are kept (ht_store.h):
+ *  not while samples are streamed or captured, whose ticks stand still meanwhile. Blocks. */
+ht_result ht_service_keep(const ht_service *l);
+ht_result ht_service_forget(const ht_service *l);
 
 /** Carry out the request `octets[0 .. n - 1]`, a body without its CRC, into `l->reply`. For
  *  the link itself. */

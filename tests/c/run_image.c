@@ -210,6 +210,8 @@ static void drive(void)
     slow_period(0);
     command(HT_COMMAND_STOP);
     check("drive stops", ht_image_drive.state == (uint16_t)HT_STATE_IDLE);
+    command(HT_COMMAND_SAVE);
+    check("an image without a store says so", ht_image_mailbox.result == (uint16_t)HT_ERROR_STORE);
     command(77);
     check("unknown command", ht_image_mailbox.result == (uint16_t)HT_ERROR_ID);
 }
