@@ -403,6 +403,7 @@ static void only_with_the_gates_off(void)
 static void the_chip(void)
 {
     const ht_regfile *chip = fake_flash_chip;
+    unsigned at;
     bench_erase();
     fake_flash_slow = true;
     save(10);
@@ -416,6 +417,13 @@ static void the_chip(void)
         printf("%u rules broken, the latest: %s\n", fake_flash_broken, fake_flash_rule);
     }
     CHECK(fake_flash_broken == 0u);
+    /* One that failed, and the next one. */
+    for (at = 1; at < 4u; at++) {
+        bench.operations = 0;
+        bench.fail_at = at;
+        CHECK(ht_store_save(&store, &drive) == HT_ERROR_STORE);
+        CHECK(ht_store_save(&store, &drive) == HT_OK);
+    }
     /* An erase that never ends: the caller gets its refusal. */
     fake_flash_stuck = bench_board->map->device == HT_F28377S;
     if (fake_flash_stuck) {
