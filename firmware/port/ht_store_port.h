@@ -23,6 +23,8 @@
 #define HT_STORE_AREAS 2u      /**< each is erased for itself */
 #define HT_STORE_WORDS 8u      /**< of a block: what a flash takes at once */
 #define HT_STORE_ERASED 0xFFFFu /**< a word of an erased area */
+#define HT_STORE_FILE_BLOCKS 128u /**< of an area in a file: virtual and emulated boards */
+#define HT_STORE_FILE_HEAD 16u    /**< octets of such a file before its areas */
 
 typedef struct {
     /** Read block `block` of area `area` into `words`. False: it cannot be read. What it reads of
