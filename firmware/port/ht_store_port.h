@@ -23,8 +23,14 @@
 #define HT_STORE_AREAS 2u      /**< each is erased for itself */
 #define HT_STORE_WORDS 8u      /**< of a block: what a flash takes at once */
 #define HT_STORE_ERASED 0xFFFFu /**< a word of an erased area */
-#define HT_STORE_FILE_BLOCKS 128u /**< of an area in a file: virtual and emulated boards */
-#define HT_STORE_FILE_HEAD 16u    /**< octets of such a file before its areas */
+
+/** A store in a file (virtual and emulated boards): its head, then the areas, low octet first. */
+enum {
+    HT_STORE_FILE_HEAD = 16,   /**< octets before the areas */
+    HT_STORE_FILE_AREAS = 2,   /**< as in memory */
+    HT_STORE_FILE_BLOCKS = 128, /**< of an area */
+    HT_STORE_FILE_BLOCK = 16   /**< octets of a block */
+};
 
 typedef struct {
     /** Read block `block` of area `area` into `words`. False: it cannot be read. What it reads of

@@ -171,8 +171,9 @@ class MemoryStore(Store):
     """Two areas in this object: `areas`, octets that erase to 0xFF, words with the low octet
     first. What was in it is there for the next start."""
 
-    AREA = lib.HT_STORE_FILE_BLOCKS * 2 * lib.HT_STORE_WORDS
-    SIZE = lib.HT_STORE_AREAS * AREA
+    BLOCK = lib.HT_STORE_FILE_BLOCK
+    AREA = lib.HT_STORE_FILE_BLOCKS * BLOCK
+    SIZE = lib.HT_STORE_FILE_AREAS * AREA
 
     def __init__(self, areas: bytearray | None = None) -> None:
         super().__init__()
@@ -187,16 +188,15 @@ class MemoryStore(Store):
         port.blocks = lib.HT_STORE_FILE_BLOCKS
 
     def _do_read(self, at, area: int, block: int, words) -> bool:
-        size = 2 * lib.HT_STORE_WORDS
-        begin = area * self.AREA + block * size
-        ffi.memmove(words, bytes(self.areas[begin : begin + size]), size)
+        begin = area * self.AREA + block * self.BLOCK
+        ffi.memmove(words, bytes(self.areas[begin : begin + self.BLOCK]), self.BLOCK)
         return True
 
     def _do_write(self, at, area: int, block: int, words) -> bool:
-        size = 2 * lib.HT_STORE_WORDS
         if words == ffi.NULL:
             return self.put(area * self.AREA, b"\xff" * self.AREA)
-        return self.put(area * self.AREA + block * size, bytes(ffi.buffer(words, size)))
+        octets = bytes(ffi.buffer(words, self.BLOCK))
+        return self.put(area * self.AREA + block * self.BLOCK, octets)
 
     def put(self, begin: int, octets: bytes) -> bool:
         """What becomes of the areas from `begin` on."""

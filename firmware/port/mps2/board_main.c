@@ -34,14 +34,13 @@ typedef struct {
     uint32_t capture[CAPTURE_VALUES];
 } board;
 
-#define BLOCK_OCTETS (2u * HT_STORE_WORDS)
-#define AREA_OCTETS (HT_STORE_FILE_BLOCKS * BLOCK_OCTETS)
+#define BLOCK_OCTETS ((uint32_t)HT_STORE_FILE_BLOCK)
+#define AREA_OCTETS ((uint32_t)HT_STORE_FILE_BLOCKS * BLOCK_OCTETS)
 
 static int seek(const board *b, uint16_t area, uint16_t block)
 {
-    return (block < HT_STORE_FILE_BLOCKS)
-           && semihost_seek(b->store_file, HT_STORE_FILE_HEAD + (area * AREA_OCTETS)
-                                               + (block * BLOCK_OCTETS));
+    uint32_t octet = (uint32_t)HT_STORE_FILE_HEAD + (area * AREA_OCTETS) + (block * BLOCK_OCTETS);
+    return (block < (uint16_t)HT_STORE_FILE_BLOCKS) && semihost_seek(b->store_file, octet);
 }
 
 static bool read_block(void *at, uint16_t area, uint16_t block, uint16_t *words)
@@ -57,7 +56,7 @@ static bool write_block(void *at, uint16_t area, uint16_t block, const uint16_t 
         HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED,
         HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED};
     const board *b = (const board *)at;
-    uint16_t n = (words == NULL) ? HT_STORE_FILE_BLOCKS : 1u;
+    uint16_t n = (words == NULL) ? (uint16_t)HT_STORE_FILE_BLOCKS : 1u;
     bool good = seek(b, area, (words == NULL) ? 0u : block) != 0;
     for (; good && (n != 0u); n--) {
         good = semihost_write(b->store_file, (words == NULL) ? erased : words, BLOCK_OCTETS) != 0;
@@ -137,7 +136,7 @@ int main(void)
         b.store.port.read = read_block;
         b.store.port.write = write_block;
         b.store.port.at = &b;
-        b.store.port.blocks = HT_STORE_FILE_BLOCKS;
+        b.store.port.blocks = (uint16_t)HT_STORE_FILE_BLOCKS;
     }
     b.setup.store = &b.store;
     ht_pil_reset(&pil);

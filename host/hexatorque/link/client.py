@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import queue
 import random
 import threading
@@ -25,6 +26,8 @@ _REFUSED = {
     Status.CONFIG: "parameters do not fit together",
     Status.PORT: "the hardware cannot do this",
     Status.TURNING: "the machine turns faster than start_max_rpm; wait until it stands",
+    Status.STORE: "the board's memory for parameters failed; what it kept before is still there, "
+    "or what was to be kept",
     Status.OPCODE: "the board does not know this request",
     Status.LENGTH: "the board expects another length of this request",
     Status.NO_SESSION: "the session has ended",
@@ -171,7 +174,12 @@ class Client:
         while not self._replies.empty():
             self._replies.get()
         wait_s = self.transport.reply_s(len(octets))
-        for attempt in range(self.transport.tries):
+        tries = self.transport.tries
+        if op in wire.SLOW and self.transport.relayed:
+            wait_s += wire.SLOW_S
+        elif op in wire.SLOW:
+            tries += math.ceil(wire.SLOW_S / wait_s)
+        for attempt in range(tries):
             self._awaited = (op, self._id, accepted)
             self.counters.retries += attempt > 0
             self._asked_s = time.monotonic()
@@ -185,7 +193,7 @@ class Client:
             return reply
         self._awaited = None
         raise NoReply(
-            f"{self.url}: no reply to {Op(op).name} within {wait_s * self.transport.tries:.2g} s"
+            f"{self.url}: no reply to {Op(op).name} within {wait_s * tries:.2g} s"
         )
 
     def do(
@@ -203,7 +211,7 @@ class Client:
 
     def refused(self, reply: Reply, what: str) -> LinkError:
         text = _REFUSED.get(reply.status, f"status {reply.status}")
-        if reply.status == Status.STATE and reply.faults:
+        if reply.status == Status.STATE and reply.faults and reply.op not in wire.SLOW:
             text += "; clear the fault first"
         return LinkError(
             f"{what}: {text.format(state=self.state_name(reply.state))}",

@@ -42,12 +42,20 @@ class Op(IntEnum):
     TRIGGER = 0x0F
     CANCEL = 0x10
     SNAPSHOT = 0x11
+    SAVE = 0x12
+    FORGET = 0x13
 
 
 NEEDS_SESSION = frozenset(
-    (Op.CLOSE, Op.TRIGGER, Op.CANCEL, Op.READ, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM)
+    (Op.CLOSE, Op.TRIGGER, Op.CANCEL, Op.READ, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM,
+     Op.SAVE, Op.FORGET)
+)  # fmt: skip
+NEEDS_DICTIONARY = frozenset(
+    (Op.GET, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM, Op.SAVE, Op.FORGET)
 )
-NEEDS_DICTIONARY = frozenset((Op.GET, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM))
+#: Requests that write a flash, and how long that may take: the board does not read meanwhile.
+SLOW = frozenset((Op.SAVE, Op.FORGET))
+SLOW_S = 12.0
 
 
 class Status(IntEnum):
@@ -58,6 +66,7 @@ class Status(IntEnum):
     CONFIG = 4
     PORT = 5
     TURNING = 6
+    STORE = 8
     OPCODE = 16
     LENGTH = 17
     NO_SESSION = 18
@@ -293,10 +302,11 @@ class StatusReply(NamedTuple):
     damaged: int
     overruns: int
     dropped: int
+    set: int  #: of parameters, as the board started with it: `firmware.PARAMETER_SETS`
 
 
 def parse_status(payload: bytes) -> StatusReply:
-    flags, *rest = unpack("BBHIII", payload)
+    flags, *rest = unpack("BBHIIIB", payload)
     return StatusReply(bool(flags & 1), bool(flags & 2), bool(flags & 4), *rest)
 
 
