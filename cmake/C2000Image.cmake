@@ -7,6 +7,8 @@ set(HT_DEVICE "" CACHE STRING "f28335 or f28377s: linker command files")
 set(HT_BOARD "" CACHE STRING "table of firmware/port/c2000/ht_board.c: f28335, f28377s, launchxl_f28377s")
 set(HT_PIL_BAUD 625000 CACHE STRING "rate of the serial line, processor in the loop")
 set(port firmware/port/c2000)
+set(HT_FLASH_API "" CACHE PATH
+  "C2000Ware's folder: the flash image keeps parameters, by TI's flash API; empty: it does not")
 if(NOT EXISTS "${CMAKE_CURRENT_SOURCE_DIR}/${port}/image/${HT_DEVICE}_flash.cmd")
   message(FATAL_ERROR "HT_DEVICE = \"${HT_DEVICE}\": f28335 or f28377s")
 endif()
@@ -37,7 +39,7 @@ file(GLOB link CONFIGURE_DEPENDS firmware/link/*.c)
 file(GLOB drivers CONFIGURE_DEPENDS ${port}/*.c)
 # The link, which the drive's image has. Its requests may wait for the flash.
 set(background firmware/app/ht_service.c firmware/app/ht_service_requests.c
-  firmware/app/ht_dictionary.c firmware/link/ht_packet.c)
+  firmware/app/ht_dictionary.c firmware/app/ht_store.c firmware/link/ht_packet.c)
 list(TRANSFORM background PREPEND "${CMAKE_CURRENT_SOURCE_DIR}/")
 set(service ${link} "${CMAKE_CURRENT_SOURCE_DIR}/firmware/app/ht_service_fast.c")
 list(REMOVE_ITEM app ${background} ${service})
@@ -48,9 +50,12 @@ set(drive_ram ${service} ${drivers} ${port}/image/ht_image.c)
 set(chip ht_board ht_c2000_map ht_clock_f28335 ht_clock_f28377s ht_flash ht_pins ht_sci ht_timer
   ht_watchdog)
 list(TRANSFORM chip REPLACE "(.+)" "${port}/\\1.c")
+# Keeping parameters: a memory for them, or none.
+set(no_store ${port}/image/ht_no_store.c)
+set(store ${port}/store/ht_store_flash.c ${port}/store/ht_flash_${HT_DEVICE}.c)
 file(GLOB pil CONFIGURE_DEPENDS firmware/pil/*.c firmware/pil/calls/*.c ${port}/pil/*.c)
 set(pil_ram ${chip} ${pil})
-set_source_files_properties(${ram} ${drive_ram} ${pil_ram} PROPERTIES COMPILE_OPTIONS "--ramfunc=on")
+set_source_files_properties(${ram} ${drive_ram} ${pil_ram} ${store} PROPERTIES COMPILE_OPTIONS "--ramfunc=on")
 # What copies it there is not.
 set(flash ${port}/image/main.c ${port}/image/codestart.asm)
 
@@ -69,9 +74,66 @@ function(ht_c2000_image image place sources folders)
     "${command_file}")
 endfunction()
 
+# TI's flash API in the user's C2000Ware: include folder, library, and for the F28377S the source of
+# what TI leaves to the user (Fapi_UserDefinedFunctions.c), which goes with the library's version.
+if(HT_FLASH_API)
+  if(HT_DEVICE STREQUAL "f28335")
+    set(api f2833x)
+    set(headers Flash2833x_API_Library.h)
+    set(library "Flash28335_API*.lib")
+  else()
+    set(api f2837xs)
+    set(headers F021_F2837xS_C28x.h F021_F2837xD_C28x.h)
+    set(library "F021_API_F2837xS_FPU32*.lib")
+  endif()
+  set(folder "${HT_FLASH_API}/libraries/flash_api")
+  set(api_header "")
+  foreach(header IN LISTS headers)
+    file(GLOB_RECURSE found "${folder}/${api}/*${header}" "${folder}/f28335/*${header}")
+    if(found AND NOT api_header)
+      list(GET found 0 api_header)
+    endif()
+  endforeach()
+  file(GLOB_RECURSE api_library "${folder}/${api}/${library}" "${folder}/f28335/${library}")
+  # Images are EABI; where there is a choice, so must be the library.
+  set(eabi ${api_library})
+  list(FILTER eabi INCLUDE REGEX "[Ee][Aa][Bb][Ii]")
+  if(eabi)
+    set(api_library ${eabi})
+  endif()
+  if(NOT api_header OR NOT api_library)
+    message(FATAL_ERROR
+      "HT_FLASH_API = \"${HT_FLASH_API}\": no flash API for the ${HT_DEVICE} in libraries/flash_api.\n"
+      "Wanted: the folder of C2000Ware, with one of ${headers} and ${library} in it.\n"
+      "Without -DHT_FLASH_API the image keeps no parameters. See docs/flash.md.")
+  endif()
+  list(GET api_library 0 api_library)
+  file(GLOB_RECURSE api_sources
+    "${HT_FLASH_API}/device_support/${api}/*Fapi_UserDefinedFunctions.c"
+    "${HT_FLASH_API}/driverlib/${api}/*Fapi_UserDefinedFunctions.c"
+    "${folder}/${api}/*Fapi_UserDefinedFunctions.c")
+  if(api_sources)
+    list(GET api_sources 0 api_sources)
+    set_source_files_properties(${api_sources} PROPERTIES COMPILE_OPTIONS "--ramfunc=on")
+  endif()
+  get_filename_component(api_include "${api_header}" DIRECTORY)
+  get_filename_component(api_header "${api_header}" NAME)
+  get_filename_component(api_place "${api_library}" DIRECTORY)
+  get_filename_component(api_library "${api_library}" NAME)
+  message(STATUS "Parameters are kept: ${api_library}")
+endif()
+
 foreach(place flash ram)
   set(image hexatorque_${HT_BOARD}_${place})
-  ht_c2000_image(${image} ${place} "${drive_ram};${background}" "")
+  if(HT_FLASH_API AND place STREQUAL "flash")
+    ht_c2000_image(${image} ${place} "${drive_ram};${background};${store};${api_sources}"
+      "${port}/store;${api_include}")
+    target_compile_definitions(${image} PRIVATE "HT_FLASH_API_HEADER=\"${api_header}\"")
+    target_link_options(${image} PRIVATE "--search_path=${api_place}"
+      "--define=HT_FLASH_API=${api_library}")
+  else()
+    ht_c2000_image(${image} ${place} "${drive_ram};${background};${no_store}" "")
+  endif()
   target_compile_definitions(${image} PRIVATE HT_CAPTURE_VALUES=${capture_${place}}u
     "HT_BUILD=\"${HT_BUILD}\"")
   set(image hexatorque_${HT_BOARD}_pil_${place})

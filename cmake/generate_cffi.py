@@ -16,6 +16,7 @@ from cffi import FFI
 
 HEADERS = (
     "ht_drive.h",
+    "ht_store.h",
     "ht_comparator.h",
     "ht_drivers.h",
     "ht_regfile.h",

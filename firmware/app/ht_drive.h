@@ -43,7 +43,8 @@ typedef enum {
     HT_ERROR_CONFIG = 4, /**< parameters do not fit together (e.g. bands) */
     HT_ERROR_PORT = 5,   /**< the hardware cannot realise the set-up */
     HT_ERROR_TURNING = 6, /**< start refused: the machine is turning */
-    HT_ERROR_TRIP = 7    /**< start or clear refused: the trip pin is low */
+    HT_ERROR_TRIP = 7,   /**< start or clear refused: the trip pin is low */
+    HT_ERROR_STORE = 8   /**< this image keeps no parameters, or writing them failed */
 } ht_result;
 
 /** Share of the build-up during which the flux is too small for its speed to be told. */

@@ -22,6 +22,7 @@
 #include "ht_drive.h"
 #include "ht_line.h"
 #include "ht_packet.h"
+#include "ht_store.h"
 #include "ht_streams.h"
 
 #define HT_SERVICE_VERSION 2u
@@ -59,6 +60,7 @@ typedef struct {
     ht_line line;
     uint32_t *memory;   /**< for captures */
     uint32_t memory_size; /**< values */
+    const ht_store *store; /**< of the parameters; NULL: none */
 } ht_service_setup;
 
 typedef struct {
@@ -113,6 +115,11 @@ uint32_t ht_service_watchdog_ticks(const ht_service *l);
 float ht_service_rate_Hz(const ht_service *l);
 /** Octets that streams may take in a second. */
 uint32_t ht_service_budget(const ht_service *l);
+
+/** Keep the parameters in force over a power-off, or forget those that are kept (ht_store.h):
+ *  not while samples are streamed or captured, whose ticks stand still meanwhile. Blocks. */
+ht_result ht_service_keep(const ht_service *l);
+ht_result ht_service_forget(const ht_service *l);
 
 /** Carry out the request `octets[0 .. n - 1]`, a body without its CRC, into `l->reply`. For
  *  the link itself. */

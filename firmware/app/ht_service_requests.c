@@ -116,6 +116,7 @@ static uint16_t status(ht_service *l, const uint16_t *in, uint16_t n)
     ht_packet_add32(p, l->overruns);
     ht_packet_add32(p, l->streams.dropped);
     ht_packet_add32(p, l->mark);
+    ht_packet_add8(p, (l->setup.store != NULL) ? l->setup.store->set : (uint16_t)HT_SET_DEFAULTS);
     return HT_OK;
 }
 
@@ -467,6 +468,44 @@ static uint16_t snapshot(ht_service *l, const uint16_t *in, uint16_t n)
     return HT_OK;
 }
 
+ht_result ht_service_keep(const ht_service *l)
+{
+    if (l->setup.store == NULL) {
+        return HT_ERROR_STORE;
+    }
+    return rate_is_used(l) ? HT_ERROR_STATE : ht_store_save(l->setup.store, l->drive);
+}
+
+ht_result ht_service_forget(const ht_service *l)
+{
+    if (l->setup.store == NULL) {
+        return HT_ERROR_STORE;
+    }
+    return rate_is_used(l) ? HT_ERROR_STATE : ht_store_forget(l->setup.store, l->drive);
+}
+
+/* The reply to a SAVE or FORGET tells a memory that fails from none at all. */
+static uint16_t stored(ht_service *l, ht_result result)
+{
+    if ((result == HT_ERROR_STORE) && (l->setup.store != NULL)
+        && (l->setup.store->port.read != NULL)) {
+        l->detail = 0u;
+    }
+    return (uint16_t)result;
+}
+
+static uint16_t save(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    (void)in;
+    return (n != 0u) ? (uint16_t)HT_SERVICE_LENGTH : stored(l, ht_service_keep(l));
+}
+
+static uint16_t forget(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    (void)in;
+    return (n != 0u) ? (uint16_t)HT_SERVICE_LENGTH : stored(l, ht_service_forget(l));
+}
+
 typedef struct {
     uint16_t needs;
     uint16_t (*carry_out)(ht_service *l, const uint16_t *in, uint16_t n);
@@ -479,7 +518,8 @@ static const handler handlers[] = {
     {NEEDS_BOTH, write},       {NEEDS_BOTH, start},            {NEEDS_NOTHING, stop},
     {NEEDS_BOTH, clear},       {NEEDS_BOTH, stream},           {NEEDS_BOTH, arm},
     {NEEDS_NOTHING, capture},  {NEEDS_SESSION, read},          {NEEDS_SESSION, trigger},
-    {NEEDS_SESSION, cancel},   {NEEDS_NOTHING, snapshot}};
+    {NEEDS_SESSION, cancel},   {NEEDS_NOTHING, snapshot},      {NEEDS_BOTH, save},
+    {NEEDS_BOTH, forget}};
 
 #define HANDLERS ((uint16_t)(sizeof handlers / sizeof handlers[0]))
 

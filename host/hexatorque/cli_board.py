@@ -13,6 +13,7 @@ from .cli_link import baud
 EXAMPLES = """examples:
   hexatorque board --virtual                       paper A's machine; prints the port
   hexatorque board --virtual --setup paper-b --load 1 --link /tmp/board
+  hexatorque board --virtual --store bench.store   keeps what `hexatorque params keep` keeps
   hexatorque board --virtual --fast 5              five times as fast as the clock
   hexatorque board --virtual --machine mps2-an386  the firmware on an emulated Cortex-M4F
 in another terminal:
@@ -42,6 +43,10 @@ def add(commands: argparse._SubParsersAction) -> None:
     pace.add_argument(
         "--fast", type=float, default=1.0, metavar="N", help="N times as fast; so is the line"
     )
+    board.add_argument(
+        "--store", type=Path, metavar="FILE",
+        help="the board's memory for `params keep`: made if missing; default: it has none",
+    )  # fmt: skip
     board.add_argument("--link", type=Path, metavar="PATH", help="a fixed name for the port")
     board.add_argument(
         "--record", type=Path, metavar="FILE", help="the simulation's own recording, at the end"
@@ -74,9 +79,12 @@ def _board(args: argparse.Namespace) -> int:
         try:
             if args.json:
                 said = json.dumps({"port": line.port, "baud": board.controller.baud,
-                                   "title": board.title})  # fmt: skip
+                                   "title": board.title,
+                                   "parameters": board.controller.parameter_set})  # fmt: skip
             else:
                 said = f"{board.title} on {args.link or line.port}, Ctrl-C ends it"
+                if args.store:
+                    said += f"\nparameters: {board.controller.parameter_set} ({args.store})"
             print(said, flush=True)
             serve(board, line, until=lambda: bool(ended), record=args.record is not None)
         finally:
@@ -97,10 +105,10 @@ def _make(args: argparse.Namespace):
     if args.machine is None:
         from .virtual_board import VirtualBoard
 
-        return VirtualBoard(setup, args.baud, args.fast)
+        return VirtualBoard(setup, args.baud, args.fast, args.store)
     from .targets.emulated_board import EmulatedBoard
 
-    return EmulatedBoard(setup, args.machine, args.baud, args.fast)
+    return EmulatedBoard(setup, args.machine, args.baud, args.fast, store=args.store)
 
 
 class _name:

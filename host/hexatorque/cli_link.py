@@ -82,8 +82,9 @@ def add(commands: argparse._SubParsersAction) -> None:
 
     params = commands.add_parser(
         "params",
-        help="list, get, set, save and load the parameters of a board",
-        description="The parameters of a board, by its own list.",
+        help="list, get, set, save and load the parameters of a board, and have it keep them",
+        description="The parameters of a board, by its own list. `save` and `load` are a file on "
+        "this computer; `keep` and `forget` are the board's own memory, which survives power-off.",
     ).add_subparsers(dest="action", metavar="ACTION", required=True)
     command(params, "list", "all parameters with value, unit, range", _list, "params list")
     get = command(params, "get", "values of parameters", _get, "params get rs_ohm scheme")
@@ -98,6 +99,14 @@ def add(commands: argparse._SubParsersAction) -> None:
         params, "load", "set what a file names, all or none", _load, "params load b.toml"
     )
     load.add_argument("file", type=Path, metavar="FILE.toml")
+    command(
+        params, "keep", "the board keeps its parameters over a power-off; gates off only",
+        _keep, "params keep",
+    )  # fmt: skip
+    command(
+        params, "forget", "the board forgets what it kept and starts with built-in parameters",
+        _forget, "params forget",
+    )  # fmt: skip
 
 
 def before_start_options(parser: argparse.ArgumentParser) -> None:
@@ -226,6 +235,7 @@ def _devices(args: argparse.Namespace) -> int:
 
 
 def _status(args: argparse.Namespace) -> int:
+    from .link.drive import parameter_set
     from .link.wire import CaptureState
 
     with open_drive(args) as drive:
@@ -237,6 +247,7 @@ def _status(args: argparse.Namespace) -> int:
             "build": drive.hello.build,
             "state": drive.state,
             "faults": drive.faults,
+            "parameters": parameter_set(status.set),
             "guarded": status.guarded,
             "session": status.in_session,
             "capture": CaptureState(capture).name.lower() if capture < 6 else capture,
@@ -325,6 +336,7 @@ def _list(args: argparse.Namespace) -> int:
     with open_drive(args) as drive:
         values = drive.get_all()
         rows = drive.params
+        started_with = drive.parameter_set
     if args.json:
         data = {
             name: {
@@ -334,7 +346,7 @@ def _list(args: argparse.Namespace) -> int:
             for name, row in rows.items()
         }  # fmt: skip
         return say(args, data)
-    table = Table()
+    table = Table(caption=f"the board started with its parameters {started_with}")
     for heading in ("name", "value", "unit", "allowed", "while running", "what it is"):
         table.add_column(heading)
     for name, row in rows.items():
@@ -363,6 +375,26 @@ def _save(args: argparse.Namespace) -> int:
     except OSError as error:
         raise RecordingError(f"{args.file}: {error.strerror}") from None
     return say(args, {"file": str(args.file), "parameters": len(values)})
+
+
+def _keep(args: argparse.Namespace) -> int:
+    with open_drive(args) as drive:
+        drive.store_parameters()
+        return say(
+            args, {"kept": True},
+            f"{drive.client.url}: kept; the board starts with these parameters from now on "
+            "(references start at their built-in values)",
+        )  # fmt: skip
+
+
+def _forget(args: argparse.Namespace) -> int:
+    with open_drive(args) as drive:
+        drive.forget_parameters()
+        return say(
+            args, {"kept": False},
+            f"{drive.client.url}: forgotten; the board starts with its built-in parameters from "
+            "now on, those in force stay until then",
+        )  # fmt: skip
 
 
 def _load(args: argparse.Namespace) -> int:

@@ -143,7 +143,15 @@ _RESULTS = {
     lib.HT_ERROR_CONFIG: "parameters do not fit together",
     lib.HT_ERROR_TURNING: "the machine is turning",
     lib.HT_ERROR_TRIP: "the trip pin is low (external trip): release it, then clear",
+    lib.HT_ERROR_STORE: "there is no memory for parameters, or writing it failed",
 }
+#: Which set of parameters a start took, by number (ht_set).
+PARAMETER_SETS = (
+    "built-in",
+    "saved",
+    "built-in: the saved set is damaged",
+    "built-in: the saved set is of another firmware or board",
+)
 
 
 def _check(result: int, what: str) -> None:
@@ -172,6 +180,51 @@ def snapshot_of(s) -> dict[str, object] | None:
     }
 
 
+class Store:
+    """A memory for a drive's parameters, as ht_store_port.h has it; this one is none."""
+
+    def __init__(self) -> None:
+        self.handle = ffi.new("ht_store *")
+        lib.ht_store_none(self.handle)
+
+
+class MemoryStore(Store):
+    """Two areas in this object: `areas`, octets that erase to 0xFF, words with the low octet
+    first. What was in it is there for the next start."""
+
+    BLOCK = lib.HT_STORE_FILE_BLOCK
+    AREA = lib.HT_STORE_FILE_BLOCKS * BLOCK
+    SIZE = lib.HT_STORE_FILE_AREAS * AREA
+
+    def __init__(self, areas: bytearray | None = None) -> None:
+        super().__init__()
+        self.areas = bytearray(b"\xff" * self.SIZE) if areas is None else areas
+        port = self.handle.port
+        # Kept alive by this object. An exception ends in a refusal, and in a line on stderr.
+        self._read = ffi.callback("bool(void *, uint16_t, uint16_t, uint16_t *)", self._do_read)
+        self._write = ffi.callback(
+            "bool(void *, uint16_t, uint16_t, const uint16_t *)", self._do_write
+        )
+        port.read, port.write = self._read, self._write
+        port.blocks = lib.HT_STORE_FILE_BLOCKS
+
+    def _do_read(self, at, area: int, block: int, words) -> bool:
+        begin = area * self.AREA + block * self.BLOCK
+        ffi.memmove(words, bytes(self.areas[begin : begin + self.BLOCK]), self.BLOCK)
+        return True
+
+    def _do_write(self, at, area: int, block: int, words) -> bool:
+        if words == ffi.NULL:
+            return self.put(area * self.AREA, b"\xff" * self.AREA)
+        octets = bytes(ffi.buffer(words, self.BLOCK))
+        return self.put(area * self.AREA + block * self.BLOCK, octets)
+
+    def put(self, begin: int, octets: bytes) -> bool:
+        """What becomes of the areas from `begin` on."""
+        self.areas[begin : begin + len(octets)] = octets
+        return True
+
+
 class Controller:
     """One drive's firmware on its own chip, from reset on: the start of the board, then
     the drive's. `device` may be any of BOARDS; its name says which pins and PWM modules."""
@@ -181,9 +234,14 @@ class Controller:
     processor = "host"
 
     def __init__(
-        self, device: str, values: dict[str, object], active_low: bool | None = None
+        self,
+        device: str,
+        values: dict[str, object],
+        active_low: bool | None = None,
+        store: Store | None = None,
     ) -> None:
-        """`active_low`: gate drivers that invert, or not, whatever the build says."""
+        """`active_low`: gate drivers that invert, or not, whatever the build says. `store`: a
+        memory from which a saved set of parameters replaces `values`."""
         self.parameters = parameters(device)
         board = self._board = ffi.new("ht_board *", board_of(device)[0])
         if active_low is not None:
@@ -204,7 +262,9 @@ class Controller:
                 raise FirmwareError(f"no controller parameter {name!r}")
             row = self.parameters[name]
             params.v[row.id] = row.parse(value)
-        self._check(lib.ht_drive_init(self.drive, self.port, params), "controller set-up")
+        self.store = store or Store()
+        result = lib.ht_store_start(self.store.handle, self.drive, self.port, params)
+        self._check(result, "controller set-up")
 
     def _check(self, result: int, what: str) -> None:
         if result == lib.HT_ERROR_PORT:
@@ -214,6 +274,11 @@ class Controller:
                 f"f_isr_Hz from {clock_Hz / 65535:.4g} to {clock_Hz / 8:.4g}"
             )
         _check(result, what)
+
+    @property
+    def parameter_set(self) -> str:
+        """Which set of parameters the start took."""
+        return PARAMETER_SETS[self.store.handle.set]
 
     @property
     def handle(self) -> int:

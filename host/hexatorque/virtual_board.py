@@ -19,6 +19,7 @@ import time
 import tty
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -28,6 +29,7 @@ from .firmware import FirmwareError, ffi, lib
 from .recording import Recording
 from .scenario import Setup
 from .sil import Simulation
+from .store_file import FileStore
 
 #: Simulated seconds between two looks at the line, at real time.
 TURN_S = 0.002
@@ -44,9 +46,14 @@ class BoardController(firmware.Controller):
     entries = ("ht_virtual_fast", "ht_virtual_slow", "ht_virtual_channels")
 
     def __init__(
-        self, device: str, values: dict[str, object], baud: int | None, watchdog_ms: int
+        self,
+        device: str,
+        values: dict[str, object],
+        baud: int | None,
+        watchdog_ms: int,
+        store: firmware.Store | None = None,
     ) -> None:
-        super().__init__(device, values)
+        super().__init__(device, values, store)
         self.baud = baud or self.port.board.baud
         self.board = ffi.new("ht_virtual_board *")
         self._texts = [ffi.new("char[]", t.encode()) for t in (f"virtual {device}", __version__)]
@@ -56,6 +63,7 @@ class BoardController(firmware.Controller):
         setup.watchdog_ms = watchdog_ms
         setup.memory = self._memory
         setup.memory_size = CAPTURE_VALUES
+        setup.store = self.store.handle
         if not lib.ht_virtual_init(self.board, self.drive, self.port, setup, self.baud):
             most = self.map.sci_clock_Hz // 16
             least = self.map.sci_clock_Hz // (8 * 65536) + 1
@@ -88,12 +96,26 @@ def watchdog_ms(factor: float) -> int:
 
 class VirtualBoard:
     """Firmware and plant. `baud` and rate are the line's in simulated time; `factor` is how
-    much faster than real time it will be run: the watchdog waits that much longer."""
+    much faster than real time it will be run: the watchdog waits that much longer. `store`: the
+    file that is its memory for parameters; without one it has none, as an image that is built so."""
 
-    def __init__(self, setup: Setup, baud: int | None = None, factor: float = 1.0) -> None:
-        make = partial(BoardController, baud=baud, watchdog_ms=watchdog_ms(factor))
+    def __init__(
+        self,
+        setup: Setup,
+        baud: int | None = None,
+        factor: float = 1.0,
+        store: Path | None = None,
+    ) -> None:
+        self.file = FileStore(store) if store else None
+        make = partial(
+            BoardController, baud=baud, watchdog_ms=watchdog_ms(factor), store=self.file
+        )
         self.factor = factor
-        self.sim = Simulation(setup, controller=make)
+        try:
+            self.sim = Simulation(setup, controller=make)
+        except BaseException:
+            self.close()
+            raise
         self.controller: BoardController = self.sim.controller
 
     @property
@@ -102,6 +124,8 @@ class VirtualBoard:
 
     def close(self) -> None:
         """End it. May be called again."""
+        if self.file:
+            self.file.close()
 
     def __enter__(self) -> Self:
         return self

@@ -79,7 +79,7 @@ def test_missing_compiler_is_said_plainly(tree, tmp_path):
 
 #: What copies, and what no interrupt needs.
 FROM_FLASH = {"main.c", "codestart.asm", "ht_service.c", "ht_service_requests.c",
-              "ht_dictionary.c", "ht_packet.c"}  # fmt: skip
+              "ht_dictionary.c", "ht_store.c", "ht_packet.c", "ht_no_store.c"}  # fmt: skip
 
 
 @needs_cmake
@@ -147,6 +147,87 @@ def test_what_the_compiler_gets(tree, tmp_path, preset, board, device):
         assert sum(w.endswith(".obj") for w in call) == sources
 
 
+def stand_ins(tmp_path):
+    """A compiler's folder; returns the log of its calls."""
+    log = tmp_path / "log"
+    (tmp_path / "bin").mkdir()
+    for name in ("cl2000", "ar2000"):
+        (tmp_path / "bin" / name).write_text(STAND_IN.format(log=log, cc=CC))
+        (tmp_path / "bin" / name).chmod(0o755)
+    return log
+
+
+#: What is looked for in the user's C2000Ware.
+C2000WARE = {
+    "f28335": (
+        "libraries/flash_api/f2833x/include/Flash2833x_API_Library.h",
+        "libraries/flash_api/f2833x/lib/Flash28335_API_V210.lib",
+    ),
+    "f28377s": (
+        "libraries/flash_api/f2837xs/include/F021_F2837xS_C28x.h",
+        "libraries/flash_api/f2837xs/lib/F021_API_F2837xS_FPU32.lib",
+        "libraries/flash_api/f2837xs/lib/F021_API_F2837xS_FPU32_EABI.lib",
+        "device_support/f2837xs/examples/cpu1/flash_programming/cpu01/Fapi_UserDefinedFunctions.c",
+    ),
+}
+
+
+@needs_cmake
+@pytest.mark.parametrize("device", C2000WARE)
+def test_image_that_keeps_parameters(tree, tmp_path, device):
+    """HT_FLASH_API: TI's headers and library from the user's C2000Ware, our shim instead of none,
+    in the flash image only; all of it runs from RAM."""
+    log = stand_ins(tmp_path)
+    ware = tmp_path / "C2000Ware"
+    for name in C2000WARE[device]:
+        (ware / name).parent.mkdir(parents=True, exist_ok=True)
+        (ware / name).touch()
+    build = tree / "build" / device
+    shutil.rmtree(build, ignore_errors=True)
+    done = configure(tree, device, tmp_path, f"-DHT_FLASH_API={ware}")
+    assert done.returncode == 0, done.stdout + done.stderr
+    log.unlink()
+    command = [CMAKE, "--build", "--preset", device]
+    done = subprocess.run(command, cwd=tree, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    calls = log.read_text().splitlines()
+    shims = [c for c in calls if "--compile_only" in c and "/store/" in c]
+    assert {re.search(r"(\w+\.c)", c.split("--c_file=")[1])[1] for c in shims} == {
+        "ht_store_flash.c", f"ht_flash_{device}.c"
+    } and len(shims) == 2  # fmt: skip
+    for call in shims:
+        assert "--ramfunc=on" in call
+        assert str((ware / C2000WARE[device][0]).parent) in call
+    if device == "f28377s":
+        assert all("F021_F2837xS_C28x.h" in call for call in shims)
+        (own,) = (c for c in calls if "--compile_only" in c and "Fapi_UserDefined" in c)
+        assert "--ramfunc=on" in own
+    none = [c for c in calls if "--compile_only" in c and "ht_no_store.c" in c]
+    assert len(none) == 1 and "_ram" in none[0]
+    library = Path(C2000WARE[device][2 if device == "f28377s" else 1]).name
+    for call in (c for c in calls if "--run_linker" in c):
+        keeps = re.search(r"--output_file=hexatorque_\w*_flash.out", call) and "_pil_" not in call
+        assert (f"--define=HT_FLASH_API={library}" in call) == bool(keeps)
+        if keeps:
+            where = call.index("--run_linker")
+            assert call.index("--define=HT_FLASH_API=") > where  # the linker's, not the compiler's
+            assert f"--search_path={ware}/libraries/flash_api" in call
+    shutil.rmtree(build)
+
+
+@needs_cmake
+@pytest.mark.parametrize("device", C2000WARE)
+def test_folder_without_a_flash_api(tree, tmp_path, device):
+    stand_ins(tmp_path)
+    shutil.rmtree(tree / "build" / device, ignore_errors=True)
+    done = configure(tree, device, tmp_path, f"-DHT_FLASH_API={tmp_path}")
+    assert done.returncode != 0
+    said = " ".join(done.stderr.split())
+    assert f"no flash API for the {device}" in said and str(tmp_path) in said
+    assert "keeps no parameters" in said
+    shutil.rmtree(tree / "build" / device)
+
+
 @needs_cmake
 def test_board_must_fit_the_device(tree, tmp_path):
     (tmp_path / "bin").mkdir()
@@ -209,7 +290,8 @@ def test_ranges_are_memory_and_do_not_overlap(device, place):
 def test_last_words_of_the_memories_stay_free(device, place):
     """The CPU fetches ahead: nothing in the last 16 words of M1, the L and GS
     memories' end, the flash (where the F28335 has its security words)."""
-    taken = [start + words for start, words in ranges(device, place).values() if words > 2]
+    used = {name: at for name, at in ranges(device, place).items() if name != "STORE"}
+    taken = [start + words for start, words in used.values() if words > 2]
     for first, words in MEMORIES[device]:
         end = first + words
         following = any(end == other for other, _ in MEMORIES[device])
@@ -217,6 +299,25 @@ def test_last_words_of_the_memories_stay_free(device, place):
             assert not any(end - 16 < used <= end for used in taken), hex(end)
     if device == "f28335":
         assert not any(0x33FF80 < used <= 0x33FFF6 for used in taken)
+
+
+#: The two sectors that the parameter store erases: first word, words.
+STORE = {"f28335": (0x300000, 2 * 0x8000), "f28377s": (0xBC000, 2 * 0x2000)}
+
+
+@pytest.mark.parametrize("device", STORE)
+def test_nothing_of_an_image_is_where_the_parameters_are(device):
+    """Whole sectors, as the shim erases them; no section goes there, and the CPU, which fetches
+    ahead, does not come near: what is half programmed has no good ECC."""
+    used = ranges(device, "flash")
+    begin, words = STORE[device]
+    assert used.pop("STORE") == (begin, words)
+    for start, length in used.values():
+        assert start >= begin + words or start + length <= begin - 16
+    assert "STORE" not in command_file(device, "flash").split("SECTIONS")[1]
+    shim = (IMAGE.parent / "store" / f"ht_flash_{device}.c").read_text()
+    numbers = {int(n, 16) for n in re.findall(r"0x([0-9A-F]{8})u", shim)}
+    assert {begin, words // 2} <= numbers
 
 
 @pytest.mark.parametrize(("device", "place"), FILES)

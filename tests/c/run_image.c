@@ -386,6 +386,8 @@ static void drive(void)
     trip_pin_held_low();
     one_leg_trips();
     other_trips();
+    command(HT_COMMAND_SAVE);
+    check("an image without a store says so", ht_image_mailbox.result == (uint16_t)HT_ERROR_STORE);
     command(77);
     check("unknown command", ht_image_mailbox.result == (uint16_t)HT_ERROR_ID);
 }

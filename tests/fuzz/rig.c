@@ -57,6 +57,33 @@ static void put_back(const picture *p)
     r->isr_in_read = false;
     r->isr_in_write = false;
     r->ticks = 0;
+    memset(r->stored, 0xFF, sizeof r->stored);
+    r->store_writes = 0;
+}
+
+/* --- the parameter store ------------------------------------------------------------------ */
+
+static bool store_read(void *at, uint16_t area, uint16_t block, uint16_t *words)
+{
+    const rig *r = at;
+    CHECK((area < HT_STORE_AREAS) && (block < RIG_BLOCKS));
+    memcpy(words, &r->stored[area][block * HT_STORE_WORDS], HT_STORE_WORDS * sizeof *words);
+    return true;
+}
+
+static bool store_write(void *at, uint16_t area, uint16_t block, const uint16_t *words)
+{
+    rig *r = at;
+    CHECK((area < HT_STORE_AREAS) && (block < RIG_BLOCKS));
+    CHECK(rig_gates_off());
+    r->store_writes++;
+    if (words == NULL) {
+        memset(r->stored[area], 0xFF, sizeof r->stored[area]);
+    } else {
+        CHECK(r->stored[area][block * HT_STORE_WORDS] == HT_STORE_ERASED);
+        memcpy(&r->stored[area][block * HT_STORE_WORDS], words, HT_STORE_WORDS * sizeof *words);
+    }
+    return true;
 }
 
 /* --- the line ----------------------------------------------------------------------------- */
@@ -136,6 +163,7 @@ void rig_fast(void)
 void rig_turn(void)
 {
     rules_before_turn();
+    the_rig.store_writes = 0;
     ht_service_turn(&the_rig.service);
     ht_watchdog_first(&the_rig.port); /* the chip's own is not the subject */
     ht_watchdog_second(&the_rig.port);
@@ -226,6 +254,11 @@ static void power_up(void)
     for (k = 0; k < 7u; k++) {
         rig_sense(k, MID);
     }
+    ht_store_none(&r->store);
+    r->store.port.read = store_read;
+    r->store.port.write = store_write;
+    r->store.port.at = r;
+    r->store.port.blocks = RIG_BLOCKS;
     setup.device = "rig";
     setup.build = "fuzz";
     setup.watchdog_ms = RIG_WATCHDOG_MS;
@@ -235,6 +268,7 @@ static void power_up(void)
     setup.line.octets_per_s = 125000u;
     setup.memory = r->memory;
     setup.memory_size = RIG_MEMORY;
+    setup.store = &r->store;
     ht_service_init(&r->service, &r->drive, &setup);
     CHECK(ht_service_watchdog_ticks(&r->service) == RIG_WATCHDOG_TICKS);
     rules_begin();

@@ -11,6 +11,7 @@
 #include "ht_service.h"
 
 #define RIG_MEMORY 96u   /* values for captures: a few rows of a few channels */
+#define RIG_BLOCKS 32u   /* of an area of the parameter store */
 #define RIG_LINE 4096u   /* octets on their way to the device */
 #define RIG_TICKS 256u   /* fast interrupts that one input may take */
 #define RIG_WATCHDOG_MS 8u
@@ -42,6 +43,9 @@ typedef struct {
     bool lost;               /* the receiver says so once */
     bool isr_in_read;        /* a fast interrupt comes in the middle of a turn */
     bool isr_in_write;
+    ht_store store;
+    uint16_t stored[HT_STORE_AREAS][RIG_BLOCKS * HT_STORE_WORDS];
+    uint32_t store_writes;   /* of the turn under way */
     uint32_t ticks;          /* fast interrupts of this input */
     uint8_t id;              /* of the latest request */
 } rig;

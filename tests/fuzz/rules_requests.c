@@ -9,7 +9,7 @@
 
 enum {
     HELLO = 1, LIST, OPEN, CLOSE, STATUS, GET, WRITE, START, STOP, CLEAR, STREAM, ARM, CAPTURE,
-    READ, TRIGGER, CANCEL, SNAPSHOT, OPCODES
+    READ, TRIGGER, CANCEL, SNAPSHOT, SAVE, FORGET, OPCODES
 };
 enum {
     DONE, NO_ID, BAD_VALUE, BAD_STATE, NO_FIT, NO_HARDWARE, TURNING, TRIPPED,
@@ -19,12 +19,15 @@ enum {
 
 #define NEEDS_SESSION                                                                     \
     ((1u << CLOSE) | (1u << TRIGGER) | (1u << CANCEL) | (1u << READ) | (1u << WRITE)        \
-     | (1u << START) | (1u << CLEAR) | (1u << STREAM) | (1u << ARM))
+     | (1u << START) | (1u << CLEAR) | (1u << STREAM) | (1u << ARM) | (1u << SAVE)          \
+     | (1u << FORGET))
 #define NEEDS_DICTIONARY \
-    ((1u << GET) | (1u << WRITE) | (1u << START) | (1u << CLEAR) | (1u << STREAM) | (1u << ARM))
+    ((1u << GET) | (1u << WRITE) | (1u << START) | (1u << CLEAR) | (1u << STREAM) | (1u << ARM) \
+     | (1u << SAVE) | (1u << FORGET))
 #define NO_PAYLOAD                                                                        \
     ((1u << HELLO) | (1u << CLOSE) | (1u << STATUS) | (1u << START) | (1u << STOP)          \
-     | (1u << CLEAR) | (1u << CAPTURE) | (1u << TRIGGER) | (1u << CANCEL) | (1u << SNAPSHOT))
+     | (1u << CLEAR) | (1u << CAPTURE) | (1u << TRIGGER) | (1u << CANCEL) | (1u << SNAPSHOT)    \
+     | (1u << SAVE) | (1u << FORGET))
 #define COMMANDS ((1u << WRITE) | (1u << START) | (1u << STOP) | (1u << CLEAR))
 
 static uint16_t u16(const uint8_t *at)
@@ -372,6 +375,10 @@ void rules_request(const uint8_t *body, size_t n, const rules_before *b, bool di
     } else if (opcode == CLEAR) {
         bool latched = (b->state == HT_STATE_FAULT) || (b->faults != 0u);
         expected = rig_trip_pin_low() ? TRIPPED : (latched ? DONE : BAD_STATE);
+    } else if ((opcode == SAVE) || (opcode == FORGET)) {
+        bool off = (b->state == HT_STATE_IDLE) || (b->state == HT_STATE_FAULT);
+        expected = (!off || sampling(b)) ? BAD_STATE : DONE;
+        CHECK(off || (the_rig.store_writes == 0u));
     } else if (opcode == LIST) {
         expected = (u16(&in[1]) < ht_dictionary_rows(in[0])) ? DONE : NO_ID;
     } else if ((opcode == WRITE) || (opcode == GET) || (opcode == STREAM) || (opcode == ARM)) {

@@ -12,8 +12,9 @@ from hexatorque.firmware import lib
 from hexatorque.virtual_board import BoardController
 
 HELLO, LIST, OPEN, CLOSE, STATUS, GET, WRITE, START, STOP, CLEAR = range(1, 11)
-STREAM, ARM, CAPTURE, READ, TRIGGER, CANCEL, SNAPSHOT = range(11, 18)
+STREAM, ARM, CAPTURE, READ, TRIGGER, CANCEL, SNAPSHOT, SAVE, FORGET = range(11, 20)
 DONE, ID, VALUE, STATE, CONFIG, PORT, TURNING = range(7)
+STORE = 8
 OPCODE, LENGTH, SESSION, DICTIONARY, BUSY, BUDGET, NO_CAPTURE, NO_STREAM = range(16, 24)
 FIELD, MEMORY, SAMPLING = range(24, 27)
 NONE, FILLING, WAITING, TRIGGERED, SUMMING, COMPLETE = range(6)
@@ -55,8 +56,10 @@ def opened(octets: bytes) -> bytes:
 
 
 class Device:
-    def __init__(self, session: bool = True, watchdog_ms: int = 250, baud=None, **values) -> None:
-        self.controller = BoardController("f28377s", {**ALONE, **values}, baud, watchdog_ms)
+    def __init__(
+        self, session: bool = True, watchdog_ms: int = 250, baud=None, store=None, **values
+    ) -> None:
+        self.controller = BoardController("f28377s", {**ALONE, **values}, baud, watchdog_ms, store)
         self.drive = self.controller.drive
         self.service = self.controller.board.service
         self.id = 0
@@ -153,7 +156,7 @@ class Device:
 
     def watchdog(self) -> tuple[bool, int]:
         """Armed, ms left; asked without the session."""
-        flags, _, left_ms, *_ = struct.unpack("<BBHIIII", self.ask(STATUS, session=0).payload)
+        flags, _, left_ms, *_ = struct.unpack("<BBHIIIIB", self.ask(STATUS, session=0).payload)
         return bool(flags & 4), left_ms
 
     def stream(self, slot: int, decimation: int, *channels: str) -> Reply:

@@ -164,7 +164,7 @@ class Peer:
             self.session = 0
         if op == 5:
             flags = bool(self.session) | (session == self.session) << 1
-            return struct.pack("<BBHIIII", flags, self.capture[0], 0, 7, 8, 9, self.mark)
+            return struct.pack("<BBHIIIIB", flags, self.capture[0], 0, 7, 8, 9, self.mark, 1)
         if op == 6:
             ids = struct.unpack(f"<{len(payload) // 2}H", payload)
             return struct.pack(f"<{len(ids)}f", *(self.values[i] for i in ids))

@@ -273,7 +273,7 @@ def test_golden_frames_say_what_the_host_would_say():
     assert (hello.crc, hello.budget, hello.rows) == (0x0BADBEEF, 112500, (62, 27, 13, 5))
     assert (hello.memory, hello.watchdog_ms, hello.build) == (20480, 250, "build")
     status = wire.parse_status(wire.parse_reply(golden["reply to STATUS"]).payload)
-    assert status == (True, True, True, 2, 180, 3, 0, 1000000, 0x89ABCDEF)
+    assert status == (True, True, True, 2, 180, 3, 0, 1000000, 0x89ABCDEF, 1)
     sample = np.frombuffer(golden["sample of stream 1"], wire.sample_type(3))[0]
     assert (sample["number"], sample["tick"]) == (255, 0xFFFFFFFF)
     assert sample["values"].tolist() == [1.5, -0.0, 311.0]

@@ -17,6 +17,7 @@ from device import (
     CONFIG,
     DICTIONARY,
     DONE,
+    FORGET,
     GET,
     HELLO,
     ID,
@@ -31,6 +32,7 @@ from device import (
     PORT,
     READ,
     SAMPLING,
+    SAVE,
     SESSION,
     SNAPSHOT,
     START,
@@ -49,8 +51,10 @@ from device import (
 from hexatorque import firmware
 from hexatorque.firmware import ffi, lib
 
-NEEDS_SESSION = {CLOSE, TRIGGER, CANCEL, READ, WRITE, START, CLEAR, STREAM, ARM}
-NEEDS_DICTIONARY = {GET, WRITE, START, CLEAR, STREAM, ARM}
+NEEDS_SESSION = {
+    CLOSE, TRIGGER, CANCEL, READ, WRITE, START, CLEAR, STREAM, ARM, SAVE, FORGET
+}  # fmt: skip
+NEEDS_DICTIONARY = {GET, WRITE, START, CLEAR, STREAM, ARM, SAVE, FORGET}
 #: A payload of a right length.
 RIGHT = {
     LIST: struct.pack("<BH", 0, 0),
@@ -79,6 +83,8 @@ WRONG = {
     TRIGGER: [1],
     CANCEL: [1],
     SNAPSHOT: [1],
+    SAVE: [1],
+    FORGET: [1],
 }
 
 
@@ -103,7 +109,7 @@ def device():
 # --- what may be asked ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("op", range(1, 18))
+@pytest.mark.parametrize("op", range(1, 20))
 def test_wrong_length(device, op):
     before = everything(device)
     for n in WRONG[op]:
@@ -112,7 +118,7 @@ def test_wrong_length(device, op):
     assert everything(device) == before
 
 
-@pytest.mark.parametrize("op", range(1, 18))
+@pytest.mark.parametrize("op", range(1, 20))
 def test_no_session(device, op):
     before = everything(device)
     for session in (0, NONCE + 1, 0xFFFF):
@@ -128,7 +134,7 @@ def test_no_session(device, op):
         assert (status == SESSION) == (op in NEEDS_SESSION)
 
 
-@pytest.mark.parametrize("op", range(1, 18))
+@pytest.mark.parametrize("op", range(1, 20))
 def test_stale_dictionary(device, op):
     before = everything(device)
     for wrong in (1, 0x8000, 0xFFFF):
@@ -140,7 +146,7 @@ def test_stale_dictionary(device, op):
             assert reply.status != DICTIONARY
 
 
-@pytest.mark.parametrize("op", [18, 32, 63])
+@pytest.mark.parametrize("op", [20, 32, 63])
 def test_unknown_opcode(device, op):
     assert device.ask(op).status == OPCODE
     assert device.ask(op, bytes(300)).status == OPCODE

@@ -23,7 +23,7 @@ PIL_FOLDERS = ("pil", "pil/calls", "port/c2000/pil")
 NOT_IN_PIL = (
     "ht_adc.c", "ht_eqep.c", "ht_image.c", "ht_pie.c", "ht_port_c2000.c", "ht_pwm.c",
     "ht_service.c", "ht_service_fast.c", "ht_service_requests.c", "ht_dictionary.c",
-    "ht_virtual_board.c",
+    "ht_store.c", "ht_no_store.c", "ht_virtual_board.c",
     *(file.name for file in (ROOT / "firmware/link").glob("*.c")),
 )  # fmt: skip
 SIZES = {"ht_code_size": 64, "ht_const_size": 32}
@@ -50,7 +50,7 @@ class Builder:
         firmware = ROOT / "firmware"
         folders = FOLDERS[:-1] + (PIL_FOLDERS if pil else ())
         found = [file for folder in folders for file in sorted((firmware / folder).glob("*.c"))]
-        found += [firmware / FOLDERS[-1] / name for name in ("ht_image.c", "main.c")]
+        found += [firmware / FOLDERS[-1] / name for name in ("ht_image.c", "ht_no_store.c", "main.c")]
         found.append(ROOT / "tests" / "c" / ("run_pil.c" if pil else "run_image.c"))
         of_board = {
             name: (f"-DHT_BOARD=ht_board_{board}", CAPTURE, "-Dmain=ht_target_main")

@@ -30,8 +30,13 @@ void ht_clock_pwm_f28377s(ht_port *port, bool run);
 
 /* ht_flash.c */
 
-/** Wait states for the full clock. Must run from RAM. */
+/** Wait states for the full clock; pump, checks and caches as a running image has them. Must run
+ *  from RAM. */
 void ht_flash_start(ht_port *port);
+/** For whoever erases, programs, or reads what may be half programmed: the pump is bank 0's,
+ *  reading does not check its ECC (what it finds wrong would be a non-maskable interrupt) and
+ *  goes past the caches. Must run from RAM; until `ht_flash_start`. F28335: nothing to do. */
+void ht_flash_unchecked(ht_port *port);
 
 /* ht_pins.c */
 

@@ -32,6 +32,7 @@
 #define FRDCNTL_RWAIT 0x00000F00u
 #define FRDCNTL_RWAIT_200_MHZ 0x00000300u
 #define ECC_ON 0x0000000Au
+#define ECC_OFF 0x00000005u
 
 static void start_flash_f28335(ht_port *port)
 {
@@ -67,4 +68,16 @@ void ht_flash_start(ht_port *port)
         start_flash_f28377s(port);
     }
     HT_SETTLE(port->io); /* the last write is through before anything is fetched */
+}
+
+void ht_flash_unchecked(ht_port *port)
+{
+    if (port->map->device == HT_F28377S) {
+        HT_EALLOW(port->io);
+        HT_WR32(port->io, PUMPREQUEST, PUMP_KEY | PUMP_BANK0);
+        ht_change32(port->io, FRD_INTF_CTRL, PREFETCH_AND_CACHE, 0u);
+        HT_WR32(port->io, ECC_ENABLE, ECC_OFF);
+        HT_EDIS(port->io);
+    }
+    HT_SETTLE(port->io);
 }

@@ -2,11 +2,15 @@
  * processor in the loop; who commands the drive is at the other end of UART0.
  *
  *   setup   32-bit words: baud rate of UART0, milliseconds of the watchdog
+ *   store   the memory for parameters; without this file the board has none. Words lie in it as in
+ *           memory, low octet first.
  */
 #include "cmsdk_uart.h"
 #include "ht_service.h"
 #include "pil_server.h"
 #include "semihost.h"
+
+#include <stddef.h>
 
 /* 32-bit values of memory for captures: what the F28377S's image has. */
 #define CAPTURE_VALUES 20480u
@@ -24,13 +28,68 @@ typedef struct {
     cmsdk_uart uart;
     ht_service service;
     ht_service_setup setup;
+    ht_store store;
+    int32_t store_file;
+    ht_params saved;
     uint32_t capture[CAPTURE_VALUES];
 } board;
+
+#define BLOCK_OCTETS ((uint32_t)HT_STORE_FILE_BLOCK)
+#define AREA_OCTETS ((uint32_t)HT_STORE_FILE_BLOCKS * BLOCK_OCTETS)
+
+static int seek(const board *b, uint16_t area, uint16_t block)
+{
+    uint32_t octet = (uint32_t)HT_STORE_FILE_HEAD + (area * AREA_OCTETS) + (block * BLOCK_OCTETS);
+    return (block < (uint16_t)HT_STORE_FILE_BLOCKS) && semihost_seek(b->store_file, octet);
+}
+
+static bool read_block(void *at, uint16_t area, uint16_t block, uint16_t *words)
+{
+    const board *b = (const board *)at;
+    return seek(b, area, block)
+           && (semihost_read(b->store_file, words, BLOCK_OCTETS) == BLOCK_OCTETS);
+}
+
+static bool write_block(void *at, uint16_t area, uint16_t block, const uint16_t *words)
+{
+    static const uint16_t erased[HT_STORE_WORDS] = {
+        HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED,
+        HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED, HT_STORE_ERASED};
+    const board *b = (const board *)at;
+    uint16_t n = (words == NULL) ? (uint16_t)HT_STORE_FILE_BLOCKS : 1u;
+    bool good = seek(b, area, (words == NULL) ? 0u : block) != 0;
+    for (; good && (n != 0u); n--) {
+        good = semihost_write(b->store_file, (words == NULL) ? erased : words, BLOCK_OCTETS) != 0;
+    }
+    return good;
+}
+
+/* The host has looked into the same file before it chose the parameters of INIT: a saved set that is
+ * not in force was refused. The references are never kept. */
+static bool in_force(const ht_params *saved, const ht_params *p)
+{
+    uint16_t id;
+    bool same = true;
+    for (id = 0u; id < (uint16_t)HT_PARAMS; id++) {
+        bool reference = (id == (uint16_t)HT_P_speed_ref_rpm) || (id == (uint16_t)HT_P_torque_ref_Nm);
+        same = same && (reference || (saved->v[id] == p->v[id]));
+    }
+    return same;
+}
+
+static void look_into_store(board *b)
+{
+    b->store.set = ht_store_load(&b->store, &b->saved);
+    if ((b->store.set == (uint16_t)HT_SET_SAVED) && !in_force(&b->saved, &b->drive->params)) {
+        b->store.set = (uint16_t)HT_SET_FOREIGN;
+    }
+}
 
 static void begin(void *at, ht_drive *drive)
 {
     board *b = (board *)at;
     b->drive = drive;
+    look_into_store(b);
     ht_service_init(&b->service, drive, &b->setup);
 }
 
@@ -71,6 +130,15 @@ int main(void)
     b.setup.line = cmsdk_uart_line(&b.uart);
     b.setup.memory = b.capture;
     b.setup.memory_size = CAPTURE_VALUES;
+    ht_store_none(&b.store);
+    b.store_file = semihost_open("store", SEMIHOST_UPDATE);
+    if (b.store_file >= 0) {
+        b.store.port.read = read_block;
+        b.store.port.write = write_block;
+        b.store.port.at = &b;
+        b.store.port.blocks = (uint16_t)HT_STORE_FILE_BLOCKS;
+    }
+    b.setup.store = &b.store;
     ht_pil_reset(&pil);
     pil.image.begin = begin;
     pil.image.fast = fast;

@@ -5,6 +5,7 @@
 #define SYS_OPEN 0x01u
 #define SYS_WRITE 0x05u
 #define SYS_READ 0x06u
+#define SYS_SEEK 0x0Au
 #define SYS_EXIT_EXTENDED 0x20u
 #define APPLICATION_EXIT 0x20026u
 
@@ -43,6 +44,14 @@ int semihost_write(int32_t handle, const void *data, uint32_t size)
     arguments[1] = (uint32_t)data;
     arguments[2] = size;
     return call(SYS_WRITE, arguments) == 0u;
+}
+
+int semihost_seek(int32_t handle, uint32_t octet)
+{
+    uint32_t arguments[2];
+    arguments[0] = (uint32_t)handle;
+    arguments[1] = octet;
+    return call(SYS_SEEK, arguments) == 0u;
 }
 
 void semihost_exit(uint32_t status)

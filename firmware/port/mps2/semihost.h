@@ -6,7 +6,7 @@
 
 #include <stdint.h>
 
-enum { SEMIHOST_READ = 1 /* "rb" */, SEMIHOST_WRITE = 5 /* "wb" */ };
+enum { SEMIHOST_READ = 1 /* "rb" */, SEMIHOST_UPDATE = 3 /* "r+b" */, SEMIHOST_WRITE = 5 /* "wb" */ };
 
 /** A handle, or -1. Names are relative to the emulator's working directory. */
 int32_t semihost_open(const char *name, uint32_t mode);
@@ -17,6 +17,9 @@ uint32_t semihost_read(int32_t handle, void *data, uint32_t size);
 
 /** True if all was written. */
 int semihost_write(int32_t handle, const void *data, uint32_t size);
+
+/** Go on reading or writing at an octet of the file. True if that is possible. */
+int semihost_seek(int32_t handle, uint32_t octet);
 
 /** End the emulation with this exit status. */
 void semihost_exit(uint32_t status) __attribute__((noreturn));

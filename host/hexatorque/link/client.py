@@ -36,6 +36,8 @@ _REFUSED = {
     Status.PORT: "the hardware cannot do this",
     Status.TURNING: "the machine turns faster than start_max_rpm; wait until it stands",
     Status.TRIP: "the trip pin is low (external trip): release it, then clear",
+    Status.STORE: "the board's memory for parameters failed; what it kept before is still there, "
+    "or what was to be kept",
     Status.OPCODE: "the board does not know this request",
     Status.LENGTH: "the board expects another length of this request",
     Status.NO_SESSION: "the session has ended",
@@ -253,7 +255,7 @@ class Client:
         text = _REFUSED.get(reply.status, f"status {reply.status}")
         with contextlib.suppress(wire.WireError):
             text = wire.refusal(reply) or text
-        if reply.status == Status.STATE and reply.faults:
+        if reply.status == Status.STATE and reply.faults and reply.op not in wire.SLOW:
             text += "; clear the fault first"
         return LinkError(
             f"{what}: {text.format(state=self.state_name(reply.state))}",

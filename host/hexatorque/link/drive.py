@@ -23,7 +23,7 @@ from types import MappingProxyType
 import numpy as np
 
 from .. import __version__
-from ..firmware import FirmwareError, Parameter
+from ..firmware import PARAMETER_SETS, FirmwareError, Parameter
 from ..recording import Recording
 from ..verbs import DriveVerbs, Progress
 from . import BAUDS, LinkError, capture, wire
@@ -218,6 +218,41 @@ class Drive(DriveVerbs):
             if asked != np.float32(got):
                 raise LinkError(f"{row.name}: {got:g} is in force instead of {asked:g}")
 
+    def store_parameters(self) -> None:
+        """The board keeps the parameters in force and starts with them from now on; all but the
+        references. With the gates off only."""
+        self._write_store(Op.SAVE, "keep the parameters")
+
+    def forget_parameters(self) -> None:
+        """The board starts with its built-in parameters from now on. Those in force stay."""
+        self._write_store(Op.FORGET, "forget the parameters")
+
+    def _write_store(self, op: Op, what: str) -> None:
+        reply = self.client.ask(op)
+        if reply.status == Status.DONE:
+            return
+        if reply.status == Status.STORE and reply.payload == b"\xff\xff":
+            raise LinkError(
+                f"{what}: this image keeps no parameters: built without a store (a virtual board: "
+                "started without --store FILE)",
+                reply.status,
+            )
+        if reply.status == Status.STATE:
+            state = self.client.state_name(reply.state)
+            why = (
+                "not while anything is streamed or captured on this board; end that first"
+                if state in ("idle", "fault")
+                else "only while the gates are off; stop the drive first"
+            )
+            raise LinkError(f"{what}: {why} (state {state})", reply.status)
+        raise self.client.refused(reply, what)
+
+    @property
+    def parameter_set(self) -> str:
+        """Which set of parameters the board took when it started: what was set or kept since
+        does not change it."""
+        return parameter_set(self.client.get_status().set)
+
     def _refused(self, reply: wire.Reply, values: Mapping[str, object]) -> LinkError:
         """A WRITE's refusal with the parameter's name and what is allowed."""
         what = ", ".join(f"{name} = {value}" for name, value in values.items())
@@ -411,6 +446,11 @@ class Drive(DriveVerbs):
             "lost_samples": 0,
         }
         return self._recording(rate_Hz, names, table, meta, -found.pre / rate_Hz)
+
+
+def parameter_set(number: int) -> str:
+    """What a STATUS says of the set of parameters, in words."""
+    return PARAMETER_SETS[number] if number < len(PARAMETER_SETS) else str(number)
 
 
 def _shown(row: Parameter, value: float) -> str | float:

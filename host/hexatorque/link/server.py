@@ -264,7 +264,8 @@ class Server:
 
     def _reply_s(self, job: Job) -> float:
         line_bytes = len(job.sent) + wire.reply_bytes(job.op, len(job.payload))
-        return reply_s(self.line.url, self.baud, line_bytes)
+        slow_s = wire.SLOW_S if job.op in wire.SLOW else 0.0
+        return slow_s + reply_s(self.line.url, self.baud, line_bytes)
 
     def _unanswered(self, job: Job) -> None:
         """Again, but not before a STOP; a START not after one."""

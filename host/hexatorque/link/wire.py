@@ -49,9 +49,15 @@ class Op(IntEnum):
 
 
 NEEDS_SESSION = frozenset(
-    (Op.CLOSE, Op.TRIGGER, Op.CANCEL, Op.READ, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM)
+    (Op.CLOSE, Op.TRIGGER, Op.CANCEL, Op.READ, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM,
+     Op.SAVE, Op.FORGET)
+)  # fmt: skip
+NEEDS_DICTIONARY = frozenset(
+    (Op.GET, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM, Op.SAVE, Op.FORGET)
 )
-NEEDS_DICTIONARY = frozenset((Op.GET, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM))
+#: Requests that write a flash, and how long that may take: the board does not read meanwhile.
+SLOW = frozenset((Op.SAVE, Op.FORGET))
+SLOW_S = 12.0
 
 
 class Status(IntEnum):
@@ -63,6 +69,7 @@ class Status(IntEnum):
     PORT = 5
     TURNING = 6
     TRIP = 7
+    STORE = 8
     OPCODE = 16
     LENGTH = 17
     NO_SESSION = 18
@@ -346,10 +353,11 @@ class StatusReply(NamedTuple):
     overruns: int
     dropped: int
     mark: int  #: the board's word for the time since its reset; 0: nobody has given one
+    set: int  #: of parameters, as the board started with it: `firmware.PARAMETER_SETS`
 
 
 def parse_status(payload: bytes) -> StatusReply:
-    flags, *rest = unpack("BBHIIII", payload)
+    flags, *rest = unpack("BBHIIIIB", payload)
     return StatusReply(bool(flags & 1), bool(flags & 2), bool(flags & 4), *rest)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from ..firmware import FirmwareError
 from ..scenario import Setup
 from ..sil import Simulation
+from ..store_file import FileStore
 from ..virtual_board import VirtualBoard, watchdog_ms
 from . import tools
 from .link import Target, TargetController
@@ -37,8 +38,11 @@ SERIAL = ("-chardev", "pipe,id=uart,path=uart", "-serial", "chardev:uart")
 class BoardProcess(ProcessTarget):
     """QEMU with the image of the board."""
 
-    def __init__(self, machine: str, baud: int, watchdog_ms: int, timeout_s: float) -> None:
+    def __init__(
+        self, machine: str, baud: int, watchdog_ms: int, timeout_s: float, store: Path | None
+    ) -> None:
         self.baud = baud
+        self._store = store
         self._setup = np.array([baud, watchdog_ms], "<u4")
         tools.need(*NEEDS[machine])
         image = tools.build(MACHINES[machine]) / IMAGE
@@ -46,6 +50,8 @@ class BoardProcess(ProcessTarget):
 
     def prepare(self, place: Path) -> list[int]:
         (place / "setup").write_bytes(self._setup.tobytes())
+        if self._store:
+            (place / "store").symlink_to(self._store.absolute())
         self.uart = fifos(place, "uart.in", "uart.out")
         return self.uart
 
@@ -55,8 +61,14 @@ class EmulatedController(TargetController):
 
     entries = ("ht_link_fast", "ht_link_slow_unseen", "ht_link_channels")
 
-    def __init__(self, target: BoardProcess, device: str, values: dict[str, object]) -> None:
-        super().__init__(target, device, values)
+    def __init__(
+        self,
+        target: BoardProcess,
+        device: str,
+        values: dict[str, object],
+        store: FileStore | None,
+    ) -> None:
+        super().__init__(target, device, values, store)
         self.baud = target.baud
         self._to_board, self._from_board = target.uart
 
@@ -86,6 +98,7 @@ class EmulatedBoard(VirtualBoard):
         baud: int | None = None,
         factor: float = 1.0,
         timeout_s: float = TIMEOUT_S,
+        store: Path | None = None,
     ) -> None:
         if machine not in BOARDS:
             raise FirmwareError(f"machine = {machine!r}: choose one of {', '.join(BOARDS)}")
@@ -95,9 +108,18 @@ class EmulatedBoard(VirtualBoard):
             raise FirmwareError(f"baud = {baud}: allowed range is {least} .. {most}")
         self.factor = factor
         self.machine = machine
-        self.target: Target = BoardProcess(machine, baud, watchdog_ms(factor), timeout_s)
+        # What it holds decides how both ends begin; the image has the same file.
+        self.file = FileStore(store) if store else None
         try:
-            self.sim = Simulation(setup, controller=partial(EmulatedController, self.target))
+            self.target: Target = BoardProcess(
+                machine, baud, watchdog_ms(factor), timeout_s, store
+            )
+        except BaseException:
+            super().close()
+            raise
+        try:
+            make = partial(EmulatedController, self.target, store=self.file)
+            self.sim = Simulation(setup, controller=make)
         except BaseException:
             self.close()
             raise
@@ -109,3 +131,4 @@ class EmulatedBoard(VirtualBoard):
 
     def close(self) -> None:
         self.target.close()
+        super().close()

@@ -15,6 +15,7 @@ from ..firmware import (
     STATES,
     Controller,
     FirmwareError,
+    Store,
     causes,
     channels,
     ffi,
@@ -125,8 +126,14 @@ class TargetController(Controller):
 
     entries = ("ht_link_fast", "ht_link_slow", "ht_link_channels")
 
-    def __init__(self, target: Target, device: str, values: dict[str, object]) -> None:
-        super().__init__(device, values)
+    def __init__(
+        self,
+        target: Target,
+        device: str,
+        values: dict[str, object],
+        store: Store | None = None,
+    ) -> None:
+        super().__init__(device, values, store)
         self._target, self._link = target, target.link
         link = target.link
         self._own_registers = self.registers

@@ -1,6 +1,13 @@
 /* F28377S, image in flash bank 0. The drive's code and constants are loaded there and run
  * from RAM. Kept free: the last 16 words of every range next to nothing (the CPU
- * prefetches beyond the end) and of the bank. */
+ * prefetches beyond the end) and before the store, which is the parameters' (store/): sectors M and
+ * N, the last of the bank. TI's library that writes them runs from RAM. */
+#ifdef HT_FLASH_API /* the library's name, from the build */
+#define HT_IN_RAM *(.TI.ramfunc) -l HT_FLASH_API (.text)
+#else
+#define HT_IN_RAM
+#endif
+
 MEMORY
 {
     BOOT    : origin = 0x000000, length = 0x000123   /* stack of the boot ROM */
@@ -8,7 +15,8 @@ MEMORY
     CODE    : origin = 0x008000, length = 0x004000   /* LS0..LS5, D0, D1 */
     DATA    : origin = 0x00C000, length = 0x00FFF0   /* GS0..GS15 */
     BEGIN   : origin = 0x080000, length = 0x000002   /* the boot ROM's jump to flash */
-    FLASH   : origin = 0x080002, length = 0x03FFEE   /* sectors A..N */
+    FLASH   : origin = 0x080002, length = 0x03BFEE   /* sectors A..L */
+    STORE   : origin = 0x0BC000, length = 0x004000   /* sectors M, N; no section goes there */
     RESET   : origin = 0x3FFFC0, length = 0x000002   /* in the boot ROM */
 }
 
@@ -19,7 +27,7 @@ SECTIONS
     .cinit      : > FLASH, ALIGN(8)
     .init_array : > FLASH, ALIGN(8)
     .switch     : > FLASH, ALIGN(8)
-    .TI.ramfunc : {} LOAD = FLASH, RUN = CODE, ALIGN(8),
+    .TI.ramfunc : { HT_IN_RAM } LOAD = FLASH, RUN = CODE, ALIGN(8),
                   LOAD_START(ht_code_load), RUN_START(ht_code_run), LOAD_SIZE(ht_code_size)
     .texts      : { *ht_params.*(.const) *ht_channels.*(.const) *ht_faults.*(.const)
                     *ht_dictionary.*(.const) } > FLASH, ALIGN(8)

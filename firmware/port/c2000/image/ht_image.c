@@ -17,6 +17,7 @@ ht_mailbox ht_image_mailbox;
 ht_port ht_image_port;
 ht_drive ht_image_drive;
 ht_service ht_image_service;
+ht_store ht_image_store;
 
 /* For captures: what the linker command file leaves. */
 static uint32_t capture_memory[HT_CAPTURE_VALUES];
@@ -66,8 +67,10 @@ void ht_image_start(void)
         give_up();
     }
     ht_pie_start(&ht_image_port, fast, slow, unexpected);
+    ht_store_none(&ht_image_store);
+    (void)ht_image_memory(&ht_image_port, &ht_image_store.port);
     ht_params_default(&params);
-    if (ht_drive_init(&ht_image_drive, &ht_image_port, &params) != HT_OK) {
+    if (ht_store_start(&ht_image_store, &ht_image_drive, &ht_image_port, &params) != HT_OK) {
         give_up();
     }
     link.device = HT_BOARD.name;
@@ -76,6 +79,7 @@ void ht_image_start(void)
     link.line = ht_sci_line(&ht_image_port);
     link.memory = capture_memory;
     link.memory_size = HT_CAPTURE_VALUES;
+    link.store = &ht_image_store;
     ht_service_init(&ht_image_service, &ht_image_drive, &link);
     ht_pie_enable(&ht_image_port);
 }
@@ -107,6 +111,12 @@ static ht_result execute(ht_mailbox *box)
     case HT_COMMAND_GET:
         box->value = ht_drive_get(&ht_image_drive, box->id);
         tell_range(box);
+        break;
+    case HT_COMMAND_SAVE:
+        result = ht_service_keep(&ht_image_service);
+        break;
+    case HT_COMMAND_FORGET:
+        result = ht_service_forget(&ht_image_service);
         break;
     default:
         result = HT_ERROR_ID;

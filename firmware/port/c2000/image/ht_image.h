@@ -15,7 +15,9 @@ enum {
     HT_COMMAND_STOP = 2,
     HT_COMMAND_CLEAR = 3,
     HT_COMMAND_SET = 4, /**< parameter `id` becomes `value` */
-    HT_COMMAND_GET = 5  /**< `value` becomes parameter `id` */
+    HT_COMMAND_GET = 5, /**< `value` becomes parameter `id` */
+    HT_COMMAND_SAVE = 6,  /**< keep the parameters in force over a power-off */
+    HT_COMMAND_FORGET = 7 /**< forget those that are kept */
 };
 
 /** For a debugger's expression window: write `id` and `value`, then `command`. The
@@ -43,6 +45,11 @@ extern ht_mailbox ht_image_mailbox;
 extern ht_port ht_image_port;
 extern ht_drive ht_image_drive;
 extern ht_service ht_image_service;
+extern ht_store ht_image_store;
+
+/** The memory for parameters that this image is built with: flash sectors (folder store/), or
+ *  none (ht_no_store.c), then `memory` is left alone and the answer is false. */
+bool ht_image_memory(ht_port *port, ht_store_port *memory);
 
 /** From reset to a drive in IDLE with both interrupts running. Does not return if the
  *  chip does not start: the watchdog then resets it. */

@@ -1,0 +1,9 @@
+/* An image that keeps no parameters: built without TI's flash API (docs/flash.md). */
+#include "ht_image.h"
+
+bool ht_image_memory(ht_port *port, ht_store_port *memory)
+{
+    (void)port;
+    (void)memory;
+    return false;
+}

@@ -1,0 +1,68 @@
+/* The two functions of a parameter store in the chip's flash. */
+#include "ht_store_flash.h"
+
+#include <stddef.h>
+
+#include "ht_drivers.h"
+#include "ht_image.h"
+
+void ht_flash_serve(ht_port *port)
+{
+    ht_watchdog_first(port);
+    ht_watchdog_second(port);
+}
+
+static uint32_t address_of(uint16_t area, uint16_t block)
+{
+    return ht_flash_area(area) + ((uint32_t)block * HT_STORE_WORDS);
+}
+
+static bool inside(uint16_t area, uint16_t block)
+{
+    return (area < HT_STORE_AREAS)
+           && ((((uint32_t)block + 1u) * HT_STORE_WORDS) <= ht_flash_area_words());
+}
+
+static bool read_block(void *at, uint16_t area, uint16_t block, uint16_t *words)
+{
+    ht_port *port = (ht_port *)at;
+    uint32_t address = address_of(area, block);
+    uint16_t k;
+    if (!inside(area, block)) {
+        return false;
+    }
+    ht_flash_unchecked(port); /* it may be half programmed: the copy's own CRC tells */
+    for (k = 0u; k < HT_STORE_WORDS; k++) {
+        words[k] = ht_flash_word(address + k);
+    }
+    ht_flash_start(port);
+    return true;
+}
+
+static bool write_block(void *at, uint16_t area, uint16_t block, const uint16_t *words)
+{
+    ht_port *port = (ht_port *)at;
+    bool good;
+    if (!inside(area, block)) {
+        return false;
+    }
+    ht_port_gates_off(port);
+    HT_DINT(port->io);
+    ht_flash_serve(port);
+    ht_flash_unchecked(port);
+    good = (words == NULL) ? ht_flash_erase(port, ht_flash_area(area))
+                           : ht_flash_program(port, address_of(area, block), words);
+    ht_flash_start(port); /* the flash can be read again, before anything is called in it */
+    ht_flash_serve(port);
+    HT_EINT(port->io);
+    return good;
+}
+
+bool ht_image_memory(ht_port *port, ht_store_port *memory)
+{
+    memory->read = read_block;
+    memory->write = write_block;
+    memory->at = port;
+    memory->blocks = (uint16_t)(ht_flash_area_words() / HT_STORE_WORDS);
+    return true;
+}

@@ -1,0 +1,64 @@
+/** @file ht_store_flash.h
+ *  The parameter store of the C2000 images: two sectors of the chip's own flash, which the linker
+ *  command files leave free. Erased and programmed through TI's flash API, which is the user's
+ *  (C2000Ware; CMake option HT_FLASH_API) and is called in one file per device.
+ *
+ *  | device | area 0 | area 1 | sector | TI's API |
+ *  |---|---|---|---|---|
+ *  | F28335 | sector H, 0x300000 | sector G, 0x308000 | 32 k words | Flash2833x |
+ *  | F28377S | sector M, 0xBC000 | sector N, 0xBE000 | 8 k words | F021, bank 0 |
+ *
+ *  What happens while the flash is erased or programmed, some 100 ms for a save on the F28377S,
+ *  seconds on the F28335:
+ *  - *Gates.* Off: the drive is idle or in fault, and all PWM modules are tripped once more before
+ *    anything else. The trip holds the pins low without the CPU.
+ *  - *Interrupts* are held off, since what they call of the compiler's runtime is in the flash,
+ *    which cannot be read meanwhile. This code, TI's, and all that they call run from RAM.
+ *  - *Watchdog.* Serviced here while the API works, for a time that is bounded (F28335: by the API
+ *    itself, F28377S: HT_FLASH_PATIENCE_US for an erase). After that the chip resets.
+ *  - *Fast interrupt.* It misses its conversions. `tick` counts fast interrupts and so stands still:
+ *    the board's time does. The service therefore refuses a save while samples are streamed or
+ *    captured. The pending interrupt comes once, at the end, with the sample of the latest
+ *    conversion. No overrun and no lost interrupt can be told from this: overruns are looked for
+ *    in calibrate, build and run only, and the slow interrupt, held off as well, finds the fast
+ *    one, which goes first, alive.
+ *  - *Speed.* The first slow interrupt afterwards divides the counts of all this time by one
+ *    period. If the shaft turns, `speed_rpm` reads too much until the second one.
+ *  - *Line.* Octets that come meanwhile overflow the receiver and are counted; the host repeats
+ *    its request and gets the reply. The link's watchdog is not armed when no drive runs.
+ */
+#ifndef HT_STORE_FLASH_H
+#define HT_STORE_FLASH_H
+
+#include "ht_port_c2000.h"
+#include "ht_store_port.h"
+
+/** Longest time that an erase may take on the F28377S (worn sectors: 4 s). */
+#define HT_FLASH_PATIENCE_US 10000000u
+
+/* One file per device. These run from RAM, with interrupts held off. */
+
+/** First word of an area. */
+uint32_t ht_flash_area(uint16_t area);
+/** Words of an area. */
+uint32_t ht_flash_area_words(void);
+/** Erase the sector that begins at `address`, and see that it is erased. */
+bool ht_flash_erase(ht_port *port, uint32_t address);
+/** Program the HT_STORE_WORDS words at `address`, a multiple of as many, once after an erase, and
+ *  verify them. */
+bool ht_flash_program(ht_port *port, uint32_t address, const uint16_t *words);
+
+/** Both halves of the watchdog's service. */
+void ht_flash_serve(ht_port *port);
+
+/** A word of the flash. */
+#ifdef __TMS320C2000__
+static inline uint16_t ht_flash_word(uint32_t address)
+{
+    return *(const volatile uint16_t *)(uintptr_t)address;
+}
+#else
+uint16_t ht_flash_word(uint32_t address); /* of the test around it */
+#endif
+
+#endif

@@ -1,0 +1,34 @@
+/* A memory for parameters whose power can be cut, and that can be damaged: plain memory
+ * (store_memory.c), or a chip's flash behind a fake of TI's API (flash/fake_flash.c). */
+#ifndef STORE_BENCH_H
+#define STORE_BENCH_H
+
+#include <setjmp.h>
+
+#include "ht_port_c2000.h"
+#include "ht_store_port.h"
+
+/* What is left of an operation that the power failed in. */
+enum { CUT_NOTHING, CUT_HALF, CUT_RANDOM, CUT_ZEROS, CUT_COMPLETE, CUT_STYLES };
+
+typedef struct {
+    unsigned operations; /* erases and programs since `bench_power` */
+    unsigned cut_at;     /* power fails in this one, counted from 1; 0: never */
+    unsigned style;      /* how */
+    unsigned fail_at;    /* this one fails, and says so; 0: none */
+    jmp_buf off;         /* where to go when it does */
+} bench_state;
+
+extern bench_state bench;
+extern ht_port bench_chip;
+extern const ht_board *const bench_board;
+
+/* The chip after power-on; the memory keeps what it has. */
+void bench_power_on(void);
+ht_store_port bench_store(void);
+/* Everything erased, as it comes from the factory. */
+void bench_erase(void);
+/* A word of an area, to look at and to damage. */
+uint16_t *bench_word(unsigned area, unsigned word);
+
+#endif
