@@ -8,44 +8,18 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 from itertools import pairwise
 from pathlib import Path
 
 import c2000_image
 import pytest
+from ccs_projects import CC, CMAKE, NINJA, stand_in
 
 ROOT = Path(__file__).resolve().parents[2]
-BIN = Path(sys.executable).parent
 IMAGE = ROOT / "firmware" / "port" / "c2000" / "image"
 
 
-def tool(name: str) -> str | None:
-    beside = BIN / name
-    return str(beside) if beside.exists() else shutil.which(name)
-
-
-CMAKE, NINJA, CC = tool("cmake"), tool("ninja"), shutil.which("gcc") or shutil.which("cc")
 needs_cmake = pytest.mark.skipif(not (CMAKE and NINJA and CC), reason="cmake, ninja, gcc")
-
-#: CMake's look at the compiler goes to the host's, under TI's macros; the rest is noted.
-STAND_IN = """#!/bin/sh
-echo "$0 $*" >> "{log}"
-out=
-source=
-for word in "$@"; do
-  case "$word" in
-    --output_file=*) out="${{word#*=}}" ;;
-    *CMakeCCompilerId.c) source="$word" ;;
-    -h) echo "Texas Instruments" ; exit 0 ;;
-  esac
-done
-if [ -n "$source" ]; then
-  exec "{cc}" -U__GNUC__ -D__TI_COMPILER_VERSION__=22006001 -D__TMS320C28XX__=1 -c "$source"
-fi
-[ -n "$out" ] && : > "$out"
-exit 0
-"""
 
 
 @pytest.fixture(scope="module")
@@ -77,11 +51,6 @@ def test_missing_compiler_is_said_plainly(tree, tmp_path):
         shutil.rmtree(tree / "build" / "f28335", ignore_errors=True)
 
 
-#: What copies, and what no interrupt needs.
-FROM_FLASH = {"main.c", "codestart.asm", "ht_service.c", "ht_service_requests.c",
-              "ht_dictionary.c", "ht_packet.c"}  # fmt: skip
-
-
 @needs_cmake
 @pytest.mark.parametrize(
     ("preset", "board", "device"),
@@ -93,11 +62,7 @@ FROM_FLASH = {"main.c", "codestart.asm", "ht_service.c", "ht_service_requests.c"
 )
 def test_what_the_compiler_gets(tree, tmp_path, preset, board, device):
     log = tmp_path / "log"
-    compiler = tmp_path / "bin" / "cl2000"
-    compiler.parent.mkdir()
-    for name in ("cl2000", "ar2000"):
-        (compiler.parent / name).write_text(STAND_IN.format(log=log, cc=CC))
-        (compiler.parent / name).chmod(0o755)
+    stand_in(tmp_path, log)
     done = configure(tree, preset, tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     log.unlink()  # CMake's own trials
@@ -122,10 +87,10 @@ def test_what_the_compiler_gets(tree, tmp_path, preset, board, device):
     pil = (drive | names(*c2000_image.PIL_FOLDERS)) - set(c2000_image.NOT_IN_PIL)
     assert sorted(source(c).name for c in compiled) == sorted([*drive, *drive, *pil, *pil])
     for call in compiled:
-        flash = source(call).name in FROM_FLASH
-        assert ("--ramfunc=on" in call) != flash  # what copies is not copied
         assert {"-v28", "--float_support=fpu32", "--abi=eabi"} <= set(call)
+        assert "--silicon_errata_fpu1_workaround=on" in call
         if source(call).suffix == ".c":
+            assert "--ramfunc=on" in call  # but what the linker command file keeps in flash
             assert {"--c99", "--strict_ansi", "--fp_mode=strict", "--fp_reassoc=off"} <= set(call)
             assert any(re.fullmatch(rf"(-D|--define=)HT_BOARD=ht_board_{board}", w) for w in call)
         if source(call).name in ("ht_pil_chip.c", "ht_pil_side.c"):
@@ -149,10 +114,7 @@ def test_what_the_compiler_gets(tree, tmp_path, preset, board, device):
 
 @needs_cmake
 def test_board_must_fit_the_device(tree, tmp_path):
-    (tmp_path / "bin").mkdir()
-    for name in ("cl2000", "ar2000"):
-        (tmp_path / "bin" / name).write_text(STAND_IN.format(log=tmp_path / "log", cc=CC))
-        (tmp_path / "bin" / name).chmod(0o755)
+    stand_in(tmp_path, tmp_path / "log")
     done = configure(tree, "f28335", tmp_path, "-DHT_BOARD=f28377s")
     assert done.returncode != 0
     assert "is no board with a f28335" in done.stderr
@@ -179,7 +141,7 @@ MEMORIES = {
 ENTRY = {("f28335", "flash"): 0x33FFF6, ("f28377s", "flash"): 0x80000,
          ("f28335", "ram"): 0x0, ("f28377s", "ram"): 0x0}  # fmt: skip
 SECTIONS = {"codestart", ".text", ".cinit", ".init_array", ".switch", ".TI.ramfunc", ".const",
-            ".texts", ".stack", ".data", ".bss", ".sysmem", ".reset"}  # fmt: skip
+            ".texts", ".stays", ".stack", ".data", ".bss", ".sysmem", ".reset"}  # fmt: skip
 FILES = [(device, place) for device in MEMORIES for place in ("flash", "ram")]
 
 
@@ -224,7 +186,7 @@ def test_every_section_has_its_place(device, place):
     text = command_file(device, place)
     body = text[text.index("SECTIONS") :]
     names = set(re.findall(r"^ {4}([.\w]+)\s*:", body, re.M))
-    assert names == SECTIONS - ({".texts"} if place == "ram" else set())
+    assert names == SECTIONS - ({".texts", ".stays"} if place == "ram" else set())
     used = ranges(device, place)
     for target in re.findall(r"(?:>|LOAD =|RUN =) (\w+)", body):
         assert target in used
