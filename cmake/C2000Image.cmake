@@ -33,38 +33,40 @@ else()
   set(capture_ram 20480)
 endif()
 
-# Functions go to RAM (--ramfunc=on), where the flash's linker command file does not keep
-# them by the names of their files: main, which copies the others, and what only the
-# background runs.
+# What the interrupts run is in RAM: every function of these.
 file(GLOB core CONFIGURE_DEPENDS firmware/core/*.c)
 file(GLOB app CONFIGURE_DEPENDS firmware/app/*.c)
 file(GLOB link CONFIGURE_DEPENDS firmware/link/*.c)
 file(GLOB drivers CONFIGURE_DEPENDS ${port}/*.c)
-# The link, which the drive's image has.
-set(service ht_service ht_service_fast ht_service_requests ht_dictionary)
-list(TRANSFORM service REPLACE "(.+)" "${CMAKE_CURRENT_SOURCE_DIR}/firmware/app/\\1.c")
-list(REMOVE_ITEM app ${service})
-set(common ${core} ${app} ${port}/image/ht_wait.c ${port}/image/main.c
-  ${port}/image/codestart.asm)
-set(drive ${link} ${service} ${drivers} ${port}/image/ht_image.c)
+# The link, which the drive's image has. Its requests may wait for the flash.
+set(background firmware/app/ht_service.c firmware/app/ht_service_requests.c
+  firmware/app/ht_dictionary.c firmware/link/ht_packet.c)
+list(TRANSFORM background PREPEND "${CMAKE_CURRENT_SOURCE_DIR}/")
+set(service ${link} "${CMAKE_CURRENT_SOURCE_DIR}/firmware/app/ht_service_fast.c")
+list(REMOVE_ITEM app ${background} ${service})
+list(REMOVE_ITEM service ${background})
+set(ram ${core} ${app} ${port}/image/ht_wait.c)
+set(drive_ram ${service} ${drivers} ${port}/image/ht_image.c)
 # Processor in the loop: no driver of what the plant is connected to; that one is on the PC.
 set(chip ht_board ht_c2000_map ht_clock_f28335 ht_clock_f28377s ht_flash ht_pins ht_sci ht_timer
   ht_watchdog)
 list(TRANSFORM chip REPLACE "(.+)" "${port}/\\1.c")
 file(GLOB pil CONFIGURE_DEPENDS firmware/pil/*.c firmware/pil/calls/*.c ${port}/pil/*.c)
-list(APPEND pil ${chip})
+set(pil_ram ${chip} ${pil})
+set_source_files_properties(${ram} ${drive_ram} ${pil_ram} PROPERTIES COMPILE_OPTIONS "--ramfunc=on")
+# What copies it there is not.
+set(flash ${port}/image/main.c ${port}/image/codestart.asm)
 
 # An image that runs from `place`, with more sources and include folders than all have.
 function(ht_c2000_image image place sources folders)
   set(command_file "${CMAKE_CURRENT_SOURCE_DIR}/${port}/image/${HT_DEVICE}_${place}.cmd")
-  add_executable(${image} ${common} ${sources})
+  add_executable(${image} ${ram} ${flash} ${sources})
   set_target_properties(${image} PROPERTIES SUFFIX ".out" LINK_DEPENDS "${command_file}")
   target_include_directories(${image} PRIVATE firmware/core firmware/app firmware/link
     firmware/port ${port} ${port}/image ${folders})
   target_compile_definitions(${image} PRIVATE HT_BOARD=ht_board_${HT_BOARD})
   target_compile_options(${image} PRIVATE ${machine} ${messages}
-    $<$<COMPILE_LANGUAGE:C>:${arithmetic}> $<$<COMPILE_LANGUAGE:C>:--opt_level=2>
-    $<$<COMPILE_LANGUAGE:C>:--ramfunc=on>)
+    $<$<COMPILE_LANGUAGE:C>:${arithmetic}> $<$<COMPILE_LANGUAGE:C>:--opt_level=2>)
   target_link_options(${image} PRIVATE --rom_model --entry_point=code_start --stack_size=0x3C0
     --warn_sections --reread_libs "--search_path=${TI_CGT_ROOT}/lib" --library=libc.a
     "${command_file}")
@@ -72,10 +74,10 @@ endfunction()
 
 foreach(place flash ram)
   set(image hexatorque_${HT_BOARD}_${place})
-  ht_c2000_image(${image} ${place} "${drive}" "")
+  ht_c2000_image(${image} ${place} "${drive_ram};${background}" "")
   target_compile_definitions(${image} PRIVATE HT_CAPTURE_VALUES=${capture_${place}}u
     "HT_BUILD=\"${HT_BUILD}\"")
   set(image hexatorque_${HT_BOARD}_pil_${place})
-  ht_c2000_image(${image} ${place} "${pil}" "firmware/pil;firmware/pil/calls;${port}/pil")
+  ht_c2000_image(${image} ${place} "${pil_ram}" "firmware/pil;firmware/pil/calls;${port}/pil")
   target_compile_definitions(${image} PRIVATE HT_PIL_BAUD=${HT_PIL_BAUD}u)
 endforeach()

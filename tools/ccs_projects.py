@@ -28,6 +28,9 @@ BOARDS = {
 }
 #: The compiler that the options are made for; Code Composer offers another one it has.
 COMPILER = "22.6.1.LTS"
+#: The only option that files differ in. A project has it for all; the flash's linker command
+#: file keeps the others where they are, by name.
+RAM = "--ramfunc=on"
 
 #: CMake's look at the compiler goes to the host's, under TI's macros; the rest is noted.
 STAND_IN = """#!/bin/sh
@@ -69,9 +72,11 @@ def stand_in(folder: Path, log: Path) -> None:
 
 @dataclass
 class Image:
-    """What the compiler is called with for one image."""
+    """What the compiler is called with for one image. `stays`: the C files whose functions it
+    is not to place in RAM."""
 
     sources: list[Path]
+    stays: set[str]
     options: list[str]
     folders: list[Path]
     link: list[str]
@@ -93,14 +98,20 @@ def image(calls: list[str], name: str) -> Image:
     of_c = [c for c in compiled if "--c_file=" in c]
     folders = [*_words(of_c[0], r"--include_path=(.*)")]
     skip = r"--(?:compile_only|c_file|include_path|preproc_\w+|output_file)\b.*|-DHT_BUILD=.*"
-    options = {tuple(w for w in c.split()[1:] if not re.fullmatch(skip, w)) for c in of_c}
+    options, stays = set(), set()
+    for call in of_c:
+        words = [w for w in call.split()[1:] if not re.fullmatch(skip, w)]
+        if RAM not in words:
+            stays |= {Path(path).stem for path in _words(call, r"--c_file=(.*)")}
+            words.append(RAM)
+        options.add((*(w for w in words if w != RAM), RAM))
     if len(options) != 1:
         raise ValueError(f"{name}: files with options of their own, which a project cannot have")
     skip = r"--(?:run_linker|output_file|map_file|search_path)\b.*|.*\.obj|.*\.cmd"
     link = [w for w in linked.split()[1:] if not re.fullmatch(skip, w)]
     (command_file,) = _words(linked, r"(.*\.cmd)")
     return Image(
-        sorted(map(Path, sources)), [*options.pop()], [*map(Path, folders)], link,
+        sorted(map(Path, sources)), stays, [*options.pop()], [*map(Path, folders)], link,
         Path(command_file),
     )  # fmt: skip
 

@@ -100,19 +100,21 @@ def test_target_configuration(device):
             assert copied == [f"{device}.ccxml"]
 
 
-def test_what_stays_in_flash_is_named_by_files_that_are_there():
-    """The linker takes files by name; a name that fits nothing would put main into the RAM
-    that it has yet to fill."""
-    for device in ("f28335", "f28377s"):
-        text = (FIRMWARE / f"port/c2000/image/{device}_flash.cmd").read_text()
-        stays = re.search(r"\.stays +: \{(.*?)\}", text, re.S)[1]
-        names = re.findall(r"\*(\w+)\.\*\(\.TI\.ramfunc\)", stays)
-        assert len(names) == stays.count("(")
-        sources = {f.stem for folder in ("app", "link", "port/c2000/image")
-                   for f in (FIRMWARE / folder).glob("*.c")}  # fmt: skip
-        assert set(names) <= sources
-        assert "main" in names
-        assert text.index(".stays") < text.index(".TI.ramfunc : {}")
+@needs_cmake
+@pytest.mark.parametrize("preset", BOARDS)
+def test_what_stays_in_flash_is_what_cmake_keeps_there(preset, calls):
+    """A project compiles every function for RAM; the linker takes some back by the names of
+    their files. A name that is missing or fits nothing would put main into the RAM that it
+    has yet to fill."""
+    board, device = BOARDS[preset]
+    chip = device.removeprefix("TMS320").lower()
+    text = (FIRMWARE / f"port/c2000/image/{chip}_flash.cmd").read_text()
+    stays = re.search(r"\.stays +: \{(.*?)\}", text, re.S)[1]
+    names = re.findall(r"\*(\w+)\.\*\(\.TI\.ramfunc\)", stays)
+    assert len(names) == stays.count("(")
+    made = ccs_projects.image(calls(preset), f"hexatorque_{board}_flash")
+    assert set(names) == made.stays and "main" in names
+    assert text.index(".stays ") < text.index(".TI.ramfunc : {")
 
 
 def test_documented():

@@ -1,7 +1,6 @@
 /* F28335, image in flash. The drive's code and constants are loaded there and run from
- * RAM; main, which copies them, and what only the background runs stay. Kept free: the
- * last 16 words of every range next to nothing (the CPU prefetches beyond the end), the
- * words of the code security module. */
+ * RAM. Kept free: the last 16 words of every range next to nothing (the CPU
+ * prefetches beyond the end), the words of the code security module. */
 MEMORY
 {
     BOOT    : origin = 0x000000, length = 0x000050   /* stack of the boot ROM */
@@ -16,13 +15,15 @@ MEMORY
 SECTIONS
 {
     codestart   : > BEGIN
+    /* Code Composer gives every file one option, --ramfunc=on. What CMake compiles without
+     * it stays by name: main, which copies the rest, and what only the background runs. */
+    .stays      : { *main.*(.TI.ramfunc) *ht_service.*(.TI.ramfunc)
+                    *ht_service_requests.*(.TI.ramfunc) *ht_dictionary.*(.TI.ramfunc)
+                    *ht_packet.*(.TI.ramfunc) } > FLASH, ALIGN(8)
     .text       : > FLASH, ALIGN(8)
     .cinit      : > FLASH, ALIGN(8)
     .init_array : > FLASH, ALIGN(8)
     .switch     : > FLASH, ALIGN(8)
-    .stays      : { *main.*(.TI.ramfunc) *ht_service.*(.TI.ramfunc)
-                    *ht_service_requests.*(.TI.ramfunc) *ht_dictionary.*(.TI.ramfunc)
-                    *ht_packet.*(.TI.ramfunc) } > FLASH, ALIGN(8)
     .TI.ramfunc : {} LOAD = FLASH, RUN = CODE, ALIGN(8),
                   LOAD_START(ht_code_load), RUN_START(ht_code_run), LOAD_SIZE(ht_code_size)
     .texts      : { *ht_params.*(.const) *ht_channels.*(.const) *ht_faults.*(.const)
