@@ -26,3 +26,16 @@ def test_links_lead_somewhere(page):
         assert file.exists(), f"{page.name}: {target}"
         if anchor and file.suffix == ".md":
             assert anchor in anchors(file), f"{page.name}: {target}"
+
+
+def test_errata_table_names_what_there_is():
+    """Files and functions in docs/chip-errata.md exist."""
+    page = (ROOT / "docs" / "chip-errata.md").read_text()
+    port = ROOT / "firmware" / "port" / "c2000"
+    sources = "\n".join(f.read_text() for f in port.rglob("*.[ch]"))
+    for word in re.findall(r"`([\w./*]+)`", page[page.index("## F28335") :]):
+        if "/" in word or word.endswith((".c", ".h", ".cmd")):
+            found = [*ROOT.glob(word), *port.glob(word)]
+            assert found or word == "utilities/transfer", word
+        elif word.islower():
+            assert re.search(rf"\b{word}\(", sources), word
