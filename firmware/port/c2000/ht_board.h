@@ -1,5 +1,5 @@
 /** @file ht_board.h
- *  The boards: crystal, pins, channels. The same tables in words: docs/first-spin.md.
+ *  The boards: crystal, pins, channels. The same tables in words: docs/flash.md.
  */
 #ifndef HT_BOARD_H
 #define HT_BOARD_H
