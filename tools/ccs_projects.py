@@ -1,6 +1,7 @@
 """Write the Code Composer projects of the C2000 boards from what CMake builds.
 
-`python tools/ccs_projects.py` writes firmware/port/c2000/ccs/*.projectspec anew. CMake is
+`python tools/ccs_projects.py` writes firmware/port/c2000/ccs/*.projectspec anew, and in the
+linker command files of the flash images the names of the files whose functions stay there. CMake is
 configured and built with a stand-in in the compiler's place, which compiles nothing and
 writes down what it is called with; a project takes sources, defines, options and linker
 command file from there. `tests/build/test_ccs_projects.py` compares.
@@ -178,13 +179,25 @@ def project(preset: str, calls: list[str], source: Path = ROOT) -> str:
     return "\n".join([*lines, "  </project>", "</projectSpec>", ""])
 
 
+def stays(command_file: str, names: set[str]) -> str:
+    """The text of a flash's linker command file that keeps these files' functions there."""
+    first, *rest = (f"*{name}.*(.TI.ramfunc)" for name in sorted(names, key=lambda n: n != "main"))
+    body = "".join(f"\n{' ' * 20}{section}" for section in sorted(rest))
+    return re.sub(
+        r"(\.stays +: \{).*?\}", lambda m: f"{m[1]} {first}{body} }}", command_file, flags=re.S
+    )
+
+
 def file_of(preset: str) -> Path:
     return CCS / f"hexatorque_{BOARDS[preset][0]}.projectspec"
 
 
 def main() -> None:
-    for preset in BOARDS:
-        file_of(preset).write_text(project(preset, calls_of(preset)))
+    for preset, (board, _) in BOARDS.items():
+        calls = calls_of(preset)
+        file_of(preset).write_text(project(preset, calls))
+        made = image(calls, f"hexatorque_{board}_flash")
+        made.command_file.write_text(stays(made.command_file.read_text(), made.stays))
 
 
 if __name__ == "__main__":

@@ -113,7 +113,8 @@ def test_what_stays_in_flash_is_what_cmake_keeps_there(preset, calls):
     names = re.findall(r"\*(\w+)\.\*\(\.TI\.ramfunc\)", stays)
     assert len(names) == stays.count("(")
     made = ccs_projects.image(calls(preset), f"hexatorque_{board}_flash")
-    assert set(names) == made.stays and "main" in names
+    assert set(names) == made.stays, "python tools/ccs_projects.py"
+    assert "main" in names
     assert text.index(".stays ") < text.index(".TI.ramfunc : {")
 
 
