@@ -8,44 +8,18 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 from itertools import pairwise
 from pathlib import Path
 
 import c2000_image
 import pytest
+from ccs_projects import CC, CMAKE, NINJA, STAND_IN
 
 ROOT = Path(__file__).resolve().parents[2]
-BIN = Path(sys.executable).parent
 IMAGE = ROOT / "firmware" / "port" / "c2000" / "image"
 
 
-def tool(name: str) -> str | None:
-    beside = BIN / name
-    return str(beside) if beside.exists() else shutil.which(name)
-
-
-CMAKE, NINJA, CC = tool("cmake"), tool("ninja"), shutil.which("gcc") or shutil.which("cc")
 needs_cmake = pytest.mark.skipif(not (CMAKE and NINJA and CC), reason="cmake, ninja, gcc")
-
-#: CMake's look at the compiler goes to the host's, under TI's macros; the rest is noted.
-STAND_IN = """#!/bin/sh
-echo "$0 $*" >> "{log}"
-out=
-source=
-for word in "$@"; do
-  case "$word" in
-    --output_file=*) out="${{word#*=}}" ;;
-    *CMakeCCompilerId.c) source="$word" ;;
-    -h) echo "Texas Instruments" ; exit 0 ;;
-  esac
-done
-if [ -n "$source" ]; then
-  exec "{cc}" -U__GNUC__ -D__TI_COMPILER_VERSION__=22006001 -D__TMS320C28XX__=1 -c "$source"
-fi
-[ -n "$out" ] && : > "$out"
-exit 0
-"""
 
 
 @pytest.fixture(scope="module")
@@ -125,6 +99,7 @@ def test_what_the_compiler_gets(tree, tmp_path, preset, board, device):
         flash = source(call).name in FROM_FLASH
         assert ("--ramfunc=on" in call) != flash  # what copies is not copied
         assert {"-v28", "--float_support=fpu32", "--abi=eabi"} <= set(call)
+        assert "--silicon_errata_fpu1_workaround=on" in call
         if source(call).suffix == ".c":
             assert {"--c99", "--strict_ansi", "--fp_mode=strict", "--fp_reassoc=off"} <= set(call)
             assert any(re.fullmatch(rf"(-D|--define=)HT_BOARD=ht_board_{board}", w) for w in call)
@@ -260,7 +235,7 @@ MEMORIES = {
 ENTRY = {("f28335", "flash"): 0x33FFF6, ("f28377s", "flash"): 0x80000,
          ("f28335", "ram"): 0x0, ("f28377s", "ram"): 0x0}  # fmt: skip
 SECTIONS = {"codestart", ".text", ".cinit", ".init_array", ".switch", ".TI.ramfunc", ".const",
-            ".texts", ".stack", ".data", ".bss", ".sysmem", ".reset"}  # fmt: skip
+            ".texts", ".stays", ".stack", ".data", ".bss", ".sysmem", ".reset"}  # fmt: skip
 FILES = [(device, place) for device in MEMORIES for place in ("flash", "ram")]
 
 
@@ -325,7 +300,7 @@ def test_every_section_has_its_place(device, place):
     text = command_file(device, place)
     body = text[text.index("SECTIONS") :]
     names = set(re.findall(r"^ {4}([.\w]+)\s*:", body, re.M))
-    assert names == SECTIONS - ({".texts"} if place == "ram" else set())
+    assert names == SECTIONS - ({".texts", ".stays"} if place == "ram" else set())
     used = ranges(device, place)
     for target in re.findall(r"(?:>|LOAD =|RUN =) (\w+)", body):
         assert target in used

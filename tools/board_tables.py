@@ -1,0 +1,169 @@
+"""Write the boards' pin tables in docs/first-spin.md from the firmware's own tables.
+
+`python tools/board_tables.py` (in an environment with hexatorque installed) replaces what
+is between a board's two marks in that page. Signals, pins and channels come from
+`ht_board.c` and from the registers that the drivers leave; connector pins and remarks
+from the lists below. `tests/port/test_board_tables.py` compares.
+"""
+
+import re
+from pathlib import Path
+
+from hexatorque.firmware import ffi, lib
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "first-spin.md"
+LEGS = ("u1", "u2", "w1", "w2", "v1", "v2")
+CURRENTS = tuple(f"current {leg}" for leg in LEGS)
+
+#: LAUNCHXL-F28377S: pins of its headers, as a public pin map of the board has them (that of
+#: Energia's C2000 core). 1..10 are on J1, 11..20 on J2 and so on.
+LAUNCHPAD = {
+    2: "GPIO71", 3: "GPIO90", 4: "GPIO89", 5: "GPIO41", 7: "GPIO60", 8: "GPIO61",
+    9: "GPIO43", 10: "GPIO42", 11: "GPIO78", 12: "GPIO73", 13: "GPIO72", 14: "GPIO59",
+    15: "GPIO58", 18: "GPIO62", 19: "GPIO4", 23: "ADCIN14", 24: "ADCINB1", 25: "ADCINB4",
+    26: "ADCINB2", 27: "ADCINA0", 28: "ADCINB0", 29: "ADCINA1", 33: "GPIO21", 34: "GPIO20",
+    35: "GPIO17", 36: "GPIO16", 37: "GPIO15", 38: "GPIO14", 39: "GPIO13", 40: "GPIO12",
+    43: "GPIO87", 44: "GPIO86", 47: "GPIO65", 49: "GPIO69", 50: "GPIO66", 52: "GPIO92",
+    53: "GPIO99", 54: "GPIO64", 55: "GPIO63", 59: "GPIO91", 63: "ADCIN15", 64: "ADCINA2",
+    65: "ADCINA5", 66: "ADCINB5", 67: "ADCINA3", 68: "ADCINB3", 69: "ADCINA4", 75: "GPIO19",
+    76: "GPIO18", 77: "GPIO11", 78: "GPIO10", 79: "GPIO3", 80: "GPIO2",
+}  # fmt: skip
+#: F28335 controlCARD: pins of its 100-pin DIMM connector, as a public pin map has them.
+DIMM100 = {
+    7: "ADCINB0", 9: "ADCINB1", 11: "ADCINB2", 13: "ADCINB3", 15: "ADCINB4", 17: "ADCINB5",
+    19: "ADCINB6", 21: "ADCINB7", 57: "ADCINA0", 59: "ADCINA1", 61: "ADCINA2", 63: "ADCINA3",
+    65: "ADCINA4", 67: "ADCINA5", 69: "ADCINA6", 71: "ADCINA7", 23: "GPIO0", 73: "GPIO1",
+    24: "GPIO2", 74: "GPIO3", 25: "GPIO4", 75: "GPIO5", 26: "GPIO6", 76: "GPIO7", 28: "GPIO8",
+    78: "GPIO9", 29: "GPIO10", 79: "GPIO11", 33: "GPIO12", 83: "GPIO13", 84: "GPIO14",
+    34: "GPIO15", 38: "GPIO16", 88: "GPIO17", 39: "GPIO18", 89: "GPIO19", 40: "GPIO20",
+    90: "GPIO21", 41: "GPIO22", 91: "GPIO23", 43: "GPIO28", 93: "GPIO29", 31: "GPIO84",
+    81: "GPIO85", 32: "GPIO86", 42: "GPIO87",
+}  # fmt: skip
+#: Pins that are not on the headers but reach something else of the board.
+ELSEWHERE = {
+    "launchxl_f28377s": {"GPIO84": "the probe's COM port", "GPIO85": "the probe's COM port"}
+}
+REMARKS = {
+    "launchxl_f28377s": {
+        "GPIO12": "LED, may pull up: see below",
+        "GPIO13": "LED, may pull up: see below",
+        "ADCINA0": "50 kΩ to ground in the chip",
+        "ADCINA1": "50 kΩ to ground in the chip",
+        "ADCINB1": "50 kΩ to ground in the chip",
+    },
+    "f28377s": {
+        "ADCINA0": "50 kΩ to ground in the chip",
+        "ADCINA1": "50 kΩ to ground in the chip",
+        "ADCINB1": "50 kΩ to ground in the chip",
+    },
+    "f28335": {
+        "GPIO28": "also the card's isolated RS-232 receiver: see below",
+        "GPIO29": "also the card's isolated RS-232 driver (card pin 52)",
+    },
+}
+ADC_A_SOC0, ADC_B_SOC0 = 0x7410, 0x7490  # F28377S
+
+
+def connector(board: str, pin: str) -> str:
+    """Where a board brings a pin of the device out."""
+    if board == "f28377s":
+        return "your board"
+    pins = LAUNCHPAD if board == "launchxl_f28377s" else DIMM100
+    (number,) = [n for n, name in pins.items() if name == pin] or [0]
+    if not number:
+        return ELSEWHERE.get(board, {}).get(pin, "not brought out")
+    return f"J{(number - 1) // 10 + 1}.{number}" if board == "launchxl_f28377s" else f"{number}"
+
+
+def channels(board: str) -> list[str]:
+    """The ADC inputs in the order of the samples: six currents, dc link."""
+    table = getattr(lib, f"ht_board_{board}")
+    wanted = list(table.channel)
+    if board == "f28335":
+        return [f"ADCIN{'AB'[c // 8]}{c % 8}" for c in wanted]
+    chip, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
+    lib.ht_regfile_reset(chip, table.map)
+    lib.ht_port_bind(port, chip, ffi.addressof(table))
+    lib.ht_board_start(port)
+    lib.ht_port_init(port, [[10000, 300, True, 100.0]])
+
+    def converted(soc0: int) -> list[int]:
+        """Channels of the conversions that something triggers."""
+        words = [
+            lib.ht_regfile_word(chip, soc0 + 2 * n)[0]
+            | lib.ht_regfile_word(chip, soc0 + 2 * n + 1)[0] << 16
+            for n in range(16)
+        ]
+        return [word >> 15 & 15 for word in words if word >> 20 & 31]
+
+    a, b = converted(ADC_A_SOC0), converted(ADC_B_SOC0)
+    adcs = "ABABABA" if b else "AAAAAAA"
+    for adc, found in (("A", a), ("B", b)):
+        expected = [c for c, of in zip(wanted, adcs, strict=True) if of == adc]
+        if found[: len(expected)] != expected:
+            raise ValueError(f"{board}: ADC-{adc} converts {found}, not {expected}")
+    return [
+        f"ADCIN{c}" if c >= 14 else f"ADCIN{adc}{c}" for adc, c in zip(adcs, wanted, strict=True)
+    ]
+
+
+def rows(board: str) -> list[tuple[str, str, str, str, str]]:
+    """Signal, pin of the device, function, connector, remark."""
+    table = getattr(lib, f"ht_board_{board}")
+    small = board == "f28335"
+    found = []
+    for leg, name in enumerate(LEGS):
+        for side, switch in enumerate(("upper", "lower")):
+            pin = f"GPIO{table.pwm[2 * leg + side].gpio}"
+            found.append((f"{name} {switch}", pin, f"EPWM{table.module[leg] + 1}{'AB'[side]}"))
+    found.append(("trip", f"GPIO{table.trip.gpio}", "TZ1" if small else "input 1 → TZ1"))
+    found.append(("encoder A", f"GPIO{table.encoder_a.gpio}", "EQEP1A"))
+    found.append(("encoder B", f"GPIO{table.encoder_b.gpio}", "EQEP1B"))
+    found.append(("serial receive", f"GPIO{table.receive.gpio}", "SCIRXDA"))
+    found.append(("serial transmit", f"GPIO{table.transmit.gpio}", "SCITXDA"))
+    for signal, pin in zip((*CURRENTS, "dc link"), channels(board), strict=True):
+        found.append((signal, pin, "ADC"))
+    remarks = REMARKS[board]
+    return [
+        (signal, pin, what, connector(board, pin), remarks.get(pin, ""))
+        for signal, pin, what in found
+    ]
+
+
+def text(board: str) -> str:
+    """A board's table as the page has it."""
+    table = getattr(lib, f"ht_board_{board}")
+    title = "card pin" if board == "f28335" else "connector"
+    lines = [
+        f"| signal | pin of the device | function | {title} | remark |",
+        "|---|---|---|---|---|",
+    ]
+    lines += [f"| {' | '.join(row)} |".replace("|  |", "| |") for row in rows(board)]
+    lines += ["", f"Serial line: {table.baud} baud, 8 bits, no parity, 1 stop bit."]
+    return "\n".join(lines)
+
+
+def marks(board: str) -> tuple[str, str]:
+    return f"<!-- {board}: written by tools/board_tables.py -->", f"<!-- end of {board} -->"
+
+
+def written(page: str, board: str) -> str:
+    """What the page has between a board's marks."""
+    first, last = map(re.escape, marks(board))
+    found = re.search(f"{first}\n(.*?){last}", page, re.S)
+    if not found:
+        raise ValueError(f"{PAGE.name}: no table of {board}")
+    return found[1].rstrip("\n")
+
+
+def main() -> None:
+    page = PAGE.read_text()
+    for board in REMARKS:
+        first, last = marks(board)
+        before, rest = page.split(first)
+        page = f"{before}{first}\n{text(board)}\n{last}{rest.split(last)[1]}"
+    PAGE.write_text(page)
+
+
+if __name__ == "__main__":
+    main()
