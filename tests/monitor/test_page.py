@@ -233,10 +233,10 @@ def test_a_fault_is_plain_to_see(page, monitor):
 def test_a_closed_tab_stops_the_drive(browser, page, monitor):
     start(page)
     page.close()
-    time.sleep(1.0)
+    time.sleep(0.5)
     with monitor.page() as frame:
         time.sleep(0.2)
-        # One that came back within two seconds keeps it running ...
+        # One that came back soon keeps it running ...
         while "status" not in (one := frame()):
             pass
         assert one["status"]["state"] == "run"

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import secrets
 import socket
 import threading
@@ -310,7 +311,9 @@ class Handler(BaseHTTPRequestHandler):
             if begun_s - told_s >= STATUS_S:
                 told_s = begun_s
                 frame["status"] = desk.status()
-                if found and (newest := ring.newest()) is not None:
+                frame["told_s"] = begun_s
+                newest = desk.newest()
+                if newest is not None and len(newest) == len(frame["status"]["channels"]):
                     frame["newest"] = [float(f"{value:.6g}") for value in newest]
             if frame:
                 text = json.dumps(_finite(frame), separators=(",", ":"))
@@ -409,6 +412,17 @@ def _arm(desk: Desk, body: dict) -> None:
     desk.arm(_names(body), samples, pre, _field(body, "trigger", str, "a text"), prescaler)
 
 
+def _beat(desk: Desk, body: dict) -> None:
+    """A page's script answers to `told_s` of a frame (`Desk.page_answered`)."""
+    told_s = float(_field(body, "told_s", (int, float), "a number"))
+    if not math.isfinite(told_s):
+        raise Refused(400, "told_s: a finite number is needed")
+    visible = body.get("visible")
+    if not isinstance(visible, bool):
+        raise Refused(400, "visible: true or false is needed")
+    desk.page_answered(told_s, visible)
+
+
 def _record(desk: Desk, body: dict) -> dict:
     return {"file": str(desk.record_start(_field(body, "suffix", str, "a text")))}
 
@@ -417,6 +431,8 @@ COMMANDS: dict[str, Callable[[Desk, dict], dict | None]] = {
     "/start": lambda desk, _: desk.start(),
     "/stop": lambda desk, _: desk.stop(),
     "/clear": lambda desk, _: desk.clear(),
+    "/beat": _beat,
+    "/reset/seen": lambda desk, _: desk.reset_seen(),
     "/write": _write,
     "/channels": _select,
     "/capture/arm": _arm,
