@@ -163,10 +163,6 @@ def drive(port):
         patiently(to_rest, drive, before)
 
 
-#: The answer of a page that is seen.
-SEEN = {"visible": True}
-
-
 class Visitor:
     """What a browser does for a page, on one port of this computer."""
 
@@ -214,7 +210,7 @@ class Visitor:
         window_s: float = 2,
         bins: int = 500,
         cookie: str | None = None,
-        answer: Callable[[float], dict | None] = lambda told_s: SEEN | {"told_s": told_s},
+        answer: Callable[[float], dict | None] = lambda told_s: {"told_s": told_s},
     ):
         """An open page's events: a function that gives the next frame. As a page's script does,
         a thread answers to what it is told with what `answer` makes of it, if anything."""
@@ -234,8 +230,8 @@ class Visitor:
                     if not line.startswith(b"data: "):
                         continue
                     one = json.loads(line[6:])
-                    if "told_s" in one and (beat := answer(one["told_s"])):
-                        self.post("/beat", beat)
+                    if "told_s" in one and (given := answer(one["told_s"])):
+                        self.post("/beat", {"page": one["page"], "visible": True} | given)
                     frames.put(one)
             frames.put(None)
 
@@ -287,6 +283,28 @@ def site(drive, tmp_path):
         yield Site(desk, server)
         server.shutdown()
         thread.join()
+
+
+@pytest.fixture
+def told_of_resets(drive, monkeypatch):
+    """A drive that tells resets; what tells one."""
+    # Where the link does that by itself, nothing is replaced.
+    if hasattr(drive, "on_reset"):
+        return lambda: None
+    monkeypatch.setattr(drive, "on_reset", [], raising=False)
+    monkeypatch.setattr(drive, "resets", 0, raising=False)
+
+    def tell() -> None:
+        end = time.monotonic() + 10
+        reconnects = drive.client.counters.reconnects
+        while drive.client.counters.reconnects == reconnects:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        drive.resets += 1
+        for call in drive.on_reset:
+            call()
+
+    return tell
 
 
 class Monitor(Visitor):

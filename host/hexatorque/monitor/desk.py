@@ -31,6 +31,8 @@ from .traces import Ring
 SILENT_S = 1.5
 #: It is stopped as well when the pages that answer have all been hidden for so long.
 HIDDEN_S = 10.0
+#: A page gets no samples while its latest answer is older than this.
+BEHIND_S = 0.5
 #: The newest sample is shown as a figure as long as it is not older than this.
 FRESH_S = 1.0
 #: Gap in the traces where the board was reset.
@@ -67,7 +69,8 @@ CONTROLLING = ("build", "run")
 SETS = {
     1: "the saved set of parameters is in force",
     2: "its parameters are at their initial values, because the saved set is damaged",
-    3: "its parameters are at their initial values, because the saved set belongs to another build",
+    3: "its parameters are at their initial values, because the saved set is of another firmware "
+    "or board",
 }
 INITIAL = "its parameters are at their initial values"
 
@@ -102,7 +105,8 @@ class Desk:
         self._capture_text = ""
         self._capture_wanted = 0  # number of the capture that was armed last
         self._started_s: float | None = None  # the drive, from here
-        self._pages = 0
+        self._pages: dict[int, float] = {}  # what was told when is what each answered last
+        self._page = 0  # number of the page that came last
         # When the word was given that a page answered last, and a visible page.
         self._heard_s = self._visible_s = -math.inf
         self._pushed_s = -math.inf  # when samples came last
@@ -208,7 +212,7 @@ class Desk:
             "resets": getattr(self.drive, "resets", 0),
             "marks_s": [n / stream.rate_Hz for n in ring.marks] if ring and stream else [],
             "stops_in_s": self._hidden_left_s(),
-            "pages": self._pages,
+            "pages": len(self._pages),
             "channels": stream.channels if stream else (),
             "epoch": self.epoch,
             "f_isr_Hz": self.drive.hello.f_isr_Hz,
@@ -236,18 +240,28 @@ class Desk:
 
     # -- pages come and go -----------------------------------------------------------------
 
-    def page_came(self) -> None:
+    def page_came(self) -> int:
+        """Its number."""
         with self._lock:
-            self._pages += 1
+            self._page += 1
+            self._pages[self._page] = time.monotonic()
+            return self._page
 
-    def page_went(self) -> None:
+    def page_went(self, page: int) -> None:
         with self._lock:
-            self._pages -= 1
+            del self._pages[page]
 
-    def page_answered(self, told_s: float, visible: bool) -> None:
+    def page_is_behind(self, page: int) -> bool:
+        """It has more to do than it can: what it is sent has to become less."""
+        return time.monotonic() - self._pages[page] > BEHIND_S
+
+    def page_answered(self, page: int, told_s: float, visible: bool) -> None:
         """The script of a page has shown what it was told at `told_s`, a time of this
         computer's monotonic clock. An answer that was held up for long counts for little."""
         told_s = min(told_s, time.monotonic())
+        with self._lock:
+            if page in self._pages:  # else it has opened another connection meanwhile
+                self._pages[page] = max(self._pages[page], told_s)
         self._heard_s = max(self._heard_s, told_s)
         if visible:
             self._visible_s = max(self._visible_s, told_s)
@@ -572,11 +586,13 @@ class Desk:
             return
 
     def capture_file(self, suffix: str) -> bytes:
-        """The latest capture as a file."""
+        """The latest capture as a file; .json: what stands beside its .csv."""
         if self.captured is None:
             raise LinkError("there is no capture yet", mistake=True)
         with tempfile.TemporaryDirectory() as folder:
-            return self.captured.save(Path(folder) / f"capture{suffix}").read_bytes()
+            kind = ".csv" if suffix == ".json" else suffix
+            path = self.captured.save(Path(folder) / f"capture{kind}")
+            return path.with_suffix(suffix).read_bytes()
 
     # -- recording -------------------------------------------------------------------------------
 

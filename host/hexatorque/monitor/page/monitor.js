@@ -139,19 +139,19 @@ function listen() {
       newest(frame.newest ?? null);
     }
     if (frame.bins && !paused) take(frame.bins);
-    if (frame.told_s) answer(frame.told_s);
+    if (frame.told_s) answer(frame.page, frame.told_s);
   };
 }
 
 /** Tell the monitor that this script runs and has shown what it was told. Without an answer of
  * any page the monitor stops the drive. Called when news arrive and not by a timer, because
  * browsers slow down the timers of a hidden page. */
-async function answer(told_s) {
+async function answer(page, told_s) {
   if (answering || performance.now() - answered_ms < ANSWER_MS) return;
   answering = true;
   answered_ms = performance.now();
   try {
-    await ask("/beat", { told_s, visible: !document.hidden });
+    await ask("/beat", { page, told_s, visible: !document.hidden });
   } catch {
     // The next news are answered again.
   } finally {
@@ -663,7 +663,7 @@ function quick() {
     const send = async (text) => {
       const wrong = mistake(row, text);
       if (wrong) toast(`${name}: ${wrong}`, "bad");
-      else if (await write({ [name]: asValue(row, text) })) return;
+      else await write({ [name]: asValue(row, text) });
       input.value = asText(values[name]);
     };
     box.append(make("label", { title: row.help },
