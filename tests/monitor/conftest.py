@@ -1,18 +1,23 @@
 """A virtual board in a process of its own, a desk and a server in this one, and a browser's
 end of HTTP without a browser."""
 
+import contextlib
 import http.client
 import json
 import os
+import queue
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import hexatorque
@@ -20,19 +25,38 @@ import hexatorque
 HOST = Path(hexatorque.__file__).parents[1]
 #: A virtual board whose watchdog has patience with a computer that runs many tests at once.
 WATCHDOG_MS = 800
+#: Its arguments: the name of its port; a file with its time and its drive's state, as two
+#: float64; a file with a line for each change of state. SIGUSR1 resets it.
 BOARD = f"""
-import os, sys
+import os, signal, sys
+import numpy as np
 from hexatorque import scenario, virtual_board
 class Controller(virtual_board.BoardController):
     def __init__(self, device, values, baud, watchdog_ms):
         super().__init__(device, values, baud, {WATCHDOG_MS})
 virtual_board.BoardController = Controller
-board = virtual_board.VirtualBoard(scenario.load("paper-b"))
-board.sim.set("load_Nm", 1.0)
+port, now, changes = sys.argv[1:]
+now = np.memmap(now, np.float64, "w+", shape=2)
+changes = open(changes, "w")
+class Board(virtual_board.VirtualBoard):
+    state, time_s = "", 0.0
+    def run(self, duration_s, record=False):
+        super().run(duration_s, record)
+        Board.time_s += duration_s
+        now[:] = Board.time_s, self.sim.state in ("calibrate", "build", "run")
+        if self.sim.state != Board.state:
+            Board.state = self.sim.state
+            print(Board.time_s, Board.state, file=changes, flush=True)
+resets = []
+signal.signal(signal.SIGUSR1, lambda *_: resets.append(1))
 with virtual_board.Terminal() as line:
-    os.symlink(line.port, sys.argv[1])
-    print(sys.argv[1], flush=True)
-    virtual_board.serve(board, line, until=lambda: False)
+    os.symlink(line.port, port)
+    print(port, flush=True)
+    while True:
+        board = Board(scenario.load("paper-b"))
+        board.sim.set("load_Nm", 1.0)
+        resets.clear()
+        virtual_board.serve(board, line, until=lambda: resets)
 """
 
 
@@ -56,16 +80,49 @@ def own_directories(tmp_path_factory):
         yield
 
 
+class Board:
+    """What the virtual board's process knows, without asking over its line."""
+
+    def __init__(self, folder: Path) -> None:
+        self.port = str(folder / "ttyHT0")
+        self._now, self._changes = folder / "now", folder / "changes"
+        self.process = python("-c", BOARD, self.port, self._now, self._changes)
+        assert self.port in self.process.stdout.readline(), self.process.stderr.read()
+
+    @property
+    def time_s(self) -> float:
+        """Its own time: simulated, and it stands still while the process is held up."""
+        return float(np.memmap(self._now, np.float64, "r", shape=2)[0])
+
+    @property
+    def working(self) -> bool:
+        return bool(np.memmap(self._now, np.float64, "r", shape=2)[1])
+
+    def off_s(self, after_s: float) -> float | None:
+        """When the drive first stopped after a time of the board's; None: it works."""
+        for line in self._changes.read_text().splitlines():
+            time_s, state = line.split()
+            if float(time_s) > after_s and state in ("idle", "fault"):
+                return float(time_s)
+        return None
+
+    def reset(self) -> None:
+        self.process.send_signal(signal.SIGUSR1)
+
+
 @pytest.fixture(scope="session")
-def port(own_directories, tmp_path_factory) -> str:
-    link = tmp_path_factory.mktemp("dev") / "ttyHT0"
-    process = python("-c", BOARD, link)
+def board(own_directories, tmp_path_factory) -> Board:
+    board = Board(tmp_path_factory.mktemp("dev"))
     try:
-        assert str(link) in process.stdout.readline(), process.stderr.read()
-        yield str(link)
+        yield board
     finally:
-        process.terminate()
-        process.communicate()
+        board.process.terminate()
+        board.process.communicate()
+
+
+@pytest.fixture(scope="session")
+def port(board) -> str:
+    return board.port
 
 
 def patiently(call, *arguments):
@@ -148,26 +205,50 @@ class Visitor:
         return status, json.loads(body)
 
     @contextmanager
-    def page(self, window_s: float = 2, bins: int = 500, cookie: str | None = None):
-        """An open page's events: a function that gives the next frame."""
+    def page(
+        self,
+        window_s: float = 2,
+        bins: int = 500,
+        cookie: str | None = None,
+        answer: Callable[[float], dict | None] = lambda told_s: {"told_s": told_s},
+    ):
+        """An open page's events: a function that gives the next frame. As a page's script does,
+        a thread answers to what it is told with what `answer` makes of it, if anything."""
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
         headers = {"Host": self.host, "Cookie": self.cookie if cookie is None else cookie}
+        connection.connect()
+        stream = connection.sock  # the connection forgets it: an answer without an end
         connection.request("GET", f"/events?window_s={window_s}&bins={bins}", headers=headers)
-        answer = connection.getresponse()
-        assert answer.status == 200, answer.read()
+        events = connection.getresponse()
+        assert events.status == 200, events.read()
+        frames: queue.SimpleQueue[dict | None] = queue.SimpleQueue()
+
+        def script() -> None:
+            # The server may be stopped or gone: no test of this thread.
+            with contextlib.suppress(OSError, http.client.HTTPException, ValueError):
+                while line := events.readline():
+                    if not line.startswith(b"data: "):
+                        continue
+                    one = json.loads(line[6:])
+                    if "told_s" in one and (given := answer(one["told_s"])):
+                        self.post("/beat", {"page": one["page"], "visible": True} | given)
+                    frames.put(one)
+            frames.put(None)
 
         def frame() -> dict:
-            while True:
-                line = answer.readline()
-                assert line, "the stream has ended"
-                if line.startswith(b"data: "):
-                    return json.loads(line[6:])
+            one = frames.get(timeout=10)
+            assert one, "the stream has ended"
+            return one
 
-        frame.connection = connection
+        thread = threading.Thread(target=script, daemon=True)
+        thread.start()
         try:
             yield frame
         finally:
-            answer.close()
+            with contextlib.suppress(OSError):
+                stream.shutdown(socket.SHUT_RDWR)
+            thread.join(20)
+            events.close()
             connection.close()
 
 
@@ -193,12 +274,37 @@ def site(drive, tmp_path):
     from hexatorque.monitor.desk import Desk
     from hexatorque.monitor.server import Server
 
-    with Desk(drive, tmp_path / "recordings", alone_s=0.6) as desk, Server(desk) as server:
+    with (
+        Desk(drive, tmp_path / "recordings", silent_s=1.0, hidden_s=2.0) as desk,
+        Server(desk) as server,
+    ):
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         yield Site(desk, server)
         server.shutdown()
         thread.join()
+
+
+@pytest.fixture
+def told_of_resets(drive, monkeypatch):
+    """A drive that tells resets; what tells one."""
+    # Where the link does that by itself, nothing is replaced.
+    if hasattr(drive, "on_reset"):
+        return lambda: None
+    monkeypatch.setattr(drive, "on_reset", [], raising=False)
+    monkeypatch.setattr(drive, "resets", 0, raising=False)
+
+    def tell() -> None:
+        end = time.monotonic() + 10
+        reconnects = drive.client.counters.reconnects
+        while drive.client.counters.reconnects == reconnects:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        drive.resets += 1
+        for call in drive.on_reset:
+            call()
+
+    return tell
 
 
 class Monitor(Visitor):

@@ -150,6 +150,57 @@ def test_parameters_are_searched_checked_and_set_together(page, monitor):
     page.click("#stop")
 
 
+def test_numbers_as_people_write_them(page, monitor):
+    """Decimal comma, and the minus sign of word processors."""
+    before = monitor.get("/values")[1]["speed_ref_rpm"]
+    for text, number in (("250,5", 250.5), ("−12,25", -12.25), ("–3.5", -3.5), (" 1e2 ", 100),
+                         ("1,000", 1), (",5", 0.5), ("-0", 0)):  # fmt: skip
+        page.type(QUICK_SPEED, text)
+        page.key("Enter", "Enter", "\r")
+        end = time.monotonic() + 5
+        while monitor.get("/values")[1]["speed_ref_rpm"] != number:
+            assert time.monotonic() < end, text
+        page.until(f"Number(document.querySelector('{QUICK_SPEED}').value) === {number}")
+    assert page.js(f"document.querySelector('{QUICK_SPEED}').value") == "0"
+    tab(page, "parameters")
+    field = ".parameter [aria-label=speed_ref_rpm]"
+    for text in ("1.000,5", "1,000,000", "1 000", "0x10", "1e", "-", "", "Infinity", "12 r/min"):
+        page.type(field, text)
+        assert page.js("document.querySelector('#apply-all').disabled"), text
+        said = page.js("document.querySelector('#apply-text').textContent")
+        assert "speed_ref_rpm: a number is needed" in said and "thousands" in said, text
+    page.click("#revert")
+    monitor.post("/write", {"values": {"speed_ref_rpm": before}})
+
+
+def test_a_number_that_is_zero_has_no_sign(page):
+    shown = "import('/plot.js').then(({ show }) => [-0, -1e-9, 0, -0.04, -1.5].map((v) => show(v)))"
+    assert page.js(shown) == ["0.000", "−1.00e−9".replace("e−", "e-"), "0.000", "−0.040", "−1.500"]
+
+
+def test_parameters_that_differ_from_their_default_are_marked(page, monitor):
+    rows = monitor.get("/device")[1]["parameters"]
+    values = monitor.get("/values")[1]
+
+    def differs(row) -> bool:
+        standard = row["choices"][int(row["initial"])] if row["choices"] else row["initial"]
+        return values[row["name"]] != standard
+
+    tab(page, "parameters")
+    marked = ("[...document.querySelectorAll('.parameter.changed')]"
+              ".map(e => e.querySelector('.name').textContent).sort()")  # fmt: skip
+    wanted = sorted(row["name"] for row in rows if differs(row))
+    assert page.js(marked) == wanted
+    row = next(row for row in rows if row["name"] == "torque_limit_Nm")
+    values["torque_limit_Nm"] = row["initial"] if differs(row) else row["initial"] / 2
+    monitor.post("/write", {"values": {"torque_limit_Nm": values["torque_limit_Nm"]}})
+    wanted = sorted(row["name"] for row in rows if differs(row))
+    page.until(f"JSON.stringify({marked}) === JSON.stringify({wanted})")
+    page.click("#only-changed")
+    shown = "[...document.querySelectorAll('.parameter')].filter(e => !e.hidden).length"
+    assert page.js(shown) == len(wanted)
+
+
 def test_a_refusal_is_shown_in_the_boards_words(page):
     """Parameters that do not fit together: only the board knows."""
     tab(page, "parameters")
@@ -218,6 +269,104 @@ def test_burst_capture_is_drawn(page):
     assert page.complaints() == []
 
 
+def test_the_level_is_checked_and_its_channel_is_captured(page, monitor):
+    tab(page, "capture")
+    page.choose("#trigger", "below")
+    page.js("document.querySelector('#trigger').dispatchEvent(new Event('input'))")
+    page.choose("#trigger-channel", "speed_rpm")
+    page.js("document.querySelector('#trigger-channel').dispatchEvent(new Event('input'))")
+    said = page.js("document.querySelector('#capture-chosen').textContent")
+    assert said.startswith("11 of") and "trigger" in said
+    page.type("#level", "1.000,5")
+    page.js("document.querySelector('#capture-form').requestSubmit()")
+    page.until("document.querySelector('#toasts .bad')?.textContent.includes('level')")
+    page.type("#level", "99999,5")
+    page.js("document.querySelector('#capture-form').requestSubmit()")
+    page.until("document.body.dataset.seeing === 'capture'")
+    assert "speed_rpm" in monitor.get("/capture")[1]["channels"]
+
+
+FIGURES = "[...document.querySelectorAll('#figures b')].map(e => e.textContent)"
+
+
+def test_figures_without_a_meaning_are_blank(page, monitor, board):
+    """The board sends the torque of its last control step when the control does not run."""
+    start(page)
+    torque = "document.querySelector('[data-figure=torque_Nm]').textContent"
+    flux = "document.querySelector('.chip [data-channel=psi_alpha_Wb]').textContent"
+    page.until(f"{torque} !== '–' && {flux} !== '–'")
+    monitor.post("/write", {"values": {"vdc_max_V": 200}})
+    page.until(f"{STATE} === 'fault'")
+    page.until(f"{torque} === '–' && {flux} === '–'")
+    assert "–" not in page.js(f"{FIGURES}.filter((_, i) => i !== 1)")  # speed, dc link: measured
+    monitor.post("/write", {"values": {"vdc_max_V": 400}})
+    page.click("#clear")
+    page.until(f"{STATE} === 'idle'")
+    # A paused page holds its traces, not its figures.
+    page.click("#pause")
+    speed = "document.querySelector('[data-figure=speed_rpm]').textContent"
+    before = page.js(speed)
+    page.until(f"{speed} !== '{before}'")
+    # Samples that are old are no figures.
+    board.process.send_signal(signal.SIGSTOP)
+    try:
+        page.until(f"{FIGURES}.every((text) => text === '–')", 5)
+    finally:
+        board.process.send_signal(signal.SIGCONT)
+    page.until(f"{speed} !== '–'")
+
+
+def test_figures_of_a_monitor_that_is_silent_are_blank(page, monitor):
+    page.until(f"{FIGURES}[0] !== '–'")
+    monitor.process.send_signal(signal.SIGSTOP)
+    try:
+        page.until(f"{FIGURES}.every((text) => text === '–')", 5)
+    finally:
+        monitor.process.send_signal(signal.SIGCONT)
+    page.until(f"{FIGURES}[0] !== '–'")
+
+
+def test_a_reset_of_the_board_is_plain_to_see(told_of_resets, browser, site, board):
+    page = browser.open(site.server.url)
+    page.until(f"{STATE} === 'idle'")
+    assert page.js("document.querySelector('#reset').hidden")
+    initial = site.desk.values["torque_limit_Nm"]
+    tab(page, "parameters")
+    page.type(".parameter [aria-label=torque_limit_Nm]", "1,5")
+    page.key("Enter", "Enter", "\r")
+    limit = "document.querySelector('.parameter [aria-label=torque_limit_Nm]').value"
+    page.until("document.querySelector('#apply').hidden")
+    assert page.js(limit) == "1.5"
+    board.reset()
+    told_of_resets()
+    page.until("!document.querySelector('#reset').hidden")
+    said = page.js("document.querySelector('#reset').textContent")
+    assert "The board was reset: its parameters are at their initial values." in said
+    page.until(f"Number({limit}) === {initial}")
+    page.until(
+        "document.querySelector('#link [data-name=\"board resets\"] dd').textContent === '1'"
+    )
+    page.click("#reset button")
+    page.until("document.querySelector('#reset').hidden")
+    page.close()
+
+
+def test_a_hidden_page_says_in_its_title_when_the_drive_stops(browser, page, board):
+    start(page)
+    begun_s = board.time_s
+    other = browser.call("Target.createTarget", url="about:blank")["targetId"]
+    browser.call("Target.activateTarget", targetId=other)
+    page.until("document.hidden && document.title.includes('stops in')", 5)
+    while (off_s := board.off_s(begun_s)) is None:
+        assert board.time_s < begun_s + 13, "the drive runs on"
+        time.sleep(0.05)
+    assert off_s - begun_s > 5
+    browser.call("Target.closeTarget", targetId=other)
+    browser.call("Target.activateTarget", targetId=page.target)
+    page.until("!document.title.includes('stops in')")
+    assert "hidden" in page.js("document.querySelector('#alarm').textContent")
+
+
 def test_a_fault_is_plain_to_see(page, monitor):
     start(page)
     monitor.post("/write", {"values": {"vdc_max_V": 200}})
@@ -233,10 +382,10 @@ def test_a_fault_is_plain_to_see(page, monitor):
 def test_a_closed_tab_stops_the_drive(browser, page, monitor):
     start(page)
     page.close()
-    time.sleep(1.0)
+    time.sleep(0.5)
     with monitor.page() as frame:
         time.sleep(0.2)
-        # One that came back within two seconds keeps it running ...
+        # One that came back soon keeps it running ...
         while "status" not in (one := frame()):
             pass
         assert one["status"]["state"] == "run"

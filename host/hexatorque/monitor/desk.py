@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..burst import TRIGGERS
+from ..burst import TRIGGERS, Trigger
 from ..files import SUFFIXES, RecordingError, journal
 from ..files.writer import Writer
 from ..link import LinkError, wire
@@ -26,8 +26,17 @@ from ..link.stream import Stream
 from ..recording import Recording
 from .traces import Ring
 
-#: A drive that was started here is stopped when no page has been there for so long.
-ALONE_S = 2.0
+#: A drive that was started here is stopped when no page has answered for so long. With the
+#: time that STOP takes this is less than 2 s.
+SILENT_S = 1.5
+#: It is stopped as well when the pages that answer have all been hidden for so long.
+HIDDEN_S = 10.0
+#: A page gets no samples while its latest answer is older than this.
+BEHIND_S = 0.5
+#: The newest sample is shown as a figure as long as it is not older than this.
+FRESH_S = 1.0
+#: Gap in the traces where the board was reset.
+BREAK_S = 0.05
 STOP_S = 1.0
 #: Attempts to bring a capture over.
 FETCH_TRIES = 5
@@ -48,15 +57,38 @@ CHANNELS = (
 FLOAT32 = 3.5e38
 #: States in which the drive works; what the desk started there is its own.
 WORKING = ("calibrate", "build", "run")
+#: The control computes these channels in the states `CONTROLLING` only. In other states the
+#: board sends the last values, which say nothing about the drive.
+CONTROLLED = (
+    "torque_Nm", "torque_decided_Nm", "torque_ref_Nm", "torque_level", "psi_alpha_Wb",
+    "psi_beta_Wb", "psi_x_Wb", "psi_y_Wb", "v_x_pu", "v_y_pu", "omega_sync_rad_s", "flux_level",
+    "flux_ref_Wb", "sector",
+)  # fmt: skip
+CONTROLLING = ("build", "run")
+#: The set of parameters that is in force after a reset, by STATUS's `set`.
+SETS = {
+    1: "the saved set of parameters is in force",
+    2: "its parameters are at their initial values, because the saved set is damaged",
+    3: "its parameters are at their initial values, because the saved set is of another firmware "
+    "or board",
+}
+INITIAL = "its parameters are at their initial values"
 
 
 class Desk:
     """`close` stops the drive if it was started here; it stays open."""
 
-    def __init__(self, drive: Drive, folder: Path, alone_s: float = ALONE_S) -> None:
+    def __init__(
+        self,
+        drive: Drive,
+        folder: Path,
+        silent_s: float = SILENT_S,
+        hidden_s: float = HIDDEN_S,
+    ) -> None:
         self.drive = drive
         self.folder = folder
-        self.alone_s = alone_s
+        self.silent_s = silent_s
+        self.hidden_s = hidden_s
         #: Number of the present choice of channels and rate.
         self.epoch = 0
         self.ring: Ring | None = None
@@ -68,12 +100,17 @@ class Desk:
         self.captured: Recording | None = None
         self.capture_number = 0
         self.notice = ""  #: what happened without anybody asking
+        self.reset = ""  #: what a reset of the board has changed, until somebody has read it
         self._recorder: _Record | None = None
         self._capture_text = ""
         self._capture_wanted = 0  # number of the capture that was armed last
         self._started_s: float | None = None  # the drive, from here
-        self._pages = 0
-        self._alone_since = time.monotonic()
+        self._pages: dict[int, float] = {}  # what was told when is what each answered last
+        self._page = 0  # number of the page that came last
+        # When the word was given that a page answered last, and a visible page.
+        self._heard_s = self._visible_s = -math.inf
+        self._pushed_s = -math.inf  # when samples came last
+        self._was_reset = threading.Event()
         self._counted = (0, 0.0)
         self._rate_Hz = 0.0
         self._received = 0
@@ -90,6 +127,9 @@ class Desk:
             self.notice = str(error)
         self._read_values()
         self._read_snapshot()
+        # A `Drive` that cannot tell a reset has no such list.
+        self._reset_listeners = getattr(drive, "on_reset", [])
+        self._reset_listeners.append(self._reset_happened)
         self._threads = [
             threading.Thread(target=self._move, name="samples", daemon=True),
             threading.Thread(target=self._watch, name="watch", daemon=True),
@@ -105,6 +145,8 @@ class Desk:
 
     def close(self) -> None:
         self._closing.set()
+        if self._reset_happened in self._reset_listeners:
+            self._reset_listeners.remove(self._reset_happened)
         with contextlib.suppress(LinkError):
             if self._started_s is not None:
                 self.stop()
@@ -133,10 +175,14 @@ class Desk:
             "capture_channels": hello.capture_channels,
             "memory": hello.memory,
             "history_s": HISTORY_S,
-            "alone_s": self.alone_s,
+            "silent_s": self.silent_s,
+            "hidden_s": self.hidden_s,
+            "fresh_s": FRESH_S,
             "triggers": TRIGGERS,
             "states": dictionary.states,
             "working": WORKING,
+            "controlled": CONTROLLED,
+            "controlling": CONTROLLING,
             "parameters": [
                 {
                     "name": row.name, "unit": row.unit, "min": row.min, "max": row.max,
@@ -153,7 +199,8 @@ class Desk:
         """What changes, without asking the board: every reply and the heartbeat tell it."""
         client, stream = self.drive.client, self.stream
         latest, board = client.latest, client.status
-        ticks = self.ring.end * stream.decimation if self.ring and stream else 0
+        ring = self.ring
+        ticks = ring.boards_end * stream.decimation if ring and stream else 0
         return {
             "state": client.state_name(latest.state) if latest else "",
             "faults": self.drive.dictionary.causes(latest.faults) if latest else [],
@@ -161,7 +208,11 @@ class Desk:
             "plugged": client.transport.plugged,
             "broken": str(client.broken) if client.broken else "",
             "notice": self.notice,
-            "pages": self._pages,
+            "reset": self.reset,
+            "resets": getattr(self.drive, "resets", 0),
+            "marks_s": [n / stream.rate_Hz for n in ring.marks] if ring and stream else [],
+            "stops_in_s": self._hidden_left_s(),
+            "pages": len(self._pages),
             "channels": stream.channels if stream else (),
             "epoch": self.epoch,
             "f_isr_Hz": self.drive.hello.f_isr_Hz,
@@ -189,14 +240,39 @@ class Desk:
 
     # -- pages come and go -----------------------------------------------------------------
 
-    def page_came(self) -> None:
+    def page_came(self) -> int:
+        """Its number."""
         with self._lock:
-            self._pages += 1
+            self._page += 1
+            self._pages[self._page] = time.monotonic()
+            return self._page
 
-    def page_went(self) -> None:
+    def page_went(self, page: int) -> None:
         with self._lock:
-            self._pages -= 1
-            self._alone_since = time.monotonic()
+            del self._pages[page]
+
+    def page_is_behind(self, page: int) -> bool:
+        """It has more to do than it can: what it is sent has to become less."""
+        return time.monotonic() - self._pages[page] > BEHIND_S
+
+    def page_answered(self, page: int, told_s: float, visible: bool) -> None:
+        """The script of a page has shown what it was told at `told_s`, a time of this
+        computer's monotonic clock. An answer that was held up for long counts for little."""
+        told_s = min(told_s, time.monotonic())
+        with self._lock:
+            if page in self._pages:  # else it has opened another connection meanwhile
+                self._pages[page] = max(self._pages[page], told_s)
+        self._heard_s = max(self._heard_s, told_s)
+        if visible:
+            self._visible_s = max(self._visible_s, told_s)
+
+    def _hidden_left_s(self) -> float | None:
+        """After how long the drive will be stopped because all pages are hidden."""
+        started_s = self._started_s
+        if started_s is None or not self.working():
+            return None
+        hidden_for_s = time.monotonic() - max(self._visible_s, started_s)
+        return max(0.0, self.hidden_s - hidden_for_s) if hidden_for_s > self.silent_s else None
 
     # -- commands --------------------------------------------------------------------------
 
@@ -299,13 +375,17 @@ class Desk:
             with self._lock:
                 if self.stream is None or self.ring is None:
                     continue
-                blocks = self.stream.waiting()
+                try:
+                    blocks = self.stream.waiting()
+                except LinkError:  # it has ended: the watch opens another, or the page says why
+                    continue
                 if not blocks:
                     self._count(0)
                     continue
                 ticks = np.concatenate([t for t, _ in blocks])
                 values = np.concatenate([v for _, v in blocks])
                 self.ring.push(ticks // self.stream.decimation, values)
+                self._pushed_s = time.monotonic()
                 self._count(len(ticks))
                 if self._recorder:
                     try:
@@ -315,6 +395,13 @@ class Desk:
                         self.notice = f"recording ended: {error}"
                         with contextlib.suppress(RecordingError):
                             recorder.writer.close()
+
+    def newest(self) -> np.ndarray | None:
+        """(channels,): the newest sample, unless it is too old to say anything."""
+        ring = self.ring
+        if ring is None or time.monotonic() - self._pushed_s > FRESH_S:
+            return None
+        return ring.newest()
 
     def _count(self, samples: int) -> None:
         """Samples per second, over the latest second."""
@@ -336,7 +423,14 @@ class Desk:
             try:
                 if not self.drive.client.in_session:
                     self.drive.client.get_status()
-                self._stop_if_alone()
+                self._stop_if_unwatched()
+                if self._was_reset.is_set():
+                    self._was_reset.clear()
+                    try:
+                        self._after_reset()
+                    except LinkError:
+                        self._was_reset.set()  # once more
+                        raise
                 if due or time.monotonic() - read_s > PARAMETERS_S:
                     self._read_values()
                     read_s = time.monotonic()
@@ -348,7 +442,7 @@ class Desk:
                 # The page shows that the line is down; the watchdog has the drive.
                 self._closing.wait(HEARTBEAT_S)
 
-    def _stop_if_alone(self) -> None:
+    def _stop_if_unwatched(self) -> None:
         now = time.monotonic()
         if self._started_s is None:
             return
@@ -356,9 +450,58 @@ class Desk:
             # Whoever starts it next may be another client; our own start is given time.
             if now - self._started_s > START_S:
                 self._started_s = None
-        elif not self._pages and now - self._alone_since > self.alone_s:
-            self.stop()
-            self.notice = "stopped: no page was open"
+            return
+        # START came from a page: this counts as an answer of a visible one.
+        if now - max(self._heard_s, self._started_s) > self.silent_s:
+            reason = "no page was open"
+            if self._pages:
+                reason = f"no page answered for {self.silent_s:g} s (the browser stood still)"
+        elif now - max(self._visible_s, self._started_s) > self.hidden_s:
+            reason = f"all pages were hidden for {self.hidden_s:g} s"
+        else:
+            return
+        self.stop()
+        self.notice = f"stopped: {reason}"
+
+    # -- a reset of the board ------------------------------------------------------------------
+
+    def _reset_happened(self) -> None:
+        """In a thread of the client's: the watch does the work."""
+        self._was_reset.set()
+        self._refresh.set()
+
+    def reset_seen(self) -> None:
+        self.reset = ""
+
+    def _after_reset(self) -> None:
+        """Show it, trace on, and read again what the board has. A LinkError: not done yet."""
+        self._started_s = None  # the drive is off, whoever started it
+        set_in_force = getattr(self.drive.client.get_status(), "set", 0)
+        self.reset = f"The board was reset: {SETS.get(set_in_force, INITIAL)}."
+        self._end_recording("board reset")
+        with self._lock:
+            self._trace_again()
+        self._read_values()
+        self._read_snapshot()
+
+    def _trace_again(self) -> None:
+        """The same channels from a board that counts its ticks anew."""
+        old, ring = self.stream, self.ring
+        if old is None or ring is None:
+            return
+        old.close()
+        try:
+            self._open(old.channels, min(old.rate_Hz, float(self.drive.get("f_isr_Hz"))))
+        except LinkError as error:
+            if not error.mistake:
+                raise
+            self.stream = self.ring = None
+            self.notice = str(error)
+        if self.stream and self.stream.rate_Hz == old.rate_Hz:
+            ring.begin_anew(math.ceil(BREAK_S * old.rate_Hz))
+            self.ring = ring
+        else:
+            self.epoch += 1
 
     def _fault(self) -> tuple[bool, int]:
         latest = self.drive.client.latest
@@ -381,6 +524,13 @@ class Desk:
     def arm(
         self, channels: list[str], samples: int, pre: int, trigger: str, prescaler: int
     ) -> None:
+        """What triggers is captured too: the level can be seen in the capture."""
+        try:
+            on = Trigger.parse(trigger).channel
+        except RecordingError as error:
+            raise LinkError(str(error), mistake=True) from None
+        if on and on not in channels:
+            channels = [*channels, on]
         with self._lock:
             self.drive.arm(channels, samples, pre, trigger, prescaler)
             self._capture_wanted += 1
@@ -436,11 +586,13 @@ class Desk:
             return
 
     def capture_file(self, suffix: str) -> bytes:
-        """The latest capture as a file."""
+        """The latest capture as a file; .json: what stands beside its .csv."""
         if self.captured is None:
             raise LinkError("there is no capture yet", mistake=True)
         with tempfile.TemporaryDirectory() as folder:
-            return self.captured.save(Path(folder) / f"capture{suffix}").read_bytes()
+            kind = ".csv" if suffix == ".json" else suffix
+            path = self.captured.save(Path(folder) / f"capture{kind}")
+            return path.with_suffix(suffix).read_bytes()
 
     # -- recording -------------------------------------------------------------------------------
 
@@ -464,6 +616,18 @@ class Desk:
             recorder, self._recorder = self._recorder, None
             recorder.count(self._counters())
             return recorder.writer.close()
+
+    def _end_recording(self, why: str) -> None:
+        """Close a recording that cannot go on."""
+        with self._lock:
+            if self._recorder is None:
+                return
+            recorder, self._recorder = self._recorder, None
+            try:
+                recorder.writer.close(ended=why)
+                self.notice = f"recording ended: {why}"
+            except RecordingError as error:
+                self.notice = f"recording ended: {why}; {error}"
 
     def _counters(self) -> dict[str, int]:
         """What was lost since this was opened, and why."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import secrets
 import socket
 import threading
@@ -40,6 +41,7 @@ SEND_BUFFER = 1 << 16
 #: A browser has six connections for one server; STOP needs one of them.
 PAGES_OF_A_BROWSER = 4
 BODY_OCTETS = 1 << 16
+CAPTURE_FILES = ("/capture.csv", "/capture.json", "/capture.npz")
 WINDOW_S = (0.01, 60.0)
 BINS = (16, 8192)
 
@@ -222,10 +224,10 @@ class Handler(BaseHTTPRequestHandler):
             self._history(query)
         elif url.path == "/capture":
             self._json(_capture(desk))
-        elif url.path in ("/capture.csv", "/capture.npz"):
-            body = desk.capture_file(url.path[-4:])
-            name = f"capture-{desk.capture_number}{url.path[-4:]}"
-            self._send(body, "application/octet-stream", name=name)
+        elif url.path in CAPTURE_FILES:
+            suffix = url.path.removeprefix("/capture")
+            name = f"capture-{desk.capture_number}{suffix}"
+            self._send(desk.capture_file(suffix), "application/octet-stream", name=name)
         elif url.path == "/events":
             self._events(browser, query)
         else:
@@ -278,7 +280,7 @@ class Handler(BaseHTTPRequestHandler):
             if self.server.browsers[browser] >= PAGES_OF_A_BROWSER:
                 raise Refused(409, f"this browser has {PAGES_OF_A_BROWSER} pages open already")
             self.server.browsers[browser] += 1
-        self.server.desk.page_came()
+        page = self.server.desk.page_came()
         try:
             self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
             self.connection.settimeout(STALLED_S)
@@ -287,13 +289,13 @@ class Handler(BaseHTTPRequestHandler):
             self.send_header("Content-Type", "text/event-stream")
             self.send_header("Connection", "close")
             self._end()
-            self._frames(window_s, bins)
+            self._frames(page, window_s, bins)
         finally:
-            self.server.desk.page_went()
+            self.server.desk.page_went(page)
             with self.server.browsers_lock:
                 self.server.browsers[browser] -= 1
 
-    def _frames(self, window_s: float, bins: int) -> None:
+    def _frames(self, page: int, window_s: float, bins: int) -> None:
         """Until the page goes away. What it does not take in time it does not get."""
         desk = self.server.desk
         epoch, view, told_s = None, None, 0.0
@@ -305,12 +307,14 @@ class Handler(BaseHTTPRequestHandler):
             if found and found[0] != epoch:
                 epoch, ring, stream = found
                 view = View(ring, stream.rate_Hz, window_s, bins)
-            if found and view and (news := view.news()):
+            if found and view and not desk.page_is_behind(page) and (news := view.news()):
                 frame["bins"] = _bins(epoch, stream.rate_Hz, view.width, *news)
             if begun_s - told_s >= STATUS_S:
                 told_s = begun_s
                 frame["status"] = desk.status()
-                if found and (newest := ring.newest()) is not None:
+                frame["page"], frame["told_s"] = page, begun_s
+                newest = desk.newest()
+                if newest is not None and len(newest) == len(frame["status"]["channels"]):
                     frame["newest"] = [float(f"{value:.6g}") for value in newest]
             if frame:
                 text = json.dumps(_finite(frame), separators=(",", ":"))
@@ -409,6 +413,18 @@ def _arm(desk: Desk, body: dict) -> None:
     desk.arm(_names(body), samples, pre, _field(body, "trigger", str, "a text"), prescaler)
 
 
+def _beat(desk: Desk, body: dict) -> None:
+    """A page's script answers to a frame (`Desk.page_answered`)."""
+    page = _field(body, "page", int, "a whole number")
+    told_s = float(_field(body, "told_s", (int, float), "a number"))
+    if not math.isfinite(told_s):
+        raise Refused(400, "told_s: a finite number is needed")
+    visible = body.get("visible")
+    if not isinstance(visible, bool):
+        raise Refused(400, "visible: true or false is needed")
+    desk.page_answered(page, told_s, visible)
+
+
 def _record(desk: Desk, body: dict) -> dict:
     return {"file": str(desk.record_start(_field(body, "suffix", str, "a text")))}
 
@@ -417,6 +433,8 @@ COMMANDS: dict[str, Callable[[Desk, dict], dict | None]] = {
     "/start": lambda desk, _: desk.start(),
     "/stop": lambda desk, _: desk.stop(),
     "/clear": lambda desk, _: desk.clear(),
+    "/beat": _beat,
+    "/reset/seen": lambda desk, _: desk.reset_seen(),
     "/write": _write,
     "/channels": _select,
     "/capture/arm": _arm,

@@ -10,14 +10,18 @@ import numpy as np
 class Ring:
     """(channels, capacity) of the latest samples on an equal grid; missing ones are NaN.
 
-    Samples have numbers: their tick divided by the decimation. One thread pushes, any
-    number of threads look.
+    Samples have numbers: their tick divided by the decimation. After a reset the board counts
+    from 0 again; the ring's numbers go on (`begin_anew`). One thread pushes, any number of
+    threads look.
     """
 
     def __init__(self, channels: int, capacity: int) -> None:
         self.capacity = capacity
         self.begin = 0  #: number of the first sample that ever was
         self.end = 0  #: number behind the newest sample
+        self.marks: list[int] = []  #: numbers at which the board began anew
+        self._ahead = 0  # of the board's numbers
+        self._gap = 0  # of the next push, which is the first since the board began anew
         self._values = np.full((channels, capacity), np.nan, np.float32)
         self._lock = threading.Lock()
 
@@ -26,6 +30,11 @@ class Ring:
         if not len(numbers):
             return
         with self._lock:
+            if self._gap:
+                self.marks.append(self.end + self._gap // 2)
+                self._ahead = self.end + self._gap - int(numbers[0])
+                self._gap = 0
+            numbers = numbers + self._ahead
             end = int(numbers[-1]) + 1
             if self.end == 0:
                 self.begin = self.end = int(numbers[0])
@@ -35,6 +44,18 @@ class Ring:
             keep = numbers >= end - self.capacity
             self._values[:, numbers[keep] % self.capacity] = values[keep].T
             self.end = end
+
+    def begin_anew(self, gap: int) -> None:
+        """The next samples have numbers that do not follow; they are put behind the newest,
+        `gap` >= 1 samples apart. How much time was between is not known."""
+        with self._lock:
+            if self.end:
+                self._gap = gap
+
+    @property
+    def boards_end(self) -> int:
+        """`end` as the board counts."""
+        return self.end - self._ahead
 
     def part(self, first: int, last: int) -> np.ndarray:
         """(channels, last - first): a copy; NaN for what is not there (any more)."""

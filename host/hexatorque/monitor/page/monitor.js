@@ -1,6 +1,6 @@
 // The page: hears of the drive by server-sent events, asks by POST. STOP comes first.
 
-import { Bins, Stack, decode, show } from "/plot.js";
+import { Bins, Stack, decode, parse, show } from "/plot.js";
 
 const $ = (id) => document.getElementById(id);
 const WINDOWS_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
@@ -10,6 +10,11 @@ const STEPS = new Set(["torque_level", "flux_level", "sector"]);
 const QUICK = [
   ["scheme"], ["control_mode"], ["speed_ref_rpm", 100], ["torque_ref_Nm", 1], ["flux_ref_Wb", 0.05],
 ];
+//: The least time between two answers to the monitor.
+const ANSWER_MS = 200;
+//: Figures go blank, and an alarm is shown, when the monitor has been silent for so long.
+const STALE_MS = 1000;
+const SILENT_MS = 1500;
 const FIGURES = [["speed_rpm", "speed"], ["torque_Nm", "torque"], ["vdc_V", "dc link"]];
 
 let device = null;
@@ -17,6 +22,8 @@ let status = null;
 let values = {};
 let events = null;
 let heard_ms = 0;
+let answered_ms = 0;
+let answering = false;
 let epoch = -1;
 let captured = null;
 let armedHere = false;
@@ -24,6 +31,7 @@ let seen = { values: -1, snapshot: -1, capture: 0 };
 const edits = new Map(); // parameter -> text that was typed and not applied
 let channelRow = new Map();
 let parameterRow = new Map();
+let search = () => {};
 
 // -- asking ------------------------------------------------------------------------------
 
@@ -126,13 +134,38 @@ function listen() {
   events.onmessage = (event) => {
     heard_ms = performance.now();
     const frame = JSON.parse(event.data);
-    if (frame.status) hear(frame.status);
-    if (frame.bins && !paused) take(frame.bins);
-    if (frame.newest && !paused) {
-      live.newest(frame.newest);
-      figures(frame.newest);
+    if (frame.status) {
+      hear(frame.status);
+      newest(frame.newest ?? null);
     }
+    if (frame.bins && !paused) take(frame.bins);
+    if (frame.told_s) answer(frame.page, frame.told_s);
   };
+}
+
+/** Tell the monitor that this script runs and has shown what it was told. Without an answer of
+ * any page the monitor stops the drive. Called when news arrive and not by a timer, because
+ * browsers slow down the timers of a hidden page. */
+async function answer(page, told_s) {
+  if (answering || performance.now() - answered_ms < ANSWER_MS) return;
+  answering = true;
+  answered_ms = performance.now();
+  try {
+    await ask("/beat", { page, told_s, visible: !document.hidden });
+  } catch {
+    // The next news are answered again.
+  } finally {
+    answering = false;
+  }
+}
+
+/** The newest sample into header and legend; null: there is none that is fresh. */
+function newest(sample) {
+  const controlling = device.controlling.includes(status.state);
+  const meant = sample ? status.channels.map((name, place) =>
+    (controlling || !device.controlled.includes(name) ? sample[place] : NaN)) : [];
+  figures(meant);
+  if (!paused) live.newest(meant);
 }
 
 function take(news) {
@@ -280,6 +313,9 @@ function hear(now) {
   $("start").disabled = now.state !== "idle" || !now.plugged;
   $("clear").disabled = now.state !== "fault" || !now.plugged;
   alarm();
+  resetBanner(now.reset);
+  titleOf(now);
+  live.marks = now.marks_s.map((time_s) => ({ time_s, text: "board reset" }));
   linkTable(now);
   record(now.record);
   $("capture-state").textContent = now.capture_state;
@@ -296,8 +332,23 @@ function hear(now) {
   if (!before || before.state !== now.state) lock();
 }
 
+function resetBanner(text) {
+  $("reset").hidden = !text;
+  if ($("reset").firstChild.textContent !== text) $("reset").firstChild.textContent = text;
+}
+
+/** Who cannot see the page sees its title. */
+function titleOf(now) {
+  const name = `${device.device} · hexatorque monitor`;
+  const warn = document.hidden && now.stops_in_s !== null;
+  const title = warn ? `⚠ stops in ${Math.ceil(now.stops_in_s)} s: show this page · ${name}` : name;
+  if (document.title !== title) document.title = title;
+}
+
 function alarm() {
-  const silent = performance.now() - heard_ms > 1500;
+  const silent_ms = performance.now() - heard_ms;
+  const silent = silent_ms > SILENT_MS;
+  if (silent_ms > STALE_MS && status) newest(null);
   let text = "";
   if (silent) text = "No word from the monitor. A drive that it started stops by itself.";
   else if (status?.broken) text = status.broken;
@@ -323,6 +374,7 @@ function linkTable(now) {
     ["damaged frames", now.damaged, "that this computer received", now.damaged],
     ["retries", now.retries, "requests that were sent again", now.retries],
     ["reconnects", now.reconnects, "", now.reconnects],
+    ["board resets", now.resets, "while this monitor was connected", now.resets],
     ["board damaged", board, `${now.board_damaged} damaged frames, ${now.board_overruns} overruns of its receiver`, board],
     ["board dropped", now.board_dropped, "samples for which the line had no room", now.board_dropped],
     ["pages", now.pages, "that show this drive"],
@@ -337,7 +389,7 @@ function linkTable(now) {
     box.dataset.name = name;
     box.classList.toggle("bad", bad > 0);
     box.lastChild.textContent = value;
-    box.hidden = name === "pages" && value < 2;
+    box.hidden = (name === "pages" && value < 2) || (name === "board resets" && value < 1);
   });
 }
 
@@ -348,7 +400,7 @@ function record(now) {
   $("suffix").hidden = Boolean(now);
 }
 
-function figures(newest) {
+function figures(sample) {
   if (!$("figures").children.length) {
     for (const [channel, name] of FIGURES) {
       const row = device.channels.find((one) => one.name === channel);
@@ -363,7 +415,7 @@ function figures(newest) {
   for (const value of $("figures").querySelectorAll("b")) {
     const place = status.channels.indexOf(value.dataset.figure);
     value.closest("div").hidden = place < 0;
-    if (place >= 0) value.textContent = show(newest[place]);
+    if (place >= 0) value.textContent = show(sample[place]);
   }
 }
 
@@ -451,26 +503,38 @@ const shortest = (value) => String(value).replace("-", "−");
 function mistake(row, text) {
   if (row.choices.length) return "";
   const value = parse(text);
-  if (text.trim() === "" || !Number.isFinite(value)) return "a number is needed";
+  if (!Number.isFinite(value)) return NUMBER;
   if (value < row.min || value > row.max) return `allowed: ${range(row)}${row.unit ? ` ${row.unit}` : ""}`;
   return "";
 }
 
-const parse = (text) => Number(text.replace("−", "-"));
+const NUMBER = "a number is needed, such as 250.5 or 250,5; no thousands separators";
 const asValue = (row, text) => (row.choices.length ? text : parse(text));
 const asText = (value) => (value === undefined || value === null ? "" : String(value));
+
+/** What stands in the board's own table for a parameter. */
+const defaultOf = (row) => (row.choices.length ? row.choices[row.initial] : row.initial);
+
+function differs(row) {
+  const value = values[row.name];
+  if (value === undefined || value === null) return false;
+  return row.choices.length ? value !== defaultOf(row) : Math.fround(value) !== Math.fround(row.initial);
+}
 
 function parameters() {
   for (const row of device.parameters) {
     const input = editor(row);
     const error = make("p", { className: "error", hidden: true });
-    const limits = row.choices.length ? "" : range(row);
+    const standard = make("span", {
+      textContent: `default ${row.choices.length ? defaultOf(row) : shortest(row.initial)}`,
+    });
+    const limits = make("p", { className: "limits" }, ...(row.choices.length ? [] : [`${range(row)} · `]), standard);
     const box = make("div", { className: "parameter" },
       make("label", {},
         make("span", { className: "name", textContent: row.name }),
         make("span", { className: "field" }, input, make("span", { textContent: row.unit }))),
       make("p", { className: "hint" }, row.help),
-      make("p", { className: "limits" }, limits), error);
+      limits, error);
     if (!row.live) box.classList.add("idle-only");
     box.dataset.text = `${row.name} ${row.unit} ${row.help} ${row.choices.join(" ")}`.toLowerCase();
     const changed = () => {
@@ -482,20 +546,23 @@ function parameters() {
     };
     input.addEventListener("input", changed);
     input.addEventListener("keydown", (event) => { if (event.key === "Enter") apply(); });
-    parameterRow.set(row.name, { row, input, box, error });
+    parameterRow.set(row.name, { row, input, box, error, standard });
     $("parameters").append(box);
   }
-  const none = make("p", { className: "hint", hidden: true, textContent: "No parameter has that in its name, unit or description." });
+  const none = make("p", { className: "hint", hidden: true, textContent: "No parameter is found." });
   $("parameters").append(none);
-  $("search").addEventListener("input", () => {
+  search = () => {
     const words = $("search").value.toLowerCase().split(/\s+/).filter(Boolean);
     let found = 0;
-    for (const { box } of parameterRow.values()) {
-      box.hidden = !words.every((word) => box.dataset.text.includes(word));
+    for (const { row, box } of parameterRow.values()) {
+      const wanted = !$("only-changed").checked || differs(row) || edits.has(row.name);
+      box.hidden = !wanted || !words.every((word) => box.dataset.text.includes(word));
       found += !box.hidden;
     }
     none.hidden = found > 0;
-  });
+  };
+  $("search").addEventListener("input", search);
+  $("only-changed").addEventListener("change", search);
   $("revert").addEventListener("click", () => { edits.clear(); showValues(); pending(); });
   $("apply-all").addEventListener("click", apply);
 }
@@ -556,10 +623,16 @@ async function fetchValues(version) {
 }
 
 function showValues() {
-  for (const [name, { input }] of parameterRow) {
+  let changed = 0;
+  for (const [name, { row, input, box, standard }] of parameterRow) {
     if (!edits.has(name)) input.value = asText(values[name]);
     mark(name);
+    box.classList.toggle("changed", differs(row));
+    standard.classList.toggle("default", differs(row));
+    changed += differs(row);
   }
+  $("changed-count").textContent = `(${changed})`;
+  search();
   for (const [name, { input }] of quickRow) {
     if (document.activeElement !== input || input.tagName === "SELECT") input.value = asText(values[name]);
   }
@@ -590,7 +663,7 @@ function quick() {
     const send = async (text) => {
       const wrong = mistake(row, text);
       if (wrong) toast(`${name}: ${wrong}`, "bad");
-      else if (await write({ [name]: asValue(row, text) })) return;
+      else await write({ [name]: asValue(row, text) });
       input.value = asText(values[name]);
     };
     box.append(make("label", { title: row.help },
@@ -621,7 +694,8 @@ function quick() {
   }
   $("quick").append(make("p", { className: "hint", textContent:
     `Enter applies. Esc stops, anywhere; so does space while the drive works. ` +
-    `A drive that was started from here stops when no page has been open for ${device.alone_s} s.` }));
+    `A drive that was started from here stops when no page has answered for ${device.silent_s} s, ` +
+    `or when all pages have been hidden for ${device.hidden_s} s.` }));
 }
 
 // -- burst capture -----------------------------------------------------------------------
@@ -641,7 +715,12 @@ function capture() {
     event.preventDefault();
     const samples = $("samples").valueAsNumber;
     const kind = $("trigger").value;
-    const level = onLevel() ? `:${$("trigger-channel").value}:${$("level").valueAsNumber}` : "";
+    const number = parse($("level").value);
+    if (onLevel() && Number.isNaN(number)) {
+      toast(`level: ${NUMBER}`, "bad");
+      return;
+    }
+    const level = onLevel() ? `:${$("trigger-channel").value}:${number}` : "";
     armedHere = Boolean(await order("/capture/arm", {
       channels: chosen(), samples, trigger: kind + level, prescaler: $("prescaler").valueAsNumber,
       pre: Math.min(samples - 1, Math.round((samples * $("pre").valueAsNumber) / 100)),
@@ -653,14 +732,18 @@ function capture() {
 }
 
 const onLevel = () => ["rising", "falling", "above", "below"].includes($("trigger").value);
-const chosen = () => [...captureRow.values()].filter(({ input }) => input.checked).map(({ input }) => input.value);
+const ticked = () => [...captureRow.values()].filter(({ input }) => input.checked).map(({ input }) => input.value);
+
+/** What is captured: what is ticked, and what triggers. */
+const chosen = () => [...new Set([...ticked(), ...(onLevel() ? [$("trigger-channel").value] : [])])];
 
 function shape() {
   for (const label of document.querySelectorAll(".on-level")) label.hidden = !onLevel();
   const on = device.channels.find((one) => one.name === $("trigger-channel").value);
   $("level-unit").textContent = on.unit;
   const count = chosen().length;
-  $("capture-chosen").textContent = `${count} of up to ${device.capture_channels} channels`;
+  const added = count > ticked().length ? ", with that of the trigger" : "";
+  $("capture-chosen").textContent = `${count} of up to ${device.capture_channels} channels${added}`;
   const most = Math.floor(device.memory / Math.max(1, count));
   $("samples").max = most;
   const f_isr_Hz = status?.f_isr_Hz ?? NaN;
@@ -754,13 +837,14 @@ async function begin() {
   $("device").textContent = `${device.device} · ${device.build}`;
   $("device").title = `${device.port}, ${device.baud} baud`;
   document.title = `${device.device} · hexatorque monitor`;
+  $("reset").lastChild.addEventListener("click", () => order("/reset/seen"));
   quick();
   parameters();
   channels();
   capture();
   tools();
   listen();
-  setInterval(alarm, 500);
+  setInterval(alarm, 250);
 }
 
 begin();

@@ -75,7 +75,14 @@ export function show(value, digits = 4) {
     const whole = size < 1 ? 1 : Math.floor(Math.log10(size)) + 1;
     text = value.toFixed(Math.min(5, Math.max(0, digits - whole)));
   }
-  return text.replace("-", "−");
+  return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "−");
+}
+
+/** The number that a person wrote, or NaN. Point or comma is the decimal sign, and there are no
+ * thousands separators; a minus sign may be the one that word processors write. */
+export function parse(text) {
+  const plain = text.trim().replace(/[−–]/g, "-").replace(",", ".");
+  return /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(plain) ? Number(plain) : NaN;
 }
 
 /** Distance of ticks for about `count` of them: 1, 2 or 5 times a power of ten. */
@@ -146,12 +153,11 @@ class Plot {
     button.title = "scale: follow the traces, or keep it fixed";
     const inputs = ["smallest", "largest"].map((what) => {
       const input = document.createElement("input");
-      input.type = "number";
-      input.step = "any";
+      input.inputMode = "decimal";
       input.setAttribute("aria-label", `${what} value of the scale`);
       input.hidden = true;
       input.addEventListener("change", () => {
-        const [low, high] = inputs.map((i) => i.valueAsNumber);
+        const [low, high] = inputs.map((i) => parse(i.value));
         if (low < high) this.fixed = [low, high];
         this.stack.draw();
       });
@@ -349,7 +355,7 @@ class Plot {
 
   lines(pen, x, bottom) {
     const { stack } = this;
-    const { ink, accent } = stack.colours;
+    const { ink, accent, stop } = stack.colours;
     const zero = stack.anchor();
     const upright = (t, colour, dash) => {
       pen.strokeStyle = colour;
@@ -368,6 +374,13 @@ class Plot {
       pen.globalAlpha = 1;
     }
     if (stack.trigger) upright(0, accent, [6, 4]);
+    for (const mark of stack.marks) {
+      upright(mark.time_s, stop, [2, 2]);
+      pen.fillStyle = stop;
+      pen.textAlign = "left";
+      pen.textBaseline = "top";
+      if (x(mark.time_s) >= LEFT) pen.fillText(mark.text, x(mark.time_s) + 4, TOP);
+    }
     if (stack.mark_s !== null) upright(zero + stack.mark_s, accent, []);
     if (stack.cursor_s !== null) upright(zero + stack.cursor_s, ink, [2, 3]);
   }
@@ -384,6 +397,7 @@ export class Stack {
     this.view = null; // chosen part, [from, to]
     this.window_s = 5;
     this.trigger = false; // time 0 is a trigger, not the newest sample
+    this.marks = []; // {time_s, text}: what happened when
     this.cursor_s = this.mark_s = this.drag = this.hold = null;
     this.waiting = false;
     this.restyle();
@@ -403,6 +417,7 @@ export class Stack {
       faint: colour("--faint"),
       line: colour("--line"),
       accent: colour("--accent"),
+      stop: colour("--stop"),
       traces: Array.from({ length: 10 }, (_, i) => colour(`--trace-${i}`)),
     };
   }
