@@ -154,7 +154,7 @@ def check_names(names: Iterable[str]) -> None:
 
 def clock_text(wall_s: float) -> str:
     """Seconds since 1970 as ISO 8601 with this computer's zone, in whole milliseconds."""
-    return datetime.fromtimestamp(wall_s).astimezone().isoformat(timespec="milliseconds")
+    return datetime.fromtimestamp(round(wall_s, 3)).astimezone().isoformat(timespec="milliseconds")
 
 
 def header(
@@ -227,4 +227,6 @@ def _as_type(data: np.ndarray, kind: str | None) -> np.ndarray:
         raise ValueError(f"samples of {np.ndim(data)} dimensions")
     if kind == "bool":
         data = data != 0
-    return np.ascontiguousarray(data.astype(kind or data.dtype, casting="same_kind", copy=False))
+    data = data.astype(kind or data.dtype, casting="same_kind", copy=False)
+    # Some libraries hang metadata of their own on the type: the view has none.
+    return np.ascontiguousarray(data).view(data.dtype.name)

@@ -245,6 +245,11 @@ def raster(table: Table, time_s: np.ndarray) -> tuple[float, np.ndarray]:
     bad = np.flatnonzero(~np.isfinite(time_s))
     if len(bad):
         raise RecordingError(f"line {table.line_of(int(bad[0]))}: no time")
+    number = np.arange(len(time_s))
+    span_s = float(time_s[-1] - time_s[0])
+    step_s = span_s / number[-1]
+    if span_s > 0 and np.all(abs(time_s - time_s[0] - number * step_s) <= SLACK * step_s):
+        return plain_rate(number[-1] / span_s, number[-1]), number
     steps = np.diff(time_s)
     step_s = float(np.median(steps))
     if step_s > 0:
@@ -264,7 +269,6 @@ def raster(table: Table, time_s: np.ndarray) -> tuple[float, np.ndarray]:
             f"{places.sum() - len(steps):.0f} rows are missing: too many to fill in"
         )
     places = np.concatenate([[0], np.cumsum(places.astype(np.int64))])
-    span_s = float(time_s[-1] - time_s[0])
     return plain_rate(places[-1] / span_s, int(places[-1])), places
 
 
