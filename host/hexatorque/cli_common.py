@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
-COMPILING = "compiling the simulation: once, about half a minute ..."
+COMPILING = "compiling the simulation: once, for up to a minute ..."
 
 
 def point_options(parser: argparse.ArgumentParser, setup: str) -> None:

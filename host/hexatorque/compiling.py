@@ -1,4 +1,4 @@
-"""Compiling the simulation takes half a minute the first time, and again when the source of
+"""Compiling the simulation takes up to a minute the first time, and again when the source of
 the plant has changed; then it comes from a cache on disk. Who waits for it is told.
 """
 
