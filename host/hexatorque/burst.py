@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .recording import RecordingError
+from .files.journal import TICK_HZ
+from .recording import DECIMATION, FIRST_TICK, TRIGGER, RecordingError
 
 #: In the order of their numbers in docs/protocol.md.
 TRIGGERS = ("manual", "rising", "falling", "above", "below", "fault", "command")
@@ -57,6 +58,20 @@ def check(samples: int, pre: int, prescaler: int) -> None:
         raise RecordingError(f"pre = {pre}: allowed range is 0 .. {samples - 1}")
     if not 1 <= prescaler <= 0xFFFF:
         raise RecordingError(f"prescaler = {prescaler}: allowed range is 1 .. 65535")
+
+
+def metadata(trigger_tick: int, pre: int, prescaler: int, f_isr_Hz: float) -> dict:
+    """Of a complete capture: its trigger is at time 0, and no sample is missing."""
+    return {
+        TRIGGER: 0.0,
+        "trigger_tick": trigger_tick,
+        FIRST_TICK: (trigger_tick - pre * prescaler) % 2**32,
+        DECIMATION: prescaler,
+        TICK_HZ: f_isr_Hz,
+        "gaps": 0,
+        "lost_samples": 0,
+        "damaged_samples": 0,
+    }
 
 
 class Burst:

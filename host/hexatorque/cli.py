@@ -13,7 +13,15 @@ import sys
 from pathlib import Path
 
 from . import __version__, cli_board, cli_link, cli_monitor, cli_pil, cli_plot, cli_record
-from .cli_common import console_of, point_options, print_json, progress, schemes_given
+from .cli_common import (
+    compile_now,
+    compiling,
+    console_of,
+    point_options,
+    print_json,
+    progress,
+    schemes_given,
+)
 from .files import suffixes_text
 from .papers import ENTRIES
 from .verify import STUDIES
@@ -147,6 +155,7 @@ def _compare(args: argparse.Namespace) -> int:
     setups = [args.setup] if args.setup else compare.DEFAULT_SETUPS
     compare.make_folder(args.output)
     todo = compare.points(setups, schemes_given(args.schemes), args.speed, args.load, args.latency)
+    compile_now()
     with progress(console) as bar:
         task = bar.add_task("comparing", total=sum(point.simulated_s for point in todo))
         comparison = compare.compare(todo, lambda seconds: bar.advance(task, seconds))
@@ -174,7 +183,8 @@ def _run(args: argparse.Namespace) -> int:
     console = console_of(args.json)
     setup = scenario.load(args.scenario)
     output = check_output(args.output or Path("out") / f"{setup.name}.npz")
-    sim = Simulation(setup, setup.profile.samples_per_period)
+    with compiling():
+        sim = Simulation(setup, setup.profile.samples_per_period)
     with progress(console) as bar:
         task = bar.add_task(setup.name, total=setup.profile.duration_s)
         sim.run_profile(setup.profile, lambda seconds: bar.advance(task, seconds))
@@ -264,6 +274,7 @@ def _reach(args: argparse.Namespace) -> int:
     load_Nm = setup["point.load_Nm"]
     names = schemes_given(args.schemes)
     setups = [setup.changed(controller__scheme=name) for name in names]
+    compile_now()
     with progress(console) as bar:
         task = bar.add_task("searching", total=None)
         speeds = reach_all(setups, load_Nm, lambda seconds: bar.advance(task, seconds))
@@ -297,6 +308,7 @@ def _verify(args: argparse.Namespace) -> int:
     except OSError as error:
         raise ScenarioError(f"{args.output}: {error.strerror}") from None
     console = console_of(args.json)
+    compile_now()
     results = {}
     failures = []
     for name in names:
@@ -329,6 +341,7 @@ def _reproduce(args: argparse.Namespace) -> int:
     names = reproduce.chosen(args.id)
     reproduce.make_folder(args.output)
     console = console_of(args.json)
+    compile_now()
     with progress(console) as bar:
         tasks: list = []
 

@@ -8,6 +8,7 @@ import signal
 import sys
 from pathlib import Path
 
+from .cli_common import compiling
 from .cli_link import baud
 
 EXAMPLES = """examples:
@@ -70,7 +71,9 @@ def _board(args: argparse.Namespace) -> int:
     if args.record is not None:
         check_output(args.record)
     ended = []
-    with _make(args) as board, Terminal() as line, _name(args.link, line.port):
+    with compiling():
+        made = _make(args)
+    with made as board, Terminal() as line, _name(args.link, line.port):
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda *_: ended.append(True))
         if args.load is not None:

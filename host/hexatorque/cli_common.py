@@ -4,6 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+COMPILING = "compiling the simulation: once, for up to a minute ..."
 
 
 def point_options(parser: argparse.ArgumentParser, setup: str) -> None:
@@ -17,11 +23,46 @@ def point_options(parser: argparse.ArgumentParser, setup: str) -> None:
     )
 
 
-def console_of(as_json: bool):
-    """Tables go to standard output, or to standard error beside JSON."""
+#: Width of what is no terminal: no line of a table is broken there.
+WIDE = 1000
+
+
+def console_of(as_json: bool, highlight: bool = True):
+    """Tables go to standard output, or to standard error beside JSON. COLUMNS, or the
+    terminal, says how wide they may be."""
     from rich.console import Console
 
-    return Console(stderr=as_json)
+    console = Console(stderr=as_json, highlight=highlight)
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        console.width = WIDE
+    return console
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Say so on standard error while the simulation is compiled in this block."""
+    from rich.console import Console
+
+    from .compiling import watched
+
+    console, shown = Console(stderr=True), ExitStack()
+
+    def begun() -> None:
+        if console.is_terminal:
+            shown.enter_context(console.status(COMPILING))
+        else:
+            print(COMPILING, file=sys.stderr, flush=True)
+
+    with shown, watched(begun, shown.close):
+        yield
+
+
+def compile_now() -> None:
+    """Before a command simulates: compile what has to be compiled, and say so."""
+    from .compiling import compile_now
+
+    with compiling():
+        compile_now()
 
 
 def progress(console):

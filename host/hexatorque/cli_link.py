@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from .cli_common import console_of
+
 PORT = """
 The port is found by itself if there is one board; see `hexatorque devices`. All hexatorque
 commands share a port.
@@ -128,10 +130,7 @@ def open_drive(args: argparse.Namespace):
 
 
 def console_for(args: argparse.Namespace):
-    """Tables go to standard output, or to standard error beside JSON."""
-    from rich.console import Console
-
-    return Console(stderr=args.json, highlight=False)
+    return console_of(args.json, highlight=False)
 
 
 def tripped(state: str, faults: list[str]) -> int:

@@ -5,7 +5,14 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .cli_common import console_of, point_options, print_json, progress, schemes_given
+from .cli_common import (
+    compile_now,
+    console_of,
+    point_options,
+    print_json,
+    progress,
+    schemes_given,
+)
 from .files import suffixes_text
 
 
@@ -106,6 +113,7 @@ def _pil(args: argparse.Namespace) -> int:
             for s in each
         ]
     outcomes = []
+    compile_now()
     with progress(console) as bar:
         total = 2 * sum(profile.duration_s for _, profile, _ in todo)
         task = bar.add_task(name, total=total)

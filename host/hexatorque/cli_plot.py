@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from .cli_common import console_of, print_json
@@ -62,6 +63,8 @@ def _plot(args: argparse.Namespace) -> int:
         raise RecordingError(f"{args.output}: a picture is a .png")
     console = console_of(args.json)
     traces = overlay.read(args.file)
+    for trace in traces:
+        _say_notes(trace.file, trace.rec)
     how = overlay.align(traces, args.align)
     asked = None if args.channels is None else [n.strip() for n in args.channels.split(",")]
     names = overlay.chosen(traces, asked)
@@ -100,11 +103,18 @@ def _window(text: str | None) -> tuple[float, float] | None:
     return begin_s, end_s
 
 
+def _say_notes(file: str, rec) -> None:
+    """What reading a file brought up, on standard error."""
+    if rec.notes:
+        print(f"hexatorque: {file}: {'; '.join(rec.notes)}", file=sys.stderr)
+
+
 def _convert(args: argparse.Namespace) -> int:
     from .files import check_output
     from .recording import Recording
 
     output = check_output(args.output)
     rec = Recording.load(args.file)
+    _say_notes(args.file, rec)
     print(f"{rec.save(output)}: {len(rec)} samples of {len(rec.channels)} channels")
     return 0

@@ -101,39 +101,32 @@ def running(args: argparse.Namespace, drive) -> Iterator[None]:
 
 
 def _stream(args: argparse.Namespace) -> int:
-    from .files import check_output, journal
-    from .files.writer import Writer
+    from .files import check_output
     from .link.drive import BOARD_RESET
+    from .link.recorder import Recorder
 
     check_output(args.output)
     console = console_for(args)
     with until_told() as told, open_drive(args) as drive, running(args, drive):
         faulted = not args.start and drive.state == "fault"  # before: it does not trip here
         stream = drive.stream(args.channel, args.rate, args.decimation)
-        kind = journal.Stream(
-            tuple((name, stream.units[name]) for name in stream.channels),
-            stream.f_isr_Hz,
-            stream.decimation,
-            meta=drive.meta(),
-        )
         wanted = None if args.duration is None else max(1, round(args.duration * stream.rate_Hz))
         console.print(f"{len(stream.channels)} channels at {stream.rate_Hz:.6g} Hz")
-        with Writer.open(args.output, kind) as writer, stream:
-            samples = _write(drive, stream, writer, wanted, told, console)
+        with stream, Recorder(drive, args.output, stream) as recorder:
+            _write(drive, stream, recorder, wanted, told, console)
             state, faults = drive.state, drive.faults
-            writer.count(**_counters(drive, stream))
-            ended = {"ended": BOARD_RESET} if stream.ended else {}
-            path = writer.close(state=state, faults=faults, **ended)
+            ended = BOARD_RESET if stream.ended else "user" if told.is_set() else "duration"
+            path = recorder.close(ended, state=state, faults=faults)
     summary = {
         "file": str(path),
-        "samples": samples,
+        "samples": recorder.samples,
         "rate_Hz": stream.rate_Hz,
         "gaps": stream.gaps,
         "lost_samples": stream.lost,
         **drive.line_counters(),
         "state": state,
         "faults": faults,
-        **ended,
+        "ended": ended,
     }
     say(args, summary)
     if stream.ended:
@@ -142,40 +135,27 @@ def _stream(args: argparse.Namespace) -> int:
     return 0 if faulted else tripped(state, faults)
 
 
-def _write(drive, stream, writer, wanted: int | None, told: threading.Event, console) -> int:
-    """Until so many samples are written, told, or the board is reset; returns how many."""
+def _write(drive, stream, recorder, wanted: int | None, told: threading.Event, console) -> None:
+    """Until so many samples are written, told, or the board is reset."""
     from .link import LinkError
 
-    samples, plugged, counted_s = 0, True, time.monotonic()
-    while not told.is_set() and (wanted is None or samples < wanted):
+    plugged = True
+    while not told.is_set() and (wanted is None or recorder.samples < wanted):
         try:
             block = stream.read(0.1)
         except LinkError:
             if stream.ended is None:
                 raise
-            break
+            return
         if plugged != drive.client.transport.plugged:
             plugged = not plugged
             console.print("back again" if plugged else "unplugged: waiting for the board")
         if block is not None:
             ticks, values = block
             if wanted is not None:
-                ticks, values = ticks[: wanted - samples], values[: wanted - samples]
-            writer.append(ticks, values)
-            samples += len(ticks)
-        if time.monotonic() - counted_s > 1.0:
-            counted_s = time.monotonic()
-            writer.count(**_counters(drive, stream))
-    return samples
-
-
-def _counters(drive, stream) -> dict[str, int]:
-    status = drive.client.status
-    return {
-        "drops": status.dropped if status else 0,
-        **drive.line_counters(),
-        "damaged_samples": stream.damaged,
-    }
+                left = wanted - recorder.samples
+                ticks, values = ticks[:left], values[:left]
+            recorder.put(ticks, values)
 
 
 def _capture(args: argparse.Namespace) -> int:

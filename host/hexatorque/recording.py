@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,12 @@ __all__ = ["TRIGGER", "Recording", "RecordingError"]
 #: aligned by it; a capture sets it.
 TRIGGER = "trigger_s"
 
-FORMAT = "hexatorque-recording-1"
+FORMAT = "hexatorque-recording-2"
+#: Key of `meta`: wall-clock time of time 0 of the recording's own time base (`clock_text`).
+STARTED = "started"
+#: Keys of `meta`: the board's count of fast interrupts at the first sample, and from one
+#: sample to the next.
+FIRST_TICK, DECIMATION = "first_tick", "decimation"
 #: What every kind of file can hold.
 TYPES = ("float32", "float64", "bool", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)))
 
@@ -38,7 +44,8 @@ class Recording:
     rate_Hz: samples per second; start_s: time of the first sample;
     channels: name -> (n,) array, all of one length, NaN where a sample was lost;
     units: name -> unit;
-    meta: anything JSON can hold (set-up, parameters, firmware build, drops).
+    meta: anything JSON can hold (set-up, parameters, firmware build, drops);
+    notes: what reading a file brought up, for people; not saved.
     """
 
     rate_Hz: float
@@ -46,6 +53,7 @@ class Recording:
     units: dict[str, str] = field(default_factory=dict)
     meta: dict = field(default_factory=dict)
     start_s: float = 0.0
+    notes: list[str] = field(default_factory=list, compare=False)
 
     def __post_init__(self) -> None:
         lengths = {len(v) for v in self.channels.values()}
@@ -73,6 +81,16 @@ class Recording:
         return len(self) / self.rate_Hz
 
     @property
+    def ticks(self) -> np.ndarray | None:
+        """(n,) uint32: the board's count of fast interrupts at each sample, modulo 2**32;
+        None for a recording that no board made."""
+        first, step = self.meta.get(FIRST_TICK), self.meta.get(DECIMATION)
+        if type(first) is not int or type(step) is not int:
+            return None
+        ticks = (first + step * np.arange(len(self), dtype=np.int64)) % 2**32
+        return ticks.astype(np.uint32)
+
+    @property
     def trigger_s(self) -> float | None:
         """Time of the trigger; None without one."""
         value = self.meta.get(TRIGGER)
@@ -83,9 +101,10 @@ class Recording:
         first = max(0, int(np.ceil((begin_s - self.start_s) * self.rate_Hz - 1e-6)))
         last = max(first, int(np.ceil((end_s - self.start_s) * self.rate_Hz - 1e-6)))
         part = {name: data[first:last] for name, data in self.channels.items()}
-        return Recording(
-            self.rate_Hz, part, self.units, self.meta, self.start_s + first / self.rate_Hz
-        )
+        meta, ticks = self.meta, self.ticks
+        if ticks is not None and len(ticks):
+            meta = {**meta, FIRST_TICK: (int(ticks[0]) + first * meta[DECIMATION]) % 2**32}
+        return Recording(self.rate_Hz, part, self.units, meta, self.start_s + first / self.rate_Hz)
 
     def save(self, path: str | Path) -> Path:
         """Write by suffix (`files.SUFFIXES`); returns the path. Until all is written an
@@ -115,7 +134,7 @@ class Recording:
         if path.suffix == files.PART:
             from .files import journal as reader
         else:
-            reader = files.module(path)
+            reader = files.module(path.with_suffix(path.suffix.lower()))
         try:
             return reader.load(path)
         except (OSError, RecordingError) as error:
@@ -133,19 +152,43 @@ def check_names(names: Iterable[str]) -> None:
             raise RecordingError(f"channel {name!r}: that is the name of the time base")
 
 
-def header_text(rec: Recording, **more: object) -> str:
-    """All of a recording but its samples, as one line of JSON."""
-    header = {
+def clock_text(wall_s: float) -> str:
+    """Seconds since 1970 as ISO 8601 with this computer's zone, in whole milliseconds."""
+    return datetime.fromtimestamp(round(wall_s, 3)).astimezone().isoformat(timespec="milliseconds")
+
+
+def header(
+    rate_Hz: float,
+    start_s: float,
+    samples: int | None,
+    columns: Iterable[tuple[str, str, str]],
+    meta: dict,
+) -> dict:
+    """All of a recording but its samples: the same in every kind of file. `columns`: name,
+    unit and type of each channel; no number of samples while they still come."""
+    columns = list(columns)
+    return {
         "format": FORMAT,
-        "rate_Hz": rec.rate_Hz,
-        "start_s": rec.start_s,
-        "samples": len(rec),
-        "units": {name: rec.units.get(name, "") for name in rec.channels},
-        "types": {name: np.asarray(data).dtype.name for name, data in rec.channels.items()},
-        "meta": rec.meta,
-        **more,
+        "rate_Hz": rate_Hz,
+        "start_s": start_s,
+        "samples": samples,
+        "units": {name: unit for name, unit, _ in columns},
+        "types": {name: kind for name, _, kind in columns},
+        "meta": meta,
     }
-    return to_json(header)
+
+
+def header_of(rec: Recording) -> dict:
+    columns = [
+        (name, rec.units.get(name, ""), np.asarray(data).dtype.name)
+        for name, data in rec.channels.items()
+    ]
+    return header(rec.rate_Hz, rec.start_s, len(rec), columns, rec.meta)
+
+
+def header_text(rec: Recording, **more: object) -> str:
+    """`header_of` as one line of JSON."""
+    return to_json({**header_of(rec), **more})
 
 
 def to_json(data: object) -> str:
@@ -155,10 +198,14 @@ def to_json(data: object) -> str:
 
 def from_header(text: str | bytes, channels: dict[str, np.ndarray]) -> Recording:
     """The recording of a header (`header_text`) and its samples, name -> array."""
-    header = json.loads(text)
-    rate_Hz, start_s = float(header["rate_Hz"]), float(header["start_s"])
-    units, meta = header["units"], header["meta"]
-    types, samples = header.get("types", {}), header.get("samples")
+    return from_fields(json.loads(text), channels)
+
+
+def from_fields(fields: dict, channels: dict[str, np.ndarray]) -> Recording:
+    """The same of a header that was parsed."""
+    rate_Hz, start_s = float(fields["rate_Hz"]), float(fields["start_s"])
+    units, meta = fields["units"], fields["meta"]
+    types, samples = fields.get("types", {}), fields.get("samples")
     if not (np.isfinite([rate_Hz, start_s]).all() and rate_Hz > 0):
         raise ValueError(f"{rate_Hz} samples per second from {start_s} s on")
     if not isinstance(meta, dict) or not all(isinstance(u, str) for u in units.values()):
@@ -180,4 +227,6 @@ def _as_type(data: np.ndarray, kind: str | None) -> np.ndarray:
         raise ValueError(f"samples of {np.ndim(data)} dimensions")
     if kind == "bool":
         data = data != 0
-    return np.ascontiguousarray(data.astype(kind or data.dtype, casting="same_kind", copy=False))
+    data = data.astype(kind or data.dtype, casting="same_kind", copy=False)
+    # Some libraries hang metadata of their own on the type: the view has none.
+    return np.ascontiguousarray(data).view(data.dtype.name)

@@ -19,7 +19,7 @@ import numpy as np
 from numba import types
 
 from . import __version__, firmware
-from .burst import Burst, Trigger
+from .burst import Burst, Trigger, metadata
 from .frames import INVERSE, PHASES
 from .plant.gates import gates_record
 from .plant.inverter import DROPS, inverter_record, longest_step_s
@@ -28,7 +28,7 @@ from .plant.machine import DRY_RAD_S, LOAD, MachineParameters, machine_record
 from .plant.pwm import PWM_MAP, pwm_record
 from .plant.record import record
 from .plant.sensors import SENSORS
-from .recording import Recording
+from .recording import STARTED, Recording, clock_text
 from .scenario import ScenarioError, Setup
 from .verbs import DriveFault, DriveVerbs, Progress
 
@@ -186,6 +186,7 @@ class Simulation(DriveVerbs):
         self.periods = 0
         self._begun, self._begun_s = 0, 0.0  # periods and time at the latest change of rate
         self.wall_s = 0.0
+        self._started_s = time.time()  # of the day, when time began to pass
         u64 = types.uint64
         self._entries = tuple(
             EntryPoint(firmware.address(name), *[u64] * arguments)
@@ -343,6 +344,8 @@ class Simulation(DriveVerbs):
             channels = self._channels.room(n)
         elif self._burst:
             channels = np.empty((n, len(firmware.channels())), np.float32)
+        if self.periods == 0:
+            self._started_s = time.time()
         began = time.perf_counter()
         self._call(n, plant, channels)
         self.wall_s += time.perf_counter() - began
@@ -438,11 +441,8 @@ class Simulation(DriveVerbs):
         }
         meta = {
             **self._meta(),
-            "trigger_s": 0.0,
-            "trigger_tick": burst.period + 1,  # the firmware counts from 1
-            "decimation": burst.prescaler,
-            "gaps": 0,
-            "lost_samples": 0,
+            # The firmware counts from 1.
+            **metadata(burst.period + 1, burst.pre, burst.prescaler, 1 / self.period_s),
         }
         rate_Hz = 1 / (self.period_s * burst.prescaler)
         units = {name: units[name] for name in self._burst_names}
@@ -480,6 +480,7 @@ class Simulation(DriveVerbs):
     def _meta(self) -> dict:
         return {
             "hexatorque": __version__,
+            STARTED: clock_text(self._started_s),
             "setup": self.setup.name,
             "title": self.setup.title,
             "scheme": self.controller.get("scheme"),

@@ -10,6 +10,7 @@ import struct
 import subprocess
 import sys
 import time
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -53,10 +54,12 @@ def test_what_was_appended_is_in_the_file(suffix, tmp_path):
     for column, (name, _) in enumerate(CHANNELS):
         assert rec[name].dtype == np.float32
         assert np.array_equal(rec[name], rows(ticks)[1][:, column])
-    assert rec.meta.pop("started").endswith("+00:00")
+    started = datetime.fromisoformat(rec.meta.pop("started"))
+    assert abs((datetime.now(UTC) - started).total_seconds()) < 60
     assert rec.meta == {
-        "device": "virtual", "first_tick": 1000, "decimation": 5, "gaps": 0, "lost_samples": 0,
-        "unusable_rows": 0, "drops": 3, "crc_errors": 1, "closed": True,
+        "device": "virtual", "first_tick": 1000, "decimation": 5, "tick_Hz": 10e3, "gaps": 0,
+        "lost_samples": 0, "unusable_rows": 0, "drops": 3, "crc_errors": 1, "damaged_samples": 0,
+        "closed": True, "ended": "user",
     }  # fmt: skip
     left = {file.name for file in path.parent.iterdir()}
     assert left == {file.name for file in files.beside(path)}
@@ -102,9 +105,12 @@ def test_any_ticks(name, first, steps, cuts, decimation, tmp_path):
     for data in rec.channels:
         assert np.array_equal(rec[data], open_rec[data], equal_nan=True)
     assert rec.start_s == -2.5 and rec.rate_Hz == 10e3 / decimation
-    if name.endswith(".csv"):  # times of the lines, too
-        times = [float(line.split(",")[0]) for line in path.read_text().splitlines()[1:]]
-        assert times == pytest.approx(-2.5 + (ticks - first) / 10e3)
+    if name.endswith(".csv"):  # a line for every sample, those that were lost without cells
+        lines = [line.split(",") for line in path.read_text().splitlines()[1:]]
+        every = first + decimation * np.arange(len(rec))
+        assert [float(line[0]) for line in lines] == pytest.approx(-2.5 + (every - first) / 10e3)
+        assert [int(line[1]) for line in lines] == (every % 2**32).tolist()
+        assert [line[2:] == ["", ""] for line in lines] == np.isnan(rec["i_u1_A"]).tolist()
 
 
 CHILD = """
@@ -388,9 +394,12 @@ def test_the_header_beside_a_growing_csv_is_readable(tmp_path):
     with Writer.open(tmp_path / "rec.csv", STREAM) as writer:
         writer.append(*rows([5, 10]))
         header = json.loads((tmp_path / "rec.json").read_text())
-        assert header["closed"] is False and header["units"] == dict(CHANNELS)
-    assert json.loads((tmp_path / "rec.json").read_text())["closed"] is True
-    assert (tmp_path / "rec.csv").read_text().startswith("time_s,tick,i_u1_A,torque_Nm\n0,5,")
+        assert header["meta"]["closed"] is False and header["units"] == dict(CHANNELS)
+        assert header["samples"] is None
+    header = json.loads((tmp_path / "rec.json").read_text())
+    assert header["meta"]["closed"] is True and header["samples"] == 2
+    head = "time_s,tick,i_u1_A [A],torque_Nm [N m]\n0,5,"
+    assert (tmp_path / "rec.csv").read_text().startswith(head)
 
 
 def test_the_journal_is_as_documented(tmp_path):
@@ -403,7 +412,8 @@ def test_the_journal_is_as_documented(tmp_path):
     assert head["format"] == "hexatorque-journal-1"
     assert head["channels"] == [["i_u1_A", "A"], ["torque_Nm", "N m"]]
     assert (head["tick_Hz"], head["decimation"], head["start_s"]) == (10e3, 5, 0)
-    assert json.loads(rest[:256]) == {"drops": 0, "crc_errors": 0} and rest[255:256] == b"\n"
+    counters = {"drops": 0, "crc_errors": 0, "damaged_samples": 0}
+    assert json.loads(rest[:256]) == counters and rest[255:256] == b"\n"
     there = list(struct.iter_unpack("<Iff", rest[256:]))
     assert there == [(7, 1.5, -2), (12, 2.5, -3), (22, 3.5, -4)]
     own = tmp_path / "own.mat.part"

@@ -59,8 +59,12 @@ def test_parameters(call, tmp_path, monkeypatch):
     rows = json.loads(out)
     assert code == 0 and rows["scheme"]["choices"][0] == "dtc1"
     assert rows["rs_ohm"]["unit"] == "ohm" and rows["rs_ohm"]["max"] == 1000
-    monkeypatch.setenv("COLUMNS", "200")
-    assert "stator resistance" in call("params", "list")[1]
+    monkeypatch.delenv("COLUMNS", raising=False)
+    # Into a pipe: a line per parameter, however long.
+    lines = call("params", "list")[1].splitlines()
+    assert sum("│" in line for line in lines) == len(rows)
+    (line,) = [line for line in lines if line.startswith("│ rs_ohm ")]
+    assert "stator resistance" in line and "0 .. 1000" in line
     code, out, _ = call("params", "set", "rs_ohm=1.75", "scheme=fdr", "--json")
     assert (code, json.loads(out)) == (0, {"rs_ohm": 1.75, "scheme": "fdr"})
     code, out, _ = call("params", "get", "rs_ohm", "scheme", "--json")
@@ -244,6 +248,7 @@ def test_stream_for_a_time(call, tmp_path, suffix):
     meta = recording.meta
     assert meta["closed"] and meta["gaps"] == meta["lost_samples"] == meta["crc_errors"] == 0
     assert meta["parameters"]["controller"]["speed_ref_rpm"] == 100 and meta["state"] == "run"
+    assert meta["ended"] == "duration" and meta["started_uncertainty_s"] > 0
     assert json.loads(call("status", "--json")[1])["state"] == "idle"  # what it started
 
 
@@ -257,6 +262,7 @@ def test_a_stream_ends_by_a_signal_with_a_whole_file(board, tmp_path):
     assert (process.returncode, err) == (0, "")
     recording = Recording.load(file)
     assert recording.meta["closed"] and len(recording) > 300
+    assert recording.meta["ended"] == "user"
     assert not np.isnan(recording["vdc_V"]).any()
 
 

@@ -1,5 +1,7 @@
 """Captures of a simulation: the rules of docs/protocol.md, sample by sample."""
 
+from datetime import datetime
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -79,6 +81,7 @@ def test_triggers_that_are_none(text, said):
 
 
 def test_a_simulations_capture_is_what_it_recorded():
+    began = datetime.now().astimezone().replace(microsecond=0)
     sim = Simulation(
         scenario.load("paper-a-feasible").changed(
             controller__build_s=0.05, controller__build_current_A=20.0
@@ -100,6 +103,11 @@ def test_a_simulations_capture_is_what_it_recorded():
     speed = captured["speed_rpm"]
     assert speed[199] <= 50 < speed[200] and captured.meta["trigger_s"] == 0
     first = captured.meta["trigger_tick"] - 1 - 2 * 200
+    assert captured.ticks[0] == first + 1 and captured.ticks[200] == captured.meta["trigger_tick"]
+    assert captured.meta["tick_Hz"] == pytest.approx(10e3)
+    for rec in (captured, own):  # when it ran, by this computer's clock
+        started = datetime.fromisoformat(rec.meta["started"])
+        assert began <= started <= datetime.now().astimezone()
     for name in ("speed_rpm", "i_u1_A"):
         np.testing.assert_array_equal(captured[name], own[name][::4][first : first + 1200 : 2])
     sim.arm(["faults", "state"], 50, 10, "fault")

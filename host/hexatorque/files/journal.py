@@ -1,7 +1,7 @@
 """What is written while a board is recorded: rows of tick and values as they come.
 
 A journal (`NAME.npz.part`): a line of JSON (`Stream.to_json`), a line of JSON with the
-counters filled with blanks to 256 octets, then rows of fixed size, little-endian: u32 tick,
+counters filled with blanks to 256 bytes, then rows of fixed size, little-endian: u32 tick,
 float32 values. A file that ends anywhere is good up to its last whole row.
 
 The tick is the time base: the drive's count of fast interrupts, modulo 2**32.
@@ -16,16 +16,18 @@ from typing import BinaryIO
 
 import numpy as np
 
-from ..recording import Recording, check_names, to_json
+from ..recording import DECIMATION, FIRST_TICK, Recording, check_names, to_json
 from . import RecordingError
 
 FORMAT = "hexatorque-journal-1"
-COUNTERS_LINE = 256  #: octets, with the line's end: written again in place
+COUNTERS_LINE = 256  #: bytes, with the line's end: written again in place
 LONGEST_HEADER = 1 << 24
 #: Lost samples times channels that are filled with NaN, at most: 400 MB.
 MOST_LOST_VALUES = 10**8
 #: Of a recording that nothing was counted for.
-COUNTERS = {"drops": 0, "crc_errors": 0}
+COUNTERS = {"drops": 0, "crc_errors": 0, "damaged_samples": 0}
+#: Key of the metadata: fast interrupts per second.
+TICK_HZ = "tick_Hz"
 
 
 @dataclass(frozen=True)
@@ -122,6 +124,41 @@ def ascending(ticks: np.ndarray, decimation: int) -> tuple[np.ndarray, np.ndarra
     return place[kept], kept
 
 
+def fill(places: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(n, ...) values at their places, NaN between."""
+    lost = int(places[-1]) + 1 - len(places) if len(places) else 0
+    if not lost:
+        return values
+    if lost * values[0].size > MOST_LOST_VALUES:
+        at = int(np.argmax(np.diff(places)))
+        raise RecordingError(
+            f"{lost} samples are missing, most of them between row {at + 1} and row {at + 2}: "
+            "too many to fill in"
+        )
+    if values.dtype.kind != "f":
+        raise RecordingError(f"{lost} samples are missing in a channel of whole numbers")
+    out = np.full((lost + len(places), *values.shape[1:]), np.nan, values.dtype)
+    out[places] = values
+    return out
+
+
+def metadata(
+    stream: Stream, first_tick: int | None, gaps: int, lost: int, counters: dict, closed: bool
+) -> dict:
+    """The metadata of a recording of a board."""
+    return {
+        **COUNTERS,
+        **stream.meta,
+        FIRST_TICK: first_tick,
+        DECIMATION: stream.decimation,
+        TICK_HZ: stream.tick_Hz,
+        "gaps": gaps,
+        "lost_samples": lost,
+        **counters,
+        "closed": closed,
+    }
+
+
 def assemble(
     stream: Stream, ticks: np.ndarray, values: np.ndarray, counters: dict, closed: bool
 ) -> Recording:
@@ -129,28 +166,15 @@ def assemble(
     NaN where samples are missing, and how many in the metadata."""
     places, kept = ascending(ticks, stream.decimation)
     samples = int(places[-1]) + 1 if len(places) else 0
-    lost = samples - len(places)
-    if lost * len(stream.channels) > MOST_LOST_VALUES:
-        at = int(np.argmax(np.diff(places)))
-        raise RecordingError(
-            f"{lost} samples are missing, most of them between row {at + 1} and row {at + 2}: "
-            "too many to fill in"
-        )
-    table = values[kept]
-    if lost:
-        table = np.full((samples, len(stream.channels)), np.nan, np.float32)
-        table[places] = values[kept]
-    meta = {
-        **stream.meta,
-        "first_tick": int(ticks[0]) if len(ticks) else None,
-        "decimation": stream.decimation,
-        "gaps": int(np.sum(np.diff(places) > 1)),
-        "lost_samples": lost,
-        "unusable_rows": int(np.sum(~kept)),
-        **COUNTERS,
-        **counters,
-        "closed": closed,
-    }
+    table = fill(places, np.asarray(values[kept], np.float32))
+    meta = metadata(
+        stream,
+        int(ticks[0]) if len(ticks) else None,
+        int(np.sum(np.diff(places) > 1)),
+        samples - len(places),
+        {"unusable_rows": int(np.sum(~kept)), **counters},
+        closed,
+    )
     channels = {
         name: np.ascontiguousarray(table[:, column], np.float32)
         for column, (name, _) in enumerate(stream.channels)

@@ -1,5 +1,5 @@
-"""MATLAB 5: a column per channel under a valid name, `time_s`, `rate_Hz`, `start_s`, struct
-`units`, and the header as text in `recording_json`. Library: scipy."""
+"""MATLAB 5: a column per channel under a valid name, `time_s`, a board's `tick`, `rate_Hz`,
+`start_s`, struct `units`, and the header as text in `recording_json`. Library: scipy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _KEYWORDS = (
     "break case catch classdef continue else elseif end for function global if otherwise "
     "parfor persistent return spmd switch try while"
 )
-_OWN = ("time_s", "rate_Hz", "start_s", "units", "recording_json")
+_OWN = ("time_s", "tick", "rate_Hz", "start_s", "units", "recording_json")
 
 
 def variables(names: list[str]) -> list[str]:
@@ -52,6 +52,8 @@ def save(rec: Recording, path: Path) -> None:
         # JSON of ASCII only: MATLAB's text has a character set of its own.
         "recording_json": header_text(rec, variables=dict(zip(own, rec.channels))),
     }
+    if rec.ticks is not None:
+        contents["tick"] = rec.ticks.reshape(-1, 1)
     if units:
         contents["units"] = units
     with path.open("wb") as file:

@@ -1,5 +1,5 @@
-"""ASAM MDF 4.10: one channel group with units; the header as the attached file
-`recording.json`. Library: asammdf."""
+"""ASAM MDF 4.10: one channel group with units, a board's `tick` among them; the header as the
+attached file `recording.json`. Library: asammdf."""
 
 from __future__ import annotations
 
@@ -60,6 +60,9 @@ def save(rec: Recording, path: Path) -> None:
         )
         for name, data in rec.channels.items()
     ]
+    if signals and (ticks := rec.ticks) is not None:
+        comment = "the board's count of fast interrupts"
+        signals.append(Signal(samples=ticks, timestamps=time_s, name="tick", comment=comment))
     with _quiet(), MDF(version="4.10") as mdf:
         if signals:
             mdf.append(
@@ -76,7 +79,7 @@ def save(rec: Recording, path: Path) -> None:
         )
         shown = [f"{key}: {rec.meta[key]}" for key in SHOWN if key in rec.meta]
         mdf.header.comment = "\n".join(["hexatorque recording", *shown])
-        # When a simulation ran says nothing; then the same recording gives the same time.
+        # What does not know when it started has the same time always.
         mdf.header.start_time = datetime.fromtimestamp(0, UTC)
         with suppress(KeyError, TypeError, ValueError):
             mdf.header.start_time = datetime.fromisoformat(rec.meta["started"]).astimezone(UTC)
@@ -111,4 +114,6 @@ def _contents(file: BinaryIO) -> tuple[bytes, dict[str, np.ndarray]]:
             if index != mdf.masters_db.get(group)
         ]
         signals = mdf.select(wanted, raw=True) if wanted else []
-    return header, {w[0]: signal.samples for w, signal in zip(wanted, signals, strict=True)}
+    samples = {w[0]: signal.samples for w, signal in zip(wanted, signals, strict=True)}
+    samples.pop("tick", None)
+    return header, samples

@@ -1,4 +1,4 @@
-"""numpy's archive: `header` (JSON as octets) and `channel:NAME` arrays."""
+"""numpy's archive: `header` (JSON as bytes) and `channel:NAME` arrays."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Parquet: columns `time_s` and the channels, each with its unit; the header under
-`hexatorque` in the schema's metadata. Library: pyarrow."""
+"""Parquet: columns `time_s`, a board's `tick`, and the channels, each with its unit; the header
+under `hexatorque` in the schema's metadata. Library: pyarrow."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ def save(rec: Recording, path: Path) -> None:
     import pyarrow as pa
     from pyarrow import parquet
 
-    columns = {"time_s": rec.time_s, **rec.channels}
+    ticks = {} if rec.ticks is None else {"tick": rec.ticks}
+    columns = {"time_s": rec.time_s, **ticks, **rec.channels}
     units = {"time_s": "s", **rec.units}
     arrays = [pa.array(np.ascontiguousarray(data)) for data in columns.values()]
     fields = [
@@ -32,6 +33,6 @@ def load(path: Path) -> Recording:
 
     with path.open("rb") as file:
         table = parquet.read_table(file, page_checksum_verification=True)
-    names = [name for name in table.column_names if name != "time_s"]
+    names = [name for name in table.column_names if name not in ("time_s", "tick")]
     channels = {name: table.column(name).to_numpy() for name in names}
     return from_header(table.schema.metadata[KEY], channels)

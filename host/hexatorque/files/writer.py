@@ -4,6 +4,9 @@
         writer.append(ticks, values)
         writer.count(drops=3, crc_errors=1)
 
+The metadata tells when the recording began (`started`) and why it ended (`ended`: "user",
+"duration", "board reset", ... or the error that ended it).
+
 Every append is one write to the file, nothing is held back in the process. A .csv grows in
 place; any other file has a journal `NAME.SUFFIX.part` beside it, which becomes the file when
 the writer is closed. One thread at a time.
@@ -14,35 +17,47 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import time
 from contextlib import suppress
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
+from ..recording import STARTED, clock_text
 from . import PART, RecordingError, beside, check_output, csv, journal, one_line
 from .journal import Stream
+
+
+class Clock(Protocol):
+    """Who knows a board's tick and the time of day (`link.clock.Clock`)."""
+
+    def when(self, tick: int, time_s: float = 0.0) -> dict:
+        """Metadata: the wall-clock time of time 0, where `tick` is at `time_s`."""
 
 
 class Writer:
     """`path`: the recording; `growing`: the file that grows (the journal, or the .csv)."""
 
     @classmethod
-    def open(cls, path: str | Path, stream: Stream) -> Writer:
+    def open(cls, path: str | Path, stream: Stream, clock: Clock | None = None) -> Writer:
         """RecordingError if the file cannot be written later on, or if one that was not
-        closed is there."""
-        return cls(path, stream)
+        closed is there. `clock` gives the time of the first sample; without it, the
+        recording started now."""
+        return cls(path, stream, clock)
 
-    def __init__(self, path: str | Path, stream: Stream) -> None:
+    def __init__(self, path: str | Path, stream: Stream, clock: Clock | None) -> None:
         self.path = check_output(path)
-        started = datetime.now(UTC).isoformat(timespec="milliseconds")
-        self.stream = replace(stream, meta={"started": started, **stream.meta})
+        self.stream = replace(stream, meta={STARTED: clock_text(time.time()), **stream.meta})
+        self._clock = clock
         self._csv = self.path.suffix == ".csv"
         self.growing = self.path if self._csv else self.path.with_name(self.path.name + PART)
         self._counters = dict(journal.COUNTERS)
+        self._first: int | None = None
         self._last: int | None = None
         self._since_first = 0
+        self._gaps = self._lost = 0
         self._refuse_unfinished()
         try:
             self._file = self.growing.open("w+b" if self._csv else "x+b", buffering=0)
@@ -54,7 +69,9 @@ class Writer:
                 self._write_beside(closed=False)
                 self._write(csv.stream_head(self.stream).encode())
             else:
-                self._write(journal.head(self.stream, self._counters))
+                head = journal.head(self.stream, self._counters)
+                self._counters_at = len(head) - journal.COUNTERS_LINE
+                self._write(head)
         except RecordingError:  # nothing is in it yet
             self._file.close()
             for path in beside(self.growing):
@@ -67,7 +84,8 @@ class Writer:
         if left and self._csv:
             left = False
             with suppress(OSError, ValueError, AttributeError):
-                left = json.loads(beside(self.path)[0].read_text()).get("closed") is False
+                header = json.loads(beside(self.path)[0].read_text())
+                left = False in (header.get("closed"), header.get("meta", {}).get("closed"))
         if left:
             raise RecordingError(
                 f"{self.growing}: a recording that was not closed is there: move or delete it"
@@ -76,8 +94,13 @@ class Writer:
     def __enter__(self) -> Writer:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type | None, error: BaseException | None, *_: object) -> None:
+        """What ended the recording may say so itself, in its attribute `ended`."""
+        self.close(why(error))
+
+    @property
+    def closed(self) -> bool:
+        return self._file.closed
 
     def append(self, ticks: np.ndarray, values: np.ndarray) -> None:
         """Rows as they came: (n,) ticks, (n, channels) values."""
@@ -92,20 +115,53 @@ class Writer:
         if not len(ticks):
             return
         ticks = ticks.astype(np.uint32)
-        since_first = self._check(ticks)
+        since = self._check(ticks)
+        steps = np.diff(since, prepend=self._since_first)  # the very first row: 0
         if self._csv:
-            time_s = self.stream.start_s + since_first / self.stream.tick_Hz
-            data = csv.stream_lines(time_s, ticks, values).encode()
+            data = self._lines(since, steps, ticks, values).encode()
         else:
             rows = np.empty(len(ticks), self.stream.row)
             rows["tick"], rows["values"] = ticks, values
             data = rows.tobytes()
         self._write(data)
-        self._last, self._since_first = int(ticks[-1]), int(since_first[-1])
+        missing = np.maximum(steps // self.stream.decimation - 1, 0)
+        self._gaps += int(np.count_nonzero(missing))
+        self._lost += int(missing.sum())
+        self._last, self._since_first = int(ticks[-1]), int(since[-1])
+        if self._first is None:
+            self._first = int(ticks[0])
+            self._begin()
         if os.fstat(self._file.fileno()).st_nlink == 0:
             raise RecordingError(
                 f"{self.growing}: deleted while it is written; closing writes it again"
             )
+
+    def _begin(self) -> None:
+        """The first sample is there: when was that?"""
+        if self._clock is None:
+            return
+        when = self._clock.when(self._first, self.stream.start_s)
+        self.stream = replace(self.stream, meta={**self.stream.meta, **when})
+        if self._csv:
+            with suppress(RecordingError):  # the rows are in; what is beside is written again
+                self._write_beside(closed=False)
+
+    def _lines(
+        self, since: np.ndarray, steps: np.ndarray, ticks: np.ndarray, values: np.ndarray
+    ) -> str:
+        """Text of rows, and of what was lost before each."""
+        parts, done = [], 0
+        for at in np.flatnonzero(steps > self.stream.decimation).tolist():
+            parts.append(
+                csv.stream_lines(self.stream, since[done:at], ticks[done:at], values[done:at])
+            )
+            step = int(steps[at])
+            lost = step // self.stream.decimation - 1
+            last, tick = int(since[at]) - step, int(ticks[at]) - step
+            parts.append(csv.gap_lines(self.stream, last, tick, lost))
+            done = at
+        parts.append(csv.stream_lines(self.stream, since[done:], ticks[done:], values[done:]))
+        return "".join(parts)
 
     def _check(self, ticks: np.ndarray) -> np.ndarray:
         """Ticks of each row since the recording's first."""
@@ -134,18 +190,16 @@ class Writer:
             self._write_beside(closed=False)
             return
         try:
-            line = journal.counters_line(new)
-            at = len(journal.head(self.stream, {})) - len(line)
-            os.pwrite(self._file.fileno(), line, at)
+            os.pwrite(self._file.fileno(), journal.counters_line(new), self._counters_at)
         except OSError as error:
             raise self._failed(error) from None
 
-    def close(self, **meta: object) -> Path:
-        """Finish the file, with further metadata. If that fails all samples are kept, and
-        it can be tried again."""
+    def close(self, ended: str = "user", **meta: object) -> Path:
+        """Finish the file: why it ended, and further metadata. If that fails all samples are
+        kept, and it can be tried again."""
         if self._file.closed:
             return self.path
-        self.stream = replace(self.stream, meta={**self.stream.meta, **meta})
+        self.stream = replace(self.stream, meta={**self.stream.meta, **meta, "ended": ended})
         try:
             if self._csv:
                 self._restore()
@@ -196,9 +250,17 @@ class Writer:
         """The .csv's header, replaced in one step."""
         path = beside(self.path)[0]
         draft = path.with_name(f".{path.name}.{os.getpid()}")
+        samples = None
+        if closed:
+            began = self._first is not None
+            samples = self._since_first // self.stream.decimation + 1 if began else 0
+        meta = journal.metadata(
+            self.stream, self._first, self._gaps, self._lost,
+            {"unusable_rows": 0, **self._counters}, closed,
+        )  # fmt: skip
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            draft.write_text(csv.stream_header(self.stream, self._counters, closed))
+            draft.write_text(csv.stream_header(self.stream, samples, meta))
             draft.replace(path)
         except OSError as error:
             with suppress(OSError):
@@ -207,3 +269,10 @@ class Writer:
 
     def _failed(self, error: OSError) -> RecordingError:
         return RecordingError(f"{self.growing}: {one_line(error)}; what was written before is kept")
+
+
+def why(error: BaseException | None) -> str:
+    """The reason that a recording ended, by the error that left its block."""
+    if error is None or isinstance(error, KeyboardInterrupt):
+        return "user"
+    return str(getattr(error, "ended", "") or one_line(error))

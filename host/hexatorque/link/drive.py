@@ -22,11 +22,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from .. import __version__
+from .. import __version__, burst
+from ..files.journal import TICK_HZ
 from ..firmware import PARAMETER_SETS, FirmwareError, Parameter
-from ..recording import Recording
+from ..recording import DECIMATION, FIRST_TICK, STARTED, Recording, clock_text
 from ..verbs import DriveVerbs, Progress
-from . import BAUDS, LinkError, capture, wire
+from . import BAUDS, LinkError, capture, clock, wire
 from .client import Client
 from .dictionary import fetch
 from .stream import Stream, decimation_for, on_a_grid
@@ -81,6 +82,8 @@ class Drive(DriveVerbs):
             self.client.on_forgotten.append(self._board_restarted)
             self._since_tick = self._opened_tick
             self._opened_s = time.monotonic()
+            self._opened_wall_s = time.time()
+            self._armed: clock.Reading | None = None
         except BaseException:
             self.client.close()
             raise
@@ -340,10 +343,13 @@ class Drive(DriveVerbs):
         start_s = ((first - self._since_tick) & 0xFFFFFFFF) / recorder.f_isr_Hz
         meta = {
             **self.meta(),
-            "first_tick": first,
-            "decimation": recorder.decimation,
+            STARTED: clock_text(self._opened_wall_s),
+            FIRST_TICK: first,
+            DECIMATION: recorder.decimation,
+            TICK_HZ: recorder.f_isr_Hz,
             "gaps": recorder.gaps,
             "lost_samples": recorder.lost,
+            "damaged_samples": recorder.damaged,
             **({"ended": BOARD_RESET} if recorder.ended else {}),
         }
         return self._recording(recorder.rate_Hz, recorder.channels, grid, meta, start_s)
@@ -375,6 +381,11 @@ class Drive(DriveVerbs):
                 "dropped": status.dropped,
             },
         }
+
+    def clock(self, earlier: clock.Reading | None = None) -> clock.Clock:
+        """The board's tick against this computer's clock, from now on or for what was just
+        sampled."""
+        return clock.Clock(self.hello.f_isr_Hz, clock.read(self.client), earlier)
 
     def line_counters(self) -> dict[str, int]:
         """What this end of the line has counted."""
@@ -422,6 +433,7 @@ class Drive(DriveVerbs):
         capture.arm(
             self.client, self.hello, self.dictionary, channels, samples, pre, trigger, prescaler
         )
+        self._armed = clock.read(self.client, 1)
 
     def trigger(self) -> None:
         self.client.do(Op.TRIGGER, what="trigger")
@@ -433,17 +445,15 @@ class Drive(DriveVerbs):
         return self._bring(capture.wait(self.client, timeout_s, now))
 
     def _bring(self, found: wire.CaptureReply) -> Recording:
-        table = capture.upload(self.client, found)
         self.hello = self.client.hello()  # f_isr_Hz is a parameter
+        when = self.clock(self._armed).when(found.tick)  # soon: it is known best now
+        table = capture.upload(self.client, found)
         rate_Hz = self.hello.f_isr_Hz / found.prescaler
         names = [self.dictionary.channels[id].name for id in found.channels]
         meta = {
             **self.meta(),
-            "trigger_s": 0.0,
-            "trigger_tick": found.tick,
-            "decimation": found.prescaler,
-            "gaps": 0,
-            "lost_samples": 0,
+            **when,
+            **burst.metadata(found.tick, found.pre, found.prescaler, self.hello.f_isr_Hz),
         }
         return self._recording(rate_Hz, names, table, meta, -found.pre / rate_Hz)
 
