@@ -71,7 +71,7 @@ endfunction()
 
 foreach(place flash ram)
   set(image hexatorque_${HT_BOARD}_${place})
-  ht_c2000_image(${image} ${place} "${drive_ram};${background}" "")
+  ht_c2000_image(${image} ${place} "${drive_ram};${background};${port}/image/devicecal.asm" "")
   target_compile_definitions(${image} PRIVATE HT_CAPTURE_VALUES=${capture_${place}}u
     "HT_BUILD=\"${HT_BUILD}\"")
   set(image hexatorque_${HT_BOARD}_pil_${place})

@@ -71,6 +71,7 @@ static void ramp_flux_top(ht_drive *d, const ht_drive_config *c)
     d->flux_top_Wb += (missing > step) ? step : ((missing < -step) ? -step : missing);
 }
 
+/* Where faults are found: the fast interrupt. Only that this one has stopped it cannot find. */
 void ht_drive_slow_isr(ht_drive *d)
 {
     const ht_drive_config *c = ht_config_in_force(d); /* once: nor must it change half-way */
@@ -80,6 +81,12 @@ void ht_drive_slow_isr(ht_drive *d)
     int32_t moved = (int32_t)counts;
     ht_speed_config speed = c->speed;
     ht_capture capture;
+    uint32_t tick = d->tick;
+    if (tick == d->tick_last) { /* nobody is left to take the gates off but this interrupt */
+        ht_drive_stand_in(d, (uint16_t)HT_FAULT_INTERRUPT);
+        return;
+    }
+    d->tick_last = tick;
     d->position_last = position;
     ht_port_read_capture(d->port, &capture);
     d->speed_rpm = ht_speed_measure_step(&c->measure, &d->measured, moved, &capture);

@@ -78,7 +78,7 @@ def test_missing_compiler_is_said_plainly(tree, tmp_path):
 
 
 #: What copies, and what no interrupt needs.
-FROM_FLASH = {"main.c", "codestart.asm", "ht_service.c", "ht_service_requests.c",
+FROM_FLASH = {"main.c", "codestart.asm", "devicecal.asm", "ht_service.c", "ht_service_requests.c",
               "ht_dictionary.c", "ht_packet.c"}  # fmt: skip
 
 

@@ -31,8 +31,8 @@ RUNS = 180
 QUICK_RUNS = 12
 #: Periods watched after the gates are off.
 AFTER = 50
-#: Deadlines, in periods: the next interrupt; what takes its time to show.
-NOW, LATER = 1, 5000
+#: Deadlines, in periods: the next interrupt; two slow periods; what takes its time to show.
+NOW, TWO_SLOW, LATER = 1, 200, 5000
 STATES = ("idle", "calibrate", "build", "run", "fault")
 POWERED = ("build", "run")
 TRIP_FLAG = 4
@@ -54,6 +54,7 @@ class Fault:
     found_in: tuple[str, ...] = POWERED
     deadline: int = NOW
     changes: dict[str, object] = field(default_factory=dict)
+    repair: Callable[[Simulation], None] | None = None  #: before the clear
 
 
 def _sign(rng: np.random.Generator) -> int:
@@ -138,6 +139,15 @@ def _overrun(sim: Simulation, rng: np.random.Generator) -> None:
     registers.event_at = registers.accesses + int(rng.integers(2, 10))
 
 
+def _lost_interrupt(sim: Simulation, rng: np.random.Generator) -> None:
+    sim.lose_interrupts(True)
+
+
+def _interrupts_again(sim: Simulation) -> None:
+    sim.lose_interrupts(False)
+    sim.run(sim.period_s, record=False)  # one, before the next slow interrupt looks
+
+
 def _bad_offset(sim: Simulation, rng: np.random.Generator) -> None:
     """More than calibration accepts, from its beginning on."""
     with contextlib.suppress(firmware.FirmwareError):
@@ -185,6 +195,14 @@ FAULTS = (
         "interrupt outlasts its period",
         _overrun,
         ("fast interrupt outlasted its period",),
+    ),
+    Fault(
+        "ADC's interrupt lost",
+        _lost_interrupt,
+        ("fast interrupt lost",),
+        STATES[:-1],
+        TWO_SLOW,
+        repair=_interrupts_again,
     ),
 )
 
@@ -298,7 +316,7 @@ def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
     latched = sim.controller.state in ("idle", "fault")
     result.error = result.error or _shoot_through(sim, legs)
     if latched and not result.error:
-        result.error = _stays_off(sim, rng)
+        result.error = _stays_off(sim, rng, fault)
     if sim.controller.registers.violations and not result.error:
         result.error = "forbidden register access"
     return result
@@ -310,19 +328,19 @@ def _latched(sim: Simulation, fault: Fault, injected: int, result: Result) -> st
         return f"not found within {fault.deadline} periods"
     snapshot = sim.controller.snapshot
     result.cause = ", ".join(snapshot["faults"])
-    result.periods = snapshot["tick"] - injected
+    result.periods = sim.periods - injected
     if not _gates_off(sim):
         return "gates on in fault"
     if not set(snapshot["faults"]) & set(fault.causes):
         return f"named {result.cause}"
-    if snapshot["tick"] != sim.periods:
+    if snapshot["tick"] != (injected if fault.repair else sim.periods):
         return "the snapshot is of another interrupt"
     if fault.deadline == NOW and snapshot["state"] != result.state:
         return f"the snapshot says {snapshot['state']}"
     return ""
 
 
-def _stays_off(sim: Simulation, rng: np.random.Generator) -> str:
+def _stays_off(sim: Simulation, rng: np.random.Generator, fault: Fault) -> str:
     """Latched: no leg comes on, whatever is commanded, until a clear; and a clear alone
     turns nothing on either. The legs follow the trip flags in the period after."""
     if sim.controller.state == "idle":
@@ -337,6 +355,8 @@ def _stays_off(sim: Simulation, rng: np.random.Generator) -> str:
             return "a gate came on after the latch"
     if len(sim.edges):
         return "a leg changed after the latch"
+    if fault.repair:
+        fault.repair(sim)
     turning = abs(sim.controller.drive.speed_rpm) > sim.controller.get("start_max_rpm")
     sim.clear()
     sim.run(5 * sim.period_s, record=False)
