@@ -34,8 +34,8 @@ from .relay import Relay
 from .stream import Stream, decimation_for, on_a_grid
 from .wire import Op, Status
 
-#: Of the images for the F28377S and the F28335.
-BAUDS = (1_250_000, 937_500)
+#: Of the images for the F28377S and the F28335; of both when their clock is wrong.
+BAUDS = (1_250_000, 937_500, 115_200)
 #: What a profile may ask of the test bench around a real drive.
 PLANT = {"load_Nm": "N m", "vdc_V": "V"}
 
