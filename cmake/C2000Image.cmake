@@ -128,14 +128,15 @@ endif()
 
 foreach(place flash ram)
   set(image hexatorque_${HT_BOARD}_${place})
+  # Started in RAM, an image calls Device_cal itself; in flash the boot ROM has.
+  set(start "${drive_ram};${background};${port}/image/devicecal.asm")
   if(HT_FLASH_API AND place STREQUAL "flash")
-    ht_c2000_image(${image} ${place} "${drive_ram};${background};${store};${api_sources}"
-      "${port}/store;${api_include}")
+    ht_c2000_image(${image} ${place} "${start};${store};${api_sources}" "${port}/store;${api_include}")
     target_compile_definitions(${image} PRIVATE "HT_FLASH_API_HEADER=\"${api_header}\"")
     target_link_options(${image} PRIVATE "--search_path=${api_place}"
       "--define=HT_FLASH_API=${api_library}")
   else()
-    ht_c2000_image(${image} ${place} "${drive_ram};${background};${no_store}" "")
+    ht_c2000_image(${image} ${place} "${start};${no_store}" "")
   endif()
   target_compile_definitions(${image} PRIVATE HT_CAPTURE_VALUES=${capture_${place}}u
     "HT_BUILD=\"${HT_BUILD}\"")

@@ -87,9 +87,10 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
         || (p->v[HT_P_flux_trip_Wb] <= p->v[HT_P_flux_ref_Wb])) {
         return false;
     }
-    /* The slow interrupt is every n-th fast one. */
+    /* The slow interrupt is every n-th fast one, n > 1: one that comes late must not take
+     * the fast one for lost. */
     ratio = p->v[HT_P_f_isr_Hz] / p->v[HT_P_f_slow_Hz];
-    if (!finite_below(ratio - (float)(uint16_t)(ratio + 0.5f), 1.0e-3f)) {
+    if ((ratio < 1.5f) || !finite_below(ratio - (float)(uint16_t)(ratio + 0.5f), 1.0e-3f)) {
         return false;
     }
     /* A trip level that a saturated converter cannot reach protects nothing. */

@@ -101,6 +101,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     d->speed_rpm = 0.0f;
     d->faults = 0u;
     d->snapshot.tick = 0u;
+    d->tick_last = d->tick - 1u;
     return HT_OK;
 }
 
@@ -121,17 +122,22 @@ static void measure(ht_drive *d)
     d->position_now = s->position;
 }
 
+static void keep(ht_drive *d, uint16_t state, uint16_t bits)
+{
+    d->snapshot.tick = d->tick;
+    d->snapshot.state = state;
+    d->snapshot.faults = bits;
+    d->snapshot.samples = d->samples;
+    d->snapshot.in = d->in;
+    d->snapshot.estimate = d->control.estimate;
+    d->snapshot.speed_rpm = d->speed_rpm;
+}
+
 static void fault(ht_drive *d, uint16_t bits)
 {
     ht_port_gates_off(d->port);
     if (d->state != (uint16_t)HT_STATE_FAULT) {
-        d->snapshot.tick = d->tick;
-        d->snapshot.state = d->state;
-        d->snapshot.faults = bits;
-        d->snapshot.samples = d->samples;
-        d->snapshot.in = d->in;
-        d->snapshot.estimate = d->control.estimate;
-        d->snapshot.speed_rpm = d->speed_rpm;
+        keep(d, d->state, bits);
         enter(d, HT_STATE_FAULT);
     }
     d->faults = (uint16_t)(d->faults | bits);
@@ -140,6 +146,23 @@ static void fault(ht_drive *d, uint16_t bits)
 void ht_drive_trip(ht_drive *d, uint16_t bits)
 {
     fault(d, bits);
+}
+
+void ht_drive_stand_in(ht_drive *d, uint16_t bits)
+{
+    const ht_drive_config *staged = d->staged;
+    uint16_t state = d->state;
+    d->state = (uint16_t)HT_STATE_FAULT; /* first, as in ht_drive_stop */
+    ht_port_gates_off(d->port);
+    if (staged != NULL) {
+        d->config = staged;
+        d->taken_tick = d->tick;
+        d->staged = NULL;
+    }
+    if (state != (uint16_t)HT_STATE_FAULT) {
+        keep(d, state, bits);
+    }
+    d->faults = (uint16_t)(d->faults | bits);
 }
 
 /* Everything that is known before the control step. `powered`: the gates are on, and
@@ -338,6 +361,9 @@ void ht_drive_stop(ht_drive *d)
 
 ht_result ht_drive_clear(ht_drive *d)
 {
+    if ((d->faults & (uint16_t)HT_FAULT_CLOCK) != 0u) {
+        return HT_ERROR_STATE; /* nothing but a reset makes another clock */
+    }
     if (ht_port_trip_pin_low(d->port)) {
         return HT_ERROR_TRIP;
     }

@@ -105,6 +105,7 @@ typedef struct {
     ht_speed_state speed;
     ht_speed_measure_state measured;
     uint32_t position_last;
+    uint32_t tick_last;            /**< that the slow interrupt saw last */
     float flux_top_Wb;             /**< flux_ref_Wb on its way; field weakening goes below */
     float omega_mean_rad_s;        /**< flux speed, slow mean */
     uint32_t offset_sum[HT_LEGS];
@@ -135,6 +136,9 @@ ht_result ht_drive_clear(ht_drive *d);
 
 /** Whatever else finds a fault, in the fast interrupt's place: gates off, `bits` latched. */
 void ht_drive_trip(ht_drive *d, uint16_t bits);
+/** The same from outside it, where no fast interrupt is expected any more, or yet: one that comes
+ *  all the same finds a drive that is off. Parameters that wait for it are taken over. */
+void ht_drive_stand_in(ht_drive *d, uint16_t bits);
 
 /** Change one parameter: range, state and consistency are checked first, and
  *  nothing changes on an error. */

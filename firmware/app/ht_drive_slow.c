@@ -71,15 +71,26 @@ static void ramp_flux_top(ht_drive *d, const ht_drive_config *c)
     d->flux_top_Wb += (missing > step) ? step : ((missing < -step) ? -step : missing);
 }
 
+/* Where faults are found: the fast interrupt. Only that this one has stopped it cannot find. */
 void ht_drive_slow_isr(ht_drive *d)
 {
     const ht_drive_config *c = ht_config_in_force(d); /* once: nor must it change half-way */
     const float *v = c->params.v;
-    uint32_t position = d->position_now; /* once: the fast interrupt may come in between */
-    uint32_t counts = position - d->position_last;
-    int32_t moved = (int32_t)counts;
+    uint32_t position;
+    uint32_t counts;
+    int32_t moved;
     ht_speed_config speed = c->speed;
     ht_capture capture;
+    uint32_t tick = d->tick;
+    if (tick == d->tick_last) { /* nobody is left to take the gates off but this interrupt */
+        ht_drive_stand_in(d, (uint16_t)HT_FAULT_INTERRUPT);
+        ht_port_read(d->port, &d->samples); /* the shaft may turn all the same */
+        d->position_now = d->samples.position;
+    }
+    d->tick_last = tick;
+    position = d->position_now; /* once: the fast interrupt may come in between */
+    counts = position - d->position_last;
+    moved = (int32_t)counts;
     d->position_last = position;
     ht_port_read_capture(d->port, &capture);
     d->speed_rpm = ht_speed_measure_step(&c->measure, &d->measured, moved, &capture);

@@ -49,7 +49,7 @@ def write_trace(setup: Setup, path: Path) -> None:
     def run(duration_s: float) -> None:
         for _ in range(round(duration_s / sim.period_s)):
             sim.run(sim.period_s, record=False)
-            adc = words[m.adc_result : m.adc_result + 7] >> m.adc_shift
+            adc = words[list(m.adc_result)] >> m.adc_shift
             position = int(words[m.eqep]) | int(words[m.eqep + 1]) << 16
             rows.append(f"{' '.join(map(str, adc))} {position} {int(len(rows) % every == 0)}")
 

@@ -102,7 +102,7 @@ def running(args: argparse.Namespace, drive) -> Iterator[None]:
 
 def _stream(args: argparse.Namespace) -> int:
     from .files import check_output
-    from .link.drive import BOARD_RESET
+    from .link import BOARD_RESET
     from .link.recorder import Recorder
 
     check_output(args.output)

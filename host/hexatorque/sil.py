@@ -166,6 +166,7 @@ class Simulation(DriveVerbs):
             slow_every=round(f_isr / self.controller.get("f_slow_Hz")),
             per_period=samples_per_period,
             max_step=max(1, int(min(MAX_STEP_S, STEP_SHARE / self._fastest_per_s()) * clock)),
+            lost=0,
         )
         self.plant_state = np.zeros(8)
         self.inverter = inverter_record(**{name: setup[f"inverter.{name}"] for name in DROPS})
@@ -223,7 +224,7 @@ class Simulation(DriveVerbs):
             v_counts_per_V=4096 / setup["sensors.vdc_full_V"],
             adc_step=float(1 << (12 - setup["sensors.adc_bits"])),
             encoder_counts_rev=4.0 * setup["sensors.encoder_ppr"],
-            adc_result=int(m.adc_result),
+            adc_result=list(m.adc_result),
             adc_shift=int(m.adc_shift),
             adc_flag=int(m.adc_flag),
             adc_flag_bit=int(m.adc_flag_bit),
@@ -371,6 +372,10 @@ class Simulation(DriveVerbs):
             *self._entries, self.controller.handle, channels.ctypes.data, plant, channels,
             self._edges, self._edges_logged,
         )  # fmt: skip
+
+    def lose_interrupts(self, lost: bool) -> None:
+        """From now on the ADC raises no fast interrupt, or raises it again."""
+        self._timing.lost = int(lost)
 
     def log_edges(self, capacity: int) -> None:
         """From now on keep every change of a leg, up to `capacity` of them (0: none)."""

@@ -52,7 +52,7 @@ def test_missing_compiler_is_said_plainly(tree, tmp_path):
 
 
 #: What copies, and what no interrupt needs.
-FROM_FLASH = {"main.c", "codestart.asm", "ht_service.c", "ht_service_requests.c",
+FROM_FLASH = {"main.c", "codestart.asm", "devicecal.asm", "ht_service.c", "ht_service_requests.c",
               "ht_dictionary.c", "ht_store.c", "ht_packet.c", "ht_no_store.c"}  # fmt: skip
 
 
@@ -228,7 +228,7 @@ def test_presets_are_complete():
 MEMORIES = {
     "f28335": {(0x0, 0x800): "M0, M1", (0x8000, 0x8000): "L0..L7", (0x300000, 0x40000): "flash",
                (0x3FFFC0, 2): "reset vector"},
-    "f28377s": {(0x0, 0x800): "M0, M1", (0x8000, 0x4000): "LS, D", (0xC000, 0x10000): "GS",
+    "f28377s": {(0x0, 0x800): "M0, M1", (0x8000, 0x14000): "LS, D, GS",
                 (0x80000, 0x40000): "flash bank 0", (0x3FFFC0, 2): "reset vector"},
 }  # fmt: skip
 #: Where the boot ROM jumps to.
@@ -259,6 +259,15 @@ def test_ranges_are_memory_and_do_not_overlap(device, place):
     ends = sorted((start, start + words) for start, words in used.values())
     assert all(end <= following for (_, end), (following, _) in pairwise(ends))
     assert used["BEGIN"] == (ENTRY[device, place], 2)
+
+
+@pytest.mark.parametrize("device", MEMORIES)
+def test_image_in_ram_has_all_of_it(device):
+    """Code that outgrows a half would not link, though the memory is there."""
+    used = ranges(device, "ram")
+    (whole,) = (n for a, n in MEMORIES[device] if a == 0x8000)
+    assert used["RAM"] == (0x8000, whole - 16)
+    assert {"CODE", "DATA"}.isdisjoint(used)
 
 
 @pytest.mark.parametrize(("device", "place"), FILES)
@@ -305,7 +314,8 @@ def test_every_section_has_its_place(device, place):
     for target in re.findall(r"(?:>|LOAD =|RUN =) (\w+)", body):
         assert target in used
     where = dict(re.findall(r"^ {4}([.\w]+)\s*:[^>]*?(?:> |RUN = )(\w+)", body, re.M))
-    assert where[".TI.ramfunc"] == "CODE" and where[".const"] == "DATA"
+    code, data = ("RAM", "RAM") if place == "ram" else ("CODE", "DATA")
+    assert where[".TI.ramfunc"] == code and where[".const"] == data
     assert (where[".text"] == "FLASH") == (place == "flash")
     assert where[".stack"] == "STACK"
 

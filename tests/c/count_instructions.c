@@ -75,7 +75,7 @@ static int replay(const char *path)
             return 2;
         }
         for (channel = 0; channel < HT_ADC_CHANNELS; channel++) {
-            registers.word[port.map->adc_result + (unsigned)channel] =
+            registers.word[port.map->adc_result[channel]] =
                 (uint16_t)(adc[channel] << port.map->adc_shift);
         }
         registers.word[port.map->eqep] = (uint16_t)(position & 0xFFFFu);

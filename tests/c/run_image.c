@@ -6,18 +6,21 @@
  * forbidden access ("violation ADDRESS KIND WHY"), and what it checks ("check ok NAME" or
  * "check FAILED NAME"). Exit status 0 if all is well. tests/port/test_image.py
  * compares the registers with what they should be, and breaks the drivers to see this fail.
+ *
+ * An argument plants a fault of the chip's clock: "wrong", "never", "missing", and "late" for a
+ * PLL that is right at the second try only.
  */
 #include <setjmp.h>
 #include <stdio.h>
 #include <string.h>
 
+#define main ht_target_main /* the image's own */
 #include "ht_image.h"
+#undef main
 #include "ht_drivers.h"
 
 #define CODE_WORDS 64
 #define CONST_WORDS 32
-
-int ht_target_main(void);
 
 ht_regfile ht_image_registers;
 
@@ -27,6 +30,7 @@ uint16_t ht_code_run[CODE_WORDS + 1];
 const uint16_t ht_const_load[CONST_WORDS + 1] = {6, [CONST_WORDS - 1] = 7, [CONST_WORDS] = 8};
 uint16_t ht_const_run[CONST_WORDS + 1];
 
+static const char *planted = "";
 static jmp_buf done;
 static int failures;
 static unsigned turn;
@@ -43,12 +47,11 @@ static void check(const char *name, int good)
 static void sample(unsigned current, unsigned vdc)
 {
     const ht_c2000_map *m = ht_image_port.map;
-    uint16_t *result = &ht_image_registers.word[m->adc_result];
     unsigned k;
     for (k = 0; k < 6; k++) {
-        result[k] = (uint16_t)(current << m->adc_shift);
+        ht_image_registers.word[m->adc_result[k]] = (uint16_t)(current << m->adc_shift);
     }
-    result[6] = (uint16_t)(vdc << m->adc_shift);
+    ht_image_registers.word[m->adc_result[6]] = (uint16_t)(vdc << m->adc_shift);
 }
 
 /* One PWM period of 100 us. */
@@ -161,6 +164,7 @@ static void after_start(void)
     check("no more than that is copied", (ht_code_run[CODE_WORDS] | ht_const_run[CONST_WORDS]) == 0);
     check("interrupts are let through", (rf->intm == 0u) && (rf->ier == 1u));
     check("gates are off after the start", !gates_on());
+    check("start is reported", ht_image_start_result == (uint16_t)HT_START_DONE);
     check("drive is idle", ht_image_drive.state == (uint16_t)HT_STATE_IDLE);
     show_registers();
 }
@@ -195,6 +199,9 @@ static void slow_in_slow(void)
     (void)ht_regfile_timer(&ht_image_registers);
     ht_image_registers.event_timer = 0u;
     check("slow interrupt waits for itself", ht_image_registers.deepest == 1u);
+    check("... and finds no fast one in between",
+          ht_image_drive.faults == (uint16_t)HT_FAULT_INTERRUPT);
+    command(HT_COMMAND_CLEAR);
 }
 
 /* Moving encoder: only the slow interrupt turns counts into a speed. */
@@ -412,17 +419,73 @@ static void serial(void)
     check("none is left", ht_sci_read(&ht_image_port, got, 20) == 0u);
 }
 
-/* A dead fast interrupt, a dead background: the watchdog must not be fed by the other. */
+/* The ADC's interrupt stops, timer and background go on: gates off within two slow periods, and
+ * the chip stays there to tell why. */
+static void lost_interrupt(void)
+{
+    uint32_t tick;
+    unsigned n;
+    command(HT_COMMAND_START);
+    for (n = 0; (n < 60) && (ht_image_drive.state != (uint16_t)HT_STATE_RUN); n++) {
+        slow_period(0);
+        ht_image_background();
+    }
+    check("drive runs again", gates_on());
+    period();
+    tick = ht_image_drive.tick;
+    for (n = 0; n < 12; n++) {
+        ht_regfile_wait(&ht_image_registers, 10000);
+        (void)ht_regfile_timer(&ht_image_registers);
+        ht_image_background();
+        check("gates are off in two slow periods", (n == 0u) || !gates_on());
+    }
+    check("lost interrupt is named", ht_image_drive.faults == (uint16_t)HT_FAULT_INTERRUPT);
+    check("lost interrupt is in the snapshot",
+          (ht_image_drive.snapshot.faults == (uint16_t)HT_FAULT_INTERRUPT)
+              && (ht_image_drive.snapshot.state == (uint16_t)HT_STATE_RUN)
+              && (ht_image_drive.snapshot.tick == tick));
+    check("no reset for a lost interrupt", ht_image_registers.dog_resets == 0u);
+    set(HT_P_speed_ref_rpm, 10.0f);
+    (void)ht_regfile_timer(&ht_image_registers);
+    check("a parameter does not wait for it", ht_image_drive.staged == NULL);
+    command(HT_COMMAND_CLEAR);
+    (void)ht_regfile_timer(&ht_image_registers);
+    check("lost interrupt cannot be cleared away",
+          (ht_image_drive.faults == (uint16_t)HT_FAULT_INTERRUPT) && !gates_on());
+    slow_period(0);
+    command(HT_COMMAND_CLEAR);
+    slow_period(0);
+    check("interrupt that is back", ht_image_drive.state == (uint16_t)HT_STATE_IDLE);
+}
+
+/* Errata of the F28377S: the end of a conversion in the instant in which the fast interrupt
+ * acknowledges the one before. */
+static void end_meets_acknowledge(void)
+{
+    uint32_t tick = ht_image_drive.tick;
+    unsigned n;
+    ht_image_registers.event_at = ht_image_registers.accesses + 1u;
+    for (n = 0; n < 10; n++) {
+        period();
+    }
+    check("interrupts go on after one met its acknowledge",
+          (ht_image_drive.tick - tick >= 10u) && (ht_image_registers.event_at == 0u));
+    if (ht_image_registers.chip == &ht_chip_f28377s) {
+        check("no overflow is left", (ht_image_registers.word[0x7403] == 0u)
+                                         && (ht_image_registers.word[0x7405] == 0u));
+    }
+}
+
+/* Dead interrupts, a dead background: the watchdog must not be fed by the other. */
 static void watchdog(void)
 {
     unsigned n;
     check("watchdog has been serviced", ht_image_registers.dog_resets == 0u);
-    for (n = 0; n < 12; n++) { /* timer and background go on */
+    for (n = 0; n < 12; n++) { /* the background goes on */
         ht_regfile_wait(&ht_image_registers, 10000);
-        (void)ht_regfile_timer(&ht_image_registers);
         ht_image_background();
     }
-    check("watchdog bites without the fast interrupt", ht_image_registers.dog_resets != 0u);
+    check("watchdog bites without the interrupts", ht_image_registers.dog_resets != 0u);
     ht_image_registers.dog_resets = 0u;
     for (n = 0; n < 12; n++) { /* both interrupts go on */
         slow_period(0);
@@ -444,6 +507,112 @@ static void show_violations(void)
     }
 }
 
+/* --- a chip whose clock is not right ------------------------------------------------------ */
+
+/* One request over the modelled line. Returns the reply's octets in `body`, or 0. */
+static uint16_t ask(uint16_t opcode, ht_incoming *body)
+{
+    static ht_packet request;
+    static ht_outgoing out;
+    unsigned n;
+    ht_packet_begin(&request);
+    ht_packet_add8(&request, opcode);
+    ht_packet_add8(&request, opcode);
+    ht_packet_add32(&request, 0u);
+    ht_outgoing_set(&out, &request);
+    for (n = 0; n < out.n; n++) {
+        check("octet arrives", ht_regfile_sci_arrive(&ht_image_registers, out.octet[n]) == 1u);
+        if ((n % 8u) == 7u) {
+            ht_image_background();
+        }
+    }
+    ht_incoming_reset(body);
+    for (n = 0; n < 500; n++) {
+        uint16_t octet;
+        ht_image_background();
+        for (octet = ht_regfile_sci_leave(&ht_image_registers); octet != 0xFFFFu;
+             octet = ht_regfile_sci_leave(&ht_image_registers)) {
+            if (ht_incoming_take(body, octet) == HT_INCOMING_WHOLE) {
+                return body->n;
+            }
+        }
+    }
+    return 0u;
+}
+
+/* The reply's head: status, state, faults. */
+static void told(const char *name, const ht_incoming *body, uint16_t status)
+{
+    check(name, (body->octet[2] == status) && (body->octet[3] == (uint16_t)HT_STATE_FAULT)
+                    && ((body->octet[4] | (body->octet[5] << 8)) == HT_FAULT_CLOCK));
+}
+
+static void no_pin_is_the_pwms(void)
+{
+    const ht_board *board = ht_image_port.board;
+    unsigned n;
+    for (n = 0; n < 2u * HT_LEGS; n++) {
+        uint32_t gpio = board->pwm[n].gpio;
+        uint32_t mux = board->map->gpio + (gpio / 32u) * board->map->gpio_stride + 6u
+                       + ((gpio % 32u) / 16u) * 2u + (gpio % 16u) / 8u;
+        check("no pin is the PWM's",
+              ((ht_image_registers.word[mux] >> (2u * (gpio % 8u))) & 3u) == 0u);
+    }
+}
+
+static void wrong_clock(void)
+{
+    static ht_incoming body;
+    uint16_t want = (strcmp(planted, "missing") == 0) ? (uint16_t)HT_START_CLOCK_MISSING
+                    : (strcmp(planted, "never") == 0) ? (uint16_t)HT_START_NO_LOCK
+                                                      : (uint16_t)HT_START_CLOCK_WRONG;
+    unsigned n;
+    check("start says why", ht_image_start_result == want);
+    check("interrupts are not let through", ht_image_registers.intm == 1u);
+    no_pin_is_the_pwms();
+    for (n = 0; n < 1000; n++) { /* 10 s: no reset would help */
+        ht_regfile_wait(&ht_image_registers, 10000);
+        ht_image_background();
+    }
+    check("no resets for ever", ht_image_registers.dog_resets == 0u);
+    check("line runs at 115200 baud",
+          (ht_sci_baud(&ht_image_port) > 112900.0f) && (ht_sci_baud(&ht_image_port) < 117500.0f));
+    check("HELLO is answered", ask(0x01u, &body) != 0u);
+    told("HELLO says what is wrong", &body, (uint16_t)HT_OK);
+    check("STATUS is answered", ask(0x05u, &body) != 0u);
+    told("STATUS says what is wrong", &body, (uint16_t)HT_OK);
+    check("STOP is answered", ask(HT_SERVICE_STOP, &body) != 0u);
+    set(HT_P_flux_trip_Wb, 100.0f);
+    ht_image_background();
+    check("a parameter does not wait for an interrupt", ht_image_drive.staged == NULL);
+    command(HT_COMMAND_START);
+    check("start is refused", ht_image_mailbox.result == (uint16_t)HT_ERROR_STATE);
+    command(HT_COMMAND_CLEAR);
+    check("clear is refused", ht_image_mailbox.result == (uint16_t)HT_ERROR_STATE);
+    check("the fault stays", ht_image_drive.faults == (uint16_t)HT_FAULT_CLOCK);
+    no_pin_is_the_pwms();
+    show_violations();
+}
+
+static void plant(ht_regfile *rf)
+{
+    rf->wrong_percent = 80u;
+    if (strcmp(planted, "wrong") == 0) {
+        rf->wrong_locks = 60000u;
+    } else if (strcmp(planted, "late") == 0) {
+        rf->wrong_locks = (rf->chip == &ht_chip_f28335) ? 1u : 5u; /* locks of one try */
+    } else if (strcmp(planted, "never") == 0) {
+        rf->never_locks = 1u;
+    } else if (strcmp(planted, "missing") == 0) {
+        rf->no_crystal = 1u;
+        if (rf->chip == &ht_chip_f28335) {
+            rf->word[0x7011] |= 8u; /* PLLSTS.MCLKSTS */
+        }
+    } else {
+        /* nothing */
+    }
+}
+
 /* Called by the background loop, and by an image that has given up. */
 static void idle(ht_regfile *rf)
 {
@@ -453,6 +622,11 @@ static void idle(ht_regfile *rf)
         show_violations();
         longjmp(done, 1);
     }
+    if ((planted[0] != '\0') && (strcmp(planted, "late") != 0)) {
+        wrong_clock();
+        turn = 3u;
+        longjmp(done, 1);
+    }
     if (turn == 0u) {
         after_start();
         interrupts();
@@ -460,6 +634,8 @@ static void idle(ht_regfile *rf)
         slow_interrupt();
         drive();
         serial();
+        end_meets_acknowledge();
+        lost_interrupt();
         show_violations();
         watchdog();
     }
@@ -469,11 +645,13 @@ static void idle(ht_regfile *rf)
     }
 }
 
-int main(void)
+int main(int argc, char **argv)
 {
     extern const ht_board HT_BOARD_UNDER_TEST;
     fast_per_slow = 100;
     ht_regfile_reset(&ht_image_registers, HT_BOARD_UNDER_TEST.map);
+    planted = (argc > 1) ? argv[1] : "";
+    plant(&ht_image_registers);
     ht_image_registers.idle = idle;
     if (setjmp(done) == 0) {
         (void)ht_target_main();

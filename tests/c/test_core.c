@@ -94,9 +94,9 @@ static void fill(ht_regfile *rf, const ht_c2000_map *m, unsigned current, unsign
 {
     unsigned k;
     for (k = 0; k < 6u; k++) {
-        rf->word[m->adc_result + k] = (uint16_t)(current << m->adc_shift);
+        rf->word[m->adc_result[k]] = (uint16_t)(current << m->adc_shift);
     }
-    rf->word[m->adc_result + 6u] = (uint16_t)(vdc << m->adc_shift);
+    rf->word[m->adc_result[6]] = (uint16_t)(vdc << m->adc_shift);
 }
 
 /* All boards: no forbidden register access, a start that ends in RUN, and an

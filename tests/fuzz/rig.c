@@ -195,7 +195,7 @@ void rig_sense(unsigned which, uint16_t value)
 {
     const ht_c2000_map *m = the_rig.port.map;
     if (which < 7u) {
-        the_rig.registers->word[m->adc_result + which] =
+        the_rig.registers->word[m->adc_result[which]] =
             (uint16_t)((value & 0xFFFu) << m->adc_shift);
     } else {
         the_rig.registers->word[m->eqep] = (uint16_t)(the_rig.registers->word[m->eqep] + value);

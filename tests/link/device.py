@@ -78,7 +78,7 @@ class Device:
     def sense(self, which: int, counts: int) -> None:
         """Sensor 0 .. 5: a current, 6: the dc link."""
         m = self.controller.map
-        self.controller.register_words()[m.adc_result + which] = counts << m.adc_shift
+        self.controller.register_words()[m.adc_result[which]] = counts << m.adc_shift
 
     def tick(self, n: int = 1) -> None:
         """Fast interrupts, and the background that belongs to them."""

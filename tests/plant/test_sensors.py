@@ -16,9 +16,9 @@ from hexatorque.plant.machine import MachineParameters, machine_record
 from hexatorque.plant.sensors import filter_currents, sample
 from hexatorque.sil import Simulation
 
-DEVICES = {  # first result, justification, position counter
-    "f28335": (0x7108, 4, 0x6B00),
-    "f28377s": (0x0B00, 0, 0x5100),
+DEVICES = {  # results, justification, position counter
+    "f28335": (range(0x7108, 0x710F), 4, 0x6B00),
+    "f28377s": ((0x0B00, 0x0B20, 0x0B01, 0x0B21, 0x0B02, 0x0B22, 0x0B03), 0, 0x5100),
 }
 FULL_A, FULL_V, PPR = 20.0, 500.0, 1500
 #: Leakage only: currents are fluxes divided by 10 mH, exactly enough.
@@ -36,7 +36,8 @@ class Bench:
         self.sensors = Simulation._make_sensors(
             SimpleNamespace(setup=setup, controller=chip, period_s=1e-4)
         )
-        self.result, self.shift, self.qposcnt = DEVICES[device]
+        results, self.shift, self.qposcnt = DEVICES[device]
+        self.results = list(results)
 
     def read(self, i_A=(0.0,) * 6, vdc=0.0, theta=0.0):
         """Counts of six currents and the dc link, as the driver takes them, and position."""
@@ -47,10 +48,10 @@ class Bench:
         y[:4] = 10e-3 * np.array(rows) @ i_A / 3
         y[7] = theta
         sample(self.sensors, MACHINE, y, vdc, regs)
-        words = [int(w) for w in regs[self.result : self.result + 7]]
+        words = [int(w) for w in regs[self.results]]
         assert all(w % (1 << self.shift) == 0 for w in words)
         position = int(regs[self.qposcnt]) + 0x10000 * int(regs[self.qposcnt + 1])
-        regs[self.result : self.result + 7] = 0xA5A5
+        regs[self.results] = 0xA5A5
         regs[self.qposcnt : self.qposcnt + 2] = 0xA5A5
         regs[self.qposcnt + 0x16] += 0x8000
         assert np.all(regs == 0xA5A5)  # nothing else is touched

@@ -21,8 +21,8 @@ FLAGS = ["-std=c99", "-O1", "-fno-pie", "-ffp-contract=off"]
 #: Processor in the loop: more folders, and what of the others it is without.
 PIL_FOLDERS = ("pil", "pil/calls", "port/c2000/pil")
 NOT_IN_PIL = (
-    "ht_adc.c", "ht_eqep.c", "ht_image.c", "ht_pie.c", "ht_port_c2000.c", "ht_pwm.c",
-    "ht_service.c", "ht_service_fast.c", "ht_service_requests.c", "ht_dictionary.c",
+    "devicecal.asm", "ht_adc.c", "ht_eqep.c", "ht_image.c", "ht_pie.c", "ht_port_c2000.c",
+    "ht_pwm.c", "ht_service.c", "ht_service_fast.c", "ht_service_requests.c", "ht_dictionary.c",
     "ht_store.c", "ht_no_store.c", "ht_virtual_board.c",
     *(file.name for file in (ROOT / "firmware/link").glob("*.c")),
 )  # fmt: skip
@@ -125,6 +125,9 @@ def _pins(title: str, value: int) -> str:
         want = 0 if kind == "PUD" else 1
         pins = [first + n for n in range(32) if value >> n & 1 == want]
         return " ".join([{"DIR": "outputs:", "PUD": "pull-ups:"}[kind], *map(str, pins)])
+    if kind == "CTRL":  # sampling period of eight pins each
+        periods = [(first + 8 * n, value >> 8 * n & 0xFF) for n in range(4)]
+        return " ".join(f"GPIO{pin}..{pin + 7}: {2 * n} clocks" for pin, n in periods if n)
     first += 16 * (kind[-1] == "2")
     pairs = [(first + n, value >> 2 * n & 3) for n in range(16)]
     return " ".join(f"GPIO{pin}={what}" for pin, what in pairs if what)

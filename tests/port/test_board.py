@@ -4,7 +4,7 @@ the registers that it leaves, with the manuals' formulas and limits.
 
 import pytest
 
-from hexatorque.firmware import BOARDS, ffi, lib
+from hexatorque.firmware import BOARDS, ffi, lib, parameters
 
 CRYSTAL = {"f28335": 30e6, "f28377s": 20e6, "launchxl_f28377s": 10e6}
 SYSCLK = {"f28335": 150e6, "f28377s": 200e6, "launchxl_f28377s": 200e6}
@@ -14,7 +14,11 @@ SCI = {"f28335": 0x7050, "f28377s": 0x7200, "launchxl_f28377s": 0x7200}
 #: Pins without a bond in the F28377S's 100-pin package (data sheet, pin table).
 UNBONDED = {0, 1, *range(5, 10), *range(22, 41), *range(44, 58), 67, 68, *range(74, 78),
             *range(79, 84), 88, *range(93, 99)}  # fmt: skip
-ASYNC, SYNC = 3, 0
+ASYNC, SYNC, SIX_SAMPLES = 3, 0, 2
+#: Crossbars of the F28377S's inputs: fixed pull-downs of 50 kohm, and 100 pF (SPRS881, ADC).
+LOADED_INPUTS = {("A", 0), ("A", 1), ("B", 0), ("B", 1)}
+#: Inputs that the 100-pin package has and TI's two-motor example uses on the LaunchPad's headers.
+LAUNCHPAD_INPUTS = {*(("A", n) for n in range(6)), *(("B", n) for n in range(6)), ("A", 14)}
 
 
 class Started:
@@ -95,7 +99,7 @@ def test_pwm_clock(started):
 
 def test_adc_timing(started):
     """Clock within the data sheet's limit, a sample of 75 ns (F28377S) or more, and all
-    seven channels within a few us of each other."""
+    seven channels within a few us of each other; no current at an input that loads its source."""
     clock = SYSCLK[started.name]
     if started.small:
         hspclk = clock / (2 * started.word(0x701A))
@@ -105,20 +109,28 @@ def test_adc_timing(started):
         sequence = 7 * (window + 1 / adc) + 2 / adc
         channels = [started.word(0x7103 + n // 4) >> 4 * (n % 4) & 0xF for n in range(7)]
         assert started.word(0x7102) + 1 == 7
+        assert channels == list(range(7))
     else:
-        ratio = 1 + (started.word(0x7401) & 0xF) / 2  # PRESCALE: 1, (1.5), 2, 2.5, ...
-        assert clock / ratio <= 50e6
-        assert started.word(0x7401) & 0xC0 == 0  # 12 bits, single-ended
-        soc = [started.long(0x7410 + 2 * n) for n in range(7)]
-        assert {s >> 20 for s in soc} == {5}  # ePWM1 SOCA
-        window = ((soc[0] & 0x1FF) + 1) / clock
-        assert window >= 75e-9
-        sequence = 7 * (window + 41 / clock)  # tEOC at PRESCALE 6
-        channels = [s >> 15 & 0xF for s in soc]
-        assert all(started.long(0x7470 + 2 * n) & 0xFFFF == 0 for n in (0, 1, 3, 4))
-        assert started.long(0x7474) & 0xFFFF != 0
+        inputs = {}
+        for name, base, conversions in (("A", 0x7400, 4), ("B", 0x7480, 3)):
+            ratio = 1 + (started.word(base + 1) & 0xF) / 2  # PRESCALE: 1, (1.5), 2, 2.5, ...
+            assert clock / ratio <= 50e6
+            assert started.word(base + 1) & 0xC0 == 0  # 12 bits, single-ended
+            soc = [started.long(base + 0x10 + 2 * n) for n in range(conversions)]
+            assert {s >> 20 for s in soc} == {5}  # ePWM1 SOCA
+            window = ((soc[0] & 0x1FF) + 1) / clock
+            assert window >= 75e-9
+            inputs[name] = [(name, s >> 15 & 0xF) for s in soc]
+            assert all(started.long(base + 0x70 + 2 * n) & 0xFFFF == 0 for n in (0, 1, 3, 4))
+            assert started.long(base + 0x74) & 0xFFFF != 0
+            assert started.word(base + 9) & 0x1F == conversions  # in this order
+        sequence = 4 * (window + 41 / clock)  # tEOC at PRESCALE 6
+        assert started.word(0x7407) & 0x2F == 0x23  # INT1 at the end of the last
+        # u1 w1 v1 and the dc link, u2 w2 v2: where the results are read is the driver's test.
+        assert len({*inputs["A"], *inputs["B"]}) == 7
+        assert not {*inputs["A"][:3], *inputs["B"]} & LOADED_INPUTS
+        assert {*inputs["A"], *inputs["B"]} <= LAUNCHPAD_INPUTS
     assert 1e-6 < sequence < 3e-6
-    assert channels == [0, 1, 2, 3, 4, 5, 6 if started.small else 14]
 
 
 def test_adc_has_time_to_settle(started):
@@ -227,13 +239,32 @@ def test_pwm_pins_come_last(started):
 
 def test_other_pins(started):
     used = pins(started.board)
-    want = {"trip": (ASYNC, False), "encoder_a": (SYNC, True), "encoder_b": (SYNC, True),
+    want = {"trip": (ASYNC, False), "encoder_a": (SIX_SAMPLES, True),
+            "encoder_b": (SIX_SAMPLES, True),
             "receive": (ASYNC, True), "transmit": (SYNC, True)}  # fmt: skip
     for name, (qualify, pull_up) in want.items():
         assert started.pin(used[name].gpio) == (used[name].mux, qualify, pull_up, False)
     if not started.small:
         assert started.word(0x7900) == used["trip"].gpio  # INPUT1SELECT -> TZ1
         assert used["trip"].mux == 0
+
+
+def test_encoder_inputs_are_filtered_but_not_too_much(started):
+    """Six samples, every 2 QUALPRD system clocks: a level counts once it has lasted for six
+    sampling periods and a clock. Spikes of 0.3 us must not count; the levels of an encoder of
+    1 MHz a channel must, even if they last for only 45 % of its period."""
+    clock = SYSCLK[started.name]
+    for pin in (started.board.encoder_a, started.board.encoder_b):
+        first, stride = GPIO[started.name]
+        control = started.long(first + pin.gpio // 32 * stride)
+        qualprd = control >> 8 * (pin.gpio % 32 // 8) & 0xFF
+        sampling = 2 * qualprd / clock
+        assert 5 * sampling > 0.3e-6
+        assert 6 * sampling + 1 / clock < 0.45e-6
+    # and the defaults stay far below that
+    table = parameters()
+    counts_s = table["encoder_counts_rev"].initial * table["speed_trip_rpm"].initial / 60
+    assert counts_s / 4 < 1e6 / 4
 
 
 def test_pins_are_what_the_data_sheet_offers(started):
@@ -286,30 +317,104 @@ def test_launchpad_writes_the_same_pattern_elsewhere():
 
 # --- a start that fails -------------------------------------------------------------------
 
+RIGHT, MISSING, NO_LOCK, WRONG = range(4)
+
+
+def only_the_line(started):
+    """What a board without a right clock must be: no pin is the PWM's, none becomes it when the
+    drive is set up; the serial line runs at 115200 baud from the clock that is left."""
+    assert not started.good
+    started.init()
+    assert all(started.pin(pin.gpio)[0] == 0 for pin in started.board.pwm)
+    assert all(not started.pin(pin.gpio)[3] for pin in started.board.pwm)
+    assert not started.word(0x7029) & 0x40  # the watchdog goes on
+    if started.small:  # crystal / 4 without PLL, LOSPCP 0: undivided
+        assert (started.word(0x7021), started.word(0x7011) >> 7 & 3) == (0, 0)
+        clock = 30e6 / 4
+        assert started.word(0x701B) == 0
+    else:  # internal oscillator 2, no PLL, LSPCLK undivided
+        assert (started.long(0x5D208) & 3, started.long(0x5D20E), started.long(0x5D222)) == (
+            0,
+            0,
+            0,
+        )
+        clock = 10e6
+        assert started.long(0x5D22C) == 0
+    sci = SCI[started.name]
+    baud = clock / 8 / ((started.word(sci + 2) << 8 | started.word(sci + 3)) + 1)
+    assert baud == pytest.approx(115200, rel=0.02)
+    assert started.rf.violations == 0
+
 
 @pytest.mark.parametrize("board", BOARDS)
 def test_no_lock_no_start(board):
     started = Started(board, [("never_locks", 1)])
-    assert not started.good
-    assert all(started.pin(pin.gpio)[0] == 0 for pin in started.board.pwm)
-    assert not started.word(0x7029) & 0x40  # the watchdog goes on
+    assert started.port.clock == NO_LOCK
+    only_the_line(started)
+
+
+@pytest.mark.parametrize("percent", (90, 95, 105, 110, 200))
+@pytest.mark.parametrize("board", BOARDS)
+def test_wrong_lock_no_start(board, percent):
+    """The PLL says that it has locked, and oscillates at another frequency than asked for."""
+    started = Started(board, [("wrong_locks", 10_000), ("wrong_percent", percent)])
+    assert started.port.clock == WRONG
+    only_the_line(started)
+
+
+@pytest.mark.parametrize(("board", "locks"), (("f28335", 1), ("f28335", 3), ("f28377s", 5),
+                                              ("launchxl_f28377s", 20)))  # fmt: skip
+def test_lock_that_comes_at_a_retry(board, locks):
+    """F28377S: five locks a try. F28335: one to the wrong frequency, one back to the bypass."""
+    started = Started(board, [("wrong_locks", locks), ("wrong_percent", 80)])
+    assert started.good and started.port.clock == RIGHT
+    started.init()
     assert started.rf.violations == 0
+    assert started.rf.pll_share == 1.0
+    assert all(started.pin(pin.gpio)[0] != 0 for pin in started.board.pwm)
+
+
+@pytest.mark.parametrize(("board", "crystal_Hz"), (("f28377s", 10e6), ("f28377s", 25e6),
+                                                   ("launchxl_f28377s", 20e6)))  # fmt: skip
+def test_another_crystal_than_the_table_says(board, crystal_Hz):
+    """Against that crystal the PLL is right; the internal oscillator knows better."""
+    started = Started(board, [("crystal_Hz", crystal_Hz)])
+    assert started.port.clock == WRONG
+    only_the_line(started)
+
+
+@pytest.mark.parametrize("board", ("f28377s", "launchxl_f28377s"))
+def test_no_crystal_but_a_line(board):
+    started = Started(board, [("no_crystal", 1)])
+    assert started.port.clock == MISSING
+    only_the_line(started)
+
+
+def test_missing_clock_of_a_run_before_is_looked_at_again():
+    board = ffi.addressof(lib.ht_board_f28377s)
+    rf, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
+    lib.ht_regfile_reset(rf, board.map)
+    lib.ht_regfile_word(rf, 0x5D22E)[0] = 1  # MCLKSTS
+    lib.ht_port_bind(port, rf, board)
+    assert lib.ht_board_start(port)
 
 
 def test_no_crystal_no_start():
+    """The F28335 has no other oscillator: a clock of a few MHz, nobody knows how many."""
     rf, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
     board = ffi.addressof(lib.ht_board_f28335)
     lib.ht_regfile_reset(rf, board.map)
     rf.word[0x7011] |= 0x0008  # PLLSTS.MCLKSTS: limp mode
     lib.ht_port_bind(port, rf, board)
     assert not lib.ht_board_start(port)
+    assert port.clock == MISSING
+    assert lib.ht_port_init(port, [[10000, 200, True, 100.0]])
     assert rf.word[0x7021] == 0
+    assert lib.ht_regfile_word(rf, 0x6F86)[0] == 0  # GPAMUX1
+    assert rf.violations == 0
 
 
 def test_slipping_pll_no_start():
-    rf, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
-    board = ffi.addressof(lib.ht_board_f28377s)
-    lib.ht_regfile_reset(rf, board.map)
-    rf.slips = 1
-    lib.ht_port_bind(port, rf, board)
-    assert not lib.ht_board_start(port)
+    started = Started("f28377s", [("slips", 1)])
+    assert started.port.clock == WRONG
+    only_the_line(started)

@@ -9,7 +9,11 @@ import pytest
 
 from hexatorque.firmware import Controller, FirmwareError, ffi, lib, parameters
 
-ADC = {"f28335": (0x7108, 4), "f28377s": (0x0B00, 0)}
+#: Results of six currents and the dc link, and how far to the left they are.
+ADC = {
+    "f28335": (range(0x7108, 0x710F), 4),
+    "f28377s": ((0x0B00, 0x0B20, 0x0B01, 0x0B21, 0x0B02, 0x0B22, 0x0B03), 0),
+}
 TZFLG = {"f28335": (0x6816, 0x40), "f28377s": (0x4093, 0x100)}
 CMPA = {"f28335": (0x6809, 0x40), "f28377s": (0x406B, 0x100)}
 QPOSCNT = {"f28335": 0x6B00, "f28377s": 0x5100}
@@ -64,14 +68,16 @@ class Bench:
             self.words[base + leg * stride] |= OST
 
     def fast(self, times=1):
-        address, shift = ADC[self.device]
+        addresses, shift = ADC[self.device]
         counts = np.rint(2048 + self.offset + self.amperes / I_FULL * 2048)
         counts = np.append(counts, np.rint(self.vdc / VDC_FULL * 4096))
-        self.words[address : address + 7] = np.clip(counts, 0, 4095).astype(np.uint16) << shift
+        self.words[list(addresses)] = np.clip(counts, 0, 4095).astype(np.uint16) << shift
         for _ in range(times):
             lib.ht_drive_fast_isr(self.drive)
 
     def slow(self):
+        """The slow interrupt of a drive whose fast one has been there since the last."""
+        self.drive.tick_last = (self.drive.tick - 1) & 0xFFFFFFFF
         lib.ht_drive_slow_isr(self.drive)
 
     def run_to(self, state):

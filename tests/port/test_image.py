@@ -50,7 +50,9 @@ FAULTS = {
         "    if (allowed) {\n        HT_EALLOW(port->io);", "    if (allowed) {",
         "TZCLR: no EALLOW"),
     "no EALLOW for the PLL": (
-        F28377S, "ht_clock_f28377s.c", "    HT_EALLOW(port->io);\n    locked", "    locked",
+        F28377S, "ht_clock_f28377s.c", "    HT_EALLOW(port->io);\n"
+        "    ht_change32(port->io, PCLKCR0, PCLKCR0_TBCLKSYNC, PCLKCR0_CPU",
+        "    ht_change32(port->io, PCLKCR0, PCLKCR0_TBCLKSYNC, PCLKCR0_CPU",
         "CLKSRCCTL1: no EALLOW"),
     "no EALLOW for the pins": (
         F28335, "ht_pins.c",
@@ -116,7 +118,7 @@ FAULTS = {
         "dead time is refused"),
     "divider before the lock": (
         F28335, "ht_clock_f28335.c", "    locked = lock(port);", "    locked = true;",
-        "divider before the PLL has locked"),
+        "start is reported"),
     "missing-clock detection left on": (
         F28335, "ht_clock_f28335.c", "ht_change16(port->io, PLLSTS, 0u, PLLSTS_MCLKOFF);", "",
         "missing-clock detection on"),
@@ -153,8 +155,13 @@ FAULTS = {
     "ADC not calibrated": (
         F28335, "ht_adc.c", "    HT_CALL(port->io, ADC_CAL);\n", "", "without calibration"),
     "ADC not trimmed": (
-        F28377S, "ht_adc.c", "        HT_CALL(port->io, OTP_INL_TRIM);\n", "",
+        F28377S, "ht_adc.c", "        HT_CALL(port->io, linearity);\n", "",
         "without calibration"),
+    "second ADC not trimmed": (
+        F28377S, "ht_adc.c", "(adc == ADCA) ? OTP_INL_TRIM_A : OTP_INL_TRIM_B", "OTP_INL_TRIM_A",
+        "without calibration"),
+    "no Device_cal": (
+        LAUNCHPAD, "ht_adc.c", "    HT_DEVICE_CAL(port->io); ", "    ", "without Device_cal"),
     "ADC not settled, F28335": (
         F28335, "ht_adc.c", "    HT_WAIT_US(port->io, POWER_UP_F28335_US);\n", "",
         "the ADC has not settled yet"),
@@ -163,8 +170,8 @@ FAULTS = {
         "the ADC has not settled yet"),
     # width
     "16 bits of a 32-bit timer register": (
-        F28335, "ht_timer.c", "    HT_WR32(port->io, PRD, counts - 1u);",
-        "    HT_WR16(port->io, PRD, (uint16_t)(counts - 1u));", "TIMER0.PRD: width"),
+        F28335, "ht_timer.c", "    HT_WR32(port->io, timer + PRD, from);",
+        "    HT_WR16(port->io, timer + PRD, (uint16_t)from);", "TIMER1.PRD: width"),
     "16 bits of a pin register": (
         F28377S, "ht_pins.c", "ht_change32(port->io, first + GPYPUD, bit, pull_up ? 0u : bit);",
         "HT_WR16(port->io, first + GPYPUD, 0u);", "PUD: width"),
@@ -198,9 +205,11 @@ FAULTS = {
         F28377S, "ht_clock_f28377s.c", "ht_change32(port->io, PCLKCR7, 0u, PCLKCR7_SCIA);", "",
         "SCIA.SCICTL1: no clock"),
     "clocks not settled, F28335": (
-        F28335, "ht_clock_f28335.c", "    HT_SETTLE(port->io);\n", "", "no clock"),
+        F28335, "ht_clock_f28335.c", "    HT_SETTLE(port->io);\n    return", "    return",
+        "no clock"),
     "clocks not settled, F28377S": (
-        F28377S, "ht_clock_f28377s.c", "    HT_SETTLE(port->io);\n", "", "no clock"),
+        F28377S, "ht_clock_f28377s.c", "    HT_SETTLE(port->io);\n    return", "    return",
+        "no clock"),
     # watchdog
     "watchdog off": (
         F28335, "ht_watchdog.c", "#define WDCR_CHECK 0x0028u", "#define WDCR_CHECK 0x0068u",
@@ -209,20 +218,23 @@ FAULTS = {
         F28377S, "ht_watchdog.c", "#define WDCR_CHECK 0x0028u", "#define WDCR_CHECK 0x0020u",
         "WDCHK is not 101"),
     "watchdog: first key missing": (
-        F28335, "ht_image.c", "        ht_watchdog_first(&ht_image_port);\n", "",
-        "not serviced in time"),
+        F28335, "ht_image.c", "    ht_watchdog_first(&ht_image_port);\n    ht_pie_end",
+        "    ht_pie_end", "not serviced in time"),
     "watchdog: second key missing": (
         F28377S, "ht_image.c", "    ht_watchdog_second(&ht_image_port);\n", "",
         "not serviced in time"),
     "watchdog: wrong key": (
         F28335, "ht_watchdog.c", "#define KEY_SECOND 0x00AAu", "#define KEY_SECOND 0x00A5u",
         "neither 0x55 nor 0xAA"),
-    "watchdog fed whatever the fast interrupt does": (
-        F28335, "ht_image.c", "(ht_image_drive.tick != tick_seen)", "((tick_seen + 1u) != 0u)",
-        "watchdog bites without the fast interrupt"),
+    "lost interrupt not looked for": (
+        F28335, "ht_drive_slow.c", "if (tick == d->tick_last)", "if (tick == d->tick_last - 1u)",
+        "gates are off in two slow periods"),
+    "lost interrupt's parameters not taken over": (
+        F28377S, "ht_drive.c", "        d->staged = NULL;\n    }\n    if (state",
+        "    }\n    if (state", "a parameter does not wait for it"),
     "watchdog fed by the slow interrupt alone": (
-        F28377S, "ht_image.c", "    ht_drive_slow_isr(&ht_image_drive);",
-        "    ht_drive_slow_isr(&ht_image_drive);\n    ht_watchdog_second(&ht_image_port);",
+        F28377S, "ht_image.c", "    ht_pie_end_slow(&ht_image_port);",
+        "    ht_watchdog_second(&ht_image_port);\n    ht_pie_end_slow(&ht_image_port);",
         "watchdog bites without the background"),
     "watchdog too short for the start": (
         F28335, "ht_watchdog.c", "    prescale(port, WDPS_LONGEST);", "    prescale(port, 1u);",
@@ -239,26 +251,43 @@ FAULTS = {
         F28377S, "ht_pie.c", "#define GROUP1 0x0001u", "#define GROUP1 0x0004u",
         "every fast interrupt arrives"),
     "fast interrupt not acknowledged at the ADC": (
-        F28377S, "ht_adc.c",
+        F28335, "ht_adc.c",
         "void ht_port_begin_fast(ht_port *port)\n{\n"
         "    HT_WR16(port->io, port->map->adc_clear, port->map->adc_clear_bit);",
         "void ht_port_begin_fast(ht_port *port)\n{", "every fast interrupt arrives"),
+    "fast interrupt not acknowledged at the ADC, F28377S": (
+        F28377S, "ht_adc.c",
+        "void ht_port_begin_fast(ht_port *port)\n{\n"
+        "    HT_WR16(port->io, port->map->adc_clear, port->map->adc_clear_bit);",
+        "void ht_port_begin_fast(ht_port *port)\n{", "drive runs"),
+    "ADC's interrupts may stop": (
+        F28377S, "ht_adc.c", "INT1CONT | INT1E", "INT1E", "-ADCA.ADCINTSEL1N2"),
+    "ADC's overflow not looked at": (
+        F28377S, "ht_adc.c", "(HT_RD16(port->io, ADCA + ADCINTOVF) & ADCINT1) != 0u",
+        "port->map->device != HT_F28377S", "no overflow is left"),
+    "no NOP between PIEACK and EINT": (
+        F28335, "ht_pie.c",
+        "    HT_NOP(port->io); /* errata usage note: never PIEACK and EINT back to back */\n", "",
+        "EINT right after PIEACK"),
     "sequencer not reset": (
         F28335, "ht_adc.c",
-        "        HT_WR16(port->io, ADCTRL2, ADCTRL2_RUN | ADCTRL2_RST_SEQ1);\n    }\n}",
-        "    }\n}", "sequencer started at its end"),
+        "        HT_WR16(port->io, ADCTRL2, ADCTRL2_RUN | ADCTRL2_RST_SEQ1);\n    } else",
+        "    } else", "sequencer started at its end"),
     "no interrupt from the ADC": (
         F28335, "ht_adc.c", "#define ADCTRL2_INT_ENA_SEQ1 0x0800u",
         "#define ADCTRL2_INT_ENA_SEQ1 0u", "every fast interrupt arrives"),
     "interrupt before the last channel": (
-        F28377S, "ht_adc.c", "(uint16_t)(INT1E | (uint16_t)LAST)", "(uint16_t)(INT1E | 5u)",
+        F28377S, "ht_adc.c", "(CONVERSIONS_A - 1u)", "(CONVERSIONS_A - 2u)",
         "every fast interrupt arrives"),
     "ADC started by another module": (
         F28377S, "ht_adc.c", "((uint32_t)5u << 20)", "((uint32_t)7u << 20)",
         "every fast interrupt arrives"),
     "one channel too few": (
-        F28335, "ht_adc.c", "#define LAST (HT_ADC_CHANNELS - 1)",
-        "#define LAST (HT_ADC_CHANNELS - 2)", "every fast interrupt arrives"),
+        F28335, "ht_adc.c", "(uint16_t)(HT_ADC_CHANNELS - 1)", "(uint16_t)(HT_ADC_CHANNELS - 2)",
+        "every fast interrupt arrives"),
+    "second ADC without its start": (
+        LAUNCHPAD, "ht_adc.c", "    convert_f28377s(port, ADCB, 1u, CONVERSIONS_B);\n", "",
+        "every fast interrupt arrives"),
     "no start of conversion": (
         LAUNCHPAD, "ht_pwm.c", "#define ETSEL_SOCA_CTR0 0x0900u",
         "#define ETSEL_SOCA_CTR0 0x0100u", "every fast interrupt arrives"),
@@ -266,11 +295,11 @@ FAULTS = {
         LAUNCHPAD, "ht_pwm.c", "if (!master_is_a_leg)", "if (master_is_a_leg)",
         "every fast interrupt arrives"),
     "timer stopped": (
-        F28335, "ht_timer.c", "    HT_WR16(port->io, TCR, TCR_INTERRUPT);",
-        "    HT_WR16(port->io, TCR, TCR_INTERRUPT | TCR_STOP);", "slow interrupt is taken"),
+        F28335, "ht_timer.c", "    HT_WR16(port->io, TIMER0 + TCR, TCR_INTERRUPT);",
+        "    HT_WR16(port->io, TIMER0 + TCR, TCR_INTERRUPT | TCR_STOP);", "slow interrupt is taken"),
     "timer without interrupt": (
-        F28377S, "ht_timer.c", "    HT_WR16(port->io, TCR, TCR_INTERRUPT);",
-        "    HT_WR16(port->io, TCR, 0u);", "slow interrupt is taken"),
+        F28377S, "ht_timer.c", "    HT_WR16(port->io, TIMER0 + TCR, TCR_INTERRUPT);",
+        "    HT_WR16(port->io, TIMER0 + TCR, 0u);", "slow interrupt is taken"),
     "slow interrupt lets nothing in": (
         F28335, "ht_pie.c", "cleared it on the way in */\n    HT_EINT(port->io);",
         "cleared it on the way in */", "a fast interrupt comes within a slow one"),
@@ -355,9 +384,11 @@ FAULTS = {
         F28377S, "ht_pins.c", "        HT_WR16(port->io, INPUT1SELECT, board->trip.gpio);\n", "",
         "-INPUTXBAR"),
     "two channels exchanged": (
-        F28377S, "ht_board.c", "4u, 5u, 14u},\n    .baud = 1250000u, /* exact */\n};\n\nconst",
-        "5u, 4u, 14u},\n    .baud = 1250000u, /* exact */\n};\n\nconst",
-        "+ADCA.ADCSOC4CTL         0x07418  0x00528013"),
+        F28377S, "ht_board.c", ".encoder_b = {21u, 1u},\n    .receive = {28u, 1u},\n"
+        "    .transmit = {29u, 1u},\n    .channel = {2u, 2u, 3u, 3u, 4u",
+        ".encoder_b = {21u, 1u},\n    .receive = {28u, 1u},\n"
+        "    .transmit = {29u, 1u},\n    .channel = {3u, 2u, 2u, 3u, 4u",
+        "+ADCA.ADCSOC0CTL         0x07410  0x00518013"),
     "two legs exchanged": (
         LAUNCHPAD, "ht_board.c", "{2u, 1u}, {3u, 1u}, {10u, 1u}", "{3u, 1u}, {4u, 1u}, {10u, 1u}",
         "GPIO"),
@@ -370,6 +401,60 @@ FAULTS = {
         F28377S, "ht_sci.c", "#define SCICCR_8N1 0x0007u", "#define SCICCR_8N1 0x0027u",
         "PARITYENA=1"),
 }  # fmt: skip
+
+
+#: What is planted in the chip's clock; "late": right at the second try.
+CLOCKS = ("wrong", "never", "missing", "late")
+
+
+@pytest.mark.parametrize("planted", CLOCKS)
+@pytest.mark.parametrize("board", image.BOARDS)
+def test_image_of_a_board_with_a_wrong_clock(builder, board, planted):
+    """The gates' pins stay inputs, the fault is latched and told over the line at 115200 baud,
+    and no watchdog starts all over again."""
+    good, lines = image.run(builder.build(board), planted)
+    assert not image.complaints(lines)
+    assert good
+
+
+#: Source, text, replacement, what is planted in the chip, what a complaint says.
+CLOCK_FAULTS = {
+    "not measured, F28335": (
+        F28335, "ht_clock_f28335.c", "frequency_is_right(port) ?", "true ?", "wrong",
+        "start says why"),
+    "not measured, F28377S": (
+        F28377S, "ht_clock_f28377s.c", "|| !frequency_is_right(port)", "", "wrong",
+        "start says why"),
+    "not tried again": (
+        LAUNCHPAD, "ht_clock_f28377s.c", "#define TRIES 5u", "#define TRIES 1u", "late",
+        "start is reported"),
+    "missing crystal not looked for": (
+        F28377S, "ht_clock_f28377s.c", "return missing(port) ? HT_CLOCK_MISSING : clock;",
+        "return (clock == HT_CLOCK_MISSING) ? HT_CLOCK_RIGHT : clock;", "missing",
+        "start says why"),
+    "PWM set up all the same": (
+        F28377S, "ht_port_c2000.c", "if (port->clock != HT_CLOCK_RIGHT) {\n        return true;",
+        "if (port->clock == HT_CLOCK_NO_LOCK) {\n        return true;", "wrong",
+        "no pin is the PWM's"),
+    "watchdog left alone": (
+        F28335, "ht_image.c",
+        "(uint16_t)HT_FAULT_CLOCK);\n    ht_watchdog_first(&ht_image_port);",
+        "(uint16_t)HT_FAULT_CLOCK);", "never", "no resets for ever"),
+    "fault that can be cleared": (
+        F28335, "ht_drive.c", "(d->faults & (uint16_t)HT_FAULT_CLOCK) != 0u", "d->faults > 0xFFFEu",
+        "wrong", "clear is refused"),
+    "line at the usual rate": (
+        F28377S, "ht_port_c2000.c", "ht_sci_start(port, EMERGENCY_BAUD)",
+        "ht_sci_start(port, 9600u)", "wrong", "line runs at 115200 baud"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", CLOCK_FAULTS)
+def test_fault_around_the_clock_is_found(builder, fault):
+    board, source, old, new, planted, said = CLOCK_FAULTS[fault]
+    _, lines = image.run(builder.build(board, (source, old, new)), planted)
+    found = image.complaints(lines)
+    assert any(said in line for line in found), "\n".join(found) or "nothing found"
 
 
 @pytest.mark.parametrize("fault", FAULTS)

@@ -23,7 +23,10 @@ OFFSETS = {
     },
 }  # fmt: skip
 BASE = {"f28335": (0x6800, 0x40), "f28377s": (0x4000, 0x100)}
-ADC = {"f28335": (0x7108, 4), "f28377s": (0x0B00, 0)}
+ADC = {
+    "f28335": (range(0x7108, 0x710F), 4),
+    "f28377s": ((0x0B00, 0x0B20, 0x0B01, 0x0B21, 0x0B02, 0x0B22, 0x0B03), 0),
+}
 QPOSCNT = {"f28335": 0x6B00, "f28377s": 0x5100}
 DEAD_MAX = {"f28335": 1023, "f28377s": 16383}
 #: 1 us, the shortest dead time of the boards.
@@ -328,10 +331,10 @@ def test_inverting_gate_drivers():
 
 def test_readings(board):
     board.init()
-    address, shift = ADC[board.device]
+    addresses, shift = ADC[board.device]
     counts = [0, 1, 2047, 2048, 2049, 4095, 1234]
-    for channel, count in enumerate(counts):
-        board.rf.word[address + channel] = count << shift
+    for address, count in zip(addresses, counts):
+        board.rf.word[address] = count << shift
     board.rf.word[QPOSCNT[board.device]] = 0xFFFE
     board.rf.word[QPOSCNT[board.device] + 1] = 0x8001
     samples = ffi.new("ht_samples *")
@@ -356,6 +359,50 @@ def test_acknowledge(board):
     lib.ht_port_ack_fast(board.port)
     assert board.rf.word[PIEACK] == 0x0FFE  # group 1: ADC and CPU timer
     assert board.rf.violations == 0
+
+
+@pytest.mark.parametrize("again", (False, True))
+def test_acknowledge_that_meets_the_end_of_a_conversion(again):
+    """Errata SPRZ422, ADC interrupts: the flag must be clear afterwards, so that the next end
+    shows as an overrun, and further interrupts must come."""
+    board = Board("f28377s")
+    board.init()
+    asked = []
+    isr = ffi.callback("void(void)", lambda: asked.append(1))
+    board.rf.vector[32] = isr
+    board.rf.word[0x0CE0] = 1
+    board.rf.word[0x0CE2] = 1
+    board.rf.ier = 1
+    for _ in range(2 if again else 1):
+        board.rf.event_at = board.rf.accesses + 1
+        lib.ht_port_begin_fast(board.port)
+        assert (board.rf.word[0x7403], board.rf.word[0x7405]) == (0, 0)
+        assert not lib.ht_port_overrun(board.port)
+    for _ in range(3):
+        board.rf.word[PIEACK] = 0
+        board.rf.intm = 0
+        lib.ht_regfile_end_of_sequence(board.rf)
+    assert len(asked) >= 3
+    assert board.rf.violations == 0
+
+
+def test_overrun_is_seen_in_every_case():
+    """INT1CONT lets an interrupt through whatever the flag says; the flag must tell."""
+    board = Board("f28377s")
+    board.init()
+    lib.ht_regfile_end_of_sequence(board.rf)
+    lib.ht_regfile_end_of_sequence(board.rf)
+    assert board.rf.word[0x7405] == 1
+    lib.ht_port_begin_fast(board.port)
+    assert not lib.ht_port_overrun(board.port)
+    lib.ht_regfile_end_of_sequence(board.rf)
+    assert lib.ht_port_overrun(board.port)
+    assert board.rf.violations == 0
+
+
+def test_stale_flag_of_the_f28335_is_cleared_at_the_start():
+    """A debugger's start finds what the run before has left: INT_SEQ1 set lets none through."""
+    assert Board("f28335", [(0x7119, 1)]).rf.word[0x7119] == 0
 
 
 def test_fixed_number_of_accesses(board):

@@ -559,6 +559,8 @@ def test_functions_in_otp(chip):
         call(chip.rf, 0x0703B4, 0)
         assert chip.read32(0x7470) != 0  # ADCINLTRIM1
         assert call(chip.rf, 0x0703AC, 0) != 0
+        assert call(chip.rf, 0x0703B2, 0) == 0  # the same for ADC-B, which has no clock
+        assert chip.said == [NO_EALLOW]
     assert not chip.said
     call(chip.rf, 0x123456, 0)
     assert chip.said == [HOLE]
@@ -713,9 +715,9 @@ class Interrupts:
         chip.write(PIEIER1, 0x0041)
         chip.write(TCR, 0x4000)
         lib.ht_regfile_ier(chip.rf, 1)
-        # interrupt at the end of a sequence: INT_ENA_SEQ1, or INT1E with EOC6
+        # interrupt at the end of a sequence: INT_ENA_SEQ1, or INT1E with EOC3
         chip.eallow()
-        chip.write(*((0x7101, 0x0800) if chip.device == "f28335" else (0x7407, 0x0026)))
+        chip.write(*((0x7101, 0x0800) if chip.device == "f28335" else (0x7407, 0x0023)))
         chip.eallow(0)
 
     def fast(self):
@@ -763,6 +765,100 @@ def test_what_an_interrupt_needs(chip, missing):
     assert not it.calls
 
 
+def test_adc_interrupt_that_meets_the_clear_of_its_flag():
+    """Errata SPRZ422, "Interrupts may Stop if INTxCONT is not Set": the end of a conversion in
+    the instant of the clear keeps the flag set and the overflow as well; from then on no
+    interrupt comes, unless INT1CONT lets them through whatever the flag says."""
+    for cont, still in ((0, 0), (0x40, 3)):
+        chip = Chip("f28377s")
+        it = Interrupts(chip)
+        chip.eallow()
+        chip.write(0x7407, 0x0023 | cont)
+        chip.eallow(0)
+        it.adc()
+        chip.rf.event_at = chip.rf.accesses + 1
+        chip.write(0x7404, 1)
+        assert (chip.read(0x7403), chip.read(0x7405)) == (1, 1)
+        chip.rf.word[PIEIFR1] = 0
+        lib.ht_regfile_intm(chip.rf, 0)
+        it.fast = lambda: None
+        for _ in range(3):
+            it.adc()
+        assert it.calls.count("fast") == still
+        # a second clear, and one of the overflow, which does not go by itself
+        chip.write(0x7404, 1)
+        assert (chip.read(0x7403), chip.read(0x7405)) == (0, 1)
+        chip.write(0x7406, 1)
+        assert chip.read(0x7405) == 0
+        assert not chip.said
+
+
+def test_clear_of_the_adc_flag_at_another_time_clears_it():
+    chip = Chip("f28377s")
+    it = Interrupts(chip)
+    it.adc()
+    chip.write(0x7404, 1)
+    assert (chip.read(0x7403), chip.read(0x7405)) == (0, 0)
+    it.adc()
+    it.adc()  # nobody has cleared in between
+    assert (chip.read(0x7403), chip.read(0x7405)) == (1, 1)
+
+
+def test_eint_right_after_pieack_is_told(chip):
+    """Usage note of both chips' errata."""
+    it = Interrupts(chip)
+    chip.write(PIEACK, 1)
+    lib.ht_regfile_ier(chip.rf, 1)
+    lib.ht_regfile_intm(chip.rf, 0)
+    assert chip.said == [ORDER]
+    lib.ht_regfile_intm(chip.rf, 1)
+    chip.write(PIEACK, 1)
+    lib.ht_regfile_nop(chip.rf)
+    lib.ht_regfile_intm(chip.rf, 0)
+    assert not chip.said
+    assert not it.calls
+
+
+def test_global_load_control_needs_eallow():
+    chip = Chip("f28377s")
+    chip.write(0x4034, 1)
+    assert chip.said == [NO_EALLOW]
+    chip.eallow()
+    chip.write(0x4034, 1)
+    assert chip.read(0x4034) == 1
+    assert not chip.said
+
+
+def test_cpu_timers_1_and_2_count_their_clocks():
+    """Timer 2 on the crystal, timer 1 on SYSCLK: the ratio is the PLL's."""
+    chip = Chip("f28377s")
+    chip.word(0x5D322)[0] |= 0x30
+    lib.ht_regfile_settle(chip.rf)
+    chip.eallow()
+    chip.write32(0x5D208, 1)  # crystal
+    chip.write32(0x5D214, 20)
+    while not chip.read32(0x5D216) & 1:
+        pass
+    chip.write32(0x5D222, 2)  # a quarter
+    chip.write32(0x5D20E, 3)
+    chip.write32(0x5D37C, 3)  # TMR2CLKCTL: XTAL
+    for timer, first in ((0x0C08, 0xFFFFFFFF), (0x0C10, 999)):
+        chip.write32(timer + 2, first)
+        chip.write(timer + 4, 0x0030)
+        chip.write(timer + 4, 0)
+    looks = 0
+    while not chip.read(0x0C14) & 0x8000:
+        looks += 1
+    assert looks > 10
+    chip.write(0x0C0C, 0x0010)
+    counts = 0xFFFFFFFF - chip.read32(0x0C08)
+    assert counts / 1000 == pytest.approx(5, rel=0.02)
+    assert counts == 0xFFFFFFFF - chip.read32(0x0C08)  # it stands
+    chip.write(0x0C14, 0x8010)
+    assert not chip.read(0x0C14) & 0x8000
+    assert not chip.said
+
+
 def test_fast_interrupt_within_the_slow_one(chip):
     it = Interrupts(chip)
     lib.ht_regfile_intm(chip.rf, 0)
@@ -772,6 +868,7 @@ def test_fast_interrupt_within_the_slow_one(chip):
         it.calls.append("masked")
         chip.write(PIEIER1, 0x0001)
         chip.write(PIEACK, 1)
+        lib.ht_regfile_nop(chip.rf)
         lib.ht_regfile_ier(chip.rf, 1)
         lib.ht_regfile_intm(chip.rf, 0)
         it.calls.append("let in")

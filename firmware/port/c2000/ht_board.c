@@ -47,7 +47,7 @@ const ht_board ht_board_f28377s = {
     .encoder_b = {21u, 1u},
     .receive = {28u, 1u},
     .transmit = {29u, 1u},
-    .channel = {0u, 1u, 2u, 3u, 4u, 5u, 14u},
+    .channel = {2u, 2u, 3u, 3u, 4u, 4u, 14u}, /* A2 B2 A3 B3 A4 B4, ADCIN14 */
     .baud = 1250000u, /* exact */
 };
 
@@ -66,6 +66,6 @@ const ht_board ht_board_launchxl_f28377s = {
     .encoder_b = {21u, 1u},
     .receive = {85u, 5u},
     .transmit = {84u, 5u},
-    .channel = {0u, 1u, 2u, 3u, 4u, 5u, 14u},
+    .channel = {2u, 2u, 3u, 3u, 4u, 4u, 14u}, /* A2 B2 A3 B3 A4 B4, ADCIN14 */
     .baud = 1250000u, /* exact */
 };

@@ -8,9 +8,6 @@
 #include "ht_c2000_map.h"
 #include "ht_types.h"
 
-/** Channels of the conversion sequence: six currents in phase order, Vdc. */
-#define HT_BOARD_CHANNELS 7
-
 /** A pin and the position of its multiplexer that makes it what it is. */
 typedef struct {
     uint16_t gpio;
@@ -31,7 +28,9 @@ typedef struct {
     ht_pin encoder_b;
     ht_pin receive;
     ht_pin transmit;
-    uint16_t channel[HT_BOARD_CHANNELS]; /**< ADC inputs (ADC-A) */
+    /** ADC inputs. F28377S: u1 w1 v1 and Vdc are ADC-A's, u2 w2 v2 ADC-B's, one of each at a
+     *  time. ADCINA0, A1 and B1 have a pull-down of 50 kohm, B0 a capacitor: not for currents. */
+    uint16_t channel[HT_MAP_CHANNELS];
     uint32_t baud;                    /**< of the link */
 } ht_board;
 

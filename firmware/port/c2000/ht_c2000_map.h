@@ -10,6 +10,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/** Channels of the conversion sequence: six currents in phase order, Vdc. */
+#define HT_MAP_CHANNELS 7
+
 typedef enum { HT_F28335 = 0, HT_F28377S = 1 } ht_device;
 
 /** `epwm` + module * `stride` + offset addresses a PWM register (module 0 = ePWM1).
@@ -40,7 +43,7 @@ typedef struct {
     uint16_t one_shot;        /**< TZSEL: what trips all legs for good */
     uint16_t etsel;
     uint16_t etps;
-    uint32_t adc_result;      /**< seven consecutive results */
+    uint32_t adc_result[HT_MAP_CHANNELS];
     uint16_t adc_shift;       /**< right shift to 12-bit counts */
     uint32_t adc_flag;        /**< end of the sequence: register ... */
     uint16_t adc_flag_bit;    /**< ... and bit that shows it, */
@@ -54,6 +57,7 @@ typedef struct {
     uint16_t vectors;         /**< entries of the PIE vector table */
     uint16_t dead_max_counts;
     float pwm_clock_Hz;
+    uint16_t encoder_qualprd; /**< sampling period of the encoder's pins: twice so many system clocks */
     float system_clock_Hz;    /**< SYSCLKOUT: clocks CPU timers and eQEP */
     float watchdog_Hz;        /**< its counter's clock before the prescaler */
     uint32_t sci_clock_Hz;    /**< LSPCLK */

@@ -21,9 +21,12 @@ void ht_watchdog_second(ht_port *port);
 
 /* ht_clock_f28335.c, ht_clock_f28377s.c */
 
-/** Crystal, PLL, prescalers, clocks of the modules in use. False: no clock, no lock. */
-bool ht_clock_start_f28335(ht_port *port);
-bool ht_clock_start_f28377s(ht_port *port);
+/** Crystal, PLL, prescalers, clocks of the modules in use. SYSCLKOUT is measured against the
+ *  crystal (and on the F28377S against the internal oscillator). If it is not right in
+ *  several tries: a clock without PLL that is good enough for the serial line, with
+ *  `port->sci_clock_Hz` to go by. */
+ht_clock ht_clock_start_f28335(ht_port *port);
+ht_clock ht_clock_start_f28377s(ht_port *port);
 /** TBCLKSYNC: stop or start all PWM counters together. */
 void ht_clock_pwm_f28335(ht_port *port, bool run);
 void ht_clock_pwm_f28377s(ht_port *port, bool run);
@@ -40,8 +43,10 @@ void ht_flash_unchecked(ht_port *port);
 
 /* ht_pins.c */
 
-/** Encoder, SCI, trip pin. */
+/** Encoder, trip pin. */
 void ht_pins_start(ht_port *port);
+/** SCI. */
+void ht_pins_line(ht_port *port);
 /** The PWM's twelve pins. Only with the trip latched: from here on they drive the gates. */
 void ht_pins_pwm(ht_port *port);
 /** The PWM's twelve pins as inputs, as after reset: they drive nothing. */
@@ -71,6 +76,14 @@ uint32_t ht_eqep_position(const ht_port *port);
 void ht_timer_start(ht_port *port, float slow_Hz);
 /** Has it passed since the last look? For a background without interrupts. */
 bool ht_timer_passed(ht_port *port);
+/** A timer (its first register) that counts down from a value, without interrupt: stopped, */
+void ht_counter_prepare(ht_port *port, uint32_t timer, uint32_t from);
+/** running, */
+void ht_counter_run(ht_port *port, uint32_t timer);
+/** has it passed 0, */
+bool ht_counter_passed(const ht_port *port, uint32_t timer);
+/** stopped, and how many counts it has made. */
+uint32_t ht_counter_stop(ht_port *port, uint32_t timer);
 
 /* ht_sci.c: 8 data bits, no parity, one stop bit, FIFOs of 16 */
 

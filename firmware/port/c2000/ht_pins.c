@@ -10,8 +10,13 @@
 #define GPYDIR 0x0Au
 #define GPYPUD 0x0Cu
 #define GPYGMUX1 0x20u /* F28377S: upper two bits of the position */
+#define GPYCTRL 0x00u
 #define QUALIFY_SYNC 0u
+#define QUALIFY_SIX 2u /* six samples in a row must agree */
 #define QUALIFY_ASYNC 3u
+#define QUALIFIED_PINS 8u /* share a sampling period, ... */
+#define QUALPRD_BITS 8u   /* ... of 2 x QUALPRD system clocks */
+#define QUALPRD 0x000000FFu
 /* F28377S: trip zone 1 listens to input 1 of the crossbar. */
 #define INPUT1SELECT 0x7900u
 
@@ -48,6 +53,14 @@ static void set_up(ht_port *port, const ht_pin *pin, uint32_t qualify, bool pull
     ht_change32(port->io, half + GPYMUX1, field, (mux & 3u) << shift);
 }
 
+/* The sampling period of a pin and its seven neighbours. */
+static void qualify(ht_port *port, const ht_pin *pin)
+{
+    uint16_t shift = (uint16_t)(QUALPRD_BITS * ((pin->gpio % 32u) / QUALIFIED_PINS));
+    ht_change32(port->io, first_register(port, pin) + GPYCTRL, QUALPRD << shift,
+                (uint32_t)port->map->encoder_qualprd << shift);
+}
+
 void ht_pins_start(ht_port *port)
 {
     const ht_board *board = port->board;
@@ -57,8 +70,17 @@ void ht_pins_start(ht_port *port)
     if (port->map->device == HT_F28377S) {
         HT_WR16(port->io, INPUT1SELECT, board->trip.gpio);
     }
-    set_up(port, &board->encoder_a, QUALIFY_SYNC, true);
-    set_up(port, &board->encoder_b, QUALIFY_SYNC, true);
+    qualify(port, &board->encoder_a);
+    qualify(port, &board->encoder_b);
+    set_up(port, &board->encoder_a, QUALIFY_SIX, true);
+    set_up(port, &board->encoder_b, QUALIFY_SIX, true);
+    HT_EDIS(port->io);
+}
+
+void ht_pins_line(ht_port *port)
+{
+    const ht_board *board = port->board;
+    HT_EALLOW(port->io);
     set_up(port, &board->receive, QUALIFY_ASYNC, true);
     set_up(port, &board->transmit, QUALIFY_SYNC, true);
     HT_EDIS(port->io);

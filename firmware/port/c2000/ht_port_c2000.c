@@ -3,6 +3,9 @@
 
 #include "ht_drivers.h"
 
+/* Without a right clock: the internal oscillator makes no better rate. */
+#define EMERGENCY_BAUD 115200u
+
 void ht_port_bind(ht_port *port, ht_io *io, const ht_board *board)
 {
     uint16_t leg;
@@ -10,6 +13,8 @@ void ht_port_bind(ht_port *port, ht_io *io, const ht_board *board)
     port->board = board;
     port->map = board->map;
     port->shadow = true;
+    port->clock = HT_CLOCK_RIGHT;
+    port->sci_clock_Hz = board->map->sci_clock_Hz;
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
         port->leg[leg] = board->map->epwm + ((uint32_t)board->module[leg] * board->map->stride);
     }
@@ -17,20 +22,22 @@ void ht_port_bind(ht_port *port, ht_io *io, const ht_board *board)
 
 bool ht_board_start(ht_port *port)
 {
-    bool clocked;
     ht_watchdog_hold(port);
     ht_flash_start(port); /* before the clock that needs it */
     if (port->map->device == HT_F28335) {
-        clocked = ht_clock_start_f28335(port);
+        port->clock = ht_clock_start_f28335(port);
     } else {
-        clocked = ht_clock_start_f28377s(port);
+        port->clock = ht_clock_start_f28377s(port);
     }
-    if (clocked) {
+    ht_pins_line(port);
+    if (port->clock == HT_CLOCK_RIGHT) {
         ht_pins_start(port);
         ht_adc_start(port);
         (void)ht_sci_start(port, port->board->baud);
+    } else {
+        (void)ht_sci_start(port, EMERGENCY_BAUD);
     }
-    return clocked;
+    return port->clock == HT_CLOCK_RIGHT;
 }
 
 ht_dead_range ht_port_dead_range(const ht_port *port)
@@ -62,6 +69,9 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
     if (!ht_port_accepts(port, setup)) {
         ht_port_gates_off(port);
         return false;
+    }
+    if (port->clock != HT_CLOCK_RIGHT) {
+        return true; /* no time of the PWM's would be right: nothing is set up, the pins stay inputs */
     }
     port->shadow = setup->shadow;
     run_counters(port, false);

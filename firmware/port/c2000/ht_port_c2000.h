@@ -11,20 +11,31 @@
 #include "ht_board.h"
 #include "ht_reg.h"
 
+/** What the start has found the system clock to be. */
+typedef enum {
+    HT_CLOCK_RIGHT = 0,
+    HT_CLOCK_MISSING = 1, /**< the crystal does not swing */
+    HT_CLOCK_NO_LOCK = 2, /**< the PLL does not lock */
+    HT_CLOCK_WRONG = 3    /**< it locks at another frequency than the one asked for */
+} ht_clock;
+
 struct ht_port {
     ht_io *io;               /**< register file (unused on the DSP) */
     const ht_board *board;
     const ht_c2000_map *map; /**< the board's device */
     uint32_t leg[HT_LEGS];   /**< PWM module of each leg */
     bool shadow;
+    ht_clock clock;          /**< not right: pins and ADC are as after reset */
+    uint32_t sci_clock_Hz;   /**< LSPCLK */
 };
 
 /** The port of a board. Touches no register. */
 void ht_port_bind(ht_port *port, ht_io *io, const ht_board *board);
 
 /** After reset: watchdog, PLL, flash, module clocks, ADC, SCI, pins except the PWM's.
- *  Takes a few ms. False if there is no clock to run on; the gates then stay off
- *  for want of a pin that could switch them on. */
+ *  Takes a few ms. False if the clock is not the right one (`port->clock` says why): then
+ *  only the serial line is started, at 115200 baud, and `ht_port_init` leaves the
+ *  PWM's pins inputs, so that no gate can be switched on. */
 bool ht_board_start(ht_port *port);
 
 #endif

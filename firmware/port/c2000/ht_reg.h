@@ -9,9 +9,11 @@
  *
  *  HT_RD16, HT_WR16, HT_RD32, HT_WR32   one access of that width
  *  HT_SETTLE     after clock enables have been written, before the first access
+ *  HT_NOP        one instruction that does nothing
  *  HT_WAIT_US    at least that many microseconds
  *  HT_VECTOR     enter an interrupt function into a vector
  *  HT_CALL       call a function of TI's in ROM or OTP; HT_CALL16 with argument and result
+ *  HT_DEVICE_CAL call TI's Device_cal, which does not keep the registers that C expects
  *  HT_IDLE       one turn of the background loop is over
  */
 #ifndef HT_REG_H
@@ -35,6 +37,9 @@ extern __cregister volatile unsigned int IFR;
 
 /** Busy waiting: no timer is needed, and more than `us` does not hurt. */
 void ht_wait_us(uint16_t us);
+
+/** Device_cal with the CPU's registers saved around it (devicecal.asm). */
+void ht_device_cal(void);
 
 static inline uint16_t ht_rd16(const ht_io *io, uint32_t addr)
 {
@@ -88,6 +93,8 @@ static inline uint16_t ht_call16(ht_io *io, uint32_t addr, uint16_t argument)
 #define HT_EALLOW(io) __asm(" EALLOW")
 #define HT_EDIS(io) __asm(" EDIS")
 #define HT_SETTLE(io) __asm(" RPT #7 || NOP")
+#define HT_NOP(io) __asm(" NOP")
+#define HT_DEVICE_CAL(io) ht_device_cal()
 #define HT_WAIT_US(io, us) ht_wait_us(us)
 #define HT_DINT(io) __asm(" SETC INTM")
 #define HT_EINT(io) __asm(" CLRC INTM")
@@ -144,6 +151,8 @@ static inline void ht_wr32(ht_io *io, uint32_t addr, uint32_t value)
 #define HT_EALLOW(io) __asm volatile("nop")
 #define HT_EDIS(io) __asm volatile("nop")
 #define HT_SETTLE(io) ((void)(io))
+#define HT_NOP(io) __asm volatile("nop")
+#define HT_DEVICE_CAL(io) ((void)(io))
 #define HT_WAIT_US(io, us) ((void)(io), (void)(us))
 #define HT_VECTOR(io, addr, isr) ((void)(io), (void)(addr), (void)(isr))
 #define HT_CALL(io, addr) ((void)(io), (void)(addr))
@@ -172,6 +181,8 @@ typedef HT_INTERRUPT void (*ht_isr)(void);
 #define HT_EALLOW(io) ht_regfile_eallow((io), 1u)
 #define HT_EDIS(io) ht_regfile_eallow((io), 0u)
 #define HT_SETTLE(io) ht_regfile_settle(io)
+#define HT_NOP(io) ht_regfile_nop(io)
+#define HT_DEVICE_CAL(io) ((void)ht_regfile_call((io), HT_REGFILE_DEVICE_CAL, 0u))
 #define HT_WAIT_US(io, us) ht_regfile_wait((io), (us))
 #define HT_DINT(io) ht_regfile_intm((io), 1u)
 #define HT_EINT(io) ht_regfile_intm((io), 0u)

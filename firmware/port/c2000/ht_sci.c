@@ -31,14 +31,14 @@
 static uint32_t divider(const ht_port *port, uint32_t baud)
 {
     uint32_t eight = 8u * baud;
-    return (port->map->sci_clock_Hz + (eight / 2u)) / eight;
+    return (port->sci_clock_Hz + (eight / 2u)) / eight;
 }
 
 bool ht_sci_start(ht_port *port, uint32_t baud)
 {
     uint32_t sci = port->map->sci;
     uint32_t counts;
-    if ((baud == 0u) || (baud > (port->map->sci_clock_Hz / 16u))) {
+    if ((baud == 0u) || (baud > (port->sci_clock_Hz / 16u))) {
         return false; /* a divider of 1 does not exist */
     }
     counts = divider(port, baud);
@@ -66,7 +66,7 @@ float ht_sci_baud(const ht_port *port)
     uint32_t high = HT_RD16(port->io, sci + SCIHBAUD);
     uint32_t low = HT_RD16(port->io, sci + SCILBAUD);
     uint32_t counts = ((high << 8) | low) + 1u;
-    return (float)port->map->sci_clock_Hz / (8.0f * (float)counts);
+    return (float)port->sci_clock_Hz / (8.0f * (float)counts);
 }
 
 static uint16_t level(const ht_port *port, uint32_t fifo)

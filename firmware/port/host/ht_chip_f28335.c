@@ -117,7 +117,7 @@ static const ht_register sys[] = {
            "8 CPUTIMER0ENCLK"),
     SYSTEM("PLLCR", 0x11u, 0u, 0x000Fu, HT_FX_PLLCR, "3-0 DIV"),
     SYSTEM("SCSR", 0x12u, 0x0005u, 0x0002u, HT_PLAIN, "2 WDINTS, 1 WDENINT, 0 WDOVERRIDE"),
-    SYSTEM("WDCNTR", 0x13u, 0u, 0u, HT_READ_ONLY, ""),
+    SYSTEM("WDCNTR", 0x13u, 0u, 0u, HT_FX_WDCNTR, ""),
     SYSTEM("WDKEY", 0x15u, 0u, 0x00FFu, HT_FX_WDKEY, ""),
     SYSTEM("WDCR", 0x19u, 0u, 0x007Fu, HT_FX_WDCR, "7 WDFLAG, 6 WDDIS, 5-3 WDCHK, 2-0 WDPS"),
 };
@@ -134,6 +134,7 @@ static const ht_register flash[] = {
 static const ht_module modules[] = {
     {"FLASH", 0x0A80u, 0u, 1u, 1u, 0u, 0u, flash, COUNT(flash)},
     {"TIMER0", 0x0C00u, 0u, 1u, 1u, 0x7020u, 8u, ht_registers_timer, HT_TIMER_REGISTERS},
+    {"TIMER", 0x0C08u, 8u, 2u, 1u, 0x7020u, 9u, ht_registers_counter, HT_TIMER_REGISTERS},
     {"PIE", 0x0CE0u, 0u, 1u, 1u, 0u, 0u, ht_registers_pie_8, HT_PIE_REGISTERS},
     {"VECTOR", 0x0D00u, 2u, 128u, 0u, 0u, 0u, ht_register_vector, 1u},
     {"EPWM", 0x6800u, 0x40u, 6u, 1u, 0x701Du, 0u, epwm, COUNT(epwm)},
@@ -168,5 +169,6 @@ const ht_chip ht_chip_f28335 = {
     .gpio_data = 0x6FC0u,
     .adc_flag = 0x7119u,
     .adc_settle_us = 5000u,
+    .crystal_pll_Hz = 300.0e6f,
     .watchdog_Hz = 30.0e6f / 512.0f,
 };

@@ -26,7 +26,8 @@ static const ht_register epwm[] = {
     REG("PCCTL", 0x14u, 0u, 0x07FFu, HT_PLAIN, HT_SET_UP, 0u,
         "10-8 CHPDUTY, 7-5 CHPFREQ, 4-1 OSHTWTH, 0 CHPEN"),
     REG("HRCNFG", 0x20u, 0u, 0x1F1Fu, HT_PLAIN, HT_EALLOWED, 0u, ""),
-    PLAIN("GLDCTL", 0x34u, 0x03BFu, "12-10 GLDCNT, 9-7 GLDPRD, 5 OSHTMODE, 4-1 GLDMODE, 0 GLD"),
+    REG("GLDCTL", 0x34u, 0u, 0x03BFu, HT_PLAIN, HT_EALLOWED, 0u,
+        "12-10 GLDCNT, 9-7 GLDPRD, 5 OSHTMODE, 4-1 GLDMODE, 0 GLD"),
     PLAIN("AQCTLA", 0x40u, 0x0FFFu, "11-10 CBD, 9-8 CBU, 7-6 CAD, 5-4 CAU, 3-2 PRD, 1-0 ZRO"),
     PLAIN("AQCTLA2", 0x41u, 0x00FFu, ""),
     PLAIN("AQCTLB", 0x42u, 0x0FFFu, "11-10 CBD, 9-8 CBU, 7-6 CAD, 5-4 CAU, 3-2 PRD, 1-0 ZRO"),
@@ -91,7 +92,7 @@ static const ht_register adc[] = {
     PROTECTED("ADCCTL2", 0x01u, 0x00CFu, "7 SIGNALMODE, 6 RESOLUTION, 3-0 PRESCALE"),
     PROTECTED("ADCBURSTCTL", 0x02u, 0x8F3Fu, ""),
     REG("ADCINTFLG", 0x03u, 0u, 0u, HT_READ_ONLY, 0u, 0u, "3 ADCINT4, 2 ADCINT3, 1 ADCINT2, 0 ADCINT1"),
-    REG("ADCINTFLGCLR", 0x04u, 0u, 0x000Fu, HT_ONES_CLEAR_AT, 0u, 0x03u, ""),
+    REG("ADCINTFLGCLR", 0x04u, 0u, 0x000Fu, HT_FX_ADCINTFLGCLR, 0u, 0x03u, ""),
     REG("ADCINTOVF", 0x05u, 0u, 0u, HT_READ_ONLY, 0u, 0u, ""),
     REG("ADCINTOVFCLR", 0x06u, 0u, 0x000Fu, HT_ONES_CLEAR_AT, 0u, 0x05u, ""),
     PROTECTED("ADCINTSEL1N2", 0x07u, 0x6F6Fu,
@@ -134,7 +135,8 @@ static const ht_register adc_result[] = {
 /* The word that tells whether a function of TI's has been programmed. */
 static const ht_register otp[] = {
     REG("OFFSET_TRIM", 0x0u, 0x7632u, 0u, HT_READ_ONLY, 0u, 0u, ""),
-    REG("INL_TRIM", 0x8u, 0x7632u, 0u, HT_READ_ONLY, 0u, 0u, ""),
+    REG("INL_TRIM_B", 0x6u, 0x7632u, 0u, HT_READ_ONLY, 0u, 0u, ""),
+    REG("INL_TRIM_A", 0x8u, 0x7632u, 0u, HT_READ_ONLY, 0u, 0u, ""),
 };
 
 static const ht_register xbar[] = {
@@ -180,7 +182,7 @@ static const ht_register data_c[] = LEVELS("C");
 static const ht_register wd[] = {
     REG("SCSR", 0x22u, 0x0005u, 0x0002u, HT_PLAIN, HT_EALLOWED, 0u,
         "2 WDINTS, 1 WDENINT, 0 WDOVERRIDE"),
-    REG("WDCNTR", 0x23u, 0u, 0u, HT_READ_ONLY, HT_EALLOWED, 0u, ""),
+    REG("WDCNTR", 0x23u, 0u, 0u, HT_FX_WDCNTR, HT_EALLOWED, 0u, ""),
     REG("WDKEY", 0x25u, 0u, 0x00FFu, HT_FX_WDKEY, HT_EALLOWED, 0u, ""),
     REG("WDCR", 0x29u, 0u, 0x007Fu, HT_FX_WDCR, HT_EALLOWED, 0u, "6 WDDIS, 5-3 WDCHK, 2-0 WDPS"),
     REG("WDWCR", 0x2Au, 0u, 0x00FFu, HT_PLAIN, HT_EALLOWED, 0u, "8 FIRSTKEY, 7-0 MIN"),
@@ -199,6 +201,7 @@ static const ht_register clkcfg[] = {
     CLOCK("PERCLKDIVSEL", 0x26u, 0x00000051u, 0x00000053u, HT_PLAIN,
           "6 EMIF2CLKDIV, 4 EMIF1CLKDIV, 1-0 EPWMCLKDIV"),
     CLOCK("LOSPCP", 0x2Cu, 0x00000002u, 0x00000007u, HT_PLAIN, "2-0 LSPCLKDIV"),
+    CLOCK("MCDCR", 0x2Eu, 0u, 0x0000000Eu, HT_FX_MCDCR, "3 OSCOFF, 2 MCLKOFF, 1 MCLKCLR, 0 MCLKSTS"),
 };
 
 static const ht_register cpusys[] = {
@@ -212,6 +215,7 @@ static const ht_register cpusys[] = {
     CLOCK("PCLKCR4", 0x2Au, 0u, 0x00000007u, HT_FX_CLOCKS, "2 EQEP3, 1 EQEP2, 0 EQEP1"),
     CLOCK("PCLKCR7", 0x30u, 0u, 0x0000000Fu, HT_FX_CLOCKS, "3 SCI_D, 2 SCI_C, 1 SCI_B, 0 SCI_A"),
     CLOCK("PCLKCR13", 0x3Cu, 0u, 0x0000000Fu, HT_FX_CLOCKS, "3 ADC_D, 2 ADC_C, 1 ADC_B, 0 ADC_A"),
+    CLOCK("TMR2CLKCTL", 0x7Cu, 0u, 0x0000003Fu, HT_PLAIN, "5-3 TMR2CLKPRESCALE, 2-0 TMR2CLKSRCSEL"),
 };
 
 static const ht_register flash[] = {
@@ -232,7 +236,9 @@ static const ht_register pump[] = {
 
 static const ht_module modules[] = {
     {"ADCA", 0x0B00u, 0u, 1u, 1u, 0x5D33Cu, 0u, adc_result, COUNT(adc_result)},
+    {"ADCB", 0x0B20u, 0u, 1u, 1u, 0x5D33Cu, 1u, adc_result, COUNT(adc_result)},
     {"TIMER0", 0x0C00u, 0u, 1u, 1u, 0x5D322u, 3u, ht_registers_timer, HT_TIMER_REGISTERS},
+    {"TIMER", 0x0C08u, 8u, 2u, 1u, 0x5D322u, 4u, ht_registers_counter, HT_TIMER_REGISTERS},
     {"PIE", 0x0CE0u, 0u, 1u, 1u, 0u, 0u, ht_registers_pie_16, HT_PIE_REGISTERS},
     {"VECTOR", 0x0D00u, 2u, 224u, 0u, 0u, 0u, ht_register_vector, 1u},
     {"EPWM", 0x4000u, 0x100u, 12u, 1u, 0x5D326u, 0u, epwm, COUNT(epwm)},
@@ -240,6 +246,7 @@ static const ht_module modules[] = {
     {"WD", 0x7000u, 0u, 1u, 1u, 0u, 0u, wd, COUNT(wd)},
     {"SCIA", 0x7200u, 0u, 1u, 1u, 0x5D330u, 0u, ht_registers_sci, HT_SCI_REGISTERS},
     {"ADCA", 0x7400u, 0u, 1u, 1u, 0x5D33Cu, 0u, adc, COUNT(adc)},
+    {"ADCB", 0x7480u, 0u, 1u, 1u, 0x5D33Cu, 1u, adc, COUNT(adc)},
     {"INPUTXBAR", 0x7900u, 0u, 1u, 1u, 0u, 0u, xbar, COUNT(xbar)},
     {"SYNCSOC", 0x7940u, 0u, 1u, 1u, 0u, 0u, sync, COUNT(sync)},
     {"GPIO", 0x7C00u, 0u, 1u, 1u, 0u, 0u, gpio_a, COUNT(gpio_a)},
@@ -277,5 +284,6 @@ const ht_chip ht_chip_f28377s = {
     .gpio_data = 0x7F00u,
     .adc_flag = 0x7403u,
     .adc_settle_us = 500u,
+    .crystal_pll_Hz = 400.0e6f,
     .watchdog_Hz = 10.0e6f / 512.0f,
 };

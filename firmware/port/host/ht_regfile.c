@@ -145,6 +145,7 @@ void ht_regfile_reset(ht_regfile *rf, const void *map)
     rf->chip = (device->device == HT_F28335) ? &ht_chip_f28335 : &ht_chip_f28377s;
     rf->intm = 1u;
     rf->gates_active_low = HT_GATES_ACTIVE_LOW;
+    rf->pll_share = 1.0f;
     rf->gate_count = 1u; /* gate 0: always on */
     for (n = 0u; n < rf->chip->length; n++) {
         const ht_module *m = &rf->chip->modules[n];
@@ -242,6 +243,18 @@ static void store(ht_regfile *rf, ht_bound *b, uint32_t addr, uint32_t value)
     case HT_ONES_CLEAR:
         ht_model_poke(rf, addr, reg->bits, old & ~ones);
         break;
+    case HT_FX_PIEACK:
+        rf->acknowledged_at = rf->accesses;
+        ht_model_poke(rf, addr, reg->bits, old & ~ones);
+        break;
+    case HT_FX_ADCINTFLGCLR:
+        if (rf->ended_at == rf->accesses) { /* erratum: this clear is lost on the flag */
+            rf->word[place(b->base + 5u)] |= (uint16_t)ones; /* ADCINTOVF */
+            ones = 0u;
+        }
+        b->written = 0u;
+        set_at(rf, b, ht_model_peek(rf, at, reg->bits) & ~ones);
+        break;
     case HT_ONES_CLEAR_AT:
         if (at == (b->base + rf->chip->tzflg)) {
             ht_model_check_clear(rf, b->base, addr, value);
@@ -283,7 +296,7 @@ static void write_checked(ht_regfile *rf, uint32_t addr, uint32_t value, uint16_
     }
     /* A read-modify-write may return what it found. */
     reserved = value & ~b->reg->writable;
-    if (b->reg->what != HT_ONES_CLEAR) {
+    if ((b->reg->what != HT_ONES_CLEAR) && (b->reg->what != HT_FX_PIEACK)) {
         reserved &= ~ht_model_peek(rf, addr, bits);
     }
     if (reserved != 0u) {
@@ -348,6 +361,11 @@ void ht_regfile_write32(ht_regfile *rf, uint32_t addr, uint32_t value)
 {
     count(rf);
     write_checked(rf, addr, value, 32u);
+}
+
+void ht_regfile_nop(ht_regfile *rf)
+{
+    rf->acknowledged_at = 0u;
 }
 
 void ht_regfile_eallow(ht_regfile *rf, uint16_t on)

@@ -5,10 +5,10 @@
  *  Modelled: reset values; EALLOW; write-1-to-clear, force and read-only registers;
  *  reserved bits; access width; module clocks (a write to a module without clock is
  *  lost; an enable acts after HT_SETTLE); watchdog keys and time; the PLLs' sequences;
- *  flash pump; pin multiplexers; the ADC's power-up and sequencer; CPU timer 0; SCI-A
- *  with its FIFOs; PIE group 1 with vectors, nesting and acknowledge; TI's functions
- *  in OTP; levels of the pins, and a trip that comes back as long as its pin is low.
- *  An access that the chip refuses, or that manual or common sense forbid at
+ *  flash pump; pin multiplexers; the ADC's power-up and sequencer, and how its interrupts
+ *  can stop for good; CPU timers; SCI-A with its FIFOs; PIE group 1 with vectors, nesting
+ *  and acknowledge; TI's functions in OTP; levels of the pins, and a trip that comes back
+ *  as long as its pin is low. An access that the chip refuses, or that manual or common sense forbid at
  *  this point, is counted as a violation and the first ones are kept, so that tests
  *  can insist on zero. A register that the tables do not list counts as not there.
  *
@@ -30,6 +30,7 @@
 #define HT_REGFILE_ISRS 8
 #define HT_REGFILE_FIFO 16
 #define HT_REGFILE_LINE 64
+#define HT_REGFILE_DEVICE_CAL 0x070282u /* TI's Device_cal, F28377S */
 
 /** Kinds of violation. */
 enum {
@@ -83,6 +84,7 @@ typedef struct ht_regfile {
     uint32_t accesses;                /* all reads and writes */
     uint32_t event_at;                /* a conversion sequence ends before this access; 0 = never */
     uint16_t event_timer;             /* 1: it is CPU timer 0 instead */
+    uint32_t ended_at;                /* access before which a sequence ended last */
     uint32_t violations;
     uint32_t first_address;           /* of the first violation */
     uint16_t first_kind;
@@ -92,6 +94,7 @@ typedef struct ht_regfile {
     uint16_t ier;
     void (*vector[HT_REGFILE_VECTORS])(void);
     void (*isr[HT_REGFILE_ISRS])(void); /* those in `vector`, in the order of their coming */
+    uint32_t acknowledged_at;         /* access that acknowledged at the PIE, until a NOP */
     uint16_t depth;                   /* interrupts within interrupts */
     uint16_t deepest;
     /* Time and watchdog */
@@ -100,12 +103,19 @@ typedef struct ht_regfile {
     uint16_t dog_armed;               /* the first key has been written */
     uint32_t dog_services;
     uint32_t dog_resets;
-    /* PLL */
+    /* PLL and crystal */
     uint16_t looks;                   /* at the lock flag until it shows */
     uint16_t locks;
     uint16_t never_locks;             /* planted: it does not */
     uint16_t slips;                   /* planted: it slips */
-    /* ADC */
+    uint16_t wrong_locks;             /* planted: so many locks are at a wrong frequency, ... */
+    uint16_t wrong_percent;           /* ... which is this much of the right one */
+    uint16_t no_crystal;              /* planted */
+    float crystal_Hz;                 /* 0: the one that the multiplier is meant for */
+    float pll_share;                  /* of the right frequency, of the latest lock */
+    uint32_t timer_at[2];             /* CPU timers 1, 2: access that started them; 0 = stopped */
+    /* ADC; a bit for each converter */
+    uint16_t device_calibrated;       /* F28377S: Device_cal has run */
     uint16_t calibrated;
     uint16_t powered;
     uint32_t powered_us;
@@ -130,6 +140,7 @@ uint32_t ht_regfile_read32(ht_regfile *rf, uint32_t addr);
 void ht_regfile_write32(ht_regfile *rf, uint32_t addr, uint32_t value);
 void ht_regfile_eallow(ht_regfile *rf, uint16_t on);
 void ht_regfile_settle(ht_regfile *rf);
+void ht_regfile_nop(ht_regfile *rf);
 void ht_regfile_wait(ht_regfile *rf, uint16_t us);
 void ht_regfile_vector(ht_regfile *rf, uint32_t addr, void (*isr)(void));
 uint16_t ht_regfile_call(ht_regfile *rf, uint32_t addr, uint16_t argument);

@@ -12,6 +12,115 @@ static void order(ht_regfile *rf, uint32_t addr, uint32_t value, const char *why
 
 /* --- clocks ------------------------------------------------------------------------------ */
 
+#define INTERNAL_HZ 10.0e6f       /* both internal oscillators of the F28377S */
+#define CYCLES_PER_ACCESS 20.0f   /* what counters see of the time that a driver takes */
+
+static uint16_t is_small(const ht_regfile *rf)
+{
+    const ht_c2000_map *device = rf->map;
+    return (uint16_t)(device->device == HT_F28335);
+}
+
+/* The crystal's frequency. Unless planted, the one that this multiplier is meant for. */
+static float crystal_Hz(ht_regfile *rf)
+{
+    uint32_t multiplier = ht_model_peek(rf, (is_small(rf) != 0u) ? 0x7021u : 0x5D214u, 16u);
+    float usual = (is_small(rf) != 0u) ? 30.0e6f : 20.0e6f;
+    if ((is_small(rf) == 0u) && (multiplier != 0u)) {
+        usual = rf->chip->crystal_pll_Hz / (float)multiplier;
+    }
+    return (rf->no_crystal != 0u) ? 0.0f : ((rf->crystal_Hz > 0.0f) ? rf->crystal_Hz : usual);
+}
+
+static float system_Hz(ht_regfile *rf)
+{
+    float clock = crystal_Hz(rf);
+    uint32_t n;
+    if (is_small(rf) != 0u) {
+        uint32_t status = ht_model_peek(rf, 0x7011u, 16u);
+        static const float divisor[] = {4.0f, 4.0f, 2.0f, 1.0f};
+        n = ht_model_peek(rf, 0x7021u, 16u);
+        if (((status & 1u) != 0u) && (n != 0u)) {
+            clock *= (float)n * rf->pll_share;
+        }
+        return clock / divisor[(status >> 7) & 3u];
+    }
+    if (((ht_model_peek(rf, 0x5D208u, 32u) & 3u) != 1u) || (rf->no_crystal != 0u)) {
+        clock = INTERNAL_HZ;
+    }
+    if (((ht_model_peek(rf, 0x5D20Eu, 32u) & 2u) != 0u)
+        && ((ht_model_peek(rf, 0x5D22Eu, 32u) & 1u) == 0u)) {
+        clock *= (float)ht_model_peek(rf, 0x5D214u, 32u) * rf->pll_share;
+    }
+    n = ht_model_peek(rf, 0x5D222u, 32u);
+    return (n == 0u) ? clock : (clock / (2.0f * (float)n));
+}
+
+/* What counts CPU timer 1 (index 0) or 2. */
+static float counted_Hz(ht_regfile *rf, uint16_t index)
+{
+    uint32_t source = ((index == 1u) && (is_small(rf) == 0u))
+                          ? (ht_model_peek(rf, 0x5D37Cu, 32u) & 7u)
+                          : 0u;
+    if (source == 3u) {
+        return crystal_Hz(rf);
+    }
+    return (source == 0u) ? system_Hz(rf) : INTERNAL_HZ;
+}
+
+/* Counts since it was started. */
+static float counted(ht_regfile *rf, uint16_t index)
+{
+    float cycles = (float)(rf->accesses - rf->timer_at[index]) * CYCLES_PER_ACCESS;
+    return (rf->timer_at[index] == 0u) ? 0.0f : (cycles / system_Hz(rf) * counted_Hz(rf, index));
+}
+
+static uint32_t timer_value(ht_regfile *rf, const ht_bound *b, uint32_t value)
+{
+    uint16_t index = (uint16_t)(b->number - 1u);
+    float counts = counted(rf, index);
+    return (counts < (float)value) ? (value - (uint32_t)counts) : 0u;
+}
+
+static uint32_t timer_flag(ht_regfile *rf, const ht_bound *b, uint32_t value)
+{
+    uint16_t index = (uint16_t)(b->number - 1u);
+    float first = (float)ht_model_peek(rf, b->base, 32u);
+    return value | (((rf->timer_at[index] != 0u) && (counted(rf, index) > first)) ? 0x8000u : 0u);
+}
+
+static uint32_t timer_control(ht_regfile *rf, const ht_bound *b, uint32_t old, uint32_t value)
+{
+    uint16_t index = (uint16_t)(b->number - 1u);
+    uint32_t flag = timer_flag(rf, b, old) & ~value & 0x8000u;
+    uint32_t now = timer_value(rf, b, ht_model_peek(rf, b->base, 32u));
+    rf->timer_at[index] = ((value & 0x0010u) != 0u) ? 0u : rf->accesses;
+    if ((value & 0x0020u) != 0u) {
+        now = ht_model_peek(rf, b->base + 2u, 32u);
+    }
+    ht_model_poke(rf, b->base, 32u, now);
+    return (value & 0x4C10u) | flag;
+}
+
+/* Missing clock: shows at once, and again unless another source has been chosen. */
+static uint32_t mcdcr(ht_regfile *rf, uint32_t old, uint32_t value)
+{
+    uint32_t missing = (((value & 2u) != 0u) ? 0u : (old & 1u));
+    if (((ht_model_peek(rf, 0x5D208u, 32u) & 3u) == 1u) && (rf->no_crystal != 0u)) {
+        missing = 1u;
+    }
+    return (value & 0x000Cu) | missing;
+}
+
+static void lock_at_last(ht_regfile *rf)
+{
+    rf->pll_share = 1.0f;
+    if (rf->wrong_locks != 0u) {
+        rf->wrong_locks--;
+        rf->pll_share = (float)rf->wrong_percent * 0.01f;
+    }
+}
+
 /* Counters start: from now on ePWM1 starts conversions. */
 static void check_sync(ht_regfile *rf, uint32_t addr, uint32_t old, uint32_t value)
 {
@@ -54,6 +163,7 @@ static uint32_t look(ht_regfile *rf, uint32_t addr, uint16_t bits, uint32_t valu
         rf->looks--;
         if (rf->looks == 0u) {
             rf->locks++;
+            lock_at_last(rf);
             value |= 1u;
             ht_model_poke(rf, addr, bits, value);
         }
@@ -95,6 +205,9 @@ static uint32_t oscsel(ht_regfile *rf, uint32_t addr, uint32_t old, uint32_t val
     if (((value & 3u) == 1u) && ((value & 0x10u) != 0u)) {
         order(rf, addr, value, "crystal selected but off");
     }
+    if (((value & 3u) == 1u) && (rf->no_crystal != 0u)) {
+        ht_model_poke(rf, 0x5D22Eu, 32u, ht_model_peek(rf, 0x5D22Eu, 32u) | 1u);
+    }
     return value & 0x003Bu;
 }
 
@@ -117,6 +230,16 @@ static void watch(ht_regfile *rf)
     } else {
         /* in time */
     }
+}
+
+static uint32_t wdcntr(ht_regfile *rf)
+{
+    uint32_t wdps = ht_model_peek(rf, 0x7029u, 16u) & 7u;
+    float prescaler = (wdps < 2u) ? 1.0f : (float)((uint32_t)1u << (wdps - 1u));
+    float clock = (is_small(rf) != 0u) ? crystal_Hz(rf) : INTERNAL_HZ;
+    float counts = (float)rf->accesses * CYCLES_PER_ACCESS / system_Hz(rf) * clock
+                   / (512.0f * prescaler);
+    return (uint32_t)counts & 0x00FFu;
 }
 
 static uint32_t wdkey(ht_regfile *rf, uint32_t addr, uint32_t value)
@@ -213,13 +336,17 @@ static uint32_t gmux(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint32_t 
 
 static void power(ht_regfile *rf, uint32_t addr, uint32_t value, uint32_t on)
 {
-    if ((on != 0u) && (rf->powered == 0u)) {
+    uint16_t one = (addr == 0x7480u) ? 2u : 1u; /* ADC-B or the first */
+    if ((on != 0u) && ((rf->powered & one) == 0u)) {
         rf->powered_us = rf->time_us;
-        if (rf->calibrated == 0u) {
+        if ((rf->calibrated & one) == 0u) {
             order(rf, addr, value, "ADC powered up without calibration");
         }
+        if ((is_small(rf) == 0u) && (rf->device_calibrated == 0u)) {
+            order(rf, addr, value, "ADC powered up without Device_cal");
+        }
     }
-    rf->powered = (uint16_t)on;
+    rf->powered = (uint16_t)((rf->powered & (uint16_t)~one) | ((on != 0u) ? one : 0u));
 }
 
 static uint32_t adctrl2(ht_regfile *rf, uint32_t value)
@@ -242,15 +369,24 @@ uint16_t ht_regfile_call(ht_regfile *rf, uint32_t addr, uint16_t argument)
             ht_model_poke(rf, 0x711Du, 16u, 0x0003u);
             rf->calibrated = 1u;
         }
-    } else if ((device->device == HT_F28377S) && (addr == 0x0703B4u)) {
-        if ((rf->eallow == 0u) || (ht_model_clocked(rf, 0x7400u) == 0u)) {
+    } else if ((device->device == HT_F28377S) && (addr == HT_REGFILE_DEVICE_CAL)) {
+        if ((rf->eallow == 0u) || (ht_model_clocked(rf, 0x7400u) == 0u)
+            || (ht_model_clocked(rf, 0x7480u) == 0u)) {
+            ht_model_violation(rf, addr, 0u, HT_REG_NO_EALLOW,
+                               "Device_cal without EALLOW or ADC clocks");
+        } else {
+            rf->device_calibrated = 1u;
+        }
+    } else if ((device->device == HT_F28377S) && ((addr == 0x0703B4u) || (addr == 0x0703B2u))) {
+        uint32_t adc = (addr == 0x0703B4u) ? 0x7400u : 0x7480u;
+        if ((rf->eallow == 0u) || (ht_model_clocked(rf, adc) == 0u)) {
             ht_model_violation(rf, addr, 0u, HT_REG_NO_EALLOW, "trim without EALLOW or ADC clock");
         } else {
             uint16_t n;
             for (n = 0u; n < 6u; n++) {
-                ht_model_poke(rf, 0x7470u + 2u * (uint32_t)n, 32u, 0x00010001u * (n + 1u));
+                ht_model_poke(rf, adc + 0x70u + 2u * (uint32_t)n, 32u, 0x00010001u * (n + 1u));
             }
-            rf->calibrated = 1u;
+            rf->calibrated |= (adc == 0x7400u) ? 1u : 2u;
         }
     } else if ((device->device == HT_F28377S) && (addr == 0x0703ACu)) {
         result = (uint16_t)(0x0025u + argument);
@@ -365,6 +501,10 @@ uint32_t ht_model_written(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint
         return plain;
     case HT_FX_ADCST: /* bits 4 and 5 clear 0 and 1 */
         return old & ~((value >> 4) & 3u);
+    case HT_FX_MCDCR:
+        return mcdcr(rf, old, value);
+    case HT_FX_COUNTING:
+        return timer_control(rf, b, old, value);
     case HT_FX_QCAPCTL:
         if (((old & 0x8000u) != 0u) && (((old ^ value) & 0x007Fu) != 0u)) {
             order(rf, addr, value, "prescaler changed while the capture unit runs");
@@ -405,6 +545,15 @@ uint32_t ht_model_read(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint32_
         break;
     case HT_FX_PLLLOCK:
         result = look(rf, addr, 32u, value) | ((rf->slips != 0u) ? 2u : 0u);
+        break;
+    case HT_FX_WDCNTR:
+        result = wdcntr(rf);
+        break;
+    case HT_FX_COUNTING:
+        result = timer_flag(rf, b, value);
+        break;
+    case HT_FX_COUNT:
+        result = timer_value(rf, b, value);
         break;
     case HT_FX_SCIRXBUF:
         result = first_out(rf->sci_in, &rf->sci_in_count) & 0x00FFu;

@@ -85,6 +85,9 @@ void ht_regfile_vector(ht_regfile *rf, uint32_t addr, void (*isr)(void))
 
 void ht_regfile_intm(ht_regfile *rf, uint16_t masked)
 {
+    if ((masked == 0u) && (rf->acknowledged_at != 0u) && (rf->acknowledged_at == rf->accesses)) {
+        ht_model_violation(rf, PIEACK, 0u, HT_REG_ORDER, "EINT right after PIEACK");
+    }
     rf->intm = masked;
     ht_model_serve(rf);
 }
@@ -112,15 +115,21 @@ void ht_regfile_end_of_sequence(ht_regfile *rf)
     const ht_c2000_map *device = rf->map;
     uint32_t flag = rf->chip->adc_flag;
     uint32_t enabled;
-    uint16_t was = (uint16_t)(rf->word[flag] & 1u);
+    uint16_t blocked = (uint16_t)(rf->word[flag] & 1u); /* by a flag that is not cleared yet */
     if (device->device == HT_F28335) { /* ADCTRL2.INT_ENA_SEQ1 */
         enabled = rf->word[0x7101] & 0x0800u;
-    } else { /* ADCINTSEL1N2: INT1E, INT1SEL = EOC6 */
-        enabled = (uint32_t)((rf->word[0x7407] & 0x002Fu) == 0x0026u);
+    } else { /* ADCINTSEL1N2: INT1E, INT1SEL = EOC3 */
+        enabled = (uint32_t)((rf->word[0x7407] & 0x002Fu) == 0x0023u);
+        if (blocked != 0u) {
+            rf->word[0x7405] |= 1u; /* ADCINTOVF */
+        }
+        if ((rf->word[0x7407] & 0x0040u) != 0u) { /* INT1CONT */
+            blocked = 0u;
+        }
     }
     rf->word[flag] |= 1u;
-    /* A flag that has not been cleared lets no further interrupt through. */
-    if ((enabled != 0u) && (was == 0u)) {
+    rf->ended_at = rf->accesses;
+    if ((enabled != 0u) && (blocked == 0u)) {
         request(rf, INT_1_1);
     }
 }
@@ -134,12 +143,13 @@ static uint16_t armed(const ht_regfile *rf)
         return (uint16_t)(((rf->word[0x7100] & 0x0010u) != 0u) && (rf->word[0x7102] == 6u)
                           && ((rf->word[0x7101] & 0x0100u) != 0u));
     }
-    for (n = 0u; n < 7u; n++) { /* SOC0..6: TRIGSEL 5 */
-        if (((rf->word[0x7411 + 2u * n] >> 4) & 0x1Fu) != 5u) {
+    for (n = 0u; n < 7u; n++) { /* ADC-A: SOC0..3, ADC-B: SOC0..2; TRIGSEL 5 */
+        uint32_t soc = (n < 4u) ? (0x7411u + 2u * (uint32_t)n) : (0x7491u + 2u * (uint32_t)(n - 4u));
+        if (((rf->word[soc] >> 4) & 0x1Fu) != 5u) {
             return 0u;
         }
     }
-    return 1u;
+    return (uint16_t)(rf->powered == 3u);
 }
 
 uint16_t ht_regfile_period(ht_regfile *rf)

@@ -18,12 +18,14 @@ typedef enum {
     HT_FX_CLOCKS,     /**< module clocks: act after the next HT_SETTLE */
     HT_FX_WDKEY,
     HT_FX_WDCR,
+    HT_FX_WDCNTR,
     HT_FX_PLLSTS,     /**< F28335 */
     HT_FX_PLLCR,
     HT_FX_OSCSEL,     /**< F28377S */
     HT_FX_PLLCTL,
     HT_FX_PLLMULT,
     HT_FX_PLLLOCK,
+    HT_FX_MCDCR,
     HT_FX_PUMP,
     HT_FX_FLASH,
     HT_FX_RWAIT,
@@ -33,15 +35,19 @@ typedef enum {
     HT_FX_ADCTRL3,
     HT_FX_ADCST,
     HT_FX_ADCCTL1,
+    HT_FX_ADCINTFLGCLR,
     HT_FX_QCAPCTL,
     HT_FX_TCR,
+    HT_FX_COUNTING,   /**< CPU timers 1 and 2: TCR */
+    HT_FX_COUNT,      /**< ... and TIM */
     HT_FX_SCIFORMAT,
     HT_FX_SCICTL1,
     HT_FX_SCITXBUF,
     HT_FX_SCIRXBUF,
     HT_FX_SCIFFTX,
     HT_FX_SCIFFRX,
-    HT_FX_PIE
+    HT_FX_PIE,
+    HT_FX_PIEACK
 } ht_what;
 
 #define HT_EALLOWED 0x0001u /**< protected: needs EALLOW */
@@ -93,6 +99,7 @@ typedef struct {
     uint32_t gpio_data;      /**< levels of port A; the next port's are 8 words further */
     uint32_t adc_flag;       /**< where the end of a sequence shows (bit 0) */
     uint32_t adc_settle_us;  /**< from power-up to the first conversion */
+    float crystal_pll_Hz;    /**< crystal x multiplier, as the boards choose them */
     float watchdog_Hz;       /**< its clock / 512 */
 } ht_chip;
 
@@ -107,6 +114,8 @@ extern const ht_chip ht_chip_f28377s;
 extern const ht_register ht_registers_eqep[HT_EQEP_REGISTERS];
 extern const ht_register ht_registers_sci[HT_SCI_REGISTERS];
 extern const ht_register ht_registers_timer[HT_TIMER_REGISTERS];
+/** CPU timers 1 and 2, which count. */
+extern const ht_register ht_registers_counter[HT_TIMER_REGISTERS];
 /** Interrupt controller: 8 or 16 interrupts a group. */
 extern const ht_register ht_registers_pie_8[HT_PIE_REGISTERS];
 extern const ht_register ht_registers_pie_16[HT_PIE_REGISTERS];

@@ -95,7 +95,7 @@ static void latch(const uint16_t *inputs)
     const ht_c2000_map *m = port.map;
     uint32_t channel;
     for (channel = 0u; channel < HT_ADC_CHANNELS; channel++) {
-        *word(m->adc_result + channel) = (uint16_t)(inputs[channel] << m->adc_shift);
+        *word(m->adc_result[channel]) = (uint16_t)(inputs[channel] << m->adc_shift);
     }
     *word(m->eqep) = inputs[HT_ADC_CHANNELS];
     *word(m->eqep + 1u) = inputs[HT_ADC_CHANNELS + 1u];

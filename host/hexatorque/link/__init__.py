@@ -4,18 +4,24 @@ The wire is defined by docs/protocol.md. What a board can do (parameters, channe
 states) is what the board's own dictionary says, never the firmware compiled into this package.
 """
 
-#: Of the images for the F28377S and the F28335.
-BAUDS = (1_250_000, 937_500)
+#: Of the images for the F28377S and the F28335; of both when their clock is wrong.
+BAUDS = (1_250_000, 937_500, 115_200)
+#: In the metadata of a recording that a reset of the board has ended.
+BOARD_RESET = "board reset"
 
 
 class LinkError(RuntimeError):
     """The link failed or the board refused; the text says which and what is allowed.
 
     `status` is the board's answer (docs/protocol.md), or None if it gave none; `mistake`
-    says that the request itself was wrong, whatever the board's state.
+    says that the request itself was wrong, whatever the board's state; `ended` is what a
+    recording that this error ends has in its metadata, "" for the text.
     """
 
-    def __init__(self, text: str, status: int | None = None, mistake: bool = False) -> None:
+    def __init__(
+        self, text: str, status: int | None = None, mistake: bool = False, ended: str = ""
+    ) -> None:
         super().__init__(text)
         self.status = status
         self.mistake = mistake
+        self.ended = ended

@@ -27,14 +27,12 @@ from ..files.journal import TICK_HZ
 from ..firmware import PARAMETER_SETS, FirmwareError, Parameter
 from ..recording import DECIMATION, FIRST_TICK, STARTED, Recording, clock_text
 from ..verbs import DriveVerbs, Progress
-from . import BAUDS, LinkError, capture, clock, wire
+from . import BAUDS, BOARD_RESET, LinkError, capture, clock, wire
 from .client import Client
 from .dictionary import fetch
 from .stream import Stream, decimation_for, on_a_grid
 from .wire import Op, Status
 
-#: In the metadata of a recording that a reset of the board has ended.
-BOARD_RESET = "board reset"
 #: What a profile may ask of the test bench around a real drive.
 PLANT = {"load_Nm": "N m", "vdc_V": "V"}
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from . import LinkError, wire
+from . import BOARD_RESET, LinkError, wire
 from .client import Client
 from .dictionary import Dictionary
 from .wire import Hello, Reply, Status
@@ -126,7 +126,8 @@ class Stream:
         at = "before its first sample" if self._tick is None else f"at tick {self._time}"
         self.ended = LinkError(
             f"{self._client.url}: the board was reset; the recording ends {at}; "
-            "its parameters are at their initial values"
+            "its parameters are at their initial values",
+            ended=BOARD_RESET,
         )
         self._detach()
 

@@ -58,6 +58,7 @@ TIMING = np.dtype(
         ("slow_every", "i8"),  # periods per slow interrupt
         ("per_period", "i8"),  # plant samples per period, a divisor of it
         ("max_step", "i8"),  # longest integration step, counts
+        ("lost", "i8"),  # 1: the end of a conversion raises no fast interrupt
     ]
 )
 
@@ -195,7 +196,8 @@ def _compile(source: int):
             count = suppress_short_pulses(
                 gd, pm, regs, ps, tm.sample_count, tm.write_count, 0, count
             )
-            fast_isr(handle)
+            if tm.lost == 0:
+                fast_isr(handle)
             if (first + period) % tm.slow_every == 0:
                 slow_isr(handle)
             if width > 0:

@@ -28,7 +28,7 @@ SENSORS = np.dtype(
         ("hold", "i8", (8,)),
         ("adc_step", "f8"),  # counts per converter step: 1 at 12 bits, 4 at 10 bits
         ("encoder_counts_rev", "f8"),
-        ("adc_result", "i8"),  # word address of the first result
+        ("adc_result", "i8", (7,)),  # word addresses of the results
         ("adc_shift", "i8"),  # left shift of the result register
         ("adc_flag", "i8"),  # word address of the flag that a sequence has ended
         ("adc_flag_bit", "i8"),
@@ -173,10 +173,10 @@ def sample(se, m, y, vdc, regs):
             reading += se.i_noise_counts * _normal(se)
         if se.hold[leg] == 0:
             counts = _counts(reading, se.adc_step)
-            regs[se.adc_result + leg] = np.uint16(counts << se.adc_shift)
+            regs[se.adc_result[leg]] = np.uint16(counts << se.adc_shift)
     if se.hold[6] == 0:
         counts = _counts(vdc * se.v_counts_per_V, se.adc_step)
-        regs[se.adc_result + 6] = np.uint16(counts << se.adc_shift)
+        regs[se.adc_result[6]] = np.uint16(counts << se.adc_shift)
     regs[se.adc_flag] |= np.uint16(se.adc_flag_bit)
     turned = y[7] / TWO_PI * se.encoder_counts_rev
     if se.hold[7] != 0:

@@ -32,8 +32,8 @@ RUNS = 180
 QUICK_RUNS = 12
 #: Periods watched after the gates are off.
 AFTER = 50
-#: Deadlines, in periods: the next interrupt; what takes its time to show.
-NOW, LATER = 1, 5000
+#: Deadlines, in periods: the next interrupt; two slow periods; what takes its time to show.
+NOW, TWO_SLOW, LATER = 1, 200, 5000
 STATES = ("idle", "calibrate", "build", "run", "fault")
 POWERED = ("build", "run")
 TRIP_FLAG = 4
@@ -56,7 +56,9 @@ class Fault:
     found_in: tuple[str, ...] = POWERED
     deadline: int = NOW
     changes: dict[str, object] = field(default_factory=dict)
-    end: Callable[[Simulation], str] | None = None
+    #: Before the clear; what is wrong, or "".
+    repair: Callable[[Simulation], str] | None = None
+    stands: bool = False  #: no fast interrupt comes from the injection on
 
 
 def _sign(rng: np.random.Generator) -> int:
@@ -164,6 +166,16 @@ def _overrun(sim: Simulation, rng: np.random.Generator) -> None:
     registers.event_at = registers.accesses + int(rng.integers(2, 10))
 
 
+def _lost_interrupt(sim: Simulation, rng: np.random.Generator) -> None:
+    sim.lose_interrupts(True)
+
+
+def _interrupts_again(sim: Simulation) -> str:
+    sim.lose_interrupts(False)
+    sim.run(sim.period_s, record=False)  # one, before the next slow interrupt looks
+    return ""
+
+
 def _bad_offset(sim: Simulation, rng: np.random.Generator) -> None:
     """More than calibration accepts, from its beginning on."""
     with contextlib.suppress(firmware.FirmwareError):
@@ -217,7 +229,16 @@ FAULTS = (
         _trip_pin_held,
         ("external trip",),
         CHECKED,
-        end=_release_the_trip_pin,
+        repair=_release_the_trip_pin,
+    ),
+    Fault(
+        "ADC's interrupt lost",
+        _lost_interrupt,
+        ("fast interrupt lost",),
+        STATES[:-1],
+        TWO_SLOW,
+        repair=_interrupts_again,
+        stands=True,
     ),
 )
 
@@ -334,7 +355,7 @@ def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
     latched = sim.controller.state in ("idle", "fault")
     result.error = result.error or _shoot_through(sim, legs)
     if latched and not result.error:
-        result.error = _stays_off(sim, rng, fault.end)
+        result.error = _stays_off(sim, rng, fault)
     if sim.controller.registers.violations and not result.error:
         result.error = "forbidden register access"
     return result
@@ -346,25 +367,23 @@ def _latched(sim: Simulation, fault: Fault, injected: int, result: Result) -> st
         return f"not found within {fault.deadline} periods"
     snapshot = sim.controller.snapshot
     result.cause = ", ".join(snapshot["faults"])
-    result.periods = snapshot["tick"] - injected
+    result.periods = sim.periods - injected
     if not _gates_off(sim):
         return "gates on in fault"
     if not set(snapshot["faults"]) & set(fault.causes):
         return f"named {result.cause}"
-    if snapshot["tick"] != sim.periods:
+    if snapshot["tick"] != (injected if fault.stands else sim.periods):
         return "the snapshot is of another interrupt"
     if fault.deadline == NOW and snapshot["state"] != result.state:
         return f"the snapshot says {snapshot['state']}"
     return ""
 
 
-def _stays_off(
-    sim: Simulation, rng: np.random.Generator, end: Callable[[Simulation], str] | None
-) -> str:
+def _stays_off(sim: Simulation, rng: np.random.Generator, fault: Fault) -> str:
     """Latched: no leg comes on, whatever is commanded, until a clear; and a clear alone
     turns nothing on either. The legs follow the trip flags in the period after."""
     if sim.controller.state == "idle":
-        return end(sim) if end else ""
+        return fault.repair(sim) if fault.repair else ""
     sim.run(sim.period_s, record=False)
     sim.log_edges(10_000)
     for n in range(AFTER):
@@ -375,7 +394,7 @@ def _stays_off(
             return "a gate came on after the latch"
     if len(sim.edges):
         return "a leg changed after the latch"
-    error = end(sim) if end else ""
+    error = fault.repair(sim) if fault.repair else ""
     if error:
         return error
     turning = abs(sim.controller.drive.speed_rpm) > sim.controller.get("start_max_rpm")

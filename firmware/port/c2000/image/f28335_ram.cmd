@@ -1,28 +1,28 @@
 /* F28335, image in RAM: for the debugger, or loaded by the SCI boot loader. Code is
- * where it runs already; main copies it onto itself. */
+ * where it runs already; main copies it onto itself. Code and data share one range, code
+ * first: neither has an end of its own that it could come up against. */
 MEMORY
 {
     BEGIN   : origin = 0x000000, length = 0x000002   /* the boot ROM's jump to SARAM */
     STACK   : origin = 0x000400, length = 0x0003F0   /* M1; last 16 words free */
-    CODE    : origin = 0x008000, length = 0x004000   /* L0..L3 */
-    DATA    : origin = 0x00C000, length = 0x003FF0   /* L4..L7; last 16 words free */
+    RAM     : origin = 0x008000, length = 0x007FF0   /* L0..L7; last 16 words free */
     RESET   : origin = 0x3FFFC0, length = 0x000002
 }
 
 SECTIONS
 {
     codestart   : > BEGIN
-    .text       : > CODE, ALIGN(8)
-    .cinit      : > CODE, ALIGN(8)
-    .init_array : > CODE, ALIGN(8)
-    .switch     : > CODE, ALIGN(8)
-    .TI.ramfunc : {} > CODE, ALIGN(8),
+    .text       : > RAM, ALIGN(8)
+    .cinit      : > RAM, ALIGN(8)
+    .init_array : > RAM, ALIGN(8)
+    .switch     : > RAM, ALIGN(8)
+    .TI.ramfunc : {} > RAM, ALIGN(8),
                   LOAD_START(ht_code_load), RUN_START(ht_code_run), LOAD_SIZE(ht_code_size)
-    .const      : > DATA, ALIGN(8),
+    .const      : > RAM, ALIGN(8),
                   LOAD_START(ht_const_load), RUN_START(ht_const_run), LOAD_SIZE(ht_const_size)
     .stack      : > STACK
-    .data       : > DATA
-    .bss        : > DATA
-    .sysmem     : > DATA
+    .data       : > RAM
+    .bss        : > RAM
+    .sysmem     : > RAM
     .reset      : > RESET, TYPE = DSECT
 }

@@ -13,6 +13,7 @@
 #define HT_BUILD "unknown"
 #endif
 
+volatile uint16_t ht_image_start_result = (uint16_t)HT_START_UNDER_WAY;
 ht_mailbox ht_image_mailbox;
 ht_port ht_image_port;
 ht_drive ht_image_drive;
@@ -21,8 +22,6 @@ ht_store ht_image_store;
 
 /* For captures: what the linker command file leaves. */
 static uint32_t capture_memory[HT_CAPTURE_VALUES];
-
-static uint32_t tick_seen;
 
 /* Nothing sensible can be done any more. The gates are off; nobody services the
  * watchdog, so the chip starts again. */
@@ -43,11 +42,8 @@ static HT_INTERRUPT void fast(void)
 static HT_INTERRUPT void slow(void)
 {
     ht_pie_begin_slow(&ht_image_port);
-    if (ht_image_drive.tick != tick_seen) { /* else the fast interrupt is dead */
-        tick_seen = ht_image_drive.tick;
-        ht_watchdog_first(&ht_image_port);
-    }
-    ht_drive_slow_isr(&ht_image_drive);
+    ht_drive_slow_isr(&ht_image_drive); /* finds a fast interrupt that is lost: gates off */
+    ht_watchdog_first(&ht_image_port);
     ht_pie_end_slow(&ht_image_port);
 }
 
@@ -61,16 +57,16 @@ void ht_image_start(void)
 {
     ht_params params;
     ht_service_setup link;
+    bool clocked;
     ht_port_bind(&ht_image_port, HT_TARGET_IO, &HT_BOARD);
     HT_DINT(ht_image_port.io);
-    if (!ht_board_start(&ht_image_port)) {
-        give_up();
-    }
+    clocked = ht_board_start(&ht_image_port);
     ht_pie_start(&ht_image_port, fast, slow, unexpected);
     ht_store_none(&ht_image_store);
     (void)ht_image_memory(&ht_image_port, &ht_image_store.port);
     ht_params_default(&params);
     if (ht_store_start(&ht_image_store, &ht_image_drive, &ht_image_port, &params) != HT_OK) {
+        ht_image_start_result = (uint16_t)HT_START_REFUSED;
         give_up();
     }
     link.device = HT_BOARD.name;
@@ -81,7 +77,17 @@ void ht_image_start(void)
     link.memory_size = HT_CAPTURE_VALUES;
     link.store = &ht_image_store;
     ht_service_init(&ht_image_service, &ht_image_drive, &link);
-    ht_pie_enable(&ht_image_port);
+    ht_image_start_result = (uint16_t)ht_image_port.clock;
+    if (clocked) {
+        ht_pie_enable(&ht_image_port);
+    }
+}
+
+/* Without a right clock there is no interrupt, and no reset that would help. */
+static void stand_in(void)
+{
+    ht_drive_stand_in(&ht_image_drive, (uint16_t)HT_FAULT_CLOCK);
+    ht_watchdog_first(&ht_image_port);
 }
 
 static void tell_range(ht_mailbox *box)
@@ -127,6 +133,9 @@ static ht_result execute(ht_mailbox *box)
 
 void ht_image_background(void)
 {
+    if (ht_image_port.clock != HT_CLOCK_RIGHT) {
+        stand_in();
+    }
     ht_watchdog_second(&ht_image_port);
     ht_service_turn(&ht_image_service);
     if (ht_image_mailbox.command != (uint16_t)HT_COMMAND_NONE) {

@@ -33,6 +33,16 @@ typedef struct {
     volatile float largest;
 } ht_mailbox;
 
+/** How the start went, for a debugger that finds a drive which does not start. */
+enum {
+    HT_START_DONE = 0,
+    HT_START_CLOCK_MISSING = 1, /**< the crystal does not swing; 1..3 as in ht_clock */
+    HT_START_NO_LOCK = 2,       /**< the PLL does not lock */
+    HT_START_CLOCK_WRONG = 3,   /**< it locks at another frequency */
+    HT_START_REFUSED = 4,       /**< the parameters do not fit together or the hardware */
+    HT_START_UNDER_WAY = 99
+};
+
 /** Handle of the image's only chip. On the host the test around the image has it. */
 #ifdef __TMS320C2000__
 #define HT_TARGET_IO ((ht_io *)0)
@@ -41,6 +51,7 @@ extern ht_regfile ht_image_registers;
 #define HT_TARGET_IO (&ht_image_registers)
 #endif
 
+extern volatile uint16_t ht_image_start_result;
 extern ht_mailbox ht_image_mailbox;
 extern ht_port ht_image_port;
 extern ht_drive ht_image_drive;
@@ -51,8 +62,9 @@ extern ht_store ht_image_store;
  *  none (ht_no_store.c), then `memory` is left alone and the answer is false. */
 bool ht_image_memory(ht_port *port, ht_store_port *memory);
 
-/** From reset to a drive in IDLE with both interrupts running. Does not return if the
- *  chip does not start: the watchdog then resets it. */
+/** From reset to a drive in IDLE with both interrupts running. With a wrong system clock: to a
+ *  drive in FAULT without interrupts and without pins to switch a gate on, which answers on the
+ *  serial line. Does not return if the parameters are refused: the watchdog then resets the chip. */
 void ht_image_start(void);
 
 /** One turn of the background loop. */

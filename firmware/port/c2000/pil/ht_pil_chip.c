@@ -19,23 +19,28 @@
 static ht_port chip;
 static bool heard; /* an octet, since the timer passed */
 
+volatile uint16_t ht_image_start_result = (uint16_t)HT_START_UNDER_WAY;
+
 static bool start(ht_port *port)
 {
-    bool clocked;
+    bool started;
     ht_pins_release(port); /* whatever ran here before, a debugger's load may follow it */
     ht_watchdog_hold(port);
     ht_flash_start(port); /* before the clock that needs it */
     if (port->map->device == HT_F28335) {
-        clocked = ht_clock_start_f28335(port);
+        port->clock = ht_clock_start_f28335(port);
     } else {
-        clocked = ht_clock_start_f28377s(port);
+        port->clock = ht_clock_start_f28377s(port);
     }
-    if (clocked) {
+    ht_image_start_result = (uint16_t)port->clock;
+    started = port->clock == HT_CLOCK_RIGHT;
+    if (started) {
         ht_pins_start(port);
+        ht_pins_line(port);
         ht_timer_start(port, QUIET_HZ);
-        clocked = ht_sci_start(port, HT_PIL_BAUD);
+        started = ht_sci_start(port, HT_PIL_BAUD);
     }
-    return clocked;
+    return started;
 }
 
 void ht_image_start(void)
@@ -43,9 +48,12 @@ void ht_image_start(void)
     chip.io = HT_TARGET_IO;
     chip.board = &HT_BOARD;
     chip.map = chip.board->map;
+    chip.sci_clock_Hz = chip.map->sci_clock_Hz;
     HT_DINT(chip.io);
     if (!start(&chip)) {
-        for (;;) { /* nobody services the watchdog, so the chip starts again */
+        for (;;) { /* ht_image_start_result says why; no reset would help */
+            ht_watchdog_first(&chip);
+            ht_watchdog_second(&chip);
             HT_IDLE(chip.io);
         }
     }
