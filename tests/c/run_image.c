@@ -96,41 +96,50 @@ static void command(uint16_t what)
     ht_image_background();
 }
 
-/* A request over the serial line, with a session. Returns the status of the reply. */
-static unsigned ask(uint16_t opcode)
+/* A request over the modelled line. Returns the length of the reply in `body`, or 0. */
+static uint16_t exchange(uint16_t opcode, uint16_t session, uint16_t dictionary,
+                         ht_incoming *body)
 {
-    static ht_packet body;
+    static ht_packet request;
     static ht_outgoing out;
-    static ht_incoming in;
     static uint16_t number;
-    uint16_t octet;
-    uint16_t k;
-    ht_image_service.session = 0x1234u;
-    ht_image_service.session_tick = ht_image_drive.tick;
+    uint16_t n;
     number++;
-    ht_packet_begin(&body);
-    ht_packet_add8(&body, opcode);
-    ht_packet_add8(&body, (uint16_t)(number & 0xFFu));
-    ht_packet_add16(&body, 0x1234u);
-    ht_packet_add16(&body, (uint16_t)(ht_image_service.dictionary & 0xFFFFu));
-    ht_outgoing_set(&out, &body);
-    for (k = 0u; k < out.n; k++) {
-        (void)ht_regfile_sci_arrive(&ht_image_registers, out.octet[k]);
+    ht_packet_begin(&request);
+    ht_packet_add8(&request, opcode);
+    ht_packet_add8(&request, (uint16_t)(number & 0xFFu));
+    ht_packet_add16(&request, session);
+    ht_packet_add16(&request, dictionary);
+    ht_outgoing_set(&out, &request);
+    for (n = 0; n < out.n; n++) {
+        check("octet arrives", ht_regfile_sci_arrive(&ht_image_registers, out.octet[n]) == 1u);
         ht_image_background();
     }
-    ht_incoming_reset(&in);
-    for (k = 0u; k < 200u; k++) {
+    ht_incoming_reset(body);
+    for (n = 0; n < 500u; n++) {
+        uint16_t octet;
         ht_image_background();
-        octet = ht_regfile_sci_leave(&ht_image_registers);
-        while (octet != 0xFFFFu) {
-            if ((ht_incoming_take(&in, octet) == HT_INCOMING_WHOLE)
-                && (in.octet[0] == (opcode | 0x80u))) {
-                return in.octet[2];
+        for (octet = ht_regfile_sci_leave(&ht_image_registers); octet != 0xFFFFu;
+             octet = ht_regfile_sci_leave(&ht_image_registers)) {
+            if ((ht_incoming_take(body, octet) == HT_INCOMING_WHOLE)
+                && (body->octet[0] == (opcode | 0x80u))) {
+                return body->n;
             }
-            octet = ht_regfile_sci_leave(&ht_image_registers);
         }
     }
-    return 0xFFFFu; /* no reply */
+    return 0u;
+}
+
+/* The same with a session. Returns the status of the reply. */
+static unsigned ask(uint16_t opcode)
+{
+    static ht_incoming body;
+    ht_image_service.session = 0x1234u;
+    ht_image_service.session_tick = ht_image_drive.tick;
+    return (exchange(opcode, 0x1234u, (uint16_t)(ht_image_service.dictionary & 0xFFFFu), &body)
+            != 0u)
+               ? body.octet[2]
+               : 0xFFFFu;
 }
 
 static void set(uint16_t id, float value)
@@ -509,37 +518,6 @@ static void show_violations(void)
 
 /* --- a chip whose clock is not right ------------------------------------------------------ */
 
-/* One request over the modelled line. Returns the reply's octets in `body`, or 0. */
-static uint16_t ask(uint16_t opcode, ht_incoming *body)
-{
-    static ht_packet request;
-    static ht_outgoing out;
-    unsigned n;
-    ht_packet_begin(&request);
-    ht_packet_add8(&request, opcode);
-    ht_packet_add8(&request, opcode);
-    ht_packet_add32(&request, 0u);
-    ht_outgoing_set(&out, &request);
-    for (n = 0; n < out.n; n++) {
-        check("octet arrives", ht_regfile_sci_arrive(&ht_image_registers, out.octet[n]) == 1u);
-        if ((n % 8u) == 7u) {
-            ht_image_background();
-        }
-    }
-    ht_incoming_reset(body);
-    for (n = 0; n < 500; n++) {
-        uint16_t octet;
-        ht_image_background();
-        for (octet = ht_regfile_sci_leave(&ht_image_registers); octet != 0xFFFFu;
-             octet = ht_regfile_sci_leave(&ht_image_registers)) {
-            if (ht_incoming_take(body, octet) == HT_INCOMING_WHOLE) {
-                return body->n;
-            }
-        }
-    }
-    return 0u;
-}
-
 /* The reply's head: status, state, faults. */
 static void told(const char *name, const ht_incoming *body, uint16_t status)
 {
@@ -577,11 +555,11 @@ static void wrong_clock(void)
     check("no resets for ever", ht_image_registers.dog_resets == 0u);
     check("line runs at 115200 baud",
           (ht_sci_baud(&ht_image_port) > 112900.0f) && (ht_sci_baud(&ht_image_port) < 117500.0f));
-    check("HELLO is answered", ask(0x01u, &body) != 0u);
+    check("HELLO is answered", exchange(0x01u, 0u, 0u, &body) != 0u);
     told("HELLO says what is wrong", &body, (uint16_t)HT_OK);
-    check("STATUS is answered", ask(0x05u, &body) != 0u);
+    check("STATUS is answered", exchange(0x05u, 0u, 0u, &body) != 0u);
     told("STATUS says what is wrong", &body, (uint16_t)HT_OK);
-    check("STOP is answered", ask(HT_SERVICE_STOP, &body) != 0u);
+    check("STOP is answered", exchange(HT_SERVICE_STOP, 0u, 0u, &body) != 0u);
     set(HT_P_flux_trip_Wb, 100.0f);
     ht_image_background();
     check("a parameter does not wait for an interrupt", ht_image_drive.staged == NULL);

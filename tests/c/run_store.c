@@ -75,7 +75,7 @@ static void sample(void)
     const ht_c2000_map *m = ht_image_port.map;
     unsigned k;
     for (k = 0; k < 7; k++) {
-        ht_image_registers.word[m->adc_result + k] = (uint16_t)(2048u << m->adc_shift);
+        ht_image_registers.word[m->adc_result[k]] = (uint16_t)(2048u << m->adc_shift);
     }
 }
 
@@ -171,7 +171,7 @@ static void refused_while_running(void)
         slow_period();
     }
     check("drive runs", ht_image_drive.state == (uint16_t)HT_STATE_RUN);
-    ht_regfile_trip_pin(&ht_image_registers);
+    ht_regfile_pin(&ht_image_registers, ht_image_port.board->trip.gpio, 0u);
     slow_period();
     check("a fault", ht_image_drive.state == (uint16_t)HT_STATE_FAULT);
     (void)set(HT_P_rs_ohm, 1.8f);

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hexatorque import firmware, scenario
+from hexatorque import scenario
 from hexatorque.scenario import ScenarioError
 from hexatorque.sil import Simulation
 

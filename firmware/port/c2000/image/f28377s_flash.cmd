@@ -27,9 +27,11 @@ SECTIONS
      * it stays by name: main, which copies the rest, and what only the background runs. */
     .stays      : { *main.*(.TI.ramfunc)
                     *ht_dictionary.*(.TI.ramfunc)
+                    *ht_no_store.*(.TI.ramfunc)
                     *ht_packet.*(.TI.ramfunc)
                     *ht_service.*(.TI.ramfunc)
-                    *ht_service_requests.*(.TI.ramfunc) } > FLASH, ALIGN(8)
+                    *ht_service_requests.*(.TI.ramfunc)
+                    *ht_store.*(.TI.ramfunc) } > FLASH, ALIGN(8)
     .text       : > FLASH, ALIGN(8)
     .cinit      : > FLASH, ALIGN(8)
     .init_array : > FLASH, ALIGN(8)
