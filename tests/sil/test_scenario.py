@@ -127,9 +127,10 @@ def test_dead_time_that_the_board_does_not_allow_is_named(us):
 
 @pytest.mark.parametrize("name", ("paper-a", "paper-a-feasible", "paper-b", "paper-b-fitted"))
 def test_dead_times_of_the_papers_are_whole_counts(name):
-    """2.3 us and 2.0 us at 150 MHz: rounding up adds nothing."""
+    """2.3 us at 150 MHz (paper A) and 2.0 us at 100 MHz: rounding up adds nothing."""
     sim = Simulation(scenario.load(name))
     m, words = sim.controller.map, sim.controller.register_words()
-    counts = {2.3: 345, 2.0: 300}[sim.setup["inverter.dead_time_us"]]
-    assert m.pwm_clock_Hz == 150e6
+    counts = {(2.3, 150e6): 345, (2.0, 100e6): 200}[
+        sim.setup["inverter.dead_time_us"], m.pwm_clock_Hz
+    ]
     assert words[m.epwm + m.dbred] == words[m.epwm + m.dbfed] == counts

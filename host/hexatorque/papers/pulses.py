@@ -2,8 +2,8 @@
 machine that integrates the voltage; no control law.
 
 The firmware's own driver writes the registers in the fast interrupt, as on the chip.
-Without dead time, which the firmware itself refuses, and on a machine of 1 H and almost no resistance, the stator flux
-gained in a period is its volt-seconds.
+Without dead time, which the firmware itself refuses, and on a machine of 1 H and almost no
+resistance, the stator flux gained in a period is its volt-seconds.
 """
 
 from __future__ import annotations
