@@ -124,7 +124,7 @@ _RESULTS = {
     lib.HT_ERROR_TURNING: "the machine is turning",
     lib.HT_ERROR_STORE: "there is no memory for parameters, or writing it failed",
 }
-#: Which set of parameters a start took, by number (ht_set).
+#: Which set of parameters a start took, by number (HT_SET_...).
 PARAMETER_SETS = (
     "built-in",
     "saved",
@@ -212,9 +212,7 @@ class Controller:
     entries = ("ht_drive_fast_isr", "ht_drive_slow_isr", "ht_channels_read")
     processor = "host"
 
-    def __init__(
-        self, device: str, values: dict[str, object], store: Store | None = None
-    ) -> None:
+    def __init__(self, device: str, values: dict[str, object], store: Store | None = None) -> None:
         """`store`: a memory from which a saved set of parameters replaces `values`."""
         if device not in BOARDS:
             raise FirmwareError(f"device = {device!r}: choose one of {', '.join(DEVICES)}")

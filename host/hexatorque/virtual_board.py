@@ -107,9 +107,7 @@ class VirtualBoard:
         store: Path | None = None,
     ) -> None:
         self.file = FileStore(store) if store else None
-        make = partial(
-            BoardController, baud=baud, watchdog_ms=watchdog_ms(factor), store=self.file
-        )
+        make = partial(BoardController, baud=baud, watchdog_ms=watchdog_ms(factor), store=self.file)
         self.factor = factor
         try:
             self.sim = Simulation(setup, controller=make)

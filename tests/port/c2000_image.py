@@ -48,7 +48,9 @@ class Builder:
         firmware = ROOT / "firmware"
         folders = FOLDERS[:-1] + (PIL_FOLDERS if pil else ())
         found = [file for folder in folders for file in sorted((firmware / folder).glob("*.c"))]
-        found += [firmware / FOLDERS[-1] / name for name in ("ht_image.c", "ht_no_store.c", "main.c")]
+        found += [
+            firmware / FOLDERS[-1] / name for name in ("ht_image.c", "ht_no_store.c", "main.c")
+        ]
         found.append(ROOT / "tests" / "c" / ("run_pil.c" if pil else "run_image.c"))
         of_board = {
             name: (f"-DHT_BOARD=ht_board_{board}", CAPTURE, "-Dmain=ht_target_main")

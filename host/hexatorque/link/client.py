@@ -192,9 +192,7 @@ class Client:
                 raise LinkError(f"{self.url}: unplugged")
             return reply
         self._awaited = None
-        raise NoReply(
-            f"{self.url}: no reply to {Op(op).name} within {wait_s * tries:.2g} s"
-        )
+        raise NoReply(f"{self.url}: no reply to {Op(op).name} within {wait_s * tries:.2g} s")
 
     def do(
         self,

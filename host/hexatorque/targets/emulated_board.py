@@ -111,9 +111,7 @@ class EmulatedBoard(VirtualBoard):
         # What it holds decides how both ends begin; the image has the same file.
         self.file = FileStore(store) if store else None
         try:
-            self.target: Target = BoardProcess(
-                machine, baud, watchdog_ms(factor), timeout_s, store
-            )
+            self.target: Target = BoardProcess(machine, baud, watchdog_ms(factor), timeout_s, store)
         except BaseException:
             super().close()
             raise
