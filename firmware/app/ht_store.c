@@ -265,7 +265,6 @@ static bool write_copy(const ht_store_port *port, uint16_t area, uint32_t sequen
     uint16_t last = (uint16_t)(blocks_of(HT_PARAMS) - 1u);
     uint32_t crc = 0u;
     uint16_t block;
-    uint16_t k;
     bool good = port->write(port->at, area, 0u, NULL);
     for (block = 0u; good && (block < last); block++) {
         make_block(words, block, sequence, p);
@@ -277,6 +276,7 @@ static bool write_copy(const ht_store_port *port, uint16_t area, uint32_t sequen
         good = reads_back(port, area, block, words);
     }
     if (good) {
+        uint16_t k;
         put_word32(words, crc);
         put_word32(&words[2], ~crc);
         for (k = 0u; k < FIXED; k++) {

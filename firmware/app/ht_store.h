@@ -29,17 +29,17 @@
 #include "ht_store_port.h"
 
 /** Which set was taken at the start. */
-typedef enum {
+enum {
     HT_SET_DEFAULTS = 0, /**< the built-in one: nothing is stored, or there is no store */
     HT_SET_SAVED = 1,    /**< the saved one */
     HT_SET_DAMAGED = 2,  /**< the built-in one: what is stored is damaged or incomplete */
     HT_SET_FOREIGN = 3   /**< the built-in one: the saved set is of another table, or this build
                               or board refuses its values */
-} ht_set;
+};
 
 typedef struct {
     ht_store_port port; /**< `read` = NULL: this image keeps no parameters */
-    uint16_t set;       /**< ht_set, as it was taken at the start; saving does not change it */
+    uint16_t set;       /**< HT_SET_..., as it was taken at the start; saving does not change it */
 } ht_store;
 
 /** A store that is none. */
@@ -49,7 +49,7 @@ void ht_store_none(ht_store *s);
  *  `s->set` tells which. */
 ht_result ht_store_start(ht_store *s, ht_drive *d, ht_port *port, const ht_params *defaults);
 
-/** What is stored, into `p`, and ht_set: HT_SET_SAVED if it is whole and of this table; only
+/** What is stored, into `p`; returns HT_SET_...: HT_SET_SAVED if it is whole and of this table; only
  *  then are the contents of `p` of any use. */
 uint16_t ht_store_load(const ht_store *s, ht_params *p);
 

@@ -145,7 +145,7 @@ _RESULTS = {
     lib.HT_ERROR_TRIP: "the trip pin is low (external trip): release it, then clear",
     lib.HT_ERROR_STORE: "there is no memory for parameters, or writing it failed",
 }
-#: Which set of parameters a start took, by number (ht_set).
+#: Which set of parameters a start took, by number (HT_SET_...).
 PARAMETER_SETS = (
     "built-in",
     "saved",

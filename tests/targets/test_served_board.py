@@ -296,3 +296,39 @@ def test_octets_take_their_time(quick, need, baud):
     # request ends. How long the emulator takes at most depends on this computer's load.
     least_s = (len(request) + len(came) - 2) / octets_per_s - board.sim.period_s
     assert board.sim.time_s >= least_s - 1e-9
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_parameters_survive_the_end_of_the_process(name, serve, need, tmp_path):
+    """The same firmware keeps them in the same file, here and in the emulator."""
+    if name != "virtual":
+        need(name)
+    file = tmp_path / "bench.store"
+    board = serve(name, "--store", str(file))
+    assert board.said["parameters"] == "built-in"
+    with Drive.open(board.port, board.said["baud"]) as drive:
+        assert drive.parameter_set == "built-in"
+        drive.set_many({"rs_ohm": 1.75, "speed_ref_rpm": 100.0, "dead_time_us": 3.0})
+        drive.store_parameters()
+        assert drive.parameter_set == "built-in"  # as it started
+    board.end(signal.SIGKILL)
+    board = serve(name, "--store", str(file))
+    assert board.said["parameters"] == "saved"
+    with Drive.open(board.port, board.said["baud"]) as drive:
+        assert drive.parameter_set == "saved"
+        kept = drive.get_many(["rs_ohm", "speed_ref_rpm", "dead_time_us"])
+        assert kept == {"rs_ohm": 1.75, "speed_ref_rpm": 0.0, "dead_time_us": 3.0}
+    board.end(signal.SIGKILL)
+    octets = bytearray(file.read_bytes())
+    for at in range(40, len(octets), 50):
+        octets[at] ^= 1
+    file.write_bytes(octets)
+    board = serve(name, "--store", str(file))
+    assert "damaged" in board.said["parameters"]
+    with Drive.open(board.port, board.said["baud"]) as drive:
+        assert "damaged" in drive.parameter_set
+        assert drive.get("rs_ohm") != 1.75
+        drive.forget_parameters()
+    board.end(signal.SIGKILL)
+    board = serve(name, "--store", str(file))
+    assert board.said["parameters"] == "built-in"

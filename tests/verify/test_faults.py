@@ -34,7 +34,7 @@ def test_in_the_next_interrupt(result):
 
 
 def test_tables_and_picture(result, tmp_path):
-    assert len(faults.tables(result)[0].rows) == len(faults.FAULTS)
+    assert len(faults.tables(result)[0].rows) == len(faults.FAULTS) + 1
     assert faults.failures(result) == []
     path = faults.plot(result, tmp_path / "faults.png")
     assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 20_000
@@ -78,6 +78,21 @@ def test_gates_that_come_on_again(monkeypatch):
     monkeypatch.setattr(faults, "_disturb", release)
     result = faults.run(find("trip pin"), "run", "ddr", "paper-a-feasible", 1)
     assert result.error in ("a gate came on after the latch", "a leg changed after the latch")
+
+
+def test_a_store_that_takes_anything(monkeypatch):
+    """The campaign compares values: a start that takes what was damaged is seen."""
+    assert all(not faults.damaged_set("f28377s", seed).error for seed in range(20))
+
+    class Careless(firmware.Controller):
+        def __init__(self, device, values, store):
+            super().__init__(device, values, store)
+            if bytes(store.areas).count(b"\xff") < 4096 and self.parameter_set != "saved":
+                self.store.handle.set = 1  # says so, and has others
+
+    monkeypatch.setattr(firmware, "Controller", Careless)
+    found = {faults.damaged_set("f28377s", seed).error for seed in range(20)}
+    assert "a wrong value" in found
 
 
 def test_legs_that_change_over_too_fast():

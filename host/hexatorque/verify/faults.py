@@ -5,6 +5,10 @@ After a fault is injected the drive runs on period by period. It must name the c
 take the gates off in the interrupt that finds it, within the fault's deadline; from then
 on every leg stays off, whatever is commanded; at no time does a leg go from one switch
 to the other without the dead time in between.
+
+And one before there is a drive: the stored parameters are damaged at random places. The start takes
+what was saved if a whole copy is left, else the built-in parameters, and says which; never a wrong
+value.
 """
 
 from __future__ import annotations
@@ -428,6 +432,77 @@ def _restart(sim: Simulation) -> str:
     return ""
 
 
+#: The fault that the start must find; its runs are no simulations.
+DAMAGED_SET = "damaged parameter set"
+
+
+def _some_set(controller: firmware.Controller, rng: np.random.Generator) -> None:
+    """Parameters that differ from the built-in ones, as far as they fit together."""
+    rows = list(firmware.parameters().values())
+    for k in rng.permutation(len(rows))[:20]:
+        row = rows[int(k)]
+        if row.choices:
+            value = row.choices[int(rng.integers(len(row.choices)))]
+        else:
+            value = min(max(row.initial * float(rng.uniform(0.8, 1.2)), row.min), row.max)
+        with contextlib.suppress(firmware.FirmwareError):
+            controller.set(row.name, value)
+    controller.set_many({"speed_ref_rpm": 0.0, "torque_ref_Nm": 0.0})  # never kept
+
+
+def _damage(areas: bytearray, rng: np.random.Generator) -> None:
+    """Bits, octets, blocks, a whole copy; in one of the copies or in both. Any of it may hit what
+    is used, or miss it."""
+    used = 16 * (2 + -(-len(firmware.parameters()) // 4))
+    for copy in rng.permutation(2)[: int(rng.integers(1, 3))]:
+        begin = int(copy) * firmware.MemoryStore.AREA
+        for _ in range(int(rng.integers(1, 4))):
+            at = begin + int(rng.integers(used))
+            what = int(rng.integers(5))
+            if what == 0:
+                areas[at] ^= 1 << int(rng.integers(8))
+            elif what == 1:
+                areas[at] = int(rng.integers(256))
+            elif what == 2:  # a torn block
+                block = at - at % firmware.MemoryStore.BLOCK
+                areas[block : block + 16] = rng.bytes(16)
+            elif what == 3:  # from here on it was never written, or was erased
+                areas[at : begin + used] = b"\xff" * (begin + used - at)
+            else:
+                areas[begin : begin + used] = rng.bytes(used)
+
+
+def damaged_set(device: str, seed: int) -> Result:
+    """One damaged store and the start after it."""
+    rng = np.random.default_rng(seed)
+    result = Result(DAMAGED_SET, "start", "", device)
+    names = list(firmware.parameters())
+    store = firmware.MemoryStore()
+    before = firmware.Controller(device, {}, store)
+    built_in = [before.get(name) for name in names]
+    _some_set(before, rng)
+    saved = [before.get(name) for name in names]
+    firmware.lib.ht_store_save(store.handle, before.drive)
+    good = bytes(store.areas)
+    _damage(store.areas, rng)
+    area = firmware.MemoryStore.AREA
+    whole = any(store.areas[a : a + area] == good[a : a + area] for a in (0, area))
+    after = firmware.Controller(device, {}, firmware.MemoryStore(store.areas))
+    values = [after.get(name) for name in names]
+    if after.parameter_set == "saved":
+        result.error = "" if values == saved else "a wrong value"
+    else:
+        result.cause, result.periods = after.parameter_set, 1  # before the first interrupt
+        result.error = "" if values == built_in else "not the built-in parameters"
+    if whole and after.parameter_set != "saved":
+        result.error = "a whole copy was left, and not taken"
+    if not firmware.lib.ht_port_tripped(after.port):
+        result.error = "gates on after the start"
+    if after.registers.violations and not result.error:
+        result.error = "forbidden register access"
+    return result
+
+
 def places(fault: Fault, runs: int) -> list[tuple[str, str, str]]:
     """State, scheme and set-up of each run: two thirds where the fault must be found, the
     rest in the other states, each through all combinations in turn."""
@@ -455,15 +530,17 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         results = list(pool.map(one, cases))
+    results += [damaged_set(firmware.BOARDS[n % 3], n) for n in range(runs)]
     rows = []
-    for fault in FAULTS:
-        own = [r for r in results if r.fault == fault.name]
+    named = [(fault.name, fault.found_in) for fault in FAULTS] + [(DAMAGED_SET, ("start",))]
+    for name, found_in in named:
+        own = [r for r in results if r.fault == name]
         found = [r for r in own if r.periods]
         rows.append(
             {
-                "fault": fault.name,
+                "fault": name,
                 "runs": len(own),
-                "found_in": list(fault.found_in),
+                "found_in": list(found_in),
                 "found": len(found),
                 "causes": sorted({r.cause for r in found}),
                 "periods_max": max((r.periods for r in found), default=0),
