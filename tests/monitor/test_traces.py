@@ -103,3 +103,23 @@ def test_a_page_that_asks_again_at_once_gets_nothing():
     ring.push(np.arange(20), np.zeros((20, 1), np.float32))
     assert view.news() is not None
     assert view.news() is None
+
+
+def test_a_board_that_counts_anew_goes_on_behind_a_gap():
+    ring = Ring(1, 100)
+    ring.push(np.arange(1000, 1020), np.ones((20, 1), np.float32))
+    ring.begin_anew(10)
+    assert ring.marks == []  # nothing has come yet
+    for first in (3, 8):  # the board's own numbers, after its reset
+        ring.push(np.arange(first, first + 5), np.full((5, 1), 2, np.float32))
+    assert ring.end == 1020 + 10 + 10 and ring.boards_end == 13
+    assert len(ring.marks) == 1 and 1020 <= ring.marks[0] < 1030
+    values = ring.part(1000, ring.end)[0]
+    assert (values[:20] == 1).all() and np.isnan(values[20:30]).all() and (values[30:] == 2).all()
+
+
+def test_a_ring_without_samples_begins_where_the_board_does():
+    ring = Ring(1, 100)
+    ring.begin_anew(10)
+    ring.push(np.arange(3, 5), np.ones((2, 1), np.float32))
+    assert (ring.begin, ring.end, ring.marks) == (3, 5, [])
