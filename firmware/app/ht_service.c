@@ -1,6 +1,7 @@
 /* The line's two ends, session and watchdog. The requests are in ht_service_requests.c. */
 #include "ht_service.h"
 
+#include "ht_configure.h"
 #include "ht_dictionary.h"
 #include "ht_octets.h"
 
@@ -18,6 +19,9 @@ void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
 {
     l->drive = d;
     l->setup = *setup;
+    if (l->setup.watchdog_ms == 0u) {
+        l->setup.watchdog_ms = 1u; /* none at all is not to be had */
+    }
     l->dictionary = ht_dictionary_crc(&l->reply);
     ht_incoming_reset(&l->in);
     ht_packet_begin(&l->reply);
@@ -26,6 +30,7 @@ void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
     l->answered = false;
     l->reply_due = false;
     l->reply_waits = false;
+    l->overtaken = 0u;
     l->last_crc = 0u;
     l->started = false;
     l->start_crc = 0u;
@@ -40,6 +45,7 @@ void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
     l->streams.head = 0u;
     l->streams.dropped = 0u;
     ht_streams_reset(&l->streams);
+    l->begins = HT_STREAMS;
     ht_burst_init(&l->burst, setup->memory, setup->memory_size);
     l->read_at = 0u;
     l->read_left = 0u;
@@ -50,7 +56,13 @@ void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
 uint32_t ht_service_watchdog_ticks(const ht_service *l)
 {
     float ticks = l->drive->params.v[HT_P_f_isr_Hz] * (float)l->setup.watchdog_ms * 0.001f;
-    return (uint32_t)ticks;
+    return (ticks < 1.0f) ? 1u : (uint32_t)ticks;
+}
+
+float ht_service_rate_Hz(const ht_service *l)
+{
+    uint16_t counts = ht_config_in_force(l->drive)->control.period_counts;
+    return ht_port_pwm_clock_Hz(l->drive->port) / (float)counts;
 }
 
 uint32_t ht_service_budget(const ht_service *l)
@@ -164,20 +176,37 @@ static bool capture_frame(ht_service *l, ht_packet *p)
     return true;
 }
 
+/* Octets of samples that may overtake the reply. */
+static uint32_t longest_wait(const ht_service *l)
+{
+    return BUDGET_TENTHS * ((uint32_t)l->reply.n + (HT_PACKET_LINE - HT_PACKET_BODY));
+}
+
+/* ht_service.h says who goes first. */
 static void next_frame(ht_service *l)
 {
+    bool ready;
     if (l->reply_waits && (l->drive->staged == NULL)) {
         l->reply_waits = false;
         ht_put32(&l->reply.octet[HT_SERVICE_REPLY_HEAD], l->drive->taken_tick);
     }
-    if (l->reply_due && !l->reply_waits) {
-        l->reply_due = false;
-        ht_outgoing_set(&l->out, &l->reply);
-        return;
-    }
+    ready = l->reply_due && !l->reply_waits;
     ht_packet_begin(&l->data);
-    if (sample_frame(l, &l->data) || capture_frame(l, &l->data)) {
+    if (!(ready && (l->overtaken >= longest_wait(l))) && sample_frame(l, &l->data)) {
         ht_outgoing_set(&l->out, &l->data);
+        l->overtaken += ready ? l->out.n : 0u;
+    } else if (ready) {
+        l->reply_due = false;
+        l->overtaken = 0u;
+        ht_outgoing_set(&l->out, &l->reply);
+        if (l->begins < HT_STREAMS) {
+            ht_streams_begin(&l->streams, l->begins);
+            l->begins = HT_STREAMS;
+        }
+    } else if (capture_frame(l, &l->data)) {
+        ht_outgoing_set(&l->out, &l->data);
+    } else {
+        /* nothing to send */
     }
 }
 

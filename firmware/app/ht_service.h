@@ -2,6 +2,16 @@
  *  One drive on a serial line (docs/protocol.md): requests, streams, captures, and the
  *  watchdog that stops a drive whose host has gone.
  *
+ *  Who may send: streams are promised nine tenths of the line, so samples go first, or a flood
+ *  of requests would fill the line with replies and the samples' ring would run over. A reply
+ *  goes out as soon as no sample waits, and at the latest when samples that overtook it have
+ *  taken nine times its length: so it comes through on a line that is slower than it says, and
+ *  replies never take more than their tenth from streams. The ring holds more than what comes
+ *  together meanwhile: the largest reply, on its way when the first sample comes, and one sample
+ *  of each stream. A stream begins when the reply to its STREAM is under way: its samples never
+ *  overtake that. Data of a capture goes when neither waits. None of this delays a STOP, which
+ *  acts when it arrives.
+ *
  *  Concurrency: `ht_service_fast` runs in the fast interrupt, after the drive; everything
  *  else in the background, which the interrupt may interrupt anywhere.
  */
@@ -36,13 +46,16 @@ enum {
     HT_SERVICE_BUSY = 20,
     HT_SERVICE_BUDGET = 21,
     HT_SERVICE_CAPTURE = 22,
-    HT_SERVICE_NO_STREAM = 23 /**< all streams are in use */
+    HT_SERVICE_NO_STREAM = 23, /**< all streams are in use */
+    HT_SERVICE_FIELD = 24,     /**< a field of the payload is out of range */
+    HT_SERVICE_MEMORY = 25,    /**< the capture is larger than the memory */
+    HT_SERVICE_SAMPLING = 26   /**< f_isr_Hz stays while it is counted in */
 };
 
 typedef struct {
     const char *device;
     const char *build;  /**< of the firmware */
-    uint16_t watchdog_ms; /**< of the drive's time; a session lives for four of these */
+    uint16_t watchdog_ms; /**< of the drive's time, 1 at least; a session lives for four of these */
     ht_line line;
     uint32_t *memory;   /**< for captures */
     uint32_t memory_size; /**< values */
@@ -61,10 +74,11 @@ typedef struct {
     bool answered;              /**< `reply` is that of `last_crc` */
     bool reply_due;
     bool reply_waits;           /**< for the interrupt that takes the parameters over */
+    uint32_t overtaken;         /**< octets of samples that went before the reply that is due */
     uint32_t last_crc;
     bool started;               /**< `start_crc` is the session's latest request, a START */
     uint32_t start_crc;
-    uint16_t detail;            /**< of a refusal */
+    uint32_t detail;            /**< of a refusal */
     uint32_t mark;              /**< the first that an OPEN has brought since the reset; 0: none */
     uint16_t session;           /**< 0: none */
     uint16_t asks;              /**< session of the request in hand */
@@ -74,6 +88,7 @@ typedef struct {
     volatile uint32_t watchdog_left; /**< fast interrupts */
     volatile uint32_t watchdog_ticks;
     ht_streams streams;
+    uint16_t begins;            /**< the stream that begins with the reply; HT_STREAMS: none */
     ht_stream_sample sample;    /**< on its way out */
     ht_burst burst;
     uint32_t read_at;           /**< of the capture: next value to send ... */
@@ -94,6 +109,8 @@ void ht_service_turn(ht_service *l);
 
 /** Fast interrupts that the watchdog waits. */
 uint32_t ht_service_watchdog_ticks(const ht_service *l);
+/** Fast interrupts per second: the PWM clock divided by whole counts, next to f_isr_Hz. */
+float ht_service_rate_Hz(const ht_service *l);
 /** Octets that streams may take in a second. */
 uint32_t ht_service_budget(const ht_service *l);
 

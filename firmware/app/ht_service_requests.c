@@ -14,6 +14,13 @@
 
 enum { NEEDS_NOTHING = 0, NEEDS_DICTIONARY = 1, NEEDS_SESSION = 2, NEEDS_BOTH = 3 };
 
+/* The field at `offset` of the payload is out of range. */
+static uint16_t field(ht_service *l, uint16_t offset)
+{
+    l->detail = offset;
+    return HT_SERVICE_FIELD;
+}
+
 static uint16_t hello(ht_service *l, const uint16_t *in, uint16_t n)
 {
     uint16_t kind;
@@ -24,7 +31,7 @@ static uint16_t hello(ht_service *l, const uint16_t *in, uint16_t n)
     }
     ht_packet_add16(p, HT_SERVICE_VERSION);
     ht_packet_add32(p, l->dictionary);
-    ht_packet_add_float(p, l->drive->params.v[HT_P_f_isr_Hz]);
+    ht_packet_add_float(p, ht_service_rate_Hz(l));
     ht_packet_add32(p, ht_service_budget(l));
     for (kind = 0u; kind < (uint16_t)HT_LISTS; kind++) {
         ht_packet_add16(p, ht_dictionary_rows(kind));
@@ -57,7 +64,7 @@ static uint16_t open_session(ht_service *l, const uint16_t *in, uint16_t n)
     }
     nonce = ht_get16(in);
     if (nonce == 0u) {
-        return HT_ERROR_VALUE;
+        return field(l, 0u);
     }
     if ((l->session != 0u) && (l->session != nonce)) {
         return HT_SERVICE_BUSY;
@@ -153,7 +160,7 @@ static uint16_t write(ht_service *l, const uint16_t *in, uint16_t n)
         if ((ids[k] == (uint16_t)HT_P_f_isr_Hz) && rate_is_used(l)
             && (values[k] != ht_drive_get(l->drive, ids[k]))) {
             l->detail = ids[k];
-            return HT_ERROR_STATE;
+            return HT_SERVICE_SAMPLING;
         }
     }
     result = (uint16_t)ht_drive_write(l->drive, ids, values, count, &at);
@@ -238,7 +245,7 @@ static bool take_channels(ht_service *l, const uint16_t *in, uint16_t n, uint16_
 static uint32_t load(const ht_service *l, uint16_t n, uint16_t decimation)
 {
     float octets = 4.0f * (float)n + SAMPLE_HEAD;
-    float rate = l->drive->params.v[HT_P_f_isr_Hz] / (float)decimation;
+    float rate = ht_service_rate_Hz(l) / (float)decimation;
     float sum = octets * rate;
     return (n == 0u) ? 0u : ((uint32_t)sum + 1u);
 }
@@ -280,9 +287,11 @@ static uint16_t stream(ht_service *l, const uint16_t *in, uint16_t n)
     if (slot >= HT_STREAMS) {
         return HT_SERVICE_NO_STREAM;
     }
-    if ((count > HT_STREAM_CHANNELS) || (decimation == 0u)) {
-        l->detail = (decimation == 0u) ? 2u : 1u;
-        return HT_ERROR_VALUE;
+    if (count > HT_STREAM_CHANNELS) {
+        return field(l, 1u);
+    }
+    if (decimation == 0u) {
+        return field(l, 2u);
     }
     if (!take_channels(l, &in[4], count, ids)) {
         return HT_ERROR_ID;
@@ -298,6 +307,7 @@ static uint16_t stream(ht_service *l, const uint16_t *in, uint16_t n)
         return HT_SERVICE_BUDGET;
     }
     ht_streams_set(&l->streams, slot, ids, count, decimation);
+    l->begins = slot;
     ht_packet_add32(&l->reply, others + needed);
     ht_packet_add32(&l->reply, budget);
     return HT_OK;
@@ -307,7 +317,10 @@ static uint16_t stream(ht_service *l, const uint16_t *in, uint16_t n)
 
 static uint16_t arm(ht_service *l, const uint16_t *in, uint16_t n)
 {
+    /* by ht_burst_answer */
+    static const uint16_t offset[HT_BURST_TOO_LARGE] = {0u, 0u, 1u, 2u, 4u, 8u, 14u};
     ht_burst_setup setup;
+    ht_burst_answer answer;
     if ((n < ARM_HEAD) || (n != (ARM_HEAD + (2u * in[0])))) {
         return HT_SERVICE_LENGTH;
     }
@@ -319,7 +332,7 @@ static uint16_t arm(ht_service *l, const uint16_t *in, uint16_t n)
     setup.channel = ht_get16(&in[12]);
     setup.level = ht_float_of(ht_get32(&in[14]));
     if (setup.n > HT_BURST_CHANNELS) {
-        return HT_ERROR_VALUE;
+        return field(l, 0u);
     }
     if (setup.channel >= ht_channel_count()) {
         l->detail = setup.channel;
@@ -328,8 +341,13 @@ static uint16_t arm(ht_service *l, const uint16_t *in, uint16_t n)
     if (!take_channels(l, &in[ARM_HEAD], setup.n, setup.id)) {
         return HT_ERROR_ID;
     }
-    if (!ht_burst_arm(&l->burst, &setup)) {
-        return HT_ERROR_VALUE;
+    answer = ht_burst_arm(&l->burst, &setup);
+    if (answer == HT_BURST_TOO_LARGE) {
+        l->detail = l->burst.size / setup.n;
+        return HT_SERVICE_MEMORY;
+    }
+    if (answer != HT_BURST_ARMED) {
+        return field(l, offset[answer]);
     }
     l->read_left = 0u; /* of the capture that was there */
     ht_packet_add8(&l->reply, l->burst.number);
@@ -369,9 +387,14 @@ static uint16_t read(ht_service *l, const uint16_t *in, uint16_t n)
     }
     first = ht_get32(in);
     count = ht_get32(&in[4]);
-    if ((l->burst.state != (uint16_t)HT_BURST_COMPLETE) || (first > values)
-        || (count > (values - first))) {
+    if (l->burst.state != (uint16_t)HT_BURST_COMPLETE) {
         return HT_SERVICE_CAPTURE;
+    }
+    if (first > values) {
+        return field(l, 0u);
+    }
+    if (count > (values - first)) {
+        return field(l, 4u);
     }
     l->read_at = first;
     l->read_left = count;
@@ -490,7 +513,9 @@ static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)
 static bool has_detail(uint16_t status_code)
 {
     return ((status_code >= (uint16_t)HT_ERROR_ID) && (status_code < (uint16_t)HT_SERVICE_OPCODE))
-           || (status_code == (uint16_t)HT_SERVICE_BUDGET);
+           || (status_code == (uint16_t)HT_SERVICE_BUDGET)
+           || (status_code == (uint16_t)HT_SERVICE_FIELD)
+           || (status_code == (uint16_t)HT_SERVICE_SAMPLING);
 }
 
 void ht_service_execute(ht_service *l, const uint16_t *octets, uint16_t n)
@@ -507,7 +532,10 @@ void ht_service_execute(ht_service *l, const uint16_t *octets, uint16_t n)
     if (result != (uint16_t)HT_OK) {
         p->n = HT_SERVICE_REPLY_HEAD;
         if (has_detail(result)) {
-            ht_packet_add16(p, l->detail);
+            ht_packet_add16(p, (uint16_t)l->detail);
+        }
+        if (result == (uint16_t)HT_SERVICE_MEMORY) {
+            ht_packet_add32(p, l->detail);
         }
     }
     p->octet[0] = (uint16_t)(octets[0] | REPLY);

@@ -20,12 +20,34 @@ void ht_burst_init(ht_burst *b, uint32_t *memory, uint32_t size)
     b->size = size;
 }
 
-bool ht_burst_arm(ht_burst *b, const ht_burst_setup *setup)
+static ht_burst_answer judge(const ht_burst *b, const ht_burst_setup *setup)
 {
-    if ((setup->n == 0u) || (setup->n > HT_BURST_CHANNELS) || (setup->prescaler == 0u)
-        || (setup->trigger >= (uint16_t)HT_TRIGGERS) || (setup->before >= setup->samples)
-        || (setup->samples > (b->size / setup->n)) || !(setup->level == setup->level)) {
-        return false;
+    if ((setup->n == 0u) || (setup->n > HT_BURST_CHANNELS)) {
+        return HT_BURST_BAD_N;
+    }
+    if (setup->trigger >= (uint16_t)HT_TRIGGERS) {
+        return HT_BURST_BAD_TRIGGER;
+    }
+    if (setup->prescaler == 0u) {
+        return HT_BURST_BAD_PRESCALER;
+    }
+    if (setup->samples == 0u) {
+        return HT_BURST_BAD_SAMPLES;
+    }
+    if (setup->before >= setup->samples) {
+        return HT_BURST_BAD_BEFORE;
+    }
+    if (!(setup->level == setup->level)) {
+        return HT_BURST_BAD_LEVEL;
+    }
+    return (setup->samples > (b->size / setup->n)) ? HT_BURST_TOO_LARGE : HT_BURST_ARMED;
+}
+
+ht_burst_answer ht_burst_arm(ht_burst *b, const ht_burst_setup *setup)
+{
+    ht_burst_answer answer = judge(b, setup);
+    if (answer != HT_BURST_ARMED) {
+        return answer;
     }
     b->state = (uint16_t)HT_BURST_NONE; /* first: the interrupt leaves it alone from here on */
     b->setup = *setup;
@@ -41,7 +63,7 @@ bool ht_burst_arm(ht_burst *b, const ht_burst_setup *setup)
     b->crc = 0u;
     b->summed = 0u;
     b->state = (uint16_t)((setup->before == 0u) ? HT_BURST_WAITING : HT_BURST_FILLING);
-    return true;
+    return HT_BURST_ARMED;
 }
 
 void ht_burst_cancel(ht_burst *b)

@@ -31,6 +31,18 @@ enum {
     HT_TRIGGERS = 7
 };
 
+/** The first member of a set-up that is out of bounds. */
+typedef enum {
+    HT_BURST_ARMED = 0, /**< none is */
+    HT_BURST_BAD_N = 1,
+    HT_BURST_BAD_TRIGGER = 2,
+    HT_BURST_BAD_PRESCALER = 3,
+    HT_BURST_BAD_SAMPLES = 4, /**< there are none */
+    HT_BURST_BAD_BEFORE = 5,
+    HT_BURST_BAD_LEVEL = 6,   /**< NaN */
+    HT_BURST_TOO_LARGE = 7    /**< more samples than the memory holds */
+} ht_burst_answer;
+
 /** What is to be captured. */
 typedef struct {
     uint16_t n;             /**< channels, 1 .. HT_BURST_CHANNELS */
@@ -64,8 +76,8 @@ typedef struct {
 
 void ht_burst_init(ht_burst *b, uint32_t *memory, uint32_t size);
 
-/** Background: begin a capture. False, and nothing changed, for a set-up out of bounds. */
-bool ht_burst_arm(ht_burst *b, const ht_burst_setup *setup);
+/** Background: begin a capture. Anything but HT_BURST_ARMED: nothing changed. */
+ht_burst_answer ht_burst_arm(ht_burst *b, const ht_burst_setup *setup);
 void ht_burst_cancel(ht_burst *b);
 /** Background: some values more into the CRC. */
 void ht_burst_sum(ht_burst *b);

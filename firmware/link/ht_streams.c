@@ -45,8 +45,12 @@ void ht_streams_set(ht_streams *s, uint16_t k, const uint16_t *id, uint16_t n, u
     stream->decimation = decimation;
     stream->left = 1u;
     stream->number = 0u;
-    if (n != 0u) {
-        stream->active = 1u;
+}
+
+void ht_streams_begin(ht_streams *s, uint16_t k)
+{
+    if (s->stream[k].n != 0u) {
+        s->stream[k].active = 1u; /* last: the rest is ready */
     }
 }
 

@@ -48,10 +48,11 @@ typedef struct {
 
 void ht_streams_reset(ht_streams *s);
 
-/** Background: begin stream `k` with `n` channels (0: end it). `n` up to
- *  HT_STREAM_CHANNELS, `decimation` from 1. The first sample is the next one; none of what the
- *  stream was before comes after this. */
+/** Background: end stream `k`, and say what it will be: `n` channels (0: none), up to
+ *  HT_STREAM_CHANNELS, `decimation` from 1. None of what it was before comes after this. */
 void ht_streams_set(ht_streams *s, uint16_t k, const uint16_t *id, uint16_t n, uint16_t decimation);
+/** Background: begin stream `k` as it was set. The next fast interrupt takes the first sample. */
+void ht_streams_begin(ht_streams *s, uint16_t k);
 bool ht_streams_any(const ht_streams *s);
 
 /** Fast interrupt. */

@@ -103,7 +103,7 @@ def running(args: argparse.Namespace, drive) -> Iterator[None]:
 def _stream(args: argparse.Namespace) -> int:
     from .files import check_output, journal
     from .files.writer import Writer
-    from .link.drive import BOARD_RESET
+    from .link.stream import BOARD_RESET
 
     check_output(args.output)
     console = console_for(args)

@@ -284,7 +284,10 @@ def _check(section: str, key: str, value: Any) -> Any:
     number = _number(path, value, spec.min, spec.max, spec.unit)
     if spec.kind == "integer":
         if number != int(number):
-            raise ScenarioError(f"{path} = {value!r}: a whole number is needed")
+            allowed = f"{spec.min:.9g} .. {spec.max:.9g}"
+            raise ScenarioError(
+                f"{path} = {value!r}: allowed range is {allowed}, whole numbers only"
+            )
         return int(number)
     return number
 

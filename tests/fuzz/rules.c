@@ -1,5 +1,6 @@
 #include "rules.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "check.h"
@@ -82,10 +83,16 @@ static void check_watchdog(void)
     }
 }
 
+double rules_rate_Hz(void)
+{
+    double clock_Hz = ht_board_f28377s.map->pwm_clock_Hz;
+    return clock_Hz / round(clock_Hz / the_rules.value[HT_P_f_isr_Hz]);
+}
+
 static void check_streams(void)
 {
     const ht_streams *s = &the_rig.service.streams;
-    double rate = the_rules.value[HT_P_f_isr_Hz];
+    double rate = rules_rate_Hz();
     double octets_per_s = 0.0;
     unsigned k;
     unsigned i;

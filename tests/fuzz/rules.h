@@ -49,6 +49,9 @@ void rules_write(const uint16_t *octets, uint16_t n);
 /* All parameters are what they should be, and within their ranges. */
 void rules_parameters(void);
 
+/* Fast interrupts per second: whole counts of the PWM clock. */
+double rules_rate_Hz(void);
+
 /* rules_requests.c. What a request finds. */
 typedef struct {
     uint16_t state;

@@ -13,7 +13,8 @@ enum {
 };
 enum {
     DONE, NO_ID, BAD_VALUE, BAD_STATE, NO_FIT, NO_HARDWARE, TURNING,
-    NO_OPCODE = 16, BAD_LENGTH, NO_SESSION, STALE, BUSY, BUDGET, NO_CAPTURE, NO_STREAM
+    NO_OPCODE = 16, BAD_LENGTH, NO_SESSION, STALE, BUSY, BUDGET, NO_CAPTURE, NO_STREAM,
+    BAD_FIELD, TOO_LARGE, SAMPLING
 };
 
 #define NEEDS_SESSION                                                                     \
@@ -104,7 +105,7 @@ static unsigned judged(const uint8_t *in, size_t n, const rules_before *b)
     for (k = 0; k < n; k += 6) {
         if ((u16(&in[k]) == HT_P_f_isr_Hz) && sampling(b)
             && (f32(&in[k + 2]) != the_rules.value[HT_P_f_isr_Hz])) {
-            return BAD_STATE;
+            return SAMPLING;
         }
     }
     for (k = 0; k < n; k += 6) {
@@ -170,13 +171,14 @@ static void check_stream(const uint8_t *in, const rules_before *b, unsigned stat
     if (in[0] >= HT_STREAMS) {
         CHECK(status == NO_STREAM);
     } else if ((n > HT_STREAM_CHANNELS) || (u16(&in[2]) == 0)) {
-        CHECK(status == BAD_VALUE);
+        CHECK(status == BAD_FIELD);
+        CHECK(answered(10, 2) == ((n > HT_STREAM_CHANNELS) ? 1u : 2u));
     } else if (!ids) {
         CHECK(status == NO_ID);
     } else if (status == BUDGET) {
         uint32_t least = answered(10, 2);
         double others = 0.0;
-        double rate = the_rules.value[HT_P_f_isr_Hz];
+        double rate = rules_rate_Hz();
         double most = 0.9 * the_rig.service.setup.line.octets_per_s;
         for (k = 0; k < HT_STREAMS; k++) {
             if ((k != in[0]) && (b->stream[k].active != 0u)) {
@@ -192,10 +194,32 @@ static void check_stream(const uint8_t *in, const rules_before *b, unsigned stat
         }
     } else {
         CHECK(status == DONE);
-        CHECK((now[in[0]].active != 0u) == (n != 0));
+        CHECK((n != 0) ? ((now[in[0]].active != 0u) || (the_rig.service.begins == in[0]))
+                       : (now[in[0]].active == 0u));
         if (n != 0) {
             CHECK((now[in[0]].n == n) && (now[in[0]].decimation == u16(&in[2])));
         }
+    }
+}
+
+/* Does the field at `offset` of an ARM say something that cannot be? */
+static bool wrong_in_arm(const uint8_t *in, uint32_t offset)
+{
+    switch (offset) {
+    case 0:
+        return (in[0] == 0) || (in[0] > HT_BURST_CHANNELS);
+    case 1:
+        return in[1] >= HT_TRIGGERS;
+    case 2:
+        return u16(&in[2]) == 0;
+    case 4:
+        return u32(&in[4]) == 0;
+    case 8:
+        return u32(&in[8]) >= u32(&in[4]);
+    case 14:
+        return isnan(f32(&in[14]));
+    default:
+        return false;
     }
 }
 
@@ -217,7 +241,18 @@ static void check_arm(const uint8_t *in, unsigned status)
         CHECK(answered(10, 1) == burst->number);
         CHECK(the_rig.service.read_left == 0u);
     } else {
-        CHECK((status == NO_ID) ? !ids : ((status == BAD_VALUE) && !good));
+        CHECK(!ids || !good);
+        switch (status) {
+        case NO_ID:
+            CHECK(!ids);
+            break;
+        case TOO_LARGE:
+            CHECK((answered(10, 4) == RIG_MEMORY / in[0]) && (answered(10, 4) < samples));
+            break;
+        default:
+            CHECK((status == BAD_FIELD) && wrong_in_arm(in, answered(10, 2)));
+            break;
+        }
     }
 }
 
@@ -283,8 +318,9 @@ static void unchanged(unsigned opcode, const rules_before *b, bool refused, bool
 
 static void check_detail(unsigned status, size_t n)
 {
-    bool has = ((status >= NO_ID) && (status < NO_OPCODE)) || (status == BUDGET);
-    CHECK(n == (has ? 12u : 10u));
+    bool has = ((status >= NO_ID) && (status < NO_OPCODE)) || (status == BUDGET)
+               || (status == BAD_FIELD) || (status == SAMPLING);
+    CHECK(n == ((status == TOO_LARGE) ? 14u : (has ? 12u : 10u)));
 }
 
 void rules_request(const uint8_t *body, size_t n, const rules_before *b, bool disturbed)
@@ -312,7 +348,7 @@ void rules_request(const uint8_t *body, size_t n, const rules_before *b, bool di
     } else if (!length_fits(opcode, in, n - 6)) {
         expected = BAD_LENGTH;
     } else if (opcode == OPEN) {
-        expected = (u16(in) == 0) ? BAD_VALUE
+        expected = (u16(in) == 0) ? BAD_FIELD
                                   : (((the_rules.session != 0u) && (u16(in) != the_rules.session))
                                          ? BUSY
                                          : DONE);
@@ -320,7 +356,7 @@ void rules_request(const uint8_t *body, size_t n, const rules_before *b, bool di
     } else if (opcode == READ) {
         uint64_t values = (uint64_t)b->setup.samples * b->setup.n;
         bool inside = (uint64_t)u32(in) + u32(&in[4]) <= values;
-        expected = ((b->capture == HT_BURST_COMPLETE) && inside) ? DONE : NO_CAPTURE;
+        expected = (b->capture != HT_BURST_COMPLETE) ? NO_CAPTURE : (inside ? DONE : BAD_FIELD);
     } else if (opcode == TRIGGER) {
         expected = ((b->capture == HT_BURST_FILLING) || (b->capture == HT_BURST_WAITING))
                        ? DONE

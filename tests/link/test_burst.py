@@ -14,16 +14,17 @@ from device import (
     CLEAR,
     COMPLETE,
     DONE,
+    FIELD,
     FILLING,
     ID,
     LENGTH,
+    MEMORY,
     NO_CAPTURE,
     NONE,
     READ,
     STATE,
     STOP,
     TRIGGER,
-    VALUE,
     WAITING,
     Device,
 )
@@ -33,13 +34,13 @@ from hypothesis import strategies as st
 from hexatorque.firmware import ffi, lib
 
 MANUAL, RISING, FALLING, ABOVE, BELOW, FAULT, COMMAND = range(7)
-MEMORY = 120
+SIZE = 120
 
 
 class Burst:
     """The C's, fed with rows of a signal (ticks, channels)."""
 
-    def __init__(self, size: int = MEMORY, first_tick: int = 1) -> None:
+    def __init__(self, size: int = SIZE, first_tick: int = 1) -> None:
         self.burst = ffi.new("ht_burst *")
         self.memory = ffi.new("uint32_t[]", size + 1)
         self.memory[size] = 0xDEADBEEF  # not its own
@@ -55,7 +56,8 @@ class Burst:
         setup.samples, setup.before, setup.channel, setup.level = samples, before, channel, level
         for k in range(min(n, 16)):
             setup.id[k] = k
-        return lib.ht_burst_arm(self.burst, setup)
+        self.answer = lib.ht_burst_arm(self.burst, setup)
+        return self.answer == lib.HT_BURST_ARMED
 
     def sample(self, row, fault=False):
         self._row = row
@@ -132,7 +134,7 @@ values = st.sampled_from([np.nan, -np.inf, np.inf, -2.0, -1.0, -0.0, 0.0, 1.0, 1
 @example(FAULT, 0.0, 2, 1, (4, 3), [0.0] * 30, [True] * 10 + [False] * 4 + [True] * 46, set(), None)
 def test_against_brute_force(kind, level, n, prescaler, size, signal, faults, commands, manual):
     samples, before = size[0], size[1] % size[0]
-    n = min(n, MEMORY // samples)
+    n = min(n, SIZE // samples)
     burst = Burst()
     assert burst.arm(n, kind, prescaler, samples, before, 0, level)
     # One row per tick, the trigger's channel first; the others tell tick and channel.
@@ -172,21 +174,22 @@ def test_bounds():
     good = dict(n=3, trigger=RISING, prescaler=1, samples=40, before=39, level=0.0)
     assert burst.arm(**good)
     number = burst.burst.number
-    for change in (
-        dict(n=0),
-        dict(n=17, samples=1, before=0),
-        dict(samples=41),
-        dict(samples=0, before=0),
-        dict(samples=2**32 - 1, before=0),
-        dict(samples=2**31, n=2, before=0),
-        dict(before=40),
-        dict(before=2**32 - 1),
-        dict(prescaler=0),
-        dict(trigger=7),
-        dict(trigger=65535),
-        dict(level=float("nan")),
+    for change, answer in (
+        (dict(n=0), lib.HT_BURST_BAD_N),
+        (dict(n=17, samples=1, before=0), lib.HT_BURST_BAD_N),
+        (dict(samples=41), lib.HT_BURST_TOO_LARGE),
+        (dict(samples=0, before=0), lib.HT_BURST_BAD_SAMPLES),
+        (dict(samples=2**32 - 1, before=0), lib.HT_BURST_TOO_LARGE),
+        (dict(samples=2**31, n=2, before=0), lib.HT_BURST_TOO_LARGE),
+        (dict(before=40), lib.HT_BURST_BAD_BEFORE),
+        (dict(before=2**32 - 1), lib.HT_BURST_BAD_BEFORE),
+        (dict(prescaler=0), lib.HT_BURST_BAD_PRESCALER),
+        (dict(trigger=7), lib.HT_BURST_BAD_TRIGGER),
+        (dict(trigger=65535), lib.HT_BURST_BAD_TRIGGER),
+        (dict(level=float("nan")), lib.HT_BURST_BAD_LEVEL),
     ):
         assert not burst.arm(**{**good, **change}), change
+        assert burst.answer == answer, change
         assert burst.burst.number == number
         assert burst.state == FILLING
         assert burst.burst.setup.samples == 40
@@ -292,8 +295,10 @@ def test_capture_and_upload():
     assert set(np.diff([s[1] for s in samples_seen])) == {2}
     assert read(device, 450, 0) == {}
     assert read(device, 449, 1)[449].tolist() == [wanted[-1, -1]]
-    for first, count in ((450, 1), (449, 2), (451, 0), (0, 451), (2**32 - 1, 2), (1, 2**32 - 1)):
-        assert device.ask(READ, struct.pack("<II", first, count)).status == NO_CAPTURE
+    outside = ((450, 1, 4), (449, 2, 4), (451, 0, 0), (0, 451, 4), (2**32 - 1, 2, 0))
+    for first, count, field in (*outside, (1, 2**32 - 1, 4)):
+        reply = device.ask(READ, struct.pack("<II", first, count))
+        assert (reply.status, reply.payload) == (FIELD, struct.pack("<H", field))
 
 
 def test_read_needs_a_complete_capture():
@@ -329,8 +334,8 @@ def test_a_read_under_way(how):
     device.done(READ, "II", 0, 3000)
     device.tick(60)
     if how == "refused":
-        assert arm(device, "vdc_V", samples=10**6).status == VALUE
-        assert arm(device, "vdc_V", samples=5, before=5).status == VALUE
+        assert arm(device, "vdc_V", samples=10**6).status == MEMORY
+        assert arm(device, "vdc_V", samples=5, before=5).status == FIELD
     elif how == "armed":
         assert arm(device, "vdc_V", samples=10, before=5).status == DONE
     elif how == "cancelled":
@@ -386,24 +391,27 @@ def test_fault_is_a_trigger():
 
 
 @pytest.mark.parametrize(
-    "change, status",
+    "change, status, detail",
     [
-        (dict(n=17), VALUE),
-        (dict(n=0), VALUE),
-        (dict(trigger=7), VALUE),
-        (dict(prescaler=0), VALUE),
-        (dict(samples=20480 // 2 + 1), VALUE),
-        (dict(samples=0), VALUE),
-        (dict(samples=2**31 + 1), VALUE),
-        (dict(before=10), VALUE),
-        (dict(level=np.nan), VALUE),
-        (dict(channel=27), ID),
-        (dict(ids=(0, 27)), ID),
-        (dict(ids=(0,)), LENGTH),
-        (dict(ids=(0, 1, 2)), LENGTH),
+        # The field's place in the payload.
+        (dict(n=17), FIELD, struct.pack("<H", 0)),
+        (dict(n=0), FIELD, struct.pack("<H", 0)),
+        (dict(trigger=7), FIELD, struct.pack("<H", 1)),
+        (dict(prescaler=0), FIELD, struct.pack("<H", 2)),
+        (dict(samples=0, before=0), FIELD, struct.pack("<H", 4)),
+        (dict(before=10), FIELD, struct.pack("<H", 8)),
+        (dict(level=np.nan), FIELD, struct.pack("<H", 14)),
+        # What fits 20480 values.
+        (dict(samples=20480 // 2 + 1), MEMORY, struct.pack("<I", 10240)),
+        (dict(samples=2**31 + 1), MEMORY, struct.pack("<I", 10240)),
+        (dict(n=1, ids=(0,), samples=20481), MEMORY, struct.pack("<I", 20480)),
+        (dict(channel=27), ID, struct.pack("<H", 27)),
+        (dict(ids=(0, 27)), ID, struct.pack("<H", 27)),
+        (dict(ids=(0,)), LENGTH, b""),
+        (dict(ids=(0, 1, 2)), LENGTH, b""),
     ],
 )
-def test_refusals(change, status):
+def test_refusals(change, status, detail):
     device = Device()
     arm(device, "state", trigger=ABOVE, level=1e9, samples=30, before=3)
     device.tick(10)
@@ -416,7 +424,7 @@ def test_refusals(change, status):
         p["ids"] = (0,) * p["n"]
     body = struct.pack("<BBHIIHf", *(p[k] for k in list(p)[:7]))
     reply = device.ask(ARM, body + struct.pack(f"<{len(p['ids'])}H", *p["ids"]))
-    assert reply.status == status
+    assert (reply.status, reply.payload) == (status, detail)
     assert progress(device) == was
 
 

@@ -23,12 +23,14 @@ from device import (
     LENGTH,
     LIST,
     MARK,
+    NO_CAPTURE,
     NONCE,
     OPCODE,
     OPEN,
     PARAMETERS,
     PORT,
     READ,
+    SAMPLING,
     SESSION,
     SNAPSHOT,
     START,
@@ -282,6 +284,50 @@ def test_bad_values(device, name):
         assert everything(device) == before
 
 
+def test_whole_numbers(device):
+    """Half a pole pair and half an encoder edge do not exist."""
+    whole = {n for n, row in firmware.parameters().items() if row.whole and not row.choices}
+    assert whole == {"pole_pairs", "encoder_counts_rev"}
+    for name, good, bad in (
+        ("pole_pairs", 3.0, 2.5),
+        ("encoder_counts_rev", 1001.0, 1000.5),
+        ("encoder_counts_rev", 3999999.0, 3999998.75),
+    ):
+        was = device.value(name)
+        reply = device.write(**{name: bad})
+        assert (reply.status, reply.payload) == (VALUE, struct.pack("<H", PARAMETERS[name]))
+        assert device.value(name) == was
+        with pytest.raises(
+            firmware.FirmwareError, match=r"allowed range is .*, whole numbers only"
+        ):
+            device.controller.set(name, bad)
+        assert device.write(**{name: good}).status == DONE
+        assert device.value(name) == good
+    assert not lib.ht_param_valid(PARAMETERS["pole_pairs"], 2.5)
+    assert lib.ht_param_valid(PARAMETERS["rs_ohm"], 2.5)
+
+
+@pytest.mark.parametrize("f_isr_Hz", [1527.0, 7300.0, 10001.0, 49999.0])
+def test_hello_tells_the_rate_that_the_board_has(f_isr_Hz):
+    """Periods are whole counts of the PWM clock, here 100 MHz."""
+    device = Device()
+    f_slow_Hz = f_isr_Hz / round(f_isr_Hz / 100.0)
+    assert device.write(f_isr_Hz=f_isr_Hz, f_slow_Hz=f_slow_Hz).status == DONE
+    assert device.value("f_isr_Hz") == f_isr_Hz
+    (rate_Hz,) = struct.unpack_from("<f", device.done(HELLO).payload, 6)
+    counts = round(1e8 / f_isr_Hz)
+    assert rate_Hz == np.float32(1e8 / counts)
+    assert device.drive.config.control.period_counts == counts
+
+
+def test_rates_that_are_refused(device):
+    before = everything(device)
+    for f_isr_Hz, status in ((999.0, VALUE), (50001.0, VALUE), (1500.0, CONFIG), (10050.0, CONFIG)):
+        reply = device.write(f_isr_Hz=f_isr_Hz)
+        assert reply.status == status, f_isr_Hz  # below 1526 Hz a period has too many counts
+    assert everything(device) == before
+
+
 def test_unknown_parameter(device):
     before = everything(device)
     for bad in (len(PARAMETERS), 0x0100, 0xFFFF):
@@ -335,11 +381,11 @@ def test_rate_stays_while_it_is_counted_in(device):
     rate = struct.pack("<H", PARAMETERS["f_isr_Hz"])
     device.stream(2, 100, "state")
     reply = device.write(f_isr_Hz=5000.0)
-    assert (reply.status, reply.payload) == (STATE, rate)
+    assert (reply.status, reply.payload) == (SAMPLING, rate)
     assert device.write(f_isr_Hz=10000.0).status == DONE  # as it is
     device.stream(2, 1)
     device.done(ARM, "BBHIIHfH", 1, 0, 1, 10, 5, 0, 0.0, 0)
-    assert device.write(f_isr_Hz=5000.0).status == STATE
+    assert device.write(f_isr_Hz=5000.0).status == SAMPLING
     device.done(TRIGGER)
     device.tick(30)
     assert device.write(f_isr_Hz=5000.0).status == DONE
@@ -398,6 +444,18 @@ def test_snapshot(device):
     names = ("vdc_V", "torque_ref_Nm", "flux_ref_Wb")
     values = [*kept["i_A"], *(kept[n] for n in names), *kept["psi_Wb"]]
     assert rest[8:] == [*values, kept["torque_Nm"], kept["speed_rpm"]]
+
+
+# --- what asks for nothing --------------------------------------------------------------------
+
+
+def test_requests_that_find_nothing_to_do(device):
+    """As docs/protocol.md says: no error, or one that says why."""
+    assert (device.done(GET).payload, device.done(CANCEL).payload) == (b"", b"")
+    for op, payload in ((TRIGGER, b""), (READ, bytes(8))):
+        assert device.ask(op, payload).status == NO_CAPTURE
+    assert device.done(CAPTURE).payload == bytes(20)
+    assert device.stream(3, 1).status == DONE  # ends what is not on
 
 
 # --- repetitions ------------------------------------------------------------------------------

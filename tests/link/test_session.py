@@ -10,6 +10,7 @@ from device import (
     CLEAR,
     CLOSE,
     DONE,
+    FIELD,
     GET,
     HELLO,
     LIST,
@@ -23,7 +24,6 @@ from device import (
     STOP,
     TO_RUN,
     TRIGGER,
-    VALUE,
     WRITE,
     Device,
     frame,
@@ -69,14 +69,15 @@ def test_the_first_mark_stays_until_a_reset():
     assert marks(device, 0xFEDCBA98) == (0xFEDCBA98, 0xFEDCBA98)
     assert marks(device, 5) == (0xFEDCBA98, 0xFEDCBA98)
     assert device.ask(CLOSE, session=NONCE).status == DONE
-    assert device.ask(OPEN, struct.pack("<HI", 0, 9)).status == VALUE  # changes nothing
+    assert device.ask(OPEN, struct.pack("<HI", 0, 9)).status == FIELD  # changes nothing
     assert marks(device, 6) == (0xFEDCBA98, 0xFEDCBA98)
     assert marks(Device(session=False), 6) == (6, 6)  # another life
 
 
 def test_open_and_close():
     device = Device(session=False)
-    assert device.ask(OPEN, nonce(0)).status == VALUE
+    none = device.ask(OPEN, nonce(0))
+    assert (none.status, none.payload) == (FIELD, b"\0\0")
     assert device.ask(OPEN, nonce(NONCE)).status == DONE
     assert device.ask(OPEN, nonce(NONCE)).status == DONE  # is confirmed
     assert device.ask(OPEN, nonce(OTHER)).status == BUSY
@@ -176,10 +177,12 @@ def test_streams_end_with_close():
 
 
 @pytest.mark.parametrize("f_isr_Hz", [5000.0, 10000.0, 20000.0])
-@pytest.mark.parametrize("watchdog_ms", [1, 7, 250])
+@pytest.mark.parametrize("watchdog_ms", [0, 1, 7, 250])
 def test_runs_out_after_its_time(watchdog_ms, f_isr_Hz):
-    """In interrupts, from the first one after the request on; gates off in that interrupt."""
+    """In interrupts, from the first one after the request on; gates off in that interrupt. A
+    board that was set up with no time at all waits 1 ms: it must not count below 0."""
     device = Device(watchdog_ms=watchdog_ms, f_isr_Hz=f_isr_Hz)
+    watchdog_ms = max(1, watchdog_ms)
     begun = device.done(START).tick
     assert device.state == "calibrate"
     limit = round(watchdog_ms * 1e-3 * f_isr_Hz)
@@ -192,6 +195,7 @@ def test_runs_out_after_its_time(watchdog_ms, f_isr_Hz):
     assert device.controller.faults == ["link lost"]
     assert device.gates_off
     assert not device.service.armed
+    assert struct.unpack_from("<H", device.ask(HELLO).payload, 32) == (watchdog_ms,)
 
 
 def test_start_without_a_heartbeat():

@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from device import BUDGET, DONE, ID, LENGTH, NO_STREAM, STREAM, VALUE, Device
+from device import BUDGET, DONE, FIELD, ID, LENGTH, NO_STREAM, STREAM, Device
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -30,6 +30,7 @@ class Ring:
 
     def set(self, slot, channels, decimation=1):
         lib.ht_streams_set(self.streams, slot, channels, len(channels), decimation)
+        lib.ht_streams_begin(self.streams, slot)
 
     def sample(self, n=1):
         for _ in range(n):
@@ -244,8 +245,8 @@ def test_budget(baud, count):
     [
         (struct.pack("<BBHH", 4, 1, 1, 0), NO_STREAM, None),
         (struct.pack("<BBHH", 255, 1, 1, 0), NO_STREAM, None),
-        (struct.pack("<BBH33H", 0, 33, 9, *range(33)), VALUE, 1),
-        (struct.pack("<BBHH", 0, 1, 0, 0), VALUE, 2),
+        (struct.pack("<BBH33H", 0, 33, 9, *range(33)), FIELD, 1),
+        (struct.pack("<BBHH", 0, 1, 0, 0), FIELD, 2),
         (struct.pack("<BBHHH", 0, 2, 9, 0, 27), ID, 27),
         (struct.pack("<BBHHH", 0, 2, 9, 65535, 0), ID, 65535),
         (struct.pack("<BBH", 0, 1, 9), LENGTH, None),

@@ -19,3 +19,5 @@ class LinkError(RuntimeError):
         super().__init__(text)
         self.status = status
         self.mistake = mistake
+        #: For the metadata of a recording that this has ended; "" if it is nothing special.
+        self.ended = ""

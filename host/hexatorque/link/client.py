@@ -5,6 +5,7 @@ The line, its repetitions and the board's own session are the port server's (ser
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import random
 import struct
@@ -42,9 +43,15 @@ _REFUSED = {
     Status.BUDGET: "more than the line carries",
     Status.CAPTURE: "the board's capture is not in a state for this",
     Status.NO_STREAM: "all of the board's streams are in use",
+    Status.FIELD: "the board refuses a part of this request",
+    Status.MEMORY: "larger than the board's memory",
+    Status.SAMPLING: "not while streams or a capture are on",
 }
 #: Refusals of what was asked for, not of when.
-_MISTAKES = (Status.ID, Status.VALUE, Status.CONFIG, Status.PORT, Status.LENGTH, Status.BUDGET)
+_MISTAKES = (
+    Status.ID, Status.VALUE, Status.CONFIG, Status.PORT, Status.LENGTH, Status.BUDGET,
+    Status.NO_STREAM, Status.FIELD, Status.MEMORY,
+)  # fmt: skip
 
 
 @dataclass
@@ -243,6 +250,8 @@ class Client:
 
     def refused(self, reply: Reply, what: str) -> LinkError:
         text = _REFUSED.get(reply.status, f"status {reply.status}")
+        with contextlib.suppress(wire.WireError):
+            text = wire.refusal(reply) or text
         if reply.status == Status.STATE and reply.faults:
             text += "; clear the fault first"
         return LinkError(

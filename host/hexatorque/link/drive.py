@@ -29,11 +29,9 @@ from ..verbs import DriveVerbs, Progress
 from . import BAUDS, LinkError, capture, wire
 from .client import Client
 from .dictionary import fetch
-from .stream import Stream, decimation_for, on_a_grid
+from .stream import BOARD_RESET, Stream, decimation_for, on_a_grid
 from .wire import Op, Status
 
-#: In the metadata of a recording that a reset of the board has ended.
-BOARD_RESET = "board reset"
 #: What a profile may ask of the test bench around a real drive.
 PLANT = {"load_Nm": "N m", "vdc_V": "V"}
 

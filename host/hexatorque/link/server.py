@@ -66,10 +66,9 @@ def tries(url: str) -> int:
     return PROCESS_TRIES if is_process(url) else TRIES
 
 
-def reply_s(url: str, baud: int, sent: int) -> float:
-    """How long to wait for the reply to a request of so many bytes on the line."""
-    wait_s = PROCESS_REPLY_S if is_process(url) else REPLY_S
-    return (sent + wire.LONGEST_FRAME) * 10 / baud + wait_s
+def reply_s(url: str, baud: int, size: int) -> float:
+    """How long to wait for a reply with so many bytes on the line, the request's with it."""
+    return size * 10 / baud + (PROCESS_REPLY_S if is_process(url) else REPLY_S)
 
 
 class Peer:
@@ -118,7 +117,7 @@ class Job:
         self.session = False  #: was sent under the session
         self.always_session = False
         self.left = 0  #: tries
-        self.deadline_s = 0.0
+        self.wait_s = self.deadline_s = 0.0
         self.marked = False  #: a mark was placed for it
 
 
@@ -251,6 +250,8 @@ class Server:
             dictionary = job.request.dictionary if job.request else 0
             job.sent = wire.frame(wire.request(job.op, job.id, session, dictionary, job.payload))
             job.left = self.tries
+            size = len(job.sent) + wire.reply_bytes(job.op, len(job.payload))
+            job.wait_s = reply_s(self.line.url, self.baud, size)
         else:
             self.retries += 1
         self.job = job
@@ -260,7 +261,7 @@ class Server:
             self._out = self._out[self.line.write(self._out) :]
         if job.session:
             self._asked_s = now_s
-        job.deadline_s = now_s + reply_s(self.line.url, self.baud, len(job.sent))
+        job.deadline_s = now_s + job.wait_s
 
     def _unanswered(self, job: Job) -> None:
         """Again, but not before a STOP; a START not after one."""
@@ -281,8 +282,7 @@ class Server:
             return
         if job.op == Op.START:
             self.starter = job.peer  # as above
-        within_s = self.tries * reply_s(self.line.url, self.baud, len(job.sent))
-        self._fail(job, f"no reply to {Op(job.op).name} within {within_s:.2g} s")
+        self._fail(job, f"no reply to {_name(job.op)} within {self.tries * job.wait_s:.2g} s")
 
     def _fail(self, job: Job, why: str) -> None:
         if job.failed:
@@ -578,6 +578,10 @@ class Server:
         self._put(Job(Op.STREAM, wire.stream(number, (), 1), done=free, failed=free))
 
 
+def _name(op: int) -> str:
+    return Op(op).name if op in tuple(Op) else f"request {op}"
+
+
 def _random(size: int) -> int:
     """Not 0."""
     return int.from_bytes(os.urandom(size), "little") or 1
@@ -606,7 +610,7 @@ def _probe(line: port.Line, bauds: tuple[int, ...]) -> int:
         sent = wire.frame(wire.request(Op.HELLO, _random(1), 0, 0))
         for _ in range(each):
             line.write(sent)
-            end_s = time.monotonic() + reply_s(line.url, baud, len(sent))
+            end_s = time.monotonic() + reply_s(line.url, baud, len(sent) + wire.LONGEST_FRAME)
             while select.select([line], [], [], max(0.0, end_s - time.monotonic()))[0]:
                 if any(body[0] == wire.REPLY + Op.HELLO for body in splitter.push(line.read())):
                     return baud
@@ -665,7 +669,8 @@ def main(url: str, bauds: tuple[int, ...]) -> int:
         baud = _probe(line, bauds)
         path.unlink(missing_ok=True)  # of one that was killed
         listener = socket.socket(socket.AF_UNIX)
-        listener.bind(str(path))
+        with runtime.short(path) as address:
+            listener.bind(address)
         listener.listen(64)
         listener.setblocking(False)
         _say(ready=True)

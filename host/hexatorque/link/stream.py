@@ -13,6 +13,11 @@ from .client import Client
 from .dictionary import Dictionary
 from .wire import Hello, Reply, Status
 
+#: A board's period is whole counts of a PWM clock of 100 MHz or more: its rate may be half a
+#: count below the f_isr_Hz that was written.
+HALF_COUNT_S = 5e-9
+#: In the metadata of a recording that a reset of the board has ended.
+BOARD_RESET = "board reset"
 #: Longest decimation that the wire can carry.
 MOST_DECIMATION = 0xFFFF
 
@@ -20,12 +25,12 @@ MOST_DECIMATION = 0xFFFF
 def decimation_for(f_isr_Hz: float, rate_Hz: float) -> int:
     """The decimation next to a rate."""
     slowest = f_isr_Hz / MOST_DECIMATION
-    if not slowest <= rate_Hz <= f_isr_Hz:
+    if not slowest <= rate_Hz <= f_isr_Hz * (1 + HALF_COUNT_S * f_isr_Hz):
         raise LinkError(
             f"rate_Hz = {rate_Hz:g}: allowed range is {slowest:.3g} .. {f_isr_Hz:g} Hz",
             mistake=True,
         )
-    return round(f_isr_Hz / rate_Hz)
+    return max(1, round(f_isr_Hz / rate_Hz))
 
 
 class Stream:
@@ -125,6 +130,7 @@ class Stream:
             f"{self._client.url}: the board was reset; the recording ends {at}; "
             "its parameters are at their initial values"
         )
+        self.ended.ended = BOARD_RESET
         self._detach()
 
     # -- the reader's thread -------------------------------------------------------------

@@ -70,6 +70,25 @@ class Status(IntEnum):
     BUDGET = 21
     CAPTURE = 22
     NO_STREAM = 23
+    FIELD = 24
+    MEMORY = 25
+    SAMPLING = 26
+
+
+#: What the fields of payloads are, by opcode and offset: for refusals with status FIELD.
+FIELDS = {
+    (Op.OPEN, 0): "nonce: allowed range is 1 .. 65535",
+    (Op.STREAM, 1): "channels of a stream: more than the board has",
+    (Op.STREAM, 2): "decimation: allowed range is 1 .. 65535",
+    (Op.ARM, 0): "channels of a capture: none, or more than the board has",
+    (Op.ARM, 1): "trigger: the board does not know this one",
+    (Op.ARM, 2): "prescaler: allowed range is 1 .. 65535",
+    (Op.ARM, 4): "samples: 1 or more",
+    (Op.ARM, 8): "samples before the trigger: fewer than all samples",
+    (Op.ARM, 14): "level of the trigger: a number is needed",
+    (Op.READ, 0): "first value: beyond the capture",
+    (Op.READ, 4): "values: more than the capture has from there on",
+}
 
 
 class Kind(IntEnum):
@@ -179,6 +198,31 @@ def parse_reply(body: bytes) -> Reply:
         raise WireError("a reply has 10 octets or more")
     op, *rest = struct.unpack_from("<BBBBHI", body)
     return Reply(op - REPLY, *rest, body[10:])
+
+
+#: Replies to these may take a whole frame; others up to SHORT_REPLY bytes on the line, and twice
+#: the request's payload.
+_LONG = frozenset((Op.HELLO, Op.LIST))
+SHORT_REPLY = 120
+#: A board with streams sends up to nine times a reply's length of samples before it, and the
+#: rest of a frame that is under way.
+REPLY_SHARE = 11
+
+
+def reply_bytes(op: int, payload: int) -> int:
+    """Bytes on the line until the reply to a request with so many bytes of payload is whole,
+    at most."""
+    return REPLY_SHARE * (LONGEST_FRAME if op in _LONG else SHORT_REPLY + 2 * payload)
+
+
+def refusal(reply: Reply) -> str:
+    """What the payload of a refusal says besides the status, in words; "" if nothing."""
+    if reply.status == Status.FIELD:
+        (offset,) = unpack("H", reply.payload)
+        return FIELDS.get((reply.op, offset), f"byte {offset} of the payload")
+    if reply.status == Status.MEMORY:
+        return f"samples: allowed range is 1 .. {unpack('I', reply.payload)[0]}"
+    return ""
 
 
 def reply(
