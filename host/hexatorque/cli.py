@@ -388,28 +388,37 @@ def main(argv: list[str] | None = None) -> int:
         at = argv.index("--window")
         argv[at : at + 2] = [f"--window={argv[at + 1]}"]
     args = _parser().parse_args(argv)
-    from .firmware import FirmwareError
-    from .link import LinkError
-    from .recording import RecordingError
-    from .scenario import ScenarioError
-    from .sil import DriveFault
-    from .study import NotReached
-    from .targets.link import TargetError
-
     try:
         return args.call(args)
-    except (DriveFault, NotReached, TargetError, ArithmeticError) as error:
-        print(f"hexatorque: {error}", file=sys.stderr)
-        return 1
-    except LinkError as error:
-        print(f"hexatorque: {error}", file=sys.stderr)
-        return 2 if error.mistake else 1
-    except (ScenarioError, FirmwareError, RecordingError) as error:
-        print(f"hexatorque: {error}", file=sys.stderr)
-        return 2
     except KeyboardInterrupt:
         print("hexatorque: interrupted", file=sys.stderr)
         return 130
+    except Exception as error:
+        code = _exit_code(error)
+        if code is None:
+            raise
+        print(f"hexatorque: {error}", file=sys.stderr)
+        return code
+
+
+def _exit_code(error: Exception) -> int | None:
+    """Of an error that is said in one line: 2 for a mistake, 1 for what went wrong otherwise.
+    A class whose module nobody has imported is not imported for this: some take a second."""
+    if isinstance(error, ArithmeticError):
+        return 1
+    for module, name, code in (
+        ("link", "LinkError", 2 if getattr(error, "mistake", False) else 1),
+        ("verbs", "DriveFault", 1),
+        ("study", "NotReached", 1),
+        ("targets.link", "TargetError", 1),
+        ("scenario", "ScenarioError", 2),
+        ("firmware", "FirmwareError", 2),
+        ("files", "RecordingError", 2),
+    ):
+        found = sys.modules.get(f"{__package__}.{module}")
+        if found and isinstance(error, getattr(found, name)):
+            return code
+    return None
 
 
 if __name__ == "__main__":

@@ -124,9 +124,26 @@ def before_start_options(parser: argparse.ArgumentParser) -> None:
 
 
 def open_drive(args: argparse.Namespace):
-    from .link.drive import Drive
+    """To import what a drive needs takes as long as to find the board: both at once."""
+    from concurrent.futures import ThreadPoolExecutor
 
-    return Drive.open(args.device, args.baud)
+    with ThreadPoolExecutor(1) as pool:
+        client = pool.submit(_client, args.device, args.baud)
+        from .link.drive import Drive
+
+        return Drive(client.result())
+
+
+def _client(url: str | None, baud: int | None):
+    from .link import BAUDS
+    from .link.client import Client
+
+    if url is None:
+        from .link import devices
+
+        found = devices.only(baud)
+        url, baud = found.port, found.baud
+    return Client(url, baud or BAUDS)
 
 
 def console_for(args: argparse.Namespace):

@@ -172,10 +172,16 @@ def path_of(board):
     return runtime.port_path(board, "sock")
 
 
-def test_rubbish_on_the_socket_harms_nobody(board, first, second):
+@pytest.fixture
+def address:
+    with runtime.short(path_of(board)) as name:
+        yield name
+
+
+def test_rubbish_on_the_socket_harms_nobody(board, first, second, address):
     for rubbish in (b"\0" * 9, os.urandom(9000), b"\0" + b"\x05abcd" + b"\0", b"\xff\xff"):
         with socket.socket(socket.AF_UNIX) as peer:
-            peer.connect(str(path_of(board)))
+            peer.connect(address)
             peer.sendall(rubbish)
     assert second.get("scheme") == "ddr"
 
@@ -224,12 +230,12 @@ with Drive.open(sys.argv[1]) as drive:
 """
 
 
-def test_a_stop_goes_before_what_waits(board, first):
+def test_a_stop_goes_before_what_waits(board, first, address):
     """Requests of a crowd wait in line; a STOP overtakes them all, and withdraws a START."""
     with socket.socket(socket.AF_UNIX) as crowd, socket.socket(socket.AF_UNIX) as stopper:
         for peer in (crowd, stopper):
             peer.settimeout(5.0)
-            peer.connect(str(path_of(board)))
+            peer.connect(address)
             assert peer.recv(4096)
         crc = first.client.dictionary
         ask = [wire.request(Op.GET, k, 0, crc, bytes(200)) for k in range(6)]
@@ -251,6 +257,16 @@ def test_a_stop_goes_before_what_waits(board, first):
     assert len(gets) == 6 and sum(reply.tick > stop.tick for reply in gets) >= 5
     (failed,) = [body for body in replies["crowd"] if body[0] == 0xF3]
     assert failed[1:3] == bytes((Op.START, 6)) and b"withdrawn" in failed
+
+
+def test_a_long_runtime_directory(board, tmp_path, monkeypatch):
+    """A socket's address has 107 bytes."""
+    folder = tmp_path / ("x" * 100)
+    folder.mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    with Drive.open(board) as drive:
+        assert drive.state == "idle"
+        os.kill(drive.client.transport.pid, signal.SIGTERM)  # another folder than the fixture's
 
 
 # -- a port that others have, servers that hang
@@ -337,11 +353,11 @@ def test_what_the_message_says_helps(board):
         assert drive.resets == 0
 
 
-def test_a_client_that_does_not_read_blocks_nobody(board, first):
+def test_a_client_that_does_not_read_blocks_nobody(board, first, address):
     """Its samples wait up to a limit, the others' come."""
     with socket.socket(socket.AF_UNIX) as deaf:
         deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        deaf.connect(str(path_of(board)))
+        deaf.connect(address)
         crc = first.client.dictionary
         deaf.sendall(packed(wire.request(Op.OPEN, 1, 0, crc, wire.open_session(1, 1))))
         deaf.sendall(packed(wire.request(Op.STREAM, 2, 0, crc, wire.stream(0, (2,) * 6, 10))))

@@ -61,7 +61,7 @@ class Drive(DriveVerbs):
             url, baud = found.port, found.baud
         return cls(Client(url, baud or BAUDS), record, rate_Hz, operator)
 
-    def __init__(self, client: Client, record, rate_Hz, operator) -> None:
+    def __init__(self, client: Client, record=None, rate_Hz=None, operator=None) -> None:
         self.client = client
         self._recorder: Stream | None = None
         try:

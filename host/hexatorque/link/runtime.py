@@ -7,6 +7,8 @@ import json
 import os
 import stat
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,6 +38,19 @@ def port_path(url: str, suffix: str) -> Path:
     it complained about. Short, whatever the port is called."""
     name = url if "://" in url else os.path.realpath(url)
     return directory() / f"port-{zlib.crc32(name.encode()):08x}.{suffix}"
+
+
+@contextmanager
+def short(path: Path) -> Iterator[str]:
+    """A name of this socket for which its address has room, 107 bytes."""
+    if len(os.fsencode(path)) < 100:
+        yield str(path)
+        return
+    folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        yield f"/proc/self/fd/{folder}/{path.name}"
+    finally:
+        os.close(folder)
 
 
 class Locked(NamedTuple):

@@ -118,7 +118,7 @@ class Job:
         self.session = False  #: was sent under the session
         self.always_session = False
         self.left = 0  #: tries
-        self.deadline_s = 0.0
+        self.wait_s = self.deadline_s = 0.0
         self.marked = False  #: a mark was placed for it
 
 
@@ -251,6 +251,10 @@ class Server:
             dictionary = job.request.dictionary if job.request else 0
             job.sent = wire.frame(wire.request(job.op, job.id, session, dictionary, job.payload))
             job.left = self.tries
+            size = len(job.sent) + wire.reply_bytes(job.op, len(job.payload))
+            job.wait_s = reply_s(self.line.url, self.baud, size)
+            if job.op in wire.SLOW:
+                job.wait_s += wire.SLOW_S
         else:
             self.retries += 1
         self.job = job
@@ -260,12 +264,7 @@ class Server:
             self._out = self._out[self.line.write(self._out) :]
         if job.session:
             self._asked_s = now_s
-        job.deadline_s = now_s + self._reply_s(job)
-
-    def _reply_s(self, job: Job) -> float:
-        line_bytes = len(job.sent) + wire.reply_bytes(job.op, len(job.payload))
-        slow_s = wire.SLOW_S if job.op in wire.SLOW else 0.0
-        return slow_s + reply_s(self.line.url, self.baud, line_bytes)
+        job.deadline_s = now_s + job.wait_s
 
     def _unanswered(self, job: Job) -> None:
         """Again, but not before a STOP; a START not after one."""
@@ -286,8 +285,7 @@ class Server:
             return
         if job.op == Op.START:
             self.starter = job.peer  # as above
-        within_s = self.tries * self._reply_s(job)
-        self._fail(job, f"no reply to {Op(job.op).name} within {within_s:.2g} s")
+        self._fail(job, f"no reply to {_name(job.op)} within {self.tries * job.wait_s:.2g} s")
 
     def _fail(self, job: Job, why: str) -> None:
         if job.failed:
@@ -583,6 +581,10 @@ class Server:
         self._put(Job(Op.STREAM, wire.stream(number, (), 1), done=free, failed=free))
 
 
+def _name(op: int) -> str:
+    return Op(op).name if op in tuple(Op) else f"request {op}"
+
+
 def _random(size: int) -> int:
     """Not 0."""
     return int.from_bytes(os.urandom(size), "little") or 1
@@ -672,7 +674,8 @@ def main(url: str, bauds: tuple[int, ...]) -> int:
         baud = _probe(line, bauds)
         path.unlink(missing_ok=True)  # of one that was killed
         listener = socket.socket(socket.AF_UNIX)
-        listener.bind(str(path))
+        with runtime.short(path) as address:
+            listener.bind(address)
         listener.listen(64)
         listener.setblocking(False)
         _say(ready=True)

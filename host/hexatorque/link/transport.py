@@ -190,7 +190,8 @@ class Transport:
         connection = socket.socket(socket.AF_UNIX)
         connection.settimeout(MISSED_PULSES * PULSE_S)
         try:
-            connection.connect(str(path))
+            with runtime.short(path) as address:
+                connection.connect(address)
         except (FileNotFoundError, ConnectionRefusedError):
             connection.close()
             return None
