@@ -424,8 +424,9 @@ def test_capture_with_what_came_before_the_trigger(site, tmp_path):
         (tmp_path / f"x{suffix}").write_bytes(body)
     loaded = Recording.load(tmp_path / "x.npz")
     np.testing.assert_array_equal(loaded["i_u1_A"], values[1])
-    table = np.loadtxt(tmp_path / "x.csv", delimiter=",", skiprows=1)
-    np.testing.assert_allclose(table[:, 2], values[1], rtol=1e-6)
+    table = Recording.load(tmp_path / "x.csv")  # alone: units and ticks are in the table itself
+    np.testing.assert_allclose(table["i_u1_A"], values[1], rtol=1e-6)
+    assert table.units == loaded.units and np.array_equal(table.ticks, loaded.ticks)
 
 
 @pytest.mark.parametrize(
