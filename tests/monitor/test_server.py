@@ -603,6 +603,10 @@ def test_capture_with_what_came_before_the_trigger(site, tmp_path):
     loaded = Recording.load(tmp_path / "x.csv")  # with its .json, as any other recording
     np.testing.assert_array_equal(loaded["i_u1_A"], values[1])
     assert loaded.units["i_u1_A"] == "A" and loaded.meta["trigger_s"] == 0.0
+    (tmp_path / "x.json").unlink()  # alone: units and ticks are in the table itself
+    table = Recording.load(tmp_path / "x.csv")
+    np.testing.assert_allclose(table["i_u1_A"], values[1], rtol=1e-6)
+    assert table.units == loaded.units and np.array_equal(table.ticks, loaded.ticks)
 
 
 def test_what_triggers_is_captured(site):

@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from ..burst import TRIGGERS, Trigger
-from ..files import SUFFIXES, RecordingError, journal
-from ..files.writer import Writer
+from ..files import SUFFIXES, RecordingError
 from ..link import LinkError, wire
 from ..link.client import HEARTBEAT_S
 from ..link.drive import Drive
+from ..link.recorder import Recorder
 from ..link.stream import Stream
 from ..recording import Recording
 from .traces import Ring
@@ -101,7 +101,7 @@ class Desk:
         self.capture_number = 0
         self.notice = ""  #: what happened without anybody asking
         self.reset = ""  #: what a reset of the board has changed, until somebody has read it
-        self._recorder: _Record | None = None
+        self._recorder: Recorder | None = None
         self._capture_text = ""
         self._capture_wanted = 0  # number of the capture that was armed last
         self._started_s: float | None = None  # the drive, from here
@@ -231,7 +231,7 @@ class Desk:
             "snapshot": self.snapshot_version,
             "capture": self.capture_number,
             "capture_state": self._capture_text,
-            "record": self._recorder.status() if self._recorder else None,
+            "record": _of_record(self._recorder) if self._recorder else None,
         }
 
     def working(self) -> bool:
@@ -389,12 +389,12 @@ class Desk:
                 self._count(len(ticks))
                 if self._recorder:
                     try:
-                        self._recorder.put(ticks, values, self._counters())
+                        self._recorder.put(ticks, values)
                     except RecordingError as error:
                         recorder, self._recorder = self._recorder, None
                         self.notice = f"recording ended: {error}"
                         with contextlib.suppress(RecordingError):
-                            recorder.writer.close()
+                            recorder.writer.close(str(error))
 
     def newest(self) -> np.ndarray | None:
         """(channels,): the newest sample, unless it is too old to say anything."""
@@ -476,7 +476,7 @@ class Desk:
     def _after_reset(self) -> None:
         """Show it, trace on, and read again what the board has. A LinkError: not done yet."""
         self._started_s = None  # the drive is off, whoever started it
-        set_in_force = getattr(self.drive.client.get_status(), "set", 0)
+        set_in_force = self.drive.client.get_status().set
         self.reset = f"The board was reset: {SETS.get(set_in_force, INITIAL)}."
         self._end_recording("board reset")
         with self._lock:
@@ -606,7 +606,7 @@ class Desk:
                 raise LinkError(f"suffix {suffix!r}: choose {', '.join(SUFFIXES)}", mistake=True)
             name = self.drive.hello.device.replace(" ", "-")
             path = self.folder / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}{suffix}"
-            self._recorder = _Record(path, self.stream, self.drive.meta(), self._counters())
+            self._recorder = Recorder(self.drive, path, self.stream)
             return path
 
     def record_stop(self) -> Path:
@@ -614,8 +614,7 @@ class Desk:
             if self._recorder is None:
                 raise LinkError("nothing is being recorded", mistake=True)
             recorder, self._recorder = self._recorder, None
-            recorder.count(self._counters())
-            return recorder.writer.close()
+            return recorder.close("user")
 
     def _end_recording(self, why: str) -> None:
         """Close a recording that cannot go on."""
@@ -624,42 +623,15 @@ class Desk:
                 return
             recorder, self._recorder = self._recorder, None
             try:
-                recorder.writer.close(ended=why)
+                recorder.close(why)
                 self.notice = f"recording ended: {why}"
             except RecordingError as error:
                 self.notice = f"recording ended: {why}; {error}"
 
-    def _counters(self) -> dict[str, int]:
-        """What was lost since this was opened, and why."""
-        lost = self.stream.lost if self.stream else 0
-        return {"drops": lost, **self.drive.line_counters()}
 
-
-class _Record:
-    """A recording under way."""
-
-    def __init__(self, path: Path, stream: Stream, meta: dict, before: dict[str, int]) -> None:
-        channels = tuple((name, stream.units[name]) for name in stream.channels)
-        kind = journal.Stream(channels, stream.f_isr_Hz, stream.decimation, meta=meta)
-        self.writer = Writer.open(path, kind)
-        self.rows = 0
-        self._before = before
-        self._begun = self._counted = time.monotonic()
-
-    def put(self, ticks: np.ndarray, values: np.ndarray, counters: dict[str, int]) -> None:
-        self.writer.append(ticks, values)
-        self.rows += len(ticks)
-        if time.monotonic() - self._counted > 1.0:
-            self.count(counters)
-
-    def count(self, counters: dict[str, int]) -> None:
-        """Counters of the line, as they stand now."""
-        self._counted = time.monotonic()
-        self.writer.count(**{name: now - self._before[name] for name, now in counters.items()})
-
-    def status(self) -> dict:
-        return {
-            "file": str(self.writer.path),
-            "rows": self.rows,
-            "seconds": time.monotonic() - self._begun,
-        }
+def _of_record(recorder: Recorder) -> dict:
+    return {
+        "file": str(recorder.path),
+        "rows": recorder.samples,
+        "seconds": recorder.seconds,
+    }
