@@ -29,22 +29,6 @@ static bool finite_below(float value, float limit)
     return (value < limit) && (value > -limit);
 }
 
-ht_range ht_param_range(const ht_port *port, uint16_t id)
-{
-    ht_range range = {0.0f, 0.0f};
-    const ht_param_info *info = ht_param_describe(id);
-    if (info != NULL) {
-        range.min = info->min;
-        range.max = info->max;
-    }
-    if (id == (uint16_t)HT_P_dead_time_us) {
-        ht_dead_range dead = ht_port_dead_range(port);
-        range.min = (dead.min_us > range.min) ? dead.min_us : range.min;
-        range.max = (dead.max_us < range.max) ? dead.max_us : range.max;
-    }
-    return range;
-}
-
 bool ht_configure_valid(const ht_port *port, uint16_t id, float value)
 {
     ht_range range = ht_param_range(port, id);

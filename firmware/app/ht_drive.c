@@ -413,3 +413,19 @@ float ht_drive_get(const ht_drive *d, uint16_t id)
 {
     return (id < HT_PARAMS) ? d->params.v[id] : 0.0f;
 }
+
+ht_range ht_param_range(const ht_port *port, uint16_t id)
+{
+    ht_range range = {0.0f, 0.0f};
+    const ht_param_info *info = ht_param_describe(id);
+    if (info != NULL) {
+        range.min = info->min;
+        range.max = info->max;
+    }
+    if (id == (uint16_t)HT_P_dead_time_us) {
+        ht_dead_range dead = ht_port_dead_range(port);
+        range.min = (dead.min_us > range.min) ? dead.min_us : range.min;
+        range.max = (dead.max_us < range.max) ? dead.max_us : range.max;
+    }
+    return range;
+}

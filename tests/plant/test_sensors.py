@@ -224,12 +224,11 @@ def test_a_sensor_that_stands_still_keeps_its_register(device):
         bench = Bench(device)
         bench.sensors.hold[held] = 1
         regs = np.zeros(0x8000, np.uint16)
-        words = regs[bench.result : bench.result + 7]
-        words[:] = 123 << bench.shift
+        regs[bench.results] = 123 << bench.shift
         y = np.zeros(8)
         y[:4] = 10e-3 * 3.0
         sample(bench.sensors, MACHINE, y, 400.0, regs)
-        same = [int(w) >> bench.shift == 123 for w in words]
+        same = [int(w) >> bench.shift == 123 for w in regs[bench.results]]
         assert same == [channel == held for channel in range(7)]
 
 

@@ -1186,3 +1186,89 @@ def test_less_flux_where_it_stands_still_under_load(bench):
     assert settled(2.0) == less
     bench.controller.set("adapt_s", 0.0)
     assert settled(2.0) == full
+
+
+# --- no fast interrupt any more -----------------------------------------------------------
+
+
+def slow_alone(bench):
+    lib.ht_drive_slow_isr(bench.drive)
+
+
+@pytest.mark.parametrize("state", ("idle", "calibrate", "build", "run"))
+def test_lost_fast_interrupt(bench, state):
+    """Two slow interrupts without a fast one in between: the gates go off in the second, which
+    says why, and what the drive was doing then."""
+    bench.fast()
+    if state != "idle":
+        bench.run_to(state)
+    slow_alone(bench)
+    assert bench.state == state
+    slow_alone(bench)
+    assert bench.state == "fault"
+    assert not bench.gates_on
+    assert bench.controller.faults == ["fast interrupt lost"]
+    snapshot = bench.controller.snapshot
+    assert (snapshot["state"], snapshot["tick"]) == (state, bench.drive.tick)
+    with pytest.raises(FirmwareError, match="not allowed in this state"):
+        bench.controller.start()
+    # cleared, but still lost: off, and told again
+    bench.controller.clear()
+    slow_alone(bench)
+    assert bench.controller.faults == ["fast interrupt lost"]
+    # it comes again: cleared for good
+    bench.fast()
+    assert not bench.gates_on
+    bench.controller.clear()
+    bench.fast()
+    slow_alone(bench)
+    assert bench.state == "idle"
+    assert bench.violations() == 0
+
+
+def test_one_fast_interrupt_between_two_slow_ones_is_enough(bench):
+    bench.run_to("run")
+    for _ in range(20):
+        bench.fast()
+        slow_alone(bench)
+    assert bench.state == "run"
+
+
+def test_parameters_do_not_wait_for_a_lost_interrupt(bench):
+    bench.run_to("run")
+    slow_alone(bench)
+    bench.controller.set("i_trip_A", 3.0)
+    assert bench.drive.staged != ffi.NULL
+    slow_alone(bench)
+    assert bench.drive.staged == ffi.NULL
+    assert bench.drive.config.params.v[parameters()["i_trip_A"].id] == 3.0
+
+
+def test_speed_is_measured_without_the_fast_interrupt(bench):
+    """A shaft that turns must not be started into once the interrupt is back."""
+    bench.run_to("run")
+    slow_alone(bench)
+    slow_alone(bench)
+    words, address = bench.words, QPOSCNT[bench.device]
+    for _ in range(3):
+        words[address] += round(300 / 60 * 8192 / 100)
+        slow_alone(bench)
+    assert bench.drive.speed_rpm == pytest.approx(300, rel=0.02)
+
+
+def test_slow_interrupt_at_the_rate_of_the_fast_one_is_refused(bench):
+    """One that comes a little late would find none in between."""
+    with pytest.raises(FirmwareError, match="do not fit together"):
+        bench.controller.set_many({"f_isr_Hz": 1000.0, "f_slow_Hz": 1000.0})
+
+
+def test_wrong_clock_cannot_be_cleared(bench):
+    lib.ht_drive_stand_in(bench.drive, lib.HT_FAULT_CLOCK)
+    assert bench.controller.faults == ["system clock wrong"]
+    with pytest.raises(FirmwareError, match="not allowed in this state"):
+        bench.controller.clear()
+    with pytest.raises(FirmwareError, match="not allowed in this state"):
+        bench.controller.start()
+    bench.fast()
+    assert bench.state == "fault"
+    assert not bench.gates_on

@@ -47,7 +47,7 @@ FAULTS = {
         F28335, "ht_pwm.c", "    HT_EALLOW(io);\n", "", "TZCTL: no EALLOW"),
     "no EALLOW for gates on": (
         F28377S, "ht_pwm.c",
-        "    if (allowed) {\n        HT_EALLOW(port->io);", "    if (allowed) {",
+        "        uint16_t leg;\n        HT_EALLOW(port->io);", "        uint16_t leg;",
         "TZCLR: no EALLOW"),
     "no EALLOW for the PLL": (
         F28377S, "ht_clock_f28377s.c", "    HT_EALLOW(port->io);\n"
@@ -350,8 +350,8 @@ FAULTS = {
         "trip cleared while its pin is low"),
     "start without a look at the trip pin": (
         F28377S, "ht_drive.c",
-        "    int leg;\n    if (ht_port_trip_pin_low(d->port)) {\n        return HT_ERROR_TRIP;\n    }\n",
-        "    int leg;\n", "a low trip pin refuses"),
+        "    int leg;\n    if (ht_port_trip_pin_low(d->port)) {",
+        "    int leg;\n    if (d == NULL) {", "a low trip pin refuses"),
     "clear without a look at the trip pin": (
         F28335, "ht_drive.c",
         "ht_result ht_drive_clear(ht_drive *d)\n{\n    if (ht_port_trip_pin_low(d->port)) {",
@@ -363,7 +363,7 @@ FAULTS = {
         "    if (d->state_ticks == 0u) {", "a low trip pin is the fault"),
     "gates on refused and not heeded": (
         F28377S, "ht_drive.c",
-        "    if ((d->state_ticks == 1u) && !ht_port_gates_on(d->port)) { /* a pattern is in place */",
+        "    if ((d->state_ticks == 1u) && !ht_port_gates_on(d->port)) {",
         "    (void)((d->state_ticks == 1u) && ht_port_gates_on(d->port));\n"
         "    if (d->state_ticks == 0u) {", "a low trip pin is the fault"),
     "level of another pin": (

@@ -15,14 +15,16 @@ ORDER, KEY, WATCHDOG = lib.HT_REG_ORDER, lib.HT_REG_KEY, lib.HT_REG_WATCHDOG
 CHIPS = {
     "f28335": {
         "base": 0x6800, "stride": 0x40, "TBCTL": 0x6800, "TBPRD": 0x6805, "CMPA": 0x6809,
-        "AQCTLA": 0x680B, "DBCTL": 0x680F, "DBRED": 0x6810, "DBFED": 0x6811, "TZSEL": 0x6812, "TZCTL": 0x6814, "TZEINT": 0x6815,
-        "TZFLG": 0x6816, "TZCLR": 0x6817, "TZFRC": 0x6818, "ETFLG": 0x681B, "ETCLR": 0x681C,
+        "AQCTLA": 0x680B, "DBCTL": 0x680F, "DBRED": 0x6810, "DBFED": 0x6811, "TZSEL": 0x6812,
+        "TZCTL": 0x6814, "TZEINT": 0x6815, "TZFLG": 0x6816, "TZCLR": 0x6817, "TZFRC": 0x6818,
+        "ETFLG": 0x681B, "ETCLR": 0x681C,
         "eqep": 0x6B00, "sci": 0x7050, "GPAMUX1": 0x6F86, "GPAPUD": 0x6F8C,
     },
     "f28377s": {
         "base": 0x4000, "stride": 0x100, "TBCTL": 0x4000, "TBPRD": 0x4063, "CMPA": 0x406B,
-        "AQCTLA": 0x4040, "DBCTL": 0x400C, "DBRED": 0x4051, "DBFED": 0x4053, "TZSEL": 0x4080, "TZCTL": 0x4084, "TZEINT": 0x408D,
-        "TZFLG": 0x4093, "TZCLR": 0x4097, "TZFRC": 0x409B, "ETFLG": 0x40A8, "ETCLR": 0x40AA,
+        "AQCTLA": 0x4040, "DBCTL": 0x400C, "DBRED": 0x4051, "DBFED": 0x4053, "TZSEL": 0x4080,
+        "TZCTL": 0x4084, "TZEINT": 0x408D, "TZFLG": 0x4093, "TZCLR": 0x4097, "TZFRC": 0x409B,
+        "ETFLG": 0x40A8, "ETCLR": 0x40AA,
         "eqep": 0x5100, "sci": 0x7200, "GPAMUX1": 0x7C06, "GPAPUD": 0x7C0C,
     },
 }  # fmt: skip

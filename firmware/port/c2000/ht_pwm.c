@@ -133,8 +133,8 @@ void ht_port_gates_off(ht_port *port)
 bool ht_port_gates_on(ht_port *port)
 {
     bool allowed = !ht_port_trip_pin_low(port);
-    uint16_t leg;
     if (allowed) {
+        uint16_t leg;
         HT_EALLOW(port->io);
         for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
             HT_WR16(port->io, port->leg[leg] + port->map->tzclr, TZ_OST | TZ_INT);
