@@ -169,7 +169,9 @@ static uint16_t write(ht_service *l, const uint16_t *in, uint16_t n)
     if (result != (uint16_t)HT_OK) {
         bool single = (result == (uint16_t)HT_ERROR_ID) || (result == (uint16_t)HT_ERROR_VALUE)
                       || (result == (uint16_t)HT_ERROR_STATE);
-        l->detail = single ? at : NO_DETAIL;
+        if (single) {
+            l->detail = at;
+        }
         return result;
     }
     l->burst.command = 1u;

@@ -43,7 +43,8 @@ PAYLOADS = {
     (HELLO, False): "",
     (HELLO, True): "H protocol, I dictionary CRC, f rate, I bytes/s for streams, "
     "H parameter rows, H channel rows, H fault rows, H state rows, H longest body, "
-    "B streams, B channels of a stream, B channels of a capture, B session in force, I memory, H watchdog ms, z device, z build",
+    "B streams, B channels of a stream, B channels of a capture, "
+    "B session in force, I memory, H watchdog ms, z device, z build",
     (LIST, False): "B kind, H row",
     (LIST, True): "B kind, H row, z name",
     (OPEN, False): "H nonce, I mark",
