@@ -496,6 +496,7 @@ static void watchdog(void)
     }
     check("watchdog bites without the interrupts", ht_image_registers.dog_resets != 0u);
     ht_image_registers.dog_resets = 0u;
+    ht_image_registers.dog_us = ht_image_registers.time_us; /* a full time from here on */
     for (n = 0; n < 12; n++) { /* both interrupts go on */
         slow_period(0);
     }

@@ -216,7 +216,7 @@ def test_dictionary(device):
 
 
 def test_parameters_in_the_dictionary(device):
-    for row in firmware.parameters().values():
+    for row in firmware.parameters("f28377s").values():
         payload = device.done(LIST, "BH", 0, row.id).payload
         kind, flags, low, high, initial = struct.unpack_from("<BBfff", payload, 3)
         assert (kind, flags) == (0, row.live + 2 * row.whole)

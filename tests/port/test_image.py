@@ -350,8 +350,8 @@ FAULTS = {
         "trip cleared while its pin is low"),
     "start without a look at the trip pin": (
         F28377S, "ht_drive.c",
-        "    int leg;\n    if (ht_port_trip_pin_low(d->port)) {",
-        "    int leg;\n    if (d == NULL) {", "a low trip pin refuses"),
+        "    int leg;\n    if (ht_port_trip_pin_low(d->port)) {\n        return",
+        "    int leg;\n    if (d == NULL) {\n        return", "a low trip pin refuses"),
     "clear without a look at the trip pin": (
         F28335, "ht_drive.c",
         "ht_result ht_drive_clear(ht_drive *d)\n{\n    if (ht_port_trip_pin_low(d->port)) {",

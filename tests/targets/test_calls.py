@@ -66,7 +66,7 @@ def test_commands_trip_and_clear(quick, target):
         sim.set("flux_min_Wb", 90.0)
     sim.controller.set("dead_time_us", 3.0)
     assert words[0x6810] == 450  # DBRED at 150 MHz
-    with pytest.raises(firmware.FirmwareError, match="PWM cannot"):
+    with pytest.raises(firmware.FirmwareError, match=r"allowed range is 1 \.\. 6\.82 us"):
         sim.controller.set("dead_time_us", 19.0)
     sim.start()
     sim.run(0.12)
