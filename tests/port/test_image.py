@@ -295,8 +295,8 @@ FAULTS = {
         LAUNCHPAD, "ht_pwm.c", "if (!master_is_a_leg)", "if (master_is_a_leg)",
         "every fast interrupt arrives"),
     "timer stopped": (
-        F28335, "ht_timer.c", "    HT_WR16(port->io, TIMER0 + TCR, TCR_INTERRUPT);",
-        "    HT_WR16(port->io, TIMER0 + TCR, TCR_INTERRUPT | TCR_STOP);", "slow interrupt is taken"),
+        F28335, "ht_timer.c", "TIMER0 + TCR, TCR_INTERRUPT);",
+        "TIMER0 + TCR, TCR_INTERRUPT | TCR_STOP);", "slow interrupt is taken"),
     "timer without interrupt": (
         F28377S, "ht_timer.c", "    HT_WR16(port->io, TIMER0 + TCR, TCR_INTERRUPT);",
         "    HT_WR16(port->io, TIMER0 + TCR, 0u);", "slow interrupt is taken"),

@@ -517,7 +517,7 @@ FAULTS = {
         "no reply in time"),
     "clock did not start": (
         F28377S, "ht_clock_f28377s.c", "#define LOOKS 60000u", "#define LOOKS 1u",
-        "watchdog reset, not serviced"),
+        "no reply in time"),
 }  # fmt: skip
 
 

@@ -43,6 +43,13 @@ static bool start(ht_port *port)
     return started;
 }
 
+/* Both halves here: no interrupt runs that could stand still by itself. */
+static void feed(void)
+{
+    ht_watchdog_first(&chip);
+    ht_watchdog_second(&chip);
+}
+
 void ht_image_start(void)
 {
     chip.io = HT_TARGET_IO;
@@ -52,8 +59,7 @@ void ht_image_start(void)
     HT_DINT(chip.io);
     if (!start(&chip)) {
         for (;;) { /* ht_image_start_result says why; no reset would help */
-            ht_watchdog_first(&chip);
-            ht_watchdog_second(&chip);
+            feed();
             HT_IDLE(chip.io);
         }
     }
@@ -64,9 +70,7 @@ void ht_image_start(void)
 void ht_image_background(void)
 {
     uint16_t octet;
-    /* Both halves here: no interrupt runs that could stand still by itself. */
-    ht_watchdog_first(&chip);
-    ht_watchdog_second(&chip);
+    feed();
     if (ht_pil_server_give(&octet)) {
         if (ht_sci_write(&chip, &octet, 1u) == 1u) {
             ht_pil_server_sent();
