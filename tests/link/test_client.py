@@ -1,6 +1,7 @@
 """The client against a board that is mute, slow, damaged or lies (peer.py)."""
 
 import binascii
+import re
 import struct
 import threading
 import time
@@ -146,7 +147,7 @@ def test_the_session_of_a_dead_client_is_waited_for(peer, drive):
     [
         (1, b"\1\0", "speed_ref_rpm = 9: no such parameter or channel", True),
         (2, b"\1\0", "speed_ref_rpm = 9: allowed is -400 .. 400 r/min", True),
-        (3, b"\1\0", "while nothing is streamed or captured (state idle)", False),
+        (26, b"\1\0", "can change only while nothing is streamed or captured", False),
         (4, b"\xff\xff", "speed_ref_rpm = 9: parameters do not fit together", True),
         (5, b"\xff\xff", "the hardware cannot do this", True),
         (6, b"\xff\xff", "the machine turns faster than start_max_rpm", False),
@@ -161,6 +162,25 @@ def test_refusals_say_what_and_why(peer, drive, status, payload, text, mistake):
         drive.set("speed_ref_rpm", 9)
     assert text in str(caught.value)
     assert (caught.value.status, caught.value.mistake) == (status, mistake)
+
+
+@pytest.mark.parametrize(
+    ("op", "status", "payload", "text"),
+    [
+        (Op.STREAM, 23, b"", "all of the board's streams are in use"),
+        (Op.STREAM, 24, b"\2\0", "decimation: allowed range is 1 .. 65535"),
+        (Op.ARM, 24, b"\1\0", "trigger: the board does not know this one"),
+        (Op.ARM, 24, b"\x0e\0", "level of the trigger: a number is needed"),
+        (Op.ARM, 25, b"\0\x50\0\0", "samples: allowed range is 1 .. 20480"),
+        (Op.ARM, 24, b"\7\0", "byte 7 of the payload is out of range"),
+        (Op.ARM, 24, b"", "the board refuses a part of this request"),
+    ],
+)
+def test_refusals_name_the_field(peer, drive, op, status, payload, text):
+    peer.refuse[op] = (status, payload)
+    with pytest.raises(LinkError, match=f"^what: {re.escape(text)}$") as caught:
+        drive.client.do(op, what="what")
+    assert caught.value.mistake
 
 
 @pytest.mark.parametrize(

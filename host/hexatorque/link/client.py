@@ -48,7 +48,7 @@ _REFUSED = {
     Status.NO_STREAM: "all of the board's streams are in use",
     Status.FIELD: "the board refuses a part of this request",
     Status.MEMORY: "larger than the board's memory",
-    Status.SAMPLING: "not while streams or a capture are on",
+    Status.SAMPLING: "can change only while nothing is streamed or captured",
 }
 #: Refusals of what was asked for, not of when.
 _MISTAKES = (

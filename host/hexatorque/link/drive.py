@@ -267,17 +267,16 @@ class Drive(DriveVerbs):
                     allowed = (
                         f"one of {', '.join(row.choices)}"
                         if row.choices
-                        else f"{row.min:g} .. {row.max:g} {row.unit}".rstrip()
+                        else f"{row.min:.9g} .. {row.max:.9g} {row.unit}".rstrip()
+                        + (", whole numbers only" if row.whole else "")
                     )
                     return LinkError(f"{what}: allowed is {allowed}", reply.status, mistake=True)
                 if reply.status == Status.STATE:
                     state = self.client.state_name(reply.state)
-                    when = (
-                        "can change only while nothing is streamed or captured"
-                        if row.live or state in ("idle", "fault")
-                        else "can change only while the gates are off"
+                    return LinkError(
+                        f"{what}: can change only while the gates are off (state {state})",
+                        reply.status,
                     )
-                    return LinkError(f"{what}: {when} (state {state})", reply.status)
         return self.client.refused(reply, what)
 
     def _numbers(self, layout: str, payload: bytes, what: str) -> tuple:

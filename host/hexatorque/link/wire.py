@@ -227,7 +227,7 @@ def refusal(reply: Reply) -> str:
     """What the payload of a refusal says besides the status, in words; "" if nothing."""
     if reply.status == Status.FIELD:
         (offset,) = unpack("H", reply.payload)
-        return FIELDS.get((reply.op, offset), f"byte {offset} of the payload")
+        return FIELDS.get((reply.op, offset), f"byte {offset} of the payload is out of range")
     if reply.status == Status.MEMORY:
         return f"samples: allowed range is 1 .. {unpack('I', reply.payload)[0]}"
     return ""
