@@ -8,6 +8,7 @@ only a new file is made as a whole.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
 import sys
@@ -55,10 +56,8 @@ def _make(path: Path) -> None:
         fresh.flush()
         os.fsync(fresh.fileno())
         os.chmod(fresh.name, 0o644)
-        try:
+        with contextlib.suppress(FileExistsError):  # another process was faster: it is as good
             os.link(fresh.name, path)
-        except FileExistsError:
-            pass  # another process was faster: it is as good
 
 
 class FileStore(MemoryStore):

@@ -97,7 +97,7 @@ def watchdog_ms(factor: float) -> int:
 class VirtualBoard:
     """Firmware and plant. `baud` and rate are the line's in simulated time; `factor` is how
     much faster than real time it will be run: the watchdog waits that much longer. `store`: the
-    file that is its memory for parameters; without one it has none, as an image that is built so."""
+    file that is its memory for parameters; without one it has none."""
 
     def __init__(
         self,
