@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from peer import Peer, frame
+from peer import Peer, frame, parameter
 
 from hexatorque import firmware
 from hexatorque.link import LinkError, server, wire
@@ -199,6 +199,18 @@ def test_what_cannot_be_right_is_not_even_sent(peer, drive, name, value, text):
     with pytest.raises(LinkError, match=text) as caught:
         drive.set_many({"dead_time_us": 1.0, name: value})
     assert caught.value.mistake and not of(peer, WRITE)
+
+
+def test_whole_numbers_only(peer):
+    peer.rows[2] = parameter(2, 2, 1, 64, 4, "pole_pairs")
+    peer.crc = binascii.crc32(b"".join(peer.rows))
+    with Drive.open(peer.port) as drive:
+        text = "pole_pairs = 2.5: allowed range is 1 .. 64, whole numbers only"
+        with pytest.raises(LinkError, match=text) as caught:
+            drive.set("pole_pairs", 2.5)
+        assert caught.value.mistake and not of(peer, WRITE)
+        drive.set("pole_pairs", 3)
+        assert peer.values[2] == 3.0
 
 
 def test_a_readback_that_differs_is_an_error(peer, drive):

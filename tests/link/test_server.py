@@ -173,7 +173,7 @@ def path_of(board):
 
 
 @pytest.fixture
-def address:
+def address(board):
     with runtime.short(path_of(board)) as name:
         yield name
 

@@ -75,7 +75,7 @@ def _connected(url: str) -> socket.socket:
     scheme, _, rest = url.partition("://")
     host, _, number = rest.rpartition(":")
     if scheme != "socket" or not number.isdigit() or not 0 < int(number) < 65536:
-        raise LinkError(f"{url}: write a device's name or socket://HOST:PORT", mistake=True)
+        raise LinkError(f"{url}: write socket://HOST:PORT", mistake=True)
     try:
         line = socket.create_connection((host, int(number)), CONNECT_S)
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
