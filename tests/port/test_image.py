@@ -354,8 +354,9 @@ FAULTS = {
         "    int leg;\n    if (d == NULL) {\n        return", "a low trip pin refuses"),
     "clear without a look at the trip pin": (
         F28335, "ht_drive.c",
-        "ht_result ht_drive_clear(ht_drive *d)\n{\n    if (ht_port_trip_pin_low(d->port)) {",
-        "ht_result ht_drive_clear(ht_drive *d)\n{\n    if (d == NULL) {",
+        "    if (ht_port_trip_pin_low(d->port)) {\n        return HT_ERROR_TRIP;\n    }\n"
+        "    if ((d->state != (uint16_t)HT_STATE_FAULT)",
+        "    if ((d->state != (uint16_t)HT_STATE_FAULT)",
         "a low trip pin refuses"),
     "calibration without a look at the trip pin": (
         LAUNCHPAD, "ht_drive.c",

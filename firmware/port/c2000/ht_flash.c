@@ -45,14 +45,20 @@ static void start_flash_f28335(ht_port *port)
     HT_EDIS(port->io);
 }
 
+/* The pump is bank 0's; cache and prefetch are off. */
+static void take_f28377s(ht_port *port)
+{
+    HT_WR32(port->io, PUMPREQUEST, PUMP_KEY | PUMP_BANK0);
+    ht_change32(port->io, FRD_INTF_CTRL, PREFETCH_AND_CACHE, 0u);
+}
+
 static void start_flash_f28377s(ht_port *port)
 {
     HT_EALLOW(port->io);
-    HT_WR32(port->io, PUMPREQUEST, PUMP_KEY | PUMP_BANK0);
+    take_f28377s(port); /* off while wait states change */
     ht_change32(port->io, FBAC, FBAC_VREADST, FBAC_VREADST_FASTEST);
     ht_change32(port->io, FPAC1, 0u, FPAC1_PMPPWR);
     ht_change32(port->io, FBFALLBACK, 0u, FBFALLBACK_ACTIVE);
-    ht_change32(port->io, FRD_INTF_CTRL, PREFETCH_AND_CACHE, 0u); /* off while wait states change */
     ht_change32(port->io, FRDCNTL, FRDCNTL_RWAIT, FRDCNTL_RWAIT_200_MHZ);
     ht_change32(port->io, FRD_INTF_CTRL, 0u, PREFETCH_AND_CACHE);
     HT_WR32(port->io, ECC_ENABLE, ECC_ON);
@@ -74,8 +80,7 @@ void ht_flash_unchecked(ht_port *port)
 {
     if (port->map->device == HT_F28377S) {
         HT_EALLOW(port->io);
-        HT_WR32(port->io, PUMPREQUEST, PUMP_KEY | PUMP_BANK0);
-        ht_change32(port->io, FRD_INTF_CTRL, PREFETCH_AND_CACHE, 0u);
+        take_f28377s(port);
         HT_WR32(port->io, ECC_ENABLE, ECC_OFF);
         HT_EDIS(port->io);
     }
