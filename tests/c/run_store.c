@@ -137,7 +137,10 @@ static void first(void)
     runs_on();
     tick = ht_image_drive.tick;
     fake_flash_slow = true;
+    ht_image_registers.word[0x0C00] = 5u; /* the slow interrupt's timer is about to reach 0 */
     check("it is kept", command(HT_COMMAND_SAVE) == HT_OK);
+    check("the slow interrupt's period begins anew",
+          ht_image_registers.word[0x0C00] == ht_image_registers.word[0x0C02]);
     check("that takes time", ht_image_registers.time_us > 100000u);
     check("the tick stands still", ht_image_drive.tick - tick <= 1u);
     check("no fault comes of it", (ht_image_drive.faults == 0u)

@@ -6,6 +6,11 @@
 #include "ht_drivers.h"
 #include "ht_image.h"
 
+/* CPU timer 0, the slow interrupt's. */
+#define TIMER0_TCR 0x0C04u
+#define TCR_INTERRUPT 0x4000u
+#define TCR_RELOAD 0x0020u
+
 void ht_flash_serve(ht_port *port)
 {
     ht_watchdog_first(port);
@@ -54,6 +59,9 @@ static bool write_block(void *at, uint16_t area, uint16_t block, const uint16_t 
                            : ht_flash_program(port, address_of(area, block), words);
     ht_flash_start(port); /* the flash can be read again, before anything is called in it */
     ht_flash_serve(port);
+    /* A slow interrupt that was held off comes now; the next one a whole period after it, and not
+     * with no fast one in between. */
+    HT_WR16(port->io, TIMER0_TCR, TCR_INTERRUPT | TCR_RELOAD);
     HT_EINT(port->io);
     return good;
 }

@@ -20,8 +20,9 @@
  *    the board's time does. The service therefore refuses a save while samples are streamed or
  *    captured. The pending interrupt comes once, at the end, with the sample of the latest
  *    conversion. No overrun and no lost interrupt can be told from this: overruns are looked for
- *    in calibrate, build and run only, and the slow interrupt, held off as well, finds the fast
- *    one, which goes first, alive.
+ *    in calibrate, build and run only; the slow interrupt, held off as well, comes after the fast
+ *    one, which goes first, and its timer begins a new period then: there is always a fast one
+ *    between two of it.
  *  - *Speed.* The first slow interrupt afterwards divides the counts of all this time by one
  *    period. If the shaft turns, `speed_rpm` reads too much until the second one.
  *  - *Line.* Octets that come meanwhile overflow the receiver and are counted; the host repeats
