@@ -16,11 +16,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from .firmware import Parameter
 from .recording import Recording
-from .scenario import Profile
+
+if TYPE_CHECKING:
+    from .scenario import Profile
 
 #: Called with the seconds just done.
 Progress = Callable[[float], None]

@@ -282,7 +282,7 @@ def test_rates_follow_the_fast_interrupt(drive):
         with drive.stream(["vdc_V"], rate_Hz=500) as stream:
             assert stream.decimation == 10
             with pytest.raises(
-                LinkError, match="f_isr_Hz = 8000.0: not while streams or a capture are on"
+                LinkError, match=r"f_isr_Hz = 8000\.0: not while streams or a capture are on"
             ):
                 drive.set("f_isr_Hz", 8000.0)
         assert drive.capture(["vdc_V"], 10, timeout_s=2).rate_Hz == 5000
