@@ -237,6 +237,7 @@ class Controller:
         self,
         device: str,
         values: dict[str, object],
+        *,
         active_low: bool | None = None,
         store: Store | None = None,
     ) -> None:

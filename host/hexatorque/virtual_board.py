@@ -53,7 +53,7 @@ class BoardController(firmware.Controller):
         watchdog_ms: int,
         store: firmware.Store | None = None,
     ) -> None:
-        super().__init__(device, values, store)
+        super().__init__(device, values, store=store)
         self.baud = baud or self.port.board.baud
         self.board = ffi.new("ht_virtual_board *")
         self._texts = [ffi.new("char[]", t.encode()) for t in (f"virtual {device}", __version__)]

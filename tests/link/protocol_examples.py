@@ -53,7 +53,10 @@ PAYLOADS = {
     (WRITE, True): "I tick of the change, f value",
     (STREAM, False): "B stream, B channels, H decimation",
     (STREAM, True): "I bytes/s of all streams, I bytes/s allowed",
-    (STATUS, True): "B flags, B capture, H ms left, I damaged, I overruns, I dropped, I mark",
+    (
+        STATUS,
+        True,
+    ): "B flags, B capture, H ms left, I damaged, I overruns, I dropped, I mark, B set",
 }
 #: Shown in hexadecimal.
 HEXADECIMAL = {"opcode", "type", "session", "dictionary", "dictionary CRC", "nonce", "mark"}

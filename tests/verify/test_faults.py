@@ -86,7 +86,7 @@ def test_a_store_that_takes_anything(monkeypatch):
 
     class Careless(firmware.Controller):
         def __init__(self, device, values, store):
-            super().__init__(device, values, store)
+            super().__init__(device, values, store=store)
             if bytes(store.areas).count(b"\xff") < 4096 and self.parameter_set != "saved":
                 self.store.handle.set = 1  # says so, and has others
 

@@ -133,7 +133,7 @@ class TargetController(Controller):
         values: dict[str, object],
         store: Store | None = None,
     ) -> None:
-        super().__init__(device, values, store)
+        super().__init__(device, values, store=store)
         self._target, self._link = target, target.link
         link = target.link
         self._own_registers = self.registers

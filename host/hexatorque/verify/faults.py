@@ -478,7 +478,7 @@ def damaged_set(device: str, seed: int) -> Result:
     result = Result(DAMAGED_SET, "start", "", device)
     names = list(firmware.parameters())
     store = firmware.MemoryStore()
-    before = firmware.Controller(device, {}, store)
+    before = firmware.Controller(device, {}, store=store)
     built_in = [before.get(name) for name in names]
     _some_set(before, rng)
     saved = [before.get(name) for name in names]
@@ -487,7 +487,7 @@ def damaged_set(device: str, seed: int) -> Result:
     _damage(store.areas, rng)
     area = firmware.MemoryStore.AREA
     whole = any(store.areas[a : a + area] == good[a : a + area] for a in (0, area))
-    after = firmware.Controller(device, {}, firmware.MemoryStore(store.areas))
+    after = firmware.Controller(device, {}, store=firmware.MemoryStore(store.areas))
     values = [after.get(name) for name in names]
     if after.parameter_set == "saved":
         result.error = "" if values == saved else "a wrong value"
