@@ -285,28 +285,6 @@ def site(drive, tmp_path):
         thread.join()
 
 
-@pytest.fixture
-def told_of_resets(drive, monkeypatch):
-    """A drive that tells resets; what tells one."""
-    # Where the link does that by itself, nothing is replaced.
-    if hasattr(drive, "on_reset"):
-        return lambda: None
-    monkeypatch.setattr(drive, "on_reset", [], raising=False)
-    monkeypatch.setattr(drive, "resets", 0, raising=False)
-
-    def tell() -> None:
-        end = time.monotonic() + 10
-        reconnects = drive.client.counters.reconnects
-        while drive.client.counters.reconnects == reconnects:
-            assert time.monotonic() < end
-            time.sleep(0.01)
-        drive.resets += 1
-        for call in drive.on_reset:
-            call()
-
-    return tell
-
-
 class Monitor(Visitor):
     """`hexatorque monitor` in a process of its own."""
 

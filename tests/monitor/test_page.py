@@ -326,7 +326,7 @@ def test_figures_of_a_monitor_that_is_silent_are_blank(page, monitor):
     page.until(f"{FIGURES}[0] !== '–'")
 
 
-def test_a_reset_of_the_board_is_plain_to_see(told_of_resets, browser, site, board):
+def test_a_reset_of_the_board_is_plain_to_see(browser, site, board):
     page = browser.open(site.server.url)
     page.until(f"{STATE} === 'idle'")
     assert page.js("document.querySelector('#reset').hidden")
@@ -338,7 +338,6 @@ def test_a_reset_of_the_board_is_plain_to_see(told_of_resets, browser, site, boa
     page.until("document.querySelector('#apply').hidden")
     assert page.js(limit) == "1.5"
     board.reset()
-    told_of_resets()
     page.until("!document.querySelector('#reset').hidden")
     said = page.js("document.querySelector('#reset').textContent")
     assert "The board was reset: its parameters are at their initial values." in said

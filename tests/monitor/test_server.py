@@ -500,7 +500,7 @@ def test_hidden_pages_watch_for_a_while_only(site):
 # -- a reset of the board -----------------------------------------------------------------
 
 
-def test_a_reset_of_the_board_is_shown(told_of_resets, site, board):
+def test_a_reset_of_the_board_is_shown(site, board):
     """In words, in the traces, and by the parameters that are in force then."""
     initial = site.desk.values["torque_limit_Nm"]
     assert site.post("/write", {"values": {"torque_limit_Nm": initial / 2}})[0] == 200
@@ -512,7 +512,6 @@ def test_a_reset_of_the_board_is_shown(told_of_resets, site, board):
         ring, before = site.desk.ring, site.desk.status()
         assert before["reset"] == "" and before["resets"] == 0 and before["marks_s"] == []
         board.reset()
-        told_of_resets()
         end = time.monotonic() + 10
         while not (status := frame().get("status", {})).get("reset"):
             assert time.monotonic() < end
@@ -548,14 +547,11 @@ def test_a_reset_of_the_board_is_shown(told_of_resets, site, board):
         (3, "initial values, because the saved set is of another firmware"),
     ],
 )
-def test_after_a_reset_the_set_in_force_is_named(told_of_resets, site, monkeypatch, number, words):
+def test_after_a_reset_the_set_in_force_is_named(site, monkeypatch, number, words):
     """STATUS tells it."""
     heard = site.desk.drive.client.get_status()
 
-    class Status(type(heard)):
-        set = number
-
-    monkeypatch.setattr(site.desk.drive.client, "get_status", lambda: Status(*heard))
+    monkeypatch.setattr(site.desk.drive.client, "get_status", lambda: heard._replace(set=number))
     for call in site.desk.drive.on_reset:
         call()
     end = time.monotonic() + 5

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from hexatorque import scenario
+from hexatorque.firmware import FirmwareError
 from hexatorque.frames import PHASES
 from hexatorque.plant.inverter import HIGH, LOW, OFF
 from hexatorque.sil import Simulation
@@ -34,6 +35,25 @@ def low_voltage(sim, share):
     sim.set("vdc_V", share * vdc)
     sim.set("build_s", 10.0)
     sim.set("vdc_min_V", 0.5 * share * vdc)
+
+
+def test_step_3_nothing_starts_with_the_trip_pin_low(sim):
+    """Clear and start are refused and name the pin; no edge on any gate, not even when the pin
+    goes high again. Then both are accepted."""
+    assert "Both are refused with the trip named" in step(3)
+    sim.controller.set_trip_pin(0)
+    sim.run(0.01)
+    sim.log_edges(100_000)
+    for command in (sim.clear, sim.start):
+        with pytest.raises(FirmwareError, match="the trip pin is low"):
+            command()
+        sim.run(0.1, record=False)
+    sim.controller.set_trip_pin(1)
+    sim.run(0.1, record=False)
+    assert sim.state == "idle" and len(sim.edges) == 0
+    sim.start()
+    sim.run(0.1, record=False)
+    assert sim.state == "build" and len(sim.edges) > 0
 
 
 def test_step_4_gates_switch_without_a_dc_link(sim):

@@ -1,6 +1,6 @@
 /** @file ht_board.h
  *  The boards: crystal, pins, channels, and what the power stage asks for. The same tables
- *  in words: docs/flash.md.
+ *  in words: docs/first-spin.md.
  */
 #ifndef HT_BOARD_H
 #define HT_BOARD_H

@@ -127,9 +127,7 @@ class Desk:
             self.notice = str(error)
         self._read_values()
         self._read_snapshot()
-        # A `Drive` that cannot tell a reset has no such list.
-        self._reset_listeners = getattr(drive, "on_reset", [])
-        self._reset_listeners.append(self._reset_happened)
+        drive.on_reset.append(self._reset_happened)
         self._threads = [
             threading.Thread(target=self._move, name="samples", daemon=True),
             threading.Thread(target=self._watch, name="watch", daemon=True),
@@ -145,8 +143,8 @@ class Desk:
 
     def close(self) -> None:
         self._closing.set()
-        if self._reset_happened in self._reset_listeners:
-            self._reset_listeners.remove(self._reset_happened)
+        if self._reset_happened in self.drive.on_reset:
+            self.drive.on_reset.remove(self._reset_happened)
         with contextlib.suppress(LinkError):
             if self._started_s is not None:
                 self.stop()
@@ -209,7 +207,7 @@ class Desk:
             "broken": str(client.broken) if client.broken else "",
             "notice": self.notice,
             "reset": self.reset,
-            "resets": getattr(self.drive, "resets", 0),
+            "resets": self.drive.resets,
             "marks_s": [n / stream.rate_Hz for n in ring.marks] if ring and stream else [],
             "stops_in_s": self._hidden_left_s(),
             "pages": len(self._pages),
