@@ -364,7 +364,8 @@ def test_behind_an_interruption_rows_keep_their_own_ticks(name, tmp_path):
     assert rec["torque_Nm"][kept].tolist() == [tick % 1000 for tick in ticks]
     assert np.abs(90 + 5 * kept - ticks).max() <= 2
     if name.endswith(".csv"):
-        table = np.loadtxt(tmp_path / name, delimiter=",", skiprows=1)
+        table = np.genfromtxt(tmp_path / name, delimiter=",", skip_header=1)
+        table = table[~np.isnan(table[:, 2])]  # a lost sample has a line without values
         assert table[:, 1].tolist() == ticks
         np.testing.assert_allclose(np.diff(table[:, 0]), np.diff(ticks) / STREAM.tick_Hz)
 

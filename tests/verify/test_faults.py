@@ -1,4 +1,4 @@
-"""The fault campaign: 2700 faults, and that the campaign itself would notice."""
+"""The fault campaign: 3060 faults, and that the campaign itself would notice."""
 
 import itertools
 from types import SimpleNamespace

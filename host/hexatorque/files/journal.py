@@ -108,6 +108,11 @@ def load(path: Path) -> Recording:
     return assemble(stream, rows["tick"], rows["values"], counters, closed=False)
 
 
+def nearest_places(since, decimation: int):
+    """The sample numbers of rows so many ticks after the first: the nearest."""
+    return (since + decimation // 2) // decimation
+
+
 def ascending(ticks: np.ndarray, decimation: int) -> tuple[np.ndarray, np.ndarray]:
     """(places, kept): the sample number of each row that is kept, counted from the first
     row, and which rows those are. Not kept: rows that are not later than all before
@@ -118,7 +123,7 @@ def ascending(ticks: np.ndarray, decimation: int) -> tuple[np.ndarray, np.ndarra
     phase = since % decimation
     as_next = np.append(phase[1:] == phase[:-1], False)[: len(ticks)]
     on_raster = (phase == 0) | as_next | np.roll(as_next, 1)
-    place = (since + decimation // 2) // decimation
+    place = nearest_places(since, decimation)
     latest = np.maximum.accumulate(np.where(on_raster, place, -1))
     kept = on_raster & (place > np.concatenate([[-1], latest[:-1]])[: len(ticks)])
     return place[kept], kept

@@ -116,15 +116,17 @@ class Writer:
             return
         ticks = ticks.astype(np.uint32)
         since = self._check(ticks)
-        steps = np.diff(since, prepend=self._since_first)  # the very first row: 0
+        places = journal.nearest_places(since, self.stream.decimation)
+        before = journal.nearest_places(self._since_first, self.stream.decimation)
+        missing = np.maximum(np.diff(places, prepend=before) - 1, 0)  # the very first row: 0
         if self._csv:
-            data = self._lines(since, steps, ticks, values).encode()
+            steps = np.diff(since, prepend=self._since_first)
+            data = self._lines(since, steps, missing, ticks, values).encode()
         else:
             rows = np.empty(len(ticks), self.stream.row)
             rows["tick"], rows["values"] = ticks, values
             data = rows.tobytes()
         self._write(data)
-        missing = np.maximum(steps // self.stream.decimation - 1, 0)
         self._gaps += int(np.count_nonzero(missing))
         self._lost += int(missing.sum())
         self._last, self._since_first = int(ticks[-1]), int(since[-1])
@@ -147,18 +149,22 @@ class Writer:
                 self._write_beside(closed=False)
 
     def _lines(
-        self, since: np.ndarray, steps: np.ndarray, ticks: np.ndarray, values: np.ndarray
+        self,
+        since: np.ndarray,
+        steps: np.ndarray,
+        missing: np.ndarray,
+        ticks: np.ndarray,
+        values: np.ndarray,
     ) -> str:
         """Text of rows, and of what was lost before each."""
         parts, done = [], 0
-        for at in np.flatnonzero(steps > self.stream.decimation).tolist():
+        for at in np.flatnonzero(missing).tolist():
             parts.append(
                 csv.stream_lines(self.stream, since[done:at], ticks[done:at], values[done:at])
             )
             step = int(steps[at])
-            lost = step // self.stream.decimation - 1
             last, tick = int(since[at]) - step, int(ticks[at]) - step
-            parts.append(csv.gap_lines(self.stream, last, tick, lost))
+            parts.append(csv.gap_lines(self.stream, last, tick, int(missing[at])))
             done = at
         parts.append(csv.stream_lines(self.stream, since[done:], ticks[done:], values[done:]))
         return "".join(parts)
@@ -253,7 +259,8 @@ class Writer:
         samples = None
         if closed:
             began = self._first is not None
-            samples = self._since_first // self.stream.decimation + 1 if began else 0
+            last = journal.nearest_places(self._since_first, self.stream.decimation)
+            samples = last + 1 if began else 0
         meta = journal.metadata(
             self.stream, self._first, self._gaps, self._lost,
             {"unusable_rows": 0, **self._counters}, closed,
