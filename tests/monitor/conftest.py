@@ -32,8 +32,8 @@ import os, signal, sys
 import numpy as np
 from hexatorque import scenario, virtual_board
 class Controller(virtual_board.BoardController):
-    def __init__(self, device, values, baud, watchdog_ms):
-        super().__init__(device, values, baud, {WATCHDOG_MS})
+    def __init__(self, device, values, **options):
+        super().__init__(device, values, **options | {{"watchdog_ms": {WATCHDOG_MS}}})
 virtual_board.BoardController = Controller
 port, now, changes = sys.argv[1:]
 now = np.memmap(now, np.float64, "w+", shape=2)
