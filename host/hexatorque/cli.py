@@ -35,7 +35,7 @@ EXAMPLES = """examples:
   hexatorque setups paper-b                           every value and where it is from
   hexatorque reproduce all                            every figure and table of both papers
   hexatorque pil --schemes ddr                        the firmware on an emulated Cortex-M4F
-  hexatorque verify faults                            3060 faults, and what the gates do
+  hexatorque verify faults                            3240 faults, and what the gates do
   hexatorque verify line                              the serial link on a line that spoils octets
 """
 

@@ -1,4 +1,4 @@
-"""The fault campaign: 3060 faults, and that the campaign itself would notice."""
+"""The fault campaign: 3240 faults, and that the campaign itself would notice."""
 
 import itertools
 from types import SimpleNamespace
@@ -93,6 +93,20 @@ def test_a_store_that_takes_anything(monkeypatch):
     monkeypatch.setattr(firmware, "Controller", Careless)
     found = {faults.damaged_set("f28377s", seed).error for seed in range(20)}
     assert "a wrong value" in found
+
+
+@pytest.mark.parametrize("device", firmware.BOARDS)
+def test_a_wrong_clock_is_found_by_the_start(device, monkeypatch):
+    assert all(not faults.wrong_clock(device, seed).error for seed in range(12))
+    # A chip whose clock is right: the row would say so.
+    monkeypatch.setattr(faults, "_plant_clock", lambda *_: None)
+    assert faults.wrong_clock(device, 1).error == "the clock was taken for right"
+
+
+def test_a_wrong_clock_that_is_let_pass(monkeypatch):
+    """Whoever looks away from the pins is seen."""
+    monkeypatch.setattr(faults, "_pwm_pins", lambda *_: 12)
+    assert faults.wrong_clock("f28377s", 1).error == "gates could come on"
 
 
 def test_legs_that_change_over_too_fast():

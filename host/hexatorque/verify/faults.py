@@ -432,7 +432,7 @@ def _restart(sim: Simulation) -> str:
     return ""
 
 
-#: The fault that the start must find; its runs are no simulations.
+#: A fault that the start must find; its runs are no simulations.
 DAMAGED_SET = "damaged parameter set"
 
 
@@ -503,6 +503,71 @@ def damaged_set(device: str, seed: int) -> Result:
     return result
 
 
+#: Found by the board's start as well, which then has no simulation to drive.
+WRONG_CLOCK = "wrong system clock"
+
+
+def _plant_clock(registers, f28335: bool, rng: np.random.Generator) -> None:
+    """A PLL that locks at another frequency, at every try; one that never locks; no crystal."""
+    what = int(rng.integers(3))
+    if what == 0:
+        registers.wrong_locks = 60_000
+        # The widest tolerance of a measurement, against an internal oscillator, is 12 %.
+        registers.wrong_percent = int(rng.choice([rng.integers(25, 86), rng.integers(116, 151)]))
+    elif what == 1:
+        registers.never_locks = 1
+    else:
+        registers.no_crystal = 1
+        if f28335:
+            registers.word[0x7011] |= 8  # PLLSTS.MCLKSTS
+
+
+def _pwm_pins(board, registers) -> int:
+    """How many of the twelve pins are the PWM's."""
+    found = 0
+    for pin in board.pwm:
+        mux = board.map.gpio + pin.gpio // 32 * board.map.gpio_stride + 6 + pin.gpio % 32 // 8
+        found += (registers.word[mux] >> 2 * (pin.gpio % 8)) & 3 != 0
+    return found
+
+
+def wrong_clock(device: str, seed: int) -> Result:
+    """A start with a planted clock: no pin becomes the PWM's, and whatever is commanded, START
+    and CLEAR are refused and the fault stays."""
+    rng = np.random.default_rng(seed)
+    ffi, lib = firmware.ffi, firmware.lib
+    result = Result(WRONG_CLOCK, "start", "", device)
+    board = firmware.board_of(device)[0]
+    registers, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
+    drive, params = ffi.new("ht_drive *"), ffi.new("ht_params *")
+    lib.ht_regfile_reset(registers, board.map)
+    _plant_clock(registers, board.map.device == lib.HT_F28335, rng)
+    lib.ht_port_bind(port, registers, ffi.addressof(board))
+    if lib.ht_board_start(port):
+        result.error = "the clock was taken for right"
+        return result
+    lib.ht_params_default(params)
+    lib.ht_drive_init(drive, port, params)
+    commands = (
+        lambda: lib.ht_drive_start(drive) == lib.HT_OK,
+        lambda: lib.ht_drive_clear(drive) == lib.HT_OK,
+        lambda: lib.ht_drive_stop(drive) is not None,
+        lambda: lib.ht_drive_set(drive, int(rng.integers(100)), float(rng.uniform(-1, 100))) < 0,
+    )
+    for _ in range(AFTER):
+        lib.ht_drive_stand_in(drive, lib.HT_FAULT_CLOCK)  # as the image's background does
+        if commands[int(rng.integers(len(commands)))]():
+            result.error = "a command was accepted"
+        if drive.state != lib.HT_STATE_FAULT or not drive.faults & lib.HT_FAULT_CLOCK:
+            result.error = "the fault did not stay"
+        if _pwm_pins(board, registers) or not lib.ht_port_tripped(port):
+            result.error = "gates could come on"
+    result.cause, result.periods = firmware.FAULTS[lib.HT_FAULT_CLOCK], 1
+    if registers.violations and not result.error:
+        result.error = "forbidden register access"
+    return result
+
+
 def places(fault: Fault, runs: int) -> list[tuple[str, str, str]]:
     """State, scheme and set-up of each run: two thirds where the fault must be found, the
     rest in the other states, each through all combinations in turn."""
@@ -530,9 +595,12 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         results = list(pool.map(one, cases))
-    results += [damaged_set(firmware.BOARDS[n % 3], n) for n in range(runs)]
+    at_the_start = {DAMAGED_SET: damaged_set, WRONG_CLOCK: wrong_clock}
+    for case in at_the_start.values():
+        results += [case(firmware.BOARDS[n % 3], n) for n in range(runs)]
     rows = []
-    named = [(fault.name, fault.found_in) for fault in FAULTS] + [(DAMAGED_SET, ("start",))]
+    named = [(fault.name, fault.found_in) for fault in FAULTS]
+    named += [(name, ("start",)) for name in at_the_start]
     for name, found_in in named:
         own = [r for r in results if r.fault == name]
         found = [r for r in own if r.periods]
