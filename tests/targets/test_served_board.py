@@ -144,7 +144,7 @@ def test_from_dictionary_to_capture(name, serve, need, tmp_path):
     with Drive.open(board.port, board.said["baud"]) as drive:
         # Who is there: the board's dictionary is this firmware's.
         assert name in drive.hello.device
-        assert dict(drive.params) == firmware.parameters()
+        assert dict(drive.params) == firmware.parameters("f28335")
         assert drive.channels == firmware.channels()
 
         # Values: all or none, and read back.
@@ -200,12 +200,8 @@ def test_from_dictionary_to_capture(name, serve, need, tmp_path):
         assert np.array_equal(captured[channel].view(np.uint32), there.view(np.uint32)), channel
 
 
-@pytest.mark.parametrize("name", BOARDS)
-def test_client_that_dies(name, serve, need):
-    """The gates are off within 350 ms of the drive's time, and the board waits for a clear."""
-    if name != "virtual":
-        need(name)
-    board = serve(name)
+def doomed(board):
+    """A client whose drive runs, its latest tick, and the process of the port server."""
     with Drive.open(board.port) as drive:
         drive.set_many(QUICK)
     client = process("-c", DOOMED, board.port)
@@ -215,10 +211,50 @@ def test_client_that_dies(name, serve, need):
             break
     else:
         raise AssertionError(client.communicate()[1])
-    client.kill()
+    with Drive.open(board.port) as drive:
+        return client, int(tick), drive.client.transport.pid
+
+
+def latest_tick(client, tick):
     last = [line.split() for line in client.communicate()[0].splitlines(keepends=True)
             if line.endswith("\n")]  # fmt: skip
-    tick = int(last[-1][1]) if last else int(tick)
+    return int(last[-1][1]) if last else tick
+
+
+def runs_again(drive):
+    drive.start()
+    assert in_state(drive, "run") == "run"
+    drive.stop()
+    assert (drive.state, drive.faults) == ("idle", [])
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_client_that_dies(name, serve, need):
+    """The port server stops the drive that it started."""
+    if name != "virtual":
+        need(name)
+    board = serve(name)
+    client, tick, _ = doomed(board)
+    client.kill()
+    with Drive.open(board.port) as drive:
+        in_state(drive, "idle", "fault")
+        assert (drive.state, drive.faults) == ("idle", [])
+        assert drive.client.latest.tick > latest_tick(client, tick)
+        runs_again(drive)
+    assert board.end()[0] == 0
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_computer_that_dies(name, serve, need):
+    """Client and port server at once. The gates are off within 350 ms of the drive's time, and
+    the board waits for a clear."""
+    if name != "virtual":
+        need(name)
+    board = serve(name)
+    client, tick, server = doomed(board)
+    os.kill(server, signal.SIGKILL)
+    client.kill()
+    tick = latest_tick(client, tick)
     with Drive.open(board.port) as drive:
         in_state(drive, "fault")
         assert drive.faults == ["link lost"]
@@ -226,10 +262,7 @@ def test_client_that_dies(name, serve, need):
         with pytest.raises(LinkError, match="fault"):
             drive.start()
         drive.clear()
-        drive.start()
-        assert in_state(drive, "run") == "run"
-        drive.stop()
-        assert (drive.state, drive.faults) == ("idle", [])
+        runs_again(drive)
     assert board.end()[0] == 0
 
 
