@@ -490,8 +490,8 @@ FAULTS = {
     "pins not released": (
         LAUNCHPAD, CHIP, "    ht_pins_release(port);", "    (void)port;", "PWM is not an input"),
     "pins released as outputs": (
-        F28335, "ht_pins.c", "        ht_change32(port->io, first + GPYDIR, (uint32_t)1u << "
-        "(pin->gpio % 32u), 0u);", "", "PWM is not an input"),
+        F28335, "ht_pins.c", "        ht_change32(port->io, first + GPYDIR, bit, 0u);\n", "",
+        "PWM is not an input"),
     "pins to the PWM": (
         F28335, CHIP, "        ht_pins_start(port);", "        ht_pins_pwm(port);",
         "not tripped"),
