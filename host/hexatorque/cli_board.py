@@ -78,7 +78,7 @@ def _board(args: argparse.Namespace) -> int:
             signal.signal(number, lambda *_: ended.append(True))
         if args.load is not None:
             board.sim.set("load_Nm", args.load)
-        file = runtime.announce(line.port, board.title)
+        file = runtime.announce(line.port, board.title, board.controller.baud)
         try:
             if args.json:
                 said = json.dumps({"port": line.port, "baud": board.controller.baud,

@@ -135,7 +135,7 @@ def open_drive(args: argparse.Namespace):
 
 
 def _client(url: str | None, baud: int | None):
-    from .link import BAUDS
+    from .link import BAUDS, runtime
     from .link.client import Client
 
     if url is None:
@@ -143,7 +143,7 @@ def _client(url: str | None, baud: int | None):
 
         found = devices.only(baud)
         url, baud = found.port, found.baud
-    return Client(url, baud or BAUDS)
+    return Client(url, baud or runtime.bauds_for(url, BAUDS))
 
 
 def console_for(args: argparse.Namespace):

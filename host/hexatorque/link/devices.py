@@ -54,7 +54,7 @@ def _ask_all(baud: int | None) -> list[Found | LinkError]:
 
 def _ask(port: str, bauds: tuple[int, ...], where: str) -> Found | LinkError:
     try:
-        client = Client(port, bauds)
+        client = Client(port, bauds if len(bauds) == 1 else runtime.bauds_for(port, bauds))
     except LinkError as error:
         return error
     try:

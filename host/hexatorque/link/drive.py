@@ -27,7 +27,7 @@ from ..files.journal import TICK_HZ
 from ..firmware import PARAMETER_SETS, FirmwareError, Parameter
 from ..recording import DECIMATION, FIRST_TICK, STARTED, Recording, clock_text
 from ..verbs import DriveVerbs, Progress
-from . import BAUDS, BOARD_RESET, LinkError, capture, clock, wire
+from . import BAUDS, BOARD_RESET, LinkError, capture, clock, runtime, wire
 from .client import Client
 from .dictionary import fetch
 from .stream import Stream, decimation_for, on_a_grid
@@ -59,7 +59,8 @@ class Drive(DriveVerbs):
 
             found = only(baud)
             url, baud = found.port, found.baud
-        return cls(Client(url, baud or BAUDS), record, rate_Hz, operator)
+        bauds = (baud,) if baud else runtime.bauds_for(url, BAUDS)
+        return cls(Client(url, bauds), record, rate_Hz, operator)
 
     def __init__(self, client: Client, record=None, rate_Hz=None, operator=None) -> None:
         self.client = client

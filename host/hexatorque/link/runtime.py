@@ -69,10 +69,11 @@ def locked(path: Path) -> Locked | None:
         return None
 
 
-def announce(port: str, title: str) -> Path:
-    """Say that this process serves a board on `port`; unlink the file in the end."""
+def announce(port: str, title: str, baud: int = 0) -> Path:
+    """Say that this process serves a board on `port`; unlink the file in the end. `baud` is the
+    rate at which it answers, 0 if that is not known."""
     path = directory() / f"board-{os.getpid()}-{Path(port).name}.json"
-    text = json.dumps({"port": port, "pid": os.getpid(), "title": title})
+    text = json.dumps({"port": port, "pid": os.getpid(), "title": title, "baud": baud})
     partial = path.with_suffix(".part")
     partial.write_text(text)
     partial.replace(path)
@@ -83,6 +84,7 @@ class Announced(NamedTuple):
     port: str
     pid: int
     title: str
+    baud: int
 
 
 def announced() -> list[Announced]:
@@ -91,7 +93,8 @@ def announced() -> list[Announced]:
     for path in sorted(directory().glob("board-*.json")):
         try:
             row = json.loads(path.read_text())
-            board = Announced(str(row["port"]), int(row["pid"]), str(row["title"]))
+            told = str(row["port"]), int(row["pid"]), str(row["title"]), int(row.get("baud", 0))
+            board = Announced(*told)
             os.kill(board.pid, 0)
         except (ValueError, KeyError, TypeError, OSError):
             path.unlink(missing_ok=True)
@@ -99,3 +102,11 @@ def announced() -> list[Announced]:
         if os.path.exists(board.port):
             boards.append(board)
     return boards
+
+
+def bauds_for(url: str, bauds: tuple[int, ...]) -> tuple[int, ...]:
+    """The rates to try at a port, with the one first that a virtual board there has announced:
+    each wrong one takes a second."""
+    port = os.path.realpath(url)
+    own = tuple(board.baud for board in announced() if board.port == port and board.baud)
+    return own + tuple(baud for baud in bauds if baud not in own)

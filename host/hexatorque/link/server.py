@@ -58,8 +58,12 @@ PROCESS_REPLY_S = 0.25
 #: in a hundred (`hexatorque verify line`). What a process serves loses nothing, but may be late.
 TRIES = 8
 PROCESS_TRIES = 3
-#: For each baud rate when several are tried.
+#: For each baud rate when several are tried. A computer's own ports are mostly silent, and who
+#: looks for a board waits for all of them: they get one try.
 PROBE_TRIES = 4
+OWN_PORT_TRIES = 1
+#: A reply to HELLO on the line, names and build included.
+HELLO_BYTES = 150
 
 
 def tries(url: str) -> int:
@@ -605,7 +609,9 @@ def _probe(line: port.Line, bauds: tuple[int, ...]) -> int:
     """The rate at which a board answers."""
     if is_process(line.url) or "://" in line.url:
         bauds = bauds[:1]  # whatever the rate
-    each = tries(line.url) if len(bauds) == 1 else PROBE_TRIES
+    adapter = os.path.basename(os.path.realpath(line.url)).startswith(("ttyUSB", "ttyACM"))
+    several = PROBE_TRIES if adapter or "://" in line.url else OWN_PORT_TRIES
+    each = tries(line.url) if len(bauds) == 1 else several
     for at, baud in enumerate(bauds):
         if at:
             line.change_baud(baud)
@@ -614,7 +620,7 @@ def _probe(line: port.Line, bauds: tuple[int, ...]) -> int:
         for _ in range(each):
             line.write(sent)
             # Nothing streams before a session, so that no sample goes before the reply.
-            within_s = reply_s(line.url, baud, len(sent) + wire.LONGEST_FRAME)
+            within_s = reply_s(line.url, baud, len(sent) + HELLO_BYTES)
             end_s = time.monotonic() + within_s
             while select.select([line], [], [], max(0.0, end_s - time.monotonic()))[0]:
                 if any(body[0] == wire.REPLY + Op.HELLO for body in splitter.push(line.read())):
