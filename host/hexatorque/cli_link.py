@@ -303,8 +303,9 @@ def _start(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps({"state": was, "faults": faults}))
     if drive.resets:
-        print("hexatorque: the board was reset; its parameters are at their initial values",
-              file=sys.stderr)  # fmt: skip
+        from .link import RESET_VALUES
+
+        print(f"hexatorque: the board was reset; {RESET_VALUES}", file=sys.stderr)
         return 1
     if was == "idle":
         console.print("stopped by somebody else")

@@ -386,7 +386,7 @@ def test_a_reset_ends_a_stream_and_is_told(peer, drive):
                 stream.read(1.0)
         assert str(caught.value) == (
             f"{peer.port}: the board was reset; the recording ends at tick 1030; "
-            "its parameters are at their initial values"
+            "its parameters are at their saved or initial values"
         )
         assert (stream.gaps, stream.lost) == (0, 0)
     assert drive.resets == 1

@@ -312,7 +312,7 @@ def test_a_reset_ends_a_file(own_board, tmp_path):
     last = int(table[-1, 1])
     assert err == (
         f"hexatorque: {own_board.url}: the board was reset; the recording ends at tick {last}; "
-        "its parameters are at their initial values\n"
+        "its parameters are at their saved or initial values\n"
     )
     assert (np.diff(table[:, 1]) == 20).all()
     beside = json.loads(file.with_suffix(".json").read_text())

@@ -292,6 +292,9 @@ FIGURES = "[...document.querySelectorAll('#figures b')].map(e => e.textContent)"
 def test_figures_without_a_meaning_are_blank(page, monitor, board):
     """The board sends the torque of its last control step when the control does not run."""
     start(page)
+    # Fast enough to coast for some seconds: its figure must go on while the page is paused.
+    monitor.post("/write", {"values": {"speed_ref_rpm": 300}})
+    page.until("parseFloat(document.querySelector('[data-figure=speed_rpm]').textContent) > 100")
     torque = "document.querySelector('[data-figure=torque_Nm]').textContent"
     flux = "document.querySelector('.chip [data-channel=psi_alpha_Wb]').textContent"
     page.until(f"{torque} !== '–' && {flux} !== '–'")

@@ -34,7 +34,7 @@ def test_in_the_next_interrupt(result):
 
 
 def test_tables_and_picture(result, tmp_path):
-    assert len(faults.tables(result)[0].rows) == len(faults.FAULTS) + 1
+    assert len(faults.tables(result)[0].rows) == len(result["rows"]) > len(faults.FAULTS)
     assert faults.failures(result) == []
     path = faults.plot(result, tmp_path / "faults.png")
     assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 20_000

@@ -8,6 +8,8 @@ states) is what the board's own dictionary says, never the firmware compiled int
 BAUDS = (1_250_000, 937_500, 115_200)
 #: In the metadata of a recording that a reset of the board has ended.
 BOARD_RESET = "board reset"
+#: What a reset does to the parameters; STATUS says which of the two it was.
+RESET_VALUES = "its parameters are at their saved or initial values"
 
 
 class LinkError(RuntimeError):

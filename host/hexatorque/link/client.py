@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from . import LinkError, wire
+from . import RESET_VALUES, LinkError, wire
 from .exchange import PULSE_S, NoReply, Notice
 from .transport import MISSED_PULSES, Transport
 from .wire import Op, Reply, Status
@@ -208,8 +208,8 @@ class Client:
                 self._resume()
                 if self.resets != resets:
                     raise LinkError(
-                        f"{self.url}: the board was reset; its parameters are at their "
-                        f"initial values; {Op(op).name} was not carried out"
+                        f"{self.url}: the board was reset; {RESET_VALUES}; "
+                        f"{Op(op).name} was not carried out"
                     )
                 reply = self._ask(op, payload, accepted)
             return reply

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 from serial.tools import list_ports
 
 from . import BAUDS, LinkError, runtime
 from .client import Client
-from .exchange import Busy
+from .exchange import Busy, NoReply
+from .transport import Transport
 
 
 @dataclass(frozen=True)
@@ -43,18 +45,27 @@ def only(baud: int | None = None) -> Found:
 
 
 def _ask_all(baud: int | None) -> list[Found | LinkError]:
+    """Every port is asked quickly. Only when no board answers, the silent ports are asked again,
+    more often and with more time."""
     where = {board.port: board.title for board in runtime.announced()}
     for port in list_ports.comports():
         where.setdefault(port.device, port.description or "serial port")
     bauds = (baud,) if baud else BAUDS
     ports = sorted(where)
     with ThreadPoolExecutor(max(1, len(ports))) as pool:
-        return list(pool.map(lambda port: _ask(port, bauds, where[port]), ports))
+        answers = list(pool.map(lambda port: _ask(port, bauds, where[port], True), ports))
+        if not any(isinstance(answer, Found) for answer in answers):
+            silent = [n for n, answer in enumerate(answers) if isinstance(answer, NoReply)]
+            again = pool.map(lambda n: _ask(ports[n], bauds, where[ports[n]], False), silent)
+            for n, answer in zip(silent, list(again)):
+                answers[n] = answer
+    return answers
 
 
-def _ask(port: str, bauds: tuple[int, ...], where: str) -> Found | LinkError:
+def _ask(port: str, bauds: tuple[int, ...], where: str, quick: bool) -> Found | LinkError:
+    bauds = bauds if len(bauds) == 1 else runtime.bauds_for(port, bauds)
     try:
-        client = Client(port, bauds if len(bauds) == 1 else runtime.bauds_for(port, bauds))
+        client = Client(port, bauds, partial(Transport, quick=quick))
     except LinkError as error:
         return error
     try:

@@ -109,7 +109,7 @@ class Drive(DriveVerbs):
     @property
     def resets(self) -> int:
         """How often the board was reset since this was opened, by the board's own word. Its
-        parameters are at their initial values since, and streams have ended."""
+        parameters are at their saved or initial values since, and streams have ended."""
         return self.client.resets
 
     @property

@@ -38,8 +38,9 @@ from .wire import Op, Reply, Request, Status
 
 #: A client that started the drive beats every 80 ms.
 SILENT_S = 0.25
-#: A session that clients have is kept by a request in this time.
-HEARTBEAT_S = 0.08
+#: A session that clients have is kept by a request in this time. Later than a client's own
+#: heartbeat, or both ask when only one needs to.
+HEARTBEAT_S = 0.1
 #: The server ends when nobody has been there for so long.
 LINGER_S = 1.0
 #: Without a request under way the port is read this often: few wake-ups at full speed.
@@ -58,10 +59,11 @@ PROCESS_REPLY_S = 0.25
 #: in a hundred (`hexatorque verify line`). What a process serves loses nothing, but may be late.
 TRIES = 8
 PROCESS_TRIES = 3
-#: For each baud rate when several are tried. A computer's own ports are mostly silent, and who
-#: looks for a board waits for all of them: they get one try.
+#: For each baud rate when several are tried.
 PROBE_TRIES = 4
-OWN_PORT_TRIES = 1
+#: A computer's own ports are mostly silent, and who looks for a board waits for all of them. In a
+#: quick probe they get one try a rate. They have no USB adapter that keeps bytes for 16 ms.
+QUICK_REPLY_S = 0.02
 #: A reply to HELLO on the line, names and build included.
 HELLO_BYTES = 150
 
@@ -605,13 +607,13 @@ def _status(reply: Reply) -> wire.StatusReply | None:
 # -- the process ---------------------------------------------------------------------------
 
 
-def _probe(line: port.Line, bauds: tuple[int, ...]) -> int:
+def _probe(line: port.Line, bauds: tuple[int, ...], quick: bool) -> int:
     """The rate at which a board answers."""
     if is_process(line.url) or "://" in line.url:
         bauds = bauds[:1]  # whatever the rate
     adapter = os.path.basename(os.path.realpath(line.url)).startswith(("ttyUSB", "ttyACM"))
-    several = PROBE_TRIES if adapter or "://" in line.url else OWN_PORT_TRIES
-    each = tries(line.url) if len(bauds) == 1 else several
+    quick = quick and len(bauds) > 1 and not adapter
+    each = 1 if quick else tries(line.url) if len(bauds) == 1 else PROBE_TRIES
     for at, baud in enumerate(bauds):
         if at:
             line.change_baud(baud)
@@ -620,7 +622,10 @@ def _probe(line: port.Line, bauds: tuple[int, ...]) -> int:
         for _ in range(each):
             line.write(sent)
             # Nothing streams before a session, so that no sample goes before the reply.
-            within_s = reply_s(line.url, baud, len(sent) + HELLO_BYTES)
+            line_bytes = len(sent) + HELLO_BYTES
+            within_s = reply_s(line.url, baud, line_bytes)
+            if quick:
+                within_s = line_bytes * 10 / baud + QUICK_REPLY_S
             end_s = time.monotonic() + within_s
             while select.select([line], [], [], max(0.0, end_s - time.monotonic()))[0]:
                 if any(body[0] == wire.REPLY + Op.HELLO for body in splitter.push(line.read())):
@@ -662,7 +667,7 @@ def _say(**words: object) -> None:
     os.close(nothing)
 
 
-def main(url: str, bauds: tuple[int, ...]) -> int:
+def main(url: str, bauds: tuple[int, ...], quick: bool) -> int:
     if os.fork():
         os._exit(0)  # nobody needs to wait for the server
     os.chdir("/")
@@ -677,7 +682,7 @@ def main(url: str, bauds: tuple[int, ...]) -> int:
     line = None
     try:
         line = port.Line(url, bauds[0])
-        baud = _probe(line, bauds)
+        baud = _probe(line, bauds, quick)
         path.unlink(missing_ok=True)  # of one that was killed
         listener = socket.socket(socket.AF_UNIX)
         with runtime.short(path) as address:
@@ -702,4 +707,4 @@ def main(url: str, bauds: tuple[int, ...]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1], tuple(int(baud) for baud in sys.argv[2].split(","))))
+    sys.exit(main(sys.argv[1], tuple(map(int, sys.argv[2].split(","))), "quick" in sys.argv[3:]))

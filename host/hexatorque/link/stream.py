@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from . import BOARD_RESET, LinkError, wire
+from . import BOARD_RESET, RESET_VALUES, LinkError, wire
 from .client import Client
 from .dictionary import Dictionary
 from .wire import Hello, Reply, Status
@@ -125,8 +125,7 @@ class Stream:
         """The board was reset: its ticks begin anew, and nothing follows on what was before."""
         at = "before its first sample" if self._tick is None else f"at tick {self._time}"
         self.ended = LinkError(
-            f"{self._client.url}: the board was reset; the recording ends {at}; "
-            "its parameters are at their initial values",
+            f"{self._client.url}: the board was reset; the recording ends {at}; {RESET_VALUES}",
             ended=BOARD_RESET,
         )
         self._detach()

@@ -45,11 +45,13 @@ class Transport:
         bauds: tuple[int, ...],
         bodies: Callable[[list[bytes]], None],
         lost: Callable[[], None],
+        quick: bool = False,
     ) -> None:
         """`bauds`: with several, the one at which the board answers; the server may be open
-        already, then it must be one of them."""
+        already, then it must be one of them. `quick`: ask a port of the computer itself only
+        once at each rate."""
         self.url = url
-        self._bauds = bauds
+        self._bauds, self._quick = bauds, quick
         self._bodies, self._lost = bodies, lost
         self._write_lock = threading.Lock()
         self._closing = False
@@ -244,7 +246,7 @@ class Transport:
             process = subprocess.Popen(
                 # -P: nothing from the directory where the user happens to be.
                 [sys.executable, "-P", "-m", f"{__package__}.server", url,
-                 ",".join(str(baud) for baud in self._bauds)],
+                 ",".join(str(baud) for baud in self._bauds), *(["quick"] if self._quick else [])],
                 stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=complaints,
                 env={**os.environ, "PYTHONPATH": path}, start_new_session=True,
             )  # fmt: skip
