@@ -15,7 +15,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := $(shell find firmware host cmake -type f ! -name '*.pyc' ! -name '*.so' ! -name '*.nb?') \
   pyproject.toml CMakeLists.txt tools/setup.sh
-C_SOURCES := $(shell find firmware cmake tests/c tests/fuzz -type f) CMakeLists.txt
+C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
 JOBS ?= 2
 FUZZ_S ?= 120
 
@@ -59,14 +59,14 @@ fuzz: $(VENV)/.installed
 	$(BIN)/cmake --preset fuzz -G Ninja "-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja" >/dev/null
 	$(BIN)/cmake --build --preset fuzz --target fuzz_packet fuzz_service
 	mkdir -p out/fuzz/packet out/fuzz/service
-	build/fuzz/tests/fuzz/fuzz_packet -max_len=1100 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
-	  -artifact_prefix=out/fuzz/ out/fuzz/packet tests/fuzz/corpus/packet
-	build/fuzz/tests/fuzz/fuzz_service -max_len=300 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
-	  -artifact_prefix=out/fuzz/ out/fuzz/service tests/fuzz/corpus/service
+	build/fuzz/tests/c/fuzz/fuzz_packet -max_len=1100 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
+	  -artifact_prefix=out/fuzz/ out/fuzz/packet tests/c/fuzz/corpus/packet
+	build/fuzz/tests/c/fuzz/fuzz_service -max_len=300 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
+	  -artifact_prefix=out/fuzz/ out/fuzz/service tests/c/fuzz/corpus/service
 
 # These keep time with processes of their own: one at a time, and what a computer that was held up
 # has failed gets a second chance.
-TIMED := tests/link tests/monitor tests/targets
+TIMED := tests/host/serial tests/host/monitor tests/host/boards
 timed = $(BIN)/python -m pytest -rs $(1) || \
 	$(BIN)/python -m pytest -rs --last-failed --last-failed-no-failures none $(1)
 
@@ -77,8 +77,8 @@ test: test-c
 # One at a time: they measure speed. Fails where a tool is missing, after what can be run.
 test-targets: $(VENV)/.installed
 	@failed=0; \
-	($(call timed,tests/targets)) || failed=1; \
-	$(BIN)/python -m hexatorque.targets.tools || failed=1; \
+	($(call timed,tests/host/boards)) || failed=1; \
+	$(BIN)/python -m hexatorque.boards.tools || failed=1; \
 	$(MAKE) check-c || failed=1; \
 	exit $$failed
 

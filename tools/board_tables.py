@@ -3,7 +3,7 @@
 `python tools/board_tables.py` (in an environment with hexatorque installed) replaces what
 is between a board's two marks in that page. Signals, pins and channels come from
 `ht_board.c` and from the registers that the drivers leave; connector pins and remarks
-from the lists below. `tests/port/test_board_tables.py` compares.
+from the lists below. `tests/firmware/port/test_board_tables.py` compares.
 """
 
 import re

@@ -4,7 +4,7 @@
 linker command files of the flash images the names of the files whose functions stay there. CMake is
 configured and built with a stand-in in the compiler's place, which compiles nothing and
 writes down what it is called with; a project takes sources, defines, options and linker
-command file from there. `tests/build/test_ccs_projects.py` compares.
+command file from there. `tests/project/test_ccs_projects.py` compares.
 """
 
 import os

@@ -10,8 +10,8 @@ import shutil
 import sys
 from pathlib import Path
 
-from hexatorque.papers import ENTRIES
-from hexatorque.papers.page import counts, with_unit
+from hexatorque.evidence.papers import ENTRIES
+from hexatorque.evidence.papers.engine.page import counts, with_unit
 
 BEGIN, END = "<!-- generated: {} -->\n", "<!-- end of {} -->\n"
 #: Shown in the documentation.

@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from . import _firmware
+from .errors import HexatorqueError
 
 ffi, lib = _firmware.ffi, _firmware.lib
 
@@ -39,8 +40,10 @@ DEVICES = ("f28335", "f28377s")
 BOARDS = (*DEVICES, "launchxl_f28377s")
 
 
-class FirmwareError(ValueError):
+class FirmwareError(HexatorqueError, ValueError):
     """The firmware refused a value or a command."""
+
+    exit_code = 2
 
 
 @dataclass(frozen=True)

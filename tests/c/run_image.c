@@ -4,7 +4,7 @@
  *
  * Prints the registers that the start has written ("register ADDRESS VALUE"), every
  * forbidden access ("violation ADDRESS KIND WHY"), and what it checks ("check ok NAME" or
- * "check FAILED NAME"). Exit status 0 if all is well. tests/port/test_image.py
+ * "check FAILED NAME"). Exit status 0 if all is well. tests/firmware/port/test_image.py
  * compares the registers with what they should be, and breaks the drivers to see this fail.
  *
  * An argument plants a fault of the chip's clock: "wrong", "never", "missing", and "late" for a

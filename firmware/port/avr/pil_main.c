@@ -1,5 +1,5 @@
 /* Processor in the loop on an ATmega2560 with external memory, over its serial port.
- * Only simulated so far (tests/targets/avr_machine.c). */
+ * Only simulated so far (port/avr/simulator). */
 #include <avr/io.h>
 
 #include "ht_pil.h"

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from ..frames import PHASES, TRANSFORM
-from ..recording import Recording
+from ..plant.vsd import PHASES, TRANSFORM
+from ..recording.recording import Recording
 from .spectrum import channel, fundamental_Hz, harmonics, thd_pct
 
 

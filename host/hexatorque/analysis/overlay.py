@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..recording import TRIGGER, Recording, RecordingError
+from ..recording.recording import TRIGGER, Recording, RecordingError
 from .plots import INK, LABEL, LEGEND, TITLE, new_figure, save, thin
 
 ALIGNMENTS = ("trigger", "start", "none")

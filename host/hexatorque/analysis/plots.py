@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .metrics import i_xy_A
-from .paper_values import PAPER, paper_values
+from .reference import Reference, reference_values
 from .run import LATENCIES, Run, by_point
 from .spectrum import channel, fundamental_Hz, harmonics, spectrum, whole_cycles
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..recording import Recording
+    from ..recording.recording import Recording
 
 WIDTH_IN, DPI = 10.0, 150
 CYCLES, FALLBACK_S = 2, 0.04  #: of `waveforms`; the second without a usable fundamental
@@ -256,7 +256,7 @@ def _spectrum_panel(ax: Axes, run: Run) -> None:
     ax.legend(loc="upper right", bbox_to_anchor=(1, 0.88), handletextpad=0.2, **LEGEND)
 
 
-def bars(runs: list[Run], path: str | Path, paper: dict[str, dict] = PAPER) -> Path:
+def bars(runs: list[Run], path: str | Path, reference: Reference) -> Path:
     """Overview: THD, torque ripple, Delta-I and f_sw, a row per set-up and point; bars
     by scheme and latency, diamonds for what the paper measured."""
     groups = by_point(runs)
@@ -264,7 +264,7 @@ def bars(runs: list[Run], path: str | Path, paper: dict[str, dict] = PAPER) -> P
     for row, (point, group) in zip(axes, groups.items(), strict=True):
         row[0].set_ylabel(point.replace(": ", "\n"), **TITLE)
         for ax, (title, key, scale) in zip(row, _BARS, strict=True):
-            _bar_panel(ax, group, key, scale, paper)
+            _bar_panel(ax, group, key, scale, reference)
             ax.set_title(title, **LABEL)
     handles = {}
     for ax in axes.flat:
@@ -284,7 +284,7 @@ _BARS = (
 MEASURED, RELATIVE = "paper, measured", "paper, times our DTC1"
 
 
-def _bar_panel(ax: Axes, group: list[Run], key: str, scale: float, paper: dict) -> None:
+def _bar_panel(ax: Axes, group: list[Run], key: str, scale: float, reference: Reference) -> None:
     schemes = list(dict.fromkeys(run.scheme for run in group))
     latencies = {
         scheme: [n for n in LATENCIES if any((r.scheme, r.latency) == (scheme, n) for r in group)]
@@ -302,7 +302,7 @@ def _bar_panel(ax: Axes, group: list[Run], key: str, scale: float, paper: dict) 
         if value is not None:
             ax.bar(at + offset, scale * value, 0.92 * width, label=run.latency_label,
                    color=LATENCY_COLOUR[run.latency])  # fmt: skip
-        measured = paper_values(paper, run)
+        measured = reference_values(reference, run)
         if key in measured:
             ax.plot([at], [scale * measured[key]], "D", markersize=6, color=INK,
                     markeredgecolor="white", label=MEASURED)  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ..recording import Recording
+from ..recording.recording import Recording
 
 #: How the simulated PWM takes over the registers, in the order they are shown.
 LATENCIES = {

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..recording import Recording
+from ..recording.recording import Recording
 
 #: Upper limits of the THD bands.
 BANDS_HZ = {"1kHz": 1e3, "2kHz": 2e3, "5kHz": 5e3}

@@ -16,14 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..burst import TRIGGERS, Trigger
-from ..files import SUFFIXES, RecordingError
-from ..link import LinkError, wire
-from ..link.client import HEARTBEAT_S
-from ..link.drive import Drive
-from ..link.recorder import Recorder
-from ..link.stream import Stream
-from ..recording import Recording
+from ..drive.board import BoardDrive
+from ..drive.captures import TRIGGERS, Trigger
+from ..drive.recorder import Recorder
+from ..recording.formats import SUFFIXES, RecordingError
+from ..recording.recording import Recording
+from ..serial import LinkError, wire
+from ..serial.client import HEARTBEAT_S
+from ..serial.stream import Stream
 from .traces import Ring
 
 #: A drive that was started here is stopped when no page has answered for so long. With the
@@ -80,7 +80,7 @@ class Desk:
 
     def __init__(
         self,
-        drive: Drive,
+        drive: BoardDrive,
         folder: Path,
         silent_s: float = SILENT_S,
         hidden_s: float = HIDDEN_S,

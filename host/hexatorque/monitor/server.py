@@ -25,9 +25,9 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 
-from ..files import RecordingError
 from ..firmware import FirmwareError
-from ..link import LinkError
+from ..recording.formats import RecordingError
+from ..serial import LinkError
 from .desk import Desk
 from .traces import View
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from ..frames import TRANSFORM
 from .machine import (
     derivative,
     leg_response,
@@ -24,6 +23,7 @@ from .machine import (
 )
 from .record import record
 from .saturation import excess_gain, open_rotor
+from .vsd import TRANSFORM
 
 LOW, HIGH, OFF = 0, 1, 2
 NO_LEG = -1

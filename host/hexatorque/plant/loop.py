@@ -130,9 +130,8 @@ def _log(edges, logged, ps, n, start):
 
 def source_hash() -> int:
     """Changes with any file of the compiled plant."""
-    folder = Path(__file__).parent
-    files = [*folder.glob("*.py"), folder.parent / "frames.py"]
-    text = b"".join(file.read_bytes() for file in sorted(files))
+    files = sorted(Path(__file__).parent.glob("*.py"))
+    text = b"".join(file.read_bytes() for file in files)
     return zlib.crc32(text) | 1
 
 

@@ -24,9 +24,9 @@ import numpy as np
 from numba import njit
 from numba.extending import overload
 
-from ..frames import INVERSE, TRANSFORM
 from .record import record
 from .saturation import excess_flux
+from .vsd import INVERSE, TRANSFORM
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,117 @@
+"""Targets that are emulators: a process that talks through two FIFOs."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import tempfile
+import weakref
+from pathlib import Path
+
+from ..firmware import ffi
+from . import tools
+from .processor import Target
+
+#: Machine -> CMake preset of its images. The last one is simavr's, the others are QEMU's.
+MACHINES = {"mps2-an386": "mps2", "mps2-an500": "mps2-m7", "atmega2560": "avr"}
+#: What each needs.
+NEEDS = {
+    "mps2-an386": ("arm-none-eabi-gcc", "qemu-system-arm"),
+    "mps2-an500": ("arm-none-eabi-gcc", "qemu-system-arm"),
+    "atmega2560": ("avr-gcc", "libsimavr"),
+}
+#: How long a reply may take: a step takes some 50 us, starting the emulator less than 1 s.
+TIMEOUT_S = 10.0
+
+
+def qemu(machine: str, image: Path, serial: tuple[str, ...] = ("-serial", "none")) -> list[str]:
+    """The command that runs an image; its files are those of the working directory."""
+    return [
+        tools.program("qemu-system-arm") or "qemu-system-arm", "-M", machine,
+        "-kernel", str(image), "-display", "none", "-monitor", "none", *serial,
+        "-semihosting-config", "enable=on,target=native",
+    ]  # fmt: skip
+
+
+def fifos(place: Path, there: str, back: str) -> list[int]:
+    """Make two FIFOs, to another process and from it. Descriptors of our ends: the first
+    is open for both ways, so that it waits for nobody; the second one for reading only, so
+    that it tells when the other is gone."""
+    for name in (there, back):
+        os.mkfifo(place / name)
+    return [
+        os.open(place / there, os.O_RDWR | os.O_NONBLOCK),
+        os.open(place / back, os.O_RDONLY | os.O_NONBLOCK),
+    ]
+
+
+def _end(process: subprocess.Popen, files: list[int], folder: tempfile.TemporaryDirectory) -> None:
+    process.kill()
+    process.wait()
+    for file in files:
+        with contextlib.suppress(OSError):
+            os.close(file)
+    folder.cleanup()
+
+
+class ProcessTarget(Target):
+    """A target in a process of its own. It ends with `close`, with this object, with this
+    program, and by itself once nobody holds the other end of its FIFOs."""
+
+    def __init__(self, name: str, command: list[str], timeout_s: float = TIMEOUT_S) -> None:
+        super().__init__()
+        self.name = name
+        folder = tempfile.TemporaryDirectory(prefix="hexatorque-")
+        place = Path(folder.name)
+        files = fifos(place, "to_target", "from_target")
+        files += self.prepare(place)
+        self._said = place / "stderr"
+        with self._said.open("w") as said:
+            # Of its own session: Ctrl-C is for this program, which then ends it.
+            self.process = subprocess.Popen(
+                command, cwd=place, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                stderr=said, start_new_session=True,
+            )  # fmt: skip
+        self.close = weakref.finalize(self, _end, self.process, files, folder)
+        self.link.local = ffi.NULL
+        self.link.to_target, self.link.from_target = files[:2]
+        self.link.timeout_ms = round(timeout_s * 1000)
+
+    def prepare(self, place: Path) -> list[int]:
+        """Make what else the process needs in its working directory, before it starts.
+        Returns descriptors that are closed with it."""
+        return []
+
+    def epitaph(self) -> str:
+        if self.close.alive is False:
+            return ""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(0.2)
+        if self.process.returncode is None:
+            return f" ({self.link.timeout_ms / 1000:g} s)"
+        said = self._said.read_text().strip().splitlines()
+        last = f": {said[-1]}" if said else ""
+        return f" (status {self.process.returncode}{last})"
+
+
+def avr(image: Path) -> list[str]:
+    """The command that runs an image on a simulated ATmega2560."""
+    source = tools.source_root() / "firmware/port/avr/simulator/avr_machine.c"
+    simulator = image.parent / "avr_machine"
+    if not simulator.exists() or simulator.stat().st_mtime < source.stat().st_mtime:
+        fresh = simulator.with_suffix(f".{os.getpid()}")
+        tools.run([tools.program("cc"), "-O2", source, "-o", fresh, "-lsimavr", "-lelf"])
+        fresh.replace(simulator)
+    return [str(simulator), str(image)]
+
+
+def emulator(machine: str = "mps2-an386", timeout_s: float = TIMEOUT_S) -> ProcessTarget:
+    """The firmware built for a machine, running there."""
+    tools.need(*NEEDS[machine])
+    folder = tools.build(MACHINES[machine])
+    if machine == "atmega2560":
+        command = avr(folder / "firmware/port/avr/pil")
+    else:
+        command = qemu(machine, folder / "firmware/port/mps2/pil")
+    return ProcessTarget(machine, command, timeout_s)

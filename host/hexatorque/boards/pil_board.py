@@ -1,0 +1,116 @@
+"""A target that is a real board on a serial port."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import time
+import weakref
+
+import serial
+
+from ..firmware import ffi, lib
+from ..serial.port import error_number
+from ..setups import SetupError
+from .processor import Target, TargetError
+
+#: Rate unless another one is given, baud: that of the boards' images.
+BAUD = lib.ht_link_baud()
+#: How long a reply may take. At 9600 baud it is on its way for half a second.
+TIMEOUT_S = 2.0
+#: What ends any frame that a target may still be waiting for: as much as the largest one.
+ZEROS = bytes(len(ffi.new("ht_link *").octets))
+#: So long nothing comes on a line that is quiet: longer than a USB adapter keeps octets back.
+QUIET_S = 0.1
+#: A line that is not quiet by then is somebody else's.
+NEVER_QUIET_S = 2.0
+
+_WHY = {
+    errno.ENOENT: "no such port",
+    errno.EACCES: "no permission (on Debian: adduser to the group dialout)",
+    errno.EBUSY: "busy, another program has it",
+    errno.EAGAIN: "busy, another program has it",
+    errno.ENOTTY: "not a serial port",
+}
+
+
+def _known() -> str:
+    from serial.tools import list_ports
+
+    names = [port.device for port in list_ports.comports()]
+    return f"; there is {', '.join(names)}" if names else "; there is none on this machine"
+
+
+def _open(name: str, baud: int):
+    """The port, open for this program alone: a path, or an address that pyserial knows."""
+    if baud <= 0:
+        raise SetupError(f"baud = {baud}: a positive rate")
+    try:
+        port = serial.serial_for_url(
+            name, baudrate=baud, exclusive=True, timeout=QUIET_S, write_timeout=TIMEOUT_S
+        )
+    except (OSError, ValueError) as error:  # SerialException is an OSError
+        number = error_number(error)
+        why = _WHY.get(number, str(error).splitlines()[0])
+        raise SetupError(f"{name}: {why}{_known() if number == errno.ENOENT else ''}") from None
+    with contextlib.suppress(AttributeError, ValueError, OSError):
+        port.set_low_latency_mode(True)  # FTDI: 1 ms instead of 16 ms a reply
+    return port
+
+
+class BoardTarget(Target):
+    """A board whose image is already running: it is not reset for a run. Whatever an
+    earlier run left on the line, or in the board, is thrown away first; `init` then makes a
+    new drive."""
+
+    def __init__(self, name: str, baud: int = BAUD, timeout_s: float = TIMEOUT_S) -> None:
+        super().__init__()
+        self.name, self.baud = name, baud
+        self._port = _open(name, baud)
+        self.close = weakref.finalize(self, self._port.close)
+        try:
+            line = self._port.fileno()
+        except (AttributeError, OSError):
+            self.close()
+            raise SetupError(f"{name}: not a port with a file descriptor") from None
+        self.link.local = ffi.NULL
+        self.link.to_target = self.link.from_target = line
+        self.link.timeout_ms = round(timeout_s * 1000)
+        try:
+            self._hush()
+        except BaseException:
+            self.close()
+            raise
+
+    def _hush(self) -> None:
+        """Bring the target to where it waits for a request, and the line to silence."""
+        try:
+            self._port.write(ZEROS)
+            sent = time.monotonic() + 10 * len(ZEROS) / self.baud
+            never = sent + NEVER_QUIET_S
+            while self._port.read(4096) or time.monotonic() < sent:
+                if time.monotonic() > never:
+                    raise TargetError(
+                        f"{self.name}: the line does not get quiet (is this image one for "
+                        f"processor in the loop?)"
+                    )
+        except serial.SerialTimeoutException:
+            raise TargetError(f"{self.name}: the port takes no octets") from None
+        except serial.SerialException:
+            raise TargetError(f"{self.name}: the port is gone (unplugged?)") from None
+
+    def epitaph(self) -> str:
+        link = self.link
+        if link.error == lib.HT_LINK_SILENT and link.heard:
+            return (
+                f" ({link.heard} octets came, but no reply in them: is the board's rate "
+                f"{self.baud} baud?)"
+            )
+        if link.error == lib.HT_LINK_SILENT:
+            return (
+                f" ({link.timeout_ms / 1000:g} s; is the board on, with an image for processor "
+                f"in the loop at {self.baud} baud?)"
+            )
+        if link.error == lib.HT_LINK_CLOSED:
+            return " (the port is gone: unplugged?)"
+        return ""

@@ -1,0 +1,230 @@
+"""A drive's firmware on another processor, driven period by period: the controller of a
+simulation whose plant runs here. And a controller on the host that keeps the same record
+of its registers. The protocol is in firmware/pil and its folder host.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Self
+
+import numpy as np
+
+from ..errors import HexatorqueError
+from ..firmware import (
+    DEVICES,
+    STATES,
+    Controller,
+    FirmwareError,
+    Store,
+    causes,
+    channels,
+    ffi,
+    lib,
+    snapshot_of,
+)
+
+#: Place in a target's identity: number of registers that it tells of.
+REGISTERS = 3
+
+
+class TargetError(HexatorqueError, RuntimeError):
+    """The target does not answer, or not as it should."""
+
+
+_ERRORS = {
+    lib.HT_LINK_SILENT: "no reply in time",
+    lib.HT_LINK_CLOSED: "the target has ended",
+    lib.HT_LINK_BROKEN: "a frame did not arrive whole (checksum)",
+    lib.HT_LINK_ANSWER: "a reply that does not fit the request",
+    lib.HT_LINK_REFUSED: "the target refuses the request",
+    lib.HT_LINK_PARTED: "host and target see different hardware",
+}
+
+
+class Log:
+    """Register images after every period: what both kinds of controller keep."""
+
+    def __init__(self, log) -> None:
+        self._log = log
+        self._rows = np.empty((0, log.width), np.uint16)
+
+    def begin(self, periods: int) -> None:
+        """Keep the next `periods` recorded periods."""
+        self._rows = np.empty((periods, self._log.width), np.uint16)
+        self._log.image = ffi.cast("uint16_t *", self._rows.ctypes.data)
+        self._log.capacity = periods
+        self._log.rows = 0
+
+    @property
+    def images(self) -> np.ndarray:
+        """(periods, words) uint16; `image_names` tells the columns."""
+        return self._rows[: self._log.rows]
+
+
+def image_names(controller: Controller) -> list[str]:
+    """What the words of an image are, by TI's names."""
+    m = controller.map
+    found = ffi.new("uint32_t[]", lib.HT_MIRROR_MAX)
+    count = lib.ht_mirror_addresses(m, found)
+    line = ffi.new("char[64]")
+    names = []
+    for address in found[0:count]:
+        lib.ht_regfile_name(controller.registers, address, line)
+        name = ffi.string(line).decode() or f"register 0x{address:04X}"
+        names.append(f"{name} (high)" if names[-1:] == [name] else name)
+    return [*names, "accesses (low)", "accesses (high)", "violations (low)", "violations (high)"]
+
+
+class WatchedController(Controller):
+    """The firmware on the host, with a log of its registers."""
+
+    entries = ("ht_watch_fast", "ht_watch_slow", "ht_watch_channels")
+
+    def __init__(self, device: str, values: dict[str, object]) -> None:
+        super().__init__(device, values)
+        self._watch = ffi.new("ht_watch *")
+        lib.ht_watch_init(self._watch, self.drive, self.registers)
+        self.log = Log(self._watch.log)
+
+    @property
+    def handle(self) -> int:
+        return int(ffi.cast("uintptr_t", self._watch))
+
+
+class Target:
+    """A place where drives run, one at a time: here in this process, behind the codec. Use
+    as a context; `controller` is what a `Simulation` takes."""
+
+    name = "local"
+
+    def __init__(self) -> None:
+        self.link = ffi.new("ht_link *")
+        self._local = ffi.new("ht_pil *")
+        self.link.local = self._local
+        lib.ht_link_reset(self.link)
+
+    def controller(self, device: str, values: dict[str, object]) -> TargetController:
+        return TargetController(self, device, values)
+
+    def epitaph(self) -> str:
+        """What else is known once the link is down, for the end of a message."""
+        return ""
+
+    def close(self) -> None:
+        """End it. May be called again."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class TargetController(Controller):
+    """The firmware on a target. The drive on the host only checks the values and says
+    what they mean for the timing; it never runs."""
+
+    entries = ("ht_link_fast", "ht_link_slow", "ht_link_channels")
+
+    def __init__(
+        self,
+        target: Target,
+        device: str,
+        values: dict[str, object],
+        store: Store | None = None,
+    ) -> None:
+        super().__init__(device, values, store=store)
+        self._target, self._link = target, target.link
+        link = target.link
+        self._own_registers = self.registers
+        self.registers = ffi.addressof(link.registers)
+        self.processor = target.name
+        self._check_identity()
+        lib.ht_link_init(link, DEVICES.index(device), ffi.addressof(self.drive.params))
+        self.confirm()
+        self._check(link.result, "controller set-up")
+        self.log = Log(link.log)
+
+    def _check_identity(self) -> None:
+        there, here = (
+            ffi.new("uint16_t[]", lib.HT_PIL_IDENTITY),
+            ffi.new("uint16_t[]", lib.HT_PIL_IDENTITY),
+        )
+        lib.ht_link_hello(self._link, there)
+        self.confirm()
+        lib.ht_pil_identity(here)
+        there[REGISTERS] = there[REGISTERS] or here[REGISTERS]  # 0: it tells calls instead
+        if list(there) != list(here):
+            raise TargetError(
+                f"{self.processor}: another version of the firmware runs there "
+                f"({list(there)}, here {list(here)})"
+            )
+
+    @property
+    def handle(self) -> int:
+        return int(ffi.cast("uintptr_t", self._link))
+
+    def confirm(self) -> None:
+        if self._link.error:
+            raise TargetError(
+                f"{self.processor}: {_ERRORS[self._link.error]}{self._target.epitaph()}"
+            )
+
+    def _request(self, kind: int, argument: int = 0, value: float = 0.0) -> int:
+        lib.ht_link_request(self._link, kind, argument, value)
+        self.confirm()
+        return self._link.result
+
+    @property
+    def state(self) -> str:
+        return STATES[self._link.state]
+
+    @property
+    def faults(self) -> list[str]:
+        return causes(self._link.faults)
+
+    @property
+    def snapshot(self) -> dict[str, object] | None:
+        kept = ffi.new("ht_snapshot *")
+        lib.ht_link_snapshot(self._link, kept)
+        self.confirm()
+        return snapshot_of(kept)
+
+    def channel(self, name: str) -> float:
+        return self._link.channels[[n for n, _ in channels()].index(name)]
+
+    def get(self, name: str) -> str | float:
+        row = self.parameters[name]
+        self._check(self._request(lib.HT_PIL_GET, row.id), name)
+        return row.show(self._link.value)
+
+    def set_many(self, values: Mapping[str, object]) -> None:
+        """The link knows single ones only: what was changed before a refusal is put back."""
+        for name, value in values.items():
+            if name not in self.parameters:
+                raise FirmwareError(f"no controller parameter {name!r}")
+            self.parameters[name].parse(value)
+        done: dict[str, object] = {}
+        for name, value in values.items():
+            before = self.get(name)
+            try:
+                self._put(name, value)
+            except FirmwareError:
+                for changed, old in reversed(done.items()):
+                    self._put(changed, old)
+                raise
+            done[name] = before
+
+    def _put(self, name: str, value: object) -> None:
+        row = self.parameters[name]
+        self._check(self._request(lib.HT_PIL_SET, row.id, row.parse(value)), f"{name} = {value}")
+
+    def start(self) -> None:
+        self._check(self._request(lib.HT_PIL_START), "start")
+
+    def stop(self) -> None:
+        self._request(lib.HT_PIL_STOP)
+
+    def clear(self) -> None:
+        self._check(self._request(lib.HT_PIL_CLEAR), "clear")

@@ -1,0 +1,85 @@
+"""The file that is a virtual board's memory for parameters: what a flash is to a real one. The
+board's power is this process: what it kept is there when the next process opens the file.
+
+The firmware's own rules make it safe against an end at any time (firmware/app/ht_store.h): a set is
+there twice, and what is half written is refused. So blocks are written where they belong, and
+only a new file is made as a whole.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+from ..firmware import FirmwareError, MemoryStore, lib
+
+#: What such a file begins with.
+HEAD = b"hexatorque store"
+assert len(HEAD) == lib.HT_STORE_FILE_HEAD
+SIZE = len(HEAD) + MemoryStore.SIZE
+
+
+def open_file(path: Path) -> int:
+    """A descriptor of the file, which is made if it is missing; one board at a time."""
+    try:
+        if not path.exists():
+            _make(path)
+        file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+    except OSError as error:
+        raise FirmwareError(f"{path}: {error.strerror}") from None
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        octets = os.pread(file, SIZE + 1, 0)
+    except BlockingIOError:
+        os.close(file)
+        raise FirmwareError(f"{path}: another board has it") from None
+    except OSError as error:
+        os.close(file)
+        raise FirmwareError(f"{path}: {error.strerror}") from None
+    if len(octets) != SIZE or not octets.startswith(HEAD):
+        os.close(file)
+        raise FirmwareError(
+            f"{path}: not a store of parameters (such a file has {SIZE} octets and begins with "
+            f"{HEAD.decode()!r}); name another file, a new one is made"
+        )
+    return file
+
+
+def _make(path: Path) -> None:
+    """An erased store, there as a whole or not at all."""
+    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.") as fresh:
+        fresh.write(HEAD + b"\xff" * MemoryStore.SIZE)
+        fresh.flush()
+        os.fsync(fresh.fileno())
+        os.chmod(fresh.name, 0o644)
+        with contextlib.suppress(FileExistsError):  # another process was faster: it is as good
+            os.link(fresh.name, path)
+
+
+class FileStore(MemoryStore):
+    """A memory for parameters in a file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file = open_file(path)
+        super().__init__(bytearray(os.pread(self._file, MemoryStore.SIZE, len(HEAD))))
+
+    def put(self, begin: int, octets: bytes) -> bool:
+        try:
+            done = os.pwrite(self._file, octets, len(HEAD) + begin)
+            if done != len(octets):
+                raise OSError(0, "no space left")
+        except OSError as error:
+            print(f"hexatorque: {self.path}: {error.strerror}", file=sys.stderr, flush=True)
+            return False
+        return super().put(begin, octets)
+
+    def close(self) -> None:
+        """Let another board have the file. May be called again."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1

@@ -1,0 +1,144 @@
+"""Cross compilers and emulators: where they are, how to install them, building."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+from ..setups import SetupError
+
+#: Program -> Debian packages that bring it.
+PACKAGES = {
+    "arm-none-eabi-gcc": "gcc-arm-none-eabi libnewlib-arm-none-eabi",
+    "qemu-system-arm": "qemu-system-arm",
+    "avr-gcc": "gcc-avr avr-libc",
+    "libsimavr": "libsimavr-dev libelf-dev",
+    "clang": "clang",
+}
+#: Libraries among them, by their header.
+HEADERS = {"libsimavr": "simavr/sim_avr.h"}
+
+
+class MissingTool(SetupError):
+    """Something that has to be installed first."""
+
+
+class BuildError(SetupError):
+    """The firmware did not build."""
+
+
+def program(name: str) -> str | None:
+    """Path of a program, first beside the running Python."""
+    beside = Path(sys.executable).parent / name
+    return str(beside) if beside.exists() else shutil.which(name)
+
+
+def _present(name: str) -> bool:
+    compiler = program("cc")
+    if name in HEADERS:
+        text = f"#include <{HEADERS[name]}>\n"
+        asked = [compiler or "cc", "-E", "-x", "c", "-"]
+        return (
+            bool(compiler)
+            and not subprocess.run(asked, input=text, capture_output=True, text=True).returncode
+        )
+    if name == "arm-none-eabi-gcc" and program(name):
+        asked = [program(name), "-print-file-name=libc_nano.a"]
+        return Path(subprocess.run(asked, capture_output=True, text=True).stdout).is_absolute()
+    return program(name) is not None
+
+
+def missing(*names: str) -> str | None:
+    """None, or one line that says what is not installed and how to get it."""
+    absent = [name for name in names if not _present(name)]
+    if absent:
+        packages = " ".join(PACKAGES[name] for name in absent)
+        return f"{', '.join(absent)} not found: apt-get install {packages}"
+    for name in ("cmake", "ninja"):
+        if program(name) is None:
+            return f"{name} not found: pip install {name}"
+    return None
+
+
+def need(*names: str) -> None:
+    line = missing(*names)
+    if line:
+        raise MissingTool(line)
+
+
+def source_root() -> Path:
+    """The folder of CMakeLists.txt: inside the installed package, or of the work tree."""
+    package = Path(__file__).resolve().parents[1]
+    for folder in (package / "source", package.parents[1]):
+        if (folder / "CMakeLists.txt").exists() and (folder / "firmware").is_dir():
+            return folder
+    raise BuildError("the firmware's sources are not installed with this package")
+
+
+def _build_folder(source: Path, preset: str) -> Path:
+    if os.access(source, os.W_OK) and (source / "Makefile").exists():
+        return source / "build" / preset
+    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    place = zlib.crc32(str(source).encode())  # a build folder belongs to one source folder
+    return Path(cache) / "hexatorque" / f"{preset}-{place:08x}"
+
+
+def run(step: list, folder: Path | None = None) -> None:
+    """One step of a build."""
+    done = subprocess.run(step, cwd=folder, capture_output=True, text=True)
+    if done.returncode:
+        text = (done.stdout + done.stderr).strip()
+        raise BuildError(f"{' '.join(map(str, step))} failed:\n{text}")
+
+
+def build(preset: str) -> Path:
+    """Build a CMake preset; the folder of its images. Does nothing where nothing changed."""
+    source = source_root()
+    folder = _build_folder(source, preset)
+    folder.mkdir(parents=True, exist_ok=True)
+    cmake, ninja = program("cmake"), program("ninja")
+    steps = (
+        [cmake, "--preset", preset, "-B", folder, "-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={ninja}"],
+        [cmake, "--build", folder],
+    )
+    with (folder / ".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        for step in steps:
+            run(step, source)
+    return folder
+
+
+def objects(folder: Path, *libraries: str) -> dict[Path, Path]:
+    """Source -> object file of libraries or programs of a build folder."""
+    rows = json.loads((folder / "compile_commands.json").read_text())
+    found = {}
+    for row in rows:
+        output = folder / row["output"]
+        if any(f"{name}.dir" in output.parts for name in libraries):
+            found[Path(row["file"])] = output
+    return found
+
+
+def optimisation(folder: Path, library: str) -> str:
+    """A library's options of optimisation: level, and whether it goes on when linking."""
+    rows = json.loads((folder / "compile_commands.json").read_text())
+    command = next(row["command"] for row in rows if f"{library}.dir" in row["output"]).split()
+    level = [word for word in command if word.startswith("-O")][-1]  # the last one counts
+    return " ".join([level, *(word for word in command if word == "-flto")])
+
+
+def main() -> int:
+    """What is missing of all targets, one line each; 1 if anything is."""
+    lines = [missing(name) for name in PACKAGES]
+    print(*(line for line in lines if line), sep="\n", end="\n" if any(lines) else "")
+    return int(any(lines))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,214 @@
+"""A board without a board: firmware and plant in one process, behind a pseudo-terminal
+that speaks docs/protocol.md.
+
+board = VirtualBoard(scenario.load("paper-b"))
+with Terminal() as line:
+    print(line.port)          # what a client opens
+    serve(board, line, until=lambda: False)
+
+The link's code is the image's, over the driver of the SCI and the register model; the
+line carries as many octets a second as its baud rate allows, in simulated time.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import time
+import tty
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from .. import __version__, firmware
+from ..drive.simulated import SimulatedDrive
+from ..firmware import FirmwareError, ffi, lib
+from ..recording.recording import Recording
+from ..setups import Setup
+from .store_file import FileStore
+
+#: Simulated seconds between two looks at the line, at real time.
+TURN_S = 0.002
+#: A process that was held up for longer does not catch up: on a busy computer the client was
+#: held up as well, and simulated time without a sign of life is what the watchdog counts.
+LATE_S = 0.05
+#: Memory for captures, values: what the F28377S's image has.
+CAPTURE_VALUES = 20480
+
+
+class BoardController(firmware.Controller):
+    """A drive with its link, and the other end of its line."""
+
+    entries = ("ht_virtual_fast", "ht_virtual_slow", "ht_virtual_channels")
+
+    def __init__(
+        self,
+        device: str,
+        values: dict[str, object],
+        baud: int | None,
+        watchdog_ms: int,
+        store: firmware.Store | None = None,
+    ) -> None:
+        super().__init__(device, values, store=store)
+        self.baud = baud or self.port.board.baud
+        self.board = ffi.new("ht_virtual_board *")
+        self._texts = [ffi.new("char[]", t.encode()) for t in (f"virtual {device}", __version__)]
+        self._memory = ffi.new("uint32_t[]", CAPTURE_VALUES)
+        setup = ffi.new("ht_service_setup *")
+        setup.device, setup.build = self._texts
+        setup.watchdog_ms = watchdog_ms
+        setup.memory = self._memory
+        setup.memory_size = CAPTURE_VALUES
+        setup.store = self.store.handle
+        if not lib.ht_virtual_init(self.board, self.drive, self.port, setup, self.baud):
+            most = self.map.sci_clock_Hz // 16
+            least = self.map.sci_clock_Hz // (8 * 65536) + 1
+            raise FirmwareError(f"baud = {self.baud}: allowed range is {least} .. {most}")
+        self._out = np.empty(65536, np.uint16)
+
+    @property
+    def handle(self) -> int:
+        return int(ffi.cast("uintptr_t", self.board))
+
+    def put(self, octets: bytes) -> int:
+        """Octets onto the line, to the board. Returns how many found room."""
+        cells = np.frombuffer(octets, np.uint8).astype(np.uint16)
+        pointer = ffi.cast("uint16_t *", cells.ctypes.data)
+        return lib.ht_virtual_put(self.board, pointer, len(cells))
+
+    def take(self) -> bytes:
+        """Octets that the board has sent."""
+        pointer = ffi.cast("uint16_t *", self._out.ctypes.data)
+        n = lib.ht_virtual_take(self.board, pointer, len(self._out))
+        return self._out[:n].astype(np.uint8).tobytes()
+
+
+def watchdog_ms(factor: float) -> int:
+    """Of a board that is run `factor` times as fast as the clock."""
+    if not 0.01 <= factor <= 100:
+        raise FirmwareError(f"factor = {factor:g}: allowed range is 0.01 .. 100")
+    return round(lib.HT_SERVICE_WATCHDOG_MS * max(1.0, factor))
+
+
+class VirtualBoard:
+    """Firmware and plant. `baud` and rate are the line's in simulated time; `factor` is how
+    much faster than real time it will be run: the watchdog waits that much longer. `store`: the
+    file that is its memory for parameters; without one it has none."""
+
+    def __init__(
+        self,
+        setup: Setup,
+        baud: int | None = None,
+        factor: float = 1.0,
+        store: Path | None = None,
+    ) -> None:
+        self.file = FileStore(store) if store else None
+        make = partial(BoardController, baud=baud, watchdog_ms=watchdog_ms(factor), store=self.file)
+        self.factor = factor
+        try:
+            self.sim = SimulatedDrive(setup, controller=make)
+        except BaseException:
+            self.close()
+            raise
+        self.controller: BoardController = self.sim.controller
+
+    @property
+    def title(self) -> str:
+        return f"virtual {self.sim.setup['timing.device']}, {self.sim.setup.name}"
+
+    def close(self) -> None:
+        """End it. May be called again."""
+        if self.file:
+            self.file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def run(self, duration_s: float, record: bool = False) -> None:
+        """Advance; `record`: keep what the simulation records for `take`."""
+        self.sim.follow_timers()  # a client may have changed f_isr_Hz
+        self.sim.run(duration_s, record=record)
+
+    def take(self) -> Recording:
+        """What the simulation itself recorded, to compare a client's recording with."""
+        return self.sim.take()
+
+
+class Terminal:
+    """A pseudo-terminal in raw mode; `port` is the end for clients."""
+
+    def __init__(self) -> None:
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)  # held open: a client that leaves does not hang up
+        os.set_blocking(self._master, False)
+        self.port = os.ttyname(self._slave)
+        #: Octets that nobody has read in time.
+        self.lost = 0
+
+    def __enter__(self) -> Terminal:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        os.close(self._master)
+        os.close(self._slave)
+
+    def wait(self, seconds: float) -> None:
+        """Until octets come, or for that long."""
+        select.select([self._master], [], [], max(0.0, seconds))
+
+    def read(self) -> bytes:
+        try:
+            return os.read(self._master, 4096)
+        except BlockingIOError:
+            return b""
+
+    def write(self, octets: bytes) -> None:
+        """Like a wire: what does not fit the reader's buffer is gone."""
+        while octets:
+            try:
+                sent = os.write(self._master, octets)
+            except OSError as error:
+                if error.errno not in (errno.EAGAIN, errno.EIO):
+                    raise
+                self.lost += len(octets)
+                return
+            octets = octets[sent:]
+
+
+def serve(
+    board: VirtualBoard,
+    line: Terminal,
+    until: Callable[[], bool],
+    record: bool = False,
+) -> None:
+    """Run board and line together, `board.factor` times as fast as the clock, until told."""
+    turn_s = TURN_S * max(1.0, board.factor)
+    begun = time.monotonic()
+    done_s = 0.0
+    waiting = b""
+    while not until():
+        due_s = (time.monotonic() - begun) * board.factor
+        if due_s - done_s > LATE_S * board.factor:  # held up: the world did not go on either
+            begun += (due_s - done_s) / board.factor - TURN_S
+            continue
+        if due_s - done_s < turn_s:
+            line.wait((turn_s - (due_s - done_s)) / board.factor)
+            if not waiting:
+                waiting = line.read()
+            due_s = (time.monotonic() - begun) * board.factor
+        elif not waiting:
+            waiting = line.read()
+        waiting = waiting[board.controller.put(waiting) :] if waiting else b""
+        step_s = min(due_s - done_s, 10 * turn_s)
+        board.run(step_s, record)
+        done_s += step_s
+        sent = board.controller.take()
+        if sent:
+            line.write(sent)

@@ -1,0 +1,469 @@
+"""A drive on a board, with the verbs of `sil.SimulatedDrive`, in real time.
+
+with BoardDrive.open("/dev/ttyUSB0") as drive:
+    drive.set("scheme", "ddr")
+    drive.start()
+    drive.run(0.6)
+    drive.set("speed_ref_rpm", 400)
+    drive.run(1.0)
+    recording = drive.take()
+
+Leaving the block stops the drive if this opened its session; a process that dies leaves that
+to the board's watchdog.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import time
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from .. import __version__
+from ..firmware import PARAMETER_SETS, FirmwareError, Parameter
+from ..recording.journal import TICK_HZ
+from ..recording.recording import DECIMATION, FIRST_TICK, STARTED, Recording, clock_text
+from ..serial import BAUDS, BOARD_RESET, LinkError, clock, runtime, wire
+from ..serial.client import Client
+from ..serial.dictionary import fetch
+from ..serial.stream import Stream, decimation_for, on_a_grid
+from ..serial.wire import Op, Status
+from . import board_captures, captures
+from .interface import DriveVerbs, Progress
+
+#: What a profile may ask of the test bench around a real drive.
+PLANT = {"load_Nm": "N m", "vdc_V": "V"}
+
+
+class BoardDrive(DriveVerbs):
+    @classmethod
+    def open(
+        cls,
+        url: str | None = None,
+        baud: int | None = None,
+        record: tuple[str, ...] | list[str] | None = None,
+        rate_Hz: float | None = None,
+        operator: Callable[[str, float], None] | None = None,
+    ) -> BoardDrive:
+        """The drive at a device, pseudo-terminal or `socket://host:port`; without one, the
+        only board that is found. Without a baud rate those of the images are tried.
+
+        record, rate_Hz: what `run` records; by default all channels that a stream takes, as
+        fast as the line carries them. operator(name, value): called where a profile changes
+        `load_Nm` or `vdc_V`, which nobody but the test bench can do.
+        """
+        if url is None:
+            from ..serial.devices import only
+
+            found = only(baud)
+            url, baud = found.port, found.baud
+        bauds = (baud,) if baud else runtime.bauds_for(url, BAUDS)
+        return cls(Client(url, bauds), record, rate_Hz, operator)
+
+    def __init__(self, client: Client, record=None, rate_Hz=None, operator=None) -> None:
+        self.client = client
+        self._recorder: Stream | None = None
+        try:
+            self.hello, self.dictionary = fetch(self.client)
+            self.operator = operator
+            if record is None:
+                record = [row.name for row in self.dictionary.channels]
+                record = record[: self.hello.stream_channels]
+            self.dictionary.channel_ids(record)
+            self.record = tuple(record)
+            if rate_Hz is not None:
+                decimation_for(self.hello.f_isr_Hz, rate_Hz)  # a mistake shows now
+            self._rate_Hz = rate_Hz
+            self.client.on_return.append(self._same_board)
+            self._opened_tick = self._now_tick()
+            self.client.on_forgotten.append(self._board_restarted)
+            self._since_tick = self._opened_tick
+            self._opened_s = time.monotonic()
+            self._opened_wall_s = time.time()
+            self._armed: clock.Reading | None = None
+        except BaseException:
+            self.client.close()
+            raise
+
+    def _same_board(self) -> None:
+        """After an interruption: is it the one that was there before?"""
+        hello = self.client.hello()
+        if hello.crc != self.dictionary.crc:
+            raise LinkError(
+                f"{self.client.url}: another firmware has come back, open it again", mistake=True
+            )
+
+    def _board_restarted(self) -> None:
+        self._opened_tick = 0
+
+    def _now_tick(self) -> int:
+        self.client.get_status()
+        assert self.client.latest
+        return self.client.latest.tick
+
+    def close(self) -> None:
+        self.client.close()
+
+    @property
+    def resets(self) -> int:
+        """How often the board was reset since this was opened, by the board's own word. Its
+        parameters are at their saved or initial values since, and streams have ended."""
+        return self.client.resets
+
+    @property
+    def on_reset(self) -> list[Callable[[], None]]:
+        """Called after a reset of the board, when it can be talked to again. Not in the thread
+        that reads the line, so it may ask for things; it must not wait for long, since the
+        heartbeat waits for it."""
+        return self.client.on_reset
+
+    # -- what it is ------------------------------------------------------------------------
+
+    @property
+    def params(self) -> Mapping[str, Parameter]:
+        return MappingProxyType(self.dictionary.parameters)
+
+    @property
+    def channels(self) -> tuple[tuple[str, str], ...]:
+        return tuple((row.name, row.unit) for row in self.dictionary.channels)
+
+    @property
+    def time_s(self) -> float:
+        return time.monotonic() - self._opened_s
+
+    @property
+    def state(self) -> str:
+        return self._standing()[0]
+
+    @property
+    def faults(self) -> list[str]:
+        return self._standing()[1]
+
+    def _standing(self) -> tuple[str, list[str]]:
+        """State and faults; every reply tells them."""
+        self.client.get_status()
+        reply = self.client.latest
+        assert reply
+        return self.client.state_name(reply.state), self.dictionary.causes(reply.faults)
+
+    @property
+    def snapshot(self) -> dict[str, object] | None:
+        try:
+            found = wire.parse_snapshot(self.client.do(Op.SNAPSHOT).payload)
+        except wire.WireError as error:
+            raise LinkError(f"{self.client.url}: SNAPSHOT: {error}") from None
+        if found is None:
+            return None
+        state, faults = found["state"], found["faults"]
+        return {
+            **found,
+            "state": self.client.state_name(state),
+            "faults": self.dictionary.causes(faults),
+        }
+
+    # -- parameters --------------------------------------------------------------------------
+
+    def _parameter(self, name: str) -> Parameter:
+        try:
+            return self.params[name]
+        except KeyError:
+            raise LinkError(f"no parameter {name!r}", mistake=True) from None
+
+    def get(self, name: str) -> str | float:
+        return self.get_many([name])[name]
+
+    def get_many(self, names: list[str]) -> dict[str, str | float]:
+        """The values of parameters, choices by name."""
+        rows = [self._parameter(name) for name in names]
+        values: dict[str, str | float] = {}
+        for at in range(0, len(rows), wire.GET_MOST):
+            part = rows[at : at + wire.GET_MOST]
+            ids = struct.pack(f"<{len(part)}H", *(row.id for row in part))
+            reply = self.client.do(Op.GET, ids, "get")
+            numbers = self._numbers(f"{len(part)}f", reply.payload, "GET")
+            values.update((row.name, _shown(row, v)) for row, v in zip(part, numbers))
+        return values
+
+    def get_all(self) -> dict[str, str | float]:
+        return self.get_many(list(self.params))
+
+    def set_many(self, values: Mapping[str, object]) -> None:
+        """All at one fast interrupt, or none if one is refused."""
+        if not values:
+            return
+        if self.operator and len(values) == 1 and (name := next(iter(values))) in PLANT:
+            self.operator(name, float(values[name]))
+            return
+        for name in values:
+            if name in PLANT:
+                raise LinkError(
+                    f"{name}: belongs to the test bench, a board cannot set it", mistake=True
+                )
+        rows = [self._parameter(name) for name in values]
+        if len(rows) > wire.WRITE_MOST:
+            raise LinkError(
+                f"{len(rows)} parameters at once: up to {wire.WRITE_MOST}", mistake=True
+            )
+        try:
+            numbers = [row.parse(value) for row, value in zip(rows, values.values())]
+        except FirmwareError as error:
+            raise LinkError(str(error), mistake=True) from None
+        wanted = np.array(numbers, np.float32)
+        payload = b"".join(struct.pack("<Hf", row.id, number) for row, number in zip(rows, wanted))
+        reply = self.client.ask(Op.WRITE, payload)
+        if reply.status != Status.DONE:
+            raise self._refused(reply, values)
+        _, *now = self._numbers(f"I{len(rows)}f", reply.payload, "WRITE")
+        for row, asked, got in zip(rows, wanted, now):
+            if asked != np.float32(got):
+                raise LinkError(f"{row.name}: {got:g} is in force instead of {asked:g}")
+
+    def store_parameters(self) -> None:
+        """The board keeps the parameters in force and starts with them from now on; all but the
+        references. With the gates off only."""
+        self._write_store(Op.SAVE, "keep the parameters")
+
+    def forget_parameters(self) -> None:
+        """The board starts with its built-in parameters from now on. Those in force stay."""
+        self._write_store(Op.FORGET, "forget the parameters")
+
+    def _write_store(self, op: Op, what: str) -> None:
+        reply = self.client.ask(op)
+        if reply.status == Status.DONE:
+            return
+        if reply.status == Status.STORE and reply.payload == b"\xff\xff":
+            raise LinkError(
+                f"{what}: this image keeps no parameters: built without a store (a virtual board: "
+                "started without --store FILE)",
+                reply.status,
+            )
+        if reply.status == Status.STATE:
+            state = self.client.state_name(reply.state)
+            why = (
+                "not while anything is streamed or captured on this board; end that first"
+                if state in ("idle", "fault")
+                else "only while the gates are off; stop the drive first"
+            )
+            raise LinkError(f"{what}: {why} (state {state})", reply.status)
+        raise self.client.refused(reply, what)
+
+    @property
+    def parameter_set(self) -> str:
+        """Which set of parameters the board took when it started: what was set or kept since
+        does not change it."""
+        return parameter_set(self.client.get_status().set)
+
+    def _refused(self, reply: wire.Reply, values: Mapping[str, object]) -> LinkError:
+        """A WRITE's refusal with the parameter's name and what is allowed."""
+        what = ", ".join(f"{name} = {value}" for name, value in values.items())
+        if len(reply.payload) == 2:
+            (id,) = struct.unpack("<H", reply.payload)
+            for name, row in self.params.items():
+                if row.id != id:
+                    continue
+                what = f"{name} = {values.get(name)}"
+                if reply.status == Status.VALUE:
+                    allowed = (
+                        f"one of {', '.join(row.choices)}"
+                        if row.choices
+                        else f"{row.min:.9g} .. {row.max:.9g} {row.unit}".rstrip()
+                        + (", whole numbers only" if row.whole else "")
+                    )
+                    return LinkError(f"{what}: allowed is {allowed}", reply.status, mistake=True)
+                if reply.status == Status.STATE:
+                    state = self.client.state_name(reply.state)
+                    return LinkError(
+                        f"{what}: can change only while the gates are off (state {state})",
+                        reply.status,
+                    )
+        return self.client.refused(reply, what)
+
+    def _numbers(self, layout: str, payload: bytes, what: str) -> tuple:
+        try:
+            return wire.unpack(layout, payload)
+        except wire.WireError as error:
+            raise LinkError(f"{self.client.url}: {what}: {error}") from None
+
+    # -- commands ------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """From now on the board stops by itself if this process is gone."""
+        self.client.do(Op.START, what="start")
+
+    def stop(self) -> None:
+        self.client.do(Op.STOP, what="stop")
+
+    def clear(self) -> None:
+        self.client.do(Op.CLEAR, what="clear")
+
+    # -- time and recordings -------------------------------------------------------------------
+
+    def run(self, duration_s: float, record: bool = True, progress: Progress | None = None) -> None:
+        """Let real time pass; the board's state is not looked at."""
+        if not record:
+            self.discard()
+        elif self._recorder is None:
+            self._recorder = self.stream(self.record, self._rate_Hz)
+            self._since_tick = self._opened_tick
+        begin = done = time.monotonic()
+        while (left := begin + duration_s - time.monotonic()) > 0:
+            time.sleep(min(left, 0.05))
+            if self.client.broken:
+                raise self.client.broken
+            if self._recorder and self._recorder.ended:
+                raise self._recorder.ended
+            if progress:
+                now = time.monotonic()
+                progress(min(now, begin + duration_s) - min(done, begin + duration_s))
+                done = now
+
+    def discard(self) -> None:
+        if self._recorder:
+            self._recorder.close()
+            self._recorder = None
+
+    def take(self) -> Recording:
+        """Ends the recording. Time counts from the opening of the drive, or from the board's
+        latest reset since, by the board's ticks; samples that were lost are NaN."""
+        recorder = self._recorder
+        if recorder is None:
+            raise LinkError("nothing was recorded", mistake=True)
+        self.discard()
+        blocks = recorder.waiting()
+        ticks = np.concatenate([np.empty(0, np.int64), *(t for t, _ in blocks)])
+        values = np.concatenate(
+            [np.empty((0, len(recorder.channels)), np.float32), *(v for _, v in blocks)]
+        )
+        grid = on_a_grid(ticks, values, recorder.decimation)
+        first = int(ticks[0]) if len(ticks) else self._since_tick
+        start_s = ((first - self._since_tick) & 0xFFFFFFFF) / recorder.f_isr_Hz
+        meta = {
+            **self.meta(),
+            STARTED: clock_text(self._opened_wall_s),
+            FIRST_TICK: first,
+            DECIMATION: recorder.decimation,
+            TICK_HZ: recorder.f_isr_Hz,
+            "gaps": recorder.gaps,
+            "lost_samples": recorder.lost,
+            "damaged_samples": recorder.damaged,
+            **({"ended": BOARD_RESET} if recorder.ended else {}),
+        }
+        return self._recording(recorder.rate_Hz, recorder.channels, grid, meta, start_s)
+
+    def _recording(self, rate_Hz, names, table, meta, start_s) -> Recording:
+        units = {row.name: row.unit for row in self.dictionary.channels}
+        data = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(names)}
+        return Recording(rate_Hz, data, {name: units[name] for name in names}, meta, start_s)
+
+    def meta(self) -> dict:
+        """Who this is, all its parameters, and what went wrong on the line."""
+        status = self.client.get_status()
+        state, faults = self._standing()
+        values = self.get_all()
+        return {
+            "hexatorque": __version__,
+            "device": self.hello.device,
+            "build": self.hello.build,
+            "dictionary": f"{self.dictionary.crc:08x}",
+            "port": self.client.url,
+            "scheme": values.get("scheme"),
+            "parameters": {"controller": values},
+            "state": state,
+            "faults": faults,
+            **self.line_counters(),
+            "board_counters": {
+                "damaged": status.damaged,
+                "overruns": status.overruns,
+                "dropped": status.dropped,
+            },
+        }
+
+    def clock(self, earlier: clock.Reading | None = None) -> clock.Clock:
+        """The board's tick against this computer's clock, from now on or for what was just
+        sampled."""
+        return clock.Clock(self.hello.f_isr_Hz, clock.read(self.client), earlier)
+
+    def line_counters(self) -> dict[str, int]:
+        """What this end of the line has counted."""
+        return {
+            "crc_errors": self.client.damaged,
+            "retries": self.client.counters.retries,
+            "reconnects": self.client.counters.reconnects,
+        }
+
+    def _can_follow(self, names: set[str]) -> None:
+        if not self.operator and names & set(PLANT):
+            raise LinkError(
+                f"profile: {', '.join(sorted(names & set(PLANT)))}: a board cannot set this; "
+                "open the drive with an operator that can",
+                mistake=True,
+            )
+        for name in names - set(PLANT):
+            self._parameter(name)
+
+    def stream(
+        self,
+        channels: tuple[str, ...] | list[str],
+        rate_Hz: float | None = None,
+        decimation: int | None = None,
+    ) -> Stream:
+        """Samples as they come, at a rate or every so many fast interrupts; without either
+        as fast as the line carries them."""
+        if rate_Hz is not None and decimation is not None:
+            raise LinkError("rate_Hz and decimation: give one of them", mistake=True)
+        self.hello = self.client.hello()  # f_isr_Hz is a parameter
+        if rate_Hz is not None:
+            decimation = decimation_for(self.hello.f_isr_Hz, rate_Hz)
+        return Stream(self.client, self.hello, self.dictionary, channels, decimation)
+
+    # -- captures --------------------------------------------------------------------------------
+
+    def arm(
+        self,
+        channels: tuple[str, ...] | list[str],
+        samples: int,
+        pre: int = 0,
+        trigger: str = "manual",
+        prescaler: int = 1,
+    ) -> None:
+        board_captures.arm(
+            self.client, self.hello, self.dictionary, channels, samples, pre, trigger, prescaler
+        )
+        self._armed = clock.read(self.client, 1)
+
+    def trigger(self) -> None:
+        self.client.do(Op.TRIGGER, what="trigger")
+
+    def cancel(self) -> None:
+        self.client.do(Op.CANCEL, what="cancel")
+
+    def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
+        return self._bring(board_captures.wait(self.client, timeout_s, now))
+
+    def _bring(self, found: wire.CaptureReply) -> Recording:
+        self.hello = self.client.hello()  # f_isr_Hz is a parameter
+        when = self.clock(self._armed).when(found.tick)  # soon: it is known best now
+        table = board_captures.upload(self.client, found)
+        rate_Hz = self.hello.f_isr_Hz / found.prescaler
+        names = [self.dictionary.channels[id].name for id in found.channels]
+        meta = {
+            **self.meta(),
+            **when,
+            **captures.metadata(found.tick, found.pre, found.prescaler, self.hello.f_isr_Hz),
+        }
+        return self._recording(rate_Hz, names, table, meta, -found.pre / rate_Hz)
+
+
+def parameter_set(number: int) -> str:
+    """What a STATUS says of the set of parameters, in words."""
+    return PARAMETER_SETS[number] if number < len(PARAMETER_SETS) else str(number)
+
+
+def _shown(row: Parameter, value: float) -> str | float:
+    """As a person would write it: the shortest decimal that is this float32."""
+    if row.choices and value == int(value) and 0 <= value < len(row.choices):
+        return row.show(value)
+    return float(str(np.float32(value))) if math.isfinite(value) else value

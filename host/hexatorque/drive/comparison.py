@@ -1,0 +1,135 @@
+"""`hexatorque compare`: schemes side by side at one operating point."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .. import firmware
+from ..analysis.reference import Reference
+from ..analysis.run import LATENCY_STUDY, Run
+from ..setups import Setup, SetupError, load
+from .operating_points import Point, Progress, measure_all
+
+#: What is compared when nothing is asked for: both papers at their own tables.
+DEFAULT_SETUPS = ("paper-a-feasible", "paper-b")
+#: The scheme that shows what latency does.
+LATENCY_SCHEME = "fdr"
+
+
+@dataclass
+class Comparison:
+    """Runs in the order they were asked for, beside `reference`; `failed` holds (label, reason)."""
+
+    reference: Reference
+    runs: list[Run] = field(default_factory=list)
+    failed: list[tuple[str, str]] = field(default_factory=list)
+
+    def as_json(self) -> dict:
+        return {"runs": [run.as_json() for run in self.runs], "paper": self.reference}
+
+
+def at_point(
+    entry: str | Setup,
+    speed_rpm: float | None = None,
+    load_Nm: float | None = None,
+    latency: str | None = None,
+) -> Setup:
+    """A set-up with what the command line says of its operating point, checked."""
+    setup = entry if isinstance(entry, Setup) else load(entry)
+    if latency:
+        setup = setup.changed(timing__latency=latency)
+    if speed_rpm is not None:
+        setup = setup.changed(point__speed_rpm=speed_rpm)
+    if load_Nm is not None:
+        setup = setup.changed(point__load_Nm=load_Nm)
+    if setup["point.speed_rpm"] == 0:
+        raise SetupError(f"{setup.name}: give --speed (not 0) or point.speed_rpm")
+    torque, limit = setup["point.load_Nm"], setup.parameter("torque_limit_Nm")
+    if abs(torque) > limit:
+        raise SetupError(
+            f"load {torque:g} N m: allowed range is -{limit:g} .. {limit:g} N m (torque limit)"
+        )
+    return setup
+
+
+def points(
+    setups: Iterable[str | Setup],
+    schemes: Iterable[str] | None = None,
+    speed_rpm: float | None = None,
+    load_Nm: float | None = None,
+    latency: str | None = None,
+) -> list[Point]:
+    """The points to measure: every scheme on every set-up, then, where FDR is among
+    them, FDR under each latency that is not there yet."""
+    names = tuple(dict.fromkeys(schemes)) if schemes else firmware.schemes()
+    result: list[Point] = []
+    for entry in setups:
+        setup = at_point(entry, speed_rpm, load_Nm, latency)
+        speed, torque = setup["point.speed_rpm"], setup["point.load_Nm"]
+        own = [setup.changed(controller__scheme=name) for name in names]
+        study = [
+            setup.changed(controller__scheme=LATENCY_SCHEME, timing__latency=other)
+            for other in LATENCY_STUDY
+            if LATENCY_SCHEME in names and other != setup["timing.latency"]
+        ]
+        result += [Point(one, speed, torque) for one in own + study]
+    return result
+
+
+def compare(
+    todo: list[Point], reference: Reference, progress: Progress | None = None
+) -> Comparison:
+    """Measure all points over all cores."""
+    comparison = Comparison(reference)
+    for point, outcome in zip(todo, measure_all(todo, progress)):
+        if isinstance(outcome, Run):
+            comparison.runs.append(outcome)
+        else:
+            label = f"{point.setup.name} {point.setup['controller.scheme']}"
+            comparison.failed.append((label, str(outcome)))
+    return comparison
+
+
+def make_folder(folder: Path) -> None:
+    """Where the results will go; refused before anything runs."""
+    try:
+        (folder / "recordings").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SetupError(f"{folder}: {error.strerror}") from None
+
+
+def write(comparison: Comparison, folder: Path, command: str) -> list[Path]:
+    """metrics.json, recordings, pictures and report.html into an existing `folder`
+    (see `make_folder`); returns the files, the report last."""
+    from ..analysis import plots
+    from ..analysis.report import html_report
+
+    metrics_file = folder / "metrics.json"
+    metrics_file.write_text(json.dumps(comparison.as_json(), indent=1) + "\n")
+    written = [metrics_file]
+    by_setup: dict[str, list[Run]] = {}
+    for run in comparison.runs:
+        by_setup.setdefault(run.setup, []).append(run)
+        name = f"{run.setup}-{run.scheme}-{run.latency}.npz"
+        run.recording.save(folder / "recordings" / name)
+    figures: list[tuple[str, Path]] = []
+    for setup, runs in by_setup.items():
+        figures += [
+            (f"{setup}: waveforms", plots.waveforms(runs, folder / f"{setup}-waveforms.png")),
+            (f"{setup}: spectra", plots.spectra(runs, folder / f"{setup}-spectra.png")),
+        ]
+    if comparison.runs:
+        figures.insert(
+            0,
+            (
+                "Overview",
+                plots.bars(comparison.runs, folder / "overview.png", comparison.reference),
+            ),
+        )
+    report = folder / "report.html"
+    notes = [f"{label}: {reason}" for label, reason in comparison.failed]
+    html_report(report, comparison.runs, comparison.reference, figures, notes, command)
+    return [*written, *(path for _, path in figures), report]

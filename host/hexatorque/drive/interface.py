@@ -1,0 +1,175 @@
+"""What a test-bench script may do with a drive, simulated or real.
+
+`simulated.SimulatedDrive` and `board.BoardDrive` have these verbs, so that one script serves both:
+
+def bench(drive):
+    drive.set_many({"scheme": "ddr", "speed_ref_rpm": 0})
+    drive.start()
+    drive.run(0.6)
+    drive.set("speed_ref_rpm", 400)
+    drive.run(1.0)
+    drive.check()
+    return drive.take()
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Self
+
+from ..errors import HexatorqueError
+from ..firmware import Parameter
+from ..recording.recording import Recording
+
+if TYPE_CHECKING:
+    from ..setups import Profile
+
+#: Called with the seconds just done.
+Progress = Callable[[float], None]
+
+
+class DriveFault(HexatorqueError, RuntimeError):
+    """The drive tripped; `causes` says why."""
+
+    def __init__(self, causes: list[str], time_s: float) -> None:
+        super().__init__(f"drive tripped at {time_s:.4f} s: {', '.join(causes)}")
+        self.causes = causes
+        self.time_s = time_s
+
+
+class DriveVerbs(ABC):
+    @property
+    @abstractmethod
+    def params(self) -> Mapping[str, Parameter]:
+        """The parameters by name."""
+
+    @property
+    @abstractmethod
+    def channels(self) -> tuple[tuple[str, str], ...]:
+        """(name, unit) of what the firmware measures or estimates."""
+
+    @property
+    @abstractmethod
+    def state(self) -> str:
+        """idle, calibrate, build, run or fault."""
+
+    @property
+    @abstractmethod
+    def faults(self) -> list[str]:
+        """Latched faults."""
+
+    @property
+    @abstractmethod
+    def snapshot(self) -> dict[str, object] | None:
+        """What the firmware kept of the latest fault."""
+
+    @property
+    @abstractmethod
+    def time_s(self) -> float:
+        """Seconds since the drive was opened."""
+
+    @abstractmethod
+    def get(self, name: str) -> str | float: ...
+
+    @abstractmethod
+    def set_many(self, values: Mapping[str, object]) -> None:
+        """All of them, or none if one is refused."""
+
+    def set(self, name: str, value: object) -> None:
+        self.set_many({name: value})
+
+    @abstractmethod
+    def start(self) -> None: ...
+
+    @abstractmethod
+    def stop(self) -> None: ...
+
+    @abstractmethod
+    def clear(self) -> None: ...
+
+    @abstractmethod
+    def run(self, duration_s: float, record: bool = True, progress: Progress | None = None) -> None:
+        """Let time pass."""
+
+    @abstractmethod
+    def discard(self) -> None:
+        """Drop what was recorded."""
+
+    @abstractmethod
+    def take(self) -> Recording:
+        """What was recorded since the last `take`, `discard` or unrecorded run."""
+
+    @abstractmethod
+    def arm(
+        self,
+        channels: Sequence[str],
+        samples: int,
+        pre: int = 0,
+        trigger: str = "manual",
+        prescaler: int = 1,
+    ) -> None:
+        """Capture `samples` of the firmware's channels, one every `prescaler` fast
+        interrupts, `pre` of them before the trigger: `manual`, `fault`, `command`, or
+        `rising:torque_Nm:5` (falling, above, below)."""
+
+    @abstractmethod
+    def trigger(self) -> None:
+        """Trigger what is armed, whatever its trigger."""
+
+    @abstractmethod
+    def cancel(self) -> None:
+        """End what is armed."""
+
+    @abstractmethod
+    def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
+        """Let time pass until what is armed is complete; `now`: trigger it as soon as that
+        counts. The trigger is at time 0 of the recording."""
+
+    def capture(
+        self,
+        channels: Sequence[str],
+        samples: int,
+        pre: int = 0,
+        trigger: str = "manual",
+        prescaler: int = 1,
+        timeout_s: float | None = None,
+    ) -> Recording:
+        """`arm` and `captured`; a manual trigger comes as soon as it counts."""
+        self.arm(channels, samples, pre, trigger, prescaler)
+        return self.captured(timeout_s, trigger == "manual")
+
+    @abstractmethod
+    def close(self) -> None:
+        """Leave the drive, stopped if this started it."""
+
+    def check(self) -> None:
+        """Raise DriveFault if the drive has tripped."""
+        if self.state == "fault":
+            raise DriveFault(self.faults, self.time_s)
+
+    def run_profile(self, profile: Profile, progress: Progress | None = None) -> None:
+        """Start the drive and follow a profile; time counts from now."""
+        events: list[tuple[float, str, object]] = []
+        events += [(t, "speed_ref_rpm", v) for t, v in profile.speed_rpm]
+        events += [(t, "load_Nm", v) for t, v in profile.load_Nm]
+        events += [(t, "vdc_V", v) for t, v in profile.vdc_V]
+        events += [(t, name, v) for t, name, v in profile.set]
+        events = [e for e in sorted(events, key=lambda e: e[0]) if e[0] < profile.duration_s]
+        self._can_follow({name for _, name, _ in events})
+        begin_s = self.time_s
+        if self.state == "idle":
+            self.start()
+        for time_s, name, value in events:
+            self.run(time_s - (self.time_s - begin_s), progress=progress)
+            self.set(name, value)
+        self.run(profile.duration_s - (self.time_s - begin_s), progress=progress)
+
+    def _can_follow(self, names: set[str]) -> None:  # noqa: B027 (most can)
+        """Raise an error if this drive cannot set one of a profile's names."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

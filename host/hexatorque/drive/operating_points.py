@@ -1,0 +1,223 @@
+"""Operating points: bring a simulated drive to a steady state and measure it.
+
+The sequence is the same everywhere: start (offset calibration, flux build-up),
+speed reference, load once the speed is there, settle, measure.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+from ..analysis.metrics import metrics
+from ..analysis.run import Run
+from ..errors import HexatorqueError
+from ..recording.recording import Recording
+from ..setups import Setup
+from .simulated import DriveFault, SimulatedDrive
+
+#: Longest wait for the speed to come near its reference.
+REACH_S = 4.0
+#: Time after the load is on before the measurement begins.
+SETTLE_S = 2.0
+#: Longest wait for a slow speed loop to bring the speed back under load.
+RECOVER_S = 10.0
+#: Measured: at least this long and at least this many fundamental cycles.
+WINDOW_S = 0.5
+CYCLES = 10
+
+Progress = Callable[[float], None]
+
+
+class NotReached(HexatorqueError, RuntimeError):
+    """The drive did not come near the commanded speed."""
+
+
+#: What a point that cannot be measured raises.
+NOT_MEASURED = (DriveFault, NotReached, ArithmeticError, ValueError)
+
+
+@dataclass(frozen=True)
+class Point:
+    """One operating point of one set-up. A load that drives (generating) has the
+    sign opposite to the speed's."""
+
+    setup: Setup
+    speed_rpm: float
+    load_Nm: float
+
+    @property
+    def simulated_s(self) -> float:
+        """Roughly what it takes, for progress bars."""
+        return 0.5 + SETTLE_S + WINDOW_S + 0.5
+
+
+def _at_load_speed(point: Point) -> Setup:
+    """Loads that depend on speed take the stated torque at this point's speed."""
+    return point.setup.changed(load__at_rpm=max(1.0, abs(point.speed_rpm)))
+
+
+def approach(
+    point: Point, progress: Progress | None = None, samples_per_period: int = 4
+) -> SimulatedDrive:
+    """A drive running at the point, settled. Raises DriveFault or NotReached."""
+    sim = SimulatedDrive(_at_load_speed(point), samples_per_period)
+    controller = sim.controller
+    sim.start()
+    build_s = controller.get("calibration_s") + controller.get("build_s")
+    sim.run(build_s + 0.05, record=False, progress=progress)
+    sim.check()
+    sim.set("speed_ref_rpm", point.speed_rpm)
+    slack_rpm = max(2.0, 0.02 * abs(point.speed_rpm))
+    waited = 0.0
+    while abs(sim.speed_rpm - point.speed_rpm) > slack_rpm:
+        if waited >= REACH_S:
+            raise NotReached(
+                f"{sim.speed_rpm:.0f} r/min after {waited:g} s, asked for {point.speed_rpm:g}"
+            )
+        sim.run(0.1, record=False, progress=progress)
+        sim.check()
+        waited += 0.1
+    # The signed torque at the shaft; speed-dependent loads follow the speed's sign
+    # by themselves, a constant one is given it here.
+    constant = point.setup["load.kind"] == "constant"
+    sim.set("load_Nm", point.load_Nm * (-1 if constant and point.speed_rpm < 0 else 1))
+    sim.run(SETTLE_S, record=False, progress=progress)
+    waited = 0.0
+    while abs(sim.speed_rpm - point.speed_rpm) > slack_rpm and waited < RECOVER_S:
+        sim.run(0.5, record=False, progress=progress)
+        waited += 0.5
+    sim.check()
+    return sim
+
+
+def measure(point: Point, progress: Progress | None = None) -> Run:
+    """Steady-state metrics and recording of one point."""
+    sim = approach(point, progress)
+    omega = abs(sim.controller.channel("omega_sync_rad_s"))
+    cycles_s = CYCLES * 6.2832 / omega if omega > 1.0 else WINDOW_S
+    window_s = min(max(WINDOW_S, cycles_s), 10.0)
+    sim.wall_s = 0.0
+    sim.run(window_s, progress=progress)
+    sim.check()
+    speed = window_s / sim.wall_s
+    recording = sim.take()
+    values = metrics(recording)
+    if abs(values["speed_rpm"] - point.speed_rpm) > max(2.0, 0.02 * abs(point.speed_rpm)):
+        raise NotReached(
+            f"{values['speed_rpm']:.1f} r/min under {point.load_Nm:g} N m, "
+            f"asked for {point.speed_rpm:g}"
+        )
+    return Run(
+        setup=point.setup.name,
+        scheme=str(point.setup["controller.scheme"]),
+        latency=point.setup["timing.latency"],
+        speed_ref_rpm=point.speed_rpm,
+        load_Nm=point.load_Nm,
+        recording=recording,
+        metrics=values,
+        realtime_factor=speed,
+    )
+
+
+def transient(
+    point: Point,
+    events: Iterable[tuple[float, str, object]],
+    duration_s: float,
+    progress: Progress | None = None,
+    samples_per_period: int = 4,
+) -> Recording:
+    """What follows when a drive settled at `point` is given `events`: (time, controller
+    parameter or `load_Nm` or `vdc_V`, value). Time counts from 0 at the beginning of the
+    recording. Raises DriveFault or NotReached."""
+    sim = approach(point, progress, samples_per_period)
+    return follow(sim, events, duration_s, progress)
+
+
+def follow(
+    sim: SimulatedDrive,
+    events: Iterable[tuple[float, str, object]],
+    duration_s: float,
+    progress: Progress | None = None,
+) -> Recording:
+    """`transient` from wherever the drive is."""
+    begin = sim.time_s
+    for time_s, name, value in sorted(events, key=lambda event: event[0]):
+        sim.run(begin + time_s - sim.time_s, progress=progress)
+        sim.set(name, value)
+    sim.run(begin + duration_s - sim.time_s, progress=progress)
+    sim.check()
+    recording = sim.take()
+    recording.start_s = 0.0
+    return recording
+
+
+def measure_all(points: Iterable[Point], progress: Progress | None = None) -> list[Run | Exception]:
+    """All points over all cores. A point whose drive trips or does not get there
+    yields the exception in its place. The compiled loop releases the GIL."""
+
+    def one(point: Point) -> Run | Exception:
+        try:
+            return measure(point, progress)
+        except NOT_MEASURED as error:
+            return error
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(one, points))
+
+
+#: What "reached" means: speed and true flux this close, relative.
+SPEED_TOLERANCE = 0.02
+FLUX_TOLERANCE = 0.03
+
+
+def holds(
+    point: Point, flux_tolerance: float = FLUX_TOLERANCE, progress: Progress | None = None
+) -> str | None:
+    """None if the drive holds the point, else what it fails at.
+
+    Without field weakening: the speed within 2 % of its reference, the true mean
+    flux within 3 % of the full reference.
+    """
+    try:
+        m = measure(point, progress).metrics
+    except NOT_MEASURED as error:
+        return str(error)
+    speed_error = abs(m["speed_rpm"] / point.speed_rpm - 1)
+    if speed_error > SPEED_TOLERANCE:
+        return f"speed {m['speed_rpm']:.1f} r/min"
+    flux_ref = point.setup.parameter("flux_ref_Wb")
+    if abs(m["flux_Wb"] / flux_ref - 1) > flux_tolerance:
+        return f"flux {m['flux_Wb']:.4f} Wb, reference {flux_ref:g}"
+    return None
+
+
+def reachable_rpm(
+    setup: Setup, load_Nm: float, resolution: float = 0.01, progress: Progress | None = None
+) -> float:
+    """Highest speed at which the drive holds `load_Nm` motoring at its full flux
+    reference (field weakening off), by bisection to `resolution` of the result.
+    0 if there is none."""
+    full_flux = setup.changed(controller__field_weakening="off")
+    # The bisection starts from the speed at which 12-step operation would end.
+    ceiling = setup["inverter.vdc_V"] * 0.6366 / setup.parameter("flux_ref_Wb")
+    high = ceiling * 9.5493 / setup["machine.pole_pairs"]
+    low = 0.0
+    floor = 0.01 * high
+    while high - low > resolution * high and high > floor:
+        middle = 0.5 * (low + high)
+        if holds(Point(full_flux, middle, load_Nm), progress=progress) is None:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def reach_all(
+    setups: Iterable[Setup], load_Nm: float, progress: Progress | None = None
+) -> list[float]:
+    """`reachable_rpm` of several set-ups over all cores."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(lambda s: reachable_rpm(s, load_Nm, progress=progress), setups))

@@ -1,0 +1,496 @@
+"""Software in the loop: the plant around the firmware, in compiled code.
+
+sim = SimulatedDrive(scenario.load("paper-b"))
+sim.start()
+sim.set("speed_ref_rpm", 2500)
+sim.run(1.0)
+recording = sim.take()
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+
+import numba.experimental.function_type  # noqa: F401  (functions as arguments)
+import numpy as np
+from numba import types
+
+from .. import __version__, firmware
+from ..plant.gates import gates_record
+from ..plant.inverter import DROPS, inverter_record, longest_step_s
+from ..plant.loop import MAX_STEP_S, PLANT_CHANNELS, TIMING, run_periods
+from ..plant.machine import DRY_RAD_S, LOAD, MachineParameters, machine_record
+from ..plant.pwm import PWM_MAP, pwm_record
+from ..plant.record import record
+from ..plant.sensors import SENSORS
+from ..plant.vsd import INVERSE, PHASES
+from ..recording.recording import STARTED, Recording, clock_text
+from ..setups import Setup, SetupError
+from .captures import Burst, Trigger, metadata
+from .interface import DriveFault, DriveVerbs, Progress
+
+__all__ = ["DriveFault", "SimulatedDrive"]
+
+#: Period register of CPU timer 0, the slow interrupt's; two words.
+TIMER_PERIOD = 0x0C02
+RESET_TICKS = 0x10000  # what it says before it is set
+#: Periods per compiled call: short enough for progress and Ctrl-C.
+CHUNK = 2000
+#: How far a simulation runs between two looks at a capture.
+CAPTURE_TURN_S = 0.01
+#: Longest step over the machine's shortest time constant: far within the integrator's
+#: stability and 1e-7 a step. The papers' machines have more than twice 100 us.
+STEP_SHARE = 0.1
+#: Controller parameters that the simulated hardware is timed by.
+TIMED_WITH_THE_PLANT = ("f_isr_Hz", "f_slow_Hz", "load_mode", "write_delay_us")
+#: In place of a record that is not wanted.
+_NOTHING = np.empty((0, 0), np.float32)
+#: Conduction drops that need shorter steps than this would take for ever.
+SHORTEST_STEP_S = 0.1e-6
+#: Speed over which an eddy-current brake's torque peaks, relative to `at_rpm`.
+EDDY_PEAK = 1.5
+
+
+class _Rows:
+    """Growing table that keeps its memory: fresh pages would cost more than the
+    simulation that fills them."""
+
+    def __init__(self, width: int) -> None:
+        self._data = np.empty((0, width), np.float32)
+        self._used = 0
+
+    def room(self, rows: int) -> np.ndarray:
+        """The next `rows` rows, to be filled."""
+        end = self._used + rows
+        if end > len(self._data):
+            grown = np.empty((max(end, 2 * len(self._data)), self._data.shape[1]), np.float32)
+            grown[: self._used] = self._data[: self._used]
+            self._data = grown
+        begin, self._used = self._used, end
+        return self._data[begin:end]
+
+    def filled(self) -> np.ndarray:
+        return self._data[: self._used]
+
+    def clear(self) -> None:
+        self._used = 0
+
+
+class EntryPoint(types.WrapperAddressProtocol):
+    """A C function that compiled Python code can call."""
+
+    def __init__(self, address: int, *arguments: types.Type) -> None:
+        self._address = address
+        self._signature = types.void(*arguments)
+
+    def __wrapper_address__(self) -> int:
+        return self._address
+
+    def signature(self):
+        return self._signature
+
+
+def _load(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
+    """A load that takes `torque_Nm` at `at_rpm` (constant: at any speed)."""
+    w = at_rpm * math.pi / 30
+    terms = {
+        "constant_Nm": 0.0,
+        "linear_Nms": 0.0,
+        "quadratic_Nms2": 0.0,
+        "dry_Nm": 0.0,
+        "eddy_Nm": 0.0,
+        "eddy_rad_s": EDDY_PEAK * w,
+    }
+    if kind == "constant":
+        terms["constant_Nm"] = torque_Nm
+    elif kind == "generator":
+        terms["linear_Nms"] = torque_Nm / w
+    elif kind == "fan":
+        terms["quadratic_Nms2"] = torque_Nm / w**2
+    elif kind == "friction":
+        terms["dry_Nm"] = torque_Nm / math.tanh(w / DRY_RAD_S)
+    else:  # brake
+        s = 1 / EDDY_PEAK
+        terms["eddy_Nm"] = torque_Nm * (1 + s * s) / (2 * s)
+    return record(LOAD, **terms)
+
+
+def _pwm_map(m, active_low: bool = False) -> np.record:
+    """Register layout from the firmware's own map; polarity of the gate drivers."""
+    offsets = {n: int(getattr(m, n)) for n in PWM_MAP.names if n != "active_low"}
+    offsets = {n: -1 if v == 0xFFFF else v for n, v in offsets.items()}
+    return record(PWM_MAP, **offsets, active_low=int(active_low))
+
+
+class SimulatedDrive(DriveVerbs):
+    """One drive: machine, inverter, sensors and firmware, with the verbs of a drive.
+    `controller(device, values)` makes the firmware's part: in this process, or elsewhere."""
+
+    def __init__(
+        self,
+        setup: Setup,
+        samples_per_period: int = 4,
+        controller: Callable[..., firmware.Controller] = firmware.Controller,
+    ) -> None:
+        self.setup = setup
+        self.controller = controller(setup["timing.device"], setup.controller_values())
+        period_counts = self.controller.period_counts
+        clock = float(self.controller.map.pwm_clock_Hz)
+        self.period_s = period_counts / clock
+        if period_counts % samples_per_period:
+            raise SetupError(f"{samples_per_period} samples do not divide {period_counts} counts")
+        sample_count = round(setup["sensors.sample_delay_us"] * 1e-6 * clock)
+        write_count = round(setup.write_delay_us * 1e-6 * clock)
+        if self.controller.shadow:
+            write_count = max(1, write_count)
+        if not sample_count <= write_count < period_counts:
+            raise SetupError(
+                f"sensors.sample_delay_us + timing.isr_us = {write_count / clock * 1e6:.3g} us: "
+                f"must end within the period of {self.period_s * 1e6:.4g} us"
+            )
+        self.samples_per_period = samples_per_period
+        self.machine = MachineParameters(**setup.machine_values())
+        self._machine = machine_record(self.machine)
+        f_isr = self.controller.get("f_isr_Hz")
+        self._timing = record(
+            TIMING,
+            clock_Hz=clock,
+            period=period_counts,
+            sample_count=sample_count,
+            write_count=write_count,
+            slow_every=round(f_isr / self.controller.get("f_slow_Hz")),
+            per_period=samples_per_period,
+            max_step=max(1, int(min(MAX_STEP_S, STEP_SHARE / self._fastest_per_s()) * clock)),
+            lost=0,
+        )
+        self.plant_state = np.zeros(8)
+        self.inverter = inverter_record(**{name: setup[f"inverter.{name}"] for name in DROPS})
+        if self.inverter.drops and longest_step_s(self.inverter, self._machine) < SHORTEST_STEP_S:
+            raise SetupError(
+                "inverter.v_switch_V, v_diode_V, r_switch_ohm, r_diode_ohm: too large for the "
+                "machine's smallest leakage inductance, the simulation would need steps below "
+                f"{SHORTEST_STEP_S * 1e6:g} us"
+            )
+        self._pwm = pwm_record()
+        self._gates = gates_record(round(setup["inverter.min_pulse_us"] * 1e-6 * clock))
+        self._map = _pwm_map(self.controller.map, self.controller.port.board.gates_active_low)
+        #: What the converter makes of the currents; may be changed between runs.
+        self.sensors = self._make_sensors()
+        self._registers = self.controller.register_words()
+        self.load_Nm = 0.0
+        self.vdc_V = setup["inverter.vdc_V"]
+        self.periods = 0
+        self._begun, self._begun_s = 0, 0.0  # periods and time at the latest change of rate
+        self.wall_s = 0.0
+        self._started_s = time.time()  # of the day, when time began to pass
+        u64 = types.uint64
+        self._entries = tuple(
+            EntryPoint(firmware.address(name), *[u64] * arguments)
+            for name, arguments in zip(self.controller.entries, (1, 1, 2))
+        )
+        self._burst: Burst | None = None
+        self._burst_names: tuple[str, ...] = ()
+        self._plant = _Rows(len(PLANT_CHANNELS))
+        self._channels = _Rows(len(firmware.channels()))
+        self._record_start = 0
+        self._transitions = 0
+        self._edges = np.empty((0, 3), np.int64)
+        self._edges_logged = 0
+        # Compile, or load from the cache, before anything is timed.
+        self._call(0, _NOTHING, _NOTHING)
+
+    def _fastest_per_s(self) -> float:
+        """Largest decay rate of the windings at standstill."""
+        return float(np.abs(np.linalg.eigvals(self._machine.slope[:, :6])).max())
+
+    def _make_sensors(self) -> np.record:
+        setup, m = self.setup, self.controller.map
+        per_A = 4096 / (2 * setup["sensors.i_full_A"])
+        return record(
+            SENSORS,
+            i_counts_per_A=per_A * np.array(setup["sensors.i_gain"]),
+            i_filter_rad_s=2 * math.pi * setup["sensors.i_filter_Hz"],
+            i_last_A=0.0,
+            i_filtered_A=0.0,
+            i_noise_counts=per_A * setup["sensors.i_noise_A"],
+            random=setup["sensors.noise_seed"],
+            i_offset_counts=2048 + per_A * np.array(setup["sensors.i_offset_A"]),
+            hold=0,
+            v_counts_per_V=4096 / setup["sensors.vdc_full_V"],
+            adc_step=float(1 << (12 - setup["sensors.adc_bits"])),
+            encoder_counts_rev=4.0 * setup["sensors.encoder_ppr"],
+            adc_result=list(m.adc_result),
+            adc_shift=int(m.adc_shift),
+            adc_flag=int(m.adc_flag),
+            adc_flag_bit=int(m.adc_flag_bit),
+            encoder_error_cycles=setup["sensors.encoder_error_cycles"],
+            eqep=int(m.eqep),
+            system_clocks=self.period_s * float(m.system_clock_Hz),
+            position_counts=0.0,
+            counter=0,
+            ticks=0.0,
+            event_tick=0,
+            edges=0,
+        )
+
+    def follow_timers(self) -> None:
+        """The periods that the firmware has set its timers to since: for a board that is told
+        to by others than this object. What was recorded at another rate is dropped."""
+        m, words, timing = self.controller.map, self._registers, self._timing
+        counts = int(words[self.controller.port.leg[0] + m.tbprd]) + 1
+        ticks = int(words[TIMER_PERIOD]) + (int(words[TIMER_PERIOD + 1]) << 16) + 1
+        if ticks == RESET_TICKS:  # firmware elsewhere: that register is not told, its rate stays
+            slow_every = round(timing.slow_every * timing.period / counts)
+        else:
+            slow_every = round(ticks / float(m.system_clock_Hz) * float(m.pwm_clock_Hz) / counts)
+        if (counts, slow_every) == (timing.period, timing.slow_every):
+            return
+        self._begun_s, self._begun = self.time_s, self.periods
+        self.period_s = counts / float(m.pwm_clock_Hz)
+        timing.period, timing.slow_every = counts, slow_every
+        timing.write_count = min(timing.write_count, counts - 1)
+        timing.sample_count = min(timing.sample_count, timing.write_count)
+        if counts % timing.per_period:
+            timing.per_period = self.samples_per_period = 1
+        self.sensors.system_clocks = self.period_s * float(m.system_clock_Hz)
+        self.discard()
+
+    @property
+    def time_s(self) -> float:
+        return self._begun_s + (self.periods - self._begun) * self.period_s
+
+    @property
+    def speed_rpm(self) -> float:
+        """True speed."""
+        return self.plant_state[6] * 30 / math.pi
+
+    def start(self) -> None:
+        self.controller.start()
+        self._commanded()
+
+    def stop(self) -> None:
+        self.controller.stop()
+        self._commanded()
+
+    def clear(self) -> None:
+        self.controller.clear()
+        self._commanded()
+
+    @property
+    def params(self) -> Mapping[str, firmware.Parameter]:
+        return MappingProxyType(self.controller.parameters)
+
+    @property
+    def channels(self) -> tuple[tuple[str, str], ...]:
+        return firmware.channels()
+
+    @property
+    def state(self) -> str:
+        return self.controller.state
+
+    @property
+    def faults(self) -> list[str]:
+        return self.controller.faults
+
+    @property
+    def snapshot(self) -> dict[str, object] | None:
+        return self.controller.snapshot
+
+    def get(self, name: str) -> str | float:
+        return self.controller.get(name)
+
+    def set_many(self, values: Mapping[str, object]) -> None:
+        """Controller parameters, and `load_Nm` and `vdc_V` of the plant."""
+        plant = {name: values[name] for name in values if name in ("load_Nm", "vdc_V")}
+        for name, value in plant.items():
+            if not math.isfinite(float(value)):
+                raise SetupError(f"{name} = {value}: a finite number is needed")
+        rest = {name: value for name, value in values.items() if name not in plant}
+        for name in rest:
+            if name in TIMED_WITH_THE_PLANT:
+                raise SetupError(f"{name}: belongs to the set-up, make a new simulation")
+        if rest:
+            self.controller.set_many(rest)
+            self._commanded()
+        for name, value in plant.items():
+            setattr(self, name, float(value))
+
+    def close(self) -> None:
+        """Nothing to leave: time stands still."""
+
+    def run(
+        self,
+        duration_s: float,
+        record: bool = True,
+        progress: Progress | None = None,
+    ) -> None:
+        """Advance. `progress` is called with the simulated seconds just done."""
+        left = round(duration_s / self.period_s)
+        while left > 0:
+            n = min(left, CHUNK)
+            self._run_chunk(n, record)
+            left -= n
+            if progress:
+                progress(n * self.period_s)
+
+    def _run_chunk(self, n: int, record: bool) -> None:
+        plant, channels = _NOTHING, _NOTHING
+        if record:
+            plant = self._plant.room(n * self.samples_per_period)
+            channels = self._channels.room(n)
+        elif self._burst:
+            channels = np.empty((n, len(firmware.channels())), np.float32)
+        if self.periods == 0:
+            self._started_s = time.time()
+        began = time.perf_counter()
+        self._call(n, plant, channels)
+        self.wall_s += time.perf_counter() - began
+        self.controller.confirm()
+        if not np.isfinite(self.plant_state).all():
+            raise ArithmeticError(
+                f"the simulation diverged before {self.time_s + n * self.period_s:.4g} s: "
+                "are the machine's time constants below the integration step, "
+                f"{MAX_STEP_S * 1e6:g} us?"
+            )
+        if self._burst:
+            self._burst.feed(channels, self.periods)
+        self.periods += n
+        if not record:
+            self.discard()
+
+    def _call(self, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
+        load = _load(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
+        self._edges_logged = run_periods(
+            n, self.periods, self._timing, self._machine, load, self.inverter,
+            self._map, self._pwm, self._gates, self.sensors, self._registers,
+            self.plant_state, self.vdc_V,
+            *self._entries, self.controller.handle, channels.ctypes.data, plant, channels,
+            self._edges, self._edges_logged,
+        )  # fmt: skip
+
+    def lose_interrupts(self, lost: bool) -> None:
+        """From now on the ADC raises no fast interrupt, or raises it again."""
+        self._timing.lost = int(lost)
+
+    def log_edges(self, capacity: int) -> None:
+        """From now on keep every change of a leg, up to `capacity` of them (0: none)."""
+        self._edges = np.empty((capacity, 3), np.int64)
+        self._edges_logged = 0
+
+    @property
+    def edges(self) -> np.ndarray:
+        """(n, 3) of what `log_edges` kept: time in counts since the start of the
+        simulation, leg, new state (`plant.inverter`: LOW, HIGH or OFF)."""
+        return self._edges[: self._edges_logged]
+
+    @property
+    def shorts(self) -> int:
+        """How often both switches of a leg were told to be on at the same time."""
+        return int(np.sum(self._pwm.shorts))
+
+    def discard(self) -> None:
+        """Drop what was recorded."""
+        self._plant.clear()
+        self._channels.clear()
+        self._record_start = self.periods
+        self._transitions = int(np.sum(self._pwm.transitions))
+
+    def arm(
+        self,
+        channels: Sequence[str],
+        samples: int,
+        pre: int = 0,
+        trigger: str = "manual",
+        prescaler: int = 1,
+    ) -> None:
+        what = Trigger.parse(trigger)
+        on = {"fault": "faults"}.get(what.kind, what.channel or "state")
+        names = [name for name, _ in firmware.channels()]
+        for name in (*channels, on):
+            if name not in names:
+                raise SetupError(f"no channel {name!r}; there are {', '.join(names)}")
+        columns = [names.index(name) for name in channels]
+        self._burst = Burst(columns, samples, pre, prescaler, what, names.index(on))
+        self._burst_names = tuple(channels)
+
+    def trigger(self) -> None:
+        if self._burst:
+            self._burst.manual = True
+
+    def cancel(self) -> None:
+        self._burst = None
+
+    def _commanded(self) -> None:
+        if self._burst:
+            self._burst.command = True
+
+    def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
+        burst, begun_s = self._burst, self.time_s
+        if burst is None:
+            raise SetupError("capture: none is armed")
+        burst.manual |= now
+        while not burst.complete:
+            if timeout_s is not None and self.time_s - begun_s > timeout_s:
+                raise SetupError(f"capture: not complete within {timeout_s:g} s")
+            self.run(CAPTURE_TURN_S)
+        assert burst.period is not None
+        units = dict(firmware.channels())
+        data = {
+            name: np.ascontiguousarray(burst.values[:, column])
+            for column, name in enumerate(self._burst_names)
+        }
+        meta = {
+            **self._meta(),
+            # The firmware counts from 1.
+            **metadata(burst.period + 1, burst.pre, burst.prescaler, 1 / self.period_s),
+        }
+        rate_Hz = 1 / (self.period_s * burst.prescaler)
+        units = {name: units[name] for name in self._burst_names}
+        return Recording(rate_Hz, data, units, meta, -burst.pre / rate_Hz)
+
+    def take(self) -> Recording:
+        """What was recorded since the last `take`, `discard` or unrecorded run. Telemetry
+        channels are held between control periods."""
+        per = self.samples_per_period
+        plant, telemetry = self._plant.filled(), self._channels.filled()
+        data: dict[str, np.ndarray] = {}
+        units: dict[str, str] = {}
+        phases = plant[:, :4] @ INVERSE.T.astype(np.float32)
+        for column, phase in enumerate(PHASES):
+            data[f"plant.i_{phase}_A"] = np.ascontiguousarray(phases[:, column])
+            units[f"plant.i_{phase}_A"] = "A"
+        for column, (name, unit) in enumerate(PLANT_CHANNELS):
+            data[f"plant.{name}"] = plant[:, column].copy()
+            units[f"plant.{name}"] = unit
+        for column, (name, unit) in enumerate(firmware.channels()):
+            data[name] = np.repeat(telemetry[:, column], per)
+            units[name] = unit
+        periods = self.periods - self._record_start
+        jumps = int(np.sum(self._pwm.transitions)) - self._transitions
+        meta = {
+            **self._meta(),
+            "samples_per_period": per,
+            # Mean switching frequency of a switch: two transitions a cycle, six legs.
+            "f_sw_Hz": jumps / (12 * periods * self.period_s) if periods else None,
+        }
+        start = self._begun_s + (self._record_start - self._begun) * self.period_s
+        self.discard()
+        return Recording(per / self.period_s, data, units, meta, start)
+
+    def _meta(self) -> dict:
+        return {
+            "hexatorque": __version__,
+            STARTED: clock_text(self._started_s),
+            "setup": self.setup.name,
+            "title": self.setup.title,
+            "scheme": self.controller.get("scheme"),
+            "latency": self.setup["timing.latency"],
+            "processor": self.controller.processor,
+            "parameters": self.setup.summary(),
+            "state": self.controller.state,
+            "faults": self.controller.faults,
+            "register_violations": int(self.controller.registers.violations),
+        }

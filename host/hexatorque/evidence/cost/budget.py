@@ -1,0 +1,280 @@
+"""`hexatorque budget`: what the firmware costs on embedded processors, held against the
+limits in firmware/budget.toml. Instructions: `count`. Stack: `stack`. Sizes: here.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import tomllib
+from pathlib import Path
+
+from ...boards import tools
+from ...drive.operating_points import Progress
+from ...setups import Setup
+from . import count, stack
+
+#: What has a budget of instructions and stack.
+MACHINE = "mps2-an386"
+#: Who calls the drive: two interrupts and the background.
+ENTRIES = {
+    "fast interrupt": ("ht_drive_fast_isr",),
+    "slow interrupt": ("ht_drive_slow_isr",),
+    "commands": ("ht_drive_init", "ht_drive_set", "ht_drive_start", "ht_drive_stop",
+                 "ht_drive_clear"),
+}  # fmt: skip
+#: The only library function that the fast interrupt may call.
+ALLOWED_CALLS = {"sqrtf"}
+#: The Cortex-M4F's images compiled file by file at -O2, as all other targets are and TI's
+#: compiler is told to.
+BY_FILE = "mps2-by-file"
+#: Of sizes: target -> CMake preset, prefix of its binary utilities.
+TARGETS = {
+    "host": ("host", ""),
+    MACHINE: (BY_FILE, "arm-none-eabi-"),
+    "atmega2560": ("avr", "avr-"),
+}
+#: The last one only where it is compiled.
+ROOMS = ("core", "app", "port/c2000")
+#: Cycles of the C28x, smallest and largest assumption: of an instruction of the
+#: Cortex-M4F that is no branch, and of a branch, call or return.
+C28X_CYCLES = ((1.0, 4.0), (1.5, 7.0))
+C28X_CLOCK_HZ = 150e6
+
+
+def _stack(preset: str) -> tuple[dict, list[str]]:
+    """Deepest paths by kind of entry, and library functions that the fast interrupt calls."""
+    folder = tools.build(preset)
+    objects = tools.objects(folder, "ht_core", "count").values()
+    graph = stack.call_graph(folder / count.IMAGE, objects)
+    paths = {}
+    for kind, entries in ENTRIES.items():
+        octets, path = max(stack.deepest(graph, entry) for entry in entries)
+        paths[kind] = {"octets": octets, "path": path}
+    return paths, sorted(stack.library_calls(graph, "ht_drive_fast_isr") - ALLOWED_CALLS)
+
+
+def _sizes(preset: str, prefix: str) -> dict[str, int]:
+    """Octets of code and constants of core, app and C2000 driver, and of one drive's data."""
+    folder = tools.build(preset)
+    rooms = [tools.source_root() / "firmware" / room for room in ROOMS]
+    built = tools.objects(folder, "ht_core", "ht_app")
+    objects = [file for source, file in built.items() if source.parent in rooms]
+    listed = subprocess.run(
+        [f"{prefix}size", "-A", *objects], capture_output=True, text=True, check=True
+    ).stdout
+    sections = re.findall(r"^(\.\S+)\s+(\d+)\s+\d+$", listed, re.MULTILINE)
+    total = {"code": 0, "constants": 0}
+    for name, octets in sections:
+        if name.startswith(".text"):
+            total["code"] += int(octets)
+        elif name.startswith((".rodata", ".data", ".bss")):
+            total["constants"] += int(octets)
+    (drive,) = tools.objects(folder, "ht_sizes").values()
+    named = subprocess.run(
+        [f"{prefix}nm", "--print-size", drive], capture_output=True, text=True, check=True
+    ).stdout
+    (octets,) = re.findall(r"^\S+ (\S+) \w ht_one_drive$", named, re.MULTILINE)
+    return {**total, "drive": int(octets, 16)}
+
+
+def _image_octets(preset: str) -> int:
+    """Code and constants of the counting image."""
+    image = tools.build(preset) / count.IMAGE
+    listed = subprocess.run(
+        ["arm-none-eabi-size", image], capture_output=True, text=True, check=True
+    ).stdout
+    return int(listed.splitlines()[1].split()[0])
+
+
+def _estimate(setup: Setup) -> dict:
+    """Microseconds of `ddr` on a 150 MHz C28x, between two assumptions."""
+    jumps, others = count.branches(setup.changed(controller__scheme="ddr"), BY_FILE)
+    low, high = (
+        (others * plain + jumps * jump) / C28X_CLOCK_HZ * 1e6 for plain, jump in C28X_CYCLES
+    )
+    return {
+        "branches": round(jumps), "other_instructions": round(others),
+        "low_us": round(low, 1), "high_us": round(high, 1),
+    }  # fmt: skip
+
+
+def _version(compiler: str) -> str:
+    text = subprocess.run([compiler, "--version"], capture_output=True, text=True).stdout
+    return text.splitlines()[0]
+
+
+def measure(setup: Setup, progress: Progress | None = None) -> dict:
+    """Everything, as docs/budget.json has it. Targets whose compiler is missing are left
+    out of the sizes."""
+    tools.need("arm-none-eabi-gcc", "qemu-system-arm")
+    stacks, calls = _stack("mps2")
+    sizes = {"host": _sizes(*TARGETS["host"]), MACHINE: _sizes(*TARGETS[MACHINE])}
+    if tools.missing("avr-gcc") is None:
+        sizes["atmega2560"] = _sizes(*TARGETS["atmega2560"])
+    instructions, used = count.instructions(setup, MACHINE, progress)
+    return {
+        MACHINE: {
+            **instructions,
+            "stack_octets": max(row["octets"] for row in stacks.values()),
+            "stack": stacks,
+            "stack_used_octets": used,
+            "library_calls": calls,
+            "image_octets": _image_octets("mps2"),
+            "image_by_file_octets": _image_octets(BY_FILE),
+        },
+        "sizes": sizes,
+        "c28x_150MHz_estimate": _estimate(setup),
+        "setup": setup.name,
+        "compiler": _version("arm-none-eabi-gcc"),
+        "options": tools.optimisation(tools.build("mps2"), "ht_core"),
+    }
+
+
+def limits() -> dict:
+    return tomllib.loads((tools.source_root() / "firmware/budget.toml").read_text())
+
+
+def exceeded(result: dict, limit: dict) -> list[str]:
+    """Limits that do not hold, one line each."""
+    found = result[MACHINE]
+    bound = limit[MACHINE]
+    lines = []
+
+    def hold(what: str, value: float, most: float) -> None:
+        if not value <= most:
+            lines.append(f"{what}: {value:g}, limit {most:g}")
+
+    for kind in ("mean", "max"):
+        for scheme, most in bound[kind].items():
+            hold(f"{scheme}, {kind} instructions", found[scheme][kind], most)
+    ratio = found["ddr"]["mean"] / found["fdr"]["mean"]
+    hold("ddr over fdr", round(ratio, 3), bound["ddr_over_fdr"])
+    hold("stack, octets", found["stack_octets"], bound["stack_octets"])
+    hold("image, octets", found["image_octets"], bound["image_octets"])
+    for target, rows in limit["sizes"].items():
+        for what, most in rows.items():
+            if target in result["sizes"]:
+                hold(f"{target}, {what}, octets", result["sizes"][target][what], most)
+    for name in found["library_calls"]:
+        lines.append(f"the fast interrupt calls {name}")
+    return lines
+
+
+def write(result: dict, folder: Path) -> list[Path]:
+    """budget.json and budget.md."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / "budget.json", folder / "budget.md"]
+    files[0].write_text(json.dumps(result, indent=1) + "\n")
+    files[1].write_text(page(result, limits()))
+    return files
+
+
+PAGE = """\
+# Budget
+
+Generated by `make budget` (`hexatorque budget -o docs`), numbers in `budget.json`; do not edit.
+Limits are in `firmware/budget.toml`; `hexatorque budget` fails where one is exceeded.
+
+## Instructions
+Cortex-M4F, {compiler}, {options}. One second of `{setup}` from the start over the flux
+build-up to the rated load, replayed on QEMU's mps2-an386, whose clock under `-icount` counts
+instructions exactly. *Interrupt* is the whole fast interrupt: registers, protection, control,
+registers. The drivers access registers by one load or store each, as on the DSP. *Step* is
+`ht_control_step` in it. Means: while the drive runs; maxima: from the start on.
+
+{instructions}
+
+`ddr` is {ratio:.2f} times `fdr` (limit {ratio_limit:g}; paper A's run times: 1.95). Goal for the
+mean of `ddr`: {goal} instructions, {verdict}. Where they go: `hexatorque budget --profile ddr`.
+
+The fast interrupt calls no library function{calls}; square roots are the processor's own.
+
+## Estimate for a 150 MHz C28x
+**{low:.0f} to {high:.0f} us of the period of 100 us for `ddr`: an estimate, nothing has run on that
+processor.** TI's compiler is told to go file by file (`--opt_level=2`); so compiled, at -O2, the
+Cortex-M4F takes {by_file} instructions. The {others} of them that are not branches count 1 to 1.5
+cycles each (both have loads, stores, additions and multiplications in single precision at one a
+cycle; the C28x has 8 floating-point registers instead of 32 and results of its FPU one cycle later,
+but two operations in some instructions), the {branches} branches, calls and returns 4 to 7 cycles
+each (the depth of its pipeline), from memory without wait states.
+
+## Stack
+Octets, Cortex-M4F, from `-fstack-usage` along the deepest path of the call graph (disassembly; no
+calls through pointers, no recursion). In the replay the fast interrupt used {measured} at most.
+
+{stack}
+
+All three on one stack, with the {exception} octets that each interrupt adds by itself: {together}.
+
+## Sizes
+Octets of core, app and C2000 driver (atmega2560: without driver; constants: with the texts of the
+parameter and channel tables), and of the data of one drive; compiled file by file at -O2. What
+the instructions are counted of, compiled as said there, is an image of {image} octets instead of
+{image_by_file}.
+
+{sizes}
+"""
+
+
+def _rows(headings: tuple[str, ...], rows: list[tuple]) -> str:
+    lines = ["| " + " | ".join(headings) + " |", "|---|" + "---:|" * (len(headings) - 1)]
+    return "\n".join(lines + ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows])
+
+
+def page(result: dict, limit: dict) -> str:
+    """budget.md."""
+    found, bound = result[MACHINE], limit[MACHINE]
+    schemes = [name for name in found if isinstance(found[name], dict) and "mean" in found[name]]
+    rows = [
+        (name, f"{row['mean']:.0f}", bound["mean"][name], row["max"], bound["max"][name],
+         f"{row['step_mean']:.0f}", row["step_max"])
+        for name, row in ((name, found[name]) for name in schemes)
+    ]  # fmt: skip
+    headings = ("scheme", "interrupt, mean", "limit", "max", "limit", "step, mean", "max")
+    goal = limit["goals"]["ddr_mean"]
+    estimate = result["c28x_150MHz_estimate"]
+    deepest = {kind: row["octets"] for kind, row in found["stack"].items()}
+    together = sum(deepest.values()) + 2 * stack.EXCEPTION_OCTETS
+    return PAGE.format(
+        compiler=result["compiler"], options=result["options"], setup=result["setup"],
+        instructions=_rows(headings, rows),
+        ratio=found["ddr"]["mean"] / found["fdr"]["mean"], ratio_limit=bound["ddr_over_fdr"],
+        goal=goal, verdict="met" if found["ddr"]["mean"] <= goal else "not met",
+        calls=f" but {', '.join(found['library_calls'])}" if found["library_calls"] else "",
+        low=estimate["low_us"], high=estimate["high_us"], branches=estimate["branches"],
+        others=estimate["other_instructions"],
+        by_file=estimate["branches"] + estimate["other_instructions"],
+        image=found["image_octets"], image_by_file=found["image_by_file_octets"],
+        exception=stack.EXCEPTION_OCTETS,
+        stack=_rows(
+            ("entry", "octets", "path"),
+            [
+                (kind, row["octets"], " → ".join(row["path"]))
+                for kind, row in found["stack"].items()
+            ],
+        ),
+        together=together, measured=found["stack_used_octets"],
+        sizes=_rows(
+            ("target", "code", "constants", "data of a drive"),
+            [(name, *row.values()) for name, row in result["sizes"].items()],
+        ),
+    )  # fmt: skip
+
+
+def tables(result: dict) -> list:
+    """For the terminal."""
+    from rich.table import Table
+
+    found = result[MACHINE]
+    memory = Table(title="stack and size, octets", title_justify="left")
+    memory.add_column("")
+    memory.add_column("octets", justify="right")
+    for kind, row in found["stack"].items():
+        memory.add_row(f"{MACHINE}, stack of {kind}", str(row["octets"]))
+    for target, row in result["sizes"].items():
+        for what, octets in row.items():
+            memory.add_row(f"{target}, {what}", str(octets))
+    schemes = {k: v for k, v in found.items() if isinstance(v, dict) and "mean" in v}
+    return [count.instruction_table(schemes), memory]

@@ -1,0 +1,138 @@
+"""What a reproduced figure holds: numbers, recordings, a picture, and verdicts that set
+ours beside the paper's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from ....recording.recording import Recording
+from ....setups import USER, Setup
+
+VERDICTS = ("match", "better", "worse", "differs", "not printed")
+UNEXPLAINED = "not explained"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One quantity or statement of the paper beside ours.
+
+    required: must not be "worse" or "differs"; `hexatorque reproduce` fails otherwise.
+    """
+
+    what: str
+    ours: float | str | None
+    paper: float | str | None
+    verdict: str
+    why: str = ""
+    unit: str = ""
+    required: bool = False
+
+    @property
+    def broken(self) -> bool:
+        return self.required and self.verdict in ("worse", "differs")
+
+
+def beside(
+    what: str,
+    ours: float | None,
+    paper: float,
+    unit: str = "",
+    *,
+    within: float = 0.05,
+    lower_is_better: bool | None = None,
+    why: str = "",
+    required: bool = False,
+) -> Verdict:
+    """Our number beside a printed one: "match" if it is `within` that share of it, else
+    "better" or "worse" where `lower_is_better` says which way is which, else "differs".
+    `why` is kept where they do not match."""
+    if ours is None or not math.isfinite(ours):
+        return Verdict(what, None, paper, "differs", why or UNEXPLAINED, unit, required)
+    if abs(ours - paper) <= within * abs(paper):
+        return Verdict(what, ours, paper, "match", "", unit, required)
+    word = "differs"
+    if lower_is_better is not None:
+        word = "better" if (ours < paper) == lower_is_better else "worse"
+    return Verdict(what, ours, paper, word, why or UNEXPLAINED, unit, required)
+
+
+def claim(
+    what: str,
+    holds: bool,
+    ours: float | str,
+    paper: float | str,
+    unit: str = "",
+    *,
+    why: str = "",
+    required: bool = False,
+) -> Verdict:
+    """A statement of the paper, and what we see; `why` is kept where it does not hold."""
+    if holds:
+        return Verdict(what, ours, paper, "match", "", unit, required)
+    return Verdict(what, ours, paper, "differs", why or UNEXPLAINED, unit, required)
+
+
+def not_printed(what: str, ours: float | str, unit: str = "", why: str = "") -> Verdict:
+    """A number of ours that the paper has no counterpart for."""
+    return Verdict(what, ours, None, "not printed", why, unit)
+
+
+@dataclass
+class Figure:
+    """A figure or table, made.
+
+    setups: every set-up that was run (none for figures that run no drive); recordings:
+    name -> recording; draw: writes the picture to the path given; metrics and paper:
+    anything JSON can hold; caption: what to see, and what was decided.
+    """
+
+    metrics: dict
+    verdicts: list[Verdict]
+    draw: Callable[[Path], Path]
+    recordings: dict[str, Recording]
+    setups: list[Setup] = field(default_factory=list)
+    paper: dict = field(default_factory=dict)
+    caption: str = ""
+
+    def as_json(self) -> dict:
+        """Everything but identity, recordings and picture."""
+        setups: list[dict] = []
+        for setup in self.setups:
+            row = _setup_json(setup)
+            if row not in setups:
+                setups.append(row)
+        by_name = {row["name"]: row["assumed"] for row in setups}
+        notes = [_assumptions(name, values) for name, values in by_name.items() if values]
+        return {
+            "setup": setups,
+            "metrics": self.metrics,
+            "paper": self.paper,
+            "verdicts": [asdict(v) for v in self.verdicts],
+            "caption": " ".join([self.caption, *notes]).strip(),
+        }
+
+
+def _tagged(setup: Setup, tag: str) -> dict[str, object]:
+    return {
+        f"{section}.{key}": value.value
+        for section, entries in setup.values.items()
+        for key, value in entries.items()
+        if value.tag == tag
+    }
+
+
+def _assumptions(name: str, values: dict) -> str:
+    return f"Assumed in {name}, since not printed: {', '.join(values)}."
+
+
+def _setup_json(setup: Setup) -> dict:
+    """A set-up's name, the values that its paper does not print, and those that the
+    figure sets itself."""
+    return {
+        "name": setup.name,
+        "assumed": _tagged(setup, "assumed"),
+        "set": _tagged(setup, USER),
+    }

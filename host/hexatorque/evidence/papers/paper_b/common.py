@@ -1,0 +1,98 @@
+"""What the experiments of paper B share: schemes, operating point, printed numbers, colours."""
+
+from __future__ import annotations
+
+from .... import setups
+from ....analysis.run import Run
+from ....drive.operating_points import Point
+from ....recording.recording import Recording
+from ....setups import Setup
+from ..engine.job import Job
+from ..printed_values import PAPER
+
+SETUP = "paper-b"
+#: With what the paper leaves open fitted to its Table VI. It brings Table VI and Figs. 14, 16
+#: and 19 closer and takes Figs. 7, 11, 12, 15 and 17 further away, so both are shown there.
+FITTED = "paper-b-fitted"
+SETUPS = (SETUP, FITTED)
+SCHEMES = ("dtc1", "dtc2", "dtc3")
+#: Table VI: operating point, and printed numbers by scheme.
+TABLE = PAPER[SETUP]
+SPEED_RPM, LOAD_NM = TABLE["speed_rpm"], TABLE["load_Nm"]
+PRINTED = TABLE["schemes"]
+#: Distinguishable with colour-blindness.
+COLOUR = {"dtc1": "#d55e00", "dtc2": "#0072b2", "dtc3": "#009e73"}
+MARKER = {"dtc1": "o", "dtc2": "s", "dtc3": "^"}
+
+
+def setup(scheme: str, name: str = SETUP, **changes: object) -> Setup:
+    """The paper's drive with one of its schemes."""
+    return setups.load(name).changed(controller__scheme=scheme, **changes)
+
+
+def point(
+    scheme: str,
+    speed_rpm: float = SPEED_RPM,
+    load_Nm: float = LOAD_NM,
+    name: str = SETUP,
+    **changes: object,
+) -> Point:
+    """An operating point; the brake takes the stated torque at the stated speed."""
+    return Point(setup(scheme, name, **changes), speed_rpm, load_Nm)
+
+
+def control_instants(rec: Recording) -> Recording:
+    """Samples at the beginning of each control period, where the controller looks. The
+    paper's traces come out of the DSP, once a period."""
+    per = rec.meta["samples_per_period"]
+    first = -round(rec.start_s * rec.rate_Hz) % per
+    return Recording(
+        rec.rate_Hz / per,
+        {name: values[first::per] for name, values in rec.channels.items()},
+        rec.units,
+        {**rec.meta, "samples_per_period": 1},
+        rec.start_s + first / rec.rate_Hz,
+    )
+
+
+def ending(rec: Recording, span_s: float) -> Recording:
+    """The last `span_s` (a view)."""
+    return rec.window(rec.start_s + rec.duration_s - span_s, rec.start_s + rec.duration_s)
+
+
+def excerpt(rec: Recording, names: tuple[str, ...], span_s: float | None = None) -> Recording:
+    """The channels named, the last `span_s` of them (all without it)."""
+    span = ending(rec, span_s) if span_s else rec
+    # Copies: a view would keep everything else alive.
+    channels = {name: span[name].copy() for name in names}
+    units = {name: rec.units[name] for name in names}
+    return Recording(rec.rate_Hz, channels, units, rec.meta, span.start_s)
+
+
+def xy_orders(highest: int) -> list[int]:
+    """Harmonics of the x-y plane, 6n +- 1 with n odd: 5, 7, 17, 19, ..."""
+    return [k for k in range(2, highest + 1) if k % 12 in (5, 7)]
+
+
+def torque_orders(highest: int) -> list[int]:
+    """Harmonics of the d-q plane, 12n +- 1: 11, 13, 23, 25, ..."""
+    return [k for k in range(2, highest + 1) if k % 12 in (1, 11)]
+
+
+def around(load_Nm: float, quick: bool) -> list[float]:
+    """The load and some close to it. Switching tables are chaotic in detail: figures are
+    means over these points, and what differs by less than their spread does not differ."""
+    shares = (0.0, -0.01, 0.01) if quick else (0.0, -0.02, -0.01, 0.01, 0.02)
+    return [load_Nm * (1 + share) for share in shares]
+
+
+def mean(rows: list[dict[str, float]]) -> dict[str, float]:
+    """Of each key over the rows."""
+    return {key: sum(row[key] for row in rows) / len(rows) for key in rows[0]}
+
+
+def runs_around(job: Job, schemes: tuple[str, ...]) -> dict[str, list[Run]]:
+    """Each scheme at the operating point of Table VI and at loads close to it."""
+    loads = around(LOAD_NM, job.quick)
+    runs = iter(job.runs([point(s, load_Nm=load) for s in schemes for load in loads]))
+    return {scheme: [next(runs) for _ in loads] for scheme in schemes}

@@ -1,0 +1,668 @@
+"""Fault campaign: every fault at random instants, in every state of the drive and under
+every scheme, and what the gates do.
+
+After a fault is injected the drive runs on period by period. It must name the cause and
+take the gates off in the interrupt that finds it, within the fault's deadline; from then
+on every leg stays off, whatever is commanded; at no time does a leg go from one switch
+to the other without the dead time in between.
+
+And one before there is a drive: the stored parameters are damaged at random places. The start takes
+what was saved if a whole copy is left, else the built-in parameters, and says which; never a wrong
+value.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import math
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ... import firmware, setups
+from ...drive.simulated import SimulatedDrive
+from ...plant.inverter import HIGH, LOW, OFF
+
+TITLE = "Fault campaign"
+SETUPS = ("paper-a-feasible", "paper-b")
+#: Runs per fault, enough for every state, scheme and set-up; the whole campaign has FAULTS
+#: times as many.
+RUNS = 180
+QUICK_RUNS = 12
+#: Periods watched after the gates are off.
+AFTER = 50
+#: Deadlines, in periods: the next interrupt; two slow periods; what takes its time to show.
+NOW, TWO_SLOW, LATER = 1, 200, 5000
+STATES = ("idle", "calibrate", "build", "run", "fault")
+POWERED = ("build", "run")
+TRIP_FLAG = 4
+#: Index of the encoder among the held sensors.
+ENCODER = 7
+
+Progress = Callable[[float], None]
+Inject = Callable[[SimulatedDrive, np.random.Generator], None]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """`found_in`: states in which it must be found; elsewhere the gates are off anyway.
+    `causes`: one of them must be named first. `end` takes the fault away before the clear and
+    returns what was wrong until then."""
+
+    name: str
+    inject: Inject
+    causes: tuple[str, ...]
+    found_in: tuple[str, ...] = POWERED
+    deadline: int = NOW
+    changes: dict[str, object] = field(default_factory=dict)
+    #: Before the clear; what is wrong, or "".
+    repair: Callable[[SimulatedDrive], str] | None = None
+    stands: bool = False  #: no fast interrupt comes from the injection on
+
+
+def _sign(rng: np.random.Generator) -> int:
+    return int(rng.choice([-1, 1]))
+
+
+def _over_current(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    """A real current in x-y: every phase of it beyond the trip level."""
+    amperes = 2.5 * sim.controller.get("i_trip_A")
+    sim.plant_state[2] += _sign(rng) * amperes * sim.machine.lxy_H
+
+
+def _alpha_beta_current(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    """Flux torn away from the rotor's: more than `i_ab_trip_A`, no phase beyond its own."""
+    m, trip_A = sim.machine, sim.controller.get("i_ab_trip_A")
+    angle = rng.uniform(0, 2 * np.pi)
+    direction = np.array([np.cos(angle), np.sin(angle)])
+    sim.plant_state[:4] = 0.0
+    sim.plant_state[:2] = (
+        sim.plant_state[4:6] * m.lm_H / m.lr_H + 1.03 * trip_A * m.sigma_ls_H * direction
+    )
+
+
+def _vdc(level: str, factor: float) -> Inject:
+    def inject(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+        sim.set("vdc_V", factor * sim.controller.get(level))
+
+    return inject
+
+
+def _over_speed(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    """The load turns and drives the shaft, 1000 rad/s2 beyond what the drive can hold."""
+    torque_Nm = sim.controller.get("torque_limit_Nm") + 1000 * sim.machine.inertia_kgm2
+    forward = sim.plant_state[6] > 0 if abs(sim.plant_state[6]) > 1 else _sign(rng) > 0
+    sim.set("load_Nm", -torque_Nm if forward else torque_Nm)
+
+
+def _hold(*sensors: int) -> Inject:
+    def inject(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+        sim.sensors.hold[int(rng.choice(sensors))] = 1
+
+    return inject
+
+
+def _railed(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    """A current sensor's output at one end of the converter's range."""
+    sim.sensors.i_offset_counts[rng.integers(6)] += _sign(rng) * 1e4
+
+
+def _offset(share: float) -> Inject:
+    """A sensor's zero jumps by a share of the trip level of a set's sum."""
+
+    def inject(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+        counts = share * sim.controller.get("i_sum_trip_A") / sim.controller.drive.i_per_count
+        sim.sensors.i_offset_counts[rng.integers(6)] += _sign(rng) * counts
+
+    return inject
+
+
+def _upset(*values: float) -> Inject:
+    """A word of the observer's memory changes."""
+
+    def inject(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+        value = float(rng.choice(values))
+        if np.isfinite(value):
+            value *= sim.controller.get("flux_trip_Wb")
+        setattr(sim.controller.drive.control.observer.psi_Wb, rng.choice(["alpha", "beta"]), value)
+
+    return inject
+
+
+def _trip_pin(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    """A pulse: low, and high again."""
+    sim.controller.set_trip_pin(0)
+    sim.controller.set_trip_pin(1)
+
+
+def _trip_pin_held(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    sim.controller.set_trip_pin(0)
+
+
+def _release_the_trip_pin(sim: SimulatedDrive) -> str:
+    """What must have held while the pin was low, after it: a start and a clear are refused and
+    say why, in every state. Then the pin goes high."""
+    for command in (sim.start, sim.clear):
+        before = sim.state
+        try:
+            command()
+        except firmware.FirmwareError as error:
+            if "the trip pin is low" not in str(error):
+                return f"{command.__name__} under a low trip pin says: {error}"
+        else:
+            return f"{command.__name__} was accepted under a low trip pin"
+        sim.run(sim.period_s, record=False)
+        if sim.state != before or not _gates_off(sim):
+            return f"{command.__name__} under a low trip pin changed something"
+    sim.controller.set_trip_pin(1)
+    return ""
+
+
+def _overrun(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    """The next event comes while the interrupt is still at work. Its first register
+    access acknowledges the event before."""
+    registers = sim.controller.registers
+    registers.event_at = registers.accesses + int(rng.integers(2, 10))
+
+
+def _lost_interrupt(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    sim.lose_interrupts(True)
+
+
+def _interrupts_again(sim: SimulatedDrive) -> str:
+    sim.lose_interrupts(False)
+    sim.run(sim.period_s, record=False)  # one, before the next slow interrupt looks
+    return ""
+
+
+def _bad_offset(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    """More than calibration accepts, from its beginning on."""
+    with contextlib.suppress(firmware.FirmwareError):
+        sim.stop()
+        sim.start()
+    sim.sensors.i_offset_counts[rng.integers(6)] += _sign(rng) * 250
+
+
+OVERCURRENT, OVERSPEED = "over-current", "over-speed"
+SUM, FLUX = "currents of a set do not add up to zero", "flux estimate cannot be right"
+CHECKED = ("calibrate", "build", "run")
+FAULTS = (
+    Fault("over-current in a phase", _over_current, (OVERCURRENT,), CHECKED),
+    Fault("over-current in α–β", _alpha_beta_current, (OVERCURRENT,)),
+    Fault("dc link too high", _vdc("vdc_max_V", 1.02), ("dc-link voltage too high",), CHECKED),
+    Fault("dc link too low", _vdc("vdc_min_V", 0.98), ("dc-link voltage too low",), CHECKED),
+    Fault("over-speed", _over_speed, (OVERSPEED,), ("run",), LATER),
+    Fault(
+        "encoder lost",
+        _hold(ENCODER),
+        ("encoder against flux speed",),
+        ("run",),
+        LATER,
+    ),
+    Fault(
+        "current sensor stands still",
+        _hold(0, 1, 2, 3, 4, 5),
+        ("current sensor stands still", SUM),
+        ("run",),
+        LATER,
+    ),
+    Fault("current sensor at its limit", _railed, (OVERCURRENT,), CHECKED),
+    Fault("current sensor off its zero", _offset(1.5), (SUM,)),
+    Fault(
+        "current sensor off its zero from the start",
+        _bad_offset,
+        ("current sensor offset out of bounds",),
+        ("calibrate",),
+        LATER,
+    ),
+    Fault("estimate not finite", _upset(np.nan, np.inf, -np.inf), ("estimate not finite",)),
+    Fault("flux out of bounds", _upset(2.0, -2.0), (FLUX,)),
+    Fault("trip pin", _trip_pin, ("external trip",)),
+    Fault(
+        "interrupt outlasts its period",
+        _overrun,
+        ("fast interrupt outlasted its period",),
+    ),
+    Fault(
+        "trip pin held low",
+        _trip_pin_held,
+        ("external trip",),
+        CHECKED,
+        repair=_release_the_trip_pin,
+    ),
+    Fault(
+        "ADC's interrupt lost",
+        _lost_interrupt,
+        ("fast interrupt lost",),
+        STATES[:-1],
+        TWO_SLOW,
+        repair=_interrupts_again,
+        stands=True,
+    ),
+)
+
+
+@dataclass
+class Result:
+    """One run. `error` is empty if the drive did all it must."""
+
+    fault: str
+    state: str
+    scheme: str
+    setup: str
+    cause: str = ""
+    periods: int = 0  #: from injection to gates off
+    error: str = ""
+
+
+def _setup(name: str, scheme: str, rng: np.random.Generator) -> setups.Setup:
+    base = setups.load(name)
+    trip_A = base.parameter("i_trip_A")
+    return base.changed(
+        controller__scheme=scheme,
+        controller__calibration_s=0.004,
+        controller__speed_trip_rpm=1500.0,
+        # Beyond any flux current here and below the phases' level.
+        controller__i_ab_trip_A=0.95 * trip_A,
+        timing__latency=str(rng.choice(setups.LATENCIES)),
+        load__kind="constant",
+    )
+
+
+def _bring_to(sim: SimulatedDrive, state: str, rng: np.random.Generator) -> None:
+    """Somewhere within `state`, in RUN at any speed and load."""
+    sim.run(sim.period_s * int(rng.integers(1, 50)), record=False)
+    if state == "idle":
+        return
+    sim.start()
+    ticks = {"calibrate": (1, 39), "build": (43, 3035)}.get(state)
+    if ticks:
+        sim.run(sim.period_s * int(rng.integers(*ticks)), record=False)
+        return
+    sim.run(0.31, record=False)
+    # Fast enough for a lost encoder to matter.
+    direction = _sign(rng)
+    sim.set("speed_ref_rpm", direction * float(rng.uniform(400, 900)))
+    sim.run(float(rng.uniform(0.2, 0.4)), record=False)
+    limit_Nm = sim.controller.get("torque_limit_Nm")
+    sim.set("load_Nm", direction * float(rng.uniform(-0.5, 0.5)) * limit_Nm)
+    sim.run(float(rng.uniform(0.0, 0.2)), record=False)
+    if state == "fault":
+        sim.set("vdc_V", 0.4 * sim.vdc_V)
+        sim.run(0.01, record=False)
+        sim.set("vdc_V", sim.setup["inverter.vdc_V"])
+
+
+def _gates_off(sim: SimulatedDrive) -> bool:
+    m, words = sim.controller.map, sim.controller.register_words()
+    flags = [int(words[m.epwm + leg * m.stride + m.tzflg]) & TRIP_FLAG for leg in range(6)]
+    return all(flags)
+
+
+def _shoot_through(sim: SimulatedDrive, legs: np.ndarray) -> str:
+    """Changes of legs since the log began, checked for the dead time; `legs` holds the
+    states before and is brought up to date."""
+    clock_Hz = float(sim.controller.map.pwm_clock_Hz)
+    dead = math.ceil(sim.setup["inverter.dead_time_us"] * 1e-6 * clock_Hz - 0.01)
+    if sim.shorts:
+        return "both switches of a leg were told to be on"
+    since = np.full(6, -(10**9))
+    for count, leg, state in sim.edges:
+        before = legs[leg]
+        if {before, state} == {LOW, HIGH}:
+            return f"leg {leg} changed over without dead time"
+        if before == OFF and state != OFF and 0 <= count - since[leg] < dead:
+            return f"leg {leg}: {count - since[leg]} counts of dead time"
+        if state == OFF:
+            since[leg] = count
+        legs[leg] = state
+    return ""
+
+
+def _disturb(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    """What someone may try while the drive is latched."""
+    with contextlib.suppress(firmware.FirmwareError):
+        sim.start()
+    sim.set("speed_ref_rpm", float(rng.uniform(-500, 500)))
+
+
+def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
+    """One fault in one drive."""
+    rng = np.random.default_rng(seed)
+    result = Result(fault.name, state, scheme, setup)
+    sim = SimulatedDrive(_setup(setup, scheme, rng), 1)
+    _bring_to(sim, state, rng)
+    if sim.controller.state != state:
+        result.error = f"{sim.controller.state} instead of {state} before the injection"
+        return result
+    sim.log_edges(500_000)
+    legs = np.array(sim.inverter.leg)
+    injected = sim.periods
+    fault.inject(sim, rng)
+    must_trip = state in fault.found_in
+    limit = fault.deadline if must_trip else AFTER
+    while sim.periods - injected < limit:
+        sim.run(sim.period_s, record=False)
+        if sim.controller.state == "fault" and state != "fault":
+            break
+    if must_trip:
+        result.error = _latched(sim, fault, injected, result)
+    elif state in ("idle", "fault") and (
+        sim.controller.state not in ("idle", "fault") or not _gates_off(sim)
+    ):
+        result.error = f"gates on in {sim.controller.state}"
+    latched = sim.controller.state in ("idle", "fault")
+    result.error = result.error or _shoot_through(sim, legs)
+    if latched and not result.error:
+        result.error = _stays_off(sim, rng, fault)
+    if sim.controller.registers.violations and not result.error:
+        result.error = "forbidden register access"
+    return result
+
+
+def _latched(sim: SimulatedDrive, fault: Fault, injected: int, result: Result) -> str:
+    """The fault must be found, named, recorded, and the gates off."""
+    if sim.controller.state != "fault":
+        return f"not found within {fault.deadline} periods"
+    snapshot = sim.controller.snapshot
+    result.cause = ", ".join(snapshot["faults"])
+    result.periods = sim.periods - injected
+    if not _gates_off(sim):
+        return "gates on in fault"
+    if not set(snapshot["faults"]) & set(fault.causes):
+        return f"named {result.cause}"
+    if snapshot["tick"] != (injected if fault.stands else sim.periods):
+        return "the snapshot is of another interrupt"
+    if fault.deadline == NOW and snapshot["state"] != result.state:
+        return f"the snapshot says {snapshot['state']}"
+    return ""
+
+
+def _stays_off(sim: SimulatedDrive, rng: np.random.Generator, fault: Fault) -> str:
+    """Latched: no leg comes on, whatever is commanded, until a clear; and a clear alone
+    turns nothing on either. The legs follow the trip flags in the period after."""
+    if sim.controller.state == "idle":
+        return fault.repair(sim) if fault.repair else ""
+    sim.run(sim.period_s, record=False)
+    sim.log_edges(10_000)
+    for n in range(AFTER):
+        if n % 10 == 5:
+            _disturb(sim, rng)
+        sim.run(sim.period_s, record=False)
+        if not _gates_off(sim) or any(state != OFF for state in sim.inverter.leg):
+            return "a gate came on after the latch"
+    if len(sim.edges):
+        return "a leg changed after the latch"
+    error = fault.repair(sim) if fault.repair else ""
+    if error:
+        return error
+    turning = abs(sim.controller.drive.speed_rpm) > sim.controller.get("start_max_rpm")
+    sim.clear()
+    sim.run(5 * sim.period_s, record=False)
+    if sim.controller.state != "idle" or not _gates_off(sim):
+        return "a clear turned gates on"
+    return _restart(sim) if turning else ""
+
+
+def _restart(sim: SimulatedDrive) -> str:
+    """A start into the turning machine must be refused. With a dead encoder and no current
+    nobody can know that it turns: the flux that is built tells, and the drive must find it;
+    no current may come near the trip level."""
+    try:
+        sim.start()
+    except firmware.FirmwareError:
+        return ""
+    if not sim.sensors.hold[ENCODER]:
+        return "started into a turning machine"
+    sim.log_edges(0)
+    sim.run(2 * LATER * sim.period_s)
+    rec = sim.take()
+    peak_A = float(np.hypot(rec["plant.i_alpha_A"], rec["plant.i_beta_A"]).max())
+    if peak_A > 0.8 * sim.controller.get("i_trip_A"):
+        return f"{peak_A:.1f} A after a start without encoder"
+    if sim.controller.state != "fault" and abs(sim.speed_rpm) > sim.controller.get(
+        "encoder_trip_rpm"
+    ):
+        return f"{sim.speed_rpm:.0f} r/min after a start without encoder, no fault"
+    return ""
+
+
+#: A fault that the start must find; its runs are no simulations.
+DAMAGED_SET = "damaged parameter set"
+
+
+def _some_set(controller: firmware.Controller, rng: np.random.Generator) -> None:
+    """Parameters that differ from the built-in ones, as far as they fit together."""
+    rows = list(firmware.parameters().values())
+    for k in rng.permutation(len(rows))[:20]:
+        row = rows[int(k)]
+        if row.choices:
+            value = row.choices[int(rng.integers(len(row.choices)))]
+        else:
+            value = min(max(row.initial * float(rng.uniform(0.8, 1.2)), row.min), row.max)
+        with contextlib.suppress(firmware.FirmwareError):
+            controller.set(row.name, value)
+    controller.set_many({"speed_ref_rpm": 0.0, "torque_ref_Nm": 0.0})  # never kept
+
+
+def _damage(areas: bytearray, rng: np.random.Generator) -> None:
+    """Bits, octets, blocks, a whole copy; in one of the copies or in both. Any of it may hit what
+    is used, or miss it."""
+    used = 16 * (2 + -(-len(firmware.parameters()) // 4))
+    for copy in rng.permutation(2)[: int(rng.integers(1, 3))]:
+        begin = int(copy) * firmware.MemoryStore.AREA
+        for _ in range(int(rng.integers(1, 4))):
+            at = begin + int(rng.integers(used))
+            what = int(rng.integers(5))
+            if what == 0:
+                areas[at] ^= 1 << int(rng.integers(8))
+            elif what == 1:
+                areas[at] = int(rng.integers(256))
+            elif what == 2:  # a torn block
+                block = at - at % firmware.MemoryStore.BLOCK
+                areas[block : block + 16] = rng.bytes(16)
+            elif what == 3:  # from here on it was never written, or was erased
+                areas[at : begin + used] = b"\xff" * (begin + used - at)
+            else:
+                areas[begin : begin + used] = rng.bytes(used)
+
+
+def damaged_set(device: str, seed: int) -> Result:
+    """One damaged store and the start after it."""
+    rng = np.random.default_rng(seed)
+    result = Result(DAMAGED_SET, "start", "", device)
+    names = list(firmware.parameters())
+    store = firmware.MemoryStore()
+    before = firmware.Controller(device, {}, store=store)
+    built_in = [before.get(name) for name in names]
+    _some_set(before, rng)
+    saved = [before.get(name) for name in names]
+    firmware.lib.ht_store_save(store.handle, before.drive)
+    good = bytes(store.areas)
+    _damage(store.areas, rng)
+    area = firmware.MemoryStore.AREA
+    whole = any(store.areas[a : a + area] == good[a : a + area] for a in (0, area))
+    after = firmware.Controller(device, {}, store=firmware.MemoryStore(store.areas))
+    values = [after.get(name) for name in names]
+    if after.parameter_set == "saved":
+        result.error = "" if values == saved else "a wrong value"
+    else:
+        result.cause, result.periods = after.parameter_set, 1  # before the first interrupt
+        result.error = "" if values == built_in else "not the built-in parameters"
+    if whole and after.parameter_set != "saved":
+        result.error = "a whole copy was left, and not taken"
+    if not firmware.lib.ht_port_tripped(after.port):
+        result.error = "gates on after the start"
+    if after.registers.violations and not result.error:
+        result.error = "forbidden register access"
+    return result
+
+
+#: Found by the board's start as well, which then has no simulation to drive.
+WRONG_CLOCK = "wrong system clock"
+
+
+def _plant_clock(registers, f28335: bool, rng: np.random.Generator) -> None:
+    """A PLL that locks at another frequency, at every try; one that never locks; no crystal."""
+    what = int(rng.integers(3))
+    if what == 0:
+        registers.wrong_locks = 60_000
+        # The widest tolerance of a measurement, against an internal oscillator, is 12 %.
+        registers.wrong_percent = int(rng.choice([rng.integers(25, 86), rng.integers(116, 151)]))
+    elif what == 1:
+        registers.never_locks = 1
+    else:
+        registers.no_crystal = 1
+        if f28335:
+            registers.word[0x7011] |= 8  # PLLSTS.MCLKSTS
+
+
+def _pwm_pins(board, registers) -> int:
+    """How many of the twelve pins are the PWM's."""
+    found = 0
+    for pin in board.pwm:
+        mux = board.map.gpio + pin.gpio // 32 * board.map.gpio_stride + 6 + pin.gpio % 32 // 8
+        found += (registers.word[mux] >> 2 * (pin.gpio % 8)) & 3 != 0
+    return found
+
+
+def wrong_clock(device: str, seed: int) -> Result:
+    """A start with a planted clock: no pin becomes the PWM's, and whatever is commanded, START
+    and CLEAR are refused and the fault stays."""
+    rng = np.random.default_rng(seed)
+    ffi, lib = firmware.ffi, firmware.lib
+    result = Result(WRONG_CLOCK, "start", "", device)
+    board = firmware.board_of(device)[0]
+    registers, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
+    drive, params = ffi.new("ht_drive *"), ffi.new("ht_params *")
+    lib.ht_regfile_reset(registers, board.map)
+    _plant_clock(registers, board.map.device == lib.HT_F28335, rng)
+    lib.ht_port_bind(port, registers, ffi.addressof(board))
+    if lib.ht_board_start(port):
+        result.error = "the clock was taken for right"
+        return result
+    lib.ht_params_default(params)
+    lib.ht_drive_init(drive, port, params)
+    commands = (
+        lambda: lib.ht_drive_start(drive) == lib.HT_OK,
+        lambda: lib.ht_drive_clear(drive) == lib.HT_OK,
+        lambda: lib.ht_drive_stop(drive) is not None,
+        lambda: lib.ht_drive_set(drive, int(rng.integers(100)), float(rng.uniform(-1, 100))) < 0,
+    )
+    for _ in range(AFTER):
+        lib.ht_drive_stand_in(drive, lib.HT_FAULT_CLOCK)  # as the image's background does
+        if commands[int(rng.integers(len(commands)))]():
+            result.error = "a command was accepted"
+        if drive.state != lib.HT_STATE_FAULT or not drive.faults & lib.HT_FAULT_CLOCK:
+            result.error = "the fault did not stay"
+        if _pwm_pins(board, registers) or not lib.ht_port_tripped(port):
+            result.error = "gates could come on"
+    result.cause, result.periods = firmware.FAULTS[lib.HT_FAULT_CLOCK], 1
+    if registers.violations and not result.error:
+        result.error = "forbidden register access"
+    return result
+
+
+def places(fault: Fault, runs: int) -> list[tuple[str, str, str]]:
+    """State, scheme and set-up of each run: two thirds where the fault must be found, the
+    rest in the other states, each through all combinations in turn."""
+    others = [state for state in STATES if state not in fault.found_in]
+    found, quiet = (
+        itertools.cycle(itertools.product(states, firmware.schemes(), SETUPS))
+        for states in (fault.found_in, others)
+    )
+    return [next(quiet if n % 3 == 2 else found) for n in range(runs)]
+
+
+def study(quick: bool = False, progress: Progress | None = None) -> dict:
+    runs = QUICK_RUNS if quick else RUNS
+    cases = [
+        (fault, *where, 1000 * f + n)
+        for f, fault in enumerate(FAULTS)
+        for n, where in enumerate(places(fault, runs))
+    ]
+
+    def one(case: tuple) -> Result:
+        result = run(*case)
+        if progress:
+            progress(0.3)
+        return result
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        results = list(pool.map(one, cases))
+    at_the_start = {DAMAGED_SET: damaged_set, WRONG_CLOCK: wrong_clock}
+    for case in at_the_start.values():
+        results += [case(firmware.BOARDS[n % 3], n) for n in range(runs)]
+    rows = []
+    named = [(fault.name, fault.found_in) for fault in FAULTS]
+    named += [(name, ("start",)) for name in at_the_start]
+    for name, found_in in named:
+        own = [r for r in results if r.fault == name]
+        found = [r for r in own if r.periods]
+        rows.append(
+            {
+                "fault": name,
+                "runs": len(own),
+                "found_in": list(found_in),
+                "found": len(found),
+                "causes": sorted({r.cause for r in found}),
+                "periods_max": max((r.periods for r in found), default=0),
+                "periods_median": float(np.median([r.periods for r in found])) if found else 0.0,
+                "errors": [f"{r.state}, {r.scheme}, {r.setup}: {r.error}" for r in own if r.error],
+            }
+        )
+    return {"runs": len(results), "rows": rows}
+
+
+def failures(result: dict) -> list[str]:
+    return [f"{row['fault']}: {error}" for row in result["rows"] for error in row["errors"]]
+
+
+def tables(result: dict) -> list:
+    from rich.table import Table
+
+    table = Table(
+        title=f"{TITLE}: {result['runs']} runs\n"
+        "periods from injection to gates off, median / longest",
+        title_justify="left",
+    )
+    for heading in ("fault", "must be found in", "named"):
+        table.add_column(heading, min_width=13)
+    table.add_column("periods", justify="right", no_wrap=True)
+    table.add_column("failures\n/ runs", justify="right", no_wrap=True)
+    for row in result["rows"]:
+        table.add_row(
+            row["fault"],
+            ", ".join(row["found_in"]),
+            "; ".join(row["causes"]),
+            f"{row['periods_median']:g} / {row['periods_max']}",
+            f"{len(row['errors'])} / {row['runs']}",
+        )
+    return [table]
+
+
+def plot(result: dict, path: Path) -> Path:
+    """Time from injection to gates off, by fault."""
+    from ...analysis import plots
+
+    rows = [r for r in result["rows"] if r["found"]]
+    figure, axes = plots.new_figure(1, 1, 1.4 + 0.3 * len(rows))
+    axis = axes[0][0]
+    for n, row in enumerate(rows):
+        ends = [row["periods_median"], row["periods_max"]]
+        axis.plot(ends, [n, n], "-", color=plots.FAINT, lw=5, solid_capstyle="round")
+        axis.plot(ends[0], n, "o", color=plots.COLOUR["i_u1"], label="median" if n == 0 else None)
+        axis.plot(ends[1], n, "|", color=plots.COLOUR["torque"], markersize=11, mew=2,
+                  label="longest" if n == 0 else None)  # fmt: skip
+    axis.set_xscale("log")
+    axis.set_yticks(range(len(rows)), [r["fault"] for r in rows], fontsize=8)
+    axis.invert_yaxis()
+    axis.set_xlabel("control periods (0.1 ms) from injection to gates off", **plots.LABEL)
+    axis.legend(loc="lower right", **plots.LEGEND)
+    figure.suptitle(f"{TITLE}: {result['runs']} runs", **plots.TITLE)
+    return plots.save(figure, path)

@@ -1,0 +1,235 @@
+"""Error of the integration against its step size.
+
+A drive runs at an operating point in closed loop; the changes of its legs are kept.
+The same changes then drive the same plant again with shorter steps. The finest run,
+a sixteenth of the shortest step compared, is the reference. (Against independent
+equations and another integrator: tests/host/plant/test_accuracy.py.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+
+from ... import firmware
+from ...analysis.plots import INK, LABEL, LEGEND, new_figure, save
+from ...analysis.plots import TITLE as HEADING
+from ...drive.operating_points import Point, Progress, approach
+from ...drive.simulated import SimulatedDrive, _load
+from ...plant.loop import MAX_STEP_S, follow, source_hash
+from ...plant.pwm import pwm_record
+from ...setups import load
+
+TITLE = "Integration: error against step size"
+SETUPS = ("paper-a-feasible", "paper-b")
+#: Longest steps compared: a period of 10 kHz and its halves, us.
+STEPS_US = (100.0, 50.0, 25.0, 12.5, 6.25)
+FINEST_US = STEPS_US[-1] / 16
+#: What the phase currents may be off, relative to their amplitude.
+LIMIT = 1e-6
+#: Curves close to each other: told apart by marker and colour.
+STYLE = {
+    "dtc1": {"color": "#0072b2", "marker": "o"},
+    "dtc2": {"color": "#e69f00", "marker": "s"},
+    "dtc3": {"color": "#009e73", "marker": "^"},
+    "fdr": {"color": "#cc79a7", "marker": "D"},
+    "ddr": {"color": "#d55e00", "marker": "v"},
+    "ddr-ml": {"color": "#5b4fa2", "marker": "P"},
+}
+#: Edges of a period, at most: six legs, five changes of level each, through OFF.
+EDGES_PER_PERIOD = 60
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch of a running drive, to be driven again.
+
+    edges: (n, 3), see `SimulatedDrive.edges`; currents_A: (periods, 6), phase currents at
+    the periods' ends; state, inverter: the plant at the beginning.
+    """
+
+    sim: SimulatedDrive
+    first: int  #: period at the beginning
+    state: np.ndarray
+    inverter: np.record
+    edges: np.ndarray
+    currents_A: np.ndarray
+    speed_rad_s: np.ndarray
+
+    @property
+    def amplitude_A(self) -> float:
+        """Peak of the sine with the rms value of all phases."""
+        return float(np.sqrt(2 * np.mean(self.currents_A**2)))
+
+
+def run_segment(sim: SimulatedDrive, duration_s: float) -> Segment:
+    """Go on running `sim`, unrecorded, keeping what it takes to do it again."""
+    periods = round(duration_s / sim.period_s)
+    first, state, inverter = sim.periods, sim.plant_state.copy(), sim.inverter.copy()
+    currents, speed = np.empty((periods, 6)), np.empty(periods)
+    sim.log_edges(periods * EDGES_PER_PERIOD)
+    for period in range(periods):
+        sim.run(sim.period_s, record=False)
+        currents[period] = sim._machine.i_phase @ sim.plant_state[:6]
+        speed[period] = sim.plant_state[6]
+    sim.check()
+    edges = sim.edges.copy()
+    sim.log_edges(0)
+    return Segment(sim, first, state, inverter, edges, currents, speed)
+
+
+def _compile(source: int):
+    """With a disk cache that notices a change of the plant, as `run_periods`."""
+
+    @njit(cache=True, nogil=True)
+    def follow_periods(edges, first, tm, m, load, inv, se, y, vdc, ps, nothing, states):
+        """`run_periods` with the log in place of controller and PWM modules."""
+        if not source:
+            return
+        e = 0
+        for period in range(states.shape[0]):
+            start = (first + period) * tm.period
+            for c0, c1 in ((0, tm.sample_count), (tm.sample_count, tm.period)):
+                n = 0
+                while e < edges.shape[0] and edges[e, 0] < start + c1:
+                    ps.count[n] = edges[e, 0] - start
+                    ps.leg[n] = edges[e, 1]
+                    ps.state[n] = edges[e, 2]
+                    n += 1
+                    e += 1
+                follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, 0, nothing, 0)
+            states[period] = y
+
+    return follow_periods
+
+
+_follow_periods = _compile(source_hash())
+
+
+def replay(segment: Segment, step_us: float = MAX_STEP_S * 1e6) -> np.ndarray:
+    """(periods, 6) phase currents of the plant under the segment's edges, integrated
+    with steps of at most `step_us`."""
+    sim = segment.sim
+    timing = sim._timing.copy()
+    timing.max_step = max(1, round(step_us * 1e-6 * timing.clock_Hz))
+    torque = _load(sim.setup["load.kind"], sim.load_Nm, sim.setup["load.at_rpm"])
+    states = np.empty((len(segment.currents_A), 8))
+    _follow_periods(
+        segment.edges, segment.first, timing, sim._machine, torque, segment.inverter.copy(),
+        sim.sensors.copy(), segment.state.copy(), sim.vdc_V, pwm_record(),
+        np.empty((0, 0), np.float32), states,
+    )  # fmt: skip
+    return np.array([sim._machine.i_phase @ y for y in states[:, :6]])
+
+
+def study(quick: bool = False, progress: Progress | None = None) -> dict:
+    """Every scheme at the operating points of both papers; quick: one scheme."""
+    schemes = ("dtc3",) if quick else firmware.schemes()
+    points = [
+        Point(s.changed(controller__scheme=scheme), s["point.speed_rpm"], s["point.load_Nm"])
+        for s in (load(name) for name in SETUPS)
+        for scheme in schemes
+    ]
+    return errors(points, 0.2 if quick else 0.5, progress)
+
+
+def errors(
+    points: Iterable[Point], duration_s: float = 0.5, progress: Progress | None = None
+) -> dict:
+    """Largest error of any phase current at the control instants, relative to their
+    amplitude, at each of STEPS_US.
+
+    {"duration_s", "step_us": [...], "finest_us", "chosen_us", "limit",
+    "points": [{"setup", "scheme", "speed_rpm", "load_Nm", "error": [...]}]}
+    """
+    rows = []
+    for point in points:
+        segment = run_segment(approach(point, progress), duration_s)
+        exact = replay(segment, FINEST_US)
+        error = [
+            float(np.max(np.abs(replay(segment, step) - exact))) / segment.amplitude_A
+            for step in STEPS_US
+        ]
+        rows.append(
+            {
+                "setup": point.setup.name,
+                "scheme": point.setup["controller.scheme"],
+                "speed_rpm": point.speed_rpm,
+                "load_Nm": point.load_Nm,
+                "error": error,
+            }
+        )
+    return {
+        "duration_s": duration_s,
+        "step_us": list(STEPS_US),
+        "finest_us": FINEST_US,
+        "chosen_us": MAX_STEP_S * 1e6,
+        "limit": LIMIT,
+        "points": rows,
+    }
+
+
+def failures(result: dict) -> list[str]:
+    """Points where the default step costs more than the limit."""
+    chosen = result["step_us"].index(result["chosen_us"])
+    return [
+        f"{row['setup']}, {row['scheme']}: error {row['error'][chosen]:.1e}"
+        for row in result["points"]
+        if not row["error"][chosen] <= result["limit"]
+    ]
+
+
+def tables(result: dict) -> list:
+    from rich.table import Table
+
+    table = Table(
+        title=f"{TITLE}\nlargest error of a phase current / amplitude over "
+        f"{result['duration_s']:g} s; required {result['limit']:g}, default step "
+        f"{result['chosen_us']:g} us",
+        title_justify="left",
+    )
+    table.add_column("set-up, scheme")
+    for step in result["step_us"]:
+        table.add_column(f"{step:g} us", justify="right")
+    for row in result["points"]:
+        errors = (f"{error:.1e}" for error in row["error"])
+        table.add_row(f"{row['setup']}, {row['scheme']}", *errors)
+    return [table]
+
+
+def plot(result: dict, path: str | Path) -> Path:
+    """Error against step size, a panel for each operating point, as PNG."""
+    panels: dict[tuple, list[dict]] = {}
+    for row in result["points"]:
+        panels.setdefault((row["setup"], row["speed_rpm"], row["load_Nm"]), []).append(row)
+    figure, axes = new_figure(1, len(panels), 4.4, sharey=True)
+    step = np.array(result["step_us"])
+    for ax, ((setup, speed_rpm, load_Nm), rows) in zip(axes[0], panels.items()):
+        worst = max(row["error"][0] for row in rows)
+        lowest = min(min(row["error"]) for row in rows)
+        slope = 3 * worst * (step / step[0]) ** 4
+        shown = slope > 3 * lowest
+        ax.plot(step[shown], slope[shown], color="#666d78", lw=1, ls="--", label="fourth power")
+        for row in rows:
+            style = STYLE[row["scheme"]]
+            ax.plot(step, row["error"], lw=1.3, ms=4.5, label=row["scheme"], **style)
+        ax.axhline(result["limit"], color=INK, lw=1)
+        ax.axvline(result["chosen_us"], color="#9aa1ab", lw=6, alpha=0.35, zorder=0)
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        ax.set_xticks(step, [f"{h:g}" for h in step])
+        ax.minorticks_off()
+        ax.set_xlim(0.85 * step.min(), 1.25 * step.max())
+        ax.set_title(f"{setup}: {speed_rpm:g} r/min, {load_Nm:g} N m", **HEADING)
+        ax.set_xlabel("longest step [µs]", **LABEL)
+        ax.text(step.min(), 0.7 * result["limit"], "required", fontsize=8, va="top",
+                color=INK)  # fmt: skip
+        ax.text(0.93 * result["chosen_us"], 1.5 * lowest, "default step", fontsize=8,
+                rotation=90, ha="right", va="bottom", color="#666d78")  # fmt: skip
+    axes[0, 0].set_ylabel("largest error of a phase current / amplitude", **LABEL)
+    axes[0, -1].legend(loc="center left", bbox_to_anchor=(1, 0.5), **LEGEND)
+    return save(figure, path)

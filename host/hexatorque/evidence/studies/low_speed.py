@@ -1,0 +1,244 @@
+"""Rated torque at and near standstill: what each flux observer makes of dead time,
+current sensor offset and resistances that are not those of the machine."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ... import firmware, setups
+from ...drive.simulated import SimulatedDrive
+
+TITLE = "Low speed: observers at rated torque"
+SETUP = "paper-a-feasible"
+SPEEDS_RPM = (0.0, 30.0, 100.0)
+TORQUES_NM = (10.0, -10.0)  #: rated; negative drives the shaft
+#: Speed regulator. Paper A's 0.4 N m s/rad (2 N m/rad) holds the shaft so softly that
+#: the torque comparator's ripple alone, 0.2 N m at a few Hz, moves it by 3 r/min.
+KP_NMS_RAD, KI_NM_RAD = 1.2, 6.0
+#: (R_s, R_r) of the observer relative to the machine's.
+RESISTANCES = ((1.0, 1.0), (0.8, 1.0), (1.2, 1.0), (1.0, 0.7), (1.0, 1.3))
+#: Share of the converter's range, and its sign in each phase: neither set's offsets
+#: add up to zero.
+OFFSET = 0.005
+SIGNS = (1, -1, 1, -1, 1, 1)
+LOAD_AT_S = 1.0
+#: A rated load step at standstill disturbs any drive: measured from here on.
+SETTLED_S = 9.0
+#: Means of flux and speed are taken over windows of this length.
+WINDOW_S = 0.5
+DURATION_S = 60.0
+
+#: What a drive must hold (speed r/min, flux share).
+SPEED_RPM = 2.0
+FLUX_RIGHT = 0.05
+FLUX_WRONG = 0.15
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Case:
+    observer: str
+    scheme: str
+    speed_rpm: float
+    load_Nm: float
+    rs: float = 1.0
+    rr: float = 1.0
+    #: offset that comes after calibration, share of range
+    late_offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Extremes over the settled time (of a drive that tripped: over all its windows);
+    `fault` with its time if the drive tripped. Speed: deviation of the instantaneous
+    shaft speed. Flux: deviation of the mean true flux of a window from the reference."""
+
+    speed_error_rpm: tuple[float, float]
+    flux_error: tuple[float, float]
+    fault: str = ""
+    fault_s: float = 0.0
+
+    def holds(self, flux_limit: float) -> bool:
+        return (
+            not self.fault
+            and max(map(abs, self.speed_error_rpm)) <= SPEED_RPM
+            and max(map(abs, self.flux_error)) <= flux_limit
+        )
+
+
+def run(case: Case, duration_s: float = DURATION_S, progress: Progress | None = None) -> Outcome:
+    """One drive: start, speed reference, rated load, and on for `duration_s`."""
+    setup = setups.load(SETUP)
+    span_A = 2 * setup["sensors.i_full_A"]
+    offset_A = [OFFSET * span_A * sign for sign in SIGNS]
+    setup = setup.changed(
+        controller__scheme=case.scheme,
+        controller__observer=case.observer,
+        controller__kp_speed_Nms_rad=KP_NMS_RAD,
+        controller__ki_speed_Nm_rad=KI_NM_RAD,
+        controller__rs_ohm=setup["machine.rs_ohm"] * case.rs,
+        controller__rr_ohm=setup["machine.rr_ohm"] * case.rr,
+        sensors__i_offset_A=offset_A,
+    )
+    reference_Wb = setup.parameter("flux_ref_Wb")
+    sim = SimulatedDrive(setup, 1)
+    sim.start()
+    sim.run(0.4, record=False, progress=progress)
+    counts = case.late_offset * 4096
+    sim.sensors.i_offset_counts[:] += counts * np.array(SIGNS)
+    sim.set("speed_ref_rpm", case.speed_rpm)
+    sim.run(LOAD_AT_S - 0.4, record=False, progress=progress)
+    sim.set("load_Nm", case.load_Nm)
+    speeds: list[float] = []
+    fluxes: list[float] = []
+    settled = 0
+    while sim.time_s < duration_s:
+        sim.run(WINDOW_S, progress=progress)
+        rec = sim.take()
+        if sim.controller.state != "run":
+            break
+        flux_Wb = np.hypot(rec["plant.psi_alpha_Wb"], rec["plant.psi_beta_Wb"])
+        fluxes.append(float(flux_Wb.mean()) / reference_Wb - 1)
+        error_rpm = rec["plant.speed_rpm"] - case.speed_rpm
+        speeds += [float(error_rpm.min()), float(error_rpm.max())]
+        if sim.time_s <= SETTLED_S:
+            settled = len(fluxes)
+    fault, at = "", 0.0
+    if sim.controller.state != "run":
+        fault = ", ".join(sim.controller.faults)
+        at = sim.controller.snapshot["tick"] * sim.period_s
+        settled = 0
+    speeds, fluxes = speeds[2 * settled :] or [0.0], fluxes[settled:] or [0.0]
+    return Outcome((min(speeds), max(speeds)), (min(fluxes), max(fluxes)), fault, at)
+
+
+def run_all(
+    cases: list[Case], duration_s: float = DURATION_S, progress: Progress | None = None
+) -> list[Outcome]:
+    """All cases over all cores."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(lambda case: run(case, duration_s, progress), cases))
+
+
+def study(quick: bool = False, progress: Progress | None = None) -> dict:
+    """Every observer at every point with right and wrong resistances; the hybrid with
+    every scheme, the others with ddr."""
+    schemes = ("ddr",) if quick else firmware.schemes()
+    others = ("voltage", "compensated")
+    plan = [(o, "ddr", 0.0) for o in others]
+    plan += [("hybrid", s, 0.0) for s in schemes]
+    plan += [(o, "ddr", OFFSET) for o in (*others, "hybrid")]
+    cases = [
+        Case(observer, scheme, speed, load, rs, rr, late)
+        for observer, scheme, late in plan
+        for (rs, rr), speed, load in itertools.product(RESISTANCES, SPEEDS_RPM, TORQUES_NM)
+    ]
+    outcomes = run_all(cases, 15.0 if quick else DURATION_S, progress)
+    return {
+        "setup": SETUP,
+        "duration_s": 15.0 if quick else DURATION_S,
+        "rows": [asdict(c) | asdict(o) for c, o in zip(cases, outcomes)],
+    }
+
+
+def _label(row: dict) -> str:
+    name = f"{row['observer']}, {row['scheme']}"
+    return name + (", offset after calibration" if row["late_offset"] else "")
+
+
+def _heading(rs: float, rr: float) -> str:
+    return "right" if rs == rr else f"R_s × {rs:g}" if rs != 1 else f"R_r × {rr:g}"
+
+
+def _groups(result: dict) -> dict[str, dict[tuple[float, float], list[dict]]]:
+    groups: dict[str, dict[tuple[float, float], list[dict]]] = {}
+    for row in result["rows"]:
+        groups.setdefault(_label(row), {}).setdefault((row["rs"], row["rr"]), []).append(row)
+    return groups
+
+
+def _cell(rows: list[dict]) -> str:
+    """Worst flux and speed over the points, and the points that were lost."""
+    held = [r for r in rows if not r["fault"]]
+    text = ""
+    if held:
+        flux = max((e for r in held for e in r["flux_error"]), key=abs)
+        speed = max(abs(e) for r in held for e in r["speed_error_rpm"])
+        text = f"{100 * flux:+.1f} %, {speed:.1f}"
+    if len(held) < len(rows):
+        text += f"{'; ' if text else ''}{len(rows) - len(held)} of {len(rows)} tripped"
+    return text
+
+
+def failures(result: dict) -> list[str]:
+    """Where the hybrid does not hold what it must, sensors calibrated."""
+    lost = []
+    for row in result["rows"]:
+        case = Case(**{name: row[name] for name in Case.__dataclass_fields__})
+        outcome = Outcome(**{name: row[name] for name in Outcome.__dataclass_fields__})
+        limit = FLUX_RIGHT if (case.rs, case.rr) == (1.0, 1.0) else FLUX_WRONG
+        if case.observer == "hybrid" and not case.late_offset and not outcome.holds(limit):
+            lost.append(f"{case}: {outcome}")
+    return lost
+
+
+def tables(result: dict) -> list:
+    from rich.table import Table
+
+    table = Table(
+        title=f"{TITLE}\n{SETUP}: 0, 30, 100 r/min, ±10 N m, {result['duration_s']:g} s each: "
+        "worst flux error, worst speed error [r/min]",
+        title_justify="left",
+    )
+    table.add_column("observer,\nscheme", min_width=11)
+    for resistances in RESISTANCES:
+        table.add_column(_heading(*resistances))
+    for label, by_resistance in _groups(result).items():
+        table.add_row(
+            label.replace(", ", "\n"), *(_cell(by_resistance[key]) for key in RESISTANCES)
+        )
+    return [table]
+
+
+def plot(result: dict, path: Path) -> Path:
+    """Flux error of every point, by observer; a cross at the edge where the drive tripped."""
+    from ...analysis import plots
+
+    groups = _groups(result)
+    height_in = 1.2 + 0.42 * len(groups)
+    figure, axes = plots.new_figure(1, len(RESISTANCES), height_in, sharey=True)
+    points = list(itertools.product(SPEEDS_RPM, TORQUES_NM))
+    errors = [abs(e) for row in result["rows"] if not row["fault"] for e in row["flux_error"]]
+    end = 100 * max([1.1 * FLUX_WRONG, *(1.1 * e for e in errors)])
+    for column, (axis, key) in enumerate(zip(axes[0], RESISTANCES)):
+        for line, by_resistance in enumerate(groups.values()):
+            for row in by_resistance[key]:
+                place = points.index((row["speed_rpm"], row["load_Nm"])) / len(points)
+                y = line + 0.7 * place - 0.3
+                if row["fault"]:
+                    axis.plot(
+                        -end, y, "x", clip_on=False, color=plots.COLOUR["torque"], markersize=4
+                    )
+                else:
+                    axis.plot(
+                        [100 * e for e in row["flux_error"]], [y, y], "|-", color=plots.INK, ms=4
+                    )
+        limit = 100 * (FLUX_RIGHT if key == (1.0, 1.0) else FLUX_WRONG)
+        axis.axvspan(-limit, limit, color=plots.FAINT, alpha=0.5, lw=0)
+        axis.set_title(_heading(*key), **plots.TITLE)
+        axis.set_xlabel("true flux error [%]", **plots.LABEL)
+        axis.set_xlim(-end, end)
+        if column == 0:
+            axis.set_yticks(range(len(groups)), list(groups), fontsize=7.5)
+            axis.invert_yaxis()
+    note = "downwards 0, 30, 100 r/min, each with +10 and -10 N m; grey: the limit; ×: tripped"
+    figure.suptitle(f"{TITLE}\n{note}", **plots.TITLE)
+    return plots.save(figure, path)

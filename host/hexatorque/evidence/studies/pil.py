@@ -1,0 +1,161 @@
+"""`hexatorque pil`: processor in the loop, held against software in the loop.
+
+The same simulation twice, from the same seeds: once with the firmware in this
+process, once with the firmware on a target. All that the firmware writes and shows
+must be the same, bit for bit: the loop is chaotic enough to blow any difference up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ... import firmware
+from ...boards.processor import Target, WatchedController, image_names
+from ...drive.operating_points import Progress
+from ...drive.simulated import SimulatedDrive
+from ...recording.recording import Recording
+from ...setups import Profile, Setup
+
+#: Length of the transients that a set-up's point is turned into.
+DURATION_S = 2.0
+
+
+@dataclass
+class Outcome:
+    """What a run on the target gave. `difference` is None where it equals the one on the
+    host, else says where they part."""
+
+    setup: str
+    scheme: str
+    processor: str
+    recording: Recording
+    state: str
+    faults: list[str]
+    snapshot: dict[str, object] | None
+    steps: int
+    steps_per_s: float
+    difference: str | None
+
+    def as_json(self) -> dict:
+        return {
+            "setup": self.setup,
+            "scheme": self.scheme,
+            "processor": self.processor,
+            "identical": self.difference is None,
+            "difference": self.difference,
+            "steps": self.steps,
+            "steps_per_s": self.steps_per_s,
+            "state": self.state,
+            "faults": self.faults,
+            "snapshot": self.snapshot,
+        }
+
+    def failures(self) -> list[str]:
+        """What must not be, one line each."""
+        lines = []
+        if self.difference is not None:
+            lines.append(f"{self.scheme}: {self.difference}")
+        if self.faults:
+            lines.append(f"{self.scheme}: the drive tripped: {', '.join(self.faults)}")
+        return lines
+
+
+def transients(setup: Setup) -> Profile:
+    """Two seconds with everything in them: start, speed step, load step, speed reversed,
+    another scheme in flight and back."""
+    schemes = firmware.schemes()
+    scheme = setup["controller.scheme"]
+    other = schemes[(schemes.index(scheme) + 1) % len(schemes)]
+    speed, load = setup["point.speed_rpm"], setup["point.load_Nm"]
+    return Profile(
+        duration_s=DURATION_S,
+        speed_rpm=((0.4, speed), (1.7, -speed)),
+        load_Nm=((0.9, load), (1.6, 0.0)),
+        set=((1.2, "scheme", other), (1.5, "scheme", scheme)),
+        samples_per_period=1,
+    )
+
+
+def _first_difference(
+    sil: SimulatedDrive, pil: SimulatedDrive, a: Recording, b: Recording
+) -> str | None:
+    """Where two runs part, or None. Registers and access counts first, then the firmware's
+    telemetry, then the plant, then what a fault left; all bit by bit."""
+    images = sil.controller.log.images, pil.controller.log.images
+    if images[0].shape != images[1].shape or len(images[0]) != sil.periods:
+        return f"{len(images[0])} periods logged on the host, {len(images[1])} on the target"
+    where = np.argwhere(images[0] != images[1])
+    if len(where):
+        period, column = where[0]
+        x, y = (int(image[period, column]) for image in images)
+        name = image_names(sil.controller)[column]
+        return f"period {period}: {name} is 0x{x:04X} on the host, 0x{y:04X} on the target"
+    for name in a.channels:
+        x, y = a[name].view(np.uint32), b[name].view(np.uint32)
+        where = np.flatnonzero(x != y)
+        if len(where):
+            n = where[0]
+            period = n // sil.samples_per_period
+            return (
+                f"period {period}: {name} is {a[name][n]!r} on the host, "
+                f"{b[name][n]!r} on the target"
+            )
+    x, y = sil.controller.snapshot, pil.controller.snapshot
+    for name in x or y or {}:
+        here, there = (kept and repr(kept[name]) for kept in (x, y))
+        if here != there:
+            return f"fault snapshot: {name} is {here} on the host, {there} on the target"
+    return None
+
+
+def compare(
+    setup: Setup, profile: Profile, target: Target, progress: Progress | None = None
+) -> Outcome:
+    """Run a profile on the host and on the target."""
+    runs = []
+    for controller in (WatchedController, target.controller):
+        runs.append(_run(setup, profile, controller, progress))
+    (sil, a), (pil, b) = runs
+    return Outcome(
+        setup=setup.name,
+        scheme=str(setup["controller.scheme"]),
+        processor=target.name,
+        recording=b,
+        state=pil.controller.state,
+        faults=pil.controller.faults,
+        snapshot=pil.controller.snapshot,
+        steps=pil.periods,
+        steps_per_s=pil.periods / pil.wall_s,
+        difference=_first_difference(sil, pil, a, b),
+    )
+
+
+def _run(
+    setup: Setup,
+    profile: Profile,
+    controller: Callable[..., firmware.Controller],
+    progress: Progress | None,
+) -> tuple[SimulatedDrive, Recording]:
+    sim = SimulatedDrive(setup, profile.samples_per_period, controller)
+    sim.controller.log.begin(round(profile.duration_s / sim.period_s))
+    sim.run_profile(profile, progress)
+    return sim, sim.take()
+
+
+def table(outcomes: list[Outcome]):
+    """For the terminal."""
+    from rich.table import Table
+
+    table = Table(
+        title=f"{outcomes[0].setup} on {outcomes[0].processor}, held against the host",
+        title_justify="left",
+    )
+    for heading in ("scheme", "registers and channels", "steps", "steps per s", "state"):
+        table.add_column(heading, justify="right" if heading.startswith("steps") else "left")
+    for row in outcomes:
+        equal = "identical" if row.difference is None else "[bold red]differ[/]"
+        table.add_row(row.scheme, equal, str(row.steps), f"{row.steps_per_s:.0f}", row.state)
+    return table

@@ -1,0 +1,260 @@
+"""Text: `time_s`, the board's `tick` if it has one, and the channels with their units; a line
+per sample, without cells where the sample was lost. The header is in a .json beside it
+(`recording.header`). docs/recordings.md has an example.
+
+A recording that is written as it arrives (`writer`) has the same two files; until it is
+closed `samples` is null and the metadata says `"closed": false`.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+
+from . import table
+from .formats import RecordingError, beside, one_line
+from .journal import COUNTERS, TICK_HZ, Stream, ascending, assemble, fill
+from .recording import (
+    DECIMATION,
+    FIRST_TICK,
+    Recording,
+    check_names,
+    from_fields,
+    header,
+    header_of,
+    to_json,
+)
+
+#: Digits that give back each type exactly; whole numbers as they are.
+_DIGITS = {"float32": "%.9g", "float64": "%.17g"}
+_LINES = 10_000  #: formatted at a time
+#: Lost samples that get a line each. A longer gap has one line, the reader knows by the tick.
+LONGEST_GAP = 100_000
+
+
+def lines(columns: list[np.ndarray], formats: list[str]) -> str:
+    """The text of rows; (n,) columns and how to print each."""
+    line = ",".join(formats) + "\n"
+    row = [value for values in zip(*(c.tolist() for c in columns)) for value in values]
+    return line * len(columns[0]) % tuple(row)
+
+
+def first_line(names: Iterable[str], units: Iterable[str], ticks: bool) -> str:
+    """The line of names; those with commas in quotes."""
+    named = (table.heading(name, unit) for name, unit in zip(names, units, strict=True))
+    return _line(["time_s", *["tick"] * ticks, *named]) + "\n"
+
+
+def _line(cells: list[str]) -> str:
+    line = StringIO()
+    csv.writer(line, lineterminator="").writerow(cells)
+    return line.getvalue()
+
+
+def json_text(fields: dict) -> str:
+    return json.dumps(json.loads(to_json(fields)), indent=1) + "\n"
+
+
+def save(rec: Recording, path: Path) -> None:
+    fields = header_of(rec)
+    beside(path)[0].write_text(json_text(fields))
+    ticks = rec.ticks
+    formats = ["%.12g", *["%d"] * (ticks is not None)]
+    formats += [_DIGITS.get(kind, "%d") for kind in fields["types"].values()]
+    columns = [rec.time_s, *([] if ticks is None else [ticks])]
+    columns += map(np.asarray, rec.channels.values())
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(first_line(list(rec.channels), fields["units"].values(), ticks is not None))
+        for i in range(0, len(rec), _LINES):
+            text = lines([c[i : i + _LINES] for c in columns], formats)
+            file.write(text.replace(",nan", ","))
+
+
+# -- as it arrives
+
+
+def stream_head(stream: Stream) -> str:
+    """First line of a recording in the making."""
+    check_names(name for name, _ in stream.channels)
+    return first_line(*zip(*stream.channels), ticks=True)
+
+
+def stream_lines(stream: Stream, since: np.ndarray, ticks: np.ndarray, values: np.ndarray) -> str:
+    """Rows that came, `since` ticks after the first of all."""
+    time_s = stream.start_s + since / stream.tick_Hz
+    formats = ["%.12g", "%d", *["%.9g"] * values.shape[1]]
+    return lines([time_s, ticks, *values.T], formats)
+
+
+def gap_lines(stream: Stream, since: int, tick: int, lost: int) -> str:
+    """Lines of the samples that were lost behind the one at `since`."""
+    if lost > LONGEST_GAP:
+        lost = 1
+    steps = stream.decimation * np.arange(1, lost + 1, dtype=np.int64)
+    columns = [stream.start_s + (since + steps) / stream.tick_Hz, (tick + steps) % 2**32]
+    return lines(columns, ["%.12g", "%d" + "," * len(stream.channels)])
+
+
+def stream_header(stream: Stream, samples: int | None, meta: dict) -> str:
+    """What stands beside it."""
+    columns = [(name, unit, "float32") for name, unit in stream.channels]
+    return json_text(header(stream.rate_Hz, stream.start_s, samples, columns, meta))
+
+
+# -- reading
+
+
+def load(path: Path) -> Recording:
+    text = table.decode(path.read_bytes())
+    json_file = path.with_suffix(".json")
+    try:
+        fields = json.loads(json_file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return _plain(text, f"{json_file.name} is not there")
+    except (OSError, ValueError) as error:
+        reason = f"its header {json_file.name} cannot be read: {one_line(error)}"
+        raise RecordingError(reason) from None
+    if not isinstance(fields, dict) or "rate_Hz" not in fields or "units" not in fields:
+        return _plain(text, f"{json_file.name} is not of a recording")
+    if stream := fields.get("stream"):
+        return _former_stream(fields, Stream.from_json(stream), text, json_file.name)
+    meta = fields["meta"]
+    if meta.get("closed") is False:
+        return _growing(fields, text, json_file.name)
+    return _whole(fields, text, json_file.name)
+
+
+def _below(text: str, units: dict[str, str], name: str) -> table.Table:
+    """The table of a recording whose header is known."""
+    named = [table.heading(channel, unit) for channel, unit in units.items()]
+    # The former layout told no units.
+    known = [["time_s", *t, *c] for t in ([], ["tick"]) for c in (named, list(units))]
+    for cells in known:
+        if found := table.under(text, _line(cells)):
+            return found
+    found = table.find(text)  # another program has saved it
+    if found.names not in known:
+        raise RecordingError(
+            f"other columns than its header {name} says; without {name} it is read as a plain table"
+        )
+    return found
+
+
+def _columns(found: table.Table, kinds: list[str]) -> tuple[np.ndarray | None, list[np.ndarray]]:
+    """Ticks, if there are any, and the channels."""
+    ticks = found.names[1:2] == ["tick"]
+    kinds = [kind.replace("bool", "uint8") for kind in kinds]
+    _, *columns = found.columns(["f8", *["u4"] * ticks, *kinds])
+    return (columns[0] if ticks else None), columns[ticks:]
+
+
+def _whole(fields: dict, text: str, name: str) -> Recording:
+    """One that was closed, or written in one go."""
+    units, meta = fields["units"], fields["meta"]
+    if not text.endswith("\n"):
+        raise RecordingError("the last line is not whole")
+    types = fields.get("types", {})
+    found = _below(text, units, name)
+    ticks, columns = _columns(found, [types.get(n, "float64") for n in units])
+    if ticks is not None and len(ticks):
+        places, kept = ascending(ticks, meta[DECIMATION])
+        if not kept.all():
+            row = int(np.argmin(kept))
+            raise RecordingError(
+                f"line {found.line_of(row)}: tick {ticks[row]} does not follow on in steps of "
+                f"{meta[DECIMATION]}"
+            )
+        if int(places[-1]) + 1 > len(places):  # a gap too long for a line each
+            columns = [fill(places, column) for column in columns]
+    return from_fields(fields, dict(zip(units, columns, strict=True)))
+
+
+def _growing(fields: dict, text: str, name: str) -> Recording:
+    """One that is being written, or whose process was killed: as far as it is whole."""
+    meta = fields["meta"]
+    stream = Stream(
+        tuple(fields["units"].items()),
+        float(meta[TICK_HZ]),
+        meta[DECIMATION],
+        float(fields["start_s"]),
+        meta,
+    )
+    return _as_it_came(stream, {n: meta[n] for n in COUNTERS if n in meta}, text, name, False)
+
+
+def _former_stream(fields: dict, stream: Stream, text: str, name: str) -> Recording:
+    """The layout until 2026: lines only for samples that arrived, another header."""
+    closed = fields["closed"] is True
+    if closed and not text.endswith("\n"):
+        raise RecordingError("the last line is not whole")
+    return _as_it_came(stream, fields["counters"], text, name, closed)
+
+
+def _as_it_came(stream: Stream, counters: dict, text: str, name: str, closed: bool) -> Recording:
+    # The line in which a recording broke off may be a number cut short: it does not count.
+    text = text[: text.rfind("\n") + 1]
+    ticks, values = np.empty(0, np.uint32), np.empty((0, len(stream.channels)), np.float32)
+    if text:
+        found = _below(text, dict(stream.channels), name)
+        ticks, columns = _columns(found, ["f4"] * len(stream.channels))
+        if ticks is None:
+            raise RecordingError("no column tick")
+        values = np.column_stack(columns)
+        came = ~np.isnan(values).all(axis=1)
+        ticks, values = ticks[came], values[came]
+    return assemble(stream, ticks, values, counters, closed)
+
+
+def _plain(text: str, why: str) -> Recording:
+    """A table without a header beside it: of another program, or its .json is lost."""
+    found = table.find(text)
+    headings = [table.split(name) for name in found.names]
+    if found.units:
+        headings = [(name, unit or below) for (name, unit), below in zip(headings, found.units)]
+    at, unit_s, assumed = table.time_column(found, headings)
+    columns = found.columns(["f8"] * len(found.names), strict=False)
+    if columns[at] is None:
+        raise RecordingError(f"{found.names[at]}: no numbers; time in seconds is needed")
+    notes = [f"{why}: names, units and time are those of the table itself"]
+    notes += [assumed] * bool(assumed)
+    time_s = columns[at] * unit_s
+    rate_Hz, places = table.raster(found, time_s)
+    meta: dict = {}
+    channels, units = {}, {}
+    for n, ((name, unit), column) in enumerate(zip(headings, columns)):
+        if n == at or (not name and (column is None or np.isnan(column).all())):
+            continue
+        if column is None:
+            notes.append(f"{name or f'column {n + 1}'} holds no numbers: left out")
+            continue
+        name = name or f"column {n + 1}"
+        if name == "tick":
+            meta.update(_ticks(found, column, places, rate_Hz))
+            continue
+        if name in channels:
+            raise RecordingError(f"two columns are named {name}")
+        channels[name], units[name] = fill(places, column), unit
+    if not channels:
+        raise RecordingError("no column beside the time holds numbers")
+    check_names(channels)
+    lost = np.isnan(list(channels.values())).all(axis=0)
+    meta["gaps"] = int(np.sum(np.diff(lost, prepend=False) & lost))
+    meta["lost_samples"] = int(lost.sum())
+    notes.append(f"{len(lost)} samples at {rate_Hz:.9g} Hz")
+    return Recording(rate_Hz, channels, units, meta, float(time_s[0]), notes)
+
+
+def _ticks(found: table.Table, column: np.ndarray, places: np.ndarray, rate_Hz: float) -> dict:
+    """The metadata of a column of ticks."""
+    since = np.diff(column, prepend=column[0]) % 2**32
+    step = float(np.sum(since)) / float(places[-1])
+    wrong = ~((since == np.diff(places, prepend=0) * step) & (column % 1 == 0) & (step % 1 == 0))
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise RecordingError(f"line {found.line_of(row)}: tick and time_s do not fit together")
+    return {FIRST_TICK: int(column[0]) % 2**32, DECIMATION: int(step), TICK_HZ: rate_Hz * step}

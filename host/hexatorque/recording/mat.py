@@ -1,0 +1,71 @@
+"""MATLAB 5: a column per channel under a valid name, `time_s`, a board's `tick`, `rate_Hz`,
+`start_s`, struct `units`, and the header as text in `recording_json`. Library: scipy."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+
+from .recording import Recording, from_header, header_text
+
+LONGEST = 63  #: of a name in MATLAB
+_KEYWORDS = (
+    "break case catch classdef continue else elseif end for function global if otherwise "
+    "parfor persistent return spmd switch try while"
+)
+_OWN = ("time_s", "tick", "rate_Hz", "start_s", "units", "recording_json")
+
+
+def variables(names: list[str]) -> list[str]:
+    """A valid and unique MATLAB name for each channel: `plant.i_u1_A` is plant_i_u1_A."""
+    taken = {*_KEYWORDS.split(), *_OWN}
+    found = []
+    for name in names:
+        plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
+        plain = plain if plain[0].isalpha() else f"x{plain}"
+        candidate, number = plain[:LONGEST], 1
+        while candidate in taken:
+            number += 1
+            candidate = f"{plain[: LONGEST - len(str(number)) - 1]}_{number}"
+        taken.add(candidate)
+        found.append(candidate)
+    return found
+
+
+def save(rec: Recording, path: Path) -> None:
+    from scipy.io import savemat
+
+    own = variables(list(rec.channels))
+    columns = {
+        variable: np.asarray(data).reshape(-1, 1)
+        for variable, data in zip(own, rec.channels.values(), strict=True)
+    }
+    units = {variable: rec.units.get(name, "") for variable, name in zip(own, rec.channels)}
+    contents = {
+        "time_s": rec.time_s.reshape(-1, 1),
+        **columns,
+        "rate_Hz": float(rec.rate_Hz),
+        "start_s": float(rec.start_s),
+        # JSON of ASCII only: MATLAB's text has a character set of its own.
+        "recording_json": header_text(rec, variables=dict(zip(own, rec.channels))),
+    }
+    if rec.ticks is not None:
+        contents["tick"] = rec.ticks.reshape(-1, 1)
+    if units:
+        contents["units"] = units
+    with path.open("wb") as file:
+        savemat(file, contents, do_compression=True, long_field_names=True)
+
+
+def load(path: Path) -> Recording:
+    from scipy.io import loadmat
+
+    with path.open("rb") as file:
+        contents = loadmat(file)
+    header = str(contents["recording_json"].item())
+    own = json.loads(header)["variables"]
+    channels = {name: contents[variable].reshape(-1) for variable, name in own.items()}
+    return from_header(header, channels)

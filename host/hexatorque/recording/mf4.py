@@ -1,0 +1,119 @@
+"""ASAM MDF 4.10: one channel group with units, a board's `tick` among them; the header as the
+attached file `recording.json`. Library: asammdf."""
+
+from __future__ import annotations
+
+import gc
+import json
+import logging
+import sys
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from .formats import one_line
+from .recording import Recording, from_header, header_text
+
+ATTACHED = "recording.json"
+#: Of the metadata, what tools show in the file's properties.
+SHOWN = ("hexatorque", "setup", "scheme", "device", "firmware", "gaps", "lost_samples")
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """The library also prints what it raises, and objects that it could not finish raise
+    again when they are deleted."""
+    logger, hook = logging.getLogger("asammdf"), sys.unraisablehook
+    before, logger.disabled = logger.disabled, True
+    sys.unraisablehook = lambda _: None
+    try:
+        yield
+    finally:
+        logger.disabled, sys.unraisablehook = before, hook
+
+
+def _crc32(rec: Recording) -> int:
+    """Of all samples: little of an .mf4 file is protected otherwise."""
+    crc = 0
+    for data in rec.channels.values():
+        crc = zlib.crc32(np.ascontiguousarray(data).view(np.uint8), crc)
+    return crc
+
+
+def save(rec: Recording, path: Path) -> None:
+    from asammdf import MDF, Signal
+
+    header = header_text(rec, crc32=_crc32(rec)).encode()
+    time_s = rec.time_s
+    signals = [
+        Signal(
+            samples=np.ascontiguousarray(data),
+            timestamps=time_s,
+            name=name,
+            unit=rec.units.get(name, ""),
+            comment="true value" if name.startswith("plant.") else "the controller's value",
+        )
+        for name, data in rec.channels.items()
+    ]
+    if signals and (ticks := rec.ticks) is not None:
+        comment = "the board's count of fast interrupts"
+        signals.append(Signal(samples=ticks, timestamps=time_s, name="tick", comment=comment))
+    with _quiet(), MDF(version="4.10") as mdf:
+        if signals:
+            mdf.append(
+                signals,
+                acq_name="recording",
+                comment=f"hexatorque, {rec.rate_Hz:.10g} samples/s",
+                common_timebase=True,
+            )
+        mdf.attach(
+            header,
+            file_name=ATTACHED,
+            comment="units, metadata, rate and start of the recording",
+            mime="application/json",
+        )
+        shown = [f"{key}: {rec.meta[key]}" for key in SHOWN if key in rec.meta]
+        mdf.header.comment = "\n".join(["hexatorque recording", *shown])
+        # What does not know when it started has the same time always.
+        mdf.header.start_time = datetime.fromtimestamp(0, UTC)
+        with suppress(KeyError, TypeError, ValueError):
+            mdf.header.start_time = datetime.fromisoformat(rec.meta["started"]).astimezone(UTC)
+        mdf.save(path, overwrite=True, compression=1)
+
+
+def load(path: Path) -> Recording:
+    with path.open("rb") as file, _quiet():
+        try:
+            header, channels = _contents(file)
+            rec = from_header(header, channels)
+            if json.loads(header)["crc32"] != _crc32(rec):
+                raise ValueError("damaged samples")
+            return rec
+        except Exception as error:
+            reason = one_line(error)
+        gc.collect()  # what could not be finished is deleted here, still quietly
+    raise ValueError(reason)
+
+
+def _contents(file: BinaryIO) -> tuple[bytes, dict[str, np.ndarray]]:
+    """Header and samples."""
+    from asammdf import MDF
+
+    with MDF(file) as mdf:
+        names = [str(block.file_name) for block in mdf.attachments]
+        header = bytes(mdf.extract_attachment(names.index(ATTACHED))[0])
+        wanted = [
+            (channel.name, group, index)
+            for group, content in enumerate(mdf.groups)
+            for index, channel in enumerate(content.channels)
+            if index != mdf.masters_db.get(group)
+        ]
+        signals = mdf.select(wanted, raw=True) if wanted else []
+    samples = {w[0]: signal.samples for w, signal in zip(wanted, signals, strict=True)}
+    samples.pop("tick", None)
+    return header, samples

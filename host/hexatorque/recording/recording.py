@@ -1,0 +1,232 @@
+"""Recordings: named channels with units on one time base, and metadata.
+
+One type for simulation, emulated processor and bench. Channel names:
+`i_u1_A`, `torque_Nm`, ... are what the controller measured or estimated (the
+telemetry channels of the firmware); `plant.i_u1_A`, ... are true values, which
+only a simulation has.
+
+Files by suffix: see `files` and docs/recordings.md.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from . import formats
+from .formats import RecordingError
+
+__all__ = ["TRIGGER", "Recording", "RecordingError"]
+
+#: Key of `meta`: time of the trigger on the recording's own time base. Recordings are
+#: aligned by it; a capture sets it.
+TRIGGER = "trigger_s"
+
+FORMAT = "hexatorque-recording-2"
+#: Key of `meta`: wall-clock time of time 0 of the recording's own time base (`clock_text`).
+STARTED = "started"
+#: Keys of `meta`: the board's count of fast interrupts at the first sample, and from one
+#: sample to the next.
+FIRST_TICK, DECIMATION = "first_tick", "decimation"
+#: What every kind of file can hold.
+TYPES = ("float32", "float64", "bool", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)))
+
+
+@dataclass
+class Recording:
+    """Equally sampled channels.
+
+    rate_Hz: samples per second; start_s: time of the first sample;
+    channels: name -> (n,) array, all of one length, NaN where a sample was lost;
+    units: name -> unit;
+    meta: anything JSON can hold (set-up, parameters, firmware build, drops);
+    notes: what reading a file brought up, for people; not saved.
+    """
+
+    rate_Hz: float
+    channels: dict[str, np.ndarray]
+    units: dict[str, str] = field(default_factory=dict)
+    meta: dict = field(default_factory=dict)
+    start_s: float = 0.0
+    notes: list[str] = field(default_factory=list, compare=False)
+
+    def __post_init__(self) -> None:
+        lengths = {len(v) for v in self.channels.values()}
+        if len(lengths) > 1:
+            raise RecordingError(f"channels of different lengths: {sorted(lengths)}")
+
+    def __len__(self) -> int:
+        return len(next(iter(self.channels.values()), ()))
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.channels
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        try:
+            return self.channels[name]
+        except KeyError:
+            raise KeyError(f"no channel {name!r}; there are {', '.join(self.channels)}") from None
+
+    @property
+    def time_s(self) -> np.ndarray:
+        return self.start_s + np.arange(len(self)) / self.rate_Hz
+
+    @property
+    def duration_s(self) -> float:
+        return len(self) / self.rate_Hz
+
+    @property
+    def ticks(self) -> np.ndarray | None:
+        """(n,) uint32: the board's count of fast interrupts at each sample, modulo 2**32;
+        None for a recording that no board made."""
+        first, step = self.meta.get(FIRST_TICK), self.meta.get(DECIMATION)
+        if type(first) is not int or type(step) is not int:
+            return None
+        ticks = (first + step * np.arange(len(self), dtype=np.int64)) % 2**32
+        return ticks.astype(np.uint32)
+
+    @property
+    def trigger_s(self) -> float | None:
+        """Time of the trigger; None without one."""
+        value = self.meta.get(TRIGGER)
+        return float(value) if isinstance(value, int | float) and np.isfinite(value) else None
+
+    def window(self, begin_s: float, end_s: float) -> Recording:
+        """The samples with begin_s <= time < end_s (a view)."""
+        first = max(0, int(np.ceil((begin_s - self.start_s) * self.rate_Hz - 1e-6)))
+        last = max(first, int(np.ceil((end_s - self.start_s) * self.rate_Hz - 1e-6)))
+        part = {name: data[first:last] for name, data in self.channels.items()}
+        meta, ticks = self.meta, self.ticks
+        if ticks is not None and len(ticks):
+            meta = {**meta, FIRST_TICK: (int(ticks[0]) + first * meta[DECIMATION]) % 2**32}
+        return Recording(self.rate_Hz, part, self.units, meta, self.start_s + first / self.rate_Hz)
+
+    def save(self, path: str | Path) -> Path:
+        """Write by suffix (`files.SUFFIXES`); returns the path. Until all is written an
+        older file of that name stays."""
+        path = Path(path)
+        writer = formats.module(path)
+        check_names(self.channels)
+        for name, data in self.channels.items():
+            kind, dimensions = np.asarray(data).dtype.name, np.ndim(data)
+            if kind not in TYPES or dimensions != 1:
+                raise RecordingError(
+                    f"channel {name!r}: {dimensions} dimensions of {kind}, where one of numbers "
+                    "is needed"
+                )
+        try:
+            with formats.replacing(path) as draft:
+                writer.save(self, draft)
+        except Exception as error:  # of libraries, too
+            raise RecordingError(f"{path}: {formats.one_line(error)}") from None
+        return path
+
+    @staticmethod
+    def load(path: str | Path) -> Recording:
+        """Read what `save` wrote, what `writer` writes, and the journal of a
+        recording that was never closed (.part)."""
+        path = Path(path)
+        if path.suffix == formats.PART:
+            from . import journal as reader
+        else:
+            reader = formats.module(path.with_suffix(path.suffix.lower()))
+        try:
+            return reader.load(path)
+        except (OSError, RecordingError) as error:
+            raise RecordingError(f"{path}: {formats.one_line(error)}") from None
+        except Exception as error:  # a damaged file makes a parser raise anything
+            raise RecordingError(f"{path}: not a recording ({formats.one_line(error)})") from None
+
+
+def check_names(names: Iterable[str]) -> None:
+    """Refuse channel names that a table's head could not hold."""
+    for name in names:
+        if not name or name != name.strip() or not name.isprintable():
+            raise RecordingError(f"channel {name!r}: a name of printing characters is needed")
+        if name in ("time_s", "tick"):
+            raise RecordingError(f"channel {name!r}: that is the name of the time base")
+
+
+def clock_text(wall_s: float) -> str:
+    """Seconds since 1970 as ISO 8601 with this computer's zone, in whole milliseconds."""
+    return datetime.fromtimestamp(round(wall_s, 3)).astimezone().isoformat(timespec="milliseconds")
+
+
+def header(
+    rate_Hz: float,
+    start_s: float,
+    samples: int | None,
+    columns: Iterable[tuple[str, str, str]],
+    meta: dict,
+) -> dict:
+    """All of a recording but its samples: the same in every kind of file. `columns`: name,
+    unit and type of each channel; no number of samples while they still come."""
+    columns = list(columns)
+    return {
+        "format": FORMAT,
+        "rate_Hz": rate_Hz,
+        "start_s": start_s,
+        "samples": samples,
+        "units": {name: unit for name, unit, _ in columns},
+        "types": {name: kind for name, _, kind in columns},
+        "meta": meta,
+    }
+
+
+def header_of(rec: Recording) -> dict:
+    columns = [
+        (name, rec.units.get(name, ""), np.asarray(data).dtype.name)
+        for name, data in rec.channels.items()
+    ]
+    return header(rec.rate_Hz, rec.start_s, len(rec), columns, rec.meta)
+
+
+def header_text(rec: Recording, **more: object) -> str:
+    """`header_of` as one line of JSON."""
+    return to_json({**header_of(rec), **more})
+
+
+def to_json(data: object) -> str:
+    """One line; numbers of numpy as numbers, what JSON does not know as text."""
+    return json.dumps(data, default=lambda x: x.tolist() if hasattr(x, "tolist") else str(x))
+
+
+def from_header(text: str | bytes, channels: dict[str, np.ndarray]) -> Recording:
+    """The recording of a header (`header_text`) and its samples, name -> array."""
+    return from_fields(json.loads(text), channels)
+
+
+def from_fields(fields: dict, channels: dict[str, np.ndarray]) -> Recording:
+    """The same of a header that was parsed."""
+    rate_Hz, start_s = float(fields["rate_Hz"]), float(fields["start_s"])
+    units, meta = fields["units"], fields["meta"]
+    types, samples = fields.get("types", {}), fields.get("samples")
+    if not (np.isfinite([rate_Hz, start_s]).all() and rate_Hz > 0):
+        raise ValueError(f"{rate_Hz} samples per second from {start_s} s on")
+    if not isinstance(meta, dict) or not all(isinstance(u, str) for u in units.values()):
+        raise ValueError("units or metadata of another form")
+    if set(units) != set(channels):
+        raise ValueError("other channels than its header says")
+    if not set(types.values()) <= set(TYPES):
+        raise ValueError("samples of an unknown type")
+    data = {name: _as_type(channels[name], types.get(name)) for name in units}
+    rec = Recording(rate_Hz, data, units, meta, start_s)
+    if samples is not None and len(rec) != samples:
+        raise ValueError(f"{len(rec)} of {samples} samples")
+    return rec
+
+
+def _as_type(data: np.ndarray, kind: str | None) -> np.ndarray:
+    """(n,) samples as they were; some files have no type for bool, old ones tell none."""
+    if np.ndim(data) != 1:
+        raise ValueError(f"samples of {np.ndim(data)} dimensions")
+    if kind == "bool":
+        data = data != 0
+    data = data.astype(kind or data.dtype, casting="same_kind", copy=False)
+    # Some libraries hang metadata of their own on the type: the view has none.
+    return np.ascontiguousarray(data).view(data.dtype.name)

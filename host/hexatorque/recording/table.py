@@ -1,0 +1,282 @@
+"""Tables of numbers in text, of whatever program: columns between commas, semicolons or
+tabs, decimal points or commas, units in the line of names or below it.
+
+Only equally spaced samples are read: what lies between others is not made up here.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import StringIO
+
+import numpy as np
+
+from .formats import RecordingError
+
+#: Tried in this order: a comma may also be a decimal point.
+DELIMITERS = "\t;,"
+_SAMPLE_LINES = 20
+#: `speed [rpm]`, `Time (s)`
+_UNIT = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*", re.DOTALL)
+_TIME = re.compile(r"(?:time|t|zeit)(?:[ _](s|ms|us|µs|ns))?", re.IGNORECASE)
+_SECONDS = {
+    "": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6,
+    "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0,
+}  # fmt: skip
+#: Times may lie so far beside equal steps, in steps: they are often printed with few digits.
+SLACK = 0.25
+#: Steps that are missing in a plain table, at most.
+MOST_LOST_ROWS = 10**7
+
+
+def decode(octets: bytes) -> str:
+    """Text of a file: UTF-8, UTF-16 with its mark, or what Windows used before."""
+    if octets.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        text = octets.decode("utf-16")
+    else:
+        try:
+            text = octets.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = octets.decode("cp1252", errors="replace")
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+
+
+def heading(name: str, unit: str) -> str:
+    """A column's name as it stands in the first line; `split` is the way back."""
+    return f"{name} [{unit}]" if unit or split(name) != (name, "") else name
+
+
+def split(text: str) -> tuple[str, str]:
+    """Name and unit of a heading; no unit: ""."""
+    found = _UNIT.fullmatch(text)
+    if not found or not found[1].strip():
+        return text.strip(), ""
+    return found[1].strip(), (found[2] if found[2] is not None else found[3]).strip()
+
+
+def cells(line: str, delimiter: str) -> list[str]:
+    return next(csv.reader([line], delimiter=delimiter), [])
+
+
+@dataclass
+class Table:
+    """`names`: cells of the line of names; `units`: of a line of units below it, if there
+    is one; rows from `begin` on in `text`, where line number `line` begins."""
+
+    text: str
+    names: list[str]
+    units: list[str] | None
+    delimiter: str
+    begin: int
+    line: int
+
+    def __post_init__(self) -> None:
+        #: Decimal comma: a comma that does not stand between columns, or stands in quotes.
+        self.comma = self.text.find("," if self.delimiter != "," else '"', self.begin) >= 0
+
+    def columns(self, kinds: list[str], strict: bool = True) -> list[np.ndarray | None]:
+        """A column of each type. Empty cells are NaN. Not `strict`: None for a column that
+        holds no number at all."""
+        text = self.text[self.begin :] if self.begin else self.text
+        if not text.strip():
+            return [np.empty(0, kind) for kind in kinds]
+        d = self.delimiter
+        if '"' not in text:
+            if self.comma:
+                text = text.replace(",", ".")
+            for _ in range(2 * (d + d in text)):  # twice: three in a row overlap
+                text = text.replace(d + d, f"{d}nan{d}")
+            if f"{d}\n" in text:
+                text = text.replace(f"{d}\n", f"{d}nan\n")
+            if text.endswith(d):
+                text += "nan"
+            row = np.dtype([(f"f{i}", kind) for i, kind in enumerate(kinds)])
+            extra = text.partition("\n")[0].count(d) + 1 - len(kinds)
+            try:
+                table = np.loadtxt(
+                    StringIO(text), delimiter=d, dtype=row, ndmin=1, comments=None,
+                    usecols=range(len(kinds)) if extra == 1 else None,
+                )  # fmt: skip
+            except ValueError:
+                pass
+            else:
+                if extra != 1 or self._extra_is_empty(len(kinds)):
+                    return [table[name] for name in row.names]
+        return self._one_by_one(kinds, strict)
+
+    def rows(self) -> Iterator[tuple[int, str]]:
+        """Number and text of the lines that are not blank."""
+        number, at = self.line, self.begin
+        while at < len(self.text):
+            end = self.text.find("\n", at)
+            end = len(self.text) if end < 0 else end
+            if self.text[at:end].strip():
+                yield number, self.text[at:end]
+            number, at = number + 1, end + 1
+
+    def line_of(self, row: int) -> int:
+        """The number of a row's line."""
+        return next(number for n, (number, _) in enumerate(self.rows()) if n == row)
+
+    def _extra_is_empty(self, width: int) -> bool:
+        """Whether no row has more than a delimiter behind the last column."""
+        return all(
+            not "".join(cells(line, self.delimiter)[width:]).strip() for _, line in self.rows()
+        )
+
+    def _one_by_one(self, kinds: list[str], strict: bool) -> list[np.ndarray | None]:
+        """The same cell by cell, to name the one that is wrong."""
+        columns: list[list[float]] = [[] for _ in kinds]
+        wrong: list[tuple[int, str] | None] = [None] * len(kinds)
+        for number, line in self.rows():
+            found = cells(line, self.delimiter)
+            if len(found) < len(kinds) or "".join(found[len(kinds) :]).strip():
+                raise RecordingError(
+                    f"line {number}: {len(found)} cells where there are {len(kinds)} names"
+                )
+            for n, (cell, kind) in enumerate(zip(found, kinds)):
+                try:
+                    columns[n].append(self._number(cell, kind))
+                except ValueError:
+                    wrong[n] = wrong[n] or (number, cell)
+        out: list[np.ndarray | None] = []
+        for n, (values, kind) in enumerate(zip(columns, kinds)):
+            if bad := wrong[n]:
+                if not strict and not np.isfinite(values).any():
+                    out.append(None)
+                    continue
+                raise RecordingError(
+                    f"line {bad[0]}, {self.names[n] or f'column {n + 1}'}: "
+                    f"{bad[1].strip()[:40]!r} is not a {'' if kind[0] == 'f' else 'whole '}number"
+                )
+            out.append(np.array(values, kind))
+        return out
+
+    def _number(self, cell: str, kind: str) -> float:
+        cell = cell.strip()
+        if self.comma:
+            cell = cell.replace(",", ".")
+        if kind[0] != "f":
+            return int(cell)
+        return float(cell) if cell else np.nan
+
+
+def under(text: str, line: str) -> Table | None:
+    """The table below `line`, if that is how the text begins: no guessing then."""
+    if not (text.startswith(line) and text[len(line) : len(line) + 1] in ("\n", "")):
+        return None
+    return Table(text, cells(line, ","), None, ",", len(line) + 1, 2)
+
+
+def find(text: str) -> Table:
+    """The table in a text, and how it is written."""
+    delimiters = DELIMITERS
+    lines = Table(text, [], None, ",", 0, 1).rows()
+    head = None
+    for number, line in lines:
+        if line.lower().startswith("sep=") and len(line.rstrip()) == 5:  # for Excel
+            delimiters = line[4]
+        elif not line.lstrip().startswith(("#", "%")):
+            head = number, line
+            break
+    if head is None:
+        raise RecordingError("no table: no line of names")
+    sample = [row for row, _ in zip(lines, range(_SAMPLE_LINES))]
+    delimiter = _delimiter(head[1], [line for _, line in sample], delimiters)
+    names = [cell.strip() for cell in cells(head[1], delimiter)]
+    if all(map(_is_number, names)):
+        raise RecordingError(f"line {head[0]}: numbers where the columns' names are needed")
+    units, after = None, head
+    if sample:
+        first = [cell.strip() for cell in cells(sample[0][1], delimiter)]
+        if len(first) == len(names) and any(first) and not any(map(_is_number, first)):
+            units, after = [cell.strip("[]()") for cell in first], sample[0]
+    begin, line = 0, 1
+    while line <= after[0]:
+        end = text.find("\n", begin)
+        begin, line = (len(text) if end < 0 else end + 1), line + 1
+    return Table(text, names, units, delimiter, begin, line)
+
+
+def _delimiter(head: str, sample: list[str], known: str) -> str:
+    """The one that cuts names and rows into equally many cells, as far as can be seen."""
+    for d in known:
+        names = len(cells(head, d))
+        widths = {len(cells(line, d)) - (line.endswith(d) and not head.endswith(d))
+                  for line in sample}  # fmt: skip
+        if names > 1 and widths <= {names}:
+            return d
+    return max(known, key=lambda d: len(cells(head, d)))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def time_column(table: Table, headings: list[tuple[str, str]]) -> tuple[int, float, str]:
+    """Which column is the time, its unit in seconds, and what had to be assumed."""
+    for n, (name, unit) in enumerate(headings):
+        found = _TIME.fullmatch(name)
+        if not found:
+            continue
+        unit = unit or found[1] or ""
+        if unit.lower() not in _SECONDS:
+            raise RecordingError(f"{table.names[n]}: time in {unit!r}, known are s, ms, us, ns")
+        return n, _SECONDS[unit.lower()], "" if unit else f"{name} is taken as seconds"
+    raise RecordingError(
+        "no column of time: one named time_s, Time (s), t [ms] or the like is needed, there are "
+        + ", ".join(name for name in table.names if name)[:200]
+    )
+
+
+def raster(table: Table, time_s: np.ndarray) -> tuple[float, np.ndarray]:
+    """(samples per second, place of each row) of ascending times whose steps are equal, or
+    whole multiples where rows are missing."""
+    if len(time_s) < 2:
+        raise RecordingError("two rows or more are needed to know the time between samples")
+    bad = np.flatnonzero(~np.isfinite(time_s))
+    if len(bad):
+        raise RecordingError(f"line {table.line_of(int(bad[0]))}: no time")
+    number = np.arange(len(time_s))
+    span_s = float(time_s[-1] - time_s[0])
+    step_s = span_s / number[-1]
+    if span_s > 0 and np.all(abs(time_s - time_s[0] - number * step_s) <= SLACK * step_s):
+        return plain_rate(number[-1] / span_s, number[-1]), number
+    steps = np.diff(time_s)
+    step_s = float(np.median(steps))
+    if step_s > 0:
+        places = np.round(steps / step_s)
+        wrong = (np.abs(steps - places * step_s) > SLACK * step_s) | (places < 1)
+    else:
+        wrong = steps <= 0
+    if wrong.any():
+        at = int(np.argmax(wrong))
+        raise RecordingError(
+            f"line {table.line_of(at + 1)}: time goes from {time_s[at]:.9g} s to "
+            f"{time_s[at + 1]:.9g} s, most steps are {step_s:.6g} s: equally spaced samples "
+            "are needed"
+        )
+    if places.sum() - len(steps) > MOST_LOST_ROWS:
+        raise RecordingError(
+            f"{places.sum() - len(steps):.0f} rows are missing: too many to fill in"
+        )
+    places = np.concatenate([[0], np.cumsum(places.astype(np.int64))])
+    return plain_rate(places[-1] / span_s, int(places[-1])), places
+
+
+def plain_rate(rate_Hz: float, samples: int) -> float:
+    """The number of fewest digits that is the same to a millionth, and gives the same times
+    to a hundredth of a step."""
+    for digits in range(1, 17):
+        short = float(f"{rate_Hz:.{digits}g}")
+        if abs(1 - short / rate_Hz) < min(1e-6, 0.01 / samples):
+            return short
+    return rate_Hz

@@ -1,0 +1,555 @@
+"""ht_control: what comes out of a step is what the papers define for its scheme.
+
+State words are read back from the compare registers; directions, vectors and
+duties are recomputed here from geometry. The latency bookkeeping is checked on a
+machine without resistance, where flux is nothing but applied volt-seconds.
+"""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hexatorque.firmware import ffi, lib
+
+TS, VDC, PERIOD = 1e-4, 300.0, 10000
+SCHEMES = {
+    "dtc1": lib.HT_DTC1, "dtc2": lib.HT_DTC2, "dtc3": lib.HT_DTC3,
+    "fdr": lib.HT_FDR, "ddr": lib.HT_DDR, "ddr-ml": lib.HT_DDR_ML,
+}  # fmt: skip
+TABLES = {lib.HT_TABLE_45_135: (45, 135), lib.HT_TABLE_75_105: (75, 105)}
+THETA = np.deg2rad([0, 30, 120, 150, 240, 270])
+T = np.array([np.cos(THETA), np.sin(THETA), np.cos(5 * THETA), np.sin(5 * THETA)]) / 3
+L = (48, 56, 60, 28, 12, 14, 15, 7, 3, 35, 51, 49)
+ML = (57, 52, 24, 44, 30, 13, 6, 11, 39, 19, 33, 50)
+S = (54, 25, 36, 26, 45, 22, 9, 38, 27, 37, 18, 41)
+ZEROS = (0, 21, 42, 63)
+
+
+def vector(word):
+    """alpha beta x y, pu of Vdc."""
+    return T @ (word >> np.arange(5, -1, -1) & 1)
+
+
+def config(scheme="ddr", **changes):
+    cfg = ffi.new("ht_control_config *")
+    cfg.scheme = SCHEMES[scheme]
+    cfg.table = lib.HT_TABLE_45_135
+    cfg.torque_levels = 5 if scheme == "dtc3" else 3
+    cfg.shadow, cfg.predict, cfg.hold_on_zero = True, True, True
+    cfg.period_counts = PERIOD
+    cfg.flux_band_Wb = 0.003
+    cfg.torque_band_Nm, cfg.torque_inner_Nm = 0.3, 0.173
+    cfg.build_current_A = 3.0
+    cfg.observer.ts_s, cfg.observer.inv_ts = TS, 1 / TS
+    cfg.observer.rs_ohm = 6.0
+    cfg.observer.sigma_ls_H, cfg.observer.inv_sigma_ls = 0.028, 1 / 0.028
+    cfg.observer.lxy_H, cfg.observer.torque_gain = 0.0144, 3.0
+    cfg.observer.omega_gain = 0.02
+    cfg.xy.kp_pu_A, cfg.xy.ki_ts_pu_A = 0.1, 2.5e-4
+    cfg.xy_limit_pu = lib.ht_tmvcl_pu[lib.HT_ML if scheme == "ddr-ml" else lib.HT_L]
+    cfg.dead.dead_pu, cfg.dead.i_zero_A = 0.02, 0.05
+    for name, value in changes.items():
+        owner = cfg
+        *path, last = name.split("__")
+        for part in path:
+            owner = getattr(owner, part)
+        setattr(owner, last, value)
+    return cfg
+
+
+class BoardDrive:
+    """Control core with a state of its own; `step` returns the three words and
+    the compare registers."""
+
+    def __init__(self, cfg):
+        self.cfg, self.state = cfg, ffi.new("ht_control_state *")
+        self.out = ffi.new("ht_compare *")
+        assert lib.ht_control_check(cfg) == lib.HT_CONFIG_OK
+        lib.ht_control_reset(self.cfg, self.state, [{"p": [0.0] * 6}])
+
+    def step(self, i=(0.0,) * 6, torque=0.0, flux=0.4, vdc=VDC, build=False):
+        inputs = ffi.new("ht_control_input *")
+        inputs.i_A.p = list(i)
+        inputs.vdc_V, inputs.torque_ref_Nm, inputs.flux_ref_Wb = vdc, torque, flux
+        inputs.inv_flux_ref2 = 1 / flux**2 if flux else 0.0
+        lib.ht_control_step(self.cfg, self.state, inputs, build, self.out)
+        return words(self.out, self.cfg.period_counts)
+
+    def place(self, psi, psi_xy=0j):
+        """Currents and an estimate that put the decided state at psi, psi_xy, with
+        the machine at rest: no torque, no voltage to come."""
+        self.state.observer.psi_Wb = [psi.real, psi.imag]
+        i_xy = psi_xy / self.cfg.observer.lxy_H
+        return (3 * T.T @ [0, 0, i_xy.real, i_xy.imag]).tolist()
+
+
+def words(out, period):
+    s = [out.start]
+    for compare in (out.ca, out.cb):
+        toggles = sum(1 << (5 - leg) for leg in range(6) if compare[leg] != period)
+        s.append(s[-1] ^ toggles)
+    return tuple(s)
+
+
+def direction(table, sector, torque_up, flux_up):
+    angle = TABLES[table][0 if flux_up else 1] * (1 if torque_up else -1)
+    return (30 * sector + angle - 15) // 30 % 12
+
+
+def is_valid(out, period, first):
+    """Every register a free toggle can use, guards kept, words of six bits."""
+    if not 0 <= out.start <= 63:
+        return False
+    for leg in range(6):
+        a, b = out.ca[leg], out.cb[leg]
+        if not (first < a <= period and first < b <= period):
+            return False
+        if a < period and b < period and not a < b:
+            return False
+    used = [{c for c in regs if c < period} for regs in (out.ca, out.cb)]
+    return all(len(u) <= 1 for u in used)
+
+
+def quiet(scheme, **changes):
+    """A drive whose decided state is the placed one: no latency, no resistance."""
+    options = {"predict": False, "observer__rs_ohm": 0.0, "dead__dead_pu": 0.0}
+    return BoardDrive(config(scheme, **(options | changes)))
+
+
+def all_choices():
+    """Every table, sector, torque demand and flux demand."""
+    return itertools.product(TABLES, range(12), (-5, 5), (0.2, 0.6))
+
+
+def at(drive, sector, torque, flux, psi_xy=0j):
+    """Step at |psi| = 0.4 in the middle of a sector; returns words and k."""
+    psi = 0.4 * np.exp(1j * np.deg2rad(30 * sector))
+    s = drive.step(drive.place(psi, psi_xy), torque, flux)
+    st_ = drive.state
+    assert st_.sector == sector
+    assert st_.flux_level == (flux > 0.4)
+    assert np.sign(st_.torque_level) == np.sign(torque)
+    return s, direction(drive.cfg.table, sector, torque > 0, flux > 0.4)
+
+
+def test_dtc1_applies_one_large_vector():
+    for table, *demand in all_choices():
+        s, k = at(quiet("dtc1", table=table), *demand)
+        assert s == (L[k],) * 3
+
+
+def xy_fluxes():
+    """Twelve x-y fluxes of some size, none across a large vector."""
+    for degrees in range(7, 367, 30):
+        yield 0.02 * np.exp(1j * np.deg2rad(degrees))
+
+
+def test_dtc2_takes_of_the_pair_what_lowers_the_xy_flux():
+    for table, *demand in all_choices():
+        for psi_xy in xy_fluxes():
+            s, k = at(quiet("dtc2", table=table), *demand, psi_xy)
+            assert s[0] == s[1] == s[2]
+            assert s[0] in (L[k], ML[k])
+            assert vector(s[0])[2:] @ [psi_xy.real, psi_xy.imag] < 0
+
+
+def test_dtc3_levels_choose_the_pair():
+    for table, sector, torque, flux in all_choices():
+        for size, level, strong in ((0.2, 1, S), (5, 2, L)):
+            for psi_xy in xy_fluxes():
+                drive = quiet("dtc3", table=table)
+                s, k = at(drive, sector, np.sign(torque) * size, flux, psi_xy)
+                assert abs(drive.state.torque_level) == level
+                assert s[0] == s[1] == s[2]
+                assert s[0] in (ML[k], strong[k])
+                assert vector(s[0])[2:] @ [psi_xy.real, psi_xy.imag] < 0
+
+
+def test_fdr_applies_three_large_vectors_for_fixed_times():
+    for table, *demand in all_choices():
+        drive = quiet("fdr", table=table)
+        s, k = at(drive, *demand, 0.02 + 0.01j)
+        assert s == tuple(L[(k + d) % 12] for d in (-1, 0, 1))
+        assert {c for c in drive.out.ca if c != PERIOD} == {round((2 - np.sqrt(3)) * PERIOD)}
+        assert {c for c in drive.out.cb if c != PERIOD} == {round((np.sqrt(3) - 1) * PERIOD)}
+
+
+@pytest.mark.parametrize(("scheme", "group"), (("ddr", L), ("ddr-ml", ML)))
+def test_ddr_realises_its_xy_command(scheme, group):
+    """The x-y current is opposed, within the limit, and the registers give the
+    commanded x-y voltage to within the guards."""
+    i_xy = 0.08 - 0.11j
+    limit = 0.032692 if group is L else 0.089316
+    wanted = np.clip([-0.2 * i_xy.real, -0.2 * i_xy.imag], -limit, limit)
+    for table, *demand in all_choices():
+        drive = quiet(scheme, table=table)
+        s, k = at(drive, *demand, 0.0144 * i_xy)
+        assert s == tuple(group[(k + d) % 12] for d in (-1, 0, 1))
+        command = [drive.state.v_xy_pu.x, drive.state.v_xy_pu.y]
+        np.testing.assert_allclose(command, wanted, atol=1e-5)
+        t = [0, drive.state.next.t[1], drive.state.next.t[2], 1]
+        mean = np.diff(t) @ np.array([vector(w) for w in s])
+        np.testing.assert_allclose(mean[2:], command, atol=4 / PERIOD)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_no_torque_wanted_gives_the_nearest_zero(scheme):
+    for sector in range(12):
+        drive = quiet(scheme)
+        s, _ = at(drive, sector, 5, 0.6)
+        zero = drive.step(torque=0.0)
+        assert drive.state.torque_level == 0
+        assert zero[0] == zero[1] == zero[2]
+        assert zero[0] in ZEROS
+        assert (zero[0] ^ s[2]).bit_count() == min((z ^ s[2]).bit_count() for z in ZEROS)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_only_v0_where_asked_for(scheme):
+    others = 0
+    for sector in range(12):
+        drive = quiet(scheme, only_v0=True)
+        s, _ = at(drive, sector, 5, 0.6)
+        others += min((z ^ s[2]).bit_count() for z in ZEROS) < s[2].bit_count()
+        assert drive.step(torque=0.0) == (0, 0, 0)
+    assert others > 0  # nearest would have been another one
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("torque", (0.1, -0.1))  # inside the band: no vector wanted
+def test_weak_flux_takes_the_place_of_a_zero_vector(scheme, torque):
+    """Below (1 - flux_hold) of the reference the vector nearest to the flux is
+    applied, on the side of the torque error."""
+    group = ML if scheme == "ddr-ml" else L
+    for sector in range(12):
+        for psi, raised in ((0.37, True), (0.39, False)):
+            drive = quiet(scheme, flux_hold=0.05)
+            placed = psi * np.exp(1j * np.deg2rad(30 * sector))
+            s = drive.step(drive.place(placed), torque, flux=0.4)
+            assert drive.state.torque_level == 0
+            if raised:
+                k = sector if torque > 0 else (sector - 1) % 12
+                assert s[1] in ((S if scheme == "dtc3" else group)[k], ML[k])
+                assert vector(s[1])[:2] @ [placed.real, placed.imag] > 0
+            else:
+                assert s[0] in ZEROS
+        drive = quiet(scheme, flux_hold=0.0)  # 0 = never
+        assert drive.step(drive.place(0.1 + 0j), torque)[0] in ZEROS
+
+
+@pytest.mark.parametrize("hold", (True, False))
+def test_xy_integrators_during_zero_vectors(hold):
+    drive = quiet("ddr", hold_on_zero=hold)
+    i_xy = drive.place(0.4 + 0j, 0.0144 * (0.05 + 0.02j))
+    drive.step(i_xy, 5.0)
+    used = bytes(ffi.buffer(ffi.addressof(drive.state.xy)))
+    drive.step(i_xy, 0.0)
+    assert drive.state.torque_level == 0
+    assert (bytes(ffi.buffer(ffi.addressof(drive.state.xy))) == used) == hold
+
+
+def test_xy_integrators_go_on_while_the_flux_is_raised():
+    drive = quiet("ddr", flux_hold=0.05)
+    i_xy = drive.place(0.3 + 0j, 0.0144 * (0.05 + 0.02j))
+    drive.step(i_xy, 0.0)
+    assert drive.state.torque_level == 0
+    assert drive.state.xy.against.x != 0
+
+
+@pytest.mark.parametrize("levels", (2, 3, 5))
+def test_torque_levels(levels):
+    drive = quiet("fdr", torque_levels=levels)
+    seen = []
+    for torque in (0.1, 0.2, 0.4, 0.2, 0.1, -0.1, -0.2, -0.4, 0.0):
+        drive.step(drive.place(0.4 + 0j), torque)
+        seen.append(drive.state.torque_level)
+    want = {
+        2: [0, 0, 1, 1, 1, 1, 1, -1, -1],
+        3: [0, 0, 1, 1, 1, 0, 0, -1, 0],
+        5: [0, 1, 2, 2, 1, 0, -1, -2, 0],
+    }
+    assert seen == want[levels]
+
+
+def test_xy_regulator_turns_with_the_flux():
+    """Integrators of the two frames, after one step from zero."""
+    for degrees in range(0, 360, 25):
+        drive = quiet("ddr")
+        turn = np.exp(1j * np.deg2rad(degrees))
+        drive.step(drive.place(0.4 * turn, 0.0144 * (0.05 - 0.03j)), 5.0)
+        xy = drive.state.xy
+        error = -2.5e-4 * (0.05 - 0.03j)
+        with_, against = (complex(p.x, p.y) for p in (getattr(xy, "with"), xy.against))
+        assert with_ == pytest.approx(error / turn, abs=1e-8)
+        assert against == pytest.approx(error * turn, abs=1e-8)
+
+
+# --- latency ------------------------------------------------------------------
+
+
+def flux_of(applied):
+    """Volt-seconds of an `ht_applied`, per unit of the period, no dead time."""
+    t = [0.0, applied.t[0], applied.t[1], applied.t[2], 1.0]
+    states = [applied.before, *applied.s]
+    if applied.s[0] == applied.s[1] == applied.s[2]:
+        t[2:4] = 1.0, 1.0
+    return np.diff(t) @ np.array([vector(w) for w in states])
+
+
+def complex_flux(estimate):
+    return complex(estimate.psi_Wb.alpha, estimate.psi_Wb.beta)
+
+
+def patterns_of(drive, steps, **changes):
+    """Run with changing references and currents; yields (state, words, applied
+    pattern that this step committed)."""
+    rng = np.random.default_rng(7)
+    for _ in range(steps):
+        s = drive.step(torque=rng.uniform(-2, 2), flux=0.4, i=drive.currents, **changes)
+        yield s, drive.state.next if drive.cfg.shadow else drive.state.active
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize(("shadow", "first"), ((True, 0), (False, 0), (False, 1234)))
+def test_flux_is_the_volt_seconds_of_the_pattern_on_the_legs(scheme, shadow, first):
+    """A pattern counts in the period after its step under immediate load, one
+    period later under shadow load."""
+    cfg = config(
+        scheme, shadow=shadow, predict=False, first_counts=first,
+        observer__rs_ohm=0.0, dead__dead_pu=0.0,
+    )  # fmt: skip
+    drive = BoardDrive(cfg)
+    drive.currents = (3 * T.T @ [1.0, 0.5, 0.05, -0.02]).tolist()
+    psi, waiting, last = 0j, [np.zeros(4)] if shadow else [], 0
+    for n, (s, applied) in enumerate(patterns_of(drive, 300)):
+        assert complex_flux(drive.state.estimate) == pytest.approx(psi, abs=5e-6), n
+        assert applied.before == last
+        assert tuple(applied.s) == s
+        assert applied.t[0] == pytest.approx(first / PERIOD)
+        waiting.append(flux_of(applied))
+        pu = waiting.pop(0)
+        psi += TS * VDC * complex(pu[0], pu[1])
+        last = s[2]
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_prediction_is_the_next_estimate(scheme):
+    """Without resistance and with steady currents nothing is uncertain: what the
+    comparators see now is the flux of the next sample, dead time included, also
+    where a delay runs on into the next period."""
+    drive = BoardDrive(config(scheme, observer__rs_ohm=0.0, dead__dead_pu=0.05))
+    drive.currents = (3 * T.T @ [2.0, 1.5, 0.6, 0.5]).tolist()  # x-y command at its limit
+    expected, spilled = None, 0
+    for _ in patterns_of(drive, 400):
+        state = drive.state
+        if expected is not None:
+            assert complex_flux(state.estimate) == pytest.approx(expected, abs=1e-6)
+        expected = complex_flux(state.decided)
+        spilled |= state.spill.legs
+        assert is_valid(drive.out, PERIOD, 0)
+        angle = np.rad2deg(np.angle(expected))
+        if abs((angle + 15) % 30) > 1e-3 and abs(expected) > 1e-6:
+            assert state.sector == int((angle + 15) // 30) % 12
+    assert bool(spilled) == scheme.startswith("ddr")
+
+
+@pytest.mark.parametrize("shadow", (True, False))
+def test_dead_time_goes_by_the_currents_at_each_edge(shadow):
+    """One vector a period, so all edges are at its start; currents whose signs change from
+    sample to sample. A rising edge costs the dead time where the current flows out, a
+    falling one brings it where it flows in."""
+    cfg = config(
+        "dtc1", shadow=shadow, predict=False, observer__rs_ohm=0.0, dead__dead_pu=0.05
+    )  # fmt: skip
+    drive = BoardDrive(cfg)
+    rng = np.random.default_rng(11)
+    i_begin = rng.choice([-5.0, 5.0], 6)
+    lib.ht_control_reset(cfg, drive.state, [{"p": i_begin.tolist()}])
+    psi, last, waiting = 0j, np.zeros(6), [0, 0] if shadow else [0]
+    for _ in range(300):
+        i_end = rng.choice([-5.0, 5.0], 6)
+        (word,) = set(drive.step(i_end, torque=rng.uniform(-2, 2)))
+        waiting.append(word)
+        level = waiting.pop(0) >> np.arange(5, -1, -1) & 1
+        late = (level > last) & (i_begin > 0), (level < last) & (i_begin < 0)
+        pu = T[:2] @ (level - 0.05 * (late[0].astype(float) - late[1]))
+        psi += TS * VDC * complex(*pu)
+        assert complex_flux(drive.state.estimate) == pytest.approx(psi, abs=1e-5)
+        last, i_begin = level, i_end
+
+
+@pytest.mark.parametrize("scheme", ("dtc2", "dtc3"))
+def test_predicted_xy_flux_is_that_of_the_pattern_to_come(scheme):
+    """Of the build-up's last virtual vector as of single ones."""
+    drive = BoardDrive(config(scheme, dead__dead_pu=0.0))
+    i = T.T @ [3.0, 1.5, 0.9, -0.6]
+    steps = [drive.step(i, build=True) for _ in range(3)]
+    assert len(set(steps[-1])) > 1
+    for n in range(20):
+        coming = drive.state.next
+        t = [0, *list(coming.t)[1:], 1]
+        mean = np.diff(t) @ np.array([vector(w)[2:] for w in coming.s])
+        drive.step(i, torque=0.5 * (-1) ** n)
+        i_xy = T[2:] @ i
+        want = 0.0144 * i_xy + TS * (VDC * mean - 6.0 * i_xy)
+        got = drive.state.psi_xy_Wb
+        np.testing.assert_allclose([got.x, got.y], want, atol=1e-6)
+
+
+def test_without_prediction_the_estimate_is_decided_on():
+    drive = BoardDrive(config("fdr", predict=False))
+    drive.currents = [0.0] * 6
+    for _ in patterns_of(drive, 50):
+        assert complex_flux(drive.state.decided) == complex_flux(drive.state.estimate)
+
+
+# --- build-up -------------------------------------------------------------------
+
+
+def test_build_up_pulls_the_flux_along_15_degrees():
+    drive = BoardDrive(config("dtc1", observer__rs_ohm=0.0, dead__dead_pu=0.0))
+    for _ in range(200):
+        s = drive.step(build=True)
+        assert s in ((L[11], L[0], L[1]), (0, 0, 0), (63, 63, 63), (21,) * 3, (42,) * 3)
+    psi = complex_flux(drive.state.estimate)
+    step = 0.59772 * VDC * TS
+    assert 0.4 <= abs(psi) <= 0.4 + step
+    assert np.rad2deg(np.angle(psi)) == pytest.approx(15, abs=0.1)
+    assert s[0] in ZEROS
+
+
+def test_build_up_stops_at_the_current_limit():
+    for size, blocked in ((2.9, False), (3.1, True)):
+        drive = BoardDrive(config("ddr"))
+        i = 3 * T.T @ [size * np.cos(0.3), size * np.sin(0.3), 0, 0]
+        s = drive.step(i, build=True)
+        assert (s[0] in ZEROS) == blocked
+
+
+# --- any input ------------------------------------------------------------------
+
+wild = st.one_of(
+    st.floats(width=32),
+    st.floats(-20, 20, width=32),
+    st.sampled_from([np.nan, np.inf, -np.inf, 3.4e38]),
+)
+sample = st.tuples(st.lists(wild, min_size=6, max_size=6), wild, wild, wild)
+
+
+@given(
+    st.sampled_from(list(SCHEMES)),
+    st.sampled_from([(True, 0), (False, 0), (False, 4)]),
+    st.booleans(),
+    st.sampled_from([2, 3, 5]),
+    st.sampled_from([(9, 0), (10, 0), (10000, 0), (65535, 0), (10000, 4999)]),
+    st.lists(sample, min_size=1, max_size=5),
+)
+@settings(max_examples=250, deadline=None)
+def test_any_input_gives_a_pattern_that_the_pwm_can_realise(
+    scheme, load, predict, levels, timing, samples
+):
+    shadow, first = load
+    period, first = (timing[0], 0) if shadow else (timing[0], max(timing[1], first))
+    first = min(first, (period - 1) // 2 - 1)
+    cfg = config(
+        scheme, shadow=shadow, predict=predict, torque_levels=levels,
+        period_counts=period, first_counts=first,
+    )  # fmt: skip
+    drive = BoardDrive(cfg)
+    for build in (False, True):
+        for i, torque, flux, vdc in samples:
+            inputs = ffi.new("ht_control_input *")
+            inputs.i_A.p = i
+            inputs.torque_ref_Nm, inputs.flux_ref_Wb, inputs.vdc_V = torque, flux, vdc
+            inputs.inv_flux_ref2 = flux
+            lib.ht_control_step(cfg, drive.state, inputs, build, drive.out)
+            assert is_valid(drive.out, period, first)
+            assert all(0 <= w <= 63 for w in words(drive.out, period))
+            assert 0 <= drive.state.sector <= 11
+            assert -2 <= drive.state.torque_level <= 2
+
+
+# --- configuration ----------------------------------------------------------------
+
+
+def test_low_pattern_has_no_edges():
+    out = ffi.new("ht_compare *")
+    lib.ht_control_low_pattern(config(), out)
+    assert out.start == 0
+    assert [*out.ca, *out.cb] == [PERIOD] * 12
+
+
+def test_vsd_is_the_transform():
+    rng = np.random.default_rng(3)
+    for six in rng.uniform(-30, 30, (50, 6)):
+        v = lib.ht_vsd_from_six([{"p": six.tolist()}])
+        np.testing.assert_allclose([v.ab.alpha, v.ab.beta, v.xy.x, v.xy.y], T @ six, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "status"),
+    [
+        ({}, lib.HT_CONFIG_OK),
+        ({"torque_levels": 4}, lib.HT_CONFIG_SCHEME),
+        ({"torque_levels": 0}, lib.HT_CONFIG_SCHEME),
+        ({"scheme_": 6}, lib.HT_CONFIG_SCHEME),
+        ({"table": 2}, lib.HT_CONFIG_SCHEME),
+        ({"period_counts": 7}, lib.HT_CONFIG_TIMING),
+        ({"first_counts": 1}, lib.HT_CONFIG_TIMING),
+        ({"shadow": False, "first_counts": 5000}, lib.HT_CONFIG_TIMING),
+        ({"shadow": False, "first_counts": 4999}, lib.HT_CONFIG_OK),
+        ({"observer__ts_s": 0.0}, lib.HT_CONFIG_TIMING),
+        ({"observer__ts_s": np.nan}, lib.HT_CONFIG_TIMING),
+        ({"dead__dead_pu": -0.01}, lib.HT_CONFIG_TIMING),
+        ({"dead__dead_pu": 0.51}, lib.HT_CONFIG_TIMING),
+        ({"dead__dead_pu": np.nan}, lib.HT_CONFIG_TIMING),
+        ({"dead__i_zero_A": 0.0}, lib.HT_CONFIG_TIMING),
+        ({"xy_limit_pu": 0.0}, lib.HT_CONFIG_SCHEME),
+        ({"xy_limit_pu": np.nan}, lib.HT_CONFIG_SCHEME),
+        ({"observer__rs_ohm": -1.0}, lib.HT_CONFIG_MACHINE),
+        ({"observer__rs_ohm": np.nan}, lib.HT_CONFIG_MACHINE),
+        ({"observer__sigma_ls_H": 0.0}, lib.HT_CONFIG_MACHINE),
+        ({"observer__inv_sigma_ls": np.inf}, lib.HT_CONFIG_MACHINE),
+        ({"observer__lxy_H": np.inf}, lib.HT_CONFIG_MACHINE),
+    ],
+)
+def test_check_of_the_configuration(changes, status):
+    changes = dict(changes)
+    scheme = changes.pop("scheme_", None)
+    cfg = config(**changes)
+    if scheme is not None:
+        cfg.scheme = scheme
+    assert lib.ht_control_check(cfg) == status
+
+
+def test_drops_of_the_devices():
+    """Each leg loses the threshold against its current, in full from i_zero on, in
+    proportion below; the flux moves by that much less."""
+    for i_u1 in (5.0, -5.0, 0.06, -0.06, 0.02, -0.02):
+        i = np.array([i_u1, 0.0, -i_u1, 0.0, 0.0, 0.0])
+        flux = []
+        for drop_V in (0.0, 1.35):
+            cfg = config(drop_V=drop_V, dead__dead_pu=0.0, observer__rs_ohm=0.0)
+            drive = BoardDrive(cfg)
+            drive.step(i)
+            before = complex_flux(drive.state.estimate)
+            drive.step(i)
+            flux.append(complex_flux(drive.state.estimate) - before)
+        share = np.clip(i / 0.05, -1, 1)  # i_zero_A
+        lost = 1.35 * T[:2] @ share * TS
+        assert flux[0] - flux[1] == pytest.approx(lost[0] + 1j * lost[1], rel=2e-3)
+        assert abs(flux[0] - flux[1]) > 0
+
+
+def test_drops_act_on_the_predicted_xy_flux():
+    i = np.array([5.0, 0.02, -5.0, 0.0, 0.0, -0.06])
+    psi_xy = []
+    for drop_V in (0.0, 1.35):
+        drive = BoardDrive(config("dtc2", drop_V=drop_V, dead__dead_pu=0.0))
+        drive.step(i)
+        psi_xy.append(complex(drive.state.psi_xy_Wb.x, drive.state.psi_xy_Wb.y))
+    lost = 1.35 * T[2:] @ np.clip(i / 0.05, -1, 1) * TS
+    assert psi_xy[0] - psi_xy[1] == pytest.approx(lost[0] + 1j * lost[1], rel=2e-3)

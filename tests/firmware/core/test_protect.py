@@ -1,0 +1,619 @@
+"""ht_protect: what turns the gates off, against steady states of machines solved from
+their phasor equations, and against bounds taken literally."""
+
+import math
+import tomllib
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hexatorque
+from hexatorque.firmware import FAULTS, ffi, lib, parameters
+
+SETUPS = Path(hexatorque.__file__).parent / "setups" / "builtin"
+LOOKS = 50  # HT_STUCK_LOOKS
+BIG = 1e9
+NAN, INF = math.nan, math.inf
+
+
+@lru_cache
+def printed(setup):
+    """(pole pairs, R_r, L_s, L_r, L_m), flux reference and load of a setup."""
+    data = tomllib.loads((SETUPS / f"{setup}.toml").read_text())
+    m = {key: entry["value"] for key, entry in data["machine"].items()}
+    machine = (
+        m["pole_pairs"],
+        m["rr_ohm"],
+        m["lls_H"] + m["lm_H"],
+        m["llr_H"] + m["lm_H"],
+        m["lm_H"],
+    )
+    return machine, data["controller"]["flux_ref_Wb"]["value"], data["point"]["load_Nm"]["value"]
+
+
+#: pole pairs, R_r, L_s, L_r, L_m: both papers' machines, a leaky one, a tight and large one.
+MACHINES = [
+    printed("paper-a")[0],
+    printed("paper-b")[0],
+    (4, 1.0, 0.120, 0.110, 0.090),
+    (3, 0.02, 0.0300, 0.0302, 0.0295),
+]
+
+
+def sigma(machine):
+    _, _, ls, lr, lm = machine
+    return 1 - lm**2 / (ls * lr)
+
+
+def pull_out(machine):
+    """Slip, rad/s, of the largest torque at given stator flux."""
+    _, rr, _, lr, _ = machine
+    return rr / (sigma(machine) * lr)
+
+
+def current(machine, slip, psi=1.0):
+    """Stator current that belongs to a stator flux `psi`, from the equations of both
+    windings in the flux's frame: psi = L_s i_s + L_m i_r, 0 = R_r i_r + j slip psi_r."""
+    _, rr, ls, lr, lm = machine
+    return np.linalg.solve([[ls, lm], [1j * slip * lm, rr + 1j * slip * lr]], [psi, 0])[0]
+
+
+def config(machine=MACHINES[0], **changes):
+    pole_pairs, rr, ls, lr, lm = machine
+    values = {
+        "i_trip_A": BIG, "i_ab_trip_A": BIG, "i_sum_trip_A": BIG, "vdc_min_V": 0.0,
+        "vdc_max_V": BIG, "flux_trip_Wb": 1e5, "speed_trip_rpm": BIG, "encoder_trip_rpm": 0.0,
+        "flux_check": 0.0, "stuck_counts": 0.0, "ls_H": ls, "sigma": sigma(machine),
+        "no_load_A": 1.0,
+        "slip_gain": rr * (lm / lr) ** 2, "rpm_per_rad_s": 30 / np.pi / pole_pairs,
+        "flux_gain": 1.0, "encoder_gain": 1.0,
+    }  # fmt: skip
+    return ffi.new("ht_protect_config *", values | changes)
+
+
+def fresh():
+    state = ffi.new("ht_protect_state *")
+    state.circle2 = state.speed_error_rpm = state.estimated_rpm = 99.0
+    for leg in range(6):
+        state.count[leg] = state.other[leg] = state.same[leg] = 99
+    lib.ht_protect_reset(state)
+    return state
+
+
+def seen(psi, i, speed=0.0, rr_scale=1.0):
+    """Control state after a step that estimated `psi` at a current `i`."""
+    control = ffi.new("ht_control_state *")
+    control.estimate.psi_Wb = [psi.real, psi.imag]
+    control.observer.i_prev_A = [i.real, i.imag]
+    control.observer.omega_sync_rad_s, control.observer.rr_scale = speed, rr_scale
+    return control
+
+
+def bit(fault):
+    return getattr(lib, f"HT_FAULT_{fault}")
+
+
+def test_reset_clears_everything():
+    state = fresh()
+    assert bytes(ffi.buffer(state)) == bytes(ffi.sizeof(state[0]))
+
+
+def test_every_fault_is_a_bit_of_its_own_and_has_a_name():
+    bits = [getattr(lib, name) for name in dir(lib) if name.startswith("HT_FAULT_")]
+    assert len(bits) == len(FAULTS) == 15
+    assert all(b > 0 and b & (b - 1) == 0 and b < 1 << 16 for b in bits)
+    assert len(set(bits)) == len(bits)
+    assert set(FAULTS) == set(bits)
+    assert len(set(FAULTS.values())) == len(bits)
+
+
+# --- flux against the circle diagram ---------------------------------------------------
+
+
+def distance(machine, psi, i, state=None, cfg=None):
+    """As the check sees it at one look, in no-load currents of this flux."""
+    state = state or fresh()
+    cfg = cfg or config(machine, no_load_A=abs(psi) / machine[2])
+    lib.ht_protect_slow(cfg, state, seen(psi, i), 0.0)
+    return math.sqrt(state.circle2)
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("size", (0.05, 0.6, 3.0))
+def test_every_steady_state_lies_on_the_circle(machine, size):
+    for share in np.linspace(-1, 1, 41):
+        for angle in (0.0, 0.7, -2.0):
+            psi = size * np.exp(1j * angle)
+            i = current(machine, share * pull_out(machine), psi)
+            # At pull-out the circle runs along q: there rounding moves it most.
+            near = 2e-2 if abs(share) > 0.9 else 1e-4
+            assert distance(machine, psi, i) < near / sigma(machine) / 10
+
+
+@given(
+    st.floats(0.02, 0.5), st.floats(0.02, 0.5), st.floats(0.1, 20), st.floats(-0.9, 0.9),
+    st.floats(0.01, 5.0),
+)  # fmt: skip
+@settings(max_examples=200, deadline=None)
+def test_any_machine_lies_on_its_circle(leak_s, leak_r, rr, share, size):
+    lm = 0.2
+    machine = 1, rr, lm * (1 + leak_s), lm * (1 + leak_r), lm
+    i = current(machine, share * pull_out(machine), size)
+    assert distance(machine, size + 0j, i) < 2e-4 / sigma(machine)
+
+
+def off_circle(machine, z):
+    """Distance of z = (q, t), in no-load currents, from the nearest of the machine's own
+    steady states, pull-out included: a search over the slip."""
+    slips = pull_out(machine) * np.concatenate([-np.geomspace(1e3, 1e-6, 400), [0.0],
+                                                np.geomspace(1e-6, 1e3, 400)])  # fmt: skip
+
+    def apart(slip):
+        return abs(z - machine[2] * current(machine, slip))
+
+    for _ in range(6):
+        best = int(np.argmin([apart(s) for s in slips]))
+        slips = np.linspace(slips[max(best - 1, 0)], slips[min(best + 1, len(slips) - 1)], 41)
+    return min(apart(s) for s in slips)
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("wrong", (0.5, 0.7, 0.9, 1.2, 1.6, np.exp(0.3j), np.exp(-0.3j)))
+@pytest.mark.parametrize("share", (-0.2, 0.0, 0.2))
+def test_distance_of_a_wrong_flux(machine, wrong, share):
+    """Too small, too large, turned: the same current, seen from the estimate."""
+    psi = 0.4 * np.exp(0.5j)
+    i = current(machine, share * pull_out(machine), psi)
+    estimate = psi * wrong
+    z = machine[2] * i / estimate
+    assert distance(machine, estimate, i) == pytest.approx(
+        off_circle(machine, z), rel=2e-3, abs=1e-4
+    )
+    # Without load: along the axis, from the no-load point unless the other end is nearer.
+    if share == 0 and not np.imag(wrong) and z.real < (1 + 1 / sigma(machine)) / 2:
+        assert distance(machine, estimate, i) == pytest.approx(abs(1 / wrong - 1), rel=1e-4)
+
+
+def test_current_beyond_pull_out():
+    """More across the flux than any steady state has: above the circle."""
+    machine = MACHINES[0]
+    centre = (1 + 1 / sigma(machine)) / 2
+    i = (3.0 + 2 * centre * 1j) * 0.4 / machine[2]
+    expected = np.hypot(3 - centre, 2 * centre) - (centre - 1)
+    assert distance(machine, 0.4 + 0j, i) == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("rotor_rad_s", (-400.0, 400.0))
+def test_rms_of_a_flux_offset(machine, rotor_rad_s):
+    """The estimate turns on its circle, the machine's flux around an offset. That stands
+    still, so its current is the machine's at a slip of minus the rotor's speed; the flux
+    that turns sees it turn, which leaves the root of half its square."""
+    psi, offset = 0.5, 0.004 - 0.003j
+    extra = current(machine, -rotor_rad_s, offset)
+    cfg, state = config(machine, flux_gain=1e-3, no_load_A=psi / machine[2]), fresh()
+    turns = psi * np.exp(2j * np.pi * np.arange(0, 400, 0.0391))
+    for estimate in turns:
+        lib.ht_protect_slow(cfg, state, seen(estimate, estimate / machine[2] + extra), 0.0)
+    want = machine[2] * abs(extra) / psi / math.sqrt(2)
+    assert math.sqrt(state.circle2) == pytest.approx(want, rel=0.03)
+
+
+def looks_until(fault, cfg, control, speed_rpm=0.0, most=2000):
+    """First look, counted from 1, that reports `fault`; it must go on to do so."""
+    state = fresh()
+    reports = [lib.ht_protect_slow(cfg, state, control, speed_rpm) for _ in range(most)]
+    assert set(reports) <= {0, bit(fault)}
+    if not any(reports):
+        return None
+    first = next(n for n, r in enumerate(reports, 1) if r)
+    assert all(reports[first - 1 :])
+    return first
+
+
+@pytest.mark.parametrize(("gain", "wrong"), [(0.05, 0.5), (0.05, 0.55), (0.01, 0.4), (1.0, 0.5)])
+def test_flux_threshold_and_low_pass(gain, wrong):
+    """No load, flux taken `wrong` times too large: d = 1/wrong - 1, its mean square after
+    n looks is d^2 (1 - (1 - gain)^n)."""
+    machine, limit = MACHINES[0], 0.7
+    d = 1 / wrong - 1
+    n = np.arange(1, 2000)
+    want = n[d**2 * (1 - (1 - gain) ** n) > limit**2][0]
+    control = seen(0.6 * wrong + 0j, current(machine, 0.0, 0.6))
+    unit = 0.6 * wrong / machine[2]
+    cfg = config(machine, flux_check=limit, flux_gain=gain, no_load_A=unit)
+    assert looks_until("FLUX", cfg, control) == want
+
+
+@pytest.mark.parametrize("sign", (1, -1))
+def test_flux_threshold_is_where_it_says(sign):
+    machine, limit = MACHINES[0], 0.45
+    for near, found in ((0.999, None), (1.001, 1)):
+        i = current(machine, 0.0, 0.6) * (1 + sign * near * limit)
+        cfg = config(machine, flux_check=limit, no_load_A=0.6 / machine[2])
+        assert looks_until("FLUX", cfg, seen(0.6 + 0j, i)) == found
+
+
+def test_flux_limit_is_in_amperes():
+    """Half the flux, the same distance in amperes: the limit stays where it is."""
+    machine = MACHINES[0]
+    for size in (0.6, 0.3):
+        i = current(machine, 0.0, size) + 0.5
+        assert distance(machine, size + 0j, i, cfg=config(machine)) == pytest.approx(0.5, rel=1e-4)
+
+
+def test_flux_check_of_zero_is_off():
+    machine = MACHINES[0]
+    control = seen(0.6 + 0j, 5 * current(machine, 0.0, 0.6))
+    assert looks_until("FLUX", config(machine, flux_check=1e-6), control) == 1
+    assert looks_until("FLUX", config(machine, flux_check=0.0), control) is None
+
+
+# --- encoder ---------------------------------------------------------------------------
+
+
+def turning(machine, shaft_rpm, share, psi=0.6, rr_scale=1.0):
+    """Control state of the steady state at a share of the pull-out slip."""
+    slip = share * pull_out(machine)
+    speed = shaft_rpm * np.pi / 30 * machine[0] + slip
+    return seen(psi * 1j, current(machine, slip, psi * 1j), speed, rr_scale)
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("shaft_rpm", (-3000.0, -40.0, 0.0, 1500.0))
+def test_shaft_speed_of_every_steady_state(machine, shaft_rpm):
+    for share in np.linspace(-1, 1, 21):
+        state = fresh()
+        lib.ht_protect_slow(config(machine), state, turning(machine, shaft_rpm, share), shaft_rpm)
+        assert state.speed_error_rpm == pytest.approx(0, abs=2e-6 * abs(shaft_rpm) + 5e-3)
+
+
+@pytest.mark.parametrize("scale", (0.7, 1.4))
+def test_slip_is_that_of_the_rotor_resistance_in_use(scale):
+    machine = MACHINES[1]
+    hot = machine[0], machine[1] * scale, *machine[2:]
+    state = fresh()
+    lib.ht_protect_slow(config(machine), state, turning(hot, 900.0, 0.4, rr_scale=scale), 900.0)
+    assert state.speed_error_rpm == pytest.approx(0, abs=5e-3)
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("shaft_rpm", (1000.0, -1000.0))
+@pytest.mark.parametrize("factor", (0.0, -1.0, 0.5, 2.0))  # stuck, reversed, lines, lines
+def test_wrong_encoder_is_found_in_time(machine, shaft_rpm, factor):
+    limit, gain = 150.0, 1 / 6
+    cfg = config(machine, encoder_trip_rpm=limit, encoder_gain=gain)
+    control = turning(machine, shaft_rpm, 0.3)
+    assert looks_until("ENCODER", cfg, control, shaft_rpm, most=300) is None
+    n = np.arange(1, 300)
+    off = abs((factor - 1) * shaft_rpm) * (1 - (1 - gain) ** n)
+    assert looks_until("ENCODER", cfg, control, factor * shaft_rpm) == n[off > limit][0]
+
+
+@pytest.mark.parametrize("sign", (1, -1))
+def test_encoder_threshold_is_where_it_says(sign):
+    machine = MACHINES[0]
+    control = turning(machine, 500.0, 0.2)
+    for near, found in ((149.9, None), (150.1, 1)):
+        cfg = config(machine, encoder_trip_rpm=150.0)
+        assert looks_until("ENCODER", cfg, control, 500.0 + sign * near) == found
+    assert looks_until("ENCODER", config(machine), control, sign * 1e5) is None  # off
+
+
+@pytest.mark.parametrize("f_slow_Hz", (10.0, 40.0, 100.0))
+@pytest.mark.parametrize("rpm_per_s", (5000.0, -13000.0))
+def test_speeding_up_is_no_wrong_encoder(f_slow_Hz, rpm_per_s):
+    """A mean over the slow period lags a ramp by half the period, the flux's filtered
+    speed by 5 ms; the drive knows the difference as a share of the period."""
+    machine = MACHINES[0]
+    cfg = config(machine, encoder_trip_rpm=1.0, estimate_back=0.5 - 0.005 * f_slow_Hz)
+    state = fresh()
+    for n in range(20):
+        now = n / f_slow_Hz
+        flux_rpm = rpm_per_s * max(now - 0.005, 0.0)
+        encoder_rpm = rpm_per_s * max(now - 0.5 / f_slow_Hz, 0.0)
+        found = lib.ht_protect_slow(cfg, state, turning(machine, flux_rpm, 0.0), encoder_rpm)
+        assert found == 0 or n < 2
+
+
+@pytest.mark.parametrize("setup", ("paper-a", "paper-b"))
+@pytest.mark.parametrize("wrong", (0.7, 1.3))
+@pytest.mark.parametrize("sign", (1, -1))
+def test_rotor_resistance_wrong_by_a_third_trips_nothing(setup, wrong, sign):
+    """At the papers' flux and load, with the default levels."""
+    machine, psi, load = printed(setup)
+    pole_pairs, rr, *rest = machine
+    low, high = 0.0, pull_out(machine)
+    for _ in range(50):
+        slip = (low + high) / 2
+        torque = 3 * pole_pairs * psi * current(machine, slip, psi).imag
+        low, high = (slip, high) if torque < load else (low, slip)
+    control = turning(machine, 900.0, sign * slip / pull_out(machine), psi)
+    cfg = config(
+        (pole_pairs, rr * wrong, *rest),
+        encoder_trip_rpm=parameters()["encoder_trip_rpm"].initial,
+        flux_check=parameters()["flux_check"].initial,
+    )
+    state = fresh()
+    for _ in range(5):
+        assert lib.ht_protect_slow(cfg, state, control, 900.0) == 0
+    error_rpm = sign * (wrong - 1) * slip * 30 / np.pi / pole_pairs
+    assert state.speed_error_rpm == pytest.approx(error_rpm, abs=0.05)
+
+
+@pytest.mark.parametrize("bad", (NAN, INF, -INF))
+@pytest.mark.parametrize("where", ("psi", "i", "both"))
+def test_slow_checks_take_no_number_for_wrong(bad, where):
+    machine = MACHINES[0]
+    cfg = config(machine, flux_check=0.7, encoder_trip_rpm=150.0)
+    psi = complex(bad, 0.1) if where != "i" else 0.6 + 0j
+    i = complex(bad, 0.1) if where != "psi" else 2.0 + 0j
+    assert lib.ht_protect_slow(cfg, fresh(), seen(psi, i), 0.0) & bit("FLUX")
+
+
+@pytest.mark.parametrize("bad", (NAN, INF, -INF))
+def test_encoder_check_takes_no_number_for_wrong(bad):
+    machine = MACHINES[0]
+    cfg = config(machine, encoder_trip_rpm=150.0)
+    good = turning(machine, 0.0, 0.0)
+    assert lib.ht_protect_slow(cfg, fresh(), good, bad) == bit("ENCODER")
+    for name in ("omega_sync_rad_s", "rr_scale"):
+        control = turning(machine, 0.0, 0.5)
+        setattr(control.observer, name, bad)
+        assert lib.ht_protect_slow(cfg, fresh(), control, 0.0) == bit("ENCODER")
+    control = turning(machine, 0.0, 0.0)
+    control.estimate.psi_Wb.alpha = NAN
+    assert lib.ht_protect_slow(cfg, fresh(), control, 0.0) == bit("ENCODER")
+
+
+def test_no_flux_and_no_current_is_no_fault():
+    cfg = config(flux_check=0.7, encoder_trip_rpm=150.0)
+    assert lib.ht_protect_slow(cfg, fresh(), seen(0j, 0j), 0.0) == 0
+
+
+def test_both_slow_faults_add_up():
+    machine = MACHINES[0]
+    cfg = config(machine, flux_check=0.7, encoder_trip_rpm=150.0)
+    control = seen(0.6 + 0j, 5 * current(machine, 0.0, 0.6))
+    assert lib.ht_protect_slow(cfg, fresh(), control, 500.0) == bit("FLUX") | bit("ENCODER")
+
+
+# --- stuck sensor ----------------------------------------------------------------------
+
+NEXT = {0: 2, 2: 4, 4: 0, 1: 3, 3: 5, 5: 1}  # u, v, w of set 1 and of set 2
+
+
+def watch(looks, leg=0, limit=100.0, elsewhere=None):
+    """Report of each look at `leg`; `looks`: (its reading, the sum of its set's other
+    two). Their shares and all other channels move about."""
+    cfg, state = config(stuck_counts=limit), fresh()
+    samples = ffi.new("ht_samples *")
+    reports = []
+    for n, (own, other) in enumerate(looks):
+        for channel in range(7):
+            samples.adc[channel] = (n * 977 + channel * 131) % 4096
+        share = n * 977 % (other + 1)
+        samples.adc[NEXT[leg]], samples.adc[NEXT[NEXT[leg]]] = share, other - share
+        samples.adc[leg] = int(own)
+        reports.append(lib.ht_protect_stuck(cfg, state, samples, leg))
+        assert state.same[leg] <= LOOKS
+    assert set(reports) <= {0, bit("STUCK")}
+    for k in range(6):  # nothing of the other legs is touched
+        assert k == leg or (state.count[k], state.other[k], state.same[k]) == (0, 0, 0)
+    return [r != 0 for r in reports]
+
+
+def literally(looks, limit):
+    """Stuck at a look: more than LOOKS looks since the reading last changed, and the sum
+    of the other two `limit` or more from where it was then. Before the first look all read 0."""
+    changed, at, last, out = -1, 0, 0, []
+    for n, (own, other) in enumerate(looks):
+        if own != last:
+            changed, at, last = n, other, own
+        out.append(n - changed > LOOKS and abs(other - at) >= limit)
+    return out
+
+
+runs = st.lists(st.tuples(st.integers(0, 3), st.integers(1, 130)), min_size=1, max_size=6)
+
+
+seed = st.integers(0, 2**31)
+
+
+@given(runs, seed, st.sampled_from(range(6)), st.sampled_from((0.5, 100.0, 2000.5, 4000.0)))
+@settings(max_examples=100, deadline=None)
+def test_stuck_is_what_it_says(steps, seed, leg, limit):
+    """Any sequence of readings that stand still for a while, then change or not."""
+    own = [value for value, length in steps for _ in range(length)]
+    other = np.random.default_rng(seed).integers(0, 4096, len(own)).tolist()
+    looks = list(zip(own, other))
+    assert watch(looks, leg, limit) == literally(looks, limit)
+
+
+@given(seed, st.sampled_from((2, 20, 4096)))
+@settings(max_examples=40, deadline=None)
+def test_reading_that_moves_never_trips(seed, most):
+    """By any step but 0, modulo 4096; or by one count every 50 looks."""
+    rng = np.random.default_rng(seed)
+    steps, other = rng.integers(1, most, 300), rng.integers(0, 4096, 300).tolist()
+    assert not any(watch(zip(np.cumsum(steps) % 4096, other), limit=1.0))
+    crawling = [(2000 + n // LOOKS, b) for n, b in enumerate(other)]
+    assert not any(watch(crawling, limit=1.0))
+
+
+@pytest.mark.parametrize("leg", range(6))
+@pytest.mark.parametrize("sign", (1, -1))
+def test_stuck_at_exactly_the_limit_and_the_first_look_after(leg, sign):
+    for moved, trips in ((100, True), (99, False)):
+        looks = [(2048, 2000)] + [(2048, 2000 + sign * moved)] * 200
+        reports = watch(looks, leg)
+        assert reports == [n > LOOKS and trips for n in range(201)]
+
+
+@pytest.mark.parametrize("leg", range(6))
+def test_only_the_sum_of_the_other_two_tells(leg):
+    """`watch` moves each of them, and every other channel, all the time: so a load does
+    at standstill with a phase across whose axis it acts."""
+    assert not any(watch([(2048, 2000)] * 300, leg, limit=1.0))
+
+
+def test_stuck_forgives_what_came_back():
+    looks = [(2048, 2000)] + [(2048, 2500)] * 30 + [(2048, 2050)] * 100
+    assert not any(watch(looks))
+
+
+def test_stuck_of_zero_is_off():
+    assert not any(watch([(2048, 0)] + [(2048, 4095)] * 200, limit=0.0))
+
+
+def test_stuck_counters_saturate():
+    """16 bits would wrap after 65536 looks."""
+    reports = watch([(2048, 2000)] + [(2048, 3000)] * 66000)
+    assert not any(reports[: LOOKS + 1])
+    assert all(reports[LOOKS + 1 :])
+
+
+# --- samples ---------------------------------------------------------------------------
+
+LIMITS = {
+    "i_trip_A": 25.0, "i_sum_trip_A": 2.0, "vdc_min_V": 150.0, "vdc_max_V": 400.0,
+    "speed_trip_rpm": 2000.0, "i_ab_trip_A": 30.0, "flux_trip_Wb": 1.5,
+}  # fmt: skip
+
+
+def sampled(i_A=(0,) * 6, vdc=250.0, speed=0.0, powered=True):
+    at_hand = ffi.new("ht_control_input *")
+    at_hand.i_A.p = list(i_A)
+    at_hand.vdc_V = vdc
+    return lib.ht_protect_samples(config(**LIMITS), at_hand, speed, powered)
+
+
+def loop(leg, value):
+    """Currents that add up to zero in each set, with `value` in one phase."""
+    i = np.zeros(6)
+    i[leg], i[NEXT[leg]] = value, -value
+    return i
+
+
+@pytest.mark.parametrize("powered", (True, False))
+@pytest.mark.parametrize("leg", range(6))
+@pytest.mark.parametrize("sign", (1, -1))
+def test_phase_current(leg, sign, powered):
+    assert sampled(loop(leg, sign * 24.999), powered=powered) == 0
+    assert sampled(loop(leg, sign * 25.001), powered=powered) == bit("OVERCURRENT")
+    for bad in (NAN, sign * INF):
+        i = np.zeros(6)
+        i[leg] = bad
+        want = bit("OVERCURRENT") | (bit("CURRENT_SUM") if powered else 0)
+        assert sampled(i, powered=powered) == want
+
+
+@pytest.mark.parametrize("sign", (1, -1))
+def test_all_phases_at_once(sign):
+    """Six currents below the limit are no fault, whatever they amount to together."""
+    assert sampled([sign * 24.999] * 6, powered=False) == 0
+    assert sampled([sign * 25.001] * 6, powered=False) == bit("OVERCURRENT")
+
+
+@pytest.mark.parametrize("leg", range(6))
+@pytest.mark.parametrize("sign", (1, -1))
+def test_current_sum_of_each_set(leg, sign):
+    for value, want in ((1.999, 0), (2.001, bit("CURRENT_SUM"))):
+        i = np.array([5.0, 7.0, -9.0, 4.0, 4.0, -11.0])  # both sets: 0
+        i[leg] += sign * value
+        assert sampled(i) == want
+        assert sampled(i, powered=False) == 0  # offsets are not known yet
+
+
+def test_sum_is_not_taken_across_the_sets():
+    """Errors that cancel between the sets are found."""
+    assert sampled([3, -3, 0, 0, 0, 0]) == bit("CURRENT_SUM")
+
+
+@pytest.mark.parametrize("powered", (True, False))
+def test_speed_and_voltage_bounds(powered):
+    for value, want in ((1999.9, 0), (2000.1, bit("OVERSPEED")), (INF, bit("OVERSPEED"))):
+        assert sampled(speed=value, powered=powered) == want
+        assert sampled(speed=-value, powered=powered) == want
+    assert sampled(speed=NAN, powered=powered) == bit("OVERSPEED")
+    high, low = bit("VDC_HIGH"), bit("VDC_LOW")
+    for value, want in (
+        (150.01, 0), (150.0, 0), (149.99, low), (-INF, low), (-250.0, low),
+        (399.99, 0), (400.0, 0), (400.01, high), (INF, high), (NAN, high | low),
+    ):  # fmt: skip
+        assert sampled(vdc=value, powered=powered) == want
+
+
+@given(st.lists(st.booleans(), min_size=4, max_size=4))
+def test_faults_of_samples_add_up(present):
+    over, unbalanced, fast, low = present
+    i = loop(3, 26.0 if over else 1.0)
+    i[0] += 3.0 if unbalanced else 0.0
+    got = sampled(i, 100.0 if low else 250.0, -3000.0 if fast else 0.0)
+    names = ("OVERCURRENT", "CURRENT_SUM", "OVERSPEED", "VDC_LOW")
+    assert got == sum(bit(name) for name, yes in zip(names, present) if yes)
+
+
+# --- results of the control step -------------------------------------------------------
+
+
+def result(i=0j, psi=0.6 + 0j, torque=0.0, decided=0.0, reference=0.0, xy=0j):
+    control = seen(psi, i)
+    control.estimate.torque_Nm, control.decided.torque_Nm = torque, decided
+    control.v_xy_pu = [xy.real, xy.imag]
+    return lib.ht_protect_results(config(**LIMITS), control, reference)
+
+
+def test_magnitude_of_the_current():
+    for angle in np.arange(0, 2 * np.pi, 0.1):
+        assert result(i=29.99 * np.exp(1j * angle)) == 0
+        assert result(i=30.01 * np.exp(1j * angle)) == bit("OVERCURRENT")
+    for bad in (NAN, INF, -INF):
+        assert result(i=complex(bad, 0)) == result(i=complex(0, bad)) == bit("OVERCURRENT")
+
+
+@pytest.mark.parametrize("sign", (1, -1))
+def test_bounds_of_the_flux(sign):
+    for unit in (1, 1j):
+        assert result(psi=unit * sign * 1.499) == 0
+        assert result(psi=unit * sign * 1.501) == bit("FLUX")
+        assert result(psi=unit * sign * 0.99e6) == bit("FLUX")
+        assert result(psi=unit * sign * 1.01e6) == bit("NONFINITE")
+    for bad in (NAN, sign * INF):
+        assert result(psi=complex(bad, 0)) == result(psi=complex(0, bad)) == bit("NONFINITE")
+
+
+@pytest.mark.parametrize("name", ("torque", "decided", "reference"))
+@pytest.mark.parametrize("sign", (1, -1))
+def test_finite_torques(name, sign):
+    assert result(**{name: sign * 0.99e6}) == 0
+    for bad in (sign * 1.01e6, sign * INF, NAN):
+        assert result(**{name: bad}) == bit("NONFINITE")
+
+
+@pytest.mark.parametrize("sign", (1, -1))
+def test_xy_command_within_the_link_voltage(sign):
+    for unit in (1, 1j):
+        assert result(xy=unit * sign * 0.999) == 0
+        assert result(xy=unit * sign * 1.001) == bit("NONFINITE")
+    for bad in (NAN, sign * INF):
+        assert result(xy=complex(bad, 0)) == result(xy=complex(0, bad)) == bit("NONFINITE")
+
+
+def test_bounds_are_those_of_each_value():
+    """However many are near their bounds at a time."""
+    assert result(torque=0.99e6, decided=-0.99e6, reference=0.99e6, xy=0.99 - 0.99j) == 0
+    assert result(torque=0.99e6, psi=2j) == bit("FLUX")
+    assert result(torque=9e4, decided=9e4, reference=1.01e6) == bit("NONFINITE")
+    assert result(xy=0.8 + 1.1j) == result(xy=1.1 + 0.8j) == bit("NONFINITE")
+
+
+def test_faults_of_results_add_up():
+    assert result(torque=NAN, psi=2j) == bit("NONFINITE")
+    assert result(i=31j, psi=2j) == bit("OVERCURRENT") | bit("FLUX")
+    assert result(i=31j, torque=NAN) == bit("OVERCURRENT") | bit("NONFINITE")
+    assert result() == 0

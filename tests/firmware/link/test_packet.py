@@ -1,0 +1,282 @@
+"""Frames in C against the library `cobs`, zlib, the definitions, and the golden frames of
+tests/vectors, which the host's codec is held to as well."""
+
+import json
+import random
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cobs import cobs
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hexatorque.firmware import ffi, lib
+from hexatorque.serial import wire
+
+LONGEST = 508
+VECTORS = Path(__file__).parents[2] / "vectors" / "link.json"
+
+
+def rows(table):
+    found = json.loads(VECTORS.read_text())["tables"][table]
+    return [dict(zip(found["columns"], row, strict=True)) for row in found["rows"]]
+
+
+def cells(octets: bytes):
+    """Octets in 16-bit cells, with something in the upper halves: a C28x has no narrower."""
+    return ffi.new("uint16_t[]", [o | (0xA500 if k % 2 else 0) for k, o in enumerate(octets)])
+
+
+def encoded(body: bytes) -> bytes:
+    """By the firmware, with the closing zero."""
+    packet, out = ffi.new("ht_packet *"), ffi.new("ht_outgoing *")
+    lib.ht_packet_begin(packet)
+    for octet in body:
+        lib.ht_packet_add8(packet, octet)
+    assert packet.n == len(body)
+    assert not packet.full
+    lib.ht_outgoing_set(out, packet)
+    assert out.sent == 0
+    return bytes(out.octet[0 : out.n])
+
+
+class Receiver:
+    """The firmware's."""
+
+    def __init__(self) -> None:
+        self.incoming = ffi.new("ht_incoming *")
+        lib.ht_incoming_reset(self.incoming)
+
+    def take(self, octets: bytes) -> list[bytes | None]:
+        """Bodies; None for a damaged frame."""
+        found = []
+        for octet in octets:
+            status = lib.ht_incoming_take(self.incoming, octet)
+            if status == lib.HT_INCOMING_WHOLE:
+                found.append(bytes(self.incoming.octet[0 : self.incoming.n]))
+            elif status == lib.HT_INCOMING_DAMAGED:
+                found.append(None)
+        return found
+
+
+def by_definition(octets: bytes) -> int:
+    """Division of the message, lowest bit first, by the reflected 0x104C11DB7."""
+    remainder = 0xFFFFFFFF
+    for octet in octets:
+        for bit in range(8):
+            carry = (remainder ^ (octet >> bit)) & 1
+            remainder = (remainder >> 1) ^ (0xEDB88320 * carry)
+    return remainder ^ 0xFFFFFFFF
+
+
+# --- CRC ----------------------------------------------------------------------------------
+
+
+def test_check_value():
+    assert lib.ht_crc32(0, cells(b"123456789"), 9) == 0xCBF43926 == by_definition(b"123456789")
+
+
+@given(st.binary(max_size=600), st.integers(0, 600))
+def test_crc(octets, cut):
+    whole = lib.ht_crc32(0, cells(octets), len(octets))
+    assert whole == zlib.crc32(octets) == by_definition(octets)
+    first = lib.ht_crc32(0, cells(octets[:cut]), len(octets[:cut]))
+    assert lib.ht_crc32(first, cells(octets[cut:]), len(octets[cut:])) == whole
+
+
+@given(st.lists(st.integers(0, 2**32 - 1), max_size=100), st.integers(0, 2**32 - 1))
+def test_crc_of_values(values, crc):
+    wanted = zlib.crc32(struct.pack(f"<{len(values)}I", *values), crc)
+    assert lib.ht_crc32_values(crc, values, len(values)) == wanted
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_numbers_as_octets(bits):
+    into = ffi.new("uint16_t[4]")
+    lib.ht_put32(into, bits)
+    assert bytes(into) == struct.pack("<I", bits)
+    assert lib.ht_get32(cells(bytes(into))) == bits
+    lib.ht_put16(into, bits & 0xFFFF)
+    assert lib.ht_get16(cells(bytes(into))) == bits & 0xFFFF
+    value = np.uint32(bits).view(np.float32)
+    if not np.isnan(value):  # Python would make the bits of a NaN its own
+        assert lib.ht_float_bits(float(value)) == bits
+        assert lib.ht_float_of(bits) == value
+
+
+# --- every length -------------------------------------------------------------------------
+
+PATTERNS = {
+    "no zero": lambda n: bytes(1 + k % 255 for k in range(n)),
+    "zeros": bytes,
+    "255": lambda n: bytes([255]) * n,
+    "a zero at the end": lambda n: bytes([3]) * (n - 1) + bytes(min(n, 1)),
+    "a zero after 254": lambda n: (bytes([254]) * 254 + b"\0" + bytes([1]) * n)[:n],
+    "a zero after 253": lambda n: (bytes([254]) * 253 + b"\0" + bytes([1]) * n)[:n],
+    "few zeros": lambda n: random.Random(n).choices(b"\0\1\2\3\4\5\6\7\xff\xfe", k=n),
+}
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_every_length(pattern):
+    receiver = Receiver()
+    for n in range(LONGEST + 1):
+        body = bytes(PATTERNS[pattern](n))
+        frame = encoded(body)
+        checked = body + struct.pack("<I", zlib.crc32(body))
+        assert frame == cobs.encode(checked) + b"\0"
+        assert frame.index(0) == len(frame) - 1
+        assert receiver.take(frame) == [body if n >= 2 else None]
+        assert receiver.take(b"\0" + frame + b"\0\0" + frame) == 2 * [body if n >= 2 else None]
+    assert len(frame) <= 516 == len(ffi.new("ht_outgoing *").octet)
+    for n in (LONGEST + 1, LONGEST + 2, 600, 5000):
+        body = bytes(PATTERNS[pattern](n))
+        frame = cobs.encode(body + struct.pack("<I", zlib.crc32(body))) + b"\0"
+        assert receiver.take(frame + encoded(b"ok")) == [None, b"ok"]
+
+
+def test_packet_that_is_full():
+    """What does not fit leaves it as it was, and says so; the CRC still has its place."""
+    for last, width in ((lib.ht_packet_add16, 2), (lib.ht_packet_add32, 4)):
+        for free in range(width):
+            packet, out = ffi.new("ht_packet *"), ffi.new("ht_outgoing *")
+            lib.ht_packet_begin(packet)
+            for _ in range(LONGEST - free):
+                lib.ht_packet_add8(packet, 0x55)
+            assert not packet.full
+            last(packet, 0xFFFF)
+            assert packet.full
+            assert packet.n == LONGEST - free
+            lib.ht_outgoing_set(out, packet)
+            octets = bytes(out.octet[0 : out.n])
+            assert Receiver().take(octets) == [b"\x55" * (LONGEST - free)]
+            lib.ht_packet_begin(packet)
+            assert (packet.n, packet.full) == (0, False)
+
+
+def test_text():
+    packet = ffi.new("ht_packet *")
+    lib.ht_packet_begin(packet)
+    lib.ht_packet_add_text(packet, b"volt")
+    lib.ht_packet_add_text(packet, b"")
+    assert bytes(packet.octet[0 : packet.n]) == b"volt\0\0"
+
+
+# --- damage -------------------------------------------------------------------------------
+
+
+def reference(octets: bytes) -> list[bytes | None]:
+    """Bodies by library, between zeros."""
+    found = []
+    for piece in octets.split(b"\0")[:-1]:
+        if piece:
+            try:
+                checked = cobs.decode(piece)
+            except cobs.DecodeError:
+                checked = b""
+            good = 6 <= len(checked) <= LONGEST + 4 and checked[-4:] == struct.pack(
+                "<I", zlib.crc32(checked[:-4])
+            )
+            found.append(checked[:-4] if good else None)
+    return found
+
+
+bodies = st.binary(min_size=2, max_size=40) | st.binary(min_size=240, max_size=LONGEST)
+
+
+@settings(max_examples=300)
+@given(st.lists(bodies, min_size=1, max_size=4), st.data())
+def test_damaged_line(sent, data):
+    octets = bytearray(b"".join(wire.frame(body) for body in sent))
+    for _ in range(data.draw(st.integers(0, 4))):
+        at = data.draw(st.integers(0, len(octets) - 1))
+        match data.draw(st.sampled_from(("lose", "flip", "insert", "double"))):
+            case "lose" if len(octets) > 1:
+                del octets[at]
+            case "insert":
+                octets.insert(at, data.draw(st.integers(0, 255)))
+            case "double":
+                octets.insert(at, octets[at])
+            case _:
+                octets[at] ^= 1 << data.draw(st.integers(0, 7))
+    line = bytes(octets) + b"\0"
+    found = Receiver().take(line)
+    assert found == reference(line)
+    assert all(body in sent for body in found if body is not None)
+
+
+def test_every_wrong_bit_and_pair_of_bits_is_found():
+    """A request and a sample, on the line."""
+    sample = struct.pack("<BBI3f", 0x41, 0, 256, 1.0, 0.0, -2.0)
+    for body in (wire.request(wire.Op.START, 3, 0x0100, 7), sample):
+        frame = encoded(body)
+        n = 8 * len(frame)
+        bits = np.frombuffer(frame, np.uint8)
+        cases = [(k,) for k in range(n)] + [(j, k) for k in range(n) for j in range(k)]
+        receiver = ffi.new("ht_incoming *")
+        lib.ht_incoming_reset(receiver)
+        for case in cases:
+            line = bits.copy()
+            for k in case:
+                line[k // 8] ^= 1 << (k % 8)
+            for octet in (*line.tolist(), 0):
+                whole = lib.ht_incoming_take(receiver, octet) == lib.HT_INCOMING_WHOLE
+                assert not whole, case
+
+
+@given(st.integers(0, 30))
+def test_octets_that_the_receiver_lost(before):
+    """It knows of a loss, not of its place: the frame under way will not do, the next will."""
+    frame = encoded(b"a body with \0 in it")
+    receiver = Receiver()
+    before = min(before, len(frame) - 1)
+    receiver.take(frame[:before])
+    lib.ht_incoming_spoil(receiver.incoming)
+    assert receiver.take(frame[before:] + frame) == [None, b"a body with \0 in it"]
+
+
+# --- golden frames ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", rows("frames"), ids=lambda c: c["what"])
+def test_golden_frame(case):
+    body, frame = bytes.fromhex(case["body"]), bytes.fromhex(case["frame"])
+    assert int(case["crc"], 16) == zlib.crc32(body)
+    assert b"\0" + encoded(body) == frame == wire.frame(body)
+    assert Receiver().take(frame) == [body]
+    assert wire.unframe(frame[1:-1]) == body
+
+
+@pytest.mark.parametrize("case", rows("damaged"), ids=lambda c: c["what"])
+def test_golden_damage(case):
+    octets = bytes.fromhex(case["octets"])
+    assert Receiver().take(octets + b"\0") == [None]
+    assert wire.unframe(octets) is None
+
+
+def test_golden_frames_say_what_the_host_would_say():
+    """Bodies as the host's codec makes and reads them."""
+    golden = {case["what"]: bytes.fromhex(case["body"]) for case in rows("frames")}
+
+    def request(op, payload=b""):
+        return wire.request(op, op + 6, 0x1234, 0xBEEF, payload)
+
+    assert golden["START"] == request(wire.Op.START)
+    stream = wire.stream(1, (2, 3, 8), 4)
+    assert golden["STREAM 3 channels, every 4th"] == request(wire.Op.STREAM, stream)
+    reply = wire.parse_reply(golden["reply to WRITE, refused"])
+    assert reply[:-1] == (wire.Op.WRITE, 13, wire.Status.VALUE, 3, 0x41, 0x01020300)
+    hello = wire.parse_hello(wire.parse_reply(golden["reply to HELLO"]).payload)
+    assert (hello.crc, hello.budget, hello.rows) == (0x0BADBEEF, 112500, (62, 27, 13, 5))
+    assert (hello.memory, hello.watchdog_ms, hello.build) == (20480, 250, "build")
+    status = wire.parse_status(wire.parse_reply(golden["reply to STATUS"]).payload)
+    assert status == (True, True, True, 2, 180, 3, 0, 1000000, 0x89ABCDEF, 1)
+    sample = np.frombuffer(golden["sample of stream 1"], wire.sample_type(3))[0]
+    assert (sample["number"], sample["tick"]) == (255, 0xFFFFFFFF)
+    assert sample["values"].tolist() == [1.5, -0.0, 311.0]
+    number, first, values = wire.parse_data(golden["data of a capture"])
+    assert (number, first) == (3, 600)
+    assert values == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])

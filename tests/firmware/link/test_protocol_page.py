@@ -1,0 +1,105 @@
+"""The worked examples of docs/protocol.md are what firmware and client say, byte by byte."""
+
+import re
+import struct
+
+import numpy as np
+import protocol_examples
+from peer import cobs_decode
+
+from hexatorque.serial import wire
+
+
+def blocks(page):
+    """[[(host or board, frame, body, text), ...] of every example]"""
+    found = []
+    for block in re.findall(r"```text\n(.*?)```", page, re.DOTALL):
+        parts = re.split(r"^(host  |board )", block, flags=re.MULTILINE)[1:]
+        messages = []
+        for who, rest in zip(parts[::2], parts[1::2]):
+            octets, body = rest.split("  body")
+            body, text = re.match(r"((?:\s+[0-9A-F]+)+)\n(.*)", body, re.DOTALL).groups()
+            frame, body = bytes.fromhex(octets), bytes.fromhex("".join(body.split()))
+            messages.append((who.strip(), frame, body, " ".join(text.split())))
+        found.append(messages)
+    return found
+
+
+EXAMPLES = blocks(protocol_examples.PAGE.read_text())
+MESSAGES = [message for example in EXAMPLES for message in example]
+KINDS = ("parameter", "channel", "fault", "state")
+
+
+def test_the_page_is_what_the_board_makes_now():
+    page = protocol_examples.PAGE.read_text()
+    assert protocol_examples.text() in page, "run python tests/firmware/link/protocol_examples.py"
+
+
+def test_the_firmware_answers_the_bytes_of_the_page_with_those_of_the_page():
+    assert len(EXAMPLES) >= 10
+    device = protocol_examples.example_device()
+    for example in EXAMPLES:
+        (asker, request, _, _), *answers = example
+        assert asker == "host" and answers
+        device.put(request)
+        came = b""
+        for _ in range(5):
+            device.tick(protocol_examples.STEP)
+            came += device.controller.take()
+            if came.count(b"\0") >= len(answers):
+                break
+        assert came == b"".join(frame for _, frame, _, _ in answers), example
+
+
+def test_every_frame_holds_its_body():
+    for who, frame, body, _ in MESSAGES:
+        assert frame[-1] == 0 and (frame[0] == 0) == (who == "host")
+        assert wire.unframe(frame.strip(b"\0")) == body
+        assert wire.frame(body).strip(b"\0") == frame.strip(b"\0")
+        checked = cobs_decode(frame.strip(b"\0"))
+        assert checked[:-4] == body
+
+
+def says(text):
+    """{name: value} of the line below a body."""
+    return dict(part.rsplit(" ", 1) for part in re.sub(r"'.*?'", "text", text).split(", "))
+
+
+def test_the_client_reads_and_writes_what_the_page_says():
+    replies = {}
+    for who, _, body, text in MESSAGES:
+        said = says(text)
+        if who == "host":
+            request = wire.parse_request(body)
+            assert request.op == int(said["opcode"], 16) and request.id == int(said["id"])
+            assert request.session == int(said["session"], 16)
+            assert body == wire.request(*request)
+        elif body[0] >= wire.REPLY:
+            reply = wire.parse_reply(body)
+            assert (reply.op | 0x80) == int(said["opcode"], 16)
+            numbers = (reply.id, reply.status, reply.state, reply.faults, reply.tick)
+            names = ("id", "status", "state", "faults", "tick")
+            assert numbers == tuple(int(said[name]) for name in names)
+            replies[reply.op, reply.status, len(replies)] = (reply, said)
+        else:
+            sample = np.frombuffer(body, wire.sample_type(2))[0]
+            assert (sample["number"], sample["tick"]) == (int(said["number"]), int(said["tick"]))
+            assert sample["values"].tolist() == [250.0, 0.0]
+    by_op = {op: found for (op, status, _), found in replies.items() if status == 0}
+    hello = wire.parse_hello(by_op[wire.Op.HELLO][0].payload)
+    said = by_op[wire.Op.HELLO][1]
+    assert hello.protocol == wire.PROTOCOL == int(said["protocol"])
+    assert hello.crc == int(said["dictionary CRC"], 16)
+    assert hello.budget == int(said["bytes/s for streams"])
+    assert hello.rows == tuple(int(said[f"{kind} rows"]) for kind in KINDS)
+    assert (hello.device, hello.build) == ("virtual f28377s", "example")
+    reply, said = by_op[wire.Op.OPEN]
+    assert wire.parse_open(reply.payload) == int(said["mark"], 16)
+    reply, said = by_op[wire.Op.STATUS]
+    status = wire.parse_status(reply.payload)
+    assert status.ours and status.guarded and status.mark == int(said["mark"], 16)
+    assert status.watchdog_ms == int(said["ms left"])
+    assert wire.parse_row(by_op[wire.Op.LIST][0].payload, 3, 0).name == "idle"
+    (refused,) = (found for (_, status, _), found in replies.items() if status)
+    assert refused[0].status == wire.Status.VALUE
+    assert refused[0].payload == struct.pack("<H", int(refused[1]["detail"]))

@@ -1,0 +1,68 @@
+"""Dead time and trip pin over the serial line: what a board refuses, how it says so, and that
+no gate comes on meanwhile."""
+
+import struct
+
+import pytest
+from device import CLEAR, DONE, LIST, PARAMETERS, START, STATE, STOP, VALUE, Device
+
+from hexatorque.serial import wire
+from hexatorque.serial.client import _REFUSED
+
+TRIP = 7
+DEAD_TIME = PARAMETERS["dead_time_us"]
+
+
+def test_list_shows_the_boards_range_of_the_dead_time():
+    """The virtual board stands for one with an F28377S: 1 us, and 20 us for any board."""
+    device = Device()
+    reply = device.ask(LIST, struct.pack("<BH", 0, DEAD_TIME))
+    row = wire.parse_row(reply.payload, wire.Kind.PARAMETER, DEAD_TIME)
+    assert (row.name, row.min, row.max) == ("dead_time_us", 1.0, 20.0)
+
+
+@pytest.mark.parametrize("us", (0.0, 0.5, 0.999, 20.001, -2.0))
+def test_dead_time_that_the_board_does_not_allow_is_refused(us):
+    device = Device()
+    reply = device.write(speed_ref_rpm=10.0, dead_time_us=us)
+    assert (reply.status, reply.payload) == (VALUE, struct.pack("<H", DEAD_TIME))
+    assert device.value("dead_time_us") == pytest.approx(2.3)
+    assert device.value("speed_ref_rpm") == 0.0  # all or none
+    assert device.write(dead_time_us=1.0).status == DONE
+    m, words = device.controller.map, device.controller.register_words()
+    assert words[m.epwm + m.dbred] == words[m.epwm + m.dbfed] == 100  # of 10 ns
+
+
+def refused(device):
+    before = device.state
+    for request in (START, CLEAR):
+        reply = device.ask(request)
+        assert (reply.status, reply.payload) == (TRIP, b"\xff\xff")
+        assert device.state == before and device.gates_off
+
+
+def test_trip_pin_held_low_refuses_start_and_clear():
+    device = Device()
+    device.controller.set_trip_pin(0)
+    refused(device)
+    device.controller.set_trip_pin(1)
+    assert device.ask(CLEAR).status == STATE  # nothing to clear
+    device.run()
+    device.controller.set_trip_pin(0)
+    device.tick()
+    assert (device.state, device.controller.faults) == ("fault", ["external trip"])
+    refused(device)
+    device.done(STOP)  # a stop is always carried out
+    refused(device)
+    device.controller.set_trip_pin(1)
+    assert device.ask(START).status == STATE  # released, then cleared
+    device.done(CLEAR)
+    device.run()
+    assert device.controller.registers.violations == 0
+
+
+def test_host_says_what_to_do():
+    assert wire.Status(TRIP) == wire.Status.TRIP
+    assert _REFUSED[wire.Status.TRIP] == (
+        "the trip pin is low (external trip): release it, then clear"
+    )

@@ -1,0 +1,37 @@
+"""Which targets can run here. A missing tool skips its tests by the line that tells how to
+install it."""
+
+import pytest
+
+from hexatorque import setups
+from hexatorque.boards import emulator_process, tools
+
+
+@pytest.fixture(scope="session")
+def need():
+    """need(machine): skip the test where that cannot run."""
+
+    def check(machine: str) -> None:
+        line = tools.missing(*emulator_process.NEEDS[machine])
+        if line:
+            pytest.skip(line)
+
+    return check
+
+
+@pytest.fixture
+def m4f(need):
+    need("mps2-an386")
+    with emulator_process.emulator("mps2-an386") as target:
+        yield target
+
+
+@pytest.fixture(scope="session")
+def paper_a():
+    return setups.load("paper-a-feasible")
+
+
+@pytest.fixture(scope="session")
+def quick(paper_a):
+    """Paper A's drive with its flux built up in 50 ms."""
+    return paper_a.changed(controller__build_s=0.05, controller__build_current_A=20.0)

@@ -1,0 +1,173 @@
+"""The budget: numbers that are right, and limits that hold."""
+
+import copy
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from hexatorque import firmware
+from hexatorque.boards import emulator_process, tools
+from hexatorque.cli.main import main
+from hexatorque.evidence.cost import budget, count, stack
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture(scope="module")
+def measured(paper_a, need):
+    need("mps2-an386")
+    return budget.measure(paper_a)
+
+
+def test_within_limits(measured):
+    assert budget.exceeded(measured, budget.limits()) == []
+
+
+def test_every_limit_can_be_exceeded(measured):
+    """One number at a time, just above its limit."""
+    limit = budget.limits()
+    machine = limit["mps2-an386"]
+    cases = [(("mps2-an386", s, kind), machine[kind][s] + 1, f"{s}, {kind} instructions")
+             for kind in ("mean", "max") for s in machine[kind]]  # fmt: skip
+    cases += [(("mps2-an386", f"{what}_octets"), machine[f"{what}_octets"] + 4, f"{what}, octets")
+              for what in ("stack", "image")]  # fmt: skip
+    cases += [(("mps2-an386", "library_calls"), ["memcpy"], "calls memcpy")]
+    cases += [(("sizes", target, what), most + 1, f"{target}, {what}")
+              for target, rows in limit["sizes"].items() for what, most in rows.items()
+              if target in measured["sizes"]]  # fmt: skip
+    assert {s for s in machine["mean"]} == {s for s in machine["max"]} == set(firmware.schemes())
+    for path, value, said in cases:
+        changed = copy.deepcopy(measured)
+        place = changed
+        for key in path[:-1]:
+            place = place[key]
+        place[path[-1]] = value
+        assert any(said in line for line in budget.exceeded(changed, limit)), path
+    changed = copy.deepcopy(measured)
+    changed["mps2-an386"]["fdr"]["mean"] = measured["mps2-an386"]["ddr"]["mean"] / 1.26
+    assert any("ddr over fdr" in line for line in budget.exceeded(changed, limit))
+
+
+def test_published_page_is_current(measured):
+    """docs/budget.json, up to what differs with the host's compiler."""
+    published = json.loads((ROOT / "docs/budget.json").read_text())
+    if published["compiler"] != measured["compiler"]:
+        pytest.skip(f"published with {published['compiler']}")
+    for key in ("mps2-an386", "c28x_150MHz_estimate", "setup"):
+        assert published[key] == measured[key], "run `make budget`"
+    page = (ROOT / "docs/budget.md").read_text()
+    for scheme in firmware.schemes():
+        row = measured["mps2-an386"][scheme]
+        assert re.search(rf"^\| {scheme} \| {row['mean']:.0f} \|.* {row['max']} \|", page, re.M)
+
+
+def test_counts_repeat(paper_a, tmp_path, need):
+    need("mps2-an386")
+    runs = []
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        runs.append(count._replay(paper_a, "mps2-an386", tmp_path / name)["isr"])
+    assert (runs[0] == runs[1]).all()
+
+
+def test_count_against_the_log_of_instructions(paper_a, tmp_path, need):
+    """Two ways to count: the emulator's clock, and its list of executed instructions, in
+    the same interrupts."""
+    need("mps2-an386")
+    counts = count._replay(paper_a, "mps2-an386", tmp_path)["isr"]
+    every = len(counts) // (2 * count.SAMPLES)
+    sampled = [n for n in range(len(counts) - every * count.SAMPLES, len(counts))
+               if (n + 1) % every == 0]  # fmt: skip
+    _, executed = count.executed(paper_a)
+    assert executed.total() / count.SAMPLES == pytest.approx(counts[sampled].mean(), abs=3)
+
+
+def test_stack_used_is_within_the_computed_one(measured):
+    """Colour on the target's stack against the compiler's bookkeeping. Both happen to meet
+    the deepest path."""
+    row = measured["mps2-an386"]
+    computed = row["stack"]["fast interrupt"]["octets"]
+    assert 0.8 * computed <= row["stack_used_octets"] <= computed
+
+
+def test_stack_of_a_path_is_the_sum_of_its_functions(measured):
+    """By the compiler's own files, each function's largest entry."""
+    folder = tools.build(emulator_process.MACHINES["mps2-an386"])
+    objects = tools.objects(folder, "ht_core", "count").values()
+    files = stack.usage_files(folder / count.IMAGE, objects)
+    text = "".join(file.read_text() for file in files)
+    for row in measured["mps2-an386"]["stack"].values():
+        total = 0
+        for name in row["path"]:
+            found = re.findall(rf":{re.sub(r'[.][0-9]+$', '', name)}\t(\d+)\t", text)
+            total += max(map(int, found), default=0)
+        assert row["octets"] == total
+
+
+def test_compiled_across_files(measured):
+    """Fewer instructions for a larger image; and what was counted was compiled so."""
+    row = measured["mps2-an386"]
+    by_file = measured["c28x_150MHz_estimate"]
+    assert row["ddr"]["mean"] < 0.8 * (by_file["branches"] + by_file["other_instructions"])
+    assert row["image_octets"] > row["image_by_file_octets"]
+    assert measured["options"] == "-O3 -flto"
+
+
+def test_call_graph(tmp_path, need):
+    """A small program with a known shape: main calls a and, through it, b; c is behind a
+    pointer."""
+    need("mps2-an386")
+    source = tmp_path / "small.c"
+    source.write_text(
+        "#include <string.h>\n"
+        "__attribute__((noinline)) int b(volatile int *x)"
+        " { volatile int big[50]; big[3] = *x; return big[3]; }\n"
+        "__attribute__((noinline)) int a(volatile int *x) { return b(x) + 1; }\n"
+        "__attribute__((noinline)) int c(int (*f)(volatile int *), volatile int *x)"
+        " { return f(x) + 2; }\n"
+        "__attribute__((noinline)) void d(char *to, const char *from, unsigned n)"
+        " { memcpy(to, from, n); }\n"
+        'int main(void) { volatile int x = 1; char t[9]; d(t, "1234", (unsigned)x);\n'
+        "  return a(&x) + c(b, &x) + t[0]; }\n"
+        "void _exit(int n) { for (;;) (void)n; }\n"
+    )
+    build = ["arm-none-eabi-gcc", "-O1", "-mcpu=cortex-m4", "-mthumb"]
+    tools.run([*build, "-fstack-usage", "-c", source], tmp_path)
+    tools.run(
+        [*build, "--specs=nano.specs", "-nostartfiles", "small.o", "-o", "small.elf"], tmp_path
+    )
+    graph = stack.call_graph(tmp_path / "small.elf", [tmp_path / "small.o"])
+    octets, path = stack.deepest(graph, "a")
+    assert path == ["a", "b"]
+    own = {function.name: function.octets for function in graph.values()}
+    assert 200 <= own["b"] <= 216
+    assert octets == own["a"] + own["b"]
+    assert stack.library_calls(graph, "a") == set()
+    assert stack.library_calls(graph, "d") == {"memcpy"}
+    assert stack.library_calls(graph, "main") == {"memcpy", "?"}
+    with pytest.raises(RuntimeError, match="through a pointer"):
+        stack.deepest(graph, "main")
+
+
+def test_profile_adds_up(paper_a, need):
+    need("mps2-an386")
+    profile = count.profile(paper_a)
+    totals = {kind: sum(n for _, n in rows) for kind, rows in profile.items()}
+    assert len(set(round(t, 6) for t in totals.values())) == 1
+    assert "ht_control_step" in dict(profile["symbol"])
+    assert {"ht_control_step", "ht_volt_seconds"} <= dict(profile["function"]).keys()
+
+
+def test_command(tmp_path, capsys, need):
+    need("mps2-an386")
+    assert main(["budget", "--json", "-o", str(tmp_path)]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((tmp_path / "budget.json").read_text())
+    for scheme in firmware.schemes():
+        row = printed["mps2-an386"][scheme]
+        assert 0 < row["mean"] <= row["max"]
+    assert printed["mps2-an386"]["stack_octets"] <= 512
+    assert main(["budget", "--profile", "ddr"]) == 0
+    assert "ht_control_step" in capsys.readouterr().out

@@ -1,0 +1,270 @@
+"""The firmware on emulated processors: the same bits, fast enough, and no emulator left
+behind."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import hexatorque
+from hexatorque import firmware
+from hexatorque.boards import emulator_process, tools
+from hexatorque.boards.processor import TargetError
+from hexatorque.cli.main import main
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.evidence.studies import pil
+from hexatorque.setups import Profile
+
+#: Least control steps per wall second.
+STEPS_PER_S = 10_000
+SHORT = Profile(duration_s=0.2, speed_rpm=((0.11, 100.0),), samples_per_period=1)
+
+
+def alive(pid: int) -> bool:
+    """Running, and not merely waiting to be asked for its status."""
+    try:
+        with open(f"/proc/{pid}/stat") as file:
+            return file.read().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def gone(pid: int, within_s: float = 5.0) -> bool:
+    until = time.monotonic() + within_s
+    while alive(pid) and time.monotonic() < until:
+        time.sleep(0.02)
+    return not alive(pid)
+
+
+@pytest.mark.parametrize("scheme", firmware.schemes())
+def test_every_scheme_bit_by_bit(paper_a, scheme, need):
+    """Two seconds of start, steps of speed and load, schemes changed in flight, reversal."""
+    need("mps2-an386")
+    setup = paper_a.changed(controller__scheme=scheme)
+    with emulator_process.emulator("mps2-an386") as target:
+        outcome = pil.compare(setup, pil.transients(setup), target)
+    assert outcome.failures() == []
+    assert (outcome.steps, outcome.state) == (20000, "run")
+    assert outcome.recording.meta["processor"] == "mps2-an386"
+
+
+def test_speed(paper_a, need):
+    """Best of a few: other work on the machine only ever slows it down."""
+    need("mps2-an386")
+    best = 0.0
+    for _ in range(5):
+        with emulator_process.emulator("mps2-an386") as target:
+            sim = SimulatedDrive(paper_a, 1, target.controller)
+            sim.run_profile(Profile(duration_s=1.0, speed_rpm=((0.4, 100.0),)))
+        best = max(best, sim.periods / sim.wall_s)
+        if best >= STEPS_PER_S:
+            break
+    assert best >= STEPS_PER_S
+
+
+@pytest.mark.parametrize(
+    ("machine", "device", "latency"),
+    [("mps2-an500", "f28335", "predicted"), ("mps2-an500", "f28377s", "immediate"),
+     ("mps2-an386", "f28377s", "predicted"), ("mps2-an386", "f28335", "immediate")],
+)  # fmt: skip
+def test_other_machines_devices_and_load_modes(quick, machine, device, latency, need):
+    need(machine)
+    setup = quick.changed(controller__scheme="dtc3", timing__device=device, timing__latency=latency)
+    with emulator_process.emulator(machine) as target:
+        outcome = pil.compare(setup, pil.transients(setup), target)
+    assert outcome.failures() == []
+
+
+def test_one_bit_of_a_parameter_shows(quick, m4f):
+    """The same comparison on targets whose stator resistance is the next number."""
+
+    def controller(device, values):
+        return m4f.controller(device, {**values, "rs_ohm": values["rs_ohm"] * (1 + 1.2e-7)})
+
+    class Off:
+        name = m4f.name
+
+        def __init__(self):
+            self.controller = controller
+
+    outcome = pil.compare(quick, SHORT, Off())
+    assert outcome.difference is not None
+
+
+def test_all_bits_of_16_bit_int(quick, need):
+    """5000 closed-loop steps on the ATmega2560, through all schemes."""
+    need("atmega2560")
+    changes = tuple((0.15 + 0.06 * n, "scheme", s) for n, s in enumerate(firmware.schemes()))
+    profile = Profile(
+        duration_s=0.5, speed_rpm=((0.11, 100.0),), load_Nm=((0.2, 5.0),), set=changes,
+        samples_per_period=1,
+    )  # fmt: skip
+    with emulator_process.emulator("atmega2560") as target:
+        outcome = pil.compare(quick, profile, target)
+    assert outcome.failures() == []
+    assert (outcome.steps, outcome.state) == (5000, "run")
+
+
+# --- what goes wrong ------------------------------------------------------------
+
+
+def test_close_ends_the_emulator(quick, m4f):
+    assert alive(m4f.process.pid)
+    m4f.close()
+    assert not alive(m4f.process.pid)
+    m4f.close()
+
+
+def test_emulator_that_dies(quick, m4f):
+    sim = SimulatedDrive(quick, 1, m4f.controller)
+    sim.start()
+    sim.run(0.01)
+    m4f.process.kill()
+    began = time.monotonic()
+    with pytest.raises(TargetError, match=r"mps2-an386: the target has ended \(status -9"):
+        sim.run(1.0)
+    assert time.monotonic() - began < 2
+
+
+def test_emulator_that_hangs(quick, need):
+    need("mps2-an386")
+    with emulator_process.emulator("mps2-an386", timeout_s=1.0) as target:
+        sim = SimulatedDrive(quick, 1, target.controller)
+        sim.start()
+        os.kill(target.process.pid, signal.SIGSTOP)
+        began = time.monotonic()
+        with pytest.raises(TargetError, match=r"no reply in time \(1 s\)"):
+            sim.run(1.0)
+        assert time.monotonic() - began < 3
+
+
+def test_fault_on_the_target_ends_it(quick, tmp_path, need):
+    """An undefined instruction in place of the fast interrupt's first."""
+    need("mps2-an386")
+    image = tools.build("mps2") / "firmware/port/mps2/pil"
+
+    def listed(*command):
+        return subprocess.run([*command, image], capture_output=True, text=True, check=True).stdout
+
+    (row,) = (
+        line
+        for line in listed("arm-none-eabi-nm").splitlines()
+        if line.endswith(" ht_drive_fast_isr")
+    )
+    (text,) = (
+        line.split() for line in listed("arm-none-eabi-objdump", "-h").splitlines()
+        if " .text " in line
+    )  # fmt: skip
+    place = (int(row.split()[0], 16) & ~1) - int(text[3], 16) + int(text[5], 16)
+    spoilt = bytearray(image.read_bytes())
+    spoilt[place : place + 2] = b"\x00\xde"
+    (tmp_path / "spoilt").write_bytes(spoilt)
+    with emulator_process.ProcessTarget(
+        "m", emulator_process.qemu("mps2-an386", tmp_path / "spoilt")
+    ) as target:
+        sim = SimulatedDrive(quick, 1, target.controller)
+        with pytest.raises(TargetError, match=r"the target has ended \(status 70\)"):
+            sim.run(0.01)
+
+
+def test_emulator_that_does_not_start(quick):
+    command = [sys.executable, "-c", "import sys; sys.exit('no such board')"]
+    said = r"nothing: no reply in time \(.*no such board\)"
+    with (
+        emulator_process.ProcessTarget("nothing", command, timeout_s=1.0) as target,
+        pytest.raises(TargetError, match=said),
+    ):
+        target.controller("f28335", quick.controller_values())
+
+
+def running_command(tmp_path, *arguments):
+    """`hexatorque ...` as a process, and its emulator's process once there is one."""
+    command = [sys.executable, "-m", "hexatorque", *arguments]
+    package = str(Path(hexatorque.__file__).parents[1])
+    host = subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONPATH": package},
+    )  # fmt: skip
+    until = time.monotonic() + 120
+    while time.monotonic() < until and host.poll() is None:
+        with open(f"/proc/{host.pid}/task/{host.pid}/children") as file:
+            for child in file.read().split():
+                with open(f"/proc/{child}/cmdline") as words:
+                    if words.read().startswith(tools.program("qemu-system-arm")):
+                        return host, int(child)
+        time.sleep(0.05)
+    raise AssertionError(host.communicate())
+
+
+LONG = """setup = "paper-a-feasible"
+[profile]
+duration_s = 1000.0
+samples_per_period = 1
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_no_emulator_is_left_behind(tmp_path, number, need):
+    """However the program ends, its emulator ends with it."""
+    need("mps2-an386")
+    (tmp_path / "long.toml").write_text(LONG.replace("1000.0", "20.0"))
+    host, emulator = running_command(tmp_path, "pil", "long.toml", "-o", "out.npz")
+    time.sleep(0.5)
+    assert alive(emulator)
+    host.send_signal(number)
+    _, said = host.communicate(timeout=30)
+    assert gone(emulator)
+    if number == signal.SIGINT:
+        assert (host.returncode, said.strip()) == (130, "hexatorque: interrupted")
+
+
+# --- the command ----------------------------------------------------------------
+
+
+def test_command(tmp_path, capsys, need):
+    need("mps2-an386")
+    assert main(["pil", "--schemes", "ddr", "--json", "-o", str(tmp_path)]) == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert (row["scheme"], row["identical"], row["steps"]) == ("ddr", True, 20000)
+    assert row["steps_per_s"] > 0
+    assert (tmp_path / "recordings/paper-a-feasible-ddr.npz").exists()
+
+
+def test_command_with_a_scenario(tmp_path, capsys, need):
+    need("mps2-an386")
+    (tmp_path / "short.toml").write_text(LONG.replace("1000.0", "0.5"))
+    output = tmp_path / "out.csv"
+    assert main(["pil", str(tmp_path / "short.toml"), "-o", str(output)]) == 0
+    assert "identical" in capsys.readouterr().out
+    assert output.exists()
+
+
+@pytest.mark.parametrize("command", [["pil"], ["pil", "--machine", "atmega2560"], ["budget"]])
+def test_missing_tools(command, capsys, monkeypatch, tmp_path):
+    """One line that names the packages."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(tools, "HEADERS", {"libsimavr": "no/such/header.h"})
+    monkeypatch.chdir(tmp_path)
+    assert main(command) == 2
+    said = capsys.readouterr().err.strip()
+    assert "\n" not in said
+    assert "not found: apt-get install" in said
+    assert ("gcc-avr" if "atmega2560" in command else "qemu-system-arm") in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [(["--machine", "z80"], "mps2-an386"), (["--schemes", "dtc9"], "dtc1"),
+     (["--load", "100"], "torque limit"), (["a.toml", "--speed", "3"], "not with a scenario")],
+)  # fmt: skip
+def test_bad_options(arguments, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["pil", *arguments]) == 2
+    line = capsys.readouterr().err.strip()
+    assert "\n" not in line
+    assert said in line

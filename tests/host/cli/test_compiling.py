@@ -1,0 +1,103 @@
+"""Who waits while the simulation is compiled is told, and nobody else."""
+
+import importlib.util
+import json
+from contextlib import contextmanager
+
+import pytest
+
+from hexatorque.cli import common
+from hexatorque.cli.main import main
+from hexatorque.drive import compiling
+from hexatorque.plant import loop
+
+SOURCE = """
+from numba import njit
+
+@njit(cache=True)
+def loop(x):
+    return x + 1
+
+@njit
+def other(x):
+    return x + 2
+"""
+
+
+def load(path):
+    """The module anew, as another process would have it."""
+    spec = importlib.util.spec_from_file_location("compiled_in_a_test", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_numba_tells_what_it_compiles_and_not_what_it_loads(tmp_path, monkeypatch):
+    """The first call compiles; another call, and another process with the cache, do not."""
+    path = tmp_path / "compiled.py"
+    path.write_text(SOURCE)
+    told = []
+    for process, wanted in enumerate([["begun", "done"], []]):
+        module = load(path)
+        monkeypatch.setattr(loop, "run_periods", module.loop)
+        with compiling.watched(lambda: told.append("begun"), lambda: told.append("done")):
+            module.other(1)  # compiled too, but it is not the loop
+            assert module.loop(1) == 2
+            module.loop(2)
+        assert told == wanted, process
+        told.clear()
+        assert module.loop(0.5) == 1.5  # compiled outside: nobody is told
+        assert told == []
+
+
+def test_the_simulation_is_what_is_watched():
+    """In a process that has compiled it already, nothing is said."""
+    compiling.compile_now()
+    assert loop.run_periods.signatures
+    with compiling.watched(pytest.fail, pytest.fail):
+        compiling.compile_now()
+
+
+@pytest.fixture
+def cold(monkeypatch):
+    """As if there were no cache."""
+
+    @contextmanager
+    def watched(begun, done):
+        begun()
+        yield
+        done()
+
+    monkeypatch.setattr(compiling, "watched", watched)
+
+
+def test_a_run_says_that_it_compiles(cold, tmp_path, capsys):
+    file = tmp_path / "short.toml"
+    file.write_text('setup = "paper-b"\n[profile]\nduration_s = 0.01\n')
+    assert main(["run", str(file), "-o", str(tmp_path / "x.npz"), "--json"]) == 0
+    said = capsys.readouterr()
+    assert said.err.split("\n")[0] == common.COMPILING
+    assert said.err.count("compiling the simulation") == 1
+    assert json.loads(said.out)["state"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["board", "--virtual", "--baud", "1"],
+        ["compare", "--setup", "paper-b", "--schemes", "dtc1", "--speed", "12000", "-o", "x"],
+        ["reach", "--setup", "paper-b", "--schemes", "dtc1", "--load", "50"],
+    ],
+)
+def test_other_commands_say_it_too(words, cold, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    main(words)
+    assert capsys.readouterr().err.count(common.COMPILING) == 1
+
+
+def test_nothing_is_said_when_it_comes_from_the_cache(tmp_path, capsys):
+    compiling.compile_now()
+    file = tmp_path / "short.toml"
+    file.write_text('setup = "paper-b"\n[profile]\nduration_s = 0.01\n')
+    assert main(["run", str(file), "-o", str(tmp_path / "x.npz")]) == 0
+    assert capsys.readouterr().err == ""

@@ -1,0 +1,166 @@
+"""The fault campaign: 3240 faults, and that the campaign itself would notice."""
+
+import itertools
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hexatorque import firmware
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.evidence.studies import faults
+from hexatorque.plant.inverter import HIGH, LOW, OFF
+
+
+@pytest.fixture(scope="module")
+def result():
+    return faults.study()
+
+
+def test_every_fault_is_found_and_named(result):
+    assert result["runs"] >= 2000
+    for row in result["rows"]:
+        assert row["errors"] == [], row["fault"]
+        assert row["found"] >= row["runs"] / 2, row["fault"]
+
+
+def test_in_the_next_interrupt(result):
+    """Whatever a sample can show takes one period; the rest its stated time."""
+    slow = {f.name for f in faults.FAULTS if f.deadline != faults.NOW}
+    assert len(slow) == 5
+    for row in result["rows"]:
+        if row["fault"] not in slow:
+            assert row["periods_max"] == 1, row["fault"]
+
+
+def test_tables_and_picture(result, tmp_path):
+    assert len(faults.tables(result)[0].rows) == len(result["rows"]) > len(faults.FAULTS)
+    assert faults.failures(result) == []
+    path = faults.plot(result, tmp_path / "faults.png")
+    assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 20_000
+
+
+def test_every_fault_in_every_state_scheme_and_set_up():
+    everywhere = set(itertools.product(faults.STATES, firmware.schemes(), faults.SETUPS))
+    for fault in faults.FAULTS:
+        assert set(faults.places(fault, faults.RUNS)) == everywhere, fault.name
+
+
+# --- the campaign's own eyes ------------------------------------------------------
+
+
+def find(name):
+    return next(f for f in faults.FAULTS if f.name == name)
+
+
+def test_a_fault_that_nobody_finds():
+    harmless = faults.Fault("nothing", lambda sim, rng: None, ("over-current",))
+    result = faults.run(harmless, "run", "ddr", "paper-a-feasible", 1)
+    assert result.error == "not found within 1 periods"
+
+
+def test_a_cause_named_wrongly():
+    trip = find("trip pin")
+    misnamed = faults.Fault("trip pin", trip.inject, ("over-speed",))
+    result = faults.run(misnamed, "run", "ddr", "paper-a-feasible", 1)
+    assert result.error == "named external trip"
+
+
+def test_gates_that_come_on_again(monkeypatch):
+    """Someone releases the latch behind the firmware's back: it is set again within a
+    period, which is a period too late for the campaign."""
+
+    def release(sim, rng):
+        m, words = sim.controller.map, sim.controller.register_words()
+        for leg in range(6):
+            words[m.epwm + leg * m.stride + m.tzflg] = 0
+
+    monkeypatch.setattr(faults, "_disturb", release)
+    result = faults.run(find("trip pin"), "run", "ddr", "paper-a-feasible", 1)
+    assert result.error in ("a gate came on after the latch", "a leg changed after the latch")
+
+
+def test_a_store_that_takes_anything(monkeypatch):
+    """The campaign compares values: a start that takes what was damaged is seen."""
+    assert all(not faults.damaged_set("f28377s", seed).error for seed in range(20))
+
+    class Careless(firmware.Controller):
+        def __init__(self, device, values, store):
+            super().__init__(device, values, store=store)
+            if bytes(store.areas).count(b"\xff") < 4096 and self.parameter_set != "saved":
+                self.store.handle.set = 1  # says so, and has others
+
+    monkeypatch.setattr(firmware, "Controller", Careless)
+    found = {faults.damaged_set("f28377s", seed).error for seed in range(20)}
+    assert "a wrong value" in found
+
+
+@pytest.mark.parametrize("device", firmware.BOARDS)
+def test_a_wrong_clock_is_found_by_the_start(device, monkeypatch):
+    assert all(not faults.wrong_clock(device, seed).error for seed in range(12))
+    # A chip whose clock is right: the row would say so.
+    monkeypatch.setattr(faults, "_plant_clock", lambda *_: None)
+    assert faults.wrong_clock(device, 1).error == "the clock was taken for right"
+
+
+def test_a_wrong_clock_that_is_let_pass(monkeypatch):
+    """Whoever looks away from the pins is seen."""
+    monkeypatch.setattr(faults, "_pwm_pins", lambda *_: 12)
+    assert faults.wrong_clock("f28377s", 1).error == "gates could come on"
+
+
+def test_legs_that_change_over_too_fast():
+    clock = SimpleNamespace(map=SimpleNamespace(pwm_clock_Hz=100e6))
+    dead = {"inverter.dead_time_us": 2.0}
+
+    def seen(*edges):
+        sim = SimpleNamespace(setup=dead, controller=clock, edges=np.array(edges), shorts=0)
+        return faults._shoot_through(sim, np.array([LOW] * 6))
+
+    assert seen((0, 0, OFF), (200, 0, HIGH), (900, 0, OFF), (1100, 0, LOW)) == ""
+    assert "without dead time" in seen((0, 0, HIGH))
+    assert "199 counts" in seen((0, 0, OFF), (199, 0, HIGH))
+    assert seen((0, 0, OFF), (100, 1, OFF), (300, 1, HIGH), (400, 0, HIGH)) == ""
+
+
+@pytest.mark.parametrize("state", faults.STATES)
+def test_trip_pin_held_low(state):
+    result = faults.run(find("trip pin held low"), state, "ddr", "paper-b", 3)
+    assert result.error == ""
+
+
+@pytest.mark.parametrize("command", ("start", "clear"))
+def test_a_command_that_a_low_trip_pin_does_not_refuse(monkeypatch, command):
+    """A firmware that does not look at the pin: the pin is high for the command alone."""
+    honest = getattr(firmware.Controller, command)
+
+    def blind(self):
+        self.set_trip_pin(1)
+        try:
+            honest(self)
+        finally:
+            self.set_trip_pin(0)
+
+    monkeypatch.setattr(faults, "_disturb", lambda sim, rng: None)
+    monkeypatch.setattr(firmware.Controller, command, blind)
+    held = find("trip pin held low")
+    result = faults.run(held, "idle" if command == "start" else "run", "ddr", "paper-b", 3)
+    assert command in result.error
+
+
+@pytest.mark.parametrize("setup", faults.SETUPS)
+def test_restart_without_an_encoder(setup):
+    """Nothing tells that the shaft turns until there is flux: found in the build-up."""
+    rng = np.random.default_rng(5)
+    sim = SimulatedDrive(faults._setup(setup, "ddr", rng), 1)
+    faults._bring_to(sim, "run", rng)
+    sim.set("load_Nm", 0.0)
+    sim.stop()
+    assert faults._restart(sim) == ""  # refused
+    assert sim.controller.state == "idle"
+    sim.sensors.hold[faults.ENCODER] = 1
+    sim.run(0.05, record=False)
+    assert abs(sim.speed_rpm) > 200
+    assert faults._restart(sim) == ""
+    assert sim.controller.faults == ["encoder against flux speed"]
+    assert sim.controller.snapshot["state"] == "build"

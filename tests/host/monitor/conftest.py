@@ -1,0 +1,324 @@
+"""A virtual board in a process of its own, a desk and a server in this one, and a browser's
+end of HTTP without a browser."""
+
+import contextlib
+import http.client
+import json
+import os
+import queue
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hexatorque
+
+HOST = Path(hexatorque.__file__).parents[1]
+#: A virtual board whose watchdog has patience with a computer that runs many tests at once.
+WATCHDOG_MS = 800
+#: Its arguments: the name of its port; a file with its time and its drive's state, as two
+#: float64; a file with a line for each change of state. SIGUSR1 resets it.
+BOARD = f"""
+import os, signal, sys
+import numpy as np
+from hexatorque import scenario, virtual_board
+class Controller(virtual_board.BoardController):
+    def __init__(self, device, values, **options):
+        super().__init__(device, values, **options | {{"watchdog_ms": {WATCHDOG_MS}}})
+virtual_board.BoardController = Controller
+port, now, changes = sys.argv[1:]
+now = np.memmap(now, np.float64, "w+", shape=2)
+changes = open(changes, "w")
+class Board(virtual_board.VirtualBoard):
+    state, time_s = "", 0.0
+    def run(self, duration_s, record=False):
+        super().run(duration_s, record)
+        Board.time_s += duration_s
+        now[:] = Board.time_s, self.sim.state in ("calibrate", "build", "run")
+        if self.sim.state != Board.state:
+            Board.state = self.sim.state
+            print(Board.time_s, Board.state, file=changes, flush=True)
+resets = []
+signal.signal(signal.SIGUSR1, lambda *_: resets.append(1))
+with virtual_board.Terminal() as line:
+    os.symlink(line.port, port)
+    print(port, flush=True)
+    while True:
+        board = Board(scenario.load("paper-b"))
+        board.sim.set("load_Nm", 1.0)
+        resets.clear()
+        virtual_board.serve(board, line, until=lambda: resets)
+"""
+
+
+def python(*arguments: object) -> subprocess.Popen:
+    environment = {**os.environ, "PYTHONPATH": str(HOST)}
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        environment.pop(name, None)
+    return subprocess.Popen(
+        [sys.executable, *map(str, arguments)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_directories(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("XDG_RUNTIME_DIR", "XDG_CACHE_HOME"):
+            folder = tmp_path_factory.mktemp(name)
+            folder.chmod(0o700)
+            patch.setenv(name, str(folder))
+        yield
+
+
+class Board:
+    """What the virtual board's process knows, without asking over its line."""
+
+    def __init__(self, folder: Path) -> None:
+        self.port = str(folder / "ttyHT0")
+        self._now, self._changes = folder / "now", folder / "changes"
+        self.process = python("-c", BOARD, self.port, self._now, self._changes)
+        assert self.port in self.process.stdout.readline(), self.process.stderr.read()
+
+    @property
+    def time_s(self) -> float:
+        """Its own time: simulated, and it stands still while the process is held up."""
+        return float(np.memmap(self._now, np.float64, "r", shape=2)[0])
+
+    @property
+    def working(self) -> bool:
+        return bool(np.memmap(self._now, np.float64, "r", shape=2)[1])
+
+    def off_s(self, after_s: float) -> float | None:
+        """When the drive first stopped after a time of the board's; None: it works."""
+        for line in self._changes.read_text().splitlines():
+            time_s, state = line.split()
+            if float(time_s) > after_s and state in ("idle", "fault"):
+                return float(time_s)
+        return None
+
+    def reset(self) -> None:
+        self.process.send_signal(signal.SIGUSR1)
+
+
+@pytest.fixture(scope="session")
+def board(own_directories, tmp_path_factory) -> Board:
+    board = Board(tmp_path_factory.mktemp("dev"))
+    try:
+        yield board
+    finally:
+        board.process.terminate()
+        board.process.communicate()
+
+
+@pytest.fixture(scope="session")
+def port(board) -> str:
+    return board.port
+
+
+def patiently(call, *arguments):
+    """Between tests: a board that gets no time on a busy computer does not answer."""
+    from hexatorque.serial import LinkError
+
+    end = time.monotonic() + 10
+    while True:
+        try:
+            return call(*arguments)
+        except LinkError:
+            if time.monotonic() > end:
+                raise
+
+
+def to_rest(drive, values: dict) -> None:
+    """Idle, without faults, with these parameters, and the machine stands."""
+    drive.stop()
+    if drive.state == "fault":
+        drive.clear()
+    drive.set_many(values)
+    end = time.monotonic() + 10
+    with drive.stream(["speed_rpm"], rate_Hz=100) as stream:
+        for _, values in stream:
+            if abs(values[-1, 0]) < 15:
+                break
+            assert time.monotonic() < end
+
+
+@pytest.fixture
+def drive(port):
+    """An idle drive with the parameters it had in the beginning."""
+    from hexatorque.drive.board import BoardDrive
+
+    with patiently(BoardDrive.open, port) as drive:
+        before = patiently(drive.get_all)
+        yield drive
+        patiently(to_rest, drive, before)
+
+
+class Visitor:
+    """What a browser does for a page, on one port of this computer."""
+
+    def __init__(self, port: int, token: str) -> None:
+        self.port, self.token = port, token
+        self.host = f"127.0.0.1:{port}"
+        self.cookie = ""
+
+    def ask(self, method: str, path: str, body: bytes | None = None, **headers: str):
+        """Status, headers, body. Headers by name, underscores for dashes; "" leaves one out."""
+        given = {"Host": self.host, "Cookie": self.cookie}
+        given |= {name.replace("_", "-"): value for name, value in headers.items()}
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+        try:
+            connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
+            if body is not None:
+                given.setdefault("Content-Length", str(len(body)))
+            for name, value in given.items():
+                if value:
+                    connection.putheader(name, value)
+            connection.endheaders(body)
+            answer = connection.getresponse()
+            return answer.status, answer.headers, answer.read()
+        finally:
+            connection.close()
+
+    def enter(self) -> None:
+        status, headers, _ = self.ask("GET", f"/?token={self.token}")
+        assert status == 303
+        self.cookie = headers["Set-Cookie"].partition(";")[0]
+
+    def get(self, path: str):
+        status, _, body = self.ask("GET", path)
+        return status, json.loads(body)
+
+    def post(self, path: str, data: object, **headers: str):
+        """As the page does it."""
+        mine = {"Origin": f"http://{self.host}", "Content_Type": "application/json"}
+        status, _, body = self.ask("POST", path, json.dumps(data).encode(), **(mine | headers))
+        return status, json.loads(body)
+
+    @contextmanager
+    def page(
+        self,
+        window_s: float = 2,
+        bins: int = 500,
+        cookie: str | None = None,
+        answer: Callable[[float], dict | None] = lambda told_s: {"told_s": told_s},
+    ):
+        """An open page's events: a function that gives the next frame. As a page's script does,
+        a thread answers to what it is told with what `answer` makes of it, if anything."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+        headers = {"Host": self.host, "Cookie": self.cookie if cookie is None else cookie}
+        connection.connect()
+        stream = connection.sock  # the connection forgets it: an answer without an end
+        connection.request("GET", f"/events?window_s={window_s}&bins={bins}", headers=headers)
+        events = connection.getresponse()
+        assert events.status == 200, events.read()
+        frames: queue.SimpleQueue[dict | None] = queue.SimpleQueue()
+
+        def script() -> None:
+            # The server may be stopped or gone: no test of this thread.
+            with contextlib.suppress(OSError, http.client.HTTPException, ValueError):
+                while line := events.readline():
+                    if not line.startswith(b"data: "):
+                        continue
+                    one = json.loads(line[6:])
+                    if "told_s" in one and (given := answer(one["told_s"])):
+                        self.post("/beat", {"page": one["page"], "visible": True} | given)
+                    frames.put(one)
+            frames.put(None)
+
+        def frame() -> dict:
+            one = frames.get(timeout=10)
+            assert one, "the stream has ended"
+            return one
+
+        thread = threading.Thread(target=script, daemon=True)
+        thread.start()
+        try:
+            yield frame
+        finally:
+            with contextlib.suppress(OSError):
+                stream.shutdown(socket.SHUT_RDWR)
+            thread.join(20)
+            events.close()
+            connection.close()
+
+
+class Site(Visitor):
+    """A desk, its server, and a browser that has entered it."""
+
+    def __init__(self, desk, server) -> None:
+        super().__init__(server.port, server.token)
+        self.desk, self.server = desk, server
+        self.enter()
+
+    def until(self, state: str, seconds: float = 10.0) -> float:
+        """Wait for the drive's state; how long that took."""
+        begun = time.monotonic()
+        while self.desk.status()["state"] != state:
+            assert time.monotonic() - begun < seconds, self.desk.status()
+            time.sleep(0.01)
+        return time.monotonic() - begun
+
+
+@pytest.fixture
+def site(drive, tmp_path):
+    from hexatorque.monitor.desk import Desk
+    from hexatorque.monitor.server import Server
+
+    with (
+        Desk(drive, tmp_path / "recordings", silent_s=1.0, hidden_s=2.0) as desk,
+        Server(desk) as server,
+    ):
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield Site(desk, server)
+        server.shutdown()
+        thread.join()
+
+
+class Monitor(Visitor):
+    """`hexatorque monitor` in a process of its own."""
+
+    def __init__(self, *arguments: object) -> None:
+        for _ in range(5):
+            self.process = python("-m", "hexatorque", "monitor", "--no-browser", *arguments)
+            title = self.process.stdout.readline()
+            self.url = self.process.stdout.readline().strip()
+            if self.url:
+                break
+            title += self.process.communicate()[1]
+            assert "no reply" in title, title  # a board that gets no time does not answer
+        found = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/\?token=([\w-]{32})", self.url)
+        assert found, (title, self.url)
+        super().__init__(int(found[1]), found[2])
+        self.enter()
+
+    def end(self, number: signal.Signals) -> tuple[int, str]:
+        """Exit code and what it said."""
+        self.process.send_signal(number)
+        out, err = self.process.communicate(timeout=20)
+        return self.process.returncode, out + err
+
+
+@pytest.fixture
+def monitor(port, tmp_path):
+    """Of a board that the test leaves idle and without faults."""
+    from hexatorque.drive.board import BoardDrive
+
+    with patiently(BoardDrive.open, port) as drive:
+        before = patiently(drive.get_all)
+    monitor = Monitor("--device", port, "-o", tmp_path / "recordings")
+    yield monitor
+    if monitor.process.poll() is None:
+        monitor.end(signal.SIGINT)
+    with patiently(BoardDrive.open, port) as drive:
+        patiently(to_rest, drive, before)

@@ -1,0 +1,80 @@
+"""`hexatorque monitor` as a process: how it ends, and what becomes of the drive."""
+
+import signal
+import socket
+import time
+
+import pytest
+
+from hexatorque.cli.main import main
+
+
+def run_drive(monitor, frame) -> None:
+    """Start it, and see it run."""
+    assert monitor.post("/start", {})[0] == 200
+    end = time.monotonic() + 10
+    while frame().get("status", {}).get("state") != "run":
+        assert time.monotonic() < end
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ended_it_stops_the_drive_and_closes_a_recording(monitor, port, number):
+    from hexatorque.drive.board import BoardDrive
+    from hexatorque.recording.recording import Recording
+
+    with monitor.page() as frame:
+        run_drive(monitor, frame)
+        _, answer = monitor.post("/record/start", {"suffix": ".csv"})
+        time.sleep(0.5)
+        code, said = monitor.end(number)
+    assert code == 0 and "Traceback" not in said
+    with BoardDrive.open(port) as drive:
+        assert drive.state == "idle" and drive.faults == []
+    assert len(Recording.load(answer["file"])) > 500
+
+
+def test_killed_its_drive_is_stopped(monitor, port):
+    """By the port server."""
+    from hexatorque.drive.board import BoardDrive
+
+    with monitor.page() as frame:
+        run_drive(monitor, frame)
+        watchdog_s = monitor.get("/device")[1]["watchdog_ms"] / 1e3
+        monitor.end(signal.SIGKILL)
+    time.sleep(watchdog_s + 0.2)
+    with BoardDrive.open(port) as drive:
+        assert drive.state == "idle" and drive.faults == []
+        end = time.monotonic() + 4 * watchdog_s  # its session is over then
+        while drive.client.get_status().in_session:
+            assert time.monotonic() < end
+
+
+def test_two_monitors_of_one_board(monitor, port):
+    """The second one shares the port; either stops the drive."""
+
+    second = type(monitor)("--device", port)
+    try:
+        with monitor.page() as frame, second.page() as other:
+            run_drive(monitor, frame)
+            end = time.monotonic() + 5
+            while other().get("status", {}).get("state") != "run":
+                assert time.monotonic() < end
+            assert second.post("/stop", {})[0] == 200
+            while frame().get("status", {}).get("state") != "idle":
+                assert time.monotonic() < end
+    finally:
+        assert second.end(signal.SIGINT)[0] == 0
+
+
+def test_a_mistake_is_one_line(port, capsys):
+    with socket.create_server(("127.0.0.1", 0)) as busy:
+        number = busy.getsockname()[1]
+        assert main(["monitor", "--no-browser", "--device", port, "--port", str(number)]) == 2
+    error = capsys.readouterr().err
+    assert f"--port {number}" in error and error.count("\n") == 1
+    assert main(["monitor", "--no-browser", "--device", "/dev/nothing"]) in (1, 2)
+    error = capsys.readouterr().err
+    assert "/dev/nothing" in error and error.count("\n") == 1
+    with pytest.raises(SystemExit, match="2"):
+        main(["monitor", "--port", "70000"])
+    assert "0 .. 65535" in capsys.readouterr().err

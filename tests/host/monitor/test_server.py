@@ -1,0 +1,691 @@
+"""Who may use the page, and what it may ask for."""
+
+import base64
+import json
+import socket
+import time
+
+import numpy as np
+import pytest
+
+from hexatorque.monitor import server as module
+from hexatorque.recording.recording import Recording
+
+COMMANDS = sorted(module.COMMANDS)
+PATHS = ["/", "/monitor.js", "/device", "/values", "/snapshot", "/capture", "/capture.csv",
+         "/events?window_s=1&bins=100", "/history?begin_s=0&end_s=1&bins=100"]  # fmt: skip
+
+
+# -- who --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cookie", ["", "{name}=", "{name}=guess", "{name}={token}"])
+def test_without_a_cookie_there_is_nothing(site, cookie):
+    name = f"hexatorque-{site.server.port}"
+    site.cookie = cookie.format(name=name, token=site.server.token)
+    for path in PATHS:
+        status, _, body = site.ask("GET", path)
+        assert status == 403, path
+        assert b"hexatorque monitor" in body
+    for path in COMMANDS:
+        assert site.post(path, {})[0] == 403, path
+
+
+def test_token_becomes_a_cookie_that_scripts_and_other_sites_do_not_get(site):
+    _, headers, _ = site.ask("GET", f"/?token={site.server.token}", Cookie="")
+    assert headers["Location"] == "/"
+    name, *flags = headers["Set-Cookie"].split("; ")
+    assert {"HttpOnly", "SameSite=Strict", "Path=/"} == set(flags)
+    assert site.server.token not in name
+    status, headers, body = site.ask("GET", "/", Cookie=name)
+    assert status == 200 and b"<title>" in body
+    policy = headers["Content-Security-Policy"]
+    assert "default-src 'self'" in policy and "frame-ancestors 'none'" in policy
+    assert "unsafe" not in policy and "http" not in policy
+
+
+def test_a_wrong_token_is_refused(site):
+    for token in ("", "x", site.server.token[:-1], site.server.token + "x", "%C3%A9"):
+        status, headers, _ = site.ask("GET", f"/?token={token}", Cookie="")
+        assert status == 403
+        assert "Set-Cookie" not in headers
+
+
+@pytest.mark.parametrize("host", ["", "evil.example", "evil.example:{port}", "127.0.0.1",
+                                  "127.0.0.1:1", "192.168.0.1:{port}"])  # fmt: skip
+def test_another_host_name_is_refused(site, host):
+    host = host.format(port=site.server.port)
+    assert site.ask("GET", f"/?token={site.server.token}", Host=host)[0] == 403
+    assert site.ask("GET", "/values", Host=host)[0] == 403
+    assert site.post("/stop", {}, Host=host, Origin=f"http://{host}")[0] == 403
+
+
+@pytest.mark.parametrize(
+    "origin", ["", "null", "http://evil.example", "https://127.0.0.1:{port}", "http://127.0.0.1:1"]
+)
+def test_a_command_from_another_site_is_not_carried_out(site, origin):
+    origin = origin.format(port=site.server.port)
+    before = site.desk.drive.get("speed_ref_rpm")
+    status, answer = site.post("/write", {"values": {"speed_ref_rpm": 77}}, Origin=origin)
+    assert status == 403 and "site" in answer["error"]
+    assert site.post("/start", {}, Origin=origin)[0] == 403
+    assert site.desk.drive.get("speed_ref_rpm") == before
+    assert site.desk.drive.state == "idle"
+
+
+@pytest.mark.parametrize("where", ["cross-site", "same-site"])
+def test_what_another_page_embeds_is_refused(site, where):
+    for path in PATHS:
+        assert site.ask("GET", path, Sec_Fetch_Site=where)[0] == 403, path
+    assert site.ask("GET", "/", Sec_Fetch_Site="same-origin")[0] == 200
+
+
+def test_only_this_computer_reaches_it(site):
+    assert site.server.socket.getsockname()[0] == "127.0.0.1"
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.2", site.server.port), 2)
+
+
+# -- what -------------------------------------------------------------------------------
+
+
+def test_a_command_is_a_post_of_json(site):
+    mine = {"Origin": f"http://{site.host}", "Content_Type": "application/json"}
+    for path in COMMANDS:
+        assert site.get(path)[0] == 404, path
+        for body in (b"", b"{", b"[]", b'"x"', b"null", b"\xff", b"[" * 50000):
+            status, _, answer = site.ask("POST", path, body, **mine)
+            assert status == 400 and json.loads(answer)["error"], (path, body[:9])
+    for kind in ("", "text/plain", "application/x-www-form-urlencoded", "multipart/form-data"):
+        assert site.ask("POST", "/stop", b"{}", **mine | {"Content_Type": kind})[0] == 415
+    for length in ("", "-1", "x", "99999999"):
+        given = mine | {"Content_Length": length}
+        assert site.ask("POST", "/stop", b"{}", **given)[0] == 413, length
+    assert site.post("/nothing", {})[0] == 404
+    assert site.get("/../desk.py")[0] == 404
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"nonsense": 1}, ["nonsense"]),
+        ({"speed_ref_rpm": 31000}, ["speed_ref_rpm", "-30000 .. 30000"]),
+        ({"speed_ref_rpm": "fast"}, ["speed_ref_rpm", "number"]),
+        ({"speed_ref_rpm": True}, ["speed_ref_rpm", "number"]),
+        ({"speed_ref_rpm": None}, ["speed_ref_rpm", "number"]),
+        ({"speed_ref_rpm": [1]}, ["speed_ref_rpm", "number"]),
+        ({"speed_ref_rpm": float("nan")}, ["speed_ref_rpm", "number"]),
+        ({"speed_ref_rpm": float("inf")}, ["speed_ref_rpm", "number"]),
+        ({"speed_ref_rpm": 10**400}, ["speed_ref_rpm", "number"]),
+        ({"scheme": "pwm"}, ["scheme", "dtc1", "ddr-ml"]),
+        ({"scheme": 2}, ["scheme", "dtc1"]),
+        ({}, ["values"]),
+        ([], ["values"]),
+    ],
+)
+def test_a_value_that_is_not_allowed_changes_nothing(site, values, words):
+    before = site.desk.drive.get_all()
+    tried = {"rs_ohm": before["rs_ohm"] * 2, **values} if values else values
+    status, answer = site.post("/write", {"values": tried})
+    assert status == 400
+    for word in words:
+        assert word in answer["error"]
+    assert "\n" not in answer["error"]
+    assert site.desk.drive.get_all() == before
+
+
+def test_several_values_at_once_and_what_is_in_force(site):
+    status, answer = site.post("/write", {"values": {"speed_ref_rpm": 100.1, "scheme": "fdr"}})
+    assert status == 200
+    assert answer["values"] == {"speed_ref_rpm": pytest.approx(100.1, rel=1e-6), "scheme": "fdr"}
+    assert site.desk.drive.get("scheme") == "fdr"
+    end = time.monotonic() + 3
+    while site.get("/values")[1]["scheme"] != "fdr":
+        assert time.monotonic() < end
+
+
+def test_the_interrupts_rate_changes_between_streams(site):
+    """The board refuses it while anything is streamed; the traces go on at the new rate."""
+    traced = site.desk.stream.channels
+    assert site.post("/record/start", {"suffix": ".csv"})[0] == 200
+    assert site.post("/write", {"values": {"f_isr_Hz": 8000.0}})[0] == 400
+    assert site.post("/record/stop", {})[0] == 200
+    status, answer = site.post("/write", {"values": {"f_isr_Hz": 8000.0, "rs_ohm": 1.5}})
+    assert status == 200 and answer["values"] == {"f_isr_Hz": 8000.0, "rs_ohm": 1.5}
+    assert site.desk.stream.channels == traced
+    assert site.desk.status()["f_isr_Hz"] == 8000
+    assert site.desk.stream.rate_Hz == 2000
+    with site.page() as frame:
+        begun = frame()["status"]["time_s"]
+        end = time.monotonic() + 3
+        while frame().get("status", {}).get("time_s", begun) < begun + 0.2:
+            assert time.monotonic() < end
+    status, answer = site.post("/write", {"values": {"f_isr_Hz": 1e6}})
+    assert status == 400 and "f_isr_Hz" in answer["error"]
+    assert site.desk.stream.channels == traced
+
+
+def test_a_change_by_another_client_shows(site):
+    site.desk.drive.set("torque_limit_Nm", 3.5)
+    end = time.monotonic() + 3
+    while site.get("/values")[1]["torque_limit_Nm"] != 3.5:
+        assert time.monotonic() < end
+
+
+def test_what_needs_the_gates_off_is_refused_while_it_runs(site):
+    with site.page():
+        assert site.post("/start", {})[0] == 200
+        site.until("run")
+        status, answer = site.post("/write", {"values": {"dead_time_us": 1.0}})
+        assert status == 409 and "dead_time_us" in answer["error"]
+        status, answer = site.post("/start", {})
+        assert status == 409 and "run" in answer["error"]
+        assert site.post("/stop", {})[0] == 200
+        assert site.until("idle") < 0.5
+
+
+def test_dictionary_is_the_boards(site):
+    _, device = site.get("/device")
+    assert [row["name"] for row in device["parameters"]] == list(site.desk.drive.params)
+    assert [(row["name"], row["unit"]) for row in device["channels"]] == [*site.desk.drive.channels]
+    assert device["states"] == ["idle", "calibrate", "build", "run", "fault"]
+
+
+def test_a_fault_is_shown_with_its_snapshot_and_cleared(site):
+    with site.page() as frame:
+        assert site.post("/start", {})[0] == 200
+        site.until("run")
+        number = site.desk.snapshot_version
+        assert site.post("/write", {"values": {"vdc_max_V": 200}})[0] == 200
+        site.until("fault")
+        end = time.monotonic() + 3
+        while (status := frame().get("status", {})).get("snapshot", number) == number:
+            assert time.monotonic() < end
+        assert status["state"] == "fault" and status["faults"] == ["dc-link voltage too high"]
+        _, snapshot = site.get("/snapshot")
+        assert snapshot["faults"] == status["faults"]
+        assert snapshot["vdc_V"] == pytest.approx(300, rel=0.02)
+        assert site.post("/write", {"values": {"vdc_max_V": 400}})[0] == 200
+        assert site.post("/clear", {})[0] == 200
+        site.until("idle")
+
+
+# -- traces -----------------------------------------------------------------------------
+
+
+def floats(text: str, channels: int) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), "<f4").reshape(channels, -1)
+
+
+def names_of(site, count: int) -> list[str]:
+    return [name for name, _ in site.desk.drive.channels][:count]
+
+
+def test_a_page_gets_the_envelope_of_the_ring(site):
+    """Bins that came are those of the ring, all of them, 20 times a second at least."""
+    assert site.post("/channels", {"channels": ["i_u1_A", "vdc_V"], "rate_Hz": 2500})[0] == 200
+    got, frames = {}, 0
+    with site.page(window_s=1, bins=125) as frame:
+        end = time.monotonic() + 2
+        while time.monotonic() < end:
+            bins = frame().get("bins")
+            if not bins:
+                continue
+            frames += 1
+            assert bins["width"] == 20 and bins["epoch"] == site.desk.epoch
+            assert bins["dt_s"] == pytest.approx(20 / 2500)
+            lo, hi = floats(bins["lo"], 2), floats(bins["hi"], 2)
+            got |= {bins["first"] + i: (lo[:, i], hi[:, i]) for i in range(bins["count"])}
+    assert frames > 30
+    numbers = sorted(got)[:-1]  # the last one was not full
+    assert numbers == list(range(numbers[0], numbers[-1] + 1))
+    lo, hi = site.desk.ring.envelope(20, numbers[0], numbers[-1] + 1)
+    np.testing.assert_array_equal(np.array([got[n][0] for n in numbers]).T, lo)
+    np.testing.assert_array_equal(np.array([got[n][1] for n in numbers]).T, hi)
+    assert lo[1, -1] == pytest.approx(300, rel=0.02)
+    status, history = site.get(
+        f"/history?begin_s={numbers[9] * 0.008}&end_s={numbers[-1] * 0.008}&bins=8000"
+    )
+    assert status == 200 and history["width"] == 1
+    part = site.desk.ring.part(history["first"], history["first"] + history["count"])
+    np.testing.assert_array_equal(floats(history["lo"], 2), part)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/events",
+        "/events?window_s=1&bins=x",
+        "/events?window_s=nan&bins=99",
+        "/events?window_s=1e9&bins=99",
+        "/events?window_s=1&bins=1e9",
+        "/history?begin_s=0&end_s=1e9&bins=99",
+        "/history?begin_s=5&end_s=1&bins=99",
+        "/history?begin_s=-1&end_s=1&bins=99",
+    ],
+)
+def test_a_look_that_makes_no_sense_is_refused(site, path):
+    status, answer = site.get(path)
+    assert status == 400 and answer["error"]
+
+
+def test_a_slow_page_holds_nothing_up(site, board):
+    """Another page and the line go on as before; in the end the slow one is let go."""
+    assert site.post("/channels", {"channels": names_of(site, 8), "rate_Hz": 2500})[0] == 200
+    slow = socket.socket()
+    slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    slow.connect(("127.0.0.1", site.server.port))
+    request = f"GET /events?window_s=1&bins=8000 HTTP/1.1\r\nHost: {site.host}\r\n"
+    slow.sendall(f"{request}Cookie: {site.cookie}\r\n\r\n".encode())
+    with site.page(window_s=1, bins=100) as frame:
+        frame()
+        begun, begun_s, ticks, pages = time.monotonic(), board.time_s, [], []
+        while time.monotonic() - begun < module.STALLED_S + 3:
+            one = frame()
+            if "status" in one:
+                ticks.append(one["status"]["time_s"])
+                pages.append(one["status"]["pages"])
+        took_s = board.time_s - begun_s
+    slow.close()
+    assert max(pages) == 2 and pages[-1] == 1
+    assert site.desk.stream.gaps == site.desk.stream.lost == 0
+    assert ticks[-1] - ticks[0] == pytest.approx(took_s, abs=0.5)
+    assert max(np.diff(ticks)) < 0.5
+
+
+def test_channels_are_the_boards_and_their_rate_fits_the_line(site):
+    for names, word in ([["nonsense"], "nonsense"], [["vdc_V", "vdc_V"], "twice"], ["x", "list"],
+                        [[1], "names"]):  # fmt: skip
+        status, answer = site.post("/channels", {"channels": names, "rate_Hz": 1000})
+        assert status == 400 and word in answer["error"]
+    for rate in (0, -1, 1e9, "x"):
+        assert site.post("/channels", {"channels": ["vdc_V"], "rate_Hz": rate})[0] == 400
+    assert len(site.desk.stream.channels) > 4  # still those of the beginning
+    names = names_of(site, 12)
+    assert site.post("/channels", {"channels": names, "rate_Hz": 10000})[0] == 200
+    fits = site.desk.stream.decimation
+    hello = site.desk.drive.hello
+    octets = (12 + 4 * 12) * hello.f_isr_Hz
+    assert fits == int(np.ceil(octets / hello.budget))
+    assert site.post("/channels", {"channels": [], "rate_Hz": None})[0] == 200
+    with site.page() as frame:
+        assert frame()["status"]["channels"] == []
+    assert site.post("/channels", {"channels": ["vdc_V"], "rate_Hz": None})[0] == 200
+    assert site.desk.stream.decimation == 1 or site.desk.stream.decimation == int(
+        np.ceil(16 * hello.f_isr_Hz / hello.budget)
+    )
+
+
+def test_a_browser_keeps_a_connection_for_stop(site):
+    """Browsers open six connections to a server and no more; each page takes one for good."""
+    from contextlib import ExitStack
+
+    with ExitStack() as pages:
+        for _ in range(module.PAGES_OF_A_BROWSER):
+            pages.enter_context(site.page())()
+        with pytest.raises(AssertionError, match="pages open already"), site.page() as frame:
+            frame()
+        assert site.post("/stop", {})[0] == 200
+        first = site.cookie
+        site.enter()  # another browser
+        assert site.cookie != first
+        with site.page() as frame:
+            frame()
+    end = time.monotonic() + 3
+    while any(site.server.browsers.values()):
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+# -- nobody watches -----------------------------------------------------------------------
+
+
+def test_the_drive_stops_when_the_last_page_has_gone(site):
+    with site.page() as first:
+        with site.page() as second:
+            assert site.post("/start", {})[0] == 200
+            site.until("run")
+            second()
+        for _ in range(50):  # two seconds with one page left
+            first()
+        assert site.desk.status()["state"] == "run"
+    took = site.until("idle")
+    assert 0.3 < took < site.desk.silent_s + 0.7
+    assert site.desk.status()["faults"] == []
+    end = time.monotonic() + 1
+    while "no page" not in site.desk.status()["notice"]:
+        assert time.monotonic() < end
+
+
+def test_a_reload_of_the_page_does_not_stop_the_drive(site):
+    with site.page():
+        site.post("/start", {})
+        site.until("run")
+    time.sleep(0.3)
+    with site.page():
+        time.sleep(2 * site.desk.silent_s)
+        assert site.desk.status()["state"] == "run"
+        assert site.post("/stop", {})[0] == 200
+
+
+def test_a_drive_that_somebody_else_started_is_left_alone(site):
+    with site.page():
+        site.post("/start", {})
+        site.until("run")
+        site.desk.drive.stop()
+        site.until("idle")
+    time.sleep(1.0)  # it is forgotten who started it
+    site.desk.drive.start()
+    site.until("run")
+    time.sleep(2 * site.desk.silent_s)
+    assert site.desk.status()["state"] == "run"
+    site.desk.drive.stop()
+
+
+def test_closing_the_desk_stops_what_it_started(site):
+    site.desk.silent_s = site.desk.hidden_s = 100.0
+    site.post("/start", {})
+    site.until("run")
+    site.desk.close()
+    assert site.desk.drive.state == "idle"
+
+
+def started(site) -> float:
+    """Start the drive and see it run; when that was."""
+    assert site.post("/start", {})[0] == 200
+    site.until("run")
+    return time.monotonic()
+
+
+def notice(site, words: str) -> None:
+    """It comes right after the stop."""
+    end = time.monotonic() + 2
+    while words not in site.desk.status()["notice"]:
+        assert time.monotonic() < end, site.desk.status()["notice"]
+
+
+def test_a_page_that_does_not_answer_does_not_watch(site):
+    """It takes all that it is sent, as the browser does for a page whose script hangs."""
+    with site.page(answer=lambda told_s: None):
+        started(site)
+        site.until("idle", site.desk.silent_s + 1.0)
+        notice(site, "no page answered")
+
+
+def test_an_answer_counts_from_when_the_page_was_told(site):
+    """What a stopped browser still had to send says nothing about now."""
+    first = []
+
+    def late(told_s):
+        first.append(told_s)
+        return {"told_s": first[0]}
+
+    with site.page(answer=late):
+        begun = started(site)
+        site.until("idle", site.desk.silent_s + 1.0)
+        assert time.monotonic() - begun > 0.5 * site.desk.silent_s
+        notice(site, "no page answered")
+
+
+def test_an_answer_from_the_future_is_one_of_now(site):
+    with site.page(answer=lambda told_s: None):
+        started(site)
+        beat = {"page": 1, "told_s": time.monotonic() + 1e6, "visible": True}
+        assert site.post("/beat", beat)[0] == 200
+        site.until("idle", site.desk.silent_s + 1.0)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"told_s": "1"}, {"told_s": None}, {"told_s": float("nan")}, {"told_s": 10**400},
+        {"visible": 1}, {"visible": None}, {"page": "1"}, {"page": 1.5}, {"page": None},
+    ],
+)  # fmt: skip
+def test_an_answer_that_makes_no_sense_is_refused(site, body):
+    status, answer = site.post("/beat", {"page": 1, "told_s": 1.0, "visible": True} | body)
+    assert status == 400 and answer["error"] and "\n" not in answer["error"]
+
+
+def test_a_page_that_is_behind_gets_no_samples_until_it_has_caught_up(site):
+    """Else a slow browser would show an ever older past, and its answers would be as old."""
+    answers = [False]
+    with site.page(answer=lambda told_s: {"told_s": told_s} if answers[0] else None) as frame:
+        end = time.monotonic() + 5
+        while "bins" not in frame():  # in the beginning there are some
+            assert time.monotonic() < end
+        until = time.monotonic() + 1.0
+        while time.monotonic() < until:
+            frame()
+        news = [frame() for _ in range(8)]
+        assert not any("bins" in one for one in news) and all("status" in one for one in news)
+        answers[0] = True
+        while "bins" not in (one := frame()):
+            assert time.monotonic() < end + 5
+        assert one["bins"]["count"] * one["bins"]["dt_s"] > 0.5  # nothing is missing
+
+
+def test_one_page_that_answers_is_enough(site):
+    with site.page(answer=lambda told_s: None), site.page() as frame:
+        started(site)
+        end = time.monotonic() + 2.5 * site.desk.silent_s
+        while time.monotonic() < end:
+            frame()
+        assert site.desk.status()["state"] == "run"
+
+
+def test_hidden_pages_watch_for_a_while_only(site):
+    def hidden(told_s):
+        return {"told_s": told_s, "visible": False}
+
+    with site.page(answer=hidden) as frame:
+        with site.page():
+            started(site)
+            end = time.monotonic() + 1.5 * site.desk.hidden_s
+            while time.monotonic() < end:  # another one is seen
+                shown = frame().get("status")
+                assert shown is None or shown["stops_in_s"] is None
+            assert shown is None or shown["state"] == "run"
+        left = []
+        end = time.monotonic() + site.desk.hidden_s + 2.0
+        while (shown := frame().get("status", {})).get("state") != "idle":
+            assert time.monotonic() < end
+            left.append(shown.get("stops_in_s"))
+    left = [one for one in left if one is not None]
+    assert left and left == sorted(left, reverse=True)
+    assert 0 <= left[-1] < 0.5 and left[0] <= site.desk.hidden_s
+    notice(site, "hidden")
+
+
+# -- a reset of the board -----------------------------------------------------------------
+
+
+def test_a_reset_of_the_board_is_shown(site, board):
+    """In words, in the traces, and by the parameters that are in force then."""
+    initial = site.desk.values["torque_limit_Nm"]
+    assert site.post("/write", {"values": {"torque_limit_Nm": initial / 2}})[0] == 200
+    status, recording = site.post("/record/start", {"suffix": ".csv"})
+    assert status == 200
+    with site.page() as frame:
+        started(site)
+        time.sleep(0.5)
+        ring, before = site.desk.ring, site.desk.status()
+        assert before["reset"] == "" and before["resets"] == 0 and before["marks_s"] == []
+        board.reset()
+        end = time.monotonic() + 10
+        while not (status := frame().get("status", {})).get("reset"):
+            assert time.monotonic() < end
+        assert "board was reset" in status["reset"] and "initial values" in status["reset"]
+        while frame().get("status", {}).get("values", before["values"]) == before["values"]:
+            assert time.monotonic() < end
+        assert site.get("/values")[1]["torque_limit_Nm"] == initial
+        # The traces go on behind a gap with a mark; the board's time begins anew.
+        while not (status := frame().get("status", {})).get("marks_s"):
+            assert time.monotonic() < end
+        assert site.desk.ring is ring
+        mark = ring.marks[0]
+        assert np.isnan(ring.part(mark - 20, mark + 20)).all()
+        for first in (ring.begin, ring.end - 20):  # what was before is still there
+            assert not np.isnan(ring.part(first, first + 20)).any()
+        assert status["marks_s"] == [pytest.approx(mark / status["rate_Hz"])]
+        assert status["time_s"] < before["time_s"]
+        assert status["resets"] == 1 and status["state"] == "idle"
+        # The recording ended there.
+        assert status["record"] is None and "board reset" in status["notice"]
+        assert Recording.load(recording["file"]).meta["ended"] == "board reset"
+        assert site.post("/reset/seen", {})[0] == 200
+        while frame().get("status", {"reset": "x"})["reset"]:
+            assert time.monotonic() < end
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (0, "initial values"),
+        (1, "the saved set of parameters is in force"),
+        (2, "initial values, because the saved set is damaged"),
+        (3, "initial values, because the saved set is of another firmware"),
+    ],
+)
+def test_after_a_reset_the_set_in_force_is_named(site, monkeypatch, number, words):
+    """STATUS tells it."""
+    heard = site.desk.drive.client.get_status()
+
+    monkeypatch.setattr(site.desk.drive.client, "get_status", lambda: heard._replace(set=number))
+    for call in site.desk.drive.on_reset:
+        call()
+    end = time.monotonic() + 5
+    while not (text := site.desk.status()["reset"]):
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    assert text.startswith("The board was reset: ") and words in text
+
+
+# -- captures and recordings ----------------------------------------------------------------
+
+
+def test_capture_with_what_came_before_the_trigger(site, tmp_path):
+    names = ["speed_rpm", "i_u1_A", "state"]
+    order = {
+        "channels": names,
+        "samples": 600,
+        "pre": 200,
+        "prescaler": 2,
+        "trigger": "rising:state:1.5",
+    }
+    assert site.get("/capture") == (200, None)
+    assert site.get("/capture.csv")[0] == 400
+    with site.page() as frame:
+        assert site.post("/capture/arm", order)[0] == 200
+        end = time.monotonic() + 5
+        while "waiting" not in frame().get("status", {}).get("capture_state", ""):
+            assert time.monotonic() < end
+        assert site.post("/start", {})[0] == 200
+        while site.desk.status()["capture"] == 0:
+            assert time.monotonic() < end + 5, site.desk.status()
+            frame()
+        assert site.post("/stop", {})[0] == 200
+    _, capture = site.get("/capture")
+    assert capture["channels"] == names and capture["count"] == 600
+    assert capture["start_s"] == pytest.approx(-200 * capture["dt_s"])
+    values = floats(capture["lo"], 3)
+    state = values[2]
+    assert (state[:200] < 1.5).all() and (state[200:] > 1.5).all()
+    for suffix in (".csv", ".json", ".npz"):
+        status, headers, body = site.ask("GET", f"/capture{suffix}")
+        assert status == 200 and f"capture-1{suffix}" in headers["Content-Disposition"]
+        (tmp_path / f"x{suffix}").write_bytes(body)
+    loaded = Recording.load(tmp_path / "x.npz")
+    np.testing.assert_array_equal(loaded["i_u1_A"], values[1])
+    loaded = Recording.load(tmp_path / "x.csv")  # with its .json, as any other recording
+    np.testing.assert_array_equal(loaded["i_u1_A"], values[1])
+    assert loaded.units["i_u1_A"] == "A" and loaded.meta["trigger_s"] == 0.0
+    (tmp_path / "x.json").unlink()  # alone: units and ticks are in the table itself
+    table = Recording.load(tmp_path / "x.csv")
+    np.testing.assert_allclose(table["i_u1_A"], values[1], rtol=1e-6)
+    assert table.units == loaded.units and np.array_equal(table.ticks, loaded.ticks)
+
+
+def test_what_triggers_is_captured(site):
+    """Else nobody could see at what level it did."""
+    names = ["vdc_V", "i_u1_A"]
+    order = {"channels": names, "samples": 50, "pre": 10, "prescaler": 1}
+    most = site.desk.drive.hello.capture_channels
+    for number, (channels, trigger, wanted) in enumerate((
+        (names, "below:speed_rpm:1e5", [*names, "speed_rpm"]),
+        (names, "below:vdc_V:1e5", names),
+        (names_of(site, most), "below:state:9", names_of(site, most)),
+    ), 1):  # fmt: skip
+        assert (
+            site.post("/capture/arm", order | {"channels": channels, "trigger": trigger})[0] == 200
+        )
+        end = time.monotonic() + 10
+        while site.desk.status()["capture"] < number:
+            assert time.monotonic() < end, site.desk.status()["capture_state"]
+            time.sleep(0.02)
+        assert site.get("/capture")[1]["channels"] == wanted
+    full = order | {"channels": names_of(site, most), "trigger": "below:scheme:99"}
+    assert "scheme" not in full["channels"]
+    status, answer = site.post("/capture/arm", full)
+    assert status == 400 and f"1 to {most}" in answer["error"]
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"samples": 0}, "samples"), ({"samples": 10**9}, "samples"), ({"samples": "x"}, "samples"),
+        ({"samples": 1.5}, "samples"), ({"pre": 100}, "pre"), ({"pre": -1}, "pre"),
+        ({"prescaler": 0}, "prescaler"), ({"prescaler": 10**30}, "prescaler"),
+        ({"trigger": "nothing"}, "trigger"), ({"trigger": "rising:x:1"}, "x"),
+        ({"trigger": "rising:vdc_V:1e300"}, "levels up to"), ({"trigger": 1}, "trigger"),
+        ({"channels": []}, "channels"), ({"channels": ["nonsense"]}, "nonsense"),
+    ],
+)  # fmt: skip
+def test_a_capture_that_is_not_possible_is_refused(site, change, word):
+    order = {"channels": ["vdc_V"], "samples": 100, "pre": 10, "prescaler": 1, "trigger": "manual"}
+    status, answer = site.post("/capture/arm", order | change)
+    assert status == 400 and word in answer["error"]
+
+
+def test_a_capture_is_not_taken_for_the_one_before(site):
+    order = {"channels": ["vdc_V"], "samples": 20, "pre": 0, "prescaler": 1}
+    with site.page() as frame:
+        for number in (1, 2, 3):
+            assert site.post("/capture/arm", order | {"trigger": "fault"})[0] == 200
+            end = time.monotonic() + 0.4
+            while time.monotonic() < end:
+                status = frame().get("status", {"capture": number - 1})
+                assert status["capture"] == number - 1
+            assert site.post("/capture/trigger", {})[0] == 200
+            end = time.monotonic() + 5
+            while frame().get("status", {}).get("capture") != number:
+                assert time.monotonic() < end
+
+
+def test_a_capture_can_be_cancelled(site):
+    order = {"channels": ["vdc_V"], "samples": 100, "pre": 0, "prescaler": 1, "trigger": "fault"}
+    site.post("/capture/arm", order)
+    assert site.post("/capture/cancel", {})[0] == 200
+    assert site.desk.status()["capture_state"] == ""
+    assert site.post("/capture/trigger", {})[0] == 409
+
+
+def test_recording_of_the_traces(site):
+    assert site.post("/record/stop", {})[0] == 400
+    assert site.post("/record/start", {"suffix": ".exe"})[0] == 400
+    assert site.post("/record/start", {"suffix": "/../x.csv"})[0] == 400
+    status, answer = site.post("/record/start", {"suffix": ".npz"})
+    assert status == 200
+    assert site.post("/record/start", {"suffix": ".npz"})[0] == 400
+    status, refused = site.post("/channels", {"channels": ["vdc_V"], "rate_Hz": None})
+    assert status == 400 and "recording" in refused["error"]
+    time.sleep(1.5)
+    shown = site.desk.status()["record"]
+    assert shown["file"] == answer["file"] and shown["rows"] > 1000
+    assert site.post("/record/stop", {})[1]["file"] == answer["file"]
+    loaded = Recording.load(answer["file"])
+    assert list(loaded.channels) == list(site.desk.stream.channels)
+    assert loaded.rate_Hz == pytest.approx(site.desk.stream.rate_Hz)
+    assert len(loaded) >= shown["rows"] and not np.isnan(loaded["vdc_V"]).any()
+    assert loaded.meta["drops"] == 0
+    assert site.post("/channels", {"channels": ["vdc_V"], "rate_Hz": None})[0] == 200

@@ -1,0 +1,188 @@
+"""The emulated capture unit against one that steps through every edge and every tick of
+the capture clock, as the chip does: a 16-bit timer that a unit event (every fourth edge
+in either direction) copies to QCPRD and sets to zero, and sticky flags.
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hexatorque import firmware, setups
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.plant.machine import MachineParameters, machine_record
+from hexatorque.plant.sensors import sample
+
+EQEP = {"f28335": 0x6B00, "f28377s": 0x5100}
+QCAPCTL, QEPSTS, QCTMR, QCPRD = 0x16, 0x1C, 0x1D, 0x1E
+UPEVNT, QDF, COEF, CDEF = 0x80, 0x20, 0x08, 0x04
+#: Capture clocks from sample to sample: 10 kHz, SYSCLKOUT of 150 and 200 MHz by 128.
+TICKS = {"f28335": 150e6 / 128 * 1e-4, "f28377s": 200e6 / 128 * 1e-4}
+PPR = 2048
+MACHINE = machine_record(MachineParameters(2, 1.0, 1.0, 10e-3, 10e-3, 1e-9, 10e-3, 1.0))
+
+
+class Emulated:
+    """The plant's sensors, turned by hand."""
+
+    def __init__(self, device, **sensors):
+        setup = setups.load("paper-b").changed(
+            sensors__encoder_ppr=PPR, **{f"sensors__{k}": v for k, v in sensors.items()}
+        )
+        chip = SimpleNamespace(map=getattr(firmware.lib, f"ht_{device}"))
+        self._sensors = SimulatedDrive._make_sensors(
+            SimpleNamespace(setup=setup, controller=chip, period_s=1e-4)
+        )
+        self.regs = np.zeros(0x8000, np.uint16)
+        self._base = EQEP[device]
+        self.regs[self._base + QCAPCTL] = 0x8000 | 7 << 4 | 2
+        self._y = np.zeros(8)
+
+    def turn(self, counts):
+        self._y[7] = counts / (4 * PPR) * 2 * np.pi
+        sample(self._sensors, MACHINE, self._y, 0.0, self.regs)
+
+    def read(self, clear=False):
+        """Counter, timer, period and status; `clear` as the firmware does."""
+        words = [int(self.regs[self._base + n]) for n in (0, 1, QCTMR, QCPRD, QEPSTS)]
+        if clear:
+            self.regs[self._base + QEPSTS] &= QDF
+        return (words[0] + (words[1] << 16), *words[2:])
+
+
+class Stepped:
+    """Edge by edge and tick by tick. `channel_b`: how late it rises and early it falls."""
+
+    def __init__(self, ticks_per_sample, channel_b=0.0):
+        shift = {0: 0.0, 1: channel_b, 2: 0.0, 3: -channel_b}
+        self._place = lambda edge: edge + shift[edge % 4]
+        self._per_sample = ticks_per_sample
+        self._sample, self._x = 0, 0.0
+        self.counter, self.timer, self.period, self.status = 0, 0, 0, 0
+        self._edges = 0
+
+    def _edge(self, direction):
+        self.counter += direction
+        if (direction > 0) != bool(self.status & QDF):
+            self.status = (self.status ^ QDF) | CDEF
+        self._edges += 1
+        if self._edges == 4:
+            self._edges = 0
+            self.period, self.timer = self.timer, 0
+            self.status |= UPEVNT
+
+    def _move(self, x):
+        while self._place(self.counter + 1) <= x:
+            self._edge(1)
+        while self._place(self.counter) > x:
+            self._edge(-1)
+
+    def turn(self, counts):
+        begin, end = self._sample * self._per_sample, (self._sample + 1) * self._per_sample
+        for tick in range(int(begin) + 1, int(end) + 1):
+            self._move(self._x + (counts - self._x) * (tick - begin) / (end - begin))
+            self.timer += 1
+            if self.timer == 65536:
+                self.timer = 0
+                self.status |= COEF
+        self._move(counts)
+        self._sample, self._x = self._sample + 1, counts
+
+    def read(self, clear=False):
+        seen = (self.counter % 2**32, self.timer, self.period, self.status)
+        if clear:
+            self.status &= QDF
+        return seen
+
+
+def wander(rng):
+    """Slow, through zero again and again."""
+    return np.cumsum(0.2 * np.sin(np.arange(1500) / 70) + rng.normal(0, 0.05, 1500))
+
+
+def fast(rng):
+    """Up to 6000 r/min both ways: 82 edges from sample to sample."""
+    return np.cumsum(82 * np.sin(np.arange(300) / 40) + rng.normal(0, 1, 300))
+
+
+def halting(rng):
+    """Moves, with rests longer than the timer's range in between."""
+    moves = [rng.normal(0, 1) * np.linspace(0, 20, 40) for _ in range(3)]
+    pieces = [np.concatenate([m, np.full(int(rng.integers(500, 900)), m[-1])]) for m in moves]
+    starts = np.cumsum([0, *(p[-1] for p in pieces[:-1])])
+    return np.concatenate([p + s for p, s in zip(pieces, starts)])
+
+
+@pytest.mark.parametrize("channel_b", [0.0, 0.08])
+@pytest.mark.parametrize("path", [wander, fast, halting])
+@pytest.mark.parametrize("device", EQEP)
+def test_against_every_edge(device, path, channel_b):
+    rng = np.random.default_rng(7)
+    emulated = Emulated(device, encoder_error_cycles=channel_b)
+    stepped = Stepped(TICKS[device], 4 * channel_b)
+    positions = path(rng) + 0.37
+    flags = 0
+    for x in positions:
+        emulated.turn(x)
+        stepped.turn(x)
+        clear = rng.random() < 0.05
+        expected = stepped.read(clear)
+        assert emulated.read(clear) == expected
+        flags |= expected[3]
+    wanted = {wander: UPEVNT | CDEF | QDF, fast: UPEVNT | CDEF | QDF, halting: UPEVNT | COEF}
+    assert flags & wanted[path] == wanted[path]  # the path has shown what it is for
+
+
+@pytest.mark.parametrize(("share", "overflow"), [(-0.05, False), (0.05, True)])
+@pytest.mark.parametrize("device", EQEP)
+def test_overflow_within_the_sample_of_an_event(device, share, overflow):
+    """Edge 4 is passed in the first sample; edge 8, the next unit event, in the one in
+    which the timer ends, a little before or after that."""
+    end = 4 / 4.5 + 65536 / TICKS[device]
+    last = int(end)
+    x = 4.5 + (8 - 4.5) / (end + share - last)
+    emulated, stepped = Emulated(device), Stepped(TICKS[device])
+    for n in range(last + 1):
+        for unit in emulated, stepped:
+            unit.turn(4.5 if n < last else x)
+    assert emulated.read() == stepped.read()
+    assert bool(stepped.read()[3] & COEF) == overflow
+
+
+def test_period_at_constant_speed():
+    """1 count in 1 ms: four take 4 ms, 4687.5 ticks; the timer runs from the last event."""
+    emulated = Emulated("f28335")
+    for n in range(1, 201):  # 20 ms; edges at 1, 2, ... ms
+        emulated.turn(0.1 * n - 1e-6)
+    counter, timer, period, status = emulated.read()
+    assert counter == 19
+    assert period in (4687, 4688)
+    assert timer == pytest.approx(4 * 1171.875, abs=1.5)  # last event at 16 ms
+    assert status == UPEVNT | QDF | CDEF  # CDEF: the first edge, after reset
+
+
+def test_nothing_is_captured_while_off():
+    emulated = Emulated("f28335")
+    emulated.regs[EQEP["f28335"] + QCAPCTL] = 0x0072
+    for n in range(50):
+        emulated.turn(1.7 * n)
+    assert emulated.read() == (83, 0, 0, 0)
+
+
+def test_prescalers_are_taken_from_the_register():
+    """SYSCLKOUT / 2 and an event at every edge: 0.1 ms from edge to edge, 7500 ticks."""
+    emulated = Emulated("f28335")
+    emulated.regs[EQEP["f28335"] + QCAPCTL] = 0x8010
+    for n in range(10):
+        emulated.turn(n + 0.5)
+    assert emulated.read()[1:3] == (3750, 7500)
+
+
+def test_unequal_edges():
+    """Channel B rises 0.2 counts late and falls 0.2 counts early: the counter follows."""
+    emulated = Emulated("f28335", encoder_error_cycles=0.05)
+    shown = []
+    for x in (0.99, 1.1, 1.19, 1.21, 1.99, 2.01, 2.79, 2.81, 3.99, 4.01):
+        emulated.turn(x)
+        shown.append(emulated.read()[0])
+    assert shown == [0, 0, 0, 1, 1, 2, 2, 3, 3, 4]

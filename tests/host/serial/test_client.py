@@ -1,0 +1,566 @@
+"""The client against a board that is mute, slow, damaged or lies (peer.py)."""
+
+import binascii
+import re
+import struct
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from peer import Peer, frame, parameter
+
+from hexatorque import firmware
+from hexatorque.drive.board import BoardDrive
+from hexatorque.serial import LinkError, server, wire
+from hexatorque.serial.exchange import NoReply
+from hexatorque.serial.wire import Op
+
+WRITE, STREAM, LIST = 7, 11, 2
+WAIT_S = server.PROCESS_REPLY_S
+
+
+@pytest.fixture
+def peer():
+    peer = Peer()
+    yield peer
+    peer.close()
+
+
+@pytest.fixture
+def drive(peer):
+    with BoardDrive.open(peer.port) as drive:
+        yield drive
+
+
+def of(peer, op):
+    return [body for body in peer.requests if body[0] == op]
+
+
+def different(peer, op):
+    """How many requests, repetitions not counted."""
+    return len(set(of(peer, op)))
+
+
+def test_nothing_of_the_compiled_firmware_is_needed(peer, monkeypatch):
+    def none(*_):
+        raise AssertionError("the compiled firmware was asked")
+
+    for name in ("parameters", "channels", "schemes", "causes"):
+        monkeypatch.setattr(firmware, name, none)
+    with BoardDrive.open(peer.port) as drive:
+        assert list(drive.params) == ["scheme", "speed_ref_rpm", "dead_time_us"]
+        row = drive.params["speed_ref_rpm"]
+        assert (row.min, row.max, row.unit, row.live) == (-400, 400, "r/min", True)
+        assert drive.params["scheme"].choices == ("dtc1", "fdr", "ddr")
+        assert drive.params["dead_time_us"].initial == 2.3  # not 2.299999952316284
+        assert drive.channels == (("speed_rpm", "r/min"), ("torque_Nm", "N m"))
+        assert drive.get("scheme") == "fdr" and drive.get("dead_time_us") == 2.3
+        drive.set("scheme", "ddr")
+        assert drive.get("scheme") == "ddr" and drive.state == "idle"
+
+
+@pytest.mark.parametrize(
+    ("fault", "times"),
+    [("mute", 2), ("damage", 1), ("late", 1), ("late", 2), ("twice", 1), ("cut", 2)],
+)
+def test_a_request_is_carried_out_once_whatever_happens(peer, drive, fault, times):
+    drive.client.open_session()
+    for value in (100.0, 200.0):
+        before = len(of(peer, WRITE))
+        with drive.client._one_at_a_time:  # no heartbeat takes the peer's faults
+            peer.faults = [fault] * times
+            drive.set("speed_ref_rpm", value)
+        asked = of(peer, WRITE)[before:]
+        assert peer.values[1] == value == drive.get("speed_ref_rpm")
+        assert len(set(asked)) == 1  # the same octets again
+        if fault in ("mute", "damage", "cut"):
+            assert len(asked) >= 1 + times
+    assert peer.executed.count(WRITE) == 2
+    if fault in ("damage", "cut"):
+        assert drive.client.damaged == 2 * times
+    assert drive.client.counters.retries > 0 or fault == "twice"
+
+
+def test_a_line_gets_more_tries_than_a_process(peer):
+    assert server.tries(peer.port) == 3
+    assert server.tries("/dev/ttyUSB0") == 8
+
+
+def test_three_tries_and_no_more(peer, drive):
+    drive.client.open_session()
+    with drive.client._one_at_a_time:
+        peer.faults = ["mute"] * 3
+        begun = time.monotonic()
+        with pytest.raises(NoReply, match=r"no reply to WRITE within 0\.7"):
+            drive.set("speed_ref_rpm", 1.0)
+        assert 3 * WAIT_S < time.monotonic() - begun
+        assert len(of(peer, WRITE)) == 3 and peer.values[1] == 0.0
+        drive.set("speed_ref_rpm", 2.0)
+    assert peer.values[1] == 2.0
+    ids = [body[1] for body in of(peer, WRITE)]
+    assert len(set(ids)) == 2
+
+
+def test_the_time_on_the_line_and_50_ms_are_waited_for():
+    assert server.reply_s("/dev/ttyUSB0", 9600, 500) == pytest.approx(0.05 + 500 / 960)
+    # Samples may go first, nine times as many bytes as the reply has.
+    assert wire.reply_bytes(Op.LIST, 3) == 11 * 517
+    assert wire.reply_bytes(Op.STATUS, 0) == 11 * 120
+
+
+def test_heartbeat_keeps_the_session_and_only_that(peer, drive):
+    time.sleep(0.3)
+    assert not of(peer, Op.STATUS)[2:] and peer.session == 0  # before and after it had a mark
+    drive.start()
+    peer.requests.clear()
+    time.sleep(1.0)
+    beats = of(peer, Op.STATUS)
+    assert 6 <= len(beats) <= 14
+    nonces = {struct.unpack_from("<H", body, 2)[0] for body in beats}
+    assert nonces == {peer.session} and 0 not in nonces
+    drive.close()
+    assert peer.requests[-1][0] == Op.CLOSE and peer.session == 0
+
+
+def test_a_session_that_the_board_lost_is_taken_again(peer, drive):
+    drive.set("speed_ref_rpm", 1.0)
+    peer.session = 0
+    drive.set("speed_ref_rpm", 2.0)
+    assert peer.values[1] == 2.0 and drive.client.counters.reconnects == 1
+
+
+def test_the_session_of_a_dead_client_is_waited_for(peer, drive):
+    peer.refuse[Op.OPEN] = (20, b"")
+    threading.Timer(0.8, peer.refuse.clear).start()
+    drive.set("speed_ref_rpm", 3.0)
+    assert peer.values[1] == 3.0
+    drive.close()
+    peer.refuse[Op.OPEN] = (20, b"")
+    with BoardDrive.open(peer.port) as second, pytest.raises(LinkError, match="another client has"):
+        second.client.open_session()
+
+
+@pytest.mark.parametrize(
+    ("status", "payload", "text", "mistake"),
+    [
+        (1, b"\1\0", "speed_ref_rpm = 9: no such parameter or channel", True),
+        (2, b"\1\0", "speed_ref_rpm = 9: allowed is -400 .. 400 r/min", True),
+        (26, b"\1\0", "can change only while nothing is streamed or captured", False),
+        (4, b"\xff\xff", "speed_ref_rpm = 9: parameters do not fit together", True),
+        (5, b"\xff\xff", "the hardware cannot do this", True),
+        (6, b"\xff\xff", "the machine turns faster than start_max_rpm", False),
+        (19, b"", "dictionary has changed", False),
+        (20, b"", "another client has a session", False),
+        (77, b"", "status 77", False),
+    ],
+)
+def test_refusals_say_what_and_why(peer, drive, status, payload, text, mistake):
+    peer.refuse[WRITE] = (status, payload)
+    with pytest.raises(LinkError) as caught:
+        drive.set("speed_ref_rpm", 9)
+    assert text in str(caught.value)
+    assert (caught.value.status, caught.value.mistake) == (status, mistake)
+
+
+@pytest.mark.parametrize(
+    ("op", "status", "payload", "text"),
+    [
+        (Op.STREAM, 23, b"", "all of the board's streams are in use"),
+        (Op.STREAM, 24, b"\2\0", "decimation: allowed range is 1 .. 65535"),
+        (Op.ARM, 24, b"\1\0", "trigger: the board does not know this one"),
+        (Op.ARM, 24, b"\x0e\0", "level of the trigger: a number is needed"),
+        (Op.ARM, 25, b"\0\x50\0\0", "samples: allowed range is 1 .. 20480"),
+        (Op.ARM, 24, b"\7\0", "byte 7 of the payload is out of range"),
+        (Op.ARM, 24, b"", "the board refuses a part of this request"),
+    ],
+)
+def test_refusals_name_the_field(peer, drive, op, status, payload, text):
+    peer.refuse[op] = (status, payload)
+    with pytest.raises(LinkError, match=f"^what: {re.escape(text)}$") as caught:
+        drive.client.do(op, what="what")
+    assert caught.value.mistake
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("speed_ref_rpm", 400.5, "allowed range is -400 .. 400 r/min"),
+        ("speed_ref_rpm", float("nan"), "allowed range"),
+        ("speed_ref_rpm", float("-inf"), "allowed range"),
+        ("speed_ref_rpm", "fast", "a number is needed"),
+        ("scheme", "ddr-ml", "choose one of dtc1, fdr, ddr"),
+        ("rs_ohm", 1.0, "no parameter 'rs_ohm'"),
+        ("load_Nm", 1.0, "belongs to the test bench"),
+    ],
+)
+def test_what_cannot_be_right_is_not_even_sent(peer, drive, name, value, text):
+    with pytest.raises(LinkError, match=text) as caught:
+        drive.set_many({"dead_time_us": 1.0, name: value})
+    assert caught.value.mistake and not of(peer, WRITE)
+
+
+def test_whole_numbers_only(peer):
+    peer.rows[2] = parameter(2, 2, 1, 64, 4, "pole_pairs")
+    peer.crc = binascii.crc32(b"".join(peer.rows))
+    with BoardDrive.open(peer.port) as drive:
+        text = "pole_pairs = 2.5: allowed range is 1 .. 64, whole numbers only"
+        with pytest.raises(LinkError, match=text) as caught:
+            drive.set("pole_pairs", 2.5)
+        assert caught.value.mistake and not of(peer, WRITE)
+        drive.set("pole_pairs", 3)
+        assert peer.values[2] == 3.0
+
+
+def test_a_readback_that_differs_is_an_error(peer, drive):
+    peer.values = Stubborn(peer.values)
+    with pytest.raises(LinkError, match="speed_ref_rpm: 0 is in force instead of 5"):
+        drive.set("speed_ref_rpm", 5.0)
+
+
+class Stubborn(dict):
+    def update(self, *_):
+        pass
+
+
+def cache() -> list[Path]:
+    import os
+
+    return list(Path(os.environ["XDG_CACHE_HOME"]).rglob("dictionary-*"))
+
+
+def test_dictionary_is_kept_and_believed_only_with_its_crc(peer):
+    BoardDrive.open(peer.port).close()
+    asked = different(peer, LIST)
+    assert asked == len(peer.rows) and len(cache()) == 1
+    BoardDrive.open(peer.port).close()
+    assert different(peer, LIST) == asked
+    kept = cache()[0]
+    good = kept.read_bytes()
+    for damaged in (good[:-1], good[:40] + b"X" + good[41:], b"", b"\xff\xff", good + good[:9]):
+        kept.write_bytes(damaged)
+        before = different(peer, LIST)
+        with BoardDrive.open(peer.port) as drive:
+            assert list(drive.params) == ["scheme", "speed_ref_rpm", "dead_time_us"]
+        assert different(peer, LIST) == before + len(peer.rows)
+        assert kept.read_bytes() == good
+
+
+def test_a_dictionary_that_is_not_what_hello_says_is_refused(peer):
+    peer.crc ^= 1
+    with pytest.raises(LinkError, match="the dictionary's CRC is"):
+        BoardDrive.open(peer.port)
+    assert not cache()
+
+
+def test_another_firmware_is_another_dictionary(peer):
+    with BoardDrive.open(peer.port) as drive:
+        peer.rows[1] = peer.rows[1].replace(b"r/min\0\0", b"rad/s\0\0")
+        peer.crc = binascii.crc32(b"".join(peer.rows))
+        with pytest.raises(LinkError, match="dictionary has changed"):
+            drive.get("scheme")
+    with BoardDrive.open(peer.port) as drive:
+        assert drive.params["speed_ref_rpm"].unit == "rad/s"
+
+
+def test_another_protocol_is_refused(peer):
+    peer.protocol = 1
+    with pytest.raises(LinkError, match="protocol version 1, this client speaks 2"):
+        BoardDrive.open(peer.port)
+
+
+# -- streams
+
+
+def feed(peer, stream, ticks, number=0):
+    """Samples whose values tell their tick."""
+    octets = b""
+    for place, tick in enumerate(ticks):
+        octets += peer.sample(0, number + place, tick, tick & 0xFFFF, -1.0)
+    peer.write(octets)
+    deadline = time.monotonic() + 2
+    rows = []
+    while time.monotonic() < deadline:
+        block = stream.read(0.15)
+        if block is None:
+            break
+        assert block[0].dtype == np.int64 and block[1].dtype == np.float32
+        rows += zip(block[0].tolist(), block[1][:, 0].tolist())
+    return rows
+
+
+@pytest.fixture
+def stream(drive):
+    with drive.stream(["speed_rpm", "torque_Nm"], rate_Hz=1000) as stream:
+        yield stream
+
+
+def test_gaps_are_counted_by_tick(peer, stream):
+    peer_ticks = [1010, 1020, 1050, 1060, 1160]
+    rows = feed(peer, stream, peer_ticks)
+    assert rows == [(t, float(t)) for t in peer_ticks]
+    assert (stream.gaps, stream.lost, stream.damaged) == (2, 2 + 9, 0)
+
+
+def test_samples_missing_at_the_beginning_are_told_by_their_number(peer, stream):
+    assert feed(peer, stream, [1040, 1050], number=3) == [(1040, 1040.0), (1050, 1050.0)]
+    assert (stream.gaps, stream.lost) == (1, 3)
+
+
+def test_doubled_and_old_samples_are_left_out(peer, stream):
+    rows = feed(peer, stream, [1010, 1010, 1020, 1030, 1020, 1040])
+    assert [t for t, _ in rows] == [1010, 1020, 1030, 1040]
+    assert (stream.gaps, stream.lost, stream.damaged) == (0, 0, 2)
+
+
+def test_samples_of_another_stream_before_are_left_out(peer, stream):
+    """Still on the line when the stream was set: older than the reply."""
+    assert [t for t, _ in feed(peer, stream, [980, 990, 1000, 1010])] == [1000, 1010]
+    assert stream.lost == 2  # by the numbers of these samples
+
+
+def test_the_tick_wraps(peer, drive):
+    peer.tick = 0xFFFFFFFF - 25
+    with drive.stream(["speed_rpm", "torque_Nm"], decimation=10) as stream:
+        ticks = [0xFFFFFFFF - 15 + 10 * n for n in range(5)]
+        rows = feed(peer, stream, ticks)
+        assert [t for t, _ in rows] == ticks  # counted on beyond 2^32
+        assert [v for _, v in rows] == [float(t & 0xFFFF) for t in ticks]
+        assert stream.lost == stream.gaps == 0
+
+
+def test_samples_before_a_reply_are_the_old_streams(peer, drive):
+    """All in one read: what comes before the reply to STREAM and what comes after."""
+    client, got = drive.client, []
+
+    def old(bodies):
+        got.extend(("old", body[1]) for body in bodies)
+
+    def new(bodies):
+        got.extend(("new", body[1]) for body in bodies)
+
+    def accepted(reply):
+        client._sinks[0] = new
+
+    client._sinks[0], client._awaited = old, (STREAM, 5, accepted)
+    reply = struct.pack("<BBBBHI", STREAM + 0x80, 5, 0, 0, 0, 1000) + bytes(8)
+    samples = [struct.pack("<BBIf", 0x40, n, t, 0.0) for n, t in ((1, 990), (2, 995), (0, 1000))]
+    client._bodies([*samples[:2], reply, samples[2]])
+    assert got == [("old", 1), ("old", 2), ("new", 0)]
+    client._sinks[0] = None
+
+
+def test_frames_of_another_width_are_not_samples(peer, stream):
+    peer.write(peer.sample(0, 0, 1010, 1.0) + peer.sample(0, 1, 1020, 1.0, 2.0, 3.0))
+    assert feed(peer, stream, [1030], number=2) == [(1030, 1030.0)]
+    assert stream.damaged == 2 and stream.lost == 2
+
+
+def reset(peer):
+    """What a board does that is powered off and on."""
+    peer.session, peer.mark, peer.tick = 0, 0, 3
+    peer.values = {0: 1.0, 1: 0.0, 2: 2.3}
+
+
+def until(condition, seconds=10.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_a_reset_ends_a_stream_and_is_told(peer, drive):
+    told = []
+    drive.on_reset.append(lambda: told.append((threading.current_thread().name, drive.state)))
+    with drive.stream(["speed_rpm", "torque_Nm"], decimation=10) as stream:
+        assert len(feed(peer, stream, [1010, 1020])) == 2
+        peer.write(peer.sample(0, 2, 1030, 1.0, 2.0))
+        until(lambda: stream._tick == 1030)
+        reset(peer)
+        until(lambda: told)
+        ticks, _ = stream.read(1.0)  # what came before is not lost
+        assert ticks.tolist() == [1030]
+        for _ in range(2):
+            with pytest.raises(LinkError) as caught:
+                stream.read(1.0)
+        assert str(caught.value) == (
+            f"{peer.port}: the board was reset; the recording ends at tick 1030; "
+            "its parameters are at their saved or initial values"
+        )
+        assert (stream.gaps, stream.lost) == (0, 0)
+    assert drive.resets == 1
+    ((thread, state),) = told
+    assert thread.startswith("keeper") and state == "idle"
+    assert len(of(peer, STREAM)) == 1  # not set again
+    with drive.stream(["speed_rpm"], decimation=10) as stream:  # but a new one can be
+        peer.write(peer.sample(0, 0, 13, 1.0))
+        assert stream.read(2.0)[0].tolist() == [13]
+
+
+def test_a_reset_is_seen_without_a_session(peer, drive):
+    reset(peer)
+    until(lambda: drive.resets == 1)
+    assert peer.session == 0 and peer.mark == drive.client.mark != 0
+
+
+def test_a_request_that_finds_a_reset_board_is_not_carried_out(peer, drive):
+    """It was meant for a board with other parameters."""
+    drive.set("speed_ref_rpm", 5.0)
+    with drive.client._one_at_a_time:  # no heartbeat sees it first
+        reset(peer)
+        with pytest.raises(LinkError, match=r"the board was reset; .*START was not carried out"):
+            drive.start()
+    assert 8 not in peer.executed
+    drive.start()
+    assert 8 in peer.executed and drive.resets == 1
+
+
+def test_a_session_that_ended_is_no_reset(peer, drive):
+    """The port server stood still for more than a second: by the tick it is a gap."""
+    with drive.stream(["speed_rpm", "torque_Nm"], decimation=10) as stream:
+        feed(peer, stream, [1010, 1020])
+        peer.session, peer.tick = 0, 41_000
+        until(lambda: len(of(peer, STREAM)) == 2)
+        rows = feed(peer, stream, [41_003, 41_013])
+        assert [tick for tick, _ in rows] == [41_003, 41_013]  # on no other raster than its own
+        assert (stream.gaps, stream.lost, drive.resets) == (1, (41_003 - 1021) // 10, 0)
+
+
+@pytest.mark.parametrize("number, first, missed", [(7, 1070, 7), (7, 1070 + 2560, 263)])
+def test_what_is_missing_at_the_beginning_may_be_more_than_its_number_tells(
+    peer, stream, number, first, missed
+):
+    feed(peer, stream, [first], number)
+    assert (stream.gaps, stream.lost) == (1, missed)
+
+
+def test_a_stream_over_budget_names_what_fits(peer, drive):
+    peer.refuse[STREAM] = (21, struct.pack("<H", 4))
+    with pytest.raises(LinkError, match=r"smallest decimation that fits is 4, 2500 Hz"):
+        drive.stream(["torque_Nm"], rate_Hz=5000)
+    assert all(sink is None for sink in drive.client._sinks)
+    peer.refuse[STREAM] = (21, struct.pack("<H", 0))
+    with pytest.raises(LinkError, match="nothing more fits beside the other streams"):
+        drive.stream(["torque_Nm"], rate_Hz=5000)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({"rate_Hz": 10001}, r"allowed range is 0.153 .. 10000 Hz"),
+        ({"rate_Hz": 0}, "allowed range"),
+        ({"rate_Hz": float("nan")}, "allowed range"),
+        ({"decimation": 0}, r"allowed range is 1 .. 65535"),
+        ({"decimation": 65536}, "allowed range"),
+        ({"decimation": 2, "rate_Hz": 5}, "give one of them"),
+    ],
+)
+def test_impossible_streams(drive, arguments, text):
+    with pytest.raises(LinkError, match=text):
+        drive.stream(["torque_Nm"], **arguments)
+
+
+def test_unknown_channels_and_too_many(drive):
+    with pytest.raises(LinkError, match="no channel 'x': the board has speed_rpm, torque_Nm"):
+        drive.stream(["x"])
+    with pytest.raises(LinkError, match="33 channels: a stream has 1 to 32"):
+        drive.stream(["torque_Nm"] * 33)
+    streams = [drive.stream(["torque_Nm"]) for _ in range(4)]
+    with pytest.raises(LinkError, match="all 4 streams are in use"):
+        drive.stream(["torque_Nm"])
+    streams[2].close()
+    assert drive.stream(["torque_Nm"])._slot == 2
+
+
+# -- captures
+
+
+def offer(peer, values: np.ndarray, crc: int | None = None, keep=lambda first: True, between=b""):
+    """A complete capture of two channels; data is sent for the firsts that `keep` lets, with
+    `between` after each."""
+    flat = values.astype("<f4").ravel()
+    crc = binascii.crc32(flat.tobytes()) if crc is None else crc
+    head = struct.pack("<BBHIIIIHH", 5, 9, 2, len(values), 3, 4242, crc, 1, 0)
+    peer.capture = (5, head)
+    answer = peer._answer
+
+    def answering(op, session, payload):
+        if op == Op.READ:
+            first, count = struct.unpack("<II", payload)
+            octets = b""
+            for at in range(first, first + count, 60):
+                if keep(at):
+                    part = flat[at : min(at + 60, first + count)].tobytes()
+                    octets += frame(struct.pack("<BBI", 0x50, 9, at) + part) + between
+            threading.Timer(0.01, peer.write, [octets]).start()
+        return answer(op, session, payload)
+
+    peer._answer = answering
+
+
+def test_data_of_another_capture_is_left_out(peer, drive):
+    values = np.arange(400, dtype=np.float32).reshape(200, 2)
+    offer(peer, values, between=frame(struct.pack("<BBIf", 0x50, 8, 0, 77.0)))
+    np.testing.assert_array_equal(drive.captured(1.0)["torque_Nm"], values[:, 0])
+
+
+def test_lost_capture_data_is_asked_for_again(peer, drive):
+    values = np.arange(400, dtype=np.float32).reshape(200, 2)
+    seen = {}
+
+    def keep(first):
+        seen[first] = seen.get(first, 0) + 1
+        return first not in (60, 180) or seen[first] > 2
+
+    offer(peer, values, keep=keep)
+    recording = drive.captured(1.0)
+    np.testing.assert_array_equal(recording["torque_Nm"], values[:, 0])
+    np.testing.assert_array_equal(recording["speed_rpm"], values[:, 1])
+    assert seen[60] == 3 and seen[120] == 1  # only what was missing
+    assert recording.rate_Hz == 5000 and recording.start_s == -3 / 5000
+    assert recording.meta["trigger_s"] == 0 and recording.meta["trigger_tick"] == 4242
+
+
+def test_a_capture_with_a_wrong_crc_is_refused(peer, drive):
+    offer(peer, np.zeros((10, 2)), crc=1)
+    with pytest.raises(LinkError, match="CRC does not fit"):
+        drive.captured(1.0)
+
+
+def test_a_board_that_sends_no_data_is_given_up(peer, drive):
+    offer(peer, np.zeros((10, 2)), keep=lambda first: False)
+    with pytest.raises(LinkError, match="does not send the capture's data"):
+        drive.captured(1.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({"samples": 10241}, r"samples = 10241: allowed range is 1 .. 10240 with 2 channels"),
+        ({"samples": 0}, "samples = 0: 1 or more"),
+        ({"samples": 10, "pre": 10}, r"pre = 10: allowed range is 0 .. 9"),
+        ({"samples": 10, "prescaler": 0}, "prescaler = 0"),
+        ({"samples": 10, "trigger": "rising:nope:1"}, "no channel 'nope'"),
+        ({"samples": 10, "trigger": "rising:torque_Nm"}, "write rising:CHANNEL:LEVEL"),
+        ({"samples": 10, "trigger": "above:torque_Nm:nan"}, "write above:CHANNEL:LEVEL"),
+        ({"samples": 10, "trigger": "fault:1"}, "fault takes nothing more"),
+        ({"samples": 10, "trigger": "sometimes"}, "choose one of manual, rising"),
+    ],
+)
+def test_impossible_captures(peer, drive, arguments, text):
+    with pytest.raises(LinkError, match=text):
+        drive.arm(["speed_rpm", "torque_Nm"], **arguments)
+    assert not of(peer, Op.ARM)
+
+
+def test_status_counters_come_through(drive):
+    status = drive.client.get_status()
+    assert (status.damaged, status.overruns, status.dropped) == (7, 8, 9)
+
+
+def test_all_statuses_have_a_text(drive):
+    for status in wire.Status:
+        if status:
+            reply = wire.Reply(7, 0, status, 0, 0, 0, b"")
+            assert "status" not in str(drive.client.refused(reply, "x"))

@@ -1,0 +1,344 @@
+"""The link's commands as a user meets them, against a virtual board."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+
+import numpy as np
+import pytest
+from board_process import HOST
+
+from hexatorque.cli.curves import Curves, braille
+from hexatorque.cli.main import main
+from hexatorque.drive.board import BoardDrive
+from hexatorque.recording.recording import Recording
+
+
+@pytest.fixture
+def call(board, capsys):
+    """call(...) -> code, what was printed; --device is added."""
+
+    def run(*words: str):
+        code = main([*words, "--device", board])
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return run
+
+
+def background(*words: str) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", "hexatorque", *words],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONPATH": str(HOST)},
+    )  # fmt: skip
+
+
+def line_with(process: subprocess.Popen, word: str) -> None:
+    for line in process.stdout:
+        if word in line:
+            return
+    raise AssertionError(f"no {word!r}: {process.stderr.read()}")
+
+
+def test_status(call):
+    code, out, _ = call("status", "--json")
+    status = json.loads(out)
+    assert (code, status["state"], status["faults"]) == (0, "idle", [])
+    assert status["device"] == "virtual f28377s" and status["session"] is False
+    code, out, _ = call("status")
+    assert code == 0 and "state  idle" in out
+
+
+def test_parameters(call, tmp_path, monkeypatch):
+    code, out, _ = call("params", "list", "--json")
+    rows = json.loads(out)
+    assert code == 0 and rows["scheme"]["choices"][0] == "dtc1"
+    assert rows["rs_ohm"]["unit"] == "ohm" and rows["rs_ohm"]["max"] == 1000
+    monkeypatch.delenv("COLUMNS", raising=False)
+    # Into a pipe: a line per parameter, however long.
+    lines = call("params", "list")[1].splitlines()
+    assert sum("│" in line for line in lines) == len(rows)
+    (line,) = [line for line in lines if line.startswith("│ rs_ohm ")]
+    assert "stator resistance" in line and "0 .. 1000" in line
+    code, out, _ = call("params", "set", "rs_ohm=1.75", "scheme=fdr", "--json")
+    assert (code, json.loads(out)) == (0, {"rs_ohm": 1.75, "scheme": "fdr"})
+    code, out, _ = call("params", "get", "rs_ohm", "scheme", "--json")
+    assert json.loads(out) == {"rs_ohm": 1.75, "scheme": "fdr"}
+    file = tmp_path / "of" / "board.toml"
+    assert call("params", "save", str(file))[0] == 0
+    saved = tomllib.loads(file.read_text())["parameters"]
+    assert saved["rs_ohm"] == 1.75 and saved["scheme"] == "fdr" and set(saved) == set(rows)
+    assert call("params", "set", "rs_ohm=1.8")[0] == 0 and call("scheme", "ddr")[0] == 0
+    code, out, _ = call("params", "load", str(file), "--json")
+    assert (code, json.loads(out)["changed"]) == (0, {"rs_ohm": 1.75, "scheme": "fdr"})
+    code, out, _ = call("params", "load", str(file), "--json")
+    assert json.loads(out)["changed"] == {}
+    assert call("params", "set", "rs_ohm=1.8", "scheme=ddr")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["params", "get", "nope"], "no parameter 'nope'"),
+        (["params", "set", "rs_ohm"], "'rs_ohm': write NAME=VALUE"),
+        (["params", "set", "rs_ohm=-1"], "rs_ohm = -1: allowed range is 0 .. 1000 ohm"),
+        (["params", "set", "rs_ohm=nan"], "rs_ohm = nan: allowed range is 0 .. 1000 ohm"),
+        (["params", "set", "rs_ohm=much"], "rs_ohm = 'much': a number is needed"),
+        (["params", "set", "rs_ohm=1.7", "scheme=x"], "scheme = 'x': choose one of dtc1"),
+        (["scheme", "x"], "scheme = 'x': choose one of dtc1"),
+        (["speed", "1e9"], "speed_ref_rpm = 1e+09: allowed range is -30000 .. 30000 r/min"),
+        (["stream", "nope", "-o", "x.csv"], "no channel 'nope': the board has state, faults"),
+        (["stream", "state", "--rate", "1e6", "-o", "x.csv"], "rate_Hz = 1e+06: allowed range"),
+        (["stream", "state", "-o", "x.txt"], "unknown suffix"),
+        (["capture", "state", "--trigger", "x", "-o", "x.csv"], "trigger 'x': choose one of"),
+        (["capture", "state", "--samples", "99999", "-o", "x.csv"], "allowed range is 1 .. 20480"),
+        (["watch", "nope"], "no channel 'nope'"),
+    ],
+)
+def test_mistakes_end_in_one_line(call, words, text, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = call(*words)
+    assert code == 2 and text in err and err.count("\n") == 1 and "Traceback" not in err
+    assert call("params", "get", "rs_ohm", "--json")[1] == '{\n "rs_ohm": 1.8\n}\n'
+
+
+def test_load_is_all_or_nothing(call, tmp_path):
+    file = tmp_path / "b.toml"
+    for text, said in [
+        ("[parameters]\nrs_ohm = 1.5\nnope = 1\n", "no parameter 'nope'"),
+        ("[parameters]\nrs_ohm = 1.5\nrr_ohm = -3\n", "rr_ohm = -3: allowed range"),
+        ("[parameters]\nrs_ohm = 1.5\nscheme = 3\n", "scheme = 3: choose one of"),
+        ("[parameters]\nrs_ohm = 1.5\ntorque_inner_Nm = 900\n", "do not fit together"),
+        ("[parameters]\nrs_ohm = [1.5]\n", "rs_ohm = [1.5]: a number is needed"),
+        ("rs_ohm = 1.5\n", "one table [parameters] is needed"),
+        ("[parameters", str(file)),
+    ]:
+        file.write_text(text)
+        code, _, err = call("params", "load", str(file))
+        assert code == 2 and said in err and err.count("\n") == 1
+        assert call("params", "get", "rs_ohm")[1].split() == ["rs_ohm", "1.8"]
+    assert call("params", "load", str(tmp_path / "none.toml"))[0] == 2
+
+
+def test_a_start_is_guarded_and_ended_by_a_signal(call, board):
+    for number in (signal.SIGINT, signal.SIGTERM):
+        process = background("start", "--speed", "50", "--device", board)
+        line_with(process, "run")
+        assert call("speed", "80")[0] == 0  # from another process
+        assert json.loads(call("status", "--json")[1])["guarded"]
+        process.send_signal(number)
+        _, err = process.communicate(timeout=5)
+        assert (process.returncode, err) == (0, "")
+        status = json.loads(call("status", "--json")[1])
+        assert (status["state"], status["faults"], status["guarded"]) == ("idle", [], False)
+        with BoardDrive.open(board) as drive:
+            while abs(drive.capture(["speed_rpm"], 1)["speed_rpm"][0]) > 20:
+                pass
+
+
+def test_a_start_that_trips(call, board):
+    with BoardDrive.open(board) as drive:
+        trip_A = drive.get("i_trip_A")
+    code, out, err = call("start", "--set", "i_trip_A=0.1", "--json")
+    with BoardDrive.open(board) as drive:
+        drive.set("i_trip_A", trip_A)
+    assert code == 1 and json.loads(out) == {"state": "fault", "faults": ["over-current"]}
+    assert "the drive tripped: over-current" in err
+
+
+def test_a_start_that_is_refused_says_what_to_do(call, board, tmp_path):
+    with BoardDrive.open(board) as drive:
+        trip_A = drive.get("i_trip_A")
+    assert call("start", "--set", "i_trip_A=0.1")[0] == 1
+    assert call("params", "set", f"i_trip_A={trip_A}")[0] == 0
+    code, _, err = call("start")
+    assert code == 1 and "start: not allowed in state fault; clear the fault first" in err
+    # A recording of what the fault left is none that trips.
+    file = str(tmp_path / "after.csv")
+    code, _, err = call("stream", "state", "--rate", "100", "--duration", "0.1", "-o", file)
+    assert (code, err) == (0, "")
+    assert call("clear")[0] == 0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["start", "--duration", "-1"],
+        ["stream", "state", "-o", "x.csv", "--duration", "nan"],
+        ["capture", "state", "-o", "x.csv", "--timeout", "-1"],
+        ["watch", "state", "--window", "0"],
+        ["watch", "state", "--duration", "inf"],
+        ["status", "--baud", "0"],
+        ["devices", "--baud", "-5"],
+        ["board", "--virtual", "--baud", "0"],
+        ["monitor", "--baud", "-1"],
+    ],
+)
+def test_times_and_rates_are_above_zero(words, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(words)
+    assert "above 0" in capsys.readouterr().err
+
+
+def test_ports_that_are_none(capsys, tmp_path):
+    for port, code, said in [
+        (str(tmp_path), 1, "not a serial port"),
+        ("socket://here", 2, "write socket://HOST:PORT"),
+    ]:
+        assert main(["status", "--device", port]) == code
+        assert capsys.readouterr().err == f"hexatorque: {port}: {said}\n"
+
+
+def test_a_name_belongs_to_one_board(tmp_path, capsys):
+    """A second board does not take the name of one that runs, nor a link to anything else; that
+    of a killed board it does."""
+    name = tmp_path / "board"
+    first = background("board", "--virtual", "--setup", "paper-b", "--link", str(name))
+    line_with(first, "Ctrl-C")
+    port = os.readlink(name)
+    assert main(["board", "--virtual", "--setup", "paper-b", "--link", str(name)]) == 2
+    assert "another board" in capsys.readouterr().err and os.readlink(name) == port
+    first.kill()
+    first.communicate()
+    again = background("board", "--virtual", "--setup", "paper-b", "--link", str(name))
+    line_with(again, "Ctrl-C")
+    again.terminate()
+    again.communicate(timeout=10)
+    assert not name.is_symlink()
+    name.symlink_to(tmp_path)
+    assert main(["board", "--virtual", "--setup", "paper-b", "--link", str(name)]) == 2
+    assert name.resolve() == tmp_path
+
+
+def test_a_recording_of_a_board_is_checked_before_it_runs(capsys):
+    assert main(["board", "--virtual", "--record", "x.xyz"]) == 2
+    said = capsys.readouterr()
+    assert "unknown suffix" in said.err and said.out == ""
+
+
+def test_stop_and_clear_from_elsewhere(call, board):
+    process = background("start", "--speed", "50", "--device", board)
+    line_with(process, "run")
+    code, out, _ = call("stop", "--json")
+    assert (code, json.loads(out)) == (0, {"state": "idle"})
+    out, _ = process.communicate(timeout=5)
+    assert process.returncode == 0 and "stopped by somebody else" in out
+    code, _, err = call("clear")
+    assert code == 1 and "clear: not allowed in state idle" in err
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz"])
+def test_stream_for_a_time(call, tmp_path, suffix):
+    file = tmp_path / f"run{suffix}"
+    code, out, _ = call(
+        "stream", "speed_rpm", "torque_Nm", "--rate", "1000", "--duration", "1.5",
+        "--start", "--speed", "100", "-o", str(file), "--json",
+    )  # fmt: skip
+    summary = json.loads(out)
+    assert code == 0 and (summary["samples"], summary["lost_samples"]) == (1500, 0)
+    recording = Recording.load(file)
+    assert list(recording.channels) == ["speed_rpm", "torque_Nm"] and len(recording) == 1500
+    assert recording.rate_Hz == 1000 and recording.units["torque_Nm"] == "N m"
+    assert recording["speed_rpm"][-1] > 60 > 10 > abs(recording["speed_rpm"][0])
+    meta = recording.meta
+    assert meta["closed"] and meta["gaps"] == meta["lost_samples"] == meta["crc_errors"] == 0
+    assert meta["parameters"]["controller"]["speed_ref_rpm"] == 100 and meta["state"] == "run"
+    assert meta["ended"] == "duration" and meta["started_uncertainty_s"] > 0
+    assert json.loads(call("status", "--json")[1])["state"] == "idle"  # what it started
+
+
+def test_a_stream_ends_by_a_signal_with_a_whole_file(board, tmp_path):
+    file = tmp_path / "run.csv"
+    process = background("stream", "vdc_V", "--rate", "500", "--device", board, "-o", str(file))
+    line_with(process, "500 Hz")
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=5)
+    assert (process.returncode, err) == (0, "")
+    recording = Recording.load(file)
+    assert recording.meta["closed"] and len(recording) > 300
+    assert recording.meta["ended"] == "user"
+    assert not np.isnan(recording["vdc_V"]).any()
+
+
+def test_a_killed_stream_leaves_what_it_had(board, tmp_path):
+    file = tmp_path / "run.csv"
+    process = background("stream", "vdc_V", "--rate", "500", "--device", board, "-o", str(file))
+    line_with(process, "500 Hz")
+    time.sleep(1.0)
+    process.kill()
+    process.communicate()
+    recording = Recording.load(file)
+    assert not recording.meta["closed"] and len(recording) > 300
+
+
+def test_capture(call, tmp_path):
+    file = tmp_path / "step.npz"
+    code, out, _ = call(
+        "capture", "i_u1_A", "speed_rpm", "--samples", "1000", "--pre", "300", "--trigger",
+        "rising:speed_rpm:20", "--start", "--speed", "100", "-o", str(file), "--json",
+    )  # fmt: skip
+    assert code == 0 and json.loads(out)["samples"] == 1000
+    recording = Recording.load(file)
+    assert recording.rate_Hz == 10000 and recording.start_s == -0.03
+    assert recording["speed_rpm"][299] < 20 <= recording["speed_rpm"][300]
+    assert recording.meta["trigger_s"] == 0
+    code, _, err = call(
+        "capture", "state", "--trigger", "fault", "--timeout", "0.2", "-o", str(file)
+    )
+    assert code == 1 and "not complete within 0.2 s (waiting)" in err
+    assert json.loads(call("status", "--json")[1])["capture"] == "none"
+
+
+def test_watch(call):
+    code, out, _ = call("watch", "vdc_V", "speed_rpm", "--duration", "0.5")
+    assert (code == 0 and "vdc_V" in out and "speed_rpm" in out and "⠉" in out) or "⠤" in out
+    code, out, _ = call("watch", "vdc_V", "--duration", "0.5", "--json")
+    assert code == 0 and json.loads(out)["vdc_V"] > 100
+
+
+def test_a_curve_is_where_its_points_are():
+    corners = braille(np.array([0.0, 0.999, 0.0, 0.999]), np.array([0, 0, 1.0, 1.0]), 3, 2)
+    assert corners == ["⠁⠀⠈", "⡀⠀⢀"]
+    curves = Curves(("a",), ["V"], window_s=1.0)
+    curves.add(np.array([0.0, 1.0, 2.0]), np.array([[5.0], [6.0], [7.0]], np.float32))
+    text = "\n".join(part.plain for part in curves.drawn(12).renderables)
+    assert text.startswith("a 7 V   6 .. 7\n")  # 5 is older than the window
+    assert curves.latest() == [7.0]
+
+
+def test_devices(board, capsys, monkeypatch, shared_board):
+    from hexatorque.serial import devices, runtime
+
+    monkeypatch.setattr(devices.list_ports, "comports", lambda: [])
+    assert main(["devices"]) == 1
+    assert "no board found" in capsys.readouterr().err
+    path = runtime.announce(os.path.realpath(board), "my board")
+    path.write_text(path.read_text().replace(str(os.getpid()), str(shared_board.pid)))
+    assert main(["devices", "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found["where"] == "my board" and found["device"] == "virtual f28377s"
+    assert main(["status", "--json"]) == 0  # the only one needs no --device
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["devices"], ["status"], ["start"], ["stop"], ["clear"], ["speed"], ["scheme"], ["stream"],
+        ["capture"], ["watch"], *(["params", w] for w in ("list", "get", "set", "save", "load")),
+    ],
+)  # fmt: skip
+def test_help_has_an_example_that_parses(words, capsys):
+    from hexatorque.cli.main import _parser
+
+    with pytest.raises(SystemExit) as caught:
+        main([*words, "--help"])
+    out = capsys.readouterr().out
+    assert caught.value.code == 0
+    example = out.partition("example:\n  hexatorque ")[2].partition("\n\n")[0]
+    assert _parser().parse_args(example.replace("\\\n", " ").split())

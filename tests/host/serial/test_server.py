@@ -1,0 +1,472 @@
+"""The port's server: several processes share a port through it, and it is named when it hangs."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from board_process import HOST
+
+from hexatorque.cli.main import main
+from hexatorque.drive.board import BoardDrive
+from hexatorque.serial import LinkError, devices, runtime, wire
+from hexatorque.serial.exchange import Busy, Unpacker, packed
+from hexatorque.serial.wire import Op
+
+
+@pytest.fixture
+def first(board):
+    with BoardDrive.open(board) as drive:
+        assert not drive.client.transport.shared
+        yield drive
+
+
+@pytest.fixture
+def second(board, first):
+    with BoardDrive.open(board) as drive:
+        assert drive.client.transport.shared
+        assert drive.client.transport.pid == first.client.transport.pid != os.getpid()
+        yield drive
+
+
+def until(condition, seconds=2.0):
+    begun = time.monotonic()
+    while not condition():
+        assert time.monotonic() - begun < seconds
+        time.sleep(0.01)
+
+
+def test_both_command_the_drive(first, second):
+    second.set("speed_ref_rpm", 50.0)
+    assert first.get("speed_ref_rpm") == 50
+    first.start()
+    until(lambda: second.state == "run")
+    second.stop()
+    assert first.state == "idle"
+    with pytest.raises(LinkError, match="do not fit together"):
+        second.set_many({"torque_inner_Nm": 900.0})
+
+
+def test_a_second_that_leaves_does_not_stop_the_firsts_drive(board, first):
+    first.start()
+    with BoardDrive.open(board) as second:
+        second.set("speed_ref_rpm", 50.0)
+    until(lambda: first.state == "run")
+    time.sleep(0.3)
+    assert first.state == "run"
+
+
+@pytest.mark.parametrize("how", ["leaves", "dies", "hangs"])
+def test_a_second_that_started_the_drive_and_is_gone_stops_it(board, first, how):
+    process = subprocess.Popen(
+        [sys.executable, "-c", SECOND, board, how], stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(HOST)},
+    )  # fmt: skip
+    try:
+        assert process.stdout.readline() == "True\n"
+        assert first.state == "run"
+        begun = first.client.latest.tick
+        process.stdin.close()
+        until(lambda: first.state == "idle", 1.0)
+        took_s = (first.client.latest.tick - begun) / first.hello.f_isr_Hz
+        assert took_s < 0.35 and first.faults == []
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+SECOND = """
+import os, signal, sys
+from hexatorque.drive.board import BoardDrive
+drive = BoardDrive.open(sys.argv[1])
+drive.start()
+while drive.state != "run":
+    pass
+print(drive.client.transport.shared, flush=True)
+sys.stdin.read()
+if sys.argv[2] == "leaves":
+    drive.close()
+os.kill(os.getpid(), {"leaves": 0, "dies": signal.SIGKILL, "hangs": signal.SIGSTOP}[sys.argv[2]])
+"""
+
+
+@pytest.mark.parametrize("how", ["leaves", "dies"])
+def test_the_first_is_not_needed_any_more(board, how):
+    """Nothing is handed over: the port stays open, no sample is lost."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", FIRST, board],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONPATH": str(HOST)},
+    )  # fmt: skip
+    try:
+        assert process.stdout.readline() == "False\n"
+        with BoardDrive.open(board) as second, second.stream(["speed_rpm"], rate_Hz=500) as stream:
+            server = second.client.transport.pid
+            if how == "dies":
+                process.kill()
+            process.stdin.close()
+            process.wait()
+            with BoardDrive.open(board) as third:
+                assert third.client.transport.pid == server
+                third.start()
+                until(lambda: third.state == "run")
+                third.stop()
+                assert second.state == "idle"
+            assert stream.read(1.0) is not None
+            assert (stream.gaps, second.client.counters.reconnects) == (0, 0)
+    finally:
+        process.kill()
+        process.wait()
+        process.stdin.close()
+        process.stdout.close()
+
+
+FIRST = """
+import sys
+from hexatorque.drive.board import BoardDrive
+with BoardDrive.open(sys.argv[1]) as drive:
+    print(drive.client.transport.shared, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_streams_of_both_at_once(first, second):
+    mine = first.stream(["speed_rpm"], rate_Hz=500)
+    other = second.stream(["torque_Nm", "vdc_V"], rate_Hz=1000)
+    assert (mine._slot, other._slot) == (0, 0)  # each its own numbers
+    time.sleep(0.5)
+    other.close()
+    mine.close()
+    for stream, every, width in ((mine, 20, 1), (other, 10, 2)):
+        blocks = stream.waiting()
+        ticks = np.concatenate([t for t, _ in blocks])
+        assert len(ticks) > 0.1 * 10000 / every and np.all(np.diff(ticks) == every)
+        assert blocks[0][1].shape[1] == width and (stream.lost, stream.damaged) == (0, 0)
+    assert np.concatenate([v for _, v in blocks])[:, 1].min() > 100
+
+
+def test_streams_end_with_their_client(board, first):
+    for _ in range(3):
+        with BoardDrive.open(board) as second:
+            streams = [second.stream(["torque_Nm"], rate_Hz=100) for _ in range(4)]
+            with pytest.raises(LinkError, match="all 4 streams are in use") as caught:
+                second.stream(["torque_Nm"], rate_Hz=100)
+            with pytest.raises(LinkError, match="all of the board's streams") as caught:
+                first.stream(["torque_Nm"], rate_Hz=100)
+            assert caught.value.status == wire.Status.NO_STREAM == 23
+            assert streams[3].read(1.0)
+    first.stream(["torque_Nm"], rate_Hz=100).close()
+
+
+def test_a_second_captures(second):
+    recording = second.capture(["vdc_V", "state"], 2000, pre=500, timeout_s=3.0)
+    assert len(recording) == 2000 and recording["vdc_V"].min() > 100
+
+
+def path_of(board):
+    return runtime.port_path(board, "sock")
+
+
+@pytest.fixture
+def address(board):
+    with runtime.short(path_of(board)) as name:
+        yield name
+
+
+def test_rubbish_on_the_socket_harms_nobody(board, first, second, address):
+    for rubbish in (b"\0" * 9, os.urandom(9000), b"\0" + b"\x05abcd" + b"\0", b"\xff\xff"):
+        with socket.socket(socket.AF_UNIX) as peer:
+            peer.connect(address)
+            peer.sendall(rubbish)
+    assert second.get("scheme") == "ddr"
+
+
+def test_what_a_dead_server_left_is_no_obstacle(board):
+    path_of(board).write_text("")
+    runtime.port_path(board, "lock").write_text("{")
+    with BoardDrive.open(board) as drive:
+        assert drive.state == "idle"
+
+
+def test_the_server_is_named_and_ends_after_its_last_client(board):
+    lock = runtime.port_path(board, "lock")
+    with BoardDrive.open(board) as drive:
+        server = runtime.locked(lock)
+        assert server.pid == drive.client.transport.pid
+        assert server.port == board and "hexatorque.serial.server" in server.command
+        assert server.started.startswith("20")
+        assert os.getsid(server.pid) != os.getsid(0)  # no Ctrl-C in a terminal is meant for it
+    until(lambda: not lock.exists(), 10.0)
+    assert not path_of(board).exists()
+    with pytest.raises(ProcessLookupError):
+        until(lambda: os.kill(server.pid, 0), 10.0)
+
+
+def test_many_clients_at_once_start_one_server(board):
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", SHOW, board], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            text=True, env={**os.environ, "PYTHONPATH": str(HOST)},
+        )
+        for _ in range(4)
+    ]  # fmt: skip
+    pids = {process.stdout.readline() for process in processes}
+    for process in processes:
+        process.communicate()
+    assert len(pids) == 1 and int(pids.pop())
+
+
+SHOW = """
+import sys
+from hexatorque.drive.board import BoardDrive
+with BoardDrive.open(sys.argv[1]) as drive:
+    print(drive.client.transport.pid, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_stop_goes_before_what_waits(board, first, address):
+    """Requests of a crowd wait in line; a STOP overtakes them all, and withdraws a START."""
+    with socket.socket(socket.AF_UNIX) as crowd, socket.socket(socket.AF_UNIX) as stopper:
+        for peer in (crowd, stopper):
+            peer.settimeout(5.0)
+            peer.connect(address)
+            assert peer.recv(4096)
+        crc = first.client.dictionary
+        ask = [wire.request(Op.GET, k, 0, crc, bytes(200)) for k in range(6)]
+        ask.append(wire.request(Op.START, 6, 0, crc))
+        os.kill(first.client.transport.pid, signal.SIGSTOP)
+        crowd.sendall(b"".join(packed(body) for body in ask))
+        stopper.sendall(packed(wire.request(Op.STOP, 99, 0, 0)))
+        os.kill(first.client.transport.pid, signal.SIGCONT)
+        replies = {}
+        for name, peer in (("stopper", stopper), ("crowd", crowd)):
+            unpacker, bodies = Unpacker(), []
+            while len(bodies) < (1 if name == "stopper" else 7):
+                bodies += [b for b in unpacker.push(peer.recv(65536)) if b[0] not in (0xF1, 0xF2)]
+            replies[name] = bodies
+    (stopped,) = replies["stopper"]
+    stop = wire.parse_reply(stopped)
+    assert (stop.op, stop.id, stop.status) == (Op.STOP, 99, 0)
+    gets = [wire.parse_reply(body) for body in replies["crowd"] if body[0] == 0x80 + Op.GET]
+    assert len(gets) == 6 and sum(reply.tick > stop.tick for reply in gets) >= 5
+    (failed,) = [body for body in replies["crowd"] if body[0] == 0xF3]
+    assert failed[1:3] == bytes((Op.START, 6)) and b"withdrawn" in failed
+
+
+def test_a_long_runtime_directory(board, tmp_path, monkeypatch):
+    """A socket's address has 107 bytes."""
+    folder = tmp_path / ("x" * 100)
+    folder.mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    with BoardDrive.open(board) as drive:
+        assert drive.state == "idle"
+        os.kill(drive.client.transport.pid, signal.SIGTERM)  # another folder than the fixture's
+
+
+# -- a port that others have, servers that hang
+
+
+def test_a_foreign_program_is_named(own_board, capsys):
+    """Whether it locks the port or not."""
+    for lock in (False, True):
+        with subprocess.Popen(
+            [sys.executable, "-c", FOREIGN, own_board.url, str(lock)],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        ) as other:  # fmt: skip
+            other.stdout.readline()
+            begun = time.monotonic()
+            for words in (["status"], ["stop"]):
+                assert main([*words, "--device", own_board.url]) == 1
+                said = capsys.readouterr().err
+                assert f": in use by process {other.pid} (" in said and said.count("\n") == 1
+                assert "import sys, serial" in said  # its command
+            assert time.monotonic() - begun < 10
+            other.stdin.close()
+            other.wait()
+    assert main(["status", "--device", own_board.url]) == 0
+
+
+FOREIGN = """import sys, serial
+port = serial.Serial(sys.argv[1], exclusive=True) if sys.argv[2] == "True" else open(sys.argv[1])
+print(flush=True)
+sys.stdin.read()
+"""
+
+
+def test_the_server_keeps_others_out(board, first, tmp_path):
+    import serial
+
+    with pytest.raises(serial.SerialException, match="exclusively lock"):
+        serial.Serial(board, exclusive=True)
+    # Another user's server, or one with another runtime directory.
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "elsewhere"))
+        with pytest.raises(Busy, match=f"in use by process {first.client.transport.pid} .*server"):
+            BoardDrive.open(board)
+
+
+@pytest.fixture
+def hung(board):
+    """A server that stands still while a drive runs."""
+    with BoardDrive.open(board) as drive:
+        drive.start()
+        until(lambda: drive.state == "run")
+        pid = drive.client.transport.pid
+        os.kill(pid, signal.SIGSTOP)
+        yield drive
+        os.kill(pid, signal.SIGCONT)
+        until(lambda: drive.state == "fault", 10.0)
+
+
+@pytest.mark.parametrize("words", [["stop"], ["status"]])
+def test_a_server_that_hangs_is_named(board, hung, words, capsys):
+    pid = hung.client.transport.pid
+    begun = time.monotonic()
+    assert main([*words, "--device", board]) == 1
+    took_s = time.monotonic() - begun
+    assert capsys.readouterr().err == (
+        f"hexatorque: {board}: the port server, process {pid}, does not answer; the board stops "
+        f"a running drive by itself after 250 ms; end it with: kill -9 {pid}\n"
+    )
+    assert 0.9 < took_s < 5
+    with pytest.raises(LinkError, match=f"process {pid}, does not answer"):
+        hung.stop()  # one that was there before is told the same
+
+
+def test_what_the_message_says_helps(board):
+    with BoardDrive.open(board) as drive:
+        drive.start()
+        until(lambda: drive.state == "run")
+        pid = drive.client.transport.pid
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(0.4)
+        os.kill(pid, signal.SIGKILL)
+        until(lambda: drive.client.counters.reconnects == 1, 10.0)
+        assert drive.client.transport.pid != pid
+        assert (drive.state, drive.faults) == ("fault", ["link lost"])
+        assert drive.resets == 0
+
+
+def test_a_client_that_does_not_read_blocks_nobody(board, first, address):
+    """Its samples wait up to a limit, the others' come."""
+    with socket.socket(socket.AF_UNIX) as deaf:
+        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        deaf.connect(address)
+        crc = first.client.dictionary
+        deaf.sendall(packed(wire.request(Op.OPEN, 1, 0, crc, wire.open_session(1, 1))))
+        deaf.sendall(packed(wire.request(Op.STREAM, 2, 0, crc, wire.stream(0, (2,) * 6, 10))))
+        with first.stream(["speed_rpm"], rate_Hz=500) as stream:
+            end, ticks = time.monotonic() + 2.0, []
+            while time.monotonic() < end:
+                if block := stream.read(0.1):
+                    ticks.append(block[0])
+                assert first.get("scheme") == "ddr"
+            assert len(np.concatenate(ticks)) > 100 and stream.lost == 0
+
+
+def test_without_a_reader_memory_is_bounded():
+    """The queue of one client, filled by hand: replies find room, samples do not."""
+    from hexatorque.serial import server
+
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        peer = server.Peer(ours)
+        some = object.__new__(server.Server)
+        some.splitter, some.confused, some.retries = wire.Splitter(), 0, 0
+        for _ in range(400_000):
+            some._send(peer, b"\x40" + bytes(41))
+        full = len(peer.out)
+        assert full < server.WAITING_BYTES + 100
+        some._answered(peer, bytes(40))
+        assert len(peer.out) == full + 42
+
+
+# -- finding boards
+
+
+@pytest.fixture
+def announced(shared_board, monkeypatch):
+    """Only what is announced: the ports of this machine are nobody's business."""
+    monkeypatch.setattr(devices.list_ports, "comports", lambda: [])
+    port = os.path.realpath(shared_board.url)
+    path = runtime.announce(port, "a virtual board")
+    text = path.read_text().replace(str(os.getpid()), str(shared_board.pid))
+    path.write_text(text)
+    return port
+
+
+def test_an_announced_board_is_found(announced):
+    (found,) = devices.find()
+    assert (found.port, found.device, found.shared) == (announced, "virtual f28377s", False)
+    with BoardDrive.open() as drive:
+        assert drive.client.url == announced
+        (found,) = devices.find()
+        assert found.shared
+
+
+def test_boards_that_are_gone_are_forgotten(announced, tmp_path):
+    finished = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"],
+                              capture_output=True, text=True, check=True)  # fmt: skip
+    stale = runtime.directory() / "board-1.json"
+    stale.write_text(f'{{"port": "/dev/pts/0", "pid": {int(finished.stdout)}, "title": "gone"}}')
+    broken = runtime.directory() / "board-2.json"
+    broken.write_text("{")
+    assert [board.port for board in devices.find()] == [announced]
+    assert not stale.exists() and not broken.exists()
+
+
+def test_a_port_that_a_program_has_is_not_touched(announced):
+    code = "import sys; f = open(sys.argv[1]); print(flush=True); sys.stdin.read()"
+    with subprocess.Popen(
+        [sys.executable, "-c", code, announced],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+    ) as other:  # fmt: skip
+        other.stdout.readline()
+        assert devices.find() == []
+        with pytest.raises(LinkError, match=f"no board found.*in use by process {other.pid} "):
+            BoardDrive.open()
+        other.stdin.close()
+        other.wait()
+    assert len(devices.find()) == 1
+
+
+def test_a_device_that_is_no_board_is_passed_over(announced, monkeypatch):
+    import types
+
+    master, slave = os.openpty()
+    mute = types.SimpleNamespace(device=os.ttyname(slave), description="a modem")
+    monkeypatch.setattr(devices.list_ports, "comports", lambda: [mute])
+    begun = time.monotonic()
+    assert [board.port for board in devices.find()] == [announced]
+    assert time.monotonic() - begun < 5
+    os.close(master)
+    os.close(slave)
+
+
+def test_none_and_several_boards(announced, monkeypatch, own_board):
+    runtime.announce(os.path.realpath(own_board.url), "another")
+    path = next(p for p in runtime.directory().glob("board-*") if "another" in p.read_text())
+    path.write_text(path.read_text().replace(str(os.getpid()), str(own_board.pid)))
+    with pytest.raises(LinkError, match="2 boards found, choose one: /dev/pts/") as caught:
+        BoardDrive.open()
+    assert caught.value.mistake
+    monkeypatch.setattr(runtime, "announced", lambda: [])
+    with pytest.raises(LinkError, match="no board found"):
+        BoardDrive.open()
+
+
+def test_the_runtime_directory_is_ones_own(monkeypatch, tmp_path):
+    assert runtime.directory().stat().st_mode & 0o777 == 0o700
+    runtime.directory().chmod(0o755)
+    with pytest.raises(LinkError, match="belongs to you alone"):
+        runtime.directory()
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    assert runtime.directory() == tmp_path / f"hexatorque-{os.getuid()}"

@@ -1,0 +1,136 @@
+"""Set-ups and scenarios: what is refused, and how it is said."""
+
+import pytest
+
+from hexatorque import setups
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.setups import SetupError
+
+BASE = 'setup = "paper-b"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[machine]\nrs_ohms = 1\n", ("machine.rs_ohms", "rs_ohm")),
+        ("[machine]\nrs_ohm = -1\n", ("machine.rs_ohm", "0.0001 .. 1000 ohm")),
+        ("[machine]\nrs_ohm = nan\n", ("machine.rs_ohm", "allowed range")),
+        ("[machine]\nrs_ohm = inf\n", ("machine.rs_ohm", "allowed range")),
+        ("[machine]\nrs_ohm = true\n", ("machine.rs_ohm", "number")),
+        ('[machine]\nrs_ohm = "6"\n', ("machine.rs_ohm", "number")),
+        ("[machine]\npsi_knee_Wb = 1e-200\n", ("machine.psi_knee_Wb", "0 (linear)", "0.001 Wb")),
+        ("[machine]\npole_pairs = 1.5\n", ("machine.pole_pairs", "whole")),
+        ("[machine]\ndrs_ohm = [1, 2]\n", ("machine.drs_ohm", "six")),
+        ("[machine]\ndrs_ohm = [-7, 0, 0, 0, 0, 0]\n", ("machine.drs_ohm", "above 0")),
+        ("[machina]\nrs_ohm = 1\n", ("machina", "machine")),
+        ("machine = 3\n", ("machine", "table")),
+        ("[machine]\nrs_ohm = { value = 6, tag = 'guess' }\n", ("machine.rs_ohm", "tag")),
+        ("[machine]\nrs_ohm = { valu = 6 }\n", ("machine.rs_ohm", "value")),
+        ('[timing]\nlatency = "late"\n', ("timing.latency", "predicted")),
+        ('[controller]\nscheme = "ddt"\n', ("controller.scheme", "ddr-ml")),
+        ("[controller]\npredict = 1\n", ("controller.predict", "timing.latency")),
+        ("[controller]\nflux_ref_Wb = 1e9\n", ("controller.flux_ref_Wb", "0.001 .. 100 Wb")),
+        ("[controller]\nkp_xy = 1\n", ("controller.kp_xy", "kp_xy_pu_A")),
+        ("[profile]\nduration_s = 0\n", ("profile.duration_s", "allowed range")),
+        ("[profile]\nspeed_rpm = [[1, 2], [1, 3]]\n", ("profile.speed_rpm", "ascend")),
+        ("[profile]\nspeed_rpm = 'fast'\n", ("profile.speed_rpm", "pairs")),
+        ("[profile]\nset = [[1, 'f_isr_Hz', 5000]]\n", ("f_isr_Hz", "while the drive runs")),
+        ("[profile]\nsamples_per_period = 3\n", ("samples_per_period", "choose")),
+        ("[profile]\nspeeds = 3\n", ("profile.speeds", "speed_rpm")),
+        ("[inverter]\nvdc_V = 600\n", ("inverter.vdc_V", "vdc_full_V")),
+        ("x = [\n", ("TOML",)),
+    ],
+)
+def test_refused_with_the_name_and_the_range(text, words):
+    with pytest.raises(SetupError) as error:
+        setups.parse(text if text.startswith("machine") else BASE + text, "test")
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_missing_values_are_named():
+    with pytest.raises(SetupError, match=r"machine\.pole_pairs is missing"):
+        setups.parse("[inverter]\nvdc_V = 100\n", "test")
+
+
+def test_unknown_set_up_and_file(tmp_path):
+    with pytest.raises(SetupError, match="did you mean 'paper-b'"):
+        setups.load("paper-bb")
+    with pytest.raises(SetupError, match="No such file"):
+        setups.load(tmp_path / "none.toml")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(SetupError, match="not a text file"):
+        setups.load(tmp_path / "binary.toml")
+
+
+@pytest.mark.parametrize("name", setups.builtin_names())
+def test_every_built_in_value_is_tagged(name):
+    setup = setups.load(name)
+    for section, values in setup.values.items():
+        for key, value in values.items():
+            if (section, key) != ("controller", "scheme"):
+                assert value.tag in setups.TAGS, f"{section}.{key}"
+
+
+def test_controller_follows_the_machine_unless_told_otherwise():
+    setup = setups.load("paper-b")
+    assert setup.controller_values()["rs_ohm"] == 6.0
+    mismatched = setup.changed(controller__rs_ohm=7.0)
+    assert mismatched.controller_values()["rs_ohm"] == 7.0
+    assert mismatched["machine.rs_ohm"] == 6.0
+    assert setup.changed(machine__rs_ohm=5.0).controller_values()["rs_ohm"] == 5.0
+
+
+def test_drops_that_would_stop_time_are_refused():
+    from hexatorque.drive.simulated import SimulatedDrive
+
+    setup = setups.load("paper-b").changed(inverter__v_switch_V=10.0)
+    SimulatedDrive(setup)
+    with pytest.raises(SetupError, match=r"inverter\.v_switch_V.*0\.1 us"):
+        SimulatedDrive(setup.changed(machine__lls_H=1e-6))
+
+
+def test_a_machine_too_fast_for_the_integration_gives_no_numbers():
+    from hexatorque.drive.simulated import SimulatedDrive
+
+    fast = setups.load("paper-b").changed(machine__lxy_H=1e-6, machine__rs_ohm=1000.0)
+    sim = SimulatedDrive(fast)
+    sim.start()
+    with pytest.raises(ArithmeticError, match="diverged"):
+        sim.run(0.4)
+
+
+def test_inconsistent_bands_are_refused_by_the_firmware():
+    from hexatorque.drive.simulated import SimulatedDrive
+    from hexatorque.firmware import FirmwareError
+
+    setup = setups.load("paper-b").changed(controller__torque_inner_Nm=0.5)
+    with pytest.raises(FirmwareError, match="do not fit together"):
+        SimulatedDrive(setup)
+
+
+def test_step_follows_the_machine():
+    """A machine whose windings are faster than the usual step gets a shorter one."""
+    usual = SimulatedDrive(setups.load("paper-b"))
+    fast = SimulatedDrive(setups.load("paper-b").changed(machine__lxy_H=0.3e-3))
+    assert usual._timing.max_step == round(100e-6 * usual._timing.clock_Hz)
+    longest_s = fast._timing.max_step / fast._timing.clock_Hz
+    assert longest_s == pytest.approx(0.1 * 0.3e-3 / 6.0, rel=0.1)
+
+
+@pytest.mark.parametrize("us", (0.0, 0.1, 7.0))
+def test_dead_time_that_the_board_does_not_allow_is_named(us):
+    said = rf"inverter\.dead_time_us = {us:g}: allowed range is 1 \.\. 6\.82 us"
+    with pytest.raises(setups.SetupError, match=said):
+        setups.load("paper-a").changed(inverter__dead_time_us=us)
+
+
+@pytest.mark.parametrize("name", ("paper-a", "paper-a-feasible", "paper-b", "paper-b-fitted"))
+def test_dead_times_of_the_papers_are_whole_counts(name):
+    """2.3 us at 150 MHz (paper A) and 2.0 us at 100 MHz: rounding up adds nothing."""
+    sim = SimulatedDrive(setups.load(name))
+    m, words = sim.controller.map, sim.controller.register_words()
+    counts = {(2.3, 150e6): 345, (2.0, 100e6): 200}[
+        sim.setup["inverter.dead_time_us"], m.pwm_clock_Hz
+    ]
+    assert words[m.epwm + m.dbred] == words[m.epwm + m.dbfed] == counts
