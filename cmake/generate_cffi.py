@@ -22,6 +22,7 @@ HEADERS = (
     "ht_regfile.h",
     "ht_pil_host.h",
     "ht_virtual_board.h",
+    "ht_burst_rows.h",
     "ht_octets.h",
     "ht_dictionary.h",
 )

@@ -356,7 +356,7 @@ class SimulatedDrive(DriveVerbs):
                 f"{MAX_STEP_S * 1e6:g} us?"
             )
         if self._burst:
-            self._burst.feed(channels, self.periods)
+            self._burst.feed(channels, self.periods + 1)  # the firmware counts from 1
         self.periods += n
         if not record:
             self.discard()
@@ -418,34 +418,35 @@ class SimulatedDrive(DriveVerbs):
 
     def trigger(self) -> None:
         if self._burst:
-            self._burst.manual = True
+            self._burst.trigger()
 
     def cancel(self) -> None:
         self._burst = None
 
     def _commanded(self) -> None:
         if self._burst:
-            self._burst.command = True
+            self._burst.commanded()
 
     def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
         burst, begun_s = self._burst, self.time_s
         if burst is None:
             raise SetupError("capture: none is armed")
-        burst.manual |= now
+        if now:
+            burst.trigger()
         while not burst.complete:
             if timeout_s is not None and self.time_s - begun_s > timeout_s:
                 raise SetupError(f"capture: not complete within {timeout_s:g} s")
             self.run(CAPTURE_TURN_S)
-        assert burst.period is not None
+        assert burst.tick is not None
+        values = burst.values
         units = dict(firmware.channels())
         data = {
-            name: np.ascontiguousarray(burst.values[:, column])
+            name: np.ascontiguousarray(values[:, column])
             for column, name in enumerate(self._burst_names)
         }
         meta = {
             **self._meta(),
-            # The firmware counts from 1.
-            **metadata(burst.period + 1, burst.pre, burst.prescaler, 1 / self.period_s),
+            **metadata(burst.tick, burst.pre, burst.prescaler, 1 / self.period_s),
         }
         rate_Hz = 1 / (self.period_s * burst.prescaler)
         units = {name: units[name] for name in self._burst_names}
