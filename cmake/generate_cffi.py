@@ -23,6 +23,8 @@ HEADERS = (
     "ht_pil_host.h",
     "ht_virtual_board.h",
     "ht_octets.h",
+    "ht_opcodes.h",
+    "ht_snapshot.h",
     "ht_dictionary.h",
 )
 

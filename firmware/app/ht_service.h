@@ -33,11 +33,6 @@
 /** The watchdog's time on a board. */
 enum { HT_SERVICE_WATCHDOG_MS = 250 };
 
-/** Opcodes. A START is never carried out twice. */
-#define HT_SERVICE_START 0x08u
-/** A STOP may come from whoever reaches the line, at any time. */
-#define HT_SERVICE_STOP 0x09u
-
 /** Status of a reply; smaller ones are ht_result. */
 enum {
     HT_SERVICE_OPCODE = 16,

@@ -50,35 +50,40 @@ void ht_packet_add_text(ht_packet *p, const char *text)
     ht_packet_add8(p, 0u);
 }
 
-void ht_outgoing_set(ht_outgoing *out, ht_packet *p)
+/* COBS, without the zero that closes a frame: blocks of up to 254 octets other than zero, each
+ * after its length + 1. A zero follows every block but a full one and the last. Returns the
+ * end. */
+static uint16_t *encode(uint16_t *out, const uint16_t *octets, uint16_t n)
 {
-    uint16_t code_at = 0u; /* where the present block's length goes */
-    uint16_t code = 1u;
-    uint16_t end = 1u;
-    uint16_t total = (uint16_t)(p->n + HT_PACKET_CRC);
-    uint16_t i;
-    ht_put32(&p->octet[p->n], ht_crc32(0u, p->octet, p->n));
-    for (i = 0u; i < total; i++) {
-        if (code == COBS_FULL) { /* opened only when an octet follows */
-            out->octet[code_at] = code;
-            code_at = end;
-            end++;
-            code = 1u;
+    const uint16_t *next = octets;
+    const uint16_t *end = &octets[n];
+    uint16_t *at = out;
+    bool more = true;
+    while (more) {
+        uint16_t *code = at;
+        const uint16_t *stop = ((end - next) < (int)(COBS_FULL - 1u)) ? end : &next[COBS_FULL - 1u];
+        at++;
+        while ((next != stop) && (*next != 0u)) {
+            *at = *next;
+            at++;
+            next++;
         }
-        if (p->octet[i] != 0u) {
-            out->octet[end] = p->octet[i];
-            end++;
-            code++;
-        } else {
-            out->octet[code_at] = code;
-            code_at = end;
-            end++;
-            code = 1u;
+        *code = (uint16_t)(at - code);
+        more = next != end;
+        if (more && (*code != COBS_FULL)) {
+            next++; /* the zero */
         }
     }
-    out->octet[code_at] = code;
-    out->octet[end] = 0u;
-    out->n = (uint16_t)(end + 1u);
+    return at;
+}
+
+void ht_outgoing_set(ht_outgoing *out, ht_packet *p)
+{
+    uint16_t *end;
+    ht_put32(&p->octet[p->n], ht_crc32(0u, p->octet, p->n));
+    end = encode(out->octet, p->octet, (uint16_t)(p->n + HT_PACKET_CRC));
+    *end = 0u;
+    out->n = (uint16_t)((end - out->octet) + 1);
     out->sent = 0u;
 }
 

@@ -424,7 +424,7 @@ def test_garbage_for_an_answer():
     talker.start()
     with (
         board.BoardTarget(line.name, timeout_s=0.5) as target,
-        pytest.raises(TargetError, match=r"octets came, but no reply in them: is the board's rate"),
+        pytest.raises(TargetError, match=r"bytes came, but no reply in them: is the board's rate"),
     ):
         target.controller("f28335", {})
     os.close(line.near)
