@@ -55,25 +55,26 @@ void ht_packet_add_text(ht_packet *p, const char *text)
  * end. */
 static uint16_t *encode(uint16_t *out, const uint16_t *octets, uint16_t n)
 {
-    const uint16_t *next = octets;
     const uint16_t *end = &octets[n];
-    uint16_t *at = out;
-    bool more = true;
-    while (more) {
-        uint16_t *code = at;
-        const uint16_t *stop = ((end - next) < (int)(COBS_FULL - 1u)) ? end : &next[COBS_FULL - 1u];
-        at++;
-        while ((next != stop) && (*next != 0u)) {
-            *at = *next;
+    const uint16_t *next;
+    uint16_t *code = out; /* where the present block's length goes */
+    uint16_t *at = &out[1];
+    for (next = octets; next != end; next++) {
+        uint16_t octet = *next;
+        if ((at - code) == (int)COBS_FULL) { /* the next block opens when an octet follows */
+            *code = COBS_FULL;
+            code = at;
             at++;
-            next++;
         }
-        *code = (uint16_t)(at - code);
-        more = next != end;
-        if (more && (*code != COBS_FULL)) {
-            next++; /* the zero */
+        if (octet != 0u) {
+            *at = octet;
+        } else {
+            *code = (uint16_t)(at - code);
+            code = at;
         }
+        at++;
     }
+    *code = (uint16_t)(at - code);
     return at;
 }
 

@@ -53,6 +53,7 @@ static uint16_t init(ht_pil *p, ht_reader *request)
     p->ready = false;
     (void)memset(&p->drive, 0, sizeof p->drive); /* as after a reset */
     (void)memset(&p->port, 0, sizeof p->port);
+    (void)memset(p->told, 0, sizeof p->told);
     for (id = 0u; id < (uint16_t)HT_PARAMS; id++) {
         params.v[id] = ht_read_float(request);
     }
@@ -134,6 +135,26 @@ static uint16_t snapshot(const ht_pil *p, ht_packet *reply)
     return HT_OK;
 }
 
+/* The channels that changed since the latest reply. For every eight channels a byte says which
+ * of them follow. */
+static void tell_channels(ht_pil *p, ht_packet *reply)
+{
+    uint16_t flags_at = 0u;
+    uint16_t id;
+    for (id = 0u; id < ht_channel_count(); id++) {
+        uint32_t bits = ht_float_bits(ht_channel_read(&p->drive, id));
+        if ((id % 8u) == 0u) {
+            flags_at = reply->n;
+            ht_packet_add8(reply, 0u);
+        }
+        if (bits != p->told[id]) {
+            p->told[id] = bits;
+            reply->octet[flags_at] |= (uint16_t)(1u << (id % 8u));
+            ht_packet_add32(reply, bits);
+        }
+    }
+}
+
 /* Everything else. The reply says what the host may want to know after an interrupt or a
  * command. */
 static uint16_t operate(ht_pil *p, uint16_t opcode, uint16_t number, ht_reader *request,
@@ -143,12 +164,9 @@ static uint16_t operate(ht_pil *p, uint16_t opcode, uint16_t number, ht_reader *
     uint16_t result = (opcode == (uint16_t)HT_OP_PIL_INIT)
                           ? init(p, request)
                           : carry_out(p, opcode, request, &value);
-    uint16_t id;
     if (p->ready && (result != (uint16_t)HT_PIL_REFUSED)) {
         ht_packet_add_float(reply, value);
-        for (id = 0u; id < ht_channel_count(); id++) {
-            ht_packet_add_float(reply, ht_channel_read(&p->drive, id));
-        }
+        tell_channels(p, reply);
         ht_side_tell(&p->side, &p->port, number, reply);
     }
     return result;

@@ -15,6 +15,9 @@
 
 #define HT_PIL_VERSION 4u
 
+/** Telemetry channels at most. */
+enum { HT_PIL_CHANNELS = 64 };
+
 /** Bytes before the payload. Request: opcode, number. Reply: opcode + HT_OP_REPLY, number of
  *  the request, result, state, faults (16 bits). */
 enum { HT_PIL_REQUEST_HEAD = 2, HT_PIL_REPLY_HEAD = 6 };
@@ -39,6 +42,7 @@ typedef struct {
     ht_port port;
     ht_pil_side side;
     bool ready; /**< INIT succeeded */
+    uint32_t told[HT_PIL_CHANNELS]; /**< bits of the channels as the host knows them */
     ht_pil_image image; /**< to be set after `ht_pil_reset` */
 } ht_pil;
 

@@ -357,6 +357,7 @@ static void follow(ht_link *l, ht_reader *r)
 static void operate(ht_link *l, uint16_t opcode)
 {
     ht_reader r;
+    uint16_t flags = 0u;
     uint16_t i;
     if (!exchange(l, opcode, &r) || (r.left == 0u)) {
         return; /* nothing left: INIT, with parameters that the drive refused */
@@ -367,8 +368,14 @@ static void operate(ht_link *l, uint16_t opcode)
     }
     l->value = ht_read_float(&r);
     for (i = 0u; i < ht_channel_count(); i++) {
-        l->channels[i] = ht_read_float(&r);
+        if ((i % 8u) == 0u) {
+            flags = ht_read8(&r);
+        }
+        if ((flags & (1u << (i % 8u))) != 0u) {
+            l->told[i] = ht_read_float(&r);
+        }
     }
+    (void)memcpy(l->channels, l->told, sizeof l->channels);
     follow(l, &r);
 }
 
@@ -413,6 +420,7 @@ void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
     ht_mirror_init(&l->mirror, &l->registers, board->map);
     begin_log(&l->log, &l->mirror);
     ht_port_bind(&l->port, &l->registers, board);
+    (void)memset(l->told, 0, sizeof l->told);
     if ((l->calls != 0u) && !ht_board_start(&l->port)) {
         down(l, HT_LINK_PARTED); /* never: the model's clock starts */
     }

@@ -12,9 +12,6 @@
  *  violations (32 bits) of the register file. */
 #define HT_IMAGE_EXTRA 4
 
-/** Telemetry channels at most. */
-enum { HT_PIL_CHANNELS = 64 };
-
 /** Keeps what the registers hold after every period. */
 typedef struct {
     uint16_t *image;   /**< rows of `width` words, in the caller's memory; NULL: none */
@@ -68,7 +65,8 @@ typedef struct {
     uint16_t state;
     uint16_t faults;
     float value;
-    float channels[HT_PIL_CHANNELS];
+    float told[HT_PIL_CHANNELS]; /**< channels as the latest reply left them */
+    float channels[HT_PIL_CHANNELS]; /**< channels as they are recorded */
     uint32_t flip_request; /**< byte, from 1, of the next request's frame to damage; 0: none */
     ht_packet request;
     ht_outgoing out;
