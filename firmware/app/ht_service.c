@@ -4,7 +4,6 @@
 #include "ht_configure.h"
 #include "ht_dictionary.h"
 #include "ht_octets.h"
-#include "ht_opcodes.h"
 
 #include <stddef.h>
 

@@ -21,6 +21,7 @@
 #include "ht_burst.h"
 #include "ht_drive.h"
 #include "ht_line.h"
+#include "ht_opcodes.h"
 #include "ht_packet.h"
 #include "ht_store.h"
 #include "ht_streams.h"

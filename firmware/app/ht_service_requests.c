@@ -3,7 +3,6 @@
 
 #include "ht_dictionary.h"
 #include "ht_octets.h"
-#include "ht_opcodes.h"
 #include "ht_snapshot.h"
 
 #include <stddef.h>

@@ -6,7 +6,7 @@
 #ifndef HT_OPCODES_H
 #define HT_OPCODES_H
 
-typedef enum {
+enum {
     HT_OP_HELLO = 0x01,
     HT_OP_LIST = 0x02,
     HT_OP_OPEN = 0x03,
@@ -37,7 +37,7 @@ typedef enum {
     HT_OP_PIL_GET = 0x27,      /**< read a parameter */
     HT_OP_PIL_SNAPSHOT = 0x28, /**< what the latest fault left */
     HT_OP_PIL_DAMAGED = 0x3F   /**< only as a reply: a frame arrived damaged */
-} ht_opcode;
+};
 
 /** A reply has its request's opcode plus this. */
 enum { HT_OP_REPLY = 0x80 };

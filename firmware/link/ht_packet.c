@@ -50,41 +50,35 @@ void ht_packet_add_text(ht_packet *p, const char *text)
     ht_packet_add8(p, 0u);
 }
 
-/* COBS, without the zero that closes a frame: blocks of up to 254 octets other than zero, each
- * after its length + 1. A zero follows every block but a full one and the last. Returns the
- * end. */
-static uint16_t *encode(uint16_t *out, const uint16_t *octets, uint16_t n)
-{
-    const uint16_t *end = &octets[n];
-    const uint16_t *next;
-    uint16_t *code = out; /* where the present block's length goes */
-    uint16_t *at = &out[1];
-    for (next = octets; next != end; next++) {
-        uint16_t octet = *next;
-        if ((at - code) == (int)COBS_FULL) { /* the next block opens when an octet follows */
-            *code = COBS_FULL;
-            code = at;
-            at++;
-        }
-        if (octet != 0u) {
-            *at = octet;
-        } else {
-            *code = (uint16_t)(at - code);
-            code = at;
-        }
-        at++;
-    }
-    *code = (uint16_t)(at - code);
-    return at;
-}
-
 void ht_outgoing_set(ht_outgoing *out, ht_packet *p)
 {
-    uint16_t *end;
+    uint16_t code_at = 0u; /* where the present block's length goes */
+    uint16_t code = 1u;
+    uint16_t end = 1u;
+    uint16_t total = (uint16_t)(p->n + HT_PACKET_CRC);
+    uint16_t i;
     ht_put32(&p->octet[p->n], ht_crc32(0u, p->octet, p->n));
-    end = encode(out->octet, p->octet, (uint16_t)(p->n + HT_PACKET_CRC));
-    *end = 0u;
-    out->n = (uint16_t)((end - out->octet) + 1);
+    for (i = 0u; i < total; i++) {
+        if (code == COBS_FULL) { /* opened only when an octet follows */
+            out->octet[code_at] = code;
+            code_at = end;
+            end++;
+            code = 1u;
+        }
+        if (p->octet[i] != 0u) {
+            out->octet[end] = p->octet[i];
+            end++;
+            code++;
+        } else {
+            out->octet[code_at] = code;
+            code_at = end;
+            end++;
+            code = 1u;
+        }
+    }
+    out->octet[code_at] = code;
+    out->octet[end] = 0u;
+    out->n = (uint16_t)(end + 1u);
     out->sent = 0u;
 }
 

@@ -17,7 +17,7 @@
 
 /** Calls of port.h, in the order they were made. A call is its code (16 bits), then its
  *  arguments, then what the drive was answered, where there is an answer. */
-typedef enum {
+enum {
     HT_CALL_INIT = 1,        /**< period_counts, dead_counts, shadow, slow_Hz (float) */
     HT_CALL_WRITE = 2,       /**< start, ca of each leg, cb of each leg */
     HT_CALL_GATES_OFF = 3,
@@ -30,7 +30,7 @@ typedef enum {
     HT_CALL_ACK_FAST = 10,
     HT_CALL_TRIP_PIN_LOW = 11, /**< answer */
     HT_CALL_LEG_TRIPPED = 12 /**< leg, answer */
-} ht_call;
+};
 
 /** The hardware's fixed properties. They come with INIT. */
 typedef struct {
