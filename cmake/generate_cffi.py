@@ -24,6 +24,8 @@ HEADERS = (
     "ht_virtual_board.h",
     "ht_burst_rows.h",
     "ht_octets.h",
+    "ht_opcodes.h",
+    "ht_snapshot.h",
     "ht_dictionary.h",
 )
 
