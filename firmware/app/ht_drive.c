@@ -301,6 +301,7 @@ void ht_drive_fast_isr(ht_drive *d)
     ht_port_read(d->port, &d->samples);
     d->tick++;
     if (d->staged != NULL) {
+        ht_control_switch_over(&d->config->control, &d->staged->control, &d->control);
         d->config = d->staged;
         d->taken_tick = d->tick;
         d->staged = NULL;

@@ -111,7 +111,7 @@ void ht_drive_slow_isr(ht_drive *d)
     ramp_flux_top(d, c);
     if (v[HT_P_field_weakening] != 0.0f) {
         ht_flux_config flux = c->flux;
-        ht_ab i = d->control.observer.i_prev_A;
+        ht_ab i = d->control.observer.i_A;
         float a = (i.alpha < 0.0f) ? -i.alpha : i.alpha;
         float b = (i.beta < 0.0f) ? -i.beta : i.beta;
         /* |i| within 4 %: alpha max plus beta min */

@@ -51,7 +51,7 @@ typedef struct {
     ht_ab psi_r_Wb;         /**< rotor flux of the current model */
     ht_ab gap_Wb;           /**< stator flux minus the current model's */
     ht_ab i_dc_A;           /**< dc part of the currents (compensated) */
-    ht_ab i_prev_A;         /**< currents at the sample before */
+    ht_ab i_A;              /**< currents of the latest sample */
     float omega_sync_rad_s; /**< mean electrical speed of the stator flux */
     float rs_ohm;           /**< stator resistance in use */
     float rr_scale;         /**< rotor resistance in use, relative to the configured one */
