@@ -2,7 +2,6 @@
 
 #include <stddef.h>
 
-#define ADC_FULL 4096.0f
 /* Share of the range that is left on either side at the largest offset, less 2 %. */
 #define TRIP_SHARE 0.885f
 #define PI_F 3.14159265f
@@ -143,7 +142,7 @@ static void apply_protection(const float *v, ht_protect_config *c)
     c->speed_trip_rpm = v[HT_P_speed_trip_rpm];
     c->encoder_trip_rpm = v[HT_P_encoder_trip_rpm];
     c->flux_check = v[HT_P_flux_check];
-    c->stuck_counts = v[HT_P_stuck_trip_A] * ADC_FULL / (2.0f * v[HT_P_i_full_A]);
+    c->stuck_counts = v[HT_P_stuck_trip_A] * (float)HT_ADC_FULL / (2.0f * v[HT_P_i_full_A]);
     c->ls_H = v[HT_P_sigma_ls_H] + ratio * v[HT_P_lm_H];
     c->sigma = v[HT_P_sigma_ls_H] / c->ls_H;
     c->no_load_A = v[HT_P_flux_ref_Wb] / c->ls_H;
@@ -167,7 +166,6 @@ void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config 
     c->measure.rpm_ticks = 60.0f * (float)HT_CAPTURE_COUNTS * ht_port_capture_clock_Hz(port)
                            / v[HT_P_encoder_counts_rev];
     c->measure.period_rpm = v[HT_P_speed_period_rpm];
-    c->flux.flux_ref_Wb = v[HT_P_flux_ref_Wb];
     c->flux.flux_min_Wb = v[HT_P_flux_min_Wb];
     c->flux.reach_pu = v[HT_P_fw_margin] * ht_scheme_describe((uint16_t)v[HT_P_scheme])->reach_pu;
     c->flux.rs_ohm = v[HT_P_rs_ohm];
@@ -184,8 +182,8 @@ void ht_configure_scales(ht_drive *d)
     const float *v = d->params.v;
     float ticks;
     d->turn_per_count = 2.0f * PI_F * v[HT_P_pole_pairs] / v[HT_P_encoder_counts_rev];
-    d->i_per_count = 2.0f * v[HT_P_i_full_A] / ADC_FULL;
-    d->v_per_count = v[HT_P_vdc_full_V] / ADC_FULL;
+    d->i_per_count = 2.0f * v[HT_P_i_full_A] / (float)HT_ADC_FULL;
+    d->v_per_count = v[HT_P_vdc_full_V] / (float)HT_ADC_FULL;
     ticks = v[HT_P_calibration_s] * v[HT_P_f_isr_Hz];
     d->calibration_ticks = (uint16_t)ticks;
     ticks = v[HT_P_build_s] * v[HT_P_f_isr_Hz];

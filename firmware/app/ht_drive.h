@@ -97,8 +97,9 @@ typedef struct {
     float turn_per_count;          /**< electrical rad */
     float speed_rpm;
     float torque_ref_Nm;           /**< slow loop to fast loop */
-    float flux_ref_Wb;             /**< slow loop to fast loop */
-    ht_control_input in;           /**< latest measurement and references */
+    float flux_ref_Wb;             /**< the flux reference: written by the fast interrupt in
+                                    *   BUILD, by the slow one in RUN */
+    ht_control_input in;           /**< latest measurement; copies of both references */
     ht_control_state control;
     ht_protect_state protect;
     /* Slow interrupt, states and commands. */
@@ -106,12 +107,13 @@ typedef struct {
     ht_speed_measure_state measured;
     uint32_t position_last;
     uint32_t tick_last;            /**< that the slow interrupt saw last */
-    float flux_top_Wb;             /**< flux_ref_Wb on its way; field weakening goes below */
+    float flux_ramp_Wb;            /**< the parameter flux_ref_Wb as it is approached; field
+                                    *   weakening goes below */
     float omega_mean_rad_s;        /**< flux speed, slow mean */
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
     uint16_t calibration_ticks;
-    uint16_t dodging;              /**< 1: less flux, to keep the flux turning */
+    uint16_t flux_lowered;              /**< 1: less flux, to keep the flux turning */
     ht_snapshot snapshot;          /**< of the latest fault; a clear keeps it */
     ht_params params;              /**< the latest that were accepted */
     ht_drive_config configs[2];    /**< the one in force and the next */

@@ -1,7 +1,6 @@
 /* The line's two ends, session and watchdog. The requests are in ht_service_requests.c. */
-#include "ht_service.h"
+#include "ht_service_requests.h"
 
-#include "ht_configure.h"
 #include "ht_dictionary.h"
 #include "ht_octets.h"
 
@@ -11,8 +10,6 @@
 #define SAMPLE_TYPE 0x40u
 #define CAPTURE_TYPE 0x50u
 #define CAPTURE_VALUES 60u
-/* Streams leave a tenth of the line to everything else. */
-#define BUDGET_TENTHS 9u
 #define SESSION_WATCHDOGS 4u
 
 void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
@@ -53,26 +50,9 @@ void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
     l->overruns = 0u;
 }
 
-uint32_t ht_service_watchdog_ticks(const ht_service *l)
-{
-    float ticks = l->drive->params.v[HT_P_f_isr_Hz] * (float)l->setup.watchdog_ms * 0.001f;
-    return (ticks < 1.0f) ? 1u : (uint32_t)ticks;
-}
-
-float ht_service_rate_Hz(const ht_service *l)
-{
-    uint16_t counts = ht_config_in_force(l->drive)->control.period_counts;
-    return ht_port_pwm_clock_Hz(l->drive->port) / (float)counts;
-}
-
-uint32_t ht_service_budget(const ht_service *l)
-{
-    return l->setup.line.octets_per_s / 10u * BUDGET_TENTHS;
-}
-
 /* What counts of every request, even one that is not carried out because it is a repetition
  * or comes too soon: a host that asks is there, and a stop stops. */
-static void heed(ht_service *l)
+static void note_request(ht_service *l)
 {
     if (l->in.n < HT_SERVICE_REQUEST_HEAD) {
         return;
@@ -94,7 +74,7 @@ static void request(ht_service *l)
         l->damaged++; /* no request: an echo? */
         return;
     }
-    heed(l);
+    note_request(l);
     if (l->answered && (crc == l->last_crc)) {
         l->reply_due = true; /* once more */
         return;
@@ -116,7 +96,7 @@ static void receive(ht_service *l)
     uint16_t i;
     if (lost) {
         l->overruns++;
-        ht_incoming_spoil(&l->in);
+        ht_incoming_discard(&l->in);
     }
     for (i = 0u; i < n; i++) {
         switch (ht_incoming_take(&l->in, octets[i])) {
@@ -179,7 +159,7 @@ static bool capture_frame(ht_service *l, ht_packet *p)
 /* Octets of samples that may overtake the reply. */
 static uint32_t longest_wait(const ht_service *l)
 {
-    return BUDGET_TENTHS * ((uint32_t)l->reply.n + (HT_PACKET_LINE - HT_PACKET_BODY));
+    return HT_SERVICE_STREAM_TENTHS * ((uint32_t)l->reply.n + (HT_PACKET_LINE - HT_PACKET_BODY));
 }
 
 /* ht_service.h says who goes first. */

@@ -109,20 +109,9 @@ void ht_service_fast(ht_service *l);
  *  carries out at most one request, hands over what the line takes. */
 void ht_service_turn(ht_service *l);
 
-/** Fast interrupts that the watchdog waits. */
-uint32_t ht_service_watchdog_ticks(const ht_service *l);
-/** Fast interrupts per second: the PWM clock divided by whole counts, next to f_isr_Hz. */
-float ht_service_rate_Hz(const ht_service *l);
-/** Octets that streams may take in a second. */
-uint32_t ht_service_budget(const ht_service *l);
-
 /** Keep the parameters in force over a power-off, or forget those that are kept (ht_store.h):
  *  not while samples are streamed or captured, whose ticks stand still meanwhile. Blocks. */
 ht_result ht_service_keep(const ht_service *l);
 ht_result ht_service_forget(const ht_service *l);
-
-/** Carry out the request `octets[0 .. n - 1]`, a body without its CRC, into `l->reply`. For
- *  the link itself. */
-void ht_service_execute(ht_service *l, const uint16_t *octets, uint16_t n);
 
 #endif

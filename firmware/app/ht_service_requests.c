@@ -1,6 +1,7 @@
 /* The requests, one function each: payload in, status out, payload of the reply appended. */
-#include "ht_service.h"
+#include "ht_service_requests.h"
 
+#include "ht_configure.h"
 #include "ht_dictionary.h"
 #include "ht_octets.h"
 
@@ -13,6 +14,23 @@
 #define SAMPLE_HEAD 12.0f /* octets of a sample on the line that are no values */
 
 enum { NEEDS_NOTHING = 0, NEEDS_DICTIONARY = 1, NEEDS_SESSION = 2, NEEDS_BOTH = 3 };
+
+uint32_t ht_service_watchdog_ticks(const ht_service *l)
+{
+    float ticks = l->drive->params.v[HT_P_f_isr_Hz] * (float)l->setup.watchdog_ms * 0.001f;
+    return (ticks < 1.0f) ? 1u : (uint32_t)ticks;
+}
+
+float ht_service_rate_Hz(const ht_service *l)
+{
+    uint16_t counts = ht_config_in_force(l->drive)->control.period_counts;
+    return ht_port_pwm_clock_Hz(l->drive->port) / (float)counts;
+}
+
+uint32_t ht_service_budget(const ht_service *l)
+{
+    return l->setup.line.octets_per_s / 10u * HT_SERVICE_STREAM_TENTHS;
+}
 
 /* The field at `offset` of the payload is out of range. */
 static uint16_t field(ht_service *l, uint16_t offset)

@@ -47,9 +47,10 @@ static void law_select(ht_control_config *cfg, const ht_scheme_info *row)
     cfg->law = row->law;
     switch (row->law) {
     case HT_LAW_TABLE:
-    default:
         ht_table_law_select(&cfg->table_law, row);
         cfg->needs_xy = ht_table_law_needs_xy(&cfg->table_law);
+        break;
+    default:
         break;
     }
 }
@@ -66,18 +67,16 @@ static bool law_check(const ht_control_config *cfg)
     }
 }
 
-static void law_reset(const ht_control_config *cfg, ht_control_state *st)
+/* The states of all laws. */
+static void law_reset(ht_control_state *st)
 {
-    switch (cfg->law) {
-    case HT_LAW_TABLE:
-    default:
-        ht_table_law_reset(&st->table_law);
-        break;
-    }
+    ht_table_law_reset(&st->table_law);
 }
 
-static ht_action_points table_step(const ht_control_config *cfg, ht_control_state *st,
-                                   const ht_control_input *in, ht_xy i_xy_A, uint16_t s[3])
+/* Decide on a period: action points, and the state words into `s`. As long as there is one law
+ * the fast interrupt does not ask which one it is. */
+static ht_action_points law_step(const ht_control_config *cfg, ht_control_state *st,
+                                 const ht_control_input *in, ht_xy i_xy_A, uint16_t s[3])
 {
     ht_table_law_input seen;
     seen.decided = &st->decided;
@@ -89,17 +88,6 @@ static ht_action_points table_step(const ht_control_config *cfg, ht_control_stat
     seen.before = st->active.s[2];
     seen.only_v0 = cfg->only_v0;
     return ht_table_law_step(&cfg->table_law, &st->table_law, &seen, &st->v_xy_pu, s);
-}
-
-/* Decide on a period: action points, and the state words into `s`. */
-static ht_action_points law_step(const ht_control_config *cfg, ht_control_state *st,
-                                 const ht_control_input *in, ht_xy i_xy_A, uint16_t s[3])
-{
-    switch (cfg->law) {
-    case HT_LAW_TABLE:
-    default:
-        return table_step(cfg, st, in, i_xy_A, s);
-    }
 }
 
 void ht_control_select(ht_control_config *cfg, ht_scheme scheme)
@@ -170,14 +158,14 @@ void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const 
     st->v_xy_pu.x = 0.0f;
     st->v_xy_pu.y = 0.0f;
     st->sector = 0u;
-    law_reset(cfg, st);
+    law_reset(st);
 }
 
 void ht_control_switch_over(const ht_control_config *from, const ht_control_config *cfg,
                             ht_control_state *st)
 {
     if (from->law != cfg->law) {
-        law_reset(cfg, st);
+        law_reset(st);
     }
 }
 

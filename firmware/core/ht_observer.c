@@ -35,6 +35,11 @@ void ht_observer_reset(const ht_observer_config *cfg, ht_observer_state *st, ht_
     st->rr_scale = 1.0f;
 }
 
+void ht_observer_stand_still(ht_observer_state *st)
+{
+    st->omega_sync_rad_s = 0.0f;
+}
+
 /* exp(j turn) to third order, whose gain 1 - turn^4/24 stays below one;
  * those of first and second order would blow up by turn^2/2 and turn^4/8 a step,
  * which at high speed is not small against the decay. */

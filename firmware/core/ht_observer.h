@@ -67,6 +67,10 @@ typedef struct {
  *  resistances. */
 void ht_observer_reset(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A);
 
+/** Take the flux to stand still: while it is being built, and still too small for its speed to
+ *  mean anything. */
+void ht_observer_stand_still(ht_observer_state *st);
+
 /** Advance by one period: `v_V` is the mean voltage since the last sample, `i_A`
  *  the currents now, `turn_rad` the electrical angle that the rotor turned meanwhile
  *  (hybrid only; a measured speed would lag by a slow period, and the error in the

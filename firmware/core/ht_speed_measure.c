@@ -9,7 +9,7 @@
 
 void ht_speed_measure_reset(ht_speed_measure_state *st)
 {
-    st->spoilt = 2u;
+    st->unusable_events = 2u;
 }
 
 /* Is the captured period the time of HT_CAPTURE_COUNTS edges in one direction? A
@@ -19,14 +19,14 @@ static bool sound(ht_speed_measure_state *st, int32_t moved, const ht_capture *c
 {
     bool against = capture->forward ? (moved < 0) : (moved > 0);
     if (capture->overflow || capture->reversed || against) {
-        st->spoilt = 2u;
-    } else if (capture->event && (st->spoilt > 0u)) {
+        st->unusable_events = 2u;
+    } else if (capture->event && (st->unusable_events > 0u)) {
         bool two = (moved >= TWO_EVENTS_COUNTS) || (moved <= -TWO_EVENTS_COUNTS);
-        st->spoilt = two ? 0u : (uint16_t)(st->spoilt - 1u);
+        st->unusable_events = two ? 0u : (uint16_t)(st->unusable_events - 1u);
     } else {
         /* as it was */
     }
-    return st->spoilt == 0u;
+    return st->unusable_events == 0u;
 }
 
 float ht_speed_measure_step(const ht_speed_measure_config *cfg, ht_speed_measure_state *st,

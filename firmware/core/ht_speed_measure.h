@@ -42,7 +42,7 @@ typedef struct {
 } ht_speed_measure_config;
 
 typedef struct {
-    uint16_t spoilt; /**< unit events to come before the captured period can be used */
+    uint16_t unusable_events; /**< unit events to come before the captured period can be used */
 } ht_speed_measure_state;
 
 void ht_speed_measure_reset(ht_speed_measure_state *st);

@@ -57,7 +57,7 @@ typedef enum {
 
 void ht_incoming_reset(ht_incoming *in);
 /** The receiver has lost something: what is under way will not do. */
-void ht_incoming_spoil(ht_incoming *in);
+void ht_incoming_discard(ht_incoming *in);
 ht_incoming_status ht_incoming_take(ht_incoming *in, uint16_t cell);
 
 #endif

@@ -35,9 +35,13 @@ typedef struct ht_port ht_port;
 /** Analog channels, in the order of the conversion sequence. */
 enum { HT_ADC_I = 0 /* six phase currents, phase order */, HT_ADC_VDC = 6, HT_ADC_CHANNELS = 7 };
 
+/** Range of a reading, counts, whatever the converter's resolution: full scale, and where a
+ *  current sensor without current stands. */
+enum { HT_ADC_FULL = 4096, HT_ADC_MID = HT_ADC_FULL / 2 };
+
 /** Raw readings of one sampling instant. */
 typedef struct {
-    uint16_t adc[HT_ADC_CHANNELS]; /**< right-justified counts, 0..4095 */
+    uint16_t adc[HT_ADC_CHANNELS]; /**< right-justified counts, 0..HT_ADC_FULL - 1 */
     uint32_t position;             /**< quadrature counts since init, modulo 2^32 */
 } ht_samples;
 
