@@ -11,6 +11,7 @@ static const char scheme_names[] =
 #undef HT_SCHEME
     ;
 #define SCHEME_CHOICES (&scheme_names[1])
+enum { LAST_SCHEME = (int)HT_SCHEMES - 1 };
 
 static const ht_param_info table[HT_PARAMS] = {
 #define HT_PARAM(name, unit, min, max, def, when, choices, help) \

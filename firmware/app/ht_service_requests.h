@@ -16,10 +16,4 @@ void ht_service_execute(ht_service *l, const uint16_t *octets, uint16_t n);
 /** Fast interrupts that the watchdog waits, at least 1. */
 uint32_t ht_service_watchdog_ticks(const ht_service *l);
 
-/** Fast interrupts per second: the PWM clock divided by whole counts, next to f_isr_Hz. */
-float ht_service_rate_Hz(const ht_service *l);
-
-/** Bytes per second that streams may take. */
-uint32_t ht_service_budget(const ht_service *l);
-
 #endif

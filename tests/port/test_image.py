@@ -264,7 +264,7 @@ FAULTS = {
         F28377S, "ht_adc.c", "INT1CONT | INT1E", "INT1E", "-ADCA.ADCINTSEL1N2"),
     "ADC's overflow not looked at": (
         F28377S, "ht_adc.c", "(HT_RD16(port->io, ADCA + ADCINTOVF) & ADCINT1) != 0u",
-        "port->map->device != HT_F28377S", "no overflow is left"),
+        "port->map->adc_sequencer", "no overflow is left"),
     "no NOP between PIEACK and EINT": (
         F28335, "ht_pie.c",
         "    HT_NOP(port->io); /* errata usage note: never PIEACK and EINT back to back */\n", "",
