@@ -4,8 +4,8 @@
 #include <stddef.h>
 
 #define OFFSET_MAX_COUNTS 200.0f
-/* No shaft turns further in a period (electrical angle). A counter that jumps must not
- * blow up the rotor flux: it is for the protection to find. */
+/* No shaft turns further than this in a period (electrical angle). A position counter that jumps
+ * must not make the rotor flux grow without bound; finding the jump is the protection's task. */
 #define TURN_MAX_RAD 1.5f
 
 static bool finite_below(float value, float limit)
@@ -35,8 +35,8 @@ static void set_flux_ref(ht_drive *d, float flux_Wb)
 
 static const ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
 
-/* All that parameters decide, from a machine without flux on. What is known of the
- * shaft and of the faults so far is no matter of parameters and stays. */
+/* Everything that depends on parameters, for a machine without flux. What is known of the shaft
+ * and of the faults does not depend on them and stays. */
 static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
 {
     ht_control_config config;
@@ -321,7 +321,7 @@ void ht_drive_fast_isr(ht_drive *d)
     case HT_STATE_IDLE: /* no tick: a start that this interrupt comes into would lose it */
     case HT_STATE_FAULT:
     default:
-        ht_port_gates_off(d->port); /* whoever released a latch: not in these states */
+        ht_port_gates_off(d->port); /* in these states no latch may stay released */
         break;
     }
     ht_port_ack_fast(d->port);
@@ -334,7 +334,7 @@ ht_result ht_drive_start(ht_drive *d)
         return HT_ERROR_TRIP;
     }
     if ((d->state != (uint16_t)HT_STATE_IDLE) || (d->faults != 0u)) {
-        return HT_ERROR_STATE; /* a fault that a stop overtook still wants its clear */
+        return HT_ERROR_STATE; /* a fault that a stop overtook must be cleared first */
     }
     if (!finite_below(d->speed_rpm, d->params.v[HT_P_start_max_rpm])) {
         return HT_ERROR_TURNING;

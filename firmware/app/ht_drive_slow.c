@@ -2,16 +2,17 @@
 #include "ht_configure.h"
 
 #define PI_F 3.14159265f
-/* Flux speed that is too low for R_r to show; load, as i_q/i_d, from which on R_r
- * matters; and the share of the flux that is kept there. With it a rated load's slip of
- * 9.4 rad/s grows by 1.7: the end lies above 2.5 + 1.7, or the drive would come and go. */
+/* Below the first speed of the flux R_r has no visible effect. From the load below (i_q/i_d) on,
+ * R_r matters, and the flux is lowered to the share below until its speed is above the second
+ * limit. Lowering it increases the slip of a rated load, 9.4 rad/s, by 1.7 rad/s: the second limit
+ * lies above 2.5 + 1.7, or the drive would switch back and forth. */
 #define STANDING_RAD_S 2.5f
 #define TURNING_RAD_S 4.5f
 #define LOWER_LOAD 0.4f
 #define LOWER_FLUX 0.92f
 
-/* The flux that the build-up builds stands still; once it is there, one that turns other
- * than the encoder says is the work of a shaft whose turning the encoder missed. */
+/* The flux of the build-up stands still. If it turns although the encoder shows standstill, the
+ * shaft turns and the encoder does not notice it. */
 #define BUILD_LOOK_S 0.01f
 #define BUILD_TURN_RPM 100.0f
 static uint16_t turning_unnoticed(const ht_drive *d, const ht_drive_config *c)
@@ -35,9 +36,9 @@ static float torque_limit(const ht_drive *d, const ht_drive_config *c)
     return (reach < limit) ? reach : limit;
 }
 
-/* Where load and speed make the flux stand still, nothing tells R_r, and a drive with a
- * wrong one may settle just there: more flux, less slip, no more turning. A little less
- * flux makes more slip, and the flux turns again. */
+/* Where load and speed make the flux stand still, R_r cannot be observed, and a drive with a wrong
+ * R_r may settle at that very point: more flux, less slip, standstill of the flux. A little less
+ * flux gives more slip, and the flux turns again. */
 static void keep_off_zero_frequency(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
@@ -59,8 +60,8 @@ static void keep_off_zero_frequency(ht_drive *d, const ht_drive_config *c)
     }
 }
 
-/* A new flux reference is approached as fast as the build-up is: a step would tear the
- * stator's flux from the rotor's, which cannot follow. */
+/* A new flux reference is approached as fast as in the build-up. The rotor's flux could not follow
+ * a step of the stator's. */
 static void ramp_flux(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
@@ -71,7 +72,7 @@ static void ramp_flux(ht_drive *d, const ht_drive_config *c)
     d->flux_ramp_Wb += (missing > step) ? step : ((missing < -step) ? -step : missing);
 }
 
-/* Where faults are found: the fast interrupt. Only that this one has stopped it cannot find. */
+/* Faults are found by the fast interrupt, except that it has stopped: that is found here. */
 void ht_drive_slow_isr(ht_drive *d)
 {
     const ht_drive_config *c = ht_config_in_force(d); /* once: nor must it change half-way */
@@ -82,7 +83,7 @@ void ht_drive_slow_isr(ht_drive *d)
     ht_speed_config speed = c->speed;
     ht_capture capture;
     uint32_t tick = d->tick;
-    if (tick == d->tick_last) { /* nobody is left to take the gates off but this interrupt */
+    if (tick == d->tick_last) { /* no fast interrupt since the last slow one */
         ht_drive_stand_in(d, (uint16_t)HT_FAULT_INTERRUPT);
         ht_port_read(d->port, &d->samples); /* the shaft may turn all the same */
         d->position_now = d->samples.position;

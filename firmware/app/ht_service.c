@@ -1,4 +1,4 @@
-/* The line's two ends, session and watchdog. The requests are in ht_service_requests.c. */
+/* Receiving, sending, session and watchdog. What a request does is in ht_service_requests.c. */
 #include "ht_service_requests.h"
 
 #include "ht_dictionary.h"
@@ -17,7 +17,7 @@ void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
     l->drive = d;
     l->setup = *setup;
     if (l->setup.watchdog_ms == 0u) {
-        l->setup.watchdog_ms = 1u; /* none at all is not to be had */
+        l->setup.watchdog_ms = 1u; /* there is no drive without a watchdog */
     }
     l->dictionary = ht_dictionary_crc(&l->reply, d->port);
     ht_incoming_reset(&l->in);
@@ -50,8 +50,9 @@ void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
     l->overruns = 0u;
 }
 
-/* What counts of every request, even one that is not carried out because it is a repetition
- * or comes too soon: a host that asks is there, and a stop stops. */
+/* What every request does, even one that is not carried out because it is a repetition or
+ * comes before the last reply was sent: a request of the session feeds the watchdog, and a STOP
+ * stops the drive. */
 static void note_request(ht_service *l)
 {
     if (l->in.n < HT_SERVICE_REQUEST_HEAD) {
@@ -76,11 +77,11 @@ static void request(ht_service *l)
     }
     note_request(l);
     if (l->answered && (crc == l->last_crc)) {
-        l->reply_due = true; /* once more */
+        l->reply_due = true; /* a repetition: the same reply again */
         return;
     }
     if (l->reply_due) {
-        return; /* the host has not waited; it will ask again */
+        return; /* the host did not wait for the reply; it will ask again */
     }
     l->last_crc = crc;
     ht_service_execute(l, l->in.octet, l->in.n);
@@ -156,13 +157,13 @@ static bool capture_frame(ht_service *l, ht_packet *p)
     return true;
 }
 
-/* Octets of samples that may overtake the reply. */
+/* Bytes of samples that may overtake the reply. */
 static uint32_t longest_wait(const ht_service *l)
 {
     return HT_SERVICE_STREAM_TENTHS * ((uint32_t)l->reply.n + (HT_PACKET_LINE - HT_PACKET_BODY));
 }
 
-/* ht_service.h says who goes first. */
+/* The order is explained in ht_service.h. */
 static void next_frame(ht_service *l)
 {
     bool ready;

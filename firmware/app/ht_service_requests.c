@@ -10,8 +10,8 @@
 #define REPLY 0x80u
 #define NO_DETAIL 0xFFFFu
 #define GET_MOST 100u
-#define PAIR 6u /* octets of id and value */
-#define SAMPLE_HEAD 12.0f /* octets of a sample on the line that are no values */
+#define PAIR 6u /* bytes of id and value */
+#define SAMPLE_HEAD 12.0f /* bytes of a sample on the line that are no values */
 
 enum { NEEDS_NOTHING = 0, NEEDS_DICTIONARY = 1, NEEDS_SESSION = 2, NEEDS_BOTH = 3 };
 
@@ -265,7 +265,7 @@ static bool take_channels(ht_service *l, const uint16_t *in, uint16_t n, uint16_
     return true;
 }
 
-/* Octets a second of a stream: rounded up. */
+/* Bytes a second of a stream: rounded up. */
 static uint32_t load(const ht_service *l, uint16_t n, uint16_t decimation)
 {
     float octets = 4.0f * (float)n + SAMPLE_HEAD;
@@ -274,7 +274,7 @@ static uint32_t load(const ht_service *l, uint16_t n, uint16_t decimation)
     return (n == 0u) ? 0u : ((uint32_t)sum + 1u);
 }
 
-/* Smallest decimation with which a stream of `n` channels takes up to `rest` octets a
+/* Smallest decimation with which a stream of `n` channels takes up to `rest` bytes a
  * second; 0: none. */
 static uint16_t smallest(const ht_service *l, uint16_t n, uint32_t rest)
 {

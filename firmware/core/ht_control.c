@@ -169,9 +169,9 @@ void ht_control_switch_over(const ht_control_config *from, const ht_control_conf
     }
 }
 
-/* Less what the devices keep: each leg loses the threshold against its current. Around
- * zero, where the device law is steep and ripple changes the sign, a share of it, as
- * for the dead time. */
+/* Subtract the devices' threshold voltage: it acts on each leg against the leg's current.
+ * Around zero current, where the devices' curve is steep and ripple changes the sign, a share
+ * of it counts, in proportion to the current, as for the dead time. */
 static ht_vsd less_drops(const ht_control_config *cfg, const ht_six *from, const ht_six *to,
                          ht_vsd v)
 {
@@ -215,8 +215,9 @@ static void observe(const ht_control_config *cfg, ht_control_state *st, const ht
     ht_flow then;
     ht_estimate estimate;
     ht_vsd v;
-    /* Where the currents flow is asked for by edges, all of which are known under shadow
-     * load. (A leg of which it is not known is looked at edge by edge.) */
+    /* The currents' signs matter at edges only. Under shadow load it is known whether the
+     * pattern has any: without one, the signs need not be found. Without them ht_volt_seconds
+     * still gives the right answer, by looking at each edge. */
     if (!cfg->shadow || ((st->active.later | st->next.rising | st->next.falling) != 0u)) {
         now = ht_flow_of(&in->i_A, &cfg->dead);
     }

@@ -1,6 +1,6 @@
 /** @file ht_speed.h
- *  Slow loop: speed PI with torque limit, and the flux reference with field
- *  weakening.
+ *  The two regulators of the slow loop: speed PI with a torque limit, and the flux reference with
+ *  field weakening. Speeds in rad/s, torque in N m, flux in Wb.
  */
 #ifndef HT_SPEED_H
 #define HT_SPEED_H
