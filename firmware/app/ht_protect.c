@@ -91,7 +91,7 @@ static bool finite_results(const ht_control_state *c, float torque_ref_Nm)
 uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state *c,
                             float torque_ref_Nm)
 {
-    ht_ab i = c->observer.i_prev_A; /* this sample's, transformed by the step */
+    ht_ab i = c->observer.i_A; /* this sample's, transformed by the step */
     ht_ab psi = c->estimate.psi_Wb;
     float i2 = i.alpha * i.alpha + i.beta * i.beta;
     /* Of sums as small as these each part is finite and within its bound. */
@@ -131,7 +131,7 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
                          const ht_control_state *c, float speed_rpm)
 {
     ht_ab psi = c->estimate.psi_Wb;
-    ht_ab i = c->observer.i_prev_A;
+    ht_ab i = c->observer.i_A;
     float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
     uint16_t faults = 0u;
     ht_ab r; /* rotor flux seen from the stator */

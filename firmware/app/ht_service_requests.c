@@ -1,6 +1,7 @@
 /* The requests, one function each: payload in, status out, payload of the reply appended. */
-#include "ht_service.h"
+#include "ht_service_requests.h"
 
+#include "ht_configure.h"
 #include "ht_dictionary.h"
 #include "ht_octets.h"
 #include "ht_snapshot.h"
@@ -9,10 +10,29 @@
 
 #define NO_DETAIL 0xFFFFu
 #define GET_MOST 100u
-#define PAIR 6u /* octets of id and value */
-#define SAMPLE_HEAD 12.0f /* octets of a sample on the line that are no values */
+#define PAIR 6u /* bytes of id and value */
+#define SAMPLE_HEAD 12.0f /* bytes of a sample on the line that are no values */
 
 enum { NEEDS_NOTHING = 0, NEEDS_DICTIONARY = 1, NEEDS_SESSION = 2, NEEDS_BOTH = 3 };
+
+uint32_t ht_service_watchdog_ticks(const ht_service *l)
+{
+    float ticks = l->drive->params.v[HT_P_f_isr_Hz] * (float)l->setup.watchdog_ms * 0.001f;
+    return (ticks < 1.0f) ? 1u : (uint32_t)ticks;
+}
+
+/* Fast interrupts per second: the PWM clock divided by whole counts, next to f_isr_Hz. */
+static float rate_Hz(const ht_service *l)
+{
+    uint16_t counts = ht_config_in_force(l->drive)->control.period_counts;
+    return ht_port_pwm_clock_Hz(l->drive->port) / (float)counts;
+}
+
+/* Bytes per second that streams may take. */
+static uint32_t streams_budget(const ht_service *l)
+{
+    return l->setup.line.octets_per_s / 10u * HT_SERVICE_STREAM_TENTHS;
+}
 
 /* The field at `offset` of the payload is out of range. */
 static uint16_t field(ht_service *l, uint16_t offset)
@@ -31,8 +51,8 @@ static uint16_t hello(ht_service *l, const uint16_t *in, uint16_t n)
     }
     ht_packet_add16(p, HT_SERVICE_VERSION);
     ht_packet_add32(p, l->dictionary);
-    ht_packet_add_float(p, ht_service_rate_Hz(l));
-    ht_packet_add32(p, ht_service_budget(l));
+    ht_packet_add_float(p, rate_Hz(l));
+    ht_packet_add32(p, streams_budget(l));
     for (kind = 0u; kind < (uint16_t)HT_LISTS; kind++) {
         ht_packet_add16(p, ht_dictionary_rows(kind));
     }
@@ -191,7 +211,7 @@ static uint16_t start(ht_service *l, const uint16_t *in, uint16_t n)
         return HT_SERVICE_LENGTH;
     }
     if (l->started && (l->last_crc == l->start_crc)) {
-        return HT_ERROR_STATE; /* repeated after another host's request, a stop perhaps */
+        return HT_ERROR_STATE; /* repeated after another host's request, perhaps a STOP */
     }
     l->watchdog_ticks = ht_service_watchdog_ticks(l);
     result = (uint16_t)ht_drive_start(l->drive);
@@ -245,16 +265,16 @@ static bool take_channels(ht_service *l, const uint16_t *in, uint16_t n, uint16_
     return true;
 }
 
-/* Octets a second of a stream: rounded up. */
+/* Bytes a second of a stream: rounded up. */
 static uint32_t load(const ht_service *l, uint16_t n, uint16_t decimation)
 {
     float octets = 4.0f * (float)n + SAMPLE_HEAD;
-    float rate = ht_service_rate_Hz(l) / (float)decimation;
+    float rate = rate_Hz(l) / (float)decimation;
     float sum = octets * rate;
     return (n == 0u) ? 0u : ((uint32_t)sum + 1u);
 }
 
-/* Smallest decimation with which a stream of `n` channels takes up to `rest` octets a
+/* Smallest decimation with which a stream of `n` channels takes up to `rest` bytes a
  * second; 0: none. */
 static uint16_t smallest(const ht_service *l, uint16_t n, uint32_t rest)
 {
@@ -276,7 +296,7 @@ static uint16_t stream(ht_service *l, const uint16_t *in, uint16_t n)
 {
     uint16_t ids[HT_STREAM_CHANNELS];
     uint32_t others = 0u;
-    uint32_t budget = ht_service_budget(l);
+    uint32_t budget = streams_budget(l);
     uint32_t needed;
     uint16_t slot;
     uint16_t count;

@@ -1,6 +1,7 @@
 /** @file ht_burst.h
- *  Capture at the rate of the fast interrupt into memory, with samples from before the
- *  trigger. The fast interrupt fills, the background arms, sums up and reads.
+ *  Captures channels into memory at the rate of the fast interrupt, with samples from before the
+ *  trigger. The fast interrupt writes the samples. The background arms, computes the CRC and
+ *  reads.
  */
 #ifndef HT_BURST_H
 #define HT_BURST_H
@@ -55,7 +56,8 @@ typedef struct {
     uint16_t id[HT_BURST_CHANNELS];
 } ht_burst_setup;
 
-/** Volatile is what the interrupt works with: it is written before `state` says so. */
+/** State of a capture. What the interrupt works with is volatile: it must be written before
+ *  `state` is. */
 typedef struct {
     volatile uint16_t state;   /**< HT_BURST_... */
     volatile uint16_t manual;  /**< the background's trigger */
@@ -76,17 +78,17 @@ typedef struct {
 
 void ht_burst_init(ht_burst *b, uint32_t *memory, uint32_t size);
 
-/** Background: begin a capture. Anything but HT_BURST_ARMED: nothing changed. */
+/** Background: begin a capture. With any answer but HT_BURST_ARMED nothing has changed. */
 ht_burst_answer ht_burst_arm(ht_burst *b, const ht_burst_setup *setup);
 void ht_burst_cancel(ht_burst *b);
-/** Background: some values more into the CRC. */
+/** Background: add some more values to the CRC. */
 void ht_burst_sum(ht_burst *b);
 /** Values of a capture. */
 uint32_t ht_burst_values(const ht_burst *b);
 /** Value `index`, the oldest first, of a complete capture. */
 uint32_t ht_burst_value(const ht_burst *b, uint32_t index);
 
-/** Fast interrupt. */
+/** Fast interrupt: take a sample if one is due. `fault`: a fault is latched. */
 void ht_burst_sample(ht_burst *b, const ht_source *source, uint32_t tick, bool fault);
 
 #endif

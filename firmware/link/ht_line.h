@@ -1,5 +1,6 @@
 /** @file ht_line.h
- *  A serial line as the link sees it: two calls that never wait. One octet in a 16-bit cell.
+ *  A serial line as the link sees it: two functions that never wait. A cell of 16 bits holds one
+ *  octet (ht_octets.h).
  */
 #ifndef HT_LINE_H
 #define HT_LINE_H

@@ -14,8 +14,12 @@ enum {
     HT_OP_STATUS = 0x05,
     HT_OP_GET = 0x06,
     HT_OP_WRITE = 0x07,
-    HT_OP_START = 0x08, /**< never carried out twice */
-    HT_OP_STOP = 0x09,  /**< from whoever reaches the line, at any time */
+    /** Only from the host that holds the session. The same START received again does not start
+     *  the drive again. */
+    HT_OP_START = 0x08,
+    /** From anybody who reaches the line, at any time, with or without a session. Every STOP that
+     *  arrives stops the drive, a repeated one too. */
+    HT_OP_STOP = 0x09,
     HT_OP_CLEAR = 0x0A,
     HT_OP_STREAM = 0x0B,
     HT_OP_ARM = 0x0C,

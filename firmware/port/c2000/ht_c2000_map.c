@@ -2,6 +2,11 @@
 
 const ht_c2000_map ht_f28335 = {
     .device = HT_F28335,
+    .clock_pllcr = true,
+    .flash_cached = false,
+    .gpio_groups = false,
+    .adc_sequencer = true,
+    .trip_select = 0u,
     .epwm = 0x6800u,
     .stride = 0x40u,
     .tbctl = 0x00u,
@@ -50,6 +55,11 @@ const ht_c2000_map ht_f28335 = {
 
 const ht_c2000_map ht_f28377s = {
     .device = HT_F28377S,
+    .clock_pllcr = false,
+    .flash_cached = true,
+    .gpio_groups = true,
+    .adc_sequencer = false,
+    .trip_select = 0x7900u,
     .epwm = 0x4000u,
     .stride = 0x100u,
     .tbctl = 0x00u,

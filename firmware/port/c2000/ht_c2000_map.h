@@ -1,6 +1,8 @@
 /** @file ht_c2000_map.h
- *  Where the two devices keep what the drivers share: word addresses, offsets and
- *  clocks. What only one device has is in the driver that uses it. Names are TI's.
+ *  In what the devices differ: word addresses, offsets and clocks of what the drivers share, and
+ *  flags for what one device has and another has not. The drivers ask these flags, never
+ *  which device it is. Registers that only one kind of device has are in the driver that uses
+ *  them. Names are TI's.
  *  Sources: TMS320x2833x and TMS320F2837xS technical reference manuals and data
  *  sheets.
  */
@@ -18,7 +20,15 @@ typedef enum { HT_F28335 = 0, HT_F28377S = 1 } ht_device;
 /** `epwm` + module * `stride` + offset addresses a PWM register (module 0 = ePWM1).
  *  An offset of 0xFFFF = not present. */
 typedef struct {
-    ht_device device;
+    ht_device device;         /**< its name; nothing is decided by it */
+    bool clock_pllcr;         /**< clocks by PLLCR and PCLKCR (ht_clock_f28335.c), else by CLKCFG
+                               *   and CPUSYS (ht_clock_f28377s.c) */
+    bool flash_cached;        /**< flash with cache, prefetch, ECC and a pump of its own, else with
+                               *   wait states alone */
+    bool gpio_groups;         /**< the multiplexers have a second level, GPyGMUX */
+    bool adc_sequencer;       /**< one converter whose sequencer is reset before every sequence,
+                               *   else ADC-A and ADC-B side by side */
+    uint32_t trip_select;     /**< INPUT1SELECT: which pin trips; 0: the pin is fixed */
     uint32_t epwm;
     uint16_t stride;
     uint16_t tbctl;

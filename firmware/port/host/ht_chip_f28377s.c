@@ -1,5 +1,5 @@
 /* Registers of the F28377S (TMS320F2837xS manual, SPRS881). */
-#include "ht_registers.h"
+#include "ht_regfile.h"
 
 #define COUNT(table) ((uint16_t)(sizeof(table) / sizeof((table)[0])))
 #define PLAIN(name, offset, writable, fields) \
@@ -284,6 +284,19 @@ const ht_chip ht_chip_f28377s = {
     .gpio_data = 0x7F00u,
     .adc_flag = 0x7403u,
     .adc_settle_us = 500u,
-    .crystal_pll_Hz = 400.0e6f,
     .watchdog_Hz = 10.0e6f / 512.0f,
+    .pll_multiplier = 0x5D214u,
+    .internal_oscillators = 1u,
+    .crystal_pll_Hz = 400.0e6f,
+    .first_crystal_Hz = 20.0e6f,
+    .pin_groups = 1u,
+    .pwm_pins = 16u,
+    .pwm_pins_group = 22u,
+    .trip_select = 0x7900u,
+    .trips_without_pin = 1u,
+    .sequencer = 0u,
+    .sci = 0x7200u,
+    .device_cal = HT_REGFILE_DEVICE_CAL,
+    .linearity_trim = {0x0703B4u, 0x0703B2u},
+    .offset_trim = 0x0703ACu,
 };

@@ -138,11 +138,12 @@ static void bind_register(ht_regfile *rf, const ht_module *m, const ht_register 
 
 void ht_regfile_reset(ht_regfile *rf, const void *map)
 {
+    static const ht_chip *const chips[] = {&ht_chip_f28335, &ht_chip_f28377s}; /* by ht_device */
     const ht_c2000_map *device = map;
     uint16_t n;
     memset(rf, 0, sizeof *rf);
     rf->map = map;
-    rf->chip = (device->device == HT_F28335) ? &ht_chip_f28335 : &ht_chip_f28377s;
+    rf->chip = chips[device->device];
     rf->intm = 1u;
     rf->gates_active_low = HT_GATES_ACTIVE_LOW;
     rf->pll_share = 1.0f;

@@ -8,11 +8,11 @@
  *  flash pump; pin multiplexers; the ADC's power-up and sequencer, and how its interrupts
  *  can stop for good; CPU timers; SCI-A with its FIFOs; PIE group 1 with vectors, nesting
  *  and acknowledge; TI's functions in OTP; levels of the pins, and a trip that comes back
- *  as long as its pin is low. An access that the chip refuses, or that manual or common sense forbid at
- *  this point, is counted as a violation and the first ones are kept, so that tests
- *  can insist on zero. A register that the tables do not list counts as not there.
+ *  as long as its pin is low. An access that the chip refuses, or that the manual forbids at
+ *  this point, is counted as a violation, and the first ones are kept: tests require zero. A
+ *  register that the tables do not list counts as absent.
  *
- *  What the PWM makes of the values is the plant's business, not this file's.
+ *  The PWM's outputs are not modelled here: the plant derives them from the registers.
  */
 #ifndef HT_REGFILE_H
 #define HT_REGFILE_H
@@ -41,7 +41,7 @@ enum {
     HT_REG_RESERVED = 4,  /**< a one in a reserved bit */
     HT_REG_WIDTH = 5,     /**< 16 bits of a 32-bit register or the other way round */
     HT_REG_UNCLOCKED = 6, /**< its module has no clock (yet) */
-    HT_REG_ORDER = 7,     /**< not now */
+    HT_REG_ORDER = 7,     /**< forbidden at this point */
     HT_REG_KEY = 8,       /**< wrong key */
     HT_REG_WATCHDOG = 9   /**< the watchdog has reset the chip */
 };
@@ -167,9 +167,9 @@ void ht_regfile_pins(ht_regfile *rf);
  *  that listen to it trip. On the F28335 these two are pins. */
 void ht_regfile_clock_fails(ht_regfile *rf);
 void ht_regfile_emulation_stops(ht_regfile *rf);
-/** An octet arrives at the SCI's receiver. Returns 1 if it was taken. */
+/** A byte arrives at the SCI's receiver. Returns 1 if it was taken. */
 uint16_t ht_regfile_sci_arrive(ht_regfile *rf, uint16_t octet);
-/** Next octet that leaves the transmitter, or 0xFFFF. */
+/** Next byte that leaves the transmitter, or 0xFFFF. */
 uint16_t ht_regfile_sci_leave(ht_regfile *rf);
 
 /* For tests */

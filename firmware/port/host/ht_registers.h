@@ -99,8 +99,27 @@ typedef struct {
     uint32_t gpio_data;      /**< levels of port A; the next port's are 8 words further */
     uint32_t adc_flag;       /**< where the end of a sequence shows (bit 0) */
     uint32_t adc_settle_us;  /**< from power-up to the first conversion */
-    float crystal_pll_Hz;    /**< crystal x multiplier, as the boards choose them */
     float watchdog_Hz;       /**< its clock / 512 */
+
+    /* In what the chips differ: a flag is 1 for a chip that has it, an address 0 for a chip
+     * without it. */
+    uint32_t pll_multiplier;        /**< register that holds it */
+    uint16_t internal_oscillators;  /**< two of them, which may clock system, timers and watchdog */
+    float crystal_Hz;               /**< as the boards have it; 0: it depends on the board, ... */
+    float crystal_pll_Hz;           /**< ... which chooses crystal x multiplier to be this */
+    float first_crystal_Hz;         /**< before a multiplier is chosen */
+    uint16_t pin_groups;            /**< second level of the pins' multiplexers, GPyGMUX */
+    uint32_t pwm_pins;              /**< pins 0 ... of PWM modules at position 1, two per module */
+    uint32_t pwm_pins_group;        /**< pins 16 ... of PWM modules at position 5: the last, plus 1 */
+    uint32_t trip_select;           /**< INPUT1SELECT: the pin that trips */
+    uint32_t trip_pin;              /**< that pin, where it is fixed */
+    uint16_t trips_without_pin;     /**< clock failure and emulation stop trip by themselves */
+    uint16_t sequencer;             /**< one ADC with a sequencer; else two, with a start per result */
+    uint32_t sci;                   /**< SCI-A */
+    uint32_t adc_cal;               /**< TI's functions in OTP: calibration of the one ADC, ... */
+    uint32_t device_cal;            /**< ... of the device, ... */
+    uint32_t linearity_trim[2];     /**< ... of ADC-A's and ADC-B's linearity, ... */
+    uint32_t offset_trim;           /**< ... and the offset that fits */
 } ht_chip;
 
 extern const ht_chip ht_chip_f28335;

@@ -3,7 +3,7 @@
  *
  *   setup   32-bit words: baud rate of UART0, milliseconds of the watchdog
  *   store   the memory for parameters; without this file the board has none. Words lie in it as in
- *           memory, low octet first.
+ *           memory, low byte first.
  */
 #include "cmsdk_uart.h"
 #include "ht_service.h"
@@ -15,12 +15,12 @@
 /* 32-bit values of memory for captures: what the F28377S's image has. */
 #define CAPTURE_VALUES 20480u
 
-/* Octets that a turn of the background is sure to hand over while frames are waiting: it
+/* Bytes that a turn of the background is sure to hand over while frames are waiting: it
  * takes up to 16, and a frame's rest. */
 #define TURN_OCTETS 8.0f
 #define TURNS_MIN 4
-/* The emulator fetches an octet only once the one before has been read. Turns that it is
- * given for the next one, some 50 us: else a request would take a period an octet. */
+/* The emulator fetches a byte only once the one before has been read. Turns that it is
+ * given for the next one, some 50 us: else a request would take a period a byte. */
 #define TURNS_OCTET 200
 
 typedef struct {

@@ -207,7 +207,7 @@ class SimulatedDrive(DriveVerbs):
 
     def _make_sensors(self) -> np.record:
         setup, m = self.setup, self.controller.map
-        per_A = 4096 / (2 * setup["sensors.i_full_A"])
+        per_A = firmware.lib.HT_ADC_FULL / (2 * setup["sensors.i_full_A"])
         return record(
             SENSORS,
             i_counts_per_A=per_A * np.array(setup["sensors.i_gain"]),
@@ -216,9 +216,10 @@ class SimulatedDrive(DriveVerbs):
             i_filtered_A=0.0,
             i_noise_counts=per_A * setup["sensors.i_noise_A"],
             random=setup["sensors.noise_seed"],
-            i_offset_counts=2048 + per_A * np.array(setup["sensors.i_offset_A"]),
+            i_offset_counts=firmware.lib.HT_ADC_MID + per_A * np.array(setup["sensors.i_offset_A"]),
             hold=0,
-            v_counts_per_V=4096 / setup["sensors.vdc_full_V"],
+            v_counts_per_V=firmware.lib.HT_ADC_FULL / setup["sensors.vdc_full_V"],
+            adc_full=float(firmware.lib.HT_ADC_FULL),
             adc_step=float(1 << (12 - setup["sensors.adc_bits"])),
             encoder_counts_rev=4.0 * setup["sensors.encoder_ppr"],
             adc_result=list(m.adc_result),

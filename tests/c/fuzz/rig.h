@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 #include "ht_port_c2000.h"
-#include "ht_service.h"
+#include "ht_service_requests.h"
 
 #define RIG_MEMORY 96u   /* values for captures: a few rows of a few channels */
 #define RIG_BLOCKS 32u   /* of an area of the parameter store */

@@ -20,7 +20,7 @@
 #define RXEN0 0x10 /* before its program sets this bit the serial port hears nothing */
 
 static int from_target = -1;
-static int ready = 1; /* the serial port takes another octet */
+static int ready = 1; /* the serial port takes another byte */
 static unsigned char out[4096];
 static size_t waiting;
 
