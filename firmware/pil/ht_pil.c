@@ -161,9 +161,8 @@ static uint16_t operate(ht_pil *p, uint16_t opcode, uint16_t number, ht_reader *
                         ht_packet *reply)
 {
     float value = 0.0f;
-    uint16_t result = (opcode == (uint16_t)HT_OP_PIL_INIT)
-                          ? init(p, request)
-                          : carry_out(p, opcode, request, &value);
+    uint16_t result = (opcode == (uint16_t)HT_OP_PIL_INIT) ? init(p, request)
+                                                           : carry_out(p, opcode, request, &value);
     if (p->ready && (result != (uint16_t)HT_PIL_REFUSED)) {
         ht_packet_add_float(reply, value);
         tell_channels(p, reply);

@@ -33,7 +33,7 @@ enum {
 /** What an image has besides the drive. Functions may be NULL. */
 typedef struct {
     void (*begin)(void *at, ht_drive *drive); /**< INIT has made a new drive */
-    void (*fast)(void *at);  /**< replaces `ht_drive_fast_isr`, which it calls */
+    void (*fast)(void *at);                   /**< replaces `ht_drive_fast_isr`, which it calls */
     void *at;
 } ht_pil_image;
 
@@ -41,9 +41,9 @@ typedef struct {
     ht_drive drive;
     ht_port port;
     ht_pil_side side;
-    bool ready; /**< INIT succeeded */
+    bool ready;                     /**< INIT succeeded */
     uint32_t told[HT_PIL_CHANNELS]; /**< bits of the channels as the host knows them */
-    ht_pil_image image; /**< to be set after `ht_pil_reset` */
+    ht_pil_image image;             /**< to be set after `ht_pil_reset` */
 } ht_pil;
 
 /** Before the first request. */
@@ -57,11 +57,11 @@ void ht_pil_complain(ht_packet *reply);
 
 /** What both ends have to agree on: the answer to HELLO. */
 typedef struct {
-    uint16_t version;    /**< HT_PIL_VERSION */
-    uint16_t params;     /**< number of parameters */
-    uint16_t channels;   /**< number of telemetry channels */
-    uint16_t registers;  /**< number of registers of device 0; 0: call target */
-    uint32_t names;      /**< CRC-32 over the names of all parameters, then of all channels */
+    uint16_t version;   /**< HT_PIL_VERSION */
+    uint16_t params;    /**< number of parameters */
+    uint16_t channels;  /**< number of telemetry channels */
+    uint16_t registers; /**< number of registers of device 0; 0: call target */
+    uint32_t names;     /**< CRC-32 over the names of all parameters, then of all channels */
 } ht_pil_identity;
 
 void ht_pil_identify(ht_pil_identity *id);

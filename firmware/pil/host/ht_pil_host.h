@@ -49,23 +49,23 @@ typedef enum {
 
 /** A drive on a target. */
 typedef struct {
-    ht_regfile registers;  /**< the plant's side of the target's registers */
+    ht_regfile registers; /**< the plant's side of the target's registers */
     ht_mirror mirror;
     ht_log log;
-    ht_port port;          /**< driver that makes a call target's calls */
-    uint16_t calls;        /**< 1: call target, 0: register target */
-    ht_pil_line *local;    /**< a target in this process, or NULL */
-    int to_target;         /**< file descriptors, if not local */
+    ht_port port;       /**< driver that makes a call target's calls */
+    uint16_t calls;     /**< 1: call target, 0: register target */
+    ht_pil_line *local; /**< a target in this process, or NULL */
+    int to_target;      /**< file descriptors, if not local */
     int from_target;
     int timeout_ms;
-    uint32_t heard;        /**< bytes that came since the latest request */
-    uint16_t error;        /**< ht_link_error */
-    uint16_t number;       /**< of the latest request */
-    uint16_t result;       /**< what follows: of the latest reply */
+    uint32_t heard;  /**< bytes that came since the latest request */
+    uint16_t error;  /**< ht_link_error */
+    uint16_t number; /**< of the latest request */
+    uint16_t result; /**< what follows: of the latest reply */
     uint16_t state;
     uint16_t faults;
     float value;
-    float told[HT_PIL_CHANNELS]; /**< channels as the latest reply left them */
+    float told[HT_PIL_CHANNELS];     /**< channels as the latest reply left them */
     float channels[HT_PIL_CHANNELS]; /**< channels as they are recorded */
     uint32_t flip_request; /**< byte, from 1, of the next request's frame to damage; 0: none */
     ht_packet request;

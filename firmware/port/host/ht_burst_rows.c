@@ -8,7 +8,7 @@ static float channel_of_row(const void *object, uint16_t id)
 void ht_burst_rows(ht_burst *b, const float *rows, uint32_t n, uint16_t width, uint32_t tick,
                    uint16_t fault)
 {
-    ht_source source = { channel_of_row, rows };
+    ht_source source = {channel_of_row, rows};
     uint32_t k;
     for (k = 0u; k < n; k++) {
         const float *row = &rows[k * width];
