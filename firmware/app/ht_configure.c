@@ -172,8 +172,8 @@ void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config 
     c->pull_out_Nm_Wb2 = pull_out(v);
     c->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);
     c->build_gain = 1.0f / (1.0f + BUILD_ADAPT_S * v[HT_P_f_slow_Hz]);
-    c->adapt_gain =
-        (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz])) : 0.0f;
+    c->adapt_gain = (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz]))
+                                             : 0.0f;
     apply_protection(v, &c->protect);
 }
 

@@ -43,14 +43,14 @@ const char *ht_state_name(uint16_t state);
 /** Result of a command or an initialisation. */
 typedef enum {
     HT_OK = 0,
-    HT_ERROR_ID = 1,     /**< no such parameter */
-    HT_ERROR_VALUE = 2,  /**< not finite, out of range or not a choice */
-    HT_ERROR_STATE = 3,  /**< not allowed in this state */
-    HT_ERROR_CONFIG = 4, /**< parameters do not fit together (e.g. bands) */
-    HT_ERROR_PORT = 5,   /**< the hardware cannot realise the set-up */
+    HT_ERROR_ID = 1,      /**< no such parameter */
+    HT_ERROR_VALUE = 2,   /**< not finite, out of range or not a choice */
+    HT_ERROR_STATE = 3,   /**< not allowed in this state */
+    HT_ERROR_CONFIG = 4,  /**< parameters do not fit together (e.g. bands) */
+    HT_ERROR_PORT = 5,    /**< the hardware cannot realise the set-up */
     HT_ERROR_TURNING = 6, /**< start refused: the machine is turning */
-    HT_ERROR_TRIP = 7,   /**< start or clear refused: the trip pin is low */
-    HT_ERROR_STORE = 8   /**< this image keeps no parameters, or writing them failed */
+    HT_ERROR_TRIP = 7,    /**< start or clear refused: the trip pin is low */
+    HT_ERROR_STORE = 8    /**< this image keeps no parameters, or writing them failed */
 } ht_result;
 
 /** Share of the build-up during which the flux is too small for its speed to mean anything. */
@@ -58,9 +58,9 @@ typedef enum {
 
 /** What the fast interrupt that raised the latest fault worked with. */
 typedef struct {
-    uint32_t tick;         /**< fast interrupts since init; 0 = no fault yet */
-    uint16_t state;        /**< ht_state at the time */
-    uint16_t faults;       /**< what that interrupt found */
+    uint32_t tick;   /**< fast interrupts since init; 0 = no fault yet */
+    uint16_t state;  /**< ht_state at the time */
+    uint16_t faults; /**< what that interrupt found */
     ht_samples samples;
     ht_control_input in;
     ht_estimate estimate;
@@ -77,52 +77,52 @@ typedef struct {
     ht_speed_measure_config measure;
     ht_flux_config flux;
     float omega_mean_gain;
-    float pull_out_Nm_Wb2;         /**< torque limit per flux squared */
-    float adapt_gain;              /**< of the resistances, per slow interrupt */
-    float build_gain;              /**< the same during the build-up */
-    ht_params params;              /**< the parameters that all this is derived from */
+    float pull_out_Nm_Wb2; /**< torque limit per flux squared */
+    float adapt_gain;      /**< of the resistances, per slow interrupt */
+    float build_gain;      /**< the same during the build-up */
+    ht_params params;      /**< the parameters that all this is derived from */
 } ht_drive_config;
 
 typedef struct {
     /* What the fast interrupt needs comes first, within reach of one instruction. */
     ht_port *port;
-    const ht_drive_config *config; /**< in force */
-    const ht_drive_config *volatile staged; /**< the next fast interrupt takes it over; NULL: none */
-    uint32_t tick;                 /**< fast interrupts since init */
+    const ht_drive_config *config;          /**< in force */
+    const ht_drive_config *volatile staged; /**< for the next fast interrupt; NULL: none */
+    uint32_t tick;                          /**< fast interrupts since init */
     volatile uint32_t taken_tick;  /**< of the first interrupt with the parameters in force */
     volatile uint32_t state_ticks; /**< fast interrupts since the state began */
     volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
     volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
     uint16_t faults;
-    uint16_t stuck_leg;            /**< leg whose sensor and trip latch are checked next */
-    ht_samples samples;            /**< latest */
+    uint16_t stuck_leg; /**< leg whose sensor and trip latch are checked next */
+    ht_samples samples; /**< latest */
     volatile uint32_t position_now;
-    float offset_counts[HT_LEGS];  /**< calibrated zero of each current channel */
+    float offset_counts[HT_LEGS]; /**< calibrated zero of each current channel */
     float i_per_count;
     float v_per_count;
-    float turn_per_count;          /**< electrical rad */
+    float turn_per_count; /**< electrical rad */
     float speed_rpm;
-    float torque_ref_Nm;           /**< slow loop to fast loop */
-    float flux_ref_Wb;             /**< the flux reference: written by the fast interrupt in
+    float torque_ref_Nm; /**< slow loop to fast loop */
+    float flux_ref_Wb;   /**< the flux reference: written by the fast interrupt in
                                     *   BUILD, by the slow one in RUN */
-    ht_control_input in;           /**< latest measurement; copies of both references */
+    ht_control_input in; /**< latest measurement; copies of both references */
     ht_control_state control;
     ht_protect_state protect;
     /* Slow interrupt, states and commands. */
     ht_speed_state speed;
     ht_speed_measure_state measured;
     uint32_t position_last;
-    uint32_t tick_last;            /**< `tick` at the last slow interrupt */
-    float flux_ramp_Wb;            /**< the parameter flux_ref_Wb as it is approached; field
+    uint32_t tick_last;     /**< `tick` at the last slow interrupt */
+    float flux_ramp_Wb;     /**< the parameter flux_ref_Wb as it is approached; field
                                     *   weakening goes below */
-    float omega_mean_rad_s;        /**< flux speed, slow mean */
+    float omega_mean_rad_s; /**< flux speed, slow mean */
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
     uint16_t calibration_ticks;
-    uint16_t flux_lowered;              /**< 1: less flux, to keep the flux turning */
-    ht_snapshot snapshot;          /**< of the latest fault; a clear keeps it */
-    ht_params params;              /**< the latest that were accepted */
-    ht_drive_config configs[2];    /**< the one in force and the next */
+    uint16_t flux_lowered;      /**< 1: less flux, to keep the flux turning */
+    ht_snapshot snapshot;       /**< of the latest fault; a clear keeps it */
+    ht_params params;           /**< the latest that were accepted */
+    ht_drive_config configs[2]; /**< the one in force and the next */
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. Refuses

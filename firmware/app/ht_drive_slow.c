@@ -17,8 +17,7 @@
 #define BUILD_TURN_RPM 100.0f
 static uint16_t turning_unnoticed(const ht_drive *d, const ht_drive_config *c)
 {
-    float off = c->protect.rpm_per_rad_s * d->control.observer.omega_sync_rad_s
-                - d->speed_rpm;
+    float off = c->protect.rpm_per_rad_s * d->control.observer.omega_sync_rad_s - d->speed_rpm;
     bool there = (float)d->state_ticks > HT_BUILD_BLIND * (float)d->build_ticks
                                              + BUILD_LOOK_S * c->params.v[HT_P_f_isr_Hz];
     if (!there || !(c->params.v[HT_P_encoder_trip_rpm] > 0.0f)
@@ -44,11 +43,10 @@ static void keep_off_zero_frequency(ht_drive *d, const ht_drive_config *c)
     const float *v = c->params.v;
     float psi = d->flux_ramp_Wb;
     /* i_q/i_d of the reference */
-    float load = d->torque_ref_Nm * c->protect.ls_H
-                 / (c->control.observer.torque_gain * psi * psi);
+    float load = d->torque_ref_Nm * c->protect.ls_H / (c->control.observer.torque_gain * psi * psi);
     float size;
-    d->omega_mean_rad_s +=
-        c->omega_mean_gain * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
+    d->omega_mean_rad_s += c->omega_mean_gain
+                           * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
     size = (d->omega_mean_rad_s < 0.0f) ? -d->omega_mean_rad_s : d->omega_mean_rad_s;
     if ((c->control.observer.kind != HT_OBSERVER_HYBRID) || !(v[HT_P_adapt_s] > 0.0f)
         || ((load < LOWER_LOAD) && (load > -LOWER_LOAD)) || (size > TURNING_RAD_S)) {
@@ -103,8 +101,7 @@ void ht_drive_slow_isr(ht_drive *d)
         }
         return;
     }
-    d->slow_faults =
-        ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
+    d->slow_faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
     /* Where nothing adapts, the resistances in use are the configured ones. */
     ht_observer_adapt(&c->control.observer, &d->control.observer,
                       (c->control.observer.kind == HT_OBSERVER_HYBRID) ? c->adapt_gain : 0.0f);

@@ -55,8 +55,8 @@ uint16_t ht_protect_samples(const ht_protect_config *cfg, const ht_control_input
 static const uint16_t others[HT_LEGS][2] = {{2u, 4u}, {3u, 5u}, {0u, 4u},
                                             {1u, 5u}, {0u, 2u}, {1u, 3u}};
 
-uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st,
-                          const ht_samples *s, uint16_t leg)
+uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st, const ht_samples *s,
+                          uint16_t leg)
 {
     uint16_t count = s->adc[HT_ADC_I + leg];
     uint16_t other =
@@ -95,8 +95,8 @@ uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state
     ht_ab psi = c->estimate.psi_Wb;
     float i2 = i.alpha * i.alpha + i.beta * i.beta;
     /* Of sums as small as these each part is finite and within its bound. */
-    float torques =
-        fabsf(c->estimate.torque_Nm) + fabsf(c->decided.torque_Nm) + fabsf(torque_ref_Nm);
+    float torques = fabsf(c->estimate.torque_Nm) + fabsf(c->decided.torque_Nm)
+                    + fabsf(torque_ref_Nm);
     float command = fabsf(c->v_xy_pu.x) + fabsf(c->v_xy_pu.y);
     bool flux = within(psi.alpha, cfg->flux_trip_Wb) && within(psi.beta, cfg->flux_trip_Wb);
     unsigned faults = 0u;

@@ -11,12 +11,12 @@
 #include "port.h"
 
 typedef struct {
-    float i_trip_A;         /**< any phase */
-    float i_ab_trip_A;      /**< magnitude in alpha-beta */
-    float i_sum_trip_A;     /**< sum of a set */
+    float i_trip_A;     /**< any phase */
+    float i_ab_trip_A;  /**< magnitude in alpha-beta */
+    float i_sum_trip_A; /**< sum of a set */
     float vdc_min_V;
     float vdc_max_V;
-    float flux_trip_Wb;     /**< either component of the estimate */
+    float flux_trip_Wb; /**< either component of the estimate */
     float speed_trip_rpm;
     float encoder_trip_rpm; /**< measured against estimated speed; 0 = off */
     float flux_check;       /**< distance from the circle diagram, rms, units of
@@ -53,8 +53,8 @@ uint16_t ht_protect_samples(const ht_protect_config *cfg, const ht_control_input
  *  if its reading has not changed over `HT_STUCK_LOOKS` checks while the sum of the set's other
  *  two readings, which is minus the phase's current, changed by `stuck_counts`. (One of the two
  *  alone may change: under a load at standstill, across the phase's axis.) */
-uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st,
-                          const ht_samples *s, uint16_t leg);
+uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st, const ht_samples *s,
+                          uint16_t leg);
 #define HT_STUCK_LOOKS 50u
 
 /** Check the results of the control step: finite, and currents and flux within bounds. */

@@ -29,9 +29,9 @@
 #include "ht_streams.h"
 
 #define HT_SERVICE_VERSION 2u
-#define HT_SERVICE_WRITE 80u /**< parameters of one WRITE */
+#define HT_SERVICE_WRITE 80u       /**< parameters of one WRITE */
 #define HT_SERVICE_REQUEST_HEAD 6u /**< bytes of a request before its payload */
-#define HT_SERVICE_REPLY_HEAD 10u /**< bytes of a reply before its payload */
+#define HT_SERVICE_REPLY_HEAD 10u  /**< bytes of a reply before its payload */
 
 /** The watchdog's time on a board. */
 enum { HT_SERVICE_WATCHDOG_MS = 250 };
@@ -60,49 +60,49 @@ enum {
 
 typedef struct {
     const char *device;
-    const char *build;  /**< of the firmware */
+    const char *build;    /**< of the firmware */
     uint16_t watchdog_ms; /**< time without a request after which the drive trips, ms, at least 1;
                            *   after four times as long the session ends */
     ht_line line;
-    uint32_t *memory;   /**< for captures */
-    uint32_t memory_size; /**< values */
+    uint32_t *memory;      /**< for captures */
+    uint32_t memory_size;  /**< values */
     const ht_store *store; /**< of the parameters; NULL: none */
 } ht_service_setup;
 
 typedef struct {
     ht_drive *drive;
     ht_service_setup setup;
-    uint32_t dictionary;        /**< its CRC */
+    uint32_t dictionary;                 /**< its CRC */
     uint16_t write_id[HT_SERVICE_WRITE]; /**< of the present WRITE: too large for a stack */
     float write_value[HT_SERVICE_WRITE];
     ht_incoming in;
-    ht_packet reply;            /**< to the latest request */
-    ht_packet data;             /**< sample or values of a capture on its way out */
+    ht_packet reply; /**< to the latest request */
+    ht_packet data;  /**< sample or values of a capture on its way out */
     ht_outgoing out;
-    bool answered;              /**< `reply` is that of `last_crc` */
+    bool answered; /**< `reply` is that of `last_crc` */
     bool reply_due;
-    bool reply_waits;           /**< until the fast interrupt has taken the parameters over */
-    uint32_t overtaken;         /**< bytes of samples that went before the reply that is due */
+    bool reply_waits;   /**< until the fast interrupt has taken the parameters over */
+    uint32_t overtaken; /**< bytes of samples that went before the reply that is due */
     uint32_t last_crc;
-    bool started;               /**< `start_crc` is the session's latest request, a START */
+    bool started; /**< `start_crc` is the session's latest request, a START */
     uint32_t start_crc;
-    uint32_t detail;            /**< of a refusal */
-    uint32_t mark;              /**< sent by the first OPEN since the reset; 0: none yet */
-    uint16_t session;           /**< 0: none */
-    uint16_t asks;              /**< session that the present request names */
-    uint32_t session_tick;      /**< of its latest request */
-    volatile uint16_t armed;    /**< 1: the watchdog runs */
-    volatile uint16_t fed;      /**< 1: a request of the session has come since the last look */
+    uint32_t detail;         /**< of a refusal */
+    uint32_t mark;           /**< sent by the first OPEN since the reset; 0: none yet */
+    uint16_t session;        /**< 0: none */
+    uint16_t asks;           /**< session that the present request names */
+    uint32_t session_tick;   /**< of its latest request */
+    volatile uint16_t armed; /**< 1: the watchdog runs */
+    volatile uint16_t fed;   /**< 1: a request of the session has come since the last look */
     volatile uint32_t watchdog_left; /**< fast interrupts */
     volatile uint32_t watchdog_ticks;
     ht_streams streams;
-    uint16_t begins;            /**< stream that begins when the reply is sent; HT_STREAMS: none */
-    ht_stream_sample sample;    /**< being sent */
+    uint16_t begins;         /**< stream that begins when the reply is sent; HT_STREAMS: none */
+    ht_stream_sample sample; /**< being sent */
     ht_burst burst;
-    uint32_t read_at;           /**< of the capture: next value to send ... */
-    uint32_t read_left;         /**< ... and how many */
-    uint32_t damaged;           /**< frames */
-    uint32_t overruns;          /**< of the receiver */
+    uint32_t read_at;   /**< of the capture: next value to send ... */
+    uint32_t read_left; /**< ... and how many */
+    uint32_t damaged;   /**< frames */
+    uint32_t overruns;  /**< of the receiver */
 } ht_service;
 
 /** Prepare the link of a drive that is set up. */

@@ -10,7 +10,7 @@
 #define REPLY 0x80u
 #define NO_DETAIL 0xFFFFu
 #define GET_MOST 100u
-#define PAIR 6u /* bytes of id and value */
+#define PAIR 6u           /* bytes of id and value */
 #define SAMPLE_HEAD 12.0f /* bytes of a sample on the line that are no values */
 
 enum { NEEDS_NOTHING = 0, NEEDS_DICTIONARY = 1, NEEDS_SESSION = 2, NEEDS_BOTH = 3 };
@@ -74,7 +74,7 @@ static uint16_t list(ht_service *l, const uint16_t *in, uint16_t n)
         return HT_SERVICE_LENGTH;
     }
     return ht_dictionary_add(&l->reply, l->drive->port, in[0], ht_get16(&in[1])) ? HT_OK
-                                                                               : HT_ERROR_ID;
+                                                                                 : HT_ERROR_ID;
 }
 
 static uint16_t open_session(ht_service *l, const uint16_t *in, uint16_t n)
@@ -266,30 +266,30 @@ static bool take_channels(ht_service *l, const uint16_t *in, uint16_t n, uint16_
 }
 
 /* Bytes a second of a stream: rounded up. */
-static uint32_t load(const ht_service *l, uint16_t n, uint16_t decimation)
+static uint32_t load(float interrupts_Hz, uint16_t n, uint16_t decimation)
 {
     float octets = 4.0f * (float)n + SAMPLE_HEAD;
-    float rate = rate_Hz(l) / (float)decimation;
-    float sum = octets * rate;
+    float samples_Hz = interrupts_Hz / (float)decimation;
+    float sum = octets * samples_Hz;
     return (n == 0u) ? 0u : ((uint32_t)sum + 1u);
 }
 
 /* Smallest decimation with which a stream of `n` channels takes up to `rest` bytes a
  * second; 0: none. */
-static uint16_t smallest(const ht_service *l, uint16_t n, uint32_t rest)
+static uint16_t smallest(float interrupts_Hz, uint16_t n, uint32_t rest)
 {
     uint32_t least;
     if (rest == 0u) {
         return 0u;
     }
-    least = load(l, n, 1u) / rest; /* this one or the next */
+    least = load(interrupts_Hz, n, 1u) / rest; /* this one or the next */
     if (least >= 0xFFFFu) {
         return 0u;
     }
-    if ((least == 0u) || (load(l, n, (uint16_t)least) > rest)) {
+    if ((least == 0u) || (load(interrupts_Hz, n, (uint16_t)least) > rest)) {
         least++;
     }
-    return (load(l, n, (uint16_t)least) > rest) ? 0u : (uint16_t)least;
+    return (load(interrupts_Hz, n, (uint16_t)least) > rest) ? 0u : (uint16_t)least;
 }
 
 static uint16_t stream(ht_service *l, const uint16_t *in, uint16_t n)
@@ -297,6 +297,7 @@ static uint16_t stream(ht_service *l, const uint16_t *in, uint16_t n)
     uint16_t ids[HT_STREAM_CHANNELS];
     uint32_t others = 0u;
     uint32_t budget = streams_budget(l);
+    float interrupts_Hz = rate_Hz(l);
     uint32_t needed;
     uint16_t slot;
     uint16_t count;
@@ -322,12 +323,12 @@ static uint16_t stream(ht_service *l, const uint16_t *in, uint16_t n)
     }
     for (k = 0u; k < HT_STREAMS; k++) {
         if ((k != slot) && (l->streams.stream[k].active != 0u)) {
-            others += load(l, l->streams.stream[k].n, l->streams.stream[k].decimation);
+            others += load(interrupts_Hz, l->streams.stream[k].n, l->streams.stream[k].decimation);
         }
     }
-    needed = load(l, count, decimation);
+    needed = load(interrupts_Hz, count, decimation);
     if ((others + needed) > budget) {
-        l->detail = smallest(l, count, (others < budget) ? (budget - others) : 0u);
+        l->detail = smallest(interrupts_Hz, count, (others < budget) ? (budget - others) : 0u);
         return HT_SERVICE_BUDGET;
     }
     ht_streams_set(&l->streams, slot, ids, count, decimation);
@@ -534,14 +535,16 @@ typedef struct {
 } handler;
 
 /* By opcode, from 1 on. */
-static const handler handlers[] = {
-    {NEEDS_NOTHING, hello},    {NEEDS_NOTHING, list},          {NEEDS_NOTHING, open_session},
-    {NEEDS_SESSION, close_session}, {NEEDS_NOTHING, status},   {NEEDS_DICTIONARY, get},
-    {NEEDS_BOTH, write},       {NEEDS_BOTH, start},            {NEEDS_NOTHING, stop},
-    {NEEDS_BOTH, clear},       {NEEDS_BOTH, stream},           {NEEDS_BOTH, arm},
-    {NEEDS_NOTHING, capture},  {NEEDS_SESSION, read},          {NEEDS_SESSION, trigger},
-    {NEEDS_SESSION, cancel},   {NEEDS_NOTHING, snapshot},      {NEEDS_BOTH, save},
-    {NEEDS_BOTH, forget}};
+static const handler handlers[] = {{NEEDS_NOTHING, hello},        {NEEDS_NOTHING, list},
+                                   {NEEDS_NOTHING, open_session}, {NEEDS_SESSION, close_session},
+                                   {NEEDS_NOTHING, status},       {NEEDS_DICTIONARY, get},
+                                   {NEEDS_BOTH, write},           {NEEDS_BOTH, start},
+                                   {NEEDS_NOTHING, stop},         {NEEDS_BOTH, clear},
+                                   {NEEDS_BOTH, stream},          {NEEDS_BOTH, arm},
+                                   {NEEDS_NOTHING, capture},      {NEEDS_SESSION, read},
+                                   {NEEDS_SESSION, trigger},      {NEEDS_SESSION, cancel},
+                                   {NEEDS_NOTHING, snapshot},     {NEEDS_BOTH, save},
+                                   {NEEDS_BOTH, forget}};
 
 #define HANDLERS ((uint16_t)(sizeof handlers / sizeof handlers[0]))
 
@@ -570,7 +573,8 @@ static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)
         && (dictionary != (uint16_t)(l->dictionary & 0xFFFFu))) {
         return HT_SERVICE_DICTIONARY;
     }
-    return h->carry_out(l, &octets[HT_SERVICE_REQUEST_HEAD], (uint16_t)(n - HT_SERVICE_REQUEST_HEAD));
+    return h->carry_out(l, &octets[HT_SERVICE_REQUEST_HEAD],
+                        (uint16_t)(n - HT_SERVICE_REQUEST_HEAD));
 }
 
 static bool has_detail(uint16_t status_code)

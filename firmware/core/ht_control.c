@@ -181,8 +181,7 @@ static ht_vsd less_drops(const ht_control_config *cfg, const ht_six *from, const
     int leg;
     for (leg = 0; leg < HT_LEGS; leg++) {
         float share = per_A * (from->p[leg] + to->p[leg]);
-        drop.p[leg] = cfg->drop_V
-                      * ((share > 1.0f) ? 1.0f : ((share < -1.0f) ? -1.0f : share));
+        drop.p[leg] = cfg->drop_V * ((share > 1.0f) ? 1.0f : ((share < -1.0f) ? -1.0f : share));
     }
     lost = ht_vsd_from_six(&drop);
     v.ab.alpha -= lost.ab.alpha;

@@ -17,15 +17,15 @@
 
 typedef struct {
     ht_scheme scheme;
-    ht_law law;              /**< of the scheme */
-    bool shadow;             /**< a pattern takes effect one period after its step */
-    bool predict;            /**< decide on the state one period ahead */
-    bool needs_xy;           /**< the law decides by the x-y flux */
-    bool only_v0;            /**< zero vectors: V0 only, else the one with the fewest transitions */
-    uint16_t period_counts;  /**< TBPRD + 1 */
-    uint16_t first_counts;   /**< write instant under immediate load, else 0 */
-    float drop_V;            /**< threshold voltage of switches and diodes, their mean; 0 = ideal */
-    float build_current_A;   /**< current limit of the flux build-up */
+    ht_law law;             /**< of the scheme */
+    bool shadow;            /**< a pattern takes effect one period after its step */
+    bool predict;           /**< decide on the state one period ahead */
+    bool needs_xy;          /**< the law decides by the x-y flux */
+    bool only_v0;           /**< zero vectors: V0 only, else the one with the fewest transitions */
+    uint16_t period_counts; /**< TBPRD + 1 */
+    uint16_t first_counts;  /**< write instant under immediate load, else 0 */
+    float drop_V;           /**< threshold voltage of switches and diodes, their mean; 0 = ideal */
+    float build_current_A;  /**< current limit of the flux build-up */
     ht_dead_time dead;
     ht_observer_config observer;
     ht_table_law_config table_law; /**< used where `law` is HT_LAW_TABLE */

@@ -32,18 +32,18 @@ typedef enum {
 
 typedef struct {
     ht_observer_kind kind;
-    float ts_s;             /**< sampling period, s */
-    float inv_ts;           /**< 1 / ts_s */
-    float rs_ohm;           /**< stator resistance */
-    float sigma_ls_H;       /**< stator transient inductance, sigma L_s */
-    float inv_sigma_ls;     /**< 1 / sigma_ls_H */
-    float lxy_H;            /**< x-y plane inductance */
-    float torque_gain;      /**< 3 P (amplitude-invariant six-phase transform) */
-    float hybrid_gain;      /**< g0 Ts: pull towards the current model times period */
-    float rotor_decay;      /**< Ts R_r / L_r */
-    float rotor_drive;      /**< Ts R_r L_m / L_r */
+    float ts_s;         /**< sampling period, s */
+    float inv_ts;       /**< 1 / ts_s */
+    float rs_ohm;       /**< stator resistance */
+    float sigma_ls_H;   /**< stator transient inductance, sigma L_s */
+    float inv_sigma_ls; /**< 1 / sigma_ls_H */
+    float lxy_H;        /**< x-y plane inductance */
+    float torque_gain;  /**< 3 P (amplitude-invariant six-phase transform) */
+    float hybrid_gain;  /**< g0 Ts: pull towards the current model times period */
+    float rotor_decay;  /**< Ts R_r / L_r */
+    float rotor_drive;  /**< Ts R_r L_m / L_r */
     float lm_over_lr;
-    float omega_gain;       /**< Ts-normalised low-pass gain of omega_sync, 0..1 */
+    float omega_gain; /**< Ts-normalised low-pass gain of omega_sync, 0..1 */
 } ht_observer_config;
 
 typedef struct {
@@ -76,8 +76,8 @@ void ht_observer_stand_still(ht_observer_state *st);
  *  the hybrid observer only. (A measured speed would be late by a slow period; the resulting
  *  error of the rotor flux would act like a negative inertia.) `inv_psi_ref2`:
  *  1 / (flux reference)^2, 1/Wb^2. */
-ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st,
-                               ht_ab v_V, ht_ab i_A, float turn_rad, float inv_psi_ref2);
+ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st, ht_ab v_V,
+                               ht_ab i_A, float turn_rad, float inv_psi_ref2);
 
 /** Hybrid observer: correct the resistances in use. For the slow loop, while torque control
  *  runs. `gain`, 0..1: the share of the observed error that one call removes; 0 returns to

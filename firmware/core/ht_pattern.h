@@ -10,9 +10,9 @@
 
 /** Compare registers of the six legs for one period. */
 typedef struct {
-    uint16_t start;        /**< state word at the start; each compare toggles */
-    uint16_t ca[HT_LEGS];  /**< counts; `period` = no toggle */
-    uint16_t cb[HT_LEGS];  /**< counts; `period` = no toggle */
+    uint16_t start;       /**< state word at the start; each compare toggles */
+    uint16_t ca[HT_LEGS]; /**< counts; `period` = no toggle */
+    uint16_t cb[HT_LEGS]; /**< counts; `period` = no toggle */
 } ht_compare;
 
 /** What the legs are commanded to do over one sampling period. */
@@ -40,8 +40,8 @@ typedef struct {
 /** Delay of an edge by the dead time that lasts beyond the end of a period (see
  *  ht_volt_seconds). */
 typedef struct {
-    uint16_t legs;          /**< legs concerned, as a state word */
-    float shift[HT_LEGS];   /**< remaining delay, per unit of the period */
+    uint16_t legs;        /**< legs concerned, as a state word */
+    float shift[HT_LEGS]; /**< remaining delay, per unit of the period */
 } ht_spill;
 
 /** How the inverter's edges deviate from the commanded ones. */

@@ -27,8 +27,8 @@ void ht_speed_follow(ht_speed_state *st, float torque_Nm);
 float ht_speed_step(const ht_speed_config *cfg, ht_speed_state *st, float error_rad_s);
 
 typedef struct {
-    float flux_min_Wb;  /**< never weakened below this */
-    float reach_pu;     /**< usable phase voltage in units of Vdc, margin included */
+    float flux_min_Wb; /**< never weakened below this */
+    float reach_pu;    /**< usable phase voltage in units of Vdc, margin included */
     float rs_ohm;
 } ht_flux_config;
 

@@ -112,8 +112,7 @@ ht_action_points ht_table_law_step(const ht_table_law_config *cfg, ht_table_law_
     zero = st->torque_level == 0;
     /* Under a zero vector the flux decays with R_s i; at low speed and light load
      * that can last until the machine is lost. */
-    raise = zero && (cfg->flux_hold > 0.0f)
-            && (psi_Wb < (1.0f - cfg->flux_hold) * in->flux_ref_Wb);
+    raise = zero && (cfg->flux_hold > 0.0f) && (psi_Wb < (1.0f - cfg->flux_hold) * in->flux_ref_Wb);
     zero = zero && !raise;
 
     if (cfg->regulated) {

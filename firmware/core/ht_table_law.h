@@ -16,9 +16,9 @@
 #include "ht_xy_regulator.h"
 
 typedef struct {
-    ht_vectors vectors;      /**< how an active vector is made */
-    uint16_t group;          /**< HT_L, HT_ML or HT_S */
-    bool regulated;          /**< the x-y regulator sets the duty ratios */
+    ht_vectors vectors; /**< how an active vector is made */
+    uint16_t group;     /**< HT_L, HT_ML or HT_S */
+    bool regulated;     /**< the x-y regulator sets the duty ratios */
     ht_table table;
     uint16_t torque_levels;  /**< 2, 3 or 5 */
     float flux_band_Wb;      /**< half band of the flux comparator */
@@ -28,7 +28,7 @@ typedef struct {
     float flux_hold;         /**< a zero vector gives way below (1 - this) x reference; 0 = never */
     bool hold_on_zero;       /**< the x-y integrators hold during zero vectors */
     ht_xy_config xy;
-    float xy_limit_pu;       /**< limit of the x-y command per axis, > 0 if `regulated` */
+    float xy_limit_pu; /**< limit of the x-y command per axis, > 0 if `regulated` */
 } ht_table_law_config;
 
 typedef struct {
@@ -44,9 +44,9 @@ typedef struct {
     ht_xy i_xy_A;               /**< x-y currents of the latest sample */
     float torque_ref_Nm;
     float flux_ref_Wb;
-    unsigned sector;            /**< of the flux decided on, 0..11 */
-    uint16_t before;            /**< state word at the end of the running pattern */
-    bool only_v0;               /**< zero vectors: V0 only, else the one with the fewest transitions */
+    unsigned sector; /**< of the flux decided on, 0..11 */
+    uint16_t before; /**< state word at the end of the running pattern */
+    bool only_v0;    /**< zero vectors: V0 only, else the one with the fewest transitions */
 } ht_table_law_input;
 
 /** Take over what a scheme's row says: vectors, group, levels, regulator and its limit. */

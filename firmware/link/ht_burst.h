@@ -13,7 +13,7 @@
 /** ht_burst.state */
 enum {
     HT_BURST_NONE = 0,
-    HT_BURST_FILLING = 1,   /**< the samples before the trigger */
+    HT_BURST_FILLING = 1, /**< the samples before the trigger */
     HT_BURST_WAITING = 2,
     HT_BURST_TRIGGERED = 3, /**< the samples after it */
     HT_BURST_SUMMING = 4,   /**< complete but for the CRC */
@@ -40,18 +40,18 @@ typedef enum {
     HT_BURST_BAD_PRESCALER = 3,
     HT_BURST_BAD_SAMPLES = 4, /**< there are none */
     HT_BURST_BAD_BEFORE = 5,
-    HT_BURST_BAD_LEVEL = 6,   /**< NaN */
-    HT_BURST_TOO_LARGE = 7    /**< more samples than the memory holds */
+    HT_BURST_BAD_LEVEL = 6, /**< NaN */
+    HT_BURST_TOO_LARGE = 7  /**< more samples than the memory holds */
 } ht_burst_answer;
 
 /** What is to be captured. */
 typedef struct {
-    uint16_t n;             /**< channels, 1 .. HT_BURST_CHANNELS */
-    uint16_t trigger;       /**< HT_TRIGGER_... */
-    uint16_t prescaler;     /**< fast interrupts per sample, from 1 */
-    uint32_t samples;       /**< samples * n values must fit the memory */
-    uint32_t before;        /**< of these before the trigger, < samples */
-    uint16_t channel;       /**< of the trigger */
+    uint16_t n;         /**< channels, 1 .. HT_BURST_CHANNELS */
+    uint16_t trigger;   /**< HT_TRIGGER_... */
+    uint16_t prescaler; /**< fast interrupts per sample, from 1 */
+    uint32_t samples;   /**< samples * n values must fit the memory */
+    uint32_t before;    /**< of these before the trigger, < samples */
+    uint16_t channel;   /**< of the trigger */
     float level;
     uint16_t id[HT_BURST_CHANNELS];
 } ht_burst_setup;
@@ -64,16 +64,16 @@ typedef struct {
     volatile uint16_t command; /**< a command was carried out */
     uint16_t number;           /**< of the capture, modulo 256 */
     volatile ht_burst_setup setup;
-    volatile uint16_t left;    /**< fast interrupts until the next sample */
-    volatile bool below;       /**< the trigger's channel was not above the level ... */
-    volatile bool above;       /**< ... not below it */
-    volatile uint32_t at;      /**< next value to write: the oldest, once complete */
-    volatile uint32_t rows;    /**< still to come, in FILLING and TRIGGERED */
-    volatile uint32_t tick;    /**< of the trigger */
+    volatile uint16_t left; /**< fast interrupts until the next sample */
+    volatile bool below;    /**< the trigger's channel was not above the level ... */
+    volatile bool above;    /**< ... not below it */
+    volatile uint32_t at;   /**< next value to write: the oldest, once complete */
+    volatile uint32_t rows; /**< still to come, in FILLING and TRIGGERED */
+    volatile uint32_t tick; /**< of the trigger */
     uint32_t crc;
-    uint32_t summed;           /**< values that the CRC covers so far */
+    uint32_t summed; /**< values that the CRC covers so far */
     uint32_t *memory;
-    uint32_t size;             /**< values */
+    uint32_t size; /**< values */
 } ht_burst;
 
 void ht_burst_init(ht_burst *b, uint32_t *memory, uint32_t size);

@@ -13,8 +13,8 @@ typedef struct {
     uint16_t (*read)(void *at, uint16_t *octets, uint16_t n, bool *lost);
     /** Hand over up to `n` octets; returns how many were taken. */
     uint16_t (*write)(void *at, const uint16_t *octets, uint16_t n);
-    void *at;                /**< the calls' first argument */
-    uint32_t octets_per_s;   /**< what the line carries one way */
+    void *at;              /**< the calls' first argument */
+    uint32_t octets_per_s; /**< what the line carries one way */
 } ht_line;
 
 #endif

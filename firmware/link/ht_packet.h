@@ -42,11 +42,11 @@ void ht_outgoing_set(ht_outgoing *out, ht_packet *p);
 
 /** A frame on its way in. */
 typedef struct {
-    uint16_t n;     /**< octets decoded */
-    uint16_t left;  /**< of the present COBS block */
-    bool zero;      /**< the next block is preceded by a zero */
-    bool begun;     /**< not between two frames */
-    bool bad;       /**< to be dropped */
+    uint16_t n;    /**< octets decoded */
+    uint16_t left; /**< of the present COBS block */
+    bool zero;     /**< the next block is preceded by a zero */
+    bool begun;    /**< not between two frames */
+    bool bad;      /**< to be dropped */
     uint16_t octet[HT_PACKET_BODY + HT_PACKET_CRC];
 } ht_incoming;
 

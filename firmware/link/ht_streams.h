@@ -32,9 +32,9 @@ typedef struct {
 
 typedef struct {
     ht_stream stream[HT_STREAMS];
-    volatile uint16_t head;     /**< next value to write */
-    volatile uint16_t tail;     /**< next value to read */
-    volatile uint32_t dropped;  /**< samples that found no room */
+    volatile uint16_t head;    /**< next value to write */
+    volatile uint16_t tail;    /**< next value to read */
+    volatile uint32_t dropped; /**< samples that found no room */
     volatile uint32_t ring[HT_STREAM_RING];
 } ht_streams;
 

@@ -15,7 +15,7 @@
 #define HT_FRAME_SUM 2u       /* words: Fletcher-32 of all between sync and itself */
 
 typedef struct {
-    uint16_t have;    /**< octets received so far */
+    uint16_t have; /**< octets received so far */
     uint16_t word[HT_FRAME_HEAD + HT_FRAME_PAYLOAD + HT_FRAME_SUM];
 } ht_frame;
 

@@ -15,14 +15,14 @@
 
 /** Types of request; the reply to one has HT_PIL_REPLY set as well. */
 enum {
-    HT_PIL_HELLO = 1,  /**< who is there: `ht_pil_identity` words */
-    HT_PIL_INIT = 2,   /**< device, all parameters, more for calls: a new drive after reset */
-    HT_PIL_STEP = 3,   /**< which interrupts */
+    HT_PIL_HELLO = 1, /**< who is there: `ht_pil_identity` words */
+    HT_PIL_INIT = 2,  /**< device, all parameters, more for calls: a new drive after reset */
+    HT_PIL_STEP = 3,  /**< which interrupts */
     HT_PIL_START = 4,
     HT_PIL_STOP = 5,
     HT_PIL_CLEAR = 6,
-    HT_PIL_SET = 7,    /**< parameter id, value */
-    HT_PIL_GET = 8,    /**< parameter id; the reply's `value` */
+    HT_PIL_SET = 7,      /**< parameter id, value */
+    HT_PIL_GET = 8,      /**< parameter id; the reply's `value` */
     HT_PIL_SNAPSHOT = 9, /**< no payload; the reply: result, `ht_pil_snapshot_add` */
     HT_PIL_REPLY = 0x80,
     HT_PIL_BROKEN = 0xFF /**< the reply to a frame that did not arrive whole */
@@ -55,7 +55,7 @@ enum {
 /** What an image has besides the drive; functions may be NULL. */
 typedef struct {
     void (*begin)(void *at, ht_drive *drive); /**< INIT has made a new drive */
-    void (*fast)(void *at);  /**< in place of `ht_drive_fast_isr`, which it calls */
+    void (*fast)(void *at); /**< in place of `ht_drive_fast_isr`, which it calls */
     void *at;
 } ht_pil_image;
 
@@ -63,7 +63,7 @@ typedef struct {
     ht_drive drive;
     ht_port port;
     ht_pil_side side;
-    bool ready; /**< INIT succeeded */
+    bool ready;         /**< INIT succeeded */
     ht_pil_image image; /**< to be set after `ht_pil_reset` */
 } ht_pil;
 

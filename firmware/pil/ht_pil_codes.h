@@ -12,18 +12,18 @@
 
 /** Calls, in the order they were made; after some of them arguments. */
 enum {
-    HT_CALL_INIT = 1,        /**< period_counts, dead_counts, shadow, slow_Hz (float) */
-    HT_CALL_WRITE = 2,       /**< start, ca of each leg, cb of each leg */
+    HT_CALL_INIT = 1,  /**< period_counts, dead_counts, shadow, slow_Hz (float) */
+    HT_CALL_WRITE = 2, /**< start, ca of each leg, cb of each leg */
     HT_CALL_GATES_OFF = 3,
-    HT_CALL_GATES_ON = 4,    /**< the answer */
-    HT_CALL_TRIPPED = 5,     /**< the answer */
+    HT_CALL_GATES_ON = 4, /**< the answer */
+    HT_CALL_TRIPPED = 5,  /**< the answer */
     HT_CALL_BEGIN_FAST = 6,
     HT_CALL_READ = 7,
     HT_CALL_READ_CAPTURE = 8,
-    HT_CALL_OVERRUN = 9,     /**< the answer */
+    HT_CALL_OVERRUN = 9, /**< the answer */
     HT_CALL_ACK_FAST = 10,
     HT_CALL_TRIP_PIN_LOW = 11, /**< the answer */
-    HT_CALL_LEG_TRIPPED = 12 /**< leg, the answer */
+    HT_CALL_LEG_TRIPPED = 12   /**< leg, the answer */
 };
 
 /** Words of INIT, after the parameters: clocks and the shortest dead time (us) as floats, the
@@ -39,12 +39,12 @@ enum {
 /** Words of inputs, with every request but HELLO: what the port will answer. */
 enum {
     HT_INPUT_ADC = 0,
-    HT_INPUT_POSITION = 7,     /**< 32 bits */
-    HT_INPUT_TRIPPED = 9,      /**< a bit for each leg */
+    HT_INPUT_POSITION = 7, /**< 32 bits */
+    HT_INPUT_TRIPPED = 9,  /**< a bit for each leg */
     HT_INPUT_OVERRUN = 10,
     HT_INPUT_PERIOD_TICKS = 11,
     HT_INPUT_AGE_TICKS = 12,
-    HT_INPUT_FLAGS = 13,       /**< of the capture unit: HT_FLAG_... */
+    HT_INPUT_FLAGS = 13, /**< of the capture unit: HT_FLAG_... */
     HT_INPUT_TRIP_PIN_LOW = 14,
     HT_INPUTS = 15
 };

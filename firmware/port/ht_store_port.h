@@ -20,16 +20,16 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define HT_STORE_AREAS 2u      /**< each is erased for itself */
-#define HT_STORE_WORDS 8u      /**< of a block: what a flash takes at once */
+#define HT_STORE_AREAS 2u       /**< each is erased for itself */
+#define HT_STORE_WORDS 8u       /**< of a block: what a flash takes at once */
 #define HT_STORE_ERASED 0xFFFFu /**< a word of an erased area */
 
 /** A store in a file (virtual and emulated boards): its head, then the areas, low byte first. */
 enum {
-    HT_STORE_FILE_HEAD = 16,   /**< bytes before the areas */
-    HT_STORE_FILE_AREAS = 2,   /**< as in memory */
+    HT_STORE_FILE_HEAD = 16,    /**< bytes before the areas */
+    HT_STORE_FILE_AREAS = 2,    /**< as in memory */
     HT_STORE_FILE_BLOCKS = 128, /**< of an area */
-    HT_STORE_FILE_BLOCK = 16   /**< bytes of a block */
+    HT_STORE_FILE_BLOCK = 16    /**< bytes of a block */
 };
 
 typedef struct {

@@ -79,7 +79,8 @@ static int gates_on(void)
     unsigned leg;
     unsigned on = 0;
     for (leg = 0; leg < HT_LEGS; leg++) {
-        on += (ht_image_registers.word[ht_image_port.leg[leg] + ht_image_port.map->tzflg] & 4u) == 0u;
+        on += (ht_image_registers.word[ht_image_port.leg[leg] + ht_image_port.map->tzflg] & 4u)
+              == 0u;
     }
     check("all legs together", (on == 0) || (on == HT_LEGS));
     return on != 0;
@@ -97,8 +98,7 @@ static void command(uint16_t what)
 }
 
 /* A request over the modelled line. Returns the length of the reply in `body`, or 0. */
-static uint16_t exchange(uint16_t opcode, uint16_t session, uint16_t dictionary,
-                         ht_incoming *body)
+static uint16_t exchange(uint16_t opcode, uint16_t session, uint16_t dictionary, ht_incoming *body)
 {
     static ht_packet request;
     static ht_outgoing out;
@@ -170,7 +170,8 @@ static void after_start(void)
     check("code is copied", memcmp(ht_code_load, ht_code_run, CODE_WORDS * sizeof(uint16_t)) == 0);
     check("constants are copied",
           memcmp(ht_const_load, ht_const_run, CONST_WORDS * sizeof(uint16_t)) == 0);
-    check("no more than that is copied", (ht_code_run[CODE_WORDS] | ht_const_run[CONST_WORDS]) == 0);
+    check("no more than that is copied",
+          (ht_code_run[CODE_WORDS] | ht_const_run[CONST_WORDS]) == 0);
     check("interrupts are let through", (rf->intm == 0u) && (rf->ier == 1u));
     check("gates are off after the start", !gates_on());
     check("start is reported", ht_image_start_result == (uint16_t)HT_START_DONE);
@@ -480,8 +481,8 @@ static void end_meets_acknowledge(void)
     check("interrupts go on after one met its acknowledge",
           (ht_image_drive.tick - tick >= 10u) && (ht_image_registers.event_at == 0u));
     if (ht_image_registers.chip == &ht_chip_f28377s) {
-        check("no overflow is left", (ht_image_registers.word[0x7403] == 0u)
-                                         && (ht_image_registers.word[0x7405] == 0u));
+        check("no overflow is left",
+              (ht_image_registers.word[0x7403] == 0u) && (ht_image_registers.word[0x7405] == 0u));
     }
 }
 
@@ -497,7 +498,7 @@ static void watchdog(void)
     check("watchdog bites without the interrupts", ht_image_registers.dog_resets != 0u);
     ht_image_registers.dog_resets = 0u;
     ht_image_registers.dog_us = ht_image_registers.time_us; /* a full time from here on */
-    for (n = 0; n < 12; n++) { /* both interrupts go on */
+    for (n = 0; n < 12; n++) {                              /* both interrupts go on */
         slow_period(0);
     }
     check("watchdog bites without the background", ht_image_registers.dog_resets != 0u);

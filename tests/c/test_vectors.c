@@ -156,7 +156,8 @@ static void decide(ht_scheme scheme, ht_table table, unsigned sector, int level,
     s[0] = st.active.s[0];
     s[1] = st.active.s[1];
     s[2] = st.active.s[2];
-    check((st.sector == sector) && (st.table_law.torque_level == level) && (st.table_law.flux_level == flux_up),
+    check((st.sector == sector) && (st.table_law.torque_level == level)
+              && (st.table_law.flux_level == flux_up),
           "demand", sector);
 }
 

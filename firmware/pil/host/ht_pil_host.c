@@ -402,8 +402,8 @@ void ht_link_hello(ht_link *l, uint16_t *identity)
         down(l, HT_LINK_ANSWER);
     }
     for (i = 0u; i < (uint16_t)HT_PIL_IDENTITY; i++) {
-        identity[i] =
-            (l->error == (uint16_t)HT_LINK_UP) ? ht_frame_payload(&l->reply)[i] : (uint16_t)0u;
+        identity[i] = (l->error == (uint16_t)HT_LINK_UP) ? ht_frame_payload(&l->reply)[i]
+                                                         : (uint16_t)0u;
     }
     l->calls = (identity[3] == 0u) ? 1u : 0u;
 }

@@ -52,27 +52,27 @@ typedef enum {
 
 /** A drive on a target. */
 typedef struct {
-    ht_regfile registers;  /**< the plant's side of the target's registers */
+    ht_regfile registers; /**< the plant's side of the target's registers */
     ht_mirror mirror;
     ht_log log;
-    ht_port port;          /**< driver for a target that tells calls */
-    uint16_t calls;        /**< 1: the target tells calls, 0: register changes */
+    ht_port port;              /**< driver for a target that tells calls */
+    uint16_t calls;            /**< 1: the target tells calls, 0: register changes */
     uint16_t input[HT_INPUTS]; /**< of the latest request to such a target */
-    ht_pil *local;         /**< a target in this process, or NULL */
-    int to_target;         /**< file descriptors, if not local */
+    ht_pil *local;             /**< a target in this process, or NULL */
+    int to_target;             /**< file descriptors, if not local */
     int from_target;
     int timeout_ms;
-    uint32_t heard;        /**< octets that came since the latest request */
-    uint16_t error;        /**< ht_link_error */
-    uint16_t number;       /**< of the latest request */
-    uint16_t result;       /**< what follows: of the latest reply */
+    uint32_t heard;  /**< octets that came since the latest request */
+    uint16_t error;  /**< ht_link_error */
+    uint16_t number; /**< of the latest request */
+    uint16_t result; /**< what follows: of the latest reply */
     uint16_t state;
     uint16_t faults;
     float value;
     float channels[HT_PIL_CHANNELS];
     uint32_t flip_request; /**< octet, from 1, of the next request to be spoilt; 0 = none */
     ht_frame request;
-    ht_frame incoming;     /**< of a local target */
+    ht_frame incoming; /**< of a local target */
     ht_frame reply;
     unsigned char octets[HT_FRAME_OCTETS];
 } ht_link;

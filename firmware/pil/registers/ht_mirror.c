@@ -12,9 +12,9 @@
 uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
 {
     const uint16_t offset[LEG_REGISTERS] = {
-        m->tbctl,  m->tbctr,  m->tbprd,   m->tbphs, m->cmpctl, m->cmpa,  m->cmpb,
-        m->aqctl,  m->aqctla, m->aqsfrc,  m->aqcsfrc, m->dbctl, m->dbred, m->dbfed,
-        m->tzsel,  m->tzctl,  m->tzflg,   m->tzclr, m->tzfrc,  m->etsel, m->etps,
+        m->tbctl, m->tbctr,  m->tbprd,  m->tbphs,   m->cmpctl, m->cmpa,  m->cmpb,
+        m->aqctl, m->aqctla, m->aqsfrc, m->aqcsfrc, m->dbctl,  m->dbred, m->dbfed,
+        m->tzsel, m->tzctl,  m->tzflg,  m->tzclr,   m->tzfrc,  m->etsel, m->etps,
     };
     uint16_t n = 0u;
     uint16_t i;

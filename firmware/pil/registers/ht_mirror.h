@@ -17,8 +17,8 @@ enum { HT_MIRROR_MAX = 200 };
 
 typedef struct {
     uint16_t count;
-    uint16_t *cell[HT_MIRROR_MAX];    /**< into the register file */
-    uint16_t agreed[HT_MIRROR_MAX];   /**< what the other side knows */
+    uint16_t *cell[HT_MIRROR_MAX];  /**< into the register file */
+    uint16_t agreed[HT_MIRROR_MAX]; /**< what the other side knows */
 } ht_mirror;
 
 /** List the registers of a freshly started `registers`: that is what both sides know. */

@@ -41,7 +41,7 @@
 #define ADCINLTRIM2 0x72u
 #define ADCINLTRIM4 0x76u
 #define ADCINLTRIM5 0x78u
-#define OTP_INL_TRIM_A 0x0703B4u  /* functions of TI's in OTP */
+#define OTP_INL_TRIM_A 0x0703B4u /* functions of TI's in OTP */
 #define OTP_INL_TRIM_B 0x0703B2u
 #define OTP_OFFSET_TRIM 0x0703ACu /* argument: 4 x ADC, + 0 = 12 bits, single-ended */
 #define OTP_OFFSET_TRIM_B 4u

@@ -31,7 +31,8 @@ const ht_c2000_map ht_f28335 = {
     .one_shot = 0x0100u, /* OSHT1: the trip pin. TZ5 and TZ6 are pins of others here */
     .etsel = 0x19u,
     .etps = 0x1Au,
-    .adc_result = {0x7108u, 0x7109u, 0x710Au, 0x710Bu, 0x710Cu, 0x710Du, 0x710Eu}, /* left-justified */
+    .adc_result = {0x7108u, 0x7109u, 0x710Au, 0x710Bu, 0x710Cu, 0x710Du,
+                   0x710Eu}, /* left-justified */
     .adc_shift = 4u,
     .adc_flag = 0x7119u, /* ADCST: INT_SEQ1, INT_SEQ1_CLR */
     .adc_flag_bit = 0x0001u,
@@ -82,7 +83,8 @@ const ht_c2000_map ht_f28377s = {
     .one_shot = 0x3100u, /* OSHT1: the trip pin, OSHT5: clock failure, OSHT6: emulation stop */
     .etsel = 0xA4u,
     .etps = 0xA6u,
-    .adc_result = {0x0B00u, 0x0B20u, 0x0B01u, 0x0B21u, 0x0B02u, 0x0B22u, 0x0B03u}, /* ADC-A, ADC-B */
+    .adc_result = {0x0B00u, 0x0B20u, 0x0B01u, 0x0B21u, 0x0B02u, 0x0B22u,
+                   0x0B03u}, /* ADC-A, ADC-B */
     .adc_shift = 0u,
     .adc_flag = 0x7403u, /* ADCINTFLG, ADCINTFLGCLR of ADC-A: ADCINT1 */
     .adc_flag_bit = 0x0001u,

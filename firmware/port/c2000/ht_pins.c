@@ -46,7 +46,7 @@ static void set_up(ht_port *port, const ht_pin *pin, uint32_t qualify, bool pull
     ht_change32(port->io, first + GPYPUD, bit, pull_up ? 0u : bit);
     ht_change32(port->io, half + GPYQSEL1, field, qualify << shift);
     ht_change32(port->io, first + GPYDIR, bit, 0u); /* for the pins that stay GPIO: input */
-    if (port->map->gpio_groups) { /* group first: no other function in between */
+    if (port->map->gpio_groups) {                   /* group first: no other function in between */
         ht_change32(port->io, half + GPYGMUX1, field, (mux >> 2) << shift);
     }
     ht_change32(port->io, half + GPYMUX1, field, (mux & 3u) << shift);

@@ -79,8 +79,8 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
     ht_eqep_start(port);
     ht_timer_start(port, setup->slow_Hz);
     ht_watchdog_start(port, setup->slow_Hz);
-    ht_pins_pwm(port);         /* tripped: all switches off */
-    run_counters(port, true);  /* last: all counters start together */
+    ht_pins_pwm(port);        /* tripped: all switches off */
+    run_counters(port, true); /* last: all counters start together */
     return true;
 }
 

@@ -396,8 +396,8 @@ void ht_regfile_name(const ht_regfile *rf, uint32_t addr, char name[HT_REGFILE_L
     if (b != 0) {
         const char *dot = (b->reg->name[0] != '\0') ? "." : "";
         if (b->module->count > 1u) {
-            (void)snprintf(name, HT_REGFILE_LINE, "%s%u%s%s", b->module->name,
-                           (unsigned)b->number, dot, b->reg->name);
+            (void)snprintf(name, HT_REGFILE_LINE, "%s%u%s%s", b->module->name, (unsigned)b->number,
+                           dot, b->reg->name);
         } else {
             (void)snprintf(name, HT_REGFILE_LINE, "%s%s%s", b->module->name, dot, b->reg->name);
         }
@@ -407,9 +407,8 @@ void ht_regfile_name(const ht_regfile *rf, uint32_t addr, char name[HT_REGFILE_L
 const char *ht_regfile_kind(uint16_t kind)
 {
     static const char *const names[] = {
-        "fine",           "no EALLOW", "no such register", "read-only",
-        "reserved bit",   "width",     "no clock",         "order",
-        "wrong key",      "watchdog reset",
+        "fine",     "no EALLOW", "no such register", "read-only",      "reserved bit", "width",
+        "no clock", "order",     "wrong key",        "watchdog reset",
     };
     return names[kind];
 }

@@ -11,8 +11,8 @@ static void order(ht_regfile *rf, uint32_t addr, uint32_t value, const char *why
 
 /* --- clocks ------------------------------------------------------------------------------ */
 
-#define INTERNAL_HZ 10.0e6f       /* both internal oscillators of the F28377S */
-#define CYCLES_PER_ACCESS 20.0f   /* what counters see of the time that a driver takes */
+#define INTERNAL_HZ 10.0e6f     /* both internal oscillators of the F28377S */
+#define CYCLES_PER_ACCESS 20.0f /* what counters see of the time that a driver takes */
 
 /* The crystal's frequency, unless another one is planted. */
 static float crystal_Hz(ht_regfile *rf)
@@ -377,7 +377,8 @@ uint16_t ht_regfile_call(ht_regfile *rf, uint32_t addr, uint16_t argument)
         } else {
             rf->device_calibrated = 1u;
         }
-    } else if ((calls(addr, chip->linearity_trim[0]) | calls(addr, chip->linearity_trim[1])) != 0u) {
+    } else if ((calls(addr, chip->linearity_trim[0]) | calls(addr, chip->linearity_trim[1]))
+               != 0u) {
         uint32_t adc = (addr == chip->linearity_trim[0]) ? 0x7400u : 0x7480u;
         if ((rf->eallow == 0u) || (ht_model_clocked(rf, adc) == 0u)) {
             ht_model_violation(rf, addr, 0u, HT_REG_NO_EALLOW, "trim without EALLOW or ADC clock");

@@ -114,7 +114,7 @@ void ht_regfile_end_of_sequence(ht_regfile *rf)
     uint32_t flag = rf->chip->adc_flag;
     uint32_t enabled;
     uint16_t blocked = (uint16_t)(rf->word[flag] & 1u); /* by a flag that is not cleared yet */
-    if (rf->chip->sequencer != 0u) { /* ADCTRL2.INT_ENA_SEQ1 */
+    if (rf->chip->sequencer != 0u) {                    /* ADCTRL2.INT_ENA_SEQ1 */
         enabled = rf->word[0x7101] & 0x0800u;
     } else { /* ADCINTSEL1N2: INT1E, INT1SEL = EOC3 */
         enabled = (uint32_t)((rf->word[0x7407] & 0x002Fu) == 0x0023u);
@@ -141,7 +141,8 @@ static uint16_t armed(const ht_regfile *rf)
                           && ((rf->word[0x7101] & 0x0100u) != 0u));
     }
     for (n = 0u; n < 7u; n++) { /* ADC-A: SOC0..3, ADC-B: SOC0..2; TRIGSEL 5 */
-        uint32_t soc = (n < 4u) ? (0x7411u + 2u * (uint32_t)n) : (0x7491u + 2u * (uint32_t)(n - 4u));
+        uint32_t soc = (n < 4u) ? (0x7411u + 2u * (uint32_t)n)
+                                : (0x7491u + 2u * (uint32_t)(n - 4u));
         if (((rf->word[soc] >> 4) & 0x1Fu) != 5u) {
             return 0u;
         }
@@ -155,8 +156,8 @@ uint16_t ht_regfile_period(ht_regfile *rf)
     uint16_t etsel = rf->word[chip->epwm + chip->etsel];
     uint16_t etps = rf->word[chip->epwm + chip->etps];
     if ((ht_model_counting(rf) == 0u) || (ht_model_clocked(rf, chip->epwm) == 0u)
-        || ((etsel & 0x0F00u) != 0x0900u) || ((etps & 0x0300u) != 0x0100u)
-        || (rf->powered == 0u) || (armed(rf) == 0u)) {
+        || ((etsel & 0x0F00u) != 0x0900u) || ((etps & 0x0300u) != 0x0100u) || (rf->powered == 0u)
+        || (armed(rf) == 0u)) {
         return 0u;
     }
     if (rf->stands != 0u) {

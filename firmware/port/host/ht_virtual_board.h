@@ -18,13 +18,13 @@ typedef struct {
     ht_port *port;
     ht_service service;
     float channel[HT_VIRTUAL_CHANNELS]; /**< all, at the end of the latest fast interrupt */
-    float credit_in;       /**< bytes that may arrive now */
+    float credit_in;                    /**< bytes that may arrive now */
     float credit_out;
-    uint32_t in_head;      /**< counts bytes, modulo 2^32 */
+    uint32_t in_head; /**< counts bytes, modulo 2^32 */
     uint32_t in_tail;
     uint32_t out_head;
     uint32_t out_tail;
-    uint32_t lost;         /**< bytes that the other end took too late */
+    uint32_t lost; /**< bytes that the other end took too late */
     uint16_t in[HT_VIRTUAL_IN];
     uint16_t out[HT_VIRTUAL_OUT];
 } ht_virtual_board;

@@ -71,7 +71,8 @@ static bool in_force(const ht_params *saved, const ht_params *p)
     uint16_t id;
     bool same = true;
     for (id = 0u; id < (uint16_t)HT_PARAMS; id++) {
-        bool reference = (id == (uint16_t)HT_P_speed_ref_rpm) || (id == (uint16_t)HT_P_torque_ref_Nm);
+        bool reference = (id == (uint16_t)HT_P_speed_ref_rpm)
+                         || (id == (uint16_t)HT_P_torque_ref_Nm);
         same = same && (reference || (saved->v[id] == p->v[id]));
     }
     return same;

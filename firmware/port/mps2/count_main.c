@@ -83,8 +83,8 @@ static void settle(void)
     int leg;
     for (leg = 0; leg < HT_LEGS; leg++) {
         uint32_t base = m->epwm + (uint32_t)leg * m->stride;
-        *word(base + m->tzflg) =
-            (uint16_t)((*word(base + m->tzflg) | *word(base + m->tzfrc)) & (uint16_t)~*word(base + m->tzclr));
+        *word(base + m->tzflg) = (uint16_t)((*word(base + m->tzflg) | *word(base + m->tzfrc))
+                                            & (uint16_t)~*word(base + m->tzclr));
         *word(base + m->tzfrc) = 0u;
         *word(base + m->tzclr) = 0u;
     }
@@ -223,5 +223,6 @@ int main(void)
     if (semihost_open("profile", SEMIHOST_READ) >= 0) {
         return profile(semihost_open("states", SEMIHOST_READ));
     }
-    return count(trace, semihost_open("counts", SEMIHOST_WRITE), semihost_open("states", SEMIHOST_WRITE));
+    return count(trace, semihost_open("counts", SEMIHOST_WRITE),
+                 semihost_open("states", SEMIHOST_WRITE));
 }

@@ -6,7 +6,11 @@
 
 #include <stdint.h>
 
-enum { SEMIHOST_READ = 1 /* "rb" */, SEMIHOST_UPDATE = 3 /* "r+b" */, SEMIHOST_WRITE = 5 /* "wb" */ };
+enum {
+    SEMIHOST_READ = 1 /* "rb" */,
+    SEMIHOST_UPDATE = 3 /* "r+b" */,
+    SEMIHOST_WRITE = 5 /* "wb" */
+};
 
 /** A handle, or -1. Names are relative to the emulator's working directory. */
 int32_t semihost_open(const char *name, uint32_t mode);
