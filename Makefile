@@ -6,6 +6,7 @@
 #   make test-targets  the firmware on emulated processors; says which tools are missing
 #   make budget        its instructions, stack and size there, into docs/budget.md
 #   make bench         speed of the simulation, instructions of the firmware
+#   make docs          the documentation as a site, in build/site
 #   make lint          formatting and static checks
 #   make fuzz          fuzz the link, FUZZ_S seconds a target (clang); adds nothing to the corpus
 #   make check-c       static checks of the C: warnings, 16-bit machine, cppcheck, MISRA
@@ -19,11 +20,11 @@ C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
 JOBS ?= 2
 FUZZ_S ?= 120
 
-.PHONY: help demo papers papers-quick test test-c test-targets budget sanitize fuzz bench lint check-c clean
+.PHONY: help demo papers papers-quick test test-c test-targets budget sanitize fuzz bench docs lint check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,12s/^# \{0,1\}//p' Makefile
+	@sed -n '3,13s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -87,6 +88,12 @@ budget: $(VENV)/.installed
 
 bench: build/host/.built
 	$(BIN)/hexatorque bench --counter build/host/tests/c/count_instructions
+
+# Strict: a link that leads nowhere fails. Without its tools, they are installed first.
+docs: $(VENV)/.installed
+	@$(BIN)/python -c 'import latex2mathml, material, mkdocstrings, nbclient' 2>/dev/null || \
+	  HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}docs tools/setup.sh $(VENV)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .
