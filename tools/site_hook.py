@@ -95,6 +95,8 @@ def equation(source, language, css_class, options, md, **kwargs):
     unknown = re.search(r"<mi>(&|\\[a-z]+)</mi>", mathml)
     if unknown:
         raise ValueError(f"equation not understood at {unknown[1]}: {source}")
+    # Browsers know the style, not the older attribute.
+    mathml = re.sub(r'columnalign="(\w+)"', r'style="text-align: \1"', mathml)
     return f'<div class="math">{mathml}</div>'
 
 
@@ -136,9 +138,11 @@ def commands_page() -> str:
 
     if not hasattr(main, "app"):  # still argparse
         return "\n".join([*text, "```text", main._parser().format_help(), "```"])
-    import typer
+    top = main.app
+    if not hasattr(top, "list_commands"):
+        import typer
 
-    top = typer.main.get_command(main.app)
+        top = typer.main.get_command(top)
     for words, command in walk(top, ("hexatorque",)):
         text += command_section(words, command)
     return "\n".join(text)
@@ -242,7 +246,7 @@ def defined(name: str, macro: str) -> dict[str, list[str]]:
     source = (ROOT / "firmware" / "app" / name).read_text()
     rows = {}
     for line in re.findall(rf"^{macro}\((.*)\)$", source, re.M):
-        fields = re.findall(r'"[^"]*"|(?:[^,()"]|\([^()]*\))+', line)
+        fields = re.findall(r'\s*("[^"]*"|(?:[^,()"]|\([^()]*\))+)(?:,|$)', line)
         fields = [field.strip().strip('"') for field in fields]
         rows[fields[0]] = fields
     return rows
