@@ -65,9 +65,9 @@ fuzz: $(VENV)/.installed
 	build/fuzz/tests/c/fuzz/fuzz_service -max_len=300 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
 	  -artifact_prefix=out/fuzz/ out/fuzz/service tests/c/fuzz/corpus/service
 
-# These keep time with processes of their own: one at a time, and what a computer that was held up
-# has failed gets a second chance.
-TIMED := tests/host/serial tests/host/monitor tests/host/boards
+# These tests keep time with other processes, so they run one at a time. A busy computer can make
+# one of them fail; those that fail are run once more.
+TIMED := tests/host/serial tests/host/monitor tests/host/boards tests/project/test_tutorial.py
 timed = $(BIN)/python -m pytest -rs $(1) || \
 	$(BIN)/python -m pytest -rs --last-failed --last-failed-no-failures none $(1)
 
