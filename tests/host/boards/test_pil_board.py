@@ -230,9 +230,8 @@ def test_line_with_a_network_address(programs, quick):
 def test_command(a_board, tmp_path, capsys):
     scenario = tmp_path / "short.toml"
     scenario.write_text('setup = "paper-a-feasible"\n[profile]\nduration_s = 0.02\n')
-    assert (
-        main(["pil", str(scenario), "--device", a_board.name, "-o", str(tmp_path / "o.npz")]) == 0
-    )
+    output = str(tmp_path / "o.npz")
+    assert main(["evidence", "pil", str(scenario), "--device", a_board.name, "-o", output]) == 0
     assert "identical" in capsys.readouterr().out
     assert (tmp_path / "o.npz").exists()
 
@@ -338,7 +337,7 @@ def test_quiet_board_keeps_its_watchdog_fed(a_board):
 
 def fails(capsys, *arguments):
     """Exit code and the one line that it says."""
-    code = main(["pil", "--schemes", "ddr", *arguments])
+    code = main(["evidence", "pil", "--schemes", "ddr", *arguments])
     said = capsys.readouterr().err.strip()
     assert said.startswith("hexatorque: ") and "\n" not in said
     return code, said
