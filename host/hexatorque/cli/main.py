@@ -56,6 +56,9 @@ def main(argv: list[str] | None = None) -> int:
             complete_var=completion.VARIABLE,
             standalone_mode=False,
         )
+    except click.Abort:  # before a command began
+        complain("interrupted")
+        return 130
     except click.ClickException as error:
         complain(_usage(error))
         return 2

@@ -134,7 +134,7 @@ def point(without: str):
 
 
 baud = value("--baud", metavar="N", type=line_rate, help="default: those of the images")
-#: Which board, and how the result is shown.
+#: Which board.
 board = together(
     value(
         "--device",
@@ -146,8 +146,10 @@ board = together(
 duration = value("--duration", metavar="S", type=seconds, help="default: until Ctrl-C")
 #: What is set before a start.
 before_start = together(
-    value("--scheme", metavar="NAME", help="set first", shell_complete=completion.scheme),
-    value("--speed", metavar="RPM", type=number, help="set first"),
+    value(
+        "--scheme", metavar="NAME", help="set the scheme first", shell_complete=completion.scheme
+    ),
+    value("--speed", metavar="RPM", type=number, help="set the speed reference first"),
     value(
         "--set",
         "others",
