@@ -88,7 +88,11 @@ budget: $(VENV)/.installed
 bench: build/host/.built
 	$(BIN)/hexatorque evidence speed --counter build/host/tests/c/count_instructions
 
-lint: $(VENV)/.installed
+# Only the tools are needed, not what is installed: quick enough before each commit.
+$(BIN)/ruff:
+	tools/setup.sh $(VENV)
+
+lint: | $(BIN)/ruff
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 

@@ -81,7 +81,7 @@ static void heed(ht_service *l)
         l->session_tick = l->drive->tick;
         l->fed = 1u;
     }
-    if ((l->in.octet[0] == HT_SERVICE_STOP) && (l->in.n == HT_SERVICE_REQUEST_HEAD)) {
+    if ((l->in.octet[0] == (uint16_t)HT_OP_STOP) && (l->in.n == HT_SERVICE_REQUEST_HEAD)) {
         ht_drive_stop(l->drive);
         l->armed = 0u;
     }

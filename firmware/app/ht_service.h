@@ -21,6 +21,7 @@
 #include "ht_burst.h"
 #include "ht_drive.h"
 #include "ht_line.h"
+#include "ht_opcodes.h"
 #include "ht_packet.h"
 #include "ht_store.h"
 #include "ht_streams.h"
@@ -32,11 +33,6 @@
 
 /** The watchdog's time on a board. */
 enum { HT_SERVICE_WATCHDOG_MS = 250 };
-
-/** Opcodes. A START is never carried out twice. */
-#define HT_SERVICE_START 0x08u
-/** A STOP may come from whoever reaches the line, at any time. */
-#define HT_SERVICE_STOP 0x09u
 
 /** Status of a reply; smaller ones are ht_result. */
 enum {

@@ -3,10 +3,10 @@
 
 #include "ht_dictionary.h"
 #include "ht_octets.h"
+#include "ht_snapshot.h"
 
 #include <stddef.h>
 
-#define REPLY 0x80u
 #define NO_DETAIL 0xFFFFu
 #define GET_MOST 100u
 #define PAIR 6u /* octets of id and value */
@@ -430,27 +430,6 @@ static uint16_t cancel(ht_service *l, const uint16_t *in, uint16_t n)
     return HT_OK;
 }
 
-static void add_snapshot(ht_packet *p, const volatile ht_snapshot *s)
-{
-    uint16_t k;
-    ht_packet_add16(p, s->state);
-    ht_packet_add16(p, s->faults);
-    for (k = 0u; k < (uint16_t)HT_ADC_CHANNELS; k++) {
-        ht_packet_add16(p, s->samples.adc[k]);
-    }
-    ht_packet_add32(p, s->samples.position);
-    for (k = 0u; k < (uint16_t)HT_LEGS; k++) {
-        ht_packet_add_float(p, s->in.i_A.p[k]);
-    }
-    ht_packet_add_float(p, s->in.vdc_V);
-    ht_packet_add_float(p, s->in.torque_ref_Nm);
-    ht_packet_add_float(p, s->in.flux_ref_Wb);
-    ht_packet_add_float(p, s->estimate.psi_Wb.alpha);
-    ht_packet_add_float(p, s->estimate.psi_Wb.beta);
-    ht_packet_add_float(p, s->estimate.torque_Nm);
-    ht_packet_add_float(p, s->speed_rpm);
-}
-
 static uint16_t snapshot(ht_service *l, const uint16_t *in, uint16_t n)
 {
     const volatile ht_snapshot *s = &l->drive->snapshot;
@@ -464,8 +443,7 @@ static uint16_t snapshot(ht_service *l, const uint16_t *in, uint16_t n)
     do { /* again, if a fault came in between: its tick is another one */
         tick = s->tick;
         p->n = begin;
-        ht_packet_add32(p, tick);
-        add_snapshot(p, s);
+        ht_snapshot_add(p, s);
     } while (s->tick != tick);
     return HT_OK;
 }
@@ -513,17 +491,28 @@ typedef struct {
     uint16_t (*carry_out)(ht_service *l, const uint16_t *in, uint16_t n);
 } handler;
 
-/* By opcode, from 1 on. */
-static const handler handlers[] = {
-    {NEEDS_NOTHING, hello},    {NEEDS_NOTHING, list},          {NEEDS_NOTHING, open_session},
-    {NEEDS_SESSION, close_session}, {NEEDS_NOTHING, status},   {NEEDS_DICTIONARY, get},
-    {NEEDS_BOTH, write},       {NEEDS_BOTH, start},            {NEEDS_NOTHING, stop},
-    {NEEDS_BOTH, clear},       {NEEDS_BOTH, stream},           {NEEDS_BOTH, arm},
-    {NEEDS_NOTHING, capture},  {NEEDS_SESSION, read},          {NEEDS_SESSION, trigger},
-    {NEEDS_SESSION, cancel},   {NEEDS_NOTHING, snapshot},      {NEEDS_BOTH, save},
-    {NEEDS_BOTH, forget}};
-
-#define HANDLERS ((uint16_t)(sizeof handlers / sizeof handlers[0]))
+/* By opcode. There is none for 0. */
+static const handler handlers[(uint16_t)HT_OP_LAST + 1u] = {
+    [HT_OP_HELLO] = {NEEDS_NOTHING, hello},
+    [HT_OP_LIST] = {NEEDS_NOTHING, list},
+    [HT_OP_OPEN] = {NEEDS_NOTHING, open_session},
+    [HT_OP_CLOSE] = {NEEDS_SESSION, close_session},
+    [HT_OP_STATUS] = {NEEDS_NOTHING, status},
+    [HT_OP_GET] = {NEEDS_DICTIONARY, get},
+    [HT_OP_WRITE] = {NEEDS_BOTH, write},
+    [HT_OP_START] = {NEEDS_BOTH, start},
+    [HT_OP_STOP] = {NEEDS_NOTHING, stop},
+    [HT_OP_CLEAR] = {NEEDS_BOTH, clear},
+    [HT_OP_STREAM] = {NEEDS_BOTH, stream},
+    [HT_OP_ARM] = {NEEDS_BOTH, arm},
+    [HT_OP_CAPTURE] = {NEEDS_NOTHING, capture},
+    [HT_OP_READ] = {NEEDS_SESSION, read},
+    [HT_OP_TRIGGER] = {NEEDS_SESSION, trigger},
+    [HT_OP_CANCEL] = {NEEDS_SESSION, cancel},
+    [HT_OP_SNAPSHOT] = {NEEDS_NOTHING, snapshot},
+    [HT_OP_SAVE] = {NEEDS_BOTH, save},
+    [HT_OP_FORGET] = {NEEDS_BOTH, forget},
+};
 
 static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)
 {
@@ -533,14 +522,17 @@ static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)
     if (n < HT_SERVICE_REQUEST_HEAD) {
         return HT_SERVICE_LENGTH;
     }
-    if (octets[0] > HANDLERS) {
+    if (octets[0] > (uint16_t)HT_OP_LAST) {
         return HT_SERVICE_OPCODE;
     }
-    h = &handlers[octets[0] - 1u];
+    h = &handlers[octets[0]];
+    if (h->carry_out == NULL) {
+        return HT_SERVICE_OPCODE;
+    }
     l->asks = ht_get16(&octets[2]);
     dictionary = ht_get16(&octets[4]);
     owner = (l->session != 0u) && (l->asks == l->session);
-    if (owner && (octets[0] != HT_SERVICE_START)) {
+    if (owner && (octets[0] != (uint16_t)HT_OP_START)) {
         l->started = false; /* its host has gone on: no repetition of that START will come */
     }
     if (((h->needs & (uint16_t)NEEDS_SESSION) != 0u) && !owner) {
@@ -581,7 +573,7 @@ void ht_service_execute(ht_service *l, const uint16_t *octets, uint16_t n)
             ht_packet_add32(p, l->detail);
         }
     }
-    p->octet[0] = (uint16_t)(octets[0] | REPLY);
+    p->octet[0] = (uint16_t)(octets[0] | (uint16_t)HT_OP_REPLY);
     p->octet[1] = octets[1];
     p->octet[2] = result;
     p->octet[3] = l->drive->state;

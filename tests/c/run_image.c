@@ -268,7 +268,7 @@ static void refused(const char *name)
     check(name, ht_image_mailbox.result == (uint16_t)HT_ERROR_TRIP);
     command(HT_COMMAND_CLEAR);
     check(name, ht_image_mailbox.result == (uint16_t)HT_ERROR_TRIP);
-    check(name, ask(HT_SERVICE_START) == (unsigned)HT_ERROR_TRIP);
+    check(name, ask(HT_OP_START) == (unsigned)HT_ERROR_TRIP);
     check(name, ask(0x0Au) == (unsigned)HT_ERROR_TRIP); /* CLEAR */
     check("... and nothing changes", (ht_image_drive.state == state) && !gates_on());
 }
@@ -556,11 +556,11 @@ static void wrong_clock(void)
     check("no resets for ever", ht_image_registers.dog_resets == 0u);
     check("line runs at 115200 baud",
           (ht_sci_baud(&ht_image_port) > 112900.0f) && (ht_sci_baud(&ht_image_port) < 117500.0f));
-    check("HELLO is answered", exchange(0x01u, 0u, 0u, &body) != 0u);
+    check("HELLO is answered", exchange(HT_OP_HELLO, 0u, 0u, &body) != 0u);
     told("HELLO says what is wrong", &body, (uint16_t)HT_OK);
-    check("STATUS is answered", exchange(0x05u, 0u, 0u, &body) != 0u);
+    check("STATUS is answered", exchange(HT_OP_STATUS, 0u, 0u, &body) != 0u);
     told("STATUS says what is wrong", &body, (uint16_t)HT_OK);
-    check("STOP is answered", exchange(HT_SERVICE_STOP, 0u, 0u, &body) != 0u);
+    check("STOP is answered", exchange(HT_OP_STOP, 0u, 0u, &body) != 0u);
     set(HT_P_flux_trip_Wb, 100.0f);
     ht_image_background();
     check("a parameter does not wait for an interrupt", ht_image_drive.staged == NULL);

@@ -114,7 +114,7 @@ static void fast(void *at)
 
 int main(void)
 {
-    static ht_pil pil;
+    static ht_pil_line line;
     static board b;
     uint32_t setup[2];
     int32_t file = semihost_open("setup", SEMIHOST_READ);
@@ -139,9 +139,9 @@ int main(void)
         b.store.port.blocks = (uint16_t)HT_STORE_FILE_BLOCKS;
     }
     b.setup.store = &b.store;
-    ht_pil_reset(&pil);
-    pil.image.begin = begin;
-    pil.image.fast = fast;
-    pil.image.at = &b;
-    return pil_server_run(&pil);
+    ht_pil_line_reset(&line);
+    line.pil.image.begin = begin;
+    line.pil.image.fast = fast;
+    line.pil.image.at = &b;
+    return pil_server_run(&line);
 }

@@ -184,11 +184,11 @@ class Setup:
 
     def controller_values(self) -> dict[str, Any]:
         """All controller parameters that are not the firmware's default."""
-        from ..plant.machine import MachineParameters
+        from ..plant.machines.induction import Parameters
 
         given = {key: value.value for key, value in self.values.get("controller", {}).items()}
         flux_ref_Wb = given.get("flux_ref_Wb", firmware.parameters()["flux_ref_Wb"].initial)
-        machine = MachineParameters(**self.machine_values()).linear_at(flux_ref_Wb)
+        machine = Parameters(**self.machine_values()).linear_at(flux_ref_Wb)
         latency = self["timing.latency"]
         immediate = latency in ("none", "immediate")
         derived: dict[str, Any] = {
