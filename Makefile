@@ -37,10 +37,10 @@ demo: $(VENV)/.installed
 	$(BIN)/hexatorque compare -o out/compare
 
 papers: $(VENV)/.installed
-	$(BIN)/hexatorque reproduce all -o out/papers
+	$(BIN)/hexatorque evidence papers all -o out/papers
 
 papers-quick: $(VENV)/.installed
-	$(BIN)/hexatorque reproduce all --quick -o out/papers-quick
+	$(BIN)/hexatorque evidence papers all --quick -o out/papers-quick
 
 build/host/.built: $(C_SOURCES) $(VENV)/.installed
 	$(BIN)/cmake --preset host -G Ninja "-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja" >/dev/null
@@ -87,10 +87,10 @@ test-targets: $(VENV)/.installed
 	exit $$failed
 
 budget: $(VENV)/.installed
-	$(BIN)/hexatorque budget -o docs
+	$(BIN)/hexatorque evidence budget -o docs
 
 bench: build/host/.built
-	$(BIN)/hexatorque bench --counter build/host/tests/c/count_instructions
+	$(BIN)/hexatorque evidence speed --counter build/host/tests/c/count_instructions
 
 # Strict: a link that leads nowhere fails. Without its tools, they are installed first.
 docs: $(VENV)/.installed
