@@ -60,7 +60,7 @@ def config(scheme="ddr", **changes):
     return cfg
 
 
-class BoardDrive:
+class Drive:
     """Control core with a state of its own; `step` returns the three words and
     the compare registers."""
 
@@ -116,7 +116,7 @@ def is_valid(out, period, first):
 def quiet(scheme, **changes):
     """A drive whose decided state is the placed one: no latency, no resistance."""
     options = {"predict": False, "observer__rs_ohm": 0.0, "dead__dead_pu": 0.0}
-    return BoardDrive(config(scheme, **(options | changes)))
+    return Drive(config(scheme, **(options | changes)))
 
 
 def all_choices():
@@ -321,7 +321,7 @@ def test_flux_is_the_volt_seconds_of_the_pattern_on_the_legs(scheme, shadow, fir
         scheme, shadow=shadow, predict=False, first_counts=first,
         observer__rs_ohm=0.0, dead__dead_pu=0.0,
     )  # fmt: skip
-    drive = BoardDrive(cfg)
+    drive = Drive(cfg)
     drive.currents = (3 * T.T @ [1.0, 0.5, 0.05, -0.02]).tolist()
     psi, waiting, last = 0j, [np.zeros(4)] if shadow else [], 0
     for n, (s, applied) in enumerate(patterns_of(drive, 300)):
@@ -340,7 +340,7 @@ def test_prediction_is_the_next_estimate(scheme):
     """Without resistance and with steady currents nothing is uncertain: what the
     comparators see now is the flux of the next sample, dead time included, also
     where a delay runs on into the next period."""
-    drive = BoardDrive(config(scheme, observer__rs_ohm=0.0, dead__dead_pu=0.05))
+    drive = Drive(config(scheme, observer__rs_ohm=0.0, dead__dead_pu=0.05))
     drive.currents = (3 * T.T @ [2.0, 1.5, 0.6, 0.5]).tolist()  # x-y command at its limit
     expected, spilled = None, 0
     for _ in patterns_of(drive, 400):
@@ -364,7 +364,7 @@ def test_dead_time_goes_by_the_currents_at_each_edge(shadow):
     cfg = config(
         "dtc1", shadow=shadow, predict=False, observer__rs_ohm=0.0, dead__dead_pu=0.05
     )  # fmt: skip
-    drive = BoardDrive(cfg)
+    drive = Drive(cfg)
     rng = np.random.default_rng(11)
     i_begin = rng.choice([-5.0, 5.0], 6)
     lib.ht_control_reset(cfg, drive.state, [{"p": i_begin.tolist()}])
@@ -384,7 +384,7 @@ def test_dead_time_goes_by_the_currents_at_each_edge(shadow):
 @pytest.mark.parametrize("scheme", ("dtc2", "dtc3"))
 def test_predicted_xy_flux_is_that_of_the_pattern_to_come(scheme):
     """Of the build-up's last virtual vector as of single ones."""
-    drive = BoardDrive(config(scheme, dead__dead_pu=0.0))
+    drive = Drive(config(scheme, dead__dead_pu=0.0))
     i = T.T @ [3.0, 1.5, 0.9, -0.6]
     steps = [drive.step(i, build=True) for _ in range(3)]
     assert len(set(steps[-1])) > 1
@@ -400,7 +400,7 @@ def test_predicted_xy_flux_is_that_of_the_pattern_to_come(scheme):
 
 
 def test_without_prediction_the_estimate_is_decided_on():
-    drive = BoardDrive(config("fdr", predict=False))
+    drive = Drive(config("fdr", predict=False))
     drive.currents = [0.0] * 6
     for _ in patterns_of(drive, 50):
         assert complex_flux(drive.state.decided) == complex_flux(drive.state.estimate)
@@ -410,7 +410,7 @@ def test_without_prediction_the_estimate_is_decided_on():
 
 
 def test_build_up_pulls_the_flux_along_15_degrees():
-    drive = BoardDrive(config("dtc1", observer__rs_ohm=0.0, dead__dead_pu=0.0))
+    drive = Drive(config("dtc1", observer__rs_ohm=0.0, dead__dead_pu=0.0))
     for _ in range(200):
         s = drive.step(build=True)
         assert s in ((L[11], L[0], L[1]), (0, 0, 0), (63, 63, 63), (21,) * 3, (42,) * 3)
@@ -423,7 +423,7 @@ def test_build_up_pulls_the_flux_along_15_degrees():
 
 def test_build_up_stops_at_the_current_limit():
     for size, blocked in ((2.9, False), (3.1, True)):
-        drive = BoardDrive(config("ddr"))
+        drive = Drive(config("ddr"))
         i = 3 * T.T @ [size * np.cos(0.3), size * np.sin(0.3), 0, 0]
         s = drive.step(i, build=True)
         assert (s[0] in ZEROS) == blocked
@@ -458,7 +458,7 @@ def test_any_input_gives_a_pattern_that_the_pwm_can_realise(
         scheme, shadow=shadow, predict=predict, table_law__torque_levels=levels,
         period_counts=period, first_counts=first,
     )  # fmt: skip
-    drive = BoardDrive(cfg)
+    drive = Drive(cfg)
     for build in (False, True):
         for i, torque, flux, vdc in samples:
             inputs = ffi.new("ht_control_input *")
@@ -553,7 +553,7 @@ def test_drops_of_the_devices():
         flux = []
         for drop_V in (0.0, 1.35):
             cfg = config(drop_V=drop_V, dead__dead_pu=0.0, observer__rs_ohm=0.0)
-            drive = BoardDrive(cfg)
+            drive = Drive(cfg)
             drive.step(i)
             before = complex_flux(drive.state.estimate)
             drive.step(i)
@@ -568,7 +568,7 @@ def test_drops_act_on_the_predicted_xy_flux():
     i = np.array([5.0, 0.02, -5.0, 0.0, 0.0, -0.06])
     psi_xy = []
     for drop_V in (0.0, 1.35):
-        drive = BoardDrive(config("dtc2", drop_V=drop_V, dead__dead_pu=0.0))
+        drive = Drive(config("dtc2", drop_V=drop_V, dead__dead_pu=0.0))
         drive.step(i)
         psi_xy.append(complex(drive.state.psi_xy_Wb.x, drive.state.psi_xy_Wb.y))
     lost = 1.35 * T[2:] @ np.clip(i / 0.05, -1, 1) * TS

@@ -33,7 +33,7 @@ def sweep(inv, m, load, y, dt, vdc, states):
         states[r] = y
 
 
-class BoardDrive:
+class Drive:
     def __init__(self, p, y, legs, **drops):
         self.m, self.y = make(p), np.array(y, float)
         self.inv = inverter_record(**(drops or DROPS))
@@ -80,7 +80,7 @@ def behind(legs, i, vdc=VDC):
 def test_voltage_behind_the_conducting_device(model, state):
     for phase in np.linspace(0.1, 6.2, 7):
         i_s, _, y = running(model, phase)
-        drive = BoardDrive(model.p, y, [state] * 6)
+        drive = Drive(model.p, y, [state] * 6)
         drive.advance(1e-9)
         clear = np.abs(i_s) > 0.1
         assert clear.sum() > 3
@@ -92,7 +92,7 @@ def test_voltage_behind_the_conducting_device(model, state):
 def test_direct_current(symmetric):
     """From u1 to w1 and v1: two switches and one and a half windings in series. The other
     set, shorted by its own legs, carries nothing in the end."""
-    drive = BoardDrive(symmetric.p, np.zeros(8), [HIGH, LOW, LOW, LOW, LOW, LOW])
+    drive = Drive(symmetric.p, np.zeros(8), [HIGH, LOW, LOW, LOW, LOW, LOW])
     drive.advance(1e-3, 3000, vdc=20.0)
     amps = (20.0 - 2 * V_SWITCH) / (1.5 * (symmetric.p.rs_ohm + R_SWITCH))
     np.testing.assert_allclose(drive.i[::2], np.array([1, -0.5, -0.5]) * amps, rtol=1e-6)
@@ -103,7 +103,7 @@ def test_trajectory(model):
     """Currents of either sign through switches and diodes, none crossing zero."""
     legs = [HIGH, HIGH, LOW, OFF, LOW, OFF]
     i_s, i_r, y = running(model, 0.7)
-    drive = BoardDrive(model.p, y, legs)
+    drive = Drive(model.p, y, legs)
     drive.advance(5e-6, 20)
 
     def slopes(_, z):
@@ -125,7 +125,7 @@ def test_energy_and_diodes_under_any_switching(model):
     the rails and in its diode's direction only."""
     rng = np.random.default_rng(3)
     _, _, y = running(model, 0.4)
-    drive, dt, n = BoardDrive(model.p, y, [LOW] * 6), 1e-6, 40
+    drive, dt, n = Drive(model.p, y, [LOW] * 6), 1e-6, 40
     link = devices = machine = 0.0
 
     def stored(y):
@@ -168,7 +168,7 @@ def test_floating_diode_opens_beyond_its_threshold(symmetric):
     for line_to_line, conducts in ((VDC + 16, False), (VDC + 24, True)):
         omega = line_to_line / np.sqrt(3) / induced / p.pole_pairs
         y = symmetric.state(np.zeros(6), i_r, omega, 0.0)
-        drive = BoardDrive(p, y, [OFF] * 6, v_diode_V=10.0)
+        drive = Drive(p, y, [OFF] * 6, v_diode_V=10.0)
         states = drive.advance(5e-6, int(np.pi / (omega * p.pole_pairs) / 5e-6))
         most = np.max(np.abs(states[:, :6] @ drive.m.i_phase.T))
         assert most > 0.01 if conducts else most < 1e-4
@@ -181,7 +181,7 @@ def test_currents_come_to_rest(symmetric, lxy_H):
     p = replace(symmetric.p, lxy_H=lxy_H)
     y = np.zeros(8)
     y[2] = lxy_H * 0.8
-    drive = BoardDrive(p, y, [LOW] * 6, v_switch_V=5.0, v_diode_V=5.0)
+    drive = Drive(p, y, [LOW] * 6, v_switch_V=5.0, v_diode_V=5.0)
     states = drive.advance(50e-6, 200)
     size = np.hypot(states[:, 2], states[:, 3]) / lxy_H
     assert np.all(np.diff(size) <= 1e-12)

@@ -24,7 +24,7 @@ def vsd(legs):
     return np.asarray(legs) @ np.array(rows).T / 3
 
 
-class BoardDrive:
+class Drive:
     def __init__(self, p, y=None, legs=(LOW,) * 6):
         self.m = make(p)
         self.inv = inverter_record()
@@ -72,7 +72,7 @@ def test_driven_legs(symmetric):
     groups = []
     for s in range(64):
         legs = [s >> (5 - leg) & 1 for leg in range(6)]
-        drive = BoardDrive(symmetric.p, legs=legs)
+        drive = Drive(symmetric.p, legs=legs)
         drive.advance(1e-7)
         assert drive.inv.off == 0
         np.testing.assert_allclose(drive.inv.v, VDC * vsd(legs), atol=1e-12 * VDC)
@@ -91,7 +91,7 @@ def test_dead_time_follows_the_current(model, off):
     for phase in np.linspace(0.1, 6.2, 12):
         y = running(model, phase)
         legs = rng.integers(0, 2, 6)
-        dead, tied = BoardDrive(model.p, y, legs), BoardDrive(model.p, y, legs)
+        dead, tied = Drive(model.p, y, legs), Drive(model.p, y, legs)
         i = tied.i
         for leg in off:
             if abs(i[leg]) < 0.3:
@@ -112,7 +112,7 @@ def test_current_that_reaches_zero_stays_there(model, sign):
     i_s = sign * np.array([0.8, 0.0, -1.8, 1.0, 1.0, -1.0])
     i_r = 2 * np.sin(ANGLES)
     y = model.state(i_s, i_r, 20.0, 0.0)
-    drive = BoardDrive(model.p, y)
+    drive = Drive(model.p, y)
     drive.switch(*legs)
     states, _ = record_steps(drive, 10e-6, 60)
 
@@ -149,7 +149,7 @@ def test_any_switching_with_legs_off(model):
     p = replace(model.p, inertia_kgm2=1e9)
     rng = np.random.default_rng(5)
     y = running(model, 0.4, omega=50.0)
-    coarse, fine = BoardDrive(p, y), BoardDrive(p, y)
+    coarse, fine = Drive(p, y), Drive(p, y)
     floats = 0
     for _ in range(400):
         legs = rng.choice([LOW, HIGH, OFF], 6, p=[0.3, 0.3, 0.4])
@@ -197,7 +197,7 @@ def test_diodes_do_not_chatter(model, knee_Wb):
         rng = np.random.default_rng(seed)
         i_s, i_r = model.free @ rng.normal(0, 4, 4), model.rotor @ rng.normal(0, 6, 2)
         y = model.state(i_s, i_r, rng.normal(0, 80), 0.0)
-        drive = BoardDrive(replace(model.p, psi_knee_Wb=knee_Wb), y)
+        drive = Drive(replace(model.p, psi_knee_Wb=knee_Wb), y)
         legs = rng.choice([LOW, HIGH, OFF], (1500, 6), p=[0.25, 0.25, 0.5])
         legs[rng.random(1500) < 0.1] = OFF
         times = 10 ** rng.uniform(-7, -3.3, 1500)
@@ -227,7 +227,7 @@ def balance(model, y0, states, legs, dt):
 
 def test_all_legs_off(model):
     y = running(model, 0.7)
-    drive = BoardDrive(model.p, y)
+    drive = Drive(model.p, y)
     drive.switch(*[OFF] * 6)
     before = drive.i
     states, legs = record_steps(drive, 2e-6, 5000)
@@ -263,7 +263,7 @@ def test_back_emf_above_the_dc_link_conducts(model, emf):
     induced = np.hypot(*model.state(np.zeros(6), i_r, 0, 0)[:2])
     omega = emf * VDC / induced / p.pole_pairs
     y = model.state(np.zeros(6), i_r, omega, 0.0)
-    drive = BoardDrive(p, y, legs=[OFF] * 6)
+    drive = Drive(p, y, legs=[OFF] * 6)
     drive.advance(5e-6)
     assert drive.y[7] == pytest.approx(omega * 5e-6, rel=1e-6)  # time passes
     quarter = 0.5 * np.pi / (omega * p.pole_pairs)
@@ -293,7 +293,7 @@ def test_back_emf_above_the_dc_link_conducts(model, emf):
 
 def test_count_of_legs_off(symmetric):
     rng = np.random.default_rng(2)
-    drive = BoardDrive(symmetric.p, running(symmetric), legs=[OFF] * 6)
+    drive = Drive(symmetric.p, running(symmetric), legs=[OFF] * 6)
     assert drive.inv.off == 6
     for _ in range(500):
         set_leg(drive.inv, drive.m, drive.y, int(rng.integers(6)), int(rng.integers(3)))
@@ -302,7 +302,7 @@ def test_count_of_legs_off(symmetric):
 
 def test_turning_off_twice_keeps_the_diode(symmetric):
     """A repeated trip must not look at the current again: floating legs stay floating."""
-    drive = BoardDrive(symmetric.p, running(symmetric))
+    drive = Drive(symmetric.p, running(symmetric))
     i = drive.i
     drive.switch(*[OFF] * 6)
     assert list(drive.inv.diode) == list(np.sign(i).astype(int))

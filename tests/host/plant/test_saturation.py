@@ -264,7 +264,7 @@ def test_far_below_the_knee_the_machine_is_linear(model):
     np.testing.assert_allclose(far, linear, rtol=1e-12, atol=1e-14)
 
 
-class BoardDrive:
+class Drive:
     def __init__(self, p, y, legs):
         self.p, self.m, self.y = p, make(p), np.array(y, float)
         self.inv = inverter_record()
@@ -284,7 +284,7 @@ def test_rotor_alone(model):
     p = replace(saturated.p, inertia_kgm2=1e9, viscous_Nms=0.0)
     i_r = 8 * np.cos(ANGLES)
     coils = saturated.of_currents(np.zeros(6), i_r)
-    drive = BoardDrive(p, coils.state(np.zeros(6), i_r, 20.0, 0.0), [OFF] * 6)
+    drive = Drive(p, coils.state(np.zeros(6), i_r, 20.0, 0.0), [OFF] * 6)
 
     def main(psi_r):
         return brentq(lambda psi: p.llr_H * magnetising_A(p, psi) + psi - psi_r, 0, psi_r)
@@ -313,7 +313,7 @@ def test_floating_leg(model):
     coils = saturated.of_currents(i_s, i_r)
     assert coils.p.lm_H < 0.8 * model.p.lm_H
     legs = [OFF, LOW, HIGH, LOW, LOW, LOW]
-    drive = BoardDrive(saturated.p, coils.state(i_s, i_r, 60.0, 0.0), legs)
+    drive = Drive(saturated.p, coils.state(i_s, i_r, 60.0, 0.0), legs)
     drive.inv.diode[0] = 0
     drive.advance(5e-6, 80)
     assert 0 < drive.inv.v_leg[0] < VDC and drive.inv.diode[0] == 0
