@@ -84,6 +84,7 @@ def _parser() -> argparse.ArgumentParser:
     setups = commands.add_parser("setups", help="built-in set-ups, each value with its source")
     setups.add_argument("name", nargs="*", metavar="NAME|FILE")
     setups.add_argument("--json", action="store_true")
+    setups.add_argument("--schema", action="store_true", help="JSON Schema of their files")
     setups.set_defaults(call=_setups)
 
     schemes = commands.add_parser("schemes", help="control schemes, their source and options")
@@ -222,6 +223,9 @@ def _setups(args: argparse.Namespace) -> int:
 
     from .. import setups
 
+    if args.schema:
+        print_json(setups.json_schema())
+        return 0
     loaded = [setups.load(name) for name in args.name or setups.builtin_names()]
     if args.json:
         print_json({s.name: setups.describe(s) for s in loaded})
@@ -399,7 +403,8 @@ def main(argv: list[str] | None = None) -> int:
         print("hexatorque: interrupted", file=sys.stderr)
         return 130
     except HexatorqueError as error:
-        print(f"hexatorque: {error}", file=sys.stderr)
+        for line in str(error).splitlines():  # of a file all mistakes together
+            print(f"hexatorque: {line}", file=sys.stderr)
         return error.exit_code
     except ArithmeticError as error:  # compiled code of the plant knows no other errors
         print(f"hexatorque: {error}", file=sys.stderr)
