@@ -96,3 +96,33 @@ def out_of_range(setup: Setup) -> list[str]:
             from_inverter = name == "dead_time_us" and name not in setup.values["controller"]
             lines.append(f"{'inverter' if from_inverter else 'controller'}.{error}")
     return lines
+
+
+#: What no parameter of the controller tells: it belongs to the plant, or to the simulation.
+NOT_ON_A_BOARD = {
+    "machine": ("inertia_kgm2", "viscous_Nms", "drs_ohm", "dlls_H"),
+    "inverter": ("vdc_V", "min_pulse_us"),
+    "sensors": (
+        "adc_bits",
+        "i_offset_A",
+        "i_gain",
+        "i_filter_Hz",
+        "i_noise_A",
+        "noise_seed",
+        "encoder_error_cycles",
+    ),
+    "timing": ("device",),
+    "load": ("kind", "at_rpm"),
+    "point": ("speed_rpm", "load_Nm"),
+}
+
+
+def not_on_a_board(setup: Setup) -> list[str]:
+    """Paths of the values given that no parameter tells a board."""
+    given = [
+        f"{section}.{key}"
+        for section, keys in NOT_ON_A_BOARD.items()
+        for key in keys
+        if key in setup.values[section]
+    ]
+    return [*given, *(["profile"] if setup.profile != type(setup.profile)() else [])]

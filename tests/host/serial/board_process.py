@@ -21,9 +21,9 @@ CHANGES = {
 LOAD_NM = 3.0
 BOARD = f"""
 import sys
-from hexatorque import scenario
+from hexatorque import setups
 from hexatorque.boards.virtual import Terminal, VirtualBoard, serve
-board = VirtualBoard(scenario.load("paper-a-feasible").changed(**{CHANGES}))
+board = VirtualBoard(setups.load("paper-a-feasible").changed(**{CHANGES}))
 board.sim.set("load_Nm", {LOAD_NM})
 with Terminal() as line:
     print(line.port, flush=True)

@@ -6,6 +6,7 @@ import pytest
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.firmware import Controller
+from hexatorque.setups.to_parameters import NOT_ON_A_BOARD, not_on_a_board
 
 VARIANTS = [
     {},
@@ -64,3 +65,25 @@ def test_derived_values_from_first_principles():
     assert values["rs_ohm"] == pytest.approx(machine["rs_ohm"] + 0.15)
     assert (values["load_mode"], values["write_delay_us"]) == ("immediate", 13.0)
     assert values["flux_trip_Wb"] == pytest.approx(1.25)
+
+
+@pytest.mark.parametrize(
+    "path", [f"{section}.{key}" for section, keys in setups.KEYS.items() for key in keys]
+)
+def test_what_is_said_to_stay_with_the_plant_changes_no_parameter_and_all_else_does(path):
+    setup = setups.load("paper-b").changed(timing__latency="immediate", machine__psi_knee_Wb=1.0)
+    section, key = path.split(".")
+    spec = setups.KEYS[section][key]
+    before = setup[path]
+    if spec.kind == "choice":
+        other = next(c for c in reversed(spec.choices) if c != before)
+    elif spec.kind == "phases":
+        other = [1.01 * v + 1e-4 for v in before]
+    elif spec.kind == "integer":
+        other = before - 1 if before > spec.min else before + 1
+    else:
+        other = 1.01 * before if before else 0.5 * min(1.0, spec.max)
+    changed = setup.changed(**{f"{section}__{key}": other})
+    same = setups.parameters(changed) == setups.parameters(setup)
+    assert same == (key in NOT_ON_A_BOARD.get(section, ())), path
+    assert same == (path in not_on_a_board(changed))
