@@ -72,7 +72,7 @@ class Setup:
         """A copy with some checked values changed. Refuses what does not fit together."""
         values = {s: {**entries, **changes.get(s, {})} for s, entries in self.values.items()}
         result = replace(self, values=values)
-        if lines := inconsistent(result):
+        if lines := inconsistent(result) or to_parameters.out_of_range(result):
             raise SetupError("\n".join(lines))
         return result
 
@@ -123,7 +123,7 @@ def inconsistent(setup: Setup) -> list[str]:
         )
     if setup["inverter.vdc_V"] > setup["sensors.vdc_full_V"]:
         lines.append("inverter.vdc_V is above sensors.vdc_full_V")
-    return lines or to_parameters.out_of_range(setup)
+    return lines
 
 
 def describe(setup: Setup) -> dict[str, dict[str, dict[str, Any]]]:
