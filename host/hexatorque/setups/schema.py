@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     ConfigDict,
     Discriminator,
     Field,
@@ -81,11 +82,21 @@ def _shown(value: float) -> str:
         return "a number of hundreds of digits"
 
 
+def _word_or_integer(value: Any) -> Any:
+    """To Python, and so to Literal, 4.0 and 4 are the same, and so are true and 1."""
+    if isinstance(value, bool) or not isinstance(value, (str, int)):
+        raise ValueError
+    return value
+
+
+EXACTLY = BeforeValidator(_word_or_integer)
+
+
 def _choice(key: Key) -> Any:
     """A choice by name. Where names are numbers, or on and off, the bare number and TOML's
     booleans are understood as well."""
     numbers = [int(name) for name in key.choices if name.isdecimal()]
-    choice: Any = Literal[(*key.choices, *numbers)]
+    choice: Any = Annotated[Literal[(*key.choices, *numbers)], EXACTLY]
     if set(key.choices) == {"off", "on"}:
         choice = choice | Annotated[bool, Field(strict=True)]
     names = ", ".join(key.choices)
@@ -248,6 +259,7 @@ def _profile_type() -> Any:
         ],
         "samples_per_period": Annotated[
             Literal[samples],
+            EXACTLY,
             _said(lambda value: f" = {value!r}: choose one of {choose}"),
             field("samples of the plant per control period", defaults.samples_per_period),
         ],

@@ -4,10 +4,12 @@ import subprocess
 import sys
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from hexatorque import setups
+from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.setups import SetupError
+from hexatorque.setups import Profile, SetupError, schema
 
 BASE = 'setup = "paper-b"\n'
 
@@ -39,6 +41,8 @@ BASE = 'setup = "paper-b"\n'
         ("[profile]\nspeed_rpm = 'fast'\n", ("profile.speed_rpm", "pairs")),
         ("[profile]\nset = [[1, 'f_isr_Hz', 5000]]\n", ("f_isr_Hz", "while the drive runs")),
         ("[profile]\nsamples_per_period = 3\n", ("samples_per_period", "choose")),
+        ("[profile]\nsamples_per_period = 4.0\n", ("samples_per_period", "choose")),
+        ("[profile]\nsamples_per_period = true\n", ("samples_per_period", "choose")),
         ("[profile]\nspeeds = 3\n", ("profile.speeds", "speed_rpm")),
         ("[inverter]\nvdc_V = 600\n", ("inverter.vdc_V", "vdc_full_V")),
         ("x = [\n", ("TOML",)),
@@ -105,12 +109,42 @@ def test_no_number_ends_in_a_traceback(text):
         setups.parse(f"{BASE}[machine]\nrs_ohm = {text}\n", "test")
 
 
+VALUES = st.recursive(
+    st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just("ddr"),
+    lambda inner: (
+        st.lists(inner, max_size=7)
+        | st.dictionaries(st.sampled_from(["value", "tag", "note", "x"]), inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+PLACES = st.sampled_from(
+    [
+        *((section, key) for section, keys in setups.KEYS.items() for key in [*keys, "x"]),
+        *(("controller", name) for name in firmware.parameters()),
+        *(("profile", name) for name in Profile.__dataclass_fields__),
+        *((section, None) for section in (*setups.KEYS, "controller", "profile", "title", "x")),
+    ]
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(PLACES, VALUES)
+def test_whatever_stands_there_is_taken_or_refused_in_a_line(place, value):
+    section, key = place
+    data = {section: value if key is None else {key: value}}
+    try:
+        schema.check(data)
+    except SetupError as error:
+        for line in str(error).split("\n"):
+            assert section in line and line.isprintable()
+
+
 def test_spellings_of_a_choice():
     """TOML's own booleans and numbers for choices that look like them."""
     text = "[controller]\nzero_hold = false\ntorque_levels = 3\n"
     values = setups.parameters(setups.parse(BASE + text, "test"))
     assert (values["zero_hold"], values["torque_levels"]) == ("off", "3")
-    for text in ("zero_hold = 1", "torque_levels = 4", "torque_levels = true"):
+    for text in ("zero_hold = 1", "torque_levels = 4", "torque_levels = 3.0"):
         with pytest.raises(SetupError, match="choose one of"):
             setups.parse(f"{BASE}[controller]\n{text}\n", "test")
 
