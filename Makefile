@@ -7,6 +7,7 @@
 #   make budget        its instructions, stack and size there, into docs/budget.md
 #   make bench         speed of the simulation, instructions of the firmware
 #   make lint          formatting and static checks
+#   make format        format Python and C
 #   make fuzz          fuzz the link, FUZZ_S seconds a target (clang); adds nothing to the corpus
 #   make check-c       static checks of the C: warnings, 16-bit machine, cppcheck, MISRA
 #   make clean         remove what the above made
@@ -16,14 +17,16 @@ BIN := $(VENV)/bin
 SOURCES := $(shell find firmware host cmake -type f ! -name '*.pyc' ! -name '*.so' ! -name '*.nb?') \
   pyproject.toml CMakeLists.txt tools/setup.sh
 C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
+# All C that is written by hand: .clang-format.
+C_FORMATTED := $(shell find firmware tests/c tools -name '*.[ch]' ! -name ht_tables.c ! -name vectors.h)
 JOBS ?= 2
 FUZZ_S ?= 120
 
-.PHONY: help demo papers papers-quick test test-c test-targets budget sanitize fuzz bench lint check-c clean
+.PHONY: help demo papers papers-quick test test-c test-targets budget sanitize fuzz bench lint format check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,12s/^# \{0,1\}//p' Makefile
+	@sed -n '3,13s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -88,9 +91,18 @@ budget: $(VENV)/.installed
 bench: build/host/.built
 	$(BIN)/hexatorque bench --counter build/host/tests/c/count_instructions
 
-lint: $(VENV)/.installed
+# Only the tools are needed, not what is installed: quick enough before each commit.
+$(BIN)/ruff $(BIN)/clang-format:
+	tools/setup.sh $(VENV)
+
+lint: | $(BIN)/ruff $(BIN)/clang-format
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/clang-format --dry-run -Werror $(C_FORMATTED)
+
+format: | $(BIN)/ruff $(BIN)/clang-format
+	$(BIN)/ruff format .
+	$(BIN)/clang-format -i $(C_FORMATTED)
 
 # Names a tool that is missing and how to get it.
 check-c: $(VENV)/.installed

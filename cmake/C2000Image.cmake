@@ -42,12 +42,16 @@ file(GLOB link CONFIGURE_DEPENDS firmware/link/*.c)
 file(GLOB drivers CONFIGURE_DEPENDS ${port}/*.c)
 # The link, which the drive's image has. Its requests may wait for the flash.
 set(background firmware/app/ht_service.c firmware/app/ht_service_requests.c
-  firmware/app/ht_dictionary.c firmware/app/ht_store.c firmware/link/ht_packet.c)
+  firmware/app/ht_dictionary.c firmware/app/ht_store.c)
+# What both images send and receive by: frames and the fault snapshot. It may wait for the flash too.
+set(frames firmware/app/ht_snapshot.c firmware/link/ht_packet.c)
+set(octets "${CMAKE_CURRENT_SOURCE_DIR}/firmware/link/ht_octets.c")
 list(TRANSFORM background PREPEND "${CMAKE_CURRENT_SOURCE_DIR}/")
+list(TRANSFORM frames PREPEND "${CMAKE_CURRENT_SOURCE_DIR}/")
 set(service ${link} "${CMAKE_CURRENT_SOURCE_DIR}/firmware/app/ht_service_fast.c")
-list(REMOVE_ITEM app ${background} ${service})
-list(REMOVE_ITEM service ${background})
-set(ram ${core} ${app} ${port}/image/ht_wait.c)
+list(REMOVE_ITEM app ${background} ${frames} ${service})
+list(REMOVE_ITEM service ${frames} ${octets})
+set(ram ${core} ${app} ${octets} ${port}/image/ht_wait.c)
 set(drive_ram ${service} ${drivers} ${port}/image/ht_image.c)
 # Processor in the loop: no driver of what the plant is connected to; that one is on the PC.
 set(chip ht_board ht_c2000_map ht_clock_f28335 ht_clock_f28377s ht_flash ht_pins ht_sci ht_timer
@@ -65,7 +69,7 @@ set(flash ${port}/image/main.c ${port}/image/codestart.asm)
 # An image that runs from `place`, with more sources and include folders than all have.
 function(ht_c2000_image image place sources folders)
   set(command_file "${CMAKE_CURRENT_SOURCE_DIR}/${port}/image/${HT_DEVICE}_${place}.cmd")
-  add_executable(${image} ${ram} ${flash} ${sources})
+  add_executable(${image} ${ram} ${frames} ${flash} ${sources})
   set_target_properties(${image} PROPERTIES SUFFIX ".out" LINK_DEPENDS "${command_file}")
   target_include_directories(${image} PRIVATE firmware/core firmware/app firmware/link
     firmware/port ${port} ${port}/image ${folders})

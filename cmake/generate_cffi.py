@@ -22,7 +22,10 @@ HEADERS = (
     "ht_regfile.h",
     "ht_pil_host.h",
     "ht_virtual_board.h",
+    "ht_burst_rows.h",
     "ht_octets.h",
+    "ht_opcodes.h",
+    "ht_snapshot.h",
     "ht_dictionary.h",
 )
 

@@ -2,7 +2,6 @@
 
 #include <stddef.h>
 
-#define ADC_FULL 4096.0f
 /* Share of the range that is left on either side at the largest offset, less 2 %. */
 #define TRIP_SHARE 0.885f
 #define PI_F 3.14159265f
@@ -18,11 +17,6 @@
 /* Share of the pull-out torque that is asked for: beyond it more slip gives less
  * torque, and the controller, which answers with more slip, loses the machine. */
 #define PULL_OUT_SHARE 0.8f
-
-/* Largest circle inside the dodecagon of each scheme's mean vectors, units of
- * Vdc. Pairs count at their zero-mean share. */
-static const float reach_pu[HT_SCHEMES] = {0.622008f, 0.577350f, 0.577350f,
-                                           0.577350f, 0.577350f, 0.422650f};
 
 static bool finite_below(float value, float limit)
 {
@@ -44,14 +38,23 @@ static uint16_t dead_counts(float dead_us, float clock_Hz)
     return ((float)whole < exact) ? (uint16_t)(whole + 1u) : whole;
 }
 
-static uint16_t torque_levels(const ht_params *p)
+/* The law of switching tables; its scheme is selected. */
+static void configure_table_law(const ht_params *p, float ts, ht_table_law_config *c)
 {
-    static const uint16_t choice[4] = {0u, 2u, 3u, 5u};
-    uint16_t levels = choice[(uint16_t)p->v[HT_P_torque_levels]];
-    if (levels == 0u) {
-        levels = ((uint16_t)p->v[HT_P_scheme] == (uint16_t)HT_DTC3) ? 5u : 3u;
+    static const uint16_t levels[4] = {0u, 2u, 3u, 5u};
+    uint16_t asked = levels[(uint16_t)p->v[HT_P_torque_levels]];
+    if (asked != 0u) { /* not "auto", which is what the scheme's row says */
+        c->torque_levels = asked;
     }
-    return levels;
+    c->table = (ht_table)(uint16_t)p->v[HT_P_table];
+    c->hold_on_zero = p->v[HT_P_zero_hold] != 0.0f;
+    c->flux_band_Wb = p->v[HT_P_flux_band_Wb];
+    c->torque_band_Nm = p->v[HT_P_torque_band_Nm];
+    c->torque_inner_Nm = p->v[HT_P_torque_inner_Nm];
+    c->torque_release_Nm = p->v[HT_P_torque_release_Nm];
+    c->flux_hold = p->v[HT_P_flux_hold];
+    c->xy.kp_pu_A = p->v[HT_P_kp_xy_pu_A];
+    c->xy.ki_ts_pu_A = p->v[HT_P_ki_xy_pu_As] * ts;
 }
 
 /* Derive the control configuration. Returns false if the values do not fit. */
@@ -87,23 +90,16 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
             || (p->v[HT_P_torque_release_Nm] <= -p->v[HT_P_torque_band_Nm]))) {
         return false;
     }
-    c->scheme = (ht_scheme)(uint16_t)p->v[HT_P_scheme];
-    c->table = (ht_table)(uint16_t)p->v[HT_P_table];
-    c->torque_levels = torque_levels(p);
+    ht_control_select(c, (ht_scheme)(uint16_t)p->v[HT_P_scheme]);
+    configure_table_law(p, ts, &c->table_law);
     c->shadow = shadow;
     c->predict = shadow && (p->v[HT_P_predict] != 0.0f);
-    c->hold_on_zero = p->v[HT_P_zero_hold] != 0.0f;
     c->period_counts = (uint16_t)(period + 0.5f);
     c->first_counts = 0u;
     if (!shadow) {
         c->first_counts = (uint16_t)(first + 0.5f);
     }
-    c->flux_band_Wb = p->v[HT_P_flux_band_Wb];
-    c->torque_band_Nm = p->v[HT_P_torque_band_Nm];
-    c->torque_inner_Nm = p->v[HT_P_torque_inner_Nm];
-    c->torque_release_Nm = p->v[HT_P_torque_release_Nm];
     c->only_v0 = p->v[HT_P_zero_vector] != 0.0f;
-    c->flux_hold = p->v[HT_P_flux_hold];
     c->drop_V = p->v[HT_P_drop_V];
     c->build_current_A = p->v[HT_P_build_current_A];
     c->observer.ts_s = ts;
@@ -119,9 +115,6 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->observer.rotor_drive = ts * p->v[HT_P_rr_ohm] * c->observer.lm_over_lr;
     c->observer.torque_gain = 3.0f * p->v[HT_P_pole_pairs];
     c->observer.omega_gain = (ts < OMEGA_FILTER_S) ? (ts / OMEGA_FILTER_S) : 1.0f;
-    c->xy.kp_pu_A = p->v[HT_P_kp_xy_pu_A];
-    c->xy.ki_ts_pu_A = p->v[HT_P_ki_xy_pu_As] * ts;
-    c->xy_limit_pu = ht_tmvcl_pu[(c->scheme == HT_DDR_ML) ? HT_ML : HT_L];
     c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
     c->dead.i_zero_A = p->v[HT_P_i_zero_A];
     return ht_control_check(c) == HT_CONFIG_OK;
@@ -149,7 +142,7 @@ static void apply_protection(const float *v, ht_protect_config *c)
     c->speed_trip_rpm = v[HT_P_speed_trip_rpm];
     c->encoder_trip_rpm = v[HT_P_encoder_trip_rpm];
     c->flux_check = v[HT_P_flux_check];
-    c->stuck_counts = v[HT_P_stuck_trip_A] * ADC_FULL / (2.0f * v[HT_P_i_full_A]);
+    c->stuck_counts = v[HT_P_stuck_trip_A] * (float)HT_ADC_FULL / (2.0f * v[HT_P_i_full_A]);
     c->ls_H = v[HT_P_sigma_ls_H] + ratio * v[HT_P_lm_H];
     c->sigma = v[HT_P_sigma_ls_H] / c->ls_H;
     c->no_load_A = v[HT_P_flux_ref_Wb] / c->ls_H;
@@ -173,15 +166,14 @@ void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config 
     c->measure.rpm_ticks = 60.0f * (float)HT_CAPTURE_COUNTS * ht_port_capture_clock_Hz(port)
                            / v[HT_P_encoder_counts_rev];
     c->measure.period_rpm = v[HT_P_speed_period_rpm];
-    c->flux.flux_ref_Wb = v[HT_P_flux_ref_Wb];
     c->flux.flux_min_Wb = v[HT_P_flux_min_Wb];
-    c->flux.reach_pu = v[HT_P_fw_margin] * reach_pu[(uint16_t)v[HT_P_scheme]];
+    c->flux.reach_pu = v[HT_P_fw_margin] * ht_scheme_describe((uint16_t)v[HT_P_scheme])->reach_pu;
     c->flux.rs_ohm = v[HT_P_rs_ohm];
     c->pull_out_Nm_Wb2 = pull_out(v);
     c->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);
     c->build_gain = 1.0f / (1.0f + BUILD_ADAPT_S * v[HT_P_f_slow_Hz]);
-    c->adapt_gain =
-        (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz])) : 0.0f;
+    c->adapt_gain = (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz]))
+                                             : 0.0f;
     apply_protection(v, &c->protect);
 }
 
@@ -190,8 +182,8 @@ void ht_configure_scales(ht_drive *d)
     const float *v = d->params.v;
     float ticks;
     d->turn_per_count = 2.0f * PI_F * v[HT_P_pole_pairs] / v[HT_P_encoder_counts_rev];
-    d->i_per_count = 2.0f * v[HT_P_i_full_A] / ADC_FULL;
-    d->v_per_count = v[HT_P_vdc_full_V] / ADC_FULL;
+    d->i_per_count = 2.0f * v[HT_P_i_full_A] / (float)HT_ADC_FULL;
+    d->v_per_count = v[HT_P_vdc_full_V] / (float)HT_ADC_FULL;
     ticks = v[HT_P_calibration_s] * v[HT_P_f_isr_Hz];
     d->calibration_ticks = (uint16_t)ticks;
     ticks = v[HT_P_build_s] * v[HT_P_f_isr_Hz];

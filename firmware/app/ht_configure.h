@@ -1,5 +1,5 @@
 /** @file ht_configure.h
- *  From the parameter table to what the interrupts work with.
+ *  Derives what the interrupts work with from the parameters.
  */
 #ifndef HT_CONFIGURE_H
 #define HT_CONFIGURE_H
@@ -18,7 +18,8 @@ ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_confi
  *  while the drive runs: speed loop, flux reference, protection. */
 void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config *c);
 
-/** The configuration in force, read now and once: the fast interrupt exchanges it at any time. */
+/** The configuration in force. The pointer is read once, because the fast interrupt may exchange
+ *  the configuration at any time. */
 static inline const ht_drive_config *ht_config_in_force(const ht_drive *d)
 {
     const ht_drive_config *const volatile *config = &d->config;

@@ -1,5 +1,5 @@
 /** @file ht_dictionary.h
- *  What the tables of parameters, channels, faults and states say, as payloads of LIST
+ *  The tables of parameters, channels, faults and states as payloads of the request LIST
  *  (docs/protocol.md).
  */
 #ifndef HT_DICTIONARY_H
@@ -18,10 +18,10 @@ enum {
 
 /** Rows of a kind; 0 for an unknown one. */
 uint16_t ht_dictionary_rows(uint16_t kind);
-/** Append row `row`; ranges are those of the hardware behind `port`. False, and nothing
- *  added, if there is none. */
+/** Append row `row` of a kind, with the ranges of the hardware behind `port`. Returns false, and
+ *  adds nothing, if there is no such row. */
 bool ht_dictionary_add(ht_packet *p, const ht_port *port, uint16_t kind, uint16_t row);
-/** CRC-32 over all rows, which are made in `scratch`. */
+/** CRC-32 over all rows of all kinds. Uses `scratch` to make them. */
 uint32_t ht_dictionary_crc(ht_packet *scratch, const ht_port *port);
 
 #endif

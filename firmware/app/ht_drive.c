@@ -3,10 +3,9 @@
 #include <math.h>
 #include <stddef.h>
 
-#define ADC_MID 2048.0f
 #define OFFSET_MAX_COUNTS 200.0f
-/* No shaft turns further in a period (electrical angle). A counter that jumps must not
- * blow up the rotor flux: it is for the protection to find. */
+/* No shaft turns further than this in a period (electrical angle). A position counter that jumps
+ * must not make the rotor flux grow without bound; finding the jump is the protection's task. */
 #define TURN_MAX_RAD 1.5f
 
 static bool finite_below(float value, float limit)
@@ -26,16 +25,18 @@ static void enter(ht_drive *d, ht_state state)
     d->state = (uint16_t)state;
 }
 
+/* The flux reference, and the control step's copy with what follows from it. */
 static void set_flux_ref(ht_drive *d, float flux_Wb)
 {
+    d->flux_ref_Wb = flux_Wb;
     d->in.flux_ref_Wb = flux_Wb;
     d->in.inv_flux_ref2 = (flux_Wb > 0.0f) ? (1.0f / (flux_Wb * flux_Wb)) : 0.0f;
 }
 
 static const ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
 
-/* All that parameters decide, from a machine without flux on. What is known of the
- * shaft and of the faults so far is no matter of parameters and stays. */
+/* Everything that depends on parameters, for a machine without flux. What is known of the shaft
+ * and of the faults does not depend on them and stays. */
 static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
 {
     ht_control_config config;
@@ -57,7 +58,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     d->config = &d->configs[0];
     ht_configure_scales(d);
     for (leg = 0; leg < HT_LEGS; leg++) {
-        d->offset_counts[leg] = ADC_MID;
+        d->offset_counts[leg] = (float)HT_ADC_MID;
         d->offset_sum[leg] = 0u;
     }
     d->in.i_A = none;
@@ -65,14 +66,13 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     d->in.torque_ref_Nm = 0.0f;
     d->in.turn_rad = 0.0f;
     set_flux_ref(d, p->v[HT_P_flux_ref_Wb]);
+    d->flux_ramp_Wb = d->flux_ref_Wb;
     ht_control_reset(&d->config->control, &d->control, &none);
-    d->speed.integral_Nm = 0.0f;
+    ht_speed_reset(&d->speed);
     ht_speed_measure_reset(&d->measured);
     d->torque_ref_Nm = 0.0f;
-    d->flux_ref_Wb = p->v[HT_P_flux_ref_Wb];
-    d->flux_top_Wb = p->v[HT_P_flux_ref_Wb];
     d->omega_mean_rad_s = 0.0f;
-    d->dodging = 0u;
+    d->flux_lowered = 0u;
     d->slow_faults = 0u;
     d->stuck_leg = 0u;
     ht_protect_reset(&d->protect);
@@ -217,7 +217,7 @@ static void calibrate(ht_drive *d)
     }
     for (leg = 0; leg < HT_LEGS; leg++) {
         float mean = (float)d->offset_sum[leg] / (float)d->state_ticks;
-        if (!finite_below(mean - ADC_MID, OFFSET_MAX_COUNTS)) {
+        if (!finite_below(mean - (float)HT_ADC_MID, OFFSET_MAX_COUNTS)) {
             fault(d, HT_FAULT_CALIBRATION);
             return;
         }
@@ -227,35 +227,33 @@ static void calibrate(ht_drive *d)
     ht_protect_reset(&d->protect);
     d->slow_faults = 0u; /* of the run before: the slow loop may not have come by since */
     ht_control_reset(&d->config->control, &d->control, &d->in.i_A);
-    d->speed.integral_Nm = 0.0f;
+    ht_speed_reset(&d->speed);
     d->torque_ref_Nm = 0.0f;
     enter(d, HT_STATE_BUILD);
     protect_after(d);
 }
 
-/* References of the build-up; returns how far it has come. */
+/* Flux reference of the build-up; returns how far it has come. */
 static float begin_build(ht_drive *d)
 {
     uint32_t ticks = d->build_ticks + 1u;
-    float share = (float)d->state_ticks / (float)ticks;
-    set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb] * ((share < 1.0f) ? share : 1.0f));
-    d->in.torque_ref_Nm = 0.0f;
+    float share = (float)d->state_ticks / (float)ticks; /* 1 at most */
+    set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb] * share);
     return share;
 }
 
 static void end_build(ht_drive *d, float share)
 {
     if (share < HT_BUILD_BLIND) {
-        d->control.observer.omega_sync_rad_s = 0.0f;
+        ht_observer_stand_still(&d->control.observer);
     }
     if ((d->state_ticks == 1u) && !ht_port_gates_on(d->port)) { /* a pattern is in place */
         fault(d, HT_FAULT_EXTERNAL);
     } else if (d->state_ticks >= d->build_ticks) {
         set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb]);
-        d->flux_ref_Wb = d->config->params.v[HT_P_flux_ref_Wb];
-        d->flux_top_Wb = d->config->params.v[HT_P_flux_ref_Wb];
+        d->flux_ramp_Wb = d->flux_ref_Wb;
         d->omega_mean_rad_s = 0.0f;
-        d->dodging = 0u;
+        d->flux_lowered = 0u;
         enter(d, HT_STATE_RUN);
     } else {
         /* still building */
@@ -278,13 +276,13 @@ static inline void drive(ht_drive *d, bool build)
         fault(d, (uint16_t)faults);
         return;
     }
+    d->in.torque_ref_Nm = d->torque_ref_Nm; /* 0 in BUILD */
     if (build) {
         share = begin_build(d);
+    } else if (d->in.flux_ref_Wb != d->flux_ref_Wb) {
+        set_flux_ref(d, d->flux_ref_Wb);
     } else {
-        d->in.torque_ref_Nm = d->torque_ref_Nm;
-        if (d->in.flux_ref_Wb != d->flux_ref_Wb) {
-            set_flux_ref(d, d->flux_ref_Wb);
-        }
+        /* as it was */
     }
     ht_control_step(&d->config->control, &d->control, &d->in, build, &out);
     ht_port_write(d->port, &out);
@@ -301,6 +299,7 @@ void ht_drive_fast_isr(ht_drive *d)
     ht_port_read(d->port, &d->samples);
     d->tick++;
     if (d->staged != NULL) {
+        ht_control_switch_over(&d->config->control, &d->staged->control, &d->control);
         d->config = d->staged;
         d->taken_tick = d->tick;
         d->staged = NULL;
@@ -322,7 +321,7 @@ void ht_drive_fast_isr(ht_drive *d)
     case HT_STATE_IDLE: /* no tick: a start that this interrupt comes into would lose it */
     case HT_STATE_FAULT:
     default:
-        ht_port_gates_off(d->port); /* whoever released a latch: not in these states */
+        ht_port_gates_off(d->port); /* in these states no latch may stay released */
         break;
     }
     ht_port_ack_fast(d->port);
@@ -335,14 +334,14 @@ ht_result ht_drive_start(ht_drive *d)
         return HT_ERROR_TRIP;
     }
     if ((d->state != (uint16_t)HT_STATE_IDLE) || (d->faults != 0u)) {
-        return HT_ERROR_STATE; /* a fault that a stop overtook still wants its clear */
+        return HT_ERROR_STATE; /* a fault that a stop overtook must be cleared first */
     }
     if (!finite_below(d->speed_rpm, d->params.v[HT_P_start_max_rpm])) {
         return HT_ERROR_TURNING;
     }
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->offset_sum[leg] = 0u;
-        d->offset_counts[leg] = ADC_MID;
+        d->offset_counts[leg] = (float)HT_ADC_MID;
     }
     enter(d, HT_STATE_CALIBRATE);
     return HT_OK;

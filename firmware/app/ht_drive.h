@@ -5,12 +5,18 @@
  *  States:  IDLE -start-> CALIBRATE -> BUILD -> RUN, any -fault-> FAULT -clear->
  *  IDLE, any but FAULT -stop-> IDLE. The gates are on in BUILD and RUN only.
  *
- *  Concurrency on a target: the slow interrupt, which the fast one may interrupt, hands
- *  over single floats and flags: references, the resistances in use, `slow_faults`.
- *  What it reads of the fast one's may be of two successive samples. Commands come from the background and write
- *  the state in an order that a fast interrupt in between cannot turn into gates on
- *  (it re-latches the trip in IDLE and FAULT). A parameter change reaches both interrupts as a
- *  whole: the fast one takes it over, a slow one that it comes into ends with what it began with.
+ *  Concurrency on a target:
+ *  - The fast interrupt may interrupt the slow one. The slow one hands over single floats and
+ *    flags: references, the resistances in use, `slow_faults`. Values that it reads from the fast
+ *    one may belong to two successive samples.
+ *  - Commands come from the background. They write the state in such an order that a fast
+ *    interrupt in between cannot switch the gates on: in IDLE and FAULT it latches the trip again.
+ *  - A parameter change reaches the interrupts as a whole: the fast one takes it over, and a slow
+ *    one that is interrupted by this ends with the parameters that it began with.
+ *
+ *  The flux reference is `flux_ref_Wb`. It follows the parameter of the same name: over the
+ *  build-up in BUILD, by the ramp `flux_ramp_Wb` and field weakening in RUN. `in.flux_ref_Wb` is
+ *  the control step's copy.
  */
 #ifndef HT_DRIVE_H
 #define HT_DRIVE_H
@@ -37,33 +43,33 @@ const char *ht_state_name(uint16_t state);
 /** Result of a command or an initialisation. */
 typedef enum {
     HT_OK = 0,
-    HT_ERROR_ID = 1,     /**< no such parameter */
-    HT_ERROR_VALUE = 2,  /**< not finite, out of range or not a choice */
-    HT_ERROR_STATE = 3,  /**< not allowed in this state */
-    HT_ERROR_CONFIG = 4, /**< parameters do not fit together (e.g. bands) */
-    HT_ERROR_PORT = 5,   /**< the hardware cannot realise the set-up */
+    HT_ERROR_ID = 1,      /**< no such parameter */
+    HT_ERROR_VALUE = 2,   /**< not finite, out of range or not a choice */
+    HT_ERROR_STATE = 3,   /**< not allowed in this state */
+    HT_ERROR_CONFIG = 4,  /**< parameters do not fit together (e.g. bands) */
+    HT_ERROR_PORT = 5,    /**< the hardware cannot realise the set-up */
     HT_ERROR_TURNING = 6, /**< start refused: the machine is turning */
-    HT_ERROR_TRIP = 7,   /**< start or clear refused: the trip pin is low */
-    HT_ERROR_STORE = 8   /**< this image keeps no parameters, or writing them failed */
+    HT_ERROR_TRIP = 7,    /**< start or clear refused: the trip pin is low */
+    HT_ERROR_STORE = 8    /**< this image keeps no parameters, or writing them failed */
 } ht_result;
 
-/** Share of the build-up during which the flux is too small for its speed to be told. */
+/** Share of the build-up during which the flux is too small for its speed to mean anything. */
 #define HT_BUILD_BLIND 0.1f
 
-/** What was at hand in the fast interrupt that raised the latest fault. */
+/** What the fast interrupt that raised the latest fault worked with. */
 typedef struct {
-    uint32_t tick;         /**< fast interrupts since init; 0 = no fault yet */
-    uint16_t state;        /**< ht_state at the time */
-    uint16_t faults;       /**< what that interrupt found */
+    uint32_t tick;   /**< fast interrupts since init; 0 = no fault yet */
+    uint16_t state;  /**< ht_state at the time */
+    uint16_t faults; /**< what that interrupt found */
     ht_samples samples;
     ht_control_input in;
     ht_estimate estimate;
     float speed_rpm;
 } ht_snapshot;
 
-/** What the parameters decide, for interrupts that may come at any time: made as a whole,
- *  then taken over as a whole. What reaches into the PWM or the scaling and therefore only changes
- *  with the gates off is in the drive itself. */
+/** What the interrupts derive from the parameters. It is prepared as a whole and taken over as a
+ *  whole, because interrupts may come at any time. What concerns the PWM or the scaling changes
+ *  with the gates off only; that is in the drive itself. */
 typedef struct {
     ht_control_config control;
     ht_protect_config protect;
@@ -71,50 +77,52 @@ typedef struct {
     ht_speed_measure_config measure;
     ht_flux_config flux;
     float omega_mean_gain;
-    float pull_out_Nm_Wb2;         /**< torque limit per flux squared */
-    float adapt_gain;              /**< of the resistances, per slow interrupt */
-    float build_gain;              /**< the same during the build-up */
-    ht_params params;              /**< all this is from */
+    float pull_out_Nm_Wb2; /**< torque limit per flux squared */
+    float adapt_gain;      /**< of the resistances, per slow interrupt */
+    float build_gain;      /**< the same during the build-up */
+    ht_params params;      /**< the parameters that all this is derived from */
 } ht_drive_config;
 
 typedef struct {
     /* What the fast interrupt needs comes first, within reach of one instruction. */
     ht_port *port;
-    const ht_drive_config *config; /**< in force */
-    const ht_drive_config *volatile staged; /**< for the next fast interrupt to take over */
-    uint32_t tick;                 /**< fast interrupts since init */
+    const ht_drive_config *config;          /**< in force */
+    const ht_drive_config *volatile staged; /**< for the next fast interrupt; NULL: none */
+    uint32_t tick;                          /**< fast interrupts since init */
     volatile uint32_t taken_tick;  /**< of the first interrupt with the parameters in force */
     volatile uint32_t state_ticks; /**< fast interrupts since the state began */
     volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
     volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
     uint16_t faults;
-    uint16_t stuck_leg;            /**< whose sensor and trip latch are looked at next */
-    ht_samples samples;            /**< latest */
+    uint16_t stuck_leg; /**< leg whose sensor and trip latch are checked next */
+    ht_samples samples; /**< latest */
     volatile uint32_t position_now;
-    float offset_counts[HT_LEGS];  /**< calibrated zero of each current channel */
+    float offset_counts[HT_LEGS]; /**< calibrated zero of each current channel */
     float i_per_count;
     float v_per_count;
-    float turn_per_count;          /**< electrical rad */
+    float turn_per_count; /**< electrical rad */
     float speed_rpm;
-    float torque_ref_Nm;           /**< slow loop to fast loop */
-    float flux_ref_Wb;             /**< slow loop to fast loop */
-    ht_control_input in;           /**< latest measurement and references */
+    float torque_ref_Nm; /**< slow loop to fast loop */
+    float flux_ref_Wb;   /**< the flux reference: written by the fast interrupt in
+                                    *   BUILD, by the slow one in RUN */
+    ht_control_input in; /**< latest measurement; copies of both references */
     ht_control_state control;
     ht_protect_state protect;
     /* Slow interrupt, states and commands. */
     ht_speed_state speed;
     ht_speed_measure_state measured;
     uint32_t position_last;
-    uint32_t tick_last;            /**< that the slow interrupt saw last */
-    float flux_top_Wb;             /**< flux_ref_Wb on its way; field weakening goes below */
-    float omega_mean_rad_s;        /**< flux speed, slow mean */
+    uint32_t tick_last;     /**< `tick` at the last slow interrupt */
+    float flux_ramp_Wb;     /**< the parameter flux_ref_Wb as it is approached; field
+                                    *   weakening goes below */
+    float omega_mean_rad_s; /**< flux speed, slow mean */
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
     uint16_t calibration_ticks;
-    uint16_t dodging;              /**< 1: less flux, to keep the flux turning */
-    ht_snapshot snapshot;          /**< of the latest fault; a clear keeps it */
-    ht_params params;              /**< the latest that were accepted */
-    ht_drive_config configs[2];    /**< the one in force and the next */
+    uint16_t flux_lowered;      /**< 1: less flux, to keep the flux turning */
+    ht_snapshot snapshot;       /**< of the latest fault; a clear keeps it */
+    ht_params params;           /**< the latest that were accepted */
+    ht_drive_config configs[2]; /**< the one in force and the next */
 } ht_drive;
 
 /** Set up a drive with parameters `p` on `port`: idle, gates off. Refuses
@@ -134,10 +142,11 @@ ht_result ht_drive_start(ht_drive *d);
 void ht_drive_stop(ht_drive *d);
 ht_result ht_drive_clear(ht_drive *d);
 
-/** Whatever else finds a fault, in the fast interrupt's place: gates off, `bits` latched. */
+/** For a fault that is found outside the drive, within the fast interrupt: gates off, `bits`
+ *  latched. */
 void ht_drive_trip(ht_drive *d, uint16_t bits);
-/** The same from outside it, where no fast interrupt is expected any more, or yet: one that comes
- *  all the same finds a drive that is off. Parameters that wait for it are taken over. */
+/** The same from outside the fast interrupt, for when none is expected any more or not yet. One
+ *  that comes nevertheless finds the drive in FAULT. Takes over parameters that wait for it. */
 void ht_drive_stand_in(ht_drive *d, uint16_t bits);
 
 /** Change one parameter: range, state and consistency are checked first, and

@@ -2,22 +2,22 @@
 #include "ht_configure.h"
 
 #define PI_F 3.14159265f
-/* Flux speed that is too low for R_r to show; load, as i_q/i_d, from which on R_r
- * matters; and the share of the flux that is kept there. With it a rated load's slip of
- * 9.4 rad/s grows by 1.7: the end lies above 2.5 + 1.7, or the drive would come and go. */
-#define DODGE_RAD_S 2.5f
-#define DODGE_END_RAD_S 4.5f
-#define DODGE_LOAD 0.4f
-#define DODGE_FLUX 0.92f
+/* Below the first speed of the flux R_r has no visible effect. From the load below (i_q/i_d) on,
+ * R_r matters, and the flux is lowered to the share below until its speed is above the second
+ * limit. Lowering it increases the slip of a rated load, 9.4 rad/s, by 1.7 rad/s: the second limit
+ * lies above 2.5 + 1.7, or the drive would switch back and forth. */
+#define STANDING_RAD_S 2.5f
+#define TURNING_RAD_S 4.5f
+#define LOWER_LOAD 0.4f
+#define LOWER_FLUX 0.92f
 
-/* The flux that the build-up builds stands still; once it is there, one that turns other
- * than the encoder says is the work of a shaft whose turning the encoder missed. */
+/* The flux of the build-up stands still. If it turns although the encoder shows standstill, the
+ * shaft turns and the encoder does not notice it. */
 #define BUILD_LOOK_S 0.01f
 #define BUILD_TURN_RPM 100.0f
 static uint16_t turning_unnoticed(const ht_drive *d, const ht_drive_config *c)
 {
-    float off = c->protect.rpm_per_rad_s * d->control.observer.omega_sync_rad_s
-                - d->speed_rpm;
+    float off = c->protect.rpm_per_rad_s * d->control.observer.omega_sync_rad_s - d->speed_rpm;
     bool there = (float)d->state_ticks > HT_BUILD_BLIND * (float)d->build_ticks
                                              + BUILD_LOOK_S * c->params.v[HT_P_f_isr_Hz];
     if (!there || !(c->params.v[HT_P_encoder_trip_rpm] > 0.0f)
@@ -35,43 +35,42 @@ static float torque_limit(const ht_drive *d, const ht_drive_config *c)
     return (reach < limit) ? reach : limit;
 }
 
-/* Where load and speed make the flux stand still, nothing tells R_r, and a drive with a
- * wrong one may settle just there: more flux, less slip, no more turning. A little less
- * flux makes more slip, and the flux turns again. */
+/* Where load and speed make the flux stand still, R_r cannot be observed, and a drive with a wrong
+ * R_r may settle at that very point: more flux, less slip, standstill of the flux. A little less
+ * flux gives more slip, and the flux turns again. */
 static void keep_off_zero_frequency(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
-    float psi = d->flux_top_Wb;
+    float psi = d->flux_ramp_Wb;
     /* i_q/i_d of the reference */
-    float load = d->torque_ref_Nm * c->protect.ls_H
-                 / (c->control.observer.torque_gain * psi * psi);
+    float load = d->torque_ref_Nm * c->protect.ls_H / (c->control.observer.torque_gain * psi * psi);
     float size;
-    d->omega_mean_rad_s +=
-        c->omega_mean_gain * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
+    d->omega_mean_rad_s += c->omega_mean_gain
+                           * (d->control.observer.omega_sync_rad_s - d->omega_mean_rad_s);
     size = (d->omega_mean_rad_s < 0.0f) ? -d->omega_mean_rad_s : d->omega_mean_rad_s;
     if ((c->control.observer.kind != HT_OBSERVER_HYBRID) || !(v[HT_P_adapt_s] > 0.0f)
-        || ((load < DODGE_LOAD) && (load > -DODGE_LOAD)) || (size > DODGE_END_RAD_S)) {
-        d->dodging = 0u;
-    } else if (size < DODGE_RAD_S) {
-        d->dodging = 1u;
+        || ((load < LOWER_LOAD) && (load > -LOWER_LOAD)) || (size > TURNING_RAD_S)) {
+        d->flux_lowered = 0u;
+    } else if (size < STANDING_RAD_S) {
+        d->flux_lowered = 1u;
     } else {
         /* as it was */
     }
 }
 
-/* A new flux reference is approached as fast as the build-up is: a step would tear the
- * stator's flux from the rotor's, which cannot follow. */
-static void ramp_flux_top(ht_drive *d, const ht_drive_config *c)
+/* A new flux reference is approached as fast as in the build-up. The rotor's flux could not follow
+ * a step of the stator's. */
+static void ramp_flux(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
-    float wanted = v[HT_P_flux_ref_Wb] * ((d->dodging != 0u) ? DODGE_FLUX : 1.0f);
-    float larger = (wanted > d->flux_top_Wb) ? wanted : d->flux_top_Wb;
+    float wanted = v[HT_P_flux_ref_Wb] * ((d->flux_lowered != 0u) ? LOWER_FLUX : 1.0f);
+    float larger = (wanted > d->flux_ramp_Wb) ? wanted : d->flux_ramp_Wb;
     float step = larger / (v[HT_P_build_s] * v[HT_P_f_slow_Hz]);
-    float missing = wanted - d->flux_top_Wb;
-    d->flux_top_Wb += (missing > step) ? step : ((missing < -step) ? -step : missing);
+    float missing = wanted - d->flux_ramp_Wb;
+    d->flux_ramp_Wb += (missing > step) ? step : ((missing < -step) ? -step : missing);
 }
 
-/* Where faults are found: the fast interrupt. Only that this one has stopped it cannot find. */
+/* Faults are found by the fast interrupt, except that it has stopped: that is found here. */
 void ht_drive_slow_isr(ht_drive *d)
 {
     const ht_drive_config *c = ht_config_in_force(d); /* once: nor must it change half-way */
@@ -82,7 +81,7 @@ void ht_drive_slow_isr(ht_drive *d)
     ht_speed_config speed = c->speed;
     ht_capture capture;
     uint32_t tick = d->tick;
-    if (tick == d->tick_last) { /* nobody is left to take the gates off but this interrupt */
+    if (tick == d->tick_last) { /* no fast interrupt since the last slow one */
         ht_drive_stand_in(d, (uint16_t)HT_FAULT_INTERRUPT);
         ht_port_read(d->port, &d->samples); /* the shaft may turn all the same */
         d->position_now = d->samples.position;
@@ -102,25 +101,25 @@ void ht_drive_slow_isr(ht_drive *d)
         }
         return;
     }
-    d->slow_faults =
-        ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
+    d->slow_faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
     /* Where nothing adapts, the resistances in use are the configured ones. */
     ht_observer_adapt(&c->control.observer, &d->control.observer,
                       (c->control.observer.kind == HT_OBSERVER_HYBRID) ? c->adapt_gain : 0.0f);
     keep_off_zero_frequency(d, c);
-    ramp_flux_top(d, c);
+    ramp_flux(d, c);
     if (v[HT_P_field_weakening] != 0.0f) {
-        ht_flux_config flux = c->flux;
-        ht_ab i = d->control.observer.i_prev_A;
+        ht_flux_input flux;
+        ht_ab i = d->control.observer.i_A;
         float a = (i.alpha < 0.0f) ? -i.alpha : i.alpha;
         float b = (i.beta < 0.0f) ? -i.beta : i.beta;
         /* |i| within 4 %: alpha max plus beta min */
-        float size = (a > b) ? (0.96f * a + 0.398f * b) : (0.96f * b + 0.398f * a);
-        flux.flux_ref_Wb = d->flux_top_Wb;
-        d->flux_ref_Wb = ht_flux_reference(&flux, d->in.vdc_V,
-                                           d->control.observer.omega_sync_rad_s, size);
+        flux.i_A = (a > b) ? (0.96f * a + 0.398f * b) : (0.96f * b + 0.398f * a);
+        flux.flux_Wb = d->flux_ramp_Wb;
+        flux.vdc_V = d->in.vdc_V;
+        flux.omega_sync_rad_s = d->control.observer.omega_sync_rad_s;
+        d->flux_ref_Wb = ht_flux_reference(&c->flux, &flux);
     } else {
-        d->flux_ref_Wb = d->flux_top_Wb;
+        d->flux_ref_Wb = d->flux_ramp_Wb;
     }
     /* The flux may be on its way down: the torque goes first. */
     speed.torque_limit_Nm = torque_limit(d, c);
@@ -128,7 +127,7 @@ void ht_drive_slow_isr(ht_drive *d)
         float limit = speed.torque_limit_Nm;
         float wanted = v[HT_P_torque_ref_Nm];
         d->torque_ref_Nm = (wanted > limit) ? limit : ((wanted < -limit) ? -limit : wanted);
-        d->speed.integral_Nm = d->torque_ref_Nm; /* bumpless return to speed mode */
+        ht_speed_follow(&d->speed, d->torque_ref_Nm); /* no step on the return to speed mode */
     } else {
         float error = (v[HT_P_speed_ref_rpm] - d->speed_rpm) * (PI_F / 30.0f);
         d->torque_ref_Nm = ht_speed_step(&speed, &d->speed, error);

@@ -1,7 +1,18 @@
 #include "ht_initial.h"
 #include "ht_params.h"
 
+#include "ht_schemes.h"
+
 #include <stddef.h>
+
+/* Names of all schemes, each behind a bar: the choices begin after the first one. */
+static const char scheme_names[] =
+#define HT_SCHEME(id, name, law, vectors, group, regulated, levels, reach) "|" name
+#include "ht_schemes.def"
+#undef HT_SCHEME
+    ;
+#define SCHEME_CHOICES (&scheme_names[1])
+enum { LAST_SCHEME = (int)HT_SCHEMES - 1 };
 
 static const ht_param_info table[HT_PARAMS] = {
 #define HT_PARAM(name, unit, min, max, def, when, choices, help) \

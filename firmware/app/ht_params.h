@@ -29,7 +29,7 @@ typedef struct {
     uint16_t when;       /**< HT_WHEN_... */
     const char *choices; /**< "" or the names of values 0, 1, ..., joined by '|' */
     const char *help;
-    bool whole;          /**< takes whole numbers only; so does every choice */
+    bool whole; /**< takes whole numbers only; so does every choice */
 } ht_param_info;
 
 /** All parameter values, by id. */

@@ -55,8 +55,8 @@ uint16_t ht_protect_samples(const ht_protect_config *cfg, const ht_control_input
 static const uint16_t others[HT_LEGS][2] = {{2u, 4u}, {3u, 5u}, {0u, 4u},
                                             {1u, 5u}, {0u, 2u}, {1u, 3u}};
 
-uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st,
-                          const ht_samples *s, uint16_t leg)
+uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st, const ht_samples *s,
+                          uint16_t leg)
 {
     uint16_t count = s->adc[HT_ADC_I + leg];
     uint16_t other =
@@ -91,12 +91,12 @@ static bool finite_results(const ht_control_state *c, float torque_ref_Nm)
 uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state *c,
                             float torque_ref_Nm)
 {
-    ht_ab i = c->observer.i_prev_A; /* this sample's, transformed by the step */
+    ht_ab i = c->observer.i_A; /* this sample's, transformed by the step */
     ht_ab psi = c->estimate.psi_Wb;
     float i2 = i.alpha * i.alpha + i.beta * i.beta;
     /* Of sums as small as these each part is finite and within its bound. */
-    float torques =
-        fabsf(c->estimate.torque_Nm) + fabsf(c->decided.torque_Nm) + fabsf(torque_ref_Nm);
+    float torques = fabsf(c->estimate.torque_Nm) + fabsf(c->decided.torque_Nm)
+                    + fabsf(torque_ref_Nm);
     float command = fabsf(c->v_xy_pu.x) + fabsf(c->v_xy_pu.y);
     bool flux = within(psi.alpha, cfg->flux_trip_Wb) && within(psi.beta, cfg->flux_trip_Wb);
     unsigned faults = 0u;
@@ -131,7 +131,7 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
                          const ht_control_state *c, float speed_rpm)
 {
     ht_ab psi = c->estimate.psi_Wb;
-    ht_ab i = c->observer.i_prev_A;
+    ht_ab i = c->observer.i_A;
     float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
     uint16_t faults = 0u;
     ht_ab r; /* rotor flux seen from the stator */

@@ -1,7 +1,7 @@
 /** @file ht_protect.h
- *  Protection: what must turn the gates off, found from samples, estimates and
- *  speed. Pure functions over their own config and state; the drive acts on the
- *  bits they return. A NaN fails every check.
+ *  Protection: finds the faults that must turn the gates off, from samples, estimates and speed.
+ *  The functions only return fault bits (ht_faults.h); the drive acts on them. A NaN fails every
+ *  check.
  */
 #ifndef HT_PROTECT_H
 #define HT_PROTECT_H
@@ -11,12 +11,12 @@
 #include "port.h"
 
 typedef struct {
-    float i_trip_A;         /**< any phase */
-    float i_ab_trip_A;      /**< magnitude in alpha-beta */
-    float i_sum_trip_A;     /**< sum of a set */
+    float i_trip_A;     /**< any phase */
+    float i_ab_trip_A;  /**< magnitude in alpha-beta */
+    float i_sum_trip_A; /**< sum of a set */
     float vdc_min_V;
     float vdc_max_V;
-    float flux_trip_Wb;     /**< either component of the estimate */
+    float flux_trip_Wb; /**< either component of the estimate */
     float speed_trip_rpm;
     float encoder_trip_rpm; /**< measured against estimated speed; 0 = off */
     float flux_check;       /**< distance from the circle diagram, rms, units of
@@ -44,33 +44,35 @@ typedef struct {
 
 void ht_protect_reset(ht_protect_state *st);
 
-/** Samples of every fast interrupt. `powered`: the gates are on, offsets known. */
+/** Check the samples of a fast interrupt. `powered`: the gates are on and the current sensors'
+ *  offsets are known. */
 uint16_t ht_protect_samples(const ht_protect_config *cfg, const ht_control_input *in,
                             float speed_rpm, bool powered);
 
-/** One look at one leg's sensor, for every fast interrupt in turn: stuck, if the
- *  reading has not moved by one count over `HT_STUCK_LOOKS` looks while the sum of
- *  its set's other two moved by `stuck_counts`, which tells where the phase went. (One
- *  of them alone may move: a load at standstill, across the phase's axis.) */
-uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st,
-                          const ht_samples *s, uint16_t leg);
+/** Check one leg's current sensor; each fast interrupt checks the next leg. The sensor is stuck
+ *  if its reading has not changed over `HT_STUCK_LOOKS` checks while the sum of the set's other
+ *  two readings, which is minus the phase's current, changed by `stuck_counts`. (One of the two
+ *  alone may change: under a load at standstill, across the phase's axis.) */
+uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st, const ht_samples *s,
+                          uint16_t leg);
 #define HT_STUCK_LOOKS 50u
 
-/** Results of the control step: finite, and currents and flux within bounds. */
+/** Check the results of the control step: finite, and currents and flux within bounds. */
 uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state *c,
                             float torque_ref_Nm);
 
 /** For the slow interrupt in RUN.
  *
- *  Flux: the controller holds the estimate on its circle whatever the machine does,
- *  so its size proves nothing. What it must fit is the current. With the stator
- *  current along and across the estimated flux, in units of its no-load current
- *  psi/L_s, as q and t, every steady state of a machine lies on the circle diagram
- *  (q - c)^2 + t^2 = (c - 1)^2, c = (1 + 1/sigma)/2; a wrong flux does not. The limit
- *  is in amperes: with a weakened field the current's ripple does not shrink.
+ *  Flux: the controller holds the estimate on its circle whatever the machine does, so the
+ *  size of the estimate proves nothing. But it must fit the current. Let q and t be the stator
+ *  current along and across the estimated flux, in units of the no-load current psi/L_s. Every
+ *  steady state of a machine lies on the circle diagram (q - c)^2 + t^2 = (c - 1)^2,
+ *  c = (1 + 1/sigma)/2; with a wrong flux it does not. The limit is in amperes, because the
+ *  current's ripple does not shrink with the field.
  *
- *  Encoder: the shaft's speed is that of the flux minus slip, at one and the same time:
- *  a drive that accelerates must not look like one with a wrong encoder. */
+ *  Encoder: the speed of the shaft is the speed of the flux minus the slip. Both are compared
+ *  for the same instant: otherwise a drive that accelerates would look like one with a wrong
+ *  encoder. */
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
                          const ht_control_state *c, float speed_rpm);
 

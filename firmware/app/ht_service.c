@@ -1,7 +1,6 @@
-/* The line's two ends, session and watchdog. The requests are in ht_service_requests.c. */
-#include "ht_service.h"
+/* Receiving, sending, session and watchdog. What a request does is in ht_service_requests.c. */
+#include "ht_service_requests.h"
 
-#include "ht_configure.h"
 #include "ht_dictionary.h"
 #include "ht_octets.h"
 
@@ -11,8 +10,6 @@
 #define SAMPLE_TYPE 0x40u
 #define CAPTURE_TYPE 0x50u
 #define CAPTURE_VALUES 60u
-/* Streams leave a tenth of the line to everything else. */
-#define BUDGET_TENTHS 9u
 #define SESSION_WATCHDOGS 4u
 
 void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
@@ -20,7 +17,7 @@ void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
     l->drive = d;
     l->setup = *setup;
     if (l->setup.watchdog_ms == 0u) {
-        l->setup.watchdog_ms = 1u; /* none at all is not to be had */
+        l->setup.watchdog_ms = 1u; /* there is no drive without a watchdog */
     }
     l->dictionary = ht_dictionary_crc(&l->reply, d->port);
     ht_incoming_reset(&l->in);
@@ -53,26 +50,10 @@ void ht_service_init(ht_service *l, ht_drive *d, const ht_service_setup *setup)
     l->overruns = 0u;
 }
 
-uint32_t ht_service_watchdog_ticks(const ht_service *l)
-{
-    float ticks = l->drive->params.v[HT_P_f_isr_Hz] * (float)l->setup.watchdog_ms * 0.001f;
-    return (ticks < 1.0f) ? 1u : (uint32_t)ticks;
-}
-
-float ht_service_rate_Hz(const ht_service *l)
-{
-    uint16_t counts = ht_config_in_force(l->drive)->control.period_counts;
-    return ht_port_pwm_clock_Hz(l->drive->port) / (float)counts;
-}
-
-uint32_t ht_service_budget(const ht_service *l)
-{
-    return l->setup.line.octets_per_s / 10u * BUDGET_TENTHS;
-}
-
-/* What counts of every request, even one that is not carried out because it is a repetition
- * or comes too soon: a host that asks is there, and a stop stops. */
-static void heed(ht_service *l)
+/* What every request does, even one that is not carried out because it is a repetition or
+ * comes before the last reply was sent: a request of the session feeds the watchdog, and a STOP
+ * stops the drive. */
+static void note_request(ht_service *l)
 {
     if (l->in.n < HT_SERVICE_REQUEST_HEAD) {
         return;
@@ -81,7 +62,7 @@ static void heed(ht_service *l)
         l->session_tick = l->drive->tick;
         l->fed = 1u;
     }
-    if ((l->in.octet[0] == HT_SERVICE_STOP) && (l->in.n == HT_SERVICE_REQUEST_HEAD)) {
+    if ((l->in.octet[0] == (uint16_t)HT_OP_STOP) && (l->in.n == HT_SERVICE_REQUEST_HEAD)) {
         ht_drive_stop(l->drive);
         l->armed = 0u;
     }
@@ -94,13 +75,13 @@ static void request(ht_service *l)
         l->damaged++; /* no request: an echo? */
         return;
     }
-    heed(l);
+    note_request(l);
     if (l->answered && (crc == l->last_crc)) {
-        l->reply_due = true; /* once more */
+        l->reply_due = true; /* a repetition: the same reply again */
         return;
     }
     if (l->reply_due) {
-        return; /* the host has not waited; it will ask again */
+        return; /* the host did not wait for the reply; it will ask again */
     }
     l->last_crc = crc;
     ht_service_execute(l, l->in.octet, l->in.n);
@@ -116,7 +97,7 @@ static void receive(ht_service *l)
     uint16_t i;
     if (lost) {
         l->overruns++;
-        ht_incoming_spoil(&l->in);
+        ht_incoming_discard(&l->in);
     }
     for (i = 0u; i < n; i++) {
         switch (ht_incoming_take(&l->in, octets[i])) {
@@ -176,13 +157,13 @@ static bool capture_frame(ht_service *l, ht_packet *p)
     return true;
 }
 
-/* Octets of samples that may overtake the reply. */
+/* Bytes of samples that may overtake the reply. */
 static uint32_t longest_wait(const ht_service *l)
 {
-    return BUDGET_TENTHS * ((uint32_t)l->reply.n + (HT_PACKET_LINE - HT_PACKET_BODY));
+    return HT_SERVICE_STREAM_TENTHS * ((uint32_t)l->reply.n + (HT_PACKET_LINE - HT_PACKET_BODY));
 }
 
-/* ht_service.h says who goes first. */
+/* The order is explained in ht_service.h. */
 static void next_frame(ht_service *l)
 {
     bool ready;

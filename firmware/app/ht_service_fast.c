@@ -1,4 +1,4 @@
-/* What of the link runs in the fast interrupt: watchdog, samples. */
+/* The part of the link that runs in the fast interrupt: watchdog, samples. */
 #include "ht_service.h"
 
 static float read_channel(const void *object, uint16_t id)

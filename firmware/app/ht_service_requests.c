@@ -1,18 +1,38 @@
 /* The requests, one function each: payload in, status out, payload of the reply appended. */
-#include "ht_service.h"
+#include "ht_service_requests.h"
 
+#include "ht_configure.h"
 #include "ht_dictionary.h"
 #include "ht_octets.h"
+#include "ht_snapshot.h"
 
 #include <stddef.h>
 
-#define REPLY 0x80u
 #define NO_DETAIL 0xFFFFu
 #define GET_MOST 100u
-#define PAIR 6u /* octets of id and value */
-#define SAMPLE_HEAD 12.0f /* octets of a sample on the line that are no values */
+#define PAIR 6u           /* bytes of id and value */
+#define SAMPLE_HEAD 12.0f /* bytes of a sample on the line that are no values */
 
 enum { NEEDS_NOTHING = 0, NEEDS_DICTIONARY = 1, NEEDS_SESSION = 2, NEEDS_BOTH = 3 };
+
+uint32_t ht_service_watchdog_ticks(const ht_service *l)
+{
+    float ticks = l->drive->params.v[HT_P_f_isr_Hz] * (float)l->setup.watchdog_ms * 0.001f;
+    return (ticks < 1.0f) ? 1u : (uint32_t)ticks;
+}
+
+/* Fast interrupts per second: the PWM clock divided by whole counts, next to f_isr_Hz. */
+static float rate_Hz(const ht_service *l)
+{
+    uint16_t counts = ht_config_in_force(l->drive)->control.period_counts;
+    return ht_port_pwm_clock_Hz(l->drive->port) / (float)counts;
+}
+
+/* Bytes per second that streams may take. */
+static uint32_t streams_budget(const ht_service *l)
+{
+    return l->setup.line.octets_per_s / 10u * HT_SERVICE_STREAM_TENTHS;
+}
 
 /* The field at `offset` of the payload is out of range. */
 static uint16_t field(ht_service *l, uint16_t offset)
@@ -31,8 +51,8 @@ static uint16_t hello(ht_service *l, const uint16_t *in, uint16_t n)
     }
     ht_packet_add16(p, HT_SERVICE_VERSION);
     ht_packet_add32(p, l->dictionary);
-    ht_packet_add_float(p, ht_service_rate_Hz(l));
-    ht_packet_add32(p, ht_service_budget(l));
+    ht_packet_add_float(p, rate_Hz(l));
+    ht_packet_add32(p, streams_budget(l));
     for (kind = 0u; kind < (uint16_t)HT_LISTS; kind++) {
         ht_packet_add16(p, ht_dictionary_rows(kind));
     }
@@ -54,7 +74,7 @@ static uint16_t list(ht_service *l, const uint16_t *in, uint16_t n)
         return HT_SERVICE_LENGTH;
     }
     return ht_dictionary_add(&l->reply, l->drive->port, in[0], ht_get16(&in[1])) ? HT_OK
-                                                                               : HT_ERROR_ID;
+                                                                                 : HT_ERROR_ID;
 }
 
 static uint16_t open_session(ht_service *l, const uint16_t *in, uint16_t n)
@@ -191,7 +211,7 @@ static uint16_t start(ht_service *l, const uint16_t *in, uint16_t n)
         return HT_SERVICE_LENGTH;
     }
     if (l->started && (l->last_crc == l->start_crc)) {
-        return HT_ERROR_STATE; /* repeated after another host's request, a stop perhaps */
+        return HT_ERROR_STATE; /* repeated after another host's request, perhaps a STOP */
     }
     l->watchdog_ticks = ht_service_watchdog_ticks(l);
     result = (uint16_t)ht_drive_start(l->drive);
@@ -245,38 +265,39 @@ static bool take_channels(ht_service *l, const uint16_t *in, uint16_t n, uint16_
     return true;
 }
 
-/* Octets a second of a stream: rounded up. */
-static uint32_t load(const ht_service *l, uint16_t n, uint16_t decimation)
+/* Bytes a second of a stream: rounded up. */
+static uint32_t load(float interrupts_Hz, uint16_t n, uint16_t decimation)
 {
     float octets = 4.0f * (float)n + SAMPLE_HEAD;
-    float rate = ht_service_rate_Hz(l) / (float)decimation;
-    float sum = octets * rate;
+    float samples_Hz = interrupts_Hz / (float)decimation;
+    float sum = octets * samples_Hz;
     return (n == 0u) ? 0u : ((uint32_t)sum + 1u);
 }
 
-/* Smallest decimation with which a stream of `n` channels takes up to `rest` octets a
+/* Smallest decimation with which a stream of `n` channels takes up to `rest` bytes a
  * second; 0: none. */
-static uint16_t smallest(const ht_service *l, uint16_t n, uint32_t rest)
+static uint16_t smallest(float interrupts_Hz, uint16_t n, uint32_t rest)
 {
     uint32_t least;
     if (rest == 0u) {
         return 0u;
     }
-    least = load(l, n, 1u) / rest; /* this one or the next */
+    least = load(interrupts_Hz, n, 1u) / rest; /* this one or the next */
     if (least >= 0xFFFFu) {
         return 0u;
     }
-    if ((least == 0u) || (load(l, n, (uint16_t)least) > rest)) {
+    if ((least == 0u) || (load(interrupts_Hz, n, (uint16_t)least) > rest)) {
         least++;
     }
-    return (load(l, n, (uint16_t)least) > rest) ? 0u : (uint16_t)least;
+    return (load(interrupts_Hz, n, (uint16_t)least) > rest) ? 0u : (uint16_t)least;
 }
 
 static uint16_t stream(ht_service *l, const uint16_t *in, uint16_t n)
 {
     uint16_t ids[HT_STREAM_CHANNELS];
     uint32_t others = 0u;
-    uint32_t budget = ht_service_budget(l);
+    uint32_t budget = streams_budget(l);
+    float interrupts_Hz = rate_Hz(l);
     uint32_t needed;
     uint16_t slot;
     uint16_t count;
@@ -302,12 +323,12 @@ static uint16_t stream(ht_service *l, const uint16_t *in, uint16_t n)
     }
     for (k = 0u; k < HT_STREAMS; k++) {
         if ((k != slot) && (l->streams.stream[k].active != 0u)) {
-            others += load(l, l->streams.stream[k].n, l->streams.stream[k].decimation);
+            others += load(interrupts_Hz, l->streams.stream[k].n, l->streams.stream[k].decimation);
         }
     }
-    needed = load(l, count, decimation);
+    needed = load(interrupts_Hz, count, decimation);
     if ((others + needed) > budget) {
-        l->detail = smallest(l, count, (others < budget) ? (budget - others) : 0u);
+        l->detail = smallest(interrupts_Hz, count, (others < budget) ? (budget - others) : 0u);
         return HT_SERVICE_BUDGET;
     }
     ht_streams_set(&l->streams, slot, ids, count, decimation);
@@ -430,27 +451,6 @@ static uint16_t cancel(ht_service *l, const uint16_t *in, uint16_t n)
     return HT_OK;
 }
 
-static void add_snapshot(ht_packet *p, const volatile ht_snapshot *s)
-{
-    uint16_t k;
-    ht_packet_add16(p, s->state);
-    ht_packet_add16(p, s->faults);
-    for (k = 0u; k < (uint16_t)HT_ADC_CHANNELS; k++) {
-        ht_packet_add16(p, s->samples.adc[k]);
-    }
-    ht_packet_add32(p, s->samples.position);
-    for (k = 0u; k < (uint16_t)HT_LEGS; k++) {
-        ht_packet_add_float(p, s->in.i_A.p[k]);
-    }
-    ht_packet_add_float(p, s->in.vdc_V);
-    ht_packet_add_float(p, s->in.torque_ref_Nm);
-    ht_packet_add_float(p, s->in.flux_ref_Wb);
-    ht_packet_add_float(p, s->estimate.psi_Wb.alpha);
-    ht_packet_add_float(p, s->estimate.psi_Wb.beta);
-    ht_packet_add_float(p, s->estimate.torque_Nm);
-    ht_packet_add_float(p, s->speed_rpm);
-}
-
 static uint16_t snapshot(ht_service *l, const uint16_t *in, uint16_t n)
 {
     const volatile ht_snapshot *s = &l->drive->snapshot;
@@ -464,8 +464,7 @@ static uint16_t snapshot(ht_service *l, const uint16_t *in, uint16_t n)
     do { /* again, if a fault came in between: its tick is another one */
         tick = s->tick;
         p->n = begin;
-        ht_packet_add32(p, tick);
-        add_snapshot(p, s);
+        ht_snapshot_add(p, s);
     } while (s->tick != tick);
     return HT_OK;
 }
@@ -513,17 +512,19 @@ typedef struct {
     uint16_t (*carry_out)(ht_service *l, const uint16_t *in, uint16_t n);
 } handler;
 
-/* By opcode, from 1 on. */
-static const handler handlers[] = {
-    {NEEDS_NOTHING, hello},    {NEEDS_NOTHING, list},          {NEEDS_NOTHING, open_session},
-    {NEEDS_SESSION, close_session}, {NEEDS_NOTHING, status},   {NEEDS_DICTIONARY, get},
-    {NEEDS_BOTH, write},       {NEEDS_BOTH, start},            {NEEDS_NOTHING, stop},
-    {NEEDS_BOTH, clear},       {NEEDS_BOTH, stream},           {NEEDS_BOTH, arm},
-    {NEEDS_NOTHING, capture},  {NEEDS_SESSION, read},          {NEEDS_SESSION, trigger},
-    {NEEDS_SESSION, cancel},   {NEEDS_NOTHING, snapshot},      {NEEDS_BOTH, save},
-    {NEEDS_BOTH, forget}};
-
-#define HANDLERS ((uint16_t)(sizeof handlers / sizeof handlers[0]))
+/* By opcode. There is none for 0. */
+static const handler handlers[(uint16_t)HT_OP_LAST + 1u] = {
+    [HT_OP_HELLO] = {NEEDS_NOTHING, hello},       [HT_OP_LIST] = {NEEDS_NOTHING, list},
+    [HT_OP_OPEN] = {NEEDS_NOTHING, open_session}, [HT_OP_CLOSE] = {NEEDS_SESSION, close_session},
+    [HT_OP_STATUS] = {NEEDS_NOTHING, status},     [HT_OP_GET] = {NEEDS_DICTIONARY, get},
+    [HT_OP_WRITE] = {NEEDS_BOTH, write},          [HT_OP_START] = {NEEDS_BOTH, start},
+    [HT_OP_STOP] = {NEEDS_NOTHING, stop},         [HT_OP_CLEAR] = {NEEDS_BOTH, clear},
+    [HT_OP_STREAM] = {NEEDS_BOTH, stream},        [HT_OP_ARM] = {NEEDS_BOTH, arm},
+    [HT_OP_CAPTURE] = {NEEDS_NOTHING, capture},   [HT_OP_READ] = {NEEDS_SESSION, read},
+    [HT_OP_TRIGGER] = {NEEDS_SESSION, trigger},   [HT_OP_CANCEL] = {NEEDS_SESSION, cancel},
+    [HT_OP_SNAPSHOT] = {NEEDS_NOTHING, snapshot}, [HT_OP_SAVE] = {NEEDS_BOTH, save},
+    [HT_OP_FORGET] = {NEEDS_BOTH, forget},
+};
 
 static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)
 {
@@ -533,14 +534,17 @@ static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)
     if (n < HT_SERVICE_REQUEST_HEAD) {
         return HT_SERVICE_LENGTH;
     }
-    if (octets[0] > HANDLERS) {
+    if (octets[0] > (uint16_t)HT_OP_LAST) {
         return HT_SERVICE_OPCODE;
     }
-    h = &handlers[octets[0] - 1u];
+    h = &handlers[octets[0]];
+    if (h->carry_out == NULL) {
+        return HT_SERVICE_OPCODE;
+    }
     l->asks = ht_get16(&octets[2]);
     dictionary = ht_get16(&octets[4]);
     owner = (l->session != 0u) && (l->asks == l->session);
-    if (owner && (octets[0] != HT_SERVICE_START)) {
+    if (owner && (octets[0] != (uint16_t)HT_OP_START)) {
         l->started = false; /* its host has gone on: no repetition of that START will come */
     }
     if (((h->needs & (uint16_t)NEEDS_SESSION) != 0u) && !owner) {
@@ -550,7 +554,8 @@ static uint16_t carry_out(ht_service *l, const uint16_t *octets, uint16_t n)
         && (dictionary != (uint16_t)(l->dictionary & 0xFFFFu))) {
         return HT_SERVICE_DICTIONARY;
     }
-    return h->carry_out(l, &octets[HT_SERVICE_REQUEST_HEAD], (uint16_t)(n - HT_SERVICE_REQUEST_HEAD));
+    return h->carry_out(l, &octets[HT_SERVICE_REQUEST_HEAD],
+                        (uint16_t)(n - HT_SERVICE_REQUEST_HEAD));
 }
 
 static bool has_detail(uint16_t status_code)
@@ -581,7 +586,7 @@ void ht_service_execute(ht_service *l, const uint16_t *octets, uint16_t n)
             ht_packet_add32(p, l->detail);
         }
     }
-    p->octet[0] = (uint16_t)(octets[0] | REPLY);
+    p->octet[0] = (uint16_t)(octets[0] | (uint16_t)HT_OP_REPLY);
     p->octet[1] = octets[1];
     p->octet[2] = result;
     p->octet[3] = l->drive->state;

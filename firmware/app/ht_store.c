@@ -241,8 +241,7 @@ static void make_block(uint16_t *words, uint16_t block, uint32_t sequence, const
     }
     for (k = 0u; k < VALUES_A_BLOCK; k++) {
         uint16_t id = (uint16_t)(((block - 1u) * VALUES_A_BLOCK) + k);
-        put_word32(&words[2u * k],
-                   (id < (uint16_t)HT_PARAMS) ? ht_float_bits(p->v[id]) : 0u);
+        put_word32(&words[2u * k], (id < (uint16_t)HT_PARAMS) ? ht_float_bits(p->v[id]) : 0u);
     }
 }
 
@@ -329,8 +328,8 @@ ht_result ht_store_forget(const ht_store *s, const ht_drive *d)
         return result;
     }
     return (s->port.write(s->port.at, first, 0u, NULL)
-            && s->port.write(s->port.at, (uint16_t)(1u - first), 0u, NULL)
-            && is_blank(&s->port, 0u) && is_blank(&s->port, 1u))
+            && s->port.write(s->port.at, (uint16_t)(1u - first), 0u, NULL) && is_blank(&s->port, 0u)
+            && is_blank(&s->port, 1u))
                ? HT_OK
                : HT_ERROR_STORE;
 }

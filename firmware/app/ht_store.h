@@ -19,8 +19,9 @@
  *  that only widens a range keeps its set. A set with a value out of today's range, or one that
  *  the board refuses (its shortest dead time), is refused as a whole.
  *
- *  The references (`speed_ref_rpm`, `torque_ref_Nm`) are commands of the day: a start takes the
- *  built-in ones, so that no drive sets off with what somebody asked for before the power went.
+ *  The references (`speed_ref_rpm`, `torque_ref_Nm`) are commands, not settings. A start takes
+ *  their built-in values, so that no drive starts to turn because of a command from before the
+ *  power-off.
  */
 #ifndef HT_STORE_H
 #define HT_STORE_H
@@ -42,15 +43,15 @@ typedef struct {
     uint16_t set;       /**< HT_SET_..., as it was taken at the start; saving does not change it */
 } ht_store;
 
-/** A store that is none. */
+/** Make `s` a store without a memory: nothing is kept. */
 void ht_store_none(ht_store *s);
 
 /** `ht_drive_init` with the saved set if there is one that can be used, else with `defaults`;
  *  `s->set` tells which. */
 ht_result ht_store_start(ht_store *s, ht_drive *d, ht_port *port, const ht_params *defaults);
 
-/** What is stored, into `p`; returns HT_SET_...: HT_SET_SAVED if it is whole and of this table; only
- *  then are the contents of `p` of any use. */
+/** Read what is stored into `p`. Returns HT_SET_SAVED if it is whole and of this table; with any
+ *  other answer the contents of `p` mean nothing. */
 uint16_t ht_store_load(const ht_store *s, ht_params *p);
 
 /** Keep the parameters in force. HT_ERROR_STATE unless idle or in fault, HT_ERROR_STORE: there is

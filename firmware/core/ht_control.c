@@ -1,8 +1,8 @@
 #include "ht_control.h"
 
-#include "ht_comparator.h"
+#include "ht_vectors.h"
 
-#include <math.h>
+#include <stddef.h>
 
 #define BUILD_DIRECTION 0u
 
@@ -37,11 +37,71 @@ static bool positive(float value)
     return (value > 0.0f) && (value < 1.0e30f); /* NaN and infinity are not */
 }
 
+/* The laws. The following functions are the only place that knows them all: a new law has a
+ * case in each of them. A scheme of a law that is there already needs its row only. */
+
+/* What the scheme's row decides. */
+
+static void law_select(ht_control_config *cfg, const ht_scheme_info *row)
+{
+    cfg->law = row->law;
+    switch (row->law) {
+    case HT_LAW_TABLE:
+        ht_table_law_select(&cfg->table_law, row);
+        cfg->needs_xy = ht_table_law_needs_xy(&cfg->table_law);
+        break;
+    default:
+        break;
+    }
+}
+
+/* Can the law work with this configuration? Conditions of its own, such as a load mode that
+ * it needs, belong here. */
+static bool law_check(const ht_control_config *cfg)
+{
+    switch (cfg->law) {
+    case HT_LAW_TABLE:
+        return ht_table_law_check(&cfg->table_law);
+    default:
+        return false;
+    }
+}
+
+/* The states of all laws. */
+static void law_reset(ht_control_state *st)
+{
+    ht_table_law_reset(&st->table_law);
+}
+
+/* Decide on a period: action points, and the state words into `s`. As long as there is one law
+ * the fast interrupt does not ask which one it is. */
+static ht_action_points law_step(const ht_control_config *cfg, ht_control_state *st,
+                                 const ht_control_input *in, ht_xy i_xy_A, uint16_t s[3])
+{
+    ht_table_law_input seen;
+    seen.decided = &st->decided;
+    seen.psi_xy_Wb = &st->psi_xy_Wb;
+    seen.i_xy_A = i_xy_A;
+    seen.torque_ref_Nm = in->torque_ref_Nm;
+    seen.flux_ref_Wb = in->flux_ref_Wb;
+    seen.sector = st->sector;
+    seen.before = st->active.s[2];
+    seen.only_v0 = cfg->only_v0;
+    return ht_table_law_step(&cfg->table_law, &st->table_law, &seen, &st->v_xy_pu, s);
+}
+
+void ht_control_select(ht_control_config *cfg, ht_scheme scheme)
+{
+    const ht_scheme_info *row = ht_scheme_describe((uint16_t)scheme);
+    cfg->scheme = scheme;
+    if (row != NULL) {
+        law_select(cfg, row);
+    }
+}
+
 ht_config_status ht_control_check(const ht_control_config *cfg)
 {
-    uint16_t levels = cfg->torque_levels;
-    if (((unsigned)cfg->scheme >= HT_SCHEMES) || ((unsigned)cfg->table > 1u)
-        || ((levels != 2u) && (levels != 3u) && (levels != 5u)) || !positive(cfg->xy_limit_pu)) {
+    if ((ht_scheme_describe((uint16_t)cfg->scheme) == NULL) || !law_check(cfg)) {
         return HT_CONFIG_SCHEME;
     }
     if ((cfg->period_counts < 8u) || (cfg->first_counts >= (uint16_t)(cfg->period_counts / 2u))
@@ -50,16 +110,17 @@ ht_config_status ht_control_check(const ht_control_config *cfg)
         || !positive(cfg->dead.i_zero_A)) {
         return HT_CONFIG_TIMING;
     }
-    if (((unsigned)cfg->observer.kind >= HT_OBSERVERS) || !(cfg->observer.rs_ohm >= 0.0f) || !positive(cfg->observer.sigma_ls_H)
-        || !positive(cfg->observer.inv_sigma_ls) || !positive(cfg->observer.lxy_H)
-        || !(cfg->observer.rotor_decay >= 0.0f) || !(cfg->observer.rotor_decay < 0.5f)) {
+    if (((unsigned)cfg->observer.kind >= HT_OBSERVERS) || !(cfg->observer.rs_ohm >= 0.0f)
+        || !positive(cfg->observer.sigma_ls_H) || !positive(cfg->observer.inv_sigma_ls)
+        || !positive(cfg->observer.lxy_H) || !(cfg->observer.rotor_decay >= 0.0f)
+        || !(cfg->observer.rotor_decay < 0.5f)) {
         return HT_CONFIG_MACHINE;
     }
     return HT_CONFIG_OK;
 }
 
 /* All low, no edge. */
-static void rest(ht_applied *a, const ht_dead_time *dead)
+static void low_from_the_start(ht_applied *a, const ht_dead_time *dead)
 {
     int n;
     for (n = 0; n < 3; n++) {
@@ -83,12 +144,11 @@ void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const 
 {
     ht_vsd i = ht_vsd_from_six(i_A);
     ht_observer_reset(&cfg->observer, &st->observer, i.ab);
-    ht_xy_reset(&st->xy);
-    rest(&st->active, &cfg->dead);
-    rest(&st->next, &cfg->dead);
+    low_from_the_start(&st->active, &cfg->dead);
+    low_from_the_start(&st->next, &cfg->dead);
     st->spill.legs = 0u;
-    st->i_prev_A = *i_A;
-    st->flow_prev = ht_flow_of(i_A, &cfg->dead);
+    st->i_A = *i_A;
+    st->flow = ht_flow_of(i_A, &cfg->dead);
     st->estimate.psi_Wb = st->observer.psi_Wb;
     st->estimate.torque_Nm = 0.0f;
     st->decided = st->estimate;
@@ -97,14 +157,21 @@ void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const 
     st->psi_xy_Wb.y = 0.0f;
     st->v_xy_pu.x = 0.0f;
     st->v_xy_pu.y = 0.0f;
-    st->torque_level = 0;
-    st->flux_level = 1;
     st->sector = 0u;
+    law_reset(st);
 }
 
-/* Less what the devices keep: each leg loses the threshold against its current. Around
- * zero, where the device law is steep and ripple changes the sign, a share of it, as
- * for the dead time. */
+void ht_control_switch_over(const ht_control_config *from, const ht_control_config *cfg,
+                            ht_control_state *st)
+{
+    if (from->law != cfg->law) {
+        law_reset(st);
+    }
+}
+
+/* Subtract the devices' threshold voltage: it acts on each leg against the leg's current.
+ * Around zero current, where the devices' curve is steep and ripple changes the sign, a share
+ * of it counts, in proportion to the current, as for the dead time. */
 static ht_vsd less_drops(const ht_control_config *cfg, const ht_six *from, const ht_six *to,
                          ht_vsd v)
 {
@@ -114,8 +181,7 @@ static ht_vsd less_drops(const ht_control_config *cfg, const ht_six *from, const
     int leg;
     for (leg = 0; leg < HT_LEGS; leg++) {
         float share = per_A * (from->p[leg] + to->p[leg]);
-        drop.p[leg] = cfg->drop_V
-                      * ((share > 1.0f) ? 1.0f : ((share < -1.0f) ? -1.0f : share));
+        drop.p[leg] = cfg->drop_V * ((share > 1.0f) ? 1.0f : ((share < -1.0f) ? -1.0f : share));
     }
     lost = ht_vsd_from_six(&drop);
     v.ab.alpha -= lost.ab.alpha;
@@ -140,12 +206,6 @@ static inline ht_vsd voltage(const ht_control_config *cfg, const ht_applied *a, 
     return (cfg->drop_V > 0.0f) ? less_drops(cfg, from, to, v) : v;
 }
 
-/* Does the scheme choose between vectors by their effect on the x-y flux? */
-static bool chooses_pairs(const ht_control_config *cfg)
-{
-    return (cfg->scheme == HT_DTC2) || (cfg->scheme == HT_DTC3);
-}
-
 /* Observe the period that ended and, if asked, look one period ahead. */
 static void observe(const ht_control_config *cfg, ht_control_state *st, const ht_control_input *in,
                     ht_vsd i)
@@ -154,26 +214,27 @@ static void observe(const ht_control_config *cfg, ht_control_state *st, const ht
     ht_flow then;
     ht_estimate estimate;
     ht_vsd v;
-    /* Where the currents flow is asked for by edges, all of which are known under shadow
-     * load. (A leg of which it is not known is looked at edge by edge.) */
+    /* The currents' signs matter at edges only. Under shadow load it is known whether the
+     * pattern has any: without one, the signs need not be found. Without them ht_volt_seconds
+     * still gives the right answer, by looking at each edge. */
     if (!cfg->shadow || ((st->active.later | st->next.rising | st->next.falling) != 0u)) {
         now = ht_flow_of(&in->i_A, &cfg->dead);
     }
-    then = ht_flow_at_edges(&st->active, st->flow_prev, now);
-    v = voltage(cfg, &st->active, then, &st->i_prev_A, &in->i_A, in->vdc_V, &st->spill, &st->spill,
+    then = ht_flow_at_edges(&st->active, st->flow, now);
+    v = voltage(cfg, &st->active, then, &st->i_A, &in->i_A, in->vdc_V, &st->spill, &st->spill,
                 false);
     estimate = ht_observer_update(&cfg->observer, &st->observer, v.ab, i.ab, in->turn_rad,
                                   in->inv_flux_ref2);
     st->estimate = estimate;
     st->i_xy_A.x = i.xy.x;
     st->i_xy_A.y = i.xy.y;
-    st->i_prev_A = in->i_A;
-    st->flow_prev = now;
+    st->i_A = in->i_A;
+    st->flow = now;
     if (cfg->shadow) {
         st->active = st->next;
     }
     if (cfg->predict) {
-        bool xy = chooses_pairs(cfg);
+        bool xy = cfg->needs_xy;
         ht_spill over; /* of no interest */
         v = voltage(cfg, &st->next, now, &in->i_A, &in->i_A, in->vdc_V, &st->spill, &over, xy);
         st->decided = ht_observer_predict(&cfg->observer, &st->observer, estimate, v.ab, i.ab);
@@ -187,86 +248,6 @@ static void observe(const ht_control_config *cfg, ht_control_state *st, const ht
     }
 }
 
-/* Comparator outputs for the decided state. */
-static void compare_levels(const ht_control_config *cfg, ht_control_state *st,
-                           const ht_control_input *in, float psi_Wb)
-{
-    float error = in->torque_ref_Nm - st->decided.torque_Nm;
-    int16_t last = st->torque_level;
-    if (cfg->torque_levels == 3u) {
-        last = ht_compare_three_level(last, error, cfg->torque_band_Nm, cfg->torque_release_Nm);
-    } else if (cfg->torque_levels == 5u) {
-        last = ht_compare_five_level(last, error, cfg->torque_inner_Nm, cfg->torque_band_Nm);
-    } else {
-        last = ht_compare_two_level(last, error, cfg->torque_band_Nm, -1, 1);
-    }
-    st->torque_level = last;
-    st->flux_level =
-        ht_compare_two_level(st->flux_level, in->flux_ref_Wb - psi_Wb, cfg->flux_band_Wb, 0, 1);
-}
-
-/* Virtual vector k of a group: three consecutive vectors (paper A, Table II). */
-static void virtual_vector(unsigned group, unsigned k, uint16_t s[3])
-{
-    s[0] = ht_group[group][(k == 0u) ? (HT_DIRECTIONS - 1u) : (k - 1u)];
-    s[1] = ht_group[group][k];
-    s[2] = ht_group[group][(k == HT_DIRECTIONS - 1u) ? 0u : (k + 1u)];
-}
-
-static void single_vector(uint16_t word, uint16_t s[3])
-{
-    s[0] = word;
-    s[1] = word;
-    s[2] = word;
-}
-
-static uint16_t zero_vector(const ht_control_config *cfg, const ht_control_state *st)
-{
-    return cfg->only_v0 ? (uint16_t)0 : ht_nearest_zero[st->active.s[2]];
-}
-
-/* Of two vectors that point the same way in alpha-beta and opposite ways in x-y,
- * the one that drives psi_xy down (paper B, Table III): `strong` pushes along
- * the large vector's x-y direction, the medium-large one against it. */
-static uint16_t pair_choice(unsigned strong, unsigned k, ht_xy psi_xy)
-{
-    ht_xy along = ht_vector[ht_group[HT_L][k]].xy;
-    bool grows = (along.x * psi_xy.x + along.y * psi_xy.y) > 0.0f;
-    return ht_group[grows ? (unsigned)HT_ML : strong][k];
-}
-
-
-/* State words and action points for direction k. */
-static ht_action_points choose(const ht_control_config *cfg, const ht_control_state *st, unsigned k,
-                               uint16_t s[3])
-{
-    ht_xy none = {0.0f, 0.0f};
-    ht_action_points whole = {1.0f, 1.0f};
-    bool full_level;
-    switch (cfg->scheme) {
-    case HT_DTC1:
-        single_vector(ht_group[HT_L][k], s);
-        return whole;
-    case HT_DTC2:
-        single_vector(pair_choice(HT_L, k, st->psi_xy_Wb), s);
-        return whole;
-    case HT_DTC3:
-        full_level = (st->torque_level == 2) || (st->torque_level == -2);
-        single_vector(pair_choice(full_level ? HT_L : HT_S, k, st->psi_xy_Wb), s);
-        return whole;
-    case HT_DDR:
-        virtual_vector(HT_L, k, s);
-        return ht_duty(HT_L, k, st->v_xy_pu);
-    case HT_DDR_ML:
-        virtual_vector(HT_ML, k, s);
-        return ht_duty(HT_ML, k, st->v_xy_pu);
-    case HT_FDR:
-    default:
-        virtual_vector(HT_L, k, s);
-        return ht_duty(HT_L, k, none);
-    }
-}
-
 /* Turn the choice into registers and remember what the legs will do. */
 static void commit(const ht_control_config *cfg, ht_control_state *st, const uint16_t s[3],
                    ht_action_points p, ht_compare *out)
@@ -277,55 +258,9 @@ static void commit(const ht_control_config *cfg, ht_control_state *st, const uin
     ht_applied_finish(target, before, &cfg->dead);
 }
 
-static void regulate_xy(const ht_control_config *cfg, ht_control_state *st, ht_xy i_xy,
-                        float psi_Wb, bool zero)
-{
-    float inverse = (psi_Wb > 0.0f) ? (1.0f / psi_Wb) : 0.0f;
-    ht_ab turn = {st->decided.psi_Wb.alpha * inverse, st->decided.psi_Wb.beta * inverse};
-    st->v_xy_pu = ht_xy_step(&cfg->xy, &st->xy, i_xy, turn, cfg->xy_limit_pu,
-                             zero && cfg->hold_on_zero);
-}
-
-/* The pattern of normal operation: action points, and the state words into `s`. */
-static ht_action_points decide(const ht_control_config *cfg, ht_control_state *st,
-                               const ht_control_input *in, ht_xy i_xy, uint16_t s[3])
-{
-    ht_action_points whole = {1.0f, 1.0f};
-    ht_ab psi = st->decided.psi_Wb;
-    float psi_Wb = sqrtf(psi.alpha * psi.alpha + psi.beta * psi.beta);
-    bool zero;
-    bool raise;
-    unsigned k;
-
-    compare_levels(cfg, st, in, psi_Wb);
-    zero = st->torque_level == 0;
-    /* Under a zero vector the flux decays with R_s i; at low speed and light load
-     * that can last until the machine is lost. */
-    raise = zero && (cfg->flux_hold > 0.0f)
-            && (psi_Wb < (1.0f - cfg->flux_hold) * in->flux_ref_Wb);
-    zero = zero && !raise;
-
-    if ((cfg->scheme == HT_DDR) || (cfg->scheme == HT_DDR_ML)) {
-        regulate_xy(cfg, st, i_xy, psi_Wb, zero);
-    } else {
-        st->v_xy_pu.x = 0.0f;
-        st->v_xy_pu.y = 0.0f;
-    }
-    if (zero) {
-        single_vector(zero_vector(cfg, st), s);
-        return whole;
-    }
-    if (raise) { /* along the flux, 15 degrees to the side the torque wants */
-        k = ht_direction_along(st->sector, in->torque_ref_Nm > st->decided.torque_Nm);
-    } else {
-        k = ht_direction(cfg->table, st->sector, st->torque_level > 0, st->flux_level > 0);
-    }
-    return choose(cfg, st, k, s);
-}
-
-/* The pattern of the flux build-up. */
-static ht_action_points decide_build(const ht_control_config *cfg, const ht_control_state *st,
-                                     const ht_control_input *in, ht_ab i, uint16_t s[3])
+/* The flux build-up: action points, and the state words into `s`. */
+static ht_action_points build_step(const ht_control_config *cfg, const ht_control_state *st,
+                                   const ht_control_input *in, ht_ab i, uint16_t s[3])
 {
     ht_action_points whole = {1.0f, 1.0f};
     ht_xy none = {0.0f, 0.0f};
@@ -334,10 +269,10 @@ static ht_action_points decide_build(const ht_control_config *cfg, const ht_cont
     float i2 = i.alpha * i.alpha + i.beta * i.beta;
     float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
     if ((i2 < limit2) && (psi2 < in->flux_ref_Wb * in->flux_ref_Wb)) {
-        virtual_vector(HT_L, BUILD_DIRECTION, s);
+        ht_vectors_virtual(HT_L, BUILD_DIRECTION, s);
         return ht_duty(HT_L, BUILD_DIRECTION, none);
     }
-    single_vector(zero_vector(cfg, st), s);
+    ht_vectors_zero(st->active.s[2], cfg->only_v0, s);
     return whole;
 }
 
@@ -349,6 +284,6 @@ void ht_control_step(const ht_control_config *cfg, ht_control_state *st, const h
     uint16_t s[3];
     observe(cfg, st, in, i);
     st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
-    p = build ? decide_build(cfg, st, in, i.ab, s) : decide(cfg, st, in, i.xy, s);
+    p = build ? build_step(cfg, st, in, i.ab, s) : law_step(cfg, st, in, i.xy, s);
     commit(cfg, st, s, p, out);
 }

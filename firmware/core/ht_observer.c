@@ -29,10 +29,15 @@ void ht_observer_reset(const ht_observer_config *cfg, ht_observer_state *st, ht_
     st->psi_r_Wb = none;
     st->gap_Wb = none;
     st->i_dc_A = none;
-    st->i_prev_A = i_A;
+    st->i_A = i_A;
     st->omega_sync_rad_s = 0.0f;
     st->rs_ohm = cfg->rs_ohm;
     st->rr_scale = 1.0f;
+}
+
+void ht_observer_stand_still(ht_observer_state *st)
+{
+    st->omega_sync_rad_s = 0.0f;
 }
 
 /* exp(j turn) to third order, whose gain 1 - turn^4/24 stays below one;
@@ -74,8 +79,8 @@ static ht_ab pulled_to_current_model(const ht_observer_config *cfg, ht_observer_
     ht_ab r;
     ht_ab gap;
     /* What the rotor's flux had at the period's start turns with the rotor. */
-    r.alpha = keep * st->psi_r_Wb.alpha + half * st->i_prev_A.alpha;
-    r.beta = keep * st->psi_r_Wb.beta + half * st->i_prev_A.beta;
+    r.alpha = keep * st->psi_r_Wb.alpha + half * st->i_A.alpha;
+    r.beta = keep * st->psi_r_Wb.beta + half * st->i_A.beta;
     r = rotated(r, turn);
     r.alpha += half * i.alpha;
     r.beta += half * i.beta;
@@ -98,7 +103,7 @@ static float clamp(float value, float least, float most)
 
 void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, float gain)
 {
-    ht_ab i = st->i_prev_A;
+    ht_ab i = st->i_A;
     ht_ab r = st->psi_r_Wb;
     ht_ab h;
     ht_ab e; /* (g0 + j w) D */
@@ -148,8 +153,8 @@ ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state 
     float half_rs = 0.5f * st->rs_ohm;
     float omega;
 
-    psi.alpha = old.alpha + cfg->ts_s * (v_V.alpha - half_rs * (st->i_prev_A.alpha + i_A.alpha));
-    psi.beta = old.beta + cfg->ts_s * (v_V.beta - half_rs * (st->i_prev_A.beta + i_A.beta));
+    psi.alpha = old.alpha + cfg->ts_s * (v_V.alpha - half_rs * (st->i_A.alpha + i_A.alpha));
+    psi.beta = old.beta + cfg->ts_s * (v_V.beta - half_rs * (st->i_A.beta + i_A.beta));
     if (cfg->kind == HT_OBSERVER_HYBRID) {
         psi = pulled_to_current_model(cfg, st, psi, i_A, turn_rad);
     } else if (cfg->kind == HT_OBSERVER_COMPENSATED) {
@@ -159,8 +164,8 @@ ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state 
     }
     st->psi_Wb.alpha = psi.alpha;
     st->psi_Wb.beta = psi.beta;
-    st->i_prev_A.alpha = i_A.alpha;
-    st->i_prev_A.beta = i_A.beta;
+    st->i_A.alpha = i_A.alpha;
+    st->i_A.beta = i_A.beta;
 
     /* |psi| is held at its reference, so the reference's square stands in for
      * the division. */

@@ -1,21 +1,21 @@
 /** @file ht_observer.h
- *  Stator flux and torque, and their value one period ahead.
+ *  Estimates stator flux and torque at the latest sample, and predicts both one sampling period
+ *  ahead. There are three observers:
  *
- *  Voltage model (the papers'): d psi/dt = v - R_s i. Needs R_s only, but it is a
- *  pure integrator: whatever is wrong with v or i adds up, and the control loop
- *  hides it by holding the estimate on its circle.
+ *  - Voltage model, as in the papers: d psi/dt = v - R_s i. It needs R_s only. It is a pure
+ *    integrator: every error of v and i adds up, and the control loop hides the error because it
+ *    holds the estimate on its circle.
+ *  - Compensated voltage model. A flux offset drives direct current through the machine. This
+ *    model corrects the flux against the dc part of the measured currents. It needs
+ *    sigma L_s as well. (A low-pass instead of the integrator would not help: the controller
+ *    keeps the estimate free of dc, so the low-pass would have nothing to remove while the flux
+ *    of the machine drifts.)
+ *  - Hybrid: the voltage model, corrected towards the flux of the current model with the gain g0.
+ *    Below the crossover g0 the current model decides. It needs the rotor's parameters and the
+ *    encoder as well. The difference of the two models shows which resistance is wrong
+ *    (`ht_observer_adapt`).
  *
- *  Compensated voltage model: adds a pull against the dc part of the measured
- *  currents, which a flux offset drives through the machine. A leak (low-pass
- *  instead of integrator) would not do: the controller keeps the *estimate* free of
- *  dc, so a leak has nothing to act on while the machine drifts. Needs sigma L_s.
- *
- *  Hybrid: voltage model with a pull g0 towards the current model's flux, so that
- *  below that crossover the current model rules. Needs the rotor's parameters and
- *  the encoder as well. What both models disagree about also tells which
- *  resistance is wrong (`ht_observer_adapt`).
- *
- *  The prediction also needs sigma L_s and the x-y inductance.
+ *  The prediction needs sigma L_s and the x-y inductance.
  */
 #ifndef HT_OBSERVER_H
 #define HT_OBSERVER_H
@@ -32,26 +32,26 @@ typedef enum {
 
 typedef struct {
     ht_observer_kind kind;
-    float ts_s;             /**< sampling period, s */
-    float inv_ts;           /**< 1 / ts_s */
-    float rs_ohm;           /**< stator resistance */
-    float sigma_ls_H;       /**< stator transient inductance, sigma L_s */
-    float inv_sigma_ls;     /**< 1 / sigma_ls_H */
-    float lxy_H;            /**< x-y plane inductance */
-    float torque_gain;      /**< 3 P (amplitude-invariant six-phase transform) */
-    float hybrid_gain;      /**< g0 Ts: pull towards the current model times period */
-    float rotor_decay;      /**< Ts R_r / L_r */
-    float rotor_drive;      /**< Ts R_r L_m / L_r */
+    float ts_s;         /**< sampling period, s */
+    float inv_ts;       /**< 1 / ts_s */
+    float rs_ohm;       /**< stator resistance */
+    float sigma_ls_H;   /**< stator transient inductance, sigma L_s */
+    float inv_sigma_ls; /**< 1 / sigma_ls_H */
+    float lxy_H;        /**< x-y plane inductance */
+    float torque_gain;  /**< 3 P (amplitude-invariant six-phase transform) */
+    float hybrid_gain;  /**< g0 Ts: pull towards the current model times period */
+    float rotor_decay;  /**< Ts R_r / L_r */
+    float rotor_drive;  /**< Ts R_r L_m / L_r */
     float lm_over_lr;
-    float omega_gain;       /**< Ts-normalised low-pass gain of omega_sync, 0..1 */
+    float omega_gain; /**< Ts-normalised low-pass gain of omega_sync, 0..1 */
 } ht_observer_config;
 
 typedef struct {
     ht_ab psi_Wb;           /**< stator flux */
     ht_ab psi_r_Wb;         /**< rotor flux of the current model */
-    ht_ab gap_Wb;           /**< stator flux minus the current model's */
+    ht_ab gap_Wb;           /**< voltage model's stator flux minus the current model's */
     ht_ab i_dc_A;           /**< dc part of the currents (compensated) */
-    ht_ab i_prev_A;         /**< currents at the sample before */
+    ht_ab i_A;              /**< currents of the latest sample */
     float omega_sync_rad_s; /**< mean electrical speed of the stator flux */
     float rs_ohm;           /**< stator resistance in use */
     float rr_scale;         /**< rotor resistance in use, relative to the configured one */
@@ -67,26 +67,30 @@ typedef struct {
  *  resistances. */
 void ht_observer_reset(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A);
 
-/** Advance by one period: `v_V` is the mean voltage since the last sample, `i_A`
- *  the currents now, `turn_rad` the electrical angle that the rotor turned meanwhile
- *  (hybrid only; a measured speed would lag by a slow period, and the error in the
- *  rotor flux act on the shaft like an inertia of the wrong sign),
- *  `inv_psi_ref2` = 1 / (flux reference)^2. */
-ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st,
-                               ht_ab v_V, ht_ab i_A, float turn_rad, float inv_psi_ref2);
+/** Take the flux to stand still: while it is being built, and still too small for its speed to
+ *  mean anything. */
+void ht_observer_stand_still(ht_observer_state *st);
 
-/** Hybrid: correct the resistances in use; for the slow loop, while torque control
- *  runs. `gain`, 0..1: share of an observed error that one call takes away; 0 returns
- *  to the configured values.
+/** Advance by one sampling period. `v_V`: mean voltage since the last sample. `i_A`: currents
+ *  now. `turn_rad`: electrical angle by which the rotor has turned since the last sample, used by
+ *  the hybrid observer only. (A measured speed would be late by a slow period; the resulting
+ *  error of the rotor flux would act like a negative inertia.) `inv_psi_ref2`:
+ *  1 / (flux reference)^2, 1/Wb^2. */
+ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st, ht_ab v_V,
+                               ht_ab i_A, float turn_rad, float inv_psi_ref2);
+
+/** Hybrid observer: correct the resistances in use. For the slow loop, while torque control
+ *  runs. `gain`, 0..1: the share of the observed error that one call removes; 0 returns to
+ *  the configured values.
  *
- *  In steady state the models' difference D obeys, to first order,
+ *  In steady state the difference D of the two models is, to first order,
  *
  *    (g0 + j w) D = r i - q h,   h = w (L_m/L_r) psi_r x/(1 + j x),  x = i_q/i_d
  *
- *  with the flux's speed w, the error r of R_s and the relative error q of R_r. A
- *  gradient step of |.|^2 in r and q cannot diverge; where one of the two leaves no
- *  trace (no load, w = 0) it stays as it is. An error of L_m gives a D as well,
- *  which grows with w: above `ADAPT_RAD_S` adaptation fades out. */
+ *  with the speed w of the flux, the error r of R_s and the relative error q of R_r. Each call
+ *  is a gradient step that lowers |.|^2 in r and q, so it cannot diverge. An error that has
+ *  no effect (at no load, or w = 0) stays as it is. An error of L_m causes a D as well, which
+ *  grows with w; therefore adaptation fades out above `ADAPT_RAD_S`. */
 void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, float gain);
 
 /** The estimate one period ahead, under the mean voltage `v_V` that is already

@@ -1,6 +1,7 @@
 /** @file ht_pattern.h
- *  From three state words and two action points to compare registers (paper A,
- *  eqs. 16 to 18), and back to the volt-seconds that the machine really gets.
+ *  The pattern of one sampling period: three state words and two action points become compare
+ *  registers (paper A, eqs. 16 to 18), and from the pattern and the currents follow the
+ *  volt-seconds that the machine really gets, dead time included.
  */
 #ifndef HT_PATTERN_H
 #define HT_PATTERN_H
@@ -9,9 +10,9 @@
 
 /** Compare registers of the six legs for one period. */
 typedef struct {
-    uint16_t start;        /**< state word at the start; each compare toggles */
-    uint16_t ca[HT_LEGS];  /**< counts; `period` = no toggle */
-    uint16_t cb[HT_LEGS];  /**< counts; `period` = no toggle */
+    uint16_t start;       /**< state word at the start; each compare toggles */
+    uint16_t ca[HT_LEGS]; /**< counts; `period` = no toggle */
+    uint16_t cb[HT_LEGS]; /**< counts; `period` = no toggle */
 } ht_compare;
 
 /** What the legs are commanded to do over one sampling period. */
@@ -29,17 +30,18 @@ typedef struct {
     ht_ab mean_pu;    /**< mean voltage as commanded, units of Vdc */
 } ht_applied;
 
-/** Legs whose current flows beyond doubt, as state words: far enough from zero to shift
- *  an edge by all of the dead time or by none. */
+/** Legs whose current has a sure sign, as state words. Their current is so far from zero that an
+ *  edge is late by the whole dead time or not at all. */
 typedef struct {
     unsigned out; /**< out of the leg */
     unsigned in;  /**< into the leg */
 } ht_flow;
 
-/** Dead-time delay that ran past the end of a period (see ht_volt_seconds). */
+/** Delay of an edge by the dead time that lasts beyond the end of a period (see
+ *  ht_volt_seconds). */
 typedef struct {
-    uint16_t legs;          /**< legs concerned, as a state word */
-    float shift[HT_LEGS];   /**< remaining delay, per unit of the period */
+    uint16_t legs;        /**< legs concerned, as a state word */
+    float shift[HT_LEGS]; /**< remaining delay, per unit of the period */
 } ht_spill;
 
 /** How the inverter's edges deviate from the commanded ones. */
@@ -65,11 +67,11 @@ void ht_pattern_counts(const uint16_t s[3], ht_action_points p, uint16_t period,
 /** Complete a pattern: state word `before` it, and what follows from words and instants. */
 void ht_applied_finish(ht_applied *a, uint16_t before, const ht_dead_time *dead);
 
-/** Where the phase currents flow. */
+/** In which legs the phase currents have a sure sign. */
 ht_flow ht_flow_of(const ht_six *i_A, const ht_dead_time *dead);
 
-/** Where currents flow at the edges of a pattern, from where they flow at the period's
- *  begin and end: an edge at the very start meets the currents of then. */
+/** Signs of the currents at the edges of a pattern, from their signs at the period's begin and
+ *  end. At an edge at the very start the currents of the begin count. */
 ht_flow ht_flow_at_edges(const ht_applied *a, ht_flow begin, ht_flow end);
 
 /** Mean voltage of one sampling period in units of Vdc, edge by edge.
@@ -78,9 +80,9 @@ ht_flow ht_flow_at_edges(const ht_applied *a, ht_flow begin, ht_flow end);
  *  edge is late by the dead time when the current flows out of the leg, a
  *  falling edge when it flows in. `i_begin` and `i_end` are the phase currents
  *  at the period's ends (linear in between), `flow` is where they flow at the edges.
- *  A pulse shorter than the dead time vanishes, and a delay that crosses the period's end
- *  is carried over unless the leg is switched back first: `left` is what the period
- *  before left over, `over` gets what this one does (both may be the same).
+ *  A pulse shorter than the dead time vanishes. A delay that lasts beyond the period's end is
+ *  carried over, unless the leg is switched back before: `left` is what remains of the period
+ *  before, and what remains of this one goes to `over` (both may be the same object).
  *  x and y are 0 unless `xy`. */
 ht_vsd ht_volt_seconds(const ht_applied *a, const ht_dead_time *dead, ht_flow flow,
                        const ht_six *i_begin, const ht_six *i_end, const ht_spill *left,

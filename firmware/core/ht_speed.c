@@ -8,6 +8,16 @@ static float limited(float value, float limit)
     return (value < -limit) ? -limit : value;
 }
 
+void ht_speed_reset(ht_speed_state *st)
+{
+    st->integral_Nm = 0.0f;
+}
+
+void ht_speed_follow(ht_speed_state *st, float torque_Nm)
+{
+    st->integral_Nm = torque_Nm;
+}
+
 float ht_speed_step(const ht_speed_config *cfg, ht_speed_state *st, float error_rad_s)
 {
     float limit = cfg->torque_limit_Nm;
@@ -23,12 +33,12 @@ float ht_speed_step(const ht_speed_config *cfg, ht_speed_state *st, float error_
     return torque;
 }
 
-float ht_flux_reference(const ht_flux_config *cfg, float vdc_V, float omega_sync_rad_s, float i_A)
+float ht_flux_reference(const ht_flux_config *cfg, const ht_flux_input *in)
 {
-    float omega = (omega_sync_rad_s < 0.0f) ? -omega_sync_rad_s : omega_sync_rad_s;
-    float room_V = cfg->reach_pu * vdc_V - cfg->rs_ohm * i_A;
-    if ((omega * cfg->flux_ref_Wb) <= room_V) {
-        return cfg->flux_ref_Wb;
+    float omega = (in->omega_sync_rad_s < 0.0f) ? -in->omega_sync_rad_s : in->omega_sync_rad_s;
+    float room_V = cfg->reach_pu * in->vdc_V - cfg->rs_ohm * in->i_A;
+    if ((omega * in->flux_Wb) <= room_V) {
+        return in->flux_Wb;
     }
     if (room_V > (omega * cfg->flux_min_Wb)) {
         return room_V / omega;

@@ -1,6 +1,6 @@
 /** @file ht_speed.h
- *  Slow loop: speed PI with torque limit, and the flux reference with field
- *  weakening.
+ *  The two regulators of the slow loop: speed PI with a torque limit, and the flux reference with
+ *  field weakening. Speeds in rad/s, torque in N m, flux in Wb.
  */
 #ifndef HT_SPEED_H
 #define HT_SPEED_H
@@ -15,20 +15,32 @@ typedef struct {
     float integral_Nm;
 } ht_speed_state;
 
+void ht_speed_reset(ht_speed_state *st);
+
+/** Follow a torque reference that somebody else gives, so that the regulator goes on from it
+ *  without a step. */
+void ht_speed_follow(ht_speed_state *st, float torque_Nm);
+
 /** Torque reference for a speed error in rad/s (mechanical). The integrator
  *  stops where it would push further into the limit. A NaN or infinite error gives
  *  no torque and leaves the integrator alone. */
 float ht_speed_step(const ht_speed_config *cfg, ht_speed_state *st, float error_rad_s);
 
 typedef struct {
-    float flux_ref_Wb;  /**< reference below base speed */
-    float flux_min_Wb;  /**< never weakened below this */
-    float reach_pu;     /**< usable phase voltage in units of Vdc, margin included */
+    float flux_min_Wb; /**< never weakened below this */
+    float reach_pu;    /**< usable phase voltage in units of Vdc, margin included */
     float rs_ohm;
 } ht_flux_config;
 
-/** Flux reference that the measured Vdc can still drive at `omega_sync_rad_s`
- *  (electrical) with |i_s| = `i_A`. */
-float ht_flux_reference(const ht_flux_config *cfg, float vdc_V, float omega_sync_rad_s, float i_A);
+/** What limits the flux. */
+typedef struct {
+    float flux_Wb;          /**< wanted below base speed */
+    float vdc_V;            /**< measured */
+    float omega_sync_rad_s; /**< electrical speed of the stator flux, either sign */
+    float i_A;              /**< |i_s| */
+} ht_flux_input;
+
+/** The flux that is wanted, or the part of it that Vdc can still drive. */
+float ht_flux_reference(const ht_flux_config *cfg, const ht_flux_input *in);
 
 #endif

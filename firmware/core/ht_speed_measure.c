@@ -1,32 +1,32 @@
 #include "ht_speed_measure.h"
 
-/* How far time per edge may be from edges per time: the mean speed of the slow period
- * is within one count. Time per edge may be that of long ago, and a speed loop that
- * closes on it would hunt. */
+/* Largest difference between the two measurements, counts. Edges per time gives the mean speed
+ * of the slow period within one count. Time per edge may have been measured long ago: a speed
+ * loop that relied on such an old value would oscillate. */
 #define SLACK_COUNTS 1.0f
-/* Counts that hold two unit events for sure, however the looks fall. */
+/* So many counts between two looks contain two unit events, wherever the looks fall. */
 #define TWO_EVENTS_COUNTS (3 * HT_CAPTURE_COUNTS)
 
 void ht_speed_measure_reset(ht_speed_measure_state *st)
 {
-    st->spoilt = 2u;
+    st->unusable_events = 2u;
 }
 
-/* Is the captured period the time of HT_CAPTURE_COUNTS edges in one direction? A
- * reversal or an overflow spoils the interval under way, which ends with the first
- * unit event after this look; the second ends a sound one. */
+/* Is the captured period the time of HT_CAPTURE_COUNTS edges in one direction? After a
+ * reversal or an overflow it is not: the interval that is running ends with the first unit event
+ * after this look, and only the second event ends an interval that can be used. */
 static bool sound(ht_speed_measure_state *st, int32_t moved, const ht_capture *capture)
 {
     bool against = capture->forward ? (moved < 0) : (moved > 0);
     if (capture->overflow || capture->reversed || against) {
-        st->spoilt = 2u;
-    } else if (capture->event && (st->spoilt > 0u)) {
+        st->unusable_events = 2u;
+    } else if (capture->event && (st->unusable_events > 0u)) {
         bool two = (moved >= TWO_EVENTS_COUNTS) || (moved <= -TWO_EVENTS_COUNTS);
-        st->spoilt = two ? 0u : (uint16_t)(st->spoilt - 1u);
+        st->unusable_events = two ? 0u : (uint16_t)(st->unusable_events - 1u);
     } else {
         /* as it was */
     }
-    return st->spoilt == 0u;
+    return st->unusable_events == 0u;
 }
 
 float ht_speed_measure_step(const ht_speed_measure_config *cfg, ht_speed_measure_state *st,

@@ -25,7 +25,7 @@
  *  distances within the cycle cancel. */
 enum { HT_CAPTURE_COUNTS = 4 };
 
-/** One look at the capture unit. Flags tell what happened since the look before. */
+/** What the capture unit shows. Flags: what happened since it was read last. */
 typedef struct {
     uint16_t period_ticks; /**< between the last two unit events, capture clock */
     uint16_t age_ticks;    /**< since the last unit event, capture clock */
@@ -42,15 +42,15 @@ typedef struct {
 } ht_speed_measure_config;
 
 typedef struct {
-    uint16_t spoilt; /**< unit events to come before the captured period can be used */
+    uint16_t unusable_events; /**< unit events to come before the captured period can be used */
 } ht_speed_measure_state;
 
 void ht_speed_measure_reset(ht_speed_measure_state *st);
 
-/** Speed in r/min, positive forward, once a slow period: `moved` counts since the last
- *  call and a look at the capture unit. Time per edge up to `period_rpm`, from 1.25 of
- *  that on edges per time, in between a weighted mean of the two. Never more than one
- *  count from edges per time, whatever the capture unit says. */
+/** Speed in r/min, positive forward. To be called once in every slow period, with the counts
+ *  `moved` since the last call and what the capture unit shows now. The result is time per edge
+ *  up to `period_rpm`, edges per time from 1.25 times that on, and a weighted mean of the two in
+ *  between. It differs from edges per time by one count at most. */
 float ht_speed_measure_step(const ht_speed_measure_config *cfg, ht_speed_measure_state *st,
                             int32_t moved, const ht_capture *capture);
 

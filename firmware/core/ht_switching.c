@@ -29,7 +29,8 @@ unsigned ht_sector(ht_ab v)
 
 unsigned ht_direction(ht_table table, unsigned sector, bool torque_up, bool flux_up)
 {
-    unsigned k = sector + offset[(table == HT_TABLE_75_105) ? 1 : 0][torque_up ? 1 : 0][flux_up ? 1 : 0];
+    unsigned k = sector
+                 + offset[(table == HT_TABLE_75_105) ? 1 : 0][torque_up ? 1 : 0][flux_up ? 1 : 0];
     return (k < HT_SECTORS) ? k : (k - HT_SECTORS);
 }
 

@@ -16,9 +16,8 @@ typedef enum {
     HT_TABLE_75_105 = 1  /**< paper B, Table I */
 } ht_table;
 
-/** Sector 0..11 of a vector: sector s covers 30 s - 15 to 30 s + 15 degrees,
- *  an exact edge belonging to either neighbour.
- *  No trigonometry; any input, NaN included, gives a valid sector. */
+/** Sector 0..11 of a vector. Sector s covers 30 s - 15 to 30 s + 15 degrees; a vector exactly on
+ *  an edge may get either neighbour. Every input, NaN included, gives a valid sector. */
 unsigned ht_sector(ht_ab v);
 
 /** Direction 0..11 (15 + 30 k degrees) for a flux in `sector`, torque to rise or

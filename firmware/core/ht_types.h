@@ -30,8 +30,8 @@ typedef struct {
     float y;
 } ht_xy;
 
-/** Vector space decomposition of one six-phase quantity (zero sequences are
- *  absent: two isolated neutrals). */
+/** Vector space decomposition of one six-phase quantity. There are no zero sequences: the two
+ *  neutrals are isolated. */
 typedef struct {
     ht_ab ab;
     ht_xy xy;

@@ -1,6 +1,6 @@
 /** @file ht_octets.h
- *  Numbers as octets, low octet first, one octet in a 16-bit cell: the C28x has no
- *  smaller one. And the CRC over them.
+ *  Numbers as octets, low octet first, and the CRC over them. An octet has 8 bits. It lies in a
+ *  cell of 16 bits, since the C28x has none smaller: a byte of C has 16 bits there.
  */
 #ifndef HT_OCTETS_H
 #define HT_OCTETS_H

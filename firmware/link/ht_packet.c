@@ -91,7 +91,7 @@ void ht_incoming_reset(ht_incoming *in)
     in->bad = false;
 }
 
-void ht_incoming_spoil(ht_incoming *in)
+void ht_incoming_discard(ht_incoming *in)
 {
     in->begun = true;
     in->bad = true;

@@ -1,6 +1,7 @@
 /** @file ht_packet.h
- *  Bodies on the line (docs/protocol.md, "Frames"): COBS with CRC-32 both ways. An octet
- *  lies in a 16-bit cell. Nothing here blocks or grows.
+ *  Frames on the line (docs/protocol.md, "Frames"): a body and its CRC-32, encoded by COBS, in
+ *  both directions. A cell of 16 bits holds one octet (ht_octets.h). Nothing here waits or
+ *  allocates memory.
  */
 #ifndef HT_PACKET_H
 #define HT_PACKET_H
@@ -14,7 +15,7 @@
 /** On the line at most: body, CRC, an octet of COBS for every 254, the closing zero. */
 #define HT_PACKET_LINE (HT_PACKET_BODY + HT_PACKET_CRC + 3u + 1u)
 
-/** A body that is being made. What does not fit any more sets `full`. */
+/** A body that is being made. `full` is set when something did not fit. */
 typedef struct {
     uint16_t n;
     bool full;
@@ -41,11 +42,11 @@ void ht_outgoing_set(ht_outgoing *out, ht_packet *p);
 
 /** A frame on its way in. */
 typedef struct {
-    uint16_t n;     /**< octets decoded */
-    uint16_t left;  /**< of the present COBS block */
-    bool zero;      /**< the next block is preceded by a zero */
-    bool begun;     /**< not between two frames */
-    bool bad;       /**< to be dropped */
+    uint16_t n;    /**< octets decoded */
+    uint16_t left; /**< of the present COBS block */
+    bool zero;     /**< the next block is preceded by a zero */
+    bool begun;    /**< not between two frames */
+    bool bad;      /**< to be dropped */
     uint16_t octet[HT_PACKET_BODY + HT_PACKET_CRC];
 } ht_incoming;
 
@@ -56,8 +57,8 @@ typedef enum {
 } ht_incoming_status;
 
 void ht_incoming_reset(ht_incoming *in);
-/** The receiver has lost something: what is under way will not do. */
-void ht_incoming_spoil(ht_incoming *in);
+/** The receiver has lost something: drop the frame that is being received. */
+void ht_incoming_discard(ht_incoming *in);
 ht_incoming_status ht_incoming_take(ht_incoming *in, uint16_t cell);
 
 #endif

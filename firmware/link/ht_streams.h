@@ -1,6 +1,6 @@
 /** @file ht_streams.h
- *  Sample streams: the fast interrupt puts every n-th sample of chosen channels into a
- *  ring, the background takes them out. One writer, one reader, no lock.
+ *  Sample streams. The fast interrupt puts every n-th sample of chosen channels into a ring, and
+ *  the background takes them out. There is one writer and one reader, so no lock is needed.
  */
 #ifndef HT_STREAMS_H
 #define HT_STREAMS_H
@@ -18,8 +18,9 @@ typedef struct {
     const void *object;
 } ht_source;
 
-/** Volatile as a whole, like the ring: the rest is written before `active` is set and a sample
- *  before `head` moves, and so on; a compiler keeps the order of volatile accesses only. */
+/** One stream. All of it is volatile, like the ring, because the order of writes matters: the rest
+ *  before `active` is set, a sample before `head` moves. A compiler keeps the order of volatile
+ *  accesses only. */
 typedef struct {
     volatile uint16_t active; /**< the interrupt looks at the rest only if set */
     volatile uint16_t n;
@@ -31,9 +32,9 @@ typedef struct {
 
 typedef struct {
     ht_stream stream[HT_STREAMS];
-    volatile uint16_t head;     /**< next value to write */
-    volatile uint16_t tail;     /**< next value to read */
-    volatile uint32_t dropped;  /**< samples that found no room */
+    volatile uint16_t head;    /**< next value to write */
+    volatile uint16_t tail;    /**< next value to read */
+    volatile uint32_t dropped; /**< samples that found no room */
     volatile uint32_t ring[HT_STREAM_RING];
 } ht_streams;
 
@@ -48,14 +49,15 @@ typedef struct {
 
 void ht_streams_reset(ht_streams *s);
 
-/** Background: end stream `k`, and say what it will be: `n` channels (0: none), up to
- *  HT_STREAM_CHANNELS, `decimation` from 1. None of what it was before comes after this. */
+/** Background: end stream `k` and define what it will be: `n` channels, up to
+ *  HT_STREAM_CHANNELS (0: none), `decimation` from 1. After this call no sample of the former
+ *  stream comes out any more. */
 void ht_streams_set(ht_streams *s, uint16_t k, const uint16_t *id, uint16_t n, uint16_t decimation);
 /** Background: begin stream `k` as it was set. The next fast interrupt takes the first sample. */
 void ht_streams_begin(ht_streams *s, uint16_t k);
 bool ht_streams_any(const ht_streams *s);
 
-/** Fast interrupt. */
+/** Fast interrupt: take the samples that are due. */
 void ht_streams_sample(ht_streams *s, const ht_source *source, uint32_t tick);
 
 /** Background: the oldest sample. False if there is none. */

@@ -3,35 +3,37 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "ht_pil_snapshot.h"
+#include "ht_octets.h"
+#include "ht_snapshot.h"
 
-static uint32_t sum_text(uint32_t sum, const char *text)
+/* A name with its closing zero, so that two names are not one. */
+static uint32_t sum_name(uint32_t crc, const char *name)
 {
-    uint32_t total = sum;
-    uint16_t i;
-    for (i = 0u; text[i] != '\0'; i++) {
-        uint16_t word = (uint16_t)text[i];
-        total = ht_fletcher(total, &word, 1u);
-    }
-    return total;
+    uint32_t sum = crc;
+    uint16_t i = 0u;
+    uint16_t letter;
+    do {
+        letter = (uint16_t)name[i];
+        sum = ht_crc32(sum, &letter, 1u);
+        i++;
+    } while (letter != 0u);
+    return sum;
 }
 
-void ht_pil_identity(uint16_t *words)
+void ht_pil_identify(ht_pil_identity *id)
 {
-    uint32_t sum = 0u;
     uint16_t i;
-    for (i = 0u; i < ht_param_count(); i++) {
-        sum = sum_text(sum, ht_param_describe(i)->name);
+    id->version = HT_PIL_VERSION;
+    id->params = ht_param_count();
+    id->channels = ht_channel_count();
+    id->registers = ht_side_registers();
+    id->names = 0u;
+    for (i = 0u; i < id->params; i++) {
+        id->names = sum_name(id->names, ht_param_describe(i)->name);
     }
-    for (i = 0u; i < ht_channel_count(); i++) {
-        sum = sum_text(sum, ht_channel_describe(i)->name);
+    for (i = 0u; i < id->channels; i++) {
+        id->names = sum_name(id->names, ht_channel_describe(i)->name);
     }
-    words[0] = HT_PIL_VERSION;
-    words[1] = ht_param_count();
-    words[2] = ht_channel_count();
-    words[3] = ht_side_registers();
-    words[4] = (uint16_t)(sum & 0xFFFFu);
-    words[5] = (uint16_t)(sum >> 16);
 }
 
 void ht_pil_reset(ht_pil *p)
@@ -42,24 +44,21 @@ void ht_pil_reset(ht_pil *p)
     p->image.at = NULL;
 }
 
-/* Words of INIT up to what the port wants to know. */
-#define INIT_WORDS (1u + 2u * (uint16_t)HT_PARAMS)
-
-static uint16_t init(ht_pil *p, const uint16_t *payload, uint16_t words)
+static uint16_t init(ht_pil *p, ht_reader *request)
 {
     ht_params params;
     ht_result result;
+    uint16_t device = ht_read8(request);
     uint16_t id;
     p->ready = false;
     (void)memset(&p->drive, 0, sizeof p->drive); /* as after a reset */
     (void)memset(&p->port, 0, sizeof p->port);
-    if ((words < INIT_WORDS)
-        || !ht_side_init(&p->side, &p->port, payload[0], &payload[INIT_WORDS],
-                         (uint16_t)(words - INIT_WORDS))) {
-        return HT_PIL_REFUSED;
+    (void)memset(p->told, 0, sizeof p->told);
+    for (id = 0u; id < (uint16_t)HT_PARAMS; id++) {
+        params.v[id] = ht_read_float(request);
     }
-    for (id = 0u; id < HT_PARAMS; id++) {
-        params.v[id] = ht_frame_float(&payload[1u + 2u * id]);
+    if (!ht_side_init(&p->side, &p->port, device, request)) {
+        return HT_PIL_REFUSED;
     }
     result = ht_drive_init(&p->drive, &p->port, &params);
     p->ready = result == HT_OK;
@@ -69,104 +68,154 @@ static uint16_t init(ht_pil *p, const uint16_t *payload, uint16_t words)
     return (uint16_t)result;
 }
 
-static void fast(ht_pil *p)
+static void step(ht_pil *p, uint16_t interrupts)
 {
-    if (p->image.fast != NULL) {
-        p->image.fast(p->image.at);
-    } else {
-        ht_drive_fast_isr(&p->drive);
+    if ((interrupts & (uint16_t)HT_PIL_FAST) != 0u) {
+        if (p->image.fast != NULL) {
+            p->image.fast(p->image.at);
+        } else {
+            ht_drive_fast_isr(&p->drive);
+        }
+    }
+    if ((interrupts & (uint16_t)HT_PIL_SLOW) != 0u) {
+        ht_drive_slow_isr(&p->drive);
     }
 }
 
-static uint16_t carry_out(ht_pil *p, uint16_t type, const uint16_t *payload, uint16_t words)
+/* A request for a drive. `value`: the parameter's, of a GET. */
+static uint16_t carry_out(ht_pil *p, uint16_t opcode, ht_reader *request, float *value)
 {
-    uint16_t argument;
-    if (!p->ready || (words < (uint16_t)HT_PIL_HARDWARE)
-        || !ht_side_take(&p->side, &p->port, &payload[HT_PIL_HARDWARE],
-                         (uint16_t)(words - HT_PIL_HARDWARE))) {
+    uint16_t argument = ht_read16(request); /* interrupts, or a parameter's id */
+    float written = (opcode == (uint16_t)HT_OP_PIL_SET) ? ht_read_float(request) : 0.0f;
+    if (!p->ready || !ht_side_take(&p->side, &p->port, request)) {
         return HT_PIL_REFUSED;
     }
-    argument = payload[HT_PIL_ARGUMENT];
-    switch (type) {
-    case HT_PIL_STEP:
-        if ((argument & (uint16_t)HT_PIL_FAST) != 0u) {
-            fast(p);
-        }
-        if ((argument & (uint16_t)HT_PIL_SLOW) != 0u) {
-            ht_drive_slow_isr(&p->drive);
-        }
+    switch (opcode) {
+    case HT_OP_PIL_STEP:
+        step(p, argument);
         return HT_OK;
-    case HT_PIL_START:
+    case HT_OP_PIL_START:
         return (uint16_t)ht_drive_start(&p->drive);
-    case HT_PIL_STOP:
+    case HT_OP_PIL_STOP:
         ht_drive_stop(&p->drive);
         return HT_OK;
-    case HT_PIL_CLEAR:
+    case HT_OP_PIL_CLEAR:
         return (uint16_t)ht_drive_clear(&p->drive);
-    case HT_PIL_SET:
-        return (uint16_t)ht_drive_set(&p->drive, argument, ht_frame_float(&payload[HT_PIL_VALUE]));
-    case HT_PIL_GET:
-        return (argument < (uint16_t)HT_PARAMS) ? (uint16_t)HT_OK : (uint16_t)HT_ERROR_ID;
+    case HT_OP_PIL_SET:
+        return (uint16_t)ht_drive_set(&p->drive, argument, written);
+    case HT_OP_PIL_GET:
+        if (argument >= (uint16_t)HT_PARAMS) {
+            return HT_ERROR_ID;
+        }
+        *value = ht_drive_get(&p->drive, argument);
+        return HT_OK;
     default:
         return HT_PIL_REFUSED;
     }
 }
 
-/* Everything the host may want to know after a request. */
-static void report(ht_pil *p, float value, ht_frame *reply)
+static uint16_t hello(ht_packet *reply)
 {
-    float channels[HT_PIL_CHANNELS];
+    ht_pil_identity id;
+    ht_pil_identify(&id);
+    ht_packet_add16(reply, id.version);
+    ht_packet_add16(reply, id.params);
+    ht_packet_add16(reply, id.channels);
+    ht_packet_add16(reply, id.registers);
+    ht_packet_add32(reply, id.names);
+    return HT_OK;
+}
+
+static uint16_t snapshot(const ht_pil *p, ht_packet *reply)
+{
+    if (!p->ready) {
+        return HT_PIL_REFUSED;
+    }
+    ht_snapshot_add(reply, &p->drive.snapshot);
+    return HT_OK;
+}
+
+/* The channels that changed since the latest reply. For every eight channels a byte says which
+ * of them follow. */
+static void tell_channels(ht_pil *p, ht_packet *reply)
+{
+    uint16_t flags_at = 0u;
+    uint16_t id;
+    for (id = 0u; id < ht_channel_count(); id++) {
+        uint32_t bits = ht_float_bits(ht_channel_read(&p->drive, id));
+        if ((id % 8u) == 0u) {
+            flags_at = reply->n;
+            ht_packet_add8(reply, 0u);
+        }
+        if (bits != p->told[id]) {
+            p->told[id] = bits;
+            reply->octet[flags_at] |= (uint16_t)(1u << (id % 8u));
+            ht_packet_add32(reply, bits);
+        }
+    }
+}
+
+/* Everything else. The reply says what the host may want to know after an interrupt or a
+ * command. */
+static uint16_t operate(ht_pil *p, uint16_t opcode, uint16_t number, ht_reader *request,
+                        ht_packet *reply)
+{
+    float value = 0.0f;
+    uint16_t result = (opcode == (uint16_t)HT_OP_PIL_INIT) ? init(p, request)
+                                                           : carry_out(p, opcode, request, &value);
+    if (p->ready && (result != (uint16_t)HT_PIL_REFUSED)) {
+        ht_packet_add_float(reply, value);
+        tell_channels(p, reply);
+        ht_side_tell(&p->side, &p->port, number, reply);
+    }
+    return result;
+}
+
+static void begin(ht_packet *reply)
+{
     uint16_t i;
-    ht_frame_add(reply, p->drive.state);
-    ht_frame_add(reply, p->drive.faults);
-    ht_frame_add(reply, ht_channel_count());
-    ht_frame_add_float(reply, value);
-    ht_side_status(&p->side, &p->port, reply);
-    ht_channels_read(&p->drive, channels);
-    for (i = 0u; i < ht_channel_count(); i++) {
-        ht_frame_add_float(reply, channels[i]);
+    ht_packet_begin(reply);
+    for (i = 0u; i < (uint16_t)HT_PIL_REPLY_HEAD; i++) {
+        ht_packet_add8(reply, 0u);
     }
-    ht_side_tell(&p->side, &p->port, reply);
 }
 
-uint16_t ht_pil_answer(ht_pil *p, const ht_frame *request, ht_frame *reply)
+void ht_pil_answer(ht_pil *p, const uint16_t *octets, uint16_t n, ht_packet *reply)
 {
-    uint16_t type = ht_frame_type(request);
-    uint16_t words = ht_frame_length(request);
-    const uint16_t *payload = ht_frame_payload(request);
+    ht_reader request;
+    uint16_t opcode;
+    uint16_t number;
     uint16_t result;
-    ht_frame_begin(reply, (uint16_t)(type | (uint16_t)HT_PIL_REPLY), ht_frame_number(request));
-    if (type == (uint16_t)HT_PIL_HELLO) {
-        uint16_t identity[HT_PIL_IDENTITY];
-        uint16_t i;
-        ht_pil_identity(identity);
-        for (i = 0u; i < HT_PIL_IDENTITY; i++) {
-            ht_frame_add(reply, identity[i]);
-        }
-        return ht_frame_end(reply);
+    ht_reader_begin(&request, octets, n);
+    opcode = ht_read8(&request);
+    number = ht_read8(&request);
+    begin(reply);
+    switch (opcode) {
+    case HT_OP_PIL_HELLO:
+        result = hello(reply);
+        break;
+    case HT_OP_PIL_SNAPSHOT:
+        result = snapshot(p, reply);
+        break;
+    default:
+        result = operate(p, opcode, number, &request, reply);
+        break;
     }
-    if (type == (uint16_t)HT_PIL_SNAPSHOT) {
-        ht_frame_add(reply, p->ready ? (uint16_t)HT_OK : (uint16_t)HT_PIL_REFUSED);
-        if (p->ready) {
-            ht_pil_snapshot_add(reply, &p->drive.snapshot);
-        }
-        return ht_frame_end(reply);
+    if (reply->full) {
+        begin(reply);
+        result = HT_PIL_REFUSED;
     }
-    result = (type == (uint16_t)HT_PIL_INIT) ? init(p, payload, words)
-                                             : carry_out(p, type, payload, words);
-    ht_frame_add(reply, result);
+    reply->octet[0] = opcode | (uint16_t)HT_OP_REPLY;
+    reply->octet[1] = number;
+    reply->octet[2] = result;
     if (p->ready) {
-        float value = 0.0f;
-        if ((type == (uint16_t)HT_PIL_GET) && (result == (uint16_t)HT_OK)) {
-            value = ht_drive_get(&p->drive, payload[HT_PIL_ARGUMENT]);
-        }
-        report(p, value, reply);
+        reply->octet[3] = p->drive.state;
+        ht_put16(&reply->octet[4], p->drive.faults);
     }
-    return ht_frame_end(reply);
 }
 
-uint16_t ht_pil_complain(ht_frame *reply)
+void ht_pil_complain(ht_packet *reply)
 {
-    ht_frame_begin(reply, HT_PIL_BROKEN, 0u);
-    return ht_frame_end(reply);
+    begin(reply);
+    reply->octet[0] = (uint16_t)HT_OP_PIL_DAMAGED | (uint16_t)HT_OP_REPLY;
 }

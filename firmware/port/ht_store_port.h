@@ -1,15 +1,15 @@
 /** @file ht_store_port.h
  *  Memory that survives power-off, as the parameter store (ht_store.h) sees it: two areas of
- *  blocks of eight 16-bit words, as a flash has them. A target has two functions for it; one
- *  without such a memory has none.
+ *  blocks of eight 16-bit words, as a flash has them. A target provides two functions for it; a
+ *  target without such a memory provides none.
  *
  *  Who calls what, and when: `read` from the set-up and from the background; `write` from the
  *  background only, with interrupts enabled and with the gates off (state idle or fault).
  *
  *  Both block until they are done. `read` takes some microseconds. `write` of a block takes up
  *  to 1 ms, an erase of a flash sector up to seconds; interrupts may be held off all this time.
- *  Who holds them off keeps the watchdog from biting, and gives up after a time that is bounded:
- *  a memory that never gets ready must end in a refusal or in a reset.
+ *  A function that holds them off services the watchdog, and gives up after a limited time: a
+ *  memory that never gets ready must end in a refusal or in a reset.
  *
  *  Power may fail at any instant. What a block holds that was being written, and what an area
  *  holds that was being erased, is then anything; all other blocks are as they were.
@@ -20,16 +20,16 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define HT_STORE_AREAS 2u      /**< each is erased for itself */
-#define HT_STORE_WORDS 8u      /**< of a block: what a flash takes at once */
+#define HT_STORE_AREAS 2u       /**< each is erased for itself */
+#define HT_STORE_WORDS 8u       /**< of a block: what a flash takes at once */
 #define HT_STORE_ERASED 0xFFFFu /**< a word of an erased area */
 
-/** A store in a file (virtual and emulated boards): its head, then the areas, low octet first. */
+/** A store in a file (virtual and emulated boards): its head, then the areas, low byte first. */
 enum {
-    HT_STORE_FILE_HEAD = 16,   /**< octets before the areas */
-    HT_STORE_FILE_AREAS = 2,   /**< as in memory */
+    HT_STORE_FILE_HEAD = 16,    /**< bytes before the areas */
+    HT_STORE_FILE_AREAS = 2,    /**< as in memory */
     HT_STORE_FILE_BLOCKS = 128, /**< of an area */
-    HT_STORE_FILE_BLOCK = 16   /**< octets of a block */
+    HT_STORE_FILE_BLOCK = 16    /**< bytes of a block */
 };
 
 typedef struct {

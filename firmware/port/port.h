@@ -35,9 +35,13 @@ typedef struct ht_port ht_port;
 /** Analog channels, in the order of the conversion sequence. */
 enum { HT_ADC_I = 0 /* six phase currents, phase order */, HT_ADC_VDC = 6, HT_ADC_CHANNELS = 7 };
 
+/** Range of a reading, counts, whatever the converter's resolution: full scale, and where a
+ *  current sensor without current stands. */
+enum { HT_ADC_FULL = 4096, HT_ADC_MID = HT_ADC_FULL / 2 };
+
 /** Raw readings of one sampling instant. */
 typedef struct {
-    uint16_t adc[HT_ADC_CHANNELS]; /**< right-justified counts, 0..4095 */
+    uint16_t adc[HT_ADC_CHANNELS]; /**< right-justified counts, 0..HT_ADC_FULL - 1 */
     uint32_t position;             /**< quadrature counts since init, modulo 2^32 */
 } ht_samples;
 
@@ -56,8 +60,8 @@ typedef struct {
     float max_us;
 } ht_dead_range;
 
-/** Dead times become whole counts by rounding up. A float holds 2.3 us as 229.99999 or
- *  230.00001 counts of 10 ns: what is this little above a whole number is that number. */
+/** Dead times become whole counts by rounding up. As a float, 2.3 us is 229.99999 or 230.00001
+ *  counts of 10 ns. A number that is less than this tolerance above a whole one counts as whole. */
 #define HT_DEAD_TOLERANCE_COUNTS 0.01f
 
 ht_dead_range ht_port_dead_range(const ht_port *port);
@@ -94,19 +98,19 @@ bool ht_port_gates_on(ht_port *port);
 /** True while the latch of any leg is set, whoever set it (software or the trip pin). */
 bool ht_port_tripped(const ht_port *port);
 
-/** The same of one leg. The pin and the software trip all legs together, so for these any leg
- *  tells. A disturbance may set one leg's latch alone: ask each in turn. */
+/** The same for one leg. The pin and the software trip all legs together, so any leg shows these.
+ *  A disturbance may set the latch of one leg alone: therefore each is asked in turn. */
 bool ht_port_leg_tripped(const ht_port *port, uint16_t leg);
 
-/** The level of the trip pin now: true while it asks for the gates to be off. */
+/** Is the trip pin low now? While it is, the gates must stay off. */
 bool ht_port_trip_pin_low(const ht_port *port);
 
 /** First in the fast interrupt: acknowledge the end of conversion, so that the next one
  *  shows. */
 void ht_port_begin_fast(ht_port *port);
 
-/** Has the next conversion ended since `ht_port_begin_fast`? Asked last: the interrupt
- *  then outlasted its period. */
+/** Has another conversion ended since `ht_port_begin_fast`? Asked at the end of the interrupt: if
+ *  so, the interrupt took longer than its period. */
 bool ht_port_overrun(const ht_port *port);
 
 /** Last in the fast interrupt: acknowledge it at the interrupt controller. */

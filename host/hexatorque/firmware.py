@@ -162,15 +162,15 @@ def _check(result: int, what: str) -> None:
         raise FirmwareError(f"{what}: {_RESULTS[result]}")
 
 
-def snapshot_of(s) -> dict[str, object] | None:
-    """An `ht_snapshot` in the field's terms; None where there was no fault."""
+def snapshot_numbers(s) -> dict[str, object] | None:
+    """An `ht_snapshot` by name, state and faults as numbers; None where there was no fault."""
     if not s.tick:
         return None
     measured = getattr(s, "in")
     return {
         "tick": s.tick,
-        "state": STATES[s.state],
-        "faults": causes(s.faults),
+        "state": s.state,
+        "faults": s.faults,
         "adc_counts": list(s.samples.adc),
         "position_counts": s.samples.position,
         "i_A": list(measured.i_A.p),
@@ -181,6 +181,12 @@ def snapshot_of(s) -> dict[str, object] | None:
         "torque_Nm": s.estimate.torque_Nm,
         "speed_rpm": s.speed_rpm,
     }
+
+
+def snapshot_of(s) -> dict[str, object] | None:
+    """The same in words."""
+    kept = snapshot_numbers(s)
+    return kept and {**kept, "state": STATES[s.state], "faults": causes(s.faults)}
 
 
 class Store:

@@ -47,7 +47,8 @@ static int replay(const char *path)
     if (file == NULL) {
         return 2;
     }
-    if ((fscanf(file, " device %d periods %ld params", &device, &count) != 2) || (count < 2 * PERIODS)) {
+    if ((fscanf(file, " device %d periods %ld params", &device, &count) != 2)
+        || (count < 2 * PERIODS)) {
         return 2;
     }
     ht_params_default(&params);
@@ -71,7 +72,8 @@ static int replay(const char *path)
         int slow;
         int channel;
         if (fscanf(file, "%u %u %u %u %u %u %u %lu %d", &adc[0], &adc[1], &adc[2], &adc[3], &adc[4],
-                   &adc[5], &adc[6], &position, &slow) != 9) {
+                   &adc[5], &adc[6], &position, &slow)
+            != 9) {
             return 2;
         }
         for (channel = 0; channel < HT_ADC_CHANNELS; channel++) {
@@ -164,7 +166,7 @@ int main(int argc, char **argv)
         return 1;
     }
     stretches /= 2;
-    printf("isr %ld %ld step %ld %ld periods %ld\n", (total[0] + stretches / 2) / stretches, most[0],
-           (total[1] + stretches / 2) / stretches, most[1], stretches);
+    printf("isr %ld %ld step %ld %ld periods %ld\n", (total[0] + stretches / 2) / stretches,
+           most[0], (total[1] + stretches / 2) / stretches, most[1], stretches);
     return 0;
 }

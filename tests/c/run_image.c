@@ -79,7 +79,8 @@ static int gates_on(void)
     unsigned leg;
     unsigned on = 0;
     for (leg = 0; leg < HT_LEGS; leg++) {
-        on += (ht_image_registers.word[ht_image_port.leg[leg] + ht_image_port.map->tzflg] & 4u) == 0u;
+        on += (ht_image_registers.word[ht_image_port.leg[leg] + ht_image_port.map->tzflg] & 4u)
+              == 0u;
     }
     check("all legs together", (on == 0) || (on == HT_LEGS));
     return on != 0;
@@ -97,8 +98,7 @@ static void command(uint16_t what)
 }
 
 /* A request over the modelled line. Returns the length of the reply in `body`, or 0. */
-static uint16_t exchange(uint16_t opcode, uint16_t session, uint16_t dictionary,
-                         ht_incoming *body)
+static uint16_t exchange(uint16_t opcode, uint16_t session, uint16_t dictionary, ht_incoming *body)
 {
     static ht_packet request;
     static ht_outgoing out;
@@ -170,7 +170,8 @@ static void after_start(void)
     check("code is copied", memcmp(ht_code_load, ht_code_run, CODE_WORDS * sizeof(uint16_t)) == 0);
     check("constants are copied",
           memcmp(ht_const_load, ht_const_run, CONST_WORDS * sizeof(uint16_t)) == 0);
-    check("no more than that is copied", (ht_code_run[CODE_WORDS] | ht_const_run[CONST_WORDS]) == 0);
+    check("no more than that is copied",
+          (ht_code_run[CODE_WORDS] | ht_const_run[CONST_WORDS]) == 0);
     check("interrupts are let through", (rf->intm == 0u) && (rf->ier == 1u));
     check("gates are off after the start", !gates_on());
     check("start is reported", ht_image_start_result == (uint16_t)HT_START_DONE);
@@ -268,7 +269,7 @@ static void refused(const char *name)
     check(name, ht_image_mailbox.result == (uint16_t)HT_ERROR_TRIP);
     command(HT_COMMAND_CLEAR);
     check(name, ht_image_mailbox.result == (uint16_t)HT_ERROR_TRIP);
-    check(name, ask(HT_SERVICE_START) == (unsigned)HT_ERROR_TRIP);
+    check(name, ask(HT_OP_START) == (unsigned)HT_ERROR_TRIP);
     check(name, ask(0x0Au) == (unsigned)HT_ERROR_TRIP); /* CLEAR */
     check("... and nothing changes", (ht_image_drive.state == state) && !gates_on());
 }
@@ -480,8 +481,8 @@ static void end_meets_acknowledge(void)
     check("interrupts go on after one met its acknowledge",
           (ht_image_drive.tick - tick >= 10u) && (ht_image_registers.event_at == 0u));
     if (ht_image_registers.chip == &ht_chip_f28377s) {
-        check("no overflow is left", (ht_image_registers.word[0x7403] == 0u)
-                                         && (ht_image_registers.word[0x7405] == 0u));
+        check("no overflow is left",
+              (ht_image_registers.word[0x7403] == 0u) && (ht_image_registers.word[0x7405] == 0u));
     }
 }
 
@@ -497,7 +498,7 @@ static void watchdog(void)
     check("watchdog bites without the interrupts", ht_image_registers.dog_resets != 0u);
     ht_image_registers.dog_resets = 0u;
     ht_image_registers.dog_us = ht_image_registers.time_us; /* a full time from here on */
-    for (n = 0; n < 12; n++) { /* both interrupts go on */
+    for (n = 0; n < 12; n++) {                              /* both interrupts go on */
         slow_period(0);
     }
     check("watchdog bites without the background", ht_image_registers.dog_resets != 0u);
@@ -556,11 +557,11 @@ static void wrong_clock(void)
     check("no resets for ever", ht_image_registers.dog_resets == 0u);
     check("line runs at 115200 baud",
           (ht_sci_baud(&ht_image_port) > 112900.0f) && (ht_sci_baud(&ht_image_port) < 117500.0f));
-    check("HELLO is answered", exchange(0x01u, 0u, 0u, &body) != 0u);
+    check("HELLO is answered", exchange(HT_OP_HELLO, 0u, 0u, &body) != 0u);
     told("HELLO says what is wrong", &body, (uint16_t)HT_OK);
-    check("STATUS is answered", exchange(0x05u, 0u, 0u, &body) != 0u);
+    check("STATUS is answered", exchange(HT_OP_STATUS, 0u, 0u, &body) != 0u);
     told("STATUS says what is wrong", &body, (uint16_t)HT_OK);
-    check("STOP is answered", exchange(HT_SERVICE_STOP, 0u, 0u, &body) != 0u);
+    check("STOP is answered", exchange(HT_OP_STOP, 0u, 0u, &body) != 0u);
     set(HT_P_flux_trip_Wb, 100.0f);
     ht_image_background();
     check("a parameter does not wait for an interrupt", ht_image_drive.staged == NULL);

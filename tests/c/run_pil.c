@@ -22,8 +22,8 @@
 #include "ht_board.h"
 #include "ht_regfile.h"
 
-#define TURN_US 4    /* of the background loop */
-#define IDLE_US 1000 /* while the line is quiet: about real time */
+#define TURN_US 4         /* of the background loop */
+#define IDLE_US 1000      /* while the line is quiet: about real time */
 #define TIMER_US 10000.0f /* no timer is shorter */
 #define TOLERANCE 0.025f
 
@@ -71,7 +71,8 @@ static float divided(float clock_Hz, uint32_t setting)
 static float system_Hz(void)
 {
     if (HT_BOARD_UNDER_TEST.map == &ht_f28335) { /* PLLCR, DIVSEL = /2 */
-        return ((word(0x7011u) & 0x0180u) == 0x0100u) ? 30.0e6f * (float)word(0x7021u) / 2.0f : 0.0f;
+        return ((word(0x7011u) & 0x0180u) == 0x0100u) ? 30.0e6f * (float)word(0x7021u) / 2.0f
+                                                      : 0.0f;
     } else { /* SYSPLLMULT, SYSCLKDIVSEL; the crystal of the LaunchPad has 10 MHz */
         float crystal_Hz = (HT_BOARD_UNDER_TEST.pwm[0].gpio == 2u) ? 10.0e6f : 20.0e6f;
         return divided(crystal_Hz * (float)(word(0x5D214u) & 0x7Fu), word(0x5D222u));
@@ -111,7 +112,7 @@ static void show_violations(FILE *file)
 static int gates_are_inputs(void)
 {
     uint32_t gpio = (HT_BOARD_UNDER_TEST.map == &ht_f28335) ? 0x6F80u : 0x7C00u;
-    const uint16_t *mux = &ht_image_registers.word[gpio + 6u]; /* eight pins a word */
+    const uint16_t *mux = &ht_image_registers.word[gpio + 6u];         /* eight pins a word */
     const uint16_t *direction = &ht_image_registers.word[gpio + 0xAu]; /* sixteen */
     unsigned bad = 0;
     unsigned n;

@@ -143,8 +143,8 @@ static void first(void)
           ht_image_registers.word[0x0C00] == ht_image_registers.word[0x0C02]);
     check("that takes time", ht_image_registers.time_us > 100000u);
     check("the tick stands still", ht_image_drive.tick - tick <= 1u);
-    check("no fault comes of it", (ht_image_drive.faults == 0u)
-                                      && (ht_image_drive.state == (uint16_t)HT_STATE_IDLE));
+    check("no fault comes of it",
+          (ht_image_drive.faults == 0u) && (ht_image_drive.state == (uint16_t)HT_STATE_IDLE));
     check("gates stay off", ht_port_tripped(&ht_image_port));
     runs_on();
     check("no fault comes after it", ht_image_drive.faults == 0u);

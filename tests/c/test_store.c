@@ -22,12 +22,12 @@ static ht_drive drive;
 static ht_store store;
 static ht_params defaults;
 
-#define CHECK(condition)                                                             \
-    do {                                                                             \
-        if (!(condition)) {                                                          \
-            printf("%s:%d: FAILED %s\n", __FILE__, __LINE__, #condition);            \
-            failures++;                                                              \
-        }                                                                            \
+#define CHECK(condition)                                                  \
+    do {                                                                  \
+        if (!(condition)) {                                               \
+            printf("%s:%d: FAILED %s\n", __FILE__, __LINE__, #condition); \
+            failures++;                                                   \
+        }                                                                 \
     } while (0)
 
 /* Values of a set: some that may change alone, told apart by `n`. */
@@ -210,7 +210,8 @@ static void power_fails_in_a_save(void)
                 old = as_before(which);
                 CHECK(old || starts_with(11));
                 /* The first copy is whole, if its mark was written, and never before. */
-                if ((at > SAVE_OPERATIONS / 2u) || ((at == SAVE_OPERATIONS / 2u) && (style == CUT_COMPLETE))) {
+                if ((at > SAVE_OPERATIONS / 2u)
+                    || ((at == SAVE_OPERATIONS / 2u) && (style == CUT_COMPLETE))) {
                     CHECK(!old);
                 } else if (at < SAVE_OPERATIONS / 2u) {
                     CHECK(old);
@@ -238,7 +239,8 @@ static void power_fails_in_a_forget(void)
                 (void)ht_store_forget(&store, &drive);
                 CHECK(false);
             }
-            CHECK(starts_with(10) || ((store.set != HT_SET_SAVED) && same(&drive.params, &defaults)));
+            CHECK(starts_with(10)
+                  || ((store.set != HT_SET_SAVED) && same(&drive.params, &defaults)));
             CHECK((at == 2) || starts_with(10)); /* the latest copy goes last */
             save(11);
             CHECK(starts_with(11));
@@ -354,7 +356,8 @@ static void foreign(void)
     /* Fewer values, as an older table had them: whole, but not this one's. */
     *bench_word(0, 3) = HT_PARAMS - 4u;
     for (k = 0; k < HT_STORE_WORDS; k++) { /* the mark is a block earlier */
-        *bench_word(0, COPY_WORDS - 2 * HT_STORE_WORDS + k) = *bench_word(0, COPY_WORDS - HT_STORE_WORDS + k);
+        *bench_word(0, COPY_WORDS - 2 * HT_STORE_WORDS + k) =
+            *bench_word(0, COPY_WORDS - HT_STORE_WORDS + k);
     }
     CHECK(start() == HT_SET_DAMAGED); /* the CRC is another set's */
     /* A later foreign copy beside an older one of this table: no way back in time. */
@@ -415,7 +418,7 @@ static void the_chip(void)
     fake_flash_slow = true;
     save(10);
     CHECK(chip->time_us > 100000u); /* a save takes its time, and the watchdog is fed */
-    CHECK(chip->intm == 0u); /* interrupts are let through again */
+    CHECK(chip->intm == 0u);        /* interrupts are let through again */
     CHECK(chip->eallow == 0u);
     CHECK(chip->dog_resets == 0u);
     CHECK(chip->violations == 0u);

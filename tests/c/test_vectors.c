@@ -106,13 +106,12 @@ static void configure(ht_control_config *cfg, ht_scheme scheme, ht_table table)
 {
     static const ht_control_config nothing = {0};
     *cfg = nothing;
-    cfg->scheme = scheme;
-    cfg->table = table;
-    cfg->torque_levels = (scheme == HT_DTC3) ? 5u : 3u;
+    ht_control_select(cfg, scheme);
+    cfg->table_law.table = table;
+    cfg->table_law.flux_band_Wb = 0.003f;
+    cfg->table_law.torque_band_Nm = 0.3f;
+    cfg->table_law.torque_inner_Nm = 0.173f;
     cfg->period_counts = 10000u;
-    cfg->flux_band_Wb = 0.003f;
-    cfg->torque_band_Nm = 0.3f;
-    cfg->torque_inner_Nm = 0.173f;
     cfg->build_current_A = 1.0f;
     cfg->observer.ts_s = 1.0e-4f;
     cfg->observer.inv_ts = 1.0e4f;
@@ -157,7 +156,8 @@ static void decide(ht_scheme scheme, ht_table table, unsigned sector, int level,
     s[0] = st.active.s[0];
     s[1] = st.active.s[1];
     s[2] = st.active.s[2];
-    check((st.sector == sector) && (st.torque_level == level) && (st.flux_level == flux_up),
+    check((st.sector == sector) && (st.table_law.torque_level == level)
+              && (st.table_law.flux_level == flux_up),
           "demand", sector);
 }
 

@@ -42,7 +42,8 @@ def test_missing_compiler_is_said_plainly(tree, tmp_path):
 
 #: What copies, and what no interrupt needs.
 FROM_FLASH = {"main.c", "codestart.asm", "devicecal.asm", "ht_service.c", "ht_service_requests.c",
-              "ht_dictionary.c", "ht_store.c", "ht_packet.c", "ht_no_store.c"}  # fmt: skip
+              "ht_dictionary.c", "ht_store.c", "ht_packet.c", "ht_no_store.c",
+              "ht_snapshot.c"}  # fmt: skip
 
 
 @needs_cmake

@@ -1,16 +1,14 @@
 /** @file ht_pil_side.h
- *  A target without registers, for processors with little memory and for real boards,
- *  whose own PWM is to stay still: `port.h` answered from what the host sent along, and
- *  every call noted. The host makes the same calls on its driver.
+ *  A call target, for processors with little memory and for real boards whose own PWM is to
+ *  stay still. It has no registers: the functions of port.h answer from what the host sent
+ *  along, and note every call. The host makes the same calls on its own driver.
  */
 #ifndef HT_PIL_SIDE_H
 #define HT_PIL_SIDE_H
 
-#include "ht_frame.h"
-#include "ht_pil_codes.h"
-#include "port.h"
+#include "ht_pil_calls.h"
 
-#define HT_CALLS_WORDS 64u /* of one request; the longest, INIT among others, takes half */
+#define HT_CALLS_WORDS 64u /* of one request; INIT, one of the longest, takes half */
 
 /** Calls of one request. */
 typedef struct {
@@ -20,12 +18,8 @@ typedef struct {
 
 struct ht_port {
     ht_pil_side *notes;
-    float pwm_clock_Hz;
-    float capture_clock_Hz;
-    float dead_min_us;
-    uint16_t dead_max_counts;
-    uint16_t tripped; /**< a bit for each leg */
-    uint16_t input[HT_INPUTS];
+    ht_pil_hardware hardware;
+    ht_pil_inputs input;
 };
 
 #endif

@@ -1,7 +1,7 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include "ht_pil_host.h"
-#include "ht_pil_snapshot.h"
+#include "ht_snapshot.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -98,21 +98,28 @@ static bool wait_for(ht_link *l, int fd, short what, int64_t until_ms)
     }
 }
 
-static void send(ht_link *l, uint16_t octets, int64_t until_ms)
+/* The open request as bytes of a frame. Returns their number. */
+static uint16_t close_request(ht_link *l)
 {
-    uint16_t done = 0u;
     uint16_t i;
-    for (i = 0u; i < octets; i++) {
-        l->octets[i] = ht_frame_octet(&l->request, i);
+    ht_outgoing_set(&l->out, &l->request);
+    for (i = 0u; i < l->out.n; i++) {
+        l->bytes[i] = (unsigned char)l->out.octet[i];
     }
-    if ((l->flip_request != 0u) && (l->flip_request <= octets)) {
-        l->octets[l->flip_request - 1u] ^= 1u;
+    if ((l->flip_request != 0u) && (l->flip_request <= l->out.n)) {
+        l->bytes[l->flip_request - 1u] ^= 1u;
         l->flip_request = 0u;
     }
-    while ((done < octets) && (l->error == (uint16_t)HT_LINK_UP)) {
-        ssize_t n = write(l->to_target, &l->octets[done], (size_t)(octets - done));
-        if (n > 0) {
-            done = (uint16_t)(done + n);
+    return l->out.n;
+}
+
+static void send(ht_link *l, uint16_t n, int64_t until_ms)
+{
+    uint16_t done = 0u;
+    while ((done < n) && (l->error == (uint16_t)HT_LINK_UP)) {
+        ssize_t sent = write(l->to_target, &l->bytes[done], (size_t)(n - done));
+        if (sent > 0) {
+            done = (uint16_t)(done + sent);
         } else if (errno == EAGAIN) {
             (void)wait_for(l, l->to_target, POLLOUT, until_ms);
         } else if (errno != EINTR) {
@@ -123,23 +130,32 @@ static void send(ht_link *l, uint16_t octets, int64_t until_ms)
     }
 }
 
+/* Bytes from the target. True once a reply is there; nothing may follow it. */
+static bool take(ht_link *l, const unsigned char *bytes, uint16_t n)
+{
+    ht_incoming_status status = HT_INCOMING_PART;
+    uint16_t i;
+    for (i = 0u; (i < n) && (status == HT_INCOMING_PART); i++) {
+        status = ht_incoming_take(&l->reply, bytes[i]);
+    }
+    if (status == HT_INCOMING_DAMAGED) {
+        down(l, HT_LINK_BROKEN);
+    } else if (i < n) {
+        down(l, HT_LINK_ANSWER);
+    } else {
+        /* a reply, or its rest is on its way */
+    }
+    return status == HT_INCOMING_WHOLE;
+}
+
 static void receive(ht_link *l, int64_t until_ms)
 {
-    ht_frame_reset(&l->reply);
     while ((l->error == (uint16_t)HT_LINK_UP) && wait_for(l, l->from_target, POLLIN, until_ms)) {
-        ssize_t n = read(l->from_target, l->octets, sizeof l->octets);
+        ssize_t n = read(l->from_target, l->bytes, sizeof l->bytes);
         if (n > 0) {
-            uint16_t used;
-            ht_frame_status status = ht_frame_take(&l->reply, l->octets, (uint16_t)n, &used);
             l->heard += (uint32_t)n;
-            if (status == HT_FRAME_BROKEN) {
-                down(l, HT_LINK_BROKEN);
-            } else if ((status == HT_FRAME_WHOLE) && (used != (uint16_t)n)) {
-                down(l, HT_LINK_ANSWER);
-            } else if (status == HT_FRAME_WHOLE) {
+            if (take(l, l->bytes, (uint16_t)n)) {
                 return;
-            } else {
-                /* the rest is on its way */
             }
         } else if ((n == 0) || ((errno != EINTR) && (errno != EAGAIN))) {
             down(l, HT_LINK_CLOSED);
@@ -149,232 +165,218 @@ static void receive(ht_link *l, int64_t until_ms)
     }
 }
 
-/* The same through the same codec, without the wire. */
-static void through_local(ht_link *l, uint16_t octets)
+/* The same frames without the wire. */
+static void through_local(ht_link *l, uint16_t n)
 {
-    uint16_t used;
+    const ht_outgoing *out = &l->local->out;
+    bool whole = false;
     uint16_t i;
-    for (i = 0u; i < octets; i++) {
-        l->octets[i] = ht_frame_octet(&l->request, i);
+    for (i = 0u; i < n; i++) {
+        if (ht_pil_line_take(l->local, l->bytes[i])) {
+            break;
+        }
     }
-    if ((l->flip_request != 0u) && (l->flip_request <= octets)) {
-        l->octets[l->flip_request - 1u] ^= 1u;
-        l->flip_request = 0u;
+    for (i = 0u; i < out->n; i++) {
+        unsigned char byte = (unsigned char)out->octet[i];
+        whole = take(l, &byte, 1u);
     }
-    if (ht_frame_take(&l->incoming, l->octets, octets, &used) == HT_FRAME_WHOLE) {
-        octets = ht_pil_answer(l->local, &l->incoming, &l->request);
-    } else {
-        octets = ht_pil_complain(&l->request);
-    }
-    for (i = 0u; i < octets; i++) {
-        l->octets[i] = ht_frame_octet(&l->request, i);
-    }
-    ht_frame_reset(&l->reply);
-    if (ht_frame_take(&l->reply, l->octets, octets, &used) != HT_FRAME_WHOLE) {
+    if (!whole) {
         down(l, HT_LINK_BROKEN);
     }
 }
 
-/* Send the open request, wait for its reply. True if there is one to look at. */
-static bool exchange(ht_link *l, uint16_t type)
+/* Send the open request and wait for its reply. True if there is one to look at: `r` is at its
+ * payload then. */
+static bool exchange(ht_link *l, uint16_t opcode, ht_reader *r)
 {
-    uint16_t octets = ht_frame_end(&l->request);
+    uint16_t answered;
+    uint16_t number;
     l->heard = 0u;
     if (l->error != (uint16_t)HT_LINK_UP) {
         return false;
     }
+    ht_incoming_reset(&l->reply);
     if (l->local != NULL) {
-        through_local(l, octets);
+        through_local(l, close_request(l));
     } else {
         int64_t until_ms = now_ms() + l->timeout_ms;
-        send(l, octets, until_ms);
+        send(l, close_request(l), until_ms);
         receive(l, until_ms);
     }
     if (l->error != (uint16_t)HT_LINK_UP) {
         return false;
     }
-    if (ht_frame_type(&l->reply) == (uint16_t)HT_PIL_BROKEN) {
+    ht_reader_begin(r, l->reply.octet, l->reply.n);
+    answered = ht_read8(r);
+    number = ht_read8(r);
+    l->result = ht_read8(r);
+    l->state = ht_read8(r);
+    l->faults = ht_read16(r);
+    if (answered == ((uint16_t)HT_OP_PIL_DAMAGED | (uint16_t)HT_OP_REPLY)) {
         down(l, HT_LINK_BROKEN);
-        return false;
-    }
-    if ((ht_frame_type(&l->reply) != (uint16_t)(type | (uint16_t)HT_PIL_REPLY))
-        || (ht_frame_number(&l->reply) != l->number) || (ht_frame_length(&l->reply) == 0u)) {
+    } else if ((answered != (opcode | (uint16_t)HT_OP_REPLY)) || (number != l->number)
+               || r->exceeded) {
         down(l, HT_LINK_ANSWER);
-        return false;
+    } else if (l->result >= (uint16_t)HT_PIL_REFUSED) {
+        down(l, HT_LINK_REFUSED);
+    } else {
+        return true;
     }
-    return true;
+    return false;
 }
 
-static void begin(ht_link *l, uint16_t type)
+static void begin(ht_link *l, uint16_t opcode)
 {
     l->number = (uint16_t)((l->number + 1u) & 0xFFu);
-    ht_frame_begin(&l->request, type, l->number);
+    ht_packet_begin(&l->request);
+    ht_packet_add8(&l->request, opcode);
+    ht_packet_add8(&l->request, l->number);
 }
 
-/* What the driver will find when a target that tells calls has made them, without a
- * trace: the calls themselves follow the reply. */
-static void look(ht_link *l)
+/* What the driver will find in the registers when it makes a call target's calls. Looking
+ * leaves no trace: the calls themselves follow with the reply. */
+static void look(ht_link *l, ht_pil_inputs *in)
 {
     uint32_t accesses = l->registers.accesses;
     uint16_t *status = ht_regfile_word(&l->registers, l->port.map->eqep + QEPSTS);
     uint16_t flags = *status;
-    ht_samples samples;
-    ht_capture capture;
     uint16_t leg;
-    int channel;
-    ht_port_read(&l->port, &samples);
-    ht_port_read_capture(&l->port, &capture);
-    for (channel = 0; channel < HT_ADC_CHANNELS; channel++) {
-        l->input[HT_INPUT_ADC + channel] = samples.adc[channel];
-    }
-    l->input[HT_INPUT_POSITION] = (uint16_t)(samples.position & 0xFFFFu);
-    l->input[HT_INPUT_POSITION + 1] = (uint16_t)(samples.position >> 16);
-    l->input[HT_INPUT_TRIPPED] = 0u;
+    ht_port_read(&l->port, &in->samples);
+    ht_port_read_capture(&l->port, &in->capture);
+    in->tripped = 0u;
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
         if (ht_port_leg_tripped(&l->port, leg)) {
-            l->input[HT_INPUT_TRIPPED] = (uint16_t)(l->input[HT_INPUT_TRIPPED] | (1u << leg));
+            in->tripped = (uint16_t)(in->tripped | (1u << leg));
         }
     }
-    l->input[HT_INPUT_TRIP_PIN_LOW] = ht_port_trip_pin_low(&l->port) ? 1u : 0u;
-    l->input[HT_INPUT_OVERRUN] = 0u; /* nothing comes in between here */
-    l->input[HT_INPUT_PERIOD_TICKS] = capture.period_ticks;
-    l->input[HT_INPUT_AGE_TICKS] = capture.age_ticks;
-    l->input[HT_INPUT_FLAGS] = (uint16_t)((capture.event ? (unsigned)HT_FLAG_EVENT : 0u)
-                                          | (capture.overflow ? (unsigned)HT_FLAG_OVERFLOW : 0u)
-                                          | (capture.reversed ? (unsigned)HT_FLAG_REVERSED : 0u)
-                                          | (capture.forward ? (unsigned)HT_FLAG_FORWARD : 0u));
+    in->trip_pin_low = ht_port_trip_pin_low(&l->port);
+    in->overrun = false; /* no conversion ends during an interrupt here */
     *status = flags;
     l->registers.accesses = accesses;
 }
 
-static void add_inputs(ht_link *l)
+/* What the hardware did: the end of a request. */
+static void add_hardware(ht_link *l)
 {
-    int i;
-    look(l);
-    for (i = 0; i < HT_INPUTS; i++) {
-        ht_frame_add(&l->request, l->input[i]);
+    if (l->calls != 0u) {
+        ht_pil_inputs in;
+        look(l, &in);
+        ht_pil_inputs_add(&l->request, &in);
+    } else {
+        ht_mirror_tell(&l->mirror, &l->request);
     }
 }
 
-/* One call on the driver; `word` are its code and arguments. Returns how many words
- * those are, 0 if there is no such call or it goes another way than on the target. */
-static uint16_t make_call(ht_link *l, const uint16_t *word, uint16_t words)
+/* One call on the driver. False if there is no such call, or if the driver gives another
+ * answer than the drive got on the target. */
+static bool make_call(ht_link *l, ht_reader *r)
 {
     ht_pwm_setup setup;
     ht_compare pattern;
     ht_samples samples;
     ht_capture capture;
-    int leg;
-    switch (word[0]) {
+    uint16_t leg;
+    switch (ht_read16(r)) {
     case HT_CALL_INIT:
-        if (words < 6u) {
-            return 0u;
-        }
-        setup.period_counts = word[1];
-        setup.dead_counts = word[2];
-        setup.shadow = word[3] != 0u;
-        setup.slow_Hz = ht_frame_float(&word[4]);
+        setup.period_counts = ht_read16(r);
+        setup.dead_counts = ht_read16(r);
+        setup.shadow = ht_read16(r) != 0u;
+        setup.slow_Hz = ht_read_float(r);
         (void)ht_port_init(&l->port, &setup);
-        return 6u;
+        return true;
     case HT_CALL_WRITE:
-        if (words < 14u) {
-            return 0u;
+        pattern.start = ht_read16(r);
+        for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+            pattern.ca[leg] = ht_read16(r);
         }
-        pattern.start = word[1];
-        for (leg = 0; leg < HT_LEGS; leg++) {
-            pattern.ca[leg] = word[2 + leg];
-            pattern.cb[leg] = word[2 + HT_LEGS + leg];
+        for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+            pattern.cb[leg] = ht_read16(r);
         }
         ht_port_write(&l->port, &pattern);
-        return 14u;
+        return true;
     case HT_CALL_GATES_OFF:
         ht_port_gates_off(&l->port);
-        return 1u;
+        return true;
     case HT_CALL_GATES_ON:
-        return ((words >= 2u) && (ht_port_gates_on(&l->port) == (word[1] != 0u))) ? 2u : 0u;
+        return ht_port_gates_on(&l->port) == (ht_read16(r) != 0u);
     case HT_CALL_TRIP_PIN_LOW:
-        return ((words >= 2u) && (ht_port_trip_pin_low(&l->port) == (word[1] != 0u))) ? 2u : 0u;
+        return ht_port_trip_pin_low(&l->port) == (ht_read16(r) != 0u);
     case HT_CALL_TRIPPED:
-        return ((words >= 2u) && (ht_port_tripped(&l->port) == (word[1] != 0u))) ? 2u : 0u;
+        return ht_port_tripped(&l->port) == (ht_read16(r) != 0u);
     case HT_CALL_LEG_TRIPPED:
-        return ((words >= 3u) && (word[1] < (uint16_t)HT_LEGS)
-                && (ht_port_leg_tripped(&l->port, word[1]) == (word[2] != 0u)))
-                   ? 3u
-                   : 0u;
+        leg = ht_read16(r);
+        return (leg < (uint16_t)HT_LEGS)
+               && (ht_port_leg_tripped(&l->port, leg) == (ht_read16(r) != 0u));
     case HT_CALL_BEGIN_FAST:
         ht_port_begin_fast(&l->port);
-        return 1u;
+        return true;
     case HT_CALL_READ:
         ht_port_read(&l->port, &samples);
-        return 1u;
+        return true;
     case HT_CALL_READ_CAPTURE:
         ht_port_read_capture(&l->port, &capture);
-        return 1u;
+        return true;
     case HT_CALL_OVERRUN:
-        return ((words >= 2u) && (ht_port_overrun(&l->port) == (word[1] != 0u))) ? 2u : 0u;
+        return ht_port_overrun(&l->port) == (ht_read16(r) != 0u);
     case HT_CALL_ACK_FAST:
         ht_port_ack_fast(&l->port);
-        return 1u;
+        return true;
     default:
-        return 0u;
+        return false;
     }
 }
 
-/* Do what the target's driver did. */
-static void follow(ht_link *l, const uint16_t *reply, uint16_t rest, uint16_t words)
+/* Do what the target's driver did: the end of a reply. */
+static void follow(ht_link *l, ht_reader *r)
 {
+    bool together = true;
     if (l->calls != 0u) {
-        while (rest < words) {
-            uint16_t used = make_call(l, &reply[rest], (uint16_t)(words - rest));
-            if (used == 0u) {
-                down(l, HT_LINK_PARTED);
-                return;
-            }
-            rest = (uint16_t)(rest + used);
+        while (together && (r->left != 0u)) {
+            together = make_call(l, r);
         }
-        return;
+    } else {
+        uint32_t digest;
+        l->registers.accesses = ht_read32(r);
+        l->registers.violations = ht_read32(r);
+        digest = ht_read32(r);
+        if (!ht_mirror_take(&l->mirror, r)) {
+            down(l, HT_LINK_ANSWER);
+        }
+        together = ht_mirror_digest(&l->mirror, l->number) == digest;
     }
-    if (!ht_mirror_apply(&l->mirror, &reply[rest], (uint16_t)(words - rest))) {
+    if (r->exceeded) {
         down(l, HT_LINK_ANSWER);
-        return;
-    }
-    if (ht_mirror_digest(&l->mirror, l->number) != ht_frame_32(&reply[HT_PIL_AT_DIGEST])) {
+    } else if (!together) {
         down(l, HT_LINK_PARTED);
-        return;
+    } else {
+        /* both ends have the same */
     }
-    l->registers.accesses = ht_frame_32(&reply[HT_PIL_AT_ACCESSES]);
-    l->registers.violations = ht_frame_32(&reply[HT_PIL_AT_VIOLATIONS]);
 }
 
-/* Take the reply over. */
-static void digest(ht_link *l)
+/* Send the open request and take its reply over. */
+static void operate(ht_link *l, uint16_t opcode)
 {
-    const uint16_t *word = ht_frame_payload(&l->reply);
-    uint16_t words = ht_frame_length(&l->reply);
-    uint16_t channels;
-    uint16_t rest;
+    ht_reader r;
+    uint16_t flags = 0u;
     uint16_t i;
-    l->result = word[HT_PIL_AT_RESULT];
-    if (l->result == (uint16_t)HT_PIL_REFUSED) {
-        down(l, HT_LINK_REFUSED);
-        return;
+    if (!exchange(l, opcode, &r) || (r.left == 0u)) {
+        return; /* nothing left: INIT, with parameters that the drive refused */
     }
-    if (words == 1u) {
-        return; /* an INIT whose parameters do not fit */
-    }
-    channels = (words >= (uint16_t)HT_PIL_AT_REST) ? word[HT_PIL_AT_CHANNELS] : 0xFFFFu;
-    rest = (uint16_t)(HT_PIL_AT_REST + 2u * channels);
-    if ((channels > (uint16_t)HT_PIL_CHANNELS) || (rest > words)) {
+    if (ht_channel_count() > (uint16_t)HT_PIL_CHANNELS) {
         down(l, HT_LINK_ANSWER);
         return;
     }
-    l->state = word[HT_PIL_AT_STATE];
-    l->faults = word[HT_PIL_AT_FAULTS];
-    l->value = ht_frame_float(&word[HT_PIL_AT_VALUE]);
-    for (i = 0u; i < channels; i++) {
-        l->channels[i] = ht_frame_float(&word[HT_PIL_AT_REST + 2u * i]);
+    l->value = ht_read_float(&r);
+    for (i = 0u; i < ht_channel_count(); i++) {
+        if ((i % 8u) == 0u) {
+            flags = ht_read8(&r);
+        }
+        if ((flags & (1u << (i % 8u))) != 0u) {
+            l->told[i] = ht_read_float(&r);
+        }
     }
-    follow(l, word, rest, words);
+    (void)memcpy(l->channels, l->told, sizeof l->channels);
+    follow(l, &r);
 }
 
 uint32_t ht_link_baud(void)
@@ -387,100 +389,90 @@ void ht_link_reset(ht_link *l)
     l->error = (uint16_t)HT_LINK_UP;
     l->number = 0u;
     l->flip_request = 0u;
-    ht_frame_reset(&l->incoming);
-    ht_frame_reset(&l->reply);
     if (l->local != NULL) {
-        ht_pil_reset(l->local);
+        ht_pil_line_reset(l->local);
     }
 }
 
-void ht_link_hello(ht_link *l, uint16_t *identity)
+void ht_link_hello(ht_link *l, ht_pil_identity *identity)
 {
-    uint16_t i;
-    begin(l, HT_PIL_HELLO);
-    if (exchange(l, HT_PIL_HELLO) && (ht_frame_length(&l->reply) != (uint16_t)HT_PIL_IDENTITY)) {
-        down(l, HT_LINK_ANSWER);
+    ht_reader r;
+    (void)memset(identity, 0, sizeof *identity);
+    begin(l, HT_OP_PIL_HELLO);
+    if (exchange(l, HT_OP_PIL_HELLO, &r)) {
+        identity->version = ht_read16(&r);
+        identity->params = ht_read16(&r);
+        identity->channels = ht_read16(&r);
+        identity->registers = ht_read16(&r);
+        identity->names = ht_read32(&r);
+        l->calls = (identity->registers == 0u) ? 1u : 0u;
+        if (!ht_reader_done(&r)) {
+            down(l, HT_LINK_ANSWER);
+        }
     }
-    for (i = 0u; i < (uint16_t)HT_PIL_IDENTITY; i++) {
-        identity[i] =
-            (l->error == (uint16_t)HT_LINK_UP) ? ht_frame_payload(&l->reply)[i] : (uint16_t)0u;
-    }
-    l->calls = (identity[3] == 0u) ? 1u : 0u;
 }
 
 void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
 {
     const ht_board *board = (device == 0u) ? &ht_board_f28335 : &ht_board_f28377s;
-    const ht_c2000_map *map = board->map;
     uint16_t id;
-    ht_regfile_reset(&l->registers, map);
-    ht_mirror_init(&l->mirror, &l->registers, map);
+    ht_regfile_reset(&l->registers, board->map);
+    ht_mirror_init(&l->mirror, &l->registers, board->map);
     begin_log(&l->log, &l->mirror);
     ht_port_bind(&l->port, &l->registers, board);
+    (void)memset(l->told, 0, sizeof l->told);
     if ((l->calls != 0u) && !ht_board_start(&l->port)) {
         down(l, HT_LINK_PARTED); /* never: the model's clock starts */
     }
-    begin(l, HT_PIL_INIT);
-    ht_frame_add(&l->request, device);
-    for (id = 0u; id < HT_PARAMS; id++) {
-        ht_frame_add_float(&l->request, p->v[id]);
+    begin(l, HT_OP_PIL_INIT);
+    ht_packet_add8(&l->request, device);
+    for (id = 0u; id < (uint16_t)HT_PARAMS; id++) {
+        ht_packet_add_float(&l->request, p->v[id]);
     }
     if (l->calls != 0u) {
-        ht_frame_add_float(&l->request, ht_port_pwm_clock_Hz(&l->port));
-        ht_frame_add_float(&l->request, ht_port_capture_clock_Hz(&l->port));
-        ht_frame_add_float(&l->request, board->dead_min_us);
-        ht_frame_add(&l->request, map->dead_max_counts);
-        add_inputs(l);
+        ht_pil_hardware hardware;
+        hardware.pwm_clock_Hz = ht_port_pwm_clock_Hz(&l->port);
+        hardware.capture_clock_Hz = ht_port_capture_clock_Hz(&l->port);
+        hardware.dead_min_us = board->dead_min_us;
+        hardware.dead_max_counts = board->map->dead_max_counts;
+        ht_pil_hardware_add(&l->request, &hardware);
     }
-    if (exchange(l, HT_PIL_INIT)) {
-        digest(l);
-    }
+    add_hardware(l); /* register target: nothing has changed so far */
+    operate(l, HT_OP_PIL_INIT);
 }
 
-void ht_link_request(ht_link *l, uint16_t type, uint16_t argument, float value)
+void ht_link_request(ht_link *l, uint16_t opcode, uint16_t argument, float value)
 {
-    uint16_t pairs[2 * HT_MIRROR_MAX];
-    uint16_t n;
-    uint16_t i;
-    begin(l, type);
-    ht_frame_add(&l->request, argument);
-    ht_frame_add_float(&l->request, value);
-    if (l->calls != 0u) {
-        add_inputs(l);
-    } else {
-        n = ht_mirror_changes(&l->mirror, pairs);
-        for (i = 0u; i < n; i++) {
-            ht_frame_add(&l->request, pairs[i]);
-        }
+    begin(l, opcode);
+    ht_packet_add16(&l->request, argument);
+    if (opcode == (uint16_t)HT_OP_PIL_SET) {
+        ht_packet_add_float(&l->request, value);
     }
-    if (exchange(l, type)) {
-        digest(l);
-    }
+    add_hardware(l);
+    operate(l, opcode);
 }
 
 void ht_link_snapshot(ht_link *l, ht_snapshot *s)
 {
-    begin(l, HT_PIL_SNAPSHOT);
-    if (exchange(l, HT_PIL_SNAPSHOT)) {
-        const uint16_t *word = ht_frame_payload(&l->reply);
-        if (word[HT_PIL_AT_RESULT] != (uint16_t)HT_OK) {
-            down(l, HT_LINK_REFUSED);
-        } else if (ht_frame_length(&l->reply) != 1u + (uint16_t)HT_PIL_SNAPSHOT_WORDS) {
+    ht_reader r;
+    begin(l, HT_OP_PIL_SNAPSHOT);
+    if (exchange(l, HT_OP_PIL_SNAPSHOT, &r)) {
+        if (r.left != (uint16_t)HT_SNAPSHOT_BYTES) {
             down(l, HT_LINK_ANSWER);
         } else {
-            ht_pil_snapshot_take(&word[1], s);
+            ht_snapshot_take(r.octet, s);
         }
     }
 }
 
 void ht_link_fast(ht_link *l)
 {
-    ht_link_request(l, HT_PIL_STEP, HT_PIL_FAST, 0.0f);
+    ht_link_request(l, HT_OP_PIL_STEP, HT_PIL_FAST, 0.0f);
 }
 
 void ht_link_slow(ht_link *l)
 {
-    ht_link_request(l, HT_PIL_STEP, HT_PIL_SLOW, 0.0f);
+    ht_link_request(l, HT_OP_PIL_STEP, HT_PIL_SLOW, 0.0f);
 }
 
 void ht_link_slow_unseen(ht_link *l)

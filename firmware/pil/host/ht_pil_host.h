@@ -5,15 +5,12 @@
 #ifndef HT_PIL_HOST_H
 #define HT_PIL_HOST_H
 
-#include "ht_pil.h"
-#include "ht_pil_codes.h"
+#include "ht_pil_calls.h"
+#include "ht_pil_line.h"
 
 /** Words of an image: all registers of the mirror, then accesses (32 bits) and
  *  violations (32 bits) of the register file. */
 #define HT_IMAGE_EXTRA 4
-
-/** Octets of the largest frame. */
-#define HT_FRAME_OCTETS (2u * (HT_FRAME_HEAD + HT_FRAME_PAYLOAD + HT_FRAME_SUM))
 
 /** Keeps what the registers hold after every period. */
 typedef struct {
@@ -52,29 +49,29 @@ typedef enum {
 
 /** A drive on a target. */
 typedef struct {
-    ht_regfile registers;  /**< the plant's side of the target's registers */
+    ht_regfile registers; /**< the plant's side of the target's registers */
     ht_mirror mirror;
     ht_log log;
-    ht_port port;          /**< driver for a target that tells calls */
-    uint16_t calls;        /**< 1: the target tells calls, 0: register changes */
-    uint16_t input[HT_INPUTS]; /**< of the latest request to such a target */
-    ht_pil *local;         /**< a target in this process, or NULL */
-    int to_target;         /**< file descriptors, if not local */
+    ht_port port;       /**< driver that makes a call target's calls */
+    uint16_t calls;     /**< 1: call target, 0: register target */
+    ht_pil_line *local; /**< a target in this process, or NULL */
+    int to_target;      /**< file descriptors, if not local */
     int from_target;
     int timeout_ms;
-    uint32_t heard;        /**< octets that came since the latest request */
-    uint16_t error;        /**< ht_link_error */
-    uint16_t number;       /**< of the latest request */
-    uint16_t result;       /**< what follows: of the latest reply */
+    uint32_t heard;  /**< bytes that came since the latest request */
+    uint16_t error;  /**< ht_link_error */
+    uint16_t number; /**< of the latest request */
+    uint16_t result; /**< what follows: of the latest reply */
     uint16_t state;
     uint16_t faults;
     float value;
-    float channels[HT_PIL_CHANNELS];
-    uint32_t flip_request; /**< octet, from 1, of the next request to be spoilt; 0 = none */
-    ht_frame request;
-    ht_frame incoming;     /**< of a local target */
-    ht_frame reply;
-    unsigned char octets[HT_FRAME_OCTETS];
+    float told[HT_PIL_CHANNELS];     /**< channels as the latest reply left them */
+    float channels[HT_PIL_CHANNELS]; /**< channels as they are recorded */
+    uint32_t flip_request; /**< byte, from 1, of the next request's frame to damage; 0: none */
+    ht_packet request;
+    ht_outgoing out;
+    ht_incoming reply;
+    unsigned char bytes[HT_PACKET_LINE];
 } ht_link;
 
 /** Rate of a board's serial line unless it is built for another one, baud. */
@@ -82,13 +79,13 @@ uint32_t ht_link_baud(void);
 
 /** Forget everything but the connection. */
 void ht_link_reset(ht_link *l);
-/** Who is there: fills HT_PIL_IDENTITY words. First of all: it tells what kind of target
- *  that is. */
-void ht_link_hello(ht_link *l, uint16_t *identity);
+/** Who is there? The first request: it tells what kind of target that is. */
+void ht_link_hello(ht_link *l, ht_pil_identity *identity);
 /** A new drive; registers start from reset on both sides. */
 void ht_link_init(ht_link *l, uint16_t device, const ht_params *p);
-/** One request; `result`, `value` and the rest of the link hold the reply. */
-void ht_link_request(ht_link *l, uint16_t type, uint16_t argument, float value);
+/** STEP, START, STOP, CLEAR, SET or GET. `argument`: interrupts of STEP, parameter's id of SET
+ *  and GET. `result`, `value` and the rest of the link hold the reply. */
+void ht_link_request(ht_link *l, uint16_t opcode, uint16_t argument, float value);
 /** What the target kept of its latest fault. The drive and its hardware do not notice. */
 void ht_link_snapshot(ht_link *l, ht_snapshot *s);
 /** Entry points, as those of `ht_watch`. */

@@ -1,20 +1,18 @@
 #include "ht_mirror.h"
 
-#include "ht_frame.h"
 #include "port.h"
 
 #define LEG_REGISTERS 21
 #define EQEP_WORDS 0x21u
-#define ABSENT 0xFFFFu
+#define ABSENT 0xFFFFu /* ht_c2000_map.h */
 #define PIEACK 0x0CE1u
-#define ADCTRL2 0x7101u /* F28335 */
 
 uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
 {
     const uint16_t offset[LEG_REGISTERS] = {
-        m->tbctl,  m->tbctr,  m->tbprd,   m->tbphs, m->cmpctl, m->cmpa,  m->cmpb,
-        m->aqctl,  m->aqctla, m->aqsfrc,  m->aqcsfrc, m->dbctl, m->dbred, m->dbfed,
-        m->tzsel,  m->tzctl,  m->tzflg,   m->tzclr, m->tzfrc,  m->etsel, m->etps,
+        m->tbctl, m->tbctr,  m->tbprd,  m->tbphs,   m->cmpctl, m->cmpa,  m->cmpb,
+        m->aqctl, m->aqctla, m->aqsfrc, m->aqcsfrc, m->dbctl,  m->dbred, m->dbfed,
+        m->tzsel, m->tzctl,  m->tzflg,  m->tzclr,   m->tzfrc,  m->etsel, m->etps,
     };
     uint16_t n = 0u;
     uint16_t i;
@@ -38,8 +36,8 @@ uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
     if (m->adc_clear != m->adc_flag) {
         out[n++] = m->adc_clear;
     }
-    if (m->device == HT_F28335) {
-        out[n++] = ADCTRL2;
+    if (m->adc_sequencer != ABSENT) {
+        out[n++] = m->adc_sequencer;
     }
     out[n++] = PIEACK;
     return n;
@@ -56,39 +54,61 @@ void ht_mirror_init(ht_mirror *m, ht_regfile *registers, const ht_c2000_map *map
     }
 }
 
-uint16_t ht_mirror_changes(ht_mirror *m, uint16_t *pairs)
+/* The end of the run of changes that begins at `first`. */
+static uint16_t run_end(const ht_mirror *m, uint16_t first)
 {
-    uint16_t *const *cell = m->cell;
-    uint16_t *agreed = m->agreed;
-    const uint16_t *end = agreed + m->count;
-    uint16_t n = 0u;
-    for (; agreed != end; agreed++) {
-        uint16_t value = **cell++;
-        if (value != *agreed) {
-            *agreed = value;
-            pairs[n] = (uint16_t)(agreed - m->agreed);
-            pairs[n + 1u] = value;
-            n = (uint16_t)(n + 2u);
+    uint16_t end = (uint16_t)(first + 1u);
+    uint16_t i;
+    for (i = end; (i < m->count) && (i <= (uint16_t)(end + 1u)); i++) {
+        if (*m->cell[i] != m->agreed[i]) {
+            end = (uint16_t)(i + 1u);
         }
     }
-    return n;
+    return end;
 }
 
-bool ht_mirror_apply(ht_mirror *m, const uint16_t *pairs, uint16_t words)
+/* The first change from `i` on; `count` if there is none. */
+static uint16_t next_change(const ht_mirror *m, uint16_t i)
 {
-    uint16_t n;
-    if ((words & 1u) != 0u) {
-        return false;
+    uint16_t *const *cell = &m->cell[i];
+    const uint16_t *agreed = &m->agreed[i];
+    const uint16_t *end = &m->agreed[m->count];
+    while ((agreed != end) && (**cell == *agreed)) {
+        cell++;
+        agreed++;
     }
-    for (n = 0u; n < words; n = (uint16_t)(n + 2u)) {
-        uint16_t i = pairs[n];
-        if (i >= m->count) {
+    return (uint16_t)(agreed - m->agreed);
+}
+
+void ht_mirror_tell(ht_mirror *m, ht_packet *p)
+{
+    uint16_t i = next_change(m, 0u);
+    while (i < m->count) {
+        uint16_t end = run_end(m, i);
+        ht_packet_add8(p, i);
+        ht_packet_add8(p, (uint16_t)(end - i));
+        for (; i < end; i++) {
+            m->agreed[i] = *m->cell[i];
+            ht_packet_add16(p, m->agreed[i]);
+        }
+        i = next_change(m, end);
+    }
+}
+
+bool ht_mirror_take(ht_mirror *m, ht_reader *r)
+{
+    while (r->left != 0u) {
+        uint16_t i = ht_read8(r);
+        uint16_t end = (uint16_t)(i + ht_read8(r));
+        if (end > m->count) {
             return false;
         }
-        m->agreed[i] = pairs[n + 1u];
-        *m->cell[i] = pairs[n + 1u];
+        for (; i < end; i++) {
+            m->agreed[i] = ht_read16(r);
+            *m->cell[i] = m->agreed[i];
+        }
     }
-    return true;
+    return !r->exceeded;
 }
 
 uint32_t ht_mirror_digest(const ht_mirror *m, uint16_t turn)
@@ -96,7 +116,7 @@ uint32_t ht_mirror_digest(const ht_mirror *m, uint16_t turn)
     uint32_t sum = 0u;
     uint16_t i;
     for (i = turn % HT_MIRROR_TURNS; i < m->count; i = (uint16_t)(i + HT_MIRROR_TURNS)) {
-        sum = ht_fletcher(sum, m->cell[i], 1u);
+        sum = ((sum << 5) | (sum >> 27)) ^ *m->cell[i];
     }
     return sum;
 }

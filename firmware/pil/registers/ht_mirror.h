@@ -1,7 +1,7 @@
 /** @file ht_mirror.h
- *  The registers of a drive as a numbered list, and what changed in them: what host
- *  and target tell each other about the register file (docs/pil.md). All the ePWM
- *  registers in use, ADC results, flag and its commands, eQEP, levels of the pins of port A,
+ *  The registers of a drive as a numbered list, and what changed in them: what host and
+ *  register target tell each other (docs/pil.md). The list has the ePWM registers in use of
+ *  each leg, ADC results, the ADC's flag and its commands, eQEP, levels of the pins of port A,
  *  interrupt acknowledge.
  */
 #ifndef HT_MIRROR_H
@@ -10,15 +10,17 @@
 #include <stdbool.h>
 
 #include "ht_c2000_map.h"
+#include "ht_packet.h"
+#include "ht_reader.h"
 #include "ht_regfile.h"
 
 /** Registers of a device, at most. */
-enum { HT_MIRROR_MAX = 200 };
+enum { HT_MIRROR_MAX = 176 };
 
 typedef struct {
     uint16_t count;
-    uint16_t *cell[HT_MIRROR_MAX];    /**< into the register file */
-    uint16_t agreed[HT_MIRROR_MAX];   /**< what the other side knows */
+    uint16_t *cell[HT_MIRROR_MAX];  /**< into the register file */
+    uint16_t agreed[HT_MIRROR_MAX]; /**< what the other side knows */
 } ht_mirror;
 
 /** List the registers of a freshly started `registers`: that is what both sides know. */
@@ -28,15 +30,18 @@ void ht_mirror_init(ht_mirror *m, ht_regfile *registers, const ht_c2000_map *map
  *  number. */
 uint16_t ht_mirror_addresses(const ht_c2000_map *map, uint32_t *out);
 
-/** Write (index, value) of every change since the last exchange to `pairs`. Returns
- *  the number of words, at most 2 HT_MIRROR_MAX. */
-uint16_t ht_mirror_changes(ht_mirror *m, uint16_t *pairs);
+/** Append every change since the last exchange, as runs: number of the first register and
+ *  number of registers (a byte each), then their values (16 bits each). A run goes on over a
+ *  single unchanged register, so all runs together take at most HT_MIRROR_BYTES. */
+void ht_mirror_tell(ht_mirror *m, ht_packet *p);
+enum { HT_MIRROR_BYTES = 2 + 2 * HT_MIRROR_MAX };
 
-/** Take over what the other side changed. False if that cannot be. */
-bool ht_mirror_apply(ht_mirror *m, const uint16_t *pairs, uint16_t words);
+/** Take over what the other side changed: the rest of `r`. False if that cannot be. */
+bool ht_mirror_take(ht_mirror *m, ht_reader *r);
 
-/** Checksum of registers that both sides should agree on: of every HT_MIRROR_TURNS-th in
- *  turn. Over as many turns it covers all of them. */
+/** Sum of registers that both sides should agree on, each turned on by 5 bits: every
+ *  HT_MIRROR_TURNS-th, from number `turn` (modulo HT_MIRROR_TURNS) on. Over as many turns it
+ *  covers all of them. A frame has its CRC; this notices register files that differ. */
 #define HT_MIRROR_TURNS 16u
 uint32_t ht_mirror_digest(const ht_mirror *m, uint16_t turn);
 

@@ -1,11 +1,10 @@
 /** @file ht_pil_side.h
- *  A target with the C2000 driver and a register model of its own: it tells the host
- *  which registers changed.
+ *  A register target: it has the C2000 driver and a register model of its own, and tells the
+ *  host which registers changed.
  */
 #ifndef HT_PIL_SIDE_H
 #define HT_PIL_SIDE_H
 
-#include "ht_frame.h"
 #include "ht_mirror.h"
 #include "ht_port_c2000.h"
 

@@ -41,7 +41,7 @@
 #define ADCINLTRIM2 0x72u
 #define ADCINLTRIM4 0x76u
 #define ADCINLTRIM5 0x78u
-#define OTP_INL_TRIM_A 0x0703B4u  /* functions of TI's in OTP */
+#define OTP_INL_TRIM_A 0x0703B4u /* functions of TI's in OTP */
 #define OTP_INL_TRIM_B 0x0703B2u
 #define OTP_OFFSET_TRIM 0x0703ACu /* argument: 4 x ADC, + 0 = 12 bits, single-ended */
 #define OTP_OFFSET_TRIM_B 4u
@@ -139,7 +139,7 @@ static void start_adc_f28377s(ht_port *port)
 
 void ht_adc_start(ht_port *port)
 {
-    if (port->map->device == HT_F28335) {
+    if (port->map->adc_sequencer) {
         start_adc_f28335(port);
     } else {
         start_adc_f28377s(port);
@@ -160,7 +160,7 @@ void ht_port_read(ht_port *port, ht_samples *samples)
 void ht_port_begin_fast(ht_port *port)
 {
     HT_WR16(port->io, port->map->adc_clear, port->map->adc_clear_bit);
-    if (port->map->device == HT_F28335) { /* the sequencer stands where it stopped */
+    if (port->map->adc_sequencer) { /* the sequencer stands where it stopped */
         HT_WR16(port->io, ADCTRL2, ADCTRL2_RUN | ADCTRL2_RST_SEQ1);
     } else if ((HT_RD16(port->io, ADCA + ADCINTOVF) & ADCINT1) != 0u) {
         /* Errata: the end of a conversion in the instant of the clear keeps the flag set. */

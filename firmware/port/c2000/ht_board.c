@@ -19,8 +19,10 @@ const ht_board ht_board_f28335 = {
     .pll_multiplier = 10u,
     .modules = 0x003Fu,
     .module = {0u, 1u, 2u, 3u, 4u, 5u},
+    /* clang-format off */
     .pwm = {{0u, 1u}, {1u, 1u}, {2u, 1u}, {3u, 1u}, {4u, 1u}, {5u, 1u},
             {6u, 1u}, {7u, 1u}, {8u, 1u}, {9u, 1u}, {10u, 1u}, {11u, 1u}},
+    /* clang-format on */
     .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
     .dead_min_us = IGBT_DEAD_MIN_US,
     .trip = {12u, 1u},
@@ -38,8 +40,10 @@ const ht_board ht_board_f28377s = {
     .pll_multiplier = 20u,
     .modules = 0x003Fu,
     .module = {0u, 1u, 2u, 3u, 4u, 5u},
+    /* clang-format off */
     .pwm = {{0u, 1u}, {1u, 1u}, {2u, 1u}, {3u, 1u}, {4u, 1u}, {5u, 1u},
             {6u, 1u}, {7u, 1u}, {8u, 1u}, {9u, 1u}, {10u, 1u}, {11u, 1u}},
+    /* clang-format on */
     .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
     .dead_min_us = IGBT_DEAD_MIN_US,
     .trip = {12u, 0u},
@@ -48,7 +52,7 @@ const ht_board ht_board_f28377s = {
     .receive = {28u, 1u},
     .transmit = {29u, 1u},
     .channel = {2u, 2u, 3u, 3u, 4u, 4u, 14u}, /* A2 B2 A3 B3 A4 B4, ADCIN14 */
-    .baud = 1250000u, /* exact */
+    .baud = 1250000u,                         /* exact */
 };
 
 const ht_board ht_board_launchxl_f28377s = {
@@ -57,8 +61,10 @@ const ht_board ht_board_launchxl_f28377s = {
     .pll_multiplier = 40u,
     .modules = 0x03FFu, /* the sync signal passes through 3, 4 and 5 */
     .module = {1u, 5u, 6u, 7u, 8u, 9u},
+    /* clang-format off */
     .pwm = {{2u, 1u}, {3u, 1u}, {10u, 1u}, {11u, 1u}, {12u, 1u}, {13u, 1u},
             {14u, 1u}, {15u, 1u}, {16u, 5u}, {17u, 5u}, {18u, 5u}, {19u, 5u}},
+    /* clang-format on */
     .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
     .dead_min_us = IGBT_DEAD_MIN_US,
     .trip = {4u, 0u},
@@ -67,5 +73,5 @@ const ht_board ht_board_launchxl_f28377s = {
     .receive = {85u, 5u},
     .transmit = {84u, 5u},
     .channel = {2u, 2u, 3u, 3u, 4u, 4u, 14u}, /* A2 B2 A3 B3 A4 B4, ADCIN14 */
-    .baud = 1250000u, /* exact */
+    .baud = 1250000u,                         /* exact */
 };

@@ -17,13 +17,13 @@ typedef struct {
 typedef struct {
     const char *name;
     const ht_c2000_map *map;
-    uint16_t pll_multiplier;          /**< crystal to twice SYSCLKOUT */
-    uint16_t modules;                 /**< ePWM modules with a clock: bit 0 = ePWM1 */
-    uint16_t module[HT_LEGS];         /**< of each leg, 0 = ePWM1 */
-    ht_pin pwm[2 * HT_LEGS];          /**< upper, lower switch of each leg */
-    bool gates_active_low;            /**< the gate drivers invert: a low pin switches on */
-    float dead_min_us;                /**< shortest dead time that the power stage stands */
-    ht_pin trip;                      /**< low trips all legs */
+    uint16_t pll_multiplier;  /**< crystal to twice SYSCLKOUT */
+    uint16_t modules;         /**< ePWM modules with a clock: bit 0 = ePWM1 */
+    uint16_t module[HT_LEGS]; /**< of each leg, 0 = ePWM1 */
+    ht_pin pwm[2 * HT_LEGS];  /**< upper, lower switch of each leg */
+    bool gates_active_low;    /**< the gate drivers invert: a low pin switches on */
+    float dead_min_us;        /**< shortest dead time that the power stage stands */
+    ht_pin trip;              /**< low trips all legs */
     ht_pin encoder_a;
     ht_pin encoder_b;
     ht_pin receive;
@@ -31,7 +31,7 @@ typedef struct {
     /** ADC inputs. F28377S: u1 w1 v1 and Vdc are ADC-A's, u2 w2 v2 ADC-B's, one of each at a
      *  time. ADCINA0, A1 and B1 have a pull-down of 50 kohm, B0 a capacitor: not for currents. */
     uint16_t channel[HT_MAP_CHANNELS];
-    uint32_t baud;                    /**< of the link */
+    uint32_t baud; /**< of the link */
 } ht_board;
 
 /** TI's F28335 controlCARD: 30 MHz. */

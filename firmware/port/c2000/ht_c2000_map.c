@@ -2,6 +2,11 @@
 
 const ht_c2000_map ht_f28335 = {
     .device = HT_F28335,
+    .clock_pllcr = true,
+    .flash_cached = false,
+    .gpio_groups = false,
+    .adc_sequencer = true,
+    .trip_select = 0u,
     .epwm = 0x6800u,
     .stride = 0x40u,
     .tbctl = 0x00u,
@@ -26,12 +31,14 @@ const ht_c2000_map ht_f28335 = {
     .one_shot = 0x0100u, /* OSHT1: the trip pin. TZ5 and TZ6 are pins of others here */
     .etsel = 0x19u,
     .etps = 0x1Au,
-    .adc_result = {0x7108u, 0x7109u, 0x710Au, 0x710Bu, 0x710Cu, 0x710Du, 0x710Eu}, /* left-justified */
+    .adc_result = {0x7108u, 0x7109u, 0x710Au, 0x710Bu, 0x710Cu, 0x710Du,
+                   0x710Eu}, /* left-justified */
     .adc_shift = 4u,
     .adc_flag = 0x7119u, /* ADCST: INT_SEQ1, INT_SEQ1_CLR */
     .adc_flag_bit = 0x0001u,
     .adc_clear = 0x7119u,
     .adc_clear_bit = 0x0010u,
+    .adc_sequencer = 0x7101u,
     .eqep = 0x6B00u,
     .sci = 0x7050u,
     .gpio = 0x6F80u,
@@ -43,11 +50,17 @@ const ht_c2000_map ht_f28335 = {
     .encoder_qualprd = 5u, /* 66.7 ns */
     .system_clock_Hz = 150.0e6f,
     .watchdog_Hz = 58593.75f, /* OSCCLK 30 MHz / 512 */
+    .has_syspll = false,
     .sci_clock_Hz = 75000000u,
 };
 
 const ht_c2000_map ht_f28377s = {
     .device = HT_F28377S,
+    .clock_pllcr = false,
+    .flash_cached = true,
+    .gpio_groups = true,
+    .adc_sequencer = false,
+    .trip_select = 0x7900u,
     .epwm = 0x4000u,
     .stride = 0x100u,
     .tbctl = 0x00u,
@@ -72,12 +85,14 @@ const ht_c2000_map ht_f28377s = {
     .one_shot = 0x3100u, /* OSHT1: the trip pin, OSHT5: clock failure, OSHT6: emulation stop */
     .etsel = 0xA4u,
     .etps = 0xA6u,
-    .adc_result = {0x0B00u, 0x0B20u, 0x0B01u, 0x0B21u, 0x0B02u, 0x0B22u, 0x0B03u}, /* ADC-A, ADC-B */
+    .adc_result = {0x0B00u, 0x0B20u, 0x0B01u, 0x0B21u, 0x0B02u, 0x0B22u,
+                   0x0B03u}, /* ADC-A, ADC-B */
     .adc_shift = 0u,
     .adc_flag = 0x7403u, /* ADCINTFLG, ADCINTFLGCLR of ADC-A: ADCINT1 */
     .adc_flag_bit = 0x0001u,
     .adc_clear = 0x7404u,
     .adc_clear_bit = 0x0001u,
+    .adc_sequencer = 0xFFFFu,
     .eqep = 0x5100u,
     .sci = 0x7200u,
     .gpio = 0x7C00u,
@@ -89,5 +104,6 @@ const ht_c2000_map ht_f28377s = {
     .encoder_qualprd = 7u, /* 70 ns */
     .system_clock_Hz = 200.0e6f,
     .watchdog_Hz = 19531.25f, /* INTOSC1 10 MHz / 512 */
+    .has_syspll = true,
     .sci_clock_Hz = 50000000u,
 };

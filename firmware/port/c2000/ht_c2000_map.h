@@ -1,6 +1,8 @@
 /** @file ht_c2000_map.h
- *  Where the two devices keep what the drivers share: word addresses, offsets and
- *  clocks. What only one device has is in the driver that uses it. Names are TI's.
+ *  In what the devices differ: word addresses, offsets and clocks of what the drivers share, and
+ *  flags for what one device has and another has not. The drivers ask these flags, never
+ *  which device it is. Registers that only one kind of device has are in the driver that uses
+ *  them. Names are TI's.
  *  Sources: TMS320x2833x and TMS320F2837xS technical reference manuals and data
  *  sheets.
  */
@@ -18,7 +20,15 @@ typedef enum { HT_F28335 = 0, HT_F28377S = 1 } ht_device;
 /** `epwm` + module * `stride` + offset addresses a PWM register (module 0 = ePWM1).
  *  An offset of 0xFFFF = not present. */
 typedef struct {
-    ht_device device;
+    ht_device device;     /**< its name; nothing is decided by it */
+    bool clock_pllcr;     /**< clocks by PLLCR and PCLKCR (ht_clock_f28335.c), else by CLKCFG
+                               *   and CPUSYS (ht_clock_f28377s.c) */
+    bool flash_cached;    /**< flash with cache, prefetch, ECC and a pump of its own, else with
+                               *   wait states alone */
+    bool gpio_groups;     /**< the multiplexers have a second level, GPyGMUX */
+    bool adc_sequencer;   /**< one converter whose sequencer is reset before every sequence,
+                               *   else ADC-A and ADC-B side by side */
+    uint32_t trip_select; /**< INPUT1SELECT: which pin trips; 0: the pin is fixed */
     uint32_t epwm;
     uint16_t stride;
     uint16_t tbctl;
@@ -40,27 +50,30 @@ typedef struct {
     uint16_t tzflg;
     uint16_t tzclr;
     uint16_t tzfrc;
-    uint16_t one_shot;        /**< TZSEL: what trips all legs for good */
+    uint16_t one_shot; /**< TZSEL: what trips all legs for good */
     uint16_t etsel;
     uint16_t etps;
     uint32_t adc_result[HT_MAP_CHANNELS];
-    uint16_t adc_shift;       /**< right shift to 12-bit counts */
-    uint32_t adc_flag;        /**< end of the sequence: register ... */
-    uint16_t adc_flag_bit;    /**< ... and bit that shows it, */
-    uint32_t adc_clear;       /**< register ... */
-    uint16_t adc_clear_bit;   /**< ... and bit that clears it */
-    uint32_t eqep;            /**< eQEP1 */
-    uint32_t sci;             /**< SCI-A */
-    uint32_t gpio;            /**< control registers of port A */
-    uint16_t gpio_stride;     /**< to the next port */
-    uint32_t gpio_data;       /**< GPADAT: levels of the pins of port A */
-    uint16_t vectors;         /**< entries of the PIE vector table */
+    uint16_t adc_shift;     /**< right shift to 12-bit counts */
+    uint32_t adc_flag;      /**< end of the sequence: register ... */
+    uint16_t adc_flag_bit;  /**< ... and bit that shows it, */
+    uint32_t adc_clear;     /**< register ... */
+    uint16_t adc_clear_bit; /**< ... and bit that clears it */
+    uint32_t adc_sequencer; /**< ADCTRL2: commands of the ADC's sequencer; 0xFFFF: has none */
+    uint32_t eqep;          /**< eQEP1 */
+    uint32_t sci;           /**< SCI-A */
+    uint32_t gpio;          /**< control registers of port A */
+    uint16_t gpio_stride;   /**< to the next port */
+    uint32_t gpio_data;     /**< GPADAT: levels of the pins of port A */
+    uint16_t vectors;       /**< entries of the PIE vector table */
     uint16_t dead_max_counts;
     float pwm_clock_Hz;
-    uint16_t encoder_qualprd; /**< sampling period of the encoder's pins: twice so many system clocks */
-    float system_clock_Hz;    /**< SYSCLKOUT: clocks CPU timers and eQEP */
-    float watchdog_Hz;        /**< its counter's clock before the prescaler */
-    uint32_t sci_clock_Hz;    /**< LSPCLK */
+    uint16_t
+        encoder_qualprd; /**< sampling period of the encoder's pins: twice so many system clocks */
+    float system_clock_Hz; /**< SYSCLKOUT: clocks CPU timers and eQEP */
+    float watchdog_Hz;     /**< its counter's clock before the prescaler */
+    bool has_syspll;       /**< started by ht_clock_f28377s.c; false: ht_clock_f28335.c */
+    uint32_t sci_clock_Hz; /**< LSPCLK */
 } ht_c2000_map;
 
 extern const ht_c2000_map ht_f28335;

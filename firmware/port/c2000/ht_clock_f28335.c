@@ -78,7 +78,7 @@ static bool frequency_is_right(ht_port *port)
 static bool set_pll(ht_port *port, uint16_t multiplier)
 {
     bool locked;
-    ht_change16(port->io, PLLSTS, PLLSTS_DIVSEL, 0u); /* before PLLCR may change */
+    ht_change16(port->io, PLLSTS, PLLSTS_DIVSEL, 0u);  /* before PLLCR may change */
     ht_change16(port->io, PLLSTS, 0u, PLLSTS_MCLKOFF); /* nor may anyone miss a clock meanwhile */
     HT_WR16(port->io, PLLCR, multiplier);
     locked = lock(port);

@@ -30,7 +30,7 @@
 #define EPWMCLKDIV 0x00000003u
 #define EPWMCLKDIV_2 0x00000001u /* ePWM: 100 MHz at most */
 #define LSPCLKDIV_1 0x00000000u
-#define LSPCLKDIV_4 0x00000002u  /* 50 MHz: 1.25 Mbaud is exact */
+#define LSPCLKDIV_4 0x00000002u /* 50 MHz: 1.25 Mbaud is exact */
 #define MCLKSTS 0x00000001u
 #define MCLKCLR 0x00000002u
 #define PCLKCR0_CPUTIMERS 0x00000038u
@@ -53,8 +53,8 @@
 #define TMR2CLK_SYSCLK 0u
 #define TMR2CLK_INTOSC1 1u
 #define TMR2CLK_XTAL 3u
-#define PERIODS 2000u       /* of the known clock: 0.1 to 0.2 ms */
-#define DIVIDER 4u          /* PLL to SYSCLK during the measurement */
+#define PERIODS 2000u /* of the known clock: 0.1 to 0.2 ms */
+#define DIVIDER 4u    /* PLL to SYSCLK during the measurement */
 #define INTOSC_HZ 10.0e6f
 /* Against the crystal: only what starting and stopping takes. Against the internal
  * oscillator, 3 % exact: a crystal of another frequency than the board's table says. */
@@ -98,7 +98,8 @@ static bool sysclk_is(ht_port *port, uint32_t source, float ratio, float share)
     found = (float)ht_counter_stop(port, TIMER1);
     (void)ht_counter_stop(port, TIMER2);
     ht_change32(port->io, TMR2CLKCTL, TMR2CLK, TMR2CLK_SYSCLK);
-    return (looks < LOOKS) && (found > wanted * (1.0f - share)) && (found < wanted * (1.0f + share));
+    return (looks < LOOKS) && (found > wanted * (1.0f - share))
+           && (found < wanted * (1.0f + share));
 }
 
 static bool frequency_is_right(ht_port *port)

@@ -36,9 +36,10 @@ void ht_clock_pwm_f28377s(ht_port *port, bool run);
 /** Wait states for the full clock; pump, checks and caches as a running image has them. Must run
  *  from RAM. */
 void ht_flash_start(ht_port *port);
-/** For whoever erases, programs, or reads what may be half programmed: the pump is bank 0's,
- *  reading does not check its ECC (what it finds wrong would be a non-maskable interrupt) and
- *  goes past the caches. Must run from RAM; until `ht_flash_start`. F28335: nothing to do. */
+/** To be called before erasing, programming, or reading what may be half programmed. The flash
+ *  pump belongs to bank 0 then; reads do not check the ECC, whose errors would be non-maskable
+ *  interrupts, and bypass the caches. Lasts until `ht_flash_start`. Must run from RAM. F28335:
+ *  nothing to do. */
 void ht_flash_unchecked(ht_port *port);
 
 /* ht_pins.c */
@@ -74,15 +75,16 @@ uint32_t ht_eqep_position(const ht_port *port);
 
 /** CPU timer 0: the slow interrupt. */
 void ht_timer_start(ht_port *port, float slow_Hz);
-/** Has it passed since the last look? For a background without interrupts. */
+/** Has it expired since the last call? For a background without interrupts. */
 bool ht_timer_passed(ht_port *port);
-/** A timer (its first register) that counts down from a value, without interrupt: stopped, */
+/* A CPU timer, given by its first register, as a counter without interrupt. */
+/** Stop it and let it begin at `from`; it counts down. */
 void ht_counter_prepare(ht_port *port, uint32_t timer, uint32_t from);
-/** running, */
+/** Start it. */
 void ht_counter_run(ht_port *port, uint32_t timer);
-/** has it passed 0, */
+/** Has it passed 0? */
 bool ht_counter_passed(const ht_port *port, uint32_t timer);
-/** stopped, and how many counts it has made. */
+/** Stop it. Returns how many counts it has made. */
 uint32_t ht_counter_stop(ht_port *port, uint32_t timer);
 
 /* ht_sci.c: 8 data bits, no parity, one stop bit, FIFOs of 16 */
@@ -91,13 +93,13 @@ uint32_t ht_counter_stop(ht_port *port, uint32_t timer);
 bool ht_sci_start(ht_port *port, uint32_t baud);
 /** Rate in force, baud. */
 float ht_sci_baud(const ht_port *port);
-/** Take up to `n` octets that have arrived, without waiting. Returns how many. */
+/** Take up to `n` bytes that have arrived, without waiting. Returns how many. */
 uint16_t ht_sci_read(ht_port *port, uint16_t *octets, uint16_t n);
-/** Hand over up to `n` octets, without waiting. Returns how many were taken. */
+/** Hand over up to `n` bytes, without waiting. Returns how many were taken. */
 uint16_t ht_sci_write(ht_port *port, const uint16_t *octets, uint16_t n);
 
-/** A break or a framing error stops the receiver, an overflow the count of what is there:
- *  let it go on. True if octets were lost. Settings stay. */
+/** Let the receiver go on after a break, a framing error or an overflow, which stop it. Settings
+ *  stay. True if bytes were lost. */
 bool ht_sci_recover(ht_port *port);
 /** The SCI as the link's line, at the rate in force. */
 ht_line ht_sci_line(ht_port *port);
@@ -106,9 +108,9 @@ ht_line ht_sci_line(ht_port *port);
 
 /** Vectors, and the two interrupts enabled at the interrupt controller. */
 void ht_pie_start(ht_port *port, ht_isr fast, ht_isr slow, ht_isr unexpected);
-/** Let interrupts through. */
+/** Enable interrupts at the CPU. */
 void ht_pie_enable(ht_port *port);
-/** First in the slow interrupt: the fast one may come in between. */
+/** First in the slow interrupt: lets the fast one interrupt it. */
 void ht_pie_begin_slow(ht_port *port);
 /** Last in the slow interrupt. */
 void ht_pie_end_slow(ht_port *port);

@@ -68,17 +68,17 @@ static void start_flash_f28377s(ht_port *port)
 
 void ht_flash_start(ht_port *port)
 {
-    if (port->map->device == HT_F28335) {
-        start_flash_f28335(port);
-    } else {
+    if (port->map->flash_cached) {
         start_flash_f28377s(port);
+    } else {
+        start_flash_f28335(port);
     }
     HT_SETTLE(port->io); /* the last write is through before anything is fetched */
 }
 
 void ht_flash_unchecked(ht_port *port)
 {
-    if (port->map->device == HT_F28377S) {
+    if (port->map->flash_cached) {
         HT_EALLOW(port->io);
         take_f28377s(port);
         HT_WR32(port->io, ECC_ENABLE, ECC_OFF);

@@ -55,7 +55,8 @@ void ht_pie_begin_slow(ht_port *port)
     /* The group is not acknowledged yet, so nothing can be on its way that this disables. */
     HT_WR16(port->io, PIEIER1, FAST);
     HT_WR16(port->io, PIEACK, GROUP1);
-    HT_NOP(port->io); /* errata usage note: never PIEACK and EINT back to back */
+    /* Errata usage note: never PIEACK and EINT back to back. */
+    HT_NOP(port->io);
     HT_IER_SET(port->io, GROUP1); /* the CPU cleared it on the way in */
     HT_EINT(port->io);
 }

@@ -18,7 +18,6 @@
 #define QUALPRD_BITS 8u   /* ... of 2 x QUALPRD system clocks */
 #define QUALPRD 0x000000FFu
 /* F28377S: trip zone 1 listens to input 1 of the crossbar. */
-#define INPUT1SELECT 0x7900u
 
 /* Of the port that a pin belongs to, and of the half with its two-bit fields. */
 static uint32_t first_register(const ht_port *port, const ht_pin *pin)
@@ -47,7 +46,7 @@ static void set_up(ht_port *port, const ht_pin *pin, uint32_t qualify, bool pull
     ht_change32(port->io, first + GPYPUD, bit, pull_up ? 0u : bit);
     ht_change32(port->io, half + GPYQSEL1, field, qualify << shift);
     ht_change32(port->io, first + GPYDIR, bit, 0u); /* for the pins that stay GPIO: input */
-    if (port->map->device == HT_F28377S) { /* group first: no other function in between */
+    if (port->map->gpio_groups) {                   /* group first: no other function in between */
         ht_change32(port->io, half + GPYGMUX1, field, (mux >> 2) << shift);
     }
     ht_change32(port->io, half + GPYMUX1, field, (mux & 3u) << shift);
@@ -67,8 +66,8 @@ void ht_pins_start(ht_port *port)
     HT_EALLOW(port->io);
     /* The trip acts without a clock. No pull-up: a broken wire trips (the board pulls down). */
     set_up(port, &board->trip, QUALIFY_ASYNC, false);
-    if (port->map->device == HT_F28377S) {
-        HT_WR16(port->io, INPUT1SELECT, board->trip.gpio);
+    if (port->map->trip_select != 0u) {
+        HT_WR16(port->io, port->map->trip_select, board->trip.gpio);
     }
     qualify(port, &board->encoder_a);
     qualify(port, &board->encoder_b);

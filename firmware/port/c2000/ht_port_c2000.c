@@ -24,7 +24,7 @@ bool ht_board_start(ht_port *port)
 {
     ht_watchdog_hold(port);
     ht_flash_start(port); /* before the clock that needs it */
-    if (port->map->device == HT_F28335) {
+    if (port->map->clock_pllcr) {
         port->clock = ht_clock_start_f28335(port);
     } else {
         port->clock = ht_clock_start_f28377s(port);
@@ -57,7 +57,7 @@ bool ht_port_accepts(const ht_port *port, const ht_pwm_setup *setup)
 
 static void run_counters(ht_port *port, bool run)
 {
-    if (port->map->device == HT_F28335) {
+    if (port->map->clock_pllcr) {
         ht_clock_pwm_f28335(port, run);
     } else {
         ht_clock_pwm_f28377s(port, run);
@@ -79,8 +79,8 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
     ht_eqep_start(port);
     ht_timer_start(port, setup->slow_Hz);
     ht_watchdog_start(port, setup->slow_Hz);
-    ht_pins_pwm(port);         /* tripped: all switches off */
-    run_counters(port, true);  /* last: all counters start together */
+    ht_pins_pwm(port);        /* tripped: all switches off */
+    run_counters(port, true); /* last: all counters start together */
     return true;
 }
 

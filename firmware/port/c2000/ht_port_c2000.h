@@ -20,13 +20,13 @@ typedef enum {
 } ht_clock;
 
 struct ht_port {
-    ht_io *io;               /**< register file (unused on the DSP) */
+    ht_io *io; /**< register file (unused on the DSP) */
     const ht_board *board;
     const ht_c2000_map *map; /**< the board's device */
     uint32_t leg[HT_LEGS];   /**< PWM module of each leg */
     bool shadow;
-    ht_clock clock;          /**< not right: pins and ADC are as after reset */
-    uint32_t sci_clock_Hz;   /**< LSPCLK */
+    ht_clock clock;        /**< not right: pins and ADC are as after reset */
+    uint32_t sci_clock_Hz; /**< LSPCLK */
 };
 
 /** The port of a board. Touches no register. */

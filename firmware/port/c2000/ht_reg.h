@@ -80,7 +80,7 @@ static inline void ht_call(ht_io *io, uint32_t addr)
 static inline uint16_t ht_call16(ht_io *io, uint32_t addr, uint16_t argument)
 {
     (void)io;
-    return ((uint16_t(*)(uint16_t))(uintptr_t)addr)(argument);
+    return ((uint16_t (*)(uint16_t))(uintptr_t)addr)(argument);
 }
 
 #define HT_RD16(io, addr) ht_rd16((io), (addr))

@@ -50,7 +50,7 @@ bool ht_sci_start(ht_port *port, uint32_t baud)
     HT_WR16(port->io, sci + SCICCR, SCICCR_8N1);
     HT_WR16(port->io, sci + SCIHBAUD, (uint16_t)((counts >> 8) & OCTET));
     HT_WR16(port->io, sci + SCILBAUD, (uint16_t)(counts & OCTET));
-    HT_WR16(port->io, sci + SCICTL2, 0u); /* no interrupts: the background asks */
+    HT_WR16(port->io, sci + SCICTL2, 0u);            /* no interrupts: the background asks */
     HT_WR16(port->io, sci + SCIFFTX, SCIFFTX_FIFOS); /* empty both FIFOs ... */
     HT_WR16(port->io, sci + SCIFFRX, SCIFFRX_CLEAR_OVERFLOW);
     HT_WR16(port->io, sci + SCIFFCT, 0u);

@@ -23,13 +23,15 @@ static const ht_register epwm[] = {
     PLAIN("AQCTLB", 0x0Cu, 0x0FFFu, "11-10 CBD, 9-8 CBU, 7-6 CAD, 5-4 CAU, 3-2 PRD, 1-0 ZRO"),
     PLAIN("AQSFRC", 0x0Du, 0x00FFu, "7-6 RLDCSF, 5 OTSFB, 4-3 ACTSFB, 2 OTSFA, 1-0 ACTSFA"),
     PLAIN("AQCSFRC", 0x0Eu, 0x000Fu, "3-2 CSFB, 1-0 CSFA"),
-    REG("DBCTL", 0x0Fu, 0u, 0x003Fu, HT_PLAIN, HT_SET_UP, 0u, "5-4 IN_MODE, 3-2 POLSEL, 1-0 OUT_MODE"),
+    REG("DBCTL", 0x0Fu, 0u, 0x003Fu, HT_PLAIN, HT_SET_UP, 0u,
+        "5-4 IN_MODE, 3-2 POLSEL, 1-0 OUT_MODE"),
     REG("DBRED", 0x10u, 0u, 0x03FFu, HT_PLAIN, HT_SET_UP, 0u, ""),
     REG("DBFED", 0x11u, 0u, 0x03FFu, HT_PLAIN, HT_SET_UP, 0u, ""),
     REG("TZSEL", 0x12u, 0u, 0x3F3Fu, HT_PLAIN, HT_EALLOWED | HT_SET_UP, 0u,
         "13 OSHT6, 12 OSHT5, 11 OSHT4, 10 OSHT3, 9 OSHT2, 8 OSHT1, 5 CBC6, 4 CBC5, 3 CBC4, 2 CBC3, "
         "1 CBC2, 0 CBC1"),
-    REG("TZCTL", 0x14u, 0u, 0x000Fu, HT_PLAIN, HT_EALLOWED | HT_TRIP_SET_UP, 0u, "3-2 TZB, 1-0 TZA"),
+    REG("TZCTL", 0x14u, 0u, 0x000Fu, HT_PLAIN, HT_EALLOWED | HT_TRIP_SET_UP, 0u,
+        "3-2 TZB, 1-0 TZA"),
     REG("TZEINT", 0x15u, 0u, 0x0006u, HT_PLAIN, HT_EALLOWED, 0u, "2 OST, 1 CBC"),
     REG("TZFLG", 0x16u, 0u, 0u, HT_READ_ONLY, 0u, 0u, "2 OST, 1 CBC, 0 INT"),
     REG("TZCLR", 0x17u, 0u, 0x0007u, HT_ONES_CLEAR_AT, HT_EALLOWED, 0x16u, ""),
@@ -43,7 +45,8 @@ static const ht_register epwm[] = {
     REG("ETFRC", 0x1Du, 0u, 0x000Du, HT_ONES_SET_AT, 0u, 0x1Bu, ""),
     REG("PCCTL", 0x1Eu, 0u, 0x07FFu, HT_PLAIN, HT_SET_UP, 0u,
         "10-8 CHPDUTY, 7-5 CHPFREQ, 4-1 OSHTWTH, 0 CHPEN"),
-    REG("HRCNFG", 0x20u, 0u, 0x000Fu, HT_PLAIN, HT_EALLOWED, 0u, "3 HRLOAD, 2 CTLMODE, 1-0 EDGMODE"),
+    REG("HRCNFG", 0x20u, 0u, 0x000Fu, HT_PLAIN, HT_EALLOWED, 0u,
+        "3 HRLOAD, 2 CTLMODE, 1-0 EDGMODE"),
 };
 
 #define RESULT(n, offset) REG("ADCRESULT" n, offset, 0u, 0u, HT_READ_ONLY, 0u, 0u, "")
@@ -92,8 +95,7 @@ static const ht_register gpio_a[] = {PORT("A", 0x00000FFFu)}; /* no pull-ups on 
 static const ht_register gpio_b[] = {PORT("B", 0u)};
 
 /* Pins are inputs here, or a peripheral's: what is written has no effect on their level. */
-#define LEVELS(letter) \
-    {REG32("GP" letter "DAT", 0x0u, 0xFFFFFFFFu, 0u, HT_READ_ONLY, 0u, 0u, "")}
+#define LEVELS(letter) {REG32("GP" letter "DAT", 0x0u, 0xFFFFFFFFu, 0u, HT_READ_ONLY, 0u, 0u, "")}
 static const ht_register data_a[] = LEVELS("A");
 static const ht_register data_b[] = LEVELS("B");
 
@@ -169,6 +171,15 @@ const ht_chip ht_chip_f28335 = {
     .gpio_data = 0x6FC0u,
     .adc_flag = 0x7119u,
     .adc_settle_us = 5000u,
-    .crystal_pll_Hz = 300.0e6f,
     .watchdog_Hz = 30.0e6f / 512.0f,
+    .pll_multiplier = 0x7021u,
+    .internal_oscillators = 0u,
+    .crystal_Hz = 30.0e6f,
+    .pin_groups = 0u,
+    .pwm_pins = 12u,
+    .trip_pin = 12u,
+    .trips_without_pin = 0u,
+    .sequencer = 1u,
+    .sci = 0x7050u,
+    .adc_cal = 0x380080u,
 };

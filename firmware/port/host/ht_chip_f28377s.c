@@ -1,5 +1,5 @@
 /* Registers of the F28377S (TMS320F2837xS manual, SPRS881). */
-#include "ht_registers.h"
+#include "ht_regfile.h"
 
 #define COUNT(table) ((uint16_t)(sizeof(table) / sizeof((table)[0])))
 #define PLAIN(name, offset, writable, fields) \
@@ -19,9 +19,11 @@ static const ht_register epwm[] = {
     REG("DBCTL", 0x0Cu, 0u, 0xFFFFu, HT_PLAIN, HT_SET_UP, 0u,
         "15 HALFCYCLE, 14 DEDB_MODE, 13-12 OUTSWAP, 11 SHDWDBFEDMODE, 10 SHDWDBREDMODE, "
         "9-8 LOADFEDMODE, 7-6 LOADREDMODE, 5-4 IN_MODE, 3-2 POLSEL, 1-0 OUT_MODE"),
-    REG("DBCTL2", 0x0Du, 0u, 0x0007u, HT_PLAIN, HT_SET_UP, 0u, "2 SHDWDBCTLMODE, 1-0 LOADDBCTLMODE"),
+    REG("DBCTL2", 0x0Du, 0u, 0x0007u, HT_PLAIN, HT_SET_UP, 0u,
+        "2 SHDWDBCTLMODE, 1-0 LOADDBCTLMODE"),
     REG("AQCTL", 0x10u, 0u, 0x0F5Fu, HT_PLAIN, HT_SET_UP, 0u,
-        "11-10 LDAQBSYNC, 9-8 LDAQASYNC, 6 SHDWAQBMODE, 4 SHDWAQAMODE, 3-2 LDAQBMODE, 1-0 LDAQAMODE"),
+        "11-10 LDAQBSYNC, 9-8 LDAQASYNC, 6 SHDWAQBMODE, 4 SHDWAQAMODE, 3-2 LDAQBMODE, 1-0 "
+        "LDAQAMODE"),
     PLAIN("AQTSRCSEL", 0x11u, 0x00FFu, ""),
     REG("PCCTL", 0x14u, 0u, 0x07FFu, HT_PLAIN, HT_SET_UP, 0u,
         "10-8 CHPDUTY, 7-5 CHPFREQ, 4-1 OSHTWTH, 0 CHPEN"),
@@ -91,7 +93,8 @@ static const ht_register adc[] = {
         "13 ADCBSY, 11-8 ADCBSYCHN, 7 ADCPWDNZ, 2 INTPULSEPOS"),
     PROTECTED("ADCCTL2", 0x01u, 0x00CFu, "7 SIGNALMODE, 6 RESOLUTION, 3-0 PRESCALE"),
     PROTECTED("ADCBURSTCTL", 0x02u, 0x8F3Fu, ""),
-    REG("ADCINTFLG", 0x03u, 0u, 0u, HT_READ_ONLY, 0u, 0u, "3 ADCINT4, 2 ADCINT3, 1 ADCINT2, 0 ADCINT1"),
+    REG("ADCINTFLG", 0x03u, 0u, 0u, HT_READ_ONLY, 0u, 0u,
+        "3 ADCINT4, 2 ADCINT3, 1 ADCINT2, 0 ADCINT1"),
     REG("ADCINTFLGCLR", 0x04u, 0u, 0x000Fu, HT_FX_ADCINTFLGCLR, 0u, 0x03u, ""),
     REG("ADCINTOVF", 0x05u, 0u, 0u, HT_READ_ONLY, 0u, 0u, ""),
     REG("ADCINTOVFCLR", 0x06u, 0u, 0x000Fu, HT_ONES_CLEAR_AT, 0u, 0x05u, ""),
@@ -122,14 +125,8 @@ static const ht_register adc[] = {
 #define RESULT(n, offset) REG("ADCRESULT" n, offset, 0u, 0u, HT_READ_ONLY, 0u, 0u, "")
 
 static const ht_register adc_result[] = {
-    RESULT("0", 0x0u),
-    RESULT("1", 0x1u),
-    RESULT("2", 0x2u),
-    RESULT("3", 0x3u),
-    RESULT("4", 0x4u),
-    RESULT("5", 0x5u),
-    RESULT("6", 0x6u),
-    RESULT("7", 0x7u),
+    RESULT("0", 0x0u), RESULT("1", 0x1u), RESULT("2", 0x2u), RESULT("3", 0x3u),
+    RESULT("4", 0x4u), RESULT("5", 0x5u), RESULT("6", 0x6u), RESULT("7", 0x7u),
 };
 
 /* The word that tells whether a function of TI's has been programmed. */
@@ -140,12 +137,9 @@ static const ht_register otp[] = {
 };
 
 static const ht_register xbar[] = {
-    PROTECTED("INPUT1SELECT", 0x0u, 0xFFFFu, ""),
-    PROTECTED("INPUT2SELECT", 0x1u, 0xFFFFu, ""),
-    PROTECTED("INPUT3SELECT", 0x2u, 0xFFFFu, ""),
-    PROTECTED("INPUT4SELECT", 0x3u, 0xFFFFu, ""),
-    PROTECTED("INPUT5SELECT", 0x4u, 0xFFFFu, ""),
-    PROTECTED("INPUT6SELECT", 0x5u, 0xFFFFu, ""),
+    PROTECTED("INPUT1SELECT", 0x0u, 0xFFFFu, ""), PROTECTED("INPUT2SELECT", 0x1u, 0xFFFFu, ""),
+    PROTECTED("INPUT3SELECT", 0x2u, 0xFFFFu, ""), PROTECTED("INPUT4SELECT", 0x3u, 0xFFFFu, ""),
+    PROTECTED("INPUT5SELECT", 0x4u, 0xFFFFu, ""), PROTECTED("INPUT6SELECT", 0x5u, 0xFFFFu, ""),
 };
 
 static const ht_register sync[] = {
@@ -173,8 +167,7 @@ static const ht_register gpio_b[] = {PORT("B")};
 static const ht_register gpio_c[] = {PORT("C")};
 
 /* Pins are inputs here, or a peripheral's: what is written has no effect on their level. */
-#define LEVELS(letter) \
-    {REG32("GP" letter "DAT", 0x0u, 0xFFFFFFFFu, 0u, HT_READ_ONLY, 0u, 0u, "")}
+#define LEVELS(letter) {REG32("GP" letter "DAT", 0x0u, 0xFFFFFFFFu, 0u, HT_READ_ONLY, 0u, 0u, "")}
 static const ht_register data_a[] = LEVELS("A");
 static const ht_register data_b[] = LEVELS("B");
 static const ht_register data_c[] = LEVELS("C");
@@ -201,7 +194,8 @@ static const ht_register clkcfg[] = {
     CLOCK("PERCLKDIVSEL", 0x26u, 0x00000051u, 0x00000053u, HT_PLAIN,
           "6 EMIF2CLKDIV, 4 EMIF1CLKDIV, 1-0 EPWMCLKDIV"),
     CLOCK("LOSPCP", 0x2Cu, 0x00000002u, 0x00000007u, HT_PLAIN, "2-0 LSPCLKDIV"),
-    CLOCK("MCDCR", 0x2Eu, 0u, 0x0000000Eu, HT_FX_MCDCR, "3 OSCOFF, 2 MCLKOFF, 1 MCLKCLR, 0 MCLKSTS"),
+    CLOCK("MCDCR", 0x2Eu, 0u, 0x0000000Eu, HT_FX_MCDCR,
+          "3 OSCOFF, 2 MCLKOFF, 1 MCLKCLR, 0 MCLKSTS"),
 };
 
 static const ht_register cpusys[] = {
@@ -284,6 +278,19 @@ const ht_chip ht_chip_f28377s = {
     .gpio_data = 0x7F00u,
     .adc_flag = 0x7403u,
     .adc_settle_us = 500u,
-    .crystal_pll_Hz = 400.0e6f,
     .watchdog_Hz = 10.0e6f / 512.0f,
+    .pll_multiplier = 0x5D214u,
+    .internal_oscillators = 1u,
+    .crystal_pll_Hz = 400.0e6f,
+    .first_crystal_Hz = 20.0e6f,
+    .pin_groups = 1u,
+    .pwm_pins = 16u,
+    .pwm_pins_group = 22u,
+    .trip_select = 0x7900u,
+    .trips_without_pin = 1u,
+    .sequencer = 0u,
+    .sci = 0x7200u,
+    .device_cal = HT_REGFILE_DEVICE_CAL,
+    .linearity_trim = {0x0703B4u, 0x0703B2u},
+    .offset_trim = 0x0703ACu,
 };

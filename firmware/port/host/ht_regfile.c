@@ -138,11 +138,12 @@ static void bind_register(ht_regfile *rf, const ht_module *m, const ht_register 
 
 void ht_regfile_reset(ht_regfile *rf, const void *map)
 {
+    static const ht_chip *const chips[] = {&ht_chip_f28335, &ht_chip_f28377s}; /* by ht_device */
     const ht_c2000_map *device = map;
     uint16_t n;
     memset(rf, 0, sizeof *rf);
     rf->map = map;
-    rf->chip = (device->device == HT_F28335) ? &ht_chip_f28335 : &ht_chip_f28377s;
+    rf->chip = chips[device->device];
     rf->intm = 1u;
     rf->gates_active_low = HT_GATES_ACTIVE_LOW;
     rf->pll_share = 1.0f;
@@ -395,8 +396,8 @@ void ht_regfile_name(const ht_regfile *rf, uint32_t addr, char name[HT_REGFILE_L
     if (b != 0) {
         const char *dot = (b->reg->name[0] != '\0') ? "." : "";
         if (b->module->count > 1u) {
-            (void)snprintf(name, HT_REGFILE_LINE, "%s%u%s%s", b->module->name,
-                           (unsigned)b->number, dot, b->reg->name);
+            (void)snprintf(name, HT_REGFILE_LINE, "%s%u%s%s", b->module->name, (unsigned)b->number,
+                           dot, b->reg->name);
         } else {
             (void)snprintf(name, HT_REGFILE_LINE, "%s%s%s", b->module->name, dot, b->reg->name);
         }
@@ -406,9 +407,8 @@ void ht_regfile_name(const ht_regfile *rf, uint32_t addr, char name[HT_REGFILE_L
 const char *ht_regfile_kind(uint16_t kind)
 {
     static const char *const names[] = {
-        "fine",           "no EALLOW", "no such register", "read-only",
-        "reserved bit",   "width",     "no clock",         "order",
-        "wrong key",      "watchdog reset",
+        "fine",     "no EALLOW", "no such register", "read-only",      "reserved bit", "width",
+        "no clock", "order",     "wrong key",        "watchdog reset",
     };
     return names[kind];
 }

@@ -8,11 +8,11 @@
  *  flash pump; pin multiplexers; the ADC's power-up and sequencer, and how its interrupts
  *  can stop for good; CPU timers; SCI-A with its FIFOs; PIE group 1 with vectors, nesting
  *  and acknowledge; TI's functions in OTP; levels of the pins, and a trip that comes back
- *  as long as its pin is low. An access that the chip refuses, or that manual or common sense forbid at
- *  this point, is counted as a violation and the first ones are kept, so that tests
- *  can insist on zero. A register that the tables do not list counts as not there.
+ *  as long as its pin is low. An access that the chip refuses, or that the manual forbids at
+ *  this point, is counted as a violation, and the first ones are kept: tests require zero. A
+ *  register that the tables do not list counts as absent.
  *
- *  What the PWM makes of the values is the plant's business, not this file's.
+ *  The PWM's outputs are not modelled here: the plant derives them from the registers.
  */
 #ifndef HT_REGFILE_H
 #define HT_REGFILE_H
@@ -21,7 +21,7 @@
 
 #include "ht_registers.h"
 
-#define HT_REGFILE_LOW 0x8000u    /* words 0x0000..0x7FFF, then the windows above them */
+#define HT_REGFILE_LOW 0x8000u /* words 0x0000..0x7FFF, then the windows above them */
 #define HT_REGFILE_WORDS 0x8C20u
 #define HT_REGFILE_BOUND 1200
 #define HT_REGFILE_GATES 40
@@ -36,12 +36,12 @@
 enum {
     HT_REG_OK = 0,
     HT_REG_NO_EALLOW = 1,
-    HT_REG_HOLE = 2,      /**< no such register */
+    HT_REG_HOLE = 2, /**< no such register */
     HT_REG_READ_ONLY = 3,
     HT_REG_RESERVED = 4,  /**< a one in a reserved bit */
     HT_REG_WIDTH = 5,     /**< 16 bits of a 32-bit register or the other way round */
     HT_REG_UNCLOCKED = 6, /**< its module has no clock (yet) */
-    HT_REG_ORDER = 7,     /**< not now */
+    HT_REG_ORDER = 7,     /**< forbidden at this point */
     HT_REG_KEY = 8,       /**< wrong key */
     HT_REG_WATCHDOG = 9   /**< the watchdog has reset the chip */
 };
@@ -50,10 +50,10 @@ enum {
 typedef struct {
     const ht_register *reg;
     const ht_module *module;
-    uint32_t base;     /* of the instance */
-    uint16_t number;   /* of the instance */
-    uint16_t gate;     /* its module's clock, in `gate` */
-    uint16_t written;  /* 1 once it has been written */
+    uint32_t base;    /* of the instance */
+    uint16_t number;  /* of the instance */
+    uint16_t gate;    /* its module's clock, in `gate` */
+    uint16_t written; /* 1 once it has been written */
 } ht_bound;
 
 typedef struct {
@@ -74,52 +74,52 @@ typedef struct ht_regfile {
     uint16_t open[HT_REGFILE_WORDS];  /* bits that may be stored without further ado */
     uint16_t index[HT_REGFILE_WORDS]; /* 1 + number in `bound`; bit 15: may just be read */
     ht_bound bound[HT_REGFILE_BOUND];
-    ht_gate gate[HT_REGFILE_GATES];   /* gate 0 = always on */
+    ht_gate gate[HT_REGFILE_GATES]; /* gate 0 = always on */
     uint16_t bound_count;
     uint16_t gate_count;
-    const void *map;                  /* ht_c2000_map of the device */
+    const void *map; /* ht_c2000_map of the device */
     const ht_chip *chip;
-    uint16_t eallow;                  /* 1 while protected writes are allowed */
-    uint16_t gates_active_low;        /* the gate drivers invert; after a reset as built */
-    uint32_t accesses;                /* all reads and writes */
-    uint32_t event_at;                /* a conversion sequence ends before this access; 0 = never */
-    uint16_t event_timer;             /* 1: it is CPU timer 0 instead */
-    uint32_t ended_at;                /* access before which a sequence ended last */
+    uint16_t eallow;           /* 1 while protected writes are allowed */
+    uint16_t gates_active_low; /* the gate drivers invert; after a reset as built */
+    uint32_t accesses;         /* all reads and writes */
+    uint32_t event_at;         /* a conversion sequence ends before this access; 0 = never */
+    uint16_t event_timer;      /* 1: it is CPU timer 0 instead */
+    uint32_t ended_at;         /* access before which a sequence ended last */
     uint32_t violations;
-    uint32_t first_address;           /* of the first violation */
+    uint32_t first_address; /* of the first violation */
     uint16_t first_kind;
     ht_violation log[HT_REGFILE_LOG]; /* the first ones */
     /* CPU and interrupts */
-    uint16_t intm;                    /* 1: interrupts masked */
+    uint16_t intm; /* 1: interrupts masked */
     uint16_t ier;
     void (*vector[HT_REGFILE_VECTORS])(void);
     void (*isr[HT_REGFILE_ISRS])(void); /* those in `vector`, in the order of their coming */
-    uint32_t acknowledged_at;         /* access that acknowledged at the PIE, until a NOP */
-    uint16_t depth;                   /* interrupts within interrupts */
+    uint32_t acknowledged_at;           /* access that acknowledged at the PIE, until a NOP */
+    uint16_t depth;                     /* interrupts within interrupts */
     uint16_t deepest;
     /* Time and watchdog */
     uint32_t time_us;
-    uint32_t dog_us;                  /* when it was serviced last */
-    uint16_t dog_armed;               /* the first key has been written */
+    uint32_t dog_us;    /* when it was serviced last */
+    uint16_t dog_armed; /* the first key has been written */
     uint32_t dog_services;
     uint32_t dog_resets;
     /* PLL and crystal */
-    uint16_t looks;                   /* at the lock flag until it shows */
+    uint16_t looks; /* at the lock flag until it shows */
     uint16_t locks;
-    uint16_t never_locks;             /* planted: it does not */
-    uint16_t slips;                   /* planted: it slips */
-    uint16_t wrong_locks;             /* planted: so many locks are at a wrong frequency, ... */
-    uint16_t wrong_percent;           /* ... which is this much of the right one */
-    uint16_t no_crystal;              /* planted */
-    float crystal_Hz;                 /* 0: the one that the multiplier is meant for */
-    float pll_share;                  /* of the right frequency, of the latest lock */
-    uint32_t timer_at[2];             /* CPU timers 1, 2: access that started them; 0 = stopped */
+    uint16_t never_locks;   /* planted: it does not */
+    uint16_t slips;         /* planted: it slips */
+    uint16_t wrong_locks;   /* planted: so many locks are at a wrong frequency, ... */
+    uint16_t wrong_percent; /* ... which is this much of the right one */
+    uint16_t no_crystal;    /* planted */
+    float crystal_Hz;       /* 0: the one that the multiplier is meant for */
+    float pll_share;        /* of the right frequency, of the latest lock */
+    uint32_t timer_at[2];   /* CPU timers 1, 2: access that started them; 0 = stopped */
     /* ADC; a bit for each converter */
-    uint16_t device_calibrated;       /* F28377S: Device_cal has run */
+    uint16_t device_calibrated; /* F28377S: Device_cal has run */
     uint16_t calibrated;
     uint16_t powered;
     uint32_t powered_us;
-    uint16_t stands;                  /* F28335: the sequencer stands at its end */
+    uint16_t stands; /* F28335: the sequencer stands at its end */
     /* SCI */
     uint16_t sci_in[HT_REGFILE_FIFO];
     uint16_t sci_in_count;
@@ -167,9 +167,9 @@ void ht_regfile_pins(ht_regfile *rf);
  *  that listen to it trip. On the F28335 these two are pins. */
 void ht_regfile_clock_fails(ht_regfile *rf);
 void ht_regfile_emulation_stops(ht_regfile *rf);
-/** An octet arrives at the SCI's receiver. Returns 1 if it was taken. */
+/** A byte arrives at the SCI's receiver. Returns 1 if it was taken. */
 uint16_t ht_regfile_sci_arrive(ht_regfile *rf, uint16_t octet);
-/** Next octet that leaves the transmitter, or 0xFFFF. */
+/** Next byte that leaves the transmitter, or 0xFFFF. */
 uint16_t ht_regfile_sci_leave(ht_regfile *rf);
 
 /* For tests */

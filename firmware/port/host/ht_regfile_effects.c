@@ -1,5 +1,4 @@
 /* Register model: what particular registers do besides holding a value. */
-#include "../c2000/ht_c2000_map.h"
 #include "ht_regfile_model.h"
 
 #define LOOKS_TO_LOCK 3u /* any number: a driver has to wait */
@@ -12,22 +11,18 @@ static void order(ht_regfile *rf, uint32_t addr, uint32_t value, const char *why
 
 /* --- clocks ------------------------------------------------------------------------------ */
 
-#define INTERNAL_HZ 10.0e6f       /* both internal oscillators of the F28377S */
-#define CYCLES_PER_ACCESS 20.0f   /* what counters see of the time that a driver takes */
+#define INTERNAL_HZ 10.0e6f     /* both internal oscillators of the F28377S */
+#define CYCLES_PER_ACCESS 20.0f /* what counters see of the time that a driver takes */
 
-static uint16_t is_small(const ht_regfile *rf)
-{
-    const ht_c2000_map *device = rf->map;
-    return (uint16_t)(device->device == HT_F28335);
-}
-
-/* The crystal's frequency. Unless planted, the one that this multiplier is meant for. */
+/* The crystal's frequency, unless another one is planted. */
 static float crystal_Hz(ht_regfile *rf)
 {
-    uint32_t multiplier = ht_model_peek(rf, (is_small(rf) != 0u) ? 0x7021u : 0x5D214u, 16u);
-    float usual = (is_small(rf) != 0u) ? 30.0e6f : 20.0e6f;
-    if ((is_small(rf) == 0u) && (multiplier != 0u)) {
-        usual = rf->chip->crystal_pll_Hz / (float)multiplier;
+    const ht_chip *chip = rf->chip;
+    uint32_t multiplier = ht_model_peek(rf, chip->pll_multiplier, 16u);
+    float usual = chip->crystal_Hz;
+    if (!(usual > 0.0f)) {
+        usual = (multiplier != 0u) ? (chip->crystal_pll_Hz / (float)multiplier)
+                                   : chip->first_crystal_Hz;
     }
     return (rf->no_crystal != 0u) ? 0.0f : ((rf->crystal_Hz > 0.0f) ? rf->crystal_Hz : usual);
 }
@@ -36,7 +31,7 @@ static float system_Hz(ht_regfile *rf)
 {
     float clock = crystal_Hz(rf);
     uint32_t n;
-    if (is_small(rf) != 0u) {
+    if (rf->chip->internal_oscillators == 0u) {
         uint32_t status = ht_model_peek(rf, 0x7011u, 16u);
         static const float divisor[] = {4.0f, 4.0f, 2.0f, 1.0f};
         n = ht_model_peek(rf, 0x7021u, 16u);
@@ -59,7 +54,7 @@ static float system_Hz(ht_regfile *rf)
 /* What counts CPU timer 1 (index 0) or 2. */
 static float counted_Hz(ht_regfile *rf, uint16_t index)
 {
-    uint32_t source = ((index == 1u) && (is_small(rf) == 0u))
+    uint32_t source = ((index == 1u) && (rf->chip->internal_oscillators != 0u))
                           ? (ht_model_peek(rf, 0x5D37Cu, 32u) & 7u)
                           : 0u;
     if (source == 3u) {
@@ -236,7 +231,7 @@ static uint32_t wdcntr(ht_regfile *rf)
 {
     uint32_t wdps = ht_model_peek(rf, 0x7029u, 16u) & 7u;
     float prescaler = (wdps < 2u) ? 1.0f : (float)((uint32_t)1u << (wdps - 1u));
-    float clock = (is_small(rf) != 0u) ? crystal_Hz(rf) : INTERNAL_HZ;
+    float clock = (rf->chip->internal_oscillators != 0u) ? INTERNAL_HZ : crystal_Hz(rf);
     float counts = (float)rf->accesses * CYCLES_PER_ACCESS / system_Hz(rf) * clock
                    / (512.0f * prescaler);
     return (uint32_t)counts & 0x00FFu;
@@ -299,10 +294,9 @@ static uint32_t flash(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint32_t
 
 static uint32_t mux(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint32_t old, uint32_t value)
 {
-    const ht_c2000_map *device = rf->map;
     uint32_t first = ((b->base - rf->chip->gpio) / rf->chip->gpio_stride) * 32u
                      + (((b->reg->offset & 2u) != 0u) ? 0u : 16u); /* MUX1 at 6, MUX2 at 8 */
-    uint32_t group = (device->device == HT_F28377S)
+    uint32_t group = (rf->chip->pin_groups != 0u)
                          ? ht_model_peek(rf, b->base + b->reg->offset + 0x1Au, 32u)
                          : 0u;
     uint32_t n;
@@ -342,7 +336,7 @@ static void power(ht_regfile *rf, uint32_t addr, uint32_t value, uint32_t on)
         if ((rf->calibrated & one) == 0u) {
             order(rf, addr, value, "ADC powered up without calibration");
         }
-        if ((is_small(rf) == 0u) && (rf->device_calibrated == 0u)) {
+        if ((rf->chip->device_cal != 0u) && (rf->device_calibrated == 0u)) {
             order(rf, addr, value, "ADC powered up without Device_cal");
         }
     }
@@ -357,11 +351,17 @@ static uint32_t adctrl2(ht_regfile *rf, uint32_t value)
     return value & 0xADADu; /* the resets of the sequencers read 0 */
 }
 
+/* A chip without the function has 0 for its address. */
+static uint16_t calls(uint32_t addr, uint32_t function)
+{
+    return ((function != 0u) && (addr == function)) ? 1u : 0u;
+}
+
 uint16_t ht_regfile_call(ht_regfile *rf, uint32_t addr, uint16_t argument)
 {
-    const ht_c2000_map *device = rf->map;
+    const ht_chip *chip = rf->chip;
     uint16_t result = 0u;
-    if ((device->device == HT_F28335) && (addr == 0x380080u)) {
+    if (calls(addr, chip->adc_cal) != 0u) {
         if (ht_model_clocked(rf, 0x7100u) == 0u) {
             ht_model_violation(rf, addr, 0u, HT_REG_UNCLOCKED, "calibration without ADC clock");
         } else {
@@ -369,7 +369,7 @@ uint16_t ht_regfile_call(ht_regfile *rf, uint32_t addr, uint16_t argument)
             ht_model_poke(rf, 0x711Du, 16u, 0x0003u);
             rf->calibrated = 1u;
         }
-    } else if ((device->device == HT_F28377S) && (addr == HT_REGFILE_DEVICE_CAL)) {
+    } else if (calls(addr, chip->device_cal) != 0u) {
         if ((rf->eallow == 0u) || (ht_model_clocked(rf, 0x7400u) == 0u)
             || (ht_model_clocked(rf, 0x7480u) == 0u)) {
             ht_model_violation(rf, addr, 0u, HT_REG_NO_EALLOW,
@@ -377,8 +377,9 @@ uint16_t ht_regfile_call(ht_regfile *rf, uint32_t addr, uint16_t argument)
         } else {
             rf->device_calibrated = 1u;
         }
-    } else if ((device->device == HT_F28377S) && ((addr == 0x0703B4u) || (addr == 0x0703B2u))) {
-        uint32_t adc = (addr == 0x0703B4u) ? 0x7400u : 0x7480u;
+    } else if ((calls(addr, chip->linearity_trim[0]) | calls(addr, chip->linearity_trim[1]))
+               != 0u) {
+        uint32_t adc = (addr == chip->linearity_trim[0]) ? 0x7400u : 0x7480u;
         if ((rf->eallow == 0u) || (ht_model_clocked(rf, adc) == 0u)) {
             ht_model_violation(rf, addr, 0u, HT_REG_NO_EALLOW, "trim without EALLOW or ADC clock");
         } else {
@@ -388,7 +389,7 @@ uint16_t ht_regfile_call(ht_regfile *rf, uint32_t addr, uint16_t argument)
             }
             rf->calibrated |= (adc == 0x7400u) ? 1u : 2u;
         }
-    } else if ((device->device == HT_F28377S) && (addr == 0x0703ACu)) {
+    } else if (calls(addr, chip->offset_trim) != 0u) {
         result = (uint16_t)(0x0025u + argument);
     } else {
         ht_model_violation(rf, addr, argument, HT_REG_HOLE, "no function of TI's there");
@@ -398,15 +399,9 @@ uint16_t ht_regfile_call(ht_regfile *rf, uint32_t addr, uint16_t argument)
 
 /* --- SCI ------------------------------------------------------------------------------ */
 
-static uint32_t sci(const ht_regfile *rf)
-{
-    const ht_c2000_map *device = rf->map;
-    return (device->device == HT_F28335) ? 0x7050u : 0x7200u;
-}
-
 static uint32_t sci_format(ht_regfile *rf, uint32_t addr, uint32_t value)
 {
-    if ((ht_model_peek(rf, sci(rf) + 1u, 16u) & SCI_RUNS) != 0u) {
+    if ((ht_model_peek(rf, rf->chip->sci + 1u, 16u) & SCI_RUNS) != 0u) {
         order(rf, addr, value, "changed while the SCI runs");
     }
     return value & 0x00FFu;
@@ -443,14 +438,14 @@ uint16_t ht_regfile_sci_leave(ht_regfile *rf)
 
 uint16_t ht_regfile_sci_arrive(ht_regfile *rf, uint16_t octet)
 {
-    uint32_t control = ht_model_peek(rf, sci(rf) + 1u, 16u);
-    uint32_t fifo = ht_model_peek(rf, sci(rf) + 0xBu, 16u);
-    uint32_t error = ht_model_peek(rf, sci(rf) + 5u, 16u) & 0x0080u;
+    uint32_t control = ht_model_peek(rf, rf->chip->sci + 1u, 16u);
+    uint32_t fifo = ht_model_peek(rf, rf->chip->sci + 0xBu, 16u);
+    uint32_t error = ht_model_peek(rf, rf->chip->sci + 5u, 16u) & 0x0080u;
     if (((control & 0x0021u) != 0x0021u) || ((fifo & 0x2000u) == 0u) || (error != 0u)) {
         return 0u;
     }
     if (rf->sci_in_count >= HT_REGFILE_FIFO) {
-        ht_model_poke(rf, sci(rf) + 0xBu, 16u, fifo | 0x8000u);
+        ht_model_poke(rf, rf->chip->sci + 0xBu, 16u, fifo | 0x8000u);
         return 0u;
     }
     rf->sci_in[rf->sci_in_count] = octet;
@@ -519,7 +514,7 @@ uint32_t ht_model_written(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint
         return sci_format(rf, addr, value);
     case HT_FX_SCICTL1: /* the software reset clears the receiver's flags */
         if ((plain & SCI_RUNS) == 0u) {
-            ht_model_poke(rf, sci(rf) + 5u, 16u, 0u);
+            ht_model_poke(rf, rf->chip->sci + 5u, 16u, 0u);
         }
         return plain;
     case HT_FX_SCITXBUF:

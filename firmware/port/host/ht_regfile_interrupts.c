@@ -1,6 +1,5 @@
 /* Register model: events of the hardware, and what the interrupt controller and the
  * CPU make of them. Both interrupts are in PIE group 1. */
-#include "../c2000/ht_c2000_map.h"
 #include "ht_regfile_model.h"
 
 #define PIECTRL 0x0CE0u
@@ -112,11 +111,10 @@ void ht_regfile_idle(ht_regfile *rf)
 
 void ht_regfile_end_of_sequence(ht_regfile *rf)
 {
-    const ht_c2000_map *device = rf->map;
     uint32_t flag = rf->chip->adc_flag;
     uint32_t enabled;
     uint16_t blocked = (uint16_t)(rf->word[flag] & 1u); /* by a flag that is not cleared yet */
-    if (device->device == HT_F28335) { /* ADCTRL2.INT_ENA_SEQ1 */
+    if (rf->chip->sequencer != 0u) {                    /* ADCTRL2.INT_ENA_SEQ1 */
         enabled = rf->word[0x7101] & 0x0800u;
     } else { /* ADCINTSEL1N2: INT1E, INT1SEL = EOC3 */
         enabled = (uint32_t)((rf->word[0x7407] & 0x002Fu) == 0x0023u);
@@ -137,14 +135,14 @@ void ht_regfile_end_of_sequence(ht_regfile *rf)
 /* Would ePWM1's SOCA start the conversion of seven channels? */
 static uint16_t armed(const ht_regfile *rf)
 {
-    const ht_c2000_map *device = rf->map;
     uint16_t n;
-    if (device->device == HT_F28335) { /* cascaded, 7 conversions, started by SOCA */
+    if (rf->chip->sequencer != 0u) { /* cascaded, 7 conversions, started by SOCA */
         return (uint16_t)(((rf->word[0x7100] & 0x0010u) != 0u) && (rf->word[0x7102] == 6u)
                           && ((rf->word[0x7101] & 0x0100u) != 0u));
     }
     for (n = 0u; n < 7u; n++) { /* ADC-A: SOC0..3, ADC-B: SOC0..2; TRIGSEL 5 */
-        uint32_t soc = (n < 4u) ? (0x7411u + 2u * (uint32_t)n) : (0x7491u + 2u * (uint32_t)(n - 4u));
+        uint32_t soc = (n < 4u) ? (0x7411u + 2u * (uint32_t)n)
+                                : (0x7491u + 2u * (uint32_t)(n - 4u));
         if (((rf->word[soc] >> 4) & 0x1Fu) != 5u) {
             return 0u;
         }
@@ -158,14 +156,14 @@ uint16_t ht_regfile_period(ht_regfile *rf)
     uint16_t etsel = rf->word[chip->epwm + chip->etsel];
     uint16_t etps = rf->word[chip->epwm + chip->etps];
     if ((ht_model_counting(rf) == 0u) || (ht_model_clocked(rf, chip->epwm) == 0u)
-        || ((etsel & 0x0F00u) != 0x0900u) || ((etps & 0x0300u) != 0x0100u)
-        || (rf->powered == 0u) || (armed(rf) == 0u)) {
+        || ((etsel & 0x0F00u) != 0x0900u) || ((etps & 0x0300u) != 0x0100u) || (rf->powered == 0u)
+        || (armed(rf) == 0u)) {
         return 0u;
     }
     if (rf->stands != 0u) {
         ht_model_violation(rf, 0x7101u, 0u, HT_REG_ORDER, "sequencer started at its end");
     }
-    rf->stands = (uint16_t)(((const ht_c2000_map *)rf->map)->device == HT_F28335);
+    rf->stands = rf->chip->sequencer;
     ht_regfile_end_of_sequence(rf);
     return 1u;
 }

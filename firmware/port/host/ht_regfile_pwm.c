@@ -1,6 +1,5 @@
 /* Register model: what stands between the PWM and the switches. Pins, dead band, trip zone,
  * and the level of the trip pin. */
-#include "../c2000/ht_c2000_map.h"
 #include "ht_regfile_model.h"
 
 #define TZ_OST 0x0004u
@@ -11,18 +10,10 @@
 #define MODULES 12u
 #define PORT_PINS 32u
 #define PORT_WORDS 8u
-#define INPUT1SELECT 0x7900u
-#define TZ1_F28335 12u /* GPIO12, where its multiplexer says so */
 
 static void order(ht_regfile *rf, uint32_t addr, uint32_t value, const char *why)
 {
     ht_model_violation(rf, addr, value, HT_REG_ORDER, why);
-}
-
-static uint16_t small(const ht_regfile *rf)
-{
-    const ht_c2000_map *device = rf->map;
-    return (device->device == HT_F28335) ? 1u : 0u;
 }
 
 static uint32_t of_module(ht_regfile *rf, uint32_t base, uint16_t offset)
@@ -34,11 +25,10 @@ static uint32_t of_module(ht_regfile *rf, uint32_t base, uint16_t offset)
 
 int32_t ht_model_module_of(const ht_regfile *rf, uint32_t pin, uint32_t mux)
 {
-    uint32_t last = (small(rf) != 0u) ? 11u : 15u;
-    if ((mux == 1u) && (pin <= last)) {
+    if ((mux == 1u) && (pin < rf->chip->pwm_pins)) {
         return (int32_t)(pin / 2u);
     }
-    if ((small(rf) == 0u) && (mux == 5u) && (pin >= 16u) && (pin <= 21u)) {
+    if ((mux == 5u) && (pin >= 16u) && (pin < rf->chip->pwm_pins_group)) {
         return (int32_t)(pin / 2u);
     }
     return -1;
@@ -51,7 +41,7 @@ static uint32_t position(ht_regfile *rf, uint32_t pin)
                     + (((pin % PORT_PINS) < 16u) ? 0u : 2u);
     uint32_t shift = 2u * (pin % 16u);
     uint32_t mux = (ht_model_peek(rf, half + 0x06u, 32u) >> shift) & 3u;
-    if (small(rf) == 0u) {
+    if (rf->chip->pin_groups != 0u) {
         mux |= ((ht_model_peek(rf, half + 0x20u, 32u) >> shift) & 3u) << 2;
     }
     return mux;
@@ -126,14 +116,14 @@ void ht_model_check_dead_time(ht_regfile *rf, uint32_t base, uint32_t addr, uint
 /* Level of the pin that the trip zone listens to. */
 static uint16_t trip_pin_low(ht_regfile *rf)
 {
-    uint32_t pin = TZ1_F28335;
+    uint32_t pin = rf->chip->trip_pin;
     uint32_t data;
-    if (small(rf) == 0u) {
-        pin = ht_model_peek(rf, INPUT1SELECT, 16u);
+    if (rf->chip->trip_select != 0u) {
+        pin = ht_model_peek(rf, rf->chip->trip_select, 16u);
     } else if (position(rf, pin) != 1u) {
-        return 0u; /* no pin is TZ1 */
+        return 0u; /* its multiplexer does not make it the trip pin */
     } else {
-        /* GPIO12 */
+        /* the fixed one */
     }
     data = rf->chip->gpio_data + ((pin / PORT_PINS) * PORT_WORDS);
     if (ht_regfile_word(rf, data) == 0) {
@@ -173,14 +163,14 @@ void ht_regfile_pin(ht_regfile *rf, uint16_t gpio, uint16_t level)
 
 void ht_regfile_clock_fails(ht_regfile *rf)
 {
-    if (small(rf) == 0u) {
+    if (rf->chip->trips_without_pin != 0u) {
         trip(rf, OSHT5);
     }
 }
 
 void ht_regfile_emulation_stops(ht_regfile *rf)
 {
-    if (small(rf) == 0u) {
+    if (rf->chip->trips_without_pin != 0u) {
         trip(rf, OSHT6);
     }
 }

@@ -19,9 +19,9 @@ typedef enum {
     HT_FX_WDKEY,
     HT_FX_WDCR,
     HT_FX_WDCNTR,
-    HT_FX_PLLSTS,     /**< F28335 */
+    HT_FX_PLLSTS, /**< F28335 */
     HT_FX_PLLCR,
-    HT_FX_OSCSEL,     /**< F28377S */
+    HT_FX_OSCSEL, /**< F28377S */
     HT_FX_PLLCTL,
     HT_FX_PLLMULT,
     HT_FX_PLLLOCK,
@@ -38,8 +38,8 @@ typedef enum {
     HT_FX_ADCINTFLGCLR,
     HT_FX_QCAPCTL,
     HT_FX_TCR,
-    HT_FX_COUNTING,   /**< CPU timers 1 and 2: TCR */
-    HT_FX_COUNT,      /**< ... and TIM */
+    HT_FX_COUNTING, /**< CPU timers 1 and 2: TCR */
+    HT_FX_COUNT,    /**< ... and TIM */
     HT_FX_SCIFORMAT,
     HT_FX_SCICTL1,
     HT_FX_SCITXBUF,
@@ -50,16 +50,16 @@ typedef enum {
     HT_FX_PIEACK
 } ht_what;
 
-#define HT_EALLOWED 0x0001u /**< protected: needs EALLOW */
-#define HT_SET_UP 0x0002u   /**< ePWM: counters stopped and the module tripped */
+#define HT_EALLOWED 0x0001u    /**< protected: needs EALLOW */
+#define HT_SET_UP 0x0002u      /**< ePWM: counters stopped and the module tripped */
 #define HT_TRIP_SET_UP 0x0004u /**< ePWM: counters stopped */
 
 typedef struct {
     const char *name;
-    uint16_t offset;    /**< words from the module's first register */
-    uint16_t bits;      /**< 16 or 32: the only width it may be accessed with */
+    uint16_t offset; /**< words from the module's first register */
+    uint16_t bits;   /**< 16 or 32: the only width it may be accessed with */
     uint32_t reset;
-    uint32_t writable;  /**< the other bits are reserved or the hardware's */
+    uint32_t writable; /**< the other bits are reserved or the hardware's */
     ht_what what;
     uint16_t flags;
     uint16_t at;
@@ -69,11 +69,11 @@ typedef struct {
 typedef struct {
     const char *name;
     uint32_t base;
-    uint16_t stride;    /**< to the next instance */
-    uint16_t count;     /**< instances; more than one are numbered */
-    uint16_t first;     /**< ... from here on */
-    uint32_t gate;      /**< register with the clock enable, 0 = always clocked */
-    uint16_t gate_bit;  /**< of the first instance, the next ones follow */
+    uint16_t stride;   /**< to the next instance */
+    uint16_t count;    /**< instances; more than one are numbered */
+    uint16_t first;    /**< ... from here on */
+    uint32_t gate;     /**< register with the clock enable, 0 = always clocked */
+    uint16_t gate_bit; /**< of the first instance, the next ones follow */
     const ht_register *registers;
     uint16_t length;
 } ht_module;
@@ -81,9 +81,9 @@ typedef struct {
 typedef struct {
     const ht_module *modules;
     uint16_t length;
-    uint32_t sync;           /**< register with TBCLKSYNC */
+    uint32_t sync; /**< register with TBCLKSYNC */
     uint16_t sync_bit;
-    uint32_t epwm;           /**< ePWM1, distance to the next one, and offsets */
+    uint32_t epwm; /**< ePWM1, distance to the next one, and offsets */
     uint16_t epwm_stride;
     uint16_t tzsel;
     uint16_t tzctl;
@@ -94,13 +94,32 @@ typedef struct {
     uint16_t dbfed;
     uint16_t etsel;
     uint16_t etps;
-    uint32_t gpio;           /**< port A, distance to the next port */
+    uint32_t gpio; /**< port A, distance to the next port */
     uint16_t gpio_stride;
-    uint32_t gpio_data;      /**< levels of port A; the next port's are 8 words further */
-    uint32_t adc_flag;       /**< where the end of a sequence shows (bit 0) */
-    uint32_t adc_settle_us;  /**< from power-up to the first conversion */
-    float crystal_pll_Hz;    /**< crystal x multiplier, as the boards choose them */
-    float watchdog_Hz;       /**< its clock / 512 */
+    uint32_t gpio_data;     /**< levels of port A; the next port's are 8 words further */
+    uint32_t adc_flag;      /**< where the end of a sequence shows (bit 0) */
+    uint32_t adc_settle_us; /**< from power-up to the first conversion */
+    float watchdog_Hz;      /**< its clock / 512 */
+
+    /* In what the chips differ: a flag is 1 for a chip that has it, an address 0 for a chip
+     * without it. */
+    uint32_t pll_multiplier;       /**< register that holds it */
+    uint16_t internal_oscillators; /**< two of them, which may clock system, timers and watchdog */
+    float crystal_Hz;              /**< as the boards have it; 0: it depends on the board, ... */
+    float crystal_pll_Hz;          /**< ... which chooses crystal x multiplier to be this */
+    float first_crystal_Hz;        /**< before a multiplier is chosen */
+    uint16_t pin_groups;           /**< second level of the pins' multiplexers, GPyGMUX */
+    uint32_t pwm_pins;             /**< pins 0 ... of PWM modules at position 1, two per module */
+    uint32_t pwm_pins_group;    /**< pins 16 ... of PWM modules at position 5: the last, plus 1 */
+    uint32_t trip_select;       /**< INPUT1SELECT: the pin that trips */
+    uint32_t trip_pin;          /**< that pin, where it is fixed */
+    uint16_t trips_without_pin; /**< clock failure and emulation stop trip by themselves */
+    uint16_t sequencer;         /**< one ADC with a sequencer; else two, with a start per result */
+    uint32_t sci;               /**< SCI-A */
+    uint32_t adc_cal;           /**< TI's functions in OTP: calibration of the one ADC, ... */
+    uint32_t device_cal;        /**< ... of the device, ... */
+    uint32_t linearity_trim[2]; /**< ... of ADC-A's and ADC-B's linearity, ... */
+    uint32_t offset_trim;       /**< ... and the offset that fits */
 } ht_chip;
 
 extern const ht_chip ht_chip_f28335;

@@ -57,7 +57,8 @@ const ht_register ht_registers_sci[HT_SCI_REGISTERS] = {
 const ht_register ht_registers_timer[HT_TIMER_REGISTERS] = {
     REG32("TIM", 0x0u, 0x0000FFFFu, 0xFFFFFFFFu, HT_PLAIN, 0u, 0u, ""),
     REG32("PRD", 0x2u, 0x0000FFFFu, 0xFFFFFFFFu, HT_PLAIN, 0u, 0u, ""),
-    REG("TCR", 0x4u, 0u, 0xCC30u, HT_FX_TCR, 0u, 0u, "15 TIF, 14 TIE, 11 FREE, 10 SOFT, 5 TRB, 4 TSS"),
+    REG("TCR", 0x4u, 0u, 0xCC30u, HT_FX_TCR, 0u, 0u,
+        "15 TIF, 14 TIE, 11 FREE, 10 SOFT, 5 TRB, 4 TSS"),
     REG("TPR", 0x6u, 0u, 0x00FFu, HT_PLAIN, 0u, 0u, "15-8 PSC, 7-0 TDDR"),
     REG("TPRH", 0x7u, 0u, 0x00FFu, HT_PLAIN, 0u, 0u, "15-8 PSCH, 7-0 TDDRH"),
 };
@@ -71,16 +72,16 @@ const ht_register ht_registers_counter[HT_TIMER_REGISTERS] = {
     REG("TPRH", 0x7u, 0u, 0x00FFu, HT_PLAIN, 0u, 0u, "15-8 PSCH, 7-0 TDDRH"),
 };
 
-#define GROUP(n, offset, bits)                                                 \
-    REG("PIEIER" n, offset, 0u, bits, HT_FX_PIE, 0u, 0u, "6 INTx7, 0 INTx1"),   \
+#define GROUP(n, offset, bits)                                                \
+    REG("PIEIER" n, offset, 0u, bits, HT_FX_PIE, 0u, 0u, "6 INTx7, 0 INTx1"), \
         REG("PIEIFR" n, (offset) + 1u, 0u, bits, HT_FX_PIE, 0u, 0u, "6 INTx7, 0 INTx1")
-#define PIE(bits)                                                             \
-    REG("PIECTRL", 0x00u, 0u, 0x0001u, HT_FX_PIE, 0u, 0u, "15-1 PIEVECT, 0 ENPIE"), \
-        REG("PIEACK", 0x01u, 0u, 0x0FFFu, HT_FX_PIEACK, 0u, 0u, ""),         \
-        GROUP("1", 0x02u, bits), GROUP("2", 0x04u, bits), GROUP("3", 0x06u, bits), \
-        GROUP("4", 0x08u, bits), GROUP("5", 0x0Au, bits), GROUP("6", 0x0Cu, bits), \
-        GROUP("7", 0x0Eu, bits), GROUP("8", 0x10u, bits), GROUP("9", 0x12u, bits), \
-        GROUP("10", 0x14u, bits), GROUP("11", 0x16u, bits), GROUP("12", 0x18u, bits)
+#define PIE(bits)                                                                             \
+    REG("PIECTRL", 0x00u, 0u, 0x0001u, HT_FX_PIE, 0u, 0u, "15-1 PIEVECT, 0 ENPIE"),           \
+        REG("PIEACK", 0x01u, 0u, 0x0FFFu, HT_FX_PIEACK, 0u, 0u, ""), GROUP("1", 0x02u, bits), \
+        GROUP("2", 0x04u, bits), GROUP("3", 0x06u, bits), GROUP("4", 0x08u, bits),            \
+        GROUP("5", 0x0Au, bits), GROUP("6", 0x0Cu, bits), GROUP("7", 0x0Eu, bits),            \
+        GROUP("8", 0x10u, bits), GROUP("9", 0x12u, bits), GROUP("10", 0x14u, bits),           \
+        GROUP("11", 0x16u, bits), GROUP("12", 0x18u, bits)
 
 const ht_register ht_registers_pie_8[HT_PIE_REGISTERS] = {PIE(0x00FFu)};
 const ht_register ht_registers_pie_16[HT_PIE_REGISTERS] = {PIE(0xFFFFu)};

@@ -2,7 +2,7 @@
 
 #include "ht_drivers.h"
 
-/* Octets that pass between two turns of the background, less than a FIFO takes. */
+/* Bytes that pass between two turns of the background, less than a FIFO takes. */
 #define AT_ONCE 8.0f
 
 bool ht_virtual_init(ht_virtual_board *b, ht_drive *d, ht_port *port, const ht_service_setup *setup,

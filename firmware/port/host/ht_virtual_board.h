@@ -1,7 +1,7 @@
 /** @file ht_virtual_board.h
- *  A board without a board: drive and link on the register model, and a line of so many
- *  octets a second on its SCI. Time is the drive's: one call of `ht_virtual_fast` is one
- *  fast interrupt and the background that ran before it.
+ *  A virtual board: drive and link on the register model, and on its SCI a line of a given speed.
+ *  Its time is the drive's: one call of `ht_virtual_fast` is one fast interrupt and the
+ *  background that ran before it.
  */
 #ifndef HT_VIRTUAL_BOARD_H
 #define HT_VIRTUAL_BOARD_H
@@ -9,8 +9,8 @@
 #include "ht_service.h"
 #include "ht_port_c2000.h"
 
-#define HT_VIRTUAL_IN 8192u   /**< octets on their way to the board, a power of two */
-#define HT_VIRTUAL_OUT 65536u /**< octets that the other end has not taken yet */
+#define HT_VIRTUAL_IN 8192u   /**< bytes on their way to the board, a power of two */
+#define HT_VIRTUAL_OUT 65536u /**< bytes that the other end has not taken yet */
 #define HT_VIRTUAL_CHANNELS 64u
 
 typedef struct {
@@ -18,13 +18,13 @@ typedef struct {
     ht_port *port;
     ht_service service;
     float channel[HT_VIRTUAL_CHANNELS]; /**< all, at the end of the latest fast interrupt */
-    float credit_in;       /**< octets that may arrive now */
+    float credit_in;                    /**< bytes that may arrive now */
     float credit_out;
-    uint32_t in_head;      /**< counts octets, modulo 2^32 */
+    uint32_t in_head; /**< counts bytes, modulo 2^32 */
     uint32_t in_tail;
     uint32_t out_head;
     uint32_t out_tail;
-    uint32_t lost;         /**< octets that the other end took too late */
+    uint32_t lost; /**< bytes that the other end took too late */
     uint16_t in[HT_VIRTUAL_IN];
     uint16_t out[HT_VIRTUAL_OUT];
 } ht_virtual_board;
@@ -39,7 +39,7 @@ void ht_virtual_slow(ht_virtual_board *b);
 /** Channels as they were at the end of the fast interrupt: what streams and captures see. */
 void ht_virtual_channels(const ht_virtual_board *b, float *out);
 
-/** The line's other end: put up to `n` octets on it, returns how many found room; take up to `n`. */
+/** The line's other end: put up to `n` bytes on it, returns how many found room; take up to `n`. */
 uint32_t ht_virtual_put(ht_virtual_board *b, const uint16_t *octets, uint32_t n);
 uint32_t ht_virtual_take(ht_virtual_board *b, uint16_t *octets, uint32_t n);
 

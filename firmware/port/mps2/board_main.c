@@ -3,7 +3,7 @@
  *
  *   setup   32-bit words: baud rate of UART0, milliseconds of the watchdog
  *   store   the memory for parameters; without this file the board has none. Words lie in it as in
- *           memory, low octet first.
+ *           memory, low byte first.
  */
 #include "cmsdk_uart.h"
 #include "ht_service.h"
@@ -15,12 +15,12 @@
 /* 32-bit values of memory for captures: what the F28377S's image has. */
 #define CAPTURE_VALUES 20480u
 
-/* Octets that a turn of the background is sure to hand over while frames are waiting: it
+/* Bytes that a turn of the background is sure to hand over while frames are waiting: it
  * takes up to 16, and a frame's rest. */
 #define TURN_OCTETS 8.0f
 #define TURNS_MIN 4
-/* The emulator fetches an octet only once the one before has been read. Turns that it is
- * given for the next one, some 50 us: else a request would take a period an octet. */
+/* The emulator fetches a byte only once the one before has been read. Turns that it is
+ * given for the next one, some 50 us: else a request would take a period a byte. */
 #define TURNS_OCTET 200
 
 typedef struct {
@@ -71,7 +71,8 @@ static bool in_force(const ht_params *saved, const ht_params *p)
     uint16_t id;
     bool same = true;
     for (id = 0u; id < (uint16_t)HT_PARAMS; id++) {
-        bool reference = (id == (uint16_t)HT_P_speed_ref_rpm) || (id == (uint16_t)HT_P_torque_ref_Nm);
+        bool reference = (id == (uint16_t)HT_P_speed_ref_rpm)
+                         || (id == (uint16_t)HT_P_torque_ref_Nm);
         same = same && (reference || (saved->v[id] == p->v[id]));
     }
     return same;
@@ -114,7 +115,7 @@ static void fast(void *at)
 
 int main(void)
 {
-    static ht_pil pil;
+    static ht_pil_line line;
     static board b;
     uint32_t setup[2];
     int32_t file = semihost_open("setup", SEMIHOST_READ);
@@ -139,9 +140,9 @@ int main(void)
         b.store.port.blocks = (uint16_t)HT_STORE_FILE_BLOCKS;
     }
     b.setup.store = &b.store;
-    ht_pil_reset(&pil);
-    pil.image.begin = begin;
-    pil.image.fast = fast;
-    pil.image.at = &b;
-    return pil_server_run(&pil);
+    ht_pil_line_reset(&line);
+    line.pil.image.begin = begin;
+    line.pil.image.fast = fast;
+    line.pil.image.at = &b;
+    return pil_server_run(&line);
 }

@@ -7,7 +7,7 @@
 #define CTRL_RX 0x2u
 #define DIVIDER_MIN 16u
 #define DIVIDER_MAX 0xFFFFFu
-#define BITS 10u /* of an octet on the line: start, 8, stop */
+#define BITS 10u /* of a byte on the line: start, 8, stop */
 #define OCTET 0xFFu
 
 bool cmsdk_uart_start(cmsdk_uart *u, cmsdk_uart_registers *registers, uint32_t baud)

@@ -1,6 +1,6 @@
 /** @file cmsdk_uart.h
  *  The MPS2 boards' serial port, an APB UART of Arm's Cortex-M system design kit: one
- *  octet of buffer each way, polled. An emulator may carry octets as fast as they are
+ *  byte of buffer each way, polled. An emulator may carry bytes as fast as they are
  *  handed over; here they pass at the line's rate, told by a clock that is the caller's.
  */
 #ifndef CMSDK_UART_H
@@ -28,7 +28,7 @@ typedef struct {
 typedef struct {
     cmsdk_uart_registers *registers;
     uint32_t octets_per_s; /**< each way, from what the divider makes of the baud rate */
-    float credit_in;       /**< octets that may pass now */
+    float credit_in;       /**< bytes that may pass now */
     float credit_out;
 } cmsdk_uart;
 

@@ -12,7 +12,7 @@
  *           high), n floats; then per period seven ADC counts, position (low, high), slow
  *   counts  written, 32-bit words: ticks of an empty interrupt; per period ticks of
  *           the fast interrupt, of the control step alone (0 outside `run`), of the slow
- *           interrupt (0 without), state, octets of stack of the fast interrupt; at
+ *           interrupt (0 without), state, bytes of stack of the fast interrupt; at
  *           the end the telemetry channels
  *   states  written: SAMPLES times drive and inputs, spread over the end of the trace
  *
@@ -83,8 +83,8 @@ static void settle(void)
     int leg;
     for (leg = 0; leg < HT_LEGS; leg++) {
         uint32_t base = m->epwm + (uint32_t)leg * m->stride;
-        *word(base + m->tzflg) =
-            (uint16_t)((*word(base + m->tzflg) | *word(base + m->tzfrc)) & (uint16_t)~*word(base + m->tzclr));
+        *word(base + m->tzflg) = (uint16_t)((*word(base + m->tzflg) | *word(base + m->tzfrc))
+                                            & (uint16_t)~*word(base + m->tzclr));
         *word(base + m->tzfrc) = 0u;
         *word(base + m->tzclr) = 0u;
     }
@@ -108,7 +108,7 @@ static uint32_t ticks(void (*isr)(ht_drive *), ht_drive *d)
     return (begin - SYST_CVR) & SYST_MASK;
 }
 
-/* Octets of stack that an interrupt takes, on a copy of the drive: whatever is below the
+/* Bytes of stack that an interrupt takes, on a copy of the drive: whatever is below the
  * stack pointer gets a colour first. */
 __attribute__((noinline)) static uint32_t stack_of(void (*isr)(ht_drive *), ht_drive *d)
 {
@@ -223,5 +223,6 @@ int main(void)
     if (semihost_open("profile", SEMIHOST_READ) >= 0) {
         return profile(semihost_open("states", SEMIHOST_READ));
     }
-    return count(trace, semihost_open("counts", SEMIHOST_WRITE), semihost_open("states", SEMIHOST_WRITE));
+    return count(trace, semihost_open("counts", SEMIHOST_WRITE),
+                 semihost_open("states", SEMIHOST_WRITE));
 }

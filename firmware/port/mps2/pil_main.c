@@ -3,7 +3,7 @@
 
 int main(void)
 {
-    static ht_pil pil;
-    ht_pil_reset(&pil);
-    return pil_server_run(&pil);
+    static ht_pil_line line;
+    ht_pil_line_reset(&line);
+    return pil_server_run(&line);
 }

@@ -5,11 +5,11 @@
 #ifndef PIL_SERVER_H
 #define PIL_SERVER_H
 
-#include "ht_pil.h"
+#include "ht_pil_line.h"
 
 enum { EXIT_OK = 0, EXIT_FILE = 2, EXIT_SETUP = 3 };
 
 /** Answer requests until the host closes its side. Returns the exit status. */
-int pil_server_run(ht_pil *pil);
+int pil_server_run(ht_pil_line *line);
 
 #endif

@@ -1,4 +1,4 @@
-"""What each scheme is: for people. The law itself is in firmware/core/ht_control.c."""
+"""What each scheme is: for people. Numbers come from firmware/core/ht_schemes.def."""
 
 from __future__ import annotations
 
@@ -7,44 +7,57 @@ from .. import firmware
 _A = "Holakooie, Iwanski, Miazga 2022"
 _B = "Pandit, Aware, Nemade, Levi 2017"
 
-SCHEMES: dict[str, dict[str, str]] = {
+_TEXTS: dict[str, dict[str, str]] = {
     "dtc1": {
         "source": f"{_B}: DTC1",
         "vectors": "one large",
-        "torque_levels": "3",
         "xy": "ignored",
     },
     "dtc2": {
         "source": f"{_B}: DTC2",
         "vectors": "one large or medium-large",
-        "torque_levels": "3",
         "xy": "the vector that lowers the x-y flux",
     },
     "dtc3": {
         "source": f"{_B}: DTC3",
         "vectors": "one large, medium-large or small",
-        "torque_levels": "5",
         "xy": "the vector that lowers the x-y flux",
     },
     "fdr": {
         "source": f"{_A}: FDR-DTC",
         "vectors": "three large, fixed duty ratios",
-        "torque_levels": "3",
         "xy": "zero mean voltage",
     },
     "ddr": {
         "source": f"{_A}: DDR-DTC",
         "vectors": "three large, duty ratios by eq. (13)",
-        "torque_levels": "3",
-        "xy": "dual PI, limit 0.0327 Vdc per axis",
+        "xy": "dual PI",
     },
     "ddr-ml": {
         "source": f"{_A}: section II-F4",
         "vectors": "three medium-large, duty ratios by eq. (13)",
-        "torque_levels": "3",
-        "xy": "dual PI, limit 0.0893 Vdc per axis",
+        "xy": "dual PI",
     },
 }
+
+
+def _described(number: int, name: str) -> dict[str, str]:
+    row = firmware.lib.ht_scheme_describe(number)
+    text = _TEXTS[name]
+    limit = f", limit {firmware.lib.ht_scheme_xy_limit_pu(row):.4f} Vdc per axis"
+    return {
+        "source": text["source"],
+        "vectors": text["vectors"],
+        "torque_levels": str(row.torque_levels),
+        "xy": text["xy"] + (limit if row.regulated else ""),
+        "reach": f"{row.reach_pu:.4f} Vdc",
+    }
+
+
+if set(_TEXTS) != set(firmware.schemes()):
+    raise RuntimeError("schemes.py and the firmware's scheme list differ")
+
+SCHEMES = {name: _described(number, name) for number, name in enumerate(firmware.schemes())}
 
 _CONTROLLER_OPTIONS = (
     "table", "torque_levels", "torque_release_Nm", "zero_vector", "zero_hold", "flux_hold",
@@ -64,6 +77,3 @@ OPTIONS: dict[str, dict[str, str]] = {
         for name in _CONTROLLER_OPTIONS
     },
 }
-
-if tuple(SCHEMES) != firmware.schemes():
-    raise RuntimeError("schemes.py and the firmware's scheme list differ")

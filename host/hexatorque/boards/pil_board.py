@@ -18,9 +18,9 @@ from .processor import Target, TargetError
 BAUD = lib.ht_link_baud()
 #: How long a reply may take. At 9600 baud it is on its way for half a second.
 TIMEOUT_S = 2.0
-#: What ends any frame that a target may still be waiting for: as much as the largest one.
-ZEROS = bytes(len(ffi.new("ht_link *").octets))
-#: So long nothing comes on a line that is quiet: longer than a USB adapter keeps octets back.
+#: Ends the frame that a target may be waiting for the rest of.
+FRAME_END = b"\0"
+#: So long nothing comes on a line that is quiet: longer than a USB adapter keeps bytes back.
 QUIET_S = 0.1
 #: A line that is not quiet by then is somebody else's.
 NEVER_QUIET_S = 2.0
@@ -85,17 +85,16 @@ class BoardTarget(Target):
     def _hush(self) -> None:
         """Bring the target to where it waits for a request, and the line to silence."""
         try:
-            self._port.write(ZEROS)
-            sent = time.monotonic() + 10 * len(ZEROS) / self.baud
-            never = sent + NEVER_QUIET_S
-            while self._port.read(4096) or time.monotonic() < sent:
+            self._port.write(FRAME_END)
+            never = time.monotonic() + NEVER_QUIET_S
+            while self._port.read(4096):
                 if time.monotonic() > never:
                     raise TargetError(
                         f"{self.name}: the line does not get quiet (is this image one for "
                         f"processor in the loop?)"
                     )
         except serial.SerialTimeoutException:
-            raise TargetError(f"{self.name}: the port takes no octets") from None
+            raise TargetError(f"{self.name}: the port takes no bytes") from None
         except serial.SerialException:
             raise TargetError(f"{self.name}: the port is gone (unplugged?)") from None
 
@@ -103,7 +102,7 @@ class BoardTarget(Target):
         link = self.link
         if link.error == lib.HT_LINK_SILENT and link.heard:
             return (
-                f" ({link.heard} octets came, but no reply in them: is the board's rate "
+                f" ({link.heard} bytes came, but no reply in them: is the board's rate "
                 f"{self.baud} baud?)"
             )
         if link.error == lib.HT_LINK_SILENT:

@@ -24,9 +24,6 @@ from ..firmware import (
     snapshot_of,
 )
 
-#: Place in a target's identity: number of registers that it tells of.
-REGISTERS = 3
-
 
 class TargetError(HexatorqueError, RuntimeError):
     """The target does not answer, or not as it should."""
@@ -35,11 +32,16 @@ class TargetError(HexatorqueError, RuntimeError):
 _ERRORS = {
     lib.HT_LINK_SILENT: "no reply in time",
     lib.HT_LINK_CLOSED: "the target has ended",
-    lib.HT_LINK_BROKEN: "a frame did not arrive whole (checksum)",
+    lib.HT_LINK_BROKEN: "a frame did not arrive whole (CRC)",
     lib.HT_LINK_ANSWER: "a reply that does not fit the request",
     lib.HT_LINK_REFUSED: "the target refuses the request",
     lib.HT_LINK_PARTED: "host and target see different hardware",
 }
+
+
+def _fields(struct) -> dict[str, int]:
+    """What a C struct of numbers holds, by name."""
+    return {name: getattr(struct, name) for name, _ in ffi.typeof(struct).item.fields}
 
 
 class Log:
@@ -100,7 +102,7 @@ class Target:
 
     def __init__(self) -> None:
         self.link = ffi.new("ht_link *")
-        self._local = ffi.new("ht_pil *")
+        self._local = ffi.new("ht_pil_line *")
         self.link.local = self._local
         lib.ht_link_reset(self.link)
 
@@ -147,18 +149,21 @@ class TargetController(Controller):
         self.log = Log(link.log)
 
     def _check_identity(self) -> None:
-        there, here = (
-            ffi.new("uint16_t[]", lib.HT_PIL_IDENTITY),
-            ffi.new("uint16_t[]", lib.HT_PIL_IDENTITY),
-        )
-        lib.ht_link_hello(self._link, there)
+        answer, own = ffi.new("ht_pil_identity *"), ffi.new("ht_pil_identity *")
+        lib.ht_link_hello(self._link, answer)
         self.confirm()
-        lib.ht_pil_identity(here)
-        there[REGISTERS] = there[REGISTERS] or here[REGISTERS]  # 0: it tells calls instead
-        if list(there) != list(here):
+        lib.ht_pil_identify(own)
+        there, here = _fields(answer), _fields(own)
+        if not there["registers"]:  # it tells calls instead
+            there["registers"] = here["registers"]
+        if there != here:
+            differ = ", ".join(
+                f"{name} {there[name]}, here {here[name]}"
+                for name in here
+                if there[name] != here[name]
+            )
             raise TargetError(
-                f"{self.processor}: another version of the firmware runs there "
-                f"({list(there)}, here {list(here)})"
+                f"{self.processor}: another version of the firmware runs there ({differ})"
             )
 
     @property
@@ -171,8 +176,8 @@ class TargetController(Controller):
                 f"{self.processor}: {_ERRORS[self._link.error]}{self._target.epitaph()}"
             )
 
-    def _request(self, kind: int, argument: int = 0, value: float = 0.0) -> int:
-        lib.ht_link_request(self._link, kind, argument, value)
+    def _request(self, opcode: int, argument: int = 0, value: float = 0.0) -> int:
+        lib.ht_link_request(self._link, opcode, argument, value)
         self.confirm()
         return self._link.result
 
@@ -196,7 +201,7 @@ class TargetController(Controller):
 
     def get(self, name: str) -> str | float:
         row = self.parameters[name]
-        self._check(self._request(lib.HT_PIL_GET, row.id), name)
+        self._check(self._request(lib.HT_OP_PIL_GET, row.id), name)
         return row.show(self._link.value)
 
     def set_many(self, values: Mapping[str, object]) -> None:
@@ -218,13 +223,13 @@ class TargetController(Controller):
 
     def _put(self, name: str, value: object) -> None:
         row = self.parameters[name]
-        self._check(self._request(lib.HT_PIL_SET, row.id, row.parse(value)), f"{name} = {value}")
+        self._check(self._request(lib.HT_OP_PIL_SET, row.id, row.parse(value)), f"{name} = {value}")
 
     def start(self) -> None:
-        self._check(self._request(lib.HT_PIL_START), "start")
+        self._check(self._request(lib.HT_OP_PIL_START), "start")
 
     def stop(self) -> None:
-        self._request(lib.HT_PIL_STOP)
+        self._request(lib.HT_OP_PIL_STOP)
 
     def clear(self) -> None:
-        self._check(self._request(lib.HT_PIL_CLEAR), "clear")
+        self._check(self._request(lib.HT_OP_PIL_CLEAR), "clear")

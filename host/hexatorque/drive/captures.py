@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..firmware import ffi, lib
 from ..recording.journal import TICK_HZ
 from ..recording.recording import DECIMATION, FIRST_TICK, TRIGGER, RecordingError
 
@@ -75,82 +76,55 @@ def metadata(trigger_tick: int, pre: int, prescaler: int, f_isr_Hz: float) -> di
 
 
 class Burst:
-    """Fed with all rows of a simulation's telemetry, keeps those of one capture.
-
-    A trigger counts once `pre` samples are there, and is looked at when a sample is taken;
-    an edge is one between two samples that were taken. A command counts at the next sample,
-    a manual trigger until it counts.
-    """
+    """One capture of a simulation: the firmware's own (firmware/link/ht_burst.c), fed with all
+    rows of the simulation's telemetry. Its rules are in docs/protocol.md."""
 
     def __init__(
-        self,
-        columns: list[int],
-        samples: int,
-        pre: int,
-        prescaler: int,
-        trigger: Trigger,
-        on: int,
+        self, columns: list[int], samples: int, pre: int, prescaler: int, trigger: Trigger, on: int
     ) -> None:
         """`columns` of the rows to keep; `on`: the column that the trigger looks at."""
         check(samples, pre, prescaler)
         self.samples, self.pre, self.prescaler = samples, pre, prescaler
-        self.manual = False
-        self.command = False
-        self.period: int | None = None  #: of the trigger
-        self._columns, self._trigger, self._on = columns, trigger, on
-        self._skip = 0  # rows until the next sample
-        self._taken = 0  # samples taken before the trigger was seen
-        self._before: float | None = None  # what the trigger looked at last
-        self._kept = np.empty((0, len(columns)), np.float32)
+        self._memory = ffi.new("uint32_t[]", samples * len(columns))
+        self._burst = ffi.new("ht_burst *")
+        lib.ht_burst_init(self._burst, self._memory, len(self._memory))
+        setup = ffi.new("ht_burst_setup *")
+        most = len(setup.id)
+        if not 1 <= len(columns) <= most:
+            raise RecordingError(f"{len(columns)} channels: allowed range is 1 .. {most}")
+        setup.n, setup.id[0 : len(columns)] = len(columns), columns
+        setup.samples, setup.before, setup.prescaler = samples, pre, prescaler
+        setup.trigger, setup.channel, setup.level = trigger.number, on, trigger.level
+        answer = lib.ht_burst_arm(self._burst, setup)
+        assert answer == lib.HT_BURST_ARMED, answer
+        self._on = on
+
+    def trigger(self) -> None:
+        """Trigger as soon as `pre` samples are there."""
+        self._burst.manual = 1
+
+    def commanded(self) -> None:
+        """A command was carried out: the trigger `command` counts at the next sample."""
+        self._burst.command = 1
 
     @property
     def complete(self) -> bool:
-        return self.period is not None and len(self._kept) >= self.samples
+        return self._burst.state >= lib.HT_BURST_SUMMING
+
+    @property
+    def tick(self) -> int | None:
+        """Of the trigger; None before it."""
+        return self._burst.tick if self._burst.state >= lib.HT_BURST_TRIGGERED else None
 
     @property
     def values(self) -> np.ndarray:
-        """(samples, channels) of a complete capture."""
-        return self._kept[: self.samples]
+        """(samples, channels) of a complete capture, the oldest first."""
+        memory = np.frombuffer(ffi.buffer(self._memory), np.float32)
+        return np.roll(memory, -self._burst.at).reshape(self.samples, -1)
 
-    def feed(self, rows: np.ndarray, period: int) -> None:
-        """(n, all channels) of periods that began with number `period`."""
-        if self.complete:
-            return
-        taken = rows[self._skip :: self.prescaler]
-        first = period + self._skip
-        self._skip = (self._skip - len(rows)) % self.prescaler
-        if not len(taken):
-            return
-        place = self._find(taken[:, self._on]) if self.period is None else None
-        kept = np.concatenate([self._kept, taken[:, self._columns]])
-        if place is not None:
-            self.period = first + place * self.prescaler
-            kept = kept[len(self._kept) + place - self.pre :]
-        elif self.period is None and len(kept) > self.pre:
-            kept = kept[len(kept) - self.pre :]
-        self._kept = kept
-
-    def _find(self, seen: np.ndarray) -> int | None:
-        """Which of these samples triggers, by what the trigger looks at."""
-        before = np.concatenate([[np.nan if self._before is None else self._before], seen[:-1]])
-        level, counts = np.float32(self._trigger.level), np.zeros(len(seen), bool)
-        if self._trigger.kind == "rising":
-            counts = (before <= level) & (seen > level)
-        elif self._trigger.kind == "falling":
-            counts = (before >= level) & (seen < level)
-        elif self._trigger.kind == "above":
-            counts = seen > level
-        elif self._trigger.kind == "below":
-            counts = seen < level
-        elif self._trigger.kind == "fault":
-            counts = (before == 0) & (seen != 0)
-        elif self._trigger.kind == "command":
-            counts[0] = self.command
-        self.command = False
-        ready = max(0, self.pre - self._taken)
-        self._before = float(seen[-1])
-        self._taken += len(seen)
-        if self.manual:
-            counts[ready : ready + 1] = True
-        places = np.flatnonzero(counts[ready:])
-        return ready + int(places[0]) if len(places) else None
+    def feed(self, rows: np.ndarray, tick: int) -> None:
+        """(n, all channels), float32: what the fast interrupts from `tick` on left."""
+        rows = np.ascontiguousarray(rows, np.float32)
+        pointer = ffi.cast("float *", rows.ctypes.data)
+        n, width = rows.shape
+        lib.ht_burst_rows(self._burst, pointer, n, width, tick % 2**32, self._on)

@@ -19,10 +19,11 @@ import numpy as np
 from numba import types
 
 from .. import __version__, firmware
+from ..plant import machines
 from ..plant.gates import gates_record
 from ..plant.inverter import DROPS, inverter_record, longest_step_s
 from ..plant.loop import MAX_STEP_S, PLANT_CHANNELS, TIMING, run_periods
-from ..plant.machine import DRY_RAD_S, LOAD, MachineParameters, machine_record
+from ..plant.machine import DRY_RAD_S, LOAD
 from ..plant.pwm import PWM_MAP, pwm_record
 from ..plant.record import record
 from ..plant.sensors import SENSORS
@@ -152,9 +153,11 @@ class SimulatedDrive(DriveVerbs):
                 f"must end within the period of {self.period_s * 1e6:.4g} us"
             )
         self.samples_per_period = samples_per_period
-        self.machine = MachineParameters(**setup.machine_values())
-        self._machine = machine_record(self.machine)
+        model = machines.model("induction")
+        self.machine = model.Parameters(**setup.machine_values())
+        self._machine = model.make(self.machine)
         f_isr = self.controller.get("f_isr_Hz")
+        longest_s = min(MAX_STEP_S, STEP_SHARE / model.fastest_per_s(self._machine))
         self._timing = record(
             TIMING,
             clock_Hz=clock,
@@ -163,7 +166,7 @@ class SimulatedDrive(DriveVerbs):
             write_count=write_count,
             slow_every=round(f_isr / self.controller.get("f_slow_Hz")),
             per_period=samples_per_period,
-            max_step=max(1, int(min(MAX_STEP_S, STEP_SHARE / self._fastest_per_s()) * clock)),
+            max_step=max(1, int(longest_s * clock)),
             lost=0,
         )
         self.plant_state = np.zeros(8)
@@ -202,13 +205,9 @@ class SimulatedDrive(DriveVerbs):
         # Compile, or load from the cache, before anything is timed.
         self._call(0, _NOTHING, _NOTHING)
 
-    def _fastest_per_s(self) -> float:
-        """Largest decay rate of the windings at standstill."""
-        return float(np.abs(np.linalg.eigvals(self._machine.slope[:, :6])).max())
-
     def _make_sensors(self) -> np.record:
         setup, m = self.setup, self.controller.map
-        per_A = 4096 / (2 * setup["sensors.i_full_A"])
+        per_A = firmware.lib.HT_ADC_FULL / (2 * setup["sensors.i_full_A"])
         return record(
             SENSORS,
             i_counts_per_A=per_A * np.array(setup["sensors.i_gain"]),
@@ -217,9 +216,10 @@ class SimulatedDrive(DriveVerbs):
             i_filtered_A=0.0,
             i_noise_counts=per_A * setup["sensors.i_noise_A"],
             random=setup["sensors.noise_seed"],
-            i_offset_counts=2048 + per_A * np.array(setup["sensors.i_offset_A"]),
+            i_offset_counts=firmware.lib.HT_ADC_MID + per_A * np.array(setup["sensors.i_offset_A"]),
             hold=0,
-            v_counts_per_V=4096 / setup["sensors.vdc_full_V"],
+            v_counts_per_V=firmware.lib.HT_ADC_FULL / setup["sensors.vdc_full_V"],
+            adc_full=float(firmware.lib.HT_ADC_FULL),
             adc_step=float(1 << (12 - setup["sensors.adc_bits"])),
             encoder_counts_rev=4.0 * setup["sensors.encoder_ppr"],
             adc_result=list(m.adc_result),
@@ -356,7 +356,7 @@ class SimulatedDrive(DriveVerbs):
                 f"{MAX_STEP_S * 1e6:g} us?"
             )
         if self._burst:
-            self._burst.feed(channels, self.periods)
+            self._burst.feed(channels, self.periods + 1)  # the firmware counts from 1
         self.periods += n
         if not record:
             self.discard()
@@ -418,34 +418,35 @@ class SimulatedDrive(DriveVerbs):
 
     def trigger(self) -> None:
         if self._burst:
-            self._burst.manual = True
+            self._burst.trigger()
 
     def cancel(self) -> None:
         self._burst = None
 
     def _commanded(self) -> None:
         if self._burst:
-            self._burst.command = True
+            self._burst.commanded()
 
     def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
         burst, begun_s = self._burst, self.time_s
         if burst is None:
             raise SetupError("capture: none is armed")
-        burst.manual |= now
+        if now:
+            burst.trigger()
         while not burst.complete:
             if timeout_s is not None and self.time_s - begun_s > timeout_s:
                 raise SetupError(f"capture: not complete within {timeout_s:g} s")
             self.run(CAPTURE_TURN_S)
-        assert burst.period is not None
+        assert burst.tick is not None
+        values = burst.values
         units = dict(firmware.channels())
         data = {
-            name: np.ascontiguousarray(burst.values[:, column])
+            name: np.ascontiguousarray(values[:, column])
             for column, name in enumerate(self._burst_names)
         }
         meta = {
             **self._meta(),
-            # The firmware counts from 1.
-            **metadata(burst.period + 1, burst.pre, burst.prescaler, 1 / self.period_s),
+            **metadata(burst.tick, burst.pre, burst.prescaler, 1 / self.period_s),
         }
         rate_Hz = 1 / (self.period_s * burst.prescaler)
         units = {name: units[name] for name in self._burst_names}

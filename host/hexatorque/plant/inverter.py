@@ -14,15 +14,15 @@ import numpy as np
 from numba import njit
 
 from .machine import (
+    coast,
     derivative,
+    incremental,
     leg_response,
-    load_torque,
     phase_current,
     phase_current_slope,
     rk4_step,
 )
 from .record import record
-from .saturation import excess_gain, open_rotor
 from .vsd import TRANSFORM
 
 LOW, HIGH, OFF = 0, 1, 2
@@ -129,7 +129,7 @@ def _solve_floating(inv, m, load, y, vdc):
             n += 1
     _transform(inv)
     derivative(m, load, y, inv.v, inv.k)
-    gain = excess_gain(m, y)
+    gain = incremental(m, y)
     row = 0
     for leg in range(6):
         if inv.leg[leg] == OFF and inv.diode[leg] == 0:
@@ -291,43 +291,6 @@ def _currents_absent(inv):
 
 
 @njit
-def _advance_open(inv, m, load, y, dt, vdc):
-    """All legs float: no stator current, the rotor flux decays on its own.
-
-    Returns False, leaving y alone, if a diode would conduct.
-    """
-    w = m.pole_pairs * y[6]
-    psi_r = np.sqrt(y[4] * y[4] + y[5] * y[5])
-    ratio, rate = open_rotor(m, psi_r)
-    # Induced voltage seen from the stator: d psi_m/dt by rotation and by decay, the
-    # latter at most L_m/L_r that of the rotor flux.
-    induced = psi_r * np.sqrt((ratio * w) ** 2 + (m.lm_over_lr * rate) ** 2)
-    if 1.7321 * induced > vdc + 2.0 * inv.v_diode_V:
-        return False
-    # Exponential with the rate at mid-step: exact while the rate is constant.
-    ratio, rate = open_rotor(m, psi_r * np.exp(-0.5 * rate * dt))
-    decay = np.exp(-rate * dt)
-    c = np.cos(w * dt) * decay
-    s = np.sin(w * dt) * decay
-    psi = y[4]
-    y[4] = c * psi - s * y[5]
-    y[5] = s * psi + c * y[5]
-    ratio, rate = open_rotor(m, psi_r * decay)
-    y[0] = ratio * y[4]
-    y[1] = ratio * y[5]
-    y[2] = 0.0
-    y[3] = 0.0
-    # Coasting: Heun's rule, the speed hardly moves within a step.
-    k0 = -(m.viscous * y[6] + load_torque(load, y[6])) / m.inertia
-    end = y[6] + dt * k0
-    k1 = -(m.viscous * end + load_torque(load, end)) / m.inertia
-    end = y[6] + 0.5 * dt * (k0 + k1)
-    y[7] += 0.5 * dt * (y[6] + end)
-    y[6] = end
-    return True
-
-
-@njit
 def _step_to_zero(inv, m, load, y, h, vdc, floats, leg):
     """Step from y to the instant within h at which the leg's current passes zero;
     `inv.trial`, on entry the state at h, becomes the state there. Returns the time taken."""
@@ -370,7 +333,7 @@ def _first_crossing(inv, m, y, but):
 @njit
 def _advance_off(inv, m, load, y, dt, vdc):
     """Advance with at least one leg off."""
-    if _currents_absent(inv) and _advance_open(inv, m, load, y, dt, vdc):
+    if _currents_absent(inv) and coast(m, load, y, dt, vdc + 2.0 * inv.v_diode_V):
         return
     left = dt
     usual = OFF_STEP_S if inv.drops == 0 else min(OFF_STEP_S, longest_step_s(inv, m))

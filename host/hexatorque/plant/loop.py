@@ -130,7 +130,7 @@ def _log(edges, logged, ps, n, start):
 
 def source_hash() -> int:
     """Changes with any file of the compiled plant."""
-    files = sorted(Path(__file__).parent.glob("*.py"))
+    files = sorted(Path(__file__).parent.rglob("*.py"))
     text = b"".join(file.read_bytes() for file in files)
     return zlib.crc32(text) | 1
 

@@ -1,110 +1,105 @@
-"""Asymmetrical six-phase induction machine in VSD form.
+"""The contract of a machine model, and what all models share: load and integration step.
 
-State, SI units: stator flux (alpha, beta, x, y), rotor flux (alpha, beta) in the
-stationary frame, mechanical speed and angle. Per-phase stator resistance and leakage
-may differ, which couples alpha-beta with x-y:
+A model is a module in `machines/`. It has
 
-    d psi_s/dt = v - R_s i_s
-    d psi_r/dt =   - R_r i_r + p w J psi_r        (J: +90 degrees)
-    (i_s, i_r) = L^-1 (psi_s, psi_r)
-    T_e = 3 p L_m/L_r (psi_r x i_s)               (paper B, eqs. 2 to 5)
-    J dw/dt = T_e - B w - T_load(w)
+- a class `Parameters`: its keys of the set-up's section [machine],
+- `make(parameters)`: a numpy record of constants, see below,
+- `fastest_per_s(record)`: the largest decay rate of the windings at standstill,
+- a compiled function for each function of the contract (`implements`).
 
-Two isolated neutrals: zero-sequence currents do not exist. The torque is written
-with the rotor flux because that form also holds for an asymmetrical stator.
-Magnetics are linear unless `psi_knee_Wb` is set (saturation.py): then currents come
-from psi_s + s, psi_r + s and T_e = 3 p psi_m x i_s.
+Fields that every record has: one with the model's own name, `g_leg` (6, 6), d/dt of a phase
+current per volt on each leg with unsaturated iron [1/H], and `inv_l_max`, the largest slope that
+any stator voltage finds [1/H]. By the field with the model's name compiled code finds the
+model's functions when it is compiled, so that no model costs anything at run time.
+
+All models have the same state of eight numbers, SI units:
+
+    y[0:4]  stator flux linkages alpha, beta, x, y        [Wb]
+    y[4:6]  the rotor's own, by the model
+    y[6]    mechanical speed                              [rad/s]
+    y[7]    mechanical angle                              [rad]
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from numba import njit
 from numba.extending import overload
 
-from .machine_parameters import MachineParameters
-from .record import record
-from .saturation import excess_flux
-from .vsd import INVERSE, TRANSFORM
-
-#: Matrices for the compiled code. Records rather than tuples of arrays: passed by
-#: address, without reference counting, which costs more than the arithmetic.
-_FIELDS = [
-    ("slope", "f8", (6, 8)),  # column c = effect of flux c on (d psi/dt, i_alpha, i_beta)
-    ("i_phase", "f8", (6, 6)),  # phase currents from the six fluxes
-    ("g_leg", "f8", (6, 6)),  # d i_phase/dt per volt on each leg
-    ("i_stator", "f8", (4, 6)),  # alpha, beta, x, y currents from the fluxes
-    ("inv_l_max", "f8"),  # the fastest di/dt per volt that a stator voltage finds, 1/H
-    ("lm_over_lr", "f8"),
-    ("rr_over_lr", "f8"),
-    ("pole_pairs", "f8"),
-    ("torque_gain", "f8"),
-    ("psi_knee_Wb", "f8"),  # 0: linear magnetics
-    ("saturation_exponent", "f8"),
-    ("main", "f8", (2, 6)),  # the linear machine's main flux from the six fluxes
-    ("main_leg", "f8", (2, 6)),  # d main flux / dt per volt on each leg
-    ("excess_share", "f8", (2, 2)),  # K of saturation.py
-    ("i_excess", "f8", (6, 2)),  # phase currents from the excess flux
-    ("inertia", "f8"),
-    ("viscous", "f8"),
-]
-
-#: A type for each kind of magnetics. Compiled code asks for the type, not for a value:
-#: a linear machine pays nothing for the option. Neither type's fields contain the
-#: other's, or a function compiled for the one would accept the other.
-LINEAR = np.dtype([*_FIELDS, ("linear", "i8")])
-SATURABLE = np.dtype([*_FIELDS, ("saturable", "i8")])
+#: Function of the contract -> model's name -> compiled function.
+_MODELS: dict[Callable, dict[str, Callable]] = {}
 
 
-def saturates(m) -> bool:
-    """Does this machine's record saturate? Known when the code is compiled."""
-    return "saturable" in m.dtype.names
+def _contract(declared: Callable) -> Callable:
+    """A function that every model has. In the interpreter it looks the model's up."""
+
+    def function(m, *rest):
+        for name, implementation in _MODELS[function].items():
+            if name in m.dtype.names:
+                return implementation(m, *rest)
+        raise TypeError(f"{declared.__name__}: no machine model has a record {m.dtype.names}")
+
+    function.__name__, function.__doc__ = declared.__name__, declared.__doc__
+    _MODELS[function] = {}
+    return function
 
 
-@overload(saturates, inline="always")
-def _saturates(m):
-    known = "saturable" in m.fields
-    return lambda m: known
+def implements(function: Callable, model: str) -> Callable:
+    """The decorated function is this model's implementation of a contract's function."""
+
+    def register(implementation: Callable) -> Callable:
+        @overload(function, strict=False)
+        def choose(m, *rest):
+            return implementation if model in getattr(m, "fields", ()) else None
+
+        compiled = njit(implementation)
+        _MODELS[function][model] = compiled
+        return compiled
+
+    return register
 
 
-def machine_record(p: MachineParameters) -> np.record:
-    """Inductance and resistance matrices, inverted once."""
-    rs = TRANSFORM @ np.diag(p.rs_ohm + np.array(p.drs_ohm)) @ INVERSE
-    leakage = np.diag([p.lls_H, p.lls_H, p.lxy_H, p.lxy_H])
-    leakage += TRANSFORM @ np.diag(p.dlls_H) @ INVERSE
-    inductance = np.zeros((6, 6))
-    inductance[:4, :4] = leakage + np.diag([p.lm_H, p.lm_H, 0, 0])
-    inductance[4:, 4:] = np.diag([p.lr_H, p.lr_H])
-    inductance[:2, 4:] = inductance[4:, :2] = np.diag([p.lm_H, p.lm_H])
-    current = np.linalg.inv(inductance)
-    resistance = np.zeros((6, 6))
-    resistance[:4, :4] = rs
-    resistance[4:, 4:] = np.diag([p.rr_ohm, p.rr_ohm])
-    rows = np.vstack([-resistance @ current, current[:2]])
-    i_phase = INVERSE @ current[:4]
-    main = p.lm_H * (current[:2] + current[4:])
-    kind = {"saturable" if p.psi_knee_Wb > 0 else "linear": 1}
-    return record(
-        SATURABLE if p.psi_knee_Wb > 0 else LINEAR,
-        **kind,
-        slope=rows.T,
-        i_phase=i_phase,
-        g_leg=i_phase[:, :4] @ TRANSFORM,
-        i_stator=current[:4],
-        inv_l_max=1 / np.linalg.eigvalsh(leakage)[0],
-        lm_over_lr=p.lm_H / p.lr_H,
-        rr_over_lr=p.rr_ohm / p.lr_H,
-        pole_pairs=p.pole_pairs,
-        torque_gain=3 * p.pole_pairs * p.lm_H / p.lr_H,
-        psi_knee_Wb=p.psi_knee_Wb,
-        saturation_exponent=p.saturation_exponent,
-        main=main,
-        main_leg=main[:, :4] @ TRANSFORM,
-        excess_share=np.eye(2) - main[:, :2] - main[:, 4:],
-        i_excess=i_phase[:, :2] + i_phase[:, 4:],
-        inertia=p.inertia_kgm2,
-        viscous=p.viscous_Nms,
-    )
+@_contract
+def derivative(m, load, y, v, k):
+    """Write d y/dt into k[0:8] for stator voltages v[0:4]."""
+
+
+@_contract
+def stator_currents(m, y, i):
+    """Write the alpha, beta, x and y currents into i[0:4], A."""
+
+
+@_contract
+def torque_Nm(m, y, i):
+    """Electromagnetic torque from the state and the stator currents i[0:4]."""
+
+
+@_contract
+def phase_current(m, y, leg):
+    """Current of the phase on this leg, A; it flows out of the leg."""
+
+
+@_contract
+def incremental(m, y):
+    """Whatever of the state the two slopes below depend on, worked out once. Any type."""
+
+
+@_contract
+def phase_current_slope(m, gain, k, leg):
+    """d/dt of a phase current, A/s, for flux slopes k[0:6]; `gain` = incremental(m, y)."""
+
+
+@_contract
+def leg_response(m, gain, leg, other):
+    """d/dt of a phase current per volt on leg `other`, 1/H; `gain` = incremental(m, y)."""
+
+
+@_contract
+def coast(m, load, y, dt, most_V):
+    """Advance by dt without any stator current. Returns False and leaves y alone if the
+    voltage that the rotor induces between two terminals can exceed `most_V`."""
 
 
 #: Load torque as a function of speed: the sum of all terms.
@@ -135,37 +130,6 @@ def load_torque(load, omega):
     return torque
 
 
-@njit(inline="always")
-def derivative(m, load, y, v, k):
-    """Write d y/dt into k[0:8] for stator voltages v[0:4]."""
-    y0, y1, y2, y3, y4, y5 = y[0], y[1], y[2], y[3], y[4], y[5]
-    if saturates(m):
-        s0, s1 = excess_flux(m, y)
-        y0 += s0
-        y1 += s1
-        y4 += s0
-        y5 += s1
-    for r in range(8):
-        k[r] = (
-            (m.slope[0, r] * y0 + m.slope[1, r] * y1)
-            + (m.slope[2, r] * y2 + m.slope[3, r] * y3)
-            + (m.slope[4, r] * y4 + m.slope[5, r] * y5)
-        )
-    i_alpha = k[6]
-    i_beta = k[7]
-    for r in range(4):
-        k[r] += v[r]
-    omega = y[6]
-    w = m.pole_pairs * omega
-    k[4] -= w * y[5]
-    k[5] += w * y[4]
-    torque = m.torque_gain * (y4 * i_beta - y5 * i_alpha)
-    if saturates(m):
-        torque -= 3.0 * m.pole_pairs * (s0 * i_beta - s1 * i_alpha)
-    k[6] = (torque - m.viscous * omega - load_torque(load, omega)) / m.inertia
-    k[7] = omega
-
-
 @njit
 def rk4_step(m, load, y, v, dt, out, k, z):
     """One classical Runge-Kutta step from y to out (may be the same array).
@@ -189,68 +153,3 @@ def rk4_step(m, load, y, v, dt, out, k, z):
     derivative(m, load, stage, v, k)
     for r in range(8):
         out[r] = y[r] + dt / 6.0 * (total[r] + k[r])
-
-
-@njit(inline="always")
-def phase_current(m, y, leg):
-    total = 0.0
-    for c in range(6):
-        total += m.i_phase[leg, c] * y[c]
-    if saturates(m):
-        s0, s1 = excess_flux(m, y)
-        total += m.i_excess[leg, 0] * s0 + m.i_excess[leg, 1] * s1
-    return total
-
-
-@njit(inline="always")
-def phase_current_slope(m, gain, k, leg):
-    """d/dt of a phase current, A/s, for flux slopes k[0:6]; `gain` = excess_gain(m, y)."""
-    total = 0.0
-    main0 = 0.0
-    main1 = 0.0
-    for c in range(6):
-        total += m.i_phase[leg, c] * k[c]
-        main0 += m.main[0, c] * k[c]
-        main1 += m.main[1, c] * k[c]
-    return (
-        total
-        + m.i_excess[leg, 0] * (gain[0] * main0 + gain[1] * main1)
-        + m.i_excess[leg, 1] * (gain[2] * main0 + gain[3] * main1)
-    )
-
-
-@njit(inline="always")
-def leg_response(m, gain, leg, other):
-    """d/dt of a phase current per volt on leg `other`, 1/H; `gain` = excess_gain(m, y)."""
-    main0 = m.main_leg[0, other]
-    main1 = m.main_leg[1, other]
-    return (
-        m.g_leg[leg, other]
-        + m.i_excess[leg, 0] * (gain[0] * main0 + gain[1] * main1)
-        + m.i_excess[leg, 1] * (gain[2] * main0 + gain[3] * main1)
-    )
-
-
-@njit(inline="always")
-def stator_currents(m, y, i):
-    """alpha, beta, x, y currents into i[0:4]."""
-    for r in range(4):
-        total = 0.0
-        for c in range(6):
-            total += m.i_stator[r, c] * y[c]
-        i[r] = total
-    if saturates(m):
-        s0, s1 = excess_flux(m, y)
-        for r in range(4):
-            i[r] += (m.i_stator[r, 0] + m.i_stator[r, 4]) * s0
-            i[r] += (m.i_stator[r, 1] + m.i_stator[r, 5]) * s1
-
-
-@njit(inline="always")
-def torque_Nm(m, y, i):
-    """Electromagnetic torque from the state and the stator currents i[0:4]."""
-    torque = m.torque_gain * (y[4] * i[1] - y[5] * i[0])
-    if saturates(m):
-        s0, s1 = excess_flux(m, y)
-        torque += (m.torque_gain - 3.0 * m.pole_pairs) * (s0 * i[1] - s1 * i[0])
-    return torque

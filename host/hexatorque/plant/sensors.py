@@ -26,6 +26,7 @@ SENSORS = np.dtype(
         ("v_counts_per_V", "f8"),
         # Sensors that stand still (1): six currents, dc link, encoder
         ("hold", "i8", (8,)),
+        ("adc_full", "f8"),  # counts at full scale
         ("adc_step", "f8"),  # counts per converter step: 1 at 12 bits, 4 at 10 bits
         ("encoder_counts_rev", "f8"),
         ("adc_result", "i8", (7,)),  # word addresses of the results
@@ -51,10 +52,10 @@ TIMER = 1 << 16
 
 
 @njit(inline="always")
-def _counts(value, step):
-    """Round to converter steps and saturate at 12 bits."""
+def _counts(value, step, full):
+    """Round to converter steps and saturate below full scale."""
     counts = np.floor(value / step + 0.5) * step
-    return np.int64(min(max(counts, 0.0), 4096.0 - step))
+    return np.int64(min(max(counts, 0.0), full - step))
 
 
 @njit
@@ -172,10 +173,10 @@ def sample(se, m, y, vdc, regs):
         if se.i_noise_counts > 0.0:
             reading += se.i_noise_counts * _normal(se)
         if se.hold[leg] == 0:
-            counts = _counts(reading, se.adc_step)
+            counts = _counts(reading, se.adc_step, se.adc_full)
             regs[se.adc_result[leg]] = np.uint16(counts << se.adc_shift)
     if se.hold[6] == 0:
-        counts = _counts(vdc * se.v_counts_per_V, se.adc_step)
+        counts = _counts(vdc * se.v_counts_per_V, se.adc_step, se.adc_full)
         regs[se.adc_result[6]] = np.uint16(counts << se.adc_shift)
     regs[se.adc_flag] |= np.uint16(se.adc_flag_bit)
     turned = y[7] / TWO_PI * se.encoder_counts_rev

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from cobs import cobs
 
+from .._firmware import ffi, lib
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -27,25 +29,27 @@ GET_MOST, WRITE_MOST = 100, 80
 
 
 class Op(IntEnum):
-    HELLO = 0x01
-    LIST = 0x02
-    OPEN = 0x03
-    CLOSE = 0x04
-    STATUS = 0x05
-    GET = 0x06
-    WRITE = 0x07
-    START = 0x08
-    STOP = 0x09
-    CLEAR = 0x0A
-    STREAM = 0x0B
-    ARM = 0x0C
-    CAPTURE = 0x0D
-    READ = 0x0E
-    TRIGGER = 0x0F
-    CANCEL = 0x10
-    SNAPSHOT = 0x11
-    SAVE = 0x12
-    FORGET = 0x13
+    """Opcodes: the numbers are those of firmware/link/ht_opcodes.h."""
+
+    HELLO = lib.HT_OP_HELLO
+    LIST = lib.HT_OP_LIST
+    OPEN = lib.HT_OP_OPEN
+    CLOSE = lib.HT_OP_CLOSE
+    STATUS = lib.HT_OP_STATUS
+    GET = lib.HT_OP_GET
+    WRITE = lib.HT_OP_WRITE
+    START = lib.HT_OP_START
+    STOP = lib.HT_OP_STOP
+    CLEAR = lib.HT_OP_CLEAR
+    STREAM = lib.HT_OP_STREAM
+    ARM = lib.HT_OP_ARM
+    CAPTURE = lib.HT_OP_CAPTURE
+    READ = lib.HT_OP_READ
+    TRIGGER = lib.HT_OP_TRIGGER
+    CANCEL = lib.HT_OP_CANCEL
+    SNAPSHOT = lib.HT_OP_SNAPSHOT
+    SAVE = lib.HT_OP_SAVE
+    FORGET = lib.HT_OP_FORGET
 
 
 NEEDS_SESSION = frozenset(
@@ -391,23 +395,13 @@ def parse_capture(payload: bytes) -> CaptureReply:
 
 def parse_snapshot(payload: bytes) -> dict[str, object] | None:
     """The latest fault's as numbers, or None; state and faults are still numbers."""
-    tick, state, faults, *rest = unpack("IHH7HI13f", payload)
-    if not tick:
-        return None
-    adc, position, values = rest[:7], rest[7], rest[8:]
-    names = ("vdc_V", "torque_ref_Nm", "flux_ref_Wb")
-    return {
-        "tick": tick,
-        "state": state,
-        "faults": faults,
-        "adc_counts": adc,
-        "position_counts": position,
-        "i_A": values[:6],
-        **dict(zip(names, values[6:9])),
-        "psi_Wb": values[9:11],
-        "torque_Nm": values[11],
-        "speed_rpm": values[12],
-    }
+    if len(payload) != lib.HT_SNAPSHOT_BYTES:
+        raise WireError(f"{len(payload)} octets instead of {lib.HT_SNAPSHOT_BYTES}")
+    from ..firmware import snapshot_numbers  # with numpy: the port server starts without it
+
+    kept = ffi.new("ht_snapshot *")
+    lib.ht_snapshot_take(ffi.new("uint16_t[]", list(payload)), kept)
+    return snapshot_numbers(kept)
 
 
 def stream(stream: int, channels: tuple[int, ...], decimation: int) -> bytes:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..plant.machine_parameters import MachineParameters
+from ..plant.machines.induction_parameters import Parameters
 
 if TYPE_CHECKING:
     from .setup import Setup
@@ -31,12 +31,12 @@ def decided(setup: Setup, default_flux_Wb: float | None = None) -> dict[str, Any
     machine's inductances hold. Where there is no compiled firmware to ask, the caller names it."""
     given = {key: value.value for key, value in setup.values["controller"].items()}
     flux_Wb = given.get("flux_ref_Wb", default_flux_Wb)
-    machine = MachineParameters(**setup.machine_values())
+    machine = Parameters(**setup.machine_values())
     machine = machine.linear_at(_default_flux_Wb() if flux_Wb is None else flux_Wb)
     return {**_derived(setup, machine, given), **given}
 
 
-def _derived(setup: Setup, machine: MachineParameters, given: dict[str, Any]) -> dict[str, Any]:
+def _derived(setup: Setup, machine: Parameters, given: dict[str, Any]) -> dict[str, Any]:
     latency = setup["timing.latency"]
     immediate = latency in ("none", "immediate")
     derived: dict[str, Any] = {

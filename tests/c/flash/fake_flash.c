@@ -70,7 +70,10 @@ static void rules(uint32_t address)
         broken("interrupts are let through");
     }
     for (leg = 0; leg < HT_LEGS; leg++) {
-        if ((*ht_regfile_word(fake_flash_chip, fake_flash_port->leg[leg] + fake_flash_port->map->tzflg) & 4u) == 0u) {
+        if ((*ht_regfile_word(fake_flash_chip,
+                              fake_flash_port->leg[leg] + fake_flash_port->map->tzflg)
+             & 4u)
+            == 0u) {
             broken("a leg is not tripped");
         }
     }

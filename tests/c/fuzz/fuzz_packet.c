@@ -24,7 +24,7 @@ static void take(const uint8_t *data, size_t n, size_t lost)
         ht_incoming_status status;
         size_t length;
         if (i == lost) {
-            ht_incoming_spoil(&in);
+            ht_incoming_discard(&in);
             bad = true;
         }
         status = ht_incoming_take(&in, data[i]);

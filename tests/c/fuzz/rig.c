@@ -243,8 +243,8 @@ static void power_up(void)
     CHECK(ht_board_start(&r->port));
     ht_params_default(&p);
     p.v[HT_P_f_isr_Hz] = 2500.0f;
-    p.v[HT_P_calibration_s] = 0.001f; /* 2 interrupts */
-    p.v[HT_P_build_s] = 0.01f;        /* 25 */
+    p.v[HT_P_calibration_s] = 0.001f;  /* 2 interrupts */
+    p.v[HT_P_build_s] = 0.01f;         /* 25 */
     p.v[HT_P_encoder_trip_rpm] = 0.0f; /* no machine is connected */
     p.v[HT_P_flux_check] = 0.0f;
     p.v[HT_P_stuck_trip_A] = 0.0f;
@@ -297,7 +297,7 @@ static void pass(unsigned ticks)
 
 static void streams(void)
 {
-    ask(0x0B, "\0\2\3\0\2\0\3\0", 8);  /* two channels of every third interrupt */
+    ask(0x0B, "\0\2\3\0\2\0\3\0", 8); /* two channels of every third interrupt */
     ask(0x0B, "\3\1\40\0\25\0", 6);
 }
 

@@ -8,24 +8,24 @@
 #include <stdint.h>
 
 #include "ht_port_c2000.h"
-#include "ht_service.h"
+#include "ht_service_requests.h"
 
-#define RIG_MEMORY 96u   /* values for captures: a few rows of a few channels */
-#define RIG_BLOCKS 32u   /* of an area of the parameter store */
-#define RIG_LINE 4096u   /* octets on their way to the device */
-#define RIG_TICKS 256u   /* fast interrupts that one input may take */
+#define RIG_MEMORY 96u /* values for captures: a few rows of a few channels */
+#define RIG_BLOCKS 32u /* of an area of the parameter store */
+#define RIG_LINE 4096u /* octets on their way to the device */
+#define RIG_TICKS 256u /* fast interrupts that one input may take */
 #define RIG_WATCHDOG_MS 8u
 #define RIG_WATCHDOG_TICKS 20u /* at the rate that the rig begins with */
 
 /* Where an input begins. */
 enum {
-    RIG_IDLE,      /* nobody has a session */
+    RIG_IDLE, /* nobody has a session */
     RIG_SESSION,
-    RIG_RUNNING,   /* started by the session */
-    RIG_LOST,      /* the watchdog has stopped it: a fault, no session */
-    RIG_CAPTURED,  /* idle, streams on, a capture complete */
-    RIG_BUSY,      /* running, streams on, a capture waits */
-    RIG_DEBUGGER,  /* running, started from elsewhere, a session besides */
+    RIG_RUNNING,  /* started by the session */
+    RIG_LOST,     /* the watchdog has stopped it: a fault, no session */
+    RIG_CAPTURED, /* idle, streams on, a capture complete */
+    RIG_BUSY,     /* running, streams on, a capture waits */
+    RIG_DEBUGGER, /* running, started from elsewhere, a session besides */
     RIG_STARTS
 };
 #define RIG_NONCE 0x1234u
@@ -36,18 +36,18 @@ typedef struct {
     ht_port port;
     ht_regfile *registers;
     uint32_t *memory;
-    uint16_t in[RIG_LINE];   /* to the device */
+    uint16_t in[RIG_LINE]; /* to the device */
     uint32_t in_n;
     uint32_t in_at;
-    uint32_t room;           /* octets that the line still takes from the device */
-    bool lost;               /* the receiver says so once */
-    bool isr_in_read;        /* a fast interrupt comes in the middle of a turn */
+    uint32_t room;    /* octets that the line still takes from the device */
+    bool lost;        /* the receiver says so once */
+    bool isr_in_read; /* a fast interrupt comes in the middle of a turn */
     bool isr_in_write;
     ht_store store;
     uint16_t stored[HT_STORE_AREAS][RIG_BLOCKS * HT_STORE_WORDS];
-    uint32_t store_writes;   /* of the turn under way */
-    uint32_t ticks;          /* fast interrupts of this input */
-    uint8_t id;              /* of the latest request */
+    uint32_t store_writes; /* of the turn under way */
+    uint32_t ticks;        /* fast interrupts of this input */
+    uint8_t id;            /* of the latest request */
 } rig;
 
 extern rig the_rig;

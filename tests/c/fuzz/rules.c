@@ -261,9 +261,10 @@ static unsigned closed(uint8_t bodies[ARRIVED][REFERENCE_BODY + 4], size_t *leng
             f->n += (f->n <= RULES_FRAME) ? 1u : 0u;
             continue;
         }
-        n = ((f->n > RULES_FRAME) || f->spoilt) ? 0u : reference_body(f->octet, f->n, bodies[count]);
+        n = ((f->n > RULES_FRAME) || f->spoilt) ? 0u
+                                                : reference_body(f->octet, f->n, bodies[count]);
         if (n != 0u) {
-            stopped = stopped || ((bodies[count][0] == HT_SERVICE_STOP) && (n == 6u));
+            stopped = stopped || ((bodies[count][0] == HT_OP_STOP) && (n == 6u));
             lengths[count] = n;
             count++;
         } else if ((f->n != 0u) || f->spoilt) {

@@ -25,12 +25,12 @@ typedef struct {
     uint32_t session_tick; /* of its latest request */
     bool elsewhere;        /* the drive was started by a debugger */
     bool answered;
-    uint32_t last_crc;     /* of the latest request that was carried out */
-    ht_packet reply;       /* and what was answered */
-    ht_packet previous;    /* the one before may still be on its way */
+    uint32_t last_crc;  /* of the latest request that was carried out */
+    ht_packet reply;    /* and what was answered */
+    ht_packet previous; /* the one before may still be on its way */
     uint32_t damaged;
     float value[RULES_PARAMS]; /* of the parameters */
-    rules_frame to;        /* the device */
+    rules_frame to;            /* the device */
     rules_frame from;
 } rules;
 

@@ -7,6 +7,7 @@
 #include "rig.h"
 #include "rules.h"
 
+/* clang-format off */
 enum {
     HELLO = 1, LIST, OPEN, CLOSE, STATUS, GET, WRITE, START, STOP, CLEAR, STREAM, ARM, CAPTURE,
     READ, TRIGGER, CANCEL, SNAPSHOT, SAVE, FORGET, OPCODES
@@ -16,18 +17,19 @@ enum {
     NO_OPCODE = 16, BAD_LENGTH, NO_SESSION, STALE, BUSY, BUDGET, NO_CAPTURE, NO_STREAM,
     BAD_FIELD, TOO_LARGE, SAMPLING
 };
+/* clang-format on */
 
-#define NEEDS_SESSION                                                                     \
-    ((1u << CLOSE) | (1u << TRIGGER) | (1u << CANCEL) | (1u << READ) | (1u << WRITE)        \
-     | (1u << START) | (1u << CLEAR) | (1u << STREAM) | (1u << ARM) | (1u << SAVE)          \
+#define NEEDS_SESSION                                                                \
+    ((1u << CLOSE) | (1u << TRIGGER) | (1u << CANCEL) | (1u << READ) | (1u << WRITE) \
+     | (1u << START) | (1u << CLEAR) | (1u << STREAM) | (1u << ARM) | (1u << SAVE)   \
      | (1u << FORGET))
-#define NEEDS_DICTIONARY \
+#define NEEDS_DICTIONARY                                                                        \
     ((1u << GET) | (1u << WRITE) | (1u << START) | (1u << CLEAR) | (1u << STREAM) | (1u << ARM) \
      | (1u << SAVE) | (1u << FORGET))
-#define NO_PAYLOAD                                                                        \
-    ((1u << HELLO) | (1u << CLOSE) | (1u << STATUS) | (1u << START) | (1u << STOP)          \
-     | (1u << CLEAR) | (1u << CAPTURE) | (1u << TRIGGER) | (1u << CANCEL) | (1u << SNAPSHOT)    \
-     | (1u << SAVE) | (1u << FORGET))
+#define NO_PAYLOAD                                                                                 \
+    ((1u << HELLO) | (1u << CLOSE) | (1u << STATUS) | (1u << START) | (1u << STOP) | (1u << CLEAR) \
+     | (1u << CAPTURE) | (1u << TRIGGER) | (1u << CANCEL) | (1u << SNAPSHOT) | (1u << SAVE)        \
+     | (1u << FORGET))
 #define COMMANDS ((1u << WRITE) | (1u << START) | (1u << STOP) | (1u << CLEAR))
 
 static uint16_t u16(const uint8_t *at)
@@ -354,10 +356,10 @@ void rules_request(const uint8_t *body, size_t n, const rules_before *b, bool di
     } else if (!length_fits(opcode, in, n - 6)) {
         expected = BAD_LENGTH;
     } else if (opcode == OPEN) {
-        expected = (u16(in) == 0) ? BAD_FIELD
-                                  : (((the_rules.session != 0u) && (u16(in) != the_rules.session))
-                                         ? BUSY
-                                         : DONE);
+        expected =
+            (u16(in) == 0)
+                ? BAD_FIELD
+                : (((the_rules.session != 0u) && (u16(in) != the_rules.session)) ? BUSY : DONE);
         the_rules.session_tick = (expected == DONE) ? b->tick : the_rules.session_tick;
     } else if (opcode == READ) {
         uint64_t values = (uint64_t)b->setup.samples * b->setup.n;
@@ -369,9 +371,9 @@ void rules_request(const uint8_t *body, size_t n, const rules_before *b, bool di
                        : NO_CAPTURE;
     } else if (opcode == START) {
         bool ready = (b->state == HT_STATE_IDLE) && (b->faults == 0u);
-        expected = rig_trip_pin_low() ? TRIPPED
-                                      : (!ready ? BAD_STATE
-                                                : ((status == TURNING) ? TURNING : DONE));
+        expected = rig_trip_pin_low()
+                       ? TRIPPED
+                       : (!ready ? BAD_STATE : ((status == TURNING) ? TURNING : DONE));
     } else if (opcode == CLEAR) {
         bool latched = (b->state == HT_STATE_FAULT) || (b->faults != 0u);
         expected = rig_trip_pin_low() ? TRIPPED : (latched ? DONE : BAD_STATE);

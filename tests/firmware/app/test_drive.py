@@ -787,8 +787,8 @@ def test_live_change_takes_effect_at_the_next_fast_interrupt(bench):
     assert bench.drive.config.control.scheme == lib.HT_DDR
     bench.fast()
     config = bench.drive.config.control
-    assert (config.scheme, config.torque_levels) == (lib.HT_DTC3, 5)
-    assert config.flux_band_Wb == np.float32(0.02)
+    assert (config.scheme, config.table_law.torque_levels) == (lib.HT_DTC3, 5)
+    assert config.table_law.flux_band_Wb == np.float32(0.02)
 
 
 def test_derived_configuration(bench):
@@ -820,12 +820,11 @@ def test_derived_configuration(bench):
     assert config.first_counts == round(5e-6 * clock)
 
 
-@pytest.mark.parametrize("scheme", ("dtc1", "fdr", "ddr", "ddr-ml"))
-def test_limit_of_the_xy_command_is_that_of_the_scheme(bench, scheme):
+@pytest.mark.parametrize(("scheme", "group"), [("ddr", lib.HT_L), ("ddr-ml", lib.HT_ML)])
+def test_limit_of_the_xy_command_is_that_of_the_scheme(bench, scheme, group):
     bench.controller.set("scheme", scheme)
     bench.fast()
-    group = lib.HT_ML if scheme == "ddr-ml" else lib.HT_L
-    assert bench.drive.config.control.xy_limit_pu == lib.ht_tmvcl_pu[group]
+    assert bench.drive.config.control.table_law.xy_limit_pu == lib.ht_tmvcl_pu[group]
 
 
 def test_channels_carry_the_state(bench):

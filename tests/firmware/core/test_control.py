@@ -35,21 +35,21 @@ def vector(word):
 
 def config(scheme="ddr", **changes):
     cfg = ffi.new("ht_control_config *")
-    cfg.scheme = SCHEMES[scheme]
-    cfg.table = lib.HT_TABLE_45_135
-    cfg.torque_levels = 5 if scheme == "dtc3" else 3
-    cfg.shadow, cfg.predict, cfg.hold_on_zero = True, True, True
+    lib.ht_control_select(cfg, SCHEMES[scheme])
+    cfg.shadow, cfg.predict = True, True
     cfg.period_counts = PERIOD
-    cfg.flux_band_Wb = 0.003
-    cfg.torque_band_Nm, cfg.torque_inner_Nm = 0.3, 0.173
     cfg.build_current_A = 3.0
+    law = cfg.table_law
+    law.table = lib.HT_TABLE_45_135
+    law.hold_on_zero = True
+    law.flux_band_Wb = 0.003
+    law.torque_band_Nm, law.torque_inner_Nm = 0.3, 0.173
+    law.xy.kp_pu_A, law.xy.ki_ts_pu_A = 0.1, 2.5e-4
     cfg.observer.ts_s, cfg.observer.inv_ts = TS, 1 / TS
     cfg.observer.rs_ohm = 6.0
     cfg.observer.sigma_ls_H, cfg.observer.inv_sigma_ls = 0.028, 1 / 0.028
     cfg.observer.lxy_H, cfg.observer.torque_gain = 0.0144, 3.0
     cfg.observer.omega_gain = 0.02
-    cfg.xy.kp_pu_A, cfg.xy.ki_ts_pu_A = 0.1, 2.5e-4
-    cfg.xy_limit_pu = lib.ht_tmvcl_pu[lib.HT_ML if scheme == "ddr-ml" else lib.HT_L]
     cfg.dead.dead_pu, cfg.dead.i_zero_A = 0.02, 0.05
     for name, value in changes.items():
         owner = cfg
@@ -130,14 +130,14 @@ def at(drive, sector, torque, flux, psi_xy=0j):
     s = drive.step(drive.place(psi, psi_xy), torque, flux)
     st_ = drive.state
     assert st_.sector == sector
-    assert st_.flux_level == (flux > 0.4)
-    assert np.sign(st_.torque_level) == np.sign(torque)
-    return s, direction(drive.cfg.table, sector, torque > 0, flux > 0.4)
+    assert st_.table_law.flux_level == (flux > 0.4)
+    assert np.sign(st_.table_law.torque_level) == np.sign(torque)
+    return s, direction(drive.cfg.table_law.table, sector, torque > 0, flux > 0.4)
 
 
 def test_dtc1_applies_one_large_vector():
     for table, *demand in all_choices():
-        s, k = at(quiet("dtc1", table=table), *demand)
+        s, k = at(quiet("dtc1", table_law__table=table), *demand)
         assert s == (L[k],) * 3
 
 
@@ -150,7 +150,7 @@ def xy_fluxes():
 def test_dtc2_takes_of_the_pair_what_lowers_the_xy_flux():
     for table, *demand in all_choices():
         for psi_xy in xy_fluxes():
-            s, k = at(quiet("dtc2", table=table), *demand, psi_xy)
+            s, k = at(quiet("dtc2", table_law__table=table), *demand, psi_xy)
             assert s[0] == s[1] == s[2]
             assert s[0] in (L[k], ML[k])
             assert vector(s[0])[2:] @ [psi_xy.real, psi_xy.imag] < 0
@@ -160,9 +160,9 @@ def test_dtc3_levels_choose_the_pair():
     for table, sector, torque, flux in all_choices():
         for size, level, strong in ((0.2, 1, S), (5, 2, L)):
             for psi_xy in xy_fluxes():
-                drive = quiet("dtc3", table=table)
+                drive = quiet("dtc3", table_law__table=table)
                 s, k = at(drive, sector, np.sign(torque) * size, flux, psi_xy)
-                assert abs(drive.state.torque_level) == level
+                assert abs(drive.state.table_law.torque_level) == level
                 assert s[0] == s[1] == s[2]
                 assert s[0] in (ML[k], strong[k])
                 assert vector(s[0])[2:] @ [psi_xy.real, psi_xy.imag] < 0
@@ -170,7 +170,7 @@ def test_dtc3_levels_choose_the_pair():
 
 def test_fdr_applies_three_large_vectors_for_fixed_times():
     for table, *demand in all_choices():
-        drive = quiet("fdr", table=table)
+        drive = quiet("fdr", table_law__table=table)
         s, k = at(drive, *demand, 0.02 + 0.01j)
         assert s == tuple(L[(k + d) % 12] for d in (-1, 0, 1))
         assert {c for c in drive.out.ca if c != PERIOD} == {round((2 - np.sqrt(3)) * PERIOD)}
@@ -185,7 +185,7 @@ def test_ddr_realises_its_xy_command(scheme, group):
     limit = 0.032692 if group is L else 0.089316
     wanted = np.clip([-0.2 * i_xy.real, -0.2 * i_xy.imag], -limit, limit)
     for table, *demand in all_choices():
-        drive = quiet(scheme, table=table)
+        drive = quiet(scheme, table_law__table=table)
         s, k = at(drive, *demand, 0.0144 * i_xy)
         assert s == tuple(group[(k + d) % 12] for d in (-1, 0, 1))
         command = [drive.state.v_xy_pu.x, drive.state.v_xy_pu.y]
@@ -201,7 +201,7 @@ def test_no_torque_wanted_gives_the_nearest_zero(scheme):
         drive = quiet(scheme)
         s, _ = at(drive, sector, 5, 0.6)
         zero = drive.step(torque=0.0)
-        assert drive.state.torque_level == 0
+        assert drive.state.table_law.torque_level == 0
         assert zero[0] == zero[1] == zero[2]
         assert zero[0] in ZEROS
         assert (zero[0] ^ s[2]).bit_count() == min((z ^ s[2]).bit_count() for z in ZEROS)
@@ -226,46 +226,46 @@ def test_weak_flux_takes_the_place_of_a_zero_vector(scheme, torque):
     group = ML if scheme == "ddr-ml" else L
     for sector in range(12):
         for psi, raised in ((0.37, True), (0.39, False)):
-            drive = quiet(scheme, flux_hold=0.05)
+            drive = quiet(scheme, table_law__flux_hold=0.05)
             placed = psi * np.exp(1j * np.deg2rad(30 * sector))
             s = drive.step(drive.place(placed), torque, flux=0.4)
-            assert drive.state.torque_level == 0
+            assert drive.state.table_law.torque_level == 0
             if raised:
                 k = sector if torque > 0 else (sector - 1) % 12
                 assert s[1] in ((S if scheme == "dtc3" else group)[k], ML[k])
                 assert vector(s[1])[:2] @ [placed.real, placed.imag] > 0
             else:
                 assert s[0] in ZEROS
-        drive = quiet(scheme, flux_hold=0.0)  # 0 = never
+        drive = quiet(scheme, table_law__flux_hold=0.0)  # 0 = never
         assert drive.step(drive.place(0.1 + 0j), torque)[0] in ZEROS
 
 
 @pytest.mark.parametrize("hold", (True, False))
 def test_xy_integrators_during_zero_vectors(hold):
-    drive = quiet("ddr", hold_on_zero=hold)
+    drive = quiet("ddr", table_law__hold_on_zero=hold)
     i_xy = drive.place(0.4 + 0j, 0.0144 * (0.05 + 0.02j))
     drive.step(i_xy, 5.0)
-    used = bytes(ffi.buffer(ffi.addressof(drive.state.xy)))
+    used = bytes(ffi.buffer(ffi.addressof(drive.state.table_law.xy)))
     drive.step(i_xy, 0.0)
-    assert drive.state.torque_level == 0
-    assert (bytes(ffi.buffer(ffi.addressof(drive.state.xy))) == used) == hold
+    assert drive.state.table_law.torque_level == 0
+    assert (bytes(ffi.buffer(ffi.addressof(drive.state.table_law.xy))) == used) == hold
 
 
 def test_xy_integrators_go_on_while_the_flux_is_raised():
-    drive = quiet("ddr", flux_hold=0.05)
+    drive = quiet("ddr", table_law__flux_hold=0.05)
     i_xy = drive.place(0.3 + 0j, 0.0144 * (0.05 + 0.02j))
     drive.step(i_xy, 0.0)
-    assert drive.state.torque_level == 0
-    assert drive.state.xy.against.x != 0
+    assert drive.state.table_law.torque_level == 0
+    assert drive.state.table_law.xy.against.x != 0
 
 
 @pytest.mark.parametrize("levels", (2, 3, 5))
 def test_torque_levels(levels):
-    drive = quiet("fdr", torque_levels=levels)
+    drive = quiet("fdr", table_law__torque_levels=levels)
     seen = []
     for torque in (0.1, 0.2, 0.4, 0.2, 0.1, -0.1, -0.2, -0.4, 0.0):
         drive.step(drive.place(0.4 + 0j), torque)
-        seen.append(drive.state.torque_level)
+        seen.append(drive.state.table_law.torque_level)
     want = {
         2: [0, 0, 1, 1, 1, 1, 1, -1, -1],
         3: [0, 0, 1, 1, 1, 0, 0, -1, 0],
@@ -280,7 +280,7 @@ def test_xy_regulator_turns_with_the_flux():
         drive = quiet("ddr")
         turn = np.exp(1j * np.deg2rad(degrees))
         drive.step(drive.place(0.4 * turn, 0.0144 * (0.05 - 0.03j)), 5.0)
-        xy = drive.state.xy
+        xy = drive.state.table_law.xy
         error = -2.5e-4 * (0.05 - 0.03j)
         with_, against = (complex(p.x, p.y) for p in (getattr(xy, "with"), xy.against))
         assert with_ == pytest.approx(error / turn, abs=1e-8)
@@ -455,7 +455,7 @@ def test_any_input_gives_a_pattern_that_the_pwm_can_realise(
     period, first = (timing[0], 0) if shadow else (timing[0], max(timing[1], first))
     first = min(first, (period - 1) // 2 - 1)
     cfg = config(
-        scheme, shadow=shadow, predict=predict, torque_levels=levels,
+        scheme, shadow=shadow, predict=predict, table_law__torque_levels=levels,
         period_counts=period, first_counts=first,
     )  # fmt: skip
     drive = BoardDrive(cfg)
@@ -469,10 +469,30 @@ def test_any_input_gives_a_pattern_that_the_pwm_can_realise(
             assert is_valid(drive.out, period, first)
             assert all(0 <= w <= 63 for w in words(drive.out, period))
             assert 0 <= drive.state.sector <= 11
-            assert -2 <= drive.state.torque_level <= 2
+            assert -2 <= drive.state.table_law.torque_level <= 2
 
 
 # --- configuration ----------------------------------------------------------------
+
+
+def test_a_law_that_takes_over_begins_anew():
+    """The machine and the pattern on its way are no matter of the law and stay."""
+    drive = Drive(config("ddr"))
+    for n in range(20):
+        drive.step((0.05, -0.02, 0.01, 0.03, -0.04, 0.06), torque=(-1) ** n)
+    state = drive.state
+    before = bytes(ffi.buffer(state))
+    other = config("ddr")
+    lib.ht_control_switch_over(other, drive.cfg, state)
+    assert bytes(ffi.buffer(state)) == before  # another scheme of the same law
+    assert state.table_law.torque_level != 0 and state.table_law.xy.against.x != 0
+    other.law = lib.HT_LAW_TABLE + 1
+    lib.ht_control_switch_over(other, drive.cfg, state)
+    law = state.table_law
+    assert (law.torque_level, law.flux_level) == (0, 1)
+    assert not any(bytes(ffi.buffer(ffi.addressof(law.xy))))
+    begin = ffi.offsetof("ht_control_state", "table_law")
+    assert bytes(ffi.buffer(state))[:begin] == before[:begin]
 
 
 def test_low_pattern_has_no_edges():
@@ -493,10 +513,10 @@ def test_vsd_is_the_transform():
     ("changes", "status"),
     [
         ({}, lib.HT_CONFIG_OK),
-        ({"torque_levels": 4}, lib.HT_CONFIG_SCHEME),
-        ({"torque_levels": 0}, lib.HT_CONFIG_SCHEME),
-        ({"scheme_": 6}, lib.HT_CONFIG_SCHEME),
-        ({"table": 2}, lib.HT_CONFIG_SCHEME),
+        ({"table_law__torque_levels": 4}, lib.HT_CONFIG_SCHEME),
+        ({"table_law__torque_levels": 0}, lib.HT_CONFIG_SCHEME),
+        ({"scheme_": lib.HT_SCHEMES}, lib.HT_CONFIG_SCHEME),
+        ({"table_law__table": 2}, lib.HT_CONFIG_SCHEME),
         ({"period_counts": 7}, lib.HT_CONFIG_TIMING),
         ({"first_counts": 1}, lib.HT_CONFIG_TIMING),
         ({"shadow": False, "first_counts": 5000}, lib.HT_CONFIG_TIMING),
@@ -507,8 +527,8 @@ def test_vsd_is_the_transform():
         ({"dead__dead_pu": 0.51}, lib.HT_CONFIG_TIMING),
         ({"dead__dead_pu": np.nan}, lib.HT_CONFIG_TIMING),
         ({"dead__i_zero_A": 0.0}, lib.HT_CONFIG_TIMING),
-        ({"xy_limit_pu": 0.0}, lib.HT_CONFIG_SCHEME),
-        ({"xy_limit_pu": np.nan}, lib.HT_CONFIG_SCHEME),
+        ({"table_law__xy_limit_pu": 0.0}, lib.HT_CONFIG_SCHEME),
+        ({"table_law__xy_limit_pu": np.nan}, lib.HT_CONFIG_SCHEME),
         ({"observer__rs_ohm": -1.0}, lib.HT_CONFIG_MACHINE),
         ({"observer__rs_ohm": np.nan}, lib.HT_CONFIG_MACHINE),
         ({"observer__sigma_ls_H": 0.0}, lib.HT_CONFIG_MACHINE),

@@ -60,7 +60,7 @@ phasor = st.tuples(value, value).map(lambda p: complex(*p))
 def test_reset_is_demagnetised():
     state = start(3 - 4j)
     assert (cplx(state.psi_Wb), state.omega_sync_rad_s) == (0, 0)
-    assert cplx(state.i_prev_A) == 3 - 4j
+    assert cplx(state.i_A) == 3 - 4j
 
 
 @given(st.lists(st.tuples(phasor, phasor), min_size=1, max_size=40), st.integers(1, 8))
@@ -78,7 +78,7 @@ def test_update_is_the_integral_of_the_voltage_model(samples, pole_pairs):
         assert cplx(state.psi_Wb) == cplx(now.psi_Wb)
         torque = 3 * pole_pairs * (psi.conjugate() * i).imag
         assert now.torque_Nm == pytest.approx(torque, rel=1e-4, abs=2e-3)
-        assert cplx(state.i_prev_A) == i
+        assert cplx(state.i_A) == i
 
 
 @pytest.mark.parametrize("omega", (250.0, -250.0, 12.0, 600.0))
@@ -512,7 +512,7 @@ def test_adaptation_fades_out_at_high_speed(sign):
 def any_state(draw_from):
     """A state with these values, the last first: psi_r, gap, i, speed, R_s, R_r."""
     state = start()
-    for pair in (state.psi_r_Wb, state.gap_Wb, state.i_prev_A):
+    for pair in (state.psi_r_Wb, state.gap_Wb, state.i_A):
         pair.alpha, pair.beta = draw_from.pop(), draw_from.pop()
     state.omega_sync_rad_s = draw_from.pop()
     state.rs_ohm, state.rr_scale = draw_from.pop(), draw_from.pop()
@@ -545,7 +545,7 @@ def test_both_bounds_are_reached(sign):
     for name, configured in (("rs_ohm", RS), ("rr_scale", 1.0)):
         state = start()
         state.psi_r_Wb, state.omega_sync_rad_s = [0.4, 0.0], 40.0
-        state.i_prev_A = [1.5, 1.5]
+        state.i_A = [1.5, 1.5]
         along = 1.5 + 1.5j if name == "rs_ohm" else -trace(40.0, [0, 0.4], 1.5 + 1.5j)
         gap = sign * 100 * along / (CROSSOVER + 40j)
         state.gap_Wb = [gap.real, gap.imag]

@@ -88,7 +88,7 @@ def seen(psi, i, speed=0.0, rr_scale=1.0):
     """Control state after a step that estimated `psi` at a current `i`."""
     control = ffi.new("ht_control_state *")
     control.estimate.psi_Wb = [psi.real, psi.imag]
-    control.observer.i_prev_A = [i.real, i.imag]
+    control.observer.i_A = [i.real, i.imag]
     control.observer.omega_sync_rad_s, control.observer.rr_scale = speed, rr_scale
     return control
 

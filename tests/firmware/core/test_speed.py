@@ -88,7 +88,7 @@ FLUX, FLUX_MIN, REACH, RS = 0.6, 0.1, 0.5196, 1.8
 
 
 def flux(vdc, omega, i):
-    return lib.ht_flux_reference([[FLUX, FLUX_MIN, REACH, RS]], vdc, omega, i)
+    return lib.ht_flux_reference([[FLUX_MIN, REACH, RS]], [[FLUX, vdc, omega, i]])
 
 
 #: physical values in steps of 1/8: no underflow to argue about

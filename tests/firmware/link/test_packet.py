@@ -234,7 +234,7 @@ def test_octets_that_the_receiver_lost(before):
     receiver = Receiver()
     before = min(before, len(frame) - 1)
     receiver.take(frame[:before])
-    lib.ht_incoming_spoil(receiver.incoming)
+    lib.ht_incoming_discard(receiver.incoming)
     assert receiver.take(frame[before:] + frame) == [None, b"a body with \0 in it"]
 
 

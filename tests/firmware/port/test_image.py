@@ -264,11 +264,10 @@ FAULTS = {
         F28377S, "ht_adc.c", "INT1CONT | INT1E", "INT1E", "-ADCA.ADCINTSEL1N2"),
     "ADC's overflow not looked at": (
         F28377S, "ht_adc.c", "(HT_RD16(port->io, ADCA + ADCINTOVF) & ADCINT1) != 0u",
-        "port->map->device != HT_F28377S", "no overflow is left"),
+        "port->map->adc_sequencer", "no overflow is left"),
     "no NOP between PIEACK and EINT": (
         F28335, "ht_pie.c",
-        "    HT_NOP(port->io); /* errata usage note: never PIEACK and EINT back to back */\n", "",
-        "EINT right after PIEACK"),
+        "    HT_NOP(port->io);\n", "", "EINT right after PIEACK"),
     "sequencer not reset": (
         F28335, "ht_adc.c",
         "        HT_WR16(port->io, ADCTRL2, ADCTRL2_RUN | ADCTRL2_RST_SEQ1);\n    } else",
@@ -382,8 +381,8 @@ FAULTS = {
         F28377S, "ht_pins.c", "set_up(port, &board->trip, QUALIFY_ASYNC, false)",
         "set_up(port, &board->trip, QUALIFY_ASYNC, true)", "pull-ups: 12 20"),
     "trip pin not connected": (
-        F28377S, "ht_pins.c", "        HT_WR16(port->io, INPUT1SELECT, board->trip.gpio);\n", "",
-        "-INPUTXBAR"),
+        F28377S, "ht_pins.c",
+        "        HT_WR16(port->io, port->map->trip_select, board->trip.gpio);\n", "", "-INPUTXBAR"),
     "two channels exchanged": (
         F28377S, "ht_board.c", ".encoder_b = {21u, 1u},\n    .receive = {28u, 1u},\n"
         "    .transmit = {29u, 1u},\n    .channel = {2u, 2u, 3u, 3u, 4u",

@@ -92,7 +92,7 @@ def test_hardware_that_differs_is_noticed(quick, target):
 def test_refuses_the_other_kind_of_request(quick, target):
     target.controller("f28335", quick.controller_values())
     target.link.calls = 0
-    lib.ht_link_request(target.link, lib.HT_PIL_START, 0, 0.0)
+    lib.ht_link_request(target.link, lib.HT_OP_PIL_START, 0, 0.0)
     assert target.link.error == lib.HT_LINK_REFUSED
 
 

@@ -89,7 +89,7 @@ def test_smallest_change_of_a_parameter_shows(quick):
     """Stator resistance off by one unit in the last place."""
 
     def meddle(target):
-        drive = target._local.drive
+        drive = target._local.pil.drive
         params = firmware.parameters()
         value = one_ulp(drive.params.v[params["rs_ohm"].id])
         assert lib.ht_drive_set(ffi.addressof(drive), params["rs_ohm"].id, value) == lib.HT_OK
@@ -103,7 +103,7 @@ def test_one_bit_of_the_state_shows(quick):
     """The flux estimate of the idle drive; it only matters once the drive runs."""
 
     def meddle(target):
-        observer = target._local.drive.control.observer
+        observer = target._local.pil.drive.control.observer
         observer.omega_sync_rad_s = one_ulp(observer.omega_sync_rad_s)
 
     outcome = pil.compare(quick, PROFILE, Meddling(meddle))
@@ -114,7 +114,7 @@ def test_one_bit_of_a_register_shows(quick):
     """A register that the firmware writes at start only, on the target's side."""
 
     def meddle(target):
-        target._local.side.registers.word[0x6800 + 0x40 + 0x10] ^= 1  # dead time of leg 2
+        target._local.pil.side.registers.word[0x6800 + 0x40 + 0x10] ^= 1  # dead time of leg 2
 
     outcome = pil.compare(quick, PROFILE, Meddling(meddle))
     assert outcome.difference.startswith("period 0: EPWM2.DBRED is 0x")
@@ -212,7 +212,7 @@ def test_snapshot_of_a_fault_travels(quick, target):
 def test_every_word_of_a_snapshot_has_its_place(quick, target):
     controller = target.controller("f28335", quick.controller_values())
     assert controller.snapshot is None
-    s = target._local.drive.snapshot
+    s = target._local.pil.drive.snapshot
     s.tick, s.state, s.faults, s.samples.position = 0x12345, 3, 5, 0xFEDC0007
     s.samples.adc[0:7] = range(100, 107)
     measured = getattr(s, "in")
@@ -249,7 +249,7 @@ def test_snapshot_that_differs_is_noticed(quick, target, monkeypatch):
 def test_reading_a_snapshot_moves_nothing(quick, target):
     """No register, no access, no mirror: the run goes on as if nothing had been."""
     controller = target.controller("f28335", quick.controller_values())
-    parts = ffi.addressof(target.link.registers), ffi.addressof(target._local.drive)
+    parts = ffi.addressof(target.link.registers), ffi.addressof(target._local.pil.drive)
     before = [bytes(ffi.buffer(part)) for part in parts]
     assert controller.snapshot is None
     assert before == [bytes(ffi.buffer(part)) for part in parts]
@@ -261,7 +261,7 @@ def test_no_snapshot_before_init(target):
 
 
 def test_nothing_before_init(target):
-    lib.ht_link_request(target.link, lib.HT_PIL_START, 0, 0.0)
+    lib.ht_link_request(target.link, lib.HT_OP_PIL_START, 0, 0.0)
     assert target.link.error == lib.HT_LINK_REFUSED
 
 
@@ -273,15 +273,15 @@ def test_unknown_request(quick, target):
 
 def test_other_firmware_is_refused(quick, target, monkeypatch):
     """Both ends compare the names of parameters and channels."""
-    real = lib.ht_pil_identity
+    real = lib.ht_pil_identify
 
     class Elsewhere:
         def __getattr__(self, name):
             return getattr(lib, name)
 
-        def ht_pil_identity(self, words):
-            real(words)
-            words[4] ^= 1
+        def ht_pil_identify(self, identity):
+            real(identity)
+            identity.names ^= 1
 
     monkeypatch.setattr("hexatorque.boards.processor.lib", Elsewhere())
     with pytest.raises(TargetError, match="another version"):

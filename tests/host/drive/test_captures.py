@@ -56,11 +56,13 @@ def test_a_burst_by_the_rules(data):
     burst = Burst([0], samples, pre, prescaler, Trigger(kind, "x", level), 0)
     rows = np.array(values, np.float32)[:, None]
     for begin, end in zip(begins, [*cuts, len(values)]):
-        burst.command |= begin in commands
-        burst.manual |= begin == manual_at
+        if begin in commands:
+            burst.commanded()
+        if begin == manual_at:
+            burst.trigger()
         burst.feed(rows[begin:end], 100 + begin)
     trigger, kept = one_by_one(values, commands, manual_at, samples, pre, prescaler, kind, level)
-    assert burst.period == (None if trigger is None else 100 + trigger)
+    assert burst.tick == (None if trigger is None else 100 + trigger)
     assert burst.complete == (kept is not None)
     if kept is not None:
         assert burst.values[:, 0].tolist() == kept

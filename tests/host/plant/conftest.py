@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from hexatorque.plant.machine import MachineParameters
+from hexatorque.plant.machines.induction import Parameters
 
 ANGLE = np.deg2rad([0.0, 30.0, 120.0, 150.0, 240.0, 270.0])
 DELTA = ANGLE[:, None] - ANGLE
@@ -96,11 +96,11 @@ class PhaseModel:
         return self.state(*self.solve(z[:-2], self.p.pole_pairs * z[-1]), z[-2], z[-1])
 
 
-SYMMETRIC = MachineParameters(2, 1.8, 2.0, 10e-3, 15e-3, 284e-3, 10e-3, 0.03, 0.0033)
+SYMMETRIC = Parameters(2, 1.8, 2.0, 10e-3, 15e-3, 284e-3, 10e-3, 0.03, 0.0033)
 MACHINES = {
     "symmetric": SYMMETRIC,
-    "other x-y": MachineParameters(1, 6.0, 2.2, 14.4e-3, 14.4e-3, 256e-3, 5e-3, 0.003),
-    "asymmetric": MachineParameters(
+    "other x-y": Parameters(1, 6.0, 2.2, 14.4e-3, 14.4e-3, 256e-3, 5e-3, 0.003),
+    "asymmetric": Parameters(
         3, 2.0, 1.5, 12e-3, 9e-3, 200e-3, 7e-3, 0.02, 0.01,
         drs_ohm=(0.5, -0.3, 0.0, 1.1, 0.2, -0.7),
         dlls_H=(3e-3, 0.0, -2e-3, 1e-3, 5e-3, -4e-3),
@@ -115,7 +115,7 @@ def model(request):
 
 @pytest.fixture
 def phase_model():
-    """To be made from any MachineParameters."""
+    """To be made from any Parameters."""
     return PhaseModel
 
 

@@ -14,7 +14,8 @@ from hexatorque import firmware, setups
 from hexatorque.drive.operating_points import Point, approach
 from hexatorque.evidence.studies.integration import LIMIT, replay, run_segment
 from hexatorque.plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
-from hexatorque.plant.machine import LOAD, machine_record
+from hexatorque.plant.machine import LOAD
+from hexatorque.plant.machines.induction import make
 from hexatorque.plant.record import record
 
 #: Leakage added per phase, H: up to 12 % of the 10 mH.
@@ -91,7 +92,7 @@ def test_diode_opens_at_the_rail(model, rail, beyond_V):
     reference.advance(1e-6)
     assert reference.reopened == (beyond_V > 0)
 
-    inv, m = inverter_record(), machine_record(model.p)
+    inv, m = inverter_record(), make(model.p)
     y = model.state(i_s, i_r, omega, 0.0)
     for leg, state in enumerate(legs):
         set_leg(inv, m, y, leg, state)

@@ -13,7 +13,8 @@ from scipy.integrate import solve_ivp
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
-from hexatorque.plant.machine import LOAD, machine_record
+from hexatorque.plant.machine import LOAD
+from hexatorque.plant.machines.induction import make
 from hexatorque.plant.record import record
 
 VDC = 250.0
@@ -34,7 +35,7 @@ def sweep(inv, m, load, y, dt, vdc, states):
 
 class BoardDrive:
     def __init__(self, p, y, legs, **drops):
-        self.m, self.y = machine_record(p), np.array(y, float)
+        self.m, self.y = make(p), np.array(y, float)
         self.inv = inverter_record(**(drops or DROPS))
         self.switch([LOW] * 6)  # driven first: an off leg's diode follows its current
         self.switch(legs)

@@ -10,7 +10,7 @@ import pytest
 
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.plant.machine import MachineParameters, machine_record
+from hexatorque.plant.machines.induction import Parameters, make
 from hexatorque.plant.sensors import sample
 
 EQEP = {"f28335": 0x6B00, "f28377s": 0x5100}
@@ -19,7 +19,7 @@ UPEVNT, QDF, COEF, CDEF = 0x80, 0x20, 0x08, 0x04
 #: Capture clocks from sample to sample: 10 kHz, SYSCLKOUT of 150 and 200 MHz by 128.
 TICKS = {"f28335": 150e6 / 128 * 1e-4, "f28377s": 200e6 / 128 * 1e-4}
 PPR = 2048
-MACHINE = machine_record(MachineParameters(2, 1.0, 1.0, 10e-3, 10e-3, 1e-9, 10e-3, 1.0))
+MACHINE = make(Parameters(2, 1.0, 1.0, 10e-3, 10e-3, 1e-9, 10e-3, 1.0))
 
 
 class Emulated:

@@ -10,7 +10,8 @@ import pytest
 from numba import njit
 
 from hexatorque.plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
-from hexatorque.plant.machine import LOAD, machine_record, phase_current
+from hexatorque.plant.machine import LOAD, phase_current
+from hexatorque.plant.machines.induction import make
 from hexatorque.plant.record import record
 
 VDC = 250.0
@@ -25,7 +26,7 @@ def vsd(legs):
 
 class BoardDrive:
     def __init__(self, p, y=None, legs=(LOW,) * 6):
-        self.m = machine_record(p)
+        self.m = make(p)
         self.inv = inverter_record()
         self.y = np.zeros(8) if y is None else np.array(y, float)
         self.switch(*legs)

@@ -16,12 +16,12 @@ from hexatorque.plant.machine import (
     LOAD,
     derivative,
     load_torque,
-    machine_record,
     phase_current,
     rk4_step,
     stator_currents,
     torque_Nm,
 )
+from hexatorque.plant.machines.induction import make
 from hexatorque.plant.record import record
 
 NO_LOAD = record(LOAD, **{n: float(n == "eddy_rad_s") for n in LOAD.names})
@@ -81,7 +81,7 @@ def random_currents(rng):
 
 def test_currents_torque_and_slopes_of_any_state(model):
     rng = np.random.default_rng(1)
-    m = machine_record(model.p)
+    m = make(model.p)
     for _ in range(20):
         i_s, i_r = random_currents(rng)
         omega, theta = rng.normal(0, 100), rng.uniform(-9, 9)
@@ -114,7 +114,7 @@ def test_currents_torque_and_slopes_of_any_state(model):
 def test_response_of_phase_currents_to_leg_voltages(model):
     inverse = np.linalg.inv(model.free_inductance(0.3))[:4, :4]
     expected = model.free @ inverse @ model.free.T
-    np.testing.assert_allclose(machine_record(model.p).g_leg, expected, atol=1e-9)
+    np.testing.assert_allclose(make(model.p).g_leg, expected, atol=1e-9)
 
 
 def switched(direction):
@@ -135,7 +135,7 @@ def test_trajectory_and_order(model, direction):
     for v_leg in legs:
         z = model.follow(z, v_leg, 200e-6, lambda w: 0.02 * w + 1e-3 * w * abs(w)).y[:, -1]
     expected = model.plant_state(z)
-    m = machine_record(model.p)
+    m = make(model.p)
     final = [run(m, load, np.zeros(8), vsd(legs), 200e-6 / n, n)[-1] for n in (1, 2, 4, 20)]
     errors = [np.max(np.abs(y - expected) / (np.abs(expected) + 0.1)) for y in final]
     assert direction * expected[6] > 1  # it did turn
@@ -163,7 +163,7 @@ def test_steady_state_at_imposed_slip(symmetric, slip, direction):
     v[:, 1] = direction * amplitude * np.sin(w * (t + dt / 2))
     y = np.zeros(8)
     y[6] = direction * (1 - slip) * w / p.pole_pairs
-    m = machine_record(p)
+    m = make(p)
     states = run(m, NO_LOAD, y, v, dt)[-500:]
     i = states[:, :6] @ m.i_stator.T
     phasor = 2 * np.mean(i[:, 0] * np.exp(-1j * w * (t[-500:] + dt)))
@@ -178,7 +178,7 @@ def test_steady_state_at_imposed_slip(symmetric, slip, direction):
 def test_energy_balance(model):
     """Field and kinetic energy from the coils, powers from the plant's own torque."""
     legs, p = switched(1), model.p
-    m = machine_record(p)
+    m = make(p)
     load = record(LOAD, **{n: 0.0 for n in LOAD.names} | {"linear_Nms": 0.05, "eddy_rad_s": 1.0})
     steps, dt = 20, 10e-6  # of each switching state; Simpson's rule over pairs
     y0 = run(m, load, np.zeros(8), vsd(legs), dt, steps)[-1]
@@ -271,7 +271,7 @@ def supplied(p, amplitude, w, seconds, dt=20e-6):
     v = np.zeros((len(t), 4))
     v[:, 0] = amplitude * np.cos(w * (t + dt / 2))
     v[:, 1] = amplitude * np.sin(w * (t + dt / 2))
-    m = machine_record(p)
+    m = make(p)
     return t + dt, m, run(m, NO_LOAD, np.zeros(8), v, dt)
 
 

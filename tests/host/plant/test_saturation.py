@@ -17,12 +17,12 @@ from hexatorque.plant.inverter import HIGH, LOW, OFF, advance, inverter_record, 
 from hexatorque.plant.machine import (
     LOAD,
     derivative,
-    machine_record,
     phase_current,
     rk4_step,
     stator_currents,
     torque_Nm,
 )
+from hexatorque.plant.machines.induction import make
 from hexatorque.plant.record import record
 
 VDC = 300.0
@@ -112,12 +112,12 @@ def steps_of(m, load, y, volts, dt, steps, out):
 
 def run(p, y, volts, dt, steps=1):
     out = np.empty((len(volts) * steps, 8))
-    steps_of(machine_record(p), NO_LOAD, y.copy(), np.asarray(volts, float), dt, steps, out)
+    steps_of(make(p), NO_LOAD, y.copy(), np.asarray(volts, float), dt, steps, out)
     return out
 
 
 def currents(p, y):
-    m, k, i_leg, i = machine_record(p), np.empty(8), np.empty(6), np.empty(4)
+    m, k, i_leg, i = make(p), np.empty(8), np.empty(6), np.empty(4)
     torque = instant(m, NO_LOAD, y, np.zeros(4), k, i_leg, i)
     np.testing.assert_allclose(i, vsd(i_leg), atol=1e-10)
     return i_leg, i, torque, k
@@ -266,7 +266,7 @@ def test_far_below_the_knee_the_machine_is_linear(model):
 
 class BoardDrive:
     def __init__(self, p, y, legs):
-        self.p, self.m, self.y = p, machine_record(p), np.array(y, float)
+        self.p, self.m, self.y = p, make(p), np.array(y, float)
         self.inv = inverter_record()
         for state in ([LOW] * 6, legs):
             for leg in range(6):

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.plant.machine import MachineParameters, machine_record
+from hexatorque.plant.machines.induction import Parameters, make
 from hexatorque.plant.sensors import filter_currents, sample
 
 DEVICES = {  # results, justification, position counter
@@ -22,7 +22,7 @@ DEVICES = {  # results, justification, position counter
 }
 FULL_A, FULL_V, PPR = 20.0, 500.0, 1500
 #: Leakage only: currents are fluxes divided by 10 mH, exactly enough.
-MACHINE = machine_record(MachineParameters(2, 1.0, 1.0, 10e-3, 10e-3, 1e-9, 10e-3, 1.0))
+MACHINE = make(Parameters(2, 1.0, 1.0, 10e-3, 10e-3, 1e-9, 10e-3, 1.0))
 ANGLES = np.radians([0, 30, 120, 150, 240, 270])
 
 

@@ -20,7 +20,7 @@
 #define RXEN0 0x10 /* before its program sets this bit the serial port hears nothing */
 
 static int from_target = -1;
-static int ready = 1; /* the serial port takes another octet */
+static int ready = 1; /* the serial port takes another byte */
 static unsigned char out[4096];
 static size_t waiting;
 
@@ -92,9 +92,12 @@ int main(int argc, char **argv)
     flags &= ~(uint32_t)(AVR_UART_FLAG_STDIO | AVR_UART_FLAG_POLL_SLEEP);
     (void)avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags);
     input = avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_INPUT);
-    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), sent, NULL);
-    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XON), xon, NULL);
-    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XOFF), xoff, NULL);
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), sent,
+                            NULL);
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XON), xon,
+                            NULL);
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XOFF), xoff,
+                            NULL);
     to_target = open(alone ? "/dev/null" : "to_target", O_RDONLY);
     from_target = alone ? from_target : open("from_target", O_WRONLY);
     if ((to_target < 0) || (from_target < 0)) {

@@ -31,6 +31,7 @@ SECTIONS
                     *ht_packet.*(.TI.ramfunc)
                     *ht_service.*(.TI.ramfunc)
                     *ht_service_requests.*(.TI.ramfunc)
+                    *ht_snapshot.*(.TI.ramfunc)
                     *ht_store.*(.TI.ramfunc) } > FLASH, ALIGN(8)
     .text       : > FLASH, ALIGN(8)
     .cinit      : > FLASH, ALIGN(8)

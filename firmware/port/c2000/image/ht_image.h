@@ -14,8 +14,8 @@ enum {
     HT_COMMAND_START = 1,
     HT_COMMAND_STOP = 2,
     HT_COMMAND_CLEAR = 3,
-    HT_COMMAND_SET = 4, /**< parameter `id` becomes `value` */
-    HT_COMMAND_GET = 5, /**< `value` becomes parameter `id` */
+    HT_COMMAND_SET = 4,   /**< parameter `id` becomes `value` */
+    HT_COMMAND_GET = 5,   /**< `value` becomes parameter `id` */
     HT_COMMAND_SAVE = 6,  /**< keep the parameters in force over a power-off */
     HT_COMMAND_FORGET = 7 /**< forget those that are kept */
 };

@@ -5,19 +5,14 @@
  * enabled. The background does all: watchdog, serial line, requests. */
 #include "ht_drivers.h"
 #include "ht_image.h"
-#include "ht_pil_codes.h"
+#include "ht_pil_calls.h"
 #include "ht_pil_server.h"
 
 #ifndef HT_BOARD
 #error "HT_BOARD: name of the board's table, e.g. ht_board_f28335"
 #endif
 
-/* A request of which nothing more comes for one to two periods of this is given up. A
- * host writes a request in one piece. */
-#define QUIET_HZ 5.0f
-
 static ht_port chip;
-static bool heard; /* an octet, since the timer passed */
 
 volatile uint16_t ht_image_start_result = (uint16_t)HT_START_UNDER_WAY;
 
@@ -27,17 +22,13 @@ static bool start(ht_port *port)
     ht_pins_release(port); /* whatever ran here before, a debugger's load may follow it */
     ht_watchdog_hold(port);
     ht_flash_start(port); /* before the clock that needs it */
-    if (port->map->device == HT_F28335) {
-        port->clock = ht_clock_start_f28335(port);
-    } else {
-        port->clock = ht_clock_start_f28377s(port);
-    }
+    port->clock = port->map->has_syspll ? ht_clock_start_f28377s(port)
+                                        : ht_clock_start_f28335(port);
     ht_image_start_result = (uint16_t)port->clock;
     started = port->clock == HT_CLOCK_RIGHT;
     if (started) {
         ht_pins_start(port);
         ht_pins_line(port);
-        ht_timer_start(port, QUIET_HZ);
         started = ht_sci_start(port, HT_PIL_BAUD);
     }
     return started;
@@ -64,7 +55,6 @@ void ht_image_start(void)
         }
     }
     ht_pil_server_reset();
-    heard = false;
 }
 
 void ht_image_background(void)
@@ -76,15 +66,8 @@ void ht_image_background(void)
             ht_pil_server_sent();
         }
     } else if (ht_sci_read(&chip, &octet, 1u) == 1u) {
-        heard = true;
         ht_pil_server_take(octet);
     } else {
-        (void)ht_sci_recover(&chip); /* a receiver that an error stopped brings no octets */
-    }
-    if (ht_timer_passed(&chip)) {
-        if (!heard) {
-            ht_pil_server_forget();
-        }
-        heard = false;
+        (void)ht_sci_recover(&chip); /* a receiver that an error stopped brings no bytes */
     }
 }

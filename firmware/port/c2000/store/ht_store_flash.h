@@ -25,7 +25,7 @@
  *    between two of it.
  *  - *Speed.* The first slow interrupt afterwards divides the counts of all this time by one
  *    period. If the shaft turns, `speed_rpm` reads too much until the second one.
- *  - *Line.* Octets that come meanwhile overflow the receiver and are counted; the host repeats
+ *  - *Line.* Bytes that come meanwhile overflow the receiver and are counted; the host repeats
  *    its request and gets the reply. The link's watchdog is not armed when no drive runs.
  */
 #ifndef HT_STORE_FLASH_H

@@ -507,7 +507,7 @@ def damaged_set(device: str, seed: int) -> Result:
 WRONG_CLOCK = "wrong system clock"
 
 
-def _plant_clock(registers, f28335: bool, rng: np.random.Generator) -> None:
+def _plant_clock(registers, pllcr: bool, rng: np.random.Generator) -> None:
     """A PLL that locks at another frequency, at every try; one that never locks; no crystal."""
     what = int(rng.integers(3))
     if what == 0:
@@ -518,7 +518,7 @@ def _plant_clock(registers, f28335: bool, rng: np.random.Generator) -> None:
         registers.never_locks = 1
     else:
         registers.no_crystal = 1
-        if f28335:
+        if pllcr:
             registers.word[0x7011] |= 8  # PLLSTS.MCLKSTS
 
 
@@ -541,7 +541,7 @@ def wrong_clock(device: str, seed: int) -> Result:
     registers, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
     drive, params = ffi.new("ht_drive *"), ffi.new("ht_params *")
     lib.ht_regfile_reset(registers, board.map)
-    _plant_clock(registers, board.map.device == lib.HT_F28335, rng)
+    _plant_clock(registers, board.map.clock_pllcr, rng)
     lib.ht_port_bind(port, registers, ffi.addressof(board))
     if lib.ht_board_start(port):
         result.error = "the clock was taken for right"

@@ -18,7 +18,8 @@ from numba import njit
 from ... import firmware, setups
 from ...drive.operating_points import Progress
 from ...plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
-from ...plant.machine import LOAD, MachineParameters, machine_record, phase_current
+from ...plant.machine import LOAD, phase_current
+from ...plant.machines.induction import Parameters, make
 from ...plant.record import record
 from ...plant.vsd import ANGLES_RAD
 
@@ -104,8 +105,8 @@ def _ramp(inv, m, load, y, vdc, dead, share, table):
 
 def _measure(setup: setups.Setup, **drops: float) -> np.ndarray:
     """The ramp's table with these devices."""
-    machine = MachineParameters(**(setup.machine_values() | {"inertia_kgm2": 1e9}))
-    m, vdc = machine_record(machine), setup["inverter.vdc_V"]
+    machine = Parameters(**(setup.machine_values() | {"inertia_kgm2": 1e9}))
+    m, vdc = make(machine), setup["inverter.vdc_V"]
     dead = round(setup["inverter.dead_time_us"] * 1e-6 * CLOCK_HZ)
     lost = vdc * dead / PERIOD + max(drops.values(), default=0.0)
     # Beyond +I_MAX_A on paper: the rising flux takes its share of the voltage.

@@ -21,12 +21,12 @@ class Law:
         setup = setup.changed(timing__latency="none", controller__observer="voltage")
         self._controller = Controller(setup["timing.device"], parameters(setup))
         self._config = ffi.new("ht_control_config *", self._controller.drive.config.control)
-        self._config.flux_hold = 2 * FLUX_STEP
+        self._config.table_law.flux_hold = 2 * FLUX_STEP
 
     @property
     def full_level(self) -> int:
         """Torque level of the longest vectors."""
-        return 2 if self._config.torque_levels == 5 else 1
+        return 2 if self._config.table_law.torque_levels == 5 else 1
 
     def words(
         self, sector: int, torque_level: int, flux_up: bool, psi_xy: complex = 0j
@@ -51,12 +51,13 @@ class Law:
         inputs.flux_ref_Wb = PSI_WB * (1 + FLUX_STEP * (1 if flux_up else -1))
         compare = ffi.new("ht_compare *")
         lib.ht_control_step(config, state, inputs, False, compare)
-        if (state.sector, state.torque_level, state.flux_level) != (sector, torque_level, flux_up):
+        law = state.table_law
+        if (state.sector, law.torque_level, law.flux_level) != (sector, torque_level, flux_up):
             raise ValueError(f"no such demand: sector {sector}, levels {torque_level}, {flux_up}")
         return decode(compare, config.period_counts)
 
     def _torque_error(self, level: int) -> float:
-        config = self._config
+        config = self._config.table_law
         size = 2 * config.torque_band_Nm
         if config.torque_levels == 5 and abs(level) == 1:
             size = 0.5 * (config.torque_inner_Nm + config.torque_band_Nm)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 
 @dataclass(frozen=True)
-class MachineParameters:
+class Parameters:
     """Machine constants. Leakages are per phase of the equivalent circuit."""
 
     pole_pairs: int
@@ -40,7 +40,7 @@ class MachineParameters:
         """Stator transient inductance sigma L_s."""
         return self.ls_H - self.lm_H**2 / self.lr_H
 
-    def linear_at(self, psi_s_Wb: float) -> MachineParameters:
+    def linear_at(self, psi_s_Wb: float) -> Parameters:
         """The linear machine that a no-load test at this stator flux would find: L_m is
         the secant of the magnetising curve there."""
         if self.psi_knee_Wb == 0:

@@ -1,0 +1,46 @@
+/** @file ht_schemes.h
+ *  The control schemes: numbers, and what the table ht_schemes.def says of each.
+ */
+#ifndef HT_SCHEMES_H
+#define HT_SCHEMES_H
+
+#include "ht_types.h"
+
+/** HT_<id> of every row, in table order; HT_SCHEMES is their number. */
+typedef enum {
+#define HT_SCHEME(id, name, law, vectors, group, regulated, levels, reach) HT_##id,
+#include "ht_schemes.def"
+#undef HT_SCHEME
+    HT_SCHEMES
+} ht_scheme;
+
+/** The control laws. Several schemes may share one. */
+typedef enum {
+    HT_LAW_TABLE = 0 /**< comparators and a switching table (ht_table_law.h) */
+} ht_law;
+
+/** How the table law makes the active vectors of a period. */
+typedef enum {
+    HT_VECTORS_SINGLE = 0,     /**< one vector of the group */
+    HT_VECTORS_PAIR = 1,       /**< one of the group or medium-large, whichever lowers psi_xy */
+    HT_VECTORS_PAIR_SMALL = 2, /**< the same, with small vectors at the lower torque levels */
+    HT_VECTORS_VIRTUAL = 3     /**< three consecutive vectors of the group */
+} ht_vectors;
+
+typedef struct {
+    ht_law law;
+    ht_vectors vectors;
+    uint16_t group;         /**< HT_L, HT_ML or HT_S */
+    bool regulated;         /**< an x-y regulator sets the duty ratios */
+    uint16_t torque_levels; /**< 2, 3 or 5 */
+    float reach_pu;         /**< largest circle of mean voltage, units of Vdc */
+} ht_scheme_info;
+
+/** Row of a scheme, or NULL if there is no such number. */
+const ht_scheme_info *ht_scheme_describe(uint16_t scheme);
+
+/** Limit of the x-y voltage command per axis, units of Vdc: the TMVCL of the group whose duty
+ *  ratios the scheme's regulator sets; 0 for a scheme without a regulator. */
+float ht_scheme_xy_limit_pu(const ht_scheme_info *row);
+
+#endif

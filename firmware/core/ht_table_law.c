@@ -1,0 +1,134 @@
+#include "ht_table_law.h"
+
+#include "ht_comparator.h"
+#include "ht_vectors.h"
+
+#include <math.h>
+
+void ht_table_law_select(ht_table_law_config *cfg, const ht_scheme_info *row)
+{
+    cfg->vectors = row->vectors;
+    cfg->group = row->group;
+    cfg->regulated = row->regulated;
+    cfg->torque_levels = row->torque_levels;
+    cfg->xy_limit_pu = ht_scheme_xy_limit_pu(row);
+}
+
+bool ht_table_law_check(const ht_table_law_config *cfg)
+{
+    uint16_t levels = cfg->torque_levels;
+    bool limited = (cfg->xy_limit_pu > 0.0f) && (cfg->xy_limit_pu < 1.0f); /* NaN is not */
+    return ((unsigned)cfg->vectors <= (unsigned)HT_VECTORS_VIRTUAL)
+           && (cfg->group < (uint16_t)HT_GROUPS) && ((unsigned)cfg->table <= 1u)
+           && ((levels == 2u) || (levels == 3u) || (levels == 5u)) && (limited || !cfg->regulated);
+}
+
+bool ht_table_law_needs_xy(const ht_table_law_config *cfg)
+{
+    return (cfg->vectors == HT_VECTORS_PAIR) || (cfg->vectors == HT_VECTORS_PAIR_SMALL);
+}
+
+void ht_table_law_reset(ht_table_law_state *st)
+{
+    st->torque_level = 0;
+    st->flux_level = 1;
+    ht_xy_reset(&st->xy);
+}
+
+/* Comparator outputs for the decided state. */
+static void compare_levels(const ht_table_law_config *cfg, ht_table_law_state *st,
+                           const ht_table_law_input *in, float psi_Wb)
+{
+    float error = in->torque_ref_Nm - in->decided->torque_Nm;
+    int16_t last = st->torque_level;
+    if (cfg->torque_levels == 3u) {
+        last = ht_compare_three_level(last, error, cfg->torque_band_Nm, cfg->torque_release_Nm);
+    } else if (cfg->torque_levels == 5u) {
+        last = ht_compare_five_level(last, error, cfg->torque_inner_Nm, cfg->torque_band_Nm);
+    } else {
+        last = ht_compare_two_level(last, error, cfg->torque_band_Nm, -1, 1);
+    }
+    st->torque_level = last;
+    st->flux_level =
+        ht_compare_two_level(st->flux_level, in->flux_ref_Wb - psi_Wb, cfg->flux_band_Wb, 0, 1);
+}
+
+/* Of two vectors that point the same way in alpha-beta and opposite ways in x-y,
+ * the one that drives psi_xy down (paper B, Table III): `strong` pushes along
+ * the large vector's x-y direction, the medium-large one against it. */
+static uint16_t pair_choice(unsigned strong, unsigned k, ht_xy psi_xy)
+{
+    ht_xy along = ht_vector[ht_group[HT_L][k]].xy;
+    bool grows = (along.x * psi_xy.x + along.y * psi_xy.y) > 0.0f;
+    return ht_group[grows ? (unsigned)HT_ML : strong][k];
+}
+
+/* State words and action points of the active vector in direction k. */
+static ht_action_points active_vector(const ht_table_law_config *cfg, const ht_table_law_state *st,
+                                      const ht_table_law_input *in, unsigned k, ht_xy v_xy_pu,
+                                      uint16_t s[3])
+{
+    ht_action_points whole = {1.0f, 1.0f};
+    bool full_level;
+    switch (cfg->vectors) {
+    case HT_VECTORS_VIRTUAL:
+        ht_vectors_virtual(cfg->group, k, s);
+        return ht_duty(cfg->group, k, v_xy_pu);
+    case HT_VECTORS_PAIR:
+        ht_vectors_single(pair_choice(cfg->group, k, *in->psi_xy_Wb), s);
+        return whole;
+    case HT_VECTORS_PAIR_SMALL:
+        full_level = (st->torque_level == 2) || (st->torque_level == -2);
+        ht_vectors_single(pair_choice(full_level ? cfg->group : (unsigned)HT_S, k, *in->psi_xy_Wb),
+                          s);
+        return whole;
+    case HT_VECTORS_SINGLE:
+    default:
+        ht_vectors_single(ht_group[cfg->group][k], s);
+        return whole;
+    }
+}
+
+static ht_xy regulated(const ht_table_law_config *cfg, ht_table_law_state *st,
+                       const ht_table_law_input *in, float psi_Wb, bool zero)
+{
+    float inverse = (psi_Wb > 0.0f) ? (1.0f / psi_Wb) : 0.0f;
+    ht_ab turn = {in->decided->psi_Wb.alpha * inverse, in->decided->psi_Wb.beta * inverse};
+    return ht_xy_step(&cfg->xy, &st->xy, in->i_xy_A, turn, cfg->xy_limit_pu,
+                      zero && cfg->hold_on_zero);
+}
+
+ht_action_points ht_table_law_step(const ht_table_law_config *cfg, ht_table_law_state *st,
+                                   const ht_table_law_input *in, ht_xy *v_xy_pu, uint16_t s[3])
+{
+    ht_action_points whole = {1.0f, 1.0f};
+    ht_ab psi = in->decided->psi_Wb;
+    float psi_Wb = sqrtf(psi.alpha * psi.alpha + psi.beta * psi.beta);
+    bool zero;
+    bool raise;
+    unsigned k;
+
+    compare_levels(cfg, st, in, psi_Wb);
+    zero = st->torque_level == 0;
+    /* Under a zero vector the flux decays with R_s i; at low speed and light load
+     * that can last until the machine is lost. */
+    raise = zero && (cfg->flux_hold > 0.0f) && (psi_Wb < (1.0f - cfg->flux_hold) * in->flux_ref_Wb);
+    zero = zero && !raise;
+
+    if (cfg->regulated) {
+        *v_xy_pu = regulated(cfg, st, in, psi_Wb, zero);
+    } else {
+        v_xy_pu->x = 0.0f;
+        v_xy_pu->y = 0.0f;
+    }
+    if (zero) {
+        ht_vectors_zero(in->before, in->only_v0, s);
+        return whole;
+    }
+    if (raise) { /* along the flux, 15 degrees to the side the torque wants */
+        k = ht_direction_along(in->sector, in->torque_ref_Nm > in->decided->torque_Nm);
+    } else {
+        k = ht_direction(cfg->table, in->sector, st->torque_level > 0, st->flux_level > 0);
+    }
+    return active_vector(cfg, st, in, k, *v_xy_pu, s);
+}

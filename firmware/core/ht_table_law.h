@@ -1,0 +1,69 @@
+/** @file ht_table_law.h
+ *  The control law of both papers: hysteresis comparators of torque and flux, a switching
+ *  table, and one active or zero vector per period (paper A, Fig. 4; paper B, Figs. 3 and 5).
+ *  The vector is a single one, one of a pair, or a virtual vector made of three (ht_schemes.h).
+ *
+ *  The law decides on flux and torque at the instant at which its pattern takes effect. It
+ *  cannot fail: every input, NaN and infinity included, gives a pattern.
+ */
+#ifndef HT_TABLE_LAW_H
+#define HT_TABLE_LAW_H
+
+#include "ht_duty.h"
+#include "ht_observer.h"
+#include "ht_schemes.h"
+#include "ht_switching.h"
+#include "ht_xy_regulator.h"
+
+typedef struct {
+    ht_vectors vectors; /**< how an active vector is made */
+    uint16_t group;     /**< HT_L, HT_ML or HT_S */
+    bool regulated;     /**< the x-y regulator sets the duty ratios */
+    ht_table table;
+    uint16_t torque_levels;  /**< 2, 3 or 5 */
+    float flux_band_Wb;      /**< half band of the flux comparator */
+    float torque_band_Nm;    /**< outer half band (H_B) */
+    float torque_inner_Nm;   /**< inner half band (H_A), five levels only */
+    float torque_release_Nm; /**< three levels: back to zero at this error */
+    float flux_hold;         /**< a zero vector gives way below (1 - this) x reference; 0 = never */
+    bool hold_on_zero;       /**< the x-y integrators hold during zero vectors */
+    ht_xy_config xy;
+    float xy_limit_pu; /**< limit of the x-y command per axis, > 0 if `regulated` */
+} ht_table_law_config;
+
+typedef struct {
+    int16_t torque_level; /**< comparator's output, -2..2 */
+    int16_t flux_level;   /**< comparator's output: 1 raise, 0 lower */
+    ht_xy_state xy;
+} ht_table_law_state;
+
+/** What the law decides on. */
+typedef struct {
+    const ht_estimate *decided; /**< flux and torque when the pattern takes effect */
+    const ht_xy *psi_xy_Wb;     /**< x-y flux then; used if `ht_table_law_needs_xy` */
+    ht_xy i_xy_A;               /**< x-y currents of the latest sample */
+    float torque_ref_Nm;
+    float flux_ref_Wb;
+    unsigned sector; /**< of the flux decided on, 0..11 */
+    uint16_t before; /**< state word at the end of the running pattern */
+    bool only_v0;    /**< zero vectors: V0 only, else the one with the fewest transitions */
+} ht_table_law_input;
+
+/** Take over what a scheme's row says: vectors, group, levels, regulator and its limit. */
+void ht_table_law_select(ht_table_law_config *cfg, const ht_scheme_info *row);
+
+/** True if the law can work with `cfg`. */
+bool ht_table_law_check(const ht_table_law_config *cfg);
+
+/** True if the law decides by the x-y flux. */
+bool ht_table_law_needs_xy(const ht_table_law_config *cfg);
+
+/** Comparators: no torque, raise the flux. Integrators: 0. */
+void ht_table_law_reset(ht_table_law_state *st);
+
+/** Decide on one period: state words into `s`, x-y command in units of Vdc into `v_xy_pu`
+ *  (0 without a regulator). Returns the action points. */
+ht_action_points ht_table_law_step(const ht_table_law_config *cfg, ht_table_law_state *st,
+                                   const ht_table_law_input *in, ht_xy *v_xy_pu, uint16_t s[3]);
+
+#endif

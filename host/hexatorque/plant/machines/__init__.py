@@ -1,0 +1,13 @@
+"""Machine models, each a module that keeps the contract of `plant.machine`."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from types import ModuleType
+
+#: Name in the set-up's key `machine.model` -> module of this folder.
+MODELS = {"induction": "induction"}
+
+
+def model(name: str) -> ModuleType:
+    return import_module(f".{MODELS[name]}", __name__)

@@ -1,0 +1,88 @@
+"""ht_schemes.def: what the rows say follows from the papers and from geometry."""
+
+import numpy as np
+import pytest
+
+from hexatorque.firmware import ffi, lib, parameters
+
+THETA = np.deg2rad([0, 30, 120, 150, 240, 270])
+T = np.array([np.cos(THETA), np.sin(THETA), np.cos(5 * THETA), np.sin(5 * THETA)]) / 3
+NAMES = parameters()["scheme"].choices
+ROWS = {name: lib.ht_scheme_describe(number) for number, name in enumerate(NAMES)}
+RADIUS = {"L": 2 / 3 * np.cos(np.pi / 12), "ML": np.sqrt(2) / 3}
+
+
+def group(radius):
+    """Vectors of one length, by direction: complex (alpha-beta, x-y), units of Vdc."""
+    words = np.arange(64)[:, None] >> np.arange(5, -1, -1) & 1
+    a, b, x, y = T @ words.T
+    found = np.isclose(np.hypot(a, b), radius)
+    ab, xy = (a + 1j * b)[found], (x + 1j * y)[found]
+    order = np.argsort(np.angle(ab))
+    assert len(order) == 12
+    return ab[order], xy[order]
+
+
+def zero_xy_mean(vectors):
+    """Mean alpha-beta vector of the shares, summing to 1, that leave no x-y voltage."""
+    ab, xy = (np.array(part) for part in zip(*vectors))
+    rows = np.array([np.ones(len(xy)), xy.real, xy.imag])
+    shares = np.linalg.lstsq(rows, np.array([1.0, 0, 0]), rcond=None)[0]
+    assert np.allclose(rows @ shares, [1, 0, 0]) and (shares > 0).all()
+    return shares @ ab
+
+
+def corners(row):
+    """The mean vectors that the scheme can hold for as long as it likes."""
+    large, medium = group(RADIUS["L"]), group(RADIUS["ML"])
+    if row.vectors == lib.HT_VECTORS_SINGLE:
+        return large[0]
+    if row.vectors == lib.HT_VECTORS_VIRTUAL:
+        ab, xy = large if row.group == lib.HT_L else medium
+        three = [[(ab[k - 1], xy[k - 1]), (ab[k], xy[k]), (ab[k - 11], xy[k - 11])]
+                 for k in range(12)]  # fmt: skip
+        return np.array([zero_xy_mean(vectors) for vectors in three])
+    return np.array([zero_xy_mean(pair) for pair in zip(zip(*large), zip(*medium))])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_reach_is_the_circle_inside_the_polygon_of_mean_vectors(name):
+    points = corners(ROWS[name])
+    following = np.roll(points, -1)
+    # Distance of each edge from the origin: |p x q| / |q - p|.
+    edges = np.abs((np.conj(points) * following).imag) / np.abs(following - points)
+    assert ROWS[name].reach_pu == pytest.approx(edges.min(), abs=1e-6)
+
+
+def test_levels_vectors_and_regulators_are_those_of_the_papers():
+    pair, small, virtual = (
+        lib.HT_VECTORS_PAIR, lib.HT_VECTORS_PAIR_SMALL, lib.HT_VECTORS_VIRTUAL,
+    )  # fmt: skip
+    assert {
+        name: (row.vectors, row.group, row.torque_levels, row.regulated)
+        for name, row in ROWS.items()
+    } == {
+        "dtc1": (lib.HT_VECTORS_SINGLE, lib.HT_L, 3, False),
+        "dtc2": (pair, lib.HT_L, 3, False),
+        "dtc3": (small, lib.HT_L, 5, False),
+        "fdr": (virtual, lib.HT_L, 3, False),
+        "ddr": (virtual, lib.HT_L, 3, True),
+        "ddr-ml": (virtual, lib.HT_ML, 3, True),
+    }
+
+
+def test_xy_limit_is_that_of_the_regulated_group():
+    limits = {name: lib.ht_scheme_xy_limit_pu(row) for name, row in ROWS.items()}
+    assert limits == {
+        "dtc1": 0, "dtc2": 0, "dtc3": 0, "fdr": 0,
+        "ddr": lib.ht_tmvcl_pu[lib.HT_L], "ddr-ml": lib.ht_tmvcl_pu[lib.HT_ML],
+    }  # fmt: skip
+
+
+def test_numbers_are_those_of_the_parameter():
+    row = parameters()["scheme"]
+    assert (row.min, row.max) == (0, lib.HT_SCHEMES - 1)
+    assert len(row.choices) == lib.HT_SCHEMES and row.whole
+    assert row.choices[lib.HT_DDR_ML] == "ddr-ml"
+    assert row.initial == lib.HT_DDR
+    assert lib.ht_scheme_describe(lib.HT_SCHEMES) == ffi.NULL
