@@ -8,9 +8,9 @@
 
 #ifdef HT_INITIAL_VALUES
 #include HT_INITIAL_VALUES
-#define HT_INITIAL(name, of_table) HT_INITIAL_##name
+#define HT_DEF(name, of_table) HT_INITIAL_##name
 #else
-#define HT_INITIAL(name, of_table) (of_table)
+#define HT_DEF(name, of_table) (of_table)
 #endif
 
 #endif
