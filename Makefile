@@ -6,6 +6,7 @@
 #   make test-targets  the firmware on emulated processors; says which tools are missing
 #   make budget        its instructions, stack and size there, into docs/budget.md
 #   make bench         speed of the simulation, instructions of the firmware
+#   make docs          the documentation as a site, in build/site
 #   make lint          formatting and static checks
 #   make format        format Python and C
 #   make fuzz          fuzz the link, FUZZ_S seconds a target (clang); adds nothing to the corpus
@@ -22,11 +23,11 @@ C_FORMATTED := $(shell find firmware tests/c tools -name '*.[ch]' ! -name ht_tab
 JOBS ?= 2
 FUZZ_S ?= 120
 
-.PHONY: help demo papers papers-quick test test-c test-targets budget sanitize fuzz bench lint format check-c clean
+.PHONY: help demo papers papers-quick test test-c test-targets budget sanitize fuzz bench docs lint format check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,13s/^# \{0,1\}//p' Makefile
+	@sed -n '3,14s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -36,10 +37,10 @@ demo: $(VENV)/.installed
 	$(BIN)/hexatorque compare -o out/compare
 
 papers: $(VENV)/.installed
-	$(BIN)/hexatorque reproduce all -o out/papers
+	$(BIN)/hexatorque evidence papers all -o out/papers
 
 papers-quick: $(VENV)/.installed
-	$(BIN)/hexatorque reproduce all --quick -o out/papers-quick
+	$(BIN)/hexatorque evidence papers all --quick -o out/papers-quick
 
 build/host/.built: $(C_SOURCES) $(VENV)/.installed
 	$(BIN)/cmake --preset host -G Ninja "-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja" >/dev/null
@@ -67,9 +68,9 @@ fuzz: $(VENV)/.installed
 	build/fuzz/tests/c/fuzz/fuzz_service -max_len=300 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
 	  -artifact_prefix=out/fuzz/ out/fuzz/service tests/c/fuzz/corpus/service
 
-# These keep time with processes of their own: one at a time, and what a computer that was held up
-# has failed gets a second chance.
-TIMED := tests/host/serial tests/host/monitor tests/host/boards
+# These tests keep time with other processes, so they run one at a time. A busy computer can make
+# one of them fail; those that fail are run once more.
+TIMED := tests/host/serial tests/host/monitor tests/host/boards tests/project/test_tutorial.py
 timed = $(BIN)/python -m pytest -rs $(1) || \
 	$(BIN)/python -m pytest -rs --last-failed --last-failed-no-failures none $(1)
 
@@ -86,10 +87,16 @@ test-targets: $(VENV)/.installed
 	exit $$failed
 
 budget: $(VENV)/.installed
-	$(BIN)/hexatorque budget -o docs
+	$(BIN)/hexatorque evidence budget -o docs
 
 bench: build/host/.built
-	$(BIN)/hexatorque bench --counter build/host/tests/c/count_instructions
+	$(BIN)/hexatorque evidence speed --counter build/host/tests/c/count_instructions
+
+# Strict: a link that leads nowhere fails. Without its tools, they are installed first.
+docs: $(VENV)/.installed
+	@$(BIN)/python -c 'import latex2mathml, material, mkdocstrings, nbclient' 2>/dev/null || \
+	  HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}docs tools/setup.sh $(VENV)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 # Only the tools are needed, not what is installed: quick enough before each commit.
 $(BIN)/ruff $(BIN)/clang-format:

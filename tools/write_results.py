@@ -1,4 +1,4 @@
-"""Renew the generated parts of docs/results.md from what `hexatorque reproduce all` wrote.
+"""Renew the generated parts of docs/results.md from what `hexatorque evidence papers all` wrote.
 
 Usage: write_results.py OUT_DIR [docs/results.md]
 """

@@ -5,7 +5,7 @@
  *
  *   count_instructions TRACE
  *
- * TRACE (text, written by `hexatorque bench`): a line "device N" (0 F28335,
+ * TRACE (text, written by `hexatorque evidence speed`): a line "device N" (0 F28335,
  * 1 F28377S), a line "params" and one value per parameter, then per period
  * "sample a0..a6 position slow". The drive replays it; PERIODS periods
  * of its second half are counted. Prints "isr MEAN MAX step MEAN MAX periods N". Linux only (ptrace).

@@ -28,6 +28,42 @@ def test_links_lead_somewhere(page):
             assert anchor in anchors(file), f"{page.name}: {target}"
 
 
+@pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md", "docs/tutorial.md"])
+def test_files_that_are_named_exist(name):
+    """These pages tell where things are. A name without a folder is a file of the firmware or
+    of the plant."""
+    shown = re.sub(r"^```.*?^```|^    .*?$", "", (ROOT / name).read_text(), flags=re.S | re.M)
+    named = re.findall(r"`([\w./-]+\.(?:py|c|h|def|md|json|toml|sh))`", shown)
+    named += re.findall(r"`((?:firmware|host|tests|tools|docs|examples)/[\w/]*)`", shown)
+    assert named
+    for path in named:
+        if path.startswith("out/") or path == "my-drive.toml":  # the reader's own
+            continue
+        homes = [ROOT, *(ROOT / "firmware" / room for room in ("core", "app", "port"))]
+        homes.append(ROOT / "host" / "hexatorque" / "plant")
+        homes += [ROOT / "host" / "hexatorque" / room for room in ("analysis", "drive")]
+        assert any((home / path).exists() for home in homes), path
+
+
+def test_reader_of_readme_and_tutorial_finds_the_way():
+    """Where the switching table is, the dead-time model, THD's definition, START, Table IV."""
+    for name in ("README.md", "docs/tutorial.md"):
+        text = (ROOT / name).read_text()
+        for line, place in {
+            "the switching table": "ht_switching.c",
+            "the dead-time model": "plant/pwm.py",
+            "THD's definition": "analysis/spectrum.py",
+            "the START request": "protocol.md#0x08-start",
+            "Table IV of paper A": "paper_a/table4.py",
+        }.items():
+            (row,) = [row for row in text.splitlines() if row.startswith(f"| {line}")]
+            assert place in row
+    switching = (ROOT / "firmware/core/ht_switching.c").read_text()
+    assert "ht_direction" in switching
+    assert "def thd_pct" in (ROOT / "host/hexatorque/analysis/spectrum.py").read_text()
+    assert "dead band" in (ROOT / "host/hexatorque/plant/pwm.py").read_text()
+
+
 def test_errata_table_names_what_there_is():
     """Files and functions in docs/chip-errata.md exist."""
     page = (ROOT / "docs" / "chip-errata.md").read_text()

@@ -36,8 +36,8 @@ uint16_t ht_mirror_addresses(const ht_c2000_map *m, uint32_t *out)
     if (m->adc_clear != m->adc_flag) {
         out[n++] = m->adc_clear;
     }
-    if (m->adc_sequencer != ABSENT) {
-        out[n++] = m->adc_sequencer;
+    if (m->adc_commands != ABSENT) {
+        out[n++] = m->adc_commands;
     }
     out[n++] = PIEACK;
     return n;

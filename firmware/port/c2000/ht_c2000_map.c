@@ -38,7 +38,7 @@ const ht_c2000_map ht_f28335 = {
     .adc_flag_bit = 0x0001u,
     .adc_clear = 0x7119u,
     .adc_clear_bit = 0x0010u,
-    .adc_sequencer = 0x7101u,
+    .adc_commands = 0x7101u,
     .eqep = 0x6B00u,
     .sci = 0x7050u,
     .gpio = 0x6F80u,
@@ -50,7 +50,6 @@ const ht_c2000_map ht_f28335 = {
     .encoder_qualprd = 5u, /* 66.7 ns */
     .system_clock_Hz = 150.0e6f,
     .watchdog_Hz = 58593.75f, /* OSCCLK 30 MHz / 512 */
-    .has_syspll = false,
     .sci_clock_Hz = 75000000u,
 };
 
@@ -92,7 +91,7 @@ const ht_c2000_map ht_f28377s = {
     .adc_flag_bit = 0x0001u,
     .adc_clear = 0x7404u,
     .adc_clear_bit = 0x0001u,
-    .adc_sequencer = 0xFFFFu,
+    .adc_commands = 0xFFFFu,
     .eqep = 0x5100u,
     .sci = 0x7200u,
     .gpio = 0x7C00u,
@@ -104,6 +103,5 @@ const ht_c2000_map ht_f28377s = {
     .encoder_qualprd = 7u, /* 70 ns */
     .system_clock_Hz = 200.0e6f,
     .watchdog_Hz = 19531.25f, /* INTOSC1 10 MHz / 512 */
-    .has_syspll = true,
     .sci_clock_Hz = 50000000u,
 };

@@ -59,7 +59,7 @@ typedef struct {
     uint16_t adc_flag_bit;  /**< ... and bit that shows it, */
     uint32_t adc_clear;     /**< register ... */
     uint16_t adc_clear_bit; /**< ... and bit that clears it */
-    uint32_t adc_sequencer; /**< ADCTRL2: commands of the ADC's sequencer; 0xFFFF: has none */
+    uint32_t adc_commands;  /**< ADCTRL2: commands of the ADC's sequencer; 0xFFFF: has none */
     uint32_t eqep;          /**< eQEP1 */
     uint32_t sci;           /**< SCI-A */
     uint32_t gpio;          /**< control registers of port A */
@@ -68,12 +68,10 @@ typedef struct {
     uint16_t vectors;       /**< entries of the PIE vector table */
     uint16_t dead_max_counts;
     float pwm_clock_Hz;
-    uint16_t
-        encoder_qualprd; /**< sampling period of the encoder's pins: twice so many system clocks */
-    float system_clock_Hz; /**< SYSCLKOUT: clocks CPU timers and eQEP */
-    float watchdog_Hz;     /**< its counter's clock before the prescaler */
-    bool has_syspll;       /**< started by ht_clock_f28377s.c; false: ht_clock_f28335.c */
-    uint32_t sci_clock_Hz; /**< LSPCLK */
+    uint16_t encoder_qualprd; /**< half the sampling period of the encoder's pins, clocks */
+    float system_clock_Hz;    /**< SYSCLKOUT: clocks CPU timers and eQEP */
+    float watchdog_Hz;        /**< its counter's clock before the prescaler */
+    uint32_t sci_clock_Hz;    /**< LSPCLK */
 } ht_c2000_map;
 
 extern const ht_c2000_map ht_f28335;

@@ -100,13 +100,15 @@ def parameter_set(source: str, drive: BoardDrive | None) -> ParameterSet:
 
 
 def _saved(path: Path) -> dict[str, object] | None:
-    """The values of a file of `params save`; None if it has no table of parameters."""
+    """The values of a file of `params save`; None if it is a set-up's."""
+    from ..setups.keys import SECTIONS
+
     try:
         data = tomllib.loads(path.read_text())
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ParameterSetError(f"{path}: {reason}") from None
-    if "parameters" not in data:
+    if not {*SECTIONS, "setup", "profile"}.isdisjoint(data):
         return None
     if set(data) != {"parameters"} or not isinstance(data["parameters"], dict):
         raise ParameterSetError(f"{path}: one table [parameters] is needed, and nothing else")

@@ -1,4 +1,4 @@
-"""A drive on a board, with the verbs of `sil.SimulatedDrive`, in real time.
+"""A drive on a board, with the verbs of `simulated.SimulatedDrive`, in real time.
 
 with BoardDrive.open("/dev/ttyUSB0") as drive:
     drive.set("scheme", "ddr")
@@ -39,6 +39,8 @@ PLANT = {"load_Nm": "N m", "vdc_V": "V"}
 
 
 class BoardDrive(DriveVerbs):
+    """A drive behind a serial line, with the verbs of a simulation. `open` finds it."""
+
     @classmethod
     def open(
         cls,

@@ -58,7 +58,7 @@ def numbers_of(values: Values, rows: Rows) -> dict[str, np.float32]:
     for name, value in values.items():
         try:
             if name not in rows:
-                raise FirmwareError(f"{name}: this board has no such parameter")
+                raise FirmwareError(f"no parameter {name!r} on this board")
             numbers[name] = np.float32(rows[name].parse(value))
         except FirmwareError as error:
             lines.append(str(error))

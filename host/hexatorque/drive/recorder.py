@@ -1,4 +1,4 @@
-"""A stream into a file: what `hexatorque stream` and the web page record.
+"""A stream into a file: what `hexatorque board stream` and the web page record.
 
 with drive.stream(channels) as stream, Recorder(drive, "run.csv", stream) as recorder:
     for ticks, values in stream:

@@ -139,7 +139,7 @@ class Handler(BaseHTTPRequestHandler):
         given = cookie.value if cookie else ""
         with self.server.browsers_lock:
             if given not in self.server.browsers:
-                raise Refused(403, "open the address that `hexatorque monitor` printed")
+                raise Refused(403, "open the address that `hexatorque board monitor` printed")
         return given
 
     @property

@@ -1,5 +1,2 @@
-"""Recordings: named channels on one time base, and a module for each kind of file."""
-
-from .recording import Recording, RecordingError
-
-__all__ = ["Recording", "RecordingError"]
+"""Recordings: named channels on one time base (`recording`), and a module for each kind of
+file (`formats` says which). Importing this package alone loads nothing heavy."""

@@ -64,6 +64,13 @@ def module(path: Path) -> ModuleType:
     return import_module(f".{extra}", __package__)
 
 
+def reader(path: Path) -> ModuleType:
+    """The module that reads a file: of a finished recording, or of one never closed."""
+    if path.suffix == PART:
+        return import_module(".journal", __package__)
+    return module(path.with_suffix(path.suffix.lower()))
+
+
 def beside(path: Path) -> list[Path]:
     """All files that make up the recording `path`, itself last."""
     return [*([path.with_suffix(".json")] if path.suffix == ".csv" else []), path]

@@ -131,10 +131,7 @@ class Recording:
         """Read what `save` wrote, what `writer` writes, and the journal of a
         recording that was never closed (.part)."""
         path = Path(path)
-        if path.suffix == formats.PART:
-            from . import journal as reader
-        else:
-            reader = formats.module(path.with_suffix(path.suffix.lower()))
+        reader = formats.reader(path)
         try:
             return reader.load(path)
         except (OSError, RecordingError) as error:

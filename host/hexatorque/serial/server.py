@@ -56,7 +56,8 @@ REPLY_S = 0.05
 #: held up with it.
 PROCESS_REPLY_S = 0.25
 #: On a line that spoils a fifth of its frames three tries lose one GET in eight, eight tries one
-#: in a hundred (`hexatorque verify line`). What a process serves loses nothing, but may be late.
+#: in a hundred (`hexatorque evidence studies line`). What a process serves loses nothing, but may
+#: be late.
 TRIES = 8
 PROCESS_TRIES = 3
 #: For each baud rate when several are tried.

@@ -548,3 +548,9 @@ def test_a_request_that_comes_too_soon(device):
     assert device.wait(early, 50) is None
     assert device.answer(early).status == DONE
     assert device.service.burst.state == 0
+
+
+def test_request_of_processor_in_the_loop(device):
+    """Its HELLO is shorter than the link's requests: refused, by a reply that its host can read."""
+    reply = device.answer(bytes([lib.HT_OP_PIL_HELLO, 1]))
+    assert reply.status == LENGTH >= lib.HT_PIL_REFUSED

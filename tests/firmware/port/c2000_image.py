@@ -24,7 +24,7 @@ NOT_IN_PIL = (
     "devicecal.asm", "ht_adc.c", "ht_eqep.c", "ht_image.c", "ht_pie.c", "ht_port_c2000.c",
     "ht_pwm.c", "ht_service.c", "ht_service_fast.c", "ht_service_requests.c", "ht_dictionary.c",
     "ht_store.c", "ht_no_store.c", "ht_virtual_board.c",
-    "ht_burst.c", "ht_streams.c",
+    "ht_burst.c", "ht_burst_rows.c", "ht_streams.c",
 )  # fmt: skip
 SIZES = {"ht_code_size": 64, "ht_const_size": 32}
 CC = os.environ.get("CC") or next(filter(shutil.which, ("gcc", "clang", "cc")), "cc")

@@ -162,12 +162,12 @@ def test_profile_adds_up(paper_a, need):
 
 def test_command(tmp_path, capsys, need):
     need("mps2-an386")
-    assert main(["budget", "--json", "-o", str(tmp_path)]) == 0
+    assert main(["evidence", "budget", "--json", "-o", str(tmp_path)]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "budget.json").read_text())
     for scheme in firmware.schemes():
         row = printed["mps2-an386"][scheme]
         assert 0 < row["mean"] <= row["max"]
     assert printed["mps2-an386"]["stack_octets"] <= 512
-    assert main(["budget", "--profile", "ddr"]) == 0
+    assert main(["evidence", "budget", "--profile", "ddr"]) == 0
     assert "ht_control_step" in capsys.readouterr().out

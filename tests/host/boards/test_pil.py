@@ -213,7 +213,7 @@ def test_no_emulator_is_left_behind(tmp_path, number, need):
     """However the program ends, its emulator ends with it."""
     need("mps2-an386")
     (tmp_path / "long.toml").write_text(LONG.replace("1000.0", "20.0"))
-    host, emulator = running_command(tmp_path, "pil", "long.toml", "-o", "out.npz")
+    host, emulator = running_command(tmp_path, "evidence", "pil", "long.toml", "-o", "out.npz")
     time.sleep(0.5)
     assert alive(emulator)
     host.send_signal(number)
@@ -228,7 +228,7 @@ def test_no_emulator_is_left_behind(tmp_path, number, need):
 
 def test_command(tmp_path, capsys, need):
     need("mps2-an386")
-    assert main(["pil", "--schemes", "ddr", "--json", "-o", str(tmp_path)]) == 0
+    assert main(["evidence", "pil", "--schemes", "ddr", "--json", "-o", str(tmp_path)]) == 0
     (row,) = json.loads(capsys.readouterr().out)
     assert (row["scheme"], row["identical"], row["steps"]) == ("ddr", True, 20000)
     assert row["steps_per_s"] > 0
@@ -239,7 +239,7 @@ def test_command_with_a_scenario(tmp_path, capsys, need):
     need("mps2-an386")
     (tmp_path / "short.toml").write_text(LONG.replace("1000.0", "0.5"))
     output = tmp_path / "out.csv"
-    assert main(["pil", str(tmp_path / "short.toml"), "-o", str(output)]) == 0
+    assert main(["evidence", "pil", str(tmp_path / "short.toml"), "-o", str(output)]) == 0
     assert "identical" in capsys.readouterr().out
     assert output.exists()
 
@@ -250,7 +250,7 @@ def test_missing_tools(command, capsys, monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(tools, "HEADERS", {"libsimavr": "no/such/header.h"})
     monkeypatch.chdir(tmp_path)
-    assert main(command) == 2
+    assert main(["evidence", *command]) == 2
     said = capsys.readouterr().err.strip()
     assert "\n" not in said
     assert "not found: apt-get install" in said
@@ -264,7 +264,7 @@ def test_missing_tools(command, capsys, monkeypatch, tmp_path):
 )  # fmt: skip
 def test_bad_options(arguments, said, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert main(["pil", *arguments]) == 2
+    assert main(["evidence", "pil", *arguments]) == 2
     line = capsys.readouterr().err.strip()
     assert "\n" not in line
     assert said in line

@@ -241,9 +241,8 @@ def test_line_with_a_network_address(programs, quick):
 def test_command(a_board, tmp_path, capsys):
     scenario = tmp_path / "short.toml"
     scenario.write_text('setup = "paper-a-feasible"\n[profile]\nduration_s = 0.02\n')
-    assert (
-        main(["pil", str(scenario), "--device", a_board.name, "-o", str(tmp_path / "o.npz")]) == 0
-    )
+    output = str(tmp_path / "o.npz")
+    assert main(["evidence", "pil", str(scenario), "--device", a_board.name, "-o", output]) == 0
     assert "identical" in capsys.readouterr().out
     assert (tmp_path / "o.npz").exists()
 
@@ -362,7 +361,7 @@ def test_quiet_board_keeps_its_watchdog_fed(a_board):
 
 def fails(capsys, *arguments):
     """Exit code and the one line that it says."""
-    code = main(["pil", "--schemes", "ddr", *arguments])
+    code = main(["evidence", "pil", "--schemes", "ddr", *arguments])
     said = capsys.readouterr().err.strip()
     assert said.startswith("hexatorque: ") and "\n" not in said
     return code, said
@@ -402,7 +401,7 @@ def test_busy_port(a_board, capsys):
     ("arguments", "said"),
     [(["--device", "x", "--machine", "mps2-an386"], "--machine: not with --device"),
      (["--baud", "9600"], "--baud: only with --device"),
-     (["--device", "/dev/null", "--baud", "0"], "baud = 0")],
+     (["--device", "/dev/null", "--baud", "0"], "a rate above 0 is needed")],
 )  # fmt: skip
 def test_options_that_do_not_fit(arguments, said, capsys):
     code, line = fails(capsys, *arguments)

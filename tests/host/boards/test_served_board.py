@@ -1,6 +1,6 @@
 """What a client does with a board, from its dictionary to a capture and to a client that dies:
 one script, for the virtual board and for the same firmware on emulated processors, each started
-by `hexatorque board` and reached through its pseudo-terminal.
+by `hexatorque board serve` and reached through its pseudo-terminal.
 """
 
 import json
@@ -26,7 +26,7 @@ from hexatorque.recording.recording import Recording
 from hexatorque.serial import LinkError, wire
 from hexatorque.serial.wire import CaptureState, Op, Status
 
-#: Arguments of `hexatorque board --virtual`.
+#: Arguments of `hexatorque board serve`.
 BOARDS = {
     "virtual": (),
     "mps2-an386": ("--machine", "mps2-an386"),
@@ -89,10 +89,10 @@ def until(what, within_s):
 
 
 class Served:
-    """`hexatorque board` in a process of its own."""
+    """`hexatorque board serve` in a process of its own."""
 
     def __init__(self, *options):
-        self.process = process("-m", "hexatorque", "board", "--virtual", "--json", *options)
+        self.process = process("-m", "hexatorque", "board", "serve", "--json", *options)
         line = self.process.stdout.readline()
         assert line, self.process.communicate()[1]
         self.said = json.loads(line)
@@ -292,7 +292,7 @@ def test_emulator_that_dies(serve, need):
 
 def test_missing_tools(capsys, monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert main(["board", "--virtual", "--machine", "mps2-an386"]) == 2
+    assert main(["board", "serve", "--machine", "mps2-an386"]) == 2
     said = capsys.readouterr().err.strip()
     assert "\n" not in said
     assert "qemu-system-arm" in said and "apt-get install" in said

@@ -97,7 +97,7 @@ def test_run_says_why_a_drive_tripped(tmp_path, capsys):
         (["reach", "--schemes", "dtc9"], ("dtc9", "ddr-ml")),
         (["run", "nowhere.toml"], ("nowhere.toml", "No such file")),
         (["run", "paper-b", "-o", "x.xls"], ("x.xls", ".csv, .npz,", ".parquet")),
-        (["pil", "paper-b", "-o", "x.xls"], ("x.xls", ".csv, .npz,", ".parquet")),
+        (["evidence", "pil", "paper-b", "-o", "x.xls"], ("x.xls", ".csv, .npz,", ".parquet")),
         (["plot", "nowhere.npz"], ("nowhere.npz", "No such file")),
         (["plot", "nowhere.npz.part"], ("nowhere.npz.part", "No such file")),
         (["plot", "x.xls"], ("x.xls", "unknown suffix")),
@@ -110,9 +110,12 @@ def test_run_says_why_a_drive_tripped(tmp_path, capsys):
         (["convert", "x.npz", "x.xls"], ("x.xls", "unknown suffix")),
         (["convert", "x.npz", "y.npz"], ("x.npz", "No such file")),
         (["setups", "paper-c"], ("paper-c",)),
-        (["verify", "low-sped"], ("low-sped", "low-speed")),
-        (["verify", "all", "nothing"], ("'nothing'", "low-speed")),
-        (["bench", "--counter", "/no/such/program"], ("/no/such/program", "make bench")),
+        (["evidence", "studies", "low-sped"], ("low-sped", "low-speed")),
+        (["evidence", "studies", "all", "nothing"], ("'nothing'", "low-speed")),
+        (
+            ["evidence", "speed", "--counter", "/no/such/program"],
+            ("/no/such/program", "make bench"),
+        ),
     ],
 )
 def test_mistakes_end_in_one_line(arguments, words, tmp_path, capsys, monkeypatch):
@@ -125,7 +128,7 @@ def test_mistakes_end_in_one_line(arguments, words, tmp_path, capsys, monkeypatc
         assert word in err
 
 
-@pytest.mark.parametrize("command", ["run", "pil"])
+@pytest.mark.parametrize("command", [["run"], ["evidence", "pil"]])
 @pytest.mark.parametrize("output", ["file/x.npz", "folder.npz", "x.mf4"])
 def test_an_output_is_refused_before_the_run(command, output, tmp_path, capsys, monkeypatch):
     def never(*_):
@@ -138,7 +141,7 @@ def test_an_output_is_refused_before_the_run(command, output, tmp_path, capsys, 
     (tmp_path / "folder.npz").mkdir()
     scenario_file = tmp_path / "short.toml"
     scenario_file.write_text('setup = "paper-b"\n[profile]\nduration_s = 0.6\n')
-    assert main([command, str(scenario_file), "-o", str(tmp_path / output)]) == 2
+    assert main([*command, str(scenario_file), "-o", str(tmp_path / output)]) == 2
     err = capsys.readouterr().err
     assert err.count("\n") == 1 and err.startswith("hexatorque: ")
 
@@ -187,16 +190,16 @@ def test_output_folder_that_cannot_be_made(tmp_path, capsys):
     assert "file" in capsys.readouterr().err
 
 
-def test_verify_refuses_its_output_folder_before_it_runs(tmp_path, capsys):
+def test_studies_refuse_its_output_folder_before_it_runs(tmp_path, capsys):
     (tmp_path / "file").write_text("")
-    assert main(["verify", "all", "-o", str(tmp_path / "file")]) == 2
+    assert main(["evidence", "studies", "all", "-o", str(tmp_path / "file")]) == 2
     err = capsys.readouterr().err
     assert err.startswith("hexatorque: ")
     assert err.count("\n") == 1
 
 
 @pytest.mark.parametrize(("found", "code"), [([], 0), (["gates on [in] fault"], 1)])
-def test_verify_says_what_must_not_be(found, code, tmp_path, capsys, monkeypatch):
+def test_studies_say_what_must_not_be(found, code, tmp_path, capsys, monkeypatch):
     def plot(result, path):
         path.write_text("")
         return path
@@ -208,7 +211,16 @@ def test_verify_says_what_must_not_be(found, code, tmp_path, capsys, monkeypatch
         plot=plot,
     )
     monkeypatch.setitem(sys.modules, "hexatorque.evidence.studies.faults", study)
-    arguments = ["verify", "faults", "faults", "--quick", "--json", "-o", str(tmp_path / "new")]
+    arguments = [
+        "evidence",
+        "studies",
+        "faults",
+        "faults",
+        "--quick",
+        "--json",
+        "-o",
+        str(tmp_path / "new"),
+    ]
     assert main(arguments) == code
     out = capsys.readouterr()
     assert json.loads(out.out) == {"faults": {"quick": True}}
@@ -289,13 +301,13 @@ def test_results_that_cannot_be_written(tmp_path, capsys):
     assert "metrics.json" in capsys.readouterr().err
 
 
-def test_bench_counter_that_is_no_program(tmp_path, capsys):
-    assert main(["bench", "--counter", str(tmp_path)]) == 2
+def test_speed_counter_that_is_no_program(tmp_path, capsys):
+    assert main(["evidence", "speed", "--counter", str(tmp_path)]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_verify_one_study(tmp_path, capsys):
-    assert main(["verify", "inverter", "--quick", "--json", "-o", str(tmp_path)]) == 0
+def test_one_study(tmp_path, capsys):
+    assert main(["evidence", "studies", "inverter", "--quick", "--json", "-o", str(tmp_path)]) == 0
     printed, told = capsys.readouterr()
     result = json.loads(printed)["inverter"]
     assert result == json.loads((tmp_path / "inverter.json").read_text())

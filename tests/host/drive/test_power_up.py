@@ -78,7 +78,7 @@ def test_step_5_dead_time_on_all_six_legs(sim):
     way of both gates off, for the dead time."""
     words = step(5)
     settings = [dict(re.findall(r"(\w+)=([\w.-]+)", text))
-                for text in re.findall(r"`params set ([^`]*)`", words)]  # fmt: skip
+                for text in re.findall(r"`board set ([^`]*)`", words)]  # fmt: skip
     assert len(settings) == 2
     dead_counts = sim.get("dead_time_us") * 1e-6 * float(sim.controller.map.pwm_clock_Hz)
     sim.set("vdc_V", 0.0)

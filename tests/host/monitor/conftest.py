@@ -30,7 +30,8 @@ WATCHDOG_MS = 800
 BOARD = f"""
 import os, signal, sys
 import numpy as np
-from hexatorque import scenario, virtual_board
+from hexatorque import setups
+from hexatorque.boards import virtual as virtual_board
 class Controller(virtual_board.BoardController):
     def __init__(self, device, values, **options):
         super().__init__(device, values, **options | {{"watchdog_ms": {WATCHDOG_MS}}})
@@ -53,7 +54,7 @@ with virtual_board.Terminal() as line:
     os.symlink(line.port, port)
     print(port, flush=True)
     while True:
-        board = Board(scenario.load("paper-b"))
+        board = Board(setups.load("paper-b"))
         board.sim.set("load_Nm", 1.0)
         resets.clear()
         virtual_board.serve(board, line, until=lambda: resets)
@@ -286,11 +287,13 @@ def site(drive, tmp_path):
 
 
 class Monitor(Visitor):
-    """`hexatorque monitor` in a process of its own."""
+    """`hexatorque board monitor` in a process of its own."""
 
     def __init__(self, *arguments: object) -> None:
         for _ in range(5):
-            self.process = python("-m", "hexatorque", "monitor", "--no-browser", *arguments)
+            self.process = python(
+                "-m", "hexatorque", "board", "monitor", "--no-browser", *arguments
+            )
             title = self.process.stdout.readline()
             self.url = self.process.stdout.readline().strip()
             if self.url:

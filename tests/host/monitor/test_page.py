@@ -411,5 +411,5 @@ def test_without_the_cookie_the_page_says_how_to_get_in(browser, monitor):
     """Another profile, or a copied address without its token."""
     monitor.cookie = ""
     page = browser.open(f"http://localhost:{monitor.port}/")
-    assert "hexatorque monitor" in page.js("document.body.textContent")
+    assert "hexatorque board monitor" in page.js("document.body.textContent")
     page.close()

@@ -26,7 +26,7 @@ def test_without_a_cookie_there_is_nothing(site, cookie):
     for path in PATHS:
         status, _, body = site.ask("GET", path)
         assert status == 403, path
-        assert b"hexatorque monitor" in body
+        assert b"hexatorque board monitor" in body
     for path in COMMANDS:
         assert site.post(path, {})[0] == 403, path
 

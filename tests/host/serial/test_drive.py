@@ -366,7 +366,7 @@ def test_a_capture_is_the_simulations_own_recording(tmp_path):
     """Twelve channels at the rate of the fast interrupt, before and after a step: each
     value that came over the line is the one that the simulation kept."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "hexatorque", "board", "--virtual", "--link", str(tmp_path / "b"),
+        [sys.executable, "-m", "hexatorque", "board", "serve", "--link", str(tmp_path / "b"),
          "--record", str(tmp_path / "own.npz")],
         stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(HOST)},
     )  # fmt: skip

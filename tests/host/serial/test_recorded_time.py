@@ -214,11 +214,11 @@ STANDSTILLS = [1.0, 5.0, *map(float, filter(None, [os.environ.get("HT_STANDSTILL
 
 @pytest.fixture
 def streaming(board, tmp_path):
-    """`hexatorque stream` of the board's own words, in a process of its own."""
+    """`hexatorque board stream` of the board's own words, in a process of its own."""
     file = tmp_path / "run.csv"
     process = subprocess.Popen(
-        [sys.executable, "-m", "hexatorque", "stream", "speed_rpm", "vdc_V", "--rate", "500",
-         "--device", board, "-o", str(file), "--json"],
+        [sys.executable, "-m", "hexatorque", "board", "stream", "speed_rpm", "vdc_V",
+         "--rate", "500", "--device", board, "-o", str(file), "--json"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env={**os.environ, "PYTHONPATH": str(HOST)},
     )  # fmt: skip
@@ -258,7 +258,7 @@ def test_after_a_standstill_ticks_are_the_boards(board, streaming, who, seconds)
     with BoardDrive.open(board) as drive:
         if who == "the guard":
             guard = subprocess.Popen(
-                [sys.executable, "-m", "hexatorque", "start", "--device", board],
+                [sys.executable, "-m", "hexatorque", "board", "start", "--device", board],
                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                 env={**os.environ, "PYTHONPATH": str(HOST)},
             )  # fmt: skip
@@ -291,7 +291,7 @@ def test_after_a_standstill_ticks_are_the_boards(board, streaming, who, seconds)
 def test_a_reset_ends_a_file(own_board, tmp_path):
     file = tmp_path / "run.csv"
     process = subprocess.Popen(
-        [sys.executable, "-m", "hexatorque", "stream", "speed_rpm", "--rate", "500",
+        [sys.executable, "-m", "hexatorque", "board", "stream", "speed_rpm", "--rate", "500",
          "--device", own_board.url, "-o", str(file)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env={**os.environ, "PYTHONPATH": str(HOST)},

@@ -282,14 +282,14 @@ def test_a_foreign_program_is_named(own_board, capsys):
             other.stdout.readline()
             begun = time.monotonic()
             for words in (["status"], ["stop"]):
-                assert main([*words, "--device", own_board.url]) == 1
+                assert main(["board", *words, "--device", own_board.url]) == 1
                 said = capsys.readouterr().err
                 assert f": in use by process {other.pid} (" in said and said.count("\n") == 1
                 assert "import sys, serial" in said  # its command
             assert time.monotonic() - begun < 10
             other.stdin.close()
             other.wait()
-    assert main(["status", "--device", own_board.url]) == 0
+    assert main(["board", "status", "--device", own_board.url]) == 0
 
 
 FOREIGN = """import sys, serial
@@ -328,7 +328,7 @@ def hung(board):
 def test_a_server_that_hangs_is_named(board, hung, words, capsys):
     pid = hung.client.transport.pid
     begun = time.monotonic()
-    assert main([*words, "--device", board]) == 1
+    assert main(["board", *words, "--device", board]) == 1
     took_s = time.monotonic() - begun
     assert capsys.readouterr().err == (
         f"hexatorque: {board}: the port server, process {pid}, does not answer; the board stops "

@@ -240,19 +240,19 @@ def test_disk_that_is_full(tmp_path, capsys, monkeypatch):
 def test_commands_on_a_board_without_a_store(board, capsys):
     """`board` is a fixture here: a process without --store."""
     for word in ("keep", "forget"):
-        code = main(["params", word, "--device", board])
+        code = main(["board", "params", word, "--device", board])
         said = capsys.readouterr().err
         assert code == 1 and "built without a store" in said and len(said.splitlines()) == 1
-    assert main(["status", "--json", "--device", board]) == 0
+    assert main(["board", "status", "--json", "--device", board]) == 0
     assert json.loads(capsys.readouterr().out)["parameters"] == "built-in"
 
 
 class Process:
-    """`hexatorque board --virtual --store FILE`."""
+    """`hexatorque board serve --store FILE`."""
 
     def __init__(self, file):
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "hexatorque", "board", "--virtual", "--json",
+            [sys.executable, "-m", "hexatorque", "board", "serve", "--json",
              "--store", str(file)],
             stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(HOST)},
         )  # fmt: skip
@@ -284,12 +284,12 @@ def test_commands(power, capsys):
     assert first.said["parameters"] == "built-in"
 
     def call(one, *words):
-        code = main([*words, "--device", one.port])
+        code = main(["board", *words, "--device", one.port])
         said = capsys.readouterr()
         assert code == 0, said.err
         return said.out
 
-    call(first, "params", "set", "rs_ohm=1.75")
+    call(first, "set", "rs_ohm=1.75")
     assert "kept" in call(first, "params", "keep")
     assert json.loads(call(first, "params", "keep", "--json")) == {"kept": True}
     first.kill()

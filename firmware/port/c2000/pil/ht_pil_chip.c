@@ -22,8 +22,8 @@ static bool start(ht_port *port)
     ht_pins_release(port); /* whatever ran here before, a debugger's load may follow it */
     ht_watchdog_hold(port);
     ht_flash_start(port); /* before the clock that needs it */
-    port->clock = port->map->has_syspll ? ht_clock_start_f28377s(port)
-                                        : ht_clock_start_f28335(port);
+    port->clock = port->map->clock_pllcr ? ht_clock_start_f28335(port)
+                                         : ht_clock_start_f28377s(port);
     ht_image_start_result = (uint16_t)port->clock;
     started = port->clock == HT_CLOCK_RIGHT;
     if (started) {

@@ -1,4 +1,4 @@
-"""`hexatorque bench`: speed of the simulation, cost of the firmware.
+"""`hexatorque evidence speed`: speed of the simulation, cost of the firmware.
 
 Speed is a ratio (simulated seconds per wall second), the cost is counted in host
 instructions of one fast interrupt, drivers and protection included.

@@ -1,4 +1,4 @@
-"""`hexatorque pil`: processor in the loop, held against software in the loop.
+"""`hexatorque evidence pil`: processor in the loop, held against software in the loop.
 
 The same simulation twice, from the same seeds: once with the firmware in this
 process, once with the firmware on a target. All that the firmware writes and shows

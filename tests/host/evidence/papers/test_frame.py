@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hexatorque import setups
-from hexatorque.cli import main
+from hexatorque.cli.main import main
 from hexatorque.drive import operating_points
 from hexatorque.drive.operating_points import NotReached, Point
 from hexatorque.drive.simulated import DriveFault
@@ -223,8 +223,7 @@ def test_an_interrupt_ends_a_sweep_and_keeps_its_points(tmp_path, monkeypatch):
 
 
 def test_the_command(entry, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(main, "ENTRIES", reproduce.ENTRIES)
-    assert main.main(["reproduce", "a1", "--quick", "--json", "-o", str(tmp_path)]) == 0
+    assert main(["evidence", "papers", "a1", "--quick", "--json", "-o", str(tmp_path)]) == 0
     shown = json.loads(capsys.readouterr().out)
     assert shown["figures"]["A1"]["quick"] is True and shown["failed"] == {}
 
@@ -233,8 +232,8 @@ def test_the_command(entry, tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr(entry, "make", fail)
     (tmp_path / "A1.json").unlink()
-    assert main.main(["reproduce", "A1", "-o", str(tmp_path)]) == 1
+    assert main(["evidence", "papers", "A1", "-o", str(tmp_path)]) == 1
     assert "must hold" in capsys.readouterr().out
-    assert main.main(["reproduce", "A1", "-o", str(tmp_path / "A1.png" / "x")]) == 2
-    assert main.main(["reproduce", "A99", "-o", str(tmp_path)]) == 2
+    assert main(["evidence", "papers", "A1", "-o", str(tmp_path / "A1.png" / "x")]) == 2
+    assert main(["evidence", "papers", "A99", "-o", str(tmp_path)]) == 2
     assert capsys.readouterr().err.count("\n") == 2

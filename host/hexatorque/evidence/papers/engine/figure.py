@@ -19,7 +19,7 @@ UNEXPLAINED = "not explained"
 class Verdict:
     """One quantity or statement of the paper beside ours.
 
-    required: must not be "worse" or "differs"; `hexatorque reproduce` fails otherwise.
+    required: must not be "worse" or "differs"; `hexatorque evidence papers` fails otherwise.
     """
 
     what: str

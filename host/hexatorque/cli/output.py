@@ -1,8 +1,7 @@
-"""What several commands share: options, tables, progress, JSON."""
+"""What several commands print: tables, progress, JSON, failures."""
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import sys
@@ -10,19 +9,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 COMPILING = "compiling the simulation: once, for up to a minute ..."
-
-
-def point_options(parser: argparse.ArgumentParser, setup: str) -> None:
-    """Schemes of a set-up at an operating point; `setup` says what it is without one."""
-    parser.add_argument("--setup", metavar="NAME|FILE", help=f"default: {setup}")
-    parser.add_argument("--schemes", metavar="A,B,...", help="default: all")
-    parser.add_argument("--speed", type=float, metavar="RPM", help="default: the set-up's point")
-    parser.add_argument("--load", type=float, metavar="NM", help="default: the set-up's point")
-    parser.add_argument(
-        "--latency", metavar="L", help="none, immediate, shadow or predicted; default: the set-up's"
-    )
-
-
 #: Width of what is no terminal: no line of a table is broken there.
 WIDE = 1000
 
@@ -82,15 +68,32 @@ def print_json(data: object) -> None:
     print(json.dumps(data, indent=1))
 
 
-def schemes_given(text: str | None) -> list[str]:
-    """The schemes of a --schemes option; all without one."""
-    from .. import firmware
-    from ..setups import SetupError
+def print_failure(console, text: str, what: str = "failed") -> None:
+    from rich.markup import escape
 
-    if text is None:
-        return list(firmware.schemes())
-    names = [part.strip() for part in text.split(",")]
-    for name in names:
-        if name not in firmware.schemes():
-            raise SetupError(f"no scheme {name!r}: choose from {', '.join(firmware.schemes())}")
-    return list(dict.fromkeys(names))
+    console.print(f"[bold red]{what}[/] {escape(text)}", highlight=False)
+
+
+def complain(text: str) -> None:
+    """On standard error; a line for each mistake."""
+    for line in text.splitlines():
+        print(f"hexatorque: {line}", file=sys.stderr)
+
+
+def say(as_json: bool, data: dict, text: str | None = None) -> None:
+    """A result: as JSON, as `text`, or a line for each value."""
+    if as_json:
+        print_json(data)
+    elif text is not None:
+        print(text)
+    else:
+        for key, value in data.items():
+            print(f"{key:>16}  {value:.6g}" if isinstance(value, float) else f"{key:>16}  {value}")
+
+
+def tripped(state: str, faults: list[str]) -> int:
+    """The exit code after a drive has run."""
+    if state == "fault":
+        complain(f"the drive tripped: {', '.join(faults)}")
+        return 1
+    return 0

@@ -1,0 +1,162 @@
+"""Commands for the drive of a board: find it, see how it is, start, stop and set it."""
+
+from __future__ import annotations
+
+import time
+
+import click
+
+from .. import completion, options
+from ..group import examples
+from ..output import complain, console_of, print_json, say, tripped
+from .connection import assignments, before_start, open_drive, set_values, until_signal
+
+
+@click.command("list", epilog=examples("board list"))
+@options.baud
+@options.as_json
+def list_boards(baud, as_json) -> int:
+    """Boards that answer on serial ports, and virtual ones."""
+    from rich.table import Table
+
+    from ...serial import devices
+
+    found = devices.find(baud)
+    if as_json:
+        print_json([vars(board) for board in found])
+        return 0 if found else 1
+    if not found:
+        complain("no board found")
+        return 1
+    table = Table()
+    for heading in ("port", "device", "build", "baud", "what it is"):
+        table.add_column(heading)
+    for board in found:
+        where = f"{board.where}, in use by other clients" if board.shared else board.where
+        table.add_row(board.port, board.device, board.build, str(board.baud), where)
+    console_of(as_json, highlight=False).print(table)
+    return 0
+
+
+@click.command(epilog=examples("board status --json"))
+@options.board
+@options.as_json
+def status(device, baud, as_json) -> int:
+    """State, faults and counters of the drive."""
+    from ...drive.board import parameter_set
+    from ...serial.wire import CaptureState
+
+    with open_drive(device, baud) as drive:
+        status = drive.client.get_status()
+        capture = status.capture
+        data = {
+            "port": drive.client.url,
+            "device": drive.hello.device,
+            "build": drive.hello.build,
+            "state": drive.state,
+            "faults": drive.faults,
+            "parameters": parameter_set(status.set),
+            "guarded": status.guarded,
+            "session": status.in_session,
+            "capture": CaptureState(capture).name.lower() if capture < 6 else capture,
+            "damaged": status.damaged,
+            "overruns": status.overruns,
+            "dropped": status.dropped,
+            "latest_fault": drive.snapshot,
+        }
+    if as_json:
+        say(as_json, data)
+        return 0
+    data["faults"] = ", ".join(data["faults"]) or "none"
+    snapshot = data.pop("latest_fault")
+    say(as_json, data)
+    if snapshot:
+        print(f"{'latest fault':>16}  tick {snapshot['tick']}: {', '.join(snapshot['faults'])}")
+    return 0
+
+
+@click.command(
+    epilog=examples("board start --scheme ddr --speed 400", "board start --set build_s=1")
+)
+@options.before_start
+@options.duration
+@options.board
+@options.as_json
+def start(duration, device, baud, as_json, **before) -> int:
+    """Start the drive and guard it; Ctrl-C or SIGTERM stops it.
+
+    The gates switch and the machine turns. If this command dies, the board stops by itself.
+    """
+    console = console_of(as_json, highlight=False)
+    values = before_start(**before)
+    with until_signal() as ended, open_drive(device, baud) as drive:
+        set_values(drive, values)
+        drive.start()
+        end = None if duration is None else time.monotonic() + duration
+        was = ""
+        while not ended.is_set() and (end is None or time.monotonic() < end):
+            now = drive.state
+            if now != was:
+                console.print(f"{drive.time_s:8.2f} s  {now}")
+            was = now
+            if now in ("idle", "fault"):
+                break
+            ended.wait(0.1)
+        faults = drive.faults
+        if was not in ("idle", "fault"):
+            drive.stop()
+    if as_json:
+        print_json({"state": was, "faults": faults})
+    if drive.resets:
+        from ...serial import RESET_VALUES
+
+        complain(f"the board was reset; {RESET_VALUES}")
+        return 1
+    if was == "idle":
+        console.print("stopped by somebody else")
+    return tripped(was, faults)
+
+
+@click.command(epilog=examples("board stop"))
+@options.board
+@options.as_json
+def stop(device, baud, as_json) -> int:
+    """Stop the drive, whoever started it."""
+    with open_drive(device, baud) as drive:
+        drive.stop()
+        say(as_json, {"state": drive.state}, f"{drive.client.url}: {drive.state}")
+    return 0
+
+
+@click.command(epilog=examples("board clear"))
+@options.board
+@options.as_json
+def clear(device, baud, as_json) -> int:
+    """Clear the latched faults."""
+    with open_drive(device, baud) as drive:
+        drive.clear()
+        say(as_json, {"state": drive.state}, f"{drive.client.url}: {drive.state}")
+    return 0
+
+
+@click.command("set", epilog=examples("board set speed=400", "board set rs_ohm=1.7 scheme=ddr"))
+@click.argument(
+    "values",
+    metavar="NAME=VALUE...",
+    nargs=-1,
+    required=True,
+    shell_complete=completion.assignment,
+)
+@options.board
+@options.as_json
+def set_parameters(values, device, baud, as_json) -> int:
+    """Set parameters, all or none; a drive that runs follows at once.
+
+    `speed` is short for speed_ref_rpm, `torque` for torque_ref_Nm. `hexatorque board params list`
+    shows all parameters and their ranges.
+    """
+    wanted = assignments(values)
+    with open_drive(device, baud) as drive:
+        set_values(drive, wanted)
+        say(as_json, drive.get_many(list(wanted)))
+    return 0

@@ -1,0 +1,56 @@
+"""`hexatorque board monitor`: a board in a browser on this computer."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from pathlib import Path
+
+import click
+
+from .. import options
+from ..group import examples
+from ..options import Mistake
+from .connection import open_drive, until_signal
+
+
+@click.command(epilog=examples("board monitor"))
+@options.value(
+    "--port", metavar="P", type=options.http_port, default="0", help="of the page; 0: a free one"
+)
+@click.option("--no-browser", is_flag=True, help="print the address only")
+@options.file("-o", "--output", metavar="DIR", default=Path("out/monitor"), help="for recordings")
+@options.board
+def monitor(port, no_browser, output, device, baud) -> int:
+    """A local web page with a board's traces, parameters and commands.
+
+    Serves a web page on 127.0.0.1: live traces, parameters, start and stop, burst captures,
+    recordings. Ctrl-C ends it and stops a drive that was started there.
+    """
+    from ...monitor.desk import Desk
+    from ...monitor.server import Server
+
+    with until_signal() as ended, open_drive(device, baud) as drive, Desk(drive, output) as desk:
+        try:
+            server = Server(desk, port)
+        except OSError as error:
+            raise Mistake(f"--port {port}: {error.strerror or error}") from None
+        with server:
+            thread = threading.Thread(target=server.serve_forever, daemon=True)
+            thread.start()
+            print(f"{drive.hello.device} at {drive.client.url}; Ctrl-C ends and stops the drive")
+            print(server.url, flush=True)
+            if not no_browser:
+                _browse(server.url)
+            ended.wait()
+            server.shutdown()
+    return 0
+
+
+def _browse(url: str) -> None:
+    """Open a browser, if there is a screen: one in the terminal would take it over."""
+    import webbrowser
+
+    if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        webbrowser.open(url)

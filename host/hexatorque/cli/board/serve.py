@@ -1,0 +1,141 @@
+"""`hexatorque board serve`: a virtual board for the other commands to open."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+
+import click
+
+from .. import options
+from ..group import examples
+from ..options import Mistake
+from ..output import compiling
+
+
+@click.command(
+    epilog=examples(
+        "board serve",
+        "board serve --setup paper-b --load 1 --link /tmp/board",
+        "board serve --store bench.store",
+        "board serve --fast 5",
+        "board serve --machine mps2-an386",
+        note="In another terminal: hexatorque board start --speed 400",
+    )
+)
+@options.setup("paper-a-feasible")
+@options.value(
+    "--load", metavar="NM", type=options.number, help="brake on the shaft; default: none"
+)
+@options.value(
+    "--machine",
+    metavar="NAME",
+    help="run the firmware on an emulated processor: mps2-an386 (Cortex-M4F), mps2-an500 "
+    "(Cortex-M7)",
+)
+@options.baud
+@options.value(
+    "--fast",
+    metavar="N",
+    type=options.number,
+    default=1.0,
+    help="N times as fast as the clock; so is the line",
+)
+@options.file(
+    "--store",
+    metavar="FILE",
+    help="the board's memory for `board params keep`: made if missing; default: none",
+)
+@options.file("--link", metavar="PATH", help="a fixed name for the port")
+@options.file("--record", metavar="FILE", help="the simulation's own recording, at the end")
+@options.as_json
+def serve(setup, load, machine, baud, fast, store, link, record, as_json) -> int:
+    """A virtual board: firmware and plant behind a serial port.
+
+    Runs firmware and plant in one process that serves the serial protocol on a pseudo-terminal,
+    as the image on a DSP does on its serial port. Prints the port. Ends with Ctrl-C.
+    """
+    from ...boards.virtual import Terminal
+    from ...boards.virtual import serve as serve_board
+    from ...recording.formats import check_output
+    from ...serial import runtime
+
+    if record is not None:
+        check_output(record)
+    ended = []
+    with compiling():
+        made = _make(setup, load, machine, baud, fast, store)
+    with made as board, Terminal() as line, _name(link, line.port):
+        for sign in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(sign, lambda *_: ended.append(True))
+        if load is not None:
+            board.sim.set("load_Nm", load)
+        file = runtime.announce(line.port, board.title, board.controller.baud)
+        try:
+            if as_json:
+                said = json.dumps({"port": line.port, "baud": board.controller.baud,
+                                   "title": board.title,
+                                   "parameters": board.controller.parameter_set})  # fmt: skip
+            else:
+                said = f"{board.title} on {link or line.port}, Ctrl-C ends it"
+                if store:
+                    said += f"\nparameters: {board.controller.parameter_set} ({store})"
+            print(said, flush=True)
+            serve_board(board, line, until=lambda: bool(ended), record=record is not None)
+        finally:
+            file.unlink(missing_ok=True)
+        if record is not None:
+            board.take().save(record)
+            print(f"recording: {record}", file=sys.stderr)
+    return 0
+
+
+def _make(name, load, machine, baud, fast, store):
+    from ... import setups
+
+    setup = setups.load(name)
+    if load is not None and setup["load.kind"] == "constant":
+        # One that pulls would drag an idle machine along, which could then not be started.
+        setup = setup.changed(load__kind="friction")
+    if machine is None:
+        from ...boards.virtual import VirtualBoard
+
+        return VirtualBoard(setup, baud, fast, store)
+    from ...boards.emulated import EmulatedBoard
+
+    return EmulatedBoard(setup, machine, baud, fast, store=store)
+
+
+class _name:
+    """A symbolic link while it is needed."""
+
+    def __init__(self, path: Path | None, port: str) -> None:
+        self._path = path
+        self._port = port
+
+    def __enter__(self) -> None:
+        from ...serial.runtime import announced
+
+        if self._path is None:
+            return
+        if self._path.is_symlink() and self._target().startswith("/dev/pts/"):
+            if self._target() in (board.port for board in announced()):
+                raise Mistake(f"{self._path}: is the name of another board that runs")
+            self._path.unlink()  # of a board that was killed
+        try:
+            self._path.symlink_to(self._port)
+        except OSError as error:
+            raise Mistake(f"{self._path}: {error.strerror}") from None
+
+    def __exit__(self, *_: object) -> None:
+        if self._path is not None and self._target() == self._port:
+            self._path.unlink(missing_ok=True)
+
+    def _target(self) -> str:
+        try:
+            return os.readlink(self._path)
+        except OSError:
+            return ""

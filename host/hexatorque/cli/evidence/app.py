@@ -1,0 +1,23 @@
+"""`hexatorque evidence`: everything that shows what simulation and firmware can be trusted for."""
+
+import click
+
+from ..group import Group, examples
+from .measured import papers, speed, studies
+from .processors import budget, pil
+
+
+@click.group(
+    cls=Group,
+    epilog=examples("evidence papers all", "evidence studies faults", "evidence pil --schemes ddr"),
+)
+def evidence() -> None:
+    """What can be trusted: figures made again, studies, other processors, costs.
+
+    Both papers' figures and tables beside the printed numbers, studies of accuracy and of
+    faults, the firmware on other processors held against the host's, and what it costs there.
+    """
+
+
+for command in (papers, studies, pil, budget, speed):
+    evidence.add_command(command)

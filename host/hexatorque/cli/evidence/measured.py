@@ -1,0 +1,143 @@
+"""Evidence from simulation on this computer: `papers`, `studies` and `speed`."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from ...evidence.papers import ENTRIES
+from ...evidence.studies import STUDIES
+from .. import completion, options
+from ..group import examples
+from ..options import Mistake
+from ..output import compile_now, console_of, print_failure, print_json, progress
+
+
+@click.command(
+    epilog=examples("evidence papers A10 B-T6", "evidence papers all --quick -o out/papers")
+)
+@click.argument(
+    "ids",
+    metavar="ID...",
+    nargs=-1,
+    required=True,
+    shell_complete=completion.figure,
+    help=f"all, {', '.join(ENTRIES)}",
+)
+@options.quick
+@options.folder("out/papers")
+@options.as_json
+def papers(ids, quick, output, as_json) -> int:
+    """Both papers' figures and tables, beside what the papers print.
+
+    Makes figures and tables of the papers again: ID.json, ID.png and recordings of each, and
+    index.html with all verdicts. Interrupted, it goes on where it was.
+    """
+    from ...evidence.papers.engine import page, reproduce
+
+    names = reproduce.chosen(ids)
+    reproduce.make_folder(output)
+    console = console_of(as_json)
+    compile_now()
+    with progress(console) as bar:
+        tasks: list = []
+
+        def begin(name: str):
+            for task in tasks:
+                bar.update(task, visible=False)
+            tasks.append(bar.add_task(f"{name} ({len(tasks) + 1} of {len(names)})", total=None))
+            return lambda seconds, task=tasks[-1]: bar.advance(task, seconds)
+
+        outcome = reproduce.reproduce(names, output, quick, begin)
+    console.print(page.console_table(outcome.figures))
+    for name, reason in outcome.failed.items():
+        print_failure(console, f"{name}: {reason}")
+    for name, verdict in outcome.broken():
+        print_failure(console, f"{name}: {verdict.what}: {verdict.verdict}, must hold")
+    console.print(f"page: {output / 'index.html'}", highlight=False)
+    if as_json:
+        print_json({"figures": outcome.figures, "failed": outcome.failed})
+    return 1 if outcome.failed or outcome.broken() else 0
+
+
+@click.command(epilog=examples("evidence studies faults", "evidence studies all --quick"))
+@click.argument(
+    "names",
+    metavar="STUDY...",
+    nargs=-1,
+    required=True,
+    shell_complete=completion.study,
+    help=f"all, {', '.join(STUDIES)}",
+)
+@options.quick
+@options.folder("out/studies")
+@options.as_json
+def studies(names, quick, output, as_json) -> int:
+    """What simulation and firmware can be trusted for.
+
+    Runs studies of accuracy, low speed, light load and faults; a table, a picture and the
+    numbers of each.
+    """
+    from importlib import import_module
+
+    from ...recording.formats import RecordingError
+
+    for name in names:
+        if name not in ("all", *STUDIES):
+            raise Mistake(f"no study {name!r}: choose from all, {', '.join(STUDIES)}")
+    names = list(STUDIES) if "all" in names else list(dict.fromkeys(names))
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise Mistake(f"{output}: {error.strerror}") from None
+    console = console_of(as_json)
+    compile_now()
+    results = {}
+    failures = []
+    for name in names:
+        module = import_module(f"hexatorque.evidence.studies.{STUDIES[name]}")
+        with progress(console) as bar:
+            task = bar.add_task(name, total=None)
+            result = module.study(quick, lambda seconds, t=task, b=bar: b.advance(t, seconds))
+        for table in module.tables(result):
+            console.print(table)
+        try:
+            (output / f"{name}.json").write_text(json.dumps(result, indent=1) + "\n")
+            picture = module.plot(result, output / f"{name}.png")
+        except OSError as error:
+            raise RecordingError(f"{error.filename}: {error.strerror}") from None
+        console.print(f"picture: {picture}", highlight=False)
+        for line in module.failures(result):
+            failures.append(line)
+            print_failure(console, line)
+        results[name] = result
+    if as_json:
+        print_json(results)
+    return 1 if failures else 0
+
+
+@click.command(
+    epilog=examples(
+        "evidence speed", "evidence speed --counter build/host/tests/c/count_instructions"
+    )
+)
+@options.setup("paper-a-feasible")
+@options.file("--counter", metavar="PROGRAM", help="instruction counter; `make bench` builds it")
+@options.as_json
+def speed(setup, counter, as_json) -> int:
+    """Speed of the simulation, instructions of the firmware on this computer."""
+    from ... import setups
+    from ...evidence.cost import bench
+
+    console = console_of(as_json)
+    with progress(console) as bar:
+        task = bar.add_task("measuring", total=None)
+        result = bench.bench(
+            setups.load(setup), counter, lambda seconds: bar.advance(task, seconds)
+        )
+    for table in bench.tables(result):
+        console.print(table)
+    if as_json:
+        print_json(result)
+    return 0

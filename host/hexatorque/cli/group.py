@@ -1,0 +1,78 @@
+"""A group of commands, and what it says to a name that it does not have."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+
+import click
+
+from .output import complain
+
+#: Names that commands had before, and what to type now.
+OLD_NAMES = {
+    "devices": "board list",
+    "speed": "board set speed=RPM",
+    "scheme": "board set scheme=NAME",
+    "reproduce": "evidence papers",
+    "verify": "evidence studies",
+    "bench": "evidence speed",
+}
+#: The same in one group: (group, name or option).
+OLD_NAMES_IN_GROUPS = {
+    ("params", "set"): "board set NAME=VALUE",
+    ("board", "--virtual"): "board serve",
+}
+
+
+def examples(*lines: str, note: str = "") -> str:
+    """The end of a help text. The sign in front keeps the lines as they are."""
+    shown = "\n".join(f"  hexatorque {line}" for line in lines)
+    return f"\b\nexamples:\n{shown}" + (f"\n\n{note}" if note else "")
+
+
+class Group(click.Group):
+    """Commands in the order in which they were added, which know where a name went that is
+    not among them. Called without a name it says so in one line, as for any mistake."""
+
+    def __init__(self, *args, **attributes):
+        super().__init__(*args, no_args_is_help=False, **attributes)
+
+    def list_commands(self, ctx):
+        return list(self.commands)
+
+    def resolve_command(self, ctx, args):
+        name = args[0]
+        if name not in self.commands and not ctx.resilient_parsing:
+            ctx.fail(unknown(ctx, name))
+        return super().resolve_command(ctx, args)
+
+    def invoke(self, ctx):
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            complain("interrupted")
+            ctx.exit(130)
+
+
+def unknown(ctx, name: str) -> str:
+    """What to say to a command or an option that this group does not have."""
+    now = OLD_NAMES_IN_GROUPS.get((ctx.info_name, name)) or OLD_NAMES.get(name)
+    if now is None:
+        now = next(iter(paths_to(ctx.find_root().command, name)), None)
+    if now is not None:
+        what = "option" if name.startswith("-") else "command"
+        return f"no {what} {name!r} here: it is `hexatorque {now}`"
+    known = list(ctx.command.commands)
+    close = get_close_matches(name, known, 1)
+    hint = f"did you mean {close[0]}? " if close else ""
+    return f"no command {name!r}: {hint}choose from {', '.join(known)}"
+
+
+def paths_to(command, name: str, path: str = "") -> list[str]:
+    """Where in the tree of commands one of this name is."""
+    found = []
+    for own, child in getattr(command, "commands", {}).items():
+        if own == name:
+            found.append(f"{path}{own}")
+        found += paths_to(child, name, f"{path}{own} ")
+    return found

@@ -1,0 +1,177 @@
+"""Options that several commands take, each defined once, and how their text is read."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from pathlib import Path
+
+import click
+
+from ..errors import HexatorqueError
+from ..recording.formats import suffixes_text
+from . import completion
+
+
+class Mistake(HexatorqueError):
+    """Of who typed the command."""
+
+    exit_code = 2
+
+
+# -- reading ------------------------------------------------------------------------------
+
+
+def number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise click.BadParameter(f"{text!r}: a number is needed") from None
+
+
+def whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise click.BadParameter(f"{text!r}: a whole number is needed") from None
+
+
+def seconds(text: str) -> float:
+    with suppress(ValueError):
+        if 0 < float(text) < math.inf:
+            return float(text)
+    raise click.BadParameter(f"{text!r}: a time above 0 s is needed")
+
+
+def line_rate(text: str) -> int:
+    if text.isdecimal() and int(text) > 0:
+        return int(text)
+    raise click.BadParameter(f"{text!r}: a rate above 0 is needed")
+
+
+def http_port(text: str) -> int:
+    if text.isdecimal() and int(text) < 65536:
+        return int(text)
+    raise click.BadParameter(f"{text!r}: allowed range is 0 .. 65535")
+
+
+def schemes_given(text: str | None) -> list[str]:
+    """The schemes of a --schemes option; all without one."""
+    from .. import firmware
+
+    if text is None:
+        return list(firmware.schemes())
+    names = [part.strip() for part in text.split(",")]
+    for name in names:
+        if name not in firmware.schemes():
+            raise Mistake(f"no scheme {name!r}: choose from {', '.join(firmware.schemes())}")
+    return list(dict.fromkeys(names))
+
+
+# -- options ------------------------------------------------------------------------------
+
+
+def value(*names: str, metavar: str, type=str, **more):
+    """An option with a value of which the help shows only our own metavar."""
+    return click.option(*names, metavar=metavar, type=type, **more)
+
+
+def file(*names: str, metavar: str, **more):
+    """An option that names a file or a folder; whether it can be used is checked later."""
+    return click.option(*names, metavar=metavar, type=click.Path(path_type=Path), **more)
+
+
+def together(*options):
+    """Several options as one decorator, in this order in the help."""
+
+    def add(command):
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return add
+
+
+as_json = click.option("--json", "as_json", is_flag=True, help="result as JSON on standard output")
+quick = click.option("--quick", is_flag=True, help="fewer cases, shorter runs")
+
+
+def folder(default: str):
+    return file("-o", "--output", metavar="DIR", default=Path(default), help="for the results")
+
+
+def setup(default: str | None, without: str | None = None):
+    """`without`: what is meant without this option, if no default says it."""
+    return value(
+        "--setup",
+        metavar="NAME|FILE",
+        default=default,
+        help=without and f"default: {without}",
+        shell_complete=completion.setup,
+    )
+
+
+schemes = value(
+    "--schemes", metavar="A,B,...", help="default: all", shell_complete=completion.schemes
+)
+load = value("--load", metavar="NM", type=number, help="default: the set-up's point")
+
+
+def point(without: str):
+    """Schemes of a set-up at an operating point."""
+    return together(
+        setup(None, without),
+        schemes,
+        value("--speed", metavar="RPM", type=number, help="default: the set-up's point"),
+        load,
+        value(
+            "--latency",
+            metavar="L",
+            help="none, immediate, shadow or predicted; default: the set-up's",
+            shell_complete=completion.latency,
+        ),
+    )
+
+
+baud = value("--baud", metavar="N", type=line_rate, help="default: those of the images")
+#: Which board.
+board = together(
+    value(
+        "--device",
+        metavar="PORT",
+        help="/dev/ttyUSB0, socket://host:port; default: the only board",
+    ),
+    baud,
+)
+duration = value("--duration", metavar="S", type=seconds, help="default: until Ctrl-C")
+#: What is set before a start.
+before_start = together(
+    value(
+        "--scheme", metavar="NAME", help="set the scheme first", shell_complete=completion.scheme
+    ),
+    value("--speed", metavar="RPM", type=number, help="set the speed reference first"),
+    value(
+        "--set",
+        "others",
+        metavar="NAME=VALUE",
+        multiple=True,
+        help="set any other parameter first; may be repeated",
+        shell_complete=completion.assignment,
+    ),
+)
+channels = click.argument(
+    "channels", metavar="CH...", nargs=-1, required=True, shell_complete=completion.channel
+)
+recording = file(
+    "-o", "--output", metavar="FILE", required=True, help=f"recording: {suffixes_text()}"
+)
+recording_or_none = file("-o", "--output", metavar="FILE", help=f"recording: {suffixes_text()}")
+
+
+def scenario(required: bool):
+    return click.argument(
+        "scenario",
+        metavar="SCENARIO.toml" if required else "[SCENARIO.toml]",
+        required=required,
+        shell_complete=completion.files,
+    )

@@ -1,0 +1,128 @@
+"""Commands on recordings: `plot` and `convert`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ..recording.formats import PART, suffixes_text
+from . import completion, options
+from .group import examples
+from .output import complain, console_of, print_json
+
+
+@click.command(
+    epilog=examples(
+        "plot out/reversal.npz",
+        "plot sil.npz@0.4 bench.csv --channels torque_Nm,speed_rpm --window -0.01,0.1",
+    )
+)
+@click.argument(
+    "files",
+    metavar="FILE[@S]...",
+    nargs=-1,
+    required=True,
+    shell_complete=completion.files,
+    help=f"{suffixes_text()}, or {PART} of one never closed; @S: time of its trigger",
+)
+@options.value("--channels", metavar="A,B,...", help="default: the main ones all have")
+@options.value(
+    "--align",
+    metavar="HOW",
+    help="trigger, start or none; default: trigger if all have one, else start if several",
+)
+@options.value("--window", metavar="T0,T1", help="seconds to show, after alignment")
+@options.file(
+    "-o", "--output", metavar="FILE.png", default=Path("out/plot.png"), help="the picture"
+)
+@options.as_json
+def plot(files, channels, align, window, output, as_json) -> int:
+    """Recordings over each other, and how far they are apart.
+
+    Draws recordings of simulation, emulated processor and bench over each other, aligned by
+    their trigger.
+    """
+    from rich.markup import escape
+    from rich.table import Table
+
+    from ..analysis import overlay
+    from ..recording.formats import RecordingError
+
+    window_s = _window(window)
+    if align not in (None, *overlay.ALIGNMENTS):
+        known = ", ".join(overlay.ALIGNMENTS)
+        raise RecordingError(f"--align {align}: choose from {known}")
+    if output.suffix != ".png":
+        raise RecordingError(f"{output}: a picture is a .png")
+    console = console_of(as_json)
+    traces = overlay.read(files)
+    for trace in traces:
+        _complain_of(trace.file, trace.rec)
+    how = overlay.align(traces, align)
+    asked = None if channels is None else [n.strip() for n in channels.split(",")]
+    names = overlay.chosen(traces, asked)
+    traces = overlay.cut(traces, window_s)
+    try:
+        picture = overlay.plot(traces, names, how, output)
+    except OSError as error:
+        raise RecordingError(f"{output}: {error.strerror}") from None
+    result = overlay.summary(traces, names, how)
+    if len(traces) > 1:
+        table = Table(title=f"rms difference from {escape(traces[0].label)}", title_justify="left")
+        for heading in ("channel", "unit", *(escape(t.label) for t in traces[1:])):
+            table.add_column(heading)
+        for name, row in result["channels"].items():
+            rms = row["rms_difference"][1:]
+            table.add_row(name, row["unit"], *("–" if v is None else f"{v:.4g}" for v in rms))
+        console.print(table)
+    console.print(f"picture: {picture}", highlight=False)
+    if as_json:
+        print_json({**result, "picture": str(picture)})
+    return 0
+
+
+def _window(text: str | None) -> tuple[float, float] | None:
+    """The seconds of a --window option."""
+    from ..recording.formats import RecordingError
+
+    if text is None:
+        return None
+    try:
+        begin_s, end_s = map(float, text.split(","))
+    except ValueError:
+        begin_s = end_s = float("nan")
+    if not float("-inf") < begin_s < end_s < float("inf"):
+        raise RecordingError(f"--window {text}: two times in s that ascend, as in -0.01,0.1")
+    return begin_s, end_s
+
+
+def _complain_of(file: str, rec) -> None:
+    """What reading a file brought up, on standard error."""
+    if rec.notes:
+        complain(f"{file}: {'; '.join(rec.notes)}")
+
+
+@click.command(epilog=examples("convert out/bench.npz.part out/bench.mf4"))
+@click.argument("file", metavar="FILE", shell_complete=completion.files)
+@click.argument(
+    "new",
+    metavar="NEW",
+    type=click.Path(path_type=Path),
+    shell_complete=completion.files,
+    help=f"a name that ends in {suffixes_text()}",
+)
+def convert(file, new) -> int:
+    """A recording into another kind of file.
+
+    The new name's suffix says which kind. From a .part file it saves a recording that was
+    never closed.
+    """
+    from ..recording.formats import check_output
+    from ..recording.recording import Recording
+
+    output = check_output(new)
+    rec = Recording.load(file)
+    _complain_of(file, rec)
+    print(f"{rec.save(output)}: {len(rec)} samples of {len(rec.channels)} channels")
+    return 0

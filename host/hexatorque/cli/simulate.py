@@ -1,0 +1,140 @@
+"""Commands that simulate: `run`, `compare` and `reach`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from . import options
+from .group import examples
+from .options import schemes_given
+from .output import (
+    compile_now,
+    compiling,
+    console_of,
+    print_failure,
+    print_json,
+    progress,
+    say,
+    tripped,
+)
+
+
+@click.command(epilog=examples("run examples/reversal.toml -o out/reversal.csv"))
+@options.scenario(required=True)
+@options.recording_or_none
+@options.as_json
+def run(scenario, output, as_json) -> int:
+    """One scenario with a speed and load profile.
+
+    Runs a scenario file and writes the recording.
+    """
+    from .. import setups
+    from ..drive.simulated import SimulatedDrive
+    from ..recording.formats import check_output
+
+    console = console_of(as_json)
+    setup = setups.load(scenario)
+    file = check_output(output or Path("out") / f"{setup.name}.npz")
+    with compiling():
+        sim = SimulatedDrive(setup, setup.profile.samples_per_period)
+    with progress(console) as bar:
+        task = bar.add_task(setup.name, total=setup.profile.duration_s)
+        sim.run_profile(setup.profile, lambda seconds: bar.advance(task, seconds))
+    recording = sim.take()
+    recording.save(file)
+    summary = {
+        "scenario": setup.name,
+        "file": str(file),
+        "duration_s": recording.duration_s,
+        "samples": len(recording),
+        "state": sim.controller.state,
+        "faults": sim.controller.faults,
+        "final_speed_rpm": sim.speed_rpm,
+        "f_sw_Hz": recording.meta["f_sw_Hz"],
+        "realtime_factor": recording.duration_s / sim.wall_s,
+    }
+    say(as_json, summary)
+    return tripped(summary["state"], summary["faults"])
+
+
+@click.command(
+    epilog=examples("compare", "compare --setup paper-b --schemes dtc1,dtc3 --speed 1500 --load 1")
+)
+@options.point("both papers' set-ups")
+@options.folder("out/compare")
+@options.as_json
+def compare(setup, schemes, speed, load, latency, output, as_json) -> int:
+    """Schemes side by side at one operating point.
+
+    Runs schemes to a steady state and compares them with the papers' numbers; without --setup
+    on the set-ups of both papers.
+    """
+    from ..analysis.report import console_table
+    from ..drive import comparison
+    from ..evidence.papers.printed_values import PAPER
+    from ..recording.formats import RecordingError
+
+    console = console_of(as_json)
+    names = [setup] if setup else comparison.DEFAULT_SETUPS
+    comparison.make_folder(output)
+    todo = comparison.points(names, schemes_given(schemes), speed, load, latency)
+    compile_now()
+    with progress(console) as bar:
+        task = bar.add_task("comparing", total=sum(point.simulated_s for point in todo))
+        compared = comparison.compare(todo, PAPER, lambda seconds: bar.advance(task, seconds))
+        bar.update(task, description="writing the report")
+        command = " ".join(["hexatorque", *(sys.argv[1:] or ["compare"])])
+        try:
+            written = comparison.write(compared, output, command)
+        except OSError as error:
+            raise RecordingError(f"{error.filename}: {error.strerror}") from None
+    for table in console_table(compared.runs, PAPER):
+        console.print(table)
+    for label, reason in compared.failed:
+        print_failure(console, f"{label}: {reason}")
+    console.print(f"report: {written[-1]}", highlight=False)
+    if as_json:
+        print_json(compared.as_json())
+    return 1 if compared.failed else 0
+
+
+@click.command(epilog=examples("reach --setup paper-b --load 2"))
+@options.setup("paper-a-feasible")
+@options.schemes
+@options.load
+@options.as_json
+def reach(setup, schemes, load, as_json) -> int:
+    """Highest speed that each scheme holds.
+
+    That is the highest speed at which a scheme holds the load with its full flux reference.
+    """
+    from rich.table import Table
+
+    from .. import setups
+    from ..drive.operating_points import reach_all
+
+    console = console_of(as_json)
+    loaded = setups.load(setup)
+    if load is not None:
+        loaded = loaded.changed(point__load_Nm=load)
+    load_Nm = loaded["point.load_Nm"]
+    names = schemes_given(schemes)
+    variants = [loaded.changed(controller__scheme=name) for name in names]
+    compile_now()
+    with progress(console) as bar:
+        task = bar.add_task("searching", total=None)
+        speeds = reach_all(variants, load_Nm, lambda seconds: bar.advance(task, seconds))
+    result = dict(zip(names, speeds))
+    if as_json:
+        print_json({"setup": loaded.name, "load_Nm": load_Nm, "reachable_rpm": result})
+        return 0
+    table = Table(title=f"{loaded.name}, {load_Nm:g} N m, full flux", title_justify="left")
+    table.add_column("scheme")
+    table.add_column("reachable speed [r/min]", justify="right")
+    for name, speed in result.items():
+        table.add_row(name, f"{speed:.0f}")
+    console.print(table)
+    return 0

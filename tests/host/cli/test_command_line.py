@@ -1,0 +1,323 @@
+"""The tree of commands: its names, its help, its completion, and what it says to a mistake."""
+
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from itertools import combinations
+from pathlib import Path
+
+import click
+import pytest
+
+import hexatorque
+from hexatorque.cli import simulate
+from hexatorque.cli.group import OLD_NAMES
+from hexatorque.cli.main import app, main
+from hexatorque.errors import HexatorqueError
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def tree(command=app, path=()):
+    """Every command and group: its words, and itself."""
+    yield path, command
+    for name, child in getattr(command, "commands", {}).items():
+        yield from tree(child, (*path, name))
+
+
+COMMANDS = {path: command for path, command in tree() if not isinstance(command, click.Group)}
+GROUPS = {path: command for path, command in tree() if isinstance(command, click.Group)}
+
+
+def parse(words):
+    """Read a command line as the program does, without running it."""
+    command, ctx = app, None
+    while isinstance(command, click.Group):
+        command = command.commands[words[0]]
+        ctx, words = command, words[1:]
+    return ctx.make_context(ctx.name, list(words))
+
+
+def lines_of(text):
+    """The command lines in a text: indented, with `hexatorque` first."""
+    joined = text.replace("\\\n", " ")
+    found = [line.strip() for line in joined.splitlines() if line.startswith(("  ", "\t"))]
+    return [shlex.split(line, comments=True) for line in found if line.startswith("hexatorque ")]
+
+
+# -- names --------------------------------------------------------------------------------
+
+
+def test_groups_are_small():
+    for path, group in GROUPS.items():
+        assert len(group.commands) <= 12, path
+
+
+def test_what_is_daily_is_on_top():
+    daily = {"run", "compare", "reach", "plot", "convert", "setups", "schemes"}
+    assert set(app.commands) == {*daily, "board", "evidence"}
+
+
+def apart(one, other):
+    """Letters to insert, delete or replace between two words."""
+    row = list(range(len(other) + 1))
+    for i, a in enumerate(one, 1):
+        before, row[0] = row[0], i
+        for j, b in enumerate(other, 1):
+            before, row[j] = row[j], min(before + (a != b), row[j] + 1, row[j - 1] + 1)
+    return row[-1]
+
+
+def test_the_distance_of_words():
+    assert [apart("set", "get"), apart("scheme", "schemes"), apart("start", "stop")] == [1, 1, 3]
+    assert apart("", "abc") == 3 and apart("abc", "abc") == 0
+
+
+def test_no_two_names_of_a_group_differ_by_one_letter():
+    for group in GROUPS.values():
+        for one, other in combinations(group.commands, 2):
+            assert apart(one, other) > 1, (one, other)
+
+
+def test_nothing_that_moves_a_machine_is_named_like_a_simulation():
+    simulates = [*COMMANDS, ("board", "serve")]
+    simulates = [path[-1] for path in simulates if path[0] != "board" or path[1] == "serve"]
+    for path in COMMANDS:
+        if path[0] == "board" and path[1] != "serve":
+            assert min(apart(path[-1], name) for name in simulates) > 1, path
+
+
+OLD = {
+    "board --virtual": "board serve",
+    "devices": "board list",
+    "status": "board status",
+    "start": "board start",
+    "stop": "board stop",
+    "clear": "board clear",
+    "speed 400": "board set speed=RPM",
+    "scheme ddr": "board set scheme=NAME",
+    "params list": "board params",
+    "board params set rs_ohm=1": "board set NAME=VALUE",
+    "stream state": "board stream",
+    "capture state": "board capture",
+    "watch state": "board watch",
+    "monitor": "board monitor",
+    "reproduce all": "evidence papers",
+    "verify all": "evidence studies",
+    "pil": "evidence pil",
+    "budget": "evidence budget",
+    "bench": "evidence speed",
+}
+
+
+@pytest.mark.parametrize("old", OLD)
+def test_an_old_name_gives_the_new_one(old, capsys):
+    assert main(old.split()) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.count("\n") == 1
+    assert said.err.startswith("hexatorque: ")
+    assert said.err.endswith(f" it is `hexatorque {OLD[old]}`\n")
+
+
+def test_new_names_are_commands():
+    for new in {*OLD.values(), *OLD_NAMES.values()}:
+        path = tuple(word for word in new.split() if "=" not in word)
+        assert path in COMMANDS or path in GROUPS
+
+
+# -- mistakes -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("", ["missing command", "run, compare", "evidence"]),
+        ("board", ["missing command", "serve, list", "hexatorque board --help"]),
+        ("board params", ["missing command", "list, get"]),
+        ("plt", ["no command 'plt'", "did you mean plot?", "schemes"]),
+        ("board strat", ["no command 'strat'", "did you mean start?", "monitor"]),
+        ("zzz", ["no command 'zzz': choose from run"]),
+        ("run", ["missing argument 'SCENARIO.toml'", "hexatorque run --help"]),
+        ("run a b", ["unexpected extra argument", "b"]),
+        ("run a --outptu b", ["--outptu", "--output"]),
+        ("board stream state", ["missing option", "--output"]),
+        ("board stream -o x.csv", ["missing argument 'CH...'"]),
+        ("board stream a --rate 1 --decimation 2 -o x.csv", ["--decimation: not with --rate"]),
+        ("reach --load fast", ["--load", "'fast'", "a number is needed"]),
+        ("reach --load", ["--load", "requires an argument"]),
+        ("board capture state -o x.csv --samples 1.5", ["--samples", "'1.5'", "whole number"]),
+        ("board watch state --window -1", ["--window", "'-1'", "above 0 s"]),
+        ("board list --baud 1e6", ["--baud", "'1e6'", "above 0"]),
+        ("board monitor --port 70000", ["--port", "'70000'", "0 .. 65535"]),
+        ("board status --json=3", ["--json", "not take a value"]),
+        ("board start --set rs_ohm --device /dev/null", ["'rs_ohm'", "NAME=VALUE"]),
+        ("--show-completion tcsh", ["'tcsh'", "bash, zsh, fish"]),
+        ("--json", ["no such option", "--json"]),
+    ],
+)
+def test_a_mistake_is_one_line(line, words, capsys, monkeypatch):
+    from hexatorque.cli.board import drive
+
+    monkeypatch.setattr(drive, "open_drive", lambda *_: pytest.fail("a board was opened"))
+    assert main(line.split()) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.count("\n") == 1
+    assert said.err.startswith("hexatorque: ") and "─" not in said.err
+    for word in words:
+        assert word in said.err
+
+
+def test_values_may_begin_with_a_minus_sign():
+    assert parse(["reach", "--load", "-2"]).params["load"] == -2
+    assert parse(["plot", "a.npz", "--window", "-0.1,0.2"]).params["window"] == "-0.1,0.2"
+    assert parse(["board", "start", "--speed", "-400"]).params["speed"] == -400
+
+
+@pytest.mark.parametrize(
+    ("raised", "code", "line"),
+    [
+        (KeyboardInterrupt, 130, "interrupted"),
+        (HexatorqueError("no reply"), 1, "no reply"),
+        (type("Wrong", (HexatorqueError,), {"exit_code": 2})("rs_ohm = -1"), 2, "rs_ohm = -1"),
+        (ZeroDivisionError("division by zero"), 1, "division by zero"),
+    ],
+)
+def test_how_a_command_ends(raised, code, line, capsys, monkeypatch):
+    def fail(**_):
+        raise raised
+
+    monkeypatch.setattr(simulate.reach, "callback", fail)
+    assert main(["reach"]) == code
+    assert capsys.readouterr().err.strip() == f"hexatorque: {line}"
+
+
+# -- help ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", [path for path, _ in tree()], ids=" ".join)
+def test_help(path, capsys):
+    """Exit code 0; every command shows examples, which are right."""
+    assert main([*path, "--help"]) == 0
+    said = capsys.readouterr()
+    assert said.err == "" and said.out.startswith(f"Usage: {' '.join(['hexatorque', *path])} ")
+    assert max(map(len, said.out.splitlines())) <= 100
+    examples = lines_of(said.out.partition("examples:\n")[2])
+    assert examples
+    for words in examples:
+        assert tuple(words[1 : 1 + len(path)]) == path
+        parse(words[1:])
+
+
+@pytest.mark.parametrize("page", ["README.md", *(f"docs/{p.name}" for p in ROOT.glob("docs/*.md"))])
+def test_the_pages_show_commands_as_they_are(page):
+    for words in lines_of((ROOT / page).read_text()):
+        parse(words[1:])
+
+
+def test_version(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"hexatorque {hexatorque.__version__}\n"
+
+
+def python(*words, **environment):
+    """In a process of its own, as from a shell."""
+    package = str(Path(hexatorque.__file__).parents[1])
+    return subprocess.run(
+        [sys.executable, *words], capture_output=True, text=True, timeout=60,
+        env={**os.environ, "PYTHONPATH": package, **environment},
+    )  # fmt: skip
+
+
+def test_as_a_module_of_python():
+    done = python("-m", "hexatorque", "devices")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "hexatorque: no command 'devices' here: it is `hexatorque board list`\n"
+
+
+def test_help_loads_nothing_heavy():
+    """Else it could not be there in 0.4 s."""
+    code = (
+        "import sys; from hexatorque.cli.main import main; main(['board', 'status', '--help']); "
+        "print(*{'numpy', 'numba', 'rich', 'matplotlib', 'cffi', 'serial'} & set(sys.modules))"
+    )
+    done = python("-c", code)
+    assert done.stderr == "" and done.stdout.splitlines()[-1] == ""
+
+
+# -- completion ---------------------------------------------------------------------------
+
+
+def completed(line, monkeypatch, capsys):
+    """What the shell offers for the last word of a line."""
+    words = line.split(" ")
+    monkeypatch.setenv("_HEXATORQUE_COMPLETE", "bash_complete")
+    monkeypatch.setenv("COMP_WORDS", line)
+    monkeypatch.setenv("COMP_CWORD", str(len(words) - 1))
+    with pytest.raises(SystemExit, match="0"):
+        main([])
+    return capsys.readouterr().out.splitlines()
+
+
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("hexatorque re", ["plain,reach"]),
+        ("hexatorque board st", [f"plain,{w}" for w in ("status", "start", "stop", "stream")]),
+        ("hexatorque board params k", ["plain,keep"]),
+        ("hexatorque reach --sch", ["plain,--schemes"]),
+        ("hexatorque reach --schemes fdr,ddr", ["plain,fdr,ddr", "plain,fdr,ddr-ml"]),
+        ("hexatorque reach --setup paper-b-", ["plain,paper-b-fitted"]),
+        ("hexatorque reach --setup exam", ["file,exam"]),
+        ("hexatorque run exam", ["file,exam"]),
+        ("hexatorque compare --latency s", ["plain,shadow"]),
+        ("hexatorque board start --scheme dtc3", ["plain,dtc3"]),
+        ("hexatorque board set rs_", ["plain,rs_ohm="]),
+        ("hexatorque board set rs_ohm=1.7 scheme=fd", ["plain,scheme=fdr"]),
+        ("hexatorque board params get vdc_m", ["plain,vdc_min_V", "plain,vdc_max_V"]),
+        ("hexatorque board watch speed_rp", ["plain,speed_rpm"]),
+        ("hexatorque evidence studies li", ["plain,light-load", "plain,line"]),
+        ("hexatorque evidence papers A-T", ["plain,A-T2", "plain,A-T3", "plain,A-T4"]),
+    ],
+)
+def test_completion(line, offered, monkeypatch, capsys):
+    assert completed(line, monkeypatch, capsys) == offered
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_installing_completion(shell, tmp_path, monkeypatch, capsys):
+    if shell == "bash" and not shutil.which("bash"):
+        pytest.skip("no bash")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
+    monkeypatch.setenv("SHELL", f"/usr/bin/{shell}")
+    assert main(["--show-completion"]) == 0
+    script = capsys.readouterr().out
+    assert f"_HEXATORQUE_COMPLETE={shell}_complete" in script
+    for arguments in (["--install-completion"], ["--install-completion", shell]):
+        assert main(arguments) == 0
+        assert "written: " in capsys.readouterr().out
+    (written,) = [path for path in (tmp_path / ".config").rglob("*") if path.is_file()]
+    assert written.read_text() == script
+    start = tmp_path / f".{shell}rc"
+    if shell == "fish":
+        assert written == tmp_path / ".config/fish/completions/hexatorque.fish"
+        assert not start.exists()
+    else:
+        assert start.read_text() == f"source '{written}'\n"  # once
+    if shell == "bash":
+        done = subprocess.run(
+            ["bash", "-c", f"source '{start}'; complete -p hexatorque"],
+            capture_output=True, text=True,
+        )  # fmt: skip
+        assert done.returncode == 0 and "hexatorque" in done.stdout
+
+
+def test_completion_that_cannot_be_written(tmp_path, monkeypatch, capsys):
+    (tmp_path / ".config").write_text("")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
+    assert main(["--install-completion", "zsh"]) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and ".config" in said

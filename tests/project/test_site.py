@@ -1,0 +1,80 @@
+"""The site: what its hook writes from the program is complete, and every page can be reached.
+That all links lead somewhere, `make docs` checks, in strict mode."""
+
+import re
+from pathlib import Path
+
+import pytest
+import site_hook
+
+import hexatorque
+from hexatorque import firmware
+from hexatorque.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+CONFIG = (ROOT / "mkdocs.yml").read_text()
+
+
+def test_every_page_is_in_the_navigation_once():
+    pages = re.findall(r"(\S+\.md)$", CONFIG[CONFIG.index("nav:") :], re.M)
+    written = {path.name for path in (ROOT / "docs").glob("*.md")}
+    generated = {*site_hook.FROM_ROOT, "gallery.md"} | {
+        f"reference/{name}.md" for name in ("commands", "python", "parameters", "channels")
+    }
+    assert sorted(pages) == sorted(written | generated)
+
+
+def test_nothing_is_loaded_from_elsewhere():
+    assert "font: false" in CONFIG and "://" not in CONFIG
+    assert "url(" not in (ROOT / "docs/stylesheets/site.css").read_text()
+
+
+def test_parameters_and_channels_are_complete():
+    page = site_hook.parameters_page()
+    for row in firmware.parameters().values():
+        assert f"| `{row.name}` |" in page and site_hook.cell(row.help) in page
+        assert all(f"`{choice}`" in page for choice in row.choices)
+    page = site_hook.channels_page()
+    for name, unit in firmware.channels():
+        assert re.search(rf"^\| `{name}` \| {re.escape(unit)} \| \S", page, re.M), name
+    for bit, name in firmware.FAULTS.items():
+        assert f"| {name} | `0x{bit:04X}` |" in page
+
+
+def test_every_public_name_is_in_the_reference():
+    page = site_hook.python_page()
+    for name in hexatorque.__all__:
+        value = getattr(hexatorque, name)
+        assert f"::: {value.__module__}.{name}\n" in page
+
+
+@pytest.mark.skipif(not hasattr(main, "app"), reason="commands are not a tree yet")
+def test_every_command_is_in_the_reference():
+    page = site_hook.commands_page()
+    for words in ("run", "compare", "board serve", "board params load", "evidence papers"):
+        assert f"## hexatorque {words}\n" in page
+    assert "--setup" in page and "| argument | what |" in page
+
+
+def test_links_of_the_home_page_lead_from_docs():
+    page = site_hook.read_root("README.md")
+    assert "](tutorial.md)" in page and "](contributing.md#the-map)" in page
+    assert "](images/compare.png)" in page and "](docs/" not in page
+
+
+def test_equations():
+    pytest.importorskip("latex2mathml", reason="HT_EXTRAS=docs make test")
+
+    def drawn(text):
+        return site_hook.equation(text, "math", "math", {}, None)
+
+    assert "<mfrac>" in drawn(r"\frac{d\psi}{dt} = v - R_s i")
+    assert "http" not in drawn(r"a_b").replace("http://www.w3.org/1998/Math/MathML", "")
+    with pytest.raises(ValueError, match="not understood"):
+        drawn(r"\begin{aligned} a &= b \end{aligned}")
+    found = 0
+    for path in (ROOT / "docs").glob("*.md"):
+        for block in re.findall(r"^```math\n(.*?)^```", path.read_text(), re.S | re.M):
+            found += 1
+            drawn(block)
+    assert found >= 7

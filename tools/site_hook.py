@@ -1,0 +1,308 @@
+"""What the site has beyond the pages in docs/ (a hook of MkDocs, see mkdocs.yml).
+
+- Pages from files at the root: README.md is the home page, CONTRIBUTING.md, CHANGELOG.md.
+- Pages from the program itself: commands, Python names, parameters, channels, faults.
+- The gallery: the scenarios and scripts in examples/, and its notebooks, executed.
+- Equations: a block ```math becomes MathML, which browsers draw without a script.
+- A link out of docs/ (to code) becomes the file's path: the site holds pages only.
+"""
+
+from __future__ import annotations
+
+import base64
+import importlib
+import inspect
+import os
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+EXAMPLES = ROOT / "examples"
+#: Page of the site -> file at the root.
+FROM_ROOT = {
+    "index.md": "README.md",
+    "contributing.md": "CONTRIBUTING.md",
+    "changelog.md": "CHANGELOG.md",
+}
+#: Room in hexatorque -> what of it the page "Python" shows, in this order.
+PYTHON = {
+    "setups": ("load", "Setup", "Profile"),
+    "drive.interface": ("DriveVerbs", "DriveFault"),
+    "drive.simulated": ("SimulatedDrive",),
+    "drive.board": ("BoardDrive",),
+    "recording.recording": ("Recording",),
+    "recording.writer": ("Writer",),
+    "analysis.metrics": ("metrics",),
+    "errors": ("HexatorqueError",),
+}
+
+
+# --- MkDocs calls these -----------------------------------------------------------
+
+
+def on_config(config):
+    """Equations are fenced blocks of the kind "math"."""
+    config.mdx_configs["pymdownx.superfences"] = {
+        "custom_fences": [{"name": "math", "class": "math", "format": equation}]
+    }
+    return config
+
+
+def on_files(files, config):
+    from mkdocs.structure.files import File
+
+    pages = {page: read_root(name) for page, name in FROM_ROOT.items()}
+    pages["reference/commands.md"] = commands_page()
+    pages["reference/python.md"] = python_page()
+    pages["reference/parameters.md"] = parameters_page()
+    pages["reference/channels.md"] = channels_page()
+    gallery, pictures = gallery_page()
+    pages["gallery.md"] = gallery
+    for name, content in (pages | pictures).items():
+        files.append(File.generated(config, name, content=content))
+    return files
+
+
+def on_page_markdown(markdown, page, config, files):
+    """A link to a file that is no page becomes that file's path."""
+    folder = os.path.dirname(page.file.src_uri)
+
+    def without_code(link):
+        text, target = link[1], link[2]
+        if re.match(r"[a-z]+:|#", target):
+            return link[0]
+        path = os.path.normpath(os.path.join(folder, target.partition("#")[0]))
+        if files.get_file_from_path(path):
+            return link[0]
+        outside = os.path.normpath(os.path.join("docs", path))
+        if not (ROOT / outside).exists():
+            return link[0]  # MkDocs reports it
+        return f"`{outside}`" if text.strip("`") in outside else f"{text} (`{outside}`)"
+
+    parts = re.split(r"(^```.*?^```$)", markdown, flags=re.S | re.M)
+    parts[::2] = [re.sub(r"(?<!!)\[([^\]]+)\]\(([^)\s]+)\)", without_code, p) for p in parts[::2]]
+    return "".join(parts)
+
+
+# --- equations --------------------------------------------------------------------
+
+
+def equation(source, language, css_class, options, md, **kwargs):
+    """A ```math block (LaTeX, as GitHub draws it) as MathML."""
+    from latex2mathml.converter import convert
+
+    mathml = convert(source.strip(), display="block")
+    unknown = re.search(r"<mi>(&|\\[a-z]+)</mi>", mathml)
+    if unknown:
+        raise ValueError(f"equation not understood at {unknown[1]}: {source}")
+    # Browsers know the style, not the older attribute.
+    mathml = re.sub(r'columnalign="(\w+)"', r'style="text-align: \1"', mathml)
+    return f'<div class="math">{mathml}</div>'
+
+
+# --- pages from files ---------------------------------------------------------------
+
+
+def read_root(name: str) -> str:
+    """A file of the root as a page of docs/: its links and pictures lead from there."""
+    text = (ROOT / name).read_text()
+    pages = {file: page for page, file in FROM_ROOT.items()}
+
+    def moved(link):
+        target = link[1]
+        if re.match(r"[a-z]+:|#", target):
+            return link[0]
+        path, hash_, anchor = target.partition("#")
+        path = pages.get(path) or os.path.relpath(path, "docs")
+        return f"]({path}{hash_}{anchor})"
+
+    return re.sub(r"\]\(([^)\s]+)\)", moved, text)
+
+
+# --- pages from the program ---------------------------------------------------------
+
+
+def cell(text: object) -> str:
+    """Text for a cell of a table."""
+    return re.sub(r"\s+", " ", str(text)).replace("|", "\\|").replace("<", "&lt;")
+
+
+def table(head: tuple[str, ...], rows: list[tuple[object, ...]]) -> str:
+    lines = [head, ("---",) * len(head), *(tuple(cell(c) for c in row) for row in rows)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def commands_page() -> str:
+    text = ["# Commands", "Written from the program itself. `--help` shows the same.", ""]
+    from hexatorque.cli import main
+
+    if not hasattr(main, "app"):  # still argparse
+        return "\n".join([*text, "```text", main._parser().format_help(), "```"])
+    top = main.app
+    if not hasattr(top, "list_commands"):
+        import typer
+
+        top = typer.main.get_command(top)
+    for words, command in walk(top, ("hexatorque",)):
+        text += command_section(words, command)
+    return "\n".join(text)
+
+
+def walk(command, words):
+    """Every command that is no group and not hidden, with its words."""
+    context = command.context_class(command, info_name=words[-1])
+    if not hasattr(command, "list_commands"):
+        yield words, command
+        return
+    for name in command.list_commands(context):
+        inner = command.get_command(context, name)
+        if inner is not None and not inner.hidden:
+            yield from walk(inner, (*words, name))
+
+
+def command_section(words: tuple[str, ...], command) -> list[str]:
+    context = command.context_class(command, info_name=" ".join(words))
+    usage = " ".join([*words, *command.collect_usage_pieces(context)])
+    text = [f"## {' '.join(words)}", "", inspect.cleandoc(command.help or ""), ""]
+    text += ["```text", usage, "```", ""]
+    rows = []
+    for parameter in command.params:
+        if getattr(parameter, "hidden", False) or "--help" in parameter.opts:
+            continue
+        if parameter.param_type_name == "argument":
+            name = parameter.metavar or parameter.name.upper()
+        else:
+            value = "" if getattr(parameter, "is_flag", False) else parameter.metavar or "VALUE"
+            name = f"{', '.join(parameter.opts)} {value}".strip()
+        rows.append((f"`{name}`", getattr(parameter, "help", "") or ""))
+    if rows:
+        text += [table(("argument", "what"), rows), ""]
+    if command.epilog:
+        text += ["```text", inspect.cleandoc(command.epilog.replace("\b", "")), "```", ""]
+    return text
+
+
+def python_page() -> str:
+    import hexatorque
+
+    text = [
+        "# Python",
+        "",
+        "The public names are at the top of the package: "
+        + ", ".join(f"`hexatorque.{name}`" for name in hexatorque.__all__)
+        + ". Scripts for a simulation and for a board are in [At the bench](../bench.md#a-script).",
+        "",
+    ]
+    for room, names in PYTHON.items():
+        module = importlib.import_module(f"hexatorque.{room}")
+        text += [f"## hexatorque.{room}", ""]
+        for name in names:
+            home = getattr(module, name).__module__
+            text += [f"::: {home}.{name}", ""]
+    return "\n".join(text)
+
+
+def parameters_page() -> str:
+    from hexatorque import firmware
+
+    rows = [
+        (f"`{p.name}`", p.unit, f"{p.initial:g}", allowed(p), "yes" if p.live else "no", p.help)
+        for p in firmware.parameters().values()
+    ]
+    return (
+        "# Parameters\n\nWritten from `firmware/app/ht_params.def`, the only place where a "
+        "parameter is defined. A set-up gives them in its section `[controller]`, a board takes "
+        "them from `hexatorque board set`. *Live*: may change while the drive runs.\n\n"
+        + table(("name", "unit", "initial", "allowed", "live", "what"), rows)
+    )
+
+
+def allowed(parameter) -> str:
+    if parameter.choices:
+        return ", ".join(f"`{choice}`" for choice in parameter.choices)
+    return f"{parameter.min:g} to {parameter.max:g}"
+
+
+def channels_page() -> str:
+    from hexatorque import firmware
+
+    about = defined("ht_channels.def", "HT_CHANNEL")
+    channels = [(f"`{name}`", unit, about[name][-1]) for name, unit in firmware.channels()]
+    faults = [
+        (row[2], f"`{row[1]}`", row[3]) for row in defined("ht_faults.def", "HT_FAULT").values()
+    ]
+    return (
+        "# Channels and faults\n\n## Channels\n\nWhat the firmware measures or estimates, written "
+        "from `firmware/app/ht_channels.def`. A simulation also records `plant.…`: the true "
+        "values.\n\n"
+        + table(("name", "unit", "what"), channels)
+        + "\n## Faults\n\nWritten from `firmware/app/ht_faults.def`. How each is found is in "
+        "[Protection](../protection.md).\n\n" + table(("fault", "bit", "what"), faults)
+    )
+
+
+def defined(name: str, macro: str) -> dict[str, list[str]]:
+    """The rows of a .def table by name: its fields, texts without their quotes."""
+    source = (ROOT / "firmware" / "app" / name).read_text()
+    rows = {}
+    for line in re.findall(rf"^{macro}\((.*)\)$", source, re.M):
+        fields = re.findall(r'\s*("[^"]*"|(?:[^,()"]|\([^()]*\))+)(?:,|$)', line)
+        fields = [field.strip().strip('"') for field in fields]
+        rows[fields[0]] = fields
+    return rows
+
+
+# --- the gallery --------------------------------------------------------------------
+
+
+def gallery_page() -> tuple[str, dict[str, bytes]]:
+    text = [
+        "# Gallery",
+        "",
+        "Everything here is in `examples/` and runs as it is. The notebooks are executed whenever "
+        "this site is built, so their numbers and pictures are those of this version.",
+        "",
+    ]
+    pictures: dict[str, bytes] = {}
+    for path in sorted(EXAMPLES.glob("*.ipynb")):
+        text += notebook(path, pictures)
+    text += ["## Scenarios", "", "Run them with `hexatorque run examples/NAME.toml`.", ""]
+    for path in sorted(EXAMPLES.glob("*.toml")):
+        text += [f"### {path.name}", "", "```toml", path.read_text().strip(), "```", ""]
+    text += ["## Scripts", ""]
+    for path in sorted(EXAMPLES.glob("*.py")):
+        text += [f"### {path.name}", "", "```python", path.read_text().strip(), "```", ""]
+    return "\n".join(text), pictures
+
+
+def executed(path: Path):
+    """The notebook with its cells run; a cell that fails is an error."""
+    import nbformat
+    from nbclient import NotebookClient
+    from traitlets.config import Config
+
+    book = nbformat.read(path, as_version=4)
+    local = Config({"ConnectionFileMixin": {"transport": "ipc"}})  # no port is opened
+    NotebookClient(book, kernel_name="python3", timeout=300, config=local).execute()
+    return book
+
+
+def notebook(path: Path, pictures: dict[str, bytes]) -> list[str]:
+    """An executed notebook as Markdown; its pictures are added to `pictures`."""
+    book = executed(path)
+    text: list[str] = []
+    for cell_ in book.cells:
+        if cell_.cell_type == "markdown":
+            text += [re.sub(r"^#", "##", cell_.source, flags=re.M), ""]
+            continue
+        text += ["```python", cell_.source, "```", ""]
+        for output in cell_.outputs:
+            data = output.get("data", {})
+            if "image/png" in data:
+                name = f"images/gallery/{path.stem}-{len(pictures)}.png"
+                pictures[name] = base64.b64decode(data["image/png"])
+                text += [f"![A picture that the code above draws]({name})", ""]
+            elif words := output.get("text") or data.get("text/plain"):
+                text += ["```text", words.rstrip(), "```", ""]
+    text += [f"This notebook is `examples/{path.name}`.", ""]
+    return text
