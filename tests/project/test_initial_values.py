@@ -48,7 +48,7 @@ int main(void)
     ht_params p;
     ht_packet packet;
     uint16_t id, n;
-    ht_regfile_reset(&registers, &ht_board_f28377s.map);
+    ht_regfile_reset(&registers, ht_board_f28377s.map);
     ht_port_bind(&port, &registers, &ht_board_f28377s);
     ht_params_default(&p);
     if (!ht_board_start(&port) || (ht_drive_init(&drive, &port, &p) != HT_OK)) {
@@ -185,7 +185,10 @@ def test_an_image_lists_them_and_starts_with_them(tree, tmp_path):
     include = [f"-I{tree / 'firmware' / folder}" for folder in folders]
     libraries = [build / "libht_app.a", build / "libht_core.a", "-lm"]
     program = tmp_path / "list"
-    subprocess.run([CC, "-std=c99", *include, source, "-o", program, *libraries], check=True)
+    subprocess.run(
+        [CC, "-std=c99", "-Wall", "-Werror", *include, source, "-o", program, *libraries],
+        check=True,
+    )
     done = subprocess.run([program], capture_output=True, text=True)
     assert done.returncode == 0, "the drive refuses its initial values"
     expected = as_kept(setups.load(mine))
