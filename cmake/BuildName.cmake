@@ -1,5 +1,5 @@
-# What an image's link says of its build (HELLO): HT_BUILD, "version+commit", and the gates'
-# polarity if it is not the usual one.
+# What an image's link says of its build (HELLO): HT_BUILD, "version+commit", the gates'
+# polarity if it is not the usual one, and that its initial values are those of a set-up.
 set(version "unknown")
 foreach(file host/hexatorque/__init__.py ../__init__.py) # of the repository, installed
   if(EXISTS "${PROJECT_SOURCE_DIR}/${file}")
@@ -15,4 +15,7 @@ if(commit)
 endif()
 if(HT_GATES_ACTIVE_LOW)
   string(APPEND HT_BUILD "+active-low")
+endif()
+if(HT_SETUP)
+  string(APPEND HT_BUILD "+setup")
 endif()

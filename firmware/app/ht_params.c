@@ -1,3 +1,4 @@
+#include "ht_initial.h"
 #include "ht_params.h"
 
 #include "ht_schemes.h"
@@ -15,9 +16,9 @@ enum { LAST_SCHEME = (int)HT_SCHEMES - 1 };
 
 static const ht_param_info table[HT_PARAMS] = {
 #define HT_PARAM(name, unit, min, max, def, when, choices, help) \
-    {#name, unit, min, max, def, HT_WHEN_##when, choices, help, sizeof(choices) > 1u},
+    {#name, unit, min, max, HT_DEF(name, def), HT_WHEN_##when, choices, help, sizeof(choices) > 1u},
 #define HT_WHOLE(name, unit, min, max, def, when, help) \
-    {#name, unit, min, max, def, HT_WHEN_##when, "", help, true},
+    {#name, unit, min, max, HT_DEF(name, def), HT_WHEN_##when, "", help, true},
 #include "ht_params.def"
 #undef HT_PARAM
 #undef HT_WHOLE

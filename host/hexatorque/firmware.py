@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from . import _firmware
+from .chips import DEVICES
 from .errors import HexatorqueError
 
 ffi, lib = _firmware.ffi, _firmware.lib
@@ -36,7 +37,6 @@ def causes(bits: int) -> list[str]:
     return [text for bit, text in FAULTS.items() if bits & bit]
 
 
-DEVICES = ("f28335", "f28377s")
 BOARDS = (*DEVICES, "launchxl_f28377s")
 
 

@@ -4,7 +4,6 @@ compiler's place; it compiles nothing, it writes down what it is called with.
 """
 
 import json
-import os
 import re
 import shutil
 import subprocess
@@ -13,13 +12,11 @@ from pathlib import Path
 
 import c2000_image
 import pytest
-from ccs_projects import CC, CMAKE, NINJA, STAND_IN
+from ccs_projects import CC, CMAKE, STAND_IN
+from stand_in_compiler import configure, needs_cmake, stand_ins
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGE = ROOT / "firmware" / "port" / "c2000" / "image"
-
-
-needs_cmake = pytest.mark.skipif(not (CMAKE and NINJA and CC), reason="cmake, ninja, gcc")
 
 
 @pytest.fixture(scope="module")
@@ -30,14 +27,6 @@ def tree(tmp_path_factory):
     for name in ("CMakeLists.txt", "CMakePresets.json"):
         shutil.copy(ROOT / name, folder)
     return folder
-
-
-def configure(tree, preset, root="", *more):
-    command = [CMAKE, "--preset", preset, "-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={NINJA}", *more]
-    environment = {k: v for k, v in os.environ.items() if k != "TI_CGT_ROOT"}
-    if root:
-        environment["TI_CGT_ROOT"] = str(root)
-    return subprocess.run(command, cwd=tree, capture_output=True, text=True, env=environment)
 
 
 @needs_cmake
@@ -121,16 +110,6 @@ def test_what_the_compiler_gets(tree, tmp_path, preset, board, device):
         ]
         assert {"--entry_point=code_start", "--rom_model", "--library=libc.a"} <= set(call)
         assert sum(w.endswith(".obj") for w in call) == sources
-
-
-def stand_ins(tmp_path):
-    """A compiler's folder; returns the log of its calls."""
-    log = tmp_path / "log"
-    (tmp_path / "bin").mkdir()
-    for name in ("cl2000", "ar2000"):
-        (tmp_path / "bin" / name).write_text(STAND_IN.format(log=log, cc=CC))
-        (tmp_path / "bin" / name).chmod(0o755)
-    return log
 
 
 #: What is looked for in the user's C2000Ware.

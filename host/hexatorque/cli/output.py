@@ -75,8 +75,9 @@ def print_failure(console, text: str, what: str = "failed") -> None:
 
 
 def complain(text: str) -> None:
-    """One line on standard error."""
-    print(f"hexatorque: {text}", file=sys.stderr)
+    """On standard error; a line for each mistake."""
+    for line in text.splitlines():
+        print(f"hexatorque: {line}", file=sys.stderr)
 
 
 def say(as_json: bool, data: dict, text: str | None = None) -> None:

@@ -12,12 +12,16 @@ from .output import console_of, print_json
 @click.command("setups", epilog=examples("setups", "setups paper-b examples/reversal.toml"))
 @click.argument("names", metavar="[NAME|FILE]...", nargs=-1, shell_complete=completion.setup)
 @options.as_json
-def setups(names, as_json) -> int:
+@click.option("--schema", is_flag=True, help="JSON Schema of their files, for editors.")
+def setups(names, as_json, schema) -> int:
     """Built-in set-ups or those named: each value with its source."""
     from rich.table import Table
 
     from .. import setups
 
+    if schema:
+        print_json(setups.json_schema())
+        return 0
     loaded = [setups.load(name) for name in names or setups.builtin_names()]
     if as_json:
         print_json({s.name: setups.describe(s) for s in loaded})

@@ -29,7 +29,7 @@ from ..plant.record import record
 from ..plant.sensors import SENSORS
 from ..plant.vsd import INVERSE, PHASES
 from ..recording.recording import STARTED, Recording, clock_text
-from ..setups import Setup, SetupError
+from ..setups import Setup, SetupError, parameters
 from .captures import Burst, Trigger, metadata
 from .interface import DriveFault, DriveVerbs, Progress
 
@@ -137,7 +137,7 @@ class SimulatedDrive(DriveVerbs):
         controller: Callable[..., firmware.Controller] = firmware.Controller,
     ) -> None:
         self.setup = setup
-        self.controller = controller(setup["timing.device"], setup.controller_values())
+        self.controller = controller(setup["timing.device"], parameters(setup))
         period_counts = self.controller.period_counts
         clock = float(self.controller.map.pwm_clock_Hz)
         self.period_s = period_counts / clock

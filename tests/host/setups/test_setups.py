@@ -1,10 +1,15 @@
 """Set-ups and scenarios: what is refused, and how it is said."""
 
-import pytest
+import subprocess
+import sys
 
-from hexatorque import setups
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.setups import SetupError
+from hexatorque.setups import Profile, SetupError, schema
 
 BASE = 'setup = "paper-b"\n'
 
@@ -36,6 +41,8 @@ BASE = 'setup = "paper-b"\n'
         ("[profile]\nspeed_rpm = 'fast'\n", ("profile.speed_rpm", "pairs")),
         ("[profile]\nset = [[1, 'f_isr_Hz', 5000]]\n", ("f_isr_Hz", "while the drive runs")),
         ("[profile]\nsamples_per_period = 3\n", ("samples_per_period", "choose")),
+        ("[profile]\nsamples_per_period = 4.0\n", ("samples_per_period", "choose")),
+        ("[profile]\nsamples_per_period = true\n", ("samples_per_period", "choose")),
         ("[profile]\nspeeds = 3\n", ("profile.speeds", "speed_rpm")),
         ("[inverter]\nvdc_V = 600\n", ("inverter.vdc_V", "vdc_full_V")),
         ("x = [\n", ("TOML",)),
@@ -46,6 +53,109 @@ def test_refused_with_the_name_and_the_range(text, words):
         setups.parse(text if text.startswith("machine") else BASE + text, "test")
     for word in words:
         assert word in str(error.value)
+
+
+def test_all_mistakes_of_a_file_are_reported_together(tmp_path, capsys):
+    from hexatorque.cli.main import main
+
+    file = tmp_path / "bad.toml"
+    file.write_text(
+        "title = 3\n" + BASE + '[machine]\nrs_ohm = -1\n"a\\nb" = 1\ndrs_ohm = [1, "2", 3, 4e9]\n'
+        "[controller]\nschem = 'ddr'\n[profile]\nspeed_rpm = [[-1, 0], [2]]\n"
+    )
+    assert main(["setups", str(file)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    begin = f"hexatorque: {file}: "
+    assert all(line.startswith(begin) for line in lines)
+    assert sorted(line.removeprefix(begin).split(":")[0] for line in lines) == [
+        "machine.drs_ohm = '2'",
+        "machine.drs_ohm = 4e+09",
+        "machine.rs_ohm = -1",
+        "profile.speed_rpm time = -1",
+        "title = 3",
+        "unknown key controller.schem; did you mean 'scheme'?",
+        r"unknown key machine.'a\nb'; known",
+    ]
+
+
+def test_mistakes_over_several_values_are_reported_together():
+    with pytest.raises(SetupError) as error:
+        setups.load("paper-a").changed(
+            inverter__vdc_V=9000.0, machine__drs_ohm=(-100.0, 0, 0, 0, 0, 0)
+        )
+    assert [line.split(":")[0] for line in str(error.value).splitlines()] == [
+        "machine.drs_ohm",
+        "inverter.vdc_V is above sensors.vdc_full_V",
+    ]
+
+
+def test_wrong_and_missing_values_are_reported_together():
+    with pytest.raises(SetupError) as error:
+        setups.parse("[machine]\nrs_ohm = 0\n", "test")
+    lines = str(error.value).splitlines()
+    assert lines[0].startswith("machine.rs_ohm = 0: allowed range")
+    missing = [line.split(" is missing")[0] for line in lines[1:]]
+    assert missing == [
+        f"{section}.{key}"
+        for section, keys in setups.KEYS.items()
+        for key, spec in keys.items()
+        if spec.default is None and (section, key) != ("machine", "rs_ohm")
+    ]
+
+
+@pytest.mark.parametrize("text", ["1e400", "9" * 400, "-9e999", "'1'", "true", "[1]", "{ x = 1 }"])
+def test_no_number_ends_in_a_traceback(text):
+    with pytest.raises(SetupError, match=r"^machine\.rs_ohm"):
+        setups.parse(f"{BASE}[machine]\nrs_ohm = {text}\n", "test")
+
+
+VALUES = st.recursive(
+    st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just("ddr"),
+    lambda inner: (
+        st.lists(inner, max_size=7)
+        | st.dictionaries(st.sampled_from(["value", "tag", "note", "x"]), inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+PLACES = st.sampled_from(
+    [
+        *((section, key) for section, keys in setups.KEYS.items() for key in [*keys, "x"]),
+        *(("controller", name) for name in firmware.parameters()),
+        *(("profile", name) for name in Profile.__dataclass_fields__),
+        *((section, None) for section in (*setups.KEYS, "controller", "profile", "title", "x")),
+    ]
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(PLACES, VALUES)
+def test_whatever_stands_there_is_taken_or_refused_in_a_line(place, value):
+    section, key = place
+    data = {section: value if key is None else {key: value}}
+    try:
+        schema.check(data)
+    except SetupError as error:
+        for line in str(error).split("\n"):
+            assert section in line and line.isprintable()
+
+
+def test_spellings_of_a_choice():
+    """TOML's own booleans and numbers for choices that look like them."""
+    text = "[controller]\nzero_hold = false\ntorque_levels = 3\n"
+    values = setups.parameters(setups.parse(BASE + text, "test"))
+    assert (values["zero_hold"], values["torque_levels"]) == ("off", "3")
+    for text in ("zero_hold = 1", "torque_levels = 4", "torque_levels = 3.0"):
+        with pytest.raises(SetupError, match="choose one of"):
+            setups.parse(f"{BASE}[controller]\n{text}\n", "test")
+
+
+def test_importing_takes_no_library():
+    """A command that needs no set-up does not wait for pydantic, numpy or the firmware."""
+    code = (
+        "import sys; import hexatorque.setups as s; s.builtin_names();"
+        "assert not {'pydantic', 'numpy', 'hexatorque.firmware'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_missing_values_are_named():

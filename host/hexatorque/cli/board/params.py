@@ -100,40 +100,51 @@ def save(file, device, baud, as_json) -> int:
     return 0
 
 
-@params.command(epilog=examples("board params load b.toml"))
-@file_given
+@params.command(epilog=examples("board params load b.toml", "board params load --setup paper-b"))
+@click.argument(
+    "file",
+    metavar="[FILE.toml]",
+    required=False,
+    type=click.Path(),
+    shell_complete=completion.files,
+)
+@click.option("--setup", metavar="NAME|FILE", shell_complete=completion.setup,
+              help="The parameters that the simulation of this set-up uses.")  # fmt: skip
 @options.board
 @options.as_json
-def load(file, device, baud, as_json) -> int:
-    """Set what a file names, all or none.
+def load(file, setup, device, baud, as_json) -> int:
+    """Set what a file or a set-up says, all or none, and read it back.
 
     Only what differs is set: other parameters may be such that cannot change now.
     """
-    values = _parameters_of(file)
+    from .. import parameter_sets
+
+    if (file is None) == (setup is None):
+        raise Mistake("name a file of `params save`, or --setup NAME|FILE")
     with open_drive(device, baud) as drive:
-        before = drive.get_many(list(values))
-        changed = {
-            name: value
-            for name, value in values.items()
-            if drive.params[name].parse(value) != drive.params[name].parse(before[name])
-        }
-        drive.set_many(changed)
-    say(as_json, {"file": str(file), "changed": {n: values[n] for n in changed}})
-    return 0
+        return parameter_sets.load(
+            console_of(as_json, highlight=False), drive, file or setup, as_json
+        )
 
 
-def _parameters_of(path: Path) -> dict[str, object]:
-    import tomllib
+@params.command(epilog=examples("board params diff paper-b", "board params diff defaults b.toml"))
+@click.argument("first", metavar="SET")
+@click.argument("second", metavar="[SET]", default="board", shell_complete=completion.setup)
+@options.board
+@options.as_json
+def diff(first, second, device, baud, as_json) -> int:
+    """What differs between two sets of parameters; exit code 1 if anything does.
 
-    try:
-        data = tomllib.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise Mistake(f"{path}: {reason}") from None
-    values = data.get("parameters")
-    if set(data) != {"parameters"} or not isinstance(values, dict):
-        raise Mistake(f"{path}: one table [parameters] is needed")
-    return values
+    A set is `board`, `defaults`, a set-up's name or file, or a file of `params save`. Without a
+    second one the first is compared with the board.
+    """
+    from .. import parameter_sets
+
+    console = console_of(as_json, highlight=False)
+    if parameter_sets.BOARD not in (first, second):
+        return parameter_sets.diff(console, None, first, second, as_json)
+    with open_drive(device, baud) as drive:
+        return parameter_sets.diff(console, drive, first, second, as_json)
 
 
 @params.command(epilog=examples("board params keep"))

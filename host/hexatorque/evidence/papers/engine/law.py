@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....firmware import Controller, ffi, lib
-from ....setups import Setup
+from ....setups import Setup, parameters
 
 PSI_WB = 0.4
 #: Flux error that moves the flux comparator but does not call for a zero vector's
@@ -19,7 +19,7 @@ class Law:
 
     def __init__(self, setup: Setup) -> None:
         setup = setup.changed(timing__latency="none", controller__observer="voltage")
-        self._controller = Controller(setup["timing.device"], setup.controller_values())
+        self._controller = Controller(setup["timing.device"], parameters(setup))
         self._config = ffi.new("ht_control_config *", self._controller.drive.config.control)
         self._config.table_law.flux_hold = 2 * FLUX_STEP
 

@@ -1,0 +1,176 @@
+"""Write what the parameters of an image start with, from a set-up, as a C header.
+
+Usage: initial_values.py SETUP DEVICE OUTPUT.h
+
+SETUP is a built-in set-up's name or a file. DEVICE is the chip that the image is for, or empty.
+Prints the files that the values came from. What a set-up makes of the parameters is worked out by
+the package's own code (setups/to_parameters.py); that part of it needs nothing but Python 3.11, so
+neither the package nor a compiler for this computer has to be there. The checks here are
+coarser than those of a simulation, where the firmware sees how its parameters fit together.
+"""
+
+import re
+import struct
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+#: Where the package is: in the repository, or around the sources that are installed with it.
+PACKAGE = next(
+    folder for folder in (ROOT / "host", *ROOT.parents) if (folder / "hexatorque/setups").is_dir()
+)
+sys.path.insert(0, str(PACKAGE))
+from hexatorque.setups import loading, to_parameters  # noqa: E402
+from hexatorque.setups.keys import KEYS, SECTIONS  # noqa: E402
+from hexatorque.setups.setup import (  # noqa: E402
+    Setup,
+    SetupError,
+    Value,
+    inconsistent,
+    suggest,
+)
+
+CORE, APP = ROOT / "firmware" / "core", ROOT / "firmware" / "app"
+#: A row of a .def file: what it is, and its arguments, strings among them.
+ROW = re.compile(r'^(HT_\w+)\(((?:"[^"]*"|[^"\n])*)\)', re.M)
+ARGUMENT = re.compile(r'\s*((?:"[^"]*"|[^",])+)')
+
+
+def rows(file: Path, kind: str) -> list[list[str]]:
+    """The arguments of a .def file's rows of a kind, as they are written there."""
+    found = [(name, ARGUMENT.findall(text)) for name, text in ROW.findall(file.read_text())]
+    return [[word.strip() for word in words] for name, words in found if name.startswith(kind)]
+
+
+class Parameter:
+    """A row of ht_params.def."""
+
+    def __init__(self, words: list[str]) -> None:
+        self.name, _, self.low, self.high, self.initial = words[:5]
+        #: The names of its values; for a row without choices, none.
+        self.choices = _choices(words[6]) if len(words) == 8 else []
+
+    def number(self, value: object) -> float:
+        if self.choices:
+            text = {True: "on", False: "off"}[value] if isinstance(value, bool) else str(value)
+            if text not in self.choices:
+                names = ", ".join(self.choices)
+                raise SetupError(f"controller.{self.name} = {value!r}: choose one of {names}")
+            return float(self.choices.index(text))
+        low, high = float(self.low.rstrip("f")), float(self.high.rstrip("f"))
+        return checked(f"controller.{self.name}", value, low, high)
+
+
+def _choices(word: str) -> list[str]:
+    if word == "SCHEME_CHOICES":  # the schemes have a table of their own
+        return [words[1].strip('"') for words in rows(CORE / "ht_schemes.def", "HT_SCHEME")]
+    return [name for name in word.strip('"').split("|") if name]
+
+
+def checked(path: str, value: object, low: float, high: float) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise SetupError(f"{path} = {value!r}: a number is needed")
+    if not low <= value <= high:
+        raise SetupError(f"{path} = {value:.9g}: allowed range is {low:.9g} .. {high:.9g}")
+    return value
+
+
+def bare(path: str, raw: object, known: dict) -> object:
+    """A value without its tag and note."""
+    section, key = path.split(".", 1)
+    if key not in known:
+        raise SetupError(f"unknown key {path}{suggest(key, known)}")
+    value = raw.get("value") if isinstance(raw, dict) else raw
+    if section == "controller":
+        return value
+    spec = known[key]
+    if spec.kind == "choice":
+        if value not in spec.choices:
+            raise SetupError(f"{path} = {value!r}: choose one of {', '.join(spec.choices)}")
+    elif spec.kind == "phases":
+        if not isinstance(value, list) or len(value) != 6:
+            raise SetupError(f"{path} = {value!r}: six numbers are needed")
+        return tuple(checked(path, number, spec.min, spec.max) for number in value)
+    else:
+        value = checked(path, value, spec.min, spec.max)
+        return int(value) if spec.kind == "integer" else float(value)
+    return value
+
+
+def values_of(source: str, table: dict, files: list[Path], depth: int = 0) -> dict:
+    """The values of a set-up and of those it starts from. `files` gets what was read."""
+    if depth > 20:
+        raise SetupError(f"setup = {source!r}: the files refer to each other")
+    path = Path(source)
+    if not path.suffix and not path.exists():
+        # CMake makes a path of a built-in name.
+        name = path.name
+        if name not in loading.builtin_names():
+            raise SetupError(f"no set-up {name!r}{suggest(name, loading.builtin_names())}")
+        text = loading.builtin_text(name)
+        files.append(PACKAGE / "hexatorque/setups/builtin" / f"{name}.toml")
+    else:
+        text = loading.text_of(path)
+        files.append(path.resolve())
+    data = loading.toml_of(text)
+    values: dict = {section: {} for section in SECTIONS}
+    if "setup" in data:
+        values = values_of(str(data["setup"]), table, files, depth + 1)
+    for section in SECTIONS:
+        known = table if section == "controller" else KEYS[section]
+        entries = data.get(section, {})
+        if not isinstance(entries, dict):
+            raise SetupError(f"{section}: a table is needed")
+        for key, raw in entries.items():
+            values[section][key] = Value(bare(f"{section}.{key}", raw, known), "")
+    return values
+
+
+def initial_values(source: str, device: str, files: list[Path]) -> dict[str, str]:
+    """Every parameter's initial value, as C."""
+    table = {row.name: row for row in map(Parameter, rows(APP / "ht_params.def", "HT_"))}
+    setup = Setup(source, source, values_of(source, table, files))
+    for section, keys in KEYS.items():
+        for key, spec in keys.items():
+            if spec.default is None and key not in setup.values[section]:
+                raise SetupError(f"{section}.{key} is missing ({spec.help}, {spec.unit or '-'})")
+    if lines := inconsistent(setup):
+        raise SetupError(lines[0])
+    for_device = setup["timing.device"]
+    if device and for_device != device:
+        raise SetupError(f"timing.device = {for_device}: the image is for a {device}")
+    given = setup.values["controller"]
+    for key in given:
+        table[key].number(given[key].value)
+    default_flux_Wb = float(table["flux_ref_Wb"].initial.rstrip("f"))
+    decided = to_parameters.decided(setup, default_flux_Wb)
+    return {
+        name: as_float32(row.number(decided[name])) if name in decided else row.initial
+        for name, row in table.items()
+    }
+
+
+def as_float32(value: float) -> str:
+    """The number that the simulation hands to the firmware, to the last bit."""
+    (rounded,) = struct.unpack("<f", struct.pack("<f", value))
+    text = f"{rounded:.9g}"
+    return f"{text}f" if set(text) & set(".e") else f"{text}.0f"
+
+
+def main() -> int:
+    source, device, output = sys.argv[1:]
+    files: list[Path] = []
+    try:
+        values = initial_values(source, device, files)
+    except SetupError as error:
+        print(f"{source}: {error}", file=sys.stderr)
+        return 1
+    lines = [f"#define HT_INITIAL_{name} ({value})" for name, value in values.items()]
+    head = f"/* Written by cmake/initial_values.py from {Path(source).name}. */"
+    Path(output).write_text("\n".join([head, *lines]) + "\n")
+    print("\n".join(path.as_posix() for path in files))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,113 @@
+"""Every quantity of a set-up, once: what it is, its unit, its range, its default.
+
+The controller's parameters are not here: the firmware's own table defines them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ..chips import DEVICES
+
+#: Where a value comes from.
+TAGS = ("paper", "assumed", "measured")
+#: The same, for values that the user's own file or command line gives.
+USER = "user"
+LATENCIES = ("none", "immediate", "shadow", "predicted")
+LOADS = ("constant", "fan", "brake", "generator", "friction")
+
+
+@dataclass(frozen=True)
+class Key:
+    """One quantity of a set-up."""
+
+    kind: str  #: "number", "integer", "phases" (six numbers) or "choice"
+    help: str
+    unit: str = ""
+    min: float = -math.inf
+    max: float = math.inf
+    choices: tuple[str, ...] = ()
+    default: Any = None  #: None = must be given
+
+
+def _n(help: str, unit: str, low: float, high: float, default: float | None = None) -> Key:
+    return Key("number", help, unit, low, high, default=default)
+
+
+def _six(help: str, unit: str, low: float, high: float, default: float = 0.0) -> Key:
+    return Key("phases", help, unit, low, high, default=(default,) * 6)
+
+
+#: Everything a set-up holds besides the controller's parameters, which the
+#: firmware's own table defines.
+KEYS: dict[str, dict[str, Key]] = {
+    "machine": {
+        "pole_pairs": Key("integer", "pole pairs", "", 1, 64),
+        "rs_ohm": _n("stator resistance", "ohm", 1e-4, 1e3),
+        "rr_ohm": _n("rotor resistance, referred", "ohm", 1e-4, 1e3),
+        "lls_H": _n("stator leakage inductance", "H", 1e-6, 10),
+        "llr_H": _n("rotor leakage inductance, referred", "H", 1e-6, 10),
+        "lm_H": _n("magnetising inductance", "H", 1e-5, 100),
+        "lxy_H": _n("inductance of the x-y plane", "H", 1e-6, 10),
+        "inertia_kgm2": _n("inertia, load included", "kg m2", 1e-6, 1e5),
+        "viscous_Nms": _n("viscous friction", "N m s", 0, 1e3, 0.0),
+        "drs_ohm": _six("stator resistance added per phase u1 u2 w1 w2 v1 v2", "ohm", -1e3, 1e3),
+        "dlls_H": _six("leakage added per phase u1 u2 w1 w2 v1 v2", "H", -10, 10),
+        "psi_knee_Wb": _n(
+            "main flux that takes twice the unsaturated current, 0: linear", "Wb", 0, 100, 0.0
+        ),
+        "saturation_exponent": _n("how sharply the main flux saturates", "", 1, 20, 6.0),
+    },
+    "inverter": {
+        "vdc_V": _n("dc-link voltage", "V", 1, 1e4),
+        "dead_time_us": _n("dead time", "us", 0, 20),
+        "min_pulse_us": _n("gate pulses shorter than this are suppressed", "us", 0, 10, 0.0),
+        "v_switch_V": _n("threshold voltage of a conducting switch", "V", 0, 10, 0.0),
+        "v_diode_V": _n("threshold voltage of a conducting diode", "V", 0, 10, 0.0),
+        "r_switch_ohm": _n("on-resistance of a switch", "ohm", 0, 10, 0.0),
+        "r_diode_ohm": _n("on-resistance of a diode", "ohm", 0, 10, 0.0),
+    },
+    "sensors": {
+        "adc_bits": Key("integer", "resolution of the converter", "", 6, 12, default=12),
+        "i_full_A": _n("phase current at full scale, either sign", "A", 0.1, 1e4),
+        "vdc_full_V": _n("dc-link voltage at full scale", "V", 1, 1e4),
+        "i_offset_A": _six("current sensor offset", "A", -1e3, 1e3),
+        "i_gain": _six("current sensor gain, 1 = exact", "", 0.5, 2, 1.0),
+        "i_filter_Hz": _n("corner of the current sensors' filter, 0: none", "Hz", 0, 1e7, 0.0),
+        "i_noise_A": _n("current sensor noise, rms, white at the converter", "A", 0, 100, 0.0),
+        "noise_seed": Key("integer", "the same seed gives the same noise", "", 1, 1e9, default=1),
+        "encoder_ppr": Key("integer", "encoder pulses per revolution", "", 1, 1_000_000),
+        "encoder_error_cycles": _n(
+            "rise of the encoder's channel B late, fall early by this", "cycles", 0, 0.1, 0.0
+        ),
+        "sample_delay_us": _n("counter zero to sample and hold", "us", 0, 40, 0.0),
+    },
+    "timing": {
+        "device": Key("choice", "DSP", choices=DEVICES),
+        "latency": Key(
+            "choice",
+            "none: applied at the sample; immediate: at the register write; "
+            "shadow: next period; predicted: shadow with one-step prediction",
+            choices=LATENCIES,
+        ),
+        "isr_us": _n("sample to register write", "us", 0, 45, 10.0),
+    },
+    "load": {
+        "kind": Key("choice", "torque against speed", choices=LOADS, default="constant"),
+        "at_rpm": _n("speed at which the load takes the stated torque", "r/min", 1, 1e5, 1000.0),
+    },
+    "point": {
+        "speed_rpm": _n("operating point of `compare`: speed", "r/min", -3e4, 3e4, 0.0),
+        "load_Nm": _n("operating point of `compare`: load torque", "N m", -1e4, 1e4, 0.0),
+    },
+}
+
+#: Far below any machine's; smaller ones overflow the power law.
+SMALLEST_KNEE_WB = 1e-3
+
+#: Controller parameters that follow from the rest unless a file sets them.
+TIMING_OWNS = ("load_mode", "predict", "write_delay_us")
+
+SECTIONS = (*KEYS, "controller")

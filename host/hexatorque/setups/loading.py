@@ -1,0 +1,94 @@
+"""Reading set-ups: built-in ones by name, TOML files by path."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from .keys import KEYS, SECTIONS
+from .setup import Setup, SetupError, suggest
+
+
+def builtin_names() -> list[str]:
+    folder = resources.files(__package__) / "builtin"
+    names = [path.name for path in folder.iterdir()]
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
+
+
+def load(name_or_path: str | Path) -> Setup:
+    """A built-in set-up by name, or a set-up or scenario file."""
+    text = str(name_or_path)
+    if text in builtin_names():
+        return parse(builtin_text(text), text)
+    path = Path(name_or_path)
+    try:
+        return parse(text_of(path), path.stem)
+    except SetupError as error:
+        if not path.suffix and not path.exists():
+            raise
+        lines = [f"{path}: {line}" for line in str(error).splitlines()]
+        raise SetupError("\n".join(lines)) from None
+
+
+def builtin_text(name: str) -> str:
+    return (resources.files(__package__) / "builtin" / f"{name}.toml").read_text()
+
+
+def text_of(path: Path) -> str:
+    """What a set-up's file says."""
+    if not path.suffix and not path.exists():
+        raise SetupError(f"no set-up {str(path)!r}{suggest(str(path), builtin_names())}")
+    try:
+        return path.read_text()
+    except (OSError, ValueError) as error:
+        raise SetupError(getattr(error, "strerror", None) or "not a text file") from None
+
+
+def toml_of(source: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(source)
+    except tomllib.TOMLDecodeError as error:
+        raise SetupError(f"not valid TOML: {error}") from None
+
+
+def parse(source: str, name: str) -> Setup:
+    """Check the text of a set-up or scenario. All mistakes are reported together."""
+    from . import schema  # needs pydantic, which takes long to import
+
+    data = toml_of(source)
+    base, lines = None, []
+    if isinstance(data.get("setup"), str):
+        try:
+            base = load(data["setup"])
+        except RecursionError:
+            raise SetupError(f"setup = {data['setup']!r}: the files refer to each other") from None
+    try:
+        checked = schema.check(data)
+    except SetupError as error:
+        lines = str(error).splitlines()
+    if "setup" not in data:
+        lines += _missing(data)
+    if lines:
+        raise SetupError("\n".join(lines))
+    start = base or Setup(name, name, {section: {} for section in SECTIONS})
+    setup = Setup(
+        name,
+        checked.get("title", start.title),
+        start.values,
+        checked.get("paper", start.paper),
+        checked.get("profile", start.profile),
+    )
+    return setup.with_values({section: checked.get(section, {}) for section in SECTIONS})
+
+
+def _missing(data: dict[str, Any]) -> list[str]:
+    """A file that starts from no other one has to give everything without a default."""
+    lines = []
+    for section, keys in KEYS.items():
+        entries = data.get(section, {})
+        for key, spec in keys.items():
+            if spec.default is None and isinstance(entries, dict) and key not in entries:
+                lines.append(f"{section}.{key} is missing ({spec.help}, {spec.unit or '-'})")
+    return lines

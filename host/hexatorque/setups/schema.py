@@ -1,0 +1,363 @@
+"""What a set-up's file may hold, as pydantic has it: checks, and a JSON Schema for editors.
+
+The types are made from the tables of quantities, `keys.KEYS` and the firmware's parameters.
+pydantic does the checking; what it finds is said in one line that names the key, its value and
+what is allowed.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    TypeAdapter,
+    ValidationError,
+    WrapValidator,
+)
+from pydantic_core import PydanticCustomError, core_schema
+from typing_extensions import TypedDict
+
+from .. import firmware
+from .keys import KEYS, LATENCIES, SECTIONS, TAGS, TIMING_OWNS, USER, Key
+from .setup import Profile, SetupError, Value, suggest
+
+#: Type of the errors whose text is ours: what follows the key in its line.
+OURS = "set_up"
+#: All there are, but for those of pydantic's own that `_said` has replaced.
+SAID = (OURS, "extra_forbidden", "string_type", "dict_type")
+DRAFT = "http://json-schema.org/draft-07/schema#"
+
+
+def _mistake(text: str) -> PydanticCustomError:
+    return PydanticCustomError(OURS, "{text}", {"text": text})
+
+
+# -- types of values -------------------------------------------------------------------------
+
+
+def _said(text: Callable[[Any], str]) -> WrapValidator:
+    """Where pydantic refuses a value, `text(value)` says why."""
+
+    def check(value: Any, inner: Callable[[Any], Any]) -> Any:
+        try:
+            return inner(value)
+        except ValidationError as error:
+            if any(found["type"] == OURS for found in error.errors()):
+                raise
+            raise _mistake(text(value)) from None
+
+    return WrapValidator(check)
+
+
+def _number(key: Key, label: str = "") -> Any:
+    whole = key.kind == "integer"
+
+    def why(value: Any) -> str:
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            return f"{label} = {value!r}: a number is needed"
+        allowed = f"{key.min:.9g} .. {key.max:.9g} {key.unit}".rstrip()
+        return f"{label} = {_shown(value)}: allowed range is {allowed}" + (
+            ", whole numbers only" if whole else ""
+        )
+
+    bounds = Field(
+        strict=True, ge=key.min, le=key.max, allow_inf_nan=False, multiple_of=1 if whole else None
+    )
+    number = Annotated[float, bounds, _said(why)]
+    return Annotated[number, AfterValidator(int)] if whole else number
+
+
+def _shown(value: float) -> str:
+    try:
+        return f"{value:.9g}"
+    except OverflowError:
+        return "a number of hundreds of digits"
+
+
+def _word_or_integer(value: Any) -> Any:
+    """To Python, and so to Literal, 4.0 and 4 are the same, and so are true and 1."""
+    if isinstance(value, bool) or not isinstance(value, (str, int)):
+        raise ValueError
+    return value
+
+
+EXACTLY = BeforeValidator(_word_or_integer)
+
+
+def _choice(key: Key) -> Any:
+    """A choice by name. Where names are numbers, or on and off, the bare number and TOML's
+    booleans are understood as well."""
+    numbers = [int(name) for name in key.choices if name.isdecimal()]
+    choice: Any = Annotated[Literal[(*key.choices, *numbers)], EXACTLY]
+    if set(key.choices) == {"off", "on"}:
+        choice = choice | Annotated[bool, Field(strict=True)]
+    names = ", ".join(key.choices)
+    return Annotated[choice, _said(lambda value: f" = {value!r}: choose one of {names}")]
+
+
+def _six(key: Key) -> Any:
+    return Annotated[
+        tuple[_number(key), ...],
+        Field(min_length=6, max_length=6),
+        _said(lambda value: f" = {value!r}: six numbers are needed (u1 u2 w1 w2 v1 v2)"),
+    ]
+
+
+_KINDS = {"number": _number, "integer": _number, "choice": _choice, "phases": _six}
+
+
+class WithSource:
+    """A bare value, or a table that says where it is from: `{ value, tag, note }`."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        return core_schema.no_info_wrap_validator_function(_value, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        bare = handler(schema)
+        table = {
+            "type": "object",
+            "properties": {
+                "value": bare,
+                "tag": {"enum": list(TAGS), "description": "where the value is from"},
+                "note": {"type": "string", "description": "the place there, or the reason"},
+            },
+            "required": ["value"],
+            "additionalProperties": False,
+        }
+        return {"anyOf": [bare, table]}
+
+
+def _value(raw: Any, inner: Callable[[Any], Any]) -> Value:
+    if not isinstance(raw, dict):
+        return Value(inner(raw), USER)
+    if set(raw) - {"value", "tag", "note"} or "value" not in raw:
+        raise _mistake(f": expected value, tag, note; got {sorted(raw)}")
+    tag, note = raw.get("tag", USER), raw.get("note", "")
+    if not isinstance(note, str):
+        raise _mistake(": the note must be text")
+    if tag not in (*TAGS, USER):
+        raise _mistake(f": tag {tag!r}, choose one of {', '.join(TAGS)}")
+    return Value(inner(raw["value"]), tag, note)
+
+
+# -- sections --------------------------------------------------------------------------------
+
+
+def _table(name: str, entries: dict[str, Any]) -> Any:
+    """A TOML table: every key may be left out, no other key is known."""
+    table = TypedDict(name, entries, total=False)
+    table.__pydantic_config__ = ConfigDict(extra="forbid")
+    return table
+
+
+def _section(name: str, keys: dict[str, Key]) -> Any:
+    def entry(key: Key) -> Any:
+        about = f"{key.help} [{key.unit}]" if key.unit else key.help
+        extra = {} if key.default is None else {"default": key.default}
+        field = Field(description=about, json_schema_extra=extra)
+        return Annotated[_KINDS[key.kind](key), WithSource(), field]
+
+    return _table(name, {key: entry(spec) for key, spec in keys.items()})
+
+
+def _of_parameter(row: firmware.Parameter) -> Key:
+    kind = "choice" if row.choices else "integer" if row.whole else "number"
+    return Key(kind, row.help, row.unit, row.min, row.max, row.choices)
+
+
+CONTROLLER = {
+    name: _of_parameter(row)
+    for name, row in firmware.parameters().items()
+    if name not in TIMING_OWNS
+}
+
+
+# -- profile ---------------------------------------------------------------------------------
+
+TIME = Key("number", "", "s", 0, 1e6)
+PAIRS = ": a number or a list of [time_s, value] pairs is needed"
+ENTRIES = ": a list of [time_s, parameter, value] is needed"
+
+
+def _steps(unit: str, low: float, high: float, about: str) -> Any:
+    value = _number(Key("number", "", unit, low, high))
+
+    def ascend(steps: tuple) -> tuple:
+        if any(later[0] <= earlier[0] for earlier, later in itertools.pairwise(steps)):
+            raise _mistake(": times must ascend")
+        return steps
+
+    constant = Annotated[value, AfterValidator(lambda v: ((0.0, v),)), Tag("constant")]
+    steps = Annotated[
+        tuple[tuple[_number(TIME, " time"), value], ...],
+        AfterValidator(ascend),
+        _said(lambda _: PAIRS),
+        Tag("steps"),
+    ]
+
+    def which(raw: Any) -> str | None:
+        if isinstance(raw, (list, tuple)):
+            return "steps"
+        return "constant" if type(raw) in (int, float) else None
+
+    return Annotated[
+        constant | steps,
+        Discriminator(which),
+        _said(lambda _: PAIRS),
+        Field(description=f"{about} [{unit}]: a number, or steps [[time_s, value], ...]"),
+    ]
+
+
+def _live(entry: tuple[float, str, Any]) -> tuple[float, str, Any]:
+    """A parameter that changes while the drive runs."""
+    _, name, value = entry
+    if name not in CONTROLLER:
+        raise _mistake(f": no parameter {name!r}{suggest(name, CONTROLLER)}")
+    row = firmware.parameters()[name]
+    if not row.live:
+        raise _mistake(f": {name} cannot change while the drive runs")
+    try:
+        row.parse(value)
+    except firmware.FirmwareError as error:
+        raise _mistake(f": {error}") from None
+    return entry
+
+
+def _profile_type() -> Any:
+    live = [name for name, row in firmware.parameters().items() if row.live and name in CONTROLLER]
+    name = Annotated[str, Field(json_schema_extra={"enum": live})]
+    entry = Annotated[
+        tuple[_number(TIME, " time"), name, Any], AfterValidator(_live), _said(lambda _: ENTRIES)
+    ]
+    defaults = Profile()
+    samples = (1, 2, 4, 5, 8, 10, 20)
+    choose = ", ".join(map(str, samples))
+
+    def field(about: str, default: Any) -> Any:
+        return Field(description=about, json_schema_extra={"default": default})
+
+    entries = {
+        "duration_s": Annotated[
+            _number(Key("number", "", "s", 0.001, 3600)),
+            field("simulated time [s]", defaults.duration_s),
+        ],
+        "speed_rpm": _steps("r/min", -3e4, 3e4, "speed reference"),
+        "load_Nm": _steps("N m", -1e4, 1e4, "load torque"),
+        "vdc_V": _steps("V", 0, 1e4, "dc-link voltage"),
+        "set": Annotated[
+            list[entry],
+            _said(lambda _: ENTRIES),
+            Field(description="parameters in flight: [[time_s, name, value], ...]"),
+        ],
+        "samples_per_period": Annotated[
+            Literal[samples],
+            EXACTLY,
+            _said(lambda value: f" = {value!r}: choose one of {choose}"),
+            field("samples of the plant per control period", defaults.samples_per_period),
+        ],
+    }
+    return Annotated[_table("profile", entries), AfterValidator(_profile)]
+
+
+def _profile(given: dict[str, Any]) -> Profile:
+    ordered = sorted(given.get("set", ()), key=lambda entry: entry[0])
+    return Profile(**{**given, "set": tuple(ordered)})
+
+
+# -- files -----------------------------------------------------------------------------------
+
+_FILE = TypeAdapter(
+    _table(
+        "set_up",
+        {
+            "setup": Annotated[
+                str, Field(description="the set-up that this one starts from: name or file")
+            ],
+            "title": str,
+            "paper": Annotated[str, Field(description="which paper it is from")],
+            **{section: _section(section, keys) for section, keys in KEYS.items()},
+            "controller": _section("controller", CONTROLLER),
+            "profile": _profile_type(),
+        },
+    )
+)
+_WORDS = ("setup", "title", "paper")
+
+
+def check(data: dict[str, Any]) -> dict[str, Any]:
+    """The sections that are given, of `Value`s, the texts and the `Profile`. Raises one
+    SetupError with a line for every mistake."""
+    try:
+        return _FILE.validate_python(data)
+    except ValidationError as error:
+        # Beside a mistake inside a value, pydantic's word on the whole value says nothing new.
+        lines = dict.fromkeys(_line(found) for found in error.errors() if found["type"] in SAID)
+        raise SetupError("\n".join(lines)) from None
+
+
+def _line(found: Any) -> str:
+    names = [_printable(name) for name in found["loc"][:2]]
+    path, last = ".".join(names), names[-1]
+    if found["type"] == OURS:
+        return path + found["ctx"]["text"]
+    if found["type"] == "extra_forbidden":
+        if len(names) == 1:
+            return f"unknown section {last!r}{suggest(last, (*SECTIONS, *_WORDS, 'profile'))}"
+        if names[0] == "controller" and last in TIMING_OWNS:
+            return f"{path}: set timing.latency ({', '.join(LATENCIES)}) instead"
+        return f"unknown key {path}{suggest(last, _known(names[0]))}"
+    if found["type"] == "string_type":
+        return f"{path} = {found['input']!r}: text is needed"
+    return f"{path}: a table is needed"
+
+
+def _printable(name: object) -> str:
+    text = str(name)
+    return text if text.isprintable() else repr(text)
+
+
+def _known(section: str) -> list[str]:
+    if section == "profile":
+        return list(Profile.__dataclass_fields__)
+    return list(CONTROLLER if section == "controller" else KEYS[section])
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of a file, for completion and checks in an editor. What a file says wrong as
+    a whole, an editor does not see."""
+    required = {
+        section: {"required": [key for key, spec in keys.items() if spec.default is None]}
+        for section, keys in KEYS.items()
+        if any(spec.default is None for spec in keys.values())
+    }
+    return {
+        "$schema": DRAFT,
+        "title": "hexatorque set-up or scenario",
+        **_for_editors(_FILE.json_schema()),
+        # A file that starts from no other one has to give everything.
+        "if": {"not": {"required": ["setup"]}},
+        "then": {"required": list(required), "properties": required},
+    }
+
+
+def _for_editors(schema: Any) -> Any:
+    """Without the titles that pydantic makes of the keys' names, which an editor shows anyway (a
+    key that is called title is a schema, not a text), and with pairs as the older drafts have
+    them that editors know."""
+    if isinstance(schema, list):
+        return [_for_editors(part) for part in schema]
+    if not isinstance(schema, dict):
+        return schema
+    return {
+        "items" if name == "prefixItems" else name: _for_editors(part)
+        for name, part in schema.items()
+        if not (name == "title" and isinstance(part, str))
+    }

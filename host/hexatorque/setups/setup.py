@@ -1,0 +1,162 @@
+"""A set-up that has been checked, and what can be asked of it."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ..errors import HexatorqueError
+from . import to_parameters
+from .keys import KEYS, SECTIONS, SMALLEST_KNEE_WB
+
+
+class SetupError(HexatorqueError, ValueError):
+    """A set-up or scenario that cannot be used. One line for each mistake: the key, its value,
+    what is allowed."""
+
+    exit_code = 2
+
+
+@dataclass(frozen=True)
+class Value:
+    value: Any
+    tag: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """References and loads over time. Steps are (time s, value)."""
+
+    duration_s: float = 1.0
+    speed_rpm: tuple[tuple[float, float], ...] = ()
+    load_Nm: tuple[tuple[float, float], ...] = ()
+    vdc_V: tuple[tuple[float, float], ...] = ()
+    set: tuple[tuple[float, str, Any], ...] = ()  #: (time, controller parameter, value)
+    samples_per_period: int = 4
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A checked set-up. `values[section][key]` has what the files gave: keys that are not there
+    have their default, controller parameters that are not there follow from the machine or are
+    the firmware's default."""
+
+    name: str
+    title: str
+    values: dict[str, dict[str, Value]]
+    paper: str = ""
+    profile: Profile = field(default_factory=Profile)
+
+    def __getitem__(self, path: str) -> Any:
+        section, key = path.split(".")
+        if section in KEYS and key not in self.values[section]:
+            return KEYS[section][key].default
+        return self.values[section][key].value
+
+    def changed(self, **paths: Any) -> Setup:
+        """A copy with some values changed: `changed(controller__scheme="ddr")`."""
+        from . import schema
+
+        changes: dict[str, dict[str, Any]] = {}
+        for path, value in paths.items():
+            section, key = path.split("__", 1)
+            if section not in SECTIONS:
+                raise SetupError(f"unknown section {section!r}{suggest(section, SECTIONS)}")
+            changes.setdefault(section, {})[key] = value
+        return self.with_values(schema.check(changes))
+
+    def with_values(self, changes: dict[str, dict[str, Value]]) -> Setup:
+        """A copy with some checked values changed. Refuses what does not fit together."""
+        values = {s: {**entries, **changes.get(s, {})} for s, entries in self.values.items()}
+        result = replace(self, values=values)
+        if lines := inconsistent(result) or to_parameters.out_of_range(result):
+            raise SetupError("\n".join(lines))
+        return result
+
+    def parameter(self, name: str) -> Any:
+        """A controller parameter's value in the simulation."""
+        return to_parameters.parameters(self)[name]
+
+    def controller_values(self) -> dict[str, Any]:
+        """The controller parameters that the set-up decides; the others are the firmware's
+        defaults."""
+        return to_parameters.decided(self)
+
+    @property
+    def write_delay_us(self) -> float:
+        """Counter zero to register write."""
+        return to_parameters.write_delay_us(self)
+
+    def machine_values(self) -> dict[str, Any]:
+        return {key: self[f"machine.{key}"] for key in KEYS["machine"]}
+
+    def summary(self) -> dict[str, dict[str, Any]]:
+        """Plain values, for a recording's metadata."""
+        plain = {s: {k: self[f"{s}.{k}"] for k in keys} for s, keys in KEYS.items()}
+        plain["controller"] = self.controller_values()
+        return plain
+
+
+def suggest(word: str, known: Iterable[str]) -> str:
+    """For the end of a line about an unknown word: the one that was meant, or all there are."""
+    known = list(known)
+    close = difflib.get_close_matches(word, known, 1)
+    return f"; did you mean {close[0]!r}?" if close else f"; known: {', '.join(known)}"
+
+
+def inconsistent(setup: Setup) -> list[str]:
+    """What values, each in its range, say wrong together; one line each."""
+    lines = []
+    for key in ("rs_ohm", "lls_H"):
+        if min(setup[f"machine.d{key}"]) + setup[f"machine.{key}"] <= 0:
+            lines.append(f"machine.d{key}: {key} plus its change must stay above 0")
+    if min(setup["machine.dlls_H"]) + setup["machine.lxy_H"] <= 0:
+        lines.append("machine.dlls_H: lxy_H plus its change must stay above 0")
+    knee_Wb = setup["machine.psi_knee_Wb"]
+    if 0 < knee_Wb < SMALLEST_KNEE_WB:
+        lines.append(
+            f"machine.psi_knee_Wb = {knee_Wb:g}: allowed is 0 (linear) "
+            f"or {SMALLEST_KNEE_WB:g} Wb and more"
+        )
+    if setup["inverter.vdc_V"] > setup["sensors.vdc_full_V"]:
+        lines.append("inverter.vdc_V is above sensors.vdc_full_V")
+    return lines
+
+
+def describe(setup: Setup) -> dict[str, dict[str, dict[str, Any]]]:
+    """Every value with unit, tag and note, defaults and derived values included."""
+    from .. import firmware
+
+    described: dict[str, dict[str, dict[str, Any]]] = {}
+    for section, keys in KEYS.items():
+        described[section] = {}
+        for key, spec in keys.items():
+            given = setup.values[section].get(key, Value(spec.default, "default"))
+            described[section][key] = _row(given, spec.unit, spec.help)
+    described["controller"] = {}
+    effective = setup.controller_values()
+    for key, parameter in firmware.parameters().items():
+        if key in setup.values["controller"]:
+            given = setup.values["controller"][key]
+        elif key in effective:
+            given = Value(effective[key], "derived")
+        else:
+            given = Value(parameter.show(parameter.initial), "default")
+        described["controller"][key] = _row(given, parameter.unit, parameter.help)
+    return described
+
+
+def _row(given: Value, unit: str, help: str) -> dict[str, Any]:
+    return {"value": given.value, "unit": unit, "tag": given.tag, "note": given.note or help}
+
+
+def show(value: Any) -> str:
+    """A value as a person would write it."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(show(v) for v in value) + "]"
+    return str(value)

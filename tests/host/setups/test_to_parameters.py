@@ -1,0 +1,89 @@
+"""The parameters of a set-up: complete, and those that the simulation runs with."""
+
+import numpy as np
+import pytest
+
+from hexatorque import firmware, setups
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.firmware import Controller
+from hexatorque.setups.to_parameters import NOT_ON_A_BOARD, not_on_a_board
+
+VARIANTS = [
+    {},
+    {"timing__latency": "none", "sensors__sample_delay_us": 1.5},
+    {"timing__latency": "shadow", "inverter__v_diode_V": 1.0, "inverter__r_switch_ohm": 0.1},
+    {"machine__psi_knee_Wb": 0.4, "controller__i_trip_A": 7.0, "controller__zero_hold": False},
+]
+
+
+@pytest.mark.parametrize("changes", VARIANTS)
+@pytest.mark.parametrize("name", setups.builtin_names())
+def test_the_simulation_runs_with_them(name, changes):
+    setup = setups.load(name).changed(**changes)
+    values = setups.parameters(setup)
+    sim = SimulatedDrive(setup)
+    assert list(values) == list(firmware.parameters())
+    for parameter, value in values.items():
+        used = sim.get(parameter)
+        if isinstance(value, str):
+            assert used == value, parameter
+        else:
+            assert np.float32(used) == np.float32(value), parameter
+
+
+def test_what_the_set_up_does_not_decide_is_the_firmwares_default():
+    setup = setups.load("paper-b")
+    fresh = Controller(setup["timing.device"], {})
+    values = setups.parameters(setup)
+    rest = set(values) - set(setup.controller_values())
+    assert "speed_ref_rpm" in rest and len(rest) > 10
+    for name in rest:
+        assert firmware.parameters()[name].parse(values[name]) == pytest.approx(
+            firmware.parameters()[name].parse(fresh.get(name)), rel=1e-6
+        )
+
+
+def test_derived_values_from_first_principles():
+    """sigma L_s = L_s - L_m^2/L_r; four counts a pulse; half of what switch and diode drop."""
+    setup = setups.load("paper-b").changed(
+        inverter__v_switch_V=2.0,
+        inverter__v_diode_V=1.0,
+        inverter__r_diode_ohm=0.3,
+        timing__latency="immediate",
+        timing__isr_us=12.0,
+        sensors__sample_delay_us=1.0,
+        controller__flux_ref_Wb=0.5,
+    )
+    values = setups.parameters(setup)
+    machine = setup.machine_values()
+    lr_H = machine["llr_H"] + machine["lm_H"]
+    assert values["sigma_ls_H"] == pytest.approx(
+        machine["lls_H"] + machine["lm_H"] - machine["lm_H"] ** 2 / lr_H
+    )
+    assert values["encoder_counts_rev"] == 4 * setup["sensors.encoder_ppr"]
+    assert values["drop_V"] == pytest.approx(1.5)
+    assert values["rs_ohm"] == pytest.approx(machine["rs_ohm"] + 0.15)
+    assert (values["load_mode"], values["write_delay_us"]) == ("immediate", 13.0)
+    assert values["flux_trip_Wb"] == pytest.approx(1.25)
+
+
+@pytest.mark.parametrize(
+    "path", [f"{section}.{key}" for section, keys in setups.KEYS.items() for key in keys]
+)
+def test_what_is_said_to_stay_with_the_plant_changes_no_parameter_and_all_else_does(path):
+    setup = setups.load("paper-b").changed(timing__latency="immediate", machine__psi_knee_Wb=1.0)
+    section, key = path.split(".")
+    spec = setups.KEYS[section][key]
+    before = setup[path]
+    if spec.kind == "choice":
+        other = next(c for c in reversed(spec.choices) if c != before)
+    elif spec.kind == "phases":
+        other = [1.01 * v + 1e-4 for v in before]
+    elif spec.kind == "integer":
+        other = before - 1 if before > spec.min else before + 1
+    else:
+        other = 1.01 * before if before else 0.5 * min(1.0, spec.max)
+    changed = setup.changed(**{f"{section}__{key}": other})
+    same = setups.parameters(changed) == setups.parameters(setup)
+    assert same == (key in NOT_ON_A_BOARD.get(section, ())), path
+    assert same == (path in not_on_a_board(changed))
