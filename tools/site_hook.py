@@ -134,16 +134,9 @@ def table(head: tuple[str, ...], rows: list[tuple[object, ...]]) -> str:
 
 def commands_page() -> str:
     text = ["# Commands", "Written from the program itself. `--help` shows the same.", ""]
-    from hexatorque.cli import main
+    from hexatorque.cli.main import app
 
-    if not hasattr(main, "app"):  # still argparse
-        return "\n".join([*text, "```text", main._parser().format_help(), "```"])
-    top = main.app
-    if not hasattr(top, "list_commands"):
-        import typer
-
-        top = typer.main.get_command(top)
-    for words, command in walk(top, ("hexatorque",)):
+    for words, command in walk(app, ("hexatorque",)):
         text += command_section(words, command)
     return "\n".join(text)
 
