@@ -57,16 +57,19 @@ sanitize: $(VENV)/.installed
 	$(BIN)/ctest --preset host-sanitize
 
 # Finds what the corpus does not show yet. A finding is a file in out/fuzz: the program takes
-# it as its argument. What was learnt is kept by fuzz_TARGET -merge=1 CORPUS out/fuzz/TARGET, for the
-# service with -use_counters=0 besides: an input for every branch, not for every count.
+# it as its argument. To keep what was learnt: fuzz_TARGET -merge=1 build/fuzz/corpus/TARGET
+# out/fuzz/TARGET, for the service with -use_counters=0 besides (an input for every branch, not for
+# every count), then tools/fuzz_corpus.py pack.
 fuzz: $(VENV)/.installed
 	$(BIN)/cmake --preset fuzz -G Ninja "-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja" >/dev/null
 	$(BIN)/cmake --build --preset fuzz --target fuzz_packet fuzz_service
 	mkdir -p out/fuzz/packet out/fuzz/service
+	$(BIN)/python tools/fuzz_corpus.py unpack tests/c/fuzz/corpus/packet.hex build/fuzz/corpus/packet
+	$(BIN)/python tools/fuzz_corpus.py unpack tests/c/fuzz/corpus/service.hex build/fuzz/corpus/service
 	build/fuzz/tests/c/fuzz/fuzz_packet -max_len=1100 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
-	  -artifact_prefix=out/fuzz/ out/fuzz/packet tests/c/fuzz/corpus/packet
+	  -artifact_prefix=out/fuzz/ out/fuzz/packet build/fuzz/corpus/packet
 	build/fuzz/tests/c/fuzz/fuzz_service -max_len=300 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
-	  -artifact_prefix=out/fuzz/ out/fuzz/service tests/c/fuzz/corpus/service
+	  -artifact_prefix=out/fuzz/ out/fuzz/service build/fuzz/corpus/service
 
 # These tests keep time with other processes, so they run one at a time. A busy computer can make
 # one of them fail; those that fail are run once more.
@@ -105,11 +108,11 @@ $(BIN)/ruff $(BIN)/clang-format:
 lint: | $(BIN)/ruff $(BIN)/clang-format
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/clang-format --dry-run -Werror $(C_FORMATTED)
+	@$(BIN)/clang-format --dry-run -Werror $(C_FORMATTED)
 
 format: | $(BIN)/ruff $(BIN)/clang-format
 	$(BIN)/ruff format .
-	$(BIN)/clang-format -i $(C_FORMATTED)
+	@$(BIN)/clang-format -i $(C_FORMATTED)
 
 # Names a tool that is missing and how to get it.
 check-c: $(VENV)/.installed
