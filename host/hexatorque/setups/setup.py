@@ -91,7 +91,8 @@ class Setup:
         return to_parameters.write_delay_us(self)
 
     def machine_values(self) -> dict[str, Any]:
-        return {key: self[f"machine.{key}"] for key in KEYS["machine"]}
+        """The model's parameters."""
+        return {key: self[f"machine.{key}"] for key in KEYS["machine"] if key != "model"}
 
     def summary(self) -> dict[str, dict[str, Any]]:
         """Plain values, for a recording's metadata."""

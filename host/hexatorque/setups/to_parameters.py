@@ -100,7 +100,7 @@ def out_of_range(setup: Setup) -> list[str]:
 
 #: What no parameter of the controller tells: it belongs to the plant, or to the simulation.
 NOT_ON_A_BOARD = {
-    "machine": ("inertia_kgm2", "viscous_Nms", "drs_ohm", "dlls_H"),
+    "machine": ("model", "inertia_kgm2", "viscous_Nms", "drs_ohm", "dlls_H"),
     "inverter": ("vdc_V", "min_pulse_us"),
     "sensors": (
         "adc_bits",
