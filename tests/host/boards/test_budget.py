@@ -101,7 +101,10 @@ def test_stack_of_a_path_is_the_sum_of_its_functions(measured):
     for row in measured["mps2-an386"]["stack"].values():
         total = 0
         for name in row["path"]:
-            found = re.findall(rf":{re.sub(r'[.][0-9]+$', '', name)}\t(\d+)\t", text)
+            # The compiler lists part of a function by its full name, a clone without its number.
+            for listed in (name, re.sub(r"[.][0-9]+$", "", name)):
+                if found := re.findall(rf":{re.escape(listed)}\t(\d+)\t", text):
+                    break
             total += max(map(int, found), default=0)
         assert row["octets"] == total
 
