@@ -9,6 +9,7 @@ from rich.console import Console
 
 from hexatorque import firmware, setups
 from hexatorque.cli import parameter_sets as commands
+from hexatorque.cli.main import main
 from hexatorque.drive.board import BoardDrive
 from hexatorque.drive.parameter_sets import (
     NotTaken,
@@ -199,3 +200,17 @@ def test_command_compares_without_a_board(console, capsys):
     assert set(json.loads(capsys.readouterr().out)) == {"field_weakening", "ki_speed_Nm_rad"}
     with pytest.raises(ParameterSetError, match="none to compare with"):
         commands.diff(console, None, "paper-a", "board")
+
+
+def test_from_the_command_line(drive, capsys):
+    """Options and arguments reach the functions above, and their exit codes the shell."""
+    port = drive.client.url
+    assert main(["board", "params", "load", "--setup", "paper-b", "--device", port]) == 0
+    assert "paper-b: " in capsys.readouterr().out
+    assert drive.get("rs_ohm") == pytest.approx(setups.load("paper-b").parameter("rs_ohm"))
+    assert main(["board", "params", "diff", "paper-b", "--device", port]) == 0
+    assert main(["board", "params", "diff", "paper-a", "board", "--json", "--device", port]) == 1
+    assert "rs_ohm" in json.loads(capsys.readouterr().out.split("\n", 1)[1])
+    for arguments in ([], ["b.toml", "--setup", "paper-b"]):
+        assert main(["board", "params", "load", *arguments, "--device", port]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
