@@ -21,7 +21,7 @@ set(CMAKE_C_FLAGS_INIT "-mcpu=${HT_CPU} -mthumb -mfpu=${fpu} -mfloat-abi=hard")
 # speed hangs on it: preset mps2-by-file does without, and gives the same bits. Fat
 # objects: the check for mutable data looks into them. -fstack-usage once more: functions
 # get their frames when linking. large-stack-frame-growth=0: inlining stops at frames of
-# 256 octets.
+# 256 bytes.
 set(HT_LINK_TIME -flto -ffat-lto-objects -fstack-usage
   CACHE STRING "options of optimisation when linking")
 set(HT_FAST -O3 --param=max-inline-insns-auto=100 --param=large-stack-frame-growth=0

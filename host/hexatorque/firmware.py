@@ -198,7 +198,7 @@ class Store:
 
 
 class MemoryStore(Store):
-    """Two areas in this object: `areas`, octets that erase to 0xFF, words with the low octet
+    """Two areas in this object: `areas`, bytes that erase to 0xFF, words with the low byte
     first. What was in it is there for the next start."""
 
     BLOCK = lib.HT_STORE_FILE_BLOCK
@@ -225,12 +225,12 @@ class MemoryStore(Store):
     def _do_write(self, at, area: int, block: int, words) -> bool:
         if words == ffi.NULL:
             return self.put(area * self.AREA, b"\xff" * self.AREA)
-        octets = bytes(ffi.buffer(words, self.BLOCK))
-        return self.put(area * self.AREA + block * self.BLOCK, octets)
+        raw = bytes(ffi.buffer(words, self.BLOCK))
+        return self.put(area * self.AREA + block * self.BLOCK, raw)
 
-    def put(self, begin: int, octets: bytes) -> bool:
+    def put(self, begin: int, raw: bytes) -> bool:
         """What becomes of the areas from `begin` on."""
-        self.areas[begin : begin + len(octets)] = octets
+        self.areas[begin : begin + len(raw)] = raw
         return True
 
 

@@ -30,7 +30,7 @@ BAUD = 1_250_000
 BAUD_RANGE = (25_000_000 // 0xFFFFF + 1, 25_000_000 // 16)
 IMAGE = "firmware/port/mps2/board"
 #: The serial port's other end: FIFOs uart.in and uart.out of the working directory. A socket
-#: is full after some 300 single octets; QEMU's own pseudo-terminals drop them until they have
+#: is full after some 300 single bytes; QEMU's own pseudo-terminals drop them until they have
 #: noticed that there is a client, once a second.
 SERIAL = ("-chardev", "pipe,id=uart,path=uart", "-serial", "chardev:uart")
 
@@ -72,15 +72,15 @@ class EmulatedController(TargetController):
         self.baud = target.baud
         self._to_board, self._from_board = target.uart
 
-    def put(self, octets: bytes) -> int:
-        """Octets onto the line, to the board. Returns how many found room."""
+    def put(self, raw: bytes) -> int:
+        """Bytes onto the line, to the board. Returns how many found room."""
         try:
-            return os.write(self._to_board, octets) if octets else 0
+            return os.write(self._to_board, raw) if raw else 0
         except BlockingIOError:
             return 0
 
     def take(self) -> bytes:
-        """Octets that the board has sent."""
+        """Bytes that the board has sent."""
         try:
             return os.read(self._from_board, 65536)
         except BlockingIOError:

@@ -33,17 +33,17 @@ def open_file(path: Path) -> int:
         raise FirmwareError(f"{path}: {error.strerror}") from None
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        octets = os.pread(file, SIZE + 1, 0)
+        raw = os.pread(file, SIZE + 1, 0)
     except BlockingIOError:
         os.close(file)
         raise FirmwareError(f"{path}: another board has it") from None
     except OSError as error:
         os.close(file)
         raise FirmwareError(f"{path}: {error.strerror}") from None
-    if len(octets) != SIZE or not octets.startswith(HEAD):
+    if len(raw) != SIZE or not raw.startswith(HEAD):
         os.close(file)
         raise FirmwareError(
-            f"{path}: not a store of parameters (such a file has {SIZE} octets and begins with "
+            f"{path}: not a store of parameters (such a file has {SIZE} bytes and begins with "
             f"{HEAD.decode()!r}); name another file, a new one is made"
         )
     return file
@@ -68,15 +68,15 @@ class FileStore(MemoryStore):
         self._file = open_file(path)
         super().__init__(bytearray(os.pread(self._file, MemoryStore.SIZE, len(HEAD))))
 
-    def put(self, begin: int, octets: bytes) -> bool:
+    def put(self, begin: int, raw: bytes) -> bool:
         try:
-            done = os.pwrite(self._file, octets, len(HEAD) + begin)
-            if done != len(octets):
+            done = os.pwrite(self._file, raw, len(HEAD) + begin)
+            if done != len(raw):
                 raise OSError(0, "no space left")
         except OSError as error:
             print(f"hexatorque: {self.path}: {error.strerror}", file=sys.stderr, flush=True)
             return False
-        return super().put(begin, octets)
+        return super().put(begin, raw)
 
     def close(self) -> None:
         """Let another board have the file. May be called again."""

@@ -7,7 +7,7 @@ with Terminal() as line:
     serve(board, line, until=lambda: False)
 
 The link's code is the image's, over the driver of the SCI and the register model; the
-line carries as many octets a second as its baud rate allows, in simulated time.
+line carries as many bytes a second as its baud rate allows, in simulated time.
 """
 
 from __future__ import annotations
@@ -74,14 +74,14 @@ class BoardController(firmware.Controller):
     def handle(self) -> int:
         return int(ffi.cast("uintptr_t", self.board))
 
-    def put(self, octets: bytes) -> int:
-        """Octets onto the line, to the board. Returns how many found room."""
-        cells = np.frombuffer(octets, np.uint8).astype(np.uint16)
+    def put(self, raw: bytes) -> int:
+        """Bytes onto the line, to the board. Returns how many found room."""
+        cells = np.frombuffer(raw, np.uint8).astype(np.uint16)
         pointer = ffi.cast("uint16_t *", cells.ctypes.data)
         return lib.ht_virtual_put(self.board, pointer, len(cells))
 
     def take(self) -> bytes:
-        """Octets that the board has sent."""
+        """Bytes that the board has sent."""
         pointer = ffi.cast("uint16_t *", self._out.ctypes.data)
         n = lib.ht_virtual_take(self.board, pointer, len(self._out))
         return self._out[:n].astype(np.uint8).tobytes()
@@ -149,7 +149,7 @@ class Terminal:
         tty.setraw(self._slave)  # held open: a client that leaves does not hang up
         os.set_blocking(self._master, False)
         self.port = os.ttyname(self._slave)
-        #: Octets that nobody has read in time.
+        #: Bytes that nobody has read in time.
         self.lost = 0
 
     def __enter__(self) -> Terminal:
@@ -160,7 +160,7 @@ class Terminal:
         os.close(self._slave)
 
     def wait(self, seconds: float) -> None:
-        """Until octets come, or for that long."""
+        """Until bytes come, or for that long."""
         select.select([self._master], [], [], max(0.0, seconds))
 
     def read(self) -> bytes:
@@ -169,17 +169,17 @@ class Terminal:
         except BlockingIOError:
             return b""
 
-    def write(self, octets: bytes) -> None:
+    def write(self, raw: bytes) -> None:
         """Like a wire: what does not fit the reader's buffer is gone."""
-        while octets:
+        while raw:
             try:
-                sent = os.write(self._master, octets)
+                sent = os.write(self._master, raw)
             except OSError as error:
                 if error.errno not in (errno.EAGAIN, errno.EIO):
                     raise
-                self.lost += len(octets)
+                self.lost += len(raw)
                 return
-            octets = octets[sent:]
+            raw = raw[sent:]
 
 
 def serve(

@@ -36,11 +36,11 @@ FRAME_S = 0.04
 STATUS_S = 0.1
 #: A page that takes nothing for so long is gone; its browser connects again.
 STALLED_S = 4.0
-#: Octets between server and page: what a slow page has not got yet when it skips.
+#: Bytes between server and page: what a slow page has not got yet when it skips.
 SEND_BUFFER = 1 << 16
 #: A browser has six connections for one server; STOP needs one of them.
 PAGES_OF_A_BROWSER = 4
-BODY_OCTETS = 1 << 16
+BODY_BYTES = 1 << 16
 CAPTURE_FILES = ("/capture.csv", "/capture.json", "/capture.npz")
 WINDOW_S = (0.01, 60.0)
 BINS = (16, 8192)
@@ -241,8 +241,8 @@ class Handler(BaseHTTPRequestHandler):
         if self.headers.get_content_type() != "application/json":
             raise Refused(415, "JSON is needed")
         length = self.headers.get("Content-Length", "")
-        if not length.isdigit() or not int(length) <= BODY_OCTETS:
-            raise Refused(413, f"up to {BODY_OCTETS} octets")
+        if not length.isdigit() or not int(length) <= BODY_BYTES:
+            raise Refused(413, f"up to {BODY_BYTES} bytes")
         try:
             body = json.loads(self.rfile.read(int(length)))
         except (ValueError, RecursionError):

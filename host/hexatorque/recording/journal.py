@@ -96,9 +96,9 @@ def read(file: BinaryIO) -> tuple[Stream, np.ndarray, dict]:
         counters = json.loads(line)
     except ValueError:  # broken off while it was written: the rows are good without
         counters = {}
-    octets = file.read()
-    whole = len(octets) - len(octets) % stream.row.itemsize
-    return stream, np.frombuffer(octets[:whole], stream.row), counters
+    raw = file.read()
+    whole = len(raw) - len(raw) % stream.row.itemsize
+    return stream, np.frombuffer(raw[:whole], stream.row), counters
 
 
 def load(path: Path) -> Recording:

@@ -33,15 +33,15 @@ SLACK = 0.25
 MOST_LOST_ROWS = 10**7
 
 
-def decode(octets: bytes) -> str:
+def decode(raw: bytes) -> str:
     """Text of a file: UTF-8, UTF-16 with its mark, or what Windows used before."""
-    if octets.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        text = octets.decode("utf-16")
+    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        text = raw.decode("utf-16")
     else:
         try:
-            text = octets.decode("utf-8-sig")
+            text = raw.decode("utf-8-sig")
         except UnicodeDecodeError:
-            text = octets.decode("cp1252", errors="replace")
+            text = raw.decode("cp1252", errors="replace")
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 

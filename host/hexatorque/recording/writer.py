@@ -64,7 +64,7 @@ class Writer:
             self._file = self.growing.open("w+b" if self._csv else "x+b", buffering=0)
         except OSError as error:
             raise RecordingError(f"{self.growing}: {one_line(error)}") from None
-        self._octets = 0
+        self._bytes = 0
         try:
             if self._csv:
                 self._write_beside(closed=False)
@@ -244,14 +244,14 @@ class Writer:
         """All of it, or the file is as before."""
         left = memoryview(data)
         try:
-            self._file.seek(self._octets)
+            self._file.seek(self._bytes)
             while left:
                 left = left[self._file.write(left) :]
         except OSError as error:
             with suppress(OSError):
-                self._file.truncate(self._octets)
+                self._file.truncate(self._bytes)
             raise self._failed(error) from None
-        self._octets += len(data)
+        self._bytes += len(data)
 
     def _write_beside(self, closed: bool) -> None:
         """The .csv's header, replaced in one step."""

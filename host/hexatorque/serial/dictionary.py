@@ -104,13 +104,13 @@ def _keep(crc: int, rows: list[bytes]) -> None:
 def kept(hello: Hello) -> list[bytes] | None:
     """The rows of a kept dictionary; None if there is none, or it is damaged."""
     try:
-        octets = _file(hello.crc).read_bytes()
+        raw = _file(hello.crc).read_bytes()
     except OSError:
         return None
     rows, at = [], 0
-    while at + 2 <= len(octets):
-        end = at + 2 + struct.unpack_from("<H", octets, at)[0]
-        rows.append(octets[at + 2 : end])
+    while at + 2 <= len(raw):
+        end = at + 2 + struct.unpack_from("<H", raw, at)[0]
+        rows.append(raw[at + 2 : end])
         at = end
     if len(rows) != sum(hello.rows) or zlib.crc32(b"".join(rows)) != hello.crc:
         return None

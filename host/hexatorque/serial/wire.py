@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 PROTOCOL = 2
 LONGEST_BODY = 508
-#: Body and CRC, COBS's octets, the zero on either side.
+#: Body and CRC, COBS's bytes, the zero on either side.
 LONGEST_FRAME = LONGEST_BODY + 4 + (LONGEST_BODY + 4) // 254 + 1 + 2
 #: A CRC-32 over a body and its CRC comes to this.
 CRC_RESIDUE = 0x2144DF1C
@@ -130,10 +130,10 @@ def frame(body: bytes) -> bytes:
     return b"\0" + cobs.encode(body + struct.pack("<I", zlib.crc32(body))) + b"\0"
 
 
-def unframe(octets: bytes) -> bytes | None:
+def unframe(raw: bytes) -> bytes | None:
     """The body of what stood between two zeros, or None if it is damaged."""
     try:
-        checked = cobs.decode(octets)
+        checked = cobs.decode(raw)
     except cobs.DecodeError:
         return None
     if not 2 <= len(checked) - 4 <= LONGEST_BODY or zlib.crc32(checked) != CRC_RESIDUE:
@@ -142,7 +142,7 @@ def unframe(octets: bytes) -> bytes | None:
 
 
 class Splitter:
-    """Cuts a line into bodies as its octets come; counts what is damaged."""
+    """Cuts a line into bodies as its bytes come; counts what is damaged."""
 
     def __init__(self) -> None:
         self.damaged = 0
@@ -154,8 +154,8 @@ class Splitter:
         self._first = True
         self._too_long = False
 
-    def push(self, octets: bytes) -> list[bytes]:
-        parts = (self._rest + octets).split(b"\0")
+    def push(self, raw: bytes) -> list[bytes]:
+        parts = (self._rest + raw).split(b"\0")
         rest = parts.pop()
         bodies = []
         for part in parts:
@@ -191,7 +191,7 @@ class Request(NamedTuple):
 
 def parse_request(body: bytes) -> Request:
     if len(body) < 6:
-        raise WireError("a request has 6 octets or more")
+        raise WireError("a request has 6 bytes or more")
     return Request(*struct.unpack_from("<BBHH", body), body[6:])
 
 
@@ -207,7 +207,7 @@ class Reply(NamedTuple):
 
 def parse_reply(body: bytes) -> Reply:
     if len(body) < 10:
-        raise WireError("a reply has 10 octets or more")
+        raise WireError("a reply has 10 bytes or more")
     op, *rest = struct.unpack_from("<BBBBHI", body)
     return Reply(op - REPLY, *rest, body[10:])
 
@@ -249,7 +249,7 @@ def unpack(layout: str, payload: bytes) -> tuple:
         return struct.unpack("<" + layout, payload)
     except struct.error:
         raise WireError(
-            f"{len(payload)} octets instead of {struct.calcsize('<' + layout)}"
+            f"{len(payload)} bytes instead of {struct.calcsize('<' + layout)}"
         ) from None
 
 
@@ -264,7 +264,7 @@ class Hello(NamedTuple):
     protocol: int
     crc: int
     f_isr_Hz: float
-    budget: int  #: octets per second for streams
+    budget: int  #: bytes per second for streams
     rows: tuple[int, int, int, int]  #: parameters, channels, faults, states
     longest_body: int
     streams: int
@@ -396,7 +396,7 @@ def parse_capture(payload: bytes) -> CaptureReply:
 def parse_snapshot(payload: bytes) -> dict[str, object] | None:
     """The latest fault's as numbers, or None; state and faults are still numbers."""
     if len(payload) != lib.HT_SNAPSHOT_BYTES:
-        raise WireError(f"{len(payload)} octets instead of {lib.HT_SNAPSHOT_BYTES}")
+        raise WireError(f"{len(payload)} bytes instead of {lib.HT_SNAPSHOT_BYTES}")
     from ..firmware import snapshot_numbers  # with numpy: the port server starts without it
 
     kept = ffi.new("ht_snapshot *")
@@ -409,7 +409,7 @@ def stream(stream: int, channels: tuple[int, ...], decimation: int) -> bytes:
     return struct.pack(f"<BBH{len(channels)}H", stream, len(channels), decimation, *channels)
 
 
-def sample_octets(channels: int) -> int:
+def sample_bytes(channels: int) -> int:
     """What one sample takes on the line."""
     return 12 + 4 * channels
 

@@ -48,9 +48,9 @@ def frame(body: bytes) -> bytes:
     return b"\0" + cobs.encode(body + struct.pack("<I", zlib.crc32(body))) + b"\0"
 
 
-def opened(octets: bytes) -> bytes:
+def opened(raw: bytes) -> bytes:
     """Body of what stood between two zeros."""
-    checked = cobs.decode(octets)
+    checked = cobs.decode(raw)
     assert zlib.crc32(checked[:-4]) == struct.unpack("<I", checked[-4:])[0]
     return checked[:-4]
 
@@ -65,7 +65,7 @@ class Device:
         self.id = 0
         self.session = 0
         self.dictionary = self.service.dictionary & 0xFFFF
-        self._octets = b""
+        self._bytes = b""
         self.bodies: list[bytes] = []  # all that came and was no reply that was waited for
         for which in range(7):
             self.sense(which, MID)
@@ -102,13 +102,13 @@ class Device:
 
     # -- the host's end ----------------------------------------------------------------
 
-    def put(self, octets: bytes) -> None:
-        assert self.controller.put(octets) == len(octets)
+    def put(self, raw: bytes) -> None:
+        assert self.controller.put(raw) == len(raw)
 
     def receive(self) -> list[bytes]:
         """Bodies that have come since the last call."""
-        *frames, self._octets = (self._octets + self.controller.take()).split(b"\0")
-        return [opened(octets) for octets in frames if octets]
+        *frames, self._bytes = (self._bytes + self.controller.take()).split(b"\0")
+        return [opened(raw) for raw in frames if raw]
 
     def request(self, op: int, payload: bytes = b"", session=None, dictionary=None) -> bytes:
         self.id = (self.id + 1) & 0xFF

@@ -113,12 +113,12 @@ def wrapped(label: str, words: list[str], joint: str = " ") -> list[str]:
 
 
 def shown(body: bytes) -> list[str]:
-    octets = frame(body)
-    octets = octets if body[0] < 0x40 else octets[1:]  # the board sends no zero before a frame
+    raw = frame(body)
+    raw = raw if body[0] < 0x40 else raw[1:]  # the board sends no zero before a frame
     who = "host" if body[0] < 0x40 else "board"
     groups, says = taken_apart(body, layout_of(body))
     return [
-        *wrapped(who, [f"{octet:02X}" for octet in octets]),
+        *wrapped(who, [f"{byte:02X}" for byte in raw]),
         *wrapped("  body", groups),
         *wrapped("", says, ", "),
     ]

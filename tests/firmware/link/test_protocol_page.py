@@ -17,9 +17,9 @@ def blocks(page):
         parts = re.split(r"^(host  |board )", block, flags=re.MULTILINE)[1:]
         messages = []
         for who, rest in zip(parts[::2], parts[1::2]):
-            octets, body = rest.split("  body")
+            raw, body = rest.split("  body")
             body, text = re.match(r"((?:\s+[0-9A-F]+)+)\n(.*)", body, re.DOTALL).groups()
-            frame, body = bytes.fromhex(octets), bytes.fromhex("".join(body.split()))
+            frame, body = bytes.fromhex(raw), bytes.fromhex("".join(body.split()))
             messages.append((who.strip(), frame, body, " ".join(text.split())))
         found.append(messages)
     return found

@@ -505,7 +505,7 @@ def test_repetition_after_another_request_is_a_new_one(device):
 
 
 def test_stop_stops_also_when_repeated():
-    """Two programs that say nothing but STOP say the same octets."""
+    """Two programs that say nothing but STOP say the same bytes."""
     device = Device()
     body = struct.pack("<BBHH", STOP, 1, 0, 0)
     device.answer(body)
@@ -516,10 +516,10 @@ def test_stop_stops_also_when_repeated():
     assert device.state == "idle"
 
 
-def turn(device, octets):
+def turn(device, raw):
     """The background alone."""
-    for octet in octets:
-        lib.ht_regfile_sci_arrive(device.controller.registers, octet)
+    for byte in raw:
+        lib.ht_regfile_sci_arrive(device.controller.registers, byte)
         lib.ht_service_turn(ffi.addressof(device.controller.board, "service"))
 
 

@@ -284,7 +284,7 @@ def test_any_heartbeat(pauses):
     asked = device.ask(STATUS).tick
     for pause in pauses:
         device.tick(pause)
-        # An interrupt takes octets that came before it: 14 octets need one or two.
+        # An interrupt takes bytes that came before it: 14 bytes need one or two.
         body = device.request(STATUS)
         reply = device.answer(body)
         if device.now - asked > 203 and reply.tick - asked > 200:

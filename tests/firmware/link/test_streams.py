@@ -213,8 +213,8 @@ def test_budget(baud, count):
     actual = device.service.setup.line.octets_per_s
     assert actual == pytest.approx(baud / 10, rel=0.05)
     names = (2 * [name for name, _ in firmware.channels()])[:count]
-    octets = 12 + 4 * count
-    wanted = int(np.ceil(octets * 1e4 / (0.9 * actual)))
+    sample_bytes = 12 + 4 * count
+    wanted = int(np.ceil(sample_bytes * 1e4 / (0.9 * actual)))
     reply = device.stream(0, 1, *names)
     if wanted > 1:
         assert reply.status == BUDGET

@@ -1,5 +1,5 @@
 """Processor in the loop over a serial line: the C2000 boards' own image on the register
-model, at the other end of a pseudo terminal. Octets take their time there, the watchdog
+model, at the other end of a pseudo terminal. Bytes take their time there, the watchdog
 runs, and the first forbidden register access or gate pin that is no input ends it
 (tests/c/run_pil.c).
 """
@@ -110,20 +110,20 @@ def request():
     return wire.frame(bytes([lib.HT_OP_PIL_HELLO, 1]))[1:]
 
 
-def replies(octets):
+def replies(raw):
     """Bodies of the replies in what came from a board."""
-    assert octets[-1:] in (b"", b"\0")
-    return [wire.unframe(frame) for frame in octets.split(b"\0")[:-1]]
+    assert raw[-1:] in (b"", b"\0")
+    return [wire.unframe(frame) for frame in raw.split(b"\0")[:-1]]
 
 
-def is_hello(octets):
+def is_hello(raw):
     """The one reply to `request`, and nothing else."""
-    (body,) = replies(octets)
+    (body,) = replies(raw)
     return body[:2] == bytes([lib.HT_OP_PIL_HELLO | lib.HT_OP_REPLY, 1])
 
 
 def answer(line, within_s=0.5):
-    """All octets that come until the line is quiet."""
+    """All bytes that come until the line is quiet."""
     os.set_blocking(line.near, False)
     got, until = b"", time.monotonic() + within_s
     while time.monotonic() < until:
@@ -315,7 +315,7 @@ def test_host_that_vanishes_in_a_run(a_board, quick):
 
 
 def test_overrun_fifo(a_board, quick):
-    """Octets that come faster than they are taken are lost; neither board nor line is."""
+    """Bytes that come faster than they are taken are lost; neither board nor line is."""
     with target_of(a_board) as target:
         controller = target.controller("f28335", quick.controller_values())
         a_board.process.send_signal(signal.SIGUSR1)
@@ -418,11 +418,11 @@ def test_nobody_answers(capsys, monkeypatch):
     assert time.monotonic() - began < 10
 
 
-def chatter(line, octets, stop):
+def chatter(line, raw, stop):
     """What another program of a board may send: after each request, or all the time."""
     with contextlib.suppress(OSError):
         while not stop.is_set():
-            os.write(line.far, octets)
+            os.write(line.far, raw)
             time.sleep(0.002)
 
 
@@ -532,10 +532,10 @@ FAULTS = {
     "transmit FIFO not looked at": (
         F28335, "ht_sci.c", "uint16_t room = (uint16_t)(FIFO_DEPTH - level(port, SCIFFTX));",
         "uint16_t room = FIFO_DEPTH;", "transmit FIFO is full"),
-    "octets lost on the way out": (
+    "bytes lost on the way out": (
         F28377S, CHIP, "if (ht_sci_write(&chip, &octet, 1u) == 1u)",
         "if (ht_sci_write(&chip, &octet, 1u) <= 1u)", "no reply in time"),
-    "last octet kept back": (
+    "last byte kept back": (
         F28335, SERVER, "    bool waiting = line.out.sent < line.out.n;",
         "    bool waiting = (line.out.sent + 1u) < line.out.n;", "no reply in time"),
     "receiver stays where an error stopped it": (

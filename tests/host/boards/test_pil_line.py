@@ -35,11 +35,11 @@ class TargetLine:
         self.line = ffi.new("ht_pil_line *")
         lib.ht_pil_line_reset(self.line)
 
-    def take(self, octets):
+    def take(self, raw):
         """Bodies of the replies."""
         found = []
-        for octet in octets:
-            if lib.ht_pil_line_take(self.line, octet):
+        for byte in raw:
+            if lib.ht_pil_line_take(self.line, byte):
                 out = self.line.out
                 found.append(wire.unframe(bytes(out.octet[0 : out.n - 1])))
         return found
@@ -239,12 +239,12 @@ def test_snapshot_as_the_protocol_has_it():
     packet = ffi.new("ht_packet *")
     lib.ht_packet_begin(packet)
     lib.ht_snapshot_add(packet, s)
-    octets = bytes(packet.octet[0 : packet.n])
-    assert octets == struct.pack(
+    raw = bytes(packet.octet[0 : packet.n])
+    assert raw == struct.pack(
         "<IHH7HI13f", 0x12345, 3, 0x8005, *range(100, 107), 0xFEDC0007, *range(11, 24)
     )
-    assert len(octets) == lib.HT_SNAPSHOT_BYTES
+    assert len(raw) == lib.HT_SNAPSHOT_BYTES
     back = ffi.new("ht_snapshot *")
     lib.ht_snapshot_take(packet.octet, back)
     assert firmware.snapshot_of(back) == firmware.snapshot_of(s)
-    assert wire.parse_snapshot(octets) == firmware.snapshot_numbers(s)
+    assert wire.parse_snapshot(raw) == firmware.snapshot_numbers(s)

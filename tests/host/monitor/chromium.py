@@ -1,6 +1,6 @@
 """A headless Chromium over its debugging pipe: as much of that protocol as the tests need.
 
-https://chromedevtools.github.io/devtools-protocol; messages are JSON closed by a zero octet.
+https://chromedevtools.github.io/devtools-protocol; messages are JSON closed by a zero byte.
 """
 
 import base64
@@ -65,10 +65,10 @@ class Chromium:
         while b"\0" not in self._rest:
             if not select.select([self._from], [], [], max(0.0, end - time.monotonic()))[0]:
                 raise TimeoutError("the browser does not answer")
-            octets = os.read(self._from, 1 << 16)
-            if not octets:
+            raw = os.read(self._from, 1 << 16)
+            if not raw:
                 raise OSError("the browser has ended")
-            self._rest += octets
+            self._rest += raw
         text, self._rest = self._rest.split(b"\0", 1)
         return json.loads(text)
 

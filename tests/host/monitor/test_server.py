@@ -305,8 +305,8 @@ def test_channels_are_the_boards_and_their_rate_fits_the_line(site):
     assert site.post("/channels", {"channels": names, "rate_Hz": 10000})[0] == 200
     fits = site.desk.stream.decimation
     hello = site.desk.drive.hello
-    octets = (12 + 4 * 12) * hello.f_isr_Hz
-    assert fits == int(np.ceil(octets / hello.budget))
+    bytes_per_s = (12 + 4 * 12) * hello.f_isr_Hz
+    assert fits == int(np.ceil(bytes_per_s / hello.budget))
     assert site.post("/channels", {"channels": [], "rate_Hz": None})[0] == 200
     with site.page() as frame:
         assert frame()["status"]["channels"] == []

@@ -242,20 +242,20 @@ def loads_or_says_so(path) -> str:
 def test_a_truncated_file_says_so(full, suffix, tmp_path):
     """Cut anywhere: never a shorter recording as if nothing had happened."""
     path = full.save(tmp_path / f"rec{suffix}")
-    octets = path.read_bytes()
+    raw = path.read_bytes()
     for share in np.linspace(0, 0.97, 12):
-        path.write_bytes(octets[: int(share * len(octets))])
+        path.write_bytes(raw[: int(share * len(raw))])
         assert loads_or_says_so(path), share
 
 
 def test_a_damaged_file_is_one_line(full, suffix, tmp_path, capfd):
     path = full.save(tmp_path / f"rec{suffix}")
-    octets = path.read_bytes()
+    raw = path.read_bytes()
     random = np.random.default_rng(3)
     said = 0
     for _ in range(60):
-        damaged = bytearray(octets)
-        for at in random.integers(0, len(octets), random.integers(1, 6)):
+        damaged = bytearray(raw)
+        for at in random.integers(0, len(raw), random.integers(1, 6)):
             damaged[at] = random.integers(256)
         path.write_bytes(damaged)
         said += bool(loads_or_says_so(path))

@@ -34,7 +34,7 @@ def example(kind: str) -> str:
 
 
 def test_the_example_of_the_document_is_what_is_written(tmp_path):
-    """Octet for octet: the table; the header as far as it is not the test's own."""
+    """Byte for byte: the table; the header as far as it is not the test's own."""
     wanted = json.loads(example("json"))
     own = ("started", "started_uncertainty_s", "device", "parameters")
     meta = {key: wanted["meta"][key] for key in own}

@@ -157,23 +157,23 @@ def test_a_killed_process_leaves_all_it_had_appended(name, tmp_path):
 
 @GROWING
 def test_a_file_that_ends_anywhere(name, tmp_path):
-    """Cut at every octet of the last rows: the whole rows before are there, none else."""
+    """Cut at every byte of the last rows: the whole rows before are there, none else."""
     path = tmp_path / name
     writer = Writer.open(path, STREAM)
     writer.append(*rows(np.arange(0, 50, 5)))
     grown = growing(path)
-    octets = grown.read_bytes()
+    raw = grown.read_bytes()
     per_row = STREAM.row.itemsize
-    for end in range(len(octets) - 30, len(octets)):
-        grown.write_bytes(octets[:end])
+    for end in range(len(raw) - 30, len(raw)):
+        grown.write_bytes(raw[:end])
         if name == "rec.csv":
-            whole = octets[:end].count(b"\n") - 1
+            whole = raw[:end].count(b"\n") - 1
         else:
-            whole = 10 - -(-(len(octets) - end) // per_row)
+            whole = 10 - -(-(len(raw) - end) // per_row)
         rec = Recording.load(grown)
         assert len(rec) == whole
         assert np.array_equal(rec["i_u1_A"], np.sin(5 * np.arange(whole)).astype(np.float32))
-    grown.write_bytes(octets)
+    grown.write_bytes(raw)
     writer.close()
 
 
@@ -325,11 +325,11 @@ def test_a_damaged_journal_is_one_line_or_counted(tmp_path):
     writer = Writer.open(path, STREAM)
     writer.append(*rows(5 * np.arange(200)))
     whole = Recording.load(writer.growing)
-    octets = writer.growing.read_bytes()
+    raw = writer.growing.read_bytes()
     random = np.random.default_rng(1)
     for _ in range(80):
-        damaged = bytearray(octets)
-        for at in random.integers(0, len(octets), 3):
+        damaged = bytearray(raw)
+        for at in random.integers(0, len(raw), 3):
             damaged[at] = random.integers(256)
         writer.growing.write_bytes(damaged)
         try:
@@ -338,7 +338,7 @@ def test_a_damaged_journal_is_one_line_or_counted(tmp_path):
             assert "\n" not in str(error)
         else:
             assert rec.meta["unusable_rows"] + len(rec) - rec.meta["lost_samples"] == len(whole)
-    writer.growing.write_bytes(octets)
+    writer.growing.write_bytes(raw)
     writer.close()
 
 
@@ -372,9 +372,9 @@ def test_behind_an_interruption_rows_keep_their_own_ticks(name, tmp_path):
 def test_a_counters_line_cut_short_costs_no_samples(tmp_path):
     writer = Writer.open(tmp_path / "rec.npz", STREAM)
     writer.append(*rows([5, 10]))
-    octets = writer.growing.read_bytes()
-    at = octets.index(b"\n") + 1
-    writer.growing.write_bytes(octets[:at] + b'{"drops": 1, "cr' + octets[at + 16 :])
+    raw = writer.growing.read_bytes()
+    at = raw.index(b"\n") + 1
+    writer.growing.write_bytes(raw[:at] + b'{"drops": 1, "cr' + raw[at + 16 :])
     assert len(Recording.load(writer.growing)) == 2
     writer.close()
 
@@ -406,8 +406,8 @@ def test_the_journal_is_as_documented(tmp_path):
     """Written and read here with nothing but docs/recordings.md."""
     with Writer.open(tmp_path / "rec.npz", STREAM) as writer:
         writer.append([7, 12, 22], [[1.5, -2], [2.5, -3], [3.5, -4]])
-        octets = writer.growing.read_bytes()
-    header, rest = octets.split(b"\n", 1)
+        raw = writer.growing.read_bytes()
+    header, rest = raw.split(b"\n", 1)
     head = json.loads(header)
     assert head["format"] == "hexatorque-journal-1"
     assert head["channels"] == [["i_u1_A", "A"], ["torque_Nm", "N m"]]

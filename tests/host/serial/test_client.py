@@ -74,7 +74,7 @@ def test_a_request_is_carried_out_once_whatever_happens(peer, drive, fault, time
             drive.set("speed_ref_rpm", value)
         asked = of(peer, WRITE)[before:]
         assert peer.values[1] == value == drive.get("speed_ref_rpm")
-        assert len(set(asked)) == 1  # the same octets again
+        assert len(set(asked)) == 1  # the same bytes again
         if fault in ("mute", "damage", "cut"):
             assert len(asked) >= 1 + times
     assert peer.executed.count(WRITE) == 2
@@ -275,10 +275,10 @@ def test_another_protocol_is_refused(peer):
 
 def feed(peer, stream, ticks, number=0):
     """Samples whose values tell their tick."""
-    octets = b""
+    raw = b""
     for place, tick in enumerate(ticks):
-        octets += peer.sample(0, number + place, tick, tick & 0xFFFF, -1.0)
-    peer.write(octets)
+        raw += peer.sample(0, number + place, tick, tick & 0xFFFF, -1.0)
+    peer.write(raw)
     deadline = time.monotonic() + 2
     rows = []
     while time.monotonic() < deadline:
@@ -488,12 +488,12 @@ def offer(peer, values: np.ndarray, crc: int | None = None, keep=lambda first: T
     def answering(op, session, payload):
         if op == Op.READ:
             first, count = struct.unpack("<II", payload)
-            octets = b""
+            raw = b""
             for at in range(first, first + count, 60):
                 if keep(at):
                     part = flat[at : min(at + 60, first + count)].tobytes()
-                    octets += frame(struct.pack("<BBI", 0x50, 9, at) + part) + between
-            threading.Timer(0.01, peer.write, [octets]).start()
+                    raw += frame(struct.pack("<BBI", 0x50, 9, at) + part) + between
+            threading.Timer(0.01, peer.write, [raw]).start()
         return answer(op, session, payload)
 
     peer._answer = answering

@@ -134,9 +134,9 @@ def test_a_repetition_is_not_written_again(device):
     class Counting(MemoryStore):
         writes = 0
 
-        def put(self, begin, octets):
+        def put(self, begin, raw):
             self.writes += 1
-            return super().put(begin, octets)
+            return super().put(begin, raw)
 
     counting = Device(store=Counting())
     body = counting.request(SAVE)
@@ -154,7 +154,7 @@ def test_no_memory_and_one_that_fails():
         assert (reply.status, reply.payload) == (STORE, b"\xff\xff")
 
     class Failing(MemoryStore):
-        def put(self, begin, octets):
+        def put(self, begin, raw):
             return False
 
     failing = Device(store=Failing())
@@ -183,10 +183,10 @@ def test_file_of_a_virtual_board(tmp_path):
         assert second.controller.parameter_set == "saved"
         assert second.controller.get("rs_ohm") == 1.75
         second.run(0.01)  # the plant runs beside it
-    octets = bytearray(file.read_bytes())
+    raw = bytearray(file.read_bytes())
     for at in range(40, SIZE, 97):
-        octets[at] ^= 0x10
-    file.write_bytes(octets)
+        raw[at] ^= 0x10
+    file.write_bytes(raw)
     with virtual(file, controller__rs_ohm=1.5) as third:
         assert third.controller.parameter_set == "built-in: the saved set is damaged"
         assert third.controller.get("rs_ohm") == 1.5  # what the set-up says

@@ -50,13 +50,13 @@ def _stack(preset: str) -> tuple[dict, list[str]]:
     graph = stack.call_graph(folder / count.IMAGE, objects)
     paths = {}
     for kind, entries in ENTRIES.items():
-        octets, path = max(stack.deepest(graph, entry) for entry in entries)
-        paths[kind] = {"octets": octets, "path": path}
+        size, path = max(stack.deepest(graph, entry) for entry in entries)
+        paths[kind] = {"bytes": size, "path": path}
     return paths, sorted(stack.library_calls(graph, "ht_drive_fast_isr") - ALLOWED_CALLS)
 
 
 def _sizes(preset: str, prefix: str) -> dict[str, int]:
-    """Octets of code and constants of core, app and C2000 driver, and of one drive's data."""
+    """Bytes of code and constants of core, app and C2000 driver, and of one drive's data."""
     folder = tools.build(preset)
     rooms = [tools.source_root() / "firmware" / room for room in ROOMS]
     built = tools.objects(folder, "ht_core", "ht_app")
@@ -66,20 +66,20 @@ def _sizes(preset: str, prefix: str) -> dict[str, int]:
     ).stdout
     sections = re.findall(r"^(\.\S+)\s+(\d+)\s+\d+$", listed, re.MULTILINE)
     total = {"code": 0, "constants": 0}
-    for name, octets in sections:
+    for name, size in sections:
         if name.startswith(".text"):
-            total["code"] += int(octets)
+            total["code"] += int(size)
         elif name.startswith((".rodata", ".data", ".bss")):
-            total["constants"] += int(octets)
+            total["constants"] += int(size)
     (drive,) = tools.objects(folder, "ht_sizes").values()
     named = subprocess.run(
         [f"{prefix}nm", "--print-size", drive], capture_output=True, text=True, check=True
     ).stdout
-    (octets,) = re.findall(r"^\S+ (\S+) \w ht_one_drive$", named, re.MULTILINE)
-    return {**total, "drive": int(octets, 16)}
+    (size,) = re.findall(r"^\S+ (\S+) \w ht_one_drive$", named, re.MULTILINE)
+    return {**total, "drive": int(size, 16)}
 
 
-def _image_octets(preset: str) -> int:
+def _image_bytes(preset: str) -> int:
     """Code and constants of the counting image."""
     image = tools.build(preset) / count.IMAGE
     listed = subprocess.run(
@@ -117,12 +117,12 @@ def measure(setup: Setup, progress: Progress | None = None) -> dict:
     return {
         MACHINE: {
             **instructions,
-            "stack_octets": max(row["octets"] for row in stacks.values()),
+            "stack_bytes": max(row["bytes"] for row in stacks.values()),
             "stack": stacks,
-            "stack_used_octets": used,
+            "stack_used_bytes": used,
             "library_calls": calls,
-            "image_octets": _image_octets("mps2"),
-            "image_by_file_octets": _image_octets(BY_FILE),
+            "image_bytes": _image_bytes("mps2"),
+            "image_by_file_bytes": _image_bytes(BY_FILE),
         },
         "sizes": sizes,
         "c28x_150MHz_estimate": _estimate(setup),
@@ -151,12 +151,12 @@ def exceeded(result: dict, limit: dict) -> list[str]:
             hold(f"{scheme}, {kind} instructions", found[scheme][kind], most)
     ratio = found["ddr"]["mean"] / found["fdr"]["mean"]
     hold("ddr over fdr", round(ratio, 3), bound["ddr_over_fdr"])
-    hold("stack, octets", found["stack_octets"], bound["stack_octets"])
-    hold("image, octets", found["image_octets"], bound["image_octets"])
+    hold("stack, bytes", found["stack_bytes"], bound["stack_bytes"])
+    hold("image, bytes", found["image_bytes"], bound["image_bytes"])
     for target, rows in limit["sizes"].items():
         for what, most in rows.items():
             if target in result["sizes"]:
-                hold(f"{target}, {what}, octets", result["sizes"][target][what], most)
+                hold(f"{target}, {what}, bytes", result["sizes"][target][what], most)
     for name in found["library_calls"]:
         lines.append(f"the fast interrupt calls {name}")
     return lines
@@ -203,17 +203,17 @@ but two operations in some instructions), the {branches} branches, calls and ret
 each (the depth of its pipeline), from memory without wait states.
 
 ## Stack
-Octets, Cortex-M4F, from `-fstack-usage` along the deepest path of the call graph (disassembly; no
+Bytes, Cortex-M4F, from `-fstack-usage` along the deepest path of the call graph (disassembly; no
 calls through pointers, no recursion). In the replay the fast interrupt used {measured} at most.
 
 {stack}
 
-All three on one stack, with the {exception} octets that each interrupt adds by itself: {together}.
+All three on one stack, with the {exception} bytes that each interrupt adds by itself: {together}.
 
 ## Sizes
-Octets of core, app and C2000 driver (atmega2560: without driver; constants: with the texts of the
+Bytes of core, app and C2000 driver (atmega2560: without driver; constants: with the texts of the
 parameter and channel tables), and of the data of one drive; compiled file by file at -O2. What
-the instructions are counted of, compiled as said there, is an image of {image} octets instead of
+the instructions are counted of, compiled as said there, is an image of {image} bytes instead of
 {image_by_file}.
 
 {sizes}
@@ -237,8 +237,8 @@ def page(result: dict, limit: dict) -> str:
     headings = ("scheme", "interrupt, mean", "limit", "max", "limit", "step, mean", "max")
     goal = limit["goals"]["ddr_mean"]
     estimate = result["c28x_150MHz_estimate"]
-    deepest = {kind: row["octets"] for kind, row in found["stack"].items()}
-    together = sum(deepest.values()) + 2 * stack.EXCEPTION_OCTETS
+    deepest = {kind: row["bytes"] for kind, row in found["stack"].items()}
+    together = sum(deepest.values()) + 2 * stack.EXCEPTION_BYTES
     return PAGE.format(
         compiler=result["compiler"], options=result["options"], setup=result["setup"],
         instructions=_rows(headings, rows),
@@ -248,16 +248,16 @@ def page(result: dict, limit: dict) -> str:
         low=estimate["low_us"], high=estimate["high_us"], branches=estimate["branches"],
         others=estimate["other_instructions"],
         by_file=estimate["branches"] + estimate["other_instructions"],
-        image=found["image_octets"], image_by_file=found["image_by_file_octets"],
-        exception=stack.EXCEPTION_OCTETS,
+        image=found["image_bytes"], image_by_file=found["image_by_file_bytes"],
+        exception=stack.EXCEPTION_BYTES,
         stack=_rows(
-            ("entry", "octets", "path"),
+            ("entry", "bytes", "path"),
             [
-                (kind, row["octets"], " → ".join(row["path"]))
+                (kind, row["bytes"], " → ".join(row["path"]))
                 for kind, row in found["stack"].items()
             ],
         ),
-        together=together, measured=found["stack_used_octets"],
+        together=together, measured=found["stack_used_bytes"],
         sizes=_rows(
             ("target", "code", "constants", "data of a drive"),
             [(name, *row.values()) for name, row in result["sizes"].items()],
@@ -270,13 +270,13 @@ def tables(result: dict) -> list:
     from rich.table import Table
 
     found = result[MACHINE]
-    memory = Table(title="stack and size, octets", title_justify="left")
+    memory = Table(title="stack and size, bytes", title_justify="left")
     memory.add_column("")
-    memory.add_column("octets", justify="right")
+    memory.add_column("bytes", justify="right")
     for kind, row in found["stack"].items():
-        memory.add_row(f"{MACHINE}, stack of {kind}", str(row["octets"]))
+        memory.add_row(f"{MACHINE}, stack of {kind}", str(row["bytes"]))
     for target, row in result["sizes"].items():
-        for what, octets in row.items():
-            memory.add_row(f"{target}, {what}", str(octets))
+        for what, size in row.items():
+            memory.add_row(f"{target}, {what}", str(size))
     schemes = {k: v for k, v in found.items() if isinstance(v, dict) and "mean" in v}
     return [count.instruction_table(schemes), memory]

@@ -85,7 +85,7 @@ def _replay(
     setup: Setup, machine: str, folder: Path, preset: str | None = None
 ) -> dict[str, np.ndarray]:
     """Instructions per period: "isr", "step", "slow", the "state" after each,
-    and the octets of "stack" that the fast interrupt took."""
+    and the bytes of "stack" that the fast interrupt took."""
     channels = write_trace(setup, folder / "trace")
     _emulate(machine, _image(machine, preset), folder, "-icount", "shift=10")
     data = np.fromfile(folder / "counts", "<u4")
@@ -109,7 +109,7 @@ def instructions(
 ) -> tuple[dict[str, dict], int]:
     """{scheme: {"mean", "max", "step_mean", "step_max", "slow_max"}}: fast interrupt
     and, in it, the control step, both while the drive runs; `max` covers the way there
-    too; slow interrupt. And the octets of stack that the fast interrupt used at most."""
+    too; slow interrupt. And the bytes of stack that the fast interrupt used at most."""
     result = {}
     used = 0
     run = firmware.STATES.index("run")

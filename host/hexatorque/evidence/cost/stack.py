@@ -13,16 +13,16 @@ from ...boards.processor import TargetError
 
 #: What a Cortex-M with FPU puts on the stack by itself for an interrupt: r0-r3, r12, lr,
 #: pc, xPSR, s0-s15, FPSCR and a word to align.
-EXCEPTION_OCTETS = 104
+EXCEPTION_BYTES = 104
 
 
 @dataclass
 class Function:
-    """`octets` it puts on the stack itself: the compiler's word, or for a library's
+    """`own_bytes` it puts on the stack itself: the compiler's word, or for a library's
     function what its instructions push."""
 
     name: str
-    octets: int
+    own_bytes: int
     library: bool
     calls: set[int] = field(default_factory=set)  #: addresses
     indirect: bool = False  #: calls through a pointer
@@ -33,7 +33,7 @@ Graph = dict[int, Function]
 
 
 def _pushed(what: str, operands: str) -> int:
-    """Octets that an instruction takes from the stack."""
+    """Bytes that an instruction takes from the stack."""
     listed = re.search(r"\{(.+)\}", operands)
     if what in ("push", "vpush", "stmdb") and listed and (what != "stmdb" or "sp!" in operands):
         return sum(_registers(part) for part in listed[1].split(", ")) * 4
@@ -55,17 +55,17 @@ def usage_files(image: Path, objects: Iterable[Path]) -> list[Path]:
     return linked or [file.with_suffix(".su") for file in objects]
 
 
-def _own_octets(files: Iterable[Path]) -> dict[str, int]:
-    """Function -> octets of stack, from stack usage files."""
-    octets: dict[str, int] = {}
+def _own_bytes(files: Iterable[Path]) -> dict[str, int]:
+    """Function -> bytes of stack, from stack usage files."""
+    sizes: dict[str, int] = {}
     for file in files:
         for line in file.read_text().splitlines():
             place, size, kind = line.split("\t")
             name = place.rsplit(":", 1)[1]
             if kind not in ("static", "dynamic,bounded"):
                 raise TargetError(f"{name}: stack usage is {kind}")
-            octets[name] = max(octets.get(name, 0), int(size))
-    return octets
+            sizes[name] = max(sizes.get(name, 0), int(size))
+    return sizes
 
 
 def call_graph(image: Path, objects: Iterable[Path]) -> Graph:
@@ -74,7 +74,7 @@ def call_graph(image: Path, objects: Iterable[Path]) -> Graph:
         ["arm-none-eabi-objdump", "-d", "--no-show-raw-insn", image],
         capture_output=True, text=True, check=True,
     ).stdout  # fmt: skip
-    own = _own_octets(usage_files(image, objects))
+    own = _own_bytes(usage_files(image, objects))
     graph: Graph = {}
     current = Function("", 0, True)
     for line in text.splitlines():
@@ -83,8 +83,8 @@ def call_graph(image: Path, objects: Iterable[Path]) -> Graph:
             # Clones of a function (name.constprop.0) are listed by the part before the number,
             # static ones of an image compiled when linked (name.lto_priv.0) by their name.
             name = re.sub(r"\.lto_priv\.\d+$", "", head[2])
-            octets = own.get(name, own.get(re.sub(r"\.\d+$", "", name)))
-            current = Function(name, octets or 0, octets is None)
+            size = own.get(name, own.get(re.sub(r"\.\d+$", "", name)))
+            current = Function(name, size or 0, size is None)
             graph[int(head[1], 16)] = current
             continue
         instruction = re.match(r"\s+[0-9a-f]+:\s+(\S+)\s*(.*)", line)
@@ -92,7 +92,7 @@ def call_graph(image: Path, objects: Iterable[Path]) -> Graph:
             continue
         what, operands = instruction.groups()
         if current.library:
-            current.octets += _pushed(what, operands)
+            current.own_bytes += _pushed(what, operands)
         target = re.search(r"\b([0-9a-f]+) <[^>]+>", operands)
         if what.startswith("blx") and not target:
             current.indirect = True
@@ -110,7 +110,7 @@ def address(graph: Graph, name: str) -> int:
 
 
 def deepest(graph: Graph, entry: str) -> tuple[int, list[str]]:
-    """Octets and functions of the deepest path from `entry`."""
+    """Bytes and functions of the deepest path from `entry`."""
     known: dict[int, tuple[int, list[str]]] = {}
 
     def walk(place: int, above: tuple[int, ...]) -> tuple[int, list[str]]:
@@ -122,7 +122,7 @@ def deepest(graph: Graph, entry: str) -> tuple[int, list[str]]:
         if place not in known:
             below = [walk(callee, (*above, place)) for callee in sorted(function.calls)]
             size, path = max(below, default=(0, []), key=lambda row: row[0])
-            known[place] = function.octets + size, [function.name, *path]
+            known[place] = function.own_bytes + size, [function.name, *path]
         return known[place]
 
     return walk(address(graph, entry), ())

@@ -451,7 +451,7 @@ def _some_set(controller: firmware.Controller, rng: np.random.Generator) -> None
 
 
 def _damage(areas: bytearray, rng: np.random.Generator) -> None:
-    """Bits, octets, blocks, a whole copy; in one of the copies or in both. Any of it may hit what
+    """Bits, bytes, blocks, a whole copy; in one of the copies or in both. Any of it may hit what
     is used, or miss it."""
     used = 16 * (2 + -(-len(firmware.parameters()) // 4))
     for copy in rng.permutation(2)[: int(rng.integers(1, 3))]:

@@ -1,5 +1,5 @@
-"""The serial link on a line that loses, flips, doubles, inserts and swaps octets, each at
-1e-3 per octet: is a wrong sample ever taken for a right one, is every missing one counted,
+"""The serial link on a line that loses, flips, doubles, inserts and swaps bytes, each at
+1e-3 per byte: is a wrong sample ever taken for a right one, is every missing one counted,
 do requests get through; and what a CRC of so many bits lets pass.
 
 Samples are those of a drive that runs, from the firmware itself over its register model;
@@ -26,10 +26,10 @@ from ...serial import wire
 from ...serial.server import REPLY_S, TRIES
 from ...serial.wire import Op, Status
 
-TITLE = "Serial link on a line that spoils its octets"
+TITLE = "Serial link on a line that spoils its bytes"
 SETUP = "paper-a-feasible"
 KINDS = ("lost", "flipped", "doubled", "inserted", "swapped")
-#: Of each kind, per octet: as stated, and so that hardly a frame comes through.
+#: Of each kind, per byte: as stated, and so that hardly a frame comes through.
 RATE, HEAVY = 1e-3, 3e-2
 BAUD = 3_000_000  #: a sample of CHANNELS in every fast interrupt
 CHANNELS = ("i_u1_A", "psi_alpha_Wb", "torque_Nm", "speed_rpm")
@@ -43,14 +43,14 @@ NONCE = 0x2B2B
 PIECE_S = 0.05
 
 
-def spoil(octets: np.ndarray, rate: float, rng: np.random.Generator) -> np.ndarray:
-    """uint8 octets as they arrive; each kind of damage at `rate` per octet."""
-    n = len(octets)
-    out = octets.copy()
+def spoil(raw: np.ndarray, rate: float, rng: np.random.Generator) -> np.ndarray:
+    """Bytes (uint8) as they arrive; each kind of damage at `rate` per byte."""
+    n = len(raw)
+    out = raw.copy()
     flipped = np.flatnonzero(rng.random(n) < rate)
     out[flipped] ^= (1 << rng.integers(0, 8, len(flipped))).astype(np.uint8)
     swapped = np.flatnonzero(rng.random(max(0, n - 1)) < rate)
-    swapped = swapped[np.diff(swapped, prepend=-2) > 1]  # no octet in two swaps
+    swapped = swapped[np.diff(swapped, prepend=-2) > 1]  # no byte in two swaps
     out[swapped], out[swapped + 1] = out[swapped + 1], out[swapped]
     times = np.ones(n, np.int64)
     times[rng.random(n) < rate] = 0
@@ -62,7 +62,7 @@ def spoil(octets: np.ndarray, rate: float, rng: np.random.Generator) -> np.ndarr
     return arrived
 
 
-def _octets(data: bytes) -> np.ndarray:
+def _as_array(data: bytes) -> np.ndarray:
     return np.frombuffer(data, np.uint8)
 
 
@@ -125,15 +125,15 @@ def _samples(frames: int, rng: np.random.Generator, progress: Progress | None) -
     older: dict[int, bytes] = {}
     sent_ticks: list[int] = []
     accepted: list[int] = []
-    seen, wrong, octets = [], 0, 0
+    seen, wrong, sent_bytes = [], 0, 0
     while len(sent_ticks) < frames:
         data = source.piece()
-        octets += len(data)
+        sent_bytes += len(data)
         older = sent
         sent = {_tick(b): b for b in clean.push(data) if _is_sample(b)}
         sent_ticks += sent
         seen += list(sent.values())[:20]
-        for body in line.push(spoil(_octets(data), RATE, rng).tobytes()):
+        for body in line.push(spoil(_as_array(data), RATE, rng).tobytes()):
             if body[0] == wire.SAMPLE:
                 tick = _tick(body)
                 wrong += body != sent.get(tick, older.get(tick))
@@ -146,7 +146,7 @@ def _samples(frames: int, rng: np.random.Generator, progress: Progress | None) -
     steps = np.diff(got)
     return {
         "healthy": source.healthy() and bool((np.diff(every) == 1).all()),
-        "octets": octets,
+        "bytes": sent_bytes,
         "sent": len(inside),
         "accepted": len(got),
         "wrong": int(wrong),
@@ -178,16 +178,16 @@ def _damaged(
     """What stands between two zeros of a spoilt line and was not sent so."""
     closed = [cobs.encode(close(body)) for body in bodies]
     good = set(closed)
-    piece = _octets(b"\0".join(closed) + b"\0")
+    piece = _as_array(b"\0".join(closed) + b"\0")
     for _ in range(-(-frames // len(bodies))):
-        for octets in spoil(piece, rate, rng).tobytes().split(b"\0"):
-            if octets and octets not in good:
-                yield octets
+        for raw in spoil(piece, rate, rng).tobytes().split(b"\0"):
+            if raw and raw not in good:
+                yield raw
 
 
-def _decoded(octets: bytes) -> bytes | None:
+def _decoded(raw: bytes) -> bytes | None:
     try:
-        return cobs.decode(octets)
+        return cobs.decode(raw)
     except cobs.DecodeError:
         return None
 
@@ -199,9 +199,9 @@ def _checks(bodies: list[bytes], frames: int, rng: np.random.Generator) -> list[
     for rate in (RATE, HEAVY):
         length = len(bodies[0])
         damaged, exact, passed, passed_length = 0, 0, 0, 0
-        for octets in _damaged(bodies, _with_crc16, rate, frames, rng):
+        for raw in _damaged(bodies, _with_crc16, rate, frames, rng):
             damaged += 1
-            checked = _decoded(octets)
+            checked = _decoded(raw)
             if checked is None or len(checked) < 4:
                 continue
             exact += 1
@@ -210,9 +210,9 @@ def _checks(bodies: list[bytes], frames: int, rng: np.random.Generator) -> list[
                 passed_length += len(checked) == length + 2
         agree: Counter[int] = Counter()
         damaged32, exact32 = 0, 0
-        for octets in _damaged(bodies, _with_crc32, rate, frames, rng):
+        for raw in _damaged(bodies, _with_crc32, rate, frames, rng):
             damaged32 += 1
-            checked = _decoded(octets)
+            checked = _decoded(raw)
             if checked is None or len(checked) < 6:
                 continue
             exact32 += 1
@@ -245,7 +245,7 @@ class _Host:
         self.board = BoardController("f28377s", {}, None, lib.HT_SERVICE_WATCHDOG_MS)
         self.service = self.board.board.service
         self.dictionary = self.service.dictionary & 0xFFFF
-        self.octets_per_tick = self.service.setup.line.octets_per_s / 1e4
+        self.bytes_per_tick = self.service.setup.line.octets_per_s / 1e4
         self._rng = rng
         self._splitter = wire.Splitter()
         self._id = 0
@@ -254,15 +254,15 @@ class _Host:
         """Reply or None, and tries."""
         self._id = (self._id + 1) & 0xFF
         frame = wire.frame(wire.request(op, self._id, NONCE, self.dictionary, payload))
-        patience = round(1e4 * REPLY_S + (len(frame) + wire.LONGEST_FRAME) / self.octets_per_tick)
+        patience = round(1e4 * REPLY_S + (len(frame) + wire.LONGEST_FRAME) / self.bytes_per_tick)
         for tried in range(1, TRIES + 1):
-            self.board.put(spoil(_octets(frame), RATE, self._rng).tobytes())
+            self.board.put(spoil(_as_array(frame), RATE, self._rng).tobytes())
             for _ in range(patience):
                 lib.ht_virtual_fast(self.board.board)
                 came = self.board.take()
                 if not came:
                     continue
-                for body in self._splitter.push(spoil(_octets(came), RATE, self._rng).tobytes()):
+                for body in self._splitter.push(spoil(_as_array(came), RATE, self._rng).tobytes()):
                     reply = wire.parse_reply(body)
                     if (reply.op, reply.id) == (op, self._id):
                         return reply, tried
@@ -352,7 +352,7 @@ def tables(result: dict) -> list:
 
     s = result["samples"]
     each = ", ".join(KINDS)
-    table = Table(title=f"{TITLE}\n{each}: {result['rate']:g} each per octet", title_justify="left")
+    table = Table(title=f"{TITLE}\n{each}: {result['rate']:g} each per byte", title_justify="left")
     table.add_column("samples")
     table.add_column("", justify="right")
     for name, key in (
@@ -368,7 +368,7 @@ def tables(result: dict) -> list:
     ):
         table.add_row(name, f"{s[key]:,}")
     checks = Table(title="Damaged frames that pass", title_justify="left")
-    for name in ("per octet", "damaged", "exact COBS", "CRC-16", "and length", "one in"):
+    for name in ("per byte", "damaged", "exact COBS", "CRC-16", "and length", "one in"):
         checks.add_column(name, justify="right")
     for k in (8, 16):
         checks.add_column(f"{k} bits of CRC-32, one in", justify="right")
@@ -408,7 +408,7 @@ def plot(result: dict, path: Path) -> Path:
     colours = (plots.COLOUR["i_u1"], plots.COLOUR["torque"])
     for row, colour in zip(result["checks"], colours):
         seen = [(k, n / row["damaged32"]) for k, n in row["bits"] if n]
-        label = f"{row['rate']:g} per octet and kind"
+        label = f"{row['rate']:g} per byte and kind"
         axis.semilogy(*zip(*seen), "o", color=colour, label=f"{label}: bits of the CRC-32")
         if row["crc16"]:
             share = row["crc16"] / row["damaged"]
