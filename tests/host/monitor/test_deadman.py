@@ -94,7 +94,7 @@ def test_a_dialog_that_waits_for_an_answer(page, board):
 
 
 def test_a_computer_that_sleeps(page, monitor, board):
-    """The monitor does not run either and cannot send STOP. The board's watchdog stops the drive."""
+    """The monitor cannot run and send STOP either, so the board's watchdog stops the drive."""
     monitor.process.send_signal(signal.SIGSTOP)
     try:
         begun_s = board.time_s
