@@ -83,7 +83,7 @@ class ProcessTarget(Target):
         Returns descriptors that are closed with it."""
         return []
 
-    def epitaph(self) -> str:
+    def why_down(self) -> str:
         if self.close.alive is False:
             return ""
         with contextlib.suppress(subprocess.TimeoutExpired):

@@ -77,12 +77,12 @@ class BoardTarget(Target):
         self.link.to_target = self.link.from_target = line
         self.link.timeout_ms = round(timeout_s * 1000)
         try:
-            self._hush()
+            self._synchronise()
         except BaseException:
             self.close()
             raise
 
-    def _hush(self) -> None:
+    def _synchronise(self) -> None:
         """Bring the target to where it waits for a request, and the line to silence."""
         try:
             self._port.write(FRAME_END)
@@ -98,7 +98,7 @@ class BoardTarget(Target):
         except serial.SerialException:
             raise TargetError(f"{self.name}: the port is gone (unplugged?)") from None
 
-    def epitaph(self) -> str:
+    def why_down(self) -> str:
         link = self.link
         if link.error == lib.HT_LINK_SILENT and link.heard:
             return (

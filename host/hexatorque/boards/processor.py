@@ -109,7 +109,7 @@ class Target:
     def controller(self, device: str, values: dict[str, object]) -> TargetController:
         return TargetController(self, device, values)
 
-    def epitaph(self) -> str:
+    def why_down(self) -> str:
         """What else is known once the link is down, for the end of a message."""
         return ""
 
@@ -173,7 +173,7 @@ class TargetController(Controller):
     def confirm(self) -> None:
         if self._link.error:
             raise TargetError(
-                f"{self.processor}: {_ERRORS[self._link.error]}{self._target.epitaph()}"
+                f"{self.processor}: {_ERRORS[self._link.error]}{self._target.why_down()}"
             )
 
     def _request(self, opcode: int, argument: int = 0, value: float = 0.0) -> int:

@@ -1,6 +1,7 @@
-"""What a board has: parameters, channels, faults and states, as it lists them itself.
+"""A board's dictionary: the parameters, channels, faults and states that the board lists.
 
-Kept by CRC in the user's cache directory; what is kept is believed only if its CRC is right.
+Dictionaries are saved in the user's cache directory, named by their CRC. A saved one is used
+only if its CRC is right.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class Dictionary:
 
 
 def fetch(client: Client) -> tuple[Hello, Dictionary]:
-    """Ask the board who it is, and for its dictionary if that is not kept here."""
+    """Read the board's identity, and its dictionary unless that is in the cache."""
     hello = client.hello()
     client.dictionary = hello.crc & 0xFFFF
     rows = kept(hello)
@@ -98,11 +99,11 @@ def _keep(crc: int, rows: list[bytes]) -> None:
         partial.write_bytes(b"".join(struct.pack("<H", len(row)) + row for row in rows))
         partial.replace(path)
     except OSError:
-        pass  # it is asked for again
+        pass  # next time the board is asked again
 
 
 def kept(hello: Hello) -> list[bytes] | None:
-    """The rows of a kept dictionary; None if there is none, or it is damaged."""
+    """The rows of a dictionary in the cache; None if it is not there or damaged."""
     try:
         raw = _file(hello.crc).read_bytes()
     except OSError:

@@ -378,7 +378,7 @@ def test_without_a_reader_memory_is_bounded():
     with ours, theirs:
         peer = server.Peer(ours)
         some = object.__new__(server.Server)
-        some.splitter, some.confused, some.retries = wire.Splitter(), 0, 0
+        some.splitter, some.unknown, some.retries = wire.Splitter(), 0, 0
         for _ in range(400_000):
             some._send(peer, b"\x40" + bytes(41))
         full = len(peer.out)
