@@ -1,5 +1,5 @@
-"""The compiled firmware as Python sees it: parameter and channel tables, entry
-points for compiled callers, one `Controller` per simulated drive."""
+"""The compiled firmware in Python: its tables of parameters and channels, its entry points for
+compiled callers, and a `Controller` for each simulated drive."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ FAULTS = _faults()
 
 
 def causes(bits: int) -> list[str]:
-    """Names of fault bits."""
+    """Names of the faults whose bits are set."""
     return [text for bit, text in FAULTS.items() if bits & bit]
 
 
@@ -62,7 +62,8 @@ class Parameter:
     whole: bool = False  #: takes whole numbers only
 
     def parse(self, value: object) -> float:
-        """The number for a value given as a number or a choice's name."""
+        """The number for a value, which is a number or the name of a choice. FirmwareError if it
+        is out of range."""
         if self.choices:
             if isinstance(value, bool):
                 value = "on" if value else "off"
@@ -87,7 +88,7 @@ class Parameter:
 
 @lru_cache
 def parameters(device: str = "") -> dict[str, Parameter]:
-    """The parameter table, by name; with the ranges of a board if one is named."""
+    """The parameter table, by name. With `device`, the ranges are those of that board."""
     if device:
         port = ffi.new("ht_port *")
         lib.ht_port_bind(port, ffi.NULL, board_of(device))  # touches no register
@@ -119,7 +120,7 @@ def board_of(device: str):
 
 
 def decimal(value: float) -> float:
-    """The decimal that a float32 table entry stands for."""
+    """The shortest decimal number with the same float32, as it is written in a table."""
     return float(np.format_float_positional(np.float32(value)))
 
 
@@ -135,7 +136,7 @@ def schemes() -> tuple[str, ...]:
 
 
 def address(function: str) -> int:
-    """Entry point of a firmware function."""
+    """Address of a firmware function."""
     return int(ffi.cast("uintptr_t", ffi.addressof(lib, function)))
 
 
@@ -148,7 +149,7 @@ _RESULTS = {
     lib.HT_ERROR_TRIP: "the trip pin is low (external trip): release it, then clear",
     lib.HT_ERROR_STORE: "there is no memory for parameters, or writing it failed",
 }
-#: Which set of parameters a start took, by number (HT_SET_...).
+#: Text for the set of parameters that a start took, by its number (HT_SET_...).
 PARAMETER_SETS = (
     "built-in",
     "saved",
@@ -163,7 +164,7 @@ def _check(result: int, what: str) -> None:
 
 
 def snapshot_numbers(s) -> dict[str, object] | None:
-    """An `ht_snapshot` by name, state and faults as numbers; None where there was no fault."""
+    """The fields of an `ht_snapshot`, state and faults as numbers; None if there was no fault."""
     if not s.tick:
         return None
     measured = getattr(s, "in")
@@ -184,13 +185,13 @@ def snapshot_numbers(s) -> dict[str, object] | None:
 
 
 def snapshot_of(s) -> dict[str, object] | None:
-    """The same in words."""
+    """The same, with state and faults by name."""
     kept = snapshot_numbers(s)
     return kept and {**kept, "state": STATES[s.state], "faults": causes(s.faults)}
 
 
 class Store:
-    """A memory for a drive's parameters, as ht_store_port.h has it; this one is none."""
+    """A memory for a drive's saved parameters (ht_store_port.h). This class has none."""
 
     def __init__(self) -> None:
         self.handle = ffi.new("ht_store *")
@@ -198,8 +199,8 @@ class Store:
 
 
 class MemoryStore(Store):
-    """Two areas in this object: `areas`, bytes that erase to 0xFF, words with the low byte
-    first. What was in it is there for the next start."""
+    """A memory with two areas in the bytes `areas`. Erased bytes are 0xFF, and words have the low
+    byte first. Give the same `areas` to the next controller to keep the saved parameters."""
 
     BLOCK = lib.HT_STORE_FILE_BLOCK
     AREA = lib.HT_STORE_FILE_BLOCKS * BLOCK
@@ -209,7 +210,8 @@ class MemoryStore(Store):
         super().__init__()
         self.areas = bytearray(b"\xff" * self.SIZE) if areas is None else areas
         port = self.handle.port
-        # Kept alive by this object. An exception ends in a refusal, and in a line on stderr.
+        # This object keeps the callbacks alive. An exception in one counts as a failure, and is
+        # printed on stderr.
         self._read = ffi.callback("bool(void *, uint16_t, uint16_t, uint16_t *)", self._do_read)
         self._write = ffi.callback(
             "bool(void *, uint16_t, uint16_t, const uint16_t *)", self._do_write
@@ -229,16 +231,17 @@ class MemoryStore(Store):
         return self.put(area * self.AREA + block * self.BLOCK, raw)
 
     def put(self, begin: int, raw: bytes) -> bool:
-        """What becomes of the areas from `begin` on."""
+        """Write bytes into the areas, from `begin` on. Returns whether that worked."""
         self.areas[begin : begin + len(raw)] = raw
         return True
 
 
 class Controller:
-    """One drive's firmware on its own chip, from reset on: the start of the board, then
-    the drive's. `device` may be any of BOARDS; its name says which pins and PWM modules."""
+    """The firmware of one drive on its own chip. It starts as after a reset: first the board, then
+    the drive. `device` is any of BOARDS, which decides the pins and the PWM modules."""
 
-    #: Entry points for compiled callers, arguments `handle` (and the channels' address).
+    #: Entry points for compiled callers. Their argument is `handle`; the last one also takes the
+    #: address of the channels.
     entries = ("ht_drive_fast_isr", "ht_drive_slow_isr", "ht_channels_read")
     processor = "host"
 
@@ -250,8 +253,8 @@ class Controller:
         active_low: bool | None = None,
         store: Store | None = None,
     ) -> None:
-        """`active_low`: gate drivers that invert, or not, whatever the build says. `store`: a
-        memory from which a saved set of parameters replaces `values`."""
+        """values: parameters; active_low: whether the gate drivers invert, None for the build's
+        own setting; store: a memory whose saved parameters replace `values`."""
         self.parameters = parameters(device)
         board = self._board = ffi.new("ht_board *", board_of(device)[0])
         if active_low is not None:
@@ -287,7 +290,7 @@ class Controller:
 
     @property
     def parameter_set(self) -> str:
-        """Which set of parameters the start took."""
+        """Text for the set of parameters that the start took."""
         return PARAMETER_SETS[self.store.handle.set]
 
     @property
@@ -301,11 +304,11 @@ class Controller:
 
     @property
     def shadow(self) -> bool:
-        """Does a pattern take effect in the next period?"""
+        """Whether a switching pattern takes effect in the next period instead of at once."""
         return self.drive.config.control.shadow
 
     def confirm(self) -> None:
-        """Raise an error if what ran last did not run. Here it always does."""
+        """Raise an error if the latest call failed. In this process it cannot fail."""
 
     def channel(self, name: str) -> float:
         """Present value of a telemetry channel."""
@@ -314,11 +317,11 @@ class Controller:
         return values[[n for n, _ in channels()].index(name)]
 
     def set_trip_pin(self, level: int) -> None:
-        """The trip pin goes to a level, 0 or 1, and stays there."""
+        """Set the level of the trip pin, 0 or 1."""
         lib.ht_regfile_pin(self.registers, self.port.board.trip.gpio, level)
 
     def register_words(self) -> np.ndarray:
-        """Live view of the register file below 0x8000, uint16."""
+        """The register file below 0x8000, uint16. The array shows changes as they happen."""
         words = np.frombuffer(ffi.buffer(self.registers.word), np.uint16)
         return words[:0x8000]
 
@@ -332,7 +335,7 @@ class Controller:
 
     @property
     def snapshot(self) -> dict[str, object] | None:
-        """What the firmware kept of the latest fault, or None."""
+        """The values that the firmware saved at the latest fault, or None."""
         return snapshot_of(self.drive.snapshot)
 
     def get(self, name: str) -> str | float:
@@ -343,7 +346,7 @@ class Controller:
         self.set_many({name: value})
 
     def set_many(self, values: Mapping[str, object]) -> None:
-        """All of them, or none if one is refused."""
+        """Set several values. If one is refused, none changes."""
         for name in values:
             if name not in self.parameters:
                 raise FirmwareError(f"no controller parameter {name!r}")

@@ -14,15 +14,15 @@ from ..serial.port import error_number
 from ..setups import SetupError
 from .processor import Target, TargetError
 
-#: Rate unless another one is given, baud: that of the boards' images.
+#: Default baud rate: that of the boards' images.
 BAUD = lib.ht_link_baud()
-#: How long a reply may take. At 9600 baud it is on its way for half a second.
+#: Longest time for a reply. At 9600 baud a reply takes half a second on the line.
 TIMEOUT_S = 2.0
-#: Ends the frame that a target may be waiting for the rest of.
+#: Ends a frame that the target may have received only in part.
 FRAME_END = b"\0"
-#: So long nothing comes on a line that is quiet: longer than a USB adapter keeps bytes back.
+#: A line is quiet if nothing comes for this long. A USB adapter delays bytes less than that.
 QUIET_S = 0.1
-#: A line that is not quiet by then is somebody else's.
+#: A line that is not quiet after this time is not a target's.
 NEVER_QUIET_S = 2.0
 
 _WHY = {
@@ -42,7 +42,8 @@ def _known() -> str:
 
 
 def _open(name: str, baud: int):
-    """The port, open for this program alone: a path, or an address that pyserial knows."""
+    """Open a port for this program alone: a path, or an address that pyserial knows. SetupError
+    if that fails."""
     if baud <= 0:
         raise SetupError(f"baud = {baud}: a positive rate")
     try:
@@ -59,9 +60,8 @@ def _open(name: str, baud: int):
 
 
 class BoardTarget(Target):
-    """A board whose image is already running: it is not reset for a run. Whatever an
-    earlier run left on the line, or in the board, is thrown away first; `init` then makes a
-    new drive."""
+    """A board whose image is already running. It is not reset for a run: first the bytes that an
+    earlier run left on the line or in the board are dropped, then `init` makes a new drive."""
 
     def __init__(self, name: str, baud: int = BAUD, timeout_s: float = TIMEOUT_S) -> None:
         super().__init__()
@@ -83,7 +83,7 @@ class BoardTarget(Target):
             raise
 
     def _synchronise(self) -> None:
-        """Bring the target to where it waits for a request, and the line to silence."""
+        """Wait until the line is quiet and the target waits for a request."""
         try:
             self._port.write(FRAME_END)
             never = time.monotonic() + NEVER_QUIET_S

@@ -1,6 +1,8 @@
-"""A drive's firmware on another processor, driven period by period: the controller of a
-simulation whose plant runs here. And a controller on the host that keeps the same record
-of its registers. The protocol is in firmware/pil and its folder host.
+"""Processor in the loop: the firmware on another processor controls a plant that runs here.
+
+The processor runs one control period at a time. `WatchedController` runs the firmware on this
+computer and logs the same registers, for comparison. The protocol is in firmware/pil and its
+folder host.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from ..firmware import (
 
 
 class TargetError(HexatorqueError, RuntimeError):
-    """The target does not answer, or not as it should."""
+    """The target does not answer, or its answer is wrong."""
 
 
 _ERRORS = {
@@ -40,19 +42,19 @@ _ERRORS = {
 
 
 def _fields(struct) -> dict[str, int]:
-    """What a C struct of numbers holds, by name."""
+    """The fields of a C struct of numbers, by name."""
     return {name: getattr(struct, name) for name, _ in ffi.typeof(struct).item.fields}
 
 
 class Log:
-    """Register images after every period: what both kinds of controller keep."""
+    """The log of register images, one after every period, of either kind of controller."""
 
     def __init__(self, log) -> None:
         self._log = log
         self._rows = np.empty((0, log.width), np.uint16)
 
     def begin(self, periods: int) -> None:
-        """Keep the next `periods` recorded periods."""
+        """Make room for the next `periods` periods that are logged."""
         self._rows = np.empty((periods, self._log.width), np.uint16)
         self._log.image = ffi.cast("uint16_t *", self._rows.ctypes.data)
         self._log.capacity = periods
@@ -60,12 +62,12 @@ class Log:
 
     @property
     def images(self) -> np.ndarray:
-        """(periods, words) uint16; `image_names` tells the columns."""
+        """The images, (periods, words) uint16. `image_names` names the columns."""
         return self._rows[: self._log.rows]
 
 
 def image_names(controller: Controller) -> list[str]:
-    """What the words of an image are, by TI's names."""
+    """TI's names of the registers whose words are in an image."""
     m = controller.map
     found = ffi.new("uint32_t[]", lib.HT_MIRROR_MAX)
     count = lib.ht_mirror_addresses(m, found)
@@ -95,8 +97,8 @@ class WatchedController(Controller):
 
 
 class Target:
-    """A place where drives run, one at a time: here in this process, behind the codec. Use
-    as a context; `controller` is what a `Simulation` takes."""
+    """A target runs drives, one at a time; this one runs in this process, but uses the codec as
+    the others do. Use it as a context; `SimulatedDrive` takes its `controller`."""
 
     name = "local"
 
@@ -110,7 +112,7 @@ class Target:
         return TargetController(self, device, values)
 
     def why_down(self) -> str:
-        """What else is known once the link is down, for the end of a message."""
+        """Text for the end of an error message: why the link has failed, as far as known."""
         return ""
 
     def close(self) -> None:
@@ -124,8 +126,8 @@ class Target:
 
 
 class TargetController(Controller):
-    """The firmware on a target. The drive on the host only checks the values and says
-    what they mean for the timing; it never runs."""
+    """The firmware on a target. The drive on the host only checks values and gives the timing
+    that follows from them. It never runs."""
 
     entries = ("ht_link_fast", "ht_link_slow", "ht_link_channels")
 
@@ -154,7 +156,7 @@ class TargetController(Controller):
         self.confirm()
         lib.ht_pil_identify(own)
         there, here = _fields(answer), _fields(own)
-        if not there["registers"]:  # it tells calls instead
+        if not there["registers"]:  # this target reports its calls instead of registers
             there["registers"] = here["registers"]
         if there != here:
             differ = ", ".join(
@@ -205,7 +207,8 @@ class TargetController(Controller):
         return row.show(self._link.value)
 
     def set_many(self, values: Mapping[str, object]) -> None:
-        """The link knows single ones only: what was changed before a refusal is put back."""
+        """Set several values, or none if one is refused. The link sets one value at a time, so
+        after a refusal the former values are written back."""
         for name, value in values.items():
             if name not in self.parameters:
                 raise FirmwareError(f"no controller parameter {name!r}")

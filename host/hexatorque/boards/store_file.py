@@ -1,9 +1,9 @@
-"""The file that is a virtual board's memory for parameters: what a flash is to a real one. The
-board's power is this process: what it kept is there when the next process opens the file.
+"""The file in which a virtual board saves its parameters, as a real board does in its flash.
 
-The firmware's own rules make it safe against an end at any time (firmware/app/ht_store.h): a set is
-there twice, and what is half written is refused. So blocks are written where they belong, and
-only a new file is made as a whole.
+The end of this process corresponds to power off: the next process that opens the file finds the
+saved parameters. The process may end at any time. The firmware keeps each set twice and refuses
+a set that was only partly written (firmware/app/ht_store.h). Therefore blocks are written in
+place, and only a new file is made in one step.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ from pathlib import Path
 
 from ..firmware import FirmwareError, MemoryStore, lib
 
-#: What such a file begins with.
+#: The first bytes of such a file.
 HEAD = b"hexatorque store"
 assert len(HEAD) == lib.HT_STORE_FILE_HEAD
 SIZE = len(HEAD) + MemoryStore.SIZE
 
 
 def open_file(path: Path) -> int:
-    """A descriptor of the file, which is made if it is missing; one board at a time."""
+    """Open the file for this board alone, and make it if it does not exist. Returns a descriptor.
+    FirmwareError if it cannot be opened, is in use, or is another kind of file."""
     try:
         if not path.exists():
             _make(path)
@@ -50,13 +51,13 @@ def open_file(path: Path) -> int:
 
 
 def _make(path: Path) -> None:
-    """An erased store, there as a whole or not at all."""
+    """Make the file of an erased store, in one step."""
     with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.") as fresh:
         fresh.write(HEAD + b"\xff" * MemoryStore.SIZE)
         fresh.flush()
         os.fsync(fresh.fileno())
         os.chmod(fresh.name, 0o644)
-        with contextlib.suppress(FileExistsError):  # another process was faster: it is as good
+        with contextlib.suppress(FileExistsError):  # another process has just made the same file
             os.link(fresh.name, path)
 
 
@@ -79,7 +80,7 @@ class FileStore(MemoryStore):
         return super().put(begin, raw)
 
     def close(self) -> None:
-        """Let another board have the file. May be called again."""
+        """Release the file for another board. May be called again."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
