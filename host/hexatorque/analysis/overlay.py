@@ -1,4 +1,4 @@
-"""Recordings of any origin over each other: aligned, drawn, and how far they are apart."""
+"""Several recordings of any origin in one picture: aligned, drawn, and their differences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each scheme is: for people. Numbers come from firmware/core/ht_schemes.def."""
+"""Descriptions of the schemes for the user. Numbers come from firmware/core/ht_schemes.def."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records: what Python hands to the compiled plant."""
+"""Records: the data that Python passes to the compiled plant."""
 
 from __future__ import annotations
 
