@@ -88,7 +88,7 @@ def bodies() -> list[tuple[str, bytes]]:
     ]  # fmt: skip
 
 
-def spoilt() -> list[tuple[str, bytes]]:
+def damaged() -> list[tuple[str, bytes]]:
     """What stands between two zeros and is no frame."""
     good = stuffed(closed(struct.pack("<BBHH", 5, 1, SESSION, DICTIONARY)))
     inside = closed(b"\x05\x01\x34")
@@ -113,5 +113,5 @@ def tables() -> dict[str, tuple[list[str], list[list]]]:
         "frames": (["what", "body", "crc", "frame"],
                    [[what, body.hex(), f"{crc32(body):08x}", frame(body).hex()]
                     for what, body in bodies()]),
-        "damaged": (["what", "bytes"], [[what, raw.hex()] for what, raw in spoilt()]),
+        "damaged": (["what", "bytes"], [[what, raw.hex()] for what, raw in damaged()]),
     }  # fmt: skip

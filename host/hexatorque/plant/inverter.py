@@ -31,14 +31,14 @@ NO_LEG = -1
 #: A floating leg's residual current decays with this time constant. It removes only the error
 #: of the zero crossing's location.
 FLOAT_S = 20e-6
-#: Longest step while a leg is off: a diode that has to open or close within the step
-#: is seen at its end.
+#: Longest step while a leg is off. A diode that opens or closes within a step is noticed only at
+#: the end of the step.
 OFF_STEP_S = 5e-6
-#: A zero crossing is located to this share of the current's change over the step, ...
+#: A zero crossing is located to this share of the current's change over the step.
 ZERO = 1e-9
-#: ... which the secant rule reaches in two or three of these steps.
+#: Most iterations of the secant rule for that. Two or three usually suffice.
 MAX_SECANTS = 8
-#: What rounding may leave of a current that is zero.
+#: A current below this is zero except for rounding.
 RESIDUAL_A = 1e-10
 
 #: More steps than this in one call mean that time does not advance.

@@ -271,13 +271,13 @@ def test_faults_before_the_run(bench, state, case):
     assert (bench.state, bench.gates_on, bench.drive.faults) == ("fault", False, bit)
 
 
-def test_idle_does_not_look_at_the_sensors(bench):
+def test_idle_ignores_the_sensors(bench):
     bench.vdc = 0.0
     bench.fast(3)
     assert (bench.state, bench.drive.faults) == ("idle", 0)
 
 
-def test_just_inside_the_limits_is_no_fault(bench):
+def test_values_just_inside_the_limits_are_no_fault(bench):
     bench.run_to("run")
     bench.amperes[3], bench.vdc = 24.9, 399.0
     bench.fast()
@@ -286,7 +286,7 @@ def test_just_inside_the_limits_is_no_fault(bench):
     assert (bench.state, bench.drive.faults) == ("run", 0)
 
 
-def test_several_faults_are_all_kept(bench):
+def test_several_faults_are_all_latched(bench):
     bench.run_to("run")
     bench.amperes[0], bench.vdc = 29.0, 100.0
     bench.fast()
@@ -308,7 +308,7 @@ def test_currents_of_a_set_must_add_up(bench, leg):
     assert bench.drive.faults == lib.HT_FAULT_CURRENT_SUM
 
 
-def test_magnitude_trips_where_no_phase_does(bench):
+def test_the_current_magnitude_trips_although_no_phase_does(bench):
     """24 A in every phase along its axis is 24 A in alpha-beta, below the phase limit."""
     bench.run_to("run")
     bench.amperes[:] = 24.0 * np.cos(np.deg2rad([0, 30, 120, 150, 240, 270]) - 0.25)
@@ -372,7 +372,7 @@ def test_no_start_into_a_turning_machine_after_a_new_set_up(bench):
         bench.controller.start()
 
 
-def test_new_set_up_forgets_no_fault(bench):
+def test_a_new_set_up_clears_no_fault(bench):
     """What went wrong stays to be cleared, and to be read."""
     bench.run_to("run")
     bench.vdc = 0.0
@@ -397,7 +397,7 @@ def test_external_trip_is_noticed_during_build(bench, tick):
     assert bench.drive.faults == lib.HT_FAULT_EXTERNAL
 
 
-def test_lower_flux_reference_in_flight_is_no_fault(bench):
+def test_a_lower_flux_reference_while_running_is_no_fault(bench):
     bench.run_to("run")
     bench.controller.set("flux_min_Wb", 0.01)
     bench.controller.set("flux_ref_Wb", 0.05)
@@ -491,7 +491,7 @@ def test_parameters_reach_both_interrupts_together(bench):
     assert bench.drive.config.protect.i_trip_A == 7.0
 
 
-def test_a_write_is_all_or_nothing(bench):
+def test_a_write_sets_all_parameters_or_none(bench):
     bench.run_to("run").fast()
     rows = [parameters()[n] for n in ("torque_ref_Nm", "kp_speed_Nms_rad", "torque_band_Nm")]
     at = ffi.new("uint16_t *")
@@ -524,7 +524,7 @@ def pull_out_Nm(flux_Wb):
 
 @pytest.mark.parametrize("mode", ["torque", "speed"])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_no_torque_is_asked_for_that_the_flux_cannot_give(bench, mode, sign):
+def test_the_torque_reference_stays_within_what_the_flux_can_give(bench, mode, sign):
     """A weak field: a share of the pull-out torque and no more, whatever the limit says."""
     bench.controller.set("control_mode", mode)
     bench.controller.set("sigma_ls_H", 0.025)
@@ -546,7 +546,7 @@ def test_no_torque_is_asked_for_that_the_flux_cannot_give(bench, mode, sign):
 
 
 @pytest.mark.parametrize("observer", ["voltage", "compensated", "hybrid"])
-def test_stator_resistance_can_change_in_flight(bench, observer):
+def test_stator_resistance_can_change_while_running(bench, observer):
     """Without adaptation the configured value is the one in use."""
     bench.controller.set("observer", observer)
     bench.controller.set("adapt_s", 0.0 if observer == "hybrid" else 1.0)
@@ -565,7 +565,7 @@ def test_speed_mode_starts_with_the_proportional_part(bench):
     assert bench.drive.torque_ref_Nm == pytest.approx(0.4 * 100 * np.pi / 30, rel=1e-4)
 
 
-def test_slow_loop_rests_outside_run(bench):
+def test_the_slow_loop_does_nothing_outside_run(bench):
     bench.controller.set("speed_ref_rpm", 100.0)
     bench.slow()
     assert (bench.drive.torque_ref_Nm, bench.drive.speed.integral_Nm) == (0, 0)
@@ -849,7 +849,7 @@ def test_channels_carry_the_state(bench):
 
 
 @pytest.mark.parametrize("position", [12345, 0xFFFFFF00])
-def test_set_up_takes_the_encoder_where_it_stands(bench, position):
+def test_set_up_starts_at_the_encoders_position(bench, position):
     """Wherever the counter stands, a set-up is no jump in speed."""
     address = QPOSCNT[bench.device]
     bench.words[address], bench.words[address + 1] = position & 0xFFFF, position >> 16
@@ -879,7 +879,7 @@ def test_gates_that_come_on_in_idle_or_fault_go_off_again(bench, state):
     assert not bench.gates_on
 
 
-def test_fault_that_a_stop_overtook_still_wants_its_clear(bench):
+def test_a_fault_just_before_a_stop_still_needs_a_clear(bench):
     bench.drive.faults = lib.HT_FAULT_VDC_LOW
     with pytest.raises(FirmwareError):
         bench.controller.start()
@@ -1019,7 +1019,7 @@ def kept(bench):
 
 
 @pytest.mark.parametrize("state", ("calibrate", "build", "run"))
-def test_snapshot_holds_what_was_at_hand(bench, state):
+def test_snapshot_has_the_values_of_the_faulty_interrupt(bench, state):
     assert bench.controller.snapshot is None
     bench.run_to(state).fast(5)
     address = QPOSCNT[bench.device]
@@ -1157,7 +1157,7 @@ def test_overrun_with_the_gates_off_does_nothing(bench, state):
         assert (bench.state, bench.drive.faults) == (state, 0)
 
 
-def test_less_flux_where_it_stands_still_under_load(bench):
+def test_the_flux_reference_is_reduced_at_standstill_under_load(bench):
     """Adapting, loaded, the flux's mean speed below 2.5 rad/s: 92 % of the flux
     reference, approached over the ramp; back above 4.5 rad/s, without load, without
     adaptation."""

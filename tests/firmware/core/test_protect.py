@@ -230,7 +230,7 @@ def test_flux_threshold_and_low_pass(gain, wrong):
 
 
 @pytest.mark.parametrize("sign", (1, -1))
-def test_flux_threshold_is_where_it_says(sign):
+def test_flux_threshold_is_at_its_documented_value(sign):
     machine, limit = MACHINES[0], 0.45
     for near, found in ((0.999, None), (1.001, 1)):
         i = current(machine, 0.0, 0.6) * (1 + sign * near * limit)
@@ -273,7 +273,7 @@ def test_shaft_speed_of_every_steady_state(machine, shaft_rpm):
 
 
 @pytest.mark.parametrize("scale", (0.7, 1.4))
-def test_slip_is_that_of_the_rotor_resistance_in_use(scale):
+def test_slip_uses_the_adapted_rotor_resistance(scale):
     machine = MACHINES[1]
     hot = machine[0], machine[1] * scale, *machine[2:]
     state = fresh()
@@ -295,7 +295,7 @@ def test_wrong_encoder_is_found_in_time(machine, shaft_rpm, factor):
 
 
 @pytest.mark.parametrize("sign", (1, -1))
-def test_encoder_threshold_is_where_it_says(sign):
+def test_encoder_threshold_is_at_its_documented_value(sign):
     machine = MACHINES[0]
     control = turning(machine, 500.0, 0.2)
     for near, found in ((149.9, None), (150.1, 1)):
@@ -347,7 +347,7 @@ def test_rotor_resistance_wrong_by_a_third_trips_nothing(setup, wrong, sign):
 
 @pytest.mark.parametrize("bad", (NAN, INF, -INF))
 @pytest.mark.parametrize("where", ("psi", "i", "both"))
-def test_slow_checks_take_no_number_for_wrong(bad, where):
+def test_slow_checks_treat_nan_as_wrong(bad, where):
     machine = MACHINES[0]
     cfg = config(machine, flux_check=0.7, encoder_trip_rpm=150.0)
     psi = complex(bad, 0.1) if where != "i" else 0.6 + 0j
@@ -356,7 +356,7 @@ def test_slow_checks_take_no_number_for_wrong(bad, where):
 
 
 @pytest.mark.parametrize("bad", (NAN, INF, -INF))
-def test_encoder_check_takes_no_number_for_wrong(bad):
+def test_the_encoder_check_treats_nan_as_wrong(bad):
     machine = MACHINES[0]
     cfg = config(machine, encoder_trip_rpm=150.0)
     good = turning(machine, 0.0, 0.0)
@@ -426,7 +426,7 @@ seed = st.integers(0, 2**31)
 
 @given(runs, seed, st.sampled_from(range(6)), st.sampled_from((0.5, 100.0, 2000.5, 4000.0)))
 @settings(max_examples=100, deadline=None)
-def test_stuck_is_what_it_says(steps, seed, leg, limit):
+def test_stuck_means_an_unchanged_reading(steps, seed, leg, limit):
     """Any sequence of readings that stand still for a while, then change or not."""
     own = [value for value, length in steps for _ in range(length)]
     other = np.random.default_rng(seed).integers(0, 4096, len(own)).tolist()
@@ -447,7 +447,7 @@ def test_reading_that_moves_never_trips(seed, most):
 
 @pytest.mark.parametrize("leg", range(6))
 @pytest.mark.parametrize("sign", (1, -1))
-def test_stuck_at_exactly_the_limit_and_the_first_look_after(leg, sign):
+def test_stuck_at_exactly_the_limit_and_one_sample_later(leg, sign):
     for moved, trips in ((100, True), (99, False)):
         looks = [(2048, 2000)] + [(2048, 2000 + sign * moved)] * 200
         reports = watch(looks, leg)
@@ -455,13 +455,13 @@ def test_stuck_at_exactly_the_limit_and_the_first_look_after(leg, sign):
 
 
 @pytest.mark.parametrize("leg", range(6))
-def test_only_the_sum_of_the_other_two_tells(leg):
+def test_a_stuck_sensor_shows_only_in_the_sum_of_the_other_two(leg):
     """`watch` moves each of them, and every other channel, all the time: so a load does
     at standstill with a phase across whose axis it acts."""
     assert not any(watch([(2048, 2000)] * 300, leg, limit=1.0))
 
 
-def test_stuck_forgives_what_came_back():
+def test_a_reading_that_moves_again_is_not_stuck():
     looks = [(2048, 2000)] + [(2048, 2500)] * 30 + [(2048, 2050)] * 100
     assert not any(watch(looks))
 
@@ -604,7 +604,7 @@ def test_xy_command_within_the_link_voltage(sign):
         assert result(xy=complex(bad, 0)) == result(xy=complex(0, bad)) == bit("NONFINITE")
 
 
-def test_bounds_are_those_of_each_value():
+def test_each_value_has_its_own_bounds():
     """However many are near their bounds at a time."""
     assert result(torque=0.99e6, decided=-0.99e6, reference=0.99e6, xy=0.99 - 0.99j) == 0
     assert result(torque=0.99e6, psi=2j) == bit("FLUX")

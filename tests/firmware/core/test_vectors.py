@@ -230,7 +230,7 @@ def test_regeneration_gives_identical_files():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_generator_knows_nothing_of_hexatorque():
+def test_generator_does_not_import_hexatorque():
     """In an interpreter that refuses the package."""
     script = VECTORS / "generate.py"
     code = (

@@ -328,7 +328,7 @@ def completed(device):
 
 
 @pytest.mark.parametrize("how", ["refused", "armed", "cancelled", "zero values", "another"])
-def test_a_read_under_way(how):
+def test_a_read_that_is_not_finished(how):
     device = Device(baud=115200)
     completed(device)
     device.done(READ, "II", 0, 3000)

@@ -74,7 +74,7 @@ def length(body):
 
 @pytest.mark.parametrize("what", FLOODS)
 @pytest.mark.parametrize("baud, count", [(1250000, 1), (1250000, 32), (937500, 8), (115200, 4)])
-def test_a_flood_of_requests_costs_a_stream_nothing(what, baud, count):
+def test_a_flood_of_requests_loses_no_samples(what, baud, count):
     device = Device(baud=baud)
     every = fullest(device, count)
     bodies = flood(device, *FLOODS[what], ticks=4000)
@@ -87,7 +87,7 @@ def test_a_flood_of_requests_costs_a_stream_nothing(what, baud, count):
     assert len(replies) >= int(0.7 * tenth / (length(replies[0]) + 8))
 
 
-def test_nor_does_one_that_is_carried_out_beside_data_of_a_capture():
+def test_a_flood_beside_capture_data_loses_no_samples():
     device = Device()
     device.done(12, "BBHIIHf2H", 2, 0, 1, 5000, 0, 0, 0.0, 0, 1)
     device.done(15)
@@ -132,7 +132,7 @@ def test_a_reply_waits_no_longer_than_the_protocol_says(what, slow):
     assert (device.service.streams.dropped > 0) == (slow < 1.0)
 
 
-def test_a_stop_waits_for_nothing():
+def test_a_stop_does_not_wait():
     """It acts when its last byte has come, though replies and samples wait for the line."""
     for _ in range(5):
         device = Device()
@@ -151,7 +151,7 @@ def test_a_stop_waits_for_nothing():
         assert device.gates_off
 
 
-def test_a_stream_begins_behind_its_reply():
+def test_a_stream_begins_after_its_reply():
     """Else a client would take the first samples for those of what the stream was before."""
     device = Device(baud=115200)
     assert device.stream(1, 150, *NAMES[:20]).status == DONE  # keeps the line busy

@@ -257,7 +257,7 @@ def test_golden_damage(case):
     assert wire.unframe(raw) is None
 
 
-def test_golden_frames_say_what_the_host_would_say():
+def test_golden_frames_equal_the_hosts_frames():
     """Bodies as the host's codec makes and reads them."""
     golden = {case["what"]: bytes.fromhex(case["body"]) for case in rows("frames")}
 

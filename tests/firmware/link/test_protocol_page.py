@@ -30,12 +30,12 @@ MESSAGES = [message for example in EXAMPLES for message in example]
 KINDS = ("parameter", "channel", "fault", "state")
 
 
-def test_the_page_is_what_the_board_makes_now():
+def test_the_pages_examples_are_the_boards_present_frames():
     page = protocol_examples.PAGE.read_text()
     assert protocol_examples.text() in page, "run python tests/firmware/link/protocol_examples.py"
 
 
-def test_the_firmware_answers_the_bytes_of_the_page_with_those_of_the_page():
+def test_the_firmware_answers_the_pages_requests_with_the_pages_replies():
     assert len(EXAMPLES) >= 10
     device = protocol_examples.example_device()
     for example in EXAMPLES:
@@ -65,7 +65,7 @@ def says(text):
     return dict(part.rsplit(" ", 1) for part in re.sub(r"'.*?'", "text", text).split(", "))
 
 
-def test_the_client_reads_and_writes_what_the_page_says():
+def test_the_client_reads_and_writes_the_pages_frames():
     replies = {}
     for who, _, body, text in MESSAGES:
         said = says(text)

@@ -152,7 +152,7 @@ def test_unknown_opcode(device, op):
     assert device.ask(op, bytes(300)).status == OPCODE
 
 
-def test_what_is_no_request(device):
+def test_bodies_that_are_no_requests(device):
     """Bodies of other types, an echo of the device's own: not answered, counted."""
     for op in (0, 0x40, 0x50, 0x81, 0xFF):
         damaged = device.service.damaged
@@ -256,7 +256,7 @@ def test_write_takes_effect_in_the_interrupt_that_it_names(device):
     assert device.value("speed_ref_rpm") == -12.5
 
 
-def test_write_scheme_is_seen_from_the_tick_on(device):
+def test_a_written_scheme_applies_from_the_tick_on(device):
     """The channel `scheme` is the one in force: a stream of it changes at the reply's tick."""
     device.run()
     assert device.stream(0, 2, "scheme").status == DONE
@@ -314,7 +314,7 @@ def test_whole_numbers(device):
 
 
 @pytest.mark.parametrize("f_isr_Hz", [1527.0, 7300.0, 10001.0, 49999.0])
-def test_hello_tells_the_rate_that_the_board_has(f_isr_Hz):
+def test_hello_has_the_boards_actual_rate(f_isr_Hz):
     """Periods are whole counts of the PWM clock, here 100 MHz."""
     device = Device()
     f_slow_Hz = f_isr_Hz / round(f_isr_Hz / 100.0)
@@ -383,7 +383,7 @@ def test_values_that_do_not_fit_together(device):
     assert device.write(torque_inner_Nm=0.1, torque_band_Nm=0.2).status == DONE
 
 
-def test_rate_stays_while_it_is_counted_in(device):
+def test_rate_cannot_change_while_a_stream_or_capture_depends_on_it(device):
     rate = struct.pack("<H", PARAMETERS["f_isr_Hz"])
     device.stream(2, 100, "state")
     reply = device.write(f_isr_Hz=5000.0)
@@ -425,7 +425,7 @@ def test_start_of_a_turning_machine(device):
     assert device.state == "idle"
 
 
-def test_stop_is_for_everybody(device):
+def test_every_client_may_stop(device):
     for session, dictionary in ((0, 0), (NONCE + 1, 0), (NONCE, 0)):
         device.run()
         device.ask(STOP, session=session, dictionary=dictionary)
@@ -455,7 +455,7 @@ def test_snapshot(device):
 # --- what asks for nothing --------------------------------------------------------------------
 
 
-def test_requests_that_find_nothing_to_do(device):
+def test_requests_without_effect(device):
     """As docs/protocol.md says: no error, or one that says why."""
     assert (device.done(GET).payload, device.done(CANCEL).payload) == (b"", b"")
     for op, payload in ((TRIGGER, b""), (READ, bytes(8))):

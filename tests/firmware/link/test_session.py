@@ -93,7 +93,7 @@ def flags(device, session):
     return struct.unpack_from("<B", device.ask(STATUS, session=session).payload)[0]
 
 
-def test_status_says_whose_it_is():
+def test_status_says_who_has_the_session():
     device = Device(session=False)
     assert flags(device, 0) == 0
     device.ask(OPEN, nonce(NONCE))
@@ -122,7 +122,7 @@ def test_two_hosts():
     assert device.service.session == NONCE
 
 
-def test_a_stop_from_elsewhere_outlives_the_start_that_it_follows():
+def test_an_old_start_is_not_repeated_after_another_clients_stop():
     """The first host missed the reply to its START and repeats it, after the second's STOP."""
     device = Device()
     start = device.request(START)
@@ -134,7 +134,7 @@ def test_a_stop_from_elsewhere_outlives_the_start_that_it_follows():
 
 
 @pytest.mark.parametrize("watchdog_ms", [5, 20])
-def test_session_that_is_left_alone(watchdog_ms):
+def test_session_without_requests_ends(watchdog_ms):
     """Ends after four times the watchdog's time; its streams end with it."""
     device = Device(watchdog_ms=watchdog_ms)
     device.stream(0, 10, "state")
@@ -151,7 +151,7 @@ def test_session_that_is_left_alone(watchdog_ms):
     assert device.ask(OPEN, nonce(OTHER)).status == DONE
 
 
-def test_session_that_is_used_stays():
+def test_session_with_requests_stays():
     device = Device(watchdog_ms=5)
     for _ in range(20):
         device.tick(150)
@@ -225,7 +225,7 @@ SESSION_REQUESTS = {
 
 
 @pytest.mark.parametrize("name", SESSION_REQUESTS)
-def test_fed_by_every_request_of_the_session(name):
+def test_every_request_of_the_session_feeds_the_watchdog(name):
     op, payload = SESSION_REQUESTS[name]
     device = Device(watchdog_ms=20)
     device.run()
@@ -237,7 +237,7 @@ def test_fed_by_every_request_of_the_session(name):
     assert device.drive.snapshot.tick - (asked + 1) == 200
 
 
-def test_fed_by_a_repetition():
+def test_a_repetition_feeds_the_watchdog():
     """Whose reply was lost: the host is there all the same."""
     device = Device(watchdog_ms=20)
     device.run()
@@ -264,7 +264,7 @@ NO_FOOD = {
 
 
 @pytest.mark.parametrize("name", NO_FOOD)
-def test_not_fed_by_anything_else(name):
+def test_nothing_else_feeds_the_watchdog(name):
     device = Device(watchdog_ms=20)
     device.run()
     asked = device.ask(STATUS).tick
@@ -328,7 +328,7 @@ def test_disarmed(how):
     assert "link lost" not in device.controller.faults
 
 
-def test_start_from_elsewhere_is_not_guarded():
+def test_start_without_a_session_is_not_guarded():
     device = Device(watchdog_ms=5)
     assert lib.ht_drive_start(device.drive) == lib.HT_OK
     device.done(STATUS)

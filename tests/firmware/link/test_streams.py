@@ -58,7 +58,7 @@ def expected(slot, channels, decimation, since, n):
 
 @pytest.mark.parametrize("decimation", [1, 2, 7, 255])
 @pytest.mark.parametrize("count", [1, 8, 32])
-def test_every_so_many_ticks(count, decimation):
+def test_a_sample_every_decimation_ticks(count, decimation):
     ring = Ring()
     channels = list(range(count))
     ring.set(2, channels, decimation)
@@ -116,7 +116,7 @@ def test_ring(bursts, streams):
     assert len(ring.all()) == len(inside)
 
 
-def test_ring_that_is_full_goes_on():
+def test_a_full_ring_drops_the_oldest_samples():
     ring = Ring()
     ring.set(0, [5])
     ring.sample(1000)  # 341 samples of 3 values fit
@@ -287,7 +287,7 @@ def test_new_settings_are_not_mixed_with_old_samples():
         device.tick(60)
 
 
-def test_slow_line_drops_and_says_so():
+def test_a_slow_line_drops_samples_and_counts_them():
     """A line that stands still: samples are dropped, counted, and numbers and ticks tell."""
     device = Device()
     device.stream(0, 4, "vdc_V", "state", "faults", "sector", "speed_rpm")

@@ -134,7 +134,7 @@ def test_set_up_of_the_encoder_interface(board):
 
 
 @pytest.mark.parametrize("bit", range(16))
-def test_look_at_the_capture_unit(board, bit):
+def test_reading_the_capture_unit(board, bit):
     """Each status bit alone: reported where it belongs, cleared where it can be."""
     board.init()
     base = QPOSCNT[board.device]
@@ -155,7 +155,7 @@ def test_look_at_the_capture_unit(board, bit):
     assert board.rf.violations == 0
 
 
-def test_set_up_keeps_foreign_clock_bits(board):
+def test_set_up_keeps_the_clock_bits_of_other_modules(board):
     eqep, eqep_bit = EQEP_CLOCK[board.device]
     registers = {*CLOCKS[board.device], eqep}
     board = Board(board.device, [(address, 0xA500) for address in registers])
@@ -194,7 +194,7 @@ def test_dead_time_fills_its_register_and_no_more(board):
     assert other.rf.violations == 0
 
 
-def test_accepts_foretells_init_and_touches_nothing(board):
+def test_accepts_predicts_init_and_writes_nothing(board):
     limit = DEAD_MAX[board.device]
     least = DEAD_MIN[board.device]
     for period, dead in (
@@ -304,7 +304,7 @@ def test_levels_of_the_pins_are_read_where_the_manuals_have_them(board):
 
 
 @pytest.mark.parametrize("what", ("clock_fails", "emulation_stops"))
-def test_what_else_switches_off(board, what):
+def test_other_causes_that_switch_off(board, what):
     board.init()
     lib.ht_port_gates_on(board.port)
     getattr(lib, f"ht_regfile_{what}")(board.rf)
@@ -362,7 +362,7 @@ def test_acknowledge(board):
 
 
 @pytest.mark.parametrize("again", (False, True))
-def test_acknowledge_that_meets_the_end_of_a_conversion(again):
+def test_acknowledge_at_the_end_of_a_conversion(again):
     """Errata SPRZ422, ADC interrupts: the flag must be clear afterwards, so that the next end
     shows as an overrun, and further interrupts must come."""
     board = Board("f28377s")

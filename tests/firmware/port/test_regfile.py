@@ -199,7 +199,7 @@ def test_pieack_is_cleared_by_ones(chip):
 
 
 @pytest.mark.parametrize("bit", range(16))
-def test_reserved_bits_stay_and_are_told(chip, bit):
+def test_reserved_bits_stay_and_a_write_is_reported(chip, bit):
     """AQCTLA has 12 bits. What was read may be written back."""
     chip.write("AQCTLA", 1 << bit)
     assert chip.read("AQCTLA") == (1 << bit) & 0x0FFF
@@ -251,7 +251,7 @@ def test_first_violations_are_kept(chip):
     assert chip.rf.log[15].address == 0x8000
 
 
-def test_eallow_twice_is_told(chip):
+def test_eallow_twice_is_reported(chip):
     chip.eallow()
     assert not chip.said
     chip.eallow()
@@ -767,7 +767,7 @@ def test_what_an_interrupt_needs(chip, missing):
     assert not it.calls
 
 
-def test_adc_interrupt_that_meets_the_clear_of_its_flag():
+def test_adc_interrupt_at_the_clear_of_its_flag():
     """Errata SPRZ422, "Interrupts may Stop if INTxCONT is not Set": the end of a conversion in
     the instant of the clear keeps the flag set and the overflow as well; from then on no
     interrupt comes, unless INT1CONT lets them through whatever the flag says."""
@@ -806,7 +806,7 @@ def test_clear_of_the_adc_flag_at_another_time_clears_it():
     assert (chip.read(0x7403), chip.read(0x7405)) == (1, 1)
 
 
-def test_eint_right_after_pieack_is_told(chip):
+def test_eint_right_after_pieack_is_reported(chip):
     """Usage note of both chips' errata."""
     it = Interrupts(chip)
     chip.write(PIEACK, 1)
@@ -916,7 +916,7 @@ def test_sequencer_of_the_f28335_is_reset_between_sequences():
     assert chip.said == [ORDER]
 
 
-def test_trip_pin_trips_those_who_listen(chip):
+def test_the_trip_pin_trips_the_modules_that_select_it(chip):
     chip.trip()
     chip.eallow()
     for leg in (0, 2, 4):
@@ -938,7 +938,7 @@ def connect_the_trip_pin(chip):
         chip.write(0x7900, 12)
 
 
-def test_trip_comes_back_while_its_pin_is_low(chip):
+def test_a_cleared_trip_returns_while_its_pin_is_low(chip):
     """A level, not an edge: a clear under a low pin clears nothing, and is told."""
     chip.trip()
     chip.eallow()
@@ -958,7 +958,7 @@ def test_trip_comes_back_while_its_pin_is_low(chip):
     assert (chip.said, chip.read("TZFLG")) == ([], 0)
 
 
-def test_levels_of_the_pins_are_the_worlds(chip):
+def test_the_firmware_cannot_change_the_levels_of_input_pins(chip):
     data = {"f28335": 0x6FC0, "f28377s": 0x7F00}[chip.device]
     assert chip.read32(data) == 0xFFFFFFFF
     lib.ht_regfile_pin(chip.rf, 31, 0)

@@ -161,11 +161,11 @@ def test_fault_on_the_target_ends_it(quick, tmp_path, need):
         if " .text " in line
     )  # fmt: skip
     place = (int(row.split()[0], 16) & ~1) - int(text[3], 16) + int(text[5], 16)
-    spoilt = bytearray(image.read_bytes())
-    spoilt[place : place + 2] = b"\x00\xde"
-    (tmp_path / "spoilt").write_bytes(spoilt)
+    damaged = bytearray(image.read_bytes())
+    damaged[place : place + 2] = b"\x00\xde"
+    (tmp_path / "damaged").write_bytes(damaged)
     with emulator_process.ProcessTarget(
-        "m", emulator_process.qemu("mps2-an386", tmp_path / "spoilt")
+        "m", emulator_process.qemu("mps2-an386", tmp_path / "damaged")
     ) as target:
         sim = SimulatedDrive(quick, 1, target.controller)
         with pytest.raises(TargetError, match=r"the target has ended \(status 70\)"):

@@ -196,7 +196,7 @@ def test_every_register_and_channel_bit_by_bit(programs, quick, name, device, la
     assert (outcome.steps, outcome.state) == (3000, "run")
 
 
-def test_a_fault_and_what_it_left(a_board, quick):
+def test_a_fault_and_its_snapshot(a_board, quick):
     setup = quick.changed(controller__i_trip_A=6.0)
     with target_of(a_board) as target:
         outcome = pil.compare(setup, Profile(duration_s=0.1, samples_per_period=1), target)
@@ -247,7 +247,7 @@ def test_command(a_board, tmp_path, capsys):
     assert (tmp_path / "o.npz").exists()
 
 
-# --- hosts that vanish, lines that spoil ------------------------------------------------
+# --- hosts that disappear, lines that damage bytes ---------------------------------------------
 
 
 #: The reply to a damaged frame.
@@ -275,7 +275,7 @@ def test_half_a_request_ends_with_the_next_zero(a_board):
     assert is_hello(answer(a_board))
 
 
-def test_slow_host_is_waited_for(a_board):
+def test_the_board_waits_for_a_slow_host(a_board):
     """A frame in pieces."""
     whole = request()
     for n in range(len(whole)):
@@ -295,7 +295,7 @@ def test_request_of_the_link_is_refused(a_board):
     "left", [b"\x22\x01", b"\x01", b"\xff" * 600, bytes(range(256)) * 4],
     ids=["half a frame", "one byte", "too long", "anything"],
 )  # fmt: skip
-def test_a_host_finds_the_board_whatever_was_before(a_board, quick, left):
+def test_a_host_connects_to_the_board_in_any_earlier_state(a_board, quick, left):
     """At once: it does not wait for the board's time-out."""
     os.write(a_board.near, left)
     with target_of(a_board) as target:
@@ -304,7 +304,7 @@ def test_a_host_finds_the_board_whatever_was_before(a_board, quick, left):
         assert controller.state == "calibrate"
 
 
-def test_host_that_vanishes_in_a_run(a_board, quick):
+def test_a_host_that_disappears_during_a_run(a_board, quick):
     with target_of(a_board) as target:
         sim = SimulatedDrive(quick, 1, target.controller)
         sim.start()
@@ -314,7 +314,7 @@ def test_host_that_vanishes_in_a_run(a_board, quick):
         assert pil.compare(quick, SHORT, target).failures() == []
 
 
-def test_overrun_fifo(a_board, quick):
+def test_a_receiver_overrun_is_survived(a_board, quick):
     """Bytes that come faster than they are taken are lost; neither board nor line is."""
     with target_of(a_board) as target:
         controller = target.controller("f28335", quick.controller_values())
@@ -408,7 +408,7 @@ def test_options_that_do_not_fit(arguments, said, capsys):
     assert code == 2 and said in line
 
 
-def test_nobody_answers(capsys, monkeypatch):
+def test_a_port_without_an_answer(capsys, monkeypatch):
     line = Line()
     began = time.monotonic()
     code, said = fails(capsys, "--device", line.name)
@@ -480,7 +480,7 @@ def test_image_of_another_rate(builder, quick):
         assert pil.compare(quick, SHORT, target).failures() == []
 
 
-def test_unplugged_in_a_run(programs, quick):
+def test_a_board_unplugged_during_a_run(programs, quick):
     it = Board(programs[F28335])
     with target_of(it) as target:
         sim = SimulatedDrive(quick, 1, target.controller)

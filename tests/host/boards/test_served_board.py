@@ -229,7 +229,7 @@ def runs_again(drive):
 
 
 @pytest.mark.parametrize("name", BOARDS)
-def test_client_that_dies(name, serve, need):
+def test_drive_stops_after_its_client_died(name, serve, need):
     """The port server stops the drive that it started."""
     if name != "virtual":
         need(name)
@@ -245,7 +245,7 @@ def test_client_that_dies(name, serve, need):
 
 
 @pytest.mark.parametrize("name", BOARDS)
-def test_computer_that_dies(name, serve, need):
+def test_drive_stops_after_the_computer_died(name, serve, need):
     """Client and port server at once. The gates are off within 350 ms of the drive's time, and
     the board waits for a clear."""
     if name != "virtual":

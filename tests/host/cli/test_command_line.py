@@ -55,7 +55,7 @@ def test_groups_are_small():
         assert len(group.commands) <= 12, path
 
 
-def test_what_is_daily_is_on_top():
+def test_daily_commands_are_at_the_top_level():
     daily = {"run", "compare", "reach", "plot", "convert", "setups", "schemes"}
     assert set(app.commands) == {*daily, "board", "evidence"}
 
@@ -70,7 +70,7 @@ def apart(one, other):
     return row[-1]
 
 
-def test_the_distance_of_words():
+def test_the_edit_distance_of_names():
     assert [apart("set", "get"), apart("scheme", "schemes"), apart("start", "stop")] == [1, 1, 3]
     assert apart("", "abc") == 3 and apart("abc", "abc") == 0
 

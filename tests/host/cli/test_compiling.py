@@ -32,7 +32,7 @@ def load(path):
     return module
 
 
-def test_numba_tells_what_it_compiles_and_not_what_it_loads(tmp_path, monkeypatch):
+def test_numba_reports_compiling_and_not_loading(tmp_path, monkeypatch):
     """The first call compiles; another call, and another process with the cache, do not."""
     path = tmp_path / "compiled.py"
     path.write_text(SOURCE)
@@ -89,13 +89,13 @@ def test_a_run_says_that_it_compiles(cold, tmp_path, capsys):
         ["reach", "--setup", "paper-b", "--schemes", "dtc1", "--load", "50"],
     ],
 )
-def test_other_commands_say_it_too(words, cold, tmp_path, capsys, monkeypatch):
+def test_other_commands_report_compiling_too(words, cold, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     main(words)
     assert capsys.readouterr().err.count(output.COMPILING) == 1
 
 
-def test_nothing_is_said_when_it_comes_from_the_cache(tmp_path, capsys):
+def test_no_report_when_the_code_comes_from_the_cache(tmp_path, capsys):
     compiling.compile_now()
     file = tmp_path / "short.toml"
     file.write_text('setup = "paper-b"\n[profile]\nduration_s = 0.01\n')

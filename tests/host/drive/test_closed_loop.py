@@ -166,7 +166,7 @@ def test_both_devices_under_every_latency(device, latency):
     assert m["flux_Wb"] == pytest.approx(0.6, rel=0.03)
 
 
-def test_scheme_changes_in_flight():
+def test_the_scheme_can_change_while_running():
     """Paper A, Fig. 10: x-y current reappears when DDR gives way to FDR."""
     setup = setups.load("paper-a-feasible").changed(controller__scheme="ddr")
     sim = approach(Point(setup, 100, 10))
@@ -262,7 +262,7 @@ def test_build_up_learns_the_stator_resistance(setup, share):
 @pytest.mark.parametrize(
     ("setup", "speed", "load"), [("paper-a-feasible", 300, 5), ("paper-b", 1500, 1)]
 )
-def test_flux_reference_in_flight(setup, speed, load):
+def test_the_flux_reference_can_change_while_running(setup, speed, load):
     """Halved and restored: the machine follows, no check takes it for a fault."""
     sim = approach(Point(setups.load(setup).changed(controller__scheme="ddr"), speed, load))
     full_Wb = sim.controller.get("flux_ref_Wb")

@@ -20,7 +20,7 @@ def run(active_low):
     return sim
 
 
-def test_legs_switch_alike_and_never_both_switches():
+def test_both_polarities_switch_alike_and_never_both_switches():
     usual, inverted = run(False), run(True)
     assert len(usual.edges) > 1000
     np.testing.assert_array_equal(usual.edges, inverted.edges)

@@ -15,9 +15,9 @@ from ...drive.operating_points import Progress
 from ...setups import Setup
 from . import count, stack
 
-#: What has a budget of instructions and stack.
+#: The machine whose instructions and stack are limited.
 MACHINE = "mps2-an386"
-#: Who calls the drive: two interrupts and the background.
+#: The drive's entry points, by their caller: two interrupts and the background.
 ENTRIES = {
     "fast interrupt": ("ht_drive_fast_isr",),
     "slow interrupt": ("ht_drive_slow_isr",),
@@ -26,25 +26,25 @@ ENTRIES = {
 }  # fmt: skip
 #: The only library function that the fast interrupt may call.
 ALLOWED_CALLS = {"sqrtf"}
-#: The Cortex-M4F's images compiled file by file at -O2, as all other targets are and TI's
-#: compiler is told to.
+#: The Cortex-M4F's images, compiled file by file at -O2 like those of all other targets.
 BY_FILE = "mps2-by-file"
-#: Of sizes: target -> CMake preset, prefix of its binary utilities.
+#: Targets whose sizes are measured -> CMake preset, prefix of its binary utilities.
 TARGETS = {
     "host": ("host", ""),
     MACHINE: (BY_FILE, "arm-none-eabi-"),
     "atmega2560": ("avr", "avr-"),
 }
-#: The last one only where it is compiled.
+#: Folders of the firmware whose sizes count; the last one only where it is compiled.
 ROOMS = ("core", "app", "port/c2000")
-#: Cycles of the C28x, smallest and largest assumption: of an instruction of the
-#: Cortex-M4F that is no branch, and of a branch, call or return.
+#: Assumed C28x cycles for one instruction of the Cortex-M4F, smallest and largest assumption. Each
+#: has two numbers: for any other instruction, and for a branch, call or return.
 C28X_CYCLES = ((1.0, 4.0), (1.5, 7.0))
 C28X_CLOCK_HZ = 150e6
 
 
 def _stack(preset: str) -> tuple[dict, list[str]]:
-    """Deepest paths by kind of entry, and library functions that the fast interrupt calls."""
+    """The deepest path from each kind of entry, and the library functions that the fast interrupt
+    calls."""
     folder = tools.build(preset)
     objects = tools.objects(folder, "ht_core", "count").values()
     graph = stack.call_graph(folder / count.IMAGE, objects)
@@ -80,7 +80,7 @@ def _sizes(preset: str, prefix: str) -> dict[str, int]:
 
 
 def _image_bytes(preset: str) -> int:
-    """Code and constants of the counting image."""
+    """Bytes of code and constants in the counting image."""
     image = tools.build(preset) / count.IMAGE
     listed = subprocess.run(
         ["arm-none-eabi-size", image], capture_output=True, text=True, check=True
@@ -89,7 +89,7 @@ def _image_bytes(preset: str) -> int:
 
 
 def _estimate(setup: Setup) -> dict:
-    """Microseconds of `ddr` on a 150 MHz C28x, between two assumptions."""
+    """Lower and upper estimate of the time of `ddr` on a 150 MHz C28x, us."""
     jumps, others = count.branches(setup.changed(controller__scheme="ddr"), BY_FILE)
     low, high = (
         (others * plain + jumps * jump) / C28X_CLOCK_HZ * 1e6 for plain, jump in C28X_CYCLES
@@ -106,7 +106,7 @@ def _version(compiler: str) -> str:
 
 
 def measure(setup: Setup, progress: Progress | None = None) -> dict:
-    """Everything, as docs/budget.json has it. Targets whose compiler is missing are left
+    """Measure everything that docs/budget.json contains. Without its compiler, a target is left
     out of the sizes."""
     tools.need("arm-none-eabi-gcc", "qemu-system-arm")
     stacks, calls = _stack("mps2")
@@ -137,7 +137,7 @@ def limits() -> dict:
 
 
 def exceeded(result: dict, limit: dict) -> list[str]:
-    """Limits that do not hold, one line each."""
+    """The limits that are exceeded, one line each."""
     found = result[MACHINE]
     bound = limit[MACHINE]
     lines = []
@@ -163,7 +163,7 @@ def exceeded(result: dict, limit: dict) -> list[str]:
 
 
 def write(result: dict, folder: Path) -> list[Path]:
-    """budget.json and budget.md."""
+    """Write budget.json and budget.md."""
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / "budget.json", folder / "budget.md"]
     files[0].write_text(json.dumps(result, indent=1) + "\n")
@@ -226,7 +226,7 @@ def _rows(headings: tuple[str, ...], rows: list[tuple]) -> str:
 
 
 def page(result: dict, limit: dict) -> str:
-    """budget.md."""
+    """The text of budget.md."""
     found, bound = result[MACHINE], limit[MACHINE]
     schemes = [name for name in found if isinstance(found[name], dict) and "mean" in found[name]]
     rows = [
@@ -266,7 +266,7 @@ def page(result: dict, limit: dict) -> str:
 
 
 def tables(result: dict) -> list:
-    """For the terminal."""
+    """The results as tables for the terminal."""
     from rich.table import Table
 
     found = result[MACHINE]

@@ -1,5 +1,5 @@
-"""Stack along the deepest call path, and who is called, from an image and the
-compiler's stack usage files (-fstack-usage)."""
+"""The stack along the deepest call path, and the call graph, from an image and the compiler's
+stack usage files (-fstack-usage)."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from pathlib import Path
 
 from ...boards.processor import TargetError
 
-#: What a Cortex-M with FPU puts on the stack by itself for an interrupt: r0-r3, r12, lr,
-#: pc, xPSR, s0-s15, FPSCR and a word to align.
+#: Bytes that a Cortex-M with FPU itself pushes for an interrupt: r0-r3, r12, lr, pc, xPSR,
+#: s0-s15, FPSCR and a word for alignment.
 EXCEPTION_BYTES = 104
 
 
 @dataclass
 class Function:
-    """`own_bytes` it puts on the stack itself: the compiler's word, or for a library's
-    function what its instructions push."""
+    """A function. own_bytes: bytes that it pushes itself, from the compiler's files; for a library
+    function, from its instructions."""
 
     name: str
     own_bytes: int
     library: bool
-    calls: set[int] = field(default_factory=set)  #: addresses
+    calls: set[int] = field(default_factory=set)  #: addresses of the functions that it calls
     indirect: bool = False  #: calls through a pointer
 
 
-#: Functions by address: several files may have a static function of one name.
+#: Functions by address, because several files may have a static function of the same name.
 Graph = dict[int, Function]
 
 
@@ -42,21 +42,21 @@ def _pushed(what: str, operands: str) -> int:
 
 
 def _registers(part: str) -> int:
-    """Registers in `r4` or `s16-s19`; a double counts twice."""
+    """Number of registers in a text like `r4` or `s16-s19`. A double register counts twice."""
     ends = [int(n) for n in re.findall(r"[rsd](\d+)", part)]
     count = ends[-1] - ends[0] + 1 if ends else 1
     return 2 * count if part.startswith("d") else count
 
 
 def usage_files(image: Path, objects: Iterable[Path]) -> list[Path]:
-    """The compiler's stack usage files: of an image that was compiled when it was linked
-    those beside it, else those beside its object files."""
+    """The compiler's stack usage files. If an image is optimised when it is linked they are beside
+    the image, otherwise beside its object files."""
     linked = sorted(image.parent.glob(f"{image.name}.ltrans*.su"))
     return linked or [file.with_suffix(".su") for file in objects]
 
 
 def _own_bytes(files: Iterable[Path]) -> dict[str, int]:
-    """Function -> bytes of stack, from stack usage files."""
+    """Function -> bytes of stack, from the stack usage files."""
     sizes: dict[str, int] = {}
     for file in files:
         for line in file.read_text().splitlines():
@@ -69,7 +69,7 @@ def _own_bytes(files: Iterable[Path]) -> dict[str, int]:
 
 
 def call_graph(image: Path, objects: Iterable[Path]) -> Graph:
-    """Functions of an Arm image, each with whom it calls or jumps to."""
+    """The functions of an Arm image, each with the functions that it calls or jumps to."""
     text = subprocess.run(
         ["arm-none-eabi-objdump", "-d", "--no-show-raw-insn", image],
         capture_output=True, text=True, check=True,
@@ -80,8 +80,8 @@ def call_graph(image: Path, objects: Iterable[Path]) -> Graph:
     for line in text.splitlines():
         head = re.fullmatch(r"([0-9a-f]+) <(.+)>:", line)
         if head:
-            # Clones of a function (name.constprop.0) are listed by the part before the number,
-            # static ones of an image compiled when linked (name.lto_priv.0) by their name.
+            # A clone of a function (name.constprop.0) is listed without its number. In an image
+            # that is optimised when linked, a static one (name.lto_priv.0) has its full name.
             name = re.sub(r"\.lto_priv\.\d+$", "", head[2])
             size = own.get(name, own.get(re.sub(r"\.\d+$", "", name)))
             current = Function(name, size or 0, size is None)
@@ -104,7 +104,7 @@ def call_graph(image: Path, objects: Iterable[Path]) -> Graph:
 
 
 def address(graph: Graph, name: str) -> int:
-    """Of the one function of that name."""
+    """The address of the function of this name."""
     (found,) = (place for place, function in graph.items() if function.name == name)
     return found
 
@@ -129,7 +129,8 @@ def deepest(graph: Graph, entry: str) -> tuple[int, list[str]]:
 
 
 def library_calls(graph: Graph, entry: str) -> set[str]:
-    """Functions that are not ours, anywhere below `entry`; "?" for calls through pointers."""
+    """The library functions that `entry` calls directly or indirectly. "?" stands for a call
+    through a pointer."""
     seen: set[int] = set()
     todo = [address(graph, entry)]
     while todo:

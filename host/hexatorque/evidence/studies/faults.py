@@ -34,9 +34,9 @@ SETUPS = ("paper-a-feasible", "paper-b")
 #: times as many.
 RUNS = 180
 QUICK_RUNS = 12
-#: Periods watched after the gates are off.
+#: Periods that are checked after the gates are off.
 AFTER = 50
-#: Deadlines, in periods: the next interrupt; two slow periods; what takes its time to show.
+#: Deadlines in periods: the next interrupt; two slow periods; faults that show only gradually.
 NOW, TWO_SLOW, LATER = 1, 200, 5000
 STATES = ("idle", "calibrate", "build", "run", "fault")
 POWERED = ("build", "run")
@@ -60,9 +60,9 @@ class Fault:
     found_in: tuple[str, ...] = POWERED
     deadline: int = NOW
     changes: dict[str, object] = field(default_factory=dict)
-    #: Before the clear; what is wrong, or "".
+    #: Called before the clear; returns what is wrong, or "".
     repair: Callable[[SimulatedDrive], str] | None = None
-    stands: bool = False  #: no fast interrupt comes from the injection on
+    stands: bool = False  #: no fast interrupt comes after the injection
 
 
 def _sign(rng: np.random.Generator) -> int:
@@ -145,8 +145,8 @@ def _trip_pin_held(sim: SimulatedDrive, rng: np.random.Generator) -> None:
 
 
 def _release_the_trip_pin(sim: SimulatedDrive) -> str:
-    """What must have held while the pin was low, after it: a start and a clear are refused and
-    say why, in every state. Then the pin goes high."""
+    """While the pin is low, a start and a clear must be refused in every state, with the reason.
+    Then the pin goes high."""
     for command in (sim.start, sim.clear):
         before = sim.state
         try:
@@ -249,7 +249,7 @@ FAULTS = (
 
 @dataclass
 class Result:
-    """One run. `error` is empty if the drive did all it must."""
+    """One run. `error` is empty if the drive did everything that it must."""
 
     fault: str
     state: str
@@ -285,7 +285,7 @@ def _bring_to(sim: SimulatedDrive, state: str, rng: np.random.Generator) -> None
         sim.run(sim.period_s * int(rng.integers(*ticks)), record=False)
         return
     sim.run(0.31, record=False)
-    # Fast enough for a lost encoder to matter.
+    # So fast that a lost encoder has an effect.
     direction = _sign(rng)
     sim.set("speed_ref_rpm", direction * float(rng.uniform(400, 900)))
     sim.run(float(rng.uniform(0.2, 0.4)), record=False)
@@ -305,12 +305,12 @@ def _gates_off(sim: SimulatedDrive) -> bool:
 
 
 def _shoot_through(sim: SimulatedDrive, legs: np.ndarray) -> str:
-    """Changes of legs since the log began, checked for the dead time; `legs` holds the
-    states before and is brought up to date."""
+    """Check the dead time of the edges since the log began. `legs` has the states before them and
+    is updated."""
     clock_Hz = float(sim.controller.map.pwm_clock_Hz)
     dead = math.ceil(sim.setup["inverter.dead_time_us"] * 1e-6 * clock_Hz - 0.01)
     if sim.shorts:
-        return "both switches of a leg were told to be on"
+        return "both switches of a leg were commanded on"
     since = np.full(6, -(10**9))
     for count, leg, state in sim.edges:
         before = legs[leg]
@@ -325,7 +325,7 @@ def _shoot_through(sim: SimulatedDrive, legs: np.ndarray) -> str:
 
 
 def _disturb(sim: SimulatedDrive, rng: np.random.Generator) -> None:
-    """What someone may try while the drive is latched."""
+    """Commands that a user may try while a fault is latched."""
     with contextlib.suppress(firmware.FirmwareError):
         sim.start()
     sim.set("speed_ref_rpm", float(rng.uniform(-500, 500)))
@@ -523,7 +523,7 @@ def _plant_clock(registers, pllcr: bool, rng: np.random.Generator) -> None:
 
 
 def _pwm_pins(board, registers) -> int:
-    """How many of the twelve pins are the PWM's."""
+    """The number of the twelve pins that belong to the PWM."""
     found = 0
     for pin in board.pwm:
         mux = board.map.gpio + pin.gpio // 32 * board.map.gpio_stride + 6 + pin.gpio % 32 // 8
@@ -532,8 +532,8 @@ def _pwm_pins(board, registers) -> int:
 
 
 def wrong_clock(device: str, seed: int) -> Result:
-    """A start with a planted clock: no pin becomes the PWM's, and whatever is commanded, START
-    and CLEAR are refused and the fault stays."""
+    """A start with a wrong clock. No pin may go to the PWM. START and CLEAR must be refused, and
+    the fault must stay, whatever is commanded."""
     rng = np.random.default_rng(seed)
     ffi, lib = firmware.ffi, firmware.lib
     result = Result(WRONG_CLOCK, "start", "", device)
@@ -647,7 +647,7 @@ def tables(result: dict) -> list:
 
 
 def plot(result: dict, path: Path) -> Path:
-    """Time from injection to gates off, by fault."""
+    """Picture of the time from the injection to gates off, by fault."""
     from ...analysis import plots
 
     rows = [r for r in result["rows"] if r["found"]]

@@ -29,9 +29,9 @@ SETUPS = ("paper-a-feasible", "paper-b")
 #: Longest steps compared: a period of 10 kHz and its halves, us.
 STEPS_US = (100.0, 50.0, 25.0, 12.5, 6.25)
 FINEST_US = STEPS_US[-1] / 16
-#: What the phase currents may be off, relative to their amplitude.
+#: Largest allowed error of the phase currents, relative to their amplitude.
 LIMIT = 1e-6
-#: Curves close to each other: told apart by marker and colour.
+#: Marker and colour distinguish curves that are close to each other.
 STYLE = {
     "dtc1": {"color": "#0072b2", "marker": "o"},
     "dtc2": {"color": "#e69f00", "marker": "s"},
@@ -40,13 +40,13 @@ STYLE = {
     "ddr": {"color": "#d55e00", "marker": "v"},
     "ddr-ml": {"color": "#5b4fa2", "marker": "P"},
 }
-#: Edges of a period, at most: six legs, five changes of level each, through OFF.
+#: Most edges in a period: six legs with five changes of level each, through OFF.
 EDGES_PER_PERIOD = 60
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of a running drive, to be driven again.
+    """A part of a run, from which the plant can be simulated again.
 
     edges: (n, 3), see `SimulatedDrive.edges`; currents_A: (periods, 6), phase currents at
     the periods' ends; state, inverter: the plant at the beginning.
@@ -67,7 +67,7 @@ class Segment:
 
 
 def run_segment(sim: SimulatedDrive, duration_s: float) -> Segment:
-    """Go on running `sim`, unrecorded, keeping what it takes to do it again."""
+    """Continue `sim` without recording, and keep the data to simulate the plant again."""
     periods = round(duration_s / sim.period_s)
     first, state, inverter = sim.periods, sim.plant_state.copy(), sim.inverter.copy()
     currents, speed = np.empty((periods, 6)), np.empty(periods)
@@ -83,7 +83,7 @@ def run_segment(sim: SimulatedDrive, duration_s: float) -> Segment:
 
 
 def _compile(source: int):
-    """With a disk cache that notices a change of the plant, as `run_periods`."""
+    """Compiled with a cache on disk that notices a change of the plant, as `run_periods`."""
 
     @njit(cache=True, nogil=True)
     def follow_periods(edges, first, tm, m, load, inv, se, y, vdc, ps, nothing, states):
@@ -174,7 +174,7 @@ def errors(
 
 
 def failures(result: dict) -> list[str]:
-    """Points where the default step costs more than the limit."""
+    """The points where the default step's error is above the limit."""
     chosen = result["step_us"].index(result["chosen_us"])
     return [
         f"{row['setup']}, {row['scheme']}: error {row['error'][chosen]:.1e}"

@@ -26,24 +26,24 @@ from ...serial import wire
 from ...serial.server import REPLY_S, TRIES
 from ...serial.wire import Op, Status
 
-TITLE = "Serial link on a line that spoils its bytes"
+TITLE = "Serial link on a line that damages its bytes"
 SETUP = "paper-a-feasible"
 KINDS = ("lost", "flipped", "doubled", "inserted", "swapped")
-#: Of each kind, per byte: as stated, and so that hardly a frame comes through.
+#: Rate of each kind of damage per byte: as stated above, and one at which hardly any frame arrives.
 RATE, HEAVY = 1e-3, 3e-2
 BAUD = 3_000_000  #: a sample of CHANNELS in every fast interrupt
 CHANNELS = ("i_u1_A", "psi_alpha_Wb", "torque_Nm", "speed_rpm")
 FRAMES, QUICK_FRAMES = 1_050_000, 20_000
 CHECKED, QUICK_CHECKED = 3_000_000, 60_000
 REQUESTS, QUICK_REQUESTS = 5_000, 250
-#: Bits of the CRC-32 that are looked at: the fewer, the more damage they let pass.
+#: Numbers of bits of the CRC-32 that are checked. The fewer, the more damaged frames pass.
 BITS = (2, 4, 6, 8, 10, 12, 14, 16, 32)
 NONCE = 0x2B2B
-#: Seconds that one board is run before another look at its line.
+#: Simulated seconds between two transfers from the board's line.
 PIECE_S = 0.05
 
 
-def spoil(raw: np.ndarray, rate: float, rng: np.random.Generator) -> np.ndarray:
+def damage_bytes(raw: np.ndarray, rate: float, rng: np.random.Generator) -> np.ndarray:
     """Bytes (uint8) as they arrive; each kind of damage at `rate` per byte."""
     n = len(raw)
     out = raw.copy()
@@ -70,7 +70,7 @@ def _as_array(data: bytes) -> np.ndarray:
 
 
 class _Source:
-    """A drive that runs at changing speed, and what it sends."""
+    """A drive that runs at changing speed and sends samples."""
 
     def __init__(self) -> None:
         setup = setups.load(SETUP).changed(
@@ -92,7 +92,7 @@ class _Source:
         self.board.run(2e-3)
 
     def piece(self) -> bytes:
-        """What comes in the next while."""
+        """The bytes of the next piece of time."""
         if self._turn % 20 == 10:
             self.board.controller.set("speed_ref_rpm", 400.0 * np.sin(self._turn / 60))
         self._ask(Op.STATUS)
@@ -101,7 +101,7 @@ class _Source:
         return self.board.controller.take()
 
     def healthy(self) -> bool:
-        """The drive ran to the end, and the device itself dropped nothing."""
+        """Whether the drive ran to the end and the board itself dropped nothing."""
         c = self.board.controller
         return c.state == "run" and not c.board.service.streams.dropped
 
@@ -115,7 +115,7 @@ def _tick(body: bytes) -> int:
 
 
 def _runs(missing: np.ndarray) -> int:
-    """Runs of True."""
+    """Number of runs of True."""
     return int(np.count_nonzero(np.diff(missing.astype(np.int8), prepend=0) == 1))
 
 
@@ -133,7 +133,7 @@ def _samples(frames: int, rng: np.random.Generator, progress: Progress | None) -
         sent = {_tick(b): b for b in clean.push(data) if _is_sample(b)}
         sent_ticks += sent
         seen += list(sent.values())[:20]
-        for body in line.push(spoil(_as_array(data), RATE, rng).tobytes()):
+        for body in line.push(damage_bytes(_as_array(data), RATE, rng).tobytes()):
             if body[0] == wire.SAMPLE:
                 tick = _tick(body)
                 wrong += body != sent.get(tick, older.get(tick))
@@ -175,12 +175,12 @@ def _with_crc32(body: bytes) -> bytes:
 def _damaged(
     bodies: list[bytes], close: object, rate: float, frames: int, rng: np.random.Generator
 ) -> Iterator[bytes]:
-    """What stands between two zeros of a spoilt line and was not sent so."""
+    """The damaged frames: bytes between two zeros that were not sent like this."""
     closed = [cobs.encode(close(body)) for body in bodies]
     good = set(closed)
     piece = _as_array(b"\0".join(closed) + b"\0")
     for _ in range(-(-frames // len(bodies))):
-        for raw in spoil(piece, rate, rng).tobytes().split(b"\0"):
+        for raw in damage_bytes(piece, rate, rng).tobytes().split(b"\0"):
             if raw and raw not in good:
                 yield raw
 
@@ -193,8 +193,8 @@ def _decoded(raw: bytes) -> bytes | None:
 
 
 def _checks(bodies: list[bytes], frames: int, rng: np.random.Generator) -> list[dict]:
-    """Per rate: damaged frames, how many of them are COBS at all, how many pass a CRC-16,
-    and how many agree with so many bits of the CRC-32."""
+    """For each rate: the damaged frames, how many of them are valid COBS, how many pass a CRC-16,
+    and how many agree with given numbers of bits of the CRC-32."""
     rows = []
     for rate in (RATE, HEAVY):
         length = len(bodies[0])
@@ -239,7 +239,7 @@ def _checks(bodies: list[bytes], frames: int, rng: np.random.Generator) -> list[
 
 
 class _Host:
-    """A client with so many tries, in the board's time. Both ways are spoilt."""
+    """A client with a number of tries, in the board's time. Both directions are damaged."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.board = BoardController("f28377s", {}, None, lib.HT_SERVICE_WATCHDOG_MS)
@@ -251,18 +251,20 @@ class _Host:
         self._id = 0
 
     def ask(self, op: Op, payload: bytes) -> tuple[wire.Reply | None, int]:
-        """Reply or None, and tries."""
+        """The reply or None, and the number of tries."""
         self._id = (self._id + 1) & 0xFF
         frame = wire.frame(wire.request(op, self._id, NONCE, self.dictionary, payload))
         patience = round(1e4 * REPLY_S + (len(frame) + wire.LONGEST_FRAME) / self.bytes_per_tick)
         for tried in range(1, TRIES + 1):
-            self.board.put(spoil(_as_array(frame), RATE, self._rng).tobytes())
+            self.board.put(damage_bytes(_as_array(frame), RATE, self._rng).tobytes())
             for _ in range(patience):
                 lib.ht_virtual_fast(self.board.board)
                 came = self.board.take()
                 if not came:
                     continue
-                for body in self._splitter.push(spoil(_as_array(came), RATE, self._rng).tobytes()):
+                for body in self._splitter.push(
+                    damage_bytes(_as_array(came), RATE, self._rng).tobytes()
+                ):
                     reply = wire.parse_reply(body)
                     if (reply.op, reply.id) == (op, self._id):
                         return reply, tried
@@ -277,7 +279,7 @@ def _requests(count: int, rng: np.random.Generator) -> list[dict]:
     for op in (Op.STATUS, Op.GET, Op.WRITE, Op.ARM, Op.HELLO):
         rows.append({"request": op.name, "tries": [0] * TRIES, "failed": 0, "wrong": 0})
     for n in range(count):
-        if n % 50 == 0:  # the session may have ended meanwhile
+        if n % 50 == 0:  # the session may have ended in the meantime
             while not host.ask(Op.OPEN, wire.open_session(NONCE, 1))[0]:
                 pass
         row = rows[n % len(rows)]
@@ -297,7 +299,7 @@ def _requests(count: int, rng: np.random.Generator) -> list[dict]:
         else:
             row["tries"][tried - 1] += 1
             steps = (1,) if op is Op.ARM else (0,)
-        # Carried out once, however often it was said.
+        # A request is carried out once, however often it was repeated.
         good = (after - before) & 0xFF in steps
         if reply is not None:
             good &= reply.status == Status.DONE
@@ -389,7 +391,7 @@ def tables(result: dict) -> list:
                 )
             ),
         )
-    requests = Table(title="Requests, both ways spoilt", title_justify="left")
+    requests = Table(title="Requests, both directions damaged", title_justify="left")
     for name in ("request", *(f"try {k}" for k in range(1, TRIES + 1)), "failed", "wrong"):
         requests.add_column(name, justify="right")
     for row in result["requests"]:
@@ -400,7 +402,7 @@ def tables(result: dict) -> list:
 
 
 def plot(result: dict, path: Path) -> Path:
-    """Share of the damaged frames that agree with so many bits of the CRC."""
+    """The share of the damaged frames that agree with a number of bits of the CRC."""
     from ...analysis import plots
 
     figure, axes = plots.new_figure(1, 1, 4.0, 6.5)

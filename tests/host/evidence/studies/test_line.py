@@ -49,7 +49,7 @@ def test_damage_is_as_stated(rate):
     rng = np.random.default_rng(7)
     n = 400_000
     sent = np.zeros(n, np.uint8)
-    arrived = line.spoil(sent, rate, rng)
+    arrived = line.damage_bytes(sent, rate, rng)
     # Lost and doubled cancel in the mean; what is inserted remains.
     assert len(arrived) == pytest.approx(n * (1 + rate), abs=6 * np.sqrt(3 * n * rate))
     changed = np.count_nonzero(arrived)
@@ -57,11 +57,11 @@ def test_damage_is_as_stated(rate):
     one_bit = np.isin(arrived, [1 << k for k in range(8)]).sum()
     assert one_bit == pytest.approx(n * rate * (1 + 8 / 256), abs=6 * np.sqrt(n * rate))
     up = (np.arange(n) % 251).astype(np.uint8)
-    steps = np.diff(line.spoil(up, 1e-3, rng).astype(int)) % 251
+    steps = np.diff(line.damage_bytes(up, 1e-3, rng).astype(int)) % 251
     assert np.count_nonzero(steps == 0) > 0.7e-3 * n  # doubled
     assert np.count_nonzero(steps == 2) > 0.7e-3 * n  # lost, or swapped
     assert np.count_nonzero(steps == 250) > 0.7e-3 * n  # swapped
-    assert (line.spoil(up, 0.0, rng) == up).all()
+    assert (line.damage_bytes(up, 0.0, rng) == up).all()
 
 
 def test_a_weaker_check_is_found_out(monkeypatch):
