@@ -1,4 +1,4 @@
-"""ht_control: what comes out of a step is what the papers define for its scheme.
+"""ht_control: the result of a control step is the one that the papers define for its scheme.
 
 State words are read back from the compare registers; directions, vectors and
 duties are recomputed here from geometry. The latency bookkeeping is checked on a
@@ -114,7 +114,7 @@ def is_valid(out, period, first):
 
 
 def quiet(scheme, **changes):
-    """A drive whose decided state is the placed one: no latency, no resistance."""
+    """A drive that decides on exactly the given state: no latency, no resistance."""
     options = {"predict": False, "observer__rs_ohm": 0.0, "dead__dead_pu": 0.0}
     return Drive(config(scheme, **(options | changes)))
 
@@ -383,7 +383,7 @@ def test_dead_time_depends_on_the_current_at_each_edge(shadow):
 
 @pytest.mark.parametrize("scheme", ("dtc2", "dtc3"))
 def test_predicted_xy_flux_is_that_of_the_next_pattern(scheme):
-    """Of the build-up's last virtual vector as of single ones."""
+    """This holds for the build-up's last virtual vector and for single vectors."""
     drive = Drive(config(scheme, dead__dead_pu=0.0))
     i = T.T @ [3.0, 1.5, 0.9, -0.6]
     steps = [drive.step(i, build=True) for _ in range(3)]
@@ -476,7 +476,7 @@ def test_any_input_gives_a_pattern_that_the_pwm_can_realise(
 
 
 def test_a_new_control_law_starts_from_its_reset_state():
-    """The machine and the pattern on its way are no matter of the law and stay."""
+    """The estimates of the machine and the next pattern do not belong to the law, so they stay."""
     drive = Drive(config("ddr"))
     for n in range(20):
         drive.step((0.05, -0.02, 0.01, 0.03, -0.04, 0.06), torque=(-1) ** n)

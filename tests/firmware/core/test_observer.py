@@ -344,7 +344,7 @@ def test_compensation_hardly_disturbs_the_fundamental(omega):
 
 
 def test_compensated_does_not_change_the_flux_at_standstill():
-    """No speed, no pull: dc is then what the machine is meant to carry."""
+    """At standstill the compensation does nothing: a dc flux is then correct."""
     flux, _ = operating_point(0.0, 0.3)
     i = stator_current(flux)
     cfg, state = config(kind=COMPENSATED, omega_gain=0.0), start(i)
@@ -370,7 +370,8 @@ def test_a_current_of_nan_stays_visible(kind, bad, speed):
 
 @pytest.mark.parametrize("speed", (np.nan, np.inf, -np.inf))
 def test_a_speed_of_nan_stays_visible(speed):
-    """The pull at full gain: the estimate soon leaves every bound, flux checks see it."""
+    """With NaN the compensation has its full gain. The estimate soon exceeds every bound, so that
+    the flux checks find it."""
     cfg, state = config(kind=COMPENSATED), start(2 + 0j)
     state.psi_Wb, state.omega_sync_rad_s = [PSI, 0.0], speed
     for _ in range(1000):
@@ -379,7 +380,7 @@ def test_a_speed_of_nan_stays_visible(speed):
 
 
 def test_dc_filter_cannot_overshoot():
-    """A speed beyond 1/(0.1 Ts) must not give the filter a gain above one."""
+    """At a speed above 1/(0.1 Ts) the filter's gain must not exceed one."""
     cfg, state = config(kind=COMPENSATED, omega_gain=0.0), start()
     state.omega_sync_rad_s = 1e7
     lib.ht_observer_update(cfg, state, ab(), ab(3 - 2j), 0, 1 / PSI**2)
@@ -465,7 +466,7 @@ GAIN = 1 / 101
      (0.0, 1.5, 1.0), (0.0, -1.5, 1.0)],
 )  # fmt: skip
 def test_rotor_resistance_stays_if_nothing_depends_on_it(speed, torque, rs):
-    """No load or a flux that stands still: R_s converges, R_r is left as it is."""
+    """Without load, or with a flux that does not turn, R_s converges and R_r stays as it is."""
     _, state, *_ = adapted(speed, torque, rs, 1.3, seconds=4.0, gain=0.05)
     assert state.rs_ohm == pytest.approx(RS, rel=0.005)
     assert state.rr_scale == pytest.approx(1.3, abs=0.005)
@@ -525,8 +526,8 @@ anything = st.floats(width=32) | st.floats(-1e3, 1e3, width=32)
 @given(st.lists(anything, min_size=7, max_size=7), anything, anything, st.floats(0, 1, width=32))
 @settings(max_examples=200, deadline=None)
 def test_resistances_in_use_stay_between_bounds(values, rs, rr, gain):
-    """0.5 to 1.6 of the configured ones, whatever comes in, numbers or not. Where an
-    observation is worth nothing they stay, so they start inside unless one is used."""
+    """The resistances stay within 0.5 to 1.6 of the configured ones for any input, NaN included.
+    Without a usable observation they do not change, so they start inside the bounds."""
     cfg = config(kind=HYBRID, hybrid_gain=CROSSOVER * TS)
     state = any_state([1.3, RS * 0.7, *values])
     lib.ht_observer_adapt(cfg, state, gain)
@@ -588,7 +589,7 @@ def test_reset_returns_to_the_configured_resistances():
 
 @pytest.mark.parametrize("kind", range(3))
 def test_the_voltage_model_uses_the_adapted_stator_resistance(kind):
-    """Half of the configured one, in the update and in both planes of the prediction."""
+    """Half of the configured value is used in the update and in both planes of the prediction."""
     v, i_last, i = 20 - 5j, 1 + 2j, 2 - 1j
     cfg, state = config(kind=kind), start(i_last)
     state.rs_ohm = RS / 2

@@ -314,8 +314,8 @@ six_amperes = st.lists(amperes, min_size=6, max_size=6)
 @given(sequences, st.lists(six_amperes, min_size=7, max_size=7), dead_times, st.integers(0, 4999))
 @settings(max_examples=400, deadline=None)
 def test_volt_seconds_of_any_currents(patterns, currents, dead, first):
-    """Legs whose current is beyond doubt, legs around zero and legs with short pulses side
-    by side, shadow load (first = 0) and immediate load."""
+    """Legs with a clear current direction, legs with currents around zero, and legs with short
+    pulses, under shadow load (first = 0) and immediate load."""
     for start in (0, first):
         sequence = applied_sequence(patterns, dead, 10000, start)
         config = ffi.new("ht_dead_time *", {"dead_pu": dead, "i_zero_A": 0.05})
@@ -379,7 +379,8 @@ def test_current_flow_is_the_part_above_the_zero_current():
 
 
 def test_edges_at_the_start_use_the_currents_at_the_start():
-    """Such legs need no look at each edge when their current turns later in the period."""
+    """Legs whose only edges are at the start need no check when their current changes sign
+    later."""
     dead = ffi.new("ht_dead_time *", {"dead_pu": 0.02, "i_zero_A": 0.25})
     out, none, into = ({"out": o, "in": i} for o, i in ((63, 0), (0, 0), (0, 63)))
     for first, later in ((0, 0b000011), (100, 0b110011)):

@@ -1,5 +1,5 @@
-"""ht_protect: what turns the gates off, against steady states of machines solved from
-their phasor equations, and against bounds taken literally."""
+"""ht_protect: the causes that turn the gates off. They are compared with steady states from the
+machines' phasor equations, and with the bounds as documented."""
 
 import math
 import tomllib
@@ -115,7 +115,7 @@ def test_every_fault_is_a_bit_of_its_own_and_has_a_name():
 
 
 def distance(machine, psi, i, state=None, cfg=None):
-    """As the check sees it at one look, in no-load currents of this flux."""
+    """The distance that one check finds, in no-load currents of this flux."""
     state = state or fresh()
     cfg = cfg or config(machine, no_load_A=abs(psi) / machine[2])
     lib.ht_protect_slow(cfg, state, seen(psi, i), 0.0)
@@ -204,7 +204,8 @@ def test_rms_of_a_flux_offset(machine, rotor_rad_s):
 
 
 def looks_until(fault, cfg, control, speed_rpm=0.0, most=2000):
-    """First look, counted from 1, that reports `fault`; it must go on to do so."""
+    """The number of the first check, from 1, that reports `fault`. All later ones must report
+    it."""
     state = fresh()
     reports = [lib.ht_protect_slow(cfg, state, control, speed_rpm) for _ in range(most)]
     assert set(reports) <= {0, bit(fault)}
@@ -239,7 +240,7 @@ def test_flux_threshold_is_at_its_documented_value(sign):
 
 
 def test_flux_limit_is_in_amperes():
-    """Half the flux, the same distance in amperes: the limit stays where it is."""
+    """The limit is in amperes: at half the flux the same distance in amperes trips."""
     machine = MACHINES[0]
     for size in (0.6, 0.3):
         i = current(machine, 0.0, size) + 0.5
@@ -408,8 +409,8 @@ def watch(looks, leg=0, limit=100.0, elsewhere=None):
 
 
 def literally(looks, limit):
-    """Stuck at a look: more than LOOKS looks since the reading last changed, and the sum
-    of the other two `limit` or more from where it was then. Before the first look all read 0."""
+    """A reading is stuck if it has not changed for more than LOOKS checks, and the sum of the other
+    two has changed by `limit` or more since then. Before the first check all readings are 0."""
     changed, at, last, out = -1, 0, 0, []
     for n, (own, other) in enumerate(looks):
         if own != last:
@@ -427,7 +428,7 @@ seed = st.integers(0, 2**31)
 @given(runs, seed, st.sampled_from(range(6)), st.sampled_from((0.5, 100.0, 2000.5, 4000.0)))
 @settings(max_examples=100, deadline=None)
 def test_stuck_means_an_unchanged_reading(steps, seed, leg, limit):
-    """Any sequence of readings that stand still for a while, then change or not."""
+    """Sequences of readings that stay constant for some time and then change, or do not."""
     own = [value for value, length in steps for _ in range(length)]
     other = np.random.default_rng(seed).integers(0, 4096, len(own)).tolist()
     looks = list(zip(own, other))
@@ -605,7 +606,7 @@ def test_xy_command_within_the_link_voltage(sign):
 
 
 def test_each_value_has_its_own_bounds():
-    """However many are near their bounds at a time."""
+    """A value has its own bound, however many others are near theirs."""
     assert result(torque=0.99e6, decided=-0.99e6, reference=0.99e6, xy=0.99 - 0.99j) == 0
     assert result(torque=0.99e6, psi=2j) == bit("FLUX")
     assert result(torque=9e4, decided=9e4, reference=1.01e6) == bit("NONFINITE")

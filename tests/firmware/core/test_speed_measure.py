@@ -75,7 +75,7 @@ def test_time_per_edge_below_the_switch_over(rpm, sign):
 @pytest.mark.parametrize("sign", (1, -1))
 @pytest.mark.parametrize("rpm", (190.0, 1000.0, 6000.0))
 def test_edges_per_time_above(rpm, sign):
-    """The captured period is wrong by a third on purpose: it must not matter."""
+    """The captured period is deliberately wrong by a third. This must have no effect."""
     measure = Measure()
     moved = sign * round(rpm / COUNT)
     for _ in range(4):
@@ -152,7 +152,7 @@ def test_a_period_too_short_for_the_counts_is_not_used():
 
 
 def test_a_time_of_zero_is_no_speed():
-    """Registers at zero are no time between edges."""
+    """Registers of zero do not contain a time between edges."""
     measure = Measure()
     measure.steady(3.0)
     assert measure.step(4, 0, 0, True) == pytest.approx(4 * COUNT)

@@ -231,7 +231,7 @@ def test_regeneration_gives_identical_files():
 
 
 def test_generator_does_not_import_hexatorque():
-    """In an interpreter that refuses the package."""
+    """It runs in an interpreter that cannot import the package."""
     script = VECTORS / "generate.py"
     code = (
         "import runpy, sys; sys.modules['hexatorque'] = None; sys.argv = ['x', '--check']; "

@@ -1,5 +1,5 @@
-"""Requests as fast as the line carries them, beside a stream that takes all that it may. Time is
-the virtual board's: so many bytes in a fast interrupt."""
+"""Requests as fast as the line carries them, together with the fastest possible stream. Time is
+counted in fast interrupts, each of which carries a number of bytes."""
 
 import struct
 
@@ -43,7 +43,7 @@ FLOODS = {
 
 
 def flood(device, op, payload, ticks):
-    """Keep requests on the line for so long. Returns the bodies that came, in order."""
+    """Send requests without a pause for a time. Returns the bodies that came, in order."""
     board = device.controller.board
     bodies = []
     for _ in range(ticks):
@@ -68,7 +68,7 @@ def ticks_of(bodies):
 
 
 def length(body):
-    """On the line."""
+    """The number of bytes on the line."""
     return len(frame(body)) - 1  # the board sends no zero before a frame
 
 
@@ -133,7 +133,8 @@ def test_a_reply_waits_no_longer_than_the_protocol_says(what, slow):
 
 
 def test_a_stop_does_not_wait():
-    """It acts when its last byte has come, though replies and samples wait for the line."""
+    """STOP acts as soon as its last byte has come, even if replies and samples wait for the
+    line."""
     for _ in range(5):
         device = Device()
         device.done(START)
@@ -152,7 +153,8 @@ def test_a_stop_does_not_wait():
 
 
 def test_a_stream_begins_after_its_reply():
-    """Else a client would take the first samples for those of what the stream was before."""
+    """Otherwise a client would take the first samples for samples of the stream's former
+    setting."""
     device = Device(baud=115200)
     assert device.stream(1, 150, *NAMES[:20]).status == DONE  # keeps the line busy
     for n in range(40):

@@ -1,5 +1,5 @@
-"""Frames in C against the library `cobs`, zlib, the definitions, and the golden frames of
-tests/vectors, which the host's codec is held to as well."""
+"""Frames in C, compared with the library `cobs`, zlib, the definitions, and the golden frames of
+tests/vectors, with which the host's codec is compared as well."""
 
 import json
 import random
@@ -26,12 +26,12 @@ def rows(table):
 
 
 def cells(raw: bytes):
-    """Bytes in 16-bit cells, with something in the upper halves: a C28x has no narrower."""
+    """Bytes in 16-bit cells, as on a C28x. The upper halves are not zero, as a test."""
     return ffi.new("uint16_t[]", [o | (0xA500 if k % 2 else 0) for k, o in enumerate(raw)])
 
 
 def encoded(body: bytes) -> bytes:
-    """By the firmware, with the closing zero."""
+    """The frame that the firmware makes, with the zero at its end."""
     packet, out = ffi.new("ht_packet *"), ffi.new("ht_outgoing *")
     lib.ht_packet_begin(packet)
     for byte in body:
@@ -139,7 +139,7 @@ def test_every_length(pattern):
 
 
 def test_packet_that_is_full():
-    """What does not fit leaves it as it was, and says so; the CRC still has its place."""
+    """A field that does not fit is refused and changes nothing. The CRC still has its place."""
     for last, width in ((lib.ht_packet_add16, 2), (lib.ht_packet_add32, 4)):
         for free in range(width):
             packet, out = ffi.new("ht_packet *"), ffi.new("ht_outgoing *")
@@ -229,7 +229,8 @@ def test_every_wrong_bit_and_pair_of_bits_is_found():
 
 @given(st.integers(0, 30))
 def test_bytes_that_the_receiver_lost(before):
-    """It knows of a loss, not of its place: the frame under way will not do, the next will."""
+    """The receiver knows that bytes were lost, but not where. It drops the present frame and takes
+    the next."""
     frame = encoded(b"a body with \0 in it")
     receiver = Receiver()
     before = min(before, len(frame) - 1)

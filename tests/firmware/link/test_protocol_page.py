@@ -1,4 +1,4 @@
-"""The worked examples of docs/protocol.md are what firmware and client say, byte by byte."""
+"""The worked examples of docs/protocol.md are the frames of firmware and client, byte by byte."""
 
 import re
 import struct

@@ -1,5 +1,5 @@
-"""Requests as docs/protocol.md has them: who may ask what, what is refused, and that what is
-refused changes nothing."""
+"""Requests as docs/protocol.md defines them: which ones are carried out and which are refused, and
+that a refused request changes nothing."""
 
 import math
 import struct
@@ -89,7 +89,7 @@ WRONG = {
 
 
 def everything(device):
-    """What a refused request must not change."""
+    """The state that a refused request must not change."""
     s = device.service
     return (
         [lib.ht_drive_get(device.drive, k) for k in range(lib.ht_param_count())],
@@ -344,7 +344,7 @@ def test_unknown_parameter(device):
 
 
 def test_write_of_many(device):
-    """As many as there may be; all or none, wherever the bad one is."""
+    """The largest number of parameters: all are written or none, whichever of them is bad."""
     ident = PARAMETERS["speed_ref_rpm"]
     good = [struct.pack("<Hf", ident, float(k)) for k in range(80)]
     for at in (0, 1, 40, 79):
@@ -456,7 +456,7 @@ def test_snapshot(device):
 
 
 def test_requests_without_effect(device):
-    """As docs/protocol.md says: no error, or one that says why."""
+    """As docs/protocol.md says, they give no error, or an error with the reason."""
     assert (device.done(GET).payload, device.done(CANCEL).payload) == (b"", b"")
     for op, payload in ((TRIGGER, b""), (READ, bytes(8))):
         assert device.ask(op, payload).status == NO_CAPTURE
@@ -505,7 +505,7 @@ def test_repetition_after_another_request_is_a_new_one(device):
 
 
 def test_stop_stops_also_when_repeated():
-    """Two programs that say nothing but STOP say the same bytes."""
+    """Two programs that send only STOP send the same bytes."""
     device = Device()
     body = struct.pack("<BBHH", STOP, 1, 0, 0)
     device.answer(body)
@@ -524,7 +524,7 @@ def turn(device, raw):
 
 
 def test_stop_while_a_reply_waits(device):
-    """The reply to a WRITE waits for a fast interrupt; a stop waits for nothing."""
+    """The reply to a WRITE waits for a fast interrupt. A STOP does not wait."""
     device.run()
     write = device.request(WRITE, struct.pack("<Hf", PARAMETERS["speed_ref_rpm"], 7.0))
     turn(device, frame(write))

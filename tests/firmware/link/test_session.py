@@ -62,7 +62,8 @@ def marks(device, value):
 
 
 def test_the_first_mark_stays_until_a_reset():
-    """So whoever knows it can tell a reset, even if others have opened sessions since."""
+    """A client that knows the mark can notice a reset, even if others have opened sessions
+    since."""
     device = Device(session=False)
     assert struct.unpack_from("<I", device.ask(STATUS).payload, 16) == (0,)
     assert marks(device, 0) == (0, 0)  # none given
@@ -109,7 +110,7 @@ def test_status_says_who_has_the_session():
 
 
 def test_two_hosts():
-    """The second is told so, may look and may stop; the first does not notice but the stop."""
+    """The second host gets a refusal, but may read and stop. The first notices only the stop."""
     device = Device()
     device.run()
     assert device.ask(OPEN, nonce(OTHER)).status == BUSY
@@ -238,7 +239,7 @@ def test_every_request_of_the_session_feeds_the_watchdog(name):
 
 
 def test_a_repetition_feeds_the_watchdog():
-    """Whose reply was lost: the host is there all the same."""
+    """The reply was lost, but the repetition shows that the host still runs."""
     device = Device(watchdog_ms=20)
     device.run()
     body = device.request(STATUS)
@@ -278,7 +279,7 @@ def test_nothing_else_feeds_the_watchdog(name):
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.integers(1, 260), min_size=1, max_size=12))
 def test_any_heartbeat(pauses):
-    """Runs as long as no pause is longer than the watchdog's time, and no longer."""
+    """The drive runs as long as no pause is longer than the watchdog's time."""
     device = Device(watchdog_ms=20)
     device.run()
     asked = device.ask(STATUS).tick
@@ -381,7 +382,7 @@ def test_every_start_finds_its_watchdog():
 
 
 def test_capture_of_the_end():
-    """The host's death is a fault like others: a capture catches it."""
+    """The loss of the host is a fault like others: a capture can trigger on it."""
     device = Device(watchdog_ms=20)
     device.run()
     payload = struct.pack("<BBHIIHfH", 1, 5, 1, 40, 20, 0, 0.0, 0)

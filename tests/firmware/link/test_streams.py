@@ -86,8 +86,8 @@ def test_numbers_and_ticks_wrap():
     st.lists(st.tuples(st.integers(1, 32), st.integers(1, 5)), min_size=1, max_size=4),
 )
 def test_ring(bursts, streams):
-    """Any pace of writer and reader: what comes out went in, in order; what did not fit is
-    counted, and its number and tick are missing."""
+    """At any speed of writer and reader, the samples come out in order. Samples that did not fit
+    are counted, and their numbers and ticks are missing."""
     ring = Ring()
     for slot, (count, decimation) in enumerate(streams):
         ring.set(slot, list(range(count)), decimation)
@@ -127,7 +127,8 @@ def test_a_full_ring_drops_the_oldest_samples():
 
 
 def test_set_again():
-    """Begins with number 0; nothing of what it was comes after, the others stay."""
+    """The stream begins again with number 0. No sample of its former setting follows, and the other
+    streams continue."""
     ring = Ring()
     ring.set(0, [1, 2])
     ring.set(1, [3], 2)
@@ -288,7 +289,7 @@ def test_new_settings_are_not_mixed_with_old_samples():
 
 
 def test_a_slow_line_drops_samples_and_counts_them():
-    """A line that stands still: samples are dropped, counted, and numbers and ticks tell."""
+    """On a line that carries nothing samples are dropped and counted. Numbers and ticks show it."""
     device = Device()
     device.stream(0, 4, "vdc_V", "state", "faults", "sector", "speed_rpm")
     device.tick(100)

@@ -42,7 +42,7 @@ OST = 0x0004
 
 
 class Board:
-    """A board after its start. `planted`: what some words held before."""
+    """A board after its start. planted: earlier contents of some words."""
 
     def __init__(self, device, planted=()):
         self.device = device
@@ -387,7 +387,7 @@ def test_acknowledge_at_the_end_of_a_conversion(again):
 
 
 def test_overrun_is_seen_in_every_case():
-    """INT1CONT lets an interrupt through whatever the flag says; the flag must tell."""
+    """With INT1CONT an interrupt comes whatever the flag is. The flag must show the overrun."""
     board = Board("f28377s")
     board.init()
     lib.ht_regfile_end_of_sequence(board.rf)
@@ -401,7 +401,8 @@ def test_overrun_is_seen_in_every_case():
 
 
 def test_stale_flag_of_the_f28335_is_cleared_at_the_start():
-    """A debugger's start finds what the run before has left: INT_SEQ1 set lets none through."""
+    """After a start by a debugger, INT_SEQ1 may still be set by the last run. Then no interrupt
+    would come."""
     assert Board("f28335", [(0x7119, 1)]).rf.word[0x7119] == 0
 
 

@@ -1,4 +1,4 @@
-"""The register model against what the reference manuals say about the chips. Addresses
+"""The register model, compared with the chips' reference manuals. Addresses
 and bits are from the manuals, not from the model's tables.
 """
 
@@ -72,7 +72,7 @@ class Chip:
         (self.write if self.device == "f28335" else self.write32)(address, value)
 
     def poke(self, name, value, leg=0):
-        """Set by hardware, past all protection."""
+        """Set a word as the hardware does, without any protection."""
         self.word(self.address(name, leg))[0] = value
 
     def eallow(self, on=1):
@@ -84,7 +84,7 @@ class Chip:
 
     @property
     def said(self):
-        """Kinds of the violations so far; forgets them."""
+        """The kinds of the violations so far. The list is cleared."""
         log = [self.rf.log[n].kind for n in range(self.rf.violations)]
         self.rf.violations = 0
         return log
@@ -200,7 +200,7 @@ def test_pieack_is_cleared_by_ones(chip):
 
 @pytest.mark.parametrize("bit", range(16))
 def test_reserved_bits_stay_and_a_write_is_reported(chip, bit):
-    """AQCTLA has 12 bits. What was read may be written back."""
+    """AQCTLA has 12 bits. A value that was read may be written back."""
     chip.write("AQCTLA", 1 << bit)
     assert chip.read("AQCTLA") == (1 << bit) & 0x0FFF
     assert chip.said == ([RESERVED] if bit > 11 else [])
@@ -484,7 +484,7 @@ def test_pin_to_the_pwm_wants_the_polarity_of_the_gate_drivers(chip, active_low)
 
 @pytest.mark.parametrize("name", ("DBRED", "DBFED"))
 def test_no_dead_time_at_a_module_with_pins(chip, name):
-    """While it is tripped: the write is told. A release of the trip as well."""
+    """While it is tripped, the write is reported, and so is a release of the trip."""
     ready_for_pins(chip)
     chip.write32("GPAMUX1", 0x00555555)
     chip.write(name, 200, 2)
@@ -895,7 +895,7 @@ def test_interrupt_comes_between_two_accesses(chip):
 
 
 def test_sequencer_of_the_f28335_is_reset_between_sequences():
-    """RST_SEQ1; else the next sequence goes on where the last one stopped."""
+    """By RST_SEQ1. Otherwise the next sequence continues where the last one stopped."""
     chip = Chip("f28335")
     chip.trip()
     chip.eallow()
@@ -939,7 +939,8 @@ def connect_the_trip_pin(chip):
 
 
 def test_a_cleared_trip_returns_while_its_pin_is_low(chip):
-    """A level, not an edge: a clear under a low pin clears nothing, and is told."""
+    """The pin's level counts, not an edge. A clear while the pin is low has no effect and is
+    reported."""
     chip.trip()
     chip.eallow()
     lib.ht_regfile_pin(chip.rf, 12, 0)

@@ -30,7 +30,7 @@ def turn(sensors, machine, y, regs, thetas):
 
 
 class Shaft:
-    """A drive at rest whose encoder the test turns."""
+    """A drive at standstill whose encoder the test turns."""
 
     def __init__(self, device="f28335", switch=SWITCH, **sensors):
         setup = setups.load("paper-a").changed(

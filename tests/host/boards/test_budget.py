@@ -1,4 +1,4 @@
-"""The budget: numbers that are right, and limits that hold."""
+"""The budget: its numbers are right, and its limits hold."""
 
 import copy
 import json
@@ -26,7 +26,7 @@ def test_within_limits(measured):
 
 
 def test_every_limit_can_be_exceeded(measured):
-    """One number at a time, just above its limit."""
+    """Each number in turn is set just above its limit, which must fail."""
     limit = budget.limits()
     machine = limit["mps2-an386"]
     cases = [(("mps2-an386", s, kind), machine[kind][s] + 1, f"{s}, {kind} instructions")
@@ -51,7 +51,7 @@ def test_every_limit_can_be_exceeded(measured):
 
 
 def test_published_page_is_current(measured):
-    """docs/budget.json, up to what differs with the host's compiler."""
+    """docs/budget.json is current, except for numbers that depend on the host's compiler."""
     published = json.loads((ROOT / "docs/budget.json").read_text())
     if published["compiler"] != measured["compiler"]:
         pytest.skip(f"published with {published['compiler']}")
@@ -85,8 +85,8 @@ def test_count_against_the_log_of_instructions(paper_a, tmp_path, need):
 
 
 def test_stack_used_is_within_the_computed_one(measured):
-    """Colour on the target's stack against the compiler's bookkeeping. Both happen to meet
-    the deepest path."""
+    """The bytes that were overwritten on a filled stack, compared with the compiler's numbers. Both
+    contain the deepest path."""
     row = measured["mps2-an386"]
     computed = row["stack"]["fast interrupt"]["bytes"]
     assert 0.8 * computed <= row["stack_used_bytes"] <= computed
@@ -107,7 +107,8 @@ def test_stack_of_a_path_is_the_sum_of_its_functions(measured):
 
 
 def test_compiled_across_files(measured):
-    """Fewer instructions for a larger image; and what was counted was compiled so."""
+    """Compiling across files gives fewer instructions and a larger image. The counted image was
+    compiled in this way."""
     row = measured["mps2-an386"]
     by_file = measured["c28x_150MHz_estimate"]
     assert row["ddr"]["mean"] < 0.8 * (by_file["branches"] + by_file["other_instructions"])
@@ -116,7 +117,7 @@ def test_compiled_across_files(measured):
 
 
 def test_call_graph(tmp_path, need):
-    """A small program with a known shape: main calls a and, through it, b; c is behind a
+    """A small program with a known call graph: main calls a, a calls b, and c is called through a
     pointer."""
     need("mps2-an386")
     source = tmp_path / "small.c"

@@ -52,7 +52,7 @@ def builder(tmp_path_factory):
 
 
 class Line:
-    """A pseudo terminal: `name` is the serial port; what is behind it has the other end."""
+    """A pseudo-terminal. `name` is the serial port; the board has the other end."""
 
     def __init__(self):
         self.far, self.near = pty.openpty()
@@ -158,7 +158,7 @@ def test_registers_after_the_start(programs, name):
 
 @pytest.mark.parametrize("name", image.BOARDS)
 def test_nothing_that_could_reach_the_gates_is_touched(programs, name):
-    """No PWM module is written, no pin is an output; what serves the plant stays as it was."""
+    """No PWM module is written, no pin is an output, and the modules of the plant are unchanged."""
     _, lines = image.run(programs[name], "registers")
     said = image.describe(name, lines)
     assert any(row.startswith("SCIA.SCICTL1") for row in said)
@@ -265,8 +265,8 @@ def test_hello(a_board):
 
 
 def test_half_a_request_ends_with_the_next_zero(a_board):
-    """A host that vanished in the middle. The next one begins with a zero: the board says that a
-    frame was damaged, and the request after that is answered."""
+    """A host disappeared in the middle of a request. The next host begins with a zero. The board
+    reports a damaged frame, and answers the request that follows."""
     os.write(a_board.near, request()[:-3])
     assert answer(a_board) == b""
     os.write(a_board.near, b"\0")
@@ -285,7 +285,7 @@ def test_the_board_waits_for_a_slow_host(a_board):
 
 
 def test_request_of_the_link_is_refused(a_board):
-    """A program that looks for a drive finds none here."""
+    """A program that searches for a drive does not take this board for one."""
     os.write(a_board.near, wire.frame(wire.request(wire.Op.START, 7, 0x0100, 7))[1:])
     (body,) = replies(answer(a_board))
     assert body[:3] == bytes([wire.Op.START | lib.HT_OP_REPLY, 7, lib.HT_PIL_REFUSED])
@@ -315,7 +315,7 @@ def test_a_host_that_disappears_during_a_run(a_board, quick):
 
 
 def test_a_receiver_overrun_is_survived(a_board, quick):
-    """Bytes that come faster than they are taken are lost; neither board nor line is."""
+    """Bytes that come too fast are lost, but the board and the line continue to work."""
     with target_of(a_board) as target:
         controller = target.controller("f28335", quick.controller_values())
         a_board.process.send_signal(signal.SIGUSR1)
@@ -334,7 +334,7 @@ def test_framing_error(a_board, quick):
 
 
 def test_board_that_was_reset_in_between(programs, quick):
-    """It has no drive any more, and says so."""
+    """It no longer has a drive, and reports that."""
     it = Board(programs[F28335])
     with target_of(it) as target:
         controller = target.controller("f28335", quick.controller_values())
@@ -350,17 +350,17 @@ def test_board_that_was_reset_in_between(programs, quick):
 
 
 def test_quiet_board_keeps_its_watchdog_fed(a_board):
-    """A second of the chip's time: its watchdog would have bitten three times."""
+    """In a second of the chip's time its watchdog would have reset it three times."""
     time.sleep(1.0)
     os.write(a_board.near, request())
     assert is_hello(answer(a_board))
 
 
-# --- what the command says --------------------------------------------------------------
+# --- messages of the command ------------------------------------------------------------
 
 
 def fails(capsys, *arguments):
-    """Exit code and the one line that it says."""
+    """The exit code, and the one line of the error message."""
     code = main(["evidence", "pil", "--schemes", "ddr", *arguments])
     said = capsys.readouterr().err.strip()
     assert said.startswith("hexatorque: ") and "\n" not in said
@@ -438,7 +438,7 @@ def test_line_that_never_gets_quiet(capsys):
 
 
 def test_garbage_for_an_answer():
-    """An echo is not an answer, nor is a shell's prompt."""
+    """Neither an echo nor a shell's prompt is taken for an answer."""
     line = Line()
 
     def prompt():

@@ -1,5 +1,5 @@
-"""Host and target of the processor in the loop, both in this process: the protocol, what
-it transports and what it notices."""
+"""Host and target of the processor in the loop, both in this process: the protocol, the data that
+it carries and the errors that it notices."""
 
 import numpy as np
 import pytest
@@ -86,7 +86,7 @@ def one_ulp(values):
 
 
 def test_smallest_change_of_a_parameter_shows(quick):
-    """Stator resistance off by one unit in the last place."""
+    """The stator resistance differs by one unit in the last place."""
 
     def meddle(target):
         drive = target._local.pil.drive
@@ -140,7 +140,7 @@ def test_damaged_frame_is_noticed(quick):
 
 
 def test_a_link_stays_down(quick, target):
-    """No request after an error gets through, and none waits."""
+    """After an error every request fails at once."""
     controller = target.controller("f28335", quick.controller_values())
     target.link.flip_request = 9
     with pytest.raises(TargetError):
@@ -247,7 +247,7 @@ def test_snapshot_that_differs_is_noticed(quick, target, monkeypatch):
 
 
 def test_reading_a_snapshot_changes_nothing(quick, target):
-    """No register, no access, no mirror: the run goes on as if nothing had been."""
+    """It changes no register, access counter or mirror: the run continues unchanged."""
     controller = target.controller("f28335", quick.controller_values())
     parts = ffi.addressof(target.link.registers), ffi.addressof(target._local.pil.drive)
     before = [bytes(ffi.buffer(part)) for part in parts]

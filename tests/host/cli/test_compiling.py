@@ -1,4 +1,4 @@
-"""Who waits while the simulation is compiled is told, and nobody else."""
+"""A command that waits for the simulation to be compiled says so, and no other command does."""
 
 import importlib.util
 import json

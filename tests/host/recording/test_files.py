@@ -1,5 +1,5 @@
-"""Files of recordings: what goes in comes out, in every kind, and in the tools that
-people open them with; a damaged file is one sentence, never a wrong number."""
+"""Files of recordings: every format keeps every value, and other programs can open it. A damaged
+file gives one line of error, and never a wrong number."""
 
 import json
 import sys
@@ -216,7 +216,7 @@ def test_a_write_that_fails_leaves_nothing_of_itself(full, suffix, tmp_path, mon
 
 
 def test_a_file_is_replaced_in_one_step(full, suffix, tmp_path):
-    """Who has the old one open goes on reading the old one."""
+    """A program that has the old file open continues to read the old one."""
     path = full.save(tmp_path / f"rec{suffix}")
     old = path.read_bytes()
     with path.open("rb") as reader:
@@ -240,7 +240,7 @@ def loads_or_says_so(path) -> str:
 
 
 def test_a_truncated_file_says_so(full, suffix, tmp_path):
-    """Cut anywhere: never a shorter recording as if nothing had happened."""
+    """A file that is cut anywhere never gives a shorter recording without an error."""
     path = full.save(tmp_path / f"rec{suffix}")
     raw = path.read_bytes()
     for share in np.linspace(0, 0.97, 12):

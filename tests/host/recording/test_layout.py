@@ -1,5 +1,5 @@
-"""One layout for everything that records: docs/recordings.md's example is what is written; all
-kinds of file carry the same; and files of the former layout can be read."""
+"""All commands write the same layout, that of the example in docs/recordings.md. All formats carry
+the same data, and files of the former layout can be read."""
 
 import json
 import re

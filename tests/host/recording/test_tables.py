@@ -1,5 +1,5 @@
-"""Tables that other programs have written, and ours without their header: what can be read is
-read with the right time, units and numbers; what cannot is refused with line and column."""
+"""Tables of other programs, and our own tables without their header. They are read with the right
+time, units and numbers, or refused with the line and the column."""
 
 import json
 

@@ -1,5 +1,5 @@
-"""Recording a live board: what was appended is there, whatever became of the process, the
-disk or the folder; and lost samples are lost where they were lost."""
+"""Recording a live board: appended samples are in the file, whatever happens to the process, the
+disk or the folder. Lost samples are missing in the right places."""
 
 import json
 import os
@@ -179,7 +179,7 @@ def test_a_file_that_ends_anywhere(name, tmp_path):
 
 @GROWING
 def test_what_is_in_the_file_is_there_at_once(name, tmp_path):
-    """Nothing waits in the process for more to come."""
+    """The process does not buffer samples."""
     writer = Writer.open(tmp_path / name, STREAM)
     for n in range(1, 5):
         writer.append(*rows([5 * n]))
@@ -270,7 +270,8 @@ print(len(Recording.load(sys.argv[1])))
 
 @GROWING
 def test_a_full_disk(name, tmp_path):
-    """The write that does not fit is an error; all before it stays, and it can go on."""
+    """The write that does not fit is an error. The data before it stay, and recording can
+    continue."""
     if resource.getrlimit(resource.RLIMIT_FSIZE)[1] != resource.RLIM_INFINITY:
         pytest.skip("file sizes are limited here")
     out = subprocess.run(
@@ -403,7 +404,7 @@ def test_the_header_beside_a_growing_csv_is_readable(tmp_path):
 
 
 def test_the_journal_is_as_documented(tmp_path):
-    """Written and read here with nothing but docs/recordings.md."""
+    """The test writes and reads a journal as docs/recordings.md describes it."""
     with Writer.open(tmp_path / "rec.npz", STREAM) as writer:
         writer.append([7, 12, 22], [[1.5, -2], [2.5, -3], [3.5, -4]])
         raw = writer.growing.read_bytes()

@@ -1,5 +1,5 @@
-"""A board that misbehaves on command: what no honest board can be made to do. It knows the
-protocol from docs/protocol.md and nothing of the client's code."""
+"""A fake board that makes mistakes on request, which a real board cannot. It follows
+docs/protocol.md and uses none of the client's code."""
 
 import binascii
 import os

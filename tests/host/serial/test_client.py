@@ -1,4 +1,4 @@
-"""The client against a board that is mute, slow, damaged or lies (peer.py)."""
+"""The client with a fake board that is silent, slow, or sends damaged or wrong replies."""
 
 import binascii
 import re

@@ -1,4 +1,4 @@
-"""A client that does not read: its terminal is full, bytes are lost as on a wire."""
+"""A client that does not read: its terminal's buffer is full, and bytes are lost as on a wire."""
 
 import os
 import struct

@@ -1,4 +1,4 @@
-"""Bytes by definition: COBS and CRC derived anew, damage found, nothing wrong let through."""
+"""COBS and CRC, computed from their definitions. Damaged frames are found."""
 
 import contextlib
 import random

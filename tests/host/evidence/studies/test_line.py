@@ -1,4 +1,4 @@
-"""The link on a line that spoils its bytes (docs/protocol.md), and that the study itself
+"""The link on a line that damages its bytes (docs/protocol.md), and that the study itself
 would notice."""
 
 import itertools
