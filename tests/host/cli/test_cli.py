@@ -1,4 +1,4 @@
-"""The command as a user meets it: results, files, and one clear line for a mistake."""
+"""The command as a user types it: results, files, and one clear line for a mistake."""
 
 import json
 import re

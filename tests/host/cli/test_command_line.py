@@ -1,4 +1,4 @@
-"""The tree of commands: its names, its help, its completion, and what it says to a mistake."""
+"""The tree of commands: its names, its help, its completion and its error messages."""
 
 import os
 import shlex
@@ -237,7 +237,7 @@ def test_as_a_module_of_python():
 
 
 def test_help_loads_nothing_heavy():
-    """Else it could not be there in 0.4 s."""
+    """Otherwise the help would take more than 0.4 s."""
     code = (
         "import sys; from hexatorque.cli.main import main; main(['board', 'status', '--help']); "
         "print(*{'numpy', 'numba', 'rich', 'matplotlib', 'cffi', 'serial'} & set(sys.modules))"
@@ -250,7 +250,7 @@ def test_help_loads_nothing_heavy():
 
 
 def completed(line, monkeypatch, capsys):
-    """What the shell offers for the last word of a line."""
+    """The shell's completions of the last word of a line."""
     words = line.split(" ")
     monkeypatch.setenv("_HEXATORQUE_COMPLETE", "bash_complete")
     monkeypatch.setenv("COMP_WORDS", line)

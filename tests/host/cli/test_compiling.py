@@ -25,7 +25,7 @@ def other(x):
 
 
 def load(path):
-    """The module anew, as another process would have it."""
+    """Import the module again, as another process would."""
     spec = importlib.util.spec_from_file_location("compiled_in_a_test", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -51,7 +51,7 @@ def test_numba_reports_compiling_and_not_loading(tmp_path, monkeypatch):
 
 
 def test_the_simulation_is_what_is_watched():
-    """In a process that has compiled it already, nothing is said."""
+    """In a process that has already compiled it, there is no report."""
     compiling.compile_now()
     assert loop.run_periods.signatures
     with compiling.watched(pytest.fail, pytest.fail):
@@ -60,7 +60,7 @@ def test_the_simulation_is_what_is_watched():
 
 @pytest.fixture
 def cold(monkeypatch):
-    """As if there were no cache."""
+    """A simulation without a cache."""
 
     @contextmanager
     def watched(begun, done):

@@ -1,5 +1,5 @@
-"""Parameter tables: paper A's Table III and paper B's Table V, as the running drive has
-them. What can be measured is measured (`measured.py`), the rest is read back."""
+"""Parameter tables: paper A's Table III and paper B's Table V, checked in the running drive.
+Parameters are measured where that is possible (`measured.py`); the others are read back."""
 
 from __future__ import annotations
 

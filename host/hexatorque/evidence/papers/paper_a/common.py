@@ -28,7 +28,7 @@ NAMES = run.SCHEMES
 ORDERS = (1, 5, 7)
 #: Switching tables are chaotic in detail: speeds next to each other, relative.
 NEAR = (1.0, 0.99, 1.01, 0.98, 1.02, 0.97, 1.03)
-#: Corner of the filter that the paper's zooms are seen through.
+#: Corner frequency of the filter in the paper's enlarged pictures.
 LOW_PASS_HZ = 1e3
 BANDS = ("1kHz", "2kHz", "5kHz", "h50")
 BAND_NAMES = {"1kHz": "1 kHz", "2kHz": "2 kHz", "5kHz": "5 kHz", "h50": "harmonics ≤ 50"}
@@ -76,7 +76,7 @@ def mean(runs: list[Run], *keys: str) -> float:
 
 
 def asked_for(point: Point, progress: Progress | None = None) -> SimulatedDrive:
-    """A drive that has been asked for the point and may not have got there."""
+    """A drive with the references of the point, which it may not have reached."""
     sim = SimulatedDrive(point.setup)
     sim.start()
     for name, value, wait_s in (
@@ -120,7 +120,7 @@ def rms(*signals: np.ndarray) -> float:
 
 
 def arrow(fdr: float, ddr: float, unit: str, digits: int = 3) -> str:
-    """What FDR has and what becomes of it under DDR."""
+    """The verdicts for lines of the x-y current: their values under FDR and under DDR."""
     return f"{fdr:.{digits}f} → {ddr:.{digits}f} {unit}".rstrip()
 
 

@@ -1,4 +1,4 @@
-"""Paper A's transients, Fig. 11 to 14: do FDR and DDR answer alike?"""
+"""Paper A's transients, Fig. 11 to 14: do FDR and DDR respond alike?"""
 
 from __future__ import annotations
 

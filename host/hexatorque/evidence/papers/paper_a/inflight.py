@@ -1,4 +1,4 @@
-"""Paper A's schemes exchanged in flight: Fig. 9 (400 r/min without load) and Fig. 10
+"""Paper A's schemes exchanged while running: Fig. 9 (400 r/min without load) and Fig. 10
 (100 r/min at rated load). Here DDR also comes back: DDR, FDR, DDR in one recording."""
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ V_XY = ("v_x_pu", "v_y_pu")
 #: Parts of a recording, in order, and how long the currents get to settle in each.
 PARTS = ("ddr", "fdr", "ddr again")
 SETTLE_S = 0.2
-#: "Reappears": at least so much more; measured are 2 in rms and 10 and more in lines.
+#: "Reappears" means at least this factor. Measured are 2 in rms, and 10 and more in lines.
 MORE = 1.5
 
 

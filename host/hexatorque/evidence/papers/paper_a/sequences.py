@@ -35,7 +35,7 @@ def _as_printed(sequence: str, t1: float, t2: float) -> object:
 
 
 def _realised(played: Played, n: int, sequence: str, t1: float, t2: float) -> bool:
-    """Does every leg follow S1 S2 S3 in pattern n, edges within a count of T1 and T2?"""
+    """Whether every leg follows S1 S2 S3 in pattern n, with edges within a count of T1 and T2."""
     p = played.period
     want = [(0, int(sequence[0]))]
     for at, before, after in ((t1, sequence[0], sequence[1]), (t2, sequence[1], sequence[2])):

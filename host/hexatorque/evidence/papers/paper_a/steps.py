@@ -1,4 +1,4 @@
-"""Paper A's transients: a step under FDR and under DDR, and whether the drive answers alike."""
+"""Paper A's transients: a step under FDR and under DDR, and whether the drive responds alike."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..engine.figure import Verdict, claim
 from ..engine.job import Job
 from . import common as a
 
-#: Speed and torque are seen as means over two periods of the speed loop.
+#: Speed and torque are evaluated as means over two periods of the speed loop.
 MEAN_S = 0.02
 #: Settled: within these shares of the rated speed and torque of the final value.
 SPEED_BAND, TORQUE_BAND = 0.01, 0.1
@@ -135,7 +135,7 @@ def _mean(rows: list[dict]) -> dict:
 
 
 def verdicts(pair: Pair, what: str = "") -> list[Verdict]:
-    """Speed and torque answer alike, and DDR keeps the x-y current down meanwhile."""
+    """Speed and torque respond alike, and DDR keeps the x-y current low during the step."""
     rated_rpm, rated_Nm = a.rated()
     fdr, ddr = (pair.figures[s] for s in a.SCHEMES)
     beyond = "overshoot" if pair.step.reversal else "deviation"
@@ -164,7 +164,7 @@ def verdicts(pair: Pair, what: str = "") -> list[Verdict]:
 
 
 def overlap(pair: Pair, what: str, required: bool = False) -> list[Verdict]:
-    """The whole curves lie on each other."""
+    """The whole curves agree."""
     rows = []
     for name, unit, rated in zip(("speed", "torque"), ("r/min", "N m"), a.rated()):
         apart = pair.apart(f"plant.{name}_{'rpm' if name == 'speed' else 'Nm'}")
