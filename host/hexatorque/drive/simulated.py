@@ -159,7 +159,7 @@ class SimulatedDrive(DriveVerbs):
                 f"must end within the period of {self.period_s * 1e6:.4g} us"
             )
         self.samples_per_period = samples_per_period
-        model = machines.model("induction")
+        model = machines.model(setup["machine.model"])
         self.machine = model.Parameters(**setup.machine_values())
         self._machine = model.make(self.machine)
         f_isr = self.controller.get("f_isr_Hz")
