@@ -102,12 +102,13 @@ docs: $(VENV)/.installed
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 # Only the tools are needed, not what is installed: quick enough before each commit.
-$(BIN)/ruff $(BIN)/clang-format:
+$(BIN)/ruff $(BIN)/clang-format $(BIN)/mypy:
 	tools/setup.sh $(VENV)
 
-lint: | $(BIN)/ruff $(BIN)/clang-format
+lint: | $(BIN)/ruff $(BIN)/clang-format $(BIN)/mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 	@$(BIN)/clang-format --dry-run -Werror $(C_FORMATTED)
 
 format: | $(BIN)/ruff $(BIN)/clang-format

@@ -6,14 +6,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import TypedDict
 
 import numpy as np
 
-from . import _firmware
+from ._firmware import ffi, lib
 from .chips import DEVICES
 from .errors import HexatorqueError
-
-ffi, lib = _firmware.ffi, _firmware.lib
 
 
 def _text(pointer) -> str:
@@ -162,8 +161,35 @@ def _check(result: int, what: str) -> None:
         raise FirmwareError(f"{what}: {_RESULTS[result]}")
 
 
-def snapshot_numbers(s) -> dict[str, object] | None:
-    """An `ht_snapshot` by name, state and faults as numbers; None where there was no fault."""
+class _Kept(TypedDict):
+    tick: int
+    adc_counts: list[int]
+    position_counts: int
+    i_A: list[float]
+    vdc_V: float
+    torque_ref_Nm: float
+    flux_ref_Wb: float
+    psi_Wb: list[float]
+    torque_Nm: float
+    speed_rpm: float
+
+
+class SnapshotNumbers(_Kept):
+    """What the firmware kept of a fault, state and faults as numbers."""
+
+    state: int
+    faults: int
+
+
+class Snapshot(_Kept):
+    """The same in words."""
+
+    state: str
+    faults: list[str]
+
+
+def snapshot_numbers(s) -> SnapshotNumbers | None:
+    """An `ht_snapshot` by name; None where there was no fault."""
     if not s.tick:
         return None
     measured = getattr(s, "in")
@@ -183,10 +209,12 @@ def snapshot_numbers(s) -> dict[str, object] | None:
     }
 
 
-def snapshot_of(s) -> dict[str, object] | None:
+def snapshot_of(s) -> Snapshot | None:
     """The same in words."""
     kept = snapshot_numbers(s)
-    return kept and {**kept, "state": STATES[s.state], "faults": causes(s.faults)}
+    if kept is None:
+        return None
+    return {**kept, "state": STATES[kept["state"]], "faults": causes(kept["faults"])}
 
 
 class Store:
@@ -245,7 +273,7 @@ class Controller:
     def __init__(
         self,
         device: str,
-        values: dict[str, object],
+        values: Mapping[str, object],
         *,
         active_low: bool | None = None,
         store: Store | None = None,
@@ -300,6 +328,11 @@ class Controller:
         return self.drive.config.control.period_counts
 
     @property
+    def fast_per_slow(self) -> int:
+        """Fast interrupts from one slow interrupt to the next."""
+        return round(self.number("f_isr_Hz") / self.number("f_slow_Hz"))
+
+    @property
     def shadow(self) -> bool:
         """Does a pattern take effect in the next period?"""
         return self.drive.config.control.shadow
@@ -331,13 +364,17 @@ class Controller:
         return causes(self.drive.faults)
 
     @property
-    def snapshot(self) -> dict[str, object] | None:
+    def snapshot(self) -> Snapshot | None:
         """What the firmware kept of the latest fault, or None."""
         return snapshot_of(self.drive.snapshot)
 
     def get(self, name: str) -> str | float:
-        row = self.parameters[name]
-        return row.show(lib.ht_drive_get(self.drive, row.id))
+        """A parameter's value, a choice by name."""
+        return self.parameters[name].show(self.number(name))
+
+    def number(self, name: str) -> float:
+        """A parameter's value as a number."""
+        return lib.ht_drive_get(self.drive, self.parameters[name].id)
 
     def set(self, name: str, value: object) -> None:
         self.set_many({name: value})

@@ -103,6 +103,7 @@ def align(traces: list[Trace], how: str | None) -> str:
         )
     for trace in traces:
         own_s = {"trigger": trace.rec.trigger_s, "start": trace.rec.start_s, "none": 0.0}[how]
+        assert own_s is not None  # aligned by the trigger, all have one
         trace.shift_s = float(own_s)
     return how
 
@@ -113,8 +114,8 @@ def values(rec: Recording, name: str) -> np.ndarray | None:
     if name in rec or plain != FLUX:
         return rec.channels.get(name)
     dot = f"{prefix}." if prefix else ""
-    parts = [rec.channels.get(f"{dot}psi_{axis}_Wb") for axis in ("alpha", "beta")]
-    return None if any(p is None for p in parts) else np.hypot(*parts)
+    alpha, beta = (rec.channels.get(f"{dot}psi_{axis}_Wb") for axis in ("alpha", "beta"))
+    return None if alpha is None or beta is None else np.hypot(alpha, beta)
 
 
 def unit(traces: list[Trace], name: str) -> str:

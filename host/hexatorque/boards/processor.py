@@ -16,6 +16,7 @@ from ..firmware import (
     STATES,
     Controller,
     FirmwareError,
+    Snapshot,
     Store,
     causes,
     channels,
@@ -70,7 +71,7 @@ def image_names(controller: Controller) -> list[str]:
     found = ffi.new("uint32_t[]", lib.HT_MIRROR_MAX)
     count = lib.ht_mirror_addresses(m, found)
     line = ffi.new("char[64]")
-    names = []
+    names: list[str] = []
     for address in found[0:count]:
         lib.ht_regfile_name(controller.registers, address, line)
         name = ffi.string(line).decode() or f"register 0x{address:04X}"
@@ -83,7 +84,7 @@ class WatchedController(Controller):
 
     entries = ("ht_watch_fast", "ht_watch_slow", "ht_watch_channels")
 
-    def __init__(self, device: str, values: dict[str, object]) -> None:
+    def __init__(self, device: str, values: Mapping[str, object]) -> None:
         super().__init__(device, values)
         self._watch = ffi.new("ht_watch *")
         lib.ht_watch_init(self._watch, self.drive, self.registers)
@@ -106,7 +107,7 @@ class Target:
         self.link.local = self._local
         lib.ht_link_reset(self.link)
 
-    def controller(self, device: str, values: dict[str, object]) -> TargetController:
+    def controller(self, device: str, values: Mapping[str, object]) -> TargetController:
         return TargetController(self, device, values)
 
     def epitaph(self) -> str:
@@ -133,7 +134,7 @@ class TargetController(Controller):
         self,
         target: Target,
         device: str,
-        values: dict[str, object],
+        values: Mapping[str, object],
         store: Store | None = None,
     ) -> None:
         super().__init__(device, values, store=store)
@@ -190,7 +191,7 @@ class TargetController(Controller):
         return causes(self._link.faults)
 
     @property
-    def snapshot(self) -> dict[str, object] | None:
+    def snapshot(self) -> Snapshot | None:
         kept = ffi.new("ht_snapshot *")
         lib.ht_link_snapshot(self._link, kept)
         self.confirm()
@@ -199,10 +200,9 @@ class TargetController(Controller):
     def channel(self, name: str) -> float:
         return self._link.channels[[n for n, _ in channels()].index(name)]
 
-    def get(self, name: str) -> str | float:
-        row = self.parameters[name]
-        self._check(self._request(lib.HT_OP_PIL_GET, row.id), name)
-        return row.show(self._link.value)
+    def number(self, name: str) -> float:
+        self._check(self._request(lib.HT_OP_PIL_GET, self.parameters[name].id), name)
+        return self._link.value
 
     def set_many(self, values: Mapping[str, object]) -> None:
         """The link knows single ones only: what was changed before a refusal is put back."""

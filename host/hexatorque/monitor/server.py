@@ -21,6 +21,7 @@ from collections.abc import Callable
 from http.cookies import CookieError, SimpleCookie
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
+from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
@@ -298,17 +299,20 @@ class Handler(BaseHTTPRequestHandler):
     def _frames(self, page: int, window_s: float, bins: int) -> None:
         """Until the page goes away. What it does not take in time it does not get."""
         desk = self.server.desk
-        epoch, view, told_s = None, None, 0.0
+        epoch: int | None = None
+        view: View | None = None
+        told_s = 0.0
         self.wfile.write(b"retry: 500\n\n")
         while not self.server.closing.is_set():
             begun_s = time.monotonic()
-            frame = {}
+            frame: dict[str, Any] = {}
             found = desk.looked_at()
             if found and found[0] != epoch:
                 epoch, ring, stream = found
-                view = View(ring, stream.rate_Hz, window_s, bins)
+                rate_Hz = stream.rate_Hz
+                view = View(ring, rate_Hz, window_s, bins)
             if found and view and not desk.page_is_behind(page) and (news := view.news()):
-                frame["bins"] = _bins(epoch, stream.rate_Hz, view.width, *news)
+                frame["bins"] = _bins(found[0], rate_Hz, view.width, *news)
             if begun_s - told_s >= STATUS_S:
                 told_s = begun_s
                 frame["status"] = desk.status()

@@ -28,7 +28,7 @@ RETURN_S, RETURN_SOCKET_S = 0.2, 1.0
 #: A server that died leaves its session to the board for a second.
 OPEN_PATIENCE_S = 1.6
 
-_REFUSED = {
+_REFUSED: dict[int, str] = {
     Status.ID: "no such parameter or channel",
     Status.VALUE: "value not finite, out of range or not a choice",
     Status.STATE: "not allowed in state {state}",

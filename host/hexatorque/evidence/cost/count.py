@@ -37,6 +37,7 @@ def write_trace(setup: Setup, path: Path) -> np.ndarray:
     setup = setup.changed(controller__speed_period_rpm=0.0)
     sim = SimulatedDrive(setup, 1, WatchedController)
     controller = sim.controller
+    assert isinstance(controller, WatchedController)
     periods = round(TRACE_S / sim.period_s)
     controller.log.begin(periods)
     # All parameters stand before the start: the replay then is the run itself.
@@ -48,7 +49,7 @@ def write_trace(setup: Setup, path: Path) -> np.ndarray:
     sim.run(TRACE_S - LOAD_AT_S)
     sim.check()
     images, columns = controller.log.images, image_names(controller)
-    every = round(controller.get("f_isr_Hz") / controller.get("f_slow_Hz"))
+    every = controller.fast_per_slow
     rows = np.empty((periods, 10), "<u2")
     first = next(n for n, name in enumerate(columns) if name.endswith(".ADCRESULT0"))
     for n in range(7):

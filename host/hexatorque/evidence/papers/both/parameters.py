@@ -81,8 +81,8 @@ def a_t3(job: Job) -> Figure:
     settled = rec.window(rec.start_s + 0.6 * seconds, 1e9)
     kp, ki = m.speed_gains(w, printed.parameter("torque_limit_Nm"))
     kp_xy, ki_xy = m.xy_gains(xy.recording.window(xy.recording.start_s + 0.5, 1e9))
-    torque_Nm = np.mean(m.band(m.torque_error_Nm(rec), rec["torque_level"], 0, 1))
-    flux_Wb = np.mean(m.flux_band(rec))
+    torque_Nm = float(np.mean(m.band(m.torque_error_Nm(rec), rec["torque_level"], 0, 1)))
+    flux_Wb = float(np.mean(m.flux_band(rec)))
     flux_ref_Wb = float(np.mean(settled["flux_ref_Wb"]))
     rated_Nm = printed["point.load_Nm"]
     phases = m.phase_ohm(w.machine)

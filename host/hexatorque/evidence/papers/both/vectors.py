@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +76,7 @@ def number(ax, at: complex, text: str, **style) -> None:
             zorder=4, **style)  # fmt: skip
 
 
-def _plane(ax, z: np.ndarray, title: str, axes: str, names: dict[str, str]) -> None:
+def _plane(ax, z: np.ndarray, title: str, axes: Sequence[str], names: dict[str, str]) -> None:
     """All active vectors of one plane, numbered; equal ones share a point."""
     for group, name in names.items():
         words = [w for w in range(64) if geometry.group(w) == group]
@@ -111,14 +112,14 @@ def a1(job: Job) -> Figure:
     for name, (sample, r_ab, r_xy, share) in TABLE_I.items():
         words = [w for w in range(64) if geometry.group(w) == name]
         length_ab, length_xy = abs(ab[words]), abs(xy[words])
+        share_pct = float(100 * length_ab.mean() / large)
         metrics[name] = {"words": words, "alpha_beta_pu": float(length_ab.mean()),
-                         "xy_pu": float(length_xy.mean()),
-                         "share_pct": float(100 * length_ab.mean() / large)}  # fmt: skip
+                         "xy_pu": float(length_xy.mean()), "share_pct": share_pct}  # fmt: skip
         even = np.ptp(length_ab) < FLOAT32 and np.ptp(length_xy) < FLOAT32
         verdicts += [
             rounded(f"Table I, {name}, alpha-beta", float(length_ab.mean()), r_ab, 4, "Vdc"),
             rounded(f"Table I, {name}, x-y", float(length_xy.mean()), r_xy, 4, "Vdc"),
-            rounded(f"Table I, {name}, share", metrics[name]["share_pct"], share, 2, "%"),
+            rounded(f"Table I, {name}, share", share_pct, share, 2, "%"),
             claim(f"Table I, {name}: sample {sample} is one of {len(words)} equally long ones",
                   sample in words and even, bool(sample in words and even), True,
                   required=True),

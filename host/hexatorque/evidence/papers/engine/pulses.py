@@ -63,7 +63,8 @@ class _Bench(SimulatedDrive):
         super().__init__(SETUP, samples_per_period)
         port, left = self.controller.port, iter(patterns)
 
-        failures = self.failures = []
+        self.failures: list[BaseException] = []
+        failures = self.failures
 
         @ffi.callback("void(uint64_t)", onerror=lambda kind, error, trace: failures.append(error))
         def fast(handle):

@@ -21,7 +21,8 @@ FIXED = (2 - np.sqrt(3), np.sqrt(3) - 1)
 
 def _leg_words(sequence: str) -> tuple[int, int, int]:
     """State words in which every leg does the same S1 S2 S3."""
-    return tuple(63 * int(bit) for bit in sequence)
+    first, second, third = (63 * int(bit) for bit in sequence)
+    return first, second, third
 
 
 def _as_printed(sequence: str, t1: float, t2: float) -> object:
@@ -37,7 +38,7 @@ def _as_printed(sequence: str, t1: float, t2: float) -> object:
 def _realised(played: Played, n: int, sequence: str, t1: float, t2: float) -> bool:
     """Does every leg follow S1 S2 S3 in pattern n, edges within a count of T1 and T2?"""
     p = played.period
-    want = [(0, int(sequence[0]))]
+    want: list[tuple[float, int]] = [(0, int(sequence[0]))]
     for at, before, after in ((t1, sequence[0], sequence[1]), (t2, sequence[1], sequence[2])):
         if before != after:
             want.append((at * p, int(after)))

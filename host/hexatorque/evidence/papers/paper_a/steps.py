@@ -123,10 +123,15 @@ def pairs(job: Job, steps: Iterable[Step], count: int) -> list[Pair]:
                 step,
                 {s: _mean([f for f, _, _ in parts[s]]) for s in a.SCHEMES},
                 {s: _mean([c for _, c, _ in parts[s]]) for s in a.SCHEMES},
-                {s: parts[s][0][2] for s in a.SCHEMES},
+                {s: _recording(parts[s][0][2]) for s in a.SCHEMES},
             )
         )
     return made
+
+
+def _recording(rec: Recording | None) -> Recording:
+    assert rec is not None  # of the first instant it is kept
+    return rec
 
 
 def _mean(rows: list[dict]) -> dict:

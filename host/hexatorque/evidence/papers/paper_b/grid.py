@@ -18,7 +18,11 @@ Grid = dict[str, np.ndarray]
 
 
 def measured(
-    job: Job, rows: tuple[float, ...], columns: np.ndarray, at: Callable, value: Callable
+    job: Job,
+    rows: tuple[float, ...],
+    columns: np.ndarray,
+    at: Callable[[float, float], tuple[float, float]],
+    value: Callable[[dict], float],
 ) -> dict[str, Grid]:
     """Set-up -> scheme -> (rows, columns): `value` of the metrics at the points
     `at(row, column)`, given as (speed, load). NaN where the drive does not get there."""
@@ -26,7 +30,7 @@ def measured(
         (name, s, row, column)
         for name in SETUPS for s in SCHEMES for row in rows for column in columns
     ]  # fmt: skip
-    found = job.metrics([point(s, *at(row, column), name) for name, s, row, column in grid])
+    found = job.metrics([point(s, *at(row, column), name=name) for name, s, row, column in grid])
     values = np.array([np.nan if m is None else value(m) for m in found], dtype=float)
     tables = values.reshape(len(SETUPS), len(SCHEMES), len(rows), len(columns))
     return {name: dict(zip(SCHEMES, table)) for name, table in zip(SETUPS, tables)}

@@ -104,12 +104,15 @@ def _measure(job: Job) -> tuple[dict, dict, np.ndarray, list[dict]]:
         for flux in fluxes for scheme in SCHEMES for load in scan_loads
     ]  # fmt: skip
     found = job.metrics(points)
+    compared = []
     for at, metrics in zip(points, found):
         if metrics is None:
             raise NotReached(f"no steady state at {at.load_Nm:g} N m under "
                              f"{at.setup['controller.scheme']}")  # fmt: skip
-    rows = iter([_row(metrics) for metrics in found])
-    tables, spreads = {}, {}
+        compared.append(_row(metrics))
+    rows = iter(compared)
+    tables: dict[str, dict] = {}
+    spreads: dict[str, dict] = {}
     for name in SETUPS:
         table, spreads[name] = {}, {}
         for scheme in SCHEMES:
