@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -14,8 +14,11 @@ from ._firmware import ffi, lib
 from .chips import DEVICES
 from .errors import HexatorqueError
 
+#: A struct or pointer of the C: cffi knows its type, a type checker does not.
+CData = Any
 
-def _text(pointer) -> str:
+
+def _text(pointer: CData) -> str:
     return ffi.string(pointer).decode()
 
 
@@ -105,12 +108,12 @@ def parameters(device: str = "") -> dict[str, Parameter]:
     return table
 
 
-def _on_port(row: Parameter, port) -> Parameter:
+def _on_port(row: Parameter, port: CData) -> Parameter:
     span = lib.ht_param_range(port, row.id)
     return replace(row, min=decimal(span.min), max=decimal(span.max))
 
 
-def board_of(device: str):
+def board_of(device: str) -> CData:
     """A board's table."""
     if device not in BOARDS:
         raise FirmwareError(f"device = {device!r}: choose one of {', '.join(DEVICES)}")
@@ -188,7 +191,7 @@ class Snapshot(_Kept):
     faults: list[str]
 
 
-def snapshot_numbers(s) -> SnapshotNumbers | None:
+def snapshot_numbers(s: CData) -> SnapshotNumbers | None:
     """An `ht_snapshot` by name; None where there was no fault."""
     if not s.tick:
         return None
@@ -209,7 +212,7 @@ def snapshot_numbers(s) -> SnapshotNumbers | None:
     }
 
 
-def snapshot_of(s) -> Snapshot | None:
+def snapshot_of(s: CData) -> Snapshot | None:
     """The same in words."""
     kept = snapshot_numbers(s)
     if kept is None:
@@ -245,12 +248,12 @@ class MemoryStore(Store):
         port.read, port.write = self._read, self._write
         port.blocks = lib.HT_STORE_FILE_BLOCKS
 
-    def _do_read(self, at, area: int, block: int, words) -> bool:
+    def _do_read(self, at: CData, area: int, block: int, words: CData) -> bool:
         begin = area * self.AREA + block * self.BLOCK
         ffi.memmove(words, bytes(self.areas[begin : begin + self.BLOCK]), self.BLOCK)
         return True
 
-    def _do_write(self, at, area: int, block: int, words) -> bool:
+    def _do_write(self, at: CData, area: int, block: int, words: CData) -> bool:
         if words == ffi.NULL:
             return self.put(area * self.AREA, b"\xff" * self.AREA)
         octets = bytes(ffi.buffer(words, self.BLOCK))

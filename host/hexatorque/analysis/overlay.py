@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..recording.recording import TRIGGER, Recording, RecordingError
 from .plots import INK, LABEL, LEGEND, TITLE, new_figure, save, thin
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 ALIGNMENTS = ("trigger", "start", "none")
 #: Shown unless channels are asked for, where all recordings have them; `plant.` (true
@@ -232,7 +236,7 @@ def plot(traces: list[Trace], names: list[str], how: str, path: Path) -> Path:
     return save(figure, path)
 
 
-def _draw(ax, trace: Trace, name: str, scale: float, number: int, many: int) -> None:
+def _draw(ax: Axes, trace: Trace, name: str, scale: float, number: int, many: int) -> None:
     colour = COLOURS[number % len(COLOURS)]
     y = np.asarray(values(trace.rec, name), float)
     t = scale * trace.time_s
@@ -244,7 +248,7 @@ def _draw(ax, trace: Trace, name: str, scale: float, number: int, many: int) -> 
         _shade(ax, t, ~np.isfinite(y), colour)
 
 
-def _shade(ax, t: np.ndarray, lost: np.ndarray, colour: str) -> None:
+def _shade(ax: Axes, t: np.ndarray, lost: np.ndarray, colour: str) -> None:
     """Spans without samples, behind the lines."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(np.int8), [0]])))
     step = t[1] - t[0] if len(t) > 1 else 0.0

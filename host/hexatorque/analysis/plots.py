@@ -56,7 +56,7 @@ LATENCY_COLOUR = {
 
 
 def new_figure(
-    rows: int, columns: int, height_in: float, width_in: float = WIDTH_IN, **shared
+    rows: int, columns: int, height_in: float, width_in: float = WIDTH_IN, **shared: Any
 ) -> tuple[Figure, np.ndarray]:
     """Empty panels in the house style, axes as a (rows, columns) array."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -41,7 +41,7 @@ def _known() -> str:
     return f"; there is {', '.join(names)}" if names else "; there is none on this machine"
 
 
-def _open(name: str, baud: int):
+def _open(name: str, baud: int) -> serial.Serial:
     """The port, open for this program alone: a path, or an address that pyserial knows."""
     if baud <= 0:
         raise SetupError(f"baud = {baud}: a positive rate")

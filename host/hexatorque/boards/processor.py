@@ -14,6 +14,7 @@ from ..errors import HexatorqueError
 from ..firmware import (
     DEVICES,
     STATES,
+    CData,
     Controller,
     FirmwareError,
     Snapshot,
@@ -40,7 +41,7 @@ _ERRORS = {
 }
 
 
-def _fields(struct) -> dict[str, int]:
+def _fields(struct: CData) -> dict[str, int]:
     """What a C struct of numbers holds, by name."""
     return {name: getattr(struct, name) for name, _ in ffi.typeof(struct).item.fields}
 
@@ -48,7 +49,7 @@ def _fields(struct) -> dict[str, int]:
 class Log:
     """Register images after every period: what both kinds of controller keep."""
 
-    def __init__(self, log) -> None:
+    def __init__(self, log: CData) -> None:
         self._log = log
         self._rows = np.empty((0, log.width), np.uint16)
 

@@ -47,7 +47,7 @@ class BoardDrive(DriveVerbs):
         cls,
         url: str | None = None,
         baud: int | None = None,
-        record: tuple[str, ...] | list[str] | None = None,
+        record: Sequence[str] | None = None,
         rate_Hz: float | None = None,
         operator: Callable[[str, float], None] | None = None,
     ) -> BoardDrive:
@@ -66,7 +66,13 @@ class BoardDrive(DriveVerbs):
         bauds = (baud,) if baud else runtime.bauds_for(url, BAUDS)
         return cls(Client(url, bauds), record, rate_Hz, operator)
 
-    def __init__(self, client: Client, record=None, rate_Hz=None, operator=None) -> None:
+    def __init__(
+        self,
+        client: Client,
+        record: Sequence[str] | None = None,
+        rate_Hz: float | None = None,
+        operator: Callable[[str, float], None] | None = None,
+    ) -> None:
         self.client = client
         self._recorder: Stream | None = None
         try:
@@ -358,7 +364,9 @@ class BoardDrive(DriveVerbs):
         }
         return self._recording(recorder.rate_Hz, recorder.channels, grid, meta, start_s)
 
-    def _recording(self, rate_Hz, names, table, meta, start_s) -> Recording:
+    def _recording(
+        self, rate_Hz: float, names: Sequence[str], table: np.ndarray, meta: dict, start_s: float
+    ) -> Recording:
         units = {row.name: row.unit for row in self.dictionary.channels}
         data = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(names)}
         return Recording(rate_Hz, data, {name: units[name] for name in names}, meta, start_s)

@@ -119,7 +119,7 @@ def _load(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
     return record(LOAD, **terms)
 
 
-def _pwm_map(m, active_low: bool = False) -> np.record:
+def _pwm_map(m: firmware.CData, active_low: bool = False) -> np.record:
     """Register layout from the firmware's own map; polarity of the gate drivers."""
     offsets = {n: int(getattr(m, n)) for n in names_of(PWM_MAP) if n != "active_low"}
     offsets = {n: -1 if v == 0xFFFF else v for n, v in offsets.items()}

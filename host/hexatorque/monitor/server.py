@@ -103,7 +103,7 @@ class Server(ThreadingHTTPServer):
     def hosts(self) -> tuple[str, str]:
         return f"127.0.0.1:{self.port}", f"localhost:{self.port}"
 
-    def handle_error(self, request, client_address) -> None:
+    def handle_error(self, request: Any, client_address: Any) -> None:
         """A browser that went away is no error."""
         import sys
 
@@ -379,7 +379,7 @@ def _number(query: dict[str, str], name: str, low: float, high: float) -> float:
     return value
 
 
-def _field(body: dict, name: str, kind: type | tuple[type, ...], words: str):
+def _field(body: dict, name: str, kind: type | tuple[type, ...], words: str) -> Any:
     value = body.get(name)
     if not isinstance(value, kind) or isinstance(value, bool):
         raise Refused(400, f"{name}: {words} is needed")

@@ -73,7 +73,9 @@ Sink = Callable[[list[bytes]], None]
 class Client:
     """One board at the other end of a line."""
 
-    def __init__(self, url: str, bauds: int | tuple[int, ...], connect=Transport) -> None:
+    def __init__(
+        self, url: str, bauds: int | tuple[int, ...], connect: Callable[..., Transport] = Transport
+    ) -> None:
         """`bauds`: of several the one at which the board answers. `connect(url, bauds, bodies,
         lost)` makes the transport."""
         self.url = url

@@ -10,6 +10,7 @@ import subprocess
 import tempfile
 from collections import Counter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from ...boards.processor import TargetError, WatchedController, image_names
 from ...drive.operating_points import Progress
 from ...drive.simulated import SimulatedDrive
 from ...setups import Setup
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 TRACE_S = 1.0  #: of the drive's life, from the start
 LOAD_AT_S = 0.7
@@ -235,7 +239,7 @@ def profile(setup: Setup, machine: str = "mps2-an386") -> dict[str, list[tuple[s
     }
 
 
-def instruction_table(result: dict):
+def instruction_table(result: dict) -> Table:
     """For the terminal."""
     from rich.table import Table
 

@@ -509,7 +509,7 @@ def damaged_set(device: str, seed: int) -> Result:
 WRONG_CLOCK = "wrong system clock"
 
 
-def _plant_clock(registers, pllcr: bool, rng: np.random.Generator) -> None:
+def _plant_clock(registers: firmware.CData, pllcr: bool, rng: np.random.Generator) -> None:
     """A PLL that locks at another frequency, at every try; one that never locks; no crystal."""
     what = int(rng.integers(3))
     if what == 0:
@@ -524,7 +524,7 @@ def _plant_clock(registers, pllcr: bool, rng: np.random.Generator) -> None:
             registers.word[0x7011] |= 8  # PLLSTS.MCLKSTS
 
 
-def _pwm_pins(board, registers) -> int:
+def _pwm_pins(board: firmware.CData, registers: firmware.CData) -> int:
     """How many of the twelve pins are the PWM's."""
     found = 0
     for pin in board.pwm:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from ...drive.operating_points import Progress
 from ...drive.simulated import SimulatedDrive
 from ...recording.recording import Recording
 from ...setups import Profile, Setup
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 #: Controllers that keep a log of their registers.
 Logged = WatchedController | TargetController
@@ -147,7 +151,7 @@ def _run(
     return sim, logged, sim.take()
 
 
-def table(outcomes: list[Outcome]):
+def table(outcomes: list[Outcome]) -> Table:
     """For the terminal."""
     from rich.table import Table
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +16,10 @@ from ..engine.figure import Figure, Verdict, claim
 from ..engine.geometry import AB, XY
 from ..engine.job import Job
 from ..engine.pulses import Played, pattern, play
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
 
 COLOURS = {"L": plots.COLOUR["i_u1"], "ML": plots.COLOUR["i_u2"], "MS": plots.COLOUR["i_x"],
            "S": plots.COLOUR["torque"]}  # fmt: skip
@@ -69,14 +74,14 @@ def _as_tabulated(played: Played) -> list[Verdict]:
     ]  # fmt: skip
 
 
-def number(ax, at: complex, text: str, **style) -> None:
+def number(ax: Axes, at: complex, text: str, **style: Any) -> None:
     box = {"boxstyle": "square,pad=0.08", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
     style = {"fontsize": 6.5, "color": plots.INK, **style}
     ax.text(at.real, at.imag, text, ha="center", va="center", linespacing=0.95, bbox=box,
             zorder=4, **style)  # fmt: skip
 
 
-def _plane(ax, z: np.ndarray, title: str, axes: Sequence[str], names: dict[str, str]) -> None:
+def _plane(ax: Axes, z: np.ndarray, title: str, axes: Sequence[str], names: dict[str, str]) -> None:
     """All active vectors of one plane, numbered; equal ones share a point."""
     for group, name in names.items():
         words = [w for w in range(64) if geometry.group(w) == group]
@@ -98,7 +103,7 @@ def _plane(ax, z: np.ndarray, title: str, axes: Sequence[str], names: dict[str, 
     ax.set_ylim(-0.76, 0.76)
 
 
-def _legend(figure, ax, columns: int) -> None:
+def _legend(figure: FigureBase, ax: Axes, columns: int) -> None:
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=columns,
                   **plots.LEGEND)  # fmt: skip
 

@@ -159,13 +159,13 @@ def _line(name: str) -> dict[str, Any]:
     return {"color": INKS[name], "linewidth": 0.8, "label": SYMBOLS[name]}
 
 
-def trace(ax: Axes, t: np.ndarray, y: np.ndarray, name: str, **style) -> None:
+def trace(ax: Axes, t: np.ndarray, y: np.ndarray, name: str, **style: Any) -> None:
     """One channel over time."""
     style = _line(name) | style
     ax.plot(*plots.thin(t, np.asarray(y)), **style)
 
 
-def lines(ax: Axes, rec: Recording, names: tuple[str, ...], top_A: float, **style) -> None:
+def lines(ax: Axes, rec: Recording, names: tuple[str, ...], top_A: float, **style: Any) -> None:
     """Amplitude spectra in ampere up to order 25, four decades below `top_A`."""
     floor_A = 1e-4 * top_A
     f1_Hz = abs(fundamental_Hz(rec))

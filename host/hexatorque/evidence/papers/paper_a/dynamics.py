@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,9 @@ LABELS = {
 }
 
 
-def _draw(shown: dict[str, Pair], rows: list[tuple[str, ...]], span_s: tuple[float, float]):
+def _draw(
+    shown: dict[str, Pair], rows: list[tuple[str, ...]], span_s: tuple[float, float]
+) -> Callable[[Path], Path]:
     """A pair of columns, FDR and DDR, for each of `shown`; black and dashed: the other scheme."""
 
     styles: dict[str, dict[str, Any]] = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from ..engine.figure import Figure, claim, not_printed
 from ..engine.job import Job
 from ..engine.pulses import SAMPLES, Played, lane, pattern, period_counts, play, with_cases
 from .duties import action_points
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: S1 S2 S3 of sequences 0 to 7.
 SEQUENCES = tuple(f"{n:03b}" for n in range(8))
@@ -155,7 +159,7 @@ def _shade(sequence: str) -> str:
     return plots.COLOUR["torque" if sequence in ("010", "101") else "i_u1"]
 
 
-def _marks(ax, t: tuple[float, float]) -> None:
+def _marks(ax: Axes, t: tuple[float, float]) -> None:
     for number, (at, top) in enumerate(zip(t, (7.9, 8.4), strict=True), 1):
         ax.plot([at, at], [-0.3, top], "--", color=plots.INK, linewidth=0.8)
         side = "left" if at < 0.2 else "right" if at > 0.8 else "center"

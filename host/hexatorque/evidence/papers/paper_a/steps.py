@@ -108,7 +108,7 @@ def pairs(job: Job, steps: Iterable[Step], count: int) -> list[Pair]:
     steps = list(steps)
     keys = [(step, s, late) for step in steps for s in a.SCHEMES for late in range(count)]
 
-    def one(key) -> tuple[dict, dict, Recording | None]:
+    def one(key: tuple[Step, str, int]) -> tuple[dict, dict, Recording | None]:
         step, scheme, late = key
         rec = _record(job, step, scheme, late)
         curves = {name: _smooth(rec, name) for name in ("plant.speed_rpm", "plant.torque_Nm")}

@@ -10,6 +10,7 @@ import numpy as np
 from ....analysis import plots
 from ....analysis.run import Run
 from ....drive.operating_points import Point, transient
+from ....recording.recording import Recording
 from ..engine.figure import Figure, Verdict, beside, claim, not_printed
 from ..engine.job import Job
 from . import common as a
@@ -48,7 +49,7 @@ def _only_rs(job: Job) -> list[str]:
         "timing__latency": "none",
     }
 
-    def recording(key: tuple[str, float]):
+    def recording(key: tuple[str, float]) -> Recording:
         right = a.setup(key[0], **pure)
         wrong = {f"controller__{n}": key[1] * right.parameter(n) for n in names}
         return transient(Point(right.changed(**wrong), SPEED_RPM, LOAD_NM), [], 0.1, job.progress)

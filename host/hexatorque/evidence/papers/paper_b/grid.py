@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -82,7 +83,7 @@ def _finite(values: np.ndarray) -> list[list[float | None]]:
     return [[value if np.isfinite(value) else None for value in row] for row in values.tolist()]
 
 
-def grid_figure(grids: dict[str, Grid], **parts) -> Figure:
+def grid_figure(grids: dict[str, Grid], **parts: Any) -> Figure:
     return Figure(
         metrics={
             name: {scheme: _finite(values) for scheme, values in grid.items()}

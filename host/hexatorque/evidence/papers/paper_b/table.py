@@ -4,6 +4,7 @@ reference, which the paper does not print."""
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from .common import (  # fmt: skip
     mean,
     point,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FLUXES_WB = (0.25, 0.275, 0.3, 0.325, 0.35, 0.375, 0.4, 0.425, 0.45, 0.5, 0.55)
 QUICK_FLUXES_WB = (0.25, 0.3, 0.4, 0.5)
@@ -195,7 +199,7 @@ def _list(values: dict[str, float], digits: int) -> str:
     return ", ".join(f"{value:.{digits}f}" for value in values.values())
 
 
-def _bars(axis, tables: dict[str, dict], key: str, printed_key: str, digits: int) -> None:
+def _bars(axis: Axes, tables: dict[str, dict], key: str, printed_key: str, digits: int) -> None:
     """Per scheme: both set-ups, the second paler, and the printed number, hatched."""
     for at, scheme in enumerate(SCHEMES):
         colour = COLOUR[scheme]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from ..engine.figure import Figure, Verdict, claim
 from ..engine.geometry import ROMAN, XY
 from ..engine.job import Job
 from ..engine.law import Law
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Demand = tuple[int, int]  #: d_m, d_psi
 #: Sector i as printed.
@@ -83,7 +87,7 @@ class Table:
             exact(f"{self.name}, zero vector without torque demand", zeros, [True] * 24),
         ]  # fmt: skip
 
-    def draw(self, ax, run: Audit) -> None:
+    def draw(self, ax: Axes, run: Audit) -> None:
         demands = sorted(self.rows, reverse=True)
         texts = [[f"{self._label(d, s)}\n{run.met(*d, s, self.rows[d][s])}" for s in range(12)]
                  for d in demands]  # fmt: skip
