@@ -22,13 +22,8 @@ PACKAGE = next(
 sys.path.insert(0, str(PACKAGE))
 from hexatorque.setups import loading, to_parameters  # noqa: E402
 from hexatorque.setups.keys import KEYS, SECTIONS  # noqa: E402
-from hexatorque.setups.setup import (  # noqa: E402
-    Setup,
-    SetupError,
-    Value,
-    inconsistent,
-    suggest,
-)
+from hexatorque.setups.setup import Setup, inconsistent  # noqa: E402
+from hexatorque.setups.values import SetupError, Value, suggest  # noqa: E402
 
 CORE, APP = ROOT / "firmware" / "core", ROOT / "firmware" / "app"
 #: A row of a .def file: what it is, and its arguments, strings among them.

@@ -6,7 +6,6 @@ import importlib
 import json
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -49,14 +48,3 @@ def test_import_loads_nothing_heavy():
     loaded = json.loads(fresh("import hexatorque, json, sys; print(json.dumps(list(sys.modules)))"))
     assert not [name for name in HEAVY if name in loaded]
     assert [name for name in loaded if name.startswith("hexatorque.")] == []
-
-
-def test_import_takes_less_than_50_ms():
-    code = "import time; t = time.perf_counter(); import hexatorque; print(time.perf_counter() - t)"
-    best_s = 1.0
-    for _ in range(5):  # the best of five: other work on the machine is not the package's
-        best_s = min(best_s, float(fresh(code)))
-        if best_s < 0.05:
-            break
-        time.sleep(0.5)
-    assert best_s < 0.05

@@ -36,14 +36,6 @@ COLOUR = {
     "flux": "#5b4fa2",
     "spectrum": "#0072b2",
 }
-SCHEME_COLOUR = {
-    "dtc1": "#20242b",
-    "dtc2": "#e69f00",
-    "dtc3": "#d55e00",
-    "fdr": "#56b4e9",
-    "ddr": "#0072b2",
-    "ddr-ml": "#009e73",
-}
 LABEL: dict[str, Any] = {"fontsize": 8.5, "color": INK}
 TITLE: dict[str, Any] = {"fontsize": 9.5, "fontweight": "bold", "color": INK}
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 8, "labelcolor": INK}

@@ -1,4 +1,5 @@
-"""What each scheme is: for people. Numbers come from firmware/core/ht_schemes.def."""
+"""What each scheme is, for people: its source, its words and its line in a picture. Numbers come
+from firmware/core/ht_schemes.def."""
 
 from __future__ import annotations
 
@@ -7,36 +8,49 @@ from .. import firmware
 _A = "Holakooie, Iwanski, Miazga 2022"
 _B = "Pandit, Aware, Nemade, Levi 2017"
 
+#: Colours can be told apart with colour-blindness.
 _TEXTS: dict[str, dict[str, str]] = {
     "dtc1": {
         "source": f"{_B}: DTC1",
         "vectors": "one large",
         "xy": "ignored",
+        "color": "#20242b",
+        "marker": "o",
     },
     "dtc2": {
         "source": f"{_B}: DTC2",
         "vectors": "one large or medium-large",
         "xy": "the vector that lowers the x-y flux",
+        "color": "#e69f00",
+        "marker": "s",
     },
     "dtc3": {
         "source": f"{_B}: DTC3",
         "vectors": "one large, medium-large or small",
         "xy": "the vector that lowers the x-y flux",
+        "color": "#d55e00",
+        "marker": "^",
     },
     "fdr": {
         "source": f"{_A}: FDR-DTC",
         "vectors": "three large, fixed duty ratios",
         "xy": "zero mean voltage",
+        "color": "#56b4e9",
+        "marker": "D",
     },
     "ddr": {
         "source": f"{_A}: DDR-DTC",
         "vectors": "three large, duty ratios by eq. (13)",
         "xy": "dual PI",
+        "color": "#0072b2",
+        "marker": "v",
     },
     "ddr-ml": {
         "source": f"{_A}: section II-F4",
         "vectors": "three medium-large, duty ratios by eq. (13)",
         "xy": "dual PI",
+        "color": "#009e73",
+        "marker": "P",
     },
 }
 
@@ -56,6 +70,9 @@ def _described(number: int, name: str) -> dict[str, str]:
 
 if set(_TEXTS) != set(firmware.schemes()):
     raise RuntimeError("schemes.py and the firmware's scheme list differ")
+
+#: Colour and marker of each scheme in every picture, as matplotlib takes them.
+STYLE = {name: {key: text[key] for key in ("color", "marker")} for name, text in _TEXTS.items()}
 
 SCHEMES = {name: _described(number, name) for number, name in enumerate(firmware.schemes())}
 

@@ -153,7 +153,7 @@ class SimulatedDrive(DriveVerbs):
                 f"must end within the period of {self.period_s * 1e6:.4g} us"
             )
         self.samples_per_period = samples_per_period
-        model = machines.model("induction")
+        model = machines.model(setup["machine.model"])
         self.machine = model.Parameters(**setup.machine_values())
         self._machine = model.make(self.machine)
         longest_s = min(MAX_STEP_S, STEP_SHARE / model.fastest_per_s(self._machine))

@@ -17,8 +17,9 @@ Importing this needs nothing but Python, and no compiled firmware; checking a fi
 
 from .keys import KEYS, LATENCIES, LOADS, TAGS, USER
 from .loading import builtin_names, load, parse
-from .setup import Profile, Setup, SetupError, Value, describe, show
+from .setup import Setup, describe, show
 from .to_parameters import parameters
+from .values import Profile, SetupError, Value
 
 __all__ = [
     "KEYS",

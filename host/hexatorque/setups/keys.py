@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..chips import DEVICES
+from ..plant.machines import MODELS
 
 #: Where a value comes from.
 TAGS = ("paper", "assumed", "measured")
@@ -44,6 +45,7 @@ def _six(help: str, unit: str, low: float, high: float, default: float = 0.0) ->
 #: firmware's own table defines.
 KEYS: dict[str, dict[str, Key]] = {
     "machine": {
+        "model": Key("choice", "machine model", choices=tuple(MODELS), default="induction"),
         "pole_pairs": Key("integer", "pole pairs", "", 1, 64),
         "rs_ohm": _n("stator resistance", "ohm", 1e-4, 1e3),
         "rr_ohm": _n("rotor resistance, referred", "ohm", 1e-4, 1e3),

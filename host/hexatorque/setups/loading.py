@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from .keys import KEYS, SECTIONS
-from .setup import Setup, SetupError, suggest
+from .setup import Setup
+from .values import SetupError, suggest
 
 
 def builtin_names() -> list[str]:

@@ -27,7 +27,7 @@ from typing_extensions import TypedDict
 
 from .. import firmware
 from .keys import KEYS, LATENCIES, SECTIONS, TAGS, TIMING_OWNS, USER, Key
-from .setup import Profile, SetupError, Value, suggest
+from .values import Profile, SetupError, Value, suggest
 
 #: Type of the errors whose text is ours: what follows the key in its line.
 OURS = "set_up"

@@ -2,40 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ..errors import HexatorqueError
 from . import to_parameters
 from .keys import KEYS, SECTIONS, SMALLEST_KNEE_WB
-
-
-class SetupError(HexatorqueError, ValueError):
-    """A set-up or scenario that cannot be used. One line for each mistake: the key, its value,
-    what is allowed."""
-
-    exit_code = 2
-
-
-@dataclass(frozen=True)
-class Value:
-    value: Any
-    tag: str
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class Profile:
-    """References and loads over time. Steps are (time s, value)."""
-
-    duration_s: float = 1.0
-    speed_rpm: tuple[tuple[float, float], ...] = ()
-    load_Nm: tuple[tuple[float, float], ...] = ()
-    vdc_V: tuple[tuple[float, float], ...] = ()
-    set: tuple[tuple[float, str, Any], ...] = ()  #: (time, controller parameter, value)
-    samples_per_period: int = 4
+from .values import Profile, SetupError, Value, suggest
 
 
 @dataclass(frozen=True)
@@ -91,20 +63,14 @@ class Setup:
         return to_parameters.write_delay_us(self)
 
     def machine_values(self) -> dict[str, Any]:
-        return {key: self[f"machine.{key}"] for key in KEYS["machine"]}
+        """The model's parameters."""
+        return {key: self[f"machine.{key}"] for key in KEYS["machine"] if key != "model"}
 
     def summary(self) -> dict[str, dict[str, Any]]:
         """Plain values, for a recording's metadata."""
         plain = {s: {k: self[f"{s}.{k}"] for k in keys} for s, keys in KEYS.items()}
         plain["controller"] = self.controller_values()
         return plain
-
-
-def suggest(word: str, known: Iterable[str]) -> str:
-    """For the end of a line about an unknown word: the one that was meant, or all there are."""
-    known = list(known)
-    close = difflib.get_close_matches(word, known, 1)
-    return f"; did you mean {close[0]!r}?" if close else f"; known: {', '.join(known)}"
 
 
 def inconsistent(setup: Setup) -> list[str]:

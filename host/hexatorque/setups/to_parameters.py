@@ -5,15 +5,13 @@ The simulation, a board and the initial values of an image take them from here.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..plant.machines.induction_parameters import Parameters
-
-if TYPE_CHECKING:
-    from .setup import Setup
+from .values import Profile, Values
 
 
-def parameters(setup: Setup) -> dict[str, float | str]:
+def parameters(setup: Values) -> dict[str, float | str]:
     """Every controller parameter as the simulation of the set-up uses it, choices by name."""
     from .. import firmware
 
@@ -25,7 +23,7 @@ def parameters(setup: Setup) -> dict[str, float | str]:
     }
 
 
-def decided(setup: Setup, default_flux_Wb: float | None = None) -> dict[str, Any]:
+def decided(setup: Values, default_flux_Wb: float | None = None) -> dict[str, Any]:
     """The controller parameters that the set-up gives or that follow from it. The firmware's
     defaults are not among them; one has a say, the flux reference, at which a saturating
     machine's inductances hold. Where there is no compiled firmware to ask, the caller names it."""
@@ -36,7 +34,7 @@ def decided(setup: Setup, default_flux_Wb: float | None = None) -> dict[str, Any
     return {**_derived(setup, machine, given), **given}
 
 
-def _derived(setup: Setup, machine: Parameters, given: dict[str, Any]) -> dict[str, Any]:
+def _derived(setup: Values, machine: Parameters, given: dict[str, Any]) -> dict[str, Any]:
     latency = setup["timing.latency"]
     immediate = latency in ("none", "immediate")
     derived: dict[str, Any] = {
@@ -70,19 +68,19 @@ def _default_flux_Wb() -> float:
     return firmware.parameters()["flux_ref_Wb"].initial
 
 
-def _mean_of_devices(setup: Setup, what: str, unit: str) -> float:
+def _mean_of_devices(setup: Values, what: str, unit: str) -> float:
     """Switches and diodes share the time that a leg carries its current."""
     return 0.5 * sum(setup[f"inverter.{what}_{device}_{unit}"] for device in ("switch", "diode"))
 
 
-def write_delay_us(setup: Setup) -> float:
+def write_delay_us(setup: Values) -> float:
     """Counter zero to register write."""
     if setup["timing.latency"] == "none":
         return setup["sensors.sample_delay_us"]
     return setup["sensors.sample_delay_us"] + setup["timing.isr_us"]
 
 
-def out_of_range(setup: Setup) -> list[str]:
+def out_of_range(setup: Values) -> list[str]:
     """A line for every value that the board of the set-up does not allow: a board's ranges are
     narrower than the firmware's."""
     from .. import firmware
@@ -100,7 +98,7 @@ def out_of_range(setup: Setup) -> list[str]:
 
 #: What no parameter of the controller tells: it belongs to the plant, or to the simulation.
 NOT_ON_A_BOARD = {
-    "machine": ("inertia_kgm2", "viscous_Nms", "drs_ohm", "dlls_H"),
+    "machine": ("model", "inertia_kgm2", "viscous_Nms", "drs_ohm", "dlls_H"),
     "inverter": ("vdc_V", "min_pulse_us"),
     "sensors": (
         "adc_bits",
@@ -117,7 +115,7 @@ NOT_ON_A_BOARD = {
 }
 
 
-def not_on_a_board(setup: Setup) -> list[str]:
+def not_on_a_board(setup: Values) -> list[str]:
     """Paths of the values given that no parameter tells a board."""
     given = [
         f"{section}.{key}"
@@ -125,4 +123,4 @@ def not_on_a_board(setup: Setup) -> list[str]:
         for key in keys
         if key in setup.values[section]
     ]
-    return [*given, *(["profile"] if setup.profile != type(setup.profile)() else [])]
+    return [*given, *(["profile"] if setup.profile != Profile() else [])]

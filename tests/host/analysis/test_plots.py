@@ -30,7 +30,11 @@ def runs(make_run):
     return [make_run(scheme=scheme, latency=latency) for scheme, latency in pairs]
 
 
-@pytest.mark.parametrize("draw", [plots.waveforms, plots.spectra, plots.bars])
+def bars(runs, path):
+    return plots.bars(runs, path, PAPER)
+
+
+@pytest.mark.parametrize("draw", [plots.waveforms, plots.spectra, bars])
 @pytest.mark.parametrize("count", [1, 4])
 def test_figure_is_written(draw, count, runs, tmp_path):
     path = draw(runs[:count], tmp_path / "new" / "figure.png")
@@ -40,7 +44,7 @@ def test_figure_is_written(draw, count, runs, tmp_path):
     assert 0.01 < drawn(path) < 0.9
 
 
-@pytest.mark.parametrize("draw", [plots.waveforms, plots.spectra, plots.bars])
+@pytest.mark.parametrize("draw", [plots.waveforms, plots.spectra, bars])
 def test_no_runs_are_refused(draw, tmp_path):
     with pytest.raises(ValueError, match="no runs"):
         draw([], tmp_path / "x.png")
@@ -49,7 +53,7 @@ def test_no_runs_are_refused(draw, tmp_path):
 def test_missing_values_and_references_do_not_stop_a_figure(make_run, tmp_path):
     run = make_run(rate_Hz=3000.0, prefix="", meta={})
     del run.recording.channels["torque_ref_Nm"]
-    for draw in (plots.waveforms, plots.spectra, plots.bars):
+    for draw in (plots.waveforms, plots.spectra, bars):
         assert size(draw([run], tmp_path / "x.png"))[0] == 1500
 
 

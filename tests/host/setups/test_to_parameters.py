@@ -76,7 +76,9 @@ def test_what_is_said_to_stay_with_the_plant_changes_no_parameter_and_all_else_d
     spec = setups.KEYS[section][key]
     before = setup[path]
     if spec.kind == "choice":
-        other = next(c for c in reversed(spec.choices) if c != before)
+        other = next((c for c in reversed(spec.choices) if c != before), None)
+        if other is None:
+            pytest.skip("one choice only")
     elif spec.kind == "phases":
         other = [1.01 * v + 1e-4 for v in before]
     elif spec.kind == "integer":

@@ -18,6 +18,7 @@ from numba import njit
 from ... import firmware
 from ...analysis.plots import INK, LABEL, LEGEND, new_figure, save
 from ...analysis.plots import TITLE as HEADING
+from ...analysis.schemes import STYLE
 from ...drive.operating_points import Point, Progress, approach
 from ...drive.simulated import SimulatedDrive, _load
 from ...plant.loop import MAX_STEP_S, follow, source_hash
@@ -31,15 +32,6 @@ STEPS_US = (100.0, 50.0, 25.0, 12.5, 6.25)
 FINEST_US = STEPS_US[-1] / 16
 #: What the phase currents may be off, relative to their amplitude.
 LIMIT = 1e-6
-#: Curves close to each other: told apart by marker and colour.
-STYLE = {
-    "dtc1": {"color": "#0072b2", "marker": "o"},
-    "dtc2": {"color": "#e69f00", "marker": "s"},
-    "dtc3": {"color": "#009e73", "marker": "^"},
-    "fdr": {"color": "#cc79a7", "marker": "D"},
-    "ddr": {"color": "#d55e00", "marker": "v"},
-    "ddr-ml": {"color": "#5b4fa2", "marker": "P"},
-}
 #: Edges of a period, at most: six legs, five changes of level each, through OFF.
 EDGES_PER_PERIOD = 60
 

@@ -15,6 +15,7 @@ import numpy as np
 from .... import firmware, setups
 from ....analysis import plots
 from ....analysis.run import SCHEMES
+from ....analysis.schemes import STYLE
 from ....drive.operating_points import Point
 from ....recording.recording import Recording
 from ..engine.figure import Figure, Verdict, not_printed
@@ -114,7 +115,7 @@ def _draw(clouds: dict[str, dict[str, np.ndarray]], path: Path) -> Path:
         for axis, (judged, label) in zip(row, JUDGED.items()):
             for scheme, data in cloud.items():
                 f_kHz, values = _column(data, "f_sw_Hz") / 1e3, _column(data, judged)
-                colour = plots.SCHEME_COLOUR[scheme]
+                colour = STYLE[scheme]["color"]
                 axis.plot(f_kHz, values, ".", color=colour, alpha=0.35, markersize=4)
                 f, v = envelope(f_kHz, values)
                 if len(f):

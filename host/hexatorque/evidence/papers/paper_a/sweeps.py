@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ....analysis import plots
+from ....analysis.schemes import STYLE
 from ....drive.operating_points import Point
 from ....recording.recording import Recording
 from ..engine.figure import Figure, Verdict, claim, not_printed
@@ -23,7 +24,7 @@ FULL_RPM = (100.0, 200.0, 400.0, 600.0, 800.0, 1000.0, 1100.0, 1200.0, 1350.0)
 SAME = 0.03
 #: The variation of Table IV that comes nearest to the printed f_sw.
 OTHER_NAME = f"leakage × {NEAREST[0]:g}, drops {NEAREST[1]:g} V"
-COLOURS = {"dtc1": "#8a8f98", "fdr": plots.COLOUR["torque"], "ddr": plots.COLOUR["i_u1"]}
+COLOURS = {name: STYLE[name]["color"] for name in ("dtc1", "fdr", "ddr")}
 
 #: Name -> (load, scheme) -> value at each speed.
 Sweep = dict[str, dict[tuple[float, str], np.ndarray]]

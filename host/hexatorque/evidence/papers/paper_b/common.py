@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from .... import setups
 from ....analysis.run import Run
+from ....analysis.schemes import STYLE
 from ....drive.operating_points import Point
 from ....recording.recording import Recording
 from ....setups import Setup
@@ -20,9 +21,8 @@ SCHEMES = ("dtc1", "dtc2", "dtc3")
 TABLE = PAPER[SETUP]
 SPEED_RPM, LOAD_NM = TABLE["speed_rpm"], TABLE["load_Nm"]
 PRINTED = TABLE["schemes"]
-#: Distinguishable with colour-blindness.
-COLOUR = {"dtc1": "#d55e00", "dtc2": "#0072b2", "dtc3": "#009e73"}
-MARKER = {"dtc1": "o", "dtc2": "s", "dtc3": "^"}
+COLOUR = {name: STYLE[name]["color"] for name in SCHEMES}
+MARKER = {name: STYLE[name]["marker"] for name in SCHEMES}
 
 
 def setup(scheme: str, name: str = SETUP, **changes: object) -> Setup:

@@ -1,0 +1,57 @@
+"""What a set-up is made of: its values, its profile, and the error about them."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from ..errors import HexatorqueError
+
+
+class SetupError(HexatorqueError, ValueError):
+    """A set-up or scenario that cannot be used. One line for each mistake: the key, its value,
+    what is allowed."""
+
+    exit_code = 2
+
+
+@dataclass(frozen=True)
+class Value:
+    value: Any
+    tag: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """References and loads over time. Steps are (time s, value)."""
+
+    duration_s: float = 1.0
+    speed_rpm: tuple[tuple[float, float], ...] = ()
+    load_Nm: tuple[tuple[float, float], ...] = ()
+    vdc_V: tuple[tuple[float, float], ...] = ()
+    set: tuple[tuple[float, str, Any], ...] = ()  #: (time, controller parameter, value)
+    samples_per_period: int = 4
+
+
+class Values(Protocol):
+    """A set-up, as far as the controller's parameters follow from it."""
+
+    @property
+    def values(self) -> dict[str, dict[str, Value]]: ...
+
+    @property
+    def profile(self) -> Profile: ...
+
+    def __getitem__(self, path: str) -> Any: ...
+
+    def machine_values(self) -> dict[str, Any]: ...
+
+
+def suggest(word: str, known: Iterable[str]) -> str:
+    """For the end of a line about an unknown word: the one that was meant, or all there are."""
+    known = list(known)
+    close = difflib.get_close_matches(word, known, 1)
+    return f"; did you mean {close[0]!r}?" if close else f"; known: {', '.join(known)}"
