@@ -103,12 +103,13 @@ docs: $(VENV)/.installed
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 # This needs only the tools and not the installed package, so it is quick enough for every commit.
-$(BIN)/ruff $(BIN)/clang-format:
+$(BIN)/ruff $(BIN)/clang-format $(BIN)/mypy:
 	tools/setup.sh $(VENV)
 
-lint: | $(BIN)/ruff $(BIN)/clang-format
+lint: | $(BIN)/ruff $(BIN)/clang-format $(BIN)/mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 	@$(BIN)/clang-format --dry-run -Werror $(C_FORMATTED)
 
 format: | $(BIN)/ruff $(BIN)/clang-format

@@ -123,10 +123,12 @@ def calls_of(preset: str, source: Path = ROOT) -> list[str]:
     with tempfile.TemporaryDirectory() as folder:
         log, build = Path(folder, "log"), Path(folder, "build")
         stand_in(Path(folder, "ti"), log)
-        command = [CMAKE, "--preset", preset, "-B", build, "-G", "Ninja",
-                   f"-DCMAKE_MAKE_PROGRAM={NINJA}"]  # fmt: skip
+        configure: list[str | Path] = [
+            CMAKE, "--preset", preset, "-B", build, "-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={NINJA}",
+        ]  # fmt: skip
         environment = os.environ | {"TI_CGT_ROOT": str(Path(folder, "ti"))}
-        for step in (command, [CMAKE, "--build", build]):
+        build_step: list[str | Path] = [CMAKE, "--build", build]
+        for step in (configure, build_step):
             log.write_text("")
             done = subprocess.run(step, cwd=source, env=environment, capture_output=True, text=True)
             if done.returncode:

@@ -6,17 +6,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any, TypedDict
 
 import numpy as np
 
-from . import _firmware
+from ._firmware import ffi, lib
 from .chips import DEVICES
 from .errors import HexatorqueError
 
-ffi, lib = _firmware.ffi, _firmware.lib
+#: A struct or pointer of the C: cffi knows its type, a type checker does not.
+CData = Any
 
 
-def _text(pointer) -> str:
+def _text(pointer: CData) -> str:
     return ffi.string(pointer).decode()
 
 
@@ -107,12 +109,12 @@ def parameters(device: str = "") -> dict[str, Parameter]:
     return table
 
 
-def _on_port(row: Parameter, port) -> Parameter:
+def _on_port(row: Parameter, port: CData) -> Parameter:
     span = lib.ht_param_range(port, row.id)
     return replace(row, min=decimal(span.min), max=decimal(span.max))
 
 
-def board_of(device: str):
+def board_of(device: str) -> CData:
     """A board's table."""
     if device not in BOARDS:
         raise FirmwareError(f"device = {device!r}: choose one of {', '.join(DEVICES)}")
@@ -163,8 +165,35 @@ def _check(result: int, what: str) -> None:
         raise FirmwareError(f"{what}: {_RESULTS[result]}")
 
 
-def snapshot_numbers(s) -> dict[str, object] | None:
-    """The fields of an `ht_snapshot`, state and faults as numbers; None if there was no fault."""
+class _Kept(TypedDict):
+    tick: int
+    adc_counts: list[int]
+    position_counts: int
+    i_A: list[float]
+    vdc_V: float
+    torque_ref_Nm: float
+    flux_ref_Wb: float
+    psi_Wb: list[float]
+    torque_Nm: float
+    speed_rpm: float
+
+
+class SnapshotNumbers(_Kept):
+    """The values that the firmware saved at a fault, state and faults as numbers."""
+
+    state: int
+    faults: int
+
+
+class Snapshot(_Kept):
+    """The same, with state and faults by name."""
+
+    state: str
+    faults: list[str]
+
+
+def snapshot_numbers(s: CData) -> SnapshotNumbers | None:
+    """The fields of an `ht_snapshot` by name; None if there was no fault."""
     if not s.tick:
         return None
     measured = getattr(s, "in")
@@ -184,10 +213,12 @@ def snapshot_numbers(s) -> dict[str, object] | None:
     }
 
 
-def snapshot_of(s) -> dict[str, object] | None:
+def snapshot_of(s: CData) -> Snapshot | None:
     """The same, with state and faults by name."""
     kept = snapshot_numbers(s)
-    return kept and {**kept, "state": STATES[s.state], "faults": causes(s.faults)}
+    if kept is None:
+        return None
+    return {**kept, "state": STATES[kept["state"]], "faults": causes(kept["faults"])}
 
 
 class Store:
@@ -219,12 +250,12 @@ class MemoryStore(Store):
         port.read, port.write = self._read, self._write
         port.blocks = lib.HT_STORE_FILE_BLOCKS
 
-    def _do_read(self, at, area: int, block: int, words) -> bool:
+    def _do_read(self, at: CData, area: int, block: int, words: CData) -> bool:
         begin = area * self.AREA + block * self.BLOCK
         ffi.memmove(words, bytes(self.areas[begin : begin + self.BLOCK]), self.BLOCK)
         return True
 
-    def _do_write(self, at, area: int, block: int, words) -> bool:
+    def _do_write(self, at: CData, area: int, block: int, words: CData) -> bool:
         if words == ffi.NULL:
             return self.put(area * self.AREA, b"\xff" * self.AREA)
         raw = bytes(ffi.buffer(words, self.BLOCK))
@@ -248,7 +279,7 @@ class Controller:
     def __init__(
         self,
         device: str,
-        values: dict[str, object],
+        values: Mapping[str, object],
         *,
         active_low: bool | None = None,
         store: Store | None = None,
@@ -303,6 +334,11 @@ class Controller:
         return self.drive.config.control.period_counts
 
     @property
+    def fast_per_slow(self) -> int:
+        """Fast interrupts from one slow interrupt to the next."""
+        return round(self.number("f_isr_Hz") / self.number("f_slow_Hz"))
+
+    @property
     def shadow(self) -> bool:
         """Whether a switching pattern takes effect in the next period instead of at once."""
         return self.drive.config.control.shadow
@@ -334,13 +370,17 @@ class Controller:
         return causes(self.drive.faults)
 
     @property
-    def snapshot(self) -> dict[str, object] | None:
+    def snapshot(self) -> Snapshot | None:
         """The values that the firmware saved at the latest fault, or None."""
         return snapshot_of(self.drive.snapshot)
 
     def get(self, name: str) -> str | float:
-        row = self.parameters[name]
-        return row.show(lib.ht_drive_get(self.drive, row.id))
+        """A parameter's value, a choice by name."""
+        return self.parameters[name].show(self.number(name))
+
+    def number(self, name: str) -> float:
+        """A parameter's value as a number."""
+        return lib.ht_drive_get(self.drive, self.parameters[name].id)
 
     def set(self, name: str, value: object) -> None:
         self.set_many({name: value})

@@ -11,6 +11,7 @@ with EmulatedBoard(hexatorque.load("paper-b"), "mps2-an386") as board, Terminal(
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from ..firmware import FirmwareError
 from ..setups import Setup
 from . import tools
 from .emulator_process import MACHINES, NEEDS, TIMEOUT_S, ProcessTarget, fifos, qemu
-from .processor import Target, TargetController
+from .processor import TargetController
 from .store_file import FileStore
 from .virtual import VirtualBoard, watchdog_ms
 
@@ -67,7 +68,7 @@ class EmulatedController(TargetController):
         self,
         target: BoardProcess,
         device: str,
-        values: dict[str, object],
+        values: Mapping[str, object],
         store: FileStore | None,
     ) -> None:
         super().__init__(target, device, values, store)
@@ -114,7 +115,7 @@ class EmulatedBoard(VirtualBoard):
         # The store's contents decide how host and image start. Both have the same file.
         self.file = FileStore(store) if store else None
         try:
-            self.target: Target = BoardProcess(machine, baud, watchdog_ms(factor), timeout_s, store)
+            self.target = BoardProcess(machine, baud, watchdog_ms(factor), timeout_s, store)
         except BaseException:
             super().close()
             raise
@@ -124,7 +125,9 @@ class EmulatedBoard(VirtualBoard):
         except BaseException:
             self.close()
             raise
-        self.controller: EmulatedController = self.sim.controller
+        controller = self.sim.controller
+        assert isinstance(controller, EmulatedController)
+        self.controller = controller
 
     @property
     def title(self) -> str:

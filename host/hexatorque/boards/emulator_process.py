@@ -73,7 +73,7 @@ class ProcessTarget(Target):
                 command, cwd=place, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
                 stderr=said, start_new_session=True,
             )  # fmt: skip
-        self.close = weakref.finalize(self, _end, self.process, files, folder)
+        self._end = weakref.finalize(self, _end, self.process, files, folder)
         self.link.local = ffi.NULL
         self.link.to_target, self.link.from_target = files[:2]
         self.link.timeout_ms = round(timeout_s * 1000)
@@ -83,8 +83,11 @@ class ProcessTarget(Target):
         closed at its end."""
         return []
 
+    def close(self) -> None:
+        self._end()
+
     def why_down(self) -> str:
-        if self.close.alive is False:
+        if not self._end.alive:
             return ""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.process.wait(0.2)
@@ -101,7 +104,7 @@ def avr(image: Path) -> list[str]:
     simulator = image.parent / "avr_machine"
     if not simulator.exists() or simulator.stat().st_mtime < source.stat().st_mtime:
         fresh = simulator.with_suffix(f".{os.getpid()}")
-        tools.run([tools.program("cc"), "-O2", source, "-o", fresh, "-lsimavr", "-lelf"])
+        tools.run([tools.program("cc") or "cc", "-O2", source, "-o", fresh, "-lsimavr", "-lelf"])
         fresh.replace(simulator)
     return [str(simulator), str(image)]
 

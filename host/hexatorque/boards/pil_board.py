@@ -25,7 +25,7 @@ QUIET_S = 0.1
 #: A line that is not quiet after this time is not a target's.
 NEVER_QUIET_S = 2.0
 
-_WHY = {
+_WHY: dict[int | None, str] = {
     errno.ENOENT: "no such port",
     errno.EACCES: "no permission (on Debian: adduser to the group dialout)",
     errno.EBUSY: "busy, another program has it",
@@ -41,7 +41,7 @@ def _known() -> str:
     return f"; there is {', '.join(names)}" if names else "; there is none on this machine"
 
 
-def _open(name: str, baud: int):
+def _open(name: str, baud: int) -> serial.Serial:
     """Open a port for this program alone: a path, or an address that pyserial knows. SetupError
     if that fails."""
     if baud <= 0:
@@ -67,7 +67,7 @@ class BoardTarget(Target):
         super().__init__()
         self.name, self.baud = name, baud
         self._port = _open(name, baud)
-        self.close = weakref.finalize(self, self._port.close)
+        self._end = weakref.finalize(self, self._port.close)
         try:
             line = self._port.fileno()
         except (AttributeError, OSError):
@@ -97,6 +97,9 @@ class BoardTarget(Target):
             raise TargetError(f"{self.name}: the port takes no bytes") from None
         except serial.SerialException:
             raise TargetError(f"{self.name}: the port is gone (unplugged?)") from None
+
+    def close(self) -> None:
+        self._end()
 
     def why_down(self) -> str:
         link = self.link

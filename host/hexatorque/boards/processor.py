@@ -16,8 +16,10 @@ from ..errors import HexatorqueError
 from ..firmware import (
     DEVICES,
     STATES,
+    CData,
     Controller,
     FirmwareError,
+    Snapshot,
     Store,
     causes,
     channels,
@@ -41,7 +43,7 @@ _ERRORS = {
 }
 
 
-def _fields(struct) -> dict[str, int]:
+def _fields(struct: CData) -> dict[str, int]:
     """The fields of a C struct of numbers, by name."""
     return {name: getattr(struct, name) for name, _ in ffi.typeof(struct).item.fields}
 
@@ -49,7 +51,7 @@ def _fields(struct) -> dict[str, int]:
 class Log:
     """The log of register images, one after every period, of either kind of controller."""
 
-    def __init__(self, log) -> None:
+    def __init__(self, log: CData) -> None:
         self._log = log
         self._rows = np.empty((0, log.width), np.uint16)
 
@@ -72,7 +74,7 @@ def image_names(controller: Controller) -> list[str]:
     found = ffi.new("uint32_t[]", lib.HT_MIRROR_MAX)
     count = lib.ht_mirror_addresses(m, found)
     line = ffi.new("char[64]")
-    names = []
+    names: list[str] = []
     for address in found[0:count]:
         lib.ht_regfile_name(controller.registers, address, line)
         name = ffi.string(line).decode() or f"register 0x{address:04X}"
@@ -85,7 +87,7 @@ class WatchedController(Controller):
 
     entries = ("ht_watch_fast", "ht_watch_slow", "ht_watch_channels")
 
-    def __init__(self, device: str, values: dict[str, object]) -> None:
+    def __init__(self, device: str, values: Mapping[str, object]) -> None:
         super().__init__(device, values)
         self._watch = ffi.new("ht_watch *")
         lib.ht_watch_init(self._watch, self.drive, self.registers)
@@ -108,7 +110,7 @@ class Target:
         self.link.local = self._local
         lib.ht_link_reset(self.link)
 
-    def controller(self, device: str, values: dict[str, object]) -> TargetController:
+    def controller(self, device: str, values: Mapping[str, object]) -> TargetController:
         return TargetController(self, device, values)
 
     def why_down(self) -> str:
@@ -135,7 +137,7 @@ class TargetController(Controller):
         self,
         target: Target,
         device: str,
-        values: dict[str, object],
+        values: Mapping[str, object],
         store: Store | None = None,
     ) -> None:
         super().__init__(device, values, store=store)
@@ -192,7 +194,7 @@ class TargetController(Controller):
         return causes(self._link.faults)
 
     @property
-    def snapshot(self) -> dict[str, object] | None:
+    def snapshot(self) -> Snapshot | None:
         kept = ffi.new("ht_snapshot *")
         lib.ht_link_snapshot(self._link, kept)
         self.confirm()
@@ -201,10 +203,9 @@ class TargetController(Controller):
     def channel(self, name: str) -> float:
         return self._link.channels[[n for n, _ in channels()].index(name)]
 
-    def get(self, name: str) -> str | float:
-        row = self.parameters[name]
-        self._check(self._request(lib.HT_OP_PIL_GET, row.id), name)
-        return row.show(self._link.value)
+    def number(self, name: str) -> float:
+        self._check(self._request(lib.HT_OP_PIL_GET, self.parameters[name].id), name)
+        return self._link.value
 
     def set_many(self, values: Mapping[str, object]) -> None:
         """Set several values, or none if one is refused. The link sets one value at a time, so

@@ -48,10 +48,11 @@ def _present(name: str) -> bool:
             bool(compiler)
             and not subprocess.run(asked, input=text, capture_output=True, text=True).returncode
         )
-    if name == "arm-none-eabi-gcc" and program(name):
-        asked = [program(name), "-print-file-name=libc_nano.a"]
+    found = program(name)
+    if name == "arm-none-eabi-gcc" and found:
+        asked = [found, "-print-file-name=libc_nano.a"]
         return Path(subprocess.run(asked, capture_output=True, text=True).stdout).is_absolute()
-    return program(name) is not None
+    return found is not None
 
 
 def missing(*names: str) -> str | None:

@@ -16,10 +16,10 @@ import os
 import select
 import time
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -39,6 +39,19 @@ LATE_S = 0.05
 CAPTURE_VALUES = 20480
 
 
+class SerialBoard(Protocol):
+    """What a board's controller is beside the drive: its end of the line."""
+
+    baud: int
+
+    @property
+    def parameter_set(self) -> str: ...
+
+    def put(self, raw: bytes) -> int: ...
+
+    def take(self) -> bytes: ...
+
+
 class BoardController(firmware.Controller):
     """A drive with its link, and the other end of its line."""
 
@@ -47,7 +60,7 @@ class BoardController(firmware.Controller):
     def __init__(
         self,
         device: str,
-        values: dict[str, object],
+        values: Mapping[str, object],
         baud: int | None,
         watchdog_ms: int,
         store: firmware.Store | None = None,
@@ -113,7 +126,9 @@ class VirtualBoard:
         except BaseException:
             self.close()
             raise
-        self.controller: BoardController = self.sim.controller
+        controller = self.sim.controller
+        assert isinstance(controller, BoardController)
+        self.controller: SerialBoard = controller
 
     @property
     def title(self) -> str:

@@ -17,13 +17,14 @@ from __future__ import annotations
 import math
 import struct
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from types import MappingProxyType
 
 import numpy as np
 
 from .. import __version__
-from ..firmware import PARAMETER_SETS, FirmwareError, Parameter
+from ..firmware import PARAMETER_SETS, FirmwareError, Parameter, Snapshot
 from ..recording.journal import TICK_HZ
 from ..recording.recording import DECIMATION, FIRST_TICK, STARTED, Recording, clock_text
 from ..serial import BAUDS, BOARD_RESET, LinkError, clock, runtime, wire
@@ -32,7 +33,7 @@ from ..serial.dictionary import fetch
 from ..serial.stream import Stream, decimation_for, on_a_grid
 from ..serial.wire import Op, Status
 from . import board_captures, captures
-from .interface import DriveVerbs, Progress
+from .interface import DriveVerbs, Progress, finite
 
 #: Quantities of a profile that the board cannot set: the test bench has to.
 PLANT = {"load_Nm": "N m", "vdc_V": "V"}
@@ -46,7 +47,7 @@ class BoardDrive(DriveVerbs):
         cls,
         url: str | None = None,
         baud: int | None = None,
-        record: tuple[str, ...] | list[str] | None = None,
+        record: Sequence[str] | None = None,
         rate_Hz: float | None = None,
         operator: Callable[[str, float], None] | None = None,
     ) -> BoardDrive:
@@ -68,7 +69,13 @@ class BoardDrive(DriveVerbs):
         bauds = (baud,) if baud else runtime.bauds_for(url, BAUDS)
         return cls(Client(url, bauds), record, rate_Hz, operator)
 
-    def __init__(self, client: Client, record=None, rate_Hz=None, operator=None) -> None:
+    def __init__(
+        self,
+        client: Client,
+        record: Sequence[str] | None = None,
+        rate_Hz: float | None = None,
+        operator: Callable[[str, float], None] | None = None,
+    ) -> None:
         self.client = client
         self._recorder: Stream | None = None
         try:
@@ -156,18 +163,17 @@ class BoardDrive(DriveVerbs):
         return self.client.state_name(reply.state), self.dictionary.causes(reply.faults)
 
     @property
-    def snapshot(self) -> dict[str, object] | None:
+    def snapshot(self) -> Snapshot | None:
         try:
             found = wire.parse_snapshot(self.client.do(Op.SNAPSHOT).payload)
         except wire.WireError as error:
             raise LinkError(f"{self.client.url}: SNAPSHOT: {error}") from None
         if found is None:
             return None
-        state, faults = found["state"], found["faults"]
         return {
             **found,
-            "state": self.client.state_name(state),
-            "faults": self.dictionary.causes(faults),
+            "state": self.client.state_name(found["state"]),
+            "faults": self.dictionary.causes(found["faults"]),
         }
 
     # -- parameters --------------------------------------------------------------------------
@@ -202,7 +208,10 @@ class BoardDrive(DriveVerbs):
         if not values:
             return
         if self.operator and len(values) == 1 and (name := next(iter(values))) in PLANT:
-            self.operator(name, float(values[name]))
+            number = finite(values[name])
+            if number is None:
+                raise LinkError(f"{name} = {values[name]}: a finite number is needed", mistake=True)
+            self.operator(name, number)
             return
         for name in values:
             if name in PLANT:
@@ -363,7 +372,9 @@ class BoardDrive(DriveVerbs):
         }
         return self._recording(recorder.rate_Hz, recorder.channels, grid, meta, start_s)
 
-    def _recording(self, rate_Hz, names, table, meta, start_s) -> Recording:
+    def _recording(
+        self, rate_Hz: float, names: Sequence[str], table: np.ndarray, meta: dict, start_s: float
+    ) -> Recording:
         units = {row.name: row.unit for row in self.dictionary.channels}
         data = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(names)}
         return Recording(rate_Hz, data, {name: units[name] for name in names}, meta, start_s)
@@ -403,7 +414,7 @@ class BoardDrive(DriveVerbs):
             "reconnects": self.client.counters.reconnects,
         }
 
-    def _can_follow(self, names: set[str]) -> None:
+    def _can_follow(self, names: AbstractSet[str]) -> None:
         if not self.operator and names & set(PLANT):
             raise LinkError(
                 f"profile: {', '.join(sorted(names & set(PLANT)))}: a board cannot set this; "
@@ -432,7 +443,7 @@ class BoardDrive(DriveVerbs):
 
     def arm(
         self,
-        channels: tuple[str, ...] | list[str],
+        channels: Sequence[str],
         samples: int,
         pre: int = 0,
         trigger: str = "manual",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import time
 import zlib
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -27,7 +28,7 @@ def arm(
     client: Client,
     hello: Hello,
     dictionary: Dictionary,
-    channels: tuple[str, ...] | list[str],
+    channels: Sequence[str],
     samples: int,
     pre: int,
     trigger: str,
@@ -91,6 +92,8 @@ def upload(client: Client, capture: CaptureReply) -> np.ndarray:
     values = np.zeros(total, np.float32)
     arrived = np.zeros(total, bool)
 
+    heard_s = time.monotonic()
+
     def sink(bodies: list[bytes]) -> None:
         nonlocal heard_s
         for body in bodies:
@@ -104,7 +107,6 @@ def upload(client: Client, capture: CaptureReply) -> np.ndarray:
                 arrived[first : first + len(chunk)] = True
                 heard_s = time.monotonic()
 
-    heard_s = time.monotonic()
     stop_listening = client.listen(sink)
     try:
         fruitless = 0

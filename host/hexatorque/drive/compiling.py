@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from numba.core.event import Listener, register, unregister
 
@@ -22,11 +23,11 @@ class _Watch(Listener):
     def __init__(self, begun: Callable[[], None], done: Callable[[], None]) -> None:
         self._begun, self._done = begun, done
 
-    def on_start(self, event) -> None:
+    def on_start(self, event: Any) -> None:
         if event.data["dispatcher"] is loop.run_periods:
             self._begun()
 
-    def on_end(self, event) -> None:
+    def on_end(self, event: Any) -> None:
         if event.data["dispatcher"] is loop.run_periods:
             self._done()
 

@@ -14,12 +14,14 @@ def bench(drive):
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Self
+from collections.abc import Set as AbstractSet
+from typing import TYPE_CHECKING, Self, SupportsFloat
 
 from ..errors import HexatorqueError
-from ..firmware import Parameter
+from ..firmware import Parameter, Snapshot
 from ..recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -36,6 +38,14 @@ class DriveFault(HexatorqueError, RuntimeError):
         super().__init__(f"drive tripped at {time_s:.4f} s: {', '.join(causes)}")
         self.causes = causes
         self.time_s = time_s
+
+
+def finite(value: object) -> float | None:
+    """The number that a value is; None if it is no number, or not a finite one."""
+    if not isinstance(value, SupportsFloat):
+        return None
+    number = float(value)
+    return number if math.isfinite(number) else None
 
 
 class DriveVerbs(ABC):
@@ -61,7 +71,7 @@ class DriveVerbs(ABC):
 
     @property
     @abstractmethod
-    def snapshot(self) -> dict[str, object] | None:
+    def snapshot(self) -> Snapshot | None:
         """The values that the firmware saved at the latest fault; None if there was none."""
 
     @property
@@ -166,7 +176,7 @@ class DriveVerbs(ABC):
             self.set(name, value)
         self.run(profile.duration_s - (self.time_s - begin_s), progress=progress)
 
-    def _can_follow(self, names: set[str]) -> None:  # noqa: B027 (most can)
+    def _can_follow(self, names: AbstractSet[str]) -> None:  # noqa: B027 (most can)
         """Raise an error if this drive cannot set one of a profile's names."""
 
     def __enter__(self) -> Self:

@@ -67,7 +67,7 @@ def approach(
     sim = SimulatedDrive(_at_load_speed(point), samples_per_period)
     controller = sim.controller
     sim.start()
-    build_s = controller.get("calibration_s") + controller.get("build_s")
+    build_s = controller.number("calibration_s") + controller.number("build_s")
     sim.run(build_s + 0.05, record=False, progress=progress)
     sim.check()
     sim.set("speed_ref_rpm", point.speed_rpm)

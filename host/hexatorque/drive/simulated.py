@@ -25,13 +25,13 @@ from ..plant.inverter import DROPS, inverter_record, longest_step_s
 from ..plant.loop import MAX_STEP_S, PLANT_CHANNELS, TIMING, run_periods
 from ..plant.machine import DRY_RAD_S, LOAD
 from ..plant.pwm import PWM_MAP, pwm_record
-from ..plant.record import record
+from ..plant.record import names_of, record
 from ..plant.sensors import SENSORS
 from ..plant.vsd import INVERSE, PHASES
 from ..recording.recording import STARTED, Recording, clock_text
 from ..setups import Setup, SetupError, parameters
 from .captures import Burst, Trigger, metadata
-from .interface import DriveFault, DriveVerbs, Progress
+from .interface import DriveFault, DriveVerbs, Progress, finite
 
 __all__ = ["DriveFault", "SimulatedDrive"]
 
@@ -120,10 +120,10 @@ def _load(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
     return record(LOAD, **terms)
 
 
-def _pwm_map(m, active_low: bool = False) -> np.record:
+def _pwm_map(m: firmware.CData, active_low: bool = False) -> np.record:
     """The layout of the PWM registers, from the firmware's own map, and the gate drivers'
     polarity."""
-    offsets = {n: int(getattr(m, n)) for n in PWM_MAP.names if n != "active_low"}
+    offsets = {n: int(getattr(m, n)) for n in names_of(PWM_MAP) if n != "active_low"}
     offsets = {n: -1 if v == 0xFFFF else v for n, v in offsets.items()}
     return record(PWM_MAP, **offsets, active_low=int(active_low))
 
@@ -162,7 +162,6 @@ class SimulatedDrive(DriveVerbs):
         model = machines.model(setup["machine.model"])
         self.machine = model.Parameters(**setup.machine_values())
         self._machine = model.make(self.machine)
-        f_isr = self.controller.get("f_isr_Hz")
         longest_s = min(MAX_STEP_S, STEP_SHARE / model.fastest_per_s(self._machine))
         self._timing = record(
             TIMING,
@@ -170,7 +169,7 @@ class SimulatedDrive(DriveVerbs):
             period=period_counts,
             sample_count=sample_count,
             write_count=write_count,
-            slow_every=round(f_isr / self.controller.get("f_slow_Hz")),
+            slow_every=self.controller.fast_per_slow,
             per_period=samples_per_period,
             max_step=max(1, int(longest_s * clock)),
             lost=0,
@@ -304,7 +303,7 @@ class SimulatedDrive(DriveVerbs):
         return self.controller.faults
 
     @property
-    def snapshot(self) -> dict[str, object] | None:
+    def snapshot(self) -> firmware.Snapshot | None:
         return self.controller.snapshot
 
     def get(self, name: str) -> str | float:
@@ -312,10 +311,13 @@ class SimulatedDrive(DriveVerbs):
 
     def set_many(self, values: Mapping[str, object]) -> None:
         """Set controller parameters, and `load_Nm` and `vdc_V` of the plant."""
-        plant = {name: values[name] for name in values if name in ("load_Nm", "vdc_V")}
-        for name, value in plant.items():
-            if not math.isfinite(float(value)):
-                raise SetupError(f"{name} = {value}: a finite number is needed")
+        plant: dict[str, float] = {}
+        for name in ("load_Nm", "vdc_V"):
+            if name in values:
+                number = finite(values[name])
+                if number is None:
+                    raise SetupError(f"{name} = {values[name]}: a finite number is needed")
+                plant[name] = number
         controller = {name: value for name, value in values.items() if name not in plant}
         for name in controller:
             if name in TIMED_WITH_THE_PLANT:
@@ -324,7 +326,7 @@ class SimulatedDrive(DriveVerbs):
             self.controller.set_many(controller)
             self._commanded()
         for name, value in plant.items():
-            setattr(self, name, float(value))
+            setattr(self, name, value)
 
     def close(self) -> None:
         """Nothing to do: simulated time passes only in `run`."""

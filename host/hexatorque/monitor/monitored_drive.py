@@ -19,6 +19,7 @@ import numpy as np
 from ..drive.board import BoardDrive
 from ..drive.captures import TRIGGERS, Trigger
 from ..drive.recorder import Recorder
+from ..firmware import Snapshot
 from ..recording.formats import SUFFIXES, RecordingError
 from ..recording.recording import Recording
 from ..serial import LinkError, wire
@@ -98,7 +99,7 @@ class MonitoredDrive:
         self.stream: Stream | None = None
         self.values: dict[str, str | float] = {}
         self.values_version = 0
-        self.snapshot: dict[str, object] | None = None
+        self.snapshot: Snapshot | None = None
         self.snapshot_version = 0
         self.captured: Recording | None = None
         self.capture_number = 0
@@ -560,7 +561,7 @@ class MonitoredDrive:
 
     def _fetch(self, wanted: int) -> None:
         """Wait for a capture and upload it, unless a newer one replaces it."""
-        words = {
+        words: dict[int, str] = {
             wire.CaptureState.FILLING: "filling the pre-trigger",
             wire.CaptureState.WAITING: "waiting for the trigger",
             wire.CaptureState.TRIGGERED: "triggered",

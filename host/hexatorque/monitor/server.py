@@ -22,6 +22,7 @@ from collections.abc import Callable
 from http.cookies import CookieError, SimpleCookie
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
+from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
@@ -103,7 +104,7 @@ class Server(ThreadingHTTPServer):
     def hosts(self) -> tuple[str, str]:
         return f"127.0.0.1:{self.port}", f"localhost:{self.port}"
 
-    def handle_error(self, request, client_address) -> None:
+    def handle_error(self, request: Any, client_address: Any) -> None:
         """Stay silent when a browser has disconnected: that is no error."""
         import sys
 
@@ -300,17 +301,20 @@ class Handler(BaseHTTPRequestHandler):
     def _frames(self, page: int, window_s: float, bins: int) -> None:
         """Send frames until the page disconnects. A slow page misses the samples in between."""
         monitored = self.server.monitored
-        epoch, view, sent_s = None, None, 0.0
+        epoch: int | None = None
+        view: View | None = None
+        sent_s = 0.0
         self.wfile.write(b"retry: 500\n\n")
         while not self.server.closing.is_set():
             begun_s = time.monotonic()
-            frame = {}
+            frame: dict[str, Any] = {}
             found = monitored.traced()
             if found and found[0] != epoch:
                 epoch, ring, stream = found
-                view = View(ring, stream.rate_Hz, window_s, bins)
+                rate_Hz = stream.rate_Hz
+                view = View(ring, rate_Hz, window_s, bins)
             if found and view and not monitored.page_is_behind(page) and (news := view.news()):
-                frame["bins"] = _bins(epoch, stream.rate_Hz, view.width, *news)
+                frame["bins"] = _bins(found[0], rate_Hz, view.width, *news)
             if begun_s - sent_s >= STATUS_S:
                 sent_s = begun_s
                 frame["status"] = monitored.status()
@@ -378,7 +382,7 @@ def _number(query: dict[str, str], name: str, low: float, high: float) -> float:
     return value
 
 
-def _field(body: dict, name: str, kind: type | tuple[type, ...], words: str):
+def _field(body: dict, name: str, kind: type | tuple[type, ...], words: str) -> Any:
     value = body.get(name)
     if not isinstance(value, kind) or isinstance(value, bool):
         raise Refused(400, f"{name}: {words} is needed")

@@ -14,7 +14,7 @@ from numba import njit
 
 from .inverter import HIGH, LOW, OFF
 from .pwm import MAX_EDGES, NONE, push_edge
-from .record import record
+from .record import names_of, record
 
 #: Switches of a leg: the lower and the upper one, by the leg state that turns them on.
 GATES = np.dtype(
@@ -32,7 +32,7 @@ GATES = np.dtype(
 
 def gates_record(min_counts: int) -> np.record:
     """All switches off."""
-    zeros = {name: 0 for name in GATES.names}
+    zeros = {name: 0 for name in names_of(GATES)}
     start = {"min_counts": min_counts, "command": OFF, "due": NONE}
     return record(GATES, **{**zeros, **start})
 

@@ -22,7 +22,7 @@ from .machine import (
     phase_current_slope,
     rk4_step,
 )
-from .record import record
+from .record import names_of, record
 from .vsd import TRANSFORM
 
 LOW, HIGH, OFF = 0, 1, 2
@@ -89,7 +89,7 @@ DROPS = ("v_switch_V", "v_diode_V", "r_switch_ohm", "r_diode_ohm")
 
 def inverter_record(**drops: float) -> np.record:
     """All legs off, no current. `drops`: any of DROPS, otherwise zero."""
-    zeros = {name: 0 for name in INVERTER.names}
+    zeros = {name: 0 for name in names_of(INVERTER)}
     start = {"leg": OFF, "off": 6, "drops": any(drops.values())}
     return record(INVERTER, **{**zeros, **start, **drops})
 

@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 
 from .inverter import HIGH, LOW, OFF
-from .record import record
+from .record import names_of, record
 
 NONE = -1
 
@@ -61,7 +61,7 @@ PWM = np.dtype(
 
 def pwm_record() -> np.record:
     """Outputs low, tripped."""
-    zeros = {name: 0 for name in PWM.names}
+    zeros = {name: 0 for name in names_of(PWM)}
     start = {"cmpa": 65535, "cmpb": 65535, "band": LOW, "pending": NONE, "gate": OFF}
     return record(PWM, **{**zeros, **start})
 

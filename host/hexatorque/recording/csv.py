@@ -82,7 +82,8 @@ def save(rec: Recording, path: Path) -> None:
 def stream_head(stream: Stream) -> str:
     """First line of a recording that is being written."""
     check_names(name for name, _ in stream.channels)
-    return first_line(*zip(*stream.channels), ticks=True)
+    names, units = zip(*stream.channels)
+    return first_line(names, units, ticks=True)
 
 
 def stream_lines(stream: Stream, since: np.ndarray, ticks: np.ndarray, values: np.ndarray) -> str:
@@ -203,12 +204,12 @@ def _as_it_came(stream: Stream, counters: dict, text: str, name: str, closed: bo
     ticks, values = np.empty(0, np.uint32), np.empty((0, len(stream.channels)), np.float32)
     if text:
         found = _below(text, dict(stream.channels), name)
-        ticks, columns = _columns(found, ["f4"] * len(stream.channels))
-        if ticks is None:
+        numbers, columns = _columns(found, ["f4"] * len(stream.channels))
+        if numbers is None:
             raise RecordingError("no column tick")
         values = np.column_stack(columns)
         came = ~np.isnan(values).all(axis=1)
-        ticks, values = ticks[came], values[came]
+        ticks, values = numbers[came], values[came]
     return assemble(stream, ticks, values, counters, closed)
 
 
@@ -219,12 +220,13 @@ def _plain(text: str, why: str) -> Recording:
     if found.units:
         headings = [(name, unit or below) for (name, unit), below in zip(headings, found.units)]
     at, unit_s, assumed = table.time_column(found, headings)
-    columns = found.columns(["f8"] * len(found.names), strict=False)
-    if columns[at] is None:
+    columns = found.number_columns(["f8"] * len(found.names))
+    times = columns[at]
+    if times is None:
         raise RecordingError(f"{found.names[at]}: no numbers; time in seconds is needed")
     notes = [f"{why}: names, units and time are those of the table itself"]
     notes += [assumed] * bool(assumed)
-    time_s = columns[at] * unit_s
+    time_s = times * unit_s
     rate_Hz, places = table.raster(found, time_s)
     meta: dict = {}
     channels, units = {}, {}
@@ -244,7 +246,7 @@ def _plain(text: str, why: str) -> Recording:
     if not channels:
         raise RecordingError("no column beside the time holds numbers")
     check_names(channels)
-    lost = np.isnan(list(channels.values())).all(axis=0)
+    lost = np.isnan(np.array(list(channels.values()))).all(axis=0)
     meta["gaps"] = int(np.sum(np.diff(lost, prepend=False) & lost))
     meta["lost_samples"] = int(lost.sum())
     notes.append(f"{len(lost)} samples at {rate_Hz:.9g} Hz")

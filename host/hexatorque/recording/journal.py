@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
 import numpy as np
 
@@ -108,7 +108,10 @@ def load(path: Path) -> Recording:
     return assemble(stream, rows["tick"], rows["values"], counters, closed=False)
 
 
-def nearest_places(since, decimation: int):
+Ticks = TypeVar("Ticks", int, np.ndarray)
+
+
+def nearest_places(since: Ticks, decimation: int) -> Ticks:
     """The nearest sample numbers of rows that are `since` ticks after the first."""
     return (since + decimation // 2) // decimation
 

@@ -41,7 +41,7 @@ def _crc32(rec: Recording) -> int:
     """The CRC of all samples. An .mf4 file has hardly any other protection."""
     crc = 0
     for data in rec.channels.values():
-        crc = zlib.crc32(np.ascontiguousarray(data).view(np.uint8), crc)
+        crc = zlib.crc32(np.ascontiguousarray(data).view(np.uint8).data, crc)
     return crc
 
 

@@ -82,9 +82,15 @@ class Table:
         #: Whether commas are decimal signs: they do not delimit columns, or are in quotes.
         self.comma = self.text.find("," if self.delimiter != "," else '"', self.begin) >= 0
 
-    def columns(self, kinds: list[str], strict: bool = True) -> list[np.ndarray | None]:
-        """The columns as arrays of these types. Empty cells are NaN. If not `strict`, a column
-        without any number is None."""
+    def columns(self, kinds: list[str]) -> list[np.ndarray]:
+        """The columns as arrays of these types. Empty cells are NaN."""
+        return [column for column in self._columns(kinds, True) if column is not None]
+
+    def number_columns(self, kinds: list[str]) -> list[np.ndarray | None]:
+        """The same, but None for a column without any number."""
+        return self._columns(kinds, False)
+
+    def _columns(self, kinds: list[str], strict: bool) -> list[np.ndarray | None]:
         text = self.text[self.begin :] if self.begin else self.text
         if not text.strip():
             return [np.empty(0, kind) for kind in kinds]
@@ -98,7 +104,8 @@ class Table:
                 text = text.replace(f"{d}\n", f"{d}nan\n")
             if text.endswith(d):
                 text += "nan"
-            row = np.dtype([(f"f{i}", kind) for i, kind in enumerate(kinds)])
+            fields = [f"f{i}" for i in range(len(kinds))]
+            row = np.dtype(list(zip(fields, kinds)))
             extra = text.partition("\n")[0].count(d) + 1 - len(kinds)
             try:
                 table = np.loadtxt(
@@ -109,7 +116,7 @@ class Table:
                 pass
             else:
                 if extra != 1 or self._extra_is_empty(len(kinds)):
-                    return [table[name] for name in row.names]
+                    return [table[name] for name in fields]
         return self._one_by_one(kinds, strict)
 
     def rows(self) -> Iterator[tuple[int, str]]:
@@ -181,11 +188,11 @@ def find(text: str) -> Table:
     delimiters = DELIMITERS
     lines = Table(text, [], None, ",", 0, 1).rows()
     head = None
-    for number, line in lines:
-        if line.lower().startswith("sep=") and len(line.rstrip()) == 5:  # for Excel
-            delimiters = line[4]
-        elif not line.lstrip().startswith(("#", "%")):
-            head = number, line
+    for number, text_line in lines:
+        if text_line.lower().startswith("sep=") and len(text_line.rstrip()) == 5:  # for Excel
+            delimiters = text_line[4]
+        elif not text_line.lstrip().startswith(("#", "%")):
+            head = number, text_line
             break
     if head is None:
         raise RecordingError("no table: no line of names")

@@ -133,17 +133,17 @@ class Writer:
         self._last, self._since_first = int(ticks[-1]), int(since[-1])
         if self._first is None:
             self._first = int(ticks[0])
-            self._begin()
+            self._begin(self._first)
         if os.fstat(self._file.fileno()).st_nlink == 0:
             raise RecordingError(
                 f"{self.growing}: deleted while it is written; closing writes it again"
             )
 
-    def _begin(self) -> None:
+    def _begin(self, tick: int) -> None:
         """Note the time of the first sample."""
         if self._clock is None:
             return
-        when = self._clock.when(self._first, self.stream.start_s)
+        when = self._clock.when(tick, self.stream.start_s)
         self.stream = replace(self.stream, meta={**self.stream.meta, **when})
         if self._csv:
             with suppress(RecordingError):  # the rows are safe; the header is written again later

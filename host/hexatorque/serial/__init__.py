@@ -30,7 +30,4 @@ class LinkError(HexatorqueError, RuntimeError):
         self.status = status
         self.mistake = mistake
         self.ended = ended
-
-    @property
-    def exit_code(self) -> int:
-        return 2 if self.mistake else 1
+        self.exit_code = 2 if mistake else 1

@@ -29,7 +29,7 @@ RETURN_S, RETURN_SOCKET_S = 0.2, 1.0
 #: Longest wait for OPEN. If a server died, the board keeps its session for a second.
 OPEN_WAIT_S = 1.6
 
-_REFUSED = {
+_REFUSED: dict[int, str] = {
     Status.ID: "no such parameter or channel",
     Status.VALUE: "value not finite, out of range or not a choice",
     Status.STATE: "not allowed in state {state}",
@@ -74,7 +74,9 @@ Sink = Callable[[list[bytes]], None]
 class Client:
     """One board at the other end of a line."""
 
-    def __init__(self, url: str, bauds: int | tuple[int, ...], connect=Transport) -> None:
+    def __init__(
+        self, url: str, bauds: int | tuple[int, ...], connect: Callable[..., Transport] = Transport
+    ) -> None:
         """bauds: the baud rate; of several, the one at which the board answers is taken.
         connect(url, bauds, bodies, lost): makes the transport."""
         self.url = url

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import struct
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,7 +31,7 @@ class Dictionary:
         """Names of fault bits."""
         return [fault.name for fault in self.faults if bits & fault.bit]
 
-    def channel_ids(self, names: tuple[str, ...] | list[str]) -> tuple[int, ...]:
+    def channel_ids(self, names: Sequence[str]) -> tuple[int, ...]:
         ids = {row.name: id for id, row in enumerate(self.channels)}
         for name in names:
             if name not in ids:

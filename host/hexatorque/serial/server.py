@@ -30,6 +30,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from .. import __version__
 from . import LinkError, port, runtime, wire
@@ -383,7 +384,7 @@ class Server:
             self._tell_counters(peer)
             peer.out += packed(body)
 
-    def _pass_on(self, job: Job, reply: Reply, **changes: object) -> None:
+    def _pass_on(self, job: Job, reply: Reply, **changes: Any) -> None:
         """Send the board's reply to the client, with the id of the client's request."""
         assert job.peer and job.request
         reply = reply._replace(op=job.request.op, id=job.request.id, **changes)

@@ -14,6 +14,8 @@ from .._firmware import ffi, lib
 if TYPE_CHECKING:
     import numpy as np
 
+    from ..firmware import SnapshotNumbers
+
 PROTOCOL = 2
 LONGEST_BODY = 508
 #: Longest frame: body, CRC, the bytes that COBS adds, and a zero on either side.
@@ -88,7 +90,7 @@ class Status(IntEnum):
 
 
 #: Text for a refusal with status FIELD, by opcode and offset of the field.
-FIELDS = {
+FIELDS: dict[tuple[int, int], str] = {
     (Op.OPEN, 0): "nonce: allowed range is 1 .. 65535",
     (Op.STREAM, 1): "channels of a stream: more than the board has",
     (Op.STREAM, 2): "decimation: allowed range is 1 .. 65535",
@@ -192,7 +194,8 @@ class Request(NamedTuple):
 def parse_request(body: bytes) -> Request:
     if len(body) < 6:
         raise WireError("a request has 6 bytes or more")
-    return Request(*struct.unpack_from("<BBHH", body), body[6:])
+    op, id, session, dictionary = struct.unpack_from("<BBHH", body)
+    return Request(op, id, session, dictionary, body[6:])
 
 
 class Reply(NamedTuple):
@@ -208,8 +211,8 @@ class Reply(NamedTuple):
 def parse_reply(body: bytes) -> Reply:
     if len(body) < 10:
         raise WireError("a reply has 10 bytes or more")
-    op, *rest = struct.unpack_from("<BBBBHI", body)
-    return Reply(op - REPLY, *rest, body[10:])
+    op, id, status, state, faults, tick = struct.unpack_from("<BBBBHI", body)
+    return Reply(op - REPLY, id, status, state, faults, tick, body[10:])
 
 
 #: Replies to these may be as long as a frame can be. Other replies have at most SHORT_REPLY bytes
@@ -287,12 +290,16 @@ def parse_hello(payload: bytes) -> Hello:
         raise WireError(f"protocol version {version}, this client speaks {PROTOCOL}")
     if len(payload) < _HELLO.size:
         raise WireError("a HELLO that is too short")
-    numbers = _HELLO.unpack_from(payload)
+    (
+        protocol, crc, f_isr_Hz, budget, parameters, channels, faults, states, longest_body,
+        streams, stream_channels, capture_channels, in_session, memory, watchdog_ms,
+    ) = _HELLO.unpack_from(payload)  # fmt: skip
     device, build = _texts(payload[_HELLO.size :], 2)
-    in_session = bool(numbers[12])
     return Hello(
-        *numbers[:4], numbers[4:8], *numbers[8:12], in_session, *numbers[13:], device, build
-    )
+        protocol, crc, f_isr_Hz, budget, (parameters, channels, faults, states), longest_body,
+        streams, stream_channels, capture_channels, bool(in_session), memory, watchdog_ms, device,
+        build,
+    )  # fmt: skip
 
 
 class ParameterRow(NamedTuple):
@@ -390,10 +397,11 @@ def parse_capture(payload: bytes) -> CaptureReply:
     fixed = struct.calcsize("<BBHIIII")
     count = max(0, len(payload) - fixed) // 2
     numbers = unpack(f"BBHIIII{count}H", payload)
-    return CaptureReply(*numbers[:7], numbers[7:])
+    state, number, prescaler, samples, pre, tick, crc, *channels = numbers
+    return CaptureReply(state, number, prescaler, samples, pre, tick, crc, tuple(channels))
 
 
-def parse_snapshot(payload: bytes) -> dict[str, object] | None:
+def parse_snapshot(payload: bytes) -> SnapshotNumbers | None:
     """The snapshot of the latest fault, None if there is none. State and faults are numbers."""
     if len(payload) != lib.HT_SNAPSHOT_BYTES:
         raise WireError(f"{len(payload)} bytes instead of {lib.HT_SNAPSHOT_BYTES}")

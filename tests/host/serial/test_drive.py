@@ -127,6 +127,8 @@ def test_a_profile_asks_the_operator_for_what_a_board_cannot(board):
         assert drive.state == "idle"  # refused before the start
     with BoardDrive.open(board, operator=lambda *what: asked.append(what)) as drive:
         drive.run_profile(profile)
+        with pytest.raises(LinkError, match=r"^load_Nm = much: a finite number is needed$"):
+            drive.set("load_Nm", "much")
     assert asked == [("load_Nm", 1.5)]
 
 

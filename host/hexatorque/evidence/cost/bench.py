@@ -53,7 +53,7 @@ def write_trace(setup: Setup, path: Path) -> None:
             position = int(words[m.eqep]) | int(words[m.eqep + 1]) << 16
             rows.append(f"{' '.join(map(str, adc))} {position} {int(len(rows) % every == 0)}")
 
-    every = round(controller.get("f_isr_Hz") / controller.get("f_slow_Hz"))
+    every = controller.fast_per_slow
     # All parameters stand before the start: the replay then is the run itself.
     sim.set("speed_ref_rpm", setup["point.speed_rpm"])
     sim.start()

@@ -10,6 +10,7 @@ import subprocess
 import tempfile
 from collections import Counter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from ...boards.processor import TargetError, WatchedController, image_names
 from ...drive.operating_points import Progress
 from ...drive.simulated import SimulatedDrive
 from ...setups import Setup
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 TRACE_S = 1.0  #: duration that is replayed, from the drive's start
 LOAD_AT_S = 0.7
@@ -37,6 +41,7 @@ def write_trace(setup: Setup, path: Path) -> np.ndarray:
     setup = setup.changed(controller__speed_period_rpm=0.0)
     sim = SimulatedDrive(setup, 1, WatchedController)
     controller = sim.controller
+    assert isinstance(controller, WatchedController)
     periods = round(TRACE_S / sim.period_s)
     controller.log.begin(periods)
     # All parameters stand before the start: the replay then is the run itself.
@@ -48,7 +53,7 @@ def write_trace(setup: Setup, path: Path) -> np.ndarray:
     sim.run(TRACE_S - LOAD_AT_S)
     sim.check()
     images, columns = controller.log.images, image_names(controller)
-    every = round(controller.get("f_isr_Hz") / controller.get("f_slow_Hz"))
+    every = controller.fast_per_slow
     rows = np.empty((periods, 10), "<u2")
     first = next(n for n, name in enumerate(columns) if name.endswith(".ADCRESULT0"))
     for n in range(7):
@@ -235,7 +240,7 @@ def profile(setup: Setup, machine: str = "mps2-an386") -> dict[str, list[tuple[s
     }
 
 
-def instruction_table(result: dict):
+def instruction_table(result: dict) -> Table:
     """For the terminal."""
     from rich.table import Table
 

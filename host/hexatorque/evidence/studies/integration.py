@@ -8,7 +8,7 @@ equations and another integrator: tests/host/plant/test_accuracy.py.)
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -74,7 +74,7 @@ def run_segment(sim: SimulatedDrive, duration_s: float) -> Segment:
     return Segment(sim, first, state, inverter, edges, currents, speed)
 
 
-def _compile(source: int):
+def _compile(source: int) -> Callable[..., None]:
     """Compiled with a cache on disk that notices a change of the plant, as `run_periods`."""
 
     @njit(cache=True, nogil=True)

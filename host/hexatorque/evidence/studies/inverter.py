@@ -20,7 +20,7 @@ from ...drive.operating_points import Progress
 from ...plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
 from ...plant.machine import LOAD, phase_current
 from ...plant.machines.induction import Parameters, make
-from ...plant.record import record
+from ...plant.record import names_of, record
 from ...plant.vsd import ANGLES_RAD
 
 TITLE = "Inverter: error voltage of a leg"
@@ -117,7 +117,7 @@ def _measure(setup: setups.Setup, **drops: float) -> np.ndarray:
     inv = inverter_record(**drops)
     for leg in range(6):
         set_leg(inv, m, y, leg, HIGH if leg > 1 else LOW)
-    load = record(LOAD, **{name: float(name == "eddy_rad_s") for name in LOAD.names})
+    load = record(LOAD, **{name: float(name == "eddy_rad_s") for name in names_of(LOAD)})
     table = np.empty((PERIODS, 6))
     _ramp(inv, m, load, y, vdc, dead, share, table)
     return table

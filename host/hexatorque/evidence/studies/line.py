@@ -12,8 +12,9 @@ import binascii
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
 from cobs import cobs
@@ -77,7 +78,10 @@ class _Source:
             timing__device="f28377s", controller__build_s=0.05, controller__build_current_A=20.0
         )
         self.board = VirtualBoard(setup, baud=BAUD)
-        self.dictionary = self.board.controller.board.service.dictionary & 0xFFFF
+        controller = self.board.controller
+        assert isinstance(controller, BoardController)
+        self.controller = controller
+        self.dictionary = controller.board.service.dictionary & 0xFFFF
         self._id = 0
         self._turn = 0
         self._ask(Op.OPEN, wire.open_session(NONCE, 1))
@@ -88,21 +92,21 @@ class _Source:
     def _ask(self, op: Op, payload: bytes = b"") -> None:
         self._id = (self._id + 1) & 0xFF
         body = wire.request(op, self._id, NONCE, self.dictionary, payload)
-        self.board.controller.put(wire.frame(body))
+        self.controller.put(wire.frame(body))
         self.board.run(2e-3)
 
     def piece(self) -> bytes:
         """The bytes of the next piece of time."""
         if self._turn % 20 == 10:
-            self.board.controller.set("speed_ref_rpm", 400.0 * np.sin(self._turn / 60))
+            self.controller.set("speed_ref_rpm", 400.0 * np.sin(self._turn / 60))
         self._ask(Op.STATUS)
         self._turn += 1
         self.board.run(PIECE_S - 2e-3)
-        return self.board.controller.take()
+        return self.controller.take()
 
     def healthy(self) -> bool:
         """Whether the drive ran to the end and the board itself dropped nothing."""
-        c = self.board.controller
+        c = self.controller
         return c.state == "run" and not c.board.service.streams.dropped
 
 
@@ -173,7 +177,11 @@ def _with_crc32(body: bytes) -> bytes:
 
 
 def _damaged(
-    bodies: list[bytes], close: object, rate: float, frames: int, rng: np.random.Generator
+    bodies: list[bytes],
+    close: Callable[[bytes], bytes],
+    rate: float,
+    frames: int,
+    rng: np.random.Generator,
 ) -> Iterator[bytes]:
     """The damaged frames: bytes between two zeros that were not sent like this."""
     closed = [cobs.encode(close(body)) for body in bodies]
@@ -271,11 +279,20 @@ class _Host:
         return None, TRIES
 
 
-def _requests(count: int, rng: np.random.Generator) -> list[dict]:
+class _Requests(TypedDict):
+    """What became of one kind of request."""
+
+    request: str
+    tries: list[int]  #: how many were answered at the first try, the second, ...
+    failed: int
+    wrong: int
+
+
+def _requests(count: int, rng: np.random.Generator) -> list[_Requests]:
     host = _Host(rng)
     drive = host.board.drive
     ids = tuple(range(20))
-    rows = []
+    rows: list[_Requests] = []
     for op in (Op.STATUS, Op.GET, Op.WRITE, Op.ARM, Op.HELLO):
         rows.append({"request": op.name, "tries": [0] * TRIES, "failed": 0, "wrong": 0})
     for n in range(count):

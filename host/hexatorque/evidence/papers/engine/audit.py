@@ -97,7 +97,14 @@ def audit(job: Job, scheme: str) -> Audit:
     return Audit(setup, rec, word[1:], wanted[1:], hold[1:], psi[1:], psi_xy[1:])
 
 
-def _wanted(scheme, rec, word, hold, psi, psi_xy) -> np.ndarray:
+def _wanted(
+    scheme: str,
+    rec: Recording,
+    word: np.ndarray,
+    hold: np.ndarray,
+    psi: np.ndarray,
+    psi_xy: np.ndarray,
+) -> np.ndarray:
     level = rec["torque_level"].astype(int)
     away = np.where(rec["flux_level"] == 1, 75, 105) * np.sign(level)
     ahead = rec["torque_ref_Nm"] > rec["torque_decided_Nm"]

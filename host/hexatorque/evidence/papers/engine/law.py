@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....firmware import Controller, ffi, lib
+from ....firmware import CData, Controller, ffi, lib
 from ....setups import Setup, parameters
 
 PSI_WB = 0.4
@@ -64,7 +64,7 @@ class Law:
         return float(np.sign(level)) * size
 
 
-def decode(compare, period: int) -> tuple[int, int, int]:
+def decode(compare: CData, period: int) -> tuple[int, int, int]:
     """State words of `ht_compare`: the start level, toggled where CA, then CB, is used."""
     words = [compare.start]
     for registers in (compare.ca, compare.cb):

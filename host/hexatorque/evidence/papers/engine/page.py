@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .... import __version__
 from ....analysis.report import STYLE
 from ....setups import show
 from .figure import VERDICTS
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 PAPERS = (
     ("A", "Paper A: Holakooie, Iwanski, Miazga 2022"),
@@ -43,7 +47,7 @@ def counts(figures: dict[str, dict]) -> dict[str, int]:
     return {word: words.count(word) for word in VERDICTS}
 
 
-def console_table(figures: dict[str, dict]):
+def console_table(figures: dict[str, dict]) -> Table:
     """The verdicts as tables for the terminal."""
     from rich.table import Table
     from rich.text import Text

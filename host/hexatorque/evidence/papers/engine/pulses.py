@@ -10,15 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import types
 
 from .... import setups
 from ....drive.simulated import EntryPoint, SimulatedDrive
-from ....firmware import ffi, lib
+from ....firmware import CData, ffi, lib
 from ....plant.vsd import INVERSE, PHASES
 from ....recording.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: Samples of a period in recordings that show pulses.
 SAMPLES = 200
@@ -63,7 +67,8 @@ class _Bench(SimulatedDrive):
         super().__init__(SETUP, samples_per_period)
         port, left = self.controller.port, iter(patterns)
 
-        failures = self.failures = []
+        self.failures: list[BaseException] = []
+        failures = self.failures
 
         @ffi.callback("void(uint64_t)", onerror=lambda kind, error, trace: failures.append(error))
         def fast(handle):
@@ -88,7 +93,7 @@ def period_counts() -> int:
     return round(1e-4 * lib.ht_f28335.pwm_clock_Hz)
 
 
-def pattern(words: tuple[int, int, int], t1: float, t2: float):
+def pattern(words: tuple[int, int, int], t1: float, t2: float) -> CData:
     """The firmware's registers for three state words and action points."""
     compare, applied = ffi.new("ht_compare *"), ffi.new("ht_applied *")
     points = {"t1": t1, "t2": t2}
@@ -141,7 +146,9 @@ def with_cases(rec: Recording, **values: list) -> Recording:
     return Recording(rec.rate_Hz, held | rec.channels, rec.units, rec.meta)
 
 
-def lane(ax, played: Played, n: int, leg: int, base: float, colour: str, x0: float = 0.0) -> None:
+def lane(
+    ax: Axes, played: Played, n: int, leg: int, base: float, colour: str, x0: float = 0.0
+) -> None:
     """Draw one leg over the period of pattern n, from its edges. x0: the period's begin."""
     counts, levels = zip(*played.levels(n, leg), strict=True)
     x = x0 + np.append(counts, played.period) / played.period

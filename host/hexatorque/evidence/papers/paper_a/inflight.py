@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -85,7 +86,7 @@ def _verdicts(figures: dict[str, dict]) -> list[Verdict]:
 
 def _draw(
     rec: Recording, parts: dict[str, Recording], instants: tuple[float, ...], rows: list[tuple]
-):
+) -> Callable[[Path], Path]:
     """Left: everything; right: around the instant DDR is switched off, behind the low-pass;
     below: spectra of x and u1 under DDR and FDR. rows: (channels, label)."""
 

@@ -108,7 +108,7 @@ def pairs(job: Job, steps: Iterable[Step], count: int) -> list[Pair]:
     steps = list(steps)
     keys = [(step, s, late) for step in steps for s in a.SCHEMES for late in range(count)]
 
-    def one(key) -> tuple[dict, dict, Recording | None]:
+    def one(key: tuple[Step, str, int]) -> tuple[dict, dict, Recording | None]:
         step, scheme, late = key
         rec = _record(job, step, scheme, late)
         curves = {name: _smooth(rec, name) for name in ("plant.speed_rpm", "plant.torque_Nm")}
@@ -123,10 +123,15 @@ def pairs(job: Job, steps: Iterable[Step], count: int) -> list[Pair]:
                 step,
                 {s: _mean([f for f, _, _ in parts[s]]) for s in a.SCHEMES},
                 {s: _mean([c for _, c, _ in parts[s]]) for s in a.SCHEMES},
-                {s: parts[s][0][2] for s in a.SCHEMES},
+                {s: _recording(parts[s][0][2]) for s in a.SCHEMES},
             )
         )
     return made
+
+
+def _recording(rec: Recording | None) -> Recording:
+    assert rec is not None  # of the first instant it is kept
+    return rec
 
 
 def _mean(rows: list[dict]) -> dict:
