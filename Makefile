@@ -1,24 +1,24 @@
-# Every target does its own set-up in .venv.
+# Every target first sets up .venv if that is needed.
 #
 #   make demo          compare all schemes of both papers; report in out/compare
 #   make papers        every figure and table of both papers; page in out/papers
 #   make test          all tests, C and Python
-#   make test-targets  the firmware on emulated processors; says which tools are missing
-#   make budget        its instructions, stack and size there, into docs/budget.md
+#   make test-targets  the firmware on emulated processors; names missing tools
+#   make budget        the firmware's instructions, stack and size, into docs/budget.md
 #   make bench         speed of the simulation, instructions of the firmware
 #   make docs          the documentation as a site, in build/site
 #   make lint          formatting and static checks
 #   make format        format Python and C
-#   make fuzz          fuzz the link, FUZZ_S seconds a target (clang); adds nothing to the corpus
+#   make fuzz          fuzz the link, FUZZ_S seconds per target (clang); the corpus stays as it is
 #   make check-c       static checks of the C: warnings, 16-bit machine, cppcheck, MISRA
-#   make clean         remove what the above made
+#   make clean         remove all files that these targets made
 
 VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := $(shell find firmware host cmake -type f ! -name '*.pyc' ! -name '*.so' ! -name '*.nb?') \
   pyproject.toml CMakeLists.txt tools/setup.sh
 C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
-# All C that is written by hand: .clang-format.
+# All C that is written by hand. Its format is in .clang-format.
 C_FORMATTED := $(shell find firmware tests/c tools -name '*.[ch]' ! -name ht_tables.c ! -name vectors.h)
 JOBS ?= 2
 FUZZ_S ?= 120
@@ -50,16 +50,16 @@ build/host/.built: $(C_SOURCES) $(VENV)/.installed
 test-c: build/host/.built
 	$(BIN)/ctest --preset host
 
-# The C tests once more, under the address and undefined-behaviour sanitizers.
+# The C tests again, with the sanitizers for addresses and undefined behaviour.
 sanitize: $(VENV)/.installed
 	$(BIN)/cmake --preset host-sanitize -G Ninja "-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja" >/dev/null
 	$(BIN)/cmake --build --preset host-sanitize
 	$(BIN)/ctest --preset host-sanitize
 
-# Finds what the corpus does not show yet. A finding is a file in out/fuzz: the program takes
-# it as its argument. To keep what was learnt: fuzz_TARGET -merge=1 build/fuzz/corpus/TARGET
-# out/fuzz/TARGET, for the service with -use_counters=0 besides (an input for every branch, not for
-# every count), then tools/fuzz_corpus.py pack.
+# Searches for inputs that fail. A failing input is a file in out/fuzz; the program takes it as its
+# argument. To add new inputs to the corpus: fuzz_TARGET -merge=1 build/fuzz/corpus/TARGET
+# out/fuzz/TARGET, then tools/fuzz_corpus.py pack. The service also needs -use_counters=0, which
+# keeps an input for every branch and not for every count.
 fuzz: $(VENV)/.installed
 	$(BIN)/cmake --preset fuzz -G Ninja "-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja" >/dev/null
 	$(BIN)/cmake --build --preset fuzz --target fuzz_packet fuzz_service
@@ -71,8 +71,8 @@ fuzz: $(VENV)/.installed
 	build/fuzz/tests/c/fuzz/fuzz_service -max_len=300 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
 	  -artifact_prefix=out/fuzz/ out/fuzz/service build/fuzz/corpus/service
 
-# These tests keep time with other processes, so they run one at a time. A busy computer can make
-# one of them fail; those that fail are run once more.
+# These tests depend on the timing of other processes, so they run one at a time. On a busy computer
+# one may fail for this reason alone, so tests that fail run a second time.
 TIMED := tests/host/serial tests/host/monitor tests/host/boards tests/project/test_tutorial.py
 timed = $(BIN)/python -m pytest -rs $(1) || \
 	$(BIN)/python -m pytest -rs --last-failed --last-failed-no-failures none $(1)
@@ -81,7 +81,8 @@ test: test-c
 	$(BIN)/python -m pytest -n $(JOBS) -rs $(addprefix --ignore=,$(TIMED)) tests
 	$(call timed,$(TIMED))
 
-# One at a time: they measure speed. Fails where a tool is missing, after what can be run.
+# These tests measure speed, so they run one at a time. If a tool is missing, this fails after all
+# tests that could run.
 test-targets: $(VENV)/.installed
 	@failed=0; \
 	($(call timed,tests/host/boards)) || failed=1; \
@@ -95,26 +96,27 @@ budget: $(VENV)/.installed
 bench: build/host/.built
 	$(BIN)/hexatorque evidence speed --counter build/host/tests/c/count_instructions
 
-# Strict: a link that leads nowhere fails. Without its tools, they are installed first.
+# A broken link is an error. Missing tools are installed first.
 docs: $(VENV)/.installed
 	@$(BIN)/python -c 'import latex2mathml, material, mkdocstrings, nbclient' 2>/dev/null || \
 	  HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}docs tools/setup.sh $(VENV)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-# Only the tools are needed, not what is installed: quick enough before each commit.
-$(BIN)/ruff $(BIN)/clang-format:
+# This needs only the tools and not the installed package, so it is quick enough for every commit.
+$(BIN)/ruff $(BIN)/clang-format $(BIN)/mypy:
 	tools/setup.sh $(VENV)
 
-lint: | $(BIN)/ruff $(BIN)/clang-format
+lint: | $(BIN)/ruff $(BIN)/clang-format $(BIN)/mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 	@$(BIN)/clang-format --dry-run -Werror $(C_FORMATTED)
 
 format: | $(BIN)/ruff $(BIN)/clang-format
 	$(BIN)/ruff format .
 	@$(BIN)/clang-format -i $(C_FORMATTED)
 
-# Names a tool that is missing and how to get it.
+# Names each missing tool and how to install it.
 check-c: $(VENV)/.installed
 	$(BIN)/python tools/check_c.py
 

@@ -1,5 +1,5 @@
-# What an image's link says of its build (HELLO): HT_BUILD, "version+commit", the gates'
-# polarity if it is not the usual one, and that its initial values are those of a set-up.
+# The build's name in the reply to HELLO, HT_BUILD: "version+commit", the gates' polarity if it is
+# not the usual one, and a note if the initial values come from a set-up.
 set(version "unknown")
 foreach(file host/hexatorque/__init__.py ../__init__.py) # of the repository, installed
   if(EXISTS "${PROJECT_SOURCE_DIR}/${file}")

@@ -1,6 +1,6 @@
-# Complete images for a C2000 device, each one that runs from flash and one for RAM (debugger
-# or SCI boot): the drive, and the drive for processor in the loop (docs/pil.md).
-# Included when the toolchain is TI's; HT_DEVICE and HT_BOARD come from the preset.
+# Complete images for a C2000 device: the drive, and the drive for processor in the loop
+# (docs/pil.md). Each has a variant for flash and one for RAM (debugger or SCI boot).
+# This file is included with TI's toolchain. HT_DEVICE and HT_BOARD come from the preset.
 enable_language(ASM)
 
 set(HT_DEVICE "" CACHE STRING "f28335 or f28377s: linker command files")
@@ -16,17 +16,17 @@ if(NOT HT_BOARD MATCHES "^(f28335|f28377s|launchxl_f28377s)$" OR NOT HT_BOARD MA
   message(FATAL_ERROR "HT_BOARD = \"${HT_BOARD}\" is no board with a ${HT_DEVICE}")
 endif()
 
-# Results must be those of the host, bit for bit: no relaxed arithmetic, no TMU.
+# Results must equal the host's bit for bit, so there is no relaxed arithmetic and no TMU.
 set(machine -v28 -ml -mt --float_support=fpu32 --abi=eabi)
 # The F28335's FPU: no move to a register right before F32TOUI32, FRACF32 or UI16TOF32
-# (docs/chip-errata.md). TI's default without TMU; asked for by name.
+# (docs/chip-errata.md). This is TI's default without TMU; the option makes it explicit.
 list(APPEND machine --silicon_errata_fpu1_workaround=on)
 set(arithmetic --fp_mode=strict --fp_reassoc=off)
 set(messages --display_error_number --diag_wrap=off --diag_warning=225)
 
 include(cmake/BuildName.cmake)
 
-# Memory for captures, 32-bit values: what is left of the RAM.
+# Memory for captures, in 32-bit values: the rest of the RAM.
 if(HT_DEVICE STREQUAL "f28335")
   set(capture_flash 3072)
   set(capture_ram 256)
@@ -35,15 +35,15 @@ else()
   set(capture_ram 20480)
 endif()
 
-# What the interrupts run is in RAM: every function of these.
+# The code of the interrupts runs from RAM: every function in these files.
 file(GLOB core CONFIGURE_DEPENDS firmware/core/*.c)
 file(GLOB app CONFIGURE_DEPENDS firmware/app/*.c)
 file(GLOB link CONFIGURE_DEPENDS firmware/link/*.c)
 file(GLOB drivers CONFIGURE_DEPENDS ${port}/*.c)
-# The link, which the drive's image has. Its requests may wait for the flash.
+# The link of the drive's image. It runs from flash, because its requests may wait.
 set(background firmware/app/ht_service.c firmware/app/ht_service_requests.c
   firmware/app/ht_dictionary.c firmware/app/ht_store.c)
-# What both images send and receive by: frames and the fault snapshot. It may wait for the flash too.
+# Frames and the fault snapshot, which both images use. They may run from flash as well.
 set(frames firmware/app/ht_snapshot.c firmware/link/ht_packet.c)
 set(octets "${CMAKE_CURRENT_SOURCE_DIR}/firmware/link/ht_octets.c")
 list(TRANSFORM background PREPEND "${CMAKE_CURRENT_SOURCE_DIR}/")
@@ -53,20 +53,20 @@ list(REMOVE_ITEM app ${background} ${frames} ${service})
 list(REMOVE_ITEM service ${frames} ${octets})
 set(ram ${core} ${app} ${octets} ${port}/image/ht_wait.c)
 set(drive_ram ${service} ${drivers} ${port}/image/ht_image.c)
-# Processor in the loop: no driver of what the plant is connected to; that one is on the PC.
+# Processor in the loop: the drivers of the hardware to which the plant is connected run on the PC.
 set(chip ht_board ht_c2000_map ht_clock_f28335 ht_clock_f28377s ht_flash ht_pins ht_sci ht_timer
   ht_watchdog)
 list(TRANSFORM chip REPLACE "(.+)" "${port}/\\1.c")
-# Keeping parameters: a memory for them, or none.
+# Saving parameters: with a memory for them, or without.
 set(no_store ${port}/image/ht_no_store.c)
 set(store ${port}/store/ht_store_flash.c ${port}/store/ht_flash_${HT_DEVICE}.c)
 file(GLOB pil CONFIGURE_DEPENDS firmware/pil/*.c firmware/pil/calls/*.c ${port}/pil/*.c)
 set(pil_ram ${chip} ${pil})
 set_source_files_properties(${ram} ${drive_ram} ${pil_ram} ${store} PROPERTIES COMPILE_OPTIONS "--ramfunc=on")
-# What copies it there is not.
+# The code that copies the others to RAM stays in flash.
 set(flash ${port}/image/main.c ${port}/image/codestart.asm)
 
-# An image that runs from `place`, with more sources and include folders than all have.
+# An image that runs from `place`, with further sources and include folders.
 function(ht_c2000_image image place sources folders)
   set(command_file "${CMAKE_CURRENT_SOURCE_DIR}/${port}/image/${HT_DEVICE}_${place}.cmd")
   add_executable(${image} ${ram} ${frames} ${flash} ${sources})
@@ -81,8 +81,9 @@ function(ht_c2000_image image place sources folders)
     "${command_file}")
 endfunction()
 
-# TI's flash API in the user's C2000Ware: include folder, library, and for the F28377S the source of
-# what TI leaves to the user (Fapi_UserDefinedFunctions.c), which goes with the library's version.
+# TI's flash API in the user's C2000Ware: include folder and library. For the F28377S also the source
+# of the functions that the user must provide (Fapi_UserDefinedFunctions.c), which must have the
+# library's version.
 if(HT_FLASH_API)
   if(HT_DEVICE STREQUAL "f28335")
     set(api f2833x)
@@ -102,7 +103,7 @@ if(HT_FLASH_API)
     endif()
   endforeach()
   file(GLOB_RECURSE api_library "${folder}/${api}/${library}" "${folder}/f28335/${library}")
-  # Images are EABI; where there is a choice, so must be the library.
+  # The images use EABI. If there are several libraries, take the one with EABI.
   set(eabi ${api_library})
   list(FILTER eabi INCLUDE REGEX "[Ee][Aa][Bb][Ii]")
   if(eabi)
@@ -132,7 +133,7 @@ endif()
 
 foreach(place flash ram)
   set(image hexatorque_${HT_BOARD}_${place})
-  # Started in RAM, an image calls Device_cal itself; in flash the boot ROM has.
+  # An image in RAM calls Device_cal itself. For an image in flash the boot ROM has called it.
   set(start "${drive_ram};${background};${port}/image/devicecal.asm")
   if(HT_FLASH_API AND place STREQUAL "flash")
     ht_c2000_image(${image} ${place} "${start};${store};${api_sources}" "${port}/store;${api_include}")

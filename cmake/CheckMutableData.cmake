@@ -1,5 +1,5 @@
-# Called after a library is linked: no object in .data, .bss or common. (Constant
-# tables that hold addresses sit in .data.rel.ro, which is not mutable.)
+# Checks a library after it was linked: it must not have an object in .data, .bss or common.
+# (Constant tables of addresses are in .data.rel.ro, which is not mutable.)
 execute_process(COMMAND "${OBJDUMP}" -t "${LIBRARY}" OUTPUT_VARIABLE symbols RESULT_VARIABLE failed)
 if(failed)
   message(FATAL_ERROR "objdump failed on ${LIBRARY}")

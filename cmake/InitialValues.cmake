@@ -1,5 +1,5 @@
-# Initial values of the parameters from a set-up: a header for ht_params.c, written when this is
-# configured, and again when the set-up has changed. Needs Python 3.11, but not the package.
+# Initial values of the parameters from a set-up. They are written into a header for ht_params.c when
+# CMake configures, and again when the set-up changes. This needs Python 3.11, but not the package.
 find_package(Python3 3.11 REQUIRED COMPONENTS Interpreter)
 set(initial_values "${CMAKE_CURRENT_BINARY_DIR}/ht_initial_values.h")
 set(initial_values_tool "${CMAKE_CURRENT_SOURCE_DIR}/cmake/initial_values.py")

@@ -1,7 +1,7 @@
-# Rules for the firmware that no warning flag covers.
+# Rules for the firmware that no compiler warning checks.
 
-# Fails the configuration if a source uses what the C28x does not have: an 8-bit
-# type, or double. Comments and strings do not count.
+# The configuration fails if a source uses a type that the C28x does not have: an 8-bit type, or
+# double. Comments and strings are ignored.
 function(ht_check_sources root)
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS "${root}/*.c" "${root}/*.h" "${root}/*.def")
   foreach(source IN LISTS sources)
@@ -24,7 +24,7 @@ function(ht_check_sources root)
   endforeach()
 endfunction()
 
-# Fails the build if a library keeps mutable data: state belongs to the caller.
+# The build fails if a library has mutable data: state belongs to the caller.
 function(ht_check_no_mutable_data target)
   if(CMAKE_C_FLAGS MATCHES "-fsanitize")
     return() # sanitizers register every object as data of their own

@@ -2,9 +2,9 @@
 
 Usage: generate_cffi.py CC FIRMWARE_DIR OUTPUT.c
 
-The headers are the only definition of the interface: they go through the C
-preprocessor (system headers left out; cffi knows their types) and then into
-`cdef`. cffi's API mode compares sizes and types again when the module compiles.
+The headers alone define the interface. The C preprocessor processes them, without the system
+headers, whose types cffi knows, and the result goes to `cdef`. In its API mode, cffi also checks
+sizes and types when the module is compiled.
 """
 
 import subprocess

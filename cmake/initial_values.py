@@ -1,12 +1,12 @@
-"""Write what the parameters of an image start with, from a set-up, as a C header.
+"""Write the initial values of an image's parameters, from a set-up, as a C header.
 
 Usage: initial_values.py SETUP DEVICE OUTPUT.h
 
 SETUP is a built-in set-up's name or a file. DEVICE is the chip that the image is for, or empty.
-Prints the files that the values came from. What a set-up makes of the parameters is worked out by
-the package's own code (setups/to_parameters.py); that part of it needs nothing but Python 3.11, so
-neither the package nor a compiler for this computer has to be there. The checks here are
-coarser than those of a simulation, where the firmware sees how its parameters fit together.
+Prints the files from which the values came. The package's own code computes the parameters from a
+set-up (setups/to_parameters.py). That code needs only Python 3.11, so neither the installed package
+nor a compiler for this computer is needed. The checks here are coarser than in a simulation, where
+the firmware checks whether its parameters fit together.
 """
 
 import re
@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-#: Where the package is: in the repository, or around the sources that are installed with it.
+#: The folder of the package: in the repository, or above the sources that are installed with it.
 PACKAGE = next(
     folder for folder in (ROOT / "host", *ROOT.parents) if (folder / "hexatorque/setups").is_dir()
 )
@@ -26,13 +26,13 @@ from hexatorque.setups.setup import Setup, inconsistent  # noqa: E402
 from hexatorque.setups.values import SetupError, Value, suggest  # noqa: E402
 
 CORE, APP = ROOT / "firmware" / "core", ROOT / "firmware" / "app"
-#: A row of a .def file: what it is, and its arguments, strings among them.
+#: A row of a .def file: its kind and its arguments, which may be strings.
 ROW = re.compile(r'^(HT_\w+)\(((?:"[^"]*"|[^"\n])*)\)', re.M)
 ARGUMENT = re.compile(r'\s*((?:"[^"]*"|[^",])+)')
 
 
 def rows(file: Path, kind: str) -> list[list[str]]:
-    """The arguments of a .def file's rows of a kind, as they are written there."""
+    """The arguments of a .def file's rows of one kind, as they are written there."""
     found = [(name, ARGUMENT.findall(text)) for name, text in ROW.findall(file.read_text())]
     return [[word.strip() for word in words] for name, words in found if name.startswith(kind)]
 
@@ -42,7 +42,7 @@ class Parameter:
 
     def __init__(self, words: list[str]) -> None:
         self.name, _, self.low, self.high, self.initial = words[:5]
-        #: The names of its values; for a row without choices, none.
+        #: The names of its values; empty if the parameter has no choices.
         self.choices = _choices(words[6]) if len(words) == 8 else []
 
     def number(self, value: object) -> float:
@@ -57,7 +57,7 @@ class Parameter:
 
 
 def _choices(word: str) -> list[str]:
-    if word == "SCHEME_CHOICES":  # the schemes have a table of their own
+    if word == "SCHEME_CHOICES":  # the schemes are in their own table
         return [words[1].strip('"') for words in rows(CORE / "ht_schemes.def", "HT_SCHEME")]
     return [name for name in word.strip('"').split("|") if name]
 
@@ -146,7 +146,7 @@ def initial_values(source: str, device: str, files: list[Path]) -> dict[str, str
 
 
 def as_float32(value: float) -> str:
-    """The number that the simulation hands to the firmware, to the last bit."""
+    """The same float32 number that the simulation passes to the firmware, to the last bit."""
     (rounded,) = struct.unpack("<f", struct.pack("<f", value))
     text = f"{rounded:.9g}"
     return f"{text}f" if set(text) & set(".e") else f"{text}.0f"

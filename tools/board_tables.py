@@ -1,9 +1,9 @@
 """Write the boards' pin tables in docs/first-spin.md from the firmware's own tables.
 
-`python tools/board_tables.py` (in an environment with hexatorque installed) replaces what
-is between a board's two marks in that page. Signals, pins and channels come from
-`ht_board.c` and from the registers that the drivers leave; connector pins and remarks
-from the lists below. `tests/firmware/port/test_board_tables.py` compares.
+`python tools/board_tables.py` (in an environment with hexatorque installed) replaces the text
+between a board's two marks in that page. Signals, pins and channels come from `ht_board.c` and
+from the registers after the drivers' start. Connector pins and remarks come from the lists below.
+`tests/firmware/port/test_board_tables.py` checks that the page is current.
 """
 
 import re
@@ -39,7 +39,7 @@ DIMM100 = {
     90: "GPIO21", 41: "GPIO22", 91: "GPIO23", 43: "GPIO28", 93: "GPIO29", 31: "GPIO84",
     81: "GPIO85", 32: "GPIO86", 42: "GPIO87",
 }  # fmt: skip
-#: Pins that are not on the headers but reach something else of the board.
+#: Pins that are not on the headers but are connected to another part of the board.
 ELSEWHERE = {
     "launchxl_f28377s": {"GPIO84": "the probe's COM port", "GPIO85": "the probe's COM port"}
 }
@@ -65,7 +65,7 @@ ADC_A_SOC0, ADC_B_SOC0 = 0x7410, 0x7490  # F28377S
 
 
 def connector(board: str, pin: str) -> str:
-    """Where a board brings a pin of the device out."""
+    """The board's connector pin for a pin of the device."""
     if board == "f28377s":
         return "your board"
     pins = LAUNCHPAD if board == "launchxl_f28377s" else DIMM100
@@ -148,7 +148,7 @@ def marks(board: str) -> tuple[str, str]:
 
 
 def written(page: str, board: str) -> str:
-    """What the page has between a board's marks."""
+    """The page's present text between a board's marks."""
     first, last = map(re.escape, marks(board))
     found = re.search(f"{first}\n(.*?){last}", page, re.S)
     if not found:

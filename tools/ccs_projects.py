@@ -1,10 +1,10 @@
-"""Write the Code Composer projects of the C2000 boards from what CMake builds.
+"""Write the Code Composer projects of the C2000 boards from CMake's build.
 
-`python tools/ccs_projects.py` writes firmware/port/c2000/ccs/*.projectspec anew, and in the
-linker command files of the flash images the names of the files whose functions stay there. CMake is
-configured and built with a stand-in in the compiler's place, which compiles nothing and
-writes down what it is called with; a project takes sources, defines, options and linker
-command file from there. `tests/project/test_ccs_projects.py` compares.
+`python tools/ccs_projects.py` writes firmware/port/c2000/ccs/*.projectspec. It also writes into the
+linker command files of the flash images the names of the files whose functions stay in flash. CMake
+builds with a stand-in for the compiler, which compiles nothing and logs its arguments. A project
+takes sources, defines, options and linker command file from this log.
+`tests/project/test_ccs_projects.py` checks that the projects are current.
 """
 
 import os
@@ -63,7 +63,7 @@ CMAKE, NINJA, CC = tool("cmake"), tool("ninja"), shutil.which("gcc") or shutil.w
 
 
 def stand_in(folder: Path, log: Path) -> None:
-    """A TI_CGT_ROOT whose programs write their calls into `log`."""
+    """Make a TI_CGT_ROOT whose programs write their calls into `log`."""
     (folder / "bin").mkdir(parents=True, exist_ok=True)
     for name in ("cl2000", "ar2000"):
         program = folder / "bin" / name
@@ -73,8 +73,7 @@ def stand_in(folder: Path, log: Path) -> None:
 
 @dataclass
 class Image:
-    """What the compiler is called with for one image. `stays`: the C files whose functions it
-    is not to place in RAM."""
+    """The compiler's arguments for one image. stays: the C files whose functions stay in flash."""
 
     sources: list[Path]
     stays: set[str]
@@ -92,7 +91,7 @@ def _words(text: str, pattern: str) -> Iterator[str]:
 
 
 def image(calls: list[str], name: str) -> Image:
-    """The image `name`.out in the calls that a stand-in wrote down."""
+    """The image `name`.out, from the calls that the stand-in has logged."""
     compiled = [c for c in calls if " --compile_only " in c and f"/{name}.dir/" in c]
     (linked,) = (c for c in calls if " --run_linker " in c and f"--output_file={name}.out" in c)
     sources = [path for c in compiled for path in _words(c, r"--(?:c|asm)_file=(.*)")]
@@ -118,16 +117,18 @@ def image(calls: list[str], name: str) -> Image:
 
 
 def calls_of(preset: str, source: Path = ROOT) -> list[str]:
-    """Every call of compiler and linker that a preset's build makes."""
+    """Every call of compiler and linker in the build of a preset."""
     if not (CMAKE and NINJA and CC):
         raise SystemExit("cmake, ninja and gcc are needed")
     with tempfile.TemporaryDirectory() as folder:
         log, build = Path(folder, "log"), Path(folder, "build")
         stand_in(Path(folder, "ti"), log)
-        command = [CMAKE, "--preset", preset, "-B", build, "-G", "Ninja",
-                   f"-DCMAKE_MAKE_PROGRAM={NINJA}"]  # fmt: skip
+        configure: list[str | Path] = [
+            CMAKE, "--preset", preset, "-B", build, "-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={NINJA}",
+        ]  # fmt: skip
         environment = os.environ | {"TI_CGT_ROOT": str(Path(folder, "ti"))}
-        for step in (command, [CMAKE, "--build", build]):
+        build_step: list[str | Path] = [CMAKE, "--build", build]
+        for step in (configure, build_step):
             log.write_text("")
             done = subprocess.run(step, cwd=source, env=environment, capture_output=True, text=True)
             if done.returncode:

@@ -1,7 +1,7 @@
 #!/bin/sh
-# Install the cross compilers and emulators of the targets, the second compiler of the static
-# checks and the browser of the monitor's tests, as far as they are missing.
-# Debian and Ubuntu; needs root. `make test-targets` says what is missing and installs nothing.
+# Install missing tools: the targets' cross compilers and emulators, the second compiler for the
+# static checks, and the browser for the monitor's tests.
+# For Debian and Ubuntu; needs root. `make test-targets` names missing tools and installs nothing.
 set -eu
 
 missing=""

@@ -14,7 +14,14 @@ import importlib
 import inspect
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import click
+
+    from hexatorque.firmware import Parameter
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
@@ -127,7 +134,7 @@ def cell(text: object) -> str:
     return re.sub(r"\s+", " ", str(text)).replace("|", "\\|").replace("<", "&lt;")
 
 
-def table(head: tuple[str, ...], rows: list[tuple[object, ...]]) -> str:
+def table(head: tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> str:
     lines = [head, ("---",) * len(head), *(tuple(cell(c) for c in row) for row in rows)]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
@@ -153,7 +160,7 @@ def walk(command, words):
             yield from walk(inner, (*words, name))
 
 
-def command_section(words: tuple[str, ...], command) -> list[str]:
+def command_section(words: tuple[str, ...], command: click.Command) -> list[str]:
     context = command.context_class(command, info_name=" ".join(words))
     usage = " ".join([*words, *command.collect_usage_pieces(context)])
     text = [f"## {' '.join(words)}", "", inspect.cleandoc(command.help or ""), ""]
@@ -210,7 +217,7 @@ def parameters_page() -> str:
     )
 
 
-def allowed(parameter) -> str:
+def allowed(parameter: Parameter) -> str:
     if parameter.choices:
         return ", ".join(f"`{choice}`" for choice in parameter.choices)
     return f"{parameter.min:g} to {parameter.max:g}"
@@ -268,7 +275,7 @@ def gallery_page() -> tuple[str, dict[str, bytes]]:
     return "\n".join(text), pictures
 
 
-def executed(path: Path):
+def executed(path: Path) -> Any:
     """The notebook with its cells run; a cell that fails is an error."""
     import nbformat
     from nbclient import NotebookClient

@@ -17,11 +17,11 @@ endif()
 set(CMAKE_C_FLAGS_INIT "-mcpu=${HT_CPU} -mthumb -mfpu=${fpu} -mfloat-abi=hard")
 
 # The fast interrupt takes 28 % fewer instructions when its functions are compiled into each
-# other, across files, and its loops over six legs are unrolled; the price is 10 kB. Only
-# speed hangs on it: preset mps2-by-file does without, and gives the same bits. Fat
-# objects: the check for mutable data looks into them. -fstack-usage once more: functions
-# get their frames when linking. large-stack-frame-growth=0: inlining stops at frames of
-# 256 octets.
+# other, across files, and its loops over six legs are unrolled. This costs 10 kB. It changes only
+# the speed: preset mps2-by-file does without it and gives the same bits. Fat objects are needed by
+# the check for mutable data. -fstack-usage is repeated for the linker, because functions get their
+# frames when linking. With large-stack-frame-growth=0 inlining stops at frames of
+# 256 bytes.
 set(HT_LINK_TIME -flto -ffat-lto-objects -fstack-usage
   CACHE STRING "options of optimisation when linking")
 set(HT_FAST -O3 --param=max-inline-insns-auto=100 --param=large-stack-frame-growth=0

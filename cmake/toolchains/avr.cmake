@@ -1,4 +1,4 @@
-# ATmega2560: 16-bit int, 32-bit double, as far from the host as the C28x is.
+# ATmega2560: like the C28x it has 16-bit int and 32-bit double, unlike the host.
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR avr)
 set(CMAKE_C_COMPILER avr-gcc)

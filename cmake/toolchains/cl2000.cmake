@@ -1,5 +1,5 @@
-# TI's C2000 compiler: cmake --preset f28335 (or f28377s). TI_CGT_ROOT, as a CMake
-# or an environment variable, is the folder with bin/cl2000 in it.
+# TI's C2000 compiler: cmake --preset f28335 (or f28377s). TI_CGT_ROOT, a CMake or an environment
+# variable, is the folder that contains bin/cl2000.
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR c28x)
 
@@ -22,6 +22,6 @@ if(NOT CMAKE_C_COMPILER)
 endif()
 set(CMAKE_ASM_COMPILER "${CMAKE_C_COMPILER}")
 
-# No executable links without a linker command file.
+# Test a static library: an executable does not link without a linker command file.
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 set(CMAKE_TRY_COMPILE_PLATFORM_VARIABLES TI_CGT_ROOT)

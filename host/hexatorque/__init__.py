@@ -1,11 +1,11 @@
 """hexatorque: switching-table direct torque control of six-phase drives.
 
-The C firmware in `firmware/` is the controller. This package closes the loop around it
-(`SimulatedDrive`), talks to a board that runs it (`BoardDrive`), describes set-ups
-(`load`) and keeps what comes out (`Recording`). All other rooms have their own modules:
+The controller is the C firmware in `firmware/`. This package simulates the drive around it
+(`SimulatedDrive`), communicates with a board that runs it (`BoardDrive`), loads set-ups (`load`)
+and stores measurements (`Recording`). Everything else is in the subpackages:
 `hexatorque.analysis`, `hexatorque.plant`, `hexatorque.setups` and so on.
 
-The public names load their modules at first use: `import hexatorque` alone is cheap.
+The modules of these names are imported at first use, so `import hexatorque` is fast.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ __version__ = "0.1.0"
 
 __all__ = ["BoardDrive", "HexatorqueError", "Recording", "SimulatedDrive", "load"]
 
-#: Where each public name is defined.
+#: Module that defines each public name.
 _HOMES = {
     "BoardDrive": "drive.board",
     "HexatorqueError": "errors",
@@ -39,7 +39,7 @@ def __getattr__(name: str) -> object:
     from importlib import import_module
 
     value = getattr(import_module(f".{_HOMES[name]}", __name__), name)
-    globals()[name] = value  # found directly from now on
+    globals()[name] = value  # the next access does not call this function
     return value
 
 

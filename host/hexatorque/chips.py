@@ -1,3 +1,3 @@
-"""The chips that the firmware has drivers and a register model for."""
+"""The chips for which the firmware has drivers and a register model."""
 
 DEVICES = ("f28335", "f28377s")

@@ -1,22 +1,24 @@
-"""The compiled firmware as Python sees it: parameter and channel tables, entry
-points for compiled callers, one `Controller` per simulated drive."""
+"""The compiled firmware in Python: its tables of parameters and channels, its entry points for
+compiled callers, and a `Controller` for each simulated drive."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any, TypedDict
 
 import numpy as np
 
-from . import _firmware
+from ._firmware import ffi, lib
 from .chips import DEVICES
 from .errors import HexatorqueError
 
-ffi, lib = _firmware.ffi, _firmware.lib
+#: A struct or pointer of the C: cffi knows its type, a type checker does not.
+CData = Any
 
 
-def _text(pointer) -> str:
+def _text(pointer: CData) -> str:
     return ffi.string(pointer).decode()
 
 
@@ -33,7 +35,7 @@ FAULTS = _faults()
 
 
 def causes(bits: int) -> list[str]:
-    """Names of fault bits."""
+    """Names of the faults whose bits are set."""
     return [text for bit, text in FAULTS.items() if bits & bit]
 
 
@@ -62,7 +64,8 @@ class Parameter:
     whole: bool = False  #: takes whole numbers only
 
     def parse(self, value: object) -> float:
-        """The number for a value given as a number or a choice's name."""
+        """The number for a value, which is a number or the name of a choice. FirmwareError if it
+        is out of range."""
         if self.choices:
             if isinstance(value, bool):
                 value = "on" if value else "off"
@@ -87,7 +90,7 @@ class Parameter:
 
 @lru_cache
 def parameters(device: str = "") -> dict[str, Parameter]:
-    """The parameter table, by name; with the ranges of a board if one is named."""
+    """The parameter table, by name. With `device`, the ranges are those of that board."""
     if device:
         port = ffi.new("ht_port *")
         lib.ht_port_bind(port, ffi.NULL, board_of(device))  # touches no register
@@ -106,12 +109,12 @@ def parameters(device: str = "") -> dict[str, Parameter]:
     return table
 
 
-def _on_port(row: Parameter, port) -> Parameter:
+def _on_port(row: Parameter, port: CData) -> Parameter:
     span = lib.ht_param_range(port, row.id)
     return replace(row, min=decimal(span.min), max=decimal(span.max))
 
 
-def board_of(device: str):
+def board_of(device: str) -> CData:
     """A board's table."""
     if device not in BOARDS:
         raise FirmwareError(f"device = {device!r}: choose one of {', '.join(DEVICES)}")
@@ -119,7 +122,7 @@ def board_of(device: str):
 
 
 def decimal(value: float) -> float:
-    """The decimal that a float32 table entry stands for."""
+    """The shortest decimal number with the same float32, as it is written in a table."""
     return float(np.format_float_positional(np.float32(value)))
 
 
@@ -135,7 +138,7 @@ def schemes() -> tuple[str, ...]:
 
 
 def address(function: str) -> int:
-    """Entry point of a firmware function."""
+    """Address of a firmware function."""
     return int(ffi.cast("uintptr_t", ffi.addressof(lib, function)))
 
 
@@ -148,7 +151,7 @@ _RESULTS = {
     lib.HT_ERROR_TRIP: "the trip pin is low (external trip): release it, then clear",
     lib.HT_ERROR_STORE: "there is no memory for parameters, or writing it failed",
 }
-#: Which set of parameters a start took, by number (HT_SET_...).
+#: Text for the set of parameters that a start took, by its number (HT_SET_...).
 PARAMETER_SETS = (
     "built-in",
     "saved",
@@ -162,8 +165,35 @@ def _check(result: int, what: str) -> None:
         raise FirmwareError(f"{what}: {_RESULTS[result]}")
 
 
-def snapshot_numbers(s) -> dict[str, object] | None:
-    """An `ht_snapshot` by name, state and faults as numbers; None where there was no fault."""
+class _Kept(TypedDict):
+    tick: int
+    adc_counts: list[int]
+    position_counts: int
+    i_A: list[float]
+    vdc_V: float
+    torque_ref_Nm: float
+    flux_ref_Wb: float
+    psi_Wb: list[float]
+    torque_Nm: float
+    speed_rpm: float
+
+
+class SnapshotNumbers(_Kept):
+    """The values that the firmware saved at a fault, state and faults as numbers."""
+
+    state: int
+    faults: int
+
+
+class Snapshot(_Kept):
+    """The same, with state and faults by name."""
+
+    state: str
+    faults: list[str]
+
+
+def snapshot_numbers(s: CData) -> SnapshotNumbers | None:
+    """The fields of an `ht_snapshot` by name; None if there was no fault."""
     if not s.tick:
         return None
     measured = getattr(s, "in")
@@ -183,14 +213,16 @@ def snapshot_numbers(s) -> dict[str, object] | None:
     }
 
 
-def snapshot_of(s) -> dict[str, object] | None:
-    """The same in words."""
+def snapshot_of(s: CData) -> Snapshot | None:
+    """The same, with state and faults by name."""
     kept = snapshot_numbers(s)
-    return kept and {**kept, "state": STATES[s.state], "faults": causes(s.faults)}
+    if kept is None:
+        return None
+    return {**kept, "state": STATES[kept["state"]], "faults": causes(kept["faults"])}
 
 
 class Store:
-    """A memory for a drive's parameters, as ht_store_port.h has it; this one is none."""
+    """A memory for a drive's saved parameters (ht_store_port.h). This class has none."""
 
     def __init__(self) -> None:
         self.handle = ffi.new("ht_store *")
@@ -198,8 +230,8 @@ class Store:
 
 
 class MemoryStore(Store):
-    """Two areas in this object: `areas`, octets that erase to 0xFF, words with the low octet
-    first. What was in it is there for the next start."""
+    """A memory with two areas in the bytes `areas`. Erased bytes are 0xFF, and words have the low
+    byte first. Give the same `areas` to the next controller to keep the saved parameters."""
 
     BLOCK = lib.HT_STORE_FILE_BLOCK
     AREA = lib.HT_STORE_FILE_BLOCKS * BLOCK
@@ -209,7 +241,8 @@ class MemoryStore(Store):
         super().__init__()
         self.areas = bytearray(b"\xff" * self.SIZE) if areas is None else areas
         port = self.handle.port
-        # Kept alive by this object. An exception ends in a refusal, and in a line on stderr.
+        # This object keeps the callbacks alive. An exception in one counts as a failure, and is
+        # printed on stderr.
         self._read = ffi.callback("bool(void *, uint16_t, uint16_t, uint16_t *)", self._do_read)
         self._write = ffi.callback(
             "bool(void *, uint16_t, uint16_t, const uint16_t *)", self._do_write
@@ -217,41 +250,42 @@ class MemoryStore(Store):
         port.read, port.write = self._read, self._write
         port.blocks = lib.HT_STORE_FILE_BLOCKS
 
-    def _do_read(self, at, area: int, block: int, words) -> bool:
+    def _do_read(self, at: CData, area: int, block: int, words: CData) -> bool:
         begin = area * self.AREA + block * self.BLOCK
         ffi.memmove(words, bytes(self.areas[begin : begin + self.BLOCK]), self.BLOCK)
         return True
 
-    def _do_write(self, at, area: int, block: int, words) -> bool:
+    def _do_write(self, at: CData, area: int, block: int, words: CData) -> bool:
         if words == ffi.NULL:
             return self.put(area * self.AREA, b"\xff" * self.AREA)
-        octets = bytes(ffi.buffer(words, self.BLOCK))
-        return self.put(area * self.AREA + block * self.BLOCK, octets)
+        raw = bytes(ffi.buffer(words, self.BLOCK))
+        return self.put(area * self.AREA + block * self.BLOCK, raw)
 
-    def put(self, begin: int, octets: bytes) -> bool:
-        """What becomes of the areas from `begin` on."""
-        self.areas[begin : begin + len(octets)] = octets
+    def put(self, begin: int, raw: bytes) -> bool:
+        """Write bytes into the areas, from `begin` on. Returns whether that worked."""
+        self.areas[begin : begin + len(raw)] = raw
         return True
 
 
 class Controller:
-    """One drive's firmware on its own chip, from reset on: the start of the board, then
-    the drive's. `device` may be any of BOARDS; its name says which pins and PWM modules."""
+    """The firmware of one drive on its own chip. It starts as after a reset: first the board, then
+    the drive. `device` is any of BOARDS, which decides the pins and the PWM modules."""
 
-    #: Entry points for compiled callers, arguments `handle` (and the channels' address).
+    #: Entry points for compiled callers. Their argument is `handle`; the last one also takes the
+    #: address of the channels.
     entries = ("ht_drive_fast_isr", "ht_drive_slow_isr", "ht_channels_read")
     processor = "host"
 
     def __init__(
         self,
         device: str,
-        values: dict[str, object],
+        values: Mapping[str, object],
         *,
         active_low: bool | None = None,
         store: Store | None = None,
     ) -> None:
-        """`active_low`: gate drivers that invert, or not, whatever the build says. `store`: a
-        memory from which a saved set of parameters replaces `values`."""
+        """values: parameters; active_low: whether the gate drivers invert, None for the build's
+        own setting; store: a memory whose saved parameters replace `values`."""
         self.parameters = parameters(device)
         board = self._board = ffi.new("ht_board *", board_of(device)[0])
         if active_low is not None:
@@ -287,7 +321,7 @@ class Controller:
 
     @property
     def parameter_set(self) -> str:
-        """Which set of parameters the start took."""
+        """Text for the set of parameters that the start took."""
         return PARAMETER_SETS[self.store.handle.set]
 
     @property
@@ -300,12 +334,17 @@ class Controller:
         return self.drive.config.control.period_counts
 
     @property
+    def fast_per_slow(self) -> int:
+        """Fast interrupts from one slow interrupt to the next."""
+        return round(self.number("f_isr_Hz") / self.number("f_slow_Hz"))
+
+    @property
     def shadow(self) -> bool:
-        """Does a pattern take effect in the next period?"""
+        """Whether a switching pattern takes effect in the next period instead of at once."""
         return self.drive.config.control.shadow
 
     def confirm(self) -> None:
-        """Raise an error if what ran last did not run. Here it always does."""
+        """Raise an error if the latest call failed. In this process it cannot fail."""
 
     def channel(self, name: str) -> float:
         """Present value of a telemetry channel."""
@@ -314,11 +353,11 @@ class Controller:
         return values[[n for n, _ in channels()].index(name)]
 
     def set_trip_pin(self, level: int) -> None:
-        """The trip pin goes to a level, 0 or 1, and stays there."""
+        """Set the level of the trip pin, 0 or 1."""
         lib.ht_regfile_pin(self.registers, self.port.board.trip.gpio, level)
 
     def register_words(self) -> np.ndarray:
-        """Live view of the register file below 0x8000, uint16."""
+        """The register file below 0x8000, uint16. The array shows changes as they happen."""
         words = np.frombuffer(ffi.buffer(self.registers.word), np.uint16)
         return words[:0x8000]
 
@@ -331,19 +370,23 @@ class Controller:
         return causes(self.drive.faults)
 
     @property
-    def snapshot(self) -> dict[str, object] | None:
-        """What the firmware kept of the latest fault, or None."""
+    def snapshot(self) -> Snapshot | None:
+        """The values that the firmware saved at the latest fault, or None."""
         return snapshot_of(self.drive.snapshot)
 
     def get(self, name: str) -> str | float:
-        row = self.parameters[name]
-        return row.show(lib.ht_drive_get(self.drive, row.id))
+        """A parameter's value, a choice by name."""
+        return self.parameters[name].show(self.number(name))
+
+    def number(self, name: str) -> float:
+        """A parameter's value as a number."""
+        return lib.ht_drive_get(self.drive, self.parameters[name].id)
 
     def set(self, name: str, value: object) -> None:
         self.set_many({name: value})
 
     def set_many(self, values: Mapping[str, object]) -> None:
-        """All of them, or none if one is refused."""
+        """Set several values. If one is refused, none changes."""
         for name in values:
             if name not in self.parameters:
                 raise FirmwareError(f"no controller parameter {name!r}")

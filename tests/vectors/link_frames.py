@@ -9,20 +9,20 @@ import struct
 SESSION, DICTIONARY, MARK = 0x1234, 0xBEEF, 0x89ABCDEF
 
 
-def crc32(octets: bytes) -> int:
+def crc32(raw: bytes) -> int:
     """Bit by bit, the lowest first."""
     remainder = 0xFFFFFFFF
-    for octet in octets:
+    for byte in raw:
         for bit in range(8):
-            out = (remainder ^ (octet >> bit)) & 1
+            out = (remainder ^ (byte >> bit)) & 1
             remainder = (remainder >> 1) ^ (0xEDB88320 if out else 0)
     return remainder ^ 0xFFFFFFFF
 
 
-def stuffed(octets: bytes) -> bytes:
-    """COBS: blocks of up to 254 octets without a zero, each behind its length + 1. After a
+def stuffed(raw: bytes) -> bytes:
+    """COBS: blocks of up to 254 bytes without a zero, each behind its length + 1. After a
     shorter block stands a zero, but not after the last one."""
-    out, rest = b"", octets
+    out, rest = b"", raw
     while True:
         length = min((rest + b"\0").index(0), 254)
         out += bytes([length + 1]) + rest[:length]
@@ -80,27 +80,27 @@ def bodies() -> list[tuple[str, bytes]]:
         ("sample of stream 1", struct.pack("<BBI3f", 0x41, 255, 0xFFFFFFFF, 1.5, -0.0, 311.0)),
         ("data of a capture", struct.pack("<BBI5f", 0x50, 3, 600, *(0.1 * k for k in range(5)))),
         ("shortest body", b"\x05\x00"),
-        *((f"{n} octets without a zero", bytes(1 + k % 255 for k in range(n)))
+        *((f"{n} bytes without a zero", bytes(1 + k % 255 for k in range(n)))
           for n in (249, 250, 251, 253, 254, 255, 504, 508)),
         *((f"{n} zeros", bytes(n)) for n in (2, 254, 508)),
-        ("254 octets and a zero", bytes([7]) * 254 + b"\0"),
-        ("254 octets, a zero, 253 octets", bytes([7]) * 254 + b"\0" + bytes([9]) * 253),
+        ("254 bytes and a zero", bytes([7]) * 254 + b"\0"),
+        ("254 bytes, a zero, 253 bytes", bytes([7]) * 254 + b"\0" + bytes([9]) * 253),
     ]  # fmt: skip
 
 
-def spoilt() -> list[tuple[str, bytes]]:
+def damaged() -> list[tuple[str, bytes]]:
     """What stands between two zeros and is no frame."""
     good = stuffed(closed(struct.pack("<BBHH", 5, 1, SESSION, DICTIONARY)))
     inside = closed(b"\x05\x01\x34")
     return [
         ("a wrong bit", bytes([*good[:3], good[3] ^ 0x10, *good[4:]])),
-        ("the last octet is missing", good[:-1]),
-        ("an octet more", good + b"\x01"),
-        ("body of one octet", stuffed(closed(b"\x05"))),
+        ("the last byte is missing", good[:-1]),
+        ("a byte more", good + b"\x01"),
+        ("body of one byte", stuffed(closed(b"\x05"))),
         ("no body", stuffed(closed(b""))),
         ("less than a CRC", b"\x03\x01\x02"),
-        ("body of 509 octets", stuffed(closed(bytes([7]) * 509))),
-        ("CRC with its octets in the other order",
+        ("body of 509 bytes", stuffed(closed(bytes([7]) * 509))),
+        ("CRC with its bytes in the other order",
          stuffed(inside[:-4] + inside[:-5:-1])),
         ("CRC not inverted", stuffed(b"\x05\x01\x34" + struct.pack("<I", crc32(b"\x05\x01\x34")
                                                                    ^ 0xFFFFFFFF))),
@@ -113,5 +113,5 @@ def tables() -> dict[str, tuple[list[str], list[list]]]:
         "frames": (["what", "body", "crc", "frame"],
                    [[what, body.hex(), f"{crc32(body):08x}", frame(body).hex()]
                     for what, body in bodies()]),
-        "damaged": (["what", "octets"], [[what, octets.hex()] for what, octets in spoilt()]),
+        "damaged": (["what", "bytes"], [[what, raw.hex()] for what, raw in damaged()]),
     }  # fmt: skip

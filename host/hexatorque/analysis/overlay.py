@@ -1,15 +1,19 @@
-"""Recordings of any origin over each other: aligned, drawn, and how far they are apart."""
+"""Several recordings of any origin in one picture: aligned, drawn, and their differences."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..recording.recording import TRIGGER, Recording, RecordingError
 from .plots import INK, LABEL, LEGEND, TITLE, new_figure, save, thin
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 ALIGNMENTS = ("trigger", "start", "none")
 #: Shown unless channels are asked for, where all recordings have them; `plant.` (true
@@ -103,6 +107,7 @@ def align(traces: list[Trace], how: str | None) -> str:
         )
     for trace in traces:
         own_s = {"trigger": trace.rec.trigger_s, "start": trace.rec.start_s, "none": 0.0}[how]
+        assert own_s is not None  # aligned by the trigger, all have one
         trace.shift_s = float(own_s)
     return how
 
@@ -113,8 +118,8 @@ def values(rec: Recording, name: str) -> np.ndarray | None:
     if name in rec or plain != FLUX:
         return rec.channels.get(name)
     dot = f"{prefix}." if prefix else ""
-    parts = [rec.channels.get(f"{dot}psi_{axis}_Wb") for axis in ("alpha", "beta")]
-    return None if any(p is None for p in parts) else np.hypot(*parts)
+    alpha, beta = (rec.channels.get(f"{dot}psi_{axis}_Wb") for axis in ("alpha", "beta"))
+    return None if alpha is None or beta is None else np.hypot(alpha, beta)
 
 
 def unit(traces: list[Trace], name: str) -> str:
@@ -231,7 +236,7 @@ def plot(traces: list[Trace], names: list[str], how: str, path: Path) -> Path:
     return save(figure, path)
 
 
-def _draw(ax, trace: Trace, name: str, scale: float, number: int, many: int) -> None:
+def _draw(ax: Axes, trace: Trace, name: str, scale: float, number: int, many: int) -> None:
     colour = COLOURS[number % len(COLOURS)]
     y = np.asarray(values(trace.rec, name), float)
     t = scale * trace.time_s
@@ -243,7 +248,7 @@ def _draw(ax, trace: Trace, name: str, scale: float, number: int, many: int) -> 
         _shade(ax, t, ~np.isfinite(y), colour)
 
 
-def _shade(ax, t: np.ndarray, lost: np.ndarray, colour: str) -> None:
+def _shade(ax: Axes, t: np.ndarray, lost: np.ndarray, colour: str) -> None:
     """Spans without samples, behind the lines."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(np.int8), [0]])))
     step = t[1] - t[0] if len(t) > 1 else 0.0

@@ -6,7 +6,7 @@ Every function takes runs, writes `path` (about 1500 px wide) and returns it.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -36,9 +36,9 @@ COLOUR = {
     "flux": "#5b4fa2",
     "spectrum": "#0072b2",
 }
-LABEL = {"fontsize": 8.5, "color": INK}
-TITLE = {"fontsize": 9.5, "fontweight": "bold", "color": INK}
-LEGEND = {"frameon": False, "fontsize": 8, "labelcolor": INK}
+LABEL: dict[str, Any] = {"fontsize": 8.5, "color": INK}
+TITLE: dict[str, Any] = {"fontsize": 9.5, "fontweight": "bold", "color": INK}
+LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 8, "labelcolor": INK}
 LATENCY_COLOUR = {
     "none": "#56b4e9",
     "immediate": "#009e73",
@@ -48,7 +48,7 @@ LATENCY_COLOUR = {
 
 
 def new_figure(
-    rows: int, columns: int, height_in: float, width_in: float = WIDTH_IN, **shared
+    rows: int, columns: int, height_in: float, width_in: float = WIDTH_IN, **shared: Any
 ) -> tuple[Figure, np.ndarray]:
     """Empty panels in the house style, axes as a (rows, columns) array."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -258,7 +258,7 @@ def bars(runs: list[Run], path: str | Path, reference: Reference) -> Path:
         for ax, (title, key, scale) in zip(row, _BARS, strict=True):
             _bar_panel(ax, group, key, scale, reference)
             ax.set_title(title, **LABEL)
-    handles = {}
+    handles: dict[str, Any] = {}
     for ax in axes.flat:
         handles |= dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
     names = [n for n in (*LATENCIES.values(), MEASURED, RELATIVE) if n in handles]

@@ -1,4 +1,4 @@
-"""What others have measured, to stand beside our figures."""
+"""Values that others have published, for comparison with ours."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ Reference = dict[str, dict]
 
 
 def reference_values(reference: Reference, run: Run) -> dict[str, float]:
-    """The figures for the run's set-up and scheme; empty if there are none, or
-    if they are for another operating point (speed or load more than 2 % away)."""
+    """The published values for the run's set-up and scheme. Empty if there are none, or if they
+    belong to another operating point (speed or load differs by more than 2 %)."""
     entry = reference.get(run.setup, {})
     for key, value in (("speed_rpm", run.speed_ref_rpm), ("load_Nm", run.load_Nm)):
         if key in entry and abs(value - entry[key]) > 0.02 * abs(entry[key]):

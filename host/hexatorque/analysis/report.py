@@ -1,4 +1,4 @@
-"""Reports of runs beside what others measured: console tables and one HTML file."""
+"""Reports that compare runs with published values: tables for the console and one HTML file."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _text(value: float | None, digits: int, scale: float = 1.0) -> str:
 
 
 def _rows(group: list[Run], reference: Reference, columns: Iterable[Column]) -> list[Row]:
-    """Our runs at one point, scheme by scheme, each followed by the paper's row."""
+    """Our runs at one point, scheme by scheme. The paper's row follows each scheme."""
     dtc1_Hz = {run.latency: run.metrics["f_sw_Hz"] for run in group if run.scheme == "dtc1"}
     rows = []
     for scheme in dict.fromkeys(run.scheme for run in group):

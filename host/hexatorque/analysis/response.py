@@ -8,9 +8,9 @@ import numpy as np
 
 
 class Response(NamedTuple):
-    """settling_s: from the step until the signal stays within the band, NaN if it does not;
-    overshoot: furthest beyond the target, in the direction of the step, 0 if it is not passed;
-    deviation: furthest from the target, either way, after the step."""
+    """settling_s: time from the step until the signal stays within the band, NaN if it never does;
+    overshoot: largest excess over the target in the direction of the step, 0 if there is none;
+    deviation: largest distance from the target after the step, in either direction."""
 
     settling_s: float
     overshoot: float
@@ -20,8 +20,8 @@ class Response(NamedTuple):
 def step_response(
     time_s: np.ndarray, signal: np.ndarray, step_s: float, target: float, band: float
 ) -> Response:
-    """Response to a step at `step_s` that should end at `target`; settled within +-band.
-    Filter a rippling signal first (`moving_mean`)."""
+    """The response to a step at `step_s` towards `target`. It has settled within +-band. Filter a
+    signal with ripple first (`moving_mean`). ValueError if the recording ends before the step."""
     after = time_s >= step_s
     t, y = time_s[after], np.asarray(signal, dtype=float)[after]
     if y.size == 0:
@@ -39,7 +39,7 @@ def step_response(
 
 
 def moving_mean(signal: np.ndarray, rate_Hz: float, span_s: float) -> np.ndarray:
-    """Mean over `span_s` centred on each sample; shorter at the ends."""
+    """The mean over `span_s` around each sample. At the ends the span is shorter."""
     x = np.asarray(signal, dtype=float)
     half = max(0, round(span_s * rate_Hz / 2))
     total = np.concatenate(([0.0], np.cumsum(x)))

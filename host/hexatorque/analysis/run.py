@@ -1,4 +1,4 @@
-"""One run: a scheme at an operating point, what was recorded and what it amounts to."""
+"""One run: a scheme at an operating point, with its recording and its metrics."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 
 from ..recording.recording import Recording
 
-#: How the simulated PWM takes over the registers, in the order they are shown.
+#: When the simulated PWM takes over the registers, in the order of the tables.
 LATENCIES = {
     "none": "no latency",
     "immediate": "at the register write",
     "shadow": "one-sample latency",
     "predicted": "latency + prediction",
 }
-#: The ones that the report sets against each other.
+#: The latencies that the report compares.
 LATENCY_STUDY = ("none", "shadow", "predicted")
 SCHEMES = {"fdr": "FDR-DTC", "ddr": "DDR-DTC"}
 
@@ -22,10 +22,10 @@ SCHEMES = {"fdr": "FDR-DTC", "ddr": "DDR-DTC"}
 class Run:
     """A scheme of a set-up at one operating point.
 
-    latency: "none" (vector applied at once), "immediate" (once the interrupt has
-    written its registers), "shadow" (one sample late) or "predicted" (one sample late,
-    one-step prediction); recording: its steady-state
-    window; metrics: of that window; realtime_factor: simulated s per wall s.
+    latency: when a vector is applied: "none" (at the sampling instant), "immediate" (when the
+    interrupt has written its registers), "shadow" (one sample late) or "predicted" (one sample
+    late, with one-step prediction); recording: the steady-state window; metrics: the metrics of
+    that window; realtime_factor: simulated seconds per second.
     """
 
     setup: str

@@ -1,4 +1,4 @@
-"""What each scheme is, for people: its source, its words and its line in a picture. Numbers come
+"""Descriptions of the schemes for the user: source, text, and line style in pictures. Numbers come
 from firmware/core/ht_schemes.def."""
 
 from __future__ import annotations

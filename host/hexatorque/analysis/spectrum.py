@@ -96,7 +96,7 @@ def line_amplitude(signal: np.ndarray, rate_Hz: float, f_Hz: float) -> float:
 
 
 def _line(w: np.ndarray, x: np.ndarray, rotor: np.ndarray) -> float:
-    # Not `@`: its threads wait for each other where several points are measured at once.
+    # Not `@`: when several points are measured at once, its threads wait for each other.
     return float(2 * abs(np.einsum("n,n", w * x, rotor)) / w.sum())
 
 
@@ -123,9 +123,9 @@ def harmonics(
 
 
 def low_pass(signal: np.ndarray, rate_Hz: float, corner_Hz: float) -> np.ndarray:
-    """Second-order Butterworth magnitude 1/sqrt(1 + (f/corner)^4) without phase shift, for
-    pictures of what an oscilloscope's filter shows. The signal is taken as periodic: give
-    whole cycles, or ignore the ends."""
+    """Filter with a second-order Butterworth magnitude 1/sqrt(1 + (f/corner)^4), without phase
+    shift. It gives the picture that an oscilloscope's filter shows. The signal is taken as
+    periodic: give whole cycles, or ignore the ends."""
     x = np.asarray(signal, dtype=float)
     f_Hz = np.fft.rfftfreq(x.size, 1 / rate_Hz)
     return np.fft.irfft(np.fft.rfft(x) / np.sqrt(1 + (f_Hz / corner_Hz) ** 4), x.size)
@@ -166,5 +166,5 @@ def thd_pct(signal: np.ndarray, rate_Hz: float, f1_Hz: float) -> dict[str, float
 
 
 def _percent(content: float, fundamental: float) -> float:
-    """100 sqrt(content / fundamental); NaN without a fundamental."""
+    """100 sqrt(content / fundamental); NaN if the fundamental is 0."""
     return float(100 * np.sqrt(content / fundamental)) if fundamental > 0 else float("nan")

@@ -1,1 +1,1 @@
-"""The firmware on other processors: built from the same sources, run in emulators."""
+"""The firmware on other processors and in virtual boards, built from the same sources."""

@@ -1,7 +1,9 @@
-"""The virtual board with its firmware on an emulated processor: the drive and its link run in
-QEMU and use the emulated machine's serial port; the plant is here, in lock-step with them.
+"""The virtual board with its firmware on an emulated processor.
 
-with EmulatedBoard(scenario.load("paper-b"), "mps2-an386") as board, Terminal() as line:
+The drive and its link run in QEMU and use the emulated machine's serial port. The plant runs in
+this process, in lock-step with them.
+
+with EmulatedBoard(hexatorque.load("paper-b"), "mps2-an386") as board, Terminal() as line:
     print(line.port)
     serve(board, line, until=lambda: False)
 """
@@ -9,6 +11,7 @@ with EmulatedBoard(scenario.load("paper-b"), "mps2-an386") as board, Terminal() 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
@@ -19,24 +22,24 @@ from ..firmware import FirmwareError
 from ..setups import Setup
 from . import tools
 from .emulator_process import MACHINES, NEEDS, TIMEOUT_S, ProcessTarget, fifos, qemu
-from .processor import Target, TargetController
+from .processor import TargetController
 from .store_file import FileStore
 from .virtual import VirtualBoard, watchdog_ms
 
-#: Machines with a serial port for the link.
+#: Machines whose images use a serial port for the link.
 BOARDS = ("mps2-an386", "mps2-an500")
 BAUD = 1_250_000
-#: What the divider of their serial port makes of 25 MHz.
+#: Baud rates that the divider of their serial port makes from 25 MHz.
 BAUD_RANGE = (25_000_000 // 0xFFFFF + 1, 25_000_000 // 16)
 IMAGE = "firmware/port/mps2/board"
-#: The serial port's other end: FIFOs uart.in and uart.out of the working directory. A socket
-#: is full after some 300 single octets; QEMU's own pseudo-terminals drop them until they have
-#: noticed that there is a client, once a second.
+#: The other end of the serial port: the FIFOs uart.in and uart.out in the working directory. A
+#: socket would be full after some 300 single bytes. QEMU's own pseudo-terminals drop bytes until
+#: they notice a client, for which they look only once a second.
 SERIAL = ("-chardev", "pipe,id=uart,path=uart", "-serial", "chardev:uart")
 
 
 class BoardProcess(ProcessTarget):
-    """QEMU with the image of the board."""
+    """QEMU, running the image of the board."""
 
     def __init__(
         self, machine: str, baud: int, watchdog_ms: int, timeout_s: float, store: Path | None
@@ -57,7 +60,7 @@ class BoardProcess(ProcessTarget):
 
 
 class EmulatedController(TargetController):
-    """A drive on that process, and the other end of its line."""
+    """The drive in that process, and the other end of its line."""
 
     entries = ("ht_link_fast", "ht_link_slow_unseen", "ht_link_channels")
 
@@ -65,22 +68,22 @@ class EmulatedController(TargetController):
         self,
         target: BoardProcess,
         device: str,
-        values: dict[str, object],
+        values: Mapping[str, object],
         store: FileStore | None,
     ) -> None:
         super().__init__(target, device, values, store)
         self.baud = target.baud
         self._to_board, self._from_board = target.uart
 
-    def put(self, octets: bytes) -> int:
-        """Octets onto the line, to the board. Returns how many found room."""
+    def put(self, raw: bytes) -> int:
+        """Send bytes to the board. Returns how many fitted into the buffer."""
         try:
-            return os.write(self._to_board, octets) if octets else 0
+            return os.write(self._to_board, raw) if raw else 0
         except BlockingIOError:
             return 0
 
     def take(self) -> bytes:
-        """Octets that the board has sent."""
+        """The bytes that the board has sent since the last call."""
         try:
             return os.read(self._from_board, 65536)
         except BlockingIOError:
@@ -88,8 +91,9 @@ class EmulatedController(TargetController):
 
 
 class EmulatedBoard(VirtualBoard):
-    """`baud` is the line's in simulated time. Where `factor` is more than this computer can
-    do, simulated time passes more slowly, and so does the watchdog's."""
+    """A virtual board on an emulated processor. baud: the line's rate, in simulated time; factor:
+    the speed relative to real time. If this computer is too slow for `factor`, simulated time
+    passes more slowly, the watchdog's time included."""
 
     def __init__(
         self,
@@ -108,10 +112,10 @@ class EmulatedBoard(VirtualBoard):
             raise FirmwareError(f"baud = {baud}: allowed range is {least} .. {most}")
         self.factor = factor
         self.machine = machine
-        # What it holds decides how both ends begin; the image has the same file.
+        # The store's contents decide how host and image start. Both have the same file.
         self.file = FileStore(store) if store else None
         try:
-            self.target: Target = BoardProcess(machine, baud, watchdog_ms(factor), timeout_s, store)
+            self.target = BoardProcess(machine, baud, watchdog_ms(factor), timeout_s, store)
         except BaseException:
             super().close()
             raise
@@ -121,7 +125,9 @@ class EmulatedBoard(VirtualBoard):
         except BaseException:
             self.close()
             raise
-        self.controller: EmulatedController = self.sim.controller
+        controller = self.sim.controller
+        assert isinstance(controller, EmulatedController)
+        self.controller = controller
 
     @property
     def title(self) -> str:

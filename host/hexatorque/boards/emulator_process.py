@@ -1,4 +1,4 @@
-"""Targets that are emulators: a process that talks through two FIFOs."""
+"""Targets that are emulators: processes that communicate through two FIFOs."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from ..firmware import ffi
 from . import tools
 from .processor import Target
 
-#: Machine -> CMake preset of its images. The last one is simavr's, the others are QEMU's.
+#: Machine -> CMake preset of its images. The last machine is run by simavr, the others by QEMU.
 MACHINES = {"mps2-an386": "mps2", "mps2-an500": "mps2-m7", "atmega2560": "avr"}
-#: What each needs.
+#: The programs that each machine needs.
 NEEDS = {
     "mps2-an386": ("arm-none-eabi-gcc", "qemu-system-arm"),
     "mps2-an500": ("arm-none-eabi-gcc", "qemu-system-arm"),
     "atmega2560": ("avr-gcc", "libsimavr"),
 }
-#: How long a reply may take: a step takes some 50 us, starting the emulator less than 1 s.
+#: Longest time for a reply. A step takes some 50 us, and the emulator starts in less than 1 s.
 TIMEOUT_S = 10.0
 
 
 def qemu(machine: str, image: Path, serial: tuple[str, ...] = ("-serial", "none")) -> list[str]:
-    """The command that runs an image; its files are those of the working directory."""
+    """The command that runs an image. It uses the files in the working directory."""
     return [
         tools.program("qemu-system-arm") or "qemu-system-arm", "-M", machine,
         "-kernel", str(image), "-display", "none", "-monitor", "none", *serial,
@@ -35,9 +35,9 @@ def qemu(machine: str, image: Path, serial: tuple[str, ...] = ("-serial", "none"
 
 
 def fifos(place: Path, there: str, back: str) -> list[int]:
-    """Make two FIFOs, to another process and from it. Descriptors of our ends: the first
-    is open for both ways, so that it waits for nobody; the second one for reading only, so
-    that it tells when the other is gone."""
+    """Make two FIFOs, one to another process and one back. Returns descriptors of our ends. The
+    first is opened for reading and writing, so that opening it does not wait. The second is
+    opened for reading only, so that it shows when the other process has ended."""
     for name in (there, back):
         os.mkfifo(place / name)
     return [
@@ -56,8 +56,8 @@ def _end(process: subprocess.Popen, files: list[int], folder: tempfile.Temporary
 
 
 class ProcessTarget(Target):
-    """A target in a process of its own. It ends with `close`, with this object, with this
-    program, and by itself once nobody holds the other end of its FIFOs."""
+    """A target in a process of its own. The process ends with `close`, or when this object is
+    deleted. If this program dies, the process notices that its FIFOs are closed, and ends."""
 
     def __init__(self, name: str, command: list[str], timeout_s: float = TIMEOUT_S) -> None:
         super().__init__()
@@ -68,23 +68,26 @@ class ProcessTarget(Target):
         files += self.prepare(place)
         self._said = place / "stderr"
         with self._said.open("w") as said:
-            # Of its own session: Ctrl-C is for this program, which then ends it.
+            # In a session of its own: Ctrl-C reaches only this program, which then ends it.
             self.process = subprocess.Popen(
                 command, cwd=place, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
                 stderr=said, start_new_session=True,
             )  # fmt: skip
-        self.close = weakref.finalize(self, _end, self.process, files, folder)
+        self._end = weakref.finalize(self, _end, self.process, files, folder)
         self.link.local = ffi.NULL
         self.link.to_target, self.link.from_target = files[:2]
         self.link.timeout_ms = round(timeout_s * 1000)
 
     def prepare(self, place: Path) -> list[int]:
-        """Make what else the process needs in its working directory, before it starts.
-        Returns descriptors that are closed with it."""
+        """Prepare the working directory before the process starts. Returns descriptors that are
+        closed at its end."""
         return []
 
-    def epitaph(self) -> str:
-        if self.close.alive is False:
+    def close(self) -> None:
+        self._end()
+
+    def why_down(self) -> str:
+        if not self._end.alive:
             return ""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.process.wait(0.2)
@@ -101,13 +104,13 @@ def avr(image: Path) -> list[str]:
     simulator = image.parent / "avr_machine"
     if not simulator.exists() or simulator.stat().st_mtime < source.stat().st_mtime:
         fresh = simulator.with_suffix(f".{os.getpid()}")
-        tools.run([tools.program("cc"), "-O2", source, "-o", fresh, "-lsimavr", "-lelf"])
+        tools.run([tools.program("cc") or "cc", "-O2", source, "-o", fresh, "-lsimavr", "-lelf"])
         fresh.replace(simulator)
     return [str(simulator), str(image)]
 
 
 def emulator(machine: str = "mps2-an386", timeout_s: float = TIMEOUT_S) -> ProcessTarget:
-    """The firmware built for a machine, running there."""
+    """Build the firmware for a machine and run it in the machine's emulator."""
     tools.need(*NEEDS[machine])
     folder = tools.build(MACHINES[machine])
     if machine == "atmega2560":

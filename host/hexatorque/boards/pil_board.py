@@ -14,18 +14,18 @@ from ..serial.port import error_number
 from ..setups import SetupError
 from .processor import Target, TargetError
 
-#: Rate unless another one is given, baud: that of the boards' images.
+#: Default baud rate: that of the boards' images.
 BAUD = lib.ht_link_baud()
-#: How long a reply may take. At 9600 baud it is on its way for half a second.
+#: Longest time for a reply. At 9600 baud a reply takes half a second on the line.
 TIMEOUT_S = 2.0
-#: Ends the frame that a target may be waiting for the rest of.
+#: Ends a frame that the target may have received only in part.
 FRAME_END = b"\0"
-#: So long nothing comes on a line that is quiet: longer than a USB adapter keeps bytes back.
+#: A line is quiet if nothing comes for this long. A USB adapter delays bytes less than that.
 QUIET_S = 0.1
-#: A line that is not quiet by then is somebody else's.
+#: A line that is not quiet after this time is not a target's.
 NEVER_QUIET_S = 2.0
 
-_WHY = {
+_WHY: dict[int | None, str] = {
     errno.ENOENT: "no such port",
     errno.EACCES: "no permission (on Debian: adduser to the group dialout)",
     errno.EBUSY: "busy, another program has it",
@@ -41,8 +41,9 @@ def _known() -> str:
     return f"; there is {', '.join(names)}" if names else "; there is none on this machine"
 
 
-def _open(name: str, baud: int):
-    """The port, open for this program alone: a path, or an address that pyserial knows."""
+def _open(name: str, baud: int) -> serial.Serial:
+    """Open a port for this program alone: a path, or an address that pyserial knows. SetupError
+    if that fails."""
     if baud <= 0:
         raise SetupError(f"baud = {baud}: a positive rate")
     try:
@@ -59,15 +60,14 @@ def _open(name: str, baud: int):
 
 
 class BoardTarget(Target):
-    """A board whose image is already running: it is not reset for a run. Whatever an
-    earlier run left on the line, or in the board, is thrown away first; `init` then makes a
-    new drive."""
+    """A board whose image is already running. It is not reset for a run: first the bytes that an
+    earlier run left on the line or in the board are dropped, then `init` makes a new drive."""
 
     def __init__(self, name: str, baud: int = BAUD, timeout_s: float = TIMEOUT_S) -> None:
         super().__init__()
         self.name, self.baud = name, baud
         self._port = _open(name, baud)
-        self.close = weakref.finalize(self, self._port.close)
+        self._end = weakref.finalize(self, self._port.close)
         try:
             line = self._port.fileno()
         except (AttributeError, OSError):
@@ -77,13 +77,13 @@ class BoardTarget(Target):
         self.link.to_target = self.link.from_target = line
         self.link.timeout_ms = round(timeout_s * 1000)
         try:
-            self._hush()
+            self._synchronise()
         except BaseException:
             self.close()
             raise
 
-    def _hush(self) -> None:
-        """Bring the target to where it waits for a request, and the line to silence."""
+    def _synchronise(self) -> None:
+        """Wait until the line is quiet and the target waits for a request."""
         try:
             self._port.write(FRAME_END)
             never = time.monotonic() + NEVER_QUIET_S
@@ -98,7 +98,10 @@ class BoardTarget(Target):
         except serial.SerialException:
             raise TargetError(f"{self.name}: the port is gone (unplugged?)") from None
 
-    def epitaph(self) -> str:
+    def close(self) -> None:
+        self._end()
+
+    def why_down(self) -> str:
         link = self.link
         if link.error == lib.HT_LINK_SILENT and link.heard:
             return (

@@ -1,6 +1,8 @@
-"""A drive's firmware on another processor, driven period by period: the controller of a
-simulation whose plant runs here. And a controller on the host that keeps the same record
-of its registers. The protocol is in firmware/pil and its folder host.
+"""Processor in the loop: the firmware on another processor controls a plant that runs here.
+
+The processor runs one control period at a time. `WatchedController` runs the firmware on this
+computer and logs the same registers, for comparison. The protocol is in firmware/pil and its
+folder host.
 """
 
 from __future__ import annotations
@@ -14,8 +16,10 @@ from ..errors import HexatorqueError
 from ..firmware import (
     DEVICES,
     STATES,
+    CData,
     Controller,
     FirmwareError,
+    Snapshot,
     Store,
     causes,
     channels,
@@ -26,7 +30,7 @@ from ..firmware import (
 
 
 class TargetError(HexatorqueError, RuntimeError):
-    """The target does not answer, or not as it should."""
+    """The target does not answer, or its answer is wrong."""
 
 
 _ERRORS = {
@@ -39,20 +43,20 @@ _ERRORS = {
 }
 
 
-def _fields(struct) -> dict[str, int]:
-    """What a C struct of numbers holds, by name."""
+def _fields(struct: CData) -> dict[str, int]:
+    """The fields of a C struct of numbers, by name."""
     return {name: getattr(struct, name) for name, _ in ffi.typeof(struct).item.fields}
 
 
 class Log:
-    """Register images after every period: what both kinds of controller keep."""
+    """The log of register images, one after every period, of either kind of controller."""
 
-    def __init__(self, log) -> None:
+    def __init__(self, log: CData) -> None:
         self._log = log
         self._rows = np.empty((0, log.width), np.uint16)
 
     def begin(self, periods: int) -> None:
-        """Keep the next `periods` recorded periods."""
+        """Make room for the next `periods` periods that are logged."""
         self._rows = np.empty((periods, self._log.width), np.uint16)
         self._log.image = ffi.cast("uint16_t *", self._rows.ctypes.data)
         self._log.capacity = periods
@@ -60,17 +64,17 @@ class Log:
 
     @property
     def images(self) -> np.ndarray:
-        """(periods, words) uint16; `image_names` tells the columns."""
+        """The images, (periods, words) uint16. `image_names` names the columns."""
         return self._rows[: self._log.rows]
 
 
 def image_names(controller: Controller) -> list[str]:
-    """What the words of an image are, by TI's names."""
+    """TI's names of the registers whose words are in an image."""
     m = controller.map
     found = ffi.new("uint32_t[]", lib.HT_MIRROR_MAX)
     count = lib.ht_mirror_addresses(m, found)
     line = ffi.new("char[64]")
-    names = []
+    names: list[str] = []
     for address in found[0:count]:
         lib.ht_regfile_name(controller.registers, address, line)
         name = ffi.string(line).decode() or f"register 0x{address:04X}"
@@ -83,7 +87,7 @@ class WatchedController(Controller):
 
     entries = ("ht_watch_fast", "ht_watch_slow", "ht_watch_channels")
 
-    def __init__(self, device: str, values: dict[str, object]) -> None:
+    def __init__(self, device: str, values: Mapping[str, object]) -> None:
         super().__init__(device, values)
         self._watch = ffi.new("ht_watch *")
         lib.ht_watch_init(self._watch, self.drive, self.registers)
@@ -95,8 +99,8 @@ class WatchedController(Controller):
 
 
 class Target:
-    """A place where drives run, one at a time: here in this process, behind the codec. Use
-    as a context; `controller` is what a `Simulation` takes."""
+    """A target runs drives, one at a time; this one runs in this process, but uses the codec as
+    the others do. Use it as a context; `SimulatedDrive` takes its `controller`."""
 
     name = "local"
 
@@ -106,11 +110,11 @@ class Target:
         self.link.local = self._local
         lib.ht_link_reset(self.link)
 
-    def controller(self, device: str, values: dict[str, object]) -> TargetController:
+    def controller(self, device: str, values: Mapping[str, object]) -> TargetController:
         return TargetController(self, device, values)
 
-    def epitaph(self) -> str:
-        """What else is known once the link is down, for the end of a message."""
+    def why_down(self) -> str:
+        """Text for the end of an error message: why the link has failed, as far as known."""
         return ""
 
     def close(self) -> None:
@@ -124,8 +128,8 @@ class Target:
 
 
 class TargetController(Controller):
-    """The firmware on a target. The drive on the host only checks the values and says
-    what they mean for the timing; it never runs."""
+    """The firmware on a target. The drive on the host only checks values and gives the timing
+    that follows from them. It never runs."""
 
     entries = ("ht_link_fast", "ht_link_slow", "ht_link_channels")
 
@@ -133,7 +137,7 @@ class TargetController(Controller):
         self,
         target: Target,
         device: str,
-        values: dict[str, object],
+        values: Mapping[str, object],
         store: Store | None = None,
     ) -> None:
         super().__init__(device, values, store=store)
@@ -154,7 +158,7 @@ class TargetController(Controller):
         self.confirm()
         lib.ht_pil_identify(own)
         there, here = _fields(answer), _fields(own)
-        if not there["registers"]:  # it tells calls instead
+        if not there["registers"]:  # this target reports its calls instead of registers
             there["registers"] = here["registers"]
         if there != here:
             differ = ", ".join(
@@ -173,7 +177,7 @@ class TargetController(Controller):
     def confirm(self) -> None:
         if self._link.error:
             raise TargetError(
-                f"{self.processor}: {_ERRORS[self._link.error]}{self._target.epitaph()}"
+                f"{self.processor}: {_ERRORS[self._link.error]}{self._target.why_down()}"
             )
 
     def _request(self, opcode: int, argument: int = 0, value: float = 0.0) -> int:
@@ -190,7 +194,7 @@ class TargetController(Controller):
         return causes(self._link.faults)
 
     @property
-    def snapshot(self) -> dict[str, object] | None:
+    def snapshot(self) -> Snapshot | None:
         kept = ffi.new("ht_snapshot *")
         lib.ht_link_snapshot(self._link, kept)
         self.confirm()
@@ -199,13 +203,13 @@ class TargetController(Controller):
     def channel(self, name: str) -> float:
         return self._link.channels[[n for n, _ in channels()].index(name)]
 
-    def get(self, name: str) -> str | float:
-        row = self.parameters[name]
-        self._check(self._request(lib.HT_OP_PIL_GET, row.id), name)
-        return row.show(self._link.value)
+    def number(self, name: str) -> float:
+        self._check(self._request(lib.HT_OP_PIL_GET, self.parameters[name].id), name)
+        return self._link.value
 
     def set_many(self, values: Mapping[str, object]) -> None:
-        """The link knows single ones only: what was changed before a refusal is put back."""
+        """Set several values, or none if one is refused. The link sets one value at a time, so
+        after a refusal the former values are written back."""
         for name, value in values.items():
             if name not in self.parameters:
                 raise FirmwareError(f"no controller parameter {name!r}")

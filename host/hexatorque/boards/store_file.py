@@ -1,9 +1,9 @@
-"""The file that is a virtual board's memory for parameters: what a flash is to a real one. The
-board's power is this process: what it kept is there when the next process opens the file.
+"""The file in which a virtual board saves its parameters, as a real board does in its flash.
 
-The firmware's own rules make it safe against an end at any time (firmware/app/ht_store.h): a set is
-there twice, and what is half written is refused. So blocks are written where they belong, and
-only a new file is made as a whole.
+The end of this process corresponds to power off: the next process that opens the file finds the
+saved parameters. The process may end at any time. The firmware keeps each set twice and refuses
+a set that was only partly written (firmware/app/ht_store.h). Therefore blocks are written in
+place, and only a new file is made in one step.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ from pathlib import Path
 
 from ..firmware import FirmwareError, MemoryStore, lib
 
-#: What such a file begins with.
+#: The first bytes of such a file.
 HEAD = b"hexatorque store"
 assert len(HEAD) == lib.HT_STORE_FILE_HEAD
 SIZE = len(HEAD) + MemoryStore.SIZE
 
 
 def open_file(path: Path) -> int:
-    """A descriptor of the file, which is made if it is missing; one board at a time."""
+    """Open the file for this board alone, and make it if it does not exist. Returns a descriptor.
+    FirmwareError if it cannot be opened, is in use, or is another kind of file."""
     try:
         if not path.exists():
             _make(path)
@@ -33,30 +34,30 @@ def open_file(path: Path) -> int:
         raise FirmwareError(f"{path}: {error.strerror}") from None
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        octets = os.pread(file, SIZE + 1, 0)
+        raw = os.pread(file, SIZE + 1, 0)
     except BlockingIOError:
         os.close(file)
         raise FirmwareError(f"{path}: another board has it") from None
     except OSError as error:
         os.close(file)
         raise FirmwareError(f"{path}: {error.strerror}") from None
-    if len(octets) != SIZE or not octets.startswith(HEAD):
+    if len(raw) != SIZE or not raw.startswith(HEAD):
         os.close(file)
         raise FirmwareError(
-            f"{path}: not a store of parameters (such a file has {SIZE} octets and begins with "
+            f"{path}: not a store of parameters (such a file has {SIZE} bytes and begins with "
             f"{HEAD.decode()!r}); name another file, a new one is made"
         )
     return file
 
 
 def _make(path: Path) -> None:
-    """An erased store, there as a whole or not at all."""
+    """Make the file of an erased store, in one step."""
     with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.") as fresh:
         fresh.write(HEAD + b"\xff" * MemoryStore.SIZE)
         fresh.flush()
         os.fsync(fresh.fileno())
         os.chmod(fresh.name, 0o644)
-        with contextlib.suppress(FileExistsError):  # another process was faster: it is as good
+        with contextlib.suppress(FileExistsError):  # another process has just made the same file
             os.link(fresh.name, path)
 
 
@@ -68,18 +69,18 @@ class FileStore(MemoryStore):
         self._file = open_file(path)
         super().__init__(bytearray(os.pread(self._file, MemoryStore.SIZE, len(HEAD))))
 
-    def put(self, begin: int, octets: bytes) -> bool:
+    def put(self, begin: int, raw: bytes) -> bool:
         try:
-            done = os.pwrite(self._file, octets, len(HEAD) + begin)
-            if done != len(octets):
+            done = os.pwrite(self._file, raw, len(HEAD) + begin)
+            if done != len(raw):
                 raise OSError(0, "no space left")
         except OSError as error:
             print(f"hexatorque: {self.path}: {error.strerror}", file=sys.stderr, flush=True)
             return False
-        return super().put(begin, octets)
+        return super().put(begin, raw)
 
     def close(self) -> None:
-        """Let another board have the file. May be called again."""
+        """Release the file for another board. May be called again."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1

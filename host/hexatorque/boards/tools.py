@@ -1,4 +1,4 @@
-"""Cross compilers and emulators: where they are, how to install them, building."""
+"""Cross compilers and emulators: finding them, how to install them, and building with them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ..setups import SetupError
 
-#: Program -> Debian packages that bring it.
+#: Program -> the Debian packages that contain it.
 PACKAGES = {
     "arm-none-eabi-gcc": "gcc-arm-none-eabi libnewlib-arm-none-eabi",
     "qemu-system-arm": "qemu-system-arm",
@@ -21,20 +21,20 @@ PACKAGES = {
     "libsimavr": "libsimavr-dev libelf-dev",
     "clang": "clang",
 }
-#: Libraries among them, by their header.
+#: The entries that are libraries -> the header that must exist.
 HEADERS = {"libsimavr": "simavr/sim_avr.h"}
 
 
 class MissingTool(SetupError):
-    """Something that has to be installed first."""
+    """A program that is needed is not installed."""
 
 
 class BuildError(SetupError):
-    """The firmware did not build."""
+    """Building the firmware failed."""
 
 
 def program(name: str) -> str | None:
-    """Path of a program, first beside the running Python."""
+    """Path of a program; a program beside the running Python comes first."""
     beside = Path(sys.executable).parent / name
     return str(beside) if beside.exists() else shutil.which(name)
 
@@ -48,14 +48,15 @@ def _present(name: str) -> bool:
             bool(compiler)
             and not subprocess.run(asked, input=text, capture_output=True, text=True).returncode
         )
-    if name == "arm-none-eabi-gcc" and program(name):
-        asked = [program(name), "-print-file-name=libc_nano.a"]
+    found = program(name)
+    if name == "arm-none-eabi-gcc" and found:
+        asked = [found, "-print-file-name=libc_nano.a"]
         return Path(subprocess.run(asked, capture_output=True, text=True).stdout).is_absolute()
-    return program(name) is not None
+    return found is not None
 
 
 def missing(*names: str) -> str | None:
-    """None, or one line that says what is not installed and how to get it."""
+    """One line that names the missing programs and how to install them; None if all are there."""
     absent = [name for name in names if not _present(name)]
     if absent:
         packages = " ".join(PACKAGES[name] for name in absent)
@@ -90,7 +91,7 @@ def _build_folder(source: Path, preset: str) -> Path:
 
 
 def run(step: list, folder: Path | None = None) -> None:
-    """One step of a build."""
+    """Run one step of a build."""
     done = subprocess.run(step, cwd=folder, capture_output=True, text=True)
     if done.returncode:
         text = (done.stdout + done.stderr).strip()
@@ -98,7 +99,7 @@ def run(step: list, folder: Path | None = None) -> None:
 
 
 def build(preset: str) -> Path:
-    """Build a CMake preset; the folder of its images. Does nothing where nothing changed."""
+    """Build a CMake preset. Returns the folder of its images. Only changed files are compiled."""
     source = source_root()
     folder = _build_folder(source, preset)
     folder.mkdir(parents=True, exist_ok=True)
@@ -115,7 +116,7 @@ def build(preset: str) -> Path:
 
 
 def objects(folder: Path, *libraries: str) -> dict[Path, Path]:
-    """Source -> object file of libraries or programs of a build folder."""
+    """The object file of each source of these libraries or programs, in a build folder."""
     rows = json.loads((folder / "compile_commands.json").read_text())
     found = {}
     for row in rows:
@@ -126,7 +127,7 @@ def objects(folder: Path, *libraries: str) -> dict[Path, Path]:
 
 
 def optimisation(folder: Path, library: str) -> str:
-    """A library's options of optimisation: level, and whether it goes on when linking."""
+    """A library's optimisation options: the level, and whether it is optimised when linked."""
     rows = json.loads((folder / "compile_commands.json").read_text())
     command = next(row["command"] for row in rows if f"{library}.dir" in row["output"]).split()
     level = [word for word in command if word.startswith("-O")][-1]  # the last one counts
@@ -134,7 +135,7 @@ def optimisation(folder: Path, library: str) -> str:
 
 
 def main() -> int:
-    """What is missing of all targets, one line each; 1 if anything is."""
+    """Print one line for each missing program of any target. Returns 1 if one is missing."""
     lines = [missing(name) for name in PACKAGES]
     print(*(line for line in lines if line), sep="\n", end="\n" if any(lines) else "")
     return int(any(lines))

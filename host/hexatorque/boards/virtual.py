@@ -1,13 +1,12 @@
-"""A board without a board: firmware and plant in one process, behind a pseudo-terminal
-that speaks docs/protocol.md.
+"""A virtual board: firmware and plant in one process, with a pseudo-terminal as serial port.
 
-board = VirtualBoard(scenario.load("paper-b"))
+board = VirtualBoard(hexatorque.load("paper-b"))
 with Terminal() as line:
     print(line.port)          # what a client opens
     serve(board, line, until=lambda: False)
 
-The link's code is the image's, over the driver of the SCI and the register model; the
-line carries as many octets a second as its baud rate allows, in simulated time.
+The link's code is the same as in a board's image, with the driver of the SCI and the register
+model below it. The line carries as many bytes per simulated second as its baud rate allows.
 """
 
 from __future__ import annotations
@@ -17,10 +16,10 @@ import os
 import select
 import time
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -31,13 +30,26 @@ from ..recording.recording import Recording
 from ..setups import Setup
 from .store_file import FileStore
 
-#: Simulated seconds between two looks at the line, at real time.
+#: Simulated seconds between two transfers of bytes on the line, at real-time speed.
 TURN_S = 0.002
-#: A process that was held up for longer does not catch up: on a busy computer the client was
-#: held up as well, and simulated time without a sign of life is what the watchdog counts.
+#: A process that could not run for longer than this does not catch up. On a busy computer the
+#: client could not run either, and its heartbeats would then be too late in simulated time.
 LATE_S = 0.05
-#: Memory for captures, values: what the F28377S's image has.
+#: Memory for captures, in values, as in the image for the F28377S.
 CAPTURE_VALUES = 20480
+
+
+class SerialBoard(Protocol):
+    """What a board's controller is beside the drive: its end of the line."""
+
+    baud: int
+
+    @property
+    def parameter_set(self) -> str: ...
+
+    def put(self, raw: bytes) -> int: ...
+
+    def take(self) -> bytes: ...
 
 
 class BoardController(firmware.Controller):
@@ -48,7 +60,7 @@ class BoardController(firmware.Controller):
     def __init__(
         self,
         device: str,
-        values: dict[str, object],
+        values: Mapping[str, object],
         baud: int | None,
         watchdog_ms: int,
         store: firmware.Store | None = None,
@@ -74,30 +86,30 @@ class BoardController(firmware.Controller):
     def handle(self) -> int:
         return int(ffi.cast("uintptr_t", self.board))
 
-    def put(self, octets: bytes) -> int:
-        """Octets onto the line, to the board. Returns how many found room."""
-        cells = np.frombuffer(octets, np.uint8).astype(np.uint16)
+    def put(self, raw: bytes) -> int:
+        """Send bytes to the board. Returns how many fitted into the buffer."""
+        cells = np.frombuffer(raw, np.uint8).astype(np.uint16)
         pointer = ffi.cast("uint16_t *", cells.ctypes.data)
         return lib.ht_virtual_put(self.board, pointer, len(cells))
 
     def take(self) -> bytes:
-        """Octets that the board has sent."""
+        """The bytes that the board has sent since the last call."""
         pointer = ffi.cast("uint16_t *", self._out.ctypes.data)
         n = lib.ht_virtual_take(self.board, pointer, len(self._out))
         return self._out[:n].astype(np.uint8).tobytes()
 
 
 def watchdog_ms(factor: float) -> int:
-    """Of a board that is run `factor` times as fast as the clock."""
+    """The watchdog time of a board that runs `factor` times as fast as real time."""
     if not 0.01 <= factor <= 100:
         raise FirmwareError(f"factor = {factor:g}: allowed range is 0.01 .. 100")
     return round(lib.HT_SERVICE_WATCHDOG_MS * max(1.0, factor))
 
 
 class VirtualBoard:
-    """Firmware and plant. `baud` and rate are the line's in simulated time; `factor` is how
-    much faster than real time it will be run: the watchdog waits that much longer. `store`: the
-    file that is its memory for parameters; without one it has none."""
+    """Firmware and plant. baud: the line's rate, in simulated time; factor: the speed relative to
+    real time, by which the watchdog time is multiplied; store: the file in which the board saves
+    its parameters; without it, it cannot save any."""
 
     def __init__(
         self,
@@ -114,7 +126,9 @@ class VirtualBoard:
         except BaseException:
             self.close()
             raise
-        self.controller: BoardController = self.sim.controller
+        controller = self.sim.controller
+        assert isinstance(controller, BoardController)
+        self.controller: SerialBoard = controller
 
     @property
     def title(self) -> str:
@@ -132,24 +146,24 @@ class VirtualBoard:
         self.close()
 
     def run(self, duration_s: float, record: bool = False) -> None:
-        """Advance; `record`: keep what the simulation records for `take`."""
+        """Simulate `duration_s`. `record`: the simulation records samples for `take`."""
         self.sim.follow_timers()  # a client may have changed f_isr_Hz
         self.sim.run(duration_s, record=record)
 
     def take(self) -> Recording:
-        """What the simulation itself recorded, to compare a client's recording with."""
+        """The simulation's own recording, with which a client's recording can be compared."""
         return self.sim.take()
 
 
 class Terminal:
-    """A pseudo-terminal in raw mode; `port` is the end for clients."""
+    """A pseudo-terminal in raw mode. `port` is the name of the end for clients."""
 
     def __init__(self) -> None:
         self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)  # held open: a client that leaves does not hang up
+        tty.setraw(self._slave)  # kept open: a client that leaves does not end the line
         os.set_blocking(self._master, False)
         self.port = os.ttyname(self._slave)
-        #: Octets that nobody has read in time.
+        #: Number of bytes that were dropped because the client did not read them.
         self.lost = 0
 
     def __enter__(self) -> Terminal:
@@ -160,7 +174,7 @@ class Terminal:
         os.close(self._slave)
 
     def wait(self, seconds: float) -> None:
-        """Until octets come, or for that long."""
+        """Wait until bytes come, but not longer than `seconds`."""
         select.select([self._master], [], [], max(0.0, seconds))
 
     def read(self) -> bytes:
@@ -169,17 +183,17 @@ class Terminal:
         except BlockingIOError:
             return b""
 
-    def write(self, octets: bytes) -> None:
-        """Like a wire: what does not fit the reader's buffer is gone."""
-        while octets:
+    def write(self, raw: bytes) -> None:
+        """Send bytes to the client. As on a wire, bytes that do not fit its buffer are lost."""
+        while raw:
             try:
-                sent = os.write(self._master, octets)
+                sent = os.write(self._master, raw)
             except OSError as error:
                 if error.errno not in (errno.EAGAIN, errno.EIO):
                     raise
-                self.lost += len(octets)
+                self.lost += len(raw)
                 return
-            octets = octets[sent:]
+            raw = raw[sent:]
 
 
 def serve(
@@ -188,14 +202,14 @@ def serve(
     until: Callable[[], bool],
     record: bool = False,
 ) -> None:
-    """Run board and line together, `board.factor` times as fast as the clock, until told."""
+    """Run the board and the line, `board.factor` times as fast as real time, until `until()`."""
     turn_s = TURN_S * max(1.0, board.factor)
     begun = time.monotonic()
     done_s = 0.0
     waiting = b""
     while not until():
         due_s = (time.monotonic() - begun) * board.factor
-        if due_s - done_s > LATE_S * board.factor:  # held up: the world did not go on either
+        if due_s - done_s > LATE_S * board.factor:  # this process did not run: do not catch up
             begun += (due_s - done_s) / board.factor - TURN_S
             continue
         if due_s - done_s < turn_s:

@@ -122,7 +122,9 @@ def _shell(name: str) -> str:
 
 
 def _script(ctx: click.Context, shell: str) -> str:
-    return get_completion_class(shell)(ctx.command, {}, "hexatorque", VARIABLE).source()
+    completion = get_completion_class(shell)
+    assert completion  # click has one for each of SHELLS
+    return completion(ctx.command, {}, "hexatorque", VARIABLE).source()
 
 
 def _show(ctx: click.Context, param: click.Parameter, given: str | None) -> None:

@@ -35,7 +35,8 @@ class Group(click.Group):
     not among them. Called without a name it says so in one line, as for any mistake."""
 
     def __init__(self, *args, **attributes):
-        super().__init__(*args, no_args_is_help=False, **attributes)
+        super().__init__(*args, **attributes)
+        self.no_args_is_help = False
 
     def list_commands(self, ctx):
         return list(self.commands)

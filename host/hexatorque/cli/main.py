@@ -73,7 +73,7 @@ def main(argv: list[str] | None = None) -> int:
 def _usage(error: click.ClickException) -> str:
     """What is wrong with the command line, in one line."""
     ctx, option = getattr(error, "ctx", None), getattr(error, "option_name", None)
-    if ctx is not None and (ctx.info_name, option) in OLD_NAMES_IN_GROUPS:
+    if ctx is not None and option is not None and (ctx.info_name, option) in OLD_NAMES_IN_GROUPS:
         return unknown(ctx, option)
     text = " ".join(error.format_message().split()).rstrip(".")
     text = re.sub(r"^Invalid value for '(?:-\w' / ')?([^']*)': ", r"\1: ", text)

@@ -7,13 +7,17 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 COMPILING = "compiling the simulation: once, for up to a minute ..."
 #: Width of what is no terminal: no line of a table is broken there.
 WIDE = 1000
 
 
-def console_of(as_json: bool, highlight: bool = True):
+def console_of(as_json: bool, highlight: bool = True) -> Console:
     """Tables go to standard output, or to standard error beside JSON. COLUMNS, or the
     terminal, says how wide they may be."""
     from rich.console import Console
@@ -68,7 +72,7 @@ def print_json(data: object) -> None:
     print(json.dumps(data, indent=1))
 
 
-def print_failure(console, text: str, what: str = "failed") -> None:
+def print_failure(console: Console, text: str, what: str = "failed") -> None:
     from rich.markup import escape
 
     console.print(f"[bold red]{what}[/] {escape(text)}", highlight=False)

@@ -1,4 +1,4 @@
-"""A drive on a board, with the verbs of `simulated.SimulatedDrive`, in real time.
+"""A drive on a board. It has the same methods as `simulated.SimulatedDrive` and runs in real time.
 
 with BoardDrive.open("/dev/ttyUSB0") as drive:
     drive.set("scheme", "ddr")
@@ -8,8 +8,8 @@ with BoardDrive.open("/dev/ttyUSB0") as drive:
     drive.run(1.0)
     recording = drive.take()
 
-Leaving the block stops the drive if this opened its session; a process that dies leaves that
-to the board's watchdog.
+At the end of the block the client closes its session, and a drive that was started in it stops.
+If the process dies, the board's watchdog stops the drive.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from __future__ import annotations
 import math
 import struct
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from types import MappingProxyType
 
 import numpy as np
 
 from .. import __version__
-from ..firmware import PARAMETER_SETS, FirmwareError, Parameter
+from ..firmware import PARAMETER_SETS, FirmwareError, Parameter, Snapshot
 from ..recording.journal import TICK_HZ
 from ..recording.recording import DECIMATION, FIRST_TICK, STARTED, Recording, clock_text
 from ..serial import BAUDS, BOARD_RESET, LinkError, clock, runtime, wire
@@ -32,30 +33,33 @@ from ..serial.dictionary import fetch
 from ..serial.stream import Stream, decimation_for, on_a_grid
 from ..serial.wire import Op, Status
 from . import board_captures, captures
-from .interface import DriveVerbs, Progress
+from .interface import DriveVerbs, Progress, finite
 
-#: What a profile may ask of the test bench around a real drive.
+#: Quantities of a profile that the board cannot set: the test bench has to.
 PLANT = {"load_Nm": "N m", "vdc_V": "V"}
 
 
 class BoardDrive(DriveVerbs):
-    """A drive behind a serial line, with the verbs of a simulation. `open` finds it."""
+    """A drive on a serial line, with the methods of a simulated drive. Use `open` to get one."""
 
     @classmethod
     def open(
         cls,
         url: str | None = None,
         baud: int | None = None,
-        record: tuple[str, ...] | list[str] | None = None,
+        record: Sequence[str] | None = None,
         rate_Hz: float | None = None,
         operator: Callable[[str, float], None] | None = None,
     ) -> BoardDrive:
-        """The drive at a device, pseudo-terminal or `socket://host:port`; without one, the
-        only board that is found. Without a baud rate those of the images are tried.
+        """Connect to a board.
 
-        record, rate_Hz: what `run` records; by default all channels that a stream takes, as
-        fast as the line carries them. operator(name, value): called where a profile changes
-        `load_Nm` or `vdc_V`, which nobody but the test bench can do.
+        url: a device, a pseudo-terminal or `socket://host:port`. Without it, the only board
+        that answers is taken; LinkError if there are none or several.
+        baud: the baud rate. Without it, the rates of the supplied images are tried.
+        record, rate_Hz: the channels and the rate that `run` records. The default is as many
+        channels as a stream can have, at the highest rate that the line carries.
+        operator(name, value): called when a profile changes `load_Nm` or `vdc_V`, because only
+        the test bench can change these.
         """
         if url is None:
             from ..serial.devices import only
@@ -65,7 +69,13 @@ class BoardDrive(DriveVerbs):
         bauds = (baud,) if baud else runtime.bauds_for(url, BAUDS)
         return cls(Client(url, bauds), record, rate_Hz, operator)
 
-    def __init__(self, client: Client, record=None, rate_Hz=None, operator=None) -> None:
+    def __init__(
+        self,
+        client: Client,
+        record: Sequence[str] | None = None,
+        rate_Hz: float | None = None,
+        operator: Callable[[str, float], None] | None = None,
+    ) -> None:
         self.client = client
         self._recorder: Stream | None = None
         try:
@@ -77,7 +87,7 @@ class BoardDrive(DriveVerbs):
             self.dictionary.channel_ids(record)
             self.record = tuple(record)
             if rate_Hz is not None:
-                decimation_for(self.hello.f_isr_Hz, rate_Hz)  # a mistake shows now
+                decimation_for(self.hello.f_isr_Hz, rate_Hz)  # refuse a wrong rate at once
             self._rate_Hz = rate_Hz
             self.client.on_return.append(self._same_board)
             self._opened_tick = self._now_tick()
@@ -91,11 +101,12 @@ class BoardDrive(DriveVerbs):
             raise
 
     def _same_board(self) -> None:
-        """After an interruption: is it the one that was there before?"""
+        """After an interruption, check that the board runs the same firmware as before."""
         hello = self.client.hello()
         if hello.crc != self.dictionary.crc:
             raise LinkError(
-                f"{self.client.url}: another firmware has come back, open it again", mistake=True
+                f"{self.client.url}: the board now runs another firmware; open the drive again",
+                mistake=True,
             )
 
     def _board_restarted(self) -> None:
@@ -111,18 +122,18 @@ class BoardDrive(DriveVerbs):
 
     @property
     def resets(self) -> int:
-        """How often the board was reset since this was opened, by the board's own word. Its
-        parameters are at their saved or initial values since, and streams have ended."""
+        """How often the board was reset since this drive was opened, as the board reports it.
+        A reset sets the parameters to their saved or initial values and ends all streams."""
         return self.client.resets
 
     @property
     def on_reset(self) -> list[Callable[[], None]]:
-        """Called after a reset of the board, when it can be talked to again. Not in the thread
-        that reads the line, so it may ask for things; it must not wait for long, since the
-        heartbeat waits for it."""
+        """Functions that are called after a reset, once the board answers again. They do not
+        run in the thread that reads the line, so they may send requests. They must return soon,
+        because the heartbeat waits for them."""
         return self.client.on_reset
 
-    # -- what it is ------------------------------------------------------------------------
+    # -- properties ------------------------------------------------------------------------
 
     @property
     def params(self) -> Mapping[str, Parameter]:
@@ -138,32 +149,31 @@ class BoardDrive(DriveVerbs):
 
     @property
     def state(self) -> str:
-        return self._standing()[0]
+        return self._state_and_faults()[0]
 
     @property
     def faults(self) -> list[str]:
-        return self._standing()[1]
+        return self._state_and_faults()[1]
 
-    def _standing(self) -> tuple[str, list[str]]:
-        """State and faults; every reply tells them."""
+    def _state_and_faults(self) -> tuple[str, list[str]]:
+        """The state and the faults. Every reply carries both."""
         self.client.get_status()
         reply = self.client.latest
         assert reply
         return self.client.state_name(reply.state), self.dictionary.causes(reply.faults)
 
     @property
-    def snapshot(self) -> dict[str, object] | None:
+    def snapshot(self) -> Snapshot | None:
         try:
             found = wire.parse_snapshot(self.client.do(Op.SNAPSHOT).payload)
         except wire.WireError as error:
             raise LinkError(f"{self.client.url}: SNAPSHOT: {error}") from None
         if found is None:
             return None
-        state, faults = found["state"], found["faults"]
         return {
             **found,
-            "state": self.client.state_name(state),
-            "faults": self.dictionary.causes(faults),
+            "state": self.client.state_name(found["state"]),
+            "faults": self.dictionary.causes(found["faults"]),
         }
 
     # -- parameters --------------------------------------------------------------------------
@@ -178,7 +188,7 @@ class BoardDrive(DriveVerbs):
         return self.get_many([name])[name]
 
     def get_many(self, names: list[str]) -> dict[str, str | float]:
-        """The values of parameters, choices by name."""
+        """The values of these parameters; for a parameter with choices, the choice's name."""
         rows = [self._parameter(name) for name in names]
         values: dict[str, str | float] = {}
         for at in range(0, len(rows), wire.GET_MOST):
@@ -193,11 +203,15 @@ class BoardDrive(DriveVerbs):
         return self.get_many(list(self.params))
 
     def set_many(self, values: Mapping[str, object]) -> None:
-        """All at one fast interrupt, or none if one is refused."""
+        """Write several parameters. The board takes over all of them in one fast interrupt, or
+        none if it refuses one. LinkError then names the parameter and the allowed range."""
         if not values:
             return
         if self.operator and len(values) == 1 and (name := next(iter(values))) in PLANT:
-            self.operator(name, float(values[name]))
+            number = finite(values[name])
+            if number is None:
+                raise LinkError(f"{name} = {values[name]}: a finite number is needed", mistake=True)
+            self.operator(name, number)
             return
         for name in values:
             if name in PLANT:
@@ -224,12 +238,13 @@ class BoardDrive(DriveVerbs):
                 raise LinkError(f"{row.name}: {got:g} is in force instead of {asked:g}")
 
     def store_parameters(self) -> None:
-        """The board keeps the parameters in force and starts with them from now on; all but the
-        references. With the gates off only."""
+        """Save the present parameters on the board, except the references. The board starts with
+        them from now on. It refuses to save while the gates are on."""
         self._write_store(Op.SAVE, "keep the parameters")
 
     def forget_parameters(self) -> None:
-        """The board starts with its built-in parameters from now on. Those in force stay."""
+        """Delete the saved parameters. The board starts with its built-in ones from now on. The
+        present values do not change."""
         self._write_store(Op.FORGET, "forget the parameters")
 
     def _write_store(self, op: Op, what: str) -> None:
@@ -245,7 +260,7 @@ class BoardDrive(DriveVerbs):
         if reply.status == Status.STATE:
             state = self.client.state_name(reply.state)
             why = (
-                "not while anything is streamed or captured on this board; end that first"
+                "not while the board streams or captures; end that first"
                 if state in ("idle", "fault")
                 else "only while the gates are off; stop the drive first"
             )
@@ -254,12 +269,12 @@ class BoardDrive(DriveVerbs):
 
     @property
     def parameter_set(self) -> str:
-        """Which set of parameters the board took when it started: what was set or kept since
-        does not change it."""
+        """The set of parameters that the board took when it started. Parameters that were
+        written or saved later do not change this."""
         return parameter_set(self.client.get_status().set)
 
     def _refused(self, reply: wire.Reply, values: Mapping[str, object]) -> LinkError:
-        """A WRITE's refusal with the parameter's name and what is allowed."""
+        """The error for a refused WRITE: it names the parameter and the allowed range."""
         what = ", ".join(f"{name} = {value}" for name, value in values.items())
         if len(reply.payload) == 2:
             (id,) = struct.unpack("<H", reply.payload)
@@ -292,7 +307,7 @@ class BoardDrive(DriveVerbs):
     # -- commands ------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """From now on the board stops by itself if this process is gone."""
+        """Start the drive. If this process ends, the board stops the drive by itself."""
         self.client.do(Op.START, what="start")
 
     def stop(self) -> None:
@@ -304,7 +319,8 @@ class BoardDrive(DriveVerbs):
     # -- time and recordings -------------------------------------------------------------------
 
     def run(self, duration_s: float, record: bool = True, progress: Progress | None = None) -> None:
-        """Let real time pass; the board's state is not looked at."""
+        """Wait for `duration_s` of real time, and record unless `record` is False. This does not
+        check the board's state; `check` does."""
         if not record:
             self.discard()
         elif self._recorder is None:
@@ -328,8 +344,9 @@ class BoardDrive(DriveVerbs):
             self._recorder = None
 
     def take(self) -> Recording:
-        """Ends the recording. Time counts from the opening of the drive, or from the board's
-        latest reset since, by the board's ticks; samples that were lost are NaN."""
+        """End the recording and return it. Its time axis comes from the board's ticks. Time 0 is
+        when the drive was opened or, if that was later, the board's latest reset. Lost samples
+        are NaN."""
         recorder = self._recorder
         if recorder is None:
             raise LinkError("nothing was recorded", mistake=True)
@@ -355,15 +372,17 @@ class BoardDrive(DriveVerbs):
         }
         return self._recording(recorder.rate_Hz, recorder.channels, grid, meta, start_s)
 
-    def _recording(self, rate_Hz, names, table, meta, start_s) -> Recording:
+    def _recording(
+        self, rate_Hz: float, names: Sequence[str], table: np.ndarray, meta: dict, start_s: float
+    ) -> Recording:
         units = {row.name: row.unit for row in self.dictionary.channels}
         data = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(names)}
         return Recording(rate_Hz, data, {name: units[name] for name in names}, meta, start_s)
 
     def meta(self) -> dict:
-        """Who this is, all its parameters, and what went wrong on the line."""
+        """Metadata for a recording: the board's identity, all parameters, the error counters."""
         status = self.client.get_status()
-        state, faults = self._standing()
+        state, faults = self._state_and_faults()
         values = self.get_all()
         return {
             "hexatorque": __version__,
@@ -384,19 +403,18 @@ class BoardDrive(DriveVerbs):
         }
 
     def clock(self, earlier: clock.Reading | None = None) -> clock.Clock:
-        """The board's tick against this computer's clock, from now on or for what was just
-        sampled."""
+        """The relation between the board's tick and this computer's clock, read now."""
         return clock.Clock(self.hello.f_isr_Hz, clock.read(self.client), earlier)
 
     def line_counters(self) -> dict[str, int]:
-        """What this end of the line has counted."""
+        """Errors on the line that this computer has counted."""
         return {
             "crc_errors": self.client.damaged,
             "retries": self.client.counters.retries,
             "reconnects": self.client.counters.reconnects,
         }
 
-    def _can_follow(self, names: set[str]) -> None:
+    def _can_follow(self, names: AbstractSet[str]) -> None:
         if not self.operator and names & set(PLANT):
             raise LinkError(
                 f"profile: {', '.join(sorted(names & set(PLANT)))}: a board cannot set this; "
@@ -412,8 +430,8 @@ class BoardDrive(DriveVerbs):
         rate_Hz: float | None = None,
         decimation: int | None = None,
     ) -> Stream:
-        """Samples as they come, at a rate or every so many fast interrupts; without either
-        as fast as the line carries them."""
+        """Open a stream of samples. `decimation` is in fast interrupts per sample. Give either
+        `rate_Hz` or `decimation`; without both the stream is as fast as the line allows."""
         if rate_Hz is not None and decimation is not None:
             raise LinkError("rate_Hz and decimation: give one of them", mistake=True)
         self.hello = self.client.hello()  # f_isr_Hz is a parameter
@@ -425,7 +443,7 @@ class BoardDrive(DriveVerbs):
 
     def arm(
         self,
-        channels: tuple[str, ...] | list[str],
+        channels: Sequence[str],
         samples: int,
         pre: int = 0,
         trigger: str = "manual",
@@ -443,11 +461,11 @@ class BoardDrive(DriveVerbs):
         self.client.do(Op.CANCEL, what="cancel")
 
     def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
-        return self._bring(board_captures.wait(self.client, timeout_s, now))
+        return self._upload(board_captures.wait(self.client, timeout_s, now))
 
-    def _bring(self, found: wire.CaptureReply) -> Recording:
+    def _upload(self, found: wire.CaptureReply) -> Recording:
         self.hello = self.client.hello()  # f_isr_Hz is a parameter
-        when = self.clock(self._armed).when(found.tick)  # soon: it is known best now
+        when = self.clock(self._armed).when(found.tick)  # the clocks drift: read this at once
         table = board_captures.upload(self.client, found)
         rate_Hz = self.hello.f_isr_Hz / found.prescaler
         names = [self.dictionary.channels[id].name for id in found.channels]
@@ -460,12 +478,12 @@ class BoardDrive(DriveVerbs):
 
 
 def parameter_set(number: int) -> str:
-    """What a STATUS says of the set of parameters, in words."""
+    """The text for STATUS's number of the parameter set."""
     return PARAMETER_SETS[number] if number < len(PARAMETER_SETS) else str(number)
 
 
 def _shown(row: Parameter, value: float) -> str | float:
-    """As a person would write it: the shortest decimal that is this float32."""
+    """The value as a person would write it: the shortest decimal number with this float32."""
     if row.choices and value == int(value) and 0 <= value < len(row.choices):
         return row.show(value)
     return float(str(np.float32(value))) if math.isfinite(value) else value

@@ -1,10 +1,11 @@
-"""Burst captures: what triggers them, and bringing them over."""
+"""Burst captures on a board: arm them, wait for them, upload them."""
 
 from __future__ import annotations
 
 import struct
 import time
 import zlib
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,11 +16,11 @@ from ..serial.dictionary import Dictionary
 from ..serial.wire import CaptureReply, CaptureState, Hello, Op
 from .captures import Trigger, check
 
-#: Without data for so long, what is missing is asked for again.
+#: If no data came for this long, the missing values are requested again.
 QUIET_S = 0.15
-#: So often in a row without anything new.
-PATIENCE = 6
-#: Values asked for at a time: a fifth of a second at 1.25 Mbaud.
+#: The upload fails after this many requests in a row that brought no new value.
+MOST_FRUITLESS = 6
+#: Values per request: a fifth of a second at 1.25 Mbaud.
 READ_VALUES = 6000
 
 
@@ -27,13 +28,13 @@ def arm(
     client: Client,
     hello: Hello,
     dictionary: Dictionary,
-    channels: tuple[str, ...] | list[str],
+    channels: Sequence[str],
     samples: int,
     pre: int,
     trigger: str,
     prescaler: int,
 ) -> int:
-    """Set the board's capture; returns its number."""
+    """Arm the board's capture. Returns its number. LinkError for settings out of range."""
     try:
         what = Trigger.parse(trigger)
         check(samples, pre, prescaler)
@@ -66,7 +67,8 @@ def state(client: Client) -> CaptureReply:
 
 
 def wait(client: Client, timeout_s: float | None, manual: bool) -> CaptureReply:
-    """Until the capture is complete. `manual`: trigger it as soon as that counts."""
+    """Wait until the capture is complete. `manual`: send TRIGGER as soon as the samples before
+    the trigger are there. LinkError after `timeout_s` (None: never), or if none is armed."""
     end = None if timeout_s is None else time.monotonic() + timeout_s
     while True:
         at = client.get_status().capture
@@ -84,10 +86,13 @@ def wait(client: Client, timeout_s: float | None, manual: bool) -> CaptureReply:
 
 
 def upload(client: Client, capture: CaptureReply) -> np.ndarray:
-    """(samples, channels) float32 of a complete capture, the oldest first."""
+    """Read a complete capture: (samples, channels) float32, oldest sample first. LinkError if
+    data stay away or the CRC is wrong."""
     total = capture.samples * len(capture.channels)
     values = np.zeros(total, np.float32)
-    there = np.zeros(total, bool)
+    arrived = np.zeros(total, bool)
+
+    heard_s = time.monotonic()
 
     def sink(bodies: list[bytes]) -> None:
         nonlocal heard_s
@@ -99,29 +104,28 @@ def upload(client: Client, capture: CaptureReply) -> np.ndarray:
                 continue
             if number == capture.number and first + len(chunk) <= total:
                 values[first : first + len(chunk)] = chunk
-                there[first : first + len(chunk)] = True
+                arrived[first : first + len(chunk)] = True
                 heard_s = time.monotonic()
 
-    heard_s = time.monotonic()
-    silence = client.listen(sink)
+    stop_listening = client.listen(sink)
     try:
         fruitless = 0
-        while not there.all():
-            first = int(np.argmin(there))
-            behind = there[first : first + READ_VALUES]
-            count = int(np.argmax(behind)) if behind.any() else len(behind)
-            before = int(there.sum())
+        while not arrived.all():
+            first = int(np.argmin(arrived))
+            part = arrived[first : first + READ_VALUES]
+            count = int(np.argmax(part)) if part.any() else len(part)
+            before = int(arrived.sum())
             client.do(Op.READ, struct.pack("<II", first, count), "capture")
             heard_s = time.monotonic()
-            while not there[first : first + count].all():
+            while not arrived[first : first + count].all():
                 if time.monotonic() - heard_s > QUIET_S:
                     break
                 time.sleep(0.002)
-            fruitless = 0 if there.sum() > before else fruitless + 1
-            if fruitless == PATIENCE:
+            fruitless = 0 if arrived.sum() > before else fruitless + 1
+            if fruitless == MOST_FRUITLESS:
                 raise LinkError(f"{client.url}: the board does not send the capture's data")
     finally:
-        silence()
+        stop_listening()
     if zlib.crc32(values.astype("<f4").tobytes()) != capture.crc:
         raise LinkError(f"{client.url}: the capture's CRC does not fit its data")
     return values.reshape(capture.samples, len(capture.channels))

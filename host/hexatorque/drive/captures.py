@@ -1,4 +1,4 @@
-"""Captures: what triggers them, and taking one from a simulation as a board does."""
+"""Captures: their triggers, and a capture in a simulation that works as on a board."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from ..firmware import ffi, lib
 from ..recording.journal import TICK_HZ
 from ..recording.recording import DECIMATION, FIRST_TICK, TRIGGER, RecordingError
 
-#: In the order of their numbers in docs/protocol.md.
+#: Kinds of trigger. The index is the number in docs/protocol.md.
 TRIGGERS = ("manual", "rising", "falling", "above", "below", "fault", "command")
 
 
-#: A level travels as a float.
+#: Largest trigger level: ARM carries it as a float32.
 FLOAT32_MOST = float(np.finfo(np.float32).max)
 
 
@@ -27,7 +27,9 @@ class Trigger:
 
     @staticmethod
     def parse(text: str) -> Trigger:
-        """`manual`, `fault`, `command`, or `rising:torque_Nm:5` (falling, above, below)."""
+        """A trigger from text: `manual`, `fault`, `command`, or KIND:CHANNEL:LEVEL such as
+        `rising:torque_Nm:5`, where KIND is rising, falling, above or below. RecordingError for
+        any other text."""
         kind, *rest = text.split(":")
         if kind not in TRIGGERS:
             raise RecordingError(f"trigger {text!r}: choose one of {', '.join(TRIGGERS)}")
@@ -52,7 +54,7 @@ class Trigger:
 
 
 def check(samples: int, pre: int, prescaler: int) -> None:
-    """Refuse what no capture can be."""
+    """Raise RecordingError if one of these is out of range."""
     if samples < 1:
         raise RecordingError(f"samples = {samples}: 1 or more are needed")
     if not 0 <= pre < samples:
@@ -62,7 +64,7 @@ def check(samples: int, pre: int, prescaler: int) -> None:
 
 
 def metadata(trigger_tick: int, pre: int, prescaler: int, f_isr_Hz: float) -> dict:
-    """Of a complete capture: its trigger is at time 0, and no sample is missing."""
+    """Metadata of a complete capture. Its trigger is at time 0, and no sample is missing."""
     return {
         TRIGGER: 0.0,
         "trigger_tick": trigger_tick,
@@ -76,13 +78,14 @@ def metadata(trigger_tick: int, pre: int, prescaler: int, f_isr_Hz: float) -> di
 
 
 class Burst:
-    """One capture of a simulation: the firmware's own (firmware/link/ht_burst.c), fed with all
-    rows of the simulation's telemetry. Its rules are in docs/protocol.md."""
+    """One capture in a simulation. It runs the firmware's code (firmware/link/ht_burst.c) on
+    every row of the simulation's telemetry. docs/protocol.md gives the rules."""
 
     def __init__(
         self, columns: list[int], samples: int, pre: int, prescaler: int, trigger: Trigger, on: int
     ) -> None:
-        """`columns` of the rows to keep; `on`: the column that the trigger looks at."""
+        """columns: the columns of the rows that are kept; on: the column that the trigger
+        compares with its level."""
         check(samples, pre, prescaler)
         self.samples, self.pre, self.prescaler = samples, pre, prescaler
         self._memory = ffi.new("uint32_t[]", samples * len(columns))
@@ -100,11 +103,11 @@ class Burst:
         self._on = on
 
     def trigger(self) -> None:
-        """Trigger as soon as `pre` samples are there."""
+        """Trigger, but not before `pre` samples are there."""
         self._burst.manual = 1
 
     def commanded(self) -> None:
-        """A command was carried out: the trigger `command` counts at the next sample."""
+        """Note that a command was carried out. The trigger `command` fires at the next sample."""
         self._burst.command = 1
 
     @property
@@ -113,17 +116,17 @@ class Burst:
 
     @property
     def tick(self) -> int | None:
-        """Of the trigger; None before it."""
+        """Tick of the trigger; None before it."""
         return self._burst.tick if self._burst.state >= lib.HT_BURST_TRIGGERED else None
 
     @property
     def values(self) -> np.ndarray:
-        """(samples, channels) of a complete capture, the oldest first."""
+        """(samples, channels) float32 of a complete capture, oldest sample first."""
         memory = np.frombuffer(ffi.buffer(self._memory), np.float32)
         return np.roll(memory, -self._burst.at).reshape(self.samples, -1)
 
     def feed(self, rows: np.ndarray, tick: int) -> None:
-        """(n, all channels), float32: what the fast interrupts from `tick` on left."""
+        """Add rows, (n, all channels) float32: one for each fast interrupt, from `tick` on."""
         rows = np.ascontiguousarray(rows, np.float32)
         pointer = ffi.cast("float *", rows.ctypes.data)
         n, width = rows.shape

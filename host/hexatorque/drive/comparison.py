@@ -13,15 +13,16 @@ from ..analysis.run import LATENCY_STUDY, Run
 from ..setups import Setup, SetupError, load
 from .operating_points import Point, Progress, measure_all
 
-#: What is compared when nothing is asked for: both papers at their own tables.
+#: The set-ups that are compared by default: those of both papers.
 DEFAULT_SETUPS = ("paper-a-feasible", "paper-b")
-#: The scheme that shows what latency does.
+#: The scheme for which the effect of latency is shown.
 LATENCY_SCHEME = "fdr"
 
 
 @dataclass
 class Comparison:
-    """Runs in the order they were asked for, beside `reference`; `failed` holds (label, reason)."""
+    """runs: in the order of the request; reference: published values to compare with;
+    failed: (label, reason) of each point that could not be measured."""
 
     reference: Reference
     runs: list[Run] = field(default_factory=list)
@@ -37,7 +38,8 @@ def at_point(
     load_Nm: float | None = None,
     latency: str | None = None,
 ) -> Setup:
-    """A set-up with what the command line says of its operating point, checked."""
+    """A set-up at an operating point; an argument that is given replaces the set-up's own value.
+    SetupError if there is no speed, or if the load is above the torque limit."""
     setup = entry if isinstance(entry, Setup) else load(entry)
     if latency:
         setup = setup.changed(timing__latency=latency)
@@ -62,8 +64,8 @@ def points(
     load_Nm: float | None = None,
     latency: str | None = None,
 ) -> list[Point]:
-    """The points to measure: every scheme on every set-up, then, where FDR is among
-    them, FDR under each latency that is not there yet."""
+    """The points to measure: every scheme with every set-up. If FDR is one of the schemes,
+    FDR follows with each of the other latencies."""
     names = tuple(dict.fromkeys(schemes)) if schemes else firmware.schemes()
     result: list[Point] = []
     for entry in setups:
@@ -82,7 +84,7 @@ def points(
 def compare(
     todo: list[Point], reference: Reference, progress: Progress | None = None
 ) -> Comparison:
-    """Measure all points over all cores."""
+    """Measure all points, in parallel on all cores."""
     comparison = Comparison(reference)
     for point, outcome in zip(todo, measure_all(todo, progress)):
         if isinstance(outcome, Run):
@@ -94,7 +96,7 @@ def compare(
 
 
 def make_folder(folder: Path) -> None:
-    """Where the results will go; refused before anything runs."""
+    """Make the folder for the results. SetupError if that fails, before anything has run."""
     try:
         (folder / "recordings").mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -102,8 +104,8 @@ def make_folder(folder: Path) -> None:
 
 
 def write(comparison: Comparison, folder: Path, command: str) -> list[Path]:
-    """metrics.json, recordings, pictures and report.html into an existing `folder`
-    (see `make_folder`); returns the files, the report last."""
+    """Write metrics.json, recordings, pictures and report.html into an existing `folder` (see
+    `make_folder`). Returns the paths of the files except the recordings, the report last."""
     from ..analysis import plots
     from ..analysis.report import html_report
 

@@ -1,6 +1,6 @@
-"""What a test-bench script may do with a drive, simulated or real.
+"""The methods that every drive has, simulated or real.
 
-`simulated.SimulatedDrive` and `board.BoardDrive` have these verbs, so that one script serves both:
+`simulated.SimulatedDrive` and `board.BoardDrive` both have them, so one script works with both:
 
 def bench(drive):
     drive.set_many({"scheme": "ddr", "speed_ref_rpm": 0})
@@ -14,28 +14,38 @@ def bench(drive):
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Self
+from collections.abc import Set as AbstractSet
+from typing import TYPE_CHECKING, Self, SupportsFloat
 
 from ..errors import HexatorqueError
-from ..firmware import Parameter
+from ..firmware import Parameter, Snapshot
 from ..recording.recording import Recording
 
 if TYPE_CHECKING:
     from ..setups import Profile
 
-#: Called with the seconds just done.
+#: Called with the number of seconds that have just passed.
 Progress = Callable[[float], None]
 
 
 class DriveFault(HexatorqueError, RuntimeError):
-    """The drive tripped; `causes` says why."""
+    """The drive tripped; `causes` names the faults."""
 
     def __init__(self, causes: list[str], time_s: float) -> None:
         super().__init__(f"drive tripped at {time_s:.4f} s: {', '.join(causes)}")
         self.causes = causes
         self.time_s = time_s
+
+
+def finite(value: object) -> float | None:
+    """The number that a value is; None if it is no number, or not a finite one."""
+    if not isinstance(value, SupportsFloat):
+        return None
+    number = float(value)
+    return number if math.isfinite(number) else None
 
 
 class DriveVerbs(ABC):
@@ -47,7 +57,7 @@ class DriveVerbs(ABC):
     @property
     @abstractmethod
     def channels(self) -> tuple[tuple[str, str], ...]:
-        """(name, unit) of what the firmware measures or estimates."""
+        """(name, unit) of each quantity that the firmware measures or estimates."""
 
     @property
     @abstractmethod
@@ -57,12 +67,12 @@ class DriveVerbs(ABC):
     @property
     @abstractmethod
     def faults(self) -> list[str]:
-        """Latched faults."""
+        """Names of the latched faults."""
 
     @property
     @abstractmethod
-    def snapshot(self) -> dict[str, object] | None:
-        """What the firmware kept of the latest fault."""
+    def snapshot(self) -> Snapshot | None:
+        """The values that the firmware saved at the latest fault; None if there was none."""
 
     @property
     @abstractmethod
@@ -74,7 +84,7 @@ class DriveVerbs(ABC):
 
     @abstractmethod
     def set_many(self, values: Mapping[str, object]) -> None:
-        """All of them, or none if one is refused."""
+        """Set several values. If one is refused, none changes."""
 
     def set(self, name: str, value: object) -> None:
         self.set_many({name: value})
@@ -90,15 +100,15 @@ class DriveVerbs(ABC):
 
     @abstractmethod
     def run(self, duration_s: float, record: bool = True, progress: Progress | None = None) -> None:
-        """Let time pass."""
+        """Let `duration_s` pass, and record unless `record` is False."""
 
     @abstractmethod
     def discard(self) -> None:
-        """Drop what was recorded."""
+        """Delete the samples recorded so far."""
 
     @abstractmethod
     def take(self) -> Recording:
-        """What was recorded since the last `take`, `discard` or unrecorded run."""
+        """Return the samples recorded since the last `take`, `discard` or unrecorded run."""
 
     @abstractmethod
     def arm(
@@ -109,22 +119,23 @@ class DriveVerbs(ABC):
         trigger: str = "manual",
         prescaler: int = 1,
     ) -> None:
-        """Capture `samples` of the firmware's channels, one every `prescaler` fast
-        interrupts, `pre` of them before the trigger: `manual`, `fault`, `command`, or
-        `rising:torque_Nm:5` (falling, above, below)."""
+        """Arm a capture of the firmware's channels: `samples` samples, one every `prescaler`
+        fast interrupts, `pre` of them before the trigger. The trigger is `manual`, `fault`,
+        `command`, or KIND:CHANNEL:LEVEL such as `rising:torque_Nm:5`, where KIND is rising,
+        falling, above or below."""
 
     @abstractmethod
     def trigger(self) -> None:
-        """Trigger what is armed, whatever its trigger."""
+        """Trigger the armed capture now, whatever its own trigger is."""
 
     @abstractmethod
     def cancel(self) -> None:
-        """End what is armed."""
+        """Disarm the capture."""
 
     @abstractmethod
     def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
-        """Let time pass until what is armed is complete; `now`: trigger it as soon as that
-        counts. The trigger is at time 0 of the recording."""
+        """Let time pass until the armed capture is complete, and return it; its trigger is at
+        time 0. `now`: trigger it as soon as its `pre` samples are there."""
 
     def capture(
         self,
@@ -135,13 +146,13 @@ class DriveVerbs(ABC):
         prescaler: int = 1,
         timeout_s: float | None = None,
     ) -> Recording:
-        """`arm` and `captured`; a manual trigger comes as soon as it counts."""
+        """`arm`, then `captured`. A manual trigger is sent as soon as `pre` samples are there."""
         self.arm(channels, samples, pre, trigger, prescaler)
         return self.captured(timeout_s, trigger == "manual")
 
     @abstractmethod
     def close(self) -> None:
-        """Leave the drive, stopped if this started it."""
+        """Close the drive. A drive that was started here stops."""
 
     def check(self) -> None:
         """Raise DriveFault if the drive has tripped."""
@@ -149,7 +160,7 @@ class DriveVerbs(ABC):
             raise DriveFault(self.faults, self.time_s)
 
     def run_profile(self, profile: Profile, progress: Progress | None = None) -> None:
-        """Start the drive and follow a profile; time counts from now."""
+        """Start the drive and follow a profile, whose time 0 is now."""
         events: list[tuple[float, str, object]] = []
         events += [(t, "speed_ref_rpm", v) for t, v in profile.speed_rpm]
         events += [(t, "load_Nm", v) for t, v in profile.load_Nm]
@@ -165,7 +176,7 @@ class DriveVerbs(ABC):
             self.set(name, value)
         self.run(profile.duration_s - (self.time_s - begin_s), progress=progress)
 
-    def _can_follow(self, names: set[str]) -> None:  # noqa: B027 (most can)
+    def _can_follow(self, names: AbstractSet[str]) -> None:  # noqa: B027 (most can)
         """Raise an error if this drive cannot set one of a profile's names."""
 
     def __enter__(self) -> Self:

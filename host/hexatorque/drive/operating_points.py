@@ -1,7 +1,7 @@
 """Operating points: bring a simulated drive to a steady state and measure it.
 
-The sequence is the same everywhere: start (offset calibration, flux build-up),
-speed reference, load once the speed is there, settle, measure.
+The sequence is always the same: start the drive (offset calibration, flux build-up), set
+the speed reference, apply the load when the speed is reached, let the drive settle, measure.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from .simulated import DriveFault, SimulatedDrive
 
 #: Longest wait for the speed to come near its reference.
 REACH_S = 4.0
-#: Time after the load is on before the measurement begins.
+#: Settling time between the load step and the measurement.
 SETTLE_S = 2.0
-#: Longest wait for a slow speed loop to bring the speed back under load.
+#: Longest wait for the speed to recover under load if the speed loop is slow.
 RECOVER_S = 10.0
-#: Measured: at least this long and at least this many fundamental cycles.
+#: The measurement lasts at least this long and this many fundamental cycles.
 WINDOW_S = 0.5
 CYCLES = 10
 
@@ -32,17 +32,17 @@ Progress = Callable[[float], None]
 
 
 class NotReached(HexatorqueError, RuntimeError):
-    """The drive did not come near the commanded speed."""
+    """The drive did not reach the commanded speed."""
 
 
-#: What a point that cannot be measured raises.
+#: Errors of a point that cannot be measured.
 NOT_MEASURED = (DriveFault, NotReached, ArithmeticError, ValueError)
 
 
 @dataclass(frozen=True)
 class Point:
-    """One operating point of one set-up. A load that drives (generating) has the
-    sign opposite to the speed's."""
+    """One operating point of one set-up. If the load drives the machine (generating), its sign
+    is opposite to the sign of the speed."""
 
     setup: Setup
     speed_rpm: float
@@ -50,23 +50,24 @@ class Point:
 
     @property
     def simulated_s(self) -> float:
-        """Roughly what it takes, for progress bars."""
+        """Roughly the simulated time that the measurement takes, for progress bars."""
         return 0.5 + SETTLE_S + WINDOW_S + 0.5
 
 
 def _at_load_speed(point: Point) -> Setup:
-    """Loads that depend on speed take the stated torque at this point's speed."""
+    """The set-up, changed so that a load that depends on speed takes the stated torque at this
+    point's speed."""
     return point.setup.changed(load__at_rpm=max(1.0, abs(point.speed_rpm)))
 
 
 def approach(
     point: Point, progress: Progress | None = None, samples_per_period: int = 4
 ) -> SimulatedDrive:
-    """A drive running at the point, settled. Raises DriveFault or NotReached."""
+    """A drive that runs at the point and has settled. Raises DriveFault or NotReached."""
     sim = SimulatedDrive(_at_load_speed(point), samples_per_period)
     controller = sim.controller
     sim.start()
-    build_s = controller.get("calibration_s") + controller.get("build_s")
+    build_s = controller.number("calibration_s") + controller.number("build_s")
     sim.run(build_s + 0.05, record=False, progress=progress)
     sim.check()
     sim.set("speed_ref_rpm", point.speed_rpm)
@@ -80,8 +81,8 @@ def approach(
         sim.run(0.1, record=False, progress=progress)
         sim.check()
         waited += 0.1
-    # The signed torque at the shaft; speed-dependent loads follow the speed's sign
-    # by themselves, a constant one is given it here.
+    # This is the torque at the shaft, with its sign. A load that depends on speed follows the
+    # sign of the speed by itself. A constant load gets the sign here.
     constant = point.setup["load.kind"] == "constant"
     sim.set("load_Nm", point.load_Nm * (-1 if constant and point.speed_rpm < 0 else 1))
     sim.run(SETTLE_S, record=False, progress=progress)
@@ -94,7 +95,7 @@ def approach(
 
 
 def measure(point: Point, progress: Progress | None = None) -> Run:
-    """Steady-state metrics and recording of one point."""
+    """Steady-state metrics and recording of one point. Raises DriveFault or NotReached."""
     sim = approach(point, progress)
     omega = abs(sim.controller.channel("omega_sync_rad_s"))
     cycles_s = CYCLES * 6.2832 / omega if omega > 1.0 else WINDOW_S
@@ -129,9 +130,9 @@ def transient(
     progress: Progress | None = None,
     samples_per_period: int = 4,
 ) -> Recording:
-    """What follows when a drive settled at `point` is given `events`: (time, controller
-    parameter or `load_Nm` or `vdc_V`, value). Time counts from 0 at the beginning of the
-    recording. Raises DriveFault or NotReached."""
+    """Record the response of a drive that has settled at `point` to `events`: (time, name,
+    value), where the name is a controller parameter, `load_Nm` or `vdc_V`. Time 0 is the
+    beginning of the recording. Raises DriveFault or NotReached."""
     sim = approach(point, progress, samples_per_period)
     return follow(sim, events, duration_s, progress)
 
@@ -142,7 +143,7 @@ def follow(
     duration_s: float,
     progress: Progress | None = None,
 ) -> Recording:
-    """`transient` from wherever the drive is."""
+    """Like `transient`, but from the present state of the drive."""
     begin = sim.time_s
     for time_s, name, value in sorted(events, key=lambda event: event[0]):
         sim.run(begin + time_s - sim.time_s, progress=progress)
@@ -155,8 +156,9 @@ def follow(
 
 
 def measure_all(points: Iterable[Point], progress: Progress | None = None) -> list[Run | Exception]:
-    """All points over all cores. A point whose drive trips or does not get there
-    yields the exception in its place. The compiled loop releases the GIL."""
+    """Measure all points, in parallel on all cores. If the drive trips at a point or does not
+    reach it, the exception stands in the list in place of the run. Threads suffice, because
+    the compiled loop releases the GIL."""
 
     def one(point: Point) -> Run | Exception:
         try:
@@ -168,7 +170,7 @@ def measure_all(points: Iterable[Point], progress: Progress | None = None) -> li
         return list(pool.map(one, points))
 
 
-#: What "reached" means: speed and true flux this close, relative.
+#: Largest relative deviations of speed and true flux at a point that the drive holds.
 SPEED_TOLERANCE = 0.02
 FLUX_TOLERANCE = 0.03
 
@@ -176,9 +178,9 @@ FLUX_TOLERANCE = 0.03
 def holds(
     point: Point, flux_tolerance: float = FLUX_TOLERANCE, progress: Progress | None = None
 ) -> str | None:
-    """None if the drive holds the point, else what it fails at.
+    """None if the drive holds the point, else a text that names what is off.
 
-    Without field weakening: the speed within 2 % of its reference, the true mean
+    Field weakening is off. The speed must be within 2 % of its reference, and the true mean
     flux within 3 % of the full reference.
     """
     try:
@@ -197,9 +199,9 @@ def holds(
 def reachable_rpm(
     setup: Setup, load_Nm: float, resolution: float = 0.01, progress: Progress | None = None
 ) -> float:
-    """Highest speed at which the drive holds `load_Nm` motoring at its full flux
-    reference (field weakening off), by bisection to `resolution` of the result.
-    0 if there is none."""
+    """Highest speed at which the motoring drive holds `load_Nm` at its full flux reference,
+    without field weakening. Found by bisection to a relative error of `resolution`. 0 if there
+    is no such speed."""
     full_flux = setup.changed(controller__field_weakening="off")
     # The bisection starts from the speed at which 12-step operation would end.
     ceiling = setup["inverter.vdc_V"] * 0.6366 / setup.parameter("flux_ref_Wb")
@@ -218,6 +220,6 @@ def reachable_rpm(
 def reach_all(
     setups: Iterable[Setup], load_Nm: float, progress: Progress | None = None
 ) -> list[float]:
-    """`reachable_rpm` of several set-ups over all cores."""
+    """`reachable_rpm` of several set-ups, in parallel on all cores."""
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(lambda s: reachable_rpm(s, load_Nm, progress=progress), setups))

@@ -1,4 +1,4 @@
-"""Whole sets of parameters: brought onto a drive, and compared with each other."""
+"""Whole sets of parameters: writing one onto a board, and comparing two."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ Rows = Mapping[str, Parameter]
 
 
 class ParameterSetError(HexatorqueError, ValueError):
-    """A set that a board does not take; one line for each value that it does not allow."""
+    """The board cannot take this set. The text has one line for each value out of range."""
 
     exit_code = 2
 
 
 class NotTaken(HexatorqueError, RuntimeError):
-    """A board said that it took a set, and reads back another."""
+    """The board confirmed a set, but reading it back gives other values."""
 
 
 def write_all(drive: BoardDrive, values: Values) -> dict[str, object]:
-    """Bring a set of parameters onto a board, all of it or none, and read it back. Returns those
-    that were changed.
+    """Write a set of parameters onto a board, all of it or none, and read it back. Returns the
+    parameters that were changed.
 
-    Only what differs is written: others may be such that cannot change now. It is one request,
-    which the board takes over with one fast interrupt or refuses, so no set in between is ever in
-    force.
+    Only values that differ are written, because some parameters cannot change at present. All of
+    them are in one request. The board takes it over in one fast interrupt or refuses it, so a
+    mixture of the two sets is never in force.
     """
     numbers = numbers_of(values, drive.params)
     before = drive.get_many(list(values))
@@ -52,8 +52,8 @@ def write_all(drive: BoardDrive, values: Values) -> dict[str, object]:
 
 
 def numbers_of(values: Values, rows: Rows) -> dict[str, np.float32]:
-    """The numbers that a board would keep. What it does not know or allow is refused, all of it
-    by name."""
+    """The values as the float32 numbers of a board. ParameterSetError names every parameter that
+    the board does not have and every value that is out of range."""
     numbers, lines = {}, []
     for name, value in values.items():
         try:
@@ -72,13 +72,14 @@ def _other(numbers: Mapping[str, np.float32], there: Values, rows: Rows) -> list
 
 
 def defaults(rows: Rows) -> dict[str, float | str]:
-    """What a drive starts with, unless it has kept another set."""
+    """The values with which a drive starts if it has no saved set."""
     return {name: row.show(row.initial) for name, row in rows.items()}
 
 
 def difference(first: Values, second: Values, rows: Rows) -> dict[str, tuple[object, object]]:
-    """The parameters whose values differ, in the order of `rows`; None where a set has none.
-    Values are compared as a board keeps them, and need not be in its range."""
+    """The parameters whose values differ, in the order of `rows`, with both values. None stands
+    for a parameter that a set does not have. Values are compared as float32, as a board keeps
+    them. They need not be in the board's range."""
     differing = {}
     for name in [*rows, *sorted((set(first) | set(second)) - set(rows))]:
         a, b = first.get(name), second.get(name)
@@ -88,7 +89,7 @@ def difference(first: Values, second: Values, rows: Rows) -> dict[str, tuple[obj
 
 
 def _kept(value: object, row: Parameter | None) -> object:
-    """A value as it is compared: numbers as float32, choices by name."""
+    """The form in which values are compared: numbers as float32, choices by name."""
     if row is not None and row.choices:
         if isinstance(value, bool):
             return "on" if value else "off"

@@ -1,4 +1,4 @@
-"""A stream into a file: what `hexatorque board stream` and the web page record.
+"""Recording a stream into a file, as `hexatorque board stream` and the web page do.
 
 with drive.stream(channels) as stream, Recorder(drive, "run.csv", stream) as recorder:
     for ticks, values in stream:
@@ -22,12 +22,12 @@ from ..serial.stream import Stream
 if TYPE_CHECKING:
     from .board import BoardDrive
 
-#: How often the counters in the file are renewed.
+#: The counters in the file are updated this often.
 COUNT_S = 1.0
 
 
 class Recorder:
-    """`writer`: the file; `samples`: rows that came."""
+    """writer: the file; samples: the number of rows so far."""
 
     def __init__(self, drive: BoardDrive, path: str | Path, stream: Stream) -> None:
         channels = tuple((name, stream.units[name]) for name in stream.channels)
@@ -44,18 +44,18 @@ class Recorder:
 
     @property
     def seconds(self) -> float:
-        """Since it began."""
+        """Seconds since the recording began."""
         return time.monotonic() - self._begun_s
 
     def put(self, ticks: np.ndarray, values: np.ndarray) -> None:
-        """A block of the stream."""
+        """Add a block of the stream."""
         self.writer.append(ticks, values)
         self.samples += len(ticks)
         if time.monotonic() - self._counted_s > COUNT_S:
             self.count()
 
     def count(self) -> None:
-        """What went wrong on the line since the recording began."""
+        """Write the error counters into the file. They count from the recording's beginning."""
         self._counted_s = time.monotonic()
         now = self._counters()
         self.writer.count(**{name: now[name] - self._before[name] for name in now})
@@ -69,10 +69,10 @@ class Recorder:
         }
 
     def close(self, ended: str = "user", **meta: object) -> Path:
-        """Finish the file; `ended` says why: "user", "duration", "board reset", ..."""
+        """Finish the file. `ended` is the reason: "user", "duration", "board reset", ..."""
         if self.writer.closed:
             return self.path
-        with suppress(LinkError):  # a board that is gone has no more to tell
+        with suppress(LinkError):  # a disconnected board has no newer counters
             self._drive.client.get_status()
         self.count()
         return self.writer.close(ended, **meta)
@@ -81,5 +81,5 @@ class Recorder:
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, *_: object) -> None:
-        """What ended the recording may say so itself, in its attribute `ended`."""
+        """An error that ends the block may give the reason itself, in its attribute `ended`."""
         self.close(why(error))

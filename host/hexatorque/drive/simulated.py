@@ -1,6 +1,6 @@
-"""Software in the loop: the plant around the firmware, in compiled code.
+"""Software in the loop: the firmware controls a simulated plant, both in compiled code.
 
-sim = SimulatedDrive(scenario.load("paper-b"))
+sim = SimulatedDrive(hexatorque.load("paper-b"))
 sim.start()
 sim.set("speed_ref_rpm", 2500)
 sim.run(1.0)
@@ -25,38 +25,39 @@ from ..plant.inverter import DROPS, inverter_record, longest_step_s
 from ..plant.loop import MAX_STEP_S, PLANT_CHANNELS, TIMING, run_periods
 from ..plant.machine import DRY_RAD_S, LOAD
 from ..plant.pwm import PWM_MAP, pwm_record
-from ..plant.record import record
+from ..plant.record import names_of, record
 from ..plant.sensors import SENSORS
 from ..plant.vsd import INVERSE, PHASES
 from ..recording.recording import STARTED, Recording, clock_text
 from ..setups import Setup, SetupError, parameters
 from .captures import Burst, Trigger, metadata
-from .interface import DriveFault, DriveVerbs, Progress
+from .interface import DriveFault, DriveVerbs, Progress, finite
 
 __all__ = ["DriveFault", "SimulatedDrive"]
 
-#: Period register of CPU timer 0, the slow interrupt's; two words.
+#: Period register (two words) of CPU timer 0, which raises the slow interrupt.
 TIMER_PERIOD = 0x0C02
-RESET_TICKS = 0x10000  # what it says before it is set
-#: Periods per compiled call: short enough for progress and Ctrl-C.
+RESET_TICKS = 0x10000  # the timer's period after a reset of the chip
+#: Periods per compiled call, so few that progress is shown and Ctrl-C works.
 CHUNK = 2000
-#: How far a simulation runs between two looks at a capture.
+#: Simulated time between two checks whether a capture is complete.
 CAPTURE_TURN_S = 0.01
-#: Longest step over the machine's shortest time constant: far within the integrator's
-#: stability and 1e-7 a step. The papers' machines have more than twice 100 us.
+#: Longest step, relative to the machine's shortest time constant. The integrator is then far
+#: from its limit of stability, and the error of a step is 1e-7. For the papers' machines this
+#: allows more than twice 100 us.
 STEP_SHARE = 0.1
-#: Controller parameters that the simulated hardware is timed by.
+#: Controller parameters that also set the timing of the simulated hardware.
 TIMED_WITH_THE_PLANT = ("f_isr_Hz", "f_slow_Hz", "load_mode", "write_delay_us")
-#: In place of a record that is not wanted.
+#: Stands for "do not record".
 _NOTHING = np.empty((0, 0), np.float32)
-#: Conduction drops that need shorter steps than this would take for ever.
+#: Conduction drops that need shorter steps than this are refused: they would take too long.
 SHORTEST_STEP_S = 0.1e-6
 #: Speed over which an eddy-current brake's torque peaks, relative to `at_rpm`.
 EDDY_PEAK = 1.5
 
 
 class _Rows:
-    """Growing table that keeps its memory: fresh pages would cost more than the
+    """A table that grows and reuses its memory. New memory pages would take more time than the
     simulation that fills them."""
 
     def __init__(self, width: int) -> None:
@@ -64,7 +65,7 @@ class _Rows:
         self._used = 0
 
     def room(self, rows: int) -> np.ndarray:
-        """The next `rows` rows, to be filled."""
+        """The next `rows` rows, which the caller fills."""
         end = self._used + rows
         if end > len(self._data):
             grown = np.empty((max(end, 2 * len(self._data)), self._data.shape[1]), np.float32)
@@ -95,7 +96,7 @@ class EntryPoint(types.WrapperAddressProtocol):
 
 
 def _load(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
-    """A load that takes `torque_Nm` at `at_rpm` (constant: at any speed)."""
+    """A load that takes `torque_Nm` at `at_rpm`; a constant load takes it at any speed."""
     w = at_rpm * math.pi / 30
     terms = {
         "constant_Nm": 0.0,
@@ -119,16 +120,21 @@ def _load(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
     return record(LOAD, **terms)
 
 
-def _pwm_map(m, active_low: bool = False) -> np.record:
-    """Register layout from the firmware's own map; polarity of the gate drivers."""
-    offsets = {n: int(getattr(m, n)) for n in PWM_MAP.names if n != "active_low"}
+def _pwm_map(m: firmware.CData, active_low: bool = False) -> np.record:
+    """The layout of the PWM registers, from the firmware's own map, and the gate drivers'
+    polarity."""
+    offsets = {n: int(getattr(m, n)) for n in names_of(PWM_MAP) if n != "active_low"}
     offsets = {n: -1 if v == 0xFFFF else v for n, v in offsets.items()}
     return record(PWM_MAP, **offsets, active_low=int(active_low))
 
 
 class SimulatedDrive(DriveVerbs):
-    """One drive: machine, inverter, sensors and firmware, with the verbs of a drive.
-    `controller(device, values)` makes the firmware's part: in this process, or elsewhere."""
+    """One drive: machine, inverter, sensors and firmware.
+
+    setup: the set-up that describes all of it; samples_per_period: plant samples that are
+    recorded per PWM period, a divisor of the period's counts; controller(device, values): makes
+    the controller, by default the firmware in this process.
+    """
 
     def __init__(
         self,
@@ -156,7 +162,6 @@ class SimulatedDrive(DriveVerbs):
         model = machines.model(setup["machine.model"])
         self.machine = model.Parameters(**setup.machine_values())
         self._machine = model.make(self.machine)
-        f_isr = self.controller.get("f_isr_Hz")
         longest_s = min(MAX_STEP_S, STEP_SHARE / model.fastest_per_s(self._machine))
         self._timing = record(
             TIMING,
@@ -164,7 +169,7 @@ class SimulatedDrive(DriveVerbs):
             period=period_counts,
             sample_count=sample_count,
             write_count=write_count,
-            slow_every=round(f_isr / self.controller.get("f_slow_Hz")),
+            slow_every=self.controller.fast_per_slow,
             per_period=samples_per_period,
             max_step=max(1, int(longest_s * clock)),
             lost=0,
@@ -180,15 +185,15 @@ class SimulatedDrive(DriveVerbs):
         self._pwm = pwm_record()
         self._gates = gates_record(round(setup["inverter.min_pulse_us"] * 1e-6 * clock))
         self._map = _pwm_map(self.controller.map, self.controller.port.board.gates_active_low)
-        #: What the converter makes of the currents; may be changed between runs.
+        #: The sensors' constants and state. They may be changed between two runs.
         self.sensors = self._make_sensors()
         self._registers = self.controller.register_words()
         self.load_Nm = 0.0
         self.vdc_V = setup["inverter.vdc_V"]
         self.periods = 0
-        self._begun, self._begun_s = 0, 0.0  # periods and time at the latest change of rate
+        self._begun, self._begun_s = 0, 0.0  # periods and time when the rate last changed
         self.wall_s = 0.0
-        self._started_s = time.time()  # of the day, when time began to pass
+        self._started_s = time.time()  # wall-clock time at the beginning of the simulation
         u64 = types.uint64
         self._entries = tuple(
             EntryPoint(firmware.address(name), *[u64] * arguments)
@@ -202,7 +207,7 @@ class SimulatedDrive(DriveVerbs):
         self._transitions = 0
         self._edges = np.empty((0, 3), np.int64)
         self._edges_logged = 0
-        # Compile, or load from the cache, before anything is timed.
+        # Compile now, or load from the cache, so that this does not count as simulation time.
         self._call(0, _NOTHING, _NOTHING)
 
     def _make_sensors(self) -> np.record:
@@ -237,12 +242,14 @@ class SimulatedDrive(DriveVerbs):
         )
 
     def follow_timers(self) -> None:
-        """The periods that the firmware has set its timers to since: for a board that is told
-        to by others than this object. What was recorded at another rate is dropped."""
+        """Adopt the periods that the firmware has written to its timers. This is needed when
+        f_isr_Hz was changed by a client of a virtual board instead of through this object. If a
+        period has changed, the samples recorded so far are deleted."""
         m, words, timing = self.controller.map, self._registers, self._timing
         counts = int(words[self.controller.port.leg[0] + m.tbprd]) + 1
         ticks = int(words[TIMER_PERIOD]) + (int(words[TIMER_PERIOD + 1]) << 16) + 1
-        if ticks == RESET_TICKS:  # firmware elsewhere: that register is not told, its rate stays
+        if ticks == RESET_TICKS:
+            # Firmware on another processor does not report this register: its rate stays.
             slow_every = round(timing.slow_every * timing.period / counts)
         else:
             slow_every = round(ticks / float(m.system_clock_Hz) * float(m.pwm_clock_Hz) / counts)
@@ -264,7 +271,7 @@ class SimulatedDrive(DriveVerbs):
 
     @property
     def speed_rpm(self) -> float:
-        """True speed."""
+        """True speed of the machine."""
         return self.plant_state[6] * 30 / math.pi
 
     def start(self) -> None:
@@ -296,30 +303,33 @@ class SimulatedDrive(DriveVerbs):
         return self.controller.faults
 
     @property
-    def snapshot(self) -> dict[str, object] | None:
+    def snapshot(self) -> firmware.Snapshot | None:
         return self.controller.snapshot
 
     def get(self, name: str) -> str | float:
         return self.controller.get(name)
 
     def set_many(self, values: Mapping[str, object]) -> None:
-        """Controller parameters, and `load_Nm` and `vdc_V` of the plant."""
-        plant = {name: values[name] for name in values if name in ("load_Nm", "vdc_V")}
-        for name, value in plant.items():
-            if not math.isfinite(float(value)):
-                raise SetupError(f"{name} = {value}: a finite number is needed")
-        rest = {name: value for name, value in values.items() if name not in plant}
-        for name in rest:
+        """Set controller parameters, and `load_Nm` and `vdc_V` of the plant."""
+        plant: dict[str, float] = {}
+        for name in ("load_Nm", "vdc_V"):
+            if name in values:
+                number = finite(values[name])
+                if number is None:
+                    raise SetupError(f"{name} = {values[name]}: a finite number is needed")
+                plant[name] = number
+        controller = {name: value for name, value in values.items() if name not in plant}
+        for name in controller:
             if name in TIMED_WITH_THE_PLANT:
                 raise SetupError(f"{name}: belongs to the set-up, make a new simulation")
-        if rest:
-            self.controller.set_many(rest)
+        if controller:
+            self.controller.set_many(controller)
             self._commanded()
         for name, value in plant.items():
-            setattr(self, name, float(value))
+            setattr(self, name, value)
 
     def close(self) -> None:
-        """Nothing to leave: time stands still."""
+        """Nothing to do: simulated time passes only in `run`."""
 
     def run(
         self,
@@ -327,7 +337,8 @@ class SimulatedDrive(DriveVerbs):
         record: bool = True,
         progress: Progress | None = None,
     ) -> None:
-        """Advance. `progress` is called with the simulated seconds just done."""
+        """Simulate `duration_s`, and record unless `record` is False. `progress` is called with
+        the simulated seconds that have just passed. ArithmeticError if the simulation diverges."""
         left = round(duration_s / self.period_s)
         while left > 0:
             n = min(left, CHUNK)
@@ -372,27 +383,27 @@ class SimulatedDrive(DriveVerbs):
         )  # fmt: skip
 
     def lose_interrupts(self, lost: bool) -> None:
-        """From now on the ADC raises no fast interrupt, or raises it again."""
+        """`lost`: from now on the ADC raises no fast interrupt. False: it raises it again."""
         self._timing.lost = int(lost)
 
     def log_edges(self, capacity: int) -> None:
-        """From now on keep every change of a leg, up to `capacity` of them (0: none)."""
+        """From now on keep every edge of a leg, `capacity` edges at most (0: none)."""
         self._edges = np.empty((capacity, 3), np.int64)
         self._edges_logged = 0
 
     @property
     def edges(self) -> np.ndarray:
-        """(n, 3) of what `log_edges` kept: time in counts since the start of the
+        """The edges that `log_edges` kept, (n, 3): time in counts since the start of the
         simulation, leg, new state (`plant.inverter`: LOW, HIGH or OFF)."""
         return self._edges[: self._edges_logged]
 
     @property
     def shorts(self) -> int:
-        """How often both switches of a leg were told to be on at the same time."""
+        """How often the PWM commanded both switches of a leg to be on at the same time."""
         return int(np.sum(self._pwm.shorts))
 
     def discard(self) -> None:
-        """Drop what was recorded."""
+        """Delete the samples recorded so far."""
         self._plant.clear()
         self._channels.clear()
         self._record_start = self.periods
@@ -453,8 +464,8 @@ class SimulatedDrive(DriveVerbs):
         return Recording(rate_Hz, data, units, meta, -burst.pre / rate_Hz)
 
     def take(self) -> Recording:
-        """What was recorded since the last `take`, `discard` or unrecorded run. Telemetry
-        channels are held between control periods."""
+        """Return the samples recorded since the last `take`, `discard` or unrecorded run. The
+        firmware's channels keep their value until the next control period."""
         per = self.samples_per_period
         plant, telemetry = self._plant.filled(), self._channels.filled()
         data: dict[str, np.ndarray] = {}
@@ -474,7 +485,7 @@ class SimulatedDrive(DriveVerbs):
         meta = {
             **self._meta(),
             "samples_per_period": per,
-            # Mean switching frequency of a switch: two transitions a cycle, six legs.
+            # Mean switching frequency of a switch: two transitions per cycle, six legs.
             "f_sw_Hz": jumps / (12 * periods * self.period_s) if periods else None,
         }
         start = self._begun_s + (self._record_start - self._begun) * self.period_s

@@ -1,5 +1,5 @@
 """`hexatorque board monitor`: a drive's live traces, parameters and commands as a local web page.
 
-`desk.Desk` is what all pages share (the drive, its traces, capture and recording), `server`
-shows it on 127.0.0.1, `page/` is what the browser gets.
+`monitored_drive.MonitoredDrive` is what all pages share: the drive, its traces, capture and
+recording. `server` serves it on 127.0.0.1. `page/` holds the files for the browser.
 """

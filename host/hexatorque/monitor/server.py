@@ -1,10 +1,11 @@
-"""The desk as a web page: files of `page/`, JSON requests, and one stream of events per page.
+"""The monitor's web server: the files of `page/`, JSON requests, one stream of events per page.
 
-Whoever may use the page may turn the machine, so:
+Anybody who can use the page can turn the machine. Therefore:
 - the server listens on 127.0.0.1 only;
-- a request needs the token, which is printed once, in a cookie that the first page load sets;
-- it must name this server as its host (a name that was pointed here by DNS does not), and
-  must not come from another site;
+- the address that is printed contains a token; the first page load sets it as a cookie, and
+  every later request needs this cookie;
+- a request must name this server as its host, so that no other name can be pointed here by
+  DNS, and must not come from another site;
 - commands are POSTs of JSON with this server's Origin.
 """
 
@@ -21,6 +22,7 @@ from collections.abc import Callable
 from http.cookies import CookieError, SimpleCookie
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
+from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
@@ -28,19 +30,19 @@ import numpy as np
 from ..firmware import FirmwareError
 from ..recording.formats import RecordingError
 from ..serial import LinkError
-from .desk import Desk
+from .monitored_drive import MonitoredDrive
 from .traces import View
 
 FRAME_S = 0.04
-#: How often a page hears of the state of things between samples.
+#: Interval at which a page gets the status.
 STATUS_S = 0.1
-#: A page that takes nothing for so long is gone; its browser connects again.
+#: A page that takes nothing for this long is disconnected. Its browser connects again.
 STALLED_S = 4.0
-#: Octets between server and page: what a slow page has not got yet when it skips.
+#: Bytes buffered between server and page. A slow page gets at most this many outdated bytes.
 SEND_BUFFER = 1 << 16
-#: A browser has six connections for one server; STOP needs one of them.
+#: A browser opens at most six connections to a server. One must stay free for STOP.
 PAGES_OF_A_BROWSER = 4
-BODY_OCTETS = 1 << 16
+BODY_BYTES = 1 << 16
 CAPTURE_FILES = ("/capture.csv", "/capture.json", "/capture.npz")
 WINDOW_S = (0.01, 60.0)
 BINS = (16, 8192)
@@ -64,7 +66,7 @@ HEADERS = {
 
 
 class Refused(Exception):
-    """An HTTP status and one line for the page."""
+    """A refused request: an HTTP status and one line for the page."""
 
     def __init__(self, status: int, text: str) -> None:
         super().__init__(text)
@@ -74,12 +76,12 @@ class Refused(Exception):
 class Server(ThreadingHTTPServer):
     daemon_threads = True
 
-    def __init__(self, desk: Desk, port: int = 0) -> None:
+    def __init__(self, monitored: MonitoredDrive, port: int = 0) -> None:
         super().__init__(("127.0.0.1", port), Handler)
-        self.desk = desk
+        self.monitored = monitored
         self.token = secrets.token_urlsafe(24)
         self.closing = threading.Event()
-        #: Cookies that were given out, and how many pages each has open.
+        #: Cookie of each browser -> the number of pages that it has open.
         self.browsers: dict[str, int] = {}
         self.browsers_lock = threading.Lock()
         folder = resources.files(__package__) / "page"
@@ -95,15 +97,15 @@ class Server(ThreadingHTTPServer):
 
     @property
     def url(self) -> str:
-        """For the browser; whoever knows it has the drive."""
+        """The address for the browser. Anybody who knows it can command the drive."""
         return f"http://127.0.0.1:{self.port}/?token={self.token}"
 
     @property
     def hosts(self) -> tuple[str, str]:
         return f"127.0.0.1:{self.port}", f"localhost:{self.port}"
 
-    def handle_error(self, request, client_address) -> None:
-        """A browser that went away is no error."""
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Stay silent when a browser has disconnected: that is no error."""
         import sys
 
         if not isinstance(sys.exception(), (OSError, ValueError)):
@@ -126,7 +128,7 @@ class Handler(BaseHTTPRequestHandler):
     # -- who may ask ---------------------------------------------------------------------
 
     def _browser(self) -> str:
-        """The cookie of a request that may be answered."""
+        """The cookie of the request. Refused if the request comes from elsewhere or has none."""
         if self.headers.get("Host") not in self.server.hosts:
             raise Refused(403, "this address is not the monitor's")
         if self.headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
@@ -144,11 +146,12 @@ class Handler(BaseHTTPRequestHandler):
 
     @property
     def _cookie_name(self) -> str:
-        # Cookies do not know ports: another monitor on this machine has its own.
+        # The port is in the name, because browsers send a cookie to every port of a host, and
+        # another monitor may run on this computer.
         return f"hexatorque-{self.server.port}"
 
     def _enter(self, token: str) -> None:
-        """The first page load: a cookie instead of the token."""
+        """Answer the first page load: check the token and set the cookie."""
         if self.headers.get("Host") not in self.server.hosts:
             raise Refused(403, "this address is not the monitor's")
         if not secrets.compare_digest(token.encode(), self.server.token.encode()):
@@ -177,7 +180,7 @@ class Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Length", str(len(body)))
         if name:
             self.send_header("Content-Disposition", f'attachment; filename="{name}"')
-        if status >= 400:  # what is left of the request is not read
+        if status >= 400:  # the rest of the request is not read
             self.send_header("Connection", "close")
             self.close_connection = True
         self._end()
@@ -210,24 +213,24 @@ class Handler(BaseHTTPRequestHandler):
         if url.path == "/" and "token" in query:
             return self._enter(query["token"])
         browser = self._browser()
-        desk = self.server.desk
+        monitored = self.server.monitored
         if found := self.server.page.get("/index.html" if url.path == "/" else url.path):
             kind, body = found
             self._send(body, kind)
         elif url.path == "/device":
-            self._json(desk.device())
+            self._json(monitored.device())
         elif url.path == "/values":
-            self._json(desk.values)
+            self._json(monitored.values)
         elif url.path == "/snapshot":
-            self._json(desk.snapshot)
+            self._json(monitored.snapshot)
         elif url.path == "/history":
             self._history(query)
         elif url.path == "/capture":
-            self._json(_capture(desk))
+            self._json(_capture(monitored))
         elif url.path in CAPTURE_FILES:
             suffix = url.path.removeprefix("/capture")
-            name = f"capture-{desk.capture_number}{suffix}"
-            self._send(desk.capture_file(suffix), "application/octet-stream", name=name)
+            name = f"capture-{monitored.capture_number}{suffix}"
+            self._send(monitored.capture_file(suffix), "application/octet-stream", name=name)
         elif url.path == "/events":
             self._events(browser, query)
         else:
@@ -241,8 +244,8 @@ class Handler(BaseHTTPRequestHandler):
         if self.headers.get_content_type() != "application/json":
             raise Refused(415, "JSON is needed")
         length = self.headers.get("Content-Length", "")
-        if not length.isdigit() or not int(length) <= BODY_OCTETS:
-            raise Refused(413, f"up to {BODY_OCTETS} octets")
+        if not length.isdigit() or not int(length) <= BODY_BYTES:
+            raise Refused(413, f"up to {BODY_BYTES} bytes")
         try:
             body = json.loads(self.rfile.read(int(length)))
         except (ValueError, RecursionError):
@@ -252,16 +255,16 @@ class Handler(BaseHTTPRequestHandler):
             raise Refused(404, f"no {self.path}")
         if not isinstance(body, dict):
             raise Refused(400, "a JSON object is needed")
-        self._json(command(self.server.desk, body) or {})
+        self._json(command(self.server.monitored, body) or {})
 
     # -- traces --------------------------------------------------------------------------
 
     def _history(self, query: dict[str, str]) -> None:
-        """Envelope of a part of the past, with as many bins as asked for."""
+        """Send the envelope of a part of the history, in the requested number of bins."""
         begin = _number(query, "begin_s", 0.0, 1e12)
         end = _number(query, "end_s", begin, begin + WINDOW_S[1] + 1)
         bins = round(_number(query, "bins", *BINS))
-        found = self.server.desk.looked_at()
+        found = self.server.monitored.traced()
         if found is None:
             raise Refused(409, "nothing is traced")
         epoch, ring, stream = found
@@ -280,7 +283,7 @@ class Handler(BaseHTTPRequestHandler):
             if self.server.browsers[browser] >= PAGES_OF_A_BROWSER:
                 raise Refused(409, f"this browser has {PAGES_OF_A_BROWSER} pages open already")
             self.server.browsers[browser] += 1
-        page = self.server.desk.page_came()
+        page = self.server.monitored.add_page()
         try:
             self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
             self.connection.settimeout(STALLED_S)
@@ -291,29 +294,32 @@ class Handler(BaseHTTPRequestHandler):
             self._end()
             self._frames(page, window_s, bins)
         finally:
-            self.server.desk.page_went(page)
+            self.server.monitored.remove_page(page)
             with self.server.browsers_lock:
                 self.server.browsers[browser] -= 1
 
     def _frames(self, page: int, window_s: float, bins: int) -> None:
-        """Until the page goes away. What it does not take in time it does not get."""
-        desk = self.server.desk
-        epoch, view, told_s = None, None, 0.0
+        """Send frames until the page disconnects. A slow page misses the samples in between."""
+        monitored = self.server.monitored
+        epoch: int | None = None
+        view: View | None = None
+        sent_s = 0.0
         self.wfile.write(b"retry: 500\n\n")
         while not self.server.closing.is_set():
             begun_s = time.monotonic()
-            frame = {}
-            found = desk.looked_at()
+            frame: dict[str, Any] = {}
+            found = monitored.traced()
             if found and found[0] != epoch:
                 epoch, ring, stream = found
-                view = View(ring, stream.rate_Hz, window_s, bins)
-            if found and view and not desk.page_is_behind(page) and (news := view.news()):
-                frame["bins"] = _bins(epoch, stream.rate_Hz, view.width, *news)
-            if begun_s - told_s >= STATUS_S:
-                told_s = begun_s
-                frame["status"] = desk.status()
-                frame["page"], frame["told_s"] = page, begun_s
-                newest = desk.newest()
+                rate_Hz = stream.rate_Hz
+                view = View(ring, rate_Hz, window_s, bins)
+            if found and view and not monitored.page_is_behind(page) and (news := view.news()):
+                frame["bins"] = _bins(found[0], rate_Hz, view.width, *news)
+            if begun_s - sent_s >= STATUS_S:
+                sent_s = begun_s
+                frame["status"] = monitored.status()
+                frame["page"], frame["sent_s"] = page, begun_s
+                newest = monitored.newest()
                 if newest is not None and len(newest) == len(frame["status"]["channels"]):
                     frame["newest"] = [float(f"{value:.6g}") for value in newest]
             if frame:
@@ -325,7 +331,8 @@ class Handler(BaseHTTPRequestHandler):
 def _bins(
     epoch: int, rate_Hz: float, width: int, first: int, lo: np.ndarray, hi: np.ndarray
 ) -> dict:
-    """Bins of `width` samples each: number of the first, float32 channel by channel."""
+    """An envelope as JSON: bins of `width` samples; `first` is the number of the first bin; `lo`
+    and `hi` are float32 in base64, channel by channel."""
     return {
         "epoch": epoch, "dt_s": width / rate_Hz, "width": width, "first": first,
         "count": lo.shape[1], "lo": _floats(lo), "hi": "" if hi is lo else _floats(hi),
@@ -336,14 +343,14 @@ def _floats(values: np.ndarray) -> str:
     return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
 
 
-def _capture(desk: Desk) -> dict | None:
-    """The latest capture with all its samples; the trigger is at time 0."""
-    found = desk.captured
+def _capture(monitored: MonitoredDrive) -> dict | None:
+    """The latest capture with all its samples, as JSON. The trigger is at time 0."""
+    found = monitored.captured
     if found is None:
         return None
     table = np.array([found[name] for name in found.channels], np.float32)
     return {
-        "number": desk.capture_number,
+        "number": monitored.capture_number,
         "channels": list(found.channels),
         "start_s": found.start_s,
         "meta": {key: found.meta[key] for key in ("trigger_tick", "scheme", "state", "faults")},
@@ -352,7 +359,7 @@ def _capture(desk: Desk) -> dict | None:
 
 
 def _finite(data: object) -> object:
-    """JSON has neither NaN nor infinity: None instead."""
+    """The data with None for NaN and infinity, which JSON does not have."""
     if isinstance(data, float):
         return data if abs(data) < float("inf") else None
     if isinstance(data, dict):
@@ -362,7 +369,7 @@ def _finite(data: object) -> object:
     return data
 
 
-# -- requests of the page, checked before anything is done -------------------------------
+# -- requests of the page: each is checked before it is carried out ----------------------
 
 
 def _number(query: dict[str, str], name: str, low: float, high: float) -> float:
@@ -375,7 +382,7 @@ def _number(query: dict[str, str], name: str, low: float, high: float) -> float:
     return value
 
 
-def _field(body: dict, name: str, kind: type | tuple[type, ...], words: str):
+def _field(body: dict, name: str, kind: type | tuple[type, ...], words: str) -> Any:
     value = body.get(name)
     if not isinstance(value, kind) or isinstance(value, bool):
         raise Refused(400, f"{name}: {words} is needed")
@@ -389,57 +396,57 @@ def _names(body: dict) -> list[str]:
     return names
 
 
-def _write(desk: Desk, body: dict) -> dict:
+def _write(monitored: MonitoredDrive, body: dict) -> dict:
     values = _field(body, "values", dict, "an object of values")
     if not values:
         raise Refused(400, "values: nothing to write")
-    return {"values": desk.write(values)}
+    return {"values": monitored.write(values)}
 
 
-def _select(desk: Desk, body: dict) -> dict:
+def _select(monitored: MonitoredDrive, body: dict) -> dict:
     rate_Hz = body.get("rate_Hz")
     if rate_Hz is not None:
         rate_Hz = float(_field(body, "rate_Hz", (int, float), "a number"))
     names = _names(body)
-    desk.select(names, rate_Hz)
+    monitored.select(names, rate_Hz)
     return {"channels": names}
 
 
-def _arm(desk: Desk, body: dict) -> None:
+def _arm(monitored: MonitoredDrive, body: dict) -> None:
     numbers = [
         _field(body, name, int, "a whole number") for name in ("samples", "pre", "prescaler")
     ]
     samples, pre, prescaler = numbers
-    desk.arm(_names(body), samples, pre, _field(body, "trigger", str, "a text"), prescaler)
+    monitored.arm(_names(body), samples, pre, _field(body, "trigger", str, "a text"), prescaler)
 
 
-def _beat(desk: Desk, body: dict) -> None:
-    """A page's script answers to a frame (`Desk.page_answered`)."""
+def _beat(monitored: MonitoredDrive, body: dict) -> None:
+    """A page's script answers a frame (`MonitoredDrive.page_answered`)."""
     page = _field(body, "page", int, "a whole number")
-    told_s = float(_field(body, "told_s", (int, float), "a number"))
-    if not math.isfinite(told_s):
-        raise Refused(400, "told_s: a finite number is needed")
+    sent_s = float(_field(body, "sent_s", (int, float), "a number"))
+    if not math.isfinite(sent_s):
+        raise Refused(400, "sent_s: a finite number is needed")
     visible = body.get("visible")
     if not isinstance(visible, bool):
         raise Refused(400, "visible: true or false is needed")
-    desk.page_answered(page, told_s, visible)
+    monitored.page_answered(page, sent_s, visible)
 
 
-def _record(desk: Desk, body: dict) -> dict:
-    return {"file": str(desk.record_start(_field(body, "suffix", str, "a text")))}
+def _record(monitored: MonitoredDrive, body: dict) -> dict:
+    return {"file": str(monitored.record_start(_field(body, "suffix", str, "a text")))}
 
 
-COMMANDS: dict[str, Callable[[Desk, dict], dict | None]] = {
-    "/start": lambda desk, _: desk.start(),
-    "/stop": lambda desk, _: desk.stop(),
-    "/clear": lambda desk, _: desk.clear(),
+COMMANDS: dict[str, Callable[[MonitoredDrive, dict], dict | None]] = {
+    "/start": lambda monitored, _: monitored.start(),
+    "/stop": lambda monitored, _: monitored.stop(),
+    "/clear": lambda monitored, _: monitored.clear(),
     "/beat": _beat,
-    "/reset/seen": lambda desk, _: desk.reset_seen(),
+    "/reset/seen": lambda monitored, _: monitored.reset_seen(),
     "/write": _write,
     "/channels": _select,
     "/capture/arm": _arm,
-    "/capture/trigger": lambda desk, _: desk.trigger(),
-    "/capture/cancel": lambda desk, _: desk.cancel(),
+    "/capture/trigger": lambda monitored, _: monitored.trigger(),
+    "/capture/cancel": lambda monitored, _: monitored.cancel(),
     "/record/start": _record,
-    "/record/stop": lambda desk, _: {"file": str(desk.record_stop())},
+    "/record/stop": lambda monitored, _: {"file": str(monitored.record_stop())},
 }

@@ -8,25 +8,25 @@ import numpy as np
 
 
 class Ring:
-    """(channels, capacity) of the latest samples on an equal grid; missing ones are NaN.
+    """The latest samples, (channels, capacity), equally spaced; missing samples are NaN.
 
-    Samples have numbers: their tick divided by the decimation. After a reset the board counts
-    from 0 again; the ring's numbers go on (`begin_anew`). One thread pushes, any number of
-    threads look.
+    Each sample has a number: its tick divided by the decimation. After a reset the board counts
+    from 0 again, while the ring's numbers continue (`begin_anew`). One thread pushes samples.
+    Any number of threads may read.
     """
 
     def __init__(self, channels: int, capacity: int) -> None:
         self.capacity = capacity
-        self.begin = 0  #: number of the first sample that ever was
-        self.end = 0  #: number behind the newest sample
-        self.marks: list[int] = []  #: numbers at which the board began anew
-        self._ahead = 0  # of the board's numbers
-        self._gap = 0  # of the next push, which is the first since the board began anew
+        self.begin = 0  #: number of the very first sample
+        self.end = 0  #: number of the newest sample, plus one
+        self.marks: list[int] = []  #: numbers of the first sample after each reset
+        self._ahead = 0  # the ring's numbers minus the board's
+        self._gap = 0  # gap before the next push if that is the first one after a reset
         self._values = np.full((channels, capacity), np.nan, np.float32)
         self._lock = threading.Lock()
 
     def push(self, numbers: np.ndarray, values: np.ndarray) -> None:
-        """numbers (n,) ascending, behind all that came before; values (n, channels)."""
+        """Add samples. numbers: (n,), ascending, larger than all before; values: (n, channels)."""
         if not len(numbers):
             return
         with self._lock:
@@ -46,19 +46,20 @@ class Ring:
             self.end = end
 
     def begin_anew(self, gap: int) -> None:
-        """The next samples have numbers that do not follow; they are put behind the newest,
-        `gap` >= 1 samples apart. How much time was between is not known."""
+        """After a reset of the board: put the next samples `gap` >= 1 samples behind the newest,
+        whatever their numbers are. How much time the reset took is not known."""
         with self._lock:
             if self.end:
                 self._gap = gap
 
     @property
     def boards_end(self) -> int:
-        """`end` as the board counts."""
+        """`end` in the board's own numbers."""
         return self.end - self._ahead
 
     def part(self, first: int, last: int) -> np.ndarray:
-        """(channels, last - first): a copy; NaN for what is not there (any more)."""
+        """A copy of samples `first` to `last`, (channels, last - first). NaN where the ring has
+        no sample, or no longer has it."""
         with self._lock:
             out = np.full((len(self._values), last - first), np.nan, np.float32)
             begin = max(first, self.begin, self.end - self.capacity)
@@ -69,14 +70,15 @@ class Ring:
             return out
 
     def newest(self) -> np.ndarray | None:
-        """(channels,): the newest sample."""
+        """The newest sample, (channels,); None if there is none."""
         if self.end == 0:
             return None
         return self.part(self.end - 1, self.end)[:, 0]
 
     def envelope(self, width: int, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
-        """Smallest and largest, (channels, last - first) each, of the samples in bins `first`
-        to `last`: bin n holds samples n * width to (n + 1) * width. NaN for an empty bin."""
+        """The smallest and the largest value in each of the bins `first` to `last`, each
+        (channels, last - first). Bin n holds samples n * width to (n + 1) * width. NaN for an
+        empty bin."""
         part = self.part(first * width, last * width)
         if width == 1:
             return part, part
@@ -85,9 +87,9 @@ class Ring:
 
 
 class View:
-    """One page's look at a ring: bins of a window, each handed out again until it is full.
+    """The bins of a ring that one page has yet to get.
 
-    A page that was not asked for a while gets the newest window only.
+    A bin is sent again until it is full. After a long pause only the newest window is sent.
     """
 
     def __init__(self, ring: Ring, rate_Hz: float, window_s: float, bins: int) -> None:
@@ -97,7 +99,8 @@ class View:
         self._next = 0
 
     def news(self) -> tuple[int, np.ndarray, np.ndarray] | None:
-        """Number of the first bin, smallest, largest (channels, n) since the last call."""
+        """The bins since the last call: number of the first, smallest and largest values, each
+        (channels, n). None if there are none."""
         end = self.ring.end
         if end == 0:
             return None

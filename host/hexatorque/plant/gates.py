@@ -1,10 +1,10 @@
 """Gate drivers that suppress short pulses.
 
-Each switch has its own driver, behind the dead band. A driver cannot know that a
-pulse will be short before it is over, so it waits: its output follows the input once
-that has kept its new level for the minimum pulse. Shorter pulses, on or off, leave no
-trace; all other edges are late by the minimum pulse and keep their distances. A trip
-reaches the drivers' enable input: it takes effect at once.
+Each switch has its own driver, which comes after the dead band. A driver cannot know in advance
+that a pulse will be short, so it waits: its output follows the input when that has kept its new
+level for the minimum pulse. Shorter pulses, on or off, disappear. All other edges are delayed by
+the minimum pulse, so the time between them is unchanged. A trip acts on the drivers' enable
+input and takes effect at once.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numba import njit
 
 from .inverter import HIGH, LOW, OFF
 from .pwm import MAX_EDGES, NONE, push_edge
-from .record import record
+from .record import names_of, record
 
 #: Switches of a leg: the lower and the upper one, by the leg state that turns them on.
 GATES = np.dtype(
@@ -23,7 +23,7 @@ GATES = np.dtype(
         ("command", "i8", (6,)),  # leg state that the PWM commands
         ("on", "i8", (6, 2)),  # outputs of the drivers: LOW, HIGH
         ("due", "i8", (6, 2)),  # count at which the output follows the input, or NONE
-        ("count", "i8", (MAX_EDGES,)),  # edges of a segment as they come in
+        ("count", "i8", (MAX_EDGES,)),  # counts of a segment's edges at the inputs
         ("leg", "i8", (MAX_EDGES,)),
         ("state", "i8", (MAX_EDGES,)),
     ]
@@ -32,7 +32,7 @@ GATES = np.dtype(
 
 def gates_record(min_counts: int) -> np.record:
     """All switches off."""
-    zeros = {name: 0 for name in GATES.names}
+    zeros = {name: 0 for name in names_of(GATES)}
     start = {"min_counts": min_counts, "command": OFF, "due": NONE}
     return record(GATES, **{**zeros, **start})
 
@@ -76,7 +76,7 @@ def suppress_short_pulses(gd, pm, regs, ps, c0, c1, first, n):
         while True:
             while e < edges and gd.leg[e] != leg:
                 e += 1
-            # What comes first: the next edge at the input, or an output that is due.
+            # Which comes first: the next edge at an input, or a change of an output that is due?
             due = c1
             for switch in (LOW, HIGH):
                 if gd.due[leg, switch] != NONE and gd.due[leg, switch] < due:

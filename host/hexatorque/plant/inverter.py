@@ -22,26 +22,26 @@ from .machine import (
     phase_current_slope,
     rk4_step,
 )
-from .record import record
+from .record import names_of, record
 from .vsd import TRANSFORM
 
 LOW, HIGH, OFF = 0, 1, 2
 NO_LEG = -1
 
-#: A floating leg's residual current decays with this time constant; it only
-#: removes what the location of the zero crossing leaves.
+#: A floating leg's residual current decays with this time constant. It removes only the error
+#: of the zero crossing's location.
 FLOAT_S = 20e-6
-#: Longest step while a leg is off: a diode that has to open or close within the step
-#: is seen at its end.
+#: Longest step while a leg is off. A diode that opens or closes within a step is noticed only at
+#: the end of the step.
 OFF_STEP_S = 5e-6
-#: A zero crossing is located to this share of the current's change over the step, ...
+#: A zero crossing is located to this share of the current's change over the step.
 ZERO = 1e-9
-#: ... which the secant rule reaches in two or three of these steps.
+#: Most iterations of the secant rule for that. Two or three usually suffice.
 MAX_SECANTS = 8
-#: What rounding may leave of a current that is zero.
+#: A current below this is zero except for rounding.
 RESIDUAL_A = 1e-10
 
-#: More steps than this in one call mean that time stands still.
+#: More steps than this in one call mean that time does not advance.
 MAX_STEPS = 10_000
 
 #: A floating leg's diode conducts this share of Vdc beyond the rail: above the rounding
@@ -59,7 +59,7 @@ KNEE_A = 10e-3
 _T = TRANSFORM
 
 
-#: `leg` and `diode` are state, the rest is work space.
+#: `leg` and `diode` are the state. The other fields are constants and work space.
 INVERTER = np.dtype(
     [
         ("leg", "i8", (6,)),  # LOW, HIGH or OFF
@@ -75,8 +75,8 @@ INVERTER = np.dtype(
         ("k", "f8", (8,)),
         ("z", "f8", (2, 8)),
         ("trial", "f8", (8,)),
-        ("kept", "f8", (8,)),  # by `keep`: the state
-        ("kept_diode", "i8", (6,)),  # and the diodes
+        ("kept", "f8", (8,)),  # the state that `keep` has saved
+        ("kept_diode", "i8", (6,)),  # the diodes that `keep` has saved
         ("a", "f8", (6, 7)),  # floating-leg equations
         ("i", "f8", (4,)),
     ]
@@ -89,14 +89,14 @@ DROPS = ("v_switch_V", "v_diode_V", "r_switch_ohm", "r_diode_ohm")
 
 def inverter_record(**drops: float) -> np.record:
     """All legs off, no current. `drops`: any of DROPS, otherwise zero."""
-    zeros = {name: 0 for name in INVERTER.names}
+    zeros = {name: 0 for name in names_of(INVERTER)}
     start = {"leg": OFF, "off": 6, "drops": any(drops.values())}
     return record(INVERTER, **{**zeros, **start, **drops})
 
 
 @njit
 def set_leg(inv, m, y, leg, state):
-    """Change one leg. A leg that turns off lets the present current choose."""
+    """Change the state of one leg. When it turns off, the present current decides the diode."""
     if state == OFF and inv.leg[leg] != OFF:
         i = phase_current(m, y, leg)
         inv.diode[leg] = 1 if i > 0.0 else (-1 if i < 0.0 else 0)
@@ -171,8 +171,8 @@ def _solve_floating(inv, m, load, y, vdc):
 
 @njit
 def _centre(inv, vdc):
-    """Only differences matter in a set that floats as a whole: hang it so that its
-    highest and its lowest leg reach the rails together, as two diodes conduct."""
+    """Only voltage differences matter in a set that floats as a whole. Shift it so that its
+    highest and its lowest leg reach the rails together, because two diodes conduct together."""
     for first in range(2):
         low = np.inf
         high = -np.inf
@@ -240,9 +240,10 @@ def _step(inv, m, load, y, dt, vdc, floats, out):
 
 @njit
 def longest_step_s(inv, m):
-    """Around zero current a threshold acts as a resistance of V / KNEE_A. One time constant
-    of that with the least inductance it can meet keeps the step stable (the limit is 2.78)
-    and accurate. Paper B's machine with 1.2 V: 120 us."""
+    """Longest stable and accurate step with conduction drops, s. Around zero current a threshold
+    acts as a resistance of V / KNEE_A. The step is one time constant of this resistance with the
+    smallest inductance that it can meet (the limit of stability is 2.78 time constants). Paper
+    B's machine with 1.2 V: 120 us."""
     r_switch = inv.v_switch_V / KNEE_A + inv.r_switch_ohm
     r_diode = inv.v_diode_V / KNEE_A + inv.r_diode_ohm
     return 1.0 / (max(r_switch, r_diode) * m.inv_l_max)
@@ -250,7 +251,7 @@ def longest_step_s(inv, m):
 
 @njit
 def _leg_voltages(inv, m, load, y, vdc):
-    """Set leg voltages. Returns True if any leg floats."""
+    """Set the leg voltages. Returns True if any leg floats."""
     floats = False
     for leg in range(6):
         state = inv.leg[leg]
@@ -321,7 +322,7 @@ def _first_crossing(inv, m, y, but):
         if inv.leg[leg] == OFF and inv.diode[leg] != 0 and leg != but:
             i0 = phase_current(m, y, leg) * inv.diode[leg]
             i1 = phase_current(m, inv.trial, leg) * inv.diode[leg]
-            # A residual of the wrong sign that shrinks is no crossing, nor is rounding.
+            # A small residual of the wrong sign that shrinks is no crossing, nor is rounding.
             if i1 < min(-RESIDUAL_A, i0):
                 share = max(i0 / (i0 - i1), 0.0)
                 if found == NO_LEG or share < first:
@@ -347,8 +348,8 @@ def _advance_off(inv, m, load, y, dt, vdc):
         taken = left if left < longest else longest
         _step(inv, m, load, y, taken, vdc, floats, inv.trial)
         crossing = NO_LEG
-        # Currents are no straight lines: where the one that seemed to be first passes
-        # zero, another may have done so already.
+        # Currents are not exactly straight lines: when the current that seemed to be the first
+        # passes zero, another may already have done so.
         for _ in range(6):
             earlier = _first_crossing(inv, m, y, crossing)
             if earlier == NO_LEG:
@@ -362,14 +363,14 @@ def _advance_off(inv, m, load, y, dt, vdc):
             longest = usual
         else:
             inv.diode[crossing] = 0
-            # The voltage may be beyond the rail now and within it at the end of the step:
-            # look closer, until the diode's current is seen to start.
+            # The voltage may be beyond the rail now and within it at the end of the step. Take
+            # shorter steps until the diode's current starts.
             longest = 0.5 * longest if taken < 1e-12 else usual
 
 
 @njit
 def keep(inv, y):
-    """Remember the state and the diodes for `put_back`."""
+    """Save the state and the diodes for `put_back`."""
     for r in range(8):
         inv.kept[r] = y[r]
     if inv.off > 0:
@@ -390,9 +391,9 @@ def put_back(inv, y):
 def advance(inv, m, load, y, dt, vdc):
     """Advance the drive by dt with constant leg states.
 
-    One Runge-Kutta step suffices while every leg is driven (with drops, as many as
-    their slope at zero current asks for): the callers step from edge to edge, far
-    below the machine's time constants.
+    One Runge-Kutta step suffices while every leg is driven, because the callers step from edge to
+    edge, far below the machine's time constants. With drops, their slope at zero current decides
+    the number of steps.
     """
     if inv.off > 0:
         _advance_off(inv, m, load, y, dt, vdc)

@@ -1,4 +1,4 @@
-"""The closed loop, period by period, without an interpreter in it.
+"""The closed loop, period by period, in compiled code.
 
 Order within one PWM period, as on the chip:
 
@@ -9,9 +9,9 @@ Order within one PWM period, as on the chip:
     ...                edges of the active compare registers
     TBPRD              next period
 
-The controller is any function `void f(uint64 handle)`: firmware on the host
-today, other targets through the same door. The slow interrupt runs after the
-fast one in every `slow_every`-th period.
+The controller is any function `void f(uint64 handle)`: the firmware on this computer, or a
+function that communicates with another target. The slow interrupt runs after the fast one in
+every `slow_every`-th period.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, grid, out, row):
         stop = min(c1, now + tm.max_step)
         if e < n:
             stop = min(stop, ps.count[e])
-        # Recording must not change the steps: there, and back again.
+        # Recording must not change the steps: advance to the sample, then restore the state.
         there = tick < stop
         if there:
             keep(inv, y)
@@ -136,9 +136,9 @@ def source_hash() -> int:
 
 
 def _compile(source: int):
-    """The loop is the only function with a disk cache. Numba renews a cache entry
-    when the function's own file changes; the closure over `source` makes it
-    notice a change in the files of the functions it calls as well."""
+    """Make the loop, the only function with a cache on disk. Numba compiles it again when its own
+    file changes. The closure over `source` makes numba also notice changes in the files of the
+    functions that the loop calls."""
 
     @njit(cache=True, nogil=True)
     def run_periods(
@@ -173,8 +173,8 @@ def _compile(source: int):
         (counts since period 0, leg, LOW | HIGH | OFF) after the `logged` rows already
         there. Returns the new number of rows.
 
-        Between sampling and register write the controller cannot see the machine, so
-        it is called as soon as it has its samples and the machine follows in one go.
+        Between sampling and register write the controller does not see the machine. So it is
+        called right after the sampling, and then the machine advances over the whole time.
         """  # fmt: skip
         if not source:
             return logged

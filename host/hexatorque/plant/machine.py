@@ -1,21 +1,21 @@
-"""The contract of a machine model, and what all models share: load and integration step.
+"""What every machine model must provide, and what all models share: load and integration step.
 
 A model is a module in `machines/`. It has
 
 - a class `Parameters`: its keys of the set-up's section [machine],
 - `make(parameters)`: a numpy record of constants, see below,
 - `fastest_per_s(record)`: the largest decay rate of the windings at standstill,
-- a compiled function for each function of the contract (`implements`).
+- a compiled function for each function below that is marked `_contract` (`implements`).
 
 Fields that every record has: one with the model's own name, `g_leg` (6, 6), d/dt of a phase
 current per volt on each leg with unsaturated iron [1/H], and `inv_l_max`, the largest slope that
-any stator voltage finds [1/H]. By the field with the model's name compiled code finds the
-model's functions when it is compiled, so that no model costs anything at run time.
+any stator voltage causes [1/H]. The field with the model's name selects the model's functions when
+the code is compiled, so that the choice of a model takes no time when it runs.
 
 All models have the same state of eight numbers, SI units:
 
     y[0:4]  stator flux linkages alpha, beta, x, y        [Wb]
-    y[4:6]  the rotor's own, by the model
+    y[4:6]  state of the rotor; the model defines it
     y[6]    mechanical speed                              [rad/s]
     y[7]    mechanical angle                              [rad]
 """
@@ -33,7 +33,7 @@ _MODELS: dict[Callable, dict[str, Callable]] = {}
 
 
 def _contract(declared: Callable) -> Callable:
-    """A function that every model has. In the interpreter it looks the model's up."""
+    """A function that every model has. Called from Python, it looks up the model's function."""
 
     def function(m, *rest):
         for name, implementation in _MODELS[function].items():
@@ -47,7 +47,7 @@ def _contract(declared: Callable) -> Callable:
 
 
 def implements(function: Callable, model: str) -> Callable:
-    """The decorated function is this model's implementation of a contract's function."""
+    """Decorator: the function is this model's implementation of `function`."""
 
     def register(implementation: Callable) -> Callable:
         @overload(function, strict=False)
@@ -83,7 +83,7 @@ def phase_current(m, y, leg):
 
 @_contract
 def incremental(m, y):
-    """Whatever of the state the two slopes below depend on, worked out once. Any type."""
+    """The part of the state on which the two slopes below depend, computed once. Any type."""
 
 
 @_contract

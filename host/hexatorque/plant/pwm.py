@@ -9,8 +9,8 @@ Modelled: shadow load of CMPA/CMPB (zero, period, both) and of AQCTLA (type 4),
 immediate load, action qualifier of output A for ZERO, CAU, CBU, PERIOD and
 one-shot software force with the hardware's priority (force > PRD > CBU > CAU >
 ZERO), complementary dead band with the polarity of both outputs, one-shot trip with the
-levels that it forces. Whether a level switches on is the gate drivers' business
-(`active_low`). Both switches of a leg on is counted, and the leg taken as off.
+levels that it forces. The gate drivers decide which level switches on (`active_low`). If both
+switches of a leg are on, this is counted as a short, and the leg is taken as off.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 
 from .inverter import HIGH, LOW, OFF
-from .record import record
+from .record import names_of, record
 
 NONE = -1
 
@@ -40,7 +40,7 @@ PWM_MAP = np.dtype(
 #: share the list.
 MAX_EDGES = 6 * 20
 
-#: What the modules hold besides the register file, and the edges of a period.
+#: The modules' state that is not in the register file, and the edges of a period.
 PWM = np.dtype(
     [
         ("cmpa", "i8", (6,)),  # active compare A
@@ -61,14 +61,14 @@ PWM = np.dtype(
 
 def pwm_record() -> np.record:
     """Outputs low, tripped."""
-    zeros = {name: 0 for name in PWM.names}
+    zeros = {name: 0 for name in names_of(PWM)}
     start = {"cmpa": 65535, "cmpb": 65535, "band": LOW, "pending": NONE, "gate": OFF}
     return record(PWM, **{**zeros, **start})
 
 
 @njit(inline="always")
 def _loads(mode, zero):
-    """Does a shadow with LOADxMODE `mode` load at zero / at period?"""
+    """Whether a shadow register with LOADxMODE `mode` loads at zero (`zero`) or at period."""
     if zero:
         return mode == 0 or mode == 2
     return mode == 1 or mode == 2
@@ -76,7 +76,7 @@ def _loads(mode, zero):
 
 @njit(inline="always")
 def _leg_of_pins(ps, leg, a, b, active_low):
-    """Leg state that the levels of both pins make."""
+    """The leg state that follows from the levels of both pins."""
     upper = a != active_low
     lower = b != active_low
     if upper and lower:
@@ -88,8 +88,8 @@ def _leg_of_pins(ps, leg, a, b, active_low):
 
 @njit(inline="always")
 def _leg_of_band(ps, leg, band, dbctl, active_low):
-    """The same of the dead band's state. A is the delayed rise, B the delayed fall; POLSEL
-    inverts either."""
+    """The leg state that follows from the dead band's state. A is the delayed rise and B the
+    delayed fall. POLSEL can invert either."""
     a = np.int64(band == HIGH) ^ (dbctl >> 2 & 1)
     b = np.int64(band != LOW) ^ (dbctl >> 3 & 1)
     return _leg_of_pins(ps, leg, a, b, active_low)
@@ -97,7 +97,7 @@ def _leg_of_band(ps, leg, band, dbctl, active_low):
 
 @njit(inline="always")
 def _forced(action, active_low):
-    """Level of a pin in a trip: 1 high, 2 low. Else none, and a resistor switches off."""
+    """Level of a pin in a trip: 1 high, 2 low. With any other action a resistor switches off."""
     if action == 1:
         return np.int64(1)
     return np.int64(0) if action == 2 else np.int64(active_low)
@@ -127,7 +127,7 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
     pending delays are moved to the next period.
     """
     if c0 == c1:
-        return n  # registers are taken over by the segment that has counts
+        return n  # an empty segment takes over no registers
     for leg in range(6):
         base = pm.epwm + leg * pm.stride
         prd = np.int64(regs[base + pm.tbprd])
@@ -203,7 +203,7 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
                 ps.out[leg] = level
                 if not tripped:
                     ps.transitions[leg] += 1
-                # The delayed switch of the edge before may have come on.
+                # The delayed switch of the previous edge may have turned on.
                 if ps.pending[leg] != NONE and ps.pending[leg] <= at:
                     ps.band[leg] = np.int64(1 - level)
                     if not tripped and ps.pending[leg] < at:

@@ -1,4 +1,4 @@
-"""Records: what Python hands to the compiled plant."""
+"""Records: the data that Python passes to the compiled plant."""
 
 from __future__ import annotations
 
@@ -7,10 +7,15 @@ from typing import Any
 import numpy as np
 
 
+def names_of(dtype: np.dtype) -> tuple[str, ...]:
+    """The fields of a record's type."""
+    return dtype.names or ()
+
+
 def record(dtype: np.dtype, **fields: Any) -> np.record:
     """A record of `dtype` with every field set; compiled code sees and changes it
     in place."""
-    missing = set(dtype.names) ^ set(fields)
+    missing = set(names_of(dtype)) ^ set(fields)
     if missing:
         raise TypeError(f"fields do not match: {sorted(missing)}")
     row = np.zeros(1, dtype).view(np.recarray)[0]

@@ -1,6 +1,7 @@
-"""Current, voltage and position sensors up to the DSP's result registers, the eQEP's
-quadrature counter and capture unit among them. The current sensors' analogue filter
-runs along with the machine; the rest acts at the sample.
+"""Current, voltage and position sensors, up to the DSP's result registers.
+
+This includes the eQEP's quadrature counter and capture unit. The current sensors' analogue filter
+is integrated together with the machine. Everything else is computed at the sampling instant.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ SENSORS = np.dtype(
     [
         ("i_counts_per_A", "f8", (6,)),  # gain errors included
         ("i_filter_rad_s", "f8"),  # corner of the current filters, 0: none
-        ("i_last_A", "f8", (6,)),  # their inputs, phase currents, where they stand
-        ("i_filtered_A", "f8", (6,)),  # their outputs
+        ("i_last_A", "f8", (6,)),  # the filters' latest inputs: phase currents
+        ("i_filtered_A", "f8", (6,)),  # the filters' outputs
         ("i_noise_counts", "f8"),  # rms
         ("random", "u8"),  # state of the noise generator, not 0
         ("i_offset_counts", "f8", (6,)),  # mid scale plus offset
         ("v_counts_per_V", "f8"),
-        # Sensors that stand still (1): six currents, dc link, encoder
+        # Sensors whose value is frozen (1): six currents, dc link, encoder
         ("hold", "i8", (8,)),
         ("adc_full", "f8"),  # counts at full scale
         ("adc_step", "f8"),  # counts per converter step: 1 at 12 bits, 4 at 10 bits
@@ -33,15 +34,15 @@ SENSORS = np.dtype(
         ("adc_shift", "i8"),  # left shift of the result register
         ("adc_flag", "i8"),  # word address of the flag that a sequence has ended
         ("adc_flag_bit", "i8"),
-        ("encoder_error_cycles", "f8"),  # edges of channel B off their place
+        ("encoder_error_cycles", "f8"),  # displacement of the edges of channel B
         ("eqep", "i8"),  # word address of eQEP1
         ("system_clocks", "f8"),  # SYSCLKOUT cycles from sample to sample
         # State of the encoder interface
-        ("position_counts", "f8"),  # at the sample before
-        ("counter", "i8"),  # the same, as the counter shows it, without its wrap
-        ("ticks", "f8"),  # capture clock since the beginning
-        ("event_tick", "i8"),  # of the last unit event or overflow
-        ("edges", "i8"),  # since the last unit event
+        ("position_counts", "f8"),  # position at the previous sample
+        ("counter", "i8"),  # the same in whole counts, without the counter's wrap
+        ("ticks", "f8"),  # capture clocks since the start
+        ("event_tick", "i8"),  # capture clock at the last unit event or overflow
+        ("edges", "i8"),  # edges since the last unit event
     ]
 )
 
@@ -60,7 +61,7 @@ def _counts(value, step, full):
 
 @njit
 def _uniform(se):
-    """Uniform in (0, 1): xorshift64*, its own state in every simulation."""
+    """A random number, uniform in (0, 1), by xorshift64*. Each simulation has its own state."""
     x = se.random
     x ^= x >> np.uint64(12)
     x ^= x << np.uint64(25)
@@ -71,20 +72,20 @@ def _uniform(se):
 
 @njit
 def _normal(se):
-    """Standard normal, Box and Muller."""
+    """A random number, standard normal, by Box and Muller's method."""
     return np.sqrt(-2.0 * np.log(_uniform(se))) * np.cos(TWO_PI * _uniform(se))
 
 
 @njit(inline="always")
 def _place(se, edge):
-    """Position of an edge, in counts: those of channel B are off by `encoder_error_cycles`,
-    its rise (1 mod 4) late and its fall (3 mod 4) early."""
+    """Position of an edge, in counts. The edges of channel B are displaced by
+    `encoder_error_cycles`: its rise (1 mod 4) is late and its fall (3 mod 4) is early."""
     return edge + 4.0 * se.encoder_error_cycles * ((edge & 1) * (1 - (edge & 2)))
 
 
 @njit
 def _counter(se, counts):
-    """What the quadrature counter shows at position `counts`: the last edge below."""
+    """The value of the quadrature counter at position `counts`: the last edge below it."""
     edge = np.int64(np.floor(counts))
     return edge + (_place(se, edge + 1) <= counts) - (_place(se, edge) > counts)
 
@@ -128,7 +129,7 @@ def _capture(se, counts, end, regs):
             tick = _tick(began, slope, _place(se, first + k * step) - before)
             if tick - se.event_tick >= TIMER:
                 status |= COEF
-            if events > 1:  # the last two make the period
+            if events > 1:  # the period is between the last two
                 k += (events - 1) * unit
                 se.event_tick = _tick(began, slope, _place(se, first + (k - unit) * step) - before)
                 tick = _tick(began, slope, _place(se, first + k * step) - before)
@@ -149,7 +150,7 @@ def filter_currents(se, m, y, dt):
     tau di_f/dt = i - i_f, exact for currents that are straight lines over dt."""
     x = se.i_filter_rad_s * dt
     decay = np.exp(-x)
-    mean = -np.expm1(-x) / x  # of the decay over dt
+    mean = -np.expm1(-x) / x  # mean of the decay over dt
     for leg in range(6):
         i = phase_current(m, y, leg)
         behind = (se.i_filtered_A[leg] - se.i_last_A[leg]) * decay

@@ -1,2 +1,2 @@
-"""Recordings: named channels on one time base (`recording`), and a module for each kind of
-file (`formats` says which). Importing this package alone loads nothing heavy."""
+"""Recordings: named channels with one time axis (`recording`), and a module for each file format
+(`formats` lists them). Importing this package does not import the libraries of the formats."""

@@ -1,9 +1,9 @@
-"""Text: `time_s`, the board's `tick` if it has one, and the channels with their units; a line
-per sample, without cells where the sample was lost. The header is in a .json beside it
+"""CSV text: `time_s`, the board's `tick` if there is one, and the channels with their units. Each
+sample has a line; the cells of a lost sample are empty. The header is in a .json file beside it
 (`recording.header`). docs/recordings.md has an example.
 
-A recording that is written as it arrives (`writer`) has the same two files; until it is
-closed `samples` is null and the metadata says `"closed": false`.
+A recording that is still being written (`writer`) has the same two files. Until it is closed,
+`samples` is null and the metadata contain `"closed": false`.
 """
 
 from __future__ import annotations
@@ -30,22 +30,23 @@ from .recording import (
     to_json,
 )
 
-#: Digits that give back each type exactly; whole numbers as they are.
+#: Formats with enough digits to restore each type exactly. Integers are written in full.
 _DIGITS = {"float32": "%.9g", "float64": "%.17g"}
-_LINES = 10_000  #: formatted at a time
-#: Lost samples that get a line each. A longer gap has one line, the reader knows by the tick.
+_LINES = 10_000  #: lines that are formatted at a time
+#: A gap of up to this many lost samples has a line for each. A longer gap has only one line; its
+#: length follows from the tick.
 LONGEST_GAP = 100_000
 
 
 def lines(columns: list[np.ndarray], formats: list[str]) -> str:
-    """The text of rows; (n,) columns and how to print each."""
+    """The text of rows. columns: (n,) each; formats: how to print each column."""
     line = ",".join(formats) + "\n"
     row = [value for values in zip(*(c.tolist() for c in columns)) for value in values]
     return line * len(columns[0]) % tuple(row)
 
 
 def first_line(names: Iterable[str], units: Iterable[str], ticks: bool) -> str:
-    """The line of names; those with commas in quotes."""
+    """The line of names. A name that contains a comma is in quotes."""
     named = (table.heading(name, unit) for name, unit in zip(names, units, strict=True))
     return _line(["time_s", *["tick"] * ticks, *named]) + "\n"
 
@@ -75,24 +76,25 @@ def save(rec: Recording, path: Path) -> None:
             file.write(text.replace(",nan", ","))
 
 
-# -- as it arrives
+# -- while the samples arrive
 
 
 def stream_head(stream: Stream) -> str:
-    """First line of a recording in the making."""
+    """First line of a recording that is being written."""
     check_names(name for name, _ in stream.channels)
-    return first_line(*zip(*stream.channels), ticks=True)
+    names, units = zip(*stream.channels)
+    return first_line(names, units, ticks=True)
 
 
 def stream_lines(stream: Stream, since: np.ndarray, ticks: np.ndarray, values: np.ndarray) -> str:
-    """Rows that came, `since` ticks after the first of all."""
+    """Lines of the rows that have come. since: ticks from the recording's first row to each."""
     time_s = stream.start_s + since / stream.tick_Hz
     formats = ["%.12g", "%d", *["%.9g"] * values.shape[1]]
     return lines([time_s, ticks, *values.T], formats)
 
 
 def gap_lines(stream: Stream, since: int, tick: int, lost: int) -> str:
-    """Lines of the samples that were lost behind the one at `since`."""
+    """Lines for `lost` samples that are missing after the sample at `since`."""
     if lost > LONGEST_GAP:
         lost = 1
     steps = stream.decimation * np.arange(1, lost + 1, dtype=np.int64)
@@ -101,7 +103,7 @@ def gap_lines(stream: Stream, since: int, tick: int, lost: int) -> str:
 
 
 def stream_header(stream: Stream, samples: int | None, meta: dict) -> str:
-    """What stands beside it."""
+    """The contents of the .json file."""
     columns = [(name, unit, "float32") for name, unit in stream.channels]
     return json_text(header(stream.rate_Hz, stream.start_s, samples, columns, meta))
 
@@ -130,14 +132,14 @@ def load(path: Path) -> Recording:
 
 
 def _below(text: str, units: dict[str, str], name: str) -> table.Table:
-    """The table of a recording whose header is known."""
+    """The table of a recording. Its header gives the names and units of the columns."""
     named = [table.heading(channel, unit) for channel, unit in units.items()]
-    # The former layout told no units.
+    # The former layout had no units in the line of names.
     known = [["time_s", *t, *c] for t in ([], ["tick"]) for c in (named, list(units))]
     for cells in known:
         if found := table.under(text, _line(cells)):
             return found
-    found = table.find(text)  # another program has saved it
+    found = table.find(text)  # another program has saved the file again
     if found.names not in known:
         raise RecordingError(
             f"other columns than its header {name} says; without {name} it is read as a plain table"
@@ -146,7 +148,7 @@ def _below(text: str, units: dict[str, str], name: str) -> table.Table:
 
 
 def _columns(found: table.Table, kinds: list[str]) -> tuple[np.ndarray | None, list[np.ndarray]]:
-    """Ticks, if there are any, and the channels."""
+    """The ticks (None without ticks) and the channels."""
     ticks = found.names[1:2] == ["tick"]
     kinds = [kind.replace("bool", "uint8") for kind in kinds]
     _, *columns = found.columns(["f8", *["u4"] * ticks, *kinds])
@@ -154,7 +156,7 @@ def _columns(found: table.Table, kinds: list[str]) -> tuple[np.ndarray | None, l
 
 
 def _whole(fields: dict, text: str, name: str) -> Recording:
-    """One that was closed, or written in one go."""
+    """Read a recording that was closed, or written at once."""
     units, meta = fields["units"], fields["meta"]
     if not text.endswith("\n"):
         raise RecordingError("the last line is not whole")
@@ -169,13 +171,14 @@ def _whole(fields: dict, text: str, name: str) -> Recording:
                 f"line {found.line_of(row)}: tick {ticks[row]} does not follow on in steps of "
                 f"{meta[DECIMATION]}"
             )
-        if int(places[-1]) + 1 > len(places):  # a gap too long for a line each
+        if int(places[-1]) + 1 > len(places):  # a gap that has only one line
             columns = [fill(places, column) for column in columns]
     return from_fields(fields, dict(zip(units, columns, strict=True)))
 
 
 def _growing(fields: dict, text: str, name: str) -> Recording:
-    """One that is being written, or whose process was killed: as far as it is whole."""
+    """Read a recording that is still being written, or whose process was killed, up to its last
+    complete line."""
     meta = fields["meta"]
     stream = Stream(
         tuple(fields["units"].items()),
@@ -188,7 +191,7 @@ def _growing(fields: dict, text: str, name: str) -> Recording:
 
 
 def _former_stream(fields: dict, stream: Stream, text: str, name: str) -> Recording:
-    """The layout until 2026: lines only for samples that arrived, another header."""
+    """Read the layout used until 2026: it has no lines for lost samples, and another header."""
     closed = fields["closed"] is True
     if closed and not text.endswith("\n"):
         raise RecordingError("the last line is not whole")
@@ -196,33 +199,34 @@ def _former_stream(fields: dict, stream: Stream, text: str, name: str) -> Record
 
 
 def _as_it_came(stream: Stream, counters: dict, text: str, name: str, closed: bool) -> Recording:
-    # The line in which a recording broke off may be a number cut short: it does not count.
+    # An incomplete last line is dropped: its last number may be cut off.
     text = text[: text.rfind("\n") + 1]
     ticks, values = np.empty(0, np.uint32), np.empty((0, len(stream.channels)), np.float32)
     if text:
         found = _below(text, dict(stream.channels), name)
-        ticks, columns = _columns(found, ["f4"] * len(stream.channels))
-        if ticks is None:
+        numbers, columns = _columns(found, ["f4"] * len(stream.channels))
+        if numbers is None:
             raise RecordingError("no column tick")
         values = np.column_stack(columns)
         came = ~np.isnan(values).all(axis=1)
-        ticks, values = ticks[came], values[came]
+        ticks, values = numbers[came], values[came]
     return assemble(stream, ticks, values, counters, closed)
 
 
 def _plain(text: str, why: str) -> Recording:
-    """A table without a header beside it: of another program, or its .json is lost."""
+    """Read a table without a header: it comes from another program, or its .json is lost."""
     found = table.find(text)
     headings = [table.split(name) for name in found.names]
     if found.units:
         headings = [(name, unit or below) for (name, unit), below in zip(headings, found.units)]
     at, unit_s, assumed = table.time_column(found, headings)
-    columns = found.columns(["f8"] * len(found.names), strict=False)
-    if columns[at] is None:
+    columns = found.number_columns(["f8"] * len(found.names))
+    times = columns[at]
+    if times is None:
         raise RecordingError(f"{found.names[at]}: no numbers; time in seconds is needed")
     notes = [f"{why}: names, units and time are those of the table itself"]
     notes += [assumed] * bool(assumed)
-    time_s = columns[at] * unit_s
+    time_s = times * unit_s
     rate_Hz, places = table.raster(found, time_s)
     meta: dict = {}
     channels, units = {}, {}
@@ -242,7 +246,7 @@ def _plain(text: str, why: str) -> Recording:
     if not channels:
         raise RecordingError("no column beside the time holds numbers")
     check_names(channels)
-    lost = np.isnan(list(channels.values())).all(axis=0)
+    lost = np.isnan(np.array(list(channels.values()))).all(axis=0)
     meta["gaps"] = int(np.sum(np.diff(lost, prepend=False) & lost))
     meta["lost_samples"] = int(lost.sum())
     notes.append(f"{len(lost)} samples at {rate_Hz:.9g} Hz")
@@ -250,7 +254,7 @@ def _plain(text: str, why: str) -> Recording:
 
 
 def _ticks(found: table.Table, column: np.ndarray, places: np.ndarray, rate_Hz: float) -> dict:
-    """The metadata of a column of ticks."""
+    """The metadata that follow from a column of ticks."""
     since = np.diff(column, prepend=column[0]) % 2**32
     step = float(np.sum(since)) / float(places[-1])
     wrong = ~((since == np.diff(places, prepend=0) * step) & (column % 1 == 0) & (step % 1 == 0))

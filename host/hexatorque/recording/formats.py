@@ -1,7 +1,7 @@
-"""Files of recordings: one module per suffix, each with `save(rec, path)` and `load(path)`.
+"""File formats of recordings: one module per suffix, each with `save(rec, path)` and `load(path)`.
 
-Nothing heavy is imported here: the libraries of .mf4, .mat and .parquet are extras of the
-package and are loaded on first use.
+The libraries for .mf4, .mat and .parquet are extras of the package. They are imported only when
+a file of that format is read or written.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from types import ModuleType
 
 from ..errors import HexatorqueError
 
-#: Suffix -> the library it needs beyond the package's own. The module here and the extra
-#: in pyproject.toml are named as the suffix.
+#: Suffix -> the library that it needs besides the package's own. The module in this folder and
+#: the extra in pyproject.toml have the suffix as their name.
 SUFFIXES = {
     ".csv": None,
     ".npz": None,
@@ -25,31 +25,32 @@ SUFFIXES = {
     ".mat": "scipy.io",
     ".parquet": "pyarrow.parquet",
 }
-#: Added to the name of a file that is still being recorded (`journal`).
+#: Suffix that is appended while a file is being recorded (`journal`).
 PART = ".part"
 
 
 class RecordingError(HexatorqueError, ValueError):
-    """A recording, or its file, that cannot be read or written."""
+    """A recording cannot be read or written, or one of its values is out of range."""
 
     exit_code = 2
 
 
 def one_line(error: BaseException) -> str:
-    """What an exception says, without line breaks and without its own file name."""
+    """The text of an exception on one line, without the name of the file."""
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     return " ".join(str(error).split()) or type(error).__name__
 
 
 def suffixes_text() -> str:
-    """ ".csv, .npz, ... or .parquet"."""
+    """All suffixes as text: ".csv, .npz, ... or .parquet"."""
     *first, last = SUFFIXES
     return f"{', '.join(first)} or {last}"
 
 
 def module(path: Path) -> ModuleType:
-    """The module for a file, by its suffix, with its library loaded."""
+    """The module for a file, by its suffix. RecordingError if the suffix is unknown or its library
+    is not installed."""
     if path.suffix not in SUFFIXES:
         raise RecordingError(f"{path}: unknown suffix, use {suffixes_text()}")
     extra = path.suffix[1:]
@@ -65,21 +66,21 @@ def module(path: Path) -> ModuleType:
 
 
 def reader(path: Path) -> ModuleType:
-    """The module that reads a file: of a finished recording, or of one never closed."""
+    """The module that reads a file: of a closed recording, or of one that was not closed."""
     if path.suffix == PART:
         return import_module(".journal", __package__)
     return module(path.with_suffix(path.suffix.lower()))
 
 
 def beside(path: Path) -> list[Path]:
-    """All files that make up the recording `path`, itself last."""
+    """All files of the recording `path`; `path` itself is the last."""
     return [*([path.with_suffix(".json")] if path.suffix == ".csv" else []), path]
 
 
 def check_output(path: str | Path) -> Path:
-    """Refuse a file that `Recording.save` could not write, before the work that fills it:
-    unknown suffix, extra not installed, folder that cannot be made or written. Makes the
-    folder."""
+    """Check that `Recording.save` can write a file, and make its folder. Call this before the work
+    that fills the file. RecordingError if the suffix is unknown, its library is not installed, or
+    the folder cannot be made or written."""
     path = Path(path)
     module(path)
     try:
@@ -96,9 +97,9 @@ def check_output(path: str | Path) -> Path:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A name to write to; what stands under it then replaces `path` in one step. A
-    failure leaves an older file as it was."""
-    # Named as the file is: writers look at the suffix.
+    """Gives the name of a temporary file to write. At the end it replaces `path` in one step. After
+    an error the older file is unchanged."""
+    # It has the same suffix as the file, because some libraries check that.
     draft = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     path.parent.mkdir(parents=True, exist_ok=True)
     try:

@@ -1,10 +1,10 @@
-"""What is written while a board is recorded: rows of tick and values as they come.
+"""Journals: the files that are written while a board is recorded.
 
-A journal (`NAME.npz.part`): a line of JSON (`Stream.to_json`), a line of JSON with the
-counters filled with blanks to 256 bytes, then rows of fixed size, little-endian: u32 tick,
-float32 values. A file that ends anywhere is good up to its last whole row.
+A journal (`NAME.npz.part`) has a line of JSON (`Stream.to_json`), a line of JSON with the
+counters, padded with blanks to 256 bytes, and rows of fixed size, little-endian: u32 tick,
+float32 values. If writing was interrupted, the file is good up to its last complete row.
 
-The tick is the time base: the drive's count of fast interrupts, modulo 2**32.
+The time axis is the tick: the drive's count of fast interrupts, modulo 2**32.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
 import numpy as np
 
@@ -20,11 +20,11 @@ from .formats import RecordingError
 from .recording import DECIMATION, FIRST_TICK, Recording, check_names, to_json
 
 FORMAT = "hexatorque-journal-1"
-COUNTERS_LINE = 256  #: bytes, with the line's end: written again in place
+COUNTERS_LINE = 256  #: bytes with the end of the line; the line is overwritten in place
 LONGEST_HEADER = 1 << 24
-#: Lost samples times channels that are filled with NaN, at most: 400 MB.
+#: Largest product of lost samples and channels that is filled with NaN: 400 MB.
 MOST_LOST_VALUES = 10**8
-#: Of a recording that nothing was counted for.
+#: The counters of a recording for which nothing was counted.
 COUNTERS = {"drops": 0, "crc_errors": 0, "damaged_samples": 0}
 #: Key of the metadata: fast interrupts per second.
 TICK_HZ = "tick_Hz"
@@ -32,10 +32,10 @@ TICK_HZ = "tick_Hz"
 
 @dataclass(frozen=True)
 class Stream:
-    """What a stream of samples is.
+    """The description of a stream of samples.
 
     channels: (name, unit) each; tick_Hz: ticks per second; decimation: ticks from one
-    sample to the next; start_s: time of the first sample; meta: of the recording.
+    sample to the next; start_s: time of the first sample; meta: the recording's metadata.
     """
 
     channels: tuple[tuple[str, str], ...]
@@ -88,36 +88,39 @@ def counters_line(counters: dict) -> bytes:
 
 
 def read(file: BinaryIO) -> tuple[Stream, np.ndarray, dict]:
-    """Stream, rows and counters of an open journal."""
+    """The stream, the rows and the counters of an open journal."""
     file.seek(0)
     stream = Stream.from_json(json.loads(file.readline(LONGEST_HEADER)))
     line = file.read(COUNTERS_LINE)
     try:
         counters = json.loads(line)
-    except ValueError:  # broken off while it was written: the rows are good without
+    except ValueError:  # writing this line was interrupted: the rows are still good
         counters = {}
-    octets = file.read()
-    whole = len(octets) - len(octets) % stream.row.itemsize
-    return stream, np.frombuffer(octets[:whole], stream.row), counters
+    raw = file.read()
+    whole = len(raw) - len(raw) % stream.row.itemsize
+    return stream, np.frombuffer(raw[:whole], stream.row), counters
 
 
 def load(path: Path) -> Recording:
-    """The recording of a journal that was left behind."""
+    """The recording in a journal that was not closed."""
     with path.open("rb") as file:
         stream, rows, counters = read(file)
     return assemble(stream, rows["tick"], rows["values"], counters, closed=False)
 
 
-def nearest_places(since, decimation: int):
-    """The sample numbers of rows so many ticks after the first: the nearest."""
+Ticks = TypeVar("Ticks", int, np.ndarray)
+
+
+def nearest_places(since: Ticks, decimation: int) -> Ticks:
+    """The nearest sample numbers of rows that are `since` ticks after the first."""
     return (since + decimation // 2) // decimation
 
 
 def ascending(ticks: np.ndarray, decimation: int) -> tuple[np.ndarray, np.ndarray]:
-    """(places, kept): the sample number of each row that is kept, counted from the first
-    row, and which rows those are. Not kept: rows that are not later than all before
-    (ticks are modulo 2**32), and single ones that are not on the stream's raster. Behind an
-    interruption the board goes on at any tick: such rows are at the nearest place."""
+    """Returns (places, kept): which rows are kept, and the sample number of each, counted from the
+    first row. A row is dropped if it is not later than all rows before it (ticks are modulo
+    2**32), or if it alone is not at a multiple of the decimation. After an interruption the board
+    may continue at any tick; such rows get the nearest sample number."""
     steps = np.diff(ticks.astype(np.uint32)).astype(np.int32)  # wraps
     since = np.concatenate([[0], np.cumsum(steps, dtype=np.int64)])[: len(ticks)]
     phase = since % decimation
@@ -130,7 +133,7 @@ def ascending(ticks: np.ndarray, decimation: int) -> tuple[np.ndarray, np.ndarra
 
 
 def fill(places: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(n, ...) values at their places, NaN between."""
+    """The values, (n, ...), at their places; NaN in between."""
     lost = int(places[-1]) + 1 - len(places) if len(places) else 0
     if not lost:
         return values
@@ -150,7 +153,7 @@ def fill(places: np.ndarray, values: np.ndarray) -> np.ndarray:
 def metadata(
     stream: Stream, first_tick: int | None, gaps: int, lost: int, counters: dict, closed: bool
 ) -> dict:
-    """The metadata of a recording of a board."""
+    """The metadata of a board's recording."""
     return {
         **COUNTERS,
         **stream.meta,
@@ -167,8 +170,8 @@ def metadata(
 def assemble(
     stream: Stream, ticks: np.ndarray, values: np.ndarray, counters: dict, closed: bool
 ) -> Recording:
-    """The equally sampled recording of (n,) ticks and (n, channels) values as they came:
-    NaN where samples are missing, and how many in the metadata."""
+    """Make the recording from (n,) ticks and (n, channels) values as they came. Missing samples
+    are NaN, and the metadata give their number."""
     places, kept = ascending(ticks, stream.decimation)
     samples = int(places[-1]) + 1 if len(places) else 0
     table = fill(places, np.asarray(values[kept], np.float32))

@@ -11,7 +11,7 @@ import numpy as np
 
 from .recording import Recording, from_header, header_text
 
-LONGEST = 63  #: of a name in MATLAB
+LONGEST = 63  #: characters of a name in MATLAB
 _KEYWORDS = (
     "break case catch classdef continue else elseif end for function global if otherwise "
     "parfor persistent return spmd switch try while"
@@ -49,7 +49,7 @@ def save(rec: Recording, path: Path) -> None:
         **columns,
         "rate_Hz": float(rec.rate_Hz),
         "start_s": float(rec.start_s),
-        # JSON of ASCII only: MATLAB's text has a character set of its own.
+        # Write JSON with ASCII only, because MATLAB's character set may differ.
         "recording_json": header_text(rec, variables=dict(zip(own, rec.channels))),
     }
     if rec.ticks is not None:

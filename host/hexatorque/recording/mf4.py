@@ -20,14 +20,14 @@ from .formats import one_line
 from .recording import Recording, from_header, header_text
 
 ATTACHED = "recording.json"
-#: Of the metadata, what tools show in the file's properties.
+#: The metadata that other programs show among the file's properties.
 SHOWN = ("hexatorque", "setup", "scheme", "device", "firmware", "gaps", "lost_samples")
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """The library also prints what it raises, and objects that it could not finish raise
-    again when they are deleted."""
+    """Suppress the library's printed errors. It prints errors that it also raises, and objects
+    that it could not complete raise again when they are deleted."""
     logger, hook = logging.getLogger("asammdf"), sys.unraisablehook
     before, logger.disabled = logger.disabled, True
     sys.unraisablehook = lambda _: None
@@ -38,10 +38,10 @@ def _quiet() -> Iterator[None]:
 
 
 def _crc32(rec: Recording) -> int:
-    """Of all samples: little of an .mf4 file is protected otherwise."""
+    """The CRC of all samples. An .mf4 file has hardly any other protection."""
     crc = 0
     for data in rec.channels.values():
-        crc = zlib.crc32(np.ascontiguousarray(data).view(np.uint8), crc)
+        crc = zlib.crc32(np.ascontiguousarray(data).view(np.uint8).data, crc)
     return crc
 
 
@@ -79,7 +79,7 @@ def save(rec: Recording, path: Path) -> None:
         )
         shown = [f"{key}: {rec.meta[key]}" for key in SHOWN if key in rec.meta]
         mdf.header.comment = "\n".join(["hexatorque recording", *shown])
-        # What does not know when it started has the same time always.
+        # A recording without a start time always gets the same one.
         mdf.header.start_time = datetime.fromtimestamp(0, UTC)
         with suppress(KeyError, TypeError, ValueError):
             mdf.header.start_time = datetime.fromisoformat(rec.meta["started"]).astimezone(UTC)
@@ -96,12 +96,12 @@ def load(path: Path) -> Recording:
             return rec
         except Exception as error:
             reason = one_line(error)
-        gc.collect()  # what could not be finished is deleted here, still quietly
+        gc.collect()  # deletes incomplete objects while their errors are still suppressed
     raise ValueError(reason)
 
 
 def _contents(file: BinaryIO) -> tuple[bytes, dict[str, np.ndarray]]:
-    """Header and samples."""
+    """The header and the samples."""
     from asammdf import MDF
 
     with MDF(file) as mdf:

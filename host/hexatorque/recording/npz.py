@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,10 +12,9 @@ from .recording import Recording, from_header, header_text
 
 def save(rec: Recording, path: Path) -> None:
     header = np.frombuffer(header_text(rec).encode(), np.uint8)
+    arrays: dict[str, Any] = {f"channel:{k}": v for k, v in rec.channels.items()}
     with path.open("wb") as file:
-        np.savez_compressed(
-            file, header=header, **{f"channel:{k}": v for k, v in rec.channels.items()}
-        )
+        np.savez_compressed(file, header=header, **arrays)
 
 
 def load(path: Path) -> Recording:

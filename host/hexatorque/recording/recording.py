@@ -1,11 +1,10 @@
-"""Recordings: named channels with units on one time base, and metadata.
+"""Recordings: named channels with units on one time axis, and metadata.
 
-One type for simulation, emulated processor and bench. Channel names:
-`i_u1_A`, `torque_Nm`, ... are what the controller measured or estimated (the
-telemetry channels of the firmware); `plant.i_u1_A`, ... are true values, which
-only a simulation has.
+A simulation, an emulated processor and a test bench all give this type. Channels such as
+`i_u1_A` and `torque_Nm` are measured or estimated by the controller (the firmware's channels).
+Channels such as `plant.i_u1_A` are true values, which only a simulation has.
 
-Files by suffix: see `files` and docs/recordings.md.
+The suffix of a file decides its format: see `formats` and docs/recordings.md.
 """
 
 from __future__ import annotations
@@ -23,17 +22,17 @@ from .formats import RecordingError
 
 __all__ = ["TRIGGER", "Recording", "RecordingError"]
 
-#: Key of `meta`: time of the trigger on the recording's own time base. Recordings are
+#: Key of `meta`: time of the trigger on the recording's own time axis. Recordings are
 #: aligned by it; a capture sets it.
 TRIGGER = "trigger_s"
 
 FORMAT = "hexatorque-recording-2"
-#: Key of `meta`: wall-clock time of time 0 of the recording's own time base (`clock_text`).
+#: Key of `meta`: wall-clock time of time 0 of the recording's own time axis (`clock_text`).
 STARTED = "started"
 #: Keys of `meta`: the board's count of fast interrupts at the first sample, and from one
 #: sample to the next.
 FIRST_TICK, DECIMATION = "first_tick", "decimation"
-#: What every kind of file can hold.
+#: The types of samples that every file format can store.
 TYPES = ("float32", "float64", "bool", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)))
 
 
@@ -44,8 +43,8 @@ class Recording:
     rate_Hz: samples per second; start_s: time of the first sample;
     channels: name -> (n,) array, all of one length, NaN where a sample was lost;
     units: name -> unit;
-    meta: anything JSON can hold (set-up, parameters, firmware build, drops);
-    notes: what reading a file brought up, for people; not saved.
+    meta: anything that JSON can hold (set-up, parameters, firmware build, counters);
+    notes: remarks for the user that came up when the file was read; they are not saved.
     """
 
     rate_Hz: float
@@ -82,8 +81,8 @@ class Recording:
 
     @property
     def ticks(self) -> np.ndarray | None:
-        """(n,) uint32: the board's count of fast interrupts at each sample, modulo 2**32;
-        None for a recording that no board made."""
+        """The board's count of fast interrupts at each sample, (n,) uint32, modulo 2**32. None if
+        the recording does not come from a board."""
         first, step = self.meta.get(FIRST_TICK), self.meta.get(DECIMATION)
         if type(first) is not int or type(step) is not int:
             return None
@@ -107,8 +106,8 @@ class Recording:
         return Recording(self.rate_Hz, part, self.units, meta, self.start_s + first / self.rate_Hz)
 
     def save(self, path: str | Path) -> Path:
-        """Write by suffix (`files.SUFFIXES`); returns the path. Until all is written an
-        older file of that name stays."""
+        """Write a file; its suffix decides the format (`formats.SUFFIXES`). Returns the path. An
+        older file is replaced only when the new one is complete. RecordingError on failure."""
         path = Path(path)
         writer = formats.module(path)
         check_names(self.channels)
@@ -122,14 +121,14 @@ class Recording:
         try:
             with formats.replacing(path) as draft:
                 writer.save(self, draft)
-        except Exception as error:  # of libraries, too
+        except Exception as error:  # the libraries raise many kinds
             raise RecordingError(f"{path}: {formats.one_line(error)}") from None
         return path
 
     @staticmethod
     def load(path: str | Path) -> Recording:
-        """Read what `save` wrote, what `writer` writes, and the journal of a
-        recording that was never closed (.part)."""
+        """Read a file from `save` or `writer`, or the journal (.part) of a recording that was not
+        closed. RecordingError if that is not possible."""
         path = Path(path)
         reader = formats.reader(path)
         try:
@@ -141,7 +140,7 @@ class Recording:
 
 
 def check_names(names: Iterable[str]) -> None:
-    """Refuse channel names that a table's head could not hold."""
+    """Raise RecordingError for a channel name that cannot stand in the first line of a table."""
     for name in names:
         if not name or name != name.strip() or not name.isprintable():
             raise RecordingError(f"channel {name!r}: a name of printing characters is needed")
@@ -150,7 +149,7 @@ def check_names(names: Iterable[str]) -> None:
 
 
 def clock_text(wall_s: float) -> str:
-    """Seconds since 1970 as ISO 8601 with this computer's zone, in whole milliseconds."""
+    """Seconds since 1970 as ISO 8601 text in this computer's time zone, in whole milliseconds."""
     return datetime.fromtimestamp(round(wall_s, 3)).astimezone().isoformat(timespec="milliseconds")
 
 
@@ -161,8 +160,9 @@ def header(
     columns: Iterable[tuple[str, str, str]],
     meta: dict,
 ) -> dict:
-    """All of a recording but its samples: the same in every kind of file. `columns`: name,
-    unit and type of each channel; no number of samples while they still come."""
+    """The header: everything in a recording except its samples. It is the same in every file
+    format. columns: name, unit and type of each channel; samples: their number, None while more
+    are coming."""
     columns = list(columns)
     return {
         "format": FORMAT,
@@ -189,17 +189,17 @@ def header_text(rec: Recording, **more: object) -> str:
 
 
 def to_json(data: object) -> str:
-    """One line; numbers of numpy as numbers, what JSON does not know as text."""
+    """JSON on one line. numpy's numbers become numbers; types that JSON does not know, text."""
     return json.dumps(data, default=lambda x: x.tolist() if hasattr(x, "tolist") else str(x))
 
 
 def from_header(text: str | bytes, channels: dict[str, np.ndarray]) -> Recording:
-    """The recording of a header (`header_text`) and its samples, name -> array."""
+    """Make a recording from a header (`header_text`) and its samples, name -> array."""
     return from_fields(json.loads(text), channels)
 
 
 def from_fields(fields: dict, channels: dict[str, np.ndarray]) -> Recording:
-    """The same of a header that was parsed."""
+    """Make a recording from a parsed header and its samples."""
     rate_Hz, start_s = float(fields["rate_Hz"]), float(fields["start_s"])
     units, meta = fields["units"], fields["meta"]
     types, samples = fields.get("types", {}), fields.get("samples")
@@ -219,11 +219,12 @@ def from_fields(fields: dict, channels: dict[str, np.ndarray]) -> Recording:
 
 
 def _as_type(data: np.ndarray, kind: str | None) -> np.ndarray:
-    """(n,) samples as they were; some files have no type for bool, old ones tell none."""
+    """The samples, (n,), in their former type. Some formats have no bool, and old files do not
+    state the type."""
     if np.ndim(data) != 1:
         raise ValueError(f"samples of {np.ndim(data)} dimensions")
     if kind == "bool":
         data = data != 0
     data = data.astype(kind or data.dtype, casting="same_kind", copy=False)
-    # Some libraries hang metadata of their own on the type: the view has none.
+    # Some libraries attach metadata to the type. The view has none.
     return np.ascontiguousarray(data).view(data.dtype.name)

@@ -1,7 +1,8 @@
-"""Tables of numbers in text, of whatever program: columns between commas, semicolons or
-tabs, decimal points or commas, units in the line of names or below it.
+"""Tables of numbers in text files from any program.
 
-Only equally spaced samples are read: what lies between others is not made up here.
+Columns are separated by commas, semicolons or tabs. The decimal sign is a point or a comma. Units
+stand in the line of names or in the line below it. Samples must be equally spaced: values are
+never interpolated.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 from .formats import RecordingError
 
-#: Tried in this order: a comma may also be a decimal point.
+#: Delimiters, in the order in which they are tried. A comma may also be the decimal sign.
 DELIMITERS = "\t;,"
 _SAMPLE_LINES = 20
 #: `speed [rpm]`, `Time (s)`
@@ -27,31 +28,31 @@ _SECONDS = {
     "": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6,
     "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0,
 }  # fmt: skip
-#: Times may lie so far beside equal steps, in steps: they are often printed with few digits.
+#: Times may deviate this much from equal steps, in steps, because they often have few digits.
 SLACK = 0.25
-#: Steps that are missing in a plain table, at most.
+#: Largest number of missing steps in a plain table.
 MOST_LOST_ROWS = 10**7
 
 
-def decode(octets: bytes) -> str:
-    """Text of a file: UTF-8, UTF-16 with its mark, or what Windows used before."""
-    if octets.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        text = octets.decode("utf-16")
+def decode(raw: bytes) -> str:
+    """The text of a file in UTF-8, in UTF-16 with a byte order mark, or in Windows' code page."""
+    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        text = raw.decode("utf-16")
     else:
         try:
-            text = octets.decode("utf-8-sig")
+            text = raw.decode("utf-8-sig")
         except UnicodeDecodeError:
-            text = octets.decode("cp1252", errors="replace")
+            text = raw.decode("cp1252", errors="replace")
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
 def heading(name: str, unit: str) -> str:
-    """A column's name as it stands in the first line; `split` is the way back."""
+    """A column's heading in the first line. `split` is the inverse."""
     return f"{name} [{unit}]" if unit or split(name) != (name, "") else name
 
 
 def split(text: str) -> tuple[str, str]:
-    """Name and unit of a heading; no unit: ""."""
+    """The name and the unit of a heading. The unit is "" if there is none."""
     found = _UNIT.fullmatch(text)
     if not found or not found[1].strip():
         return text.strip(), ""
@@ -64,8 +65,11 @@ def cells(line: str, delimiter: str) -> list[str]:
 
 @dataclass
 class Table:
-    """`names`: cells of the line of names; `units`: of a line of units below it, if there
-    is one; rows from `begin` on in `text`, where line number `line` begins."""
+    """A table in a text.
+
+    names: the cells of the line of names; units: the cells of a line of units below it, if there
+    is one; begin: where the rows begin in `text`; line: the number of that line.
+    """
 
     text: str
     names: list[str]
@@ -75,12 +79,18 @@ class Table:
     line: int
 
     def __post_init__(self) -> None:
-        #: Decimal comma: a comma that does not stand between columns, or stands in quotes.
+        #: Whether commas are decimal signs: they do not delimit columns, or are in quotes.
         self.comma = self.text.find("," if self.delimiter != "," else '"', self.begin) >= 0
 
-    def columns(self, kinds: list[str], strict: bool = True) -> list[np.ndarray | None]:
-        """A column of each type. Empty cells are NaN. Not `strict`: None for a column that
-        holds no number at all."""
+    def columns(self, kinds: list[str]) -> list[np.ndarray]:
+        """The columns as arrays of these types. Empty cells are NaN."""
+        return [column for column in self._columns(kinds, True) if column is not None]
+
+    def number_columns(self, kinds: list[str]) -> list[np.ndarray | None]:
+        """The same, but None for a column without any number."""
+        return self._columns(kinds, False)
+
+    def _columns(self, kinds: list[str], strict: bool) -> list[np.ndarray | None]:
         text = self.text[self.begin :] if self.begin else self.text
         if not text.strip():
             return [np.empty(0, kind) for kind in kinds]
@@ -88,13 +98,14 @@ class Table:
         if '"' not in text:
             if self.comma:
                 text = text.replace(",", ".")
-            for _ in range(2 * (d + d in text)):  # twice: three in a row overlap
+            for _ in range(2 * (d + d in text)):  # twice, because pairs of delimiters overlap
                 text = text.replace(d + d, f"{d}nan{d}")
             if f"{d}\n" in text:
                 text = text.replace(f"{d}\n", f"{d}nan\n")
             if text.endswith(d):
                 text += "nan"
-            row = np.dtype([(f"f{i}", kind) for i, kind in enumerate(kinds)])
+            fields = [f"f{i}" for i in range(len(kinds))]
+            row = np.dtype(list(zip(fields, kinds)))
             extra = text.partition("\n")[0].count(d) + 1 - len(kinds)
             try:
                 table = np.loadtxt(
@@ -105,11 +116,11 @@ class Table:
                 pass
             else:
                 if extra != 1 or self._extra_is_empty(len(kinds)):
-                    return [table[name] for name in row.names]
+                    return [table[name] for name in fields]
         return self._one_by_one(kinds, strict)
 
     def rows(self) -> Iterator[tuple[int, str]]:
-        """Number and text of the lines that are not blank."""
+        """The number and the text of each line that is not blank."""
         number, at = self.line, self.begin
         while at < len(self.text):
             end = self.text.find("\n", at)
@@ -119,17 +130,17 @@ class Table:
             number, at = number + 1, end + 1
 
     def line_of(self, row: int) -> int:
-        """The number of a row's line."""
+        """The number of the line that contains a row."""
         return next(number for n, (number, _) in enumerate(self.rows()) if n == row)
 
     def _extra_is_empty(self, width: int) -> bool:
-        """Whether no row has more than a delimiter behind the last column."""
+        """Whether every row has at most a delimiter after the last column."""
         return all(
             not "".join(cells(line, self.delimiter)[width:]).strip() for _, line in self.rows()
         )
 
     def _one_by_one(self, kinds: list[str], strict: bool) -> list[np.ndarray | None]:
-        """The same cell by cell, to name the one that is wrong."""
+        """Read the columns cell by cell, so that an error names the wrong cell."""
         columns: list[list[float]] = [[] for _ in kinds]
         wrong: list[tuple[int, str] | None] = [None] * len(kinds)
         for number, line in self.rows():
@@ -166,22 +177,22 @@ class Table:
 
 
 def under(text: str, line: str) -> Table | None:
-    """The table below `line`, if that is how the text begins: no guessing then."""
+    """The table below `line` if the text begins with this line; otherwise None."""
     if not (text.startswith(line) and text[len(line) : len(line) + 1] in ("\n", "")):
         return None
     return Table(text, cells(line, ","), None, ",", len(line) + 1, 2)
 
 
 def find(text: str) -> Table:
-    """The table in a text, and how it is written."""
+    """Find the table in a text, with its delimiter, decimal sign and lines of names and units."""
     delimiters = DELIMITERS
     lines = Table(text, [], None, ",", 0, 1).rows()
     head = None
-    for number, line in lines:
-        if line.lower().startswith("sep=") and len(line.rstrip()) == 5:  # for Excel
-            delimiters = line[4]
-        elif not line.lstrip().startswith(("#", "%")):
-            head = number, line
+    for number, text_line in lines:
+        if text_line.lower().startswith("sep=") and len(text_line.rstrip()) == 5:  # for Excel
+            delimiters = text_line[4]
+        elif not text_line.lstrip().startswith(("#", "%")):
+            head = number, text_line
             break
     if head is None:
         raise RecordingError("no table: no line of names")
@@ -203,7 +214,7 @@ def find(text: str) -> Table:
 
 
 def _delimiter(head: str, sample: list[str], known: str) -> str:
-    """The one that cuts names and rows into equally many cells, as far as can be seen."""
+    """The delimiter that gives the names and the sample rows the same number of cells."""
     for d in known:
         names = len(cells(head, d))
         widths = {len(cells(line, d)) - (line.endswith(d) and not head.endswith(d))
@@ -222,7 +233,7 @@ def _is_number(cell: str) -> bool:
 
 
 def time_column(table: Table, headings: list[tuple[str, str]]) -> tuple[int, float, str]:
-    """Which column is the time, its unit in seconds, and what had to be assumed."""
+    """The number of the time column, its unit in seconds, and a text if something was assumed."""
     for n, (name, unit) in enumerate(headings):
         found = _TIME.fullmatch(name)
         if not found:
@@ -238,8 +249,8 @@ def time_column(table: Table, headings: list[tuple[str, str]]) -> tuple[int, flo
 
 
 def raster(table: Table, time_s: np.ndarray) -> tuple[float, np.ndarray]:
-    """(samples per second, place of each row) of ascending times whose steps are equal, or
-    whole multiples where rows are missing."""
+    """The samples per second, and the place of each row. The times must ascend in equal steps; a
+    step may be a multiple where rows are missing. RecordingError otherwise."""
     if len(time_s) < 2:
         raise RecordingError("two rows or more are needed to know the time between samples")
     bad = np.flatnonzero(~np.isfinite(time_s))
@@ -273,8 +284,8 @@ def raster(table: Table, time_s: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def plain_rate(rate_Hz: float, samples: int) -> float:
-    """The number of fewest digits that is the same to a millionth, and gives the same times
-    to a hundredth of a step."""
+    """The rate, rounded to the fewest digits that change it by less than a millionth, and the
+    times by less than a hundredth of a step."""
     for digits in range(1, 17):
         short = float(f"{rate_Hz:.{digits}g}")
         if abs(1 - short / rate_Hz) < min(1e-6, 0.01 / samples):

@@ -1,15 +1,15 @@
-"""Recording a live board: what was appended is in the file, whatever happens to the process.
+"""Recording a live board into a file. Appended samples are safe even if the process dies.
 
     with Writer.open("out/run.mf4", Stream(channels, tick_Hz, decimation, meta=...)) as writer:
         writer.append(ticks, values)
         writer.count(drops=3, crc_errors=1)
 
-The metadata tells when the recording began (`started`) and why it ended (`ended`: "user",
-"duration", "board reset", ... or the error that ended it).
+The metadata say when the recording began (`started`) and why it ended (`ended`: "user",
+"duration", "board reset", ... or the text of an error).
 
-Every append is one write to the file, nothing is held back in the process. A .csv grows in
-place; any other file has a journal `NAME.SUFFIX.part` beside it, which becomes the file when
-the writer is closed. One thread at a time.
+Every append is one write to the file, and the process buffers nothing. A .csv file grows in
+place. Every other format is first written to a journal `NAME.SUFFIX.part`, which is converted
+when the writer is closed. Only one thread at a time may use a writer.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ from .recording import STARTED, clock_text
 
 
 class Clock(Protocol):
-    """Who knows a board's tick and the time of day (`link.clock.Clock`)."""
+    """Relates a board's tick to the wall clock (`serial.clock.Clock`)."""
 
     def when(self, tick: int, time_s: float = 0.0) -> dict:
-        """Metadata: the wall-clock time of time 0, where `tick` is at `time_s`."""
+        """Metadata with the wall-clock time of time 0, if `tick` is at `time_s`."""
 
 
 class Writer:
-    """`path`: the recording; `growing`: the file that grows (the journal, or the .csv)."""
+    """path: the recording; growing: the file that is written now (the journal, or the .csv)."""
 
     @classmethod
     def open(cls, path: str | Path, stream: Stream, clock: Clock | None = None) -> Writer:
-        """RecordingError if the file cannot be written later on, or if one that was not
-        closed is there. `clock` gives the time of the first sample; without it, the
-        recording started now."""
+        """Begin a recording. `clock` gives the time of the first sample; without it, the recording
+        starts now. RecordingError if the file cannot be written, or if there is already a
+        recording of this name that was not closed."""
         return cls(path, stream, clock)
 
     def __init__(self, path: str | Path, stream: Stream, clock: Clock | None) -> None:
@@ -64,7 +64,7 @@ class Writer:
             self._file = self.growing.open("w+b" if self._csv else "x+b", buffering=0)
         except OSError as error:
             raise RecordingError(f"{self.growing}: {one_line(error)}") from None
-        self._octets = 0
+        self._bytes = 0
         try:
             if self._csv:
                 self._write_beside(closed=False)
@@ -73,14 +73,14 @@ class Writer:
                 head = journal.head(self.stream, self._counters)
                 self._counters_at = len(head) - journal.COUNTERS_LINE
                 self._write(head)
-        except RecordingError:  # nothing is in it yet
+        except RecordingError:  # the file is still empty
             self._file.close()
             for path in beside(self.growing):
                 path.unlink(missing_ok=True)
             raise
 
     def _refuse_unfinished(self) -> None:
-        """What an earlier process left behind is not overwritten."""
+        """Raise RecordingError rather than overwrite a recording that was not closed."""
         left = self.growing.exists()
         if left and self._csv:
             left = False
@@ -96,7 +96,7 @@ class Writer:
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, *_: object) -> None:
-        """What ended the recording may say so itself, in its attribute `ended`."""
+        """An error that ends the block may give the reason itself, in its attribute `ended`."""
         self.close(why(error))
 
     @property
@@ -104,7 +104,7 @@ class Writer:
         return self._file.closed
 
     def append(self, ticks: np.ndarray, values: np.ndarray) -> None:
-        """Rows as they came: (n,) ticks, (n, channels) values."""
+        """Append rows: (n,) ticks, (n, channels) values."""
         if self._file.closed:
             raise RecordingError(f"{self.path}: closed")
         ticks, values = np.asarray(ticks), np.asarray(values, np.float32)
@@ -133,20 +133,20 @@ class Writer:
         self._last, self._since_first = int(ticks[-1]), int(since[-1])
         if self._first is None:
             self._first = int(ticks[0])
-            self._begin()
+            self._begin(self._first)
         if os.fstat(self._file.fileno()).st_nlink == 0:
             raise RecordingError(
                 f"{self.growing}: deleted while it is written; closing writes it again"
             )
 
-    def _begin(self) -> None:
-        """The first sample is there: when was that?"""
+    def _begin(self, tick: int) -> None:
+        """Note the time of the first sample."""
         if self._clock is None:
             return
-        when = self._clock.when(self._first, self.stream.start_s)
+        when = self._clock.when(tick, self.stream.start_s)
         self.stream = replace(self.stream, meta={**self.stream.meta, **when})
         if self._csv:
-            with suppress(RecordingError):  # the rows are in; what is beside is written again
+            with suppress(RecordingError):  # the rows are safe; the header is written again later
                 self._write_beside(closed=False)
 
     def _lines(
@@ -157,7 +157,7 @@ class Writer:
         ticks: np.ndarray,
         values: np.ndarray,
     ) -> str:
-        """Text of rows, and of what was lost before each."""
+        """The text of rows, with the lost samples before each."""
         parts, done = [], 0
         for at in np.flatnonzero(missing).tolist():
             parts.append(
@@ -171,10 +171,11 @@ class Writer:
         return "".join(parts)
 
     def _check(self, ticks: np.ndarray) -> np.ndarray:
-        """Ticks of each row since the recording's first."""
+        """Ticks from the recording's first row to each row."""
         known = ticks if self._last is None else np.concatenate([[self._last], ticks])
         steps = np.diff(known.astype(np.uint32)).astype(np.int32).astype(np.int64)
-        # Behind an interruption the board goes on at any tick: not always whole decimations.
+        # After an interruption the board may continue at any tick, not only at multiples of the
+        # decimation.
         bad = steps <= 0
         if bad.any():
             at = int(np.argmax(bad))
@@ -186,7 +187,7 @@ class Writer:
         return since if self._last is not None else np.concatenate([[0], since])
 
     def count(self, **counters: int) -> None:
-        """What was counted until now: drops, crc_errors and others, for the metadata."""
+        """Set the error counters in the metadata: drops, crc_errors and others."""
         if counters.items() <= self._counters.items():
             return
         new = {**self._counters, **{name: int(value) for name, value in counters.items()}}
@@ -202,8 +203,8 @@ class Writer:
             raise self._failed(error) from None
 
     def close(self, ended: str = "user", **meta: object) -> Path:
-        """Finish the file: why it ended, and further metadata. If that fails all samples are
-        kept, and it can be tried again."""
+        """Finish the file. ended: the reason; meta: further metadata. RecordingError on failure:
+        all samples are kept, and `close` can be called again."""
         if self._file.closed:
             return self.path
         self.stream = replace(self.stream, meta={**self.stream.meta, **meta, "ended": ended})
@@ -231,7 +232,7 @@ class Writer:
         )
 
     def _restore(self) -> None:
-        """Put a .csv back that is no longer where it was."""
+        """Write a .csv file again if it was moved or deleted."""
         with suppress(FileNotFoundError):
             if os.path.samestat(os.fstat(self._file.fileno()), os.stat(self.path)):
                 return
@@ -241,20 +242,20 @@ class Writer:
             shutil.copyfileobj(self._file, copy)
 
     def _write(self, data: bytes) -> None:
-        """All of it, or the file is as before."""
+        """Append all of the data, or leave the file as it was."""
         left = memoryview(data)
         try:
-            self._file.seek(self._octets)
+            self._file.seek(self._bytes)
             while left:
                 left = left[self._file.write(left) :]
         except OSError as error:
             with suppress(OSError):
-                self._file.truncate(self._octets)
+                self._file.truncate(self._bytes)
             raise self._failed(error) from None
-        self._octets += len(data)
+        self._bytes += len(data)
 
     def _write_beside(self, closed: bool) -> None:
-        """The .csv's header, replaced in one step."""
+        """Replace the header file of a .csv, in one step."""
         path = beside(self.path)[0]
         draft = path.with_name(f".{path.name}.{os.getpid()}")
         samples = None
@@ -280,7 +281,7 @@ class Writer:
 
 
 def why(error: BaseException | None) -> str:
-    """The reason that a recording ended, by the error that left its block."""
+    """The reason why a recording ended, from the error that left its block."""
     if error is None or isinstance(error, KeyboardInterrupt):
         return "user"
     return str(getattr(error, "ended", "") or one_line(error))

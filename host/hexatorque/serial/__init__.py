@@ -1,25 +1,26 @@
-"""The host's end of the serial link: `drive.Drive` for scripts, `devices.find` for boards.
+"""The host's end of the serial link. docs/protocol.md defines the protocol.
 
-The wire is defined by docs/protocol.md. What a board can do (parameters, channels, faults,
-states) is what the board's own dictionary says, never the firmware compiled into this package.
+`devices.find` finds boards, and `drive.board.BoardDrive` is the interface for scripts. Parameters,
+channels, faults and states always come from the board's own dictionary, never from the firmware
+that is compiled into this package.
 """
 
 from ..errors import HexatorqueError
 
-#: Of the images for the F28377S and the F28335; of both when their clock is wrong.
+#: Baud rates of the images for the F28377S and the F28335, and of both if their clock is missing.
 BAUDS = (1_250_000, 937_500, 115_200)
-#: In the metadata of a recording that a reset of the board has ended.
+#: The metadata `ended` of a recording that was ended by a reset of the board.
 BOARD_RESET = "board reset"
-#: What a reset does to the parameters; STATUS says which of the two it was.
+#: The parameters after a reset. STATUS says which of the two applies.
 RESET_VALUES = "its parameters are at their saved or initial values"
 
 
 class LinkError(HexatorqueError, RuntimeError):
-    """The link failed or the board refused; the text says which and what is allowed.
+    """The link failed, or the board refused a request. The text says why and what is allowed.
 
-    `status` is the board's answer (docs/protocol.md), or None if it gave none; `mistake`
-    says that the request itself was wrong, whatever the board's state; `ended` is what a
-    recording that this error ends has in its metadata, "" for the text.
+    status: the status of the board's reply (docs/protocol.md), None without a reply;
+    mistake: the request itself was wrong, in whatever state the board is;
+    ended: the metadata `ended` of a recording that this error ends, "" for the error's text.
     """
 
     def __init__(
@@ -29,7 +30,4 @@ class LinkError(HexatorqueError, RuntimeError):
         self.status = status
         self.mistake = mistake
         self.ended = ended
-
-    @property
-    def exit_code(self) -> int:
-        return 2 if self.mistake else 1
+        self.exit_code = 2 if mistake else 1

@@ -1,6 +1,7 @@
-"""Requests and their replies, the session and its heartbeat, and who gets which frames.
+"""The client of one board: requests and replies, the session with its heartbeat, and the
+distribution of samples.
 
-The line, its repetitions and the board's own session are the port server's (server.py).
+The port server (server.py) has the serial line, repeats requests, and has the board's own session.
 """
 
 from __future__ import annotations
@@ -19,16 +20,16 @@ from .exchange import PULSE_S, NoReply, Notice
 from .transport import MISSED_PULSES, Transport
 from .wire import Op, Reply, Status
 
-#: Three of these fit a board's watchdog of 250 ms.
+#: Interval of the heartbeat. Three of them fit into the board's watchdog time of 250 ms.
 HEARTBEAT_S = 0.08
-#: Without a session the board is looked at this often: was it reset?
+#: Without a session, STATUS is requested this often to find out whether the board was reset.
 LOOK_S = 1.0
-#: A port that is gone is looked for this often, one at the end of a network less often.
+#: Intervals of attempts to open a lost port again: a serial port, and one on the network.
 RETURN_S, RETURN_SOCKET_S = 0.2, 1.0
-#: A server that died leaves its session to the board for a second.
-OPEN_PATIENCE_S = 1.6
+#: Longest wait for OPEN. If a server died, the board keeps its session for a second.
+OPEN_WAIT_S = 1.6
 
-_REFUSED = {
+_REFUSED: dict[int, str] = {
     Status.ID: "no such parameter or channel",
     Status.VALUE: "value not finite, out of range or not a choice",
     Status.STATE: "not allowed in state {state}",
@@ -36,8 +37,8 @@ _REFUSED = {
     Status.PORT: "the hardware cannot do this",
     Status.TURNING: "the machine turns faster than start_max_rpm; wait until it stands",
     Status.TRIP: "the trip pin is low (external trip): release it, then clear",
-    Status.STORE: "the board's memory for parameters failed; what it kept before is still there, "
-    "or what was to be kept",
+    Status.STORE: "the board's memory for parameters failed; it holds either the former set or "
+    "the new one",
     Status.OPCODE: "the board does not know this request",
     Status.LENGTH: "the board expects another length of this request",
     Status.NO_SESSION: "the session has ended",
@@ -50,7 +51,7 @@ _REFUSED = {
     Status.MEMORY: "larger than the board's memory",
     Status.SAMPLING: "can change only while nothing is streamed or captured",
 }
-#: Refusals of what was asked for, not of when.
+#: Refusals because the request is wrong, in whatever state the board is.
 _MISTAKES = (
     Status.ID, Status.VALUE, Status.CONFIG, Status.PORT, Status.LENGTH, Status.BUDGET,
     Status.NO_STREAM, Status.FIELD, Status.MEMORY,
@@ -59,39 +60,41 @@ _MISTAKES = (
 
 @dataclass
 class Counters:
-    """What went wrong since the client was opened."""
+    """Errors since the client was opened."""
 
-    damaged: int = 0  #: frames that came damaged, or made no sense
+    damaged: int = 0  #: frames with a wrong CRC, or with unknown contents
     retries: int = 0
     reconnects: int = 0
 
 
-#: Gets a batch of bodies, in the reader's thread: must not wait.
+#: Takes a batch of bodies. It is called in the reader's thread and must not wait.
 Sink = Callable[[list[bytes]], None]
 
 
 class Client:
     """One board at the other end of a line."""
 
-    def __init__(self, url: str, bauds: int | tuple[int, ...], connect=Transport) -> None:
-        """`bauds`: of several the one at which the board answers. `connect(url, bauds, bodies,
-        lost)` makes the transport."""
+    def __init__(
+        self, url: str, bauds: int | tuple[int, ...], connect: Callable[..., Transport] = Transport
+    ) -> None:
+        """bauds: the baud rate; of several, the one at which the board answers is taken.
+        connect(url, bauds, bodies, lost): makes the transport."""
         self.url = url
         self.counters = Counters()
         #: Low half of the dictionary's CRC, for requests that name rows of it.
         self.dictionary = 0
         #: Names of the states, from the dictionary.
         self.states: tuple[str, ...] = ()
-        #: Called when the board is there again, with a session if there was one; not in
-        #: the reader's thread. May raise LinkError to give up.
+        #: Called when the board answers again after an interruption, and the session is open
+        #: again if there was one. Not in the reader's thread. A LinkError gives the board up.
         self.on_return: list[Callable[[], None]] = []
-        #: Called when the board has lost its memory, at once: must not wait or ask.
+        #: Called at once when a reset of the board is noticed. Must not wait or send requests.
         self.on_forgotten: list[Callable[[], None]] = []
-        #: The same, when the session and all else is in order again; may ask.
+        #: Called after a reset when the session is open again. May send requests.
         self.on_reset: list[Callable[[], None]] = []
-        #: How often the board was reset while this client was there.
+        #: Number of resets of the board since this client was opened.
         self.resets = 0
-        #: The board's word for the time since its reset (docs/protocol.md); 0: not known yet.
+        #: The board's mark, a number that it loses in a reset (docs/protocol.md); 0: not known.
         self.mark = 0
         self.latest: Reply | None = None
         self.status: wire.StatusReply | None = None
@@ -106,10 +109,10 @@ class Client:
         self._asked_s = time.monotonic()
         self._sinks: list[Sink | None] = [None] * wire.STREAMS
         self._data_sinks: list[Sink] = []
-        self._line_counters: tuple[int, int] | None = None  # the server's, as they were before
-        self._resuming = False  # until the session and the streams are there again
-        self._returning = False  # the same, and a session is wanted
-        self._untold = 0  # resets that nobody was told
+        self._line_counters: tuple[int, int] | None = None  # the server's latest counters
+        self._resuming = False  # until session and streams have been opened again
+        self._returning = False  # until then, if a session is needed
+        self._unreported_resets = 0  # resets for which `on_reset` has not been called yet
         self._closing = threading.Event()
         self._wake = threading.Event()
         bauds = (bauds,) if isinstance(bauds, int) else bauds
@@ -118,7 +121,7 @@ class Client:
         self._keeper = threading.Thread(target=self._keep, name=f"keeper of {url}", daemon=True)
         self._keeper.start()
 
-    # -- what comes in (the reader's thread) ----------------------------------------
+    # -- received bodies (in the reader's thread) -----------------------------------
 
     def _bodies(self, bodies: list[bytes]) -> None:
         samples: tuple[list[bytes], ...] = ([], [], [], [])
@@ -128,7 +131,7 @@ class Client:
             if wire.SAMPLE <= kind < wire.SAMPLE + wire.STREAMS:
                 samples[kind - wire.SAMPLE].append(body)
             elif wire.REPLY <= kind < Notice.GREETING:
-                # Samples before a reply belong to what was in force before it.
+                # Samples before a reply belong to the stream as it was before the reply.
                 self._deliver(samples)
                 self._reply(body)
             elif kind == wire.DATA:
@@ -158,7 +161,7 @@ class Client:
             return
         awaited = self._awaited
         if awaited is None or (reply.op, reply.id) != awaited[:2]:
-            return  # to a request that was given up
+            return  # the reply to a request that timed out
         self._awaited = None
         self.latest = reply
         if awaited[2] and reply.status == Status.DONE:
@@ -172,7 +175,7 @@ class Client:
             self._replies.put(NoReply(f"{self.url}: {body[3:].decode()}"))
 
     def _count(self, damaged: int, retries: int) -> None:
-        """What the line has had while this client was there."""
+        """Add the line's errors since this client was opened."""
         before = self._line_counters
         if before is not None:
             self.counters.damaged += damaged - before[0]
@@ -194,8 +197,9 @@ class Client:
     def ask(
         self, op: int, payload: bytes = b"", accepted: Callable[[Reply], None] | None = None
     ) -> Reply:
-        """The board's reply, whatever it says. `accepted` is called in the reader's thread
-        before any frame that comes after the reply to a request that is carried out."""
+        """Send a request and return the board's reply, even a refusal. LinkError without a reply.
+        If the request is carried out, `accepted` is called in the reader's thread before any
+        frame that follows the reply."""
         with self._one_at_a_time:
             if self.broken:
                 raise self.broken
@@ -203,7 +207,7 @@ class Client:
                 self.open_session()
             reply = self._ask(op, payload, accepted)
             if reply.status == Status.NO_SESSION and self.in_session:
-                # The board forgot: it was reset, or the port server stood still for a second.
+                # The board was reset, or the port server did not run for a second.
                 resets = self.resets
                 self._resume()
                 if self.resets != resets:
@@ -228,7 +232,7 @@ class Client:
             try:
                 found = self._replies.get(timeout=PULSE_S)
             except queue.Empty:
-                # What comes while this process stood still counts as well.
+                # A reply that came while this process did not run counts as well.
                 missed = missed + 1 if heard == self.transport.heard else 0
                 heard = self.transport.heard
                 continue
@@ -245,7 +249,7 @@ class Client:
         what: str = "",
         accepted: Callable[[Reply], None] | None = None,
     ) -> Reply:
-        """The reply to a request that is carried out; LinkError about `what` otherwise."""
+        """Send a request and return the reply. LinkError, naming `what`, if it is refused."""
         reply = self.ask(op, payload, accepted)
         if reply.status != Status.DONE:
             raise self.refused(reply, what or Op(op).name.lower())
@@ -285,10 +289,10 @@ class Client:
     # -- session ---------------------------------------------------------------------
 
     def open_session(self) -> None:
-        """Take the session, and keep it by a heartbeat. One that a server that died left
-        behind is waited for."""
+        """Open the session; the heartbeat keeps it open. If a port server that died has left a
+        session on the board, wait until that ends."""
         with self._one_at_a_time:
-            end = time.monotonic() + OPEN_PATIENCE_S
+            end = time.monotonic() + OPEN_WAIT_S
             while True:
                 reply = self._ask(Op.OPEN, wire.open_session(self._nonce, self._nonce))
                 if reply.status == Status.DONE:
@@ -305,18 +309,18 @@ class Client:
             self._wake.set()
 
     def _take_mark(self, mark: int) -> None:
-        """A mark that is not the one that was known: the board was reset."""
+        """Take the board's mark. If it is not the known one, the board was reset."""
         known, self.mark = self.mark, mark
         if known and mark != known:
             self.resets += 1
-            self._untold += 1
+            self._unreported_resets += 1
             for listener in tuple(self.on_forgotten):
                 listener()
             self._wake.set()
 
     def _keep(self) -> None:
-        """Keep the session while nothing else is asked; have the port and the session again
-        after they were lost."""
+        """The thread that sends heartbeats, and that opens the port and the session again after
+        they were lost."""
         while not self._closing.is_set() and not self.broken:
             self._wake.wait(self._pause_s())
             self._wake.clear()
@@ -328,7 +332,7 @@ class Client:
                 else:
                     self._closing.wait(self._return_s)
             except (LinkError, wire.WireError):
-                # Who asks for something next gets the error; the board helps itself.
+                # The next request gets the error. The board stops the drive by itself.
                 self._closing.wait(HEARTBEAT_S)
 
     @property
@@ -342,7 +346,7 @@ class Client:
         return max(0.0, self._asked_s + every_s - time.monotonic())
 
     def keep_up(self) -> None:
-        """What is due: the session again, a sign of life, word of a reset."""
+        """Do what is due: open the session again, send a heartbeat, report a reset."""
         with self._one_at_a_time:
             if self._returning:
                 self._resume()
@@ -350,13 +354,13 @@ class Client:
                 status = self.get_status()
                 if self.in_session and not status.ours:
                     self._resume()
-        while self._untold:
-            self._untold -= 1
+        while self._unreported_resets:
+            self._unreported_resets -= 1
             for listener in tuple(self.on_reset):
                 listener()
 
     def _resume(self) -> None:
-        """A session again on a board that lost it; those who had streams set them again."""
+        """Open the session again. The owners of streams then set their streams again."""
         self._returning = True
         if self.in_session or self._resuming:
             self._resuming, self.in_session = True, False
@@ -374,7 +378,7 @@ class Client:
         self.counters.reconnects += 1
 
     def close(self) -> None:
-        """End the session, which stops a drive that was started in it, and the line."""
+        """End the session and the connection. A drive that was started in the session stops."""
         self._closing.set()
         self._wake.set()
         if threading.current_thread() is not self._keeper:
@@ -384,7 +388,7 @@ class Client:
                 with self._one_at_a_time:
                     self._ask(Op.CLOSE)
         except LinkError:
-            pass  # nobody there: the watchdog stops the drive
+            pass  # the board cannot be reached: its watchdog stops the drive
         finally:
             self.in_session = False
             self.transport.close()
@@ -392,7 +396,7 @@ class Client:
     # -- frames that nobody asked for --------------------------------------------------
 
     def take_stream(self) -> int:
-        """A free stream of the board."""
+        """Reserve a stream of the board. Returns its number."""
         with self._one_at_a_time:
             for stream, sink in enumerate(self._sinks):
                 if sink is None:
@@ -407,8 +411,8 @@ class Client:
         sink: Sink,
         begun: Callable[[Reply], None],
     ) -> Reply:
-        """Ask for the stream of a STREAM's payload, under the number `stream`.
-        `begun(reply)` comes before its first samples, in the reader's thread."""
+        """Send STREAM with this payload for the stream number `stream`. `begun(reply)` is called
+        in the reader's thread, before the first samples."""
 
         def accepted(reply: Reply) -> None:
             begun(reply)
@@ -422,19 +426,19 @@ class Client:
             if self.in_session and not self.broken:
                 self.ask(Op.STREAM, wire.stream(stream, (), 1))
         except LinkError:
-            pass  # it ends with the session
+            pass  # the stream ends with the session
         finally:
             self._sinks[stream] = None
 
     def forget_stream(self, stream: int) -> None:
-        """The board has lost it."""
+        """Free the number of a stream that the board has lost."""
         self._sinks[stream] = None
 
     def listen(self, sink: Sink) -> Callable[[], None]:
-        """Get capture data; returns what ends it."""
+        """Pass capture data to `sink`. Returns a function that ends this."""
         self._data_sinks.append(sink)
         return lambda: self._data_sinks.remove(sink)
 
 
 def _nobody(bodies: list[bytes]) -> None:
-    """Sink of a stream that is being set."""
+    """The sink of a stream that is being set: it drops the samples."""

@@ -1,8 +1,8 @@
-"""The board's tick against this computer's clock: when a sample was taken, and how well that
-is known.
+"""The board's tick and this computer's clock: when a sample was taken, and how exactly that is
+known.
 
-A reply tells the board's tick at an instant between the request and the reply. From there
-the tick counts `f_isr_Hz` a second, as far as its oscillator keeps time.
+A reply contains the board's tick at an instant between the request and the reply. From then on
+the tick counts `f_isr_Hz` per second, as exactly as the board's oscillator runs.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from ..recording.recording import STARTED, clock_text
 from .client import Client
 from .wire import Op
 
-#: Key of the metadata: how far `started` may be wrong, either way.
+#: Key of the metadata: the uncertainty of `started`, plus or minus, in s.
 UNCERTAINTY = "started_uncertainty_s"
-#: A crystal's error, with room for its temperature.
+#: Largest relative error of a crystal, over its range of temperature.
 OSCILLATOR = 100e-6
-#: Error of a board's pace that no crystal has: a virtual board that was held up or is fast.
+#: A relative error above this is not a crystal's: a virtual board runs too slowly or too fast.
 NO_CRYSTAL = 1e-3
-#: `started` is told in whole milliseconds.
+#: `started` is written in whole milliseconds.
 ROUNDING_S = 0.0005
 TRIES = 4
 
 
 @dataclass(frozen=True)
 class Reading:
-    """The board had `tick` at `wall_s` (since 1970), give or take `within_s`."""
+    """The board's tick was `tick` at `wall_s` (s since 1970), plus or minus `within_s`."""
 
     tick: int
     wall_s: float
@@ -35,7 +35,7 @@ class Reading:
 
 
 def read(client: Client, tries: int = TRIES) -> Reading:
-    """The reply that took the least time."""
+    """Read the tick several times. The reading with the fastest reply is returned."""
     best: Reading | None = None
     for _ in range(tries):
         asked_s = time.monotonic()
@@ -48,13 +48,13 @@ def read(client: Client, tries: int = TRIES) -> Reading:
 
 
 def after(tick: int, before: int) -> int:
-    """Ticks from one to the other, either way round the counter's end."""
+    """Ticks from `before` to `tick`, negative if `tick` is earlier. The counter may wrap."""
     return (tick - before + 2**31) % 2**32 - 2**31
 
 
 class Clock:
-    """`earlier`: another reading since which the board has counted on at this rate; it shows
-    whether the board keeps time at all."""
+    """now: the reading from which times are computed; earlier: an older reading at the same rate,
+    which shows whether the board's clock runs at the stated rate."""
 
     def __init__(self, f_isr_Hz: float, now: Reading, earlier: Reading | None = None) -> None:
         self._f_isr_Hz, self._now = f_isr_Hz, now
@@ -66,7 +66,7 @@ class Clock:
                 self._slip_s = slip_s
 
     def when(self, tick: int, time_s: float = 0.0) -> dict:
-        """Metadata: the wall-clock time of time 0, where `tick` is at `time_s`."""
+        """Metadata with the wall-clock time of time 0, if `tick` is at `time_s`."""
         age_s = after(self._now.tick, tick) / self._f_isr_Hz + time_s
         within_s = self._now.within_s + OSCILLATOR * abs(age_s) + self._slip_s + ROUNDING_S
         return {

@@ -1,4 +1,4 @@
-"""Finding boards: every serial port, and the virtual boards that run, is asked who it is."""
+"""Finding boards: every serial port and every running virtual board is asked for its identity."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ class Found:
     device: str
     build: str
     dictionary: str
-    where: str  #: what the port is: the adapter's name, or which virtual board
-    shared: bool  #: other clients have it open as well
+    where: str  #: the adapter's name, or the virtual board's
+    shared: bool  #: other clients use it as well
 
 
 def find(baud: int | None = None) -> list[Found]:
-    """The boards that answer, in order of their ports. A port that a program holds is not
-    touched, unless it is the port's server."""
+    """The boards that answer, in the order of their ports. A port that another program has open is
+    left alone, unless that program is the port's server."""
     return [answer for answer in _ask_all(baud) if isinstance(answer, Found)]
 
 
 def only(baud: int | None = None) -> Found:
-    """The only board there is."""
+    """The only board that answers. LinkError if there are none or several."""
     answers = _ask_all(baud)
     found = [answer for answer in answers if isinstance(answer, Found)]
     if not found:
@@ -45,8 +45,8 @@ def only(baud: int | None = None) -> Found:
 
 
 def _ask_all(baud: int | None) -> list[Found | LinkError]:
-    """Every port is asked quickly. Only when no board answers, the silent ports are asked again,
-    more often and with more time."""
+    """Ask every port once. If no board answers, ask the silent ports again, with more attempts and
+    more time."""
     where = {board.port: board.title for board in runtime.announced()}
     for port in list_ports.comports():
         where.setdefault(port.device, port.description or "serial port")

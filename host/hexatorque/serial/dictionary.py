@@ -1,6 +1,7 @@
-"""What a board has: parameters, channels, faults and states, as it lists them itself.
+"""A board's dictionary: the parameters, channels, faults and states that the board lists.
 
-Kept by CRC in the user's cache directory; what is kept is believed only if its CRC is right.
+Dictionaries are saved in the user's cache directory, named by their CRC. A saved one is used
+only if its CRC is right.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import os
 import struct
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,7 +31,7 @@ class Dictionary:
         """Names of fault bits."""
         return [fault.name for fault in self.faults if bits & fault.bit]
 
-    def channel_ids(self, names: tuple[str, ...] | list[str]) -> tuple[int, ...]:
+    def channel_ids(self, names: Sequence[str]) -> tuple[int, ...]:
         ids = {row.name: id for id, row in enumerate(self.channels)}
         for name in names:
             if name not in ids:
@@ -39,7 +41,7 @@ class Dictionary:
 
 
 def fetch(client: Client) -> tuple[Hello, Dictionary]:
-    """Ask the board who it is, and for its dictionary if that is not kept here."""
+    """Read the board's identity, and its dictionary unless that is in the cache."""
     hello = client.hello()
     client.dictionary = hello.crc & 0xFFFF
     rows = kept(hello)
@@ -98,19 +100,19 @@ def _keep(crc: int, rows: list[bytes]) -> None:
         partial.write_bytes(b"".join(struct.pack("<H", len(row)) + row for row in rows))
         partial.replace(path)
     except OSError:
-        pass  # it is asked for again
+        pass  # next time the board is asked again
 
 
 def kept(hello: Hello) -> list[bytes] | None:
-    """The rows of a kept dictionary; None if there is none, or it is damaged."""
+    """The rows of a dictionary in the cache; None if it is not there or damaged."""
     try:
-        octets = _file(hello.crc).read_bytes()
+        raw = _file(hello.crc).read_bytes()
     except OSError:
         return None
     rows, at = [], 0
-    while at + 2 <= len(octets):
-        end = at + 2 + struct.unpack_from("<H", octets, at)[0]
-        rows.append(octets[at + 2 : end])
+    while at + 2 <= len(raw):
+        end = at + 2 + struct.unpack_from("<H", raw, at)[0]
+        rows.append(raw[at + 2 : end])
         at = end
     if len(rows) != sum(hello.rows) or zlib.crc32(b"".join(rows)) != hello.crc:
         return None

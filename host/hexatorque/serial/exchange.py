@@ -1,5 +1,5 @@
-"""What a port server and its clients say to each other: the bodies of docs/protocol.md, each
-behind its length instead of in a frame, and some of the server's own."""
+"""The messages between a port server and its clients: the bodies of docs/protocol.md, each after
+its length instead of in a frame, and some messages of the server itself."""
 
 from __future__ import annotations
 
@@ -8,40 +8,40 @@ from enum import IntEnum
 
 from . import LinkError
 
-#: Whoever waits for a reply hears this often that the server lives.
+#: A client that waits for a reply gets this often a sign that the server runs.
 PULSE_S = 0.25
 
 
 class Busy(LinkError):
-    """The port is there, but a process that is none of ours has it."""
+    """The port exists, but a foreign process has it open."""
 
 
 class NoReply(LinkError):
-    """The line is there, but no board that answers."""
+    """The line works, but no board answers."""
 
 
 class Notice(IntEnum):
-    """First byte of a body that is the server's own word, not the board's."""
+    """First byte of a message that comes from the server, not from the board."""
 
-    GREETING = 0xF0  #: JSON, the first of all
-    COUNTERS = 0xF1  #: u32 damaged frames, u32 retries since the server began
-    PULSE = 0xF2  #: the board has not answered yet
-    FAILED = 0xF3  #: u8 opcode, u8 id, text: there is no reply to this request, and why
-    LOST = 0xF4  #: the port is gone
+    GREETING = 0xF0  #: JSON: the first message
+    COUNTERS = 0xF1  #: u32 damaged frames, u32 retries since the server started
+    PULSE = 0xF2  #: the server runs, but the board has not answered yet
+    FAILED = 0xF3  #: u8 opcode, u8 id, text: this request gets no reply, and the reason
+    LOST = 0xF4  #: the port no longer exists
 
 
 def is_process(url: str) -> bool:
-    """A pseudo-terminal: no line, but another process."""
+    """Whether the port is a pseudo-terminal, with a process at its other end."""
     return os.path.realpath(url).startswith("/dev/pts/")
 
 
 def packed(body: bytes) -> bytes:
-    """A body as it goes over the socket."""
+    """A body as it is sent over the socket."""
     return len(body).to_bytes(2, "little") + body
 
 
 class Unpacker:
-    """Bodies from a socket's bytes."""
+    """Cuts the bytes from a socket into bodies."""
 
     def __init__(self) -> None:
         self._rest = b""

@@ -15,7 +15,7 @@ import serial
 from . import LinkError
 from .exchange import Busy
 
-#: Bytes per read: all that a port's driver keeps.
+#: Bytes per read: as many as the driver of a port buffers.
 READ_BYTES = 65536
 #: How long a `socket://` may take to connect.
 CONNECT_S = 3.0
@@ -24,7 +24,7 @@ _MISSING = (errno.ENOENT, errno.ENXIO, errno.ENODEV)
 
 
 class Line:
-    """An open port that is read and written without waiting."""
+    """An open port. Reading and writing never wait."""
 
     def __init__(self, url: str, baud: int) -> None:
         self.url = url
@@ -41,7 +41,7 @@ class Line:
         return self._file
 
     def change_baud(self, baud: int) -> None:
-        """Go on at another rate; without what came at the former one."""
+        """Change the baud rate. Bytes that came at the former rate are dropped."""
         if self._serial is not None:
             try:
                 self._serial.baudrate = baud
@@ -50,7 +50,7 @@ class Line:
                 raise _failed(self.url, baud, error) from None
 
     def read(self) -> bytes:
-        """What has come, b"" if nothing. OSError if the port is gone."""
+        """The bytes that have come, b"" if there are none. OSError if the port is gone."""
         try:
             data = os.read(self._file, READ_BYTES)
         except BlockingIOError:
@@ -60,7 +60,7 @@ class Line:
         return data
 
     def write(self, data: bytes) -> int:
-        """How many bytes found room. OSError if the port is gone."""
+        """Write what fits the buffer. Returns the number of bytes. OSError if the port is gone."""
         try:
             return os.write(self._file, data)
         except BlockingIOError:
@@ -85,18 +85,19 @@ def _connected(url: str) -> socket.socket:
 
 
 def _serial(url: str, baud: int) -> serial.Serial:
-    """Open exclusively; one clear line if that fails."""
+    """Open the port for this process alone. LinkError with one line if that fails."""
     if holder := holder_of(url):
         raise Busy(f"{url}: in use by {holder}")
     try:
-        # Exclusive: a lock on the file, which pyserial takes, and TIOCEXCL.
+        # Two locks make the port exclusive: pyserial's lock on the file, and TIOCEXCL.
         port = serial.Serial(None, baud, timeout=0, write_timeout=0, exclusive=True)
         port.port = url
         port.open()
     except (serial.SerialException, OSError, ValueError) as error:
         raise _failed(url, baud, error) from None
     if not os.path.realpath(url).startswith("/dev/pts/"):
-        # Ends with the last close, which a pseudo-terminal's own process never makes.
+        # TIOCEXCL ends with the last close. On a pseudo-terminal there is none, because the
+        # process that made it keeps it open.
         with suppress(OSError):
             fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
     return port
@@ -112,8 +113,8 @@ def _failed(url: str, baud: int, error: BaseException) -> LinkError:
 
 
 def error_number(error: BaseException | None) -> int | None:
-    """pyserial keeps the number of some errors only in what they came from; those of
-    termios have no attribute for it."""
+    """The errno of an error. pyserial keeps some only in the error's cause, and errors of termios
+    have no attribute for it."""
     while error is not None:
         number = getattr(error, "errno", None) or next(iter(error.args), None)
         if isinstance(number, int):
@@ -143,20 +144,20 @@ class Holder(NamedTuple):
 
 
 def command_of(pid: int) -> str:
-    """The command line of a process, shortened; "?" if it cannot be seen."""
+    """The command line of a process, shortened; "?" if this user may not read it."""
     try:
         with open(f"/proc/{pid}/cmdline", "rb") as file:
             words = file.read(500).rstrip(b"\0").split(b"\0")
     except OSError:
         return "?"
     text = " ".join(word.decode(errors="replace") for word in words)
-    text = " ".join(text.split())  # a script of several lines
+    text = " ".join(text.split())  # it may contain a script of several lines
     return text if len(text) <= 100 else text[:97] + "..."
 
 
 def holder_of(url: str) -> Holder | None:
-    """Another process that has this port open, as far as this user can see. Who serves a
-    pseudo-terminal has both of its ends open, and does not count."""
+    """Another process that has this port open, as far as this user can see. The process that made
+    a pseudo-terminal does not count: it has both of its ends open."""
     name = os.path.realpath(url)
     for pid in os.listdir("/proc"):
         if not pid.isdigit() or int(pid) == os.getpid():
@@ -164,7 +165,7 @@ def holder_of(url: str) -> Holder | None:
         try:
             handles = os.listdir(f"/proc/{pid}/fd")
         except OSError:
-            continue  # of another user, or gone
+            continue  # the process belongs to another user, or has ended
         masters: list[str] = []
         found = False
         for handle in handles:
@@ -179,7 +180,7 @@ def holder_of(url: str) -> Holder | None:
 
 
 def _serves(pid: str, masters: list[str], name: str) -> bool:
-    """Whether one of the process's pseudo-terminals is the one of this name."""
+    """Whether the process made the pseudo-terminal of this name."""
     for handle in masters:
         with suppress(OSError), open(f"/proc/{pid}/fdinfo/{handle}") as file:
             for line in file:

@@ -1,5 +1,5 @@
-"""Where processes of one user find each other: running virtual boards announce their
-pseudo-terminal here, and each port's server keeps its socket and its lock."""
+"""The directory in which the processes of one user find each other. Running virtual boards
+announce their pseudo-terminals in it, and each port server has its socket and its lock there."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from . import LinkError
 
 
 def directory() -> Path:
-    """`$XDG_RUNTIME_DIR/hexatorque`, else one in the temporary directory; this user's alone."""
+    """`$XDG_RUNTIME_DIR/hexatorque`, or a directory in the temporary directory. LinkError if it
+    does not belong to this user alone."""
     if base := os.environ.get("XDG_RUNTIME_DIR"):
         path = Path(base) / "hexatorque"
     else:
@@ -34,15 +35,15 @@ def directory() -> Path:
 
 
 def port_path(url: str, suffix: str) -> Path:
-    """A file of this port's server: `sock` is its socket, `lock` says who it is, `log` is what
-    it complained about. Short, whatever the port is called."""
+    """A file of this port's server: `sock` is its socket, `lock` identifies it, `log` has its
+    error messages. The name is short even if the port's name is long."""
     name = url if "://" in url else os.path.realpath(url)
     return directory() / f"port-{zlib.crc32(name.encode()):08x}.{suffix}"
 
 
 @contextmanager
 def short(path: Path) -> Iterator[str]:
-    """A name of this socket for which its address has room, 107 bytes."""
+    """A name for this socket that fits a socket's address, 107 bytes."""
     if len(os.fsencode(path)) < 100:
         yield str(path)
         return
@@ -61,7 +62,7 @@ class Locked(NamedTuple):
 
 
 def locked(path: Path) -> Locked | None:
-    """What a lock file says of the server that made it; None if it cannot be read."""
+    """The contents of a server's lock file; None if it cannot be read."""
     try:
         row = json.loads(path.read_text())
         return Locked(int(row["pid"]), *(str(row[key]) for key in Locked._fields[1:]))
@@ -70,8 +71,8 @@ def locked(path: Path) -> Locked | None:
 
 
 def announce(port: str, title: str, baud: int = 0) -> Path:
-    """Say that this process serves a board on `port`; unlink the file in the end. `baud` is the
-    rate at which it answers, 0 if that is not known."""
+    """Announce that this process serves a board on `port`. `baud` is its baud rate, 0 if that is
+    not known. Returns the file, which the caller removes at the end."""
     path = directory() / f"board-{os.getpid()}-{Path(port).name}.json"
     text = json.dumps({"port": port, "pid": os.getpid(), "title": title, "baud": baud})
     partial = path.with_suffix(".part")
@@ -88,13 +89,13 @@ class Announced(NamedTuple):
 
 
 def announced() -> list[Announced]:
-    """The virtual boards that run. What others left behind is removed."""
+    """The virtual boards that run. Files of boards that no longer run are removed."""
     boards = []
     for path in sorted(directory().glob("board-*.json")):
         try:
             row = json.loads(path.read_text())
-            told = str(row["port"]), int(row["pid"]), str(row["title"]), int(row.get("baud", 0))
-            board = Announced(*told)
+            fields = str(row["port"]), int(row["pid"]), str(row["title"]), int(row.get("baud", 0))
+            board = Announced(*fields)
             os.kill(board.pid, 0)
         except (ValueError, KeyError, TypeError, OSError):
             path.unlink(missing_ok=True)
@@ -105,8 +106,8 @@ def announced() -> list[Announced]:
 
 
 def bauds_for(url: str, bauds: tuple[int, ...]) -> tuple[int, ...]:
-    """The rates to try at a port, with the one first that a virtual board there has announced:
-    each wrong one takes a second."""
+    """The baud rates to try at a port. A rate that a virtual board has announced comes first,
+    because each wrong rate takes a second."""
     port = os.path.realpath(url)
     own = tuple(board.baud for board in announced() if board.port == port and board.baud)
     return own + tuple(baud for baud in bauds if baud not in own)

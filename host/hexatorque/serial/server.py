@@ -1,17 +1,17 @@
-"""The port server: one process per port, which alone has it open.
+"""The port server: the one process that has a port open.
 
     python -m hexatorque.serial.server PORT BAUD[,BAUD...]
 
-The first client starts it (transport.py); it ends by itself a second after the last one left.
-Clients speak the board's own protocol to it over a socket, without COBS and CRC: a u16 length
-before each body (exchange.py). Requests go to the board one at a time under the server's own
-session, so ids, sessions and the numbers of streams are changed on the way. A board that
-answers nothing, a port that is gone and the line's counters have bodies of their own (`Notice`).
+The first client starts it (transport.py). It ends one second after the last client has left.
+Clients use the board's protocol over a socket, but without COBS and CRC: each body follows its
+u16 length (exchange.py). The server sends requests to the board one at a time, in its own session.
+It therefore changes ids, sessions and stream numbers on the way. Further messages (`Notice`)
+report that the board does not answer, that the port is gone, and the line's counters.
 
-The drive stops when the client that started it leaves or is silent for 250 ms. Should this
-process stand still or die, the board's watchdog stops the drive.
+The drive stops if the client that started it leaves, or sends nothing for 250 ms. If this process
+does not run or dies, the board's watchdog stops the drive.
 
-One thread, no numpy: it starts quickly and nothing in here waits.
+The server has one thread, in which nothing waits. It does not import numpy, so it starts quickly.
 """
 
 from __future__ import annotations
@@ -30,42 +30,45 @@ from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from .. import __version__
 from . import LinkError, port, runtime, wire
 from .exchange import PULSE_S, Busy, NoReply, Notice, Unpacker, is_process, packed
 from .wire import Op, Reply, Request, Status
 
-#: A client that started the drive beats every 80 ms.
+#: The drive stops if the client that started it is silent for this long. Its heartbeat comes
+#: every 80 ms.
 SILENT_S = 0.25
-#: A session that clients have is kept by a request in this time. Later than a client's own
-#: heartbeat, or both ask when only one needs to.
+#: If there was no request for this long, the server sends one to keep the session. This is longer
+#: than a client's heartbeat, so that not both send one.
 HEARTBEAT_S = 0.1
-#: The server ends when nobody has been there for so long.
+#: The server ends if it has had no client for this long.
 LINGER_S = 1.0
-#: Without a request under way the port is read this often: few wake-ups at full speed.
+#: While no request waits for its reply, the port is read this often. So there are few wake-ups
+#: when samples come at full speed.
 READ_S = 0.01
-#: What waits for a client that does not read, bytes. Samples beyond are left out, which their
-#: ticks tell; at the full 1.25 Mbaud this is more than a minute.
+#: Most bytes that wait for a client that does not read. Further samples are dropped, which the
+#: ticks show. At the full 1.25 Mbaud this is more than a minute.
 WAITING_BYTES = 8 << 20
-#: A client that asks without reading the replies is not served beyond this.
+#: With this many unanswered requests, no more are read from a client.
 WAITING_REQUESTS = 8
-#: Time for a reply besides its time on the line; USB adapters keep bytes for 16 ms.
+#: Longest time for a reply, besides its time on the line. USB adapters delay bytes by 16 ms.
 REPLY_S = 0.05
-#: The same for a virtual board, which is a process that others may hold up; its watchdog is
-#: held up with it.
+#: The same for a virtual board, which is a process that may have to wait for the processor. Its
+#: watchdog then waits as well.
 PROCESS_REPLY_S = 0.25
-#: On a line that spoils a fifth of its frames three tries lose one GET in eight, eight tries one
-#: in a hundred (`hexatorque evidence studies line`). What a process serves loses nothing, but may
-#: be late.
+#: On a line that damages a fifth of its frames, three tries lose one GET in eight, and eight tries
+#: lose one in a hundred (`hexatorque evidence studies line`). A virtual board loses no bytes, but
+#: may answer late.
 TRIES = 8
 PROCESS_TRIES = 3
-#: For each baud rate when several are tried.
+#: Tries at each baud rate if there are several.
 PROBE_TRIES = 4
-#: A computer's own ports are mostly silent, and who looks for a board waits for all of them. In a
-#: quick probe they get one try a rate. They have no USB adapter that keeps bytes for 16 ms.
+#: In a quick probe, the computer's own ports get one try per baud rate and this time. Mostly no
+#: board is connected to them, and a search waits for all ports. They have no USB adapter.
 QUICK_REPLY_S = 0.02
-#: A reply to HELLO on the line, names and build included.
+#: Bytes of a reply to HELLO on the line, with names and build.
 HELLO_BYTES = 150
 
 
@@ -74,23 +77,23 @@ def tries(url: str) -> int:
 
 
 def reply_s(url: str, baud: int, line_bytes: int) -> float:
-    """How long to wait for a reply, until which at most so many bytes are on the line."""
+    """How long to wait for a reply if at most `line_bytes` are on the line before its end."""
     wait_s = PROCESS_REPLY_S if is_process(url) else REPLY_S
     return line_bytes * 10 / baud + wait_s
 
 
 class Peer:
-    """A client's end of the socket."""
+    """A connected client."""
 
     def __init__(self, connection: socket.socket) -> None:
         self.socket = connection
         self.unpacker = Unpacker()
         self.out = bytearray()
         self.heard_s = time.monotonic()
-        self.generation = 0  #: of the session that it takes part in; 0: none
+        self.generation = 0  #: generation of the session that the client has joined; 0: none
         self.pending = 0  #: requests without a reply
-        self.pulse_s = 0.0  #: when a pulse is due, while there are some
-        self.told: tuple[int, int] | None = None  #: counters
+        self.pulse_s = 0.0  #: when the next pulse is due if a request is pending
+        self.sent_counters: tuple[int, int] | None = None  #: the latest that the client got
         self.gone = False
 
     def fileno(self) -> int:
@@ -103,7 +106,7 @@ class Peer:
             except BlockingIOError:
                 pass
             except OSError:
-                self.out.clear()  # its end is seen when it is read
+                self.out.clear()  # reading the socket will show that it is closed
 
 
 class Job:
@@ -120,17 +123,17 @@ class Job:
     ) -> None:
         self.op, self.payload, self.peer, self.request = op, payload, peer, request
         self.done, self.failed = done, failed
-        self.sent = b""  #: on the line
+        self.sent = b""  #: the frame on the line
         self.id = 0
-        self.session = False  #: was sent under the session
+        self.session = False  #: was sent in the session
         self.always_session = False
-        self.left = 0  #: tries
+        self.left = 0  #: tries that are left
         self.wait_s = self.deadline_s = 0.0
-        self.marked = False  #: a mark was placed for it
+        self.marked = False  #: the board's mark was set for it
 
 
 class Slot:
-    """A stream of the board that a client has."""
+    """A stream of the board that belongs to a client."""
 
     def __init__(self, peer: Peer, number: int) -> None:
         self.peer, self.number = peer, number
@@ -145,7 +148,7 @@ class Server:
         self.queue: deque[Job] = deque()
         self.job: Job | None = None
         self.splitter = wire.Splitter()
-        self.confused = 0  #: frames without sense
+        self.unknown = 0  #: frames of unknown contents
         self.retries = 0
         self.session = False
         self.nonce = _random(2)
@@ -163,19 +166,19 @@ class Server:
     # -- the loop --------------------------------------------------------------------------
 
     def run(self) -> None:
-        """Until the last client has left, or the port is gone."""
+        """Serve until the last client has left, or the port is gone."""
         try:
-            while self._turn():
+            while self._step():
                 pass
         except OSError:
             for peer in self.peers:
                 self._send(peer, bytes((Notice.LOST,)))
         finally:
-            self._farewell()
+            self._end_session()
 
-    def _turn(self) -> bool:
-        # What is overdue at this moment, and has not come by the end of the select, is late:
-        # this process may have stood still in between.
+    def _step(self) -> bool:
+        # A deadline counts as missed only if it had passed at this moment and nothing has come by
+        # the end of the select. This process may not have run in between.
         now_s = time.monotonic()
         if self.job is None and self.queue:
             self._begin(self.queue.popleft(), now_s)
@@ -208,7 +211,7 @@ class Server:
             due.append(self.job.deadline_s)
         else:
             due.append(self._read_due_s if self._read_due_s > time.monotonic() else due[0])
-        if self._kept():
+        if self._session_needed():
             due.append(self._asked_s + HEARTBEAT_S)
         if self.starter and not self.starter.pending:
             due.append(self.starter.heard_s + SILENT_S)
@@ -225,19 +228,19 @@ class Server:
             self.starter = None
             self._put(Job(Op.STOP))
         quiet = not self.job and not self.queue and now_s > self._asked_s + HEARTBEAT_S
-        if quiet and self._kept():
+        if quiet and self._session_needed():
             self._put(Job(Op.STATUS))
         for peer in self.peers:
             if peer.pending and now_s > peer.pulse_s:
                 peer.pulse_s = now_s + PULSE_S
                 self._send(peer, bytes((Notice.PULSE,)))
 
-    def _kept(self) -> bool:
-        """Whether somebody needs the session."""
+    def _session_needed(self) -> bool:
+        """Whether a client needs the session."""
         return self.session and any(peer.generation == self.generation for peer in self.peers)
 
-    def _farewell(self) -> None:
-        """The session's end stops a drive that was started in it."""
+    def _end_session(self) -> None:
+        """End the session, which stops a drive that was started in it, and disconnect all."""
         with suppress(OSError):
             if self.session:
                 self._id = (self._id + 1) & 0xFF
@@ -274,12 +277,12 @@ class Server:
         job.deadline_s = now_s + job.wait_s
 
     def _unanswered(self, job: Job) -> None:
-        """Again, but not before a STOP; a START not after one."""
+        """Repeat a request that got no reply. A STOP in the queue goes first."""
         self.job = None
         if job.left and job.op == Op.STATUS and job.peer is None and self.queue:
-            return  # the heartbeat: what waits is one as well
+            return  # a heartbeat; the waiting request serves as one as well
         if job.op == Op.START and job.peer and job.peer.gone:
-            self._put(Job(Op.STOP))  # it may have been carried out
+            self._put(Job(Op.STOP))  # the START may have been carried out
             return
         if job.left:
             at = 0
@@ -291,7 +294,7 @@ class Server:
             self._put(Job(Op.STOP))
             return
         if job.op == Op.START:
-            self.starter = job.peer  # as above
+            self.starter = job.peer  # the START may have been carried out
         self._fail(job, f"no reply to {_name(job.op)} within {self.tries * job.wait_s:.2g} s")
 
     def _fail(self, job: Job, why: str) -> None:
@@ -317,14 +320,14 @@ class Server:
                 try:
                     self._reply(wire.parse_reply(body))
                 except wire.WireError:
-                    self.confused += 1
+                    self.unknown += 1
             else:
-                self.confused += 1
+                self.unknown += 1
 
     def _reply(self, reply: Reply) -> None:
         job = self.job
         if job is None or (reply.op, reply.id) != (job.op, job.id):
-            return  # the reply to a repetition, or to one that was given up
+            return  # a second reply to a repeated request, or a reply that came too late
         self.job = None
         if job.session and reply.status == Status.NO_SESSION:
             self._session_lost()
@@ -346,7 +349,7 @@ class Server:
         try:
             connection, _ = self.listener.accept()
         except OSError:
-            return  # gone again
+            return  # it has already left
         connection.setblocking(False)
         peer = Peer(connection)
         greeting = {
@@ -361,9 +364,9 @@ class Server:
         self._tell_counters(peer)
 
     def _tell_counters(self, peer: Peer) -> None:
-        counters = (self.splitter.damaged + self.confused, self.retries)
-        if counters != peer.told:
-            peer.told = counters
+        counters = (self.splitter.damaged + self.unknown, self.retries)
+        if counters != peer.sent_counters:
+            peer.sent_counters = counters
             peer.out += packed(struct.pack("<BII", Notice.COUNTERS, *counters))
 
     def _send(self, peer: Peer, body: bytes) -> None:
@@ -373,15 +376,16 @@ class Server:
         peer.out += packed(body)
 
     def _answered(self, peer: Peer, body: bytes) -> None:
-        """The reply to a request, or that there is none; goes even to who reads slowly."""
+        """Send the reply to a request, or that there is none. Unlike a sample it is never
+        dropped."""
         peer.pending -= 1
-        peer.heard_s = max(peer.heard_s, time.monotonic())  # it waited for this
+        peer.heard_s = max(peer.heard_s, time.monotonic())  # it was waiting, not silent
         if not peer.gone:
             self._tell_counters(peer)
             peer.out += packed(body)
 
-    def _pass_on(self, job: Job, reply: Reply, **changes: object) -> None:
-        """A reply as that to what the client asked."""
+    def _pass_on(self, job: Job, reply: Reply, **changes: Any) -> None:
+        """Send the board's reply to the client, with the id of the client's request."""
         assert job.peer and job.request
         reply = reply._replace(op=job.request.op, id=job.request.id, **changes)
         self._answered(job.peer, wire.reply(*reply))
@@ -405,7 +409,7 @@ class Server:
                 peer.pending += 1
                 self._ask(peer, request)
         except (wire.WireError, struct.error):
-            self._leave(peer)  # not a client
+            self._leave(peer)  # these bytes do not come from a client
 
     def _leave(self, peer: Peer) -> None:
         self.peers.remove(peer)
@@ -422,7 +426,7 @@ class Server:
             self._alone_s = time.monotonic()
 
     def _put(self, job: Job) -> None:
-        """In line; a STOP before all others, and no START behind one that came later."""
+        """Queue a request. A STOP goes before all others and withdraws every waiting START."""
         if job.op != Op.STOP:
             self.queue.append(job)
             return
@@ -435,7 +439,7 @@ class Server:
             self.job.left = 0
         for other in starts:
             self.queue.remove(other)
-            self._fail(other, "start: withdrawn, somebody has stopped the drive")
+            self._fail(other, "start: withdrawn, a client has stopped the drive")
 
     def _ask(self, peer: Peer, request: Request) -> None:
         op = request.op
@@ -452,8 +456,7 @@ class Server:
             self._put(job)
 
     def _commanded(self, job: Job, reply: Reply) -> None:
-        """A drive that was started has a client that answers for it; a capture that is read
-        has one that gets it."""
+        """Note which client has started the drive, and which client reads the capture."""
         peer = job.peer
         assert peer
         if reply.status == Status.DONE:
@@ -470,19 +473,20 @@ class Server:
     # -- the session -----------------------------------------------------------------------
 
     def _session_lost(self) -> None:
-        """The board was reset, or this process stood still for a second: the drive is off and
-        the streams have ended. Clients open their session again, as with a board."""
+        """The board was reset, or this process did not run for a second. The drive is off and the
+        streams have ended. Clients open their session again, as they would on a board."""
         self.session = False
         self.generation += 1
         self.slots = [None] * wire.STREAMS
         self.starter = None
 
     def _new_mark(self) -> bytes:
-        """OPEN's payload; another mark each time, or a reset would not show."""
+        """OPEN's payload. The mark is a new one each time; otherwise a reset would not show."""
         return wire.open_session(self.nonce, _random(4))
 
     def _place_mark(self, status: Job) -> None:
-        """Give a board that was reset its mark, by a session that ends at once; then ask again."""
+        """Set the mark of a board that was reset, by a session that ends at once. Then request
+        STATUS again."""
         status.marked, status.sent = True, b""
         close = Job(Op.CLOSE, done=lambda reply: None)
         close.always_session = True
@@ -501,7 +505,7 @@ class Server:
 
     def _joined(self, job: Job, reply: Reply) -> None:
         assert job.peer and job.request
-        if not self.session:  # it was lost
+        if not self.session:  # it was lost in the meantime
             self._open(job.peer, job.request)
             return
         job.peer.generation = self.generation
@@ -518,7 +522,8 @@ class Server:
         self._pass_on(job, reply)
 
     def _release(self, peer: Peer, request: Request | None) -> None:
-        """A client leaves the session: what it began ends. The last one ends the session."""
+        """A client leaves the session. Its streams end, and so does the drive that it started.
+        When the last client leaves, the session ends."""
         if self.starter is peer:
             self.starter = None
             self._put(Job(Op.STOP))
@@ -527,7 +532,7 @@ class Server:
                 self._end_stream(number, slot)
         was = peer.generation == self.generation
         peer.generation = 0
-        if was and self.session and not self._kept():
+        if was and self.session and not self._session_needed():
             job = Job(Op.CLOSE, peer=peer, request=request)
             job.always_session = True
             job.done = lambda reply: self._closed(job, reply)
@@ -542,7 +547,7 @@ class Server:
             self._pass_on(job, reply, status=Status.DONE, payload=b"")
 
     def _answer(self, peer: Peer, request: Request, status: Status) -> None:
-        """A reply that is not the board's; state and tick are."""
+        """Send a reply of the server itself, with the board's latest state and tick."""
         job = Job(Op.STATUS, peer=peer, request=request)
         job.done = lambda reply: self._pass_on(job, reply, status=status, payload=b"")
         self._put(job)
@@ -550,7 +555,7 @@ class Server:
     # -- streams ---------------------------------------------------------------------------
 
     def _stream(self, peer: Peer, request: Request) -> None:
-        """Another number for the board's stream than the client's own."""
+        """Pass on STREAM. The board's stream gets another number than the client's."""
         number, ends = request.payload[0], request.payload[1:2] == b"\0"
         mine = [k for k, s in enumerate(self.slots) if s and (s.peer, s.number) == (peer, number)]
         free = [k for k, s in enumerate(self.slots) if s is None]
@@ -578,7 +583,7 @@ class Server:
         self._put(job)
 
     def _end_stream(self, number: int, slot: Slot) -> None:
-        """For a client that does not need it any more."""
+        """End a stream of the board that its client no longer needs."""
         slot.live = False
 
         def free(*_: object) -> None:
@@ -593,7 +598,7 @@ def _name(op: int) -> str:
 
 
 def _random(size: int) -> int:
-    """Not 0."""
+    """A random number of `size` bytes, not 0."""
     return int.from_bytes(os.urandom(size), "little") or 1
 
 
@@ -609,9 +614,9 @@ def _status(reply: Reply) -> wire.StatusReply | None:
 
 
 def _probe(line: port.Line, bauds: tuple[int, ...], quick: bool) -> int:
-    """The rate at which a board answers."""
+    """The baud rate at which a board answers. NoReply if there is none."""
     if is_process(line.url) or "://" in line.url:
-        bauds = bauds[:1]  # whatever the rate
+        bauds = bauds[:1]  # the rate has no effect
     adapter = os.path.basename(os.path.realpath(line.url)).startswith(("ttyUSB", "ttyACM"))
     quick = quick and len(bauds) > 1 and not adapter
     each = 1 if quick else tries(line.url) if len(bauds) == 1 else PROBE_TRIES
@@ -622,7 +627,7 @@ def _probe(line: port.Line, bauds: tuple[int, ...], quick: bool) -> int:
         sent = wire.frame(wire.request(Op.HELLO, _random(1), 0, 0))
         for _ in range(each):
             line.write(sent)
-            # Nothing streams before a session, so that no sample goes before the reply.
+            # Without a session no stream runs, so no samples come before the reply.
             line_bytes = len(sent) + HELLO_BYTES
             within_s = reply_s(line.url, baud, line_bytes)
             if quick:
@@ -647,7 +652,7 @@ def _lock(path: Path, url: str) -> int | None:
         with suppress(FileNotFoundError):
             if os.path.samestat(os.fstat(file), os.stat(path)):
                 break
-        os.close(file)  # of one that was just ending
+        os.close(file)  # the lock of a server that was just ending
     row = runtime.Locked(
         os.getpid(),
         port.command_of(os.getpid()),
@@ -659,8 +664,8 @@ def _lock(path: Path, url: str) -> int | None:
     return file
 
 
-def _say(**words: object) -> None:
-    """To who started this process, which then waits no longer."""
+def _report(**words: object) -> None:
+    """Report to the process that started this one and waits for it."""
     with suppress(OSError):
         os.write(1, json.dumps(words).encode() + b"\n")
     nothing = os.open(os.devnull, os.O_RDWR)
@@ -670,34 +675,34 @@ def _say(**words: object) -> None:
 
 def main(url: str, bauds: tuple[int, ...], quick: bool) -> int:
     if os.fork():
-        os._exit(0)  # nobody needs to wait for the server
+        os._exit(0)  # the client waits only for this process, not for the server
     os.chdir("/")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    # Now: where a name leads to may change.
+    # Resolve the name now: a link may later point to another device.
     lock, path, log = (runtime.port_path(url, suffix) for suffix in ("lock", "sock", "log"))
     held = _lock(lock, url)
     if held is None:
-        _say(held=True)
+        _report(held=True)
         return 0
     line = None
     try:
         line = port.Line(url, bauds[0])
         baud = _probe(line, bauds, quick)
-        path.unlink(missing_ok=True)  # of one that was killed
+        path.unlink(missing_ok=True)  # the socket of a server that was killed
         listener = socket.socket(socket.AF_UNIX)
         with runtime.short(path) as address:
             listener.bind(address)
         listener.listen(64)
         listener.setblocking(False)
-        _say(ready=True)
+        _report(ready=True)
         Server(line, baud, listener).run()
     except LinkError as error:
         kind = {"busy": isinstance(error, Busy), "silent": isinstance(error, NoReply)}
-        _say(error=str(error), mistake=error.mistake, **kind)
+        _report(error=str(error), mistake=error.mistake, **kind)
     except OSError as error:
         text = f"{url}: {error.strerror or error}"
-        _say(error=text, mistake=False, busy=False, silent=False)
+        _report(error=text, mistake=False, busy=False, silent=False)
     finally:
         path.unlink(missing_ok=True)
         if line:

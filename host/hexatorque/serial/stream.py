@@ -1,4 +1,4 @@
-"""Samples as they come: blocks of rows on the board's own time, losses counted."""
+"""Streams: blocks of samples with the board's ticks. Lost samples are counted."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from .client import Client
 from .dictionary import Dictionary
 from .wire import Hello, Reply, Status
 
-#: A board's period is whole counts of a PWM clock of 100 MHz or more: its rate may be half a
-#: count below the f_isr_Hz that was written.
+#: A board's period is a whole number of counts of a PWM clock of 100 MHz or more. Its rate may
+#: therefore be half a count below the f_isr_Hz that was written.
 HALF_COUNT_S = 5e-9
-#: Longest decimation that the wire can carry.
+#: Largest decimation that STREAM can carry.
 MOST_DECIMATION = 0xFFFF
 
 
 def decimation_for(f_isr_Hz: float, rate_Hz: float) -> int:
-    """The decimation next to a rate."""
+    """The decimation whose rate is nearest to `rate_Hz`. LinkError if that is out of range."""
     slowest = f_isr_Hz / MOST_DECIMATION
     if not slowest <= rate_Hz <= f_isr_Hz * (1 + HALF_COUNT_S * f_isr_Hz):
         raise LinkError(
@@ -32,14 +32,14 @@ def decimation_for(f_isr_Hz: float, rate_Hz: float) -> int:
 
 
 class Stream:
-    """One stream of the board, from now on until `close` or a reset of the board.
+    """One stream of the board, until `close` or a reset of the board.
 
     Iterating gives blocks (ticks int64 (n,), values float32 (n, channels)) in order. Ticks are
-    the board's count of fast interrupts, on beyond 2^32, and nothing else: no clock of this
-    computer has a part in them. An interruption may be as long as half of 2^32 ticks, which is
-    59 hours at 10 kHz. A stream that is set again after one goes on at any tick, so the step
-    over it need not be a whole number of decimations. After a reset `read` raises what `ended`
-    says. The queue between is unbounded: a slow reader loses nothing.
+    the board's count of fast interrupts, continued beyond 2^32. They do not depend on this
+    computer's clock. An interruption may last half of 2^32 ticks, which is 59 hours at 10 kHz.
+    After an interruption the stream is set again and may continue at any tick, so the step over
+    it need not be a multiple of the decimation. After a reset `read` raises the error `ended`.
+    The queue is unbounded: a slow reader loses nothing.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Stream:
         self.f_isr_Hz = hello.f_isr_Hz
         self.gaps = 0  #: interruptions
         self.lost = 0  #: samples that never came, by their ticks
-        self.damaged = 0  #: samples of a wrong length, doubled or out of order
+        self.damaged = 0  #: samples of a wrong length, twice received, or out of order
         self._client = client
         self._ids = dictionary.channel_ids(self.channels)
         if not 1 <= len(self._ids) <= hello.stream_channels:
@@ -69,12 +69,12 @@ class Stream:
             )
         self._type = wire.sample_type(len(self._ids))
         self._blocks: queue.SimpleQueue[tuple[np.ndarray, np.ndarray]] = queue.SimpleQueue()
-        #: What has ended the stream for good: the board was reset.
+        #: The error that ended the stream: the board was reset.
         self.ended: LinkError | None = None
-        self._from: int | None = None  # tick from which the stream is in force
-        self._fresh = True  # no sample yet since it is
-        self._tick: int | None = None  # of the latest sample, as the board counts
-        self._time = 0  # the same, counted on
+        self._from: int | None = None  # tick at which the stream was set
+        self._fresh = True  # no sample has come since then
+        self._tick: int | None = None  # the latest sample's tick, as the board counts
+        self._time = 0  # the same tick, continued beyond 2^32
         self._slot = client.take_stream()
         try:
             self.decimation = self._begin(decimation)
@@ -89,7 +89,8 @@ class Stream:
         return self.f_isr_Hz / self.decimation
 
     def _begin(self, decimation: int | None) -> int:
-        """Set the stream; without a decimation, with the smallest that fits."""
+        """Set the stream. Without a decimation, take the smallest for which the line is fast
+        enough."""
         wanted = 1 if decimation is None else decimation
         self.decimation = wanted
         reply = self._set(wanted)
@@ -117,12 +118,12 @@ class Stream:
         return self._client.ask_stream(self._slot, payload, self._push, self._begun)
 
     def _again(self) -> None:
-        """The board is back after an interruption."""
+        """Set the stream again after an interruption."""
         if self.ended is None and self._set(self.decimation).status != Status.DONE:
             raise LinkError("the stream cannot be set again", mistake=True)
 
     def _end(self) -> None:
-        """The board was reset: its ticks begin anew, and nothing follows on what was before."""
+        """The board was reset. Its ticks start again from 0, so the stream cannot continue."""
         at = "before its first sample" if self._tick is None else f"at tick {self._time}"
         self.ended = LinkError(
             f"{self._client.url}: the board was reset; the recording ends {at}; {RESET_VALUES}",
@@ -134,7 +135,7 @@ class Stream:
 
     def _begun(self, reply: Reply) -> None:
         if self._tick is None and self._from is not None:
-            # Set again before its first sample came: what is missing counts from the beginning.
+            # Set again before the first sample: missing samples count from the first setting.
             self._time = self._from + 1 - self.decimation
             self._tick = self._time & 0xFFFFFFFF
         self._from, self._fresh = reply.tick, True
@@ -149,7 +150,7 @@ class Stream:
         if not len(rows):
             return
         assert self._tick is not None
-        # Wraps as the board's counter does.
+        # These differences wrap, as the board's counter does.
         steps = np.diff(rows["tick"], prepend=np.uint32(self._tick)).astype(np.int32)
         if (steps != self.decimation).any():
             rows, steps = self._mend(rows)
@@ -160,12 +161,12 @@ class Stream:
         self._blocks.put((ticks, rows["values"].copy()))
 
     def _first(self, rows: np.ndarray) -> np.ndarray:
-        """Those that belong to the stream as it is now. What is missing before the very first
-        sample is told by its number, which counts modulo 256, and by the tick of the reply:
-        the board takes sample 0 within a few interrupts of it."""
+        """The rows that belong to the stream as it is now. How many samples are missing before
+        the very first one follows from its number, which counts modulo 256, and from the tick of
+        the reply: the board takes sample 0 within a few interrupts of that tick."""
         assert self._from is not None
         ahead = (rows["tick"] - np.uint32(self._from)).astype(np.int32)
-        rows = rows[ahead >= 0]  # before: left over from another stream
+        rows = rows[ahead >= 0]  # earlier rows belong to a former stream
         if not len(rows):
             return rows
         self._fresh = False
@@ -180,7 +181,7 @@ class Stream:
         return rows
 
     def _mend(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Count what is missing, leave out what does not belong."""
+        """Count missing samples, and drop those that do not belong to the stream."""
         last, keep, steps = self._tick, [], []
         for place, tick in enumerate(rows["tick"].tolist()):
             step = (tick - last) & 0xFFFFFFFF
@@ -195,11 +196,11 @@ class Stream:
             last = tick
         return rows[keep], np.array(steps, np.int64)
 
-    # -- the user's ------------------------------------------------------------------------
+    # -- public methods --------------------------------------------------------------------
 
     def read(self, timeout_s: float | None = None) -> tuple[np.ndarray, np.ndarray] | None:
-        """The next block; None if there is none in time. LinkError after the last one before
-        a reset of the board."""
+        """The next block; None if none comes within `timeout_s`. After a reset of the board:
+        LinkError, once all blocks have been read."""
         end = None if timeout_s is None else time.monotonic() + timeout_s
         while True:
             wait_s = 0.2 if end is None else min(0.2, max(0.0, end - time.monotonic()))
@@ -214,7 +215,7 @@ class Stream:
                     return None
 
     def waiting(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """All blocks that are there."""
+        """All blocks that have come."""
         blocks = []
         while not self._blocks.empty():
             blocks.append(self._blocks.get())
@@ -249,13 +250,13 @@ class Stream:
 
 
 def on_a_grid(ticks: np.ndarray, values: np.ndarray, decimation: int) -> np.ndarray:
-    """(n, k) rows at equal steps from the first tick on; rows that are missing are NaN. A row
-    that an interruption has put between two steps goes to the nearest."""
+    """The rows at equal steps from the first tick on, (n, k); missing rows are NaN. After an
+    interruption a row may lie between two steps; it goes to the nearest one."""
     if not len(ticks):
         return values
     place = (ticks - ticks[0] + decimation // 2) // decimation
     row = np.arange(len(place))
-    place = np.maximum.accumulate(place - row) + row  # no two in one place
+    place = np.maximum.accumulate(place - row) + row  # each row gets its own place
     grid = np.full((int(place[-1]) + 1, values.shape[1]), np.nan, np.float32)
     grid[place] = values
     return grid

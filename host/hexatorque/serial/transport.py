@@ -1,5 +1,5 @@
-"""The client's end of a port: a socket to the port's server (server.py), which is started if
-there is none. One thread reads it."""
+"""The client's connection to a port: a socket to the port's server (server.py), which is started
+if there is none. One thread reads the socket."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from .. import __version__
 from . import LinkError, runtime
 from .exchange import PULSE_S, Busy, NoReply, Notice, Unpacker, is_process, packed
 
-#: So many pulses that are missing in a row mean that the server stands still. Counted, not
-#: timed: this process may have stood still itself.
+#: If this many pulses in a row are missing, the server does not run. Pulses are counted instead of
+#: time, because this process may not have run itself.
 MISSED_PULSES = 5
-#: A server that just ends, or just begins, is there or gone within this.
+#: A server that is just starting or ending has done so within this time.
 CHANGE_S = 2.0
-#: Python starts within this, even on a computer that is busy.
+#: Python starts within this time, even on a busy computer.
 START_S = 20.0
 
 
@@ -37,7 +37,7 @@ def hung(url: str, pid: int) -> LinkError:
 
 
 class Transport:
-    """`bodies(list)` and `lost()` are called by the reading thread."""
+    """A connection to a port. The reading thread calls `bodies(list)` and `lost()`."""
 
     def __init__(
         self,
@@ -47,9 +47,8 @@ class Transport:
         lost: Callable[[], None],
         quick: bool = False,
     ) -> None:
-        """`bauds`: with several, the one at which the board answers; the server may be open
-        already, then it must be one of them. `quick`: ask a port of the computer itself only
-        once at each rate."""
+        """bauds: the baud rates to try; if the server already has the port open, its rate must be
+        one of them. quick: try a port of the computer itself only once at each rate."""
         self.url = url
         self._bauds, self._quick = bauds, quick
         self._bodies, self._lost = bodies, lost
@@ -57,17 +56,17 @@ class Transport:
         self._closing = False
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
-        #: Why there is no port now.
+        #: Why the port is lost.
         self.reason = ""
-        #: Whatever came from the server counts.
+        #: When the server last sent anything.
         self.heard = 0
-        self.pid = 0  #: the server's
+        self.pid = 0  #: process id of the server
         self.baud = bauds[0]
-        self.shared = False  #: other clients were there before
+        self.shared = False  #: the server had other clients before
         self._connect()
 
     def start(self) -> None:
-        """Begin to read."""
+        """Start the reading thread."""
         self._thread = threading.Thread(target=self._run, name=f"reader of {self.url}", daemon=True)
         self._thread.start()
 
@@ -91,8 +90,8 @@ class Transport:
         return hung(self.url, self.pid)
 
     def again(self) -> bool:
-        """Try once to have the port again after it was lost. A pseudo-terminal that is gone
-        does not come back: its name may be given to anybody."""
+        """Try once to open a lost port again. A pseudo-terminal is not opened again, because its
+        name may now belong to another process."""
         if self.url.startswith("/dev/pts/") and self.reason.startswith("unplugged"):
             return False
         if "://" not in self.url and not os.path.exists(self.url):
@@ -197,7 +196,7 @@ class Transport:
         except (FileNotFoundError, ConnectionRefusedError):
             connection.close()
             return None
-        except (TimeoutError, BlockingIOError):  # nobody takes those who wait
+        except (TimeoutError, BlockingIOError):  # the server does not accept connections
             connection.close()
             raise self._nobody() from None
         except OSError as error:
@@ -213,7 +212,7 @@ class Transport:
             if not select.select([connection], [], [], PULSE_S)[0]:
                 missed += 1
                 if missed == MISSED_PULSES:
-                    # Who has bound the socket, whether it runs or not.
+                    # The process that has bound the socket, even if it does not run.
                     peer = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
                     connection.close()
                     raise hung(self.url, struct.unpack("3i", peer)[0])
@@ -230,21 +229,21 @@ class Transport:
                 return json.loads(bodies[0][1:]) if bodies[0][0] == Notice.GREETING else None
 
     def _nobody(self) -> LinkError:
-        """A server has the port's lock, and does not take clients."""
+        """The error if a server has the port's lock but accepts no clients."""
         server = runtime.locked(runtime.port_path(self.url, "lock"))
         if server:
             return hung(self.url, server.pid)
         return LinkError(f"{self.url}: the port server does not start")
 
     def _serve(self) -> dict:
-        """Start a server; what it says: `ready`, `held` by another one, or its error."""
+        """Start a server. Returns its report: `ready`, `held` by another server, or an error."""
         url = self.url if "://" in self.url else os.path.abspath(self.url)
         package = str(Path(__file__).parents[2])
         path = os.pathsep.join(filter(None, (package, os.environ.get("PYTHONPATH"))))
         log = runtime.port_path(self.url, "log")
         with log.open("ab") as complaints:
             process = subprocess.Popen(
-                # -P: nothing from the directory where the user happens to be.
+                # -P: import nothing from the user's current directory.
                 [sys.executable, "-P", "-m", f"{__package__}.server", url,
                  ",".join(str(baud) for baud in self._bauds), *(["quick"] if self._quick else [])],
                 stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=complaints,
@@ -254,7 +253,7 @@ class Transport:
         with process.stdout:
             ready = select.select([process.stdout], [], [], START_S)[0]
             line = process.stdout.readline() if ready else b""
-        process.wait()  # it has a child that goes on
+        process.wait()  # the server continues as its child
         if not line:
             return {
                 "error": f"{self.url}: the port server does not start, see {log}",

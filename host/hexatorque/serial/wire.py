@@ -1,4 +1,4 @@
-"""Frames and bodies as docs/protocol.md defines them. Pure functions; no input or output."""
+"""Frames and bodies as docs/protocol.md defines them: pure functions without input or output."""
 
 from __future__ import annotations
 
@@ -14,17 +14,19 @@ from .._firmware import ffi, lib
 if TYPE_CHECKING:
     import numpy as np
 
+    from ..firmware import SnapshotNumbers
+
 PROTOCOL = 2
 LONGEST_BODY = 508
-#: Body and CRC, COBS's octets, the zero on either side.
+#: Longest frame: body, CRC, the bytes that COBS adds, and a zero on either side.
 LONGEST_FRAME = LONGEST_BODY + 4 + (LONGEST_BODY + 4) // 254 + 1 + 2
-#: A CRC-32 over a body and its CRC comes to this.
+#: The CRC-32 of a body together with its own CRC is always this.
 CRC_RESIDUE = 0x2144DF1C
 SAMPLE = 0x40
 STREAMS = 4
 DATA = 0x50
 REPLY = 0x80
-#: Most ids in a GET and pairs in a WRITE.
+#: Largest number of ids in a GET, and of pairs in a WRITE.
 GET_MOST, WRITE_MOST = 100, 80
 
 
@@ -59,7 +61,7 @@ NEEDS_SESSION = frozenset(
 NEEDS_DICTIONARY = frozenset(
     (Op.GET, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM, Op.SAVE, Op.FORGET)
 )
-#: Requests that write a flash, and how long that may take: the board does not read meanwhile.
+#: Requests that write a flash, and the longest time for that; the board does not read meanwhile.
 SLOW = frozenset((Op.SAVE, Op.FORGET))
 SLOW_S = 12.0
 
@@ -87,8 +89,8 @@ class Status(IntEnum):
     SAMPLING = 26
 
 
-#: What the fields of payloads are, by opcode and offset: for refusals with status FIELD.
-FIELDS = {
+#: Text for a refusal with status FIELD, by opcode and offset of the field.
+FIELDS: dict[tuple[int, int], str] = {
     (Op.OPEN, 0): "nonce: allowed range is 1 .. 65535",
     (Op.STREAM, 1): "channels of a stream: more than the board has",
     (Op.STREAM, 2): "decimation: allowed range is 1 .. 65535",
@@ -122,18 +124,18 @@ class CaptureState(IntEnum):
 
 
 class WireError(ValueError):
-    """A body that is not what its type says."""
+    """The body does not have the form of its type."""
 
 
 def frame(body: bytes) -> bytes:
-    """A body as it goes onto the line."""
+    """The frame of a body, with the zeros on both sides."""
     return b"\0" + cobs.encode(body + struct.pack("<I", zlib.crc32(body))) + b"\0"
 
 
-def unframe(octets: bytes) -> bytes | None:
-    """The body of what stood between two zeros, or None if it is damaged."""
+def unframe(raw: bytes) -> bytes | None:
+    """The body of the bytes between two zeros, or None if they are damaged."""
     try:
-        checked = cobs.decode(octets)
+        checked = cobs.decode(raw)
     except cobs.DecodeError:
         return None
     if not 2 <= len(checked) - 4 <= LONGEST_BODY or zlib.crc32(checked) != CRC_RESIDUE:
@@ -142,24 +144,24 @@ def unframe(octets: bytes) -> bytes | None:
 
 
 class Splitter:
-    """Cuts a line into bodies as its octets come; counts what is damaged."""
+    """Cuts the bytes of a line into bodies, and counts damaged frames."""
 
     def __init__(self) -> None:
         self.damaged = 0
         self.restart()
 
     def restart(self) -> None:
-        """The line begins anew: what comes before a zero may be the rest of a frame."""
+        """Start again. The first bytes may be the end of a frame; they are dropped up to a zero."""
         self._rest = b""
         self._first = True
         self._too_long = False
 
-    def push(self, octets: bytes) -> list[bytes]:
-        parts = (self._rest + octets).split(b"\0")
+    def push(self, raw: bytes) -> list[bytes]:
+        parts = (self._rest + raw).split(b"\0")
         rest = parts.pop()
         bodies = []
         for part in parts:
-            if self._too_long:  # counted already
+            if self._too_long:  # already counted
                 self._too_long = False
             elif part:
                 body = unframe(part)
@@ -191,8 +193,9 @@ class Request(NamedTuple):
 
 def parse_request(body: bytes) -> Request:
     if len(body) < 6:
-        raise WireError("a request has 6 octets or more")
-    return Request(*struct.unpack_from("<BBHH", body), body[6:])
+        raise WireError("a request has 6 bytes or more")
+    op, id, session, dictionary = struct.unpack_from("<BBHH", body)
+    return Request(op, id, session, dictionary, body[6:])
 
 
 class Reply(NamedTuple):
@@ -207,28 +210,28 @@ class Reply(NamedTuple):
 
 def parse_reply(body: bytes) -> Reply:
     if len(body) < 10:
-        raise WireError("a reply has 10 octets or more")
-    op, *rest = struct.unpack_from("<BBBBHI", body)
-    return Reply(op - REPLY, *rest, body[10:])
+        raise WireError("a reply has 10 bytes or more")
+    op, id, status, state, faults, tick = struct.unpack_from("<BBBBHI", body)
+    return Reply(op - REPLY, id, status, state, faults, tick, body[10:])
 
 
-#: Replies to these may take a whole frame; others up to SHORT_REPLY bytes on the line, and twice
-#: the request's payload.
+#: Replies to these may be as long as a frame can be. Other replies have at most SHORT_REPLY bytes
+#: on the line plus twice the request's payload.
 _LONG = frozenset((Op.HELLO, Op.LIST))
 SHORT_REPLY = 120
-#: A board with streams sends up to nine times a reply's length of samples before it, and the
-#: rest of a frame that is under way.
+#: Before a reply, a board with streams may send samples of up to nine times the reply's length,
+#: and the end of a frame that it has begun.
 REPLY_SHARE = 11
 
 
 def reply_bytes(op: int, payload: int) -> int:
-    """Bytes on the line until the reply to a request with so many bytes of payload is whole,
-    at most."""
+    """Largest number of bytes on the line before the end of the reply to a request with `payload`
+    bytes of payload."""
     return REPLY_SHARE * (LONGEST_FRAME if op in _LONG else SHORT_REPLY + 2 * payload)
 
 
 def refusal(reply: Reply) -> str:
-    """What the payload of a refusal says besides the status, in words; "" if nothing."""
+    """The text for the payload of a refusal, which says more than its status; "" if empty."""
     if reply.status == Status.FIELD:
         (offset,) = unpack("H", reply.payload)
         return FIELDS.get((reply.op, offset), f"byte {offset} of the payload is out of range")
@@ -244,12 +247,12 @@ def reply(
 
 
 def unpack(layout: str, payload: bytes) -> tuple:
-    """The numbers of a payload that consists of them alone."""
+    """The numbers of a payload. WireError unless it has exactly this layout."""
     try:
         return struct.unpack("<" + layout, payload)
     except struct.error:
         raise WireError(
-            f"{len(payload)} octets instead of {struct.calcsize('<' + layout)}"
+            f"{len(payload)} bytes instead of {struct.calcsize('<' + layout)}"
         ) from None
 
 
@@ -264,7 +267,7 @@ class Hello(NamedTuple):
     protocol: int
     crc: int
     f_isr_Hz: float
-    budget: int  #: octets per second for streams
+    budget: int  #: bytes per second for streams
     rows: tuple[int, int, int, int]  #: parameters, channels, faults, states
     longest_body: int
     streams: int
@@ -287,12 +290,16 @@ def parse_hello(payload: bytes) -> Hello:
         raise WireError(f"protocol version {version}, this client speaks {PROTOCOL}")
     if len(payload) < _HELLO.size:
         raise WireError("a HELLO that is too short")
-    numbers = _HELLO.unpack_from(payload)
+    (
+        protocol, crc, f_isr_Hz, budget, parameters, channels, faults, states, longest_body,
+        streams, stream_channels, capture_channels, in_session, memory, watchdog_ms,
+    ) = _HELLO.unpack_from(payload)  # fmt: skip
     device, build = _texts(payload[_HELLO.size :], 2)
-    in_session = bool(numbers[12])
     return Hello(
-        *numbers[:4], numbers[4:8], *numbers[8:12], in_session, *numbers[13:], device, build
-    )
+        protocol, crc, f_isr_Hz, budget, (parameters, channels, faults, states), longest_body,
+        streams, stream_channels, capture_channels, bool(in_session), memory, watchdog_ms, device,
+        build,
+    )  # fmt: skip
 
 
 class ParameterRow(NamedTuple):
@@ -356,8 +363,8 @@ class StatusReply(NamedTuple):
     damaged: int
     overruns: int
     dropped: int
-    mark: int  #: the board's word for the time since its reset; 0: nobody has given one
-    set: int  #: of parameters, as the board started with it: `firmware.PARAMETER_SETS`
+    mark: int  #: set by a client, 0 after a reset (docs/protocol.md)
+    set: int  #: the set of parameters with which the board started: `firmware.PARAMETER_SETS`
 
 
 def parse_status(payload: bytes) -> StatusReply:
@@ -390,14 +397,15 @@ def parse_capture(payload: bytes) -> CaptureReply:
     fixed = struct.calcsize("<BBHIIII")
     count = max(0, len(payload) - fixed) // 2
     numbers = unpack(f"BBHIIII{count}H", payload)
-    return CaptureReply(*numbers[:7], numbers[7:])
+    state, number, prescaler, samples, pre, tick, crc, *channels = numbers
+    return CaptureReply(state, number, prescaler, samples, pre, tick, crc, tuple(channels))
 
 
-def parse_snapshot(payload: bytes) -> dict[str, object] | None:
-    """The latest fault's as numbers, or None; state and faults are still numbers."""
+def parse_snapshot(payload: bytes) -> SnapshotNumbers | None:
+    """The snapshot of the latest fault, None if there is none. State and faults are numbers."""
     if len(payload) != lib.HT_SNAPSHOT_BYTES:
-        raise WireError(f"{len(payload)} octets instead of {lib.HT_SNAPSHOT_BYTES}")
-    from ..firmware import snapshot_numbers  # with numpy: the port server starts without it
+        raise WireError(f"{len(payload)} bytes instead of {lib.HT_SNAPSHOT_BYTES}")
+    from ..firmware import snapshot_numbers  # imports numpy, which the port server must not
 
     kept = ffi.new("ht_snapshot *")
     lib.ht_snapshot_take(ffi.new("uint16_t[]", list(payload)), kept)
@@ -409,14 +417,14 @@ def stream(stream: int, channels: tuple[int, ...], decimation: int) -> bytes:
     return struct.pack(f"<BBH{len(channels)}H", stream, len(channels), decimation, *channels)
 
 
-def sample_octets(channels: int) -> int:
-    """What one sample takes on the line."""
+def sample_bytes(channels: int) -> int:
+    """Bytes of one sample on the line."""
     return 12 + 4 * channels
 
 
 def sample_type(channels: int) -> np.dtype:
-    """A sample's body."""
-    import numpy as np  # the port server starts without it
+    """The layout of a sample's body."""
+    import numpy as np  # here, because the port server must not import it
 
     return np.dtype(
         [("type", "u1"), ("number", "u1"), ("tick", "<u4"), ("values", "<f4", (channels,))]

@@ -36,6 +36,13 @@ SAID = (OURS, "extra_forbidden", "string_type", "dict_type")
 DRAFT = "http://json-schema.org/draft-07/schema#"
 
 
+#: The types below are made of values, at run time: nothing that a type checker can follow.
+_Annotated: Any = Annotated
+_List: Any = list
+_Tuple: Any = tuple
+_TypedDict: Any = TypedDict
+
+
 def _mistake(text: str) -> PydanticCustomError:
     return PydanticCustomError(OURS, "{text}", {"text": text})
 
@@ -104,8 +111,8 @@ def _choice(key: Key) -> Any:
 
 
 def _six(key: Key) -> Any:
-    return Annotated[
-        tuple[_number(key), ...],
+    return _Annotated[
+        _Tuple[_number(key), ...],
         Field(min_length=6, max_length=6),
         _said(lambda value: f" = {value!r}: six numbers are needed (u1 u2 w1 w2 v1 v2)"),
     ]
@@ -153,7 +160,7 @@ def _value(raw: Any, inner: Callable[[Any], Any]) -> Value:
 
 def _table(name: str, entries: dict[str, Any]) -> Any:
     """A TOML table: every key may be left out, no other key is known."""
-    table = TypedDict(name, entries, total=False)
+    table = _TypedDict(name, entries, total=False)
     table.__pydantic_config__ = ConfigDict(extra="forbid")
     return table
 
@@ -195,9 +202,9 @@ def _steps(unit: str, low: float, high: float, about: str) -> Any:
             raise _mistake(": times must ascend")
         return steps
 
-    constant = Annotated[value, AfterValidator(lambda v: ((0.0, v),)), Tag("constant")]
-    steps = Annotated[
-        tuple[tuple[_number(TIME, " time"), value], ...],
+    constant = _Annotated[value, AfterValidator(lambda v: ((0.0, v),)), Tag("constant")]
+    steps = _Annotated[
+        _Tuple[_Tuple[_number(TIME, " time"), value], ...],
         AfterValidator(ascend),
         _said(lambda _: PAIRS),
         Tag("steps"),
@@ -234,8 +241,8 @@ def _live(entry: tuple[float, str, Any]) -> tuple[float, str, Any]:
 def _profile_type() -> Any:
     live = [name for name, row in firmware.parameters().items() if row.live and name in CONTROLLER]
     name = Annotated[str, Field(json_schema_extra={"enum": live})]
-    entry = Annotated[
-        tuple[_number(TIME, " time"), name, Any], AfterValidator(_live), _said(lambda _: ENTRIES)
+    entry = _Annotated[
+        _Tuple[_number(TIME, " time"), name, Any], AfterValidator(_live), _said(lambda _: ENTRIES)
     ]
     defaults = Profile()
     samples = (1, 2, 4, 5, 8, 10, 20)
@@ -252,8 +259,8 @@ def _profile_type() -> Any:
         "speed_rpm": _steps("r/min", -3e4, 3e4, "speed reference"),
         "load_Nm": _steps("N m", -1e4, 1e4, "load torque"),
         "vdc_V": _steps("V", 0, 1e4, "dc-link voltage"),
-        "set": Annotated[
-            list[entry],
+        "set": _Annotated[
+            _List[entry],
             _said(lambda _: ENTRIES),
             Field(description="parameters in flight: [[time_s, name, value], ...]"),
         ],

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..plant.machines.induction_parameters import Parameters
-from .values import Values
+from .values import Profile, Values
 
 
 def parameters(setup: Values) -> dict[str, float | str]:
@@ -123,4 +123,4 @@ def not_on_a_board(setup: Values) -> list[str]:
         for key in keys
         if key in setup.values[section]
     ]
-    return [*given, *(["profile"] if setup.profile != type(setup.profile)() else [])]
+    return [*given, *(["profile"] if setup.profile != Profile() else [])]

@@ -37,7 +37,7 @@ POWERED = ("build", "run")
 
 
 class Bench:
-    """A controller with its sensors in the test's hands."""
+    """A controller whose sensors the test sets."""
 
     def __init__(self, device="f28335", **values):
         self.device = device
@@ -76,7 +76,7 @@ class Bench:
             lib.ht_drive_fast_isr(self.drive)
 
     def slow(self):
-        """The slow interrupt of a drive whose fast one has been there since the last."""
+        """A slow interrupt, with a fast one since the last slow one."""
         self.drive.tick_last = (self.drive.tick - 1) & 0xFFFFFFFF
         lib.ht_drive_slow_isr(self.drive)
 
@@ -118,7 +118,7 @@ def test_states_in_order_and_gates_in_build_and_run_only(bench):
 
 
 def test_legs_are_low_before_the_gates_come_on(bench):
-    """The pattern in place at calibration has no edge, start level low."""
+    """During calibration the pattern has no edge, and its start level is low."""
     base, stride = CMPA[bench.device]
     for leg in range(6):
         bench.words[base + leg * stride] = 77
@@ -129,7 +129,7 @@ def test_legs_are_low_before_the_gates_come_on(bench):
 
 
 def test_interrupt_within_a_start(bench):
-    """A start zeroes the ticks first and sets the state last. The interrupt that comes
+    """A start first sets the ticks to zero and last sets the state. The interrupt that comes
     in between must not use up the tick in which the legs go low, nor count as a sample
     of the offsets."""
     base, stride = CMPA[bench.device]
@@ -271,13 +271,13 @@ def test_faults_before_the_run(bench, state, case):
     assert (bench.state, bench.gates_on, bench.drive.faults) == ("fault", False, bit)
 
 
-def test_idle_does_not_look_at_the_sensors(bench):
+def test_idle_ignores_the_sensors(bench):
     bench.vdc = 0.0
     bench.fast(3)
     assert (bench.state, bench.drive.faults) == ("idle", 0)
 
 
-def test_just_inside_the_limits_is_no_fault(bench):
+def test_values_just_inside_the_limits_are_no_fault(bench):
     bench.run_to("run")
     bench.amperes[3], bench.vdc = 24.9, 399.0
     bench.fast()
@@ -286,7 +286,7 @@ def test_just_inside_the_limits_is_no_fault(bench):
     assert (bench.state, bench.drive.faults) == ("run", 0)
 
 
-def test_several_faults_are_all_kept(bench):
+def test_several_faults_are_all_latched(bench):
     bench.run_to("run")
     bench.amperes[0], bench.vdc = 29.0, 100.0
     bench.fast()
@@ -308,7 +308,7 @@ def test_currents_of_a_set_must_add_up(bench, leg):
     assert bench.drive.faults == lib.HT_FAULT_CURRENT_SUM
 
 
-def test_magnitude_trips_where_no_phase_does(bench):
+def test_the_current_magnitude_trips_although_no_phase_does(bench):
     """24 A in every phase along its axis is 24 A in alpha-beta, below the phase limit."""
     bench.run_to("run")
     bench.amperes[:] = 24.0 * np.cos(np.deg2rad([0, 30, 120, 150, 240, 270]) - 0.25)
@@ -372,8 +372,8 @@ def test_no_start_into_a_turning_machine_after_a_new_set_up(bench):
         bench.controller.start()
 
 
-def test_new_set_up_forgets_no_fault(bench):
-    """What went wrong stays to be cleared, and to be read."""
+def test_a_new_set_up_clears_no_fault(bench):
+    """The fault and its snapshot stay until a clear."""
     bench.run_to("run")
     bench.vdc = 0.0
     bench.fast()
@@ -397,7 +397,7 @@ def test_external_trip_is_noticed_during_build(bench, tick):
     assert bench.drive.faults == lib.HT_FAULT_EXTERNAL
 
 
-def test_lower_flux_reference_in_flight_is_no_fault(bench):
+def test_a_lower_flux_reference_while_running_is_no_fault(bench):
     bench.run_to("run")
     bench.controller.set("flux_min_Wb", 0.01)
     bench.controller.set("flux_ref_Wb", 0.05)
@@ -473,8 +473,8 @@ def test_torque_mode_is_limited_and_reaches_the_fast_loop(bench):
 
 
 def test_parameters_reach_both_interrupts_together(bench):
-    """Two that belong together, of the slow loop and of the protection: a slow interrupt before
-    the fast one has taken them over knows neither, one after it knows both."""
+    """Two parameters that belong together, one of the slow loop and one of the protection. A slow
+    interrupt before the fast one uses neither new value; a slow interrupt after it uses both."""
     bench.controller.set("control_mode", "torque")
     bench.run_to("run").fast()
     ids = [parameters()[n].id for n in ("torque_ref_Nm", "torque_limit_Nm", "i_trip_A")]
@@ -491,7 +491,7 @@ def test_parameters_reach_both_interrupts_together(bench):
     assert bench.drive.config.protect.i_trip_A == 7.0
 
 
-def test_a_write_is_all_or_nothing(bench):
+def test_a_write_sets_all_parameters_or_none(bench):
     bench.run_to("run").fast()
     rows = [parameters()[n] for n in ("torque_ref_Nm", "kp_speed_Nms_rad", "torque_band_Nm")]
     at = ffi.new("uint16_t *")
@@ -524,8 +524,8 @@ def pull_out_Nm(flux_Wb):
 
 @pytest.mark.parametrize("mode", ["torque", "speed"])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_no_torque_is_asked_for_that_the_flux_cannot_give(bench, mode, sign):
-    """A weak field: a share of the pull-out torque and no more, whatever the limit says."""
+def test_the_torque_reference_stays_within_what_the_flux_can_give(bench, mode, sign):
+    """With a weak field the torque is limited to a share of the pull-out torque."""
     bench.controller.set("control_mode", mode)
     bench.controller.set("sigma_ls_H", 0.025)
     bench.controller.set("torque_ref_Nm", sign * 15.0)
@@ -546,7 +546,7 @@ def test_no_torque_is_asked_for_that_the_flux_cannot_give(bench, mode, sign):
 
 
 @pytest.mark.parametrize("observer", ["voltage", "compensated", "hybrid"])
-def test_stator_resistance_can_change_in_flight(bench, observer):
+def test_stator_resistance_can_change_while_running(bench, observer):
     """Without adaptation the configured value is the one in use."""
     bench.controller.set("observer", observer)
     bench.controller.set("adapt_s", 0.0 if observer == "hybrid" else 1.0)
@@ -565,7 +565,7 @@ def test_speed_mode_starts_with_the_proportional_part(bench):
     assert bench.drive.torque_ref_Nm == pytest.approx(0.4 * 100 * np.pi / 30, rel=1e-4)
 
 
-def test_slow_loop_rests_outside_run(bench):
+def test_the_slow_loop_does_nothing_outside_run(bench):
     bench.controller.set("speed_ref_rpm", 100.0)
     bench.slow()
     assert (bench.drive.torque_ref_Nm, bench.drive.speed.integral_Nm) == (0, 0)
@@ -579,13 +579,13 @@ EXTERNAL = lib.HT_FAULT_EXTERNAL
 
 
 def everything(bench):
-    """All that a parameter could have changed: the drive and its registers."""
+    """Everything that a parameter could change: the drive and its registers."""
     rf = bench.controller.registers
     return bytes(ffi.buffer(bench.drive)), bytes(ffi.buffer(rf.word))
 
 
 def set_raw(bench, name, value):
-    """Past the host's own checks."""
+    """Set a parameter without the host's own checks."""
     return lib.ht_drive_set(bench.drive, parameters()[name].id, value)
 
 
@@ -682,7 +682,7 @@ def test_message_of_a_refused_dead_time_names_the_boards_range():
 
 @pytest.mark.parametrize("device", ("f28335", "f28377s"))
 def test_start_values_without_dead_time_are_refused(device):
-    """By the firmware itself, whatever the host lets through."""
+    """The firmware itself refuses them, without the host's checks."""
     bench = Bench(device)
     params = ffi.new("ht_params *")
     params[0] = bench.drive.params
@@ -696,8 +696,9 @@ def test_start_values_without_dead_time_are_refused(device):
 
 @pytest.mark.parametrize("device", ("f28335", "f28377s"))
 def test_dead_time_is_rounded_up(device):
-    """Never shorter than asked for, never a whole count longer. What a float makes of a whole
-    number of counts (2.3 us are 230 of 10 ns) is that number."""
+    """The dead time is never shorter than requested, and never a whole count longer. A value
+    that is a whole number of counts except for rounding (2.3 us are 230 of 10 ns) gives that
+    number."""
     clock = {"f28335": 150, "f28377s": 100}[device]
     first = {"f28335": 0x6810, "f28377s": 0x4051}[device]
     second = {"f28335": 0x6811, "f28377s": 0x4053}[device]
@@ -735,8 +736,8 @@ def test_low_trip_pin_is_a_fault_and_refuses_start_and_clear(bench, state):
 
 
 def test_trip_pin_that_goes_low_within_the_interrupt_that_switches_on(bench):
-    """Between the look at the pin and the release: the latch comes back, the next interrupt
-    finds it."""
+    """The pin goes low between its check and the release. The latch is set again, and the next
+    interrupt finds it."""
     bench.run_to("build")
     bench.fast()
     assert bench.gates_on
@@ -849,8 +850,8 @@ def test_channels_carry_the_state(bench):
 
 
 @pytest.mark.parametrize("position", [12345, 0xFFFFFF00])
-def test_set_up_takes_the_encoder_where_it_stands(bench, position):
-    """Wherever the counter stands, a set-up is no jump in speed."""
+def test_set_up_starts_at_the_encoders_position(bench, position):
+    """A set-up causes no jump in speed, whatever the counter's position is."""
     address = QPOSCNT[bench.device]
     bench.words[address], bench.words[address + 1] = position & 0xFFFF, position >> 16
     assert lib.ht_drive_init(bench.drive, bench.controller.port, [bench.drive.params]) == lib.HT_OK
@@ -866,7 +867,7 @@ def test_set_up_takes_the_encoder_where_it_stands(bench, position):
 
 @pytest.mark.parametrize("state", ["idle", "fault"])
 def test_gates_that_come_on_in_idle_or_fault_go_off_again(bench, state):
-    """Whatever released the latch: the next fast interrupt sets it."""
+    """The next fast interrupt sets the latch again, whatever released it."""
     if state == "fault":
         bench.run_to("run")
         bench.vdc = 0.0
@@ -879,7 +880,7 @@ def test_gates_that_come_on_in_idle_or_fault_go_off_again(bench, state):
     assert not bench.gates_on
 
 
-def test_fault_that_a_stop_overtook_still_wants_its_clear(bench):
+def test_a_fault_just_before_a_stop_still_needs_a_clear(bench):
     bench.drive.faults = lib.HT_FAULT_VDC_LOW
     with pytest.raises(FirmwareError):
         bench.controller.start()
@@ -892,7 +893,7 @@ def test_fault_that_a_stop_overtook_still_wants_its_clear(bench):
 
 
 def blind_encoder(bench):
-    """In RUN the flux stands still here; the shaft claims to turn. One slow interrupt."""
+    """The flux does not turn in RUN, but the encoder does. One slow interrupt finds this."""
     bench.controller.set("encoder_trip_rpm", 150.0)
     turn(bench, 2000)
 
@@ -939,7 +940,8 @@ def test_slow_faults_do_not_count_with_the_gates_off(bench, state):
 
 
 def test_flux_that_turns_in_the_build_up(bench):
-    """100 r/min apart from the encoder, once there is flux: the shaft turns unnoticed."""
+    """The flux turns 100 r/min faster than the encoder: the shaft turns, but the encoder does
+    not."""
     bench.controller.set("build_s", 0.1)
     bench.controller.set("encoder_trip_rpm", 150.0)
     electrical = 2 * np.pi / 30  # rad/s per r/min, two pole pairs
@@ -955,7 +957,7 @@ def test_flux_that_turns_in_the_build_up(bench):
 
 
 def test_slow_fault_of_the_run_before_is_forgotten(bench):
-    """Cleared and started again before the slow interrupt comes by."""
+    """The drive is cleared and started again before the next slow interrupt."""
     bench.run_to("run").fast(2)
     blind_encoder(bench)
     bench.fast()
@@ -967,8 +969,8 @@ def test_slow_fault_of_the_run_before_is_forgotten(bench):
 
 
 def test_stuck_sensor_is_found_through_the_registers(bench):
-    """Each leg is looked at every sixth interrupt; after 50 looks without a change the
-    sum of its set's other two must not have moved by 1 A."""
+    """Each leg is checked in every sixth interrupt. After 50 checks without a change, the sum of
+    its set's other two must not have changed by 1 A."""
     bench.run_to("run")
     bench.controller.set("stuck_trip_A", 1.0)
     for n in range(700):
@@ -1019,7 +1021,7 @@ def kept(bench):
 
 
 @pytest.mark.parametrize("state", ("calibrate", "build", "run"))
-def test_snapshot_holds_what_was_at_hand(bench, state):
+def test_snapshot_has_the_values_of_the_faulty_interrupt(bench, state):
     assert bench.controller.snapshot is None
     bench.run_to(state).fast(5)
     address = QPOSCNT[bench.device]
@@ -1104,7 +1106,8 @@ def plant_event(bench, access):
 
 @pytest.mark.parametrize("state", POWERED)
 def test_event_during_the_interrupt_is_an_overrun(bench, state):
-    """Before the first access (acknowledges) and the last (after the check) it is none."""
+    """An event before the first access (the acknowledge) or the last (after the check) is no
+    overrun."""
     bench.run_to(state).fast(3)
     total = accesses(bench)
     for access in range(1, total + 1):
@@ -1131,7 +1134,7 @@ def test_overrun_in_the_interrupt_that_turns_the_gates_on(bench):
 
 
 def test_overrun_in_the_interrupt_that_ends_the_calibration(bench):
-    """The next one would turn the gates on."""
+    """The next interrupt would turn the gates on."""
     bench.run_to("calibrate")
     bench.fast(bench.drive.calibration_ticks - bench.drive.state_ticks - 1)
     assert bench.state == "calibrate"
@@ -1157,7 +1160,7 @@ def test_overrun_with_the_gates_off_does_nothing(bench, state):
         assert (bench.state, bench.drive.faults) == (state, 0)
 
 
-def test_less_flux_where_it_stands_still_under_load(bench):
+def test_the_flux_reference_is_reduced_at_standstill_under_load(bench):
     """Adapting, loaded, the flux's mean speed below 2.5 rad/s: 92 % of the flux
     reference, approached over the ramp; back above 4.5 rad/s, without load, without
     adaptation."""
@@ -1244,7 +1247,7 @@ def test_parameters_do_not_wait_for_a_lost_interrupt(bench):
 
 
 def test_speed_is_measured_without_the_fast_interrupt(bench):
-    """A shaft that turns must not be started into once the interrupt is back."""
+    """When the interrupt returns, a start with a turning shaft must be refused."""
     bench.run_to("run")
     slow_alone(bench)
     slow_alone(bench)
@@ -1256,7 +1259,7 @@ def test_speed_is_measured_without_the_fast_interrupt(bench):
 
 
 def test_slow_interrupt_at_the_rate_of_the_fast_one_is_refused(bench):
-    """One that comes a little late would find none in between."""
+    """If an interrupt came a little late, no fast one would lie between two slow ones."""
     with pytest.raises(FirmwareError, match="do not fit together"):
         bench.controller.set_many({"f_isr_Hz": 1000.0, "f_slow_Hz": 1000.0})
 

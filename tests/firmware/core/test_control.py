@@ -1,4 +1,4 @@
-"""ht_control: what comes out of a step is what the papers define for its scheme.
+"""ht_control: the result of a control step is the one that the papers define for its scheme.
 
 State words are read back from the compare registers; directions, vectors and
 duties are recomputed here from geometry. The latency bookkeeping is checked on a
@@ -114,7 +114,7 @@ def is_valid(out, period, first):
 
 
 def quiet(scheme, **changes):
-    """A drive whose decided state is the placed one: no latency, no resistance."""
+    """A drive that decides on exactly the given state: no latency, no resistance."""
     options = {"predict": False, "observer__rs_ohm": 0.0, "dead__dead_pu": 0.0}
     return Drive(config(scheme, **(options | changes)))
 
@@ -147,7 +147,7 @@ def xy_fluxes():
         yield 0.02 * np.exp(1j * np.deg2rad(degrees))
 
 
-def test_dtc2_takes_of_the_pair_what_lowers_the_xy_flux():
+def test_dtc2_takes_the_vector_of_the_pair_that_lowers_the_xy_flux():
     for table, *demand in all_choices():
         for psi_xy in xy_fluxes():
             s, k = at(quiet("dtc2", table_law__table=table), *demand, psi_xy)
@@ -196,7 +196,7 @@ def test_ddr_realises_its_xy_command(scheme, group):
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_no_torque_wanted_gives_the_nearest_zero(scheme):
+def test_a_demand_for_no_torque_gives_the_nearest_zero_vector(scheme):
     for sector in range(12):
         drive = quiet(scheme)
         s, _ = at(drive, sector, 5, 0.6)
@@ -208,7 +208,7 @@ def test_no_torque_wanted_gives_the_nearest_zero(scheme):
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_only_v0_where_asked_for(scheme):
+def test_v0_is_the_only_zero_vector_if_configured(scheme):
     others = 0
     for sector in range(12):
         drive = quiet(scheme, only_v0=True)
@@ -220,7 +220,7 @@ def test_only_v0_where_asked_for(scheme):
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("torque", (0.1, -0.1))  # inside the band: no vector wanted
-def test_weak_flux_takes_the_place_of_a_zero_vector(scheme, torque):
+def test_low_flux_replaces_a_zero_vector(scheme, torque):
     """Below (1 - flux_hold) of the reference the vector nearest to the flux is
     applied, on the side of the torque error."""
     group = ML if scheme == "ddr-ml" else L
@@ -251,7 +251,7 @@ def test_xy_integrators_during_zero_vectors(hold):
     assert (bytes(ffi.buffer(ffi.addressof(drive.state.table_law.xy))) == used) == hold
 
 
-def test_xy_integrators_go_on_while_the_flux_is_raised():
+def test_xy_integrators_continue_while_the_flux_is_raised():
     drive = quiet("ddr", table_law__flux_hold=0.05)
     i_xy = drive.place(0.3 + 0j, 0.0144 * (0.05 + 0.02j))
     drive.step(i_xy, 0.0)
@@ -357,7 +357,7 @@ def test_prediction_is_the_next_estimate(scheme):
 
 
 @pytest.mark.parametrize("shadow", (True, False))
-def test_dead_time_goes_by_the_currents_at_each_edge(shadow):
+def test_dead_time_depends_on_the_current_at_each_edge(shadow):
     """One vector a period, so all edges are at its start; currents whose signs change from
     sample to sample. A rising edge costs the dead time where the current flows out, a
     falling one brings it where it flows in."""
@@ -382,8 +382,8 @@ def test_dead_time_goes_by_the_currents_at_each_edge(shadow):
 
 
 @pytest.mark.parametrize("scheme", ("dtc2", "dtc3"))
-def test_predicted_xy_flux_is_that_of_the_pattern_to_come(scheme):
-    """Of the build-up's last virtual vector as of single ones."""
+def test_predicted_xy_flux_is_that_of_the_next_pattern(scheme):
+    """This holds for the build-up's last virtual vector and for single vectors."""
     drive = Drive(config(scheme, dead__dead_pu=0.0))
     i = T.T @ [3.0, 1.5, 0.9, -0.6]
     steps = [drive.step(i, build=True) for _ in range(3)]
@@ -399,7 +399,7 @@ def test_predicted_xy_flux_is_that_of_the_pattern_to_come(scheme):
         np.testing.assert_allclose([got.x, got.y], want, atol=1e-6)
 
 
-def test_without_prediction_the_estimate_is_decided_on():
+def test_without_prediction_the_decision_uses_the_estimate():
     drive = Drive(config("fdr", predict=False))
     drive.currents = [0.0] * 6
     for _ in patterns_of(drive, 50):
@@ -475,8 +475,8 @@ def test_any_input_gives_a_pattern_that_the_pwm_can_realise(
 # --- configuration ----------------------------------------------------------------
 
 
-def test_a_law_that_takes_over_begins_anew():
-    """The machine and the pattern on its way are no matter of the law and stay."""
+def test_a_new_control_law_starts_from_its_reset_state():
+    """The estimates of the machine and the next pattern do not belong to the law, so they stay."""
     drive = Drive(config("ddr"))
     for n in range(20):
         drive.step((0.05, -0.02, 0.01, 0.03, -0.04, 0.06), torque=(-1) ** n)

@@ -52,7 +52,7 @@ def test_volt_seconds_over_the_whole_box(ux, uy):
 
 
 @pytest.mark.parametrize(("group", "k"), PAIRS)
-def test_box_is_touched_at_a_corner(group, k):
+def test_the_commands_limit_is_reached_at_a_corner(group, k):
     limit = lib.ht_tmvcl_pu[group]
     corners = [duties(group, k, sx * limit, sy * limit) for sx in (1, -1) for sy in (1, -1)]
     assert np.min(corners) == pytest.approx(0, abs=1e-6)

@@ -237,7 +237,7 @@ def test_predicted_xy_flux(v, i100):
     assert cplx(got, "x y") == pytest.approx(exact, abs=0.03 * change + 1e-6)
 
 
-def test_prediction_leaves_the_state_alone():
+def test_prediction_does_not_change_the_state():
     state, now = start(1 + 2j), ffi.new("ht_estimate *")
     before = bytes(ffi.buffer(state))
     lib.ht_observer_predict(config(), state, now[0], ab(100 + 50j), ab(1 + 2j))
@@ -343,8 +343,8 @@ def test_compensation_hardly_disturbs_the_fundamental(omega):
     )
 
 
-def test_compensated_leaves_the_flux_at_standstill_alone():
-    """No speed, no pull: dc is then what the machine is meant to carry."""
+def test_compensated_does_not_change_the_flux_at_standstill():
+    """At standstill the compensation does nothing: a dc flux is then correct."""
     flux, _ = operating_point(0.0, 0.3)
     i = stator_current(flux)
     cfg, state = config(kind=COMPENSATED, omega_gain=0.0), start(i)
@@ -358,7 +358,7 @@ def test_compensated_leaves_the_flux_at_standstill_alone():
 @pytest.mark.parametrize("speed", (0.0, OMEGA, -OMEGA, 1e7, np.nan))
 @pytest.mark.parametrize("bad", (np.nan, np.inf, -np.inf))
 @pytest.mark.parametrize("kind", range(3))
-def test_current_that_is_no_number_does_not_get_hidden(kind, bad, speed):
+def test_a_current_of_nan_stays_visible(kind, bad, speed):
     cfg, state = config(kind=kind, hybrid_gain=CROSSOVER * TS), start()
     state.omega_sync_rad_s = speed
     lib.ht_observer_update(cfg, state, ab(100), ab(complex(bad, 1)), 0, 1 / PSI**2)
@@ -369,8 +369,9 @@ def test_current_that_is_no_number_does_not_get_hidden(kind, bad, speed):
 
 
 @pytest.mark.parametrize("speed", (np.nan, np.inf, -np.inf))
-def test_speed_that_is_no_number_does_not_get_hidden(speed):
-    """The pull at full gain: the estimate soon leaves every bound, flux checks see it."""
+def test_a_speed_of_nan_stays_visible(speed):
+    """With NaN the compensation has its full gain. The estimate soon exceeds every bound, so that
+    the flux checks find it."""
     cfg, state = config(kind=COMPENSATED), start(2 + 0j)
     state.psi_Wb, state.omega_sync_rad_s = [PSI, 0.0], speed
     for _ in range(1000):
@@ -379,7 +380,7 @@ def test_speed_that_is_no_number_does_not_get_hidden(speed):
 
 
 def test_dc_filter_cannot_overshoot():
-    """A speed beyond 1/(0.1 Ts) must not give the filter a gain above one."""
+    """At a speed above 1/(0.1 Ts) the filter's gain must not exceed one."""
     cfg, state = config(kind=COMPENSATED, omega_gain=0.0), start()
     state.omega_sync_rad_s = 1e7
     lib.ht_observer_update(cfg, state, ab(), ab(3 - 2j), 0, 1 / PSI**2)
@@ -464,8 +465,8 @@ GAIN = 1 / 101
     [(40.0, 0.0, 1.0), (-60.0, 0.0, 1.0), (40.0, 0.0, 0.97), (-60.0, 0.0, 0.97),
      (0.0, 1.5, 1.0), (0.0, -1.5, 1.0)],
 )  # fmt: skip
-def test_rotor_resistance_without_a_trace_stays(speed, torque, rs):
-    """No load or a flux that stands still: R_s converges, R_r is left as it is."""
+def test_rotor_resistance_stays_if_nothing_depends_on_it(speed, torque, rs):
+    """Without load, or with a flux that does not turn, R_s converges and R_r stays as it is."""
     _, state, *_ = adapted(speed, torque, rs, 1.3, seconds=4.0, gain=0.05)
     assert state.rs_ohm == pytest.approx(RS, rel=0.005)
     assert state.rr_scale == pytest.approx(1.3, abs=0.005)
@@ -525,8 +526,8 @@ anything = st.floats(width=32) | st.floats(-1e3, 1e3, width=32)
 @given(st.lists(anything, min_size=7, max_size=7), anything, anything, st.floats(0, 1, width=32))
 @settings(max_examples=200, deadline=None)
 def test_resistances_in_use_stay_between_bounds(values, rs, rr, gain):
-    """0.5 to 1.6 of the configured ones, whatever comes in, numbers or not. Where an
-    observation is worth nothing they stay, so they start inside unless one is used."""
+    """The resistances stay within 0.5 to 1.6 of the configured ones for any input, NaN included.
+    Without a usable observation they do not change, so they start inside the bounds."""
     cfg = config(kind=HYBRID, hybrid_gain=CROSSOVER * TS)
     state = any_state([1.3, RS * 0.7, *values])
     lib.ht_observer_adapt(cfg, state, gain)
@@ -561,7 +562,7 @@ def test_no_gain_returns_to_the_configured_resistances(gain):
 
 
 @pytest.mark.parametrize(("i", "psi_r"), [(0j, 0.4 + 0j), (1.5 + 1j, 0j), (0j, 0j)])
-def test_nothing_is_learnt_without_current_or_rotor_flux(i, psi_r):
+def test_no_adaptation_without_current_or_rotor_flux(i, psi_r):
     cfg, state = config(kind=HYBRID, hybrid_gain=CROSSOVER * TS), start(i)
     state.psi_r_Wb, state.gap_Wb = [psi_r.real, psi_r.imag], [0.1, -0.2]
     state.omega_sync_rad_s, state.rs_ohm, state.rr_scale = 40.0, 5.0, 1.25
@@ -569,7 +570,7 @@ def test_nothing_is_learnt_without_current_or_rotor_flux(i, psi_r):
     assert (state.rs_ohm, state.rr_scale) == (5.0, 1.25)
 
 
-def test_adaptation_touches_the_resistances_only():
+def test_adaptation_changes_only_the_resistances():
     cfg, state, *_ = adapted(40.0, 2.0, 0.8, 1.3, seconds=0.1)
     before = ffi.new("ht_observer_state *", state[0])
     lib.ht_observer_adapt(cfg, state, 0.1)
@@ -587,8 +588,8 @@ def test_reset_returns_to_the_configured_resistances():
 
 
 @pytest.mark.parametrize("kind", range(3))
-def test_stator_resistance_in_use_drops_the_voltage(kind):
-    """Half of the configured one, in the update and in both planes of the prediction."""
+def test_the_voltage_model_uses_the_adapted_stator_resistance(kind):
+    """Half of the configured value is used in the update and in both planes of the prediction."""
     v, i_last, i = 20 - 5j, 1 + 2j, 2 - 1j
     cfg, state = config(kind=kind), start(i_last)
     state.rs_ohm = RS / 2
@@ -603,7 +604,7 @@ def test_stator_resistance_in_use_drops_the_voltage(kind):
 
 
 @pytest.mark.parametrize("scale", (0.6, 1.0, 1.5))
-def test_rotor_resistance_in_use_rules_the_current_model(scale):
+def test_the_current_model_uses_the_adapted_rotor_resistance(scale):
     """Standstill, constant current: psi_r approaches L_m i with L_r/(scale R_r)."""
     i, periods = 1.5 - 0.5j, 2000
     cfg, state = config(kind=HYBRID), start(i)

@@ -314,8 +314,8 @@ six_amperes = st.lists(amperes, min_size=6, max_size=6)
 @given(sequences, st.lists(six_amperes, min_size=7, max_size=7), dead_times, st.integers(0, 4999))
 @settings(max_examples=400, deadline=None)
 def test_volt_seconds_of_any_currents(patterns, currents, dead, first):
-    """Legs whose current is beyond doubt, legs around zero and legs with short pulses side
-    by side, shadow load (first = 0) and immediate load."""
+    """Legs with a clear current direction, legs with currents around zero, and legs with short
+    pulses, under shadow load (first = 0) and immediate load."""
     for start in (0, first):
         sequence = applied_sequence(patterns, dead, 10000, start)
         config = ffi.new("ht_dead_time *", {"dead_pu": dead, "i_zero_A": 0.05})
@@ -335,7 +335,7 @@ def test_volt_seconds_of_any_currents(patterns, currents, dead, first):
 
 @given(sequences, six_amperes)
 @settings(max_examples=60, deadline=None)
-def test_x_and_y_only_if_asked_for(patterns, current):
+def test_x_and_y_only_if_requested(patterns, current):
     dead = ffi.new("ht_dead_time *", {"dead_pu": 0.05, "i_zero_A": 0.05})
     spills = ffi.new("ht_spill[2]")
     for a in applied_sequence(patterns, 0.05, 10000, 0):
@@ -344,7 +344,7 @@ def test_x_and_y_only_if_asked_for(patterns, current):
         assert half == [*whole[:2], 0, 0]
 
 
-def test_a_look_ahead_leaves_the_delay_of_the_past_alone():
+def test_a_prediction_does_not_change_the_stored_delay():
     """`left` and `over` apart: what is left over stays for the period itself."""
     late, back = applied_sequence(
         [((0, 0, 32), (0.5, 0.99)), ((32, 32, 0), (0.5, 0.99))], 0.05, 10000, 0
@@ -370,7 +370,7 @@ def test_a_look_ahead_leaves_the_delay_of_the_past_alone():
         assert over.legs == 0
 
 
-def test_flow_is_what_lies_beyond_the_zero_current():
+def test_current_flow_is_the_part_above_the_zero_current():
     dead = ffi.new("ht_dead_time *", {"dead_pu": 0.02, "i_zero_A": 0.25})
     flow = lib.ht_flow_of([{"p": [0.25, 0.249, -0.249, -0.25, 9.0, -9.0]}], dead)
     assert (flow.out, getattr(flow, "in")) == (0b100010, 0b000101)
@@ -378,8 +378,9 @@ def test_flow_is_what_lies_beyond_the_zero_current():
     assert (nothing.out, getattr(nothing, "in")) == (0, 0)
 
 
-def test_edges_at_the_start_meet_the_currents_of_then():
-    """Such legs need no look at each edge when their current turns later in the period."""
+def test_edges_at_the_start_use_the_currents_at_the_start():
+    """Legs whose only edges are at the start need no check when their current changes sign
+    later."""
     dead = ffi.new("ht_dead_time *", {"dead_pu": 0.02, "i_zero_A": 0.25})
     out, none, into = ({"out": o, "in": i} for o, i in ((63, 0), (0, 0), (0, 63)))
     for first, later in ((0, 0b000011), (100, 0b110011)):

@@ -1,5 +1,5 @@
-"""ht_protect: what turns the gates off, against steady states of machines solved from
-their phasor equations, and against bounds taken literally."""
+"""ht_protect: the causes that turn the gates off. They are compared with steady states from the
+machines' phasor equations, and with the bounds as documented."""
 
 import math
 import tomllib
@@ -115,7 +115,7 @@ def test_every_fault_is_a_bit_of_its_own_and_has_a_name():
 
 
 def distance(machine, psi, i, state=None, cfg=None):
-    """As the check sees it at one look, in no-load currents of this flux."""
+    """The distance that one check finds, in no-load currents of this flux."""
     state = state or fresh()
     cfg = cfg or config(machine, no_load_A=abs(psi) / machine[2])
     lib.ht_protect_slow(cfg, state, seen(psi, i), 0.0)
@@ -204,7 +204,8 @@ def test_rms_of_a_flux_offset(machine, rotor_rad_s):
 
 
 def looks_until(fault, cfg, control, speed_rpm=0.0, most=2000):
-    """First look, counted from 1, that reports `fault`; it must go on to do so."""
+    """The number of the first check, from 1, that reports `fault`. All later ones must report
+    it."""
     state = fresh()
     reports = [lib.ht_protect_slow(cfg, state, control, speed_rpm) for _ in range(most)]
     assert set(reports) <= {0, bit(fault)}
@@ -230,7 +231,7 @@ def test_flux_threshold_and_low_pass(gain, wrong):
 
 
 @pytest.mark.parametrize("sign", (1, -1))
-def test_flux_threshold_is_where_it_says(sign):
+def test_flux_threshold_is_at_its_documented_value(sign):
     machine, limit = MACHINES[0], 0.45
     for near, found in ((0.999, None), (1.001, 1)):
         i = current(machine, 0.0, 0.6) * (1 + sign * near * limit)
@@ -239,7 +240,7 @@ def test_flux_threshold_is_where_it_says(sign):
 
 
 def test_flux_limit_is_in_amperes():
-    """Half the flux, the same distance in amperes: the limit stays where it is."""
+    """The limit is in amperes: at half the flux the same distance in amperes trips."""
     machine = MACHINES[0]
     for size in (0.6, 0.3):
         i = current(machine, 0.0, size) + 0.5
@@ -273,7 +274,7 @@ def test_shaft_speed_of_every_steady_state(machine, shaft_rpm):
 
 
 @pytest.mark.parametrize("scale", (0.7, 1.4))
-def test_slip_is_that_of_the_rotor_resistance_in_use(scale):
+def test_slip_uses_the_adapted_rotor_resistance(scale):
     machine = MACHINES[1]
     hot = machine[0], machine[1] * scale, *machine[2:]
     state = fresh()
@@ -295,7 +296,7 @@ def test_wrong_encoder_is_found_in_time(machine, shaft_rpm, factor):
 
 
 @pytest.mark.parametrize("sign", (1, -1))
-def test_encoder_threshold_is_where_it_says(sign):
+def test_encoder_threshold_is_at_its_documented_value(sign):
     machine = MACHINES[0]
     control = turning(machine, 500.0, 0.2)
     for near, found in ((149.9, None), (150.1, 1)):
@@ -347,7 +348,7 @@ def test_rotor_resistance_wrong_by_a_third_trips_nothing(setup, wrong, sign):
 
 @pytest.mark.parametrize("bad", (NAN, INF, -INF))
 @pytest.mark.parametrize("where", ("psi", "i", "both"))
-def test_slow_checks_take_no_number_for_wrong(bad, where):
+def test_slow_checks_treat_nan_as_wrong(bad, where):
     machine = MACHINES[0]
     cfg = config(machine, flux_check=0.7, encoder_trip_rpm=150.0)
     psi = complex(bad, 0.1) if where != "i" else 0.6 + 0j
@@ -356,7 +357,7 @@ def test_slow_checks_take_no_number_for_wrong(bad, where):
 
 
 @pytest.mark.parametrize("bad", (NAN, INF, -INF))
-def test_encoder_check_takes_no_number_for_wrong(bad):
+def test_the_encoder_check_treats_nan_as_wrong(bad):
     machine = MACHINES[0]
     cfg = config(machine, encoder_trip_rpm=150.0)
     good = turning(machine, 0.0, 0.0)
@@ -408,8 +409,8 @@ def watch(looks, leg=0, limit=100.0, elsewhere=None):
 
 
 def literally(looks, limit):
-    """Stuck at a look: more than LOOKS looks since the reading last changed, and the sum
-    of the other two `limit` or more from where it was then. Before the first look all read 0."""
+    """A reading is stuck if it has not changed for more than LOOKS checks, and the sum of the other
+    two has changed by `limit` or more since then. Before the first check all readings are 0."""
     changed, at, last, out = -1, 0, 0, []
     for n, (own, other) in enumerate(looks):
         if own != last:
@@ -426,8 +427,8 @@ seed = st.integers(0, 2**31)
 
 @given(runs, seed, st.sampled_from(range(6)), st.sampled_from((0.5, 100.0, 2000.5, 4000.0)))
 @settings(max_examples=100, deadline=None)
-def test_stuck_is_what_it_says(steps, seed, leg, limit):
-    """Any sequence of readings that stand still for a while, then change or not."""
+def test_stuck_means_an_unchanged_reading(steps, seed, leg, limit):
+    """Sequences of readings that stay constant for some time and then change, or do not."""
     own = [value for value, length in steps for _ in range(length)]
     other = np.random.default_rng(seed).integers(0, 4096, len(own)).tolist()
     looks = list(zip(own, other))
@@ -447,7 +448,7 @@ def test_reading_that_moves_never_trips(seed, most):
 
 @pytest.mark.parametrize("leg", range(6))
 @pytest.mark.parametrize("sign", (1, -1))
-def test_stuck_at_exactly_the_limit_and_the_first_look_after(leg, sign):
+def test_stuck_at_exactly_the_limit_and_one_sample_later(leg, sign):
     for moved, trips in ((100, True), (99, False)):
         looks = [(2048, 2000)] + [(2048, 2000 + sign * moved)] * 200
         reports = watch(looks, leg)
@@ -455,13 +456,13 @@ def test_stuck_at_exactly_the_limit_and_the_first_look_after(leg, sign):
 
 
 @pytest.mark.parametrize("leg", range(6))
-def test_only_the_sum_of_the_other_two_tells(leg):
+def test_a_stuck_sensor_shows_only_in_the_sum_of_the_other_two(leg):
     """`watch` moves each of them, and every other channel, all the time: so a load does
     at standstill with a phase across whose axis it acts."""
     assert not any(watch([(2048, 2000)] * 300, leg, limit=1.0))
 
 
-def test_stuck_forgives_what_came_back():
+def test_a_reading_that_moves_again_is_not_stuck():
     looks = [(2048, 2000)] + [(2048, 2500)] * 30 + [(2048, 2050)] * 100
     assert not any(watch(looks))
 
@@ -604,8 +605,8 @@ def test_xy_command_within_the_link_voltage(sign):
         assert result(xy=complex(bad, 0)) == result(xy=complex(0, bad)) == bit("NONFINITE")
 
 
-def test_bounds_are_those_of_each_value():
-    """However many are near their bounds at a time."""
+def test_each_value_has_its_own_bounds():
+    """A value has its own bound, however many others are near theirs."""
     assert result(torque=0.99e6, decided=-0.99e6, reference=0.99e6, xy=0.99 - 0.99j) == 0
     assert result(torque=0.99e6, psi=2j) == bit("FLUX")
     assert result(torque=9e4, decided=9e4, reference=1.01e6) == bit("NONFINITE")

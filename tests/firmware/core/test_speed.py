@@ -76,7 +76,7 @@ def test_any_error_gives_a_torque_within_the_limit(error, integral):
 
 
 @pytest.mark.parametrize("error", (np.nan, np.inf, -np.inf))
-def test_bad_error_gives_no_torque_and_is_forgotten(error):
+def test_an_error_of_nan_gives_no_torque_and_is_not_stored(error):
     state = ffi.new("ht_speed_state *", [3.0])
     assert lib.ht_speed_step(config(), state, error) == 0
     assert state.integral_Nm == 3.0

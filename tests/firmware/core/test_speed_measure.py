@@ -54,7 +54,7 @@ def test_any_registers_give_a_speed_that_the_counts_allow(sequence, switch):
 
 @given(st.lists(looks, min_size=1, max_size=20))
 @settings(max_examples=100, deadline=None)
-def test_never_means_never(sequence):
+def test_an_edge_that_never_comes_gives_zero_speed(sequence):
     measure = Measure(0.0)
     for moved, *registers in sequence:
         assert measure.step(moved, *registers) == pytest.approx(moved * COUNT, rel=1e-6)
@@ -75,7 +75,7 @@ def test_time_per_edge_below_the_switch_over(rpm, sign):
 @pytest.mark.parametrize("sign", (1, -1))
 @pytest.mark.parametrize("rpm", (190.0, 1000.0, 6000.0))
 def test_edges_per_time_above(rpm, sign):
-    """The captured period is wrong by a third on purpose: it must not matter."""
+    """The captured period is deliberately wrong by a third. This must have no effect."""
     measure = Measure()
     moved = sign * round(rpm / COUNT)
     for _ in range(4):
@@ -114,19 +114,19 @@ def test_decays_with_the_time_since_the_last_event():
         assert measure.step(0, 1144, age) == 0
 
 
-@pytest.mark.parametrize("spoiler", ("reversed", "overflow"))
-def test_interval_under_way_is_not_used(spoiler):
+@pytest.mark.parametrize("disturbance", ("reversed", "overflow"))
+def test_interval_under_way_is_not_used(disturbance):
     """After a reversal or an overflow: the interval that was under way then ends with the
     next event, and its time (here nonsense) is not that of four edges."""
     measure = Measure()
     measure.steady(3.0)
-    assert measure.step(4, 9, 0, True, **{spoiler: True}) == pytest.approx(4 * COUNT)
+    assert measure.step(4, 9, 0, True, **{disturbance: True}) == pytest.approx(4 * COUNT)
     assert measure.step(4, 9, 0, False) == pytest.approx(4 * COUNT)  # no event yet
     assert measure.step(4, 9, 0, True) == pytest.approx(4 * COUNT)  # ends the bad one
     assert measure.step(4, int(TICKS / 3), 0, True) == pytest.approx(3.0, rel=1e-3)
 
 
-def test_fast_looks_hold_two_events():
+def test_a_fast_sample_contains_two_events():
     measure = Measure()
     measure.step(40, 9, 0, True, reversed=True)
     assert measure.step(41, int(TICKS / 30), 0, True) == pytest.approx(30.0, rel=2e-3)
@@ -145,14 +145,14 @@ def test_no_period_before_two_events_have_been_seen():
     assert measure.step(4, int(TICKS / 3), 0, True) == pytest.approx(3.0, rel=1e-3)
 
 
-def test_a_period_too_short_for_the_counts_is_not_believed():
+def test_a_period_too_short_for_the_counts_is_not_used():
     measure = Measure()
     measure.steady(3.0)
     assert measure.step(4, 9, 0, True) == pytest.approx(5 * COUNT)
 
 
-def test_no_time_at_all():
-    """Registers at zero are no time between edges."""
+def test_a_time_of_zero_is_no_speed():
+    """Registers of zero do not contain a time between edges."""
     measure = Measure()
     measure.steady(3.0)
     assert measure.step(4, 0, 0, True) == pytest.approx(4 * COUNT)

@@ -167,7 +167,7 @@ def test_large_legs_never_pulse_twice_and_medium_large_legs_do():
     assert {"2", "5"} <= medium
 
 
-def test_generated_file_has_not_drifted():
+def test_generated_file_is_current():
     script = ROOT / "firmware" / "tools" / "generate_tables.py"
     done = subprocess.run([sys.executable, script, "--check"], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr

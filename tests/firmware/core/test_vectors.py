@@ -230,8 +230,8 @@ def test_regeneration_gives_identical_files():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_generator_knows_nothing_of_hexatorque():
-    """In an interpreter that refuses the package."""
+def test_generator_does_not_import_hexatorque():
+    """It runs in an interpreter that cannot import the package."""
     script = VECTORS / "generate.py"
     code = (
         "import runpy, sys; sys.modules['hexatorque'] = None; sys.argv = ['x', '--check']; "

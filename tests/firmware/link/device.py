@@ -1,5 +1,5 @@
-"""A board's end of the link without a plant: drive and link on the register model, sensors
-that stand still, and a host that knows no more than docs/protocol.md."""
+"""A board without a plant: drive and link on the register model, sensors with constant values, and
+a host that follows docs/protocol.md and uses none of the client's code."""
 
 import struct
 import zlib
@@ -48,9 +48,9 @@ def frame(body: bytes) -> bytes:
     return b"\0" + cobs.encode(body + struct.pack("<I", zlib.crc32(body))) + b"\0"
 
 
-def opened(octets: bytes) -> bytes:
-    """Body of what stood between two zeros."""
-    checked = cobs.decode(octets)
+def opened(raw: bytes) -> bytes:
+    """The body of the bytes between two zeros."""
+    checked = cobs.decode(raw)
     assert zlib.crc32(checked[:-4]) == struct.unpack("<I", checked[-4:])[0]
     return checked[:-4]
 
@@ -65,7 +65,7 @@ class Device:
         self.id = 0
         self.session = 0
         self.dictionary = self.service.dictionary & 0xFFFF
-        self._octets = b""
+        self._bytes = b""
         self.bodies: list[bytes] = []  # all that came and was no reply that was waited for
         for which in range(7):
             self.sense(which, MID)
@@ -81,7 +81,7 @@ class Device:
         self.controller.register_words()[m.adc_result[which]] = counts << m.adc_shift
 
     def tick(self, n: int = 1) -> None:
-        """Fast interrupts, and the background that belongs to them."""
+        """Run fast interrupts, each with the background after it."""
         for _ in range(n):
             lib.ht_virtual_fast(self.controller.board)
 
@@ -102,13 +102,13 @@ class Device:
 
     # -- the host's end ----------------------------------------------------------------
 
-    def put(self, octets: bytes) -> None:
-        assert self.controller.put(octets) == len(octets)
+    def put(self, raw: bytes) -> None:
+        assert self.controller.put(raw) == len(raw)
 
     def receive(self) -> list[bytes]:
-        """Bodies that have come since the last call."""
-        *frames, self._octets = (self._octets + self.controller.take()).split(b"\0")
-        return [opened(octets) for octets in frames if octets]
+        """The bodies that have come since the last call."""
+        *frames, self._bytes = (self._bytes + self.controller.take()).split(b"\0")
+        return [opened(raw) for raw in frames if raw]
 
     def request(self, op: int, payload: bytes = b"", session=None, dictionary=None) -> bytes:
         self.id = (self.id + 1) & 0xFF
@@ -117,7 +117,7 @@ class Device:
         return struct.pack("<BBHH", op, self.id, session, dictionary) + payload
 
     def answer(self, body: bytes, patience: int = 400) -> Reply | None:
-        """Send a request's body; its reply, or None."""
+        """Send the body of a request. Returns its reply, or None."""
         self.put(frame(body))
         return self.wait(body, patience)
 
@@ -165,14 +165,14 @@ class Device:
         return self.ask(STREAM, struct.pack(f"<BBH{n}H", slot, n, decimation, *ids))
 
     def samples(self, slot: int) -> list[tuple[int, int, tuple[float, ...]]]:
-        """(number, tick, values) of what has come, in order; it is taken away."""
+        """Take the samples that have come, in order: (number, tick, values)."""
         self.bodies += self.receive()
         mine = [b for b in self.bodies if b[0] == 0x40 + slot]
         self.bodies = [b for b in self.bodies if b[0] != 0x40 + slot]
         return [(b[1], *_unpacked(b)) for b in mine]
 
     def run(self) -> None:
-        """Start by request, until the drive runs; the host stays there."""
+        """Start the drive by a request and wait until it runs. The host keeps the session."""
         self.done(START)
         for _ in range(TO_RUN // 10):
             self.done(STATUS)

@@ -70,7 +70,7 @@ def fields(layout: str) -> list[tuple[str, str]]:
 
 
 def taken_apart(body: bytes, layout: list[tuple[str, str]]) -> tuple[list[str], list[str]]:
-    """The bytes of every field, and what it says."""
+    """The bytes of every field, with its meaning."""
     groups, says, at = [], [], 0
     for code, name in layout:
         if code == "z":
@@ -113,12 +113,12 @@ def wrapped(label: str, words: list[str], joint: str = " ") -> list[str]:
 
 
 def shown(body: bytes) -> list[str]:
-    octets = frame(body)
-    octets = octets if body[0] < 0x40 else octets[1:]  # the board sends no zero before a frame
+    raw = frame(body)
+    raw = raw if body[0] < 0x40 else raw[1:]  # the board sends no zero before a frame
     who = "host" if body[0] < 0x40 else "board"
     groups, says = taken_apart(body, layout_of(body))
     return [
-        *wrapped(who, [f"{octet:02X}" for octet in octets]),
+        *wrapped(who, [f"{byte:02X}" for byte in raw]),
         *wrapped("  body", groups),
         *wrapped("", says, ", "),
     ]
@@ -134,8 +134,7 @@ def example_device() -> Device:
 
 
 def dialogue() -> list[tuple[str, list[bytes]]]:
-    """What is said, with a heading for each part: the requests' bodies and what the board made
-    of them."""
+    """The examples: for each part a heading, the bodies of the requests and the board's replies."""
     device = example_device()
 
     def ask(op: int, layout: str = "", *values: object, replies: int = 1, **head: int):

@@ -1,5 +1,5 @@
-"""Burst capture against a model that has the whole signal at hand and looks for the trigger
-afterwards; and over the line."""
+"""Burst capture, directly and over the line, compared with a model that has the whole signal and
+searches it for the trigger afterwards."""
 
 import struct
 import zlib
@@ -84,7 +84,7 @@ class Burst:
 
 
 def fires(kind, level, signal, faults, commands, k):
-    """Is there a trigger at sample `k`, by the words of the protocol?"""
+    """Whether the protocol's definition gives a trigger at sample `k`."""
     now, last = signal[k], signal[k - 1] if k else np.nan
     match kind:
         case 1:
@@ -328,7 +328,7 @@ def completed(device):
 
 
 @pytest.mark.parametrize("how", ["refused", "armed", "cancelled", "zero values", "another"])
-def test_a_read_under_way(how):
+def test_a_read_that_is_not_finished(how):
     device = Device(baud=115200)
     completed(device)
     device.done(READ, "II", 0, 3000)

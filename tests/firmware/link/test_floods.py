@@ -1,5 +1,5 @@
-"""Requests as fast as the line carries them, beside a stream that takes all that it may. Time is
-the virtual board's: so many bytes in a fast interrupt."""
+"""Requests as fast as the line carries them, together with the fastest possible stream. Time is
+counted in fast interrupts, each of which carries a number of bytes."""
 
 import struct
 
@@ -43,7 +43,7 @@ FLOODS = {
 
 
 def flood(device, op, payload, ticks):
-    """Keep requests on the line for so long. Returns the bodies that came, in order."""
+    """Send requests without a pause for a time. Returns the bodies that came, in order."""
     board = device.controller.board
     bodies = []
     for _ in range(ticks):
@@ -68,13 +68,13 @@ def ticks_of(bodies):
 
 
 def length(body):
-    """On the line."""
+    """The number of bytes on the line."""
     return len(frame(body)) - 1  # the board sends no zero before a frame
 
 
 @pytest.mark.parametrize("what", FLOODS)
 @pytest.mark.parametrize("baud, count", [(1250000, 1), (1250000, 32), (937500, 8), (115200, 4)])
-def test_a_flood_of_requests_costs_a_stream_nothing(what, baud, count):
+def test_a_flood_of_requests_loses_no_samples(what, baud, count):
     device = Device(baud=baud)
     every = fullest(device, count)
     bodies = flood(device, *FLOODS[what], ticks=4000)
@@ -87,7 +87,7 @@ def test_a_flood_of_requests_costs_a_stream_nothing(what, baud, count):
     assert len(replies) >= int(0.7 * tenth / (length(replies[0]) + 8))
 
 
-def test_nor_does_one_that_is_carried_out_beside_data_of_a_capture():
+def test_a_flood_beside_capture_data_loses_no_samples():
     device = Device()
     device.done(12, "BBHIIHf2H", 2, 0, 1, 5000, 0, 0, 0.0, 0, 1)
     device.done(15)
@@ -132,8 +132,9 @@ def test_a_reply_waits_no_longer_than_the_protocol_says(what, slow):
     assert (device.service.streams.dropped > 0) == (slow < 1.0)
 
 
-def test_a_stop_waits_for_nothing():
-    """It acts when its last byte has come, though replies and samples wait for the line."""
+def test_a_stop_does_not_wait():
+    """STOP acts as soon as its last byte has come, even if replies and samples wait for the
+    line."""
     for _ in range(5):
         device = Device()
         device.done(START)
@@ -151,8 +152,9 @@ def test_a_stop_waits_for_nothing():
         assert device.gates_off
 
 
-def test_a_stream_begins_behind_its_reply():
-    """Else a client would take the first samples for those of what the stream was before."""
+def test_a_stream_begins_after_its_reply():
+    """Otherwise a client would take the first samples for samples of the stream's former
+    setting."""
     device = Device(baud=115200)
     assert device.stream(1, 150, *NAMES[:20]).status == DONE  # keeps the line busy
     for n in range(40):

@@ -1,5 +1,5 @@
-"""Frames in C against the library `cobs`, zlib, the definitions, and the golden frames of
-tests/vectors, which the host's codec is held to as well."""
+"""Frames in C, compared with the library `cobs`, zlib, the definitions, and the golden frames of
+tests/vectors, with which the host's codec is compared as well."""
 
 import json
 import random
@@ -25,17 +25,17 @@ def rows(table):
     return [dict(zip(found["columns"], row, strict=True)) for row in found["rows"]]
 
 
-def cells(octets: bytes):
-    """Octets in 16-bit cells, with something in the upper halves: a C28x has no narrower."""
-    return ffi.new("uint16_t[]", [o | (0xA500 if k % 2 else 0) for k, o in enumerate(octets)])
+def cells(raw: bytes):
+    """Bytes in 16-bit cells, as on a C28x. The upper halves are not zero, as a test."""
+    return ffi.new("uint16_t[]", [o | (0xA500 if k % 2 else 0) for k, o in enumerate(raw)])
 
 
 def encoded(body: bytes) -> bytes:
-    """By the firmware, with the closing zero."""
+    """The frame that the firmware makes, with the zero at its end."""
     packet, out = ffi.new("ht_packet *"), ffi.new("ht_outgoing *")
     lib.ht_packet_begin(packet)
-    for octet in body:
-        lib.ht_packet_add8(packet, octet)
+    for byte in body:
+        lib.ht_packet_add8(packet, byte)
     assert packet.n == len(body)
     assert not packet.full
     lib.ht_outgoing_set(out, packet)
@@ -50,11 +50,11 @@ class Receiver:
         self.incoming = ffi.new("ht_incoming *")
         lib.ht_incoming_reset(self.incoming)
 
-    def take(self, octets: bytes) -> list[bytes | None]:
+    def take(self, raw: bytes) -> list[bytes | None]:
         """Bodies; None for a damaged frame."""
         found = []
-        for octet in octets:
-            status = lib.ht_incoming_take(self.incoming, octet)
+        for byte in raw:
+            status = lib.ht_incoming_take(self.incoming, byte)
             if status == lib.HT_INCOMING_WHOLE:
                 found.append(bytes(self.incoming.octet[0 : self.incoming.n]))
             elif status == lib.HT_INCOMING_DAMAGED:
@@ -62,12 +62,12 @@ class Receiver:
         return found
 
 
-def by_definition(octets: bytes) -> int:
+def by_definition(raw: bytes) -> int:
     """Division of the message, lowest bit first, by the reflected 0x104C11DB7."""
     remainder = 0xFFFFFFFF
-    for octet in octets:
+    for byte in raw:
         for bit in range(8):
-            carry = (remainder ^ (octet >> bit)) & 1
+            carry = (remainder ^ (byte >> bit)) & 1
             remainder = (remainder >> 1) ^ (0xEDB88320 * carry)
     return remainder ^ 0xFFFFFFFF
 
@@ -80,11 +80,11 @@ def test_check_value():
 
 
 @given(st.binary(max_size=600), st.integers(0, 600))
-def test_crc(octets, cut):
-    whole = lib.ht_crc32(0, cells(octets), len(octets))
-    assert whole == zlib.crc32(octets) == by_definition(octets)
-    first = lib.ht_crc32(0, cells(octets[:cut]), len(octets[:cut]))
-    assert lib.ht_crc32(first, cells(octets[cut:]), len(octets[cut:])) == whole
+def test_crc(raw, cut):
+    whole = lib.ht_crc32(0, cells(raw), len(raw))
+    assert whole == zlib.crc32(raw) == by_definition(raw)
+    first = lib.ht_crc32(0, cells(raw[:cut]), len(raw[:cut]))
+    assert lib.ht_crc32(first, cells(raw[cut:]), len(raw[cut:])) == whole
 
 
 @given(st.lists(st.integers(0, 2**32 - 1), max_size=100), st.integers(0, 2**32 - 1))
@@ -94,7 +94,7 @@ def test_crc_of_values(values, crc):
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_numbers_as_octets(bits):
+def test_numbers_as_bytes(bits):
     into = ffi.new("uint16_t[4]")
     lib.ht_put32(into, bits)
     assert bytes(into) == struct.pack("<I", bits)
@@ -139,7 +139,7 @@ def test_every_length(pattern):
 
 
 def test_packet_that_is_full():
-    """What does not fit leaves it as it was, and says so; the CRC still has its place."""
+    """A field that does not fit is refused and changes nothing. The CRC still has its place."""
     for last, width in ((lib.ht_packet_add16, 2), (lib.ht_packet_add32, 4)):
         for free in range(width):
             packet, out = ffi.new("ht_packet *"), ffi.new("ht_outgoing *")
@@ -151,8 +151,8 @@ def test_packet_that_is_full():
             assert packet.full
             assert packet.n == LONGEST - free
             lib.ht_outgoing_set(out, packet)
-            octets = bytes(out.octet[0 : out.n])
-            assert Receiver().take(octets) == [b"\x55" * (LONGEST - free)]
+            raw = bytes(out.octet[0 : out.n])
+            assert Receiver().take(raw) == [b"\x55" * (LONGEST - free)]
             lib.ht_packet_begin(packet)
             assert (packet.n, packet.full) == (0, False)
 
@@ -168,10 +168,10 @@ def test_text():
 # --- damage -------------------------------------------------------------------------------
 
 
-def reference(octets: bytes) -> list[bytes | None]:
+def reference(raw: bytes) -> list[bytes | None]:
     """Bodies by library, between zeros."""
     found = []
-    for piece in octets.split(b"\0")[:-1]:
+    for piece in raw.split(b"\0")[:-1]:
         if piece:
             try:
                 checked = cobs.decode(piece)
@@ -190,19 +190,19 @@ bodies = st.binary(min_size=2, max_size=40) | st.binary(min_size=240, max_size=L
 @settings(max_examples=300)
 @given(st.lists(bodies, min_size=1, max_size=4), st.data())
 def test_damaged_line(sent, data):
-    octets = bytearray(b"".join(wire.frame(body) for body in sent))
+    raw = bytearray(b"".join(wire.frame(body) for body in sent))
     for _ in range(data.draw(st.integers(0, 4))):
-        at = data.draw(st.integers(0, len(octets) - 1))
+        at = data.draw(st.integers(0, len(raw) - 1))
         match data.draw(st.sampled_from(("lose", "flip", "insert", "double"))):
-            case "lose" if len(octets) > 1:
-                del octets[at]
+            case "lose" if len(raw) > 1:
+                del raw[at]
             case "insert":
-                octets.insert(at, data.draw(st.integers(0, 255)))
+                raw.insert(at, data.draw(st.integers(0, 255)))
             case "double":
-                octets.insert(at, octets[at])
+                raw.insert(at, raw[at])
             case _:
-                octets[at] ^= 1 << data.draw(st.integers(0, 7))
-    line = bytes(octets) + b"\0"
+                raw[at] ^= 1 << data.draw(st.integers(0, 7))
+    line = bytes(raw) + b"\0"
     found = Receiver().take(line)
     assert found == reference(line)
     assert all(body in sent for body in found if body is not None)
@@ -222,14 +222,15 @@ def test_every_wrong_bit_and_pair_of_bits_is_found():
             line = bits.copy()
             for k in case:
                 line[k // 8] ^= 1 << (k % 8)
-            for octet in (*line.tolist(), 0):
-                whole = lib.ht_incoming_take(receiver, octet) == lib.HT_INCOMING_WHOLE
+            for byte in (*line.tolist(), 0):
+                whole = lib.ht_incoming_take(receiver, byte) == lib.HT_INCOMING_WHOLE
                 assert not whole, case
 
 
 @given(st.integers(0, 30))
-def test_octets_that_the_receiver_lost(before):
-    """It knows of a loss, not of its place: the frame under way will not do, the next will."""
+def test_bytes_that_the_receiver_lost(before):
+    """The receiver knows that bytes were lost, but not where. It drops the present frame and takes
+    the next."""
     frame = encoded(b"a body with \0 in it")
     receiver = Receiver()
     before = min(before, len(frame) - 1)
@@ -252,12 +253,12 @@ def test_golden_frame(case):
 
 @pytest.mark.parametrize("case", rows("damaged"), ids=lambda c: c["what"])
 def test_golden_damage(case):
-    octets = bytes.fromhex(case["octets"])
-    assert Receiver().take(octets + b"\0") == [None]
-    assert wire.unframe(octets) is None
+    raw = bytes.fromhex(case["bytes"])
+    assert Receiver().take(raw + b"\0") == [None]
+    assert wire.unframe(raw) is None
 
 
-def test_golden_frames_say_what_the_host_would_say():
+def test_golden_frames_equal_the_hosts_frames():
     """Bodies as the host's codec makes and reads them."""
     golden = {case["what"]: bytes.fromhex(case["body"]) for case in rows("frames")}
 

@@ -1,4 +1,4 @@
-"""The worked examples of docs/protocol.md are what firmware and client say, byte by byte."""
+"""The worked examples of docs/protocol.md are the frames of firmware and client, byte by byte."""
 
 import re
 import struct
@@ -17,9 +17,9 @@ def blocks(page):
         parts = re.split(r"^(host  |board )", block, flags=re.MULTILINE)[1:]
         messages = []
         for who, rest in zip(parts[::2], parts[1::2]):
-            octets, body = rest.split("  body")
+            raw, body = rest.split("  body")
             body, text = re.match(r"((?:\s+[0-9A-F]+)+)\n(.*)", body, re.DOTALL).groups()
-            frame, body = bytes.fromhex(octets), bytes.fromhex("".join(body.split()))
+            frame, body = bytes.fromhex(raw), bytes.fromhex("".join(body.split()))
             messages.append((who.strip(), frame, body, " ".join(text.split())))
         found.append(messages)
     return found
@@ -30,12 +30,12 @@ MESSAGES = [message for example in EXAMPLES for message in example]
 KINDS = ("parameter", "channel", "fault", "state")
 
 
-def test_the_page_is_what_the_board_makes_now():
+def test_the_pages_examples_are_the_boards_present_frames():
     page = protocol_examples.PAGE.read_text()
     assert protocol_examples.text() in page, "run python tests/firmware/link/protocol_examples.py"
 
 
-def test_the_firmware_answers_the_bytes_of_the_page_with_those_of_the_page():
+def test_the_firmware_answers_the_pages_requests_with_the_pages_replies():
     assert len(EXAMPLES) >= 10
     device = protocol_examples.example_device()
     for example in EXAMPLES:
@@ -65,7 +65,7 @@ def says(text):
     return dict(part.rsplit(" ", 1) for part in re.sub(r"'.*?'", "text", text).split(", "))
 
 
-def test_the_client_reads_and_writes_what_the_page_says():
+def test_the_client_reads_and_writes_the_pages_frames():
     replies = {}
     for who, _, body, text in MESSAGES:
         said = says(text)

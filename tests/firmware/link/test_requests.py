@@ -1,5 +1,5 @@
-"""Requests as docs/protocol.md has them: who may ask what, what is refused, and that what is
-refused changes nothing."""
+"""Requests as docs/protocol.md defines them: which ones are carried out and which are refused, and
+that a refused request changes nothing."""
 
 import math
 import struct
@@ -89,7 +89,7 @@ WRONG = {
 
 
 def everything(device):
-    """What a refused request must not change."""
+    """The state that a refused request must not change."""
     s = device.service
     return (
         [lib.ht_drive_get(device.drive, k) for k in range(lib.ht_param_count())],
@@ -152,7 +152,7 @@ def test_unknown_opcode(device, op):
     assert device.ask(op, bytes(300)).status == OPCODE
 
 
-def test_what_is_no_request(device):
+def test_bodies_that_are_no_requests(device):
     """Bodies of other types, an echo of the device's own: not answered, counted."""
     for op in (0, 0x40, 0x50, 0x81, 0xFF):
         damaged = device.service.damaged
@@ -256,7 +256,7 @@ def test_write_takes_effect_in_the_interrupt_that_it_names(device):
     assert device.value("speed_ref_rpm") == -12.5
 
 
-def test_write_scheme_is_seen_from_the_tick_on(device):
+def test_a_written_scheme_applies_from_the_tick_on(device):
     """The channel `scheme` is the one in force: a stream of it changes at the reply's tick."""
     device.run()
     assert device.stream(0, 2, "scheme").status == DONE
@@ -314,7 +314,7 @@ def test_whole_numbers(device):
 
 
 @pytest.mark.parametrize("f_isr_Hz", [1527.0, 7300.0, 10001.0, 49999.0])
-def test_hello_tells_the_rate_that_the_board_has(f_isr_Hz):
+def test_hello_has_the_boards_actual_rate(f_isr_Hz):
     """Periods are whole counts of the PWM clock, here 100 MHz."""
     device = Device()
     f_slow_Hz = f_isr_Hz / round(f_isr_Hz / 100.0)
@@ -344,7 +344,7 @@ def test_unknown_parameter(device):
 
 
 def test_write_of_many(device):
-    """As many as there may be; all or none, wherever the bad one is."""
+    """The largest number of parameters: all are written or none, whichever of them is bad."""
     ident = PARAMETERS["speed_ref_rpm"]
     good = [struct.pack("<Hf", ident, float(k)) for k in range(80)]
     for at in (0, 1, 40, 79):
@@ -383,7 +383,7 @@ def test_values_that_do_not_fit_together(device):
     assert device.write(torque_inner_Nm=0.1, torque_band_Nm=0.2).status == DONE
 
 
-def test_rate_stays_while_it_is_counted_in(device):
+def test_rate_cannot_change_while_a_stream_or_capture_depends_on_it(device):
     rate = struct.pack("<H", PARAMETERS["f_isr_Hz"])
     device.stream(2, 100, "state")
     reply = device.write(f_isr_Hz=5000.0)
@@ -425,7 +425,7 @@ def test_start_of_a_turning_machine(device):
     assert device.state == "idle"
 
 
-def test_stop_is_for_everybody(device):
+def test_every_client_may_stop(device):
     for session, dictionary in ((0, 0), (NONCE + 1, 0), (NONCE, 0)):
         device.run()
         device.ask(STOP, session=session, dictionary=dictionary)
@@ -455,8 +455,8 @@ def test_snapshot(device):
 # --- what asks for nothing --------------------------------------------------------------------
 
 
-def test_requests_that_find_nothing_to_do(device):
-    """As docs/protocol.md says: no error, or one that says why."""
+def test_requests_without_effect(device):
+    """As docs/protocol.md says, they give no error, or an error with the reason."""
     assert (device.done(GET).payload, device.done(CANCEL).payload) == (b"", b"")
     for op, payload in ((TRIGGER, b""), (READ, bytes(8))):
         assert device.ask(op, payload).status == NO_CAPTURE
@@ -505,7 +505,7 @@ def test_repetition_after_another_request_is_a_new_one(device):
 
 
 def test_stop_stops_also_when_repeated():
-    """Two programs that say nothing but STOP say the same octets."""
+    """Two programs that send only STOP send the same bytes."""
     device = Device()
     body = struct.pack("<BBHH", STOP, 1, 0, 0)
     device.answer(body)
@@ -516,15 +516,15 @@ def test_stop_stops_also_when_repeated():
     assert device.state == "idle"
 
 
-def turn(device, octets):
+def turn(device, raw):
     """The background alone."""
-    for octet in octets:
-        lib.ht_regfile_sci_arrive(device.controller.registers, octet)
+    for byte in raw:
+        lib.ht_regfile_sci_arrive(device.controller.registers, byte)
         lib.ht_service_turn(ffi.addressof(device.controller.board, "service"))
 
 
 def test_stop_while_a_reply_waits(device):
-    """The reply to a WRITE waits for a fast interrupt; a stop waits for nothing."""
+    """The reply to a WRITE waits for a fast interrupt. A STOP does not wait."""
     device.run()
     write = device.request(WRITE, struct.pack("<Hf", PARAMETERS["speed_ref_rpm"], 7.0))
     turn(device, frame(write))

@@ -62,7 +62,8 @@ def marks(device, value):
 
 
 def test_the_first_mark_stays_until_a_reset():
-    """So whoever knows it can tell a reset, even if others have opened sessions since."""
+    """A client that knows the mark can notice a reset, even if others have opened sessions
+    since."""
     device = Device(session=False)
     assert struct.unpack_from("<I", device.ask(STATUS).payload, 16) == (0,)
     assert marks(device, 0) == (0, 0)  # none given
@@ -93,7 +94,7 @@ def flags(device, session):
     return struct.unpack_from("<B", device.ask(STATUS, session=session).payload)[0]
 
 
-def test_status_says_whose_it_is():
+def test_status_says_who_has_the_session():
     device = Device(session=False)
     assert flags(device, 0) == 0
     device.ask(OPEN, nonce(NONCE))
@@ -109,7 +110,7 @@ def test_status_says_whose_it_is():
 
 
 def test_two_hosts():
-    """The second is told so, may look and may stop; the first does not notice but the stop."""
+    """The second host gets a refusal, but may read and stop. The first notices only the stop."""
     device = Device()
     device.run()
     assert device.ask(OPEN, nonce(OTHER)).status == BUSY
@@ -122,7 +123,7 @@ def test_two_hosts():
     assert device.service.session == NONCE
 
 
-def test_a_stop_from_elsewhere_outlives_the_start_that_it_follows():
+def test_an_old_start_is_not_repeated_after_another_clients_stop():
     """The first host missed the reply to its START and repeats it, after the second's STOP."""
     device = Device()
     start = device.request(START)
@@ -134,7 +135,7 @@ def test_a_stop_from_elsewhere_outlives_the_start_that_it_follows():
 
 
 @pytest.mark.parametrize("watchdog_ms", [5, 20])
-def test_session_that_is_left_alone(watchdog_ms):
+def test_session_without_requests_ends(watchdog_ms):
     """Ends after four times the watchdog's time; its streams end with it."""
     device = Device(watchdog_ms=watchdog_ms)
     device.stream(0, 10, "state")
@@ -151,7 +152,7 @@ def test_session_that_is_left_alone(watchdog_ms):
     assert device.ask(OPEN, nonce(OTHER)).status == DONE
 
 
-def test_session_that_is_used_stays():
+def test_session_with_requests_stays():
     device = Device(watchdog_ms=5)
     for _ in range(20):
         device.tick(150)
@@ -225,7 +226,7 @@ SESSION_REQUESTS = {
 
 
 @pytest.mark.parametrize("name", SESSION_REQUESTS)
-def test_fed_by_every_request_of_the_session(name):
+def test_every_request_of_the_session_feeds_the_watchdog(name):
     op, payload = SESSION_REQUESTS[name]
     device = Device(watchdog_ms=20)
     device.run()
@@ -237,8 +238,8 @@ def test_fed_by_every_request_of_the_session(name):
     assert device.drive.snapshot.tick - (asked + 1) == 200
 
 
-def test_fed_by_a_repetition():
-    """Whose reply was lost: the host is there all the same."""
+def test_a_repetition_feeds_the_watchdog():
+    """The reply was lost, but the repetition shows that the host still runs."""
     device = Device(watchdog_ms=20)
     device.run()
     body = device.request(STATUS)
@@ -264,7 +265,7 @@ NO_FOOD = {
 
 
 @pytest.mark.parametrize("name", NO_FOOD)
-def test_not_fed_by_anything_else(name):
+def test_nothing_else_feeds_the_watchdog(name):
     device = Device(watchdog_ms=20)
     device.run()
     asked = device.ask(STATUS).tick
@@ -278,13 +279,13 @@ def test_not_fed_by_anything_else(name):
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.integers(1, 260), min_size=1, max_size=12))
 def test_any_heartbeat(pauses):
-    """Runs as long as no pause is longer than the watchdog's time, and no longer."""
+    """The drive runs as long as no pause is longer than the watchdog's time."""
     device = Device(watchdog_ms=20)
     device.run()
     asked = device.ask(STATUS).tick
     for pause in pauses:
         device.tick(pause)
-        # An interrupt takes octets that came before it: 14 octets need one or two.
+        # An interrupt takes bytes that came before it: 14 bytes need one or two.
         body = device.request(STATUS)
         reply = device.answer(body)
         if device.now - asked > 203 and reply.tick - asked > 200:
@@ -328,7 +329,7 @@ def test_disarmed(how):
     assert "link lost" not in device.controller.faults
 
 
-def test_start_from_elsewhere_is_not_guarded():
+def test_start_without_a_session_is_not_guarded():
     device = Device(watchdog_ms=5)
     assert lib.ht_drive_start(device.drive) == lib.HT_OK
     device.done(STATUS)
@@ -381,7 +382,7 @@ def test_every_start_finds_its_watchdog():
 
 
 def test_capture_of_the_end():
-    """The host's death is a fault like others: a capture catches it."""
+    """The loss of the host is a fault like others: a capture can trigger on it."""
     device = Device(watchdog_ms=20)
     device.run()
     payload = struct.pack("<BBHIIHfH", 1, 5, 1, 40, 20, 0, 0.0, 0)

@@ -58,7 +58,7 @@ def expected(slot, channels, decimation, since, n):
 
 @pytest.mark.parametrize("decimation", [1, 2, 7, 255])
 @pytest.mark.parametrize("count", [1, 8, 32])
-def test_every_so_many_ticks(count, decimation):
+def test_a_sample_every_decimation_ticks(count, decimation):
     ring = Ring()
     channels = list(range(count))
     ring.set(2, channels, decimation)
@@ -86,8 +86,8 @@ def test_numbers_and_ticks_wrap():
     st.lists(st.tuples(st.integers(1, 32), st.integers(1, 5)), min_size=1, max_size=4),
 )
 def test_ring(bursts, streams):
-    """Any pace of writer and reader: what comes out went in, in order; what did not fit is
-    counted, and its number and tick are missing."""
+    """At any speed of writer and reader, the samples come out in order. Samples that did not fit
+    are counted, and their numbers and ticks are missing."""
     ring = Ring()
     for slot, (count, decimation) in enumerate(streams):
         ring.set(slot, list(range(count)), decimation)
@@ -116,7 +116,7 @@ def test_ring(bursts, streams):
     assert len(ring.all()) == len(inside)
 
 
-def test_ring_that_is_full_goes_on():
+def test_a_full_ring_drops_the_oldest_samples():
     ring = Ring()
     ring.set(0, [5])
     ring.sample(1000)  # 341 samples of 3 values fit
@@ -127,7 +127,8 @@ def test_ring_that_is_full_goes_on():
 
 
 def test_set_again():
-    """Begins with number 0; nothing of what it was comes after, the others stay."""
+    """The stream begins again with number 0. No sample of its former setting follows, and the other
+    streams continue."""
     ring = Ring()
     ring.set(0, [1, 2])
     ring.set(1, [3], 2)
@@ -213,8 +214,8 @@ def test_budget(baud, count):
     actual = device.service.setup.line.octets_per_s
     assert actual == pytest.approx(baud / 10, rel=0.05)
     names = (2 * [name for name, _ in firmware.channels()])[:count]
-    octets = 12 + 4 * count
-    wanted = int(np.ceil(octets * 1e4 / (0.9 * actual)))
+    sample_bytes = 12 + 4 * count
+    wanted = int(np.ceil(sample_bytes * 1e4 / (0.9 * actual)))
     reply = device.stream(0, 1, *names)
     if wanted > 1:
         assert reply.status == BUDGET
@@ -287,8 +288,8 @@ def test_new_settings_are_not_mixed_with_old_samples():
         device.tick(60)
 
 
-def test_slow_line_drops_and_says_so():
-    """A line that stands still: samples are dropped, counted, and numbers and ticks tell."""
+def test_a_slow_line_drops_samples_and_counts_them():
+    """On a line that carries nothing samples are dropped and counted. Numbers and ticks show it."""
     device = Device()
     device.stream(0, 4, "vdc_V", "state", "faults", "sector", "speed_rpm")
     device.tick(100)

@@ -61,7 +61,7 @@ def test_trip_pin_held_low_refuses_start_and_clear():
     assert device.controller.registers.violations == 0
 
 
-def test_host_says_what_to_do():
+def test_the_hosts_message_says_what_to_do():
     assert wire.Status(TRIP) == wire.Status.TRIP
     assert _REFUSED[wire.Status.TRIP] == (
         "the trip pin is low (external trip): release it, then clear"

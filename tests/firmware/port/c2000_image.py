@@ -31,8 +31,8 @@ CC = os.environ.get("CC") or next(filter(shutil.which, ("gcc", "clang", "cc")), 
 
 
 class Builder:
-    """Programs that run an image. Objects are kept: a changed source costs its own
-    object and a link."""
+    """Makes programs that run an image. Object files are kept, so a changed source needs only its
+    own compilation and a link."""
 
     def __init__(self, folder: Path, active_low: bool = False) -> None:
         """`active_low`: the build option for gate drivers that invert."""
@@ -96,7 +96,7 @@ class Builder:
 
 
 def run(program: Path, *arguments: str) -> tuple[bool, list[str]]:
-    """Did it find everything in order, and what it printed."""
+    """Whether the program found no error, and its output."""
     done = subprocess.run([program, *arguments], capture_output=True, text=True, timeout=60)
     return done.returncode == 0, done.stdout.splitlines()
 

@@ -68,7 +68,7 @@ def started(request):
     return Started(request.param)
 
 
-def test_nothing_forbidden(started):
+def test_no_forbidden_register_access(started):
     assert started.good
     started.init()
     started.init()  # again, as after a change of parameters
@@ -162,7 +162,7 @@ BAUDS = (300, 9600, 19200, 57600, 115200, 230400, 460800, 921600, 1250000)
 
 @pytest.mark.parametrize("baud", BAUDS)
 def test_nearest_baud_rate(started, baud):
-    """LSPCLK / 8 / (BRR + 1): no other BRR is nearer (as a divider)."""
+    """LSPCLK / 8 / (BRR + 1): no other BRR gives a nearer rate."""
     lspclk = SYSCLK[started.name] / (
         2 * (started.word(0x701B) if started.small else started.long(0x5D22C))
     )
@@ -209,7 +209,7 @@ def test_sci_recovers_from_a_framing_error_and_an_overflow(started):
     assert started.rf.violations == 0
 
 
-def test_sci_takes_only_what_is_asked_for(started):
+def test_sci_reads_only_the_requested_number(started):
     buffer = ffi.new("uint16_t[8]", [9] * 8)
     for n in range(5):
         lib.ht_regfile_sci_arrive(started.rf, n)
@@ -321,8 +321,8 @@ RIGHT, MISSING, NO_LOCK, WRONG = range(4)
 
 
 def only_the_line(started):
-    """What a board without a right clock must be: no pin is the PWM's, none becomes it when the
-    drive is set up; the serial line runs at 115200 baud from the clock that is left."""
+    """The state of a board with a wrong clock. No pin belongs to the PWM, not even after the
+    drive's set-up. The serial line runs at 115200 baud from the remaining clock."""
     assert not started.good
     started.init()
     assert all(started.pin(pin.gpio)[0] == 0 for pin in started.board.pwm)
@@ -347,7 +347,7 @@ def only_the_line(started):
 
 
 @pytest.mark.parametrize("board", BOARDS)
-def test_no_lock_no_start(board):
+def test_without_a_lock_no_start(board):
     started = Started(board, [("never_locks", 1)])
     assert started.port.clock == NO_LOCK
     only_the_line(started)
@@ -355,8 +355,8 @@ def test_no_lock_no_start(board):
 
 @pytest.mark.parametrize("percent", (90, 95, 105, 110, 200))
 @pytest.mark.parametrize("board", BOARDS)
-def test_wrong_lock_no_start(board, percent):
-    """The PLL says that it has locked, and oscillates at another frequency than asked for."""
+def test_with_a_wrong_lock_no_start(board, percent):
+    """The PLL reports that it has locked, but oscillates at a wrong frequency."""
     started = Started(board, [("wrong_locks", 10_000), ("wrong_percent", percent)])
     assert started.port.clock == WRONG
     only_the_line(started)
@@ -377,20 +377,20 @@ def test_lock_that_comes_at_a_retry(board, locks):
 @pytest.mark.parametrize(("board", "crystal_Hz"), (("f28377s", 10e6), ("f28377s", 25e6),
                                                    ("launchxl_f28377s", 20e6)))  # fmt: skip
 def test_another_crystal_than_the_table_says(board, crystal_Hz):
-    """Against that crystal the PLL is right; the internal oscillator knows better."""
+    """Compared with this crystal the PLL is right. The internal oscillator shows the error."""
     started = Started(board, [("crystal_Hz", crystal_Hz)])
     assert started.port.clock == WRONG
     only_the_line(started)
 
 
 @pytest.mark.parametrize("board", ("f28377s", "launchxl_f28377s"))
-def test_no_crystal_but_a_line(board):
+def test_without_a_crystal_the_link_works(board):
     started = Started(board, [("no_crystal", 1)])
     assert started.port.clock == MISSING
     only_the_line(started)
 
 
-def test_missing_clock_of_a_run_before_is_looked_at_again():
+def test_a_missing_clock_of_an_earlier_run_is_checked_again():
     board = ffi.addressof(lib.ht_board_f28377s)
     rf, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
     lib.ht_regfile_reset(rf, board.map)
@@ -399,8 +399,8 @@ def test_missing_clock_of_a_run_before_is_looked_at_again():
     assert lib.ht_board_start(port)
 
 
-def test_no_crystal_no_start():
-    """The F28335 has no other oscillator: a clock of a few MHz, nobody knows how many."""
+def test_without_a_crystal_no_start():
+    """The F28335 has no other oscillator, only a clock of a few MHz with unknown frequency."""
     rf, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
     board = ffi.addressof(lib.ht_board_f28335)
     lib.ht_regfile_reset(rf, board.map)
@@ -414,7 +414,7 @@ def test_no_crystal_no_start():
     assert rf.violations == 0
 
 
-def test_slipping_pll_no_start():
+def test_with_a_slipping_pll_no_start():
     started = Started("f28377s", [("slips", 1)])
     assert started.port.clock == WRONG
     only_the_line(started)

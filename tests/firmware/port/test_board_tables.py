@@ -51,7 +51,7 @@ def test_a_table_in_words(board):
     assert f"Serial line: {table.baud} baud" in board_tables.written(TEXT, board)
 
 
-def test_connectors_have_a_pin_once():
+def test_each_connector_pin_is_used_once():
     for pins in (LAUNCHPAD, DIMM100):
         assert len(set(pins.values())) == len(pins)
     assert all(1 <= n <= 80 for n in LAUNCHPAD) and all(1 <= n <= 100 for n in DIMM100)
@@ -170,7 +170,7 @@ def test_default_encoder_and_board_limits():
 # --- the list -----------------------------------------------------------------------------
 
 
-def test_every_step_has_what_to_do_to_expect_and_when_to_stop():
+def test_every_step_says_what_to_do_what_to_expect_and_when_to_stop():
     parts = re.split(r"^### (\d+)\. ", TEXT[TEXT.index("## Power-up") :], flags=re.M)[1:]
     numbers, bodies = parts[::2], parts[1::2]
     assert [int(n) for n in numbers] == list(range(1, len(numbers) + 1))

@@ -450,7 +450,7 @@ CLOCK_FAULTS = {
 
 
 @pytest.mark.parametrize("fault", CLOCK_FAULTS)
-def test_fault_around_the_clock_is_found(builder, fault):
+def test_mistakes_in_the_clocks_set_up_are_found(builder, fault):
     board, source, old, new, planted, said = CLOCK_FAULTS[fault]
     _, lines = image.run(builder.build(board, (source, old, new)), planted)
     found = image.complaints(lines)
@@ -494,7 +494,7 @@ def test_image_for_gate_drivers_that_invert(tmp_path, board):
          "without dead band"),
     ),
 )  # fmt: skip
-def test_polarity_that_is_forgotten_is_found(tmp_path, source, old, new, said):
+def test_a_missing_polarity_setting_is_found(tmp_path, source, old, new, said):
     builder = image.Builder(tmp_path, active_low=True)
     _, lines = image.run(builder.build(F28335, (source, old, new)))
     assert any(said in line for line in image.complaints(lines))

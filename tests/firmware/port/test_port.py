@@ -42,7 +42,7 @@ OST = 0x0004
 
 
 class Board:
-    """A board after its start. `planted`: what some words held before."""
+    """A board after its start. planted: earlier contents of some words."""
 
     def __init__(self, device, planted=()):
         self.device = device
@@ -134,7 +134,7 @@ def test_set_up_of_the_encoder_interface(board):
 
 
 @pytest.mark.parametrize("bit", range(16))
-def test_look_at_the_capture_unit(board, bit):
+def test_reading_the_capture_unit(board, bit):
     """Each status bit alone: reported where it belongs, cleared where it can be."""
     board.init()
     base = QPOSCNT[board.device]
@@ -155,7 +155,7 @@ def test_look_at_the_capture_unit(board, bit):
     assert board.rf.violations == 0
 
 
-def test_set_up_keeps_foreign_clock_bits(board):
+def test_set_up_keeps_the_clock_bits_of_other_modules(board):
     eqep, eqep_bit = EQEP_CLOCK[board.device]
     registers = {*CLOCKS[board.device], eqep}
     board = Board(board.device, [(address, 0xA500) for address in registers])
@@ -194,7 +194,7 @@ def test_dead_time_fills_its_register_and_no_more(board):
     assert other.rf.violations == 0
 
 
-def test_accepts_foretells_init_and_touches_nothing(board):
+def test_accepts_predicts_init_and_writes_nothing(board):
     limit = DEAD_MAX[board.device]
     least = DEAD_MIN[board.device]
     for period, dead in (
@@ -304,7 +304,7 @@ def test_levels_of_the_pins_are_read_where_the_manuals_have_them(board):
 
 
 @pytest.mark.parametrize("what", ("clock_fails", "emulation_stops"))
-def test_what_else_switches_off(board, what):
+def test_other_causes_that_switch_off(board, what):
     board.init()
     lib.ht_port_gates_on(board.port)
     getattr(lib, f"ht_regfile_{what}")(board.rf)
@@ -362,7 +362,7 @@ def test_acknowledge(board):
 
 
 @pytest.mark.parametrize("again", (False, True))
-def test_acknowledge_that_meets_the_end_of_a_conversion(again):
+def test_acknowledge_at_the_end_of_a_conversion(again):
     """Errata SPRZ422, ADC interrupts: the flag must be clear afterwards, so that the next end
     shows as an overrun, and further interrupts must come."""
     board = Board("f28377s")
@@ -387,7 +387,7 @@ def test_acknowledge_that_meets_the_end_of_a_conversion(again):
 
 
 def test_overrun_is_seen_in_every_case():
-    """INT1CONT lets an interrupt through whatever the flag says; the flag must tell."""
+    """With INT1CONT an interrupt comes whatever the flag is. The flag must show the overrun."""
     board = Board("f28377s")
     board.init()
     lib.ht_regfile_end_of_sequence(board.rf)
@@ -401,7 +401,8 @@ def test_overrun_is_seen_in_every_case():
 
 
 def test_stale_flag_of_the_f28335_is_cleared_at_the_start():
-    """A debugger's start finds what the run before has left: INT_SEQ1 set lets none through."""
+    """After a start by a debugger, INT_SEQ1 may still be set by the last run. Then no interrupt
+    would come."""
     assert Board("f28335", [(0x7119, 1)]).rf.word[0x7119] == 0
 
 

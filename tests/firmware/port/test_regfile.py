@@ -1,4 +1,4 @@
-"""The register model against what the reference manuals say about the chips. Addresses
+"""The register model, compared with the chips' reference manuals. Addresses
 and bits are from the manuals, not from the model's tables.
 """
 
@@ -72,7 +72,7 @@ class Chip:
         (self.write if self.device == "f28335" else self.write32)(address, value)
 
     def poke(self, name, value, leg=0):
-        """Set by hardware, past all protection."""
+        """Set a word as the hardware does, without any protection."""
         self.word(self.address(name, leg))[0] = value
 
     def eallow(self, on=1):
@@ -84,7 +84,7 @@ class Chip:
 
     @property
     def said(self):
-        """Kinds of the violations so far; forgets them."""
+        """The kinds of the violations so far. The list is cleared."""
         log = [self.rf.log[n].kind for n in range(self.rf.violations)]
         self.rf.violations = 0
         return log
@@ -199,8 +199,8 @@ def test_pieack_is_cleared_by_ones(chip):
 
 
 @pytest.mark.parametrize("bit", range(16))
-def test_reserved_bits_stay_and_are_told(chip, bit):
-    """AQCTLA has 12 bits. What was read may be written back."""
+def test_reserved_bits_stay_and_a_write_is_reported(chip, bit):
+    """AQCTLA has 12 bits. A value that was read may be written back."""
     chip.write("AQCTLA", 1 << bit)
     assert chip.read("AQCTLA") == (1 << bit) & 0x0FFF
     assert chip.said == ([RESERVED] if bit > 11 else [])
@@ -251,7 +251,7 @@ def test_first_violations_are_kept(chip):
     assert chip.rf.log[15].address == 0x8000
 
 
-def test_eallow_twice_is_told(chip):
+def test_eallow_twice_is_reported(chip):
     chip.eallow()
     assert not chip.said
     chip.eallow()
@@ -484,7 +484,7 @@ def test_pin_to_the_pwm_wants_the_polarity_of_the_gate_drivers(chip, active_low)
 
 @pytest.mark.parametrize("name", ("DBRED", "DBFED"))
 def test_no_dead_time_at_a_module_with_pins(chip, name):
-    """While it is tripped: the write is told. A release of the trip as well."""
+    """While it is tripped, the write is reported, and so is a release of the trip."""
     ready_for_pins(chip)
     chip.write32("GPAMUX1", 0x00555555)
     chip.write(name, 200, 2)
@@ -767,7 +767,7 @@ def test_what_an_interrupt_needs(chip, missing):
     assert not it.calls
 
 
-def test_adc_interrupt_that_meets_the_clear_of_its_flag():
+def test_adc_interrupt_at_the_clear_of_its_flag():
     """Errata SPRZ422, "Interrupts may Stop if INTxCONT is not Set": the end of a conversion in
     the instant of the clear keeps the flag set and the overflow as well; from then on no
     interrupt comes, unless INT1CONT lets them through whatever the flag says."""
@@ -806,7 +806,7 @@ def test_clear_of_the_adc_flag_at_another_time_clears_it():
     assert (chip.read(0x7403), chip.read(0x7405)) == (1, 1)
 
 
-def test_eint_right_after_pieack_is_told(chip):
+def test_eint_right_after_pieack_is_reported(chip):
     """Usage note of both chips' errata."""
     it = Interrupts(chip)
     chip.write(PIEACK, 1)
@@ -895,7 +895,7 @@ def test_interrupt_comes_between_two_accesses(chip):
 
 
 def test_sequencer_of_the_f28335_is_reset_between_sequences():
-    """RST_SEQ1; else the next sequence goes on where the last one stopped."""
+    """By RST_SEQ1. Otherwise the next sequence continues where the last one stopped."""
     chip = Chip("f28335")
     chip.trip()
     chip.eallow()
@@ -916,7 +916,7 @@ def test_sequencer_of_the_f28335_is_reset_between_sequences():
     assert chip.said == [ORDER]
 
 
-def test_trip_pin_trips_those_who_listen(chip):
+def test_the_trip_pin_trips_the_modules_that_select_it(chip):
     chip.trip()
     chip.eallow()
     for leg in (0, 2, 4):
@@ -938,8 +938,9 @@ def connect_the_trip_pin(chip):
         chip.write(0x7900, 12)
 
 
-def test_trip_comes_back_while_its_pin_is_low(chip):
-    """A level, not an edge: a clear under a low pin clears nothing, and is told."""
+def test_a_cleared_trip_returns_while_its_pin_is_low(chip):
+    """The pin's level counts, not an edge. A clear while the pin is low has no effect and is
+    reported."""
     chip.trip()
     chip.eallow()
     lib.ht_regfile_pin(chip.rf, 12, 0)
@@ -958,7 +959,7 @@ def test_trip_comes_back_while_its_pin_is_low(chip):
     assert (chip.said, chip.read("TZFLG")) == ([], 0)
 
 
-def test_levels_of_the_pins_are_the_worlds(chip):
+def test_the_firmware_cannot_change_the_levels_of_input_pins(chip):
     data = {"f28335": 0x6FC0, "f28377s": 0x7F00}[chip.device]
     assert chip.read32(data) == 0xFFFFFFFF
     lib.ht_regfile_pin(chip.rf, 31, 0)

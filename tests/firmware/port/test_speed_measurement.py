@@ -30,7 +30,7 @@ def turn(sensors, machine, y, regs, thetas):
 
 
 class Shaft:
-    """A drive at rest whose encoder the test turns."""
+    """A drive at standstill whose encoder the test turns."""
 
     def __init__(self, device="f28335", switch=SWITCH, **sensors):
         setup = setups.load("paper-a").changed(
@@ -146,7 +146,7 @@ def test_reading_is_exactly_zero_after_a_stop(profile):
 
 
 @pytest.mark.parametrize("amplitude", [0.3, 0.9, 3.7])
-def test_trembling_at_an_edge(amplitude):
+def test_vibration_at_an_edge(amplitude):
     """A shaft that stands on an edge and trembles: no reading beyond what moved."""
     rng = np.random.default_rng(3)
     counts = 100 + amplitude * rng.uniform(-1, 1, 20000)
@@ -166,7 +166,7 @@ def test_unequal_edges_cancel():
     assert np.abs(readings[5:] - 30).max() < 0.03
 
 
-def test_switch_over_off_is_the_position_difference():
+def test_without_the_switch_over_speed_is_the_position_difference():
     counts = per_second(30) * instants(0.3) + 0.3
     readings = Shaft(switch=0.0).follow(counts)
     moved = np.diff(np.floor(counts[EVERY - 1 :: EVERY]), prepend=0)

@@ -53,7 +53,7 @@ def test_unequal_sets(make_recording):
     assert metrics(make_recording(amplitude_A=(1.77, 2.0)))["delta_i_A"] == pytest.approx(0.23)
 
 
-def test_reverse_rotation_has_the_same_figures(make_recording):
+def test_reverse_rotation_has_the_same_metrics(make_recording):
     forward, backward = (
         metrics(make_recording(f1_Hz=f1_Hz, lines={5: 0.1})) for f1_Hz in (40, -40)
     )
@@ -62,7 +62,7 @@ def test_reverse_rotation_has_the_same_figures(make_recording):
     assert backward["h5_pct"] == pytest.approx(forward["h5_pct"])
 
 
-def test_true_values_come_first(make_recording):
+def test_true_values_are_preferred(make_recording):
     rec = make_recording(torque_Nm=2.0)
     rec.channels["torque_Nm"] = np.full(len(rec), 9.0)
     rec.channels["i_u1_A"] = np.zeros(len(rec))
@@ -77,7 +77,7 @@ def test_switching_frequency_argument_metadata_or_none(make_recording):
     assert metrics(make_recording(meta={"f_sw_Hz": 1000}), 1100)["f_sw_Hz"] == 1100
 
 
-def test_what_is_not_finite_becomes_none(make_recording):
+def test_nan_and_infinity_become_none(make_recording):
     rec = make_recording(amplitude_A=(0.0, 0.0), meta={"f_sw_Hz": float("inf")})
     rec.channels["plant.speed_rpm"] = np.full(len(rec), np.nan)
     m = metrics(rec)

@@ -29,7 +29,7 @@ def pair() -> list[Trace]:
     ]
 
 
-def test_aligned_by_the_trigger_the_same_event_is_the_same():
+def test_alignment_by_the_trigger_puts_the_same_event_at_the_same_time():
     traces = pair()
     assert overlay.align(traces, None) == "trigger"
     assert [trace.shift_s for trace in traces] == [0.4, 100.3001]
@@ -56,11 +56,11 @@ def test_other_alignments():
 
 
 @pytest.mark.parametrize("value", [None, "soon", float("nan"), [1]])
-def test_a_trigger_that_is_no_time_is_none(value):
+def test_a_trigger_without_a_time_does_not_count(value):
     assert Recording(1.0, {}, meta={"trigger_s": value}).trigger_s is None
 
 
-def test_the_rms_difference_is_that_of_the_values():
+def test_the_rms_difference_is_computed_from_the_values():
     """Against a constant offset, with lost samples on either side."""
     a = Trace("a", recorded(10e3, 0, 0, 1000))
     b = Trace("b", recorded(10e3, 0, 0, 1000))
@@ -72,7 +72,7 @@ def test_the_rms_difference_is_that_of_the_values():
     assert samples == 1000 - 13
 
 
-def test_a_window_is_of_the_aligned_time():
+def test_a_window_uses_the_aligned_time():
     traces = pair()
     overlay.align(traces, "trigger")
     for trace in overlay.cut(traces, (-0.1, 0.2)):
@@ -104,13 +104,13 @@ def test_channels_by_default_are_the_main_ones_that_all_have():
         overlay.chosen([channels(*(f"c{n}" for n in range(41)))], [f"c{n}" for n in range(41)])
 
 
-def test_flux_is_the_vector_s_length():
+def test_flux_is_the_length_of_the_vector():
     rec = Recording(1.0, {"psi_alpha_Wb": np.array([0.3, 0]), "psi_beta_Wb": np.array([0.4, -1])})
     assert overlay.values(rec, "flux_Wb").tolist() == [0.5, 1.0]
     assert overlay.values(rec, "plant.flux_Wb") is None
 
 
-def test_labels_tell_files_apart(tmp_path):
+def test_labels_distinguish_the_files(tmp_path):
     for folder in ("a", "b"):
         for name in ("rec.npz", f"{folder}.npz"):
             recorded(1e3, 0, 0, 10).save(tmp_path / folder / name)
@@ -147,7 +147,7 @@ def test_the_picture_shows_every_recording_and_its_gaps(tmp_path):
     assert "not closed" in traces[1].legend() and "shifted by -100.3 s" in traces[1].legend()
 
 
-def test_nothing_but_lost_samples_can_be_drawn(tmp_path):
+def test_a_recording_of_lost_samples_only_can_be_drawn(tmp_path):
     rec = Recording(1e3, {"torque_Nm": np.full(5000, np.nan)})
     trace = Trace("x", rec)
     assert overlay.plot([trace], ["torque_Nm"], "none", tmp_path / "x.png").exists()

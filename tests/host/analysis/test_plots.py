@@ -57,7 +57,7 @@ def test_missing_values_and_references_do_not_stop_a_figure(make_run, tmp_path):
         assert size(draw([run], tmp_path / "x.png"))[0] == 1500
 
 
-def test_waveforms_of_a_short_recording_show_what_there_is(make_run, tmp_path):
+def test_waveforms_of_a_short_recording_show_all_of_it(make_run, tmp_path):
     run = make_run()
     run.recording = run.recording.window(0.0, 0.03)
     assert drawn(plots.waveforms([run], tmp_path / "x.png")) > 0.01

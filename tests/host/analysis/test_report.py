@@ -79,12 +79,12 @@ def test_console_shows_ours_and_the_papers(runs):
     assert "r/min" in lines[3] and "…" not in text
 
 
-def test_console_leaves_the_paper_out_elsewhere(make_run):
+def test_console_omits_the_paper_at_other_points(make_run):
     text = console(console_table([make_run(scheme="dtc1", load_Nm=1.0)], PAPER))
     assert "paper " not in text and "beside" not in text
 
 
-def test_console_takes_names_literally(make_run):
+def test_console_does_not_interpret_names_as_markup(make_run):
     assert "[red]x" in console(console_table([make_run(setup="[red]x")], {}))
 
 

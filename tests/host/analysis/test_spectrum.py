@@ -47,7 +47,7 @@ def test_line_amplitude_between_bins():
     h7=st.floats(0, 0.4),
     offset=st.floats(-3, 3),
 )
-def test_harmonics_and_thd_do_not_care_about_window_or_offset(f1_Hz, duration_s, h5, h7, offset):
+def test_harmonics_and_thd_do_not_depend_on_window_or_offset(f1_Hz, duration_s, h5, h7, offset):
     parts = (2.0, f1_Hz, 0.4), (2 * h5, 5 * f1_Hz, 1.0), (2 * h7, 7 * f1_Hz, 2.0)
     signal = offset + tones(duration_s, *parts)
     found = harmonics(signal, RATE_HZ, f1_Hz, (1, 5, 7, 11))
@@ -60,7 +60,7 @@ def test_harmonics_and_thd_do_not_care_about_window_or_offset(f1_Hz, duration_s,
         assert band == pytest.approx(expected, abs=0.3)
 
 
-def test_thd_bands_take_what_lies_below_their_limit():
+def test_thd_bands_include_all_below_their_limit():
     parts = (10.0, 40, 0), (1.0, 200, 1), (0.7, 1480, 2), (0.5, 3333, 0), (0.9, 6000, 0)
     thd = thd_pct(tones(0.5, *parts), RATE_HZ, 40.0)
     assert thd["1kHz"] == pytest.approx(10, rel=1e-6)
@@ -82,7 +82,7 @@ def test_second_harmonic_counts():
     assert list(thd.values()) == pytest.approx([8] * 4, rel=1e-6)
 
 
-def test_two_cycles_suffice_for_what_is_outside_the_lobe():
+def test_two_cycles_suffice_outside_the_lobe():
     signal = 30 + tones(0.05, (10.0, 40, 0), (1.0, 200, 1))
     assert thd_pct(signal, RATE_HZ, 40.0)["1kHz"] == pytest.approx(10, rel=1e-6)
 
@@ -161,7 +161,7 @@ def test_fundamental_falls_back_on_the_controllers_flux(make_recording):
     assert fundamental_Hz(rec) == pytest.approx(41.7, rel=1e-6)
 
 
-def test_true_flux_comes_first(make_recording):
+def test_true_flux_is_preferred(make_recording):
     rec = make_recording(f1_Hz=41.7)
     other = make_recording(f1_Hz=30.0, prefix="")
     rec.channels |= {k: v for k, v in other.channels.items() if k.startswith("psi_")}

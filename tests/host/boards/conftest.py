@@ -1,5 +1,5 @@
-"""Which targets can run here. A missing tool skips its tests by the line that tells how to
-install it."""
+"""Which targets can run on this computer. Without its tools a test is skipped, with the line that
+says how to install them."""
 
 import pytest
 
@@ -9,7 +9,7 @@ from hexatorque.boards import emulator_process, tools
 
 @pytest.fixture(scope="session")
 def need():
-    """need(machine): skip the test where that cannot run."""
+    """need(machine): skip the test if that machine cannot run here."""
 
     def check(machine: str) -> None:
         line = tools.missing(*emulator_process.NEEDS[machine])

@@ -1,4 +1,4 @@
-"""The budget: numbers that are right, and limits that hold."""
+"""The budget: its numbers are right, and its limits hold."""
 
 import copy
 import json
@@ -26,12 +26,12 @@ def test_within_limits(measured):
 
 
 def test_every_limit_can_be_exceeded(measured):
-    """One number at a time, just above its limit."""
+    """Each number in turn is set just above its limit, which must fail."""
     limit = budget.limits()
     machine = limit["mps2-an386"]
     cases = [(("mps2-an386", s, kind), machine[kind][s] + 1, f"{s}, {kind} instructions")
              for kind in ("mean", "max") for s in machine[kind]]  # fmt: skip
-    cases += [(("mps2-an386", f"{what}_octets"), machine[f"{what}_octets"] + 4, f"{what}, octets")
+    cases += [(("mps2-an386", f"{what}_bytes"), machine[f"{what}_bytes"] + 4, f"{what}, bytes")
               for what in ("stack", "image")]  # fmt: skip
     cases += [(("mps2-an386", "library_calls"), ["memcpy"], "calls memcpy")]
     cases += [(("sizes", target, what), most + 1, f"{target}, {what}")
@@ -51,7 +51,7 @@ def test_every_limit_can_be_exceeded(measured):
 
 
 def test_published_page_is_current(measured):
-    """docs/budget.json, up to what differs with the host's compiler."""
+    """docs/budget.json is current, except for numbers that depend on the host's compiler."""
     published = json.loads((ROOT / "docs/budget.json").read_text())
     if published["compiler"] != measured["compiler"]:
         pytest.skip(f"published with {published['compiler']}")
@@ -85,11 +85,11 @@ def test_count_against_the_log_of_instructions(paper_a, tmp_path, need):
 
 
 def test_stack_used_is_within_the_computed_one(measured):
-    """Colour on the target's stack against the compiler's bookkeeping. Both happen to meet
-    the deepest path."""
+    """The bytes that were overwritten on a filled stack, compared with the compiler's numbers. Both
+    contain the deepest path."""
     row = measured["mps2-an386"]
-    computed = row["stack"]["fast interrupt"]["octets"]
-    assert 0.8 * computed <= row["stack_used_octets"] <= computed
+    computed = row["stack"]["fast interrupt"]["bytes"]
+    assert 0.8 * computed <= row["stack_used_bytes"] <= computed
 
 
 def test_stack_of_a_path_is_the_sum_of_its_functions(measured):
@@ -106,20 +106,21 @@ def test_stack_of_a_path_is_the_sum_of_its_functions(measured):
                 if found := re.findall(rf":{re.escape(listed)}\t(\d+)\t", text):
                     break
             total += max(map(int, found), default=0)
-        assert row["octets"] == total
+        assert row["bytes"] == total
 
 
 def test_compiled_across_files(measured):
-    """Fewer instructions for a larger image; and what was counted was compiled so."""
+    """Compiling across files gives fewer instructions and a larger image. The counted image was
+    compiled in this way."""
     row = measured["mps2-an386"]
     by_file = measured["c28x_150MHz_estimate"]
     assert row["ddr"]["mean"] < 0.8 * (by_file["branches"] + by_file["other_instructions"])
-    assert row["image_octets"] > row["image_by_file_octets"]
+    assert row["image_bytes"] > row["image_by_file_bytes"]
     assert measured["options"] == "-O3 -flto"
 
 
 def test_call_graph(tmp_path, need):
-    """A small program with a known shape: main calls a and, through it, b; c is behind a
+    """A small program with a known call graph: main calls a, a calls b, and c is called through a
     pointer."""
     need("mps2-an386")
     source = tmp_path / "small.c"
@@ -142,11 +143,11 @@ def test_call_graph(tmp_path, need):
         [*build, "--specs=nano.specs", "-nostartfiles", "small.o", "-o", "small.elf"], tmp_path
     )
     graph = stack.call_graph(tmp_path / "small.elf", [tmp_path / "small.o"])
-    octets, path = stack.deepest(graph, "a")
+    size, path = stack.deepest(graph, "a")
     assert path == ["a", "b"]
-    own = {function.name: function.octets for function in graph.values()}
+    own = {function.name: function.own_bytes for function in graph.values()}
     assert 200 <= own["b"] <= 216
-    assert octets == own["a"] + own["b"]
+    assert size == own["a"] + own["b"]
     assert stack.library_calls(graph, "a") == set()
     assert stack.library_calls(graph, "d") == {"memcpy"}
     assert stack.library_calls(graph, "main") == {"memcpy", "?"}
@@ -171,6 +172,6 @@ def test_command(tmp_path, capsys, need):
     for scheme in firmware.schemes():
         row = printed["mps2-an386"][scheme]
         assert 0 < row["mean"] <= row["max"]
-    assert printed["mps2-an386"]["stack_octets"] <= 512
+    assert printed["mps2-an386"]["stack_bytes"] <= 512
     assert main(["evidence", "budget", "--profile", "ddr"]) == 0
     assert "ht_control_step" in capsys.readouterr().out

@@ -1,5 +1,5 @@
-"""A target that tells its driver's calls instead of registers: what small processors and
-real boards use. Here it is a process of this machine, under the sanitizers."""
+"""A target that reports its driver's calls instead of registers, as small processors and real
+boards do. Here it is a process on this computer, under the sanitizers."""
 
 import subprocess
 from pathlib import Path
@@ -79,7 +79,7 @@ def test_commands_trip_and_clear(quick, target):
 
 
 def test_hardware_that_differs_is_noticed(quick, target):
-    """An event that overtakes the interrupt on the host, of which the target knows nothing."""
+    """An event comes during the interrupt on the host, but not on the target."""
     sim = SimulatedDrive(quick, 1, target.controller)
     sim.start()
     sim.run(0.11)

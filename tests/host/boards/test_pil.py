@@ -20,13 +20,13 @@ from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies import pil
 from hexatorque.setups import Profile
 
-#: Least control steps per wall second.
+#: Smallest allowed number of control steps per second.
 STEPS_PER_S = 10_000
 SHORT = Profile(duration_s=0.2, speed_rpm=((0.11, 100.0),), samples_per_period=1)
 
 
 def alive(pid: int) -> bool:
-    """Running, and not merely waiting to be asked for its status."""
+    """Whether the process runs; a process that has ended but was not waited for does not."""
     try:
         with open(f"/proc/{pid}/stat") as file:
             return file.read().rsplit(")", 1)[1].split()[0] != "Z"
@@ -54,7 +54,7 @@ def test_every_scheme_bit_by_bit(paper_a, scheme, need):
 
 
 def test_speed(paper_a, need):
-    """Best of a few: other work on the machine only ever slows it down."""
+    """The best of several runs, because other work only slows a run down."""
     need("mps2-an386")
     best = 0.0
     for _ in range(5):
@@ -81,7 +81,7 @@ def test_other_machines_devices_and_load_modes(quick, machine, device, latency, 
 
 
 def test_one_bit_of_a_parameter_shows(quick, m4f):
-    """The same comparison on targets whose stator resistance is the next number."""
+    """The same comparison, but the target's stator resistance is the next float32."""
 
     def controller(device, values):
         return m4f.controller(device, {**values, "rs_ohm": values["rs_ohm"] * (1 + 1.2e-7)})
@@ -161,11 +161,11 @@ def test_fault_on_the_target_ends_it(quick, tmp_path, need):
         if " .text " in line
     )  # fmt: skip
     place = (int(row.split()[0], 16) & ~1) - int(text[3], 16) + int(text[5], 16)
-    spoilt = bytearray(image.read_bytes())
-    spoilt[place : place + 2] = b"\x00\xde"
-    (tmp_path / "spoilt").write_bytes(spoilt)
+    damaged = bytearray(image.read_bytes())
+    damaged[place : place + 2] = b"\x00\xde"
+    (tmp_path / "damaged").write_bytes(damaged)
     with emulator_process.ProcessTarget(
-        "m", emulator_process.qemu("mps2-an386", tmp_path / "spoilt")
+        "m", emulator_process.qemu("mps2-an386", tmp_path / "damaged")
     ) as target:
         sim = SimulatedDrive(quick, 1, target.controller)
         with pytest.raises(TargetError, match=r"the target has ended \(status 70\)"):
@@ -210,7 +210,7 @@ samples_per_period = 1
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_no_emulator_is_left_behind(tmp_path, number, need):
-    """However the program ends, its emulator ends with it."""
+    """The emulator ends with the program, in whatever way the program ends."""
     need("mps2-an386")
     (tmp_path / "long.toml").write_text(LONG.replace("1000.0", "20.0"))
     host, emulator = running_command(tmp_path, "evidence", "pil", "long.toml", "-o", "out.npz")

@@ -1,5 +1,5 @@
 """Processor in the loop over a serial line: the C2000 boards' own image on the register
-model, at the other end of a pseudo terminal. Octets take their time there, the watchdog
+model, at the other end of a pseudo terminal. Bytes take their time there, the watchdog
 runs, and the first forbidden register access or gate pin that is no input ends it
 (tests/c/run_pil.c).
 """
@@ -52,7 +52,7 @@ def builder(tmp_path_factory):
 
 
 class Line:
-    """A pseudo terminal: `name` is the serial port; what is behind it has the other end."""
+    """A pseudo-terminal. `name` is the serial port; the board has the other end."""
 
     def __init__(self):
         self.far, self.near = pty.openpty()
@@ -110,20 +110,20 @@ def request():
     return wire.frame(bytes([lib.HT_OP_PIL_HELLO, 1]))[1:]
 
 
-def replies(octets):
+def replies(raw):
     """Bodies of the replies in what came from a board."""
-    assert octets[-1:] in (b"", b"\0")
-    return [wire.unframe(frame) for frame in octets.split(b"\0")[:-1]]
+    assert raw[-1:] in (b"", b"\0")
+    return [wire.unframe(frame) for frame in raw.split(b"\0")[:-1]]
 
 
-def is_hello(octets):
+def is_hello(raw):
     """The one reply to `request`, and nothing else."""
-    (body,) = replies(octets)
+    (body,) = replies(raw)
     return body[:2] == bytes([lib.HT_OP_PIL_HELLO | lib.HT_OP_REPLY, 1])
 
 
 def answer(line, within_s=0.5):
-    """All octets that come until the line is quiet."""
+    """All bytes that come until the line is quiet."""
     os.set_blocking(line.near, False)
     got, until = b"", time.monotonic() + within_s
     while time.monotonic() < until:
@@ -158,7 +158,7 @@ def test_registers_after_the_start(programs, name):
 
 @pytest.mark.parametrize("name", image.BOARDS)
 def test_nothing_that_could_reach_the_gates_is_touched(programs, name):
-    """No PWM module is written, no pin is an output; what serves the plant stays as it was."""
+    """No PWM module is written, no pin is an output, and the modules of the plant are unchanged."""
     _, lines = image.run(programs[name], "registers")
     said = image.describe(name, lines)
     assert any(row.startswith("SCIA.SCICTL1") for row in said)
@@ -196,7 +196,7 @@ def test_every_register_and_channel_bit_by_bit(programs, quick, name, device, la
     assert (outcome.steps, outcome.state) == (3000, "run")
 
 
-def test_a_fault_and_what_it_left(a_board, quick):
+def test_a_fault_and_its_snapshot(a_board, quick):
     setup = quick.changed(controller__i_trip_A=6.0)
     with target_of(a_board) as target:
         outcome = pil.compare(setup, Profile(duration_s=0.1, samples_per_period=1), target)
@@ -247,7 +247,7 @@ def test_command(a_board, tmp_path, capsys):
     assert (tmp_path / "o.npz").exists()
 
 
-# --- hosts that vanish, lines that spoil ------------------------------------------------
+# --- hosts that disappear, lines that damage bytes ---------------------------------------------
 
 
 #: The reply to a damaged frame.
@@ -265,8 +265,8 @@ def test_hello(a_board):
 
 
 def test_half_a_request_ends_with_the_next_zero(a_board):
-    """A host that vanished in the middle. The next one begins with a zero: the board says that a
-    frame was damaged, and the request after that is answered."""
+    """A host disappeared in the middle of a request. The next host begins with a zero. The board
+    reports a damaged frame, and answers the request that follows."""
     os.write(a_board.near, request()[:-3])
     assert answer(a_board) == b""
     os.write(a_board.near, b"\0")
@@ -275,7 +275,7 @@ def test_half_a_request_ends_with_the_next_zero(a_board):
     assert is_hello(answer(a_board))
 
 
-def test_slow_host_is_waited_for(a_board):
+def test_the_board_waits_for_a_slow_host(a_board):
     """A frame in pieces."""
     whole = request()
     for n in range(len(whole)):
@@ -285,7 +285,7 @@ def test_slow_host_is_waited_for(a_board):
 
 
 def test_request_of_the_link_is_refused(a_board):
-    """A program that looks for a drive finds none here."""
+    """A program that searches for a drive does not take this board for one."""
     os.write(a_board.near, wire.frame(wire.request(wire.Op.START, 7, 0x0100, 7))[1:])
     (body,) = replies(answer(a_board))
     assert body[:3] == bytes([wire.Op.START | lib.HT_OP_REPLY, 7, lib.HT_PIL_REFUSED])
@@ -295,7 +295,7 @@ def test_request_of_the_link_is_refused(a_board):
     "left", [b"\x22\x01", b"\x01", b"\xff" * 600, bytes(range(256)) * 4],
     ids=["half a frame", "one byte", "too long", "anything"],
 )  # fmt: skip
-def test_a_host_finds_the_board_whatever_was_before(a_board, quick, left):
+def test_a_host_connects_to_the_board_in_any_earlier_state(a_board, quick, left):
     """At once: it does not wait for the board's time-out."""
     os.write(a_board.near, left)
     with target_of(a_board) as target:
@@ -304,7 +304,7 @@ def test_a_host_finds_the_board_whatever_was_before(a_board, quick, left):
         assert controller.state == "calibrate"
 
 
-def test_host_that_vanishes_in_a_run(a_board, quick):
+def test_a_host_that_disappears_during_a_run(a_board, quick):
     with target_of(a_board) as target:
         sim = SimulatedDrive(quick, 1, target.controller)
         sim.start()
@@ -314,8 +314,8 @@ def test_host_that_vanishes_in_a_run(a_board, quick):
         assert pil.compare(quick, SHORT, target).failures() == []
 
 
-def test_overrun_fifo(a_board, quick):
-    """Octets that come faster than they are taken are lost; neither board nor line is."""
+def test_a_receiver_overrun_is_survived(a_board, quick):
+    """Bytes that come too fast are lost, but the board and the line continue to work."""
     with target_of(a_board) as target:
         controller = target.controller("f28335", quick.controller_values())
         a_board.process.send_signal(signal.SIGUSR1)
@@ -334,7 +334,7 @@ def test_framing_error(a_board, quick):
 
 
 def test_board_that_was_reset_in_between(programs, quick):
-    """It has no drive any more, and says so."""
+    """It no longer has a drive, and reports that."""
     it = Board(programs[F28335])
     with target_of(it) as target:
         controller = target.controller("f28335", quick.controller_values())
@@ -350,17 +350,17 @@ def test_board_that_was_reset_in_between(programs, quick):
 
 
 def test_quiet_board_keeps_its_watchdog_fed(a_board):
-    """A second of the chip's time: its watchdog would have bitten three times."""
+    """In a second of the chip's time its watchdog would have reset it three times."""
     time.sleep(1.0)
     os.write(a_board.near, request())
     assert is_hello(answer(a_board))
 
 
-# --- what the command says --------------------------------------------------------------
+# --- messages of the command ------------------------------------------------------------
 
 
 def fails(capsys, *arguments):
-    """Exit code and the one line that it says."""
+    """The exit code, and the one line of the error message."""
     code = main(["evidence", "pil", "--schemes", "ddr", *arguments])
     said = capsys.readouterr().err.strip()
     assert said.startswith("hexatorque: ") and "\n" not in said
@@ -408,7 +408,7 @@ def test_options_that_do_not_fit(arguments, said, capsys):
     assert code == 2 and said in line
 
 
-def test_nobody_answers(capsys, monkeypatch):
+def test_a_port_without_an_answer(capsys, monkeypatch):
     line = Line()
     began = time.monotonic()
     code, said = fails(capsys, "--device", line.name)
@@ -418,11 +418,11 @@ def test_nobody_answers(capsys, monkeypatch):
     assert time.monotonic() - began < 10
 
 
-def chatter(line, octets, stop):
+def chatter(line, raw, stop):
     """What another program of a board may send: after each request, or all the time."""
     with contextlib.suppress(OSError):
         while not stop.is_set():
-            os.write(line.far, octets)
+            os.write(line.far, raw)
             time.sleep(0.002)
 
 
@@ -438,7 +438,7 @@ def test_line_that_never_gets_quiet(capsys):
 
 
 def test_garbage_for_an_answer():
-    """An echo is not an answer, nor is a shell's prompt."""
+    """Neither an echo nor a shell's prompt is taken for an answer."""
     line = Line()
 
     def prompt():
@@ -480,7 +480,7 @@ def test_image_of_another_rate(builder, quick):
         assert pil.compare(quick, SHORT, target).failures() == []
 
 
-def test_unplugged_in_a_run(programs, quick):
+def test_a_board_unplugged_during_a_run(programs, quick):
     it = Board(programs[F28335])
     with target_of(it) as target:
         sim = SimulatedDrive(quick, 1, target.controller)
@@ -532,10 +532,10 @@ FAULTS = {
     "transmit FIFO not looked at": (
         F28335, "ht_sci.c", "uint16_t room = (uint16_t)(FIFO_DEPTH - level(port, SCIFFTX));",
         "uint16_t room = FIFO_DEPTH;", "transmit FIFO is full"),
-    "octets lost on the way out": (
+    "bytes lost on the way out": (
         F28377S, CHIP, "if (ht_sci_write(&chip, &octet, 1u) == 1u)",
         "if (ht_sci_write(&chip, &octet, 1u) <= 1u)", "no reply in time"),
-    "last octet kept back": (
+    "last byte kept back": (
         F28335, SERVER, "    bool waiting = line.out.sent < line.out.n;",
         "    bool waiting = (line.out.sent + 1u) < line.out.n;", "no reply in time"),
     "receiver stays where an error stopped it": (

@@ -35,11 +35,11 @@ class TargetLine:
         self.line = ffi.new("ht_pil_line *")
         lib.ht_pil_line_reset(self.line)
 
-    def take(self, octets):
+    def take(self, raw):
         """Bodies of the replies."""
         found = []
-        for octet in octets:
-            if lib.ht_pil_line_take(self.line, octet):
+        for byte in raw:
+            if lib.ht_pil_line_take(self.line, byte):
                 out = self.line.out
                 found.append(wire.unframe(bytes(out.octet[0 : out.n - 1])))
         return found
@@ -101,7 +101,7 @@ def test_damaged_line(sent, data):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_a_request_after_a_zero_is_found_whatever_came_before(seed):
+def test_a_request_after_a_zero_is_found_after_any_bytes(seed):
     rng = random.Random(seed)
     target = TargetLine()
     noise = bytes(rng.choice((0, 1, 255, rng.randrange(256))) for _ in range(rng.randrange(3000)))
@@ -133,7 +133,7 @@ def test_init_that_is_wrong_is_refused(payload):
     [b"\0", b"\0\1", b"\0\2\7\0", bytes([255, 255]) + bytes(510)],
     ids=["half a head", "no value", "one value of two", "beyond the last register"],
 )
-def test_changes_that_cannot_be_are_refused(hardware):
+def test_impossible_changes_are_refused(hardware):
     target = TargetLine()
     (body,) = target.take(frame(lib.HT_OP_PIL_INIT, 1, init()))
     assert result(body) == lib.HT_OK
@@ -141,7 +141,7 @@ def test_changes_that_cannot_be_are_refused(hardware):
     assert result(body) == lib.HT_PIL_REFUSED
 
 
-def test_only_channels_that_changed_travel():
+def test_only_changed_channels_are_sent():
     """After INIT those that are not 0; a second STOP changes none."""
     target = TargetLine()
     target.take(frame(lib.HT_OP_PIL_INIT, 1, init()))
@@ -226,7 +226,7 @@ def test_the_largest_reply_fits(mirrors):
 # --- snapshot -------------------------------------------------------------------------------
 
 
-def test_snapshot_as_the_protocol_has_it():
+def test_snapshot_has_the_protocols_layout():
     """docs/protocol.md, SNAPSHOT; and back."""
     s = ffi.new("ht_snapshot *")
     s.tick, s.state, s.faults, s.samples.position = 0x12345, 3, 0x8005, 0xFEDC0007
@@ -239,12 +239,12 @@ def test_snapshot_as_the_protocol_has_it():
     packet = ffi.new("ht_packet *")
     lib.ht_packet_begin(packet)
     lib.ht_snapshot_add(packet, s)
-    octets = bytes(packet.octet[0 : packet.n])
-    assert octets == struct.pack(
+    raw = bytes(packet.octet[0 : packet.n])
+    assert raw == struct.pack(
         "<IHH7HI13f", 0x12345, 3, 0x8005, *range(100, 107), 0xFEDC0007, *range(11, 24)
     )
-    assert len(octets) == lib.HT_SNAPSHOT_BYTES
+    assert len(raw) == lib.HT_SNAPSHOT_BYTES
     back = ffi.new("ht_snapshot *")
     lib.ht_snapshot_take(packet.octet, back)
     assert firmware.snapshot_of(back) == firmware.snapshot_of(s)
-    assert wire.parse_snapshot(octets) == firmware.snapshot_numbers(s)
+    assert wire.parse_snapshot(raw) == firmware.snapshot_numbers(s)

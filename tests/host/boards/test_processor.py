@@ -1,5 +1,5 @@
-"""Host and target of the processor in the loop, both in this process: the protocol, what
-it transports and what it notices."""
+"""Host and target of the processor in the loop, both in this process: the protocol, the data that
+it carries and the errors that it notices."""
 
 import numpy as np
 import pytest
@@ -86,7 +86,7 @@ def one_ulp(values):
 
 
 def test_smallest_change_of_a_parameter_shows(quick):
-    """Stator resistance off by one unit in the last place."""
+    """The stator resistance differs by one unit in the last place."""
 
     def meddle(target):
         drive = target._local.pil.drive
@@ -120,7 +120,7 @@ def test_one_bit_of_a_register_shows(quick):
     assert outcome.difference.startswith("period 0: EPWM2.DBRED is 0x")
 
 
-def test_register_files_that_part_are_noticed(quick):
+def test_different_register_files_are_noticed(quick):
     """A register that the host believes to know, changed behind both ends' backs."""
 
     def meddle(target):
@@ -131,7 +131,7 @@ def test_register_files_that_part_are_noticed(quick):
         pil.compare(quick, PROFILE, Meddling(meddle))
 
 
-def test_spoilt_frame_is_noticed(quick):
+def test_damaged_frame_is_noticed(quick):
     def meddle(target):
         target.link.flip_request = 9
 
@@ -140,7 +140,7 @@ def test_spoilt_frame_is_noticed(quick):
 
 
 def test_a_link_stays_down(quick, target):
-    """No request after an error gets through, and none waits."""
+    """After an error every request fails at once."""
     controller = target.controller("f28335", quick.controller_values())
     target.link.flip_request = 9
     with pytest.raises(TargetError):
@@ -182,7 +182,7 @@ def test_verbs_answer_as_the_drive_does(quick, target):
     assert both("channel", "flux_ref_Wb") == pytest.approx(0.6)
 
 
-def test_trip_travels(quick, target):
+def test_a_trip_is_sent(quick, target):
     """A trip pin on the host's side reaches the drive, its fault comes back, a clear works."""
     sim = SimulatedDrive(quick, 1, target.controller)
     sim.start()
@@ -198,7 +198,7 @@ def test_trip_travels(quick, target):
     assert (sim.controller.state, sim.controller.faults) == ("idle", [])
 
 
-def test_snapshot_of_a_fault_travels(quick, target):
+def test_the_snapshot_of_a_fault_is_sent(quick, target):
     """Current limit below what the flux needs: the same fault, and the same left of it."""
     setup = quick.changed(controller__i_trip_A=6.0)
     outcome = pil.compare(setup, Profile(duration_s=0.2, samples_per_period=1), target)
@@ -209,7 +209,7 @@ def test_snapshot_of_a_fault_travels(quick, target):
     assert max(map(abs, outcome.snapshot["i_A"])) > 6.0
 
 
-def test_every_word_of_a_snapshot_has_its_place(quick, target):
+def test_every_word_of_a_snapshot_is_sent_in_its_place(quick, target):
     controller = target.controller("f28335", quick.controller_values())
     assert controller.snapshot is None
     s = target._local.pil.drive.snapshot
@@ -246,8 +246,8 @@ def test_snapshot_that_differs_is_noticed(quick, target, monkeypatch):
     assert outcome.difference.startswith("fault snapshot: speed_rpm is ")
 
 
-def test_reading_a_snapshot_moves_nothing(quick, target):
-    """No register, no access, no mirror: the run goes on as if nothing had been."""
+def test_reading_a_snapshot_changes_nothing(quick, target):
+    """It changes no register, access counter or mirror: the run continues unchanged."""
     controller = target.controller("f28335", quick.controller_values())
     parts = ffi.addressof(target.link.registers), ffi.addressof(target._local.pil.drive)
     before = [bytes(ffi.buffer(part)) for part in parts]

@@ -169,9 +169,9 @@ def test_from_dictionary_to_capture(name, serve, need, tmp_path):
                 tick, values = next(iter(stream))
                 ticks.append(tick)
                 assert np.isfinite(values).all()
-        # Nine tenths of the line, ten bits an octet, 12 + 4 * 8 octets a sample.
-        octets_per_period = 0.9 * board.said["baud"] / 10 / drive.hello.f_isr_Hz
-        assert stream.decimation == math.ceil(44 / octets_per_period)
+        # Nine tenths of the line, ten bits a byte, 12 + 4 * 8 bytes a sample.
+        bytes_per_period = 0.9 * board.said["baud"] / 10 / drive.hello.f_isr_Hz
+        assert stream.decimation == math.ceil(44 / bytes_per_period)
         assert np.all(np.diff(np.concatenate(ticks)) == stream.decimation)
         assert (stream.gaps, stream.lost, stream.damaged) == (0, 0, 0)
 
@@ -229,7 +229,7 @@ def runs_again(drive):
 
 
 @pytest.mark.parametrize("name", BOARDS)
-def test_client_that_dies(name, serve, need):
+def test_drive_stops_after_its_client_died(name, serve, need):
     """The port server stops the drive that it started."""
     if name != "virtual":
         need(name)
@@ -245,7 +245,7 @@ def test_client_that_dies(name, serve, need):
 
 
 @pytest.mark.parametrize("name", BOARDS)
-def test_computer_that_dies(name, serve, need):
+def test_drive_stops_after_the_computer_died(name, serve, need):
     """Client and port server at once. The gates are off within 350 ms of the drive's time, and
     the board waits for a clear."""
     if name != "virtual":
@@ -309,7 +309,7 @@ def test_bad_options(quick, options, said):
 
 
 @pytest.mark.parametrize("baud", [9600, 115200, 1_562_500])
-def test_octets_take_their_time(quick, need, baud):
+def test_bytes_take_their_time(quick, need, baud):
     """In the drive's time, whatever the emulator does: start bit, 8 bits, stop bit."""
     need("mps2-an386")
     request = wire.frame(wire.request(Op.HELLO, 1, 0, 0))
@@ -322,12 +322,12 @@ def test_octets_take_their_time(quick, need, baud):
             assert board.sim.time_s < 1.0
     (body,) = wire.Splitter().push(came)
     hello = wire.parse_hello(wire.parse_reply(body).payload)
-    octets_per_s = 25e6 / round(25e6 / baud) / 10  # its divider
-    assert hello.budget == pytest.approx(0.9 * octets_per_s, rel=0.01)
+    bytes_per_s = 25e6 / round(25e6 / baud) / 10  # its divider
+    assert hello.budget == pytest.approx(0.9 * bytes_per_s, rel=0.01)
     assert "mps2-an386" in hello.device and hexatorque.__version__ in hello.build
-    # Each way may have saved one octet up, and the reply begins in the period in which the
+    # Each way may have saved one byte up, and the reply begins in the period in which the
     # request ends. How long the emulator takes at most depends on this computer's load.
-    least_s = (len(request) + len(came) - 2) / octets_per_s - board.sim.period_s
+    least_s = (len(request) + len(came) - 2) / bytes_per_s - board.sim.period_s
     assert board.sim.time_s >= least_s - 1e-9
 
 
@@ -352,10 +352,10 @@ def test_parameters_survive_the_end_of_the_process(name, serve, need, tmp_path):
         kept = drive.get_many(["rs_ohm", "speed_ref_rpm", "dead_time_us"])
         assert kept == {"rs_ohm": 1.75, "speed_ref_rpm": 0.0, "dead_time_us": 3.0}
     board.end(signal.SIGKILL)
-    octets = bytearray(file.read_bytes())
-    for at in range(40, len(octets), 50):
-        octets[at] ^= 1
-    file.write_bytes(octets)
+    raw = bytearray(file.read_bytes())
+    for at in range(40, len(raw), 50):
+        raw[at] ^= 1
+    file.write_bytes(raw)
     board = serve(name, "--store", str(file))
     assert "damaged" in board.said["parameters"]
     with BoardDrive.open(board.port, board.said["baud"]) as drive:

@@ -1,4 +1,4 @@
-"""The command as a user meets it: results, files, and one clear line for a mistake."""
+"""The command as a user types it: results, files, and one clear line for a mistake."""
 
 import json
 import re
@@ -171,7 +171,7 @@ def test_plot_compares_recordings_of_two_kinds(tmp_path, capsys, monkeypatch):
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_a_journal_that_was_left_is_drawn_and_converted(tmp_path, capsys, monkeypatch):
+def test_an_unclosed_journal_is_drawn_and_converted(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     writer = Writer.open("x.npz", Stream((("torque_Nm", "N m"),), 1e3))
     writer.append(np.arange(50), np.ones((50, 1)))
@@ -199,7 +199,7 @@ def test_studies_refuse_its_output_folder_before_it_runs(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("found", "code"), [([], 0), (["gates on [in] fault"], 1)])
-def test_studies_say_what_must_not_be(found, code, tmp_path, capsys, monkeypatch):
+def test_studies_report_violated_limits(found, code, tmp_path, capsys, monkeypatch):
     def plot(result, path):
         path.write_text("")
         return path
@@ -301,7 +301,7 @@ def test_results_that_cannot_be_written(tmp_path, capsys):
     assert "metrics.json" in capsys.readouterr().err
 
 
-def test_speed_counter_that_is_no_program(tmp_path, capsys):
+def test_an_instruction_counter_that_is_no_program(tmp_path, capsys):
     assert main(["evidence", "speed", "--counter", str(tmp_path)]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 

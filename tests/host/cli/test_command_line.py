@@ -1,4 +1,4 @@
-"""The tree of commands: its names, its help, its completion, and what it says to a mistake."""
+"""The tree of commands: its names, its help, its completion and its error messages."""
 
 import os
 import shlex
@@ -55,7 +55,7 @@ def test_groups_are_small():
         assert len(group.commands) <= 12, path
 
 
-def test_what_is_daily_is_on_top():
+def test_daily_commands_are_at_the_top_level():
     daily = {"run", "compare", "reach", "plot", "convert", "setups", "schemes"}
     assert set(app.commands) == {*daily, "board", "evidence"}
 
@@ -70,7 +70,7 @@ def apart(one, other):
     return row[-1]
 
 
-def test_the_distance_of_words():
+def test_the_edit_distance_of_names():
     assert [apart("set", "get"), apart("scheme", "schemes"), apart("start", "stop")] == [1, 1, 3]
     assert apart("", "abc") == 3 and apart("abc", "abc") == 0
 
@@ -237,7 +237,7 @@ def test_as_a_module_of_python():
 
 
 def test_help_loads_nothing_heavy():
-    """Else it could not be there in 0.4 s."""
+    """Otherwise the help would take more than 0.4 s."""
     code = (
         "import sys; from hexatorque.cli.main import main; main(['board', 'status', '--help']); "
         "print(*{'numpy', 'numba', 'rich', 'matplotlib', 'cffi', 'serial'} & set(sys.modules))"
@@ -250,7 +250,7 @@ def test_help_loads_nothing_heavy():
 
 
 def completed(line, monkeypatch, capsys):
-    """What the shell offers for the last word of a line."""
+    """The shell's completions of the last word of a line."""
     words = line.split(" ")
     monkeypatch.setenv("_HEXATORQUE_COMPLETE", "bash_complete")
     monkeypatch.setenv("COMP_WORDS", line)

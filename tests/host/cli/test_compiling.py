@@ -1,4 +1,4 @@
-"""Who waits while the simulation is compiled is told, and nobody else."""
+"""A command that waits for the simulation to be compiled says so, and no other command does."""
 
 import importlib.util
 import json
@@ -25,14 +25,14 @@ def other(x):
 
 
 def load(path):
-    """The module anew, as another process would have it."""
+    """Import the module again, as another process would."""
     spec = importlib.util.spec_from_file_location("compiled_in_a_test", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
 
-def test_numba_tells_what_it_compiles_and_not_what_it_loads(tmp_path, monkeypatch):
+def test_numba_reports_compiling_and_not_loading(tmp_path, monkeypatch):
     """The first call compiles; another call, and another process with the cache, do not."""
     path = tmp_path / "compiled.py"
     path.write_text(SOURCE)
@@ -51,7 +51,7 @@ def test_numba_tells_what_it_compiles_and_not_what_it_loads(tmp_path, monkeypatc
 
 
 def test_the_simulation_is_what_is_watched():
-    """In a process that has compiled it already, nothing is said."""
+    """In a process that has already compiled it, there is no report."""
     compiling.compile_now()
     assert loop.run_periods.signatures
     with compiling.watched(pytest.fail, pytest.fail):
@@ -60,7 +60,7 @@ def test_the_simulation_is_what_is_watched():
 
 @pytest.fixture
 def cold(monkeypatch):
-    """As if there were no cache."""
+    """A simulation without a cache."""
 
     @contextmanager
     def watched(begun, done):
@@ -89,13 +89,13 @@ def test_a_run_says_that_it_compiles(cold, tmp_path, capsys):
         ["reach", "--setup", "paper-b", "--schemes", "dtc1", "--load", "50"],
     ],
 )
-def test_other_commands_say_it_too(words, cold, tmp_path, capsys, monkeypatch):
+def test_other_commands_report_compiling_too(words, cold, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     main(words)
     assert capsys.readouterr().err.count(output.COMPILING) == 1
 
 
-def test_nothing_is_said_when_it_comes_from_the_cache(tmp_path, capsys):
+def test_no_report_when_the_code_comes_from_the_cache(tmp_path, capsys):
     compiling.compile_now()
     file = tmp_path / "short.toml"
     file.write_text('setup = "paper-b"\n[profile]\nduration_s = 0.01\n')

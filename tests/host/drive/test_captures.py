@@ -77,12 +77,12 @@ def test_a_burst_by_the_rules(data):
         ("command:1", "command takes nothing more"),
     ],
 )
-def test_triggers_that_are_none(text, said):
+def test_texts_that_are_no_triggers(text, said):
     with pytest.raises(RecordingError, match=said):
         Trigger.parse(text)
 
 
-def test_a_simulations_capture_is_what_it_recorded():
+def test_a_simulations_capture_equals_its_recording():
     began = datetime.now().astimezone().replace(microsecond=0)
     sim = SimulatedDrive(
         setups.load("paper-a-feasible").changed(
@@ -135,6 +135,6 @@ def test_arming_changes_nothing():
 
 
 @pytest.mark.parametrize("level", ["1e300", "-1e39", "inf", "nan", "x", ""])
-def test_a_level_that_no_float_holds(level):
+def test_a_level_beyond_float32_is_refused(level):
     with pytest.raises(RecordingError, match=r"levels up to 3\.4e38"):
         Trigger.parse(f"rising:torque_Nm:{level}")

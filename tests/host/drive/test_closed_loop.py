@@ -1,4 +1,4 @@
-"""The closed loop keeps what the set-ups promise.
+"""The closed loop has the properties that the set-ups promise.
 
 Bounds come from the papers' own tables and from physics (a drive must follow its
 references); they are wider than what the simulation shows from run to run.
@@ -122,8 +122,8 @@ def test_every_scheme_in_four_quadrants(setup):
 
 @pytest.mark.parametrize(("setup", "speed_rpm"), [("paper-a-feasible", 2700), ("paper-b", 5000)])
 def test_twice_base_speed_and_back_at_the_torque_limit(setup, speed_rpm):
-    """The torque that the weak field can give falls with its square. A drive that asks
-    for more loses its machine."""
+    """The torque that a weak field can give falls with the square of the flux. With a higher
+    reference the machine would pull out."""
     sim = SimulatedDrive(setups.load(setup).changed(controller__scheme="ddr"), 1)
     sim.start()
     for speed, time_s in ((0, 0.4), (speed_rpm, 2.0), (-speed_rpm, 3.0), (0, 2.0)):
@@ -166,7 +166,7 @@ def test_both_devices_under_every_latency(device, latency):
     assert m["flux_Wb"] == pytest.approx(0.6, rel=0.03)
 
 
-def test_scheme_changes_in_flight():
+def test_the_scheme_can_change_while_running():
     """Paper A, Fig. 10: x-y current reappears when DDR gives way to FDR."""
     setup = setups.load("paper-a-feasible").changed(controller__scheme="ddr")
     sim = approach(Point(setup, 100, 10))
@@ -246,7 +246,8 @@ def test_slow_speeds_are_measured_finer_than_a_count(rpm):
 @pytest.mark.parametrize("setup", ["paper-a-feasible", "paper-b"])
 @pytest.mark.parametrize("share", [0.7, 0.8, 1.2, 1.3])
 def test_build_up_learns_the_stator_resistance(setup, share):
-    """The flux built is that of the reference, not of the resistance that was typed in."""
+    """The flux after the build-up equals its reference even if the configured resistance is
+    wrong."""
     base = setups.load(setup)
     rs_ohm = base["machine.rs_ohm"]
     sim = SimulatedDrive(base.changed(controller__rs_ohm=share * rs_ohm), 1)
@@ -262,8 +263,8 @@ def test_build_up_learns_the_stator_resistance(setup, share):
 @pytest.mark.parametrize(
     ("setup", "speed", "load"), [("paper-a-feasible", 300, 5), ("paper-b", 1500, 1)]
 )
-def test_flux_reference_in_flight(setup, speed, load):
-    """Halved and restored: the machine follows, no check takes it for a fault."""
+def test_the_flux_reference_can_change_while_running(setup, speed, load):
+    """The reference is halved and restored. The machine follows, and no check reports a fault."""
     sim = approach(Point(setups.load(setup).changed(controller__scheme="ddr"), speed, load))
     full_Wb = sim.controller.get("flux_ref_Wb")
     for wanted_Wb in (0.5 * full_Wb, full_Wb):

@@ -1,4 +1,4 @@
-"""Gate drivers that invert: the drive is the same, its pins are not."""
+"""Gate drivers that invert: the drive behaves the same, with inverted pins."""
 
 from functools import partial
 
@@ -20,7 +20,7 @@ def run(active_low):
     return sim
 
 
-def test_legs_switch_alike_and_never_both_switches():
+def test_both_polarities_switch_alike_and_never_both_switches():
     usual, inverted = run(False), run(True)
     assert len(usual.edges) > 1000
     np.testing.assert_array_equal(usual.edges, inverted.edges)
@@ -32,7 +32,7 @@ def test_legs_switch_alike_and_never_both_switches():
 
 
 def test_registers_for_the_other_drivers_are_both_switches_on():
-    """What the simulation makes of a board whose table has the wrong polarity."""
+    """The simulation of a board whose table has the wrong polarity."""
     controller = partial(firmware.Controller, active_low=False)
     sim = SimulatedDrive(setups.load("paper-b"), 1, controller)
     sim._map.active_low = 1

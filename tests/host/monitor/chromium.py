@@ -1,6 +1,6 @@
-"""A headless Chromium over its debugging pipe: as much of that protocol as the tests need.
+"""A headless Chromium, driven over its debugging pipe; only the requests that the tests need.
 
-https://chromedevtools.github.io/devtools-protocol; messages are JSON closed by a zero octet.
+https://chromedevtools.github.io/devtools-protocol; messages are JSON closed by a zero byte.
 """
 
 import base64
@@ -34,7 +34,8 @@ class Chromium:
                  "--hide-scrollbars", "--force-color-profile=srgb"]  # fmt: skip
         if os.geteuid() == 0:
             flags.append("--no-sandbox")  # the sandbox needs a user that is not root
-        # The pipe's ends must be the browser's descriptors 3 and 4; sh knows one digit only.
+        # The browser needs the pipe as descriptors 3 and 4. sh can only redirect these from
+        # descriptors with one digit.
         script = f'exec "$0" "$@" 3<&{for_browser} 4>&{by_browser}'
         self.process = subprocess.Popen(
             ["bash", "-c", script, program(), *flags, "about:blank"],
@@ -65,10 +66,10 @@ class Chromium:
         while b"\0" not in self._rest:
             if not select.select([self._from], [], [], max(0.0, end - time.monotonic()))[0]:
                 raise TimeoutError("the browser does not answer")
-            octets = os.read(self._from, 1 << 16)
-            if not octets:
+            raw = os.read(self._from, 1 << 16)
+            if not raw:
                 raise OSError("the browser has ended")
-            self._rest += octets
+            self._rest += raw
         text, self._rest = self._rest.split(b"\0", 1)
         return json.loads(text)
 
@@ -90,9 +91,9 @@ class Chromium:
 
     @contextmanager
     def stopped(self, kinds: tuple[str, ...]) -> Iterator[None]:
-        """SIGSTOP for this browser's processes of these kinds, SIGCONT afterwards."""
+        """Send SIGSTOP to this browser's processes of these kinds, and SIGCONT afterwards."""
         found = self.call("SystemInfo.getProcessInfo")["processInfo"]
-        # The browser itself first: it would take note of the others.
+        # The main process first: it would notice that the others do not run.
         found.sort(key=lambda one: one["type"] != "browser")
         stopped = [one["id"] for one in found if one["type"] in kinds]
         assert stopped
@@ -137,7 +138,7 @@ class Page:
         self.call("Emulation.setEmulatedMedia", features=features)
 
     def js(self, expression: str) -> object:
-        """The value of an expression, of a promise when it is fulfilled."""
+        """The value of an expression; if that is a promise, the value that fulfils it."""
         answer = self.call(
             "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
         )
@@ -154,7 +155,7 @@ class Page:
             time.sleep(0.05)
 
     def click(self, selector: str) -> None:
-        """With the mouse, at the middle of what is visible there."""
+        """Click with the mouse in the middle of the element's visible part."""
         x, y = self.js(
             f"(() => {{ const e = document.querySelector({selector!r});"
             "e.scrollIntoView({block: 'nearest'}); const r = e.getBoundingClientRect();"
@@ -189,8 +190,8 @@ class Page:
         file.write_bytes(base64.b64decode(data))
 
     def complaints(self) -> list[str]:
-        """Exceptions and errors in the console, refused resources included."""
-        self.js("0")  # what is under way arrives before the answer
+        """Exceptions and errors in the console, including refused resources."""
+        self.js("0")  # events that are under way arrive before this answer
         found = []
         for event in self.browser.events:
             if event.get("method") == "Runtime.exceptionThrown":

@@ -1,5 +1,5 @@
-"""A virtual board in a process of its own, a desk and a server in this one, and a browser's
-end of HTTP without a browser."""
+"""A virtual board in a process of its own, the monitor's server in this process, and an HTTP
+client that behaves like a browser."""
 
 import contextlib
 import http.client
@@ -23,10 +23,11 @@ import pytest
 import hexatorque
 
 HOST = Path(hexatorque.__file__).parents[1]
-#: A virtual board whose watchdog has patience with a computer that runs many tests at once.
+#: The virtual board's watchdog waits this long, because many tests may load the computer.
 WATCHDOG_MS = 800
-#: Its arguments: the name of its port; a file with its time and its drive's state, as two
-#: float64; a file with a line for each change of state. SIGUSR1 resets it.
+#: The board's program. Its arguments are the name of its port; a file that holds its time and
+#: its drive's state, as two float64; a file with a line for each change of state. SIGUSR1 resets
+#: the board.
 BOARD = f"""
 import os, signal, sys
 import numpy as np
@@ -82,7 +83,7 @@ def own_directories(tmp_path_factory):
 
 
 class Board:
-    """What the virtual board's process knows, without asking over its line."""
+    """The time and state in the virtual board's process, read from its files, not its line."""
 
     def __init__(self, folder: Path) -> None:
         self.port = str(folder / "ttyHT0")
@@ -92,7 +93,7 @@ class Board:
 
     @property
     def time_s(self) -> float:
-        """Its own time: simulated, and it stands still while the process is held up."""
+        """The board's simulated time. It stops while its process does not run."""
         return float(np.memmap(self._now, np.float64, "r", shape=2)[0])
 
     @property
@@ -100,7 +101,7 @@ class Board:
         return bool(np.memmap(self._now, np.float64, "r", shape=2)[1])
 
     def off_s(self, after_s: float) -> float | None:
-        """When the drive first stopped after a time of the board's; None: it works."""
+        """When the drive first stopped after `after_s`, in the board's time; None: it runs."""
         for line in self._changes.read_text().splitlines():
             time_s, state = line.split()
             if float(time_s) > after_s and state in ("idle", "fault"):
@@ -127,7 +128,7 @@ def port(board) -> str:
 
 
 def patiently(call, *arguments):
-    """Between tests: a board that gets no time on a busy computer does not answer."""
+    """Repeat the call until it succeeds: on a busy computer the board may not answer at once."""
     from hexatorque.serial import LinkError
 
     end = time.monotonic() + 10
@@ -140,7 +141,7 @@ def patiently(call, *arguments):
 
 
 def to_rest(drive, values: dict) -> None:
-    """Idle, without faults, with these parameters, and the machine stands."""
+    """Make the drive idle, without faults, with these parameters, and let the machine stop."""
     drive.stop()
     if drive.state == "fault":
         drive.clear()
@@ -165,7 +166,7 @@ def drive(port):
 
 
 class Visitor:
-    """What a browser does for a page, on one port of this computer."""
+    """The requests that a browser makes for a page, on one port of this computer."""
 
     def __init__(self, port: int, token: str) -> None:
         self.port, self.token = port, token
@@ -173,7 +174,8 @@ class Visitor:
         self.cookie = ""
 
     def ask(self, method: str, path: str, body: bytes | None = None, **headers: str):
-        """Status, headers, body. Headers by name, underscores for dashes; "" leaves one out."""
+        """Status, headers and body of the reply. `headers`: with underscores for dashes; "" leaves
+        one out."""
         given = {"Host": self.host, "Cookie": self.cookie}
         given |= {name.replace("_", "-"): value for name, value in headers.items()}
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
@@ -200,7 +202,7 @@ class Visitor:
         return status, json.loads(body)
 
     def post(self, path: str, data: object, **headers: str):
-        """As the page does it."""
+        """A command, sent as the page sends it."""
         mine = {"Origin": f"http://{self.host}", "Content_Type": "application/json"}
         status, _, body = self.ask("POST", path, json.dumps(data).encode(), **(mine | headers))
         return status, json.loads(body)
@@ -211,10 +213,10 @@ class Visitor:
         window_s: float = 2,
         bins: int = 500,
         cookie: str | None = None,
-        answer: Callable[[float], dict | None] = lambda told_s: {"told_s": told_s},
+        answer: Callable[[float], dict | None] = lambda sent_s: {"sent_s": sent_s},
     ):
-        """An open page's events: a function that gives the next frame. As a page's script does,
-        a thread answers to what it is told with what `answer` makes of it, if anything."""
+        """Open a page. Gives a function that returns the next frame. As the page's script does, a
+        thread answers each frame; `answer` makes the answer from the frame's time, or None."""
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
         headers = {"Host": self.host, "Cookie": self.cookie if cookie is None else cookie}
         connection.connect()
@@ -225,13 +227,13 @@ class Visitor:
         frames: queue.SimpleQueue[dict | None] = queue.SimpleQueue()
 
         def script() -> None:
-            # The server may be stopped or gone: no test of this thread.
+            # The server may have ended; this thread is not the one that tests it.
             with contextlib.suppress(OSError, http.client.HTTPException, ValueError):
                 while line := events.readline():
                     if not line.startswith(b"data: "):
                         continue
                     one = json.loads(line[6:])
-                    if "told_s" in one and (given := answer(one["told_s"])):
+                    if "sent_s" in one and (given := answer(one["sent_s"])):
                         self.post("/beat", {"page": one["page"], "visible": True} | given)
                     frames.put(one)
             frames.put(None)
@@ -254,34 +256,34 @@ class Visitor:
 
 
 class Site(Visitor):
-    """A desk, its server, and a browser that has entered it."""
+    """A monitored drive, its server, and a browser that has the cookie."""
 
-    def __init__(self, desk, server) -> None:
+    def __init__(self, monitored, server) -> None:
         super().__init__(server.port, server.token)
-        self.desk, self.server = desk, server
+        self.monitored, self.server = monitored, server
         self.enter()
 
     def until(self, state: str, seconds: float = 10.0) -> float:
-        """Wait for the drive's state; how long that took."""
+        """Wait until the drive is in this state. Returns how long that took."""
         begun = time.monotonic()
-        while self.desk.status()["state"] != state:
-            assert time.monotonic() - begun < seconds, self.desk.status()
+        while self.monitored.status()["state"] != state:
+            assert time.monotonic() - begun < seconds, self.monitored.status()
             time.sleep(0.01)
         return time.monotonic() - begun
 
 
 @pytest.fixture
 def site(drive, tmp_path):
-    from hexatorque.monitor.desk import Desk
+    from hexatorque.monitor.monitored_drive import MonitoredDrive
     from hexatorque.monitor.server import Server
 
     with (
-        Desk(drive, tmp_path / "recordings", silent_s=1.0, hidden_s=2.0) as desk,
-        Server(desk) as server,
+        MonitoredDrive(drive, tmp_path / "recordings", silent_s=1.0, hidden_s=2.0) as monitored,
+        Server(monitored) as server,
     ):
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
-        yield Site(desk, server)
+        yield Site(monitored, server)
         server.shutdown()
         thread.join()
 
@@ -299,14 +301,14 @@ class Monitor(Visitor):
             if self.url:
                 break
             title += self.process.communicate()[1]
-            assert "no reply" in title, title  # a board that gets no time does not answer
+            assert "no reply" in title, title  # the board's process may not have run yet
         found = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/\?token=([\w-]{32})", self.url)
         assert found, (title, self.url)
         super().__init__(int(found[1]), found[2])
         self.enter()
 
     def end(self, number: signal.Signals) -> tuple[int, str]:
-        """Exit code and what it said."""
+        """Send a signal. Returns the exit code and the output."""
         self.process.send_signal(number)
         out, err = self.process.communicate(timeout=20)
         return self.process.returncode, out + err
@@ -314,7 +316,7 @@ class Monitor(Visitor):
 
 @pytest.fixture
 def monitor(port, tmp_path):
-    """Of a board that the test leaves idle and without faults."""
+    """A monitor of the board. Afterwards the board is idle and without faults again."""
     from hexatorque.drive.board import BoardDrive
 
     with patiently(BoardDrive.open, port) as drive:

@@ -1,4 +1,4 @@
-"""`hexatorque board monitor` as a process: how it ends, and what becomes of the drive."""
+"""`hexatorque board monitor` as a process: how it ends, and that the drive then stops."""
 
 import signal
 import socket
@@ -10,7 +10,7 @@ from hexatorque.cli.main import main
 
 
 def run_drive(monitor, frame) -> None:
-    """Start it, and see it run."""
+    """Start the drive and wait until it runs."""
     assert monitor.post("/start", {})[0] == 200
     end = time.monotonic() + 10
     while frame().get("status", {}).get("state") != "run":
@@ -18,7 +18,7 @@ def run_drive(monitor, frame) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ended_it_stops_the_drive_and_closes_a_recording(monitor, port, number):
+def test_a_monitor_that_ends_stops_the_drive_and_closes_the_recording(monitor, port, number):
     from hexatorque.drive.board import BoardDrive
     from hexatorque.recording.recording import Recording
 
@@ -33,8 +33,8 @@ def test_ended_it_stops_the_drive_and_closes_a_recording(monitor, port, number):
     assert len(Recording.load(answer["file"])) > 500
 
 
-def test_killed_its_drive_is_stopped(monitor, port):
-    """By the port server."""
+def test_the_drive_of_a_killed_monitor_stops(monitor, port):
+    """The port server stops it."""
     from hexatorque.drive.board import BoardDrive
 
     with monitor.page() as frame:
@@ -50,7 +50,7 @@ def test_killed_its_drive_is_stopped(monitor, port):
 
 
 def test_two_monitors_of_one_board(monitor, port):
-    """The second one shares the port; either stops the drive."""
+    """They share the port, and each can stop the drive."""
 
     second = type(monitor)("--device", port)
     try:
@@ -66,7 +66,7 @@ def test_two_monitors_of_one_board(monitor, port):
         assert second.end(signal.SIGINT)[0] == 0
 
 
-def test_a_mistake_is_one_line(port, capsys):
+def test_a_wrong_port_number_gives_one_line(port, capsys):
     with socket.create_server(("127.0.0.1", 0)) as busy:
         number = busy.getsockname()[1]
         assert (

@@ -1,9 +1,9 @@
-"""A drive that was started from a page is off within 2 s of a page that no longer runs.
+"""A drive that was started from a page stops within 2 s after the page has stopped running.
 
-Each test stops a real browser, or the monitor, in another way. The times are the board's own:
-what it counts between the moment at which the page stops and the moment at which its drive is
-off. A loaded computer delays the browser and the monitor, but it does not make the board's 2 s
-longer; the monitor gives STOP 0.5 s before they are over.
+Each test stops a real browser, or the monitor, in another way. The time from the end of the page
+to the end of the drive is measured by the board's own clock. A loaded computer delays the browser
+and the monitor, but it does not extend the board's 2 s. The monitor sends STOP 0.5 s before the
+2 s are over.
 """
 
 import signal
@@ -14,14 +14,14 @@ from chromium import Chromium, program
 
 pytestmark = pytest.mark.skipif(program() is None, reason="no chromium: apt-get install chromium")
 
-#: The board's time from the last sign of a page to the drive that is off.
+#: Longest time between the page's last answer and the stop of the drive, in the board's time.
 LIMIT_S = 2.0
 STATE = "document.body.dataset.state"
 
 
 @pytest.fixture
 def browser(tmp_path):
-    """Of this test alone: what it has stopped is ended after it."""
+    """A browser for this test alone. It ends with the test, its stopped processes included."""
     with Chromium(tmp_path / "profile") as browser:
         yield browser
 
@@ -40,13 +40,13 @@ def off_after(board, begun_s: float) -> float:
     """The board's time from `begun_s` until its drive was off."""
     end = time.monotonic() + 60
     while (off_s := board.off_s(begun_s)) is None:
-        assert time.monotonic() < end, "the drive runs on"
+        assert time.monotonic() < end, "the drive still runs"
         time.sleep(0.02)
     return off_s - begun_s
 
 
 def notice(monitor, words: str) -> None:
-    """What pages say; it comes right after the stop."""
+    """Wait for a notice on the pages. It comes right after the stop."""
     with monitor.page() as frame:
         end = time.monotonic() + 10
         while words not in frame().get("status", {}).get("notice", ""):
@@ -54,7 +54,7 @@ def notice(monitor, words: str) -> None:
 
 
 def test_a_page_that_runs_keeps_the_drive_running(page, board):
-    """Also one that is busy for a short while, again and again."""
+    """Even if its script is repeatedly busy for a short time."""
     begun_s = board.time_s
     page.js("void setInterval(() => { const end = performance.now() + 100;"
             "while (performance.now() < end); }, 500)")  # fmt: skip
@@ -66,13 +66,13 @@ def test_a_page_that_runs_keeps_the_drive_running(page, board):
 
 @pytest.mark.parametrize("kinds", [("renderer",), ("browser", "renderer", "GPU", "utility")])
 def test_a_stopped_browser(page, browser, monitor, board, kinds):
-    """Its renderers: the page's script stands still, while the browser still takes all that the
-    monitor sends. All of it: connections stay open, too."""
+    """With its renderers stopped, the script does not run, but the browser still receives what
+    the monitor sends. With all processes stopped, the connections still stay open."""
     with browser.stopped(kinds):
         begun_s = board.time_s
         assert off_after(board, begun_s) < LIMIT_S
         notice(monitor, "no page answered")
-    # What was under way in the browser does not start anything.
+    # When the browser continues, its old requests do not start the drive again.
     page.until(f"{STATE} === 'idle'")
     time.sleep(1.0)
     assert not board.working
@@ -86,7 +86,7 @@ def test_a_busy_script(page, monitor, board):
 
 
 def test_a_dialog_that_waits_for_an_answer(page, board):
-    """No script runs behind it."""
+    """No script runs while the dialog is open."""
     page.js("void setTimeout(() => alert('?'), 0)")
     begun_s = board.time_s
     assert off_after(board, begun_s) < LIMIT_S
@@ -94,7 +94,7 @@ def test_a_dialog_that_waits_for_an_answer(page, board):
 
 
 def test_a_computer_that_sleeps(page, monitor, board):
-    """Its monitor stands still, so that nobody can send STOP: the board's watchdog does it."""
+    """The monitor cannot run and send STOP either, so the board's watchdog stops the drive."""
     monitor.process.send_signal(signal.SIGSTOP)
     try:
         begun_s = board.time_s
@@ -107,7 +107,7 @@ def test_a_computer_that_sleeps(page, monitor, board):
 
 
 def test_a_second_page_that_runs_is_enough(page, browser, monitor, board):
-    """Of another browser: one renderer of this one may serve both."""
+    """The second page is in another browser, because one renderer may serve both pages of one."""
     with monitor.page():
         with browser.stopped(("renderer",)):
             begun_s = board.time_s

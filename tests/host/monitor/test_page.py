@@ -1,4 +1,4 @@
-"""The page in a headless Chromium, against a virtual board: what a person would do."""
+"""The page in a headless Chromium with a virtual board: the tests act as a user would."""
 
 import signal
 import time
@@ -8,7 +8,7 @@ from chromium import Chromium, program
 
 pytestmark = pytest.mark.skipif(program() is None, reason="no chromium: apt-get install chromium")
 
-#: Pixels of a plot that are not its background, as numbers that change when traces move.
+#: A checksum of the pixels that a plot has drawn. It changes when the traces move.
 INKED = """(() => {
   const canvas = document.querySelectorAll('#plots canvas')[%d];
   const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
@@ -57,7 +57,7 @@ def test_start_speed_traces_stop(page, monitor):
     page.type(QUICK_SPEED, "500")
     page.key("Enter", "Enter", "\r")
     page.until(f"Math.abs({SPEED} - 500) < 15")
-    # Traces of phase currents move; a paused page stands still, though samples come in.
+    # The traces of the phase currents move. On a paused page they do not, though samples come in.
     plots = page.js("[...document.querySelectorAll('.plot .unit')].map(e => e.textContent)")
     currents = plots.index("A")
     before = inked(page, currents)
@@ -92,13 +92,13 @@ def test_start_speed_traces_stop(page, monitor):
         (" ", "Space", "document.querySelector('#record').focus()"),
     ],
 )
-def test_a_key_stops_wherever_the_focus_is(page, monitor, key, code, where):
+def test_a_key_stops_the_drive_wherever_the_focus_is(page, monitor, key, code, where):
     start(page)
     page.js(where)
     page.key(key, code, key if key == " " else "")
     page.until(f"{STATE} === 'idle'", 1)
     time.sleep(0.3)
-    assert page.js(STATE) == "idle"  # the key did not press the button as well
+    assert page.js(STATE) == "idle"  # the key did not also press the button that has the focus
     assert page.js("document.querySelector('#record').getAttribute('aria-pressed')") == "false"
 
 
@@ -138,11 +138,11 @@ def test_parameters_are_searched_checked_and_set_together(page, monitor):
         assert time.monotonic() < end
     changed = {name: value for name, value in now.items() if value != before[name]}
     assert changed == {"torque_limit_Nm": 4.5, "kp_speed_Nms_rad": pytest.approx(0.123)}
-    # What another client sets arrives in the field.
+    # A value that another client sets appears in the field.
     monitor.post("/write", {"values": {name: before[name] for name in changed}})
     limit = "document.querySelector('.parameter [aria-label=torque_limit_Nm]').value"
     page.until(f"Number({limit}) === {before['torque_limit_Nm']}")
-    # While the gates are on, what needs them off cannot be edited.
+    # While the gates are on, parameters that need them off cannot be edited.
     locked = "document.querySelector('.parameter [aria-label=dead_time_us]').disabled"
     assert not page.js(locked)
     start(page)
@@ -151,7 +151,7 @@ def test_parameters_are_searched_checked_and_set_together(page, monitor):
 
 
 def test_numbers_as_people_write_them(page, monitor):
-    """Decimal comma, and the minus sign of word processors."""
+    """A decimal comma and the minus sign of word processors are accepted."""
     before = monitor.get("/values")[1]["speed_ref_rpm"]
     for text, number in (("250,5", 250.5), ("−12,25", -12.25), ("–3.5", -3.5), (" 1e2 ", 100),
                          ("1,000", 1), (",5", 0.5), ("-0", 0)):  # fmt: skip
@@ -201,8 +201,8 @@ def test_parameters_that_differ_from_their_default_are_marked(page, monitor):
     assert page.js(shown) == len(wanted)
 
 
-def test_a_refusal_is_shown_in_the_boards_words(page):
-    """Parameters that do not fit together: only the board knows."""
+def test_the_boards_refusal_is_shown(page):
+    """Only the board can tell that these parameters do not fit together."""
     tab(page, "parameters")
     page.type(".parameter [aria-label=vdc_min_V]", "399")
     page.type(".parameter [aria-label=vdc_max_V]", "200")
@@ -216,9 +216,9 @@ def test_a_refusal_is_shown_in_the_boards_words(page):
 def test_traces_are_chosen(page):
     tab(page, "channels")
     for name in ("vdc_V", "psi_alpha_Wb", "psi_beta_Wb"):
-        page.click(f"#channels input[value={name}]")  # faster than the page is told
+        page.click(f"#channels input[value={name}]")  # does not wait for the next status
     page.click("#channels input[value=scheme]")
-    # A channel whose values have names is read by name.
+    # A channel whose values have names shows the name.
     page.until("document.querySelector('.chip [data-channel=scheme]')?.textContent === 'dtc1'")
     plots = page.js("[...document.querySelectorAll('.plot .unit')].map(e => e.textContent)")
     assert plots == ["r/min", "N m", "A", "–"]
@@ -289,10 +289,10 @@ def test_the_level_is_checked_and_its_channel_is_captured(page, monitor):
 FIGURES = "[...document.querySelectorAll('#figures b')].map(e => e.textContent)"
 
 
-def test_figures_without_a_meaning_are_blank(page, monitor, board):
-    """The board sends the torque of its last control step when the control does not run."""
+def test_numbers_without_a_meaning_are_blank(page, monitor, board):
+    """While the control does not run, the board sends the torque of the last control step."""
     start(page)
-    # Fast enough to coast for some seconds: its figure must go on while the page is paused.
+    # So fast that the machine coasts for some seconds and the speed changes on a paused page.
     monitor.post("/write", {"values": {"speed_ref_rpm": 300}})
     page.until("parseFloat(document.querySelector('[data-figure=speed_rpm]').textContent) > 100")
     torque = "document.querySelector('[data-figure=torque_Nm]').textContent"
@@ -305,12 +305,12 @@ def test_figures_without_a_meaning_are_blank(page, monitor, board):
     monitor.post("/write", {"values": {"vdc_max_V": 400}})
     page.click("#clear")
     page.until(f"{STATE} === 'idle'")
-    # A paused page holds its traces, not its figures.
+    # A paused page holds its traces, but its numbers continue.
     page.click("#pause")
     speed = "document.querySelector('[data-figure=speed_rpm]').textContent"
     before = page.js(speed)
     page.until(f"{speed} !== '{before}'")
-    # Samples that are old are no figures.
+    # Samples that are too old are not shown as numbers.
     board.process.send_signal(signal.SIGSTOP)
     try:
         page.until(f"{FIGURES}.every((text) => text === '–')", 5)
@@ -319,7 +319,7 @@ def test_figures_without_a_meaning_are_blank(page, monitor, board):
     page.until(f"{speed} !== '–'")
 
 
-def test_figures_of_a_monitor_that_is_silent_are_blank(page, monitor):
+def test_numbers_are_blank_when_the_monitor_is_silent(page, monitor):
     page.until(f"{FIGURES}[0] !== '–'")
     monitor.process.send_signal(signal.SIGSTOP)
     try:
@@ -329,11 +329,11 @@ def test_figures_of_a_monitor_that_is_silent_are_blank(page, monitor):
     page.until(f"{FIGURES}[0] !== '–'")
 
 
-def test_a_reset_of_the_board_is_plain_to_see(browser, site, board):
+def test_the_page_shows_a_reset_of_the_board(browser, site, board):
     page = browser.open(site.server.url)
     page.until(f"{STATE} === 'idle'")
     assert page.js("document.querySelector('#reset').hidden")
-    initial = site.desk.values["torque_limit_Nm"]
+    initial = site.monitored.values["torque_limit_Nm"]
     tab(page, "parameters")
     page.type(".parameter [aria-label=torque_limit_Nm]", "1,5")
     page.key("Enter", "Enter", "\r")
@@ -360,7 +360,7 @@ def test_a_hidden_page_says_in_its_title_when_the_drive_stops(browser, page, boa
     browser.call("Target.activateTarget", targetId=other)
     page.until("document.hidden && document.title.includes('stops in')", 5)
     while (off_s := board.off_s(begun_s)) is None:
-        assert board.time_s < begun_s + 13, "the drive runs on"
+        assert board.time_s < begun_s + 13, "the drive still runs"
         time.sleep(0.05)
     assert off_s - begun_s > 5
     browser.call("Target.closeTarget", targetId=other)
@@ -369,7 +369,7 @@ def test_a_hidden_page_says_in_its_title_when_the_drive_stops(browser, page, boa
     assert "hidden" in page.js("document.querySelector('#alarm').textContent")
 
 
-def test_a_fault_is_plain_to_see(page, monitor):
+def test_the_page_shows_a_fault(page, monitor):
     start(page)
     monitor.post("/write", {"values": {"vdc_max_V": 200}})
     page.until(f"{STATE} === 'fault'")
@@ -387,7 +387,7 @@ def test_a_closed_tab_stops_the_drive(browser, page, monitor):
     time.sleep(0.5)
     with monitor.page() as frame:
         time.sleep(0.2)
-        # One that came back soon keeps it running ...
+        # A page that comes back soon keeps the drive running ...
         while "status" not in (one := frame()):
             pass
         assert one["status"]["state"] == "run"
@@ -398,7 +398,7 @@ def test_a_closed_tab_stops_the_drive(browser, page, monitor):
         assert one["status"]["state"] == "idle" and "no page" in one["status"]["notice"]
 
 
-def test_a_monitor_that_is_gone_is_plain_to_see(page, monitor):
+def test_the_page_shows_that_the_monitor_has_ended(page, monitor):
     start(page)
     monitor.end(signal.SIGTERM)
     page.until(f"{STATE} === 'unknown'", 4)
@@ -407,8 +407,8 @@ def test_a_monitor_that_is_gone_is_plain_to_see(page, monitor):
     page.until("document.querySelector('#toasts .bad')")
 
 
-def test_without_the_cookie_the_page_says_how_to_get_in(browser, monitor):
-    """Another profile, or a copied address without its token."""
+def test_without_the_cookie_the_page_says_which_address_to_open(browser, monitor):
+    """This happens in another browser profile, or if the address is copied without its token."""
     monitor.cookie = ""
     page = browser.open(f"http://localhost:{monitor.port}/")
     assert "hexatorque board monitor" in page.js("document.body.textContent")

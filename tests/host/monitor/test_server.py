@@ -1,4 +1,4 @@
-"""Who may use the page, and what it may ask for."""
+"""Which clients may use the server, and which requests it carries out."""
 
 import base64
 import json
@@ -16,11 +16,11 @@ PATHS = ["/", "/monitor.js", "/device", "/values", "/snapshot", "/capture", "/ca
          "/events?window_s=1&bins=100", "/history?begin_s=0&end_s=1&bins=100"]  # fmt: skip
 
 
-# -- who --------------------------------------------------------------------------------
+# -- access -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("cookie", ["", "{name}=", "{name}=guess", "{name}={token}"])
-def test_without_a_cookie_there_is_nothing(site, cookie):
+def test_without_a_cookie_every_request_is_refused(site, cookie):
     name = f"hexatorque-{site.server.port}"
     site.cookie = cookie.format(name=name, token=site.server.token)
     for path in PATHS:
@@ -31,7 +31,7 @@ def test_without_a_cookie_there_is_nothing(site, cookie):
         assert site.post(path, {})[0] == 403, path
 
 
-def test_token_becomes_a_cookie_that_scripts_and_other_sites_do_not_get(site):
+def test_the_token_sets_a_cookie_that_scripts_and_other_sites_cannot_read(site):
     _, headers, _ = site.ask("GET", f"/?token={site.server.token}", Cookie="")
     assert headers["Location"] == "/"
     name, *flags = headers["Set-Cookie"].split("; ")
@@ -65,28 +65,28 @@ def test_another_host_name_is_refused(site, host):
 )
 def test_a_command_from_another_site_is_not_carried_out(site, origin):
     origin = origin.format(port=site.server.port)
-    before = site.desk.drive.get("speed_ref_rpm")
+    before = site.monitored.drive.get("speed_ref_rpm")
     status, answer = site.post("/write", {"values": {"speed_ref_rpm": 77}}, Origin=origin)
     assert status == 403 and "site" in answer["error"]
     assert site.post("/start", {}, Origin=origin)[0] == 403
-    assert site.desk.drive.get("speed_ref_rpm") == before
-    assert site.desk.drive.state == "idle"
+    assert site.monitored.drive.get("speed_ref_rpm") == before
+    assert site.monitored.drive.state == "idle"
 
 
 @pytest.mark.parametrize("where", ["cross-site", "same-site"])
-def test_what_another_page_embeds_is_refused(site, where):
+def test_a_request_from_another_page_is_refused(site, where):
     for path in PATHS:
         assert site.ask("GET", path, Sec_Fetch_Site=where)[0] == 403, path
     assert site.ask("GET", "/", Sec_Fetch_Site="same-origin")[0] == 200
 
 
-def test_only_this_computer_reaches_it(site):
+def test_only_this_computer_reaches_the_server(site):
     assert site.server.socket.getsockname()[0] == "127.0.0.1"
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.2", site.server.port), 2)
 
 
-# -- what -------------------------------------------------------------------------------
+# -- commands ---------------------------------------------------------------------------
 
 
 def test_a_command_is_a_post_of_json(site):
@@ -102,7 +102,7 @@ def test_a_command_is_a_post_of_json(site):
         given = mine | {"Content_Length": length}
         assert site.ask("POST", "/stop", b"{}", **given)[0] == 413, length
     assert site.post("/nothing", {})[0] == 404
-    assert site.get("/../desk.py")[0] == 404
+    assert site.get("/../monitored_drive.py")[0] == 404
 
 
 @pytest.mark.parametrize(
@@ -123,38 +123,38 @@ def test_a_command_is_a_post_of_json(site):
         ([], ["values"]),
     ],
 )
-def test_a_value_that_is_not_allowed_changes_nothing(site, values, words):
-    before = site.desk.drive.get_all()
+def test_a_value_out_of_range_changes_nothing(site, values, words):
+    before = site.monitored.drive.get_all()
     tried = {"rs_ohm": before["rs_ohm"] * 2, **values} if values else values
     status, answer = site.post("/write", {"values": tried})
     assert status == 400
     for word in words:
         assert word in answer["error"]
     assert "\n" not in answer["error"]
-    assert site.desk.drive.get_all() == before
+    assert site.monitored.drive.get_all() == before
 
 
-def test_several_values_at_once_and_what_is_in_force(site):
+def test_writing_several_values_returns_those_in_force(site):
     status, answer = site.post("/write", {"values": {"speed_ref_rpm": 100.1, "scheme": "fdr"}})
     assert status == 200
     assert answer["values"] == {"speed_ref_rpm": pytest.approx(100.1, rel=1e-6), "scheme": "fdr"}
-    assert site.desk.drive.get("scheme") == "fdr"
+    assert site.monitored.drive.get("scheme") == "fdr"
     end = time.monotonic() + 3
     while site.get("/values")[1]["scheme"] != "fdr":
         assert time.monotonic() < end
 
 
 def test_the_interrupts_rate_changes_between_streams(site):
-    """The board refuses it while anything is streamed; the traces go on at the new rate."""
-    traced = site.desk.stream.channels
+    """The board refuses a new rate while it streams. The traces continue at the new rate."""
+    traced = site.monitored.stream.channels
     assert site.post("/record/start", {"suffix": ".csv"})[0] == 200
     assert site.post("/write", {"values": {"f_isr_Hz": 8000.0}})[0] == 400
     assert site.post("/record/stop", {})[0] == 200
     status, answer = site.post("/write", {"values": {"f_isr_Hz": 8000.0, "rs_ohm": 1.5}})
     assert status == 200 and answer["values"] == {"f_isr_Hz": 8000.0, "rs_ohm": 1.5}
-    assert site.desk.stream.channels == traced
-    assert site.desk.status()["f_isr_Hz"] == 8000
-    assert site.desk.stream.rate_Hz == 2000
+    assert site.monitored.stream.channels == traced
+    assert site.monitored.status()["f_isr_Hz"] == 8000
+    assert site.monitored.stream.rate_Hz == 2000
     with site.page() as frame:
         begun = frame()["status"]["time_s"]
         end = time.monotonic() + 3
@@ -162,17 +162,17 @@ def test_the_interrupts_rate_changes_between_streams(site):
             assert time.monotonic() < end
     status, answer = site.post("/write", {"values": {"f_isr_Hz": 1e6}})
     assert status == 400 and "f_isr_Hz" in answer["error"]
-    assert site.desk.stream.channels == traced
+    assert site.monitored.stream.channels == traced
 
 
 def test_a_change_by_another_client_shows(site):
-    site.desk.drive.set("torque_limit_Nm", 3.5)
+    site.monitored.drive.set("torque_limit_Nm", 3.5)
     end = time.monotonic() + 3
     while site.get("/values")[1]["torque_limit_Nm"] != 3.5:
         assert time.monotonic() < end
 
 
-def test_what_needs_the_gates_off_is_refused_while_it_runs(site):
+def test_a_parameter_that_needs_the_gates_off_is_refused_while_the_drive_runs(site):
     with site.page():
         assert site.post("/start", {})[0] == 200
         site.until("run")
@@ -186,8 +186,10 @@ def test_what_needs_the_gates_off_is_refused_while_it_runs(site):
 
 def test_dictionary_is_the_boards(site):
     _, device = site.get("/device")
-    assert [row["name"] for row in device["parameters"]] == list(site.desk.drive.params)
-    assert [(row["name"], row["unit"]) for row in device["channels"]] == [*site.desk.drive.channels]
+    assert [row["name"] for row in device["parameters"]] == list(site.monitored.drive.params)
+    assert [(row["name"], row["unit"]) for row in device["channels"]] == [
+        *site.monitored.drive.channels
+    ]
     assert device["states"] == ["idle", "calibrate", "build", "run", "fault"]
 
 
@@ -195,7 +197,7 @@ def test_a_fault_is_shown_with_its_snapshot_and_cleared(site):
     with site.page() as frame:
         assert site.post("/start", {})[0] == 200
         site.until("run")
-        number = site.desk.snapshot_version
+        number = site.monitored.snapshot_version
         assert site.post("/write", {"values": {"vdc_max_V": 200}})[0] == 200
         site.until("fault")
         end = time.monotonic() + 3
@@ -218,11 +220,11 @@ def floats(text: str, channels: int) -> np.ndarray:
 
 
 def names_of(site, count: int) -> list[str]:
-    return [name for name, _ in site.desk.drive.channels][:count]
+    return [name for name, _ in site.monitored.drive.channels][:count]
 
 
 def test_a_page_gets_the_envelope_of_the_ring(site):
-    """Bins that came are those of the ring, all of them, 20 times a second at least."""
+    """The page gets all bins of the ring, unchanged, at least 20 times a second."""
     assert site.post("/channels", {"channels": ["i_u1_A", "vdc_V"], "rate_Hz": 2500})[0] == 200
     got, frames = {}, 0
     with site.page(window_s=1, bins=125) as frame:
@@ -232,14 +234,14 @@ def test_a_page_gets_the_envelope_of_the_ring(site):
             if not bins:
                 continue
             frames += 1
-            assert bins["width"] == 20 and bins["epoch"] == site.desk.epoch
+            assert bins["width"] == 20 and bins["epoch"] == site.monitored.epoch
             assert bins["dt_s"] == pytest.approx(20 / 2500)
             lo, hi = floats(bins["lo"], 2), floats(bins["hi"], 2)
             got |= {bins["first"] + i: (lo[:, i], hi[:, i]) for i in range(bins["count"])}
     assert frames > 30
-    numbers = sorted(got)[:-1]  # the last one was not full
+    numbers = sorted(got)[:-1]  # the last bin was not full
     assert numbers == list(range(numbers[0], numbers[-1] + 1))
-    lo, hi = site.desk.ring.envelope(20, numbers[0], numbers[-1] + 1)
+    lo, hi = site.monitored.ring.envelope(20, numbers[0], numbers[-1] + 1)
     np.testing.assert_array_equal(np.array([got[n][0] for n in numbers]).T, lo)
     np.testing.assert_array_equal(np.array([got[n][1] for n in numbers]).T, hi)
     assert lo[1, -1] == pytest.approx(300, rel=0.02)
@@ -247,7 +249,7 @@ def test_a_page_gets_the_envelope_of_the_ring(site):
         f"/history?begin_s={numbers[9] * 0.008}&end_s={numbers[-1] * 0.008}&bins=8000"
     )
     assert status == 200 and history["width"] == 1
-    part = site.desk.ring.part(history["first"], history["first"] + history["count"])
+    part = site.monitored.ring.part(history["first"], history["first"] + history["count"])
     np.testing.assert_array_equal(floats(history["lo"], 2), part)
 
 
@@ -264,13 +266,13 @@ def test_a_page_gets_the_envelope_of_the_ring(site):
         "/history?begin_s=-1&end_s=1&bins=99",
     ],
 )
-def test_a_look_that_makes_no_sense_is_refused(site, path):
+def test_a_window_out_of_range_is_refused(site, path):
     status, answer = site.get(path)
     assert status == 400 and answer["error"]
 
 
-def test_a_slow_page_holds_nothing_up(site, board):
-    """Another page and the line go on as before; in the end the slow one is let go."""
+def test_a_slow_page_delays_nothing_else(site, board):
+    """Another page and the line continue as before. At last the slow page is disconnected."""
     assert site.post("/channels", {"channels": names_of(site, 8), "rate_Hz": 2500})[0] == 200
     slow = socket.socket()
     slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -288,7 +290,7 @@ def test_a_slow_page_holds_nothing_up(site, board):
         took_s = board.time_s - begun_s
     slow.close()
     assert max(pages) == 2 and pages[-1] == 1
-    assert site.desk.stream.gaps == site.desk.stream.lost == 0
+    assert site.monitored.stream.gaps == site.monitored.stream.lost == 0
     assert ticks[-1] - ticks[0] == pytest.approx(took_s, abs=0.5)
     assert max(np.diff(ticks)) < 0.5
 
@@ -300,24 +302,24 @@ def test_channels_are_the_boards_and_their_rate_fits_the_line(site):
         assert status == 400 and word in answer["error"]
     for rate in (0, -1, 1e9, "x"):
         assert site.post("/channels", {"channels": ["vdc_V"], "rate_Hz": rate})[0] == 400
-    assert len(site.desk.stream.channels) > 4  # still those of the beginning
+    assert len(site.monitored.stream.channels) > 4  # the first choice is unchanged
     names = names_of(site, 12)
     assert site.post("/channels", {"channels": names, "rate_Hz": 10000})[0] == 200
-    fits = site.desk.stream.decimation
-    hello = site.desk.drive.hello
-    octets = (12 + 4 * 12) * hello.f_isr_Hz
-    assert fits == int(np.ceil(octets / hello.budget))
+    fits = site.monitored.stream.decimation
+    hello = site.monitored.drive.hello
+    bytes_per_s = (12 + 4 * 12) * hello.f_isr_Hz
+    assert fits == int(np.ceil(bytes_per_s / hello.budget))
     assert site.post("/channels", {"channels": [], "rate_Hz": None})[0] == 200
     with site.page() as frame:
         assert frame()["status"]["channels"] == []
     assert site.post("/channels", {"channels": ["vdc_V"], "rate_Hz": None})[0] == 200
-    assert site.desk.stream.decimation == 1 or site.desk.stream.decimation == int(
+    assert site.monitored.stream.decimation == 1 or site.monitored.stream.decimation == int(
         np.ceil(16 * hello.f_isr_Hz / hello.budget)
     )
 
 
 def test_a_browser_keeps_a_connection_for_stop(site):
-    """Browsers open six connections to a server and no more; each page takes one for good."""
+    """A browser opens at most six connections to a server, and each page keeps one open."""
     from contextlib import ExitStack
 
     with ExitStack() as pages:
@@ -346,14 +348,14 @@ def test_the_drive_stops_when_the_last_page_has_gone(site):
             assert site.post("/start", {})[0] == 200
             site.until("run")
             second()
-        for _ in range(50):  # two seconds with one page left
+        for _ in range(50):  # two seconds with one open page
             first()
-        assert site.desk.status()["state"] == "run"
+        assert site.monitored.status()["state"] == "run"
     took = site.until("idle")
-    assert 0.3 < took < site.desk.silent_s + 0.7
-    assert site.desk.status()["faults"] == []
+    assert 0.3 < took < site.monitored.silent_s + 0.7
+    assert site.monitored.status()["faults"] == []
     end = time.monotonic() + 1
-    while "no page" not in site.desk.status()["notice"]:
+    while "no page" not in site.monitored.status()["notice"]:
         assert time.monotonic() < end
 
 
@@ -363,96 +365,96 @@ def test_a_reload_of_the_page_does_not_stop_the_drive(site):
         site.until("run")
     time.sleep(0.3)
     with site.page():
-        time.sleep(2 * site.desk.silent_s)
-        assert site.desk.status()["state"] == "run"
+        time.sleep(2 * site.monitored.silent_s)
+        assert site.monitored.status()["state"] == "run"
         assert site.post("/stop", {})[0] == 200
 
 
-def test_a_drive_that_somebody_else_started_is_left_alone(site):
+def test_a_drive_that_another_client_started_is_not_stopped(site):
     with site.page():
         site.post("/start", {})
         site.until("run")
-        site.desk.drive.stop()
+        site.monitored.drive.stop()
         site.until("idle")
-    time.sleep(1.0)  # it is forgotten who started it
-    site.desk.drive.start()
+    time.sleep(1.0)  # until the monitor has forgotten its own start
+    site.monitored.drive.start()
     site.until("run")
-    time.sleep(2 * site.desk.silent_s)
-    assert site.desk.status()["state"] == "run"
-    site.desk.drive.stop()
+    time.sleep(2 * site.monitored.silent_s)
+    assert site.monitored.status()["state"] == "run"
+    site.monitored.drive.stop()
 
 
-def test_closing_the_desk_stops_what_it_started(site):
-    site.desk.silent_s = site.desk.hidden_s = 100.0
+def test_closing_stops_a_drive_that_was_started_here(site):
+    site.monitored.silent_s = site.monitored.hidden_s = 100.0
     site.post("/start", {})
     site.until("run")
-    site.desk.close()
-    assert site.desk.drive.state == "idle"
+    site.monitored.close()
+    assert site.monitored.drive.state == "idle"
 
 
 def started(site) -> float:
-    """Start the drive and see it run; when that was."""
+    """Start the drive and wait until it runs. Returns when that was."""
     assert site.post("/start", {})[0] == 200
     site.until("run")
     return time.monotonic()
 
 
 def notice(site, words: str) -> None:
-    """It comes right after the stop."""
+    """Wait for a notice. It comes right after the stop."""
     end = time.monotonic() + 2
-    while words not in site.desk.status()["notice"]:
-        assert time.monotonic() < end, site.desk.status()["notice"]
+    while words not in site.monitored.status()["notice"]:
+        assert time.monotonic() < end, site.monitored.status()["notice"]
 
 
-def test_a_page_that_does_not_answer_does_not_watch(site):
-    """It takes all that it is sent, as the browser does for a page whose script hangs."""
-    with site.page(answer=lambda told_s: None):
+def test_a_page_that_does_not_answer_does_not_keep_the_drive_running(site):
+    """It receives everything, as the browser does for a page whose script hangs."""
+    with site.page(answer=lambda sent_s: None):
         started(site)
-        site.until("idle", site.desk.silent_s + 1.0)
+        site.until("idle", site.monitored.silent_s + 1.0)
         notice(site, "no page answered")
 
 
-def test_an_answer_counts_from_when_the_page_was_told(site):
-    """What a stopped browser still had to send says nothing about now."""
+def test_an_answer_counts_from_when_its_frame_was_sent(site):
+    """An answer that a stopped browser sends late says nothing about the present."""
     first = []
 
-    def late(told_s):
-        first.append(told_s)
-        return {"told_s": first[0]}
+    def late(sent_s):
+        first.append(sent_s)
+        return {"sent_s": first[0]}
 
     with site.page(answer=late):
         begun = started(site)
-        site.until("idle", site.desk.silent_s + 1.0)
-        assert time.monotonic() - begun > 0.5 * site.desk.silent_s
+        site.until("idle", site.monitored.silent_s + 1.0)
+        assert time.monotonic() - begun > 0.5 * site.monitored.silent_s
         notice(site, "no page answered")
 
 
-def test_an_answer_from_the_future_is_one_of_now(site):
-    with site.page(answer=lambda told_s: None):
+def test_an_answer_with_a_future_time_counts_from_now(site):
+    with site.page(answer=lambda sent_s: None):
         started(site)
-        beat = {"page": 1, "told_s": time.monotonic() + 1e6, "visible": True}
+        beat = {"page": 1, "sent_s": time.monotonic() + 1e6, "visible": True}
         assert site.post("/beat", beat)[0] == 200
-        site.until("idle", site.desk.silent_s + 1.0)
+        site.until("idle", site.monitored.silent_s + 1.0)
 
 
 @pytest.mark.parametrize(
     "body",
     [
-        {"told_s": "1"}, {"told_s": None}, {"told_s": float("nan")}, {"told_s": 10**400},
+        {"sent_s": "1"}, {"sent_s": None}, {"sent_s": float("nan")}, {"sent_s": 10**400},
         {"visible": 1}, {"visible": None}, {"page": "1"}, {"page": 1.5}, {"page": None},
     ],
 )  # fmt: skip
-def test_an_answer_that_makes_no_sense_is_refused(site, body):
-    status, answer = site.post("/beat", {"page": 1, "told_s": 1.0, "visible": True} | body)
+def test_an_answer_with_wrong_fields_is_refused(site, body):
+    status, answer = site.post("/beat", {"page": 1, "sent_s": 1.0, "visible": True} | body)
     assert status == 400 and answer["error"] and "\n" not in answer["error"]
 
 
 def test_a_page_that_is_behind_gets_no_samples_until_it_has_caught_up(site):
-    """Else a slow browser would show an ever older past, and its answers would be as old."""
+    """Otherwise a slow browser would fall further and further behind, and so would its answers."""
     answers = [False]
-    with site.page(answer=lambda told_s: {"told_s": told_s} if answers[0] else None) as frame:
+    with site.page(answer=lambda sent_s: {"sent_s": sent_s} if answers[0] else None) as frame:
         end = time.monotonic() + 5
-        while "bins" not in frame():  # in the beginning there are some
+        while "bins" not in frame():  # at first it gets samples
             assert time.monotonic() < end
         until = time.monotonic() + 1.0
         while time.monotonic() < until:
@@ -466,34 +468,34 @@ def test_a_page_that_is_behind_gets_no_samples_until_it_has_caught_up(site):
 
 
 def test_one_page_that_answers_is_enough(site):
-    with site.page(answer=lambda told_s: None), site.page() as frame:
+    with site.page(answer=lambda sent_s: None), site.page() as frame:
         started(site)
-        end = time.monotonic() + 2.5 * site.desk.silent_s
+        end = time.monotonic() + 2.5 * site.monitored.silent_s
         while time.monotonic() < end:
             frame()
-        assert site.desk.status()["state"] == "run"
+        assert site.monitored.status()["state"] == "run"
 
 
-def test_hidden_pages_watch_for_a_while_only(site):
-    def hidden(told_s):
-        return {"told_s": told_s, "visible": False}
+def test_hidden_pages_keep_the_drive_running_for_a_limited_time(site):
+    def hidden(sent_s):
+        return {"sent_s": sent_s, "visible": False}
 
     with site.page(answer=hidden) as frame:
         with site.page():
             started(site)
-            end = time.monotonic() + 1.5 * site.desk.hidden_s
-            while time.monotonic() < end:  # another one is seen
+            end = time.monotonic() + 1.5 * site.monitored.hidden_s
+            while time.monotonic() < end:  # another page is visible
                 shown = frame().get("status")
                 assert shown is None or shown["stops_in_s"] is None
             assert shown is None or shown["state"] == "run"
         left = []
-        end = time.monotonic() + site.desk.hidden_s + 2.0
+        end = time.monotonic() + site.monitored.hidden_s + 2.0
         while (shown := frame().get("status", {})).get("state") != "idle":
             assert time.monotonic() < end
             left.append(shown.get("stops_in_s"))
     left = [one for one in left if one is not None]
     assert left and left == sorted(left, reverse=True)
-    assert 0 <= left[-1] < 0.5 and left[0] <= site.desk.hidden_s
+    assert 0 <= left[-1] < 0.5 and left[0] <= site.monitored.hidden_s
     notice(site, "hidden")
 
 
@@ -501,15 +503,15 @@ def test_hidden_pages_watch_for_a_while_only(site):
 
 
 def test_a_reset_of_the_board_is_shown(site, board):
-    """In words, in the traces, and by the parameters that are in force then."""
-    initial = site.desk.values["torque_limit_Nm"]
+    """The page shows it as text, as a gap in the traces, and by the parameters now in force."""
+    initial = site.monitored.values["torque_limit_Nm"]
     assert site.post("/write", {"values": {"torque_limit_Nm": initial / 2}})[0] == 200
     status, recording = site.post("/record/start", {"suffix": ".csv"})
     assert status == 200
     with site.page() as frame:
         started(site)
         time.sleep(0.5)
-        ring, before = site.desk.ring, site.desk.status()
+        ring, before = site.monitored.ring, site.monitored.status()
         assert before["reset"] == "" and before["resets"] == 0 and before["marks_s"] == []
         board.reset()
         end = time.monotonic() + 10
@@ -519,18 +521,18 @@ def test_a_reset_of_the_board_is_shown(site, board):
         while frame().get("status", {}).get("values", before["values"]) == before["values"]:
             assert time.monotonic() < end
         assert site.get("/values")[1]["torque_limit_Nm"] == initial
-        # The traces go on behind a gap with a mark; the board's time begins anew.
+        # The traces continue after a gap with a mark. The board's time starts again from 0.
         while not (status := frame().get("status", {})).get("marks_s"):
             assert time.monotonic() < end
-        assert site.desk.ring is ring
+        assert site.monitored.ring is ring
         mark = ring.marks[0]
         assert np.isnan(ring.part(mark - 20, mark + 20)).all()
-        for first in (ring.begin, ring.end - 20):  # what was before is still there
+        for first in (ring.begin, ring.end - 20):  # older samples are still there
             assert not np.isnan(ring.part(first, first + 20)).any()
         assert status["marks_s"] == [pytest.approx(mark / status["rate_Hz"])]
         assert status["time_s"] < before["time_s"]
         assert status["resets"] == 1 and status["state"] == "idle"
-        # The recording ended there.
+        # The reset ended the recording.
         assert status["record"] is None and "board reset" in status["notice"]
         assert Recording.load(recording["file"]).meta["ended"] == "board reset"
         assert site.post("/reset/seen", {})[0] == 200
@@ -548,14 +550,16 @@ def test_a_reset_of_the_board_is_shown(site, board):
     ],
 )
 def test_after_a_reset_the_set_in_force_is_named(site, monkeypatch, number, words):
-    """STATUS tells it."""
-    heard = site.desk.drive.client.get_status()
+    """STATUS gives its number."""
+    status = site.monitored.drive.client.get_status()
 
-    monkeypatch.setattr(site.desk.drive.client, "get_status", lambda: heard._replace(set=number))
-    for call in site.desk.drive.on_reset:
+    monkeypatch.setattr(
+        site.monitored.drive.client, "get_status", lambda: status._replace(set=number)
+    )
+    for call in site.monitored.drive.on_reset:
         call()
     end = time.monotonic() + 5
-    while not (text := site.desk.status()["reset"]):
+    while not (text := site.monitored.status()["reset"]):
         assert time.monotonic() < end
         time.sleep(0.01)
     assert text.startswith("The board was reset: ") and words in text
@@ -564,7 +568,7 @@ def test_after_a_reset_the_set_in_force_is_named(site, monkeypatch, number, word
 # -- captures and recordings ----------------------------------------------------------------
 
 
-def test_capture_with_what_came_before_the_trigger(site, tmp_path):
+def test_a_capture_has_the_samples_before_the_trigger(site, tmp_path):
     names = ["speed_rpm", "i_u1_A", "state"]
     order = {
         "channels": names,
@@ -581,8 +585,8 @@ def test_capture_with_what_came_before_the_trigger(site, tmp_path):
         while "waiting" not in frame().get("status", {}).get("capture_state", ""):
             assert time.monotonic() < end
         assert site.post("/start", {})[0] == 200
-        while site.desk.status()["capture"] == 0:
-            assert time.monotonic() < end + 5, site.desk.status()
+        while site.monitored.status()["capture"] == 0:
+            assert time.monotonic() < end + 5, site.monitored.status()
             frame()
         assert site.post("/stop", {})[0] == 200
     _, capture = site.get("/capture")
@@ -606,11 +610,11 @@ def test_capture_with_what_came_before_the_trigger(site, tmp_path):
     assert table.units == loaded.units and np.array_equal(table.ticks, loaded.ticks)
 
 
-def test_what_triggers_is_captured(site):
-    """Else nobody could see at what level it did."""
+def test_the_triggers_channel_is_captured(site):
+    """Otherwise nobody could see the level at the trigger."""
     names = ["vdc_V", "i_u1_A"]
     order = {"channels": names, "samples": 50, "pre": 10, "prescaler": 1}
-    most = site.desk.drive.hello.capture_channels
+    most = site.monitored.drive.hello.capture_channels
     for number, (channels, trigger, wanted) in enumerate((
         (names, "below:speed_rpm:1e5", [*names, "speed_rpm"]),
         (names, "below:vdc_V:1e5", names),
@@ -620,8 +624,8 @@ def test_what_triggers_is_captured(site):
             site.post("/capture/arm", order | {"channels": channels, "trigger": trigger})[0] == 200
         )
         end = time.monotonic() + 10
-        while site.desk.status()["capture"] < number:
-            assert time.monotonic() < end, site.desk.status()["capture_state"]
+        while site.monitored.status()["capture"] < number:
+            assert time.monotonic() < end, site.monitored.status()["capture_state"]
             time.sleep(0.02)
         assert site.get("/capture")[1]["channels"] == wanted
     full = order | {"channels": names_of(site, most), "trigger": "below:scheme:99"}
@@ -641,13 +645,13 @@ def test_what_triggers_is_captured(site):
         ({"channels": []}, "channels"), ({"channels": ["nonsense"]}, "nonsense"),
     ],
 )  # fmt: skip
-def test_a_capture_that_is_not_possible_is_refused(site, change, word):
+def test_a_capture_out_of_range_is_refused(site, change, word):
     order = {"channels": ["vdc_V"], "samples": 100, "pre": 10, "prescaler": 1, "trigger": "manual"}
     status, answer = site.post("/capture/arm", order | change)
     assert status == 400 and word in answer["error"]
 
 
-def test_a_capture_is_not_taken_for_the_one_before(site):
+def test_a_capture_is_not_confused_with_the_one_before(site):
     order = {"channels": ["vdc_V"], "samples": 20, "pre": 0, "prescaler": 1}
     with site.page() as frame:
         for number in (1, 2, 3):
@@ -666,7 +670,7 @@ def test_a_capture_can_be_cancelled(site):
     order = {"channels": ["vdc_V"], "samples": 100, "pre": 0, "prescaler": 1, "trigger": "fault"}
     site.post("/capture/arm", order)
     assert site.post("/capture/cancel", {})[0] == 200
-    assert site.desk.status()["capture_state"] == ""
+    assert site.monitored.status()["capture_state"] == ""
     assert site.post("/capture/trigger", {})[0] == 409
 
 
@@ -680,12 +684,12 @@ def test_recording_of_the_traces(site):
     status, refused = site.post("/channels", {"channels": ["vdc_V"], "rate_Hz": None})
     assert status == 400 and "recording" in refused["error"]
     time.sleep(1.5)
-    shown = site.desk.status()["record"]
+    shown = site.monitored.status()["record"]
     assert shown["file"] == answer["file"] and shown["rows"] > 1000
     assert site.post("/record/stop", {})[1]["file"] == answer["file"]
     loaded = Recording.load(answer["file"])
-    assert list(loaded.channels) == list(site.desk.stream.channels)
-    assert loaded.rate_Hz == pytest.approx(site.desk.stream.rate_Hz)
+    assert list(loaded.channels) == list(site.monitored.stream.channels)
+    assert loaded.rate_Hz == pytest.approx(site.monitored.stream.rate_Hz)
     assert len(loaded) >= shown["rows"] and not np.isnan(loaded["vdc_V"]).any()
     assert loaded.meta["drops"] == 0
     assert site.post("/channels", {"channels": ["vdc_V"], "rate_Hz": None})[0] == 200

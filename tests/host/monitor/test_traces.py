@@ -1,4 +1,4 @@
-"""The ring and its envelopes against every sample kept in a table."""
+"""The ring and its envelopes, compared with a table that keeps every sample."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hexatorque.monitor.traces import Ring, View
 
 
 def samples(seed: int, blocks: int, most: int, hole: float) -> list[tuple]:
-    """Blocks of (numbers, values) as a line delivers them: in order, with holes."""
+    """Blocks of (numbers, values) as a line delivers them: in order, some samples missing."""
     rng = np.random.default_rng(seed)
     at, out = 1_000_000, []
     for _ in range(blocks):
@@ -23,7 +23,7 @@ def table(blocks: list[tuple]) -> dict[int, np.ndarray]:
 
 
 def by_hand(kept: dict, width: int, first: int, last: int, oldest: int) -> list[tuple]:
-    """(2, 2): smallest and largest of both channels, of each bin; None without samples."""
+    """For each bin (2, 2): smallest and largest value of both channels; None if it is empty."""
     out = []
     for bin in range(first, last):
         numbers = range(max(oldest, bin * width), (bin + 1) * width)
@@ -44,7 +44,7 @@ def assert_bins(lo: np.ndarray, hi: np.ndarray, wanted: list) -> None:
 
 @pytest.mark.parametrize("hole", [0.0, 0.2])
 @pytest.mark.parametrize("width", [1, 7])
-def test_envelope_is_of_all_samples_that_are_there(width, hole):
+def test_the_envelope_covers_all_samples_of_the_ring(width, hole):
     blocks = samples(1, 60, 40, hole)
     ring = Ring(2, 300)
     kept: dict[int, np.ndarray] = {}
@@ -57,7 +57,7 @@ def test_envelope_is_of_all_samples_that_are_there(width, hole):
         assert_bins(lo, hi, by_hand(kept, width, first, last, oldest))
 
 
-def test_a_gap_longer_than_the_ring_leaves_nothing_old():
+def test_after_a_gap_longer_than_the_ring_old_samples_are_gone():
     ring = Ring(1, 10)
     ring.push(np.arange(10), np.ones((10, 1), np.float32))
     ring.push(np.array([10**6]), np.full((1, 1), 2, np.float32))
@@ -66,15 +66,15 @@ def test_a_gap_longer_than_the_ring_leaves_nothing_old():
     assert np.isnan(np.delete(values, 12)).all()
 
 
-def test_a_block_longer_than_the_ring_leaves_its_newest():
+def test_of_a_block_longer_than_the_ring_the_newest_samples_stay():
     ring = Ring(1, 10)
     ring.push(np.arange(35), np.arange(35, dtype=np.float32)[:, None])
     np.testing.assert_array_equal(ring.part(25, 35)[0], np.arange(25, 35))
     assert np.isnan(ring.part(20, 25)).all()
 
 
-@pytest.mark.parametrize("patience", [1, 30])  # blocks between two looks
-def test_a_page_that_keeps_what_it_gets_has_the_envelope(patience):
+@pytest.mark.parametrize("blocks_between", [1, 30])  # two requests of the page
+def test_a_page_that_keeps_all_bins_has_the_envelope(blocks_between):
     blocks = samples(2, 200, 30, 0.05)
     ring = Ring(2, 4000)
     view = View(ring, rate_Hz=1000.0, window_s=0.4, bins=100)
@@ -82,7 +82,7 @@ def test_a_page_that_keeps_what_it_gets_has_the_envelope(patience):
     page: dict[int, tuple] = {}
     for turn, block in enumerate(blocks):
         ring.push(*block)
-        if turn % patience:
+        if turn % blocks_between:
             continue
         first, lo, hi = view.news()
         assert lo.shape[1] <= view.count
@@ -105,11 +105,11 @@ def test_a_page_that_asks_again_at_once_gets_nothing():
     assert view.news() is None
 
 
-def test_a_board_that_counts_anew_goes_on_behind_a_gap():
+def test_after_a_reset_the_samples_continue_after_a_gap():
     ring = Ring(1, 100)
     ring.push(np.arange(1000, 1020), np.ones((20, 1), np.float32))
     ring.begin_anew(10)
-    assert ring.marks == []  # nothing has come yet
+    assert ring.marks == []  # no sample yet
     for first in (3, 8):  # the board's own numbers, after its reset
         ring.push(np.arange(first, first + 5), np.full((5, 1), 2, np.float32))
     assert ring.end == 1020 + 10 + 10 and ring.boards_end == 13
@@ -118,7 +118,7 @@ def test_a_board_that_counts_anew_goes_on_behind_a_gap():
     assert (values[:20] == 1).all() and np.isnan(values[20:30]).all() and (values[30:] == 2).all()
 
 
-def test_a_ring_without_samples_begins_where_the_board_does():
+def test_an_empty_ring_begins_at_the_boards_number():
     ring = Ring(1, 100)
     ring.begin_anew(10)
     ring.push(np.arange(3, 5), np.ones((2, 1), np.float32))

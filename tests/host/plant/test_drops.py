@@ -175,7 +175,7 @@ def test_floating_diode_opens_beyond_its_threshold(symmetric):
 
 
 @pytest.mark.parametrize("lxy_H", [10e-3, 0.1e-3])
-def test_currents_come_to_rest(symmetric, lxy_H):
+def test_free_wheeling_currents_reach_zero(symmetric, lxy_H):
     """Free-wheeling x-y currents: thresholds take them to zero in a finite time, where
     they stay without chatter, however little the inductance."""
     p = replace(symmetric.p, lxy_H=lxy_H)

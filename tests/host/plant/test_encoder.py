@@ -23,7 +23,7 @@ MACHINE = make(Parameters(2, 1.0, 1.0, 10e-3, 10e-3, 1e-9, 10e-3, 1.0))
 
 
 class Emulated:
-    """The plant's sensors, turned by hand."""
+    """The plant's sensors, with a position that the test sets."""
 
     def __init__(self, device, **sensors):
         setup = setups.load("paper-b").changed(
@@ -96,7 +96,7 @@ class Stepped:
 
 
 def wander(rng):
-    """Slow, through zero again and again."""
+    """Slow, and often through zero."""
     return np.cumsum(0.2 * np.sin(np.arange(1500) / 70) + rng.normal(0, 0.05, 1500))
 
 
@@ -106,7 +106,7 @@ def fast(rng):
 
 
 def halting(rng):
-    """Moves, with rests longer than the timer's range in between."""
+    """Movements, with pauses in between that are longer than the timer's range."""
     moves = [rng.normal(0, 1) * np.linspace(0, 20, 40) for _ in range(3)]
     pieces = [np.concatenate([m, np.full(int(rng.integers(500, 900)), m[-1])]) for m in moves]
     starts = np.cumsum([0, *(p[-1] for p in pieces[:-1])])

@@ -1,4 +1,4 @@
-"""Suppression of short gate pulses, against twelve counters that look at the gate
+"""Suppression of short gate pulses, compared with twelve counters that check the gate
 signals count by count, and trips, which nothing may hold up.
 """
 
@@ -39,7 +39,7 @@ def gate_signals(rng, periods, dead):
 
 
 def through_drivers(states, min_counts, cuts):
-    """What the legs do, count by count, the periods cut into segments."""
+    """The states of the legs, count by count, with the periods cut into segments."""
     gd, regs = gates_record(min_counts), registers()
     out, now, before = np.empty_like(states), [OFF] * 6, [OFF] * 6
     for start in range(0, len(states), PERIOD):
@@ -77,7 +77,7 @@ def counted(signal, min_counts):
 
 @pytest.mark.parametrize("cuts", [[], [40], [7, 120], [0, 0]])
 @pytest.mark.parametrize(("min_counts", "dead"), [(5, 0), (5, 3), (5, 5), (5, 20), (11, 8)])
-def test_each_driver_waits(min_counts, dead, cuts):
+def test_each_driver_delays_its_edges(min_counts, dead, cuts):
     states = gate_signals(np.random.default_rng(min_counts + dead), 30, dead)
     out = through_drivers(states, min_counts, cuts)
     expected = {}

@@ -143,7 +143,7 @@ def test_current_that_reaches_zero_stays_there(model, sign):
 
 
 def test_any_switching_with_legs_off(model):
-    """Whatever is switched: an off leg's current has its diode's sign or is zero, its
+    """Under any switching: an off leg's current has its diode's sign or is zero, its
     voltage is within the rails (0.2 %: what it moves within a step), and time passes.
     Coarse and fine calls agree."""
     p = replace(model.p, inertia_kgm2=1e9)
@@ -191,8 +191,8 @@ def switch_at_random(inv, m, load, y, vdc, legs, times):
 
 @pytest.mark.parametrize("knee_Wb", [0.0, 0.5])
 def test_diodes_do_not_chatter(model, knee_Wb):
-    """A voltage may leave its rail and come back within a step, two currents may die almost
-    together: time passes all the same, and no leg keeps a current that it cannot carry."""
+    """A voltage may leave its rail and return within a step, and two currents may reach zero almost
+    together. Time must advance, and no leg may keep a current that it cannot carry."""
     for seed in range(60):
         rng = np.random.default_rng(seed)
         i_s, i_r = model.free @ rng.normal(0, 4, 4), model.rotor @ rng.normal(0, 6, 2)
@@ -301,7 +301,7 @@ def test_count_of_legs_off(symmetric):
 
 
 def test_turning_off_twice_keeps_the_diode(symmetric):
-    """A repeated trip must not look at the current again: floating legs stay floating."""
+    """A repeated trip must not decide the diodes again: floating legs stay floating."""
     drive = Drive(symmetric.p, running(symmetric))
     i = drive.i
     drive.switch(*[OFF] * 6)

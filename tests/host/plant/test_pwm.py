@@ -229,7 +229,7 @@ def test_off_is_the_level_that_the_gate_drivers_take_as_off(device, active_low):
 @pytest.mark.parametrize("wrong", ("drivers", "dead band", "trip"))
 @pytest.mark.parametrize("device", REGISTERS)
 def test_wrong_polarity_is_both_switches_on(device, wrong):
-    """Registers for one kind of gate drivers and drivers of the other kind."""
+    """The registers are for one polarity of the gate drivers, and the drivers have the other."""
     registers = dict(ACTIVE_HIGH if wrong == "drivers" else ACTIVE_LOW)
     if wrong == "dead band":
         registers["DBCTL"] = ACTIVE_HIGH["DBCTL"]
@@ -325,7 +325,7 @@ def test_encodings_give_the_pattern_in_the_next_period(device, prd):
 
 
 @pytest.mark.parametrize("device", REGISTERS)
-def test_only_encoding_1_makes_a_gap(device):
+def test_only_encoding_1_gives_a_gap(device):
     prd = 30
     shadow_aq = {"AQCTL": SHADOW_AQ | 1} if device == "f28377s" else {}
     pwm = start(device, prd, AQCTLA=0x0331, **shadow_aq)
@@ -336,7 +336,7 @@ def test_only_encoding_1_makes_a_gap(device):
 
 @pytest.mark.parametrize("device", REGISTERS)
 @pytest.mark.parametrize("dead", [0, 3, 5])
-def test_a_pulse_shorter_than_the_dead_band_is_swallowed(device, dead):
+def test_a_pulse_shorter_than_the_dead_band_disappears(device, dead):
     prd = 40
     pwm = start(device, prd, dead, AQCTLA=0x0121, CMPA=10, CMPB=14)
     run_period(pwm, prd, 20, {})
@@ -374,7 +374,7 @@ def test_a_segment_of_no_counts_leaves_everything_to_the_next(device):
 
 @pytest.mark.parametrize("device", REGISTERS)
 def test_priorities(device):
-    """All actions at one count: each takes its turn as the higher ones are removed."""
+    """All actions are at one count. Each takes effect when those of higher priority are removed."""
     prd, count = 7, 7
     fields = {"ZERO": 0, "PRD": 2, "CAU": 4, "CBU": 8}
     for losers in (["CAU"], ["CAU", "CBU"], ["CAU", "CBU", "PRD"]):

@@ -327,8 +327,8 @@ def test_floating_leg(model):
 
 
 def test_drive_with_a_saturated_machine():
-    """Held at the flux where the curve takes twice the current. The firmware has the
-    inductances of a no-load test there: it feels at home, and the current is the curve's."""
+    """The flux is held where the curve needs twice the current. The firmware has the inductances of
+    a no-load test at this flux. The drive works, and the current is that of the curve."""
     setup = setups.load("paper-b")
     assert SimulatedDrive(setup)._machine.psi_knee_Wb == 0
     sim = SimulatedDrive(setup.changed(machine__psi_knee_Wb=0.38))

@@ -218,7 +218,7 @@ def test_filtered_drive_lags_by_its_time_constant():
     assert lag_s[1500.0] == pytest.approx(1 / (2 * np.pi * 1500), rel=0.05)
 
 
-def test_a_sensor_that_stands_still_keeps_its_register(device):
+def test_a_frozen_sensor_keeps_its_register(device):
     """Its own and no other: the six currents, the dc link."""
     for held in range(7):
         bench = Bench(device)
@@ -232,7 +232,7 @@ def test_a_sensor_that_stands_still_keeps_its_register(device):
         assert same == [channel == held for channel in range(7)]
 
 
-def test_an_encoder_that_stands_still_moves_on_from_where_the_shaft_is(device):
+def test_a_frozen_encoder_continues_at_the_shafts_position(device):
     bench = Bench(device)
     count = 2 * np.pi / (4 * PPR)
     assert bench.read(theta=100.5 * count)[1] == 100

@@ -1,5 +1,5 @@
-"""Files of recordings: what goes in comes out, in every kind, and in the tools that
-people open them with; a damaged file is one sentence, never a wrong number."""
+"""Files of recordings: every format keeps every value, and other programs can open it. A damaged
+file gives one line of error, and never a wrong number."""
 
 import json
 import sys
@@ -30,7 +30,7 @@ def same(a: Recording, b: Recording) -> None:
     assert (b.rate_Hz, b.start_s, b.meta) == (a.rate_Hz, a.start_s, a.meta)
 
 
-def test_what_goes_in_comes_out(full, suffix, tmp_path):
+def test_a_saved_recording_is_read_unchanged(full, suffix, tmp_path):
     path = full.save(tmp_path / "new" / f"rec{suffix}")
     same(full, Recording.load(path))
     assert sorted(tmp_path.rglob(".*")) == []  # no drafts left
@@ -70,7 +70,7 @@ def recordings(draw) -> Recording:
 
 @settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 @given(rec=recordings())
-def test_whatever_goes_in_comes_out(rec, suffix, tmp_path):
+def test_any_saved_recording_is_read_unchanged(rec, suffix, tmp_path):
     same(rec, Recording.load(rec.save(tmp_path / f"rec{suffix}")))
 
 
@@ -170,7 +170,7 @@ def test_an_extra_that_is_missing_is_named(suffix_needed, full, tmp_path, monkey
 
 
 @pytest.mark.parametrize("name", ["rec.xls", "rec", "rec.npz.part", "rec.NPZ"])
-def test_unknown_suffixes_are_told_the_known_ones(name, full, tmp_path):
+def test_the_error_for_an_unknown_suffix_lists_the_known_ones(name, full, tmp_path):
     for call in (full.save, formats.check_output):
         with pytest.raises(RecordingError, match=r"use \.csv, \.npz, .* or \.parquet"):
             call(tmp_path / name)
@@ -199,7 +199,7 @@ def test_a_failed_save_leaves_the_old_file(full, suffix, tmp_path):
     assert not any(file.name.startswith(".") for file in tmp_path.iterdir())
 
 
-def test_a_write_that_fails_leaves_nothing_of_itself(full, suffix, tmp_path, monkeypatch):
+def test_a_failed_write_leaves_no_temporary_file(full, suffix, tmp_path, monkeypatch):
     path = full.save(tmp_path / f"rec{suffix}")
     before = sorted(tmp_path.iterdir())
 
@@ -216,7 +216,7 @@ def test_a_write_that_fails_leaves_nothing_of_itself(full, suffix, tmp_path, mon
 
 
 def test_a_file_is_replaced_in_one_step(full, suffix, tmp_path):
-    """Who has the old one open goes on reading the old one."""
+    """A program that has the old file open continues to read the old one."""
     path = full.save(tmp_path / f"rec{suffix}")
     old = path.read_bytes()
     with path.open("rb") as reader:
@@ -240,22 +240,22 @@ def loads_or_says_so(path) -> str:
 
 
 def test_a_truncated_file_says_so(full, suffix, tmp_path):
-    """Cut anywhere: never a shorter recording as if nothing had happened."""
+    """A file that is cut anywhere never gives a shorter recording without an error."""
     path = full.save(tmp_path / f"rec{suffix}")
-    octets = path.read_bytes()
+    raw = path.read_bytes()
     for share in np.linspace(0, 0.97, 12):
-        path.write_bytes(octets[: int(share * len(octets))])
+        path.write_bytes(raw[: int(share * len(raw))])
         assert loads_or_says_so(path), share
 
 
 def test_a_damaged_file_is_one_line(full, suffix, tmp_path, capfd):
     path = full.save(tmp_path / f"rec{suffix}")
-    octets = path.read_bytes()
+    raw = path.read_bytes()
     random = np.random.default_rng(3)
     said = 0
     for _ in range(60):
-        damaged = bytearray(octets)
-        for at in random.integers(0, len(octets), random.integers(1, 6)):
+        damaged = bytearray(raw)
+        for at in random.integers(0, len(raw), random.integers(1, 6)):
             damaged[at] = random.integers(256)
         path.write_bytes(damaged)
         said += bool(loads_or_says_so(path))
@@ -297,7 +297,7 @@ def test_samples_are_not_made_into_another_type():
 
 
 @pytest.mark.parametrize("content", [b"", b"\0" * 100, b"{}", b"\n" * 400, b"PK\x03\x04", b"MDF "])
-def test_something_else_under_the_name(content, suffix, tmp_path):
+def test_another_kind_of_file_under_the_name(content, suffix, tmp_path):
     path = tmp_path / f"rec{suffix}"
     path.write_bytes(content)
     (tmp_path / "rec.json").write_text("{}")

@@ -1,5 +1,5 @@
-"""One layout for everything that records: docs/recordings.md's example is what is written; all
-kinds of file carry the same; and files of the former layout can be read."""
+"""All commands write the same layout, that of the example in docs/recordings.md. All formats carry
+the same data, and files of the former layout can be read."""
 
 import json
 import re
@@ -34,7 +34,7 @@ def example(kind: str) -> str:
 
 
 def test_the_example_of_the_document_is_what_is_written(tmp_path):
-    """Octet for octet: the table; the header as far as it is not the test's own."""
+    """Byte for byte: the table; the header as far as it is not the test's own."""
     wanted = json.loads(example("json"))
     own = ("started", "started_uncertainty_s", "device", "parameters")
     meta = {key: wanted["meta"][key] for key in own}
@@ -68,7 +68,7 @@ def test_the_foreign_table_of_the_document_is_read(tmp_path):
     assert rec["Strom"].tolist() == [1.25, 1.5, 1.75]
 
 
-def test_pandas_reads_it_without_being_told_anything(tmp_path):
+def test_pandas_reads_it_without_options(tmp_path):
     pandas = pytest.importorskip("pandas")
     (tmp_path / "run.csv").write_text(example("csv"))
     frame = pandas.read_csv(tmp_path / "run.csv")
@@ -195,7 +195,7 @@ def test_the_reason_of_the_end_is_kept(name, tmp_path):
     assert ended(OSError(5, "Input/output error")) == "Input/output error"
 
 
-def test_what_was_not_closed_has_no_end(tmp_path):
+def test_an_unclosed_recording_has_no_reason_of_its_end(tmp_path):
     writer = Writer.open(tmp_path / "a.csv", Stream(CHANNELS, 10e3))
     writer.append([5, 6, 9], np.ones((3, 2)))
     writer._file.close()  # as a killed process leaves it

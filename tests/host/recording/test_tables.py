@@ -1,5 +1,5 @@
-"""Tables that other programs have written, and ours without their header: what can be read is
-read with the right time, units and numbers; what cannot is refused with line and column."""
+"""Tables of other programs, and our own tables without their header. They are read with the right
+time, units and numbers, or refused with the line and the column."""
 
 import json
 
@@ -49,7 +49,7 @@ ENCODED = {
 
 @pytest.mark.parametrize("encoded", ENCODED)
 @pytest.mark.parametrize("written", WRITTEN)
-def test_the_same_samples_from_any_program(written, encoded, tmp_path):
+def test_the_same_samples_in_the_formats_of_several_programs(written, encoded, tmp_path):
     path = tmp_path / "scope.csv"
     path.write_bytes(ENCODED[encoded](WRITTEN[written]))
     rec = Recording.load(path)
@@ -120,7 +120,7 @@ def test_a_column_of_text_is_left_out_and_named(tmp_path):
         ("t;a,b\n0;1,5\n1;2,5\n", ""),
     ],
 )
-def test_what_cannot_be_read_is_one_line(text, said, tmp_path):
+def test_an_unreadable_table_gives_one_line(text, said, tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(text)
     if not said:
@@ -170,7 +170,7 @@ def test_a_header_of_something_else_is_not_used(tmp_path):
     assert rec.notes[0].startswith("x.json is not of a recording")
 
 
-def test_excel_has_saved_it_again(tmp_path):
+def test_a_table_that_excel_has_saved_again(tmp_path):
     """Semicolons, decimal commas, Windows lines, a mark; the header is still beside it."""
     whole = streamed(tmp_path)
     path = tmp_path / "x.csv"
@@ -203,7 +203,7 @@ def test_a_header_that_belongs_to_another_table_says_which(tmp_path):
         ("a b", ""),
     ],
 )
-def test_a_heading_is_taken_apart_as_it_was_put_together(name, unit):
+def test_splitting_a_heading_is_the_inverse_of_making_it(name, unit):
     assert table.split(table.heading(name, unit)) == (name, unit)
 
 

@@ -1,5 +1,5 @@
-"""Recording a live board: what was appended is there, whatever became of the process, the
-disk or the folder; and lost samples are lost where they were lost."""
+"""Recording a live board: appended samples are in the file, whatever happens to the process, the
+disk or the folder. Lost samples are missing in the right places."""
 
 import json
 import os
@@ -128,7 +128,7 @@ for k in range(10**6):
 
 
 @GROWING
-def test_a_killed_process_leaves_all_it_had_appended(name, tmp_path):
+def test_all_appended_samples_survive_a_killed_process(name, tmp_path):
     path = tmp_path / name
     child = subprocess.Popen(
         [sys.executable, "-c", CHILD, str(path)], stdout=subprocess.PIPE, text=True,
@@ -156,30 +156,30 @@ def test_a_killed_process_leaves_all_it_had_appended(name, tmp_path):
 
 
 @GROWING
-def test_a_file_that_ends_anywhere(name, tmp_path):
-    """Cut at every octet of the last rows: the whole rows before are there, none else."""
+def test_a_file_cut_anywhere_gives_its_complete_rows(name, tmp_path):
+    """Cut at every byte of the last rows: the whole rows before are there, none else."""
     path = tmp_path / name
     writer = Writer.open(path, STREAM)
     writer.append(*rows(np.arange(0, 50, 5)))
     grown = growing(path)
-    octets = grown.read_bytes()
+    raw = grown.read_bytes()
     per_row = STREAM.row.itemsize
-    for end in range(len(octets) - 30, len(octets)):
-        grown.write_bytes(octets[:end])
+    for end in range(len(raw) - 30, len(raw)):
+        grown.write_bytes(raw[:end])
         if name == "rec.csv":
-            whole = octets[:end].count(b"\n") - 1
+            whole = raw[:end].count(b"\n") - 1
         else:
-            whole = 10 - -(-(len(octets) - end) // per_row)
+            whole = 10 - -(-(len(raw) - end) // per_row)
         rec = Recording.load(grown)
         assert len(rec) == whole
         assert np.array_equal(rec["i_u1_A"], np.sin(5 * np.arange(whole)).astype(np.float32))
-    grown.write_bytes(octets)
+    grown.write_bytes(raw)
     writer.close()
 
 
 @GROWING
-def test_what_is_in_the_file_is_there_at_once(name, tmp_path):
-    """Nothing waits in the process for more to come."""
+def test_appended_samples_can_be_read_at_once(name, tmp_path):
+    """The process does not buffer samples."""
     writer = Writer.open(tmp_path / name, STREAM)
     for n in range(1, 5):
         writer.append(*rows([5 * n]))
@@ -195,7 +195,7 @@ def test_what_is_in_the_file_is_there_at_once(name, tmp_path):
 
 @pytest.mark.parametrize("bad", [[100], [95], [0], [100 - 2**31], [105, 105], [105, 95]])
 @GROWING
-def test_ticks_that_do_not_go_on_are_refused(name, bad, tmp_path):
+def test_ticks_that_do_not_ascend_are_refused(name, bad, tmp_path):
     with Writer.open(tmp_path / name, STREAM) as writer:
         writer.append(*rows([90, 95, 100]))
         with pytest.raises(RecordingError, match=r"tick .* after tick"):
@@ -225,12 +225,12 @@ def test_shapes_and_calls_that_do_not_fit(tmp_path):
         {"start_s": float("inf")},
     ],
 )  # fmt: skip
-def test_streams_that_cannot_be(bad):
+def test_impossible_stream_descriptions(bad):
     with pytest.raises(RecordingError):
         Stream(**{"channels": CHANNELS, "tick_Hz": 1e4, **bad})
 
 
-def test_an_absurd_gap_is_refused_and_nothing_is_lost(tmp_path):
+def test_a_too_long_gap_is_refused_and_no_sample_is_lost(tmp_path):
     writer = Writer.open(tmp_path / "rec.npz", Stream(CHANNELS, 10e3))
     writer.append(*rows([0, 1, 2, 2 + 10**8, 3 + 10**8]))
     with pytest.raises(RecordingError, match=r"99999999 samples are missing.*row 3 and row 4"):
@@ -270,7 +270,8 @@ print(len(Recording.load(sys.argv[1])))
 
 @GROWING
 def test_a_full_disk(name, tmp_path):
-    """The write that does not fit is an error; all before it stays, and it can go on."""
+    """The write that does not fit is an error. The data before it stay, and recording can
+    continue."""
     if resource.getrlimit(resource.RLIMIT_FSIZE)[1] != resource.RLIM_INFINITY:
         pytest.skip("file sizes are limited here")
     out = subprocess.run(
@@ -285,7 +286,7 @@ def test_a_full_disk(name, tmp_path):
 
 
 @GROWING
-def test_a_folder_that_vanishes(name, tmp_path):
+def test_a_folder_that_is_deleted(name, tmp_path):
     path = tmp_path / "gone" / name
     writer = Writer.open(path, STREAM)
     writer.append(*rows([5, 10]))
@@ -310,7 +311,7 @@ def test_a_file_that_cannot_be_finished_keeps_its_journal(tmp_path):
     assert len(Recording.load(path)) == 2 and not writer.growing.exists()
 
 
-def test_a_place_that_cannot_be_written(tmp_path):
+def test_a_folder_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     for path in (tmp_path / "file" / "rec.npz", Path("/proc/rec.npz"), tmp_path / "rec.xls"):
         with pytest.raises(RecordingError):
@@ -325,11 +326,11 @@ def test_a_damaged_journal_is_one_line_or_counted(tmp_path):
     writer = Writer.open(path, STREAM)
     writer.append(*rows(5 * np.arange(200)))
     whole = Recording.load(writer.growing)
-    octets = writer.growing.read_bytes()
+    raw = writer.growing.read_bytes()
     random = np.random.default_rng(1)
     for _ in range(80):
-        damaged = bytearray(octets)
-        for at in random.integers(0, len(octets), 3):
+        damaged = bytearray(raw)
+        for at in random.integers(0, len(raw), 3):
             damaged[at] = random.integers(256)
         writer.growing.write_bytes(damaged)
         try:
@@ -338,11 +339,11 @@ def test_a_damaged_journal_is_one_line_or_counted(tmp_path):
             assert "\n" not in str(error)
         else:
             assert rec.meta["unusable_rows"] + len(rec) - rec.meta["lost_samples"] == len(whole)
-    writer.growing.write_bytes(octets)
+    writer.growing.write_bytes(raw)
     writer.close()
 
 
-def test_rows_that_go_back_or_lie_off_the_raster_are_left_out_and_counted():
+def test_rows_with_earlier_or_odd_ticks_are_dropped_and_counted():
     ticks = np.array([10, 15, 15, 20, 10, 23, 25, 40], np.uint32)
     rec = journal.assemble(STREAM, ticks, rows(ticks)[1], {}, closed=False)
     assert rec.meta["unusable_rows"] == 3
@@ -351,7 +352,7 @@ def test_rows_that_go_back_or_lie_off_the_raster_are_left_out_and_counted():
 
 
 @GROWING
-def test_behind_an_interruption_rows_keep_their_own_ticks(name, tmp_path):
+def test_after_an_interruption_rows_keep_their_own_ticks(name, tmp_path):
     """A stream that was set again goes on at any tick. Text has each row's own time; where rows
     are equally spaced they are at the nearest place."""
     ticks = [90, 95, 100, 1203, 1208, 1213, 1218]
@@ -369,12 +370,12 @@ def test_behind_an_interruption_rows_keep_their_own_ticks(name, tmp_path):
         np.testing.assert_allclose(np.diff(table[:, 0]), np.diff(ticks) / STREAM.tick_Hz)
 
 
-def test_a_counters_line_cut_short_costs_no_samples(tmp_path):
+def test_an_incomplete_line_of_counters_costs_no_samples(tmp_path):
     writer = Writer.open(tmp_path / "rec.npz", STREAM)
     writer.append(*rows([5, 10]))
-    octets = writer.growing.read_bytes()
-    at = octets.index(b"\n") + 1
-    writer.growing.write_bytes(octets[:at] + b'{"drops": 1, "cr' + octets[at + 16 :])
+    raw = writer.growing.read_bytes()
+    at = raw.index(b"\n") + 1
+    writer.growing.write_bytes(raw[:at] + b'{"drops": 1, "cr' + raw[at + 16 :])
     assert len(Recording.load(writer.growing)) == 2
     writer.close()
 
@@ -403,11 +404,11 @@ def test_the_header_beside_a_growing_csv_is_readable(tmp_path):
 
 
 def test_the_journal_is_as_documented(tmp_path):
-    """Written and read here with nothing but docs/recordings.md."""
+    """The test writes and reads a journal as docs/recordings.md describes it."""
     with Writer.open(tmp_path / "rec.npz", STREAM) as writer:
         writer.append([7, 12, 22], [[1.5, -2], [2.5, -3], [3.5, -4]])
-        octets = writer.growing.read_bytes()
-    header, rest = octets.split(b"\n", 1)
+        raw = writer.growing.read_bytes()
+    header, rest = raw.split(b"\n", 1)
     head = json.loads(header)
     assert head["format"] == "hexatorque-journal-1"
     assert head["channels"] == [["i_u1_A", "A"], ["torque_Nm", "N m"]]
@@ -426,7 +427,7 @@ def test_the_journal_is_as_documented(tmp_path):
     assert rec["i_u1_A"][[0, 2]].tolist() == [1, 3] and np.isnan(rec["i_u1_A"][1])
 
 
-def test_a_csv_that_was_deleted_after_a_crash_is_no_obstacle(tmp_path):
+def test_a_csv_deleted_after_a_crash_can_be_recorded_again(tmp_path):
     crashed = Writer.open(tmp_path / "rec.csv", STREAM)
     crashed._file.close()
     with pytest.raises(RecordingError, match="not closed"):

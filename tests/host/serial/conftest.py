@@ -11,7 +11,7 @@ from board_process import Process
 
 @pytest.fixture(autouse=True)
 def own_directories(tmp_path, monkeypatch):
-    """The port servers of a test end with it: the next one's are elsewhere."""
+    """Each test has its own directory for port servers, which end with the test."""
     for name in ("XDG_RUNTIME_DIR", "XDG_CACHE_HOME"):
         (tmp_path / name).mkdir()
         monkeypatch.setenv(name, str(tmp_path / name))

@@ -1,5 +1,5 @@
-"""A board that misbehaves on command: what no honest board can be made to do. It knows the
-protocol from docs/protocol.md and nothing of the client's code."""
+"""A fake board that makes mistakes on request, which a real board cannot. It follows
+docs/protocol.md and uses none of the client's code."""
 
 import binascii
 import os
@@ -10,13 +10,13 @@ import tty
 
 
 def cobs_encode(data: bytes) -> bytes:
-    """By definition: groups of up to 254 octets without zero, each led by its length + 1;
+    """By definition: groups of up to 254 bytes without zero, each led by its length + 1;
     a group shorter than 254 stands for a zero behind it, except at the end."""
     out, group = bytearray(), bytearray()
-    for place, octet in enumerate(data):
-        if octet:
-            group.append(octet)
-        if not octet:
+    for place, byte in enumerate(data):
+        if byte:
+            group.append(byte)
+        if not byte:
             out += bytes([len(group) + 1]) + group
             group.clear()
         elif len(group) == 254:
@@ -27,13 +27,13 @@ def cobs_encode(data: bytes) -> bytes:
     return bytes(out + bytes([len(group) + 1]) + group)
 
 
-def cobs_decode(octets: bytes) -> bytes:
+def cobs_decode(raw: bytes) -> bytes:
     out = bytearray()
-    while octets:
-        length = octets[0]
-        out += octets[1:length]
-        octets = octets[length:]
-        if octets and length < 255:
+    while raw:
+        length = raw[0]
+        out += raw[1:length]
+        raw = raw[length:]
+        if raw and length < 255:
             out.append(0)
     return bytes(out)
 
@@ -91,8 +91,8 @@ class Peer:
         self._thread.join(2)
         os.close(self._slave)
 
-    def write(self, octets: bytes) -> None:
-        os.write(self._master, octets)
+    def write(self, raw: bytes) -> None:
+        os.write(self._master, raw)
 
     def sample(self, stream: int, number: int, tick: int, *values: float) -> bytes:
         head = struct.pack("<BBI", 0x40 + stream, number & 0xFF, tick & 0xFFFFFFFF)
@@ -105,10 +105,10 @@ class Peer:
             if not select.select([self._master], [], [], 0.02)[0]:
                 continue
             try:
-                octets = os.read(self._master, 4096)
+                raw = os.read(self._master, 4096)
             except OSError:
                 break
-            *parts, self._left = (self._left + octets).split(b"\0")
+            *parts, self._left = (self._left + raw).split(b"\0")
             for part in filter(None, parts):
                 checked = cobs_decode(part)
                 body = checked[:-4]
@@ -123,14 +123,14 @@ class Peer:
             return
         if self._last[0] != body:
             self._last = (body, frame(self._execute(*struct.unpack_from("<BBHH", body), body[6:])))
-        octets = self._last[1]
+        raw = self._last[1]
         if fault == "damage":
-            octets = octets[:5] + bytes([octets[5] ^ 0x10 or 1]) + octets[6:]
+            raw = raw[:5] + bytes([raw[5] ^ 0x10 or 1]) + raw[6:]
         if fault == "cut":
-            octets = octets[:7] + b"\0"
+            raw = raw[:7] + b"\0"
         if fault == "late":
             time.sleep(0.35)
-        self.write(octets * (2 if fault == "twice" else 1))
+        self.write(raw * (2 if fault == "twice" else 1))
 
     def _execute(self, op, id, session, dictionary, payload) -> bytes:
         status, answer = 0, b""

@@ -1,4 +1,4 @@
-"""The client against a board that is mute, slow, damaged or lies (peer.py)."""
+"""The client with a fake board that is silent, slow, or sends damaged or wrong replies."""
 
 import binascii
 import re
@@ -39,7 +39,7 @@ def of(peer, op):
 
 
 def different(peer, op):
-    """How many requests, repetitions not counted."""
+    """The number of requests without repetitions."""
     return len(set(of(peer, op)))
 
 
@@ -74,7 +74,7 @@ def test_a_request_is_carried_out_once_whatever_happens(peer, drive, fault, time
             drive.set("speed_ref_rpm", value)
         asked = of(peer, WRITE)[before:]
         assert peer.values[1] == value == drive.get("speed_ref_rpm")
-        assert len(set(asked)) == 1  # the same octets again
+        assert len(set(asked)) == 1  # the same bytes again
         if fault in ("mute", "damage", "cut"):
             assert len(asked) >= 1 + times
     assert peer.executed.count(WRITE) == 2
@@ -88,7 +88,7 @@ def test_a_line_gets_more_tries_than_a_process(peer):
     assert server.tries("/dev/ttyUSB0") == 8
 
 
-def test_three_tries_and_no_more(peer, drive):
+def test_a_process_gets_three_tries(peer, drive):
     drive.client.open_session()
     with drive.client._one_at_a_time:
         peer.faults = ["mute"] * 3
@@ -103,14 +103,14 @@ def test_three_tries_and_no_more(peer, drive):
     assert len(set(ids)) == 2
 
 
-def test_the_time_on_the_line_and_50_ms_are_waited_for():
+def test_the_reply_time_is_the_time_on_the_line_plus_50_ms():
     assert server.reply_s("/dev/ttyUSB0", 9600, 500) == pytest.approx(0.05 + 500 / 960)
     # Samples may go first, nine times as many bytes as the reply has.
     assert wire.reply_bytes(Op.LIST, 3) == 11 * 517
     assert wire.reply_bytes(Op.STATUS, 0) == 11 * 120
 
 
-def test_heartbeat_keeps_the_session_and_only_that(peer, drive):
+def test_the_heartbeat_keeps_the_session_and_does_nothing_else(peer, drive):
     time.sleep(0.3)
     assert not of(peer, Op.STATUS)[2:] and peer.session == 0  # before and after it had a mark
     drive.start()
@@ -124,14 +124,14 @@ def test_heartbeat_keeps_the_session_and_only_that(peer, drive):
     assert peer.requests[-1][0] == Op.CLOSE and peer.session == 0
 
 
-def test_a_session_that_the_board_lost_is_taken_again(peer, drive):
+def test_a_session_that_the_board_lost_is_opened_again(peer, drive):
     drive.set("speed_ref_rpm", 1.0)
     peer.session = 0
     drive.set("speed_ref_rpm", 2.0)
     assert peer.values[1] == 2.0 and drive.client.counters.reconnects == 1
 
 
-def test_the_session_of_a_dead_client_is_waited_for(peer, drive):
+def test_open_waits_for_the_end_of_a_dead_clients_session(peer, drive):
     peer.refuse[Op.OPEN] = (20, b"")
     threading.Timer(0.8, peer.refuse.clear).start()
     drive.set("speed_ref_rpm", 3.0)
@@ -195,7 +195,7 @@ def test_refusals_name_the_field(peer, drive, op, status, payload, text):
         ("load_Nm", 1.0, "belongs to the test bench"),
     ],
 )
-def test_what_cannot_be_right_is_not_even_sent(peer, drive, name, value, text):
+def test_a_value_out_of_range_is_not_sent(peer, drive, name, value, text):
     with pytest.raises(LinkError, match=text) as caught:
         drive.set_many({"dead_time_us": 1.0, name: value})
     assert caught.value.mistake and not of(peer, WRITE)
@@ -230,7 +230,7 @@ def cache() -> list[Path]:
     return list(Path(os.environ["XDG_CACHE_HOME"]).rglob("dictionary-*"))
 
 
-def test_dictionary_is_kept_and_believed_only_with_its_crc(peer):
+def test_a_saved_dictionary_is_used_only_with_the_right_crc(peer):
     BoardDrive.open(peer.port).close()
     asked = different(peer, LIST)
     assert asked == len(peer.rows) and len(cache()) == 1
@@ -274,11 +274,11 @@ def test_another_protocol_is_refused(peer):
 
 
 def feed(peer, stream, ticks, number=0):
-    """Samples whose values tell their tick."""
-    octets = b""
+    """Samples whose values are their ticks."""
+    raw = b""
     for place, tick in enumerate(ticks):
-        octets += peer.sample(0, number + place, tick, tick & 0xFFFF, -1.0)
-    peer.write(octets)
+        raw += peer.sample(0, number + place, tick, tick & 0xFFFF, -1.0)
+    peer.write(raw)
     deadline = time.monotonic() + 2
     rows = []
     while time.monotonic() < deadline:
@@ -303,7 +303,7 @@ def test_gaps_are_counted_by_tick(peer, stream):
     assert (stream.gaps, stream.lost, stream.damaged) == (2, 2 + 9, 0)
 
 
-def test_samples_missing_at_the_beginning_are_told_by_their_number(peer, stream):
+def test_samples_missing_at_the_beginning_follow_from_the_number(peer, stream):
     assert feed(peer, stream, [1040, 1050], number=3) == [(1040, 1040.0), (1050, 1050.0)]
     assert (stream.gaps, stream.lost) == (1, 3)
 
@@ -315,7 +315,7 @@ def test_doubled_and_old_samples_are_left_out(peer, stream):
 
 
 def test_samples_of_another_stream_before_are_left_out(peer, stream):
-    """Still on the line when the stream was set: older than the reply."""
+    """They were still on the line when the stream was set, and are older than the reply."""
     assert [t for t, _ in feed(peer, stream, [980, 990, 1000, 1010])] == [1000, 1010]
     assert stream.lost == 2  # by the numbers of these samples
 
@@ -331,7 +331,7 @@ def test_the_tick_wraps(peer, drive):
 
 
 def test_samples_before_a_reply_are_the_old_streams(peer, drive):
-    """All in one read: what comes before the reply to STREAM and what comes after."""
+    """One read contains samples before and after the reply to STREAM."""
     client, got = drive.client, []
 
     def old(bodies):
@@ -358,7 +358,7 @@ def test_frames_of_another_width_are_not_samples(peer, stream):
 
 
 def reset(peer):
-    """What a board does that is powered off and on."""
+    """Do what a board does that is switched off and on."""
     peer.session, peer.mark, peer.tick = 0, 0, 3
     peer.values = {0: 1.0, 1: 0.0, 2: 2.3}
 
@@ -370,7 +370,7 @@ def until(condition, seconds=10.0):
         time.sleep(0.01)
 
 
-def test_a_reset_ends_a_stream_and_is_told(peer, drive):
+def test_a_reset_ends_a_stream_and_is_reported(peer, drive):
     told = []
     drive.on_reset.append(lambda: told.append((threading.current_thread().name, drive.state)))
     with drive.stream(["speed_rpm", "torque_Nm"], decimation=10) as stream:
@@ -398,14 +398,14 @@ def test_a_reset_ends_a_stream_and_is_told(peer, drive):
         assert stream.read(2.0)[0].tolist() == [13]
 
 
-def test_a_reset_is_seen_without_a_session(peer, drive):
+def test_a_reset_is_noticed_without_a_session(peer, drive):
     reset(peer)
     until(lambda: drive.resets == 1)
     assert peer.session == 0 and peer.mark == drive.client.mark != 0
 
 
 def test_a_request_that_finds_a_reset_board_is_not_carried_out(peer, drive):
-    """It was meant for a board with other parameters."""
+    """The request was intended for the board with its former parameters."""
     drive.set("speed_ref_rpm", 5.0)
     with drive.client._one_at_a_time:  # no heartbeat sees it first
         reset(peer)
@@ -417,7 +417,7 @@ def test_a_request_that_finds_a_reset_board_is_not_carried_out(peer, drive):
 
 
 def test_a_session_that_ended_is_no_reset(peer, drive):
-    """The port server stood still for more than a second: by the tick it is a gap."""
+    """The port server did not run for more than a second. The tick shows that this is a gap."""
     with drive.stream(["speed_rpm", "torque_Nm"], decimation=10) as stream:
         feed(peer, stream, [1010, 1020])
         peer.session, peer.tick = 0, 41_000
@@ -428,9 +428,7 @@ def test_a_session_that_ended_is_no_reset(peer, drive):
 
 
 @pytest.mark.parametrize("number, first, missed", [(7, 1070, 7), (7, 1070 + 2560, 263)])
-def test_what_is_missing_at_the_beginning_may_be_more_than_its_number_tells(
-    peer, stream, number, first, missed
-):
+def test_more_than_255_samples_may_be_missing_at_the_beginning(peer, stream, number, first, missed):
     feed(peer, stream, [first], number)
     assert (stream.gaps, stream.lost) == (1, missed)
 
@@ -477,8 +475,8 @@ def test_unknown_channels_and_too_many(drive):
 
 
 def offer(peer, values: np.ndarray, crc: int | None = None, keep=lambda first: True, between=b""):
-    """A complete capture of two channels; data is sent for the firsts that `keep` lets, with
-    `between` after each."""
+    """A complete capture of two channels. Data are sent for the first values that `keep` accepts,
+    each followed by the bytes `between`."""
     flat = values.astype("<f4").ravel()
     crc = binascii.crc32(flat.tobytes()) if crc is None else crc
     head = struct.pack("<BBHIIIIHH", 5, 9, 2, len(values), 3, 4242, crc, 1, 0)
@@ -488,12 +486,12 @@ def offer(peer, values: np.ndarray, crc: int | None = None, keep=lambda first: T
     def answering(op, session, payload):
         if op == Op.READ:
             first, count = struct.unpack("<II", payload)
-            octets = b""
+            raw = b""
             for at in range(first, first + count, 60):
                 if keep(at):
                     part = flat[at : min(at + 60, first + count)].tobytes()
-                    octets += frame(struct.pack("<BBI", 0x50, 9, at) + part) + between
-            threading.Timer(0.01, peer.write, [octets]).start()
+                    raw += frame(struct.pack("<BBI", 0x50, 9, at) + part) + between
+            threading.Timer(0.01, peer.write, [raw]).start()
         return answer(op, session, payload)
 
     peer._answer = answering
@@ -505,7 +503,7 @@ def test_data_of_another_capture_is_left_out(peer, drive):
     np.testing.assert_array_equal(drive.captured(1.0)["torque_Nm"], values[:, 0])
 
 
-def test_lost_capture_data_is_asked_for_again(peer, drive):
+def test_lost_capture_data_is_requested_again(peer, drive):
     values = np.arange(400, dtype=np.float32).reshape(200, 2)
     seen = {}
 

@@ -1,4 +1,4 @@
-"""The link's commands as a user meets them, against a virtual board."""
+"""The commands for boards as a user types them, with a virtual board."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The client against the firmware's own server, in a virtual board that is another process."""
+"""The client with the firmware's own service, in a virtual board that is another process."""
 
 import os
 import signal
@@ -36,7 +36,7 @@ def until(condition, seconds=2.0):
 
 
 def test_the_dictionary_is_the_firmwares(drive):
-    """The table in the image, read over the wire, against the one compiled in here."""
+    """The table in the image, read over the line, equals the one compiled into this process."""
     from hexatorque import firmware
 
     assert drive.params == firmware.parameters("f28377s")
@@ -47,8 +47,8 @@ def test_the_dictionary_is_the_firmwares(drive):
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0, 1001.0])
-def test_the_board_itself_refuses_what_cannot_be(drive, value):
-    """Past the client's own check."""
+def test_the_board_itself_refuses_values_out_of_range(drive, value):
+    """Without the client's own check."""
     row = drive.params["rs_ohm"]
     before = drive.get("rs_ohm")
     payload = np.array([(0, 2.0), (row.id, value)], [("id", "<u2"), ("value", "<f4")]).tobytes()
@@ -127,6 +127,8 @@ def test_a_profile_asks_the_operator_for_what_a_board_cannot(board):
         assert drive.state == "idle"  # refused before the start
     with BoardDrive.open(board, operator=lambda *what: asked.append(what)) as drive:
         drive.run_profile(profile)
+        with pytest.raises(LinkError, match=r"^load_Nm = much: a finite number is needed$"):
+            drive.set("load_Nm", "much")
     assert asked == [("load_Nm", 1.5)]
 
 
@@ -166,7 +168,7 @@ def end(process):
 
 
 def test_a_killed_client_stops_the_drive(board):
-    """Seen by the board's own clock: its ticks until the gates are off."""
+    """The board's own clock measures the time until the gates are off."""
     with BoardDrive.open(board) as watch:
         process = starter(board)
         try:
@@ -181,7 +183,7 @@ def test_a_killed_client_stops_the_drive(board):
 
 
 def test_a_killed_port_server_stops_the_drive(board):
-    """Then it is the board itself that does it."""
+    """In this case the board itself stops the drive."""
     with BoardDrive.open(board) as drive:
         drive.start()
         until(lambda: drive.state == "run")
@@ -197,7 +199,7 @@ def test_a_killed_port_server_stops_the_drive(board):
 
 
 def test_a_stopped_process_stops_the_drive(board):
-    """It lives, but does not beat any more."""
+    """The process exists, but sends no heartbeat."""
     process = starter(board)
     try:
         process.send_signal(signal.SIGSTOP)
@@ -260,7 +262,7 @@ STREAM_S = float(os.environ.get("HT_STREAM_S", 3))
 
 
 def test_stream_without_a_gap_at_a_small_share_of_a_core(drive):
-    """Eight channels at 2500 samples a second: all that 1.25 Mbaud carry."""
+    """Eight channels at 2500 samples per second, which is all that 1.25 Mbaud carry."""
     names = [name for name, _ in drive.channels if name.startswith("i_")]
     with drive.stream([*names, "torque_Nm", "speed_rpm"], rate_Hz=2500) as stream:
         cpu, begun, ticks = time.process_time(), time.monotonic(), []
@@ -302,7 +304,7 @@ def test_over_budget_beside_other_streams(drive):
 
 
 def test_unplugged_and_another_one_plugged_in(own_board):
-    """Its mark is not the one that was known: what was streamed has ended."""
+    """The new board has another mark, so the stream has ended."""
     with BoardDrive.open(own_board.url) as drive:
         told = []
         drive.on_reset.append(lambda: told.append(drive.get("speed_ref_rpm")))
@@ -325,7 +327,7 @@ def test_unplugged_and_another_one_plugged_in(own_board):
         assert drive.get("speed_ref_rpm") == 10 and drive.state == "idle"
 
 
-def test_a_reset_ends_a_script_s_recording(own_board):
+def test_a_reset_ends_a_scripts_recording(own_board):
     with BoardDrive.open(own_board.url, record=["speed_rpm"], rate_Hz=500) as drive:
         drive.run(0.3)
         own_board.unplug()
@@ -363,8 +365,8 @@ def test_a_port_that_another_program_has(own_board):
 
 
 def test_a_capture_is_the_simulations_own_recording(tmp_path):
-    """Twelve channels at the rate of the fast interrupt, before and after a step: each
-    value that came over the line is the one that the simulation kept."""
+    """Twelve channels at the rate of the fast interrupt, before and after a step. Each value from
+    the line equals the simulation's value."""
     process = subprocess.Popen(
         [sys.executable, "-m", "hexatorque", "board", "serve", "--link", str(tmp_path / "b"),
          "--record", str(tmp_path / "own.npz")],

@@ -1,5 +1,5 @@
-"""Recorded time is the board's: whatever stands still, is lost or is reset, every sample has the
-tick that the board gave it, and what is missing is counted."""
+"""Recorded time is the board's time. Whatever is stopped, lost or reset, every sample has the tick
+that the board gave it, and missing samples are counted."""
 
 import json
 import os
@@ -28,8 +28,8 @@ HELLO = wire.Hello(2, 0, 1e4, 10**5, (0, 1, 0, 5), 508, 4, 32, 16, False, 100, 2
 
 
 class Board:
-    """A model of the board and of a transport that leads to it, without time: interrupts happen
-    when they are asked for. `due` is what the board has sampled: (life, true tick)."""
+    """A model of the board and of the transport, without real time: interrupts happen only when the
+    test calls `interrupts`. due: the board's samples, (number of resets, true tick)."""
 
     def __init__(self, tick: int) -> None:
         self.true_tick = tick  # counted on beyond 2^32
@@ -57,7 +57,8 @@ class Board:
         return False
 
     def interrupts(self, count: int, lose=()) -> None:
-        """So many fast interrupts; samples whose place is in `lose` never reach the host."""
+        """Run a number of fast interrupts. Samples whose place is in `lose` do not reach the
+        host."""
         sampled = 0
         for _ in range(count):
             self.true_tick += 1
@@ -110,13 +111,13 @@ class Board:
 
 
 class Quiet(Client):
-    """Without the thread that keeps the session up: the test says when."""
+    """A client without the thread that keeps the session. The test calls it instead."""
 
     def _keep(self) -> None:
         pass
 
     def look(self) -> None:
-        """What the thread does in its time."""
+        """Do once what the thread does repeatedly."""
         self._asked_s = 0.0
         self.keep_up()
 
@@ -144,7 +145,7 @@ def test_every_sample_has_the_boards_tick(start, decimation, steps):
     lives, got, lost = [], [], []
 
     def take() -> None:
-        """What has come, with the life of the board that it must be of."""
+        """The samples that have come, with the number of resets before them."""
         blocks = stream.waiting()
         got.extend((lives.count("reset"), int(t)) for ticks, _ in blocks for t in ticks)
         for ticks, values in blocks:
@@ -214,7 +215,7 @@ STANDSTILLS = [1.0, 5.0, *map(float, filter(None, [os.environ.get("HT_STANDSTILL
 
 @pytest.fixture
 def streaming(board, tmp_path):
-    """`hexatorque board stream` of the board's own words, in a process of its own."""
+    """`hexatorque board stream` in a process of its own."""
     file = tmp_path / "run.csv"
     process = subprocess.Popen(
         [sys.executable, "-m", "hexatorque", "board", "stream", "speed_rpm", "vdc_V",
@@ -232,7 +233,7 @@ def streaming(board, tmp_path):
 
 
 def recorded(process, file, tick_now):
-    """Ticks in the file, and its counts, once it has come up to what the board says."""
+    """The ticks and the counters in the file, as soon as it has reached the board's tick."""
     end = time.monotonic() + 30
     while int(file.read_text().splitlines()[-1].split(",")[1]) < tick_now:
         assert time.monotonic() < end
@@ -246,14 +247,14 @@ def recorded(process, file, tick_now):
 
 
 def came(file):
-    """Rows of a csv with samples that came; a lost one's cells are empty."""
+    """The rows of a .csv file that have samples. The cells of a lost sample are empty."""
     table = np.genfromtxt(file, delimiter=",", skip_header=1)
     return table[~np.isnan(table[:, 2:]).all(axis=1)]
 
 
 @pytest.mark.parametrize("seconds", STANDSTILLS)
 @pytest.mark.parametrize("who", ["the client", "the server", "the guard"])
-def test_after_a_standstill_ticks_are_the_boards(board, streaming, who, seconds):
+def test_after_a_stopped_process_ticks_are_the_boards(board, streaming, who, seconds):
     process, file = streaming
     with BoardDrive.open(board) as drive:
         if who == "the guard":

@@ -1,4 +1,4 @@
-"""The port's server: several processes share a port through it, and it is named when it hangs."""
+"""The port server: several processes share a port through it. If it hangs, it is named."""
 
 import os
 import signal
@@ -96,8 +96,8 @@ os.kill(os.getpid(), {"leaves": 0, "dies": signal.SIGKILL, "hangs": signal.SIGST
 
 
 @pytest.mark.parametrize("how", ["leaves", "dies"])
-def test_the_first_is_not_needed_any_more(board, how):
-    """Nothing is handed over: the port stays open, no sample is lost."""
+def test_the_second_client_continues_without_the_first(board, how):
+    """The port stays open, and no sample is lost."""
     process = subprocess.Popen(
         [sys.executable, "-c", FIRST, board],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
@@ -178,7 +178,7 @@ def address(board):
         yield name
 
 
-def test_rubbish_on_the_socket_harms_nobody(board, first, second, address):
+def test_wrong_bytes_on_the_socket_affect_no_other_client(board, first, second, address):
     for rubbish in (b"\0" * 9, os.urandom(9000), b"\0" + b"\x05abcd" + b"\0", b"\xff\xff"):
         with socket.socket(socket.AF_UNIX) as peer:
             peer.connect(address)
@@ -186,7 +186,7 @@ def test_rubbish_on_the_socket_harms_nobody(board, first, second, address):
     assert second.get("scheme") == "ddr"
 
 
-def test_what_a_dead_server_left_is_no_obstacle(board):
+def test_files_of_a_dead_server_are_replaced(board):
     path_of(board).write_text("")
     runtime.port_path(board, "lock").write_text("{")
     with BoardDrive.open(board) as drive:
@@ -230,8 +230,9 @@ with BoardDrive.open(sys.argv[1]) as drive:
 """
 
 
-def test_a_stop_goes_before_what_waits(board, first, address):
-    """Requests of a crowd wait in line; a STOP overtakes them all, and withdraws a START."""
+def test_a_stop_goes_before_waiting_requests(board, first, address):
+    """Requests of many clients are queued. A STOP goes before all of them, and withdraws a
+    START."""
     with socket.socket(socket.AF_UNIX) as crowd, socket.socket(socket.AF_UNIX) as stopper:
         for peer in (crowd, stopper):
             peer.settimeout(5.0)
@@ -313,7 +314,7 @@ def test_the_server_keeps_others_out(board, first, tmp_path):
 
 @pytest.fixture
 def hung(board):
-    """A server that stands still while a drive runs."""
+    """A server that is stopped while a drive runs."""
     with BoardDrive.open(board) as drive:
         drive.start()
         until(lambda: drive.state == "run")
@@ -339,7 +340,7 @@ def test_a_server_that_hangs_is_named(board, hung, words, capsys):
         hung.stop()  # one that was there before is told the same
 
 
-def test_what_the_message_says_helps(board):
+def test_the_messages_advice_helps(board):
     with BoardDrive.open(board) as drive:
         drive.start()
         until(lambda: drive.state == "run")
@@ -353,8 +354,8 @@ def test_what_the_message_says_helps(board):
         assert drive.resets == 0
 
 
-def test_a_client_that_does_not_read_blocks_nobody(board, first, address):
-    """Its samples wait up to a limit, the others' come."""
+def test_a_client_that_does_not_read_blocks_no_other_client(board, first, address):
+    """Its samples are buffered up to a limit. The other clients get theirs."""
     with socket.socket(socket.AF_UNIX) as deaf:
         deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         deaf.connect(address)
@@ -371,14 +372,14 @@ def test_a_client_that_does_not_read_blocks_nobody(board, first, address):
 
 
 def test_without_a_reader_memory_is_bounded():
-    """The queue of one client, filled by hand: replies find room, samples do not."""
+    """The test fills the queue of one client: then samples are dropped, and replies are not."""
     from hexatorque.serial import server
 
     ours, theirs = socket.socketpair()
     with ours, theirs:
         peer = server.Peer(ours)
         some = object.__new__(server.Server)
-        some.splitter, some.confused, some.retries = wire.Splitter(), 0, 0
+        some.splitter, some.unknown, some.retries = wire.Splitter(), 0, 0
         for _ in range(400_000):
             some._send(peer, b"\x40" + bytes(41))
         full = len(peer.out)
@@ -392,7 +393,7 @@ def test_without_a_reader_memory_is_bounded():
 
 @pytest.fixture
 def announced(shared_board, monkeypatch):
-    """Only what is announced: the ports of this machine are nobody's business."""
+    """Only announced boards are found, and not the ports of this computer."""
     monkeypatch.setattr(devices.list_ports, "comports", lambda: [])
     port = os.path.realpath(shared_board.url)
     path = runtime.announce(port, "a virtual board")
@@ -410,7 +411,7 @@ def test_an_announced_board_is_found(announced):
         assert found.shared
 
 
-def test_boards_that_are_gone_are_forgotten(announced, tmp_path):
+def test_files_of_ended_boards_are_removed(announced, tmp_path):
     finished = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"],
                               capture_output=True, text=True, check=True)  # fmt: skip
     stale = runtime.directory() / "board-1.json"
@@ -421,7 +422,7 @@ def test_boards_that_are_gone_are_forgotten(announced, tmp_path):
     assert not stale.exists() and not broken.exists()
 
 
-def test_a_port_that_a_program_has_is_not_touched(announced):
+def test_a_port_that_another_program_has_open_is_left_alone(announced):
     code = "import sys; f = open(sys.argv[1]); print(flush=True); sys.stdin.read()"
     with subprocess.Popen(
         [sys.executable, "-c", code, announced],
@@ -436,7 +437,7 @@ def test_a_port_that_a_program_has_is_not_touched(announced):
     assert len(devices.find()) == 1
 
 
-def test_a_device_that_is_no_board_is_passed_over(announced, monkeypatch):
+def test_a_device_that_is_no_board_is_skipped(announced, monkeypatch):
     import types
 
     master, slave = os.openpty()
@@ -461,7 +462,7 @@ def test_none_and_several_boards(announced, monkeypatch, own_board):
         BoardDrive.open()
 
 
-def test_the_runtime_directory_is_ones_own(monkeypatch, tmp_path):
+def test_the_runtime_directory_must_belong_to_the_user(monkeypatch, tmp_path):
     assert runtime.directory().stat().st_mode & 0o777 == 0o700
     runtime.directory().chmod(0o755)
     with pytest.raises(LinkError, match="belongs to you alone"):

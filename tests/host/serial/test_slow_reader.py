@@ -1,4 +1,4 @@
-"""A client that does not read: its terminal is full, octets are lost as on a wire."""
+"""A client that does not read: its terminal's buffer is full, and bytes are lost as on a wire."""
 
 import os
 import struct
@@ -44,8 +44,8 @@ def test_what_it_reads_in_the_end_is_right_and_what_is_missing_is_told():
             assert board.controller.drive.state == 0  # and nothing runs that should not
             for _ in range(40):  # now somebody does
                 go_on(0.05)
-                while octets := _read(reader):
-                    heard += octets
+                while raw := _read(reader):
+                    heard += raw
         finally:
             os.close(reader)
     recording = board.take()
@@ -56,7 +56,7 @@ def test_what_it_reads_in_the_end_is_right_and_what_is_missing_is_told():
     steps = np.diff(ticks)
     assert (steps > 0).all() and (steps % 4 == 0).all()
     assert (steps > 4).any()  # the gap
-    # Octets that were lost are at most a cut frame and whole ones: nothing wrong is in there.
+    # Bytes that were lost are at most a cut frame and whole ones: nothing wrong is in there.
     assert splitter.damaged <= (steps > 4).sum() + 1
     names = [name for name, _ in firmware.channels()]
     own = np.column_stack([recording[names[k]] for k in CHANNELS])[:: board.sim.samples_per_period]

@@ -55,7 +55,7 @@ def device():
     return Device(store=MemoryStore())
 
 
-def test_keeps_over_a_power_off(device):
+def test_saved_parameters_survive_power_off(device):
     assert of(device) == 0
     assert device.write(**KEPT, speed_ref_rpm=250.0).status == DONE
     reply = device.done(SAVE)
@@ -76,7 +76,7 @@ def test_keeps_over_a_power_off(device):
     assert forgotten.value("rs_ohm") == np.float32(firmware.parameters()["rs_ohm"].initial)
 
 
-def test_says_what_it_did_not_take(device):
+def test_the_reason_for_refusing_a_saved_set_is_given(device):
     device.write(**KEPT)
     device.done(SAVE)
     areas = device.controller.store.areas
@@ -100,7 +100,7 @@ def test_says_what_it_did_not_take(device):
     assert foreign.value("rs_ohm") == np.float32(firmware.parameters()["rs_ohm"].initial)
 
 
-def test_only_with_the_gates_off(device):
+def test_saving_only_with_the_gates_off(device):
     device.done(START)
     seen = set()
     before = bytes(device.controller.store.areas)
@@ -119,8 +119,8 @@ def test_only_with_the_gates_off(device):
     device.done(SAVE)
 
 
-def test_not_while_time_is_recorded(device):
-    """On a chip ticks stand still while the flash is written: nothing that counts them goes on."""
+def test_no_saving_during_a_stream_or_capture(device):
+    """On a chip the tick does not count while the flash is written, so nothing may depend on it."""
     device.stream(1, 10, "speed_rpm")
     assert device.ask(SAVE).status == STATE
     device.stream(1, 1)  # ends it
@@ -134,9 +134,9 @@ def test_a_repetition_is_not_written_again(device):
     class Counting(MemoryStore):
         writes = 0
 
-        def put(self, begin, octets):
+        def put(self, begin, raw):
             self.writes += 1
-            return super().put(begin, octets)
+            return super().put(begin, raw)
 
     counting = Device(store=Counting())
     body = counting.request(SAVE)
@@ -147,14 +147,14 @@ def test_a_repetition_is_not_written_again(device):
     assert counting.controller.store.writes == writes
 
 
-def test_no_memory_and_one_that_fails():
+def test_no_memory_and_a_memory_that_fails():
     none = Device()
     for op in (SAVE, FORGET):
         reply = none.ask(op)
         assert (reply.status, reply.payload) == (STORE, b"\xff\xff")
 
     class Failing(MemoryStore):
-        def put(self, begin, octets):
+        def put(self, begin, raw):
             return False
 
     failing = Device(store=Failing())
@@ -183,16 +183,16 @@ def test_file_of_a_virtual_board(tmp_path):
         assert second.controller.parameter_set == "saved"
         assert second.controller.get("rs_ohm") == 1.75
         second.run(0.01)  # the plant runs beside it
-    octets = bytearray(file.read_bytes())
+    raw = bytearray(file.read_bytes())
     for at in range(40, SIZE, 97):
-        octets[at] ^= 0x10
-    file.write_bytes(octets)
+        raw[at] ^= 0x10
+    file.write_bytes(raw)
     with virtual(file, controller__rs_ohm=1.5) as third:
         assert third.controller.parameter_set == "built-in: the saved set is damaged"
         assert third.controller.get("rs_ohm") == 1.5  # what the set-up says
 
 
-def test_what_is_no_such_file(tmp_path):
+def test_a_file_that_is_no_store(tmp_path):
     wrong = tmp_path / "notes.txt"
     wrong.write_text("something of value")
     with pytest.raises(FirmwareError, match=r"notes.txt: not a store of parameters"):
@@ -314,8 +314,8 @@ def test_commands(power, capsys):
     assert third.said["parameters"] == "built-in"
 
 
-def test_beside_another_client(power):
-    """While another client is there: the port server passes it on, however long it takes."""
+def test_saving_while_another_client_is_connected(power):
+    """The port server passes the request on, and waits as long as the write takes."""
     one = power()
     with BoardDrive.open(one.port), BoardDrive.open(one.port) as second:
         assert second.client.transport.shared
@@ -327,8 +327,8 @@ def test_beside_another_client(power):
         assert (drive.parameter_set, drive.get("rs_ohm")) == ("saved", 1.8)
 
 
-def test_killed_while_it_writes(power):
-    """At any instant: the next start has one of the sets that were kept, whole."""
+def test_a_board_killed_while_it_writes(power):
+    """Killed at any instant: the next start takes one of the saved sets, and all of it."""
     one = power()
     told = [1.0]
     with BoardDrive.open(one.port) as drive:

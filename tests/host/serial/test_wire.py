@@ -1,4 +1,4 @@
-"""Octets by definition: COBS and CRC derived anew, damage found, nothing wrong let through."""
+"""COBS and CRC, computed from their definitions. Damaged frames are found."""
 
 import contextlib
 import random
@@ -16,9 +16,9 @@ from hexatorque.serial import wire
 def crc_bit_by_bit(data: bytes) -> int:
     """The polynomial x^32 + x^26 + ... + 1 as the shift register that it is."""
     register = 0xFFFFFFFF
-    for octet in data:
+    for byte in data:
         for bit in range(8):
-            feedback = (register ^ octet >> bit) & 1
+            feedback = (register ^ byte >> bit) & 1
             register = register >> 1 ^ (0xEDB88320 if feedback else 0)
     return register ^ 0xFFFFFFFF
 
@@ -34,7 +34,7 @@ def test_crc_check_value():
     assert crc_bit_by_bit(b"123456789") == 0xCBF43926
     body = b"123456789"
     on_line = wire.frame(body)
-    assert cobs_decode(on_line[1:-1]) == body + bytes.fromhex("2639f4cb")  # low octet first
+    assert cobs_decode(on_line[1:-1]) == body + bytes.fromhex("2639f4cb")  # low byte first
 
 
 @settings(max_examples=150, deadline=None)
@@ -106,8 +106,8 @@ def test_endless_noise_takes_no_memory():
 @pytest.mark.parametrize("size", [0, 1, wire.LONGEST_BODY + 1, 600])
 def test_bodies_of_a_wrong_size_are_dropped(size):
     body = bytes([7]) * size
-    octets = cobs_encode(body + struct.pack("<I", crc_bit_by_bit(body)))
-    assert wire.unframe(octets) is None
+    raw = cobs_encode(body + struct.pack("<I", crc_bit_by_bit(body)))
+    assert wire.unframe(raw) is None
 
 
 def test_samples_are_as_wide_as_the_protocol_says():
@@ -115,12 +115,12 @@ def test_samples_are_as_wide_as_the_protocol_says():
     (row,) = np.frombuffer(body, wire.sample_type(3))
     assert (row["number"], row["tick"]) == (255, 0xFFFFFFFE)
     assert row["values"].tolist() == [1.5, -2.0, np.inf]
-    assert wire.sample_octets(3) == 12 + 4 * 3
+    assert wire.sample_bytes(3) == 12 + 4 * 3
 
 
 @settings(max_examples=200, deadline=None)
 @given(st.binary(max_size=120), st.integers(0, 3))
-def test_any_octets_parse_or_are_refused(octets, kind):
+def test_any_bytes_parse_or_are_refused(raw, kind):
     """No exception but WireError, whatever a board sends."""
     readers = (
         wire.parse_hello,
@@ -135,4 +135,4 @@ def test_any_octets_parse_or_are_refused(octets, kind):
     )
     for read in readers:
         with contextlib.suppress(wire.WireError):
-            read(octets)
+            read(raw)

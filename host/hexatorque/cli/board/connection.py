@@ -6,14 +6,19 @@ import signal
 import threading
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from ..options import Mistake
+
+if TYPE_CHECKING:
+    from ...drive.board import BoardDrive
+    from ...serial.client import Client
 
 #: Short names of what an operator changes most.
 SHORT_NAMES = {"speed": "speed_ref_rpm", "torque": "torque_ref_Nm"}
 
 
-def open_drive(device: str | None, baud: int | None):
+def open_drive(device: str | None, baud: int | None) -> BoardDrive:
     """To import what a drive needs takes as long as to find the board: both at once."""
     from concurrent.futures import ThreadPoolExecutor
 
@@ -24,7 +29,7 @@ def open_drive(device: str | None, baud: int | None):
         return BoardDrive(client.result())
 
 
-def _client(url: str | None, baud: int | None):
+def _client(url: str | None, baud: int | None) -> Client:
     from ...serial import BAUDS, runtime
     from ...serial.client import Client
 
@@ -47,7 +52,7 @@ def assignments(texts: Iterable[str]) -> dict[str, object]:
     return values
 
 
-def set_values(drive, values: dict[str, object]) -> None:
+def set_values(drive: BoardDrive, values: dict[str, object]) -> None:
     """Set values that may be text: numbers where the parameter takes numbers."""
     typed = dict(values)
     for name, value in values.items():

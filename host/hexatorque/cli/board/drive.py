@@ -49,12 +49,13 @@ def status(device, baud, as_json) -> int:
     with open_drive(device, baud) as drive:
         status = drive.client.get_status()
         capture = status.capture
+        faults, snapshot = drive.faults, drive.snapshot
         data = {
             "port": drive.client.url,
             "device": drive.hello.device,
             "build": drive.hello.build,
             "state": drive.state,
-            "faults": drive.faults,
+            "faults": faults,
             "parameters": parameter_set(status.set),
             "guarded": status.guarded,
             "session": status.in_session,
@@ -62,14 +63,11 @@ def status(device, baud, as_json) -> int:
             "damaged": status.damaged,
             "overruns": status.overruns,
             "dropped": status.dropped,
-            "latest_fault": drive.snapshot,
         }
     if as_json:
-        say(as_json, data)
+        say(as_json, {**data, "latest_fault": snapshot})
         return 0
-    data["faults"] = ", ".join(data["faults"]) or "none"
-    snapshot = data.pop("latest_fault")
-    say(as_json, data)
+    say(as_json, {**data, "faults": ", ".join(faults) or "none"})
     if snapshot:
         print(f"{'latest fault':>16}  tick {snapshot['tick']}: {', '.join(snapshot['faults'])}")
     return 0

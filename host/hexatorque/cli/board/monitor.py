@@ -28,12 +28,16 @@ def monitor(port, no_browser, output, device, baud) -> int:
     Serves a web page on 127.0.0.1: live traces, parameters, start and stop, burst captures,
     recordings. Ctrl-C ends it and stops a drive that was started there.
     """
-    from ...monitor.desk import Desk
+    from ...monitor.monitored_drive import MonitoredDrive
     from ...monitor.server import Server
 
-    with until_signal() as ended, open_drive(device, baud) as drive, Desk(drive, output) as desk:
+    with (
+        until_signal() as ended,
+        open_drive(device, baud) as drive,
+        MonitoredDrive(drive, output) as monitored,
+    ):
         try:
-            server = Server(desk, port)
+            server = Server(monitored, port)
         except OSError as error:
             raise Mistake(f"--port {port}: {error.strerror or error}") from None
         with server:

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import click
 
@@ -14,6 +15,13 @@ from ..group import examples
 from ..options import Mistake
 from ..output import complain, console_of, print_json, say, tripped
 from .connection import before_start, open_drive, set_values, until_signal
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ...drive.board import BoardDrive
+    from ...drive.recorder import Recorder
+    from ...serial.stream import Stream
 
 #: Samples per second of what only an eye looks at.
 WATCH_HZ = 200.0
@@ -26,7 +34,7 @@ started = options.together(
 
 
 @contextmanager
-def running(drive, values: dict[str, object], start: bool) -> Iterator[None]:
+def running(drive: BoardDrive, values: dict[str, object], start: bool) -> Iterator[None]:
     """A drive with these values set; started and in the end stopped if asked for."""
     set_values(drive, values)
     if not start:
@@ -93,7 +101,14 @@ def stream(
     return 0 if faulted else tripped(state, faults)
 
 
-def _write(drive, stream, recorder, wanted: int | None, ended: threading.Event, console) -> None:
+def _write(
+    drive: BoardDrive,
+    stream: Stream,
+    recorder: Recorder,
+    wanted: int | None,
+    ended: threading.Event,
+    console: Console,
+) -> None:
     """Until so many samples are written, a signal comes, or the board is reset."""
     from ...serial import LinkError
 

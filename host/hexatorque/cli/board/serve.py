@@ -135,6 +135,8 @@ class _name:
             self._path.unlink(missing_ok=True)
 
     def _target(self) -> str:
+        if self._path is None:
+            return ""
         try:
             return os.readlink(self._path)
         except OSError:

@@ -18,13 +18,13 @@ from ...setups import Setup, SetupError
 
 SECONDS = 1.0
 REPEATS = 7
-TRACE_S = 0.6  #: of the drive's life, from the start, replayed for counting
+TRACE_S = 0.6  #: duration that is replayed for counting, from the drive's start
 
 
 def realtime_factors(setup: Setup, progress: Progress | None = None) -> dict[str, float]:
-    """Simulated seconds per wall second, one core, warm, at the set-up's point: the
-    loop alone, and with the full recording (4 plant samples a period and all telemetry
-    channels). Best of a few: other work on the machine only ever slows it down."""
+    """Simulated seconds per second of real time on one core, after a first run, at the set-up's
+    operating point: for the loop alone, and with the full recording (4 plant samples per period
+    and all channels). The best of several runs, because other work only slows a run down."""
     sim = approach(Point(setup, setup["point.speed_rpm"], setup["point.load_Nm"]), progress)
     factors = {}
     for name, record in (("loop", False), ("recording", True)):
@@ -39,7 +39,7 @@ def realtime_factors(setup: Setup, progress: Progress | None = None) -> dict[str
 
 
 def write_trace(setup: Setup, path: Path) -> None:
-    """What the drive's registers held in every period from the start on, for
+    """The drive's registers in every period from the start on, for
     `count_instructions`. The capture unit is not among them: speed by edges per time."""
     sim = SimulatedDrive(setup.changed(controller__speed_period_rpm=0.0), 1)
     controller = sim.controller
@@ -53,7 +53,7 @@ def write_trace(setup: Setup, path: Path) -> None:
             position = int(words[m.eqep]) | int(words[m.eqep + 1]) << 16
             rows.append(f"{' '.join(map(str, adc))} {position} {int(len(rows) % every == 0)}")
 
-    every = round(controller.get("f_isr_Hz") / controller.get("f_slow_Hz"))
+    every = controller.fast_per_slow
     # All parameters stand before the start: the replay then is the run itself.
     sim.set("speed_ref_rpm", setup["point.speed_rpm"])
     sim.start()
@@ -67,8 +67,8 @@ def write_trace(setup: Setup, path: Path) -> None:
 def instructions(
     setup: Setup, counter: Path, progress: Progress | None = None
 ) -> dict[str, dict[str, int]]:
-    """Host instructions per scheme: the fast interrupt (register model included) and
-    the control step in it."""
+    """Instructions on this computer, per scheme: of the fast interrupt, register model included,
+    and of the control step in it."""
     result = {}
     for scheme in firmware.schemes():
         with tempfile.TemporaryDirectory() as folder:
@@ -103,7 +103,7 @@ def bench(setup: Setup, counter: Path | None, progress: Progress | None = None) 
 
 
 def tables(result: dict) -> list:
-    """For the terminal."""
+    """The results as tables for the terminal."""
     from rich.table import Table
 
     speed = Table(title="simulated seconds per wall second, one core", title_justify="left")

@@ -15,9 +15,9 @@ from ...drive.operating_points import Progress
 from ...setups import Setup
 from . import count, stack
 
-#: What has a budget of instructions and stack.
+#: The machine whose instructions and stack are limited.
 MACHINE = "mps2-an386"
-#: Who calls the drive: two interrupts and the background.
+#: The drive's entry points, by their caller: two interrupts and the background.
 ENTRIES = {
     "fast interrupt": ("ht_drive_fast_isr",),
     "slow interrupt": ("ht_drive_slow_isr",),
@@ -26,37 +26,37 @@ ENTRIES = {
 }  # fmt: skip
 #: The only library function that the fast interrupt may call.
 ALLOWED_CALLS = {"sqrtf"}
-#: The Cortex-M4F's images compiled file by file at -O2, as all other targets are and TI's
-#: compiler is told to.
+#: The Cortex-M4F's images, compiled file by file at -O2 like those of all other targets.
 BY_FILE = "mps2-by-file"
-#: Of sizes: target -> CMake preset, prefix of its binary utilities.
+#: Targets whose sizes are measured -> CMake preset, prefix of its binary utilities.
 TARGETS = {
     "host": ("host", ""),
     MACHINE: (BY_FILE, "arm-none-eabi-"),
     "atmega2560": ("avr", "avr-"),
 }
-#: The last one only where it is compiled.
+#: Folders of the firmware whose sizes count; the last one only where it is compiled.
 ROOMS = ("core", "app", "port/c2000")
-#: Cycles of the C28x, smallest and largest assumption: of an instruction of the
-#: Cortex-M4F that is no branch, and of a branch, call or return.
+#: Assumed C28x cycles for one instruction of the Cortex-M4F, smallest and largest assumption. Each
+#: has two numbers: for any other instruction, and for a branch, call or return.
 C28X_CYCLES = ((1.0, 4.0), (1.5, 7.0))
 C28X_CLOCK_HZ = 150e6
 
 
 def _stack(preset: str) -> tuple[dict, list[str]]:
-    """Deepest paths by kind of entry, and library functions that the fast interrupt calls."""
+    """The deepest path from each kind of entry, and the library functions that the fast interrupt
+    calls."""
     folder = tools.build(preset)
     objects = tools.objects(folder, "ht_core", "count").values()
     graph = stack.call_graph(folder / count.IMAGE, objects)
     paths = {}
     for kind, entries in ENTRIES.items():
-        octets, path = max(stack.deepest(graph, entry) for entry in entries)
-        paths[kind] = {"octets": octets, "path": path}
+        size, path = max(stack.deepest(graph, entry) for entry in entries)
+        paths[kind] = {"bytes": size, "path": path}
     return paths, sorted(stack.library_calls(graph, "ht_drive_fast_isr") - ALLOWED_CALLS)
 
 
 def _sizes(preset: str, prefix: str) -> dict[str, int]:
-    """Octets of code and constants of core, app and C2000 driver, and of one drive's data."""
+    """Bytes of code and constants of core, app and C2000 driver, and of one drive's data."""
     folder = tools.build(preset)
     rooms = [tools.source_root() / "firmware" / room for room in ROOMS]
     built = tools.objects(folder, "ht_core", "ht_app")
@@ -66,21 +66,21 @@ def _sizes(preset: str, prefix: str) -> dict[str, int]:
     ).stdout
     sections = re.findall(r"^(\.\S+)\s+(\d+)\s+\d+$", listed, re.MULTILINE)
     total = {"code": 0, "constants": 0}
-    for name, octets in sections:
+    for name, size in sections:
         if name.startswith(".text"):
-            total["code"] += int(octets)
+            total["code"] += int(size)
         elif name.startswith((".rodata", ".data", ".bss")):
-            total["constants"] += int(octets)
+            total["constants"] += int(size)
     (drive,) = tools.objects(folder, "ht_sizes").values()
     named = subprocess.run(
         [f"{prefix}nm", "--print-size", drive], capture_output=True, text=True, check=True
     ).stdout
-    (octets,) = re.findall(r"^\S+ (\S+) \w ht_one_drive$", named, re.MULTILINE)
-    return {**total, "drive": int(octets, 16)}
+    (size,) = re.findall(r"^\S+ (\S+) \w ht_one_drive$", named, re.MULTILINE)
+    return {**total, "drive": int(size, 16)}
 
 
-def _image_octets(preset: str) -> int:
-    """Code and constants of the counting image."""
+def _image_bytes(preset: str) -> int:
+    """Bytes of code and constants in the counting image."""
     image = tools.build(preset) / count.IMAGE
     listed = subprocess.run(
         ["arm-none-eabi-size", image], capture_output=True, text=True, check=True
@@ -89,7 +89,7 @@ def _image_octets(preset: str) -> int:
 
 
 def _estimate(setup: Setup) -> dict:
-    """Microseconds of `ddr` on a 150 MHz C28x, between two assumptions."""
+    """Lower and upper estimate of the time of `ddr` on a 150 MHz C28x, us."""
     jumps, others = count.branches(setup.changed(controller__scheme="ddr"), BY_FILE)
     low, high = (
         (others * plain + jumps * jump) / C28X_CLOCK_HZ * 1e6 for plain, jump in C28X_CYCLES
@@ -106,7 +106,7 @@ def _version(compiler: str) -> str:
 
 
 def measure(setup: Setup, progress: Progress | None = None) -> dict:
-    """Everything, as docs/budget.json has it. Targets whose compiler is missing are left
+    """Measure everything that docs/budget.json contains. Without its compiler, a target is left
     out of the sizes."""
     tools.need("arm-none-eabi-gcc", "qemu-system-arm")
     stacks, calls = _stack("mps2")
@@ -117,12 +117,12 @@ def measure(setup: Setup, progress: Progress | None = None) -> dict:
     return {
         MACHINE: {
             **instructions,
-            "stack_octets": max(row["octets"] for row in stacks.values()),
+            "stack_bytes": max(row["bytes"] for row in stacks.values()),
             "stack": stacks,
-            "stack_used_octets": used,
+            "stack_used_bytes": used,
             "library_calls": calls,
-            "image_octets": _image_octets("mps2"),
-            "image_by_file_octets": _image_octets(BY_FILE),
+            "image_bytes": _image_bytes("mps2"),
+            "image_by_file_bytes": _image_bytes(BY_FILE),
         },
         "sizes": sizes,
         "c28x_150MHz_estimate": _estimate(setup),
@@ -137,7 +137,7 @@ def limits() -> dict:
 
 
 def exceeded(result: dict, limit: dict) -> list[str]:
-    """Limits that do not hold, one line each."""
+    """The limits that are exceeded, one line each."""
     found = result[MACHINE]
     bound = limit[MACHINE]
     lines = []
@@ -151,19 +151,19 @@ def exceeded(result: dict, limit: dict) -> list[str]:
             hold(f"{scheme}, {kind} instructions", found[scheme][kind], most)
     ratio = found["ddr"]["mean"] / found["fdr"]["mean"]
     hold("ddr over fdr", round(ratio, 3), bound["ddr_over_fdr"])
-    hold("stack, octets", found["stack_octets"], bound["stack_octets"])
-    hold("image, octets", found["image_octets"], bound["image_octets"])
+    hold("stack, bytes", found["stack_bytes"], bound["stack_bytes"])
+    hold("image, bytes", found["image_bytes"], bound["image_bytes"])
     for target, rows in limit["sizes"].items():
         for what, most in rows.items():
             if target in result["sizes"]:
-                hold(f"{target}, {what}, octets", result["sizes"][target][what], most)
+                hold(f"{target}, {what}, bytes", result["sizes"][target][what], most)
     for name in found["library_calls"]:
         lines.append(f"the fast interrupt calls {name}")
     return lines
 
 
 def write(result: dict, folder: Path) -> list[Path]:
-    """budget.json and budget.md."""
+    """Write budget.json and budget.md."""
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / "budget.json", folder / "budget.md"]
     files[0].write_text(json.dumps(result, indent=1) + "\n")
@@ -203,17 +203,17 @@ but two operations in some instructions), the {branches} branches, calls and ret
 each (the depth of its pipeline), from memory without wait states.
 
 ## Stack
-Octets, Cortex-M4F, from `-fstack-usage` along the deepest path of the call graph (disassembly; no
+Bytes, Cortex-M4F, from `-fstack-usage` along the deepest path of the call graph (disassembly; no
 calls through pointers, no recursion). In the replay the fast interrupt used {measured} at most.
 
 {stack}
 
-All three on one stack, with the {exception} octets that each interrupt adds by itself: {together}.
+All three on one stack, with the {exception} bytes that each interrupt adds by itself: {together}.
 
 ## Sizes
-Octets of core, app and C2000 driver (atmega2560: without driver; constants: with the texts of the
+Bytes of core, app and C2000 driver (atmega2560: without driver; constants: with the texts of the
 parameter and channel tables), and of the data of one drive; compiled file by file at -O2. What
-the instructions are counted of, compiled as said there, is an image of {image} octets instead of
+the instructions are counted of, compiled as said there, is an image of {image} bytes instead of
 {image_by_file}.
 
 {sizes}
@@ -226,7 +226,7 @@ def _rows(headings: tuple[str, ...], rows: list[tuple]) -> str:
 
 
 def page(result: dict, limit: dict) -> str:
-    """budget.md."""
+    """The text of budget.md."""
     found, bound = result[MACHINE], limit[MACHINE]
     schemes = [name for name in found if isinstance(found[name], dict) and "mean" in found[name]]
     rows = [
@@ -237,8 +237,8 @@ def page(result: dict, limit: dict) -> str:
     headings = ("scheme", "interrupt, mean", "limit", "max", "limit", "step, mean", "max")
     goal = limit["goals"]["ddr_mean"]
     estimate = result["c28x_150MHz_estimate"]
-    deepest = {kind: row["octets"] for kind, row in found["stack"].items()}
-    together = sum(deepest.values()) + 2 * stack.EXCEPTION_OCTETS
+    deepest = {kind: row["bytes"] for kind, row in found["stack"].items()}
+    together = sum(deepest.values()) + 2 * stack.EXCEPTION_BYTES
     return PAGE.format(
         compiler=result["compiler"], options=result["options"], setup=result["setup"],
         instructions=_rows(headings, rows),
@@ -248,16 +248,16 @@ def page(result: dict, limit: dict) -> str:
         low=estimate["low_us"], high=estimate["high_us"], branches=estimate["branches"],
         others=estimate["other_instructions"],
         by_file=estimate["branches"] + estimate["other_instructions"],
-        image=found["image_octets"], image_by_file=found["image_by_file_octets"],
-        exception=stack.EXCEPTION_OCTETS,
+        image=found["image_bytes"], image_by_file=found["image_by_file_bytes"],
+        exception=stack.EXCEPTION_BYTES,
         stack=_rows(
-            ("entry", "octets", "path"),
+            ("entry", "bytes", "path"),
             [
-                (kind, row["octets"], " → ".join(row["path"]))
+                (kind, row["bytes"], " → ".join(row["path"]))
                 for kind, row in found["stack"].items()
             ],
         ),
-        together=together, measured=found["stack_used_octets"],
+        together=together, measured=found["stack_used_bytes"],
         sizes=_rows(
             ("target", "code", "constants", "data of a drive"),
             [(name, *row.values()) for name, row in result["sizes"].items()],
@@ -266,17 +266,17 @@ def page(result: dict, limit: dict) -> str:
 
 
 def tables(result: dict) -> list:
-    """For the terminal."""
+    """The results as tables for the terminal."""
     from rich.table import Table
 
     found = result[MACHINE]
-    memory = Table(title="stack and size, octets", title_justify="left")
+    memory = Table(title="stack and size, bytes", title_justify="left")
     memory.add_column("")
-    memory.add_column("octets", justify="right")
+    memory.add_column("bytes", justify="right")
     for kind, row in found["stack"].items():
-        memory.add_row(f"{MACHINE}, stack of {kind}", str(row["octets"]))
+        memory.add_row(f"{MACHINE}, stack of {kind}", str(row["bytes"]))
     for target, row in result["sizes"].items():
-        for what, octets in row.items():
-            memory.add_row(f"{target}, {what}", str(octets))
+        for what, size in row.items():
+            memory.add_row(f"{target}, {what}", str(size))
     schemes = {k: v for k, v in found.items() if isinstance(v, dict) and "mean" in v}
     return [count.instruction_table(schemes), memory]

@@ -10,6 +10,7 @@ import subprocess
 import tempfile
 from collections import Counter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +21,10 @@ from ...drive.operating_points import Progress
 from ...drive.simulated import SimulatedDrive
 from ...setups import Setup
 
-TRACE_S = 1.0  #: of the drive's life, from the start
+if TYPE_CHECKING:
+    from rich.table import Table
+
+TRACE_S = 1.0  #: duration that is replayed, from the drive's start
 LOAD_AT_S = 0.7
 #: Emulated time of an instruction, and of a SysTick tick.
 INSTRUCTION_S, TICK_S = 1024e-9, 1 / 25e6
@@ -37,6 +41,7 @@ def write_trace(setup: Setup, path: Path) -> np.ndarray:
     setup = setup.changed(controller__speed_period_rpm=0.0)
     sim = SimulatedDrive(setup, 1, WatchedController)
     controller = sim.controller
+    assert isinstance(controller, WatchedController)
     periods = round(TRACE_S / sim.period_s)
     controller.log.begin(periods)
     # All parameters stand before the start: the replay then is the run itself.
@@ -48,7 +53,7 @@ def write_trace(setup: Setup, path: Path) -> np.ndarray:
     sim.run(TRACE_S - LOAD_AT_S)
     sim.check()
     images, columns = controller.log.images, image_names(controller)
-    every = round(controller.get("f_isr_Hz") / controller.get("f_slow_Hz"))
+    every = controller.fast_per_slow
     rows = np.empty((periods, 10), "<u2")
     first = next(n for n, name in enumerate(columns) if name.endswith(".ADCRESULT0"))
     for n in range(7):
@@ -64,12 +69,12 @@ def write_trace(setup: Setup, path: Path) -> np.ndarray:
 
 
 def _image(machine: str, preset: str | None) -> Path:
-    """As built for the machine, or by another preset."""
+    """The counting image, built by the machine's preset or by another one."""
     return tools.build(preset or emulator_process.MACHINES[machine]) / IMAGE
 
 
 def _emulate(machine: str, image: Path, folder: Path, *options: str) -> None:
-    """Run the counting image in `folder`."""
+    """Run the counting image, in `folder`."""
     command = [*emulator_process.qemu(machine, image), *options]
     try:
         done = subprocess.run(
@@ -85,12 +90,12 @@ def _replay(
     setup: Setup, machine: str, folder: Path, preset: str | None = None
 ) -> dict[str, np.ndarray]:
     """Instructions per period: "isr", "step", "slow", the "state" after each,
-    and the octets of "stack" that the fast interrupt took."""
+    and the bytes of "stack" that the fast interrupt took."""
     channels = write_trace(setup, folder / "trace")
     _emulate(machine, _image(machine, preset), folder, "-icount", "shift=10")
     data = np.fromfile(folder / "counts", "<u4")
     width = len(channels)
-    # The emulated drive must have done what the simulated one did, to the last bit.
+    # The emulated drive must give the same bits as the simulated drive.
     if data[-width:].tobytes() != channels.tobytes():
         raise TargetError(f"{machine}: the replay does not end where the simulation does")
     empty, rows = data[0], data[1:-width].reshape(-1, 5)
@@ -107,9 +112,10 @@ def _replay(
 def instructions(
     setup: Setup, machine: str, progress: Progress | None = None
 ) -> tuple[dict[str, dict], int]:
-    """{scheme: {"mean", "max", "step_mean", "step_max", "slow_max"}}: fast interrupt
-    and, in it, the control step, both while the drive runs; `max` covers the way there
-    too; slow interrupt. And the octets of stack that the fast interrupt used at most."""
+    """Instructions per period, {scheme: {"mean", "max", "step_mean", "step_max", "slow_max"}}: of
+    the fast interrupt, of the control step in it, and of the slow interrupt. Means are of the
+    running drive; `max` includes its start. Also the most bytes of stack that the fast interrupt
+    used."""
     result = {}
     used = 0
     run = firmware.STATES.index("run")
@@ -140,7 +146,7 @@ def _symbols(image: Path) -> dict[int, str]:
 
 
 def _lines(image: Path, addresses: list[int]) -> list[list[tuple[str, str]]]:
-    """Per address the (function, file:line) it belongs to, innermost inlined one first."""
+    """Address -> its functions as (function, file:line), the innermost inlined one first."""
     asked = "".join(f"{a:#x}\n" for a in addresses)
     text = subprocess.run(
         ["arm-none-eabi-addr2line", "-f", "-i", "-a", "-e", image],
@@ -181,7 +187,7 @@ def executed(
         _replay(setup, machine, Path(folder), preset)
         (Path(folder) / "profile").touch()
         log = Path(folder) / "log"
-        # One instruction per translated block, none of them chained: every one is logged.
+        # One instruction per translated block, and no chained blocks: then QEMU logs each one.
         _emulate(machine, image, Path(folder), "-singlestep", "-d", "exec,nochain", "-D", str(log))
         counted: Counter[int] = Counter()
         inside = False
@@ -206,8 +212,8 @@ def executed(
 
 
 def branches(setup: Setup, preset: str) -> tuple[float, float]:
-    """Instructions of a fast interrupt that branch, call or return, and the others: means,
-    of the Cortex-M4F's image that `preset` builds."""
+    """Mean numbers of instructions of a fast interrupt: branches, calls and returns, and all
+    others, in the Cortex-M4F image that `preset` builds."""
     image, counted = executed(setup, preset=preset)
     places = _branches(image)
     jumps = sum(n for address, n in counted.items() if address in places)
@@ -215,9 +221,9 @@ def branches(setup: Setup, preset: str) -> tuple[float, float]:
 
 
 def profile(setup: Setup, machine: str = "mps2-an386") -> dict[str, list[tuple[str, float]]]:
-    """Where a scheme's fast interrupt spends its instructions, mean per interrupt, largest
-    first: by "symbol" (as compiled), by "function" (as written: what was inlined counts
-    for itself) and by source "line"."""
+    """Where the instructions of a scheme's fast interrupt are: mean numbers per interrupt, largest
+    first, by "symbol" (compiled function), "function" (source function, inlined ones counted
+    separately) and source "line"."""
     image, counted = executed(setup, machine)
     names = _symbols(image)
     starts = np.array(sorted(names))
@@ -234,7 +240,7 @@ def profile(setup: Setup, machine: str = "mps2-an386") -> dict[str, list[tuple[s
     }
 
 
-def instruction_table(result: dict):
+def instruction_table(result: dict) -> Table:
     """For the terminal."""
     from rich.table import Table
 

@@ -1,5 +1,5 @@
-"""Stack along the deepest call path, and who is called, from an image and the
-compiler's stack usage files (-fstack-usage)."""
+"""The stack along the deepest call path, and the call graph, from an image and the compiler's
+stack usage files (-fstack-usage)."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from pathlib import Path
 
 from ...boards.processor import TargetError
 
-#: What a Cortex-M with FPU puts on the stack by itself for an interrupt: r0-r3, r12, lr,
-#: pc, xPSR, s0-s15, FPSCR and a word to align.
-EXCEPTION_OCTETS = 104
+#: Bytes that a Cortex-M with FPU itself pushes for an interrupt: r0-r3, r12, lr, pc, xPSR,
+#: s0-s15, FPSCR and a word for alignment.
+EXCEPTION_BYTES = 104
 
 
 @dataclass
 class Function:
-    """`octets` it puts on the stack itself: the compiler's word, or for a library's
-    function what its instructions push."""
+    """A function. own_bytes: bytes that it pushes itself, from the compiler's files; for a library
+    function, from its instructions."""
 
     name: str
-    octets: int
+    own_bytes: int
     library: bool
-    calls: set[int] = field(default_factory=set)  #: addresses
+    calls: set[int] = field(default_factory=set)  #: addresses of the functions that it calls
     indirect: bool = False  #: calls through a pointer
 
 
-#: Functions by address: several files may have a static function of one name.
+#: Functions by address, because several files may have a static function of the same name.
 Graph = dict[int, Function]
 
 
 def _pushed(what: str, operands: str) -> int:
-    """Octets that an instruction takes from the stack."""
+    """Bytes that an instruction takes from the stack."""
     listed = re.search(r"\{(.+)\}", operands)
     if what in ("push", "vpush", "stmdb") and listed and (what != "stmdb" or "sp!" in operands):
         return sum(_registers(part) for part in listed[1].split(", ")) * 4
@@ -42,49 +42,49 @@ def _pushed(what: str, operands: str) -> int:
 
 
 def _registers(part: str) -> int:
-    """Registers in `r4` or `s16-s19`; a double counts twice."""
+    """Number of registers in a text like `r4` or `s16-s19`. A double register counts twice."""
     ends = [int(n) for n in re.findall(r"[rsd](\d+)", part)]
     count = ends[-1] - ends[0] + 1 if ends else 1
     return 2 * count if part.startswith("d") else count
 
 
 def usage_files(image: Path, objects: Iterable[Path]) -> list[Path]:
-    """The compiler's stack usage files: of an image that was compiled when it was linked
-    those beside it, else those beside its object files."""
+    """The compiler's stack usage files. If an image is optimised when it is linked they are beside
+    the image, otherwise beside its object files."""
     linked = sorted(image.parent.glob(f"{image.name}.ltrans*.su"))
     return linked or [file.with_suffix(".su") for file in objects]
 
 
-def _own_octets(files: Iterable[Path]) -> dict[str, int]:
-    """Function -> octets of stack, from stack usage files."""
-    octets: dict[str, int] = {}
+def _own_bytes(files: Iterable[Path]) -> dict[str, int]:
+    """Function -> bytes of stack, from the stack usage files."""
+    sizes: dict[str, int] = {}
     for file in files:
         for line in file.read_text().splitlines():
             place, size, kind = line.split("\t")
             name = place.rsplit(":", 1)[1]
             if kind not in ("static", "dynamic,bounded"):
                 raise TargetError(f"{name}: stack usage is {kind}")
-            octets[name] = max(octets.get(name, 0), int(size))
-    return octets
+            sizes[name] = max(sizes.get(name, 0), int(size))
+    return sizes
 
 
 def call_graph(image: Path, objects: Iterable[Path]) -> Graph:
-    """Functions of an Arm image, each with whom it calls or jumps to."""
+    """The functions of an Arm image, each with the functions that it calls or jumps to."""
     text = subprocess.run(
         ["arm-none-eabi-objdump", "-d", "--no-show-raw-insn", image],
         capture_output=True, text=True, check=True,
     ).stdout  # fmt: skip
-    own = _own_octets(usage_files(image, objects))
+    own = _own_bytes(usage_files(image, objects))
     graph: Graph = {}
     current = Function("", 0, True)
     for line in text.splitlines():
         head = re.fullmatch(r"([0-9a-f]+) <(.+)>:", line)
         if head:
-            # Clones of a function (name.constprop.0) are listed by the part before the number,
-            # static ones of an image compiled when linked (name.lto_priv.0) by their name.
+            # A clone of a function (name.constprop.0) is listed without its number. In an image
+            # that is optimised when linked, a static one (name.lto_priv.0) has its full name.
             name = re.sub(r"\.lto_priv\.\d+$", "", head[2])
-            octets = own.get(name, own.get(re.sub(r"\.\d+$", "", name)))
-            current = Function(name, octets or 0, octets is None)
+            size = own.get(name, own.get(re.sub(r"\.\d+$", "", name)))
+            current = Function(name, size or 0, size is None)
             graph[int(head[1], 16)] = current
             continue
         instruction = re.match(r"\s+[0-9a-f]+:\s+(\S+)\s*(.*)", line)
@@ -92,7 +92,7 @@ def call_graph(image: Path, objects: Iterable[Path]) -> Graph:
             continue
         what, operands = instruction.groups()
         if current.library:
-            current.octets += _pushed(what, operands)
+            current.own_bytes += _pushed(what, operands)
         target = re.search(r"\b([0-9a-f]+) <[^>]+>", operands)
         if what.startswith("blx") and not target:
             current.indirect = True
@@ -104,13 +104,13 @@ def call_graph(image: Path, objects: Iterable[Path]) -> Graph:
 
 
 def address(graph: Graph, name: str) -> int:
-    """Of the one function of that name."""
+    """The address of the function of this name."""
     (found,) = (place for place, function in graph.items() if function.name == name)
     return found
 
 
 def deepest(graph: Graph, entry: str) -> tuple[int, list[str]]:
-    """Octets and functions of the deepest path from `entry`."""
+    """Bytes and functions of the deepest path from `entry`."""
     known: dict[int, tuple[int, list[str]]] = {}
 
     def walk(place: int, above: tuple[int, ...]) -> tuple[int, list[str]]:
@@ -122,14 +122,15 @@ def deepest(graph: Graph, entry: str) -> tuple[int, list[str]]:
         if place not in known:
             below = [walk(callee, (*above, place)) for callee in sorted(function.calls)]
             size, path = max(below, default=(0, []), key=lambda row: row[0])
-            known[place] = function.octets + size, [function.name, *path]
+            known[place] = function.own_bytes + size, [function.name, *path]
         return known[place]
 
     return walk(address(graph, entry), ())
 
 
 def library_calls(graph: Graph, entry: str) -> set[str]:
-    """Functions that are not ours, anywhere below `entry`; "?" for calls through pointers."""
+    """The library functions that `entry` calls directly or indirectly. "?" stands for a call
+    through a pointer."""
     seen: set[int] = set()
     todo = [address(graph, entry)]
     while todo:

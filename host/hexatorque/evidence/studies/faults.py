@@ -34,9 +34,9 @@ SETUPS = ("paper-a-feasible", "paper-b")
 #: times as many.
 RUNS = 180
 QUICK_RUNS = 12
-#: Periods watched after the gates are off.
+#: Periods that are checked after the gates are off.
 AFTER = 50
-#: Deadlines, in periods: the next interrupt; two slow periods; what takes its time to show.
+#: Deadlines in periods: the next interrupt; two slow periods; faults that show only gradually.
 NOW, TWO_SLOW, LATER = 1, 200, 5000
 STATES = ("idle", "calibrate", "build", "run", "fault")
 POWERED = ("build", "run")
@@ -60,9 +60,9 @@ class Fault:
     found_in: tuple[str, ...] = POWERED
     deadline: int = NOW
     changes: dict[str, object] = field(default_factory=dict)
-    #: Before the clear; what is wrong, or "".
+    #: Called before the clear; returns what is wrong, or "".
     repair: Callable[[SimulatedDrive], str] | None = None
-    stands: bool = False  #: no fast interrupt comes from the injection on
+    stands: bool = False  #: no fast interrupt comes after the injection
 
 
 def _sign(rng: np.random.Generator) -> int:
@@ -71,13 +71,13 @@ def _sign(rng: np.random.Generator) -> int:
 
 def _over_current(sim: SimulatedDrive, rng: np.random.Generator) -> None:
     """A real current in x-y: every phase of it beyond the trip level."""
-    amperes = 2.5 * sim.controller.get("i_trip_A")
+    amperes = 2.5 * sim.controller.number("i_trip_A")
     sim.plant_state[2] += _sign(rng) * amperes * sim.machine.lxy_H
 
 
 def _alpha_beta_current(sim: SimulatedDrive, rng: np.random.Generator) -> None:
     """Flux torn away from the rotor's: more than `i_ab_trip_A`, no phase beyond its own."""
-    m, trip_A = sim.machine, sim.controller.get("i_ab_trip_A")
+    m, trip_A = sim.machine, sim.controller.number("i_ab_trip_A")
     angle = rng.uniform(0, 2 * np.pi)
     direction = np.array([np.cos(angle), np.sin(angle)])
     sim.plant_state[:4] = 0.0
@@ -88,14 +88,14 @@ def _alpha_beta_current(sim: SimulatedDrive, rng: np.random.Generator) -> None:
 
 def _vdc(level: str, factor: float) -> Inject:
     def inject(sim: SimulatedDrive, rng: np.random.Generator) -> None:
-        sim.set("vdc_V", factor * sim.controller.get(level))
+        sim.set("vdc_V", factor * sim.controller.number(level))
 
     return inject
 
 
 def _over_speed(sim: SimulatedDrive, rng: np.random.Generator) -> None:
     """The load turns and drives the shaft, 1000 rad/s2 beyond what the drive can hold."""
-    torque_Nm = sim.controller.get("torque_limit_Nm") + 1000 * sim.machine.inertia_kgm2
+    torque_Nm = sim.controller.number("torque_limit_Nm") + 1000 * sim.machine.inertia_kgm2
     forward = sim.plant_state[6] > 0 if abs(sim.plant_state[6]) > 1 else _sign(rng) > 0
     sim.set("load_Nm", -torque_Nm if forward else torque_Nm)
 
@@ -116,7 +116,7 @@ def _offset(share: float) -> Inject:
     """A sensor's zero jumps by a share of the trip level of a set's sum."""
 
     def inject(sim: SimulatedDrive, rng: np.random.Generator) -> None:
-        counts = share * sim.controller.get("i_sum_trip_A") / sim.controller.drive.i_per_count
+        counts = share * sim.controller.number("i_sum_trip_A") / sim.controller.drive.i_per_count
         sim.sensors.i_offset_counts[rng.integers(6)] += _sign(rng) * counts
 
     return inject
@@ -128,7 +128,7 @@ def _upset(*values: float) -> Inject:
     def inject(sim: SimulatedDrive, rng: np.random.Generator) -> None:
         value = float(rng.choice(values))
         if np.isfinite(value):
-            value *= sim.controller.get("flux_trip_Wb")
+            value *= sim.controller.number("flux_trip_Wb")
         setattr(sim.controller.drive.control.observer.psi_Wb, rng.choice(["alpha", "beta"]), value)
 
     return inject
@@ -145,8 +145,8 @@ def _trip_pin_held(sim: SimulatedDrive, rng: np.random.Generator) -> None:
 
 
 def _release_the_trip_pin(sim: SimulatedDrive) -> str:
-    """What must have held while the pin was low, after it: a start and a clear are refused and
-    say why, in every state. Then the pin goes high."""
+    """While the pin is low, a start and a clear must be refused in every state, with the reason.
+    Then the pin goes high."""
     for command in (sim.start, sim.clear):
         before = sim.state
         try:
@@ -249,7 +249,7 @@ FAULTS = (
 
 @dataclass
 class Result:
-    """One run. `error` is empty if the drive did all it must."""
+    """One run. `error` is empty if the drive did everything that it must."""
 
     fault: str
     state: str
@@ -285,11 +285,11 @@ def _bring_to(sim: SimulatedDrive, state: str, rng: np.random.Generator) -> None
         sim.run(sim.period_s * int(rng.integers(*ticks)), record=False)
         return
     sim.run(0.31, record=False)
-    # Fast enough for a lost encoder to matter.
+    # So fast that a lost encoder has an effect.
     direction = _sign(rng)
     sim.set("speed_ref_rpm", direction * float(rng.uniform(400, 900)))
     sim.run(float(rng.uniform(0.2, 0.4)), record=False)
-    limit_Nm = sim.controller.get("torque_limit_Nm")
+    limit_Nm = sim.controller.number("torque_limit_Nm")
     sim.set("load_Nm", direction * float(rng.uniform(-0.5, 0.5)) * limit_Nm)
     sim.run(float(rng.uniform(0.0, 0.2)), record=False)
     if state == "fault":
@@ -305,12 +305,12 @@ def _gates_off(sim: SimulatedDrive) -> bool:
 
 
 def _shoot_through(sim: SimulatedDrive, legs: np.ndarray) -> str:
-    """Changes of legs since the log began, checked for the dead time; `legs` holds the
-    states before and is brought up to date."""
+    """Check the dead time of the edges since the log began. `legs` has the states before them and
+    is updated."""
     clock_Hz = float(sim.controller.map.pwm_clock_Hz)
     dead = math.ceil(sim.setup["inverter.dead_time_us"] * 1e-6 * clock_Hz - 0.01)
     if sim.shorts:
-        return "both switches of a leg were told to be on"
+        return "both switches of a leg were commanded on"
     since = np.full(6, -(10**9))
     for count, leg, state in sim.edges:
         before = legs[leg]
@@ -325,7 +325,7 @@ def _shoot_through(sim: SimulatedDrive, legs: np.ndarray) -> str:
 
 
 def _disturb(sim: SimulatedDrive, rng: np.random.Generator) -> None:
-    """What someone may try while the drive is latched."""
+    """Commands that a user may try while a fault is latched."""
     with contextlib.suppress(firmware.FirmwareError):
         sim.start()
     sim.set("speed_ref_rpm", float(rng.uniform(-500, 500)))
@@ -370,6 +370,7 @@ def _latched(sim: SimulatedDrive, fault: Fault, injected: int, result: Result) -
     if sim.controller.state != "fault":
         return f"not found within {fault.deadline} periods"
     snapshot = sim.controller.snapshot
+    assert snapshot  # in fault there is one
     result.cause = ", ".join(snapshot["faults"])
     result.periods = sim.periods - injected
     if not _gates_off(sim):
@@ -401,7 +402,7 @@ def _stays_off(sim: SimulatedDrive, rng: np.random.Generator, fault: Fault) -> s
     error = fault.repair(sim) if fault.repair else ""
     if error:
         return error
-    turning = abs(sim.controller.drive.speed_rpm) > sim.controller.get("start_max_rpm")
+    turning = abs(sim.controller.drive.speed_rpm) > sim.controller.number("start_max_rpm")
     sim.clear()
     sim.run(5 * sim.period_s, record=False)
     if sim.controller.state != "idle" or not _gates_off(sim):
@@ -423,9 +424,9 @@ def _restart(sim: SimulatedDrive) -> str:
     sim.run(2 * LATER * sim.period_s)
     rec = sim.take()
     peak_A = float(np.hypot(rec["plant.i_alpha_A"], rec["plant.i_beta_A"]).max())
-    if peak_A > 0.8 * sim.controller.get("i_trip_A"):
+    if peak_A > 0.8 * sim.controller.number("i_trip_A"):
         return f"{peak_A:.1f} A after a start without encoder"
-    if sim.controller.state != "fault" and abs(sim.speed_rpm) > sim.controller.get(
+    if sim.controller.state != "fault" and abs(sim.speed_rpm) > sim.controller.number(
         "encoder_trip_rpm"
     ):
         return f"{sim.speed_rpm:.0f} r/min after a start without encoder, no fault"
@@ -441,6 +442,7 @@ def _some_set(controller: firmware.Controller, rng: np.random.Generator) -> None
     rows = list(firmware.parameters().values())
     for k in rng.permutation(len(rows))[:20]:
         row = rows[int(k)]
+        value: str | float
         if row.choices:
             value = row.choices[int(rng.integers(len(row.choices)))]
         else:
@@ -451,7 +453,7 @@ def _some_set(controller: firmware.Controller, rng: np.random.Generator) -> None
 
 
 def _damage(areas: bytearray, rng: np.random.Generator) -> None:
-    """Bits, octets, blocks, a whole copy; in one of the copies or in both. Any of it may hit what
+    """Bits, bytes, blocks, a whole copy; in one of the copies or in both. Any of it may hit what
     is used, or miss it."""
     used = 16 * (2 + -(-len(firmware.parameters()) // 4))
     for copy in rng.permutation(2)[: int(rng.integers(1, 3))]:
@@ -507,7 +509,7 @@ def damaged_set(device: str, seed: int) -> Result:
 WRONG_CLOCK = "wrong system clock"
 
 
-def _plant_clock(registers, pllcr: bool, rng: np.random.Generator) -> None:
+def _plant_clock(registers: firmware.CData, pllcr: bool, rng: np.random.Generator) -> None:
     """A PLL that locks at another frequency, at every try; one that never locks; no crystal."""
     what = int(rng.integers(3))
     if what == 0:
@@ -522,8 +524,8 @@ def _plant_clock(registers, pllcr: bool, rng: np.random.Generator) -> None:
             registers.word[0x7011] |= 8  # PLLSTS.MCLKSTS
 
 
-def _pwm_pins(board, registers) -> int:
-    """How many of the twelve pins are the PWM's."""
+def _pwm_pins(board: firmware.CData, registers: firmware.CData) -> int:
+    """The number of the twelve pins that belong to the PWM."""
     found = 0
     for pin in board.pwm:
         mux = board.map.gpio + pin.gpio // 32 * board.map.gpio_stride + 6 + pin.gpio % 32 // 8
@@ -532,8 +534,8 @@ def _pwm_pins(board, registers) -> int:
 
 
 def wrong_clock(device: str, seed: int) -> Result:
-    """A start with a planted clock: no pin becomes the PWM's, and whatever is commanded, START
-    and CLEAR are refused and the fault stays."""
+    """A start with a wrong clock. No pin may go to the PWM. START and CLEAR must be refused, and
+    the fault must stay, whatever is commanded."""
     rng = np.random.default_rng(seed)
     ffi, lib = firmware.ffi, firmware.lib
     result = Result(WRONG_CLOCK, "start", "", device)
@@ -647,7 +649,7 @@ def tables(result: dict) -> list:
 
 
 def plot(result: dict, path: Path) -> Path:
-    """Time from injection to gates off, by fault."""
+    """Picture of the time from the injection to gates off, by fault."""
     from ...analysis import plots
 
     rows = [r for r in result["rows"] if r["found"]]

@@ -8,7 +8,7 @@ equations and another integrator: tests/host/plant/test_accuracy.py.)
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,15 +30,15 @@ SETUPS = ("paper-a-feasible", "paper-b")
 #: Longest steps compared: a period of 10 kHz and its halves, us.
 STEPS_US = (100.0, 50.0, 25.0, 12.5, 6.25)
 FINEST_US = STEPS_US[-1] / 16
-#: What the phase currents may be off, relative to their amplitude.
+#: Largest allowed error of the phase currents, relative to their amplitude.
 LIMIT = 1e-6
-#: Edges of a period, at most: six legs, five changes of level each, through OFF.
+#: Most edges in a period: six legs with five changes of level each, through OFF.
 EDGES_PER_PERIOD = 60
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of a running drive, to be driven again.
+    """A part of a run, from which the plant can be simulated again.
 
     edges: (n, 3), see `SimulatedDrive.edges`; currents_A: (periods, 6), phase currents at
     the periods' ends; state, inverter: the plant at the beginning.
@@ -59,7 +59,7 @@ class Segment:
 
 
 def run_segment(sim: SimulatedDrive, duration_s: float) -> Segment:
-    """Go on running `sim`, unrecorded, keeping what it takes to do it again."""
+    """Continue `sim` without recording, and keep the data to simulate the plant again."""
     periods = round(duration_s / sim.period_s)
     first, state, inverter = sim.periods, sim.plant_state.copy(), sim.inverter.copy()
     currents, speed = np.empty((periods, 6)), np.empty(periods)
@@ -74,8 +74,8 @@ def run_segment(sim: SimulatedDrive, duration_s: float) -> Segment:
     return Segment(sim, first, state, inverter, edges, currents, speed)
 
 
-def _compile(source: int):
-    """With a disk cache that notices a change of the plant, as `run_periods`."""
+def _compile(source: int) -> Callable[..., None]:
+    """Compiled with a cache on disk that notices a change of the plant, as `run_periods`."""
 
     @njit(cache=True, nogil=True)
     def follow_periods(edges, first, tm, m, load, inv, se, y, vdc, ps, nothing, states):
@@ -166,7 +166,7 @@ def errors(
 
 
 def failures(result: dict) -> list[str]:
-    """Points where the default step costs more than the limit."""
+    """The points where the default step's error is above the limit."""
     chosen = result["step_us"].index(result["chosen_us"])
     return [
         f"{row['setup']}, {row['scheme']}: error {row['error'][chosen]:.1e}"

@@ -20,7 +20,7 @@ from ...drive.operating_points import Progress
 from ...plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
 from ...plant.machine import LOAD, phase_current
 from ...plant.machines.induction import Parameters, make
-from ...plant.record import record
+from ...plant.record import names_of, record
 from ...plant.vsd import ANGLES_RAD
 
 TITLE = "Inverter: error voltage of a leg"
@@ -37,7 +37,7 @@ DROPS = {"v_switch_V": 1.2, "v_diode_V": 1.0, "r_switch_ohm": 0.02, "r_diode_ohm
 
 @dataclass(frozen=True)
 class Curve:
-    """One leg's error voltage, each period's mean against its mean current."""
+    """One leg's error voltage: the mean of each period over its mean current."""
 
     name: str
     i_A: np.ndarray
@@ -49,7 +49,7 @@ class Result:
     vdc_V: float
     dead_time_us: float
     period_us: float
-    curves: tuple[Curve, ...]  #: ideal devices, with drops, the firmware's belief
+    curves: tuple[Curve, ...]  #: ideal devices, devices with drops, the firmware's model
 
     @property
     def plateau_V(self) -> float:
@@ -109,7 +109,7 @@ def _measure(setup: setups.Setup, **drops: float) -> np.ndarray:
     m, vdc = make(machine), setup["inverter.vdc_V"]
     dead = round(setup["inverter.dead_time_us"] * 1e-6 * CLOCK_HZ)
     lost = vdc * dead / PERIOD + max(drops.values(), default=0.0)
-    # Beyond +I_MAX_A on paper: the rising flux takes its share of the voltage.
+    # The ramp is computed to end above +I_MAX_A, because the rising flux takes part of the voltage.
     volts = np.linspace(-1, 1.5, PERIODS) * (machine.rs_ohm * I_MAX_A + lost)
     share = 0.5 + volts[:, None] * np.cos(ANGLES_RAD) / vdc
     y = np.zeros(8)  # direct current flows already, none in the rotor
@@ -117,15 +117,15 @@ def _measure(setup: setups.Setup, **drops: float) -> np.ndarray:
     inv = inverter_record(**drops)
     for leg in range(6):
         set_leg(inv, m, y, leg, HIGH if leg > 1 else LOW)
-    load = record(LOAD, **{name: float(name == "eddy_rad_s") for name in LOAD.names})
+    load = record(LOAD, **{name: float(name == "eddy_rad_s") for name in names_of(LOAD)})
     table = np.empty((PERIODS, 6))
     _ramp(inv, m, load, y, vdc, dead, share, table)
     return table
 
 
 def _belief_V(setup: setups.Setup, table: np.ndarray) -> np.ndarray:
-    """What ht_volt_seconds makes of the same edges and the currents at the period's ends.
-    Only u1 switches: its share of alpha and x is a third each."""
+    """The result of ht_volt_seconds for the same edges and the currents at the period's ends.
+    Only u1 switches, which contributes a third to alpha and to x."""
     ffi, lib = firmware.ffi, firmware.lib
     dead_pu = setup["inverter.dead_time_us"] * 1e-6 * CLOCK_HZ / PERIOD
     dead = ffi.new("ht_dead_time *", {"dead_pu": dead_pu, "i_zero_A": setup.parameter("i_zero_A")})
@@ -159,7 +159,7 @@ def curves(setup: setups.Setup | None = None) -> Result:
 
 
 def _line(curve: Curve, bins: int = 160) -> tuple[np.ndarray, np.ndarray]:
-    """Means over narrow intervals of current: the rounding of the duty is not of interest."""
+    """Means over narrow intervals of current. They remove the rounding of the duty."""
     edges = np.linspace(-I_MAX_A, I_MAX_A, bins + 1)
     where = np.digitize(curve.i_A, edges)
     used = [k for k in range(1, bins + 1) if np.any(where == k)]
@@ -170,7 +170,7 @@ def _line(curve: Curve, bins: int = 160) -> tuple[np.ndarray, np.ndarray]:
 
 
 def study(quick: bool = False, progress: Progress | None = None) -> dict:
-    """The curves as plain data; quick or not, it is one ramp each."""
+    """The curves as plain data. `quick` has no effect: each curve is one ramp."""
     result = curves()
     lines = {curve.name: _line(curve) for curve in result.curves}
     return {
@@ -186,7 +186,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
 
 
 def failures(result: dict) -> list[str]:
-    """Only measures."""
+    """This study has no limits, so nothing can fail."""
     return []
 
 

@@ -1,5 +1,5 @@
-"""The serial link on a line that loses, flips, doubles, inserts and swaps octets, each at
-1e-3 per octet: is a wrong sample ever taken for a right one, is every missing one counted,
+"""The serial link on a line that loses, flips, doubles, inserts and swaps bytes, each at
+1e-3 per byte: is a wrong sample ever taken for a right one, is every missing one counted,
 do requests get through; and what a CRC of so many bits lets pass.
 
 Samples are those of a drive that runs, from the firmware itself over its register model;
@@ -12,8 +12,9 @@ import binascii
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
 from cobs import cobs
@@ -26,31 +27,31 @@ from ...serial import wire
 from ...serial.server import REPLY_S, TRIES
 from ...serial.wire import Op, Status
 
-TITLE = "Serial link on a line that spoils its octets"
+TITLE = "Serial link on a line that damages its bytes"
 SETUP = "paper-a-feasible"
 KINDS = ("lost", "flipped", "doubled", "inserted", "swapped")
-#: Of each kind, per octet: as stated, and so that hardly a frame comes through.
+#: Rate of each kind of damage per byte: as stated above, and one at which hardly any frame arrives.
 RATE, HEAVY = 1e-3, 3e-2
 BAUD = 3_000_000  #: a sample of CHANNELS in every fast interrupt
 CHANNELS = ("i_u1_A", "psi_alpha_Wb", "torque_Nm", "speed_rpm")
 FRAMES, QUICK_FRAMES = 1_050_000, 20_000
 CHECKED, QUICK_CHECKED = 3_000_000, 60_000
 REQUESTS, QUICK_REQUESTS = 5_000, 250
-#: Bits of the CRC-32 that are looked at: the fewer, the more damage they let pass.
+#: Numbers of bits of the CRC-32 that are checked. The fewer, the more damaged frames pass.
 BITS = (2, 4, 6, 8, 10, 12, 14, 16, 32)
 NONCE = 0x2B2B
-#: Seconds that one board is run before another look at its line.
+#: Simulated seconds between two transfers from the board's line.
 PIECE_S = 0.05
 
 
-def spoil(octets: np.ndarray, rate: float, rng: np.random.Generator) -> np.ndarray:
-    """uint8 octets as they arrive; each kind of damage at `rate` per octet."""
-    n = len(octets)
-    out = octets.copy()
+def damage_bytes(raw: np.ndarray, rate: float, rng: np.random.Generator) -> np.ndarray:
+    """Bytes (uint8) as they arrive; each kind of damage at `rate` per byte."""
+    n = len(raw)
+    out = raw.copy()
     flipped = np.flatnonzero(rng.random(n) < rate)
     out[flipped] ^= (1 << rng.integers(0, 8, len(flipped))).astype(np.uint8)
     swapped = np.flatnonzero(rng.random(max(0, n - 1)) < rate)
-    swapped = swapped[np.diff(swapped, prepend=-2) > 1]  # no octet in two swaps
+    swapped = swapped[np.diff(swapped, prepend=-2) > 1]  # no byte in two swaps
     out[swapped], out[swapped + 1] = out[swapped + 1], out[swapped]
     times = np.ones(n, np.int64)
     times[rng.random(n) < rate] = 0
@@ -62,7 +63,7 @@ def spoil(octets: np.ndarray, rate: float, rng: np.random.Generator) -> np.ndarr
     return arrived
 
 
-def _octets(data: bytes) -> np.ndarray:
+def _as_array(data: bytes) -> np.ndarray:
     return np.frombuffer(data, np.uint8)
 
 
@@ -70,14 +71,17 @@ def _octets(data: bytes) -> np.ndarray:
 
 
 class _Source:
-    """A drive that runs at changing speed, and what it sends."""
+    """A drive that runs at changing speed and sends samples."""
 
     def __init__(self) -> None:
         setup = setups.load(SETUP).changed(
             timing__device="f28377s", controller__build_s=0.05, controller__build_current_A=20.0
         )
         self.board = VirtualBoard(setup, baud=BAUD)
-        self.dictionary = self.board.controller.board.service.dictionary & 0xFFFF
+        controller = self.board.controller
+        assert isinstance(controller, BoardController)
+        self.controller = controller
+        self.dictionary = controller.board.service.dictionary & 0xFFFF
         self._id = 0
         self._turn = 0
         self._ask(Op.OPEN, wire.open_session(NONCE, 1))
@@ -88,21 +92,21 @@ class _Source:
     def _ask(self, op: Op, payload: bytes = b"") -> None:
         self._id = (self._id + 1) & 0xFF
         body = wire.request(op, self._id, NONCE, self.dictionary, payload)
-        self.board.controller.put(wire.frame(body))
+        self.controller.put(wire.frame(body))
         self.board.run(2e-3)
 
     def piece(self) -> bytes:
-        """What comes in the next while."""
+        """The bytes of the next piece of time."""
         if self._turn % 20 == 10:
-            self.board.controller.set("speed_ref_rpm", 400.0 * np.sin(self._turn / 60))
+            self.controller.set("speed_ref_rpm", 400.0 * np.sin(self._turn / 60))
         self._ask(Op.STATUS)
         self._turn += 1
         self.board.run(PIECE_S - 2e-3)
-        return self.board.controller.take()
+        return self.controller.take()
 
     def healthy(self) -> bool:
-        """The drive ran to the end, and the device itself dropped nothing."""
-        c = self.board.controller
+        """Whether the drive ran to the end and the board itself dropped nothing."""
+        c = self.controller
         return c.state == "run" and not c.board.service.streams.dropped
 
 
@@ -115,7 +119,7 @@ def _tick(body: bytes) -> int:
 
 
 def _runs(missing: np.ndarray) -> int:
-    """Runs of True."""
+    """Number of runs of True."""
     return int(np.count_nonzero(np.diff(missing.astype(np.int8), prepend=0) == 1))
 
 
@@ -125,15 +129,15 @@ def _samples(frames: int, rng: np.random.Generator, progress: Progress | None) -
     older: dict[int, bytes] = {}
     sent_ticks: list[int] = []
     accepted: list[int] = []
-    seen, wrong, octets = [], 0, 0
+    seen, wrong, sent_bytes = [], 0, 0
     while len(sent_ticks) < frames:
         data = source.piece()
-        octets += len(data)
+        sent_bytes += len(data)
         older = sent
         sent = {_tick(b): b for b in clean.push(data) if _is_sample(b)}
         sent_ticks += sent
         seen += list(sent.values())[:20]
-        for body in line.push(spoil(_octets(data), RATE, rng).tobytes()):
+        for body in line.push(damage_bytes(_as_array(data), RATE, rng).tobytes()):
             if body[0] == wire.SAMPLE:
                 tick = _tick(body)
                 wrong += body != sent.get(tick, older.get(tick))
@@ -146,7 +150,7 @@ def _samples(frames: int, rng: np.random.Generator, progress: Progress | None) -
     steps = np.diff(got)
     return {
         "healthy": source.healthy() and bool((np.diff(every) == 1).all()),
-        "octets": octets,
+        "bytes": sent_bytes,
         "sent": len(inside),
         "accepted": len(got),
         "wrong": int(wrong),
@@ -173,35 +177,39 @@ def _with_crc32(body: bytes) -> bytes:
 
 
 def _damaged(
-    bodies: list[bytes], close: object, rate: float, frames: int, rng: np.random.Generator
+    bodies: list[bytes],
+    close: Callable[[bytes], bytes],
+    rate: float,
+    frames: int,
+    rng: np.random.Generator,
 ) -> Iterator[bytes]:
-    """What stands between two zeros of a spoilt line and was not sent so."""
+    """The damaged frames: bytes between two zeros that were not sent like this."""
     closed = [cobs.encode(close(body)) for body in bodies]
     good = set(closed)
-    piece = _octets(b"\0".join(closed) + b"\0")
+    piece = _as_array(b"\0".join(closed) + b"\0")
     for _ in range(-(-frames // len(bodies))):
-        for octets in spoil(piece, rate, rng).tobytes().split(b"\0"):
-            if octets and octets not in good:
-                yield octets
+        for raw in damage_bytes(piece, rate, rng).tobytes().split(b"\0"):
+            if raw and raw not in good:
+                yield raw
 
 
-def _decoded(octets: bytes) -> bytes | None:
+def _decoded(raw: bytes) -> bytes | None:
     try:
-        return cobs.decode(octets)
+        return cobs.decode(raw)
     except cobs.DecodeError:
         return None
 
 
 def _checks(bodies: list[bytes], frames: int, rng: np.random.Generator) -> list[dict]:
-    """Per rate: damaged frames, how many of them are COBS at all, how many pass a CRC-16,
-    and how many agree with so many bits of the CRC-32."""
+    """For each rate: the damaged frames, how many of them are valid COBS, how many pass a CRC-16,
+    and how many agree with given numbers of bits of the CRC-32."""
     rows = []
     for rate in (RATE, HEAVY):
         length = len(bodies[0])
         damaged, exact, passed, passed_length = 0, 0, 0, 0
-        for octets in _damaged(bodies, _with_crc16, rate, frames, rng):
+        for raw in _damaged(bodies, _with_crc16, rate, frames, rng):
             damaged += 1
-            checked = _decoded(octets)
+            checked = _decoded(raw)
             if checked is None or len(checked) < 4:
                 continue
             exact += 1
@@ -210,9 +218,9 @@ def _checks(bodies: list[bytes], frames: int, rng: np.random.Generator) -> list[
                 passed_length += len(checked) == length + 2
         agree: Counter[int] = Counter()
         damaged32, exact32 = 0, 0
-        for octets in _damaged(bodies, _with_crc32, rate, frames, rng):
+        for raw in _damaged(bodies, _with_crc32, rate, frames, rng):
             damaged32 += 1
-            checked = _decoded(octets)
+            checked = _decoded(raw)
             if checked is None or len(checked) < 6:
                 continue
             exact32 += 1
@@ -239,45 +247,56 @@ def _checks(bodies: list[bytes], frames: int, rng: np.random.Generator) -> list[
 
 
 class _Host:
-    """A client with so many tries, in the board's time. Both ways are spoilt."""
+    """A client with a number of tries, in the board's time. Both directions are damaged."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.board = BoardController("f28377s", {}, None, lib.HT_SERVICE_WATCHDOG_MS)
         self.service = self.board.board.service
         self.dictionary = self.service.dictionary & 0xFFFF
-        self.octets_per_tick = self.service.setup.line.octets_per_s / 1e4
+        self.bytes_per_tick = self.service.setup.line.octets_per_s / 1e4
         self._rng = rng
         self._splitter = wire.Splitter()
         self._id = 0
 
     def ask(self, op: Op, payload: bytes) -> tuple[wire.Reply | None, int]:
-        """Reply or None, and tries."""
+        """The reply or None, and the number of tries."""
         self._id = (self._id + 1) & 0xFF
         frame = wire.frame(wire.request(op, self._id, NONCE, self.dictionary, payload))
-        patience = round(1e4 * REPLY_S + (len(frame) + wire.LONGEST_FRAME) / self.octets_per_tick)
+        patience = round(1e4 * REPLY_S + (len(frame) + wire.LONGEST_FRAME) / self.bytes_per_tick)
         for tried in range(1, TRIES + 1):
-            self.board.put(spoil(_octets(frame), RATE, self._rng).tobytes())
+            self.board.put(damage_bytes(_as_array(frame), RATE, self._rng).tobytes())
             for _ in range(patience):
                 lib.ht_virtual_fast(self.board.board)
                 came = self.board.take()
                 if not came:
                     continue
-                for body in self._splitter.push(spoil(_octets(came), RATE, self._rng).tobytes()):
+                for body in self._splitter.push(
+                    damage_bytes(_as_array(came), RATE, self._rng).tobytes()
+                ):
                     reply = wire.parse_reply(body)
                     if (reply.op, reply.id) == (op, self._id):
                         return reply, tried
         return None, TRIES
 
 
-def _requests(count: int, rng: np.random.Generator) -> list[dict]:
+class _Requests(TypedDict):
+    """What became of one kind of request."""
+
+    request: str
+    tries: list[int]  #: how many were answered at the first try, the second, ...
+    failed: int
+    wrong: int
+
+
+def _requests(count: int, rng: np.random.Generator) -> list[_Requests]:
     host = _Host(rng)
     drive = host.board.drive
     ids = tuple(range(20))
-    rows = []
+    rows: list[_Requests] = []
     for op in (Op.STATUS, Op.GET, Op.WRITE, Op.ARM, Op.HELLO):
         rows.append({"request": op.name, "tries": [0] * TRIES, "failed": 0, "wrong": 0})
     for n in range(count):
-        if n % 50 == 0:  # the session may have ended meanwhile
+        if n % 50 == 0:  # the session may have ended in the meantime
             while not host.ask(Op.OPEN, wire.open_session(NONCE, 1))[0]:
                 pass
         row = rows[n % len(rows)]
@@ -297,7 +316,7 @@ def _requests(count: int, rng: np.random.Generator) -> list[dict]:
         else:
             row["tries"][tried - 1] += 1
             steps = (1,) if op is Op.ARM else (0,)
-        # Carried out once, however often it was said.
+        # A request is carried out once, however often it was repeated.
         good = (after - before) & 0xFF in steps
         if reply is not None:
             good &= reply.status == Status.DONE
@@ -352,7 +371,7 @@ def tables(result: dict) -> list:
 
     s = result["samples"]
     each = ", ".join(KINDS)
-    table = Table(title=f"{TITLE}\n{each}: {result['rate']:g} each per octet", title_justify="left")
+    table = Table(title=f"{TITLE}\n{each}: {result['rate']:g} each per byte", title_justify="left")
     table.add_column("samples")
     table.add_column("", justify="right")
     for name, key in (
@@ -368,7 +387,7 @@ def tables(result: dict) -> list:
     ):
         table.add_row(name, f"{s[key]:,}")
     checks = Table(title="Damaged frames that pass", title_justify="left")
-    for name in ("per octet", "damaged", "exact COBS", "CRC-16", "and length", "one in"):
+    for name in ("per byte", "damaged", "exact COBS", "CRC-16", "and length", "one in"):
         checks.add_column(name, justify="right")
     for k in (8, 16):
         checks.add_column(f"{k} bits of CRC-32, one in", justify="right")
@@ -389,7 +408,7 @@ def tables(result: dict) -> list:
                 )
             ),
         )
-    requests = Table(title="Requests, both ways spoilt", title_justify="left")
+    requests = Table(title="Requests, both directions damaged", title_justify="left")
     for name in ("request", *(f"try {k}" for k in range(1, TRIES + 1)), "failed", "wrong"):
         requests.add_column(name, justify="right")
     for row in result["requests"]:
@@ -400,7 +419,7 @@ def tables(result: dict) -> list:
 
 
 def plot(result: dict, path: Path) -> Path:
-    """Share of the damaged frames that agree with so many bits of the CRC."""
+    """The share of the damaged frames that agree with a number of bits of the CRC."""
     from ...analysis import plots
 
     figure, axes = plots.new_figure(1, 1, 4.0, 6.5)
@@ -408,7 +427,7 @@ def plot(result: dict, path: Path) -> Path:
     colours = (plots.COLOUR["i_u1"], plots.COLOUR["torque"])
     for row, colour in zip(result["checks"], colours):
         seen = [(k, n / row["damaged32"]) for k, n in row["bits"] if n]
-        label = f"{row['rate']:g} per octet and kind"
+        label = f"{row['rate']:g} per byte and kind"
         axis.semilogy(*zip(*seen), "o", color=colour, label=f"{label}: bits of the CRC-32")
         if row["crc16"]:
             share = row["crc16"] / row["damaged"]

@@ -114,7 +114,9 @@ def run(case: Case, duration_s: float = DURATION_S, progress: Progress | None = 
     fault, at = "", 0.0
     if sim.controller.state != "run":
         fault = ", ".join(sim.controller.faults)
-        at = sim.controller.snapshot["tick"] * sim.period_s
+        snapshot = sim.controller.snapshot
+        assert snapshot  # of the fault
+        at = snapshot["tick"] * sim.period_s
         settled = 0
     speeds, fluxes = speeds[2 * settled :] or [0.0], fluxes[settled:] or [0.0]
     return Outcome((min(speeds), max(speeds)), (min(fluxes), max(fluxes)), fault, at)

@@ -7,18 +7,24 @@ must be the same, bit for bit: the loop is chaotic enough to blow any difference
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ... import firmware
-from ...boards.processor import Target, WatchedController, image_names
+from ...boards.processor import Target, TargetController, WatchedController, image_names
 from ...drive.operating_points import Progress
 from ...drive.simulated import SimulatedDrive
 from ...recording.recording import Recording
 from ...setups import Profile, Setup
 
+if TYPE_CHECKING:
+    from rich.table import Table
+
+#: Controllers that keep a log of their registers.
+Logged = WatchedController | TargetController
 #: Length of the transients that a set-up's point is turned into.
 DURATION_S = 2.0
 
@@ -34,7 +40,7 @@ class Outcome:
     recording: Recording
     state: str
     faults: list[str]
-    snapshot: dict[str, object] | None
+    snapshot: firmware.Snapshot | None
     steps: int
     steps_per_s: float
     difference: str | None
@@ -80,32 +86,32 @@ def transients(setup: Setup) -> Profile:
 
 
 def _first_difference(
-    sil: SimulatedDrive, pil: SimulatedDrive, a: Recording, b: Recording
+    host: Logged, target: Logged, periods: int, per_period: int, a: Recording, b: Recording
 ) -> str | None:
     """Where two runs part, or None. Registers and access counts first, then the firmware's
     telemetry, then the plant, then what a fault left; all bit by bit."""
-    images = sil.controller.log.images, pil.controller.log.images
-    if images[0].shape != images[1].shape or len(images[0]) != sil.periods:
+    images = host.log.images, target.log.images
+    if images[0].shape != images[1].shape or len(images[0]) != periods:
         return f"{len(images[0])} periods logged on the host, {len(images[1])} on the target"
     where = np.argwhere(images[0] != images[1])
     if len(where):
         period, column = where[0]
-        x, y = (int(image[period, column]) for image in images)
-        name = image_names(sil.controller)[column]
-        return f"period {period}: {name} is 0x{x:04X} on the host, 0x{y:04X} on the target"
+        i, j = (int(image[period, column]) for image in images)
+        name = image_names(host)[column]
+        return f"period {period}: {name} is 0x{i:04X} on the host, 0x{j:04X} on the target"
     for name in a.channels:
-        x, y = a[name].view(np.uint32), b[name].view(np.uint32)
-        where = np.flatnonzero(x != y)
-        if len(where):
-            n = where[0]
-            period = n // sil.samples_per_period
+        differ = np.flatnonzero(a[name].view(np.uint32) != b[name].view(np.uint32))
+        if len(differ):
+            n = differ[0]
+            period = n // per_period
             return (
                 f"period {period}: {name} is {a[name][n]!r} on the host, "
                 f"{b[name][n]!r} on the target"
             )
-    x, y = sil.controller.snapshot, pil.controller.snapshot
-    for name in x or y or {}:
-        here, there = (kept and repr(kept[name]) for kept in (x, y))
+    x: Mapping[str, object] = host.snapshot or {}
+    y: Mapping[str, object] = target.snapshot or {}
+    for name in x or y:
+        here, there = repr(x.get(name)), repr(y.get(name))  # NaN equals NaN
         if here != there:
             return f"fault snapshot: {name} is {here} on the host, {there} on the target"
     return None
@@ -115,37 +121,37 @@ def compare(
     setup: Setup, profile: Profile, target: Target, progress: Progress | None = None
 ) -> Outcome:
     """Run a profile on the host and on the target."""
-    runs = []
-    for controller in (WatchedController, target.controller):
-        runs.append(_run(setup, profile, controller, progress))
-    (sil, a), (pil, b) = runs
+    sil, here, a = _run(setup, profile, WatchedController, progress)
+    pil, there, b = _run(setup, profile, target.controller, progress)
     return Outcome(
         setup=setup.name,
         scheme=str(setup["controller.scheme"]),
         processor=target.name,
         recording=b,
-        state=pil.controller.state,
-        faults=pil.controller.faults,
-        snapshot=pil.controller.snapshot,
+        state=there.state,
+        faults=there.faults,
+        snapshot=there.snapshot,
         steps=pil.periods,
         steps_per_s=pil.periods / pil.wall_s,
-        difference=_first_difference(sil, pil, a, b),
+        difference=_first_difference(here, there, sil.periods, sil.samples_per_period, a, b),
     )
 
 
 def _run(
     setup: Setup,
     profile: Profile,
-    controller: Callable[..., firmware.Controller],
+    controller: Callable[..., Logged],
     progress: Progress | None,
-) -> tuple[SimulatedDrive, Recording]:
+) -> tuple[SimulatedDrive, Logged, Recording]:
     sim = SimulatedDrive(setup, profile.samples_per_period, controller)
-    sim.controller.log.begin(round(profile.duration_s / sim.period_s))
+    logged = sim.controller
+    assert isinstance(logged, Logged)
+    logged.log.begin(round(profile.duration_s / sim.period_s))
     sim.run_profile(profile, progress)
-    return sim, sim.take()
+    return sim, logged, sim.take()
 
 
-def table(outcomes: list[Outcome]):
+def table(outcomes: list[Outcome]) -> Table:
     """For the terminal."""
     from rich.table import Table
 

@@ -1,4 +1,4 @@
-// The page: hears of the drive by server-sent events, asks by POST. STOP comes first.
+// The page: it gets the drive's data as server-sent events and sends commands by POST.
 
 import { Bins, Stack, decode, parse, show } from "/plot.js";
 
@@ -10,9 +10,9 @@ const STEPS = new Set(["torque_level", "flux_level", "sector"]);
 const QUICK = [
   ["scheme"], ["control_mode"], ["speed_ref_rpm", 100], ["torque_ref_Nm", 1], ["flux_ref_Wb", 0.05],
 ];
-//: The least time between two answers to the monitor.
+//: Shortest time between two answers to the monitor.
 const ANSWER_MS = 200;
-//: Figures go blank, and an alarm is shown, when the monitor has been silent for so long.
+//: If the monitor sends nothing for this long, the numbers go blank and an alarm is shown.
 const STALE_MS = 1000;
 const SILENT_MS = 1500;
 const FIGURES = [["speed_rpm", "speed"], ["torque_Nm", "torque"], ["vdc_V", "dc link"]];
@@ -52,7 +52,7 @@ async function ask(path, body) {
   return data;
 }
 
-/** Ask; a refusal is shown. Returns the answer or null. */
+/** Send a request and show a refusal. Returns the answer, or null. */
 async function order(path, body = {}) {
   try {
     return await ask(path, body);
@@ -91,7 +91,8 @@ function typing(element) {
 }
 
 function keys() {
-  // A key that stops must not press the button that has the focus as well: both edges.
+  // A key that stops must not also press the button that has the focus, neither when it goes
+  // down nor when it goes up.
   for (const kind of ["keydown", "keyup"]) {
     document.addEventListener(kind, (event) => {
       const space = event.code === "Space" && working() && !typing(event.target);
@@ -139,27 +140,27 @@ function listen() {
       newest(frame.newest ?? null);
     }
     if (frame.bins && !paused) take(frame.bins);
-    if (frame.told_s) answer(frame.page, frame.told_s);
+    if (frame.sent_s) answer(frame.page, frame.sent_s);
   };
 }
 
-/** Tell the monitor that this script runs and has shown what it was told. Without an answer of
- * any page the monitor stops the drive. Called when news arrive and not by a timer, because
- * browsers slow down the timers of a hidden page. */
-async function answer(page, told_s) {
+/** Tell the monitor that this script runs and has shown a frame. If no page answers, the monitor
+ * stops the drive. This is called when a frame arrives and not by a timer, because browsers slow
+ * down the timers of a hidden page. */
+async function answer(page, sent_s) {
   if (answering || performance.now() - answered_ms < ANSWER_MS) return;
   answering = true;
   answered_ms = performance.now();
   try {
-    await ask("/beat", { page, told_s, visible: !document.hidden });
+    await ask("/beat", { page, sent_s, visible: !document.hidden });
   } catch {
-    // The next news are answered again.
+    // The next frame is answered again.
   } finally {
     answering = false;
   }
 }
 
-/** The newest sample into header and legend; null: there is none that is fresh. */
+/** Show the newest sample in header and legend; null: there is none, or it is too old. */
 function newest(sample) {
   const controlling = device.controlling.includes(status.state);
   const meant = sample ? status.channels.map((name, place) =>
@@ -180,7 +181,7 @@ function take(news) {
   if (seeing === "live") live.draw();
 }
 
-/** After a reload of the choice: the plots of what is traced now. */
+/** Make the plots of the channels that are traced now. */
 function retrace() {
   live.bins = null;
   epoch = -1;
@@ -224,7 +225,7 @@ function pause(on) {
   $("whole").hidden = !(seeing === "live" ? live.view : burst.view);
 }
 
-/** The chosen part of the past, as fine as the plot can show it. */
+/** Get the chosen part of the history, as finely as the plot can show it. */
 async function history() {
   $("whole").hidden = !live.view;
   if (!paused) return;
@@ -238,7 +239,7 @@ async function history() {
   try {
     news = await ask(`/history?begin_s=${Math.max(0, begin)}&end_s=${end}&bins=${bins}`);
   } catch {
-    return; // what the page has is drawn, only coarser
+    return; // draw the coarser samples that the page has
   }
   if (!paused || !live.view || live.view[0] !== begin || news.epoch !== epoch || !news.count) return;
   const fine = new Bins(live.series.length, news.count, news.dt_s);
@@ -300,7 +301,7 @@ function tools() {
   }).observe($("plots"));
 }
 
-// -- what the server tells ---------------------------------------------------------------
+// -- data from the server ----------------------------------------------------------------
 
 function hear(now) {
   const before = status;
@@ -337,7 +338,7 @@ function resetBanner(text) {
   if ($("reset").firstChild.textContent !== text) $("reset").firstChild.textContent = text;
 }
 
-/** Who cannot see the page sees its title. */
+/** The title can be seen while the page is hidden. */
 function titleOf(now) {
   const name = `${device.device} · hexatorque monitor`;
   const warn = document.hidden && now.stops_in_s !== null;
@@ -456,11 +457,11 @@ function channels() {
   });
 }
 
-let choice = []; // what is traced, or will be when all that was ordered is done
+let choice = []; // the channels that are traced once all requests are done
 let ordered = Promise.resolve();
 let orders = 0;
 
-/** One order after the other: who clicks fast has the last word last. */
+/** Send one request after the other, so that the last of several quick clicks counts. */
 function trace(names) {
   const rate = $("rate").value;
   pause(false);
@@ -499,7 +500,7 @@ function editor(row) {
 const range = (row) => `${shortest(row.min)} … ${shortest(row.max)}`;
 const shortest = (value) => String(value).replace("-", "−");
 
-/** What is wrong with a text for a parameter, or "". */
+/** The mistake in a text for a parameter, or "". */
 function mistake(row, text) {
   if (row.choices.length) return "";
   const value = parse(text);
@@ -512,7 +513,7 @@ const NUMBER = "a number is needed, such as 250.5 or 250,5; no thousands separat
 const asValue = (row, text) => (row.choices.length ? text : parse(text));
 const asText = (value) => (value === undefined || value === null ? "" : String(value));
 
-/** What stands in the board's own table for a parameter. */
+/** A parameter's default, from the board's own table. */
 const defaultOf = (row) => (row.choices.length ? row.choices[row.initial] : row.initial);
 
 function differs(row) {
@@ -593,7 +594,7 @@ async function apply() {
   await write(wanted);
 }
 
-/** Write, and show what is in force after that. */
+/** Write parameters, and show the values that are then in force. */
 async function write(wanted) {
   const answer = await order("/write", { values: wanted });
   if (!answer) return false;
@@ -602,7 +603,7 @@ async function write(wanted) {
     edits.delete(name);
     const { box } = parameterRow.get(name);
     box.classList.remove("taken");
-    void box.offsetWidth; // begin the animation again
+    void box.offsetWidth; // restarts the animation
     box.classList.add("taken");
   }
   showValues();
@@ -641,7 +642,7 @@ function showValues() {
   quickRow.get("torque_ref_Nm")?.box.classList.toggle("off", !torque);
 }
 
-/** Parameters that can only change while the gates are off. */
+/** Lock the parameters that can change only while the gates are off. */
 function lock() {
   const on = working();
   for (const { row, input, box } of parameterRow.values()) {
@@ -734,7 +735,7 @@ function capture() {
 const onLevel = () => ["rising", "falling", "above", "below"].includes($("trigger").value);
 const ticked = () => [...captureRow.values()].filter(({ input }) => input.checked).map(({ input }) => input.value);
 
-/** What is captured: what is ticked, and what triggers. */
+/** The channels to capture: those that are ticked, and the trigger's. */
 const chosen = () => [...new Set([...ticked(), ...(onLevel() ? [$("trigger-channel").value] : [])])];
 
 function shape() {
@@ -766,7 +767,7 @@ async function fetchCapture(number) {
   burst.bins.put(0, captured.count, data, data);
   burst.show(series(captured.channels));
   burst.whole();
-  // All of it, without the live window's end.
+  // Show the whole capture.
   burst.view = null;
   burst.window_s = captured.count * captured.dt_s;
   $("see-capture").disabled = false;

@@ -60,8 +60,8 @@ export class Bins {
 }
 
 export function decode(text) {
-  const octets = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  return new Float32Array(octets.buffer);
+  const raw = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  return new Float32Array(raw.buffer);
 }
 
 /** A number for reading: four digits that matter, a proper minus. */

@@ -1,4 +1,4 @@
-"""Machine models, each a module that keeps the contract of `plant.machine`."""
+"""Machine models. Each is a module that provides what `plant.machine` demands."""
 
 from __future__ import annotations
 

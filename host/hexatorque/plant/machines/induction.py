@@ -27,15 +27,15 @@ from ..vsd import INVERSE, TRANSFORM
 from .induction_parameters import Parameters
 from .saturation import excess_flux, excess_gain, open_rotor
 
-#: Matrices for the compiled code. Records rather than tuples of arrays: passed by
-#: address, without reference counting, which costs more than the arithmetic.
+#: Matrices for the compiled code. They are records and not tuples of arrays, because a record is
+#: passed by address. Counting references to arrays would take longer than the arithmetic.
 _FIELDS = [
     ("induction", "i8"),
     ("slope", "f8", (6, 8)),  # column c = effect of flux c on (d psi/dt, i_alpha, i_beta)
     ("i_phase", "f8", (6, 6)),  # phase currents from the six fluxes
     ("g_leg", "f8", (6, 6)),  # d i_phase/dt per volt on each leg
     ("i_stator", "f8", (4, 6)),  # alpha, beta, x, y currents from the fluxes
-    ("inv_l_max", "f8"),  # the fastest di/dt per volt that a stator voltage finds, 1/H
+    ("inv_l_max", "f8"),  # the largest di/dt per volt of stator voltage, 1/H
     ("lm_over_lr", "f8"),
     ("rr_over_lr", "f8"),
     ("pole_pairs", "f8"),
@@ -50,15 +50,15 @@ _FIELDS = [
     ("viscous", "f8"),
 ]
 
-#: A type for each kind of magnetics. Compiled code asks for the type, not for a value:
-#: a linear machine pays nothing for the option. Neither type's fields contain the
-#: other's, or a function compiled for the one would accept the other.
+#: A type for each kind of magnetics. Compiled code checks the type and not a value, so the option
+#: costs a linear machine no time. Neither type has all fields of the other. Otherwise a function
+#: compiled for one type would accept the other.
 LINEAR = np.dtype([*_FIELDS, ("linear", "i8")])
 SATURABLE = np.dtype([*_FIELDS, ("saturable", "i8")])
 
 
 def saturates(m) -> bool:
-    """Does this machine's record saturate? Known when the code is compiled."""
+    """Whether this machine's record is of the saturating type. Decided when code is compiled."""
     return "saturable" in m.dtype.names
 
 
@@ -239,7 +239,7 @@ def coast(m, load, y, dt, most_V):
     y[1] = ratio * y[5]
     y[2] = 0.0
     y[3] = 0.0
-    # Coasting: Heun's rule, the speed hardly moves within a step.
+    # Heun's rule suffices for coasting: the speed hardly changes within a step.
     k0 = -(m.viscous * y[6] + load_torque(load, y[6])) / m.inertia
     end = y[6] + dt * k0
     k1 = -(m.viscous * end + load_torque(load, end)) / m.inertia

@@ -1,7 +1,7 @@
-"""The constants of a six-phase induction machine, and what follows from them by hand.
+"""The constants of a six-phase induction machine, and values that follow from them.
 
-Needs nothing but Python: the tool that puts a set-up's values into an image uses it where
-the package is not installed (cmake/initial_values.py).
+This module imports nothing but Python's own modules. cmake/initial_values.py, which puts a
+set-up's values into an image, uses it where the package is not installed.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class Parameters:
         return self.ls_H - self.lm_H**2 / self.lr_H
 
     def linear_at(self, psi_s_Wb: float) -> Parameters:
-        """The linear machine that a no-load test at this stator flux would find: L_m is
-        the secant of the magnetising curve there."""
+        """The linear machine that a no-load test at this stator flux would measure. Its L_m is the
+        secant of the magnetising curve at that flux."""
         if self.psi_knee_Wb == 0:
             return self
         low, high = 0.0, psi_s_Wb  # the main flux, by bisection

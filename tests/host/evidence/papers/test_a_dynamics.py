@@ -81,13 +81,13 @@ def test_load_signs_of_the_reversal(job):
         assert end["plant.torque_Nm"].mean() == pytest.approx(load + drag, abs=0.3)
 
 
-def test_fdr_and_ddr_answer_alike(load_pair):
+def test_fdr_and_ddr_respond_alike(load_pair):
     found = steps.verdicts(load_pair)
     assert len(found) == 7
     assert all(v.verdict == "match" and v.required for v in found), found
 
 
-def test_other_answers_are_noticed(load_pair):
+def test_different_responses_are_noticed(load_pair):
     """The same curves 60 ms late, or with a loop that is 10 % slower."""
     late = {
         name: np.roll(curve, round(0.06 * 4e4)) for name, curve in load_pair.curves["ddr"].items()

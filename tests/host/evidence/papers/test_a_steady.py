@@ -82,7 +82,7 @@ def test_claims_fail_without_the_regulator(job, monkeypatch):
     assert {v.verdict for v in verdict(figure, "unequal phase")} == {"differs"}
 
 
-def test_rated_point_as_printed_ends_where_the_voltage_does(job, tmp_path):
+def test_the_printed_rated_point_is_limited_by_the_voltage(job, tmp_path):
     """omega psi + R i must fit into what zero-mean vectors turn: the speed ends between
     what is left of V_dc/sqrt 3 and what the large vectors' dodecagon would allow."""
     figure = steady.a8(job)
@@ -105,7 +105,7 @@ def test_rated_point_as_printed_ends_where_the_voltage_does(job, tmp_path):
     assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 50_000
 
 
-def test_exchange_in_flight(a9):
+def test_schemes_exchanged_while_running(a9):
     """The recording itself: scheme, commands and x-y current before, between and after."""
     rec = a9.recordings[""]
     off_s, on_s, end_s = a9.metrics["instants_s"]

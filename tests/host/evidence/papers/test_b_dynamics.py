@@ -62,7 +62,7 @@ def test_steps(figure, begin_rpm, job, tmp_path):
     assert (tmp_path / "step.png").stat().st_size > 20_000
 
 
-def test_unequal_schemes_are_told():
+def test_unequal_schemes_are_reported():
     rows = {
         s: {"settling_ms": 300.0, "overshoot_pct": 2.0, "deviation_pct": 6.0}
         for s in ("dtc1", "dtc2", "dtc3")

@@ -87,7 +87,7 @@ def test_a5_against_solved_duties(job):
     assert not any(v.broken for v in figure.verdicts)
 
 
-def test_box_is_the_limit_and_a_magnitude_is_not():
+def test_the_limit_is_a_box_and_not_a_circle():
     """TMVCL holds per axis: at the box's corners, sqrt 2 further out than the printed
     magnitude, no duty is negative for any vector, and some duty is zero for each."""
     for k in range(12):

@@ -53,7 +53,7 @@ def find(name):
     return next(f for f in faults.FAULTS if f.name == name)
 
 
-def test_a_fault_that_nobody_finds():
+def test_a_fault_that_is_not_found_fails_the_study():
     harmless = faults.Fault("nothing", lambda sim, rng: None, ("over-current",))
     result = faults.run(harmless, "run", "ddr", "paper-a-feasible", 1)
     assert result.error == "not found within 1 periods"
@@ -80,7 +80,7 @@ def test_gates_that_come_on_again(monkeypatch):
     assert result.error in ("a gate came on after the latch", "a leg changed after the latch")
 
 
-def test_a_store_that_takes_anything(monkeypatch):
+def test_a_store_without_checks_fails_the_study(monkeypatch):
     """The campaign compares values: a start that takes what was damaged is seen."""
     assert all(not faults.damaged_set("f28377s", seed).error for seed in range(20))
 
@@ -103,13 +103,13 @@ def test_a_wrong_clock_is_found_by_the_start(device, monkeypatch):
     assert faults.wrong_clock(device, 1).error == "the clock was taken for right"
 
 
-def test_a_wrong_clock_that_is_let_pass(monkeypatch):
+def test_a_wrong_clock_that_is_accepted_fails_the_study(monkeypatch):
     """Whoever looks away from the pins is seen."""
     monkeypatch.setattr(faults, "_pwm_pins", lambda *_: 12)
     assert faults.wrong_clock("f28377s", 1).error == "gates could come on"
 
 
-def test_legs_that_change_over_too_fast():
+def test_legs_that_change_without_dead_time_are_found():
     clock = SimpleNamespace(map=SimpleNamespace(pwm_clock_Hz=100e6))
     dead = {"inverter.dead_time_us": 2.0}
 

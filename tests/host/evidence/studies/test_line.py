@@ -1,4 +1,4 @@
-"""The link on a line that spoils its octets (docs/protocol.md), and that the study itself
+"""The link on a line that damages its bytes (docs/protocol.md), and that the study itself
 would notice."""
 
 import itertools
@@ -19,7 +19,7 @@ def test_nothing_wrong_is_taken_for_right(result):
     assert line.failures(result) == []
     s = result["samples"]
     assert s["sent"] >= 0.99 * line.QUICK_FRAMES
-    # 28 octets on the line, five kinds of damage: about one in eight does not come through.
+    # 28 bytes on the line, five kinds of damage: about one in eight does not come through.
     assert 0.1 < s["lost"] / s["sent"] < 0.17
     assert s["accepted"] + s["lost"] == s["sent"]
     assert 0 < s["gaps"] < s["lost"]
@@ -45,11 +45,11 @@ def test_checks_let_pass_what_their_bits_say(result):
 
 @pytest.mark.parametrize("rate", [1e-3, 0.05])
 def test_damage_is_as_stated(rate):
-    """Each kind as often as said; told apart in octets that count upwards."""
+    """Each kind as often as said; told apart in bytes that count upwards."""
     rng = np.random.default_rng(7)
     n = 400_000
     sent = np.zeros(n, np.uint8)
-    arrived = line.spoil(sent, rate, rng)
+    arrived = line.damage_bytes(sent, rate, rng)
     # Lost and doubled cancel in the mean; what is inserted remains.
     assert len(arrived) == pytest.approx(n * (1 + rate), abs=6 * np.sqrt(3 * n * rate))
     changed = np.count_nonzero(arrived)
@@ -57,11 +57,11 @@ def test_damage_is_as_stated(rate):
     one_bit = np.isin(arrived, [1 << k for k in range(8)]).sum()
     assert one_bit == pytest.approx(n * rate * (1 + 8 / 256), abs=6 * np.sqrt(n * rate))
     up = (np.arange(n) % 251).astype(np.uint8)
-    steps = np.diff(line.spoil(up, 1e-3, rng).astype(int)) % 251
+    steps = np.diff(line.damage_bytes(up, 1e-3, rng).astype(int)) % 251
     assert np.count_nonzero(steps == 0) > 0.7e-3 * n  # doubled
     assert np.count_nonzero(steps == 2) > 0.7e-3 * n  # lost, or swapped
     assert np.count_nonzero(steps == 250) > 0.7e-3 * n  # swapped
-    assert (line.spoil(up, 0.0, rng) == up).all()
+    assert (line.damage_bytes(up, 0.0, rng) == up).all()
 
 
 def test_a_weaker_check_is_found_out(monkeypatch):
@@ -70,8 +70,8 @@ def test_a_weaker_check_is_found_out(monkeypatch):
 
     class Weak:
         @staticmethod
-        def crc32(octets, start=0):
-            crc = real(octets, start)
+        def crc32(raw, start=0):
+            crc = real(raw, start)
             right = crc & 0xFF == wire.CRC_RESIDUE & 0xFF
             return wire.CRC_RESIDUE if right else crc
 

@@ -1,10 +1,11 @@
-"""Parameter tables: paper A's Table III and paper B's Table V, as the running drive has
-them. What can be measured is measured (`measured.py`), the rest is read back."""
+"""Parameter tables: paper A's Table III and paper B's Table V, checked in the running drive.
+Parameters are measured where that is possible (`measured.py`); the others are read back."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from ..engine import measured as m
 from ..engine.figure import Figure, Verdict, beside, not_printed
 from ..engine.job import Job
 from ..paper_a.common import extract
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SPEED_RPM = 300.0
 #: Means of brackets and least squares come this close.
@@ -48,7 +52,9 @@ def _channels() -> tuple[str, ...]:
             "psi_beta_Wb", "flux_level", "speed_rpm", "plant.theta_rad")  # fmt: skip
 
 
-def _figure(setups: list[Setup], rows: list[Row], shown: m.Watched, levels: str, caption: str):
+def _figure(
+    setups: list[Setup], rows: list[Row], shown: m.Watched, levels: str, caption: str
+) -> Figure:
     return Figure(
         metrics={
             f"{row.symbol} {row.what}": {
@@ -81,8 +87,8 @@ def a_t3(job: Job) -> Figure:
     settled = rec.window(rec.start_s + 0.6 * seconds, 1e9)
     kp, ki = m.speed_gains(w, printed.parameter("torque_limit_Nm"))
     kp_xy, ki_xy = m.xy_gains(xy.recording.window(xy.recording.start_s + 0.5, 1e9))
-    torque_Nm = np.mean(m.band(m.torque_error_Nm(rec), rec["torque_level"], 0, 1))
-    flux_Wb = np.mean(m.flux_band(rec))
+    torque_Nm = float(np.mean(m.band(m.torque_error_Nm(rec), rec["torque_level"], 0, 1)))
+    flux_Wb = float(np.mean(m.flux_band(rec)))
     flux_ref_Wb = float(np.mean(settled["flux_ref_Wb"]))
     rated_Nm = printed["point.load_Nm"]
     phases = m.phase_ohm(w.machine)
@@ -176,7 +182,7 @@ def _draw(path: Path, rows: list[Row], shown: m.Watched, levels: str) -> Path:
     return plots.save(figure, path)
 
 
-def _comparator(ax, error: np.ndarray, level: np.ndarray) -> None:
+def _comparator(ax: Axes, error: np.ndarray, level: np.ndarray) -> None:
     """New level against the error, by the level before."""
     before, now, at = level[:-1], level[1:], error[1:]
     colours = ("#009e73", "#0072b2", "#8a8f98", "#d55e00", "#cc79a7")
@@ -190,7 +196,7 @@ def _comparator(ax, error: np.ndarray, level: np.ndarray) -> None:
     ax.legend(title="before", title_fontsize=8, loc="lower right", markerscale=3, **plots.LEGEND)
 
 
-def _speed_loop(ax, rec: Recording) -> None:
+def _speed_loop(ax: Axes, rec: Recording) -> None:
     """The torque reference's steps while the speed comes near its reference."""
     torque = rec["torque_ref_Nm"]
     first = int(np.argmax(np.abs(np.diff(torque)) > 0))
@@ -204,14 +210,14 @@ def _speed_loop(ax, rec: Recording) -> None:
     ax.set_title("speed loop", **plots.TITLE)
 
 
-def _table(ax, rows: list[Row]) -> None:
+def _table(ax: Axes, rows: list[Row]) -> None:
     ax.set_axis_off()
     ax.set_xlim(0, 1)
     ax.set_ylim(len(rows) + 0.5, -1)
     places = (0.0, 0.09, 0.42, 0.58, 0.7, 0.86)
     heading = ("symbol", "parameter", "running drive", "printed", "unit", "how")
 
-    def write(y: float, cells: tuple[str, ...], **style) -> None:
+    def write(y: float, cells: tuple[str, ...], **style: Any) -> None:
         for x, cell in zip(places, cells):
             right = x in places[2:4]
             ax.text(x + (0.1 if right else 0), y, cell, ha="right" if right else "left",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +16,10 @@ from ..engine.figure import Figure, Verdict, claim
 from ..engine.geometry import AB, XY
 from ..engine.job import Job
 from ..engine.pulses import Played, pattern, play
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
 
 COLOURS = {"L": plots.COLOUR["i_u1"], "ML": plots.COLOUR["i_u2"], "MS": plots.COLOUR["i_x"],
            "S": plots.COLOUR["torque"]}  # fmt: skip
@@ -68,14 +74,14 @@ def _as_tabulated(played: Played) -> list[Verdict]:
     ]  # fmt: skip
 
 
-def number(ax, at: complex, text: str, **style) -> None:
+def number(ax: Axes, at: complex, text: str, **style: Any) -> None:
     box = {"boxstyle": "square,pad=0.08", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
     style = {"fontsize": 6.5, "color": plots.INK, **style}
     ax.text(at.real, at.imag, text, ha="center", va="center", linespacing=0.95, bbox=box,
             zorder=4, **style)  # fmt: skip
 
 
-def _plane(ax, z: np.ndarray, title: str, axes: str, names: dict[str, str]) -> None:
+def _plane(ax: Axes, z: np.ndarray, title: str, axes: Sequence[str], names: dict[str, str]) -> None:
     """All active vectors of one plane, numbered; equal ones share a point."""
     for group, name in names.items():
         words = [w for w in range(64) if geometry.group(w) == group]
@@ -97,7 +103,7 @@ def _plane(ax, z: np.ndarray, title: str, axes: str, names: dict[str, str]) -> N
     ax.set_ylim(-0.76, 0.76)
 
 
-def _legend(figure, ax, columns: int) -> None:
+def _legend(figure: FigureBase, ax: Axes, columns: int) -> None:
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=columns,
                   **plots.LEGEND)  # fmt: skip
 
@@ -111,14 +117,14 @@ def a1(job: Job) -> Figure:
     for name, (sample, r_ab, r_xy, share) in TABLE_I.items():
         words = [w for w in range(64) if geometry.group(w) == name]
         length_ab, length_xy = abs(ab[words]), abs(xy[words])
+        share_pct = float(100 * length_ab.mean() / large)
         metrics[name] = {"words": words, "alpha_beta_pu": float(length_ab.mean()),
-                         "xy_pu": float(length_xy.mean()),
-                         "share_pct": float(100 * length_ab.mean() / large)}  # fmt: skip
+                         "xy_pu": float(length_xy.mean()), "share_pct": share_pct}  # fmt: skip
         even = np.ptp(length_ab) < FLOAT32 and np.ptp(length_xy) < FLOAT32
         verdicts += [
             rounded(f"Table I, {name}, alpha-beta", float(length_ab.mean()), r_ab, 4, "Vdc"),
             rounded(f"Table I, {name}, x-y", float(length_xy.mean()), r_xy, 4, "Vdc"),
-            rounded(f"Table I, {name}, share", metrics[name]["share_pct"], share, 2, "%"),
+            rounded(f"Table I, {name}, share", share_pct, share, 2, "%"),
             claim(f"Table I, {name}: sample {sample} is one of {len(words)} equally long ones",
                   sample in words and even, bool(sample in words and even), True,
                   required=True),

@@ -1,5 +1,5 @@
-"""Paper B's switching tables in a running drive: each period's state word beside the one
-that the tables ask for, worked out from angles."""
+"""Checks paper B's switching tables in a running drive: each period's state word is compared with
+the word that the tables demand, computed from angles."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ KEPT = ("sector", "torque_level", "flux_level", "psi_alpha_Wb", "psi_beta_Wb", "
 
 @dataclass
 class Audit:
-    """A run, one row per period. word: on the legs; wanted: by the tables and the rules
-    of docs/schemes.md; hold: `flux_hold` replaces a zero vector; psi, psi_xy: the
-    estimates that the period was decided on, Wb."""
+    """A run, one row per period. word: the word on the legs; wanted: the word by the tables and the
+    rules of docs/schemes.md; hold: `flux_hold` replaces a zero vector; psi, psi_xy: the flux
+    estimates on which the decision is based, Wb."""
 
     setup: setups.Setup
     recording: Recording
@@ -50,7 +50,7 @@ class Audit:
 
 
 def opposing(pair: tuple[int, int], psi_xy: complex) -> int:
-    """Of two words the one whose x-y voltage goes against the x-y flux."""
+    """The word of the two whose x-y voltage is directed against the x-y flux."""
     return min(pair, key=lambda word: (geometry.XY[word] * psi_xy.conjugate()).real)
 
 
@@ -64,8 +64,8 @@ def vector(scheme: str, level: int, angle_deg: int, psi_xy: complex) -> int:
 
 
 def words_of(gates: np.ndarray) -> np.ndarray:
-    """State word of each period from four samples of `plant.gates` in it: the dead time is
-    over at 1/4, and single-vector schemes then hold the word. -1 where they do not."""
+    """State word of each period, from its four samples of `plant.gates`. At the second sample the
+    dead time is over, and a single-vector scheme holds the word from then on. -1 if it does not."""
     legs = gates.astype(int).reshape(-1, 4)[:, 1:, None] >> 2 * np.arange(5, -1, -1) & 3
     words = legs @ (1 << np.arange(5, -1, -1))
     steady = (legs < 2).all(axis=(1, 2)) & (words == words[:, :1]).all(axis=1)
@@ -97,7 +97,14 @@ def audit(job: Job, scheme: str) -> Audit:
     return Audit(setup, rec, word[1:], wanted[1:], hold[1:], psi[1:], psi_xy[1:])
 
 
-def _wanted(scheme, rec, word, hold, psi, psi_xy) -> np.ndarray:
+def _wanted(
+    scheme: str,
+    rec: Recording,
+    word: np.ndarray,
+    hold: np.ndarray,
+    psi: np.ndarray,
+    psi_xy: np.ndarray,
+) -> np.ndarray:
     level = rec["torque_level"].astype(int)
     away = np.where(rec["flux_level"] == 1, 75, 105) * np.sign(level)
     ahead = rec["torque_ref_Nm"] > rec["torque_decided_Nm"]

@@ -1,5 +1,5 @@
-"""What a reproduced figure holds: numbers, recordings, a picture, and verdicts that set
-ours beside the paper's."""
+"""A reproduced figure: numbers, recordings, a picture, and verdicts that compare our results with
+the paper's."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ UNEXPLAINED = "not explained"
 
 @dataclass(frozen=True)
 class Verdict:
-    """One quantity or statement of the paper beside ours.
+    """One quantity or statement of the paper, compared with our result.
 
     required: must not be "worse" or "differs"; `hexatorque evidence papers` fails otherwise.
     """
@@ -46,9 +46,9 @@ def beside(
     why: str = "",
     required: bool = False,
 ) -> Verdict:
-    """Our number beside a printed one: "match" if it is `within` that share of it, else
+    """Compare our number with a printed one: "match" if it differs by less than `within`, else
     "better" or "worse" where `lower_is_better` says which way is which, else "differs".
-    `why` is kept where they do not match."""
+    `why` explains a difference."""
     if ours is None or not math.isfinite(ours):
         return Verdict(what, None, paper, "differs", why or UNEXPLAINED, unit, required)
     if abs(ours - paper) <= within * abs(paper):
@@ -69,14 +69,14 @@ def claim(
     why: str = "",
     required: bool = False,
 ) -> Verdict:
-    """A statement of the paper, and what we see; `why` is kept where it does not hold."""
+    """A statement of the paper, and our observation. `why` explains a difference."""
     if holds:
         return Verdict(what, ours, paper, "match", "", unit, required)
     return Verdict(what, ours, paper, "differs", why or UNEXPLAINED, unit, required)
 
 
 def not_printed(what: str, ours: float | str, unit: str = "", why: str = "") -> Verdict:
-    """A number of ours that the paper has no counterpart for."""
+    """One of our numbers for which the paper has no counterpart."""
     return Verdict(what, ours, None, "not printed", why, unit)
 
 
@@ -98,7 +98,7 @@ class Figure:
     caption: str = ""
 
     def as_json(self) -> dict:
-        """Everything but identity, recordings and picture."""
+        """All fields except identifier, recordings and picture."""
         setups: list[dict] = []
         for setup in self.setups:
             row = _setup_json(setup)
@@ -129,8 +129,8 @@ def _assumptions(name: str, values: dict) -> str:
 
 
 def _setup_json(setup: Setup) -> dict:
-    """A set-up's name, the values that its paper does not print, and those that the
-    figure sets itself."""
+    """A set-up's name, its values that the paper does not print, and the values that the figure
+    sets itself."""
     return {
         "name": setup.name,
         "assumed": _tagged(setup, "assumed"),

@@ -33,7 +33,7 @@ def degrees(z: complex | np.ndarray) -> np.ndarray:
     return np.rad2deg(np.angle(z)) % 360
 
 
-def apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def apart(a: float | np.ndarray, b: float | np.ndarray) -> np.ndarray:
     """Angle from b to a in degrees, -180 up to 180."""
     return (np.asarray(a) - b + 180) % 360 - 180
 
@@ -65,7 +65,9 @@ WORDS = {
 
 def turned(word: int, sectors: int) -> int:
     """The vector of the same group that many times 30 degrees further; zero stays zero."""
-    return word if group(word) == "0" else word_along(group(word), degrees(AB[word]) + 30 * sectors)
+    if group(word) == "0":
+        return word
+    return word_along(group(word), float(degrees(AB[word])) + 30 * sectors)
 
 
 def nearest_zero(word: int) -> int:

@@ -1,5 +1,5 @@
-"""What a figure's function is given: how much to do, all cores, and points that were
-measured before."""
+"""The job that a figure's function gets: the extent of the work, parallel execution, and points
+that were measured earlier."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ B = TypeVar("B")
 
 @lru_cache(maxsize=1)
 def build() -> str:
-    """Digest of everything that can change a result: this package with its firmware."""
+    """Digest of all that can change a result: this package with its firmware."""
     package = Path(__file__).parents[3]
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*")):
@@ -42,8 +42,9 @@ class Job:
         self.progress = progress
 
     def each(self, function: Callable[[A], B], items: Iterable[A]) -> list[B]:
-        """`function` of every item over all cores, in order. The compiled simulation
-        releases the GIL. An exception or an interrupt cancels what has not begun."""
+        """`function` of every item, in order, in parallel on all cores. Threads suffice because the
+        compiled simulation releases the GIL. After an exception or an interrupt, no further item
+        is started."""
         pool = ThreadPoolExecutor(os.cpu_count())
         try:
             return list(pool.map(function, items))
@@ -51,13 +52,13 @@ class Job:
             pool.shutdown(cancel_futures=True)
 
     def runs(self, points: Iterable[Point]) -> list[Run]:
-        """Recordings and metrics of points in steady state. Raises what the first
-        point that cannot be measured raises (DriveFault, NotReached)."""
+        """Recordings and metrics of points in steady state. If a point cannot be measured, raises
+        its error (DriveFault, NotReached)."""
         return self.each(lambda point: operating_points.measure(point, self.progress), points)
 
     def metrics(self, points: Iterable[Point]) -> list[dict | None]:
-        """Metrics only, for sweeps: kept in files, and taken from there the next time.
-        None for a point that the drive does not reach or trips at."""
+        """Only the metrics, for sweeps. They are saved in files and read from there the next time.
+        None for a point that the drive does not reach, or at which it trips."""
         return self.each(self.measured, points)
 
     def measured(self, point: Point) -> dict | None:
@@ -68,7 +69,7 @@ class Job:
         try:
             return json.loads(path.read_text())
         except (OSError, ValueError):
-            pass  # not measured yet, or a torn file
+            pass  # not measured yet, or a damaged file
         try:
             values = operating_points.measure(point, self.progress).metrics
         except operating_points.NOT_MEASURED:

@@ -1,11 +1,11 @@
-"""The firmware's control step with its state set by hand: what the compiled switching
-tables decide for any sector, comparator levels and x-y flux."""
+"""The firmware's control step with a given state: the decision of the compiled switching tables
+for any sector, comparator levels and x-y flux."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ....firmware import Controller, ffi, lib
+from ....firmware import CData, Controller, ffi, lib
 from ....setups import Setup, parameters
 
 PSI_WB = 0.4
@@ -15,7 +15,7 @@ FLUX_STEP = 0.02
 
 
 class Law:
-    """Control steps of one scheme, decided on the state placed, without latency."""
+    """Control steps of one scheme, without latency, each from a given state."""
 
     def __init__(self, setup: Setup) -> None:
         setup = setup.changed(timing__latency="none", controller__observer="voltage")
@@ -46,7 +46,7 @@ class Law:
         state.observer.psi_Wb = [psi.real, psi.imag]
         inputs = ffi.new("ht_control_input *")
         inputs.i_A = i_A
-        # No voltage, no torque current: the state stays where it was placed.
+        # Without voltage and torque current the state does not change before the decision.
         inputs.torque_ref_Nm = self._torque_error(torque_level)
         inputs.flux_ref_Wb = PSI_WB * (1 + FLUX_STEP * (1 if flux_up else -1))
         compare = ffi.new("ht_compare *")
@@ -64,7 +64,7 @@ class Law:
         return float(np.sign(level)) * size
 
 
-def decode(compare, period: int) -> tuple[int, int, int]:
+def decode(compare: CData, period: int) -> tuple[int, int, int]:
     """State words of `ht_compare`: the start level, toggled where CA, then CB, is used."""
     words = [compare.start]
     for registers in (compare.ca, compare.cb):

@@ -1,5 +1,5 @@
-"""Parameters of a running drive, found from what it does: its telemetry, the edges of its
-gates, and the equations that the plant integrates."""
+"""Parameters of a running drive, identified from its telemetry, the edges of its gates, and the
+equations that the plant integrates."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from ....setups import Setup
 
 @dataclass(frozen=True)
 class Watched:
-    """A run-up without load. edges: gate edges (`SimulatedDrive.edges`); clock_Hz: of their
-    counts; turns, counts: how far the shaft turned and the encoder counted."""
+    """A run-up without load. edges: gate edges (`SimulatedDrive.edges`); clock_Hz: rate of their
+    counts; turns, counts: turns of the shaft, and the encoder's count for them."""
 
     recording: Recording
     edges: np.ndarray
@@ -32,8 +32,8 @@ class Watched:
 def watch(
     setup: Setup, speed_rpm: float, seconds: float, progress: Progress | None = None
 ) -> Watched:
-    """Start the drive and run it up. Without latency the telemetry of a period is what
-    that period's decision was made from."""
+    """Start the drive and run it up. Without latency, each period's telemetry is the basis of that
+    period's decision."""
     sim = SimulatedDrive(setup.changed(timing__latency="none"), samples_per_period=1)
     layout, words = sim.controller.map, sim.controller.register_words()
 
@@ -55,13 +55,13 @@ def watch(
 
 
 def isr_Hz(w: Watched) -> float:
-    """A single-vector scheme's legs leave their state at the start of a period only."""
+    """A single-vector scheme's legs change state only at the start of a period."""
     leave = np.unique(w.edges[w.edges[:, 2] == OFF, 0])
     return w.clock_Hz / int(np.gcd.reduce(np.diff(leave)))
 
 
 def dead_time_us(w: Watched) -> float:
-    """From a leg's leaving its state to the next state, the shortest found."""
+    """The shortest time between the end of a leg's state and its next state."""
     found = []
     for leg in range(6):
         own = w.edges[w.edges[:, 1] == leg]
@@ -71,14 +71,14 @@ def dead_time_us(w: Watched) -> float:
 
 
 def slow_Hz(rec: Recording) -> float:
-    """The torque reference changes in the slow interrupt only."""
+    """The torque reference changes only in the slow interrupt."""
     changes = np.nonzero(np.diff(rec["torque_ref_Nm"]))[0]
     return rec.rate_Hz / int(np.gcd.reduce(np.diff(changes)))
 
 
 def band(error: np.ndarray, level: np.ndarray, low: float, high: float) -> tuple[float, float]:
-    """A comparator at |level| `low` goes to `high` where |error| is large enough: the
-    largest |error| at which it stayed, and the smallest at which it went."""
+    """A comparator at |level| `low` changes to `high` if |error| is large enough. Returns the
+    largest |error| without and the smallest |error| with a change."""
     size, was, now = np.abs(error[1:]), np.abs(level[:-1]), np.abs(level[1:])
     stayed = size[(was == low) & (now == low)]
     went = size[(was == low) & (now == high)]
@@ -95,8 +95,8 @@ def flux_error_Wb(rec: Recording) -> np.ndarray:
 
 
 def flux_band(rec: Recording) -> tuple[float, float]:
-    """Of the two-level comparator: largest error that lets it stay, smallest that moves it.
-    From 1 to 0 the flux is too large (error below -band), from 0 to 1 too small."""
+    """For the two-level comparator: the largest error without and the smallest with a change. It
+    changes from 1 to 0 if the flux is too large (error below -band), and back if too small."""
     error, level = flux_error_Wb(rec), rec["flux_level"]
     was, now, signed = level[:-1], level[1:], error[1:]
     towards = np.where(was == 1, -signed, signed)
@@ -129,7 +129,7 @@ def xy_gains(rec: Recording) -> tuple[float, float]:
     t = psi / np.abs(psi)
     total_w, total_a = (np.concatenate(([0], np.cumsum(s)[:-1])) for s in (e * t.conj(), e * t))
     columns = [2 * e, (total_w * t + total_a * t.conj()) / rec.rate_Hz]
-    columns += [t, 1j * t, t.conj(), 1j * t.conj()]  # what the integrators held before
+    columns += [t, 1j * t, t.conj(), 1j * t.conj()]  # the integrators' initial values
     v = np.asarray(rec["v_x_pu"] + 1j * rec["v_y_pu"], dtype=complex)
     known = np.column_stack(columns)
     found = np.linalg.lstsq(np.vstack([known.real, known.imag]), np.hstack([v.real, v.imag]),
@@ -138,7 +138,7 @@ def xy_gains(rec: Recording) -> tuple[float, float]:
 
 
 def pole_pairs(rec: Recording) -> float:
-    """Turns of the stator flux per turn of the shaft; without load there is hardly any slip."""
+    """Turns of the stator flux per turn of the shaft. Without load there is hardly any slip."""
     psi = np.unwrap(np.angle(rec["plant.psi_alpha_Wb"] + 1j * rec["plant.psi_beta_Wb"]))
     shaft = np.asarray(rec["plant.theta_rad"], dtype=float)
     return float((psi[-1] - psi[0]) / (shaft[-1] - shaft[0]))

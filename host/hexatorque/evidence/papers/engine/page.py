@@ -1,15 +1,19 @@
-"""One HTML page of all reproduced figures; opens from disk."""
+"""One HTML page with all reproduced figures. It can be opened from disk."""
 
 from __future__ import annotations
 
 import math
 from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .... import __version__
 from ....analysis.report import STYLE
 from ....setups import show
 from .figure import VERDICTS
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 PAPERS = (
     ("A", "Paper A: Holakooie, Iwanski, Miazga 2022"),
@@ -19,7 +23,7 @@ PAPERS = (
 
 
 def number(value: float | str | None) -> str:
-    """A figure of a verdict table as a person would write it."""
+    """A number of a verdict table, as a person would write it."""
     if value is None:
         return "–"
     if isinstance(value, str):
@@ -38,13 +42,13 @@ def with_unit(value: float | str | None, unit: str) -> str:
 
 
 def counts(figures: dict[str, dict]) -> dict[str, int]:
-    """Verdict -> how often, in the order of VERDICTS."""
+    """The number of each kind of verdict, in the order of VERDICTS."""
     words = [row["verdict"] for data in figures.values() for row in data["verdicts"]]
     return {word: words.count(word) for word in VERDICTS}
 
 
-def console_table(figures: dict[str, dict]):
-    """Verdicts for the terminal."""
+def console_table(figures: dict[str, dict]) -> Table:
+    """The verdicts as tables for the terminal."""
     from rich.table import Table
     from rich.text import Text
 
@@ -120,7 +124,7 @@ def _figure(name: str, data: dict) -> str:
 
 
 def write_page(path: Path, figures: dict[str, dict], failed: dict[str, str]) -> Path:
-    """figures: identifier -> what its JSON holds, in the order shown."""
+    """The page. figures: identifier -> contents of its JSON file, in the order of the page."""
     many = counts(figures)
     buttons = "".join(
         f'<button data-f="{word}">{word} <span>{count}</span></button>'

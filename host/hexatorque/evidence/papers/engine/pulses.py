@@ -10,15 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import types
 
 from .... import setups
 from ....drive.simulated import EntryPoint, SimulatedDrive
-from ....firmware import ffi, lib
+from ....firmware import CData, ffi, lib
 from ....plant.vsd import INVERSE, PHASES
 from ....recording.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: Samples of a period in recordings that show pulses.
 SAMPLES = 200
@@ -30,9 +34,9 @@ SETUP = setups.load("paper-a").changed(
 
 @dataclass(frozen=True)
 class Played:
-    """What came out. period: counts; edges: (n, 3) count since the first pattern, leg,
-    level; mean_pu: (patterns, 4) mean alpha, beta, x, y voltage of each period [Vdc];
-    recording: legs and, held over each period, its mean voltages."""
+    """The result. period: counts; edges: (n, 3) count since the first pattern, leg, level;
+    mean_pu: (patterns, 4) mean alpha, beta, x, y voltage of each period [Vdc]; recording: the
+    legs, and the mean voltages, constant over each period."""
 
     period: int
     edges: np.ndarray
@@ -57,13 +61,14 @@ class Played:
 
 
 class _Bench(SimulatedDrive):
-    """A simulation whose fast interrupt writes given patterns instead of deciding."""
+    """A simulation whose fast interrupt writes given patterns instead of its own decisions."""
 
     def __init__(self, patterns: Sequence, samples_per_period: int) -> None:
         super().__init__(SETUP, samples_per_period)
         port, left = self.controller.port, iter(patterns)
 
-        failures = self.failures = []
+        self.failures: list[BaseException] = []
+        failures = self.failures
 
         @ffi.callback("void(uint64_t)", onerror=lambda kind, error, trace: failures.append(error))
         def fast(handle):
@@ -79,7 +84,7 @@ class _Bench(SimulatedDrive):
         self._entries = (*entries, self._entries[-1])
         lib.ht_port_gates_on(port)
         m, words = self.controller.map, self.controller.register_words()
-        for leg in range(6):  # an ideal inverter, behind the driver's back
+        for leg in range(6):  # an ideal inverter: no dead time, without the driver's checks
             words[m.epwm + leg * m.stride + m.dbred] = 0
             words[m.epwm + leg * m.stride + m.dbfed] = 0
 
@@ -88,7 +93,7 @@ def period_counts() -> int:
     return round(1e-4 * lib.ht_f28335.pwm_clock_Hz)
 
 
-def pattern(words: tuple[int, int, int], t1: float, t2: float):
+def pattern(words: tuple[int, int, int], t1: float, t2: float) -> CData:
     """The firmware's registers for three state words and action points."""
     compare, applied = ffi.new("ht_compare *"), ffi.new("ht_applied *")
     points = {"t1": t1, "t2": t2}
@@ -136,13 +141,15 @@ def _recording(bench: _Bench, mean_pu: np.ndarray) -> Recording:
 
 
 def with_cases(rec: Recording, **values: list) -> Recording:
-    """A recording of patterns with one value per pattern as further channels."""
+    """A recording of patterns, with further channels that have one value per pattern."""
     held = {name: np.repeat(v, len(rec) // len(v)) for name, v in values.items()}
     return Recording(rec.rate_Hz, held | rec.channels, rec.units, rec.meta)
 
 
-def lane(ax, played: Played, n: int, leg: int, base: float, colour: str, x0: float = 0.0) -> None:
-    """Draw one leg over the period of pattern n, from its edges; x0: where it begins."""
+def lane(
+    ax: Axes, played: Played, n: int, leg: int, base: float, colour: str, x0: float = 0.0
+) -> None:
+    """Draw one leg over the period of pattern n, from its edges. x0: the period's begin."""
     counts, levels = zip(*played.levels(n, leg), strict=True)
     x = x0 + np.append(counts, played.period) / played.period
     y = base + 0.6 * np.append(levels, levels[-1])

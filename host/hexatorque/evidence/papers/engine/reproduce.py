@@ -1,4 +1,4 @@
-"""Make figures and tables of the papers, one after the other, and write what they hold."""
+"""Makes figures and tables of the papers, one after the other, and writes their files."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from .figure import Verdict
 from .job import Job, build
 from .page import write_page
 
-#: Sub-folder of measured points.
+#: Sub-folder for measured points.
 POINTS = "points"
 
 
 @dataclass
 class Outcome:
-    """Identifier -> what its JSON file holds, and reasons of figures that failed."""
+    """The contents of each figure's JSON file, by identifier, and the reasons of failed figures."""
 
     figures: dict[str, dict] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
@@ -36,12 +36,12 @@ class Outcome:
         ]
 
     def broken(self) -> list[tuple[str, Verdict]]:
-        """Verdicts that must hold and do not."""
+        """The required verdicts that do not hold."""
         return [(name, verdict) for name, verdict in self.verdicts() if verdict.broken]
 
 
 def chosen(names: list[str]) -> list[str]:
-    """Identifiers in the papers' order; `all` and any case are understood."""
+    """The identifiers in the papers' order. `all` stands for all of them; case does not matter."""
     upper = [name.upper() for name in names]
     if "ALL" in upper:
         return list(ENTRIES)
@@ -52,7 +52,7 @@ def chosen(names: list[str]) -> list[str]:
 
 
 def make_folder(folder: Path) -> None:
-    """Where the results will go; refused before anything runs."""
+    """Make the folder for the results. Raises an error before any run if that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -79,13 +79,13 @@ def make(name: str, job: Job, folder: Path) -> dict:
         "quick": job.quick,
         "build": build(),
     }
-    # Last, so that a file that is there stands for a figure that is complete.
+    # The JSON file is written last, so its existence means that the figure is complete.
     (folder / f"{name}.json").write_text(json.dumps(data, indent=1) + "\n")
     return data
 
 
 def kept(name: str, quick: bool, folder: Path) -> dict | None:
-    """A figure that an earlier run of the same build completed."""
+    """A figure that an earlier run of the same build has completed, or None."""
     try:
         data = json.loads((folder / f"{name}.json").read_text())
         same = data["build"] == build() and data["quick"] == quick

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,13 +28,13 @@ NAMES = run.SCHEMES
 ORDERS = (1, 5, 7)
 #: Switching tables are chaotic in detail: speeds next to each other, relative.
 NEAR = (1.0, 0.99, 1.01, 0.98, 1.02, 0.97, 1.03)
-#: Corner of the filter that the paper's zooms are seen through.
+#: Corner frequency of the filter in the paper's enlarged pictures.
 LOW_PASS_HZ = 1e3
 BANDS = ("1kHz", "2kHz", "5kHz", "h50")
 BAND_NAMES = {"1kHz": "1 kHz", "2kHz": "2 kHz", "5kHz": "5 kHz", "h50": "harmonics ≤ 50"}
 
 
-def setup(scheme: str, name: str = SETUP, **changes: object) -> Setup:
+def setup(scheme: str, name: str = SETUP, /, **changes: object) -> Setup:
     return setups.load(name).changed(controller__scheme=scheme, **changes)
 
 
@@ -69,14 +69,14 @@ def around(job: Job, speed_rpm: float, load_Nm: float, count: int) -> dict[str, 
 
 def mean(runs: list[Run], *keys: str) -> float:
     """Mean of a figure of merit, `mean(runs, "thd_pct", "5kHz")`."""
-    values = [run.metrics for run in runs]
+    values: list[Any] = [run.metrics for run in runs]
     for key in keys:
         values = [value[key] for value in values]
     return float(np.mean(values))
 
 
 def asked_for(point: Point, progress: Progress | None = None) -> SimulatedDrive:
-    """A drive that has been asked for the point and may not have got there."""
+    """A drive with the references of the point, which it may not have reached."""
     sim = SimulatedDrive(point.setup)
     sim.start()
     for name, value, wait_s in (
@@ -120,7 +120,7 @@ def rms(*signals: np.ndarray) -> float:
 
 
 def arrow(fdr: float, ddr: float, unit: str, digits: int = 3) -> str:
-    """What FDR has and what becomes of it under DDR."""
+    """The verdicts for lines of the x-y current: their values under FDR and under DDR."""
     return f"{fdr:.{digits}f} → {ddr:.{digits}f} {unit}".rstrip()
 
 
@@ -155,13 +155,17 @@ SYMBOLS = {
 }
 
 
-def trace(ax: Axes, t: np.ndarray, y: np.ndarray, name: str, **style) -> None:
+def _line(name: str) -> dict[str, Any]:
+    return {"color": INKS[name], "linewidth": 0.8, "label": SYMBOLS[name]}
+
+
+def trace(ax: Axes, t: np.ndarray, y: np.ndarray, name: str, **style: Any) -> None:
     """One channel over time."""
-    style = {"color": INKS[name], "linewidth": 0.8, "label": SYMBOLS[name]} | style
+    style = _line(name) | style
     ax.plot(*plots.thin(t, np.asarray(y)), **style)
 
 
-def lines(ax: Axes, rec: Recording, names: tuple[str, ...], top_A: float, **style) -> None:
+def lines(ax: Axes, rec: Recording, names: tuple[str, ...], top_A: float, **style: Any) -> None:
     """Amplitude spectra in ampere up to order 25, four decades below `top_A`."""
     floor_A = 1e-4 * top_A
     f1_Hz = abs(fundamental_Hz(rec))
@@ -170,7 +174,7 @@ def lines(ax: Axes, rec: Recording, names: tuple[str, ...], top_A: float, **styl
         f_Hz, amplitude = spectrum(signal - signal.mean(), rec.rate_Hz)
         shown = f_Hz < 26 * f1_Hz
         order, amplitude = f_Hz[shown] / f1_Hz, np.maximum(amplitude[shown], floor_A)
-        ink = {"color": INKS[name], "linewidth": 0.8, "label": SYMBOLS[name]} | style
+        ink = _line(name) | style
         ax.fill_between(order, amplitude, floor_A, color=ink["color"], alpha=0.15, linewidth=0)
         ax.plot(order, amplitude, **ink)
     ax.set_yscale("log")

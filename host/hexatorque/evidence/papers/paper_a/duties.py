@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from ..engine import geometry
 from ..engine.figure import Figure, beside, claim, not_printed
 from ..engine.job import Job
 from ..engine.pulses import SAMPLES, Played, lane, pattern, play, with_cases
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def action_points(k: int, v_x: float, v_y: float) -> tuple[float, float]:
@@ -179,7 +183,7 @@ def a3(job: Job) -> Figure:
     )  # fmt: skip
 
 
-def _nine(ax, played: Played) -> None:
+def _nine(ax: Axes, played: Played) -> None:
     """Six-leg patterns of nine periods, three by three."""
     for n in range(9):
         x0, y0 = 1.12 * (n % 3), 7.2 * (2 - n // 3)

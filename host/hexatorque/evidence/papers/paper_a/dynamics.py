@@ -1,10 +1,12 @@
-"""Paper A's transients, Fig. 11 to 14: do FDR and DDR answer alike?"""
+"""Paper A's transients, Fig. 11 to 14: do FDR and DDR respond alike?"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ....analysis import plots
 from ..engine.figure import Figure, beside, not_printed
@@ -25,8 +27,15 @@ LABELS = {
 }
 
 
-def _draw(shown: dict[str, Pair], rows: list[tuple[str, ...]], span_s: tuple[float, float]):
+def _draw(
+    shown: dict[str, Pair], rows: list[tuple[str, ...]], span_s: tuple[float, float]
+) -> Callable[[Path], Path]:
     """A pair of columns, FDR and DDR, for each of `shown`; black and dashed: the other scheme."""
+
+    styles: dict[str, dict[str, Any]] = {
+        "plant.torque_Nm": {"linewidth": 0.4, "alpha": 0.45, "label": None},
+        "plant.speed_rpm": {"linewidth": 2.5},
+    }
 
     def draw(path: Path) -> Path:
         columns = 2 * len(shown)
@@ -43,9 +52,7 @@ def _draw(shown: dict[str, Pair], rows: list[tuple[str, ...]], span_s: tuple[flo
             inside = (whole_s >= t[0] - 1e-9) & (whole_s <= t[-1] + 1e-9)
             for ax, names in zip(column, rows):
                 for name in names:
-                    style = {"plant.torque_Nm": {"linewidth": 0.4, "alpha": 0.45, "label": None},
-                             "plant.speed_rpm": {"linewidth": 2.5}}.get(name, {})  # fmt: skip
-                    a.trace(ax, t, rec[name], name, **style)
+                    a.trace(ax, t, rec[name], name, **styles.get(name, {}))
                     if name == "plant.torque_Nm":
                         own = pair.curves[scheme][name][inside]
                         a.trace(ax, t, own, name, linewidth=2.0, label="$T_e$, mean")
@@ -87,9 +94,11 @@ def _figure(
     if gains:
         [slow] = pairs(job, [gains], 2 if job.quick else 4)
         every["printed gains"] = slow
-        times = (1e3 * slow.figures[s]["speed_settling_s"] for s in a.SCHEMES)
+        fdr_ms, ddr_ms = (1e3 * slow.figures[s]["speed_settling_s"] for s in a.SCHEMES)
         found += overlap(slow, "printed gains: ")
-        found.append(not_printed("printed gains: settling time of speed", a.arrow(*times, "ms", 0)))
+        found.append(
+            not_printed("printed gains: settling time of speed", a.arrow(fdr_ms, ddr_ms, "ms", 0))
+        )
         caption += (
             " The speed loop has the printed K_p and K_i = 2 N m/rad, since with the printed 0.2 "
             "the speed takes seconds to settle (see the verdicts with printed gains)."

@@ -1,8 +1,9 @@
-"""Paper A's schemes exchanged in flight: Fig. 9 (400 r/min without load) and Fig. 10
+"""Paper A's schemes exchanged while running: Fig. 9 (400 r/min without load) and Fig. 10
 (100 r/min at rated load). Here DDR also comes back: DDR, FDR, DDR in one recording."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ V_XY = ("v_x_pu", "v_y_pu")
 #: Parts of a recording, in order, and how long the currents get to settle in each.
 PARTS = ("ddr", "fdr", "ddr again")
 SETTLE_S = 0.2
-#: "Reappears": at least so much more; measured are 2 in rms and 10 and more in lines.
+#: "Reappears" means at least this factor. Measured are 2 in rms, and 10 and more in lines.
 MORE = 1.5
 
 
@@ -85,7 +86,7 @@ def _verdicts(figures: dict[str, dict]) -> list[Verdict]:
 
 def _draw(
     rec: Recording, parts: dict[str, Recording], instants: tuple[float, ...], rows: list[tuple]
-):
+) -> Callable[[Path], Path]:
     """Left: everything; right: around the instant DDR is switched off, behind the low-pass;
     below: spectra of x and u1 under DDR and FDR. rows: (channels, label)."""
 

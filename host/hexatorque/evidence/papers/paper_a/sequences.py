@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from ..engine.job import Job
 from ..engine.pulses import SAMPLES, Played, lane, pattern, period_counts, play, with_cases
 from .duties import action_points
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 #: S1 S2 S3 of sequences 0 to 7.
 SEQUENCES = tuple(f"{n:03b}" for n in range(8))
 #: T1, T2 of fixed duties, eqs. (4), (5).
@@ -21,7 +25,8 @@ FIXED = (2 - np.sqrt(3), np.sqrt(3) - 1)
 
 def _leg_words(sequence: str) -> tuple[int, int, int]:
     """State words in which every leg does the same S1 S2 S3."""
-    return tuple(63 * int(bit) for bit in sequence)
+    first, second, third = (63 * int(bit) for bit in sequence)
+    return first, second, third
 
 
 def _as_printed(sequence: str, t1: float, t2: float) -> object:
@@ -35,9 +40,9 @@ def _as_printed(sequence: str, t1: float, t2: float) -> object:
 
 
 def _realised(played: Played, n: int, sequence: str, t1: float, t2: float) -> bool:
-    """Does every leg follow S1 S2 S3 in pattern n, edges within a count of T1 and T2?"""
+    """Whether every leg follows S1 S2 S3 in pattern n, with edges within a count of T1 and T2."""
     p = played.period
-    want = [(0, int(sequence[0]))]
+    want: list[tuple[float, int]] = [(0, int(sequence[0]))]
     for at, before, after in ((t1, sequence[0], sequence[1]), (t2, sequence[1], sequence[2])):
         if before != after:
             want.append((at * p, int(after)))
@@ -154,7 +159,7 @@ def _shade(sequence: str) -> str:
     return plots.COLOUR["torque" if sequence in ("010", "101") else "i_u1"]
 
 
-def _marks(ax, t: tuple[float, float]) -> None:
+def _marks(ax: Axes, t: tuple[float, float]) -> None:
     for number, (at, top) in enumerate(zip(t, (7.9, 8.4), strict=True), 1):
         ax.plot([at, at], [-0.3, top], "--", color=plots.INK, linewidth=0.8)
         side = "left" if at < 0.2 else "right" if at > 0.8 else "center"

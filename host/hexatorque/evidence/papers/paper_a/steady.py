@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from ....recording.recording import Recording
 from ..engine.figure import Figure, Verdict, beside, claim, not_printed
 from ..engine.job import Job
 from . import common as a
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 XY = ("plant.i_x_A", "plant.i_y_A")
 PHASES = ("plant.i_u1_A", "plant.i_u2_A")
@@ -124,7 +128,7 @@ def a7(job: Job) -> Figure:
     )
 
 
-def _two_cycles(ax, rec: Recording, names: tuple[str, ...]) -> None:
+def _two_cycles(ax: Axes, rec: Recording, names: tuple[str, ...]) -> None:
     """The last two cycles: faint as they are, solid behind the oscilloscope's low-pass."""
     f1_Hz = abs(fundamental_Hz(rec))
     count = round(2 * rec.rate_Hz / f1_Hz)

@@ -1,4 +1,4 @@
-"""Paper A's transients: a step under FDR and under DDR, and whether the drive answers alike."""
+"""Paper A's transients: a step under FDR and under DDR, and whether the drive responds alike."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..engine.figure import Verdict, claim
 from ..engine.job import Job
 from . import common as a
 
-#: Speed and torque are seen as means over two periods of the speed loop.
+#: Speed and torque are evaluated as means over two periods of the speed loop.
 MEAN_S = 0.02
 #: Settled: within these shares of the rated speed and torque of the final value.
 SPEED_BAND, TORQUE_BAND = 0.01, 0.1
@@ -108,7 +108,7 @@ def pairs(job: Job, steps: Iterable[Step], count: int) -> list[Pair]:
     steps = list(steps)
     keys = [(step, s, late) for step in steps for s in a.SCHEMES for late in range(count)]
 
-    def one(key) -> tuple[dict, dict, Recording | None]:
+    def one(key: tuple[Step, str, int]) -> tuple[dict, dict, Recording | None]:
         step, scheme, late = key
         rec = _record(job, step, scheme, late)
         curves = {name: _smooth(rec, name) for name in ("plant.speed_rpm", "plant.torque_Nm")}
@@ -123,10 +123,15 @@ def pairs(job: Job, steps: Iterable[Step], count: int) -> list[Pair]:
                 step,
                 {s: _mean([f for f, _, _ in parts[s]]) for s in a.SCHEMES},
                 {s: _mean([c for _, c, _ in parts[s]]) for s in a.SCHEMES},
-                {s: parts[s][0][2] for s in a.SCHEMES},
+                {s: _recording(parts[s][0][2]) for s in a.SCHEMES},
             )
         )
     return made
+
+
+def _recording(rec: Recording | None) -> Recording:
+    assert rec is not None  # of the first instant it is kept
+    return rec
 
 
 def _mean(rows: list[dict]) -> dict:
@@ -135,7 +140,7 @@ def _mean(rows: list[dict]) -> dict:
 
 
 def verdicts(pair: Pair, what: str = "") -> list[Verdict]:
-    """Speed and torque answer alike, and DDR keeps the x-y current down meanwhile."""
+    """Speed and torque respond alike, and DDR keeps the x-y current low during the step."""
     rated_rpm, rated_Nm = a.rated()
     fdr, ddr = (pair.figures[s] for s in a.SCHEMES)
     beyond = "overshoot" if pair.step.reversal else "deviation"
@@ -164,7 +169,7 @@ def verdicts(pair: Pair, what: str = "") -> list[Verdict]:
 
 
 def overlap(pair: Pair, what: str, required: bool = False) -> list[Verdict]:
-    """The whole curves lie on each other."""
+    """The whole curves agree."""
     rows = []
     for name, unit, rated in zip(("speed", "torque"), ("r/min", "N m"), a.rated()):
         apart = pair.apart(f"plant.{name}_{'rpm' if name == 'speed' else 'Nm'}")

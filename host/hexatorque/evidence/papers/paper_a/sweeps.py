@@ -77,7 +77,7 @@ def _verdicts(
     rows: list[Verdict] = []
     for load, when in zip(loads, ("no load", "rated load")):
         fsw = {s: sweep["f_sw_Hz"][load, s] for s in SCHEMES}
-        apart = np.mean(fsw["ddr"]) / np.mean(fsw["fdr"]) - 1
+        apart = float(np.mean(fsw["ddr"]) / np.mean(fsw["fdr"])) - 1
         lowest = np.minimum(fsw["fdr"], fsw["ddr"]) / fsw["dtc1"]
         rows += [
             claim(f"{when}: every scheme runs at every speed",

@@ -10,6 +10,7 @@ import numpy as np
 from ....analysis import plots
 from ....analysis.run import Run
 from ....drive.operating_points import Point, transient
+from ....recording.recording import Recording
 from ..engine.figure import Figure, Verdict, beside, claim, not_printed
 from ..engine.job import Job
 from . import common as a
@@ -48,7 +49,7 @@ def _only_rs(job: Job) -> list[str]:
         "timing__latency": "none",
     }
 
-    def recording(key: tuple[str, float]):
+    def recording(key: tuple[str, float]) -> Recording:
         right = a.setup(key[0], **pure)
         wrong = {f"controller__{n}": key[1] * right.parameter(n) for n in names}
         return transient(Point(right.changed(**wrong), SPEED_RPM, LOAD_NM), [], 0.1, job.progress)
@@ -81,8 +82,8 @@ def _verdicts(runs: dict[str, list[Run]], what_if: dict, eta: dict) -> list[Verd
                                        ("f_sw", "f_sw_Hz", "Hz", fsw))
         for s in a.SCHEMES
     ]  # fmt: skip
-    printed = {key: {s: PRINTED[s][key] for s in a.SCHEMES} for key in why}
-    fall = printed["delta_i_A"]["fdr"] / printed["delta_i_A"]["ddr"]
+    fdr, ddr = PRINTED["fdr"], PRINTED["ddr"]
+    fall = fdr["delta_i_A"] / ddr["delta_i_A"]
     rows.append(
         claim(f"ΔI falls by {FALL:g} times or more", delta["fdr"] >= FALL * delta["ddr"],
               f"{delta['fdr'] / delta['ddr']:.0f} times", f"{fall:.2f} times", required=True)
@@ -92,12 +93,12 @@ def _verdicts(runs: dict[str, list[Run]], what_if: dict, eta: dict) -> list[Verd
         rows.append(
             claim(f"THD falls, {a.BAND_NAMES[band]}", value["ddr"] < value["fdr"],
                   a.arrow(value["fdr"], value["ddr"], "%", 2),
-                  a.arrow(*printed["thd_pct"].values(), "%", 2), required=True)
+                  a.arrow(fdr["thd_pct"], ddr["thd_pct"], "%", 2), required=True)
         )  # fmt: skip
     rows += [
         claim(f"f_sw equal within {EQUAL_FSW:.0%}", abs(fsw["ddr"] / fsw["fdr"] - 1) <= EQUAL_FSW,
               a.arrow(fsw["fdr"] / 1e3, fsw["ddr"] / 1e3, "kHz"),
-              a.arrow(*(v / 1e3 for v in printed["f_sw_Hz"].values()), "kHz", 2), required=True),
+              a.arrow(fdr["f_sw_Hz"] / 1e3, ddr["f_sw_Hz"] / 1e3, "kHz", 2), required=True),
         beside("η, FDR", eta["eta_fdr_pct"], duties.ETA_FDR_PCT, "%", within=6e-5),
         beside("η, DDR, lowest", eta["eta_min_pct"], duties.ETA_PRINTED_PCT[0], "%", within=6e-5,
                why="rounded up in print, see A5"),

@@ -63,9 +63,11 @@ def what_if(job: Job) -> dict:
 
 
 def _means(rows: list[dict | None]) -> dict[str, float]:
-    if None in rows:
-        raise ArithmeticError("a variation of Table IV's point does not run")
-    flat = [{**row, **row["thd_pct"]} for row in rows]
+    flat = []
+    for row in rows:
+        if row is None:
+            raise ArithmeticError("a variation of Table IV's point does not run")
+        flat.append({**row, **row["thd_pct"]})
     keys = ("f_sw_Hz", "delta_i_A", "h5_pct", "torque_ripple_Nm", "flux_ripple_Wb", *a.BANDS)
     return {key: float(np.mean([row[key] for row in flat])) for key in keys}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,11 @@ Grid = dict[str, np.ndarray]
 
 
 def measured(
-    job: Job, rows: tuple[float, ...], columns: np.ndarray, at: Callable, value: Callable
+    job: Job,
+    rows: tuple[float, ...],
+    columns: np.ndarray,
+    at: Callable[[float, float], tuple[float, float]],
+    value: Callable[[dict], float],
 ) -> dict[str, Grid]:
     """Set-up -> scheme -> (rows, columns): `value` of the metrics at the points
     `at(row, column)`, given as (speed, load). NaN where the drive does not get there."""
@@ -26,7 +31,7 @@ def measured(
         (name, s, row, column)
         for name in SETUPS for s in SCHEMES for row in rows for column in columns
     ]  # fmt: skip
-    found = job.metrics([point(s, *at(row, column), name) for name, s, row, column in grid])
+    found = job.metrics([point(s, *at(row, column), name=name) for name, s, row, column in grid])
     values = np.array([np.nan if m is None else value(m) for m in found], dtype=float)
     tables = values.reshape(len(SETUPS), len(SCHEMES), len(rows), len(columns))
     return {name: dict(zip(SCHEMES, table)) for name, table in zip(SETUPS, tables)}
@@ -78,7 +83,7 @@ def _finite(values: np.ndarray) -> list[list[float | None]]:
     return [[value if np.isfinite(value) else None for value in row] for row in values.tolist()]
 
 
-def grid_figure(grids: dict[str, Grid], **parts) -> Figure:
+def grid_figure(grids: dict[str, Grid], **parts: Any) -> Figure:
     return Figure(
         metrics={
             name: {scheme: _finite(values) for scheme, values in grid.items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from ..engine.figure import Figure, beside, claim, not_printed
 from ..engine.geometry import AB, XY
 from ..engine.job import Job
 from ..engine.law import Law
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 COLOURS = {"L": plots.COLOUR["i_u1"], "S": plots.COLOUR["torque"]}
 #: Paper B, eq. (7): lengths [Vdc]; section V-A: share of each of the two real vectors.
@@ -137,7 +141,7 @@ def b6(job: Job) -> Figure:
     )  # fmt: skip
 
 
-def _draw_lengths(ax, half: dict, real: dict) -> None:
+def _draw_lengths(ax: Axes, half: dict, real: dict) -> None:
     """Arrows and dots by (name, k)."""
     for (name, k), tip in half.items():
         colour, dot = COLOURS[name], real[name, k]
@@ -154,7 +158,7 @@ def _draw_lengths(ax, half: dict, real: dict) -> None:
     ax.set_title("d–q: arrows with equal shares", **plots.TITLE)
 
 
-def _draw_shares(ax, values: dict[str, list[float]]) -> None:
+def _draw_shares(ax: Axes, values: dict[str, list[float]]) -> None:
     """Bars: one pair repeated, then each speed."""
     for shift, name, of in ((-0.2, "L", "large"), (0.2, "S", "small")):
         bars = ax.bar(np.arange(len(values[name])) + shift, 100 * np.array(values[name]), 0.38,

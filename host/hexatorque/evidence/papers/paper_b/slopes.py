@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from ....setups import Setup
 from ..engine.figure import Figure, Verdict, beside, claim
 from ..engine.job import Job
 from .common import COLOUR, LOAD_NM, excerpt, point
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SPEEDS_RPM = (500.0, 2500.0)
 #: Samples a control period: slopes are taken between neighbours under one vector.
@@ -181,7 +184,7 @@ def b7(job: Job) -> Figure:
     )
 
 
-def _slope_panel(axis, found: dict[float, Slopes]) -> None:
+def _slope_panel(axis: Axes, found: dict[float, Slopes]) -> None:
     for (rpm, s), marker in zip(found.items(), "o^"):
         for x, y, name, colour in (
             (s.rise_eq8, s.rise, "active", COLOUR["dtc1"]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from .common import (
     torque_orders,
     xy_orders,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: Spans shown: currents (the paper's screen: ten divisions of 5 ms), torque.
 CURRENT_S, TORQUE_S = 0.05, 0.05
@@ -101,7 +105,7 @@ def b13(job: Job) -> Figure:
     )  # fmt: skip
 
 
-def _spectrum_panel(axis, rec: Recording) -> None:
+def _spectrum_panel(axis: Axes, rec: Recording) -> None:
     f1_Hz = abs(fundamental_Hz(rec))
     signal, cycles = whole_cycles(rec["plant.i_u1_A"], rec.rate_Hz, f1_Hz)
     f_Hz, peak_A = spectrum(signal - signal.mean(), rec.rate_Hz)

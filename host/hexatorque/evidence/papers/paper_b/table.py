@@ -4,6 +4,7 @@ reference, which the paper does not print."""
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from .common import (  # fmt: skip
     mean,
     point,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FLUXES_WB = (0.25, 0.275, 0.3, 0.325, 0.35, 0.375, 0.4, 0.425, 0.45, 0.5, 0.55)
 QUICK_FLUXES_WB = (0.25, 0.3, 0.4, 0.5)
@@ -104,12 +108,15 @@ def _measure(job: Job) -> tuple[dict, dict, np.ndarray, list[dict]]:
         for flux in fluxes for scheme in SCHEMES for load in scan_loads
     ]  # fmt: skip
     found = job.metrics(points)
+    compared = []
     for at, metrics in zip(points, found):
         if metrics is None:
             raise NotReached(f"no steady state at {at.load_Nm:g} N m under "
                              f"{at.setup['controller.scheme']}")  # fmt: skip
-    rows = iter([_row(metrics) for metrics in found])
-    tables, spreads = {}, {}
+        compared.append(_row(metrics))
+    rows = iter(compared)
+    tables: dict[str, dict] = {}
+    spreads: dict[str, dict] = {}
     for name in SETUPS:
         table, spreads[name] = {}, {}
         for scheme in SCHEMES:
@@ -192,7 +199,7 @@ def _list(values: dict[str, float], digits: int) -> str:
     return ", ".join(f"{value:.{digits}f}" for value in values.values())
 
 
-def _bars(axis, tables: dict[str, dict], key: str, printed_key: str, digits: int) -> None:
+def _bars(axis: Axes, tables: dict[str, dict], key: str, printed_key: str, digits: int) -> None:
     """Per scheme: both set-ups, the second paler, and the printed number, hatched."""
     for at, scheme in enumerate(SCHEMES):
         colour = COLOUR[scheme]

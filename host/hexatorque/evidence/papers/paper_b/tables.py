@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from ..engine.figure import Figure, Verdict, claim
 from ..engine.geometry import ROMAN, XY
 from ..engine.job import Job
 from ..engine.law import Law
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Demand = tuple[int, int]  #: d_m, d_psi
 #: Sector i as printed.
@@ -62,7 +66,7 @@ class Table:
         # Towards what the demand means: 75 degrees from the flux raises it, 105 lowers it;
         # ahead of it raises torque.
         angle = (30 * s + int(np.sign(demand[0])) * (75 if demand[1] else 105)) % 360
-        words = law.words(s, *demand, side * XY[geometry.word_along("L", angle)])
+        words = law.words(s, demand[0], bool(demand[1]), side * XY[geometry.word_along("L", angle)])
         (word,) = set(words)  # a single vector all period
         return word
 
@@ -83,7 +87,7 @@ class Table:
             exact(f"{self.name}, zero vector without torque demand", zeros, [True] * 24),
         ]  # fmt: skip
 
-    def draw(self, ax, run: Audit) -> None:
+    def draw(self, ax: Axes, run: Audit) -> None:
         demands = sorted(self.rows, reverse=True)
         texts = [[f"{self._label(d, s)}\n{run.met(*d, s, self.rows[d][s])}" for s in range(12)]
                  for d in demands]  # fmt: skip
@@ -97,7 +101,7 @@ class Table:
         words = self.rows[demand][s]
         if len(words) == 1:
             return f"V{words[0]}"
-        number = int(round(geometry.degrees(geometry.AB[words[0]]) + 15) // 30)
+        number = round(float(geometry.degrees(geometry.AB[words[0]])) + 15) // 30
         return f"$V_{{{geometry.group(words[0])}{number}}}$ {words[0]}|{words[1]}"
 
 
@@ -131,7 +135,7 @@ def _figure(run: Audit, tables: list[Table], caption: str) -> Figure:
 
 def b_t1(job: Job) -> Figure:
     """Table I: DTC1."""
-    printed = {demand: (word,) for demand, word in TABLE_I.items()}
+    printed: dict[Demand, tuple[int, ...]] = {demand: (word,) for demand, word in TABLE_I.items()}
     table = Table("Table I", _law("dtc1"), (ALONG,), printed)
     return _figure(audit(job, "dtc1"), [table], "Switching table of DTC1.")
 

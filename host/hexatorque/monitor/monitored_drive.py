@@ -1,8 +1,8 @@
-"""The operator's desk: one drive, what is traced, captured and recorded of it.
+"""One drive under the monitor, with its traces, its capture and its recording.
 
-All pages share it. Samples come from the client's own thread into an unbounded queue; a
-thread here moves them into a ring of bounded size. Pages look at the ring when they are
-ready to draw, so none of them can hold up the line.
+All pages share this object. The client's thread puts samples into an unbounded queue. A thread
+here moves them into a ring of limited size. Each page reads the ring when it is ready to draw,
+so a slow page cannot delay the line.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 from ..drive.board import BoardDrive
 from ..drive.captures import TRIGGERS, Trigger
 from ..drive.recorder import Recorder
+from ..firmware import Snapshot
 from ..recording.formats import SUFFIXES, RecordingError
 from ..recording.recording import Recording
 from ..serial import LinkError, wire
@@ -26,46 +27,48 @@ from ..serial.client import HEARTBEAT_S
 from ..serial.stream import Stream
 from .traces import Ring
 
-#: A drive that was started here is stopped when no page has answered for so long. With the
-#: time that STOP takes this is less than 2 s.
+#: A drive that was started here is stopped if no page has answered for this long. Together with
+#: the time that STOP takes, this is less than 2 s.
 SILENT_S = 1.5
-#: It is stopped as well when the pages that answer have all been hidden for so long.
+#: The drive is also stopped if all pages that answer have been hidden for this long.
 HIDDEN_S = 10.0
 #: A page gets no samples while its latest answer is older than this.
 BEHIND_S = 0.5
-#: The newest sample is shown as a figure as long as it is not older than this.
+#: The newest sample is shown as a number only if it is not older than this.
 FRESH_S = 1.0
-#: Gap in the traces where the board was reset.
+#: Width of the gap in the traces where the board was reset.
 BREAK_S = 0.05
+#: STOP is repeated for this long if it fails.
 STOP_S = 1.0
-#: Attempts to bring a capture over.
+#: Attempts to upload a capture.
 FETCH_TRIES = 5
-#: A start shows in the board's state within this.
+#: After START the board's state changes within this time.
 START_S = 0.5
-#: How much of the past pages can look at, and how many values that may take.
+#: Length of the history that pages can show, and its largest number of values.
 HISTORY_S, HISTORY_VALUES = 60.0, 1 << 23
-#: How often samples are moved, and parameters are read (another client may change them).
+#: Intervals at which samples are moved into the ring, and at which parameters are read (another
+#: client may change them).
 MOVE_S, PARAMETERS_S = 0.02, 1.0
-#: Samples per second unless the page asks for more: leaves room on the line.
+#: Samples per second unless the page asks for more. This leaves room on the line.
 RATE_HZ = 2000.0
-#: Traced in the beginning, as far as the board has them.
+#: Channels that are traced at first, if the board has them.
 CHANNELS = (
     "speed_rpm", "torque_ref_Nm", "torque_Nm", "i_u1_A", "i_u2_A", "psi_alpha_Wb",
     "psi_beta_Wb", "vdc_V",
 )  # fmt: skip
-#: Beyond all float32.
+#: Larger than every float32.
 FLOAT32 = 3.5e38
-#: States in which the drive works; what the desk started there is its own.
+#: States in which the drive works.
 WORKING = ("calibrate", "build", "run")
-#: The control computes these channels in the states `CONTROLLING` only. In other states the
-#: board sends the last values, which say nothing about the drive.
+#: The control computes these channels only in the states `CONTROLLING`. In other states the
+#: board sends their last values, which say nothing about the present.
 CONTROLLED = (
     "torque_Nm", "torque_decided_Nm", "torque_ref_Nm", "torque_level", "psi_alpha_Wb",
     "psi_beta_Wb", "psi_x_Wb", "psi_y_Wb", "v_x_pu", "v_y_pu", "omega_sync_rad_s", "flux_level",
     "flux_ref_Wb", "sector",
 )  # fmt: skip
 CONTROLLING = ("build", "run")
-#: The set of parameters that is in force after a reset, by STATUS's `set`.
+#: Text for the parameters that are in force after a reset, by the number `set` of STATUS.
 SETS = {
     1: "the saved set of parameters is in force",
     2: "its parameters are at their initial values, because the saved set is damaged",
@@ -75,8 +78,9 @@ SETS = {
 INITIAL = "its parameters are at their initial values"
 
 
-class Desk:
-    """`close` stops the drive if it was started here; it stays open."""
+class MonitoredDrive:
+    """Traces, captures, records and commands one drive. `close` stops the drive if it was started
+    here. It does not close the `BoardDrive`."""
 
     def __init__(
         self,
@@ -89,39 +93,39 @@ class Desk:
         self.folder = folder
         self.silent_s = silent_s
         self.hidden_s = hidden_s
-        #: Number of the present choice of channels and rate.
+        #: Counts the choices of channels and rate, so that a page notices a new one.
         self.epoch = 0
         self.ring: Ring | None = None
         self.stream: Stream | None = None
         self.values: dict[str, str | float] = {}
         self.values_version = 0
-        self.snapshot: dict[str, object] | None = None
+        self.snapshot: Snapshot | None = None
         self.snapshot_version = 0
         self.captured: Recording | None = None
         self.capture_number = 0
-        self.notice = ""  #: what happened without anybody asking
-        self.reset = ""  #: what a reset of the board has changed, until somebody has read it
+        self.notice = ""  #: an event that no page asked for, such as an automatic stop
+        self.reset = ""  #: what a reset of the board has changed, until a user has read it
         self._recorder: Recorder | None = None
         self._capture_text = ""
         self._capture_wanted = 0  # number of the capture that was armed last
-        self._started_s: float | None = None  # the drive, from here
-        self._pages: dict[int, float] = {}  # what was told when is what each answered last
-        self._page = 0  # number of the page that came last
-        # When the word was given that a page answered last, and a visible page.
-        self._heard_s = self._visible_s = -math.inf
-        self._pushed_s = -math.inf  # when samples came last
+        self._started_s: float | None = None  # when the drive was started here
+        self._pages: dict[int, float] = {}  # page -> when the frame was sent that it last answered
+        self._page = 0  # number of the newest page
+        # When the frame was sent that was answered last: by any page, and by a visible page.
+        self._answered_s = self._visible_s = -math.inf
+        self._pushed_s = -math.inf  # when the latest samples came
         self._was_reset = threading.Event()
         self._counted = (0, 0.0)
         self._rate_Hz = 0.0
         self._received = 0
         self._closing = threading.Event()
         self._refresh = threading.Event()
-        self._lock = threading.RLock()  # of what pages change, never held by the mover for long
+        self._lock = threading.RLock()  # for everything that pages change; held only briefly
         names = [name for name, _ in drive.channels]
         wanted = [name for name in CHANNELS if name in names] or names[:4]
         try:
             self.select(wanted[: drive.hello.stream_channels], RATE_HZ)
-        except LinkError as error:  # somebody else has the line's room: it can be tried again
+        except LinkError as error:  # other clients use the line; a page can try again later
             if not error.mistake:
                 raise
             self.notice = str(error)
@@ -135,7 +139,7 @@ class Desk:
         for thread in self._threads:
             thread.start()
 
-    def __enter__(self) -> Desk:
+    def __enter__(self) -> MonitoredDrive:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -158,10 +162,10 @@ class Desk:
                 if self.stream:
                     self.stream.close()
 
-    # -- what it is ----------------------------------------------------------------------
+    # -- data for the pages --------------------------------------------------------------
 
     def device(self) -> dict:
-        """What does not change: who the board is, and its dictionary."""
+        """What does not change: the board's identity and its dictionary."""
         hello, dictionary = self.drive.hello, self.drive.dictionary
         return {
             "device": hello.device,
@@ -194,7 +198,7 @@ class Desk:
         }  # fmt: skip
 
     def status(self) -> dict:
-        """What changes, without asking the board: every reply and the heartbeat tell it."""
+        """What changes. This sends no request: every reply and the heartbeat carry these data."""
         client, stream = self.drive.client, self.stream
         latest, board = client.latest, client.status
         ring = self.ring
@@ -209,7 +213,7 @@ class Desk:
             "reset": self.reset,
             "resets": self.drive.resets,
             "marks_s": [n / stream.rate_Hz for n in ring.marks] if ring and stream else [],
-            "stops_in_s": self._hidden_left_s(),
+            "stops_in_s": self._stops_in_s(),
             "pages": len(self._pages),
             "channels": stream.channels if stream else (),
             "epoch": self.epoch,
@@ -229,7 +233,7 @@ class Desk:
             "snapshot": self.snapshot_version,
             "capture": self.capture_number,
             "capture_state": self._capture_text,
-            "record": _of_record(self._recorder) if self._recorder else None,
+            "record": _recording_status(self._recorder) if self._recorder else None,
         }
 
     def working(self) -> bool:
@@ -238,34 +242,36 @@ class Desk:
 
     # -- pages come and go -----------------------------------------------------------------
 
-    def page_came(self) -> int:
-        """Its number."""
+    def add_page(self) -> int:
+        """Register a new page. Returns its number."""
         with self._lock:
             self._page += 1
             self._pages[self._page] = time.monotonic()
             return self._page
 
-    def page_went(self, page: int) -> None:
+    def remove_page(self, page: int) -> None:
         with self._lock:
             del self._pages[page]
 
     def page_is_behind(self, page: int) -> bool:
-        """It has more to do than it can: what it is sent has to become less."""
+        """Whether the page answers late. It then gets no samples until it has caught up."""
         return time.monotonic() - self._pages[page] > BEHIND_S
 
-    def page_answered(self, page: int, told_s: float, visible: bool) -> None:
-        """The script of a page has shown what it was told at `told_s`, a time of this
-        computer's monotonic clock. An answer that was held up for long counts for little."""
-        told_s = min(told_s, time.monotonic())
+    def page_answered(self, page: int, sent_s: float, visible: bool) -> None:
+        """The page has shown the frame that was sent at `sent_s` of this computer's monotonic
+        clock. The time of the frame counts, not the time of the answer, so an answer that was
+        delayed does not keep the drive running."""
+        sent_s = min(sent_s, time.monotonic())
         with self._lock:
-            if page in self._pages:  # else it has opened another connection meanwhile
-                self._pages[page] = max(self._pages[page], told_s)
-        self._heard_s = max(self._heard_s, told_s)
+            if page in self._pages:  # otherwise the page has opened a new connection
+                self._pages[page] = max(self._pages[page], sent_s)
+        self._answered_s = max(self._answered_s, sent_s)
         if visible:
-            self._visible_s = max(self._visible_s, told_s)
+            self._visible_s = max(self._visible_s, sent_s)
 
-    def _hidden_left_s(self) -> float | None:
-        """After how long the drive will be stopped because all pages are hidden."""
+    def _stops_in_s(self) -> float | None:
+        """Seconds until the drive is stopped because all pages are hidden; None if it is not
+        going to be."""
         started_s = self._started_s
         if started_s is None or not self.working():
             return None
@@ -281,7 +287,7 @@ class Desk:
         self._refresh.set()
 
     def stop(self) -> None:
-        """Asked for again and again for a while: this one has to get through."""
+        """Stop the drive. If that fails it is repeated for `STOP_S`: STOP must get through."""
         end = time.monotonic() + STOP_S
         while True:
             try:
@@ -299,20 +305,22 @@ class Desk:
         self._refresh.set()
 
     def write(self, values: dict[str, object]) -> dict[str, str | float]:
-        """All at one fast interrupt or none; what is in force after that."""
+        """Write several parameters in one fast interrupt, or none. Returns the values that are
+        then in force."""
         for name, value in values.items():
             if isinstance(value, (int, float)) and not -FLOAT32 < value < FLOAT32:
                 raise LinkError(f"{name}: a finite number is needed", mistake=True)
         if "f_isr_Hz" in values:
-            self._write_untraced(values)
+            self._write_without_traces(values)
         else:
             self.drive.set_many(values)
         now = self.drive.get_many(list(values))
         self._refresh.set()
         return now
 
-    def _write_untraced(self, values: dict[str, object]) -> None:
-        """The board changes its interrupts' rate only while nothing is streamed."""
+    def _write_without_traces(self, values: dict[str, object]) -> None:
+        """Stop the traces, write, and start them again: the board changes the rate of its
+        interrupts only while it streams nothing."""
         with self._lock:
             old = self.stream
             self.select([], None)
@@ -326,8 +334,9 @@ class Desk:
     # -- traces ------------------------------------------------------------------------------
 
     def select(self, channels: list[str], rate_Hz: float | None) -> None:
-        """Trace these channels; at a rate, or the next lower one that the line carries;
-        without a rate as fast as it goes."""
+        """Trace these channels at `rate_Hz`, or as fast as the line allows if that is too fast
+        or None. LinkError if a name is unknown or given twice, if there are too many, or while
+        a recording runs."""
         with self._lock:
             if self._recorder:
                 raise LinkError("channels: end the recording first", mistake=True)
@@ -360,22 +369,22 @@ class Desk:
         self.ring = Ring(len(channels), min(most, math.ceil(HISTORY_S * stream.rate_Hz)))
         self.stream = stream
 
-    def looked_at(self) -> tuple[int, Ring, Stream] | None:
-        """Epoch, ring and stream that belong together."""
+    def traced(self) -> tuple[int, Ring, Stream] | None:
+        """The epoch, the ring and the stream of the present traces; None without traces."""
         with self._lock:
             if self.ring is None or self.stream is None:
                 return None
             return self.epoch, self.ring, self.stream
 
     def _move(self) -> None:
-        """The thread between the client's queue and the ring."""
+        """The thread that moves samples from the client's queue into the ring."""
         while not self._closing.wait(MOVE_S):
             with self._lock:
                 if self.stream is None or self.ring is None:
                     continue
                 try:
                     blocks = self.stream.waiting()
-                except LinkError:  # it has ended: the watch opens another, or the page says why
+                except LinkError:  # it has ended: `_watch` opens another, or the page says why
                     continue
                 if not blocks:
                     self._count(0)
@@ -395,14 +404,14 @@ class Desk:
                             recorder.writer.close(str(error))
 
     def newest(self) -> np.ndarray | None:
-        """(channels,): the newest sample, unless it is too old to say anything."""
+        """The newest sample, (channels,); None if it is older than `FRESH_S`."""
         ring = self.ring
         if ring is None or time.monotonic() - self._pushed_s > FRESH_S:
             return None
         return ring.newest()
 
     def _count(self, samples: int) -> None:
-        """Samples per second, over the latest second."""
+        """Measure the samples per second, over the latest second."""
         self._received += samples
         now = time.monotonic()
         before, since = self._counted
@@ -413,7 +422,7 @@ class Desk:
     # -- the watch -----------------------------------------------------------------------------
 
     def _watch(self) -> None:
-        """Reads what may have changed, and stops a drive that nobody watches."""
+        """The thread that reads what may have changed, and stops a drive that nobody watches."""
         read_s, shown = 0.0, self._fault()
         while not self._closing.is_set():
             due = self._refresh.wait(HEARTBEAT_S)
@@ -427,7 +436,7 @@ class Desk:
                     try:
                         self._after_reset()
                     except LinkError:
-                        self._was_reset.set()  # once more
+                        self._was_reset.set()  # try again
                         raise
                 if due or time.monotonic() - read_s > PARAMETERS_S:
                     self._read_values()
@@ -437,7 +446,7 @@ class Desk:
                         self._read_snapshot()
                     shown = fault
             except LinkError:
-                # The page shows that the line is down; the watchdog has the drive.
+                # The page shows that the line is down. The watchdog stops the drive.
                 self._closing.wait(HEARTBEAT_S)
 
     def _stop_if_unwatched(self) -> None:
@@ -445,15 +454,16 @@ class Desk:
         if self._started_s is None:
             return
         if not self.working():
-            # Whoever starts it next may be another client; our own start is given time.
+            # The drive has stopped. Its next start may come from another client, so forget ours;
+            # but wait first, since our own START takes time to show.
             if now - self._started_s > START_S:
                 self._started_s = None
             return
-        # START came from a page: this counts as an answer of a visible one.
-        if now - max(self._heard_s, self._started_s) > self.silent_s:
+        # START came from a page, so it counts as an answer of a visible page.
+        if now - max(self._answered_s, self._started_s) > self.silent_s:
             reason = "no page was open"
             if self._pages:
-                reason = f"no page answered for {self.silent_s:g} s (the browser stood still)"
+                reason = f"no page answered for {self.silent_s:g} s (the browser did not run)"
         elif now - max(self._visible_s, self._started_s) > self.hidden_s:
             reason = f"all pages were hidden for {self.hidden_s:g} s"
         else:
@@ -464,7 +474,7 @@ class Desk:
     # -- a reset of the board ------------------------------------------------------------------
 
     def _reset_happened(self) -> None:
-        """In a thread of the client's: the watch does the work."""
+        """Called in a thread of the client. `_watch` does the work."""
         self._was_reset.set()
         self._refresh.set()
 
@@ -472,18 +482,19 @@ class Desk:
         self.reset = ""
 
     def _after_reset(self) -> None:
-        """Show it, trace on, and read again what the board has. A LinkError: not done yet."""
-        self._started_s = None  # the drive is off, whoever started it
+        """Show the reset, restart the traces, and read parameters and snapshot again. After a
+        LinkError it must be called again."""
+        self._started_s = None  # the reset has switched the drive off
         set_in_force = self.drive.client.get_status().set
         self.reset = f"The board was reset: {SETS.get(set_in_force, INITIAL)}."
         self._end_recording("board reset")
         with self._lock:
-            self._trace_again()
+            self._restart_traces()
         self._read_values()
         self._read_snapshot()
 
-    def _trace_again(self) -> None:
-        """The same channels from a board that counts its ticks anew."""
+    def _restart_traces(self) -> None:
+        """Trace the same channels. The board's ticks have started again from 0."""
         old, ring = self.stream, self.ring
         if old is None or ring is None:
             return
@@ -522,7 +533,8 @@ class Desk:
     def arm(
         self, channels: list[str], samples: int, pre: int, trigger: str, prescaler: int
     ) -> None:
-        """What triggers is captured too: the level can be seen in the capture."""
+        """Arm a capture, as `BoardDrive.arm`. The trigger's channel is captured too, so that its
+        level can be seen."""
         try:
             on = Trigger.parse(trigger).channel
         except RecordingError as error:
@@ -548,8 +560,8 @@ class Desk:
             self.drive.cancel()
 
     def _fetch(self, wanted: int) -> None:
-        """Wait for a capture and bring it over, unless another takes its place."""
-        words = {
+        """Wait for a capture and upload it, unless a newer one replaces it."""
+        words: dict[int, str] = {
             wire.CaptureState.FILLING: "filling the pre-trigger",
             wire.CaptureState.WAITING: "waiting for the trigger",
             wire.CaptureState.TRIGGERED: "triggered",
@@ -560,7 +572,7 @@ class Desk:
             if wanted != self._capture_wanted:
                 return
             try:
-                # Asked for here: what the heartbeat has heard may be of the one before.
+                # A fresh STATUS: the heartbeat's latest one may describe the capture before.
                 board = self.drive.client.get_status()
                 if board.capture == wire.CaptureState.NONE:
                     self._capture_text = "gone: the board no longer has it"
@@ -584,7 +596,7 @@ class Desk:
             return
 
     def capture_file(self, suffix: str) -> bytes:
-        """The latest capture as a file; .json: what stands beside its .csv."""
+        """The latest capture as a file. `.json` is the file of metadata that belongs to `.csv`."""
         if self.captured is None:
             raise LinkError("there is no capture yet", mistake=True)
         with tempfile.TemporaryDirectory() as folder:
@@ -615,7 +627,7 @@ class Desk:
             return recorder.close("user")
 
     def _end_recording(self, why: str) -> None:
-        """Close a recording that cannot go on."""
+        """Close the recording, if there is one; `why` is the reason."""
         with self._lock:
             if self._recorder is None:
                 return
@@ -627,7 +639,7 @@ class Desk:
                 self.notice = f"recording ended: {why}; {error}"
 
 
-def _of_record(recorder: Recorder) -> dict:
+def _recording_status(recorder: Recorder) -> dict:
     return {
         "file": str(recorder.path),
         "rows": recorder.samples,

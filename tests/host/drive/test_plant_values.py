@@ -1,0 +1,35 @@
+"""What the test bench sets, load torque and dc-link voltage: any finite number and nothing else."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from hexatorque import SimulatedDrive, setups
+from hexatorque.drive.interface import finite
+from hexatorque.errors import HexatorqueError
+
+
+@pytest.mark.parametrize("value", [2, 2.0, np.float32(2), np.int64(2), np.array(2.0), Fraction(2)])
+def test_a_number_of_any_library_is_a_number(value):
+    assert finite(value) == 2.0 and type(finite(value)) is float
+
+
+@pytest.mark.parametrize("value", ["2", "much", None, [2.0], float("nan"), float("inf"), 2j])
+def test_all_else_is_none(value):
+    assert finite(value) is None
+
+
+@pytest.fixture(scope="module")
+def sim():
+    return SimulatedDrive(setups.load("paper-b"))
+
+
+@pytest.mark.parametrize("name", ["load_Nm", "vdc_V"])
+@pytest.mark.parametrize("value", ["much", None, float("nan")])
+def test_a_simulation_refuses_in_one_line_and_keeps_what_it_had(sim, name, value):
+    before = sim.load_Nm, sim.vdc_V
+    with pytest.raises(HexatorqueError) as refused:
+        sim.set_many({"load_Nm": 1.25, "vdc_V": 200.0, name: value})
+    assert str(refused.value) == f"{name} = {value}: a finite number is needed"
+    assert (sim.load_Nm, sim.vdc_V) == before
