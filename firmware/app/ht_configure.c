@@ -17,6 +17,10 @@
 /* Share of the pull-out torque that is asked for: beyond it more slip gives less
  * torque, and the controller, which answers with more slip, loses the machine. */
 #define PULL_OUT_SHARE 0.8f
+/* Deadbeat law: gain of the x-y integrators, per period, of the voltage that would take the
+ * x-y current away at once; voltage from which set 2's carrier turns, units of Vdc. */
+#define XY_INTEGRAL 0.008f
+#define TURN_PU 0.3f
 
 static bool finite_below(float value, float limit)
 {
@@ -55,6 +59,19 @@ static void configure_table_law(const ht_params *p, float ts, ht_table_law_confi
     c->flux_hold = p->v[HT_P_flux_hold];
     c->xy.kp_pu_A = p->v[HT_P_kp_xy_pu_A];
     c->xy.ki_ts_pu_A = p->v[HT_P_ki_xy_pu_As] * ts;
+}
+
+/* The deadbeat law and its modulator. A clamped zero sequence wants the turn at every voltage, a
+ * centred one from TURN_PU on. */
+static void configure_deadbeat_law(const ht_params *p, ht_control_config *c)
+{
+    bool clamped = (p->v[HT_P_kappa] > 0.0f) && (p->v[HT_P_kappa_from_pu] == 0.0f);
+    c->deadbeat_law.gain = 1.0f;
+    c->deadbeat_law.xy_ki_per_A = XY_INTEGRAL * c->observer.lxy_H * c->observer.inv_ts
+                                  / p->v[HT_P_vdc_max_V];
+    c->modulator.kappa = p->v[HT_P_kappa];
+    c->modulator.kappa_from_pu = p->v[HT_P_kappa_from_pu];
+    c->modulator.turn_pu = clamped ? 0.0f : TURN_PU;
 }
 
 /* Derive the control configuration. Returns false if the values do not fit. */
@@ -117,6 +134,7 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->observer.omega_gain = (ts < OMEGA_FILTER_S) ? (ts / OMEGA_FILTER_S) : 1.0f;
     c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
     c->dead.i_zero_A = p->v[HT_P_i_zero_A];
+    configure_deadbeat_law(p, c);
     return ht_control_check(c) == HT_CONFIG_OK;
 }
 

@@ -168,7 +168,7 @@ def volt_seconds(applied, dead, i_begin, i_end, spill, xy=True):
     """The mean voltage, alpha beta x y; `spill` takes part on both sides."""
     begin, end = ffi.new("ht_six *", {"p": i_begin}), ffi.new("ht_six *", {"p": i_end})
     flow = lib.ht_flow_at_edges(applied, *(lib.ht_flow_of(i, dead) for i in (begin, end)))
-    v = lib.ht_volt_seconds(applied, dead, flow, begin, end, spill, spill, xy)
+    v = lib.ht_volt_seconds(applied, ffi.NULL, dead, flow, begin, end, spill, spill, xy)
     return [v.ab.alpha, v.ab.beta, v.xy.x, v.xy.y]
 
 
@@ -353,12 +353,12 @@ def test_a_prediction_does_not_change_the_stored_delay():
     begin = ffi.new("ht_six *", {"p": [5.0] * 6})
     left, over = ffi.new("ht_spill *"), ffi.new("ht_spill *")
     flow = lib.ht_flow_of(begin, dead)
-    lib.ht_volt_seconds(late, dead, flow, begin, begin, left, left, True)
+    lib.ht_volt_seconds(late, ffi.NULL, dead, flow, begin, begin, left, left, True)
     assert left.legs == 32 and left.shift[0] == pytest.approx(0.04, abs=1e-6)
     before = bytes(ffi.buffer(left))
-    ahead = lib.ht_volt_seconds(back, dead, flow, begin, begin, left, over, True)
+    ahead = lib.ht_volt_seconds(back, ffi.NULL, dead, flow, begin, begin, left, over, True)
     assert bytes(ffi.buffer(left)) == before and over.legs == 0
-    now = lib.ht_volt_seconds(back, dead, flow, begin, begin, left, left, True)
+    now = lib.ht_volt_seconds(back, ffi.NULL, dead, flow, begin, begin, left, left, True)
     assert bytes(ffi.buffer(ffi.new("ht_vsd *", ahead))) == bytes(
         ffi.buffer(ffi.new("ht_vsd *", now))
     )
@@ -366,7 +366,7 @@ def test_a_prediction_does_not_change_the_stored_delay():
     (plain,) = applied_sequence([((0, 32, 32), (0.5, 0.9))], 0.05, 10000, 0)
     for pattern in (back, plain):  # and nothing is left over where nothing comes to be
         over.legs = 63
-        lib.ht_volt_seconds(pattern, dead, flow, begin, begin, left, over, True)
+        lib.ht_volt_seconds(pattern, ffi.NULL, dead, flow, begin, begin, left, over, True)
         assert over.legs == 0
 
 
