@@ -74,8 +74,8 @@ static void configure_deadbeat_law(const ht_params *p, ht_control_config *c)
     c->modulator.turn_pu = clamped ? 0.0f : TURN_PU;
 }
 
-/* Derive the control configuration. Returns false if the values do not fit. */
-static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config *c)
+/* Derive the control configuration, or tell why the values do not fit. */
+static ht_result configure(const ht_params *p, float pwm_clock_Hz, ht_control_config *c)
 {
     float period = pwm_clock_Hz / p->v[HT_P_f_isr_Hz];
     float ts = 1.0f / p->v[HT_P_f_isr_Hz];
@@ -83,29 +83,29 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     float first = p->v[HT_P_write_delay_us] * 1.0e-6f * pwm_clock_Hz;
     float ratio;
     if (!(period <= 65535.0f) || !(period >= 8.0f)) {
-        return false;
+        return HT_ERROR_CONFIG;
     }
     if ((p->v[HT_P_torque_inner_Nm] > p->v[HT_P_torque_band_Nm])
         || (p->v[HT_P_flux_min_Wb] > p->v[HT_P_flux_ref_Wb])
         || (p->v[HT_P_vdc_min_V] >= p->v[HT_P_vdc_max_V])
         || (p->v[HT_P_flux_trip_Wb] <= p->v[HT_P_flux_ref_Wb])) {
-        return false;
+        return HT_ERROR_CONFIG;
     }
     /* The slow interrupt is every n-th fast one, n > 1: one that comes late must not take
      * the fast one for lost. */
     ratio = p->v[HT_P_f_isr_Hz] / p->v[HT_P_f_slow_Hz];
     if ((ratio < 1.5f) || !finite_below(ratio - (float)(uint16_t)(ratio + 0.5f), 1.0e-3f)) {
-        return false;
+        return HT_ERROR_CONFIG;
     }
     /* A trip level that a saturated converter cannot reach protects nothing. */
     if ((p->v[HT_P_i_trip_A] > TRIP_SHARE * p->v[HT_P_i_full_A])
         || (p->v[HT_P_vdc_max_V] > 0.95f * p->v[HT_P_vdc_full_V])) {
-        return false;
+        return HT_ERROR_CONFIG;
     }
     if ((p->v[HT_P_torque_release_Nm] != 0.0f)
         && ((p->v[HT_P_torque_release_Nm] >= p->v[HT_P_torque_band_Nm])
             || (p->v[HT_P_torque_release_Nm] <= -p->v[HT_P_torque_band_Nm]))) {
-        return false;
+        return HT_ERROR_CONFIG;
     }
     ht_control_select(c, (ht_scheme)(uint16_t)p->v[HT_P_scheme]);
     configure_table_law(p, ts, &c->table_law);
@@ -135,7 +135,16 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
     c->dead.i_zero_A = p->v[HT_P_i_zero_A];
     configure_deadbeat_law(p, c);
-    return ht_control_check(c) == HT_CONFIG_OK;
+    switch (ht_control_check(c)) {
+    case HT_CONFIG_OK:
+        return HT_OK;
+    case HT_CONFIG_PREDICTION:
+        return HT_ERROR_PREDICTION;
+    case HT_CONFIG_SAMPLING:
+        return HT_ERROR_SAMPLING;
+    default:
+        return HT_ERROR_CONFIG;
+    }
 }
 
 /* Torque allowed per flux squared. At constant stator flux the torque peaks at
@@ -212,8 +221,9 @@ ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_confi
                        ht_pwm_setup *setup)
 {
     float clock_Hz = ht_port_pwm_clock_Hz(port);
-    if (!configure(p, clock_Hz, config)) {
-        return HT_ERROR_CONFIG;
+    ht_result result = configure(p, clock_Hz, config);
+    if (result != HT_OK) {
+        return result;
     }
     setup->period_counts = config->period_counts;
     setup->dead_counts = dead_counts(p->v[HT_P_dead_time_us], clock_Hz);

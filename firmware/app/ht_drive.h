@@ -50,7 +50,9 @@ typedef enum {
     HT_ERROR_PORT = 5,    /**< the hardware cannot realise the set-up */
     HT_ERROR_TURNING = 6, /**< start refused: the machine is turning */
     HT_ERROR_TRIP = 7,    /**< start or clear refused: the trip pin is low */
-    HT_ERROR_STORE = 8    /**< this image keeps no parameters, or writing them failed */
+    HT_ERROR_STORE = 8,   /**< this image keeps no parameters, or writing them failed */
+    HT_ERROR_PREDICTION = 9, /**< the scheme needs load_mode = shadow and predict = on */
+    HT_ERROR_SAMPLING = 10   /**< the scheme needs a higher f_isr_Hz for this machine */
 } ht_result;
 
 /** Share of the build-up during which the flux is too small for its speed to mean anything. */

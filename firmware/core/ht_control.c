@@ -38,19 +38,18 @@ static void law_select(ht_control_config *cfg, const ht_scheme_info *row)
 static ht_config_status law_check(const ht_control_config *cfg)
 {
     bool fits = false;
+    if (ht_law_needs_prediction(cfg->law) && !(cfg->shadow && cfg->predict)) {
+        return HT_CONFIG_PREDICTION;
+    }
     switch (cfg->law) {
     case HT_LAW_TABLE:
         fits = ht_table_law_check(&cfg->table_law);
         break;
     case HT_LAW_DEADBEAT:
-        /* It decides on the state at the end of a period of which the pattern is known. */
-        if (!cfg->shadow || !cfg->predict) {
-            return HT_CONFIG_PREDICTION;
-        }
-        fits = ht_modulator_check(&cfg->modulator);
-        if (fits && !ht_deadbeat_law_check(&cfg->deadbeat_law, &cfg->observer)) {
+        if (!ht_deadbeat_law_fast_enough(&cfg->observer)) {
             return HT_CONFIG_SAMPLING;
         }
+        fits = ht_deadbeat_law_check(&cfg->deadbeat_law) && ht_modulator_check(&cfg->modulator);
         break;
     default:
         break;

@@ -16,16 +16,24 @@
  * of Vdc. */
 #define XY_SHARE 0.4f
 #define XY_LIMIT_PU 0.1f
-/* Largest share of the current that R_s takes away in a period: the prediction counts the drop
- * with the current at the period's start. */
-#define MOST_DECAY 0.2f
+/* Samples per time constant of a current. */
+#define LEAST_SAMPLES 5.0f
 
-bool ht_deadbeat_law_check(const ht_deadbeat_law_config *cfg, const ht_observer_config *machine)
+bool ht_deadbeat_law_check(const ht_deadbeat_law_config *cfg)
 {
     return (cfg->gain > 0.0f) && (cfg->gain <= 1.0f) && (cfg->xy_ki_per_A >= 0.0f)
-           && (cfg->xy_ki_per_A < 1.0e30f)
-           && (machine->ts_s * machine->rs_ohm * machine->inv_sigma_ls <= MOST_DECAY)
-           && (machine->ts_s * machine->rs_ohm <= MOST_DECAY * machine->lxy_H);
+           && (cfg->xy_ki_per_A < 1.0e30f); /* NaN is not */
+}
+
+float ht_deadbeat_law_least_Hz(float rs_ohm, float sigma_ls_H, float lxy_H)
+{
+    return LEAST_SAMPLES * rs_ohm / ((lxy_H < sigma_ls_H) ? lxy_H : sigma_ls_H);
+}
+
+bool ht_deadbeat_law_fast_enough(const ht_observer_config *machine)
+{
+    return machine->inv_ts
+           >= ht_deadbeat_law_least_Hz(machine->rs_ohm, machine->sigma_ls_H, machine->lxy_H);
 }
 
 void ht_deadbeat_law_reset(ht_deadbeat_law_state *st)

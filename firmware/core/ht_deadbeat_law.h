@@ -17,9 +17,6 @@
 #include "ht_observer.h"
 #include "ht_xy_regulator.h"
 
-/** Most that the flux may turn in a period, rad: the law turns by a series of second order. */
-#define HT_DEADBEAT_MOST_TURN_RAD 0.5f
-
 typedef struct {
     float gain;        /**< share of the flux error that one period takes away, above 0 up to 1 */
     float xy_ki_per_A; /**< x-y integrators, units of Vdc per ampere and period */
@@ -42,8 +39,16 @@ typedef struct {
     float vdc_V;
 } ht_deadbeat_law_input;
 
-/** True if the law can work with `cfg` and machine. */
-bool ht_deadbeat_law_check(const ht_deadbeat_law_config *cfg, const ht_observer_config *machine);
+/** True if every value of `cfg` is in its range. */
+bool ht_deadbeat_law_check(const ht_deadbeat_law_config *cfg);
+
+/** Lowest sampling frequency for stator resistance, transient and x-y inductance. Within a period
+ *  R_s may take away a fifth of either current: the prediction counts the drop with the current at
+ *  the period's start, which then leaves 2 % of what it predicts. */
+float ht_deadbeat_law_least_Hz(float rs_ohm, float sigma_ls_H, float lxy_H);
+
+/** True if the machine is sampled at this frequency or above. */
+bool ht_deadbeat_law_fast_enough(const ht_observer_config *machine);
 
 /** Integrators: 0. */
 void ht_deadbeat_law_reset(ht_deadbeat_law_state *st);

@@ -118,8 +118,12 @@ static float kappa_at(const ht_modulator_config *cfg, float size2)
  * from centred by half of what they leave free. */
 static float zero_sequence(extremes e, float kappa)
 {
-    float away = kappa * (0.5f - 0.5f * e.range);
-    return ((e.sum > 0.0f) ? away : -away) - 0.5f * e.sum;
+    float zero = -0.5f * e.sum;
+    if (kappa > 0.0f) {
+        float away = kappa * (0.5f - 0.5f * e.range);
+        zero += (e.sum > 0.0f) ? away : -away;
+    }
+    return zero;
 }
 
 /* What is the same for all legs of a period. */
@@ -136,9 +140,8 @@ typedef struct {
 /* What is the same for the legs of a set. */
 typedef struct {
     float slope;     /* counts per command: > 0 falling, < 0 rising */
-    float per_count; /* high time of a toggle's counts, from the rail of the period's end */
-    float share_high;
-    float share_low; /* high time of a leg on its rail, from the same */
+    float per_count; /* high time of a toggle's counts: from 0 if falling, from 1 if rising */
+    float low;       /* high time of a leg that stays low, from the same */
 } carrier;
 
 static carrier carrier_of(bool falling, const timing *t)
@@ -146,8 +149,7 @@ static carrier carrier_of(bool falling, const timing *t)
     carrier c;
     c.slope = falling ? (float)t->period : -(float)t->period;
     c.per_count = falling ? t->per_count : -t->per_count;
-    c.share_high = falling ? 1.0f : 0.0f;
-    c.share_low = falling ? 0.0f : -1.0f;
+    c.low = falling ? 0.0f : -1.0f;
     return c;
 }
 
@@ -173,16 +175,16 @@ static void modulate(const timing *t, const carrier *c, float d, float i_A, uint
     unsigned bit = LEG_U1 >> leg;
     if (fabsf(d) < (0.5f - ON_RAIL)) {
         float counts = c->slope * (d + compensation(t, i_A)) - t->early;
-        uint16_t count;
+        unsigned count;
         if (!(fabsf(counts) < t->open)) {
             float most = t->middle - 1.5f;
             counts = (counts < most) ? counts : most;
             counts = (counts > -most) ? counts : -most; /* NaN too */
             found->close |= bit;
         }
-        count = (uint16_t)(counts + t->middle);
+        count = (unsigned)(counts + t->middle);
         found->moves |= bit;
-        ca[leg] = count;
+        ca[leg] = (uint16_t)count;
         instant[leg] = (float)count * t->per_count;
         share[leg] = (float)count * c->per_count;
     } else { /* on a rail: the lower one for NaN */
@@ -190,7 +192,7 @@ static void modulate(const timing *t, const carrier *c, float d, float i_A, uint
         found->high |= high ? bit : 0u;
         ca[leg] = t->period;
         instant[leg] = 1.0f;
-        share[leg] = high ? c->share_high : c->share_low;
+        share[leg] = high ? (c->low + 1.0f) : c->low;
     }
 }
 

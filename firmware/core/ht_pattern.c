@@ -146,9 +146,10 @@ ht_flow ht_flow_of(const ht_six *i_A, const ht_dead_time *dead)
     for (leg = HT_LEGS - 1; leg >= 0; leg--) {
         if (i_A->p[leg] >= zero) {
             flow.out |= bit;
-        }
-        if (i_A->p[leg] <= -zero) {
+        } else if (i_A->p[leg] <= -zero) {
             flow.in |= bit;
+        } else {
+            /* no sure sign */
         }
         bit <<= 1;
     }

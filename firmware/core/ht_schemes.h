@@ -41,6 +41,10 @@ typedef struct {
 /** Row of a scheme, or NULL if there is no such number. */
 const ht_scheme_info *ht_scheme_describe(uint16_t scheme);
 
+/** True if a law decides on the state at the end of a period of which the pattern is known: it
+ *  needs shadow load and prediction. */
+bool ht_law_needs_prediction(ht_law law);
+
 /** Limit of the x-y voltage command per axis, units of Vdc: the TMVCL of the group whose duty
  *  ratios the scheme's regulator sets; 0 for a scheme without a regulator. */
 float ht_scheme_xy_limit_pu(const ht_scheme_info *row);

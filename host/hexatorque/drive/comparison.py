@@ -71,7 +71,7 @@ def points(
     for entry in setups:
         setup = at_point(entry, speed_rpm, load_Nm, latency)
         speed, torque = setup["point.speed_rpm"], setup["point.load_Nm"]
-        own = [setup.changed(controller__scheme=name) for name in names]
+        own = [setup.with_scheme(name) for name in names]
         study = [
             setup.changed(controller__scheme=LATENCY_SCHEME, timing__latency=other)
             for other in LATENCY_STUDY

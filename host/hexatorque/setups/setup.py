@@ -40,6 +40,14 @@ class Setup:
             changes.setdefault(section, {})[key] = value
         return self.with_values(schema.check(changes))
 
+    def with_scheme(self, scheme: str, **paths: Any) -> Setup:
+        """A copy under another scheme, with `timing.latency` as the scheme needs it."""
+        from .. import firmware
+
+        if firmware.needs_prediction(scheme):
+            paths.setdefault("timing__latency", "predicted")
+        return self.changed(controller__scheme=scheme, **paths)
+
     def with_values(self, changes: dict[str, dict[str, Value]]) -> Setup:
         """A copy with some checked values changed. Refuses what does not fit together."""
         values = {s: {**entries, **changes.get(s, {})} for s, entries in self.values.items()}
