@@ -21,6 +21,7 @@
  * x-y current away at once; voltage from which set 2's carrier turns, units of Vdc. */
 #define XY_INTEGRAL 0.008f
 #define TURN_PU 0.3f
+#define NEVER_PU 100.0f /* no inverter makes that voltage */
 
 static bool finite_below(float value, float limit)
 {
@@ -61,17 +62,19 @@ static void configure_table_law(const ht_params *p, float ts, ht_table_law_confi
     c->xy.ki_ts_pu_A = p->v[HT_P_ki_xy_pu_As] * ts;
 }
 
-/* The deadbeat law and its modulator. A clamped zero sequence wants the turn at every voltage, a
- * centred one from TURN_PU on. */
+/* The deadbeat law and its modulator. A zero sequence that is clamped at every voltage wants the
+ * turn at every voltage; a centred one from TURN_PU on. */
 static void configure_deadbeat_law(const ht_params *p, ht_control_config *c)
 {
     bool clamped = (p->v[HT_P_kappa] > 0.0f) && (p->v[HT_P_kappa_from_pu] == 0.0f);
+    float turn_pu[3] = {TURN_PU, NEVER_PU, 0.0f}; /* auto, off, always */
+    turn_pu[0] = clamped ? 0.0f : TURN_PU;
     c->deadbeat_law.gain = 1.0f;
-    c->deadbeat_law.xy_ki_per_A = XY_INTEGRAL * c->observer.lxy_H * c->observer.inv_ts
-                                  / p->v[HT_P_vdc_max_V];
+    c->deadbeat_law.xy_ki_per_A =
+        XY_INTEGRAL * c->observer.lxy_H * c->observer.inv_ts / p->v[HT_P_vdc_max_V];
     c->modulator.kappa = p->v[HT_P_kappa];
     c->modulator.kappa_from_pu = p->v[HT_P_kappa_from_pu];
-    c->modulator.turn_pu = clamped ? 0.0f : TURN_PU;
+    c->modulator.turn_pu = turn_pu[(uint16_t)p->v[HT_P_carrier_turn]];
 }
 
 /* Derive the control configuration, or tell why the values do not fit. */

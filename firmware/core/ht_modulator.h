@@ -20,7 +20,7 @@
 #include "ht_pattern.h"
 
 /** From this voltage above `kappa_from_pu` on, `kappa` counts in full; units of Vdc. */
-#define HT_KAPPA_RAMP_PU 0.05f
+#define HT_KAPPA_RAMP_PU 0.02f
 
 typedef struct {
     float kappa;         /**< zero sequence: 0 centred, 1 clamped, between: a mixture */
