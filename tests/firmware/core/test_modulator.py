@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from legs import follow_leg
 
 from hexatorque.firmware import ffi, lib
 
@@ -283,3 +284,39 @@ def test_values_out_of_range_are_refused(at, wrong):
     values[at] = wrong
     assert not lib.ht_modulator_check(ffi.new("ht_modulator_config *", values))
     assert not lib.ht_modulator_check(ffi.new("ht_modulator_config *", [1.1, 0.5, 0.3]))
+
+
+def volt_seconds(modulator, slots, i_A, spill):
+    """Mean voltage of the modulator's latest period as the firmware reckons it."""
+    applied = modulator.applied
+    applied.own = 2
+    slots[1] = modulator.toggles[0]
+    flow = lib.ht_flow_of(i_A, modulator.dead)
+    flow = lib.ht_flow_at_edges(applied, flow, flow)
+    v = lib.ht_volt_seconds(applied, slots, modulator.dead, flow, i_A, i_A, spill, spill, True)
+    return [v.ab.alpha, v.ab.beta, v.xy.x, v.xy.y]
+
+
+@given(
+    st.lists(st.tuples(st.floats(0, 0.7), angles, small_xy), min_size=2, max_size=8),
+    st.lists(st.booleans(), min_size=6, max_size=6),
+    st.sampled_from([0.0, 0.6, 1.0]),
+    st.one_of(st.sampled_from([0.0, 0.05]), st.floats(0, 0.2)),
+)
+@settings(max_examples=300, deadline=None)
+def test_volt_seconds_of_modulated_periods(vs, outward, kappa, dead):
+    """Every leg is followed through all periods, its edges late by the dead time where the
+    current opposes them, across the periods' ends, with turns in between."""
+    modulator = Modulator(kappa, 0.0, TURN_PU, dead)
+    slots, spill = ffi.new("ht_toggles[2]"), ffi.new("ht_spill *")
+    i_A = ffi.new("ht_six *", [[20.0 if out else -20.0 for out in outward]])
+    got, edges = [], [[] for _ in range(6)]
+    for n, (size, degrees, xy) in enumerate(vs):
+        modulator.step(polar(size, degrees, xy), list(i_A.p))
+        got.append(volt_seconds(modulator, slots, i_A, spill))
+        levels = modulator.levels()
+        for leg, own in enumerate(edges):
+            own.append((n, int(levels[leg, 0])))
+            own.append((n + modulator.out.ca[leg] / PERIOD, int(levels[leg, -1])))
+    on = [follow_leg(own, np.float32(dead), outward[leg], len(vs)) for leg, own in enumerate(edges)]
+    np.testing.assert_allclose(got, (T @ on).T, atol=2e-6)

@@ -7,12 +7,11 @@ through several periods, with the dead time acting as a delay that a reversed
 command cancels.
 """
 
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from legs import follow_leg
 
 from hexatorque.firmware import ffi, lib
 
@@ -133,35 +132,6 @@ def test_unused_registers_hold_the_period():
 
 
 # --- volt-seconds ---------------------------------------------------------
-
-
-def follow_leg(commands, dead, outward, end):
-    """Exact upper-level intervals of a leg: `commands` = [(time, level), ...] in
-    order, all legs low before. While both switches are off the current decides:
-    flowing out it holds the leg low, flowing in it holds it high."""
-    edges, level, pending = [], 0, None
-    for time, command in [*commands, (np.inf, None)]:
-        if pending is not None and pending <= time:
-            level = 1 - level
-            edges.append((pending, level))
-            pending = None
-        if command is None:
-            break
-        if pending is not None and command == level:
-            pending = None  # switched back before the delay was over
-        elif pending is None and command != level:
-            late = dead if bool(command) == outward else 0.0
-            pending = time + late
-            if late == 0.0:
-                level, pending = command, None
-                edges.append((time, level))
-    on = np.zeros(end)
-    for n in range(end):
-        knots = [(-1.0, 0), *edges, (np.inf, None)]
-        for (a, state), (b, _) in itertools.pairwise(knots):
-            if state:
-                on[n] += max(0.0, min(b, n + 1) - max(a, n))
-    return on
 
 
 def volt_seconds(applied, dead, i_begin, i_end, spill, xy=True):
