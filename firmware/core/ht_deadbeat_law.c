@@ -10,8 +10,9 @@
 #define LEAST_WB2 1.0e-8f
 /* What torque gets at least, of the largest step, squared. */
 #define TORQUE_SHARE2 0.25f
-/* Largest step of the flux, units of Vdc Ts: the outer circle of what the inverter reaches. */
-#define REACH_PU 0.65f
+/* Largest step of the flux, units of Vdc Ts. The inverter reaches 0.64; a command beyond it makes
+ * the modulator limit legs, up to twelve-step operation. */
+#define REACH_PU 1.0f
 /* Share of the x-y current that one period takes away; limit of the integrators, units
  * of Vdc. */
 #define XY_SHARE 0.4f

@@ -13,7 +13,7 @@ from hexatorque.firmware import ffi, lib
 TS, VDC = 1e-4, 300.0
 SIGMA_LS, LXY, RS, GAIN = 0.028, 0.0144, 6.0, 3.0
 STEP = VDC * TS
-REACH, XY_SHARE, XY_LIMIT = 0.65, 0.4, 0.1
+REACH, XY_SHARE, XY_LIMIT = 1.0, 0.4, 0.1
 
 
 def machine(**changes):
