@@ -8,7 +8,7 @@ import numpy as np
 
 from ..plant.vsd import PHASES, TRANSFORM
 from ..recording.recording import Recording
-from .spectrum import channel, fundamental_Hz, harmonics, thd_pct
+from .spectrum import channel, fundamental_Hz, harmonics, thd_inf_pct, thd_pct
 
 
 def i_xy_A(rec: Recording) -> tuple[np.ndarray, np.ndarray]:
@@ -18,6 +18,16 @@ def i_xy_A(rec: Recording) -> tuple[np.ndarray, np.ndarray]:
     phases_A = np.stack([channel(rec, f"i_{phase}_A") for phase in PHASES])
     x, y = TRANSFORM[2:] @ phases_A
     return x, y
+
+
+#: Fewest samples a period at which the torque between the control instants is seen.
+TD_SAMPLES = 10
+
+
+def torque_ripple_td_Nm(rec: Recording) -> float:
+    """Standard deviation of the torque over all samples. NaN below TD_SAMPLES a period."""
+    per = rec.meta.get("samples_per_period", 1)
+    return float(np.std(channel(rec, "torque_Nm"))) if per >= TD_SAMPLES else math.nan
 
 
 def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
@@ -30,7 +40,9 @@ def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
 
     speed_rpm, torque_Nm, flux_Wb (|psi_s|): means; torque_ripple_Nm, flux_ripple_Wb:
     standard deviations sqrt(mean((T - mean T)^2)) over the control instants, as in
-    paper B, eq. (9), whose traces come out of the DSP once a period; i1_A: peak of the
+    paper B, eq. (9), whose traces come out of the DSP once a period; torque_ripple_td_Nm: the
+    same over all samples (`torque_ripple_td_Nm`); thd_inf_pct: of all six phases, over the whole
+    recorded spectrum (`thd_inf_pct` of `spectrum`); i1_A: peak of the
     fundamental of phase u1; f1_Hz: its frequency; thd_pct: of phase u1, by band;
     h5_pct, h7_pct: of phase u1, of its fundamental; ixy_rms_A: sqrt(mean(i_x^2 + i_y^2));
     delta_i_A: |I_u1 - I_u2|, peaks of the fundamentals.
@@ -38,6 +50,7 @@ def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
     f1_Hz = abs(fundamental_Hz(rec))
     u1, u2 = channel(rec, "i_u1_A"), channel(rec, "i_u2_A")
     line_A = harmonics(u1, rec.rate_Hz, f1_Hz, (1, 5, 7))
+    phases = np.stack([channel(rec, f"i_{phase}_A") for phase in PHASES])
     u2_A = harmonics(u2, rec.rate_Hz, f1_Hz, (1,))[1]
     torque_Nm = channel(rec, "torque_Nm")
     flux_Wb = np.hypot(channel(rec, "psi_alpha_Wb"), channel(rec, "psi_beta_Wb"))
@@ -52,11 +65,13 @@ def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
             "speed_rpm": np.mean(channel(rec, "speed_rpm")),
             "torque_Nm": np.mean(torque_Nm),
             "torque_ripple_Nm": np.std(torque_Nm[control]),
+            "torque_ripple_td_Nm": torque_ripple_td_Nm(rec),
             "flux_Wb": np.mean(flux_Wb),
             "flux_ripple_Wb": np.std(flux_Wb[control]),
             "i1_A": line_A[1],
             "f1_Hz": f1_Hz,
             "thd_pct": thd_pct(u1, rec.rate_Hz, f1_Hz),
+            "thd_inf_pct": thd_inf_pct(phases, rec.rate_Hz, f1_Hz),
             "h5_pct": percent * line_A[5],
             "h7_pct": percent * line_A[7],
             "ixy_rms_A": np.sqrt(np.mean(i_x**2 + i_y**2)),

@@ -86,7 +86,7 @@ def compare(
 ) -> Comparison:
     """Measure all points, in parallel on all cores."""
     comparison = Comparison(reference)
-    for point, outcome in zip(todo, measure_all(todo, progress)):
+    for point, outcome in zip(todo, measure_all(todo, progress, fine=True)):
         if isinstance(outcome, Run):
             comparison.runs.append(outcome)
         else:

@@ -11,11 +11,12 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-from ..analysis.metrics import metrics
+from .. import firmware
+from ..analysis.metrics import TD_SAMPLES, metrics
 from ..analysis.run import Run
 from ..errors import HexatorqueError
 from ..recording.recording import Recording
-from ..setups import Setup
+from ..setups import Setup, to_parameters
 from .simulated import DriveFault, SimulatedDrive
 
 #: Longest wait for the speed to come near its reference.
@@ -94,9 +95,9 @@ def approach(
     return sim
 
 
-def measure(point: Point, progress: Progress | None = None) -> Run:
+def measure(point: Point, progress: Progress | None = None, samples_per_period: int = 4) -> Run:
     """Steady-state metrics and recording of one point. Raises DriveFault or NotReached."""
-    sim = approach(point, progress)
+    sim = approach(point, progress, samples_per_period)
     omega = abs(sim.controller.channel("omega_sync_rad_s"))
     cycles_s = CYCLES * 6.2832 / omega if omega > 1.0 else WINDOW_S
     window_s = min(max(WINDOW_S, cycles_s), 10.0)
@@ -155,14 +156,25 @@ def follow(
     return recording
 
 
-def measure_all(points: Iterable[Point], progress: Progress | None = None) -> list[Run | Exception]:
-    """Measure all points, in parallel on all cores. If the drive trips at a point or does not
-    reach it, the exception stands in the list in place of the run. Threads suffice, because
-    the compiled loop releases the GIL."""
+def fine_samples(setup: Setup) -> int:
+    """Samples a period with which the torque between the control instants is seen: the smallest
+    divisor of the period's counts from TD_SAMPLES on."""
+    values = to_parameters.parameters(setup)
+    counts = firmware.Controller(setup["timing.device"], values).period_counts
+    return next(n for n in range(TD_SAMPLES, counts + 1) if counts % n == 0)
+
+
+def measure_all(
+    points: Iterable[Point], progress: Progress | None = None, fine: bool = False
+) -> list[Run | Exception]:
+    """Measure all points, with 4 samples a period or with `fine_samples`, in parallel on all
+    cores. If the drive trips at a point or does not reach it, the exception stands in the list
+    in place of the run. Threads suffice, because the compiled loop releases the GIL."""
 
     def one(point: Point) -> Run | Exception:
         try:
-            return measure(point, progress)
+            samples = fine_samples(point.setup) if fine else 4
+            return measure(point, progress, samples)
         except NOT_MEASURED as error:
             return error
 

@@ -55,8 +55,8 @@ _REFUSED: dict[int, str] = {
 }
 #: Refusals because the request is wrong, in whatever state the board is.
 _MISTAKES = (
-    Status.ID, Status.VALUE, Status.CONFIG, Status.PORT, Status.PREDICTION, Status.LAW_SAMPLING, Status.LENGTH, Status.BUDGET,
-    Status.NO_STREAM, Status.FIELD, Status.MEMORY,
+    Status.ID, Status.VALUE, Status.CONFIG, Status.PORT, Status.PREDICTION, Status.LAW_SAMPLING,
+    Status.LENGTH, Status.BUDGET, Status.NO_STREAM, Status.FIELD, Status.MEMORY,
 )  # fmt: skip
 
 
