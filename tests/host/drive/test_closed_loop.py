@@ -316,7 +316,7 @@ def test_drops_that_the_firmware_does_not_know_look_like_resistance():
 
 #: Set-up, speed, load -> bounds of Td, of the distortion of all phases, of the x-y current.
 MODULATED = {
-    ("paper-a-feasible", 100, 10): (0.065, 1.0, 0.02),
+    ("paper-a-feasible", 100, 10): (0.085, 1.0, 0.02),
     ("paper-b", 2500, 2): (0.05, 3.5, 0.06),
     ("paper-a-feasible", 900, 10): (0.1, 3.0, 0.1),
 }
