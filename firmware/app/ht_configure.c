@@ -70,8 +70,8 @@ static void configure_deadbeat_law(const ht_params *p, ht_control_config *c)
     float turn_pu[3] = {TURN_PU, NEVER_PU, 0.0f}; /* auto, off, always */
     turn_pu[0] = clamped ? 0.0f : TURN_PU;
     c->deadbeat_law.gain = 1.0f;
-    c->deadbeat_law.xy_ki_per_A =
-        XY_INTEGRAL * c->observer.lxy_H * c->observer.inv_ts / p->v[HT_P_vdc_max_V];
+    c->deadbeat_law.xy_ki_per_A = XY_INTEGRAL * c->observer.lxy_H * c->observer.inv_ts
+                                  / p->v[HT_P_vdc_max_V];
     c->modulator.kappa = p->v[HT_P_kappa];
     c->modulator.kappa_from_pu = p->v[HT_P_kappa_from_pu];
     c->modulator.turn_pu = turn_pu[(uint16_t)p->v[HT_P_carrier_turn]];
