@@ -25,7 +25,7 @@ needs_browser = pytest.mark.skipif(
 #: Puts a stack of plots into the page, which has no drive and therefore no plots of its own.
 PREPARE = """(async () => {
   const { Bins } = await import('/bins.js');
-  const { Stack } = await import('/plot.js');
+  const { Stack } = await import('/stack.js');
   const box = document.createElement('div');
   box.className = 'stack';
   Object.assign(box.style, { width: '700px', height: '400px' });

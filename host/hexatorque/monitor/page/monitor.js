@@ -2,7 +2,7 @@
 
 import { Bins } from "/bins.js";
 import { decode, parse, show } from "/numbers.js";
-import { Stack } from "/plot.js";
+import { Stack } from "/stack.js";
 
 const $ = (id) => document.getElementById(id);
 const WINDOWS_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
