@@ -64,7 +64,7 @@ def test_where_the_flux_stands_still(sign):
         for rs, rr in [*RESISTANCES, *PAIRS]
         for speed in (20.0, 40.0, 45.0, 50.0, 60.0)
     ]
-    cases = part(cases, 13)
+    cases = part(cases, 9)
     for case, outcome in zip(cases, run_all(cases, 20.0)):
         assert not outcome.fault, (case, outcome)
         assert max(map(abs, outcome.flux_error)) < FLUX_WRONG, (case, outcome)
