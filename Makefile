@@ -73,25 +73,26 @@ fuzz: $(VENV)/.installed
 	build/fuzz/tests/c/fuzz/fuzz_service -max_len=300 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
 	  -artifact_prefix=out/fuzz/ out/fuzz/service build/fuzz/corpus/service
 
-# Timed tests (tests/conftest.py) mostly wait for other processes, so several run at once. On a busy
-# computer one may fail for this reason alone: tests that fail run again, one at a time.
-timed = $(BIN)/python -m pytest -n $(WAITING) --dist loadfile -m timed -rs $(1) || \
-	$(BIN)/python -m pytest -m timed -rs --last-failed --last-failed-no-failures none $(1)
+# Marks of tests: tests/conftest.py. A file's tests stay in one process: they share what their
+# fixtures build and compile. On a busy computer a test that waits for other processes may fail for
+# this reason alone: what fails runs again, one at a time.
+pytest = $(BIN)/python -m pytest -rs
+waiting = $(pytest) -n $(1) --dist loadfile -m $(2) $(3) || \
+	$(pytest) -m $(2) --last-failed --last-failed-no-failures none $(3)
 
-# A file's tests stay in one process: they share what their fixtures build and compile.
 test: test-c
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not timed" -rs tests
-	$(call timed,tests)
+	$(pytest) -n $(JOBS) --dist loadfile -m "not timed and not live" tests
+	$(call waiting,$(WAITING),timed,tests)
+	$(call waiting,$(JOBS),live,tests)
 
 test-quick: $(VENV)/.installed
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not timed and not slow" tests
+	$(pytest) -n $(JOBS) --dist loadfile -m "not timed and not live and not slow" tests
 
-# These tests measure speed, so they run one at a time. If a tool is missing, this fails after all
-# tests that could run.
+# Some of these tests measure speed, so they run one at a time. If a tool is missing, this fails
+# after all tests that could run.
 test-targets: $(VENV)/.installed
 	@failed=0; \
-	$(BIN)/python -m pytest -m "not timed" -rs tests/host/boards || failed=1; \
-	($(call timed,tests/host/boards)) || failed=1; \
+	$(pytest) tests/host/boards || $(pytest) --last-failed tests/host/boards || failed=1; \
 	$(BIN)/python -m hexatorque.boards.tools || failed=1; \
 	$(MAKE) check-c || failed=1; \
 	exit $$failed
