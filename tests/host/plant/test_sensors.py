@@ -79,7 +79,7 @@ def balanced(u):
 
 @pytest.mark.parametrize("bits", [12, 10, 8])
 @pytest.mark.parametrize("u", [0.0, 0.001, 1.234, -7.77, 19.0])
-def test_currents(device, bits, u):
+def test_currents_are_read_to_the_nearest_step(device, bits, u):
     counts, _ = Bench(device, adc_bits=bits).read(balanced(u))
     step = 1 << (12 - bits)
     for i_A, got in zip(balanced(u), counts):
@@ -96,7 +96,7 @@ def test_one_count_is_one_step_at_the_middle_between_two(device):
 
 
 @pytest.mark.parametrize("bits", [12, 10, 6])
-def test_saturation_at_both_ends(device, bits):
+def test_currents_saturate_at_both_ends(device, bits):
     top = 4096 - (1 << (12 - bits))
     bench = Bench(device, adc_bits=bits)
     assert bench.read(balanced(FULL_A))[0][0] == top
@@ -107,7 +107,7 @@ def test_saturation_at_both_ends(device, bits):
     assert bench.read(vdc=-5.0)[0][6] == 0
 
 
-def test_offset_and_gain(device):
+def test_offset_and_gain_are_those_of_the_set_up(device):
     offset = (0.5, -0.25, 0.0, 1.0, -2.0, 0.1)
     counts, _ = Bench(device, i_offset_A=offset, i_gain=[1.1] * 6).read(balanced(5.0), vdc=250.0)
     for i_A, o, got in zip(balanced(5.0), offset, counts):
@@ -115,14 +115,14 @@ def test_offset_and_gain(device):
     assert counts[6] == 2048  # the current sensors' gain is theirs alone
 
 
-def test_dc_link(device):
+def test_the_dc_link_is_read_to_the_nearest_step(device):
     bench = Bench(device)
     for vdc in (0.0, 0.05, 0.07, 123.4, 300.0, 499.8):
         assert bench.read(vdc=vdc)[0][6] == math.floor(vdc * 4096 / FULL_V + 0.5)
     assert Bench(device, adc_bits=10).read(vdc=300.0)[0][6] == 4 * math.floor(614.4 + 0.5)
 
 
-def test_position(device):
+def test_the_position_counter_counts_quarter_lines(device):
     bench, turn = Bench(device), 2 * math.pi
     per_rev = 4 * PPR
     for counts in (0, 1, 17, 65535, 65536, 1234567, -1, -2, -65536, -65537, -987654):

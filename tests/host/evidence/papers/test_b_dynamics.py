@@ -36,7 +36,7 @@ def within(t_s, speed, target, band):
 
 
 @pytest.mark.parametrize(("figure", "begin_rpm"), [("b17", 1000.0), ("b18", 2000.0)])
-def test_steps(figure, begin_rpm, job, tmp_path):
+def test_step_responses_agree_with_their_recordings(figure, begin_rpm, job, tmp_path):
     made = getattr(dynamics, figure)(job)
     for scheme, rec in made.recordings.items():
         t_s, speed = rec.time_s, rec["plant.speed_rpm"]

@@ -49,7 +49,7 @@ def test_locus_of_known_circles():
     assert found["xy_slow_rms_Wb"] == pytest.approx(np.hypot(0.02, 0.01 / 9), rel=0.01)
 
 
-def test_loci(job, tmp_path):
+def test_loci_agree_with_their_recordings(job, tmp_path):
     """DTC2 pushes the x-y flux to the centre; the estimate is inductance times current, so
     that the locus bounds the harmonics of the current."""
     figure = loci.b11(job)
@@ -96,7 +96,7 @@ def test_orders_of_a_known_current():
     assert found == pytest.approx(expected, rel=0.01)
 
 
-def test_currents(job, tmp_path):
+def test_harmonics_agree_with_a_fit_to_the_recorded_currents(job, tmp_path):
     figure = steady.b13(job)
     for scheme, m in figure.metrics.items():
         rec = figure.recordings[scheme]
@@ -116,7 +116,7 @@ def test_currents(job, tmp_path):
     assert (tmp_path / "b13.png").stat().st_size > 20_000
 
 
-def test_torque(job, tmp_path):
+def test_torque_agrees_with_its_recording(job, tmp_path):
     figure = steady.b15(job)
     ripple = figure.metrics["torque_ripple_Nm"]
     for scheme, rec in figure.recordings.items():

@@ -49,7 +49,7 @@ def as_printed(at, speed, load, flux):
 
 
 @pytest.mark.parametrize("quick", [True, False])
-def test_grid_orientation(quick, tmp_path):
+def test_rows_and_columns_of_the_grids_are_not_exchanged(quick, tmp_path):
     """Rows are speeds, columns loads (Fig. 16: the other way round)."""
     job = Formula(lambda at, speed, load, flux: metrics(at + speed + load / 100), quick)
     figure = sweeps.b14(job)
@@ -70,7 +70,7 @@ def test_grid_orientation(quick, tmp_path):
     assert (tmp_path / "grid.png").stat().st_size > 20_000
 
 
-def test_14_and_19_share_their_points():
+def test_figures_14_and_19_share_their_points():
     """So that the second of them costs nothing. Both set-ups are there."""
     one, other = Formula(as_printed), Formula(as_printed)
     sweeps.b14(one)
@@ -87,7 +87,7 @@ def test_thd_over_load_as_the_paper_has_it():
         assert set(words(sweeps.b14(one_is_high)).values()) == {"differs"}
 
 
-def test_order_of_switching_frequencies():
+def test_the_order_of_switching_frequencies_is_required_as_a_whole():
     figure = sweeps.b19(Formula(as_printed))
     assert set(words(figure).values()) == {"match"}
     # At 1500 r/min the second switches less than the first, on the whole it does not.
@@ -104,7 +104,7 @@ def test_order_of_switching_frequencies():
     assert broken == [f"{name}, all points: DTC1 ≤ DTC2 < DTC3" for name in SETUPS]
 
 
-def test_ripple_ratio():
+def test_the_ripple_ratio_is_judged_at_each_speed():
     good = Formula(lambda at, *_: metrics(ripple=(0.26, 0.27, 0.105)[at]))
     found = [v for v in ripple.b16(good).verdicts if v.verdict != "not printed"]
     assert [v.verdict for v in found] == ["match"] * 8
@@ -123,7 +123,7 @@ def test_ripple_ratio():
             )
 
 
-def test_a_point_that_is_not_reached():
+def test_a_point_that_is_not_reached_is_a_gap():
     """Is a gap in the sweep, never a "match"; the JSON stays valid."""
 
     def gap(at, speed, load, flux):
@@ -138,7 +138,7 @@ def test_a_point_that_is_not_reached():
 
 
 @pytest.mark.parametrize("quick", [True, False])
-def test_table_6(quick, tmp_path):
+def test_a_machine_as_printed_matches_table_6(quick, tmp_path):
     """A machine that does what is printed matches, whatever the flux does elsewhere."""
 
     def at_flux(at, speed, load, flux):
@@ -173,7 +173,7 @@ def test_table_6(quick, tmp_path):
     [("thd", "THD: DTC2 and DTC3 below DTC1"), ("ripple", "ripple: DTC3 below DTC1 and DTC2"),
      ("f_sw", "f_sw: DTC1 ≤ DTC2 < DTC3")],
 )  # fmt: skip
-def test_table_6_in_the_wrong_order(key, broken):
+def test_the_wrong_order_of_schemes_breaks_table_6(key, broken):
     wrong = Formula(lambda at, *_: {
         "thd": metrics((11, 10.9, 12)[at], (3, 3, 1)[at], (1, 2, 3)[at]),
         "ripple": metrics((24, 12, 12)[at], (3, 1, 2)[at], (1, 2, 3)[at]),

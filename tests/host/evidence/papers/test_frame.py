@@ -45,7 +45,7 @@ def test_every_figure_and_table_has_an_entry():
         (None, None, "differs"),
     ],
 )
-def test_beside_a_printed_number(ours, lower, word):
+def test_a_number_is_judged_by_its_distance_from_the_printed_one(ours, lower, word):
     verdict = beside("what", ours, 10.0, within=0.05, lower_is_better=lower)
     assert verdict.verdict == word
     assert bool(verdict.why) == (word != "match")  # every disagreement carries a reason
@@ -75,7 +75,7 @@ def test_only_required_disagreements_break():
         (-2.5, "-2.500"),
     ],
 )
-def test_numbers_as_a_person_writes_them(value, text):
+def test_numbers_have_four_significant_digits(value, text):
     assert page.number(value) == text
 
 
@@ -106,7 +106,7 @@ def entry(monkeypatch):
     return Module
 
 
-def test_what_is_written(entry, tmp_path):
+def test_a_figure_is_written_with_all_its_data(entry, tmp_path):
     outcome = reproduce.reproduce(["A1"], tmp_path)
     data = json.loads((tmp_path / "A1.json").read_text())
     assert outcome.figures == {"A1": data}
@@ -170,7 +170,7 @@ def test_a_programming_error_is_not_hidden(entry, tmp_path, monkeypatch):
         reproduce.reproduce(["A1"], tmp_path)
 
 
-def test_choosing():
+def test_figures_are_chosen_in_the_papers_order():
     assert reproduce.chosen(["b-t6", "a5", "A5"]) == ["A5", "B-T6"]
     assert reproduce.chosen(["A5", "all"]) == list(ENTRIES)
     with pytest.raises(setups.SetupError, match=r"'A99'.*A15"):
@@ -222,7 +222,7 @@ def test_an_interrupt_ends_a_sweep_and_keeps_its_points(tmp_path, monkeypatch):
     assert 2 <= kept < 150 and not list(tmp_path.glob("*.part"))
 
 
-def test_the_command(entry, tmp_path, monkeypatch, capsys):
+def test_the_command_reports_failures_by_its_exit_code(entry, tmp_path, monkeypatch, capsys):
     assert main(["evidence", "papers", "a1", "--quick", "--json", "-o", str(tmp_path)]) == 0
     shown = json.loads(capsys.readouterr().out)
     assert shown["figures"]["A1"]["quick"] is True and shown["failed"] == {}

@@ -18,7 +18,7 @@ def figure(tmp_path_factory):
     return pairs.b6(Job(True, tmp_path_factory.mktemp("points")))
 
 
-def test_24_pairs(figure):
+def test_there_are_24_pairs_at_their_angles(figure):
     found = figure.metrics["pairs"]
     assert len(found) == 24
     for name, (first, second) in found.items():
@@ -61,7 +61,7 @@ def test_shares_of_the_runs_from_their_recordings(figure, rpm):
         assert figure.metrics["running"][f"{rpm} r/min"][name] == pytest.approx(share)
 
 
-def test_verdicts(figure):
+def test_verdicts_agree_with_the_paper_but_for_the_shares(figure):
     assert not any(v.broken for v in figure.verdicts)
     shares = [v for v in figure.verdicts if "one pair repeated" in v.what and v.paper == 50]
     assert [v.verdict for v in shares] == ["differs", "differs"]

@@ -23,7 +23,7 @@ def test_control_instants_are_the_first_sample_of_each_period():
     assert np.isclose(late.start_s, 100e-6)
 
 
-def test_ending_and_excerpt():
+def test_ending_and_excerpt_keep_the_last_samples():
     rec = recording(start_s=1.0)
     assert common.ending(rec, 250e-6)["a"].tolist() == list(range(30, 40))
     part = common.excerpt(rec, ("b",), 250e-6)
@@ -33,7 +33,7 @@ def test_ending_and_excerpt():
     assert len(common.excerpt(rec, ("a", "b"))) == 40
 
 
-def test_orders_by_the_plane_they_fall_into():
+def test_harmonic_orders_are_sorted_by_their_plane():
     """An odd harmonic of six balanced phases lies in one plane, or in neither. Even ones do not
     occur where half waves mirror each other."""
     angle = np.linspace(0, 2 * np.pi, 7)[:-1]
@@ -45,7 +45,7 @@ def test_orders_by_the_plane_they_fall_into():
     assert not any(k % 2 == 0 for k in common.xy_orders(50) + common.torque_orders(50))
 
 
-def test_points_around_a_load():
+def test_points_around_a_load_are_within_2_percent():
     for quick in (True, False):
         loads = common.around(2.0, quick)
         assert loads[0] == 2.0
