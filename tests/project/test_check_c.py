@@ -1,5 +1,5 @@
-"""The static checks find what they are for: breaches planted in a small part of the
-firmware. (The whole of it is checked by `make check-c`.)
+"""The static checks find violations that the test puts into a small part of the firmware. (`make
+check-c` checks the whole firmware.)
 """
 
 import re
@@ -109,7 +109,7 @@ def test_clean_part_passes(tree, name):
     ],
 )  # fmt: skip
 def test_breach_is_found(tree, name, file, text, said):
-    if name == "cppcheck":  # misses the rest of the firmware here, and says so
+    if name == "cppcheck":  # reports that the other parts of the firmware are missing here
         assert said not in check(tree, name).stdout
     plant(tree, file, text)
     done = check(tree, name)
@@ -120,7 +120,7 @@ def test_breach_is_found(tree, name, file, text, said):
 
 @needs("gcc")
 def test_shift_is_no_breach_where_int_has_32_bits(tree):
-    """It is the machine that the msp430 check is for."""
+    """The msp430 check is for processors where int has 16 bits."""
     plant(tree, PORT, SHIFT.replace("1 << 16", "(uint32_t)(1 << 16)"))
     assert check(tree, "gcc").returncode == 0
 
@@ -137,7 +137,7 @@ def test_rule_without_its_excuse(tree):
 
 
 def test_missing_tool_is_named(tree, tmp_path):
-    """As a Python elsewhere, with an empty search path, would find it."""
+    """The tool is missing because the search path is empty."""
     script = ROOT / "tools" / "check_c.py"
     code = (
         f"import runpy, sys; sys.argv = ['', '--root', {str(tree)!r}, '--only', 'cppcheck']\n"

@@ -22,10 +22,8 @@ if TYPE_CHECKING:
     from ..recording.recording import Recording
 
 WIDTH_IN, DPI = 10.0, 150
-CYCLES, FALLBACK_S = (
-    2,
-    0.04,
-)  #: spans of `waveforms`; the second is used if there is no usable fundamental
+#: Spans of `waveforms`. The second is used if there is no usable fundamental.
+CYCLES, FALLBACK_S = 2, 0.04
 ZOOM_S = 0.01  #: span of torque and flux in `waveforms`: a hundred control periods at 10 kHz
 HIGHEST_ORDER, LOWEST_PCT = 25, 0.03  #: in `spectra`
 INK, FAINT = "#20242b", "#d9dde3"

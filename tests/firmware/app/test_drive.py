@@ -725,9 +725,7 @@ def test_low_trip_pin_is_a_fault_and_refuses_start_and_clear(bench, state):
     for command in (bench.controller.start, bench.controller.clear):
         with pytest.raises(FirmwareError, match=r"the trip pin is low .*: release it, then"):
             command()
-    assert (
-        bench.controller.registers.accesses - before == 2
-    )  # a check each, no write
+    assert bench.controller.registers.accesses - before == 2  # a check each, no write
     for _ in range(20):
         bench.fast()
         assert (bench.state, bench.gates_on, bench.drive.faults) == ("fault", False, EXTERNAL)

@@ -257,8 +257,8 @@ def test_reach_of_one_scheme(capsys):
     arguments = ["reach", "--setup", "paper-b", "--schemes", "dtc1", "--load", "2", "--json"]
     assert main(arguments) == 0
     speed = json.loads(capsys.readouterr().out)["reachable_rpm"]["dtc1"]
-    # 12-step operation would end at 2 Vdc/pi / psi; the large vectors' inscribed
-    # circle less the resistive drop lies below.
+    # 12-step operation would end at 2 Vdc/pi / psi. The circle inside the large vectors, minus the
+    # resistive drop, is below.
     assert 3500 < speed < 300 * 0.6366 / 0.4 * 9.5493
 
 

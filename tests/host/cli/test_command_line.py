@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 def tree(command=app, path=()):
-    """Every command and group: its words, and itself."""
+    """Every command and group, with its words."""
     yield path, command
     for name, child in getattr(command, "commands", {}).items():
         yield from tree(child, (*path, name))
@@ -61,7 +61,7 @@ def test_daily_commands_are_at_the_top_level():
 
 
 def apart(one, other):
-    """Letters to insert, delete or replace between two words."""
+    """The number of letters to insert, delete or replace between two words."""
     row = list(range(len(other) + 1))
     for i, a in enumerate(one, 1):
         before, row[0] = row[0], i
@@ -198,7 +198,7 @@ def test_how_a_command_ends(raised, code, line, capsys, monkeypatch):
 
 @pytest.mark.parametrize("path", [path for path, _ in tree()], ids=" ".join)
 def test_help(path, capsys):
-    """Exit code 0; every command shows examples, which are right."""
+    """The help has exit code 0, and every command shows examples, which are valid."""
     assert main([*path, "--help"]) == 0
     said = capsys.readouterr()
     assert said.err == "" and said.out.startswith(f"Usage: {' '.join(['hexatorque', *path])} ")
@@ -222,7 +222,7 @@ def test_version(capsys):
 
 
 def python(*words, **environment):
-    """In a process of its own, as from a shell."""
+    """Run Python in a process of its own, as from a shell."""
     package = str(Path(hexatorque.__file__).parents[1])
     return subprocess.run(
         [sys.executable, *words], capture_output=True, text=True, timeout=60,

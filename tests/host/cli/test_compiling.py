@@ -33,7 +33,8 @@ def load(path):
 
 
 def test_numba_reports_compiling_and_not_loading(tmp_path, monkeypatch):
-    """The first call compiles; another call, and another process with the cache, do not."""
+    """The first call compiles. Another call does not, and neither does another process with the
+    cache."""
     path = tmp_path / "compiled.py"
     path.write_text(SOURCE)
     told = []
@@ -46,7 +47,7 @@ def test_numba_reports_compiling_and_not_loading(tmp_path, monkeypatch):
             module.loop(2)
         assert told == wanted, process
         told.clear()
-        assert module.loop(0.5) == 1.5  # compiled outside: nobody is told
+        assert module.loop(0.5) == 1.5  # compiled outside the watch, so there is no report
         assert told == []
 
 

@@ -1,4 +1,4 @@
-"""The frame around reproduced figures: verdicts, what is kept, what a user sees."""
+"""The code around reproduced figures: verdicts, stored results, and the page for the user."""
 
 import json
 import math
@@ -81,7 +81,7 @@ def test_numbers_have_four_significant_digits(value, text):
 
 @pytest.fixture
 def entry(monkeypatch):
-    """One fake figure "A1" whose function can be replaced."""
+    """An invented figure "A1" whose function can be replaced."""
     calls = []
 
     class Module:
@@ -117,7 +117,7 @@ def test_a_figure_is_written_with_all_its_data(entry, tmp_path):
     setup = data["setup"][0]
     assert setup["set"] == {"controller.scheme": "dtc2"}
     assert setup["assumed"]["controller.flux_ref_Wb"] == 0.4  # paper B prints none
-    assert "machine.rs_ohm" not in setup["assumed"]  # this it does
+    assert "machine.rs_ohm" not in setup["assumed"]  # paper B prints this one
     assert "flux_ref_Wb" in data["caption"] and "rs_ohm" not in data["caption"]
 
 
@@ -126,7 +126,8 @@ def test_the_page_shows_all_and_escapes(entry, tmp_path):
     text = (tmp_path / "index.html").read_text()
     assert "Title &amp; more" in text and "&lt;not&gt;" in text and "<not>" not in text
     for target in re.findall(r'(?:src|href)="([^#"]+)"', text):
-        assert (tmp_path / target).exists(), target  # all beside the page: no server, no net
+        # All files are beside the page, so it needs no server and no network.
+        assert (tmp_path / target).exists(), target
     words = re.findall(r'data-v="([^"]+)"', text)
     assert sorted(set(words)) == ["differs", "match"] and len(words) == 4  # top and figure
     assert 'data-f="not printed"' in text
@@ -193,7 +194,8 @@ def test_sweep_points_are_kept(tmp_path, monkeypatch):
     assert Job(False, tmp_path).metrics(points) == want
     assert Job(True, tmp_path).metrics(points) == want
     assert sorted(measured) == [1, 2, 3]
-    # Another set-up, load or build is another point; a torn file is measured again.
+    # Another set-up, load or build makes another point. A point with an incomplete file is measured
+    # again.
     Job(False, tmp_path).metrics([Point(setup, 1.0, 2.0)])
     Job(False, tmp_path).metrics([Point(setup.changed(controller__scheme="fdr"), 1.0, 1.0)])
     for path in tmp_path.iterdir():

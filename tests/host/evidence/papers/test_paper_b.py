@@ -1,4 +1,4 @@
-"""What the experiments of paper B share."""
+"""The common parts of paper B's figures."""
 
 import numpy as np
 
@@ -13,8 +13,8 @@ def recording(samples=40, per=4, start_s=0.0):
 
 
 def test_control_instants_are_the_first_sample_of_each_period():
-    # A period of 100 us: samples 0, 4, 8, ... of a recording that begins with one,
-    # 1, 5, ... of one that begins 25 us before the next.
+    # With a period of 100 us these are samples 0, 4, 8, ... if the recording begins with a control
+    # instant, and samples 1, 5, ... if it begins 25 us before one.
     rec = common.control_instants(recording())
     assert rec["a"].tolist() == list(range(0, 40, 4))
     assert (rec.rate_Hz, rec.start_s) == (1e4, 0.0)
@@ -34,8 +34,8 @@ def test_ending_and_excerpt_keep_the_last_samples():
 
 
 def test_harmonic_orders_are_sorted_by_their_plane():
-    """An odd harmonic of six balanced phases lies in one plane, or in neither. Even ones do not
-    occur where half waves mirror each other."""
+    """An odd harmonic of six balanced phases is in one plane or in neither. Even harmonics do not
+    occur if the half waves are symmetrical."""
     angle = np.linspace(0, 2 * np.pi, 7)[:-1]
     for order in range(3, 50, 2):
         phases = np.cos(order * (angle[:, None] - ANGLES_RAD))

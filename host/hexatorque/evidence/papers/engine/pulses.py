@@ -107,9 +107,8 @@ def play(patterns: Sequence, samples_per_period: int = 4) -> Played:
     """Plays one pattern per period. The first one begins at time 0 of the result."""
     bench = _Bench(patterns, samples_per_period)
     bench.log_edges(100 * (len(patterns) + 1))
-    bench.run(
-        bench.period_s, record=False
-    )  # shadow load: the first pattern acts in the next period
+    # Shadow load: the first pattern acts in the next period.
+    bench.run(bench.period_s, record=False)
     flux = [bench.plant_state[:4].copy()]
     for _ in patterns:
         bench.run(bench.period_s)
