@@ -84,9 +84,8 @@ class _Bench(SimulatedDrive):
         self._entries = (*entries, self._entries[-1])
         lib.ht_port_gates_on(port)
         m, words = self.controller.map, self.controller.register_words()
-        for leg in range(
-            6
-        ):  # an ideal inverter without dead time; this bypasses the driver's checks
+        # An ideal inverter without dead time. This bypasses the driver's checks.
+        for leg in range(6):
             words[m.epwm + leg * m.stride + m.dbred] = 0
             words[m.epwm + leg * m.stride + m.dbfed] = 0
 
