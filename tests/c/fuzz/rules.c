@@ -15,7 +15,7 @@ static rules_before before;
 static bool reply_was_due;
 static bool in_turn;
 static bool interrupted; /* after the octets were read */
-static bool stopped;     /* somebody has asked for it */
+static bool stopped;     /* a request has asked for it */
 static uint16_t arrived[ARRIVED];
 static uint16_t arrived_n;
 static bool arrived_lost;
@@ -68,7 +68,7 @@ void rules_parameters(void)
     }
 }
 
-/* Nothing that the link has started runs without its host. */
+/* A drive that the link has started must not run without its host. */
 static void check_watchdog(void)
 {
     const ht_service *s = &the_rig.service;
@@ -79,7 +79,7 @@ static void check_watchdog(void)
         CHECK(the_rules.session != 0u);
         CHECK(the_rig.drive.tick - the_rules.session_tick <= ht_service_watchdog_ticks(s));
     } else {
-        /* whoever started it looks after it */
+        /* a drive that was started elsewhere is not guarded */
     }
 }
 
@@ -188,7 +188,7 @@ void rules_read(const uint16_t *octets, uint16_t n, bool lost)
     remember();
 }
 
-/* What every request does, carried out or not. */
+/* The effect of every request, carried out or not. */
 static void heed(const uint8_t *body, size_t n)
 {
     if (n < 6u) {

@@ -128,7 +128,7 @@ def test_legs_are_low_before_the_gates_come_on(bench):
     assert [int(bench.words[base + leg * stride]) for leg in range(6)] == [period] * 6
 
 
-def test_interrupt_within_a_start(bench):
+def test_an_interrupt_within_a_start_does_no_harm(bench):
     """A start sets the ticks to zero first and the state last. An interrupt in between must not use
     up the tick in which the legs go low, and it must not count as a sample of the offsets."""
     base, stride = CMPA[bench.device]
@@ -262,7 +262,7 @@ def test_fault_turns_the_gates_off_in_the_same_interrupt(bench, cause, bit):
 
 @pytest.mark.parametrize("state", ("calibrate", "build"))
 @pytest.mark.parametrize("case", (0, -3, -2))
-def test_faults_before_the_run(bench, state, case):
+def test_faults_before_the_run_turn_the_gates_off(bench, state, case):
     cause, bit = CAUSES[case]
     bench.run_to(state).fast()
     cause(bench)
@@ -331,7 +331,7 @@ def turn(bench, rpm):
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_over_speed(bench, sign):
+def test_over_speed_is_a_fault(bench, sign):
     bench.run_to("run")
     bench.controller.set("speed_trip_rpm", 2000.0)
     turn(bench, sign * 1900)
@@ -759,7 +759,7 @@ def test_trip_of_one_leg_alone_is_found(bench, state, leg):
     assert (bench.state, bench.gates_on, bench.drive.faults) == ("fault", False, EXTERNAL)
 
 
-def test_unknown_id():
+def test_an_unknown_id_is_refused():
     bench = Bench()
     before = everything(bench)
     for index in (lib.ht_param_count(), 0xFFFF):
@@ -792,7 +792,7 @@ def test_live_change_takes_effect_at_the_next_fast_interrupt(bench):
     assert config.table_law.flux_band_Wb == np.float32(0.02)
 
 
-def test_derived_configuration(bench):
+def test_the_configuration_follows_from_the_parameters(bench):
     clock = {"f28335": 150e6, "f28377s": 100e6}[bench.device]
     config = bench.drive.config.control
     assert config.period_counts == round(clock / 10000)
@@ -993,7 +993,7 @@ def test_moving_sensors_are_not_stuck(bench):
     assert bench.state == "run"
 
 
-def test_derived_protection(bench):
+def test_the_protection_limits_follow_from_the_parameters(bench):
     """sigma L_s 25 mH, L_m 284 mH, L_r 299 mH, R_r 2 ohm, 2 pole pairs, +-30 A."""
     bench.controller.set("sigma_ls_H", 0.025)
     bench.controller.set("stuck_trip_A", 1.5)
@@ -1197,7 +1197,7 @@ def slow_alone(bench):
 
 
 @pytest.mark.parametrize("state", ("idle", "calibrate", "build", "run"))
-def test_lost_fast_interrupt(bench, state):
+def test_a_lost_fast_interrupt_turns_the_gates_off(bench, state):
     """Two slow interrupts come without a fast one in between. The second one takes the gates off
     and leaves the cause and a snapshot."""
     bench.fast()

@@ -184,7 +184,7 @@ def test_values_may_begin_with_a_minus_sign():
         (ZeroDivisionError("division by zero"), 1, "division by zero"),
     ],
 )
-def test_how_a_command_ends(raised, code, line, capsys, monkeypatch):
+def test_exit_codes_say_how_a_command_ended(raised, code, line, capsys, monkeypatch):
     def fail(**_):
         raise raised
 
@@ -197,7 +197,7 @@ def test_how_a_command_ends(raised, code, line, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize("path", [path for path, _ in tree()], ids=" ".join)
-def test_help(path, capsys):
+def test_every_command_has_help_with_valid_examples(path, capsys):
     """The help has exit code 0, and every command shows examples, which are valid."""
     assert main([*path, "--help"]) == 0
     said = capsys.readouterr()
@@ -216,7 +216,7 @@ def test_the_pages_show_commands_as_they_are(page):
         parse(words[1:])
 
 
-def test_version(capsys):
+def test_the_version_is_printed(capsys):
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"hexatorque {hexatorque.__version__}\n"
 
@@ -230,7 +230,7 @@ def python(*words, **environment):
     )  # fmt: skip
 
 
-def test_as_a_module_of_python():
+def test_the_package_runs_as_a_module_of_python():
     done = python("-m", "hexatorque", "devices")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "hexatorque: no command 'devices' here: it is `hexatorque board list`\n"
@@ -281,12 +281,12 @@ def completed(line, monkeypatch, capsys):
         ("hexatorque evidence papers A-T", ["plain,A-T2", "plain,A-T3", "plain,A-T4"]),
     ],
 )
-def test_completion(line, offered, monkeypatch, capsys):
+def test_the_shell_completes_commands_and_options(line, offered, monkeypatch, capsys):
     assert completed(line, monkeypatch, capsys) == offered
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_installing_completion(shell, tmp_path, monkeypatch, capsys):
+def test_completion_is_installed_once(shell, tmp_path, monkeypatch, capsys):
     if shell == "bash" and not shutil.which("bash"):
         pytest.skip("no bash")
     monkeypatch.setenv("HOME", str(tmp_path))

@@ -89,7 +89,7 @@ def test_voltage_behind_the_conducting_device(model, state):
         )
 
 
-def test_direct_current(symmetric):
+def test_direct_current_follows_ohms_law(symmetric):
     """The current flows from u1 to w1 and v1, through two switches and one and a half windings in
     series. The other set is shorted by its own legs, and its current ends at zero."""
     drive = Drive(symmetric.p, np.zeros(8), [HIGH, LOW, LOW, LOW, LOW, LOW])
@@ -99,7 +99,7 @@ def test_direct_current(symmetric):
     np.testing.assert_allclose(drive.i[1::2], 0, atol=1e-6)
 
 
-def test_trajectory(model):
+def test_trajectory_is_that_of_the_coils(model):
     """Currents of either sign flow through switches and diodes, and none crosses zero."""
     legs = [HIGH, HIGH, LOW, OFF, LOW, OFF]
     i_s, i_r, y = running(model, 0.7)

@@ -117,7 +117,7 @@ def halting(rng):
 @pytest.mark.parametrize("channel_b", [0.0, 0.08])
 @pytest.mark.parametrize("path", [wander, fast, halting])
 @pytest.mark.parametrize("device", EQEP)
-def test_against_every_edge(device, path, channel_b):
+def test_the_capture_unit_agrees_at_every_edge(device, path, channel_b):
     rng = np.random.default_rng(7)
     emulated = Emulated(device, encoder_error_cycles=channel_b)
     stepped = Stepped(TICKS[device], 4 * channel_b)
@@ -136,7 +136,7 @@ def test_against_every_edge(device, path, channel_b):
 
 @pytest.mark.parametrize(("share", "overflow"), [(-0.05, False), (0.05, True)])
 @pytest.mark.parametrize("device", EQEP)
-def test_overflow_within_the_sample_of_an_event(device, share, overflow):
+def test_an_overflow_shows_only_if_the_timer_ends_before_the_event(device, share, overflow):
     """Edge 4 is passed in the first sample. Edge 8, the next unit event, is passed in the sample in
     which the timer ends, a little before or after its end."""
     end = 4 / 4.5 + 65536 / TICKS[device]
@@ -150,7 +150,7 @@ def test_overflow_within_the_sample_of_an_event(device, share, overflow):
     assert bool(stepped.read()[3] & COEF) == overflow
 
 
-def test_period_at_constant_speed():
+def test_the_period_at_constant_speed_is_four_counts():
     """At 1 count in 1 ms, four counts take 4 ms or 4687.5 ticks. The timer runs from the last
     event."""
     emulated = Emulated("f28335")
@@ -180,7 +180,7 @@ def test_prescalers_are_taken_from_the_register():
     assert emulated.read()[1:3] == (3750, 7500)
 
 
-def test_unequal_edges():
+def test_unequal_edges_are_counted_where_they_are():
     """Channel B rises 0.2 counts late and falls 0.2 counts early. The counter must follow."""
     emulated = Emulated("f28335", encoder_error_cycles=0.05)
     shown = []

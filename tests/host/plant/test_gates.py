@@ -90,7 +90,7 @@ def test_each_driver_delays_its_edges(min_counts, dead, cuts):
     assert 0.2 * edges[0] < edges[1] < 0.95 * edges[0]
 
 
-def test_off_by_default():
+def test_pulses_are_not_suppressed_by_default():
     states = gate_signals(np.random.default_rng(1), 5, 2)
     np.testing.assert_array_equal(through_drivers(states, 0, [40]), states)
 

@@ -67,7 +67,7 @@ def running(model, phase=0.0, magnetising=2.0, working=5.0, omega=60.0):
     return model.state(i_s, -working * across, omega, 0.0)
 
 
-def test_driven_legs(symmetric):
+def test_driven_legs_have_the_voltage_of_their_rail(symmetric):
     """v = Vdc T S for all 64 states, and the machine integrates exactly this voltage."""
     groups = []
     for s in range(64):
@@ -143,7 +143,7 @@ def test_current_that_reaches_zero_stays_there(model, sign):
     np.testing.assert_allclose(drive.i, i_end, atol=1e-7)
 
 
-def test_any_switching_with_legs_off(model):
+def test_legs_that_are_off_obey_their_diodes_under_any_switching(model):
     """Under any switching, the current of an off leg has its diode's sign or is zero, its voltage
     is within the rails (to 0.2 %, because it changes within a step), and time advances. Long and
     short calls agree."""
@@ -226,7 +226,7 @@ def balance(model, y0, states, legs, dt):
     return energy(model, y0) - energy(model, every[-1]), np.trapezoid(lost, dx=dt), link
 
 
-def test_all_legs_off(model):
+def test_with_all_legs_off_the_currents_fall_to_zero(model):
     y = running(model, 0.7)
     drive = Drive(model.p, y)
     drive.switch(*[OFF] * 6)
@@ -293,7 +293,7 @@ def test_back_emf_above_the_dc_link_conducts(model, emf):
     assert taken + shaft == pytest.approx(lost + link, rel=5e-3, abs=1e-3)
 
 
-def test_count_of_legs_off(symmetric):
+def test_the_number_of_legs_off_is_counted(symmetric):
     rng = np.random.default_rng(2)
     drive = Drive(symmetric.p, running(symmetric), legs=[OFF] * 6)
     assert drive.inv.off == 6

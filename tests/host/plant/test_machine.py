@@ -78,7 +78,7 @@ def random_currents(rng):
     return i_s, i_r
 
 
-def test_currents_torque_and_slopes_of_any_state(model):
+def test_currents_torque_and_slopes_agree_with_the_coils(model):
     rng = np.random.default_rng(1)
     m = make(model.p)
     for _ in range(20):
@@ -125,7 +125,7 @@ def switched(direction):
 
 
 @pytest.mark.parametrize("direction", [1, -1])
-def test_trajectory_and_order(model, direction):
+def test_trajectory_is_that_of_the_coils_to_fourth_order(model, direction):
     legs = switched(direction)
     load = record(LOAD, **{n: 0.0 for n in LOAD.names} | {
         "linear_Nms": 0.02, "quadratic_Nms2": 1e-3, "eddy_rad_s": 1.0,
@@ -145,7 +145,7 @@ def test_trajectory_and_order(model, direction):
 
 @pytest.mark.parametrize("slip", [0.04, -0.04, 1.0, 0.002, 1.9])
 @pytest.mark.parametrize("direction", [1, -1])
-def test_steady_state_at_imposed_slip(symmetric, slip, direction):
+def test_steady_state_is_that_of_the_equivalent_circuit(symmetric, slip, direction):
     p = replace(symmetric.p, inertia_kgm2=1e9)
     w, amplitude = 2 * np.pi * 50, 120.0
     rotor = p.rr_ohm / slip + 1j * w * p.llr_H
@@ -174,7 +174,7 @@ def test_steady_state_at_imposed_slip(symmetric, slip, direction):
     np.testing.assert_allclose(i[:, 2:], 0, atol=1e-9)
 
 
-def test_energy_balance(model):
+def test_energy_is_conserved(model):
     """Field and kinetic energy from the coils, powers from the plant's own torque."""
     legs, p = switched(1), model.p
     m = make(p)
@@ -232,7 +232,7 @@ def test_load_takes_the_stated_torque(kind, rpm):
         assert load_at(load, 0.0) == 0
 
 
-def test_shape_of_loads():
+def test_loads_depend_on_the_speed_as_specified():
     w = np.pi / 30 * 1000
     assert load_at(_load("generator", 8.0, 1000), w / 2) == pytest.approx(4)
     assert load_at(_load("fan", 8.0, 1000), w / 2) == pytest.approx(2)
@@ -274,7 +274,7 @@ def supplied(p, amplitude, w, seconds, dt=20e-6):
     return t + dt, m, run(m, NO_LOAD, np.zeros(8), v, dt)
 
 
-def test_free_acceleration(symmetric):
+def test_free_acceleration_agrees_with_the_winding_equations(symmetric):
     """The machine starts from standstill without load. The test checks the trajectory, the
     synchronous speed at the end, and that the rotor loses as much energy as the shaft keeps. (The
     start is so slow that the transient of switching on is a small part of it.)"""
@@ -294,7 +294,7 @@ def test_free_acceleration(symmetric):
     assert lost_J[-1] == pytest.approx(kinetic_J, rel=0.03)
 
 
-def test_no_load_at_synchronous_speed(symmetric):
+def test_at_synchronous_speed_only_the_magnetising_current_flows(symmetric):
     """There is no slip, no rotor current and no torque, so only the magnetising circuit remains."""
     p = replace(symmetric.p, viscous_Nms=0.0)
     w, amplitude = 2 * np.pi * 50, 180.0
@@ -307,7 +307,7 @@ def test_no_load_at_synchronous_speed(symmetric):
     assert np.mean(states[-1000:, 6]) == pytest.approx(w / p.pole_pairs, rel=1e-6)
 
 
-def test_locked_rotor(symmetric):
+def test_a_locked_rotor_has_current_and_torque_of_the_circuit(symmetric):
     """With the shaft held, the slip is 1. Current and torque are those of the equivalent
     circuit."""
     p = replace(symmetric.p, inertia_kgm2=1e9)

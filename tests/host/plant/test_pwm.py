@@ -204,7 +204,7 @@ def random_run(device, seed, periods=6, active_low=False):
 
 @pytest.mark.parametrize("device", REGISTERS)
 @pytest.mark.parametrize("block", range(6))
-def test_every_count_of_random_register_writes(device, block):
+def test_the_emulation_agrees_at_every_count_of_random_writes(device, block):
     for seed in range(block * 100, block * 100 + 100):
         wave, truth, _ = random_run(device, seed)
         assert wave == [[state for state, _ in leg] for leg in truth], f"seed {seed}"
@@ -374,7 +374,7 @@ def test_a_segment_of_no_counts_leaves_everything_to_the_next(device):
 
 
 @pytest.mark.parametrize("device", REGISTERS)
-def test_priorities(device):
+def test_actions_at_one_count_follow_their_priorities(device):
     """All actions are at one count. Each one takes effect if those of higher priority are
     removed."""
     prd, count = 7, 7

@@ -37,7 +37,7 @@ def test_a_saved_recording_is_read_unchanged(full, suffix, tmp_path):
 
 
 @pytest.mark.parametrize("channels", [{}, {"i_u1_A": np.empty(0, np.float32)}])
-def test_no_samples(channels, suffix, tmp_path):
+def test_a_recording_without_samples_is_read_unchanged(channels, suffix, tmp_path):
     rec = Recording(1e4, channels, meta={"why": "stopped at once"})
     same(rec, Recording.load(rec.save(tmp_path / f"rec{suffix}")))
 

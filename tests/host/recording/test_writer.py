@@ -87,7 +87,7 @@ def test_gaps_are_where_samples_were_lost(suffix, tmp_path):
     decimation=st.integers(1, 1000),
 )
 @GROWING
-def test_any_ticks(name, first, steps, cuts, decimation, tmp_path):
+def test_any_ascending_ticks_are_recorded(name, first, steps, cuts, decimation, tmp_path):
     ticks = first + decimation * np.concatenate([[0], np.cumsum(steps, dtype=np.int64)])
     path = tmp_path / name
     stream = Stream(CHANNELS, 10e3, decimation, start_s=-2.5)
@@ -205,7 +205,7 @@ def test_ticks_that_do_not_ascend_are_refused(name, bad, tmp_path):
     assert len(Recording.load(tmp_path / name)) == 4
 
 
-def test_shapes_and_calls_that_do_not_fit(tmp_path):
+def test_shapes_and_calls_that_do_not_fit_are_refused(tmp_path):
     writer = Writer.open(tmp_path / "rec.npz", STREAM)
     with pytest.raises(RecordingError, match="values for 2 ticks"):
         writer.append([5, 10], np.zeros((2, 3)))
@@ -226,7 +226,7 @@ def test_shapes_and_calls_that_do_not_fit(tmp_path):
         {"start_s": float("inf")},
     ],
 )  # fmt: skip
-def test_impossible_stream_descriptions(bad):
+def test_impossible_stream_descriptions_are_refused(bad):
     with pytest.raises(RecordingError):
         Stream(**{"channels": CHANNELS, "tick_Hz": 1e4, **bad})
 
@@ -270,7 +270,7 @@ print(len(Recording.load(sys.argv[1])))
 
 
 @GROWING
-def test_a_full_disk(name, tmp_path):
+def test_after_a_full_disk_recording_continues(name, tmp_path):
     """The write that does not fit is an error. The data before it stay, and recording can
     continue."""
     if resource.getrlimit(resource.RLIMIT_FSIZE)[1] != resource.RLIM_INFINITY:
@@ -287,7 +287,7 @@ def test_a_full_disk(name, tmp_path):
 
 
 @GROWING
-def test_a_folder_that_is_deleted(name, tmp_path):
+def test_a_deleted_folder_is_made_again(name, tmp_path):
     path = tmp_path / "gone" / name
     writer = Writer.open(path, STREAM)
     writer.append(*rows([5, 10]))
@@ -312,7 +312,7 @@ def test_a_file_that_cannot_be_finished_keeps_its_journal(tmp_path):
     assert len(Recording.load(path)) == 2 and not writer.growing.exists()
 
 
-def test_a_folder_that_cannot_be_written(tmp_path):
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     for path in (tmp_path / "file" / "rec.npz", Path("/proc/rec.npz"), tmp_path / "rec.xls"):
         with pytest.raises(RecordingError):
