@@ -22,7 +22,7 @@ typedef struct {
  *  before `active` is set, a sample before `head` moves. A compiler keeps the order of volatile
  *  accesses only. */
 typedef struct {
-    volatile uint16_t active; /**< the interrupt looks at the rest only if set */
+    volatile uint16_t active; /**< the interrupt uses the other members only if set */
     volatile uint16_t n;
     volatile uint16_t decimation;
     volatile uint16_t left;   /**< fast interrupts until the next sample */

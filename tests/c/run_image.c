@@ -521,7 +521,7 @@ static void show_violations(void)
 /* --- a chip whose clock is not right ------------------------------------------------------ */
 
 /* The reply's head: status, state, faults. */
-static void told(const char *name, const ht_incoming *body, uint16_t status)
+static void reports_the_clock(const char *name, const ht_incoming *body, uint16_t status)
 {
     check(name, (body->octet[2] == status) && (body->octet[3] == (uint16_t)HT_STATE_FAULT)
                     && ((body->octet[4] | (body->octet[5] << 8)) == HT_FAULT_CLOCK));
@@ -558,9 +558,9 @@ static void wrong_clock(void)
     check("line runs at 115200 baud",
           (ht_sci_baud(&ht_image_port) > 112900.0f) && (ht_sci_baud(&ht_image_port) < 117500.0f));
     check("HELLO is answered", exchange(HT_OP_HELLO, 0u, 0u, &body) != 0u);
-    told("HELLO says what is wrong", &body, (uint16_t)HT_OK);
+    reports_the_clock("HELLO says what is wrong", &body, (uint16_t)HT_OK);
     check("STATUS is answered", exchange(HT_OP_STATUS, 0u, 0u, &body) != 0u);
-    told("STATUS says what is wrong", &body, (uint16_t)HT_OK);
+    reports_the_clock("STATUS says what is wrong", &body, (uint16_t)HT_OK);
     check("STOP is answered", exchange(HT_OP_STOP, 0u, 0u, &body) != 0u);
     set(HT_P_flux_trip_Wb, 100.0f);
     ht_image_background();

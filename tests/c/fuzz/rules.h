@@ -15,7 +15,7 @@
 /* Octets of one direction that no zero has closed yet. */
 typedef struct {
     uint32_t n; /* more than RULES_FRAME: too long */
-    bool spoilt;
+    bool damaged;
     uint8_t octet[RULES_FRAME];
 } rules_frame;
 

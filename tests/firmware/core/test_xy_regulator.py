@@ -102,7 +102,7 @@ def test_each_frame_removes_its_own_sequence(sequence):
     """The plane has R and L, and a disturbance that turns with the flux or against it. Without
     integrators a current remains. With integrators it decays."""
     r, length, ts, vdc, omega = 1.8, 0.01, 1e-4, 250.0, 60.0
-    rest = {}
+    remaining = {}
     for ki in (0.0, 2.5e-3):
         state, i, seen = fresh(), 0j, []
         for n in range(6000):
@@ -110,9 +110,9 @@ def test_each_frame_removes_its_own_sequence(sequence):
             v = vdc * step(state, i, theta, kp=0.02, ki=ki) + 2 * np.exp(1j * sequence * theta)
             i += ts / length * (v - r * i)
             seen.append(abs(i))
-        rest[ki] = np.mean(seen[-500:])
-    assert rest[0.0] > 0.1
-    assert rest[2.5e-3] < 0.01 * rest[0.0]
+        remaining[ki] = np.mean(seen[-500:])
+    assert remaining[0.0] > 0.1
+    assert remaining[2.5e-3] < 0.01 * remaining[0.0]
     strong, weak = integrators(state)[::sequence]
     assert abs(strong) == pytest.approx(2 / vdc, rel=0.05)
     assert abs(weak) < 0.1 * abs(strong)

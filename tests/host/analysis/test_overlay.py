@@ -160,10 +160,10 @@ def test_a_recording_of_lost_samples_only_can_be_drawn(tmp_path):
 def test_the_summary_names_files_shifts_and_differences():
     traces = pair()
     overlay.align(traces, "trigger")
-    told = overlay.summary(traces, ["torque_Nm"], "trigger")
-    assert [file["shift_s"] for file in told["files"]] == [-0.4, -100.3001]
-    assert [file["samples"] for file in told["files"]] == [40_000, 1_500]
+    summary = overlay.summary(traces, ["torque_Nm"], "trigger")
+    assert [file["shift_s"] for file in summary["files"]] == [-0.4, -100.3001]
+    assert [file["samples"] for file in summary["files"]] == [40_000, 1_500]
     rms = overlay.difference(*traces, "torque_Nm")[0]
-    assert told["channels"]["torque_Nm"] == {
+    assert summary["channels"]["torque_Nm"] == {
         "unit": "N m", "rms_difference": [None, rms], "samples_compared": [0, 1500],
     }  # fmt: skip

@@ -157,13 +157,13 @@ def test_plot_compares_recordings_of_two_kinds(tmp_path, capsys, monkeypatch):
     recorded("b.csv")
     arguments = ["plot", "a.npz", "b.csv@0.3", "--window", "-0.1,0.2", "--json"]
     assert main(arguments) == 0
-    printed, told = capsys.readouterr()
+    printed, messages = capsys.readouterr()
     result = json.loads(printed)
     assert result["align"] == "trigger" and result["picture"] == "out/plot.png"
     assert result["channels"]["torque_Nm"]["rms_difference"] == [None, pytest.approx(0, abs=1e-9)]
     assert result["channels"]["torque_Nm"]["samples_compared"] == [0, 300]
     assert (tmp_path / "out" / "plot.png").read_bytes()[:4] == b"\x89PNG"
-    assert "rms difference from a.npz" in told
+    assert "rms difference from a.npz" in messages
     for wrong in (["--channels", "speed_rpm"], ["--window", "5,6"], ["--align", "trigger"]):
         assert main(["plot", "b.csv", *wrong]) == 2
         assert capsys.readouterr().err.count("\n") == 1
@@ -308,11 +308,13 @@ def test_an_instruction_counter_that_is_no_program(tmp_path, capsys):
 
 def test_a_study_writes_its_result_and_picture(tmp_path, capsys):
     assert main(["evidence", "studies", "inverter", "--quick", "--json", "-o", str(tmp_path)]) == 0
-    printed, told = capsys.readouterr()
+    printed, messages = capsys.readouterr()
     result = json.loads(printed)["inverter"]
     assert result == json.loads((tmp_path / "inverter.json").read_text())
     assert result["plateau_V"] == pytest.approx(6.9)
-    assert "firmware's model" in told and str(tmp_path / "inverter.png") in told.replace("\n", "")
+    assert "firmware's model" in messages and str(tmp_path / "inverter.png") in messages.replace(
+        "\n", ""
+    )
     assert (tmp_path / "inverter.png").read_bytes()[:4] == b"\x89PNG"
 
 

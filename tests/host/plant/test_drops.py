@@ -188,8 +188,8 @@ def test_free_wheeling_currents_reach_zero(symmetric, lxy_H):
     assert np.all(np.diff(size) <= 1e-12)
     # Along x, thresholds of 5 V make 5 V (2 cos 0 + 4 cos 30 deg)/3, at least 4 V. The currents are
     # then exponentials.
-    rest = int((lxy_H * 0.8 / 4 + 10 * lxy_H / 500) / 50e-6) + 1
-    assert np.all(size[rest + 1 :] < 10e-3)
+    settled = int((lxy_H * 0.8 / 4 + 10 * lxy_H / 500) / 50e-6) + 1
+    assert np.all(size[settled + 1 :] < 10e-3)
     assert size[-1] < 1e-9
 
 

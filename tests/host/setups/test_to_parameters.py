@@ -35,9 +35,9 @@ def test_what_the_set_up_does_not_decide_is_the_firmwares_default():
     setup = setups.load("paper-b")
     fresh = Controller(setup["timing.device"], {})
     values = setups.parameters(setup)
-    rest = set(values) - set(setup.controller_values())
-    assert "speed_ref_rpm" in rest and len(rest) > 10
-    for name in rest:
+    others = set(values) - set(setup.controller_values())
+    assert "speed_ref_rpm" in others and len(others) > 10
+    for name in others:
         assert firmware.parameters()[name].parse(values[name]) == pytest.approx(
             firmware.parameters()[name].parse(fresh.get(name)), rel=1e-6
         )
