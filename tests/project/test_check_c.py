@@ -1,5 +1,5 @@
-"""The static checks find what they are for: breaches planted in a small part of the
-firmware. (The whole of it is checked by `make check-c`.)
+"""The static checks find violations that the test puts into a small part of the firmware. (`make
+check-c` checks the whole firmware.)
 """
 
 import re
@@ -142,7 +142,7 @@ def test_cppcheck_finds_breaches(tree, cppcheck_of_the_part):
 
 @needs("gcc")
 def test_shift_is_no_breach_where_int_has_32_bits(tree):
-    """It is the machine that the msp430 check is for."""
+    """The msp430 check is for processors where int has 16 bits."""
     plant(tree, PORT, SHIFT.replace("1 << 16", "(uint32_t)(1 << 16)"))
     assert check(tree, "gcc").returncode == 0
 
@@ -159,7 +159,7 @@ def test_rule_without_its_excuse(tree, cppcheck_of_the_part):
 
 
 def test_missing_tool_is_named(tree, tmp_path):
-    """As a Python elsewhere, with an empty search path, would find it."""
+    """The tool is missing because the search path is empty."""
     script = ROOT / "tools" / "check_c.py"
     code = (
         f"import runpy, sys; sys.argv = ['', '--root', {str(tree)!r}, '--only', 'cppcheck']\n"

@@ -1,10 +1,8 @@
 /** @file ht_c2000_map.h
- *  In what the devices differ: word addresses, offsets and clocks of what the drivers share, and
- *  flags for what one device has and another has not. The drivers ask these flags, never
- *  which device it is. Registers that only one kind of device has are in the driver that uses
- *  them. Names are TI's.
- *  Sources: TMS320x2833x and TMS320F2837xS technical reference manuals and data
- *  sheets.
+ *  The differences between the devices: word addresses, offsets and clocks that the shared drivers
+ *  use, and flags for what only some devices have. The drivers check these flags, never which
+ *  device it is. Registers that only one kind of device has are in the driver that uses them. Names
+ *  are TI's. Sources: TMS320x2833x and TMS320F2837xS technical reference manuals and data sheets.
  */
 #ifndef HT_C2000_MAP_H
 #define HT_C2000_MAP_H
@@ -20,7 +18,7 @@ typedef enum { HT_F28335 = 0, HT_F28377S = 1 } ht_device;
 /** `epwm` + module * `stride` + offset addresses a PWM register (module 0 = ePWM1).
  *  An offset of 0xFFFF = not present. */
 typedef struct {
-    ht_device device;     /**< its name; nothing is decided by it */
+    ht_device device;     /**< its name; no code depends on it */
     bool clock_pllcr;     /**< clocks by PLLCR and PCLKCR (ht_clock_f28335.c), else by CLKCFG
                                *   and CPUSYS (ht_clock_f28377s.c) */
     bool flash_cached;    /**< flash with cache, prefetch, ECC and a pump of its own, else with

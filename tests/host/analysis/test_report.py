@@ -1,4 +1,4 @@
-"""Reports: complete, self-contained, escaped."""
+"""Reports are complete, self-contained and escaped."""
 
 import base64
 import io
@@ -17,7 +17,7 @@ VOID = {"meta", "img", "br"}
 
 
 class Page(HTMLParser):
-    """Checks nesting, collects text, table rows and attributes."""
+    """A parser that checks nesting and collects text, table rows and attributes."""
 
     def __init__(self, text):
         super().__init__()

@@ -21,7 +21,7 @@ PAPERS = (
 
 
 def number(value: float | str | None) -> str:
-    """A number of a verdict table, as a person would write it."""
+    """A number of a verdict table, with four significant digits."""
     if value is None:
         return "–"
     if isinstance(value, str):
