@@ -1,7 +1,7 @@
 """Which tests `make test` and `make test-quick` run when.
 
-timed   The test depends on how fast other processes answer. It mostly waits. These tests run several
-        at once, apart from others that would keep the processors busy.
+timed   The test depends on how fast other processes answer. It mostly waits, so several of these
+        run at once, apart from tests that would keep the processors busy.
 live    The same, but the test keeps a processor busy: a browser, or a board on an emulated
         processor. As many run at once as there are processors.
 slow    The file takes more than some seconds of computing time. `make test-quick` leaves it out.
