@@ -152,15 +152,22 @@ def test_chip(tree, found, tmp_path):
         ("hexatorque_f28333_pil_flash.out", "f28335_flash.cmd"),
     }
     assert "HT_BOARD=ht_board_f28333" in commands
+    # No one has said where in its flash parameters may be kept.
+    done = configure(tree, "f28333", tmp_path, f"-DHT_FLASH_API={tmp_path}")
+    assert done.returncode != 0
+    assert "an image for the f28333 keeps no parameters" in " ".join(done.stderr.split())
 
 
 def test_machine_model(found):
     """Without gate pulses only friction B w and the fan k w^2 slow the machine down:
-    1/w + k/B grows as exp(B t/J)."""
+    1/w + k/B grows as exp(B t/J). The same for the slope that is integrated under currents."""
     coasting = found["coasting"]
     fan_Nms2, viscous_Nms = 2e-5, coasting["viscous_Nms"]
     assert viscous_Nms > 0
     begin = coasting["from_rad_s"]
+    brake_Nm = viscous_Nms * begin + fan_Nms2 * begin**2
+    slope_rad_s2 = -brake_Nm / coasting["inertia_kgm2"]
+    assert coasting["slope_rad_s2"] == pytest.approx(slope_rad_s2, rel=1e-9)
     growth = math.exp(viscous_Nms * coasting["time_s"] / coasting["inertia_kgm2"])
     ratio = fan_Nms2 / viscous_Nms
     end = 1 / ((1 / begin + ratio) * growth - ratio)

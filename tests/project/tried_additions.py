@@ -11,7 +11,8 @@ import sys
 import numpy as np
 
 from hexatorque import firmware, setups
-from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.drive.simulated import SimulatedDrive, _load
+from hexatorque.plant import machine, machines
 from hexatorque.plant.vsd import TRANSFORM
 
 #: Mechanical speed from which the machine coasts, rad/s, and for how long.
@@ -23,11 +24,18 @@ LEVEL = (0.0, 1.0, 0.5)
 
 
 def coasting(setup) -> dict:
-    """Speed of the machine after a time without gate pulses and without load."""
+    """Without gate pulses and without load: the machine's slope of speed at the beginning, and its
+    speed after a time."""
     drive = SimulatedDrive(setup)
+    model = machines.model(setup["machine.model"])
+    record = model.make(model.Parameters(**setup.machine_values()))
     drive.plant_state[6] = COAST_RAD_S
+    slope = np.zeros(8)
+    load = _load("constant", 0.0, 1000.0)
+    machine.derivative(record, load, drive.plant_state, np.zeros(4), slope)
     drive.run(COAST_S)
     return {
+        "slope_rad_s2": float(slope[6]),
         "from_rad_s": COAST_RAD_S,
         "to_rad_s": float(drive.plant_state[6]),
         "time_s": COAST_S,
