@@ -307,13 +307,15 @@ def test_an_instruction_counter_that_is_no_program(tmp_path, capsys):
 
 
 def test_one_study(tmp_path, capsys):
-    assert main(["evidence", "studies", "inverter", "--quick", "--json", "-o", str(tmp_path)]) == 0
-    printed, told = capsys.readouterr()
-    result = json.loads(printed)["inverter"]
-    assert result == json.loads((tmp_path / "inverter.json").read_text())
-    assert result["plateau_V"] == pytest.approx(6.9)
-    assert "firmware's model" in told and str(tmp_path / "inverter.png") in told.replace("\n", "")
-    assert (tmp_path / "inverter.png").read_bytes()[:4] == b"\x89PNG"
+    studies = ["evidence", "studies", "integration", "--quick", "--json", "-o", str(tmp_path)]
+    assert main(studies) == 0
+    printed, table = capsys.readouterr()
+    result = json.loads(printed)["integration"]
+    assert result == json.loads((tmp_path / "integration.json").read_text())
+    assert 100 in result["step_us"] and result["limit"] == 1e-6
+    picture = tmp_path / "integration.png"
+    assert "100 us" in table and str(picture) in table.replace("\n", "")
+    assert picture.read_bytes()[:4] == b"\x89PNG"
 
 
 def test_every_study_has_what_the_command_needs():

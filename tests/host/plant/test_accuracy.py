@@ -6,8 +6,11 @@ far better, and the tests hold it to that: a zero crossing interpolated on a str
 would pass the 1e-6.
 """
 
+from itertools import product
+
 import numpy as np
 import pytest
+from campaigns import part
 from drive_reference import DriveReference, interpreted
 
 from hexatorque import firmware, setups
@@ -45,9 +48,10 @@ def error(segment, currents, reference):
     return np.max(np.abs(currents - reference)) / segment.amplitude_A
 
 
-@pytest.mark.parametrize("direction", [1, -1])
-@pytest.mark.parametrize("machine", ["symmetric", "asymmetric"])
-@pytest.mark.parametrize("scheme", firmware.schemes())
+DRIVES = list(product(firmware.schemes(), ["symmetric", "asymmetric"], [1, -1]))
+
+
+@pytest.mark.parametrize("scheme, machine, direction", part(DRIVES, 6))
 def test_half_a_second_of_running_drive(phase_model, scheme, machine, direction):
     if machine == "symmetric":
         changes = {"machine__drs_ohm": (0.0,) * 6}

@@ -10,6 +10,7 @@ from itertools import groupby
 
 import numpy as np
 import pytest
+from campaigns import part
 
 from hexatorque import firmware
 from hexatorque.drive.simulated import _pwm_map
@@ -205,7 +206,7 @@ def random_run(device, seed, periods=6, active_low=False):
 @pytest.mark.parametrize("device", REGISTERS)
 @pytest.mark.parametrize("block", range(6))
 def test_every_count_of_random_register_writes(device, block):
-    for seed in range(block * 100, block * 100 + 100):
+    for seed in part(range(block * 100, block * 100 + 100), 25):
         wave, truth, _ = random_run(device, seed)
         assert wave == [[state for state, _ in leg] for leg in truth], f"seed {seed}"
 

@@ -4,6 +4,7 @@ import json
 import math
 import re
 import threading
+from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -130,6 +131,21 @@ def test_the_page_shows_all_and_escapes(entry, tmp_path):
     words = re.findall(r'data-v="([^"]+)"', text)
     assert sorted(set(words)) == ["differs", "match"] and len(words) == 4  # top and figure
     assert 'data-f="not printed"' in text
+
+
+def test_a_setup_that_looks_like_html_is_shown_as_text(entry, tmp_path):
+    data = reproduce.reproduce(["A1"], tmp_path).figures["A1"]
+    name, key, why = "<b>x", '"><i>', "<script>alert(1)</script>"
+    data["setup"] = [{"name": name, "set": {key: 1.0}, "assumed": {key: 2.0}}]
+    text = page.write_page(tmp_path / "p.html", {"A1": data}, {"A2": why}).read_text()
+    seen: list[str] = []
+    parser = HTMLParser()
+    parser.handle_data = seen.append
+    parser.feed(text)
+    shown = "".join(seen)
+    assert shown.count(name) == 3  # summary, assumed values, runs
+    assert shown.count(f"{key} = ") == 2 and why in shown
+    assert text.count("<script>") == 1 and "<i>" not in text  # the page's own script
 
 
 def test_a_complete_figure_is_kept_until_something_changes(entry, tmp_path, monkeypatch):
