@@ -20,6 +20,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "ht_board_of_device.h"
 #include "ht_drive.h"
 #include "ht_port_c2000.h"
 

@@ -1,6 +1,7 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include "ht_pil_host.h"
+#include "ht_board_of_device.h"
 #include "ht_snapshot.h"
 
 #include <errno.h>

@@ -1,5 +1,7 @@
 #include "ht_pil.h"
 
+#include "ht_board_of_device.h"
+
 #include <stddef.h>
 
 uint16_t ht_side_registers(void)

@@ -1,7 +1,5 @@
 #include "ht_board.h"
 
-#include <stddef.h>
-
 /* Build option HT_GATES_ACTIVE_LOW (CMakeLists.txt): gate drivers that invert. */
 #ifndef HT_GATES_ACTIVE_LOW
 #define HT_GATES_ACTIVE_LOW 0
@@ -79,15 +77,3 @@ const ht_board ht_board_launchxl_f28377s = {
     .channel = {2u, 2u, 3u, 3u, 4u, 4u, 14u}, /* A2 B2 A3 B3 A4 B4, ADCIN14 */
     .baud = 1250000u,                         /* exact */
 };
-
-const ht_board *ht_board_of_device(uint16_t device)
-{
-    static const ht_board *const boards[HT_DEVICES] = {
-#define HT_CHIP(name, family) &ht_board_##name,
-#define HT_CHIP_BOARD(chip, name)
-#include "ht_chips.def"
-#undef HT_CHIP
-#undef HT_CHIP_BOARD
-    };
-    return (device < (uint16_t)HT_DEVICES) ? boards[device] : NULL;
-}

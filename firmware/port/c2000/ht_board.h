@@ -41,7 +41,4 @@ typedef struct {
 #undef HT_CHIP
 #undef HT_CHIP_BOARD
 
-/** The board that has a chip's own name, by the chip's number (`ht_device`). NULL: no such chip. */
-const ht_board *ht_board_of_device(uint16_t device);
-
 #endif

@@ -21,6 +21,7 @@
  */
 #include <string.h>
 
+#include "ht_board_of_device.h"
 #include "ht_drive.h"
 #include "ht_port_c2000.h"
 #include "semihost.h"
