@@ -345,7 +345,7 @@ static void one_leg_trips(void)
 /* If a debugger halts the chip, or its clock fails, the F28377S switches off by itself. */
 static void other_trips(void)
 {
-    int large = ht_image_port.map->device == HT_F28377S;
+    int large = ht_image_port.map->device == HT_DEVICE_f28377s;
     start_to(HT_STATE_RUN);
     ht_regfile_emulation_stops(&ht_image_registers);
     check("an emulation stop switches off", gates_on() != large);

@@ -436,7 +436,7 @@ static void the_chip(void)
         CHECK(ht_store_save(&store, &drive) == HT_OK);
     }
     /* An erase that never ends: the caller gets its refusal. */
-    fake_flash_stuck = bench_board->map->device == HT_F28377S;
+    fake_flash_stuck = bench_board->map->device == HT_DEVICE_f28377s;
     if (fake_flash_stuck) {
         CHECK(ht_store_save(&store, &drive) == HT_ERROR_STORE);
         CHECK(chip->dog_resets == 0u);

@@ -191,7 +191,12 @@ def test_board_must_fit_the_device(tree, tmp_path):
         (tmp_path / "bin" / name).chmod(0o755)
     done = configure(tree, "f28335", tmp_path, "-DHT_BOARD=f28377s")
     assert done.returncode != 0
-    assert "is no board with a f28335" in done.stderr
+    said = " ".join(done.stderr.split())
+    assert "is no board with a f28335: choose one of f28335" in said
+    shutil.rmtree(tree / "build" / "f28335")
+    done = configure(tree, "f28335", tmp_path, "-DHT_DEVICE=f28399")
+    assert done.returncode != 0
+    assert 'HT_DEVICE = "f28399": choose one of f28335, f28377s' in " ".join(done.stderr.split())
     shutil.rmtree(tree / "build" / "f28335")
 
 

@@ -31,6 +31,15 @@ def spec(preset):
     return ET.parse(ccs_projects.file_of(preset)).getroot().find("project")
 
 
+def command_file(device, place):
+    """A chip's own linker command file, else that of its family."""
+    chip = device.removeprefix("TMS320").lower()
+    table = (FIRMWARE / "port/c2000/ht_chips.def").read_text()
+    family = re.search(rf"^HT_CHIP\({chip}, (\w+)\)", table, re.M)[1]
+    own, shared = (FIRMWARE / f"port/c2000/image/{name}_{place}.cmd" for name in (chip, family))
+    return own if own.exists() else shared
+
+
 def resolved(file):
     return (CCS / file.get("path")).resolve()
 
@@ -58,8 +67,7 @@ def test_a_project_in_words(preset):
     assert sorted(sources) == sorted(f for f in want if f.suffix in (".c", ".asm"))
     place = {f.get("applicableConfigurations"): resolved(f) for f in files
              if f.get("path").endswith(".cmd")}  # fmt: skip
-    image, chip = FIRMWARE / "port/c2000/image", device.removeprefix("TMS320").lower()
-    assert place == {p: image / f"{chip}_{p}.cmd" for p in ("flash", "ram")}
+    assert place == {p: command_file(device, p) for p in ("flash", "ram")}
     configurations = {c.get("name"): c for c in project.findall("configuration")}
     assert set(configurations) == {"flash", "ram"}
     for configuration in configurations.values():
@@ -109,8 +117,7 @@ def test_what_stays_in_flash_is_what_cmake_keeps_there(preset, calls):
     names of their files. If a name were missing or matched nothing, main would be in the RAM that
     it has to fill."""
     board, device = BOARDS[preset]
-    chip = device.removeprefix("TMS320").lower()
-    text = (FIRMWARE / f"port/c2000/image/{chip}_flash.cmd").read_text()
+    text = command_file(device, "flash").read_text()
     stays = re.search(r"\.stays +: \{(.*?)\}", text, re.S)[1]
     names = re.findall(r"\*(\w+)\.\*\(\.TI\.ramfunc\)", stays)
     assert len(names) == stays.count("(")

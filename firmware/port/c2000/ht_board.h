@@ -34,12 +34,11 @@ typedef struct {
     uint32_t baud; /**< of the link */
 } ht_board;
 
-/** TI's F28335 controlCARD: 30 MHz. */
-extern const ht_board ht_board_f28335;
-/** F28377S in a package with GPIO0..11 (176 and 337 pins): 20 MHz. */
-extern const ht_board ht_board_f28377s;
-/** LAUNCHXL-F28377S, 100 pins: 10 MHz. GPIO0, 1 and 5..9 have no pin, so the legs are ePWM2 and
- *  6..10; ePWM1 still keeps the time and starts the ADC. */
-extern const ht_board ht_board_launchxl_f28377s;
+/* All boards: ht_board_f28335 ... */
+#define HT_CHIP(name, family)
+#define HT_CHIP_BOARD(chip, name) extern const ht_board ht_board_##name;
+#include "ht_chips.def"
+#undef HT_CHIP
+#undef HT_CHIP_BOARD
 
 #endif

@@ -130,7 +130,7 @@ typedef struct ht_regfile {
     void *user;
 } ht_regfile;
 
-/** Reset state of a device; `map` is ht_f28335 or ht_f28377s. */
+/** Reset state of a device; `map` is the device's ht_c2000_map. */
 void ht_regfile_reset(ht_regfile *rf, const void *map);
 
 /* Accesses and instructions of a driver (ht_reg.h) */

@@ -122,6 +122,7 @@ typedef struct {
     uint32_t offset_trim;       /**< ... and the offset that fits */
 } ht_chip;
 
+/** Of the families of chips (ht_chips.def). */
 extern const ht_chip ht_chip_f28335;
 extern const ht_chip ht_chip_f28377s;
 

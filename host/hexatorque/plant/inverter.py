@@ -100,7 +100,7 @@ def set_leg(inv, m, y, leg, state):
     if state == OFF and inv.leg[leg] != OFF:
         i = phase_current(m, y, leg)
         inv.diode[leg] = 1 if i > 0.0 else (-1 if i < 0.0 else 0)
-    inv.off += (state == OFF) - (inv.leg[leg] == OFF)
+    inv.off += int(state == OFF) - int(inv.leg[leg] == OFF)
     inv.leg[leg] = state
 
 
