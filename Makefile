@@ -73,20 +73,20 @@ fuzz: $(VENV)/.installed
 	build/fuzz/tests/c/fuzz/fuzz_service -max_len=300 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
 	  -artifact_prefix=out/fuzz/ out/fuzz/service build/fuzz/corpus/service
 
-# Marks of tests: tests/conftest.py. A file's tests stay in one process: they share what their
-# fixtures build and compile. On a busy computer a test that waits for other processes may fail for
-# this reason alone: what fails runs again, one at a time.
+# Marks of tests: tests/conftest.py. With worksteal nearly all tests of a file run in one process:
+# they share what their fixtures build and compile. On a busy computer a test that waits for other
+# processes may fail for this reason alone: what fails runs again, one at a time.
 pytest = $(BIN)/python -m pytest -rs
-waiting = $(pytest) -n $(1) --dist loadfile -m $(2) $(3) || \
+waiting = $(pytest) -n $(1) --dist worksteal -m $(2) $(3) || \
 	$(pytest) -m $(2) --last-failed --last-failed-no-failures none $(3)
 
 test: test-c
-	$(pytest) -n $(JOBS) --dist loadfile -m "not timed and not live" tests
+	$(pytest) -n $(JOBS) --dist worksteal -m "not timed and not live" tests
 	$(call waiting,$(WAITING),timed,tests)
 	$(call waiting,$(JOBS),live,tests)
 
 test-quick: $(VENV)/.installed
-	$(pytest) -n $(JOBS) --dist loadfile -m "not timed and not live and not slow" tests
+	$(pytest) -n $(JOBS) --dist worksteal -m "not timed and not live and not slow" tests
 
 # Some of these tests measure speed, so they run one at a time. If a tool is missing, this fails
 # after all tests that could run.
