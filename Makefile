@@ -2,7 +2,8 @@
 #
 #   make demo          compare all schemes of both papers; report in out/compare
 #   make papers        every figure and table of both papers; page in out/papers
-#   make test          all tests, C and Python
+#   make test          all tests, C and Python; HT_WHOLE=1 runs every case of the campaigns
+#   make test-quick    the quick ones, for while you edit
 #   make test-targets  the firmware on emulated processors; names missing tools
 #   make budget        the firmware's instructions, stack and size, into docs/budget.md
 #   make bench         speed of the simulation, instructions of the firmware
@@ -21,13 +22,14 @@ C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
 # All C that is written by hand. Its format is in .clang-format.
 C_FORMATTED := $(shell find firmware tests/c tools -name '*.[ch]' ! -name ht_tables.c ! -name vectors.h)
 JOBS ?= 2
+WAITING ?= 4
 FUZZ_S ?= 120
 
-.PHONY: help demo papers papers-quick test test-c test-targets budget sanitize fuzz bench docs lint format check-c clean
+.PHONY: help demo papers papers-quick test test-quick test-c test-targets budget sanitize fuzz bench docs lint format check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,14s/^# \{0,1\}//p' Makefile
+	@sed -n '3,15s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -71,21 +73,26 @@ fuzz: $(VENV)/.installed
 	build/fuzz/tests/c/fuzz/fuzz_service -max_len=300 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
 	  -artifact_prefix=out/fuzz/ out/fuzz/service build/fuzz/corpus/service
 
-# These tests depend on the timing of other processes, so they run one at a time. On a busy computer
-# one may fail for this reason alone, so tests that fail run a second time.
-TIMED := tests/host/serial tests/host/monitor tests/host/boards tests/project/test_tutorial.py
-timed = $(BIN)/python -m pytest -rs $(1) || \
-	$(BIN)/python -m pytest -rs --last-failed --last-failed-no-failures none $(1)
+# Marks of tests: tests/conftest.py. With worksteal nearly all tests of a file run in one process:
+# they share what their fixtures build and compile. On a busy computer a test that waits for other
+# processes may fail for this reason alone: what fails runs again, one at a time.
+pytest = $(BIN)/python -m pytest -rs
+waiting = $(pytest) -n $(1) --dist worksteal -m $(2) $(3) || \
+	$(pytest) -m $(2) --last-failed --last-failed-no-failures none $(3)
 
 test: test-c
-	$(BIN)/python -m pytest -n $(JOBS) -rs $(addprefix --ignore=,$(TIMED)) tests
-	$(call timed,$(TIMED))
+	$(pytest) -n $(JOBS) --dist worksteal -m "not timed and not live" tests
+	$(call waiting,$(WAITING),timed,tests)
+	$(call waiting,$(JOBS),live,tests)
 
-# These tests measure speed, so they run one at a time. If a tool is missing, this fails after all
-# tests that could run.
+test-quick: $(VENV)/.installed
+	$(pytest) -n $(JOBS) --dist worksteal -m "not timed and not live and not slow" tests
+
+# Some of these tests measure speed, so they run one at a time. If a tool is missing, this fails
+# after all tests that could run.
 test-targets: $(VENV)/.installed
 	@failed=0; \
-	($(call timed,tests/host/boards)) || failed=1; \
+	$(pytest) tests/host/boards || $(pytest) --last-failed tests/host/boards || failed=1; \
 	$(BIN)/python -m hexatorque.boards.tools || failed=1; \
 	$(MAKE) check-c || failed=1; \
 	exit $$failed

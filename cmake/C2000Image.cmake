@@ -3,17 +3,35 @@
 # This file is included with TI's toolchain. HT_DEVICE and HT_BOARD come from the preset.
 enable_language(ASM)
 
-set(HT_DEVICE "" CACHE STRING "f28335 or f28377s: linker command files")
-set(HT_BOARD "" CACHE STRING "table of firmware/port/c2000/ht_board.c: f28335, f28377s, launchxl_f28377s")
+set(HT_DEVICE "" CACHE STRING "chip of firmware/port/c2000/ht_chips.def")
+set(HT_BOARD "" CACHE STRING "board of that table with this chip")
 set(HT_PIL_BAUD 625000 CACHE STRING "rate of the serial line, processor in the loop")
 set(port firmware/port/c2000)
 set(HT_FLASH_API "" CACHE PATH
   "C2000Ware's folder: the flash image keeps parameters, by TI's flash API; empty: it does not")
-if(NOT EXISTS "${CMAKE_CURRENT_SOURCE_DIR}/${port}/image/${HT_DEVICE}_flash.cmd")
-  message(FATAL_ERROR "HT_DEVICE = \"${HT_DEVICE}\": f28335 or f28377s")
+# Rows of the table: HT_CHIP(chip, family), HT_CHIP_BOARD(chip, board).
+file(STRINGS ${port}/ht_chips.def rows REGEX "^HT_CHIP")
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${port}/ht_chips.def)
+set(family "")
+set(chips "")
+set(boards "")
+foreach(row IN LISTS rows)
+  if(row MATCHES "^HT_CHIP\\(([a-z0-9_]+), ([a-z0-9_]+)\\)")
+    list(APPEND chips ${CMAKE_MATCH_1})
+    if(CMAKE_MATCH_1 STREQUAL HT_DEVICE)
+      set(family ${CMAKE_MATCH_2})
+    endif()
+  elseif(row MATCHES "^HT_CHIP_BOARD\\(([a-z0-9_]+), ([a-z0-9_]+)\\)" AND CMAKE_MATCH_1 STREQUAL HT_DEVICE)
+    list(APPEND boards ${CMAKE_MATCH_2})
+  endif()
+endforeach()
+if(NOT family)
+  list(JOIN chips ", " names)
+  message(FATAL_ERROR "HT_DEVICE = \"${HT_DEVICE}\": choose one of ${names}")
 endif()
-if(NOT HT_BOARD MATCHES "^(f28335|f28377s|launchxl_f28377s)$" OR NOT HT_BOARD MATCHES "${HT_DEVICE}")
-  message(FATAL_ERROR "HT_BOARD = \"${HT_BOARD}\" is no board with a ${HT_DEVICE}")
+if(NOT HT_BOARD IN_LIST boards)
+  list(JOIN boards ", " names)
+  message(FATAL_ERROR "HT_BOARD = \"${HT_BOARD}\" is no board with a ${HT_DEVICE}: choose one of ${names}")
 endif()
 
 # Results must equal the host's bit for bit, so there is no relaxed arithmetic and no TMU.
@@ -27,7 +45,7 @@ set(messages --display_error_number --diag_wrap=off --diag_warning=225)
 include(cmake/BuildName.cmake)
 
 # Memory for captures, in 32-bit values: the rest of the RAM.
-if(HT_DEVICE STREQUAL "f28335")
+if(family STREQUAL "f28335")
   set(capture_flash 3072)
   set(capture_ram 256)
 else()
@@ -69,6 +87,9 @@ set(flash ${port}/image/main.c ${port}/image/codestart.asm)
 # An image that runs from `place`, with further sources and include folders.
 function(ht_c2000_image image place sources folders)
   set(command_file "${CMAKE_CURRENT_SOURCE_DIR}/${port}/image/${HT_DEVICE}_${place}.cmd")
+  if(NOT EXISTS "${command_file}") # the memories are those of the family's first chip
+    set(command_file "${CMAKE_CURRENT_SOURCE_DIR}/${port}/image/${family}_${place}.cmd")
+  endif()
   add_executable(${image} ${ram} ${frames} ${flash} ${sources})
   set_target_properties(${image} PROPERTIES SUFFIX ".out" LINK_DEPENDS "${command_file}")
   target_include_directories(${image} PRIVATE firmware/core firmware/app firmware/link
@@ -85,7 +106,11 @@ endfunction()
 # of the functions that the user must provide (Fapi_UserDefinedFunctions.c), which must have the
 # library's version.
 if(HT_FLASH_API)
-  if(HT_DEVICE STREQUAL "f28335")
+  if(NOT EXISTS "${CMAKE_CURRENT_SOURCE_DIR}/${port}/store/ht_flash_${HT_DEVICE}.c")
+    message(FATAL_ERROR "HT_FLASH_API: an image for the ${HT_DEVICE} keeps no parameters, for there is "
+      "no ${port}/store/ht_flash_${HT_DEVICE}.c")
+  endif()
+  if(family STREQUAL "f28335")
     set(api f2833x)
     set(headers Flash2833x_API_Library.h)
     set(library "Flash28335_API*.lib")

@@ -21,6 +21,7 @@ HEADERS = (
     "ht_vsd.h",
     "ht_drivers.h",
     "ht_regfile.h",
+    "ht_board_of_device.h",
     "ht_pil_host.h",
     "ht_virtual_board.h",
     "ht_burst_rows.h",

@@ -9,7 +9,7 @@ from the registers after the drivers' start. Connector pins and remarks come fro
 import re
 from pathlib import Path
 
-from hexatorque.firmware import ffi, lib
+from hexatorque.firmware import BOARDS, ffi, lib
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "first-spin.md"
 LEGS = ("u1", "u2", "w1", "w2", "v1", "v2")
@@ -39,6 +39,8 @@ DIMM100 = {
     90: "GPIO21", 41: "GPIO22", 91: "GPIO23", 43: "GPIO28", 93: "GPIO29", 31: "GPIO84",
     81: "GPIO85", 32: "GPIO86", 42: "GPIO87",
 }  # fmt: skip
+#: Board -> its connector's pins and what that column is called. Any other is the user's own board.
+CONNECTORS = {"launchxl_f28377s": (LAUNCHPAD, "connector"), "f28335": (DIMM100, "card pin")}
 #: Pins that are not on the headers but are connected to another part of the board.
 ELSEWHERE = {
     "launchxl_f28377s": {"GPIO84": "the probe's COM port", "GPIO85": "the probe's COM port"}
@@ -66,20 +68,20 @@ ADC_A_SOC0, ADC_B_SOC0 = 0x7410, 0x7490  # F28377S
 
 def connector(board: str, pin: str) -> str:
     """The board's connector pin for a pin of the device."""
-    if board == "f28377s":
+    if board not in CONNECTORS:
         return "your board"
-    pins = LAUNCHPAD if board == "launchxl_f28377s" else DIMM100
+    pins, _ = CONNECTORS[board]
     (number,) = [n for n, name in pins.items() if name == pin] or [0]
     if not number:
         return ELSEWHERE.get(board, {}).get(pin, "not brought out")
-    return f"J{(number - 1) // 10 + 1}.{number}" if board == "launchxl_f28377s" else f"{number}"
+    return f"J{(number - 1) // 10 + 1}.{number}" if pins is LAUNCHPAD else f"{number}"
 
 
 def channels(board: str) -> list[str]:
     """The ADC inputs in the order of the samples: six currents, dc link."""
     table = getattr(lib, f"ht_board_{board}")
     wanted = list(table.channel)
-    if board == "f28335":
+    if table.map.adc_sequencer:
         return [f"ADCIN{'AB'[c // 8]}{c % 8}" for c in wanted]
     chip, port = ffi.new("ht_regfile *"), ffi.new("ht_port *")
     lib.ht_regfile_reset(chip, table.map)
@@ -110,20 +112,20 @@ def channels(board: str) -> list[str]:
 def rows(board: str) -> list[tuple[str, str, str, str, str]]:
     """Signal, pin of the device, function, connector, remark."""
     table = getattr(lib, f"ht_board_{board}")
-    small = board == "f28335"
+    fixed = not table.map.trip_select
     found = []
     for leg, name in enumerate(LEGS):
         for side, switch in enumerate(("upper", "lower")):
             pin = f"GPIO{table.pwm[2 * leg + side].gpio}"
             found.append((f"{name} {switch}", pin, f"EPWM{table.module[leg] + 1}{'AB'[side]}"))
-    found.append(("trip", f"GPIO{table.trip.gpio}", "TZ1" if small else "input 1 → TZ1"))
+    found.append(("trip", f"GPIO{table.trip.gpio}", "TZ1" if fixed else "input 1 → TZ1"))
     found.append(("encoder A", f"GPIO{table.encoder_a.gpio}", "EQEP1A"))
     found.append(("encoder B", f"GPIO{table.encoder_b.gpio}", "EQEP1B"))
     found.append(("serial receive", f"GPIO{table.receive.gpio}", "SCIRXDA"))
     found.append(("serial transmit", f"GPIO{table.transmit.gpio}", "SCITXDA"))
     for signal, pin in zip((*CURRENTS, "dc link"), channels(board), strict=True):
         found.append((signal, pin, "ADC"))
-    remarks = REMARKS[board]
+    remarks = REMARKS.get(board, {})
     return [
         (signal, pin, what, connector(board, pin), remarks.get(pin, ""))
         for signal, pin, what in found
@@ -133,7 +135,7 @@ def rows(board: str) -> list[tuple[str, str, str, str, str]]:
 def text(board: str) -> str:
     """A board's table as the page has it."""
     table = getattr(lib, f"ht_board_{board}")
-    title = "card pin" if board == "f28335" else "connector"
+    _, title = CONNECTORS.get(board, ({}, "connector"))
     lines = [
         f"| signal | pin of the device | function | {title} | remark |",
         "|---|---|---|---|---|",
@@ -158,7 +160,7 @@ def written(page: str, board: str) -> str:
 
 def main() -> None:
     page = PAGE.read_text()
-    for board in REMARKS:
+    for board in BOARDS:
         first, last = marks(board)
         before, rest = page.split(first)
         page = f"{before}{first}\n{text(board)}\n{last}{rest.split(last)[1]}"

@@ -7,6 +7,7 @@ takes sources, defines, options and linker command file from this log.
 `tests/project/test_ccs_projects.py` checks that the projects are current.
 """
 
+import json
 import os
 import re
 import shutil
@@ -23,9 +24,9 @@ FIRMWARE = ROOT / "firmware"
 CCS = FIRMWARE / "port" / "c2000" / "ccs"
 #: Preset of CMakePresets.json -> board of ht_board.c, device as Code Composer names it.
 BOARDS = {
-    "f28335": ("f28335", "TMS320F28335"),
-    "f28377s": ("launchxl_f28377s", "TMS320F28377S"),
-    "f28377s-176": ("f28377s", "TMS320F28377S"),
+    preset["name"]: (values["HT_BOARD"], f"TMS320{values['HT_DEVICE'].upper()}")
+    for preset in json.loads((ROOT / "CMakePresets.json").read_text())["configurePresets"]
+    if "HT_BOARD" in (values := preset.get("cacheVariables", {}))
 }
 #: The compiler that the options are made for; Code Composer offers another one it has.
 COMPILER = "22.6.1.LTS"

@@ -1,5 +1,5 @@
 /** @file ht_configure.h
- *  Derives what the interrupts work with from the parameters.
+ *  Derives the values that the interrupts use from the parameters.
  */
 #ifndef HT_CONFIGURE_H
 #define HT_CONFIGURE_H
@@ -14,8 +14,8 @@ bool ht_configure_valid(const ht_port *port, uint16_t id, float value);
 ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_config *config,
                        ht_pwm_setup *setup);
 
-/** Everything outside the control configuration that parameters decide and that may change
- *  while the drive runs: speed loop, flux reference, protection. */
+/** The values outside the control configuration that follow from parameters and may change while
+ *  the drive runs: speed loop, flux reference, protection. */
 void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config *c);
 
 /** The configuration in force. The pointer is read once, because the fast interrupt may exchange

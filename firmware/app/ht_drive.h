@@ -58,7 +58,7 @@ typedef enum {
 /** Share of the build-up during which the flux is too small for its speed to mean anything. */
 #define HT_BUILD_BLIND 0.1f
 
-/** What the fast interrupt that raised the latest fault worked with. */
+/** The values of the fast interrupt that raised the latest fault. */
 typedef struct {
     uint32_t tick;   /**< fast interrupts since init; 0 = no fault yet */
     uint16_t state;  /**< ht_state at the time */
@@ -144,11 +144,12 @@ ht_result ht_drive_start(ht_drive *d);
 void ht_drive_stop(ht_drive *d);
 ht_result ht_drive_clear(ht_drive *d);
 
-/** For a fault that is found outside the drive, within the fast interrupt: gates off, `bits`
- *  latched. */
+/** Take the gates off and latch `bits`, for a fault that other code finds within the fast
+ *  interrupt. */
 void ht_drive_trip(ht_drive *d, uint16_t bits);
-/** The same from outside the fast interrupt, for when none is expected any more or not yet. One
- *  that comes nevertheless finds the drive in FAULT. Takes over parameters that wait for it. */
+/** The same from outside the fast interrupt, if none is expected any more, or none yet. If one
+ *  comes all the same, it finds the drive in FAULT. Also takes over parameters that wait for a fast
+ *  interrupt. */
 void ht_drive_stand_in(ht_drive *d, uint16_t bits);
 
 /** Change one parameter: range, state and consistency are checked first, and

@@ -22,21 +22,21 @@ typedef struct {
     float flux_check;       /**< distance from the circle diagram, rms, units of
                              *   `no_load_A`; 0 = off */
     float no_load_A;        /**< no-load current at the flux reference, psi/L_s */
-    float stuck_counts;     /**< converter counts a phase must have moved unseen; 0 = off */
+    float stuck_counts;     /**< counts that a phase may move while its reading stays; 0 = off */
     float ls_H;             /**< stator inductance */
     float sigma;            /**< leakage factor */
     float slip_gain;        /**< R_r (L_m/L_r)^2, configured */
     float rpm_per_rad_s;    /**< electrical rad/s to r/min of the shaft */
     float flux_gain;        /**< low-pass gain of `flux_check` per slow interrupt */
-    float estimate_back;    /**< by which share of a slow period the measured speed is
-                             *   older than the flux's, 0..0.5 */
+    float estimate_back;    /**< lag of the measured speed behind the flux's, share of a slow
+                             *   period, 0..0.5 */
     float encoder_gain;     /**< low-pass gain of `encoder_trip_rpm` per slow interrupt */
 } ht_protect_config;
 
 typedef struct {
     uint16_t count[HT_LEGS]; /**< reading at the last change */
     uint16_t other[HT_LEGS]; /**< sum of the set's other two readings then */
-    uint16_t same[HT_LEGS];  /**< looks since then */
+    uint16_t same[HT_LEGS];  /**< checks since then */
     float circle2;           /**< mean square distance from the circle diagram */
     float estimated_rpm;     /**< of the slow interrupt before */
     float speed_error_rpm;   /**< mean of measured minus estimated speed */

@@ -86,7 +86,7 @@ typedef struct {
     uint16_t asks;           /**< session that the present request names */
     uint32_t session_tick;   /**< of its latest request */
     volatile uint16_t armed; /**< 1: the watchdog runs */
-    volatile uint16_t fed;   /**< 1: a request of the session has come since the last look */
+    volatile uint16_t fed;   /**< 1: a request of the session has come since the last check */
     volatile uint32_t watchdog_left; /**< fast interrupts */
     volatile uint32_t watchdog_ticks;
     ht_streams streams;

@@ -23,7 +23,7 @@ enum {
 /** Append a snapshot to a body. */
 void ht_snapshot_add(ht_packet *p, const volatile ht_snapshot *s);
 
-/** Read HT_SNAPSHOT_BYTES bytes; members that do not travel become 0. On the host only. */
+/** Read HT_SNAPSHOT_BYTES bytes; members that are not transmitted become 0. On the host only. */
 void ht_snapshot_take(const uint16_t *octets, ht_snapshot *s);
 
 #endif

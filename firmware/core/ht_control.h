@@ -85,9 +85,9 @@ ht_config_status ht_control_check(const ht_control_config *cfg);
 /** Demagnetised machine, currents `i_A`, all legs low. */
 void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const ht_six *i_A);
 
-/** Go on under `cfg` with a state from another configuration, `from`: a law that takes over
- *  from another one begins with its state reset. Machine, pattern and, where the law remains,
- *  its state stay as they are. */
+/** Continue under `cfg` with a state from another configuration, `from`: a law that takes over from
+ *  another one begins with its state reset. Machine, pattern and, where the law remains, its state
+ *  stay as they are. */
 void ht_control_switch_over(const ht_control_config *from, const ht_control_config *cfg,
                             ht_control_state *st);
 

@@ -17,13 +17,13 @@ typedef struct {
 
 void ht_speed_reset(ht_speed_state *st);
 
-/** Follow a torque reference that somebody else gives, so that the regulator goes on from it
- *  without a step. */
+/** Follow a torque reference from elsewhere, so that the regulator continues from it without a
+ *  step. */
 void ht_speed_follow(ht_speed_state *st, float torque_Nm);
 
-/** Torque reference for a speed error in rad/s (mechanical). The integrator
- *  stops where it would push further into the limit. A NaN or infinite error gives
- *  no torque and leaves the integrator alone. */
+/** Torque reference for a speed error in rad/s (mechanical). The integrator stops where it would
+ *  push further into the limit. A NaN or infinite error gives no torque and does not change the
+ *  integrator. */
 float ht_speed_step(const ht_speed_config *cfg, ht_speed_state *st, float error_rad_s);
 
 typedef struct {
@@ -40,7 +40,7 @@ typedef struct {
     float i_A;              /**< |i_s| */
 } ht_flux_input;
 
-/** The flux that is wanted, or the part of it that Vdc can still drive. */
+/** The wanted flux, or the part of it for which Vdc is sufficient. */
 float ht_flux_reference(const ht_flux_config *cfg, const ht_flux_input *in);
 
 #endif

@@ -25,7 +25,7 @@ typedef struct {
     float torque_band_Nm;    /**< outer half band (H_B) */
     float torque_inner_Nm;   /**< inner half band (H_A), five levels only */
     float torque_release_Nm; /**< three levels: back to zero at this error */
-    float flux_hold;         /**< a zero vector gives way below (1 - this) x reference; 0 = never */
+    float flux_hold;         /**< no zero vector below (1 - this) x reference; 0: always allowed */
     bool hold_on_zero;       /**< the x-y integrators hold during zero vectors */
     ht_xy_config xy;
     float xy_limit_pu; /**< limit of the x-y command per axis, > 0 if `regulated` */

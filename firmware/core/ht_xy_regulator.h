@@ -21,11 +21,10 @@ typedef struct {
 
 void ht_xy_reset(ht_xy_state *st);
 
-/** Voltage command in units of Vdc, each axis within +-limit_pu (TMVCL).
- *  `turn` = (cos, sin) of the flux angle, taken from the flux vector itself.
- *  `hold` freezes the integrators: for periods with a zero vector, in which no
- *  x-y voltage can be injected. Anti-windup: an axis at its limit integrates
- *  only errors that bring it back, and no integrator exceeds the limit. */
+/** Voltage command in units of Vdc, each axis within +-limit_pu (TMVCL). `turn` = (cos, sin) of the
+ *  flux angle, taken from the flux vector itself. `hold` freezes the integrators: for periods with
+ *  a zero vector, in which no x-y voltage can be injected. Anti-windup: an axis at its limit
+ *  integrates only errors that lead away from it, and no integrator exceeds the limit. */
 ht_xy ht_xy_step(const ht_xy_config *cfg, ht_xy_state *st, ht_xy i_A, ht_ab turn, float limit_pu,
                  bool hold);
 

@@ -14,7 +14,7 @@ typedef struct {
     /** Hand over up to `n` octets; returns how many were taken. */
     uint16_t (*write)(void *at, const uint16_t *octets, uint16_t n);
     void *at;              /**< the calls' first argument */
-    uint32_t octets_per_s; /**< what the line carries one way */
+    uint32_t octets_per_s; /**< what the line carries in each direction */
 } ht_line;
 
 #endif

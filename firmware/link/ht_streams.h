@@ -22,7 +22,7 @@ typedef struct {
  *  before `active` is set, a sample before `head` moves. A compiler keeps the order of volatile
  *  accesses only. */
 typedef struct {
-    volatile uint16_t active; /**< the interrupt looks at the rest only if set */
+    volatile uint16_t active; /**< the interrupt uses the other members only if set */
     volatile uint16_t n;
     volatile uint16_t decimation;
     volatile uint16_t left;   /**< fast interrupts until the next sample */
@@ -49,9 +49,8 @@ typedef struct {
 
 void ht_streams_reset(ht_streams *s);
 
-/** Background: end stream `k` and define what it will be: `n` channels, up to
- *  HT_STREAM_CHANNELS (0: none), `decimation` from 1. After this call no sample of the former
- *  stream comes out any more. */
+/** Background: end stream `k` and set it up anew: `n` channels, up to HT_STREAM_CHANNELS (0: none),
+ *  `decimation` from 1. After this call no sample of the former stream comes out any more. */
 void ht_streams_set(ht_streams *s, uint16_t k, const uint16_t *id, uint16_t n, uint16_t decimation);
 /** Background: begin stream `k` as it was set. The next fast interrupt takes the first sample. */
 void ht_streams_begin(ht_streams *s, uint16_t k);

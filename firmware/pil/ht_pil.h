@@ -69,7 +69,7 @@ void ht_pil_identify(ht_pil_identity *id);
 /* The hardware's side of a target: `ht_pil_side` and these functions, of one of the two
  * folders. */
 
-/** Number of registers that are told by number; 0: calls are told. */
+/** Number of registers of a register target; 0 for a call target. */
 uint16_t ht_side_registers(void);
 /** Prepare `port` for a drive that is about to be initialised. Reads the rest of INIT. */
 bool ht_side_init(ht_pil_side *side, ht_port *port, uint16_t device, ht_reader *request);

@@ -9,8 +9,8 @@
 #include "ht_reader.h"
 #include "port.h"
 
-/** Rate of a board's serial line, baud, unless both ends are told another one. The C2000
- *  boards' clocks (75 and 50 MHz / 8) have no faster one in common that is exact. */
+/** Rate of a board's serial line, baud, unless both ends are set to another one. It is the fastest
+ *  that both C2000 clocks (75 and 50 MHz / 8) make exactly. */
 #ifndef HT_PIL_BAUD
 #define HT_PIL_BAUD 625000u
 #endif

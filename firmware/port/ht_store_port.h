@@ -11,8 +11,8 @@
  *  A function that holds them off services the watchdog, and gives up after a limited time: a
  *  memory that never gets ready must end in a refusal or in a reset.
  *
- *  Power may fail at any instant. What a block holds that was being written, and what an area
- *  holds that was being erased, is then anything; all other blocks are as they were.
+ *  Power may fail at any instant. A block that was being written, or an area that was being erased,
+ *  can then hold anything. All other blocks are as they were.
  */
 #ifndef HT_STORE_PORT_H
 #define HT_STORE_PORT_H
@@ -20,7 +20,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define HT_STORE_AREAS 2u       /**< each is erased for itself */
+#define HT_STORE_AREAS 2u       /**< each is erased separately */
 #define HT_STORE_WORDS 8u       /**< of a block: what a flash takes at once */
 #define HT_STORE_ERASED 0xFFFFu /**< a word of an erased area */
 
@@ -33,11 +33,11 @@ enum {
 };
 
 typedef struct {
-    /** Read block `block` of area `area` into `words`. False: it cannot be read. What it reads of
-     *  a block that was torn or is damaged may be anything, but it returns. */
+    /** Read block `block` of area `area` into `words`. False: it cannot be read. From a block that
+     *  was written in part or is damaged it may read anything, but it returns. */
     bool (*read)(void *at, uint16_t area, uint16_t block, uint16_t *words);
-    /** Write a block that has not been written since its area was erased; `words` = NULL: erase
-     *  the whole area, `block` does not matter. False: it failed, and the block (the area) holds
+    /** Write a block that has not been written since its area was erased; `words` = NULL: erase the
+     *  whole area, `block` does not matter. False: it failed, and the block (the area) can hold
      *  anything. */
     bool (*write)(void *at, uint16_t area, uint16_t block, const uint16_t *words);
     void *at;        /**< the calls' first argument */

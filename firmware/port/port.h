@@ -35,8 +35,8 @@ typedef struct ht_port ht_port;
 /** Analog channels, in the order of the conversion sequence. */
 enum { HT_ADC_I = 0 /* six phase currents, phase order */, HT_ADC_VDC = 6, HT_ADC_CHANNELS = 7 };
 
-/** Range of a reading, counts, whatever the converter's resolution: full scale, and where a
- *  current sensor without current stands. */
+/** Range of a reading, counts, whatever the converter's resolution: full scale, and the reading of
+ *  a current sensor without current. */
 enum { HT_ADC_FULL = 4096, HT_ADC_MID = HT_ADC_FULL / 2 };
 
 /** Raw readings of one sampling instant. */
@@ -53,8 +53,8 @@ typedef struct {
     float slow_Hz;          /**< frequency of the slow interrupt */
 } ht_pwm_setup;
 
-/** Dead times that the board allows. Below `min_us` both switches of a leg may conduct at
- *  the same time; more than `max_us` the register does not hold. */
+/** Dead times that the board allows. Below `min_us` both switches of a leg may conduct at the same
+ *  time; the register cannot hold more than `max_us`. */
 typedef struct {
     float min_us;
     float max_us;
@@ -98,8 +98,8 @@ bool ht_port_gates_on(ht_port *port);
 /** True while the latch of any leg is set, whoever set it (software or the trip pin). */
 bool ht_port_tripped(const ht_port *port);
 
-/** The same for one leg. The pin and the software trip all legs together, so any leg shows these.
- *  A disturbance may set the latch of one leg alone: therefore each is asked in turn. */
+/** The same for one leg. The pin and the software trip all legs together, so any leg shows these. A
+ *  disturbance may set the latch of one leg alone: therefore each is checked in turn. */
 bool ht_port_leg_tripped(const ht_port *port, uint16_t leg);
 
 /** Is the trip pin low now? While it is, the gates must stay off. */

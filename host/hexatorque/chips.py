@@ -1,3 +1,24 @@
-"""The chips for which the firmware has drivers and a register model."""
+"""The names in the firmware's table of chips and boards, ht_chips.def.
 
-DEVICES = ("f28335", "f28377s")
+They are read from the table's text: cmake/initial_values.py needs them where there is no compiled
+firmware.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parent
+#: The firmware's sources: inside the installed package, or in the work tree.
+SOURCES = next(
+    folder / "firmware"
+    for folder in (PACKAGE / "source", PACKAGE.parents[1])
+    if (folder / "firmware").is_dir()
+)
+_TABLE = (SOURCES / "port" / "c2000" / "ht_chips.def").read_text()
+
+#: The chips for which the firmware has drivers and a register model, by number (`ht_device`).
+DEVICES = tuple(re.findall(r"^HT_CHIP\((\w+),", _TABLE, re.M))
+#: The boards with them.
+BOARDS = tuple(re.findall(r"^HT_CHIP_BOARD\(\w+, (\w+)\)", _TABLE, re.M))

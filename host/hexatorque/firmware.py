@@ -11,7 +11,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from ._firmware import ffi, lib
-from .chips import DEVICES
+from .chips import BOARDS, DEVICES
 from .errors import HexatorqueError
 
 #: A struct or pointer of the C: cffi knows its type, a type checker does not.
@@ -37,9 +37,6 @@ FAULTS = _faults()
 def causes(bits: int) -> list[str]:
     """Names of the faults whose bits are set."""
     return [text for bit, text in FAULTS.items() if bits & bit]
-
-
-BOARDS = (*DEVICES, "launchxl_f28377s")
 
 
 class FirmwareError(HexatorqueError, ValueError):

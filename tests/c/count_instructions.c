@@ -5,8 +5,8 @@
  *
  *   count_instructions TRACE
  *
- * TRACE (text, written by `hexatorque evidence speed`): a line "device N" (0 F28335,
- * 1 F28377S), a line "params" and one value per parameter, then per period
+ * TRACE (text, written by `hexatorque evidence speed`): a line "device N" (its row in
+ * ht_chips.def), a line "params" and one value per parameter, then per period
  * "sample a0..a6 position slow". The drive replays it; PERIODS periods
  * of its second half are counted. Prints "isr MEAN MAX step MEAN MAX periods N". Linux only (ptrace).
  */
@@ -20,6 +20,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "ht_board_of_device.h"
 #include "ht_drive.h"
 #include "ht_port_c2000.h"
 
@@ -57,7 +58,7 @@ static int replay(const char *path)
             return 2;
         }
     }
-    ht_port_bind(&port, &registers, (device == 0) ? &ht_board_f28335 : &ht_board_f28377s);
+    ht_port_bind(&port, &registers, ht_board_of_device((uint16_t)device));
     ht_regfile_reset(&registers, port.map);
     if (!ht_board_start(&port) || (ht_drive_init(&drive, &port, &params) != HT_OK)) {
         return 3;

@@ -24,7 +24,7 @@
 
 ht_regfile ht_image_registers;
 
-/* What the linker would provide: see main.c. The sizes are on the command line. */
+/* Symbols that the linker would provide: see main.c. The sizes are on the command line. */
 const uint16_t ht_code_load[CODE_WORDS + 1] = {1, 2, 3, [CODE_WORDS - 1] = 4, [CODE_WORDS] = 5};
 uint16_t ht_code_run[CODE_WORDS + 1];
 const uint16_t ht_const_load[CONST_WORDS + 1] = {6, [CONST_WORDS - 1] = 7, [CONST_WORDS] = 8};
@@ -61,7 +61,7 @@ static void period(void)
     ht_regfile_wait(&ht_image_registers, 100);
 }
 
-/* One slow period; at its end the timer, and a fast interrupt before the slow one's
+/* One slow period. At its end the timer expires, and a fast interrupt comes before the slow one's
  * `within`-th access (0: none). */
 static void slow_period(uint32_t within)
 {
@@ -200,7 +200,7 @@ static void interrupts(void)
           (ht_image_registers.intm == 0u) && (ht_image_registers.ier == 1u));
 }
 
-/* A second timer event within the slow interrupt is for after it. */
+/* A second timer event within the slow interrupt acts after it. */
 static void slow_in_slow(void)
 {
     ht_image_registers.deepest = 0u;
@@ -274,7 +274,7 @@ static void refused(const char *name)
     check("... and nothing changes", (ht_image_drive.state == state) && !gates_on());
 }
 
-/* Up to `state`, with the gates off before RUN's build-up. */
+/* Go on to `state`. The gates are off before the build-up. */
 static void start_to(uint16_t state)
 {
     unsigned n;
@@ -334,7 +334,7 @@ static void one_leg_trips(void)
     int n;
     start_to(HT_STATE_RUN);
     *flag = (uint16_t)(*flag | 4u);
-    for (n = 0; n < HT_LEGS; n++) { /* each is asked in turn */
+    for (n = 0; n < HT_LEGS; n++) { /* each leg is checked in turn */
         period();
     }
     check("one leg's trip is noticed", ht_image_drive.faults == (uint16_t)HT_FAULT_EXTERNAL);
@@ -342,10 +342,10 @@ static void one_leg_trips(void)
     command(HT_COMMAND_CLEAR);
 }
 
-/* Halted by a debugger, out of a clock: the F28377S switches off by itself. */
+/* If a debugger halts the chip, or its clock fails, the F28377S switches off by itself. */
 static void other_trips(void)
 {
-    int large = ht_image_port.map->device == HT_F28377S;
+    int large = ht_image_port.map->device == HT_DEVICE_f28377s;
     start_to(HT_STATE_RUN);
     ht_regfile_emulation_stops(&ht_image_registers);
     check("an emulation stop switches off", gates_on() != large);
@@ -366,13 +366,13 @@ static void drive(void)
 {
     unsigned n;
     uint16_t dead = ht_image_registers.word[ht_image_port.leg[3] + ht_image_port.map->dbred];
-    /* A parameter that reaches into the PWM: set up again between the interrupts. */
+    /* A parameter of the PWM: it is set up again between the interrupts. */
     set(HT_P_dead_time_us, 4.6f);
     check("dead time is doubled",
           ht_image_registers.word[ht_image_port.leg[3] + ht_image_port.map->dbred] == 2u * dead);
     check("gates are off after a set-up", !gates_on());
     dead_times();
-    /* No machine is connected: nothing that asks for one. */
+    /* No machine is connected, so the checks that need one are off. */
     set(HT_P_encoder_trip_rpm, 0.0f);
     set(HT_P_flux_check, 0.0f);
     set(HT_P_stuck_trip_A, 0.0f);
@@ -429,8 +429,8 @@ static void serial(void)
     check("none is left", ht_sci_read(&ht_image_port, got, 20) == 0u);
 }
 
-/* The ADC's interrupt stops, timer and background go on: gates off within two slow periods, and
- * the chip stays there to tell why. */
+/* The ADC's interrupt stops, but timer and background go on. The gates must go off within two slow
+ * periods, and the chip must not reset, so that it can report the cause. */
 static void lost_interrupt(void)
 {
     uint32_t tick;
@@ -486,7 +486,7 @@ static void end_meets_acknowledge(void)
     }
 }
 
-/* Dead interrupts, a dead background: the watchdog must not be fed by the other. */
+/* If the interrupts or the background stop, the other must not service the watchdog alone. */
 static void watchdog(void)
 {
     unsigned n;
@@ -521,7 +521,7 @@ static void show_violations(void)
 /* --- a chip whose clock is not right ------------------------------------------------------ */
 
 /* The reply's head: status, state, faults. */
-static void told(const char *name, const ht_incoming *body, uint16_t status)
+static void reports_the_clock(const char *name, const ht_incoming *body, uint16_t status)
 {
     check(name, (body->octet[2] == status) && (body->octet[3] == (uint16_t)HT_STATE_FAULT)
                     && ((body->octet[4] | (body->octet[5] << 8)) == HT_FAULT_CLOCK));
@@ -550,7 +550,7 @@ static void wrong_clock(void)
     check("start says why", ht_image_start_result == want);
     check("interrupts are not let through", ht_image_registers.intm == 1u);
     no_pin_is_the_pwms();
-    for (n = 0; n < 1000; n++) { /* 10 s: no reset would help */
+    for (n = 0; n < 1000; n++) { /* 10 s without a reset, because a reset would not help */
         ht_regfile_wait(&ht_image_registers, 10000);
         ht_image_background();
     }
@@ -558,9 +558,9 @@ static void wrong_clock(void)
     check("line runs at 115200 baud",
           (ht_sci_baud(&ht_image_port) > 112900.0f) && (ht_sci_baud(&ht_image_port) < 117500.0f));
     check("HELLO is answered", exchange(HT_OP_HELLO, 0u, 0u, &body) != 0u);
-    told("HELLO says what is wrong", &body, (uint16_t)HT_OK);
+    reports_the_clock("HELLO says what is wrong", &body, (uint16_t)HT_OK);
     check("STATUS is answered", exchange(HT_OP_STATUS, 0u, 0u, &body) != 0u);
-    told("STATUS says what is wrong", &body, (uint16_t)HT_OK);
+    reports_the_clock("STATUS says what is wrong", &body, (uint16_t)HT_OK);
     check("STOP is answered", exchange(HT_OP_STOP, 0u, 0u, &body) != 0u);
     set(HT_P_flux_trip_Wb, 100.0f);
     ht_image_background();
@@ -620,7 +620,7 @@ static void idle(ht_regfile *rf)
         watchdog();
     }
     turn++;
-    if (turn == 3u) { /* main does come round again */
+    if (turn == 3u) { /* main must run again */
         longjmp(done, 1);
     }
 }

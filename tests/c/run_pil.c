@@ -4,11 +4,11 @@
  *   run_pil registers   prints what the start has written ("register ADDRESS VALUE")
  *   run_pil BAUD        serves a host whose end of the line has this rate
  *
- * Octets take their time on the line, one way and the other; where the two ends' rates differ
- * by more than 2.5 %, they arrive spoilt. SIGUSR1: the next octets come all at once.
- * SIGUSR2: a framing error. Ends with status 70 and a line on standard error at the first
- * forbidden access, the watchdog's reset among them, and as soon as a pin of the PWM is
- * not an input; with status 0 when the host hangs up. */
+ * Octets take their time on the line in both directions. If the rates of the two ends differ by
+ * more than 2.5 %, they arrive damaged. SIGUSR1: the next octets come all at once. SIGUSR2: a
+ * framing error. The program ends with status 70 and a line on standard error at the first
+ * forbidden access, at a reset by the watchdog, or as soon as a pin of the PWM is not an input. It
+ * ends with status 0 when the host closes the line. */
 #define _POSIX_C_SOURCE 200809L
 
 #include <errno.h>
@@ -32,13 +32,13 @@ extern const ht_board HT_BOARD_UNDER_TEST;
 
 ht_regfile ht_image_registers;
 
-/* What the linker would provide: see main.c. The sizes are on the command line. */
+/* Symbols that the linker would provide: see main.c. The sizes are on the command line. */
 const uint16_t ht_code_load[64] = {1};
 uint16_t ht_code_run[64];
 const uint16_t ht_const_load[32] = {2};
 uint16_t ht_const_run[32];
 
-static float host_baud; /* 0: only the registers are asked for */
+static float host_baud; /* 0: only print the registers */
 static unsigned char in[4096];
 static size_t have;
 static size_t given;
@@ -187,7 +187,7 @@ static void leave(void)
     }
 }
 
-/* One turn of the background loop, or of an image that has given up, is over. */
+/* One turn of the background loop, or of an image whose start has failed, is over. */
 static void idle(ht_regfile *rf)
 {
     insist();

@@ -1,6 +1,6 @@
-/* Runs a complete C2000 image with a parameter store on the register model, several lives of it: its own
- * main, the mailbox's commands, TI's flash API in a fake (flash/fake_flash.c). Each life ends with the
- * power, and the next one begins at reset with what the flash holds.
+/* Runs a complete C2000 image with a parameter store on the register model through several starts:
+ * its own main, the mailbox's commands, TI's flash API in a fake (flash/fake_flash.c). Each run
+ * ends when the power fails, and the next one begins at reset with the contents of the flash.
  *
  * Prints what it checks ("check ok NAME" or "check FAILED NAME"). Exit status 0 if all is well.
  */
@@ -15,7 +15,7 @@ int ht_target_main(void);
 
 ht_regfile ht_image_registers;
 
-/* What the linker would provide: see main.c. The sizes are on the command line. */
+/* Symbols that the linker would provide: see main.c. The sizes are on the command line. */
 const uint16_t ht_code_load[64] = {1};
 uint16_t ht_code_run[64];
 const uint16_t ht_const_load[32] = {2};

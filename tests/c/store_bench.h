@@ -8,7 +8,7 @@
 #include "ht_port_c2000.h"
 #include "ht_store_port.h"
 
-/* What is left of an operation that the power failed in. */
+/* The result of an operation during which the power failed. */
 enum { CUT_NOTHING, CUT_HALF, CUT_RANDOM, CUT_ZEROS, CUT_COMPLETE, CUT_STYLES };
 
 typedef struct {
@@ -16,7 +16,7 @@ typedef struct {
     unsigned cut_at;     /* power fails in this one, counted from 1; 0: never */
     unsigned style;      /* how */
     unsigned fail_at;    /* this one fails, and says so; 0: none */
-    jmp_buf off;         /* where to go when it does */
+    jmp_buf off;         /* where to continue when it does */
 } bench_state;
 
 extern bench_state bench;
@@ -26,7 +26,7 @@ extern const ht_board *const bench_board;
 /* The chip after power-on; the memory keeps what it has. */
 void bench_power_on(void);
 ht_store_port bench_store(void);
-/* Everything erased, as it comes from the factory. */
+/* Everything is erased, as in a new chip. */
 void bench_erase(void);
 /* A word of an area, to look at and to damage. */
 uint16_t *bench_word(unsigned area, unsigned word);

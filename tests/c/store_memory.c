@@ -12,7 +12,7 @@ const ht_board *const bench_board = &ht_board_f28377s;
 static ht_regfile registers;
 static uint16_t memory[HT_STORE_AREAS][BLOCKS * HT_STORE_WORDS];
 
-/* What becomes of `n` words that should have become `wanted` (NULL: erased). */
+/* The contents of `n` words that should have become `wanted` (NULL: erased). */
 static void torn(uint16_t *at, const uint16_t *wanted, unsigned n)
 {
     unsigned k;

@@ -1,5 +1,6 @@
-/* The driver of the MPS2 boards' serial port, on registers that are plain memory: what the
- * emulator never shows (a lost octet, a transmitter that stays full), and the line's rate. */
+/* The driver of the MPS2 boards' serial port, on registers that are plain memory. It tests what
+ * never occurs in the emulator (a lost octet, a transmitter that stays full), and the line's rate.
+ * */
 #include <stdio.h>
 
 #include "cmsdk_uart.h"
@@ -78,7 +79,7 @@ static void test_full_and_lost(void)
     r.state = TX_FULL;
     CHECK(line.write(line.at, octets, 64u) == 0u);
     r.state = 0u;
-    CHECK(line.write(line.at, octets, 64u) == 10u); /* waiting has cost nothing */
+    CHECK(line.write(line.at, octets, 64u) == 10u); /* waiting has not used up anything */
     r.state = TX_FULL | RX_OVERRUN;
     CHECK(line.read(line.at, got, 64u, &lost) == 0u && lost);
     CHECK(r.state == RX_OVERRUN); /* written 1 to clear it, and nothing else */

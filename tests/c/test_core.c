@@ -1,5 +1,5 @@
-/* Unit tests of the firmware in C, for a build without Python. They check what
- * the papers print; the Python tests derive the rest from first principles. */
+/* Unit tests of the firmware in C, for a build without Python. They check the values that the
+ * papers print. The Python tests derive everything else from first principles. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -99,8 +99,8 @@ static void fill(ht_regfile *rf, const ht_c2000_map *m, unsigned current, unsign
     rf->word[m->adc_result[6]] = (uint16_t)(vdc << m->adc_shift);
 }
 
-/* All boards: no forbidden register access, a start that ends in RUN, and an
- * over-current that has the gates off in the same interrupt. */
+/* For all boards: no register access is forbidden, a start ends in RUN, and an over-current turns
+ * the gates off in the same interrupt. */
 static void test_drive(const ht_board *board)
 {
     static ht_regfile rf;

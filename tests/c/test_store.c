@@ -1,5 +1,5 @@
-/* The parameter store (ht_store.h) on a memory whose power fails and that gets damaged:
- * what a start takes is the former set, the new one or the built-in one, never anything else. */
+/* The parameter store (ht_store.h) on a memory whose power fails and that gets damaged. A start
+ * must take the former set, the new one or the built-in one, and never anything else. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -30,7 +30,7 @@ static ht_params defaults;
         }                                                                 \
     } while (0)
 
-/* Values of a set: some that may change alone, told apart by `n`. */
+/* Values of a set that may change alone. They differ by `n`. */
 static ht_params set_of(unsigned n)
 {
     ht_params p = defaults;
@@ -46,7 +46,7 @@ static bool same(const ht_params *a, const ht_params *b)
     return memcmp(a, b, sizeof *a) == 0;
 }
 
-/* Power on: the set that the drive has taken. */
+/* Power on. Returns the set that the drive has taken. */
 static unsigned start(void)
 {
     bench_power_on();
@@ -130,7 +130,7 @@ static void keeps_and_forgets(void)
     CHECK(starts_with(4));
 }
 
-/* Commands of the day are not for the next one. */
+/* The references are commands, so they are not kept. */
 static void references_are_not_kept(void)
 {
     ht_params p = set_of(5);
@@ -148,16 +148,16 @@ static void references_are_not_kept(void)
 /* Operations of a save, and of a forget. */
 #define SAVE_OPERATIONS (2u * (1u + LAST_BLOCK + 1u))
 #define FORGET_OPERATIONS 2u
-/* Under the address sanitizer each step takes 70 times as long: every 13th of what is
- * taken one by one otherwise. */
+/* Under the address sanitizer each step takes 70 times as long, so only every 13th is taken there.
+ * */
 #ifdef __SANITIZE_ADDRESS__
 #define STRIDE 13u
 #else
 #define STRIDE 1u
 #endif
 
-/* What was there before: 0 nothing, 1 a set, 2 a set whose save was cut between its copies,
- * 3 a set of which one copy is damaged. Set 10 counts. */
+/* The contents before: 0 nothing, 1 a set, 2 a set whose save was cut between its copies, 3 a set
+ * of which one copy is damaged. Set 10 is the valid one. */
 static void before(unsigned which)
 {
     bench_erase();
@@ -209,7 +209,7 @@ static void power_fails_in_a_save(void)
                 CHECK(cut == (at <= SAVE_OPERATIONS));
                 old = as_before(which);
                 CHECK(old || starts_with(11));
-                /* The first copy is whole, if its mark was written, and never before. */
+                /* The first copy is whole if its mark was written, and not before. */
                 if ((at > SAVE_OPERATIONS / 2u)
                     || ((at == SAVE_OPERATIONS / 2u) && (style == CUT_COMPLETE))) {
                     CHECK(!old);
@@ -248,7 +248,7 @@ static void power_fails_in_a_forget(void)
     }
 }
 
-/* The memory refuses: the caller is told, and one whole set is there. */
+/* If the memory fails, the caller gets an error, and one whole set is there. */
 static void writing_fails(void)
 {
     unsigned at;
@@ -338,7 +338,7 @@ static void foreign(void)
     *bench_word(0, 4) ^= 1u;
     seal(0);
     CHECK(starts_with(10));
-    for (k = 0; k < 2; k++) { /* a range that was wider once */
+    for (k = 0; k < 2; k++) { /* a range that was wider before */
         put_value(0, HT_P_rs_ohm, bad[k]);
         CHECK((start() == HT_SET_FOREIGN) && same(&drive.params, &defaults));
     }
@@ -360,7 +360,8 @@ static void foreign(void)
             *bench_word(0, COPY_WORDS - HT_STORE_WORDS + k);
     }
     CHECK(start() == HT_SET_DAMAGED); /* the CRC is another set's */
-    /* A later foreign copy beside an older one of this table: no way back in time. */
+    /* A later copy of another table beside an older one of this table: the older one must not
+     * return. */
     save(10);
     *bench_word(1, 4) ^= 1u;
     *bench_word(1, 6) = (uint16_t)(*bench_word(0, 6) + 1u);
@@ -409,7 +410,7 @@ static void only_with_the_gates_off(void)
 }
 
 #ifdef HT_FAKE_FLASH
-/* The chip's side: what TI's API was called with, and how the chip stood after it. */
+/* The chip's side: the calls of TI's API, and the state of the chip after them. */
 static void the_chip(void)
 {
     const ht_regfile *chip = fake_flash_chip;
@@ -417,7 +418,7 @@ static void the_chip(void)
     bench_erase();
     fake_flash_slow = true;
     save(10);
-    CHECK(chip->time_us > 100000u); /* a save takes its time, and the watchdog is fed */
+    CHECK(chip->time_us > 100000u); /* a save takes time, and the watchdog is serviced */
     CHECK(chip->intm == 0u);        /* interrupts are let through again */
     CHECK(chip->eallow == 0u);
     CHECK(chip->dog_resets == 0u);
@@ -435,7 +436,7 @@ static void the_chip(void)
         CHECK(ht_store_save(&store, &drive) == HT_OK);
     }
     /* An erase that never ends: the caller gets its refusal. */
-    fake_flash_stuck = bench_board->map->device == HT_F28377S;
+    fake_flash_stuck = bench_board->map->device == HT_DEVICE_f28377s;
     if (fake_flash_stuck) {
         CHECK(ht_store_save(&store, &drive) == HT_ERROR_STORE);
         CHECK(chip->dog_resets == 0u);

@@ -1,4 +1,4 @@
-"""CMake with a stand-in for TI's compiler, which compiles nothing and writes down its calls."""
+"""CMake with a stand-in for TI's compiler. It compiles nothing and records its calls."""
 
 import os
 import subprocess
@@ -18,7 +18,7 @@ def configure(tree, preset, root="", *more):
 
 
 def stand_ins(tmp_path):
-    """A compiler's folder; returns the log of its calls."""
+    """Make a compiler's folder. Returns the log of its calls."""
     log = tmp_path / "log"
     (tmp_path / "bin").mkdir()
     for name in ("cl2000", "ar2000"):

@@ -1,6 +1,6 @@
-"""The build for TI's compiler, as far as it can be had without it: what the presets
-hand to a compiler, and what the linker command files say. A stand-in takes the
-compiler's place; it compiles nothing, it writes down what it is called with.
+"""The build for TI's compiler, as far as it can be tested without it: the options that the presets
+give to a compiler, and the contents of the linker command files. A stand-in replaces the compiler.
+It compiles nothing and records its calls.
 """
 
 import json
@@ -40,7 +40,7 @@ def test_missing_compiler_is_said_plainly(tree, tmp_path):
         shutil.rmtree(tree / "build" / "f28335", ignore_errors=True)
 
 
-#: What copies, and what no interrupt needs.
+#: Sources that copy code into RAM, and sources that no interrupt needs.
 FROM_FLASH = {"main.c", "codestart.asm", "devicecal.asm", "ht_service.c", "ht_service_requests.c",
               "ht_dictionary.c", "ht_store.c", "ht_packet.c", "ht_no_store.c",
               "ht_snapshot.c"}  # fmt: skip
@@ -64,7 +64,7 @@ def test_what_the_compiler_gets(tree, tmp_path, preset, board, device):
         (compiler.parent / name).chmod(0o755)
     done = configure(tree, preset, tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
-    log.unlink()  # CMake's own trials
+    log.unlink()  # CMake's own test compilations
     build = [CMAKE, "--build", "--preset", preset]
     done = subprocess.run(build, cwd=tree, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -87,7 +87,7 @@ def test_what_the_compiler_gets(tree, tmp_path, preset, board, device):
     assert sorted(source(c).name for c in compiled) == sorted([*drive, *drive, *pil, *pil])
     for call in compiled:
         flash = source(call).name in FROM_FLASH
-        assert ("--ramfunc=on" in call) != flash  # what copies is not copied
+        assert ("--ramfunc=on" in call) != flash  # the code that copies is not copied itself
         assert {"-v28", "--float_support=fpu32", "--abi=eabi"} <= set(call)
         assert "--silicon_errata_fpu1_workaround=on" in call
         if source(call).suffix == ".c":
@@ -112,7 +112,7 @@ def test_what_the_compiler_gets(tree, tmp_path, preset, board, device):
         assert sum(w.endswith(".obj") for w in call) == sources
 
 
-#: What is looked for in the user's C2000Ware.
+#: The files that the build searches in the user's C2000Ware.
 C2000WARE = {
     "f28335": (
         "libraries/flash_api/f2833x/include/Flash2833x_API_Library.h",
@@ -130,8 +130,8 @@ C2000WARE = {
 @needs_cmake
 @pytest.mark.parametrize("device", C2000WARE)
 def test_image_that_keeps_parameters(tree, tmp_path, device):
-    """HT_FLASH_API: TI's headers and library from the user's C2000Ware, our shim instead of none,
-    in the flash image only; all of it runs from RAM."""
+    """With HT_FLASH_API the flash image, and only it, gets TI's headers and library from the user's
+    C2000Ware and our shim. All of this runs from RAM."""
     log = stand_ins(tmp_path)
     ware = tmp_path / "C2000Ware"
     for name in C2000WARE[device]:
@@ -191,7 +191,12 @@ def test_board_must_fit_the_device(tree, tmp_path):
         (tmp_path / "bin" / name).chmod(0o755)
     done = configure(tree, "f28335", tmp_path, "-DHT_BOARD=f28377s")
     assert done.returncode != 0
-    assert "is no board with a f28335" in done.stderr
+    said = " ".join(done.stderr.split())
+    assert "is no board with a f28335: choose one of f28335" in said
+    shutil.rmtree(tree / "build" / "f28335")
+    done = configure(tree, "f28335", tmp_path, "-DHT_DEVICE=f28399")
+    assert done.returncode != 0
+    assert 'HT_DEVICE = "f28399": choose one of f28335, f28377s' in " ".join(done.stderr.split())
     shutil.rmtree(tree / "build" / "f28335")
 
 
@@ -204,14 +209,14 @@ def test_presets_are_complete():
 
 # --- linker command files ----------------------------------------------------------------
 
-#: Memories of the devices (data sheets): first word, words.
+#: Memories of the devices by the data sheets: first word, number of words.
 MEMORIES = {
     "f28335": {(0x0, 0x800): "M0, M1", (0x8000, 0x8000): "L0..L7", (0x300000, 0x40000): "flash",
                (0x3FFFC0, 2): "reset vector"},
     "f28377s": {(0x0, 0x800): "M0, M1", (0x8000, 0x14000): "LS, D, GS",
                 (0x80000, 0x40000): "flash bank 0", (0x3FFFC0, 2): "reset vector"},
 }  # fmt: skip
-#: Where the boot ROM jumps to.
+#: The address to which the boot ROM jumps.
 ENTRY = {("f28335", "flash"): 0x33FFF6, ("f28377s", "flash"): 0x80000,
          ("f28335", "ram"): 0x0, ("f28377s", "ram"): 0x0}  # fmt: skip
 SECTIONS = {"codestart", ".text", ".cinit", ".init_array", ".switch", ".TI.ramfunc", ".const",
@@ -243,7 +248,7 @@ def test_ranges_are_memory_and_do_not_overlap(device, place):
 
 @pytest.mark.parametrize("device", MEMORIES)
 def test_image_in_ram_has_all_of_it(device):
-    """Code that outgrows a half would not link, though the memory is there."""
+    """Code that is larger than one half would not link otherwise, although there is memory."""
     used = ranges(device, "ram")
     (whole,) = (n for a, n in MEMORIES[device] if a == 0x8000)
     assert used["RAM"] == (0x8000, whole - 16)
@@ -252,8 +257,8 @@ def test_image_in_ram_has_all_of_it(device):
 
 @pytest.mark.parametrize(("device", "place"), FILES)
 def test_last_words_of_the_memories_stay_free(device, place):
-    """The CPU fetches ahead: nothing in the last 16 words of M1, the L and GS
-    memories' end, the flash (where the F28335 has its security words)."""
+    """The CPU fetches ahead. So the last 16 words of M1, of the L and GS memories and of the flash
+    stay free (the F28335 has its security words there)."""
     used = {name: at for name, at in ranges(device, place).items() if name != "STORE"}
     taken = [start + words for start, words in used.values() if words > 2]
     for first, words in MEMORIES[device]:
@@ -265,14 +270,15 @@ def test_last_words_of_the_memories_stay_free(device, place):
         assert not any(0x33FF80 < used <= 0x33FFF6 for used in taken)
 
 
-#: The two sectors that the parameter store erases: first word, words.
+#: The two sectors that the parameter store erases: first word, number of words.
 STORE = {"f28335": (0x300000, 2 * 0x8000), "f28377s": (0xBC000, 2 * 0x2000)}
 
 
 @pytest.mark.parametrize("device", STORE)
 def test_nothing_of_an_image_is_where_the_parameters_are(device):
-    """Whole sectors, as the shim erases them; no section goes there, and the CPU, which fetches
-    ahead, does not come near: what is half programmed has no good ECC."""
+    """The parameters have whole sectors, as the shim erases them. No section is placed there. The
+    CPU fetches ahead, so code stays away from them as well: words that are half programmed have a
+    wrong ECC."""
     used = ranges(device, "flash")
     begin, words = STORE[device]
     assert used.pop("STORE") == (begin, words)
@@ -302,7 +308,7 @@ def test_every_section_has_its_place(device, place):
 
 @pytest.mark.parametrize(("device", "place"), FILES)
 def test_symbols_of_main(device, place):
-    """What main.c copies: each symbol once, from the section that it says."""
+    """Each symbol that main.c copies is defined once, by the section that its name says."""
     wanted = re.findall(r"^extern \w+ ?\w* (ht_\w+)\[\];", (IMAGE / "main.c").read_text(), re.M)
     assert len(wanted) == 6
     text = command_file(device, place)
@@ -316,7 +322,8 @@ def test_symbols_of_main(device, place):
 
 
 def test_start_sets_the_watchdog_first():
-    """Before the runtime clears memory: WDCR with its check bits, longest time, not off."""
+    """Before the runtime clears memory, WDCR is set with its check bits to the longest time, and
+    not off."""
     text = (IMAGE / "codestart.asm").read_text()
     code = re.sub(r";.*", "", text)
     assert code.index("0x7029") < code.index("#0x002F") < code.index("LB      _c_int00")

@@ -1,5 +1,5 @@
-"""The Code Composer projects say what CMake builds: sources, options, linker command
-files. `python tools/ccs_projects.py` writes them anew.
+"""The Code Composer projects contain what CMake builds: sources, options, linker command files.
+`python tools/ccs_projects.py` writes them again.
 """
 
 import re
@@ -31,6 +31,15 @@ def spec(preset):
     return ET.parse(ccs_projects.file_of(preset)).getroot().find("project")
 
 
+def command_file(device, place):
+    """A chip's own linker command file, else that of its family."""
+    chip = device.removeprefix("TMS320").lower()
+    table = (FIRMWARE / "port/c2000/ht_chips.def").read_text()
+    family = re.search(rf"^HT_CHIP\({chip}, (\w+)\)", table, re.M)[1]
+    own, shared = (FIRMWARE / f"port/c2000/image/{name}_{place}.cmd" for name in (chip, family))
+    return own if own.exists() else shared
+
+
 def resolved(file):
     return (CCS / file.get("path")).resolve()
 
@@ -44,9 +53,10 @@ def test_projects_are_what_cmake_builds(preset, calls):
 
 @pytest.mark.parametrize("preset", BOARDS)
 def test_a_project_in_words(preset):
-    """Argued from the tree, not from the tool: the drive's folders whole, nothing of the
-    host's, each file once and there; a linker command file and a capture memory for each
-    configuration; the board; what makes results equal the host's."""
+    """The test argues from the source tree, not from the tool. A project has all of the drive's
+    folders and nothing of the host's, each file exists and occurs once, each configuration has a
+    linker command file and a capture memory, and the project has the board and the options that
+    make results equal to the host's."""
     project = spec(preset)
     board, device = BOARDS[preset]
     assert project.get("device") == device and project.get("outputFormat") == "ELF"
@@ -57,8 +67,7 @@ def test_a_project_in_words(preset):
     assert sorted(sources) == sorted(f for f in want if f.suffix in (".c", ".asm"))
     place = {f.get("applicableConfigurations"): resolved(f) for f in files
              if f.get("path").endswith(".cmd")}  # fmt: skip
-    image, chip = FIRMWARE / "port/c2000/image", device.removeprefix("TMS320").lower()
-    assert place == {p: image / f"{chip}_{p}.cmd" for p in ("flash", "ram")}
+    assert place == {p: command_file(device, p) for p in ("flash", "ram")}
     configurations = {c.get("name"): c for c in project.findall("configuration")}
     assert set(configurations) == {"flash", "ram"}
     for configuration in configurations.values():
@@ -89,7 +98,8 @@ def test_every_board_has_a_project():
 
 @pytest.mark.parametrize("device", sorted({device for _, device in BOARDS.values()}))
 def test_target_configuration(device):
-    """Well formed, one probe, one device, of the name that the projects copy it by."""
+    """It is well formed, with one probe and one device, and has the name by which the projects copy
+    it."""
     root = ET.parse(CCS / f"{device}.ccxml").getroot()
     names = [e.get("desc") for e in root.iter("instance") if e.get("desc")]
     assert names == ["Texas Instruments XDS100v2 USB Debug Probe", device]
@@ -103,12 +113,11 @@ def test_target_configuration(device):
 @needs_cmake
 @pytest.mark.parametrize("preset", BOARDS)
 def test_what_stays_in_flash_is_what_cmake_keeps_there(preset, calls):
-    """A project compiles every function for RAM; the linker takes some back by the names of
-    their files. A name that is missing or fits nothing would put main into the RAM that it
-    has yet to fill."""
+    """A project compiles every function for RAM. The linker places some of them in flash by the
+    names of their files. If a name were missing or matched nothing, main would be in the RAM that
+    it has to fill."""
     board, device = BOARDS[preset]
-    chip = device.removeprefix("TMS320").lower()
-    text = (FIRMWARE / f"port/c2000/image/{chip}_flash.cmd").read_text()
+    text = command_file(device, "flash").read_text()
     stays = re.search(r"\.stays +: \{(.*?)\}", text, re.S)[1]
     names = re.findall(r"\*(\w+)\.\*\(\.TI\.ramfunc\)", stays)
     assert len(names) == stays.count("(")

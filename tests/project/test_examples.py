@@ -66,6 +66,6 @@ def test_notebook_runs(path):
 
 @pytest.mark.parametrize("path", files("ipynb"), ids=lambda path: path.name)
 def test_notebook_is_stored_without_outputs(path):
-    """Outputs come from running it; stored ones would be old one day."""
+    """Outputs come from running the notebook. Stored ones would become outdated."""
     text = path.read_text()
     assert '"outputs": []' in text and "image/png" not in text

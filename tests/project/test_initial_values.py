@@ -34,7 +34,7 @@ zero_hold = false
 i_trip_A = { value = 21.3, tag = "assumed" }
 speed_ref_rpm = -123.456
 """
-#: Says what LIST says of the parameters, and whether a drive starts with them.
+#: A program that prints what LIST says about the parameters, and whether a drive starts with them.
 PROGRAM = r"""
 #include <stdio.h>
 #include "ht_dictionary.h"
@@ -68,7 +68,7 @@ int main(void)
 
 
 def made(source, tmp_path, device=""):
-    """The header of a set-up, from a Python without any package."""
+    """The header of a set-up, made by a Python without any package."""
     output = tmp_path / "initial.h"
     command = [sys.executable, "-I", "-S", TOOL, source, device, output]
     done = subprocess.run(command, capture_output=True, text=True)
@@ -160,7 +160,7 @@ def test_files_that_are_not_there_or_go_in_circles(tmp_path):
 
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory):
-    """What is needed to build images."""
+    """A copy of what is needed to build images."""
     folder = tmp_path_factory.mktemp("tree")
     ignore = shutil.ignore_patterns("fuzz", "__pycache__", "*.nb?")
     for name in ("firmware", "cmake", "tests/c", "host/hexatorque"):
@@ -203,7 +203,7 @@ def test_an_image_lists_them_and_starts_with_them(tree, tmp_path):
 
 @needs_cmake
 def test_only_the_table_of_an_image_knows(tree, tmp_path):
-    """What TI's compiler would get: one definition, for one file; and the build says so."""
+    """TI's compiler would get one definition for one file, and the build says so."""
     log = stand_ins(tmp_path)
     (tree / "mine.toml").write_text(MINE)
     done = configure(tree, "f28377s", tmp_path, "-DHT_SETUP=mine.toml")

@@ -16,7 +16,7 @@ HEAVY = ("numpy", "numba", "matplotlib", "cffi", "rich", "serial")
 
 
 def fresh(code: str) -> str:
-    """What a new Python process prints."""
+    """The output of a new Python process."""
     return subprocess.run(
         [sys.executable, "-c", code], check=True, capture_output=True, text=True
     ).stdout

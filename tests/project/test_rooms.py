@@ -1,9 +1,9 @@
 """Which part of the host's package may import which.
 
-The imports are read from the sources, those inside functions too: a circle that is closed only
-when a function runs is a circle all the same. Modules that a table names in text (a recording's
-kinds of file, the figures, the studies) are not imports: whoever looks them up knows their form
-and not them.
+The imports are read from the sources, including those inside functions: a circle that closes only
+when a function runs is still a circle. If a table names modules as text (the formats of recordings,
+the figures, the studies), these are not imports, because the code that looks them up depends only
+on their interface.
 """
 
 import ast
@@ -33,7 +33,7 @@ def imports_of(file: Path, root: Path, known: set[str]) -> set[str]:
         elif isinstance(node, ast.ImportFrom):
             up = package[: len(package) - node.level + 1] if node.level else []
             base = ".".join([*up, *([node.module] if node.module else [])])
-            # A name is a module of its own, or stands in the module that is named.
+            # An imported name is a module itself, or it is defined in the module that is named.
             names = {f"{base}.{alias.name}" for alias in node.names}
             found |= names & known
             if names - known:
@@ -76,7 +76,7 @@ def room(name: str) -> str:
 
 
 def test_the_product_needs_no_evidence(graph):
-    """Evidence is about the product: only the commands call it."""
+    """Evidence is about the product, so only the commands may import it."""
     users = {name for name, used in graph.items() if "evidence" in map(room, used)}
     assert {room(name) for name in users} == {"evidence", "cli"}
 
@@ -104,7 +104,7 @@ def test_the_package_is_asked_for_its_version_only():
 
 
 def test_the_check_sees_what_it_looks_for(tmp_path):
-    """Imports of all forms, at the top and in functions."""
+    """The check finds imports of all forms, at the top and in functions."""
     for name, text in {
         "p/__init__.py": "",
         "p/a.py": "from . import b\nimport p.c\n",

@@ -1,5 +1,5 @@
-"""The site: what its hook writes from the program is complete, and every page can be reached.
-That all links lead somewhere, `make docs` checks, in strict mode."""
+"""The site: the pages that its hook writes from the program are complete, and every page can be
+reached. `make docs` checks all links in strict mode."""
 
 import re
 from pathlib import Path

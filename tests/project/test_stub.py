@@ -1,4 +1,4 @@
-"""The stub of the cffi module promises a type checker nothing that the module does not have."""
+"""The stub of the cffi module declares only names that the module has."""
 
 import ast
 from importlib.resources import files

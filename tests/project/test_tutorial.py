@@ -1,6 +1,6 @@
-"""The tutorial does what it says: every command in its order, in an empty folder.
+"""The tutorial works as it says. The test runs every command in its order, in an empty folder.
 
-A comment before a block says what becomes of it:
+A comment before a block says what the test does with it:
 
     <!-- file: NAME -->        the block is the content of this file
     <!-- not run: REASON -->   a command that needs a browser, or installs

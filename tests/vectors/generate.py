@@ -70,7 +70,7 @@ def virtual(name: str, k: int) -> list[int]:
 
 
 def sectors() -> list[list]:
-    """Fluxes in the middle and 0.01 degrees inside either edge of each sector, several
+    """Fluxes in the middle of each sector and 0.01 degrees inside both its edges, in several
     lengths."""
     rows = []
     for s, off, length in itertools.product(range(12), (-14.99, 0, 14.99), (1e-3, 0.4, 1.0)):
@@ -80,14 +80,14 @@ def sectors() -> list[list]:
 
 
 def demanded(table: str, sector: int, torque: int, flux: int) -> int:
-    """Direction that raises (+1) or lowers (-1) torque and raises (1) or lowers (0) flux,
-    the flux in the middle of its sector."""
+    """The direction that raises (+1) or lowers (-1) torque and raises (1) or lowers (0) flux, for a
+    flux in the middle of its sector."""
     raising, lowering = TABLES_DEG[table]
     return direction(30 * sector + torque * (raising if flux else lowering))
 
 
 def adds(k: int, xy_sector: int) -> bool:
-    """Does the large vector k add to an x-y flux in the middle of that sector?"""
+    """Whether the large vector k raises an x-y flux in the middle of that sector."""
     return (XY[WORDS["L"][k]] * np.exp(-1j * np.deg2rad(30 * xy_sector))).real > 0
 
 
@@ -122,7 +122,7 @@ def sequences() -> list[list]:
 
 
 def sector_i(name: str) -> list[list]:
-    """Sector i of the 75/105 table, vectors of one group."""
+    """Sector i of the 75/105 table with the vectors of one group."""
     return [[dm, flux, WORDS[name][demanded("75/105", 0, dm, flux)]]
             for dm, flux in itertools.product((1, -1), (1, 0))]  # fmt: skip
 
@@ -200,7 +200,7 @@ def duties() -> list[list]:
     return rows
 
 
-#: Action points; the first pair are the fixed ones.
+#: Action points. The first pair are the fixed ones.
 POINTS = ((2 - np.sqrt(3), np.sqrt(3) - 1), (0, 0), (0, 1), (1, 1), (0, 0.6), (0.6, 0.6), (0.31, 1),
           (1e-6, 2e-6), (0.999998, 0.999999), (0.13, 0.63), (0.402, 0.83))  # fmt: skip
 #: (period, count at which it begins).
@@ -209,8 +209,8 @@ PERIODS = ((8, 0), (9, 0), (8, 3), (100, 0), (10000, 0), (15000, 0), (15000, 307
 
 
 def nearest(first: int, t: float, period: int) -> int:
-    """Nearest count to an instant; the vectors stay away from ties, where single and
-    double precision may differ."""
+    """The count nearest to an instant. The vectors avoid ties, where single and double precision
+    may differ."""
     instant = min(first + t * period, period)
     assert instant == period or abs(instant % 1 - 0.5) > 4e-7 * period, (first, t, period)
     return int(np.floor(instant + 0.5))

@@ -1,5 +1,5 @@
-"""Golden frames of the serial link (docs/protocol.md), for generate.py. CRC and COBS by
-their definitions: no library, nothing of hexatorque."""
+"""Golden frames of the serial link (docs/protocol.md), for generate.py. CRC and COBS are computed
+by their definitions, without a library and without hexatorque."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def crc32(raw: bytes) -> int:
 
 
 def stuffed(raw: bytes) -> bytes:
-    """COBS: blocks of up to 254 bytes without a zero, each behind its length + 1. After a
-    shorter block stands a zero, but not after the last one."""
+    """COBS: blocks of up to 254 bytes without a zero, each behind its length + 1. After a block of
+    less than 254 bytes the body has a zero, except after the last one."""
     out, rest = b"", raw
     while True:
         length = min((rest + b"\0").index(0), 254)
@@ -89,7 +89,7 @@ def bodies() -> list[tuple[str, bytes]]:
 
 
 def damaged() -> list[tuple[str, bytes]]:
-    """What stands between two zeros and is no frame."""
+    """Bytes between two zeros that are no frame."""
     good = stuffed(closed(struct.pack("<BBHH", 5, 1, SESSION, DICTIONARY)))
     inside = closed(b"\x05\x01\x34")
     return [

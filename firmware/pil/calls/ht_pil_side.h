@@ -1,7 +1,7 @@
 /** @file ht_pil_side.h
- *  A call target, for processors with little memory and for real boards whose own PWM is to
- *  stay still. It has no registers: the functions of port.h answer from what the host sent
- *  along, and note every call. The host makes the same calls on its own driver.
+ *  A call target, for processors with little memory and for real boards whose own PWM must stay
+ *  still. It has no register model: the functions of port.h answer from the readings that came with
+ *  the request, and note every call. The host makes the same calls on its own driver.
  */
 #ifndef HT_PIL_SIDE_H
 #define HT_PIL_SIDE_H

@@ -1,6 +1,7 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include "ht_pil_host.h"
+#include "ht_board_of_device.h"
 #include "ht_snapshot.h"
 
 #include <errno.h>
@@ -414,7 +415,7 @@ void ht_link_hello(ht_link *l, ht_pil_identity *identity)
 
 void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
 {
-    const ht_board *board = (device == 0u) ? &ht_board_f28335 : &ht_board_f28377s;
+    const ht_board *board = ht_board_of_device(device);
     uint16_t id;
     ht_regfile_reset(&l->registers, board->map);
     ht_mirror_init(&l->mirror, &l->registers, board->map);

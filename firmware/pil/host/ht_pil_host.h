@@ -1,6 +1,6 @@
 /** @file ht_pil_host.h
- *  The host's end of processor in the loop, and what looks on from outside. Functions
- *  of one handle, for the simulation to call in place of the drive's own.
+ *  The host's end of processor in the loop, and a log of the registers. The simulation calls these
+ *  functions, which take one handle, in place of the drive's own.
  */
 #ifndef HT_PIL_HOST_H
 #define HT_PIL_HOST_H
@@ -79,21 +79,21 @@ uint32_t ht_link_baud(void);
 
 /** Forget everything but the connection. */
 void ht_link_reset(ht_link *l);
-/** Who is there? The first request: it tells what kind of target that is. */
+/** HELLO, the first request. The reply says what kind of target it is. */
 void ht_link_hello(ht_link *l, ht_pil_identity *identity);
 /** A new drive; registers start from reset on both sides. */
 void ht_link_init(ht_link *l, uint16_t device, const ht_params *p);
 /** STEP, START, STOP, CLEAR, SET or GET. `argument`: interrupts of STEP, parameter's id of SET
  *  and GET. `result`, `value` and the rest of the link hold the reply. */
 void ht_link_request(ht_link *l, uint16_t opcode, uint16_t argument, float value);
-/** What the target kept of its latest fault. The drive and its hardware do not notice. */
+/** Read the target's snapshot of its latest fault. This does not affect drive and hardware. */
 void ht_link_snapshot(ht_link *l, ht_snapshot *s);
 /** Entry points, as those of `ht_watch`. */
 void ht_link_fast(ht_link *l);
 void ht_link_slow(ht_link *l);
 void ht_link_channels(ht_link *l, float *out);
-/** Slow interrupt of a target that has streams and captures of its own: the channels stay
- *  those of the end of the fast interrupt, which is what they are made of. */
+/** Slow interrupt of a target that has streams and captures of its own. The channels stay as they
+ *  were at the end of the fast interrupt, because streams and captures are made of these. */
 void ht_link_slow_unseen(ht_link *l);
 
 #endif

@@ -1,8 +1,7 @@
 /** @file ht_mirror.h
- *  The registers of a drive as a numbered list, and what changed in them: what host and
- *  register target tell each other (docs/pil.md). The list has the ePWM registers in use of
- *  each leg, ADC results, the ADC's flag and its commands, eQEP, levels of the pins of port A,
- *  interrupt acknowledge.
+ *  The registers of a drive as a numbered list, and their changes, which host and register target
+ *  exchange (docs/pil.md). The list has the ePWM registers in use of each leg, ADC results, the
+ *  ADC's flag and its commands, eQEP, levels of the pins of port A, interrupt acknowledge.
  */
 #ifndef HT_MIRROR_H
 #define HT_MIRROR_H
@@ -30,9 +29,9 @@ void ht_mirror_init(ht_mirror *m, ht_regfile *registers, const ht_c2000_map *map
  *  number. */
 uint16_t ht_mirror_addresses(const ht_c2000_map *map, uint32_t *out);
 
-/** Append every change since the last exchange, as runs: number of the first register and
- *  number of registers (a byte each), then their values (16 bits each). A run goes on over a
- *  single unchanged register, so all runs together take at most HT_MIRROR_BYTES. */
+/** Append every change since the last exchange, as runs: number of the first register and number of
+ *  registers (a byte each), then their values (16 bits each). A single unchanged register does not
+ *  end a run, so all runs together take at most HT_MIRROR_BYTES. */
 void ht_mirror_tell(ht_mirror *m, ht_packet *p);
 enum { HT_MIRROR_BYTES = 2 + 2 * HT_MIRROR_MAX };
 

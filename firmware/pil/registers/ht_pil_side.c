@@ -1,5 +1,9 @@
 #include "ht_pil.h"
 
+#include "ht_board_of_device.h"
+
+#include <stddef.h>
+
 uint16_t ht_side_registers(void)
 {
     uint32_t address[HT_MIRROR_MAX];
@@ -8,10 +12,11 @@ uint16_t ht_side_registers(void)
 
 bool ht_side_init(ht_pil_side *side, ht_port *port, uint16_t device, ht_reader *request)
 {
-    if ((device > 1u) || !ht_reader_done(request)) {
+    const ht_board *board = ht_board_of_device(device);
+    if ((board == NULL) || !ht_reader_done(request)) {
         return false;
     }
-    ht_port_bind(port, &side->registers, (device == 0u) ? &ht_board_f28335 : &ht_board_f28377s);
+    ht_port_bind(port, &side->registers, board);
     ht_regfile_reset(&side->registers, port->map);
     ht_mirror_init(&side->mirror, &side->registers, port->map);
     return ht_board_start(port);

@@ -1,5 +1,5 @@
 /** @file ht_pil_side.h
- *  A register target: it has the C2000 driver and a register model of its own, and tells the
+ *  A register target: it has the C2000 driver and a register model of its own, and reports to the
  *  host which registers changed.
  */
 #ifndef HT_PIL_SIDE_H

@@ -55,6 +55,8 @@ const ht_board ht_board_f28377s = {
     .baud = 1250000u,                         /* exact */
 };
 
+/* GPIO0, 1 and 5..9 have no pin, so the legs are ePWM2 and 6..10; ePWM1 keeps the time and starts
+ * the ADC all the same. */
 const ht_board ht_board_launchxl_f28377s = {
     .name = "launchxl-f28377s",
     .map = &ht_f28377s,

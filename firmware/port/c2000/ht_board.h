@@ -1,6 +1,6 @@
 /** @file ht_board.h
- *  The boards: crystal, pins, channels, and what the power stage asks for. The same tables
- *  in words: docs/first-spin.md.
+ *  The boards: crystal, pins, channels, and the requirements of the power stage. The same tables in
+ *  words: docs/first-spin.md.
  */
 #ifndef HT_BOARD_H
 #define HT_BOARD_H
@@ -8,7 +8,7 @@
 #include "ht_c2000_map.h"
 #include "ht_types.h"
 
-/** A pin and the position of its multiplexer that makes it what it is. */
+/** A pin, and the position of its multiplexer that selects its function. */
 typedef struct {
     uint16_t gpio;
     uint16_t mux; /**< 0..3 on the F28335, 0..15 on the F28377S */
@@ -22,7 +22,7 @@ typedef struct {
     uint16_t module[HT_LEGS]; /**< of each leg, 0 = ePWM1 */
     ht_pin pwm[2 * HT_LEGS];  /**< upper, lower switch of each leg */
     bool gates_active_low;    /**< the gate drivers invert: a low pin switches on */
-    float dead_min_us;        /**< shortest dead time that the power stage stands */
+    float dead_min_us;        /**< shortest dead time that the power stage allows */
     ht_pin trip;              /**< low trips all legs */
     ht_pin encoder_a;
     ht_pin encoder_b;
@@ -34,12 +34,11 @@ typedef struct {
     uint32_t baud; /**< of the link */
 } ht_board;
 
-/** TI's F28335 controlCARD: 30 MHz. */
-extern const ht_board ht_board_f28335;
-/** F28377S in a package with GPIO0..11 (176 and 337 pins): 20 MHz. */
-extern const ht_board ht_board_f28377s;
-/** LAUNCHXL-F28377S, 100 pins: 10 MHz. GPIO0, 1 and 5..9 have no pin, so the legs are
- *  ePWM2 and 6..10; ePWM1 keeps the time and starts the ADC all the same. */
-extern const ht_board ht_board_launchxl_f28377s;
+/* All boards: ht_board_f28335 ... */
+#define HT_CHIP(name, family)
+#define HT_CHIP_BOARD(chip, name) extern const ht_board ht_board_##name;
+#include "ht_chips.def"
+#undef HT_CHIP
+#undef HT_CHIP_BOARD
 
 #endif

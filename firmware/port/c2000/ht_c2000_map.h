@@ -1,10 +1,8 @@
 /** @file ht_c2000_map.h
- *  In what the devices differ: word addresses, offsets and clocks of what the drivers share, and
- *  flags for what one device has and another has not. The drivers ask these flags, never
- *  which device it is. Registers that only one kind of device has are in the driver that uses
- *  them. Names are TI's.
- *  Sources: TMS320x2833x and TMS320F2837xS technical reference manuals and data
- *  sheets.
+ *  The differences between the devices: word addresses, offsets and clocks that the shared drivers
+ *  use, and flags for what only some devices have. The drivers check these flags, never which
+ *  device it is. Registers that only one kind of device has are in the driver that uses them. Names
+ *  are TI's. Sources: TMS320x2833x and TMS320F2837xS technical reference manuals and data sheets.
  */
 #ifndef HT_C2000_MAP_H
 #define HT_C2000_MAP_H
@@ -15,12 +13,20 @@
 /** Channels of the conversion sequence: six currents in phase order, Vdc. */
 #define HT_MAP_CHANNELS 7
 
-typedef enum { HT_F28335 = 0, HT_F28377S = 1 } ht_device;
+/** HT_DEVICE_<name> of every chip, in the order of ht_chips.def; HT_DEVICES is their number. */
+typedef enum {
+#define HT_CHIP(name, family) HT_DEVICE_##name,
+#define HT_CHIP_BOARD(chip, name)
+#include "ht_chips.def"
+#undef HT_CHIP
+#undef HT_CHIP_BOARD
+    HT_DEVICES
+} ht_device;
 
 /** `epwm` + module * `stride` + offset addresses a PWM register (module 0 = ePWM1).
  *  An offset of 0xFFFF = not present. */
 typedef struct {
-    ht_device device;     /**< its name; nothing is decided by it */
+    ht_device device;     /**< its row in ht_chips.def; no driver asks for it */
     bool clock_pllcr;     /**< clocks by PLLCR and PCLKCR (ht_clock_f28335.c), else by CLKCFG
                                *   and CPUSYS (ht_clock_f28377s.c) */
     bool flash_cached;    /**< flash with cache, prefetch, ECC and a pump of its own, else with
@@ -74,7 +80,11 @@ typedef struct {
     uint32_t sci_clock_Hz;    /**< LSPCLK */
 } ht_c2000_map;
 
-extern const ht_c2000_map ht_f28335;
-extern const ht_c2000_map ht_f28377s;
+/* The maps of all chips: ht_f28335 ... */
+#define HT_CHIP(name, family) extern const ht_c2000_map ht_##name;
+#define HT_CHIP_BOARD(chip, name)
+#include "ht_chips.def"
+#undef HT_CHIP
+#undef HT_CHIP_BOARD
 
 #endif

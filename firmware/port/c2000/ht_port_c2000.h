@@ -11,10 +11,10 @@
 #include "ht_board.h"
 #include "ht_reg.h"
 
-/** What the start has found the system clock to be. */
+/** Result of the measurement of the system clock at the start. */
 typedef enum {
     HT_CLOCK_RIGHT = 0,
-    HT_CLOCK_MISSING = 1, /**< the crystal does not swing */
+    HT_CLOCK_MISSING = 1, /**< the crystal does not oscillate */
     HT_CLOCK_NO_LOCK = 2, /**< the PLL does not lock */
     HT_CLOCK_WRONG = 3    /**< it locks at another frequency than the one asked for */
 } ht_clock;

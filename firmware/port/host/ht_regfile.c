@@ -138,7 +138,13 @@ static void bind_register(ht_regfile *rf, const ht_module *m, const ht_register 
 
 void ht_regfile_reset(ht_regfile *rf, const void *map)
 {
-    static const ht_chip *const chips[] = {&ht_chip_f28335, &ht_chip_f28377s}; /* by ht_device */
+    static const ht_chip *const chips[HT_DEVICES] = {
+#define HT_CHIP(name, family) &ht_chip_##family,
+#define HT_CHIP_BOARD(chip, name)
+#include "../c2000/ht_chips.def"
+#undef HT_CHIP
+#undef HT_CHIP_BOARD
+    };
     const ht_c2000_map *device = map;
     uint16_t n;
     memset(rf, 0, sizeof *rf);

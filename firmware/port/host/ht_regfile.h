@@ -1,6 +1,6 @@
 /** @file ht_regfile.h
- *  Model of a C2000 chip as its drivers see it, one per simulated drive: what their
- *  accesses do on the chip, with their traps.
+ *  Model of a C2000 chip as its drivers see it, one per simulated drive. It reproduces the effect
+ *  of every access, traps included.
  *
  *  Modelled: reset values; EALLOW; write-1-to-clear, force and read-only registers;
  *  reserved bits; access width; module clocks (a write to a module without clock is
@@ -130,7 +130,7 @@ typedef struct ht_regfile {
     void *user;
 } ht_regfile;
 
-/** Reset state of a device; `map` is ht_f28335 or ht_f28377s. */
+/** Reset state of a device; `map` is the device's ht_c2000_map. */
 void ht_regfile_reset(ht_regfile *rf, const void *map);
 
 /* Accesses and instructions of a driver (ht_reg.h) */
@@ -174,7 +174,7 @@ uint16_t ht_regfile_sci_leave(ht_regfile *rf);
 
 /* For tests */
 
-/** Where an address is kept, past all protection; NULL if the model has no such word. */
+/** The model's word for an address, without any protection; NULL if the model has no such word. */
 uint16_t *ht_regfile_word(ht_regfile *rf, uint32_t addr);
 /** Entry `n` of the table of registers (n < bound_count): address and value. */
 uint32_t ht_regfile_address(const ht_regfile *rf, uint16_t n);

@@ -9,7 +9,7 @@
 /** Note a violation. */
 void ht_model_violation(ht_regfile *rf, uint32_t addr, uint32_t value, uint16_t kind,
                         const char *why);
-/** A register's value, past all protection. */
+/** A register's value, without any protection. */
 uint32_t ht_model_peek(ht_regfile *rf, uint32_t addr, uint16_t bits);
 void ht_model_poke(ht_regfile *rf, uint32_t addr, uint16_t bits, uint32_t value);
 /** Is the module behind this address clocked? */
@@ -21,7 +21,7 @@ uint16_t ht_model_counting(ht_regfile *rf);
 
 /** ePWM module (0 = ePWM1) that drives a pin at this position of its multiplexer, or -1. */
 int32_t ht_model_module_of(const ht_regfile *rf, uint32_t pin, uint32_t mux);
-/** A pin that gets under a module's command: only with everything in place. */
+/** A pin is handed to a module. This is a violation unless everything is in place. */
 void ht_model_check_pin(ht_regfile *rf, uint32_t addr, uint32_t value, int32_t module);
 /** TZCLR of the module at `base` is about to be written. */
 void ht_model_check_clear(ht_regfile *rf, uint32_t base, uint32_t addr, uint32_t value);

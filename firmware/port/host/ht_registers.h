@@ -101,8 +101,8 @@ typedef struct {
     uint32_t adc_settle_us; /**< from power-up to the first conversion */
     float watchdog_Hz;      /**< its clock / 512 */
 
-    /* In what the chips differ: a flag is 1 for a chip that has it, an address 0 for a chip
-     * without it. */
+    /* The differences between the chips: a flag is 1 for a chip that has it, an address 0 for a
+     * chip without it. */
     uint32_t pll_multiplier;       /**< register that holds it */
     uint16_t internal_oscillators; /**< two of them, which may clock system, timers and watchdog */
     float crystal_Hz;              /**< as the boards have it; 0: it depends on the board, ... */
@@ -122,6 +122,7 @@ typedef struct {
     uint32_t offset_trim;       /**< ... and the offset that fits */
 } ht_chip;
 
+/** Of the families of chips (ht_chips.def). */
 extern const ht_chip ht_chip_f28335;
 extern const ht_chip ht_chip_f28377s;
 

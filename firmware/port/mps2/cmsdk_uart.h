@@ -1,7 +1,7 @@
 /** @file cmsdk_uart.h
- *  The MPS2 boards' serial port, an APB UART of Arm's Cortex-M system design kit: one
- *  byte of buffer each way, polled. An emulator may carry bytes as fast as they are
- *  handed over; here they pass at the line's rate, told by a clock that is the caller's.
+ *  The MPS2 boards' serial port, an APB UART of Arm's Cortex-M system design kit: one byte of
+ *  buffer each way, polled. An emulator may carry bytes as fast as they are handed over; here they
+ *  pass at the line's rate, by the caller's clock.
  */
 #ifndef CMSDK_UART_H
 #define CMSDK_UART_H
@@ -36,10 +36,10 @@ typedef struct {
  *  divider does not reach. */
 bool cmsdk_uart_start(cmsdk_uart *u, cmsdk_uart_registers *registers, uint32_t baud);
 
-/** So many seconds have passed. A line that was quiet has saved nothing up. */
+/** That many seconds have passed. The unused time of a quiet line does not accumulate. */
 void cmsdk_uart_pass(cmsdk_uart *u, float seconds);
 
-/** What the link sees of it; valid as long as `u`. */
+/** The link's view of it; valid as long as `u`. */
 ht_line cmsdk_uart_line(cmsdk_uart *u);
 
 #endif

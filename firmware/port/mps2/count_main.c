@@ -8,7 +8,7 @@
  * plain memory at their place. What the hardware would do to it happens in between,
  * uncounted.
  *
- *   trace   16-bit words: device (0 F28335, 1 F28377S), parameters n, periods (low,
+ *   trace   16-bit words: device (its row in ht_chips.def), parameters n, periods (low,
  *           high), n floats; then per period seven ADC counts, position (low, high), slow
  *   counts  written, 32-bit words: ticks of an empty interrupt; per period ticks of
  *           the fast interrupt, of the control step alone (0 outside `run`), of the slow
@@ -21,6 +21,7 @@
  */
 #include <string.h>
 
+#include "ht_board_of_device.h"
 #include "ht_drive.h"
 #include "ht_port_c2000.h"
 #include "semihost.h"
@@ -133,7 +134,7 @@ static void step(ht_drive *d)
 
 static void bind(uint16_t device)
 {
-    ht_port_bind(&port, NULL, (device == 0u) ? &ht_board_f28335 : &ht_board_f28377s);
+    ht_port_bind(&port, NULL, ht_board_of_device(device));
     *word(port.map->gpio_data) = 0xFFFFu; /* no pin is low */
     *word(port.map->gpio_data + 1u) = 0xFFFFu;
 }

@@ -12,7 +12,8 @@ from .spectrum import channel, fundamental_Hz, harmonics, thd_inf_pct, thd_pct
 
 
 def i_xy_A(rec: Recording) -> tuple[np.ndarray, np.ndarray]:
-    """x and y stator current in A: the plant's, else from the measured phase currents."""
+    """The x and y stator currents in A: the plant's if they were recorded, else computed from the
+    measured phase currents."""
     if "plant.i_x_A" in rec and "plant.i_y_A" in rec:
         return channel(rec, "i_x_A"), channel(rec, "i_y_A")
     phases_A = np.stack([channel(rec, f"i_{phase}_A") for phase in PHASES])
@@ -33,19 +34,19 @@ def torque_ripple_td_Nm(rec: Recording) -> float:
 def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
     """Figures of merit of `rec`, all finite numbers or None.
 
-    True values ("plant.") where the recording has them, else the controller's.
-    f_sw_Hz: mean switching frequency of a leg, transitions / (12 T); without the
-    argument it is taken from rec.meta["f_sw_Hz"]. ValueError if the recording holds
-    under two cycles of the fundamental.
+    True values ("plant.") are used if the recording has them, else the controller's. f_sw_Hz is the
+    mean switching frequency of a leg, transitions / (12 T); without the argument it is taken from
+    rec.meta["f_sw_Hz"]. Raises ValueError if the recording is shorter than two cycles of the
+    fundamental.
 
-    speed_rpm, torque_Nm, flux_Wb (|psi_s|): means; torque_ripple_Nm, flux_ripple_Wb:
-    standard deviations sqrt(mean((T - mean T)^2)) over the control instants, as in
-    paper B, eq. (9), whose traces come out of the DSP once a period; torque_ripple_td_Nm: the
-    same over all samples (`torque_ripple_td_Nm`); thd_inf_pct: of all six phases, over the whole
-    recorded spectrum (`thd_inf_pct` of `spectrum`); i1_A: peak of the
-    fundamental of phase u1; f1_Hz: its frequency; thd_pct: of phase u1, by band;
-    h5_pct, h7_pct: of phase u1, of its fundamental; ixy_rms_A: sqrt(mean(i_x^2 + i_y^2));
-    delta_i_A: |I_u1 - I_u2|, peaks of the fundamentals.
+    speed_rpm, torque_Nm, flux_Wb (|psi_s|): means; torque_ripple_Nm, flux_ripple_Wb: standard
+    deviations sqrt(mean((T - mean T)^2)) over the control instants (paper B, eq. (9); its traces
+    leave the DSP once a period); torque_ripple_td_Nm: the same over all samples
+    (`torque_ripple_td_Nm`); i1_A: peak of the fundamental of phase u1; f1_Hz: its frequency;
+    thd_pct: THD of phase u1, by band; thd_inf_pct: THD of all six phases over the whole recorded
+    spectrum (`thd_inf_pct` of `spectrum`); h5_pct, h7_pct: harmonics of phase u1 in % of its
+    fundamental; ixy_rms_A: sqrt(mean(i_x^2 + i_y^2)); delta_i_A: |I_u1 - I_u2|, peaks of the
+    fundamentals.
     """
     f1_Hz = abs(fundamental_Hz(rec))
     u1, u2 = channel(rec, "i_u1_A"), channel(rec, "i_u2_A")
@@ -55,8 +56,8 @@ def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
     torque_Nm = channel(rec, "torque_Nm")
     flux_Wb = np.hypot(channel(rec, "psi_alpha_Wb"), channel(rec, "psi_beta_Wb"))
     i_x, i_y = i_xy_A(rec)
-    # Extremes of torque and flux fall on control instants: with all samples the
-    # ripple would come out up to a fifth lower.
+    # The extremes of torque and flux are at control instants. Over all samples the ripple would be
+    # up to a fifth lower.
     per = rec.meta.get("samples_per_period", 1)
     control = slice(-round(rec.start_s * rec.rate_Hz) % per, None, per)
     percent = 100 / line_A[1] if line_A[1] > 0 else float("nan")
@@ -82,7 +83,7 @@ def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
 
 
 def _finite(value):
-    """Plain numbers for JSON; None for what is not finite."""
+    """Plain numbers for JSON. A value that is not finite becomes None."""
     if isinstance(value, dict):
         return {key: _finite(entry) for key, entry in value.items()}
     return float(value) if value is not None and math.isfinite(value) else None

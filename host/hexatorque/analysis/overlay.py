@@ -1,4 +1,5 @@
-"""Several recordings of any origin in one picture: aligned, drawn, and their differences."""
+"""Puts several recordings of any origin into one picture: aligns them, draws them, and computes
+their differences."""
 
 from __future__ import annotations
 
@@ -16,10 +17,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 ALIGNMENTS = ("trigger", "start", "none")
-#: Shown unless channels are asked for, where all recordings have them; `plant.` (true
-#: values) where none is measured.
+#: Channels that are shown if the user names none, as far as all recordings have them. If a measured
+#: channel is missing, its true value (`plant.`) is shown.
 MAIN = ("i_u1_A", "i_u2_A", "torque_Nm", "speed_rpm", "flux_Wb")
-FLUX = "flux_Wb"  #: magnitude of (psi_alpha_Wb, psi_beta_Wb), if no channel has that name
+FLUX = "flux_Wb"  #: computed from psi_alpha_Wb and psi_beta_Wb if there is no such channel
 MOST_BY_DEFAULT = 6
 ROW_IN, HEAD_IN = 1.55, 0.55
 MOST_ROWS = 40
@@ -28,7 +29,7 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#20242b", "#cc79a7", "#e69f00", "#5
 
 @dataclass
 class Trace:
-    """One recording in an overlay; its time is shown less `shift_s`."""
+    """One recording in an overlay. `shift_s` is subtracted from its time."""
 
     label: str
     rec: Recording
@@ -60,7 +61,8 @@ class Trace:
 
 
 def read(arguments: list[str]) -> list[Trace]:
-    """Traces of files. FILE@SECONDS sets the trigger of a recording, on its own time."""
+    """Reads files. FILE@SECONDS sets the trigger of a recording, in seconds on its own time
+    base."""
     traces = []
     for argument in arguments:
         file, at, seconds = argument.rpartition("@")
@@ -85,7 +87,7 @@ def read(arguments: list[str]) -> list[Trace]:
 
 
 def _shorten(traces: list[Trace]) -> None:
-    """Labels: as many of a path's last parts as tell the files apart."""
+    """Shorten each label to the last parts of its path that distinguish the files."""
     paths = [Path(trace.label).parts for trace in traces]
     for trace, parts in zip(traces, paths):
         for n in range(1, len(parts) + 1):
@@ -95,8 +97,9 @@ def _shorten(traces: list[Trace]) -> None:
 
 
 def align(traces: list[Trace], how: str | None) -> str:
-    """Set the shifts; returns what was done. Without `how`: by the trigger if all have one,
-    else several by their start."""
+    """Sets the shifts and returns the alignment that was used. If `how` is None, recordings are
+    aligned by the trigger if all have one. Otherwise several recordings are aligned by their
+    start."""
     without = next((t for t in traces if t.rec.trigger_s is None), None)
     if how is None:
         how = "trigger" if not without else "start" if len(traces) > 1 else "none"
@@ -107,13 +110,13 @@ def align(traces: list[Trace], how: str | None) -> str:
         )
     for trace in traces:
         own_s = {"trigger": trace.rec.trigger_s, "start": trace.rec.start_s, "none": 0.0}[how]
-        assert own_s is not None  # aligned by the trigger, all have one
+        assert own_s is not None  # if aligned by the trigger, all have one
         trace.shift_s = float(own_s)
     return how
 
 
 def values(rec: Recording, name: str) -> np.ndarray | None:
-    """A channel, or what is made of others; None without."""
+    """The values of a channel, or of one that is computed from others. None if there is neither."""
     prefix, _, plain = name.rpartition(".")
     if name in rec or plain != FLUX:
         return rec.channels.get(name)
@@ -129,7 +132,8 @@ def unit(traces: list[Trace], name: str) -> str:
 
 
 def chosen(traces: list[Trace], names: list[str] | None) -> list[str]:
-    """The channels asked for, which all must have; without: the main ones all have."""
+    """The channels that the user named; every recording must have them. If `names` is None, the
+    main channels that every recording has."""
 
     def everywhere(name: str) -> bool:
         return all(values(trace.rec, name) is not None for trace in traces)
@@ -155,7 +159,7 @@ def chosen(traces: list[Trace], names: list[str] | None) -> list[str]:
 
 
 def cut(traces: list[Trace], window_s: tuple[float, float] | None) -> list[Trace]:
-    """The part of each with window_s[0] <= time < window_s[1]."""
+    """The part of each trace with window_s[0] <= time < window_s[1]."""
     if window_s is None:
         return traces
     parts = []
@@ -171,12 +175,13 @@ def cut(traces: list[Trace], window_s: tuple[float, float] | None) -> list[Trace
 
 
 def difference(first: Trace, other: Trace, name: str) -> tuple[float | None, int]:
-    """(rms of other - first over the time both cover, samples compared); None without any.
-    At the instants of the slower one, the faster one interpolated; lost samples count not.
+    """The rms of other - first over the time that both cover, and the number of compared samples.
+    The rms is None if no sample can be compared. The values of the faster recording are
+    interpolated at the instants of the slower one. Lost samples are not compared.
     """
     slow, fast = sorted((first, other), key=lambda trace: trace.rec.rate_Hz)
     t_s, fast_s = slow.time_s, fast.time_s
-    slack_s = 1e-6 / fast.rec.rate_Hz  # rounding of times: the same instant
+    slack_s = 1e-6 / fast.rec.rate_Hz  # times that differ by rounding only are the same instant
     common = (t_s >= fast_s[0] - slack_s) & (t_s <= fast_s[-1] + slack_s)
     y_slow = np.asarray(values(slow.rec, name), float)[common]
     error = np.interp(t_s[common], fast_s, np.asarray(values(fast.rec, name), float)) - y_slow
@@ -185,8 +190,8 @@ def difference(first: Trace, other: Trace, name: str) -> tuple[float | None, int
 
 
 def summary(traces: list[Trace], names: list[str], how: str) -> dict:
-    """For --json: the files, and for each channel the rms difference of each file from
-    the first, in the channel's unit (the first's is None)."""
+    """The data for --json: the files, and for each channel the rms difference of each file from the
+    first, in the channel's unit. It is None for the first file."""
     channels = {}
     for name in names:
         rows = [(None, 0), *(difference(traces[0], trace, name) for trace in traces[1:])]
@@ -213,7 +218,7 @@ def summary(traces: list[Trace], names: list[str], how: str) -> dict:
 
 
 def plot(traces: list[Trace], names: list[str], how: str, path: Path) -> Path:
-    """A row per channel, a colour per recording; lost samples are shaded."""
+    """Draws a row per channel, with a colour per recording. Lost samples are shaded."""
     height_in = HEAD_IN + 0.16 * len(traces) + ROW_IN * max(2, len(names))
     figure, axes = new_figure(len(names), 1, height_in, sharex=True)
     begin_s = min(t.begin_s for t in traces)
@@ -240,7 +245,7 @@ def _draw(ax: Axes, trace: Trace, name: str, scale: float, number: int, many: in
     colour = COLOURS[number % len(COLOURS)]
     y = np.asarray(values(trace.rec, name), float)
     t = scale * trace.time_s
-    # The first below and wider, so that it is seen where another lies on it.
+    # The first line is wider and below the others, so that it stays visible under them.
     wide = number == 0 and many > 1
     ax.plot(*thin(t, y), color=colour, linewidth=2.2 if wide else 1.0,
             alpha=0.55 if wide else 1.0, label=trace.label)  # fmt: skip
@@ -249,7 +254,7 @@ def _draw(ax: Axes, trace: Trace, name: str, scale: float, number: int, many: in
 
 
 def _shade(ax: Axes, t: np.ndarray, lost: np.ndarray, colour: str) -> None:
-    """Spans without samples, behind the lines."""
+    """Shade the spans without samples, behind the lines."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(np.int8), [0]])))
     step = t[1] - t[0] if len(t) > 1 else 0.0
     spans = [(t[0] + step * (a - 0.5), step * (b - a)) for a, b in edges.reshape(-1, 2)]

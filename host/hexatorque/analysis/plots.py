@@ -22,11 +22,12 @@ if TYPE_CHECKING:
     from ..recording.recording import Recording
 
 WIDTH_IN, DPI = 10.0, 150
-CYCLES, FALLBACK_S = 2, 0.04  #: of `waveforms`; the second without a usable fundamental
-ZOOM_S = 0.01  #: of torque and flux in `waveforms`: a hundred control periods at 10 kHz
+#: Spans of `waveforms`. The second is used if there is no usable fundamental.
+CYCLES, FALLBACK_S = 2, 0.04
+ZOOM_S = 0.01  #: span of torque and flux in `waveforms`: a hundred control periods at 10 kHz
 HIGHEST_ORDER, LOWEST_PCT = 25, 0.03  #: in `spectra`
 INK, FAINT = "#20242b", "#d9dde3"
-#: Colour of each quantity, distinguishable with colour-blindness.
+#: Colour of each quantity. Colour-blind readers can distinguish them.
 COLOUR = {
     "i_u1": "#0072b2",
     "i_u2": "#e69f00",
@@ -50,7 +51,7 @@ LATENCY_COLOUR = {
 def new_figure(
     rows: int, columns: int, height_in: float, width_in: float = WIDTH_IN, **shared: Any
 ) -> tuple[Figure, np.ndarray]:
-    """Empty panels in the house style, axes as a (rows, columns) array."""
+    """Makes empty panels in the common style. The axes are a (rows, columns) array."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -75,7 +76,7 @@ def save(figure: Figure, path: str | Path) -> Path:
 
 
 def note(ax: Axes, text: str) -> None:
-    """A figure of merit in the corner of a panel."""
+    """Write a figure of merit into the corner of a panel."""
     box = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
     ax.text(0.985, 0.965, text, transform=ax.transAxes, ha="right", va="top",
             fontsize=7.5, color=INK, bbox=box, zorder=5)  # fmt: skip
@@ -89,7 +90,8 @@ def cells(
     colours: list[list[str]],
     fontsize: float = 8,
 ) -> None:
-    """A table: text on pale cells of the given colours. Of two lines the second is small."""
+    """Draws a table: text on pale cells of the given colours. If a text has two lines, the second
+    one is smaller."""
     from matplotlib.patches import Rectangle
 
     ax.grid(False)
@@ -118,8 +120,8 @@ def _value(value: float | None, digits: int, unit: str) -> str:
 
 
 def thin(t: np.ndarray, y: np.ndarray, buckets: int = 1500) -> tuple[np.ndarray, np.ndarray]:
-    """Minimum and maximum of each bucket: the same picture from fewer points. NaN (a lost
-    sample) only where a bucket has nothing else."""
+    """Keeps the minimum and the maximum of each bucket, which gives the same picture from fewer
+    points. A bucket is NaN (lost samples) only if it has no other values."""
     size = y.size // buckets
     if size < 4:
         return t, y
@@ -132,8 +134,8 @@ def thin(t: np.ndarray, y: np.ndarray, buckets: int = 1500) -> tuple[np.ndarray,
 
 
 def waveforms(runs: list[Run], path: str | Path) -> Path:
-    """The end of the runs of one set-up, a column each: phase currents and x-y currents
-    over two fundamental cycles, torque and stator flux with references over 10 ms."""
+    """Draws the ends of the runs of one set-up, one column per run: phase currents and x-y currents
+    over two fundamental cycles, torque and stator flux with their references over 10 ms."""
     width_in = max(WIDTH_IN, 1.2 + 1.7 * len(runs))
     figure, axes = new_figure(4, len(runs), 8.6, width_in, sharey="row")
     for column, run in zip(axes.T, runs, strict=True):
@@ -200,8 +202,8 @@ def _waveform_column(column: np.ndarray, run: Run) -> None:
 
 
 def spectra(runs: list[Run], path: str | Path) -> Path:
-    """Phase u1 spectra in % of the fundamental up to order 25, a panel per run on a
-    common logarithmic scale; the 5th and 7th are marked."""
+    """Draws the spectra of phase u1 in % of the fundamental, up to order 25. There is one panel per
+    run, and all have the same logarithmic scale. The 5th and 7th harmonics are marked."""
     columns = 2 if len(runs) == 4 else max(1, min(3, len(runs)))
     rows = -(-len(runs) // columns)
     figure, axes = new_figure(rows, columns, 0.7 + 2.5 * rows, sharex="all", sharey="all")
@@ -210,7 +212,7 @@ def spectra(runs: list[Run], path: str | Path) -> Path:
     for ax in axes.flat[len(runs) :]:
         ax.set_visible(False)
     axes[0, 0].set_xlim(0, HIGHEST_ORDER)
-    # Logarithmic: 50 % under DTC1 and 0.5 % under DDR stand side by side.
+    # The scale is logarithmic because DTC1 has 50 % where DDR has 0.5 %.
     axes[0, 0].set_yscale("log")
     axes[0, 0].set_ylim(LOWEST_PCT, 1500)  # room for the notes above 100 %
     axes[0, 0].set_yticks([0.1, 1, 10, 100], ["0.1", "1", "10", "100"])
@@ -249,8 +251,8 @@ def _spectrum_panel(ax: Axes, run: Run) -> None:
 
 
 def bars(runs: list[Run], path: str | Path, reference: Reference) -> Path:
-    """Overview: THD, torque ripple, Delta-I and f_sw, a row per set-up and point; bars
-    by scheme and latency, diamonds for what the paper measured."""
+    """Draws an overview of THD, torque ripple, Delta-I and f_sw, with a row per set-up and
+    operating point. Bars are ours, by scheme and latency. Diamonds are the paper's measurements."""
     groups = by_point(runs)
     figure, axes = new_figure(len(groups), 4, 0.75 + 2.35 * len(groups))
     for row, (point, group) in zip(axes, groups.items(), strict=True):
@@ -283,7 +285,8 @@ def _bar_panel(ax: Axes, group: list[Run], key: str, scale: float, reference: Re
         for scheme in schemes
     }
     width = min(0.38, 0.8 / max(map(len, latencies.values())))
-    # Where the paper gives f_sw relative to DTC1: ours with the last latency listed.
+    # Where the paper gives f_sw relative to DTC1, the base is our DTC1 with the last latency
+    # listed.
     dtc1_Hz = {r.latency: r.metrics["f_sw_Hz"] for r in group if r.scheme == "dtc1"}
     base_Hz = next((dtc1_Hz[name] for name in reversed(LATENCIES) if dtc1_Hz.get(name)), None)
     for run in group:

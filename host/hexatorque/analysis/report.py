@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Iterable, Sequence
-from html import escape
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,7 +11,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 from rich.text import Text
 
-from .. import __version__
+from .pages import write_page
 from .reference import Reference, reference_values
 from .run import LATENCY_STUDY, Run, by_point
 
@@ -119,32 +118,38 @@ def console_table(runs: list[Run], reference: Reference) -> list[Table]:
     return tables
 
 
-def _table(headings: Iterable[str], rows: Iterable[Row]) -> str:
-    head = "".join(f"<th>{escape(text)}</th>" for text in headings)
-    body = ""
-    for is_paper, cells in rows:
-        data = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
-        body += f"<tr{' class=paper' if is_paper else ''}>{data}</tr>\n"
-    return f"<div class=wide><table><tr>{head}</tr>\n{body}</table></div>\n"
-
-
-def _latency_section(runs: list[Run]) -> str:
+def _latency_rows(runs: list[Run]) -> list[Row]:
     """Torque ripple by latency, for every scheme run both with and without prediction."""
     ripple: dict[tuple, dict[str, float | None]] = {}
     for run in sorted(runs, key=lambda run: run.scheme != "fdr"):
         key = (run.point, run.scheme_label)
         ripple.setdefault(key, {})[run.latency] = run.metrics["torque_ripple_Nm"]
-    rows = []
+    rows: list[Row] = []
     for key, by_latency in ripple.items():
         shadow, predicted = by_latency.get("shadow"), by_latency.get("predicted")
         if shadow is not None and predicted:
             values = [_text(by_latency.get(latency), 3) for latency in LATENCY_STUDY]
             rows.append((False, [*key, *values, f"{shadow / predicted:.2f}"]))
-    if not rows:
-        return "<p>No scheme here was run both with and without prediction.</p>\n"
-    columns = [f"{name} [N m]" for name in LATENCY_STUDY]
-    headings = ["set-up", "scheme", *columns, "shadow / predicted"]
-    return f"<p>{escape(LATENCY_TEXT)}</p>\n{_table(headings, rows)}"
+    return rows
+
+
+def _what_was_run(group: list[Run]) -> str:
+    labels = ", ".join(dict.fromkeys(run.scheme_label for run in group))
+    latencies = ", ".join(dict.fromkeys(run.latency for run in group))
+    seconds = min(run.recording.duration_s for run in group)
+    return f"{labels}; latency {latencies}; {seconds:.3g} s evaluated"
+
+
+def _result(group: list[Run], reference: Reference) -> tuple[str, list[str], list[Row]]:
+    """Heading, headings of the columns and rows of one operating point."""
+    columns = _columns(group, brief=False)
+    headings = ["scheme", "latency", *(f"{c.name} [{c.unit}]" for c in columns)]
+    return _heading(group, reference), headings, _rows(group, reference, columns)
+
+
+def _picture(file: str | Path) -> str:
+    """A PNG file as an address that holds the picture itself."""
+    return f"data:image/png;base64,{base64.b64encode(Path(file).read_bytes()).decode()}"
 
 
 def html_report(
@@ -156,49 +161,22 @@ def html_report(
     command: str = "make demo",
 ) -> Path:
     """Write one self-contained HTML file; returns its path. figures: (caption, PNG file);
-    notes: paragraphs; command: what reproduces the report. All text is escaped."""
+    notes: paragraphs; command: what reproduces the report."""
     groups = by_point(runs)
-    part = [f"<h1>{TITLE}</h1>\n<p class=sub>{len(runs)} simulated runs in "
-            f"{len(groups)} operating points, hexatorque {escape(__version__)}</p>\n"
-            "<h2>What was run</h2>\n<ul>\n"]  # fmt: skip
-    for point, group in groups.items():
-        labels = ", ".join(dict.fromkeys(run.scheme_label for run in group))
-        latencies = ", ".join(dict.fromkeys(run.latency for run in group))
-        seconds = min(run.recording.duration_s for run in group)
-        text = f"{labels}; latency {latencies}; {seconds:.3g} s evaluated"
-        part.append(f"<li><b>{escape(point)}</b>: {escape(text)}</li>\n")
-    part.append("</ul>\n<h2>Results</h2>\n")
-    for group in groups.values():
-        columns = _columns(group, brief=False)
-        headings = ["scheme", "latency", *(f"{c.name} [{c.unit}]" for c in columns)]
-        table = _table(headings, _rows(group, reference, columns))
-        part.append(f"<h3>{escape(_heading(group, reference))}</h3>\n{table}")
-    part.append(f"<p class=sub>{escape(THD_NOTE)}</p>\n<h2>What latency does</h2>\n")
-    part += [_latency_section(runs), "<h2>Figures</h2>\n" if figures else ""]
-    for caption, file in figures:
-        source = f"data:image/png;base64,{base64.b64encode(Path(file).read_bytes()).decode()}"
-        part.append(f'<figure><img alt="{escape(caption)}" src="{source}">\n'
-                    f"<figcaption>{escape(caption)}</figcaption></figure>\n")  # fmt: skip
-    part += ["<h2>Notes</h2>\n" if notes else "", *(f"<p>{escape(n)}</p>\n" for n in notes)]
-    part.append(f"<h2>How to reproduce</h2>\n<pre>{escape(command)}</pre>\n")
-    page = ('<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-            '<meta name="viewport" content="width=device-width, initial-scale=1">'
-            f"<title>{TITLE}</title><style>{STYLE}</style></head>\n"
-            f"<body><main>\n{''.join(part)}</main></body></html>\n")  # fmt: skip
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    Path(path).write_text(page, encoding="utf-8")
-    return Path(path)
-
-
-STYLE = """
-:root{color-scheme:light dark;--ink:#20242b;--faint:#666d78;--line:#d9dde3;--back:#fff}
-@media(prefers-color-scheme:dark){:root{--ink:#e4e7eb;--faint:#9aa1ab;--line:#3a4049;--back:#16191e}}
-body{margin:0;background:var(--back);color:var(--ink);font:16px/1.5 system-ui,sans-serif}
-main{max-width:1180px;margin:0 auto;padding:2rem 1.2rem}h1{margin:0;line-height:1.2}
-h2{margin:2.2rem 0 .6rem;border-bottom:1px solid var(--line)}h3{margin:1.4rem 0 .4rem}
-.sub,.paper td,figcaption{color:var(--faint)}.paper td{font-style:italic}.wide{overflow-x:auto}
-table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-nums}
-th,td{padding:.25rem .5rem;text-align:right;border-bottom:1px solid var(--line)}th{font-weight:600}
-td:nth-child(-n+2),th:nth-child(-n+2){text-align:left;white-space:nowrap}
-figure{margin:1.2rem 0}img{width:100%;height:auto;background:#fff;border-radius:6px}
-pre{border:1px solid var(--line);border-radius:6px;padding:.7rem 1rem;overflow:auto}"""
+    return write_page(
+        Path(path),
+        "comparison.html",
+        title=TITLE,
+        count=len(runs),
+        points=[(point, _what_was_run(group)) for point, group in groups.items()],
+        results=[_result(group, reference) for group in groups.values()],
+        thd_note=THD_NOTE,
+        latency_text=LATENCY_TEXT,
+        latency_headings=[
+            "set-up", "scheme", *(f"{name} [N m]" for name in LATENCY_STUDY), "shadow / predicted"
+        ],
+        latency_rows=_latency_rows(runs),
+        figures=[(caption, _picture(file)) for caption, file in figures],
+        notes=notes,
+        command=command,
+    )  # fmt: skip

@@ -55,11 +55,11 @@ class Run:
 
     @property
     def point(self) -> str:
-        """Set-up and operating point, to group runs by."""
+        """Set-up and operating point. Runs are grouped by this text."""
         return f"{self.setup}: {self.speed_ref_rpm:g} r/min, {self.load_Nm:g} N m"
 
     def as_json(self) -> dict:
-        """One flat record: what was run, its metrics, the speed of the simulation."""
+        """One flat record: the run's settings, its metrics and the speed of the simulation."""
         return {
             "setup": self.setup,
             "scheme": self.scheme,

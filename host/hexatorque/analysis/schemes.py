@@ -8,7 +8,7 @@ from .. import firmware
 _A = "Holakooie, Iwanski, Miazga 2022"
 _B = "Pandit, Aware, Nemade, Levi 2017"
 
-#: Colours can be told apart with colour-blindness.
+#: Colour-blind readers can distinguish the colours.
 _TEXTS: dict[str, dict[str, str]] = {
     "dtc1": {
         "source": f"{_B}: DTC1",

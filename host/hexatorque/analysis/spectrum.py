@@ -1,9 +1,8 @@
 """Spectra of equally sampled signals: fundamental, lines, THD.
 
-Every function uses the periodic Hann window w[n] = (1 - cos(2 pi n / N)) / 2.
-A line of peak amplitude A shows as A in `spectrum`; its power spreads over three
-bins, which the equivalent noise bandwidth ENBW = N sum(w^2) / sum(w)^2 = 1.5
-accounts for wherever bins are added up.
+Every function uses the periodic Hann window w[n] = (1 - cos(2 pi n / N)) / 2. A line of peak
+amplitude A has the value A in `spectrum`. Its power spreads over three bins. Where bins are added
+up, the equivalent noise bandwidth ENBW = N sum(w^2) / sum(w)^2 = 1.5 corrects this.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ MINIMUM_CYCLES = 2
 
 
 def channel(rec: Recording, name: str) -> np.ndarray:
-    """The true value "plant.<name>" where there is one, else the controller's `name`."""
+    """The true value "plant.<name>" if the recording has it, else the controller's `name`."""
     true = f"plant.{name}"
     return np.asarray(rec[true] if true in rec else rec[name], dtype=float)
 
@@ -32,8 +31,8 @@ def channel(rec: Recording, name: str) -> np.ndarray:
 def fundamental_Hz(rec: Recording) -> float:
     """Mean rotation rate of the stator flux in Hz; negative for reverse rotation.
 
-    f1 = slope / (2 pi) of the least-squares line through the unwrapped angle of
-    psi_alpha + j psi_beta. ValueError if the recording holds under two cycles.
+    f1 = slope / (2 pi) of the least-squares line through the unwrapped angle of psi_alpha + j
+    psi_beta. Raises ValueError if the recording is shorter than two cycles.
     """
     psi_Wb = channel(rec, "psi_alpha_Wb") + 1j * channel(rec, "psi_beta_Wb")
     if psi_Wb.size < 2 or not np.all(np.isfinite(psi_Wb)) or not np.any(psi_Wb):
@@ -46,7 +45,8 @@ def fundamental_Hz(rec: Recording) -> float:
 
 
 def _cycles(samples: int, rate_Hz: float, f1_Hz: float) -> int:
-    """Whole cycles of f1 in so many samples; ValueError below two."""
+    """The number of whole cycles of f1 in that many samples. Raises ValueError if it is below
+    two."""
     cycles = samples * abs(f1_Hz) / rate_Hz
     if not cycles + 1e-6 >= MINIMUM_CYCLES:
         raise ValueError(
@@ -57,7 +57,7 @@ def _cycles(samples: int, rate_Hz: float, f1_Hz: float) -> int:
 
 
 def whole_cycles(signal: np.ndarray, rate_Hz: float, f1_Hz: float) -> tuple[np.ndarray, int]:
-    """The last whole cycles of f1 in `signal` (to half a sample), and how many they are."""
+    """The last whole cycles of f1 in `signal`, cut to half a sample, and their number."""
     signal = np.asarray(signal, dtype=float)
     if not 0 < abs(f1_Hz) < rate_Hz / 2:
         raise ValueError(f"a fundamental of {f1_Hz:.4g} Hz does not fit {rate_Hz:.4g} samples/s")
@@ -85,10 +85,10 @@ def spectrum(signal: np.ndarray, rate_Hz: float) -> tuple[np.ndarray, np.ndarray
 
 
 def line_amplitude(signal: np.ndarray, rate_Hz: float, f_Hz: float) -> float:
-    """Peak amplitude at exactly f_Hz, on or between the bins, of all samples given.
+    """The peak amplitude at exactly f_Hz, on a bin or between two, over all given samples.
 
-    A = 2 |sum w x exp(-j 2 pi f n / rate)| / sum w; other lines must be at least two
-    bins (2 rate / N) away. NaN above Nyquist.
+    A = 2 |sum w x exp(-j 2 pi f n / rate)| / sum w. Other lines must be at least two bins (2 rate /
+    N) away. NaN above the Nyquist frequency.
     """
     x = np.asarray(signal, dtype=float)
     rotor = np.exp(-2j * np.pi * f_Hz / rate_Hz * np.arange(x.size))
@@ -96,15 +96,16 @@ def line_amplitude(signal: np.ndarray, rate_Hz: float, f_Hz: float) -> float:
 
 
 def _line(w: np.ndarray, x: np.ndarray, rotor: np.ndarray) -> float:
-    # Not `@`: when several points are measured at once, its threads wait for each other.
+    # `@` is not used because its threads wait for each other when several points are measured at
+    # once.
     return float(2 * abs(np.einsum("n,n", w * x, rotor)) / w.sum())
 
 
 def harmonics(
     signal: np.ndarray, rate_Hz: float, f1_Hz: float, orders: Iterable[int]
 ) -> dict[int, float]:
-    """Order -> peak amplitude, by `line_amplitude` at order * f1 over the last whole
-    cycles of f1. NaN above Nyquist."""
+    """Order -> peak amplitude, as `line_amplitude` defines it, at order * f1 over the last whole
+    cycles of f1. NaN above the Nyquist frequency."""
     x, _ = whole_cycles(signal, rate_Hz, f1_Hz)
     w = _hann(x.size)
     base = np.exp(-2j * np.pi * abs(f1_Hz) / rate_Hz * np.arange(x.size))
@@ -115,7 +116,7 @@ def harmonics(
         if order * abs(f1_Hz) > rate_Hz / 2:
             found[order] = float("nan")
             continue
-        while at < order:  # exp(-j order phi), without an exponential per order
+        while at < order:  # exp(-j order phi), without computing an exponential for each order
             rotor *= base
             at += 1
         found[order] = _line(w, x, rotor)

@@ -11,6 +11,7 @@ import sys
 import zlib
 from pathlib import Path
 
+from ..chips import SOURCES
 from ..setups import SetupError
 
 #: Program -> the Debian packages that contain it.
@@ -75,11 +76,7 @@ def need(*names: str) -> None:
 
 def source_root() -> Path:
     """The folder of CMakeLists.txt: inside the installed package, or of the work tree."""
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package / "source", package.parents[1]):
-        if (folder / "CMakeLists.txt").exists() and (folder / "firmware").is_dir():
-            return folder
-    raise BuildError("the firmware's sources are not installed with this package")
+    return SOURCES.parent
 
 
 def _build_folder(source: Path, preset: str) -> Path:

@@ -9,6 +9,7 @@ recording = sim.take()
 
 from __future__ import annotations
 
+import ctypes
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -93,6 +94,12 @@ class EntryPoint(types.WrapperAddressProtocol):
 
     def signature(self):
         return self._signature
+
+    def __call__(self, *arguments: int) -> None:
+        """For a plant that is not compiled (NUMBA_DISABLE_JIT=1)."""
+        ctypes.CFUNCTYPE(None, *[ctypes.c_uint64] * len(arguments))(self._address)(
+            *map(int, arguments)
+        )
 
 
 def _load(kind: str, torque_Nm: float, at_rpm: float) -> np.record:

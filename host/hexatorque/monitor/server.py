@@ -18,10 +18,11 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from http.cookies import CookieError, SimpleCookie
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
+from importlib.resources.abc import Traversable
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
@@ -84,12 +85,7 @@ class Server(ThreadingHTTPServer):
         #: Cookie of each browser -> the number of pages that it has open.
         self.browsers: dict[str, int] = {}
         self.browsers_lock = threading.Lock()
-        folder = resources.files(__package__) / "page"
-        self.page = {
-            f"/{file.name}": (TYPES[suffix], file.read_bytes())
-            for file in folder.iterdir()
-            if (suffix := file.name[file.name.rfind(".") :]) in TYPES
-        }
+        self.page = dict(_files(resources.files(__package__) / "page"))
 
     @property
     def port(self) -> int:
@@ -326,6 +322,16 @@ class Handler(BaseHTTPRequestHandler):
                 text = json.dumps(_finite(frame), separators=(",", ":"))
                 self.wfile.write(b"data: " + text.encode() + b"\n\n")
             self.server.closing.wait(max(0.0, begun_s + FRAME_S - time.monotonic()))
+
+
+def _files(folder: Traversable, path: str = "/") -> Iterator[tuple[str, tuple[str, bytes]]]:
+    """The files that a browser may load, by their paths: types and contents."""
+    for entry in folder.iterdir():
+        suffix = entry.name[entry.name.rfind(".") :]
+        if entry.is_dir():
+            yield from _files(entry, f"{path}{entry.name}/")
+        elif suffix in TYPES:
+            yield path + entry.name, (TYPES[suffix], entry.read_bytes())
 
 
 def _bins(

@@ -89,12 +89,14 @@ class Ring:
 class View:
     """The bins of a ring that one page has yet to get.
 
-    A bin is sent again until it is full. After a long pause only the newest window is sent.
+    A window has at least `bins` bins, unless it has fewer samples: with a bin for each pixel no
+    column of the plot stays empty. A bin is sent again until it is full. After a long pause only
+    the newest window is sent.
     """
 
     def __init__(self, ring: Ring, rate_Hz: float, window_s: float, bins: int) -> None:
         self.ring = ring
-        self.width = max(1, -(-round(window_s * rate_Hz) // bins))
+        self.width = max(1, round(window_s * rate_Hz) // bins)
         self.count = -(-round(window_s * rate_Hz) // self.width) + 1
         self._next = 0
 

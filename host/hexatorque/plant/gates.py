@@ -10,8 +10,8 @@ input and takes effect at once.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from .compiled import compiled
 from .inverter import HIGH, LOW, OFF
 from .pwm import MAX_EDGES, NONE, push_edge
 from .record import names_of, record
@@ -37,7 +37,7 @@ def gates_record(min_counts: int) -> np.record:
     return record(GATES, **{**zeros, **start})
 
 
-@njit
+@compiled
 def _command(gd, leg, state, count):
     """A new leg state at the drivers' inputs."""
     gd.command[leg] = state
@@ -48,7 +48,7 @@ def _command(gd, leg, state, count):
             gd.due[leg, switch] = count + gd.min_counts
 
 
-@njit
+@compiled
 def suppress_short_pulses(gd, pm, regs, ps, c0, c1, first, n):
     """Pass the edges ps[first:n] of counts c0 <= count < c1 through the drivers.
 

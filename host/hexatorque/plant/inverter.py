@@ -11,8 +11,8 @@ and a resistance's voltage while they conduct.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from .compiled import compiled
 from .machine import (
     coast,
     derivative,
@@ -94,17 +94,17 @@ def inverter_record(**drops: float) -> np.record:
     return record(INVERTER, **{**zeros, **start, **drops})
 
 
-@njit
+@compiled
 def set_leg(inv, m, y, leg, state):
     """Change the state of one leg. When it turns off, the present current decides the diode."""
     if state == OFF and inv.leg[leg] != OFF:
         i = phase_current(m, y, leg)
         inv.diode[leg] = 1 if i > 0.0 else (-1 if i < 0.0 else 0)
-    inv.off += (state == OFF) - (inv.leg[leg] == OFF)
+    inv.off += int(state == OFF) - int(inv.leg[leg] == OFF)
     inv.leg[leg] = state
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def _transform(inv):
     for r in range(4):
         total = 0.0
@@ -113,7 +113,7 @@ def _transform(inv):
         inv.v[r] = total
 
 
-@njit
+@compiled
 def _solve_floating(inv, m, load, y, vdc):
     """Leg voltages that keep the floating legs' currents at zero.
 
@@ -169,7 +169,7 @@ def _solve_floating(inv, m, load, y, vdc):
     _centre(inv, vdc)
 
 
-@njit
+@compiled
 def _centre(inv, vdc):
     """Only voltage differences matter in a set that floats as a whole. Shift it so that its
     highest and its lowest leg reach the rails together, because two diodes conduct together."""
@@ -187,7 +187,7 @@ def _centre(inv, vdc):
                 inv.v_leg[leg] += shift
 
 
-@njit
+@compiled
 def _subtract_drops(inv, m, y, vdc):
     """Voltages of all legs but the floating ones, which keep theirs, behind the devices
     that carry the currents of y: the upper switch drives current out of a HIGH leg and
@@ -209,7 +209,7 @@ def _subtract_drops(inv, m, y, vdc):
                 inv.v_leg[leg] = rail - inv.v_diode_V * share - inv.r_diode_ohm * i
 
 
-@njit
+@compiled
 def _step(inv, m, load, y, dt, vdc, floats, out):
     """One Runge-Kutta step from y to out with the present diodes. A drop follows the
     current and a floating leg's voltage the induced voltage, so every stage finds
@@ -238,7 +238,7 @@ def _step(inv, m, load, y, dt, vdc, floats, out):
         out[r] = y[r] + dt / 6.0 * total[r]
 
 
-@njit
+@compiled
 def longest_step_s(inv, m):
     """Longest stable and accurate step with conduction drops, s. Around zero current a threshold
     acts as a resistance of V / KNEE_A. The step is one time constant of this resistance with the
@@ -249,7 +249,7 @@ def longest_step_s(inv, m):
     return 1.0 / (max(r_switch, r_diode) * m.inv_l_max)
 
 
-@njit
+@compiled
 def _leg_voltages(inv, m, load, y, vdc):
     """Set the leg voltages. Returns True if any leg floats."""
     floats = False
@@ -283,7 +283,7 @@ def _leg_voltages(inv, m, load, y, vdc):
     return floats
 
 
-@njit
+@compiled
 def _currents_absent(inv):
     for leg in range(6):
         if inv.leg[leg] != OFF or inv.diode[leg] != 0:
@@ -291,7 +291,7 @@ def _currents_absent(inv):
     return True
 
 
-@njit
+@compiled
 def _step_to_zero(inv, m, load, y, h, vdc, floats, leg):
     """Step from y to the instant within h at which the leg's current passes zero;
     `inv.trial`, on entry the state at h, becomes the state there. Returns the time taken."""
@@ -312,7 +312,7 @@ def _step_to_zero(inv, m, load, y, h, vdc, floats, leg):
     return t
 
 
-@njit
+@compiled
 def _first_crossing(inv, m, y, but):
     """The open leg, other than `but`, whose diode current passes zero first on a straight
     line from y to `inv.trial`, or NO_LEG."""
@@ -331,7 +331,7 @@ def _first_crossing(inv, m, y, but):
     return found
 
 
-@njit
+@compiled
 def _advance_off(inv, m, load, y, dt, vdc):
     """Advance with at least one leg off."""
     if _currents_absent(inv) and coast(m, load, y, dt, vdc + 2.0 * inv.v_diode_V):
@@ -368,7 +368,7 @@ def _advance_off(inv, m, load, y, dt, vdc):
             longest = 0.5 * longest if taken < 1e-12 else usual
 
 
-@njit
+@compiled
 def keep(inv, y):
     """Save the state and the diodes for `put_back`."""
     for r in range(8):
@@ -378,7 +378,7 @@ def keep(inv, y):
             inv.kept_diode[leg] = inv.diode[leg]
 
 
-@njit
+@compiled
 def put_back(inv, y):
     for r in range(8):
         y[r] = inv.kept[r]
@@ -387,7 +387,7 @@ def put_back(inv, y):
             inv.diode[leg] = inv.kept_diode[leg]
 
 
-@njit
+@compiled
 def advance(inv, m, load, y, dt, vdc):
     """Advance the drive by dt with constant leg states.
 

@@ -20,8 +20,9 @@ import zlib
 from pathlib import Path
 
 import numpy as np
-from numba import njit, uint64
+from numba import uint64
 
+from .compiled import compiled
 from .gates import suppress_short_pulses
 from .inverter import advance, keep, put_back, set_leg
 from .machine import stator_currents, torque_Nm
@@ -63,7 +64,7 @@ TIMING = np.dtype(
 )
 
 
-@njit
+@compiled
 def _record(row, m, inv, y, i):
     stator_currents(m, y, i)
     for c in range(4):
@@ -80,7 +81,7 @@ def _record(row, m, inv, y, i):
     row[9] = gates
 
 
-@njit
+@compiled
 def follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, grid, out, row):
     """Advance the machine over counts c0..c1 along the edges, recording a sample
     at every multiple of `grid` counts (0 = none). Returns the next record row."""
@@ -116,7 +117,7 @@ def follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, grid, out, row):
     return row
 
 
-@njit
+@compiled
 def _log(edges, logged, ps, n, start):
     """Append a segment's edges. Returns the new number of edges."""
     if logged + n > edges.shape[0]:
@@ -140,7 +141,7 @@ def _compile(source: int):
     file changes. The closure over `source` makes numba also notice changes in the files of the
     functions that the loop calls."""
 
-    @njit(cache=True, nogil=True)
+    @compiled(cache=True, nogil=True)
     def run_periods(
         n,
         first,
@@ -181,19 +182,21 @@ def _compile(source: int):
         grid = tm.period // tm.per_period if plant_out.shape[0] > 0 else 0
         row = 0
         width = channel_out.shape[1] * 4
+        # As a variable: for a literal 0 numba would compile the functions a second time.
+        none = np.int64(0)
         handle = uint64(drive)
         target = uint64(channels)
         for period in range(n):
-            count = pwm_segment(pm, regs, ps, 0, tm.sample_count, 0)
-            count = suppress_short_pulses(gd, pm, regs, ps, 0, tm.sample_count, 0, count)
+            count = pwm_segment(pm, regs, ps, none, tm.sample_count, none)
+            count = suppress_short_pulses(gd, pm, regs, ps, none, tm.sample_count, none, count)
             if edges.shape[0] > 0:
                 logged = _log(edges, logged, ps, count, (first + period) * tm.period)
-            row = follow(m, load, inv, se, y, vdc, ps, count, 0, tm.sample_count,
+            row = follow(m, load, inv, se, y, vdc, ps, count, none, tm.sample_count,
                          tm, grid, plant_out, row)  # fmt: skip
             sample(se, m, y, vdc, regs)
-            count = pwm_segment(pm, regs, ps, tm.sample_count, tm.write_count, 0)
+            count = pwm_segment(pm, regs, ps, tm.sample_count, tm.write_count, none)
             count = suppress_short_pulses(
-                gd, pm, regs, ps, tm.sample_count, tm.write_count, 0, count
+                gd, pm, regs, ps, tm.sample_count, tm.write_count, none, count
             )
             if tm.lost == 0:
                 fast_isr(handle)

@@ -25,8 +25,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numba.extending import overload
+
+from .compiled import NO_COUNTING, compiled
 
 #: Function of the contract -> model's name -> compiled function.
 _MODELS: dict[Callable, dict[str, Callable]] = {}
@@ -50,13 +51,12 @@ def implements(function: Callable, model: str) -> Callable:
     """Decorator: the function is this model's implementation of `function`."""
 
     def register(implementation: Callable) -> Callable:
-        @overload(function, strict=False)
+        @overload(function, strict=False, jit_options=NO_COUNTING)  # type: ignore[arg-type] # private
         def choose(m, *rest):
             return implementation if model in getattr(m, "fields", ()) else None
 
-        compiled = njit(implementation)
-        _MODELS[function][model] = compiled
-        return compiled
+        _MODELS[function][model] = compiled(implementation)
+        return _MODELS[function][model]
 
     return register
 
@@ -118,7 +118,7 @@ LOAD = np.dtype(
 DRY_RAD_S = 0.5
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def load_torque(load, omega):
     """Torque that the load takes at `omega` (mechanical rad/s)."""
     torque = load.constant_Nm + omega * (load.linear_Nms + load.quadratic_Nms2 * abs(omega))
@@ -130,7 +130,7 @@ def load_torque(load, omega):
     return torque
 
 
-@njit
+@compiled
 def rk4_step(m, load, y, v, dt, out, k, z):
     """One classical Runge-Kutta step from y to out (may be the same array).
 

@@ -16,8 +16,8 @@ switches of a leg are on, this is counted as a short, and the leg is taken as of
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from .compiled import compiled
 from .inverter import HIGH, LOW, OFF
 from .record import names_of, record
 
@@ -66,7 +66,7 @@ def pwm_record() -> np.record:
     return record(PWM, **{**zeros, **start})
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def _loads(mode, zero):
     """Whether a shadow register with LOADxMODE `mode` loads at zero (`zero`) or at period."""
     if zero:
@@ -74,7 +74,7 @@ def _loads(mode, zero):
     return mode == 1 or mode == 2
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def _leg_of_pins(ps, leg, a, b, active_low):
     """The leg state that follows from the levels of both pins."""
     upper = a != active_low
@@ -86,7 +86,7 @@ def _leg_of_pins(ps, leg, a, b, active_low):
     return np.int64(HIGH) if upper else np.int64(LOW)
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def _leg_of_band(ps, leg, band, dbctl, active_low):
     """The leg state that follows from the dead band's state. A is the delayed rise and B the
     delayed fall. POLSEL can invert either."""
@@ -95,7 +95,7 @@ def _leg_of_band(ps, leg, band, dbctl, active_low):
     return _leg_of_pins(ps, leg, a, b, active_low)
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def _forced(action, active_low):
     """Level of a pin in a trip: 1 high, 2 low. With any other action a resistor switches off."""
     if action == 1:
@@ -103,7 +103,7 @@ def _forced(action, active_low):
     return np.int64(0) if action == 2 else np.int64(active_low)
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def push_edge(ps, n, count, leg, state):
     """Insert in order of count; equal counts keep their order."""
     p = n
@@ -118,7 +118,7 @@ def push_edge(ps, n, count, leg, state):
     return n + 1
 
 
-@njit
+@compiled
 def pwm_segment(pm, regs, ps, c0, c1, n):
     """Emulate counts c0 <= count < c1 of one period.
 

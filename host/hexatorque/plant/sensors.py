@@ -7,8 +7,8 @@ is integrated together with the machine. Everything else is computed at the samp
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from .compiled import compiled
 from .machine import phase_current
 
 TWO_PI = 2.0 * np.pi
@@ -52,14 +52,14 @@ CEN, UPEVNT, QDF, COEF, CDEF = 0x8000, 0x80, 0x20, 0x08, 0x04
 TIMER = 1 << 16
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def _counts(value, step, full):
     """Round to converter steps and saturate below full scale."""
     counts = np.floor(value / step + 0.5) * step
     return np.int64(min(max(counts, 0.0), full - step))
 
 
-@njit
+@compiled
 def _uniform(se):
     """A random number, uniform in (0, 1), by xorshift64*. Each simulation has its own state."""
     x = se.random
@@ -70,33 +70,33 @@ def _uniform(se):
     return (np.float64((x * np.uint64(0x2545F4914F6CDD1D)) >> np.uint64(11)) + 0.5) * 2.0**-53
 
 
-@njit
+@compiled
 def _normal(se):
     """A random number, standard normal, by Box and Muller's method."""
     return np.sqrt(-2.0 * np.log(_uniform(se))) * np.cos(TWO_PI * _uniform(se))
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def _place(se, edge):
     """Position of an edge, in counts. The edges of channel B are displaced by
     `encoder_error_cycles`: its rise (1 mod 4) is late and its fall (3 mod 4) is early."""
     return edge + 4.0 * se.encoder_error_cycles * ((edge & 1) * (1 - (edge & 2)))
 
 
-@njit
+@compiled
 def _counter(se, counts):
     """The value of the quadrature counter at position `counts`: the last edge below it."""
     edge = np.int64(np.floor(counts))
     return edge + (_place(se, edge + 1) <= counts) - (_place(se, edge) > counts)
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def _tick(began, slope, way):
     """Capture clock `way` counts after it showed `began`."""
     return np.int64(np.floor(began + slope * way))
 
 
-@njit
+@compiled
 def _capture(se, counts, end, regs):
     """Capture unit: edges since the last sample, timed as if the speed between two
     samples were constant. Every 2^UPPS-th edge, in whichever direction, is a unit
@@ -144,7 +144,7 @@ def _capture(se, counts, end, regs):
     regs[se.eqep + QCTMR] = np.uint16(now - se.event_tick)
 
 
-@njit
+@compiled
 def filter_currents(se, m, y, dt):
     """Advance the current filters over the dt that ended at state y. A first-order lag
     tau di_f/dt = i - i_f, exact for currents that are straight lines over dt."""
@@ -158,14 +158,14 @@ def filter_currents(se, m, y, dt):
         se.i_last_A[leg] = i
 
 
-@njit
+@compiled
 def _sensed_A(se, m, y, leg):
     if se.i_filter_rad_s > 0.0:
         return se.i_filtered_A[leg]
     return phase_current(m, y, leg)
 
 
-@njit
+@compiled
 def sample(se, m, y, vdc, regs):
     """Convert the present state into the result registers and raise the flag that the
     fast interrupt acknowledges."""

@@ -1,5 +1,6 @@
-/* TI's flash APIs as far as the firmware calls them, over a model of the flash: what it takes, what
- * it holds after a power failure, and what it makes of a caller that breaks its rules.
+/* TI's flash APIs, as far as the firmware calls them, on a model of the flash. The model checks
+ * each access, knows the contents after a power failure, and reports a caller that breaks its
+ * rules.
  *
  * Modelled: an erased word is 0xFFFF; programming clears bits only; F28377S: eight words at an
  * address that is a multiple of eight, each 64 bits with their ECC once; an erase takes a whole sector; the
@@ -82,9 +83,10 @@ static void rules(uint32_t address)
     }
 }
 
-#define TORN_MOST 512u /* words of a torn sector that matter: more than a copy has */
+#define TORN_MOST 512u /* words of a torn sector that are modelled: more than a copy has */
 
-/* What a power failure leaves of `n` words that should have become `wanted` (NULL: erased). */
+/* Contents that a power failure leaves of `n` words that should have become `wanted` (NULL:
+ * erased). */
 static void power_fails(uint16_t *at, const uint16_t *wanted, unsigned n)
 {
     unsigned most = (n < TORN_MOST) ? n : TORN_MOST;
@@ -219,7 +221,7 @@ uint16_t ht_flash_word(uint32_t address)
 
 #else
 
-/* Looks of 50 us at an erase: slow, it takes longer than the watchdog waits. */
+/* Polls of 50 us during an erase. A slow erase takes longer than the watchdog waits. */
 #define ERASE_POLLS (fake_flash_slow ? 2000u : 10u)
 
 static bool initialised;
@@ -281,7 +283,7 @@ Fapi_StatusType Fapi_issueAsyncCommandWithAddress(Fapi_FlashStateCommandsType co
     if (fails(in_words(address, SECTOR), NULL, SECTOR)) {
         status = 0x10u;
         busy = 10u;
-        return Fapi_Status_Success; /* its machine tells later */
+        return Fapi_Status_Success; /* the flash's machine reports it later */
     }
     erase(at);
     busy = fake_flash_stuck ? 0xFFFFFFFFu : ERASE_POLLS;

@@ -1,4 +1,4 @@
-/* What must hold, or the fuzzer has found something. */
+/* A condition that must hold. If it does not, the fuzzer has found an error. */
 #ifndef CHECK_H
 #define CHECK_H
 

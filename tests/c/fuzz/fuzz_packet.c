@@ -1,5 +1,5 @@
-/* Fuzz target: frames in and out (firmware/link/ht_packet.c, ht_octets.c) against the
- * reference. The first octet of an input says what the others are. */
+/* Fuzz target: frames in and out (firmware/link/ht_packet.c, ht_octets.c) against the reference.
+ * The first octet of an input gives the meaning of the others. */
 #include <stdbool.h>
 #include <string.h>
 
@@ -10,7 +10,7 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-/* Octets as they may come; the receiver loses something before octet `lost`. */
+/* Any octets. The receiver loses some before octet `lost`. */
 static void take(const uint8_t *data, size_t n, size_t lost)
 {
     ht_incoming in;
@@ -80,7 +80,7 @@ static void there_and_back(const uint8_t *body, size_t n)
     take(&line[3], 2 * length, (size_t)-1);
 }
 
-/* A frame that is hit: pairs of place and change, then the body. */
+/* A damaged frame: pairs of place and change, then the body. */
 static void hit(const uint8_t *data, size_t n)
 {
     uint8_t frame[REFERENCE_FRAME];
@@ -102,7 +102,7 @@ static void hit(const uint8_t *data, size_t n)
     take(frame, length, (size_t)-1);
 }
 
-/* A body that is being made, beyond its end: pairs of kind and value. */
+/* A body that is filled beyond its end: pairs of kind and value. */
 static void build(const uint8_t *data, size_t n)
 {
     static ht_packet p;

@@ -1,9 +1,9 @@
 /* Fuzz target: everything behind the line (firmware/app/ht_service*.c, ht_dictionary.c,
  * firmware/link) with the drive and the register model below it.
  *
- * The first octet of an input says where it begins (rig.h), the rest is a program: what
- * the line brings, what time passes, what the sensors show. A step's low half octet is what
- * to do; with 0x10 set, requests wait on the line, else the rig lets them be answered.
+ * The first octet of an input says where it begins (rig.h). The others are a program of steps:
+ * octets from the line, time, values of the sensors. The low half of a step's octet is its kind.
+ * With 0x10 set, requests wait on the line, else the rig has them answered.
  */
 #include <string.h>
 
@@ -15,7 +15,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 #define STEPS 64u
 
-/* What is left of the input: zeros behind its end. */
+/* The remaining input. Behind its end there are zeros. */
 typedef struct {
     const uint8_t *at;
     size_t left;
@@ -36,7 +36,7 @@ static uint16_t next16(tape *t)
     return (uint16_t)(low | (next(t) << 8));
 }
 
-/* Up to `most` octets, as many as the next one says. */
+/* Up to `most` octets. The next octet says how many. */
 static size_t octets(tape *t, const uint8_t **at, size_t most)
 {
     size_t n = next(t);
@@ -48,7 +48,7 @@ static size_t octets(tape *t, const uint8_t **at, size_t most)
     return n;
 }
 
-/* Values within their ranges: so that some of them fit together. */
+/* Values within their ranges, so that some of them fit together. */
 static void write_valid(tape *t)
 {
     uint8_t pairs[4 * 6];
@@ -80,7 +80,7 @@ static void put32(uint8_t *at, uint32_t value)
     at[3] = (uint8_t)(value >> 24);
 }
 
-/* A capture of a sound length, the rest as it comes. */
+/* A capture of a valid length with any other values. */
 static void arm(tape *t)
 {
     uint8_t set_up[18 + 2 * 17] = {0};

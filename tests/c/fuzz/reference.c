@@ -14,8 +14,8 @@ uint32_t reference_crc(const uint8_t *octets, size_t n)
     return ~sum;
 }
 
-/* A block: its code, and up to 254 octets that are not zero. All but the longest stand for
- * a zero after them, which is not there after the last one. */
+/* A block: its code, and up to 254 octets that are not zero. Each block except the longest stands
+ * for a zero after it, but not the last block. */
 size_t reference_frame(const uint8_t *body, size_t n, uint8_t *frame)
 {
     uint8_t checked[REFERENCE_BODY + 4];

@@ -165,7 +165,7 @@ void rig_turn(void)
     rules_before_turn();
     the_rig.store_writes = 0;
     ht_service_turn(&the_rig.service);
-    ht_watchdog_first(&the_rig.port); /* the chip's own is not the subject */
+    ht_watchdog_first(&the_rig.port); /* the chip's own watchdog is not tested here */
     ht_watchdog_second(&the_rig.port);
     rules_turn();
 }
@@ -282,7 +282,7 @@ static void ask(uint8_t opcode, const char *payload, size_t n)
     CHECK(the_rig.service.reply.octet[2] == 0u);
 }
 
-/* Time passes, the host asks for the status meanwhile. */
+/* Let time pass, while the host asks for the status. */
 static void pass(unsigned ticks)
 {
     unsigned k;

@@ -1,5 +1,5 @@
-/* A drive with its link on the register model, its line in memory, and the means to put it
- * back into one of a few states at once. */
+/* A drive with its link on the register model and its line in memory. It can return to one of a few
+ * states at once. */
 #ifndef RIG_H
 #define RIG_H
 
@@ -25,7 +25,7 @@ enum {
     RIG_LOST,     /* the watchdog has stopped it: a fault, no session */
     RIG_CAPTURED, /* idle, streams on, a capture complete */
     RIG_BUSY,     /* running, streams on, a capture waits */
-    RIG_DEBUGGER, /* running, started from elsewhere, a session besides */
+    RIG_DEBUGGER, /* running, started by a debugger, while there is a session */
     RIG_STARTS
 };
 #define RIG_NONCE 0x1234u
@@ -40,7 +40,7 @@ typedef struct {
     uint32_t in_n;
     uint32_t in_at;
     uint32_t room;    /* octets that the line still takes from the device */
-    bool lost;        /* the receiver says so once */
+    bool lost;        /* the receiver reports it once */
     bool isr_in_read; /* a fast interrupt comes in the middle of a turn */
     bool isr_in_write;
     ht_store store;
@@ -52,7 +52,7 @@ typedef struct {
 
 extern rig the_rig;
 
-/* The first call sets it up, which takes a while. */
+/* The first call sets it up, which takes some time. */
 void rig_begin(unsigned start);
 
 /* `rules_fast` and `rules_turn` follow each. */
@@ -61,9 +61,9 @@ void rig_turn(void);
 void rig_slow(void);
 
 void rig_put(const uint8_t *octets, size_t n);
-/* A body as a frame, CRC and all. */
+/* A body as a complete frame. */
 void rig_put_body(const uint8_t *body, size_t n);
-/* A request of `session` in the dictionary's name, with the next id. */
+/* A request of `session` with the dictionary's CRC and the next id. */
 void rig_ask(uint8_t opcode, uint16_t session, const uint8_t *payload, size_t n);
 /* Turns, and an interrupt now and then, until all is read and the replies are sent. */
 void rig_settle(void);

@@ -15,7 +15,7 @@ static rules_before before;
 static bool reply_was_due;
 static bool in_turn;
 static bool interrupted; /* after the octets were read */
-static bool stopped;     /* somebody has asked for it */
+static bool stopped;     /* a request has asked for it */
 static uint16_t arrived[ARRIVED];
 static uint16_t arrived_n;
 static bool arrived_lost;
@@ -68,7 +68,7 @@ void rules_parameters(void)
     }
 }
 
-/* Nothing that the link has started runs without its host. */
+/* A drive that the link has started must not run without its host. */
 static void check_watchdog(void)
 {
     const ht_service *s = &the_rig.service;
@@ -79,7 +79,7 @@ static void check_watchdog(void)
         CHECK(the_rules.session != 0u);
         CHECK(the_rig.drive.tick - the_rules.session_tick <= ht_service_watchdog_ticks(s));
     } else {
-        /* whoever started it looks after it */
+        /* a drive that was started elsewhere is not guarded */
     }
 }
 
@@ -188,8 +188,8 @@ void rules_read(const uint16_t *octets, uint16_t n, bool lost)
     remember();
 }
 
-/* What every request does, carried out or not. */
-static void heed(const uint8_t *body, size_t n)
+/* The effect of every request, carried out or not. */
+static void restart_session_time(const uint8_t *body, size_t n)
 {
     if (n < 6u) {
         return;
@@ -207,7 +207,7 @@ static bool is_new(const uint8_t *body, size_t n)
         the_rules.damaged++;
         return false;
     }
-    heed(body, n);
+    restart_session_time(body, n);
     if (the_rules.answered && (crc == the_rules.last_crc)) {
         reply_was_due = true;
         return false;
@@ -250,7 +250,7 @@ static unsigned closed(uint8_t bodies[ARRIVED][REFERENCE_BODY + 4], size_t *leng
     rules_frame *f = &the_rules.to;
     unsigned count = 0;
     uint16_t k;
-    f->spoilt = f->spoilt || arrived_lost;
+    f->damaged = f->damaged || arrived_lost;
     for (k = 0; k < arrived_n; k++) {
         uint8_t octet = (uint8_t)arrived[k];
         size_t n;
@@ -261,19 +261,19 @@ static unsigned closed(uint8_t bodies[ARRIVED][REFERENCE_BODY + 4], size_t *leng
             f->n += (f->n <= RULES_FRAME) ? 1u : 0u;
             continue;
         }
-        n = ((f->n > RULES_FRAME) || f->spoilt) ? 0u
-                                                : reference_body(f->octet, f->n, bodies[count]);
+        n = ((f->n > RULES_FRAME) || f->damaged) ? 0u
+                                                 : reference_body(f->octet, f->n, bodies[count]);
         if (n != 0u) {
             stopped = stopped || ((bodies[count][0] == HT_OP_STOP) && (n == 6u));
             lengths[count] = n;
             count++;
-        } else if ((f->n != 0u) || f->spoilt) {
+        } else if ((f->n != 0u) || f->damaged) {
             the_rules.damaged++;
         } else {
             /* between two frames */
         }
         f->n = 0u;
-        f->spoilt = false;
+        f->damaged = false;
     }
     return count;
 }

@@ -1,4 +1,4 @@
-/* What docs/protocol.md promises, kept beside the device and compared with it. */
+/* A model of what docs/protocol.md promises. It is compared with the device. */
 #ifndef RULES_H
 #define RULES_H
 
@@ -12,10 +12,10 @@
 #define RULES_PARAMS 128u
 #define RULES_FRAME (2u * REFERENCE_FRAME)
 
-/* Octets of one direction, as far as no zero has closed them. */
+/* Octets of one direction that no zero has closed yet. */
 typedef struct {
     uint32_t n; /* more than RULES_FRAME: too long */
-    bool spoilt;
+    bool damaged;
     uint8_t octet[RULES_FRAME];
 } rules_frame;
 
@@ -46,13 +46,13 @@ void rules_turn(void);
 void rules_read(const uint16_t *octets, uint16_t n, bool lost);
 void rules_write(const uint16_t *octets, uint16_t n);
 
-/* All parameters are what they should be, and within their ranges. */
+/* All parameters have the expected values, within their ranges. */
 void rules_parameters(void);
 
 /* Fast interrupts per second: whole counts of the PWM clock. */
 double rules_rate_Hz(void);
 
-/* rules_requests.c. What a request finds. */
+/* rules_requests.c. The state that a request finds. */
 typedef struct {
     uint16_t state;
     uint16_t faults;

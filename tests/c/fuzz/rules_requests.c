@@ -1,4 +1,4 @@
-/* What each request must find and do, from the tables of docs/protocol.md. */
+/* The conditions and effects of each request, from the tables of docs/protocol.md. */
 #include <math.h>
 #include <string.h>
 
@@ -106,7 +106,7 @@ static bool sampling(const rules_before *b)
     return (b->capture >= HT_BURST_FILLING) && (b->capture <= HT_BURST_TRIGGERED);
 }
 
-/* What a WRITE must be answered, as far as single values decide. */
+/* The answer to a WRITE, as far as single values decide it. */
 static unsigned judged(const uint8_t *in, size_t n, const rules_before *b)
 {
     size_t k;
@@ -210,7 +210,7 @@ static void check_stream(const uint8_t *in, const rules_before *b, unsigned stat
     }
 }
 
-/* Does the field at `offset` of an ARM say something that cannot be? */
+/* Is the field at `offset` of an ARM out of range? */
 static bool wrong_in_arm(const uint8_t *in, uint32_t offset)
 {
     switch (offset) {
@@ -318,7 +318,7 @@ static void unchanged(unsigned opcode, const rules_before *b, bool refused, bool
         CHECK(s->burst.number == b->capture_number);
         CHECK(s->burst.setup.n == b->setup.n);
         CHECK(s->burst.setup.samples == b->setup.samples);
-        if (refused || (opcode != CANCEL)) { /* on it may go */
+        if (refused || (opcode != CANCEL)) { /* it may continue */
             CHECK(s->burst.state >= b->capture);
         }
     }

@@ -1,5 +1,5 @@
-/* A test program of the host on an ATmega2560: its tables stay in program memory, its
- * output goes out of the serial port. PROGRAM: its source. */
+/* A test program of the host on an ATmega2560: its tables stay in program memory, and its output
+ * goes to the serial port. PROGRAM: its source. */
 #include <avr/interrupt.h>
 #include <avr/io.h>
 #include <avr/pgmspace.h>

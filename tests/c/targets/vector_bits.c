@@ -1,5 +1,6 @@
-/* Every bit that the core makes of the test vectors' inputs: one checksum a table, to be the
- * same on all processors. (That they are right is for tests/c/test_vectors.c.) */
+/* Checks every bit that the core computes from the test vectors' inputs: one checksum per table,
+ * which must be the same on all processors. (tests/c/test_vectors.c checks that the results are
+ * right.) */
 #include <stdio.h>
 
 #include "ht_duty.h"

@@ -1,7 +1,7 @@
 """The drive application through its registers: states, protection, parameters.
 
-Every test turns the fast interrupt by hand and sets the ADC result registers the
-way the converter would; the trip flags tell whether the gates are on.
+The tests call the fast interrupt themselves and set the ADC result registers as the converter
+would. The trip flags show whether the gates are on.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ import pytest
 
 from hexatorque.firmware import Controller, FirmwareError, ffi, lib, parameters
 
-#: Results of six currents and the dc link, and how far to the left they are.
+#: Addresses of the results of six currents and the dc link, and the shift to the left.
 ADC = {
     "f28335": (range(0x7108, 0x710F), 4),
     "f28377s": ((0x0B00, 0x0B20, 0x0B01, 0x0B21, 0x0B02, 0x0B22, 0x0B03), 0),
@@ -19,7 +19,7 @@ CMPA = {"f28335": (0x6809, 0x40), "f28377s": (0x406B, 0x100)}
 QPOSCNT = {"f28335": 0x6B00, "f28377s": 0x5100}
 PIEACK, OST = 0x0CE1, 0x0004
 I_FULL, VDC_FULL = 30.0, 500.0
-#: Nothing below leans on a default; calibration and build-up: 20 and 100 interrupts.
+#: The tests do not depend on any default. Calibration and build-up take 20 and 100 interrupts.
 SETUP = {
     "f_isr_Hz": 10000.0, "f_slow_Hz": 100.0, "dead_time_us": 2.3, "load_mode": "shadow",
     "calibration_s": 0.002, "build_s": 0.01, "encoder_counts_rev": 8192.0, "pole_pairs": 2.0,
@@ -28,9 +28,9 @@ SETUP = {
     "torque_band_Nm": 0.5, "torque_inner_Nm": 0.289, "flux_ref_Wb": 0.6, "flux_min_Wb": 0.1,
     "observer": "hybrid", "crossover_Hz": 1.0, "rr_ohm": 2.0, "lr_H": 0.299, "lm_H": 0.284,
     "scheme": "ddr", "field_weakening": "off",
-    # One phase at a time is loaded below, which no machine could do.
+    # These tests load one phase at a time, which no machine could do.
     "i_sum_trip_A": 1000.0,
-    # Nor does the flux follow the shaft here, or the current the flux.
+    # The flux does not follow the shaft here, and the current does not follow the flux.
     "encoder_trip_rpm": 0.0, "flux_check": 0.0, "stuck_trip_A": 0.0,
 }  # fmt: skip
 POWERED = ("build", "run")
@@ -76,7 +76,7 @@ class Bench:
             lib.ht_drive_fast_isr(self.drive)
 
     def slow(self):
-        """A slow interrupt, with a fast one since the last slow one."""
+        """Run a fast interrupt and then a slow one."""
         self.drive.tick_last = (self.drive.tick - 1) & 0xFFFFFFFF
         lib.ht_drive_slow_isr(self.drive)
 
@@ -128,10 +128,9 @@ def test_legs_are_low_before_the_gates_come_on(bench):
     assert [int(bench.words[base + leg * stride]) for leg in range(6)] == [period] * 6
 
 
-def test_interrupt_within_a_start(bench):
-    """A start first sets the ticks to zero and last sets the state. The interrupt that comes
-    in between must not use up the tick in which the legs go low, nor count as a sample
-    of the offsets."""
+def test_an_interrupt_within_a_start_does_no_harm(bench):
+    """A start sets the ticks to zero first and the state last. An interrupt in between must not use
+    up the tick in which the legs go low, and it must not count as a sample of the offsets."""
     base, stride = CMPA[bench.device]
     bench.offset[:] = 100
     bench.controller.start()
@@ -209,8 +208,8 @@ def test_speed_from_the_encoder_across_its_wrap(bench):
 
 
 def test_rotor_angle_from_sample_to_sample(bench):
-    """Two pole pairs, 8192 counts: the electrical angle since the sample before, across the
-    counter's wrap; a counter that jumps counts as 1.5 rad at most."""
+    """With two pole pairs and 8192 counts, the test checks the electrical angle since the previous
+    sample, also across the counter's wrap. A jump of the counter counts as 1.5 rad at most."""
     address = QPOSCNT[bench.device]
 
     def turned(counts):
@@ -263,7 +262,7 @@ def test_fault_turns_the_gates_off_in_the_same_interrupt(bench, cause, bit):
 
 @pytest.mark.parametrize("state", ("calibrate", "build"))
 @pytest.mark.parametrize("case", (0, -3, -2))
-def test_faults_before_the_run(bench, state, case):
+def test_faults_before_the_run_turn_the_gates_off(bench, state, case):
     cause, bit = CAUSES[case]
     bench.run_to(state).fast()
     cause(bench)
@@ -332,7 +331,7 @@ def turn(bench, rpm):
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_over_speed(bench, sign):
+def test_over_speed_is_a_fault(bench, sign):
     bench.run_to("run")
     bench.controller.set("speed_trip_rpm", 2000.0)
     turn(bench, sign * 1900)
@@ -356,8 +355,8 @@ def test_no_start_into_a_turning_machine(bench, sign):
 
 
 def test_no_start_into_a_turning_machine_after_a_new_set_up(bench):
-    """A parameter that sets the drive up again does not stop the shaft, and the slow
-    period that is under way when it comes counts in full."""
+    """A parameter that sets the drive up again does not stop the shaft. The slow period in which it
+    comes counts in full."""
     turn(bench, 100)
     bench.controller.set("build_s", 0.02)
     with pytest.raises(FirmwareError, match="turning"):
@@ -380,7 +379,7 @@ def test_a_new_set_up_clears_no_fault(bench):
     kept = bench.controller.snapshot
     bench.vdc = 250.0
     bench.controller.clear()
-    bench.drive.faults = lib.HT_FAULT_VDC_LOW  # as where a stop overtakes the fault
+    bench.drive.faults = lib.HT_FAULT_VDC_LOW  # as if a stop overtook the fault
     bench.controller.set("build_s", 0.02)
     assert bench.controller.snapshot == kept
     with pytest.raises(FirmwareError):
@@ -511,8 +510,8 @@ def test_a_write_sets_all_parameters_or_none(bench):
 
 
 def pull_out_Nm(flux_Wb):
-    """Largest torque of the bench's machine over all slips, at this stator flux: air-gap
-    power over synchronous speed, from the equivalent circuit behind the stator."""
+    """The largest torque of the bench's machine over all slips at this stator flux. It is air-gap
+    power divided by synchronous speed, from the equivalent circuit behind the stator."""
     w, pairs = 2 * np.pi * 50, 2
     lr, lm, sigma_ls, rr = 0.299, 0.284, 0.025, 2.0
     ls = sigma_ls + lm**2 / lr
@@ -530,7 +529,7 @@ def test_the_torque_reference_stays_within_what_the_flux_can_give(bench, mode, s
     bench.controller.set("sigma_ls_H", 0.025)
     bench.controller.set("torque_ref_Nm", sign * 15.0)
     bench.controller.set("speed_ref_rpm", sign * 5000.0)
-    bench.controller.set("adapt_s", 0.0)  # or it gives way where the flux stands still
+    bench.controller.set("adapt_s", 0.0)  # else it would be lowered where the flux stands still
     bench.run_to("run")
     bench.slow()
     bench.fast()
@@ -658,7 +657,8 @@ def test_period_that_does_not_fit_the_counter_is_refused():
 
 @pytest.mark.parametrize("state", ("idle", "run"))
 def test_dead_time_that_the_board_does_not_allow_is_refused(bench, state):
-    """At least 1 us for the power stage. 10 bits at 150 MHz are 6.82 us; 20 us for any."""
+    """The minimum is 1 us for the power stage. 10 bits at 150 MHz are 6.82 us. The maximum of any
+    board is 20 us."""
     most = {"f28335": 6.82, "f28377s": 20.0}[bench.device]
     if state == "run":
         bench.run_to("run")
@@ -725,7 +725,7 @@ def test_low_trip_pin_is_a_fault_and_refuses_start_and_clear(bench, state):
     for command in (bench.controller.start, bench.controller.clear):
         with pytest.raises(FirmwareError, match=r"the trip pin is low .*: release it, then"):
             command()
-    assert bench.controller.registers.accesses - before == 2  # a look each, nothing written
+    assert bench.controller.registers.accesses - before == 2  # a check each, no write
     for _ in range(20):
         bench.fast()
         assert (bench.state, bench.gates_on, bench.drive.faults) == ("fault", False, EXTERNAL)
@@ -750,7 +750,7 @@ def test_trip_pin_that_goes_low_within_the_interrupt_that_switches_on(bench):
 @pytest.mark.parametrize("state", ("build", "run"))
 @pytest.mark.parametrize("leg", range(6))
 def test_trip_of_one_leg_alone_is_found(bench, state, leg):
-    """In RUN within six interrupts, in BUILD in the next."""
+    """In RUN it is found within six interrupts, in BUILD in the next one."""
     bench.run_to(state)
     bench.fast(2)
     base, stride = TZFLG[bench.device]
@@ -759,7 +759,7 @@ def test_trip_of_one_leg_alone_is_found(bench, state, leg):
     assert (bench.state, bench.gates_on, bench.drive.faults) == ("fault", False, EXTERNAL)
 
 
-def test_unknown_id():
+def test_an_unknown_id_is_refused():
     bench = Bench()
     before = everything(bench)
     for index in (lib.ht_param_count(), 0xFFFF):
@@ -792,7 +792,7 @@ def test_live_change_takes_effect_at_the_next_fast_interrupt(bench):
     assert config.table_law.flux_band_Wb == np.float32(0.02)
 
 
-def test_derived_configuration(bench):
+def test_the_configuration_follows_from_the_parameters(bench):
     clock = {"f28335": 150e6, "f28377s": 100e6}[bench.device]
     config = bench.drive.config.control
     assert config.period_counts == round(clock / 10000)
@@ -909,8 +909,8 @@ def test_slow_fault_reaches_the_gates_at_the_next_fast_interrupt(bench):
 
 
 def test_flux_check_works_through_the_registers(bench):
-    """Build-up leaves 0.6 Wb along 15 degrees; a current of many times the no-load one
-    along it belongs to no machine. 0.2 s of low-pass."""
+    """The build-up leaves 0.6 Wb along 15 degrees. A current along it of many times the no-load
+    current belongs to no machine. The low-pass has 0.2 s."""
     bench.run_to("run").fast(2)
     bench.controller.set("flux_check", 0.7)
     bench.controller.set("i_ab_trip_A", 100.0)
@@ -933,7 +933,7 @@ def test_slow_faults_do_not_count_with_the_gates_off(bench, state):
     bench.fast(3)
     assert (bench.state, bench.drive.faults) == (state, 0)
     bench.controller.set("encoder_trip_rpm", 150.0)
-    turn(bench, 2000)  # found nothing, and forgotten
+    turn(bench, 2000)  # finds nothing, and the earlier finding is dropped
     assert bench.drive.slow_faults == 0
     assert bench.drive.protect.speed_error_rpm == 0
     assert bench.state == state
@@ -993,7 +993,7 @@ def test_moving_sensors_are_not_stuck(bench):
     assert bench.state == "run"
 
 
-def test_derived_protection(bench):
+def test_the_protection_limits_follow_from_the_parameters(bench):
     """sigma L_s 25 mH, L_m 284 mH, L_r 299 mH, R_r 2 ohm, 2 pole pairs, +-30 A."""
     bench.controller.set("sigma_ls_H", 0.025)
     bench.controller.set("stuck_trip_A", 1.5)
@@ -1010,7 +1010,7 @@ def test_derived_protection(bench):
     for f in (10.0, 40.0, 100.0, 500.0):
         bench.controller.set("f_slow_Hz", f)
         c = bench.drive.config.protect
-        # Half a period behind, and the filter of the flux's speed 5 ms.
+        # The mean lags by half a period, the filter of the flux's speed by 5 ms.
         assert c.estimate_back == pytest.approx(max(0.5 - 0.005 * f, 0.0), abs=1e-6)
         for gain, seconds in ((c.flux_gain, 0.2), (c.encoder_gain, 0.05)):
             assert gain / (1 - gain) == pytest.approx(1 / (seconds * f), rel=1e-4)
@@ -1066,7 +1066,7 @@ def test_snapshot_is_of_the_first_fault_until_the_next(bench):
     bench.fast()
     first = kept(bench)
     assert bench.controller.snapshot["faults"] == ["dc-link voltage too low"]
-    bench.vdc, bench.amperes[2] = 450.0, 29.0  # more of it while in fault
+    bench.vdc, bench.amperes[2] = 450.0, 29.0  # another fault in the state fault
     bench.fast(5)
     bench.slow()
     assert (kept(bench), bench.drive.faults) == (first, lib.HT_FAULT_VDC_LOW)
@@ -1101,7 +1101,7 @@ def plant_event(bench, access):
     registers = bench.controller.registers
     registers.event_at = registers.accesses + access
     bench.fast()
-    assert registers.event_at == 0  # it did arrive
+    assert registers.event_at == 0  # the event did arrive
 
 
 @pytest.mark.parametrize("state", POWERED)
@@ -1114,7 +1114,7 @@ def test_event_during_the_interrupt_is_an_overrun(bench, state):
         plant_event(bench, access)
         if access in (1, total):
             assert (bench.state, bench.gates_on, bench.drive.faults) == (state, True, 0)
-            bench.fast()  # nor does it count as one later
+            bench.fast()  # it does not count as one later either
             assert (bench.state, bench.drive.faults) == (state, 0)
         else:
             assert (bench.state, bench.gates_on) == ("fault", False), access
@@ -1161,9 +1161,8 @@ def test_overrun_with_the_gates_off_does_nothing(bench, state):
 
 
 def test_the_flux_reference_is_reduced_at_standstill_under_load(bench):
-    """Adapting, loaded, the flux's mean speed below 2.5 rad/s: 92 % of the flux
-    reference, approached over the ramp; back above 4.5 rad/s, without load, without
-    adaptation."""
+    """With adaptation and load, and a mean flux speed below 2.5 rad/s, the flux reference goes to
+    92 %, over the ramp. It returns above 4.5 rad/s, without load, or without adaptation."""
     bench.controller.set("control_mode", "torque")
     bench.controller.set("torque_ref_Nm", 12.0)
     bench.run_to("run")
@@ -1198,9 +1197,9 @@ def slow_alone(bench):
 
 
 @pytest.mark.parametrize("state", ("idle", "calibrate", "build", "run"))
-def test_lost_fast_interrupt(bench, state):
-    """Two slow interrupts without a fast one in between: the gates go off in the second, which
-    says why, and what the drive was doing then."""
+def test_a_lost_fast_interrupt_turns_the_gates_off(bench, state):
+    """Two slow interrupts come without a fast one in between. The second one takes the gates off
+    and leaves the cause and a snapshot."""
     bench.fast()
     if state != "idle":
         bench.run_to(state)
@@ -1214,11 +1213,11 @@ def test_lost_fast_interrupt(bench, state):
     assert (snapshot["state"], snapshot["tick"]) == (state, bench.drive.tick)
     with pytest.raises(FirmwareError, match="not allowed in this state"):
         bench.controller.start()
-    # cleared, but still lost: off, and told again
+    # cleared, but still lost: gates off, and the fault again
     bench.controller.clear()
     slow_alone(bench)
     assert bench.controller.faults == ["fast interrupt lost"]
-    # it comes again: cleared for good
+    # it has returned, so a clear lasts
     bench.fast()
     assert not bench.gates_on
     bench.controller.clear()

@@ -6,9 +6,9 @@ import numpy as np
 
 
 def follow_leg(commands, dead, outward, end):
-    """Exact upper-level intervals of a leg: `commands` = [(time, level), ...] in
-    order, all legs low before. While both switches are off the current decides:
-    flowing out it holds the leg low, flowing in it holds it high."""
+    """The exact intervals in which a leg is high. `commands` = [(time, level), ...] are in order,
+    and all legs are low before. While both switches are off, the current decides: a current that
+    flows out holds the leg low, a current that flows in holds it high."""
     edges, level, pending = [], 0, None
     for time, command in [*commands, (np.inf, None)]:
         if pending is not None and pending <= time:

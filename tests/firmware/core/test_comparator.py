@@ -1,5 +1,5 @@
-"""ht_comparator against state machines written as the papers draw them: a list of
-levels, each left upwards or downwards at its own threshold.
+"""ht_comparator is compared with state machines that are written as the papers draw them: a list of
+levels, each of which is left upwards or downwards at its own threshold.
 """
 
 import numpy as np
@@ -11,8 +11,8 @@ from hexatorque.firmware import lib
 
 
 def settle(level, error, up, down):
-    """Walk the levels: up[level] is the error at which the next higher one is
-    entered (>=), down[level] at which the next lower one is (<=)."""
+    """Walk through the levels. The next higher level is entered at an error >= up[level], the next
+    lower one at an error <= down[level]."""
     while True:
         if level in up and error >= up[level]:
             level += 1
@@ -44,7 +44,7 @@ def near(value):
 
 
 def errors_around(draw, *thresholds):
-    """Any error, with the exact thresholds drawn often."""
+    """Any errors. The exact thresholds are drawn often."""
     pool = [e for t in thresholds for e in near(t)] + [0.0, np.inf, -np.inf]
     wide = st.floats(-30, 30, width=32)
     return draw(st.lists(st.one_of(st.sampled_from(pool), wide), min_size=1, max_size=25))
@@ -56,7 +56,7 @@ budget = settings(max_examples=120, deadline=None)
 
 @given(st.data(), bands)
 @budget
-def test_two_level(data, band):
+def test_two_level_comparator_follows_its_thresholds(data, band):
     level = data.draw(st.sampled_from([0, 1]))
     for error in errors_around(data.draw, band):
         got = lib.ht_compare_two_level(level, error, band, 0, 1)
@@ -66,8 +66,8 @@ def test_two_level(data, band):
 
 @given(st.data(), bands, st.floats(-1, 1, width=32))
 @budget
-def test_three_level(data, band, share):
-    """Released above the reference, at it, or beyond it."""
+def test_three_level_comparator_follows_its_thresholds(data, band, share):
+    """The release is below the reference, at it, or beyond it."""
     release = f32(share * band)
     assume(-band < release < band)
     level = data.draw(st.sampled_from([-1, 0, 1]))
@@ -79,7 +79,7 @@ def test_three_level(data, band, share):
 
 @given(st.data(), bands, st.floats(2**-10, 1, width=32))
 @budget
-def test_five_level(data, outer, share):
+def test_five_level_comparator_follows_its_thresholds(data, outer, share):
     inner = f32(share * outer)
     assume(0 < inner < outer)
     level = data.draw(st.sampled_from([-2, -1, 0, 1, 2]))
@@ -91,7 +91,7 @@ def test_five_level(data, outer, share):
 
 @given(st.data(), bands, st.floats(2**-10, 1, width=32))
 @budget
-def test_odd_symmetry(data, band, share):
+def test_the_opposite_error_gives_the_opposite_level(data, band, share):
     inner = f32(share * band)
     for error in errors_around(data.draw, band, inner):
         for last in (-2, -1, 0, 1, 2):
@@ -104,7 +104,7 @@ def test_odd_symmetry(data, band, share):
                 assert lib.ht_compare_two_level(-last, -error, band, -1, 1) == -two
 
 
-def test_nan_keeps_the_state():
+def test_an_error_of_nan_keeps_the_level():
     nan = float("nan")
     for last in (-2, -1, 0, 1, 2):
         assert lib.ht_compare_two_level(last, nan, 1, -1, 1) == last
@@ -113,7 +113,7 @@ def test_nan_keeps_the_state():
 
 
 def test_sweep_up_and_down_shows_the_bands():
-    """Switching errors of one slow triangle, counted in hundredths."""
+    """The error is a slow triangle in hundredths. The test lists where each comparator switches."""
     switched = {2: [], 3: [], 5: []}
     level = {2: -1, 3: 0, 5: 0}
     sweep = [*range(0, 150), *range(150, -150, -1), *range(-150, 150)]
@@ -137,6 +137,6 @@ def test_sweep_up_and_down_shows_the_bands():
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_three_levels_take_over_from_five(sign):
-    """A change of comparator in flight: level +-2 counts as +-1."""
+    """If the comparator is exchanged while the drive runs, level +-2 counts as +-1."""
     assert lib.ht_compare_three_level(2 * sign, sign * 0.2, 0.3, 0.0) == sign
     assert lib.ht_compare_three_level(2 * sign, -sign * 0.2, 0.3, 0.0) == 0

@@ -1,8 +1,8 @@
 """ht_control: the result of a control step is the one that the papers define for its scheme.
 
-State words are read back from the compare registers; directions, vectors and
-duties are recomputed here from geometry. The latency bookkeeping is checked on a
-machine without resistance, where flux is nothing but applied volt-seconds.
+State words are read back from the compare registers; directions, vectors and duties are recomputed
+here from geometry. The latency is checked on a machine without resistance, whose flux is the sum of
+the applied volt-seconds.
 """
 
 import itertools
@@ -29,7 +29,7 @@ ZEROS = (0, 21, 42, 63)
 
 
 def vector(word):
-    """alpha beta x y, pu of Vdc."""
+    """alpha, beta, x, y in units of Vdc."""
     return T @ (word >> np.arange(5, -1, -1) & 1)
 
 
@@ -79,8 +79,8 @@ class Drive:
         return words(self.out, self.cfg.period_counts)
 
     def place(self, psi, psi_xy=0j):
-        """Currents and an estimate that put the decided state at psi, psi_xy, with
-        the machine at rest: no torque, no voltage to come."""
+        """Set currents and an estimate so that the step decides at psi, psi_xy. The machine stands
+        still: it has no torque, and no voltage is pending."""
         self.state.observer.psi_Wb = [psi.real, psi.imag]
         i_xy = psi_xy / self.cfg.observer.lxy_H
         return (3 * T.T @ [0, 0, i_xy.real, i_xy.imag]).tolist()
@@ -100,7 +100,7 @@ def direction(table, sector, torque_up, flux_up):
 
 
 def is_valid(out, period, first):
-    """Every register a free toggle can use, guards kept, words of six bits."""
+    """Check that the registers keep the guards, and that the words have six bits."""
     if not 0 <= out.start <= 63:
         return False
     for leg in range(6):
@@ -114,7 +114,7 @@ def is_valid(out, period, first):
 
 
 def quiet(scheme, **changes):
-    """A drive that decides on exactly the given state: no latency, no resistance."""
+    """A drive without latency and resistance. It decides on exactly the given state."""
     options = {"predict": False, "observer__rs_ohm": 0.0, "dead__dead_pu": 0.0}
     return Drive(config(scheme, **(options | changes)))
 
@@ -142,7 +142,7 @@ def test_dtc1_applies_one_large_vector():
 
 
 def xy_fluxes():
-    """Twelve x-y fluxes of some size, none across a large vector."""
+    """Twelve x-y fluxes. None of them is perpendicular to a large vector."""
     for degrees in range(7, 367, 30):
         yield 0.02 * np.exp(1j * np.deg2rad(degrees))
 
@@ -215,11 +215,11 @@ def test_v0_is_the_only_zero_vector_if_configured(scheme):
         s, _ = at(drive, sector, 5, 0.6)
         others += min((z ^ s[2]).bit_count() for z in ZEROS) < s[2].bit_count()
         assert drive.step(torque=0.0) == (0, 0, 0)
-    assert others > 0  # nearest would have been another one
+    assert others > 0  # the nearest one would be another
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("torque", (0.1, -0.1))  # inside the band: no vector wanted
+@pytest.mark.parametrize("torque", (0.1, -0.1))  # inside the band, so no active vector is needed
 def test_low_flux_replaces_a_zero_vector(scheme, torque):
     """Below (1 - flux_hold) of the reference the vector nearest to the flux is
     applied, on the side of the torque error."""
@@ -241,7 +241,7 @@ def test_low_flux_replaces_a_zero_vector(scheme, torque):
 
 
 @pytest.mark.parametrize("hold", (True, False))
-def test_xy_integrators_during_zero_vectors(hold):
+def test_xy_integrators_hold_during_zero_vectors_if_configured(hold):
     drive = quiet("ddr", table_law__hold_on_zero=hold)
     i_xy = drive.place(0.4 + 0j, 0.0144 * (0.05 + 0.02j))
     drive.step(i_xy, 5.0)
@@ -260,7 +260,7 @@ def test_xy_integrators_continue_while_the_flux_is_raised():
 
 
 @pytest.mark.parametrize("levels", (2, 3, 5))
-def test_torque_levels(levels):
+def test_the_torque_comparator_has_the_configured_number_of_levels(levels):
     drive = quiet("fdr", table_law__torque_levels=levels)
     seen = []
     for torque in (0.1, 0.2, 0.4, 0.2, 0.1, -0.1, -0.2, -0.4, 0.0):
@@ -275,7 +275,7 @@ def test_torque_levels(levels):
 
 
 def test_xy_regulator_turns_with_the_flux():
-    """Integrators of the two frames, after one step from zero."""
+    """The integrators of the two frames after one step from zero."""
     for degrees in range(0, 360, 25):
         drive = quiet("ddr")
         turn = np.exp(1j * np.deg2rad(degrees))
@@ -291,7 +291,7 @@ def test_xy_regulator_turns_with_the_flux():
 
 
 def flux_of(applied):
-    """Volt-seconds of an `ht_applied`, per unit of the period, no dead time."""
+    """The volt-seconds of an `ht_applied` in units of the period, without dead time."""
     t = [0.0, applied.t[0], applied.t[1], applied.t[2], 1.0]
     states = [applied.before, *applied.s]
     if applied.s[0] == applied.s[1] == applied.s[2]:
@@ -337,9 +337,9 @@ def test_flux_is_the_volt_seconds_of_the_pattern_on_the_legs(scheme, shadow, fir
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_prediction_is_the_next_estimate(scheme):
-    """Without resistance and with steady currents nothing is uncertain: what the
-    comparators see now is the flux of the next sample, dead time included, also
-    where a delay runs on into the next period."""
+    """Without resistance and with steady currents the prediction must be exact. The comparators
+    must see the flux of the next sample, with dead time, also if a delay continues into the next
+    period."""
     drive = Drive(config(scheme, observer__rs_ohm=0.0, dead__dead_pu=0.05))
     drive.currents = (3 * T.T @ [2.0, 1.5, 0.6, 0.5]).tolist()  # x-y command at its limit
     expected, spilled = None, 0
@@ -358,9 +358,9 @@ def test_prediction_is_the_next_estimate(scheme):
 
 @pytest.mark.parametrize("shadow", (True, False))
 def test_dead_time_depends_on_the_current_at_each_edge(shadow):
-    """One vector a period, so all edges are at its start; currents whose signs change from
-    sample to sample. A rising edge costs the dead time where the current flows out, a
-    falling one brings it where it flows in."""
+    """There is one vector a period, so all edges are at its start. The signs of the currents change
+    from sample to sample. A rising edge loses the dead time if the current flows out. A falling
+    edge gains it if the current flows in."""
     cfg = config(
         "dtc1", shadow=shadow, predict=False, observer__rs_ohm=0.0, dead__dead_pu=0.05
     )  # fmt: skip
@@ -502,7 +502,7 @@ def test_low_pattern_has_no_edges():
     assert [*out.ca, *out.cb] == [PERIOD] * 12
 
 
-def test_vsd_is_the_transform():
+def test_six_currents_are_transformed_by_the_vsd_matrix():
     rng = np.random.default_rng(3)
     for six in rng.uniform(-30, 30, (50, 6)):
         v = lib.ht_vsd_from_six([{"p": six.tolist()}])
@@ -536,7 +536,7 @@ def test_vsd_is_the_transform():
         ({"observer__lxy_H": np.inf}, lib.HT_CONFIG_MACHINE),
     ],
 )
-def test_check_of_the_configuration(changes, status):
+def test_bad_configurations_are_refused_with_the_reason(changes, status):
     changes = dict(changes)
     scheme = changes.pop("scheme_", None)
     cfg = config(**changes)
@@ -545,9 +545,9 @@ def test_check_of_the_configuration(changes, status):
     assert lib.ht_control_check(cfg) == status
 
 
-def test_drops_of_the_devices():
-    """Each leg loses the threshold against its current, in full from i_zero on, in
-    proportion below; the flux moves by that much less."""
+def test_drops_of_the_devices_lower_the_estimated_flux():
+    """Each leg loses the threshold against its current: all of it if the current is above i_zero, a
+    proportional part below. The flux changes by that much less."""
     for i_u1 in (5.0, -5.0, 0.06, -0.06, 0.02, -0.02):
         i = np.array([i_u1, 0.0, -i_u1, 0.0, 0.0, 0.0])
         flux = []

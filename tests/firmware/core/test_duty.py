@@ -1,5 +1,5 @@
-"""ht_duty against the volt-seconds it promises: the three vectors of a virtual
-vector, weighted with the duties, must give the commanded x-y voltage.
+"""ht_duty is compared with its definition: the three vectors of a virtual vector, weighted with the
+duties, must give the commanded x-y voltage.
 """
 
 import numpy as np
@@ -34,14 +34,14 @@ unit = st.floats(-1, 1, width=32)
 
 
 @pytest.mark.parametrize(("group", "k"), PAIRS)
-def test_determinants(group, k):
+def test_all_vectors_of_a_group_have_the_same_determinant(group, k):
     matrix = np.vstack([vectors(group, k)[:, 2:].T, np.ones(3)])
     assert np.linalg.det(matrix) == pytest.approx(DETERMINANT[group], rel=1e-12)
 
 
 @given(unit, unit)
 @settings(max_examples=60, deadline=None)
-def test_volt_seconds_over_the_whole_box(ux, uy):
+def test_duties_give_the_commanded_voltage_over_the_whole_box(ux, uy):
     for group, k in PAIRS:
         limit = lib.ht_tmvcl_pu[group]
         x, y = np.float32(ux * limit), np.float32(uy * limit)
@@ -59,15 +59,15 @@ def test_the_commands_limit_is_reached_at_a_corner(group, k):
 
 
 @pytest.mark.parametrize(("group", "k"), PAIRS)
-def test_zero_command(group, k):
+def test_zero_command_gives_the_fixed_action_points(group, k):
     p = lib.ht_duty(group, k, {"x": 0, "y": 0})
     assert p.t1 == pytest.approx(2 - np.sqrt(3), rel=1e-7)
     assert p.t2 == pytest.approx(np.sqrt(3) - 1, rel=1e-7)
 
 
 @pytest.mark.parametrize(("group", "k"), PAIRS)
-def test_paper_equation_13(group, k):
-    """The printed cross-product form, K = 18 or 9 (2 - sqrt 3)."""
+def test_duties_are_those_of_paper_a_equation_13(group, k):
+    """The printed form with cross products. K is 18 or 9 (2 - sqrt 3)."""
     (x1, y1), (x2, y2), (x3, y3) = vectors(group, k)[:, 2:]
     gain = 18 if group == lib.HT_L else 9 * (2 - np.sqrt(3))
     x, y = 0.011, -0.019

@@ -1,6 +1,6 @@
-"""ht_observer: the voltage model against a double-precision integral, the
-prediction and the hybrid model against an exact simulation of a six-phase
-induction machine (paper B's data). The predictor has no rotor parameter.
+"""ht_observer: the voltage model is compared with a double-precision integral, the prediction and
+the hybrid model with an exact simulation of a six-phase induction machine (paper B's data). The
+predictor has no rotor parameter.
 """
 
 from functools import lru_cache
@@ -120,7 +120,7 @@ def torque_Nm(flux):
 
 @lru_cache
 def transition(omega):
-    """Exact discrete machine at constant speed: fluxes, and effect of 1 V."""
+    """The exact discrete machine at constant speed: transition of the fluxes, and effect of 1 V."""
     augmented = np.zeros((3, 3), complex)
     augmented[:2, :2] = -np.diag([RS, RR]) @ FROM_FLUX + np.diag([0, 1j * omega])
     augmented[0, 2] = 1.0
@@ -181,8 +181,8 @@ CROSSOVER = 2 * np.pi * 2.0  # rad/s
 
 
 def follow(gain, omega, periods, offset_V=0j):
-    """(true flux, estimated flux, true rotor flux, estimated) per period, from a
-    steady state, under a voltage measured with an offset."""
+    """For each period (true flux, estimated flux, true rotor flux, estimated rotor flux), from a
+    steady state. The voltage is measured with an offset."""
     flux, slip = operating_point(1.5, 0.0)
     cfg = config(hybrid_gain=gain * TS, kind=lib.HT_OBSERVER_HYBRID if gain else 0)
     state = start(stator_current(flux))
@@ -228,7 +228,7 @@ def test_hybrid_finds_an_unknown_initial_flux():
 
 @given(phasor, phasor)
 @settings(max_examples=60, deadline=None)
-def test_predicted_xy_flux(v, i100):
+def test_predicted_xy_flux_is_that_of_the_exact_equation(v, i100):
     i = f32(i100 / 100)
     got = lib.ht_observer_predict_xy(config(), start(), xy(v), xy(i))
     decay = np.exp(-RS / LXY * TS)
@@ -248,8 +248,8 @@ def test_prediction_does_not_change_the_state():
 @pytest.mark.parametrize("turn_rad", [0.02, 0.1, 0.3, 0.45])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_current_model_is_stable_at_large_steps(turn_rad, sign):
-    """Without current the rotor flux may only decay, however far the rotor turns in a
-    period; its own decay is set to almost nothing here."""
+    """Without current the rotor flux may only decay, however far the rotor turns in a period. Its
+    natural decay is almost zero here."""
     cfg = ffi.new("ht_observer_config *")
     cfg.ts_s, cfg.inv_ts, cfg.hybrid_gain = 2e-4, 5e3, 1e-3
     cfg.rotor_decay, cfg.rotor_drive, cfg.lm_over_lr = 1e-9, 1e-9, 0.95
@@ -264,14 +264,14 @@ def test_current_model_is_stable_at_large_steps(turn_rad, sign):
 
 # --- compensated voltage model: the controller hides what the observer gets wrong -----
 
-DC_RATIO = 0.1  # of the dc filter's corner and of the pull to the flux's speed
+DC_RATIO = 0.1  # dc filter's corner and correction gain, relative to the flux's speed
 COMPENSATED, HYBRID = lib.HT_OBSERVER_COMPENSATED, lib.HT_OBSERVER_HYBRID
 
 
 def controlled(kind, omega, torque, offset_V, seconds):
-    """(flux speed, currents, true minus estimated flux) per period of a machine at
-    constant speed whose controller turns the estimate on its circle, as DTC does, and
-    knows the voltage with a dc error only."""
+    """For each period (flux speed, currents, true minus estimated flux) of a machine at constant
+    speed. Its controller turns the estimate on its circle, as DTC does. The only error of the
+    voltage is a dc error."""
     flux, slip = operating_point(torque, 0.0)
     speed = omega + slip
     cfg, state = config(kind=kind), start(stator_current(flux))
@@ -297,7 +297,7 @@ def controlled(kind, omega, torque, offset_V, seconds):
 
 
 def parts(signal, speed):
-    """DC part and the part that turns with the flux, over the last third."""
+    """The dc part, and the part that turns with the flux, over the last third."""
     late = np.arange(len(signal))[-len(signal) // 3 :]
     basis = np.stack([np.ones(len(late)), np.exp(1j * speed * TS * late)], axis=1)
     return np.linalg.lstsq(basis, signal[late], rcond=None)[0]
@@ -307,10 +307,10 @@ def parts(signal, speed):
     ("omega", "torque"), [(OMEGA, 1.5), (-OMEGA, 1.5), (OMEGA, -1.5), (100.0, 0.0), (-100.0, 2.0)]
 )
 def test_compensated_bounds_the_true_flux_offset(omega, torque):
-    """Estimate free of dc: what the voltage lacks, the pull must make up for, so
-    offset + g sigma L_s i_dc = 0 with g = 0.1 |speed|. The machine's own flux offset e
-    drives i_dc = e/L(0) through its operational inductance at standstill of the field,
-    L(0) = L_s (1 - j w sigma T_r)/(1 - j w T_r), w its rotor's speed."""
+    """The estimate is free of dc, so the correction must cancel the error of the voltage: offset +
+    g sigma L_s i_dc = 0 with g = 0.1 |speed|. The machine's flux offset e drives i_dc = e/L(0).
+    L(0) = L_s (1 - j w sigma T_r)/(1 - j w T_r) is its operational inductance for a field that
+    stands still, and w is the rotor's speed."""
     offset = 0.5 - 0.3j
     seconds = 2.0 if abs(omega) == OMEGA else 6.0  # it settles slowly at low speed
     speed, i, error = controlled(COMPENSATED, omega, torque, offset, seconds)
@@ -332,7 +332,8 @@ def test_offset_of_the_pure_voltage_model_grows_without_end(omega):
 
 @pytest.mark.parametrize("omega", (OMEGA, -OMEGA, 60.0))
 def test_compensation_hardly_disturbs_the_fundamental(omega):
-    """The filter passes 0.1/(0.1 + j) of it, the pull integrates that at 0.1 w."""
+    """The filter passes 0.1/(0.1 + j) of the fundamental. The correction integrates this at 0.1
+    w."""
     speed, i, error = controlled(COMPENSATED, omega, 2.0, 0j, 1.0 if abs(omega) == OMEGA else 8.0)
     turning = parts(error, speed)[1]
     unit = SIGMA_LS * parts(i, speed)[1]
@@ -394,10 +395,10 @@ SETTLED_S = 0.8  # ten times 1/crossover
 
 
 def adapted(speed, torque, rs=1.0, rr=1.0, seconds=SETTLED_S, gain=None):
-    """State of the hybrid after following the exact machine in steady state, its flux
-    turning at `speed`, with resistances that start at `rs` and `rr` times the machine's
-    and, once settled, are adapted every 100th period; also the machine's flux and
-    current then."""
+    """The state of the hybrid observer after it has followed the exact machine in steady state,
+    with a flux that turns at `speed`. The resistances start at `rs` and `rr` times the machine's.
+    When the observer has settled, they are adapted every 100th period. Also returns the machine's
+    flux and current."""
     flux, slip = operating_point(torque, 0.0)
     i = stator_current(flux)
     periods = round(seconds / TS)
@@ -421,7 +422,7 @@ def adapted(speed, torque, rs=1.0, rr=1.0, seconds=SETTLED_S, gain=None):
 
 
 def trace(speed, flux, i):
-    """h: what the models differ by, per relative error of R_r, at flux speed `speed`."""
+    """h: the difference of the models per relative error of R_r, at flux speed `speed`."""
     x = (i / flux[1]).imag / (i / flux[1]).real
     return speed * LM / LR * flux[1] * x / (1 + 1j * x)
 
@@ -429,15 +430,15 @@ def trace(speed, flux, i):
 @pytest.mark.parametrize("torque", (-2.0, 0.7, 2.0))
 @pytest.mark.parametrize("speed", (-90.0, -30.0, 0.0, 8.0, 60.0))
 def test_models_differ_as_documented(speed, torque):
-    """(g0 + j w) D = r i - q h. Half the difference of two opposite errors is free of
-    what both leave alike: second order and discretisation."""
+    """(g0 + j w) D = r i - q h. Half the difference of two opposite errors cancels the effects that
+    both have: second order and discretisation."""
 
     def gap(**wrong):
         _, state, flux, i = adapted(speed, torque, **wrong)
         return cplx(state.gap_Wb), flux, i
 
     for r, q in ((0.05, 0.0), (0.0, 0.05), (0.05, 0.05), (0.05, -0.05)):
-        more, flux, i = gap(rs=1 - r, rr=1 - q)  # r, q: what the observer lacks
+        more, flux, i = gap(rs=1 - r, rr=1 - q)  # r, q: the errors of the observer's resistances
         less, *_ = gap(rs=1 + r, rr=1 + q)
         from_rs, from_rr = r * RS * i, -q * trace(speed, flux, i)
         got = (CROSSOVER + 1j * speed) * (more - less) / 2
@@ -456,7 +457,7 @@ def test_resistances_converge_to_the_machine(speed, torque, rs, rr):
     assert state.rr_scale == pytest.approx(1.0, abs=0.005)
 
 
-#: Share of an error that a slow interrupt takes away at `adapt_s` = 1 and 100 Hz.
+#: Share of an error that one slow interrupt removes at `adapt_s` = 1 and 100 Hz.
 GAIN = 1 / 101
 
 
@@ -474,9 +475,9 @@ def test_rotor_resistance_stays_if_nothing_depends_on_it(speed, torque, rs):
 
 @pytest.mark.parametrize("torque", (1.5, -1.5))
 def test_a_converging_rs_hardly_moves_rr_where_the_flux_stands_still(torque):
-    """While R_s converges the flux that should stand still shifts: an apparent speed, and so
-    an apparent trace of R_r. What R_r takes is a fraction of what R_s was wrong by, the
-    smaller the slower the adaptation."""
+    """While R_s converges, the flux that should stand still shifts. This looks like a speed, and so
+    like an error of R_r. The change of R_r must be a small part of R_s's error; the slower the
+    adaptation, the smaller it is."""
     moved = []
     for gain, seconds in ((5 * GAIN, 4.0), (GAIN, 12.0)):
         _, state, *_ = adapted(0.0, torque, 0.97, 1.3, seconds=seconds, gain=gain)
@@ -487,7 +488,8 @@ def test_a_converging_rs_hardly_moves_rr_where_the_flux_stands_still(torque):
 
 
 def test_one_step_takes_the_share_of_the_error():
-    """At low speed and with a strong trace; 0.1 of R_s's error, along i only."""
+    """At low speed one step with gain 0.1 removes 0.1 of R_s's error. Where R_r has a strong trace,
+    it removes about as much of R_r's error."""
     for rs in (0.95, 1.05):
         cfg, state, *_ = adapted(5.0, 2.0, rs=rs)
         lib.ht_observer_adapt(cfg, state, 0.1)
@@ -534,7 +536,8 @@ def test_resistances_in_use_stay_between_bounds(values, rs, rr, gain):
     for _ in range(2):
         assert 0.4999 * RS <= state.rs_ohm <= 1.6001 * RS
         assert 0.4999 <= state.rr_scale <= 1.6001
-        # A sane trace, resistances in use that are not: back between the bounds at once.
+        # The trace is normal, but the resistances in use are outside the bounds. They return at
+        # once.
         state = any_state([rr, rs, 40.0, 1.0, 1.0, 0.0, 0.01, 0.0, 0.3])
         lib.ht_observer_adapt(cfg, state, max(gain, 1e-3))
 
@@ -605,7 +608,8 @@ def test_the_voltage_model_uses_the_adapted_stator_resistance(kind):
 
 @pytest.mark.parametrize("scale", (0.6, 1.0, 1.5))
 def test_the_current_model_uses_the_adapted_rotor_resistance(scale):
-    """Standstill, constant current: psi_r approaches L_m i with L_r/(scale R_r)."""
+    """At standstill with constant current, psi_r approaches L_m i with the time constant L_r/(scale
+    R_r)."""
     i, periods = 1.5 - 0.5j, 2000
     cfg, state = config(kind=HYBRID), start(i)
     state.psi_r_Wb, state.rr_scale = [0.0, 0.3], scale

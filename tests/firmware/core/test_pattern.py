@@ -1,10 +1,9 @@
-"""ht_pattern against the hardware it is for.
+"""ht_pattern is compared with the hardware.
 
-Counts: a model of the up-counter with set/clear at zero and toggle at CA and CB
-(one action per count, CBU before CAU before ZERO) must reproduce S1 S2 S3.
-Volt-seconds: each leg's voltage is followed edge by edge in double precision
-through several periods, with the dead time acting as a delay that a reversed
-command cancels.
+Counts: a model of the up-counter with set/clear at zero and toggle at CA and CB (one action per
+count, CBU before CAU before ZERO) must reproduce S1 S2 S3. Volt-seconds: each leg's voltage is
+followed edge by edge in double precision through several periods. The dead time acts as a delay,
+and a reversed command cancels it.
 """
 
 import numpy as np
@@ -48,10 +47,10 @@ def counts(s, t1, t2, period, first=0):
 
 
 def leg_edges(out, leg, period, first):
-    """(count, level) of one period of the counter, the level before it unknown.
+    """(count, level) of one period of the counter. The level before it is unknown.
 
-    A dict keeps the last action at a count: written in rising priority, it is
-    what the action qualifier does. Counts from `period` on are never reached.
+    A dict keeps the last action at a count. The actions are written in rising priority, so this is
+    the action that the qualifier performs. Counts from `period` on are never reached.
     """
     action = {first: "start", out.ca[leg]: "toggle", out.cb[leg]: "toggle"}
     level = "lost"
@@ -96,7 +95,7 @@ def check_counts(s, t1, t2, period, first):
 
 
 @pytest.mark.parametrize("s", VIRTUAL + SINGLE)
-def test_every_pattern_of_the_schemes(s):
+def test_counts_give_every_pattern_of_the_schemes(s):
     rng = np.random.default_rng(sum(s))
     corners = [(0, 0), (0, 1), (1, 1), (0, 0.5), (0.5, 0.5), (0.5, 1)]
     for period in (8, 9, 100, 10000, 15000):
@@ -106,18 +105,18 @@ def test_every_pattern_of_the_schemes(s):
 
 @given(triples, ordered, periods)
 @settings(max_examples=250, deadline=None)
-def test_shadow_load(s, t, period):
+def test_counts_give_the_pattern_with_shadow_load(s, t, period):
     check_counts(s, *t, period, 0)
 
 
 @given(triples, ordered, periods, st.floats(0, 0.9))
 @settings(max_examples=250, deadline=None)
-def test_immediate_load(s, t, period, share):
+def test_counts_give_the_pattern_with_immediate_load(s, t, period, share):
     check_counts(s, *t, period, min(int(share * period), period - 4))
 
 
-def test_paper_a_equations_17_18():
-    """Fixed duties of the first virtual vector at TBPRD + 1 = 15000."""
+def test_counts_of_fixed_duties_are_those_of_paper_a_equations_17_18():
+    """The fixed duties of the first virtual vector at TBPRD + 1 = 15000."""
     out, _ = counts(VIRTUAL[0], 2 - np.sqrt(3), np.sqrt(3) - 1, 15000)
     assert out.start == 49
     assert list(out.ca) == [15000, 15000, 15000, 15000, 15000, 4019]
@@ -135,7 +134,7 @@ def test_unused_registers_hold_the_period():
 
 
 def volt_seconds(applied, dead, i_begin, i_end, spill, xy=True):
-    """The mean voltage, alpha beta x y; `spill` takes part on both sides."""
+    """The mean voltage alpha, beta, x, y. `spill` is input and output."""
     begin, end = ffi.new("ht_six *", {"p": i_begin}), ffi.new("ht_six *", {"p": i_end})
     flow = lib.ht_flow_at_edges(applied, *(lib.ht_flow_of(i, dead) for i in (begin, end)))
     v = lib.ht_volt_seconds(applied, ffi.NULL, dead, flow, begin, end, spill, spill, xy)
@@ -143,7 +142,7 @@ def volt_seconds(applied, dead, i_begin, i_end, spill, xy=True):
 
 
 def applied_sequence(patterns, dead, period, first):
-    """ht_applied of consecutive periods, all legs low before the first."""
+    """The ht_applied of consecutive periods. All legs are low before the first."""
     before, sequence = 0, []
     for s, (t1, t2) in patterns:
         _, applied = counts(s, t1, t2, period, first)
@@ -168,7 +167,7 @@ def compare_volt_seconds(patterns, outward, dead, period, first=0):
         ]
         on[leg] = follow_leg(commands, np.float32(dead), outward[leg], len(sequence))
     want = (T @ on).T
-    np.testing.assert_allclose(got, want, atol=1e-6)  # each period on its own
+    np.testing.assert_allclose(got, want, atol=1e-6)  # each period is independent
     np.testing.assert_allclose(np.sum(got, axis=0), want.sum(axis=0), atol=3e-6)
 
 
@@ -188,19 +187,20 @@ sequences = st.lists(st.tuples(triples, tight), min_size=1, max_size=6)
 
 @given(sequences, signs, dead_times)
 @settings(max_examples=400, deadline=None)
-def test_volt_seconds_shadow(patterns, outward, dead):
+def test_volt_seconds_with_shadow_load_follow_every_edge(patterns, outward, dead):
     compare_volt_seconds(patterns, outward, dead, 10000)
 
 
 @given(sequences, signs, dead_times, st.integers(0, 4999))
 @settings(max_examples=300, deadline=None)
-def test_volt_seconds_immediate(patterns, outward, dead, first):
+def test_volt_seconds_with_immediate_load_follow_every_edge(patterns, outward, dead, first):
     compare_volt_seconds(patterns, outward, dead, 10000, first)
 
 
 @pytest.mark.parametrize("outward", (True, False))
 def test_delay_that_ends_in_the_next_period(outward):
-    """An edge 1 % before the period's end, 5 % dead time: 4 % spill over."""
+    """An edge is 1 % before the period's end, and the dead time is 5 %. So 4 % continue in the next
+    period."""
     patterns = [((0, 0, 32), (0.5, 0.99)), ((32, 32, 0), (0.5, 0.99)), ((0, 0, 0), (1, 1))]
     compare_volt_seconds(patterns, [outward] * 6, 0.05, 10000)
 
@@ -250,10 +250,10 @@ def test_no_dead_time_gives_the_commanded_volt_seconds():
 
 
 def mean_levels(sequence, leg, dead, i_zero, current):
-    """Share of each period that a leg is high; current[n], current[n + 1] are its
-    current at the ends of period n. An edge is late by the dead time times the share of
-    current that opposes it, at most until the leg's next edge; what is left at the
-    period's end goes on until the leg's first edge in the next one."""
+    """The share of each period in which a leg is high. current[n] and current[n + 1] are its
+    current at the ends of period n. An edge is late by the dead time times the share of current
+    that opposes it, but no later than the leg's next edge. A delay that remains at the period's end
+    continues until the leg's first edge in the next period."""
     means, left = [], 0.0
     for a, begin, end in zip(sequence, current, current[1:]):
         levels = [bit(w, leg) for w in (a.before, *a.s)]
@@ -283,7 +283,7 @@ six_amperes = st.lists(amperes, min_size=6, max_size=6)
 
 @given(sequences, st.lists(six_amperes, min_size=7, max_size=7), dead_times, st.integers(0, 4999))
 @settings(max_examples=400, deadline=None)
-def test_volt_seconds_of_any_currents(patterns, currents, dead, first):
+def test_volt_seconds_are_right_for_any_currents(patterns, currents, dead, first):
     """Legs with a clear current direction, legs with currents around zero, and legs with short
     pulses, under shadow load (first = 0) and immediate load."""
     for start in (0, first):
@@ -305,7 +305,7 @@ def test_volt_seconds_of_any_currents(patterns, currents, dead, first):
 
 @given(sequences, six_amperes)
 @settings(max_examples=60, deadline=None)
-def test_x_and_y_only_if_requested(patterns, current):
+def test_x_and_y_are_computed_only_if_requested(patterns, current):
     dead = ffi.new("ht_dead_time *", {"dead_pu": 0.05, "i_zero_A": 0.05})
     spills = ffi.new("ht_spill[2]")
     for a in applied_sequence(patterns, 0.05, 10000, 0):
@@ -315,7 +315,7 @@ def test_x_and_y_only_if_requested(patterns, current):
 
 
 def test_a_prediction_does_not_change_the_stored_delay():
-    """`left` and `over` apart: what is left over stays for the period itself."""
+    """`left` and `over` are different objects, so the stored delay stays for the period itself."""
     late, back = applied_sequence(
         [((0, 0, 32), (0.5, 0.99)), ((32, 32, 0), (0.5, 0.99))], 0.05, 10000, 0
     )
@@ -334,7 +334,7 @@ def test_a_prediction_does_not_change_the_stored_delay():
     )
     assert left.legs == 0
     (plain,) = applied_sequence([((0, 32, 32), (0.5, 0.9))], 0.05, 10000, 0)
-    for pattern in (back, plain):  # and nothing is left over where nothing comes to be
+    for pattern in (back, plain):  # if no delay remains, `over` is cleared
         over.legs = 63
         lib.ht_volt_seconds(pattern, ffi.NULL, dead, flow, begin, begin, left, over, True)
         assert over.legs == 0
@@ -349,7 +349,7 @@ def test_current_flow_is_the_part_above_the_zero_current():
 
 
 def test_edges_at_the_start_use_the_currents_at_the_start():
-    """Legs whose only edges are at the start need no check when their current changes sign
+    """If the only edges of a leg are at the start, it does not matter that its current changes sign
     later."""
     dead = ffi.new("ht_dead_time *", {"dead_pu": 0.02, "i_zero_A": 0.25})
     out, none, into = ({"out": o, "in": i} for o, i in ((63, 0), (0, 0), (0, 63)))

@@ -1,5 +1,5 @@
-"""ht_protect: the causes that turn the gates off. They are compared with steady states from the
-machines' phasor equations, and with the bounds as documented."""
+"""ht_protect: the faults that turn the gates off. They are compared with steady states from the
+machines' phasor equations, and with the documented bounds."""
 
 import math
 import tomllib
@@ -35,7 +35,8 @@ def printed(setup):
     return machine, data["controller"]["flux_ref_Wb"]["value"], data["point"]["load_Nm"]["value"]
 
 
-#: pole pairs, R_r, L_s, L_r, L_m: both papers' machines, a leaky one, a tight and large one.
+#: Pole pairs, R_r, L_s, L_r, L_m of four machines: both papers', one with large leakage, and a
+#: large one with small leakage.
 MACHINES = [
     printed("paper-a")[0],
     printed("paper-b")[0],
@@ -129,7 +130,7 @@ def test_every_steady_state_lies_on_the_circle(machine, size):
         for angle in (0.0, 0.7, -2.0):
             psi = size * np.exp(1j * angle)
             i = current(machine, share * pull_out(machine), psi)
-            # At pull-out the circle runs along q: there rounding moves it most.
+            # At pull-out the circle is parallel to q, so rounding has the largest effect there.
             near = 2e-2 if abs(share) > 0.9 else 1e-4
             assert distance(machine, psi, i) < near / sigma(machine) / 10
 
@@ -147,8 +148,8 @@ def test_any_machine_lies_on_its_circle(leak_s, leak_r, rr, share, size):
 
 
 def off_circle(machine, z):
-    """Distance of z = (q, t), in no-load currents, from the nearest of the machine's own
-    steady states, pull-out included: a search over the slip."""
+    """The distance of z = (q, t), in no-load currents, from the machine's nearest steady state up
+    to pull-out, by a search over the slip."""
     slips = pull_out(machine) * np.concatenate([-np.geomspace(1e3, 1e-6, 400), [0.0],
                                                 np.geomspace(1e-6, 1e3, 400)])  # fmt: skip
 
@@ -164,8 +165,9 @@ def off_circle(machine, z):
 @pytest.mark.parametrize("machine", MACHINES)
 @pytest.mark.parametrize("wrong", (0.5, 0.7, 0.9, 1.2, 1.6, np.exp(0.3j), np.exp(-0.3j)))
 @pytest.mark.parametrize("share", (-0.2, 0.0, 0.2))
-def test_distance_of_a_wrong_flux(machine, wrong, share):
-    """Too small, too large, turned: the same current, seen from the estimate."""
+def test_a_wrong_flux_is_at_its_distance_from_the_circle(machine, wrong, share):
+    """The estimate is too small, too large or turned. The current is the same, but relative to the
+    estimate."""
     psi = 0.4 * np.exp(0.5j)
     i = current(machine, share * pull_out(machine), psi)
     estimate = psi * wrong
@@ -173,13 +175,14 @@ def test_distance_of_a_wrong_flux(machine, wrong, share):
     assert distance(machine, estimate, i) == pytest.approx(
         off_circle(machine, z), rel=2e-3, abs=1e-4
     )
-    # Without load: along the axis, from the no-load point unless the other end is nearer.
+    # Without load the distance is along the axis: from the no-load point, unless the other end is
+    # nearer.
     if share == 0 and not np.imag(wrong) and z.real < (1 + 1 / sigma(machine)) / 2:
         assert distance(machine, estimate, i) == pytest.approx(abs(1 / wrong - 1), rel=1e-4)
 
 
-def test_current_beyond_pull_out():
-    """More across the flux than any steady state has: above the circle."""
+def test_a_current_beyond_pull_out_is_off_the_circle():
+    """The current across the flux is larger than in any steady state, so it is above the circle."""
     machine = MACHINES[0]
     centre = (1 + 1 / sigma(machine)) / 2
     i = (3.0 + 2 * centre * 1j) * 0.4 / machine[2]
@@ -189,10 +192,10 @@ def test_current_beyond_pull_out():
 
 @pytest.mark.parametrize("machine", MACHINES)
 @pytest.mark.parametrize("rotor_rad_s", (-400.0, 400.0))
-def test_rms_of_a_flux_offset(machine, rotor_rad_s):
-    """The estimate turns on its circle, the machine's flux around an offset. That stands
-    still, so its current is the machine's at a slip of minus the rotor's speed; the flux
-    that turns sees it turn, which leaves the root of half its square."""
+def test_a_flux_offset_gives_the_rms_of_its_current(machine, rotor_rad_s):
+    """The estimate turns on its circle, and the machine's flux has an offset. The offset stands
+    still, so its current is that of the machine at a slip of minus the rotor's speed. Relative to
+    the turning flux this current turns, so its rms value is its magnitude / sqrt 2."""
     psi, offset = 0.5, 0.004 - 0.003j
     extra = current(machine, -rotor_rad_s, offset)
     cfg, state = config(machine, flux_gain=1e-3, no_load_A=psi / machine[2]), fresh()
@@ -217,9 +220,9 @@ def looks_until(fault, cfg, control, speed_rpm=0.0, most=2000):
 
 
 @pytest.mark.parametrize(("gain", "wrong"), [(0.05, 0.5), (0.05, 0.55), (0.01, 0.4), (1.0, 0.5)])
-def test_flux_threshold_and_low_pass(gain, wrong):
-    """No load, flux taken `wrong` times too large: d = 1/wrong - 1, its mean square after
-    n looks is d^2 (1 - (1 - gain)^n)."""
+def test_the_flux_check_trips_when_the_low_pass_reaches_the_threshold(gain, wrong):
+    """There is no load, and the estimated flux is `wrong` times too large: d = 1/wrong - 1. Its
+    mean square after n checks is d^2 (1 - (1 - gain)^n)."""
     machine, limit = MACHINES[0], 0.7
     d = 1 / wrong - 1
     n = np.arange(1, 2000)
@@ -247,7 +250,7 @@ def test_flux_limit_is_in_amperes():
         assert distance(machine, size + 0j, i, cfg=config(machine)) == pytest.approx(0.5, rel=1e-4)
 
 
-def test_flux_check_of_zero_is_off():
+def test_a_flux_check_of_zero_turns_the_check_off():
     machine = MACHINES[0]
     control = seen(0.6 + 0j, 5 * current(machine, 0.0, 0.6))
     assert looks_until("FLUX", config(machine, flux_check=1e-6), control) == 1
@@ -258,7 +261,7 @@ def test_flux_check_of_zero_is_off():
 
 
 def turning(machine, shaft_rpm, share, psi=0.6, rr_scale=1.0):
-    """Control state of the steady state at a share of the pull-out slip."""
+    """The control state of the steady state at a share of the pull-out slip."""
     slip = share * pull_out(machine)
     speed = shaft_rpm * np.pi / 30 * machine[0] + slip
     return seen(psi * 1j, current(machine, slip, psi * 1j), speed, rr_scale)
@@ -307,9 +310,9 @@ def test_encoder_threshold_is_at_its_documented_value(sign):
 
 @pytest.mark.parametrize("f_slow_Hz", (10.0, 40.0, 100.0))
 @pytest.mark.parametrize("rpm_per_s", (5000.0, -13000.0))
-def test_speeding_up_is_no_wrong_encoder(f_slow_Hz, rpm_per_s):
-    """A mean over the slow period lags a ramp by half the period, the flux's filtered
-    speed by 5 ms; the drive knows the difference as a share of the period."""
+def test_acceleration_is_not_taken_for_a_wrong_encoder(f_slow_Hz, rpm_per_s):
+    """On a ramp, a mean over the slow period lags by half the period, and the filtered speed of the
+    flux by 5 ms. The drive corrects the difference, which it knows as a share of the period."""
     machine = MACHINES[0]
     cfg = config(machine, encoder_trip_rpm=1.0, estimate_back=0.5 - 0.005 * f_slow_Hz)
     state = fresh()
@@ -376,7 +379,7 @@ def test_no_flux_and_no_current_is_no_fault():
     assert lib.ht_protect_slow(cfg, fresh(), seen(0j, 0j), 0.0) == 0
 
 
-def test_both_slow_faults_add_up():
+def test_both_slow_faults_are_reported_together():
     machine = MACHINES[0]
     cfg = config(machine, flux_check=0.7, encoder_trip_rpm=150.0)
     control = seen(0.6 + 0j, 5 * current(machine, 0.0, 0.6))
@@ -389,8 +392,8 @@ NEXT = {0: 2, 2: 4, 4: 0, 1: 3, 3: 5, 5: 1}  # u, v, w of set 1 and of set 2
 
 
 def watch(looks, leg=0, limit=100.0, elsewhere=None):
-    """Report of each look at `leg`; `looks`: (its reading, the sum of its set's other
-    two). Their shares and all other channels move about."""
+    """The report of each check of `leg`. `looks` are pairs of its reading and the sum of its set's
+    other two. The shares of these two, and all other channels, change all the time."""
     cfg, state = config(stuck_counts=limit), fresh()
     samples = ffi.new("ht_samples *")
     reports = []
@@ -438,7 +441,7 @@ def test_stuck_means_an_unchanged_reading(steps, seed, leg, limit):
 @given(seed, st.sampled_from((2, 20, 4096)))
 @settings(max_examples=40, deadline=None)
 def test_reading_that_moves_never_trips(seed, most):
-    """By any step but 0, modulo 4096; or by one count every 50 looks."""
+    """The reading moves by any step except 0, modulo 4096, or by one count every 50 checks."""
     rng = np.random.default_rng(seed)
     steps, other = rng.integers(1, most, 300), rng.integers(0, 4096, 300).tolist()
     assert not any(watch(zip(np.cumsum(steps) % 4096, other), limit=1.0))
@@ -448,7 +451,7 @@ def test_reading_that_moves_never_trips(seed, most):
 
 @pytest.mark.parametrize("leg", range(6))
 @pytest.mark.parametrize("sign", (1, -1))
-def test_stuck_at_exactly_the_limit_and_one_sample_later(leg, sign):
+def test_a_stuck_sensor_trips_at_exactly_the_limit(leg, sign):
     for moved, trips in ((100, True), (99, False)):
         looks = [(2048, 2000)] + [(2048, 2000 + sign * moved)] * 200
         reports = watch(looks, leg)
@@ -457,8 +460,8 @@ def test_stuck_at_exactly_the_limit_and_one_sample_later(leg, sign):
 
 @pytest.mark.parametrize("leg", range(6))
 def test_a_stuck_sensor_shows_only_in_the_sum_of_the_other_two(leg):
-    """`watch` moves each of them, and every other channel, all the time: so a load does
-    at standstill with a phase across whose axis it acts."""
+    """`watch` changes each of the other two, and every other channel, all the time. A load does the
+    same at standstill if it acts perpendicular to the axis of the phase."""
     assert not any(watch([(2048, 2000)] * 300, leg, limit=1.0))
 
 
@@ -467,12 +470,12 @@ def test_a_reading_that_moves_again_is_not_stuck():
     assert not any(watch(looks))
 
 
-def test_stuck_of_zero_is_off():
+def test_a_stuck_limit_of_zero_turns_the_check_off():
     assert not any(watch([(2048, 0)] + [(2048, 4095)] * 200, limit=0.0))
 
 
 def test_stuck_counters_saturate():
-    """16 bits would wrap after 65536 looks."""
+    """A counter of 16 bits would wrap after 65536 checks."""
     reports = watch([(2048, 2000)] + [(2048, 3000)] * 66000)
     assert not any(reports[: LOOKS + 1])
     assert all(reports[LOOKS + 1 :])
@@ -494,7 +497,7 @@ def sampled(i_A=(0,) * 6, vdc=250.0, speed=0.0, powered=True):
 
 
 def loop(leg, value):
-    """Currents that add up to zero in each set, with `value` in one phase."""
+    """Currents with `value` in one phase. In each set they add up to zero."""
     i = np.zeros(6)
     i[leg], i[NEXT[leg]] = value, -value
     return i
@@ -503,7 +506,7 @@ def loop(leg, value):
 @pytest.mark.parametrize("powered", (True, False))
 @pytest.mark.parametrize("leg", range(6))
 @pytest.mark.parametrize("sign", (1, -1))
-def test_phase_current(leg, sign, powered):
+def test_each_phase_trips_at_its_own_current_limit(leg, sign, powered):
     assert sampled(loop(leg, sign * 24.999), powered=powered) == 0
     assert sampled(loop(leg, sign * 25.001), powered=powered) == bit("OVERCURRENT")
     for bad in (NAN, sign * INF):
@@ -514,15 +517,15 @@ def test_phase_current(leg, sign, powered):
 
 
 @pytest.mark.parametrize("sign", (1, -1))
-def test_all_phases_at_once(sign):
-    """Six currents below the limit are no fault, whatever they amount to together."""
+def test_six_currents_below_the_limit_are_no_fault(sign):
+    """Six currents below the limit are no fault, however large they are together."""
     assert sampled([sign * 24.999] * 6, powered=False) == 0
     assert sampled([sign * 25.001] * 6, powered=False) == bit("OVERCURRENT")
 
 
 @pytest.mark.parametrize("leg", range(6))
 @pytest.mark.parametrize("sign", (1, -1))
-def test_current_sum_of_each_set(leg, sign):
+def test_the_current_sum_of_each_set_trips_at_its_limit(leg, sign):
     for value, want in ((1.999, 0), (2.001, bit("CURRENT_SUM"))):
         i = np.array([5.0, 7.0, -9.0, 4.0, 4.0, -11.0])  # both sets: 0
         i[leg] += sign * value
@@ -536,7 +539,7 @@ def test_sum_is_not_taken_across_the_sets():
 
 
 @pytest.mark.parametrize("powered", (True, False))
-def test_speed_and_voltage_bounds(powered):
+def test_speed_and_voltage_trip_at_their_bounds(powered):
     for value, want in ((1999.9, 0), (2000.1, bit("OVERSPEED")), (INF, bit("OVERSPEED"))):
         assert sampled(speed=value, powered=powered) == want
         assert sampled(speed=-value, powered=powered) == want
@@ -550,7 +553,7 @@ def test_speed_and_voltage_bounds(powered):
 
 
 @given(st.lists(st.booleans(), min_size=4, max_size=4))
-def test_faults_of_samples_add_up(present):
+def test_all_faults_of_the_samples_are_reported_together(present):
     over, unbalanced, fast, low = present
     i = loop(3, 26.0 if over else 1.0)
     i[0] += 3.0 if unbalanced else 0.0
@@ -569,7 +572,7 @@ def result(i=0j, psi=0.6 + 0j, torque=0.0, decided=0.0, reference=0.0, xy=0j):
     return lib.ht_protect_results(config(**LIMITS), control, reference)
 
 
-def test_magnitude_of_the_current():
+def test_magnitude_of_the_current_trips_at_its_bound():
     for angle in np.arange(0, 2 * np.pi, 0.1):
         assert result(i=29.99 * np.exp(1j * angle)) == 0
         assert result(i=30.01 * np.exp(1j * angle)) == bit("OVERCURRENT")
@@ -578,7 +581,7 @@ def test_magnitude_of_the_current():
 
 
 @pytest.mark.parametrize("sign", (1, -1))
-def test_bounds_of_the_flux(sign):
+def test_each_component_of_the_flux_trips_at_its_bound(sign):
     for unit in (1, 1j):
         assert result(psi=unit * sign * 1.499) == 0
         assert result(psi=unit * sign * 1.501) == bit("FLUX")
@@ -590,7 +593,7 @@ def test_bounds_of_the_flux(sign):
 
 @pytest.mark.parametrize("name", ("torque", "decided", "reference"))
 @pytest.mark.parametrize("sign", (1, -1))
-def test_finite_torques(name, sign):
+def test_torques_that_are_not_finite_trip(name, sign):
     assert result(**{name: sign * 0.99e6}) == 0
     for bad in (sign * 1.01e6, sign * INF, NAN):
         assert result(**{name: bad}) == bit("NONFINITE")
@@ -606,14 +609,14 @@ def test_xy_command_within_the_link_voltage(sign):
 
 
 def test_each_value_has_its_own_bounds():
-    """A value has its own bound, however many others are near theirs."""
+    """Each value has its own bound, also if many others are near theirs."""
     assert result(torque=0.99e6, decided=-0.99e6, reference=0.99e6, xy=0.99 - 0.99j) == 0
     assert result(torque=0.99e6, psi=2j) == bit("FLUX")
     assert result(torque=9e4, decided=9e4, reference=1.01e6) == bit("NONFINITE")
     assert result(xy=0.8 + 1.1j) == result(xy=1.1 + 0.8j) == bit("NONFINITE")
 
 
-def test_faults_of_results_add_up():
+def test_all_faults_of_the_results_are_reported_together():
     assert result(torque=NAN, psi=2j) == bit("NONFINITE")
     assert result(i=31j, psi=2j) == bit("OVERCURRENT") | bit("FLUX")
     assert result(i=31j, torque=NAN) == bit("OVERCURRENT") | bit("NONFINITE")

@@ -1,4 +1,4 @@
-"""ht_schemes.def: what the rows say follows from the papers and from geometry."""
+"""ht_schemes.def: the values of its rows follow from the papers and from geometry."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def group(radius):
 
 
 def zero_xy_mean(vectors):
-    """Mean alpha-beta vector of the shares, summing to 1, that leave no x-y voltage."""
+    """The mean alpha-beta vector without x-y voltage. The shares of the vectors add up to 1."""
     ab, xy = (np.array(part) for part in zip(*vectors))
     rows = np.array([np.ones(len(xy)), xy.real, xy.imag])
     shares = np.linalg.lstsq(rows, np.array([1.0, 0, 0]), rcond=None)[0]
@@ -33,7 +33,7 @@ def zero_xy_mean(vectors):
 
 
 def corners(row):
-    """The mean vectors that the scheme can hold for as long as it likes."""
+    """The mean vectors that the scheme can hold for any time."""
     large, medium = group(RADIUS["L"]), group(RADIUS["ML"])
     if row.vectors in (lib.HT_VECTORS_SINGLE, lib.HT_VECTORS_MODULATED):
         # Any x-y voltage: the first scheme ignores it, in the modulator it gives way. Then the

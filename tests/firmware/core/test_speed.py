@@ -1,5 +1,5 @@
-"""ht_speed against a textbook PI with conditional integration, and against what
-a flux reference must be: bounded, monotone, and within reach of Vdc.
+"""ht_speed is compared with a textbook PI with conditional integration. Its flux reference must be
+bounded, monotone, and within reach of Vdc.
 """
 
 import numpy as np
@@ -17,7 +17,8 @@ def config(limit=LIMIT):
 
 
 def textbook(integral, error, limit):
-    """(torque, integral after): integrate unless that pushes on at a limit."""
+    """(torque, new integral). The integral does not change if it would push further beyond a
+    limit."""
     wanted = KP * error + integral
     torque = min(max(wanted, -limit), limit)
     at_limit = torque != wanted
@@ -28,18 +29,18 @@ def textbook(integral, error, limit):
 
 @given(st.lists(st.floats(-300, 300, width=32), min_size=1, max_size=60))
 @settings(max_examples=150, deadline=None)
-def test_against_the_textbook(errors):
+def test_controller_agrees_with_the_textbook(errors):
     state = ffi.new("ht_speed_state *")
     for error in errors:
         before = state.integral_Nm
         torque, after = textbook(before, error, LIMIT)
         assert lib.ht_speed_step(config(), state, error) == pytest.approx(torque, abs=2e-5)
-        if abs(abs(KP * error + before) - LIMIT) > 1e-4:  # else rounding decides
+        if abs(abs(KP * error + before) - LIMIT) > 1e-4:  # otherwise rounding would decide
             assert state.integral_Nm == pytest.approx(after, abs=2e-5)
         assert abs(state.integral_Nm) <= LIMIT
 
 
-def test_no_windup():
+def test_the_integral_does_not_wind_up():
     state = ffi.new("ht_speed_state *")
     for _ in range(10000):
         assert lib.ht_speed_step(config(), state, 100.0) == LIMIT
@@ -91,7 +92,7 @@ def flux(vdc, omega, i):
     return lib.ht_flux_reference([[FLUX_MIN, REACH, RS]], [[FLUX, vdc, omega, i]])
 
 
-#: physical values in steps of 1/8: no underflow to argue about
+#: Physical values in steps of 1/8, so that nothing underflows.
 speeds = st.integers(-40000, 40000).map(lambda n: n / 8)
 voltages = st.integers(0, 4000).map(lambda n: n / 8)
 amperes = st.integers(0, 400).map(lambda n: n / 8)
@@ -124,7 +125,8 @@ def test_reference_is_bounded_for_any_input(vdc, omega, i):
     assert np.float32(FLUX_MIN) <= flux(vdc, omega, i) <= np.float32(FLUX)
 
 
-def test_base_speed():
-    """Paper A as printed: 250 V with 10 % margin carries 0.6 Wb up to 216 rad/s."""
+def test_full_flux_is_within_reach_up_to_the_base_speed():
+    """With paper A's printed values, 250 V with 10 % margin is sufficient for 0.6 Wb up to 216
+    rad/s."""
     assert flux(250.0, 216.0, 0.0) == np.float32(FLUX)
     assert flux(250.0, 433.0, 0.0) == pytest.approx(0.3, rel=1e-3)

@@ -1,6 +1,6 @@
-"""ht_speed_measure against an encoder that turns at a known speed. What a method cannot
-resolve is worked out here: one count in a slow period, one tick of the capture clock in
-a unit period.
+"""ht_speed_measure is compared with an encoder that turns at a known speed. The tests compute the
+resolution of each method: one count in a slow period, one tick of the capture clock in a unit
+period.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ COUNTS_REV, SLOW_HZ, CLOCK_HZ, SWITCH = 8192, 100, 150e6 / 128, 150.0
 COUNT = 60 * SLOW_HZ / COUNTS_REV  # r/min of one count in a slow period
 TICKS = 60 * 4 * CLOCK_HZ / COUNTS_REV  # r/min times ticks of four counts
 
-#: Small and large numbers, rare trouble: what sequences of looks are made of.
+#: Sequences of readings have small and large numbers, and sometimes an overflow or a reversal.
 words = st.integers(0, 60) | st.integers(0, 65535)
 counts = st.integers(-6, 6) | st.integers(-300, 300) | st.integers(-(2**31), 2**31 - 1)
 seldom = st.sampled_from([False] * 7 + [True])
@@ -34,7 +34,7 @@ class Measure:
         return lib.ht_speed_measure_step(self.config, self.state, moved, look)
 
     def steady(self, rpm, looks=4):
-        """Readings at constant speed, all of whose looks see an event."""
+        """Readings at constant speed. Each of them sees an event."""
         moved = round(rpm / COUNT)
         period = min(65535, int(TICKS / abs(rpm)))
         return [self.step(moved, period, 0, True, forward=rpm > 0) for _ in range(looks)]
@@ -43,7 +43,8 @@ class Measure:
 @given(st.lists(looks, min_size=1, max_size=20), st.sampled_from([0.0, 1e-3, SWITCH, 30000.0]))
 @settings(max_examples=300, deadline=None)
 def test_any_registers_give_a_speed_that_the_counts_allow(sequence, switch):
-    """Finite, never against the counts, never further than one count from them."""
+    """The speed is finite, never opposite to the counts, and never more than one count away from
+    them."""
     measure = Measure(switch)
     for moved, *registers in sequence:
         got = measure.step(moved, *registers)
@@ -61,20 +62,20 @@ def test_an_edge_that_never_comes_gives_zero_speed(sequence):
 
 
 @pytest.mark.parametrize("moved", (-(2**31), 2**31 - 1))
-def test_largest_differences(moved):
+def test_the_largest_count_differences_give_the_right_speed(moved):
     assert Measure().step(moved) == pytest.approx(moved * COUNT, rel=1e-6)
 
 
 @pytest.mark.parametrize("sign", (1, -1))
 @pytest.mark.parametrize("rpm", (0.6, 3.0, 30.0, 100.0, 149.0))
-def test_time_per_edge_below_the_switch_over(rpm, sign):
+def test_time_per_edge_is_used_below_the_switch_over(rpm, sign):
     readings = Measure().steady(sign * rpm)
     assert readings[-1] == pytest.approx(sign * rpm, rel=1.5 * rpm / TICKS)
 
 
 @pytest.mark.parametrize("sign", (1, -1))
 @pytest.mark.parametrize("rpm", (190.0, 1000.0, 6000.0))
-def test_edges_per_time_above(rpm, sign):
+def test_edges_per_time_is_used_above_the_switch_over(rpm, sign):
     """The captured period is deliberately wrong by a third. This must have no effect."""
     measure = Measure()
     moved = sign * round(rpm / COUNT)
@@ -83,9 +84,10 @@ def test_edges_per_time_above(rpm, sign):
     assert got == pytest.approx(moved * COUNT, rel=1e-6)
 
 
-def test_smooth_between_the_two():
-    """With the period 10 % long, the reading is a count low up to 150 r/min (more is not
-    believed), exact from 187.5 r/min on, and in between goes over without a step."""
+def test_the_transition_between_both_methods_is_smooth():
+    """The captured period is 10 % too long. Up to 150 r/min the reading is one count low (a larger
+    difference is not accepted). From 187.5 r/min on it is exact. In between it changes without a
+    step."""
     readings = []
     for moved in range(190, 265):
         measure = Measure()
@@ -100,7 +102,7 @@ def test_smooth_between_the_two():
     assert middle == pytest.approx(-0.5, abs=0.01)
 
 
-def test_decays_with_the_time_since_the_last_event():
+def test_the_speed_decays_with_the_time_since_the_last_event():
     measure = Measure()
     measure.steady(30.0)
     last = 30.0
@@ -109,15 +111,15 @@ def test_decays_with_the_time_since_the_last_event():
         assert 0 < got <= min(last, TICKS / age) * (1 + 1e-6)
         last = got
     assert measure.step(0, 1144, 100, overflow=True) == 0
-    # The timer has wrapped: the period it once took says nothing any more.
+    # The timer has wrapped, so the earlier period is not used any more.
     for age in range(6000, 65536, 12000):
         assert measure.step(0, 1144, age) == 0
 
 
 @pytest.mark.parametrize("disturbance", ("reversed", "overflow"))
-def test_interval_under_way_is_not_used(disturbance):
-    """After a reversal or an overflow: the interval that was under way then ends with the
-    next event, and its time (here nonsense) is not that of four edges."""
+def test_the_interval_of_a_reversal_or_an_overflow_is_not_used(disturbance):
+    """The interval in which a reversal or an overflow occurs ends with the next event. Its time (a
+    wrong value here) is not that of four edges."""
     measure = Measure()
     measure.steady(3.0)
     assert measure.step(4, 9, 0, True, **{disturbance: True}) == pytest.approx(4 * COUNT)
@@ -152,7 +154,7 @@ def test_a_period_too_short_for_the_counts_is_not_used():
 
 
 def test_a_time_of_zero_is_no_speed():
-    """Registers of zero do not contain a time between edges."""
+    """Registers of zero contain no time between edges."""
     measure = Measure()
     measure.steady(3.0)
     assert measure.step(4, 0, 0, True) == pytest.approx(4 * COUNT)

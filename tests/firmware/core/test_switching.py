@@ -1,5 +1,5 @@
-"""ht_switching against geometry: the sector from arctan2 in double precision, the
-tables from the sign of psi x v (torque) and psi . v (flux).
+"""ht_switching is compared with geometry: the sector with arctan2 in double precision, the tables
+with the signs of psi x v (torque) and psi . v (flux).
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ def vector(word):
 
 
 def on_circle(degrees, size):
-    """Float32 point near an angle, and the exact angle of that point."""
+    """A float32 point near an angle, and the exact angle of that point."""
     a, b = (
         np.float32(size * np.cos(np.deg2rad(degrees))),
         np.float32(size * np.sin(np.deg2rad(degrees))),
@@ -36,7 +36,7 @@ def on_circle(degrees, size):
     return float(a), float(b), np.rad2deg(np.arctan2(float(b), float(a)))
 
 
-def test_sector_on_a_dense_grid():
+def test_sector_agrees_with_arctan2_on_a_dense_grid():
     rng = np.random.default_rng(1)
     for degrees in np.arange(-360, 360, 0.0731):
         a, b, exact = on_circle(degrees, 10 ** rng.uniform(-3, 3))
@@ -44,7 +44,7 @@ def test_sector_on_a_dense_grid():
 
 
 @pytest.mark.parametrize("edge", range(15, 375, 30))
-def test_sector_at_every_edge(edge):
+def test_sector_changes_at_every_edge(edge):
     s = (edge + 15) // 30 % 12
     for size in (1e-6, 0.4, 1.0, 3.7e5):
         for eps in (2e-5, 1e-4, 1e-2):
@@ -87,8 +87,8 @@ def test_tables_from_first_principles(table, s):
 
 
 @pytest.mark.parametrize("s", range(12))
-def test_direction_along_the_flux(s):
-    """Of all directions the one nearest to the flux on the side of the torque."""
+def test_direction_along_the_flux_is_the_nearest_on_the_torques_side(s):
+    """It is the direction nearest to the flux on the side of the torque."""
     psi = np.exp(1j * np.deg2rad(30 * s))
     for ahead in (False, True):
         k = lib.ht_direction_along(s, ahead)
@@ -105,7 +105,7 @@ def test_direction_turns_with_the_sector():
                 assert lib.ht_direction(table, s, *up) == (first + s) % 12
 
 
-def test_paper_b_table_1_sector_0():
+def test_sector_0_is_as_printed_in_paper_b_table_1():
     words = [
         lib.ht_group[lib.HT_L][lib.ht_direction(lib.HT_TABLE_75_105, 0, torque_up, flux_up)]
         for torque_up, flux_up in ((1, 1), (1, 0), (0, 1), (0, 0))
@@ -114,7 +114,8 @@ def test_paper_b_table_1_sector_0():
 
 
 def flux_margins(table):
-    """Flux effect, positive = as asked, over sector width, box corners and groups."""
+    """The effect on the flux over the width of each sector, the corners of the box, and both
+    groups. It is positive if it has the demanded sign."""
     for group, limit in TMVCL.items():
         for s in range(12):
             for up in ((0, 0), (0, 1), (1, 0), (1, 1)):

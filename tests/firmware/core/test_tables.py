@@ -1,8 +1,8 @@
-"""ht_tables against a derivation from the six phase angles alone.
+"""ht_tables is compared with a derivation from the six phase angles alone.
 
-The generated tables are compared with numpy linear algebra that knows nothing
-but the winding geometry (0, 30, 120, 150, 240, 270 degrees; amplitude-invariant
-transform) and with the word lists and switching digits printed in the papers.
+The generated tables are compared with numpy linear algebra that uses only the winding geometry (0,
+30, 120, 150, 240, 270 degrees; amplitude-invariant transform), and with the word lists and
+switching digits that the papers print.
 """
 
 import itertools
@@ -48,19 +48,19 @@ def virtual(group, k):
 
 
 def duty_solution(group, k):
-    """(3, 3): rows t1 t2 t3, columns constant, per vx, per vy."""
+    """(3, 3): rows t1 t2 t3; columns: constant, factor of vx, factor of vy."""
     words = virtual(group, k)
     matrix = np.vstack([VECTORS[words][:, 2:].T, np.ones(3)])
     return np.linalg.solve(matrix, np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]], float))
 
 
-def test_transform_columns():
+def test_transform_follows_from_the_phase_angles():
     got = np.array([row(lib.ht_transform[leg]) for leg in range(6)]).T
     np.testing.assert_allclose(got, T, atol=3e-8)
     np.testing.assert_allclose(got @ got.T, np.eye(4) / 3, atol=1e-7)
 
 
-def test_all_64_vectors():
+def test_all_64_vectors_follow_from_the_phase_angles():
     got = np.array([row(lib.ht_vector[w]) for w in range(64)])
     np.testing.assert_allclose(got, VECTORS, atol=6e-8)
 
@@ -71,7 +71,7 @@ def test_groups_are_the_printed_words(group):
 
 
 @pytest.mark.parametrize("group", GOLDEN)
-def test_groups_by_size_and_angle(group):
+def test_groups_contain_the_vectors_of_one_size_in_order_of_angle(group):
     size = np.hypot(VECTORS[:, 0], VECTORS[:, 1])
     assert sorted(lib.ht_group[group]) == sorted(
         np.flatnonzero(abs(size - MAGNITUDE[group]) < 1e-9)
@@ -95,14 +95,14 @@ def test_large_vectors_advance_150_degrees_in_xy():
 
 
 @pytest.mark.parametrize("other", (lib.HT_L, lib.HT_S))
-def test_medium_large_opposes_in_xy(other):
+def test_medium_large_vectors_oppose_large_and_small_ones_in_xy(other):
     for k in range(12):
         a = VECTORS[lib.ht_group[other][k], 2:]
         b = VECTORS[lib.ht_group[lib.HT_ML][k], 2:]
         assert a @ b == pytest.approx(-np.linalg.norm(a) * np.linalg.norm(b), rel=1e-9)
 
 
-def test_first_leg_of_a_set():
+def test_first_leg_is_the_first_one_that_is_high():
     for word in range(64):
         legs = [leg for leg in range(6) if BITS[word][leg]]
         assert lib.ht_first_leg[word] == (legs[0] if legs else 6)
@@ -118,7 +118,7 @@ def test_nearest_zero_needs_fewest_transitions():
 
 
 @pytest.mark.parametrize("group", (lib.HT_L, lib.HT_ML))
-def test_duty_rows(group):
+def test_duty_rows_solve_the_voltage_equations(group):
     for k in range(12):
         want = duty_solution(group, k)
         r = lib.ht_duty_table[group][k]
@@ -146,7 +146,7 @@ def test_tmvcl_is_the_largest_box_with_duties_that_exist(group, printed):
     assert lib.ht_tmvcl_pu[group] == pytest.approx(printed, abs=5e-7)
 
 
-def test_tmvcl_ratio():
+def test_tmvcl_of_medium_large_vectors_is_1_plus_sqrt_3_times_larger():
     assert lib.ht_tmvcl_pu[1] / lib.ht_tmvcl_pu[0] == pytest.approx(1 + np.sqrt(3), rel=1e-6)
 
 
@@ -156,7 +156,7 @@ def digits(group, k):
     return "".join(str(d) for d in 4 * s[0] + 2 * s[1] + s[2])
 
 
-def test_paper_a_table_2():
+def test_switching_sequences_are_those_of_paper_a_table_2():
     assert [digits(lib.HT_L, k) for k in range(12)] == TABLE_II.split()
 
 

@@ -1,5 +1,6 @@
-"""The firmware against the language-neutral test vectors of tests/vectors, and those
-against the papers' print and against what their README says."""
+"""The firmware is compared with the test vectors of tests/vectors, which are for any language.
+The vectors are compared with the printed values of the papers, and with the statements of their
+README."""
 
 import itertools
 import json
@@ -35,7 +36,7 @@ def rows(file, table=None):
 # --- the firmware -----------------------------------------------------------------
 
 
-def test_states():
+def test_states_are_those_of_the_firmware():
     cases = rows("states")
     assert [c["word"] for c in cases] == list(range(64))
     for c in cases:
@@ -48,14 +49,14 @@ def test_states():
     assert sum(c["k"] is not None for c in cases) == 36
 
 
-def test_sectors():
+def test_sectors_are_those_of_the_firmware():
     cases = rows("sectors")
     assert {c["sector"] for c in cases} == set(range(12))
     for c in cases:
         assert lib.ht_sector({"alpha": c["alpha"], "beta": c["beta"]}) == c["sector"]
 
 
-def test_switching():
+def test_switching_table_is_that_of_the_firmware():
     number = {"45/135": lib.HT_TABLE_45_135, "75/105": lib.HT_TABLE_75_105}
     cases = rows("switching")
     assert len({tuple(c.values())[:4] for c in cases}) == 2 * 12 * 4
@@ -64,7 +65,7 @@ def test_switching():
         assert k == c["k"]
 
 
-def test_duties():
+def test_duties_are_those_of_the_firmware():
     cases = rows("duties")
     assert len(cases) == 2 * 12 * 37
     for c in cases:
@@ -72,7 +73,7 @@ def test_duties():
         assert (p.t1, p.t2) == pytest.approx((c["T1"], c["T2"]), abs=2e-6)
 
 
-def test_compare():
+def test_compare_registers_are_those_of_the_firmware():
     for c in rows("compare"):
         words = [63 * (c["sequence"] >> b & 1) for b in (2, 1, 0)]
         out, applied = ffi.new("ht_compare *"), ffi.new("ht_applied *")
@@ -90,7 +91,7 @@ def flux(degrees):
     return 0.02 * np.exp(1j * np.deg2rad(degrees))
 
 
-def test_decisions():
+def test_decisions_are_those_of_the_firmware():
     laws = {scheme: law(scheme) for scheme in ("dtc1", "dtc2", "dtc3")}
     cases = rows("decisions")
     assert len(cases) == 12 * (4 + 4 + 8)
@@ -103,18 +104,18 @@ def test_decisions():
 
 
 @pytest.mark.parametrize("scheme", ("dtc2", "dtc3"))
-def test_selection(scheme):
+def test_selection_by_xy_flux_is_that_of_the_firmware(scheme):
     decide = law(scheme)
     cases = rows("selection")
     assert len(cases) == 144
     for c in cases:
         group = "ML" if c["table"] == 2 else "L"
-        # Torque and flux to rise: direction k in sector k - 2.
+        # If torque and flux have to rise, direction k is chosen in sector k - 2.
         got = decide.words((c["k"] - 2) % 12, decide.full_level, True, flux(30 * c["xy_sector"]))
         assert got == (lib.ht_group[GROUP[group]][c["k"]],) * 3
 
 
-def test_virtual_vectors():
+def test_virtual_vectors_are_those_of_the_firmware():
     fdr = law("fdr")
     for c in rows("paper_a", "table_2"):
         assert fdr.words((c["k"] - 2) % 12, 1, True) == (c["word1"], c["word2"], c["word3"])
@@ -123,7 +124,7 @@ def test_virtual_vectors():
 # --- the print --------------------------------------------------------------------
 
 
-def test_paper_a_as_printed():
+def test_paper_a_is_as_printed():
     for c in rows("paper_a", "table_1"):
         sample, r_ab, r_xy, share = vectors.TABLE_I[c["group"]]
         assert (c["sample"], round(c["alpha_beta"], 4), round(c["x_y"], 4)) == (sample, r_ab, r_xy)
@@ -132,7 +133,7 @@ def test_paper_a_as_printed():
     assert ours == list(virtual_vectors.TABLE_II)
 
 
-def test_paper_b_as_printed():
+def test_paper_b_is_as_printed():
     for name, printed in (("table_1", tables.TABLE_I), ("table_2a", tables.TABLE_I),
                           ("table_2b", tables.TABLE_II_B)):  # fmt: skip
         ours = {(c["d_m"], c["d_psi"]): c["vector"] for c in rows("paper_b", name)}
@@ -175,7 +176,8 @@ def test_duties_give_the_commanded_volt_seconds():
 
 
 def counter(c):
-    """Levels after each change, of an up-counter whose compare events outrank its start."""
+    """The level after each change of an up-counter. Its compare events have a higher priority than
+    its start."""
     events = {c["first"]: "start", c["CA"]: "toggle"}
     assert c["CB"] not in events or c["CB"] == c["period"]
     events[c["CB"]] = "toggle"
@@ -191,7 +193,7 @@ def counter(c):
 def test_compare_registers_give_the_sequence():
     cases = rows("compare")
     assert {c["sequence"] for c in cases} == set(range(8))
-    assert min(c["T1"] for c in cases) == 0  # the hazards are among them
+    assert min(c["T1"] for c in cases) == 0  # they include the hazards
     assert any(0 < c["T1"] == c["T2"] < 1 for c in cases)
     for c in cases:
         s = [c["sequence"] >> b & 1 for b in (2, 1, 0)]
@@ -201,7 +203,7 @@ def test_compare_registers_give_the_sequence():
         assert [level for _, level in levels[1:]] == wanted
         used = [(c["CA"], c["T1"])] * (s[0] != s[1]) + [(c["CB"], c["T2"])] * (s[1] != s[2])
         for count, t in used:
-            # Half a count of rounding, and up to two where a guard moves an edge.
+            # Rounding is half a count. A guard moves an edge by up to two counts.
             assert abs(count - min(c["first"] + t * c["period"], c["period"])) <= 2
             if c["first"] + 2 < c["first"] + t * c["period"] < c["period"] - 3:
                 assert abs(count - (c["first"] + t * c["period"])) <= (
@@ -209,7 +211,7 @@ def test_compare_registers_give_the_sequence():
                 )
 
 
-def test_sectors_from_the_angle():
+def test_sectors_follow_from_the_angle():
     for c in rows("sectors"):
         angle = np.rad2deg(np.arctan2(c["beta"], c["alpha"])) - 30 * c["sector"]
         assert abs((angle + 180) % 360 - 180) < 15
@@ -243,7 +245,7 @@ def test_generator_does_not_import_hexatorque():
 
 
 def test_c_tables_hold_the_numbers_of_the_json_files():
-    """Read from the header by itself: every number of the columns that C uses."""
+    """The test reads the header itself: every number of the columns that C uses."""
     text = (VECTORS.parent / "c" / "vectors.h").read_text()
     code = {"45/135": 0, "75/105": 1, "dtc1": 0, "dtc2": 1, "dtc3": 2, "L": 0, "ML": 1}
     used = {

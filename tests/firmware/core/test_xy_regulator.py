@@ -1,5 +1,5 @@
-"""ht_xy_regulator against two textbook PI controllers in complex numbers: one in
-the frame e^{+j theta}, one in e^{-j theta}, outputs added, each axis clipped.
+"""ht_xy_regulator is compared with two textbook PI controllers in complex numbers: one in the frame
+e^{+j theta}, one in e^{-j theta}. Their outputs are added, and each axis is clipped.
 """
 
 import numpy as np
@@ -39,14 +39,14 @@ def clip(z, limit):
 
 
 def two_controllers(integral, i, theta, *, hold=False, kp=KP, ki=KI_TS, limit=LIMIT):
-    """(output, integrators after, before the clip)."""
+    """(output, new integrators, output before the clip)."""
     to_frame = np.exp(-1j * theta * np.array(list(FRAMES.values())))
     error = -i
     full = np.sum((kp * error * to_frame + integral) / to_frame)
     out = clip(full, limit)
     if hold:
         return out, integral, full
-    for axis in (1, 1j):  # an axis at its limit takes only errors that bring it back
+    for axis in (1, 1j):  # an axis at its limit integrates only errors that lead away from it
         part = (full * axis.conjugate()).real, (error * axis.conjugate()).real
         if abs(part[0]) > limit and part[0] * part[1] > 0:
             error -= part[1] * axis
@@ -60,7 +60,7 @@ angles = st.floats(-7, 7)
 
 @given(units, units, currents, angles, st.booleans(), st.floats(0, 0.2), st.floats(0, 1e-2))
 @settings(max_examples=400, deadline=None)
-def test_one_step(with_, against, i, theta, hold, kp, ki):
+def test_one_step_agrees_with_two_complex_pi_controllers(with_, against, i, theta, hold, kp, ki):
     state = fresh((with_, against))
     before = integrators(state)
     options = {"hold": hold, "kp": kp, "ki": ki}
@@ -91,7 +91,7 @@ def test_hold_freezes_the_integrators():
     assert (integrators(state) != before).all()
 
 
-def test_reset():
+def test_reset_clears_the_integrators():
     state = fresh((1 + 1j, 2 + 2j))
     lib.ht_xy_reset(state)
     assert not integrators(state).any()
@@ -99,10 +99,10 @@ def test_reset():
 
 @pytest.mark.parametrize("sequence", (1, -1))
 def test_each_frame_removes_its_own_sequence(sequence):
-    """R-L plane with a disturbance that turns with or against the flux: without
-    integrators a current remains, with them it dies out."""
+    """The plane has R and L, and a disturbance that turns with the flux or against it. Without
+    integrators a current remains. With integrators it decays."""
     r, length, ts, vdc, omega = 1.8, 0.01, 1e-4, 250.0, 60.0
-    rest = {}
+    remaining = {}
     for ki in (0.0, 2.5e-3):
         state, i, seen = fresh(), 0j, []
         for n in range(6000):
@@ -110,16 +110,16 @@ def test_each_frame_removes_its_own_sequence(sequence):
             v = vdc * step(state, i, theta, kp=0.02, ki=ki) + 2 * np.exp(1j * sequence * theta)
             i += ts / length * (v - r * i)
             seen.append(abs(i))
-        rest[ki] = np.mean(seen[-500:])
-    assert rest[0.0] > 0.1
-    assert rest[2.5e-3] < 0.01 * rest[0.0]
+        remaining[ki] = np.mean(seen[-500:])
+    assert remaining[0.0] > 0.1
+    assert remaining[2.5e-3] < 0.01 * remaining[0.0]
     strong, weak = integrators(state)[::sequence]
     assert abs(strong) == pytest.approx(2 / vdc, rel=0.05)
     assert abs(weak) < 0.1 * abs(strong)
 
 
-def test_no_windup():
-    """A long saturating error leaves nothing behind that delays the way back."""
+def test_the_integrators_do_not_wind_up():
+    """After a long error that saturates the output, nothing delays its return."""
     state = fresh()
     for _ in range(5000):
         out = step(state, 1.0 + 1.0j, 0.0)
@@ -138,6 +138,6 @@ def test_bad_input_gives_an_output_within_the_limits(where, bad):
         out = lib.ht_xy_step([[KP, KI_TS]], state, i, turn, LIMIT, False)
         for value in (out.x, out.y, *integrators(state).real, *integrators(state).imag):
             assert -np.float32(LIMIT) <= value <= np.float32(LIMIT)
-    for _ in range(2000):  # and the state recovers
+    for _ in range(2000):  # the state must recover
         out = step(state, 0.2 + 0.2j, 0.0, ki=1e-2)
     assert out == pytest.approx(-LIMIT * (1 + 1j), rel=1e-6)

@@ -23,7 +23,7 @@ MARK = 0x89ABCDEF
 MID = 2048
 PARAMETERS = {name: row.id for name, row in firmware.parameters().items()}
 CHANNELS = {name: k for k, (name, _) in enumerate(firmware.channels())}
-#: No machine is connected: nothing that asks for one, and a start that is soon over.
+#: No machine is connected, so the checks that need one are off, and the start is short.
 ALONE = {
     "encoder_trip_rpm": 0.0,
     "flux_check": 0.0,
@@ -32,7 +32,7 @@ ALONE = {
     "calibration_s": 0.001,
     "build_s": 0.01,
 }
-#: Fast interrupts from a start to the state run, with some to spare.
+#: Fast interrupts from a start to the state run, with a margin.
 TO_RUN = 150
 
 
@@ -66,14 +66,14 @@ class Device:
         self.session = 0
         self.dictionary = self.service.dictionary & 0xFFFF
         self._bytes = b""
-        self.bodies: list[bytes] = []  # all that came and was no reply that was waited for
+        self.bodies: list[bytes] = []  # all bodies that came, except the expected replies
         for which in range(7):
             self.sense(which, MID)
         if session:
             assert self.ask(OPEN, struct.pack("<HI", NONCE, MARK)).status == DONE
             self.session = NONCE
 
-    # -- the world ---------------------------------------------------------------------
+    # -- sensors and time ---------------------------------------------------------------------
 
     def sense(self, which: int, counts: int) -> None:
         """Sensor 0 .. 5: a current, 6: the dc link."""
@@ -155,7 +155,7 @@ class Device:
         return value
 
     def watchdog(self) -> tuple[bool, int]:
-        """Armed, ms left; asked without the session."""
+        """(armed, ms left), by a STATUS without the session."""
         flags, _, left_ms, *_ = struct.unpack("<BBHIIIIB", self.ask(STATUS, session=0).payload)
         return bool(flags & 4), left_ms
 

@@ -1,4 +1,4 @@
-"""The worked examples of docs/protocol.md: made by the firmware, byte by byte.
+"""The examples of docs/protocol.md, made by the firmware byte by byte.
 
 `python tests/firmware/link/protocol_examples.py` writes them into the page anew.
 """
@@ -33,12 +33,12 @@ BEGIN, END = (
     "<!-- examples: made by tests/firmware/link/protocol_examples.py -->\n",
     "<!-- end -->\n",
 )
-#: Instead of the real one, which every change of a text in the tables would change.
+#: An invented CRC, because every change of a text in the tables changes the real one.
 DICTIONARY = 0xBEEF0BAD
-#: Fast interrupts between a request and a look at what came.
+#: Fast interrupts between a request and the reading of the reply.
 STEP = 60
 
-#: Fields as (code of struct, or z for a text, name).
+#: Fields as (code of struct, name). The code z is a text.
 REQUEST = "B opcode, B id, H session, H dictionary"
 REPLY = "B opcode, B id, B status, B state, H faults, I tick"
 SAMPLE = "B type, B number, I tick"

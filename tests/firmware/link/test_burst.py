@@ -1,5 +1,5 @@
-"""Burst capture, directly and over the line, compared with a model that has the whole signal and
-searches it for the trigger afterwards."""
+"""Burst capture, directly and over the line. It is compared with a model that has the whole signal
+and searches for the trigger afterwards."""
 
 import struct
 import zlib
@@ -38,7 +38,7 @@ SIZE = 120
 
 
 class Burst:
-    """The C's, fed with rows of a signal (ticks, channels)."""
+    """The capture in C. It is fed with rows of a signal (ticks, channels)."""
 
     def __init__(self, size: int = SIZE, first_tick: int = 1) -> None:
         self.burst = ffi.new("ht_burst *")
@@ -70,7 +70,7 @@ class Burst:
         return self.burst.state
 
     def finish(self):
-        """Sum up; the values, oldest first, as float32."""
+        """Sum up, and return the values as float32, the oldest first."""
         turns = 0
         while self.state == lib.HT_BURST_SUMMING:
             lib.ht_burst_sum(self.burst)
@@ -103,9 +103,9 @@ def fires(kind, level, signal, faults, commands, k):
 
 
 def model(kind, level, before, samples, signal, faults, commands, manual):
-    """Index of the trigger's sample, or None. All are per sample, not per tick. Edges of
-    faults and levels are looked at from the first sample on; nothing counts before
-    `before` samples are in memory, but a manual trigger waits for that."""
+    """The index of the trigger's sample, or None. All arguments are per sample, not per tick. Edges
+    of faults and levels are checked from the first sample on. No trigger counts before `before`
+    samples are in memory, but a manual trigger is kept until then."""
     for k in range(len(signal)):
         if k >= before and (
             fires(kind, level, signal, faults, commands, k) or (manual is not None and k >= manual)
@@ -132,12 +132,15 @@ values = st.sampled_from([np.nan, -np.inf, np.inf, -2.0, -1.0, -0.0, 0.0, 1.0, 1
 @example(RISING, 0.0, 1, 1, (3, 0), [-1.0, 0.0, 1.0, 2.0, 2.0], [False] * 60, set(), None)
 @example(RISING, 0.0, 1, 1, (3, 2), [-1.0, np.nan, 1.0, -1.0, 1.0], [False] * 60, set(), None)
 @example(FAULT, 0.0, 2, 1, (4, 3), [0.0] * 30, [True] * 10 + [False] * 4 + [True] * 46, set(), None)
-def test_against_brute_force(kind, level, n, prescaler, size, signal, faults, commands, manual):
+def test_captures_agree_with_a_search_over_the_whole_signal(
+    kind, level, n, prescaler, size, signal, faults, commands, manual
+):
     samples, before = size[0], size[1] % size[0]
     n = min(n, SIZE // samples)
     burst = Burst()
     assert burst.arm(n, kind, prescaler, samples, before, 0, level)
-    # One row per tick, the trigger's channel first; the others tell tick and channel.
+    # One row per tick, with the trigger's channel first. The values of the other channels encode
+    # tick and channel.
     ticks = len(signal) * prescaler
     rows = np.add.outer(100.0 * np.arange(ticks), np.arange(n)).astype(np.float32)
     rows[:, 0] = np.repeat(np.array(signal, np.float32), prescaler)
@@ -148,8 +151,8 @@ def test_against_brute_force(kind, level, n, prescaler, size, signal, faults, co
         if t == manual:
             burst.burst.manual = 1
         burst.sample(rows[t], faults[t // prescaler])
-    # Samples are those of ticks 0, prescaler, 2 prescaler ...; a command or a manual trigger
-    # before tick t shows at the next sample.
+    # Samples are taken at ticks 0, prescaler, 2 prescaler ... A command or a manual trigger before
+    # tick t acts at the next sample.
     taken = rows[::prescaler]
     commanded = np.zeros(len(taken) + 1, bool)
     commanded[[-(-t // prescaler) for t in commands if t < ticks]] = True
@@ -169,7 +172,7 @@ def test_against_brute_force(kind, level, n, prescaler, size, signal, faults, co
     assert got.tobytes() == taken[first : first + samples].tobytes()
 
 
-def test_bounds():
+def test_captures_outside_the_bounds_are_refused():
     burst = Burst()
     good = dict(n=3, trigger=RISING, prescaler=1, samples=40, before=39, level=0.0)
     assert burst.arm(**good)
@@ -201,7 +204,7 @@ def test_bounds():
         assert burst.arm(**{**good, **change}), change
 
 
-def test_numbers_and_tick_wrap():
+def test_capture_numbers_and_ticks_wrap():
     burst = Burst(first_tick=2**32 - 2)
     for k in range(300):
         assert burst.arm()
@@ -214,7 +217,7 @@ def test_numbers_and_tick_wrap():
     assert burst.finish()[:, 0].tolist() == [1, 2, 3, 4]
 
 
-def test_cancel():
+def test_a_cancelled_capture_takes_no_more_samples():
     burst = Burst()
     burst.arm(samples=4, before=2)
     burst.sample(np.float32([1]))
@@ -247,7 +250,7 @@ def progress(device):
 
 
 def read(device, first, count):
-    """{place: values} as it comes, after the reply."""
+    """{place: values} of the data that come after the reply."""
     device.bodies.clear()
     device.done(READ, "II", first, count)
     device.tick(40 + 2 * count)
@@ -261,9 +264,9 @@ def read(device, first, count):
     return found
 
 
-def test_capture_and_upload():
-    """Sample for sample what the channels were; in pieces, some of them again, and while a
-    stream takes most of the line."""
+def test_a_capture_is_uploaded_sample_for_sample():
+    """The capture has every sample of the channels. It is read in pieces, some of them twice, while
+    a stream takes most of the line."""
     device = Device()
     names = ("i_u1_A", "i_u2_A", "vdc_V")
     assert arm(device, *names, trigger=RISING, level=2.0, samples=150, before=60).status == DONE
@@ -328,7 +331,7 @@ def completed(device):
 
 
 @pytest.mark.parametrize("how", ["refused", "armed", "cancelled", "zero values", "another"])
-def test_a_read_that_is_not_finished(how):
+def test_a_read_ends_with_its_capture_or_by_a_read_of_zero_values(how):
     device = Device(baud=115200)
     completed(device)
     device.done(READ, "II", 0, 3000)
@@ -367,7 +370,7 @@ def test_command_is_a_trigger(make):
     device = Device()
     arm(device, "state", trigger=COMMAND, samples=20, before=10)
     device.tick(30)
-    assert device.ask(CLEAR).status == STATE  # one that was refused is none
+    assert device.ask(CLEAR).status == STATE  # a refused command is no trigger
     device.tick(5)
     assert progress(device)[0] == WAITING
     make(device)
@@ -401,7 +404,7 @@ def test_fault_is_a_trigger():
         (dict(samples=0, before=0), FIELD, struct.pack("<H", 4)),
         (dict(before=10), FIELD, struct.pack("<H", 8)),
         (dict(level=np.nan), FIELD, struct.pack("<H", 14)),
-        # What fits 20480 values.
+        # The number of samples that 20480 values can hold.
         (dict(samples=20480 // 2 + 1), MEMORY, struct.pack("<I", 10240)),
         (dict(samples=2**31 + 1), MEMORY, struct.pack("<I", 10240)),
         (dict(n=1, ids=(0,), samples=20481), MEMORY, struct.pack("<I", 20480)),
@@ -411,7 +414,7 @@ def test_fault_is_a_trigger():
         (dict(ids=(0, 1, 2)), LENGTH, b""),
     ],
 )
-def test_refusals(change, status, detail):
+def test_an_arm_that_is_refused_changes_nothing(change, status, detail):
     device = Device()
     arm(device, "state", trigger=ABOVE, level=1e9, samples=30, before=3)
     device.tick(10)

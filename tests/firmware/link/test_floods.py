@@ -1,5 +1,5 @@
 """Requests as fast as the line carries them, together with the fastest possible stream. Time is
-counted in fast interrupts, each of which carries a number of bytes."""
+counted in fast interrupts. In each of them the line carries a number of bytes."""
 
 import struct
 
@@ -55,7 +55,7 @@ def flood(device, op, payload, ticks):
 
 
 def fullest(device, count):
-    """Stream 0 with so many channels, as fast as the board allows; its decimation."""
+    """Set stream 0 with that many channels as fast as the board allows. Returns its decimation."""
     names = (2 * NAMES)[:count]
     refused = device.stream(0, 1, *names)
     (least,) = struct.unpack("<H", refused.payload)
@@ -80,7 +80,7 @@ def test_a_flood_of_requests_loses_no_samples(what, baud, count):
     bodies = flood(device, *FLOODS[what], ticks=4000)
     assert set(np.diff(ticks_of(bodies))) == {every}
     assert device.service.streams.dropped == 0
-    # Nor does the stream cost all replies: they have what is left of the line, a tenth.
+    # The stream does not stop all replies: they have the remaining tenth of the line.
     op = FLOODS[what][0]
     replies = [body for body in bodies if body[0] == op | 0x80]
     tenth = 0.1 * device.service.setup.line.octets_per_s * 4000 / 1e4
@@ -103,8 +103,8 @@ def test_a_flood_beside_capture_data_loses_no_samples():
 @pytest.mark.parametrize("what", FLOODS)
 @pytest.mark.parametrize("slow", [1.0, 0.5], ids=["as it says", "at half its speed"])
 def test_a_reply_waits_no_longer_than_the_protocol_says(what, slow):
-    """Bytes on the line from the end of a request to the end of its reply, on a line that streams
-    keep busy; on a slow one samples wait at any time."""
+    """The test counts the bytes on the line from the end of a request to the end of its reply,
+    while streams keep the line busy. On a slow line samples are always waiting."""
     device = Device()
     fullest(device, 32)
     board = device.controller.board
@@ -183,7 +183,7 @@ def test_a_session_that_ends_before_the_reply_has_left_begins_no_stream():
     device = Device(watchdog_ms=5)
     assert device.stream(1, 20, *NAMES[:20]).status == DONE
     board = device.controller.board
-    board.credit_out = -1e6  # nothing leaves, and a sample is on its way
+    board.credit_out = -1e6  # nothing leaves, and a sample is waiting
     device.tick(40)
     device.put(frame(device.request(STREAM, struct.pack("<BBHH", 0, 1, 5, 0))))
     device.tick(30)

@@ -1,5 +1,5 @@
-"""Frames in C, compared with the library `cobs`, zlib, the definitions, and the golden frames of
-tests/vectors, with which the host's codec is compared as well."""
+"""Frames in C are compared with the library `cobs`, zlib, the definitions, and the golden frames of
+tests/vectors. The host's codec is compared with the golden frames too."""
 
 import json
 import random
@@ -26,12 +26,12 @@ def rows(table):
 
 
 def cells(raw: bytes):
-    """Bytes in 16-bit cells, as on a C28x. The upper halves are not zero, as a test."""
+    """Bytes in 16-bit cells, as on a C28x. The upper halves are deliberately not zero."""
     return ffi.new("uint16_t[]", [o | (0xA500 if k % 2 else 0) for k, o in enumerate(raw)])
 
 
 def encoded(body: bytes) -> bytes:
-    """The frame that the firmware makes, with the zero at its end."""
+    """The frame that the firmware makes, with its final zero."""
     packet, out = ffi.new("ht_packet *"), ffi.new("ht_outgoing *")
     lib.ht_packet_begin(packet)
     for byte in body:
@@ -44,14 +44,14 @@ def encoded(body: bytes) -> bytes:
 
 
 class Receiver:
-    """The firmware's."""
+    """The firmware's receiver."""
 
     def __init__(self) -> None:
         self.incoming = ffi.new("ht_incoming *")
         lib.ht_incoming_reset(self.incoming)
 
     def take(self, raw: bytes) -> list[bytes | None]:
-        """Bodies; None for a damaged frame."""
+        """The received bodies. A damaged frame gives None."""
         found = []
         for byte in raw:
             status = lib.ht_incoming_take(self.incoming, byte)
@@ -75,12 +75,12 @@ def by_definition(raw: bytes) -> int:
 # --- CRC ----------------------------------------------------------------------------------
 
 
-def test_check_value():
+def test_crc_has_its_published_check_value():
     assert lib.ht_crc32(0, cells(b"123456789"), 9) == 0xCBF43926 == by_definition(b"123456789")
 
 
 @given(st.binary(max_size=600), st.integers(0, 600))
-def test_crc(raw, cut):
+def test_crc_agrees_with_zlib_and_the_definition(raw, cut):
     whole = lib.ht_crc32(0, cells(raw), len(raw))
     assert whole == zlib.crc32(raw) == by_definition(raw)
     first = lib.ht_crc32(0, cells(raw[:cut]), len(raw[:cut]))
@@ -88,13 +88,13 @@ def test_crc(raw, cut):
 
 
 @given(st.lists(st.integers(0, 2**32 - 1), max_size=100), st.integers(0, 2**32 - 1))
-def test_crc_of_values(values, crc):
+def test_crc_of_values_agrees_with_zlib(values, crc):
     wanted = zlib.crc32(struct.pack(f"<{len(values)}I", *values), crc)
     assert lib.ht_crc32_values(crc, values, len(values)) == wanted
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_numbers_as_bytes(bits):
+def test_numbers_are_packed_low_byte_first(bits):
     into = ffi.new("uint16_t[4]")
     lib.ht_put32(into, bits)
     assert bytes(into) == struct.pack("<I", bits)
@@ -102,7 +102,7 @@ def test_numbers_as_bytes(bits):
     lib.ht_put16(into, bits & 0xFFFF)
     assert lib.ht_get16(cells(bytes(into))) == bits & 0xFFFF
     value = np.uint32(bits).view(np.float32)
-    if not np.isnan(value):  # Python would make the bits of a NaN its own
+    if not np.isnan(value):  # Python would change the bits of a NaN
         assert lib.ht_float_bits(float(value)) == bits
         assert lib.ht_float_of(bits) == value
 
@@ -121,7 +121,7 @@ PATTERNS = {
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_every_length(pattern):
+def test_frames_of_every_length_come_through(pattern):
     receiver = Receiver()
     for n in range(LONGEST + 1):
         body = bytes(PATTERNS[pattern](n))
@@ -138,7 +138,7 @@ def test_every_length(pattern):
         assert receiver.take(frame + encoded(b"ok")) == [None, b"ok"]
 
 
-def test_packet_that_is_full():
+def test_a_field_that_does_not_fit_is_refused():
     """A field that does not fit is refused and changes nothing. The CRC still has its place."""
     for last, width in ((lib.ht_packet_add16, 2), (lib.ht_packet_add32, 4)):
         for free in range(width):
@@ -157,7 +157,7 @@ def test_packet_that_is_full():
             assert (packet.n, packet.full) == (0, False)
 
 
-def test_text():
+def test_texts_end_with_a_zero():
     packet = ffi.new("ht_packet *")
     lib.ht_packet_begin(packet)
     lib.ht_packet_add_text(packet, b"volt")
@@ -169,7 +169,7 @@ def test_text():
 
 
 def reference(raw: bytes) -> list[bytes | None]:
-    """Bodies by library, between zeros."""
+    """The bodies between zeros, decoded by the library."""
     found = []
     for piece in raw.split(b"\0")[:-1]:
         if piece:
@@ -189,7 +189,7 @@ bodies = st.binary(min_size=2, max_size=40) | st.binary(min_size=240, max_size=L
 
 @settings(max_examples=300)
 @given(st.lists(bodies, min_size=1, max_size=4), st.data())
-def test_damaged_line(sent, data):
+def test_a_damaged_line_gives_the_bodies_that_the_reference_gives(sent, data):
     raw = bytearray(b"".join(wire.frame(body) for body in sent))
     for _ in range(data.draw(st.integers(0, 4))):
         at = data.draw(st.integers(0, len(raw) - 1))
@@ -209,7 +209,7 @@ def test_damaged_line(sent, data):
 
 
 def test_every_wrong_bit_and_pair_of_bits_is_found():
-    """A request and a sample, on the line."""
+    """The frames are a request and a sample."""
     sample = struct.pack("<BBI3f", 0x41, 0, 256, 1.0, 0.0, -2.0)
     for body in (wire.request(wire.Op.START, 3, 0x0100, 7), sample):
         frame = encoded(body)
@@ -228,7 +228,7 @@ def test_every_wrong_bit_and_pair_of_bits_is_found():
 
 
 @given(st.integers(0, 30))
-def test_bytes_that_the_receiver_lost(before):
+def test_lost_bytes_drop_only_the_present_frame(before):
     """The receiver knows that bytes were lost, but not where. It drops the present frame and takes
     the next."""
     frame = encoded(b"a body with \0 in it")
@@ -243,7 +243,7 @@ def test_bytes_that_the_receiver_lost(before):
 
 
 @pytest.mark.parametrize("case", rows("frames"), ids=lambda c: c["what"])
-def test_golden_frame(case):
+def test_golden_frames_are_made_and_read(case):
     body, frame = bytes.fromhex(case["body"]), bytes.fromhex(case["frame"])
     assert int(case["crc"], 16) == zlib.crc32(body)
     assert b"\0" + encoded(body) == frame == wire.frame(body)
@@ -252,7 +252,7 @@ def test_golden_frame(case):
 
 
 @pytest.mark.parametrize("case", rows("damaged"), ids=lambda c: c["what"])
-def test_golden_damage(case):
+def test_golden_damage_is_found(case):
     raw = bytes.fromhex(case["bytes"])
     assert Receiver().take(raw + b"\0") == [None]
     assert wire.unframe(raw) is None

@@ -106,11 +106,11 @@ def device():
     return Device()
 
 
-# --- what may be asked ------------------------------------------------------------------------
+# --- which requests are accepted --------------------------------------------------------------
 
 
 @pytest.mark.parametrize("op", range(1, 20))
-def test_wrong_length(device, op):
+def test_a_request_of_a_wrong_length_is_refused(device, op):
     before = everything(device)
     for n in WRONG[op]:
         reply = device.ask(op, bytes(n))
@@ -119,7 +119,7 @@ def test_wrong_length(device, op):
 
 
 @pytest.mark.parametrize("op", range(1, 20))
-def test_no_session(device, op):
+def test_requests_that_need_a_session_are_refused_without_it(device, op):
     before = everything(device)
     for session in (0, NONCE + 1, 0xFFFF):
         reply = device.ask(op, RIGHT.get(op, b""), session=session)
@@ -135,7 +135,7 @@ def test_no_session(device, op):
 
 
 @pytest.mark.parametrize("op", range(1, 20))
-def test_stale_dictionary(device, op):
+def test_requests_with_a_stale_dictionary_are_refused(device, op):
     before = everything(device)
     for wrong in (1, 0x8000, 0xFFFF):
         reply = device.ask(op, RIGHT.get(op, b""), dictionary=device.dictionary ^ wrong)
@@ -147,13 +147,13 @@ def test_stale_dictionary(device, op):
 
 
 @pytest.mark.parametrize("op", [20, 32, 63])
-def test_unknown_opcode(device, op):
+def test_an_unknown_opcode_is_refused(device, op):
     assert device.ask(op).status == OPCODE
     assert device.ask(op, bytes(300)).status == OPCODE
 
 
-def test_bodies_that_are_no_requests(device):
-    """Bodies of other types, an echo of the device's own: not answered, counted."""
+def test_bodies_that_are_no_requests_are_not_answered(device):
+    """Bodies of other types, such as an echo of the device's own, are counted and not answered."""
     for op in (0, 0x40, 0x50, 0x81, 0xFF):
         damaged = device.service.damaged
         assert device.answer(struct.pack("<BBHH", op, 1, NONCE, 0), 30) is None
@@ -162,7 +162,7 @@ def test_bodies_that_are_no_requests(device):
     assert short.status == LENGTH
 
 
-def test_a_request_of_the_longest_body(device):
+def test_a_body_longer_than_the_longest_is_dropped_and_counted(device):
     assert device.ask(GET, bytes(502)).status == LENGTH
     damaged = device.service.damaged
     body = device.request(GET, bytes(503))
@@ -171,7 +171,7 @@ def test_a_request_of_the_longest_body(device):
     assert device.ask(STATUS).status == DONE
 
 
-def test_head_of_a_reply(device):
+def test_every_reply_has_status_state_faults_and_tick(device):
     device.id = 254
     for _ in range(4):  # ids wrap
         reply = device.ask(STATUS)
@@ -182,7 +182,7 @@ def test_head_of_a_reply(device):
 # --- the dictionary ---------------------------------------------------------------------------
 
 
-def test_dictionary(device):
+def test_the_dictionary_has_every_row_and_its_crc(device):
     hello = device.done(HELLO).payload
     version, crc, f_isr_Hz, budget, *rows = struct.unpack_from("<HIfI4H", hello)
     longest, streams, per_stream, per_capture, taken, memory, watchdog_ms = struct.unpack_from(
@@ -210,7 +210,7 @@ def test_dictionary(device):
     assert names[: rows[0]] == list(PARAMETERS)
     assert names[rows[0] : rows[0] + rows[1]] == list(CHANNELS)
     assert names[-5:] == list(firmware.STATES)
-    # Kinds have their number of texts, so no row was cut.
+    # Each kind has its number of texts, so no row is cut.
     per_kind = [4] * rows[0] + [3] * rows[1] + [2] * rows[2] + [1] * rows[3]
     assert [len(t) for t in texts] == per_kind
 
@@ -232,7 +232,7 @@ def test_parameters_in_the_dictionary(device):
 # --- parameters -------------------------------------------------------------------------------
 
 
-def test_get(device):
+def test_get_returns_the_values_in_force(device):
     ids = list(range(len(PARAMETERS)))
     values = device.done(GET, f"{len(ids)}H", *ids).payload
     assert struct.unpack(f"<{len(ids)}f", values) == tuple(
@@ -274,8 +274,9 @@ BAD = [math.nan, math.inf, -math.inf]
 
 
 @pytest.mark.parametrize("name", PARAMETERS)
-def test_bad_values(device, name):
-    """NaN, infinite, out of range, between two choices: refused, one among many good ones."""
+def test_a_write_with_a_bad_value_is_refused_as_a_whole(device, name):
+    """A value that is NaN, infinite, out of range or between two choices is refused, also among
+    many good ones."""
     row = firmware.parameters()[name]
     beyond = [np.nextafter(np.float32(row.max), np.float32(np.inf))]
     beyond += [np.nextafter(np.float32(row.min), np.float32(-np.inf))]
@@ -290,7 +291,7 @@ def test_bad_values(device, name):
         assert everything(device) == before
 
 
-def test_whole_numbers(device):
+def test_fractions_of_whole_numbers_are_refused(device):
     """Half a pole pair and half an encoder edge do not exist."""
     whole = {n for n, row in firmware.parameters().items() if row.whole and not row.choices}
     assert whole == {"pole_pairs", "encoder_counts_rev"}
@@ -326,7 +327,7 @@ def test_hello_has_the_boards_actual_rate(f_isr_Hz):
     assert device.drive.config.control.period_counts == counts
 
 
-def test_rates_that_are_refused(device):
+def test_interrupt_rates_that_do_not_fit_are_refused(device):
     before = everything(device)
     for f_isr_Hz, status in ((999.0, VALUE), (50001.0, VALUE), (1500.0, CONFIG), (10050.0, CONFIG)):
         reply = device.write(f_isr_Hz=f_isr_Hz)
@@ -334,7 +335,7 @@ def test_rates_that_are_refused(device):
     assert everything(device) == before
 
 
-def test_unknown_parameter(device):
+def test_an_unknown_parameter_is_refused(device):
     before = everything(device)
     for bad in (len(PARAMETERS), 0x0100, 0xFFFF):
         pairs = struct.pack("<HfHf", PARAMETERS["speed_ref_rpm"], 5.0, bad, 1.0)
@@ -343,8 +344,9 @@ def test_unknown_parameter(device):
         assert everything(device) == before
 
 
-def test_write_of_many(device):
-    """The largest number of parameters: all are written or none, whichever of them is bad."""
+def test_a_write_of_many_sets_all_or_none(device):
+    """The largest number of parameters is written: all of them or none, whichever of them is
+    bad."""
     ident = PARAMETERS["speed_ref_rpm"]
     good = [struct.pack("<Hf", ident, float(k)) for k in range(80)]
     for at in (0, 1, 40, 79):
@@ -359,7 +361,7 @@ def test_write_of_many(device):
 
 
 @pytest.mark.parametrize("name", [n for n, r in firmware.parameters().items() if not r.live])
-def test_only_while_idle(device, name):
+def test_some_parameters_change_only_while_idle(device, name):
     row = firmware.parameters()[name]
     value = lib.ht_drive_get(device.drive, row.id)
     device.run()
@@ -372,7 +374,7 @@ def test_only_while_idle(device, name):
     assert device.ask(WRITE, pairs).status == DONE
 
 
-def test_values_that_do_not_fit_together(device):
+def test_values_that_do_not_fit_together_are_refused(device):
     before = everything(device)
     reply = device.write(torque_band_Nm=0.1, torque_inner_Nm=0.2)
     assert (reply.status, reply.payload) == (CONFIG, b"\xff\xff")
@@ -402,7 +404,7 @@ def test_rate_cannot_change_while_a_stream_or_capture_depends_on_it(device):
 # --- commands ---------------------------------------------------------------------------------
 
 
-def test_commands_in_the_wrong_state(device):
+def test_commands_in_the_wrong_state_are_refused(device):
     assert device.ask(CLEAR).status == STATE
     device.run()
     assert (device.ask(START).status, device.ask(CLEAR).status) == (STATE, STATE)
@@ -412,14 +414,14 @@ def test_commands_in_the_wrong_state(device):
     reply = device.ask(START)
     assert (reply.status, reply.payload, reply.state) == (STATE, b"\xff\xff", "fault")
     assert reply.faults & lib.HT_FAULT_OVERCURRENT
-    device.done(STOP)  # leaves a fault alone
+    device.done(STOP)  # does not clear a fault
     assert device.state == "fault"
     device.sense(0, 2048)
     assert device.done(CLEAR).status == DONE
     assert (device.state, device.controller.faults) == ("idle", [])
 
 
-def test_start_of_a_turning_machine(device):
+def test_the_start_of_a_turning_machine_is_refused(device):
     device.drive.speed_rpm = 100.0
     assert device.ask(START).status == TURNING
     assert device.state == "idle"
@@ -433,7 +435,7 @@ def test_every_client_may_stop(device):
         assert device.gates_off
 
 
-def test_snapshot(device):
+def test_the_snapshot_is_that_of_the_drive(device):
     assert device.done(SNAPSHOT).payload == bytes(78)
     device.run()
     device.sense(3, 4095)
@@ -452,16 +454,16 @@ def test_snapshot(device):
     assert rest[8:] == [*values, kept["torque_Nm"], kept["speed_rpm"]]
 
 
-# --- what asks for nothing --------------------------------------------------------------------
+# --- requests without effect ------------------------------------------------------------------
 
 
-def test_requests_without_effect(device):
-    """As docs/protocol.md says, they give no error, or an error with the reason."""
+def test_requests_without_effect_are_answered(device):
+    """As docs/protocol.md says, these requests give no error, or an error with the reason."""
     assert (device.done(GET).payload, device.done(CANCEL).payload) == (b"", b"")
     for op, payload in ((TRIGGER, b""), (READ, bytes(8))):
         assert device.ask(op, payload).status == NO_CAPTURE
     assert device.done(CAPTURE).payload == bytes(20)
-    assert device.stream(3, 1).status == DONE  # ends what is not on
+    assert device.stream(3, 1).status == DONE  # ends a stream that is not on
 
 
 # --- repetitions ------------------------------------------------------------------------------
@@ -481,7 +483,7 @@ def test_repetition_is_answered_and_not_carried_out(device):
     assert device.state == "run"
 
 
-def test_repetition_of_an_arm(device):
+def test_an_arm_that_is_repeated_arms_once(device):
     payload = struct.pack("<BBHIIHfH", 1, 0, 1, 10, 5, 0, 0.0, 0)
     body = device.request(ARM, payload)
     numbers = [device.answer(body).payload for _ in range(3)]
@@ -523,7 +525,7 @@ def turn(device, raw):
         lib.ht_service_turn(ffi.addressof(device.controller.board, "service"))
 
 
-def test_stop_while_a_reply_waits(device):
+def test_stop_does_not_wait_for_another_reply(device):
     """The reply to a WRITE waits for a fast interrupt. A STOP does not wait."""
     device.run()
     write = device.request(WRITE, struct.pack("<Hf", PARAMETERS["speed_ref_rpm"], 7.0))
@@ -535,8 +537,8 @@ def test_stop_while_a_reply_waits(device):
     assert device.wait(write).status == DONE
 
 
-def test_a_request_that_comes_too_soon(device):
-    """While a reply waits the next request is left; done when it is repeated."""
+def test_a_request_that_comes_too_soon_is_done_when_repeated(device):
+    """While a reply waits, the next request is dropped. It is carried out when it is repeated."""
     write = device.request(WRITE, struct.pack("<Hf", PARAMETERS["speed_ref_rpm"], 7.0))
     early = device.request(CANCEL)
     device.done(ARM, "BBHIIHfH", 1, 0, 1, 10, 5, 0, 0.0, 0)
@@ -550,7 +552,8 @@ def test_a_request_that_comes_too_soon(device):
     assert device.service.burst.state == 0
 
 
-def test_request_of_processor_in_the_loop(device):
-    """Its HELLO is shorter than the link's requests: refused, by a reply that its host can read."""
+def test_a_request_of_processor_in_the_loop_is_refused_readably(device):
+    """Its HELLO is shorter than the link's requests. It is refused by a reply that its host can
+    read."""
     reply = device.answer(bytes([lib.HT_OP_PIL_HELLO, 1]))
     assert reply.status == LENGTH >= lib.HT_PIL_REFUSED

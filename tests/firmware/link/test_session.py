@@ -1,5 +1,4 @@
-"""Who has the session, and the watchdog: a drive that a host has started does not run
-without it."""
+"""The session, and the watchdog: a drive that a host has started does not run without this host."""
 
 import struct
 
@@ -54,7 +53,7 @@ def until_fault(device, most):
 
 
 def marks(device, value):
-    """OPEN with a mark: the marks in force by its reply and by STATUS."""
+    """Send OPEN with a mark. Returns the marks in force by its reply and by STATUS."""
     opened = device.done(OPEN, "HI", NONCE, value).payload
     return struct.unpack("<I", opened)[0], struct.unpack_from("<I", device.ask(STATUS).payload, 16)[
         0
@@ -72,10 +71,10 @@ def test_the_first_mark_stays_until_a_reset():
     assert device.ask(CLOSE, session=NONCE).status == DONE
     assert device.ask(OPEN, struct.pack("<HI", 0, 9)).status == FIELD  # changes nothing
     assert marks(device, 6) == (0xFEDCBA98, 0xFEDCBA98)
-    assert marks(Device(session=False), 6) == (6, 6)  # another life
+    assert marks(Device(session=False), 6) == (6, 6)  # after a reset
 
 
-def test_open_and_close():
+def test_one_client_has_the_session_from_open_to_close():
     device = Device(session=False)
     none = device.ask(OPEN, nonce(0))
     assert (none.status, none.payload) == (FIELD, b"\0\0")
@@ -109,7 +108,7 @@ def test_status_says_who_has_the_session():
     assert flags(device, NONCE) == 3
 
 
-def test_two_hosts():
+def test_a_second_host_may_read_and_stop_only():
     """The second host gets a refusal, but may read and stop. The first notices only the stop."""
     device = Device()
     device.run()
@@ -124,7 +123,8 @@ def test_two_hosts():
 
 
 def test_an_old_start_is_not_repeated_after_another_clients_stop():
-    """The first host missed the reply to its START and repeats it, after the second's STOP."""
+    """The first host missed the reply to its START. It repeats the START after the second host's
+    STOP."""
     device = Device()
     start = device.request(START)
     assert device.answer(start).status == DONE
@@ -135,15 +135,15 @@ def test_an_old_start_is_not_repeated_after_another_clients_stop():
 
 
 @pytest.mark.parametrize("watchdog_ms", [5, 20])
-def test_session_without_requests_ends(watchdog_ms):
-    """Ends after four times the watchdog's time; its streams end with it."""
+def test_a_session_without_requests_ends(watchdog_ms):
+    """It ends after four times the watchdog's time, and its streams end with it."""
     device = Device(watchdog_ms=watchdog_ms)
     device.stream(0, 10, "state")
     limit = 4 * watchdog_ms * 10
     asked = device.ask(STATUS).tick
     while device.service.session:
         device.tick()
-    assert device.now - asked == limit + 2  # the turn is before the interrupt
+    assert device.now - asked == limit + 2  # the background runs before the interrupt
     device.tick(100)
     device.samples(0)
     device.tick(100)
@@ -152,7 +152,7 @@ def test_session_without_requests_ends(watchdog_ms):
     assert device.ask(OPEN, nonce(OTHER)).status == DONE
 
 
-def test_session_with_requests_stays():
+def test_a_session_with_requests_stays():
     device = Device(watchdog_ms=5)
     for _ in range(20):
         device.tick(150)
@@ -179,9 +179,10 @@ def test_streams_end_with_close():
 
 @pytest.mark.parametrize("f_isr_Hz", [5000.0, 10000.0, 20000.0])
 @pytest.mark.parametrize("watchdog_ms", [0, 1, 7, 250])
-def test_runs_out_after_its_time(watchdog_ms, f_isr_Hz):
-    """In interrupts, from the first one after the request on; gates off in that interrupt. A
-    board that was set up with no time at all waits 1 ms: it must not count below 0."""
+def test_the_watchdog_runs_out_after_its_time(watchdog_ms, f_isr_Hz):
+    """The time is counted in interrupts, from the first one after the request. The gates go off in
+    the interrupt in which it runs out. A board whose time is set to 0 waits 1 ms, because the
+    counter must not go below 0."""
     device = Device(watchdog_ms=watchdog_ms, f_isr_Hz=f_isr_Hz)
     watchdog_ms = max(1, watchdog_ms)
     begun = device.done(START).tick
@@ -199,8 +200,8 @@ def test_runs_out_after_its_time(watchdog_ms, f_isr_Hz):
     assert struct.unpack_from("<H", device.ask(HELLO).payload, 32) == (watchdog_ms,)
 
 
-def test_start_without_a_heartbeat():
-    """Ends in fault `link lost`, which wants its CLEAR."""
+def test_a_start_without_a_heartbeat_ends_in_link_lost():
+    """It ends in the fault `link lost`, which needs a CLEAR."""
     device = Device()
     device.done(START)
     device.tick(TO_RUN)
@@ -226,7 +227,7 @@ SESSION_REQUESTS = {
 
 
 @pytest.mark.parametrize("name", SESSION_REQUESTS)
-def test_every_request_of_the_session_feeds_the_watchdog(name):
+def test_every_request_of_the_session_restarts_the_watchdog(name):
     op, payload = SESSION_REQUESTS[name]
     device = Device(watchdog_ms=20)
     device.run()
@@ -238,7 +239,7 @@ def test_every_request_of_the_session_feeds_the_watchdog(name):
     assert device.drive.snapshot.tick - (asked + 1) == 200
 
 
-def test_a_repetition_feeds_the_watchdog():
+def test_a_repetition_restarts_the_watchdog():
     """The reply was lost, but the repetition shows that the host still runs."""
     device = Device(watchdog_ms=20)
     device.run()
@@ -265,7 +266,7 @@ NO_FOOD = {
 
 
 @pytest.mark.parametrize("name", NO_FOOD)
-def test_nothing_else_feeds_the_watchdog(name):
+def test_nothing_else_restarts_the_watchdog(name):
     device = Device(watchdog_ms=20)
     device.run()
     asked = device.ask(STATUS).tick
@@ -278,7 +279,7 @@ def test_nothing_else_feeds_the_watchdog(name):
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.integers(1, 260), min_size=1, max_size=12))
-def test_any_heartbeat(pauses):
+def test_a_heartbeat_keeps_the_drive_running(pauses):
     """The drive runs as long as no pause is longer than the watchdog's time."""
     device = Device(watchdog_ms=20)
     device.run()
@@ -296,7 +297,7 @@ def test_any_heartbeat(pauses):
         asked = reply.tick
 
 
-def test_time_that_is_left():
+def test_status_has_the_time_that_is_left():
     device = Device()
     assert device.watchdog() == (False, 0)
     device.run()
@@ -308,7 +309,7 @@ def test_time_that_is_left():
 
 
 @pytest.mark.parametrize("how", ["stop", "close", "fault"])
-def test_disarmed(how):
+def test_stop_close_and_faults_disarm_the_watchdog(how):
     device = Device(watchdog_ms=20)
     device.run()
     if how == "stop":
@@ -329,7 +330,7 @@ def test_disarmed(how):
     assert "link lost" not in device.controller.faults
 
 
-def test_start_without_a_session_is_not_guarded():
+def test_a_start_without_a_session_is_not_guarded():
     device = Device(watchdog_ms=5)
     assert lib.ht_drive_start(device.drive) == lib.HT_OK
     device.done(STATUS)
@@ -338,12 +339,12 @@ def test_start_without_a_session_is_not_guarded():
     assert device.service.session == 0
     assert device.ask(OPEN, nonce(OTHER)).status == DONE
     assert device.ask(CLOSE, session=OTHER).status == DONE
-    assert device.state == "run"  # not this session's drive
+    assert device.state == "run"  # this session did not start the drive
     device.ask(STOP)
     assert device.state == "idle"
 
 
-def test_start_that_is_refused_does_not_arm():
+def test_a_refused_start_does_not_arm_the_watchdog():
     device = Device(watchdog_ms=5)
     assert lib.ht_drive_start(device.drive) == lib.HT_OK
     assert device.ask(START).status == STATE
@@ -352,8 +353,9 @@ def test_start_that_is_refused_does_not_arm():
     assert device.state == "run"
 
 
-def test_counter_that_wraps():
-    """The counter of interrupts wraps while the drive runs; session and watchdog do not care."""
+def test_session_and_watchdog_survive_a_wrap_of_the_counter():
+    """The counter of interrupts wraps while the drive runs. This has no effect on session and
+    watchdog."""
     device = Device(watchdog_ms=20)
     device.drive.tick = 2**32 - 400
     device.service.session_tick = device.drive.tick
@@ -381,8 +383,8 @@ def test_every_start_finds_its_watchdog():
         assert device.controller.faults == ["link lost"]
 
 
-def test_capture_of_the_end():
-    """The loss of the host is a fault like others: a capture can trigger on it."""
+def test_a_capture_can_trigger_on_the_loss_of_the_host():
+    """The loss of the host is a fault like any other, so a capture can trigger on it."""
     device = Device(watchdog_ms=20)
     device.run()
     payload = struct.pack("<BBHIIHfH", 1, 5, 1, 40, 20, 0, 0.0, 0)

@@ -1,4 +1,4 @@
-"""Sample streams: the ring between interrupt and background, and what comes out of a board."""
+"""Sample streams: the ring buffer between interrupt and background, and the frames of a board."""
 
 import struct
 
@@ -15,7 +15,7 @@ RING = len(ffi.new("ht_streams *").ring)
 
 
 class Ring:
-    """The C's, fed with values that tell channel and tick."""
+    """The ring buffer in C. It is fed with values that encode channel and tick."""
 
     def __init__(self, tick: int = 0) -> None:
         self.streams = ffi.new("ht_streams *")
@@ -85,14 +85,15 @@ def test_numbers_and_ticks_wrap():
     st.lists(st.tuples(st.integers(1, 40), st.integers(0, 40)), min_size=1, max_size=40),
     st.lists(st.tuples(st.integers(1, 32), st.integers(1, 5)), min_size=1, max_size=4),
 )
-def test_ring(bursts, streams):
+def test_the_ring_keeps_order_and_counts_losses(bursts, streams):
     """At any speed of writer and reader, the samples come out in order. Samples that did not fit
     are counted, and their numbers and ticks are missing."""
     ring = Ring()
     for slot, (count, decimation) in enumerate(streams):
         ring.set(slot, list(range(count)), decimation)
     due, fill, lost, found = [], 0, 0, []
-    # What must come, from the size alone: 2 + n values each, one value stays free.
+    # The expected samples follow from the size alone. Each takes 2 + n values, and one value stays
+    # free.
     inside = []
     for writes, reads in bursts:
         for _ in range(writes):
@@ -126,7 +127,7 @@ def test_a_full_ring_drops_the_oldest_samples():
     assert [(f[1], f[2]) for f in ring.all()] == [(k % 256, k + 1) for k in range(1000, 1003)]
 
 
-def test_set_again():
+def test_a_stream_that_is_set_again_begins_anew():
     """The stream begins again with number 0. No sample of its former setting follows, and the other
     streams continue."""
     ring = Ring()
@@ -151,7 +152,7 @@ def test_set_again():
     assert not lib.ht_streams_any(ring.streams)
 
 
-def test_set_again_across_the_ring_s_end():
+def test_a_stream_is_set_again_across_the_end_of_the_ring():
     for filled in range(RING - 40, RING, 3):
         ring = Ring()
         ring.set(3, [7])
@@ -207,9 +208,9 @@ def test_four_streams_at_once():
 
 @pytest.mark.parametrize("count", [1, 4, 8, 20, 27, 32])
 @pytest.mark.parametrize("baud", [115200, 1250000, 3000000])
-def test_budget(baud, count):
-    """Refused with the smallest decimation that fits, which then is taken and loses nothing;
-    one less does not fit."""
+def test_streams_are_refused_beyond_the_lines_budget(baud, count):
+    """A stream that is too fast is refused with the smallest decimation that fits. This decimation
+    is accepted and loses nothing. One less does not fit."""
     device = Device(baud=baud)
     actual = device.service.setup.line.octets_per_s
     assert actual == pytest.approx(baud / 10, rel=0.05)
@@ -255,7 +256,7 @@ def test_budget(baud, count):
         (struct.pack("<BB", 0, 0), LENGTH, None),
     ],
 )
-def test_refusals(payload, status, detail):
+def test_a_refused_stream_changes_nothing(payload, status, detail):
     device = Device()
     device.stream(0, 5, "vdc_V")
     reply = device.ask(STREAM, payload)
@@ -264,12 +265,12 @@ def test_refusals(payload, status, detail):
     device.tick(50)
     device.samples(0)
     device.tick(50)
-    assert len(device.samples(0)) == 10  # goes on as it was
+    assert len(device.samples(0)) == 10  # it continues unchanged
 
 
 def test_new_settings_are_not_mixed_with_old_samples():
-    """Two channels before, two others after: between the reply and the first sample of the
-    new ones none of the old may come, though some were waiting."""
+    """The stream has two channels before, and two others after. Between the reply and the first new
+    sample, no old sample may come, although some were waiting."""
     device = Device(baud=115200)
     device.stream(0, 25, "vdc_V", "vdc_V")
     for _ in range(20):  # the line is kept busy: samples wait

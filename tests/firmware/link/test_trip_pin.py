@@ -1,5 +1,5 @@
-"""Dead time and trip pin over the serial line: what a board refuses, how it says so, and that
-no gate comes on meanwhile."""
+"""Dead time and trip pin over the serial line: what a board refuses and how it reports this. No
+gate may come on meanwhile."""
 
 import struct
 
@@ -14,7 +14,8 @@ DEAD_TIME = PARAMETERS["dead_time_us"]
 
 
 def test_list_shows_the_boards_range_of_the_dead_time():
-    """The virtual board stands for one with an F28377S: 1 us, and 20 us for any board."""
+    """The virtual board has an F28377S. Its minimum is 1 us, and the maximum of any board is 20
+    us."""
     device = Device()
     reply = device.ask(LIST, struct.pack("<BH", 0, DEAD_TIME))
     row = wire.parse_row(reply.payload, wire.Kind.PARAMETER, DEAD_TIME)

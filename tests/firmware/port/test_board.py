@@ -2,9 +2,12 @@
 the registers that it leaves, with the manuals' formulas and limits.
 """
 
+import re
+
 import pytest
 
-from hexatorque.firmware import BOARDS, ffi, lib, parameters
+from hexatorque.chips import BOARDS, DEVICES, SOURCES
+from hexatorque.firmware import ffi, lib, parameters
 
 CRYSTAL = {"f28335": 30e6, "f28377s": 20e6, "launchxl_f28377s": 10e6}
 SYSCLK = {"f28335": 150e6, "f28377s": 200e6, "launchxl_f28377s": 200e6}
@@ -66,6 +69,27 @@ class Started:
 @pytest.fixture(params=BOARDS)
 def started(request):
     return Started(request.param)
+
+
+def test_table_of_chips():
+    """The names that Python reads from the table's text are those of the compiled firmware: a
+    chip's number, its map, and a board of its own name for whoever knows the number only."""
+    assert len(DEVICES) == lib.HT_DEVICES >= 2
+    for number, name in enumerate(DEVICES):
+        assert getattr(lib, f"HT_DEVICE_{name}") == getattr(lib, f"ht_{name}").device == number
+        board = lib.ht_board_of_device(number)
+        assert board.map.device == number
+        assert ffi.string(board.name).decode() == name
+    assert lib.ht_board_of_device(len(DEVICES)) == ffi.NULL
+
+
+def test_boards_have_the_chip_of_their_row():
+    table = (SOURCES / "port/c2000/ht_chips.def").read_text()
+    rows = re.findall(r"^HT_CHIP_BOARD\((\w+), (\w+)\)", table, re.M)
+    assert [board for _, board in rows] == list(BOARDS)
+    for chip, board in rows:
+        map_of_board = getattr(lib, f"ht_board_{board}").map
+        assert map_of_board.device == getattr(lib, f"HT_DEVICE_{chip}")
 
 
 def test_no_forbidden_register_access(started):

@@ -339,10 +339,10 @@ FAULTS = {
         F28335, "ht_pwm.c", "    HT_WR16(io, base + m->tzsel, m->one_shot);\n", "",
         "trip pin switches off by itself"),
     "emulation stop not listened to": (
-        F28377S, "ht_c2000_map.c", ".one_shot = 0x3100u", ".one_shot = 0x1100u",
+        F28377S, "ht_pwm.c", "base + m->tzsel, m->one_shot", "base + m->tzsel, 0x1100u",
         "an emulation stop switches off"),
     "clock failure not listened to": (
-        LAUNCHPAD, "ht_c2000_map.c", ".one_shot = 0x3100u", ".one_shot = 0x2100u",
+        LAUNCHPAD, "ht_pwm.c", "base + m->tzsel, m->one_shot", "base + m->tzsel, 0x2100u",
         "a clock failure switches off"),
     "gates on without a look at the trip pin": (
         F28335, "ht_pwm.c", "bool allowed = !ht_port_trip_pin_low(port);", "bool allowed = true;",

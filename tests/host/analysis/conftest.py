@@ -1,4 +1,4 @@
-"""Synthetic steady states: what the simulator would record, with known content."""
+"""Synthetic steady states: recordings like those of the simulator, but with known content."""
 
 from collections.abc import Callable
 
@@ -25,9 +25,9 @@ def synthetic(
     prefix: str = "plant.",
     meta: dict | None = None,
 ) -> Recording:
-    """amplitude_A: of the fundamental in set 1 and set 2; lines: harmonic order ->
-    fraction of the fundamental; ripples: standard deviations of a sine at 1.25 f1
-    (whole cycles wherever four cycles of f1 are)."""
+    """amplitude_A: amplitudes of the fundamental in set 1 and set 2; lines: harmonic order ->
+    fraction of the fundamental; ripples: standard deviations of a sine at 1.25 f1, which has whole
+    cycles in four cycles of f1."""
     t = np.arange(round(duration_s * rate_Hz)) / rate_Hz
     phi = 2 * np.pi * f1_Hz * t
     wave = np.sqrt(2) * np.sin(1.25 * phi)

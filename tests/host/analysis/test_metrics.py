@@ -1,4 +1,4 @@
-"""Figures of merit against the numbers the recording was made from."""
+"""Figures of merit are compared with the numbers from which the recording was made."""
 
 import json
 
@@ -38,8 +38,8 @@ def test_known_steady_state(make_recording, prefix, offset_A):
     assert set(m["thd_pct"]) == {"1kHz", "2kHz", "5kHz", "h50"}
     for band in m["thd_pct"].values():
         assert band == pytest.approx(13)
-    # 5th and 7th lie wholly in x-y: |i_xy|^2 has the mean 0.24^2 + 0.1^2. A common offset
-    # is zero sequence there.
+    # The 5th and 7th are in x-y only, so |i_xy|^2 has the mean 0.24^2 + 0.1^2. A common offset is
+    # zero sequence.
     assert m["ixy_rms_A"] == pytest.approx(np.hypot(0.24, 0.1))
     assert m["delta_i_A"] == pytest.approx(0, abs=1e-9)
     assert m["f_sw_Hz"] == 2450
@@ -160,8 +160,8 @@ def test_paper_values_only_at_the_papers_point(make_run):
 
 @pytest.mark.parametrize("skipped", [0, 1, 2, 3])
 def test_ripple_is_taken_at_the_control_instants(make_recording, skipped):
-    """+-0.1 N m on every fourth sample, 0 between: 0.1 at the control instants, half
-    of it over all samples, wherever the recording begins."""
+    """The signal is +-0.1 N m on every fourth sample and 0 in between. Its ripple is 0.1 at the
+    control instants and half of it over all samples, wherever the recording begins."""
     rec = make_recording(meta={"samples_per_period": 4})
     instants = np.arange(len(rec)) % 4 == 0
     rec.channels["plant.torque_Nm"] = 2.0 + 0.1 * instants * np.where(

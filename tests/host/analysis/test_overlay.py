@@ -1,4 +1,5 @@
-"""Recordings over each other: aligned by what happened, compared where both have samples."""
+"""Recordings over each other: they are aligned by an event, and compared where both have
+samples."""
 
 import numpy as np
 import pytest
@@ -10,19 +11,19 @@ from hexatorque.recording.recording import Recording, RecordingError
 
 
 def signal(t_s: np.ndarray) -> np.ndarray:
-    """Smooth: straight lines between samples 0.5 ms apart are within 0.1 % of it."""
+    """A smooth signal. Straight lines between samples 0.5 ms apart are within 0.1 % of it."""
     return np.sin(2 * np.pi * 20 * t_s) * np.exp(-5 * t_s)
 
 
 def recorded(rate_Hz: float, start_s: float, event_s: float, n: int, **meta) -> Recording:
-    """`signal`, which begins at event_s on the recording's own time."""
+    """A recording of `signal`, which begins at event_s on the recording's own time."""
     rec = Recording(rate_Hz, {"torque_Nm": np.zeros(n)}, {"torque_Nm": "N m"}, meta, start_s)
     rec.channels["torque_Nm"] = signal(rec.time_s - event_s)
     return rec
 
 
 def pair() -> list[Trace]:
-    """The same event at other times, rates and begins."""
+    """Two recordings of the same event with different times, rates and begins."""
     return [
         Trace("sil", recorded(40e3, 0.0, 0.4, 40_000, trigger_s=0.4)),
         Trace("bench", recorded(2.5e3, 100.0, 100.3001, 1_500, trigger_s=100.3001)),
@@ -35,7 +36,7 @@ def test_alignment_by_the_trigger_puts_the_same_event_at_the_same_time():
     assert [trace.shift_s for trace in traces] == [0.4, 100.3001]
     rms, samples = overlay.difference(*traces, "torque_Nm")
     assert rms < 1e-3
-    # The bench's 0.6 s lie from -0.3001 to 0.2999 s, all within the other's -0.4 .. 0.6 s.
+    # The bench's 0.6 s are from -0.3001 to 0.2999 s, within the other's -0.4 .. 0.6 s.
     assert samples == 1500
     traces[1].shift_s += 5e-3
     assert overlay.difference(*traces, "torque_Nm")[0] > 0.1
@@ -61,7 +62,7 @@ def test_a_trigger_without_a_time_does_not_count(value):
 
 
 def test_the_rms_difference_is_computed_from_the_values():
-    """Against a constant offset, with lost samples on either side."""
+    """The recordings differ by a constant offset, and both have lost samples."""
     a = Trace("a", recorded(10e3, 0, 0, 1000))
     b = Trace("b", recorded(10e3, 0, 0, 1000))
     b.rec.channels["torque_Nm"] = a.rec["torque_Nm"] + 0.25
@@ -140,7 +141,7 @@ def test_the_picture_shows_every_recording_and_its_gaps(tmp_path):
     assert picture.shape[1] == 1500
     for colour in overlay.COLOURS[1:3]:
         assert colour_share(picture, colour) > 5e-4
-    # 0.12 of the 1 s that is shown is shaded in the second's colour: about a tenth.
+    # 0.12 s of the 1 s that is shown are shaded in the second recording's colour, about a tenth.
     shade = "#f8dfcc"
     assert 0.05 < colour_share(picture, shade) < 0.12
     assert "300 samples lost" in traces[1].legend()
@@ -159,10 +160,10 @@ def test_a_recording_of_lost_samples_only_can_be_drawn(tmp_path):
 def test_the_summary_names_files_shifts_and_differences():
     traces = pair()
     overlay.align(traces, "trigger")
-    told = overlay.summary(traces, ["torque_Nm"], "trigger")
-    assert [file["shift_s"] for file in told["files"]] == [-0.4, -100.3001]
-    assert [file["samples"] for file in told["files"]] == [40_000, 1_500]
+    summary = overlay.summary(traces, ["torque_Nm"], "trigger")
+    assert [file["shift_s"] for file in summary["files"]] == [-0.4, -100.3001]
+    assert [file["samples"] for file in summary["files"]] == [40_000, 1_500]
     rms = overlay.difference(*traces, "torque_Nm")[0]
-    assert told["channels"]["torque_Nm"] == {
+    assert summary["channels"]["torque_Nm"] == {
         "unit": "N m", "rms_difference": [None, rms], "samples_compared": [0, 1500],
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Figures: written, of the promised width, not blank, and without global state."""
+"""Figures are written, have the stated width, are not blank, and leave no global state."""
 
 import struct
 import subprocess
@@ -96,7 +96,7 @@ def test_thinning_keeps_the_extremes_and_the_span():
     assert thin_y[-1] == 8.0 and thin_t[-1] == t[-1]
     assert np.all(np.diff(thin_t) >= 0)
     assert thin_t.size < 4000
-    # The last, incomplete bucket is not mixed up with its padding.
+    # The padding does not change the last, incomplete bucket.
     y += 100
     y[100_001] = 50.0
     assert plots.thin(t, y)[1].min() == 50.0
@@ -124,7 +124,7 @@ def test_cells_hold_their_texts(tmp_path):
 
 
 def test_thinning_keeps_extremes_beside_lost_samples():
-    """Each bucket of 10 has a peak, a trough and a lost sample; one bucket is lost whole."""
+    """Each bucket of 10 has a peak, a trough and a lost sample. One whole bucket is lost."""
     y = np.tile([0.0, 9.0, np.nan, -9.0, 0, 0, 0, 0, 0, 0], 1500)
     y[70:80] = np.nan
     t, kept = plots.thin(np.arange(y.size), y)

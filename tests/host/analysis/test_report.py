@@ -1,13 +1,15 @@
-"""Reports: complete, self-contained, escaped."""
+"""Reports are complete, self-contained and escaped."""
 
 import base64
 import io
 from html.parser import HTMLParser
 
 import pytest
+from jinja2 import UndefinedError
 from rich.console import Console
 
 from hexatorque.analysis import plots
+from hexatorque.analysis.pages import write_page
 from hexatorque.analysis.report import console_table, html_report
 from hexatorque.evidence.papers.printed_values import PAPER
 
@@ -15,7 +17,7 @@ VOID = {"meta", "img", "br"}
 
 
 class Page(HTMLParser):
-    """Checks nesting, collects text, table rows and attributes."""
+    """A parser that checks nesting and collects text, table rows and attributes."""
 
     def __init__(self, text):
         super().__init__()
@@ -102,7 +104,7 @@ def test_html_is_one_self_contained_file(runs, tmp_path):
     kind, data = sources[0].split(",", 1)
     assert kind == "data:image/png;base64"
     assert base64.b64decode(data, validate=True) == figure.read_bytes()
-    assert "prefers-color-scheme:dark" in text
+    assert "prefers-color-scheme: dark" in text
     for heading in ("What was run", "Results", "What latency does", "How to reproduce", "A note."):
         assert heading in page.text
     assert "make demo" in page.text
@@ -142,6 +144,13 @@ def test_html_escapes_everything(make_run, runs, tmp_path):
     assert "onerror" not in dict(page.attributes)
     # Run list, heading (point, source), latency table, caption, note, command.
     assert page.text.count(bad) == 7
+
+
+def test_a_value_that_a_template_lacks_is_an_error(tmp_path):
+    """Without this, a misspelt name would be an empty place in the report."""
+    with pytest.raises(UndefinedError, match="count"):
+        write_page(tmp_path / "r.html", "comparison.html", title="A report")
+    assert not (tmp_path / "r.html").exists()
 
 
 def test_missing_figures_of_merit_show_as_a_dash(make_run, tmp_path):

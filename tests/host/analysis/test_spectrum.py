@@ -65,9 +65,9 @@ def test_thd_bands_include_all_below_their_limit():
     thd = thd_pct(tones(0.5, *parts), RATE_HZ, 40.0)
     assert thd["1kHz"] == pytest.approx(10, rel=1e-6)
     assert thd["2kHz"] == pytest.approx(10 * np.hypot(1, 0.7), rel=1e-6)
-    # 3333 Hz lies between bins: its tails are inside the band all the same.
+    # 3333 Hz is between two bins, but its side lobes are inside the band.
     assert thd["5kHz"] == pytest.approx(10 * np.sqrt(1 + 0.49 + 0.25), rel=1e-4)
-    # 1480 Hz is order 37; 3333 Hz is none.
+    # 1480 Hz is order 37. 3333 Hz is no harmonic.
     assert thd["h50"] == pytest.approx(10 * np.hypot(1, 0.7), rel=1e-3)
 
 

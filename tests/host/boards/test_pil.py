@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from campaigns import part
 
 import hexatorque
 from hexatorque import firmware
@@ -41,7 +42,7 @@ def gone(pid: int, within_s: float = 5.0) -> bool:
     return not alive(pid)
 
 
-@pytest.mark.parametrize("scheme", firmware.schemes())
+@pytest.mark.parametrize("scheme", part(firmware.schemes(), 3))
 def test_every_scheme_bit_by_bit(paper_a, scheme, need):
     """Two seconds of start, steps of speed and load, schemes changed in flight, reversal."""
     need("mps2-an386")
@@ -53,6 +54,7 @@ def test_every_scheme_bit_by_bit(paper_a, scheme, need):
     assert outcome.recording.meta["processor"] == "mps2-an386"
 
 
+@pytest.mark.live
 def test_speed(paper_a, need):
     """The best of several runs, because other work only slows a run down."""
     need("mps2-an386")
@@ -69,8 +71,11 @@ def test_speed(paper_a, need):
 
 @pytest.mark.parametrize(
     ("machine", "device", "latency"),
-    [("mps2-an500", "f28335", "predicted"), ("mps2-an500", "f28377s", "immediate"),
-     ("mps2-an386", "f28377s", "predicted"), ("mps2-an386", "f28335", "immediate")],
+    part(
+        [("mps2-an500", "f28335", "predicted"), ("mps2-an500", "f28377s", "immediate"),
+         ("mps2-an386", "f28377s", "predicted"), ("mps2-an386", "f28335", "immediate")],
+        2,
+    ),
 )  # fmt: skip
 def test_other_machines_devices_and_load_modes(quick, machine, device, latency, need):
     need(machine)

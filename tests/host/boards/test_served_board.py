@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from campaigns import part
 
 import hexatorque
 from hexatorque import firmware
@@ -133,7 +134,7 @@ def in_state(drive, *states):
     return drive.state
 
 
-@pytest.mark.parametrize("name", BOARDS)
+@pytest.mark.parametrize("name", part(list(BOARDS), 2))
 def test_from_dictionary_to_capture(name, serve, need, tmp_path):
     if name != "virtual":
         need(name)
@@ -228,7 +229,7 @@ def runs_again(drive):
     assert (drive.state, drive.faults) == ("idle", [])
 
 
-@pytest.mark.parametrize("name", BOARDS)
+@pytest.mark.parametrize("name", part(list(BOARDS), 2))
 def test_drive_stops_after_its_client_died(name, serve, need):
     """The port server stops the drive that it started."""
     if name != "virtual":
@@ -244,7 +245,7 @@ def test_drive_stops_after_its_client_died(name, serve, need):
     assert board.end()[0] == 0
 
 
-@pytest.mark.parametrize("name", BOARDS)
+@pytest.mark.parametrize("name", part(list(BOARDS), 2))
 def test_drive_stops_after_the_computer_died(name, serve, need):
     """Client and port server at once. The gates are off within 350 ms of the drive's time, and
     the board waits for a clear."""
@@ -331,7 +332,7 @@ def test_bytes_take_their_time(quick, need, baud):
     assert board.sim.time_s >= least_s - 1e-9
 
 
-@pytest.mark.parametrize("name", BOARDS)
+@pytest.mark.parametrize("name", part(list(BOARDS), 2))
 def test_parameters_survive_the_end_of_the_process(name, serve, need, tmp_path):
     """The same firmware keeps them in the same file, here and in the emulator."""
     if name != "virtual":

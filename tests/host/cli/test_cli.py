@@ -158,13 +158,13 @@ def test_plot_compares_recordings_of_two_kinds(tmp_path, capsys, monkeypatch):
     recorded("b.csv")
     arguments = ["plot", "a.npz", "b.csv@0.3", "--window", "-0.1,0.2", "--json"]
     assert main(arguments) == 0
-    printed, told = capsys.readouterr()
+    printed, messages = capsys.readouterr()
     result = json.loads(printed)
     assert result["align"] == "trigger" and result["picture"] == "out/plot.png"
     assert result["channels"]["torque_Nm"]["rms_difference"] == [None, pytest.approx(0, abs=1e-9)]
     assert result["channels"]["torque_Nm"]["samples_compared"] == [0, 300]
     assert (tmp_path / "out" / "plot.png").read_bytes()[:4] == b"\x89PNG"
-    assert "rms difference from a.npz" in told
+    assert "rms difference from a.npz" in messages
     for wrong in (["--channels", "speed_rpm"], ["--window", "5,6"], ["--align", "trigger"]):
         assert main(["plot", "b.csv", *wrong]) == 2
         assert capsys.readouterr().err.count("\n") == 1
@@ -184,7 +184,7 @@ def test_an_unclosed_journal_is_drawn_and_converted(tmp_path, capsys, monkeypatc
     assert len(Recording.load("new/x.csv")) == 50
 
 
-def test_output_folder_that_cannot_be_made(tmp_path, capsys):
+def test_an_output_folder_that_cannot_be_made_is_reported(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     arguments = ["compare", "--setup", "paper-b", "--schemes", "dtc1", "-o", str(tmp_path / "file")]
     assert main(arguments) == 2
@@ -254,12 +254,12 @@ def test_schemes_lists_source_and_options(capsys):
     assert "ddr-ml" in capsys.readouterr().out
 
 
-def test_reach_of_one_scheme(capsys):
+def test_reach_of_a_scheme_is_within_its_bounds(capsys):
     arguments = ["reach", "--setup", "paper-b", "--schemes", "dtc1", "--load", "2", "--json"]
     assert main(arguments) == 0
     speed = json.loads(capsys.readouterr().out)["reachable_rpm"]["dtc1"]
-    # 12-step operation would end at 2 Vdc/pi / psi; the large vectors' inscribed
-    # circle less the resistive drop lies below.
+    # 12-step operation would end at 2 Vdc/pi / psi. The circle inside the large vectors, minus the
+    # resistive drop, is below.
     assert 3500 < speed < 300 * 0.6366 / 0.4 * 9.5493
 
 
@@ -279,7 +279,7 @@ def test_reach_of_one_scheme(capsys):
         ('setup = "paper-b"\n[controller]\nf_slow_Hz = 300\n', ("do not fit together",)),
     ],
 )
-def test_files_that_cannot_be_used(text, words, tmp_path, capsys, monkeypatch):
+def test_files_that_cannot_be_used_are_refused(text, words, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "loop.toml").write_text(text)
     assert main(["run", "loop.toml"]) == 2
@@ -295,7 +295,7 @@ def test_reach_of_an_impossible_load_is_zero(capsys):
     assert json.loads(capsys.readouterr().out)["reachable_rpm"]["dtc1"] == 0
 
 
-def test_results_that_cannot_be_written(tmp_path, capsys):
+def test_results_that_cannot_be_written_are_reported(tmp_path, capsys):
     (tmp_path / "metrics.json").mkdir()
     arguments = ["compare", "--setup", "paper-b", "--schemes", "dtc1", "-o", str(tmp_path)]
     assert main(arguments) == 2
@@ -307,14 +307,16 @@ def test_an_instruction_counter_that_is_no_program(tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_one_study(tmp_path, capsys):
-    assert main(["evidence", "studies", "inverter", "--quick", "--json", "-o", str(tmp_path)]) == 0
-    printed, told = capsys.readouterr()
-    result = json.loads(printed)["inverter"]
-    assert result == json.loads((tmp_path / "inverter.json").read_text())
-    assert result["plateau_V"] == pytest.approx(6.9)
-    assert "firmware's model" in told and str(tmp_path / "inverter.png") in told.replace("\n", "")
-    assert (tmp_path / "inverter.png").read_bytes()[:4] == b"\x89PNG"
+def test_a_study_writes_its_result_and_picture(tmp_path, capsys):
+    studies = ["evidence", "studies", "integration", "--quick", "--json", "-o", str(tmp_path)]
+    assert main(studies) == 0
+    printed, table = capsys.readouterr()
+    result = json.loads(printed)["integration"]
+    assert result == json.loads((tmp_path / "integration.json").read_text())
+    assert 100 in result["step_us"] and result["limit"] == 1e-6
+    picture = tmp_path / "integration.png"
+    assert "100 us" in table and str(picture) in table.replace("\n", "")
+    assert picture.read_bytes()[:4] == b"\x89PNG"
 
 
 def test_every_study_has_what_the_command_needs():

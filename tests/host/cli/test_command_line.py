@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 def tree(command=app, path=()):
-    """Every command and group: its words, and itself."""
+    """Every command and group, with its words."""
     yield path, command
     for name, child in getattr(command, "commands", {}).items():
         yield from tree(child, (*path, name))
@@ -61,7 +61,7 @@ def test_daily_commands_are_at_the_top_level():
 
 
 def apart(one, other):
-    """Letters to insert, delete or replace between two words."""
+    """The number of letters to insert, delete or replace between two words."""
     row = list(range(len(other) + 1))
     for i, a in enumerate(one, 1):
         before, row[0] = row[0], i
@@ -184,7 +184,7 @@ def test_values_may_begin_with_a_minus_sign():
         (ZeroDivisionError("division by zero"), 1, "division by zero"),
     ],
 )
-def test_how_a_command_ends(raised, code, line, capsys, monkeypatch):
+def test_exit_codes_say_how_a_command_ended(raised, code, line, capsys, monkeypatch):
     def fail(**_):
         raise raised
 
@@ -197,8 +197,8 @@ def test_how_a_command_ends(raised, code, line, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize("path", [path for path, _ in tree()], ids=" ".join)
-def test_help(path, capsys):
-    """Exit code 0; every command shows examples, which are right."""
+def test_every_command_has_help_with_valid_examples(path, capsys):
+    """The help has exit code 0, and every command shows examples, which are valid."""
     assert main([*path, "--help"]) == 0
     said = capsys.readouterr()
     assert said.err == "" and said.out.startswith(f"Usage: {' '.join(['hexatorque', *path])} ")
@@ -216,13 +216,13 @@ def test_the_pages_show_commands_as_they_are(page):
         parse(words[1:])
 
 
-def test_version(capsys):
+def test_the_version_is_printed(capsys):
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"hexatorque {hexatorque.__version__}\n"
 
 
 def python(*words, **environment):
-    """In a process of its own, as from a shell."""
+    """Run Python in a process of its own, as from a shell."""
     package = str(Path(hexatorque.__file__).parents[1])
     return subprocess.run(
         [sys.executable, *words], capture_output=True, text=True, timeout=60,
@@ -230,7 +230,7 @@ def python(*words, **environment):
     )  # fmt: skip
 
 
-def test_as_a_module_of_python():
+def test_the_package_runs_as_a_module_of_python():
     done = python("-m", "hexatorque", "devices")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "hexatorque: no command 'devices' here: it is `hexatorque board list`\n"
@@ -240,7 +240,8 @@ def test_help_loads_nothing_heavy():
     """Otherwise the help would take more than 0.4 s."""
     code = (
         "import sys; from hexatorque.cli.main import main; main(['board', 'status', '--help']); "
-        "print(*{'numpy', 'numba', 'rich', 'matplotlib', 'cffi', 'serial'} & set(sys.modules))"
+        "print(*{'numpy', 'numba', 'rich', 'matplotlib', 'cffi', 'serial', 'jinja2'}"
+        " & set(sys.modules))"
     )
     done = python("-c", code)
     assert done.stderr == "" and done.stdout.splitlines()[-1] == ""
@@ -281,12 +282,12 @@ def completed(line, monkeypatch, capsys):
         ("hexatorque evidence papers A-T", ["plain,A-T2", "plain,A-T3", "plain,A-T4"]),
     ],
 )
-def test_completion(line, offered, monkeypatch, capsys):
+def test_the_shell_completes_commands_and_options(line, offered, monkeypatch, capsys):
     assert completed(line, monkeypatch, capsys) == offered
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_installing_completion(shell, tmp_path, monkeypatch, capsys):
+def test_completion_is_installed_once(shell, tmp_path, monkeypatch, capsys):
     if shell == "bash" and not shutil.which("bash"):
         pytest.skip("no bash")
     monkeypatch.setenv("HOME", str(tmp_path))

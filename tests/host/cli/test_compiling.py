@@ -33,21 +33,22 @@ def load(path):
 
 
 def test_numba_reports_compiling_and_not_loading(tmp_path, monkeypatch):
-    """The first call compiles; another call, and another process with the cache, do not."""
+    """The first call compiles. Another call does not, and neither does another process with the
+    cache."""
     path = tmp_path / "compiled.py"
     path.write_text(SOURCE)
-    told = []
+    reports = []
     for process, wanted in enumerate([["begun", "done"], []]):
         module = load(path)
         monkeypatch.setattr(loop, "run_periods", module.loop)
-        with compiling.watched(lambda: told.append("begun"), lambda: told.append("done")):
+        with compiling.watched(lambda: reports.append("begun"), lambda: reports.append("done")):
             module.other(1)  # compiled too, but it is not the loop
             assert module.loop(1) == 2
             module.loop(2)
-        assert told == wanted, process
-        told.clear()
-        assert module.loop(0.5) == 1.5  # compiled outside: nobody is told
-        assert told == []
+        assert reports == wanted, process
+        reports.clear()
+        assert module.loop(0.5) == 1.5  # compiled outside the watch, so there is no report
+        assert reports == []
 
 
 def test_the_simulation_is_what_is_watched():

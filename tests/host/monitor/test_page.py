@@ -174,7 +174,9 @@ def test_numbers_as_people_write_them(page, monitor):
 
 
 def test_a_number_that_is_zero_has_no_sign(page):
-    shown = "import('/plot.js').then(({ show }) => [-0, -1e-9, 0, -0.04, -1.5].map((v) => show(v)))"
+    shown = (
+        "import('/numbers.js').then(({ show }) => [-0, -1e-9, 0, -0.04, -1.5].map((v) => show(v)))"
+    )
     assert page.js(shown) == ["0.000", "−1.00e−9".replace("e−", "e-"), "0.000", "−0.040", "−1.500"]
 
 

@@ -96,6 +96,18 @@ def test_a_page_that_keeps_all_bins_has_the_envelope(blocks_between):
     assert view.news() is None or ring.end % 4  # a full last bin is not sent again
 
 
+@pytest.mark.parametrize("rate_Hz", [50.0, 1999.0, 2000.0, 2500.0, 10000.0])
+@pytest.mark.parametrize("window_s", [0.1, 1.0, 5.0, 20.0])
+def test_a_window_has_a_bin_for_each_pixel_and_at_most_two(window_s, rate_Hz):
+    """Or all samples, if there are not that many."""
+    pixels, samples = 978, window_s * rate_Hz
+    view = View(Ring(1, 10), rate_Hz, window_s, pixels)
+    drawn = samples / view.width
+    assert drawn >= min(pixels, samples)
+    assert drawn <= max(2 * pixels, samples if view.width == 1 else 0)
+    assert samples / view.width <= view.count <= samples / view.width + 2
+
+
 def test_a_page_that_asks_again_at_once_gets_nothing():
     ring = Ring(1, 100)
     view = View(ring, 100.0, 1.0, 50)

@@ -1,7 +1,6 @@
-"""The machine in phase coordinates, for the tests to argue from: twelve coils, six
-on the stator (two isolated neutrals) and six short-circuited ones on the turning
-rotor. No space-vector transform enters its equations of motion; `state` translates
-its fluxes to the plant's state.
+"""The machine in phase coordinates, as a reference for the tests: twelve coils, six on the stator
+(two isolated neutrals) and six short-circuited ones on the turning rotor. No space-vector transform
+enters its equations of motion; `state` translates its fluxes to the plant's state.
 """
 
 import numpy as np
@@ -43,7 +42,8 @@ class PhaseModel:
         return np.block([[self.l_stator, m], [m.T, self.l_rotor]])
 
     def free_inductance(self, theta_e):
-        """Of the free stator currents (four, or fewer if legs float) and the six rotor's."""
+        """Inductance matrix of the free stator currents (four, or fewer if legs float) and the six
+        rotor currents."""
         n = self.free.shape[1]
         basis = np.block([[self.free, np.zeros((6, 6))], [np.zeros((6, n)), np.eye(6)]])
         return basis.T @ self.inductance(theta_e) @ basis
@@ -59,14 +59,14 @@ class PhaseModel:
         return np.concatenate([VSD @ flux[:6], rotor, [omega, theta]])
 
     def currents(self, y):
-        """Stator currents, and rotor currents as coils that stand at angle 0 carry them."""
+        """The stator currents, and the rotor currents in coils that stand at angle 0."""
         columns = [self.state(FREE @ e, np.zeros(6), 0, 0)[:6] for e in np.eye(4)]
         columns += [self.state(np.zeros(6), self.rotor @ e, 0, 0)[:6] for e in np.eye(2)]
         i = np.linalg.solve(np.array(columns).T, y[:6])
         return FREE @ i[:4], self.rotor @ i[4:]
 
     def flux_slopes(self, i_s, i_r, v_leg):
-        """Change of the free currents' fluxes and the six rotor fluxes."""
+        """The derivatives of the free currents' fluxes and the six rotor fluxes."""
         slopes = self.free.T @ (v_leg - self.r_stator * i_s)
         return np.concatenate([slopes, -self.p.rr_ohm * i_r])
 
@@ -115,7 +115,7 @@ def model(request):
 
 @pytest.fixture
 def phase_model():
-    """To be made from any Parameters."""
+    """The model as a class, to be made from any Parameters."""
     return PhaseModel
 
 

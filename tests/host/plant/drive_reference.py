@@ -1,15 +1,15 @@
-"""A second drive to hold the plant against: the same gate edges, other equations, other
-integrator, other diode logic.
+"""A second drive for comparison with the plant. It has the same gate edges, but other equations,
+another integrator and other diode logic.
 
-States: the free stator currents u1 u2 w1 w2, the rotor's two currents in the stationary
-frame, the speed. Inductances are those of conftest's coils at rotor angle 0: seen from
-the stator a turning cage differs from a standing one by the voltage of motion only.
+States: the free stator currents u1 u2 w1 w2, the rotor's two currents in the stationary frame, the
+speed. The inductances are those of conftest's coils at rotor angle 0. For the stator, a turning
+cage differs from a standing one only by the voltage of motion.
 
-A leg with both switches open is tied to the rail of the diode that its current opens.
-The instant at which the current is gone is found as a root; from then on a constraint
-holds the current at zero, and the force of the constraint, the leg's voltage, is watched
-until it leaves the rails. Both are looked for between edges that enclose a sign change,
-which is enough while open switches are a matter of dead times.
+A leg with both switches open is tied to the rail of the diode that its current opens. The instant
+at which the current reaches zero is found as a root. From then on a constraint holds the current at
+zero. The leg's voltage keeps this constraint, and is checked until it leaves the rails. Both
+instants are searched between edges that enclose a sign change. This is sufficient as long as
+switches are open in dead times only.
 """
 
 import numpy as np
@@ -19,14 +19,16 @@ from scipy.optimize import brentq
 
 from hexatorque.plant.inverter import HIGH, LOW, OFF
 
-FLOATS = -1  #: beside the rails LOW and HIGH: the diodes block, no current
+#: A third state besides the rails LOW and HIGH: the diodes block, and there is no current.
+FLOATS = -1
 RTOL, ATOL = 1e-11, 1e-12
 
 
 @njit
 def slopes(_, x, a):
-    """d x/dt. Rows 0..5 of a: linear (6), times speed (6), constant (1); row 6: torque
-    per inertia of each pair of a stator and a rotor current (8), friction, load."""
+    """dx/dt. Rows 0..5 of `a` have the linear terms (6), the terms times speed (6) and the constant
+    (1). Row 6 has torque per inertia for each pair of a stator and a rotor current (8), friction
+    and load."""
     out = np.empty(7)
     w = x[6]
     for r in range(6):
@@ -42,7 +44,7 @@ def slopes(_, x, a):
 
 
 class Compiled:
-    """Hairer's DOP853, some ten times as fast as solve_ivp on intervals this short."""
+    """Hairer's DOP853. On such short intervals it is some ten times as fast as solve_ivp."""
 
     def __init__(self):
         # The first step tried is the whole interval.
@@ -85,11 +87,11 @@ class DriveReference:
         self._ties = {}
         self.legs = [OFF] * 6
         self.diodes = [FLOATS] * 6  #: rail of each open leg's conducting diode
-        self.blocked = self.reopened = 0  #: how often diodes did
+        self.blocked = self.reopened = 0  #: how often diodes changed
 
     def start(self, i_s, i_r, omega, legs):
-        """From these currents (rotor's as coils that stand at angle 0 carry them) and
-        leg states, with diodes according to the currents."""
+        """Start from these currents and leg states. The rotor's currents are those in coils that
+        stand at angle 0. The diodes follow from the currents."""
         self.x = np.concatenate([i_s[:4], self._rotor.T @ i_r / 3, [omega]])
         for leg, state in enumerate(legs):
             self.set_leg(leg, state)
@@ -107,8 +109,8 @@ class DriveReference:
         self.legs[leg] = state
 
     def _tie(self, rails):
-        """(coefficients of `slopes`, floating legs, coefficients of their voltages) for
-        each leg at LOW, HIGH or FLOATS."""
+        """For each leg at LOW, HIGH or FLOATS: (coefficients of `slopes`, floating legs,
+        coefficients of their voltages)."""
         found = self._ties.get(rails)
         if found is None:
             floating = [leg for leg in range(6) if rails[leg] == FLOATS]
@@ -128,19 +130,20 @@ class DriveReference:
         return tuple(d if s == OFF else s for s, d in zip(self.legs, self.diodes))
 
     def _room(self, x, leg):
-        """Positive while the diodes of an open leg stay as they are: the conducting one's
-        current, or a floating leg's distance from the nearer rail in parts of Vdc."""
+        """A value that is positive while the diodes of an open leg stay as they are: the current of
+        the conducting diode, or the distance of a floating leg from the nearer rail in parts of
+        Vdc."""
         if self.diodes[leg] != FLOATS:
             return (self._free[leg] @ x[:4]) * (1 if self.diodes[leg] == LOW else -1)
         return 0.5 - abs(self._voltage(x, leg) / self.vdc_V - 0.5)
 
     def _voltage(self, x, leg):
-        """Of a floating leg."""
+        """The voltage of a floating leg."""
         _, floating, volts = self._tie(self._rails())
         return volts[floating.index(leg)] @ np.concatenate([x[:6], x[6] * x[:6], [1.0]])
 
     def _change(self, leg):
-        """The conducting diode of an open leg blocks, or the nearer one opens."""
+        """Let the conducting diode of an open leg block, or the nearer one conduct."""
         if self.diodes[leg] == FLOATS:
             self.diodes[leg] = HIGH if self._voltage(self.x, leg) > 0.5 * self.vdc_V else LOW
             self.reopened += 1
@@ -149,7 +152,8 @@ class DriveReference:
             self.blocked += 1
 
     def _settle(self):
-        """Floating legs whose voltage is beyond the rails: diodes open, furthest first."""
+        """Let the diodes of floating legs conduct whose voltage is beyond the rails, the furthest
+        one first."""
         while True:
             floating = [
                 leg for leg in range(6) if self.legs[leg] == OFF and self.diodes[leg] == FLOATS
@@ -166,7 +170,7 @@ class DriveReference:
         return brentq(room, 0, dt, xtol=1e-20, rtol=1e-14)
 
     def advance(self, dt):
-        """Time without edges."""
+        """Advance the time, without edges."""
         if OFF not in self.legs:
             self.x = self.integrate(self.x, dt, self._tie(tuple(self.legs))[0])
             return
@@ -177,7 +181,7 @@ class DriveReference:
             begin, end = self.x, self.integrate(self.x, dt, a)
             first, changing = dt, None
             for leg in open_legs:
-                # Rounding of a current that has just been zero is no sign.
+                # A current that has just been zero has no sign, only rounding.
                 if self._room(end, leg) < -1e-12:
                     assert self._room(begin, leg) > 0
                     t = self._end_of_room(begin, dt, a, leg)
@@ -191,9 +195,9 @@ class DriveReference:
             dt -= first
 
     def follow(self, edges, begin, instants, clock_Hz):
-        """From count `begin` through edges (count, leg, state) in order, those at an
-        instant not yet applied. Returns phase currents (n, 6) and speeds (n,) at
-        `instants` (counts)."""
+        """Advance from count `begin` through edges (count, leg, state), which are in order. Edges
+        at one of the `instants` are applied after it. Returns phase currents (n, 6) and speeds (n,)
+        at `instants` (counts)."""
         currents, speeds = np.empty((len(instants), 6)), np.empty(len(instants))
         now, e = begin, 0
         for n, instant in enumerate(instants):

@@ -1,13 +1,15 @@
-"""The running drive against a second one (drive_reference) that is given the plant's
-initial currents and its gate edges and nothing else.
+"""The running drive is compared with a second one (drive_reference) that gets only the plant's
+initial currents and its gate edges.
 
-1e-6 of the current's amplitude over half a second is what is asked for. The plant does
-far better, and the tests hold it to that: a zero crossing interpolated on a straight line
-would pass the 1e-6.
+Required is 1e-6 of the current's amplitude over half a second. The plant is far better, and the
+tests demand more: a zero crossing that is interpolated on a straight line would pass 1e-6.
 """
+
+from itertools import product
 
 import numpy as np
 import pytest
+from campaigns import part
 from drive_reference import DriveReference, interpreted
 
 from hexatorque import firmware, setups
@@ -45,9 +47,10 @@ def error(segment, currents, reference):
     return np.max(np.abs(currents - reference)) / segment.amplitude_A
 
 
-@pytest.mark.parametrize("direction", [1, -1])
-@pytest.mark.parametrize("machine", ["symmetric", "asymmetric"])
-@pytest.mark.parametrize("scheme", firmware.schemes())
+DRIVES = list(product(firmware.schemes(), ["symmetric", "asymmetric"], [1, -1]))
+
+
+@pytest.mark.parametrize("scheme, machine, direction", part(DRIVES, 6))
 def test_half_a_second_of_running_drive(phase_model, scheme, machine, direction):
     if machine == "symmetric":
         changes = {"machine__drs_ohm": (0.0,) * 6}
@@ -58,7 +61,7 @@ def test_half_a_second_of_running_drive(phase_model, scheme, machine, direction)
     reference, currents, speeds = refer(phase_model, segment)
     assert len(currents) == 5000 and 3 < segment.amplitude_A < 6
     assert np.mean(speeds) * 30 / np.pi == pytest.approx(direction * 400, rel=0.01)
-    # Dead times in which a current ended are among them.
+    # They include dead times in which a current ended.
     assert np.sum(segment.edges[:, 2] == OFF) > 10_000 and reference.blocked >= 15
     assert error(segment, segment.currents_A, currents) < LIMIT / 100
     assert np.max(np.abs(segment.speed_rad_s - speeds)) < 1e-7
@@ -75,7 +78,7 @@ def test_light_load_reopens_diodes(phase_model):
 @pytest.mark.parametrize("beyond_V", [-0.1, 0.1])
 @pytest.mark.parametrize("rail", [LOW, HIGH])
 def test_diode_opens_at_the_rail(model, rail, beyond_V):
-    """A leg without current whose voltage the rotor's speed puts beside its rail."""
+    """A leg has no current, and the rotor's speed brings its voltage close to the rail."""
     i_s, i_r = model.free @ [0, 1, 2, -1], model.rotor @ [3, 2]
     legs = [OFF, LOW, rail, HIGH, rail, LOW]
 
@@ -104,7 +107,7 @@ def test_diode_opens_at_the_rail(model, rail, beyond_V):
 
 
 def test_error_falls_with_the_fourth_power_of_the_step(phase_model):
-    """At the highest speed of both papers, where it is largest."""
+    """The error is taken at the highest speed of both papers, where it is largest."""
     segment = run_segment(drive("dtc1", 2500, 2, "paper-b", load__kind="constant"), 0.5)
     _, currents, _ = refer(phase_model, segment)
     errors = [error(segment, replay(segment, h), currents) for h in (100, 50, 25)]
@@ -122,7 +125,8 @@ def test_reference_by_another_integrator(phase_model):
 
 
 def test_reference_against_turning_coils(model):
-    """Its stationary rotor currents against coils that turn with the rotor."""
+    """The reference's stationary rotor currents are compared with coils that turn with the
+    rotor."""
     rng = np.random.default_rng(3)
     i_s, i_r = model.free @ rng.normal(0, 4, 4), model.rotor @ rng.normal(0, 4, 2)
     reference = DriveReference(model, 250.0, 1.5)

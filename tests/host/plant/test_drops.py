@@ -1,6 +1,6 @@
-"""Conduction drops: the voltage behind each device as its definition says, direct
-current by Ohm's law, the coils' trajectory (conftest) under such voltages, energy
-taken from the dc link against machine and devices, rest at zero current.
+"""Conduction drops. The tests check the voltage behind each device by its definition, direct
+current by Ohm's law, the trajectory of the coils (conftest) under such voltages, the energy from
+the dc link against machine and devices, and the state at zero current.
 """
 
 from dataclasses import replace
@@ -37,7 +37,7 @@ class Drive:
     def __init__(self, p, y, legs, **drops):
         self.m, self.y = make(p), np.array(y, float)
         self.inv = inverter_record(**(drops or DROPS))
-        self.switch([LOW] * 6)  # driven first: an off leg's diode follows its current
+        self.switch([LOW] * 6)  # driven legs first, because an off leg's diode follows its current
         self.switch(legs)
 
     def switch(self, legs):
@@ -89,9 +89,9 @@ def test_voltage_behind_the_conducting_device(model, state):
         )
 
 
-def test_direct_current(symmetric):
-    """From u1 to w1 and v1: two switches and one and a half windings in series. The other
-    set, shorted by its own legs, carries nothing in the end."""
+def test_direct_current_follows_ohms_law(symmetric):
+    """The current flows from u1 to w1 and v1, through two switches and one and a half windings in
+    series. The other set is shorted by its own legs, and its current ends at zero."""
     drive = Drive(symmetric.p, np.zeros(8), [HIGH, LOW, LOW, LOW, LOW, LOW])
     drive.advance(1e-3, 3000, vdc=20.0)
     amps = (20.0 - 2 * V_SWITCH) / (1.5 * (symmetric.p.rs_ohm + R_SWITCH))
@@ -99,8 +99,8 @@ def test_direct_current(symmetric):
     np.testing.assert_allclose(drive.i[1::2], 0, atol=1e-6)
 
 
-def test_trajectory(model):
-    """Currents of either sign through switches and diodes, none crossing zero."""
+def test_trajectory_is_that_of_the_coils(model):
+    """Currents of either sign flow through switches and diodes, and none crosses zero."""
     legs = [HIGH, HIGH, LOW, OFF, LOW, OFF]
     i_s, i_r, y = running(model, 0.7)
     drive = Drive(model.p, y, legs)
@@ -121,8 +121,8 @@ def test_trajectory(model):
 
 
 def test_energy_and_diodes_under_any_switching(model):
-    """dc link = machine + devices. A leg that is off conducts within its diode's drop of
-    the rails and in its diode's direction only."""
+    """The energy of the dc link is that of machine and devices. A leg that is off conducts only in
+    its diode's direction, and its voltage is within its diode's drop of the rails."""
     rng = np.random.default_rng(3)
     _, _, y = running(model, 0.4)
     drive, dt, n = Drive(model.p, y, [LOW] * 6), 1e-6, 40
@@ -161,7 +161,8 @@ def test_energy_and_diodes_under_any_switching(model):
 
 
 def test_floating_diode_opens_beyond_its_threshold(symmetric):
-    """Free rotor flux at speed: two diodes in series, sqrt 3 times the amplitude."""
+    """The rotor flux is free and turns at speed. Two diodes are in series, at sqrt 3 times the
+    amplitude."""
     i_r = 10 * np.cos(ANGLES)
     p = replace(symmetric.p, inertia_kgm2=1e9, viscous_Nms=0.0, rr_ohm=1e-3)
     induced = np.hypot(*symmetric.state(np.zeros(6), i_r, 0, 0)[:2])
@@ -176,8 +177,8 @@ def test_floating_diode_opens_beyond_its_threshold(symmetric):
 
 @pytest.mark.parametrize("lxy_H", [10e-3, 0.1e-3])
 def test_free_wheeling_currents_reach_zero(symmetric, lxy_H):
-    """Free-wheeling x-y currents: thresholds take them to zero in a finite time, where
-    they stay without chatter, however little the inductance."""
+    """The thresholds bring free-wheeling x-y currents to zero in a finite time. They stay there
+    without chatter, however small the inductance is."""
     p = replace(symmetric.p, lxy_H=lxy_H)
     y = np.zeros(8)
     y[2] = lxy_H * 0.8
@@ -185,9 +186,10 @@ def test_free_wheeling_currents_reach_zero(symmetric, lxy_H):
     states = drive.advance(50e-6, 200)
     size = np.hypot(states[:, 2], states[:, 3]) / lxy_H
     assert np.all(np.diff(size) <= 1e-12)
-    # Along x the thresholds make 5 V (2 cos 0 + 4 cos 30 deg)/3 at least 4 V: then exponentials.
-    rest = int((lxy_H * 0.8 / 4 + 10 * lxy_H / 500) / 50e-6) + 1
-    assert np.all(size[rest + 1 :] < 10e-3)
+    # Along x, thresholds of 5 V make 5 V (2 cos 0 + 4 cos 30 deg)/3, at least 4 V. The currents are
+    # then exponentials.
+    settled = int((lxy_H * 0.8 / 4 + 10 * lxy_H / 500) / 50e-6) + 1
+    assert np.all(size[settled + 1 :] < 10e-3)
     assert size[-1] < 1e-9
 
 

@@ -1,6 +1,6 @@
-"""The emulated capture unit against one that steps through every edge and every tick of
-the capture clock, as the chip does: a 16-bit timer that a unit event (every fourth edge
-in either direction) copies to QCPRD and sets to zero, and sticky flags.
+"""The emulated capture unit is compared with one that steps through every edge and every tick of
+the capture clock, as the chip does. It has a 16-bit timer, which a unit event (every fourth edge in
+either direction) copies to QCPRD and sets to zero, and sticky flags.
 """
 
 from types import SimpleNamespace
@@ -16,7 +16,7 @@ from hexatorque.plant.sensors import sample
 EQEP = {"f28335": 0x6B00, "f28377s": 0x5100}
 QCAPCTL, QEPSTS, QCTMR, QCPRD = 0x16, 0x1C, 0x1D, 0x1E
 UPEVNT, QDF, COEF, CDEF = 0x80, 0x20, 0x08, 0x04
-#: Capture clocks from sample to sample: 10 kHz, SYSCLKOUT of 150 and 200 MHz by 128.
+#: Capture clocks between two samples at 10 kHz: SYSCLKOUT of 150 and 200 MHz, divided by 128.
 TICKS = {"f28335": 150e6 / 128 * 1e-4, "f28377s": 200e6 / 128 * 1e-4}
 PPR = 2048
 MACHINE = make(Parameters(2, 1.0, 1.0, 10e-3, 10e-3, 1e-9, 10e-3, 1.0))
@@ -51,7 +51,8 @@ class Emulated:
 
 
 class Stepped:
-    """Edge by edge and tick by tick. `channel_b`: how late it rises and early it falls."""
+    """A capture unit that steps edge by edge and tick by tick. `channel_b`: how late channel B
+    rises and how early it falls."""
 
     def __init__(self, ticks_per_sample, channel_b=0.0):
         shift = {0: 0.0, 1: channel_b, 2: 0.0, 3: -channel_b}
@@ -96,12 +97,12 @@ class Stepped:
 
 
 def wander(rng):
-    """Slow, and often through zero."""
+    """A slow path that often passes zero."""
     return np.cumsum(0.2 * np.sin(np.arange(1500) / 70) + rng.normal(0, 0.05, 1500))
 
 
 def fast(rng):
-    """Up to 6000 r/min both ways: 82 edges from sample to sample."""
+    """Up to 6000 r/min in both directions, which is 82 edges between two samples."""
     return np.cumsum(82 * np.sin(np.arange(300) / 40) + rng.normal(0, 1, 300))
 
 
@@ -116,7 +117,7 @@ def halting(rng):
 @pytest.mark.parametrize("channel_b", [0.0, 0.08])
 @pytest.mark.parametrize("path", [wander, fast, halting])
 @pytest.mark.parametrize("device", EQEP)
-def test_against_every_edge(device, path, channel_b):
+def test_the_capture_unit_agrees_at_every_edge(device, path, channel_b):
     rng = np.random.default_rng(7)
     emulated = Emulated(device, encoder_error_cycles=channel_b)
     stepped = Stepped(TICKS[device], 4 * channel_b)
@@ -130,14 +131,14 @@ def test_against_every_edge(device, path, channel_b):
         assert emulated.read(clear) == expected
         flags |= expected[3]
     wanted = {wander: UPEVNT | CDEF | QDF, fast: UPEVNT | CDEF | QDF, halting: UPEVNT | COEF}
-    assert flags & wanted[path] == wanted[path]  # the path has shown what it is for
+    assert flags & wanted[path] == wanted[path]  # the path has set its flags
 
 
 @pytest.mark.parametrize(("share", "overflow"), [(-0.05, False), (0.05, True)])
 @pytest.mark.parametrize("device", EQEP)
-def test_overflow_within_the_sample_of_an_event(device, share, overflow):
-    """Edge 4 is passed in the first sample; edge 8, the next unit event, in the one in
-    which the timer ends, a little before or after that."""
+def test_an_overflow_shows_only_if_the_timer_ends_before_the_event(device, share, overflow):
+    """Edge 4 is passed in the first sample. Edge 8, the next unit event, is passed in the sample in
+    which the timer ends, a little before or after its end."""
     end = 4 / 4.5 + 65536 / TICKS[device]
     last = int(end)
     x = 4.5 + (8 - 4.5) / (end + share - last)
@@ -149,8 +150,9 @@ def test_overflow_within_the_sample_of_an_event(device, share, overflow):
     assert bool(stepped.read()[3] & COEF) == overflow
 
 
-def test_period_at_constant_speed():
-    """1 count in 1 ms: four take 4 ms, 4687.5 ticks; the timer runs from the last event."""
+def test_the_period_at_constant_speed_is_four_counts():
+    """At 1 count in 1 ms, four counts take 4 ms or 4687.5 ticks. The timer runs from the last
+    event."""
     emulated = Emulated("f28335")
     for n in range(1, 201):  # 20 ms; edges at 1, 2, ... ms
         emulated.turn(0.1 * n - 1e-6)
@@ -170,7 +172,7 @@ def test_nothing_is_captured_while_off():
 
 
 def test_prescalers_are_taken_from_the_register():
-    """SYSCLKOUT / 2 and an event at every edge: 0.1 ms from edge to edge, 7500 ticks."""
+    """With SYSCLKOUT / 2 and an event at every edge, 0.1 ms between two edges are 7500 ticks."""
     emulated = Emulated("f28335")
     emulated.regs[EQEP["f28335"] + QCAPCTL] = 0x8010
     for n in range(10):
@@ -178,8 +180,8 @@ def test_prescalers_are_taken_from_the_register():
     assert emulated.read()[1:3] == (3750, 7500)
 
 
-def test_unequal_edges():
-    """Channel B rises 0.2 counts late and falls 0.2 counts early: the counter follows."""
+def test_unequal_edges_are_counted_where_they_are():
+    """Channel B rises 0.2 counts late and falls 0.2 counts early. The counter must follow."""
     emulated = Emulated("f28335", encoder_error_cycles=0.05)
     shown = []
     for x in (0.99, 1.1, 1.19, 1.21, 1.99, 2.01, 2.79, 2.81, 3.99, 4.01):

@@ -1,5 +1,5 @@
-"""Suppression of short gate pulses, compared with twelve counters that check the gate
-signals count by count, and trips, which nothing may hold up.
+"""Suppression of short gate pulses, compared with twelve counters that check the gate signals count
+by count. Nothing may delay a trip.
 """
 
 import numpy as np
@@ -90,14 +90,14 @@ def test_each_driver_delays_its_edges(min_counts, dead, cuts):
     assert 0.2 * edges[0] < edges[1] < 0.95 * edges[0]
 
 
-def test_off_by_default():
+def test_pulses_are_not_suppressed_by_default():
     states = gate_signals(np.random.default_rng(1), 5, 2)
     np.testing.assert_array_equal(through_drivers(states, 0, [40]), states)
 
 
 @pytest.mark.parametrize("pending", [False, True])
 def test_trip_is_immediate(pending):
-    """Leg 2 is HIGH when its trip comes, alone or while its turn-off is pending."""
+    """Leg 2 is HIGH when its trip comes. Its turn-off may be pending."""
     gd, ps = gates_record(30), pwm_record()
     ps.count[0], ps.leg[0], ps.state[0] = 3, 2, HIGH
     n = suppress_short_pulses(gd, MAP, registers(), ps, 0, PERIOD, 0, 1)
@@ -109,7 +109,7 @@ def test_trip_is_immediate(pending):
     n = suppress_short_pulses(gd, MAP, registers([2]), ps, 100, PERIOD, 0, int(not pending))
     assert [(ps.count[e], ps.leg[e], ps.state[e]) for e in range(n)] == [(100, 2, OFF)]
     assert suppress_short_pulses(gd, MAP, registers([2]), ps, 0, PERIOD, 0, 0) == 0
-    # Nothing that was pending comes back when the trip is cleared.
+    # No pending change takes effect after the trip is cleared.
     assert suppress_short_pulses(gd, MAP, registers(), ps, 0, PERIOD, 0, 0) == 0
 
 

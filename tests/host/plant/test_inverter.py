@@ -1,12 +1,13 @@
-"""Legs, dead time, diodes. Driven legs against the voltage they are tied to; legs
-that are off against the driven state their current's sign selects, against coils
-whose current is held at zero (conftest), and against conservation of energy.
+"""Legs, dead time, diodes. Driven legs are compared with the voltage of their rail. Legs that are
+off are compared with the driven state that the sign of their current selects, with coils whose
+current is held at zero (conftest), and with conservation of energy.
 """
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from campaigns import part
 from numba import njit
 
 from hexatorque.plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
@@ -47,7 +48,7 @@ class Drive:
 
 @njit
 def sweep(inv, m, load, y, dt, vdc, states, legs):
-    """Advance by rows of states, keeping state and leg voltages after each."""
+    """Advance by rows of states. Keep the state and the leg voltages after each."""
     for r in range(len(states)):
         advance(inv, m, load, y, dt, vdc)
         states[r] = y
@@ -67,8 +68,8 @@ def running(model, phase=0.0, magnetising=2.0, working=5.0, omega=60.0):
     return model.state(i_s, -working * across, omega, 0.0)
 
 
-def test_driven_legs(symmetric):
-    """v = Vdc T S for all 64 states, and the machine integrates just that."""
+def test_driven_legs_have_the_voltage_of_their_rail(symmetric):
+    """v = Vdc T S for all 64 states, and the machine integrates exactly this voltage."""
     groups = []
     for s in range(64):
         legs = [s >> (5 - leg) & 1 for leg in range(6)]
@@ -86,7 +87,8 @@ def test_driven_legs(symmetric):
 
 @pytest.mark.parametrize("off", [[0], [3], [0, 5], [1, 2, 4], [0, 1, 2, 3, 4, 5]])
 def test_dead_time_follows_the_current(model, off):
-    """Positive current: the leg is at the negative rail; negative: at the positive."""
+    """With positive current the leg is at the negative rail, with negative current at the positive
+    rail."""
     rng = np.random.default_rng(len(off))
     for phase in np.linspace(0.1, 6.2, 12):
         y = running(model, phase)
@@ -106,8 +108,8 @@ def test_dead_time_follows_the_current(model, off):
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_current_that_reaches_zero_stays_there(model, sign):
-    """u1 is off, w1 and v1 hold its neutral near mid-bus, the other set is shorted.
-    Reference: the coils, first with the diode's rail on u1, then without its current."""
+    """u1 is off, w1 and v1 hold its neutral near half the dc link, and the other set is shorted.
+    The reference is the coils, first with the diode's rail on u1, then without its current."""
     legs = [OFF, LOW, HIGH, LOW, LOW, LOW]
     i_s = sign * np.array([0.8, 0.0, -1.8, 1.0, 1.0, -1.0])
     i_r = 2 * np.sin(ANGLES)
@@ -142,10 +144,10 @@ def test_current_that_reaches_zero_stays_there(model, sign):
     np.testing.assert_allclose(drive.i, i_end, atol=1e-7)
 
 
-def test_any_switching_with_legs_off(model):
-    """Under any switching: an off leg's current has its diode's sign or is zero, its
-    voltage is within the rails (0.2 %: what it moves within a step), and time passes.
-    Coarse and fine calls agree."""
+def test_legs_that_are_off_obey_their_diodes_under_any_switching(model):
+    """Under any switching, the current of an off leg has its diode's sign or is zero, its voltage
+    is within the rails (to 0.2 %, because it changes within a step), and time advances. Long and
+    short calls agree."""
     p = replace(model.p, inertia_kgm2=1e9)
     rng = np.random.default_rng(5)
     y = running(model, 0.4, omega=50.0)
@@ -193,7 +195,7 @@ def switch_at_random(inv, m, load, y, vdc, legs, times):
 def test_diodes_do_not_chatter(model, knee_Wb):
     """A voltage may leave its rail and return within a step, and two currents may reach zero almost
     together. Time must advance, and no leg may keep a current that it cannot carry."""
-    for seed in range(60):
+    for seed in part(range(60), 12):
         rng = np.random.default_rng(seed)
         i_s, i_r = model.free @ rng.normal(0, 4, 4), model.rotor @ rng.normal(0, 6, 2)
         y = model.state(i_s, i_r, rng.normal(0, 80), 0.0)
@@ -217,7 +219,7 @@ def losses(model, y):
 
 
 def balance(model, y0, states, legs, dt):
-    """(taken from the machine, of which lost, of which to the dc link), J"""
+    """Energies in J: (taken from the machine, lost, delivered to the dc link)."""
     every = np.vstack([y0, states])
     i = np.array([model.currents(y)[0] for y in every])
     link = -np.sum(legs * (i[1:] + i[:-1]) / 2) * dt
@@ -225,7 +227,7 @@ def balance(model, y0, states, legs, dt):
     return energy(model, y0) - energy(model, every[-1]), np.trapezoid(lost, dx=dt), link
 
 
-def test_all_legs_off(model):
+def test_with_all_legs_off_the_currents_fall_to_zero(model):
     y = running(model, 0.7)
     drive = Drive(model.p, y)
     drive.switch(*[OFF] * 6)
@@ -236,12 +238,12 @@ def test_all_legs_off(model):
     last = np.flatnonzero(present.any(axis=1))[-1]
     assert np.min(np.abs(before)) > 0.1 and 20 < last < 2500
     assert np.all(np.abs(currents[last + 1 :]) < 1e-3)
-    # Currents only fall: each keeps its sign until it is gone.
+    # Currents only fall. Each keeps its sign until it is zero.
     assert np.all((currents * np.sign(before))[present] > 0)
     taken, lost, link = balance(model, y, states[: last + 1], legs[: last + 1], 2e-6)
     assert link > 0.1 * taken > 0
     assert taken == pytest.approx(lost + link, rel=2e-3)
-    # From there on the rotor is alone.
+    # From there on only the rotor has current.
     p = model.p
     first, end = states[2500], states[-1]
     t = 2e-6 * 2499
@@ -256,8 +258,9 @@ def test_all_legs_off(model):
 
 @pytest.mark.parametrize("emf", [0.5, 0.57, 0.6, 0.8, 1.2])
 def test_back_emf_above_the_dc_link_conducts(model, emf):
-    """Free rotor flux at speed, legs off. Two legs of a set conduct where their
-    difference would exceed Vdc: sqrt 3 times the amplitude, so from 0.577 on."""
+    """The rotor flux is free and turns at speed, and the legs are off. Two legs of a set conduct
+    when their difference would exceed Vdc. The difference is sqrt 3 times the amplitude, so this
+    begins at 0.577."""
     i_r = 10 * np.cos(ANGLES)
     p = replace(model.p, inertia_kgm2=1e9, viscous_Nms=0.0)
     induced = np.hypot(*model.state(np.zeros(6), i_r, 0, 0)[:2])
@@ -285,13 +288,13 @@ def test_back_emf_above_the_dc_link_conducts(model, emf):
         states[:, 4] * (currents @ np.sin(ANGLES)) - states[:, 5] * (currents @ np.cos(ANGLES))
     ) / 3  # fmt: skip
     assert np.sum(torque) < 0  # braking
-    slow = replace(model.p, inertia_kgm2=0.0, viscous_Nms=0.0)  # books without the shaft
+    slow = replace(model.p, inertia_kgm2=0.0, viscous_Nms=0.0)  # energy balance without the shaft
     taken, lost, _ = balance(type(model)(slow), y0, states, legs, dt)
     shaft = -np.sum(torque * states[:, 6]) * dt
     assert taken + shaft == pytest.approx(lost + link, rel=5e-3, abs=1e-3)
 
 
-def test_count_of_legs_off(symmetric):
+def test_the_number_of_legs_off_is_counted(symmetric):
     rng = np.random.default_rng(2)
     drive = Drive(symmetric.p, running(symmetric), legs=[OFF] * 6)
     assert drive.inv.off == 6

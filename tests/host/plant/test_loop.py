@@ -1,5 +1,5 @@
-"""The compiled loop against what a drive must do: a trip from outside the interrupt
-reaches the inverter, wherever in the period the controller samples and writes.
+"""The compiled loop does what a drive must do: a trip from outside the interrupt reaches the
+inverter, wherever in the period the controller samples and writes.
 """
 
 import itertools
@@ -30,8 +30,8 @@ def test_stop_turns_the_legs_off(sample_delay_us, latency):
 
 @pytest.mark.parametrize("sample_delay_us", [0.0, 3.0])
 def test_recording_changes_nothing(sample_delay_us):
-    """Bit for bit, from start to trip: whether and how densely a run is recorded. What
-    is recorded at an instant does not depend on the other instants either."""
+    """A run has the same bits from start to trip, whether it is recorded or not, and at any rate.
+    The values that are recorded at an instant do not depend on the other instants either."""
     states, edges, samples = [], [], {}
     for per in (0, 1, 4, 5, 20):
         setup = setups.load("paper-a-feasible").changed(sensors__sample_delay_us=sample_delay_us)
@@ -58,7 +58,7 @@ def test_recording_changes_nothing(sample_delay_us):
 
 
 def test_edges_are_the_gates_that_are_recorded():
-    """Legs rebuilt from the log at every instant recorded."""
+    """The legs are rebuilt from the log at every recorded instant."""
     sim = SimulatedDrive(setups.load("paper-b").changed(controller__scheme="dtc3"), 20)
     sim.log_edges(50_000)
     sim.start()

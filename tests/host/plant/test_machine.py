@@ -1,7 +1,6 @@
-"""The compiled machine against independent physics: its matrices, derivative and
-trajectory against twelve coupled coils (conftest), its steady state against the
-per-phase equivalent circuit, its energy against the books. Loads against the
-torque they are specified to take.
+"""The compiled machine is compared with independent physics: its matrices, derivative and
+trajectory with twelve coupled coils (conftest), its steady state with the per-phase equivalent
+circuit, its energy with an energy balance. Loads are compared with their specified torque.
 """
 
 from dataclasses import replace
@@ -37,7 +36,7 @@ def vsd(legs):
 
 @njit
 def follow(m, load, y, volts, dt, steps, out):
-    """`steps` steps for each row of volts, the states after each in out."""
+    """Make `steps` steps for each row of volts. `out` has the states after each."""
     k = np.empty(8)
     z = np.empty((2, 8))
     row = 0
@@ -73,13 +72,13 @@ def random_currents(rng):
     i_s = rng.normal(0, 5, 6)
     i_s[::2] -= i_s[::2].mean()
     i_s[1::2] -= i_s[1::2].mean()
-    # Any rotor current with an alpha-beta part only: that is all the stator induces.
+    # Any rotor current with an alpha-beta part only, because the stator induces no other.
     angles = np.radians([0, 30, 120, 150, 240, 270])
     i_r = np.cos(angles) * rng.normal(0, 5) + np.sin(angles) * rng.normal(0, 5)
     return i_s, i_r
 
 
-def test_currents_torque_and_slopes_of_any_state(model):
+def test_currents_torque_and_slopes_agree_with_the_coils(model):
     rng = np.random.default_rng(1)
     m = make(model.p)
     for _ in range(20):
@@ -93,7 +92,7 @@ def test_currents_torque_and_slopes_of_any_state(model):
         np.testing.assert_allclose(i_leg, i_s, atol=1e-11)
         np.testing.assert_allclose(i, vsd(i_s), atol=1e-11)
         assert torque == pytest.approx(model.torque(i_s, i_r, theta_e), rel=1e-10, abs=1e-10)
-        # Slopes: the coils' fluxes a little earlier and later, as plant states.
+        # For the slopes, take the coils' fluxes a little earlier and later as plant states.
         slopes = model.flux_slopes(i_s, i_r, v_leg)
         flux = model.fluxes(i_s, i_r, theta_e)
         h = 1e-6
@@ -126,7 +125,7 @@ def switched(direction):
 
 
 @pytest.mark.parametrize("direction", [1, -1])
-def test_trajectory_and_order(model, direction):
+def test_trajectory_is_that_of_the_coils_to_fourth_order(model, direction):
     legs = switched(direction)
     load = record(LOAD, **{n: 0.0 for n in LOAD.names} | {
         "linear_Nms": 0.02, "quadratic_Nms2": 1e-3, "eddy_rad_s": 1.0,
@@ -146,7 +145,7 @@ def test_trajectory_and_order(model, direction):
 
 @pytest.mark.parametrize("slip", [0.04, -0.04, 1.0, 0.002, 1.9])
 @pytest.mark.parametrize("direction", [1, -1])
-def test_steady_state_at_imposed_slip(symmetric, slip, direction):
+def test_steady_state_is_that_of_the_equivalent_circuit(symmetric, slip, direction):
     p = replace(symmetric.p, inertia_kgm2=1e9)
     w, amplitude = 2 * np.pi * 50, 120.0
     rotor = p.rr_ohm / slip + 1j * w * p.llr_H
@@ -156,7 +155,7 @@ def test_steady_state_at_imposed_slip(symmetric, slip, direction):
     i_r = i_s * parallel / rotor
     torque = direction * 3 * abs(i_r) ** 2 * p.rr_ohm / slip * p.pole_pairs / w
 
-    dt = 40e-6  # 500 steps a cycle, the voltage of mid-step held
+    dt = 40e-6  # 500 steps a cycle; each holds the voltage of its middle
     t = dt * np.arange(150 * 500)
     v = np.zeros((len(t), 4))
     v[:, 0] = amplitude * np.cos(w * (t + dt / 2))
@@ -175,12 +174,12 @@ def test_steady_state_at_imposed_slip(symmetric, slip, direction):
     np.testing.assert_allclose(i[:, 2:], 0, atol=1e-9)
 
 
-def test_energy_balance(model):
+def test_energy_is_conserved(model):
     """Field and kinetic energy from the coils, powers from the plant's own torque."""
     legs, p = switched(1), model.p
     m = make(p)
     load = record(LOAD, **{n: 0.0 for n in LOAD.names} | {"linear_Nms": 0.05, "eddy_rad_s": 1.0})
-    steps, dt = 20, 10e-6  # of each switching state; Simpson's rule over pairs
+    steps, dt = 20, 10e-6  # the steps of each switching state; Simpson's rule over pairs
     y0 = run(m, load, np.zeros(8), vsd(legs), dt, steps)[-1]
     states = np.vstack([y0, run(m, load, y0, vsd(legs), dt, steps)])
 
@@ -203,7 +202,7 @@ def test_energy_balance(model):
     stored = [energies(states[c * steps]) for c in range(len(legs) + 1)]
     electrical, copper, mechanical, _ = books[-1]
     assert min(abs(electrical), copper, abs(mechanical)) > 0.1  # nothing trivially zero
-    # Any interval: 1e-6 of what goes in or out of the terminals and is lost.
+    # In any interval the error is below 1e-6 of the energy at the terminals and the losses.
     spent = np.abs(np.diff(books, axis=0)[:, :2]).sum(axis=1)
     rng = np.random.default_rng(3)
     ends = [
@@ -233,7 +232,7 @@ def test_load_takes_the_stated_torque(kind, rpm):
         assert load_at(load, 0.0) == 0
 
 
-def test_shape_of_loads():
+def test_loads_depend_on_the_speed_as_specified():
     w = np.pi / 30 * 1000
     assert load_at(_load("generator", 8.0, 1000), w / 2) == pytest.approx(4)
     assert load_at(_load("fan", 8.0, 1000), w / 2) == pytest.approx(2)
@@ -245,8 +244,8 @@ def test_shape_of_loads():
 
 
 def winding_equations(p, amplitude, w, t_end, times):
-    """Stator and rotor current, speed and the energies' rates of the two winding equations
-    in complex form, under a sinusoidal supply from standstill: (6 real states) by DOP853."""
+    """The two winding equations in complex form under a sinusoidal supply from standstill: stator
+    and rotor current, speed and rates of the energies (6 real states), by DOP853."""
     inductance = np.array([[p.lls_H + p.lm_H, p.lm_H], [p.lm_H, p.llr_H + p.lm_H]])
     current = np.linalg.inv(inductance)
 
@@ -266,7 +265,7 @@ def winding_equations(p, amplitude, w, t_end, times):
 
 
 def supplied(p, amplitude, w, seconds, dt=20e-6):
-    """The plant's states under the same supply, the voltage of mid-step held."""
+    """The plant's states under the same supply. Each step holds the voltage of its middle."""
     t = dt * np.arange(round(seconds / dt))
     v = np.zeros((len(t), 4))
     v[:, 0] = amplitude * np.cos(w * (t + dt / 2))
@@ -275,10 +274,10 @@ def supplied(p, amplitude, w, seconds, dt=20e-6):
     return t + dt, m, run(m, NO_LOAD, np.zeros(8), v, dt)
 
 
-def test_free_acceleration(symmetric):
-    """From standstill to no load: the trajectory; synchronous speed at the end; and as much
-    energy lost in the rotor as the shaft keeps (of a start so slow that the transient of
-    switching on is a small part of it)."""
+def test_free_acceleration_agrees_with_the_winding_equations(symmetric):
+    """The machine starts from standstill without load. The test checks the trajectory, the
+    synchronous speed at the end, and that the rotor loses as much energy as the shaft keeps. (The
+    start is so slow that the transient of switching on is a small part of it.)"""
     p = replace(symmetric.p, viscous_Nms=0.0, inertia_kgm2=0.3)
     w, amplitude = 2 * np.pi * 50, 180.0
     t, m, states = supplied(p, amplitude, w, 6.0)
@@ -295,8 +294,8 @@ def test_free_acceleration(symmetric):
     assert lost_J[-1] == pytest.approx(kinetic_J, rel=0.03)
 
 
-def test_no_load_at_synchronous_speed(symmetric):
-    """No slip, no rotor current, no torque: the magnetising circuit alone."""
+def test_at_synchronous_speed_only_the_magnetising_current_flows(symmetric):
+    """There is no slip, no rotor current and no torque, so only the magnetising circuit remains."""
     p = replace(symmetric.p, viscous_Nms=0.0)
     w, amplitude = 2 * np.pi * 50, 180.0
     _, m, states = supplied(p, amplitude, w, 4.0)
@@ -308,8 +307,9 @@ def test_no_load_at_synchronous_speed(symmetric):
     assert np.mean(states[-1000:, 6]) == pytest.approx(w / p.pole_pairs, rel=1e-6)
 
 
-def test_locked_rotor(symmetric):
-    """Slip 1 with the shaft held: current and torque of the equivalent circuit."""
+def test_a_locked_rotor_has_current_and_torque_of_the_circuit(symmetric):
+    """With the shaft held, the slip is 1. Current and torque are those of the equivalent
+    circuit."""
     p = replace(symmetric.p, inertia_kgm2=1e9)
     w, amplitude = 2 * np.pi * 50, 60.0
     _, m, states = supplied(p, amplitude, w, 2.0)

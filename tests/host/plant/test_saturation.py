@@ -1,6 +1,6 @@
-"""Saturation of the main flux, against the magnetising curve solved by scipy, against
-coils (conftest) that carry the curve's secant inductance, and against the books, whose
-field energy is an integral along the curve.
+"""Saturation of the main flux. It is compared with the magnetising curve solved by scipy, with
+coils (conftest) that have the curve's secant inductance, and with an energy balance whose field
+energy is an integral along the curve.
 """
 
 from dataclasses import replace
@@ -36,7 +36,7 @@ def vsd(phases):
 
 
 def magnetising_A(p, psi_Wb):
-    """The curve as defined."""
+    """The magnetising curve by its definition."""
     return psi_Wb / p.lm_H * (1 + (psi_Wb / p.psi_knee_Wb) ** p.saturation_exponent)
 
 
@@ -131,7 +131,7 @@ def any_currents(rng, size=4.0):
 
 
 @pytest.mark.parametrize(("knee", "exponent"), [(0.4, 6.0), (1.0, 6.0), (0.3, 1.0), (0.2, 20.0)])
-def test_currents_and_torque_of_any_state(model, knee, exponent):
+def test_currents_and_torque_agree_with_the_coils(model, knee, exponent):
     saturated = Saturated(model, None, knee, exponent)
     rng = np.random.default_rng(1)
     deepest = 0.0
@@ -154,9 +154,9 @@ def test_currents_and_torque_of_any_state(model, knee, exponent):
 
 
 @pytest.mark.parametrize("amps", [0.5, 1.5, 4.0, 12.0])
-def test_magnetising_curve_with_direct_current(model, amps):
-    """Locked rotor, constant voltages of any direction: no rotor current in the end. The
-    stator flux is leakage times current plus the curve's flux along the current."""
+def test_direct_current_follows_the_magnetising_curve(model, amps):
+    """The rotor is locked, and constant voltages have any direction. In the end there is no rotor
+    current. The stator flux is leakage times current plus the curve's flux, along the current."""
     p = replace(Saturated(model).p, inertia_kgm2=1e9)
     i_s = amps * np.cos(ANGLES - 0.7)
     rotor_s = (p.llr_H + p.lm_H) / p.rr_ohm + (p.lls_H + p.lm_H) / np.min(model.r_stator)
@@ -172,8 +172,8 @@ def test_magnetising_curve_with_direct_current(model, amps):
     assert abs(torque) < 1e-5
 
 
-def test_no_load_at_synchronous_speed(symmetric):
-    """V^2 = (R i)^2 + (w (L_ls i + psi_m(i)))^2 with the curve in place of psi_m."""
+def test_at_synchronous_speed_the_current_is_that_of_the_curve(symmetric):
+    """V^2 = (R i)^2 + (w (L_ls i + psi_m(i)))^2, where psi_m is given by the curve."""
     p = replace(Saturated(symmetric).p, inertia_kgm2=1e9)
     w, dt = 2 * np.pi * 50, 50e-6
     for amplitude in (60.0, 130.0, 180.0):
@@ -204,7 +204,7 @@ def switched(n, every):
     return VDC * (np.cos(turning - ANGLES) > 0) * (steps % 3 > 0)[:, None]
 
 
-def test_trajectory(model):
+def test_trajectory_is_that_of_the_coils(model):
     """From a saturated state at speed, 4 ms of switching."""
     saturated = Saturated(model)
     i_s, i_r = 5 * np.cos(ANGLES - 0.3), 2 * np.sin(ANGLES)
@@ -218,7 +218,7 @@ def test_trajectory(model):
     np.testing.assert_allclose(y, saturated.plant_state(z), rtol=1e-7, atol=1e-7)
 
 
-def test_energy_balance(model):
+def test_energy_is_conserved(model):
     p = Saturated(model).p
     legs, steps, dt = switched(100, 200e-6), 20, 10e-6
     y0 = run(p, np.zeros(8), vsd(legs), dt, steps)[-1]
@@ -226,7 +226,7 @@ def test_energy_balance(model):
     leakage = model.l_stator - p.lm_H / 3 * np.cos(ANGLES[:, None] - ANGLES)
 
     def rotor_current(y, i):
-        """Three phase quantities' worth of each component: psi_r = L_lr i_r + psi_m."""
+        """The rotor current from psi_r = L_lr i_r + psi_m."""
         main = y[:2] - vsd(leakage @ i)[:2]
         return (y[4:6] - main) / p.llr_H, np.hypot(*main)
 
@@ -237,7 +237,8 @@ def test_energy_balance(model):
         return np.array([v_leg @ i_leg, copper, torque * y[6], p.viscous_Nms * y[6] ** 2])
 
     def energies(y):
-        """Leakages; main field: 3 times the area between curve and flux axis."""
+        """The energies of the leakages, and of the main field: 3 times the area between curve and
+        flux axis."""
         i_leg = currents(p, y)[0]
         i_r, psi = rotor_current(y, i_leg)
         grid = np.linspace(0, psi, 2001)
@@ -277,9 +278,9 @@ class Drive:
             advance(self.inv, self.m, NO_LOAD, self.y, dt, VDC)
 
 
-def test_rotor_alone(model):
-    """All legs off, no stator current: d psi_r/dt = -R_r i_r + p w J psi_r, where
-    psi_r = L_lr i_r + psi_m(i_r); the stator sees psi_m."""
+def test_with_all_legs_off_only_the_rotor_has_current(model):
+    """All legs are off, so there is no stator current: d psi_r/dt = -R_r i_r + p w J psi_r, where
+    psi_r = L_lr i_r + psi_m(i_r). The stator flux is psi_m."""
     saturated = Saturated(model)
     p = replace(saturated.p, inertia_kgm2=1e9, viscous_Nms=0.0)
     i_r = 8 * np.cos(ANGLES)
@@ -304,8 +305,9 @@ def test_rotor_alone(model):
     np.testing.assert_allclose(currents(p, drive.y)[0], 0, atol=1e-4)
 
 
-def test_floating_leg(model):
-    """u1 floats without current while the others carry some: coils without that phase."""
+def test_a_floating_leg_agrees_with_the_coils(model):
+    """u1 floats without current while the others carry current. The reference is the coils without
+    that phase."""
     free = model.free[:, 1:]
     saturated = Saturated(model, free)
     i_s = np.array([0.0, 2.0, 4.0, 3.0, -4.0, -5.0])

@@ -1,7 +1,7 @@
-"""Result registers against the transfer that a set-up states: a converter of the
-stated resolution over -full..full (currents) and 0..full (dc link), left-justified
-in 12 bits; the quadrature counter modulo 2^32. Register addresses and justification
-are those of the two devices' manuals.
+"""The result registers are compared with the sensors of a set-up: a converter of the stated
+resolution over -full..full (currents) and 0..full (dc link), left-justified in 12 bits, and the
+quadrature counter modulo 2^32. Register addresses and justification are from the manuals of both
+devices.
 """
 
 import math
@@ -21,7 +21,7 @@ DEVICES = {  # results, justification, position counter
     "f28377s": ((0x0B00, 0x0B20, 0x0B01, 0x0B21, 0x0B02, 0x0B22, 0x0B03), 0, 0x5100),
 }
 FULL_A, FULL_V, PPR = 20.0, 500.0, 1500
-#: Leakage only: currents are fluxes divided by 10 mH, exactly enough.
+#: The machine has leakage only, so currents are fluxes divided by 10 mH. This is exact enough.
 MACHINE = make(Parameters(2, 1.0, 1.0, 10e-3, 10e-3, 1e-9, 10e-3, 1.0))
 ANGLES = np.radians([0, 30, 120, 150, 240, 270])
 
@@ -60,7 +60,7 @@ class Bench:
 
 @pytest.mark.parametrize(("device", "flag"), (("f28335", 0x7119), ("f28377s", 0x7403)))
 def test_end_of_the_conversion_shows(device, flag):
-    """ADCST.INT_SEQ1, ADCINTFLG.ADCINT1, with whatever else is there."""
+    """ADCST.INT_SEQ1 or ADCINTFLG.ADCINT1 is set, and the other bits stay."""
     regs = np.zeros(0x8000, np.uint16)
     regs[flag] = 0x0008
     sample(Bench(device).sensors, MACHINE, np.zeros(8), 0.0, regs)
@@ -73,13 +73,13 @@ def device(request):
 
 
 def balanced(u):
-    """Phase currents with `u` in u1 that need no zero sequence; six different values."""
+    """Six different phase currents with `u` in u1 and without zero sequence."""
     return np.array([u, 0.3 * u, -0.7 * u, 0.5 * u, -0.3 * u, -0.8 * u])
 
 
 @pytest.mark.parametrize("bits", [12, 10, 8])
 @pytest.mark.parametrize("u", [0.0, 0.001, 1.234, -7.77, 19.0])
-def test_currents(device, bits, u):
+def test_currents_are_read_to_the_nearest_step(device, bits, u):
     counts, _ = Bench(device, adc_bits=bits).read(balanced(u))
     step = 1 << (12 - bits)
     for i_A, got in zip(balanced(u), counts):
@@ -96,7 +96,7 @@ def test_one_count_is_one_step_at_the_middle_between_two(device):
 
 
 @pytest.mark.parametrize("bits", [12, 10, 6])
-def test_saturation_at_both_ends(device, bits):
+def test_currents_saturate_at_both_ends(device, bits):
     top = 4096 - (1 << (12 - bits))
     bench = Bench(device, adc_bits=bits)
     assert bench.read(balanced(FULL_A))[0][0] == top
@@ -107,22 +107,22 @@ def test_saturation_at_both_ends(device, bits):
     assert bench.read(vdc=-5.0)[0][6] == 0
 
 
-def test_offset_and_gain(device):
+def test_offset_and_gain_are_those_of_the_set_up(device):
     offset = (0.5, -0.25, 0.0, 1.0, -2.0, 0.1)
     counts, _ = Bench(device, i_offset_A=offset, i_gain=[1.1] * 6).read(balanced(5.0), vdc=250.0)
     for i_A, o, got in zip(balanced(5.0), offset, counts):
         assert abs(got - (2048 + (1.1 * i_A + o) * 2048 / FULL_A)) <= 0.501
-    assert counts[6] == 2048  # the current sensors' gain is theirs alone
+    assert counts[6] == 2048  # the gain belongs to the current sensors only
 
 
-def test_dc_link(device):
+def test_the_dc_link_is_read_to_the_nearest_step(device):
     bench = Bench(device)
     for vdc in (0.0, 0.05, 0.07, 123.4, 300.0, 499.8):
         assert bench.read(vdc=vdc)[0][6] == math.floor(vdc * 4096 / FULL_V + 0.5)
     assert Bench(device, adc_bits=10).read(vdc=300.0)[0][6] == 4 * math.floor(614.4 + 0.5)
 
 
-def test_position(device):
+def test_the_position_counter_counts_quarter_lines(device):
     bench, turn = Bench(device), 2 * math.pi
     per_rev = 4 * PPR
     for counts in (0, 1, 17, 65535, 65536, 1234567, -1, -2, -65536, -65537, -987654):
@@ -146,8 +146,8 @@ def test_gain_of_each_phase(device):
 
 
 def test_noise_is_white_normal_and_seeded(device):
-    """20 counts rms: mean, spread, independence from sample to sample and between phases,
-    and the share beyond two sigma, each within what 4000 draws allow."""
+    """The noise has 20 counts rms. The test checks mean, spread, independence from sample to sample
+    and between phases, and the share beyond two sigma. The tolerances are those of 4000 samples."""
     rms_A = 20 * 2 * FULL_A / 4096
     bench = Bench(device, i_noise_A=rms_A, noise_seed=7)
     draws = np.array([bench.read()[0][:6] for _ in range(4000)]) - 2048.0
@@ -170,8 +170,8 @@ def state_of(i_A):
 
 
 def test_filter_follows_straight_lines_exactly(device):
-    """Currents that bend every few microseconds, through an RC as a differential
-    equation; what the converter reads is the RC's output."""
+    """Currents change their slope every few microseconds and pass an RC filter, computed as a
+    differential equation. The converter must read its output."""
     corner_Hz = 20e3
     bench = Bench(device, i_filter_Hz=corner_Hz)
     rng = np.random.default_rng(4)
@@ -194,8 +194,8 @@ def test_filter_follows_straight_lines_exactly(device):
 
 
 def test_filtered_drive_lags_by_its_time_constant():
-    """In the loop: the firmware's current trails the machine's by 1/(2 pi f_c), whatever
-    the instant of the sample, and not at all without a filter."""
+    """In the loop, the firmware's current lags the machine's by 1/(2 pi f_c), whatever the instant
+    of the sample. Without a filter there is no lag."""
     setup = setups.load("paper-b").changed(timing__latency="predicted")
     lag_s = {}
     for corner_Hz in (0.0, 1500.0):
@@ -219,7 +219,7 @@ def test_filtered_drive_lags_by_its_time_constant():
 
 
 def test_a_frozen_sensor_keeps_its_register(device):
-    """Its own and no other: the six currents, the dc link."""
+    """Only its own register is frozen. This holds for the six currents and the dc link."""
     for held in range(7):
         bench = Bench(device)
         bench.sensors.hold[held] = 1

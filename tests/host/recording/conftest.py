@@ -1,4 +1,4 @@
-"""A recording of every type of sample, and the suffixes as parameters."""
+"""A recording with every type of sample, and the suffixes as parameters."""
 
 import importlib.util
 
@@ -13,7 +13,7 @@ def _there(library: str | None) -> bool:
     return library is None or importlib.util.find_spec(library.partition(".")[0]) is not None
 
 
-#: Each suffix; skipped with the library's name where that is not installed.
+#: Each suffix. It is skipped with the library's name if the library is not installed.
 EVERY_SUFFIX = [
     pytest.param(
         suffix,
@@ -30,7 +30,8 @@ def pytest_generate_tests(metafunc):
 
 @pytest.fixture
 def full() -> Recording:
-    """Float32 with a gap, float64, whole numbers at their limits, bool; awkward names."""
+    """Float32 with a gap, float64, whole numbers at their limits, bool, and names with special
+    characters."""
     n = 500
     random = np.random.default_rng(7)
     current = random.normal(size=n).astype(np.float32)

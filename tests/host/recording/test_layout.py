@@ -22,7 +22,7 @@ CHANNELS = (("i_u1_A", "A"), ("torque_Nm", "N m"))
 
 
 class AtTen:
-    """A clock that was at 2**32 - 10 at ten o'clock."""
+    """A clock whose tick was 2**32 - 10 at ten o'clock."""
 
     def when(self, tick, time_s=0.0):
         return {"started": f"10:00 + {(tick + 10) % 2**32} - {time_s}"}
@@ -34,7 +34,8 @@ def example(kind: str) -> str:
 
 
 def test_the_example_of_the_document_is_what_is_written(tmp_path):
-    """Byte for byte: the table; the header as far as it is not the test's own."""
+    """The table must agree byte by byte, and so must the header, except the values that the test
+    sets."""
     wanted = json.loads(example("json"))
     own = ("started", "started_uncertainty_s", "device", "parameters")
     meta = {key: wanted["meta"][key] for key in own}
@@ -81,7 +82,7 @@ def test_pandas_reads_it_without_options(tmp_path):
 
 
 def board_recording() -> Recording:
-    """A capture of a board whose ticks run over, with a lost sample and every type."""
+    """A capture of a board whose ticks wrap, with a lost sample and every type."""
     n = 40
     torque = np.linspace(-3, 3, n).astype(np.float32)
     torque[7] = np.nan
@@ -120,7 +121,7 @@ def same(a: Recording, b: Recording) -> None:
 
 
 def test_converted_to_every_kind_and_on_to_every_other(suffix, tmp_path, capsys):
-    """All pairs: what is carried from one kind to the next is all there is."""
+    """For all pairs of formats, the conversion must keep everything."""
     rec = board_recording()
     first = rec.save(tmp_path / f"first{suffix}")
     for other, library in SUFFIXES.items():
@@ -135,7 +136,7 @@ def test_converted_to_every_kind_and_on_to_every_other(suffix, tmp_path, capsys)
 
 
 def test_the_ticks_stand_beside_the_samples(tmp_path):
-    """For other programs, in every kind that is a table."""
+    """Every format that is a table has a column of ticks for other programs."""
     rec = board_recording()
     ticks = [(2**32 - 41 + 4 * k) % 2**32 for k in range(40)]
     assert rec.ticks.tolist() == ticks
@@ -213,7 +214,7 @@ def test_a_nan_that_arrived_is_not_a_lost_sample(tmp_path):
 
 
 def test_a_long_gap_does_not_fill_the_disk(tmp_path):
-    """An hour without samples at 10 kHz: one line."""
+    """An hour without samples at 10 kHz takes one line."""
     path, hour = tmp_path / "a.csv", 36_000_000
     with Writer.open(path, Stream((("a", ""),), 10e3)) as writer:
         writer.append([0, 1, hour], [[1], [2], [3]])
@@ -251,7 +252,8 @@ def test_a_line_that_was_taken_out_is_found(tmp_path):
 
 @pytest.mark.parametrize("closed", [True, False])
 def test_a_stream_of_the_former_layout(closed, tmp_path):
-    """As version 0.1.0 wrote it: no units in the first line, lines for what arrived only."""
+    """Version 0.1.0 wrote no units in the first line, and lines only for the samples that
+    arrived."""
     (tmp_path / "run.csv").write_text(
         "time_s,tick,i_u1_A,torque_Nm\n0,81200,1.25,4.5\n0.0005,81205,1.5,4.75\n"
         "0.0015,81215,1.75,5\n" + ("" if closed else "0.002,81")

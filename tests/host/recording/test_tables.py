@@ -132,7 +132,7 @@ def test_an_unreadable_table_gives_one_line(text, said, tmp_path):
 
 
 def streamed(tmp_path) -> Recording:
-    """x.csv of a board: ticks run over, two samples lost."""
+    """x.csv of a board. Its ticks wrap, and two samples are lost."""
     stream = Stream((("i_u1_A", "A"), ("state", "")), 10e3, 5, meta={"device": "f28335"})
     ticks = np.array([-10, -5, 0, 15, 20, 25], np.int64) % 2**32
     with Writer.open(tmp_path / "x.csv", stream) as writer:
@@ -171,7 +171,8 @@ def test_a_header_of_something_else_is_not_used(tmp_path):
 
 
 def test_a_table_that_excel_has_saved_again(tmp_path):
-    """Semicolons, decimal commas, Windows lines, a mark; the header is still beside it."""
+    """It has semicolons, decimal commas, Windows line ends and a byte order mark. The header is
+    still beside it."""
     whole = streamed(tmp_path)
     path = tmp_path / "x.csv"
     text = path.read_text().replace(",", ";").replace(".", ",").replace("\n", "\r\n")

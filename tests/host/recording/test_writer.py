@@ -29,7 +29,7 @@ GROWING = pytest.mark.parametrize("name", ["rec.csv", "rec.npz"])
 
 
 def rows(ticks) -> tuple[np.ndarray, np.ndarray]:
-    """Ticks modulo 2**32, and values that tell which tick they are of."""
+    """Ticks modulo 2**32, and values that encode their tick."""
     ticks = np.asarray(ticks, np.int64)
     values = np.column_stack([np.sin(ticks), ticks % 1000]).astype(np.float32)
     return (ticks % 2**32).astype(np.uint32), values
@@ -65,7 +65,7 @@ def test_what_was_appended_is_in_the_file(suffix, tmp_path):
 
 
 def test_gaps_are_where_samples_were_lost(suffix, tmp_path):
-    """Ticks run over 2**32 in the second gap."""
+    """The ticks wrap at 2**32 in the second gap."""
     ticks = np.arange(2**32 - 500, 2**32 + 500, 5)
     keep = np.ones(200, bool)
     keep[[10, 11, 98, 99, 100, 101, 102, 150]] = False
@@ -87,7 +87,7 @@ def test_gaps_are_where_samples_were_lost(suffix, tmp_path):
     decimation=st.integers(1, 1000),
 )
 @GROWING
-def test_any_ticks(name, first, steps, cuts, decimation, tmp_path):
+def test_any_ascending_ticks_are_recorded(name, first, steps, cuts, decimation, tmp_path):
     ticks = first + decimation * np.concatenate([[0], np.cumsum(steps, dtype=np.int64)])
     path = tmp_path / name
     stream = Stream(CHANNELS, 10e3, decimation, start_s=-2.5)
@@ -104,7 +104,7 @@ def test_any_ticks(name, first, steps, cuts, decimation, tmp_path):
     for data in rec.channels:
         assert np.array_equal(rec[data], open_rec[data], equal_nan=True)
     assert rec.start_s == -2.5 and rec.rate_Hz == 10e3 / decimation
-    if name.endswith(".csv"):  # a line for every sample, those that were lost without cells
+    if name.endswith(".csv"):  # a line for every sample; lost samples have empty cells
         lines = [line.split(",") for line in path.read_text().splitlines()[1:]]
         every = first + decimation * np.arange(len(rec))
         assert [float(line[0]) for line in lines] == pytest.approx(-2.5 + (every - first) / 10e3)
@@ -148,7 +148,7 @@ def test_all_appended_samples_survive_a_killed_process(name, tmp_path):
     assert np.array_equal(rec["a"], np.arange(len(rec)).astype(np.float32))
     assert np.array_equal(rec["b"], -rec["a"])
     assert rec.meta["closed"] is False and rec.meta["drops"] >= last
-    # It is not overwritten by the next one, and becomes a file of any kind.
+    # The next recording does not overwrite it, and it can be converted to any format.
     with pytest.raises(RecordingError, match="not closed"):
         Writer.open(path, STREAM)
     again = Recording.load(rec.save(tmp_path / "saved.npz"))
@@ -157,7 +157,8 @@ def test_all_appended_samples_survive_a_killed_process(name, tmp_path):
 
 @GROWING
 def test_a_file_cut_anywhere_gives_its_complete_rows(name, tmp_path):
-    """Cut at every byte of the last rows: the whole rows before are there, none else."""
+    """The file is cut at every byte of the last rows. Exactly the whole rows before the cut must be
+    read."""
     path = tmp_path / name
     writer = Writer.open(path, STREAM)
     writer.append(*rows(np.arange(0, 50, 5)))
@@ -204,7 +205,7 @@ def test_ticks_that_do_not_ascend_are_refused(name, bad, tmp_path):
     assert len(Recording.load(tmp_path / name)) == 4
 
 
-def test_shapes_and_calls_that_do_not_fit(tmp_path):
+def test_shapes_and_calls_that_do_not_fit_are_refused(tmp_path):
     writer = Writer.open(tmp_path / "rec.npz", STREAM)
     with pytest.raises(RecordingError, match="values for 2 ticks"):
         writer.append([5, 10], np.zeros((2, 3)))
@@ -225,7 +226,7 @@ def test_shapes_and_calls_that_do_not_fit(tmp_path):
         {"start_s": float("inf")},
     ],
 )  # fmt: skip
-def test_impossible_stream_descriptions(bad):
+def test_impossible_stream_descriptions_are_refused(bad):
     with pytest.raises(RecordingError):
         Stream(**{"channels": CHANNELS, "tick_Hz": 1e4, **bad})
 
@@ -269,7 +270,7 @@ print(len(Recording.load(sys.argv[1])))
 
 
 @GROWING
-def test_a_full_disk(name, tmp_path):
+def test_after_a_full_disk_recording_continues(name, tmp_path):
     """The write that does not fit is an error. The data before it stay, and recording can
     continue."""
     if resource.getrlimit(resource.RLIMIT_FSIZE)[1] != resource.RLIM_INFINITY:
@@ -286,7 +287,7 @@ def test_a_full_disk(name, tmp_path):
 
 
 @GROWING
-def test_a_folder_that_is_deleted(name, tmp_path):
+def test_a_deleted_folder_is_made_again(name, tmp_path):
     path = tmp_path / "gone" / name
     writer = Writer.open(path, STREAM)
     writer.append(*rows([5, 10]))
@@ -311,7 +312,7 @@ def test_a_file_that_cannot_be_finished_keeps_its_journal(tmp_path):
     assert len(Recording.load(path)) == 2 and not writer.growing.exists()
 
 
-def test_a_folder_that_cannot_be_written(tmp_path):
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     for path in (tmp_path / "file" / "rec.npz", Path("/proc/rec.npz"), tmp_path / "rec.xls"):
         with pytest.raises(RecordingError):
@@ -353,8 +354,8 @@ def test_rows_with_earlier_or_odd_ticks_are_dropped_and_counted():
 
 @GROWING
 def test_after_an_interruption_rows_keep_their_own_ticks(name, tmp_path):
-    """A stream that was set again goes on at any tick. Text has each row's own time; where rows
-    are equally spaced they are at the nearest place."""
+    """A stream that was set again may go on at any tick. A text file has each row's own time. In
+    files with equally spaced rows each row is at the nearest place."""
     ticks = [90, 95, 100, 1203, 1208, 1213, 1218]
     with Writer.open(tmp_path / name, STREAM) as writer:
         writer.append(*rows(ticks))
@@ -381,7 +382,8 @@ def test_an_incomplete_line_of_counters_costs_no_samples(tmp_path):
 
 
 def test_writing_is_cheap(tmp_path):
-    """Eight channels at 2.5 kHz in blocks of 20 ms, ten seconds of it: far below real time."""
+    """Ten seconds of eight channels at 2.5 kHz, in blocks of 20 ms, must take far less than real
+    time."""
     stream = Stream(tuple((f"c{n}", "") for n in range(8)), 10e3, 4)
     for name in ("rec.csv", "rec.npz"):
         with Writer.open(tmp_path / name, stream) as writer:

@@ -359,7 +359,7 @@ def test_ports_that_cannot_be_opened(url, text, mistake):
 def test_a_port_that_another_program_has(own_board):
     import serial
 
-    in_use = r"in use by process \d+ \(.*pytest"
+    in_use = r"in use by process \d+ \(.*python"
     with serial.Serial(own_board.url, exclusive=True), pytest.raises(Busy, match=in_use):
         BoardDrive.open(own_board.url)
 

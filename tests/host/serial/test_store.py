@@ -301,7 +301,7 @@ def test_commands(power, capsys):
     with BoardDrive.open(second.port) as drive:
         assert drive.parameter_set == "saved"
         with drive.stream(["speed_rpm"], rate_Hz=100):  # noqa: SIM117
-            with pytest.raises(LinkError, match="not while anything is streamed or captured"):
+            with pytest.raises(LinkError, match="not while the board streams or captures"):
                 drive.store_parameters()
         drive.start()
         with pytest.raises(LinkError, match=r"stop the drive first \(state (calibrate|build|run)"):

@@ -1,4 +1,4 @@
-"""The JSON Schema of set-ups' files: an editor sees what the package sees."""
+"""The JSON Schema of set-up files: an editor finds the same mistakes as the package."""
 
 import json
 import tomllib
@@ -21,7 +21,7 @@ def validator():
 
 
 def mistakes(validator, text):
-    """Where the schema finds something wrong: (section, key)."""
+    """The places where the schema finds a mistake: (section, key)."""
     errors = validator.iter_errors(tomllib.loads(text))
     return {tuple(error.absolute_path)[:2] for error in errors}
 

@@ -1,4 +1,4 @@
-"""Set-ups and scenarios: what is refused, and how it is said."""
+"""Set-ups and scenarios: what is refused, and with which message."""
 
 import subprocess
 import sys
@@ -140,7 +140,7 @@ def test_whatever_stands_there_is_taken_or_refused_in_a_line(place, value):
 
 
 def test_spellings_of_a_choice():
-    """TOML's own booleans and numbers for choices that look like them."""
+    """A choice that looks like a boolean or a number may be written as one in TOML."""
     text = "[controller]\nzero_hold = false\ntorque_levels = 3\n"
     values = setups.parameters(setups.parse(BASE + text, "test"))
     assert (values["zero_hold"], values["torque_levels"]) == ("off", "3")
@@ -220,7 +220,7 @@ def test_inconsistent_bands_are_refused_by_the_firmware():
 
 
 def test_step_follows_the_machine():
-    """A machine whose windings are faster than the usual step gets a shorter one."""
+    """A machine whose windings are faster than the usual step gets a shorter step."""
     usual = SimulatedDrive(setups.load("paper-b"))
     fast = SimulatedDrive(setups.load("paper-b").changed(machine__lxy_H=0.3e-3))
     assert usual._timing.max_step == round(100e-6 * usual._timing.clock_Hz)

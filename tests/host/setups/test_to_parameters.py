@@ -1,4 +1,4 @@
-"""The parameters of a set-up: complete, and those that the simulation runs with."""
+"""The parameters of a set-up: they are complete, and the simulation uses the same ones."""
 
 import numpy as np
 import pytest
@@ -35,16 +35,17 @@ def test_what_the_set_up_does_not_decide_is_the_firmwares_default():
     setup = setups.load("paper-b")
     fresh = Controller(setup["timing.device"], {})
     values = setups.parameters(setup)
-    rest = set(values) - set(setup.controller_values())
-    assert "speed_ref_rpm" in rest and len(rest) > 10
-    for name in rest:
+    others = set(values) - set(setup.controller_values())
+    assert "speed_ref_rpm" in others and len(others) > 10
+    for name in others:
         assert firmware.parameters()[name].parse(values[name]) == pytest.approx(
             firmware.parameters()[name].parse(fresh.get(name)), rel=1e-6
         )
 
 
 def test_derived_values_from_first_principles():
-    """sigma L_s = L_s - L_m^2/L_r; four counts a pulse; half of what switch and diode drop."""
+    """sigma L_s is L_s - L_m^2/L_r, the encoder has four counts a line, and the drop is the mean of
+    switch and diode."""
     setup = setups.load("paper-b").changed(
         inverter__v_switch_V=2.0,
         inverter__v_diode_V=1.0,

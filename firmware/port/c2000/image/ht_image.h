@@ -8,7 +8,7 @@
 #include "ht_service.h"
 #include "ht_port_c2000.h"
 
-/** Commands of the mailbox, which knows no watchdog: for a debugger. */
+/** Commands of the mailbox, for a debugger. No watchdog guards a drive that it starts. */
 enum {
     HT_COMMAND_NONE = 0,
     HT_COMMAND_START = 1,
@@ -33,10 +33,10 @@ typedef struct {
     volatile float largest;
 } ht_mailbox;
 
-/** How the start went, for a debugger that finds a drive which does not start. */
+/** The result of the start, for a debugger, if a drive does not start. */
 enum {
     HT_START_DONE = 0,
-    HT_START_CLOCK_MISSING = 1, /**< the crystal does not swing; 1..3 as in ht_clock */
+    HT_START_CLOCK_MISSING = 1, /**< the crystal does not oscillate; 1..3 as in ht_clock */
     HT_START_NO_LOCK = 2,       /**< the PLL does not lock */
     HT_START_CLOCK_WRONG = 3,   /**< it locks at another frequency */
     HT_START_REFUSED = 4,       /**< the parameters do not fit together or the hardware */

@@ -1,6 +1,6 @@
 /** @file ht_pil_server.h
- *  The target's end of processor in the loop, byte by byte. One drive on one chip, so its
- *  state is static. It knows no chip: ht_pil_chip.c has the drivers, this has the drive. Each
+ *  The target's end of processor in the loop, byte by byte. One drive on one chip, so its state is
+ *  static. It does not depend on the chip: ht_pil_chip.c has the drivers, this has the drive. Each
  *  has its own `struct ht_port`, so neither file includes the other's headers.
  */
 #ifndef HT_PIL_SERVER_H

@@ -12,17 +12,17 @@
  *  seconds on the F28335:
  *  - *Gates.* Off: the drive is idle or in fault, and all PWM modules are tripped once more before
  *    anything else. The trip holds the pins low without the CPU.
- *  - *Interrupts* are held off, since what they call of the compiler's runtime is in the flash,
+ *  - *Interrupts* are held off, because they call functions of the compiler's runtime in the flash,
  *    which cannot be read meanwhile. This code, TI's, and all that they call run from RAM.
  *  - *Watchdog.* Serviced here while the API works, for a time that is bounded (F28335: by the API
  *    itself, F28377S: HT_FLASH_PATIENCE_US for an erase). After that the chip resets.
- *  - *Fast interrupt.* It misses its conversions. `tick` counts fast interrupts and so stands still:
- *    the board's time does. The service therefore refuses a save while samples are streamed or
- *    captured. The pending interrupt comes once, at the end, with the sample of the latest
- *    conversion. No overrun and no lost interrupt can be told from this: overruns are looked for
- *    in calibrate, build and run only; the slow interrupt, held off as well, comes after the fast
- *    one, which goes first, and its timer begins a new period then: there is always a fast one
- *    between two of it.
+ *  - *Fast interrupt.* It misses its conversions. `tick` counts fast interrupts and so stands
+ *    still: the board's time does. The service therefore refuses a save while samples are streamed
+ *    or captured. The pending interrupt comes once, at the end, with the sample of the latest
+ *    conversion. This is not taken for an overrun or a lost interrupt. Overruns are checked in
+ *    calibrate, build and run only. The slow interrupt is held off as well and comes after the fast
+ *    one, and its timer then begins a new period. So there is always a fast interrupt between two
+ *    slow ones.
  *  - *Speed.* The first slow interrupt afterwards divides the counts of all this time by one
  *    period. If the shaft turns, `speed_rpm` reads too much until the second one.
  *  - *Line.* Bytes that come meanwhile overflow the receiver and are counted; the host repeats
@@ -43,7 +43,7 @@
 uint32_t ht_flash_area(uint16_t area);
 /** Words of an area. */
 uint32_t ht_flash_area_words(void);
-/** Erase the sector that begins at `address`, and see that it is erased. */
+/** Erase the sector that begins at `address`, and check that it is erased. */
 bool ht_flash_erase(ht_port *port, uint32_t address);
 /** Program the HT_STORE_WORDS words at `address`, a multiple of as many, once after an erase, and
  *  verify them. */

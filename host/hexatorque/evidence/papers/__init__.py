@@ -1,10 +1,12 @@
-"""Both papers' figures and tables, made again by the firmware: one function for each.
+"""The figures and tables of both papers, reproduced with the firmware. There is one function for
+each.
 
 Paper A: Holakooie, Iwanski, Miazga, IEEE Trans. Ind. Electron. 69(10), 2022 (DDR-DTC).
 Paper B: Pandit, Aware, Nemade, Levi, IEEE Trans. Power Electron. 32(9), 2017 (DTC1..3).
 
-A figure's function takes a `job.Job` and returns a `figure.Figure`: metrics, verdicts
-beside what the paper prints, recordings and a picture. `reproduce.py` runs and writes them.
+A figure's function takes a `job.Job` and returns a `figure.Figure`: metrics, verdicts that compare
+them with the printed values, recordings and a picture. `reproduce.py` calls the functions and
+writes the files.
 """
 
 from __future__ import annotations
@@ -13,14 +15,14 @@ from typing import NamedTuple
 
 
 class Entry(NamedTuple):
-    """What stands for a figure or table; `module.function(job)` makes it."""
+    """The title of a figure or table, and the function that makes it: `module.function(job)`."""
 
     title: str
     module: str
     function: str
 
 
-#: Identifier -> entry, in the order of the papers. "T" marks tables; FSW is in neither.
+#: Identifier -> entry, in the order of the papers. "T" marks tables. FSW is in neither paper.
 ENTRIES: dict[str, Entry] = {
     "A1": Entry("Fig. 1 and Table I: voltage vectors in both planes", "both.vectors", "a1"),
     "A-T2": Entry(

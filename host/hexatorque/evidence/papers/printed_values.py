@@ -1,4 +1,4 @@
-"""What the two papers measured on their hardware, to stand beside our figures.
+"""The values that the two papers measured on their hardware, for comparison with ours.
 
 Neither paper states the band of its THD.
 """
@@ -6,9 +6,9 @@ Neither paper states the band of its THD.
 from __future__ import annotations
 
 PAPER: dict[str, dict] = {
-    # Paper A: Holakooie, Iwanski, Miazga, IEEE Trans. Ind. Electron. 69(10), 2022, Table IV.
-    # Its rated speed cannot be reached at the printed dc-link voltage and flux, hence the
-    # "feasible" set-up; the point of Table IV can.
+    # Paper A: Holakooie, Iwanski, Miazga, IEEE Trans. Ind. Electron. 69(10), 2022, Table IV. Its
+    # rated speed cannot be reached at the printed dc-link voltage and flux, so there is a
+    # "feasible" set-up. The operating point of Table IV can be reached.
     "paper-a-feasible": {
         "source": "paper A, Table IV",
         "point": "100 r/min, 10 N m",
@@ -35,5 +35,5 @@ PAPER: dict[str, dict] = {
 }
 
 
-#: The same experiment on the set-up whose open values are fitted to it.
+#: The same experiment. In this set-up the values that the paper does not print are fitted to it.
 PAPER["paper-b-fitted"] = PAPER["paper-b"]

@@ -1,9 +1,9 @@
-"""Studies that show what the simulation and the firmware can be trusted for: one module
-and one command each.
+"""Studies that show what the simulation and the firmware can be trusted for. Each study is one
+module and one command.
 
-A study module has TITLE, `study(quick, progress) -> dict` (plain data, for JSON),
-`tables(result)` (for the terminal), `plot(result, path)` and `failures(result)`: a line for
-everything that must not be; nothing in studies that only measure.
+A study module has TITLE, `study(quick, progress) -> dict` (plain data, for JSON), `tables(result)`
+(for the terminal), `plot(result, path)` and `failures(result)`. The last returns a line for each
+violated limit; for studies that only measure, it returns nothing.
 """
 
 #: Command-line name -> module, in the order of the chain: plant, firmware, drive.

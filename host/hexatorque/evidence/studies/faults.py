@@ -1,14 +1,14 @@
-"""Fault campaign: every fault at random instants, in every state of the drive and under
-every scheme, and what the gates do.
+"""Fault campaign: every fault is injected at random instants, in every state of the drive and under
+every scheme, and the gates are checked.
 
-After a fault is injected the drive runs on period by period. It must name the cause and
-take the gates off in the interrupt that finds it, within the fault's deadline; from then
-on every leg stays off, whatever is commanded; at no time does a leg go from one switch
-to the other without the dead time in between.
+After the injection the drive runs on, period by period. It must name the cause, and it must take
+the gates off in the interrupt that finds it, within the fault's deadline. From then on every leg
+must stay off, whatever is commanded. No leg may ever change from one switch to the other without
+the dead time in between.
 
-And one before there is a drive: the stored parameters are damaged at random places. The start takes
-what was saved if a whole copy is left, else the built-in parameters, and says which; never a wrong
-value.
+Two faults come before there is a drive. A wrong system clock must be found when the board starts.
+Stored parameters are damaged at random places: the start must take the saved ones if a whole copy
+is left, else the built-in ones, and it must say which. It must never take a wrong value.
 """
 
 from __future__ import annotations
@@ -30,10 +30,11 @@ from ...plant.inverter import HIGH, LOW, OFF
 
 TITLE = "Fault campaign"
 SETUPS = ("paper-a-feasible", "paper-b")
-#: Runs per fault, enough for every state, scheme and set-up; the whole campaign has FAULTS
-#: times as many.
+#: Runs per fault. They are enough for every state, scheme and set-up.
 RUNS = 180
-QUICK_RUNS = 12
+#: The quick campaign makes each QUICK_STEP-th of these runs. The step divides no number of states,
+#: schemes or set-ups, so that they all occur.
+QUICK_STEP = 11
 #: Periods that are checked after the gates are off.
 AFTER = 50
 #: Deadlines in periods: the next interrupt; two slow periods; faults that show only gradually.
@@ -50,9 +51,8 @@ Inject = Callable[[SimulatedDrive, np.random.Generator], None]
 
 @dataclass(frozen=True)
 class Fault:
-    """`found_in`: states in which it must be found; elsewhere the gates are off anyway.
-    `causes`: one of them must be named first. `end` takes the fault away before the clear and
-    returns what was wrong until then."""
+    """`found_in`: the states in which the fault must be found; in all others the gates are off
+    anyway. `causes`: the snapshot must name one of them."""
 
     name: str
     inject: Inject
@@ -60,7 +60,7 @@ class Fault:
     found_in: tuple[str, ...] = POWERED
     deadline: int = NOW
     changes: dict[str, object] = field(default_factory=dict)
-    #: Called before the clear; returns what is wrong, or "".
+    #: Takes the fault away before the clear. Returns what was wrong until then, or "".
     repair: Callable[[SimulatedDrive], str] | None = None
     stands: bool = False  #: no fast interrupt comes after the injection
 
@@ -70,13 +70,14 @@ def _sign(rng: np.random.Generator) -> int:
 
 
 def _over_current(sim: SimulatedDrive, rng: np.random.Generator) -> None:
-    """A real current in x-y: every phase of it beyond the trip level."""
+    """A real current in x-y that takes every phase beyond the trip level."""
     amperes = 2.5 * sim.controller.number("i_trip_A")
     sim.plant_state[2] += _sign(rng) * amperes * sim.machine.lxy_H
 
 
 def _alpha_beta_current(sim: SimulatedDrive, rng: np.random.Generator) -> None:
-    """Flux torn away from the rotor's: more than `i_ab_trip_A`, no phase beyond its own."""
+    """The stator flux is moved away from the rotor flux. The current exceeds `i_ab_trip_A`, but no
+    phase exceeds its own trip level."""
     m, trip_A = sim.machine, sim.controller.number("i_ab_trip_A")
     angle = rng.uniform(0, 2 * np.pi)
     direction = np.array([np.cos(angle), np.sin(angle)])
@@ -94,7 +95,7 @@ def _vdc(level: str, factor: float) -> Inject:
 
 
 def _over_speed(sim: SimulatedDrive, rng: np.random.Generator) -> None:
-    """The load turns and drives the shaft, 1000 rad/s2 beyond what the drive can hold."""
+    """The load drives the shaft, with 1000 rad/s2 more than the drive can hold."""
     torque_Nm = sim.controller.number("torque_limit_Nm") + 1000 * sim.machine.inertia_kgm2
     forward = sim.plant_state[6] > 0 if abs(sim.plant_state[6]) > 1 else _sign(rng) > 0
     sim.set("load_Nm", -torque_Nm if forward else torque_Nm)
@@ -108,12 +109,12 @@ def _hold(*sensors: int) -> Inject:
 
 
 def _railed(sim: SimulatedDrive, rng: np.random.Generator) -> None:
-    """A current sensor's output at one end of the converter's range."""
+    """A current sensor's output goes to one end of the converter's range."""
     sim.sensors.i_offset_counts[rng.integers(6)] += _sign(rng) * 1e4
 
 
 def _offset(share: float) -> Inject:
-    """A sensor's zero jumps by a share of the trip level of a set's sum."""
+    """A sensor's zero jumps by a share of `i_sum_trip_A`."""
 
     def inject(sim: SimulatedDrive, rng: np.random.Generator) -> None:
         counts = share * sim.controller.number("i_sum_trip_A") / sim.controller.drive.i_per_count
@@ -123,7 +124,7 @@ def _offset(share: float) -> Inject:
 
 
 def _upset(*values: float) -> Inject:
-    """A word of the observer's memory changes."""
+    """One value in the observer's memory changes."""
 
     def inject(sim: SimulatedDrive, rng: np.random.Generator) -> None:
         value = float(rng.choice(values))
@@ -135,7 +136,7 @@ def _upset(*values: float) -> Inject:
 
 
 def _trip_pin(sim: SimulatedDrive, rng: np.random.Generator) -> None:
-    """A pulse: low, and high again."""
+    """The pin goes low and high again."""
     sim.controller.set_trip_pin(0)
     sim.controller.set_trip_pin(1)
 
@@ -164,7 +165,7 @@ def _release_the_trip_pin(sim: SimulatedDrive) -> str:
 
 
 def _overrun(sim: SimulatedDrive, rng: np.random.Generator) -> None:
-    """The next event comes while the interrupt is still at work. Its first register
+    """The next event comes while the interrupt is still running. The interrupt's first register
     access acknowledges the event before."""
     registers = sim.controller.registers
     registers.event_at = registers.accesses + int(rng.integers(2, 10))
@@ -176,12 +177,13 @@ def _lost_interrupt(sim: SimulatedDrive, rng: np.random.Generator) -> None:
 
 def _interrupts_again(sim: SimulatedDrive) -> str:
     sim.lose_interrupts(False)
-    sim.run(sim.period_s, record=False)  # one, before the next slow interrupt looks
+    sim.run(sim.period_s, record=False)  # one fast interrupt, before the next slow interrupt checks
     return ""
 
 
 def _bad_offset(sim: SimulatedDrive, rng: np.random.Generator) -> None:
-    """More than calibration accepts, from its beginning on."""
+    """From the beginning of the calibration on, the offset is larger than the calibration
+    accepts."""
     with contextlib.suppress(firmware.FirmwareError):
         sim.stop()
         sim.start()
@@ -268,7 +270,7 @@ def _setup(name: str, scheme: str, rng: np.random.Generator) -> setups.Setup:
         controller__scheme=scheme,
         controller__calibration_s=0.004,
         controller__speed_trip_rpm=1500.0,
-        # Beyond any flux current here and below the phases' level.
+        # Above any flux current that occurs here, and below the trip level of the phases.
         controller__i_ab_trip_A=0.95 * trip_A,
         timing__latency="predicted" if firmware.needs_prediction(scheme) else latency,
         load__kind="constant",
@@ -276,7 +278,7 @@ def _setup(name: str, scheme: str, rng: np.random.Generator) -> setups.Setup:
 
 
 def _bring_to(sim: SimulatedDrive, state: str, rng: np.random.Generator) -> None:
-    """Somewhere within `state`, in RUN at any speed and load."""
+    """Bring the drive to a random instant within `state`; in `run` to a random speed and load."""
     sim.run(sim.period_s * int(rng.integers(1, 50)), record=False)
     if state == "idle":
         return
@@ -286,7 +288,7 @@ def _bring_to(sim: SimulatedDrive, state: str, rng: np.random.Generator) -> None
         sim.run(sim.period_s * int(rng.integers(*ticks)), record=False)
         return
     sim.run(0.31, record=False)
-    # So fast that a lost encoder has an effect.
+    # The speed is so high that a lost encoder has an effect.
     direction = _sign(rng)
     sim.set("speed_ref_rpm", direction * float(rng.uniform(400, 900)))
     sim.run(float(rng.uniform(0.2, 0.4)), record=False)
@@ -333,7 +335,7 @@ def _disturb(sim: SimulatedDrive, rng: np.random.Generator) -> None:
 
 
 def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
-    """One fault in one drive."""
+    """Injects one fault into one drive."""
     rng = np.random.default_rng(seed)
     result = Result(fault.name, state, scheme, setup)
     sim = SimulatedDrive(_setup(setup, scheme, rng), 1)
@@ -367,11 +369,12 @@ def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
 
 
 def _latched(sim: SimulatedDrive, fault: Fault, injected: int, result: Result) -> str:
-    """The fault must be found, named, recorded, and the gates off."""
+    """The fault must be found, named and recorded, and the gates must be off. Returns what is
+    wrong."""
     if sim.controller.state != "fault":
         return f"not found within {fault.deadline} periods"
     snapshot = sim.controller.snapshot
-    assert snapshot  # in fault there is one
+    assert snapshot  # the state `fault` always has one
     result.cause = ", ".join(snapshot["faults"])
     result.periods = sim.periods - injected
     if not _gates_off(sim):
@@ -386,8 +389,9 @@ def _latched(sim: SimulatedDrive, fault: Fault, injected: int, result: Result) -
 
 
 def _stays_off(sim: SimulatedDrive, rng: np.random.Generator, fault: Fault) -> str:
-    """Latched: no leg comes on, whatever is commanded, until a clear; and a clear alone
-    turns nothing on either. The legs follow the trip flags in the period after."""
+    """While the fault is latched, no leg may come on, whatever is commanded. A clear alone may
+    not turn a leg on either. The legs follow the trip flags in the next period. Returns what is
+    wrong."""
     if sim.controller.state == "idle":
         return fault.repair(sim) if fault.repair else ""
     sim.run(sim.period_s, record=False)
@@ -412,9 +416,9 @@ def _stays_off(sim: SimulatedDrive, rng: np.random.Generator, fault: Fault) -> s
 
 
 def _restart(sim: SimulatedDrive) -> str:
-    """A start into the turning machine must be refused. With a dead encoder and no current
-    nobody can know that it turns: the flux that is built tells, and the drive must find it;
-    no current may come near the trip level."""
+    """A start into the turning machine must be refused. With a dead encoder and no current, the
+    drive cannot know that the machine turns. It must then find this from the flux that it builds,
+    and no current may come near the trip level. Returns what is wrong."""
     try:
         sim.start()
     except firmware.FirmwareError:
@@ -434,12 +438,12 @@ def _restart(sim: SimulatedDrive) -> str:
     return ""
 
 
-#: A fault that the start must find; its runs are no simulations.
+#: A fault that the start must find. Its runs are not simulations.
 DAMAGED_SET = "damaged parameter set"
 
 
 def _some_set(controller: firmware.Controller, rng: np.random.Generator) -> None:
-    """Parameters that differ from the built-in ones, as far as they fit together."""
+    """Set parameters that differ from the built-in ones, as far as they fit together."""
     rows = list(firmware.parameters().values())
     for k in rng.permutation(len(rows))[:20]:
         row = rows[int(k)]
@@ -454,8 +458,8 @@ def _some_set(controller: firmware.Controller, rng: np.random.Generator) -> None
 
 
 def _damage(areas: bytearray, rng: np.random.Generator) -> None:
-    """Bits, bytes, blocks, a whole copy; in one of the copies or in both. Any of it may hit what
-    is used, or miss it."""
+    """Damage bits, bytes, blocks or a whole copy, in one of the copies or in both. The damage may
+    hit bytes that are used, or miss them."""
     used = 16 * (2 + -(-len(firmware.parameters()) // 4))
     for copy in rng.permutation(2)[: int(rng.integers(1, 3))]:
         begin = int(copy) * firmware.MemoryStore.AREA
@@ -469,14 +473,14 @@ def _damage(areas: bytearray, rng: np.random.Generator) -> None:
             elif what == 2:  # a torn block
                 block = at - at % firmware.MemoryStore.BLOCK
                 areas[block : block + 16] = rng.bytes(16)
-            elif what == 3:  # from here on it was never written, or was erased
+            elif what == 3:  # from here on the copy was never written, or was erased
                 areas[at : begin + used] = b"\xff" * (begin + used - at)
             else:
                 areas[begin : begin + used] = rng.bytes(used)
 
 
 def damaged_set(device: str, seed: int) -> Result:
-    """One damaged store and the start after it."""
+    """Damages one store, and checks the start after it."""
     rng = np.random.default_rng(seed)
     result = Result(DAMAGED_SET, "start", "", device)
     names = list(firmware.parameters())
@@ -506,12 +510,13 @@ def damaged_set(device: str, seed: int) -> Result:
     return result
 
 
-#: Found by the board's start as well, which then has no simulation to drive.
+#: The board's start must find this fault too. Its runs are not simulations either.
 WRONG_CLOCK = "wrong system clock"
 
 
 def _plant_clock(registers: firmware.CData, pllcr: bool, rng: np.random.Generator) -> None:
-    """A PLL that locks at another frequency, at every try; one that never locks; no crystal."""
+    """Choose one of three faults: a PLL that locks at another frequency at every try, a PLL that
+    never locks, no crystal."""
     what = int(rng.integers(3))
     if what == 0:
         registers.wrong_locks = 60_000
@@ -526,7 +531,7 @@ def _plant_clock(registers: firmware.CData, pllcr: bool, rng: np.random.Generato
 
 
 def _pwm_pins(board: firmware.CData, registers: firmware.CData) -> int:
-    """The number of the twelve pins that belong to the PWM."""
+    """How many of the twelve gate pins are handed to the PWM."""
     found = 0
     for pin in board.pwm:
         mux = board.map.gpio + pin.gpio // 32 * board.map.gpio_stride + 6 + pin.gpio % 32 // 8
@@ -572,8 +577,8 @@ def wrong_clock(device: str, seed: int) -> Result:
 
 
 def places(fault: Fault, runs: int) -> list[tuple[str, str, str]]:
-    """State, scheme and set-up of each run: two thirds where the fault must be found, the
-    rest in the other states, each through all combinations in turn."""
+    """State, scheme and set-up of each run. Two thirds of the runs are in states where the fault
+    must be found, the others in the remaining states. Both go through all combinations in turn."""
     others = [state for state in STATES if state not in fault.found_in]
     found, quiet = (
         itertools.cycle(itertools.product(states, firmware.schemes(), SETUPS))
@@ -583,12 +588,12 @@ def places(fault: Fault, runs: int) -> list[tuple[str, str, str]]:
 
 
 def study(quick: bool = False, progress: Progress | None = None) -> dict:
-    runs = QUICK_RUNS if quick else RUNS
+    step = QUICK_STEP if quick else 1
     cases = [
         (fault, *where, 1000 * f + n)
         for f, fault in enumerate(FAULTS)
-        for n, where in enumerate(places(fault, runs))
-    ]
+        for n, where in enumerate(places(fault, RUNS))
+    ][::step]
 
     def one(case: tuple) -> Result:
         result = run(*case)
@@ -600,7 +605,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
         results = list(pool.map(one, cases))
     at_the_start = {DAMAGED_SET: damaged_set, WRONG_CLOCK: wrong_clock}
     for case in at_the_start.values():
-        results += [case(firmware.BOARDS[n % 3], n) for n in range(runs)]
+        results += [case(firmware.BOARDS[n % 3], n) for n in range(0, RUNS, step)]
     rows = []
     named = [(fault.name, fault.found_in) for fault in FAULTS]
     named += [(name, ("start",)) for name in at_the_start]
@@ -650,7 +655,7 @@ def tables(result: dict) -> list:
 
 
 def plot(result: dict, path: Path) -> Path:
-    """Picture of the time from the injection to gates off, by fault."""
+    """Draws the time from the injection to gates off, by fault."""
     from ...analysis import plots
 
     rows = [r for r in result["rows"] if r["found"]]

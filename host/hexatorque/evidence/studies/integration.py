@@ -1,9 +1,9 @@
 """Error of the integration against its step size.
 
-A drive runs at an operating point in closed loop; the changes of its legs are kept.
-The same changes then drive the same plant again with shorter steps. The finest run,
-a sixteenth of the shortest step compared, is the reference. (Against independent
-equations and another integrator: tests/host/plant/test_accuracy.py.)
+A drive runs at an operating point in closed loop, and the changes of its legs are recorded. The
+same changes then drive the same plant again with shorter steps. The reference is a run whose steps
+are a sixteenth of the shortest compared step. (tests/host/plant/test_accuracy.py compares the plant
+with independent equations and another integrator.)
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from ...setups import load
 
 TITLE = "Integration: error against step size"
 SETUPS = ("paper-a-feasible", "paper-b")
-#: Longest steps compared: a period of 10 kHz and its halves, us.
+#: The compared longest steps in us: a period of 10 kHz, and its halves.
 STEPS_US = (100.0, 50.0, 25.0, 12.5, 6.25)
 FINEST_US = STEPS_US[-1] / 16
 #: Largest allowed error of the phase currents, relative to their amplitude.
 LIMIT = 1e-6
-#: Most edges in a period: six legs with five changes of level each, through OFF.
+#: Most edges in a period: six legs with five changes of level each, all through OFF.
 EDGES_PER_PERIOD = 60
 
 
@@ -54,7 +54,7 @@ class Segment:
 
     @property
     def amplitude_A(self) -> float:
-        """Peak of the sine with the rms value of all phases."""
+        """The peak of a sine that has the rms value of all phases."""
         return float(np.sqrt(2 * np.mean(self.currents_A**2)))
 
 
@@ -75,11 +75,11 @@ def run_segment(sim: SimulatedDrive, duration_s: float) -> Segment:
 
 
 def _compile(source: int) -> Callable[..., None]:
-    """Compiled with a cache on disk that notices a change of the plant, as `run_periods`."""
+    """Compiles with a cache on disk that notices changes of the plant, as for `run_periods`."""
 
     @njit(cache=True, nogil=True)
     def follow_periods(edges, first, tm, m, load, inv, se, y, vdc, ps, nothing, states):
-        """`run_periods` with the log in place of controller and PWM modules."""
+        """`run_periods` with the log instead of controller and PWM modules."""
         if not source:
             return
         e = 0
@@ -119,7 +119,7 @@ def replay(segment: Segment, step_us: float = MAX_STEP_S * 1e6) -> np.ndarray:
 
 
 def study(quick: bool = False, progress: Progress | None = None) -> dict:
-    """Every scheme at the operating points of both papers; quick: one scheme."""
+    """Runs every scheme at the operating points of both papers. quick: one scheme."""
     schemes = ("dtc3",) if quick else firmware.schemes()
     points = [
         Point(s.with_scheme(scheme), s["point.speed_rpm"], s["point.load_Nm"])
@@ -194,7 +194,7 @@ def tables(result: dict) -> list:
 
 
 def plot(result: dict, path: str | Path) -> Path:
-    """Error against step size, a panel for each operating point, as PNG."""
+    """Draws the error over the step size as PNG, with a panel for each operating point."""
     panels: dict[tuple, list[dict]] = {}
     for row in result["points"]:
         panels.setdefault((row["setup"], row["speed_rpm"], row["load_Nm"]), []).append(row)

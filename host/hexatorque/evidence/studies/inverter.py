@@ -1,10 +1,10 @@
 """The inverter's error voltage against the phase current.
 
-Locked rotor, a slow ramp of direct voltage along alpha, plain PWM without any
-compensation. For every period: mean leg voltage of u1 less the commanded one, and mean
-current. Far from zero the dead time costs Vdc t_dead / Ts against the current; around
-zero the ripple changes the current's sign within the period, and currents that die in
-the dead time leave their leg floating, so the two signs share the loss.
+The rotor is locked. A slow ramp of direct voltage is applied along alpha, by plain PWM without any
+compensation. Each period gives the mean leg voltage of u1 minus the commanded one, and the mean
+current. Far from zero the dead time costs Vdc t_dead / Ts against the current. Around zero the
+ripple changes the sign of the current within the period. Currents that reach zero in the dead time
+leave their leg floating. Both signs then share the loss.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ TITLE = "Inverter: error voltage of a leg"
 CLOCK_HZ, PERIOD = 100e6, 10_000  #: counts: 10 kHz
 DEAD_TIME_US = 2.3
 I_MAX_A = 1.0
-PERIODS = 4000  #: of the ramp
-#: Steps in counts, while a leg is off and otherwise: v_leg is read after each.
+PERIODS = 4000  #: number of periods of the ramp
+#: Steps in counts while a leg is off, and otherwise. v_leg is read after each step.
 FINE, COARSE = 5, 100
 #: Columns of a ramp's table.
 CURRENT, ERROR, BEGIN, END, RISE, FALL = range(6)
@@ -49,7 +49,7 @@ class Result:
     vdc_V: float
     dead_time_us: float
     period_us: float
-    curves: tuple[Curve, ...]  #: ideal devices, devices with drops, the firmware's model
+    curves: tuple[Curve, ...]  #: of ideal devices, of devices with drops, of the firmware's model
 
     @property
     def plateau_V(self) -> float:
@@ -59,8 +59,9 @@ class Result:
 
 @njit
 def _ramp(inv, m, load, y, vdc, dead, share, table):
-    """`share` (periods, 6): duty ratios. u1, u2 are high in mid-period, the others
-    around its ends: that makes ripple. Fills `table`, a row a period, for u1."""
+    """Simulates the ramp and fills `table`, a row per period, for u1. `share` (periods, 6) has the
+    duty ratios. u1 and u2 are high in the middle of the period, the others around its ends. This
+    makes ripple."""
     count = np.empty(24, np.int64)
     leg_of = np.empty(24, np.int64)
     state = np.empty(24, np.int64)
@@ -104,7 +105,7 @@ def _ramp(inv, m, load, y, vdc, dead, share, table):
 
 
 def _measure(setup: setups.Setup, **drops: float) -> np.ndarray:
-    """The ramp's table with these devices."""
+    """The table of a ramp with these devices."""
     machine = Parameters(**(setup.machine_values() | {"inertia_kgm2": 1e9}))
     m, vdc = make(machine), setup["inverter.vdc_V"]
     dead = round(setup["inverter.dead_time_us"] * 1e-6 * CLOCK_HZ)
@@ -112,7 +113,7 @@ def _measure(setup: setups.Setup, **drops: float) -> np.ndarray:
     # The ramp is computed to end above +I_MAX_A, because the rising flux takes part of the voltage.
     volts = np.linspace(-1, 1.5, PERIODS) * (machine.rs_ohm * I_MAX_A + lost)
     share = 0.5 + volts[:, None] * np.cos(ANGLES_RAD) / vdc
-    y = np.zeros(8)  # direct current flows already, none in the rotor
+    y = np.zeros(8)  # direct current flows at the start, but none in the rotor
     y[0], y[4] = -machine.ls_H * I_MAX_A, -machine.lm_H * I_MAX_A
     inv = inverter_record(**drops)
     for leg in range(6):
@@ -144,8 +145,8 @@ def _belief_V(setup: setups.Setup, table: np.ndarray) -> np.ndarray:
 
 
 def curves(setup: setups.Setup | None = None) -> Result:
-    """Simulate the ramp with ideal devices and with drops (DROPS), and ask the firmware.
-    By default paper B's drive with DEAD_TIME_US."""
+    """Simulates the ramp with ideal devices and with drops (DROPS), and computes the firmware's
+    model. The default set-up is paper B's drive with DEAD_TIME_US."""
     if setup is None:
         setup = setups.load("paper-b").changed(inverter__dead_time_us=DEAD_TIME_US)
     ideal, real = _measure(setup), _measure(setup, **DROPS)
@@ -194,7 +195,7 @@ def tables(result: dict) -> list:
     from rich.table import Table
 
     table = Table(
-        title=f"{TITLE}\nmean leg voltage less command [V], {_point(result)}",
+        title=f"{TITLE}\nmean leg voltage minus command [V], {_point(result)}",
         title_justify="left",
     )
     table.add_column("current [A]", justify="right")
@@ -214,7 +215,7 @@ def _point(result: dict) -> str:
 
 
 def plot(result: dict, path: str | Path) -> Path:
-    """The S-curves, as a PNG file."""
+    """Draws the curves as a PNG file."""
     from ...analysis.plots import INK, LABEL, LEGEND, new_figure, save
     from ...analysis.plots import TITLE as HEADING
 
@@ -232,7 +233,7 @@ def plot(result: dict, path: str | Path) -> Path:
     ax.set_xlim(-I_MAX_A, I_MAX_A)
     ax.set_ylim(-1.35 * level, 1.35 * level)
     ax.set_xlabel("mean phase current [A]", **LABEL)
-    ax.set_ylabel("mean leg voltage less command [V]", **LABEL)
+    ax.set_ylabel("mean leg voltage minus command [V]", **LABEL)
     ax.set_title(f"{TITLE}, {_point(result)}", **HEADING)
     ax.legend(loc="center right", bbox_to_anchor=(1, 0.7), **LEGEND)
     return save(figure, path)

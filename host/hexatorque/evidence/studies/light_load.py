@@ -1,8 +1,8 @@
-"""Paper A's claim at 400 r/min without load: does the x-y regulator help there, and
-which option decides?
+"""Paper A's claim at 400 r/min without load: does the x-y regulator help there, and on which option
+does this depend?
 
-Switching-table control is chaotic in detail, so every case runs at several loads
-next to each other; what differs by less than their spread does not differ.
+Switching-table control is chaotic in detail, so every case runs at several neighbouring loads. Two
+values that differ by less than the spread do not differ.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def _figures(metrics: dict) -> list[float]:
 
 
 def _rows(cases: list[dict], progress: Progress | None) -> list[dict]:
-    """Mean and spread (max - min over the loads) of each figure of each case."""
+    """The mean and the spread (maximum - minimum over the loads) of each figure in each case."""
     base = setups.load(SETUP)
     points = [
         Point(base.changed(**case["values"]), SPEED_RPM, load)
@@ -147,7 +147,7 @@ def tables(result: dict) -> list:
 
 
 def plot(result: dict, path: Path) -> Path:
-    """fdr beside ddr with and without hold, by latency and band."""
+    """Draws fdr, ddr with hold and ddr without hold, by latency and band."""
     from ...analysis import plots
 
     figure, axes = plots.new_figure(1, len(FIGURES), 5.4, 13.0, sharey=True)

@@ -1,9 +1,9 @@
-"""The serial link on a line that loses, flips, doubles, inserts and swaps bytes, each at
-1e-3 per byte: is a wrong sample ever taken for a right one, is every missing one counted,
-do requests get through; and what a CRC of so many bits lets pass.
+"""The serial link on a line that loses, flips, doubles, inserts and swaps bytes, each at 1e-3 per
+byte. The study asks: is a wrong sample ever accepted? Is every missing sample counted? Do requests
+get through? How many damaged frames does a CRC of a given number of bits accept?
 
-Samples are those of a drive that runs, from the firmware itself over its register model;
-so are the replies. The damage is this module's, the receiver the host's.
+Samples and replies come from the firmware itself on its register model, with a running drive. This
+module does the damage. The receiver is the host's.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from ...serial.wire import Op, Status
 TITLE = "Serial link on a line that damages its bytes"
 SETUP = "paper-a-feasible"
 KINDS = ("lost", "flipped", "doubled", "inserted", "swapped")
-#: Rate of each kind of damage per byte: as stated above, and one at which hardly any frame arrives.
+#: Rates of each kind of damage per byte: the one above, and one at which hardly any frame arrives.
 RATE, HEAVY = 1e-3, 3e-2
-BAUD = 3_000_000  #: a sample of CHANNELS in every fast interrupt
+BAUD = 3_000_000  #: enough for a sample of CHANNELS in every fast interrupt
 CHANNELS = ("i_u1_A", "psi_alpha_Wb", "torque_Nm", "speed_rpm")
 FRAMES, QUICK_FRAMES = 1_050_000, 20_000
 CHECKED, QUICK_CHECKED = 3_000_000, 60_000
@@ -45,7 +45,7 @@ PIECE_S = 0.05
 
 
 def damage_bytes(raw: np.ndarray, rate: float, rng: np.random.Generator) -> np.ndarray:
-    """Bytes (uint8) as they arrive; each kind of damage at `rate` per byte."""
+    """The bytes (uint8) as they arrive. Each kind of damage has `rate` per byte."""
     n = len(raw)
     out = raw.copy()
     flipped = np.flatnonzero(rng.random(n) < rate)
@@ -96,7 +96,7 @@ class _Source:
         self.board.run(2e-3)
 
     def piece(self) -> bytes:
-        """The bytes of the next piece of time."""
+        """The bytes that the board sends in the next PIECE_S."""
         if self._turn % 20 == 10:
             self.controller.set("speed_ref_rpm", 400.0 * np.sin(self._turn / 60))
         self._ask(Op.STATUS)
@@ -125,8 +125,8 @@ def _runs(missing: np.ndarray) -> int:
 
 def _samples(frames: int, rng: np.random.Generator, progress: Progress | None) -> dict:
     source, clean, line = _Source(), wire.Splitter(), wire.Splitter()
-    sent: dict[int, bytes] = {}  # of the latest pieces
-    older: dict[int, bytes] = {}
+    sent: dict[int, bytes] = {}  # samples of the latest piece, by tick
+    older: dict[int, bytes] = {}  # those of the piece before
     sent_ticks: list[int] = []
     accepted: list[int] = []
     seen, wrong, sent_bytes = [], 0, 0
@@ -183,7 +183,7 @@ def _damaged(
     frames: int,
     rng: np.random.Generator,
 ) -> Iterator[bytes]:
-    """The damaged frames: bytes between two zeros that were not sent like this."""
+    """The damaged frames: bytes between two zeros that differ from every frame that was sent."""
     closed = [cobs.encode(close(body)) for body in bodies]
     good = set(closed)
     piece = _as_array(b"\0".join(closed) + b"\0")
@@ -247,7 +247,7 @@ def _checks(bodies: list[bytes], frames: int, rng: np.random.Generator) -> list[
 
 
 class _Host:
-    """A client with a number of tries, in the board's time. Both directions are damaged."""
+    """A client that repeats its requests, in the board's time. Both directions are damaged."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.board = BoardController("f28377s", {}, None, lib.HT_SERVICE_WATCHDOG_MS)
@@ -280,10 +280,10 @@ class _Host:
 
 
 class _Requests(TypedDict):
-    """What became of one kind of request."""
+    """The results of one kind of request."""
 
     request: str
-    tries: list[int]  #: how many were answered at the first try, the second, ...
+    tries: list[int]  #: the numbers answered at the first try, at the second, ...
     failed: int
     wrong: int
 
@@ -347,7 +347,7 @@ def failures(result: dict) -> list[str]:
     s = result["samples"]
     found = []
     if not s["healthy"]:
-        found.append("the drive stopped, or the device dropped samples by itself")
+        found.append("the drive stopped, or the board itself dropped samples")
     if s["wrong"]:
         found.append(f"{s['wrong']} wrong samples were accepted")
     if not s["in_order"]:
@@ -362,7 +362,7 @@ def failures(result: dict) -> list[str]:
             found.append("a damaged frame passed the CRC-32")
     for row in result["requests"]:
         if row["wrong"]:
-            found.append(f"{row['wrong']} {row['request']} did what it should not")
+            found.append(f"{row['wrong']} {row['request']} requests had a wrong effect")
     return found
 
 
@@ -437,5 +437,5 @@ def plot(result: dict, path: Path) -> Path:
     axis.set_xlabel("bits of the check", **plots.LABEL)
     axis.set_ylabel("share of the damaged frames", **plots.LABEL)
     axis.legend(**plots.LEGEND)
-    figure.suptitle(f"{TITLE}: what a check of so many bits lets pass", **plots.TITLE)
+    figure.suptitle(f"{TITLE}: damaged frames that a check of so many bits accepts", **plots.TITLE)
     return plots.save(figure, path)

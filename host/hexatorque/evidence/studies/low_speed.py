@@ -1,5 +1,5 @@
-"""Rated torque at and near standstill: what each flux observer makes of dead time,
-current sensor offset and resistances that are not those of the machine."""
+"""Rated torque at and near standstill: how well each flux observer copes with dead time, current
+sensor offsets and resistances that differ from the machine's."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from ...drive.simulated import SimulatedDrive
 TITLE = "Low speed: observers at rated torque"
 SETUP = "paper-a-feasible"
 SPEEDS_RPM = (0.0, 30.0, 100.0)
-TORQUES_NM = (10.0, -10.0)  #: rated; negative drives the shaft
-#: Speed regulator. Paper A's 0.4 N m s/rad (2 N m/rad) holds the shaft so softly that
-#: the torque comparator's ripple alone, 0.2 N m at a few Hz, moves it by 3 r/min.
+TORQUES_NM = (10.0, -10.0)  #: rated load; a negative load drives the shaft
+#: Gains of the speed regulator. Paper A's 0.4 N m s/rad (2 N m/rad) are so low that the torque
+#: comparator's ripple alone, 0.2 N m at a few Hz, moves the shaft by 3 r/min.
 KP_NMS_RAD, KI_NM_RAD = 1.2, 6.0
 #: (R_s, R_r) of the observer relative to the machine's.
 RESISTANCES = ((1.0, 1.0), (0.8, 1.0), (1.2, 1.0), (1.0, 0.7), (1.0, 1.3))
-#: Share of the converter's range, and its sign in each phase: neither set's offsets
-#: add up to zero.
+#: Offset as a share of the converter's range, and its sign in each phase. The offsets do not add up
+#: to zero in either set.
 OFFSET = 0.005
 SIGNS = (1, -1, 1, -1, 1, 1)
 LOAD_AT_S = 1.0
-#: A rated load step at standstill disturbs any drive: measured from here on.
+#: A rated load step at standstill disturbs any drive, so errors are measured from this time on.
 SETTLED_S = 9.0
 #: Means of flux and speed are taken over windows of this length.
 WINDOW_S = 0.5
 DURATION_S = 60.0
 
-#: What a drive must hold (speed r/min, flux share).
+#: Largest errors that a drive may have: speed in r/min, flux as a share.
 SPEED_RPM = 2.0
 FLUX_RIGHT = 0.05
 FLUX_WRONG = 0.15
@@ -51,15 +51,15 @@ class Case:
     load_Nm: float
     rs: float = 1.0
     rr: float = 1.0
-    #: offset that comes after calibration, share of range
+    #: offset that appears after calibration, as a share of the range
     late_offset: float = 0.0
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Extremes over the settled time (of a drive that tripped: over all its windows);
-    `fault` with its time if the drive tripped. Speed: deviation of the instantaneous
-    shaft speed. Flux: deviation of the mean true flux of a window from the reference."""
+    """The extremes over the settled time. If the drive tripped, they are over all its windows, and
+    `fault` and `fault_s` say why and when. Speed: deviation of the instantaneous shaft speed. Flux:
+    deviation of a window's mean true flux from the reference."""
 
     speed_error_rpm: tuple[float, float]
     flux_error: tuple[float, float]
@@ -75,7 +75,7 @@ class Outcome:
 
 
 def run(case: Case, duration_s: float = DURATION_S, progress: Progress | None = None) -> Outcome:
-    """One drive: start, speed reference, rated load, and on for `duration_s`."""
+    """Runs one drive for `duration_s`: start, speed reference, rated load."""
     setup = setups.load(SETUP)
     span_A = 2 * setup["sensors.i_full_A"]
     offset_A = [OFFSET * span_A * sign for sign in SIGNS]
@@ -115,7 +115,7 @@ def run(case: Case, duration_s: float = DURATION_S, progress: Progress | None = 
     if sim.controller.state != "run":
         fault = ", ".join(sim.controller.faults)
         snapshot = sim.controller.snapshot
-        assert snapshot  # of the fault
+        assert snapshot  # a fault leaves one
         at = snapshot["tick"] * sim.period_s
         settled = 0
     speeds, fluxes = speeds[2 * settled :] or [0.0], fluxes[settled:] or [0.0]
@@ -125,14 +125,14 @@ def run(case: Case, duration_s: float = DURATION_S, progress: Progress | None = 
 def run_all(
     cases: list[Case], duration_s: float = DURATION_S, progress: Progress | None = None
 ) -> list[Outcome]:
-    """All cases over all cores."""
+    """Runs all cases on all cores."""
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(lambda case: run(case, duration_s, progress), cases))
 
 
 def study(quick: bool = False, progress: Progress | None = None) -> dict:
-    """Every observer at every point with right and wrong resistances; the hybrid with
-    every scheme, the others with ddr."""
+    """Runs every observer at every point with right and wrong resistances. The hybrid observer runs
+    with every scheme, the others with ddr."""
     schemes = ("ddr",) if quick else firmware.schemes()
     others = ("voltage", "compensated")
     plan = [(o, "ddr", 0.0) for o in others]
@@ -168,7 +168,8 @@ def _groups(result: dict) -> dict[str, dict[tuple[float, float], list[dict]]]:
 
 
 def _cell(rows: list[dict]) -> str:
-    """Worst flux and speed over the points, and the points that were lost."""
+    """The worst errors of flux and speed over the points, and the number of points at which the
+    drive tripped."""
     held = [r for r in rows if not r["fault"]]
     text = ""
     if held:
@@ -181,7 +182,7 @@ def _cell(rows: list[dict]) -> str:
 
 
 def failures(result: dict) -> list[str]:
-    """Where the hybrid does not hold what it must, sensors calibrated."""
+    """The cases in which the hybrid observer with calibrated sensors exceeds its limits."""
     lost = []
     for row in result["rows"]:
         case = Case(**{name: row[name] for name in Case.__dataclass_fields__})
@@ -211,7 +212,8 @@ def tables(result: dict) -> list:
 
 
 def plot(result: dict, path: Path) -> Path:
-    """Flux error of every point, by observer; a cross at the edge where the drive tripped."""
+    """Draws the flux error of every point by observer. A cross at the edge marks a point at which
+    the drive tripped."""
     from ...analysis import plots
 
     groups = _groups(result)
@@ -241,6 +243,9 @@ def plot(result: dict, path: Path) -> Path:
         if column == 0:
             axis.set_yticks(range(len(groups)), list(groups), fontsize=7.5)
             axis.invert_yaxis()
-    note = "downwards 0, 30, 100 r/min, each with +10 and -10 N m; grey: the limit; ×: tripped"
+    note = (
+        "in each group from top to bottom: 0, 30, 100 r/min, each with +10 and -10 N m; grey: "
+        "within the limit; ×: tripped"
+    )
     figure.suptitle(f"{TITLE}\n{note}", **plots.TITLE)
     return plots.save(figure, path)

@@ -1,8 +1,8 @@
-"""`hexatorque evidence pil`: processor in the loop, held against software in the loop.
+"""`hexatorque evidence pil`: compares processor in the loop with software in the loop.
 
-The same simulation twice, from the same seeds: once with the firmware in this
-process, once with the firmware on a target. All that the firmware writes and shows
-must be the same, bit for bit: the loop is chaotic enough to blow any difference up.
+The same simulation runs twice from the same seeds: once with the firmware in this process, once
+with the firmware on a target. Everything that the firmware writes and sends must be the same, bit
+for bit. The loop is chaotic, so any difference would grow until it shows.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 
 #: Controllers that keep a log of their registers.
 Logged = WatchedController | TargetController
-#: Length of the transients that a set-up's point is turned into.
+#: Length of the profile with transients around a set-up's operating point.
 DURATION_S = 2.0
 
 
 @dataclass
 class Outcome:
-    """What a run on the target gave. `difference` is None where it equals the one on the
-    host, else says where they part."""
+    """The result of a run on the target. `difference` is None if it equals the run on the host.
+    Otherwise it names the first difference."""
 
     setup: str
     scheme: str
@@ -60,7 +60,7 @@ class Outcome:
         }
 
     def failures(self) -> list[str]:
-        """What must not be, one line each."""
+        """The failures of this run, one line each."""
         lines = []
         if self.difference is not None:
             lines.append(f"{self.scheme}: {self.difference}")
@@ -70,8 +70,8 @@ class Outcome:
 
 
 def transients(setup: Setup) -> Profile:
-    """Two seconds with everything in them: start, speed step, load step, speed reversed,
-    another scheme in flight and back."""
+    """Two seconds with all transients: start, speed step, load step, reversal, and a change to
+    another scheme and back while the drive runs."""
     scheme = setup["controller.scheme"]
     predicted = setup["timing.latency"] == "predicted"
     schemes = [s for s in firmware.schemes() if predicted or not firmware.needs_prediction(s)]
@@ -89,8 +89,9 @@ def transients(setup: Setup) -> Profile:
 def _first_difference(
     host: Logged, target: Logged, periods: int, per_period: int, a: Recording, b: Recording
 ) -> str | None:
-    """Where two runs part, or None. Registers and access counts first, then the firmware's
-    telemetry, then the plant, then what a fault left; all bit by bit."""
+    """The first difference between two runs, or None. Registers and access counts are compared
+    first, then the firmware's telemetry, then the plant, then the snapshot of a fault. All are
+    compared bit by bit."""
     images = host.log.images, target.log.images
     if images[0].shape != images[1].shape or len(images[0]) != periods:
         return f"{len(images[0])} periods logged on the host, {len(images[1])} on the target"
@@ -121,7 +122,7 @@ def _first_difference(
 def compare(
     setup: Setup, profile: Profile, target: Target, progress: Progress | None = None
 ) -> Outcome:
-    """Run a profile on the host and on the target."""
+    """Runs a profile on the host and on the target and compares the two."""
     sil, here, a = _run(setup, profile, WatchedController, progress)
     pil, there, b = _run(setup, profile, target.controller, progress)
     return Outcome(
@@ -153,11 +154,11 @@ def _run(
 
 
 def table(outcomes: list[Outcome]) -> Table:
-    """For the terminal."""
+    """The table for the terminal."""
     from rich.table import Table
 
     table = Table(
-        title=f"{outcomes[0].setup} on {outcomes[0].processor}, held against the host",
+        title=f"{outcomes[0].setup} on {outcomes[0].processor}, compared with the host",
         title_justify="left",
     )
     for heading in ("scheme", "registers and channels", "steps", "steps per s", "state"):

@@ -1,6 +1,8 @@
 // The page: it gets the drive's data as server-sent events and sends commands by POST.
 
-import { Bins, Stack, decode, parse, show } from "/plot.js";
+import { Bins } from "/bins.js";
+import { decode, parse, show } from "/numbers.js";
+import { Stack } from "/stack.js";
 
 const $ = (id) => document.getElementById(id);
 const WINDOWS_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
@@ -195,7 +197,8 @@ function series(names) {
   return names.map((name, index) => {
     const row = device.channels.find((channel) => channel.name === name);
     const steps = STEPS.has(name) || wordsOf(name) !== null;
-    return { name, index, colour: index % 10, unit: row.unit, help: row.help, steps };
+    const reference = name.includes("_ref_");
+    return { name, index, colour: index % 10, unit: row.unit, help: row.help, steps, reference };
   });
 }
 

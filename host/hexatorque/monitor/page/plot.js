@@ -1,132 +1,48 @@
-// Traces on a canvas: bins of smallest and largest values over time, one plot per unit.
+// One plot of traces over time. uPlot draws it (vendor/uplot).
 
-/** Bins of the latest samples, channel by channel; bin n is at start_s + n * dt_s. */
-export class Bins {
-  constructor(channels, capacity, dt_s, start_s = 0) {
-    this.capacity = capacity;
-    this.dt_s = dt_s;
-    this.start_s = start_s;
-    this.begin = this.end = 0;
-    this.lo = Array.from({ length: channels }, () => new Float32Array(capacity).fill(NaN));
-    this.hi = Array.from({ length: channels }, () => new Float32Array(capacity).fill(NaN));
-  }
+import { decimals, fixed, parse } from "/numbers.js";
 
-  /** lo and hi hold `count` values of the first channel, then of the next. */
-  put(first, count, lo, hi) {
-    if (this.end === 0 || first > this.end + this.capacity) this.begin = this.end = first;
-    for (let hole = this.end; hole < first; hole++) this.fill(hole % this.capacity);
-    this.lo.forEach((row, channel) => {
-      for (let i = 0; i < count; i++) {
-        const place = (first + i) % this.capacity;
-        row[place] = lo[channel * count + i];
-        this.hi[channel][place] = hi[channel * count + i];
-      }
-    });
-    this.end = first + count;
-    this.begin = Math.max(this.begin, this.end - this.capacity);
-  }
+/* global uPlot */
 
-  fill(place) {
-    for (const row of this.lo) row[place] = NaN;
-    for (const row of this.hi) row[place] = NaN;
-  }
-
-  time(bin) {
-    return this.start_s + bin * this.dt_s;
-  }
-
-  /** The bin at a time, or -1. */
-  at(time_s) {
-    const bin = Math.floor((time_s - this.start_s) / this.dt_s + 1e-6);
-    return bin >= this.begin && bin < this.end ? bin : -1;
-  }
-
-  /** [smallest, largest] of some channels between two times, or null. */
-  range(channels, from_s, to_s) {
-    let low = Infinity;
-    let high = -Infinity;
-    const first = Math.max(this.begin, Math.floor((from_s - this.start_s) / this.dt_s));
-    const last = Math.min(this.end, Math.ceil((to_s - this.start_s) / this.dt_s) + 1);
-    for (const channel of channels) {
-      for (let bin = first; bin < last; bin++) {
-        const l = this.lo[channel][bin % this.capacity];
-        const h = this.hi[channel][bin % this.capacity];
-        if (l < low && l > -Infinity) low = l;
-        if (h > high && h < Infinity) high = h;
-      }
-    }
-    return low <= high ? [low, high] : null;
-  }
-}
-
-export function decode(text) {
-  const raw = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  return new Float32Array(raw.buffer);
-}
-
-/** A number for reading: four digits that matter, a proper minus. */
-export function show(value, digits = 4) {
-  if (value === null || value === undefined || Number.isNaN(value)) return "–";
-  if (!Number.isFinite(value)) return value > 0 ? "∞" : "−∞";
-  const size = Math.abs(value);
-  let text;
-  if (size !== 0 && (size < 1e-4 || size >= 1e6)) text = value.toExponential(2);
-  else {
-    const whole = size < 1 ? 1 : Math.floor(Math.log10(size)) + 1;
-    text = value.toFixed(Math.min(5, Math.max(0, digits - whole)));
-  }
-  return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "−");
-}
-
-/** The number that a person wrote, or NaN. Point or comma is the decimal sign, and there are no
- * thousands separators; a minus sign may be the one that word processors write. */
-export function parse(text) {
-  const plain = text.trim().replace(/[−–]/g, "-").replace(",", ".");
-  return /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(plain) ? Number(plain) : NaN;
-}
-
-/** Distance of ticks for about `count` of them: 1, 2 or 5 times a power of ten. */
-function stepFor(span, count) {
-  const raw = span / Math.max(1, count);
-  const power = 10 ** Math.floor(Math.log10(raw));
-  const factor = raw / power;
-  return (factor <= 1 ? 1 : factor <= 2 ? 2 : factor <= 5 ? 5 : 10) * power;
-}
-
-function decimals(step) {
-  return Math.min(6, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
-}
-
-function fixed(value, places) {
-  const text = value.toFixed(places);
-  return (Number(text) === 0 ? (0).toFixed(places) : text).replace("-", "−");
-}
-
-const LEFT = 58;
-const RIGHT = 12;
-const TOP = 8;
-const AXIS = 22;
+/** Distances of ticks: 1, 2 and 5 times a power of ten. */
+const STEPS = Array.from({ length: 22 }, (_, i) => i - 12)
+  .flatMap((power) => [1, 2, 5].map((factor) => Number(`${factor}e${power}`)));
+/** Room around the traces, in pixels. */
+const ROOM = { above: 8, right: 20, values: 58, times: 22, below: 8 };
+/** A drag of fewer pixels is a click. */
+const LEAST_DRAG = 6;
 
 /** All traces of one unit. */
-class Plot {
-  constructor(stack, unit, series) {
+export class Plot {
+  constructor(stack, unit, series, last) {
     this.stack = stack;
-    this.unit = unit;
-    this.series = series;
+    // The first on top: a reference stays visible on what follows it.
+    this.drawn = [...series].reverse();
     this.fixed = null;
     this.scale = null;
     this.box = document.createElement("div");
     this.box.className = "plot";
-    this.head = document.createElement("div");
-    this.head.className = "legend";
-    this.canvas = document.createElement("canvas");
-    this.canvas.setAttribute("role", "img");
-    this.canvas.setAttribute("aria-label", series.map((s) => s.name).join(", "));
-    this.box.append(this.head, this.canvas);
+    this.place = document.createElement("div");
+    this.place.className = "chart";
+    this.box.append(this.legend(unit, series), this.place);
+    this.chart = new uPlot(this.options(last), null, this.place);
+    const canvas = this.chart.ctx.canvas;
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", series.map((one) => one.name).join(", "));
+    // A finger scrolls the page; only a mouse selects and sets marks.
+    this.chart.over.addEventListener("pointerdown", (event) => {
+      stack.mouse = event.pointerType === "mouse";
+    });
+  }
+
+  /** By hand and not uPlot's: without a pointer it shows the newest sample, drawn or not. */
+  legend(unit, series) {
+    const head = document.createElement("div");
+    head.className = "legend";
     const label = document.createElement("span");
     label.className = "unit";
     label.textContent = unit || "–";
-    this.head.append(label);
+    head.append(label);
     for (const one of series) {
       const chip = document.createElement("span");
       chip.className = "chip";
@@ -138,10 +54,10 @@ class Plot {
       one.value = document.createElement("output");
       one.value.dataset.channel = one.name;
       chip.append(swatch, name, one.value);
-      this.head.append(chip);
+      head.append(chip);
     }
-    this.head.append(this.makeScale());
-    this.listen();
+    head.append(this.makeScale());
+    return head;
   }
 
   makeScale() {
@@ -176,52 +92,84 @@ class Plot {
     return box;
   }
 
-  listen() {
-    const { stack, canvas } = this;
-    let from = null;
-    const timeAt = (event) => {
-      const [from_s, to_s] = stack.span();
-      const wide = canvas.clientWidth - LEFT - RIGHT;
-      const share = Math.min(1, Math.max(0, (event.offsetX - LEFT) / wide));
-      return from_s + share * (to_s - from_s);
+  /** last: this plot is the lowest and shows the times. */
+  options(last) {
+    const { stack } = this;
+    const { line, steps } = stack.paths;
+    const colour = (name) => () => stack.colours[name];
+    const axis = {
+      font: stack.font, stroke: colour("faint"), grid: { stroke: colour("line"), width: 1 },
+      ticks: { show: false }, incrs: STEPS,
     };
-    canvas.addEventListener("pointermove", (event) => {
-      stack.cursor_s = timeAt(event) - stack.anchor();
-      stack.drag = from === null ? null : [from, timeAt(event)];
-      stack.draw();
-    });
-    canvas.addEventListener("pointerleave", () => {
-      if (from !== null) return;
-      stack.cursor_s = null;
-      stack.draw();
-    });
-    canvas.addEventListener("pointerdown", (event) => {
-      if (event.pointerType !== "mouse" || event.button !== 0) return;
-      from = timeAt(event);
-      stack.hold = stack.span();
-      canvas.setPointerCapture(event.pointerId);
-    });
-    canvas.addEventListener("pointerup", (event) => {
-      if (from === null) return;
-      const to = timeAt(event);
-      const [begin, end] = stack.span();
-      const wide = Math.abs(to - from) / (end - begin);
-      if (wide > 0.01) stack.zoom(Math.min(from, to), Math.max(from, to));
-      else {
-        const mark = from - stack.anchor();
-        stack.mark_s = stack.mark_s === null ? mark : null;
-      }
-      from = stack.drag = stack.hold = null;
-      stack.draw();
-    });
-    canvas.addEventListener("dblclick", () => stack.whole());
+    return {
+      width: 300, height: 100, // until the first drawing
+      padding: [ROOM.above, ROOM.right, 0, 0],
+      legend: { show: false },
+      scales: {
+        x: { time: false, auto: false },
+        y: { range: (_, low, high) => this.follow(low, high) },
+      },
+      axes: [
+        { ...axis, size: last ? ROOM.times : ROOM.below, gap: 6, space: 90,
+          values: (_, times_s) => (last ? this.times(times_s) : []) },
+        { ...axis, size: ROOM.values, gap: 8,
+          space: (_chart, _axis, _low, _high, height) => Math.max(14, Math.min(26, height / 5)),
+          values: (_chart, values, _axis, _space, step) =>
+            values.map((value) => fixed(value, decimals(step))) },
+      ],
+      series: [{}, ...this.drawn.map((one) => ({
+        stroke: () => stack.colours.traces[one.colour],
+        // One pixel, because a browser that has no graphics processor draws wider lines six times
+        // slower. References move little, so a wider line costs little.
+        width: one.reference ? 2 : 1,
+        paths: one.steps ? steps : line,
+        points: { show: false },
+      }))],
+      cursor: {
+        y: false,
+        points: { show: false },
+        sync: { key: stack.key, scales: ["x", null] },
+        drag: { x: true, y: false, setScale: false, dist: LEAST_DRAG },
+        bind: {
+          mousedown: (_chart, _target, begin) => (event) => {
+            if (event.button !== 0 || !stack.mouse) return;
+            stack.held = true; // the traces stand still while a part of them is chosen
+            begin(event);
+          },
+          mouseup: (chart, _target, end) => (event) => {
+            if (event.button !== 0) return;
+            end(event);
+            stack.choose(chart);
+          },
+          dblclick: () => () => stack.whole(),
+        },
+      },
+      hooks: {
+        drawAxes: [() => this.zeroLine()],
+        draw: [() => this.lines()],
+        setCursor: [(chart) => {
+          const { left } = chart.cursor;
+          stack.point(left < 0 ? null : chart.posToVal(left, "x"));
+        }],
+      },
+    };
   }
 
-  /** The scale of the vertical axis: kept while the traces fill a fair part of it. */
-  follow(range) {
+  /** Labels of the time axis, the last with the unit. */
+  times(times_s) {
+    const [factor, unit] = this.stack.window() < 0.5 ? [1e3, "ms"] : [1, "s"];
+    const places = decimals((times_s[1] - times_s[0]) * factor);
+    const text = times_s.map((time_s) => fixed(time_s * factor, places));
+    return text.map((one, i) => (i === text.length - 1 ? `${one} ${unit}` : one));
+  }
+
+  /** The scale of the vertical axis. By hand: it stays while the traces fill a fair part of it, and
+   * uPlot's own would move with every picture. */
+  follow(low, high) {
     if (this.fixed) return this.fixed;
-    if (!range) return this.scale || [0, 1];
-    let [low, high] = range;
+    if (!Number.isFinite(low) || !Number.isFinite(high) || low === null) {
+      return this.scale || [0, 1];
+    }
     const least = Math.max(Math.abs(low), Math.abs(high)) * 0.02 || 1;
     if (high - low < least) {
       const middle = (low + high) / 2;
@@ -231,7 +179,7 @@ class Plot {
     const old = this.scale;
     const outside = !old || low < old[0] || high > old[1];
     if (outside || span < 0.45 * (old[1] - old[0])) {
-      const step = stepFor(span * 1.1, 8);
+      const step = STEPS.find((one) => one >= (span * 1.1) / 8);
       this.scale = [
         Math.floor((low - span * 0.04) / step) * step,
         Math.ceil((high + span * 0.04) / step) * step,
@@ -240,267 +188,66 @@ class Plot {
     return this.scale;
   }
 
-  draw(last) {
-    const { stack, canvas } = this;
-    const bins = stack.bins;
-    const wide = canvas.clientWidth;
-    const tall = canvas.clientHeight;
-    if (!wide || !tall) return;
-    const ratio = window.devicePixelRatio || 1;
-    if (canvas.width !== Math.round(wide * ratio) || canvas.height !== Math.round(tall * ratio)) {
-      canvas.width = Math.round(wide * ratio);
-      canvas.height = Math.round(tall * ratio);
-    }
-    const pen = canvas.getContext("2d");
-    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    pen.clearRect(0, 0, wide, tall);
-    const [from_s, to_s] = stack.span();
-    const right = wide - RIGHT;
-    const bottom = tall - (last ? AXIS : 8);
-    const x = (t) => LEFT + ((t - from_s) / (to_s - from_s)) * (right - LEFT);
-    const range = bins && bins.range(this.series.map((s) => s.index), from_s, to_s);
-    const [low, high] = this.follow(range);
-    const y = (v) => bottom - ((v - low) / (high - low)) * (bottom - TOP);
-    this.grid(pen, x, y, { from_s, to_s, low, high, right, bottom, last });
-    if (!bins) return;
+  /** times_s: of the values of all traces; from_s, to_s: what is shown. */
+  draw(times_s, from_s, to_s) {
+    const { chart, place, stack } = this;
+    const { clientWidth: width, clientHeight: height } = place;
+    if (!width || !height) return;
+    if (chart.width !== width || chart.height !== height) chart.setSize({ width, height });
+    const rows = this.drawn.map((one) => (stack.bins ? stack.bins.rows[one.index] : []));
+    chart.batch(() => {
+      chart.setData([times_s, ...rows], false);
+      chart.setScale("x", { min: from_s, max: to_s });
+    });
+  }
+
+  /** A stronger line at zero. By hand: uPlot draws all lines of a grid alike. */
+  zeroLine() {
+    const { ctx: pen, bbox } = this.chart;
+    const { min, max } = this.chart.scales.y;
+    if (!(min <= 0 && max >= 0)) return;
+    const y = Math.round(this.chart.valToPos(0, "y", true)) + 0.5;
+    pen.save();
+    pen.globalAlpha = 0.5;
+    pen.strokeStyle = this.stack.colours.faint;
+    pen.lineWidth = uPlot.pxRatio;
+    pen.beginPath();
+    pen.moveTo(bbox.left, y);
+    pen.lineTo(bbox.left + bbox.width, y);
+    pen.stroke();
+    pen.restore();
+  }
+
+  /** The trigger, resets of the board and the mark to measure from. By hand: uPlot has no such
+   * lines. */
+  lines() {
+    const { chart, stack } = this;
+    const { ctx: pen, bbox } = chart;
+    const { accent, stop } = stack.colours;
+    const ratio = uPlot.pxRatio;
     pen.save();
     pen.beginPath();
-    pen.rect(LEFT, TOP - 2, right - LEFT, bottom - TOP + 4);
+    pen.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     pen.clip();
-    pen.lineJoin = "round";
-    pen.lineWidth = 1.4;
-    // The first on top: a reference stays visible on what follows it.
-    for (const one of [...this.series].reverse()) this.trace(pen, x, y, one, from_s, to_s);
-    pen.restore();
-    this.lines(pen, x, bottom);
-  }
-
-  grid(pen, x, y, { from_s, to_s, low, high, right, bottom, last }) {
-    const { ink, faint, line } = this.stack.colours;
-    pen.font = this.stack.font;
-    pen.lineWidth = 1;
-    pen.fillStyle = faint;
-    pen.textBaseline = "middle";
-    pen.textAlign = "right";
-    let step = stepFor(high - low, Math.max(2.5, (bottom - TOP) / 26));
-    if (Math.floor(high / step) - Math.ceil(low / step) < 1) step = stepFor(high - low, 4.5);
-    const places = decimals(step);
-    for (let n = Math.ceil(low / step - 1e-9); n * step <= high + step * 1e-6; n++) {
-      const at = Math.round(y(n * step)) + 0.5;
-      pen.strokeStyle = n === 0 ? faint : line;
-      pen.globalAlpha = n === 0 ? 0.5 : 1;
+    pen.lineWidth = ratio;
+    const upright = (time_s, colour, dash, text = "") => {
+      const x = Math.round(chart.valToPos(time_s, "x", true)) + 0.5;
+      pen.strokeStyle = pen.fillStyle = colour;
+      pen.setLineDash(dash.map((length) => length * ratio));
       pen.beginPath();
-      pen.moveTo(LEFT, at);
-      pen.lineTo(right, at);
+      pen.moveTo(x, bbox.top);
+      pen.lineTo(x, bbox.top + bbox.height);
       pen.stroke();
-      pen.globalAlpha = 1;
-      pen.fillText(fixed(n * step, places), LEFT - 8, at);
-    }
-    const zero = this.stack.anchor();
-    const span = to_s - from_s;
-    const unit = span < 0.5 ? [1e3, "ms"] : [1, "s"];
-    const between = stepFor(span, (right - LEFT) / 90);
-    const digits = decimals(between * unit[0]);
-    pen.strokeStyle = line;
-    pen.textAlign = "center";
-    pen.textBaseline = "alphabetic";
-    for (let n = Math.ceil((from_s - zero) / between - 1e-9); ; n++) {
-      const t = zero + n * between;
-      if (t > to_s + between * 1e-6) break;
-      const at = Math.round(x(t)) + 0.5;
-      pen.beginPath();
-      pen.moveTo(at, TOP);
-      pen.lineTo(at, bottom);
-      pen.stroke();
-      if (last && at < right - 16 && at > LEFT + 8) {
-        pen.fillText(fixed(n * between * unit[0], digits), at, bottom + 16);
-      }
-    }
-    if (last) {
-      pen.textAlign = "right";
-      pen.fillStyle = ink;
-      pen.fillText(unit[1], right + 4, bottom + 16);
-    }
-  }
-
-  trace(pen, x, y, one, from_s, to_s) {
-    const { bins } = this.stack;
-    const { lo, hi, capacity } = bins;
-    const first = Math.max(bins.begin, Math.floor((from_s - bins.start_s) / bins.dt_s) - 1);
-    const last = Math.min(bins.end, Math.ceil((to_s - bins.start_s) / bins.dt_s) + 1);
-    pen.strokeStyle = this.stack.colours.traces[one.colour];
-    pen.beginPath();
-    let down = false;
-    let before = 0;
-    for (let bin = first; bin < last; bin++) {
-      const low = lo[one.index][bin % capacity];
-      const high = hi[one.index][bin % capacity];
-      if (!(low <= high)) {
-        down = false; // nothing came: the line is broken, not bridged
-        continue;
-      }
-      const at = x(bins.time(bin));
-      // Into a bin at the end that is nearer, out of it at the other.
-      const up = !down || Math.abs(before - low) <= Math.abs(before - high);
-      const [into, out] = up ? [low, high] : [high, low];
-      if (!down) pen.moveTo(at, y(into));
-      else if (one.steps) pen.lineTo(at, y(before));
-      if (down) pen.lineTo(at, y(into));
-      if (out !== into) pen.lineTo(at, y(out));
-      before = out;
-      down = true;
-    }
-    pen.stroke();
-  }
-
-  lines(pen, x, bottom) {
-    const { stack } = this;
-    const { ink, accent, stop } = stack.colours;
-    const zero = stack.anchor();
-    const upright = (t, colour, dash) => {
-      pen.strokeStyle = colour;
-      pen.setLineDash(dash);
-      pen.beginPath();
-      pen.moveTo(x(t), TOP);
-      pen.lineTo(x(t), bottom);
-      pen.stroke();
-      pen.setLineDash([]);
-    };
-    pen.lineWidth = 1;
-    if (stack.drag) {
-      pen.fillStyle = accent;
-      pen.globalAlpha = 0.15;
-      pen.fillRect(x(stack.drag[0]), TOP, x(stack.drag[1]) - x(stack.drag[0]), bottom - TOP);
-      pen.globalAlpha = 1;
-    }
-    if (stack.trigger) upright(0, accent, [6, 4]);
-    for (const mark of stack.marks) {
-      upright(mark.time_s, stop, [2, 2]);
-      pen.fillStyle = stop;
+      pen.font = stack.font.replace(/\d+/, (size) => size * ratio);
       pen.textAlign = "left";
       pen.textBaseline = "top";
-      if (x(mark.time_s) >= LEFT) pen.fillText(mark.text, x(mark.time_s) + 4, TOP);
-    }
-    if (stack.mark_s !== null) upright(zero + stack.mark_s, accent, []);
-    if (stack.cursor_s !== null) upright(zero + stack.cursor_s, ink, [2, 3]);
-  }
-}
-
-/** Plots above each other that share their time. */
-export class Stack {
-  /** options: words(name, value) names a value or says null; zoomed(from, to) on a choice. */
-  constructor(box, options) {
-    this.box = box;
-    this.options = options;
-    this.plots = [];
-    this.bins = null;
-    this.view = null; // chosen part, [from, to]
-    this.window_s = 5;
-    this.trigger = false; // time 0 is a trigger, not the newest sample
-    this.marks = []; // {time_s, text}: what happened when
-    this.cursor_s = this.mark_s = this.drag = this.hold = null;
-    this.waiting = false;
-    this.restyle();
-    new ResizeObserver(() => this.draw()).observe(box);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-      this.restyle();
-      this.draw();
-    });
-  }
-
-  restyle() {
-    const style = getComputedStyle(document.documentElement);
-    const colour = (name) => style.getPropertyValue(name).trim();
-    this.font = `11px ${getComputedStyle(document.body).fontFamily}`;
-    this.colours = {
-      ink: colour("--ink"),
-      faint: colour("--faint"),
-      line: colour("--line"),
-      accent: colour("--accent"),
-      stop: colour("--stop"),
-      traces: Array.from({ length: 10 }, (_, i) => colour(`--trace-${i}`)),
+      pen.fillText(text, x + 4 * ratio, bbox.top);
     };
-  }
-
-  /** series: {name, unit, index, colour, steps, help}, in order; one plot per unit. */
-  show(series) {
-    const units = new Map();
-    for (const one of series) {
-      if (!units.has(one.unit)) units.set(one.unit, []);
-      units.get(one.unit).push(one);
+    if (stack.trigger) upright(0, accent, [6, 4]);
+    for (const mark of stack.marks) {
+      upright(mark.time_s - stack.zero_s, stop, [2, 2], mark.text);
     }
-    this.series = series;
-    this.cursor_s = this.mark_s = null;
-    this.plots = [...units].map(([unit, rows]) => new Plot(this, unit, rows));
-    this.box.replaceChildren(...this.plots.map((plot) => plot.box));
-    this.draw();
-  }
-
-  end_s() {
-    return this.bins ? this.bins.time(this.bins.end) : 0;
-  }
-
-  /** [from, to] that is drawn. */
-  span() {
-    if (this.hold) return this.hold;
-    if (this.view) return this.view;
-    const end = this.end_s();
-    return [end - this.window_s, end];
-  }
-
-  /** Where time is 0: the newest sample, or the trigger. */
-  anchor() {
-    return this.trigger ? 0 : this.end_s();
-  }
-
-  zoom(from_s, to_s) {
-    this.view = [from_s, to_s];
-    this.cursor_s = this.mark_s = null;
-    this.options.zoomed(this.view);
-  }
-
-  whole() {
-    this.view = null;
-    this.options.zoomed(null);
-    this.draw();
-  }
-
-  draw() {
-    if (this.waiting) return;
-    this.waiting = true;
-    requestAnimationFrame(() => {
-      this.waiting = false;
-      this.plots.forEach((plot, i) => plot.draw(i === this.plots.length - 1));
-      if (this.cursor_s !== null) this.read();
-      this.options.cursor(this.cursor_s, this.mark_s);
-    });
-  }
-
-  /** Values at the cursor into the legend. */
-  read() {
-    const bin = this.bins ? this.bins.at(this.anchor() + this.cursor_s) : -1;
-    for (const one of this.series) {
-      if (bin < 0) {
-        one.value.textContent = "–";
-        continue;
-      }
-      const low = this.bins.lo[one.index][bin % this.bins.capacity];
-      const high = this.bins.hi[one.index][bin % this.bins.capacity];
-      one.value.textContent = this.text(one, low, high);
-    }
-  }
-
-  text(one, low, high = low) {
-    const word = low === high ? this.options.words(one.name, low) : null;
-    if (word) return word;
-    return show(low) === show(high) ? show(low) : `${show(low)} … ${show(high)}`;
-  }
-
-  /** Newest values into the legend, unless the cursor reads others. */
-  newest(values) {
-    if (this.cursor_s !== null) return;
-    for (const one of this.series || []) {
-      one.value.textContent = this.text(one, values[one.index] ?? NaN);
-    }
+    if (stack.mark_s !== null) upright(stack.mark_s, accent, []);
+    pen.restore();
   }
 }

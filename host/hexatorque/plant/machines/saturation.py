@@ -21,14 +21,14 @@ alone. `m` is a machine record.
 
 from __future__ import annotations
 
-from numba import njit
+from ..compiled import compiled
 
 MAX_ITERATIONS = 200
 #: A relative step that leaves an error of its square.
 LAST_STEP = 1e-8
 
 
-@njit
+@compiled
 def _main_flux(m, a, b, k00, k01, k10, k11):
     """Main flux psi_m for psi_m0 = (a, b): (pa, pb, g, j00, j01, j11) with the excess
     flux s = g psi_m and its derivative J to psi_m, symmetric."""
@@ -60,7 +60,7 @@ def _main_flux(m, a, b, k00, k01, k10, k11):
     raise ArithmeticError("machine: no main flux found, the fluxes are not finite")
 
 
-@njit
+@compiled
 def _solve(m, y):
     a = 0.0
     b = 0.0
@@ -71,14 +71,14 @@ def _solve(m, y):
     return _main_flux(m, a, b, k[0, 0], k[0, 1], k[1, 0], k[1, 1])
 
 
-@njit
+@compiled
 def excess_flux(m, y):
     """s, alpha and beta, of a state y."""
     pa, pb, g, _, _, _ = _solve(m, y)
     return g * pa, g * pb
 
 
-@njit
+@compiled
 def excess_gain(m, y):
     """D = ds / d psi_m0 at a state, row by row; zero for linear magnetics. From
     (I + K J) d psi_m = d psi_m0 and ds = J d psi_m."""
@@ -99,7 +99,7 @@ def excess_gain(m, y):
     )
 
 
-@njit
+@compiled
 def open_rotor(m, psi_r):
     """With no stator current: (|psi_m| / |psi_r|, R_r |i_r| / |psi_r| in 1/s)."""
     if m.psi_knee_Wb == 0.0 or psi_r == 0.0:

@@ -1,4 +1,5 @@
-"""Paper A's Table IV and Fig. 15: verdicts on made-up numbers, mechanisms on real runs."""
+"""Paper A's Table IV and Fig. 15: the verdicts are tested on made-up numbers, the mechanisms on
+real runs."""
 
 import numpy as np
 import pytest
@@ -15,9 +16,9 @@ def job(tmp_path_factory):
 
 
 def test_leakage_sets_the_torque_step_and_with_it_the_switching(job):
-    """dT = 3 p psi v T_s / (sigma L_s), less what the flux's own turning takes: inversely
-    proportional to the leakage. Once it fits into the band the comparator needs no
-    opposite vector, and the legs switch much less."""
+    """dT = 3 p psi v T_s / (sigma L_s), minus the effect of the flux's rotation, is inversely
+    proportional to the leakage. If it fits into the band, the comparator needs no opposite vector,
+    and the legs switch much less."""
     runs = job.runs(
         [Point(common.setup("fdr", **what_if.machine(f, 0.0)), 100.0, 10.0) for f in (1, 1.5)]
     )
@@ -48,7 +49,7 @@ def test_drops_feed_the_fifth_which_ddr_takes_out(job):
 
 def test_pure_voltage_model_needs_rs_only(job, monkeypatch):
     assert table4._only_rs(job) == ["fdr", "ddr"]
-    # It can find otherwise: the one-step prediction needs sigma L_s.
+    # The check can fail: the one-step prediction needs sigma L_s.
     real = common.setup
     monkeypatch.setattr(
         common,
@@ -59,7 +60,7 @@ def test_pure_voltage_model_needs_rs_only(job, monkeypatch):
 
 
 class Made:
-    """Stands for a run: only its metrics are looked at."""
+    """Stands for a run. Only its metrics are used."""
 
     def __init__(self, **metrics):
         thd = {band: metrics.pop("thd") for band in common.BANDS[:1]}
@@ -118,7 +119,7 @@ def sweep(job):
 
 
 def test_sweep_at_one_speed(job):
-    """Three vectors a period switch more than one; at 100 r/min DDR's THD is the lower."""
+    """Three vectors a period switch more than one. At 100 r/min DDR's THD is lower than FDR's."""
     middle, spread = found = sweep(job)
     for load in (0.0, 10.0):
         fsw = {s: middle["f_sw_Hz"][load, s][0] for s in sweeps.SCHEMES}

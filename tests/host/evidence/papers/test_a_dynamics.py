@@ -1,4 +1,4 @@
-"""Paper A's transients: what is judged, on made-up and on real recordings."""
+"""Paper A's transients: the verdicts are tested on made-up and on real recordings."""
 
 import math
 from dataclasses import replace
@@ -33,7 +33,8 @@ def made_up(step, speed, torque):
 
 
 def test_response_of_a_known_curve():
-    """A first-order return from 100 r/min below: within 13.5 r/min after tau ln(100/13.5)."""
+    """A first-order curve returns from 100 r/min below. It is within 13.5 r/min after tau
+    ln(100/13.5)."""
     step = dynamics.load_step()
     tau = 0.1
     rec = made_up(
@@ -44,15 +45,15 @@ def test_response_of_a_known_curve():
     found = steps.response(step, rec)
     assert found["speed_settling_s"] == pytest.approx(tau * math.log(100 / 13.5), abs=0.01)
     assert found["torque_settling_s"] == pytest.approx(tau * math.log(3 / 1.0), abs=0.01)
-    # Extremes are seen through the mean over 20 ms.
+    # Extremes are those of the mean over 20 ms.
     first = (1 - math.exp(-0.02 / tau)) / (0.02 / tau)
     assert found["speed_beyond_rpm"] == pytest.approx(100 * first, rel=1e-3)
     assert found["torque_peak_Nm"] == pytest.approx(7.638 + 3 * first, rel=1e-3)
 
 
 def test_load_step_obeys_newton(load_pair):
-    """In the time before the slow loop answers the load alone brakes; at the end the drive
-    gives load and friction."""
+    """Before the slow loop responds, only the load brakes. At the end the drive's torque is load
+    and friction."""
     rec = load_pair.recordings["ddr"]
     at = load_pair.step.at_s
     t, rpm = rec.time_s, rec["plant.speed_rpm"]
@@ -66,8 +67,8 @@ def test_load_step_obeys_newton(load_pair):
 
 
 def test_load_signs_of_the_reversal(job):
-    """Of one sign: the drive holds it back before and pulls it after. Against the motion:
-    its torque changes sign."""
+    """If the load has one sign, the drive brakes before the reversal and drives after it. If the
+    load always brakes, the drive's torque changes sign."""
     load = 7.5
     one_sign = steps.Step(-400, -load, "speed_ref_rpm", 400, 0.3, 2.0, 400, load)
     brake = replace(one_sign, load_Nm=load, load="friction")

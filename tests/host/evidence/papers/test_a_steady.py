@@ -1,5 +1,5 @@
-"""Paper A in steady state and in flight: figures found again from the recordings, and
-claims that fail where the x-y regulator is not at work."""
+"""Paper A in steady state and with schemes exchanged while running: the figures are computed again
+from the recordings, and the claims must fail if the x-y regulator is off."""
 
 import math
 
@@ -32,8 +32,8 @@ def verdict(figure, text):
 
 
 def circle_A(rec, order, f1_Hz):
-    """Radius of the x-y current's component that turns at +-order f1, the larger of the
-    two: correlation with a turning vector over whole cycles."""
+    """The radius of the x-y current's component that turns at +order f1 or -order f1, whichever is
+    larger, by correlation with a turning vector over whole cycles."""
     count = round(math.floor(rec.duration_s * f1_Hz) * rec.rate_Hz / f1_Hz)
     z = rec["plant.i_x_A"][:count] + 1j * rec["plant.i_y_A"][:count].astype(float)
     turn = np.exp(2j * np.pi * order * f1_Hz * np.arange(count) / rec.rate_Hz)
@@ -41,7 +41,7 @@ def circle_A(rec, order, f1_Hz):
 
 
 def f1_of(rec):
-    """By the zero crossings of a phase current behind a moving mean."""
+    """f1 from the zero crossings of a phase current behind a moving mean."""
     n = round(rec.rate_Hz / 100)
     y = np.convolve(rec["plant.i_u1_A"], np.ones(n) / n, "valid")
     ups = np.nonzero((y[:-1] < 0) & (y[1:] >= 0))[0]
@@ -50,7 +50,8 @@ def f1_of(rec):
 
 
 def test_lines_are_in_the_recording(a7):
-    """1: the sets differ, which turns against the flux; 5: with it; 7: against it."""
+    """Order 1 comes from the difference of the sets and turns against the flux. Order 5 turns with
+    the flux, order 7 against it."""
     for scheme in ("fdr", "ddr"):
         rec = a7.recordings[scheme]
         for order in (1, 5, 7):
@@ -83,8 +84,8 @@ def test_claims_fail_without_the_regulator(job, monkeypatch):
 
 
 def test_the_printed_rated_point_is_limited_by_the_voltage(job, tmp_path):
-    """omega psi + R i must fit into what zero-mean vectors turn: the speed ends between
-    what is left of V_dc/sqrt 3 and what the large vectors' dodecagon would allow."""
+    """The vectors without x-y mean must provide omega psi + R i. So the speed is between the limit
+    by V_dc/sqrt 3 minus the drop and the limit by the large vectors' dodecagon."""
     figure = steady.a8(job)
     rpm_per_V = 60 / (2 * math.pi) / 2 / 0.6
     for scheme in ("fdr", "ddr"):
@@ -106,7 +107,8 @@ def test_the_printed_rated_point_is_limited_by_the_voltage(job, tmp_path):
 
 
 def test_schemes_exchanged_while_running(a9):
-    """The recording itself: scheme, commands and x-y current before, between and after."""
+    """The test checks the recording itself: scheme, commands and x-y current before, between and
+    after the changes."""
     rec = a9.recordings[""]
     off_s, on_s, end_s = a9.metrics["instants_s"]
     t = rec.time_s

@@ -15,14 +15,15 @@ def job(tmp_path_factory):
 
 
 def test_response_of_a_known_speed():
-    """1000 r/min fading with 80 ms from an overshoot of 50 r/min: both known in closed form."""
+    """The speed returns to 1000 r/min from an overshoot of 50 r/min with 80 ms. Settling time and
+    overshoot are known in closed form."""
     t = np.arange(10_000) / 1e4
     late = np.maximum(t - 0.1, 0)
     speed = np.where(t < 0.1, 1000.0, 2000 - 1000 * np.exp(-late / 0.005))
     speed += np.where(t < 0.1, 0.0, 50 * np.exp(-late / 0.08))
     rec = Recording(1e4, {"plant.speed_rpm": speed, "plant.torque_Nm": 1 + (t > 0.1)})
     found = response(rec, SPEED_STEP, 0.1)
-    # 50 exp(-t / 80 ms) = 20 r/min, the faster part has gone by then; 10 ms of filter.
+    # 50 exp(-t / 80 ms) = 20 r/min, when the faster part is already zero; the filter adds 10 ms.
     assert found["settling_ms"] == pytest.approx(80 * np.log(2.5), abs=0.5)
     peak = (2000 - 1000 * np.exp(-late / 0.005) + 50 * np.exp(-late / 0.08)).max() - 2000
     assert found["overshoot_pct"] == pytest.approx(peak / 25, rel=0.05)
@@ -30,13 +31,13 @@ def test_response_of_a_known_speed():
 
 
 def within(t_s, speed, target, band):
-    """First instant from which the speed stays in the band, by looking backwards."""
+    """The first instant from which the speed stays in the band, searched backwards."""
     last = np.nonzero(np.abs(speed - target) > band)[0][-1]
     return t_s[last + 1]
 
 
 @pytest.mark.parametrize(("figure", "begin_rpm"), [("b17", 1000.0), ("b18", 2000.0)])
-def test_steps(figure, begin_rpm, job, tmp_path):
+def test_step_responses_agree_with_their_recordings(figure, begin_rpm, job, tmp_path):
     made = getattr(dynamics, figure)(job)
     for scheme, rec in made.recordings.items():
         t_s, speed = rec.time_s, rec["plant.speed_rpm"]
@@ -46,7 +47,7 @@ def test_steps(figure, begin_rpm, job, tmp_path):
         m = made.metrics[scheme]
         settled = 1e3 * (within(t_s, speed, 2000, 20) - dynamics.STEPS_S[0])
         assert m["settling_ms"] == pytest.approx(settled, rel=0.1)
-        # Before and after, torque is what the brake takes; in between J dw/dt on top.
+        # Before and after, the torque is that of the brake. In between J dw/dt is added.
         torque = rec["plant.torque_Nm"]
         after = {"b17": 0.3, "b18": 2.0}[figure]
         assert torque[:900].mean() == pytest.approx(0.3, abs=0.05)

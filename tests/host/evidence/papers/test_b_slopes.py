@@ -1,5 +1,5 @@
-"""Fig. 7 of paper B: eq. (8) is the derivative of the torque, and slopes are measured where
-one vector is on the legs."""
+"""Fig. 7 of paper B: eq. (8) is the derivative of the torque, and slopes are measured while one
+vector is on the legs."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from hexatorque.evidence.papers.paper_b.slopes import PER_PERIOD, gate_states, t
 from hexatorque.recording.recording import Recording
 
 SETUP = setup("dtc1")
-#: Recorded gates: two bits a leg, first leg in the highest.
+#: The recorded gates have two bits per leg. The first leg is in the highest bits.
 L48, ZERO = 0b01_01_00_00_00_00, 0
 OFF_FIRST, OFF_LAST = 0b10_01_00_00_00_00, 0b01_01_00_00_00_10
 LS_H = LR_H = 0.256 + 0.0144
@@ -19,7 +19,8 @@ LM_H, RS_OHM, RR_OHM = 0.256, 6.0, 2.2
 
 
 def currents(psi_s, psi_r):
-    """From flux linkages, by the inverse of the inductance matrix (paper B, eq. 4)."""
+    """The currents from the flux linkages, by the inverse of the inductance matrix (paper B, eq.
+    4)."""
     determinant = LS_H * LR_H - LM_H**2
     i_s = (LR_H * psi_s - LM_H * psi_r) / determinant
     return i_s, (LS_H * psi_r - LM_H * psi_s) / determinant
@@ -31,7 +32,8 @@ def torque(psi_s, psi_r):
 
 
 def test_equation_8_is_the_derivative_of_the_torque():
-    """Against the difference of eq. (5) over a step along eqs. (2) and (3)."""
+    """Eq. (8) is compared with the difference of eq. (5) over a small step along eqs. (2) and
+    (3)."""
     random = np.random.default_rng(8)
     n = 200
     psi_s, psi_r = 0.4 * (random.normal(size=(2, n)) + 1j * random.normal(size=(2, n)))
@@ -64,8 +66,9 @@ def test_gate_states():
 
 
 def test_slopes_leave_out_edges_and_dead_time():
-    """Two periods: a rise of 4 kN m/s after 20 us of dead time, a fall of 1 kN m/s. Torque runs
-    wild while a leg is off; a large vector against the torque is no rise."""
+    """There are two periods: a rise of 4 kN m/s after 20 us of dead time, and a fall of 1 kN m/s.
+    The torque has arbitrary values while a leg is off. A large vector against the torque is not a
+    rise."""
     rate_Hz = PER_PERIOD * 1e4
     gates = np.array(
         [ZERO] + [OFF_FIRST] * 2 + [OFF_LAST] * 2 + [L48] * 15 + [L48] + [ZERO] * 19 + [ZERO]
@@ -75,7 +78,7 @@ def test_slopes_leave_out_edges_and_dead_time():
     n = gates.size
 
     def record(angle):
-        """The rotor flux at `angle`: vector 48 points at 15 degrees."""
+        """A recording with the rotor flux at `angle`. Vector 48 points at 15 degrees."""
         psi_r = 0.37 * np.exp(1j * np.radians(angle))
         psi_s = LM_H / LR_H * psi_r + (LS_H - LM_H**2 / LR_H) * 1.5j * np.exp(1j * np.angle(psi_r))
         i_s = currents(psi_s, psi_r)[0]
@@ -98,8 +101,8 @@ def figure(tmp_path_factory):
 
 
 def test_rises_and_falls_balance(figure):
-    """In steady state the torque comes back: slopes weighted with the time they last add up
-    to nothing, within the last cycle cut off."""
+    """In steady state the torque returns to its value. So the slopes, weighted with their
+    durations, add up to zero, except for the last incomplete cycle."""
     for name, m in figure.metrics.items():
         rec = figure.recordings[name]
         zero = (gate_states(rec["plant.gates"]) == 0).all(axis=1).mean()

@@ -34,7 +34,7 @@ def run_of(channels, rate_Hz=1e4, per=1):
 
 
 def test_locus_of_known_circles():
-    """0.4 Wb with 1 % ripple; in x-y 0.02 Wb at 200 Hz and 0.01 Wb at 3 kHz."""
+    """The flux is 0.4 Wb with 1 % ripple. In x-y it has 0.02 Wb at 200 Hz and 0.01 Wb at 3 kHz."""
     t = np.arange(5000) / 1e4
     dq = (0.4 + 0.004 * np.sqrt(2) * np.sin(2 * np.pi * 500 * t)) * np.exp(2j * np.pi * 50 * t)
     xy = 0.02 * np.exp(2j * np.pi * 200 * t) + 0.01 * np.exp(2j * np.pi * 3000 * t)
@@ -49,9 +49,9 @@ def test_locus_of_known_circles():
     assert found["xy_slow_rms_Wb"] == pytest.approx(np.hypot(0.02, 0.01 / 9), rel=0.01)
 
 
-def test_loci(job, tmp_path):
-    """DTC2 pushes the x-y flux to the centre; the estimate is inductance times current, so
-    that the locus bounds the harmonics of the current."""
+def test_loci_agree_with_their_recordings(job, tmp_path):
+    """DTC2 moves the x-y flux towards the centre. The estimate is inductance times current, so the
+    locus bounds the harmonics of the current."""
     figure = loci.b11(job)
     own, first = figure.metrics["dtc2"], figure.metrics["dtc1"]
     for key in ("xy_rms_Wb", "xy_max_Wb", "xy_slow_rms_Wb"):
@@ -76,7 +76,8 @@ def test_third_scheme_is_compared_with_both_others(job):
     assert ours["x–y flux over DTC2's, rms"] == m["dtc3"]["xy_rms_Wb"] / m["dtc2"]["xy_rms_Wb"]
     assert ours["x–y flux over DTC1's, rms"] == m["dtc3"]["xy_rms_Wb"] / m["dtc1"]["xy_rms_Wb"]
     assert set(figure.recordings) == {"", "dtc1"}
-    # One period of a small vector, (2/3) cos 15 deg of Vdc long in x-y, less R_s i.
+    # One period of a small vector, which has the length (2/3) cos 15 deg of Vdc in x-y, minus R_s
+    # i.
     step_Wb = 2 / 3 * np.cos(np.radians(15)) * 300 * 100e-6
     assert m["dtc3"]["xy_max_Wb"] > step_Wb > 2.5 * 2 / 3 * np.cos(np.radians(75)) * 300 * 100e-6
 
@@ -96,11 +97,11 @@ def test_orders_of_a_known_current():
     assert found == pytest.approx(expected, rel=0.01)
 
 
-def test_currents(job, tmp_path):
+def test_harmonics_agree_with_a_fit_to_the_recorded_currents(job, tmp_path):
     figure = steady.b13(job)
     for scheme, m in figure.metrics.items():
         rec = figure.recordings[scheme]
-        # The harmonics again, as a least-squares fit to the flux's angle.
+        # The harmonics are computed again by a least-squares fit over the flux's angle.
         psi = rec["plant.psi_alpha_Wb"] + 1j * rec["plant.psi_beta_Wb"].astype(float)
         slope, start = np.polyfit(rec.time_s, np.unwrap(np.angle(psi)), 1)
         phi = slope * rec.time_s + start
@@ -116,13 +117,13 @@ def test_currents(job, tmp_path):
     assert (tmp_path / "b13.png").stat().st_size > 20_000
 
 
-def test_torque(job, tmp_path):
+def test_torque_agrees_with_its_recording(job, tmp_path):
     figure = steady.b15(job)
     ripple = figure.metrics["torque_ripple_Nm"]
     for scheme, rec in figure.recordings.items():
         assert rec.rate_Hz == 1e4
         assert np.std(rec["plant.torque_Nm"]) == pytest.approx(ripple[scheme], rel=0.05)
-        # The comparator works on the estimate: it must be the torque.
+        # The comparator works on the estimate, so the estimate must equal the torque.
         assert np.abs(rec["torque_Nm"] - rec["plant.torque_Nm"]).max() < 0.05
         below = np.mean(rec["torque_ref_Nm"] - rec["plant.torque_Nm"])
         assert below == pytest.approx(figure.metrics["below_reference_Nm"][scheme], abs=0.01)

@@ -1,4 +1,5 @@
-"""Sweeps and Table VI of paper B: which number lands where, and when a verdict turns."""
+"""Sweeps and Table VI of paper B: each number is in its place, and the verdicts change when they
+must."""
 
 import itertools
 import json
@@ -16,8 +17,8 @@ FLUX_WB = {name: setups.load(name)["controller.flux_ref_Wb"] for name in SETUPS}
 
 
 class Formula(Job):
-    """In place of simulations: metrics by a formula of scheme (0, 1, 2), speed, load, and flux
-    over the set-up's own."""
+    """Replaces simulations. The metrics are a formula of scheme (0, 1, 2), speed, load, and flux
+    relative to the set-up's."""
 
     def __init__(self, formula, quick=True):
         super().__init__(quick, None)
@@ -49,8 +50,8 @@ def as_printed(at, speed, load, flux):
 
 
 @pytest.mark.parametrize("quick", [True, False])
-def test_grid_orientation(quick, tmp_path):
-    """Rows are speeds, columns loads (Fig. 16: the other way round)."""
+def test_rows_and_columns_of_the_grids_are_not_exchanged(quick, tmp_path):
+    """Rows are speeds and columns are loads. In Fig. 16 it is the opposite."""
     job = Formula(lambda at, speed, load, flux: metrics(at + speed + load / 100), quick)
     figure = sweeps.b14(job)
     for name, (at, scheme) in itertools.product(SETUPS, enumerate(SCHEMES)):
@@ -70,8 +71,8 @@ def test_grid_orientation(quick, tmp_path):
     assert (tmp_path / "grid.png").stat().st_size > 20_000
 
 
-def test_14_and_19_share_their_points():
-    """So that the second of them costs nothing. Both set-ups are there."""
+def test_figures_14_and_19_share_their_points():
+    """So the second of them takes no time. Both have both set-ups."""
     one, other = Formula(as_printed), Formula(as_printed)
     sweeps.b14(one)
     sweeps.b19(other)
@@ -87,10 +88,10 @@ def test_thd_over_load_as_the_paper_has_it():
         assert set(words(sweeps.b14(one_is_high)).values()) == {"differs"}
 
 
-def test_order_of_switching_frequencies():
+def test_the_order_of_switching_frequencies_is_required_as_a_whole():
     figure = sweeps.b19(Formula(as_printed))
     assert set(words(figure).values()) == {"match"}
-    # At 1500 r/min the second switches less than the first, on the whole it does not.
+    # At 1500 r/min the second scheme switches less than the first, but not on average.
     locked = Formula(lambda at, speed, *_: metrics(
         f_sw=((1800, 1400, 2000) if speed == 1500 else (600, 900, 2000))[at]))  # fmt: skip
     found = words(sweeps.b19(locked))
@@ -104,12 +105,12 @@ def test_order_of_switching_frequencies():
     assert broken == [f"{name}, all points: DTC1 ≤ DTC2 < DTC3" for name in SETUPS]
 
 
-def test_ripple_ratio():
+def test_the_ripple_ratio_is_judged_at_each_speed():
     good = Formula(lambda at, *_: metrics(ripple=(0.26, 0.27, 0.105)[at]))
     found = [v for v in ripple.b16(good).verdicts if v.verdict != "not printed"]
     assert [v.verdict for v in found] == ["match"] * 8
-    # Too much at one point: told, not required; at all loads of a speed: required where
-    # the open values are fitted.
+    # Too much ripple at one point is reported, but nothing is required there. Too much at all loads
+    # of a speed breaks a requirement of the set-up whose open values are fitted.
     for loads, broken in ((1, []), (3, [FITTED])):
         job = Formula(lambda at, n, load, flux, loads=loads: metrics(
             ripple=(0.26, 0.27, 0.2 if n == 2500 and load < loads - 0.5 else 0.105)[at]
@@ -123,8 +124,8 @@ def test_ripple_ratio():
             )
 
 
-def test_a_point_that_is_not_reached():
-    """Is a gap in the sweep, never a "match"; the JSON stays valid."""
+def test_a_point_that_is_not_reached_is_a_gap():
+    """Such a point is a gap in the sweep and never a "match". The JSON stays valid."""
 
     def gap(at, speed, load, flux):
         return None if (at, speed, load) == (2, 2500, 2.0) else as_printed(at, speed, load, flux)
@@ -138,8 +139,8 @@ def test_a_point_that_is_not_reached():
 
 
 @pytest.mark.parametrize("quick", [True, False])
-def test_table_6(quick, tmp_path):
-    """A machine that does what is printed matches, whatever the flux does elsewhere."""
+def test_a_machine_as_printed_matches_table_6(quick, tmp_path):
+    """A machine with the printed values matches, whatever the values at other fluxes are."""
 
     def at_flux(at, speed, load, flux):
         row = as_printed(at, speed, load, flux)
@@ -173,7 +174,7 @@ def test_table_6(quick, tmp_path):
     [("thd", "THD: DTC2 and DTC3 below DTC1"), ("ripple", "ripple: DTC3 below DTC1 and DTC2"),
      ("f_sw", "f_sw: DTC1 ≤ DTC2 < DTC3")],
 )  # fmt: skip
-def test_table_6_in_the_wrong_order(key, broken):
+def test_the_wrong_order_of_schemes_breaks_table_6(key, broken):
     wrong = Formula(lambda at, *_: {
         "thd": metrics((11, 10.9, 12)[at], (3, 3, 1)[at], (1, 2, 3)[at]),
         "ripple": metrics((24, 12, 12)[at], (3, 1, 2)[at], (1, 2, 3)[at]),
@@ -181,7 +182,7 @@ def test_table_6_in_the_wrong_order(key, broken):
     }[key])  # fmt: skip
     found = [v.what for v in table.b_t6(wrong).verdicts if v.broken]
     assert [what for what in found if what.startswith(f"{SETUP},")] == [f"{SETUP}, {broken}"]
-    # Where the open values are fitted the ratios are required as well.
+    # The ratios are required as well for the set-up whose open values are fitted.
     fitted = [what for what in found if what.startswith(FITTED)]
     assert fitted[0] == f"{FITTED}, {broken}"
     assert all("over DTC1" in what for what in fitted[1:])

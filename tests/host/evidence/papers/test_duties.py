@@ -1,4 +1,4 @@
-"""A3 and A5 against volt-seconds: on-times of the legs, and duties solved with numpy."""
+"""A3 and A5 are compared with volt-seconds: on-times of the legs, and duties solved with numpy."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_a3_on_times_give_the_commands(nine):
     command = rec["v_x_pu"][::200] + 1j * rec["v_y_pu"][::200]
     np.testing.assert_allclose(xy, command, atol=3 / 200 / 3)
     assert sorted({round(abs(v), 6) for v in rec["v_x_pu"]}) == [0, round(TMVCL, 6)]
-    # ... and to the count, from the flux that the machine gained.
+    # ... and to a count, from the change of the machine's flux.
     gained = rec["plant.v_x_pu"][::200] + 1j * rec["plant.v_y_pu"][::200]
     np.testing.assert_allclose(gained, command, atol=1 / 15000)
 
@@ -88,12 +88,12 @@ def test_a5_against_solved_duties(job):
 
 
 def test_the_limit_is_a_box_and_not_a_circle():
-    """TMVCL holds per axis: at the box's corners, sqrt 2 further out than the printed
-    magnitude, no duty is negative for any vector, and some duty is zero for each."""
+    """TMVCL limits each axis. The corners of the box have sqrt 2 times the printed magnitude. There
+    no duty of any vector is negative, and each vector has a duty of zero at one of them."""
     for k in range(12):
         corners = [exact_mean(k, TMVCL * (x + 1j * y))[1].min() for x in (-1, 1) for y in (-1, 1)]
         assert min(corners) == pytest.approx(0, abs=1e-12)
-    # Read as a limit of the magnitude it would waste a part of what all twelve can do:
+    # As a limit of the magnitude it would be smaller than what all twelve vectors can produce:
     reach = min(
         min((duty0 / -slope) for duty0, slope in zip(*duty_slopes(k, angle)) if slope < 0)
         for k in range(12) for angle in np.deg2rad(np.arange(0, 360, 1.0))

@@ -1,4 +1,4 @@
-"""Comparison at equal switching frequency: the envelope, and whom it favours."""
+"""Comparison at equal switching frequency: the envelope, and the scheme that it ranks first."""
 
 import numpy as np
 import pytest
@@ -23,8 +23,8 @@ def test_envelope_is_the_best_within_each_budget(points):
 
 
 class Plane(Job):
-    """In place of simulations: f_sw grows with sampling and shrinks with the bands, ripple the
-    other way round; the first scheme has half of everybody's ripple."""
+    """Replaces simulations. f_sw grows with the sampling frequency and falls with the bands; the
+    ripple does the opposite. The first scheme has half the ripple of the others."""
 
     def metrics(self, points):
         found = []
@@ -44,7 +44,7 @@ class Plane(Job):
                     "ixy_rms_A": 0.1,
                 }
             )
-        found[-1] = None  # one that the drive does not hold
+        found[-1] = None  # a point that the drive does not hold
         return found
 
 
@@ -57,7 +57,8 @@ def test_the_best_within_a_budget(figure):
     for name in equal_fsw.SETUPS:
         table = figure.metrics[name]
         assert set(table) == set(firmware.schemes())
-        # Ripple times f_sw is 400: at 2 kHz the best of the grid is 0.2 N m (half: 0.1).
+        # Ripple times f_sw is 400, so the best point of the grid at 2 kHz has 0.2 N m (half of it:
+        # 0.1).
         at_2_kHz = {s: table[s]["torque_ripple_Nm"]["2000"]["torque_ripple_Nm"] for s in table}
         assert at_2_kHz.pop("dtc1") == pytest.approx(0.1)
         assert list(at_2_kHz.values()) == pytest.approx([0.2] * 5)

@@ -1,4 +1,5 @@
-"""docs/errata.md: the checks that it names exist, and those that belong nowhere else."""
+"""docs/errata.md: the checks that it names exist. The checks that belong to no other file are
+here."""
 
 import re
 from pathlib import Path
@@ -33,7 +34,7 @@ def test_every_entry_names_its_check():
 
 
 def test_every_assumed_value_is_listed():
-    """And no other."""
+    """The list has every assumed value and no other."""
     listed = {
         (setup, section, key)
         for setup, section, keys in re.findall(r"^\| (paper-\w+) \| (\w+) \| (.*) \|$", TEXT, re.M)
@@ -50,15 +51,15 @@ def test_every_assumed_value_is_listed():
 
 
 def test_rated_point_of_paper_a_is_out_of_reach():
-    """By the back-EMF alone, and in simulation: FDR as printed fails, at half the flux it
-    does not."""
+    """The test shows this by the back-EMF alone and in simulation: FDR fails with the printed flux,
+    but not with 0.4 Wb."""
     setup = setups.load("paper-a").changed(controller__scheme="fdr")
     omega = 1350 * 2 * np.pi / 60 * setup["machine.pole_pairs"]
     emf_V = omega * setup.parameter("flux_ref_Wb")
     assert emf_V == pytest.approx(169.6, abs=0.1)
     vdc_V = setup["inverter.vdc_V"]
-    # Twelve pairs of zero-mean virtual vectors reach 1/sqrt 3 around the circle; 12-step
-    # operation of large vectors has the highest fundamental there is.
+    # Vectors without x-y mean give 1/sqrt 3 around the circle. 12-step operation of large vectors
+    # has the highest possible fundamental.
     assert vdc_V / np.sqrt(3) < 144.4 < 2 * vdc_V / np.pi < 159.2 < emf_V
     assert operating_points.holds(operating_points.Point(setup, 1350, 10)) is not None
     assert (
@@ -70,7 +71,7 @@ def test_rated_point_of_paper_a_is_out_of_reach():
 
 
 def test_xy_gains_are_in_units_of_vdc():
-    """Fifth harmonic at 100 r/min and 10 N m: gains per volt leave what FDR has."""
+    """With gains per volt, the fifth harmonic at 100 r/min and 10 N m stays as large as FDR's."""
     setup = setups.load("paper-a-feasible")
     volt = setup["inverter.vdc_V"]
     changes = {
@@ -94,8 +95,8 @@ def test_leakages_of_paper_b_are_equal():
 
 
 def test_sigma_of_paper_b():
-    """sigma L_s is what a stator with a shorted rotor shows: L_ls + L_m || L_lr, below
-    L_s; the printed form is above 1 and depends on the unit of inductance."""
+    """sigma L_s is the inductance of a stator with a shorted rotor: L_ls + L_m || L_lr, which is
+    below L_s. The printed form is above 1 and depends on the unit of inductance."""
     lm, ll = 256e-3, 14.4e-3
     ls = lr = lm + ll
     transient = ll + lm * ll / (lm + ll)
@@ -112,8 +113,8 @@ def test_sigma_of_paper_b():
 
 @pytest.mark.parametrize("scheme", ["dtc1", "dtc2", "dtc3"])
 def test_torque_error_that_the_comparators_leave(scheme):
-    """Mean of reference minus estimate, 2 N m: between 0 and H_A = 0.173 N m at 500 r/min,
-    more at 2500 r/min, where it stays below H_B = 0.3 N m."""
+    """The mean of reference minus estimate at 2 N m is between 0 and H_A = 0.173 N m at 500 r/min.
+    At 2500 r/min it is larger, but below H_B = 0.3 N m."""
     setup = setups.load("paper-b").changed(controller__scheme=scheme)
     error = {}
     for rpm in (500, 2500):

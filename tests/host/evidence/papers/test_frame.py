@@ -1,9 +1,10 @@
-"""The frame around reproduced figures: verdicts, what is kept, what a user sees."""
+"""The code around reproduced figures: verdicts, stored results, and the page for the user."""
 
 import json
 import math
 import re
 import threading
+from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -45,7 +46,7 @@ def test_every_figure_and_table_has_an_entry():
         (None, None, "differs"),
     ],
 )
-def test_beside_a_printed_number(ours, lower, word):
+def test_a_number_is_judged_by_its_distance_from_the_printed_one(ours, lower, word):
     verdict = beside("what", ours, 10.0, within=0.05, lower_is_better=lower)
     assert verdict.verdict == word
     assert bool(verdict.why) == (word != "match")  # every disagreement carries a reason
@@ -75,13 +76,13 @@ def test_only_required_disagreements_break():
         (-2.5, "-2.500"),
     ],
 )
-def test_numbers_as_a_person_writes_them(value, text):
+def test_numbers_have_four_significant_digits(value, text):
     assert page.number(value) == text
 
 
 @pytest.fixture
 def entry(monkeypatch):
-    """One fake figure "A1" whose function can be replaced."""
+    """An invented figure "A1" whose function can be replaced."""
     calls = []
 
     class Module:
@@ -106,7 +107,7 @@ def entry(monkeypatch):
     return Module
 
 
-def test_what_is_written(entry, tmp_path):
+def test_a_figure_is_written_with_all_its_data(entry, tmp_path):
     outcome = reproduce.reproduce(["A1"], tmp_path)
     data = json.loads((tmp_path / "A1.json").read_text())
     assert outcome.figures == {"A1": data}
@@ -117,7 +118,7 @@ def test_what_is_written(entry, tmp_path):
     setup = data["setup"][0]
     assert setup["set"] == {"controller.scheme": "dtc2"}
     assert setup["assumed"]["controller.flux_ref_Wb"] == 0.4  # paper B prints none
-    assert "machine.rs_ohm" not in setup["assumed"]  # this it does
+    assert "machine.rs_ohm" not in setup["assumed"]  # paper B prints this one
     assert "flux_ref_Wb" in data["caption"] and "rs_ohm" not in data["caption"]
 
 
@@ -126,10 +127,26 @@ def test_the_page_shows_all_and_escapes(entry, tmp_path):
     text = (tmp_path / "index.html").read_text()
     assert "Title &amp; more" in text and "&lt;not&gt;" in text and "<not>" not in text
     for target in re.findall(r'(?:src|href)="([^#"]+)"', text):
-        assert (tmp_path / target).exists(), target  # all beside the page: no server, no net
+        # All files are beside the page, so it needs no server and no network.
+        assert (tmp_path / target).exists(), target
     words = re.findall(r'data-v="([^"]+)"', text)
     assert sorted(set(words)) == ["differs", "match"] and len(words) == 4  # top and figure
     assert 'data-f="not printed"' in text
+
+
+def test_a_setup_that_looks_like_html_is_shown_as_text(entry, tmp_path):
+    data = reproduce.reproduce(["A1"], tmp_path).figures["A1"]
+    name, key, why = "<b>x", '"><i>', "<script>alert(1)</script>"
+    data["setup"] = [{"name": name, "set": {key: 1.0}, "assumed": {key: 2.0}}]
+    text = page.write_page(tmp_path / "p.html", {"A1": data}, {"A2": why}).read_text()
+    seen: list[str] = []
+    parser = HTMLParser()
+    parser.handle_data = seen.append
+    parser.feed(text)
+    shown = "".join(seen)
+    assert shown.count(name) == 3  # summary, assumed values, runs
+    assert shown.count(f"{key} = ") == 2 and why in shown
+    assert text.count("<script>") == 1 and "<i>" not in text  # the page's own script
 
 
 def test_a_complete_figure_is_kept_until_something_changes(entry, tmp_path, monkeypatch):
@@ -170,7 +187,7 @@ def test_a_programming_error_is_not_hidden(entry, tmp_path, monkeypatch):
         reproduce.reproduce(["A1"], tmp_path)
 
 
-def test_choosing():
+def test_figures_are_chosen_in_the_papers_order():
     assert reproduce.chosen(["b-t6", "a5", "A5"]) == ["A5", "B-T6"]
     assert reproduce.chosen(["A5", "all"]) == list(ENTRIES)
     with pytest.raises(setups.SetupError, match=r"'A99'.*A15"):
@@ -193,7 +210,8 @@ def test_sweep_points_are_kept(tmp_path, monkeypatch):
     assert Job(False, tmp_path).metrics(points) == want
     assert Job(True, tmp_path).metrics(points) == want
     assert sorted(measured) == [1, 2, 3]
-    # Another set-up, load or build is another point; a torn file is measured again.
+    # Another set-up, load or build makes another point. A point with an incomplete file is measured
+    # again.
     Job(False, tmp_path).metrics([Point(setup, 1.0, 2.0)])
     Job(False, tmp_path).metrics([Point(setup.changed(controller__scheme="fdr"), 1.0, 1.0)])
     for path in tmp_path.iterdir():
@@ -222,7 +240,7 @@ def test_an_interrupt_ends_a_sweep_and_keeps_its_points(tmp_path, monkeypatch):
     assert 2 <= kept < 150 and not list(tmp_path.glob("*.part"))
 
 
-def test_the_command(entry, tmp_path, monkeypatch, capsys):
+def test_the_command_reports_failures_by_its_exit_code(entry, tmp_path, monkeypatch, capsys):
     assert main(["evidence", "papers", "a1", "--quick", "--json", "-o", str(tmp_path)]) == 0
     shown = json.loads(capsys.readouterr().out)
     assert shown["figures"]["A1"]["quick"] is True and shown["failed"] == {}

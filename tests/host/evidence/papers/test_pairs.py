@@ -1,4 +1,4 @@
-"""B6: shares and lengths of DTC3's pairs from the lengths of their vectors."""
+"""B6: shares and lengths of DTC3's pairs follow from the lengths of their vectors."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def figure(tmp_path_factory):
     return pairs.b6(Job(True, tmp_path_factory.mktemp("points")))
 
 
-def test_24_pairs(figure):
+def test_there_are_24_pairs_at_their_angles(figure):
     found = figure.metrics["pairs"]
     assert len(found) == 24
     for name, (first, second) in found.items():
@@ -30,7 +30,7 @@ def test_24_pairs(figure):
 
 
 def test_shares_without_xy_voltage(figure):
-    """Large and small vectors change their lengths in x-y, where the medium-large opposes
+    """In x-y, large and small vectors exchange their lengths, and the medium-large vector opposes
     both: s LARGE' = (1 - s) MEDIUM."""
     mean = figure.metrics["mean"]
     share_l, share_s = MEDIUM / (MEDIUM + SMALL), MEDIUM / (MEDIUM + LARGE)
@@ -45,7 +45,7 @@ def test_shares_without_xy_voltage(figure):
     )
     assert mean["L"]["half"] == pytest.approx(0.55768, abs=1e-5)
     assert mean["S"]["half"] == pytest.approx(0.32197, abs=1e-5)
-    # Either way the ratio H_A : H_B is the same.
+    # With both kinds of mean the ratio H_A : H_B is the same.
     assert mean["S"]["half"] / mean["L"]["half"] == pytest.approx(1 / np.sqrt(3), rel=1e-9)
     assert mean["S"]["real"] / mean["L"]["real"] == pytest.approx(1 / np.sqrt(3), rel=5e-3)
 
@@ -61,7 +61,7 @@ def test_shares_of_the_runs_from_their_recordings(figure, rpm):
         assert figure.metrics["running"][f"{rpm} r/min"][name] == pytest.approx(share)
 
 
-def test_verdicts(figure):
+def test_verdicts_agree_with_the_paper_but_for_the_shares(figure):
     assert not any(v.broken for v in figure.verdicts)
     shares = [v for v in figure.verdicts if "one pair repeated" in v.what and v.paper == 50]
     assert [v.verdict for v in shares] == ["differs", "differs"]

@@ -1,4 +1,4 @@
-"""What the experiments of paper B share."""
+"""The common parts of paper B's figures."""
 
 import numpy as np
 
@@ -13,8 +13,8 @@ def recording(samples=40, per=4, start_s=0.0):
 
 
 def test_control_instants_are_the_first_sample_of_each_period():
-    # A period of 100 us: samples 0, 4, 8, ... of a recording that begins with one,
-    # 1, 5, ... of one that begins 25 us before the next.
+    # With a period of 100 us these are samples 0, 4, 8, ... if the recording begins with a control
+    # instant, and samples 1, 5, ... if it begins 25 us before one.
     rec = common.control_instants(recording())
     assert rec["a"].tolist() == list(range(0, 40, 4))
     assert (rec.rate_Hz, rec.start_s) == (1e4, 0.0)
@@ -23,7 +23,7 @@ def test_control_instants_are_the_first_sample_of_each_period():
     assert np.isclose(late.start_s, 100e-6)
 
 
-def test_ending_and_excerpt():
+def test_ending_and_excerpt_keep_the_last_samples():
     rec = recording(start_s=1.0)
     assert common.ending(rec, 250e-6)["a"].tolist() == list(range(30, 40))
     part = common.excerpt(rec, ("b",), 250e-6)
@@ -33,9 +33,9 @@ def test_ending_and_excerpt():
     assert len(common.excerpt(rec, ("a", "b"))) == 40
 
 
-def test_orders_by_the_plane_they_fall_into():
-    """An odd harmonic of six balanced phases lies in one plane, or in neither. Even ones do not
-    occur where half waves mirror each other."""
+def test_harmonic_orders_are_sorted_by_their_plane():
+    """An odd harmonic of six balanced phases is in one plane or in neither. Even harmonics do not
+    occur if the half waves are symmetrical."""
     angle = np.linspace(0, 2 * np.pi, 7)[:-1]
     for order in range(3, 50, 2):
         phases = np.cos(order * (angle[:, None] - ANGLES_RAD))
@@ -45,7 +45,7 @@ def test_orders_by_the_plane_they_fall_into():
     assert not any(k % 2 == 0 for k in common.xy_orders(50) + common.torque_orders(50))
 
 
-def test_points_around_a_load():
+def test_points_around_a_load_are_within_2_percent():
     for quick in (True, False):
         loads = common.around(2.0, quick)
         assert loads[0] == 2.0

@@ -1,4 +1,5 @@
-"""Parameters measured on the running drive: as printed, and different where the drive is."""
+"""Parameters measured on the running drive agree with the print. If the drive is changed, they
+change too."""
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ def a_t3(job):
 
 @pytest.fixture(scope="module")
 def other():
-    """Paper A's drive with everything changed that is measured."""
+    """Paper A's drive with a change of everything that is measured."""
     setup = setups.load("paper-a").changed(
         controller__scheme="dtc1",
         machine__pole_pairs=3,
@@ -86,7 +87,7 @@ def test_xy_gains_of_another_regulator():
 
 
 def test_encoder_count_wraps(monkeypatch):
-    """Turning backwards from 0 the 32-bit counter goes through its end."""
+    """If the shaft turns backwards from 0, the 32-bit counter wraps."""
     w = measured.watch(setups.load("paper-b").changed(controller__scheme="dtc1"), -300.0, 0.3)
     assert w.turns < -0.5 and w.counts / w.turns / 4 == pytest.approx(1500, rel=1e-3)
 

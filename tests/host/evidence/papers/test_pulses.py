@@ -1,5 +1,5 @@
-"""The pattern bench against what the registers ask for: edges at their counts, and the
-mean voltage as the sum of the legs' on-times."""
+"""The bench for patterns does what the registers demand: edges are at their counts, and the mean
+voltage follows from the legs' on-times."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from hexatorque.evidence.papers.engine.pulses import pattern, period_counts, pla
 from hexatorque.firmware import ffi
 
 THETA = np.deg2rad([0, 30, 120, 150, 240, 270])
-#: Rows alpha beta x y.
+#: Rows alpha, beta, x, y.
 T = np.array([np.cos(THETA), np.sin(THETA), np.cos(5 * THETA), np.sin(5 * THETA)]) / 3
 P = period_counts()
 
@@ -58,7 +58,8 @@ def test_mean_voltage_is_the_on_times():
 
 
 def test_phase_voltages_are_paper_a_equation_15():
-    """Each set's neutral is isolated: a phase gets its leg minus the mean of its set."""
+    """Each set's neutral is isolated, so a phase voltage is its leg's voltage minus the mean of its
+    set."""
     words = (49, 22, 37, 63)
     played = play([pattern((w,) * 3, 1, 1) for w in words], 4)
     legs = np.array([[w >> b & 1 for b in range(5, -1, -1)] for w in words], float)

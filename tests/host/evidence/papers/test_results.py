@@ -26,7 +26,7 @@ def test_the_documentation_holds_every_figure_and_a_reason_for_every_disagreemen
             assert len(row[4]) > 12 and "not explained" not in row[4], row
 
 
-def test_renewing():
+def test_renewing_replaces_only_the_generated_part():
     verdict = {
         "what": "a|b", "ours": 1.0, "paper": 2.0, "unit": "A", "verdict": "worse", "why": "x",
     }  # fmt: skip

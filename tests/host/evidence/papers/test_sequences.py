@@ -1,4 +1,4 @@
-"""A2: pulses in the recording against S1 S2 S3 and the action points."""
+"""A2: the pulses in the recording agree with S1 S2 S3 and the action points."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def verdict(figure, start):
 def test_hazards_invert_a_leg_and_the_firmware_keeps_them_out(figure):
     assert not any(v.broken for v in figure.verdicts)
     after = figure.metrics["level_after_hazard"]
-    # At count 0 the compare event wins: the leg toggles from where it was.
+    # At count 0 the compare event has priority, so the leg toggles from its old level.
     assert after["as printed"] == {"CA = 0": 1, "CA = CB": 1, "CA = 0, high before": 0}
     assert set(after["guarded"].values()) == {0}
     for start in ("eqs. (17), (18) at T1 = 0", "eqs. (17), (18) at T1 = T2"):
@@ -56,8 +56,8 @@ def test_hazards_invert_a_leg_and_the_firmware_keeps_them_out(figure):
 
 
 def test_jumps_at_period_boundaries_count(figure):
-    """Of VV_L1 = 771004 legs w1 and v2 jump inside the period, so back at its end: 4 in
-    100 us, a cycle of a switch is 2, six legs."""
+    """In VV_L1 = 771004 the legs w1 and v2 jump inside the period, so they jump back at its end.
+    These are 4 jumps in 100 us, over six legs, and a cycle of a switch has 2 jumps."""
     assert verdict(figure, "at most one jump").verdict == "differs"
     f_sw = verdict(figure, "switching frequency").ours
     assert f_sw == pytest.approx(4 / (2 * 6) / 100e-6 / 1e3)
@@ -67,7 +67,7 @@ def test_wrong_registers_break_the_verdict(tmp_path, monkeypatch):
     right = sequences.pattern
 
     def late(words, t1, t2):
-        """One register two counts late."""
+        """One register is two counts late."""
         compare = right(words, t1, t2)
         compare.ca[3] += 2 * (compare.ca[3] < 15000)
         return compare

@@ -1,5 +1,5 @@
-"""B-T1 to B-T4: compiled tables against what a vector does to torque, flux and x-y flux;
-the running drives' recordings against the same, period by period."""
+"""B-T1 to B-T4: the compiled tables are compared with the effect of each vector on torque, flux and
+x-y flux, and so are the recordings of running drives, period by period."""
 
 import dataclasses
 
@@ -35,7 +35,7 @@ def groups(words):
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_compiled_cells_do_what_is_demanded(figures, name):
-    """In sector s the flux points at 30 s degrees: psi x v is torque, psi . v is flux."""
+    """In sector s the flux points at 30 s degrees. psi x v changes the torque, psi . v the flux."""
     cells = 0
     for table in figures[name].metrics["by_sector"].values():
         for demand, row in table.items():
@@ -67,8 +67,8 @@ def test_printed_cells(figures):
 
 @pytest.mark.parametrize(("name", "scheme"), FIGURES.items())
 def test_running_drive_does_what_is_demanded(figures, name, scheme):
-    """Without the tables: signs of psi x v, psi . v and v_xy . psi_xy of every period with
-    a torque demand, allowing for the flux's place in its sector."""
+    """The test does not use the tables. It checks the signs of psi x v, psi . v and v_xy . psi_xy
+    in every period with a torque demand, with a tolerance for the flux's place in its sector."""
     rec = figures[name].recordings[""]
     assert not any(v.broken for v in figures[name].verdicts)
     level, up = rec["torque_level"], rec["flux_level"] == 1
@@ -79,7 +79,8 @@ def test_running_drive_does_what_is_demanded(figures, name, scheme):
     assert active.sum() > 1000
     lead = np.rad2deg(np.angle(AB[word] / psi))[active]
     assert (np.sign(lead) == np.sign(level[active])).all()
-    # 75 or 105 degrees from the sector's middle, the flux within 15 of it.
+    # The vector is 75 or 105 degrees from the sector's middle, and the flux is within 15 degrees of
+    # it.
     off = abs(lead) - np.where(up[active], 75, 105)
     assert abs(off).max() <= 15.001
     kind = groups(word[active])
@@ -91,7 +92,8 @@ def test_running_drive_does_what_is_demanded(figures, name, scheme):
         assert set(kind[full]) == {"large", "medium"}
         if scheme == "dtc3":
             assert set(kind[~full]) == {"small", "medium"}
-    # Without a demand: zero, or (flux_hold) the vector nearest to a flux below 96 %.
+    # Without a demand there is a zero vector, or the vector nearest to a flux below 96 %
+    # (flux_hold).
     idle = ~active
     hold = idle & (abs(AB[word]) > 1e-6)
     assert (hold == rec["flux_hold"].astype(bool)).all()
@@ -118,7 +120,8 @@ def test_selection_takes_xy_flux_away(figures, scheme):
 
 
 def test_the_sentence_of_section_iv_a_is_wrong_in_every_sector(figures):
-    """x-y flux in v to x: V24 would add to it, V60 takes it away; elsewhere the reverse."""
+    """With the x-y flux in v to x, V24 would raise it and V60 lowers it. Elsewhere it is the
+    opposite."""
     for j in range(12):
         psi_xy = np.exp(1j * np.deg2rad(30 * j))
         said = 24 if 4 <= j <= 9 else 60
@@ -140,7 +143,7 @@ def test_a_wrong_word_breaks_the_verdict(job, monkeypatch):
 
 @pytest.mark.parametrize(("own", "other"), (("large", "medium"), ("medium", "large")))
 def test_a_wrong_choice_breaks_table_iii(job, monkeypatch, own, other):
-    """One period with the other vector of its pair."""
+    """One period has the other vector of its pair."""
     right = audit_module.audit
     mine, others = (
         [w for w in range(64) if abs(abs(AB[w]) - LENGTH[g]) < 1e-4] for g in (own, other)
@@ -168,7 +171,8 @@ def test_a_wrong_compiled_table_breaks_the_verdicts(job, monkeypatch):
 
 
 def test_words_of_a_period_that_changes_are_not_taken():
-    """Gates are two bits a leg, 2 = off; samples at 0, 1/4, 1/2 and 3/4."""
+    """The gates have two bits per leg, where 2 is off. The samples are at 0, 1/4, 1/2 and 3/4 of
+    the period."""
     high, low, off = 0b01 << 10, 0, 0b10 << 10
     gates = np.array([low, high, high, high, high, high, low, low, low, low, off, low], float)
     assert audit_module.words_of(gates).tolist() == [32, -1, -1]

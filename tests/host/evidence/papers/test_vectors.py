@@ -1,5 +1,5 @@
-"""A1 and B2: recordings against paper A's eq. (15) and the transform, verdicts against
-what the papers print."""
+"""A1 and B2: the recordings are compared with paper A's eq. (15) and the transform, the verdicts
+with the printed values."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def figure(request, job):
 
 
 def planes(phase_V):
-    """alpha beta x y, in units of Vdc, of phase voltages (n, 6)."""
+    """alpha, beta, x, y in units of Vdc of phase voltages (n, 6)."""
     pu = phase_V / VDC / 3
     return np.array([f(m * ANGLE) @ pu.T for m in (1, 5) for f in (np.cos, np.sin)]).T
 
@@ -48,8 +48,8 @@ def test_recorded_phase_voltages_and_table_agree_with_equation_15(figure):
 
 
 def test_equation_15_without_reordering_is_wrong_for_44_states():
-    """Eq. (15) is ordered u1 w1 v1 u2 w2 v2, the state words u1 u2 w1 w2 v1 v2. Read
-    without reordering, both ends of the matrix are taken for the words' order."""
+    """Eq. (15) has the order u1 w1 v1 u2 w2 v2, the state words have u1 u2 w1 w2 v1 v2. Without
+    reordering, rows and columns of the matrix are both read in the order of the words."""
     block = (3 * np.eye(3) - np.ones((3, 3))) / 3
     matrix = np.kron(np.eye(2), block)  # as printed
     naive = BITS @ matrix.T

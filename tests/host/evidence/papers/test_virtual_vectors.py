@@ -1,4 +1,4 @@
-"""A-T2: rows against geometry, the running drive against the rows."""
+"""A-T2: the rows are compared with geometry, the running drive with the rows."""
 
 import dataclasses
 
@@ -26,8 +26,8 @@ def test_rows_are_three_consecutive_large_vectors(figure):
 
 
 def test_running_drive_applies_rows_that_do_what_was_asked(figure):
-    """From the torque's sign alone: the middle vector leads the flux's sector or lags it,
-    and never by more than 105 degrees."""
+    """The test uses only the sign of the torque: the middle vector leads or lags the flux's sector
+    accordingly, by at most 105 degrees."""
     assert not any(v.broken for v in figure.verdicts)
     rec = figure.recordings[""]
     words = np.array([rec[f"s{n}"] for n in (1, 2, 3)]).T

@@ -1,8 +1,8 @@
-"""All schemes at equal average switching frequency: the comparison that neither paper
-makes. At equal sampling a scheme that switches twice as often looks better than it is.
+"""All schemes at equal average switching frequency. Neither paper makes this comparison. At equal
+sampling frequency, a scheme that switches twice as often looks better than it is.
 
-Every scheme is measured over a grid of sampling frequencies and comparator bands, and
-then judged by the best it does within the same budget of switching.
+Every scheme is measured over a grid of sampling frequencies and comparator bands. It is then judged
+by its best setting within the same limit of switching frequency.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SAMPLING_HZ = (5e3, 10e3, 20e3)
 SCALES = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 4.0)
 QUICK = (SAMPLING_HZ[1:], (0.5, 1.0, 2.0))
 BANDS = ("torque_band_Nm", "torque_inner_Nm", "flux_band_Wb")
-#: Budgets of the table.
+#: Limits of switching frequency in the table.
 BUDGETS_HZ = (2000.0, 3000.0, 4000.0)
 COLUMNS = (
     ("f_isr_Hz", "Hz"),
@@ -48,7 +48,8 @@ TICKS = {
 
 
 def _cloud(job: Job, name: str) -> dict[str, np.ndarray]:
-    """Scheme -> (n, len(COLUMNS)) of every setting that the drive holds its point at."""
+    """Scheme -> (n, len(COLUMNS)), a row for every setting with which the drive holds its operating
+    point."""
     setup = setups.load(name)
     sampling, scales = QUICK if job.quick else (SAMPLING_HZ, SCALES)
     grid = list(itertools.product(firmware.schemes(), sampling, scales))
@@ -71,7 +72,7 @@ def _column(data: np.ndarray, name: str) -> np.ndarray:
 
 
 def _best(data: np.ndarray, judged: str, budget_Hz: float) -> dict | None:
-    """The setting with the lowest `judged` that switches no more than the budget."""
+    """The setting with the lowest `judged` whose switching frequency is within the budget."""
     within = data[_column(data, "f_sw_Hz") <= budget_Hz]
     if len(within) == 0:
         return None
@@ -80,7 +81,7 @@ def _best(data: np.ndarray, judged: str, budget_Hz: float) -> dict | None:
 
 
 def envelope(f_sw_Hz: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest value within each budget: the corners of a falling staircase."""
+    """The lowest value within each switching frequency: the corners of a falling staircase."""
     order = np.lexsort((values, f_sw_Hz))
     f, v = f_sw_Hz[order], np.minimum.accumulate(values[order])
     corner = np.concatenate(([True], v[1:] < v[:-1])) if len(v) else np.zeros(0, bool)
@@ -124,7 +125,7 @@ def _draw(clouds: dict[str, dict[str, np.ndarray]], path: Path) -> Path:
                         np.append(v, v[-1]),
                         where="post",
                         color=colour,
-                        # FDR wide beneath DDR, which often covers it.
+                        # FDR's line is wider, because DDR's often covers it.
                         linewidth=3 if scheme == "fdr" else 1.4,
                         label=SCHEMES.get(scheme, scheme.upper()),
                     )
@@ -162,7 +163,7 @@ def fsw(job: Job) -> Figure:
         draw=lambda path: _draw(clouds, path),
         recordings=recordings,
         setups=[setups.load(name) for name in SETUPS],
-        caption="Each point is a setting of sampling frequency (5 to 20 kHz) and comparator "
-        "bands (0.25 to 4 times the set-up's) at the set-up's operating point; the staircase "
-        "is the best within a switching frequency.",
+        caption="Each point is a setting of sampling frequency (5 to 20 kHz) and comparator bands "
+        "(0.25 to 4 times the set-up's) at the set-up's operating point. The staircase "
+        "shows the best setting within a switching frequency.",
     )

@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SPEED_RPM = 300.0
-#: Means of brackets and least squares come this close.
+#: Bands (means of two bounds) and gains (least squares) are this accurate.
 WITHIN = 0.005
 
 
 @dataclass(frozen=True)
 class Row:
-    """A line of a table. how: "measured" on the running drive, from the plant's "equations"
-    or "read back" from set-up and firmware."""
+    """A line of a table. how: "measured" on the running drive, computed from the plant's
+    "equations", or "read back" from set-up and firmware."""
 
     symbol: str
     what: str
@@ -69,10 +69,11 @@ def _figure(
         draw=lambda path: _draw(path, rows, shown, levels),
         recordings={"": extract(shown.recording, _channels())},
         setups=[*setups, setups[0].changed(timing__latency="none")],
-        caption=caption + " Measured without latency, where the telemetry of a period is what it "
-        "was decided from. Bands: mean of the largest error at which a comparator stayed and the "
-        "smallest at which it went. Gains: least squares over the telemetry. Equations: those that "
-        "the plant integrates.",
+        caption=caption + " The parameters are measured without latency, so that the telemetry of "
+        "a period shows the values on which its decision is based. A band is "
+        "the mean of the largest error at which a comparator kept its level and "
+        "the smallest error at which it changed. Gains are least-squares fits "
+        'over the telemetry. "Equations" are those that the plant integrates.',
     )
 
 
@@ -150,14 +151,15 @@ def b_t5(job: Job) -> Figure:
         Row("B_ψ", "flux band", 1e3 * float(np.mean(m.flux_band(rec))), 3.0, "mWb", "measured"),
         Row("ψ_s", "flux reference", flux_ref_Wb, None, "Wb", "read back"),
         Row("t_d", "dead time", m.dead_time_us(w), None, "µs", "measured"),
-        # A rating is not a parameter of the model: does the drive hold it?
+        # The rated power is not a parameter of the model. The question is whether the drive holds
+        # it.
         Row("P_n", "rated power, held", _held_W(job, base, 750.0), 750.0, "W", "measured", 0.01),
     ]
     return _figure([three, five], rows, v, "five", "Set-up paper-b; pictures: DTC3.")
 
 
 def _held_W(job: Job, base: Setup, power_W: float) -> float:
-    """Air-gap power at the speed of Table VI under the load that asks for `power_W`."""
+    """Air-gap power at the speed of Table VI, under the load that needs `power_W`."""
     rad_s = base["point.speed_rpm"] * np.pi / 30
     [run] = job.runs([Point(base, base["point.speed_rpm"], power_W / rad_s)])
     return run.metrics["torque_Nm"] * run.metrics["speed_rpm"] * np.pi / 30
@@ -183,7 +185,7 @@ def _draw(path: Path, rows: list[Row], shown: m.Watched, levels: str) -> Path:
 
 
 def _comparator(ax: Axes, error: np.ndarray, level: np.ndarray) -> None:
-    """New level against the error, by the level before."""
+    """Draw the new level over the error, with a colour for each previous level."""
     before, now, at = level[:-1], level[1:], error[1:]
     colours = ("#009e73", "#0072b2", "#8a8f98", "#d55e00", "#cc79a7")
     span = np.percentile(np.abs(error), 99.5)
@@ -197,7 +199,7 @@ def _comparator(ax: Axes, error: np.ndarray, level: np.ndarray) -> None:
 
 
 def _speed_loop(ax: Axes, rec: Recording) -> None:
-    """The torque reference's steps while the speed comes near its reference."""
+    """Draw the steps of the torque reference while the speed approaches its reference."""
     torque = rec["torque_ref_Nm"]
     first = int(np.argmax(np.abs(np.diff(torque)) > 0))
     free = np.nonzero(np.abs(torque[first + 1 :]) < 0.98 * np.abs(torque).max())[0]

@@ -35,12 +35,12 @@ FLOAT32 = 2e-7
 
 
 def rounded(what: str, ours: float, paper: float, digits: int, unit: str) -> Verdict:
-    """Ours, rounded as printed, beside a printed value."""
+    """Compares our value, rounded to the printed digits, with a printed value."""
     return claim(what, round(ours, digits) == paper, ours, paper, unit, required=True)
 
 
 def firmware_vectors() -> tuple[np.ndarray, np.ndarray]:
-    """The firmware's table: alpha-beta and x-y, complex, by state word."""
+    """The firmware's table of vectors in alpha-beta and x-y, as complex numbers, by state word."""
     table = lib.ht_vector
     return (
         np.array([complex(v.ab.alpha, v.ab.beta) for v in table]),
@@ -49,7 +49,8 @@ def firmware_vectors() -> tuple[np.ndarray, np.ndarray]:
 
 
 def all_states() -> tuple[Played, Recording]:
-    """The 64 states on the simulated inverter, a period each; one row per state."""
+    """The 64 states on the simulated inverter, each for one period. The recording has one row per
+    state."""
     played = play([pattern((word,) * 3, 1.0, 1.0) for word in range(64)])
     rec = played.recording
     channels = {"word": np.arange(64)} | {name: rec[name][3::4] for name in rec.channels}
@@ -82,7 +83,7 @@ def number(ax: Axes, at: complex, text: str, **style: Any) -> None:
 
 
 def _plane(ax: Axes, z: np.ndarray, title: str, axes: Sequence[str], names: dict[str, str]) -> None:
-    """All active vectors of one plane, numbered; equal ones share a point."""
+    """Draw all active vectors of one plane with their numbers. Equal vectors share a point."""
     for group, name in names.items():
         words = [w for w in range(64) if geometry.group(w) == group]
         points: dict[complex, list[int]] = {}
@@ -159,10 +160,11 @@ def a1(job: Job) -> Figure:
         verdicts=verdicts,
         draw=draw,
         recordings={"": recording},
-        caption="The 64 states u1 u2 w1 w2 v1 v2 (u1 the highest bit) in both planes, from the "
-        "firmware's table. Legend: length in alpha-beta, in x-y, share of the large vectors'. "
-        "Large and small vectors change places in x-y. Triangles: three consecutive vectors "
-        "around the origin. Recording: each state for a period on the simulated inverter.",
+        caption="The 64 states u1 u2 w1 w2 v1 v2 (u1 is the highest bit) in both planes, from the "
+        "firmware's table. The legend gives the length in alpha-beta, the length in x-y, "
+        "and the share of the large vectors' length. Large and small vectors change "
+        "places in x-y. Triangles connect three consecutive vectors; they enclose the "
+        "origin. The recording has each state for one period on the simulated inverter.",
     )
 
 
@@ -215,8 +217,8 @@ def b2(job: Job) -> Figure:
         ],
         draw=draw,
         recordings={"": recording},
-        caption="The 64 vectors with paper B's groups and sectors; phases a to f are u1 u2 w1 w2 "
-        "v1 v2. Line in x-y: half-planes C1 and C2 of V60 and V24. Sectors reach from 30 s - 15 "
-        "to 30 s + 15 degrees in both planes: only so Table III's row is a half-plane across "
-        "V60.",
+        caption="The 64 vectors with paper B's groups and sectors. Phases a to f are u1 u2 w1 w2 "
+                "v1 v2. The line in x-y separates the half-planes C1 and C2 of V60 and V24. "
+                "Sectors reach from 30 s - 15 to 30 s + 15 degrees in both planes. Only with "
+                "these sectors is Table III's row a half-plane across V60.",
     )  # fmt: skip

@@ -50,7 +50,7 @@ class Audit:
 
 
 def opposing(pair: tuple[int, int], psi_xy: complex) -> int:
-    """The word of the two whose x-y voltage is directed against the x-y flux."""
+    """The word of the pair whose x-y voltage opposes the x-y flux."""
     return min(pair, key=lambda word: (geometry.XY[word] * psi_xy.conjugate()).real)
 
 
@@ -65,7 +65,8 @@ def vector(scheme: str, level: int, angle_deg: int, psi_xy: complex) -> int:
 
 def words_of(gates: np.ndarray) -> np.ndarray:
     """State word of each period, from its four samples of `plant.gates`. At the second sample the
-    dead time is over, and a single-vector scheme holds the word from then on. -1 if it does not."""
+    dead time is over, and a single-vector scheme holds the word from then on. If it does not, the
+    result is -1."""
     legs = gates.astype(int).reshape(-1, 4)[:, 1:, None] >> 2 * np.arange(5, -1, -1) & 3
     words = legs @ (1 << np.arange(5, -1, -1))
     steady = (legs < 2).all(axis=(1, 2)) & (words == words[:, :1]).all(axis=1)
@@ -73,8 +74,9 @@ def words_of(gates: np.ndarray) -> np.ndarray:
 
 
 def audit(job: Job, scheme: str) -> Audit:
-    """A reversal and back at light load. Without latency the step decides on what
-    telemetry shows for the same period, and its word is on the legs at once."""
+    """Runs a drive at light load that reverses and returns. Without latency the control step
+    decides on the values that the telemetry shows for the same period, and its word is on the legs
+    at once."""
     setup = setups.load("paper-b").changed(controller__scheme=scheme, timing__latency="none")
     part_s = 0.25 if job.quick else 1.0
     full = operating_points.transient(
@@ -120,7 +122,7 @@ def _wanted(
 
 
 def verdicts(run: Audit) -> list[Verdict]:
-    """On a running drive."""
+    """The verdicts for a running drive."""
     name = run.setup["controller.scheme"].upper()
     total = len(run.word)
     sectors = int(np.sum(geometry.sector(run.psi) == run.recording["sector"]))
@@ -135,6 +137,6 @@ def verdicts(run: Audit) -> list[Verdict]:
                     f"{sum(n > 0 for n in cells)} of {len(cells)}"),
         not_printed(f"{name} running: zero vectors that flux_hold replaced",
                     f"{run.hold.sum()} of {run.idle.sum()}",
-                    why="a rule of ours (docs/schemes.md) that no paper has; these periods are "
-                    "checked against that rule"),
+                    why="This rule is ours (docs/schemes.md); no paper has it. These periods are "
+                        "checked against it."),
     ]  # fmt: skip

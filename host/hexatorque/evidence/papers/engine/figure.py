@@ -82,11 +82,11 @@ def not_printed(what: str, ours: float | str, unit: str = "", why: str = "") -> 
 
 @dataclass
 class Figure:
-    """A figure or table, made.
+    """A reproduced figure or table.
 
-    setups: every set-up that was run (none for figures that run no drive); recordings:
-    name -> recording; draw: writes the picture to the path given; metrics and paper:
-    anything JSON can hold; caption: what to see, and what was decided.
+    setups: every set-up that was run (empty if the figure runs no drive); recordings: name ->
+    recording; draw: writes the picture to the given path; metrics and paper: anything that JSON can
+    hold; caption: what the picture shows, and our choices.
     """
 
     metrics: dict

@@ -22,7 +22,7 @@ B = TypeVar("B")
 
 @lru_cache(maxsize=1)
 def build() -> str:
-    """Digest of all that can change a result: this package with its firmware."""
+    """Digest of everything that can change a result: this package with its firmware."""
     package = Path(__file__).parents[3]
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*")):
@@ -33,8 +33,8 @@ def build() -> str:
 
 
 class Job:
-    """quick: fewer points and shorter windows; folder: where measured points are kept, so
-    that an interrupted sweep goes on where it was; progress: called with simulated seconds."""
+    """quick: fewer points and shorter windows; folder: measured points are kept there, so that an
+    interrupted sweep can continue; progress: called with simulated seconds."""
 
     def __init__(self, quick: bool, folder: Path, progress: Progress | None = None) -> None:
         self.quick = quick
@@ -62,7 +62,7 @@ class Job:
         return self.each(self.measured, points)
 
     def measured(self, point: Point) -> dict | None:
-        """One of `metrics`."""
+        """The metrics of one point, as `metrics` returns them."""
         key = [build(), point.setup.summary(), point.speed_rpm, point.load_Nm]
         name = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:24]
         path = self.folder / f"{name}.json"

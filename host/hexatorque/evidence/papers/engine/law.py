@@ -9,13 +9,13 @@ from ....firmware import CData, Controller, ffi, lib
 from ....setups import Setup, parameters
 
 PSI_WB = 0.4
-#: Flux error that moves the flux comparator but does not call for a zero vector's
-#: replacement (`flux_hold`), relative.
+#: Relative flux error that changes the flux comparator's level, but is too small for `flux_hold` to
+#: replace a zero vector.
 FLUX_STEP = 0.02
 
 
 class Law:
-    """Control steps of one scheme, without latency, each from a given state."""
+    """Control steps of one scheme without latency. Each step starts from a given state."""
 
     def __init__(self, setup: Setup) -> None:
         setup = setup.changed(timing__latency="none", controller__observer="voltage")
@@ -33,8 +33,8 @@ class Law:
     ) -> tuple[int, int, int]:
         """State words of the period's three intervals.
 
-        sector: of a flux in its middle; torque_level: -2..2, what the comparator is
-        made to answer; psi_xy: x-y flux, Wb.
+        sector: the flux is in the middle of this sector; torque_level: -2..2, the level that the
+        comparator must have; psi_xy: x-y flux, Wb.
         """
         config, state = self._config, ffi.new("ht_control_state *")
         # Columns of T, times 3, give the phase currents of an x-y current.
@@ -65,7 +65,8 @@ class Law:
 
 
 def decode(compare: CData, period: int) -> tuple[int, int, int]:
-    """State words of `ht_compare`: the start level, toggled where CA, then CB, is used."""
+    """State words of `ht_compare`: the start level, then the legs that use CA toggled, then those
+    that use CB."""
     words = [compare.start]
     for registers in (compare.ca, compare.cb):
         used = sum(1 << (5 - leg) for leg in range(6) if registers[leg] < period)

@@ -55,7 +55,8 @@ def watch(
 
 
 def isr_Hz(w: Watched) -> float:
-    """A single-vector scheme's legs change state only at the start of a period."""
+    """Frequency of the fast interrupt. The legs of a single-vector scheme change state only at the
+    start of a period."""
     leave = np.unique(w.edges[w.edges[:, 2] == OFF, 0])
     return w.clock_Hz / int(np.gcd.reduce(np.diff(leave)))
 
@@ -71,14 +72,14 @@ def dead_time_us(w: Watched) -> float:
 
 
 def slow_Hz(rec: Recording) -> float:
-    """The torque reference changes only in the slow interrupt."""
+    """Frequency of the slow interrupt, from the torque reference, which changes only there."""
     changes = np.nonzero(np.diff(rec["torque_ref_Nm"]))[0]
     return rec.rate_Hz / int(np.gcd.reduce(np.diff(changes)))
 
 
 def band(error: np.ndarray, level: np.ndarray, low: float, high: float) -> tuple[float, float]:
     """A comparator at |level| `low` changes to `high` if |error| is large enough. Returns the
-    largest |error| without and the smallest |error| with a change."""
+    largest |error| without a change and the smallest |error| with one."""
     size, was, now = np.abs(error[1:]), np.abs(level[:-1]), np.abs(level[1:])
     stayed = size[(was == low) & (now == low)]
     went = size[(was == low) & (now == high)]
@@ -95,8 +96,9 @@ def flux_error_Wb(rec: Recording) -> np.ndarray:
 
 
 def flux_band(rec: Recording) -> tuple[float, float]:
-    """For the two-level comparator: the largest error without and the smallest with a change. It
-    changes from 1 to 0 if the flux is too large (error below -band), and back if too small."""
+    """For the two-level comparator: the largest error without a change and the smallest error with
+    one. It changes from 1 to 0 if the flux is too large (error below -band), and back if the flux
+    is too small."""
     error, level = flux_error_Wb(rec), rec["flux_level"]
     was, now, signed = level[:-1], level[1:], error[1:]
     towards = np.where(was == 1, -signed, signed)
@@ -121,7 +123,7 @@ def speed_gains(w: Watched, limit_Nm: float) -> tuple[float, float]:
 def xy_gains(rec: Recording) -> tuple[float, float]:
     """Kp [Vdc/A] and Ki [Vdc/(A s)] of the dual PI: least squares of
     v = 2 Kp e + W t + A t*, W' = Ki e t*, A' = Ki e t, with e = -(i_x + j i_y) and t the
-    direction of the stator flux. For commands below their limit and no hold."""
+    direction of the stator flux. This holds for commands below their limit and without hold."""
     phases = np.stack([np.asarray(rec[f"i_{phase}_A"], dtype=float) for phase in PHASES])
     x, y = TRANSFORM[2:] @ phases
     e = -(x + 1j * y)

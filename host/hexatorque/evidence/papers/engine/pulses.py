@@ -1,9 +1,9 @@
-"""Patterns straight into the simulated chip: emulated PWM modules, inverter, and a
-machine that integrates the voltage; no control law.
+"""Plays switching patterns on the simulated chip without a control law: emulated PWM modules,
+inverter, and a machine that integrates the voltage.
 
-The firmware's own driver writes the registers in the fast interrupt, as on the chip.
-Without dead time, which the firmware itself refuses, and on a machine of 1 H and almost no
-resistance, the stator flux gained in a period is its volt-seconds.
+The firmware's own driver writes the registers in the fast interrupt, as on the chip. There is no
+dead time, which the firmware itself would refuse. The machine has 1 H and almost no resistance, so
+the change of its stator flux in a period is the volt-seconds of that period.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ SETUP = setups.load("paper-a").changed(
 
 @dataclass(frozen=True)
 class Played:
-    """The result. period: counts; edges: (n, 3) count since the first pattern, leg, level;
-    mean_pu: (patterns, 4) mean alpha, beta, x, y voltage of each period [Vdc]; recording: the
-    legs, and the mean voltages, constant over each period."""
+    """The result. period: counts; edges: (n, 3) count since the first pattern, leg, level; mean_pu:
+    (patterns, 4) mean alpha, beta, x, y voltage of each period [Vdc]; recording: the legs, and the
+    mean voltages, which are constant over each period."""
 
     period: int
     edges: np.ndarray
@@ -53,7 +53,7 @@ class Played:
         return [(0, start), *zip(counts[inside].tolist(), mine[inside, 2].tolist(), strict=True)]
 
     def levels_at(self, pattern: int, count: float) -> list[int]:
-        """Level of each leg just after that count of a pattern's period."""
+        """Level of each leg directly after that count of a pattern's period."""
         return [
             [level for at, level in self.levels(pattern, leg) if at <= count][-1]
             for leg in range(6)
@@ -84,7 +84,8 @@ class _Bench(SimulatedDrive):
         self._entries = (*entries, self._entries[-1])
         lib.ht_port_gates_on(port)
         m, words = self.controller.map, self.controller.register_words()
-        for leg in range(6):  # an ideal inverter: no dead time, without the driver's checks
+        # An ideal inverter without dead time. This bypasses the driver's checks.
+        for leg in range(6):
             words[m.epwm + leg * m.stride + m.dbred] = 0
             words[m.epwm + leg * m.stride + m.dbfed] = 0
 
@@ -94,7 +95,7 @@ def period_counts() -> int:
 
 
 def pattern(words: tuple[int, int, int], t1: float, t2: float) -> CData:
-    """The firmware's registers for three state words and action points."""
+    """The firmware's registers for three state words and two action points."""
     compare, applied = ffi.new("ht_compare *"), ffi.new("ht_applied *")
     points = {"t1": t1, "t2": t2}
     lib.ht_pattern_counts(words, points, period_counts(), 0, compare, applied)
@@ -102,10 +103,11 @@ def pattern(words: tuple[int, int, int], t1: float, t2: float) -> CData:
 
 
 def play(patterns: Sequence, samples_per_period: int = 4) -> Played:
-    """One pattern per period; the first one begins at time 0 of what is returned."""
+    """Plays one pattern per period. The first one begins at time 0 of the result."""
     bench = _Bench(patterns, samples_per_period)
     bench.log_edges(100 * (len(patterns) + 1))
-    bench.run(bench.period_s, record=False)  # shadow load: the first is for the next period
+    # Shadow load: the first pattern acts in the next period.
+    bench.run(bench.period_s, record=False)
     flux = [bench.plant_state[:4].copy()]
     for _ in patterns:
         bench.run(bench.period_s)
@@ -149,7 +151,7 @@ def with_cases(rec: Recording, **values: list) -> Recording:
 def lane(
     ax: Axes, played: Played, n: int, leg: int, base: float, colour: str, x0: float = 0.0
 ) -> None:
-    """Draw one leg over the period of pattern n, from its edges. x0: the period's begin."""
+    """Draw one leg over the period of pattern n, from its edges. The period begins at x0."""
     counts, levels = zip(*played.levels(n, leg), strict=True)
     x = x0 + np.append(counts, played.period) / played.period
     y = base + 0.6 * np.append(levels, levels[-1])

@@ -1,4 +1,4 @@
-"""Makes figures and tables of the papers, one after the other, and writes their files."""
+"""Reproduces figures and tables of the papers one after the other and writes their files."""
 
 from __future__ import annotations
 
@@ -103,8 +103,9 @@ def reproduce(
 ) -> Outcome:
     """Make the figures `names` in `folder`, and the page that shows all that are there.
 
-    begin: called with each identifier before work on it begins; returns the callback for
-    simulated seconds. A figure whose drive trips is reported in `failed`; the others go on.
+    begin: called with each identifier before work on it begins; returns the callback for simulated
+    seconds. If the drive of a figure trips, the figure is reported in `failed`, and the others are
+    made all the same.
     """
     outcome = Outcome()
     try:

@@ -1,4 +1,4 @@
-"""What paper A's figures share: operating points, lines of the x-y currents, panels."""
+"""The common parts of paper A's figures: operating points, lines of the x-y currents, panels."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ from ..engine.job import Job
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: The set-up of every figure, and the one with nothing but the paper's values.
+#: The set-up of every figure, and the one that keeps all printed values.
 SETUP, PRINTED = "paper-a-feasible", "paper-a"
 SCHEMES = ("fdr", "ddr")
 NAMES = run.SCHEMES
-#: Lines of the x-y plane that the paper is about: asymmetry (1) and dead time (5, 7).
+#: Lines of the x-y plane that the paper treats: asymmetry causes 1, dead time causes 5 and 7.
 ORDERS = (1, 5, 7)
-#: Switching tables are chaotic in detail: speeds next to each other, relative.
+#: Switching tables are chaotic in detail, so means are taken over neighbouring speeds. These are
+#: the factors.
 NEAR = (1.0, 0.99, 1.01, 0.98, 1.02, 0.97, 1.03)
 #: Corner frequency of the filter in the paper's enlarged pictures.
 LOW_PASS_HZ = 1e3
@@ -50,14 +51,15 @@ def infeasible() -> str:
     vdc_V = base["inverter.vdc_V"]
     emf_V = base.parameter("flux_ref_Wb") * base["machine.pole_pairs"] * speed_rpm * math.pi / 30
     return (
-        f"infeasible: ωψ = {emf_V:.1f} V at the printed flux, speed and V_dc; vectors without mean "
-        f"x–y voltage turn at most V_dc/√3 = {vdc_V / math.sqrt(3):.1f} V, twelve-step operation "
-        f"2V_dc/π = {2 * vdc_V / math.pi:.1f} V. The drive does not trip, it stays below the speed"
+        "The printed flux, speed and V_dc do not fit together: the back-EMF would be "
+        f"ωψ = {emf_V:.1f} V. Vectors without mean x–y voltage give at most "
+        f"V_dc/√3 = {vdc_V / math.sqrt(3):.1f} V around the circle, twelve-step operation "
+        f"2V_dc/π = {2 * vdc_V / math.pi:.1f} V. The drive does not trip; it stays below the speed."
     )
 
 
 def around(job: Job, speed_rpm: float, load_Nm: float, count: int) -> dict[str, list[Run]]:
-    """Scheme -> runs at `count` speeds next to each other; the first is the speed asked for."""
+    """Scheme -> runs at `count` neighbouring speeds. The first one is `speed_rpm` itself."""
     points = [
         Point(setup(scheme), near * speed_rpm, load_Nm)
         for scheme in SCHEMES
@@ -68,7 +70,7 @@ def around(job: Job, speed_rpm: float, load_Nm: float, count: int) -> dict[str, 
 
 
 def mean(runs: list[Run], *keys: str) -> float:
-    """Mean of a figure of merit, `mean(runs, "thd_pct", "5kHz")`."""
+    """Mean of a figure of merit over the runs, for example `mean(runs, "thd_pct", "5kHz")`."""
     values: list[Any] = [run.metrics for run in runs]
     for key in keys:
         values = [value[key] for value in values]
@@ -76,7 +78,7 @@ def mean(runs: list[Run], *keys: str) -> float:
 
 
 def asked_for(point: Point, progress: Progress | None = None) -> SimulatedDrive:
-    """A drive with the references of the point, which it may not have reached."""
+    """A drive with the references of the point. It may not have reached them."""
     sim = SimulatedDrive(point.setup)
     sim.start()
     for name, value, wait_s in (
@@ -92,7 +94,7 @@ def asked_for(point: Point, progress: Progress | None = None) -> SimulatedDrive:
 def extract(
     rec: Recording, names: tuple[str, ...], begin_s: float = 0.0, end_s: float = 1e9, every: int = 1
 ) -> Recording:
-    """The named channels between two instants, every n-th sample."""
+    """The named channels between two instants. Only each `every`-th sample is kept."""
     part = rec.window(begin_s, end_s)
     per = rec.meta.get("samples_per_period", 1)
     return Recording(
@@ -105,8 +107,8 @@ def extract(
 
 
 def xy_lines_A(rec: Recording) -> dict[int, float]:
-    """Order -> amplitude of that line of the x-y current, sqrt((A_x^2 + A_y^2) / 2): the
-    radius, if it runs on a circle."""
+    """Order -> amplitude of that line of the x-y current, sqrt((A_x^2 + A_y^2) / 2). If the current
+    runs on a circle, this is its radius."""
     f1_Hz = abs(fundamental_Hz(rec))
     x, y = (
         harmonics(channel(rec, name), rec.rate_Hz, f1_Hz, ORDERS) for name in ("i_x_A", "i_y_A")
@@ -120,7 +122,7 @@ def rms(*signals: np.ndarray) -> float:
 
 
 def arrow(fdr: float, ddr: float, unit: str, digits: int = 3) -> str:
-    """The verdicts for lines of the x-y current: their values under FDR and under DDR."""
+    """The text "FDR's value → DDR's value" of a verdict."""
     return f"{fdr:.{digits}f} → {ddr:.{digits}f} {unit}".rstrip()
 
 
@@ -160,13 +162,14 @@ def _line(name: str) -> dict[str, Any]:
 
 
 def trace(ax: Axes, t: np.ndarray, y: np.ndarray, name: str, **style: Any) -> None:
-    """One channel over time."""
+    """Draw one channel over time."""
     style = _line(name) | style
     ax.plot(*plots.thin(t, np.asarray(y)), **style)
 
 
 def lines(ax: Axes, rec: Recording, names: tuple[str, ...], top_A: float, **style: Any) -> None:
-    """Amplitude spectra in ampere up to order 25, four decades below `top_A`."""
+    """Draw amplitude spectra in ampere up to order 25. The scale covers four decades below
+    `top_A`."""
     floor_A = 1e-4 * top_A
     f1_Hz = abs(fundamental_Hz(rec))
     for name in names:
@@ -186,7 +189,7 @@ def lines(ax: Axes, rec: Recording, names: tuple[str, ...], top_A: float, **styl
 
 
 def legends(axes: np.ndarray, labels: list[str]) -> None:
-    """A legend beside the last panel of each row and the row's label before the first."""
+    """Put a legend beside the last panel of each row, and the row's label before the first."""
     for row, label in zip(axes, labels, strict=True):
         row[0].set_ylabel(label, **plots.LABEL)
         row[-1].legend(loc="center left", bbox_to_anchor=(1, 0.5), handlelength=1.2, **plots.LEGEND)

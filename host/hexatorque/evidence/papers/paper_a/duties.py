@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def action_points(k: int, v_x: float, v_y: float) -> tuple[float, float]:
-    """T1, T2 of large virtual vector k for an x-y command [Vdc]."""
+    """T1 and T2 of the large virtual vector k for an x-y command [Vdc]."""
     p = lib.ht_duty(lib.HT_L, k, {"x": v_x, "y": v_y})
     return p.t1, p.t2
 
@@ -39,15 +39,16 @@ def _duties(group: int, k: int, v_x: np.ndarray, v_y: float) -> np.ndarray:
     return np.array([[p.t1, p.t2 - p.t1, 1 - p.t2] for p in points])
 
 
-#: Paper A, Fig. 5: the range that it prints, and what eqs. (4), (13), (24) give exactly.
+#: Paper A, Fig. 5: the printed range, and the exact values by eqs. (4), (13), (24).
 ETA_PRINTED_PCT = (90.91, 96.61)
 ETA_EXACT_PCT = (90.8965, 96.6105)
 ETA_FDR_PCT = 92.82
 
 
 def a5(job: Job) -> Figure:
-    """DC-link utilisation, eq. (24): mean alpha-beta voltage over the length of a large
-    vector, for v_x within TMVCL and three v_y, all twelve virtual vectors."""
+    """DC-link utilisation, eq. (24): mean alpha-beta voltage divided by the length of a large
+    vector. It is computed for v_x within TMVCL, three values of v_y and all twelve virtual
+    vectors."""
     limit = float(lib.ht_tmvcl_pu[lib.HT_L])
     v_x = np.linspace(-limit, limit, 41 if job.quick else 201)
     large = np.hypot(lib.ht_vector[48].ab.alpha, lib.ht_vector[48].ab.beta)
@@ -88,14 +89,15 @@ def a5(job: Job) -> Figure:
             beside("η, highest, by the paper's equations", high, ETA_EXACT_PCT[1], "%",
                    within=1e-5, required=True),
             beside("η, lowest, as printed", low, ETA_PRINTED_PCT[0], "%", within=6e-5,
-                   why="the printed end is rounded up: its own equations give 90.8965 %"),
+                   why="The printed end is rounded up: the paper's own equations give 90.8965 %."),
             beside("η, highest, as printed", high, ETA_PRINTED_PCT[1], "%", within=6e-5),
             beside("η of FDR, eq. (25)", fdr, ETA_FDR_PCT, "%", within=6e-5, required=True),
         ],
         draw=draw,
         recordings={"": Recording(1.0, channels, {"v_x_pu": "Vdc"}, {"rows": "v_x command"})},
-        caption="Length of the mean alpha-beta voltage over that of a large vector. Solid: the "
-        "twelve virtual vectors with the firmware's duties; dashed: fixed duties.",
+        caption="Length of the mean alpha-beta voltage divided by the length of a large vector. "
+                "Solid: the twelve virtual vectors with the firmware's duties. Dashed: fixed "
+                "duties.",
     )  # fmt: skip
 
 
@@ -110,7 +112,7 @@ def a3(job: Job) -> Figure:
     xy = played.mean_pu[:, 2] + 1j * played.mean_pu[:, 3]
     command = limit * np.array([x + 1j * y for x, y in signs])
     miss = float(max(abs((xy - command).real).max(), abs((xy - command).imag).max()))
-    # Two edges, each up to half a count off, of legs that add 1/3 Vdc at most.
+    # There are two edges. Each is up to half a count away, and its leg adds 1/3 Vdc at most.
     count = 1 / played.period
     quadrants = {(np.sign(z.real), np.sign(z.imag)) for z in xy
                  if min(abs(z.real), abs(z.imag)) > 2 * count}  # fmt: skip
@@ -166,8 +168,8 @@ def a3(job: Job) -> Figure:
                   float(np.abs(angle).max()) < 1.0,
                   f"{angle.min():+.1f} to {angle.max():+.1f} degrees, "
                   f"{length.min():.3f} to {length.max():.3f} Vdc", "same effect",
-                  why="the three vectors lie 30 degrees apart: other duties turn their mean. "
-                  "Close, but not the same"),
+                  why="The three vectors lie 30 degrees apart, so other duties turn their mean. "
+                      "The nine forms are close together, but they are not the same."),
             not_printed("largest turn in alpha-beta of any virtual vector in the box", widest,
                         "degrees"),
         ],
@@ -178,13 +180,14 @@ def a3(job: Job) -> Figure:
             t1=[t[0] for t in points], t2=[t[1] for t in points],
         )},
         caption="Virtual vector 1 (V49, V48, V56) with the firmware's duties for nine x-y "
-        "commands: v_x is -, 0, + TMVCL from left to right, v_y +, 0, - TMVCL from the top. Legs "
-        "over a period, and the mean voltage that the simulated inverter gives.",
+                "commands: v_x is -TMVCL, 0, +TMVCL from left to right, v_y is +TMVCL, 0, -TMVCL "
+                "from top to bottom. The picture shows the legs over a period, and the mean "
+                "voltage of the simulated inverter.",
     )  # fmt: skip
 
 
 def _nine(ax: Axes, played: Played) -> None:
-    """Six-leg patterns of nine periods, three by three."""
+    """Draw the six-leg patterns of nine periods, three by three."""
     for n in range(9):
         x0, y0 = 1.12 * (n % 3), 7.2 * (2 - n // 3)
         for leg in range(6):

@@ -30,7 +30,8 @@ LABELS = {
 def _draw(
     shown: dict[str, Pair], rows: list[tuple[str, ...]], span_s: tuple[float, float]
 ) -> Callable[[Path], Path]:
-    """A pair of columns, FDR and DDR, for each of `shown`; black and dashed: the other scheme."""
+    """Draws a pair of columns, FDR and DDR, for each of `shown`. The other scheme is black and
+    dashed."""
 
     styles: dict[str, dict[str, Any]] = {
         "plant.torque_Nm": {"linewidth": 0.4, "alpha": 0.45, "label": None},
@@ -83,8 +84,8 @@ def _figure(
     caption: str,
     gains: Step | None = None,
 ) -> Figure:
-    """shown: title -> step, drawn and judged; gains: with the printed gains of the speed
-    loop, of which only the curves are judged."""
+    """shown: title -> step; these are drawn and judged. gains: a step with the printed gains of the
+    speed loop, of which only the curves are judged."""
     made = dict(zip(shown, pairs(job, shown.values(), 4 if job.quick else 12)))
     found = []
     for title, pair in made.items():
@@ -100,8 +101,8 @@ def _figure(
             not_printed("printed gains: settling time of speed", a.arrow(fdr_ms, ddr_ms, "ms", 0))
         )
         caption += (
-            " The speed loop has the printed K_p and K_i = 2 N m/rad, since with the printed 0.2 "
-            "the speed takes seconds to settle (see the verdicts with printed gains)."
+            " The speed loop has the printed K_p, but K_i = 2 N m/rad. With the printed 0.2 N m/"
+            "rad the speed takes seconds to settle (see the verdicts with printed gains)."
         )
     names = tuple(dict.fromkeys(name for row in rows for name in (*row, *SPEED, *TORQUE)))
     return Figure(
@@ -121,9 +122,10 @@ def _figure(
             for s in a.SCHEMES
         },
         setups=[pair.step.setup(s) for pair in every.values() for s in a.SCHEMES],
-        caption=f"{caption} Black, dashed: the other scheme's mean curve over several instants of "
-        f"the step. Speed and torque are judged as means over {1e3 * MEAN_S:.0f} ms; settled is "
-        f"within {SPEED_BAND:.0%} of rated speed or {TORQUE_BAND:.0%} of rated torque.",
+        caption=f"{caption} Black and dashed: the other scheme's mean curve over several instants "
+        f"of the step. Speed and torque are evaluated as means over {1e3 * MEAN_S:.0f} ms. They "
+        f"have settled when they stay within {SPEED_BAND:.0%} of rated speed or {TORQUE_BAND:.0%} "
+        "of rated torque.",
     )  # fmt: skip
 
 
@@ -149,15 +151,16 @@ def a11(job: Job) -> Figure:
 
 
 def a12(job: Job) -> Figure:
-    """-400 to +400 r/min at 75 % load: one that keeps its sign, and one that brakes."""
+    """-400 to +400 r/min at 75 % load: one load that keeps its sign, and one that always brakes."""
     load_Nm = _share(0.75)
     step = Step(-400.0, -load_Nm, "speed_ref_rpm", 400.0, 0.3, 2.0, 400.0, load_Nm)
     brake = replace(step, load_Nm=load_Nm, load="friction")
     return _figure(
         job, {", load of one sign": step, ", load brakes": brake},
         [SPEED, TORQUE, U1, XY[:1]], (0.0, 1.6),
-        "Reversal at 75 % of rated torque. The paper does not say which way its load acts: left, "
-        "it keeps its sign (drives before, brakes after); right, it always brakes.",
+        "Reversal at 75 % of rated torque. The paper does not say in which direction its load "
+        "acts. Left: the load keeps its sign, so it drives before the reversal and brakes after "
+        "it. Right: the load always brakes.",
         replace(step, set_up=a.PRINTED),
     )  # fmt: skip
 
@@ -183,9 +186,9 @@ def a14(job: Job) -> Figure:
     figure = _figure(
         job, {", field weakening": step, ", as printed": printed},
         [SPEED, TORQUE, U1, XY[:1]], (0.0, 1.2),
-        "Rated load taken off, speed reference 1350 r/min. Right: as printed, with 0.6 Wb at "
-        "250 V, which does not allow that speed; the drive does not trip, it runs as fast as the "
-        "voltage lets it, before and after.",
+        "The rated load is taken off; the speed reference is 1350 r/min. Right: as printed, with "
+        "0.6 Wb at 250 V. These values do not allow that speed. The drive does not trip; before "
+        "and after the step it runs as fast as the voltage allows.",
     )  # fmt: skip
     for scheme in a.SCHEMES:
         rec = figure.recordings[f"{scheme}-as-printed"]

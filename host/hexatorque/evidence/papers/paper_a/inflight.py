@@ -20,10 +20,11 @@ XY = ("plant.i_x_A", "plant.i_y_A")
 PHASES = ("plant.i_u1_A", "plant.i_u2_A")
 ALPHA_BETA = ("plant.i_alpha_A", "plant.i_beta_A")
 V_XY = ("v_x_pu", "v_y_pu")
-#: Parts of a recording, in order, and how long the currents get to settle in each.
+#: Parts of a recording, in order, and the time that the currents have to settle in each.
 PARTS = ("ddr", "fdr", "ddr again")
 SETTLE_S = 0.2
-#: "Reappears" means at least this factor. Measured are 2 in rms, and 10 and more in lines.
+#: "Reappears" means at least this factor. The measured factors are 2 in rms, and 10 and more in
+#: single lines.
 MORE = 1.5
 
 
@@ -43,7 +44,7 @@ def _parts(rec: Recording, instants: tuple[float, ...]) -> dict[str, Recording]:
 
 
 def _figures(rec: Recording) -> dict:
-    """Figures of one part."""
+    """The figures of merit of one part."""
     f1_Hz = abs(fundamental_Hz(rec))
     i1 = {name: harmonics(rec[name], rec.rate_Hz, f1_Hz, (1,))[1] for name in PHASES}
     return {
@@ -87,8 +88,8 @@ def _verdicts(figures: dict[str, dict]) -> list[Verdict]:
 def _draw(
     rec: Recording, parts: dict[str, Recording], instants: tuple[float, ...], rows: list[tuple]
 ) -> Callable[[Path], Path]:
-    """Left: everything; right: around the instant DDR is switched off, behind the low-pass;
-    below: spectra of x and u1 under DDR and FDR. rows: (channels, label)."""
+    """Left: the whole recording. Right: around the instant at which DDR is switched off, behind the
+    low-pass. Below: spectra of x and u1 under DDR and FDR. rows: (channels, label)."""
 
     def draw(path: Path) -> Path:
         figure, axes = plots.new_figure(len(rows) + 1, 2, 1.0 + 1.85 * (len(rows) + 1))
@@ -99,10 +100,9 @@ def _draw(
         inside = (t >= around[0]) & (t < around[1])
         for (left, right), (names, label) in zip(axes, rows):
             for name in names:
-                # The command is held while it is not used: what counts is what is applied.
                 a.trace(left, t, rec[name], name, linewidth=0.6)
                 y = np.asarray(rec[name], dtype=float)
-                if name not in V_XY:
+                if name not in V_XY:  # commands are drawn without the low-pass
                     y = low_pass(y, rec.rate_Hz, a.LOW_PASS_HZ)
                 a.trace(right, 1e3 * (t[inside] - off_s), y[inside], name, linewidth=1.0)
             left.set_xlim(0, end_s)
@@ -142,8 +142,8 @@ def _figure(
         draw=_draw(rec, parts, instants, rows),
         recordings={"": a.extract(rec, names, every=2)},
         setups=[a.setup("ddr")],
-        caption="Dashed: DDR is switched off, and on again; the paper shows the first. "
-        f"Figures of a part begin {SETTLE_S:g} s after the exchange.",
+        caption="At the dashed lines DDR is switched off, and on again. The paper shows the first "
+        f"of these. The figures of a part begin {SETTLE_S:g} s after the change of scheme.",
     )
 
 

@@ -1,4 +1,4 @@
-"""Paper A's eight switching sequences of a leg, as the registers realise them."""
+"""Paper A's eight switching sequences of a leg, as the PWM registers realise them."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ FIXED = (2 - np.sqrt(3), np.sqrt(3) - 1)
 
 
 def _leg_words(sequence: str) -> tuple[int, int, int]:
-    """State words in which every leg does the same S1 S2 S3."""
+    """State words with which every leg follows the same S1 S2 S3."""
     first, second, third = (63 * int(bit) for bit in sequence)
     return first, second, third
 
 
 def _as_printed(sequence: str, t1: float, t2: float) -> object:
-    """Registers by eqs. (17), (18) to the letter: CA = T1 PRD where S1 differs from S2,
-    else PRD + M, and likewise CB; M = 1."""
+    """Registers exactly by eqs. (17), (18): CA = T1 PRD if S1 differs from S2, else PRD + M. CB
+    follows in the same way. M = 1."""
     prd = period_counts() - 1
     s1, s2, s3 = map(int, sequence)
     ca = round(t1 * prd) if s1 != s2 else prd + 1
@@ -65,8 +65,9 @@ def a2(job: Job) -> Figure:
     played = play([pattern(_leg_words(s), *t) for _, s, *t in cases], SAMPLES)
     right = sum(_realised(played, n, s, t1, t2) for n, (_, s, t1, t2) in enumerate(cases))
     jumps = [len(played.levels(n, 0)) - 1 for n in range(8)]
-    # Hazards of toggle actions, each after a period of the sequence given first: registers
-    # to the letter of the equations, and the firmware's. The leg has to end low.
+    # Hazards of toggle actions, each after a period of the sequence that is given first. They are
+    # played with registers exactly by the equations, and with the firmware's. The leg has to end
+    # low.
     hazards = {
         "CA = 0": ("000", "100", 0.0, 0.5),
         "CA = CB": ("000", "010", 0.5, 0.5),
@@ -81,7 +82,7 @@ def a2(job: Job) -> Figure:
         {name: played.levels(2 * n + 1, 0)[-1][1] for n, name in enumerate(hazards)}
         for played in (letter, ours)
     )
-    # One virtual vector again and again: edges inside the periods and between them.
+    # One virtual vector is repeated. Count the edges inside the periods and between them.
     same = play([pattern((49, 48, 56), *FIXED)] * 11)
     at = same.edges[(same.edges[:, 0] >= same.period) & (same.edges[:, 0] < 11 * same.period)]
     inside, between = (np.sum((at[:, 0] % same.period > 0) == x) / 10 for x in (True, False))
@@ -130,28 +131,30 @@ def a2(job: Job) -> Figure:
                   f"T1 {early[0]:.3f}, {FIXED[0]:.3f}, {late[0]:.3f}", "move", required=True),
             claim("eqs. (17), (18) at T1 = 0: leg low after T1", wrong["CA = 0"] == 0,
                   f"level {wrong['CA = 0']}", "level 0",
-                  why="on the chip the compare event outranks ZERO at count 0: the start level is "
-                  "lost and the leg toggles from where it was; it comes out right only if that "
-                  "happens to be S1"),
+                  why="At count 0 the compare event has a higher priority than ZERO on the chip. "
+                      "The start level is lost, and the leg toggles from the level that it had. "
+                      "The result is right only if that level happens to be S1."),
             claim("eqs. (17), (18) at T1 = T2: leg low after T2", wrong["CA = CB"] == 0,
                   f"level {wrong['CA = CB']}", "level 0",
-                  why="two compare events at one count give one toggle"),
+                  why="Two compare events at one count give only one toggle."),
             claim("the firmware's counts at the same action points", not any(kept.values()),
                   f"levels {' '.join(map(str, kept.values()))}", "levels 0 0 0", required=True),
             claim("at most one jump of a leg in a period (section II-F), one vector repeated",
                   between == 0, f"{inside:.0f} in the period, {between:.0f} between periods",
                   "none between",
-                  why="a leg that jumps within the period has to jump back before the next one"),
+                  why="A leg that jumps within a period has to jump back before it can jump "
+                      "within the next one."),
             not_printed("switching frequency of one virtual vector repeated",
                         (inside + between) / 12 * 10.0, "kHz"),
         ],
         draw=draw,
         recordings={"": recording},
         caption="A leg's level over a period of the simulated PWM module, without dead time. "
-        "Sequences 2 and 5 (orange) occur with medium-large vectors only. Moved points: virtual "
-        "vector 1 at 0.7 of two opposite corners of the TMVCL box; at the first corner T1 is 0. "
-        "Right: registers to the letter of eqs. (17), (18) where action points meet each other or "
-        "the period's start, and the firmware's, which keep one count between them.",
+                "Sequences 2 and 5 (orange) occur with medium-large vectors only. The moved "
+                "points are those of virtual vector 1 at 0.7 of two opposite corners of the TMVCL "
+                "box. At the first corner itself T1 is 0. Right: action points that meet each "
+                "other or the start of the period, with registers exactly by eqs. (17), (18), and "
+                "with the firmware's, which keep one count between them.",
     )  # fmt: skip
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 XY = ("plant.i_x_A", "plant.i_y_A")
 PHASES = ("plant.i_u1_A", "plant.i_u2_A")
-#: "Gone": under DDR a line of the x-y current has less than this share of FDR's.
+#: "Gone": under DDR a line of the x-y current is smaller than this share of FDR's.
 GONE = 0.25
 
 
@@ -36,7 +36,7 @@ def _thd(runs: dict[str, list[Run]]) -> dict[str, dict[str, float]]:
 
 
 def _thd_alpha(runs: dict[str, list[Run]]) -> dict[str, float]:
-    """THD (5 kHz) of i_alpha = i_u1 - i_x: what phase u1 would have without x-y current."""
+    """THD (5 kHz) of i_alpha = i_u1 - i_x. Phase u1 would have this THD without x-y current."""
     return {
         s: float(np.mean([
             thd_pct(rec["plant.i_alpha_A"], rec.rate_Hz, abs(fundamental_Hz(rec)))["5kHz"]
@@ -47,14 +47,15 @@ def _thd_alpha(runs: dict[str, list[Run]]) -> dict[str, float]:
 
 
 def _thd_claims(runs: dict[str, list[Run]], thd: dict) -> list[Verdict]:
-    """The paper: DDR's THD is the lower one. Which band it means is not said."""
+    """The paper says that DDR's THD is the lower one. It does not say in which band."""
     alpha = _thd_alpha(runs)
     ripple = {s: 1e3 * a.mean(runs[s], "flux_ripple_Wb") for s in a.SCHEMES}
     why = (
-        "switching ripple in α–β, which the x–y regulator cannot lower: without any x–y current "
-        f"phase u1 would have {a.arrow(alpha['fdr'], alpha['ddr'], '%', 2)} (5 kHz). It rises "
-        "because an x–y command also moves the virtual vector in α–β (91 to 97 % of a large one, "
-        f"up to 16° aside): flux ripple {a.arrow(ripple['fdr'], ripple['ddr'], 'mWb', 2)}"
+        "This is switching ripple in α–β, which the x–y regulator cannot lower: without any x–y "
+        f"current the THD of phase u1 would be {a.arrow(alpha['fdr'], alpha['ddr'], '%', 2)} "
+        "(5 kHz). It rises because an x–y command also changes the virtual vector in α–β: its "
+        "length is 91 to 97 % of a large vector, and it turns by up to 16°. Flux ripple: "
+        f"{a.arrow(ripple['fdr'], ripple['ddr'], 'mWb', 2)}."
     )
     return [
         claim(f"THD of i_u1 falls, {a.BAND_NAMES[band]}", thd["ddr"][band] < thd["fdr"][band],
@@ -77,8 +78,8 @@ def _metrics(runs: dict[str, list[Run]], lines: dict, thd: dict) -> dict:
 
 
 def a7(job: Job) -> Figure:
-    """x, y, u1, u2 currents at 100 r/min without load: two cycles behind a 1 kHz low-pass,
-    and their spectra."""
+    """The currents in x, y, u1 and u2 at 100 r/min without load: two cycles behind a 1 kHz
+    low-pass, and their spectra."""
     runs = a.around(job, 100.0, 0.0, 3 if job.quick else 7)
     lines, thd = _lines(runs), _thd(runs)
     fdr, ddr = lines["fdr"], lines["ddr"]
@@ -122,21 +123,22 @@ def a7(job: Job) -> Figure:
         draw=draw,
         recordings=shown,
         setups=[a.setup(s) for s in a.SCHEMES],
-        caption="100 r/min without load. Two cycles: faint as measured, solid behind a 1 kHz "
-        "low-pass without phase shift. A line of the x–y current is the root mean square of the "
-        f"amplitudes in x and y. Numbers are means over {len(runs['fdr'])} speeds within 3 %.",
+        caption="100 r/min without load. The upper rows show two cycles: faint as measured, solid "
+        "behind a 1 kHz low-pass without phase shift. The value of a line of the x–y current is "
+        "the root mean square of its amplitudes in x and y. Numbers are means over "
+        f"{len(runs['fdr'])} speeds within 3 %.",
     )
 
 
 def _two_cycles(ax: Axes, rec: Recording, names: tuple[str, ...]) -> None:
-    """The last two cycles: faint as they are, solid behind the oscilloscope's low-pass."""
+    """Draw the last two cycles: faint as they are, solid behind the oscilloscope's low-pass."""
     f1_Hz = abs(fundamental_Hz(rec))
     count = round(2 * rec.rate_Hz / f1_Hz)
     t_ms = 1e3 * np.arange(count) / rec.rate_Hz
     for name in names:
         whole, _ = whole_cycles(rec[name], rec.rate_Hz, f1_Hz)
         filtered = low_pass(whole, rec.rate_Hz, a.LOW_PASS_HZ)
-        # Not the very end: the filter takes the signal as periodic.
+        # Not up to the very end, because the filter takes the signal as periodic.
         part = slice(-count - count // 4, -(count // 4))
         a.trace(ax, t_ms, whole[part], name, alpha=0.28, linewidth=0.5, label=None)
         a.trace(ax, t_ms, filtered[part], name, linewidth=1.1)
@@ -230,7 +232,8 @@ def a8(job: Job) -> Figure:
             "load_Nm": load_Nm,
             "flux_Wb": printed["fdr"].parameter("flux_ref_Wb"),
         },
-        caption="Rated load at 1350 r/min. Left: the flux reference gives way to the voltage "
-        "(set-up paper-a-feasible). Right: the printed 0.6 Wb is kept (paper-a), the speed is "
-        "not reached. Spectra over 10 cycles and more.",
+        caption="Rated load at 1350 r/min. Left: field weakening lowers the flux reference to "
+        "what the voltage allows (set-up paper-a-feasible). Right: the printed 0.6 Wb is "
+        "kept (paper-a), and the speed is not reached. The spectra are taken over 10 "
+        "cycles and more.",
     )

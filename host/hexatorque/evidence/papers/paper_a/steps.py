@@ -1,4 +1,4 @@
-"""Paper A's transients: a step under FDR and under DDR, and whether the drive responds alike."""
+"""Paper A's transients: the same step under FDR and under DDR, and whether both responses agree."""
 
 from __future__ import annotations
 
@@ -19,18 +19,19 @@ from . import common as a
 
 #: Speed and torque are evaluated as means over two periods of the speed loop.
 MEAN_S = 0.02
-#: Settled: within these shares of the rated speed and torque of the final value.
+#: A signal has settled when it stays this close to its final value, as a share of the rated value.
 SPEED_BAND, TORQUE_BAND = 0.01, 0.1
-#: "Overlap": settling times this close, and everything else this close to the rated value.
+#: "Overlap": settling times differ by no more than this share, everything else by no more than this
+#: share of the rated value.
 ALIKE = 0.05
-#: The step comes at so many instants, whole periods of the speed loop apart.
+#: The instants of the step are this far apart: one period of the speed loop.
 APART_S = 0.01
 
 
 @dataclass(frozen=True)
 class Step:
-    """From steady state at speed and load, `name` takes `value` at `at_s`; afterwards the
-    speed should be `end_rpm` and the load `end_Nm`."""
+    """The drive is in steady state at a speed and a load. At `at_s`, `name` changes to `value`.
+    Afterwards the speed should be `end_rpm` and the load `end_Nm`."""
 
     speed_rpm: float
     load_Nm: float
@@ -42,7 +43,7 @@ class Step:
     end_Nm: float
     set_up: str = a.SETUP
     load: str = "constant"
-    reached: bool = True  #: does the voltage allow the speed before the step?
+    reached: bool = True  #: False if the voltage does not allow the speed before the step
 
     def setup(self, scheme: str) -> Setup:
         other = {} if self.load == "constant" else {"load__kind": self.load}
@@ -54,7 +55,8 @@ class Step:
 
 
 def _record(job: Job, step: Step, scheme: str, late: int) -> Recording:
-    """The step `late` periods of the speed loop after `at_s`; time 0 moves with it."""
+    """Records the step, `late` periods of the speed loop later than `at_s`. Time 0 is shifted by
+    the same amount."""
     point = Point(step.setup(scheme), step.speed_rpm, step.load_Nm)
     begin = approach if step.reached else a.asked_for
     sim = begin(point, job.progress)
@@ -69,8 +71,8 @@ def _smooth(rec: Recording, name: str) -> np.ndarray:
 def response(step: Step, rec: Recording) -> dict[str, float]:
     """Settling times and extremes of speed and torque after the step.
 
-    speed_beyond_rpm: overshoot of a reversal, else the largest deviation; torque_peak_Nm:
-    the largest |torque|."""
+    speed_beyond_rpm: the overshoot if the step is a reversal, else the largest deviation;
+    torque_peak_Nm: the largest |torque|."""
     rated_rpm, rated_Nm = a.rated()
     speed = step_response(rec.time_s, _smooth(rec, "plant.speed_rpm"), step.at_s, step.end_rpm,
                           SPEED_BAND * rated_rpm)  # fmt: skip
@@ -90,7 +92,7 @@ def response(step: Step, rec: Recording) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Pair:
-    """FDR and DDR after the same step: mean figures, mean curves, one recording each."""
+    """FDR and DDR after the same step: mean figures, mean curves, and one recording of each."""
 
     step: Step
     figures: dict[str, dict[str, float]]
@@ -104,7 +106,7 @@ class Pair:
 
 
 def pairs(job: Job, steps: Iterable[Step], count: int) -> list[Pair]:
-    """Every step under both schemes, each at `count` instants."""
+    """Runs every step under both schemes, at `count` instants each."""
     steps = list(steps)
     keys = [(step, s, late) for step in steps for s in a.SCHEMES for late in range(count)]
 
@@ -130,7 +132,7 @@ def pairs(job: Job, steps: Iterable[Step], count: int) -> list[Pair]:
 
 
 def _recording(rec: Recording | None) -> Recording:
-    assert rec is not None  # of the first instant it is kept
+    assert rec is not None  # the recording of the first instant is kept
     return rec
 
 
@@ -140,7 +142,8 @@ def _mean(rows: list[dict]) -> dict:
 
 
 def verdicts(pair: Pair, what: str = "") -> list[Verdict]:
-    """Speed and torque respond alike, and DDR keeps the x-y current low during the step."""
+    """The verdicts: speed and torque respond alike, and DDR keeps the x-y current low during the
+    step."""
     rated_rpm, rated_Nm = a.rated()
     fdr, ddr = (pair.figures[s] for s in a.SCHEMES)
     beyond = "overshoot" if pair.step.reversal else "deviation"
@@ -169,7 +172,7 @@ def verdicts(pair: Pair, what: str = "") -> list[Verdict]:
 
 
 def overlap(pair: Pair, what: str, required: bool = False) -> list[Verdict]:
-    """The whole curves agree."""
+    """The verdicts on the whole curves of speed and torque."""
     rows = []
     for name, unit, rated in zip(("speed", "torque"), ("r/min", "N m"), a.rated()):
         apart = pair.apart(f"plant.{name}_{'rpm' if name == 'speed' else 'Nm'}")

@@ -20,9 +20,9 @@ SCHEMES = ("dtc1", *a.SCHEMES)
 NAMES = {"dtc1": "classical DTC", **a.NAMES}
 QUICK_RPM = (100.0, 400.0, 800.0, 1350.0)
 FULL_RPM = (100.0, 200.0, 400.0, 600.0, 800.0, 1000.0, 1100.0, 1200.0, 1350.0)
-#: "The same": mean over the speeds within this.
+#: "The same": the means over the speeds differ by no more than this.
 SAME = 0.03
-#: The variation of Table IV that comes nearest to the printed f_sw.
+#: Name of the variation of Table IV whose f_sw is nearest to the printed one.
 OTHER_NAME = f"leakage × {NEAREST[0]:g}, drops {NEAREST[1]:g} V"
 COLOURS = {name: STYLE[name]["color"] for name in ("dtc1", "fdr", "ddr")}
 
@@ -38,8 +38,8 @@ def _sweep(
     count: int,
     **changes: float,
 ) -> tuple[Sweep, Sweep]:
-    """Means over `count` neighbouring speeds, and their half spreads. NaN where the drive
-    does not reach a point."""
+    """Means over `count` neighbouring speeds, and their half spreads. NaN if the drive does not
+    reach a point."""
     near = a.NEAR[:count]
     points = [
         Point(a.setup(s, **changes), n * speed, load)
@@ -72,7 +72,8 @@ def _verdicts(
     speeds: tuple[float, ...],
     loads: tuple[float, ...],
 ) -> list[Verdict]:
-    """found: means and half spreads; other: of FDR and DDR with OTHER_NAME."""
+    """found: means and half spreads of all schemes; other: those of FDR and DDR with the variation
+    OTHER_NAME."""
     sweep, _ = found
     rows: list[Verdict] = []
     for load, when in zip(loads, ("no load", "rated load")):
@@ -91,7 +92,7 @@ def _verdicts(
         ]  # fmt: skip
         for band in a.BANDS:
             rows += [
-                _lower(found, band, load, speeds, when, f"{WHY_RIPPLE}: see {OTHER_NAME}"),
+                _lower(found, band, load, speeds, when, f"{WHY_RIPPLE} See {OTHER_NAME}."),
                 _lower(other, band, load, speeds, f"{when}, {OTHER_NAME}", WHY_RIPPLE),
             ]
         classical, ddr = (sweep["5kHz"][load, s].mean() for s in ("dtc1", "ddr"))
@@ -110,7 +111,7 @@ def _lower(
     when: str,
     why: str,
 ) -> Verdict:
-    """Is DDR's THD the lower one at every speed that is reached?"""
+    """The verdict on whether DDR's THD is lower than FDR's at every speed that is reached."""
     sweep, spread = found
     scatter = np.maximum(*(spread[band][load, s] for s in a.SCHEMES))
     fdr, ddr = (sweep[band][load, s] for s in a.SCHEMES)
@@ -128,8 +129,8 @@ def _lower(
 
 
 WHY_RIPPLE = (
-    ", and an x–y command moves the virtual vector in α–β. Ripple depends on the leakage, x–y "
-    "currents on the devices' drops, neither printed"
+    " An x–y command also moves the virtual vector in α–β. The ripple depends on the leakage and "
+    "the x–y currents on the devices' voltage drops. Neither is printed."
 )
 
 
@@ -140,16 +141,16 @@ def _where(
     excess: np.ndarray,
     scatter: np.ndarray,
 ) -> str:
-    """Where DDR's THD is not lower, and what there was to be gained."""
+    """Text that says where DDR's THD is not lower, and how much x-y current there was to remove."""
     where = np.nonzero(excess >= 0)[0]
     if where.size == 0:
         return ""
     xy = {s: sweep["ixy_rms_A"][load, s][where].mean() for s in a.SCHEMES}
     return (
-        f"higher at {', '.join(f'{speeds[n]:g}' for n in where)} r/min, by "
+        f"DDR's THD is higher at {', '.join(f'{speeds[n]:g}' for n in where)} r/min, by "
         f"{np.max(excess[where]):.2f} points at most, with a scatter of up to "
-        f"±{np.max(scatter[where]):.2f}: there switching ripple in α–β outweighs what "
-        f"the x–y regulator takes out (x–y current {a.milli(xy['fdr'], xy['ddr'])} rms)"
+        f"±{np.max(scatter[where]):.2f}. There the switching ripple in α–β outweighs what the x–y "
+        f"regulator removes (x–y current {a.milli(xy['fdr'], xy['ddr'])} rms)."
     )
 
 
@@ -222,11 +223,11 @@ def a15(job: Job) -> Figure:
         draw=draw,
         recordings={"": Recording(1.0, channels, {"speed_rpm": "r/min"}, {"rows": "speed"})},
         setups=[a.setup(s) for s in SCHEMES] + [a.setup(s, **machine(*NEAREST)) for s in a.SCHEMES],
-        caption="Set-up with field weakening, which acts above about 1000 r/min. Classical DTC is "
-        "one large vector a period (paper B's DTC1). Bars: spread over speeds within 1 % of each "
-        "other; switching tables are chaotic in detail. Dashed: with the leakage and the drops of "
-        "the devices that bring f_sw nearest to Table IV; rated load at 1350 r/min is "
-        "out of reach with them.",
+        caption="The set-up has field weakening, which acts above about 1000 r/min. Classical DTC "
+        "applies one large vector a period (paper B's DTC1). Bars show the spread over "
+        "speeds within 1 %, because switching tables are chaotic in detail. Dashed lines "
+        "are with the leakage and the voltage drops that bring f_sw nearest to Table IV. "
+        "With these, rated load at 1350 r/min is out of reach.",
     )
 
 

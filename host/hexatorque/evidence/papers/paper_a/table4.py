@@ -1,5 +1,5 @@
-"""Paper A, Table IV: FDR-DTC and DDR-DTC at 100 r/min and 10 N m, and what the figures
-that disagree depend on."""
+"""Paper A, Table IV: FDR-DTC and DDR-DTC at 100 r/min and 10 N m. For the values that disagree, it
+shows on what they depend."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ from .what_if import what_if as all_cases
 
 PRINTED = TABLE["schemes"]
 CPU_PCT = {"fdr": 20.15, "ddr": 39.27}
-#: The printed fall of delta-I, 0.2366 to 0.0309 A, and what is asked for.
+#: Required: the fall of delta-I (printed: from 0.2366 to 0.0309 A) and the largest differences.
 FALL, EQUAL_FSW, SAME_LEVEL = 7.0, 0.03, 0.05
 
 
 def _only_rs(job: Job) -> list[str]:
-    """Schemes whose pure voltage model decides alike, bit for bit, when the controller's
-    machine parameters other than R_s are wrong by half."""
+    """The schemes whose decisions stay the same, bit for bit, if all machine parameters of the
+    controller except R_s are 1.5 times too large. The pure voltage model is used."""
     names = ("rr_ohm", "lr_H", "lm_H", "lxy_H", "sigma_ls_H")
     pure = {
         "controller__observer": "voltage",
@@ -69,8 +69,8 @@ def _verdicts(runs: dict[str, list[Run]], what_if: dict, eta: dict) -> list[Verd
     delta, fsw, thd = get("delta_i_A"), get("f_sw_Hz"), get("thd_pct", "5kHz")
     gain = what_if[GAIN]["ddr"]["delta_i_A"]
     why = {
-        "delta_i_A": "equal gains of our current sensors, and the x–y regulator equalises what "
-        f"they report: with 0.7 % more gain in set 2 it is {gain:.3f} A",
+        "delta_i_A": "Our current sensors have equal gains, and the x–y regulator equalises what "
+        f"they report. With 0.7 % more gain in set 2, ΔI is {gain:.3f} A.",
         "f_sw_Hz": why_fsw(what_if, runs["fdr"][0].recording),
         "thd_pct": why_thd(what_if),
     }
@@ -101,7 +101,7 @@ def _verdicts(runs: dict[str, list[Run]], what_if: dict, eta: dict) -> list[Verd
               a.arrow(fdr["f_sw_Hz"] / 1e3, ddr["f_sw_Hz"] / 1e3, "kHz", 2), required=True),
         beside("η, FDR", eta["eta_fdr_pct"], duties.ETA_FDR_PCT, "%", within=6e-5),
         beside("η, DDR, lowest", eta["eta_min_pct"], duties.ETA_PRINTED_PCT[0], "%", within=6e-5,
-               why="rounded up in print, see A5"),
+               why="The printed value is rounded up, see A5."),
         beside("η, DDR, highest", eta["eta_max_pct"], duties.ETA_PRINTED_PCT[1], "%", within=6e-5),
     ]  # fmt: skip
     for name, key, unit in (
@@ -131,9 +131,10 @@ def a_t4(job: Job) -> Figure:
               f"{' and '.join(a.NAMES[s] for s in alone)}: bit-equal with all others 1.5 times",
               "R_s"),
         not_printed("CPU utilisation at 150 MHz", "see `make bench`",
-                    why=f"printed: FDR {CPU_PCT['fdr']:g} %, DDR {CPU_PCT['ddr']:g} %. A processor "
-                    "is not simulated; `make bench` counts the control step's instructions, where "
-                    "both schemes share observer, prediction and duties"),
+                    why=f"The paper prints {CPU_PCT['fdr']:g} % for FDR and {CPU_PCT['ddr']:g} % "
+                    "for DDR. We do not simulate a processor. `make bench` counts the "
+                    "instructions of the control step, where both schemes share observer, "
+                    "prediction and duties."),
     ]  # fmt: skip
     names = ("plant.i_u1_A", "plant.i_u2_A", "plant.i_x_A", "plant.i_y_A", "plant.torque_Nm")
     return Figure(
@@ -151,9 +152,9 @@ def a_t4(job: Job) -> Figure:
         recordings={s: a.extract(runs[s][0].recording, names) for s in a.SCHEMES},
         setups=[a.setup(s) for s in a.SCHEMES]
         + [a.setup("ddr", **machine(*NEAREST)), a.setup("ddr", **OTHERS[GAIN])],
-        caption=f"100 r/min, 10 N m; means over {len(runs['fdr'])} speeds within 3 %. Below: what "
-        "the switching frequency and the THD depend on that the paper does not print. The "
-        "asymmetry of the machine is assumed so that ΔI comes out under FDR.",
+        caption=f"100 r/min, 10 N m; means over {len(runs['fdr'])} speeds within 3 %. The lower "
+        "row shows how switching frequency and THD depend on values that the paper does not print. "
+        "The asymmetry of the machine is assumed so that ΔI under FDR agrees.",
     )  # fmt: skip
 
 

@@ -33,7 +33,8 @@ T1, T2 = 2 - np.sqrt(3), np.sqrt(3) - 1
 
 
 def _fdr_run(job: Job) -> tuple[setups.Setup, Recording]:
-    """FDR turning both ways; state words in the middle of the three intervals."""
+    """A run of FDR in both directions, with the state words in the middle of the three
+    intervals."""
     setup = setups.load("paper-a").changed(controller__scheme="fdr")
     part_s = 0.2 if job.quick else 0.8
     full = operating_points.transient(
@@ -50,8 +51,8 @@ def _fdr_run(job: Job) -> tuple[setups.Setup, Recording]:
 
 
 def _choices(rec: Recording, words: np.ndarray) -> tuple[int, int]:
-    """Periods in which the table's row was applied, of those that followed a torque
-    demand. Shadow load: what a step decides is on the legs in the next period."""
+    """The number of periods in which the table's row was applied, and the number that followed a
+    torque demand. With shadow load, the decision of a step is on the legs in the next period."""
     level, up = rec["torque_level"][:-1], rec["flux_level"][:-1]
     angle = 30 * rec["sector"][:-1] + np.sign(level) * np.where(up == 1, 75, 105)
     demand = np.flatnonzero(level)
@@ -63,7 +64,7 @@ def a_t2(job: Job) -> Figure:
     """Table II: twelve virtual vectors, each three consecutive large vectors."""
     setup, rec = _fdr_run(job)
     law = Law(setup)
-    # Torque and flux to rise, 75/105 table: virtual vector k is chosen in sector k - 2.
+    # If torque and flux have to rise, the 75/105 table chooses virtual vector k in sector k - 2.
     rows = [law.words((k - 2) % 12, 1, True) for k in range(12)]
     sequences = [geometry.digits(row) for row in rows]
     played = play([pattern(row, T1, T2) for row in rows])
@@ -117,6 +118,6 @@ def a_t2(job: Job) -> Figure:
         recordings={"": rec},
         setups=[setup],
         caption="Virtual vectors of FDR-DTC and DDR-DTC as the firmware forms them. A leg's digit "
-        "is 4 S1 + 2 S2 + S3. Grey: high all period; blue: one transition within it. The run "
-        "reverses from +400 to -400 r/min.",
+                "is 4 S1 + 2 S2 + S3. Grey legs are high for the whole period. Blue legs have one "
+                "transition within it. The run reverses from +400 to -400 r/min.",
     )  # fmt: skip

@@ -1,5 +1,5 @@
-"""Table IV of paper A under other readings of what the paper does not print: what its
-switching frequency and THD depend on."""
+"""Table IV of paper A with other assumptions for what the paper does not print. It shows on what
+the switching frequency and the THD depend."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from . import common as a
 TABLE = PAPER[a.SETUP]
 SPEED_RPM, LOAD_NM = TABLE["speed_rpm"], TABLE["load_Nm"]
 
-#: What the paper does not print and f_sw and THD depend on: leakages relative to the set-up's,
-#: and the thresholds of the inverter's devices [V].
+#: Values that the paper does not print, and on which f_sw and THD depend: leakages relative to the
+#: set-up's, and the thresholds of the inverter's devices [V].
 LEAKAGES, DROPS_V = (1.0, 1.2, 1.35, 1.5), (0.0, 1.2)
-NEAREST = (1.35, 1.2)  #: of these, what comes nearest to the printed f_sw
+NEAREST = (1.35, 1.2)  #: the pair whose f_sw is nearest to the printed one
 
 
 def machine(leakage: float, drop_V: float) -> dict[str, float]:
@@ -47,7 +47,7 @@ OTHERS: dict[str, dict] = {
 
 
 def what_if(job: Job) -> dict:
-    """Case -> scheme -> metrics, means over neighbouring speeds. A case is a pair
+    """Case -> scheme -> metrics. They are means over neighbouring speeds. A case is a pair
     (leakage, drop) or a key of OTHERS."""
     cases: dict = {(f, v): machine(f, v) for v in DROPS_V for f in LEAKAGES}
     cases |= {name: OTHERS[name] for name in (OTHERS if not job.quick else [GAIN])}
@@ -73,30 +73,31 @@ def _means(rows: list[dict | None]) -> dict[str, float]:
 
 
 def torque_step_Nm(rec: Recording) -> float:
-    """Mean change of the true torque over a period in which a vector raises it. The
-    comparator's level is that of the period before: latency of one period."""
+    """Mean change of the true torque over a period in which a vector raises it. The latency is one
+    period, so the vector follows from the comparator's level in the period before."""
     per = rec.meta["samples_per_period"]
     torque_Nm, level = rec["plant.torque_Nm"][::per], rec["torque_level"][::per]
     return float(np.diff(torque_Nm)[1:][level[:-2] == 1].mean())
 
 
 def why_fsw(found: dict, rec: Recording) -> str:
-    """rec: of FDR in the set-up as it is."""
+    """Why f_sw differs. rec: a recording of FDR with the unchanged set-up."""
     whole_Nm = 2 * a.setup("fdr").parameter("torque_band_Nm")
     khz = {case: f"{row['fdr']['f_sw_Hz'] / 1e3:.2f}" for case, row in found.items()}
     fsw_Hz = [found[f, 0.0]["fdr"]["f_sw_Hz"] for f in LEAKAGES]
     printed_Hz = TABLE["schemes"]["fdr"]["f_sw_Hz"]
     text = (
-        f"the leakage, which is not printed: with the set-up's a raising period adds "
-        f"{torque_step_Nm(rec):.2f} N m, more than the whole band of {whole_Nm:g} N m, so that the "
-        "comparator answers it with the opposite vector instead of a zero one. FDR has "
+        "The leakage is not printed. With the set-up's leakage, a period with a raising vector "
+        f"adds {torque_step_Nm(rec):.2f} N m, more than the whole band of {whole_Nm:g} N m. The "
+        "comparator then answers with the opposite vector instead of a zero vector. FDR has "
         + ", ".join(f"{khz[f, 0.0]} kHz at {f:g} times the leakage" for f in LEAKAGES[1:])
+        + "."
     )
     if min(fsw_Hz) <= printed_Hz <= max(fsw_Hz):
         factor = np.interp(printed_Hz, fsw_Hz[::-1], LEAKAGES[::-1])
-        text += f"; the printed {printed_Hz / 1e3:g} kHz comes out at about {factor:.2f} times"
+        text += f" The printed {printed_Hz / 1e3:g} kHz would need about {factor:.2f} times."
     others = [f"{name} {khz[name]}" for name in OTHERS if name in khz and name != GAIN]
-    return text + (f". Other readings, kHz: {', '.join(others)}" if others else "")
+    return text + (f" Other readings, in kHz: {', '.join(others)}." if others else "")
 
 
 def why_thd(found: dict) -> str:
@@ -104,13 +105,13 @@ def why_thd(found: dict) -> str:
     near = found[NEAREST]
     five = a.arrow(plain["fdr"]["h5_pct"], drops["fdr"]["h5_pct"], "%", 1)
     return (
-        f"the devices' drops are not printed and 0 in the set-up; with {NEAREST[1]:g} V FDR's 5th "
-        f"harmonic grows ({five}), which DDR takes out, and THD falls "
-        f"{a.arrow(drops['fdr']['5kHz'], drops['ddr']['5kHz'], '%', 1)}. What DDR leaves is "
-        f"switching ripple, which depends on the leakage: with {NEAREST[0]:g} times of it and the "
-        f"drops {a.arrow(near['fdr']['5kHz'], near['ddr']['5kHz'], '%', 1)} at "
+        "The devices' voltage drops are not printed, and they are 0 in the set-up. With drops of "
+        f"{NEAREST[1]:g} V, FDR's 5th harmonic grows ({five}). DDR removes it, and the THD falls: "
+        f"{a.arrow(drops['fdr']['5kHz'], drops['ddr']['5kHz'], '%', 1)}. DDR leaves switching "
+        f"ripple, which depends on the leakage. With {NEAREST[0]:g} times the leakage and these "
+        f"drops, the THD is {a.arrow(near['fdr']['5kHz'], near['ddr']['5kHz'], '%', 1)} at "
         f"{a.arrow(near['fdr']['f_sw_Hz'] / 1e3, near['ddr']['f_sw_Hz'] / 1e3, 'kHz', 2)}. "
-        "The paper's band is not stated; 5 kHz here"
+        "The paper does not state its band; here it is 5 kHz."
     )
 
 

@@ -1,4 +1,4 @@
-"""What the experiments of paper B share: schemes, operating point, printed numbers, colours."""
+"""The common parts of paper B's figures: schemes, operating point, printed numbers, colours."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from ..engine.job import Job
 from ..printed_values import PAPER
 
 SETUP = "paper-b"
-#: With what the paper leaves open fitted to its Table VI. It brings Table VI and Figs. 14, 16
-#: and 19 closer and takes Figs. 7, 11, 12, 15 and 17 further away, so both are shown there.
+#: In this set-up the values that the paper leaves open are fitted to its Table VI. It agrees better
+#: with Table VI and Figs. 14, 16 and 19, and worse with Figs. 7, 11, 12, 15 and 17. Therefore Table
+#: VI and Figs. 14, 16 and 19 show both set-ups.
 FITTED = "paper-b-fitted"
 SETUPS = (SETUP, FITTED)
 SCHEMES = ("dtc1", "dtc2", "dtc3")
@@ -37,13 +38,13 @@ def point(
     name: str = SETUP,
     **changes: object,
 ) -> Point:
-    """An operating point; the brake takes the stated torque at the stated speed."""
+    """An operating point. The brake takes the stated torque at the stated speed."""
     return Point(setup(scheme, name, **changes), speed_rpm, load_Nm)
 
 
 def control_instants(rec: Recording) -> Recording:
-    """Samples at the beginning of each control period, where the controller looks. The
-    paper's traces come out of the DSP, once a period."""
+    """The samples at the beginning of each control period, when the controller samples. The paper's
+    traces leave the DSP once a period."""
     per = rec.meta["samples_per_period"]
     first = -round(rec.start_s * rec.rate_Hz) % per
     return Recording(
@@ -61,9 +62,9 @@ def ending(rec: Recording, span_s: float) -> Recording:
 
 
 def excerpt(rec: Recording, names: tuple[str, ...], span_s: float | None = None) -> Recording:
-    """The channels named, the last `span_s` of them (all without it)."""
+    """The named channels over the last `span_s`, or over the whole recording if it is None."""
     span = ending(rec, span_s) if span_s else rec
-    # Copies: a view would keep everything else alive.
+    # These are copies, because a view would keep the whole recording in memory.
     channels = {name: span[name].copy() for name in names}
     units = {name: rec.units[name] for name in names}
     return Recording(rec.rate_Hz, channels, units, rec.meta, span.start_s)
@@ -80,19 +81,19 @@ def torque_orders(highest: int) -> list[int]:
 
 
 def around(load_Nm: float, quick: bool) -> list[float]:
-    """The load and some close to it. Switching tables are chaotic in detail: figures are
-    means over these points, and what differs by less than their spread does not differ."""
+    """The load and some loads close to it. Switching tables are chaotic in detail, so figures are
+    means over these points. Two values that differ by less than their spread do not differ."""
     shares = (0.0, -0.01, 0.01) if quick else (0.0, -0.02, -0.01, 0.01, 0.02)
     return [load_Nm * (1 + share) for share in shares]
 
 
 def mean(rows: list[dict[str, float]]) -> dict[str, float]:
-    """Of each key over the rows."""
+    """The mean of each key over the rows."""
     return {key: sum(row[key] for row in rows) / len(rows) for key in rows[0]}
 
 
 def runs_around(job: Job, schemes: tuple[str, ...]) -> dict[str, list[Run]]:
-    """Each scheme at the operating point of Table VI and at loads close to it."""
+    """Runs each scheme at the operating point of Table VI and at loads close to it."""
     loads = around(LOAD_NM, job.quick)
     runs = iter(job.runs([point(s, load_Nm=load) for s in schemes for load in loads]))
     return {scheme: [next(runs) for _ in loads] for scheme in schemes}

@@ -19,21 +19,23 @@ from .common import COLOUR, LOAD_NM, SCHEMES, excerpt, mean, point
 RATED_RPM, RATED_NM = 2500.0, LOAD_NM
 LIGHT_NM = 0.3
 DURATION_S = 1.0
-#: The step comes at several instants of the ripple and of the speed loop's period of 10 ms.
+#: The step comes at several instants of the ripple, and of the speed loop's period of 10 ms.
 STEPS_S = (0.1, 0.1031, 0.1067, 0.1012, 0.1053)
 QUICK_STEPS = 3
 FILTER_S = 10e-3
 BAND_RPM = 20.0
 CHANNELS = ("plant.speed_rpm", "plant.torque_Nm", "torque_ref_Nm")
 DEFINITION = (
-    "Settled: true speed, moving mean over 10 ms, from then on within 20 r/min of its reference. "
-    "Overshoot and deviation of the same signal, against 2500 r/min. Numbers: means over five "
-    "(quick: three) instants of the step within the speed loop's period; the picture shows one."
+    "All numbers use the moving mean of the true speed over 10 ms. It has settled when it stays "
+    "within 20 r/min of its reference. Overshoot and deviation are relative to 2500 r/min. The "
+    "numbers are means over five (quick: three) instants of the step within the speed loop's "
+    "period. The picture shows one of them."
 )
 
 
 class Step(NamedTuple):
-    """One test: where the drive is settled, what changes then, and the speed it should end at."""
+    """One test: the steady state before it, the change, and the speed at which the drive should
+    end."""
 
     speed_rpm: float
     load_Nm: float
@@ -47,7 +49,8 @@ LOAD_STEP = Step(2000.0, LIGHT_NM, "load_Nm", LOAD_NM, 2000.0)
 
 
 def response(rec: Recording, step: Step, step_s: float) -> dict[str, float]:
-    """Figures of one recording, by the definition above; torque_max_Nm of its moving mean."""
+    """The figures of one recording by the definition above. torque_max_Nm is the maximum of the
+    torque's moving mean."""
     speed = moving_mean(rec["plant.speed_rpm"], rec.rate_Hz, FILTER_S)
     torque = moving_mean(rec["plant.torque_Nm"], rec.rate_Hz, FILTER_S)
     found = step_response(rec.time_s, speed, step_s, step.target_rpm, BAND_RPM)
@@ -70,7 +73,7 @@ def _record(job: Job, scheme: str, step: Step, step_s: float) -> Recording:
 
 
 def _equal(rows: dict[str, dict], key: str) -> float:
-    """Largest distance of a scheme's figure from their mean."""
+    """The largest distance of a scheme's figure from the mean of all schemes."""
     values = [row[key] for row in rows.values()]
     return max(abs(value - np.mean(values)) for value in values)
 
@@ -140,7 +143,7 @@ def b17(job: Job) -> Figure:
     """Speed reference stepped from 1000 to 2000 r/min."""
     return _figure(
         job, SPEED_STEP, "overshoot",
-        "The load is not printed; 0.3 N m at 1000 r/min, as in Fig. 18.",
+        "The load is not printed. Here it is 0.3 N m at 1000 r/min, as in Fig. 18.",
     )  # fmt: skip
 
 
@@ -148,5 +151,6 @@ def b18(job: Job) -> Figure:
     """Load stepped from 0.3 to 2 N m at 2000 r/min."""
     return _figure(
         job, LOAD_STEP, "deviation",
-        "The brake's torque changes at once, a real one's with the time constant of its coil.",
+        "The torque of the simulated brake changes at once. That of a real brake changes with the "
+        "time constant of its coil.",
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Paper B's sweeps: one quantity over a grid of operating points, for the three schemes."""
+"""Paper B's sweeps: one quantity over a grid of operating points, for all three schemes."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def measured(
     at: Callable[[float, float], tuple[float, float]],
     value: Callable[[dict], float],
 ) -> dict[str, Grid]:
-    """Set-up -> scheme -> (rows, columns): `value` of the metrics at the points
-    `at(row, column)`, given as (speed, load). NaN where the drive does not get there."""
+    """Set-up -> scheme -> (rows, columns): `value` of the metrics at the points `at(row, column)`,
+    given as (speed, load). NaN if the drive does not reach a point."""
     grid = [
         (name, s, row, column)
         for name in SETUPS for s in SCHEMES for row in rows for column in columns
@@ -45,8 +45,8 @@ def draw_grid(
     y_label: str,
     share: float = 0.0,
 ) -> Callable:
-    """Writes a row of panels per set-up, one panel per row of its grid, a line per scheme
-    and one at `share` of DTC1."""
+    """Returns a function that draws a row of panels per set-up. Each panel shows a row of the grid,
+    with a line per scheme and one at `share` times DTC1."""
 
     def draw(path: Path) -> Path:
         figure, axes = plots.new_figure(len(grids), len(titles), 3.4 * len(grids), sharey=True)

@@ -13,19 +13,21 @@ from ..engine.figure import Figure, Verdict, claim, not_printed
 from ..engine.job import Job
 from .common import COLOUR, control_instants, excerpt, mean, point, runs_around
 
-#: Shown: two turns.
+#: The shown span: two turns.
 LOCUS_S = 0.048
 CHANNELS = ("psi_alpha_Wb", "psi_beta_Wb", "psi_x_Wb", "psi_y_Wb")
-#: What the choice between two vectors can do something about; above, the single vector counts.
+#: Below this frequency the choice between two vectors has an effect. Above it, the single vector
+#: sets the x-y flux.
 SLOW_HZ = 1e3
 WHY_DTC3 = (
-    "in the x–y plane the small vectors are the longest: one period of one moves the flux by "
-    "0.019 Wb, of a large one by 0.005 Wb; below 1 kHz the difference is small"
+    "In the x–y plane the small vectors are the longest. One period of a small vector moves the "
+    "flux by 0.019 Wb, one period of a large vector by 0.005 Wb. Below 1 kHz the difference is "
+    "small."
 )
 
 
 def _locus(rec: Recording) -> dict[str, float]:
-    """Radii of the estimated flux in both planes, at the control instants."""
+    """The radii of the estimated flux in both planes, at the control instants."""
     rec = control_instants(rec)
     dq = np.hypot(rec["psi_alpha_Wb"], rec["psi_beta_Wb"])
     xy = np.hypot(rec["psi_x_Wb"], rec["psi_y_Wb"])
@@ -40,7 +42,7 @@ def _locus(rec: Recording) -> dict[str, float]:
 
 
 def _loci(job: Job, scheme: str, others: tuple[str, ...]) -> tuple[Figure, dict]:
-    """Locus of `scheme`, the x-y locus of DTC1 behind it; `others` are run as well."""
+    """The locus of `scheme`, with the x-y locus of DTC1 behind it. `others` are run as well."""
     runs = runs_around(job, (scheme, *others))
     radii = {name: mean([_locus(run.recording) for run in many]) for name, many in runs.items()}
     shown = {
@@ -85,8 +87,8 @@ def _loci(job: Job, scheme: str, others: tuple[str, ...]) -> tuple[Figure, dict]
         draw=draw,
         recordings={"" if name == scheme else name: rec for name, rec in shown.items()},
         setups=[point(name).setup for name in runs],
-        caption="Estimated stator flux at the control instants, 2500 r/min and 2 N m, "
-        "two turns; radii over five loads within 2 % (quick: three) of 0.5 s each."
+        caption="Estimated stator flux at the control instants, 2500 r/min and 2 N m, two turns. "
+        "The radii are means over five loads within 2 % (quick: three), with 0.5 s each."
         + ("" if scheme == "dtc1" else " Grey: the x–y locus of DTC1."),
     )
     return figure, radii
@@ -116,7 +118,7 @@ def _circle(own: dict) -> Verdict:
 
 
 def b10(job: Job) -> Figure:
-    """Flux loci of DTC1, which leaves the x-y plane to itself."""
+    """Flux loci of DTC1, which does not control the x-y plane."""
     figure, radii = _loci(job, "dtc1", ())
     figure.verdicts += [_circle(radii["dtc1"])]
     return figure

@@ -1,4 +1,4 @@
-"""Paper B's virtual vectors: pairs of vectors, one of them each period."""
+"""Paper B's virtual vectors: pairs of real vectors, one of which is applied in each period."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS = {"L": plots.COLOUR["i_u1"], "S": plots.COLOUR["torque"]}
-#: Paper B, eq. (7): lengths [Vdc]; section V-A: share of each of the two real vectors.
+#: Paper B: lengths [Vdc] by eq. (7), and the share of each of the two real vectors by section V-A.
 LENGTH = {"S": 0.322, "L": 0.5575}
 SHARE_PCT = 50.0
 SPEEDS = ((500.0, 2.0), (1500.0, 2.0), (2500.0, 2.0))
-LEVEL = {"L": 2, "S": 1}  #: torque level that asks for V_L, V_S
+LEVEL = {"L": 2, "S": 1}  #: torque levels that call for V_L and V_S
 
 
 def _repeated(law: Law, level: int, k: int, periods: int) -> np.ndarray:
-    """State words when virtual vector k is asked for again and again and the x-y flux
-    follows from them (300 V, periods of 100 us, no resistance)."""
-    words, psi_xy = [], 1e-4j  # anything but zero, which lies on the line between the two
+    """State words if virtual vector k is requested again and again. The x-y flux follows from them
+    (300 V, periods of 100 us, no resistance)."""
+    words, psi_xy = [], 1e-4j  # not zero, because zero is on the line between the two choices
     for _ in range(periods):
         words.append(law.words((k - 2) % 12, level, True, psi_xy)[0])
         psi_xy += XY[words[-1]] * 0.03
@@ -42,13 +42,13 @@ def _repeated(law: Law, level: int, k: int, periods: int) -> np.ndarray:
 
 
 def _strong(words: np.ndarray) -> float:
-    """Share of the pair's other vector than the medium-large one."""
+    """Share of the large or small vector, that is, the one that is not medium-large."""
     return float(np.mean([geometry.group(int(w)) != "ML" for w in words]))
 
 
 def _shares(run: Run) -> tuple[dict[str, float], Recording]:
-    """Share of the large vector at level 2, of the small one at level 1, of either in the
-    period after a small one; and the periods."""
+    """The share of the large vector at level 2, that of the small one at level 1, and that of
+    either in the period after a small one. Also returns the periods as a recording."""
     full = run.recording
     rec = Recording(
         full.rate_Hz / 4,
@@ -70,7 +70,8 @@ def b6(job: Job) -> Figure:
              for name, level in LEVEL.items() for k in range(12)}  # fmt: skip
     pairs = {key: sorted(set(map(int, w)), key=lambda w: geometry.group(w) == "ML")
              for key, w in words.items()}  # fmt: skip
-    # The paper's: the plain mean of both lengths. Ours: what comes out of the alternation.
+    # `half` is the paper's value, the plain mean of both vectors. `real` is ours, the mean over the
+    # periods of the run.
     half = {key: complex(AB[pair].mean()) for key, pair in pairs.items()}
     real = {key: complex(AB[w].mean()) for key, w in words.items()}
     left = max(abs(XY[w].mean()) for w in words.values())
@@ -97,8 +98,8 @@ def b6(job: Job) -> Figure:
         return plots.save(figure, path)
 
     drawn = (
-        "which of the two a pair gives depends on the x-y flux that the pairs before it left: "
-        "after S, which leaves much, L and S are rare"
+        "Which vector of a pair is applied depends on the x-y flux that the pairs before it have "
+        "left. S leaves much x-y flux, so L and S are rare after it."
     )
     return Figure(
         metrics={"pairs": {f"V_{n}{k + 1}": pair for (n, k), pair in pairs.items()}, "mean": mean,
@@ -111,7 +112,7 @@ def b6(job: Job) -> Figure:
                    within=5e-4 / LENGTH["S"], required=True),
             beside("length of V_L with equal shares", mean["L"]["half"], LENGTH["L"], "Vdc",
                    within=5e-5 / LENGTH["L"],
-                   why="the paper averages the rounded lengths 0.644 and 0.471"),
+                   why="The paper averages the rounded lengths 0.644 and 0.471."),
             beside("ratio of the lengths, H_A to H_B", mean["S"]["half"] / mean["L"]["half"],
                    LENGTH["S"] / LENGTH["L"], within=5e-4, required=True),
             *[claim(f"share of {name} in V_{name}, one pair repeated, as its x-y length asks",
@@ -119,8 +120,9 @@ def b6(job: Job) -> Figure:
                     100 * mean[name]["share"], 100 * zero_mean[name], "%", required=True)
               for name in LENGTH],
             *[beside(f"share of {name} in V_{name}, one pair repeated", 100 * mean[name]["share"],
-                     SHARE_PCT, "%", why="equal shares leave x-y voltage, since the two lengths "
-                     "differ there: the choice by x-y flux settles where they balance")
+                     SHARE_PCT, "%", why="The two lengths differ in x-y, so equal shares leave an "
+                                         "x-y voltage. The choice by the x-y flux settles where "
+                                         "the two balance.")
               for name in LENGTH],
             *[beside(f"share of {name} in V_{name}, {rpm:.0f} r/min and 2 N m", 100 * share[name],
                      SHARE_PCT, "%", why=drawn)
@@ -134,15 +136,16 @@ def b6(job: Job) -> Figure:
         draw=draw,
         recordings={f"{rpm:.0f}": rec for (rpm, _), rec in zip(SPEEDS, recordings, strict=True)},
         setups=[setup],
-        caption="A virtual vector of DTC3 is a pair of real vectors, one of them each period. "
-        "Arrows: mean with equal shares, as the paper takes it. Dots: mean when one pair is asked "
-        "for again and again and the firmware chooses by the x-y flux. Bars: how often the large "
-        "or small vector of the pair is taken then, and in a running drive.",
+        caption="A virtual vector of DTC3 is a pair of real vectors. One of them is applied in "
+                "each period. Arrows show the mean with equal shares, as the paper takes it. Dots "
+                "show the mean if one pair is requested again and again and the firmware chooses "
+                "by the x-y flux. Bars show how often the large or small vector of the pair is "
+                "then applied, and how often in a running drive.",
     )  # fmt: skip
 
 
 def _draw_lengths(ax: Axes, half: dict, real: dict) -> None:
-    """Arrows and dots by (name, k)."""
+    """Draw arrows and dots. Both are given by (name, k)."""
     for (name, k), tip in half.items():
         colour, dot = COLOURS[name], real[name, k]
         style = {"arrowstyle": "->", "color": colour, "lw": 1}
@@ -159,7 +162,7 @@ def _draw_lengths(ax: Axes, half: dict, real: dict) -> None:
 
 
 def _draw_shares(ax: Axes, values: dict[str, list[float]]) -> None:
-    """Bars: one pair repeated, then each speed."""
+    """Draw bars: first one pair repeated, then each speed."""
     for shift, name, of in ((-0.2, "L", "large"), (0.2, "S", "small")):
         bars = ax.bar(np.arange(len(values[name])) + shift, 100 * np.array(values[name]), 0.38,
                       color=COLOURS[name], label=f"of {of} in $V_{name}$")  # fmt: skip

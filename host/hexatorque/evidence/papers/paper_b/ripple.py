@@ -9,26 +9,26 @@ from ..engine.job import Job
 from .common import FITTED, LOAD_NM
 from .grid import Grid, draw_grid, grid_figure, measured, record_grid
 
-#: A panel each, over speed. Full load is that of Table VI.
+#: There is a panel for each load, over speed. Full load is that of Table VI.
 LOADS_NM = {"no load": 0.0, "half load": LOAD_NM / 2, "full load": LOAD_NM}
 STEP_RPM, QUICK_STEP_RPM, FROM_RPM, TO_RPM = 250.0, 500.0, 500.0, 2500.0
-#: "Typically 40 %", and what still counts as that.
+#: The paper says "typically 40 %"; the range counts as that.
 PRINTED_RATIO, RATIO = 0.4, (0.35, 0.65)
 
 WHY_RANGE = (
-    "at 0.4 Wb and 500 r/min one period of a medium-large vector raises the torque by 0.36 N m, "
-    "twice the inner band of DTC3, which misses its bands as far as DTC1 misses its own. At 20 kHz "
-    "(the paper: 10 kHz) the ratio there is 0.48 to 0.60"
+    "At 0.4 Wb and 500 r/min, one period of a medium-large vector raises the torque by 0.36 N m. "
+    "This is twice the inner band of DTC3, so DTC3 exceeds its bands as far as DTC1 exceeds its "
+    "own. With 20 kHz sampling (the paper has 10 kHz) the ratio there is 0.48 to 0.60."
 )
 WHY_RANGE_FITTED = (
-    "below it, so better: without load DTC1, released 0.2 N m beyond the reference, swings from "
-    "one side of it to the other"
+    "The ratio is lower, so this is better than printed. DTC1 is released 0.2 N m beyond the "
+    "reference; without load its torque swings from one side of the reference to the other."
 )
 WHY_RATIO = (
-    "at 10 kHz and 0.4 Wb the ripple is what one period's vector changes, not what the bands "
-    "allow: at 40 kHz the ratio is 0.43 to 0.48 at 2500 r/min and 0.53 to 0.66 below. At 10 kHz it "
-    "is 0.43 at all loads only with 0.25 Wb and a comparator of DTC1 and DTC2 that goes on to "
-    "0.2 N m beyond the reference"
+    "At 10 kHz and 0.4 Wb the change of torque in one period sets the ripple, not the bands. At "
+    "40 kHz the ratio is 0.43 to 0.48 at 2500 r/min, and 0.53 to 0.66 at lower speeds. At 10 kHz "
+    "it is 0.43 at all loads only with 0.25 Wb and a comparator of DTC1 and DTC2 that holds its "
+    "vector up to 0.2 N m beyond the reference."
 )
 
 
@@ -79,6 +79,7 @@ def b16(job: Job) -> Figure:
             name: record_grid("speed_rpm", "r/min", speeds, grid, names)
             for name, grid in ripple.items()
         },
-        caption="Standard deviation of the true torque at the control instants. The paper's speed "
-        "base is not printed; its other tests are within 500 to 2500 r/min.",
+        caption="Standard deviation of the true torque at the control instants. The paper does "
+                "not print the base of its speed axis. Its other tests are within 500 to 2500 "
+                "r/min.",
     )  # fmt: skip

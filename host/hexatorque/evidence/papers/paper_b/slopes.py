@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SPEEDS_RPM = (500.0, 2500.0)
-#: Samples a control period: slopes are taken between neighbours under one vector.
+#: Samples in a control period. Slopes are taken between neighbouring samples under one vector.
 PER_PERIOD = 20
 SHOWN_S = 6e-3
 KINDS = ("rise", "fall")
@@ -28,8 +28,8 @@ CHANNELS = ("plant.torque_Nm", "plant.gates", "torque_ref_Nm")
 
 
 class Slopes(NamedTuple):
-    """Per period, in N m/s: dT/dt measured and by eq. (8), under vectors that raise the
-    torque and under zero vectors. Periods of the others are left out."""
+    """For each period, in N m/s: dT/dt as measured and by eq. (8), under vectors that raise the
+    torque and under zero vectors. Periods with other vectors are left out."""
 
     rise: np.ndarray  # (n,)
     rise_eq8: np.ndarray
@@ -38,7 +38,7 @@ class Slopes(NamedTuple):
 
 
 def gate_states(gates: np.ndarray) -> np.ndarray:
-    """(n, 6) of the recorded channel: 0 low, 1 high, 2 off."""
+    """(n, 6): leg states of the recorded channel. 0 is low, 1 is high, 2 is off."""
     return np.asarray(gates, dtype=int)[:, None] >> np.arange(10, -1, -2) & 3
 
 
@@ -49,8 +49,8 @@ def inductances(setup: Setup) -> tuple[float, float, float]:
 
 
 def torque_slope(rec: Recording, setup: Setup, v_V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Eq. (8) from the plant's state, N m/s, and its voltage term, which is what a vector
-    raises the torque by. v_V: complex alpha-beta voltage. With sigma = 1 - L_m^2/(L_s L_r)."""
+    """Eq. (8) computed from the plant's state in N m/s, and its voltage term, which is the slope
+    that a vector adds. v_V: complex alpha-beta voltage. sigma = 1 - L_m^2/(L_s L_r)."""
     ls_H, lr_H, lm_H = inductances(setup)
     sigma = 1 - lm_H**2 / (ls_H * lr_H)
     psi_s = rec["plant.psi_alpha_Wb"] + 1j * rec["plant.psi_beta_Wb"].astype(float)
@@ -65,7 +65,7 @@ def torque_slope(rec: Recording, setup: Setup, v_V: np.ndarray) -> tuple[np.ndar
 
 
 def slopes(rec: Recording, setup: Setup) -> Slopes:
-    """Between neighbouring samples under one and the same vector, no leg off."""
+    """The slopes between neighbouring samples under the same vector, with no leg off."""
     states = gate_states(rec["plant.gates"])
     v_V = setup["inverter.vdc_V"] * (TRANSFORM[0] + 1j * TRANSFORM[1]) @ states.T
     equation, by_voltage = torque_slope(rec, setup, v_V)
@@ -99,7 +99,7 @@ def _record(job: Job, speed_rpm: float) -> Recording:
 
 
 def _figures(s: Slopes) -> dict[str, float]:
-    """Means, scatter over the periods, and rms distance from eq. (8)."""
+    """The means, the scatter over the periods, and the rms distance from eq. (8)."""
     found = {}
     for name in KINDS:
         measured, equation = getattr(s, name), getattr(s, f"{name}_eq8")
@@ -139,12 +139,12 @@ def _verdicts(metrics: dict[float, dict], setup: Setup) -> list[Verdict]:
         claim("rise over fall, 500 r/min", slow > 1, slow, "fast rise, slow fall"),
         claim("rise over fall, 2500 r/min", fast < 1, fast, "slow rise, fast fall"),
         beside("σ in eq. (8)", 1 - lm_H**2 / (ls_H * lr_H), (1 - lm_H**2) / (ls_H * lr_H),
-               why="misprint: (1 − L_m²)/(L_s L_r) has mixed units; meant is 1 − L_m²/(L_s L_r)"),
+               why="Misprint: (1 − L_m²)/(L_s L_r) mixes units. 1 − L_m²/(L_s L_r) is meant."),
     ]  # fmt: skip
 
 
 def b7(job: Job) -> Figure:
-    """Torque under DTC1 at two speeds; its slopes against eq. (8)."""
+    """Torque under DTC1 at two speeds, and its slopes compared with eq. (8)."""
     recordings = dict(zip(SPEEDS_RPM, job.each(lambda rpm: _record(job, rpm), SPEEDS_RPM)))
     setup = point("dtc1").setup
     found = {rpm: slopes(rec, setup) for rpm, rec in recordings.items()}
@@ -178,9 +178,10 @@ def b7(job: Job) -> Figure:
         draw=draw,
         recordings={f"{rpm:g}rpm": rec for rpm, rec in shown.items()},
         setups=[setup],
-        caption="True torque under DTC1 at 2 N m, coloured by the vector on the legs. Right: the "
-        "slope in each period, dead time left out, over what eq. (8) gives for the plant's true "
-        "fluxes, torque, speed and voltage, with σ = 1 − L_m²/(L_s L_r).",
+        caption="True torque under DTC1 at 2 N m. The colour shows the vector on the legs. Right: "
+        "the measured slope in each period, without the dead times, over the slope by eq. "
+        "(8). Eq. (8) is computed from the plant's true fluxes, torque, speed and "
+        "voltage, with σ = 1 − L_m²/(L_s L_r).",
     )
 
 

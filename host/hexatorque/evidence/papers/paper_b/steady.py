@@ -29,7 +29,7 @@ from .common import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Spans shown: currents (the paper's screen: ten divisions of 5 ms), torque.
+#: The shown spans of currents (the paper's screen has ten divisions of 5 ms) and torque.
 CURRENT_S, TORQUE_S = 0.05, 0.05
 HIGHEST_ORDER, HIGHEST_PCT = 31, 40
 PHASES = ("plant.i_u1_A", "plant.i_u2_A")
@@ -37,8 +37,8 @@ TRACES = ("plant.torque_Nm", "torque_Nm", "torque_ref_Nm", "torque_level")
 
 
 def _orders(run: Run) -> dict[str, float]:
-    """Harmonics of phase a (u1) in % of the fundamental: rms of those of either plane up
-    to order 50, and the low ones of the x-y plane."""
+    """Harmonics of phase a (u1) in % of the fundamental: the rms of those of each plane up to order
+    50, and the low ones of the x-y plane."""
     rec = run.recording
     f1_Hz = abs(fundamental_Hz(rec))
     line = harmonics(rec["plant.i_u1_A"], rec.rate_Hz, f1_Hz, range(1, 51))
@@ -100,8 +100,9 @@ def b13(job: Job) -> Figure:
         draw=draw,
         recordings=shown,
         setups=[point(scheme).setup for scheme in SCHEMES],
-        caption="True phase currents at 2500 r/min and 2 N m. Harmonics are means over five loads "
-        "within 2 % (quick: three), orders up to 50; the spectra show one of them.",
+        caption="True phase currents at 2500 r/min and 2 N m. The harmonics, up to order 50, are "
+                "means over five loads within 2 % (quick: three). The spectra show one of these "
+                "loads.",
     )  # fmt: skip
 
 
@@ -157,8 +158,9 @@ def b15(job: Job) -> Figure:
         draw=draw,
         recordings=shown,
         setups=[point(scheme).setup for scheme in SCHEMES],
-        caption="Estimated torque at the control instants, 2500 r/min and 2 N m. The ripple is the "
-        "standard deviation of the true torque there, mean over five loads within 2 % (quick: "
-        "three). The comparators keep the error on one side: the mean is below the reference, "
-        "which the speed loop raises accordingly.",
+        caption="Estimated torque at the control instants, 2500 r/min and 2 N m. The ripple is "
+                "the standard deviation of the true torque at these instants. It is a mean over "
+                "five loads within 2 % (quick: three). The comparators keep the error on one "
+                "side, so the mean is below the reference. The speed loop raises the reference "
+                "accordingly.",
     )  # fmt: skip

@@ -11,45 +11,45 @@ from ..engine.job import Job
 from .common import FITTED, LOAD_NM
 from .grid import Grid, draw_grid, grid_figure, measured, record_grid
 
-#: A panel each, over load. Full load is that of Table VI; the paper's own base is not
-#: printed (0.75 kW at 3000 r/min would be 2.4 N m).
+#: There is a panel for each speed, over load. Full load is that of Table VI. The paper does not
+#: print its base (0.75 kW at 3000 r/min would be 2.4 N m).
 SPEEDS_RPM = (500.0, 1500.0, 2500.0)
 NAMES = [f"{speed:g} r/min" for speed in SPEEDS_RPM]
 SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 QUICK_SHARES = (0.2, 0.6, 1.0)
 
 WHY_LOCK = (
-    "around 1500 r/min one large vector often ends just below the reference, and a second one past "
-    "the far edge of DTC1's band, so that it brakes with active vectors as well (9 to 20 % of the "
-    "periods)"
+    "Around 1500 r/min one large vector often ends just below the reference, and a second one "
+    "ends beyond the far edge of DTC1's band. DTC1 then brakes with active vectors as well (9 to "
+    "20 % of the periods)."
 )
 WHY_ZERO = (
-    "the paper's tables have V0 only; we take the zero vector with the fewest transitions, from "
-    "which DTC1 gains most. With V0 only it is 1.17, 0.91, 1.27 at 500, 1500, 2500 r/min; with V0 "
-    "and 0.25 Wb 1.11, 1.07, 1.24"
+    "The paper's tables have V0 only. We take the zero vector with the fewest transitions, and "
+    "DTC1 gains most from this. With V0 only, the ratio is 1.17, 0.91, 1.27 at 500, 1500, 2500 "
+    "r/min. With V0 only and 0.25 Wb it is 1.11, 1.07, 1.24."
 )
 WHY_DOUBLE = (
-    "as for DTC2 the zero vectors, and the flux: with V0 only and 0.25 Wb it is 1.8, 2.0, 2.0 at "
-    "500, 1500, 2500 r/min"
+    "It depends on the zero vectors, as for DTC2, and on the flux. With V0 only and 0.25 Wb the "
+    "ratio is 1.8, 2.0, 2.0 at 500, 1500, 2500 r/min."
 )
 WHY_RELEASE = (
-    "the release of DTC1 and DTC2 beyond the reference, assumed for their ripple, makes them "
-    "switch more at low speed and load; released at the reference it is 1.8, 2.0, 2.0 at 500, "
-    "1500, 2500 r/min, and the order holds at each"
+    "The release of DTC1 and DTC2 beyond the reference is assumed for their ripple. It makes them "
+    "switch more at low speed and load. If they are released at the reference, DTC3 has 1.8, 2.0, "
+    "2.0 times DTC1's frequency at 500, 1500, 2500 r/min, and the order holds at each speed."
 )
 WHY_LIGHT = (
-    "at light load and 0.25 Wb the fundamental is small, and switching ripple, which all schemes "
-    "have, is most of the THD"
+    "At light load and 0.25 Wb the fundamental is small. Most of the THD is then switching "
+    "ripple, which all schemes have."
 )
 WHY_SAME = (
-    "at low speed DTC3 applies small vectors most of the time, which are the longest in the x–y "
-    "plane. With V0 as the only zero vector, as printed, it is 1.33, 1.02, 1.06 at 500, 1500, "
-    "2500 r/min; with 0.25 Wb as well 1.22, 1.11, 1.02"
+    "At low speed DTC3 applies small vectors most of the time. These are the longest in the x–y "
+    "plane. With V0 as the only zero vector, as printed, the ratio is 1.33, 1.02, 1.06 at 500, "
+    "1500, 2500 r/min. With V0 only and 0.25 Wb it is 1.22, 1.11, 1.02."
 )
 
 
 def _over_load(job: Job, value: Callable) -> tuple[np.ndarray, dict[str, Grid]]:
-    """Loads in N m, and `value` over them at the three speeds. Figs. 14 and 19 have the
+    """The loads in N m, and `value` over the loads at the three speeds. Figs. 14 and 19 have the
     same points."""
     loads = LOAD_NM * np.array(QUICK_SHARES if job.quick else SHARES)
     return loads, measured(job, SPEEDS_RPM, loads, lambda speed, load: (speed, load), value)
@@ -80,12 +80,13 @@ def b14(job: Job) -> Figure:
         recordings={
             name: record_grid("load_Nm", "N m", loads, grid, NAMES) for name, grid in thd.items()
         },
-        caption="THD up to 1 kHz; the paper does not state its band. 2 N m is taken as full load.",
+        caption="THD up to 1 kHz. The paper does not state its band. Full load is taken as 2 N m.",
     )
 
 
 def _order(name: str, where: str, mean_kHz: list[float], required: bool = False) -> list[Verdict]:
-    """Order and ratios of the schemes' means over load. The paper prints round numbers."""
+    """The verdicts on order and ratios of the schemes' means over load. The paper prints round
+    numbers."""
     first, second, third = mean_kHz
     fitted = name == FITTED
     label = f"{name}, {where}"
@@ -119,5 +120,6 @@ def b19(job: Job) -> Figure:
         recordings={
             name: record_grid("load_Nm", "N m", loads, grid, NAMES) for name, grid in f_sw.items()
         },
-        caption="Transitions of all legs over 12 and the time. The points are those of Fig. 14.",
+        caption="The switching frequency is the number of transitions of all legs / (12 × time). "
+        "The points are those of Fig. 14.",
     )

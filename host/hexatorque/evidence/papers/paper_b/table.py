@@ -1,5 +1,5 @@
-"""Paper B's comparison of its three schemes (Table VI), and how it depends on the flux
-reference, which the paper does not print."""
+"""Paper B's comparison of its three schemes (Table VI), and its dependence on the flux reference,
+which the paper does not print."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 FLUXES_WB = (0.25, 0.275, 0.3, 0.325, 0.35, 0.375, 0.4, 0.425, 0.45, 0.5, 0.55)
 QUICK_FLUXES_WB = (0.25, 0.3, 0.4, 0.5)
-#: What is compared: key of `_row`, label, key of the printed number, digits shown.
+#: The compared quantities: key of `_row`, label, key of the printed number, number of digits.
 QUANTITIES = (
     ("thd_1kHz_pct", "THD of $i_a$, 1 kHz [%]", "thd_pct", 1),
     ("torque_ripple_Nm", "torque ripple, std [N m]", "torque_ripple_Nm", 3),
@@ -39,63 +39,70 @@ QUANTITIES = (
 )
 
 WHY_THD = (
-    "set by the flux reference, which is not printed, and the x–y inductance, for which the paper "
-    "takes the stator leakage: 0.25 Wb gives 22, 13, 13 %; at 0.4 Wb 22 mH instead of 14.4 mH "
-    "gives 26, 12, 13 %. Dead time and a predicted latency move it by a point"
+    "The THD depends on the flux reference, which is not printed, and on the x–y inductance, for "
+    "which the paper takes the stator leakage. With 0.25 Wb it is 22, 13, 13 %. With 0.4 Wb and "
+    "22 mH instead of 14.4 mH it is 26, 12, 13 %. Dead time or a predicted latency change it by "
+    "one point."
 )
 WHY_H50 = (
-    "harmonics alone leave out what a switching table spreads between them; no flux gives all three"
+    "The harmonics alone leave out the content between them, which a switching table makes. No "
+    "flux gives all three values."
 )
 WHY_RIPPLE = (
-    "the flux reference, which is not printed; this one is assumed for DTC1's and DTC2's ripple"
+    "The flux reference is not printed. The value here is assumed so that the ripple of DTC1 and "
+    "DTC2 agrees."
 )
 WHY_RIPPLE_3 = (
-    "the flux: 0.11 N m at 0.25 Wb. At 0.4 Wb no other reading of the five-level comparator gives "
-    "less than 0.15 (back to 0 only at 0: 0.24, no hysteresis: 0.16, half bands: 0.24), nor do "
-    "dead time, latency or observer. Both vectors of a pair within each period give 0.105, but "
-    "then f_sw is 3.6 times DTC1's"
+    "It depends on the flux: at 0.25 Wb it is 0.11 N m. At 0.4 Wb no other reading of the "
+    "five-level comparator gives less than 0.15 N m (back to 0 only at error 0: 0.24; no "
+    "hysteresis: 0.16; half bands: 0.24). Dead time, latency and observer do not lower it either. "
+    "Both vectors of a pair within each period give 0.105 N m, but then f_sw is 3.6 times DTC1's."
 )
 WHY_F_2 = (
-    "the paper's tables have V0 only, we take the zero vector with the fewest transitions, from "
-    "which DTC1 gains most. With V0 only it is 1.19 (0.25 Wb: 1.22). Counting does not matter to "
-    "a ratio; hysteresis in the x–y choice gives 1.08, but 1.7 times the THD"
+    "The paper's tables have V0 only. We take the zero vector with the fewest transitions, and "
+    "DTC1 gains most from this. With V0 only, the ratio is 1.19 (with 0.25 Wb: 1.22). The way of "
+    "counting does not change a ratio. Hysteresis in the x–y choice gives 1.08, but 1.7 times the "
+    "THD."
 )
-WHY_F_3 = "zero vectors and flux: with V0 only it is 1.56, at 0.25 Wb 2.03"
+WHY_F_3 = (
+    "It depends on the zero vectors and on the flux: with V0 only it is 1.56, at 0.25 Wb it "
+    "is 2.03."
+)
 WHY_RIPPLE_FITTED = (
-    "hangs on how far beyond the reference the comparator holds a vector: 0.2 N m (assumed) gives "
-    "0.27 and 0.25 N m, none 0.17 and 0.17"
+    "It depends on how far beyond the reference the comparator holds a vector. With 0.2 N m "
+    "(assumed) the ripple of DTC1 and DTC2 is 0.27 and 0.25 N m, without it 0.17 and 0.17 N m."
 )
 WHY_F_FITTED = (
-    "DTC1 and DTC2 released beyond the reference switch more; released at it, DTC3 has 2.04 times "
-    "DTC1's"
+    "DTC1 and DTC2 switch more if they are released beyond the reference. If they are released at "
+    "the reference, DTC3 has 2.04 times DTC1's f_sw."
 )
 WHY_RATIO = (
-    "DTC3's ripple falls with the flux, DTC1's as well: no flux brings the ratio below 0.55. The "
-    "printed pair needs a comparator of DTC1 that goes on beyond the reference: to 0.2 N m "
-    "at 0.25 Wb gives 0.27, 0.25 and 0.11 N m"
+    "A lower flux lowers DTC3's ripple, but DTC1's as well, so no flux brings the ratio below "
+    "0.55. The printed pair needs a comparator of DTC1 that holds its vector beyond the "
+    "reference. With 0.2 N m beyond it and 0.25 Wb, the ripple is 0.27, 0.25 and 0.11 N m."
 )
 
 WHY_RATIO_THD = (
-    "DTC1's THD grows with the flux, as its 5th and 7th grow with the voltage; DTC2's and DTC3's "
-    "does so less: 0.55 and 0.58 at 0.25 Wb"
+    "DTC1's THD grows with the flux, because its 5th and 7th harmonics grow with the voltage. "
+    "DTC2's and DTC3's THD grows less. At 0.25 Wb the ratios are 0.55 and 0.58."
 )
 
 
 def _row(metrics: dict) -> dict[str, float]:
-    """What Table VI compares, and the other bands, of a point's metrics."""
+    """The quantities of Table VI from a point's metrics, with all bands of the THD."""
     thd = {f"thd_{band}_pct": value for band, value in metrics["thd_pct"].items()}
     return thd | {key: metrics[key] for key in ("torque_ripple_Nm", "f_sw_Hz")}
 
 
 def _relative(table: dict[str, dict]) -> dict[str, dict]:
-    """The same with f_sw over DTC1's."""
+    """The same table with f_sw relative to DTC1's as well."""
     first = table["dtc1"]["f_sw_Hz"]
     return {scheme: {**row, "f_sw_rel": row["f_sw_Hz"] / first} for scheme, row in table.items()}
 
 
 def _measure(job: Job) -> tuple[dict, dict, np.ndarray, list[dict]]:
-    """By set-up: mean and spread (largest less smallest over the loads) by scheme; fluxes in
-    Wb, and means at each of them."""
+    """Returns, by set-up and scheme, the means and the spreads (largest minus smallest over the
+    loads); then the fluxes in Wb, and the means at each flux."""
     loads = around(LOAD_NM, job.quick)
     fluxes = QUICK_FLUXES_WB if job.quick else FLUXES_WB
     scan_loads = loads[:1] if job.quick else around(LOAD_NM, True)
@@ -134,7 +141,8 @@ def _measure(job: Job) -> tuple[dict, dict, np.ndarray, list[dict]]:
 
 
 def _numbers(where: str, table: dict[str, dict]) -> list[Verdict]:
-    """The printed numbers. THD spreads by 5 % over the loads, and f_sw is printed in words."""
+    """The verdicts on the printed numbers. The THD spreads by 5 % over the loads, and f_sw is
+    printed in words."""
     why = {"dtc2": WHY_F_2, "dtc3": WHY_F_FITTED if where == FITTED else WHY_F_3}
     why_ripple = WHY_RIPPLE_FITTED if where == FITTED else WHY_RIPPLE
     rows = []
@@ -158,8 +166,8 @@ def _numbers(where: str, table: dict[str, dict]) -> list[Verdict]:
 
 
 def _order(where: str, table: dict[str, dict]) -> list[Verdict]:
-    """Which scheme has more of what, and how much. The ratios must come out where what the
-    paper leaves open is fitted."""
+    """The verdicts on the order of the schemes and on their ratios. The ratios are required for the
+    set-up in which the open values are fitted."""
     fitted = where == FITTED
     thd, ripple, f_sw = (
         {scheme: row[key] for scheme, row in table.items()} for key, *_ in QUANTITIES
@@ -200,7 +208,8 @@ def _list(values: dict[str, float], digits: int) -> str:
 
 
 def _bars(axis: Axes, tables: dict[str, dict], key: str, printed_key: str, digits: int) -> None:
-    """Per scheme: both set-ups, the second paler, and the printed number, hatched."""
+    """Draw, for each scheme, both set-ups (the second one pale) and the printed number
+    (hatched)."""
     for at, scheme in enumerate(SCHEMES):
         colour = COLOUR[scheme]
         bars = [
@@ -218,7 +227,7 @@ def _bars(axis: Axes, tables: dict[str, dict], key: str, printed_key: str, digit
 
 
 def b_t6(job: Job) -> Figure:
-    """Table VI beside ours, and ours over the flux reference."""
+    """Table VI compared with ours, and ours over the flux reference."""
     tables, spreads, fluxes, scan = _measure(job)
     chosen_Wb = point("dtc1").setup.parameter("flux_ref_Wb")
 
@@ -257,7 +266,8 @@ def b_t6(job: Job) -> Figure:
             "flux": Recording(1.0, channels, {"flux_ref_Wb": "Wb"}, {"rows": "flux_ref_Wb"})
         },
         setups=[point(scheme, name=name).setup for name in SETUPS for scheme in SCHEMES],
-        caption="2500 r/min, 2 N m. Means over five loads within 2 % (quick: three). f_sw is given "
-        "in the paper's text, in round numbers. Below, paper-b over the flux reference "
-        "(vertical line: its own): no flux alone gives all the printed numbers.",
+        caption="2500 r/min, 2 N m. The numbers are means over five loads within 2 % (quick: "
+        "three). The paper gives f_sw in its text, in round numbers. The lower row shows "
+        "paper-b over the flux reference; the vertical line is the set-up's own. No flux "
+        "alone gives all the printed numbers.",
     )

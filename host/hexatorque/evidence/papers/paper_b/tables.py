@@ -23,17 +23,18 @@ Demand = tuple[int, int]  #: d_m, d_psi
 #: Sector i as printed.
 TABLE_I = {(1, 1): 60, (1, 0): 28, (-1, 1): 35, (-1, 0): 3}
 TABLE_II_B = {(1, 1): 24, (1, 0): 44, (-1, 1): 19, (-1, 0): 39}
-#: Table IV, sector i: number x of the virtual vector, V_Lx at levels 2 and -2, V_Sx at
-#: 1 and -1.
+#: Table IV, sector i: number x of the virtual vector, which is V_Lx at levels 2 and -2, and V_Sx at
+#: levels 1 and -1.
 TABLE_IV = {(2, 1): 3, (2, 0): 4, (1, 1): 3, (1, 0): 4,
             (-1, 1): 10, (-1, 0): 9, (-2, 1): 10, (-2, 0): 9}  # fmt: skip
 #: Table III, row V60: switching table to use, by x-y sector i..xii, ...
 TABLE_III_V60 = [2, 2, 2, 2, 1, 1, 1, 1, 1, 1, 2, 2]
-#: ... and what section IV-A says: x-y flux in sectors v to x: V24 (table 2), else V60.
+#: ... and by the sentence in section IV-A: V24 (table 2) with the x-y flux in sectors v to x, else
+#: V60.
 SENTENCE_V60 = [1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 1, 1]
 V60 = 2  #: its direction k
 
-#: x-y flux placed against or along what the large vector adds, Wb per Vdc.
+#: x-y flux that opposes the large vector's x-y voltage or points along it, Wb per Vdc.
 AGAINST, ALONG = -0.02, 0.02
 COLOURS = {"L": plots.COLOUR["i_u1"], "ML": plots.COLOUR["i_u2"], "S": plots.COLOUR["torque"]}
 
@@ -49,8 +50,8 @@ def exact(what: str, ours: list, paper: list) -> Verdict:
 
 
 class Table:
-    """A switching table as compiled. rows: demand -> sector 0..11 -> words, one for each
-    x-y flux of `sides`; printed: those of sector i."""
+    """A switching table as compiled. rows: demand -> sector 0..11 -> words, one for each x-y flux
+    of `sides`; printed: the words of sector i."""
 
     def __init__(self, name: str, law: Law, sides: tuple[float, ...],
                  printed: dict[Demand, tuple[int, ...]]) -> None:  # fmt: skip
@@ -63,16 +64,16 @@ class Table:
 
     @staticmethod
     def _word(law: Law, demand: Demand, s: int, side: float) -> int:
-        # Towards what the demand means: 75 degrees from the flux raises it, 105 lowers it;
-        # ahead of it raises torque.
+        # The vector's direction follows from the demand. 75 degrees from the flux raises the flux,
+        # 105 degrees lowers it. A vector ahead of the flux raises the torque.
         angle = (30 * s + int(np.sign(demand[0])) * (75 if demand[1] else 105)) % 360
         words = law.words(s, demand[0], bool(demand[1]), side * XY[geometry.word_along("L", angle)])
-        (word,) = set(words)  # a single vector all period
+        (word,) = set(words)  # a single vector for the whole period
         return word
 
     def verdicts(self) -> list[Verdict]:
-        """Sector i beside the print, the others beside the print turned 30 degrees a
-        sector."""
+        """The verdicts: sector i is compared with the print, each other sector with the print
+        turned by 30 degrees a sector."""
         turned = {
             demand: [tuple(geometry.turned(word, s) for word in words) for s in range(12)]
             for demand, words in self.printed.items()
@@ -126,10 +127,10 @@ def _figure(run: Audit, tables: list[Table], caption: str) -> Figure:
         draw=draw,
         recordings={"": run.recording},
         setups=[run.setup],
-        caption=f"{caption} Without torque demand the zero vector that needs the fewest "
-        "transitions. The paper prints sector i, the others follow by turning; sector s reaches "
-        "from 30 s - 15 to 30 s + 15 degrees. Small figures: periods in which a drive that "
-        "reverses between +500 and -500 r/min applied the vector for that demand.",
+        caption=f"{caption} Without torque demand, the zero vector with the fewest transitions is "
+        "applied. The paper prints sector i. The other sectors follow by turning it; sector s "
+        "reaches from 30 s - 15 to 30 s + 15 degrees. The small numbers count the periods in which "
+        "a drive that reverses between +500 and -500 r/min applied the vector for that demand.",
     )
 
 
@@ -141,7 +142,7 @@ def b_t1(job: Job) -> Figure:
 
 
 def b_t2(job: Job) -> Figure:
-    """Table II: DTC2's two tables, large and medium-large vectors."""
+    """Table II: DTC2's two tables, one with large and one with medium-large vectors."""
     law = _law("dtc2")
     tables = [
         Table(name, law, (side,), {demand: (word,) for demand, word in printed.items()})
@@ -150,14 +151,16 @@ def b_t2(job: Job) -> Figure:
             ("Table II-b", ALONG, TABLE_II_B),
         )
     ]
-    return _figure(audit(job, "dtc2"), tables, "Switching tables of DTC2: a large vector, or the "
-                   "medium-large one in the same direction, whichever takes x-y flux "
-                   "away.")  # fmt: skip
+    caption = (
+        "Switching tables of DTC2: a large vector, or the medium-large vector in the same "
+        "direction. The one that lowers the x-y flux is applied."
+    )
+    return _figure(audit(job, "dtc2"), tables, caption)
 
 
 def b_t4(job: Job) -> Figure:
     """Table IV: DTC3's virtual vectors V_L (large and medium-large) and V_S (small and
-    medium-large), one of the two real vectors a period."""
+    medium-large). One of the two real vectors is applied in each period."""
     printed = {
         (level, up): tuple(
             geometry.word_along(group, 15 + 30 * (number - 1))
@@ -176,7 +179,7 @@ def _selection(scheme: str) -> np.ndarray:
     for k in range(12):
         for j in range(12):
             psi_xy = 0.02 * np.exp(1j * np.deg2rad(30 * j))
-            # Torque and flux to rise: direction k comes up in sector k - 2.
+            # If torque and flux have to rise, direction k is chosen in sector k - 2.
             word = law.words((k - 2) % 12, law.full_level, True, psi_xy)[0]
             chosen[k, j] = {"L": 1, "ML": 2}[geometry.group(word)]
     return chosen
@@ -195,12 +198,12 @@ def _used(runs: list[Audit]) -> np.ndarray:
 
 
 def b_t3(job: Job) -> Figure:
-    """Table III: which of the two tables, by the sector of the x-y flux."""
+    """Table III: the choice between the two tables by the sector of the x-y flux."""
     schemes = ("dtc2", "dtc3")
     runs = [audit(job, scheme) for scheme in schemes]
     tables = {scheme: _selection(scheme) for scheme in schemes}
     selection = tables["dtc2"]
-    # The medium-large vector where the large one would add to the x-y flux.
+    # The medium-large vector is right where the large one would raise the x-y flux.
     turn = np.exp(1j * np.deg2rad(30 * np.arange(12)))
     derived = np.where(np.real(np.outer(XY[geometry.WORDS["L"]], turn.conj())) > 0, 2, 1)
     used = _used(runs)
@@ -233,13 +236,14 @@ def b_t3(job: Job) -> Figure:
                   f"{agree} of {used.sum()} periods", "all", required=True),
             claim("the sentence in section IV-A: V24 with the x-y flux in v to x", said == total,
                   f"{said} of {total} periods of V60 or V24", "all",
-                  why="the sentence contradicts Table III and its own aim: in sectors v to x V60 "
-                  "takes x-y flux away and V24 adds to it"),
+                  why="The sentence contradicts Table III and its own aim: in sectors v to x, V60 "
+                      "lowers the x-y flux and V24 raises it."),
         ],
         draw=draw,
         recordings={run.setup["controller.scheme"]: run.recording for run in runs},
         setups=[run.setup for run in runs],
         caption="Choice between the two switching tables of DTC2 and DTC3. The paper prints the "
-        "row of V60; the others follow from the same rule: not the vector that adds to the x-y "
-        "flux. Small figures: periods of two drives that reverse between +500 and -500 r/min.",
+                "row of V60. The other rows follow from the same rule: never the vector that "
+                "raises the x-y flux. The small numbers count periods of two drives that reverse "
+                "between +500 and -500 r/min.",
     )  # fmt: skip

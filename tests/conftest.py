@@ -1,0 +1,59 @@
+"""Which tests `make test` and `make test-quick` run when.
+
+timed   The test depends on how fast other processes answer. It mostly waits, so several of these
+        run at once, apart from tests that would keep the processors busy.
+live    The same, but the test keeps a processor busy: a browser, or a board on an emulated
+        processor. As many run at once as there are processors.
+slow    The file takes more than some seconds of computing time. `make test-quick` leaves it out.
+"""
+
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).parent
+
+TIMED = (
+    "host/boards/test_pil_board.py",
+    "host/monitor/test_server.py",
+    "host/monitor/test_traces.py",
+    "host/serial",
+)
+LIVE = (
+    "host/boards/test_served_board.py",
+    "host/monitor/test_command.py",
+    "host/monitor/test_deadman.py",
+    "host/monitor/test_page.py",
+    "host/monitor/test_plots.py",
+    "project/test_tutorial.py",
+)
+SLOW = (
+    "firmware/core/test_pattern.py",
+    "firmware/port",
+    "host/analysis/test_plots.py",
+    "host/boards",
+    "host/cli/test_cli.py",
+    "host/cli/test_compiling.py",
+    "host/drive",
+    "host/evidence",
+    "host/plant",
+    "host/recording/test_files.py",
+    "project",
+)
+
+
+def pytest_configure(config):
+    config.addinivalue_line("markers", "timed: waits for other processes")
+    config.addinivalue_line("markers", "live: waits for other processes and keeps a processor busy")
+    config.addinivalue_line("markers", "slow: left out by `make test-quick`")
+
+
+def pytest_collection_modifyitems(items):
+    marks = [(TESTS / name, pytest.mark.timed) for name in TIMED]
+    marks += [(TESTS / name, pytest.mark.live) for name in LIVE]
+    marks += [(TESTS / name, pytest.mark.slow) for name in SLOW]
+    assert all(path.exists() for path, _ in marks)
+    for item in items:
+        for path, mark in marks:
+            if item.path == path or path in item.path.parents:
+                item.add_marker(mark)

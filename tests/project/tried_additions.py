@@ -1,0 +1,102 @@
+"""Tries a scheme, a chip and a machine model in one simulation, for test_adding.py.
+
+    python tried_additions.py SETUP.toml
+
+runs a drive of this set-up with the package that Python finds, and prints what it found as JSON.
+"""
+
+import json
+import sys
+
+import numpy as np
+
+from hexatorque import firmware, setups
+from hexatorque.drive.simulated import SimulatedDrive, _load
+from hexatorque.plant import machine, machines
+from hexatorque.plant.vsd import TRANSFORM
+
+#: Mechanical speed from which the machine coasts, rad/s, and for how long.
+COAST_RAD_S, COAST_S = 100.0, 0.02
+#: Calibration and build-up are over after this time; then the drive runs for a while.
+STARTED_S, RUN_S = 0.06, 0.02
+#: Part of Vdc that a leg gives: low, high, both switches off (the dead time).
+LEVEL = (0.0, 1.0, 0.5)
+
+
+def coasting(setup) -> dict:
+    """Without gate pulses and without load: the machine's slope of speed at the beginning, and its
+    speed after a time."""
+    drive = SimulatedDrive(setup)
+    model = machines.model(setup["machine.model"])
+    record = model.make(model.Parameters(**setup.machine_values()))
+    drive.plant_state[6] = COAST_RAD_S
+    slope = np.zeros(8)
+    load = _load("constant", 0.0, 1000.0)
+    machine.derivative(record, load, drive.plant_state, np.zeros(4), slope)
+    drive.run(COAST_S)
+    return {
+        "slope_rad_s2": float(slope[6]),
+        "from_rad_s": COAST_RAD_S,
+        "to_rad_s": float(drive.plant_state[6]),
+        "time_s": COAST_S,
+        "inertia_kgm2": setup["machine.inertia_kgm2"],
+        "viscous_Nms": setup["machine.viscous_Nms"],
+    }
+
+
+def mean_voltages(drive: SimulatedDrive, first: int) -> np.ndarray:
+    """Mean of the legs' voltage in each period from `first` on, in alpha, beta, x and y."""
+    counts = drive.controller.period_counts
+    mean = np.zeros((drive.periods, 6))
+    since, level = [first * counts] * 6, [0.0] * 6
+    ends = [(drive.periods * counts, leg, 0) for leg in range(6)]
+    for at, leg, state in [*drive.edges.tolist(), *ends]:
+        begin = since[leg]
+        while begin < at:
+            period = begin // counts
+            end = min(at, (period + 1) * counts)
+            mean[period, leg] += level[leg] * (end - begin) / counts
+            begin = end
+        since[leg], level[leg] = at, LEVEL[state]
+    return mean[first:] @ TRANSFORM.T
+
+
+def running(setup) -> dict:
+    """What the drive does once it runs."""
+    drive = SimulatedDrive(setup, samples_per_period=1)
+    drive.start()
+    drive.run(STARTED_S)
+    drive.take()
+    drive.log_edges(100_000)
+    first = drive.periods
+    drive.run(RUN_S)
+    voltage = mean_voltages(drive, first)[10:]  # by then every leg has changed once
+    words = drive.controller.register_words()
+    recording = drive.take()
+    return {
+        "state": drive.state,
+        "faults": drive.faults,
+        "scheme": drive.get("scheme"),
+        "speed_rpm": drive.speed_rpm,
+        "violations": recording.meta["register_violations"],
+        "interrupts": drive.periods,
+        "torque_Nm": float(recording["plant.torque_Nm"][-100:].mean()),
+        "main_pu": np.hypot(voltage[:, 0], voltage[:, 1]).tolist(),
+        "xy_pu": np.hypot(voltage[:, 2], voltage[:, 3]).tolist(),
+        "registers": {f"{at:04X}": int(words[at]) for at in (0x7021, 0x6805, 0x6810, 0x7053)},
+    }
+
+
+def main() -> None:
+    setup = setups.load(sys.argv[1])
+    found = {
+        "schemes": firmware.schemes(),
+        "devices": firmware.DEVICES,
+        "coasting": coasting(setup),
+        "running": running(setup),
+    }
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()
