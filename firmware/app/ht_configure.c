@@ -235,19 +235,34 @@ ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_confi
     return ht_port_accepts(port, setup) ? HT_OK : HT_ERROR_PORT;
 }
 
+const ht_drive_config *ht_configure_withhold(ht_drive *d, ht_drive_config **next)
+{
+    const ht_drive_config *waiting = d->staged;
+    d->staged = NULL; /* the interrupt must not take a half-written copy */
+    *next = (ht_config_in_force(d) == &d->configs[0]) ? &d->configs[1] : &d->configs[0];
+    return waiting;
+}
+
+void ht_configure_restore(ht_drive *d, const ht_drive_config *waiting, ht_drive_config *next)
+{
+    ht_pwm_setup setup;
+    if (waiting == next) { /* its other parts are still those of d->params */
+        (void)ht_configure(d->port, &d->params, &next->control, &setup);
+        d->staged = next;
+    }
+}
+
 ht_result ht_configure_live(ht_drive *d, const ht_params *p)
 {
-    ht_control_config config;
     ht_drive_config *next;
+    const ht_drive_config *waiting = ht_configure_withhold(d, &next);
     ht_pwm_setup setup;
-    ht_result result = ht_configure(d->port, p, &config, &setup);
+    ht_result result = ht_configure(d->port, p, &next->control, &setup);
     if (result != HT_OK) {
+        ht_configure_restore(d, waiting, next);
         return result;
     }
     d->params = *p;
-    d->staged = NULL; /* the interrupt must not take a half-written copy */
-    next = (ht_config_in_force(d) == &d->configs[0]) ? &d->configs[1] : &d->configs[0];
-    next->control = config;
     ht_configure_rest(d->port, p, next);
     d->staged = next;
     return HT_OK;
