@@ -8,6 +8,7 @@ import numpy as np
 
 from ..plant.vsd import PHASES, TRANSFORM
 from ..recording.recording import Recording
+from .losses import Edges, bridge, copper_loss_W
 from .spectrum import channel, fundamental_Hz, harmonics, thd_inf_pct, thd_pct
 
 
@@ -31,7 +32,7 @@ def torque_ripple_td_Nm(rec: Recording) -> float:
     return float(np.std(channel(rec, "torque_Nm"))) if per >= TD_SAMPLES else math.nan
 
 
-def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
+def metrics(rec: Recording, f_sw_Hz: float | None = None, edges: Edges | None = None) -> dict:
     """Figures of merit of `rec`, all finite numbers or None.
 
     True values ("plant.") are used if the recording has them, else the controller's. f_sw_Hz is the
@@ -46,7 +47,9 @@ def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
     thd_pct: THD of phase u1, by band; thd_inf_pct: THD of all six phases over the whole recorded
     spectrum (`thd_inf_pct` of `spectrum`); h5_pct, h7_pct: harmonics of phase u1 in % of its
     fundamental; ixy_rms_A: sqrt(mean(i_x^2 + i_y^2)); delta_i_A: |I_u1 - I_u2|, peaks of the
-    fundamentals.
+    fundamentals; copper_loss_W: of the stator (`copper_loss_W` of `losses`); idc_A, idc_ripple_A,
+    conduction_loss_W, switching_loss_W: from the inverter's `edges` and the set-up's data-sheet
+    values (`bridge` of `losses`), None without them.
     """
     f1_Hz = abs(fundamental_Hz(rec))
     u1, u2 = channel(rec, "i_u1_A"), channel(rec, "i_u2_A")
@@ -78,6 +81,8 @@ def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
             "ixy_rms_A": np.sqrt(np.mean(i_x**2 + i_y**2)),
             "delta_i_A": abs(line_A[1] - u2_A),
             "f_sw_Hz": rec.meta.get("f_sw_Hz") if f_sw_Hz is None else f_sw_Hz,
+            "copper_loss_W": copper_loss_W(rec),
+            **bridge(rec, edges),
         }
     )
 

@@ -28,6 +28,9 @@ RECOVER_S = 10.0
 #: The measurement lasts at least this long and this many fundamental cycles.
 WINDOW_S = 0.5
 CYCLES = 10
+#: Most edges of the six legs in a period: start level, two toggles and a change of the registers,
+#: each with the dead time between off and on.
+MOST_EDGES = 6 * 4 * 2
 
 Progress = Callable[[float], None]
 
@@ -102,11 +105,13 @@ def measure(point: Point, progress: Progress | None = None, samples_per_period: 
     cycles_s = CYCLES * 6.2832 / omega if omega > 1.0 else WINDOW_S
     window_s = min(max(WINDOW_S, cycles_s), 10.0)
     sim.wall_s = 0.0
+    sim.log_edges(round(window_s / sim.period_s) * MOST_EDGES)
+    start, begin = sim.inverter.leg.copy(), sim.periods
     sim.run(window_s, progress=progress)
     sim.check()
     speed = window_s / sim.wall_s
     recording = sim.take()
-    values = metrics(recording)
+    values = metrics(recording, edges=sim.edges_since(begin, start))
     if abs(values["speed_rpm"] - point.speed_rpm) > max(2.0, 0.02 * abs(point.speed_rpm)):
         raise NotReached(
             f"{values['speed_rpm']:.1f} r/min under {point.load_Nm:g} N m, "

@@ -121,7 +121,7 @@ def _refused_by_law(setup: Values) -> list[str]:
 #: What no parameter of the controller tells: it belongs to the plant, or to the simulation.
 NOT_ON_A_BOARD = {
     "machine": ("model", "inertia_kgm2", "viscous_Nms", "drs_ohm", "dlls_H"),
-    "inverter": ("vdc_V", "min_pulse_us"),
+    "inverter": ("vdc_V", "min_pulse_us", "e_on_mJ", "e_off_mJ", "e_ref_V", "e_ref_A"),
     "sensors": (
         "adc_bits",
         "i_offset_A",

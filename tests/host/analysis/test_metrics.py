@@ -13,7 +13,8 @@ from hexatorque.evidence.papers.printed_values import PAPER
 METRICS = [
     "speed_rpm", "torque_Nm", "torque_ripple_Nm", "torque_ripple_td_Nm", "flux_Wb",
     "flux_ripple_Wb", "i1_A", "f1_Hz", "thd_pct", "thd_inf_pct", "h5_pct",
-    "h7_pct", "ixy_rms_A", "delta_i_A", "f_sw_Hz",
+    "h7_pct", "ixy_rms_A", "delta_i_A", "f_sw_Hz", "copper_loss_W", "idc_A", "idc_ripple_A",
+    "conduction_loss_W", "switching_loss_W",
 ]  # fmt: skip
 
 

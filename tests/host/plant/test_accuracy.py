@@ -15,7 +15,8 @@ from drive_reference import DriveReference, interpreted
 from hexatorque import firmware, setups
 from hexatorque.drive.operating_points import Point, approach
 from hexatorque.evidence.studies.integration import LIMIT, replay, run_segment
-from hexatorque.plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
+from hexatorque.plant.inverter import advance, inverter_record, set_leg
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.machine import LOAD
 from hexatorque.plant.machines.induction import make
 from hexatorque.plant.record import record

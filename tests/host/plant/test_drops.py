@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
+from hexatorque.plant.inverter import advance, inverter_record, set_leg
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.machine import LOAD
 from hexatorque.plant.machines.induction import make
 from hexatorque.plant.record import record

@@ -8,7 +8,7 @@ import pytest
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive, _pwm_map
 from hexatorque.plant.gates import gates_record, suppress_short_pulses
-from hexatorque.plant.inverter import HIGH, LOW, OFF
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.pwm import pwm_record
 
 PERIOD = 200

@@ -10,7 +10,8 @@ import pytest
 from campaigns import part
 from numba import njit
 
-from hexatorque.plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
+from hexatorque.plant.inverter import advance, inverter_record, set_leg
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.machine import LOAD, phase_current
 from hexatorque.plant.machines.induction import make
 from hexatorque.plant.record import record

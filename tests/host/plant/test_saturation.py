@@ -13,7 +13,8 @@ from scipy.optimize import brentq
 
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
+from hexatorque.plant.inverter import advance, inverter_record, set_leg
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.machine import (
     LOAD,
     derivative,
