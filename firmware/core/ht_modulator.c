@@ -94,11 +94,13 @@ static void fit(ht_vsd *v)
     v->xy.y *= share;
 }
 
-/* Is the angle of v in an even one of the twelve 30 degrees? There the sine of six times the
- * angle is positive: the product of real and imaginary part of v cubed. */
-static bool in_even_sector(ht_ab v, float alpha2, float beta2)
+/* v cubed, as a complex number. Its angle tells sectors of v. */
+static ht_ab cubed(ht_ab v, float alpha2, float beta2)
 {
-    return (v.alpha * (alpha2 - 3.0f * beta2)) * (v.beta * (3.0f * alpha2 - beta2)) > 0.0f;
+    ht_ab c;
+    c.alpha = v.alpha * (alpha2 - 3.0f * beta2);
+    c.beta = v.beta * (3.0f * alpha2 - beta2);
+    return c;
 }
 
 /* Share of the clamped zero sequence at a voltage squared: no step where it begins. */
@@ -115,13 +117,14 @@ static float kappa_at(const ht_modulator_config *cfg, float size2)
 }
 
 /* Zero sequence of a set, with the middle between the rails at 0. Clamped, the legs are away
- * from centred by half of what they leave free. */
-static float zero_sequence(extremes e, float kappa)
+ * from centred by half of what they leave free: towards the rail of the leg with the largest
+ * command, or towards the other rail. */
+static float zero_sequence(extremes e, float kappa, bool other_rail)
 {
     float zero = -0.5f * e.sum;
     if (kappa > 0.0f) {
         float away = kappa * (0.5f - 0.5f * e.range);
-        zero += (e.sum > 0.0f) ? away : -away;
+        zero += ((e.sum > 0.0f) != other_rail) ? away : -away;
     }
     return zero;
 }
@@ -215,6 +218,8 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     carrier c;
     ht_six share; /* of the period that a leg is high, with a zero of each set's own */
     ht_vsd mean;
+    ht_ab v3 = cubed(v_pu->ab, alpha2, beta2);
+    bool near60 = fabsf(v3.alpha) > fabsf(v3.beta); /* within 15 degrees of 0, 60, 120, ... */
     bool falling = st->falling;
     bool other; /* set 2 falls */
     float middle;
@@ -233,7 +238,7 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
         first = extremes_of(one);
         second = extremes_of(two);
     }
-    st->opposite = (size2 > turn2) && in_even_sector(v_pu->ab, alpha2, beta2);
+    st->opposite = (size2 > turn2) && (v3.alpha * v3.beta > 0.0f);
     other = falling != st->opposite;
     st->falling = !falling;
 
@@ -245,13 +250,13 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     t.early = 0.5f * in->dead->dead_pu * full;
     t.open = 0.5f * full - in->dead->dead_pu * full - 1.5f;
     c = carrier_of(falling, &t);
-    zero = zero_sequence(first, kappa);
+    zero = zero_sequence(first, kappa, cfg->alternate && near60);
     middle = zero - 0.5f * one.p;
     modulate(&t, &c, zero + one.p, in->i_A->p[0], 0u, &found, out->ca, toggles->t, share.p);
     modulate(&t, &c, middle + one.q, in->i_A->p[2], 2u, &found, out->ca, toggles->t, share.p);
     modulate(&t, &c, middle - one.q, in->i_A->p[4], 4u, &found, out->ca, toggles->t, share.p);
     c = carrier_of(other, &t);
-    zero = zero_sequence(second, kappa);
+    zero = zero_sequence(second, kappa, cfg->alternate && !near60);
     middle = zero - 0.5f * two.p;
     modulate(&t, &c, zero + two.p, in->i_A->p[5], 5u, &found, out->ca, toggles->t, share.p);
     modulate(&t, &c, middle + two.q, in->i_A->p[1], 1u, &found, out->ca, toggles->t, share.p);

@@ -75,7 +75,7 @@ class Variant:
     axes: tuple[Axis, ...]
     extent: Extent
     quick: Extent
-    fixed: tuple[tuple[str, float], ...] = ()
+    fixed: tuple[tuple[str, float | str], ...] = ()
 
 
 _TABLE = (
@@ -91,16 +91,21 @@ _OURS = (
     Axis("f_isr_Hz", 2.5e3, 12e3),
     Axis("carrier_turn", choices=("auto", "off", "always")),
 )
-_ZERO = (Axis("kappa", 0.0, 1.0, log=False), Axis("kappa_from_pu", 0.0, 0.6, log=False))
+_ZERO = (
+    Axis("kappa", 0.0, 1.0, log=False),
+    Axis("kappa_from_pu", 0.0, 0.6, log=False),
+    Axis("clamp", choices=("largest", "alternating")),
+)
 
 
 def variants() -> tuple[Variant, ...]:
-    """All table schemes, and the modulated law centred, clamped, and free. Each scheme gets more
-    than 60 settings. The modulated law shares its own among three variants, which suffices because
-    its figures are smooth in few parameters."""
+    """All table schemes, and the modulated law centred, clamped in two ways, and free. Each scheme
+    gets more than 60 settings. The modulated law shares its own among four variants, which suffices
+    because its figures are smooth in few parameters."""
     full, quick = Extent(30, (16, 16)), Extent(5, (3,))
-    own, own_quick = Extent(12, (6, 6)), Extent(3, (1,))
+    own, own_quick = Extent(10, (4, 4)), Extent(3, (1,))
     clamped = (("kappa", 1.0), ("kappa_from_pu", 0.0))
+    alternating = (*clamped, ("clamp", "alternating"))
     return (
         *(
             Variant(name, name, (*_TABLE, _INNER) if name == "dtc3" else _TABLE, full, quick)
@@ -109,6 +114,7 @@ def variants() -> tuple[Variant, ...]:
         ),
         Variant(f"{OURS} κ=0", OURS, _OURS, own, own_quick, (("kappa", 0.0),)),
         Variant(f"{OURS} κ=1", OURS, _OURS, own, own_quick, clamped),
+        Variant(f"{OURS} alternating", OURS, _OURS, own, own_quick, alternating),
         Variant(f"{OURS} free", OURS, (*_OURS, *_ZERO), own, own_quick),
     )
 
