@@ -8,6 +8,7 @@ up, the equivalent noise bandwidth ENBW = N sum(w^2) / sum(w)^2 = 1.5 corrects t
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,7 @@ def whole_cycles(signal: np.ndarray, rate_Hz: float, f1_Hz: float) -> tuple[np.n
     return signal[signal.size - count :], cycles
 
 
+@lru_cache(maxsize=4)
 def _hann(n: int) -> np.ndarray:
     return 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
 

@@ -74,6 +74,21 @@ def test_the_line_is_within_5_percent_of_the_plant(number):
         assert found[name] == pytest.approx(getattr(line, name), rel=0.05), name
 
 
+def test_alternating_rails_lower_the_xy_current_by_a_third():
+    """From the same duty ratios: at most one leg of each set is on a rail, and at the same f_sw the
+    x-y current is lower than centred and than with the largest leg clamped."""
+    place = PLACES[6]  # 0.5 V_dc
+    setup = setup_of(place)
+    duty = carrier.duty_ratios(0.5 * np.exp(1j * np.linspace(0.01, 6.28, 50)), 1.0, True)
+    assert duty.min() > -1e-12 and duty.max() < 1 + 1e-12
+    centred = carrier.ripple(setup, place, 3e3, 0.6, turned=True)
+    largest = carrier.ripple(setup, place, 3e3, 0.6, turned=True, clamped=1.0)
+    alternating = carrier.ripple(setup, place, 3e3, 0.6, True, 1.0, True)
+    assert alternating.ixy_rms_A < 0.7 * centred.ixy_rms_A < largest.ixy_rms_A
+    assert alternating.thd_inf_pct < 0.8 * centred.thd_inf_pct
+    assert largest.td_Nm < centred.td_Nm < alternating.td_Nm
+
+
 def test_beyond_linear_modulation_there_is_no_line():
     place = PLACES[16]
     with pytest.raises(ValueError, match="beyond linear modulation"):

@@ -27,12 +27,13 @@ from .search import SAMPLES
 
 INERTIA_KGM2 = 1e3
 CALIBRATION_S, BUILD_S = 0.005, 0.15
-RAMP_S, STEPS = 0.15, 60
+RAMP_S, STEPS = 0.1, 40
 #: Before each correction of the torque reference, and the time over which the mean is taken.
-SETTLE_S, MEAN_S = 0.12, 0.08
+SETTLE_S, MEAN_S = 0.08, 0.06
 CORRECTIONS = 2
-#: The recording lasts at least this long and this many cycles of the fundamental.
-WINDOW_S, CYCLES = 0.25, 5
+#: The recording lasts at least this long and this many cycles of the fundamental. With four, the
+#: second harmonic is outside the bins that count as fundamental.
+WINDOW_S, CYCLES = 0.2, 4
 #: Deviations at which the drive does not hold the point: torque relative to the point's and to the
 #: set-up's; mean flux relative to its reference.
 TORQUE_SHARES, FLUX_SHARE = (0.02, 0.01), 0.06

@@ -68,17 +68,22 @@ def steady_state(setup: Setup, place: Place, flux_Wb: float) -> SteadyState:
     return SteadyState(omega_rad_s, psi_Wb * turn, rotor_Wb, v_V * turn, i_A * turn)
 
 
-def duty_ratios(v_pu: np.ndarray, clamped: float = 0.0) -> np.ndarray:
+def duty_ratios(v_pu: np.ndarray, clamped: float = 0.0, alternating: bool = False) -> np.ndarray:
     """(6, n) duty ratios of the legs for voltages in units of V_dc: each set's zero sequence in the
     middle between the rails, moved by the share `clamped` to where its largest leg stays on a
-    rail."""
+    rail, or alternating: set 1 takes the other rail within 15 degrees of 0, 60, 120 ... degrees,
+    set 2 elsewhere."""
+    near = np.cos(6 * np.angle(v_pu)) > 0
     legs = INVERSE[:, :2] @ np.stack([v_pu.real, v_pu.imag])
     duty = np.empty_like(legs)
     for own in (SET2, ~SET2):
         most, least = legs[own].max(axis=0), legs[own].min(axis=0)
         free = 0.5 * (1 - (most - least))
         # The middle one of the three legs has the sign of -(most + least).
-        away = np.where(most + least > 0, free, -free)
+        up = most + least > 0
+        if alternating:
+            up ^= ~near if own is SET2 else near
+        away = np.where(up, free, -free)
         duty[own] = 0.5 + legs[own] - 0.5 * (most + least) + clamped * away
     return duty
 
@@ -100,15 +105,17 @@ def ripple(
     flux_Wb: float,
     turned: bool = False,
     clamped: float = 0.0,
+    alternating: bool = False,
 ) -> Ripple:
     """The ripple at a switching frequency. turned: the carrier of set 2 runs opposite to set 1's in
-    every second 30 degrees of the voltage, else both run together."""
+    every second 30 degrees of the voltage, else both run together. clamped, alternating: see
+    `duty_ratios`."""
     at = steady_state(setup, place, flux_Wb)
     vdc_V = setup["inverter.vdc_V"]
     # The twelve sectors repeat each other, but mirrored: half a turn has whole pairs of them.
     turn = np.exp(1j * np.pi * (np.arange(ANGLES) + 0.5) / ANGLES)
     v_pu = at.v_V * turn / vdc_V
-    duty = duty_ratios(v_pu, clamped)
+    duty = duty_ratios(v_pu, clamped, alternating)
     if duty.min() < -1e-9 or duty.max() > 1 + 1e-9:
         raise ValueError(f"|v| = {abs(at.v_V) / vdc_V:.3f} V_dc: beyond linear modulation")
     opposite = turned & (np.floor(np.angle(v_pu) / (np.pi / 6)) % 2 == 0)
