@@ -14,6 +14,7 @@ from .points import A, B
 from .search import JUDGED, OURS
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
 LABELS = {
@@ -57,11 +58,10 @@ def _panel(axis: Axes, at: At, figure: str) -> None:
             f, v = np.append(f, max(f[-1], LAST_KHZ)), np.append(v, v[-1])
             axis.step(f, v, where="post", label=name, **style)
     if figure != "loss_W":
-        f_kHz = np.linspace(1.0, LAST_KHZ, 26)
-        line = [at.line(1e3 * f) for f in f_kHz]
-        if all(line):
-            values = np.array([getattr(ripple, figure) for ripple in line])
+        if line := at.line(1e3):
+            f_kHz = np.linspace(1.0, LAST_KHZ, 26)
             label = "carrier modulation, computed"
+            values = getattr(line, figure) / f_kHz
             axis.plot(f_kHz, values, "--", color=plots.INK, linewidth=1.1, label=label)
         axis.set_yscale("log")
     axis.set_xlim(0, LAST_KHZ)
@@ -80,11 +80,11 @@ def fronts(points: list[At], path: Path) -> Path:
         row[0].set_title(at.place.name, loc="left", **plots.TITLE)
     for axis in axes[-1]:
         axis.set_xlabel("switching frequency [kHz]", **plots.LABEL)
-    labels = {}
+    labels: dict[str, Artist] = {}
     for axis in axes.flat:
         for handle, label in zip(*axis.get_legend_handles_labels()):
             labels.setdefault(label, handle)
-    drawn.legend(labels.values(), labels, loc="outside upper center", ncols=5, **plots.LEGEND)
+    drawn.legend(list(labels.values()), list(labels), loc="outside upper center", ncols=5, **plots.LEGEND)
     return plots.save(drawn, path)
 
 
