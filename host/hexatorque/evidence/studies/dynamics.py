@@ -169,7 +169,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
     ]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         rows = list(pool.map(lambda case: _run(*case), cases))
-    return {"rows": [asdict(row) for row in rows]}
+    return {"quick": quick, "rows": [asdict(row) for row in rows]}
 
 
 def _by_test(result: dict) -> dict[tuple[str, str, float], dict[str, dict]]:

@@ -169,7 +169,7 @@ def study(quick: bool = False, progress: Callable[[float], None] | None = None) 
     cases = [(p, e, v) for p in points for e in errors for v in VARIANTS]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         rows = list(pool.map(lambda case: run(*case, progress), cases))
-    return {"rows": [asdict(row) for row in rows]}
+    return {"quick": quick, "rows": [asdict(row) for row in rows]}
 
 
 def _by_point(result: dict) -> dict[tuple, dict[str, dict[str, dict]]]:
