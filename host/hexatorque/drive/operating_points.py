@@ -33,6 +33,8 @@ CYCLES = 10
 MOST_EDGES = 6 * 4 * 2
 
 Progress = Callable[[float], None]
+#: Changes a drive before it starts, in a way that a set-up cannot describe.
+Prepare = Callable[[SimulatedDrive], None]
 
 
 class NotReached(HexatorqueError, RuntimeError):
@@ -65,10 +67,15 @@ def _at_load_speed(point: Point) -> Setup:
 
 
 def approach(
-    point: Point, progress: Progress | None = None, samples_per_period: int = 4
+    point: Point,
+    progress: Progress | None = None,
+    samples_per_period: int = 4,
+    prepare: Prepare | None = None,
 ) -> SimulatedDrive:
     """A drive that runs at the point and has settled. Raises DriveFault or NotReached."""
     sim = SimulatedDrive(_at_load_speed(point), samples_per_period)
+    if prepare:
+        prepare(sim)
     controller = sim.controller
     sim.start()
     build_s = controller.number("calibration_s") + controller.number("build_s")
@@ -98,9 +105,14 @@ def approach(
     return sim
 
 
-def measure(point: Point, progress: Progress | None = None, samples_per_period: int = 4) -> Run:
+def measure(
+    point: Point,
+    progress: Progress | None = None,
+    samples_per_period: int = 4,
+    prepare: Prepare | None = None,
+) -> Run:
     """Steady-state metrics and recording of one point. Raises DriveFault or NotReached."""
-    sim = approach(point, progress, samples_per_period)
+    sim = approach(point, progress, samples_per_period, prepare)
     omega = abs(sim.controller.channel("omega_sync_rad_s"))
     cycles_s = CYCLES * 6.2832 / omega if omega > 1.0 else WINDOW_S
     window_s = min(max(WINDOW_S, cycles_s), 10.0)

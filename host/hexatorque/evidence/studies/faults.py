@@ -26,7 +26,7 @@ import numpy as np
 
 from ... import firmware, setups
 from ...drive.simulated import SimulatedDrive
-from ...plant.inverter import HIGH, LOW, OFF
+from ...plant.legs import HIGH, LOW, OFF
 
 TITLE = "Fault campaign"
 SETUPS = ("paper-a-feasible", "paper-b")

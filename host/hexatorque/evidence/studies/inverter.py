@@ -17,7 +17,8 @@ from numba import njit
 
 from ... import firmware, setups
 from ...drive.operating_points import Progress
-from ...plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
+from ...plant.inverter import advance, inverter_record, set_leg
+from ...plant.legs import HIGH, LOW, OFF
 from ...plant.machine import LOAD, phase_current
 from ...plant.machines.induction import Parameters, make
 from ...plant.record import names_of, record

@@ -84,7 +84,9 @@ def fronts(points: list[At], path: Path) -> Path:
     for axis in axes.flat:
         for handle, label in zip(*axis.get_legend_handles_labels()):
             labels.setdefault(label, handle)
-    drawn.legend(list(labels.values()), list(labels), loc="outside upper center", ncols=5, **plots.LEGEND)
+    drawn.legend(
+        list(labels.values()), list(labels), loc="outside upper center", ncols=5, **plots.LEGEND
+    )
     return plots.save(drawn, path)
 
 
