@@ -48,6 +48,8 @@ def _style(name: str) -> dict[str, Any]:
 
 
 def _panel(axis: Axes, at: At, figure: str) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
     for name, rows in at.rows.items():
         f_kHz = np.array([row["f_sw_Hz"] for row in rows]) / 1e3
         values = np.array([row[figure] for row in rows])
@@ -64,6 +66,9 @@ def _panel(axis: Axes, at: At, figure: str) -> None:
             values = getattr(line, figure) / f_kHz
             axis.plot(f_kHz, values, "--", color=plots.INK, linewidth=1.1, label=label)
         axis.set_yscale("log")
+        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.yaxis.set_minor_locator(NullLocator())
     axis.set_xlim(0, LAST_KHZ)
     shown = [r[figure] for rows in at.rows.values() for r in rows if r["f_sw_Hz"] < 1e3 * LAST_KHZ]
     if shown and figure == "loss_W":

@@ -102,8 +102,8 @@ def variants() -> tuple[Variant, ...]:
     """All table schemes, and the modulated law centred, clamped in two ways, and free. Each scheme
     gets more than 60 settings. The modulated law shares its own among four variants, which suffices
     because its figures are smooth in few parameters."""
-    full, quick = Extent(30, (16, 16)), Extent(5, (3,))
-    own, own_quick = Extent(10, (4, 4)), Extent(3, (1,))
+    full, quick = Extent(30, (16, 16)), Extent(3, (2,))
+    own, own_quick = Extent(10, (4, 4)), Extent(2, (1,))
     clamped = (("kappa", 1.0), ("kappa_from_pu", 0.0))
     alternating = (*clamped, ("clamp", "alternating"))
     return (

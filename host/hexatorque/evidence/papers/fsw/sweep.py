@@ -30,7 +30,7 @@ MEASURING = (
     "evidence/papers/fsw/bench.py", "evidence/papers/fsw/search.py",
 )  # fmt: skip
 #: Recorded by a quick run, per setting.
-QUICK_WINDOW_S = 0.15
+QUICK_WINDOW_S = 0.1
 
 
 @lru_cache(maxsize=1)
