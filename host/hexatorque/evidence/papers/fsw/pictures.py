@@ -126,11 +126,12 @@ def ratios(points: list[At], path: Path) -> Path:
 
 
 def draw(points: list[At], path: Path) -> Path:
-    """The short picture at `path`; beside it all ratios, and all points of each machine."""
+    """The short picture at `path`; beside it all ratios, and all points of each machine if they are
+    more than the short picture shows."""
     ratios(points, path.with_stem(f"{path.stem}-ratios"))
-    for letter, setup in (("A", A), ("B", B)):
-        own = [at for at in points if at.place.setup == setup]
-        if own:
+    if len(points) > len(SHOWN):
+        for letter, setup in (("A", A), ("B", B)):
+            own = [at for at in points if at.place.setup == setup]
             fronts(own, path.with_stem(f"{path.stem}-{letter}"))
     wanted = [
         at for at in points if (at.place.name[0], at.place.speed_rpm, at.place.torque_Nm) in SHOWN
