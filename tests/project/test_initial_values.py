@@ -177,7 +177,8 @@ def test_an_image_lists_them_and_starts_with_them(tree, tmp_path):
     mine.write_text(MINE)
     build = tmp_path / "build"
     command = [CMAKE, "-S", tree, "-B", build, "-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={NINJA}"]
-    subprocess.run([*command, "-DHT_SETUP=mine.toml"], cwd=tmp_path, check=True)
+    command += ["-DHT_SETUP=mine.toml", "-DCMAKE_BUILD_TYPE=Debug"]  # compiles in half the time
+    subprocess.run(command, cwd=tmp_path, check=True)
     subprocess.run([CMAKE, "--build", build, "--target", "ht_app"], check=True)
     source = tmp_path / "list.c"
     source.write_text(PROGRAM)
