@@ -88,7 +88,7 @@ test: test-c
 	$(call waiting,$(JOBS),live)
 
 test-quick: $(VENV)/.installed
-	$(pytest) -n $(JOBS) --dist worksteal -m "not timed and not live and not slow" tests
+	$(pytest) -n $(JOBS) --dist worksteal --quick tests
 
 # Some of these tests measure speed, so they run one at a time. The campaigns are whole: `make test`
 # leaves out one of the processors. If a tool is missing, this fails after all tests that could run.
