@@ -17,6 +17,11 @@
 /* Share of the pull-out torque that is asked for: beyond it more slip gives less
  * torque, and the controller, which answers with more slip, loses the machine. */
 #define PULL_OUT_SHARE 0.8f
+/* Deadbeat law: gain of the x-y integrators, per period, of the voltage that would take the
+ * x-y current away at once; voltage from which set 2's carrier turns, units of Vdc. */
+#define XY_INTEGRAL 0.008f
+#define TURN_PU 0.3f
+#define NEVER_PU 100.0f /* no inverter makes that voltage */
 
 static bool finite_below(float value, float limit)
 {
@@ -57,8 +62,23 @@ static void configure_table_law(const ht_params *p, float ts, ht_table_law_confi
     c->xy.ki_ts_pu_A = p->v[HT_P_ki_xy_pu_As] * ts;
 }
 
-/* Derive the control configuration. Returns false if the values do not fit. */
-static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config *c)
+/* The deadbeat law and its modulator. A zero sequence that is clamped at every voltage wants the
+ * turn at every voltage; a centred one from TURN_PU on. */
+static void configure_deadbeat_law(const ht_params *p, ht_control_config *c)
+{
+    bool clamped = (p->v[HT_P_kappa] > 0.0f) && (p->v[HT_P_kappa_from_pu] == 0.0f);
+    float turn_pu[3] = {TURN_PU, NEVER_PU, 0.0f}; /* auto, off, always */
+    turn_pu[0] = clamped ? 0.0f : TURN_PU;
+    c->deadbeat_law.gain = 1.0f;
+    c->deadbeat_law.xy_ki_per_A = XY_INTEGRAL * c->observer.lxy_H * c->observer.inv_ts
+                                  / p->v[HT_P_vdc_max_V];
+    c->modulator.kappa = p->v[HT_P_kappa];
+    c->modulator.kappa_from_pu = p->v[HT_P_kappa_from_pu];
+    c->modulator.turn_pu = turn_pu[(uint16_t)p->v[HT_P_carrier_turn]];
+}
+
+/* Derive the control configuration, or tell why the values do not fit. */
+static ht_result configure(const ht_params *p, float pwm_clock_Hz, ht_control_config *c)
 {
     float period = pwm_clock_Hz / p->v[HT_P_f_isr_Hz];
     float ts = 1.0f / p->v[HT_P_f_isr_Hz];
@@ -66,29 +86,29 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     float first = p->v[HT_P_write_delay_us] * 1.0e-6f * pwm_clock_Hz;
     float ratio;
     if (!(period <= 65535.0f) || !(period >= 8.0f)) {
-        return false;
+        return HT_ERROR_CONFIG;
     }
     if ((p->v[HT_P_torque_inner_Nm] > p->v[HT_P_torque_band_Nm])
         || (p->v[HT_P_flux_min_Wb] > p->v[HT_P_flux_ref_Wb])
         || (p->v[HT_P_vdc_min_V] >= p->v[HT_P_vdc_max_V])
         || (p->v[HT_P_flux_trip_Wb] <= p->v[HT_P_flux_ref_Wb])) {
-        return false;
+        return HT_ERROR_CONFIG;
     }
     /* The slow interrupt is every n-th fast one, n > 1: one that comes late must not take
      * the fast one for lost. */
     ratio = p->v[HT_P_f_isr_Hz] / p->v[HT_P_f_slow_Hz];
     if ((ratio < 1.5f) || !finite_below(ratio - (float)(uint16_t)(ratio + 0.5f), 1.0e-3f)) {
-        return false;
+        return HT_ERROR_CONFIG;
     }
     /* A trip level that a saturated converter cannot reach protects nothing. */
     if ((p->v[HT_P_i_trip_A] > TRIP_SHARE * p->v[HT_P_i_full_A])
         || (p->v[HT_P_vdc_max_V] > 0.95f * p->v[HT_P_vdc_full_V])) {
-        return false;
+        return HT_ERROR_CONFIG;
     }
     if ((p->v[HT_P_torque_release_Nm] != 0.0f)
         && ((p->v[HT_P_torque_release_Nm] >= p->v[HT_P_torque_band_Nm])
             || (p->v[HT_P_torque_release_Nm] <= -p->v[HT_P_torque_band_Nm]))) {
-        return false;
+        return HT_ERROR_CONFIG;
     }
     ht_control_select(c, (ht_scheme)(uint16_t)p->v[HT_P_scheme]);
     configure_table_law(p, ts, &c->table_law);
@@ -117,7 +137,17 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->observer.omega_gain = (ts < OMEGA_FILTER_S) ? (ts / OMEGA_FILTER_S) : 1.0f;
     c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
     c->dead.i_zero_A = p->v[HT_P_i_zero_A];
-    return ht_control_check(c) == HT_CONFIG_OK;
+    configure_deadbeat_law(p, c);
+    switch (ht_control_check(c)) {
+    case HT_CONFIG_OK:
+        return HT_OK;
+    case HT_CONFIG_PREDICTION:
+        return HT_ERROR_PREDICTION;
+    case HT_CONFIG_SAMPLING:
+        return HT_ERROR_SAMPLING;
+    default:
+        return HT_ERROR_CONFIG;
+    }
 }
 
 /* Torque allowed per flux squared. At constant stator flux the torque peaks at
@@ -194,8 +224,9 @@ ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_confi
                        ht_pwm_setup *setup)
 {
     float clock_Hz = ht_port_pwm_clock_Hz(port);
-    if (!configure(p, clock_Hz, config)) {
-        return HT_ERROR_CONFIG;
+    ht_result result = configure(p, clock_Hz, config);
+    if (result != HT_OK) {
+        return result;
     }
     setup->period_counts = config->period_counts;
     setup->dead_counts = dead_counts(p->v[HT_P_dead_time_us], clock_Hz);
@@ -204,19 +235,34 @@ ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_confi
     return ht_port_accepts(port, setup) ? HT_OK : HT_ERROR_PORT;
 }
 
+const ht_drive_config *ht_configure_withhold(ht_drive *d, ht_drive_config **next)
+{
+    const ht_drive_config *waiting = d->staged;
+    d->staged = NULL; /* the interrupt must not take a half-written copy */
+    *next = (ht_config_in_force(d) == &d->configs[0]) ? &d->configs[1] : &d->configs[0];
+    return waiting;
+}
+
+void ht_configure_restore(ht_drive *d, const ht_drive_config *waiting, ht_drive_config *next)
+{
+    ht_pwm_setup setup;
+    if (waiting == next) { /* its other parts are still those of d->params */
+        (void)ht_configure(d->port, &d->params, &next->control, &setup);
+        d->staged = next;
+    }
+}
+
 ht_result ht_configure_live(ht_drive *d, const ht_params *p)
 {
-    ht_control_config config;
     ht_drive_config *next;
+    const ht_drive_config *waiting = ht_configure_withhold(d, &next);
     ht_pwm_setup setup;
-    ht_result result = ht_configure(d->port, p, &config, &setup);
+    ht_result result = ht_configure(d->port, p, &next->control, &setup);
     if (result != HT_OK) {
+        ht_configure_restore(d, waiting, next);
         return result;
     }
     d->params = *p;
-    d->staged = NULL; /* the interrupt must not take a half-written copy */
-    next = (ht_config_in_force(d) == &d->configs[0]) ? &d->configs[1] : &d->configs[0];
-    next->control = config;
     ht_configure_rest(d->port, p, next);
     d->staged = next;
     return HT_OK;

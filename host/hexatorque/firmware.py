@@ -134,6 +134,12 @@ def schemes() -> tuple[str, ...]:
     return parameters()["scheme"].choices
 
 
+def needs_prediction(scheme: str) -> bool:
+    """True if the scheme works with shadow load and prediction only."""
+    row = lib.ht_scheme_describe(schemes().index(scheme))
+    return lib.ht_law_needs_prediction(row.law)
+
+
 def address(function: str) -> int:
     """Address of a firmware function."""
     return int(ffi.cast("uintptr_t", ffi.addressof(lib, function)))
@@ -147,6 +153,8 @@ _RESULTS = {
     lib.HT_ERROR_TURNING: "the machine is turning",
     lib.HT_ERROR_TRIP: "the trip pin is low (external trip): release it, then clear",
     lib.HT_ERROR_STORE: "there is no memory for parameters, or writing it failed",
+    lib.HT_ERROR_PREDICTION: "the scheme needs load_mode = shadow and predict = on",
+    lib.HT_ERROR_SAMPLING: "the scheme needs a higher f_isr_Hz for this machine",
 }
 #: Text for the set of parameters that a start took, by its number (HT_SET_...).
 PARAMETER_SETS = (
