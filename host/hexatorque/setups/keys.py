@@ -100,6 +100,11 @@ KEYS: dict[str, dict[str, Key]] = {
         "kind": Key("choice", "torque against speed", choices=LOADS, default="constant"),
         "at_rpm": _n("speed at which the load takes the stated torque", "r/min", 1, 1e5, 1000.0),
     },
+    "rated": {
+        "torque_Nm": _n("rated torque, 0: not known", "N m", 0, 1e4, 0.0),
+        "speed_rpm": _n("rated speed, 0: not known", "r/min", 0, 3e4, 0.0),
+        "flux_Wb": _n("rated stator flux linkage, amplitude, 0: not known", "Wb", 0, 40, 0.0),
+    },
     "point": {
         "speed_rpm": _n("operating point of `compare`: speed", "r/min", -3e4, 3e4, 0.0),
         "load_Nm": _n("operating point of `compare`: load torque", "N m", -1e4, 1e4, 0.0),

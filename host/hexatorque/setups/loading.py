@@ -80,6 +80,7 @@ def parse(source: str, name: str) -> Setup:
         start.values,
         checked.get("paper", start.paper),
         checked.get("profile", start.profile),
+        checked.get("defaults", start.defaults),
     )
     return setup.with_values({section: checked.get(section, {}) for section in SECTIONS})
 

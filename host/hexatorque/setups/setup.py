@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from . import to_parameters
+from . import derived, to_parameters
 from .keys import KEYS, SECTIONS, SMALLEST_KNEE_WB
 from .values import Profile, SetupError, Value, suggest
 
@@ -13,14 +13,15 @@ from .values import Profile, SetupError, Value, suggest
 @dataclass(frozen=True)
 class Setup:
     """A checked set-up. `values[section][key]` has what the files gave: keys that are not there
-    have their default, controller parameters that are not there follow from the machine or are
-    the firmware's default."""
+    have their default, controller parameters that are not there follow from the rest (`derived`)
+    or are the firmware's default. `defaults` says how many follow."""
 
     name: str
     title: str
     values: dict[str, dict[str, Value]]
     paper: str = ""
     profile: Profile = field(default_factory=Profile)
+    defaults: str = derived.DEFAULTS[0]
 
     def __getitem__(self, path: str) -> Any:
         section, key = path.split(".")
@@ -60,7 +61,7 @@ class Setup:
     @property
     def write_delay_us(self) -> float:
         """Counter zero to register write."""
-        return to_parameters.write_delay_us(self)
+        return derived.write_delay_us(self)
 
     def machine_values(self) -> dict[str, Any]:
         """The model's parameters."""
@@ -104,11 +105,12 @@ def describe(setup: Setup) -> dict[str, dict[str, dict[str, Any]]]:
             described[section][key] = _row(given, spec.unit, spec.help)
     described["controller"] = {}
     effective = setup.controller_values()
+    rules = derived.rules_of(setup)
     for key, parameter in firmware.parameters().items():
         if key in setup.values["controller"]:
             given = setup.values["controller"][key]
         elif key in effective:
-            given = Value(effective[key], "derived")
+            given = Value(effective[key], "derived", rules[key].text)
         else:
             given = Value(parameter.show(parameter.initial), "default")
         described["controller"][key] = _row(given, parameter.unit, parameter.help)
