@@ -147,7 +147,8 @@ def _currents(d: Design) -> Iterator[Finding]:
     )  # fmt: skip
     yield at_most(
         "torque limit against pull-out", p("torque_limit_Nm"), PULL_OUT_SHARE * d.pull_out_Nm,
-        "N m", "the firmware stays below 80 % of pull-out: lower controller.torque_limit_Nm", "note",
+        "N m", "the firmware stays below 80 % of pull-out: lower controller.torque_limit_Nm",
+        "note",
     )  # fmt: skip
     yield at_least(
         "torque limit against rated torque", p("torque_limit_Nm"), d.rated_Nm, "N m",
