@@ -109,7 +109,7 @@ def test_new_and_check_end_as_a_script_expects(tmp_path, capsys):
     assert main(["new", str(file), "--nameplate", PLATE]) == 0
     assert main(["new", str(file), "--nameplate", PLATE]) == 2  # it is there already
     assert main(["check", str(file), "--json"]) == 0
-    text = file.read_text().replace("[controller]", "[controller]\ni_trip_A = 38.9")
+    text = file.read_text().replace("scheme =", "i_trip_A = 38.9\nscheme =")
     file.write_text(text)
     assert main(["check", str(file), "--schemes", "ddr"]) == 1
     assert "lower controller.i_trip_A" in capsys.readouterr().out
