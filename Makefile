@@ -77,13 +77,15 @@ fuzz: $(VENV)/.installed
 # they share what their fixtures build and compile. On a busy computer a test that waits for other
 # processes may fail for this reason alone: what fails runs again, one at a time.
 pytest = $(BIN)/python -m pytest -rs
-waiting = $(pytest) -n $(1) --dist worksteal -m $(2) $(3) || \
-	$(pytest) -m $(2) --last-failed --last-failed-no-failures none $(3)
+waiting = $(pytest) -n $(1) --dist worksteal -m $(2) $(OTHER_PROCESSES) || \
+	$(pytest) -m $(2) --last-failed --last-failed-no-failures none $(OTHER_PROCESSES)
+# Named, so that not all tests are collected for them.
+OTHER_PROCESSES := tests/host/serial tests/host/monitor tests/host/boards tests/project/test_tutorial.py
 
 test: test-c
 	$(pytest) -n $(JOBS) --dist worksteal -m "not timed and not live" tests
-	$(call waiting,$(WAITING),timed,tests)
-	$(call waiting,$(JOBS),live,tests)
+	$(call waiting,$(WAITING),timed)
+	$(call waiting,$(JOBS),live)
 
 test-quick: $(VENV)/.installed
 	$(pytest) -n $(JOBS) --dist worksteal -m "not timed and not live and not slow" tests

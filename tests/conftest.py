@@ -13,6 +13,7 @@ import pytest
 
 TESTS = Path(__file__).parent
 
+#: These files are in the Makefile's OTHER_PROCESSES too.
 TIMED = (
     "host/boards/test_pil_board.py",
     "host/monitor/test_server.py",

@@ -665,10 +665,12 @@ function quick() {
     const input = editor(row);
     const box = make("div", { className: "quick" });
     const send = async (text) => {
+      const shown = input.value;
       const wrong = mistake(row, text);
       if (wrong) toast(`${name}: ${wrong}`, "bad");
       else await write({ [name]: asValue(row, text) });
-      input.value = asText(values[name]);
+      // The answer takes a while: what was typed meanwhile stays.
+      if (input.value === shown) input.value = asText(values[name]);
     };
     box.append(make("label", { title: row.help },
       make("span", { textContent: row.help }),
