@@ -75,20 +75,16 @@ def test_samples_need_not_divide_the_period(f_isr_Hz):
     assert np.all(np.abs(fine[1::4] - psi) <= 250 / f_isr_Hz)
 
 
-@pytest.mark.parametrize("ratio", (2, 3, 7, 41, 80, 499))
-def test_any_whole_ratio_of_the_interrupts(ratio):
-    f_isr_Hz = 16000.0 if ratio > 16 else 1600.0
-    if f_isr_Hz / ratio > 1000:
-        f_isr_Hz = 1000.0 * ratio
-    for device in ("paper-a", "paper-b"):
-        if device == "paper-b" and f_isr_Hz < 2000:
-            f_isr_Hz = 2000.0
-        setup = setups.load(device).changed(
-            controller__f_isr_Hz=f_isr_Hz, controller__f_slow_Hz=f_isr_Hz / ratio
-        )
-        sim = SimulatedDrive(setup)
-        assert sim.controller.fast_per_slow == ratio
-        sim.run(0.01)
+@pytest.mark.parametrize("name", ("paper-a", "paper-b"))
+@pytest.mark.parametrize("ratio", (3, 7, 41, 80, 499))
+def test_any_whole_ratio_of_the_interrupts(name, ratio):
+    f_isr_Hz = 3000.0 if ratio < 16 else 16000.0
+    setup = setups.load(name).changed(
+        controller__f_isr_Hz=f_isr_Hz, controller__f_slow_Hz=f_isr_Hz / ratio
+    )
+    sim = SimulatedDrive(setup)
+    assert sim.controller.fast_per_slow == ratio
+    sim.run(0.01)
 
 
 # --- inertia ---------------------------------------------------------------------------------
@@ -168,7 +164,8 @@ def test_a_trip_names_instant_quantity_value_and_limit():
     assert begin_s <= fault.time_s <= begin_s + 2 * sim.period_s
     assert fault.causes == ["dc-link voltage too low"]
     assert f"at {fault.time_s:.4f} s in state run" in str(fault)
-    assert "dc link: 100" in str(fault) and "vdc_min_V = 150 V" in str(fault)
+    value_V = float(str(fault).split("dc link: ")[1].split()[0])
+    assert value_V == pytest.approx(100.0, abs=500 / 4095) and "vdc_min_V = 150 V" in str(fault)
 
 
 @pytest.mark.parametrize("load_Nm", (3.0, -3.0))
