@@ -249,3 +249,16 @@ def test_a_constant_load_that_the_drive_can_take(load):
 def test_loads_that_only_resist_may_be_there_from_the_beginning():
     text = 'setup = "paper-a"\n[load]\nkind = "friction"\n[profile]\nload_Nm = 10\n'
     assert setups.parse(text, "test").profile.load_Nm == ((0.0, 10.0),)
+
+
+# --- field weakening -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("table", "speed_rpm"), [("45/135", 900.0), ("75/105", 900.0), ("75/105", 1100.0)]
+)
+def test_field_weakening_knows_the_switching_table(table, speed_rpm):
+    """With full flux the table 45/135 ends below 900 r/min at rated torque."""
+    setup = setups.load("paper-a-feasible").changed(controller__table=table)
+    sim = approach(Point(setup, speed_rpm, 10.0), samples_per_period=1)
+    assert sim.speed_rpm == pytest.approx(speed_rpm, rel=0.02)
