@@ -134,7 +134,7 @@ def initial_values(source: str, device: str, files: list[Path]) -> dict[str, str
     setup = Setup(source, source, values, defaults=defaults)
     for section, keys in KEYS.items():
         for key, spec in keys.items():
-            if spec.default is None and key not in setup.values[section]:
+            if spec.required and key not in setup.values[section]:
                 raise SetupError(f"{section}.{key} is missing ({spec.help}, {spec.unit or '-'})")
     if lines := inconsistent(setup):
         raise SetupError(lines[0])

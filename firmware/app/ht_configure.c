@@ -18,6 +18,11 @@
  * torque, and the controller, which answers with more slip, loses the machine. */
 #define PULL_OUT_SHARE 0.8f
 
+/* Reach of the table 45/135, relative to 75/105. To hold the flux, the vectors before and behind
+ * it take turns. Their mean lies on the chord between them, which is cos 45 degrees of their
+ * length away from the centre, or cos 15 degrees with the table 75/105, the vectors' circle. */
+#define WIDE_TABLE_REACH 0.732051f
+
 static bool finite_below(float value, float limit)
 {
     return (value < limit) && (value > -limit);
@@ -155,6 +160,14 @@ static void apply_protection(const float *v, ht_protect_config *c)
     c->encoder_gain = 1.0f / (1.0f + ENCODER_CHECK_S * v[HT_P_f_slow_Hz]);
 }
 
+/* Largest mean voltage of the scheme with its switching table, units of Vdc. */
+static float voltage_reach(const float *v)
+{
+    float reach_pu = ht_scheme_describe((uint16_t)v[HT_P_scheme])->reach_pu;
+    bool wide = (ht_table)(uint16_t)v[HT_P_table] == HT_TABLE_45_135;
+    return wide ? (WIDE_TABLE_REACH * reach_pu) : reach_pu;
+}
+
 void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config *c)
 {
     const float *v = p->v;
@@ -167,7 +180,7 @@ void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config 
                            / v[HT_P_encoder_counts_rev];
     c->measure.period_rpm = v[HT_P_speed_period_rpm];
     c->flux.flux_min_Wb = v[HT_P_flux_min_Wb];
-    c->flux.reach_pu = v[HT_P_fw_margin] * ht_scheme_describe((uint16_t)v[HT_P_scheme])->reach_pu;
+    c->flux.reach_pu = v[HT_P_fw_margin] * voltage_reach(v);
     c->flux.rs_ohm = v[HT_P_rs_ohm];
     c->pull_out_Nm_Wb2 = pull_out(v);
     c->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);

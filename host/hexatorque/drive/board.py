@@ -147,6 +147,12 @@ class BoardDrive(DriveVerbs):
     def time_s(self) -> float:
         return time.monotonic() - self._opened_s
 
+    def _time_of_tick(self, tick: int) -> float:
+        ticks = (tick - self._opened_tick) & 0xFFFFFFFF
+        if ticks >= 0x80000000:  # before the drive was opened here
+            ticks -= 0x100000000
+        return ticks / self.hello.f_isr_Hz
+
     @property
     def state(self) -> str:
         return self._state_and_faults()[0]

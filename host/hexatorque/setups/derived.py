@@ -181,10 +181,6 @@ OPEN: dict[str, Rule] = {
         _f_isr_Hz,
     ),
     "table": Rule("75/105, which reaches the full voltage", lambda k: "75/105"),
-    "fw_margin": Rule(
-        "0.9; with table 45/135 times cos 45 deg, which is what its vectors have along the turn",
-        lambda k: 0.9 if k["table"] == "75/105" else 0.9 * math.cos(math.pi / 4),
-    ),
     "flux_band_Wb": Rule(
         "1 % of flux_ref_Wb, but half the flux step of one period at least",
         lambda k: max(0.01 * k.flux_Wb, 0.5 * k.flux_step_Wb(k.period_s)),

@@ -350,9 +350,9 @@ def json_schema() -> dict[str, Any]:
     """JSON Schema of a file, for completion and checks in an editor. What a file says wrong as
     a whole, an editor does not see."""
     required = {
-        section: {"required": [key for key, spec in keys.items() if spec.default is None]}
+        section: {"required": [key for key, spec in keys.items() if spec.required]}
         for section, keys in KEYS.items()
-        if any(spec.default is None for spec in keys.values())
+        if any(spec.required for spec in keys.values())
     }
     return {
         "$schema": DRAFT,

@@ -26,7 +26,8 @@ class Setup:
     def __getitem__(self, path: str) -> Any:
         section, key = path.split(".")
         if section in KEYS and key not in self.values[section]:
-            return KEYS[section][key].default
+            spec = KEYS[section][key]
+            return self[f"{section}.{spec.follows}"] if spec.follows else spec.default
         return self.values[section][key].value
 
     def changed(self, **paths: Any) -> Setup:
@@ -45,7 +46,11 @@ class Setup:
         """A copy with some checked values changed. Refuses what does not fit together."""
         values = {s: {**entries, **changes.get(s, {})} for s, entries in self.values.items()}
         result = replace(self, values=values)
-        if lines := inconsistent(result) or to_parameters.out_of_range(result):
+        if lines := (
+            inconsistent(result)
+            or to_parameters.out_of_range(result)
+            or to_parameters.load_before_flux(result)
+        ):
             raise SetupError("\n".join(lines))
         return result
 
@@ -90,6 +95,7 @@ def inconsistent(setup: Setup) -> list[str]:
         )
     if setup["inverter.vdc_V"] > setup["sensors.vdc_full_V"]:
         lines.append("inverter.vdc_V is above sensors.vdc_full_V")
+    lines += setup.profile.too_late()
     return lines
 
 
@@ -101,7 +107,8 @@ def describe(setup: Setup) -> dict[str, dict[str, dict[str, Any]]]:
     for section, keys in KEYS.items():
         described[section] = {}
         for key, spec in keys.items():
-            given = setup.values[section].get(key, Value(spec.default, "default"))
+            left_open = Value(setup[f"{section}.{key}"], "derived" if spec.follows else "default")
+            given = setup.values[section].get(key, left_open)
             described[section][key] = _row(given, spec.unit, spec.help)
     described["controller"] = {}
     effective = setup.controller_values()

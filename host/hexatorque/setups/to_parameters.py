@@ -5,6 +5,7 @@ The simulation, a board and the initial values of an image take them from here.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -57,6 +58,28 @@ def out_of_range(setup: Values) -> list[str]:
             rule = "" if given or from_inverter else f"; derived: {rules[name].text}"
             lines.append(f"{section}.{error}{rule}")
     return lines
+
+
+def load_before_flux(setup: Values) -> list[str]:
+    """A line if a constant load turns the shaft so far before the machine has flux that the drive
+    trips. Other loads only resist motion."""
+    if setup["load.kind"] != "constant":
+        return []
+    values = parameters(setup)
+    ready_s = float(values["calibration_s"]) + float(values["build_s"])
+    steps = setup.profile.load_Nm
+    ends = [*(time_s for time_s, _ in steps[1:]), ready_s]
+    speed_rpm = 0.0
+    for (begin_s, load_Nm), end_s in zip(steps, ends):
+        seconds = max(0.0, min(end_s, ready_s) - begin_s)
+        speed_rpm += load_Nm * seconds / setup["machine.inertia_kgm2"] * 30 / math.pi
+        if abs(speed_rpm) > float(values["start_max_rpm"]):
+            return [
+                f"profile.load_Nm: {load_Nm:g} N m from {begin_s:g} s turn the shaft before the "
+                f"machine has flux, at {ready_s:g} s (calibration_s + build_s): begin the load "
+                "later, or give load.kind fan, brake, generator or friction"
+            ]
+    return []
 
 
 #: What no parameter of the controller tells: it belongs to the plant, or to the simulation.
