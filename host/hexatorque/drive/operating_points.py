@@ -73,8 +73,8 @@ def waits(point: Point) -> Waits:
     with the time constant J / k_p."""
     values = parameters(point.setup)
     inertia_kgm2 = point.setup["machine.inertia_kgm2"]
-    run_up_s = inertia_kgm2 * abs(point.speed_rpm) * math.pi / 30 / values["torque_limit_Nm"]
-    gain = values["kp_speed_Nms_rad"]
+    limit_Nm, gain = float(values["torque_limit_Nm"]), float(values["kp_speed_Nms_rad"])
+    run_up_s = inertia_kgm2 * abs(point.speed_rpm) * math.pi / 30 / limit_Nm
     loop_s = inertia_kgm2 / gain if gain > 0 else 0.0
     return Waits(
         min(LONGEST_S, max(REACH_S, 3 * run_up_s + 10 * loop_s)),

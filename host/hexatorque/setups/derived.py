@@ -238,8 +238,8 @@ OPEN: dict[str, Rule] = {
         _build_s,
     ),
     "flux_check": Rule(
-        "0.7, but 1.5 times the current step of one period in no-load currents",
-        lambda k: min(max(0.7, 1.5 * k.ripple), 10.0),
+        "0.7, but the current step of one period in no-load currents at least",
+        lambda k: min(max(0.7, k.ripple), 10.0),
     ),
     "encoder_trip_rpm": Rule(
         "150 r/min, but 3 times the rated slip",

@@ -128,6 +128,19 @@ class Design:
         slip_rad_s = self.slip_rad_s(self.rated_Nm)
         return max(0.0, rpm((room_V / self.flux_Wb - slip_rad_s) / m.pole_pairs))
 
+    def most_torque_Nm(self, speed_rpm: float, voltage_V: float) -> float:
+        """The torque at which the firmware limits its reference at this speed if the flux is
+        weakened to what this voltage turns. At this share p of the pull-out torque the slip is s
+        of that at pull-out, with p = 2 s/(1 + s^2), and the point on the circle diagram has the
+        height p and the abscissa 1 - sqrt(1 - p^2), in radii."""
+        m, p = self.machine, PULL_OUT_SHARE
+        s = (1 - math.sqrt(1 - p * p)) / p
+        radius = 0.5 / m.ls_H * (1 / self.sigma - 1)
+        current = math.hypot(p * radius, 1 / m.ls_H + (1 - math.sqrt(1 - p * p)) * radius)
+        turning = m.pole_pairs * rad_s(speed_rpm) + s / (self.sigma * self.rotor_s)
+        flux_Wb = min(self.flux_Wb, voltage_V / (turning + m.rs_ohm * current))
+        return p * self.pull_out_Nm * (flux_Wb / self.flux_Wb) ** 2
+
     def slip_rad_s(self, torque_Nm: float) -> float:
         """Electrical slip at a torque. The rotor flux is taken as 90 % of the stator's."""
         m = self.machine

@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 from .values import SetupError
 
@@ -238,7 +239,9 @@ def spread_of(plate: Nameplate) -> dict[str, tuple[float, float]]:
     changed = [plate]
     for name, assumed in (("pull_out", PULL_OUT), ("iron", IRON), ("friction", FRICTION)):
         if getattr(plate, name) == assumed.value:
-            changed += [replace(plate, **{name: v}) for v in (assumed.low, assumed.high)]
+            for value in (assumed.low, assumed.high):
+                only: dict[str, Any] = {name: value}
+                changed.append(replace(plate, **only))
     if not plate.power_factor and not plate.efficiency:
         efficiency, _ = split(plate)
         losses = 1 - efficiency
