@@ -8,7 +8,8 @@
 /* Time constants: the model-based checks average over the transients that a healthy
  * drive shows; mean speed of the flux, quick and slow. */
 #define FLUX_CHECK_S 0.2f
-#define ROTOR_RISE_S 0.03f
+/* The rotor's flux is followed this many times faster than it can rise. */
+#define ROTOR_FASTER 30.0f
 #define ENCODER_CHECK_S 0.05f
 #define OMEGA_FILTER_S 0.005f
 #define OMEGA_MEAN_S 0.2f
@@ -155,10 +156,9 @@ static void apply_protection(const float *v, ht_protect_config *c)
     c->slip_gain = v[HT_P_rr_ohm] * ratio * ratio;
     c->rpm_per_rad_s = 30.0f / (PI_F * v[HT_P_pole_pairs]);
     c->flux_gain = 1.0f / (1.0f + FLUX_CHECK_S * v[HT_P_f_slow_Hz]);
-    c->rotor_gain = 1.0f / (1.0f + ROTOR_RISE_S * v[HT_P_f_slow_Hz]);
-    /* A flux that rises steadily is ahead of its low pass by ROTOR_RISE_S of its rise. */
-    c->magnetise_A_Wb =
-        (v[HT_P_rr_ohm] > 0.0f) ? (v[HT_P_lr_H] / (v[HT_P_rr_ohm] * ROTOR_RISE_S * c->ls_H)) : 0.0f;
+    c->rotor_gain = v[HT_P_rr_ohm]
+                    / (v[HT_P_rr_ohm] + v[HT_P_lr_H] * v[HT_P_f_slow_Hz] / ROTOR_FASTER);
+    c->magnetise_A_Wb = (v[HT_P_rr_ohm] > 0.0f) ? (ROTOR_FASTER / c->ls_H) : 0.0f;
     /* A mean over the slow period is half a period old, the flux's speed a time constant. */
     c->estimate_back = 0.5f - OMEGA_FILTER_S * v[HT_P_f_slow_Hz];
     c->estimate_back = (c->estimate_back > 0.0f) ? c->estimate_back : 0.0f;

@@ -257,15 +257,15 @@ def test_a_flux_check_of_zero_turns_the_check_off():
     assert looks_until("FLUX", config(machine, flux_check=0.0), control) is None
 
 
-@pytest.mark.parametrize("machine", [MACHINES[0], MACHINES[3]], ids=("sigma 0.08", "sigma 0.02"))
-def test_a_rotor_flux_that_still_rises_is_no_wrong_flux(machine):
+@pytest.mark.parametrize(("machine", "least"), [(MACHINES[0], 0.2), (MACHINES[3], 0.4)])
+def test_a_rotor_flux_that_still_rises_is_no_wrong_flux(machine, least):
     """Direct current of 2.5 no-load currents builds the flux. Where the stator's flux has its
     reference, it stays there. The rotor's flux follows its own equation,
     dr/dt = (R_r/L_r)((1 - sigma) L_s i - r). Without this equation the same current would be a
     wrong flux."""
     _, rr, ls, lr, _ = machine
-    psi_ref, slow_s, back = 0.6, 0.01, 0.03
-    rises = {"rotor_gain": slow_s / (slow_s + back), "magnetise_A_Wb": lr / (rr * back * ls)}
+    psi_ref, slow_s = 0.6, 0.01
+    rises = {"rotor_gain": 1 / (1 + lr / (30 * rr * slow_s)), "magnetise_A_Wb": 30 / ls}
     most = {}
     for name, changes in {"risen": rises, "not known": {"magnetise_A_Wb": 0.0}}.items():
         cfg = config(machine, no_load_A=psi_ref / ls, flux_gain=slow_s / 0.2, **changes)
@@ -284,7 +284,7 @@ def test_a_rotor_flux_that_still_rises_is_no_wrong_flux(machine):
             most[name] = max(most[name], math.sqrt(state.circle2))
     assert r == pytest.approx((1 - sigma(machine)) * psi_ref, rel=0.01)
     assert most["risen"] < 0.35
-    assert most["not known"] > 0.45
+    assert most["not known"] > least
 
 
 # --- encoder ---------------------------------------------------------------------------
