@@ -24,7 +24,7 @@ FLOATS = -1
 RTOL, ATOL = 1e-11, 1e-12
 
 
-@njit
+@njit(cache=True)
 def slopes(_, x, a):
     """dx/dt. Rows 0..5 of `a` have the linear terms (6), the terms times speed (6) and the constant
     (1). Row 6 has torque per inertia for each pair of a stator and a rotor current (8), friction
