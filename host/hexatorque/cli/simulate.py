@@ -131,7 +131,7 @@ def reach(setup, schemes, load, as_json) -> int:
         loaded = loaded.changed(point__load_Nm=load)
     load_Nm = loaded["point.load_Nm"]
     names = schemes_given(schemes)
-    variants = [loaded.changed(controller__scheme=name) for name in names]
+    variants = [loaded.with_scheme(name) for name in names]
     compile_now()
     with progress(console) as bar:
         task = bar.add_task("searching", total=None)

@@ -12,12 +12,13 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-from ..analysis.metrics import metrics
+from .. import firmware
+from ..analysis.metrics import TD_SAMPLES, metrics
 from ..analysis.run import Run
 from ..errors import HexatorqueError
 from ..firmware import FirmwareError
 from ..recording.recording import Recording
-from ..setups import Setup, SetupError, parameters
+from ..setups import Setup, SetupError, parameters, to_parameters
 from .simulated import DriveFault, SimulatedDrive
 
 #: Shortest values of `Waits`, for a machine of little inertia.
@@ -29,8 +30,13 @@ LONGEST_S = 300.0
 #: The measurement lasts at least this long and this many fundamental cycles.
 WINDOW_S = 0.5
 CYCLES = 10
+#: Most edges of the six legs in a period: start level, two toggles and a change of the registers,
+#: each with the dead time between off and on.
+MOST_EDGES = 6 * 4 * 2
 
 Progress = Callable[[float], None]
+#: Changes a drive before it starts, in a way that a set-up cannot describe.
+Prepare = Callable[[SimulatedDrive], None]
 
 
 class NotReached(HexatorqueError, RuntimeError):
@@ -90,10 +96,15 @@ def _at_load_speed(point: Point) -> Setup:
 
 
 def approach(
-    point: Point, progress: Progress | None = None, samples_per_period: int = 4
+    point: Point,
+    progress: Progress | None = None,
+    samples_per_period: int = 4,
+    prepare: Prepare | None = None,
 ) -> SimulatedDrive:
     """A drive that runs at the point and has settled. Raises DriveFault or NotReached."""
     sim = SimulatedDrive(_at_load_speed(point), samples_per_period)
+    if prepare:
+        prepare(sim)
     controller = sim.controller
     sim.start()
     build_s = controller.number("calibration_s") + controller.number("build_s")
@@ -124,18 +135,25 @@ def approach(
     return sim
 
 
-def measure(point: Point, progress: Progress | None = None) -> Run:
+def measure(
+    point: Point,
+    progress: Progress | None = None,
+    samples_per_period: int = 4,
+    prepare: Prepare | None = None,
+) -> Run:
     """Steady-state metrics and recording of one point. Raises DriveFault or NotReached."""
-    sim = approach(point, progress)
+    sim = approach(point, progress, samples_per_period, prepare)
     omega = abs(sim.controller.channel("omega_sync_rad_s"))
     cycles_s = CYCLES * 6.2832 / omega if omega > 1.0 else WINDOW_S
     window_s = min(max(WINDOW_S, cycles_s), 10.0)
     sim.wall_s = 0.0
+    sim.log_edges(round(window_s / sim.period_s) * MOST_EDGES)
+    start, begin = sim.inverter.leg.copy(), sim.periods
     sim.run(window_s, progress=progress)
     sim.check()
     speed = window_s / sim.wall_s
     recording = sim.take()
-    values = metrics(recording)
+    values = metrics(recording, edges=sim.edges_since(begin, start))
     if abs(values["speed_rpm"] - point.speed_rpm) > max(2.0, 0.02 * abs(point.speed_rpm)):
         raise NotReached(
             f"{values['speed_rpm']:.1f} r/min under {point.load_Nm:g} N m, "
@@ -185,14 +203,25 @@ def follow(
     return recording
 
 
-def measure_all(points: Iterable[Point], progress: Progress | None = None) -> list[Run | Exception]:
-    """Measure all points, in parallel on all cores. If the drive trips at a point or does not
-    reach it, the exception stands in the list in place of the run. Threads suffice, because
-    the compiled loop releases the GIL."""
+def fine_samples(setup: Setup) -> int:
+    """Samples a period with which the torque between the control instants is seen: the smallest
+    divisor of the period's counts from TD_SAMPLES on."""
+    values = to_parameters.parameters(setup)
+    counts = firmware.Controller(setup["timing.device"], values).period_counts
+    return next(n for n in range(TD_SAMPLES, counts + 1) if counts % n == 0)
+
+
+def measure_all(
+    points: Iterable[Point], progress: Progress | None = None, fine: bool = False
+) -> list[Run | Exception]:
+    """Measure all points, with 4 samples a period or with `fine_samples`, in parallel on all
+    cores. If the drive trips at a point or does not reach it, the exception stands in the list
+    in place of the run. Threads suffice, because the compiled loop releases the GIL."""
 
     def one(point: Point) -> Run | Exception:
         try:
-            return measure(point, progress)
+            samples = fine_samples(point.setup) if fine else 4
+            return measure(point, progress, samples)
         except NOT_MEASURED as error:
             return error
 

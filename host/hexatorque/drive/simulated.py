@@ -22,6 +22,7 @@ from numba import types
 from numba.extending import typeof_impl
 
 from .. import __version__, firmware
+from ..analysis.losses import Edges
 from ..plant import machines
 from ..plant.gates import gates_record
 from ..plant.inverter import DROPS, inverter_record, longest_step_s
@@ -445,8 +446,15 @@ class SimulatedDrive(DriveVerbs):
     @property
     def edges(self) -> np.ndarray:
         """The edges that `log_edges` kept, (n, 3): time in counts since the start of the
-        simulation, leg, new state (`plant.inverter`: LOW, HIGH or OFF)."""
+        simulation, leg, new state (`plant.legs`: LOW, HIGH or OFF)."""
         return self._edges[: self._edges_logged]
+
+    def edges_since(self, period: int, start: np.ndarray) -> Edges:
+        """The same on the time axis of a recording that began with `period`, where the legs'
+        states were `start`."""
+        time_s = (self.edges[:, 0] - period * self._timing.period) / self._timing.clock_Hz
+        order = np.argsort(time_s, kind="stable")
+        return Edges(start, time_s[order], self.edges[order, 1], self.edges[order, 2])
 
     @property
     def shorts(self) -> int:

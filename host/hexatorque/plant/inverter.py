@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from .compiled import compiled
+from .legs import HIGH, OFF
 from .machine import (
     coast,
     derivative,
@@ -25,7 +26,6 @@ from .machine import (
 from .record import names_of, record
 from .vsd import TRANSFORM
 
-LOW, HIGH, OFF = 0, 1, 2
 NO_LEG = -1
 
 #: A floating leg's residual current decays with this time constant. It removes only the error

@@ -247,7 +247,7 @@ OPEN: dict[str, Rule] = {
     ),
     "speed_trip_rpm": Rule(
         "1.5 times the larger of rated speed and the speed that the voltage reaches",
-        lambda k: min(1.5 * max(k.rated_rpm, k.base_rpm("75/105"), 100.0), 60000.0),
+        lambda k: min(1.5 * max(k.rated_rpm, k.base_rpm(), 100.0), 60000.0),
     ),
     "vdc_max_V": Rule(
         "1.4 Vdc, but at most 94 % of the sensor's range",

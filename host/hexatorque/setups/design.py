@@ -117,13 +117,13 @@ class Design:
     def rated_rpm(self) -> float:
         """The stated rated speed, or the one that the voltage reaches at the full flux."""
         stated = self.setup["rated.speed_rpm"]
-        return stated if stated > 0 else self.base_rpm("75/105")
+        return stated if stated > 0 else self.base_rpm()
 
-    def base_rpm(self, table: str, reach_pu: float = REACH_PU, usable: float = USABLE) -> float:
+    def base_rpm(self, reach_pu: float = REACH_PU, usable: float = USABLE) -> float:
         """Speed at which the rated torque at the full flux needs all usable voltage. 0 if the
         resistance alone takes it."""
         m, current_A = self.machine, self.current_A(self.rated_Nm)
-        reach_V = usable * TABLE_SHARE[table] * reach_pu * self.vdc_V
+        reach_V = usable * reach_pu * self.vdc_V
         room_V = reach_V - m.rs_ohm * current_A
         slip_rad_s = self.slip_rad_s(self.rated_Nm)
         return max(0.0, rpm((room_V / self.flux_Wb - slip_rad_s) / m.pole_pairs))
@@ -146,6 +146,11 @@ class Design:
         m = self.machine
         rotor_Wb = 0.9 * self.flux_Wb
         return abs(torque_Nm) * m.rr_ohm / (3 * m.pole_pairs * rotor_Wb**2)
+
+    def copper_W(self, torque_Nm: float) -> float:
+        """Losses of the windings of stator and rotor at a torque and the full flux."""
+        stator_W = 3 * self.machine.rs_ohm * self.current_A(torque_Nm) ** 2
+        return stator_W + self.slip_rad_s(torque_Nm) * abs(torque_Nm) / self.machine.pole_pairs
 
     # -- inverter and sampling -------------------------------------------------------------
 
@@ -176,6 +181,24 @@ class Design:
     def dead_V(self) -> float:
         """Mean voltage that the dead time takes from a leg."""
         return self.setup["inverter.dead_time_us"] * 1e-6 * self.vdc_V / self.period_s
+
+    def conduction_W(self, torque_Nm: float) -> float:
+        """Losses of the inverter's devices while they conduct: a sinusoidal current flows through
+        six legs, each time through a switch or a diode."""
+        i_A, of = self.current_A(torque_Nm), self.setup.__getitem__
+        drop_V = 0.5 * (of("inverter.v_switch_V") + of("inverter.v_diode_V"))
+        on_ohm = 0.5 * (of("inverter.r_switch_ohm") + of("inverter.r_diode_ohm"))
+        return 6 * (drop_V * 2 * i_A / math.pi + on_ohm * i_A**2 / 2)
+
+    def switching_W(self, torque_Nm: float, f_sw_Hz: float) -> float:
+        """Losses of turning on and off. In each cycle of a leg its current commutates once from a
+        switch to a diode and once back. 0 if the set-up does not state the energies."""
+        of = self.setup.__getitem__
+        energy_J = 1e-3 * (of("inverter.e_on_mJ") + of("inverter.e_off_mJ"))
+        if energy_J == 0:
+            return 0.0
+        share = self.vdc_V / of("inverter.e_ref_V") / of("inverter.e_ref_A")
+        return 6 * f_sw_Hz * energy_J * share * 2 * self.current_A(torque_Nm) / math.pi
 
     def magnetised_s(self, current_A: float) -> float:
         """Time until the rotor's flux is within 1 % of its final value in a build-up with this

@@ -77,6 +77,10 @@ KEYS: dict[str, dict[str, Key]] = {
         "v_diode_V": _n("threshold voltage of a conducting diode", "V", 0, 10, 0.0),
         "r_switch_ohm": _n("on-resistance of a switch", "ohm", 0, 10, 0.0),
         "r_diode_ohm": _n("on-resistance of a diode", "ohm", 0, 10, 0.0),
+        "e_on_mJ": _n("energy of a switch's turn-on, diode recovery included", "mJ", 0, 1e3, 0.0),
+        "e_off_mJ": _n("energy of a switch's turn-off", "mJ", 0, 1e3, 0.0),
+        "e_ref_V": _n("voltage at which e_on_mJ and e_off_mJ are stated", "V", 0, 1e4, 0.0),
+        "e_ref_A": _n("current at which e_on_mJ and e_off_mJ are stated", "A", 0, 1e4, 0.0),
     },
     "sensors": {
         "adc_bits": Key("integer", "resolution of the converter", "", 6, 12, default=12),

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from .derived import WRITTEN_WITHIN, write_delay_us
-from .design import PULL_OUT_SHARE, TABLE_SHARE, Design, rad_s
+from .design import PULL_OUT_SHARE, REACH_PU, TABLE_SHARE, Design, rad_s
 from .setup import Setup
 from .to_parameters import parameters
 
@@ -128,6 +128,7 @@ def _currents(d: Design) -> Iterator[Finding]:
         "build-up current", p("build_current_A"), 1.1 * no_load_A, "A",
         "raise controller.build_current_A: this one does not magnetise the machine",
     )  # fmt: skip
+    yield _told("losses of the windings at rated torque, about", d.copper_W(d.rated_Nm), "W")
     step_A = d.flux_step_Wb(d.period_s) / d.machine.sigma_ls_H
     yield at_most(
         "build-up current and its ripple", p("build_current_A") + step_A, trip_A, "A",
@@ -191,7 +192,7 @@ def _speed(d: Design) -> Iterator[Finding]:
         "rated speed against the trip", d.rated_rpm, 0.95 * p("speed_trip_rpm"), "r/min",
         "raise controller.speed_trip_rpm",
     )  # fmt: skip
-    weak_rpm = d.base_rpm(p("table")) * d.flux_Wb / p("flux_min_Wb")
+    weak_rpm = d.base_rpm(REACH_PU * TABLE_SHARE[p("table")]) * d.flux_Wb / p("flux_min_Wb")
     if p("field_weakening") == "on":
         yield at_least(
             "end of field weakening", weak_rpm, d.rated_rpm, "r/min",
@@ -204,6 +205,15 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
 
     p, lib = d.parameter, firmware.lib
     row = lib.ht_scheme_describe(firmware.schemes().index(name))
+    if row.law != lib.HT_LAW_TABLE:
+        least_Hz = lib.ht_deadbeat_law_least_Hz(p("rs_ohm"), p("sigma_ls_H"), p("lxy_H"))
+        yield at_least(
+            "f_isr_Hz for the machine's time constants", p("f_isr_Hz"), least_Hz, "Hz",
+            "raise controller.f_isr_Hz",
+        )  # fmt: skip
+        yield from _reach(d, row, 1.0)
+        yield from _expected(d, p("f_isr_Hz"))
+        return
     single, virtual = row.vectors == lib.HT_VECTORS_SINGLE, row.vectors == lib.HT_VECTORS_VIRTUAL
     vector_pu = row.reach_pu / COS_15 if single or virtual else LARGE_PU
     faster = "raise controller.f_isr_Hz, lower inverter.vdc_V, or add inductance"
@@ -231,14 +241,24 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
             "gain of the x-y loop in one period", gain, 0.9, "",
             "lower controller.kp_xy_pu_A: the loop becomes unstable at 1",
         )  # fmt: skip
-    yield from _reach(d, row)
+    yield from _reach(d, row, TABLE_SHARE[p("table")])
     kind = "single" if single else "virtual L" if virtual else "pair"
     if virtual and row.group != lib.HT_L:
         kind = "virtual ML"
-    yield Finding(
-        "switching frequency at full voltage, about", SWITCHING[kind] * p("f_isr_Hz"), "", 0.0,
-        "Hz", "ok", "",
-    )  # fmt: skip
+    yield from _expected(d, SWITCHING[kind] * p("f_isr_Hz"))
+
+
+def _expected(d: Design, f_sw_Hz: float) -> Iterator[Finding]:
+    """Switching frequency and losses of the inverter at rated torque, without a limit."""
+    yield _told("switching frequency at full voltage, about", f_sw_Hz, "Hz")
+    if conduction_W := d.conduction_W(d.rated_Nm):
+        yield _told("inverter's conduction losses at rated torque, about", conduction_W, "W")
+    if switching_W := d.switching_W(d.rated_Nm, f_sw_Hz):
+        yield _told("inverter's switching losses at rated torque, about", switching_W, "W")
+
+
+def _told(subject: str, value: float, unit: str) -> Finding:
+    return Finding(subject, value, "", 0.0, unit, "ok", "")
 
 
 def _xy_A(d: Design, row: Any) -> float:
@@ -262,14 +282,14 @@ def _xy_A(d: Design, row: Any) -> float:
     return part_pu * step_A / 3
 
 
-def _reach(d: Design, row: Any) -> Iterator[Finding]:
+def _reach(d: Design, row: Any, table_share: float) -> Iterator[Finding]:
     """Rated speed against what the scheme's vectors and the table give."""
     p = d.parameter
-    table = p("table")
     more = "raise inverter.vdc_V"
-    if TABLE_SHARE[table] < 1:
+    if table_share < 1:
         more += ', or take controller.table = "75/105"'
-    reach_rpm = d.base_rpm(table, row.reach_pu, 1.0)
+    reach_pu = table_share * row.reach_pu
+    reach_rpm = d.base_rpm(reach_pu, 1.0)
     if p("field_weakening") != "on":
         yield at_least("reach with the full flux", reach_rpm, d.rated_rpm, "r/min", more)
         return
@@ -277,7 +297,7 @@ def _reach(d: Design, row: Any) -> Iterator[Finding]:
         "reach with the full flux", reach_rpm, d.rated_rpm, "r/min",
         f"the field is weakened from there on; to avoid it {more}", "note",
     )  # fmt: skip
-    usable_V = p("fw_margin") * TABLE_SHARE[table] * row.reach_pu * d.vdc_V
+    usable_V = p("fw_margin") * reach_pu * d.vdc_V
     most_Nm = min(p("torque_limit_Nm"), d.most_torque_Nm(d.rated_rpm, usable_V))
     yield at_least("torque left at rated speed", most_Nm, d.rated_Nm, "N m", more)
 

@@ -42,6 +42,14 @@ class Setup:
             changes.setdefault(section, {})[key] = value
         return self.with_values(schema.check(changes))
 
+    def with_scheme(self, scheme: str, **paths: Any) -> Setup:
+        """A copy under another scheme, with `timing.latency` as the scheme needs it."""
+        from .. import firmware
+
+        if firmware.needs_prediction(scheme):
+            paths.setdefault("timing__latency", "predicted")
+        return self.changed(controller__scheme=scheme, **paths)
+
     def with_values(self, changes: dict[str, dict[str, Value]]) -> Setup:
         """A copy with some checked values changed. Refuses what does not fit together."""
         values = {s: {**entries, **changes.get(s, {})} for s, entries in self.values.items()}
@@ -93,6 +101,10 @@ def inconsistent(setup: Setup) -> list[str]:
             f"machine.psi_knee_Wb = {knee_Wb:g}: allowed is 0 (linear) "
             f"or {SMALLEST_KNEE_WB:g} Wb and more"
         )
+    energies = [f"inverter.{key}" for key in ("e_on_mJ", "e_off_mJ") if setup[f"inverter.{key}"]]
+    missing = [f"inverter.{key}" for key in ("e_ref_V", "e_ref_A") if not setup[f"inverter.{key}"]]
+    if energies and missing:
+        lines.append(f"{energies[0]} needs {' and '.join(missing)} above 0: where it is stated")
     if setup["inverter.vdc_V"] > setup["sensors.vdc_full_V"]:
         lines.append("inverter.vdc_V is above sensors.vdc_full_V")
     lines += setup.profile.too_late()

@@ -57,6 +57,28 @@ def out_of_range(setup: Values) -> list[str]:
             section = "inverter" if from_inverter else "controller"
             rule = "" if given or from_inverter else f"; derived: {rules[name].text}"
             lines.append(f"{section}.{error}{rule}")
+    return lines or _refused_by_law(setup)
+
+
+def _refused_by_law(setup: Values) -> list[str]:
+    """A line for every value that the scheme's law cannot work with."""
+    from .. import firmware
+
+    values = parameters(setup)
+    scheme = str(values["scheme"])
+    if not firmware.needs_prediction(scheme):
+        return []
+    lines = []
+    latency = setup["timing.latency"]
+    if latency != "predicted":
+        lines.append(f"timing.latency = {latency}: {scheme} allows predicted only")
+    machine = (float(values[name]) for name in ("rs_ohm", "sigma_ls_H", "lxy_H"))
+    least_Hz = firmware.lib.ht_deadbeat_law_least_Hz(*machine)
+    if not float(values["f_isr_Hz"]) >= least_Hz:
+        lines.append(
+            f"controller.f_isr_Hz = {values['f_isr_Hz']:g}: {scheme} allows {least_Hz:.0f} Hz and "
+            "more with this machine's time constants"
+        )
     return lines
 
 
@@ -85,7 +107,7 @@ def load_before_flux(setup: Values) -> list[str]:
 #: What no parameter of the controller tells: it belongs to the plant, or to the simulation.
 NOT_ON_A_BOARD = {
     "machine": ("model", "inertia_kgm2", "viscous_Nms", "drs_ohm", "dlls_H"),
-    "inverter": ("vdc_V", "min_pulse_us"),
+    "inverter": ("vdc_V", "min_pulse_us", "e_on_mJ", "e_off_mJ", "e_ref_V", "e_ref_A"),
     "sensors": (
         "adc_bits",
         "i_offset_A",

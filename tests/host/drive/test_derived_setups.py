@@ -19,13 +19,17 @@ CASES = [(name, scheme) for name in NAMES for scheme in firmware.schemes()]
 BAD = [("small-2kw", "dtc1"), ("large-110kw", "dtc1"), ("paper-a-feasible", "ddr-ml")]
 
 
+def loaded(name, scheme):
+    return setups.load(name).with_scheme(scheme)
+
+
 def verdicts(setup, scheme):
     return {f.verdict for f in review(setup, [scheme])}
 
 
 @pytest.mark.parametrize(("name", "scheme"), part([c for c in CASES if c not in BAD], 6))
 def test_what_check_allows_starts_turns_reverses_and_stops(name, scheme):
-    setup = setups.load(name).changed(controller__scheme=scheme)
+    setup = loaded(name, scheme)
     if "bad" in verdicts(setup, scheme):
         pytest.skip("check says that it may not")
     assert accept(setup).state == "idle"
@@ -33,7 +37,7 @@ def test_what_check_allows_starts_turns_reverses_and_stops(name, scheme):
 
 @pytest.mark.parametrize(("name", "scheme"), part(BAD, 2))
 def test_what_check_calls_bad_does_not(name, scheme):
-    setup = setups.load(name).changed(controller__scheme=scheme)
+    setup = loaded(name, scheme)
     assert "bad" in verdicts(setup, scheme)
     with pytest.raises((DriveFault, NotReached)):
         accept(setup)
@@ -41,7 +45,7 @@ def test_what_check_calls_bad_does_not(name, scheme):
 
 def test_few_are_called_bad():
     """Or the tests above would say little."""
-    bad = [c for c in CASES if "bad" in verdicts(setups.load(c[0]), c[1])]
+    bad = [c for c in CASES if "bad" in verdicts(loaded(*c), c[1])]
     assert set(BAD) <= set(bad) and len(bad) <= len(BAD) + 1
 
 
@@ -56,7 +60,7 @@ def test_the_observer_holds_the_flux_of_machines_of_low_sigma():
     cases = part(cases, 4)
     points = []
     for name, scheme, share, load in cases:
-        setup = setups.load(name).changed(controller__scheme=scheme, load__kind="constant")
+        setup = setups.load(name).with_scheme(scheme, load__kind="constant")
         design = Design(setup, setups.parameters(setup).__getitem__)
         points.append(Point(setup, share * design.rated_rpm, load * design.rated_Nm))
     for case, point, run in zip(cases, points, measure_all(points)):

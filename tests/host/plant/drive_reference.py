@@ -17,7 +17,7 @@ from numba import njit
 from scipy.integrate import ode, solve_ivp
 from scipy.optimize import brentq
 
-from hexatorque.plant.inverter import HIGH, LOW, OFF
+from hexatorque.plant.legs import HIGH, LOW, OFF
 
 #: A third state besides the rails LOW and HIGH: the diodes block, and there is no current.
 FLOATS = -1

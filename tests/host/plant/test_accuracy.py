@@ -16,7 +16,8 @@ from plant_calls import NO_LOAD, advance, set_leg
 from hexatorque import firmware, setups
 from hexatorque.drive.operating_points import Point, approach
 from hexatorque.evidence.studies.integration import LIMIT, replay, run_segment
-from hexatorque.plant.inverter import HIGH, LOW, OFF, inverter_record
+from hexatorque.plant.inverter import inverter_record
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.machines.induction import make
 
 #: Leakage added per phase, H: up to 12 % of the 10 mH.

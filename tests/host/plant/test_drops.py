@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.plant.inverter import HIGH, LOW, OFF, inverter_record
+from hexatorque.plant.inverter import inverter_record
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.machines.induction import make
 
 VDC = 250.0

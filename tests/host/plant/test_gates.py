@@ -9,7 +9,7 @@ from plant_calls import suppress_short_pulses
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive, _pwm_map
 from hexatorque.plant.gates import gates_record
-from hexatorque.plant.inverter import HIGH, LOW, OFF
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.pwm import pwm_record
 
 PERIOD = 200

@@ -10,7 +10,8 @@ import pytest
 from campaigns import part
 from plant_calls import NO_LOAD, advance, set_leg, switch
 
-from hexatorque.plant.inverter import HIGH, LOW, OFF, inverter_record
+from hexatorque.plant.inverter import inverter_record
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.machines.induction import make
 
 VDC = 250.0

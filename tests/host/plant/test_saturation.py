@@ -13,7 +13,8 @@ from scipy.optimize import brentq
 
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.plant.inverter import HIGH, LOW, OFF, inverter_record
+from hexatorque.plant.inverter import inverter_record
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.machines.induction import make
 
 VDC = 300.0

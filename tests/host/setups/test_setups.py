@@ -45,6 +45,7 @@ BASE = 'setup = "paper-b"\n'
         ("[profile]\nsamples_per_period = true\n", ("samples_per_period", "choose")),
         ("[profile]\nspeeds = 3\n", ("profile.speeds", "speed_rpm")),
         ("[inverter]\nvdc_V = 600\n", ("inverter.vdc_V", "vdc_full_V")),
+        ("[inverter]\ne_off_mJ = 0.2\n", ("inverter.e_off_mJ", "e_ref_V and", "e_ref_A above 0")),
         ("x = [\n", ("TOML",)),
     ],
 )

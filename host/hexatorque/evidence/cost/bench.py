@@ -73,7 +73,7 @@ def instructions(
     for scheme in firmware.schemes():
         with tempfile.TemporaryDirectory() as folder:
             trace = Path(folder) / "trace.txt"
-            write_trace(setup.changed(controller__scheme=scheme), trace)
+            write_trace(setup.with_scheme(scheme), trace)
             try:
                 done = subprocess.run([counter, trace], capture_output=True, text=True)
             except OSError as error:

@@ -121,7 +121,7 @@ def instructions(
     run = firmware.STATES.index("run")
     for scheme in firmware.schemes():
         with tempfile.TemporaryDirectory() as folder:
-            counts = _replay(setup.changed(controller__scheme=scheme), machine, Path(folder))
+            counts = _replay(setup.with_scheme(scheme), machine, Path(folder))
         running = (counts["state"] == run) & (counts["step"] > 0)
         result[scheme] = {
             "mean": round(float(counts["isr"][running].mean()), 1),

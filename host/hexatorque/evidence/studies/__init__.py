@@ -12,6 +12,8 @@ STUDIES = {
     "inverter": "inverter",
     "low-speed": "low_speed",
     "light-load": "light_load",
+    "dynamics": "dynamics",
+    "robustness": "robustness",
     "faults": "faults",
     "line": "line",
 }
