@@ -3,11 +3,13 @@
 import math
 import tomllib
 
+import numpy as np
 import pytest
 
 from hexatorque import firmware, setups
 from hexatorque.cli.main import main
 from hexatorque.setups import SetupError, derived, new
+from hexatorque.setups.design import Design
 from hexatorque.setups.nameplate import Nameplate, circuit_of, spread_of
 
 PLATE = "power_kW=7.5,voltage_V=400,current_A=7.8,frequency_Hz=50,speed_rpm=1455,poles=4"
@@ -113,3 +115,32 @@ def test_new_and_check_end_as_a_script_expects(tmp_path, capsys):
     file.write_text(text)
     assert main(["check", str(file), "--schemes", "ddr"]) == 1
     assert "lower controller.i_trip_A" in capsys.readouterr().out
+
+
+def test_losses_are_those_of_sinusoidal_currents():
+    """The devices' losses as integrals over a turn; the windings' as the power that neither the
+    shaft nor the source sees: what a steady state of the coils takes, less its mechanical power."""
+    devices = {"v_switch_V": 1.4, "v_diode_V": 1.8, "r_switch_ohm": 3e-3, "r_diode_ohm": 2e-3}
+    energies = {"e_on_mJ": 20.0, "e_off_mJ": 30.0, "e_ref_V": 600.0, "e_ref_A": 300.0}
+    inverter = {f"inverter__{key}": value for key, value in {**devices, **energies}.items()}
+    setup = setups.load("large-110kw").changed(**inverter)
+    d = Design(setup, setups.parameters(setup).__getitem__)
+    torque_Nm, f_sw_Hz = d.rated_Nm, 1700.0
+    i = d.current_A(torque_Nm) * np.sin(np.linspace(0, 2 * np.pi, 10000, endpoint=False))
+    drop_V = 1.6 * np.abs(i) + 2.5e-3 * i**2
+    assert d.conduction_W(torque_Nm) == pytest.approx(6 * drop_V.mean(), rel=1e-4)
+    cycle_J = 50e-3 * np.abs(i) / 300 * setup["inverter.vdc_V"] / 600
+    want_W = 6 * f_sw_Hz * cycle_J.mean()
+    assert d.switching_W(torque_Nm, f_sw_Hz) == pytest.approx(want_W, rel=1e-4)
+    m, slips = d.machine, np.linspace(0, 1 / (d.sigma * d.rotor_s), 2000)
+    solved = [
+        np.linalg.solve(
+            [[m.ls_H, m.lm_H], [1j * s * m.lm_H, m.rr_ohm + 1j * s * m.lr_H]], [d.flux_Wb, 0]
+        )
+        for s in slips
+    ]
+    torques = [3 * m.pole_pairs * d.flux_Wb * stator.imag for stator, _ in solved]
+    at = int(np.argmin(np.abs(np.subtract(torques, torque_Nm))))
+    stator, rotor = solved[at]
+    windings_W = 3 * (m.rs_ohm * abs(stator) ** 2 + m.rr_ohm * abs(rotor) ** 2)
+    assert d.copper_W(torque_Nm) == pytest.approx(windings_W, rel=0.1)
