@@ -22,7 +22,7 @@ C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
 # All C that is written by hand. Its format is in .clang-format.
 C_FORMATTED := $(shell find firmware tests/c tools -name '*.[ch]' ! -name ht_tables.c ! -name vectors.h)
 JOBS ?= 2
-WAITING ?= 4
+WAITING ?= 6
 FUZZ_S ?= 120
 
 .PHONY: help demo papers papers-quick test test-quick test-c test-targets budget sanitize fuzz bench docs lint format check-c clean

@@ -34,7 +34,7 @@ from .store_file import FileStore
 #: line has been quiet for QUIET_S. Bytes from the client end a turn at once.
 TURN_S = 0.002
 QUIET_TURN_S = 0.010
-QUIET_S = 0.020
+QUIET_S = 0.006
 #: A process that could not run for longer than this does not catch up. On a busy computer the
 #: client could not run either, and its heartbeats would then be too late in simulated time.
 LATE_S = 0.05

@@ -212,6 +212,9 @@ class SimulatedDrive(DriveVerbs):
         #: The sensors' constants and state. They may be changed between two runs.
         self.sensors = self._make_sensors()
         self._registers = self.controller.register_words()
+        tbprd = self.controller.port.leg[0] + self.controller.map.tbprd
+        self._timer_words = np.array([tbprd, TIMER_PERIOD, TIMER_PERIOD + 1])
+        self._timers_followed = b""
         self.load_Nm = 0.0
         self.vdc_V = setup["inverter.vdc_V"]
         self.periods = 0
@@ -228,7 +231,8 @@ class SimulatedDrive(DriveVerbs):
         self._plant = _Rows(len(PLANT_CHANNELS))
         self._channels = _Rows(len(firmware.channels()))
         self._record_start = 0
-        self._transitions = 0
+        self._transitions = 0  # at `_record_start`
+        self._all_transitions: np.ndarray = self._pwm.transitions  # a view
         self._edges = np.empty((0, 3), np.int64)
         self._edges_logged = 0
         # Compile now, or load from the cache, so that this does not count as simulation time.
@@ -270,6 +274,10 @@ class SimulatedDrive(DriveVerbs):
         f_isr_Hz was changed by a client of a virtual board instead of through this object. If a
         period has changed, the samples recorded so far are deleted."""
         m, words, timing = self.controller.map, self._registers, self._timing
+        raw = words[self._timer_words].tobytes()
+        if raw == self._timers_followed:
+            return
+        self._timers_followed = raw
         counts = int(words[self.controller.port.leg[0] + m.tbprd]) + 1
         ticks = int(words[TIMER_PERIOD]) + (int(words[TIMER_PERIOD + 1]) << 16) + 1
         if ticks == RESET_TICKS:
@@ -466,7 +474,7 @@ class SimulatedDrive(DriveVerbs):
         self._plant.clear()
         self._channels.clear()
         self._record_start = self.periods
-        self._transitions = int(np.sum(self._pwm.transitions))
+        self._transitions = int(self._all_transitions.sum())
 
     def arm(
         self,
@@ -540,7 +548,7 @@ class SimulatedDrive(DriveVerbs):
             data[name] = np.repeat(telemetry[:, column], per)
             units[name] = unit
         periods = self.periods - self._record_start
-        jumps = int(np.sum(self._pwm.transitions)) - self._transitions
+        jumps = int(self._all_transitions.sum()) - self._transitions
         meta = {
             **self._meta(),
             "samples_per_period": per,

@@ -113,16 +113,24 @@ class Board:
 
 
 @pytest.fixture(scope="session")
-def board(own_directories, tmp_path_factory) -> Board:
+def session_board(own_directories, tmp_path_factory) -> Board:
     board = Board(tmp_path_factory.mktemp("dev"))
     try:
         yield board
     finally:
-        board.process.terminate()
+        board.process.kill()
         board.process.communicate()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture
+def board(session_board) -> Board:
+    """It stands still while no test uses it: it would need a tenth of a processor."""
+    session_board.process.send_signal(signal.SIGCONT)
+    yield session_board
+    session_board.process.send_signal(signal.SIGSTOP)
+
+
+@pytest.fixture
 def port(board) -> str:
     return board.port
 
@@ -281,7 +289,7 @@ def site(drive, tmp_path):
         MonitoredDrive(drive, tmp_path / "recordings", silent_s=1.0, hidden_s=2.0) as monitored,
         Server(monitored) as server,
     ):
-        thread = threading.Thread(target=server.serve_forever)
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
         thread.start()
         yield Site(monitored, server)
         server.shutdown()
