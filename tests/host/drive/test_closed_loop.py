@@ -396,10 +396,11 @@ def test_modulated_law_at_every_sampling_frequency(setup):
     for case in part(cases, 3):
         f_isr_Hz, load, share = case
         changed = base.with_scheme("db-dtfc", controller__f_isr_Hz=f_isr_Hz)
-        m = measure(Point(changed, share * reach, load * LOAD[setup])).metrics
-        assert m["speed_rpm"] == pytest.approx(share * reach, rel=0.02), case
-        assert m["flux_Wb"] == pytest.approx(flux_ref, rel=0.03), case
-        assert m["delta_i_A"] <= 0.003, case
+        (outcome,) = measure_all([Point(changed, share * reach, load * LOAD[setup])], fine=True)
+        m = outcome.metrics
+        assert m["speed_rpm"] == pytest.approx(share * reach, rel=0.002), case
+        assert m["flux_Wb"] == pytest.approx(flux_ref, rel=0.005), case
+        assert m["delta_i_A"] <= (0.003 if f_isr_Hz >= 5e3 else 0.005), case
 
 
 @pytest.mark.parametrize("setup", ["paper-a-feasible", "paper-b"])

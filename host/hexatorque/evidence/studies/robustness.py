@@ -2,8 +2,8 @@
 DDR.
 
 Each error acts alone, in steady state at the papers' operating points and at one near paper A's
-highest speed. All schemes run with predicted latency, sampled at 10 kHz. `db-dtfc` also runs at
-5 kHz, where it switches less often than the others.
+highest speed. All schemes run with predicted latency, sampled at 10 kHz, with the set-up's bands.
+`db-dtfc` also runs at 5 kHz, where it switches less often than DDR.
 """
 
 from __future__ import annotations
