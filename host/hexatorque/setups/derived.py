@@ -35,6 +35,10 @@ F_ISR_HZ, F_ISR_FAST_HZ = 10e3, 20e3
 LONGEST_STEP = 0.8
 #: The fast interrupt's result must be written well within the period.
 WRITTEN_WITHIN = 0.8
+#: Frequencies of the speed loop. Each divides both sampling frequencies.
+F_SLOW_HZ = (100.0, 200.0, 500.0, 1000.0)
+#: By this share of rated speed the shaft may run away when the rated load drops.
+RUNAWAY = 0.3
 #: Slow periods in 2 pi of the speed loop's corner.
 SLOW_PER_CORNER = 30
 
@@ -146,6 +150,14 @@ def _f_isr_Hz(k: Known) -> float:
     return F_ISR_FAST_HZ if fast else F_ISR_HZ
 
 
+def _f_slow_Hz(k: Known) -> float:
+    """Frequencies that the sampling frequency is no multiple of are left out."""
+    f_isr_Hz = k["f_isr_Hz"]
+    fit = [f for f in F_SLOW_HZ if (f_isr_Hz / f).is_integer()] or [F_SLOW_HZ[0]]
+    enough = [f for f in fit if k.runaway_rpm(_corner_rad_s(f)) <= RUNAWAY * k.rated_rpm]
+    return min(enough, default=max(fit))
+
+
 def _torque_limit_Nm(k: Known) -> float:
     by_current = k.torque_of_current_Nm(0.8 * k["i_trip_A"])
     return max(0.001, min(1.5 * k.rated_Nm, PULL_OUT_SHARE * k.pull_out_Nm, by_current))
@@ -164,8 +176,8 @@ def _crossover_Hz(k: Known) -> float:
     return min(max(2.0, 3 * error_Hz * k.ripple), 10.0)
 
 
-def _speed_corner_rad_s(k: Known) -> float:
-    return 2 * math.pi * k["f_slow_Hz"] / SLOW_PER_CORNER
+def _corner_rad_s(f_slow_Hz: float) -> float:
+    return 2 * math.pi * f_slow_Hz / SLOW_PER_CORNER
 
 
 #: The design of what a set-up leaves open.
@@ -179,6 +191,11 @@ OPEN: dict[str, Rule] = {
     "f_isr_Hz": Rule(
         "10 kHz; 20 kHz if one period of 100 us moves the torque by more than 80 % of rated",
         _f_isr_Hz,
+    ),
+    "f_slow_Hz": Rule(
+        "the lowest of 100, 200, 500, 1000 Hz with which the shaft runs away by 30 % of rated "
+        "speed at most when the rated load drops",
+        _f_slow_Hz,
     ),
     "table": Rule("75/105, which reaches the full voltage", lambda k: "75/105"),
     "flux_band_Wb": Rule(
@@ -202,11 +219,11 @@ OPEN: dict[str, Rule] = {
     ),
     "kp_speed_Nms_rad": Rule(
         "inertia times the loop's corner, 2 pi f_slow_Hz / 30",
-        lambda k: min(k.machine.inertia_kgm2 * _speed_corner_rad_s(k), 1000.0),
+        lambda k: min(k.machine.inertia_kgm2 * _corner_rad_s(k["f_slow_Hz"]), 1000.0),
     ),
     "ki_speed_Nm_rad": Rule(
         "kp_speed times a quarter of the corner: critical damping",
-        lambda k: min(k["kp_speed_Nms_rad"] * _speed_corner_rad_s(k) / 4, 10000.0),
+        lambda k: min(k["kp_speed_Nms_rad"] * _corner_rad_s(k["f_slow_Hz"]) / 4, 10000.0),
     ),
     "kp_xy_pu_A": Rule(
         "0.25 L_xy/(Vdc T_s): with both frames half the current is corrected in one period",
@@ -238,8 +255,8 @@ OPEN: dict[str, Rule] = {
         _build_s,
     ),
     "flux_check": Rule(
-        "0.7, but the current step of one period in no-load currents at least",
-        lambda k: min(max(0.7, k.ripple), 10.0),
+        "0.7, but 1.5 times the current step of one period in no-load currents at least",
+        lambda k: min(max(0.7, 1.5 * k.ripple), 10.0),
     ),
     "encoder_trip_rpm": Rule(
         "150 r/min, but 3 times the rated slip",

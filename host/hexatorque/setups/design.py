@@ -141,6 +141,12 @@ class Design:
         flux_Wb = min(self.flux_Wb, voltage_V / (turning + m.rs_ohm * current))
         return p * self.pull_out_Nm * (flux_Wb / self.flux_Wb) ** 2
 
+    def runaway_rpm(self, corner_rad_s: float) -> float:
+        """How far the speed rises when the rated load drops. The speed loop with k_p = J w and
+        k_i = k_p w/4 has a double pole at w/2, so the rise is (T/J) t exp(-w t/2), and largest at
+        t = 2/w."""
+        return rpm(2 / math.e * self.rated_Nm / (self.machine.inertia_kgm2 * corner_rad_s))
+
     def slip_rad_s(self, torque_Nm: float) -> float:
         """Electrical slip at a torque. The rotor flux is taken as 90 % of the stator's."""
         m = self.machine

@@ -188,6 +188,13 @@ def _loops(d: Design) -> Iterator[Finding]:
 
 def _speed(d: Design) -> Iterator[Finding]:
     p = d.parameter
+    corner_rad_s = p("kp_speed_Nms_rad") / d.machine.inertia_kgm2
+    if corner_rad_s > 0:
+        yield at_most(
+            "speed when the rated load drops", d.rated_rpm + d.runaway_rpm(corner_rad_s),
+            p("speed_trip_rpm"), "r/min",
+            "raise controller.f_slow_Hz and kp_speed_Nms_rad, or add inertia",
+        )  # fmt: skip
     yield at_most(
         "rated speed against the trip", d.rated_rpm, 0.95 * p("speed_trip_rpm"), "r/min",
         "raise controller.speed_trip_rpm",
@@ -269,10 +276,10 @@ def _xy_A(d: Design, row: Any) -> float:
     step_A = d.vdc_V * d.period_s / lxy_H
     if row.vectors == lib.HT_VECTORS_SINGLE:
         # Mostly the fifth harmonic: the resistance lowers it. While the torque changes, one vector
-        # may last for two periods more.
+        # may last for three periods more.
         reactance_ohm = 5 * d.machine.pole_pairs * rad_s(d.rated_rpm) * lxy_H
         share = reactance_ohm / math.hypot(reactance_ohm, d.machine.rs_ohm)
-        return share * XY_FLUX_OF_LARGE * d.flux_Wb / lxy_H + 2 * XY_LARGE_PU * step_A
+        return share * XY_FLUX_OF_LARGE * d.flux_Wb / lxy_H + 3 * XY_LARGE_PU * step_A
     if row.vectors == lib.HT_VECTORS_PAIR:
         return XY_MEDIUM_PU * step_A
     if row.vectors == lib.HT_VECTORS_PAIR_SMALL:

@@ -144,3 +144,29 @@ def test_losses_are_those_of_sinusoidal_currents():
     stator, rotor = solved[at]
     windings_W = 3 * (m.rs_ohm * abs(stator) ** 2 + m.rr_ohm * abs(rotor) ** 2)
     assert d.copper_W(torque_Nm) == pytest.approx(windings_W, rel=0.1)
+
+
+@pytest.mark.parametrize("f_slow_Hz", (100.0, 500.0))
+def test_the_shaft_runs_away_as_far_as_said(f_slow_Hz):
+    """Euler steps of shaft and speed loop after the rated load has dropped."""
+    setup = setups.load("small-2kw").changed(controller__f_slow_Hz=f_slow_Hz)
+    values = setups.parameters(setup)
+    d = Design(setup, values.__getitem__)
+    kp, ki = values["kp_speed_Nms_rad"], values["ki_speed_Nm_rad"]
+    inertia_kgm2, rise, integral_Nm, most, dt = d.machine.inertia_kgm2, 0.0, 0.0, 0.0, 1e-5
+    for _ in range(int(50 / f_slow_Hz / dt)):
+        integral_Nm -= ki * rise * dt
+        rise += (d.rated_Nm + integral_Nm - kp * rise) / inertia_kgm2 * dt
+        most = max(most, rise)
+    assert d.runaway_rpm(kp / inertia_kgm2) == pytest.approx(most * 30 / math.pi, rel=0.01)
+
+
+def test_a_light_shaft_gets_a_quick_speed_loop():
+    heavy, light = (
+        setups.load("small-2kw").changed(machine__inertia_kgm2=inertia) for inertia in (0.02, 5e-4)
+    )
+    assert heavy.parameter("f_slow_Hz") == 100.0
+    assert light.parameter("f_slow_Hz") > 100.0
+    d = Design(light, setups.parameters(light).__getitem__)
+    corner_rad_s = light.parameter("kp_speed_Nms_rad") / 5e-4
+    assert d.runaway_rpm(corner_rad_s) <= derived.RUNAWAY * d.rated_rpm

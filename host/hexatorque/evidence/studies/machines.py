@@ -22,6 +22,7 @@ from ... import firmware, setups
 from ...drive.acceptance import accept
 from ...drive.operating_points import NOT_MEASURED, Progress
 from ...setups import Setup, SetupError, new
+from ...setups.keys import TIMING_OWNS
 from ...setups.nameplate import FRICTION, IRON, PULL_OUT, Assumed, Circuit, Nameplate, circuit_of
 from ...setups.review import review
 
@@ -95,7 +96,8 @@ def drive(plate: Nameplate, circuit: Circuit, inertia_kgm2: float) -> Setup:
     }
     text = ",".join(f"{name}={value:.6g}" for name, value in told.items())
     designed = setups.parse(new.from_nameplate(text, "machine"), "machine")
-    believed = {f"controller__{name}": v for name, v in setups.parameters(designed).items()}
+    values = setups.parameters(designed)
+    believed = {f"controller__{n}": v for n, v in values.items() if n not in TIMING_OWNS}
     names = ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")
     true = {f"machine__{name}": getattr(circuit, name) for name in names}
     return designed.changed(**believed, **true, machine__lxy_H=circuit.lls_H)
