@@ -192,8 +192,8 @@ def plot(result: dict, path: Path) -> Path:
                 kind = "passed" if f["passed"] else "failed" if f["allowed"] else "check says no"
                 points[kind].append((m["power_kW"], m["sigma"]))
         for kind, (marker, colour) in kinds.items():
-            if points[kind]:
-                axis.plot(*zip(*points[kind]), marker, ms=4, color=colour, label=kind)
+            powers, sigmas = ([point[k] for point in points[kind]] for k in (0, 1))
+            axis.plot(powers, sigmas, marker, ms=4, color=colour, label=kind)
         axis.set_xscale("log")
         axis.set_title(scheme, **plots.TITLE)
         axis.set_xlabel("rated power [kW]", **plots.LABEL)

@@ -25,8 +25,10 @@ def test_the_drive_knows_the_plate_and_not_the_machine():
     plate, circuit, inertia_kgm2 = machines.machine(3)
     setup = machines.drive(plate, circuit, inertia_kgm2)
     assert setup["machine.lls_H"] == circuit.lls_H and setup["machine.rr_ohm"] == circuit.rr_ohm
-    assert setup.parameter("rr_ohm") != pytest.approx(circuit.rr_ohm, rel=1e-3)
-    assert setup["machine.inertia_kgm2"] == pytest.approx(inertia_kgm2, rel=1e-5)
+    ls_H, lr_H = circuit.lls_H + circuit.lm_H, circuit.llr_H + circuit.lm_H
+    sigma_ls_H = ls_H - circuit.lm_H**2 / lr_H
+    assert abs(setup.parameter("sigma_ls_H") / sigma_ls_H - 1) > 0.02
+    assert setup["machine.inertia_kgm2"] == pytest.approx(inertia_kgm2, rel=1e-4)
 
 
 @pytest.fixture(scope="module")
