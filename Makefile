@@ -89,10 +89,11 @@ test: test-c
 	$(call waiting,$(JOBS),live)
 
 test-quick: $(VENV)/.installed
-	$(pytest) -n $(JOBS) --dist worksteal -m "not timed and not live and not slow" tests
+	$(pytest) -n $(JOBS) --dist worksteal --quick tests
 
-# Some of these tests measure speed, so they run one at a time. If a tool is missing, this fails
-# after all tests that could run.
+# Some of these tests measure speed, so they run one at a time. The campaigns are whole: `make test`
+# leaves out one of the processors. If a tool is missing, this fails after all tests that could run.
+test-targets: export HT_WHOLE := 1
 test-targets: $(VENV)/.installed
 	@failed=0; \
 	$(pytest) tests/host/boards || $(pytest) --last-failed tests/host/boards || failed=1; \

@@ -20,6 +20,7 @@ import sys
 import time
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 from matplotlib import image
 
@@ -49,6 +50,7 @@ class Terminals:
             "PATH": f"{bin_folder}:{os.environ['PATH']}",
             "XDG_RUNTIME_DIR": str(run),
             "XDG_CACHE_HOME": str(cache),
+            "MPLCONFIGDIR": matplotlib.get_cachedir(),  # its list of fonts takes seconds to make
             "COLUMNS": "120",
             "PYTHONUNBUFFERED": "1",
         }

@@ -31,7 +31,8 @@ from ..setups import Setup
 from .store_file import FileStore
 
 #: Simulated seconds between two transfers of bytes on the line, at real-time speed, and when the
-#: line has been quiet for QUIET_S. Bytes from the client end a turn at once.
+#: client has sent nothing for QUIET_S. Bytes from the client end a turn at once, so only a stream
+#: waits for the longer turn.
 TURN_S = 0.002
 QUIET_TURN_S = 0.010
 QUIET_S = 0.006
@@ -233,4 +234,3 @@ def serve(
         sent = board.controller.take()
         if sent:
             line.write(sent)
-            busy_s = done_s

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 from hexatorque.plant import gates, inverter, machine, pwm, sensors
+from hexatorque.plant.legs import OFF
 from hexatorque.plant.loop import source_hash
 from hexatorque.plant.record import record
 
@@ -32,7 +33,7 @@ def _compile(source):
             states[n] = y
             v_legs[n] = inv.v_leg
             for leg in range(6):
-                if inv.leg[leg] == inverter.OFF:
+                if inv.leg[leg] == OFF:
                     current, diode = machine.phase_current(m, y, leg), inv.diode[leg]
                     worst = max(worst, abs(current) if diode == 0 else -current * diode)
         return worst

@@ -70,7 +70,7 @@ def write_trace(setup: Setup, path: Path) -> np.ndarray:
 
 def _image(machine: str, preset: str | None) -> Path:
     """The counting image, built by the machine's preset or by another one."""
-    return tools.build(preset or emulator_process.MACHINES[machine]) / IMAGE
+    return tools.build(preset or emulator_process.MACHINES[machine], "count") / IMAGE
 
 
 def _emulate(machine: str, image: Path, folder: Path, *options: str) -> None:
