@@ -17,10 +17,10 @@ STYLE = {"ok": "green", "note": "yellow", "bad": "bold red"}
 @click.command(
     "new",
     epilog=examples(
-        "new mine.toml --nameplate power_kW=7.5,voltage_V=400,current_A=7.8,frequency_Hz=50,"
-        "speed_rpm=1455,poles=4",
-        "new mine.toml --circuit pole_pairs=2,rs_ohm=1.8,rr_ohm=2,lls_H=10e-3,llr_H=15e-3,"
-        "lm_H=284e-3,current_A=6,vdc_V=300",
+        'new mine.toml --nameplate "power_kW=7.5 voltage_V=400 current_A=7.8 \\\n'
+        '    frequency_Hz=50 speed_rpm=1455 poles=4"',
+        'new mine.toml --circuit "pole_pairs=2 rs_ohm=1.8 rr_ohm=2 lls_H=10e-3 \\\n'
+        '    llr_H=15e-3 lm_H=284e-3 current_A=6 vdc_V=300"',
         note="Either list may also have vdc_V, inertia_kgm2, lxy_H, i_full_A, vdc_full_V, "
         "dead_time_us, encoder_ppr, device; a nameplate power_factor, efficiency, pull_out, "
         "connection; a circuit torque_Nm, speed_rpm, flux_Wb.",
