@@ -80,7 +80,8 @@ pytest = $(BIN)/python -m pytest -rs
 waiting = $(pytest) -n $(1) --dist worksteal -m $(2) $(OTHER_PROCESSES) || \
 	$(pytest) -m $(2) --last-failed --last-failed-no-failures none $(OTHER_PROCESSES)
 # Named, so that not all tests are collected for them.
-OTHER_PROCESSES := tests/host/serial tests/host/monitor tests/host/boards tests/project/test_tutorial.py
+OTHER_PROCESSES := tests/host/serial tests/host/monitor tests/host/boards \
+  tests/project/test_own_machine_page.py tests/project/test_tutorial.py
 
 test: test-c
 	$(pytest) -n $(JOBS) --dist worksteal -m "not timed and not live" tests

@@ -16,6 +16,7 @@ from cffi import FFI
 
 HEADERS = (
     "ht_drive.h",
+    "ht_misfit.h",
     "ht_store.h",
     "ht_comparator.h",
     "ht_vsd.h",

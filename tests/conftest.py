@@ -28,6 +28,7 @@ LIVE = (
     "host/monitor/test_deadman.py",
     "host/monitor/test_page.py",
     "host/monitor/test_plots.py",
+    "project/test_own_machine_page.py",
     "project/test_tutorial.py",
 )
 SLOW = (

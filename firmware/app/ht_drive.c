@@ -1,4 +1,5 @@
 #include "ht_configure.h"
+#include "ht_misfit.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -379,6 +380,7 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
 {
     ht_params trial;
     bool set_up_again = false;
+    ht_result result;
     uint16_t k;
     trial = d->params;
     for (k = 0u; k < n; k++) {
@@ -399,7 +401,11 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
         trial.v[ids[k]] = values[k];
     }
     /* Timing and scaling reach into the PWM: set it all up again. */
-    return set_up_again ? set_up(d, d->port, &trial) : ht_configure_live(d, &trial);
+    result = set_up_again ? set_up(d, d->port, &trial) : ht_configure_live(d, &trial);
+    if (result == HT_ERROR_CONFIG) {
+        *at = (uint16_t)ht_misfit_of(&trial, ht_port_pwm_clock_Hz(d->port));
+    }
+    return result;
 }
 
 ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)

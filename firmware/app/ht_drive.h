@@ -156,7 +156,8 @@ void ht_drive_stand_in(ht_drive *d, uint16_t bits);
  *  nothing changes on an error. */
 ht_result ht_drive_set(ht_drive *d, uint16_t id, float value);
 /** The same for `n` parameters together: all of them or none; of an id that comes twice
- *  the last value counts. On an error of a single one its id is in `*at`. */
+ *  the last value counts. On an error of a single one its id is in `*at`, on HT_ERROR_CONFIG
+ *  the reason (ht_misfit.h). */
 ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, uint16_t n,
                          uint16_t *at);
 /** Current value; NaN-free. Returns 0 for an unknown id. */

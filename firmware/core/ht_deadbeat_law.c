@@ -71,10 +71,12 @@ static ht_ab within_reach(ht_ab e, ht_ab along, float inv_size, float radial, fl
     float least = TORQUE_SHARE2 * most * most;
     float tangential =
         limited(along.alpha * e.beta - along.beta * e.alpha, sqrtf((left > least) ? left : least));
-    radial -= 0.5f * tangential * tangential * inv_size; /* along the circle, not its tangent */
-    e.alpha = radial * along.alpha - tangential * along.beta;
-    e.beta = radial * along.beta + tangential * along.alpha;
-    return e;
+    /* along the circle, not its tangent */
+    float outward = radial - 0.5f * tangential * tangential * inv_size;
+    ht_ab step;
+    step.alpha = outward * along.alpha - tangential * along.beta;
+    step.beta = outward * along.beta + tangential * along.alpha;
+    return step;
 }
 
 ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer_config *machine,

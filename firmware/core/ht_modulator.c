@@ -178,6 +178,7 @@ static void modulate(const timing *t, const carrier *c, float d, float i_A, uint
     unsigned bit = LEG_U1 >> leg;
     if (fabsf(d) < (0.5f - ON_RAIL)) {
         float counts = c->slope * (d + compensation(t, i_A)) - t->early;
+        float edge;
         unsigned count;
         if (!(fabsf(counts) < t->open)) {
             float most = t->middle - 1.5f;
@@ -185,7 +186,8 @@ static void modulate(const timing *t, const carrier *c, float d, float i_A, uint
             counts = (counts > -most) ? counts : -most; /* NaN too */
             found->close |= bit;
         }
-        count = (unsigned)(counts + t->middle);
+        edge = counts + t->middle;
+        count = (unsigned)edge;
         found->moves |= bit;
         ca[leg] = (uint16_t)count;
         instant[leg] = (float)count * t->per_count;

@@ -11,6 +11,11 @@ from ..recording.recording import Recording
 from .losses import Edges, bridge, copper_loss_W
 from .spectrum import channel, fundamental_Hz, harmonics, thd_inf_pct, thd_pct
 
+#: Parts of the window whose scatter tells the spread of the current difference.
+PARTS = 5
+#: The fewest cycles of the fundamental in a part.
+PART_CYCLES = 2
+
 
 def i_xy_A(rec: Recording) -> tuple[np.ndarray, np.ndarray]:
     """The x and y stator currents in A: the plant's if they were recorded, else computed from the
@@ -47,7 +52,8 @@ def metrics(rec: Recording, f_sw_Hz: float | None = None, edges: Edges | None = 
     thd_pct: THD of phase u1, by band; thd_inf_pct: THD of all six phases over the whole recorded
     spectrum (`thd_inf_pct` of `spectrum`); h5_pct, h7_pct: harmonics of phase u1 in % of its
     fundamental; ixy_rms_A: sqrt(mean(i_x^2 + i_y^2)); delta_i_A: |I_u1 - I_u2|, peaks of the
-    fundamentals; copper_loss_W: of the stator (`copper_loss_W` of `losses`); idc_A, idc_ripple_A,
+    fundamentals; delta_i_spread_A: its standard deviation from window to window (`_spread`);
+    copper_loss_W: of the stator (`copper_loss_W` of `losses`); idc_A, idc_ripple_A,
     conduction_loss_W, switching_loss_W: from the inverter's `edges` and the set-up's data-sheet
     values (`bridge` of `losses`), None without them.
     """
@@ -80,11 +86,28 @@ def metrics(rec: Recording, f_sw_Hz: float | None = None, edges: Edges | None = 
             "h7_pct": percent * line_A[7],
             "ixy_rms_A": np.sqrt(np.mean(i_x**2 + i_y**2)),
             "delta_i_A": abs(line_A[1] - u2_A),
+            "delta_i_spread_A": _spread(u1, u2, rec.rate_Hz, f1_Hz),
             "f_sw_Hz": rec.meta.get("f_sw_Hz") if f_sw_Hz is None else f_sw_Hz,
             "copper_loss_W": copper_loss_W(rec),
             **bridge(rec, edges),
         }
     )
+
+
+def _spread(u1: np.ndarray, u2: np.ndarray, rate_Hz: float, f1_Hz: float) -> float | None:
+    """Standard deviation that I_u1 - I_u2 has from one window of this length to the next. It is
+    that of the window's parts divided by the root of their number, because their errors are
+    independent: a scheme that applies one vector a period leaves low-frequency noise in the
+    currents. None if a part is too short."""
+    count = len(u1) // PARTS
+    if count * f1_Hz / rate_Hz < PART_CYCLES:
+        return None
+    parts = [slice(k * count, (k + 1) * count) for k in range(PARTS)]
+    differences_A = [
+        harmonics(u1[part], rate_Hz, f1_Hz, (1,))[1] - harmonics(u2[part], rate_Hz, f1_Hz, (1,))[1]
+        for part in parts
+    ]
+    return float(np.std(differences_A, ddof=1) / np.sqrt(PARTS))
 
 
 def _finite(value):

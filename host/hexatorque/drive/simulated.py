@@ -50,6 +50,9 @@ CAPTURE_TURN_S = 0.01
 #: from its limit of stability, and the error of a step is 1e-7. For the papers' machines this
 #: allows more than twice 100 us.
 STEP_SHARE = 0.1
+#: The same, relative to the shaft's shortest time constant. The error of a step is 1e-5 of what
+#: decays with it.
+SHAFT_SHARE = 0.25
 #: Controller parameters that also set the timing of the simulated hardware.
 TIMED_WITH_THE_PLANT = ("f_isr_Hz", "f_slow_Hz", "load_mode", "write_delay_us")
 #: Stands for "do not record".
@@ -150,7 +153,7 @@ class SimulatedDrive(DriveVerbs):
     """One drive: machine, inverter, sensors and firmware.
 
     setup: the set-up that describes all of it; samples_per_period: plant samples that are
-    recorded per PWM period, a divisor of the period's counts; controller(device, values): makes
+    recorded per PWM period; controller(device, values): makes
     the controller, by default the firmware in this process.
     """
 
@@ -165,8 +168,10 @@ class SimulatedDrive(DriveVerbs):
         period_counts = self.controller.period_counts
         clock = float(self.controller.map.pwm_clock_Hz)
         self.period_s = period_counts / clock
-        if period_counts % samples_per_period:
-            raise SetupError(f"{samples_per_period} samples do not divide {period_counts} counts")
+        if not 1 <= samples_per_period <= period_counts:
+            raise SetupError(
+                f"samples_per_period = {samples_per_period}: allowed range is 1 .. {period_counts}"
+            )
         sample_count = round(setup["sensors.sample_delay_us"] * 1e-6 * clock)
         write_count = round(setup.write_delay_us * 1e-6 * clock)
         if self.controller.shadow:
@@ -180,7 +185,8 @@ class SimulatedDrive(DriveVerbs):
         model = machines.model(setup["machine.model"])
         self.machine = model.Parameters(**setup.machine_values())
         self._machine = model.make(self.machine)
-        longest_s = min(MAX_STEP_S, STEP_SHARE / model.fastest_per_s(self._machine))
+        self._flux_Wb = setup.parameter("flux_ref_Wb")
+        self._windings_step_s = min(MAX_STEP_S, STEP_SHARE / model.fastest_per_s(self._machine))
         self._timing = record(
             TIMING,
             clock_Hz=clock,
@@ -189,7 +195,7 @@ class SimulatedDrive(DriveVerbs):
             write_count=write_count,
             slow_every=self.controller.fast_per_slow,
             per_period=samples_per_period,
-            max_step=max(1, int(longest_s * clock)),
+            max_step=max(1, int(self._windings_step_s * clock)),
             lost=0,
         )
         self.plant_state = np.zeros(8)
@@ -286,14 +292,16 @@ class SimulatedDrive(DriveVerbs):
         timing.period, timing.slow_every = counts, slow_every
         timing.write_count = min(timing.write_count, counts - 1)
         timing.sample_count = min(timing.sample_count, timing.write_count)
-        if counts % timing.per_period:
-            timing.per_period = self.samples_per_period = 1
         self.sensors.system_clocks = self.period_s * float(m.system_clock_Hz)
         self.discard()
 
     @property
     def time_s(self) -> float:
         return self._begun_s + (self.periods - self._begun) * self.period_s
+
+    def _time_of_tick(self, tick: int) -> float:
+        # The firmware counts from 1, at the beginning of a period.
+        return self._begun_s + (tick - 1 - self._begun) * self.period_s
 
     @property
     def speed_rpm(self) -> float:
@@ -400,6 +408,8 @@ class SimulatedDrive(DriveVerbs):
 
     def _call(self, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
         load = _load(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
+        longest_s = min(self._windings_step_s, self._shaft_step_s(load))
+        self._timing.max_step = max(1, int(longest_s * self._timing.clock_Hz))
         self._edges_logged = run_periods(
             n, self.periods, self._timing, self._machine, load, self.inverter,
             self._map, self._pwm, self._gates, self.sensors, self._registers,
@@ -407,6 +417,30 @@ class SimulatedDrive(DriveVerbs):
             *self._entries, self.controller.handle, channels.ctypes.data, plant, channels,
             self._edges, self._edges_logged,
         )  # fmt: skip
+
+    def _shaft_step_s(self, load: np.record) -> float:
+        """Longest step for the shaft: a share of its shortest time constant, J over the slope of
+        the load torque, and of its fastest swing against the field. SetupError if it is so short
+        that the simulation would take too long."""
+        inertia_kgm2 = self.setup["machine.inertia_kgm2"]
+        w = self.setup["load.at_rpm"] * math.pi / 30
+        slope_Nms = (
+            self.setup["machine.viscous_Nms"]
+            + abs(load.linear_Nms)
+            + 2 * abs(load.quadratic_Nms2) * w
+            + abs(load.dry_Nm) / DRY_RAD_S
+            + 2 * abs(load.eddy_Nm) / load.eddy_rad_s
+        )
+        flux_Wb = self.setup["machine.pole_pairs"] * self._flux_Wb
+        swing_per_s = flux_Wb * math.sqrt(3 * float(self._machine.inv_l_max) / inertia_kgm2)
+        step_s = SHAFT_SHARE / (slope_Nms / inertia_kgm2 + swing_per_s)
+        if step_s < SHORTEST_STEP_S:
+            raise SetupError(
+                f"machine.inertia_kgm2 = {inertia_kgm2:g}: too small for a load of "
+                f"{self.load_Nm:g} N m of the kind {self.setup['load.kind']}, the simulation would "
+                f"need steps below {SHORTEST_STEP_S * 1e6:g} us"
+            )
+        return step_s
 
     def lose_interrupts(self, lost: bool) -> None:
         """`lost`: from now on the ADC raises no fast interrupt. False: it raises it again."""

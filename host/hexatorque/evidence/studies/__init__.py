@@ -10,6 +10,7 @@ violated limit; for studies that only measure, it returns nothing.
 STUDIES = {
     "integration": "integration",
     "inverter": "inverter",
+    "machines": "machines",
     "low-speed": "low_speed",
     "light-load": "light_load",
     "dynamics": "dynamics",

@@ -9,9 +9,11 @@ are made in speed mode.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -122,19 +124,25 @@ def _speed(rec: Recording, target: float) -> dict[str, float]:
     }
 
 
-def reversal(variant: Variant, name: str, speed: float, load: float, progress: Progress | None):
+def reversal(
+    variant: Variant, name: str, speed: float, load: float, progress: Progress | None
+) -> dict[str, float]:
     setup = variant.setup(name, load__kind="constant")
     sim = approach(Point(setup, speed, 0.0), progress)
     return _speed(follow(sim, [(STEP_AT_S, "speed_ref_rpm", -speed)], 2.5, progress), -speed)
 
 
-def load_step(variant: Variant, name: str, speed: float, load: float, progress: Progress | None):
+def load_step(
+    variant: Variant, name: str, speed: float, load: float, progress: Progress | None
+) -> dict[str, float]:
     setup = variant.setup(name, load__kind="constant")
     sim = approach(Point(setup, speed, 0.0), progress)
     return _speed(follow(sim, [(STEP_AT_S, "load_Nm", load)], 2.0, progress), speed)
 
 
-def sag(variant: Variant, name: str, speed: float, load: float, progress: Progress | None):
+def sag(
+    variant: Variant, name: str, speed: float, load: float, progress: Progress | None
+) -> dict[str, float]:
     setup = variant.setup(name, load__kind="constant")
     sim = approach(Point(setup, speed, load), progress)
     events = [(STEP_AT_S, "vdc_V", SAG_SHARE * sim.vdc_V), (STEP_AT_S + SAG_S, "vdc_V", sim.vdc_V)]
@@ -144,8 +152,11 @@ def sag(variant: Variant, name: str, speed: float, load: float, progress: Progre
 TESTS = {"reversal": reversal, "load step": load_step, "sag": sag}
 
 
-def _run(test: str, function, variant: Variant, *arguments) -> Row:
-    figures, lost = {}, ""
+def _run(
+    test: str, function: Callable[..., dict[str, float]], variant: Variant, *arguments: Any
+) -> Row:
+    figures: dict[str, float] = {}
+    lost = ""
     try:
         figures = function(variant, *arguments)
     except NOT_MEASURED as reason:

@@ -152,7 +152,8 @@ def run(
     name, speed, load = point
     setup = wrong_setup(name, error, variant)
     prepare = _other_dead_time(error.dead_us) if error.dead_us else None
-    figures, lost = {}, ""
+    figures: dict[str, float] = {}
+    lost = ""
     try:
         at = Point(setup, speed, load)
         metrics = measure(at, progress, fine_samples(setup), prepare).metrics
@@ -168,7 +169,7 @@ def study(quick: bool = False, progress: Callable[[float], None] | None = None) 
     points = POINTS[-1:] if quick else POINTS
     cases = [(p, e, v) for p in points for e in errors for v in VARIANTS]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        rows = list(pool.map(lambda case: run(*case, progress), cases))
+        rows = list(pool.map(lambda c: run(c[0], c[1], c[2], progress), cases))
     return {"quick": quick, "rows": [asdict(row) for row in rows]}
 
 
