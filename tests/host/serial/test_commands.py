@@ -150,7 +150,7 @@ def test_a_start_that_trips(call, board):
     assert code == 1 and (said["state"], said["faults"]) == ("fault", ["over-current"])
     assert said["trip"]["faults"] == ["over-current"]
     assert said["trip"]["details"][0].endswith("i_trip_A = 0.1 A")
-    assert "the drive tripped: over-current" in err
+    assert "the drive tripped at " in err and "in state build: over-current; phase " in err
 
 
 def test_a_start_that_is_refused_says_what_to_do(call, board, tmp_path):
