@@ -35,9 +35,13 @@ LIVE = (
     "project/test_tutorial.py",
 )
 SLOW = (
+    "firmware/core/test_modulator.py",
+    "firmware/core/test_observer.py",
     "firmware/core/test_pattern.py",
+    "firmware/link/test_floods.py",
     "firmware/port",
     "host/analysis/test_plots.py",
+    "host/analysis/test_report.py",
     "host/boards",
     "host/cli/test_cli.py",
     "host/cli/test_compiling.py",
@@ -45,6 +49,7 @@ SLOW = (
     "host/evidence",
     "host/plant",
     "host/recording/test_files.py",
+    "host/recording/test_writer.py",
     "project",
 )
 
