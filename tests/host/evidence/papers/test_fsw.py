@@ -142,7 +142,7 @@ def test_the_reason_names_the_point_and_the_scheme_that_wins():
                 "ixy_rms_A": 1, "loss_W": 1, "flux_Wb": 0.3}  # fmt: skip
 
     ours = {f"db-dtfc {kind}": [row(0.9, 0.4)] for kind in ("κ=0", "κ=1", "free")}
-    at = comparison.At(
+    at = judging.At(
         Place("paper-b", 1000, 1),
         {"dtc1": [row(1.0, 30), row(0.5, 20, 5e4)], "ddr": [row(2.0, 1.0)], **ours},
     )

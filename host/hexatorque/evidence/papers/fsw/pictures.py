@@ -9,7 +9,7 @@ import numpy as np
 
 from ....analysis import plots
 from ....analysis.schemes import STYLE
-from .comparison import TARGETS, At
+from .judging import TARGETS, At
 from .points import A, B
 from .search import JUDGED, OURS
 
