@@ -35,7 +35,7 @@ JOURNAL = "study.journal"
 )
 @options.value("--weights", metavar="NAME=W,...", help="what counts; default: 1 each, speed 0.5")
 @options.value(
-    "--trials", metavar="N", type=options.whole, default=64, help="candidates to simulate"
+    "--trials", metavar="N", type=options.whole, default=96, help="candidates to simulate"
 )
 @options.value("--seed", metavar="N", type=options.whole, default=1, help="of the search")
 @options.value("--jobs", metavar="N", type=options.whole, help="at once; default: all cores")
@@ -101,6 +101,7 @@ def _percent(aim: float) -> str:
 
 def _show(console, tuned, result) -> None:
     from rich.table import Table
+    from rich.text import Text
 
     from ..tuning import report
 
@@ -114,7 +115,7 @@ def _show(console, tuned, result) -> None:
         shown = "" if point == last else point
         last = point
         texts = (f"{a:.{digits}f}", f"{b:.{digits}f}", report.change(a, b))
-        table.add_row(shown, f"{title} [{unit}]", *texts)
+        table.add_row(shown, Text(f"{title} [{unit}]"), *texts)
     console.print(table)
     table = Table()
     for heading in ("parameter", "before", "after", "unit"):

@@ -17,6 +17,8 @@ DIGITS = 4
 #: The corner of the speed loop, k_p/J, is at most this share of its sampling frequency
 #: (`review`: "corner of the speed loop").
 CORNER_SHARE = 2 * math.pi / 10
+#: The gain of the x-y loop in one period, 2 k_p Vdc T_s/L_xy, is at most this (`review`).
+XY_GAIN_MOST = 0.9
 #: Above this share of Vdc no scheme reaches: a larger kappa_from_pu changes nothing.
 KAPPA_FROM_MOST = 0.62
 
@@ -33,7 +35,7 @@ class Knob:
 
 
 def knobs(setup: Setup) -> list[Knob]:
-    """Those that the set-up's scheme uses. 0 switches off what a parameter belongs to, and stays."""
+    """Those that the set-up's scheme uses. A value of 0 switches something off, and stays."""
     values = parameters(setup)
     row = firmware.lib.ht_scheme_describe(firmware.schemes().index(str(values["scheme"])))
     names = []
@@ -49,8 +51,13 @@ def knobs(setup: Setup) -> list[Knob]:
     if values["control_mode"] == "speed":
         names += ["kp_speed_Nms_rad", "ki_speed_Nm_rad"]
     table = firmware.parameters(setup["timing.device"])
-    corner = setup["machine.inertia_kgm2"] * CORNER_SHARE * float(values["f_slow_Hz"])
-    most = {"kp_speed_Nms_rad": corner}
+    xy_pu_A = setup["machine.lxy_H"] * float(values["f_isr_Hz"]) / (2 * setup["inverter.vdc_V"])
+    most = {
+        "kp_speed_Nms_rad": setup["machine.inertia_kgm2"]
+        * CORNER_SHARE
+        * float(values["f_slow_Hz"]),
+        "kp_xy_pu_A": XY_GAIN_MOST * xy_pu_A,
+    }
     found = []
     for name in names:
         start, allowed = float(values[name]), table[name]

@@ -19,7 +19,7 @@ from .aim import Figures, Weights, aim
 from .course import Lost, Times, Where
 from .search import Judged, Tried
 
-TRIALS = 64
+TRIALS = 96
 #: The flux of a candidate may differ that far from the one before tuning: less flux has less
 #: ripple, but the torque limit and the losses rely on it.
 FLUX_TOLERANCE = 0.05
