@@ -35,8 +35,8 @@ def whole():
 
 
 def test_the_optimum_is_found(whole):
-    """A circle of 0.1 around it is 1.1 % of the space: 40 random draws miss it in 64 %
-    of cases. The study learns: what it proposes in the end is better than what it draws at first."""
+    """A circle of 0.1 around it is 1.1 % of the space: 40 random draws miss it in 64 % of cases.
+    The study learns: its last candidates are better than those that it draws at random first."""
     assert [one.number for one in whole] == list(range(TRIALS))
     assert whole[0].values == {"band": 1.0, "kappa": 0.5}
     best = min(whole, key=lambda one: one.aim)
