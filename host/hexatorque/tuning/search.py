@@ -82,6 +82,28 @@ def _quiet() -> Iterator[None]:
         optuna.logging.set_verbosity(level)
 
 
+class Journal:
+    """A study's file: an entry of Optuna's journal in each line. Optuna's own backend waits for the
+    disk after each entry and locks the file against other processes. Here only one writes, and
+    there are ten entries a candidate."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        text = file.read_text() if file.exists() else ""
+        whole = text[: text.rfind("\n") + 1]  # the last line is cut off if the process was killed
+        self._entries: list[dict[str, Any]] = [json.loads(line) for line in whole.splitlines()]
+        if whole != text:
+            file.write_text(whole)
+
+    def read_logs(self, log_number_from: int) -> list[dict[str, Any]]:
+        return self._entries[log_number_from:]
+
+    def append_logs(self, logs: list[dict[str, Any]]) -> None:
+        with self._file.open("a") as file:
+            file.write("".join(json.dumps(entry) + "\n" for entry in logs))
+        self._entries += logs
+
+
 def open_study(file: Path | None, what: Mapping[str, Any], resume: bool) -> optuna.Study:
     """The study in this file, a new one unless `resume`; without a file one in memory. `what` says
     what is studied: a study of anything else is refused."""
@@ -96,22 +118,20 @@ def open_study(file: Path | None, what: Mapping[str, Any], resume: bool) -> optu
         )
     if resume and not there:
         raise SetupError(f"{file}: no study is there that could be resumed")
+    now = json.loads(json.dumps(what))
     try:
-        if there:
-            _mend(file)
         with _quiet():
-            backend = optuna.storages.journal.JournalFileBackend(str(file))
-            storage = optuna.storages.JournalStorage(backend)
+            storage = optuna.storages.JournalStorage(Journal(file))
             if not there:
                 study = optuna.create_study(storage=storage, study_name=STUDY)
-                study.set_user_attr("what", json.loads(json.dumps(what)))
+                study.set_user_attr("what", now)
                 return study
             study = optuna.load_study(storage=storage, study_name=STUDY)
     except OSError as error:
         raise SetupError(f"{file}: {error.strerror}") from None
     except (KeyError, ValueError, TypeError):
         raise SetupError(f"{file}: not a study of `hexatorque tune`") from None
-    before, now = study.user_attrs.get("what", {}), json.loads(json.dumps(what))
+    before = study.user_attrs.get("what", {})
     differing = [key for key in {**before, **now} if before.get(key) != now.get(key)]
     if differing:
         raise SetupError(
@@ -119,13 +139,6 @@ def open_study(file: Path | None, what: Mapping[str, Any], resume: bool) -> optu
             "folder"
         )
     return study
-
-
-def _mend(file: Path) -> None:
-    """Cut off a last line that was not written to its end, because the process was killed."""
-    data = file.read_bytes()
-    if not data.endswith(b"\n"):
-        file.write_bytes(data[: data.rfind(b"\n") + 1])
 
 
 def search(
