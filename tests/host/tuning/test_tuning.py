@@ -10,7 +10,7 @@ import pytest
 from hexatorque import setups
 from hexatorque.cli.main import main
 from hexatorque.setups import Value, edit
-from hexatorque.tuning import aim, course, search, space, tuning
+from hexatorque.tuning import aim, course, report, search, space, tuning
 from hexatorque.tuning.aim import Figures
 from hexatorque.tuning.course import Lost, Where
 
@@ -162,6 +162,7 @@ def test_the_written_set_up_gives_the_figures_reported(tmp_path, monkeypatch, ca
     # Once more: nothing is left to simulate but the start and the errors.
     judged = []
     monkeypatch.setattr(tuning.Judge, "__call__", lambda *_: judged.append(1))
+    monkeypatch.setattr(report, "draw", lambda tuned, path: path)
     assert main([*command, "-o", str(folder), "--json", "--resume"]) == 0
     assert not judged and json.loads(capsys.readouterr().out) == said
 
