@@ -47,9 +47,9 @@ def tune(setup, scheme, points, weights, trials, seed, jobs, output, resume, as_
 
     Comparator bands or kappa, x-y gains, observer and speed loop move, as far as the scheme uses
     them. Candidates that trip, or that lose speed or flux at an operating point, are out; the
-    chosen one also holds with R_s, L_m and sigma L_s 30 % wrong. Writes a set-up with the tuned
-    values and a report with the trade-off. The same seed gives the same result, with any number of
-    jobs, and after an interruption as well.
+    chosen one also holds with R_s, L_m, sigma L_s and the inertia 30 % wrong. Writes a set-up with
+    the tuned values and a report with the trade-off. The same seed gives the same result, with any
+    number of jobs, and after an interruption as well.
     """
     from .. import setups
     from ..tuning import aim, course, report, search, tuning

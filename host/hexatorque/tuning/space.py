@@ -19,6 +19,7 @@ DIGITS = 4
 CORNER_SHARE = 2 * math.pi / 10
 #: The gain of the x-y loop in one period, 2 k_p Vdc T_s/L_xy, is at most this (`review`).
 XY_GAIN_MOST = 0.9
+SPEED_LOOP = ("kp_speed_Nms_rad", "ki_speed_Nm_rad")
 #: Above this share of Vdc no scheme reaches: a larger kappa_from_pu changes nothing.
 KAPPA_FROM_MOST = 0.62
 
@@ -49,7 +50,7 @@ def knobs(setup: Setup) -> list[Knob]:
     if values["observer"] == "hybrid":
         names.append("crossover_Hz")
     if values["control_mode"] == "speed":
-        names += ["kp_speed_Nms_rad", "ki_speed_Nm_rad"]
+        names += SPEED_LOOP
     table = firmware.parameters(setup["timing.device"])
     xy_pu_A = setup["machine.lxy_H"] * float(values["f_isr_Hz"]) / (2 * setup["inverter.vdc_V"])
     most = {

@@ -13,6 +13,7 @@ from typing import Any
 from .. import __version__
 from ..drive.operating_points import Progress
 from ..setups import Setup, SetupError, parameters
+from ..setups.keys import TIMING_OWNS
 from ..setups.review import review
 from . import course, search, space
 from .aim import Figures, Weights, aim
@@ -25,10 +26,12 @@ TRIALS = 96
 FLUX_TOLERANCE = 0.05
 #: So many of the best candidates are tried with wrong parameters.
 CANDIDATES = 10
-#: Errors of the parameters that the controller knows of the machine: name, parameter, factor.
+#: The inertia, which the controller does not know but its speed loop is tuned to.
+INERTIA = "inertia_kgm2"
+#: What may be wrong: name, parameter that the controller knows of the machine or INERTIA, factor.
 ERRORS = tuple(
     (f"{name} {percent:+d} %", key, 1 + percent / 100)
-    for name, key in (("R_s", "rs_ohm"), ("L_m", "lm_H"), ("σL_s", "sigma_ls_H"))
+    for name, key in (("R_s", "rs_ohm"), ("L_m", "lm_H"), ("σL_s", "sigma_ls_H"), ("J", INERTIA))
     for percent in (-30, 30)
 )
 
@@ -42,6 +45,11 @@ class Request:
     weights: Weights
     seed: int = 1
     trials: int = TRIALS
+
+    def knobs(self) -> list[space.Knob]:
+        """What moves. A speed loop that does not count stays as it is."""
+        found = space.knobs(self.setup)
+        return [k for k in found if self.weights["speed"] > 0 or k.name not in space.SPEED_LOOP]
 
     def as_json(self) -> dict[str, Any]:
         """What a study belongs to. The number of trials may grow."""
@@ -105,7 +113,7 @@ def tune(
     setup, points = request.setup, request.points
     course.check_points(setup, points)
     plan = course.times(setup, points)
-    knobs = space.knobs(setup)
+    knobs = request.knobs()
     if not knobs:
         raise SetupError(f"{setup.name}: no parameter of this drive can be tuned")
     study = search.open_study(journal, request.as_json(), resume)
@@ -143,7 +151,7 @@ class Judge:
     def __init__(self, request: Request, plan: Sequence[Times], progress: Progress) -> None:
         self.request, self.plan, self.progress = request, plan, progress
         setup = request.setup
-        self._start_values = {knob.name: knob.start for knob in space.knobs(setup)}
+        self._start_values = {knob.name: knob.start for knob in request.knobs()}
         self._refused_before = self._refused(setup)
         try:
             self.start = Outcome({}, 0.0, tuple(self._drive(setup)))
@@ -201,7 +209,12 @@ class Judge:
 
 def wrong(setup: Setup, key: str, factor: float) -> Setup:
     """The controller takes this parameter of the machine for `factor` times what it was set to. The
-    machine stays. An error of L_m is one of L_r as well."""
+    machine stays. An error of L_m is one of L_r as well. With INERTIA it is the machine that has
+    another one, and the controller that stays."""
+    if key == INERTIA:
+        values = {n: v for n, v in parameters(setup).items() if n not in TIMING_OWNS}
+        stays = {f"controller__{name}": value for name, value in values.items()}
+        return setup.changed(machine__inertia_kgm2=factor * setup[f"machine.{INERTIA}"], **stays)
     value = float(setup.parameter(key))
     changes: dict[str, float] = {f"controller__{key}": factor * value}
     if key == "lm_H":

@@ -131,6 +131,21 @@ def test_an_error_of_the_main_inductance_is_one_of_the_rotor_s():
     assert wrong.machine_values() == setup.machine_values()
 
 
+def test_an_error_of_the_inertia_leaves_the_controller_as_it_is():
+    """Even though its speed loop and its slow interrupt are derived from the inertia."""
+    setup = setups.load("small-2kw")
+    wrong = tuning.wrong(setup, tuning.INERTIA, 0.7)
+    assert wrong["machine.inertia_kgm2"] == pytest.approx(0.7 * setup["machine.inertia_kgm2"])
+    assert setups.parameters(wrong) == setups.parameters(setup)
+
+
+def test_a_speed_loop_that_does_not_count_stays():
+    request = tuning.Request(setups.load("paper-b"), (POINT,), aim.read_weights("speed=0"))
+    assert {knob.name for knob in request.knobs()} == {
+        "torque_band_Nm", "flux_band_Wb", "crossover_Hz"
+    }  # fmt: skip
+
+
 # --- what is written ------------------------------------------------------------------------
 
 
