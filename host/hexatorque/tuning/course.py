@@ -202,7 +202,7 @@ def _measure(
     sim.log_edges(0)
     speed_rpm = float(np.mean(channel(recording, "speed_rpm")))
     if abs(speed_rpm - point.speed_rpm) > near_rpm:
-        raise NotReached(f"{speed_rpm:.1f} r/min under load")
+        raise NotReached(f"{speed_rpm:.1f} r/min, {allowed.settle_s:.2g} s after the load step")
     flux_Wb = np.hypot(channel(recording, "psi_alpha_Wb"), channel(recording, "psi_beta_Wb"))
     phases_A = np.stack([channel(recording, f"i_{phase}_A") for phase in PHASES])
     f1_Hz = abs(fundamental_Hz(recording))
