@@ -9,11 +9,14 @@ slow    The file takes more than some seconds of computing time.
 `make test-quick` leaves all of these out with `--quick`: it does not even import their files.
 """
 
+import os
 from pathlib import Path
 
 import pytest
 
 TESTS = Path(__file__).parent
+# What is no terminal has no width. GNU readline sets this for processes that pytest starts.
+os.environ.pop("COLUMNS", None)
 
 #: These files are in the Makefile's OTHER_PROCESSES too.
 TIMED = (

@@ -7,11 +7,10 @@ Usage: write_studies.py OUT_DIR [docs/robustness.md]
 from __future__ import annotations
 
 import json
-import shutil
 import sys
 from pathlib import Path
 
-from write_results import renew
+from write_results import keep, renew
 
 from hexatorque.evidence.studies import dynamics, robustness
 
@@ -38,7 +37,7 @@ def main() -> None:
                 f"{folder}/{name}.json: a quick run; the documentation shows full ones"
             )
         text = renew(text, name, markdown(study.grid(result)))
-        shutil.copy(folder / f"{name}.png", page.parent / "images" / f"{name}.png")
+        keep(folder / f"{name}.png", page.parent / "images")
     page.write_text(text)
 
 
