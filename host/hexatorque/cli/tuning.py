@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import sys
 
@@ -94,8 +95,6 @@ def tune(setup, scheme, points, weights, trials, seed, jobs, output, resume, as_
 
 
 def _percent(aim: float) -> str:
-    import math
-
     return f"{100 * (math.exp(aim) - 1):+.0f} %"
 
 
