@@ -61,8 +61,11 @@ def tune(setup, scheme, points, weights, trials, seed, jobs, output, resume, as_
             raise options.Mistake(f"{name}: {number}: allowed range is {least} .. 100000")
     search.library()
     loaded = setups.load(setup)
-    if scheme:
-        loaded = loaded.with_scheme(*options.schemes_given(scheme))
+    if scheme is not None:
+        names = options.schemes_given(scheme)
+        if len(names) > 1:
+            raise options.Mistake(f"--scheme: {scheme}: one scheme is needed")
+        loaded = loaded.with_scheme(names[0])
     where = course.read_points(points) if points is not None else course.usual_points(loaded)
     counts = aim.read_weights(weights or "")
     request = tuning.Request(loaded, tuple(where), counts, seed, trials)
@@ -135,5 +138,7 @@ def _show(console, tuned, result) -> None:
         highlight=False,
     )
     console.print(f"report: {result['report']}", highlight=False)
-    console.print(f"{result['file']}: tuned; next: hexatorque check {result['file']}",
-                  highlight=False)  # fmt: skip
+    what = "tuned" if tuned.better else "as it was"
+    console.print(
+        f"{result['file']}: {what}; next: hexatorque check {result['file']}", highlight=False
+    )

@@ -213,6 +213,7 @@ def test_a_set_up_on_top_of_another():
     "options, code, says",
     (
         (["--scheme", "ddx"], 2, "no scheme 'ddx': choose from dtc1"),
+        (["--scheme", "ddr,fdr"], 2, "--scheme: ddr,fdr: one scheme is needed"),
         (["--points", "1000"], 2, "point '1000': RPM:NM is needed"),
         (["--points", ""], 2, "no point is given"),
         (["--points", "1000:9"], 2, "allowed range of the load is -4 .. 4 N m"),
