@@ -163,7 +163,7 @@ def _result(group: list[Run], reference: Reference) -> tuple[str, list[str], lis
     return _heading(group, reference), headings, _rows(group, reference, columns)
 
 
-def _picture(file: str | Path) -> str:
+def picture_source(file: str | Path) -> str:
     """A PNG file as an address that holds the picture itself."""
     return f"data:image/png;base64,{base64.b64encode(Path(file).read_bytes()).decode()}"
 
@@ -192,7 +192,7 @@ def html_report(
             "set-up", "scheme", *(f"{name} [N m]" for name in LATENCY_STUDY), "shadow / predicted"
         ],
         latency_rows=_latency_rows(runs),
-        figures=[(caption, _picture(file)) for caption, file in figures],
+        figures=[(caption, picture_source(file)) for caption, file in figures],
         notes=notes,
         command=command,
     )  # fmt: skip

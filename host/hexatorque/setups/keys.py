@@ -13,7 +13,7 @@ from ..chips import DEVICES
 from ..plant.machines import MODELS
 
 #: Where a value comes from.
-TAGS = ("paper", "assumed", "measured")
+TAGS = ("paper", "assumed", "measured", "tuned")
 #: The same, for values that the user's own file or command line gives.
 USER = "user"
 LATENCIES = ("none", "immediate", "shadow", "predicted")
