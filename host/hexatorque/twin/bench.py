@@ -90,7 +90,8 @@ def make(
         begins = begins and window_s[0] <= whole_s[0]
         if not len(rec):
             raise RecordingError(
-                f"no samples in the window; the drive ran from {whole_s[0]:.6g} to {whole_s[1]:.6g} s"
+                "no samples in the window; the drive ran from "
+                f"{whole_s[0]:.6g} to {whole_s[1]:.6g} s"
             )
     elif rec.duration_s > LONGEST_S:
         notes.append(f"{rec.duration_s:.4g} s: the first {LONGEST_S:g} s are compared")

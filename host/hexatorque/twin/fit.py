@@ -23,7 +23,7 @@ from .bench import Bench, as_the_board
 from .candidates import CANDIDATES, Candidate
 from .quantities import QUANTITIES, compute, windows
 from .replay import Replay, replay
-from .shaft import Load, parts, per_window
+from .shaft import NO_LOAD, Load, parts, per_window
 
 SPEED = "speed by this torque"
 SHAFT, SHAFT_NOISE = "shaft torque", "noise of the shaft torque"
@@ -175,10 +175,7 @@ class _Series:
     ) -> dict[str, np.ndarray]:
         per_slow = self.which[n]
         found = compute(samples, per_slow[bench.which], self.pairs)
-        if torque_Nm is None:
-            shaft = self.shafts[n]["needed"]
-        else:
-            shaft = per_window(torque_Nm, per_slow)
+        shaft = self.shafts[n]["needed"] if torque_Nm is None else per_window(torque_Nm, per_slow)
         return {**found, SHAFT: shaft.reshape(-1, 1)}
 
     def simulated(self, n: int, run: Replay) -> dict[str, np.ndarray]:
@@ -187,11 +184,12 @@ class _Series:
 
     def shaft_noise_Nm(self, n: int, run: Replay) -> np.ndarray:
         """What a measured speed is off: the simulation measures the bench's measured speed once
-        more, and between two samples nobody knows when it changed."""
+        more. It is late by up to half a period of the slow loop, as the firmware measures it, and
+        between two samples nobody knows when it changed."""
         bench = self.benches[n]
         seen = self._parts(n, bench.edges_of(run.samples["speed_rpm"]))
         at = np.arange(bench.periods + 1) * bench.slow_s
-        later = np.interp(at + bench.step_s, at, bench.omega_rad_s)
+        later = np.interp(at + bench.slow_s / 2 + bench.step_s, at, bench.omega_rad_s)
         late = self._parts(n, later)
         needed = self.shafts[n]["needed"]
         return np.hypot(seen["needed"] - needed, late["needed"] - needed)[:, None]
@@ -230,7 +228,7 @@ class _Series:
 def compare(
     setup: Setup,
     benches: list[Bench],
-    loads: Load = ((0.0, 0.0),),
+    loads: Load = NO_LOAD,
     candidates: Sequence[Candidate] = CANDIDATES,
     progress: Progress | None = None,
 ) -> Comparison:
@@ -380,10 +378,11 @@ class _Nominal:
             used = np.isfinite(bench) & np.isfinite(self.mean[name])
             if not used.any():
                 continue
-            self.used[name] = used
             variance = float(np.mean(all_of.var(axis=0, ddof=1)[used]))
             size = float(np.sqrt(np.mean(bench[used] ** 2)))
-            self.noise[name] = float(self.more * np.sqrt(variance + (FLOOR * size) ** 2))
+            noise = float(self.more * np.sqrt(variance + (FLOOR * size) ** 2))
+            if noise > 0:  # 0 on the bench and in the simulation says nothing
+                self.used[name], self.noise[name] = used, noise
         speed = np.concatenate([series.stacked(one, SHAFT_NOISE) for one in repeats])
         if SHAFT in self.noise:
             self.noise[SHAFT] = float(np.hypot(self.noise[SHAFT], np.sqrt(np.mean(speed**2))))

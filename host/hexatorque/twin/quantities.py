@@ -2,8 +2,8 @@
 or on the single pulse, made from the firmware's channels of the bench or of the simulation.
 
 Currents are seen from the estimated flux: along it they magnetise, across it they make torque. In
-the x-y plane, harmonic by harmonic, unbalance is the first harmonic and the inverter's error voltage
-the fifth and the seventh.
+the x-y plane, unbalance makes the first harmonic, and the inverter's error voltage the fifth and
+the seventh.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from .bench import SETS
 
 #: A window lasts this long; less if the recording is short, but some periods of the slow loop.
 WINDOW_S, MOST_WINDOWS_OF_SHORT, LEAST_PERIODS = 0.1, 8, 3
-#: Harmonics need so many turns of the flux in a window.
-TURNS = 1.5
+#: Harmonics need this many turns of the flux in a window.
+TURNS = 1.0
 
 
 @dataclass(frozen=True)
@@ -118,8 +118,8 @@ def compute(
 
     found["unbalance"] = _parts(harmonic(xy, 1), harmonic(xy, -1), harmonic(ab, -1))
     found["x-y harmonics 5, 7"] = _parts(harmonic(xy, 5), harmonic(xy, -7))
-    sums = [sum(get(f"i_{p}_A") for p in one) for one in SETS if _all(samples, one)]
-    if len(sums) == len(SETS):
+    if all(_all(samples, one) for one in SETS):
+        sums = [np.sum([get(f"i_{p}_A") for p in one], axis=0) for one in SETS]
         found["sum of currents"] = _parts(*(harmonic(one.astype(complex), 1) for one in sums))
     if "v_x_pu" in samples and "v_y_pu" in samples:
         voltage = get("v_x_pu") + 1j * get("v_y_pu")
@@ -137,7 +137,8 @@ def _phases(samples: Mapping[str, np.ndarray]) -> np.ndarray:
     for phases in SETS:
         for phase in phases:
             if phase not in known:
-                known[phase] = -sum(known[other] for other in phases if other != phase)
+                others = [known[other] for other in phases if other != phase]
+                known[phase] = -np.sum(others, axis=0)
     return np.array([known[phase] for phase in PHASES])
 
 

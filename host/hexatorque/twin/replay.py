@@ -1,14 +1,15 @@
-"""The simulation follows a recording: its drive gets the torque reference that the bench's drive had,
-its shaft turns as the bench's shaft did, its dc link has the voltage that the bench measured. The flux
-reference follows from the parameters, in the simulation as on the bench.
+"""The simulation follows a recording: its drive gets the torque reference that the bench's drive
+had, its shaft turns as the bench's shaft did, its dc link has the voltage that the bench measured.
+The flux reference follows from the parameters, in the simulation as on the bench.
 
-The speed loop stays open. Closed, it would hide what is looked for: a wrong resistance, inductance or
-load is compensated by another torque reference. With the bench's references and speed, all that is
-wrong in the set-up shows in currents, flux, slip and in the torque at the shaft.
+The speed loop stays open. Closed, it would hide what is looked for: a wrong inertia or load would
+only be another torque reference. With the bench's reference and speed, what is wrong in the set-up
+shows in currents, flux, slip, the adapted resistances and the torque at the shaft.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -114,7 +115,7 @@ def _approach(follower: _Follower, bench: Bench, late: int) -> None:
     torque, vdc = bench.torque_ref_Nm[0], bench.vdc_V[0]
     speed = bench.omega_rad_s[0]
     ramp = np.linspace(0.0, 1.0, max(2, round(APPROACH_S / slow_s)) + 1)
-    for share, after in zip(ramp[:-1], ramp[1:]):
+    for share, after in itertools.pairwise(ramp):
         follower.step(share * torque, vdc, share * speed, after * speed)
     adapt_s = float(sim.get("adapt_s"))
     sim.set("adapt_s", adapt_s / FASTER)

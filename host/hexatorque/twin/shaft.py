@@ -10,6 +10,7 @@ from ..setups import Setup
 
 #: The load over time: (time in s of the recording, torque).
 Load = tuple[tuple[float, float], ...]
+NO_LOAD: Load = ((float("-inf"), 0.0),)
 
 
 def per_window(values: np.ndarray, which: np.ndarray) -> np.ndarray:
@@ -27,9 +28,9 @@ def parts(
     slow_s: float,
     which: np.ndarray,
 ) -> dict[str, np.ndarray]:
-    """Means over the windows, (windows,): torque `needed`, and how it changes with a share of J, with
-    friction in N m s and with a load in N m. omega_rad_s: at the ends of the periods that begin
-    at time_s."""
+    """Means over the windows, (windows,): torque `needed`, and how it changes with a share of J,
+    with friction in N m s and with a load in N m. omega_rad_s: at the ends of the periods that
+    begin at time_s."""
     middle = (omega_rad_s[:-1] + omega_rad_s[1:]) / 2
     inertial = setup["machine.inertia_kgm2"] * np.diff(omega_rad_s) / slow_s
     one = _load(setup["load.kind"], 1.0, setup["load.at_rpm"])

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
-from pathlib import Path
 
 import click
 
@@ -100,8 +100,10 @@ def compare(setup, recordings, load, window, output, as_json) -> int:
 
 def _loads(text: str | None) -> tuple[tuple[float, float], ...]:
     """Steps (time in s, torque) of a --load option."""
+    from ...twin.shaft import NO_LOAD
+
     if text is None:
-        return ((float("-inf"), 0.0),)
+        return NO_LOAD
     steps = []
     for part in text.split(","):
         at, colon, value = part.rpartition(":")
@@ -110,7 +112,7 @@ def _loads(text: str | None) -> tuple[tuple[float, float], ...]:
         except ValueError:
             steps.append((float("nan"), 0.0))
     times = [time_s for time_s, _ in steps]
-    ascend = all(a < b for a, b in zip(times, times[1:]))
+    ascend = all(a < b for a, b in itertools.pairwise(times))
     finite = all(abs(value) <= 1e4 and time_s < float("inf") for time_s, value in steps)
     if not (ascend and finite):
         raise Mistake(
