@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from campaigns import part
 
 from hexatorque import setups
 from hexatorque.cli.main import main
@@ -69,20 +70,21 @@ def test_nothing_changed_nothing_accused(setup, faithful):
     assert abs(by_name["J"].change) < 0.05
 
 
-@pytest.mark.parametrize(
-    "name, true, tolerance, where",
-    [
-        ("R_s", 0.2, 0.02, "R_s in use"),
-        ("J", 0.3, 0.05, "shaft torque"),
-        ("gain of current sensor w1", 0.05, 0.01, "sum of currents"),
-    ],
-)
+#: Parameter, its change, tolerance of what is found, and a quantity that differs.
+CHANGED = [
+    ("J", 0.3, 0.05, "shaft torque"),
+    ("R_s", 0.2, 0.02, "R_s in use"),
+    ("gain of current sensor w1", 0.05, 0.01, "sum of currents"),
+]
+
+
+@pytest.mark.parametrize("name, true, tolerance, where", part(CHANGED, 2))
 def test_the_changed_parameter_is_named(setup, name, true, tolerance, where):
     candidate = CANDIDATES[name]
     wrong = candidate.apply(setup, true)
     if name == "J":
         wrong = setup.changed(machine__inertia_kgm2=setup["machine.inertia_kgm2"] * (1 + true))
-    tried = [CANDIDATES[other] for other in sorted({name, "R_r", "J", "load"})]
+    tried = [CANDIDATES[other] for other in sorted({name, "J", "load"})]
     found = compared(setup, recorded(wrong), tried=tried)
     assert found.differs and found.cause.candidate is candidate
     assert found.cause.change == pytest.approx(true, abs=tolerance)
