@@ -5,7 +5,7 @@ import pytest
 
 from hexatorque import firmware
 from hexatorque.evidence.papers.engine.job import Job
-from hexatorque.evidence.papers.fsw import bench, comparison, pictures, search, sweep
+from hexatorque.evidence.papers.fsw import bench, comparison, judging, pictures, search, sweep
 from hexatorque.evidence.papers.fsw.points import PLACES, QUICK, Place, setup_of
 
 TABLES = [name for name in firmware.schemes() if name != "db-dtfc"]
