@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -35,6 +37,41 @@ def torque_ripple_td_Nm(rec: Recording) -> float:
     """Standard deviation of the torque over all samples. NaN below TD_SAMPLES a period."""
     per = rec.meta.get("samples_per_period", 1)
     return float(np.std(channel(rec, "torque_Nm"))) if per >= TD_SAMPLES else math.nan
+
+
+#: Unit of each figure of merit, under the names of `flat`.
+UNITS = {
+    "speed_rpm": "r/min",
+    "torque_Nm": "N m",
+    "torque_ripple_Nm": "N m",
+    "torque_ripple_td_Nm": "N m",
+    "flux_Wb": "Wb",
+    "flux_ripple_Wb": "Wb",
+    "i1_A": "A",
+    "f1_Hz": "Hz",
+    "thd_1kHz_pct": "%",
+    "thd_2kHz_pct": "%",
+    "thd_5kHz_pct": "%",
+    "thd_h50_pct": "%",
+    "thd_inf_pct": "%",
+    "h5_pct": "%",
+    "h7_pct": "%",
+    "ixy_rms_A": "A",
+    "delta_i_A": "A",
+    "delta_i_spread_A": "A",
+    "f_sw_Hz": "Hz",
+    "copper_loss_W": "W",
+    "idc_A": "A",
+    "idc_ripple_A": "A",
+    "conduction_loss_W": "W",
+    "switching_loss_W": "W",
+}
+
+
+def flat(values: Mapping[str, Any]) -> dict[str, float | None]:
+    """The figures of `metrics`, one number each: the THD of a band becomes `thd_BAND_pct`."""
+    bands = {f"thd_{band}_pct": value for band, value in values["thd_pct"].items()}
+    return {name: {**values, **bands}[name] for name in UNITS}
 
 
 def metrics(rec: Recording, f_sw_Hz: float | None = None, edges: Edges | None = None) -> dict:

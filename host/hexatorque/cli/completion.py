@@ -80,6 +80,12 @@ def channel(ctx, param, incomplete: str) -> list:
     return starting([name for name, _ in firmware.channels()], incomplete)
 
 
+def metric(ctx, param, incomplete: str) -> list:
+    from ..analysis.metrics import UNITS
+
+    return starting(UNITS, incomplete)
+
+
 def figure(ctx, param, incomplete: str) -> list:
     from ..evidence.papers import ENTRIES
 

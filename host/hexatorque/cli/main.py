@@ -21,6 +21,7 @@ from .output import complain
 from .own_machine import check, new
 from .recordings import convert, plot
 from .simulate import compare, reach, run
+from .sweep import sweep
 from .tables import schemes, setups
 from .tuning import tune
 
@@ -45,7 +46,21 @@ def app() -> None:
     with it."""
 
 
-COMMANDS = (run, compare, reach, plot, convert, setups, schemes, new, check, tune, board, evidence)
+COMMANDS = (
+    run,
+    compare,
+    reach,
+    sweep,
+    plot,
+    convert,
+    setups,
+    schemes,
+    new,
+    check,
+    tune,
+    board,
+    evidence,
+)
 for command in COMMANDS:
     app.add_command(command)
 

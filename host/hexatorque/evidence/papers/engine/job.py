@@ -8,28 +8,16 @@ import json
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
 from ....analysis.run import Run
+from ....build import build
 from ....drive import operating_points
 from ....drive.operating_points import Point, Progress
 
 A = TypeVar("A")
 B = TypeVar("B")
-
-
-@lru_cache(maxsize=1)
-def build() -> str:
-    """Digest of everything that can change a result: this package with its firmware."""
-    package = Path(__file__).parents[3]
-    digest = hashlib.sha256()
-    for path in sorted(package.rglob("*")):
-        if path.suffix in (".py", ".so", ".toml"):
-            digest.update(path.relative_to(package).as_posix().encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
 
 
 class Job:
