@@ -40,6 +40,7 @@ def rows(work: Work, cases: Iterable[Case], workers: Workers) -> Iterator[Row]:
 
     try:
         while True:
+            workers.look()
             while len(busy) < workers.slots and (task := next_task()):
                 busy[workers.submit(working.do, work, task.cases)] = task
             if not busy:
@@ -49,8 +50,10 @@ def rows(work: Work, cases: Iterable[Case], workers: Workers) -> Iterator[Row]:
                 task = busy.pop(future)
                 try:
                     found = _result(workers, future)
-                except Died:
-                    more = _parts(task) if len(task.cases) > 1 or task.tries < TRIES else []
+                except Died as died:
+                    (enough,) = died.args
+                    once_more = len(task.cases) > 1 or not (enough or task.tries >= TRIES)
+                    more = _parts(task) if once_more else []
                     again.extend(more)
                     found = [] if more else [working.lost(work, task.cases[0], "its process died")]
                 yield from found

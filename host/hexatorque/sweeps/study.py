@@ -65,7 +65,7 @@ class Study:
         from ..analysis.metrics import UNITS
 
         self.setup = setup if isinstance(setup, Setup) else load(setup)
-        self.title = title or self.setup.title
+        self.title = title if title else self.setup.title
         if metrics is not None and not metrics:
             raise StudyError(f"no metric is given; known: {', '.join(UNITS)}")
         self.metrics = tuple(UNITS if metrics is None else metrics)
@@ -78,6 +78,7 @@ class Study:
             raise StudyError(f"from_s = {from_s:g}: 0 s or more is needed")
         check_words(self.metrics, UNITS, "metric")
         check_words(schemes, firmware.schemes(), "scheme")
+        one: Any
         for one in seeds:
             if isinstance(one, bool) or not isinstance(one, int) or not SEEDS[0] <= one <= SEEDS[1]:
                 raise StudyError(f"seeds: {one!r}: allowed range is {SEEDS[0]} .. {SEEDS[1]}")
@@ -154,8 +155,11 @@ class Study:
                         self.results.forget(row)
                     elif each:
                         each(row)
-            missing = self.space.cases(list(self.results.missing))
-            for row in rows(shared, missing, _workers(jobs, executor, scheduler)):
+            missing = list(self.results.missing)
+            if not missing:
+                return
+            workers = _workers(jobs, executor, scheduler, len(missing))
+            for row in rows(shared, self.space.cases(missing), workers):
                 self.results.add(row)
                 if journal:
                     journal.add(row)
@@ -191,9 +195,9 @@ class Study:
         return {"title": self.title, "study": self.as_json()}
 
 
-def _workers(jobs: int | None, executor: Executor | None, scheduler: Any) -> Workers:
+def _workers(jobs: int | None, executor: Executor | None, scheduler: Any, runs: int) -> Workers:
     if scheduler is not None:
         from .cluster import Cluster
 
-        return Cluster(scheduler)
+        return Cluster(scheduler, runs)
     return Given(executor, jobs) if executor is not None else Processes(jobs)

@@ -140,5 +140,5 @@ def frame(results: Results, meta: dict[str, Any]) -> pd.DataFrame:
         ) from None
     columns = units(results)
     found = pd.DataFrame(dict(zip(columns, _columns(results))))
-    found.attrs = {"units": columns, **meta}
+    found.attrs.update({"units": columns, **meta})
     return found

@@ -3,8 +3,11 @@ there, and compiled if it is not yet in numba's cache."""
 
 from __future__ import annotations
 
+import sys
+
 from ..drive import comparison  # noqa: F401  (what a run needs)
-from ..drive.compiling import compile_now
+from ..drive.compiling import COMPILING, compile_now, watched
 from . import work  # noqa: F401
 
-compile_now()
+with watched(lambda: print(COMPILING, file=sys.stderr, flush=True), lambda: None):
+    compile_now()

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
+from typing import Any
 
 from .. import __version__
 from ..build import build
@@ -153,8 +154,8 @@ def _split(profile: Profile, at_s: float) -> tuple[Profile, Profile]:
             f"from_s = {at_s:g}: the profile ends at duration_s = {profile.duration_s:g} s"
         )
     steps = ("speed_rpm", "load_Nm", "vdc_V", "set")
-    first = {n: tuple(s for s in getattr(profile, n) if s[0] < at_s) for n in steps}
-    second = {
+    first: dict[str, Any] = {n: tuple(s for s in getattr(profile, n) if s[0] < at_s) for n in steps}
+    second: dict[str, Any] = {
         n: tuple((s[0] - at_s, *s[1:]) for s in getattr(profile, n) if s[0] >= at_s) for n in steps
     }
     return (

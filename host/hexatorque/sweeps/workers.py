@@ -29,7 +29,8 @@ _STARTING = threading.Lock()
 
 
 class Died(Exception):
-    """The process of a run has ended without a result."""
+    """The process of a task has ended without a result. The argument: whether it has been tried
+    often enough."""
 
 
 class Workers(Protocol):
@@ -40,6 +41,9 @@ class Workers(Protocol):
 
     @property
     def slots(self) -> int: ...
+
+    def look(self) -> None:
+        """Called all the time. Raises StudyError if the workers have gone."""
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future: ...
 
@@ -131,6 +135,9 @@ class Processes:
         self._idle: list[_Process] = []
         self._busy: dict[Future, tuple[_Process, float]] = {}
 
+    def look(self) -> None:
+        """They cannot go as a whole."""
+
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         process = self._idle.pop() if self._idle else _Process()
         try:
@@ -152,7 +159,7 @@ class Processes:
                 raise StudyError(
                     "the worker processes do not start: try `hexatorque run` first"
                 ) from None
-            raise Died from None
+            raise Died(False) from None
         except BaseException:
             process.end()
             raise
@@ -186,6 +193,9 @@ class Given:
         self._executor = executor
         # Two tasks a worker, so that none waits for the next one.
         self.slots = 2 * (jobs or getattr(executor, "_max_workers", None) or usable_cores())
+
+    def look(self) -> None:
+        """An executor that has broken says so in its futures."""
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         return self._executor.submit(function, *arguments)
