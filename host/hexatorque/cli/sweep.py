@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -68,7 +69,7 @@ def sweep(
 
     if file is None and not grid:
         raise options.Mistake("give a FILE.toml or --grid KEY=A:B:N")
-    changes = {"vary": dict(space.read_text(text, "--grid") for text in grid)}
+    changes: dict[str, Any] = {"vary": dict(space.read_text(text, "--grid") for text in grid)}
     if setup:
         changes["setup"] = setup
     if schemes:

@@ -24,7 +24,7 @@ from .space import StudyError
 #: A process that is this much over its time limit is killed: it does not look at the time itself.
 GRACE_S = 10.0
 #: Imported by the server from which the workers are forked.
-_LOADED_ONCE = "hexatorque.sweeps.warm"
+LOADED_ONCE = "hexatorque.sweeps.warm"
 _STARTING = threading.Lock()
 
 
@@ -104,7 +104,7 @@ class _Process:
 
     def __init__(self) -> None:
         context = multiprocessing.get_context("forkserver")
-        context.set_forkserver_preload([_LOADED_ONCE])
+        context.set_forkserver_preload([LOADED_ONCE])
         self.ready_s: float | None = None
         self._pool = ProcessPoolExecutor(1, context, _begin)
         with _bare_start():

@@ -8,6 +8,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import tricks
@@ -70,7 +71,7 @@ def children_of_the_server():
     from multiprocessing import forkserver
 
     server = forkserver._forkserver._forkserver_pid
-    return set(map(int, open(f"/proc/{server}/task/{server}/children").read().split()))
+    return set(map(int, Path(f"/proc/{server}/task/{server}/children").read_text().split()))
 
 
 def gone(pids):
@@ -83,6 +84,7 @@ def gone(pids):
 PROGRAM = """
 import sys, hexatorque, tricks
 from hexatorque.sweeps import study, workers
+workers.LOADED_ONCE = "tricks"  # no simulation is needed
 study.Processes = tricks.tricked(workers.Processes)
 loads = [tricks.TAKES_TIME] * 40
 made = study.Study("paper-b", {"point.speed_rpm": [100 + k for k in range(40)],
@@ -149,14 +151,6 @@ def threads():
         yield pool
 
 
-@pytest.mark.parametrize("path, said", [("study.journal", "No space left on device")])
-def test_a_full_disk_is_named(path, said, make, tmp_path, threads):
-    (tmp_path / path).symlink_to("/dev/full")
-    with pytest.raises(StudyError, match=said) as caught:
-        make([0.0], workers.Given).run(tmp_path, executor=threads)
-    assert str(caught.value).startswith(str(tmp_path / path)) and "\n" not in str(caught.value)
-
-
 def test_a_disk_that_becomes_full_loses_no_row(make, tmp_path, threads):
     """The limit of a file's size stands for the disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -194,7 +188,7 @@ def test_another_study_is_refused(change, said, make, tmp_path, threads):
 def test_rows_of_another_version_are_refused(make, tmp_path, threads, monkeypatch):
     make([0.0], workers.Given).run(tmp_path, executor=threads)
     monkeypatch.setattr(work, "build", lambda: "another")
-    with pytest.raises(StudyError, match="made by another version .build .*, now another"):
+    with pytest.raises(StudyError, match=r"made by another version .build .*, now another"):
         make([0.0], workers.Given).run(tmp_path, resume=True, executor=threads)
 
 
@@ -277,7 +271,7 @@ def test_the_table_has_units_and_reasons(measured, tmp_path):
     table = parquet.read_table(stored)
     assert table.schema.field("f_sw_Hz").metadata == {b"unit": b"Hz"}
     assert table.column("f_sw_Hz").null_count == 1
-    assert b"paper" in table.schema.metadata[b"hexatorque"]
+    assert b'"design": "list"' in table.schema.metadata[b"hexatorque"]
 
 
 def test_every_figure_has_a_unit(measured):

@@ -75,8 +75,8 @@ def test_more_random_points_begin_with_the_same_ones():
 
 def test_the_profile_may_vary():
     setup = setups.load("examples/reversal.toml")
-    other = space.changed(setup, {"profile.load_Nm": 2.0, "machine.rs_ohm": 2.0})
-    assert other.profile.load_Nm == ((0.0, 2.0),) and other["machine.rs_ohm"] == 2.0
+    other = space.changed(setup, {"profile.load_Nm": [[0.5, 2.0]], RS: 2.0})
+    assert other.profile.load_Nm == ((0.5, 2.0),) and other["machine.rs_ohm"] == 2.0
     assert other.profile.speed_rpm == setup.profile.speed_rpm
     assert other.profile.duration_s == setup.profile.duration_s
 
