@@ -80,7 +80,7 @@ pytest = $(BIN)/python -m pytest -rs
 waiting = $(pytest) -n $(1) --dist worksteal -m $(2) $(OTHER_PROCESSES) || \
 	$(pytest) -m $(2) --last-failed --last-failed-no-failures none $(OTHER_PROCESSES)
 # Named, so that not all tests are collected for them.
-OTHER_PROCESSES := tests/host/serial tests/host/monitor tests/host/boards \
+OTHER_PROCESSES := tests/host/serial tests/host/monitor tests/host/boards tests/host/sweeps \
   tests/project/test_own_machine_page.py tests/project/test_tutorial.py
 
 test: test-c

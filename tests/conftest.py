@@ -24,6 +24,8 @@ TIMED = (
     "host/monitor/test_server.py",
     "host/monitor/test_traces.py",
     "host/serial",
+    "host/sweeps/test_cluster.py",
+    "host/sweeps/test_engine.py",
 )
 LIVE = (
     "host/boards/test_served_board.py",

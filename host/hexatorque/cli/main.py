@@ -22,7 +22,7 @@ from .own_machine import check, new
 from .recordings import convert, plot
 from .simulate import compare, reach, run
 from .sweep import sweep
-from .tables import schemes, setups
+from .tables import setups
 from .tuning import tune
 
 
@@ -54,7 +54,6 @@ COMMANDS = (
     plot,
     convert,
     setups,
-    schemes,
     new,
     check,
     tune,

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 import time
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 from .space import StudyError
@@ -26,6 +27,20 @@ COUNT_S = 2.0
 PATIENCE, GRACE_S = 3.0, 30.0
 
 
+def _ask(address: str) -> None:
+    """Raises OSError if no scheduler answers. A client of Dask would wait for ever where somebody
+    listens and says nothing."""
+    from distributed import Security
+    from distributed.core import rpc
+
+    async def identity() -> None:
+        async with rpc(address, connection_args=Security().get_connection_args("client")) as there:
+            await asyncio.wait_for(there.identity(), ANSWER_S)
+
+    with ThreadPoolExecutor(1) as apart:  # a notebook has a loop of its own in this thread
+        apart.submit(asyncio.run, identity()).result()
+
+
 class Cluster:
     """A Dask cluster. scheduler: its address, or a cluster object, for example of dask-jobqueue;
     runs: of the study."""
@@ -43,12 +58,15 @@ class Cluster:
         self._level = self._log.level
         self._log.setLevel(logging.CRITICAL)  # what it says is for who runs the cluster
         try:
+            if isinstance(scheduler, str):
+                _ask(scheduler)
             self._client = distributed.Client(
                 scheduler, timeout=ANSWER_S, set_as_default=False, name="hexatorque"
             )
         except (OSError, ValueError, TypeError, ImportError) as error:
             self._log.setLevel(self._level)
-            why = "does not answer" if isinstance(error, OSError) else " ".join(str(error).split())
+            silent = isinstance(error, OSError)  # TimeoutError is one
+            why = "does not answer" if silent else " ".join(str(error).split())
             raise StudyError(f"scheduler {self._name}: {why}") from None
         self._executor = self._client.get_executor(pure=False)
         self._given_s: dict[Future, float] = {}
