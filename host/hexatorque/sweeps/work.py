@@ -7,6 +7,7 @@ import socket
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from importlib.metadata import version
 from typing import Any
 
@@ -59,6 +60,7 @@ class TimeUp(HexatorqueError):
     """A run takes too long."""
 
 
+@lru_cache(maxsize=1)  # looking it up takes longer than handing over a run
 def identity() -> dict[str, str]:
     """All that decides the bits of a result."""
     libraries = {name: version(name) for name in ("numpy", "numba")}

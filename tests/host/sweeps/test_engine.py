@@ -187,7 +187,8 @@ def test_another_study_is_refused(change, said, make, tmp_path, threads):
 
 def test_rows_of_another_version_are_refused(make, tmp_path, threads, monkeypatch):
     make([0.0], workers.Given).run(tmp_path, executor=threads)
-    monkeypatch.setattr(work, "build", lambda: "another")
+    other = {**work.identity(), "build": "another"}
+    monkeypatch.setattr(work, "identity", lambda: other)
     with pytest.raises(StudyError, match=r"made by another version .build .*, now another"):
         make([0.0], workers.Given).run(tmp_path, resume=True, executor=threads)
 
