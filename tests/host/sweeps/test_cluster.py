@@ -38,7 +38,9 @@ def started(tmp_path_factory):
     file = folder / "scheduler.json"
     begin = ["scheduler", "--host", "127.0.0.1", "--port", 0, "--no-dashboard", "--no-jupyter"]
     processes = [dask(folder, *begin, "--scheduler-file", file)]
+    # Should pytest be killed, the workers end without their scheduler.
     worker = ["worker", "--scheduler-file", file, "--nthreads", 1, "--no-nanny", "--no-dashboard"]
+    worker += ["--death-timeout", 60]
     try:
         processes += [dask(folder, *worker, "--host", "127.0.0.1") for _ in range(2)]
         end_s = time.monotonic() + 60
