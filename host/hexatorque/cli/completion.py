@@ -31,6 +31,12 @@ def files(ctx, param, incomplete: str) -> list:
     return [CompletionItem(incomplete, type="file")]
 
 
+def sweep(ctx, param, incomplete: str) -> list:
+    from ..sweeps.files import ready
+
+    return starting(ready(), incomplete) or files(ctx, param, incomplete)
+
+
 def scheme(ctx, param, incomplete: str) -> list:
     from .. import firmware
 

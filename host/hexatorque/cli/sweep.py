@@ -20,6 +20,7 @@ SETUP = "paper-a-feasible"
 @click.command(
     "sweep",
     epilog=examples(
+        "sweep efficiency --setup paper-b",
         "sweep examples/sweep.toml",
         "sweep --setup paper-b --grid point.speed_rpm=500:2500:5 --schemes dtc1,ddr \\\n"
         "    --metric torque_ripple_Nm --metric f_sw_Hz",
@@ -27,7 +28,9 @@ SETUP = "paper-a-feasible"
         "sweep examples/sweep.toml --scheduler tcp://10.0.0.1:8786",
     ),
 )
-@click.argument("file", metavar="[FILE.toml]", required=False, shell_complete=completion.files)
+@click.argument(
+    "file", metavar="[FILE.toml | STUDY]", required=False, shell_complete=completion.sweep
+)
 @options.setup(None, f"the file's, or {SETUP}")
 @options.value(
     "--grid",
@@ -61,14 +64,16 @@ def sweep(
     """Many runs with other values, and one table.
 
     Runs every combination of the values, or what the file says, in all processors or on a cluster.
+    Ready-made studies for any set-up: efficiency, pareto, sensitivity.
     Writes a table (CSV and Parquet) and a map. A run that fails is a row that says why. An
     interrupted study goes on with --resume.
     """
     from ..sweeps import files, space
+    from ..sweeps.errors import StudyError
     from ..sweeps.study import JOURNAL
 
     if file is None and not grid:
-        raise options.Mistake("give a FILE.toml or --grid KEY=A:B:N")
+        raise options.Mistake("give a FILE.toml, a study's name or --grid KEY=A:B:N")
     changes: dict[str, Any] = {"vary": dict(space.read_text(text, "--grid") for text in grid)}
     if setup:
         changes["setup"] = setup
@@ -85,7 +90,7 @@ def sweep(
     written = study.save(output)
     try:
         written.append(study.map(output / "map.png"))
-    except space.StudyError as error:
+    except StudyError as error:
         console.print(str(error), highlight=False, markup=False)
     for number, why in list(study.failures.items())[:SHOWN]:
         print_failure(console, f"run {number}: {why}")

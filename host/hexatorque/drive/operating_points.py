@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from .. import firmware
-from ..analysis.metrics import TD_SAMPLES, metrics
+from ..analysis.metrics import TD_SAMPLES, UNITS, metrics
 from ..analysis.run import Run
 from ..errors import HexatorqueError
 from ..firmware import FirmwareError
@@ -140,8 +140,10 @@ def measure(
     progress: Progress | None = None,
     samples_per_period: int = 4,
     prepare: Prepare | None = None,
+    names: Collection[str] = tuple(UNITS),
 ) -> Run:
-    """Steady-state metrics and recording of one point. Raises DriveFault or NotReached."""
+    """Steady-state metrics and recording of one point. names: of the metrics that are needed.
+    Raises DriveFault or NotReached."""
     sim = approach(point, progress, samples_per_period, prepare)
     omega = abs(sim.controller.channel("omega_sync_rad_s"))
     cycles_s = CYCLES * 6.2832 / omega if omega > 1.0 else WINDOW_S
@@ -153,7 +155,7 @@ def measure(
     sim.check()
     speed = window_s / sim.wall_s
     recording = sim.take()
-    values = metrics(recording, edges=sim.edges_since(begin, start))
+    values = metrics(recording, edges=sim.edges_since(begin, start), names=names)
     if abs(values["speed_rpm"] - point.speed_rpm) > max(2.0, 0.02 * abs(point.speed_rpm)):
         raise NotReached(
             f"{values['speed_rpm']:.1f} r/min under {point.load_Nm:g} N m, "

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
-from .space import StudyError
+from .errors import StudyError
 from .workers import Died
 
 #: A scheduler answers within this time.

@@ -10,7 +10,8 @@ from itertools import islice
 
 from ..errors import HexatorqueError
 from . import work as working
-from .space import Case, StudyError
+from .errors import StudyError
+from .space import Case
 from .work import Row, Work
 from .workers import Died, Workers
 

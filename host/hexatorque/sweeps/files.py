@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from ..errors import HexatorqueError
 from ..setups import SetupError
 from ..setups.values import suggest
-from .space import GRID, StudyError
+from .errors import StudyError
+from .space import GRID
 from .study import Study
 from .work import POINT
 
@@ -26,18 +28,38 @@ KEYS: dict[str, tuple[type | tuple[type, ...], str]] = {
     "metrics": (list, "a list of names"),
     "run": (str, "text"),
     "from_s": ((int, float), "a time in s"),
+    "over": (str, "the name of a metric"),
     "vary": (dict, "a table"),
+    "default": (dict, "a table"),
 }
 
 
-def read(path: Path, changes: Mapping[str, Any] | None = None) -> Study:
-    """The study in a file. `changes` replace its keys; those of `vary` are by path, and added."""
+def ready() -> list[str]:
+    """Names of the studies that come with the package."""
+    names = [path.name for path in (resources.files(__package__) / "ready").iterdir()]
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
+
+
+def _text(path: Path) -> str:
+    if str(path) in ready():
+        return (resources.files(__package__) / "ready" / f"{path}.toml").read_text()
+    if not path.suffix and not path.exists():
+        raise StudyError(f"no study{suggest(str(path), ready())}")
     try:
-        data = tomllib.loads(path.read_text())
+        return path.read_text()
+    except (OSError, ValueError) as error:
+        raise StudyError(getattr(error, "strerror", None) or "no text file") from None
+
+
+def read(path: Path, changes: Mapping[str, Any] | None = None) -> Study:
+    """The study in a file, or the one of this name that comes with the package. `changes` replace
+    its keys; those of `vary` are by path, and added."""
+    try:
+        data = tomllib.loads(_text(path))
     except tomllib.TOMLDecodeError as error:
         raise StudyError(f"{path}: not valid TOML: {error}") from None
-    except (OSError, ValueError) as error:
-        raise StudyError(f"{path}: {getattr(error, 'strerror', None) or 'no text file'}") from None
+    except StudyError as error:
+        raise StudyError(f"{path}: {error}") from None
     try:
         for name, value in data.items():
             if name not in KEYS:
@@ -45,7 +67,8 @@ def read(path: Path, changes: Mapping[str, Any] | None = None) -> Study:
             kind, needed = KEYS[name]
             if isinstance(value, bool) or not isinstance(value, kind):
                 raise StudyError(f"{name} = {value!r}: {needed} is needed")
-        data["vary"] = _flat(data.get("vary", {}))
+        for name in ("vary", "default"):
+            data[name] = _flat(name, data.get(name, {}))
     except StudyError as error:
         raise StudyError(f"{path}: {error}") from None
     changes = dict(changes or {})
@@ -76,13 +99,15 @@ def make(data: Mapping[str, Any]) -> Study:
         data.get("run", POINT),
         data.get("from_s", 0.0),
         data.get("title", ""),
+        data.get("over", ""),
+        data.get("default", {}),
     )
 
 
-def _flat(vary: Mapping[str, Any]) -> dict[str, Any]:
+def _flat(name: str, sections: Mapping[str, Any]) -> dict[str, Any]:
     found = {}
-    for section, keys in vary.items():
+    for section, keys in sections.items():
         if not isinstance(keys, dict):
-            raise StudyError(f"vary.{section}: a table [vary.{section}] is needed")
+            raise StudyError(f"{name}.{section}: a table [{name}.{section}] is needed")
         found.update({f"{section}.{key}": value for key, value in keys.items()})
     return found

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
-from .space import StudyError
+from .errors import StudyError
 from .work import Row
 
 FORMAT = "hexatorque study"

@@ -9,22 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import HexatorqueError
 from ..setups import KEYS, Setup, SetupError
+from .errors import StudyError
 
-GRID, LIST, RANDOM, HYPERCUBE = DESIGNS = ("grid", "list", "random", "latin-hypercube")
+GRID, LIST, RANDOM, HYPERCUBE, SOBOL = DESIGNS = (
+    "grid", "list", "random", "latin-hypercube", "sobol",
+)  # fmt: skip
 #: More runs than this are a mistake.
 MOST_RUNS = 10_000_000
 #: Digits of a value that is computed from a range.
 DIGITS = 12
 SCHEME, LATENCY, SEED = "controller.scheme", "timing.latency", "sensors.noise_seed"
 _RANGE = ("from", "to", "count", "log")
-
-
-class StudyError(HexatorqueError):
-    """A study cannot be made, or cannot go on."""
-
-    exit_code = 2
+_FACTORS = ("values", "times")
 
 
 @dataclass(frozen=True)
@@ -42,13 +39,8 @@ class Axis:
         if self.values:
             return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
         if self.log:
-            return self._number(self.low * (self.high / self.low) ** share)
-        return self._number(self.low + share * (self.high - self.low))
-
-    def _number(self, value: float) -> float | int:
-        if _is_whole(self.path):
-            return round(value)
-        return float(f"{value:.{DIGITS}g}")
+            return _number(self.path, self.low * (self.high / self.low) ** share)
+        return _number(self.path, self.low + share * (self.high - self.low))
 
     def as_json(self) -> dict[str, Any]:
         if self.values:
@@ -56,23 +48,36 @@ class Axis:
         return {"from": self.low, "to": self.high, "log": self.log}
 
 
-def read_axis(path: str, given: Any, design: str) -> Axis:
-    """From a value, a list of values, or a range {from, to, count, log}."""
+def _number(path: str, value: float) -> float | int:
+    return round(value) if _is_whole(path) else float(f"{value:.{DIGITS}g}")
+
+
+def read_axis(path: str, given: Any, design: str, setup: Setup | None = None) -> Axis:
+    """From a value, a list of values, {values}, or a range {from, to, count, log}. With `times`
+    all of them are factors of the set-up's own value."""
+    own = None
+    if isinstance(given, Mapping):
+        if unknown := [name for name in given if name not in (*_RANGE, *_FACTORS)]:
+            raise StudyError(
+                f"{path}: unknown {unknown[0]!r}; known: {', '.join((*_RANGE, *_FACTORS))}"
+            )
+        if not isinstance(times := given.get("times", False), bool):
+            raise StudyError(f"{path}: times = {times!r}: true or false is needed")
+        own = _own(path, setup) if times else None
+        if "values" in given:
+            if beside := [name for name in _RANGE if name in given]:
+                raise StudyError(f"{path}: values and {beside[0]}: only one of them is allowed")
+            given = given["values"]
     if not isinstance(given, Mapping):
-        listed = given if isinstance(given, (list, tuple, range, np.ndarray)) else [given]
-        values = tuple(v.item() if isinstance(v, np.generic) else v for v in listed)
-        if not values:
-            raise StudyError(f"{path}: no values are given, the {design} is empty")
-        return _checked(Axis(path, values))
-    if unknown := [name for name in given if name not in _RANGE]:
-        raise StudyError(f"{path}: unknown {unknown[0]!r}; known: {', '.join(_RANGE)}")
-    low, high = (_finite(path, name, given) for name in ("from", "to"))
+        return _listed(path, given, design, own)
+    low, high = (_finite(path, name, given.get(name)) for name in ("from", "to"))
     log, count = given.get("log", False), given.get("count")
     if not isinstance(log, bool):
         raise StudyError(f"{path}: log = {log!r}: true or false is needed")
     if log and not (low > 0 and high > 0):
         raise StudyError(f"{path}: from {low:g} to {high:g}: above 0 is needed with log")
-    axis = Axis(path, (), low, high, log)
+    factor = 1.0 if own is None else own
+    axis = Axis(path, (), low * factor, high * factor, log)
     if design in (GRID, LIST):
         if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_RUNS:
             raise StudyError(
@@ -85,8 +90,31 @@ def read_axis(path: str, given: Any, design: str) -> Axis:
     return _checked(axis)
 
 
-def _finite(path: str, name: str, given: Mapping[str, Any]) -> float:
-    value = given.get(name)
+def _listed(path: str, given: Any, design: str, own: float | None) -> Axis:
+    listed = given if isinstance(given, (list, tuple, range, np.ndarray)) else [given]
+    values = tuple(v.item() if isinstance(v, np.generic) else v for v in listed)
+    if not values:
+        raise StudyError(f"{path}: no values are given, the {design} is empty")
+    if own is not None:
+        values = tuple(_number(path, own * _finite(path, "a factor", v)) for v in values)
+    return _checked(Axis(path, values))
+
+
+def _own(path: str, setup: Setup | None) -> float:
+    """The set-up's value of a key whose values are factors."""
+    own = None
+    if setup is not None:
+        section, _, key = path.partition(".")
+        try:
+            own = setup.parameter(key) if section == "controller" else setup[path]
+        except (KeyError, ValueError):
+            nested({path: None})  # names a key that does not exist
+    if isinstance(own, bool) or not isinstance(own, (int, float)) or own == 0:
+        raise StudyError(f"{path}: times: the set-up has {own}, a number other than 0 is needed")
+    return own
+
+
+def _finite(path: str, name: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise StudyError(f"{path}: {name} = {value!r}: a finite number is needed")
     return float(value)
@@ -173,6 +201,16 @@ def changed(setup: Setup, values: Mapping[str, Any]) -> Setup:
     return setup.with_values(checked)
 
 
+def completed(setup: Setup, defaults: Mapping[str, Any]) -> Setup:
+    """The set-up with values for what it leaves open."""
+    open_keys = {}
+    for path, value in defaults.items():
+        section, _, key = path.partition(".")
+        if key not in setup.values.get(section, {}):
+            open_keys[path] = value
+    return changed(setup, open_keys) if open_keys else setup
+
+
 # -- points ----------------------------------------------------------------------------------
 
 
@@ -181,7 +219,8 @@ class Design:
     """The points of a study. Point `k` has the values `point(k)`.
 
     A grid has every combination, the last axis the quickest. A list has the first value of every
-    axis, then the second, and so on. The other two draw `samples` points."""
+    axis, then the second, and so on. The others draw: random numbers and Latin hypercubes
+    `samples` points, a Sobol design (`sensitivity`) `samples` for each axis and two more."""
 
     kind: str
     axes: tuple[Axis, ...]
@@ -193,7 +232,7 @@ class Design:
     def points(self) -> int:
         if self.kind == GRID:
             return math.prod(len(axis.values) for axis in self.axes)
-        return self.samples
+        return self.samples if self.shares is None else len(self.shares)
 
     def point(self, number: int) -> dict[str, Any]:
         if self.shares is not None:
@@ -208,11 +247,18 @@ class Design:
         return {axis.path: found[axis.path] for axis in self.axes}
 
 
-def design(kind: str, keys: Mapping[str, Any], samples: int | None = None, seed: int = 1) -> Design:
-    """The points over `keys`: path -> a value, a list of values, or a range."""
+def design(
+    kind: str,
+    keys: Mapping[str, Any],
+    samples: int | None = None,
+    seed: int = 1,
+    setup: Setup | None = None,
+) -> Design:
+    """The points over `keys`: path -> a value, a list of values, or a range. setup: has the values
+    that factors multiply."""
     if kind not in DESIGNS:
         raise StudyError(f"design = {kind!r}: choose one of {', '.join(DESIGNS)}")
-    axes = tuple(read_axis(path, given, kind) for path, given in keys.items())
+    axes = tuple(read_axis(path, given, kind, setup) for path, given in keys.items())
     if kind in (GRID, LIST):
         if samples is not None:
             raise StudyError(f"samples = {samples}: a {kind} has as many as its values make")
@@ -225,6 +271,10 @@ def design(kind: str, keys: Mapping[str, Any], samples: int | None = None, seed:
         raise StudyError(f"a {kind} design needs a key that varies")
     if isinstance(samples, bool) or not isinstance(samples, int) or not 1 <= samples <= MOST_RUNS:
         raise StudyError(f"samples = {samples}: allowed range is 1 .. {MOST_RUNS}")
+    if kind == SOBOL:
+        from .sensitivity import drawn
+
+        return Design(kind, axes, samples, seed, drawn(samples, axes, seed))
     return Design(kind, axes, samples, seed, _drawn(kind, samples, len(axes), seed))
 
 

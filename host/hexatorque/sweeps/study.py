@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..setups import Setup, load, parameters
-from . import space, table, work
+from . import sensitivity, space, table, work
 from .engine import rows
+from .errors import StudyError
 from .journal import Journal
-from .space import GRID, Space, StudyError, check_words
+from .space import GRID, SOBOL, Space, check_words
 from .table import Results
 from .work import Row, Work
 from .workers import Given, Processes, Workers
@@ -41,10 +42,13 @@ class Study:
 
     keys: key of the set-up -> a value, a list of values, or a range {from, to, count, log};
     design: "grid" (all combinations), "list" (the first values together, then the second ones),
-    "random" or "latin-hypercube", which draw `samples` points with `seed`; metrics: names from
+    "random" or "latin-hypercube", which draw `samples` points with `seed`, or "sobol", which tells
+    how much each key matters (`indices`); metrics: names from
     `hexatorque.analysis.metrics.UNITS`, all without it; schemes, seeds: each point runs with every
     scheme, and with every seed of the sensors' noise; kind: "point" measures the steady state at
-    the set-up's operating point, "profile" its profile from `from_s` on.
+    the set-up's operating point, "profile" its profile from `from_s` on; over: the picture draws
+    the other metrics over this one, with the best compromises; default: key -> a value for what
+    the set-up leaves open.
     """
 
     def __init__(
@@ -60,11 +64,14 @@ class Study:
         kind: str = work.POINT,
         from_s: float = 0.0,
         title: str = "",
+        over: str = "",
+        default: Mapping[str, Any] | None = None,
     ) -> None:
         from .. import firmware
         from ..analysis.metrics import UNITS
 
-        self.setup = setup if isinstance(setup, Setup) else load(setup)
+        loaded = setup if isinstance(setup, Setup) else load(setup)
+        self.setup = space.completed(loaded, default or {})
         self.title = title if title else self.setup.title
         if metrics is not None and not metrics:
             raise StudyError(f"no metric is given; known: {', '.join(UNITS)}")
@@ -78,11 +85,14 @@ class Study:
             raise StudyError(f"from_s = {from_s:g}: 0 s or more is needed")
         check_words(self.metrics, UNITS, "metric")
         check_words(schemes, firmware.schemes(), "scheme")
+        self.over = over
+        if over and over not in self.metrics:
+            raise StudyError(f"over = {over!r}: choose one of {', '.join(self.metrics)}")
         one: Any
         for one in seeds:
             if isinstance(one, bool) or not isinstance(one, int) or not SEEDS[0] <= one <= SEEDS[1]:
                 raise StudyError(f"seeds: {one!r}: allowed range is {SEEDS[0]} .. {SEEDS[1]}")
-        points = space.design(design, keys or {}, samples, seed)
+        points = space.design(design, keys or {}, samples, seed, self.setup)
         self.space = Space(points, tuple(schemes), tuple(seeds))
         self.results = Results(self.space, self.metrics)
 
@@ -181,15 +191,35 @@ class Study:
         """Write the table as CSV with a .json file beside it, and as Parquet if pyarrow is
         installed. Returns the files."""
         folder = Path(folder)
-        files = [folder / "table.csv", folder / "table.parquet"]
+        files = [folder / "table.csv"]
         table.write_csv(self.results, self._meta(), files[0])
-        return files if table.write_parquet(self.results, self._meta(), files[1]) else files[:1]
+        if table.write_parquet(self.results, self._meta(), folder / "table.parquet"):
+            files.append(folder / "table.parquet")
+        if self.space.design.kind == SOBOL:
+            lines = sensitivity.indices(self.results)
+            files.append(folder / "indices.csv")
+            table.write_lines(sensitivity.COLUMNS, lines, self._meta(), files[-1])
+        return files
+
+    def indices(self) -> pd.DataFrame:
+        """Of a Sobol design: a row for each scheme, figure and key. S1 is the share of the figure's
+        variance that the key causes alone, ST with all others; the columns _conf have their
+        uncertainty (95 %)."""
+        if self.space.design.kind != SOBOL:
+            raise StudyError(f"design = {self.space.design.kind!r}: indices need {SOBOL!r}")
+        columns = zip(*sensitivity.indices(self.results))
+        return table.data_frame(dict(zip(sensitivity.COLUMNS, columns)))
 
     def map(self, file: str | Path) -> Path:
-        """A picture of the figures over what varies."""
-        from .maps import draw
+        """A picture: the figures over what varies, or over the figure `over`, or how much each key
+        of a Sobol design matters."""
+        from . import maps
 
-        return draw(self.results, self.title, Path(file))
+        if self.space.design.kind == SOBOL:
+            return maps.sensitivity(self.results, self.title, Path(file))
+        if self.over:
+            return maps.front(self.results, self.title, self.over, Path(file))
+        return maps.draw(self.results, self.title, Path(file))
 
     def _meta(self) -> dict[str, Any]:
         return {"title": self.title, "study": self.as_json()}

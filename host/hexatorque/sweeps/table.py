@@ -6,7 +6,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,8 @@ import numpy as np
 
 from ..analysis.metrics import UNITS
 from ..recording.formats import one_line, replacing
-from .space import SCHEME, Space, StudyError, unit_of
+from .errors import StudyError
+from .space import SCHEME, Space, unit_of
 from .work import Row
 
 if TYPE_CHECKING:
@@ -78,15 +79,20 @@ def _cell(value: Any) -> Any:
 def write_csv(results: Results, meta: dict[str, Any], path: Path) -> None:
     """CSV, and beside it .json with units and what was studied."""
     columns = units(results)
+    write_lines(tuple(columns), lines(results), {"units": columns, **meta}, path)
+
+
+def write_lines(
+    columns: Sequence[str], rows: Iterable[Sequence[Any]], meta: dict[str, Any], path: Path
+) -> None:
     try:
         with replacing(path) as draft:
             with draft.open("w", newline="", encoding="utf-8") as file:
                 writer = csv.writer(file, lineterminator="\n")
                 writer.writerow(columns)
-                for line in lines(results):
-                    writer.writerow("" if _is_nan(cell) else cell for cell in line)
-            text = json.dumps({"units": columns, **meta}, indent=1)
-            draft.with_suffix(".json").write_text(text + "\n")
+                for row in rows:
+                    writer.writerow("" if _is_nan(cell) else cell for cell in row)
+            draft.with_suffix(".json").write_text(json.dumps(meta, indent=1) + "\n")
     except OSError as error:
         raise StudyError(f"{path}: {one_line(error)}") from None
 
@@ -129,8 +135,7 @@ def _columns(results: Results) -> list[list[Any]]:
     return columns
 
 
-def frame(results: Results, meta: dict[str, Any]) -> pd.DataFrame:
-    """A pandas DataFrame; `attrs["units"]` has the units."""
+def data_frame(columns: Mapping[str, Any]) -> pd.DataFrame:
     try:
         import pandas as pd
     except ImportError:
@@ -138,7 +143,12 @@ def frame(results: Results, meta: dict[str, Any]) -> pd.DataFrame:
             "a table in Python needs pandas, which is not installed: "
             "pip install 'hexatorque[sweep]'"
         ) from None
+    return pd.DataFrame(columns)
+
+
+def frame(results: Results, meta: dict[str, Any]) -> pd.DataFrame:
+    """A pandas DataFrame; `attrs["units"]` has the units."""
     columns = units(results)
-    found = pd.DataFrame(dict(zip(columns, _columns(results))))
+    found = data_frame(dict(zip(columns, _columns(results))))
     found.attrs.update({"units": columns, **meta})
     return found

@@ -16,7 +16,8 @@ from ..build import build
 from ..errors import HexatorqueError
 from ..setups import Setup, SetupError
 from ..setups.values import Profile
-from .space import Case, StudyError, changed
+from .errors import StudyError
+from .space import Case, changed
 
 #: How a run gets its figures: in steady state at the set-up's operating point, or from the
 #: profile.
@@ -127,11 +128,12 @@ def _at_point(work: Work, setup: Setup, look: Callable[[float], None]) -> dict:
 
     setup = at_point(setup)
     point = Point(setup, setup["point.speed_rpm"], setup["point.load_Nm"])
-    return measure(point, look, fine_samples(setup) if FINE in work.metrics else 4).metrics
+    samples = fine_samples(setup) if FINE in work.metrics else 4
+    return measure(point, look, samples, names=work.metrics).metrics
 
 
 def _along_profile(work: Work, setup: Setup, look: Callable[[float], None]) -> dict:
-    from ..analysis.metrics import metrics
+    from ..analysis.metrics import BRIDGE, metrics
     from ..drive.operating_points import MOST_EDGES
     from ..drive.simulated import SimulatedDrive
 
@@ -140,11 +142,12 @@ def _along_profile(work: Work, setup: Setup, look: Callable[[float], None]) -> d
     sim.start()
     if before.duration_s > 0:
         sim.run_profile(before, look, record=False)
-    sim.log_edges(math.ceil(after.duration_s / sim.period_s) * MOST_EDGES)
+    if any(name in BRIDGE for name in work.metrics):
+        sim.log_edges(math.ceil(after.duration_s / sim.period_s) * MOST_EDGES)
     start, begin = sim.inverter.leg.copy(), sim.periods
     sim.run_profile(after, look)
     sim.check()
-    return metrics(sim.take(), edges=sim.edges_since(begin, start))
+    return metrics(sim.take(), edges=sim.edges_since(begin, start), names=work.metrics)
 
 
 def _split(profile: Profile, at_s: float) -> tuple[Profile, Profile]:

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import Any, Protocol
 
-from .space import StudyError
+from .errors import StudyError
 
 #: A process that is this much over its time limit is killed: it does not look at the time itself.
 GRACE_S = 10.0

@@ -15,7 +15,7 @@ import tricks
 from hexatorque import Study, setups
 from hexatorque.cli.main import main
 from hexatorque.sweeps import cluster, engine, work
-from hexatorque.sweeps.space import StudyError
+from hexatorque.sweeps.errors import StudyError
 
 pytest.importorskip("distributed")
 RUNS = 60

@@ -16,7 +16,7 @@ import tricks
 from hexatorque import Study, setups
 from hexatorque.analysis.metrics import UNITS
 from hexatorque.sweeps import engine, study, work, workers
-from hexatorque.sweeps.space import StudyError
+from hexatorque.sweeps.errors import StudyError
 
 RPM, NM = "point.speed_rpm", "point.load_Nm"
 

@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hexatorque import Study, setups
 from hexatorque.cli.main import main
 from hexatorque.setups import SetupError
 from hexatorque.sweeps import files, space
-from hexatorque.sweeps.space import StudyError
+from hexatorque.sweeps.errors import StudyError
 
 RPM, NM, RS = "point.speed_rpm", "point.load_Nm", "machine.rs_ohm"
 
@@ -68,6 +69,36 @@ def test_the_seed_decides_the_draw(design):
     assert drawn(1) == drawn(1) != drawn(2)
 
 
+def test_factors_multiply_what_the_setup_has():
+    setup = setups.load("paper-b")
+    factors = {"from": 0.5, "to": 2.0, "count": 3, "times": True}
+    study = Study(setup, {RS: factors, "controller.lxy_H": {"values": [0.5, 2], "times": True}})
+    found = values(study)
+    assert sorted({v[RS] for v in found}) == pytest.approx([3.0, 7.5, 12.0])
+    own_H = setup.parameter("lxy_H")  # which the set-up does not state
+    assert sorted({v["controller.lxy_H"] for v in found}) == pytest.approx([own_H / 2, own_H * 2])
+
+
+def test_whole_numbers_stay_whole_when_multiplied():
+    keys = {"sensors.encoder_ppr": {"values": [0.333], "times": True}}
+    assert values(Study("paper-b", keys)) == [{"sensors.encoder_ppr": 500}]  # of 1500
+
+
+def test_a_default_is_for_what_the_setup_leaves_open():
+    given = {"inverter.vdc_V": 100.0, "inverter.v_switch_V": 1.5}
+    setup = Study("paper-b", {RPM: [500]}, default=given).setup
+    assert setup["inverter.vdc_V"] == 300.0 and setup["inverter.v_switch_V"] == 1.5
+
+
+@pytest.mark.parametrize("name", files.ready())
+def test_ready_made_studies_fit_any_setup(name):
+    for setup in ("paper-a-feasible", "paper-b"):
+        study = files.read(Path(name), {"setup": setup})
+        assert study.setup.name == setup and 50 < len(study) < 1000
+        for number in (0, len(study) - 1):  # neither is refused
+            space.changed(study.setup, study.space.case(number).values)
+
+
 def test_more_random_points_begin_with_the_same_ones():
     few, many = (space.design("random", {RS: {"from": 1, "to": 5}}, n) for n in (5, 50))
     assert np.array_equal(few.shares, many.shares[:5])
@@ -106,6 +137,13 @@ GRID = {RPM: [500, 900]}
         ({RS: {"from": 1, "two": 2}}, {}, "machine.rs_ohm: unknown 'two'; known: from, to"),
         ({RS: {"from": 1, "to": math.inf, "count": 2}}, {}, "to = inf: a finite number is needed"),
         ({RS: {"from": 0, "to": 1, "log": True, "count": 2}}, {}, "above 0 is needed with log"),
+        ({RS: {"from": 1, "to": 2, "values": [1]}}, {}, "values and from: only one of them"),
+        ({RS: {"values": [1], "times": 2}}, {}, "times = 2: true or false is needed"),
+        ({RS: {"values": ["x"], "times": True}}, {}, "a factor = 'x': a finite number is needed"),
+        ({RS: {"values": [1e9], "times": True}}, {}, "machine.rs_ohm = 6e+09: allowed range is"),
+        ({"machine.rs": {"values": [1], "times": True}}, {}, "unknown key machine.rs; known"),
+        ({"timing.latency": {"values": [1], "times": True}}, {}, "times: the set-up has none"),
+        ({"machine.dlls_H": {"values": [1], "times": True}}, {}, "a number other than 0 is needed"),
         ({}, {}, "nothing varies"),
         (GRID, {"metrics": ["thd_pc"]}, "unknown metric 'thd_pc'; did you mean"),
         (GRID, {"metrics": []}, "no metric is given; known: speed_rpm"),
@@ -149,11 +187,12 @@ def test_a_mistake_in_a_file_names_the_file(text, said, tmp_path):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("", "give a FILE.toml or --grid KEY=A:B:N"),
+        ("", "give a FILE.toml, a study's name or --grid KEY=A:B:N"),
         ("--grid point.speed_rpm", "--grid point.speed_rpm: KEY=FROM:TO:COUNT or KEY=A,B,..."),
         ("--grid point.speed_rpm=1:2:x", "1:2:x: FROM:TO:COUNT is needed"),
         ("--grid point.speed_rpm=1:2", "point.speed_rpm: count = None"),
         ("--grid point.speed_rpm=500 --metric thd", "unknown metric 'thd'"),
+        ("eficiency", "eficiency: no study; did you mean 'efficiency'?"),
         ("none.toml", "none.toml: No such file or directory"),
         ("--grid point.speed_rpm=500 --time-limit 0", "a time above 0 s is needed"),
         ("--grid point.speed_rpm=500 --jobs 0", "jobs = 0: 1 or more is needed"),
