@@ -7,9 +7,7 @@ the speed reference, apply the load when the speed is reached, let the drive set
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Collection, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from .. import firmware
@@ -17,6 +15,7 @@ from ..analysis.metrics import TD_SAMPLES, UNITS, metrics
 from ..analysis.run import Run
 from ..errors import HexatorqueError
 from ..firmware import FirmwareError
+from ..parallel import each
 from ..recording.recording import Recording
 from ..setups import Setup, SetupError, parameters, to_parameters
 from .simulated import DriveFault, SimulatedDrive
@@ -218,7 +217,7 @@ def measure_all(
 ) -> list[Run | Exception]:
     """Measure all points, with 4 samples a period or with `fine_samples`, in parallel on all
     cores. If the drive trips at a point or does not reach it, the exception stands in the list
-    in place of the run. Threads suffice, because the compiled loop releases the GIL."""
+    in place of the run."""
 
     def one(point: Point) -> Run | Exception:
         try:
@@ -227,8 +226,7 @@ def measure_all(
         except NOT_MEASURED as error:
             return error
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(one, points))
+    return each(one, points)
 
 
 #: Largest relative deviations of speed and true flux at a point that the drive holds.
@@ -325,5 +323,4 @@ def reach_all(
     setups: Iterable[Setup], load_Nm: float, progress: Progress | None = None
 ) -> list[Reach]:
     """`reach` of several set-ups, in parallel on all cores."""
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(lambda s: reach(s, load_Nm, progress=progress), setups))
+    return each(lambda s: reach(s, load_Nm, progress=progress), setups)

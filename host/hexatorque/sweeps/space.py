@@ -34,6 +34,11 @@ class Axis:
     high: float = math.nan
     log: bool = False
 
+    @property
+    def free(self) -> bool:
+        """Whether it has more than one value."""
+        return len(self.values) != 1
+
     def at(self, share: float) -> Any:
         """The value at a share 0 .. 1 of the way."""
         if self.values:
@@ -220,7 +225,7 @@ class Design:
 
     A grid has every combination, the last axis the quickest. A list has the first value of every
     axis, then the second, and so on. The others draw: random numbers and Latin hypercubes
-    `samples` points, a Sobol design (`sensitivity`) `samples` for each axis and two more."""
+    `samples` points, a Sobol design (`sobol`) `samples` for each axis and two more."""
 
     kind: str
     axes: tuple[Axis, ...]
@@ -272,9 +277,9 @@ def design(
     if isinstance(samples, bool) or not isinstance(samples, int) or not 1 <= samples <= MOST_RUNS:
         raise StudyError(f"samples = {samples}: allowed range is 1 .. {MOST_RUNS}")
     if kind == SOBOL:
-        from .sensitivity import drawn
+        from .sobol import drawn
 
-        return Design(kind, axes, samples, seed, drawn(samples, axes, seed))
+        return Design(kind, axes, samples, seed, drawn(samples, [a.free for a in axes], seed))
     return Design(kind, axes, samples, seed, _drawn(kind, samples, len(axes), seed))
 
 

@@ -19,6 +19,7 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import Any, Protocol
 
+from ..parallel import usable_cores
 from .errors import StudyError
 
 #: A process that is this much over its time limit is killed: it does not look at the time itself.
@@ -58,10 +59,6 @@ class Workers(Protocol):
 
     def close(self) -> None:
         """End the workers without waiting for what is under way."""
-
-
-def usable_cores() -> int:
-    return len(os.sched_getaffinity(0))
 
 
 # -- processes on this machine ---------------------------------------------------------------

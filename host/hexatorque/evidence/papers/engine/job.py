@@ -7,7 +7,6 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TypeVar
 
@@ -15,6 +14,7 @@ from ....analysis.run import Run
 from ....build import build
 from ....drive import operating_points
 from ....drive.operating_points import Point, Progress
+from ....parallel import each
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -30,14 +30,8 @@ class Job:
         self.progress = progress
 
     def each(self, function: Callable[[A], B], items: Iterable[A]) -> list[B]:
-        """`function` of every item, in order, in parallel on all cores. Threads suffice because the
-        compiled simulation releases the GIL. After an exception or an interrupt, no further item
-        is started."""
-        pool = ThreadPoolExecutor(os.cpu_count())
-        try:
-            return list(pool.map(function, items))
-        finally:
-            pool.shutdown(cancel_futures=True)
+        """`function` of every item, in order, in parallel on all cores."""
+        return each(function, items)
 
     def runs(self, points: Iterable[Point]) -> list[Run]:
         """Recordings and metrics of points in steady state. If a point cannot be measured, raises
