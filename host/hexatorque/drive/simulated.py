@@ -42,8 +42,9 @@ __all__ = ["DriveFault", "SimulatedDrive"]
 #: Period register (two words) of CPU timer 0, which raises the slow interrupt.
 TIMER_PERIOD = 0x0C02
 RESET_TICKS = 0x10000  # the timer's period after a reset of the chip
-#: Periods per compiled call, so few that progress is shown and Ctrl-C works.
-CHUNK = 2000
+#: Periods per compiled call: so few that progress is shown and Ctrl-C works, and so many that the
+#: call's own time, about 0.3 ms, does not count.
+CHUNK = 10_000
 #: Simulated time between two checks whether a capture is complete.
 CAPTURE_TURN_S = 0.01
 #: Longest step, relative to the machine's shortest time constant. The integrator is then far
