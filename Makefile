@@ -86,8 +86,7 @@ waiting = $(call stage,$(1),$(2)) || \
 
 test: test-c
 	$(call stage,$(JOBS),computes)
-	$(call waiting,$(WAITING),timed)
-	$(call waiting,$(JOBS),live)
+	$(call waiting,$(WAITING),waits)
 
 test-quick: $(VENV)/.installed
 	$(call stage,$(JOBS),quick)

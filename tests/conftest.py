@@ -1,11 +1,10 @@
 """Which tests `make test`, `make test-targets` and `make test-quick` run when.
 
-Each test is in one stage. `make test` runs the first three, `make test-targets` the last.
+Each test is in one stage. `make test` runs the first two, `make test-targets` the last.
 
 computes: all that is in none of the other stages.
-timed: the test depends on how fast other processes answer. It mostly waits, so several of these
-  run at once.
-live: the same, but the test keeps a processor busy. As many run at once as there are processors.
+waits: the test depends on how fast other processes answer, or starts many of them. It mostly
+  waits, so several of these run at once.
 target: the test needs a program that `make` does not install: an emulator, a cross compiler or a
   browser. Or it builds the firmware again, in a copy of the tree.
 
@@ -24,15 +23,13 @@ TESTS = Path(__file__).parent
 # What is no terminal has no width. GNU readline sets this for processes that pytest starts.
 os.environ.pop("COLUMNS", None)
 
-TIMED = (
+WAITS = (
     "host/boards/test_pil_board.py",
+    "host/boards/test_served_board.py",
+    "host/monitor/test_command.py",
     "host/monitor/test_server.py",
     "host/monitor/test_traces.py",
     "host/serial",
-)
-LIVE = (
-    "host/boards/test_served_board.py",
-    "host/monitor/test_command.py",
     "project/test_own_machine_page.py",
     "project/test_tutorial.py",
 )
@@ -73,7 +70,7 @@ TARGET_IN_PART = (
     "project/test_initial_values.py",
     "project/test_stages.py",
 )
-STAGES = ("computes", "timed", "live", "target")
+STAGES = ("computes", "waits", "target")
 
 
 def within(file: Path, names: tuple[str, ...]) -> bool:
@@ -83,7 +80,7 @@ def within(file: Path, names: tuple[str, ...]) -> bool:
 @functools.cache
 def stages(file: Path) -> tuple[str, ...]:
     """The stages that a file has tests of. The first is that of tests without a mark."""
-    of_files = {"timed": TIMED, "live": LIVE, "target": TARGET}
+    of_files = {"waits": WAITS, "target": TARGET}
     first = next((stage for stage, names in of_files.items() if within(file, names)), "computes")
     return (first, "target") if within(file, TARGET_IN_PART) else (first,)
 
@@ -114,7 +111,7 @@ def pytest_ignore_collect(collection_path, config):
 
 
 def pytest_collection_modifyitems(config, items):
-    named = (*TIMED, *LIVE, *TARGET, *TARGET_IN_PART, *SLOW)
+    named = (*WAITS, *TARGET, *TARGET_IN_PART, *SLOW)
     assert all((TESTS / name).exists() for name in named)
     stage = config.getoption("--stage")
     wanted = "computes" if stage == "quick" else stage
