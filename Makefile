@@ -2,9 +2,9 @@
 #
 #   make demo          compare all schemes of both papers; report in out/compare
 #   make papers        every figure and table of both papers; page in out/papers
-#   make test          all tests, C and Python; HT_WHOLE=1 runs every case of the campaigns
-#   make test-quick    the quick ones, for while you edit
-#   make test-targets  the firmware on emulated processors; names missing tools
+#   make test          the tests that need nothing else; HT_WHOLE=1 runs every case of the campaigns
+#   make test-quick    the quick ones of these, for while you edit
+#   make test-targets  the others: emulated processors, browser, static checks; names missing tools
 #   make budget        the firmware's instructions, stack and size, into docs/budget.md
 #   make bench         speed of the simulation, instructions of the firmware
 #   make docs          the documentation as a site, in build/site
@@ -13,6 +13,9 @@
 #   make fuzz          fuzz the link, FUZZ_S seconds per target (clang); the corpus stays as it is
 #   make check-c       static checks of the C: warnings, 16-bit machine, cppcheck, MISRA
 #   make clean         remove all files that these targets made
+
+# Python keeps what it has compiled. Without that each test process compiles all tests again.
+unexport PYTHONDONTWRITEBYTECODE
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -73,31 +76,29 @@ fuzz: $(VENV)/.installed
 	build/fuzz/tests/c/fuzz/fuzz_service -max_len=300 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
 	  -artifact_prefix=out/fuzz/ out/fuzz/service build/fuzz/corpus/service
 
-# Marks of tests: tests/conftest.py. With worksteal nearly all tests of a file run in one process:
+# Stages of tests: tests/conftest.py. With worksteal nearly all tests of a file run in one process:
 # they share what their fixtures build and compile. On a busy computer a test that waits for other
 # processes may fail for this reason alone: what fails runs again, one at a time.
 pytest = $(BIN)/python -m pytest -rs
-waiting = $(pytest) -n $(1) --dist worksteal -m $(2) $(OTHER_PROCESSES) || \
-	$(pytest) -m $(2) --last-failed --last-failed-no-failures none $(OTHER_PROCESSES)
-# Named, so that not all tests are collected for them.
-OTHER_PROCESSES := tests/host/serial tests/host/monitor tests/host/boards tests/host/sweeps \
-  tests/project/test_own_machine_page.py tests/project/test_tutorial.py
+stage = $(pytest) -n $(1) --dist worksteal --stage $(2) tests
+waiting = $(call stage,$(1),$(2)) || \
+	$(pytest) --stage $(2) --last-failed --last-failed-no-failures none tests
 
 test: test-c
-	$(pytest) -n $(JOBS) --dist worksteal -m "not timed and not live" tests
-	$(call waiting,$(WAITING),timed)
-	$(call waiting,$(JOBS),live)
+	$(call stage,$(JOBS),computes)
+	$(call waiting,$(WAITING),waits)
 
 test-quick: $(VENV)/.installed
-	$(pytest) -n $(JOBS) --dist worksteal --quick tests
+	$(call stage,$(JOBS),quick)
 
-# Some of these tests measure speed, so they run one at a time. The campaigns are whole: `make test`
-# leaves out one of the processors. If a tool is missing, this fails after all tests that could run.
+# The campaigns are whole: every emulated processor. If a tool is missing, this fails after all
+# tests that could run.
 test-targets: export HT_WHOLE := 1
 test-targets: $(VENV)/.installed
 	@failed=0; \
-	$(pytest) tests/host/boards || $(pytest) --last-failed tests/host/boards || failed=1; \
+	$(call waiting,$(JOBS),target) || failed=1; \
 	$(BIN)/python -m hexatorque.boards.tools || failed=1; \
+	$(BIN)/python tests/host/monitor/chromium.py || failed=1; \
 	$(MAKE) check-c || failed=1; \
 	exit $$failed
 

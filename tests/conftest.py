@@ -1,14 +1,19 @@
-"""Which tests `make test` and `make test-quick` run when.
+"""Which tests `make test`, `make test-targets` and `make test-quick` run when.
 
-timed   The test depends on how fast other processes answer. It mostly waits, so several of these
-        run at once, apart from tests that would keep the processors busy.
-live    The same, but the test keeps a processor busy: a browser, or a board on an emulated
-        processor. As many run at once as there are processors.
-slow    The file takes more than some seconds of computing time.
+Each test is in one stage. `make test` runs the first two, `make test-targets` the last.
 
-`make test-quick` leaves all of these out with `--quick`: it does not even import their files.
+computes: all that is in none of the other stages.
+waits: the test depends on how fast other processes answer, or starts many of them. It mostly
+  waits, so several of these run at once.
+target: the test needs a program that `make` does not install: an emulator, a cross compiler or a
+  browser. Or it builds the firmware again, in a copy of the tree.
+
+`--stage NAME` runs one of them and does not even import the files that have no test of it.
+`make test-quick` runs the stage `quick`: what computes, without the slow files, which take more
+than some seconds of computing time.
 """
 
+import functools
 import os
 from pathlib import Path
 
@@ -18,23 +23,30 @@ TESTS = Path(__file__).parent
 # What is no terminal has no width. GNU readline sets this for processes that pytest starts.
 os.environ.pop("COLUMNS", None)
 
-#: These files are in the Makefile's OTHER_PROCESSES too.
-TIMED = (
+WAITS = (
     "host/boards/test_pil_board.py",
+    "host/boards/test_served_board.py",
+    "host/monitor/test_command.py",
     "host/monitor/test_server.py",
     "host/monitor/test_traces.py",
     "host/serial",
     "host/sweeps/test_cluster.py",
     "host/sweeps/test_engine.py",
+    "project/test_own_machine_page.py",
+    "project/test_tutorial.py",
 )
-LIVE = (
-    "host/boards/test_served_board.py",
-    "host/monitor/test_command.py",
+TARGET = (
+    "host/boards/test_budget.py",
+    "host/boards/test_calls.py",
+    "host/boards/test_pil.py",
+    "host/boards/test_vectors_on_avr.py",
     "host/monitor/test_deadman.py",
     "host/monitor/test_page.py",
     "host/monitor/test_plots.py",
-    "project/test_own_machine_page.py",
-    "project/test_tutorial.py",
+    "project/test_adding.py",
+    "project/test_c2000_build.py",
+    "project/test_check_c.py",
+    "project/test_rules.py",
 )
 SLOW = (
     "firmware/core/test_modulator.py",
@@ -54,32 +66,60 @@ SLOW = (
     "host/recording/test_writer.py",
     "project",
 )
+#: Only some tests of these files are in the stage `target`. They have a mark of this name.
+TARGET_IN_PART = (
+    "host/boards/test_served_board.py",
+    "project/test_initial_values.py",
+    "project/test_stages.py",
+)
+STAGES = ("computes", "waits", "target")
+
+
+def within(file: Path, names: tuple[str, ...]) -> bool:
+    return any(path == file or path in file.parents for path in (TESTS / name for name in names))
+
+
+@functools.cache
+def stages(file: Path) -> tuple[str, ...]:
+    """The stages that a file has tests of. The first is that of tests without a mark."""
+    of_files = {"waits": WAITS, "target": TARGET}
+    first = next((stage for stage, names in of_files.items() if within(file, names)), "computes")
+    return (first, "target") if within(file, TARGET_IN_PART) else (first,)
+
+
+def stage_of(item: pytest.Item) -> str:
+    first, *others = stages(item.path)
+    if item.get_closest_marker("target") is None:
+        return first
+    assert others, f"{item.path} is missing in TARGET_IN_PART"
+    return "target"
 
 
 def pytest_addoption(parser):
-    parser.addoption("--quick", action="store_true", help="leave out timed, live and slow tests")
-
-
-def pytest_ignore_collect(collection_path, config):
-    left_out = [TESTS / name for name in (*TIMED, *LIVE, *SLOW)]
-    return (config.getoption("--quick") and collection_path in left_out) or None
+    parser.addoption("--stage", choices=(*STAGES, "quick"), help="only the tests of this stage")
 
 
 def pytest_configure(config):
-    config.addinivalue_line("markers", "timed: waits for other processes")
-    config.addinivalue_line("markers", "live: waits for other processes and keeps a processor busy")
-    config.addinivalue_line("markers", "slow: takes some seconds of computing time")
+    config.addinivalue_line("markers", "target: for `make test-targets`, though its file is not")
 
 
-def pytest_collection_modifyitems(items):
-    marks = [(TESTS / name, pytest.mark.timed) for name in TIMED]
-    marks += [(TESTS / name, pytest.mark.live) for name in LIVE]
-    marks += [(TESTS / name, pytest.mark.slow) for name in SLOW]
-    assert all(path.exists() for path, _ in marks)
-    of_file = {
-        file: [mark for path, mark in marks if file == path or path in file.parents]
-        for file in {item.path for item in items}
-    }
+def pytest_ignore_collect(collection_path, config):
+    stage = config.getoption("--stage")
+    if stage is None or not collection_path.match("test_*.py"):
+        return None
+    if stage == "quick":
+        return within(collection_path, SLOW) or "computes" not in stages(collection_path) or None
+    return stage not in stages(collection_path) or None
+
+
+def pytest_collection_modifyitems(config, items):
+    named = (*WAITS, *TARGET, *TARGET_IN_PART, *SLOW)
+    assert all((TESTS / name).exists() for name in named)
+    stage = config.getoption("--stage")
+    wanted = "computes" if stage == "quick" else stage
+    here, others = [], []
     for item in items:
-        for mark in of_file[item.path]:
-            item.add_marker(mark)
+        (here if stage_of(item) == wanted or stage is None else others).append(item)
+    if others:
+        config.hook.pytest_deselected(items=others)
+        items[:] = here

@@ -187,6 +187,7 @@ def tree(tmp_path_factory):
     return folder
 
 
+@pytest.mark.target
 @needs_cmake
 def test_an_image_lists_them_and_starts_with_them(tree, tmp_path):
     """The host's build of the firmware, and LIST as a client reads it."""
@@ -219,6 +220,7 @@ def test_an_image_lists_them_and_starts_with_them(tree, tmp_path):
         assert np.float32(row.initial) == value == np.float32(in_force), name
 
 
+@pytest.mark.target
 @needs_cmake
 def test_only_the_table_of_an_image_knows(tree, tmp_path):
     """TI's compiler would get one definition for one file, and the build says so."""
@@ -245,6 +247,7 @@ def test_only_the_table_of_an_image_knows(tree, tmp_path):
     shutil.rmtree(build)
 
 
+@pytest.mark.target
 @needs_cmake
 def test_a_set_up_for_another_chip_is_refused(tree, tmp_path):
     stand_ins(tmp_path)

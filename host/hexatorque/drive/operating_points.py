@@ -18,6 +18,7 @@ from ..firmware import FirmwareError
 from ..parallel import each
 from ..recording.recording import Recording
 from ..setups import Setup, SetupError, parameters, to_parameters
+from .prepare import Prepare
 from .simulated import DriveFault, SimulatedDrive
 
 #: Shortest values of `Waits`, for a machine of little inertia.
@@ -34,8 +35,6 @@ CYCLES = 10
 MOST_EDGES = 6 * 4 * 2
 
 Progress = Callable[[float], None]
-#: Changes a drive before it starts, in a way that a set-up cannot describe.
-Prepare = Callable[[SimulatedDrive], None]
 
 
 class NotReached(HexatorqueError, RuntimeError):

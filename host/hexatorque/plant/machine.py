@@ -27,7 +27,7 @@ from collections.abc import Callable
 import numpy as np
 from numba.extending import overload
 
-from .compiled import NO_COUNTING, compiled
+from .compiled import INLINE, compiled
 
 #: Function of the contract -> model's name -> compiled function.
 _MODELS: dict[Callable, dict[str, Callable]] = {}
@@ -51,7 +51,7 @@ def implements(function: Callable, model: str) -> Callable:
     """Decorator: the function is this model's implementation of `function`."""
 
     def register(implementation: Callable) -> Callable:
-        @overload(function, strict=False, jit_options=NO_COUNTING)  # type: ignore[arg-type] # private
+        @overload(function, strict=False, jit_options=INLINE)  # type: ignore[arg-type] # private
         def choose(m, *rest):
             return implementation if model in getattr(m, "fields", ()) else None
 

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from . import formats
+from .channels import Channels
 from .formats import RecordingError
 
 __all__ = ["TRIGGER", "Recording", "RecordingError"]
@@ -41,21 +42,22 @@ class Recording:
     """Equally sampled channels.
 
     rate_Hz: samples per second; start_s: time of the first sample;
-    channels: name -> (n,) array, all of one length, NaN where a sample was lost;
+    channels: name -> (n,) array, all of one length, NaN where a sample was lost. Of a simulation
+        they are `Channels`, which behave like a dictionary;
     units: name -> unit;
     meta: anything that JSON can hold (set-up, parameters, firmware build, counters);
     notes: remarks for the user that came up when the file was read; they are not saved.
     """
 
     rate_Hz: float
-    channels: dict[str, np.ndarray]
+    channels: dict[str, np.ndarray] | Channels
     units: dict[str, str] = field(default_factory=dict)
     meta: dict = field(default_factory=dict)
     start_s: float = 0.0
     notes: list[str] = field(default_factory=list, compare=False)
 
     def __post_init__(self) -> None:
-        lengths = {len(v) for v in self.channels.values()}
+        lengths = Channels(self.channels).lengths()
         if len(lengths) > 1:
             raise RecordingError(f"channels of different lengths: {sorted(lengths)}")
 
@@ -99,7 +101,7 @@ class Recording:
         """The samples with begin_s <= time < end_s (a view)."""
         first = max(0, int(np.ceil((begin_s - self.start_s) * self.rate_Hz - 1e-6)))
         last = max(first, int(np.ceil((end_s - self.start_s) * self.rate_Hz - 1e-6)))
-        part = {name: data[first:last] for name, data in self.channels.items()}
+        part = Channels(self.channels).part(first, last)
         meta, ticks = self.meta, self.ticks
         if ticks is not None and len(ticks):
             meta = {**meta, FIRST_TICK: (int(ticks[0]) + first * meta[DECIMATION]) % 2**32}

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ..drive.prepare import Prepare, other_dead_time
 from ..drive.simulated import SimulatedDrive
 from ..plant.vsd import PHASES
 from ..setups import Setup
-from .replay import Prepare
 
 PERCENT = "%"
 
@@ -70,19 +70,6 @@ def _gain(*legs: int) -> Callable[[Setup, float], Setup]:
     return apply
 
 
-def _dead_time(change_us: float) -> Prepare:
-    def prepare(sim: SimulatedDrive) -> None:
-        """The registers have the inverter's time; the firmware goes on with its own."""
-        m, words = sim.controller.map, sim.controller.register_words()
-        counts = round(change_us * 1e-6 * float(m.pwm_clock_Hz))
-        for leg in range(6):
-            for register in (m.dbred, m.dbfed):
-                at = m.epwm + leg * m.stride + register
-                words[at] = max(1, int(words[at]) + counts)
-
-    return prepare
-
-
 def _vdc_gain(change: float) -> Prepare:
     def prepare(sim: SimulatedDrive) -> None:
         sim.sensors.v_counts_per_V *= 1 + change
@@ -100,7 +87,7 @@ CANDIDATES: tuple[Candidate, ...] = (
     ),
     Candidate("L_xy", ("machine.lxy_H",), PERCENT, 0.2, -0.6, 1.5, _scaled("machine.lxy_H")),
     Candidate(
-        "dead time", ("inverter.dead_time_us",), "us", 0.5, -3.0, 5.0, prepare=_dead_time
+        "dead time", ("inverter.dead_time_us",), "us", 0.5, -3.0, 5.0, prepare=other_dead_time
     ),
     Candidate(
         "device drops", ("inverter.v_switch_V", "inverter.v_diode_V"), "V", 1.0, -5.0, 10.0, _drops

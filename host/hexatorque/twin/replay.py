@@ -10,10 +10,10 @@ shows in currents, flux, slip, the adapted resistances and the torque at the sha
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 
 import numpy as np
 
+from ..drive.prepare import Prepare
 from ..drive.simulated import SimulatedDrive
 from ..setups import Setup
 from .bench import Bench
@@ -25,9 +25,6 @@ APPROACH_S, SETTLE_S, FASTER = 0.2, 0.5, 5.0
 REST_S = 0.1
 #: Repetitions begin up to so many fast periods later, so that their ripple is another one.
 LATEST = 5
-
-#: Changes a simulated drive in a way that a set-up cannot describe.
-Prepare = Callable[[SimulatedDrive], None]
 
 
 class Replay:

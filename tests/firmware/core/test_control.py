@@ -9,6 +9,7 @@ import itertools
 
 import numpy as np
 import pytest
+from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -447,7 +448,7 @@ sample = st.tuples(st.lists(wild, min_size=6, max_size=6), wild, wild, wild)
     st.sampled_from([(9, 0), (10, 0), (10000, 0), (65535, 0), (10000, 4999)]),
     st.lists(sample, min_size=1, max_size=5),
 )
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=examples(250), deadline=None)
 def test_any_input_gives_a_pattern_that_the_pwm_can_realise(
     scheme, load, predict, levels, timing, samples
 ):

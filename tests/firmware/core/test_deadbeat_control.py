@@ -4,6 +4,7 @@ and the change between laws in flight.
 
 import numpy as np
 import pytest
+from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -154,7 +155,7 @@ sample = st.tuples(st.lists(wild, min_size=6, max_size=6), wild, wild, wild, st.
     st.lists(st.sampled_from([lib.HT_DB_DTFC, lib.HT_DDR, lib.HT_DTC2]), min_size=1, max_size=6),
     st.sampled_from([8, 9, 10, 10000, 65535]),
 )
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=examples(250), deadline=None)
 def test_any_input_gives_a_pattern_that_the_pwm_can_realise(samples, schemes, period):
     """No compare at count 0, none equal to the other of its leg, none beyond the period."""
     control = Control(config(period=period))

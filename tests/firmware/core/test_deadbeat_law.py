@@ -5,6 +5,7 @@ derived here once more in complex numbers.
 
 import numpy as np
 import pytest
+from campaigns import examples
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -61,7 +62,7 @@ sizes = st.one_of(st.just(0.0), st.floats(1e-3, 0.6))
 
 @given(angles, fluxes, st.floats(-2, 2), st.floats(-0.03, 0.03), st.floats(-0.3, 0.3),
        st.floats(-0.002, 0.002))  # fmt: skip
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 def test_an_ideal_machine_has_flux_and_torque_after_one_period(
     angle, flux, torque, turn, other, longer
 ):
@@ -102,7 +103,7 @@ def expected(psi, rotor, torque, flux, turn, gain=1.0):
 
 @given(angles, sizes, angles, st.floats(0.05, 0.6), st.floats(-20, 20), fluxes,
        st.floats(-0.3, 0.3), st.floats(0.1, 1.0))  # fmt: skip
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=examples(400), deadline=None)
 def test_voltage_by_the_laws_equations(a, size, b, length, torque, flux, turn, gain):
     psi, rotor = size * np.exp(1j * a), length * np.exp(1j * b)
     v, _ = Law(gain).step(psi, rotor, torque, flux, turn)
@@ -155,7 +156,7 @@ any_value = st.one_of(odd, st.floats(width=32))
 
 
 @given(st.lists(any_value, min_size=13, max_size=13))
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=examples(400), deadline=None)
 def test_no_input_spoils_the_state(values):
     law = Law(ki=1e-3)
     z = [complex(a, b) for a, b in zip(values[0:8:2], values[1:8:2])]

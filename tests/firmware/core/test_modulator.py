@@ -4,6 +4,7 @@ from the legs' angles: commands, zero sequence, sectors, senses of the carriers.
 
 import numpy as np
 import pytest
+from campaigns import examples
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from legs import follow_leg
@@ -99,7 +100,7 @@ def decided(v):
     st.lists(anything, min_size=6, max_size=6),
     st.floats(0, 1), st.floats(0, 1), st.floats(0, 1), st.floats(0, 0.5), periods, st.booleans(),
 )  # fmt: skip
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=examples(400), deadline=None)
 def test_every_input_gives_a_pattern_without_hazard(
     vs, i_A, kappa, start, turn, dead, period, alternate
 ):
@@ -127,7 +128,7 @@ small_xy = st.complex_numbers(max_magnitude=0.05)
 
 
 @given(sizes, angles, small_xy, st.sampled_from([0.0, 0.4, 1.0]))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 def test_mean_voltage_is_the_command(size, degrees, xy, kappa):
     """Two periods, one with rising and one with falling edges, counted one by one. A count is
     1/7500; each of the transform's rows adds up at most two thirds of six of them by half."""
@@ -266,7 +267,7 @@ def test_kappa_comes_without_a_jump(degrees):
 
 
 @given(st.floats(0.3, 0.7), angles, st.complex_numbers(min_magnitude=0.05, max_magnitude=0.5))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 def test_x_and_y_give_way_first(size, degrees, xy):
     v = polar(size, degrees, xy)
     modulator = Modulator()
@@ -342,7 +343,7 @@ def volt_seconds(modulator, slots, i_A, spill):
     st.sampled_from([0.0, 0.6, 1.0]),
     st.one_of(st.sampled_from([0.0, 0.05]), st.floats(0, 0.2)),
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 def test_volt_seconds_of_modulated_periods(vs, outward, kappa, dead):
     """Every leg is followed through all periods, its edges late by the dead time where the
     current opposes them, across the periods' ends, with turns in between."""

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
@@ -526,7 +527,7 @@ anything = st.floats(width=32) | st.floats(-1e3, 1e3, width=32)
 
 
 @given(st.lists(anything, min_size=7, max_size=7), anything, anything, st.floats(0, 1, width=32))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 def test_resistances_in_use_stay_between_bounds(values, rs, rr, gain):
     """The resistances stay within 0.5 to 1.6 of the configured ones for any input, NaN included.
     Without a usable observation they do not change, so they start inside the bounds."""

@@ -8,6 +8,7 @@ and a reversed command cancels it.
 
 import numpy as np
 import pytest
+from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from legs import follow_leg
@@ -104,13 +105,13 @@ def test_counts_give_every_pattern_of_the_schemes(s):
 
 
 @given(triples, ordered, periods)
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=examples(250), deadline=None)
 def test_counts_give_the_pattern_with_shadow_load(s, t, period):
     check_counts(s, *t, period, 0)
 
 
 @given(triples, ordered, periods, st.floats(0, 0.9))
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=examples(250), deadline=None)
 def test_counts_give_the_pattern_with_immediate_load(s, t, period, share):
     check_counts(s, *t, period, min(int(share * period), period - 4))
 
@@ -186,13 +187,13 @@ sequences = st.lists(st.tuples(triples, tight), min_size=1, max_size=6)
 
 
 @given(sequences, signs, dead_times)
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=examples(400), deadline=None)
 def test_volt_seconds_with_shadow_load_follow_every_edge(patterns, outward, dead):
     compare_volt_seconds(patterns, outward, dead, 10000)
 
 
 @given(sequences, signs, dead_times, st.integers(0, 4999))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 def test_volt_seconds_with_immediate_load_follow_every_edge(patterns, outward, dead, first):
     compare_volt_seconds(patterns, outward, dead, 10000, first)
 
@@ -282,7 +283,7 @@ six_amperes = st.lists(amperes, min_size=6, max_size=6)
 
 
 @given(sequences, st.lists(six_amperes, min_size=7, max_size=7), dead_times, st.integers(0, 4999))
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=examples(400), deadline=None)
 def test_volt_seconds_are_right_for_any_currents(patterns, currents, dead, first):
     """Legs with a clear current direction, legs with currents around zero, and legs with short
     pulses, under shadow load (first = 0) and immediate load."""

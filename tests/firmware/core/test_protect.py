@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -139,7 +140,7 @@ def test_every_steady_state_lies_on_the_circle(machine, size):
     st.floats(0.02, 0.5), st.floats(0.02, 0.5), st.floats(0.1, 20), st.floats(-0.9, 0.9),
     st.floats(0.01, 5.0),
 )  # fmt: skip
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 def test_any_machine_lies_on_its_circle(leak_s, leak_r, rr, share, size):
     lm = 0.2
     machine = 1, rr, lm * (1 + leak_s), lm * (1 + leak_r), lm

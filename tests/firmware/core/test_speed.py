@@ -4,6 +4,7 @@ bounded, monotone, and within reach of Vdc.
 
 import numpy as np
 import pytest
+from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -99,7 +100,7 @@ amperes = st.integers(0, 400).map(lambda n: n / 8)
 
 
 @given(voltages, speeds, amperes)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 def test_reference_is_the_largest_flux_within_reach(vdc, omega, i):
     got = flux(vdc, omega, i)
     room = REACH * vdc - RS * i
@@ -110,7 +111,7 @@ def test_reference_is_the_largest_flux_within_reach(vdc, omega, i):
 
 
 @given(voltages, speeds, amperes, st.floats(1, 3))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 def test_reference_is_monotone(vdc, omega, i, more):
     got = flux(vdc, omega, i)
     slack = 1 + 1e-6
@@ -120,7 +121,7 @@ def test_reference_is_monotone(vdc, omega, i, more):
 
 
 @given(*[st.floats(width=32)] * 3)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 def test_reference_is_bounded_for_any_input(vdc, omega, i):
     assert np.float32(FLUX_MIN) <= flux(vdc, omega, i) <= np.float32(FLUX)
 

@@ -5,6 +5,7 @@ period.
 
 import numpy as np
 import pytest
+from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -41,7 +42,7 @@ class Measure:
 
 
 @given(st.lists(looks, min_size=1, max_size=20), st.sampled_from([0.0, 1e-3, SWITCH, 30000.0]))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 def test_any_registers_give_a_speed_that_the_counts_allow(sequence, switch):
     """The speed is finite, never opposite to the counts, and never more than one count away from
     them."""

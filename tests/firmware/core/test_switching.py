@@ -4,6 +4,7 @@ with the signs of psi x v (torque) and psi . v (flux).
 
 import numpy as np
 import pytest
+from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -66,7 +67,7 @@ special = st.one_of(st.floats(width=32), st.sampled_from([0.0, -0.0, np.inf, -np
 
 
 @given(special, special)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 def test_sector_is_valid_for_any_input(alpha, beta):
     assert 0 <= sector(alpha, beta) <= 11
 

@@ -4,6 +4,7 @@ e^{+j theta}, one in e^{-j theta}. Their outputs are added, and each axis is cli
 
 import numpy as np
 import pytest
+from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -59,7 +60,7 @@ angles = st.floats(-7, 7)
 
 
 @given(units, units, currents, angles, st.booleans(), st.floats(0, 0.2), st.floats(0, 1e-2))
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=examples(400), deadline=None)
 def test_one_step_agrees_with_two_complex_pi_controllers(with_, against, i, theta, hold, kp, ki):
     state = fresh((with_, against))
     before = integrators(state)

@@ -6,6 +6,7 @@ import zlib
 
 import numpy as np
 import pytest
+from campaigns import examples
 from device import (
     ARM,
     CANCEL,
@@ -117,7 +118,7 @@ def model(kind, level, before, samples, signal, faults, commands, manual):
 values = st.sampled_from([np.nan, -np.inf, np.inf, -2.0, -1.0, -0.0, 0.0, 1.0, 1.5, 2.0])
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=examples(400), deadline=None)
 @given(
     kind=st.integers(0, 6),
     level=values.filter(lambda v: not np.isnan(v)),

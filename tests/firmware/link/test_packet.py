@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from campaigns import examples
 from cobs import cobs
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -187,7 +188,7 @@ def reference(raw: bytes) -> list[bytes | None]:
 bodies = st.binary(min_size=2, max_size=40) | st.binary(min_size=240, max_size=LONGEST)
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(st.lists(bodies, min_size=1, max_size=4), st.data())
 def test_a_damaged_line_gives_the_bodies_that_the_reference_gives(sent, data):
     raw = bytearray(b"".join(wire.frame(body) for body in sent))

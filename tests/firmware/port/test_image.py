@@ -458,7 +458,7 @@ def test_mistakes_in_the_clocks_set_up_are_found(builder, fault):
     assert any(said in line for line in found), "\n".join(found) or "nothing found"
 
 
-@pytest.mark.parametrize("fault", part(list(FAULTS), 36))
+@pytest.mark.parametrize("fault", part(list(FAULTS), 18))
 def test_fault_is_found(builder, fault):
     board, source, old, new, said = FAULTS[fault]
     _, lines = image.run(builder.build(board, (source, old, new)))

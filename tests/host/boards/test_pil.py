@@ -59,7 +59,6 @@ def test_every_scheme_bit_by_bit(paper_a, scheme, need):
     assert outcome.recording.meta["processor"] == "mps2-an386"
 
 
-@pytest.mark.live
 def test_speed(paper_a, need):
     """The best of several runs, because other work only slows a run down."""
     need("mps2-an386")

@@ -37,6 +37,13 @@ BOARDS = {
 #: campaigns are whole. The Cortex-M7's images take half a minute to build.
 NAMES = list(BOARDS) if WHOLE else ["virtual", "mps2-an386"]
 DYING = list(BOARDS) if WHOLE else ["virtual"]
+
+
+def boards(names):
+    """As parameters: what is emulated is a test for `make test-targets`."""
+    return [pytest.param(n, marks=() if n == "virtual" else pytest.mark.target) for n in names]
+
+
 #: Fast interrupts between a client's death and the gates: 350 ms.
 STOPPED_TICKS = 3500
 WATCHDOG_TICKS = 2500
@@ -138,7 +145,7 @@ def in_state(drive, *states):
     return drive.state
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", boards(NAMES))
 def test_from_dictionary_to_capture(name, serve, need, tmp_path):
     if name != "virtual":
         need(name)
@@ -233,7 +240,7 @@ def runs_again(drive):
     assert (drive.state, drive.faults) == ("idle", [])
 
 
-@pytest.mark.parametrize("name", DYING)
+@pytest.mark.parametrize("name", boards(DYING))
 def test_drive_stops_after_its_client_died(name, serve, need):
     """The port server stops the drive that it started."""
     if name != "virtual":
@@ -249,7 +256,7 @@ def test_drive_stops_after_its_client_died(name, serve, need):
     assert board.end()[0] == 0
 
 
-@pytest.mark.parametrize("name", DYING)
+@pytest.mark.parametrize("name", boards(DYING))
 def test_drive_stops_after_the_computer_died(name, serve, need):
     """Client and port server at once. The gates are off within 350 ms of the drive's time, and
     the board waits for a clear."""
@@ -277,6 +284,7 @@ def test_drive_stops_after_the_computer_died(name, serve, need):
 # --- what goes wrong ------------------------------------------------------------------
 
 
+@pytest.mark.target
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_no_emulator_is_left_behind(serve, need, number):
     need("mps2-an386")
@@ -288,6 +296,7 @@ def test_no_emulator_is_left_behind(serve, need, number):
     assert until(lambda: not alive(emulator), 5.0)
 
 
+@pytest.mark.target
 def test_emulator_that_dies(serve, need):
     need("mps2-an386")
     board = serve("mps2-an386")
@@ -316,6 +325,7 @@ def test_bad_options(quick, options, said):
         emulated.EmulatedBoard(quick, **options)
 
 
+@pytest.mark.target
 @pytest.mark.parametrize("baud", [9600, 115200, 1_562_500])
 def test_bytes_take_their_time(quick, need, baud):
     """In the drive's time, whatever the emulator does: start bit, 8 bits, stop bit."""
@@ -339,7 +349,7 @@ def test_bytes_take_their_time(quick, need, baud):
     assert board.sim.time_s >= least_s - 1e-9
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", boards(NAMES))
 def test_parameters_survive_the_end_of_the_process(name, serve, need, tmp_path):
     """The same firmware keeps them in the same file, here and in the emulator."""
     if name != "virtual":

@@ -4,6 +4,7 @@ from datetime import datetime
 
 import numpy as np
 import pytest
+from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -40,7 +41,7 @@ def one_by_one(values, commands, manual_at, samples, pre, prescaler, kind, level
     return trigger, None
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(st.data())
 def test_a_burst_by_the_rules(data):
     values = data.draw(st.lists(st.sampled_from([-1.0, 0.0, 1.0, 2.0]), min_size=1, max_size=60))

@@ -100,7 +100,7 @@ def test_every_scheme_in_four_quadrants(setup):
         for direction in (1, -1)
         for torque in signs
     ]
-    cases = part(cases, 23)
+    cases = part(cases, 14)
     points = [
         Point(
             base.with_scheme(scheme),

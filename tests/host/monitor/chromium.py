@@ -215,3 +215,7 @@ class Page:
             return
         self.closed = True
         self.browser.call("Target.closeTarget", targetId=self.target)
+
+
+if __name__ == "__main__" and program() is None:
+    raise SystemExit(f"{PROGRAMS[0]} not found: apt-get install {PROGRAMS[0]}")

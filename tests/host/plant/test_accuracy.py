@@ -50,7 +50,7 @@ def error(segment, currents, reference):
 DRIVES = list(product(firmware.schemes(), ["symmetric", "asymmetric"], [1, -1]))
 
 
-@pytest.mark.parametrize("scheme, machine, direction", part(DRIVES, 4))
+@pytest.mark.parametrize("scheme, machine, direction", part(DRIVES, 2))
 def test_half_a_second_of_running_drive(phase_model, scheme, machine, direction):
     if machine == "symmetric":
         changes = {"machine__drs_ohm": (0.0,) * 6}

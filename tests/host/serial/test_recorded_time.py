@@ -12,6 +12,7 @@ import time
 import numpy as np
 import pytest
 from board_process import HOST
+from campaigns import examples, part
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -131,7 +132,7 @@ STEP = st.one_of(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(
     start=st.one_of(st.integers(0, WORD - 1), st.integers(WORD - 2000, WORD - 1)),
     decimation=st.one_of(st.integers(1, 12), st.just(300)),
@@ -209,8 +210,13 @@ def stopped(pid: int, seconds: float) -> None:
     os.kill(pid, signal.SIGCONT)
 
 
-#: Seconds; 30 as well if asked for.
-STANDSTILLS = [1.0, 5.0, *map(float, filter(None, [os.environ.get("HT_STANDSTILL_S")]))]
+#: Who stands still, and for how many seconds; for 30 as well if asked for.
+STANDSTILLS = part([(who, s) for s in (1.0, 5.0) for who in ("client", "guard", "server")], 3)
+STANDSTILLS += [
+    (who, float(seconds))
+    for seconds in filter(None, [os.environ.get("HT_STANDSTILL_S")])
+    for who in ("client", "guard", "server")
+]
 
 
 @pytest.fixture
@@ -252,12 +258,11 @@ def came(file):
     return table[~np.isnan(table[:, 2:]).all(axis=1)]
 
 
-@pytest.mark.parametrize("seconds", STANDSTILLS)
-@pytest.mark.parametrize("who", ["the client", "the server", "the guard"])
+@pytest.mark.parametrize(("who", "seconds"), STANDSTILLS)
 def test_after_a_stopped_process_ticks_are_the_boards(board, streaming, who, seconds):
     process, file = streaming
     with BoardDrive.open(board) as drive:
-        if who == "the guard":
+        if who == "guard":
             guard = subprocess.Popen(
                 [sys.executable, "-m", "hexatorque", "board", "start", "--device", board],
                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
@@ -267,14 +272,14 @@ def test_after_a_stopped_process_ticks_are_the_boards(board, streaming, who, sec
                 time.sleep(0.05)
             pid = guard.pid
         else:
-            pid = process.pid if who == "the client" else drive.client.transport.pid
+            pid = process.pid if who == "client" else drive.client.transport.pid
         before = drive._now_tick()
         stopped(pid, seconds)
-        if who == "the server":
+        if who == "server":
             time.sleep(1.0)  # the streams are set again
         after = drive._now_tick()
         ticks, summary = recorded(process, file, after)
-        if who == "the guard":
+        if who == "guard":
             assert drive.state == "idle"  # the drive's, not the recording's business
             guard.kill()
             guard.wait()
@@ -283,7 +288,7 @@ def test_after_a_stopped_process_ticks_are_the_boards(board, streaming, who, sec
     assert ticks[0] < before < after <= ticks[-1] and (steps > 0).all()
     missing = int(((steps - 1) // 20).sum())
     assert summary["lost_samples"] == missing and summary["gaps"] == int((steps > 20).sum())
-    if who != "the server":  # what they did not read has waited for them
+    if who != "server":  # what they did not read has waited for them
         assert missing == 0 and (steps == 20).all()
     elif seconds >= 5:
         assert missing * 20 > (after - before) / 4

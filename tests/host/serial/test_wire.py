@@ -6,6 +6,7 @@ import struct
 
 import numpy as np
 import pytest
+from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from peer import cobs_decode, cobs_encode
@@ -118,7 +119,7 @@ def test_samples_are_as_wide_as_the_protocol_says():
     assert wire.sample_bytes(3) == 12 + 4 * 3
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(st.binary(max_size=120), st.integers(0, 3))
 def test_any_bytes_parse_or_are_refused(raw, kind):
     """No exception but WireError, whatever a board sends."""

@@ -16,12 +16,11 @@ from ... import setups
 from ...drive.operating_points import (
     NOT_MEASURED,
     Point,
-    Prepare,
     Progress,
     fine_samples,
     measure,
 )
-from ...drive.simulated import SimulatedDrive
+from ...drive.prepare import other_dead_time
 from ...parallel import each
 
 TITLE = "Robustness: errors of parameters, sensors and inverter"
@@ -123,19 +122,6 @@ class Row:
     lost: str = ""
 
 
-def _other_dead_time(us: float) -> Prepare:
-    def prepare(sim: SimulatedDrive) -> None:
-        """The time in the registers is the inverter's; the firmware goes on with its own."""
-        m, words = sim.controller.map, sim.controller.register_words()
-        counts = round(us * 1e-6 * float(m.pwm_clock_Hz))
-        for leg in range(6):
-            for register in (m.dbred, m.dbfed):
-                at = m.epwm + leg * m.stride + register
-                words[at] = int(words[at]) + counts
-
-    return prepare
-
-
 def wrong_setup(name: str, error: Error, variant: Variant) -> setups.Setup:
     setup = variant.setup(name, **error.changes)
     factors = {f"controller__{k}": f * setup.parameter(k) for k, f in error.factors.items()}
@@ -150,7 +136,7 @@ def run(
 ) -> Row:
     name, speed, load = point
     setup = wrong_setup(name, error, variant)
-    prepare = _other_dead_time(error.dead_us) if error.dead_us else None
+    prepare = other_dead_time(error.dead_us) if error.dead_us else None
     figures: dict[str, float] = {}
     lost = ""
     try:

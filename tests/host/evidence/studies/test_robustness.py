@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from hexatorque.drive.prepare import other_dead_time
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies import robustness
 from hexatorque.evidence.studies.robustness import ERRORS, POINTS, VARIANTS, Error, Variant
@@ -13,7 +14,7 @@ from hexatorque.plant.legs import OFF
 def test_the_gates_have_another_dead_time_and_the_firmware_does_not_know(by_us):
     setup = Variant("db-dtfc").setup("paper-b")
     sim = SimulatedDrive(setup, 1)
-    robustness._other_dead_time(by_us)(sim)
+    other_dead_time(by_us)(sim)
     sim.start()
     sim.run(0.36, record=False)
     sim.log_edges(2000)

@@ -1,0 +1,25 @@
+"""What a set-up cannot describe is changed in the simulated drive itself, before it starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from .simulated import SimulatedDrive
+
+#: Changes a drive before it starts.
+Prepare = Callable[[SimulatedDrive], None]
+
+
+def other_dead_time(change_us: float) -> Prepare:
+    """The inverter's dead time differs by change_us from the one that the firmware knows. The
+    registers hold the inverter's, at least one count."""
+
+    def prepare(sim: SimulatedDrive) -> None:
+        m, words = sim.controller.map, sim.controller.register_words()
+        counts = round(change_us * 1e-6 * float(m.pwm_clock_Hz))
+        for leg in range(6):
+            for register in (m.dbred, m.dbfed):
+                at = m.epwm + leg * m.stride + register
+                words[at] = max(1, int(words[at]) + counts)
+
+    return prepare

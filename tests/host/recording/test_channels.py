@@ -1,0 +1,54 @@
+"""Channels of a recording that hold each value for several samples."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hexatorque.recording.channels import Channels, Held
+from hexatorque.recording.recording import Recording, RecordingError
+
+VALUES = np.arange(7.0, dtype=np.float32) ** 2
+PER = 4
+WHOLE = np.repeat(VALUES, PER)
+
+
+@given(
+    st.integers(0, 30), st.integers(0, 30), st.integers(0, 30), st.integers(0, 30), st.booleans()
+)
+def test_parts_of_parts_are_slices_of_the_repeated_values(a, b, c, d, pickled):
+    held = Held(VALUES, PER, 0, len(WHOLE)).part(a, b).part(c, d)
+    channels = Channels({"x": held})
+    if pickled:
+        channels = pickle.loads(pickle.dumps(channels))
+    expected = WHOLE[a:b][c:d]
+    assert channels.lengths() == {len(expected)}
+    assert np.array_equal(channels["x"], expected)
+    assert channels["x"] is channels["x"]  # repeated once
+
+
+def test_a_window_repeats_nothing_and_gives_the_same_samples():
+    rec = Recording(8.0, Channels({"p": WHOLE * 2, "x": Held(VALUES, PER, 0, len(WHOLE))}))
+    part = rec.window(0.6, 2.0)
+    assert len(part) == len(part["x"]) == 11
+    assert np.array_equal(part["x"], WHOLE[5:16])
+    assert np.array_equal(part["p"], 2 * WHOLE[5:16])
+    assert part["p"].base is not None
+
+
+def test_channels_behave_like_a_dictionary():
+    channels = Channels({"x": Held(VALUES, PER, 0, len(WHOLE))})
+    channels |= {"y": WHOLE}
+    both = {"a": WHOLE} | channels
+    assert list(both) == ["a", "x", "y"] and list(channels) == ["x", "y"]
+    assert list(channels | {"b": WHOLE}) == ["x", "y", "b"]
+    assert list({**channels}) == ["x", "y"]
+    assert channels.get("no") is None and "no" not in channels and "x" in channels
+    assert np.array_equal(channels.pop("x"), WHOLE) and len(channels) == 1
+
+
+def test_a_held_channel_of_another_length_is_refused():
+    with pytest.raises(RecordingError, match="different lengths"):
+        Recording(8.0, Channels({"p": WHOLE, "x": Held(VALUES, PER, 0, len(WHOLE) - 1)}))
