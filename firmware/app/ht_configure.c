@@ -175,6 +175,7 @@ void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config 
     c->adapt_gain = (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz]))
                                              : 0.0f;
     apply_protection(v, &c->protect);
+    ht_excitation_configure(p, &c->excitation);
 }
 
 void ht_configure_scales(ht_drive *d)

@@ -15,7 +15,8 @@ static bool finite_below(float value, float limit)
 
 const char *ht_state_name(uint16_t state)
 {
-    static const char *const names[HT_STATES] = {"idle", "calibrate", "build", "run", "fault"};
+    static const char *const names[HT_STATES] = {"idle", "calibrate", "build",
+                                                 "run",  "fault",     "test"};
     return (state < (uint16_t)HT_STATES) ? names[state] : "";
 }
 
@@ -229,7 +230,12 @@ static void calibrate(ht_drive *d)
     ht_control_reset(&d->config->control, &d->control, &d->in.i_A);
     ht_speed_reset(&d->speed);
     d->torque_ref_Nm = 0.0f;
-    enter(d, HT_STATE_BUILD);
+    if (d->config->params.v[HT_P_start_mode] != 0.0f) {
+        ht_excitation_reset(&d->excitation, d->samples.position);
+        enter(d, HT_STATE_TEST);
+    } else {
+        enter(d, HT_STATE_BUILD);
+    }
     protect_after(d);
 }
 
@@ -292,6 +298,39 @@ static inline void drive(ht_drive *d, bool build)
     protect_after(d);
 }
 
+/* One period of TEST. The sums of the currents and their sensors are not checked: wrong sensors
+ * are what a test looks for. */
+static void test(ht_drive *d)
+{
+    const ht_control_config *c = &d->config->control;
+    ht_compare out;
+    unsigned faults = ht_protect_samples(&d->config->protect, &d->in, d->speed_rpm, false);
+    faults |= ht_excitation_faults(&d->config->excitation, &d->excitation, &d->in.i_A,
+                                   d->samples.position);
+    if ((d->state_ticks > 1u) && ht_port_tripped(d->port)) {
+        faults |= HT_FAULT_EXTERNAL;
+    }
+    if (faults != 0u) {
+        fault(d, (uint16_t)faults);
+        return;
+    }
+    if (d->state_ticks >= d->config->excitation.ticks) {
+        ht_port_gates_off(d->port);
+        enter(d, HT_STATE_IDLE);
+        return;
+    }
+    ht_excitation_step(&d->config->excitation, &d->excitation, d->in.vdc_V, c->period_counts,
+                       c->first_counts, &out);
+    ht_port_write(d->port, &out);
+    if ((d->state_ticks == 1u) && !ht_port_gates_on(d->port)) { /* a pattern is in place */
+        fault(d, HT_FAULT_EXTERNAL);
+    } else if (ht_port_overrun(d->port)) {
+        fault(d, HT_FAULT_OVERRUN);
+    } else {
+        /* goes on */
+    }
+}
+
 void ht_drive_fast_isr(ht_drive *d)
 {
     ht_state state = (ht_state)d->state;
@@ -303,6 +342,9 @@ void ht_drive_fast_isr(ht_drive *d)
         d->config = d->staged;
         d->taken_tick = d->tick;
         d->staged = NULL;
+        if (state == HT_STATE_TEST) {
+            ht_excitation_begin(&d->excitation);
+        }
     }
     measure(d);
     switch (state) {
@@ -317,6 +359,10 @@ void ht_drive_fast_isr(ht_drive *d)
     case HT_STATE_CALIBRATE:
         d->state_ticks++;
         calibrate(d);
+        break;
+    case HT_STATE_TEST:
+        d->state_ticks++;
+        test(d);
         break;
     case HT_STATE_IDLE: /* no tick: a start that this interrupt comes into would lose it */
     case HT_STATE_FAULT:

@@ -1,0 +1,183 @@
+"""Step b: the stator's resistance of each phase, and what dead time and devices take of a leg's
+voltage, by direct current.
+
+The current flows in the x-y plane, which has no rotor: no torque, no flux to wait for. A leg gives
+its commanded voltage less `D s(i) + R i`: dead time and the devices' thresholds take D against the
+current's direction, around zero current a share s of it. In a star of three legs only differences
+of their voltages count, and those are linear in the six R and six D.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..plant.vsd import INVERSE, TRANSFORM
+from .excitation import CommissioningError, Excitation
+from .regression import Value, linear
+
+#: Currents of the measurement, share of the stated limit.
+LEVELS = (0.15, 0.3, 0.5)
+#: Directions in the x-y plane, degrees. Each current also flows the other way.
+DIRECTIONS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0)
+MEAN_S = 0.025
+#: The voltage of the first look grows by this factor, less as the current comes near its aim.
+GROWTH = 1.3
+#: Directions in which the phases are told from each other: no leg's current is near zero. There the
+#: stator's asymmetry drives some current in the alpha-beta plane too, which takes its time.
+PHASE_DIRECTIONS_DEG = (15.0, 75.0, 135.0, 195.0, 255.0, 315.0)
+PHASE_TIME_CONSTANTS = 3.0
+
+
+@dataclass(frozen=True)
+class Resistance:
+    rs_ohm: tuple[Value, ...]  #: of each phase, devices' on-resistance included
+    lost_V: tuple[Value, ...]  #: of each leg, at full current
+    knee_A: float  #: the current from which on a leg loses all of it
+    curve: np.ndarray  #: (n, 2): current and lost voltage, all legs
+    vdc_V: float
+
+    @property
+    def mean_ohm(self) -> Value:
+        return mean(self.rs_ohm)
+
+    @property
+    def mean_lost_V(self) -> Value:
+        return mean(self.lost_V)
+
+    def of_legs(self, i_A: np.ndarray) -> np.ndarray:
+        """What the legs lose at these currents, (..., 6)."""
+        lost = np.array([v.value for v in self.lost_V])
+        return lost * np.clip(i_A / self.knee_A, -1, 1)
+
+
+def mean(values: tuple[Value, ...]) -> Value:
+    number = len(values)
+    spread = np.sqrt(sum(v.uncertainty**2 for v in values)) / number
+    return Value(float(np.mean([v.value for v in values])), float(spread))
+
+
+def measure(test: Excitation, xy_per_H: float, slow_s: float) -> Resistance:
+    """`xy_per_H`: 1/L_xy, roughly, from the wiring check; `slow_s`: the machine's slow time
+    constant, roughly: L_m/R_s + L_m/R_r."""
+    limit_A = test.limits.current_A
+    vdc_V = test.vdc_V
+    ohm, lost_V = _rough(test, vdc_V, LEVELS[-1] * limit_A, xy_per_H)
+    settle_s = min(2.0, 8 / (ohm * xy_per_H))
+    points = []
+    for level in LEVELS:
+        for degrees in DIRECTIONS_DEG:
+            for turn in (0.0, 180.0):
+                i_A = INVERSE[:, 2:] @ (level * limit_A * _unit(degrees + turn))
+                legs_V = ohm * i_A + lost_V * np.sign(np.where(np.abs(i_A) < 1e-6, 0, i_A))
+                vector = TRANSFORM @ legs_V
+                currents, _, _ = test.steady(vector, settle_s, MEAN_S)
+                points.append((vector, currents))
+    found = solve(np.array([v for v, _ in points]), np.array([i for _, i in points]), vdc_V)
+    phases = _phases(test, found, PHASE_TIME_CONSTANTS * slow_s)
+    test.rest(settle_s)
+    return phases
+
+
+def _phases(test: Excitation, found: Resistance, settle_s: float) -> Resistance:
+    """The same with the phases' resistances told from each other."""
+    size_A = LEVELS[-1] * test.limits.current_A
+    legs_V, i_A = [], []
+    for degrees in PHASE_DIRECTIONS_DEG:
+        wanted_A = INVERSE[:, 2:] @ (size_A * _unit(degrees))
+        vector = TRANSFORM @ (found.mean_ohm.value * wanted_A + found.of_legs(wanted_A))
+        currents, _, _ = test.steady(vector, settle_s, MEAN_S)
+        legs_V.append(INVERSE @ vector - found.of_legs(currents))
+        i_A.append(currents)
+    currents = np.array(i_A)
+    columns = [_in_star(currents, leg).ravel() for leg in range(6)]
+    values, _ = linear(columns, _less_mean(np.array(legs_V)).ravel())
+    # The lost voltages are the same in both measurements: what they are wrong by counts in full.
+    lost = found.mean_lost_V.uncertainty / size_A
+    return replace(found, rs_ohm=tuple(value.plus(lost) for value in values))
+
+
+def _unit(degrees: float) -> np.ndarray:
+    return np.array([np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))])
+
+
+def _rough(test: Excitation, vdc_V: float, aim_A: float, xy_per_H: float) -> tuple[float, float]:
+    """Resistance and lost voltage, roughly: the voltage along x grows until the current flows."""
+    volts, points = 0.005 * vdc_V, []
+    settle_s = 0.02
+    while True:
+        currents, _, _ = test.steady(np.array([0, 0, volts, 0]), settle_s, 0.005)
+        current_A = float(TRANSFORM[2] @ currents)
+        points.append((volts, current_A))
+        if current_A > aim_A:
+            break
+        volts *= 1 + (GROWTH - 1) * min(1.0, max(0.1, 1 - current_A / aim_A))
+        if volts > 0.4 * vdc_V:
+            raise CommissioningError(
+                f"{volts:.0f} V of direct current drive {current_A:.2f} A only: "
+                f"no resistance can be measured with --current {test.limits.current_A:g}"
+            )
+        if current_A > 0.05 * aim_A:  # its time constant is known now
+            ohm = volts / current_A
+            settle_s = min(1.0, max(0.01, 6 / (ohm * xy_per_H)))
+    sure = [(v, i) for v, i in points if i > 0.3 * aim_A]
+    if len(sure) < 2:
+        return volts / current_A, 0.0
+    (ohm, lost), _ = linear(
+        [np.array([i for _, i in sure]), np.ones(len(sure))], np.array([v for v, _ in sure])
+    )
+    # Along x the legs' currents have these sizes: |cos| of their angles, 4/6 of them sum up.
+    share = float(np.abs(TRANSFORM[2]).sum())
+    return max(ohm.value, 1e-4), max(lost.value / share, 0.0)
+
+
+def solve(vectors_V: np.ndarray, i_A: np.ndarray, vdc_V: float) -> Resistance:
+    """Resistances and lost voltages from direct voltages (n, 4) and currents (n, 6)."""
+    legs_V = vectors_V @ INVERSE.T
+    largest_A = float(np.abs(i_A).max())
+    best = None
+    for share in (0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16):
+        knee_A = share * largest_A
+        values, rest = linear(*_equations(legs_V, i_A, knee_A))
+        size = float(rest @ rest)
+        if best is None or size < 0.9 * best[0]:
+            best = (size, knee_A, values)
+    assert best is not None
+    _, knee_A, values = best
+    found = Resistance(tuple(values[:6]), tuple(values[6:]), knee_A, np.empty((0, 2)), vdc_V)
+    return Resistance(found.rs_ohm, found.lost_V, knee_A, _curve(found, legs_V, i_A), vdc_V)
+
+
+def _equations(
+    legs_V: np.ndarray, i_A: np.ndarray, knee_A: float
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """In each star a leg's voltage less the star's mean is R i + D s, less their mean."""
+    shape = np.clip(i_A / knee_A, -1, 1)
+    columns = [_in_star(i_A, leg).ravel() for leg in range(6)]
+    columns += [_in_star(shape, leg).ravel() for leg in range(6)]
+    return columns, _less_mean(legs_V).ravel()
+
+
+def _less_mean(values: np.ndarray) -> np.ndarray:
+    out = values.copy()
+    for star in range(2):
+        out[:, star::2] -= out[:, star::2].mean(1, keepdims=True)
+    return out
+
+
+def _in_star(values: np.ndarray, leg: int) -> np.ndarray:
+    """What a quantity of one leg makes of all legs' voltages in its star."""
+    out = np.zeros_like(values)
+    out[:, leg] = values[:, leg]
+    return _less_mean(out)
+
+
+def _curve(found: Resistance, legs_V: np.ndarray, i_A: np.ndarray) -> np.ndarray:
+    """Points (current, lost voltage): what is left of the legs' voltages without the resistances,
+    with the star's voltage from the fitted curve."""
+    ohm = np.array([v.value for v in found.rs_ohm])
+    lost = _less_mean(legs_V) - _less_mean(ohm * i_A)
+    lost += found.of_legs(i_A) - _less_mean(found.of_legs(i_A))
+    order = np.argsort(i_A.ravel())
+    return np.column_stack([i_A.ravel()[order], lost.ravel()[order]])
