@@ -22,6 +22,8 @@ MEMORY = 20480
 TRIP_SHARE = 0.8
 #: Longest time that a test may last without the host's stopping it.
 LONGEST_S = 600.0
+#: A test waits this long for a shaft that coasts.
+STAND_STILL_S = 30.0
 #: Parameters that a test changes, and that get their values back.
 BORROWED = (
     "start_mode", "test_wave", "test_Hz", "test_alpha_V", "test_beta_V", "test_x_V", "test_y_V",
@@ -84,6 +86,7 @@ class Excitation:
                     **self._values(np.zeros(4), "square", 0.0),
                 }
             )
+            self._stand_still()
             drive.start()
             settle_s = float(drive.get("calibration_s")) + 0.01
             drive.run(settle_s, record=False)
@@ -92,6 +95,19 @@ class Excitation:
             self._restore()
             raise
         return self
+
+    def _stand_still(self) -> None:
+        """Wait for a shaft that still coasts: the firmware starts at standstill only."""
+        most_rpm = float(self.drive.get("start_max_rpm"))
+        for _ in range(round(STAND_STILL_S / 0.25)):
+            found = self.drive.capture(("speed_rpm",), 10, prescaler=10, timeout_s=5)
+            if abs(float(found["speed_rpm"].mean())) < 0.9 * most_rpm:
+                return
+            self.drive.run(0.25, record=False)
+        raise CommissioningError(
+            f"the shaft does not come to rest within {STAND_STILL_S:g} s; a test starts below "
+            f"{most_rpm:g} r/min"
+        )
 
     def __exit__(self, *_: object) -> None:
         self.drive.stop()
@@ -119,6 +135,11 @@ class Excitation:
     @property
     def vdc_V(self) -> float:
         return float(self.drive.capture(("vdc_V",), 64, timeout_s=5)["vdc_V"].mean())
+
+    def noise_A(self) -> float:
+        """Noise of the current sensors, rms, without voltage."""
+        found = self.drive.capture(CURRENTS, 500, timeout_s=5)
+        return float(np.median([np.std(found[name]) for name in CURRENTS]))
 
     def set(self, vector_V: np.ndarray, wave: str = "square", hertz: float = 0.0) -> None:
         """Apply a voltage, alpha, beta, x and y. Its wave begins now."""

@@ -1,0 +1,235 @@
+"""Steps d and e with the drive running: magnetisation at no load, inertia, friction.
+
+The drive runs with what was measured at standstill. Its flux estimate comes from the voltages at
+the speed chosen here, hardly from the inductance that is to be measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..drive.interface import DriveVerbs
+from ..plant.vsd import PHASES, TRANSFORM
+from .excitation import CommissioningError, Limits
+from .regression import Value, linear
+
+CURRENTS = tuple(f"i_{phase}_A" for phase in PHASES)
+#: Flux references of the magnetisation curve, share of the parameter flux_ref_Wb.
+FLUXES = (0.5, 0.65, 0.8, 0.95, 1.1)
+#: Share of the dc-link voltage that the flux may induce at the speed of the tests.
+VOLTAGE = 0.3
+#: Longest wait for a speed, s.
+PATIENCE_S = 15.0
+#: The acceleration should take about this time, s.
+ACCELERATE_S = 1.0
+#: Torque of the first try, and the least, share of torque_limit_Nm.
+FIRST_TORQUE = 0.25
+LEAST_TORQUE = 0.02
+#: Share of the speed up to which the torque is at its limit.
+UPPER = 0.85
+#: The shaft coasts for this time at most, s.
+COAST_S = 5.0
+#: Rotor time constants after a stop until the flux is gone: a start builds it up from nothing.
+DECAY = 6.0
+
+
+@dataclass(frozen=True)
+class Magnetisation:
+    flux_Wb: np.ndarray
+    ls_H: np.ndarray  #: stator inductance at these fluxes
+    spread_H: np.ndarray
+
+    def ls_at(self, flux_Wb: float) -> Value:
+        value = float(np.interp(flux_Wb, self.flux_Wb, self.ls_H))
+        return Value(value, float(np.interp(flux_Wb, self.flux_Wb, self.spread_H)))
+
+
+@dataclass(frozen=True)
+class Mechanics:
+    inertia_kgm2: Value
+    dry_Nm: Value  #: friction that does not depend on the speed
+    viscous_Nms: Value
+
+
+@contextmanager
+def _borrowed(drive: DriveVerbs, values: dict[str, object]) -> Iterator[None]:
+    """The drive stopped, with these parameters; afterwards stopped, with its own ones."""
+    before = {name: drive.get(name) for name in values}
+    drive.set_many(values)
+    try:
+        yield
+    finally:
+        drive.stop()
+        drive.set_many(before)
+
+
+def test_speed_rpm(drive: DriveVerbs, limits: Limits) -> float:
+    """A speed at which voltages tell the flux well, and which the dc link can give."""
+    vdc_V = float(drive.capture(("vdc_V",), 64, timeout_s=5)["vdc_V"].mean())
+    flux_Wb = max(FLUXES) * float(drive.get("flux_ref_Wb"))
+    rpm = VOLTAGE * vdc_V / flux_Wb / float(drive.get("pole_pairs")) * 30 / np.pi
+    return min(rpm, limits.speed_rpm or rpm, 0.8 * float(drive.get("speed_trip_rpm")))
+
+
+def magnetisation(drive: DriveVerbs, limits: Limits) -> Magnetisation:
+    """L_s at five fluxes, without load."""
+    speed_rpm = test_speed_rpm(drive, limits)
+    nominal_Wb = float(drive.get("flux_ref_Wb"))
+    rows = []
+    values = {
+        "start_mode": "drive", "control_mode": "speed", "speed_ref_rpm": 0.0,
+        "flux_ref_Wb": nominal_Wb, "field_weakening": "off",
+    }  # fmt: skip
+    with _borrowed(drive, values):
+        _start(drive)
+        drive.set("speed_ref_rpm", speed_rpm)
+        _wait_for(drive, speed_rpm)
+        for share in FLUXES:
+            drive.set("flux_ref_Wb", share * nominal_Wb)
+            drive.run(2.5 * float(drive.get("build_s")) + 0.5, record=False)
+            drive.check()
+            rows.append(_flux_and_inductance(drive, float(drive.get("sigma_ls_H"))))
+        drive.set_many({"flux_ref_Wb": nominal_Wb, "speed_ref_rpm": 0.0})
+        _wait_for(drive, 0.0)
+    flux_Wb, ls_H, spread_H = np.array(rows).T
+    return Magnetisation(flux_Wb, ls_H, spread_H)
+
+
+def _flux_and_inductance(drive: DriveVerbs, sigma_ls_H: float) -> tuple[float, float, float]:
+    """Mean flux; L_s by the current along it; two standard deviations of that."""
+    found = drive.capture(
+        (*CURRENTS, "psi_alpha_Wb", "psi_beta_Wb"), 2000, prescaler=2, timeout_s=9
+    )
+    i = np.column_stack([found[name] for name in CURRENTS]).astype(float) @ TRANSFORM[:2].T
+    psi = np.column_stack([found["psi_alpha_Wb"], found["psi_beta_Wb"]]).astype(float)
+    size = np.hypot(*psi.T)
+    along_A = (psi * i).sum(1) / size
+    across_A = (psi[:, 0] * i[:, 1] - psi[:, 1] * i[:, 0]) / size
+    parts = [
+        inductance_H(p.mean(), d.mean(), q.mean(), sigma_ls_H)
+        for p, d, q in zip(*(np.array_split(x, 8) for x in (size, along_A, across_A)))
+    ]
+    return float(size.mean()), float(np.mean(parts)), float(2 * np.std(parts) / np.sqrt(8))
+
+
+def inductance_H(flux_Wb: float, along_A: float, across_A: float, sigma_ls_H: float) -> float:
+    """L_s of a machine in steady state, from the currents along and across its stator flux. With a
+    load they lie on the circle diagram, from which this follows; without one it is flux/current."""
+    square = along_A**2 + across_A**2
+    return flux_Wb * (flux_Wb - sigma_ls_H * along_A) / (along_A * flux_Wb - sigma_ls_H * square)
+
+
+def _start(drive: DriveVerbs) -> None:
+    drive.run(DECAY * float(drive.get("lr_H")) / float(drive.get("rr_ohm")), record=False)
+    drive.start()
+    drive.run(float(drive.get("calibration_s")) + float(drive.get("build_s")) + 0.1, record=False)
+    drive.check()
+
+
+def _wait_for(drive: DriveVerbs, speed_rpm: float) -> None:
+    """Until the mean speed is within 2 % or 3 r/min of this one."""
+    waited_s = 0.0
+    while abs(_speed(drive) - speed_rpm) > max(3.0, 0.02 * abs(speed_rpm)):
+        drive.check()
+        waited_s += 0.2
+        if waited_s > PATIENCE_S:
+            raise CommissioningError(
+                f"the drive does not reach {speed_rpm:.0f} r/min within {PATIENCE_S:g} s: is the "
+                "machine without load, and are torque_limit_Nm and the speed loop's gains right?"
+            )
+        drive.run(0.2, record=False)
+
+
+def _speed(drive: DriveVerbs) -> float:
+    return float(drive.capture(("speed_rpm",), 100, prescaler=5, timeout_s=5)["speed_rpm"].mean())
+
+
+# -- inertia and friction --------------------------------------------------------------------
+
+
+def mechanics(drive: DriveVerbs, limits: Limits) -> Mechanics:
+    """Accelerate with a limited torque, then switch off and let the shaft coast."""
+    speed_rpm = test_speed_rpm(drive, limits)
+    limit_Nm = float(drive.get("torque_limit_Nm"))
+    slow_s = 1 / float(drive.get("f_slow_Hz"))
+    values = {
+        "start_mode": "drive", "control_mode": "speed", "speed_ref_rpm": 0.0,
+        "torque_limit_Nm": limit_Nm,
+    }  # fmt: skip
+    torque_Nm = FIRST_TORQUE * limit_Nm
+    with _borrowed(drive, values):
+        for _ in range(3):
+            drive.set("torque_limit_Nm", torque_Nm)
+            _start(drive)
+            up = _record(drive, 2 * ACCELERATE_S, {"speed_ref_rpm": speed_rpm})
+            drive.check()
+            took_s = _time_to(up, UPPER * speed_rpm)
+            less_Nm = max(torque_Nm * took_s / ACCELERATE_S, LEAST_TORQUE * limit_Nm)
+            if less_Nm > 0.7 * torque_Nm:
+                break
+            torque_Nm = less_Nm  # too quick for many speed readings: once more, slower
+            drive.set("speed_ref_rpm", 0.0)
+            _wait_for(drive, 0.0)
+            drive.stop()
+        _wait_for(drive, speed_rpm)
+        drive.stop()
+        coast = _record(drive, COAST_S, {"speed_ref_rpm": 0.0})
+    return solve(up, coast, speed_rpm, slow_s)
+
+
+def _time_to(run: tuple, speed_rpm: float) -> float:
+    """When a run first reached a speed; its end if it did not."""
+    there = np.flatnonzero(run[1] >= speed_rpm)
+    return float(run[0][there[0]] if len(there) else run[0][-1])
+
+
+def _record(drive: DriveVerbs, duration_s: float, command: dict[str, object]) -> tuple:
+    """Time, speed and torque from a WRITE on."""
+    f_isr_Hz = float(drive.get("f_isr_Hz"))
+    prescaler = max(1, round(duration_s * f_isr_Hz / 4000))
+    samples = int(duration_s * f_isr_Hz / prescaler)
+    drive.arm(("speed_rpm", "torque_Nm"), samples, 0, "command", prescaler)
+    drive.set_many(command)
+    found = drive.captured(duration_s + 10)
+    time_s = np.arange(samples) / found.rate_Hz
+    return time_s, np.asarray(found["speed_rpm"], float), np.asarray(found["torque_Nm"], float)
+
+
+def solve(up: tuple, coast: tuple, speed_rpm: float, slow_s: float) -> Mechanics:
+    """J dw/dt = torque - dry - viscous w, as integrals over time:
+
+        w(t) = w_0 + 1/J * work - dry/J * t - viscous/J * angle
+
+    Each of both runs has its own w_0; while the shaft coasts, there is no torque."""
+    time_s, speed, torque = coast
+    runs = [
+        _integrals(up, slow_s, 0.1 * speed_rpm, UPPER * speed_rpm),
+        _integrals((time_s, speed, np.zeros_like(torque)), slow_s, 0.1 * speed_rpm, np.inf),
+    ]
+    w, work, gone_s, angle = np.vstack(runs).T
+    first = np.arange(len(w)) < len(runs[0])
+    (per_J, dry, viscous, _, _), _ = linear([work, -gone_s, -angle, first, ~first], w)
+    inertia = 1 / per_J.value
+    return Mechanics(
+        Value(inertia, inertia**2 * per_J.uncertainty),
+        Value(dry.value * inertia, dry.uncertainty * inertia),
+        Value(viscous.value * inertia, viscous.uncertainty * inertia),
+    )
+
+
+def _integrals(run: tuple, slow_s: float, low: float, high: float) -> np.ndarray:
+    """Rows (speed, integral of torque, time, angle), one for each reading of the speed, as long as
+    it is between two bounds."""
+    time_s, speed_rpm, torque = run
+    dt = time_s[1] - time_s[0]
+    inside = np.flatnonzero((speed_rpm >= low) & (speed_rpm <= high))
+    if len(inside) < 2:
+        return np.empty((0, 4))
+    part = slice(inside[0], inside[-1] + 1)
+    w = speed_rpm[part] * np.pi / 30
+    rows = np.column_stack([w, np.cumsum(torque[part]) * dt, time_s[part], np.cumsum(w) * dt])
+    return rows[:: max(1, round(slow_s / dt))]
