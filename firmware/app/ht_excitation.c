@@ -9,7 +9,8 @@
 /* Leg voltage against the middle of the dc link, units of Vdc: pulses and gaps keep 5 % of the
  * period, so that dead time cannot swallow them. */
 #define MOST_PU 0.45f
-/* Counts between the write under immediate load and the first edge. */
+/* Least counts from the write, or the period's begin, to the first edge, and from the last one to
+ * the period's end. */
 #define ROOM_COUNTS 2.0f
 
 void ht_excitation_configure(const ht_params *p, ht_excitation_config *c)
@@ -100,7 +101,9 @@ void ht_excitation_step(const ht_excitation_config *c, ht_excitation_state *st, 
     ht_vsd v = vector(c, st);
     float period = (float)period_counts;
     float per_V = (vdc_V > 0.0f) ? (1.0f / vdc_V) : 0.0f;
-    float most = 0.5f - ((float)first_counts + ROOM_COUNTS) / period;
+    float first = (float)first_counts;
+    float centre = 0.5f * (period + first); /* the pulse lies behind the write */
+    float most = 0.5f - (first + 2.0f * ROOM_COUNTS) / period;
     int leg;
     most = (most < MOST_PU) ? most : MOST_PU;
     out->start = 0u;
@@ -114,8 +117,8 @@ void ht_excitation_step(const ht_excitation_config *c, ht_excitation_state *st, 
         leg_pu = (leg_pu < most) ? leg_pu : most;
         leg_pu = (leg_pu > -most) ? leg_pu : -most;
         half = period * (0.25f + 0.5f * leg_pu); /* of the pulse */
-        out->ca[leg] = (uint16_t)(0.5f * period - half + 0.5f);
-        out->cb[leg] = (uint16_t)(0.5f * period + half + 0.5f);
+        out->ca[leg] = (uint16_t)(centre - half + 0.5f);
+        out->cb[leg] = (uint16_t)(centre + half + 0.5f);
     }
     if (st->on) {
         turn(c, st);

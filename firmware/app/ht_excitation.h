@@ -2,8 +2,9 @@
  *  Test excitation: the voltages of the state TEST, by which a host measures the machine.
  *
  *  It is a voltage and no current loop, because it also finds wrong wiring: a loop around a sensor
- *  with the wrong sign would run away. Every leg has one pulse per period, centred in it. The
- *  currents of a sample, taken between two pulses, are then the means of their ripple.
+ *  with the wrong sign would run away. Every leg has one pulse per period, centred in it (under
+ *  immediate load: in what is left of it). The currents of a sample, taken between two pulses, are
+ *  then the means of their ripple.
  *
  *  The voltage vector (alpha, beta, x, y) follows a wave that begins with the WRITE that asks for
  *  it: until a WRITE has come in the state TEST the voltage is zero, whatever the parameters say.

@@ -26,8 +26,10 @@ MEAN_S = 0.025
 GROWTH = 1.3
 #: Directions in which the phases are told from each other: no leg's current is near zero. There the
 #: stator's asymmetry drives some current in the alpha-beta plane too, which takes its time.
-PHASE_DIRECTIONS_DEG = (15.0, 75.0, 135.0, 195.0, 255.0, 315.0)
+PHASE_DIRECTIONS_DEG = (30.0, 90.0, 150.0, 210.0, 270.0, 330.0)
 PHASE_TIME_CONSTANTS = 3.0
+#: Meanwhile a direct current along alpha, share of the stated limit, keeps the shaft from moving.
+BRAKE = 0.2
 
 
 @dataclass(frozen=True)
@@ -83,9 +85,10 @@ def measure(test: Excitation, xy_per_H: float, slow_s: float) -> Resistance:
 def _phases(test: Excitation, found: Resistance, settle_s: float) -> Resistance:
     """The same with the phases' resistances told from each other."""
     size_A = LEVELS[-1] * test.limits.current_A
+    brake_A = INVERSE[:, 0] * BRAKE * test.limits.current_A
     legs_V, i_A = [], []
     for degrees in PHASE_DIRECTIONS_DEG:
-        wanted_A = INVERSE[:, 2:] @ (size_A * _unit(degrees))
+        wanted_A = INVERSE[:, 2:] @ (size_A * _unit(degrees)) + brake_A
         vector = TRANSFORM @ (found.mean_ohm.value * wanted_A + found.of_legs(wanted_A))
         currents, _, _ = test.steady(vector, settle_s, MEAN_S)
         legs_V.append(INVERSE @ vector - found.of_legs(currents))

@@ -25,7 +25,9 @@ VOLTAGE = 0.3
 #: Longest wait for a speed, s.
 PATIENCE_S = 15.0
 #: The acceleration should take about this time, s.
-ACCELERATE_S = 1.0
+ACCELERATE_S = 0.7
+#: Error of the torque's estimate in proportion to it, mostly the current sensors' gain.
+TORQUE_ERROR = 0.01
 #: Torque of the first try, and the least, share of torque_limit_Nm.
 FIRST_TORQUE = 0.25
 LEAST_TORQUE = 0.02
@@ -152,7 +154,7 @@ def _speed(drive: DriveVerbs) -> float:
 
 
 def mechanics(drive: DriveVerbs, limits: Limits) -> Mechanics:
-    """Accelerate with a limited torque, then switch off and let the shaft coast."""
+    """Accelerate and brake with a limited torque; accelerate again and let the shaft coast."""
     speed_rpm = test_speed_rpm(drive, limits)
     limit_Nm = float(drive.get("torque_limit_Nm"))
     slow_s = 1 / float(drive.get("f_slow_Hz"))
@@ -176,9 +178,12 @@ def mechanics(drive: DriveVerbs, limits: Limits) -> Mechanics:
             _wait_for(drive, 0.0)
             drive.stop()
         _wait_for(drive, speed_rpm)
+        down = _record(drive, 2 * ACCELERATE_S, {"speed_ref_rpm": 0.0})
+        drive.set("speed_ref_rpm", speed_rpm)
+        _wait_for(drive, speed_rpm)
         drive.stop()
         coast = _record(drive, COAST_S, {"speed_ref_rpm": 0.0})
-    return solve(up, coast, speed_rpm, slow_s)
+    return solve(up, down, coast, speed_rpm, slow_s)
 
 
 def _time_to(run: tuple, speed_rpm: float) -> float:
@@ -199,23 +204,29 @@ def _record(drive: DriveVerbs, duration_s: float, command: dict[str, object]) ->
     return time_s, np.asarray(found["speed_rpm"], float), np.asarray(found["torque_Nm"], float)
 
 
-def solve(up: tuple, coast: tuple, speed_rpm: float, slow_s: float) -> Mechanics:
-    """J dw/dt = torque - dry - viscous w, as integrals over time:
+def solve(up: tuple, down: tuple, coast: tuple, speed_rpm: float, slow_s: float) -> Mechanics:
+    """J dw/dt = torque + error - dry - viscous w, as integrals over time:
 
-        w(t) = w_0 + 1/J * work - dry/J * t - viscous/J * angle
+        w(t) = w_0 + 1/J * work + error/J * t - dry/J * t - viscous/J * angle
 
-    Each of both runs has its own w_0; while the shaft coasts, there is no torque."""
+    Each run has its own w_0. While the shaft coasts, there is no torque. The error is that of the
+    torque's estimate: a flux that is a little wrong makes one that does not depend on the torque.
+    """
+    low, high = 0.15 * speed_rpm, UPPER * speed_rpm
     time_s, speed, torque = coast
     runs = [
-        _integrals(up, slow_s, 0.1 * speed_rpm, UPPER * speed_rpm),
-        _integrals((time_s, speed, np.zeros_like(torque)), slow_s, 0.1 * speed_rpm, np.inf),
+        _integrals(up, slow_s, low, high),
+        _integrals(down, slow_s, low, high),
+        _integrals((time_s, speed, np.zeros_like(torque)), slow_s, low, np.inf),
     ]
     w, work, gone_s, angle = np.vstack(runs).T
-    first = np.arange(len(w)) < len(runs[0])
-    (per_J, dry, viscous, _, _), _ = linear([work, -gone_s, -angle, first, ~first], w)
+    run = np.repeat(range(3), [len(rows) for rows in runs])
+    driven = gone_s * (run < 2)
+    own = [(run == r).astype(float) for r in range(3)]
+    (per_J, _, dry, viscous, *_), _ = linear([work, driven, -gone_s, -angle, *own], w)
     inertia = 1 / per_J.value
     return Mechanics(
-        Value(inertia, inertia**2 * per_J.uncertainty),
+        Value(inertia, inertia**2 * per_J.uncertainty).plus(TORQUE_ERROR * inertia),
         Value(dry.value * inertia, dry.uncertainty * inertia),
         Value(viscous.value * inertia, viscous.uncertainty * inertia),
     )

@@ -1,0 +1,178 @@
+"""Every miswiring is named: first from the matrix of answers alone, then on the machine."""
+
+import numpy as np
+import pytest
+from campaigns import part
+
+from hexatorque import setups
+from hexatorque.commissioning import encoder, wiring
+from hexatorque.commissioning.excitation import Excitation, Limits
+from hexatorque.commissioning.regression import Value
+from hexatorque.commissioning.resistance import Resistance
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.plant.vsd import INVERSE, PHASES, TRANSFORM
+
+STRAIGHT = (1, 2, 3, 4, 5, 6)
+LIMIT_A = 6.0
+
+
+def exchanged(a, b):
+    order = list(STRAIGHT)
+    order[a - 1], order[b - 1] = b, a
+    return tuple(order)
+
+
+# -- from the matrix -------------------------------------------------------------------------
+
+
+def answers(leads=STRAIGHT, sensors=STRAIGHT, ab=40.0, xy=85.0, noise=0.01):
+    """Slopes of the channels for a wave on each leg, by the definition of the planes."""
+    phase = np.array(leads) - 1
+    conductance = INVERSE @ np.diag([ab, ab, xy, xy]) @ TRANSFORM
+    legs = conductance[phase][:, phase] @ (INVERSE @ TRANSFORM)
+    wires = np.array(sensors)
+    rows = np.sign(wires)[:, None] * legs[np.abs(wires) - 1]
+    return rows + noise * ab * np.random.default_rng(3).standard_normal((6, 6))
+
+
+def named(words, found):
+    return all(any(word in line for line in found.mistakes) for word in words)
+
+
+@pytest.mark.parametrize("ab, xy", [(40, 85), (40, 60), (100, 300)])
+def test_right_wiring_is_right(ab, xy):
+    found = wiring.decide(answers(ab=ab, xy=xy))
+    assert found.mistakes == ()
+    assert found.ab_per_H == pytest.approx(ab, rel=0.05)
+    assert found.xy_per_H == pytest.approx(xy, rel=0.05)
+
+
+@pytest.mark.parametrize("a", STRAIGHT)
+@pytest.mark.parametrize("b", STRAIGHT)
+def test_each_pair_of_leads_and_each_pair_of_sensors(a, b):
+    if a >= b:
+        return
+    names = PHASES[a - 1], PHASES[b - 1]
+    found = wiring.decide(answers(leads=exchanged(a, b)))
+    # Not always these two leads: turning the machine's axes may make another pair the same.
+    assert len(found.mistakes) == 2 and named(["motor lead"], found)
+    found = wiring.decide(answers(sensors=exchanged(a, b)))
+    assert found.mistakes == (
+        f"current sensor {names[0]}: measures leg {names[1]}",
+        f"current sensor {names[1]}: measures leg {names[0]}",
+    )
+
+
+def test_the_named_leads_are_the_remedy():
+    """Leads moved as the lines say give a machine without mistakes, for every order."""
+    orders = wiring.ORDERS[1:].tolist()
+    for order in (orders[k] for k in part(range(len(orders)), 40)):
+        found = wiring.decide(answers(leads=[phase + 1 for phase in order]))
+        moved = dict.fromkeys(range(6))
+        for line in found.mistakes:
+            words = line.split()  # motor lead: leg A feeds phase B
+            moved[PHASES.index(words[3])] = PHASES.index(words[6])
+        # The wire that hangs on the wrong leg goes to the leg of its phase.
+        remedied = [0] * 6
+        for leg in range(6):
+            remedied[leg if moved[leg] is None else moved[leg]] = order[leg] + 1
+        assert wiring.decide(answers(leads=remedied)).mistakes == (), (order, found.mistakes)
+
+
+def test_sign_open_twice_and_gain():
+    assert wiring.decide(answers(sensors=(1, -2, 3, 4, 5, 6))).mistakes == (
+        "current sensor u2: has the wrong sign",
+    )
+    assert wiring.decide(answers(sensors=(1, 1, 3, 4, 5, 6))).mistakes == (
+        "current sensor u2: measures leg u1",
+    )
+    dead = answers()
+    dead[4] = 0
+    assert "v1: reads nothing" in wiring.decide(dead).mistakes[0]
+    loud = answers()
+    loud[3] *= 1.6
+    assert "w2: reads 1.6" in wiring.decide(loud).mistakes[0]
+
+
+def test_a_leg_without_current_is_named():
+    cut = answers()
+    cut[:, 2] = cut[2] = 0
+    assert any("leg w1: its voltage drives no current" in m for m in wiring.decide(cut).mistakes)
+
+
+def test_a_mess_is_not_called_right():
+    mess = np.random.default_rng(5).standard_normal((6, 6)) * 50
+    assert any("fit no order" in line for line in wiring.decide(mess).mistakes)
+
+
+# -- on the machine --------------------------------------------------------------------------
+
+
+def wires(*channels):
+    return {"sensors__i_wires": channels}
+
+
+def motor(*leads):
+    return {"machine__leads": leads}
+
+
+#: What is wrong -> words that the lines must have. All 30 in CI.
+MISWIRED = [
+    *(([f"{PHASES[k - 1]}: has the wrong sign"], wires(*(-x if x == k else x for x in STRAIGHT)))
+      for k in STRAIGHT),
+    *(([f"{PHASES[a - 1]}: measures leg {PHASES[b - 1]}", f"{PHASES[b - 1]}: measures"],
+       wires(*exchanged(a, b))) for a, b in ((1, 3), (1, 2), (4, 6), (5, 6), (2, 5))),
+    (["u1: measures leg w1", "w1: measures leg v1"], wires(3, 2, 5, 4, 1, 6)),
+    (["u1: reads nothing"], wires(0, 2, 3, 4, 5, 6)),
+    (["w2: reads nothing"], wires(1, 2, 3, 0, 5, 6)),
+    (["u2: measures leg u1"], wires(1, 1, 3, 4, 5, 6)),
+    *(([f"leg {PHASES[a - 1]} feeds phase {PHASES[b - 1]}"], motor(*exchanged(a, b)))
+      for a, b in ((1, 3), (3, 5), (2, 6), (1, 2), (3, 4), (2, 5))),
+    (["leg u2 feeds phase w2", "leg v2 feeds phase u2"], motor(1, 4, 3, 6, 5, 2)),
+    (["motor lead"], motor(2, 1, 4, 3, 6, 5)),
+    (["motor lead"], motor(1, 4, 5, 2, 3, 6)),  # the planes are exchanged
+    (["encoder: counts backwards"], motor(2, 1, 6, 5, 4, 3)),  # turns the other way
+    (["encoder: counts backwards"], {"sensors__encoder_wires": "swapped"}),
+    (["one channel is open"], {"sensors__encoder_wires": "one open"}),
+    (["encoder: counts nothing"], {"sensors__encoder_wires": "open"}),
+    (["encoder: counts", "times what"],
+     {"sensors__encoder_ppr": 2048, "controller__encoder_counts_rev": 2048}),
+    (["encoder: counts 0.50", "2 pole pairs"], {"controller__pole_pairs": 1}),
+]  # fmt: skip
+
+
+def test_there_are_thirty():
+    assert len(MISWIRED) == 30
+
+
+@pytest.mark.parametrize("number", part(range(30), 4))
+def test_each_miswiring_is_named_below_the_current_limit(number):
+    words, changes = MISWIRED[number]
+    base = setups.load("paper-a-feasible")
+    sim = Watched(base.changed(sensors__i_noise_A=0.02, inverter__v_switch_V=1.0, **changes))
+    limits = Limits(LIMIT_A, 0.1)
+    with Excitation(sim, limits, travel_rev=10) as test:
+        found = wiring.check(test).mistakes
+        if not found:
+            found = encoder.check(test, resistance(), 2.0).mistakes
+    for word in words:
+        assert any(word in line for line in found), found
+    assert 0 < sim.largest_A < LIMIT_A
+
+
+class Watched(SimulatedDrive):
+    """Remembers the largest current that any phase ever had."""
+
+    largest_A = 0.0
+
+    def _run_chunk(self, n, record):
+        self.discard()
+        super()._run_chunk(n, True)
+        phases = self._plant.filled()[:, :4] @ INVERSE.T
+        self.largest_A = max(self.largest_A, float(np.abs(phases).max()))
+
+
+def resistance():
+    values = tuple(Value(v, 0.0) for v in [1.84] * 6)
+    lost = tuple(Value(v, 0.0) for v in [6.3] * 6)
+    return Resistance(values, lost, 0.3, np.empty((0, 2)), 250.0)
