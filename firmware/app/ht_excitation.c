@@ -11,7 +11,7 @@
 #define MOST_PU 0.45f
 /* Least counts from the write, or the period's begin, to the first edge, and from the last one to
  * the period's end. */
-#define ROOM_COUNTS 2.0f
+#define ROOM_COUNTS 3.0f
 
 void ht_excitation_configure(const ht_params *p, ht_excitation_config *c)
 {
@@ -31,8 +31,12 @@ void ht_excitation_configure(const ht_params *p, ht_excitation_config *c)
 
 void ht_excitation_reset(ht_excitation_state *st, uint32_t position)
 {
+    int leg;
     ht_excitation_begin(st);
     st->on = false;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        st->rest[leg] = 0.0f;
+    }
     st->position = position;
 }
 
@@ -65,23 +69,26 @@ uint16_t ht_excitation_faults(const ht_excitation_config *c, const ht_excitation
 static ht_vsd vector(const ht_excitation_config *c, const ht_excitation_state *st)
 {
     ht_vsd v = {{0.0f, 0.0f}, {0.0f, 0.0f}};
-    float factor = st->wave_cos;
+    float ab = 1.0f;
+    float xy = 1.0f;
     if (!st->on) {
         return v;
     }
+    v.ab = c->ab_V;
+    v.xy = c->xy_V;
     if (c->wave == HT_WAVE_ROTATE) {
         v.ab.alpha = st->wave_cos * c->ab_V.alpha - st->wave_sin * c->ab_V.beta;
         v.ab.beta = st->wave_sin * c->ab_V.alpha + st->wave_cos * c->ab_V.beta;
-        v.xy = c->xy_V;
-        return v;
+    } else if (st->wave_cos < 0.0f) {
+        ab = (c->wave == HT_WAVE_SQUARE_XY) ? 1.0f : -1.0f;
+        xy = (c->wave == HT_WAVE_SQUARE_AB) ? 1.0f : -1.0f;
+    } else {
+        /* the first half-wave's signs are those of the parameters */
     }
-    if (c->wave == HT_WAVE_SQUARE) {
-        factor = (factor < 0.0f) ? -1.0f : 1.0f;
-    }
-    v.ab.alpha = factor * c->ab_V.alpha;
-    v.ab.beta = factor * c->ab_V.beta;
-    v.xy.x = factor * c->xy_V.x;
-    v.xy.y = factor * c->xy_V.y;
+    v.ab.alpha *= ab;
+    v.ab.beta *= ab;
+    v.xy.x *= xy;
+    v.xy.y *= xy;
     return v;
 }
 
@@ -113,12 +120,15 @@ void ht_excitation_step(const ht_excitation_config *c, ht_excitation_state *st, 
         float leg_pu = 3.0f * per_V
                        * (column->ab.alpha * v.ab.alpha + column->ab.beta * v.ab.beta
                           + column->xy.x * v.xy.x + column->xy.y * v.xy.y);
-        float half;
+        float length; /* of the pulse */
+        uint16_t whole;
         leg_pu = (leg_pu < most) ? leg_pu : most;
         leg_pu = (leg_pu > -most) ? leg_pu : -most;
-        half = period * (0.25f + 0.5f * leg_pu); /* of the pulse */
-        out->ca[leg] = (uint16_t)(centre - half + 0.5f);
-        out->cb[leg] = (uint16_t)(centre + half + 0.5f);
+        length = period * (0.5f + leg_pu) + st->rest[leg];
+        whole = (uint16_t)(length + 0.5f);
+        st->rest[leg] = length - (float)whole;
+        out->ca[leg] = (uint16_t)(centre - 0.5f * (float)whole);
+        out->cb[leg] = (uint16_t)(out->ca[leg] + whole);
     }
     if (st->on) {
         turn(c, st);

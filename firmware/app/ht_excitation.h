@@ -17,9 +17,10 @@
 
 /** What the wave does to the vector. */
 typedef enum {
-    HT_WAVE_SQUARE = 0, /**< changes its sign; at 0 Hz it is constant */
-    HT_WAVE_SINE = 1,   /**< multiplies it with a cosine */
-    HT_WAVE_ROTATE = 2  /**< rotates alpha-beta; x and y stay */
+    HT_WAVE_SQUARE = 0,    /**< changes its sign; at 0 Hz it is constant */
+    HT_WAVE_SQUARE_AB = 1, /**< changes the sign of alpha-beta; x-y stays */
+    HT_WAVE_SQUARE_XY = 2, /**< changes the sign of x-y; alpha-beta stays */
+    HT_WAVE_ROTATE = 3     /**< rotates alpha-beta; x-y stays */
 } ht_wave;
 
 typedef struct {
@@ -37,7 +38,9 @@ typedef struct {
     bool on;        /**< a WRITE has asked for the voltages since the state began */
     float wave_cos; /**< the wave's angle, 0 at its begin */
     float wave_sin;
-    uint32_t position; /**< of the shaft when the state began */
+    float rest[HT_LEGS]; /**< of a count, for the next pulse: its length is whole counts, but direct
+                          *   voltages must be right in the mean */
+    uint32_t position;   /**< of the shaft when the state began */
 } ht_excitation_state;
 
 void ht_excitation_configure(const ht_params *p, ht_excitation_config *c);

@@ -12,7 +12,7 @@ import numpy as np
 from ..drive.interface import DriveFault, DriveVerbs
 from ..errors import HexatorqueError
 from ..plant.vsd import PHASES, TRANSFORM
-from ..recording.recording import FIRST_TICK
+from ..recording.recording import FIRST_TICK, Recording
 
 CURRENTS = tuple(f"i_{phase}_A" for phase in PHASES)
 #: Values of a capture's memory where the drive does not tell it: the F28377S's image.
@@ -191,7 +191,15 @@ class Excitation:
         i_A = np.column_stack([found[name] for name in CURRENTS]).astype(float)
         return i_A.mean(0), float(found["vdc_V"].mean()), i_A.std(0) / math.sqrt(samples)
 
-    def _samples(self, found, vector_V, wave, hertz, first, prescaler) -> Samples:
+    def _samples(
+        self,
+        found: Recording,
+        vector_V: np.ndarray,
+        wave: str,
+        hertz: float,
+        first: int,
+        prescaler: int,
+    ) -> Samples:
         i_A = np.column_stack([found[name] for name in CURRENTS]).astype(float)
         n = len(i_A)
         # The step at tick k after the begin acts from sample k + delay to the next one.
@@ -204,12 +212,14 @@ class Excitation:
 def voltage(vector_V: np.ndarray, wave: str, angle_rad: np.ndarray) -> np.ndarray:
     """What the firmware makes of a vector at angles of the wave, (n, 4)."""
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    table = np.tile(np.asarray(vector_V, float), (len(cosine), 1))
     if wave == "rotate":
-        a, b, x, y = vector_V
-        still = np.ones_like(cosine)
-        return np.column_stack([cosine * a - sine * b, sine * a + cosine * b, x * still, y * still])
-    factor = np.where(cosine < -1e-9, -1.0, 1.0) if wave == "square" else cosine
-    return factor[:, None] * np.asarray(vector_V)
+        a, b = vector_V[:2]
+        table[:, 0], table[:, 1] = cosine * a - sine * b, sine * a + cosine * b
+    else:
+        axes = {"square": slice(0, 4), "square-ab": slice(0, 2), "square-xy": slice(2, 4)}[wave]
+        table[cosine < -1e-9, axes] *= -1
+    return table
 
 
 def half_wave_Hz(f_isr_Hz: float, ticks: int) -> float:

@@ -1,8 +1,12 @@
 """Step c: sigma L_s and L_xy, and each phase's leakage, by square waves of voltage.
 
-A wave on each leg in turn gives the slopes of all currents for every direction of voltage, less
-what resistance and lost voltages (step b) take. Their inverse is the inductance of the four axes:
-sigma L_s twice, L_xy twice, and what the phases' leakages differ by.
+For the planes' inductances the wave is along alpha or x, with a larger direct current along the
+other one. Both have the same sizes on every leg, and so no leg's current changes its sign: the lost
+voltages (step b) stay what they are and drop out of the slopes' difference.
+
+For the phases a wave on each leg in turn gives the slopes of all currents for every direction of
+voltage, less what resistance and lost voltages take. Their inverse is the inductance of the four
+axes: the planes' own, and what the phases' leakages differ by.
 """
 
 from __future__ import annotations
@@ -18,8 +22,8 @@ from .resistance import Resistance
 
 #: Half-waves, fast interrupts: long enough that most samples lie off the edges.
 TICKS = 9
-#: Currents aimed at, share of the stated limit.
-AIM = 0.4
+#: Shares of the stated limit: the direct current, the triangle's peak, and the one on each leg.
+BIAS, SWING, AIM = 0.42, 0.25, 0.4
 MOST_PU = 0.4
 PERIODS = 16
 
@@ -35,6 +39,8 @@ def measure(
     test: Excitation, resistance: Resistance, ab_per_H: float, xy_per_H: float
 ) -> Inductance:
     """The last two: 1/(sigma L_s) and 1/L_xy, roughly, from the wiring check."""
+    sigma_ls_H = _along(test, resistance, 0, ab_per_H)
+    lxy_H = _along(test, resistance, 2, xy_per_H)
     vdc_V = test.vdc_V
     hertz = half_wave_Hz(test.f_isr_Hz, TICKS)
     # On one leg the current is a triangle of 1/4 period's volt-seconds, over the leg's inductance.
@@ -44,22 +50,51 @@ def measure(
     for leg in range(6):
         waves.append(test.pulse(on_leg(leg, volts), "square", hertz, PERIODS / hertz))
         test.rest(2 / hertz)
-    return solve(waves, resistance)
+    return Inductance(sigma_ls_H, lxy_H, phases(waves, resistance))
 
 
-def solve(waves: list[Samples], resistance: Resistance) -> Inductance:
-    rows, slopes, again = [], [], []
-    for wave in waves:
-        v, slope = _effective(wave, resistance)
-        rows.append(v)
-        slopes.append(slope)
-        again.append(len(v))
-    v, slope = np.concatenate(rows), np.concatenate(slopes)
+def _along(test: Excitation, resistance: Resistance, axis: int, per_H: float) -> Value:
+    """Inductance of one axis, 0 or 2, with a direct current along the other one."""
+    limit_A, other = test.limits.current_A, 2 - axis
+    hertz = half_wave_Hz(test.f_isr_Hz, TICKS)
+    bias_A = INVERSE[:, other] * BIAS * limit_A
+    vector = TRANSFORM @ (resistance.mean_ohm.value * bias_A + resistance.of_legs(bias_A))
+    test.set(vector)
+    test.wait(0.1)
+    kind = "square-ab" if axis == 0 else "square-xy"
+    found = Value(1 / per_H, 0.0)
+    for share, periods in ((0.25, PERIODS), (1.0, 4 * PERIODS)):  # roughly, then right
+        swing_V = share * SWING * limit_A * 4 * hertz * found.value
+        vector[axis] = min(swing_V, MOST_PU * test.vdc_V)
+        found = along(test.pulse(vector, kind, hertz, periods / hertz), axis)
+    test.rest(0.05)
+    return found
+
+
+def along(wave: Samples, axis: int) -> Value:
+    """The currents' slope over the voltage that changes its sign. What changes slowly, for the
+    resistances and the rotor's flux, has columns of its own."""
+    i = wave.i_vsd_A[:, axis]
+    slope = np.diff(i) / wave.dt_s
+    v = wave.v_V[:, axis]
+    same = np.zeros(len(v), bool)
+    same[1:] = np.abs(np.diff(v)) < 1e-9  # off the edges: sensors have a delay
+    same &= np.arange(len(v)) > 2
+    when = np.linspace(-1, 1, len(v))
+    columns = [v, 0.5 * (i[1:] + i[:-1]), np.ones(len(v)), when, when**2]
+    (per_H, *_), _ = linear([column[same] for column in columns], slope[same])
+    return Value(1 / per_H.value, per_H.uncertainty / per_H.value**2)
+
+
+def phases(waves: list[Samples], resistance: Resistance) -> tuple[Value, ...]:
+    """What each phase's leakage differs by, from a wave on each leg."""
+    both = [_effective(wave, resistance) for wave in waves]
+    v, slope = (np.concatenate([pair[k] for pair in both]) for k in range(2))
     # Each slope of the four axes from the four voltages: the inverse inductance, row by row.
     columns = [v[:, c] for c in range(4)]
-    fits = [linear(columns, slope[:, r]) for r in range(4)]
-    per_H = np.array([[value.value for value in values] for values, _ in fits])
-    spread = np.array([[value.uncertainty for value in values] for values, _ in fits])
+    fits = [linear(columns, slope[:, r])[0] for r in range(4)]
+    per_H = np.array([[value.value for value in values] for values in fits])
+    spread = np.array([[value.uncertainty for value in values] for values in fits])
     inductance = np.linalg.inv(0.5 * (per_H + per_H.T))
     error_H = np.sqrt((inductance**2) @ (spread**2) @ (inductance**2))
     return _phases(inductance, float(np.diag(error_H).max()))
@@ -78,16 +113,14 @@ def _effective(wave: Samples, resistance: Resistance) -> tuple[np.ndarray, np.nd
     return (legs_V @ TRANSFORM.T)[steady], slope[steady]
 
 
-def _phases(inductance: np.ndarray, error_H: float) -> Inductance:
+def _phases(inductance: np.ndarray, error_H: float) -> tuple[Value, ...]:
     """Split the matrix of the four axes into the planes' inductances and the phases' differences,
-    whose sum is 0."""
+    whose sum is 0. Returns these."""
     columns = [np.diag([1.0, 1, 0, 0]), np.diag([0.0, 0, 1, 1])]
     columns += [np.outer(TRANSFORM[:, k], INVERSE[k]) for k in range(6)]
     a = np.array([c.ravel() for c in columns]).T
     a = np.vstack([a, [0, 0, 1, 1, 1, 1, 1, 1]])
     target = np.append(inductance.ravel(), 0.0)
     x, *_ = np.linalg.lstsq(a, target, rcond=None)
-    covariance = np.linalg.pinv(a.T @ a)
-    spread = error_H * np.sqrt(np.diag(covariance))
-    values = [Value(float(f), float(s)) for f, s in zip(x, spread)]
-    return Inductance(values[0], values[1], tuple(values[2:]))
+    spread = error_H * np.sqrt(np.diag(np.linalg.pinv(a.T @ a)))
+    return tuple(Value(float(f), float(s)) for f, s in zip(x[2:], spread[2:]))

@@ -18,9 +18,12 @@ from .excitation import CommissioningError, Excitation
 from .regression import Value, linear
 
 #: Currents of the measurement, share of the stated limit.
-LEVELS = (0.15, 0.3, 0.5)
-#: Directions in the x-y plane, degrees. Each current also flows the other way.
-DIRECTIONS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0)
+LEVELS = (0.15, 0.35, 0.6)
+#: Directions in the x-y plane, degrees, between those in which a leg has no current. Each current
+#: also flows the other way.
+DIRECTIONS_DEG = (15.0, 45.0, 75.0, 105.0, 135.0, 165.0)
+#: Share of the largest current for the tests that follow.
+MOST = 0.5
 MEAN_S = 0.025
 #: The voltage of the first look grows by this factor, less as the current comes near its aim.
 GROWTH = 1.3
@@ -36,28 +39,16 @@ BRAKE = 0.2
 class Resistance:
     rs_ohm: tuple[Value, ...]  #: of each phase, devices' on-resistance included
     lost_V: tuple[Value, ...]  #: of each leg, at full current
+    mean_ohm: Value
+    mean_lost_V: Value
     knee_A: float  #: the current from which on a leg loses all of it
     curve: np.ndarray  #: (n, 2): current and lost voltage, all legs
     vdc_V: float
-
-    @property
-    def mean_ohm(self) -> Value:
-        return mean(self.rs_ohm)
-
-    @property
-    def mean_lost_V(self) -> Value:
-        return mean(self.lost_V)
 
     def of_legs(self, i_A: np.ndarray) -> np.ndarray:
         """What the legs lose at these currents, (..., 6)."""
         lost = np.array([v.value for v in self.lost_V])
         return lost * np.clip(i_A / self.knee_A, -1, 1)
-
-
-def mean(values: tuple[Value, ...]) -> Value:
-    number = len(values)
-    spread = np.sqrt(sum(v.uncertainty**2 for v in values)) / number
-    return Value(float(np.mean([v.value for v in values])), float(spread))
 
 
 def measure(test: Excitation, xy_per_H: float, slow_s: float) -> Resistance:
@@ -84,7 +75,7 @@ def measure(test: Excitation, xy_per_H: float, slow_s: float) -> Resistance:
 
 def _phases(test: Excitation, found: Resistance, settle_s: float) -> Resistance:
     """The same with the phases' resistances told from each other."""
-    size_A = LEVELS[-1] * test.limits.current_A
+    size_A = MOST * test.limits.current_A
     brake_A = INVERSE[:, 0] * BRAKE * test.limits.current_A
     legs_V, i_A = [], []
     for degrees in PHASE_DIRECTIONS_DEG:
@@ -96,9 +87,12 @@ def _phases(test: Excitation, found: Resistance, settle_s: float) -> Resistance:
     currents = np.array(i_A)
     columns = [_in_star(currents, leg).ravel() for leg in range(6)]
     values, _ = linear(columns, _less_mean(np.array(legs_V)).ravel())
-    # The lost voltages are the same in both measurements: what they are wrong by counts in full.
-    lost = found.mean_lost_V.uncertainty / size_A
-    return replace(found, rs_ohm=tuple(value.plus(lost) for value in values))
+    # Their mean is known better from the many points of both signs: lost voltages drop out there.
+    shift = found.mean_ohm.value - float(np.mean([v.value for v in values]))
+    wide = found.mean_ohm.uncertainty
+    return replace(
+        found, rs_ohm=tuple(Value(v.value + shift, v.uncertainty).plus(wide) for v in values)
+    )
 
 
 def _unit(degrees: float) -> np.ndarray:
@@ -127,12 +121,12 @@ def _rough(test: Excitation, vdc_V: float, aim_A: float, xy_per_H: float) -> tup
     sure = [(v, i) for v, i in points if i > 0.3 * aim_A]
     if len(sure) < 2:
         return volts / current_A, 0.0
-    (ohm, lost), _ = linear(
+    (slope, lost), _ = linear(
         [np.array([i for _, i in sure]), np.ones(len(sure))], np.array([v for v, _ in sure])
     )
-    # Along x the legs' currents have these sizes: |cos| of their angles, 4/6 of them sum up.
+    # Along x every leg loses D against its current: together this much of the voltage.
     share = float(np.abs(TRANSFORM[2]).sum())
-    return max(ohm.value, 1e-4), max(lost.value / share, 0.0)
+    return max(slope.value, 1e-4), max(lost.value / share, 0.0)
 
 
 def solve(vectors_V: np.ndarray, i_A: np.ndarray, vdc_V: float) -> Resistance:
@@ -140,7 +134,7 @@ def solve(vectors_V: np.ndarray, i_A: np.ndarray, vdc_V: float) -> Resistance:
     legs_V = vectors_V @ INVERSE.T
     largest_A = float(np.abs(i_A).max())
     best = None
-    for share in (0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16):
+    for share in (0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.17, 0.25):
         knee_A = share * largest_A
         values, rest = linear(*_equations(legs_V, i_A, knee_A))
         size = float(rest @ rest)
@@ -148,8 +142,21 @@ def solve(vectors_V: np.ndarray, i_A: np.ndarray, vdc_V: float) -> Resistance:
             best = (size, knee_A, values)
     assert best is not None
     _, knee_A, values = best
-    found = Resistance(tuple(values[:6]), tuple(values[6:]), knee_A, np.empty((0, 2)), vdc_V)
-    return Resistance(found.rs_ohm, found.lost_V, knee_A, _curve(found, legs_V, i_A), vdc_V)
+    ohm, lost_V = _means(legs_V, i_A, knee_A)
+    found = Resistance(
+        tuple(values[:6]), tuple(values[6:]), ohm, lost_V, knee_A, np.empty((0, 2)), vdc_V
+    )
+    return replace(found, curve=_curve(found, legs_V, i_A))
+
+
+def _means(legs_V: np.ndarray, i_A: np.ndarray, knee_A: float) -> tuple[Value, Value]:
+    """One R and one D for all legs, from the points at which every leg loses all of its D."""
+    beyond = np.abs(i_A).min(1) > knee_A
+    if beyond.sum() < len(i_A) // 4:
+        beyond[:] = True
+    columns, target = _equations(legs_V[beyond], i_A[beyond], knee_A)
+    (ohm, lost_V), _ = linear([np.sum(columns[:6], axis=0), np.sum(columns[6:], axis=0)], target)
+    return ohm, lost_V
 
 
 def _equations(

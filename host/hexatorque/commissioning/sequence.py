@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -74,7 +74,7 @@ def commission(
     return found
 
 
-def _restore(drive: DriveVerbs, before: dict[str, object]) -> None:
+def _restore(drive: DriveVerbs, before: Mapping[str, object]) -> None:
     drive.stop()
     changed = {name: value for name, value in before.items() if drive.get(name) != value}
     if changed:

@@ -89,7 +89,7 @@ INVERTER = np.dtype(
 DROPS = ("v_switch_V", "v_diode_V", "r_switch_ohm", "r_diode_ohm")
 
 
-def inverter_record(leads: Sequence[int] = STRAIGHT, **drops: float) -> np.record:
+def inverter_record(leads: Sequence[int] = STRAIGHT, /, **drops: float) -> np.record:
     """All legs off, no current. `leads`: the machine's phase on each leg; `drops`: any of DROPS,
     otherwise zero."""
     zeros = {name: 0 for name in names_of(INVERTER)}

@@ -175,4 +175,4 @@ class Watched(SimulatedDrive):
 def resistance():
     values = tuple(Value(v, 0.0) for v in [1.84] * 6)
     lost = tuple(Value(v, 0.0) for v in [6.3] * 6)
-    return Resistance(values, lost, 0.3, np.empty((0, 2)), 250.0)
+    return Resistance(values, lost, values[0], lost[0], 0.3, np.empty((0, 2)), 250.0)
