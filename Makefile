@@ -22,7 +22,7 @@ C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
 # All C that is written by hand. Its format is in .clang-format.
 C_FORMATTED := $(shell find firmware tests/c tools -name '*.[ch]' ! -name ht_tables.c ! -name vectors.h)
 JOBS ?= 2
-WAITING ?= 4
+WAITING ?= 6
 FUZZ_S ?= 120
 
 .PHONY: help demo papers papers-quick test test-quick test-c test-targets budget sanitize fuzz bench docs lint format check-c clean
@@ -80,7 +80,8 @@ pytest = $(BIN)/python -m pytest -rs
 waiting = $(pytest) -n $(1) --dist worksteal -m $(2) $(OTHER_PROCESSES) || \
 	$(pytest) -m $(2) --last-failed --last-failed-no-failures none $(OTHER_PROCESSES)
 # Named, so that not all tests are collected for them.
-OTHER_PROCESSES := tests/host/serial tests/host/monitor tests/host/boards tests/project/test_tutorial.py
+OTHER_PROCESSES := tests/host/serial tests/host/monitor tests/host/boards \
+  tests/project/test_own_machine_page.py tests/project/test_tutorial.py
 
 test: test-c
 	$(pytest) -n $(JOBS) --dist worksteal -m "not timed and not live" tests
@@ -88,10 +89,11 @@ test: test-c
 	$(call waiting,$(JOBS),live)
 
 test-quick: $(VENV)/.installed
-	$(pytest) -n $(JOBS) --dist worksteal -m "not timed and not live and not slow" tests
+	$(pytest) -n $(JOBS) --dist worksteal --quick tests
 
-# Some of these tests measure speed, so they run one at a time. If a tool is missing, this fails
-# after all tests that could run.
+# Some of these tests measure speed, so they run one at a time. The campaigns are whole: `make test`
+# leaves out one of the processors. If a tool is missing, this fails after all tests that could run.
+test-targets: export HT_WHOLE := 1
 test-targets: $(VENV)/.installed
 	@failed=0; \
 	$(pytest) tests/host/boards || $(pytest) --last-failed tests/host/boards || failed=1; \

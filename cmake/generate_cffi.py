@@ -16,8 +16,10 @@ from cffi import FFI
 
 HEADERS = (
     "ht_drive.h",
+    "ht_misfit.h",
     "ht_store.h",
     "ht_comparator.h",
+    "ht_vsd.h",
     "ht_drivers.h",
     "ht_regfile.h",
     "ht_board_of_device.h",

@@ -21,6 +21,7 @@ PACKAGE = next(
 )
 sys.path.insert(0, str(PACKAGE))
 from hexatorque.setups import loading, to_parameters  # noqa: E402
+from hexatorque.setups.derived import DEFAULTS  # noqa: E402
 from hexatorque.setups.keys import KEYS, SECTIONS  # noqa: E402
 from hexatorque.setups.setup import Setup, inconsistent  # noqa: E402
 from hexatorque.setups.values import SetupError, Value, suggest  # noqa: E402
@@ -92,8 +93,9 @@ def bare(path: str, raw: object, known: dict) -> object:
     return value
 
 
-def values_of(source: str, table: dict, files: list[Path], depth: int = 0) -> dict:
-    """The values of a set-up and of those it starts from. `files` gets what was read."""
+def values_of(source: str, table: dict, files: list[Path], depth: int = 0) -> tuple[dict, str]:
+    """The values of a set-up and of those it starts from, and its word `defaults`. `files` gets
+    what was read."""
     if depth > 20:
         raise SetupError(f"setup = {source!r}: the files refer to each other")
     path = Path(source)
@@ -109,8 +111,9 @@ def values_of(source: str, table: dict, files: list[Path], depth: int = 0) -> di
         files.append(path.resolve())
     data = loading.toml_of(text)
     values: dict = {section: {} for section in SECTIONS}
+    defaults = DEFAULTS[0]
     if "setup" in data:
-        values = values_of(str(data["setup"]), table, files, depth + 1)
+        values, defaults = values_of(str(data["setup"]), table, files, depth + 1)
     for section in SECTIONS:
         known = table if section == "controller" else KEYS[section]
         entries = data.get(section, {})
@@ -118,16 +121,20 @@ def values_of(source: str, table: dict, files: list[Path], depth: int = 0) -> di
             raise SetupError(f"{section}: a table is needed")
         for key, raw in entries.items():
             values[section][key] = Value(bare(f"{section}.{key}", raw, known), "")
-    return values
+    defaults = data.get("defaults", defaults)
+    if defaults not in DEFAULTS:
+        raise SetupError(f"defaults = {defaults!r}: choose one of {', '.join(DEFAULTS)}")
+    return values, defaults
 
 
 def initial_values(source: str, device: str, files: list[Path]) -> dict[str, str]:
     """Every parameter's initial value, as C."""
     table = {row.name: row for row in map(Parameter, rows(APP / "ht_params.def", "HT_"))}
-    setup = Setup(source, source, values_of(source, table, files))
+    values, defaults = values_of(source, table, files)
+    setup = Setup(source, source, values, defaults=defaults)
     for section, keys in KEYS.items():
         for key, spec in keys.items():
-            if spec.default is None and key not in setup.values[section]:
+            if spec.required and key not in setup.values[section]:
                 raise SetupError(f"{section}.{key} is missing ({spec.help}, {spec.unit or '-'})")
     if lines := inconsistent(setup):
         raise SetupError(lines[0])
@@ -137,8 +144,10 @@ def initial_values(source: str, device: str, files: list[Path]) -> dict[str, str
     given = setup.values["controller"]
     for key in given:
         table[key].number(given[key].value)
-    default_flux_Wb = float(table["flux_ref_Wb"].initial.rstrip("f"))
-    decided = to_parameters.decided(setup, default_flux_Wb)
+    # Rules use defaults of quantities only: those are plain numbers in the table.
+    numbers = {n: row.initial.rstrip("f") for n, row in table.items() if not row.choices}
+    initial = {name: float(number) for name, number in numbers.items()}
+    decided = to_parameters.decided(setup, initial)
     return {
         name: as_float32(row.number(decided[name])) if name in decided else row.initial
         for name, row in table.items()

@@ -4,7 +4,9 @@ timed   The test depends on how fast other processes answer. It mostly waits, so
         run at once, apart from tests that would keep the processors busy.
 live    The same, but the test keeps a processor busy: a browser, or a board on an emulated
         processor. As many run at once as there are processors.
-slow    The file takes more than some seconds of computing time. `make test-quick` leaves it out.
+slow    The file takes more than some seconds of computing time.
+
+`make test-quick` leaves all of these out with `--quick`: it does not even import their files.
 """
 
 from pathlib import Path
@@ -26,6 +28,7 @@ LIVE = (
     "host/monitor/test_deadman.py",
     "host/monitor/test_page.py",
     "host/monitor/test_plots.py",
+    "project/test_own_machine_page.py",
     "project/test_tutorial.py",
 )
 SLOW = (
@@ -43,10 +46,19 @@ SLOW = (
 )
 
 
+def pytest_addoption(parser):
+    parser.addoption("--quick", action="store_true", help="leave out timed, live and slow tests")
+
+
+def pytest_ignore_collect(collection_path, config):
+    left_out = [TESTS / name for name in (*TIMED, *LIVE, *SLOW)]
+    return (config.getoption("--quick") and collection_path in left_out) or None
+
+
 def pytest_configure(config):
     config.addinivalue_line("markers", "timed: waits for other processes")
     config.addinivalue_line("markers", "live: waits for other processes and keeps a processor busy")
-    config.addinivalue_line("markers", "slow: left out by `make test-quick`")
+    config.addinivalue_line("markers", "slow: takes some seconds of computing time")
 
 
 def pytest_collection_modifyitems(items):

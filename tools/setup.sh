@@ -39,11 +39,18 @@ fi
 
 "$venv/bin/python" -m pip --version >/dev/null 2>&1 || "$python" -m venv --clear "$venv"
 echo "hexatorque set-up: installing into $venv"
+installed=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_paths()["purelib"])')/hexatorque
+before=$(mktemp -d)
+trap 'rm -rf "$before"' EXIT
+[ ! -d "$installed/source" ] || cp -Rp "$installed/source" "$before"
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$root[test${HT_EXTRAS:+,$HT_EXTRAS}]"
 
+# A source of the firmware that is as it was before keeps its age: the images for other processors
+# are compiled again only as far as something has changed.
+[ ! -d "$before/source" ] || (cd "$before/source" && find . -type f -exec sh -c \
+    'if cmp -s "$1" "$2"; then touch -r "$1" "$2"; fi' sh {} "$installed/source/{}" \;)
 # An installed file gets the age of its source: numba keeps what it has compiled as long as neither
 # content nor age of a file changes. So an edit of the C alone does not compile the plant again.
-installed=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_paths()["purelib"])')
-(cd "$root/host" && find hexatorque -name '*.py' -exec touch -r {} "$installed/{}" \;)
+(cd "$root/host/hexatorque" && find . -name '*.py' -exec touch -r {} "$installed/{}" \;)
 echo "hexatorque set-up: compiling the simulation if its source has changed (about 20 s)"
 "$venv/bin/python" -c 'from hexatorque.drive.compiling import compile_now; compile_now()'

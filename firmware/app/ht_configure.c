@@ -1,13 +1,15 @@
 #include "ht_configure.h"
 
+#include "ht_misfit.h"
+
 #include <stddef.h>
 
-/* Share of the range that is left on either side at the largest offset, less 2 %. */
-#define TRIP_SHARE 0.885f
 #define PI_F 3.14159265f
 /* Time constants: the model-based checks average over the transients that a healthy
  * drive shows; mean speed of the flux, quick and slow. */
 #define FLUX_CHECK_S 0.2f
+/* The rotor's flux is followed this many times faster than it can rise. */
+#define ROTOR_FASTER 30.0f
 #define ENCODER_CHECK_S 0.05f
 #define OMEGA_FILTER_S 0.005f
 #define OMEGA_MEAN_S 0.2f
@@ -17,11 +19,16 @@
 /* Share of the pull-out torque that is asked for: beyond it more slip gives less
  * torque, and the controller, which answers with more slip, loses the machine. */
 #define PULL_OUT_SHARE 0.8f
+/* Deadbeat law: gain of the x-y integrators, per period, of the voltage that would take the
+ * x-y current away at once; voltage from which set 2's carrier turns, units of Vdc. */
+#define XY_INTEGRAL 0.008f
+#define TURN_PU 0.3f
+#define NEVER_PU 100.0f /* no inverter makes that voltage */
 
-static bool finite_below(float value, float limit)
-{
-    return (value < limit) && (value > -limit);
-}
+/* Reach of the table 45/135, relative to 75/105. To hold the flux, the vectors before and behind
+ * it take turns. Their mean lies on the chord between them, which is cos 45 degrees of their
+ * length away from the centre, or cos 15 degrees with the table 75/105, the vectors' circle. */
+#define WIDE_TABLE_REACH 0.732051f
 
 bool ht_configure_valid(const ht_port *port, uint16_t id, float value)
 {
@@ -57,38 +64,30 @@ static void configure_table_law(const ht_params *p, float ts, ht_table_law_confi
     c->xy.ki_ts_pu_A = p->v[HT_P_ki_xy_pu_As] * ts;
 }
 
-/* Derive the control configuration. Returns false if the values do not fit. */
-static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config *c)
+/* The deadbeat law and its modulator. A zero sequence that is clamped at every voltage wants the
+ * turn at every voltage; a centred one from TURN_PU on. */
+static void configure_deadbeat_law(const ht_params *p, ht_control_config *c)
+{
+    bool clamped = (p->v[HT_P_kappa] > 0.0f) && (p->v[HT_P_kappa_from_pu] == 0.0f);
+    float turn_pu[3] = {TURN_PU, NEVER_PU, 0.0f}; /* auto, off, always */
+    turn_pu[0] = clamped ? 0.0f : TURN_PU;
+    c->deadbeat_law.gain = 1.0f;
+    c->deadbeat_law.xy_ki_per_A = XY_INTEGRAL * c->observer.lxy_H * c->observer.inv_ts
+                                  / p->v[HT_P_vdc_max_V];
+    c->modulator.kappa = p->v[HT_P_kappa];
+    c->modulator.kappa_from_pu = p->v[HT_P_kappa_from_pu];
+    c->modulator.turn_pu = turn_pu[(uint16_t)p->v[HT_P_carrier_turn]];
+}
+
+/* Derive the control configuration, or tell why the values do not fit. */
+static ht_result configure(const ht_params *p, float pwm_clock_Hz, ht_control_config *c)
 {
     float period = pwm_clock_Hz / p->v[HT_P_f_isr_Hz];
     float ts = 1.0f / p->v[HT_P_f_isr_Hz];
     bool shadow = p->v[HT_P_load_mode] == 0.0f;
     float first = p->v[HT_P_write_delay_us] * 1.0e-6f * pwm_clock_Hz;
-    float ratio;
-    if (!(period <= 65535.0f) || !(period >= 8.0f)) {
-        return false;
-    }
-    if ((p->v[HT_P_torque_inner_Nm] > p->v[HT_P_torque_band_Nm])
-        || (p->v[HT_P_flux_min_Wb] > p->v[HT_P_flux_ref_Wb])
-        || (p->v[HT_P_vdc_min_V] >= p->v[HT_P_vdc_max_V])
-        || (p->v[HT_P_flux_trip_Wb] <= p->v[HT_P_flux_ref_Wb])) {
-        return false;
-    }
-    /* The slow interrupt is every n-th fast one, n > 1: one that comes late must not take
-     * the fast one for lost. */
-    ratio = p->v[HT_P_f_isr_Hz] / p->v[HT_P_f_slow_Hz];
-    if ((ratio < 1.5f) || !finite_below(ratio - (float)(uint16_t)(ratio + 0.5f), 1.0e-3f)) {
-        return false;
-    }
-    /* A trip level that a saturated converter cannot reach protects nothing. */
-    if ((p->v[HT_P_i_trip_A] > TRIP_SHARE * p->v[HT_P_i_full_A])
-        || (p->v[HT_P_vdc_max_V] > 0.95f * p->v[HT_P_vdc_full_V])) {
-        return false;
-    }
-    if ((p->v[HT_P_torque_release_Nm] != 0.0f)
-        && ((p->v[HT_P_torque_release_Nm] >= p->v[HT_P_torque_band_Nm])
-            || (p->v[HT_P_torque_release_Nm] <= -p->v[HT_P_torque_band_Nm]))) {
-        return false;
+    if (ht_misfit_of(p, pwm_clock_Hz) != HT_MISFIT_NONE) {
+        return HT_ERROR_CONFIG;
     }
     ht_control_select(c, (ht_scheme)(uint16_t)p->v[HT_P_scheme]);
     configure_table_law(p, ts, &c->table_law);
@@ -117,7 +116,17 @@ static bool configure(const ht_params *p, float pwm_clock_Hz, ht_control_config 
     c->observer.omega_gain = (ts < OMEGA_FILTER_S) ? (ts / OMEGA_FILTER_S) : 1.0f;
     c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
     c->dead.i_zero_A = p->v[HT_P_i_zero_A];
-    return ht_control_check(c) == HT_CONFIG_OK;
+    configure_deadbeat_law(p, c);
+    switch (ht_control_check(c)) {
+    case HT_CONFIG_OK:
+        return HT_OK;
+    case HT_CONFIG_PREDICTION:
+        return HT_ERROR_PREDICTION;
+    case HT_CONFIG_SAMPLING:
+        return HT_ERROR_SAMPLING;
+    default:
+        return HT_ERROR_CONFIG;
+    }
 }
 
 /* Torque allowed per flux squared. At constant stator flux the torque peaks at
@@ -149,10 +158,22 @@ static void apply_protection(const float *v, ht_protect_config *c)
     c->slip_gain = v[HT_P_rr_ohm] * ratio * ratio;
     c->rpm_per_rad_s = 30.0f / (PI_F * v[HT_P_pole_pairs]);
     c->flux_gain = 1.0f / (1.0f + FLUX_CHECK_S * v[HT_P_f_slow_Hz]);
+    c->rotor_gain = v[HT_P_rr_ohm]
+                    / (v[HT_P_rr_ohm] + v[HT_P_lr_H] * v[HT_P_f_slow_Hz] / ROTOR_FASTER);
+    c->magnetise_A_Wb = (v[HT_P_rr_ohm] > 0.0f) ? (ROTOR_FASTER / c->ls_H) : 0.0f;
     /* A mean over the slow period is half a period old, the flux's speed a time constant. */
     c->estimate_back = 0.5f - OMEGA_FILTER_S * v[HT_P_f_slow_Hz];
     c->estimate_back = (c->estimate_back > 0.0f) ? c->estimate_back : 0.0f;
     c->encoder_gain = 1.0f / (1.0f + ENCODER_CHECK_S * v[HT_P_f_slow_Hz]);
+}
+
+/* Largest mean voltage of the scheme, with its switching table if it has one, units of Vdc. */
+static float voltage_reach(const float *v)
+{
+    const ht_scheme_info *scheme = ht_scheme_describe((uint16_t)v[HT_P_scheme]);
+    bool wide = (scheme->law == HT_LAW_TABLE)
+                && ((ht_table)(uint16_t)v[HT_P_table] == HT_TABLE_45_135);
+    return wide ? (WIDE_TABLE_REACH * scheme->reach_pu) : scheme->reach_pu;
 }
 
 void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config *c)
@@ -167,7 +188,7 @@ void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config 
                            / v[HT_P_encoder_counts_rev];
     c->measure.period_rpm = v[HT_P_speed_period_rpm];
     c->flux.flux_min_Wb = v[HT_P_flux_min_Wb];
-    c->flux.reach_pu = v[HT_P_fw_margin] * ht_scheme_describe((uint16_t)v[HT_P_scheme])->reach_pu;
+    c->flux.reach_pu = v[HT_P_fw_margin] * voltage_reach(v);
     c->flux.rs_ohm = v[HT_P_rs_ohm];
     c->pull_out_Nm_Wb2 = pull_out(v);
     c->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);
@@ -195,8 +216,9 @@ ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_confi
                        ht_pwm_setup *setup)
 {
     float clock_Hz = ht_port_pwm_clock_Hz(port);
-    if (!configure(p, clock_Hz, config)) {
-        return HT_ERROR_CONFIG;
+    ht_result result = configure(p, clock_Hz, config);
+    if (result != HT_OK) {
+        return result;
     }
     setup->period_counts = config->period_counts;
     setup->dead_counts = dead_counts(p->v[HT_P_dead_time_us], clock_Hz);
@@ -205,19 +227,34 @@ ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_confi
     return ht_port_accepts(port, setup) ? HT_OK : HT_ERROR_PORT;
 }
 
+const ht_drive_config *ht_configure_withhold(ht_drive *d, ht_drive_config **next)
+{
+    const ht_drive_config *waiting = d->staged;
+    d->staged = NULL; /* the interrupt must not take a half-written copy */
+    *next = (ht_config_in_force(d) == &d->configs[0]) ? &d->configs[1] : &d->configs[0];
+    return waiting;
+}
+
+void ht_configure_restore(ht_drive *d, const ht_drive_config *waiting, ht_drive_config *next)
+{
+    ht_pwm_setup setup;
+    if (waiting == next) { /* its other parts are still those of d->params */
+        (void)ht_configure(d->port, &d->params, &next->control, &setup);
+        d->staged = next;
+    }
+}
+
 ht_result ht_configure_live(ht_drive *d, const ht_params *p)
 {
-    ht_control_config config;
     ht_drive_config *next;
+    const ht_drive_config *waiting = ht_configure_withhold(d, &next);
     ht_pwm_setup setup;
-    ht_result result = ht_configure(d->port, p, &config, &setup);
+    ht_result result = ht_configure(d->port, p, &next->control, &setup);
     if (result != HT_OK) {
+        ht_configure_restore(d, waiting, next);
         return result;
     }
     d->params = *p;
-    d->staged = NULL; /* the interrupt must not take a half-written copy */
-    next = (ht_config_in_force(d) == &d->configs[0]) ? &d->configs[1] : &d->configs[0];
-    next->control = config;
     ht_configure_rest(d->port, p, next);
     d->staged = next;
     return HT_OK;

@@ -10,7 +10,8 @@
 bool ht_configure_valid(const ht_port *port, uint16_t id, float value);
 
 /** Control configuration and PWM set-up of parameters that are each in range. Refuses
- *  those that do not fit together (HT_ERROR_CONFIG) or the hardware (HT_ERROR_PORT). */
+ *  those that do not fit together (HT_ERROR_CONFIG) or the hardware (HT_ERROR_PORT).
+ *  `config` is then half-written. */
 ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_config *config,
                        ht_pwm_setup *setup);
 
@@ -25,6 +26,15 @@ static inline const ht_drive_config *ht_config_in_force(const ht_drive *d)
     const ht_drive_config *const volatile *config = &d->config;
     return *config;
 }
+
+/** Where the next configuration is written, in `*next`: the copy that is not in force. The
+ *  interrupt takes nothing over until `staged` is set again. Returns what was staged and not
+ *  taken yet, or NULL. */
+const ht_drive_config *ht_configure_withhold(ht_drive *d, ht_drive_config **next);
+
+/** After a refusal: if the parameters that were accepted before were still `waiting` in `next`,
+ *  they are derived again and staged. */
+void ht_configure_restore(ht_drive *d, const ht_drive_config *waiting, ht_drive_config *next);
 
 /** Scaling and times, which only change with the gates off. */
 void ht_configure_scales(ht_drive *d);

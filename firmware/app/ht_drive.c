@@ -1,4 +1,5 @@
 #include "ht_configure.h"
+#include "ht_misfit.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -40,23 +41,22 @@ static const ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
  * and of the faults does not depend on them and stays. */
 static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
 {
-    ht_control_config config;
+    ht_drive_config *next;
+    const ht_drive_config *waiting = ht_configure_withhold(d, &next);
     ht_pwm_setup setup;
-    ht_result result;
+    ht_result result = ht_configure(port, p, &next->control, &setup);
     int leg;
-    result = ht_configure(port, p, &config, &setup);
-    if (result != HT_OK) {
-        return result;
+    if ((result == HT_OK) && !ht_port_init(port, &setup)) {
+        result = HT_ERROR_PORT;
     }
-    if (!ht_port_init(port, &setup)) {
-        return HT_ERROR_PORT;
+    if (result != HT_OK) {
+        ht_configure_restore(d, waiting, next);
+        return result;
     }
     d->port = port;
     d->params = *p;
-    d->staged = NULL;
-    d->configs[0].control = config;
-    ht_configure_rest(port, p, &d->configs[0]);
-    d->config = &d->configs[0];
+    ht_configure_rest(port, p, next);
+    d->config = next;
     ht_configure_scales(d);
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->offset_counts[leg] = (float)HT_ADC_MID;
@@ -91,6 +91,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
             return HT_ERROR_VALUE;
         }
     }
+    d->staged = NULL; /* memory may hold anything */
     result = set_up(d, port, p);
     if (result != HT_OK) {
         return result;
@@ -425,6 +426,7 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
 {
     ht_params trial;
     bool set_up_again = false;
+    ht_result result;
     uint16_t k;
     trial = d->params;
     for (k = 0u; k < n; k++) {
@@ -445,7 +447,11 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
         trial.v[ids[k]] = values[k];
     }
     /* Timing and scaling reach into the PWM: set it all up again. */
-    return set_up_again ? set_up(d, d->port, &trial) : ht_configure_live(d, &trial);
+    result = set_up_again ? set_up(d, d->port, &trial) : ht_configure_live(d, &trial);
+    if (result == HT_ERROR_CONFIG) {
+        *at = (uint16_t)ht_misfit_of(&trial, ht_port_pwm_clock_Hz(d->port));
+    }
+    return result;
 }
 
 ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)

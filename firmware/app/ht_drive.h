@@ -46,14 +46,16 @@ const char *ht_state_name(uint16_t state);
 /** Result of a command or an initialisation. */
 typedef enum {
     HT_OK = 0,
-    HT_ERROR_ID = 1,      /**< no such parameter */
-    HT_ERROR_VALUE = 2,   /**< not finite, out of range or not a choice */
-    HT_ERROR_STATE = 3,   /**< not allowed in this state */
-    HT_ERROR_CONFIG = 4,  /**< parameters do not fit together (e.g. bands) */
-    HT_ERROR_PORT = 5,    /**< the hardware cannot realise the set-up */
-    HT_ERROR_TURNING = 6, /**< start refused: the machine is turning */
-    HT_ERROR_TRIP = 7,    /**< start or clear refused: the trip pin is low */
-    HT_ERROR_STORE = 8    /**< this image keeps no parameters, or writing them failed */
+    HT_ERROR_ID = 1,         /**< no such parameter */
+    HT_ERROR_VALUE = 2,      /**< not finite, out of range or not a choice */
+    HT_ERROR_STATE = 3,      /**< not allowed in this state */
+    HT_ERROR_CONFIG = 4,     /**< parameters do not fit together (e.g. bands) */
+    HT_ERROR_PORT = 5,       /**< the hardware cannot realise the set-up */
+    HT_ERROR_TURNING = 6,    /**< start refused: the machine is turning */
+    HT_ERROR_TRIP = 7,       /**< start or clear refused: the trip pin is low */
+    HT_ERROR_STORE = 8,      /**< this image keeps no parameters, or writing them failed */
+    HT_ERROR_PREDICTION = 9, /**< the scheme needs load_mode = shadow and predict = on */
+    HT_ERROR_SAMPLING = 10   /**< the scheme needs a higher f_isr_Hz for this machine */
 } ht_result;
 
 /** Share of the build-up during which the flux is too small for its speed to mean anything. */
@@ -130,9 +132,9 @@ typedef struct {
     ht_drive_config configs[2]; /**< the one in force and the next */
 } ht_drive;
 
-/** Set up a drive with parameters `p` on `port`: idle, gates off. Refuses
- *  parameters that are out of range or do not fit together or the hardware; `d` and
- *  the hardware are then as they were. */
+/** Set up a drive with parameters `p` on `port`: idle, gates off. No interrupt
+ *  may run it yet. Refuses parameters that are out of range or do not fit together or the hardware;
+ *  the hardware is then as it was. */
 ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p);
 
 /** The fast interrupt: sample, protect, control, write. */
@@ -159,7 +161,8 @@ void ht_drive_stand_in(ht_drive *d, uint16_t bits);
  *  nothing changes on an error. */
 ht_result ht_drive_set(ht_drive *d, uint16_t id, float value);
 /** The same for `n` parameters together: all of them or none; of an id that comes twice
- *  the last value counts. On an error of a single one its id is in `*at`. */
+ *  the last value counts. On an error of a single one its id is in `*at`, on HT_ERROR_CONFIG
+ *  the reason (ht_misfit.h). */
 ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, uint16_t n,
                          uint16_t *at);
 /** Current value; NaN-free. Returns 0 for an unknown id. */

@@ -94,10 +94,13 @@ void ht_drive_slow_isr(ht_drive *d)
     ht_port_read_capture(d->port, &capture);
     d->speed_rpm = ht_speed_measure_step(&c->measure, &d->measured, moved, &capture);
     if (d->state != (uint16_t)HT_STATE_RUN) {
-        d->slow_faults = (d->state == (uint16_t)HT_STATE_BUILD) ? turning_unnoticed(d, c) : 0u;
-        if ((d->state == (uint16_t)HT_STATE_BUILD) && (c->adapt_gain > 0.0f)
-            && (c->control.observer.kind == HT_OBSERVER_HYBRID)) {
-            ht_observer_adapt(&c->control.observer, &d->control.observer, c->build_gain);
+        d->slow_faults = 0u;
+        if (d->state == (uint16_t)HT_STATE_BUILD) {
+            d->slow_faults = turning_unnoticed(d, c);
+            ht_protect_follow(&c->protect, &d->protect, &d->control);
+            if ((c->adapt_gain > 0.0f) && (c->control.observer.kind == HT_OBSERVER_HYBRID)) {
+                ht_observer_adapt(&c->control.observer, &d->control.observer, c->build_gain);
+            }
         }
         return;
     }

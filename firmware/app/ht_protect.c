@@ -16,6 +16,7 @@ void ht_protect_reset(ht_protect_state *st)
         st->same[leg] = 0u;
     }
     st->circle2 = 0.0f;
+    st->rotor_Wb = 0.0f;
     st->estimated_rpm = 0.0f;
     st->speed_error_rpm = 0.0f;
 }
@@ -127,6 +128,29 @@ static float circle_distance_A(const ht_protect_config *cfg, ht_ab psi, ht_ab i,
     return radius_A - sqrtf(along_A * along_A + across_A * across_A);
 }
 
+/* Rotor flux as seen from the stator. */
+static ht_ab rotor_flux(const ht_protect_config *cfg, const ht_control_state *c)
+{
+    ht_ab r;
+    r.alpha = c->estimate.psi_Wb.alpha - cfg->sigma * cfg->ls_H * c->observer.i_A.alpha;
+    r.beta = c->estimate.psi_Wb.beta - cfg->sigma * cfg->ls_H * c->observer.i_A.beta;
+    return r;
+}
+
+/* Follow the size of the rotor flux; returns the current that its rise takes, A. */
+static float rise_A(const ht_protect_config *cfg, ht_protect_state *st, float size_Wb)
+{
+    st->rotor_Wb += cfg->rotor_gain * (size_Wb - st->rotor_Wb);
+    return cfg->magnetise_A_Wb * (size_Wb - st->rotor_Wb);
+}
+
+void ht_protect_follow(const ht_protect_config *cfg, ht_protect_state *st,
+                       const ht_control_state *c)
+{
+    ht_ab r = rotor_flux(cfg, c);
+    (void)rise_A(cfg, st, sqrtf(r.alpha * r.alpha + r.beta * r.beta));
+}
+
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
                          const ht_control_state *c, float speed_rpm)
 {
@@ -134,22 +158,23 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
     ht_ab i = c->observer.i_A;
     float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
     uint16_t faults = 0u;
-    ht_ab r; /* rotor flux seen from the stator */
-    float slip;
+    ht_ab r = rotor_flux(cfg, c);
+    float slip = c->observer.rr_scale * cfg->slip_gain * (r.alpha * i.beta - r.beta * i.alpha);
+    float r2 = r.alpha * r.alpha + r.beta * r.beta;
     float off;
-    if (psi2 != 0.0f) { /* NaN goes in: it must not pass for a machine without flux */
-        off = circle_distance_A(cfg, psi, i, psi2) / cfg->no_load_A;
-        st->circle2 += cfg->flux_gain * (off * off - st->circle2);
-    }
-    r.alpha = psi.alpha - cfg->sigma * cfg->ls_H * i.alpha;
-    r.beta = psi.beta - cfg->sigma * cfg->ls_H * i.beta;
-    slip = c->observer.rr_scale * cfg->slip_gain * (r.alpha * i.beta - r.beta * i.alpha);
-    off = r.alpha * r.alpha + r.beta * r.beta;
-    if (off != 0.0f) {
-        float estimated = cfg->rpm_per_rad_s * (c->observer.omega_sync_rad_s - slip / off);
+    if (r2 != 0.0f) {
+        float estimated = cfg->rpm_per_rad_s * (c->observer.omega_sync_rad_s - slip / r2);
+        float size = sqrtf(r2);
+        float rise = rise_A(cfg, st, size) / size;
         off = speed_rpm - estimated + cfg->estimate_back * (estimated - st->estimated_rpm);
         st->estimated_rpm = estimated;
         st->speed_error_rpm += cfg->encoder_gain * (off - st->speed_error_rpm);
+        i.alpha -= rise * r.alpha;
+        i.beta -= rise * r.beta;
+    }
+    if (psi2 != 0.0f) { /* NaN goes in: it must not pass for a machine without flux */
+        off = circle_distance_A(cfg, psi, i, psi2) / cfg->no_load_A;
+        st->circle2 += cfg->flux_gain * (off * off - st->circle2);
     }
     if ((cfg->encoder_trip_rpm > 0.0f) && !within(st->speed_error_rpm, cfg->encoder_trip_rpm)) {
         faults |= HT_FAULT_ENCODER;

@@ -187,9 +187,10 @@ static uint16_t write(ht_service *l, const uint16_t *in, uint16_t n)
     }
     result = (uint16_t)ht_drive_write(l->drive, ids, values, count, &at);
     if (result != (uint16_t)HT_OK) {
-        bool single = (result == (uint16_t)HT_ERROR_ID) || (result == (uint16_t)HT_ERROR_VALUE)
-                      || (result == (uint16_t)HT_ERROR_STATE);
-        if (single) {
+        bool told = (result == (uint16_t)HT_ERROR_ID) || (result == (uint16_t)HT_ERROR_VALUE)
+                    || (result == (uint16_t)HT_ERROR_STATE)
+                    || (result == (uint16_t)HT_ERROR_CONFIG);
+        if (told) {
             l->detail = at;
         }
         return result;

@@ -1,36 +1,11 @@
 #include "ht_control.h"
 
 #include "ht_vectors.h"
+#include "ht_vsd.h"
 
 #include <stddef.h>
 
 #define BUILD_DIRECTION 0u
-
-#define THIRD 0.333333333f
-#define SIXTH 0.166666667f
-#define COS_30_THIRD 0.288675135f
-
-ht_vsd ht_vsd_from_six(const ht_six *s)
-{
-    float u1 = s->p[0];
-    float u2 = s->p[1];
-    float w1 = s->p[2];
-    float w2 = s->p[3];
-    float v1 = s->p[4];
-    float v2 = s->p[5];
-    /* The columns of ht_transform come in pairs of the same size: alpha and x are sum
-     * and difference of two parts, so are beta and y. */
-    float even = THIRD * u1 - SIXTH * (w1 + v1);
-    float odd = COS_30_THIRD * (u2 - w2);
-    float cross = COS_30_THIRD * (w1 - v1);
-    float along = SIXTH * (u2 + w2) - THIRD * v2;
-    ht_vsd v;
-    v.ab.alpha = even + odd;
-    v.ab.beta = along + cross;
-    v.xy.x = even - odd;
-    v.xy.y = along - cross;
-    return v;
-}
 
 static bool positive(float value)
 {
@@ -50,6 +25,9 @@ static void law_select(ht_control_config *cfg, const ht_scheme_info *row)
         ht_table_law_select(&cfg->table_law, row);
         cfg->needs_xy = ht_table_law_needs_xy(&cfg->table_law);
         break;
+    case HT_LAW_DEADBEAT:
+        cfg->needs_xy = true;
+        break;
     default:
         break;
     }
@@ -57,26 +35,39 @@ static void law_select(ht_control_config *cfg, const ht_scheme_info *row)
 
 /* Can the law work with this configuration? Conditions of its own, such as a load mode that
  * it needs, belong here. */
-static bool law_check(const ht_control_config *cfg)
+static ht_config_status law_check(const ht_control_config *cfg)
 {
+    bool fits = false;
+    if (ht_law_needs_prediction(cfg->law) && !(cfg->shadow && cfg->predict)) {
+        return HT_CONFIG_PREDICTION;
+    }
     switch (cfg->law) {
     case HT_LAW_TABLE:
-        return ht_table_law_check(&cfg->table_law);
+        fits = ht_table_law_check(&cfg->table_law);
+        break;
+    case HT_LAW_DEADBEAT:
+        if (!ht_deadbeat_law_fast_enough(&cfg->observer)) {
+            return HT_CONFIG_SAMPLING;
+        }
+        fits = ht_deadbeat_law_check(&cfg->deadbeat_law) && ht_modulator_check(&cfg->modulator);
+        break;
     default:
-        return false;
+        break;
     }
+    return fits ? HT_CONFIG_OK : HT_CONFIG_SCHEME;
 }
 
 /* The states of all laws. */
 static void law_reset(ht_control_state *st)
 {
     ht_table_law_reset(&st->table_law);
+    ht_deadbeat_law_reset(&st->deadbeat_law);
+    ht_modulator_reset(&st->modulator);
 }
 
-/* Decide on a period: action points, and the state words into `s`. As long as there is one law
- * the fast interrupt does not ask which one it is. */
-static ht_action_points law_step(const ht_control_config *cfg, ht_control_state *st,
-                                 const ht_control_input *in, ht_xy i_xy_A, uint16_t s[3])
+/* The table law: action points, and the state words into `s`. */
+static ht_action_points table_step(const ht_control_config *cfg, ht_control_state *st,
+                                   const ht_control_input *in, ht_xy i_xy_A, uint16_t s[3])
 {
     ht_table_law_input seen;
     seen.decided = &st->decided;
@@ -90,6 +81,35 @@ static ht_action_points law_step(const ht_control_config *cfg, ht_control_state 
     return ht_table_law_step(&cfg->table_law, &st->table_law, &seen, &st->v_xy_pu, s);
 }
 
+/* The deadbeat law writes its pattern itself: every leg has an instant of its own. */
+static void deadbeat_step(const ht_control_config *cfg, ht_control_state *st,
+                          const ht_control_input *in, ht_vsd i, ht_compare *out)
+{
+    uint16_t number = (st->active.own == 1u) ? 2u : 1u;
+    ht_deadbeat_law_input seen;
+    ht_modulator_input given;
+    ht_vsd v;
+    seen.psi_Wb = st->decided.psi_Wb;
+    seen.rotor_Wb =
+        ht_observer_predict_rotor(&cfg->observer, &st->observer, st->estimate.psi_Wb, i.ab);
+    seen.psi_xy_Wb = st->psi_xy_Wb;
+    seen.i_xy_A = i.xy;
+    seen.turn_rad = cfg->observer.ts_s * st->observer.omega_sync_rad_s;
+    seen.rs_ohm = st->observer.rs_ohm;
+    seen.torque_ref_Nm = in->torque_ref_Nm;
+    seen.flux_ref_Wb = in->flux_ref_Wb;
+    seen.vdc_V = in->vdc_V;
+    v = ht_deadbeat_law_step(&cfg->deadbeat_law, &cfg->observer, &st->deadbeat_law, &seen);
+    given.dead = &cfg->dead;
+    given.i_A = &in->i_A;
+    given.before = st->active.s[2];
+    given.period = cfg->period_counts;
+    ht_modulator_step(&cfg->modulator, &st->modulator, &v, &given, out, &st->next,
+                      &st->toggles[number - 1u]);
+    st->next.own = number;
+    st->v_xy_pu = v.xy;
+}
+
 void ht_control_select(ht_control_config *cfg, ht_scheme scheme)
 {
     const ht_scheme_info *row = ht_scheme_describe((uint16_t)scheme);
@@ -101,7 +121,7 @@ void ht_control_select(ht_control_config *cfg, ht_scheme scheme)
 
 ht_config_status ht_control_check(const ht_control_config *cfg)
 {
-    if ((ht_scheme_describe((uint16_t)cfg->scheme) == NULL) || !law_check(cfg)) {
+    if (ht_scheme_describe((uint16_t)cfg->scheme) == NULL) {
         return HT_CONFIG_SCHEME;
     }
     if ((cfg->period_counts < 8u) || (cfg->first_counts >= (uint16_t)(cfg->period_counts / 2u))
@@ -116,7 +136,7 @@ ht_config_status ht_control_check(const ht_control_config *cfg)
         || !(cfg->observer.rotor_decay < 0.5f)) {
         return HT_CONFIG_MACHINE;
     }
-    return HT_CONFIG_OK;
+    return law_check(cfg);
 }
 
 /* All low, no edge. */
@@ -192,11 +212,12 @@ static ht_vsd less_drops(const ht_control_config *cfg, const ht_six *from, const
 }
 
 /* Mean voltage under a pattern, from currents `from` to `to`. */
-static inline ht_vsd voltage(const ht_control_config *cfg, const ht_applied *a, ht_flow flow,
-                             const ht_six *from, const ht_six *to, float vdc_V,
-                             const ht_spill *left, ht_spill *over, bool xy)
+static inline ht_vsd voltage(const ht_control_config *cfg, const ht_applied *a,
+                             const ht_toggles *toggles, ht_flow flow, const ht_six *from,
+                             const ht_six *to, float vdc_V, const ht_spill *left, ht_spill *over,
+                             bool xy)
 {
-    ht_vsd v = ht_volt_seconds(a, &cfg->dead, flow, from, to, left, over, xy);
+    ht_vsd v = ht_volt_seconds(a, toggles, &cfg->dead, flow, from, to, left, over, xy);
     v.ab.alpha *= vdc_V;
     v.ab.beta *= vdc_V;
     if (xy) {
@@ -221,8 +242,8 @@ static void observe(const ht_control_config *cfg, ht_control_state *st, const ht
         now = ht_flow_of(&in->i_A, &cfg->dead);
     }
     then = ht_flow_at_edges(&st->active, st->flow, now);
-    v = voltage(cfg, &st->active, then, &st->i_A, &in->i_A, in->vdc_V, &st->spill, &st->spill,
-                false);
+    v = voltage(cfg, &st->active, st->toggles, then, &st->i_A, &in->i_A, in->vdc_V, &st->spill,
+                &st->spill, false);
     estimate = ht_observer_update(&cfg->observer, &st->observer, v.ab, i.ab, in->turn_rad,
                                   in->inv_flux_ref2);
     st->estimate = estimate;
@@ -236,7 +257,8 @@ static void observe(const ht_control_config *cfg, ht_control_state *st, const ht
     if (cfg->predict) {
         bool xy = cfg->needs_xy;
         ht_spill over; /* of no interest */
-        v = voltage(cfg, &st->next, now, &in->i_A, &in->i_A, in->vdc_V, &st->spill, &over, xy);
+        v = voltage(cfg, &st->next, st->toggles, now, &in->i_A, &in->i_A, in->vdc_V, &st->spill,
+                    &over, xy);
         st->decided = ht_observer_predict(&cfg->observer, &st->observer, estimate, v.ab, i.ab);
         if (xy) {
             st->psi_xy_Wb = ht_observer_predict_xy(&cfg->observer, &st->observer, v.xy, i.xy);
@@ -284,6 +306,13 @@ void ht_control_step(const ht_control_config *cfg, ht_control_state *st, const h
     uint16_t s[3];
     observe(cfg, st, in, i);
     st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
-    p = build ? build_step(cfg, st, in, i.ab, s) : law_step(cfg, st, in, i.xy, s);
+    if (build) {
+        p = build_step(cfg, st, in, i.ab, s);
+    } else if (cfg->law == HT_LAW_TABLE) {
+        p = table_step(cfg, st, in, i.xy, s);
+    } else {
+        deadbeat_step(cfg, st, in, i, out);
+        return;
+    }
     commit(cfg, st, s, p, out);
 }

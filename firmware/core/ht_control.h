@@ -1,9 +1,14 @@
 /** @file ht_control.h
- *  The control law: one `step` per sampling period, in the order of the papers'
+ *  The control law: one `step` per sampling period. The table law follows the papers'
  *  block diagrams (paper A, Fig. 4; paper B, Figs. 3 and 5):
  *
  *    currents, Vdc -> observer -> (prediction) -> comparators -> switching table
  *      -> scheme -> (x-y regulator -> duties) -> compare registers
+ *
+ *  and the deadbeat law:
+ *
+ *    currents, Vdc -> observer -> prediction -> flux reference, x-y regulator -> voltage
+ *      -> modulator -> compare registers
  *
  *  The caller owns config and state; any number of drives can live side by side.
  *  `step` cannot fail: every input, NaN and infinity included, gives a pattern
@@ -12,7 +17,8 @@
 #ifndef HT_CONTROL_H
 #define HT_CONTROL_H
 
-#include "ht_pattern.h"
+#include "ht_deadbeat_law.h"
+#include "ht_modulator.h"
 #include "ht_table_law.h"
 
 typedef struct {
@@ -28,14 +34,18 @@ typedef struct {
     float build_current_A;  /**< current limit of the flux build-up */
     ht_dead_time dead;
     ht_observer_config observer;
-    ht_table_law_config table_law; /**< used where `law` is HT_LAW_TABLE */
+    ht_table_law_config table_law;       /**< used where `law` is HT_LAW_TABLE */
+    ht_deadbeat_law_config deadbeat_law; /**< HT_LAW_DEADBEAT, like the next */
+    ht_modulator_config modulator;
 } ht_control_config;
 
 typedef enum {
     HT_CONFIG_OK = 0,
-    HT_CONFIG_SCHEME = 1, /**< scheme, or what its law needs: table, torque levels, x-y limit */
-    HT_CONFIG_TIMING = 2, /**< period, write instant, dead time or sampling period */
-    HT_CONFIG_MACHINE = 3 /**< resistance or inductance */
+    HT_CONFIG_SCHEME = 1,     /**< scheme, or what its law needs: table, torque levels, x-y limit */
+    HT_CONFIG_TIMING = 2,     /**< period, write instant, dead time or sampling period */
+    HT_CONFIG_MACHINE = 3,    /**< resistance or inductance */
+    HT_CONFIG_PREDICTION = 4, /**< the law needs shadow load and prediction */
+    HT_CONFIG_SAMPLING = 5    /**< the law needs more samples per time constant of the machine */
 } ht_config_status;
 
 typedef struct {
@@ -52,6 +62,9 @@ typedef struct {
     ht_xy v_xy_pu;        /**< x-y command, units of Vdc */
     uint16_t sector;      /**< of the flux decided on, 0..11 */
     ht_table_law_state table_law;
+    ht_deadbeat_law_state deadbeat_law;
+    ht_modulator_state modulator;
+    ht_toggles toggles[2]; /**< of `active` and `next`, where they are modulated */
 } ht_control_state;
 
 typedef struct {
@@ -62,9 +75,6 @@ typedef struct {
     float turn_rad;      /**< electrical angle the rotor turned since the last sample */
     float inv_flux_ref2; /**< 1 / flux_ref_Wb^2, prepared by the slow loop */
 } ht_control_input;
-
-/** VSD transform of six phase quantities. */
-ht_vsd ht_vsd_from_six(const ht_six *s);
 
 /** Choose a scheme: fills in what its row decides (ht_schemes.def). The rest of `cfg` stays. */
 void ht_control_select(ht_control_config *cfg, ht_scheme scheme);

@@ -178,21 +178,27 @@ ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state 
     return now;
 }
 
+ht_ab ht_observer_predict_rotor(const ht_observer_config *cfg, const ht_observer_state *st,
+                                ht_ab psi_Wb, ht_ab i_A)
+{
+    float turn = cfg->ts_s * st->omega_sync_rad_s;
+    ht_ab behind;
+    ht_ab turned;
+    behind.alpha = psi_Wb.alpha - cfg->sigma_ls_H * i_A.alpha;
+    behind.beta = psi_Wb.beta - cfg->sigma_ls_H * i_A.beta;
+    turned.alpha = behind.alpha - turn * behind.beta;
+    turned.beta = behind.beta + turn * behind.alpha;
+    return turned;
+}
+
 ht_estimate ht_observer_predict(const ht_observer_config *cfg, const ht_observer_state *st,
                                 ht_estimate now, ht_ab v_V, ht_ab i_A)
 {
     ht_estimate next;
-    ht_ab behind; /* rotor flux seen from the stator */
-    ht_ab turned;
-    float turn = cfg->ts_s * st->omega_sync_rad_s;
+    ht_ab turned = ht_observer_predict_rotor(cfg, st, now.psi_Wb, i_A);
 
     next.psi_Wb.alpha = now.psi_Wb.alpha + cfg->ts_s * (v_V.alpha - st->rs_ohm * i_A.alpha);
     next.psi_Wb.beta = now.psi_Wb.beta + cfg->ts_s * (v_V.beta - st->rs_ohm * i_A.beta);
-
-    behind.alpha = now.psi_Wb.alpha - cfg->sigma_ls_H * i_A.alpha;
-    behind.beta = now.psi_Wb.beta - cfg->sigma_ls_H * i_A.beta;
-    turned.alpha = behind.alpha - turn * behind.beta;
-    turned.beta = behind.beta + turn * behind.alpha;
     /* T = 3 P psi x i, i = (psi - turned)/(sigma L_s), and psi x psi = 0 */
     next.torque_Nm = cfg->torque_gain * cfg->inv_sigma_ls * cross(turned, next.psi_Wb);
     return next;

@@ -93,6 +93,11 @@ ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state 
  *  grows with w; therefore adaptation fades out above `ADAPT_RAD_S`. */
 void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, float gain);
 
+/** Rotor flux seen from the stator, psi_s - sigma L_s i_s, one period after `psi_Wb` and `i_A`:
+ *  it turns on with the mean speed of the stator flux. */
+ht_ab ht_observer_predict_rotor(const ht_observer_config *cfg, const ht_observer_state *st,
+                                ht_ab psi_Wb, ht_ab i_A);
+
 /** The estimate one period ahead, under the mean voltage `v_V` that is already
  *  committed. The rotor flux seen from the stator, psi_s - sigma L_s i_s, is
  *  taken to turn on with the mean speed of the stator flux, so no rotor

@@ -120,12 +120,16 @@ void ht_applied_finish(ht_applied *a, uint16_t before, const ht_dead_time *dead)
     a->close = close;
     a->rising = rising;
     a->falling = falling;
+    a->own = 0u;
 }
 
 /* The same for x and y, which few ask for. */
-static ht_xy mean_xy(const ht_applied *a)
+static ht_xy mean_xy(const ht_applied *a, const ht_toggles *toggles)
 {
     ht_xy mean = {0.0f, 0.0f};
+    if (a->own != 0u) {
+        return toggles[a->own - 1u].mean_pu;
+    }
     add_xy(&mean, &ht_vector[a->before].xy, a->t[0]);
     add_xy(&mean, &ht_vector[a->s[0]].xy, a->t[1] - a->t[0]);
     add_xy(&mean, &ht_vector[a->s[1]].xy, a->t[2] - a->t[1]);
@@ -142,9 +146,10 @@ ht_flow ht_flow_of(const ht_six *i_A, const ht_dead_time *dead)
     for (leg = HT_LEGS - 1; leg >= 0; leg--) {
         if (i_A->p[leg] >= zero) {
             flow.out |= bit;
-        }
-        if (i_A->p[leg] <= -zero) {
+        } else if (i_A->p[leg] <= -zero) {
             flow.in |= bit;
+        } else {
+            /* no sure sign */
         }
         bit <<= 1;
     }
@@ -159,14 +164,21 @@ ht_flow ht_flow_at_edges(const ht_applied *a, ht_flow begin, ht_flow end)
     return flow;
 }
 
-/* Instant of a leg's first edge at t[from] or later; 1 if there is none. */
-static float next_edge(const ht_applied *a, int from, uint16_t bit)
+/* Instant at which a leg takes on its bit of s[e]. */
+static float instant(const ht_applied *a, const ht_toggles *toggles, int e, unsigned leg)
 {
+    return ((a->own != 0u) && (e == 1)) ? toggles[a->own - 1u].t[leg] : a->t[e];
+}
+
+/* Instant of a leg's first edge at t[from] or later; 1 if there is none. */
+static float next_edge(const ht_applied *a, const ht_toggles *toggles, int from, unsigned leg)
+{
+    uint16_t bit = (uint16_t)(LEG_U1 >> leg);
     uint16_t last = (from == 0) ? a->before : a->s[from - 1];
     int e;
     for (e = from; e < 3; e++) {
         if (((last ^ a->s[e]) & bit) != 0u) {
-            return a->t[e];
+            return instant(a, toggles, e, leg);
         }
         last = a->s[e];
     }
@@ -175,19 +187,21 @@ static float next_edge(const ht_applied *a, int from, uint16_t bit)
 
 /* What late edges take from the time that a leg is high. What of the last delay is
  * left at the period's end goes to `over`. */
-static float lost_pu(const ht_applied *a, const ht_dead_time *dead, uint16_t bit, float i_begin,
-                     float i_end, float *over)
+static float lost_pu(const ht_applied *a, const ht_toggles *toggles, const ht_dead_time *dead,
+                     unsigned leg, float i_begin, float i_end, float *over)
 {
+    uint16_t bit = (uint16_t)(LEG_U1 >> leg);
     float lost = 0.0f;
     uint16_t level = (uint16_t)(a->before & bit);
     int e;
     for (e = 0; e < 3; e++) {
         uint16_t then = (uint16_t)(a->s[e] & bit);
         if (then != level) {
-            float i = i_begin + a->t[e] * (i_end - i_begin);
+            float t = instant(a, toggles, e, leg);
+            float i = i_begin + t * (i_end - i_begin);
             float outward = 0.5f + 0.5f * i / dead->i_zero_A; /* 1: current flows out of the leg */
-            float next = next_edge(a, e + 1, bit);
-            float room = next - a->t[e];
+            float next = next_edge(a, toggles, e + 1, leg);
+            float room = next - t;
             float late;
             outward = (outward > 0.0f) ? outward : 0.0f;
             outward = (outward < 1.0f) ? outward : 1.0f;
@@ -207,9 +221,9 @@ static float lost_pu(const ht_applied *a, const ht_dead_time *dead, uint16_t bit
 
 /* Legs that need a look at each of their edges, and delays left over from the period
  * before, which count in this one until the leg is switched back. */
-static ht_vsd leg_by_leg(const ht_applied *a, const ht_dead_time *dead, unsigned legs,
-                         const ht_six *i_begin, const ht_six *i_end, const ht_spill *left,
-                         ht_spill *over)
+static ht_vsd leg_by_leg(const ht_applied *a, const ht_toggles *toggles, const ht_dead_time *dead,
+                         unsigned legs, const ht_six *i_begin, const ht_six *i_end,
+                         const ht_spill *left, ht_spill *over)
 {
     unsigned left_legs = left->legs;
     unsigned over_legs = 0u;
@@ -222,12 +236,12 @@ static ht_vsd leg_by_leg(const ht_applied *a, const ht_dead_time *dead, unsigned
         float rest = 0.0f;
         if ((left_legs & bit) != 0u) {
             float late = left->shift[leg];
-            float room = next_edge(a, 0, bit);
+            float room = next_edge(a, toggles, 0, leg);
             late = (late < room) ? late : room;
             lost = ((a->before & bit) != 0u) ? late : -late;
         }
         if ((legs & bit) != 0u) {
-            lost += lost_pu(a, dead, bit, i_begin->p[leg], i_end->p[leg], &rest);
+            lost += lost_pu(a, toggles, dead, leg, i_begin->p[leg], i_end->p[leg], &rest);
         }
         if (rest > 0.0f) {
             over_legs |= bit;
@@ -241,16 +255,16 @@ static ht_vsd leg_by_leg(const ht_applied *a, const ht_dead_time *dead, unsigned
     return v;
 }
 
-ht_vsd ht_volt_seconds(const ht_applied *a, const ht_dead_time *dead, ht_flow flow,
-                       const ht_six *i_begin, const ht_six *i_end, const ht_spill *left,
-                       ht_spill *over, bool xy)
+ht_vsd ht_volt_seconds(const ht_applied *a, const ht_toggles *toggles, const ht_dead_time *dead,
+                       ht_flow flow, const ht_six *i_begin, const ht_six *i_end,
+                       const ht_spill *left, ht_spill *over, bool xy)
 {
     unsigned edges = a->rising | a->falling;
     ht_vsd v = {{0.0f, 0.0f}, {0.0f, 0.0f}};
     v.ab.alpha = a->mean_pu.alpha;
     v.ab.beta = a->mean_pu.beta;
     if (xy) {
-        v.xy = mean_xy(a);
+        v.xy = mean_xy(a, toggles);
     }
     if ((edges | a->close | left->legs) != 0u) {
         /* Where the current's direction is beyond doubt and edges keep their distance, each
@@ -267,7 +281,7 @@ ht_vsd ht_volt_seconds(const ht_applied *a, const ht_dead_time *dead, ht_flow fl
             v.xy.y += late * (won->xy.y - lost->xy.y);
         }
         if ((others | left->legs) != 0u) {
-            ht_vsd more = leg_by_leg(a, dead, others, i_begin, i_end, left, over);
+            ht_vsd more = leg_by_leg(a, toggles, dead, others, i_begin, i_end, left, over);
             v.ab.alpha += more.ab.alpha;
             v.ab.beta += more.ab.beta;
             if (xy) {

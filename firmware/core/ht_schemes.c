@@ -16,6 +16,11 @@ const ht_scheme_info *ht_scheme_describe(uint16_t scheme)
     return (scheme < (uint16_t)HT_SCHEMES) ? &table[scheme] : NULL;
 }
 
+bool ht_law_needs_prediction(ht_law law)
+{
+    return law == HT_LAW_DEADBEAT;
+}
+
 float ht_scheme_xy_limit_pu(const ht_scheme_info *row)
 {
     return row->regulated ? ht_tmvcl_pu[row->group] : 0.0f;

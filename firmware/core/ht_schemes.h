@@ -16,15 +16,17 @@ typedef enum {
 
 /** The control laws. Several schemes may share one. */
 typedef enum {
-    HT_LAW_TABLE = 0 /**< comparators and a switching table (ht_table_law.h) */
+    HT_LAW_TABLE = 0,   /**< comparators and a switching table (ht_table_law.h) */
+    HT_LAW_DEADBEAT = 1 /**< deadbeat flux and torque, modulated (ht_deadbeat_law.h) */
 } ht_law;
 
-/** How the table law makes the active vectors of a period. */
+/** How the active vectors of a period are made. */
 typedef enum {
     HT_VECTORS_SINGLE = 0,     /**< one vector of the group */
     HT_VECTORS_PAIR = 1,       /**< one of the group or medium-large, whichever lowers psi_xy */
     HT_VECTORS_PAIR_SMALL = 2, /**< the same, with small vectors at the lower torque levels */
-    HT_VECTORS_VIRTUAL = 3     /**< three consecutive vectors of the group */
+    HT_VECTORS_VIRTUAL = 3,    /**< three consecutive vectors of the group */
+    HT_VECTORS_MODULATED = 4   /**< no table: those that a modulator makes of a voltage */
 } ht_vectors;
 
 typedef struct {
@@ -32,12 +34,16 @@ typedef struct {
     ht_vectors vectors;
     uint16_t group;         /**< HT_L, HT_ML or HT_S */
     bool regulated;         /**< an x-y regulator sets the duty ratios */
-    uint16_t torque_levels; /**< 2, 3 or 5 */
+    uint16_t torque_levels; /**< 2, 3 or 5; 0 without a comparator */
     float reach_pu;         /**< largest circle of mean voltage, units of Vdc */
 } ht_scheme_info;
 
 /** Row of a scheme, or NULL if there is no such number. */
 const ht_scheme_info *ht_scheme_describe(uint16_t scheme);
+
+/** True if a law decides on the state at the end of a period of which the pattern is known: it
+ *  needs shadow load and prediction. */
+bool ht_law_needs_prediction(ht_law law);
 
 /** Limit of the x-y voltage command per axis, units of Vdc: the TMVCL of the group whose duty
  *  ratios the scheme's regulator sets; 0 for a scheme without a regulator. */

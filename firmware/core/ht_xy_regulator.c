@@ -26,6 +26,8 @@ ht_xy ht_xy_step(const ht_xy_config *cfg, ht_xy_state *st, ht_xy i_A, ht_ab turn
     ht_xy error = {-i_A.x, -i_A.y};
     ht_xy full;
     ht_xy out;
+    ht_xy with;
+    ht_xy against;
 
     /* Both frames have the same proportional gain, and rotating there and back
      * leaves the error as it was: 2 Kp. */
@@ -45,10 +47,21 @@ ht_xy ht_xy_step(const ht_xy_config *cfg, ht_xy_state *st, ht_xy i_A, ht_ab turn
         }
         error.x *= cfg->ki_ts_pu_A;
         error.y *= cfg->ki_ts_pu_A;
-        st->with.x = limited(st->with.x + error.x * c + error.y * s, limit_pu);
-        st->with.y = limited(st->with.y + error.y * c - error.x * s, limit_pu);
-        st->against.x = limited(st->against.x + error.x * c - error.y * s, limit_pu);
-        st->against.y = limited(st->against.y + error.y * c + error.x * s, limit_pu);
+        with.x = st->with.x + error.x * c + error.y * s;
+        with.y = st->with.y + error.y * c - error.x * s;
+        against.x = st->against.x + error.x * c - error.y * s;
+        against.y = st->against.y + error.y * c + error.x * s;
+        if (!(with.x * with.x + with.y * with.y + against.x * against.x + against.y * against.y
+              <= limit_pu * limit_pu)) { /* else none of the four exceeds the limit */
+            with.x = limited(with.x, limit_pu);
+            with.y = limited(with.y, limit_pu);
+            against.x = limited(against.x, limit_pu);
+            against.y = limited(against.y, limit_pu);
+        }
+        st->with.x = with.x;
+        st->with.y = with.y;
+        st->against.x = against.x;
+        st->against.y = against.y;
     }
     return out;
 }

@@ -3,7 +3,7 @@ compiled callers, and a `Controller` for each simulated drive."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, TypedDict
@@ -134,6 +134,12 @@ def schemes() -> tuple[str, ...]:
     return parameters()["scheme"].choices
 
 
+def needs_prediction(scheme: str) -> bool:
+    """True if the scheme works with shadow load and prediction only."""
+    row = lib.ht_scheme_describe(schemes().index(scheme))
+    return lib.ht_law_needs_prediction(row.law)
+
+
 def address(function: str) -> int:
     """Address of a firmware function."""
     return int(ffi.cast("uintptr_t", ffi.addressof(lib, function)))
@@ -147,7 +153,42 @@ _RESULTS = {
     lib.HT_ERROR_TURNING: "the machine is turning",
     lib.HT_ERROR_TRIP: "the trip pin is low (external trip): release it, then clear",
     lib.HT_ERROR_STORE: "there is no memory for parameters, or writing it failed",
+    lib.HT_ERROR_PREDICTION: "the scheme needs load_mode = shadow and predict = on",
+    lib.HT_ERROR_SAMPLING: "the scheme needs a higher f_isr_Hz for this machine",
 }
+#: What a rule of ht_misfits.def about two parameters demands.
+_RULES = {
+    lib.HT_MISFIT_PERIOD: "the PWM's counter holds 8 to 65535 counts in a period",
+    lib.HT_MISFIT_RATIO: "the ratio must be a whole number from 2 on",
+    lib.HT_MISFIT_RELEASE: "the first must be within plus and minus the second",
+    lib.HT_MISFIT_WRITE: "the write must come in the first half of the period",
+    lib.HT_MISFIT_DEAD_TIME: "it may take half a period at most",
+    lib.HT_MISFIT_ROTOR: "R_r/L_r must be below half of f_isr_Hz",
+}
+
+
+def misfit_text(misfit: int, value_of: Callable[[str], Any]) -> str:
+    """Why parameters do not fit together. misfit: what the firmware said (ht_misfits.def);
+    value_of: the value that was asked for, or is in force, by the parameter's name."""
+    text = _RESULTS[lib.HT_ERROR_CONFIG]
+    row = lib.ht_misfit_describe(misfit)
+    if row == ffi.NULL:
+        return text
+    table = list(parameters().values())
+    first, second = table[row.first], table[row.second]
+
+    def shown(p: Parameter, share: float = 1.0) -> str:
+        return f"{p.name} = {share * p.parse(value_of(p.name)):.6g} {p.unit}".rstrip()
+
+    if row.share == 0:
+        both = dict.fromkeys((shown(first), shown(second)))
+        return f"{text}: {', '.join(both)}: {_RULES[misfit]}"
+    share = decimal(row.share)
+    word = "allowed is up to" if row.touch else "must be below"
+    times = "" if share == 1 else f"{share:g} "
+    return f"{text}: {shown(first)}: {word} {times}{shown(second, share)}"
+
+
 #: Text for the set of parameters that a start took, by its number (HT_SET_...).
 PARAMETER_SETS = (
     "built-in",
@@ -305,6 +346,10 @@ class Controller:
             params.v[row.id] = row.parse(value)
         self.store = store or Store()
         result = lib.ht_store_start(self.store.handle, self.drive, self.port, params)
+        if result == lib.HT_ERROR_CONFIG:
+            misfit = lib.ht_misfit_of(params, self.map.pwm_clock_Hz)
+            asked = {name: row.show(params.v[row.id]) for name, row in self.parameters.items()}
+            raise FirmwareError(f"controller set-up: {misfit_text(misfit, asked.__getitem__)}")
         self._check(result, "controller set-up")
 
     def _check(self, result: int, what: str) -> None:
@@ -394,7 +439,13 @@ class Controller:
         numbers = ffi.new("float[]", [row.parse(v) for row, v in zip(rows, values.values())])
         at = ffi.new("uint16_t *")
         result = lib.ht_drive_write(self.drive, ids, numbers, len(rows), at)
-        self._check(result, ", ".join(f"{name} = {value}" for name, value in values.items()))
+        asked = ", ".join(f"{name} = {value}" for name, value in values.items())
+        if result == lib.HT_ERROR_CONFIG:
+            text = misfit_text(
+                at[0], lambda name: values[name] if name in values else self.get(name)
+            )
+            raise FirmwareError(f"{asked}: {text}")
+        self._check(result, asked)
 
     def start(self) -> None:
         _check(lib.ht_drive_start(self.drive), "start")

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import c2000_image
 import pytest
+from campaigns import part
 from ccs_projects import CC, CMAKE, STAND_IN
 from stand_in_compiler import configure, needs_cmake, stand_ins
 
@@ -49,11 +50,14 @@ FROM_FLASH = {"main.c", "codestart.asm", "devicecal.asm", "ht_service.c", "ht_se
 @needs_cmake
 @pytest.mark.parametrize(
     ("preset", "board", "device"),
-    [
-        ("f28335", "f28335", "f28335"),
-        ("f28377s", "launchxl_f28377s", "f28377s"),
-        ("f28377s-176", "f28377s", "f28377s"),
-    ],
+    part(
+        [
+            ("f28335", "f28335", "f28335"),
+            ("f28377s", "launchxl_f28377s", "f28377s"),
+            ("f28377s-176", "f28377s", "f28377s"),
+        ],
+        1,
+    ),
 )
 def test_what_the_compiler_gets(tree, tmp_path, preset, board, device):
     log = tmp_path / "log"
@@ -128,7 +132,7 @@ C2000WARE = {
 
 
 @needs_cmake
-@pytest.mark.parametrize("device", C2000WARE)
+@pytest.mark.parametrize("device", part(list(C2000WARE), 1))
 def test_image_that_keeps_parameters(tree, tmp_path, device):
     """With HT_FLASH_API the flash image, and only it, gets TI's headers and library from the user's
     C2000Ware and our shim. All of this runs from RAM."""

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from campaigns import part
 
 from hexatorque import setups
 
@@ -52,7 +53,7 @@ def test_every_script_is_run_here():
     assert {path.name for path in files("py")} == {"torque_band.py", "captured_step.py"}
 
 
-@pytest.mark.parametrize("path", files("ipynb"), ids=lambda path: path.name)
+@pytest.mark.parametrize("path", part(files("ipynb"), 1), ids=lambda path: path.name)
 def test_notebook_runs(path):
     for module in ("nbclient", "nbformat", "ipykernel"):
         pytest.importorskip(module, reason=f"{module} is missing: HT_EXTRAS=docs make test")

@@ -8,7 +8,13 @@ import numpy as np
 
 from ..plant.vsd import PHASES, TRANSFORM
 from ..recording.recording import Recording
-from .spectrum import channel, fundamental_Hz, harmonics, thd_pct
+from .losses import Edges, bridge, copper_loss_W
+from .spectrum import channel, fundamental_Hz, harmonics, thd_inf_pct, thd_pct
+
+#: Parts of the window whose scatter tells the spread of the current difference.
+PARTS = 5
+#: The fewest cycles of the fundamental in a part.
+PART_CYCLES = 2
 
 
 def i_xy_A(rec: Recording) -> tuple[np.ndarray, np.ndarray]:
@@ -21,7 +27,17 @@ def i_xy_A(rec: Recording) -> tuple[np.ndarray, np.ndarray]:
     return x, y
 
 
-def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
+#: Fewest samples a period at which the torque between the control instants is seen.
+TD_SAMPLES = 10
+
+
+def torque_ripple_td_Nm(rec: Recording) -> float:
+    """Standard deviation of the torque over all samples. NaN below TD_SAMPLES a period."""
+    per = rec.meta.get("samples_per_period", 1)
+    return float(np.std(channel(rec, "torque_Nm"))) if per >= TD_SAMPLES else math.nan
+
+
+def metrics(rec: Recording, f_sw_Hz: float | None = None, edges: Edges | None = None) -> dict:
     """Figures of merit of `rec`, all finite numbers or None.
 
     True values ("plant.") are used if the recording has them, else the controller's. f_sw_Hz is the
@@ -31,14 +47,20 @@ def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
 
     speed_rpm, torque_Nm, flux_Wb (|psi_s|): means; torque_ripple_Nm, flux_ripple_Wb: standard
     deviations sqrt(mean((T - mean T)^2)) over the control instants (paper B, eq. (9); its traces
-    leave the DSP once a period); i1_A: peak of the fundamental of phase u1; f1_Hz: its frequency;
-    thd_pct: THD of phase u1, by band; h5_pct, h7_pct: harmonics of phase u1 in % of its
+    leave the DSP once a period); torque_ripple_td_Nm: the same over all samples
+    (`torque_ripple_td_Nm`); i1_A: peak of the fundamental of phase u1; f1_Hz: its frequency;
+    thd_pct: THD of phase u1, by band; thd_inf_pct: THD of all six phases over the whole recorded
+    spectrum (`thd_inf_pct` of `spectrum`); h5_pct, h7_pct: harmonics of phase u1 in % of its
     fundamental; ixy_rms_A: sqrt(mean(i_x^2 + i_y^2)); delta_i_A: |I_u1 - I_u2|, peaks of the
-    fundamentals.
+    fundamentals; delta_i_spread_A: its standard deviation from window to window (`_spread`);
+    copper_loss_W: of the stator (`copper_loss_W` of `losses`); idc_A, idc_ripple_A,
+    conduction_loss_W, switching_loss_W: from the inverter's `edges` and the set-up's data-sheet
+    values (`bridge` of `losses`), None without them.
     """
     f1_Hz = abs(fundamental_Hz(rec))
     u1, u2 = channel(rec, "i_u1_A"), channel(rec, "i_u2_A")
     line_A = harmonics(u1, rec.rate_Hz, f1_Hz, (1, 5, 7))
+    phases = np.stack([channel(rec, f"i_{phase}_A") for phase in PHASES])
     u2_A = harmonics(u2, rec.rate_Hz, f1_Hz, (1,))[1]
     torque_Nm = channel(rec, "torque_Nm")
     flux_Wb = np.hypot(channel(rec, "psi_alpha_Wb"), channel(rec, "psi_beta_Wb"))
@@ -53,18 +75,39 @@ def metrics(rec: Recording, f_sw_Hz: float | None = None) -> dict:
             "speed_rpm": np.mean(channel(rec, "speed_rpm")),
             "torque_Nm": np.mean(torque_Nm),
             "torque_ripple_Nm": np.std(torque_Nm[control]),
+            "torque_ripple_td_Nm": torque_ripple_td_Nm(rec),
             "flux_Wb": np.mean(flux_Wb),
             "flux_ripple_Wb": np.std(flux_Wb[control]),
             "i1_A": line_A[1],
             "f1_Hz": f1_Hz,
             "thd_pct": thd_pct(u1, rec.rate_Hz, f1_Hz),
+            "thd_inf_pct": thd_inf_pct(phases, rec.rate_Hz, f1_Hz),
             "h5_pct": percent * line_A[5],
             "h7_pct": percent * line_A[7],
             "ixy_rms_A": np.sqrt(np.mean(i_x**2 + i_y**2)),
             "delta_i_A": abs(line_A[1] - u2_A),
+            "delta_i_spread_A": _spread(u1, u2, rec.rate_Hz, f1_Hz),
             "f_sw_Hz": rec.meta.get("f_sw_Hz") if f_sw_Hz is None else f_sw_Hz,
+            "copper_loss_W": copper_loss_W(rec),
+            **bridge(rec, edges),
         }
     )
+
+
+def _spread(u1: np.ndarray, u2: np.ndarray, rate_Hz: float, f1_Hz: float) -> float | None:
+    """Standard deviation that I_u1 - I_u2 has from one window of this length to the next. It is
+    that of the window's parts divided by the root of their number, because their errors are
+    independent: a scheme that applies one vector a period leaves low-frequency noise in the
+    currents. None if a part is too short."""
+    count = len(u1) // PARTS
+    if count * f1_Hz / rate_Hz < PART_CYCLES:
+        return None
+    parts = [slice(k * count, (k + 1) * count) for k in range(PARTS)]
+    differences_A = [
+        harmonics(u1[part], rate_Hz, f1_Hz, (1,))[1] - harmonics(u2[part], rate_Hz, f1_Hz, (1,))[1]
+        for part in parts
+    ]
+    return float(np.std(differences_A, ddof=1) / np.sqrt(PARTS))
 
 
 def _finite(value):

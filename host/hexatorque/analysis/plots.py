@@ -195,9 +195,12 @@ def _waveform_column(column: np.ndarray, run: Run) -> None:
     reference(column[2], "torque_ref_Nm")
     draw(column[3], zoom_ms, flux_Wb, "flux", r"$|\psi_s|$")
     reference(column[3], "flux_ref_Wb")
-    note(column[0], f"THD {_value(run.metrics['thd_pct']['5kHz'], 1, '%')}")
+    note(column[0], f"THD∞ {_value(run.metrics['thd_inf_pct'], 1, '%')}")
     note(column[1], f"rms {_value(run.metrics['ixy_rms_A'], 3, 'A')}")
-    note(column[2], f"std {_value(run.metrics['torque_ripple_Nm'], 3, 'N m')}")
+    # At the control instants alone, a modulated law would seem to have hardly any ripple.
+    td_Nm = run.metrics["torque_ripple_td_Nm"]
+    name, ripple_Nm = ("Td", td_Nm) if td_Nm else ("std", run.metrics["torque_ripple_Nm"])
+    note(column[2], f"{name} {_value(ripple_Nm, 3, 'N m')}")
     note(column[3], f"std {_value(run.metrics['flux_ripple_Wb'], 4, 'Wb')}")
 
 

@@ -26,6 +26,15 @@ class Column(NamedTuple):
     paper: str = ""
     brief: bool = True  #: also on the console
     scale: float = 1.0
+    spread: str = ""  #: metric that is the value's standard deviation
+
+    def text(self, run: Run) -> str:
+        value = self.value(run)
+        shown = _text(value, self.digits, self.scale)
+        spread = run.metrics.get(self.spread) if self.spread else None
+        if value is None or spread is None:
+            return shown
+        return f"{shown} ± {_text(spread, self.digits, self.scale)}"
 
 
 def _metric(key: str, band: str = "") -> Callable[[Run], float | None]:
@@ -36,21 +45,28 @@ COLUMNS = (
     Column("speed", "r/min", 0, _metric("speed_rpm")),
     Column("torque", "N m", 2, _metric("torque_Nm")),
     Column("ripple", "N m", 3, _metric("torque_ripple_Nm"), "torque_ripple_Nm"),
+    Column("Td", "N m", 3, _metric("torque_ripple_td_Nm"), brief=False),
     Column("THD 1k", "%", 1, _metric("thd_pct", "1kHz")),
     Column("THD 2k", "%", 1, _metric("thd_pct", "2kHz"), brief=False),
     Column("THD 5k", "%", 1, _metric("thd_pct", "5kHz"), "thd_pct"),
     Column("THD h≤50", "%", 1, _metric("thd_pct", "h50"), brief=False),
+    Column("THD∞", "%", 2, _metric("thd_inf_pct"), brief=False),
     Column("5th", "%", 2, _metric("h5_pct"), brief=False),
     Column("7th", "%", 2, _metric("h7_pct"), brief=False),
     Column("i_xy rms", "A", 3, _metric("ixy_rms_A"), brief=False),
-    Column("ΔI", "A", 3, _metric("delta_i_A"), "delta_i_A"),
+    Column("ΔI", "A", 3, _metric("delta_i_A"), "delta_i_A", spread="delta_i_spread_A"),
+    Column("i_dc ripple", "A", 3, _metric("idc_ripple_A"), brief=False),
+    Column("P copper", "W", 2, _metric("copper_loss_W"), brief=False),
+    Column("P conduction", "W", 2, _metric("conduction_loss_W"), brief=False),
+    Column("P switching", "W", 2, _metric("switching_loss_W"), brief=False),
     Column("f_sw", "kHz", 2, _metric("f_sw_Hz"), "f_sw_Hz", scale=1e-3),
     Column("f_sw", "× DTC1", 2, lambda run: None, "f_sw_rel"),
     Column("speed-up", "× real", 1, lambda run: run.realtime_factor, brief=False),
 )
 TITLE = "Direct torque control of six-phase drives"
 THD_NOTE = (
-    "THD of phase u1; ripple is a standard deviation. The papers do not state the band of their "
+    "THD of phase u1; ripple is a standard deviation at the control instants, Td over all "
+    "samples; THD∞ is of all six phases and has no band. The papers do not state the band of their "
     "THD: it stands in the 5 kHz column."
 )
 LATENCY_TEXT = (
@@ -75,10 +91,11 @@ def _rows(group: list[Run], reference: Reference, columns: Iterable[Column]) -> 
         for run in own:
             cells = [run.scheme.upper(), run.latency]
             for column in columns:
-                value = column.value(run)
                 if column.paper == "f_sw_rel" and (base_Hz := dtc1_Hz.get(run.latency)):
-                    value = (run.metrics["f_sw_Hz"] or 0) / base_Hz or None
-                cells.append(_text(value, column.digits, column.scale))
+                    relative = (run.metrics["f_sw_Hz"] or 0) / base_Hz or None
+                    cells.append(_text(relative, column.digits, column.scale))
+                else:
+                    cells.append(column.text(run))
             rows.append((False, cells))
         if measured:
             beside = [(measured.get(c.paper), c.scale) for c in columns]

@@ -15,7 +15,7 @@ LATENCIES = {
 }
 #: The latencies that the report compares.
 LATENCY_STUDY = ("none", "shadow", "predicted")
-SCHEMES = {"fdr": "FDR-DTC", "ddr": "DDR-DTC"}
+SCHEMES = {"fdr": "FDR-DTC", "ddr": "DDR-DTC", "db-dtfc": "DB-DTFC"}
 
 
 @dataclass

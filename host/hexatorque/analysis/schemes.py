@@ -52,6 +52,13 @@ _TEXTS: dict[str, dict[str, str]] = {
         "color": "#009e73",
         "marker": "P",
     },
+    "db-dtfc": {
+        "source": "this project: deadbeat torque and flux control",
+        "vectors": "carrier modulation, set 2 turned against set 1",
+        "xy": "proportional on the prediction, dual integrators",
+        "color": "#cc79a7",
+        "marker": "X",
+    },
 }
 
 
@@ -62,7 +69,7 @@ def _described(number: int, name: str) -> dict[str, str]:
     return {
         "source": text["source"],
         "vectors": text["vectors"],
-        "torque_levels": str(row.torque_levels),
+        "torque_levels": str(row.torque_levels or "-"),
         "xy": text["xy"] + (limit if row.regulated else ""),
         "reach": f"{row.reach_pu:.4f} Vdc",
     }

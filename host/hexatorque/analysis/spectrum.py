@@ -143,10 +143,7 @@ def thd_pct(signal: np.ndarray, rate_Hz: float, f1_Hz: float) -> dict[str, float
     use five or more, else the 2nd harmonic is within the lobe.
     """
     x, k1 = whole_cycles(signal, rate_Hz, f1_Hz)
-    w = _hann(x.size)
-    power = 2 * np.abs(np.fft.rfft(w * (x - (w @ x) / w.sum()))) ** 2 / (x.size * (w @ w))
-    if x.size % 2 == 0:
-        power[-1] /= 2  # the Nyquist bin has no mirror
+    power = _power(x)
     f_Hz = np.fft.rfftfreq(x.size, 1 / rate_Hz)
     lobe = slice(max(1, k1 - LOBE_BINS), k1 + LOBE_BINS + 1)
     fundamental = power[lobe].sum()
@@ -164,6 +161,32 @@ def thd_pct(signal: np.ndarray, rate_Hz: float, f1_Hz: float) -> dict[str, float
         content = sum(a * a for order, a in line.items() if order > 1)
         result["h50"] = _percent(content, line[1] ** 2)
     return result
+
+
+def thd_inf_pct(signals: np.ndarray, rate_Hz: float, f1_Hz: float) -> float:
+    """Distortion of several phases together in %, over the whole recorded spectrum.
+
+    100 sqrt(sum P / sum_lobe P), both sums over all rows of `signals` (phases, samples): everything
+    but the mean and the fundamental (bins k1 - 3 .. k1 + 3), up to the Nyquist frequency. Over the
+    last whole cycles of f1."""
+    content = fundamental = 0.0
+    for signal in signals:
+        x, k1 = whole_cycles(signal, rate_Hz, f1_Hz)
+        power = _power(x)
+        lobe = slice(max(1, k1 - LOBE_BINS), k1 + LOBE_BINS + 1)
+        fundamental += power[lobe].sum()
+        power[lobe] = 0
+        content += power[2:].sum()
+    return _percent(content, fundamental)
+
+
+def _power(x: np.ndarray) -> np.ndarray:
+    """Mean square of each bin, without the mean."""
+    w = _hann(x.size)
+    power = 2 * np.abs(np.fft.rfft(w * (x - (w @ x) / w.sum()))) ** 2 / (x.size * (w @ w))
+    if x.size % 2 == 0:
+        power[-1] /= 2  # the Nyquist bin has no mirror
+    return power
 
 
 def _percent(content: float, fundamental: float) -> float:

@@ -48,7 +48,7 @@ class BoardProcess(ProcessTarget):
         self._store = store
         self._setup = np.array([baud, watchdog_ms], "<u4")
         tools.need(*NEEDS[machine])
-        image = tools.build(MACHINES[machine]) / IMAGE
+        image = tools.build(MACHINES[machine], "board") / IMAGE
         super().__init__(machine, qemu(machine, image, SERIAL), timeout_s)
 
     def prepare(self, place: Path) -> list[int]:

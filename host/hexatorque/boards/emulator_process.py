@@ -112,7 +112,7 @@ def avr(image: Path) -> list[str]:
 def emulator(machine: str = "mps2-an386", timeout_s: float = TIMEOUT_S) -> ProcessTarget:
     """Build the firmware for a machine and run it in the machine's emulator."""
     tools.need(*NEEDS[machine])
-    folder = tools.build(MACHINES[machine])
+    folder = tools.build(MACHINES[machine], "pil")
     if machine == "atmega2560":
         command = avr(folder / "firmware/port/avr/pil")
     else:

@@ -95,15 +95,16 @@ def run(step: list, folder: Path | None = None) -> None:
         raise BuildError(f"{' '.join(map(str, step))} failed:\n{text}")
 
 
-def build(preset: str) -> Path:
-    """Build a CMake preset. Returns the folder of its images. Only changed files are compiled."""
+def build(preset: str, *targets: str) -> Path:
+    """Build these targets of a CMake preset, or all of them. Returns the folder of the images. Only
+    changed files are compiled."""
     source = source_root()
     folder = _build_folder(source, preset)
     folder.mkdir(parents=True, exist_ok=True)
     cmake, ninja = program("cmake"), program("ninja")
     steps = (
         [cmake, "--preset", preset, "-B", folder, "-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={ninja}"],
-        [cmake, "--build", folder],
+        [cmake, "--build", folder, *(["--target", *targets] if targets else [])],
     )
     with (folder / ".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

@@ -30,8 +30,12 @@ from ..recording.recording import Recording
 from ..setups import Setup
 from .store_file import FileStore
 
-#: Simulated seconds between two transfers of bytes on the line, at real-time speed.
+#: Simulated seconds between two transfers of bytes on the line, at real-time speed, and when the
+#: client has sent nothing for QUIET_S. Bytes from the client end a turn at once, so only a stream
+#: waits for the longer turn.
 TURN_S = 0.002
+QUIET_TURN_S = 0.010
+QUIET_S = 0.006
 #: A process that could not run for longer than this does not catch up. On a busy computer the
 #: client could not run either, and its heartbeats would then be too late in simulated time.
 LATE_S = 0.05
@@ -203,11 +207,13 @@ def serve(
     record: bool = False,
 ) -> None:
     """Run the board and the line, `board.factor` times as fast as real time, until `until()`."""
-    turn_s = TURN_S * max(1.0, board.factor)
+    speed = max(1.0, board.factor)
     begun = time.monotonic()
-    done_s = 0.0
+    done_s = busy_s = 0.0
     waiting = b""
     while not until():
+        quiet = done_s - busy_s > QUIET_S * speed
+        turn_s = (QUIET_TURN_S if quiet else TURN_S) * speed
         due_s = (time.monotonic() - begun) * board.factor
         if due_s - done_s > LATE_S * board.factor:  # this process did not run: do not catch up
             begun += (due_s - done_s) / board.factor - TURN_S
@@ -219,8 +225,10 @@ def serve(
             due_s = (time.monotonic() - begun) * board.factor
         elif not waiting:
             waiting = line.read()
-        waiting = waiting[board.controller.put(waiting) :] if waiting else b""
-        step_s = min(due_s - done_s, 10 * turn_s)
+        if waiting:
+            waiting = waiting[board.controller.put(waiting) :]
+            busy_s = done_s
+        step_s = min(due_s - done_s, 10 * TURN_S * speed)
         board.run(step_s, record)
         done_s += step_s
         sent = board.controller.take()

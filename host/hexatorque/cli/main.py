@@ -18,6 +18,7 @@ from .board.app import board
 from .evidence.app import evidence
 from .group import OLD_NAMES_IN_GROUPS, Group, examples, unknown
 from .output import complain
+from .own_machine import check, new
 from .recordings import convert, plot
 from .simulate import compare, reach, run
 from .tables import schemes, setups
@@ -43,7 +44,7 @@ def app() -> None:
     with it."""
 
 
-for command in (run, compare, reach, plot, convert, setups, schemes, board, evidence):
+for command in (run, compare, reach, plot, convert, setups, schemes, new, check, board, evidence):
     app.add_command(command)
 
 

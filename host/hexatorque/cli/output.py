@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from ..drive.trips import Trip
+
 COMPILING = "compiling the simulation: once, for up to a minute ..."
 #: Width of what is no terminal: no line of a table is broken there.
 WIDE = 1000
@@ -95,9 +97,9 @@ def say(as_json: bool, data: dict, text: str | None = None) -> None:
             print(f"{key:>16}  {value:.6g}" if isinstance(value, float) else f"{key:>16}  {value}")
 
 
-def tripped(state: str, faults: list[str]) -> int:
+def tripped(state: str, faults: list[str], trip: Trip | None = None) -> int:
     """The exit code after a drive has run."""
     if state == "fault":
-        complain(f"the drive tripped: {', '.join(faults)}")
+        complain(f"the {trip}" if trip else f"the drive tripped: {', '.join(faults)}")
         return 1
     return 0

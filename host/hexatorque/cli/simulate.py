@@ -45,6 +45,7 @@ def run(scenario, output, as_json) -> int:
         sim.run_profile(setup.profile, lambda seconds: bar.advance(task, seconds))
     recording = sim.take()
     recording.save(file)
+    trip = sim.trip
     summary = {
         "scenario": setup.name,
         "file": str(file),
@@ -52,12 +53,13 @@ def run(scenario, output, as_json) -> int:
         "samples": len(recording),
         "state": sim.controller.state,
         "faults": sim.controller.faults,
+        **({"trip": trip and trip.as_json()} if as_json else {}),
         "final_speed_rpm": sim.speed_rpm,
         "f_sw_Hz": recording.meta["f_sw_Hz"],
         "realtime_factor": recording.duration_s / sim.wall_s,
     }
     say(as_json, summary)
-    return tripped(summary["state"], summary["faults"])
+    return tripped(sim.state, sim.faults, trip)
 
 
 @click.command(
@@ -101,6 +103,10 @@ def compare(setup, schemes, speed, load, latency, output, as_json) -> int:
     return 1 if compared.failed else 0
 
 
+#: Exit code of `reach` for each outcome of a scheme; the largest counts.
+EXIT_CODES = {"held": 0, "none": 0, "tripped": 1, "not configured": 2}
+
+
 @click.command(epilog=examples("reach --setup paper-b --load 2"))
 @options.setup("paper-a-feasible")
 @options.schemes
@@ -109,9 +115,12 @@ def compare(setup, schemes, speed, load, latency, output, as_json) -> int:
 def reach(setup, schemes, load, as_json) -> int:
     """Highest speed that each scheme holds.
 
-    That is the highest speed at which a scheme holds the load with its full flux reference.
+    That is the highest speed at which a scheme holds the load with its full flux reference. Exit
+    code 0: every scheme has a speed, which may be 0; 1: a drive tripped at every speed; 2: the
+    set-up cannot be configured.
     """
     from rich.table import Table
+    from rich.text import Text
 
     from .. import setups
     from ..drive.operating_points import reach_all
@@ -122,19 +131,29 @@ def reach(setup, schemes, load, as_json) -> int:
         loaded = loaded.changed(point__load_Nm=load)
     load_Nm = loaded["point.load_Nm"]
     names = schemes_given(schemes)
-    variants = [loaded.changed(controller__scheme=name) for name in names]
+    variants = [loaded.with_scheme(name) for name in names]
     compile_now()
     with progress(console) as bar:
         task = bar.add_task("searching", total=None)
-        speeds = reach_all(variants, load_Nm, lambda seconds: bar.advance(task, seconds))
-    result = dict(zip(names, speeds))
+        found = reach_all(variants, load_Nm, lambda seconds: bar.advance(task, seconds))
+    result = dict(zip(names, found))
+    code = max(EXIT_CODES[one.outcome] for one in found)
     if as_json:
-        print_json({"setup": loaded.name, "load_Nm": load_Nm, "reachable_rpm": result})
-        return 0
+        print_json(
+            {
+                "setup": loaded.name,
+                "load_Nm": load_Nm,
+                "reachable_rpm": {name: one.rpm for name, one in result.items()},
+                "schemes": {name: one.as_json() for name, one in result.items()},
+            }
+        )
+        return code
     table = Table(title=f"{loaded.name}, {load_Nm:g} N m, full flux", title_justify="left")
     table.add_column("scheme")
     table.add_column("reachable speed [r/min]", justify="right")
-    for name, speed in result.items():
-        table.add_row(name, f"{speed:.0f}")
+    table.add_column("why not more")
+    for name, one in result.items():
+        shown = one.outcome if one.rpm is None else f"{one.rpm:.0f}"
+        table.add_row(name, shown, Text(one.reason))
     console.print(table)
-    return 0
+    return code

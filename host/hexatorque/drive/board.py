@@ -24,7 +24,7 @@ from types import MappingProxyType
 import numpy as np
 
 from .. import __version__
-from ..firmware import PARAMETER_SETS, FirmwareError, Parameter, Snapshot
+from ..firmware import PARAMETER_SETS, FirmwareError, Parameter, Snapshot, misfit_text
 from ..recording.journal import TICK_HZ
 from ..recording.recording import DECIMATION, FIRST_TICK, STARTED, Recording, clock_text
 from ..serial import BAUDS, BOARD_RESET, LinkError, clock, runtime, wire
@@ -146,6 +146,12 @@ class BoardDrive(DriveVerbs):
     @property
     def time_s(self) -> float:
         return time.monotonic() - self._opened_s
+
+    def _time_of_tick(self, tick: int) -> float:
+        ticks = (tick - self._opened_tick) & 0xFFFFFFFF
+        if ticks >= 0x80000000:  # before the drive was opened here
+            ticks -= 0x100000000
+        return ticks / self.hello.f_isr_Hz
 
     @property
     def state(self) -> str:
@@ -278,6 +284,9 @@ class BoardDrive(DriveVerbs):
         what = ", ".join(f"{name} = {value}" for name, value in values.items())
         if len(reply.payload) == 2:
             (id,) = struct.unpack("<H", reply.payload)
+            if reply.status == Status.CONFIG:
+                text = misfit_text(id, lambda n: values[n] if n in values else self.get(n))
+                return LinkError(f"{what}: {text}", reply.status, mistake=True)
             for name, row in self.params.items():
                 if row.id != id:
                     continue

@@ -71,7 +71,7 @@ def points(
     for entry in setups:
         setup = at_point(entry, speed_rpm, load_Nm, latency)
         speed, torque = setup["point.speed_rpm"], setup["point.load_Nm"]
-        own = [setup.changed(controller__scheme=name) for name in names]
+        own = [setup.with_scheme(name) for name in names]
         study = [
             setup.changed(controller__scheme=LATENCY_SCHEME, timing__latency=other)
             for other in LATENCY_STUDY
@@ -86,7 +86,7 @@ def compare(
 ) -> Comparison:
     """Measure all points, in parallel on all cores."""
     comparison = Comparison(reference)
-    for point, outcome in zip(todo, measure_all(todo, progress)):
+    for point, outcome in zip(todo, measure_all(todo, progress, fine=True)):
         if isinstance(outcome, Run):
             comparison.runs.append(outcome)
         else:

@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING, Self, SupportsFloat
 from ..errors import HexatorqueError
 from ..firmware import Parameter, Snapshot
 from ..recording.recording import Recording
+from ..setups.values import SetupError
+from .trips import Trip, details
 
 if TYPE_CHECKING:
     from ..setups import Profile
@@ -32,12 +34,14 @@ Progress = Callable[[float], None]
 
 
 class DriveFault(HexatorqueError, RuntimeError):
-    """The drive tripped; `causes` names the faults."""
+    """The drive tripped; `causes` names the faults, `time_s` is the instant of the trip."""
 
-    def __init__(self, causes: list[str], time_s: float) -> None:
-        super().__init__(f"drive tripped at {time_s:.4f} s: {', '.join(causes)}")
+    def __init__(self, causes: list[str], time_s: float, trip: Trip | None = None) -> None:
+        text = f"drive tripped at {time_s:.4f} s: {', '.join(causes)}"
+        super().__init__(str(trip) if trip else text)
         self.causes = causes
-        self.time_s = time_s
+        self.time_s = trip.time_s if trip else time_s
+        self.trip = trip
 
 
 def finite(value: object) -> float | None:
@@ -160,7 +164,24 @@ class DriveVerbs(ABC):
     def check(self) -> None:
         """Raise DriveFault if the drive has tripped."""
         if self.state == "fault":
-            raise DriveFault(self.faults, self.time_s)
+            raise DriveFault(self.faults, self.time_s, self.trip)
+
+    @property
+    def trip(self) -> Trip | None:
+        """Why the drive tripped; None if it has not, or if the firmware saved nothing."""
+        faults, snapshot = self.faults, self.snapshot
+        if not faults or snapshot is None:
+            return None
+        return Trip(
+            self._time_of_tick(snapshot["tick"]),
+            snapshot["state"],
+            tuple(faults),
+            details(snapshot, lambda name: float(self.get(name))),
+        )
+
+    @abstractmethod
+    def _time_of_tick(self, tick: int) -> float:
+        """`time_s` of the fast interrupt with this number."""
 
     def run_profile(self, profile: Profile, progress: Progress | None = None) -> None:
         """Start the drive and follow a profile, whose time 0 is now."""
@@ -169,7 +190,9 @@ class DriveVerbs(ABC):
         events += [(t, "load_Nm", v) for t, v in profile.load_Nm]
         events += [(t, "vdc_V", v) for t, v in profile.vdc_V]
         events += [(t, name, v) for t, name, v in profile.set]
-        events = [e for e in sorted(events, key=lambda e: e[0]) if e[0] < profile.duration_s]
+        events.sort(key=lambda event: event[0])
+        if lines := profile.too_late():
+            raise SetupError("\n".join(lines))
         self._can_follow({name for _, name, _ in events})
         begin_s = self.time_s
         if self.state == "idle":

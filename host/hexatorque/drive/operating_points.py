@@ -6,29 +6,37 @@ the speed reference, apply the load when the speed is reached, let the drive set
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-from ..analysis.metrics import metrics
+from .. import firmware
+from ..analysis.metrics import TD_SAMPLES, metrics
 from ..analysis.run import Run
 from ..errors import HexatorqueError
+from ..firmware import FirmwareError
 from ..recording.recording import Recording
-from ..setups import Setup
+from ..setups import Setup, SetupError, parameters, to_parameters
 from .simulated import DriveFault, SimulatedDrive
 
-#: Longest wait for the speed to come near its reference.
+#: Shortest values of `Waits`, for a machine of little inertia.
 REACH_S = 4.0
-#: Settling time between the load step and the measurement.
 SETTLE_S = 2.0
-#: Longest wait for the speed to recover under load if the speed loop is slow.
 RECOVER_S = 10.0
+#: No wait is longer than this: the torque limit is then too small for the inertia.
+LONGEST_S = 300.0
 #: The measurement lasts at least this long and this many fundamental cycles.
 WINDOW_S = 0.5
 CYCLES = 10
+#: Most edges of the six legs in a period: start level, two toggles and a change of the registers,
+#: each with the dead time between off and on.
+MOST_EDGES = 6 * 4 * 2
 
 Progress = Callable[[float], None]
+#: Changes a drive before it starts, in a way that a set-up cannot describe.
+Prepare = Callable[[SimulatedDrive], None]
 
 
 class NotReached(HexatorqueError, RuntimeError):
@@ -51,7 +59,34 @@ class Point:
     @property
     def simulated_s(self) -> float:
         """Roughly the simulated time that the measurement takes, for progress bars."""
-        return 0.5 + SETTLE_S + WINDOW_S + 0.5
+        return 0.5 + waits(self).settle_s + WINDOW_S + 0.5
+
+
+@dataclass(frozen=True)
+class Waits:
+    """How long a drive may take. reach_s: longest wait for the speed to come near its reference;
+    settle_s: between the load step and the measurement; recover_s: longest wait for the speed to
+    recover under load if the speed loop is slow."""
+
+    reach_s: float
+    settle_s: float
+    recover_s: float
+
+
+def waits(point: Point) -> Waits:
+    """The times grow with the inertia. A run-up at the torque limit takes J w / T, and a drive may
+    have a third of that torque left after friction and field weakening. The speed loop answers
+    with the time constant J / k_p."""
+    values = parameters(point.setup)
+    inertia_kgm2 = point.setup["machine.inertia_kgm2"]
+    limit_Nm, gain = float(values["torque_limit_Nm"]), float(values["kp_speed_Nms_rad"])
+    run_up_s = inertia_kgm2 * abs(point.speed_rpm) * math.pi / 30 / limit_Nm
+    loop_s = inertia_kgm2 / gain if gain > 0 else 0.0
+    return Waits(
+        min(LONGEST_S, max(REACH_S, 3 * run_up_s + 10 * loop_s)),
+        min(LONGEST_S, max(SETTLE_S, 10 * loop_s)),
+        min(LONGEST_S, max(RECOVER_S, 50 * loop_s)),
+    )
 
 
 def _at_load_speed(point: Point) -> Setup:
@@ -61,10 +96,15 @@ def _at_load_speed(point: Point) -> Setup:
 
 
 def approach(
-    point: Point, progress: Progress | None = None, samples_per_period: int = 4
+    point: Point,
+    progress: Progress | None = None,
+    samples_per_period: int = 4,
+    prepare: Prepare | None = None,
 ) -> SimulatedDrive:
     """A drive that runs at the point and has settled. Raises DriveFault or NotReached."""
     sim = SimulatedDrive(_at_load_speed(point), samples_per_period)
+    if prepare:
+        prepare(sim)
     controller = sim.controller
     sim.start()
     build_s = controller.number("calibration_s") + controller.number("build_s")
@@ -72,11 +112,12 @@ def approach(
     sim.check()
     sim.set("speed_ref_rpm", point.speed_rpm)
     slack_rpm = max(2.0, 0.02 * abs(point.speed_rpm))
+    longest = waits(point)
     waited = 0.0
     while abs(sim.speed_rpm - point.speed_rpm) > slack_rpm:
-        if waited >= REACH_S:
+        if waited >= longest.reach_s:
             raise NotReached(
-                f"{sim.speed_rpm:.0f} r/min after {waited:g} s, asked for {point.speed_rpm:g}"
+                f"{sim.speed_rpm:.0f} r/min after {waited:.3g} s, asked for {point.speed_rpm:g}"
             )
         sim.run(0.1, record=False, progress=progress)
         sim.check()
@@ -85,27 +126,34 @@ def approach(
     # sign of the speed by itself. A constant load gets the sign here.
     constant = point.setup["load.kind"] == "constant"
     sim.set("load_Nm", point.load_Nm * (-1 if constant and point.speed_rpm < 0 else 1))
-    sim.run(SETTLE_S, record=False, progress=progress)
+    sim.run(longest.settle_s, record=False, progress=progress)
     waited = 0.0
-    while abs(sim.speed_rpm - point.speed_rpm) > slack_rpm and waited < RECOVER_S:
+    while abs(sim.speed_rpm - point.speed_rpm) > slack_rpm and waited < longest.recover_s:
         sim.run(0.5, record=False, progress=progress)
         waited += 0.5
     sim.check()
     return sim
 
 
-def measure(point: Point, progress: Progress | None = None) -> Run:
+def measure(
+    point: Point,
+    progress: Progress | None = None,
+    samples_per_period: int = 4,
+    prepare: Prepare | None = None,
+) -> Run:
     """Steady-state metrics and recording of one point. Raises DriveFault or NotReached."""
-    sim = approach(point, progress)
+    sim = approach(point, progress, samples_per_period, prepare)
     omega = abs(sim.controller.channel("omega_sync_rad_s"))
     cycles_s = CYCLES * 6.2832 / omega if omega > 1.0 else WINDOW_S
     window_s = min(max(WINDOW_S, cycles_s), 10.0)
     sim.wall_s = 0.0
+    sim.log_edges(round(window_s / sim.period_s) * MOST_EDGES)
+    start, begin = sim.inverter.leg.copy(), sim.periods
     sim.run(window_s, progress=progress)
     sim.check()
     speed = window_s / sim.wall_s
     recording = sim.take()
-    values = metrics(recording)
+    values = metrics(recording, edges=sim.edges_since(begin, start))
     if abs(values["speed_rpm"] - point.speed_rpm) > max(2.0, 0.02 * abs(point.speed_rpm)):
         raise NotReached(
             f"{values['speed_rpm']:.1f} r/min under {point.load_Nm:g} N m, "
@@ -155,14 +203,25 @@ def follow(
     return recording
 
 
-def measure_all(points: Iterable[Point], progress: Progress | None = None) -> list[Run | Exception]:
-    """Measure all points, in parallel on all cores. If the drive trips at a point or does not
-    reach it, the exception stands in the list in place of the run. Threads suffice, because
-    the compiled loop releases the GIL."""
+def fine_samples(setup: Setup) -> int:
+    """Samples a period with which the torque between the control instants is seen: the smallest
+    divisor of the period's counts from TD_SAMPLES on."""
+    values = to_parameters.parameters(setup)
+    counts = firmware.Controller(setup["timing.device"], values).period_counts
+    return next(n for n in range(TD_SAMPLES, counts + 1) if counts % n == 0)
+
+
+def measure_all(
+    points: Iterable[Point], progress: Progress | None = None, fine: bool = False
+) -> list[Run | Exception]:
+    """Measure all points, with 4 samples a period or with `fine_samples`, in parallel on all
+    cores. If the drive trips at a point or does not reach it, the exception stands in the list
+    in place of the run. Threads suffice, because the compiled loop releases the GIL."""
 
     def one(point: Point) -> Run | Exception:
         try:
-            return measure(point, progress)
+            samples = fine_samples(point.setup) if fine else 4
+            return measure(point, progress, samples)
         except NOT_MEASURED as error:
             return error
 
@@ -175,51 +234,94 @@ SPEED_TOLERANCE = 0.02
 FLUX_TOLERANCE = 0.03
 
 
-def holds(
+def hold(
     point: Point, flux_tolerance: float = FLUX_TOLERANCE, progress: Progress | None = None
-) -> str | None:
-    """None if the drive holds the point, else a text that names what is off.
+) -> None:
+    """Nothing if the drive holds the point, else an error that says what is off: NotReached, or
+    DriveFault if it tripped.
 
     Field weakening is off. The speed must be within 2 % of its reference, and the true mean
     flux within 3 % of the full reference.
     """
-    try:
-        m = measure(point, progress).metrics
-    except NOT_MEASURED as error:
-        return str(error)
+    m = measure(point, progress).metrics
     speed_error = abs(m["speed_rpm"] / point.speed_rpm - 1)
     if speed_error > SPEED_TOLERANCE:
-        return f"speed {m['speed_rpm']:.1f} r/min"
+        raise NotReached(f"speed {m['speed_rpm']:.1f} r/min")
     flux_ref = point.setup.parameter("flux_ref_Wb")
     if abs(m["flux_Wb"] / flux_ref - 1) > flux_tolerance:
-        return f"flux {m['flux_Wb']:.4f} Wb, reference {flux_ref:g}"
+        raise NotReached(f"flux {m['flux_Wb']:.4f} Wb, reference {flux_ref:g}")
+
+
+def holds(
+    point: Point, flux_tolerance: float = FLUX_TOLERANCE, progress: Progress | None = None
+) -> str | None:
+    """None if the drive holds the point, else a text that names what is off (`hold`)."""
+    try:
+        hold(point, flux_tolerance, progress)
+    except NOT_MEASURED as error:
+        return str(error)
     return None
 
 
-def reachable_rpm(
+#: The outcomes of a search for the highest speed.
+HELD = "held"  #: `rpm` is the highest speed that the drive holds
+NONE = "none"  #: the drive runs but holds the load at no speed: `rpm` is 0
+TRIPPED = "tripped"  #: it tripped at every speed that was tried
+NOT_CONFIGURED = "not configured"  #: the set-up is refused, no drive has run
+
+
+@dataclass(frozen=True)
+class Reach:
+    """The highest speed of a drive. outcome: one of the words above; rpm: None if the drive
+    tripped or could not be configured; reason: why not more, from the lowest speed that it did
+    not hold."""
+
+    outcome: str
+    rpm: float | None
+    reason: str = ""
+
+    def as_json(self) -> dict:
+        return {"outcome": self.outcome, "rpm": self.rpm, "reason": self.reason}
+
+
+def reach(
     setup: Setup, load_Nm: float, resolution: float = 0.01, progress: Progress | None = None
-) -> float:
+) -> Reach:
     """Highest speed at which the motoring drive holds `load_Nm` at its full flux reference,
-    without field weakening. Found by bisection to a relative error of `resolution`. 0 if there
-    is no such speed."""
+    without field weakening. Found by bisection to a relative error of `resolution`."""
     full_flux = setup.changed(controller__field_weakening="off")
+    try:
+        SimulatedDrive(full_flux, 1)
+    except (FirmwareError, SetupError) as error:
+        return Reach(NOT_CONFIGURED, None, str(error))
+    limit_Nm = full_flux.parameter("torque_limit_Nm")
+    if abs(load_Nm) > limit_Nm:
+        return Reach(NONE, 0.0, f"load {load_Nm:g} N m: above torque_limit_Nm = {limit_Nm:g} N m")
     # The bisection starts from the speed at which 12-step operation would end.
     ceiling = setup["inverter.vdc_V"] * 0.6366 / setup.parameter("flux_ref_Wb")
     high = ceiling * 9.5493 / setup["machine.pole_pairs"]
     low = 0.0
     floor = 0.01 * high
+    latest: Exception | None = None
     while high - low > resolution * high and high > floor:
         middle = 0.5 * (low + high)
-        if holds(Point(full_flux, middle, load_Nm), progress=progress) is None:
-            low = middle
+        try:
+            hold(Point(full_flux, middle, load_Nm), progress=progress)
+        except NOT_MEASURED as error:
+            high, latest = middle, error
         else:
-            high = middle
-    return low
+            low = middle
+    reason = f"at {high:.0f} r/min: {latest}" if latest else ""
+    if low > 0:
+        return Reach(HELD, low, reason)
+    if isinstance(latest, DriveFault):
+        return Reach(TRIPPED, None, reason)
+    return Reach(NONE, 0.0, reason)
 
 
 def reach_all(
     setups: Iterable[Setup], load_Nm: float, progress: Progress | None = None
-) -> list[float]:
-    """`reachable_rpm` of several set-ups, in parallel on all cores."""
+) -> list[Reach]:
+    """`reach` of several set-ups, in parallel on all cores."""
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(lambda s: reachable_rpm(s, load_Nm, progress=progress), setups))
+        return list(pool.map(lambda s: reach(s, load_Nm, progress=progress), setups))

@@ -13,13 +13,16 @@ import ctypes
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from types import MappingProxyType
 
 import numba.experimental.function_type  # noqa: F401  (functions as arguments)
 import numpy as np
 from numba import types
+from numba.extending import typeof_impl
 
 from .. import __version__, firmware
+from ..analysis.losses import Edges
 from ..plant import machines
 from ..plant.gates import gates_record
 from ..plant.inverter import DROPS, inverter_record, longest_step_s
@@ -48,6 +51,9 @@ CAPTURE_TURN_S = 0.01
 #: from its limit of stability, and the error of a step is 1e-7. For the papers' machines this
 #: allows more than twice 100 us.
 STEP_SHARE = 0.1
+#: The same, relative to the shaft's shortest time constant. The error of a step is 1e-5 of what
+#: decays with it.
+SHAFT_SHARE = 0.25
 #: Controller parameters that also set the timing of the simulated hardware.
 TIMED_WITH_THE_PLANT = ("f_isr_Hz", "f_slow_Hz", "load_mode", "write_delay_us")
 #: Stands for "do not record".
@@ -89,6 +95,7 @@ class EntryPoint(types.WrapperAddressProtocol):
     def __init__(self, address: int, *arguments: types.Type) -> None:
         self._address = address
         self._signature = types.void(*arguments)
+        self.type = types.FunctionType(self._signature)
 
     def __wrapper_address__(self) -> int:
         return self._address
@@ -103,6 +110,13 @@ class EntryPoint(types.WrapperAddressProtocol):
         )
 
 
+@typeof_impl.register(EntryPoint)
+def _type_of(entry: EntryPoint, _: object) -> types.Type:
+    """Numba's own rule makes the type again at every call, which takes a tenth of a millisecond."""
+    return entry.type
+
+
+@lru_cache(16)
 def _load(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
     """A load that takes `torque_Nm` at `at_rpm`; a constant load takes it at any speed."""
     w = at_rpm * math.pi / 30
@@ -140,7 +154,7 @@ class SimulatedDrive(DriveVerbs):
     """One drive: machine, inverter, sensors and firmware.
 
     setup: the set-up that describes all of it; samples_per_period: plant samples that are
-    recorded per PWM period, a divisor of the period's counts; controller(device, values): makes
+    recorded per PWM period; controller(device, values): makes
     the controller, by default the firmware in this process.
     """
 
@@ -155,8 +169,10 @@ class SimulatedDrive(DriveVerbs):
         period_counts = self.controller.period_counts
         clock = float(self.controller.map.pwm_clock_Hz)
         self.period_s = period_counts / clock
-        if period_counts % samples_per_period:
-            raise SetupError(f"{samples_per_period} samples do not divide {period_counts} counts")
+        if not 1 <= samples_per_period <= period_counts:
+            raise SetupError(
+                f"samples_per_period = {samples_per_period}: allowed range is 1 .. {period_counts}"
+            )
         sample_count = round(setup["sensors.sample_delay_us"] * 1e-6 * clock)
         write_count = round(setup.write_delay_us * 1e-6 * clock)
         if self.controller.shadow:
@@ -170,7 +186,8 @@ class SimulatedDrive(DriveVerbs):
         model = machines.model(setup["machine.model"])
         self.machine = model.Parameters(**setup.machine_values())
         self._machine = model.make(self.machine)
-        longest_s = min(MAX_STEP_S, STEP_SHARE / model.fastest_per_s(self._machine))
+        self._flux_Wb = setup.parameter("flux_ref_Wb")
+        self._windings_step_s = min(MAX_STEP_S, STEP_SHARE / model.fastest_per_s(self._machine))
         self._timing = record(
             TIMING,
             clock_Hz=clock,
@@ -179,7 +196,7 @@ class SimulatedDrive(DriveVerbs):
             write_count=write_count,
             slow_every=self.controller.fast_per_slow,
             per_period=samples_per_period,
-            max_step=max(1, int(longest_s * clock)),
+            max_step=max(1, int(self._windings_step_s * clock)),
             lost=0,
         )
         self.plant_state = np.zeros(8)
@@ -198,6 +215,9 @@ class SimulatedDrive(DriveVerbs):
         #: The sensors' constants and state. They may be changed between two runs.
         self.sensors = self._make_sensors()
         self._registers = self.controller.register_words()
+        tbprd = self.controller.port.leg[0] + self.controller.map.tbprd
+        self._timer_words = np.array([tbprd, TIMER_PERIOD, TIMER_PERIOD + 1])
+        self._timers_followed = b""
         self.load_Nm = 0.0
         self.vdc_V = setup["inverter.vdc_V"]
         self.periods = 0
@@ -214,7 +234,8 @@ class SimulatedDrive(DriveVerbs):
         self._plant = _Rows(len(PLANT_CHANNELS))
         self._channels = _Rows(len(firmware.channels()))
         self._record_start = 0
-        self._transitions = 0
+        self._transitions = 0  # at `_record_start`
+        self._all_transitions: np.ndarray = self._pwm.transitions  # a view
         self._edges = np.empty((0, 3), np.int64)
         self._edges_logged = 0
         # Compile now, or load from the cache, so that this does not count as simulation time.
@@ -259,6 +280,10 @@ class SimulatedDrive(DriveVerbs):
         f_isr_Hz was changed by a client of a virtual board instead of through this object. If a
         period has changed, the samples recorded so far are deleted."""
         m, words, timing = self.controller.map, self._registers, self._timing
+        raw = words[self._timer_words].tobytes()
+        if raw == self._timers_followed:
+            return
+        self._timers_followed = raw
         counts = int(words[self.controller.port.leg[0] + m.tbprd]) + 1
         ticks = int(words[TIMER_PERIOD]) + (int(words[TIMER_PERIOD + 1]) << 16) + 1
         if ticks == RESET_TICKS:
@@ -273,14 +298,16 @@ class SimulatedDrive(DriveVerbs):
         timing.period, timing.slow_every = counts, slow_every
         timing.write_count = min(timing.write_count, counts - 1)
         timing.sample_count = min(timing.sample_count, timing.write_count)
-        if counts % timing.per_period:
-            timing.per_period = self.samples_per_period = 1
         self.sensors.system_clocks = self.period_s * float(m.system_clock_Hz)
         self.discard()
 
     @property
     def time_s(self) -> float:
         return self._begun_s + (self.periods - self._begun) * self.period_s
+
+    def _time_of_tick(self, tick: int) -> float:
+        # The firmware counts from 1, at the beginning of a period.
+        return self._begun_s + (tick - 1 - self._begun) * self.period_s
 
     @property
     def speed_rpm(self) -> float:
@@ -388,6 +415,8 @@ class SimulatedDrive(DriveVerbs):
 
     def _call(self, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
         load = _load(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
+        longest_s = min(self._windings_step_s, self._shaft_step_s(load))
+        self._timing.max_step = max(1, int(longest_s * self._timing.clock_Hz))
         self._edges_logged = run_periods(
             n, self.periods, self._timing, self._machine, load, self.inverter,
             self._map, self._pwm, self._gates, self.sensors, self._registers,
@@ -395,6 +424,30 @@ class SimulatedDrive(DriveVerbs):
             *self._entries, self.controller.handle, channels.ctypes.data, plant, channels,
             self._edges, self._edges_logged,
         )  # fmt: skip
+
+    def _shaft_step_s(self, load: np.record) -> float:
+        """Longest step for the shaft: a share of its shortest time constant, J over the slope of
+        the load torque, and of its fastest swing against the field. SetupError if it is so short
+        that the simulation would take too long."""
+        inertia_kgm2 = self.setup["machine.inertia_kgm2"]
+        w = self.setup["load.at_rpm"] * math.pi / 30
+        slope_Nms = (
+            self.setup["machine.viscous_Nms"]
+            + abs(load.linear_Nms)
+            + 2 * abs(load.quadratic_Nms2) * w
+            + abs(load.dry_Nm) / DRY_RAD_S
+            + 2 * abs(load.eddy_Nm) / load.eddy_rad_s
+        )
+        flux_Wb = self.setup["machine.pole_pairs"] * self._flux_Wb
+        swing_per_s = flux_Wb * math.sqrt(3 * float(self._machine.inv_l_max) / inertia_kgm2)
+        step_s = SHAFT_SHARE / (slope_Nms / inertia_kgm2 + swing_per_s)
+        if step_s < SHORTEST_STEP_S:
+            raise SetupError(
+                f"machine.inertia_kgm2 = {inertia_kgm2:g}: too small for a load of "
+                f"{self.load_Nm:g} N m of the kind {self.setup['load.kind']}, the simulation would "
+                f"need steps below {SHORTEST_STEP_S * 1e6:g} us"
+            )
+        return step_s
 
     def lose_interrupts(self, lost: bool) -> None:
         """`lost`: from now on the ADC raises no fast interrupt. False: it raises it again."""
@@ -408,8 +461,15 @@ class SimulatedDrive(DriveVerbs):
     @property
     def edges(self) -> np.ndarray:
         """The edges that `log_edges` kept, (n, 3): time in counts since the start of the
-        simulation, leg, new state (`plant.inverter`: LOW, HIGH or OFF)."""
+        simulation, leg, new state (`plant.legs`: LOW, HIGH or OFF)."""
         return self._edges[: self._edges_logged]
+
+    def edges_since(self, period: int, start: np.ndarray) -> Edges:
+        """The same on the time axis of a recording that began with `period`, where the legs'
+        states were `start`."""
+        time_s = (self.edges[:, 0] - period * self._timing.period) / self._timing.clock_Hz
+        order = np.argsort(time_s, kind="stable")
+        return Edges(start, time_s[order], self.edges[order, 1], self.edges[order, 2])
 
     @property
     def shorts(self) -> int:
@@ -421,7 +481,7 @@ class SimulatedDrive(DriveVerbs):
         self._plant.clear()
         self._channels.clear()
         self._record_start = self.periods
-        self._transitions = int(np.sum(self._pwm.transitions))
+        self._transitions = int(self._all_transitions.sum())
 
     def arm(
         self,
@@ -495,7 +555,7 @@ class SimulatedDrive(DriveVerbs):
             data[name] = np.repeat(telemetry[:, column], per)
             units[name] = unit
         periods = self.periods - self._record_start
-        jumps = int(np.sum(self._pwm.transitions)) - self._transitions
+        jumps = int(self._all_transitions.sum()) - self._transitions
         meta = {
             **self._meta(),
             "samples_per_period": per,

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from .compiled import compiled
-from .inverter import HIGH, LOW, OFF
+from .legs import HIGH, LOW, OFF
 from .pwm import MAX_EDGES, NONE, push_edge
 from .record import names_of, record
 

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .compiled import compiled
+from .legs import HIGH, OFF
 from .machine import (
     coast,
     derivative,
@@ -28,7 +29,6 @@ from .record import names_of, record
 from .vsd import TRANSFORM
 from .wires import STRAIGHT
 
-LOW, HIGH, OFF = 0, 1, 2
 NO_LEG = -1
 
 #: A floating leg's residual current decays with this time constant. It removes only the error

@@ -57,7 +57,7 @@ TIMING = np.dtype(
         ("sample_count", "i8"),
         ("write_count", "i8"),  # >= sample_count, < period; >= 1 under shadow load
         ("slow_every", "i8"),  # periods per slow interrupt
-        ("per_period", "i8"),  # plant samples per period, a divisor of it
+        ("per_period", "i8"),  # plant samples per period
         ("max_step", "i8"),  # longest integration step, counts
         ("lost", "i8"),  # 1: the end of a conversion raises no fast interrupt
     ]
@@ -82,17 +82,19 @@ def _record(row, m, inv, y, i):
 
 
 @compiled
-def follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, grid, out, row):
-    """Advance the machine over counts c0..c1 along the edges, recording a sample
-    at every multiple of `grid` counts (0 = none). Returns the next record row."""
+def follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, per, out, row):
+    """Advance the machine over counts c0..c1 along the edges, recording `per` samples a period
+    (0 = none): sample k at count k * period // per. Returns the next record row."""
     now = c0
-    tick = c1 if grid == 0 else -(-c0 // grid) * grid
+    k = -(-c0 * per // tm.period)
+    tick = c1 if per == 0 else k * tm.period // per
     e = 0
     while now < c1:
         if now == tick:
             _record(out[row], m, inv, y, inv.i)
             row += 1
-            tick += grid
+            k += 1
+            tick = k * tm.period // per
         while e < n and ps.count[e] == now:
             set_leg(inv, m, y, ps.leg[e], ps.state[e])
             e += 1
@@ -108,7 +110,8 @@ def follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, grid, out, row):
         if there:
             _record(out[row], m, inv, y, inv.i)
             row += 1
-            tick += grid
+            k += 1
+            tick = k * tm.period // per
             put_back(inv, y)
         else:
             if se.i_filter_rad_s > 0.0:
@@ -179,7 +182,7 @@ def _compile(source: int):
         """  # fmt: skip
         if not source:
             return logged
-        grid = tm.period // tm.per_period if plant_out.shape[0] > 0 else 0
+        per = tm.per_period if plant_out.shape[0] > 0 else 0
         row = 0
         width = channel_out.shape[1] * 4
         # As a variable: for a literal 0 numba would compile the functions a second time.
@@ -192,7 +195,7 @@ def _compile(source: int):
             if edges.shape[0] > 0:
                 logged = _log(edges, logged, ps, count, (first + period) * tm.period)
             row = follow(m, load, inv, se, y, vdc, ps, count, none, tm.sample_count,
-                         tm, grid, plant_out, row)  # fmt: skip
+                         tm, per, plant_out, row)  # fmt: skip
             sample(se, m, y, vdc, regs)
             count = pwm_segment(pm, regs, ps, tm.sample_count, tm.write_count, none)
             count = suppress_short_pulses(
@@ -211,7 +214,7 @@ def _compile(source: int):
             if edges.shape[0] > 0:
                 logged = _log(edges, logged, ps, count, (first + period) * tm.period)
             row = follow(m, load, inv, se, y, vdc, ps, count, tm.sample_count, tm.period,
-                         tm, grid, plant_out, row)  # fmt: skip
+                         tm, per, plant_out, row)  # fmt: skip
         return logged
 
     return run_periods

@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from .compiled import compiled
-from .inverter import HIGH, LOW, OFF
+from .legs import HIGH, LOW, OFF
 from .record import names_of, record
 
 NONE = -1

@@ -39,6 +39,8 @@ _REFUSED: dict[int, str] = {
     Status.TRIP: "the trip pin is low (external trip): release it, then clear",
     Status.STORE: "the board's memory for parameters failed; it holds either the former set or "
     "the new one",
+    Status.PREDICTION: "the scheme needs load_mode = shadow and predict = on",
+    Status.LAW_SAMPLING: "the scheme needs a higher f_isr_Hz for this machine",
     Status.OPCODE: "the board does not know this request",
     Status.LENGTH: "the board expects another length of this request",
     Status.NO_SESSION: "the session has ended",
@@ -53,8 +55,8 @@ _REFUSED: dict[int, str] = {
 }
 #: Refusals because the request is wrong, in whatever state the board is.
 _MISTAKES = (
-    Status.ID, Status.VALUE, Status.CONFIG, Status.PORT, Status.LENGTH, Status.BUDGET,
-    Status.NO_STREAM, Status.FIELD, Status.MEMORY,
+    Status.ID, Status.VALUE, Status.CONFIG, Status.PORT, Status.PREDICTION, Status.LAW_SAMPLING,
+    Status.LENGTH, Status.BUDGET, Status.NO_STREAM, Status.FIELD, Status.MEMORY,
 )  # fmt: skip
 
 

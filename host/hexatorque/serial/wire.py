@@ -76,6 +76,8 @@ class Status(IntEnum):
     TURNING = 6
     TRIP = 7
     STORE = 8
+    PREDICTION = 9
+    LAW_SAMPLING = 10
     OPCODE = 16
     LENGTH = 17
     NO_SESSION = 18

@@ -6,7 +6,7 @@ The controller's parameters are not here: the firmware's own table defines them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..chips import DEVICES
@@ -31,7 +31,12 @@ class Key:
     min: float = -math.inf
     max: float = math.inf
     choices: tuple[str, ...] = ()
-    default: Any = None  #: None = must be given
+    default: Any = None  #: None = must be given, or follows another key
+    follows: str = ""  #: key of the same section whose value this one has unless it is given
+
+    @property
+    def required(self) -> bool:
+        return self.default is None and not self.follows
 
 
 def _n(help: str, unit: str, low: float, high: float, default: float | None = None) -> Key:
@@ -53,7 +58,9 @@ KEYS: dict[str, dict[str, Key]] = {
         "lls_H": _n("stator leakage inductance", "H", 1e-6, 10),
         "llr_H": _n("rotor leakage inductance, referred", "H", 1e-6, 10),
         "lm_H": _n("magnetising inductance", "H", 1e-5, 100),
-        "lxy_H": _n("inductance of the x-y plane", "H", 1e-6, 10),
+        "lxy_H": replace(
+            _n("inductance of the x-y plane, unless given lls_H", "H", 1e-6, 10), follows="lls_H"
+        ),
         "inertia_kgm2": _n("inertia, load included", "kg m2", 1e-6, 1e5),
         "viscous_Nms": _n("viscous friction", "N m s", 0, 1e3, 0.0),
         "drs_ohm": _six("stator resistance added per phase u1 u2 w1 w2 v1 v2", "ohm", -1e3, 1e3),
@@ -78,6 +85,10 @@ KEYS: dict[str, dict[str, Key]] = {
         "v_diode_V": _n("threshold voltage of a conducting diode", "V", 0, 10, 0.0),
         "r_switch_ohm": _n("on-resistance of a switch", "ohm", 0, 10, 0.0),
         "r_diode_ohm": _n("on-resistance of a diode", "ohm", 0, 10, 0.0),
+        "e_on_mJ": _n("energy of a switch's turn-on, diode recovery included", "mJ", 0, 1e3, 0.0),
+        "e_off_mJ": _n("energy of a switch's turn-off", "mJ", 0, 1e3, 0.0),
+        "e_ref_V": _n("voltage at which e_on_mJ and e_off_mJ are stated", "V", 0, 1e4, 0.0),
+        "e_ref_A": _n("current at which e_on_mJ and e_off_mJ are stated", "A", 0, 1e4, 0.0),
     },
     "sensors": {
         "adc_bits": Key("integer", "resolution of the converter", "", 6, 12, default=12),
@@ -118,6 +129,11 @@ KEYS: dict[str, dict[str, Key]] = {
     "load": {
         "kind": Key("choice", "torque against speed", choices=LOADS, default="constant"),
         "at_rpm": _n("speed at which the load takes the stated torque", "r/min", 1, 1e5, 1000.0),
+    },
+    "rated": {
+        "torque_Nm": _n("rated torque, 0: not known", "N m", 0, 1e4, 0.0),
+        "speed_rpm": _n("rated speed, 0: not known", "r/min", 0, 3e4, 0.0),
+        "flux_Wb": _n("rated stator flux linkage, amplitude, 0: not known", "Wb", 0, 40, 0.0),
     },
     "point": {
         "speed_rpm": _n("operating point of `compare`: speed", "r/min", -3e4, 3e4, 0.0),

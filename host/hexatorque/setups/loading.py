@@ -80,6 +80,7 @@ def parse(source: str, name: str) -> Setup:
         start.values,
         checked.get("paper", start.paper),
         checked.get("profile", start.profile),
+        checked.get("defaults", start.defaults),
     )
     return setup.with_values({section: checked.get(section, {}) for section in SECTIONS})
 
@@ -90,6 +91,6 @@ def _missing(data: dict[str, Any]) -> list[str]:
     for section, keys in KEYS.items():
         entries = data.get(section, {})
         for key, spec in keys.items():
-            if spec.default is None and isinstance(entries, dict) and key not in entries:
+            if spec.required and isinstance(entries, dict) and key not in entries:
                 lines.append(f"{section}.{key} is missing ({spec.help}, {spec.unit or '-'})")
     return lines

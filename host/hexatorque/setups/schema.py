@@ -26,6 +26,7 @@ from pydantic_core import PydanticCustomError, core_schema
 from typing_extensions import TypedDict
 
 from .. import firmware
+from .derived import DEFAULTS
 from .keys import KEYS, LATENCIES, SECTIONS, TAGS, TIMING_OWNS, USER, Key
 from .values import Profile, SetupError, Value, suggest
 
@@ -290,13 +291,21 @@ _FILE = TypeAdapter(
             ],
             "title": str,
             "paper": Annotated[str, Field(description="which paper it is from")],
+            "defaults": Annotated[
+                _choice(Key("choice", "", choices=DEFAULTS)),
+                Field(
+                    description="controller parameters that are left open: derived from the rest "
+                    "by rules, or the firmware's defaults; default: those of the set-up that "
+                    "this one starts from, else derived"
+                ),
+            ],
             **{section: _section(section, keys) for section, keys in KEYS.items()},
             "controller": _section("controller", CONTROLLER),
             "profile": _profile_type(),
         },
     )
 )
-_WORDS = ("setup", "title", "paper")
+_WORDS = ("setup", "title", "paper", "defaults")
 
 
 def check(data: dict[str, Any]) -> dict[str, Any]:
@@ -341,9 +350,9 @@ def json_schema() -> dict[str, Any]:
     """JSON Schema of a file, for completion and checks in an editor. What a file says wrong as
     a whole, an editor does not see."""
     required = {
-        section: {"required": [key for key, spec in keys.items() if spec.default is None]}
+        section: {"required": [key for key, spec in keys.items() if spec.required]}
         for section, keys in KEYS.items()
-        if any(spec.default is None for spec in keys.values())
+        if any(spec.required for spec in keys.values())
     }
     return {
         "$schema": DRAFT,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from . import to_parameters
+from . import derived, to_parameters
 from .keys import KEYS, SECTIONS, SMALLEST_KNEE_WB
 from .values import Profile, SetupError, Value, suggest
 
@@ -13,19 +13,21 @@ from .values import Profile, SetupError, Value, suggest
 @dataclass(frozen=True)
 class Setup:
     """A checked set-up. `values[section][key]` has what the files gave: keys that are not there
-    have their default, controller parameters that are not there follow from the machine or are
-    the firmware's default."""
+    have their default, controller parameters that are not there follow from the rest (`derived`)
+    or are the firmware's default. `defaults` says how many follow."""
 
     name: str
     title: str
     values: dict[str, dict[str, Value]]
     paper: str = ""
     profile: Profile = field(default_factory=Profile)
+    defaults: str = derived.DEFAULTS[0]
 
     def __getitem__(self, path: str) -> Any:
         section, key = path.split(".")
         if section in KEYS and key not in self.values[section]:
-            return KEYS[section][key].default
+            spec = KEYS[section][key]
+            return self[f"{section}.{spec.follows}"] if spec.follows else spec.default
         return self.values[section][key].value
 
     def changed(self, **paths: Any) -> Setup:
@@ -40,11 +42,23 @@ class Setup:
             changes.setdefault(section, {})[key] = value
         return self.with_values(schema.check(changes))
 
+    def with_scheme(self, scheme: str, **paths: Any) -> Setup:
+        """A copy under another scheme, with `timing.latency` as the scheme needs it."""
+        from .. import firmware
+
+        if firmware.needs_prediction(scheme):
+            paths.setdefault("timing__latency", "predicted")
+        return self.changed(controller__scheme=scheme, **paths)
+
     def with_values(self, changes: dict[str, dict[str, Value]]) -> Setup:
         """A copy with some checked values changed. Refuses what does not fit together."""
         values = {s: {**entries, **changes.get(s, {})} for s, entries in self.values.items()}
         result = replace(self, values=values)
-        if lines := inconsistent(result) or to_parameters.out_of_range(result):
+        if lines := (
+            inconsistent(result)
+            or to_parameters.out_of_range(result)
+            or to_parameters.load_before_flux(result)
+        ):
             raise SetupError("\n".join(lines))
         return result
 
@@ -60,7 +74,7 @@ class Setup:
     @property
     def write_delay_us(self) -> float:
         """Counter zero to register write."""
-        return to_parameters.write_delay_us(self)
+        return derived.write_delay_us(self)
 
     def machine_values(self) -> dict[str, Any]:
         """The model's parameters."""
@@ -92,8 +106,13 @@ def inconsistent(setup: Setup) -> list[str]:
         lines.append("machine.leads: each phase 1 .. 6 once is needed")
     if any(channel % 1 for channel in setup["sensors.i_wires"]):
         lines.append("sensors.i_wires: whole numbers are needed")
+    energies = [f"inverter.{key}" for key in ("e_on_mJ", "e_off_mJ") if setup[f"inverter.{key}"]]
+    missing = [f"inverter.{key}" for key in ("e_ref_V", "e_ref_A") if not setup[f"inverter.{key}"]]
+    if energies and missing:
+        lines.append(f"{energies[0]} needs {' and '.join(missing)} above 0: where it is stated")
     if setup["inverter.vdc_V"] > setup["sensors.vdc_full_V"]:
         lines.append("inverter.vdc_V is above sensors.vdc_full_V")
+    lines += setup.profile.too_late()
     return lines
 
 
@@ -105,15 +124,17 @@ def describe(setup: Setup) -> dict[str, dict[str, dict[str, Any]]]:
     for section, keys in KEYS.items():
         described[section] = {}
         for key, spec in keys.items():
-            given = setup.values[section].get(key, Value(spec.default, "default"))
+            left_open = Value(setup[f"{section}.{key}"], "derived" if spec.follows else "default")
+            given = setup.values[section].get(key, left_open)
             described[section][key] = _row(given, spec.unit, spec.help)
     described["controller"] = {}
     effective = setup.controller_values()
+    rules = derived.rules_of(setup)
     for key, parameter in firmware.parameters().items():
         if key in setup.values["controller"]:
             given = setup.values["controller"][key]
         elif key in effective:
-            given = Value(effective[key], "derived")
+            given = Value(effective[key], "derived", rules[key].text)
         else:
             given = Value(parameter.show(parameter.initial), "default")
         described["controller"][key] = _row(given, parameter.unit, parameter.help)

@@ -5,9 +5,11 @@ The simulation, a board and the initial values of an image take them from here.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import Any
 
-from ..plant.machines.induction_parameters import Parameters
+from .derived import Known, rules_of
 from .values import Profile, Values
 
 
@@ -23,61 +25,19 @@ def parameters(setup: Values) -> dict[str, float | str]:
     }
 
 
-def decided(setup: Values, default_flux_Wb: float | None = None) -> dict[str, Any]:
+def decided(setup: Values, initial: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """The controller parameters that the set-up gives or that follow from it. The firmware's
-    defaults are not among them; one has a say, the flux reference, at which a saturating
-    machine's inductances hold. Where there is no compiled firmware to ask, the caller names it."""
-    given = {key: value.value for key, value in setup.values["controller"].items()}
-    flux_Wb = given.get("flux_ref_Wb", default_flux_Wb)
-    machine = Parameters(**setup.machine_values())
-    machine = machine.linear_at(_default_flux_Wb() if flux_Wb is None else flux_Wb)
-    return {**_derived(setup, machine, given), **given}
+    defaults are not among them. A rule may use one, for example the flux reference, at which a
+    saturating machine's inductances hold. Where there is no compiled firmware to ask, the caller
+    gives them."""
+    known = Known(setup, _initial() if initial is None else initial)
+    return {name: known[name] for name in (*known.rules, *setup.values["controller"])}
 
 
-def _derived(setup: Values, machine: Parameters, given: dict[str, Any]) -> dict[str, Any]:
-    latency = setup["timing.latency"]
-    immediate = latency in ("none", "immediate")
-    derived: dict[str, Any] = {
-        "pole_pairs": machine.pole_pairs,
-        "rs_ohm": machine.rs_ohm + _mean_of_devices(setup, "r", "ohm"),
-        "drop_V": _mean_of_devices(setup, "v", "V"),
-        "sigma_ls_H": machine.sigma_ls_H,
-        "lxy_H": machine.lxy_H,
-        "rr_ohm": machine.rr_ohm,
-        "lr_H": machine.lr_H,
-        "lm_H": machine.lm_H,
-        "dead_time_us": setup["inverter.dead_time_us"],
-        "i_full_A": setup["sensors.i_full_A"],
-        "vdc_full_V": setup["sensors.vdc_full_V"],
-        "encoder_counts_rev": 4 * setup["sensors.encoder_ppr"],
-        "load_mode": "immediate" if immediate else "shadow",
-        "predict": "on" if latency == "predicted" else "off",
-        "write_delay_us": write_delay_us(setup) if immediate else 0.0,
-        "i_sum_trip_A": max(0.01, 0.1 * setup["sensors.i_full_A"]),
-    }
-    if "i_trip_A" in given:
-        derived["i_ab_trip_A"] = 1.2 * given["i_trip_A"]
-    if "flux_ref_Wb" in given:
-        derived["flux_trip_Wb"] = 2.5 * given["flux_ref_Wb"]
-    return derived
-
-
-def _default_flux_Wb() -> float:
+def _initial() -> dict[str, Any]:
     from .. import firmware
 
-    return firmware.parameters()["flux_ref_Wb"].initial
-
-
-def _mean_of_devices(setup: Values, what: str, unit: str) -> float:
-    """Switches and diodes share the time that a leg carries its current."""
-    return 0.5 * sum(setup[f"inverter.{what}_{device}_{unit}"] for device in ("switch", "diode"))
-
-
-def write_delay_us(setup: Values) -> float:
-    """Counter zero to register write."""
-    if setup["timing.latency"] == "none":
-        return setup["sensors.sample_delay_us"]
-    return setup["sensors.sample_delay_us"] + setup["timing.isr_us"]
+    return {name: row.show(row.initial) for name, row in firmware.parameters().items()}
 
 
 def out_of_range(setup: Values) -> list[str]:
@@ -86,20 +46,68 @@ def out_of_range(setup: Values) -> list[str]:
     from .. import firmware
 
     lines = []
+    rules = rules_of(setup)
     table = firmware.parameters(setup["timing.device"])
     for name, value in decided(setup).items():
         try:
             table[name].parse(value)
         except firmware.FirmwareError as error:
-            from_inverter = name == "dead_time_us" and name not in setup.values["controller"]
-            lines.append(f"{'inverter' if from_inverter else 'controller'}.{error}")
+            given = name in setup.values["controller"]
+            from_inverter = name == "dead_time_us" and not given
+            section = "inverter" if from_inverter else "controller"
+            rule = "" if given or from_inverter else f"; derived: {rules[name].text}"
+            lines.append(f"{section}.{error}{rule}")
+    return lines or _refused_by_law(setup)
+
+
+def _refused_by_law(setup: Values) -> list[str]:
+    """A line for every value that the scheme's law cannot work with."""
+    from .. import firmware
+
+    values = parameters(setup)
+    scheme = str(values["scheme"])
+    if not firmware.needs_prediction(scheme):
+        return []
+    lines = []
+    latency = setup["timing.latency"]
+    if latency != "predicted":
+        lines.append(f"timing.latency = {latency}: {scheme} allows predicted only")
+    machine = (float(values[name]) for name in ("rs_ohm", "sigma_ls_H", "lxy_H"))
+    least_Hz = firmware.lib.ht_deadbeat_law_least_Hz(*machine)
+    if not float(values["f_isr_Hz"]) >= least_Hz:
+        lines.append(
+            f"controller.f_isr_Hz = {values['f_isr_Hz']:g}: {scheme} allows {least_Hz:.0f} Hz and "
+            "more with this machine's time constants"
+        )
     return lines
+
+
+def load_before_flux(setup: Values) -> list[str]:
+    """A line if a constant load turns the shaft so far before the machine has flux that the drive
+    trips. Other loads only resist motion."""
+    if setup["load.kind"] != "constant":
+        return []
+    values = parameters(setup)
+    ready_s = float(values["calibration_s"]) + float(values["build_s"])
+    steps = setup.profile.load_Nm
+    ends = [*(time_s for time_s, _ in steps[1:]), ready_s]
+    speed_rpm = 0.0
+    for (begin_s, load_Nm), end_s in zip(steps, ends):
+        seconds = max(0.0, min(end_s, ready_s) - begin_s)
+        speed_rpm += load_Nm * seconds / setup["machine.inertia_kgm2"] * 30 / math.pi
+        if abs(speed_rpm) > float(values["start_max_rpm"]):
+            return [
+                f"profile.load_Nm: {load_Nm:g} N m from {begin_s:g} s turn the shaft before the "
+                f"machine has flux, at {ready_s:g} s (calibration_s + build_s): begin the load "
+                "later, or give load.kind fan, brake, generator or friction"
+            ]
+    return []
 
 
 #: What no parameter of the controller tells: it belongs to the plant, or to the simulation.
 NOT_ON_A_BOARD = {
     "machine": ("model", "inertia_kgm2", "viscous_Nms", "drs_ohm", "dlls_H", "leads"),
-    "inverter": ("vdc_V", "min_pulse_us"),
+    "inverter": ("vdc_V", "min_pulse_us", "e_on_mJ", "e_off_mJ", "e_ref_V", "e_ref_A"),
     "sensors": (
         "adc_bits",
         "i_offset_A",
@@ -113,6 +121,7 @@ NOT_ON_A_BOARD = {
     ),
     "timing": ("device",),
     "load": ("kind", "at_rpm"),
+    "rated": ("torque_Nm", "speed_rpm", "flux_Wb"),
     "point": ("speed_rpm", "load_Nm"),
 }
 

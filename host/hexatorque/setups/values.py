@@ -35,6 +35,24 @@ class Profile:
     set: tuple[tuple[float, str, Any], ...] = ()  #: (time, controller parameter, value)
     samples_per_period: int = 4
 
+    @property
+    def steps(self) -> dict[str, tuple[tuple[float, Any], ...]]:
+        """The steps (time s, value) of each quantity that changes."""
+        ordered = {"speed_rpm": self.speed_rpm, "load_Nm": self.load_Nm, "vdc_V": self.vdc_V}
+        return {**ordered, "set": tuple((time_s, value) for time_s, _, value in self.set)}
+
+    def too_late(self) -> list[str]:
+        """A line for each quantity with a step at or after the end."""
+        lines = []
+        for name, steps in self.steps.items():
+            late = [time_s for time_s, _ in steps if time_s >= self.duration_s]
+            if late:
+                lines.append(
+                    f"profile.{name}: step at {late[0]:g} s: the profile ends at "
+                    f"duration_s = {self.duration_s:g} s"
+                )
+        return lines
+
 
 class Values(Protocol):
     """A set-up, as far as the controller's parameters follow from it."""
@@ -44,6 +62,9 @@ class Values(Protocol):
 
     @property
     def profile(self) -> Profile: ...
+
+    @property
+    def defaults(self) -> str: ...
 
     def __getitem__(self, path: str) -> Any: ...
 

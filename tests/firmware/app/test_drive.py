@@ -490,6 +490,26 @@ def test_parameters_reach_both_interrupts_together(bench):
     assert bench.drive.config.protect.i_trip_A == 7.0
 
 
+@pytest.mark.parametrize("refused", [{"torque_inner_Nm": 3.0}, {"f_isr_Hz": 1234.5}])
+def test_a_refusal_leaves_the_parameters_that_still_wait(bench, refused):
+    """Two writes before the next fast interrupt, the first accepted, the second refused: the
+    interrupt takes over the first, whether the second concerned the set-up or not."""
+    if "f_isr_Hz" not in refused:
+        bench.run_to("run")
+    bench.fast()
+    bench.controller.set("kp_xy_pu_A", 0.0123)
+    before = bench.drive.params
+    rate_Hz, inner_Nm = (before.v[parameters()[n].id] for n in ("f_isr_Hz", "torque_inner_Nm"))
+    with pytest.raises(FirmwareError, match="do not fit together"):
+        bench.controller.set_many(refused)
+    assert bench.drive.staged != ffi.NULL
+    bench.fast()
+    control = bench.drive.config.control
+    assert control.table_law.xy.kp_pu_A == pytest.approx(0.0123)
+    assert control.observer.inv_ts == rate_Hz
+    assert control.table_law.torque_inner_Nm == inner_Nm
+
+
 def test_a_write_sets_all_parameters_or_none(bench):
     bench.run_to("run").fast()
     rows = [parameters()[n] for n in ("torque_ref_Nm", "kp_speed_Nms_rad", "torque_band_Nm")]

@@ -6,12 +6,11 @@ followed edge by edge in double precision through several periods. The dead time
 and a reversed command cancels it.
 """
 
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from legs import follow_leg
 
 from hexatorque.firmware import ffi, lib
 
@@ -134,40 +133,11 @@ def test_unused_registers_hold_the_period():
 # --- volt-seconds ---------------------------------------------------------
 
 
-def follow_leg(commands, dead, outward, end):
-    """The exact intervals in which a leg is high. `commands` = [(time, level), ...] are in order,
-    and all legs are low before. While both switches are off, the current decides: a current that
-    flows out holds the leg low, a current that flows in holds it high."""
-    edges, level, pending = [], 0, None
-    for time, command in [*commands, (np.inf, None)]:
-        if pending is not None and pending <= time:
-            level = 1 - level
-            edges.append((pending, level))
-            pending = None
-        if command is None:
-            break
-        if pending is not None and command == level:
-            pending = None  # switched back before the delay was over
-        elif pending is None and command != level:
-            late = dead if bool(command) == outward else 0.0
-            pending = time + late
-            if late == 0.0:
-                level, pending = command, None
-                edges.append((time, level))
-    on = np.zeros(end)
-    for n in range(end):
-        knots = [(-1.0, 0), *edges, (np.inf, None)]
-        for (a, state), (b, _) in itertools.pairwise(knots):
-            if state:
-                on[n] += max(0.0, min(b, n + 1) - max(a, n))
-    return on
-
-
 def volt_seconds(applied, dead, i_begin, i_end, spill, xy=True):
     """The mean voltage alpha, beta, x, y. `spill` is input and output."""
     begin, end = ffi.new("ht_six *", {"p": i_begin}), ffi.new("ht_six *", {"p": i_end})
     flow = lib.ht_flow_at_edges(applied, *(lib.ht_flow_of(i, dead) for i in (begin, end)))
-    v = lib.ht_volt_seconds(applied, dead, flow, begin, end, spill, spill, xy)
+    v = lib.ht_volt_seconds(applied, ffi.NULL, dead, flow, begin, end, spill, spill, xy)
     return [v.ab.alpha, v.ab.beta, v.xy.x, v.xy.y]
 
 
@@ -353,12 +323,12 @@ def test_a_prediction_does_not_change_the_stored_delay():
     begin = ffi.new("ht_six *", {"p": [5.0] * 6})
     left, over = ffi.new("ht_spill *"), ffi.new("ht_spill *")
     flow = lib.ht_flow_of(begin, dead)
-    lib.ht_volt_seconds(late, dead, flow, begin, begin, left, left, True)
+    lib.ht_volt_seconds(late, ffi.NULL, dead, flow, begin, begin, left, left, True)
     assert left.legs == 32 and left.shift[0] == pytest.approx(0.04, abs=1e-6)
     before = bytes(ffi.buffer(left))
-    ahead = lib.ht_volt_seconds(back, dead, flow, begin, begin, left, over, True)
+    ahead = lib.ht_volt_seconds(back, ffi.NULL, dead, flow, begin, begin, left, over, True)
     assert bytes(ffi.buffer(left)) == before and over.legs == 0
-    now = lib.ht_volt_seconds(back, dead, flow, begin, begin, left, left, True)
+    now = lib.ht_volt_seconds(back, ffi.NULL, dead, flow, begin, begin, left, left, True)
     assert bytes(ffi.buffer(ffi.new("ht_vsd *", ahead))) == bytes(
         ffi.buffer(ffi.new("ht_vsd *", now))
     )
@@ -366,7 +336,7 @@ def test_a_prediction_does_not_change_the_stored_delay():
     (plain,) = applied_sequence([((0, 32, 32), (0.5, 0.9))], 0.05, 10000, 0)
     for pattern in (back, plain):  # if no delay remains, `over` is cleared
         over.legs = 63
-        lib.ht_volt_seconds(pattern, dead, flow, begin, begin, left, over, True)
+        lib.ht_volt_seconds(pattern, ffi.NULL, dead, flow, begin, begin, left, over, True)
         assert over.legs == 0
 
 

@@ -257,6 +257,36 @@ def test_a_flux_check_of_zero_turns_the_check_off():
     assert looks_until("FLUX", config(machine, flux_check=0.0), control) is None
 
 
+@pytest.mark.parametrize(("machine", "least"), [(MACHINES[0], 0.2), (MACHINES[3], 0.4)])
+def test_a_rotor_flux_that_still_rises_is_no_wrong_flux(machine, least):
+    """Direct current of 2.5 no-load currents builds the flux. Where the stator's flux has its
+    reference, it stays there. The rotor's flux follows its own equation,
+    dr/dt = (R_r/L_r)((1 - sigma) L_s i - r). Without this equation the same current would be a
+    wrong flux."""
+    _, rr, ls, lr, _ = machine
+    psi_ref, slow_s = 0.6, 0.01
+    rises = {"rotor_gain": 1 / (1 + lr / (30 * rr * slow_s)), "magnetise_A_Wb": 30 / ls}
+    most = {}
+    for name, changes in {"risen": rises, "not known": {"magnetise_A_Wb": 0.0}}.items():
+        cfg = config(machine, no_load_A=psi_ref / ls, flux_gain=slow_s / 0.2, **changes)
+        state, r, most[name], build = fresh(), 0.0, 0.0, True
+        for _ in range(300):
+            for _ in range(100):
+                i = 2.5 * psi_ref / ls if build else (psi_ref - r) / (sigma(machine) * ls)
+                r += slow_s / 100 * rr / lr * ((1 - sigma(machine)) * ls * i - r)
+                psi = r + sigma(machine) * ls * i
+                build = build and psi < psi_ref
+            control = seen(psi + 0j, i + 0j)
+            if build:
+                lib.ht_protect_follow(cfg, state, control)
+            else:
+                lib.ht_protect_slow(cfg, state, control, 0.0)
+            most[name] = max(most[name], math.sqrt(state.circle2))
+    assert r == pytest.approx((1 - sigma(machine)) * psi_ref, rel=0.01)
+    assert most["risen"] < 0.35
+    assert most["not known"] > least
+
+
 # --- encoder ---------------------------------------------------------------------------
 
 

@@ -35,7 +35,9 @@ def zero_xy_mean(vectors):
 def corners(row):
     """The mean vectors that the scheme can hold for any time."""
     large, medium = group(RADIUS["L"]), group(RADIUS["ML"])
-    if row.vectors == lib.HT_VECTORS_SINGLE:
+    if row.vectors in (lib.HT_VECTORS_SINGLE, lib.HT_VECTORS_MODULATED):
+        # Any x-y voltage: the first scheme ignores it, in the modulator it gives way. Then the
+        # means of all vectors together are the dodecagon of the large ones.
         return large[0]
     if row.vectors == lib.HT_VECTORS_VIRTUAL:
         ab, xy = large if row.group == lib.HT_L else medium
@@ -68,14 +70,21 @@ def test_levels_vectors_and_regulators_are_those_of_the_papers():
         "fdr": (virtual, lib.HT_L, 3, False),
         "ddr": (virtual, lib.HT_L, 3, True),
         "ddr-ml": (virtual, lib.HT_ML, 3, True),
+        "db-dtfc": (lib.HT_VECTORS_MODULATED, lib.HT_L, 0, False),
     }
+
+
+def test_law_and_what_it_needs():
+    needs = {name: lib.ht_law_needs_prediction(row.law) for name, row in ROWS.items()}
+    assert needs == {name: name == "db-dtfc" for name in NAMES}
+    assert {name for name, row in ROWS.items() if row.law != lib.HT_LAW_TABLE} == {"db-dtfc"}
 
 
 def test_xy_limit_is_that_of_the_regulated_group():
     limits = {name: lib.ht_scheme_xy_limit_pu(row) for name, row in ROWS.items()}
     assert limits == {
         "dtc1": 0, "dtc2": 0, "dtc3": 0, "fdr": 0,
-        "ddr": lib.ht_tmvcl_pu[lib.HT_L], "ddr-ml": lib.ht_tmvcl_pu[lib.HT_ML],
+        "ddr": lib.ht_tmvcl_pu[lib.HT_L], "ddr-ml": lib.ht_tmvcl_pu[lib.HT_ML], "db-dtfc": 0,
     }  # fmt: skip
 
 

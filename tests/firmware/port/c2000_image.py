@@ -34,18 +34,18 @@ class Builder:
     """Makes programs that run an image. Object files are kept, so a changed source needs only its
     own compilation and a link."""
 
-    def __init__(self, folder: Path, active_low: bool = False) -> None:
-        """`active_low`: the build option for gate drivers that invert."""
+    def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.polarity = f"-DHT_GATES_ACTIVE_LOW={int(active_low)}"
 
     def _compile(self, source: Path, out: Path, *options: str) -> Path:
         include = [f"-I{ROOT / 'firmware' / f}" for f in (*FOLDERS, *PIL_FOLDERS, "port")]
-        command = [CC, *FLAGS, self.polarity, *options, *include, "-c", source, "-o", out]
+        command = [CC, *FLAGS, *options, *include, "-c", source, "-o", out]
         subprocess.run(command, check=True, capture_output=True, text=True)
         return out
 
-    def _sources(self, board: str, pil: bool) -> dict[str, tuple[Path, Path, tuple[str, ...]]]:
+    def _sources(
+        self, board: str, pil: bool, active_low: bool
+    ) -> dict[str, tuple[Path, Path, tuple[str, ...]]]:
         """Source name -> source, object, options."""
         firmware = ROOT / "firmware"
         folders = FOLDERS[:-1] + (PIL_FOLDERS if pil else ())
@@ -64,17 +64,24 @@ class Builder:
             if not (pil and source.name in NOT_IN_PIL):
                 options = of_board.get(source.name, ())
                 stem = f"{board}_{source.name}" if options else source.stem
+                if "HT_GATES_ACTIVE_LOW" in source.read_text():
+                    options += (f"-DHT_GATES_ACTIVE_LOW={int(active_low)}",)
+                    stem += "_active_low" if active_low else "_active_high"
                 sources[source.name] = source, self.folder / f"{stem}.o", options
         return sources
 
     def build(
-        self, board: str, change: tuple[str, str, str] | None = None, pil: bool = False
+        self,
+        board: str,
+        change: tuple[str, str, str] | None = None,
+        pil: bool = False,
+        active_low: bool = False,
     ) -> Path:
         """The program of a board. `change`: source name, text that must be there once,
-        what takes its place."""
+        what takes its place. `active_low`: the build option for gate drivers that invert."""
         name, old, new = change or ("", "", "")
         objects = []
-        sources = self._sources(board, pil)
+        sources = self._sources(board, pil, active_low)
         if change and name not in sources:
             raise ValueError(f"{name} is not in this image")
         for source, out, options in sources.values():

@@ -9,6 +9,7 @@ import sys
 
 import c2000_image as image
 import pytest
+from campaigns import part
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux") or shutil.which(image.CC) is None,
@@ -457,7 +458,7 @@ def test_mistakes_in_the_clocks_set_up_are_found(builder, fault):
     assert any(said in line for line in found), "\n".join(found) or "nothing found"
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("fault", part(list(FAULTS), 36))
 def test_fault_is_found(builder, fault):
     board, source, old, new, said = FAULTS[fault]
     _, lines = image.run(builder.build(board, (source, old, new)))
@@ -466,11 +467,11 @@ def test_fault_is_found(builder, fault):
 
 
 @pytest.mark.parametrize("board", image.BOARDS)
-def test_image_for_gate_drivers_that_invert(tmp_path, board):
+def test_image_for_gate_drivers_that_invert(builder, board):
     """The whole run is in order, and what the start leaves differs in nothing but this: the
     dead band inverts output A in place of B, a trip forces both outputs high, and the pins have
     pull-ups while they are inputs."""
-    good, lines = image.run(image.Builder(tmp_path, active_low=True).build(board))
+    good, lines = image.run(builder.build(board, active_low=True))
     assert not image.complaints(lines)
     assert good
     changed = [
@@ -494,9 +495,8 @@ def test_image_for_gate_drivers_that_invert(tmp_path, board):
          "without dead band"),
     ),
 )  # fmt: skip
-def test_a_missing_polarity_setting_is_found(tmp_path, source, old, new, said):
-    builder = image.Builder(tmp_path, active_low=True)
-    _, lines = image.run(builder.build(F28335, (source, old, new)))
+def test_a_missing_polarity_setting_is_found(builder, source, old, new, said):
+    _, lines = image.run(builder.build(F28335, (source, old, new), active_low=True))
     assert any(said in line for line in image.complaints(lines))
 
 

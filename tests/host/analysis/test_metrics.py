@@ -11,8 +11,11 @@ from hexatorque.analysis.run import by_point
 from hexatorque.evidence.papers.printed_values import PAPER
 
 METRICS = [
-    "speed_rpm", "torque_Nm", "torque_ripple_Nm", "flux_Wb", "flux_ripple_Wb", "i1_A", "f1_Hz",
-    "thd_pct", "h5_pct", "h7_pct", "ixy_rms_A", "delta_i_A", "f_sw_Hz",
+    "speed_rpm", "torque_Nm", "torque_ripple_Nm", "torque_ripple_td_Nm", "flux_Wb",
+    "flux_ripple_Wb", "i1_A", "f1_Hz", "thd_pct", "thd_inf_pct", "h5_pct",
+    "h7_pct", "ixy_rms_A", "delta_i_A", "delta_i_spread_A", "f_sw_Hz", "copper_loss_W",
+    "idc_A", "idc_ripple_A",
+    "conduction_loss_W", "switching_loss_W",
 ]  # fmt: skip
 
 
@@ -44,13 +47,55 @@ def test_known_steady_state(make_recording, prefix, offset_A):
     assert m["f_sw_Hz"] == 2450
 
 
+def test_ripple_between_the_control_instants(make_recording):
+    """A ripple at the period's own frequency: the same value at every control instant."""
+    rec = make_recording(ripple_Nm=0.0, rate_Hz=120_000.0, meta={"samples_per_period": 12})
+    t = np.arange(len(rec)) / rec.rate_Hz
+    rec.channels["plant.torque_Nm"] = 2.0 + 0.3 * np.sqrt(2) * np.sin(2 * np.pi * 10_000 * t)
+    m = metrics(rec)
+    assert m["torque_ripple_Nm"] == pytest.approx(0, abs=1e-6)
+    assert m["torque_ripple_td_Nm"] == pytest.approx(0.3)
+    rec.meta["samples_per_period"] = 9
+    assert metrics(rec)["torque_ripple_td_Nm"] is None
+
+
+def test_distortion_of_all_phases_has_no_band(make_recording):
+    """5 % at order 201 (8 kHz) counts, beyond the widest band of `thd_pct`; what only one phase
+    has, counts by its share of the six; mean and unequal fundamentals do not count."""
+    m = metrics(make_recording(lines={201: 0.05}, offset_A=0.7))
+    assert m["thd_inf_pct"] == pytest.approx(5, rel=1e-3)
+    assert m["thd_pct"]["5kHz"] == pytest.approx(0, abs=0.01)
+    rec = make_recording(amplitude_A=(2.0, 1.0))
+    assert metrics(rec)["thd_inf_pct"] == pytest.approx(0, abs=1e-6)
+    rec = make_recording()
+    t = np.arange(len(rec)) / rec.rate_Hz
+    rec.channels["plant.i_w2_A"] += 0.6 * np.cos(2 * np.pi * 7000 * t)
+    assert metrics(rec)["thd_inf_pct"] == pytest.approx(100 * 0.3 / np.sqrt(6), rel=1e-3)
+
+
 def test_unequal_sets(make_recording):
     m = metrics(make_recording(amplitude_A=(2.0, 1.77)))
     assert m["delta_i_A"] == pytest.approx(0.23)
+    assert m["delta_i_spread_A"] == pytest.approx(0, abs=1e-9)
     assert m["i1_A"] == pytest.approx(2.0)
     # Half the difference rotates backwards in x-y.
     assert m["ixy_rms_A"] == pytest.approx(0.115)
     assert metrics(make_recording(amplitude_A=(1.77, 2.0)))["delta_i_A"] == pytest.approx(0.23)
+
+
+def test_the_spread_of_the_difference_is_that_from_window_to_window(make_recording):
+    """White noise of standard deviation s on each phase gives an amplitude, from n samples under a
+    Hann window, with the standard deviation s sqrt(2 * 1.5 / n). Two phases: sqrt(2) more."""
+    rng, noise_A = np.random.default_rng(1), 0.5
+    windows = []
+    for _ in range(40):
+        rec = make_recording()
+        for name in ("plant.i_u1_A", "plant.i_u2_A"):
+            rec.channels[name] = rec[name] + rng.normal(0.0, noise_A, len(rec))
+        windows.append(metrics(rec))
+    want_A = noise_A * np.sqrt(2 * 1.5 / len(rec)) * np.sqrt(2)
+    spreads_A = [m["delta_i_spread_A"] for m in windows]
+    assert np.sqrt(np.mean(np.square(spreads_A))) == pytest.approx(want_A, rel=0.25)
 
 
 def test_reverse_rotation_has_the_same_metrics(make_recording):

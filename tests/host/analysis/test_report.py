@@ -157,4 +157,5 @@ def test_missing_figures_of_merit_show_as_a_dash(make_run, tmp_path):
     run = make_run(scheme="dtc1", rate_Hz=3000.0, meta={})
     page = Page(html_report(tmp_path / "r.html", [run], PAPER).read_text(encoding="utf-8"))
     row = next(row for row in page.rows if row[:2] == ["DTC1", "predicted"])
-    assert row.count("–") == 5  # 2 kHz, 5 kHz, h50, f_sw, relative f_sw
+    # Td, 2 kHz, 5 kHz, h50, dc-link ripple, three losses, f_sw, relative f_sw
+    assert row.count("–") == 10

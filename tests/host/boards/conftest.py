@@ -1,10 +1,20 @@
 """Which targets can run on this computer. Without its tools a test is skipped, with the line that
 says how to install them."""
 
+import functools
+
 import pytest
 
 from hexatorque import setups
 from hexatorque.boards import emulator_process, tools
+
+
+@pytest.fixture(scope="session", autouse=True)
+def build_once():
+    """The sources do not change while the tests run, so CMake looks for changes only once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tools, "build", functools.cache(tools.build))
+        yield
 
 
 @pytest.fixture(scope="session")

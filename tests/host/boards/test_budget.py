@@ -94,7 +94,7 @@ def test_stack_used_is_within_the_computed_one(measured):
 
 def test_stack_of_a_path_is_the_sum_of_its_functions(measured):
     """By the compiler's own files, each function's largest entry."""
-    folder = tools.build(emulator_process.MACHINES["mps2-an386"])
+    folder = tools.build(emulator_process.MACHINES["mps2-an386"], "count")
     objects = tools.objects(folder, "ht_core", "count").values()
     files = stack.usage_files(folder / count.IMAGE, objects)
     text = "".join(file.read_text() for file in files)

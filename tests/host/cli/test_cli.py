@@ -10,6 +10,7 @@ import pytest
 
 from hexatorque import firmware, setups
 from hexatorque.cli.main import main
+from hexatorque.evidence.studies import integration
 from hexatorque.recording.formats import SUFFIXES
 from hexatorque.recording.journal import Stream
 from hexatorque.recording.recording import Recording
@@ -17,8 +18,10 @@ from hexatorque.recording.writer import Writer
 
 RUN_KEYS = {
     "setup", "scheme", "latency", "speed_ref_rpm", "load_Nm", "speed_rpm", "torque_Nm",
-    "torque_ripple_Nm", "flux_Wb", "flux_ripple_Wb", "i1_A", "f1_Hz", "thd_pct", "h5_pct",
-    "h7_pct", "ixy_rms_A", "delta_i_A", "f_sw_Hz", "realtime_factor",
+    "torque_ripple_Nm", "torque_ripple_td_Nm", "flux_Wb", "flux_ripple_Wb", "i1_A", "f1_Hz",
+    "thd_pct", "thd_inf_pct", "h5_pct",
+    "h7_pct", "ixy_rms_A", "delta_i_A", "delta_i_spread_A", "f_sw_Hz", "copper_loss_W",
+    "conduction_loss_W", "switching_loss_W", "idc_A", "idc_ripple_A", "realtime_factor",
 }  # fmt: skip
 
 
@@ -306,13 +309,19 @@ def test_an_instruction_counter_that_is_no_program(tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_a_study_writes_its_result_and_picture(tmp_path, capsys):
+def test_a_study_writes_its_result_and_picture(tmp_path, capsys, monkeypatch):
+    """One operating point, compared with a step that is a quarter as long."""
+    monkeypatch.setattr(integration, "SETUPS", ("paper-b",))
+    monkeypatch.setattr(integration, "STEPS_US", (100.0, 50.0))
+    monkeypatch.setattr(integration, "FINEST_US", 25.0)
     studies = ["evidence", "studies", "integration", "--quick", "--json", "-o", str(tmp_path)]
     assert main(studies) == 0
     printed, table = capsys.readouterr()
     result = json.loads(printed)["integration"]
     assert result == json.loads((tmp_path / "integration.json").read_text())
-    assert 100 in result["step_us"] and result["limit"] == 1e-6
+    (point,) = result["points"]
+    assert point["setup"] == "paper-b" and 0 < point["error"][1] < point["error"][0]
+    assert result["step_us"] == [100, 50] and result["limit"] == 1e-6
     picture = tmp_path / "integration.png"
     assert "100 us" in table and str(picture) in table.replace("\n", "")
     assert picture.read_bytes()[:4] == b"\x89PNG"

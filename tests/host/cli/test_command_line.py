@@ -56,7 +56,7 @@ def test_groups_are_small():
 
 
 def test_daily_commands_are_at_the_top_level():
-    daily = {"run", "compare", "reach", "plot", "convert", "setups", "schemes"}
+    daily = {"run", "compare", "reach", "plot", "convert", "setups", "schemes", "new", "check"}
     assert set(app.commands) == {*daily, "board", "evidence"}
 
 

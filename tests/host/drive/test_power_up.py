@@ -12,7 +12,7 @@ from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies.faults import FAULTS
 from hexatorque.firmware import FirmwareError
-from hexatorque.plant.inverter import HIGH, LOW, OFF
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.vsd import PHASES
 
 LIST = (Path(__file__).resolve().parents[3] / "docs" / "first-spin.md").read_text()

@@ -90,6 +90,19 @@ class Board:
         self._now, self._changes = folder / "now", folder / "changes"
         self.process = python("-c", BOARD, self.port, self._now, self._changes)
         assert self.port in self.process.stdout.readline(), self.process.stderr.read()
+        self._users = 0
+
+    @contextmanager
+    def used(self):
+        """It stands still while nobody uses it: it would need a tenth of a processor."""
+        self._users += 1
+        self.process.send_signal(signal.SIGCONT)
+        try:
+            yield
+        finally:
+            self._users -= 1
+            if not self._users:
+                self.process.send_signal(signal.SIGSTOP)
 
     @property
     def time_s(self) -> float:
@@ -113,16 +126,22 @@ class Board:
 
 
 @pytest.fixture(scope="session")
-def board(own_directories, tmp_path_factory) -> Board:
+def session_board(own_directories, tmp_path_factory) -> Board:
     board = Board(tmp_path_factory.mktemp("dev"))
     try:
         yield board
     finally:
-        board.process.terminate()
+        board.process.kill()
         board.process.communicate()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture
+def board(session_board) -> Board:
+    with session_board.used():
+        yield session_board
+
+
+@pytest.fixture
 def port(board) -> str:
     return board.port
 
@@ -281,7 +300,7 @@ def site(drive, tmp_path):
         MonitoredDrive(drive, tmp_path / "recordings", silent_s=1.0, hidden_s=2.0) as monitored,
         Server(monitored) as server,
     ):
-        thread = threading.Thread(target=server.serve_forever)
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
         thread.start()
         yield Site(monitored, server)
         server.shutdown()
@@ -314,16 +333,45 @@ class Monitor(Visitor):
         return self.process.returncode, out + err
 
 
-@pytest.fixture
-def monitor(port, tmp_path):
-    """A monitor of the board. Afterwards the board is idle and without faults again."""
+@pytest.fixture(scope="session")
+def left_at_rest():
+    """left_at_rest(port): afterwards the board is idle, without faults, and has the parameters
+    that it has now."""
     from hexatorque.drive.board import BoardDrive
 
-    with patiently(BoardDrive.open, port) as drive:
-        before = patiently(drive.get_all)
-    monitor = Monitor("--device", port, "-o", tmp_path / "recordings")
-    yield monitor
-    if monitor.process.poll() is None:
-        monitor.end(signal.SIGINT)
-    with patiently(BoardDrive.open, port) as drive:
-        patiently(to_rest, drive, before)
+    @contextmanager
+    def use(port: str):
+        with patiently(BoardDrive.open, port) as drive:
+            before = patiently(drive.get_all)
+        yield
+        with patiently(BoardDrive.open, port) as drive:
+            patiently(to_rest, drive, before)
+
+    return use
+
+
+@pytest.fixture(scope="session")
+def start_monitor(tmp_path_factory):
+    """start_monitor(port): a monitor of the board."""
+
+    @contextmanager
+    def start(port: str):
+        folder = tmp_path_factory.mktemp("recordings")
+        monitor = Monitor("--device", port, "-o", folder)
+        yield monitor
+        if monitor.process.poll() is None:
+            monitor.end(signal.SIGINT)
+
+    return start
+
+
+@pytest.fixture
+def own_monitor(port, left_at_rest, start_monitor):
+    """A monitor that the test may end."""
+    with left_at_rest(port), start_monitor(port) as monitor:
+        yield monitor
+
+
+@pytest.fixture
+def monitor(own_monitor):
+    return own_monitor

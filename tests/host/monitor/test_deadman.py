@@ -37,9 +37,12 @@ def page(browser, monitor):
 
 
 def off_after(board, begun_s: float) -> float:
-    """The board's time from `begun_s` until its drive was off."""
+    """The board's time from `begun_s` until its drive was off. 0: on a busy computer the page had
+    not run even before, and the drive was off already."""
     end = time.monotonic() + 60
     while (off_s := board.off_s(begun_s)) is None:
+        if not board.working:
+            return 0.0
         assert time.monotonic() < end, "the drive still runs"
         time.sleep(0.02)
     return off_s - begun_s

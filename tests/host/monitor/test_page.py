@@ -27,6 +27,25 @@ def browser(tmp_path_factory):
         yield browser
 
 
+@pytest.fixture(scope="module")
+def lasting_monitor(start_monitor, session_board):
+    with session_board.used(), start_monitor(session_board.port) as monitor:
+        yield monitor
+
+
+@pytest.fixture
+def monitor(lasting_monitor, left_at_rest, session_board):
+    """The same for all tests of this file, so none may end it."""
+    with left_at_rest(session_board.port):
+        with lasting_monitor.page() as frame:
+            while "status" not in (one := frame()):
+                pass
+        traces = {name: one["status"][name] for name in ("channels", "rate_Hz")}
+        yield lasting_monitor
+        lasting_monitor.enter()
+        lasting_monitor.post("/channels", traces)
+
+
 @pytest.fixture
 def page(browser, monitor):
     browser.events.clear()
@@ -81,25 +100,24 @@ def test_start_speed_traces_stop(page, monitor):
     assert requests and all(url.startswith(f"http://{monitor.host}/") for url in requests)
 
 
-@pytest.mark.parametrize(
-    ("key", "code", "where"),
-    [
+def test_a_key_stops_the_drive_wherever_the_focus_is(page):
+    for key, code, where in (
         ("Escape", "Escape", "document.activeElement.blur()"),
         ("Escape", "Escape", f"document.querySelector('{QUICK_SPEED}').focus()"),
         ("Escape", "Escape", "document.querySelector('#window').focus()"),
         (" ", "Space", "document.activeElement.blur()"),
         (" ", "Space", "document.querySelector('#start').focus()"),
         (" ", "Space", "document.querySelector('#record').focus()"),
-    ],
-)
-def test_a_key_stops_the_drive_wherever_the_focus_is(page, monitor, key, code, where):
-    start(page)
-    page.js(where)
-    page.key(key, code, key if key == " " else "")
-    page.until(f"{STATE} === 'idle'", 1)
-    time.sleep(0.3)
-    assert page.js(STATE) == "idle"  # the key did not also press the button that has the focus
-    assert page.js("document.querySelector('#record').getAttribute('aria-pressed')") == "false"
+    ):
+        start(page)
+        page.js(where)
+        page.key(key, code, key if key == " " else "")
+        page.until(f"{STATE} === 'idle'", 1)
+        time.sleep(0.3)
+        # The key did not also press the button that has the focus.
+        assert page.js(STATE) == "idle", (key, where)
+        recording = page.js("document.querySelector('#record').getAttribute('aria-pressed')")
+        assert recording == "false", (key, where)
 
 
 def test_stop_can_be_hit_at_any_size(page):
@@ -400,13 +418,15 @@ def test_a_closed_tab_stops_the_drive(browser, page, monitor):
         assert one["status"]["state"] == "idle" and "no page" in one["status"]["notice"]
 
 
-def test_the_page_shows_that_the_monitor_has_ended(page, monitor):
+def test_the_page_shows_that_the_monitor_has_ended(browser, own_monitor):
+    page = browser.open(own_monitor.url)
     start(page)
-    monitor.end(signal.SIGTERM)
+    own_monitor.end(signal.SIGTERM)
     page.until(f"{STATE} === 'unknown'", 4)
     assert not page.js("document.querySelector('#alarm').hidden")
     page.click("#stop")
     page.until("document.querySelector('#toasts .bad')")
+    page.close()
 
 
 def test_without_the_cookie_the_page_says_which_address_to_open(browser, monitor):

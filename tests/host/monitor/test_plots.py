@@ -83,7 +83,7 @@ class NoDrive:
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     with Server(NoDrive()) as server, Chromium(tmp_path_factory.mktemp("profile")) as browser:
-        thread = threading.Thread(target=server.serve_forever)
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
         thread.start()
         page = browser.open(server.url)
         page.until("!document.querySelector('#alarm').hidden")

@@ -17,14 +17,14 @@ from numba import njit
 from scipy.integrate import ode, solve_ivp
 from scipy.optimize import brentq
 
-from hexatorque.plant.inverter import HIGH, LOW, OFF
+from hexatorque.plant.legs import HIGH, LOW, OFF
 
 #: A third state besides the rails LOW and HIGH: the diodes block, and there is no current.
 FLOATS = -1
 RTOL, ATOL = 1e-11, 1e-12
 
 
-@njit
+@njit(cache=True)
 def slopes(_, x, a):
     """dx/dt. Rows 0..5 of `a` have the linear terms (6), the terms times speed (6) and the constant
     (1). Row 6 has torque per inertia for each pair of a stator and a rotor current (8), friction

@@ -7,30 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numba import njit
+from plant_calls import NO_LOAD, advance, set_leg
 from scipy.integrate import solve_ivp
 
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
-from hexatorque.plant.machine import LOAD
+from hexatorque.plant.inverter import inverter_record
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.machines.induction import make
-from hexatorque.plant.record import record
 
 VDC = 250.0
 V_SWITCH, V_DIODE, R_SWITCH, R_DIODE = 1.2, 0.9, 0.05, 0.02
 DROPS = {
     "v_switch_V": V_SWITCH, "v_diode_V": V_DIODE, "r_switch_ohm": R_SWITCH, "r_diode_ohm": R_DIODE,
 }  # fmt: skip
-NO_LOAD = record(LOAD, **{n: float(n == "eddy_rad_s") for n in LOAD.names})
 ANGLES = np.radians([0, 30, 120, 150, 240, 270])
-
-
-@njit
-def sweep(inv, m, load, y, dt, vdc, states):
-    for r in range(len(states)):
-        advance(inv, m, load, y, dt, vdc)
-        states[r] = y
 
 
 class Drive:
@@ -46,9 +37,7 @@ class Drive:
 
     def advance(self, dt, steps=1, vdc=VDC):
         """The states after each step."""
-        states = np.empty((steps, 8))
-        sweep(self.inv, self.m, NO_LOAD, self.y, dt, vdc, states)
-        return states
+        return advance(self.inv, self.m, NO_LOAD, self.y, dt, vdc, steps)[0]
 
     @property
     def i(self):

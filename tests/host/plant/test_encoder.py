@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from plant_calls import sample
 
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.plant.machines.induction import Parameters, make
-from hexatorque.plant.sensors import sample
 
 EQEP = {"f28335": 0x6B00, "f28377s": 0x5100}
 QCAPCTL, QEPSTS, QCTMR, QCPRD = 0x16, 0x1C, 0x1D, 0x1E

@@ -4,11 +4,12 @@ by count. Nothing may delay a trip.
 
 import numpy as np
 import pytest
+from plant_calls import suppress_short_pulses
 
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive, _pwm_map
-from hexatorque.plant.gates import gates_record, suppress_short_pulses
-from hexatorque.plant.inverter import HIGH, LOW, OFF
+from hexatorque.plant.gates import gates_record
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.pwm import pwm_record
 
 PERIOD = 200

@@ -8,15 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from campaigns import part
-from numba import njit
+from plant_calls import NO_LOAD, advance, set_leg, switch
 
-from hexatorque.plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
-from hexatorque.plant.machine import LOAD, phase_current
+from hexatorque.plant.inverter import inverter_record
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.machines.induction import make
-from hexatorque.plant.record import record
 
 VDC = 250.0
-NO_LOAD = record(LOAD, **{n: float(n == "eddy_rad_s") for n in LOAD.names})
 ANGLES = np.radians([0, 30, 120, 150, 240, 270])
 
 
@@ -37,28 +35,12 @@ class Drive:
             set_leg(self.inv, self.m, self.y, leg, state)
 
     def advance(self, dt, steps=1, vdc=VDC):
-        for _ in range(steps):
-            advance(self.inv, self.m, NO_LOAD, self.y, dt, vdc)
+        return advance(self.inv, self.m, NO_LOAD, self.y, dt, vdc, steps)
 
     @property
     def i(self):
         """Phase currents."""
         return self.m.i_phase @ self.y[:6]
-
-
-@njit
-def sweep(inv, m, load, y, dt, vdc, states, legs):
-    """Advance by rows of states. Keep the state and the leg voltages after each."""
-    for r in range(len(states)):
-        advance(inv, m, load, y, dt, vdc)
-        states[r] = y
-        legs[r] = inv.v_leg
-
-
-def record_steps(drive, dt, steps, vdc=VDC):
-    states, legs = np.empty((steps, 8)), np.empty((steps, 6))
-    sweep(drive.inv, drive.m, NO_LOAD, drive.y, dt, vdc, states, legs)
-    return states, legs
 
 
 def running(model, phase=0.0, magnetising=2.0, working=5.0, omega=60.0):
@@ -116,7 +98,7 @@ def test_current_that_reaches_zero_stays_there(model, sign):
     y = model.state(i_s, i_r, 20.0, 0.0)
     drive = Drive(model.p, y)
     drive.switch(*legs)
-    states, _ = record_steps(drive, 10e-6, 60)
+    states, _ = drive.advance(10e-6, 60)
 
     v_leg = VDC * np.array([sign < 0, 0, 1, 0, 0, 0])
 
@@ -175,22 +157,6 @@ def test_legs_that_are_off_obey_their_diodes_under_any_switching(model):
     assert floats > 50
 
 
-@njit
-def switch_at_random(inv, m, load, y, vdc, legs, times):
-    """Apply rows of leg states for these times. Returns the largest current, A, that is
-    found in a floating leg or against its diode."""
-    worst = 0.0
-    for n in range(len(times)):
-        for leg in range(6):
-            set_leg(inv, m, y, leg, legs[n, leg])
-        advance(inv, m, load, y, times[n], vdc)
-        for leg in range(6):
-            if inv.leg[leg] == OFF:
-                current, diode = phase_current(m, y, leg), inv.diode[leg]
-                worst = max(worst, abs(current) if diode == 0 else -current * diode)
-    return worst
-
-
 @pytest.mark.parametrize("knee_Wb", [0.0, 0.5])
 def test_diodes_do_not_chatter(model, knee_Wb):
     """A voltage may leave its rail and return within a step, and two currents may reach zero almost
@@ -203,7 +169,7 @@ def test_diodes_do_not_chatter(model, knee_Wb):
         legs = rng.choice([LOW, HIGH, OFF], (1500, 6), p=[0.25, 0.25, 0.5])
         legs[rng.random(1500) < 0.1] = OFF
         times = 10 ** rng.uniform(-7, -3.3, 1500)
-        worst = switch_at_random(drive.inv, drive.m, NO_LOAD, drive.y, VDC, legs, times)
+        worst = switch(drive.inv, drive.m, NO_LOAD, drive.y, VDC, legs, times)
         assert worst < 1e-6
 
 
@@ -232,7 +198,7 @@ def test_with_all_legs_off_the_currents_fall_to_zero(model):
     drive = Drive(model.p, y)
     drive.switch(*[OFF] * 6)
     before = drive.i
-    states, legs = record_steps(drive, 2e-6, 5000)
+    states, legs = drive.advance(2e-6, 5000)
     currents = states[:, :6] @ drive.m.i_phase.T
     present = np.abs(currents) > 1e-3
     last = np.flatnonzero(present.any(axis=1))[-1]
@@ -272,7 +238,7 @@ def test_back_emf_above_the_dc_link_conducts(model, emf):
     quarter = 0.5 * np.pi / (omega * p.pole_pairs)
     dt = quarter / 1000
     y0 = drive.y.copy()
-    states, legs = record_steps(drive, dt, 1000)
+    states, legs = drive.advance(dt, 1000)
     assert drive.y[7] - y0[7] == pytest.approx(omega * 1000 * dt, rel=1e-6)
     currents = states[:, :6] @ drive.m.i_phase.T
     if np.sqrt(3) * emf < 1:

@@ -9,7 +9,7 @@ import pytest
 
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.plant.inverter import OFF
+from hexatorque.plant.legs import OFF
 
 
 @pytest.mark.parametrize("sample_delay_us", [0.0, 3.0])

@@ -7,23 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numba import njit
+from plant_calls import NO_LOAD, instant, integrate, load_torque, torque_Nm
 from scipy.integrate import solve_ivp
 
 from hexatorque.drive.simulated import _load
-from hexatorque.plant.machine import (
-    LOAD,
-    derivative,
-    load_torque,
-    phase_current,
-    rk4_step,
-    stator_currents,
-    torque_Nm,
-)
+from hexatorque.plant.machine import LOAD
 from hexatorque.plant.machines.induction import make
 from hexatorque.plant.record import record
 
-NO_LOAD = record(LOAD, **{n: float(n == "eddy_rad_s") for n in LOAD.names})
 VDC = 300.0
 
 
@@ -32,40 +23,6 @@ def vsd(legs):
     angles = np.radians([0, 30, 120, 150, 240, 270])
     rows = [f(n * angles) for n in (1, 5) for f in (np.cos, np.sin)]
     return np.asarray(legs) @ np.array(rows).T / 3
-
-
-@njit
-def follow(m, load, y, volts, dt, steps, out):
-    """Make `steps` steps for each row of volts. `out` has the states after each."""
-    k = np.empty(8)
-    z = np.empty((2, 8))
-    row = 0
-    for c in range(volts.shape[0]):
-        for _ in range(steps):
-            rk4_step(m, load, y, volts[c], dt, y, k, z)
-            out[row] = y
-            row += 1
-
-
-def run(m, load, y, volts, dt, steps=1):
-    out = np.empty((len(volts) * steps, 8))
-    follow(m, load, y.copy(), volts, dt, steps, out)
-    return out
-
-
-@njit
-def instant(m, load, y, v, k, i_leg, i):
-    """Slopes and currents of a state; returns the torque."""
-    derivative(m, load, y, v, k)
-    for leg in range(6):
-        i_leg[leg] = phase_current(m, y, leg)
-    stator_currents(m, y, i)
-    return torque_Nm(m, y, i)
-
-
-@njit
-def load_at(load, omega):
-    return load_torque(load, omega)
 
 
 def random_currents(rng):
@@ -135,7 +92,7 @@ def test_trajectory_is_that_of_the_coils_to_fourth_order(model, direction):
         z = model.follow(z, v_leg, 200e-6, lambda w: 0.02 * w + 1e-3 * w * abs(w)).y[:, -1]
     expected = model.plant_state(z)
     m = make(model.p)
-    final = [run(m, load, np.zeros(8), vsd(legs), 200e-6 / n, n)[-1] for n in (1, 2, 4, 20)]
+    final = [integrate(m, load, np.zeros(8), vsd(legs), 200e-6 / n, n)[-1] for n in (1, 2, 4, 20)]
     errors = [np.max(np.abs(y - expected) / (np.abs(expected) + 0.1)) for y in final]
     assert direction * expected[6] > 1  # it did turn
     assert errors[-1] < 1e-8
@@ -163,7 +120,7 @@ def test_steady_state_is_that_of_the_equivalent_circuit(symmetric, slip, directi
     y = np.zeros(8)
     y[6] = direction * (1 - slip) * w / p.pole_pairs
     m = make(p)
-    states = run(m, NO_LOAD, y, v, dt)[-500:]
+    states = integrate(m, NO_LOAD, y, v, dt)[-500:]
     i = states[:, :6] @ m.i_stator.T
     phasor = 2 * np.mean(i[:, 0] * np.exp(-1j * w * (t[-500:] + dt)))
     assert phasor == pytest.approx(i_s, rel=1e-3)
@@ -180,8 +137,8 @@ def test_energy_is_conserved(model):
     m = make(p)
     load = record(LOAD, **{n: 0.0 for n in LOAD.names} | {"linear_Nms": 0.05, "eddy_rad_s": 1.0})
     steps, dt = 20, 10e-6  # the steps of each switching state; Simpson's rule over pairs
-    y0 = run(m, load, np.zeros(8), vsd(legs), dt, steps)[-1]
-    states = np.vstack([y0, run(m, load, y0, vsd(legs), dt, steps)])
+    y0 = integrate(m, load, np.zeros(8), vsd(legs), dt, steps)[-1]
+    states = np.vstack([y0, integrate(m, load, y0, vsd(legs), dt, steps)])
 
     def powers(y, v_leg):
         i_s, i_r = model.currents(y)
@@ -222,25 +179,25 @@ def test_energy_is_conserved(model):
 def test_load_takes_the_stated_torque(kind, rpm):
     w = rpm * np.pi / 30
     load = _load(kind, 7.5, rpm)
-    assert load_at(load, w) == pytest.approx(7.5, rel=1e-9)
-    assert load_at(_load(kind, 0.0, rpm), w) == 0
+    assert load_torque(load, w) == pytest.approx(7.5, rel=1e-9)
+    assert load_torque(_load(kind, 0.0, rpm), w) == 0
     if kind == "constant":
-        assert load_at(load, -w) == load_at(load, 0.0) == 7.5
+        assert load_torque(load, -w) == load_torque(load, 0.0) == 7.5
     else:
         for share in (0.01, 0.3, 1, 4):
-            assert load_at(load, -share * w) == -load_at(load, share * w)
-        assert load_at(load, 0.0) == 0
+            assert load_torque(load, -share * w) == -load_torque(load, share * w)
+        assert load_torque(load, 0.0) == 0
 
 
 def test_loads_depend_on_the_speed_as_specified():
     w = np.pi / 30 * 1000
-    assert load_at(_load("generator", 8.0, 1000), w / 2) == pytest.approx(4)
-    assert load_at(_load("fan", 8.0, 1000), w / 2) == pytest.approx(2)
-    assert load_at(_load("friction", 8.0, 1000), w / 20) == pytest.approx(8)
-    brake = [load_at(_load("brake", 8.0, 1000), share * w) for share in (1.49, 1.5, 1.51)]
+    assert load_torque(_load("generator", 8.0, 1000), w / 2) == pytest.approx(4)
+    assert load_torque(_load("fan", 8.0, 1000), w / 2) == pytest.approx(2)
+    assert load_torque(_load("friction", 8.0, 1000), w / 20) == pytest.approx(8)
+    brake = [load_torque(_load("brake", 8.0, 1000), share * w) for share in (1.49, 1.5, 1.51)]
     assert brake[1] == max(brake) > 8
     for kind in ("generator", "fan", "friction", "brake"):
-        assert load_at(_load(kind, 8.0, 1000), 0.01 * w) < 8
+        assert load_torque(_load(kind, 8.0, 1000), 0.01 * w) < 8
 
 
 def winding_equations(p, amplitude, w, t_end, times):
@@ -271,7 +228,7 @@ def supplied(p, amplitude, w, seconds, dt=20e-6):
     v[:, 0] = amplitude * np.cos(w * (t + dt / 2))
     v[:, 1] = amplitude * np.sin(w * (t + dt / 2))
     m = make(p)
-    return t + dt, m, run(m, NO_LOAD, np.zeros(8), v, dt)
+    return t + dt, m, integrate(m, NO_LOAD, np.zeros(8), v, dt)
 
 
 def test_free_acceleration_agrees_with_the_winding_equations(symmetric):

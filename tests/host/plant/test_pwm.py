@@ -11,10 +11,11 @@ from itertools import groupby
 import numpy as np
 import pytest
 from campaigns import part
+from plant_calls import pwm_segment
 
 from hexatorque import firmware
 from hexatorque.drive.simulated import _pwm_map
-from hexatorque.plant.pwm import MAX_EDGES, pwm_record, pwm_segment
+from hexatorque.plant.pwm import MAX_EDGES, pwm_record
 
 LOW, HIGH, OFF = 0, 1, 2
 #: Word offsets from TI's manuals; AQCTL exists on type 4 only.

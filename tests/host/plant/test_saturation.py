@@ -7,26 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numba import njit
+from plant_calls import NO_LOAD, advance, instant, integrate, set_leg
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
-from hexatorque.plant.machine import (
-    LOAD,
-    derivative,
-    phase_current,
-    rk4_step,
-    stator_currents,
-    torque_Nm,
-)
+from hexatorque.plant.inverter import inverter_record
+from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.machines.induction import make
-from hexatorque.plant.record import record
 
 VDC = 300.0
-NO_LOAD = record(LOAD, **{n: float(n == "eddy_rad_s") for n in LOAD.names})
 ANGLES = np.radians([0, 30, 120, 150, 240, 270])
 
 
@@ -93,27 +84,8 @@ class Saturated:
         return coils.state(*coils.solve(z[:-2], theta_e), z[-2], z[-1])
 
 
-@njit
-def instant(m, load, y, v, k, i_leg, i):
-    derivative(m, load, y, v, k)
-    for leg in range(6):
-        i_leg[leg] = phase_current(m, y, leg)
-    stator_currents(m, y, i)
-    return torque_Nm(m, y, i)
-
-
-@njit
-def steps_of(m, load, y, volts, dt, steps, out):
-    k, z = np.empty(8), np.empty((2, 8))
-    for r in range(len(out)):
-        rk4_step(m, load, y, volts[r // steps], dt, y, k, z)
-        out[r] = y
-
-
 def run(p, y, volts, dt, steps=1):
-    out = np.empty((len(volts) * steps, 8))
-    steps_of(make(p), NO_LOAD, y.copy(), np.asarray(volts, float), dt, steps, out)
-    return out
+    return integrate(make(p), NO_LOAD, y, volts, dt, steps)
 
 
 def currents(p, y):
@@ -274,8 +246,7 @@ class Drive:
                 set_leg(self.inv, self.m, self.y, leg, int(state[leg]))
 
     def advance(self, dt, steps=1):
-        for _ in range(steps):
-            advance(self.inv, self.m, NO_LOAD, self.y, dt, VDC)
+        advance(self.inv, self.m, NO_LOAD, self.y, dt, VDC, steps)
 
 
 def test_with_all_legs_off_only_the_rotor_has_current(model):

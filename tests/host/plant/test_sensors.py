@@ -9,12 +9,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from plant_calls import filter_currents, sample
 from scipy.integrate import solve_ivp
 
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.plant.machines.induction import Parameters, make
-from hexatorque.plant.sensors import filter_currents, sample
 
 DEVICES = {  # results, justification, position counter
     "f28335": (range(0x7108, 0x710F), 4, 0x6B00),

@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from campaigns import part
+from campaigns import WHOLE, part
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as of_numpy
@@ -69,7 +69,7 @@ def recordings(draw) -> Recording:
     )
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40 if WHOLE else 8, deadline=None, suppress_health_check=list(HealthCheck))
 @given(rec=recordings())
 def test_any_saved_recording_is_read_unchanged(rec, suffix, tmp_path):
     same(rec, Recording.load(rec.save(tmp_path / f"rec{suffix}")))
@@ -244,7 +244,7 @@ def test_a_truncated_file_says_so(full, suffix, tmp_path):
     """A file that is cut anywhere never gives a shorter recording without an error."""
     path = full.save(tmp_path / f"rec{suffix}")
     raw = path.read_bytes()
-    for share in np.linspace(0, 0.97, 12):
+    for share in part(np.linspace(0, 0.97, 12), 5):
         path.write_bytes(raw[: int(share * len(raw))])
         assert loads_or_says_so(path), share
 
@@ -252,7 +252,7 @@ def test_a_truncated_file_says_so(full, suffix, tmp_path):
 def test_a_damaged_file_is_one_line(full, suffix, tmp_path, capfd):
     path = full.save(tmp_path / f"rec{suffix}")
     raw = path.read_bytes()
-    seeds = part(range(60), 15)
+    seeds = part(range(60), 6)
     said = 0
     for seed in seeds:
         random = np.random.default_rng(seed)

@@ -49,6 +49,13 @@ class Process:
         assert port.startswith("/dev/pts/")
         os.symlink(port, self.url)
 
+    def rest(self) -> None:
+        """Stand still: a board that no test uses would need a tenth of a processor."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        self._process.send_signal(signal.SIGCONT)
+
     @property
     def pid(self) -> int:
         return self._process.pid

@@ -9,8 +9,18 @@ import pytest
 from board_process import Process
 
 
+@pytest.fixture
+def used_boards():
+    """Boards of the whole session that this test uses. They rest when its port servers have
+    ended."""
+    used = []
+    yield used
+    for board in used:
+        board.rest()
+
+
 @pytest.fixture(autouse=True)
-def own_directories(tmp_path, monkeypatch):
+def own_directories(tmp_path, monkeypatch, used_boards):
     """Each test has its own directory for port servers, which end with the test."""
     for name in ("XDG_RUNTIME_DIR", "XDG_CACHE_HOME"):
         (tmp_path / name).mkdir()
@@ -32,10 +42,18 @@ def own_directories(tmp_path, monkeypatch):
 
 
 @pytest.fixture(scope="session")
-def shared_board(tmp_path_factory):
+def session_board(tmp_path_factory):
     process = Process(tmp_path_factory.mktemp("dev") / "ttyHT0")
+    process.rest()
     yield process
     process.unplug()
+
+
+@pytest.fixture
+def shared_board(session_board, used_boards):
+    session_board.go_on()
+    used_boards.append(session_board)
+    return session_board
 
 
 @pytest.fixture

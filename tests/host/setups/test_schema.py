@@ -59,7 +59,8 @@ WRONG = [
 RIGHT = [
     "[machine]\nrs_ohm = { value = 1, note = 'cold' }\npole_pairs = 2.0",
     "[controller]\ntorque_levels = 3\nfield_weakening = true",
-    "[profile]\nspeed_rpm = 100\nload_Nm = [[1, 2], [2, 3]]\nset = [[1, 'scheme', 'fdr']]",
+    "[profile]\nduration_s = 3\nspeed_rpm = 100\n"
+    "load_Nm = [[1, 2], [2, 3]]\nset = [[1, 'scheme', 'fdr']]",
 ]
 
 

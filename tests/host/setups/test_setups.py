@@ -45,6 +45,7 @@ BASE = 'setup = "paper-b"\n'
         ("[profile]\nsamples_per_period = true\n", ("samples_per_period", "choose")),
         ("[profile]\nspeeds = 3\n", ("profile.speeds", "speed_rpm")),
         ("[inverter]\nvdc_V = 600\n", ("inverter.vdc_V", "vdc_full_V")),
+        ("[inverter]\ne_off_mJ = 0.2\n", ("inverter.e_off_mJ", "e_ref_V and", "e_ref_A above 0")),
         ("x = [\n", ("TOML",)),
     ],
 )
@@ -99,7 +100,7 @@ def test_wrong_and_missing_values_are_reported_together():
         f"{section}.{key}"
         for section, keys in setups.KEYS.items()
         for key, spec in keys.items()
-        if spec.default is None and (section, key) != ("machine", "rs_ohm")
+        if spec.required and (section, key) != ("machine", "rs_ohm")
     ]
 
 
@@ -189,6 +190,19 @@ def test_controller_follows_the_machine_unless_told_otherwise():
     assert mismatched.controller_values()["rs_ohm"] == 7.0
     assert mismatched["machine.rs_ohm"] == 6.0
     assert setup.changed(machine__rs_ohm=5.0).controller_values()["rs_ohm"] == 5.0
+
+
+def test_the_x_y_inductance_follows_the_stator_leakage_unless_it_is_given():
+    for name in ("paper-a", "paper-b"):
+        setup = setups.load(name)
+        assert setup["machine.lxy_H"] == setup["machine.lls_H"]
+    own = setups.parse(BASE + "[machine]\nlls_H = 5e-3\n", "test")
+    assert own["machine.lxy_H"] == own.machine_values()["lxy_H"] == 5e-3
+    assert setups.parameters(own)["lxy_H"] == pytest.approx(5e-3)
+    assert setups.describe(own)["machine"]["lxy_H"]["tag"] == "derived"
+    both = setups.parse(BASE + "[machine]\nlls_H = 5e-3\nlxy_H = 4e-3\n", "test")
+    assert both["machine.lxy_H"] == 4e-3
+    assert both.changed(machine__lls_H=6e-3)["machine.lxy_H"] == 4e-3
 
 
 def test_drops_that_would_stop_time_are_refused():

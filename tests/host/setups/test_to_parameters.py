@@ -72,7 +72,10 @@ def test_derived_values_from_first_principles():
     "path", [f"{section}.{key}" for section, keys in setups.KEYS.items() for key in keys]
 )
 def test_what_is_said_to_stay_with_the_plant_changes_no_parameter_and_all_else_does(path):
-    setup = setups.load("paper-b").changed(timing__latency="immediate", machine__psi_knee_Wb=1.0)
+    setup = setups.load("paper-b").changed(
+        timing__latency="immediate", machine__psi_knee_Wb=1.0,
+        inverter__e_ref_V=600.0, inverter__e_ref_A=10.0,
+    )  # fmt: skip
     section, key = path.split(".")
     spec = setups.KEYS[section][key]
     before = setup[path]

@@ -100,11 +100,11 @@ def start(duration, device, baud, as_json, **before) -> int:
             if now in ("idle", "fault"):
                 break
             ended.wait(0.1)
-        faults = drive.faults
+        faults, trip = drive.faults, drive.trip
         if was not in ("idle", "fault"):
             drive.stop()
     if as_json:
-        print_json({"state": was, "faults": faults})
+        print_json({"state": was, "faults": faults, "trip": trip.as_json() if trip else None})
     if drive.resets:
         from ...serial import RESET_VALUES
 
@@ -112,7 +112,7 @@ def start(duration, device, baud, as_json, **before) -> int:
         return 1
     if was == "idle":
         console.print("stopped by somebody else")
-    return tripped(was, faults)
+    return tripped(was, faults, trip)
 
 
 @click.command(epilog=examples("board stop"))

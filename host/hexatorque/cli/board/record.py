@@ -80,7 +80,7 @@ def stream(
         console.print(f"{len(stream.channels)} channels at {stream.rate_Hz:.6g} Hz")
         with stream, Recorder(drive, output, stream) as recorder:
             _write(drive, stream, recorder, wanted, ended, console)
-            state, faults = drive.state, drive.faults
+            state, faults, trip = drive.state, drive.faults, drive.trip
             why = BOARD_RESET if stream.ended else "user" if ended.is_set() else "duration"
             path = recorder.close(why, state=state, faults=faults)
     summary = {
@@ -98,7 +98,7 @@ def stream(
     if stream.ended:
         complain(str(stream.ended))
         return 1
-    return 0 if faulted else tripped(state, faults)
+    return 0 if faulted else tripped(state, faults, trip)
 
 
 def _write(

@@ -64,7 +64,7 @@ def pil(
         loaded = comparison.at_point(setup or "paper-a-feasible", speed, load, latency)
         folder = output or Path("out/pil")
         comparison.make_folder(folder)
-        each = [loaded.changed(controller__scheme=name) for name in schemes_given(schemes)]
+        each = [loaded.with_scheme(name) for name in schemes_given(schemes)]
         todo = [
             (s, pil.transients(s), folder / f"recordings/{s.name}-{s['controller.scheme']}.npz")
             for s in each
@@ -133,7 +133,7 @@ def budget(setup, profile, output, as_json) -> int:
     loaded = setups.load(setup)
     if profile:
         (scheme,) = schemes_given(profile)
-        result = count.profile(loaded.changed(controller__scheme=scheme))
+        result = count.profile(loaded.with_scheme(scheme))
         tables, failures = count.profile_tables(result, scheme), []
     else:
         with progress(console) as bar:

@@ -7,6 +7,7 @@ instructions of one fast interrupt, drivers and protection included.
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import tempfile
 from pathlib import Path
@@ -73,7 +74,7 @@ def instructions(
     for scheme in firmware.schemes():
         with tempfile.TemporaryDirectory() as folder:
             trace = Path(folder) / "trace.txt"
-            write_trace(setup.changed(controller__scheme=scheme), trace)
+            write_trace(setup.with_scheme(scheme), trace)
             try:
                 done = subprocess.run([counter, trace], capture_output=True, text=True)
             except OSError as error:
@@ -90,7 +91,7 @@ def instructions(
 
 def bench(setup: Setup, counter: Path | None, progress: Progress | None = None) -> dict:
     """{"setup", "realtime_factor": {scheme: {"loop", "recording"}}, "instructions"}."""
-    if counter is not None and not counter.exists():
+    if counter is not None and not shutil.which(counter):
         raise SetupError(f"{counter}: no such program; `make bench` builds it")
     return {
         "setup": setup.name,

@@ -45,7 +45,7 @@ C28X_CLOCK_HZ = 150e6
 def _stack(preset: str) -> tuple[dict, list[str]]:
     """The deepest path from each kind of entry, and the library functions that the fast interrupt
     calls."""
-    folder = tools.build(preset)
+    folder = tools.build(preset, "count")
     objects = tools.objects(folder, "ht_core", "count").values()
     graph = stack.call_graph(folder / count.IMAGE, objects)
     paths = {}
@@ -57,7 +57,7 @@ def _stack(preset: str) -> tuple[dict, list[str]]:
 
 def _sizes(preset: str, prefix: str) -> dict[str, int]:
     """Bytes of code and constants of core, app and C2000 driver, and of one drive's data."""
-    folder = tools.build(preset)
+    folder = tools.build(preset, "ht_app", "ht_sizes")
     rooms = [tools.source_root() / "firmware" / room for room in ROOMS]
     built = tools.objects(folder, "ht_core", "ht_app")
     objects = [file for source, file in built.items() if source.parent in rooms]
@@ -81,7 +81,7 @@ def _sizes(preset: str, prefix: str) -> dict[str, int]:
 
 def _image_bytes(preset: str) -> int:
     """Bytes of code and constants in the counting image."""
-    image = tools.build(preset) / count.IMAGE
+    image = tools.build(preset, "count") / count.IMAGE
     listed = subprocess.run(
         ["arm-none-eabi-size", image], capture_output=True, text=True, check=True
     ).stdout
@@ -128,7 +128,7 @@ def measure(setup: Setup, progress: Progress | None = None) -> dict:
         "c28x_150MHz_estimate": _estimate(setup),
         "setup": setup.name,
         "compiler": _version("arm-none-eabi-gcc"),
-        "options": tools.optimisation(tools.build("mps2"), "ht_core"),
+        "options": tools.optimisation(tools.build("mps2", "count"), "ht_core"),
     }
 
 

@@ -70,7 +70,7 @@ def write_trace(setup: Setup, path: Path) -> np.ndarray:
 
 def _image(machine: str, preset: str | None) -> Path:
     """The counting image, built by the machine's preset or by another one."""
-    return tools.build(preset or emulator_process.MACHINES[machine]) / IMAGE
+    return tools.build(preset or emulator_process.MACHINES[machine], "count") / IMAGE
 
 
 def _emulate(machine: str, image: Path, folder: Path, *options: str) -> None:
@@ -121,7 +121,7 @@ def instructions(
     run = firmware.STATES.index("run")
     for scheme in firmware.schemes():
         with tempfile.TemporaryDirectory() as folder:
-            counts = _replay(setup.changed(controller__scheme=scheme), machine, Path(folder))
+            counts = _replay(setup.with_scheme(scheme), machine, Path(folder))
         running = (counts["state"] == run) & (counts["step"] > 0)
         result[scheme] = {
             "mean": round(float(counts["isr"][running].mean()), 1),

@@ -10,8 +10,11 @@ violated limit; for studies that only measure, it returns nothing.
 STUDIES = {
     "integration": "integration",
     "inverter": "inverter",
+    "machines": "machines",
     "low-speed": "low_speed",
     "light-load": "light_load",
+    "dynamics": "dynamics",
+    "robustness": "robustness",
     "faults": "faults",
     "line": "line",
 }

@@ -26,7 +26,7 @@ import numpy as np
 
 from ... import firmware, setups
 from ...drive.simulated import SimulatedDrive
-from ...plant.inverter import HIGH, LOW, OFF
+from ...plant.legs import HIGH, LOW, OFF
 
 TITLE = "Fault campaign"
 SETUPS = ("paper-a-feasible", "paper-b")
@@ -265,13 +265,14 @@ class Result:
 def _setup(name: str, scheme: str, rng: np.random.Generator) -> setups.Setup:
     base = setups.load(name)
     trip_A = base.parameter("i_trip_A")
+    latency = str(rng.choice(setups.LATENCIES))
     return base.changed(
         controller__scheme=scheme,
         controller__calibration_s=0.004,
         controller__speed_trip_rpm=1500.0,
         # Above any flux current that occurs here, and below the trip level of the phases.
         controller__i_ab_trip_A=0.95 * trip_A,
-        timing__latency=str(rng.choice(setups.LATENCIES)),
+        timing__latency="predicted" if firmware.needs_prediction(scheme) else latency,
         load__kind="constant",
     )
 

@@ -122,7 +122,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
     """Runs every scheme at the operating points of both papers. quick: one scheme."""
     schemes = ("dtc3",) if quick else firmware.schemes()
     points = [
-        Point(s.changed(controller__scheme=scheme), s["point.speed_rpm"], s["point.load_Nm"])
+        Point(s.with_scheme(scheme), s["point.speed_rpm"], s["point.load_Nm"])
         for s in (load(name) for name in SETUPS)
         for scheme in schemes
     ]

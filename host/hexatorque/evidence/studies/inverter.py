@@ -17,7 +17,8 @@ from numba import njit
 
 from ... import firmware, setups
 from ...drive.operating_points import Progress
-from ...plant.inverter import HIGH, LOW, OFF, advance, inverter_record, set_leg
+from ...plant.inverter import advance, inverter_record, set_leg
+from ...plant.legs import HIGH, LOW, OFF
 from ...plant.machine import LOAD, phase_current
 from ...plant.machines.induction import Parameters, make
 from ...plant.record import names_of, record
@@ -139,7 +140,7 @@ def _belief_V(setup: setups.Setup, table: np.ndarray) -> np.ndarray:
         begin, end = ({"p": [row[n]] * 6} for n in (BEGIN, END))
         flows = (lib.ht_flow_of([i], dead) for i in (begin, end))
         flow = lib.ht_flow_at_edges(applied, *flows)
-        v = lib.ht_volt_seconds(applied, dead, flow, [begin], [end], spill, spill, True)
+        v = lib.ht_volt_seconds(applied, ffi.NULL, dead, flow, [begin], [end], spill, spill, True)
         volts.append(1.5 * (v.ab.alpha + v.xy.x) - (fall - rise))
     return setup["inverter.vdc_V"] * np.array(volts)
 

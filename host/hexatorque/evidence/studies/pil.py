@@ -72,8 +72,9 @@ class Outcome:
 def transients(setup: Setup) -> Profile:
     """Two seconds with all transients: start, speed step, load step, reversal, and a change to
     another scheme and back while the drive runs."""
-    schemes = firmware.schemes()
     scheme = setup["controller.scheme"]
+    predicted = setup["timing.latency"] == "predicted"
+    schemes = [s for s in firmware.schemes() if predicted or not firmware.needs_prediction(s)]
     other = schemes[(schemes.index(scheme) + 1) % len(schemes)]
     speed, load = setup["point.speed_rpm"], setup["point.load_Nm"]
     return Profile(

@@ -10,7 +10,7 @@ from campaigns import WHOLE
 from hexatorque import firmware
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies import faults
-from hexatorque.plant.inverter import HIGH, LOW, OFF
+from hexatorque.plant.legs import HIGH, LOW, OFF
 
 
 @pytest.fixture(scope="module")

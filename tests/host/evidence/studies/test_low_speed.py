@@ -32,18 +32,18 @@ def check(cases, duration_s, flux_limit):
 def test_every_scheme_for_a_minute():
     """The zero vectors' demagnetisation, worst while generating, among the rest."""
     cases = [Case("hybrid", s, n, t) for s in firmware.schemes() for n, t in POINTS]
-    check(part(cases, 7), 60.0, FLUX_RIGHT)
+    check(part(cases, 4), 60.0, FLUX_RIGHT)
 
 
 def test_wrong_resistances_for_a_minute():
     cases = [Case("hybrid", "ddr", n, t, rs, rr) for rs, rr in WRONG for n, t in POINTS]
-    check(part(cases, 5), 60.0, FLUX_WRONG)
+    check(part(cases, 3), 60.0, FLUX_WRONG)
 
 
 def test_wrong_resistances_under_every_scheme():
     others = [s for s in firmware.schemes() if s != "ddr"]
     cases = [Case("hybrid", s, n, t, rs, rr) for s in others for rs, rr in WRONG for n, t in POINTS]
-    check(part(cases, 13), 20.0, FLUX_WRONG)
+    check(part(cases, 5), 20.0, FLUX_WRONG)
 
 
 PAIRS = list(itertools.product((0.8, 1.2), (0.7, 1.3)))
@@ -51,7 +51,7 @@ PAIRS = list(itertools.product((0.8, 1.2), (0.7, 1.3)))
 
 def test_both_resistances_wrong():
     cases = [Case("hybrid", "ddr", n, t, rs, rr) for rs, rr in PAIRS for n, t in POINTS]
-    check(part(cases, 7), 20.0, FLUX_WRONG)
+    check(part(cases, 5), 20.0, FLUX_WRONG)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -64,7 +64,7 @@ def test_where_the_flux_stands_still(sign):
         for rs, rr in [*RESISTANCES, *PAIRS]
         for speed in (20.0, 40.0, 45.0, 50.0, 60.0)
     ]
-    cases = part(cases, 9)
+    cases = part(cases, 6)
     for case, outcome in zip(cases, run_all(cases, 20.0)):
         assert not outcome.fault, (case, outcome)
         assert max(map(abs, outcome.flux_error)) < FLUX_WRONG, (case, outcome)
@@ -81,7 +81,7 @@ def test_no_observer_diverges_silently(observer):
         for late in (0.0, OFFSET)
         for n, t in POINTS
     ]
-    cases = part(cases, 13)
+    cases = part(cases, 8)
     outcomes = run_all(cases, 15.0)
     lost = [o for o in outcomes if o.fault]
     for case, outcome in zip(cases, outcomes):

@@ -56,7 +56,7 @@ def _cloud(job: Job, name: str) -> dict[str, np.ndarray]:
     points = []
     for scheme, f_isr_Hz, scale in grid:
         bands = {f"controller__{band}": scale * setup.parameter(band) for band in BANDS}
-        one = setup.changed(controller__scheme=scheme, controller__f_isr_Hz=f_isr_Hz, **bands)
+        one = setup.with_scheme(scheme, controller__f_isr_Hz=f_isr_Hz, **bands)
         points.append(Point(one, setup["point.speed_rpm"], setup["point.load_Nm"]))
     rows: dict[str, list] = {scheme: [] for scheme in firmware.schemes()}
     for (scheme, f_isr_Hz, scale), values in zip(grid, job.metrics(points)):

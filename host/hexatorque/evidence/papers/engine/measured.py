@@ -9,7 +9,7 @@ import numpy as np
 
 from ....drive.operating_points import Progress
 from ....drive.simulated import SimulatedDrive
-from ....plant.inverter import OFF
+from ....plant.legs import OFF
 from ....plant.vsd import INVERSE, PHASES, TRANSFORM
 from ....recording.recording import Recording
 from ....setups import Setup

@@ -1,0 +1,79 @@
+#include "ht_misfit.h"
+
+#include <stddef.h>
+
+static const ht_misfit_info table[] = {
+#define HT_ORDER(id, less, share, more, touch) {HT_P_##less, HT_P_##more, share, touch != 0},
+#define HT_RULE(id, first, second) {HT_P_##first, HT_P_##second, 0.0f, false},
+#include "ht_misfits.def"
+#undef HT_ORDER
+#undef HT_RULE
+};
+
+const ht_misfit_info *ht_misfit_describe(uint16_t misfit)
+{
+    bool known = (misfit > (uint16_t)HT_MISFIT_NONE) && (misfit < (uint16_t)HT_MISFITS);
+    return known ? &table[misfit - 1u] : NULL;
+}
+
+static bool in_order(const float *v, const ht_misfit_info *row)
+{
+    float limit = row->share * v[row->second];
+    return (v[row->first] < limit) || (row->touch && (v[row->first] == limit));
+}
+
+/* The slow interrupt is every n-th fast one, n > 1: one that comes late must not take the fast one
+ * for lost. */
+static bool whole_ratio(float ratio)
+{
+    float off = ratio - (float)(uint16_t)(ratio + 0.5f);
+    return (ratio >= 1.5f) && (off < 1.0e-3f) && (off > -1.0e-3f);
+}
+
+static bool release_within_band(float release_Nm, float band_Nm)
+{
+    return (release_Nm == 0.0f) || ((release_Nm < band_Nm) && (release_Nm > -band_Nm));
+}
+
+static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
+{
+    float f_isr_Hz = v[HT_P_f_isr_Hz];
+    float period = pwm_clock_Hz / f_isr_Hz;
+    bool immediate = v[HT_P_load_mode] != 0.0f;
+    bool result = true;
+    switch ((ht_misfit)misfit) {
+    case HT_MISFIT_PERIOD:
+        result = (period <= 65535.0f) && (period >= 8.0f);
+        break;
+    case HT_MISFIT_RATIO:
+        result = whole_ratio(f_isr_Hz / v[HT_P_f_slow_Hz]);
+        break;
+    case HT_MISFIT_RELEASE:
+        result = release_within_band(v[HT_P_torque_release_Nm], v[HT_P_torque_band_Nm]);
+        break;
+    case HT_MISFIT_WRITE: /* whole counts, in the first half of the period */
+        result = !immediate
+                 || ((uint16_t)(v[HT_P_write_delay_us] * 1.0e-6f * pwm_clock_Hz + 0.5f)
+                     < (uint16_t)((uint16_t)(period + 0.5f) / 2u));
+        break;
+    case HT_MISFIT_DEAD_TIME:
+        result = v[HT_P_dead_time_us] * 1.0e-6f * f_isr_Hz <= 0.5f;
+        break;
+    case HT_MISFIT_ROTOR:
+        result = v[HT_P_rr_ohm] < 0.5f * v[HT_P_lr_H] * f_isr_Hz;
+        break;
+    default:
+        result = in_order(v, &table[misfit - 1u]);
+        break;
+    }
+    return result;
+}
+
+ht_misfit ht_misfit_of(const ht_params *p, float pwm_clock_Hz)
+{
+    uint16_t misfit = 1u;
+    while ((misfit < (uint16_t)HT_MISFITS) && fits(p->v, pwm_clock_Hz, misfit)) {
+        misfit++;
+    }
+    return (misfit < (uint16_t)HT_MISFITS) ? (ht_misfit)misfit : HT_MISFIT_NONE;
+}

@@ -1,0 +1,35 @@
+/** @file ht_misfit.h
+ *  Parameters that do not fit together, and why.
+ */
+#ifndef HT_MISFIT_H
+#define HT_MISFIT_H
+
+#include "ht_params.h"
+
+/** Why parameters do not fit together (ht_misfits.def). */
+typedef enum {
+    HT_MISFIT_NONE = 0,
+#define HT_ORDER(id, less, share, more, touch) HT_MISFIT_##id,
+#define HT_RULE(id, first, second) HT_MISFIT_##id,
+#include "ht_misfits.def"
+#undef HT_ORDER
+#undef HT_RULE
+    HT_MISFITS
+} ht_misfit;
+
+/** What a misfit is about. `share` > 0: parameter `first` must be at most, or without `touch` below,
+ *  `share` times parameter `second`. `share` 0: a rule of its own about both. */
+typedef struct {
+    uint16_t first;
+    uint16_t second;
+    float share;
+    bool touch;
+} ht_misfit_info;
+
+/** NULL if there is no such misfit. */
+const ht_misfit_info *ht_misfit_describe(uint16_t misfit);
+
+/** The first misfit of parameters that are each in range. */
+ht_misfit ht_misfit_of(const ht_params *p, float pwm_clock_Hz);
+
+#endif

@@ -1,0 +1,112 @@
+#include "ht_deadbeat_law.h"
+
+#include <math.h>
+
+/* A flux reference that steps would take all voltage from the torque: a tenth of it. */
+#define FLUX_SHARE 0.1f
+/* Least radial part of psi*, relative to |r|, squared: beyond it no length gives the torque. */
+#define RADIAL2_LEAST 0.01f
+/* The smallest |r|^2 that is divided by. */
+#define LEAST_WB2 1.0e-8f
+/* What torque gets at least, of the largest step, squared. */
+#define TORQUE_SHARE2 0.25f
+/* Largest step of the flux, units of Vdc Ts. The inverter reaches 0.64; a command beyond it makes
+ * the modulator limit legs, up to twelve-step operation. */
+#define REACH_PU 1.0f
+/* Share of the x-y current that one period takes away; limit of the integrators, units
+ * of Vdc. */
+#define XY_SHARE 0.4f
+#define XY_LIMIT_PU 0.1f
+/* Samples per time constant of a current. */
+#define LEAST_SAMPLES 5.0f
+
+bool ht_deadbeat_law_check(const ht_deadbeat_law_config *cfg)
+{
+    return (cfg->gain > 0.0f) && (cfg->gain <= 1.0f) && (cfg->xy_ki_per_A >= 0.0f)
+           && (cfg->xy_ki_per_A < 1.0e30f); /* NaN is not */
+}
+
+float ht_deadbeat_law_least_Hz(float rs_ohm, float sigma_ls_H, float lxy_H)
+{
+    return LEAST_SAMPLES * rs_ohm / ((lxy_H < sigma_ls_H) ? lxy_H : sigma_ls_H);
+}
+
+bool ht_deadbeat_law_fast_enough(const ht_observer_config *machine)
+{
+    return machine->inv_ts
+           >= ht_deadbeat_law_least_Hz(machine->rs_ohm, machine->sigma_ls_H, machine->lxy_H);
+}
+
+void ht_deadbeat_law_reset(ht_deadbeat_law_state *st)
+{
+    ht_xy_reset(&st->xy);
+}
+
+static float limited(float value, float limit)
+{
+    return (value > limit) ? limit : ((value > -limit) ? value : -limit);
+}
+
+/* The flux that has the torque asked for, next to the length asked for. */
+static ht_ab flux_reference(const ht_observer_config *machine, const ht_deadbeat_law_input *in,
+                            float length_Wb)
+{
+    ht_ab r = in->rotor_Wb;
+    float r2 = r.alpha * r.alpha + r.beta * r.beta;
+    float inverse = 1.0f / ((r2 > LEAST_WB2) ? r2 : LEAST_WB2);
+    float b = in->torque_ref_Nm * machine->sigma_ls_H / machine->torque_gain * inverse;
+    float a2 = length_Wb * length_Wb * inverse - b * b;
+    float a = sqrtf((a2 > RADIAL2_LEAST) ? a2 : RADIAL2_LEAST);
+    ht_ab psi;
+    psi.alpha = a * r.alpha - b * r.beta;
+    psi.beta = a * r.beta + b * r.alpha;
+    return psi;
+}
+
+/* A step that the voltage cannot make: the length first, as far as torque's share lets it,
+ * then as much torque as is left. */
+static ht_ab within_reach(ht_ab e, ht_ab along, float inv_size, float radial, float most)
+{
+    float left = most * most - radial * radial;
+    float least = TORQUE_SHARE2 * most * most;
+    float tangential =
+        limited(along.alpha * e.beta - along.beta * e.alpha, sqrtf((left > least) ? left : least));
+    /* along the circle, not its tangent */
+    float outward = radial - 0.5f * tangential * tangential * inv_size;
+    ht_ab step;
+    step.alpha = outward * along.alpha - tangential * along.beta;
+    step.beta = outward * along.beta + tangential * along.alpha;
+    return step;
+}
+
+ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer_config *machine,
+                            ht_deadbeat_law_state *st, const ht_deadbeat_law_input *in)
+{
+    ht_xy_config integral = {0.0f, cfg->xy_ki_per_A};
+    ht_ab psi = in->psi_Wb;
+    float step = in->vdc_V * machine->ts_s;
+    float size = sqrtf(psi.alpha * psi.alpha + psi.beta * psi.beta);
+    float inv_size = (size > 0.0f) ? (1.0f / size) : 0.0f;
+    float radial = limited(in->flux_ref_Wb - size, FLUX_SHARE * step);
+    float most = REACH_PU * step;
+    float inv_vdc = 1.0f / in->vdc_V;
+    float volts_per_Wb = machine->inv_ts * inv_vdc;
+    float drop = in->rs_ohm * machine->inv_sigma_ls * inv_vdc;
+    float turn = in->turn_rad;
+    float back = -0.5f * turn * turn; /* cos(turn) - 1 */
+    ht_ab along = {inv_size * psi.alpha, inv_size * psi.beta};
+    ht_ab wanted = flux_reference(machine, in, size + radial);
+    ht_ab e;
+    ht_vsd v;
+    v.xy = ht_xy_step(&integral, &st->xy, in->i_xy_A, along, XY_LIMIT_PU, false);
+    e.alpha = back * wanted.alpha - turn * wanted.beta + cfg->gain * (wanted.alpha - psi.alpha);
+    e.beta = back * wanted.beta + turn * wanted.alpha + cfg->gain * (wanted.beta - psi.beta);
+    if (!((e.alpha * e.alpha + e.beta * e.beta) <= (most * most))) {
+        e = within_reach(e, along, inv_size, radial, most);
+    }
+    v.ab.alpha = e.alpha * volts_per_Wb + drop * (psi.alpha - in->rotor_Wb.alpha);
+    v.ab.beta = e.beta * volts_per_Wb + drop * (psi.beta - in->rotor_Wb.beta);
+    v.xy.x -= XY_SHARE * volts_per_Wb * in->psi_xy_Wb.x;
+    v.xy.y -= XY_SHARE * volts_per_Wb * in->psi_xy_Wb.y;
+    return v;
+}

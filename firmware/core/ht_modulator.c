@@ -1,0 +1,284 @@
+#include "ht_modulator.h"
+
+#include "ht_vsd.h"
+
+#include <math.h>
+
+#define LEG_U1 0x20u /* bit of leg 0 in a state word */
+#define SET1 0x2Au   /* legs 0, 2, 4 */
+#define SET2 0x15u   /* legs 1, 3, 5 */
+#define COS_30 0.866025404f
+/* The carriers go back in phase below this share of the voltage from which they turn, squared. */
+#define TURN_HOLD2 0.9025f
+/* A leg whose command is this close to a rail stays on it. */
+#define ON_RAIL 2.0e-5f
+
+bool ht_modulator_check(const ht_modulator_config *cfg)
+{
+    return (cfg->kappa >= 0.0f) && (cfg->kappa <= 1.0f) && (cfg->kappa_from_pu >= 0.0f)
+           && (cfg->turn_pu >= 0.0f); /* NaN is not */
+}
+
+void ht_modulator_reset(ht_modulator_state *st)
+{
+    st->falling = false;
+    st->opposite = false;
+}
+
+/* Commands of a set's three legs: p, q - p/2 and -q - p/2. Their sum is 0. */
+typedef struct {
+    float p;
+    float q;
+} three_phase;
+
+/* Legs 0, 2, 4 lie at 0, 120, 240 degrees; in x-y at five times these angles. */
+static three_phase set1_of(const ht_vsd *v)
+{
+    three_phase u;
+    u.p = v->ab.alpha + v->xy.x;
+    u.q = COS_30 * (v->ab.beta - v->xy.y);
+    return u;
+}
+
+/* Legs 5, 1, 3 lie at 270, 30, 150 degrees. */
+static three_phase set2_of(const ht_vsd *v)
+{
+    three_phase u;
+    u.p = -(v->ab.beta + v->xy.y);
+    u.q = COS_30 * (v->ab.alpha - v->xy.x);
+    return u;
+}
+
+/* Range, and largest plus smallest command. The difference of the second and third leg is 2 q,
+ * so these two span |q| to either side of -p/2, and the first leg lies 1.5 p from there. */
+typedef struct {
+    float range;
+    float sum;
+} extremes;
+
+static extremes extremes_of(three_phase u)
+{
+    float half = fabsf(u.q);
+    float first = 1.5f * u.p;
+    float above = fabsf(first + half);
+    float below = fabsf(first - half);
+    extremes e;
+    e.range = half + 0.5f * (above + below);
+    /* The three add up to 0: largest and smallest add up to the middle one, negated. */
+    e.sum = 0.5f * (u.p + (below - above));
+    return e;
+}
+
+/* Share of x and y with which a set fits between the rails. */
+static float fitting_share(three_phase without, three_phase with)
+{
+    float rest = 1.0f - extremes_of(without).range;
+    float range = extremes_of(with).range;
+    if (range <= 1.0f) {
+        return 1.0f;
+    }
+    return (rest > 0.0f) ? (rest / (range - 1.0f + rest)) : 0.0f; /* NaN: 0 */
+}
+
+/* A set does not fit: less of x and y. */
+static void fit(ht_vsd *v)
+{
+    ht_vsd without = {{0.0f, 0.0f}, {0.0f, 0.0f}};
+    float share;
+    float other;
+    without.ab = v->ab;
+    share = fitting_share(set1_of(&without), set1_of(v));
+    other = fitting_share(set2_of(&without), set2_of(v));
+    share = (other < share) ? other : share;
+    v->xy.x *= share;
+    v->xy.y *= share;
+}
+
+/* Is the angle of v in an even one of the twelve 30 degrees? There the sine of six times the
+ * angle is positive: the product of real and imaginary part of v cubed. */
+static bool in_even_sector(ht_ab v, float alpha2, float beta2)
+{
+    return (v.alpha * (alpha2 - 3.0f * beta2)) * (v.beta * (3.0f * alpha2 - beta2)) > 0.0f;
+}
+
+/* Share of the clamped zero sequence at a voltage squared: no step where it begins. */
+static float kappa_at(const ht_modulator_config *cfg, float size2)
+{
+    float from = cfg->kappa_from_pu;
+    float full = from + HT_KAPPA_RAMP_PU;
+    float above = size2 - from * from;
+    float ramp = full * full - from * from;
+    if ((from > 0.0f) && (above < ramp)) {
+        return (above > 0.0f) ? (cfg->kappa * above / ramp) : 0.0f;
+    }
+    return cfg->kappa; /* NaN too */
+}
+
+/* Zero sequence of a set, with the middle between the rails at 0. Clamped, the legs are away
+ * from centred by half of what they leave free. */
+static float zero_sequence(extremes e, float kappa)
+{
+    float zero = -0.5f * e.sum;
+    if (kappa > 0.0f) {
+        float away = kappa * (0.5f - 0.5f * e.range);
+        zero += (e.sum > 0.0f) ? away : -away;
+    }
+    return zero;
+}
+
+/* What is the same for all legs of a period. */
+typedef struct {
+    float dead_half_pu2; /* a quarter of the dead time ... */
+    float dead_per_A;    /* ... and the same over the current from which it acts fully */
+    float middle;        /* counts to the middle of the period, with what rounds them */
+    float early;         /* counts of half the dead time: every edge is that much earlier */
+    float open;          /* toggles this many counts from the middle are not close */
+    float per_count;
+    uint16_t period;
+} timing;
+
+/* What is the same for the legs of a set. */
+typedef struct {
+    float slope;     /* counts per command: > 0 falling, < 0 rising */
+    float per_count; /* high time of a toggle's counts: from 0 if falling, from 1 if rising */
+    float low;       /* high time of a leg that stays low, from the same */
+} carrier;
+
+static carrier carrier_of(bool falling, const timing *t)
+{
+    carrier c;
+    c.slope = falling ? (float)t->period : -(float)t->period;
+    c.per_count = falling ? t->per_count : -t->per_count;
+    c.low = falling ? 0.0f : -1.0f;
+    return c;
+}
+
+/* Masks of legs, as state words. */
+typedef struct {
+    unsigned high;  /* stay high */
+    unsigned moves; /* toggle */
+    unsigned close; /* toggle closer to the period's ends than the dead time */
+} legs;
+
+/* What the dead time takes of a leg's high time, mean of a rising and a falling edge: half the
+ * dead time against the current's sign, in proportion around zero. (|x + h| - |x - h| is 2 x
+ * within +-h.) */
+static float compensation(const timing *t, float i_A)
+{
+    float x = t->dead_per_A * i_A;
+    return fabsf(x + t->dead_half_pu2) - fabsf(x - t->dead_half_pu2);
+}
+
+static void modulate(const timing *t, const carrier *c, float d, float i_A, uint16_t leg,
+                     legs *found, uint16_t *ca, float *instant, float *share)
+{
+    unsigned bit = LEG_U1 >> leg;
+    if (fabsf(d) < (0.5f - ON_RAIL)) {
+        float counts = c->slope * (d + compensation(t, i_A)) - t->early;
+        float edge;
+        unsigned count;
+        if (!(fabsf(counts) < t->open)) {
+            float most = t->middle - 1.5f;
+            counts = (counts < most) ? counts : most;
+            counts = (counts > -most) ? counts : -most; /* NaN too */
+            found->close |= bit;
+        }
+        edge = counts + t->middle;
+        count = (unsigned)edge;
+        found->moves |= bit;
+        ca[leg] = (uint16_t)count;
+        instant[leg] = (float)count * t->per_count;
+        share[leg] = (float)count * c->per_count;
+    } else { /* on a rail: the lower one for NaN */
+        bool high = d > 0.0f;
+        found->high |= high ? bit : 0u;
+        ca[leg] = t->period;
+        instant[leg] = 1.0f;
+        share[leg] = high ? (c->low + 1.0f) : c->low;
+    }
+}
+
+void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, ht_vsd *v_pu,
+                       const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
+                       ht_toggles *toggles)
+{
+    float full = (float)in->period;
+    float alpha2 = v_pu->ab.alpha * v_pu->ab.alpha;
+    float beta2 = v_pu->ab.beta * v_pu->ab.beta;
+    float size2 = alpha2 + beta2;
+    float turn2 = cfg->turn_pu * cfg->turn_pu * (st->opposite ? TURN_HOLD2 : 1.0f);
+    float kappa = kappa_at(cfg, size2);
+    three_phase one = set1_of(v_pu);
+    three_phase two = set2_of(v_pu);
+    extremes first = extremes_of(one);
+    extremes second = extremes_of(two);
+    legs found = {0u, 0u, 0u};
+    timing t;
+    carrier c;
+    ht_six share; /* of the period that a leg is high, with a zero of each set's own */
+    ht_vsd mean;
+    bool falling = st->falling;
+    bool other; /* set 2 falls */
+    float middle;
+    float zero;
+    unsigned before = in->before;
+    unsigned rises;
+    unsigned start;
+    unsigned edge0; /* legs with an edge at the period's very start */
+    unsigned fine;
+    uint16_t leg;
+
+    if (!((first.range <= 1.0f) && (second.range <= 1.0f))) {
+        fit(v_pu);
+        one = set1_of(v_pu);
+        two = set2_of(v_pu);
+        first = extremes_of(one);
+        second = extremes_of(two);
+    }
+    st->opposite = (size2 > turn2) && in_even_sector(v_pu->ab, alpha2, beta2);
+    other = falling != st->opposite;
+    st->falling = !falling;
+
+    t.period = in->period;
+    t.per_count = 1.0f / full;
+    t.dead_half_pu2 = 0.25f * in->dead->dead_pu;
+    t.dead_per_A = t.dead_half_pu2 / in->dead->i_zero_A;
+    t.middle = 0.5f * full + 0.5f;
+    t.early = 0.5f * in->dead->dead_pu * full;
+    t.open = 0.5f * full - in->dead->dead_pu * full - 1.5f;
+    c = carrier_of(falling, &t);
+    zero = zero_sequence(first, kappa);
+    middle = zero - 0.5f * one.p;
+    modulate(&t, &c, zero + one.p, in->i_A->p[0], 0u, &found, out->ca, toggles->t, share.p);
+    modulate(&t, &c, middle + one.q, in->i_A->p[2], 2u, &found, out->ca, toggles->t, share.p);
+    modulate(&t, &c, middle - one.q, in->i_A->p[4], 4u, &found, out->ca, toggles->t, share.p);
+    c = carrier_of(other, &t);
+    zero = zero_sequence(second, kappa);
+    middle = zero - 0.5f * two.p;
+    modulate(&t, &c, zero + two.p, in->i_A->p[5], 5u, &found, out->ca, toggles->t, share.p);
+    modulate(&t, &c, middle + two.q, in->i_A->p[1], 1u, &found, out->ca, toggles->t, share.p);
+    modulate(&t, &c, middle - two.q, in->i_A->p[3], 3u, &found, out->ca, toggles->t, share.p);
+
+    rises = found.moves & ((falling ? 0u : SET1) | (other ? 0u : SET2));
+    start = found.high | (found.moves ^ rises);
+    edge0 = before ^ start;
+    fine = ~found.close;
+    mean = ht_vsd_from_six(&share);
+    out->start = (uint16_t)start;
+    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+        out->cb[leg] = in->period;
+    }
+    applied->before = (uint16_t)before;
+    applied->s[0] = (uint16_t)start;
+    applied->s[1] = (uint16_t)(found.high | rises);
+    applied->s[2] = applied->s[1];
+    applied->t[0] = 0.0f;
+    applied->t[1] = 1.0f;
+    applied->t[2] = 1.0f;
+    applied->later = found.moves;
+    applied->close = found.close;
+    applied->rising = ((edge0 & start) | rises) & fine;
+    applied->falling = ((edge0 & before) | (found.moves ^ rises)) & fine;
+    applied->mean_pu = mean.ab;
+    toggles->mean_pu = mean.xy;
+}

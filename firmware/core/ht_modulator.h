@@ -1,0 +1,60 @@
+/** @file ht_modulator.h
+ *  Carrier modulation of the six legs: one toggle per leg and period, from the comparison with
+ *  two triangular carriers, one for each three-phase set.
+ *
+ *  A period is one flank of the carrier. A leg starts low and rises once, or it starts high
+ *  and falls once; the next period is the other way round. This takes compare register A
+ *  alone. The switching frequency is half the sampling frequency, less what legs save that stay
+ *  on a rail.
+ *
+ *  Zero sequence, in each set on its own: midway between the rails (centred), or such that the
+ *  leg with the largest command stays on its rail (clamped), or a mixture of both.
+ *
+ *  Turn: in every second 30 degrees of the voltage's direction the carrier of set 2 runs
+ *  opposite to the carrier of set 1. The sets' ripples then cancel each other in alpha-beta,
+ *  where they would add.
+ */
+#ifndef HT_MODULATOR_H
+#define HT_MODULATOR_H
+
+#include "ht_pattern.h"
+
+/** From this voltage above `kappa_from_pu` on, `kappa` counts in full; units of Vdc. */
+#define HT_KAPPA_RAMP_PU 0.02f
+
+typedef struct {
+    float kappa;         /**< zero sequence: 0 centred, 1 clamped, between: a mixture */
+    float kappa_from_pu; /**< below this voltage the zero sequence is centred; units of Vdc.
+                          *   0: `kappa` counts at every voltage */
+    float turn_pu;       /**< set 2's carrier turns where the voltage exceeds this; units of Vdc */
+} ht_modulator_config;
+
+typedef struct {
+    bool falling;  /**< legs of set 1 start high in the next period */
+    bool opposite; /**< set 2's carrier runs opposite to set 1's */
+} ht_modulator_state;
+
+/** What the modulator works with besides its own configuration and state. */
+typedef struct {
+    const ht_dead_time *dead;
+    const ht_six *i_A; /**< latest currents: they tell what the dead time will take */
+    uint16_t before;   /**< state word at the end of the period before */
+    uint16_t period;   /**< TBPRD + 1, 8..65535 */
+} ht_modulator_input;
+
+/** True if every value is in its range: kappa 0..1, the voltages 0 or more. */
+bool ht_modulator_check(const ht_modulator_config *cfg);
+
+/** First period of set 1 rising, carriers in phase. */
+void ht_modulator_reset(ht_modulator_state *st);
+
+/** One period's pattern for the voltage `v_pu`, units of Vdc. Where the legs of a set do not
+ *  fit between the rails, x and y give way first, in `v_pu` too; then the legs are limited.
+ *
+ *  Whatever goes in, NaN included: 1 <= CA <= period - 1, or CA = period for a leg that stays on
+ *  its rail; CB = period. `applied` and `toggles` describe the pattern for ht_volt_seconds. */
+void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, ht_vsd *v_pu,
+                       const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
+                       ht_toggles *toggles);
+
+#endif

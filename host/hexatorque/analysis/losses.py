@@ -1,0 +1,145 @@
+"""Losses and dc-link current of a recording, from its phase currents and the inverter's edges.
+
+Between two samples a phase current is taken as linear. The edges are at their exact instants: the
+dc-link current jumps there, and samples alone would miss it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..plant.legs import HIGH, LOW, OFF
+from ..plant.vsd import PHASES
+from ..recording.recording import Recording
+from .spectrum import channel
+
+#: Samples that are integrated at once. This bounds the memory.
+BLOCK = 50_000
+
+
+@dataclass(frozen=True)
+class Edges:
+    """The edges of the six legs during a recording.
+
+    start: states (LOW, HIGH or OFF) at the first sample; time_s: instants after the first sample,
+    ascending; leg; state: the new one.
+    """
+
+    start: np.ndarray
+    time_s: np.ndarray
+    leg: np.ndarray
+    state: np.ndarray
+
+
+def copper_loss_W(rec: Recording) -> float:
+    """Mean of sum(R i^2) over the six stator phases, all frequencies included. NaN if the recording
+    does not say the phases' resistances."""
+    machine = rec.meta.get("parameters", {}).get("machine", {})
+    if "rs_ohm" not in machine:
+        return math.nan
+    each_ohm = machine["rs_ohm"] + np.broadcast_to(machine.get("drs_ohm", 0.0), 6)
+    return float(sum(r * np.mean(i * i) for r, i in zip(each_ohm, _phases_A(rec))))
+
+
+def bridge(rec: Recording, edges: Edges | None) -> dict[str, float]:
+    """Figures of merit of the inverter, NaN if they cannot be told.
+
+    idc_A: mean of the dc-link current, the sum of the phase currents in the upper devices;
+    idc_ripple_A: its rms value without the mean, which is the capacitors' current if the supply
+    gives direct current; conduction_loss_W: mean of sum(V |i| + R i^2) over the devices that carry
+    the phase currents; switching_loss_W: e_on for each turn-on of a switch that takes over a
+    current, e_off for each turn-off of one that carries it, both in proportion to current and
+    voltage.
+    """
+    figures = dict.fromkeys(
+        ("idc_A", "idc_ripple_A", "conduction_loss_W", "switching_loss_W"), math.nan
+    )
+    if edges is None:
+        return figures
+    inverter = rec.meta.get("parameters", {}).get("inverter", {})
+    drop = {
+        name: (inverter.get(f"v_{name}_V", 0.0), inverter.get(f"r_{name}_ohm", 0.0))
+        for name in ("switch", "diode")
+    }
+    phases_A = _phases_A(rec)
+    span_s, idc, idc2, lost_J = _integrals(rec.rate_Hz, phases_A, edges, drop)
+    figures["idc_A"] = idc / span_s
+    figures["idc_ripple_A"] = math.sqrt(max(0.0, idc2 / span_s - (idc / span_s) ** 2))
+    if any(any(values) for values in drop.values()):
+        figures["conduction_loss_W"] = lost_J / span_s
+    if inverter.get("e_on_mJ") or inverter.get("e_off_mJ"):
+        figures["switching_loss_W"] = _switching_J(rec, phases_A, edges, inverter) / span_s
+    return figures
+
+
+def _phases_A(rec: Recording) -> np.ndarray:
+    return np.stack([channel(rec, f"i_{phase}_A") for phase in PHASES])
+
+
+def _states(edges: Edges, leg: int, time_s: np.ndarray) -> np.ndarray:
+    """States of a leg from the instants `time_s` on."""
+    own = edges.leg == leg
+    states = np.concatenate([edges.start[leg : leg + 1], edges.state[own]])
+    return states[np.searchsorted(edges.time_s[own], time_s, side="right")]
+
+
+def _integrals(
+    rate_Hz: float, phases_A: np.ndarray, edges: Edges, drop: dict[str, tuple[float, float]]
+) -> tuple[float, float, float, float]:
+    """Time from the first sample to the last one, and over it the integrals of the dc-link
+    current, of its square, and of the devices' losses."""
+    samples = phases_A.shape[1]
+    total = np.zeros(3)
+    for first in range(0, samples - 1, BLOCK):
+        last = min(first + BLOCK, samples - 1)
+        at_s = np.arange(first, last + 1) / rate_Hz
+        within = slice(*np.searchsorted(edges.time_s, (at_s[0], at_s[-1])))
+        knots_s = np.sort(np.concatenate([at_s, edges.time_s[within]]))
+        length_s = np.diff(knots_s)
+        begin_A, end_A = np.zeros((2, length_s.size))  # dc-link current of each piece
+        lost_J = 0.0
+        for leg in range(6):
+            i_A = np.interp(knots_s, at_s, phases_A[leg, first : last + 1])
+            state = _states(edges, leg, knots_s[:-1])
+            out = i_A[:-1] + i_A[1:] > 0
+            upper = (state == HIGH) | ((state == OFF) & ~out)
+            begin_A += np.where(upper, i_A[:-1], 0.0)
+            end_A += np.where(upper, i_A[1:], 0.0)
+            size = length_s * 0.5 * (np.abs(i_A[:-1]) + np.abs(i_A[1:]))
+            square = length_s * _mean_square(i_A[:-1], i_A[1:])
+            switch = ((state == HIGH) & out) | ((state == LOW) & ~out)
+            for mask, (threshold_V, on_ohm) in ((switch, drop["switch"]), (~switch, drop["diode"])):
+                lost_J += threshold_V * size[mask].sum() + on_ohm * square[mask].sum()
+        total += (
+            (length_s * 0.5 * (begin_A + end_A)).sum(),
+            (length_s * _mean_square(begin_A, end_A)).sum(),
+            lost_J,
+        )
+    return ((samples - 1) / rate_Hz, *map(float, total))
+
+
+def _mean_square(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Of straight lines from a to b."""
+    return (a * a + a * b + b * b) / 3
+
+
+def _switching_J(rec: Recording, phases_A: np.ndarray, edges: Edges, inverter: dict) -> float:
+    """Energy of all edges. The current commutates if a switch that carries it turns off, or if one
+    turns on that will carry it. Other edges, between a switch and its own diode, cost nothing."""
+    at_s = np.arange(phases_A.shape[1]) / rec.rate_Hz
+    vdc_V = float(np.mean(channel(rec, "vdc_V"))) if "vdc_V" in rec else inverter["vdc_V"]
+    on_A = off_A = 0.0
+    for leg in range(6):
+        own = (edges.leg == leg) & (edges.time_s < at_s[-1])
+        new = edges.state[own]
+        old = np.concatenate([edges.start[leg : leg + 1], new[:-1]])[: new.size]
+        i_A = np.interp(edges.time_s[own], at_s, phases_A[leg])
+        for switch, current_A in ((HIGH, i_A), (LOW, -i_A)):
+            carried_A = np.maximum(current_A, 0.0)
+            on_A += carried_A[(new == switch) & (old != switch)].sum()
+            off_A += carried_A[(old == switch) & (new != switch)].sum()
+    per_A = 1e-3 * vdc_V / (inverter["e_ref_V"] * inverter["e_ref_A"])
+    return float(per_A * (inverter["e_on_mJ"] * on_A + inverter["e_off_mJ"] * off_A))

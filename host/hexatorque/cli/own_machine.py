@@ -1,0 +1,96 @@
+"""Commands for a machine of one's own: `new` writes a set-up, `check` reviews it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from . import completion, options
+from .group import examples
+from .output import console_of, print_json
+
+#: Colours of the verdicts.
+STYLE = {"ok": "green", "note": "yellow", "bad": "bold red"}
+
+
+@click.command(
+    "new",
+    epilog=examples(
+        'new mine.toml --nameplate "power_kW=7.5 voltage_V=400 current_A=7.8 \\\n'
+        '    frequency_Hz=50 speed_rpm=1455 poles=4"',
+        'new mine.toml --circuit "pole_pairs=2 rs_ohm=1.8 rr_ohm=2 lls_H=10e-3 \\\n'
+        '    llr_H=15e-3 lm_H=284e-3 current_A=6 vdc_V=300"',
+        note="Either list may also have vdc_V, inertia_kgm2, lxy_H, i_full_A, vdc_full_V, "
+        "dead_time_us, encoder_ppr, device; a nameplate power_factor, efficiency, pull_out, "
+        "connection; a circuit torque_Nm, speed_rpm, flux_Wb.",
+    ),
+)
+@click.argument("file", metavar="FILE.toml", type=click.Path(path_type=Path))
+@options.value("--nameplate", metavar="NAME=VALUE,...", help="what the machine's plate says")
+@options.value("--circuit", metavar="NAME=VALUE,...", help="its equivalent circuit per phase")
+@click.option("--force", is_flag=True, help="replace a file that is there")
+def new(file, nameplate, circuit, force) -> int:
+    """Write a set-up for a machine of your own.
+
+    Voltage and current of a nameplate are those of each of the two three-phase sets. What it does
+    not say is estimated, and tagged with the range in which it lies.
+    """
+    from ..setups import new as writing
+    from ..setups import parse
+
+    if (nameplate is None) == (circuit is None):
+        raise options.Mistake("give one of --nameplate and --circuit")
+    if file.suffix != ".toml":
+        raise options.Mistake(f"{file}: the name must end with .toml")
+    if file.exists() and not force:
+        raise options.Mistake(f"{file} is there already; --force replaces it")
+    title = file.stem.replace('"', "").replace("\\", "")
+    make = writing.from_circuit if circuit else writing.from_nameplate
+    text = make(circuit or nameplate, title)
+    parse(text, file.stem)  # refuses what no set-up may be
+    try:
+        file.write_text(text)
+    except OSError as error:
+        raise options.Mistake(f"{file}: {error.strerror}") from None
+    print(f"{file}: complete; next: hexatorque check {file}")
+    return 0
+
+
+@click.command("check", epilog=examples("check mine.toml", "check paper-b --schemes dtc1 --json"))
+@click.argument("setup", metavar="NAME|FILE", shell_complete=completion.setup)
+@options.schemes
+@options.as_json
+def check(setup, schemes, as_json) -> int:
+    """Review a set-up before anything runs.
+
+    Compares currents, voltages, steps and gains with their limits, and says what to change. Ends
+    with 1 if the drive cannot run: if a finding of all schemes is bad, or one of the set-up's own
+    scheme or of a scheme that was asked for.
+    """
+    from rich.table import Table
+
+    from .. import setups
+    from ..setups.review import review
+
+    loaded = setups.load(setup)
+    own = options.schemes_given(schemes) if schemes else [loaded.parameter("scheme")]
+    findings = review(loaded, options.schemes_given(schemes))
+    bad = any(f.verdict == "bad" and f.scheme in ("", *own) for f in findings)
+    if as_json:
+        rows = [finding.as_json() for finding in findings]
+        print_json({"setup": loaded.name, "ok": not bad, "findings": rows})
+        return int(bad)
+    table = Table(title=f"{loaded.name}\n{loaded.title}", title_justify="left")
+    for heading in ("scheme", "what", "value", "limit", "unit", "verdict", "change"):
+        table.add_column(heading, justify="right" if heading in ("value", "limit") else "left")
+    scheme = ""
+    for f in findings:
+        if f.scheme != scheme:
+            table.add_section()
+            scheme = f.scheme
+        limit = f"{f.sign} {f.limit:.4g}" if f.sign else ""
+        verdict = f"[{STYLE[f.verdict]}]{f.verdict}[/]"
+        table.add_row(f.scheme, f.subject, f"{f.value:.4g}", limit, f.unit, verdict, f.advice)
+    console_of(False, highlight=False).print(table)
+    return int(bad)

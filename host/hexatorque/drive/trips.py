@@ -1,0 +1,133 @@
+"""Why a drive tripped: the instant, and the quantity, its value and its limit, from the values that
+the firmware saved at the fault."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from ..firmware import FAULTS, Snapshot, lib
+from ..plant.vsd import PHASES, TRANSFORM
+
+#: A parameter's value by name.
+Get = Callable[[str], float]
+#: Phases of each winding set, which its own neutral joins.
+SETS = ((0, 2, 4), (1, 3, 5))
+#: Largest offset of a current sensor that the calibration accepts (ht_drive.c).
+OFFSET_MOST_COUNTS = 200
+
+
+@dataclass(frozen=True)
+class Trip:
+    """time_s: seconds since the drive was opened; state: what the drive did then; faults: names;
+    details: for each fault that has a limit, quantity, value and limit."""
+
+    time_s: float
+    state: str
+    faults: tuple[str, ...]
+    details: tuple[str, ...]
+
+    def __str__(self) -> str:
+        why = "; ".join((", ".join(self.faults), *self.details))
+        return f"drive tripped at {self.time_s:.4f} s in state {self.state}: {why}"
+
+    def as_json(self) -> dict:
+        return {**asdict(self), "faults": list(self.faults), "details": list(self.details)}
+
+
+def details(snapshot: Snapshot, get: Get) -> tuple[str, ...]:
+    """A text for each fault of the snapshot that has a limit. `get` gives a parameter's value."""
+    found = (_DETAILS.get(name) for name in snapshot["faults"])
+    return tuple(text for detail in found if detail and (text := detail(snapshot, get)))
+
+
+def _over_current(s: Snapshot, get: Get) -> str:
+    largest = max(range(6), key=lambda leg: abs(s["i_A"][leg]))
+    value_A, limit_A = s["i_A"][largest], get("i_trip_A")
+    if not abs(value_A) < limit_A:
+        return f"phase {PHASES[largest]}: {value_A:.4g} A, i_trip_A = {limit_A:g} A"
+    size_A = float(np.hypot(*(TRANSFORM[:2] @ np.array(s["i_A"]))))
+    return f"current in alpha-beta: {size_A:.4g} A, i_ab_trip_A = {get('i_ab_trip_A'):g} A"
+
+
+def _current_sum(s: Snapshot, get: Get) -> str:
+    sums_A = [sum(s["i_A"][leg] for leg in one) for one in SETS]
+    worst = max((0, 1), key=lambda one: abs(sums_A[one]))
+    names = " + ".join(PHASES[leg] for leg in SETS[worst])
+    return f"phases {names}: {sums_A[worst]:.4g} A, i_sum_trip_A = {get('i_sum_trip_A'):g} A"
+
+
+def _offset(s: Snapshot, get: Get) -> str:
+    off = [count - lib.HT_ADC_MID for count in s["adc_counts"][:6]]
+    worst = max(range(6), key=lambda leg: abs(off[leg]))
+    return (
+        f"phase {PHASES[worst]}: last reading {off[worst]:+d} counts from the middle, "
+        f"allowed offset is {OFFSET_MOST_COUNTS} counts"
+    )
+
+
+def _vdc_high(s: Snapshot, get: Get) -> str:
+    return f"dc link: {s['vdc_V']:.4g} V, vdc_max_V = {get('vdc_max_V'):g} V"
+
+
+def _vdc_low(s: Snapshot, get: Get) -> str:
+    return f"dc link: {s['vdc_V']:.4g} V, vdc_min_V = {get('vdc_min_V'):g} V"
+
+
+def _over_speed(s: Snapshot, get: Get) -> str:
+    return f"speed: {s['speed_rpm']:.5g} r/min, speed_trip_rpm = {get('speed_trip_rpm'):g} r/min"
+
+
+def _encoder(s: Snapshot, get: Get) -> str:
+    return (
+        f"measured speed: {s['speed_rpm']:.5g} r/min, off the flux's by more than "
+        f"encoder_trip_rpm = {get('encoder_trip_rpm'):g} r/min"
+    )
+
+
+def _stuck(s: Snapshot, get: Get) -> str:
+    return f"limit stuck_trip_A = {get('stuck_trip_A'):g} A"
+
+
+def _flux(s: Snapshot, get: Get) -> str:
+    psi_Wb = max(s["psi_Wb"], key=abs)
+    if not abs(psi_Wb) < get("flux_trip_Wb"):
+        return f"flux: {psi_Wb:.4g} Wb, flux_trip_Wb = {get('flux_trip_Wb'):g} Wb"
+    off = off_circle(s, get)
+    return (
+        f"current off the circle diagram: {off:.3g} no-load currents at that instant, "
+        f"flux_check = {get('flux_check'):g} rms"
+    )
+
+
+def off_circle(s: Snapshot, get: Get) -> float:
+    """Distance of the current from the circle diagram, as in ht_protect.c."""
+    main_H = get("lm_H") ** 2 / get("lr_H")
+    ls_H = get("sigma_ls_H") + main_H
+    psi = complex(*s["psi_Wb"])
+    if psi == 0:
+        return math.nan
+    i = complex(*(TRANSFORM[:2] @ np.array(s["i_A"]))) * abs(psi) / psi
+    unit_A = abs(psi) / ls_H
+    radius_A = 0.5 * unit_A * (ls_H / get("sigma_ls_H") - 1)
+    distance_A = radius_A - abs(i - unit_A - radius_A)
+    return abs(distance_A) * ls_H / get("flux_ref_Wb")
+
+
+_DETAILS: dict[str, Callable[[Snapshot, Get], str]] = {
+    FAULTS[bit]: detail
+    for bit, detail in (
+        (lib.HT_FAULT_OVERCURRENT, _over_current),
+        (lib.HT_FAULT_VDC_HIGH, _vdc_high),
+        (lib.HT_FAULT_VDC_LOW, _vdc_low),
+        (lib.HT_FAULT_CALIBRATION, _offset),
+        (lib.HT_FAULT_CURRENT_SUM, _current_sum),
+        (lib.HT_FAULT_OVERSPEED, _over_speed),
+        (lib.HT_FAULT_FLUX, _flux),
+        (lib.HT_FAULT_ENCODER, _encoder),
+        (lib.HT_FAULT_STUCK, _stuck),
+    )
+}

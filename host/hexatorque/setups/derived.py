@@ -1,0 +1,274 @@
+"""The rules by which controller parameters follow from the rest of a set-up.
+
+Each rule is a row of a table: the parameter, the rule in words, and its formula. `hexatorque
+setups FILE` shows the words.
+
+There are two tables. The rules of ALWAYS hold in every set-up: the controller is told what the
+machine, the inverter, the sensors and the timing are. The rules of OPEN design what is left open,
+and hold only if the set-up says `defaults = "derived"`. That is so unless a file, or the one from
+which it starts, says `defaults = "firmware"`. The set-ups of the papers do: their results were
+measured with the firmware's defaults for what the papers do not print, and a value that is
+redesigned with each change of the machine would make their studies of a single change say nothing.
+
+Only a parameter that the set-up does not give follows a rule. A rule may use other parameters,
+given ones or derived ones.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from .design import PULL_OUT_SHARE, USABLE, Design, rad_s
+from .values import Values
+
+#: What a set-up has where it leaves a parameter open: see above.
+DEFAULTS = ("derived", "firmware")
+
+#: Share of the converter's range at which a current trips.
+I_TRIP_SHARE = 0.85
+#: Sampling frequencies; the second one where a period of the first moves the torque too far.
+F_ISR_HZ, F_ISR_FAST_HZ = 10e3, 20e3
+#: That far, in rated torques.
+LONGEST_STEP = 0.8
+#: The fast interrupt's result must be written well within the period.
+WRITTEN_WITHIN = 0.8
+#: Frequencies of the speed loop. Each divides both sampling frequencies.
+F_SLOW_HZ = (100.0, 200.0, 500.0, 1000.0)
+#: By this share of rated speed the shaft may run away when the rated load drops.
+RUNAWAY = 0.3
+#: Slow periods in 2 pi of the speed loop's corner.
+SLOW_PER_CORNER = 30
+
+
+@dataclass(frozen=True)
+class Rule:
+    text: str
+    value: Callable[[Known], Any]
+
+
+class Known(Design):
+    """The controller parameters of a set-up by name, each worked out when it is asked for."""
+
+    def __init__(self, setup: Values, initial: Mapping[str, Any]) -> None:
+        """initial: the firmware's defaults."""
+        super().__init__(setup, self.__getitem__)
+        self._initial = initial
+        self.rules = rules_of(setup)
+        self._values = {key: given.value for key, given in setup.values["controller"].items()}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._values:
+            rule = self.rules.get(name)
+            self._values[name] = rule.value(self) if rule else self._initial[name]
+        return self._values[name]
+
+
+def rules_of(setup: Values) -> dict[str, Rule]:
+    """The rules in force, by parameter."""
+    return {**ALWAYS, **OPEN} if setup.defaults == "derived" else ALWAYS
+
+
+def write_delay_us(setup: Values) -> float:
+    """Counter zero to register write."""
+    if setup["timing.latency"] == "none":
+        return setup["sensors.sample_delay_us"]
+    return setup["sensors.sample_delay_us"] + setup["timing.isr_us"]
+
+
+def _immediate(setup: Values) -> bool:
+    return setup["timing.latency"] in ("none", "immediate")
+
+
+def _mean_of_devices(setup: Values, what: str, unit: str) -> float:
+    """Switches and diodes share the time that a leg carries its current."""
+    return 0.5 * sum(setup[f"inverter.{what}_{device}_{unit}"] for device in ("switch", "diode"))
+
+
+ALWAYS: dict[str, Rule] = {
+    "pole_pairs": Rule("the machine's", lambda k: k.machine.pole_pairs),
+    "rs_ohm": Rule(
+        "the machine's R_s + mean on-resistance of switch and diode",
+        lambda k: k.machine.rs_ohm + _mean_of_devices(k.setup, "r", "ohm"),
+    ),
+    "drop_V": Rule(
+        "mean threshold of switch and diode", lambda k: _mean_of_devices(k.setup, "v", "V")
+    ),
+    "sigma_ls_H": Rule(
+        "the machine's L_s - L_m^2/L_r at the flux reference", lambda k: k.machine.sigma_ls_H
+    ),
+    "lxy_H": Rule("the machine's", lambda k: k.machine.lxy_H),
+    "rr_ohm": Rule("the machine's", lambda k: k.machine.rr_ohm),
+    "lr_H": Rule("the machine's L_lr + L_m at the flux reference", lambda k: k.machine.lr_H),
+    "lm_H": Rule("the machine's at the flux reference", lambda k: k.machine.lm_H),
+    "dead_time_us": Rule("the inverter's", lambda k: k.setup["inverter.dead_time_us"]),
+    "i_full_A": Rule("the sensors'", lambda k: k.setup["sensors.i_full_A"]),
+    "vdc_full_V": Rule("the sensors'", lambda k: k.setup["sensors.vdc_full_V"]),
+    "encoder_counts_rev": Rule(
+        "4 counts a pulse of the encoder", lambda k: 4 * k.setup["sensors.encoder_ppr"]
+    ),
+    "load_mode": Rule(
+        "of timing.latency", lambda k: "immediate" if _immediate(k.setup) else "shadow"
+    ),
+    "predict": Rule(
+        "of timing.latency",
+        lambda k: "on" if k.setup["timing.latency"] == "predicted" else "off",
+    ),
+    "write_delay_us": Rule(
+        "sample delay + timing.isr_us with immediate load, else 0",
+        lambda k: write_delay_us(k.setup) if _immediate(k.setup) else 0.0,
+    ),
+    "i_sum_trip_A": Rule(
+        "10 % of the sensors' range", lambda k: max(0.01, 0.1 * k.setup["sensors.i_full_A"])
+    ),
+    "i_ab_trip_A": Rule("1.2 i_trip_A", lambda k: 1.2 * k["i_trip_A"]),
+    "flux_trip_Wb": Rule("2.5 flux_ref_Wb", lambda k: 2.5 * k["flux_ref_Wb"]),
+}
+
+
+def _flux_ref_Wb(k: Known) -> float:
+    """Without saturation curve and rated flux, voltage and sensors limit the flux."""
+    m = k.unsaturated
+    stated = k.setup["rated.flux_Wb"]
+    if stated > 0:
+        return stated
+    candidates = [0.2 * k.setup["sensors.i_full_A"] * m.ls_H]
+    if k.setup["rated.speed_rpm"] > 0:
+        omega = m.pole_pairs * rad_s(k.setup["rated.speed_rpm"])
+        candidates.append(0.9 * USABLE * 0.5774 * k.vdc_V / omega)
+    if m.psi_knee_Wb > 0:
+        candidates.append(0.8 * m.psi_knee_Wb)
+    return min(max(min(candidates), 0.002), 40.0)
+
+
+def _f_isr_Hz(k: Known) -> float:
+    step_Nm = k.torque_step_Nm(1 / F_ISR_HZ)
+    written_s = write_delay_us(k.setup) * 1e-6
+    fast = step_Nm > LONGEST_STEP * k.rated_Nm and written_s < WRITTEN_WITHIN / F_ISR_FAST_HZ
+    return F_ISR_FAST_HZ if fast else F_ISR_HZ
+
+
+def _f_slow_Hz(k: Known) -> float:
+    """Frequencies that the sampling frequency is no multiple of are left out."""
+    f_isr_Hz = k["f_isr_Hz"]
+    fit = [f for f in F_SLOW_HZ if (f_isr_Hz / f).is_integer()] or [F_SLOW_HZ[0]]
+    enough = [f for f in fit if k.runaway_rpm(_corner_rad_s(f)) <= RUNAWAY * k.rated_rpm]
+    return min(enough, default=max(fit))
+
+
+def _torque_limit_Nm(k: Known) -> float:
+    by_current = k.torque_of_current_Nm(0.8 * k["i_trip_A"])
+    return max(0.001, min(1.5 * k.rated_Nm, PULL_OUT_SHARE * k.pull_out_Nm, by_current))
+
+
+def _build_current_A(k: Known) -> float:
+    return min(2.5 * k.no_load_A, 0.6 * k["i_trip_A"])
+
+
+def _build_s(k: Known) -> float:
+    return min(max(0.3, k.magnetised_s(k["build_current_A"])), 10.0)
+
+
+def _crossover_Hz(k: Known) -> float:
+    error_Hz = k.dead_V / (2 * math.pi * k.flux_Wb)
+    return min(max(2.0, 3 * error_Hz * k.ripple), 10.0)
+
+
+def _corner_rad_s(f_slow_Hz: float) -> float:
+    return 2 * math.pi * f_slow_Hz / SLOW_PER_CORNER
+
+
+#: The design of what a set-up leaves open.
+OPEN: dict[str, Rule] = {
+    "flux_ref_Wb": Rule(
+        "rated.flux_Wb; without it the least of: 20 % of the sensors' range times L_s, 80 % of "
+        "psi_knee_Wb, 90 % of what the usable voltage turns at rated.speed_rpm",
+        _flux_ref_Wb,
+    ),
+    "flux_min_Wb": Rule("20 % of flux_ref_Wb", lambda k: 0.2 * k.flux_Wb),
+    "f_isr_Hz": Rule(
+        "10 kHz; 20 kHz if one period of 100 us moves the torque by more than 80 % of rated",
+        _f_isr_Hz,
+    ),
+    "f_slow_Hz": Rule(
+        "the lowest of 100, 200, 500, 1000 Hz with which the shaft runs away by 30 % of rated "
+        "speed at most when the rated load drops",
+        _f_slow_Hz,
+    ),
+    "table": Rule("75/105, which reaches the full voltage", lambda k: "75/105"),
+    "flux_band_Wb": Rule(
+        "1 % of flux_ref_Wb, but half the flux step of one period at least",
+        lambda k: max(0.01 * k.flux_Wb, 0.5 * k.flux_step_Wb(k.period_s)),
+    ),
+    "flux_hold": Rule(
+        "2 %, but 1.5 times the flux band at least",
+        lambda k: min(max(0.02, 1.5 * k["flux_band_Wb"] / k.flux_Wb), 0.2),
+    ),
+    "torque_band_Nm": Rule(
+        "5 % of rated torque, but a quarter of the torque step of one period at least",
+        lambda k: max(0.05 * k.rated_Nm, 0.25 * k.torque_step_Nm(k.period_s)),
+    ),
+    "torque_inner_Nm": Rule(
+        "torque_band_Nm / sqrt 3", lambda k: k["torque_band_Nm"] / math.sqrt(3)
+    ),
+    "torque_limit_Nm": Rule(
+        "1.5 times rated torque, but at most 80 % of pull-out, and what 80 % of i_trip_A gives",
+        _torque_limit_Nm,
+    ),
+    "kp_speed_Nms_rad": Rule(
+        "inertia times the loop's corner, 2 pi f_slow_Hz / 30",
+        lambda k: min(k.machine.inertia_kgm2 * _corner_rad_s(k["f_slow_Hz"]), 1000.0),
+    ),
+    "ki_speed_Nm_rad": Rule(
+        "kp_speed times a quarter of the corner: critical damping",
+        lambda k: min(k["kp_speed_Nms_rad"] * _corner_rad_s(k["f_slow_Hz"]) / 4, 10000.0),
+    ),
+    "kp_xy_pu_A": Rule(
+        "0.25 L_xy/(Vdc T_s): with both frames half the current is corrected in one period",
+        lambda k: min(0.25 * k.machine.lxy_H / (k.vdc_V * k.period_s), 10.0),
+    ),
+    "ki_xy_pu_As": Rule(
+        "25 kp_xy per second: slow against the current, quick against the speed",
+        lambda k: min(25 * k["kp_xy_pu_A"], 1000.0),
+    ),
+    "crossover_Hz": Rule(
+        "3 times (dead-time voltage / 2 pi flux) times (current step of one period / no-load "
+        "current), 2 .. 10 Hz: the rebuilt voltage is the worse the more the current ripples",
+        _crossover_Hz,
+    ),
+    "i_trip_A": Rule(
+        "85 % of the sensors' range", lambda k: I_TRIP_SHARE * k.setup["sensors.i_full_A"]
+    ),
+    "i_zero_A": Rule(
+        "0.2 % of the sensors' range: four steps of a 12-bit converter",
+        lambda k: min(0.002 * k.setup["sensors.i_full_A"], 10.0),
+    ),
+    "stuck_trip_A": Rule("4 % of the sensors' range", lambda k: 0.04 * k.setup["sensors.i_full_A"]),
+    "build_current_A": Rule(
+        "2.5 times the no-load current, but at most 60 % of i_trip_A", _build_current_A
+    ),
+    "build_s": Rule(
+        "until the rotor's flux is within 1 %: L_r/R_r while the current is at its limit, then 5 "
+        "sigma L_r/R_r; 0.3 .. 10 s",
+        _build_s,
+    ),
+    "flux_check": Rule(
+        "0.7, but 1.5 times the current step of one period in no-load currents at least",
+        lambda k: min(max(0.7, 1.5 * k.ripple), 10.0),
+    ),
+    "encoder_trip_rpm": Rule(
+        "150 r/min, but 3 times the rated slip",
+        lambda k: max(150.0, 90 / math.pi * k.slip_rad_s(k.rated_Nm) / k.machine.pole_pairs),
+    ),
+    "speed_trip_rpm": Rule(
+        "1.5 times the larger of rated speed and the speed that the voltage reaches",
+        lambda k: min(1.5 * max(k.rated_rpm, k.base_rpm(), 100.0), 60000.0),
+    ),
+    "vdc_max_V": Rule(
+        "1.4 Vdc, but at most 94 % of the sensor's range",
+        lambda k: min(1.4 * k.vdc_V, 0.94 * k.setup["sensors.vdc_full_V"]),
+    ),
+    "vdc_min_V": Rule("60 % of Vdc", lambda k: 0.6 * k.vdc_V),
+}

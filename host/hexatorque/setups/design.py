@@ -1,0 +1,218 @@
+"""The quantities of a drive from which its controller is designed.
+
+`derived` makes the controller's parameters of them, `review` checks the parameters against them.
+This module imports nothing that needs an installed package: see cmake/initial_values.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+from ..plant.machines.induction_parameters import Parameters
+from .values import Values
+
+#: Length of the mean vector of three large vectors, and the circle inside the polygon of these
+#: vectors, in units of Vdc (ht_schemes.def).
+VECTOR_PU = 0.5977
+REACH_PU = 0.5774
+#: Share of the reachable voltage that steady operation may use. The rest is for control.
+USABLE = 0.9
+#: Reach of a switching table, relative to 75/105, for which the schemes' reaches hold
+#: (ht_configure.c: WIDE_TABLE_REACH).
+TABLE_SHARE = {"45/135": math.cos(math.pi / 4) / math.cos(math.pi / 12), "75/105": 1.0}
+#: Below this share of the sensors' range a current is taken for the rated one if no rated torque
+#: is known.
+RATED_SHARE = 0.4
+#: Share of the pull-out torque that the firmware asks for at most (ht_configure.c).
+PULL_OUT_SHARE = 0.8
+
+
+def rad_s(rpm: float) -> float:
+    return rpm * math.pi / 30
+
+
+def rpm(rad_s: float) -> float:
+    return rad_s * 30 / math.pi
+
+
+class Design:
+    """A set-up with the controller parameters that are in force. `parameter(name)` gives one."""
+
+    def __init__(self, setup: Values, parameter: Callable[[str], Any]) -> None:
+        self.setup, self.parameter = setup, parameter
+
+    # -- machine ---------------------------------------------------------------------------
+
+    @cached_property
+    def unsaturated(self) -> Parameters:
+        return Parameters(**self.setup.machine_values())
+
+    @cached_property
+    def machine(self) -> Parameters:
+        """The linear machine at the flux reference."""
+        return self.unsaturated.linear_at(self.flux_Wb)
+
+    @property
+    def flux_Wb(self) -> float:
+        return self.parameter("flux_ref_Wb")
+
+    @property
+    def sigma(self) -> float:
+        return self.machine.sigma_ls_H / self.machine.ls_H
+
+    @property
+    def rotor_s(self) -> float:
+        """Rotor time constant L_r/R_r."""
+        return self.machine.lr_H / self.machine.rr_ohm
+
+    @property
+    def no_load_A(self) -> float:
+        """Amplitude of the magnetising current."""
+        return self.flux_Wb / self.machine.ls_H
+
+    @property
+    def pull_out_Nm(self) -> float:
+        """The top of the circle diagram at the full flux."""
+        m = self.machine
+        flux2 = self.flux_Wb**2
+        return 1.5 * m.pole_pairs * flux2 * (1 - self.sigma) / m.sigma_ls_H
+
+    def current_A(self, torque_Nm: float) -> float:
+        """Amplitude of the current at this torque and the full flux, by the circle diagram. At
+        pull-out and beyond it is the current at pull-out."""
+        across = abs(torque_Nm) / (3 * self.machine.pole_pairs * self.flux_Wb)
+        radius = 0.5 * self.no_load_A * (1 / self.sigma - 1)
+        across = min(across, radius)
+        along = self.no_load_A + radius - math.sqrt(radius**2 - across**2)
+        return math.hypot(along, across)
+
+    def torque_of_current_Nm(self, current_A: float) -> float:
+        """The torque at the full flux at which the current has this amplitude; 0 if the current
+        does not magnetise the machine. Never more than pull-out."""
+        radius = 0.5 * self.no_load_A * (1 / self.sigma - 1)
+        if current_A <= self.no_load_A:
+            return 0.0
+        # |i|^2 = along^2 + across^2 and the circle: along follows from |i|.
+        centre = self.no_load_A + radius
+        along = (current_A**2 + centre**2 - radius**2) / (2 * centre)
+        if along >= centre:
+            return self.pull_out_Nm
+        return 3 * self.machine.pole_pairs * self.flux_Wb * math.sqrt(current_A**2 - along**2)
+
+    # -- rated values ----------------------------------------------------------------------
+
+    @cached_property
+    def rated_Nm(self) -> float:
+        """The stated rated torque, or what a share of the sensors' range gives."""
+        stated = self.setup["rated.torque_Nm"]
+        if stated > 0:
+            return stated
+        current_A = max(RATED_SHARE * self.setup["sensors.i_full_A"], 1.2 * self.no_load_A)
+        return min(self.torque_of_current_Nm(current_A), 0.5 * self.pull_out_Nm)
+
+    @cached_property
+    def rated_rpm(self) -> float:
+        """The stated rated speed, or the one that the voltage reaches at the full flux."""
+        stated = self.setup["rated.speed_rpm"]
+        return stated if stated > 0 else self.base_rpm()
+
+    def base_rpm(self, reach_pu: float = REACH_PU, usable: float = USABLE) -> float:
+        """Speed at which the rated torque at the full flux needs all usable voltage. 0 if the
+        resistance alone takes it."""
+        m, current_A = self.machine, self.current_A(self.rated_Nm)
+        reach_V = usable * reach_pu * self.vdc_V
+        room_V = reach_V - m.rs_ohm * current_A
+        slip_rad_s = self.slip_rad_s(self.rated_Nm)
+        return max(0.0, rpm((room_V / self.flux_Wb - slip_rad_s) / m.pole_pairs))
+
+    def most_torque_Nm(self, speed_rpm: float, voltage_V: float) -> float:
+        """The torque at which the firmware limits its reference at this speed if the flux is
+        weakened to what this voltage turns. At this share p of the pull-out torque the slip is s
+        of that at pull-out, with p = 2 s/(1 + s^2), and the point on the circle diagram has the
+        height p and the abscissa 1 - sqrt(1 - p^2), in radii."""
+        m, p = self.machine, PULL_OUT_SHARE
+        s = (1 - math.sqrt(1 - p * p)) / p
+        radius = 0.5 / m.ls_H * (1 / self.sigma - 1)
+        current = math.hypot(p * radius, 1 / m.ls_H + (1 - math.sqrt(1 - p * p)) * radius)
+        turning = m.pole_pairs * rad_s(speed_rpm) + s / (self.sigma * self.rotor_s)
+        flux_Wb = min(self.flux_Wb, voltage_V / (turning + m.rs_ohm * current))
+        return p * self.pull_out_Nm * (flux_Wb / self.flux_Wb) ** 2
+
+    def runaway_rpm(self, corner_rad_s: float) -> float:
+        """How far the speed rises when the rated load drops. The speed loop with k_p = J w and
+        k_i = k_p w/4 has a double pole at w/2, so the rise is (T/J) t exp(-w t/2), and largest at
+        t = 2/w."""
+        return rpm(2 / math.e * self.rated_Nm / (self.machine.inertia_kgm2 * corner_rad_s))
+
+    def slip_rad_s(self, torque_Nm: float) -> float:
+        """Electrical slip at a torque. The rotor flux is taken as 90 % of the stator's."""
+        m = self.machine
+        rotor_Wb = 0.9 * self.flux_Wb
+        return abs(torque_Nm) * m.rr_ohm / (3 * m.pole_pairs * rotor_Wb**2)
+
+    def copper_W(self, torque_Nm: float) -> float:
+        """Losses of the windings of stator and rotor at a torque and the full flux."""
+        stator_W = 3 * self.machine.rs_ohm * self.current_A(torque_Nm) ** 2
+        return stator_W + self.slip_rad_s(torque_Nm) * abs(torque_Nm) / self.machine.pole_pairs
+
+    # -- inverter and sampling -------------------------------------------------------------
+
+    @property
+    def vdc_V(self) -> float:
+        return self.setup["inverter.vdc_V"]
+
+    @property
+    def period_s(self) -> float:
+        return 1 / self.parameter("f_isr_Hz")
+
+    def flux_step_Wb(self, period_s: float, vector_pu: float = VECTOR_PU) -> float:
+        """How far one period of an active vector moves the stator flux."""
+        return vector_pu * self.vdc_V * period_s
+
+    def torque_step_Nm(self, period_s: float, vector_pu: float = VECTOR_PU) -> float:
+        """How far one period moves the torque at standstill: the rotor flux does not follow, so
+        all of the flux step drives current through sigma L_s."""
+        step_A = self.flux_step_Wb(period_s, vector_pu) / self.machine.sigma_ls_H
+        return 3 * self.machine.pole_pairs * (1 - self.sigma) * self.flux_Wb * step_A
+
+    @property
+    def ripple(self) -> float:
+        """Current step of one period in units of the magnetising current."""
+        return self.flux_step_Wb(self.period_s) / (self.sigma * self.flux_Wb)
+
+    @property
+    def dead_V(self) -> float:
+        """Mean voltage that the dead time takes from a leg."""
+        return self.setup["inverter.dead_time_us"] * 1e-6 * self.vdc_V / self.period_s
+
+    def conduction_W(self, torque_Nm: float) -> float:
+        """Losses of the inverter's devices while they conduct: a sinusoidal current flows through
+        six legs, each time through a switch or a diode."""
+        i_A, of = self.current_A(torque_Nm), self.setup.__getitem__
+        drop_V = 0.5 * (of("inverter.v_switch_V") + of("inverter.v_diode_V"))
+        on_ohm = 0.5 * (of("inverter.r_switch_ohm") + of("inverter.r_diode_ohm"))
+        return 6 * (drop_V * 2 * i_A / math.pi + on_ohm * i_A**2 / 2)
+
+    def switching_W(self, torque_Nm: float, f_sw_Hz: float) -> float:
+        """Losses of turning on and off. In each cycle of a leg its current commutates once from a
+        switch to a diode and once back. 0 if the set-up does not state the energies."""
+        of = self.setup.__getitem__
+        energy_J = 1e-3 * (of("inverter.e_on_mJ") + of("inverter.e_off_mJ"))
+        if energy_J == 0:
+            return 0.0
+        share = self.vdc_V / of("inverter.e_ref_V") / of("inverter.e_ref_A")
+        return 6 * f_sw_Hz * energy_J * share * 2 * self.current_A(torque_Nm) / math.pi
+
+    def magnetised_s(self, current_A: float) -> float:
+        """Time until the rotor's flux is within 1 % of its final value in a build-up with this
+        current. At constant current the rotor's flux rises with L_r/R_r until the stator's flux
+        has its reference. From then on, at constant stator flux, with sigma L_r/R_r."""
+        settle_s = 5 * self.sigma * self.rotor_s
+        excess = current_A / self.no_load_A
+        if excess <= 1:
+            return math.inf
+        rise = (1 - self.sigma) * excess / (excess - 1)
+        return self.rotor_s * max(0.0, math.log(rise)) + settle_s

@@ -1,0 +1,257 @@
+"""The equivalent circuit of a machine from its nameplate.
+
+A nameplate gives fewer values than the circuit has, so some are assumed (ASSUMED). The circuit
+then reproduces the plate exactly: at rated voltage, frequency and speed it takes the rated current
+and gives the rated torque.
+
+The machine has two three-phase sets. V is the line-to-line voltage and I the line current of each
+set. A set in delta is described by the star that takes the same line current: the inverter cannot
+tell them apart. With the phase voltage V_ph = V/sqrt 3 and the slip s:
+
+1. Input 6 V_ph I cos(phi), output P, so the losses are known. The rotor's copper takes
+   s P_gap with P_gap = (P + friction)/(1 - s). Iron and friction take their shares of the losses.
+   The stator's copper takes the rest: R_s = rest/(6 I^2).
+2. The circuit has no iron losses: its active current is that of gap power and copper.
+3. With the stator leakage X the voltage at the gap is E = V_ph - (R_s + jX) I. The rotor's branch
+   R_r/s + jX, with the same leakage, takes P_gap from E: a quadratic equation for R_r/s. The
+   magnetising branch takes what is left of the reactive current.
+4. X is found by bisection, so that the circuit has the assumed ratio of pull-out torque to rated
+   torque.
+
+This is the usual procedure for a single-cage machine with equal leakages (for example M. H. Haque,
+"Determination of NEMA design induction motor parameters from manufacturer data", IEEE Trans. Energy
+Conversion 23(4), 2008, with the pull-out torque as one of the data), in closed form but for step 4.
+The separation of the losses follows IEEE Std 112.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+from .values import SetupError
+
+SQRT_3 = math.sqrt(3)
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """What a plate does not say, and between which values it usually lies."""
+
+    value: float
+    low: float
+    high: float
+
+
+PULL_OUT = Assumed(2.8, 2.2, 3.5)  #: pull-out torque in rated torques
+IRON = Assumed(0.2, 0.1, 0.3)  #: iron and stray losses, share of all losses
+FRICTION = Assumed(0.1, 0.05, 0.15)  #: friction and windage, share of all losses
+#: A leakage reactance is never below this share of voltage over current.
+LEAST_LEAKAGE = 0.02
+
+
+@dataclass(frozen=True)
+class Nameplate:
+    """Efficiency and power factor at rated load; 0: not on the plate."""
+
+    power_kW: float
+    voltage_V: float
+    current_A: float
+    frequency_Hz: float
+    speed_rpm: float
+    pole_pairs: int
+    power_factor: float = 0.0
+    efficiency: float = 0.0
+    pull_out: float = PULL_OUT.value
+    iron: float = IRON.value
+    friction: float = FRICTION.value
+
+
+@dataclass(frozen=True)
+class Circuit:
+    """rated: torque, stator flux linkage (amplitude)."""
+
+    rs_ohm: float
+    rr_ohm: float
+    lls_H: float
+    llr_H: float
+    lm_H: float
+    torque_Nm: float
+    flux_Wb: float
+
+
+def slip_of(plate: Nameplate) -> float:
+    synchronous_rpm = 60 * plate.frequency_Hz / plate.pole_pairs
+    slip = 1 - plate.speed_rpm / synchronous_rpm
+    if not 0 < slip < 0.3:
+        raise SetupError(
+            f"speed_rpm = {plate.speed_rpm:g}: with {plate.frequency_Hz:g} Hz and "
+            f"{2 * plate.pole_pairs} poles the synchronous speed is {synchronous_rpm:g} r/min, "
+            f"so allowed is {0.7 * synchronous_rpm:g} .. {synchronous_rpm:g} r/min, both excluded"
+        )
+    return slip
+
+
+def split(plate: Nameplate) -> tuple[float, float]:
+    """Efficiency and power factor. The plate's power, voltage and current give their product; if
+    it names neither, the efficiency is taken half-way between their root and 1."""
+    apparent_W = 2 * SQRT_3 * plate.voltage_V * plate.current_A
+    product = 1e3 * plate.power_kW / apparent_W
+    sizes = f"{plate.power_kW:g} kW from 2 sets of {plate.voltage_V:g} V, {plate.current_A:g} A"
+    if product >= 0.98:
+        raise SetupError(
+            f"{sizes} ({apparent_W / 1e3:.4g} kVA): efficiency times power factor would be "
+            f"{product:.3g}, allowed is below 0.98; is the current that of one line of one set?"
+        )
+    if product < 0.15:
+        raise SetupError(
+            f"{sizes} ({apparent_W / 1e3:.4g} kVA): efficiency times power factor would be "
+            f"{product:.3g}, allowed is 0.15 and above"
+        )
+    efficiency, factor = plate.efficiency, plate.power_factor
+    if efficiency and factor:
+        if abs(efficiency * factor / product - 1) > 0.05:
+            raise SetupError(
+                f"efficiency {efficiency:g} times power factor {factor:g} is "
+                f"{efficiency * factor:.3g}, but {sizes} give {product:.3g}: they must agree "
+                "within 5 %"
+            )
+        return product / factor, factor
+    if factor:
+        efficiency = product / factor
+    elif efficiency:
+        factor = product / efficiency
+    else:
+        # The efficiency is the larger of the two. It cannot come near 1 - s: the stator has losses
+        # as well.
+        root = math.sqrt(product)
+        efficiency = max(root, min(1 - 2 * slip_of(plate), 0.5 * (1 + root)))
+        factor = product / efficiency
+    for name, value in (("efficiency", efficiency), ("power factor", factor)):
+        if not 0 < value < 1:
+            raise SetupError(f"{sizes}: the {name} would be {value:.3g}, allowed is below 1")
+    return efficiency, factor
+
+
+def circuit_of(plate: Nameplate) -> Circuit:
+    """The circuit per phase of the equivalent star. SetupError if the plate contradicts itself."""
+    slip = slip_of(plate)
+    efficiency, factor = split(plate)
+    omega = 2 * math.pi * plate.frequency_Hz
+    v_V, i_A = plate.voltage_V / SQRT_3, plate.current_A
+    power_W = 1e3 * plate.power_kW
+    losses_W = power_W / efficiency - power_W
+    gap_W = (power_W + plate.friction * losses_W) / (1 - slip)
+    stator_W = losses_W * (1 - plate.friction - plate.iron) - slip * gap_W
+    if stator_W <= 0:
+        raise SetupError(
+            f"slip {100 * slip:.3g} % means {slip * gap_W:.4g} W in the rotor, but efficiency "
+            f"{efficiency:.3g} leaves {losses_W:.4g} W for all losses: too little for the stator; "
+            "check speed_rpm, power and efficiency"
+        )
+    rs_ohm = stator_W / (6 * i_A**2)
+    active_A = (gap_W + stator_W) / (6 * v_V)
+    current = complex(active_A, -i_A * math.sqrt(1 - factor**2))
+    # The copper losses go with the size of the current, which lacks the iron's share now.
+    rs_ohm *= i_A**2 / abs(current) ** 2
+    leakage_ohm = _leakage(v_V, current, rs_ohm, gap_W, slip, plate.pull_out)
+    xm_ohm, over_slip_ohm = _branches(v_V, current, rs_ohm, gap_W, leakage_ohm)
+    torque_Nm = power_W / (2 * math.pi * plate.speed_rpm / 60)
+    flux_Wb = math.sqrt(2) * abs(v_V - rs_ohm * current) / omega
+    leakage_H = leakage_ohm / omega
+    return Circuit(
+        rs_ohm, slip * over_slip_ohm, leakage_H, leakage_H, xm_ohm / omega, torque_Nm, flux_Wb
+    )
+
+
+class _TooMuch(Exception):
+    """The leakage does not let the rated power through."""
+
+
+def _branches(
+    v_V: float, current: complex, rs_ohm: float, gap_W: float, x_ohm: float
+) -> tuple[float, float]:
+    """X_m and R_r/s with this leakage on either side."""
+    gap = v_V - (rs_ohm + 1j * x_ohm) * current
+    e_V = abs(gap)
+    here = current * gap.conjugate() / e_V  # against the voltage at the gap
+    active_A, reactive_A = gap_W / (6 * e_V), -here.imag
+    root = 1 - (2 * x_ohm * active_A / e_V) ** 2
+    if root < 0:
+        raise _TooMuch
+    over_slip_ohm = e_V / (2 * active_A) * (1 + math.sqrt(root))
+    rotor_A = e_V * x_ohm / (over_slip_ohm**2 + x_ohm**2)
+    if reactive_A - rotor_A <= 0.02 * abs(current):
+        raise _TooMuch
+    return e_V / (reactive_A - rotor_A), over_slip_ohm
+
+
+def pull_out_ratio(
+    v_V: float, rs_ohm: float, x_ohm: float, xm_ohm: float, over_slip_ohm: float
+) -> float:
+    """Largest torque over the torque at this R_r/s, at constant voltage and frequency."""
+    turns = 1j * xm_ohm / (rs_ohm + 1j * (x_ohm + xm_ohm))
+    source_V = abs(v_V * turns)
+    inner = 1j * xm_ohm * (rs_ohm + 1j * x_ohm) / (rs_ohm + 1j * (x_ohm + xm_ohm))
+    resistance, reactance = inner.real, inner.imag + x_ohm
+    largest = source_V**2 / (2 * (resistance + math.hypot(resistance, reactance)))
+    at_load = source_V**2 * over_slip_ohm / ((resistance + over_slip_ohm) ** 2 + reactance**2)
+    return largest / at_load
+
+
+def _leakage(
+    v_V: float, current: complex, rs_ohm: float, gap_W: float, slip: float, pull_out: float
+) -> float:
+    """The more leakage, the less pull-out torque."""
+
+    def ratio(x_ohm: float) -> float:
+        xm_ohm, over_slip_ohm = _branches(v_V, current, rs_ohm, gap_W, x_ohm)
+        return pull_out_ratio(v_V, rs_ohm, x_ohm, xm_ohm, over_slip_ohm)
+
+    low_ohm, high_ohm = LEAST_LEAKAGE * v_V / abs(current), v_V / abs(current)
+    try:
+        most = ratio(low_ohm)
+    except _TooMuch:
+        raise SetupError(
+            f"a current of {abs(current):.4g} A at power factor "
+            f"{current.real / abs(current):.3g} leaves nothing to magnetise the machine: check "
+            "current, power factor and efficiency"
+        ) from None
+    if most < pull_out:
+        raise SetupError(
+            f"pull_out = {pull_out:g}: with slip {100 * slip:.3g} % this machine can have "
+            f"{most:.3g} times the rated torque at most; check speed_rpm or give pull_out"
+        )
+    for _ in range(60):
+        middle = 0.5 * (low_ohm + high_ohm)
+        try:
+            enough = ratio(middle) > pull_out
+        except _TooMuch:
+            enough = False
+        low_ohm, high_ohm = (middle, high_ohm) if enough else (low_ohm, middle)
+    return low_ohm
+
+
+def spread_of(plate: Nameplate) -> dict[str, tuple[float, float]]:
+    """Least and largest value of each constant where what is assumed lies elsewhere in its range,
+    one assumption at a time."""
+    changed = [plate]
+    for name, assumed in (("pull_out", PULL_OUT), ("iron", IRON), ("friction", FRICTION)):
+        if getattr(plate, name) == assumed.value:
+            for value in (assumed.low, assumed.high):
+                only: dict[str, Any] = {name: value}
+                changed.append(replace(plate, **only))
+    if not plate.power_factor and not plate.efficiency:
+        efficiency, _ = split(plate)
+        losses = 1 - efficiency
+        changed += [replace(plate, efficiency=1 - k * losses) for k in (0.8, 1.25)]
+    circuits = []
+    for one in changed:
+        try:
+            circuits.append(circuit_of(one))
+        except SetupError:  # so far the assumption cannot lie
+            continue
+    names = ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H", "flux_Wb")
+    columns = {name: [getattr(circuit, name) for circuit in circuits] for name in names}
+    return {name: (min(values), max(values)) for name, values in columns.items()}

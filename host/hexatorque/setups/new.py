@@ -1,0 +1,237 @@
+"""Write a set-up for a machine of one's own: `hexatorque new`."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+from .design import REACH_PU, USABLE
+from .keys import DEVICES, KEYS, Key
+from .nameplate import FRICTION, IRON, PULL_OUT, Nameplate, circuit_of, spread_of
+from .values import SetupError, suggest
+
+_M = KEYS["machine"]
+
+
+def _n(help: str, unit: str, low: float, high: float, default: Any = None) -> Key:
+    return Key("number", help, unit, low, high, default=default)
+
+
+#: What may be given in either case. 0 as default: worked out.
+COMMON = {
+    "vdc_V": _n("dc-link voltage", "V", 1, 1e4, 0.0),
+    "inertia_kgm2": _n("inertia, load included", "kg m2", 1e-6, 1e5, 0.0),
+    "lxy_H": _n("inductance of the x-y plane", "H", 1e-6, 10, 0.0),
+    "i_full_A": _n("range of the current sensors", "A", 0.1, 1e4, 0.0),
+    "vdc_full_V": _n("range of the dc-link sensor", "V", 1, 1e4, 0.0),
+    "dead_time_us": _n("dead time", "us", 1, 20, 2.0),
+    "encoder_ppr": Key("integer", "encoder pulses per revolution", "", 1, 1_000_000, default=2048),
+    "device": Key("choice", "DSP", choices=DEVICES, default="f28377s"),
+}
+NAMEPLATE = {
+    "power_kW": _n("rated power at the shaft", "kW", 1e-3, 1e5),
+    "voltage_V": _n("rated voltage of a set, line to line, rms", "V", 1, 1e4),
+    "current_A": _n("rated current of one line of one set, rms", "A", 1e-2, 1e4),
+    "frequency_Hz": _n("rated frequency", "Hz", 1, 1000),
+    "speed_rpm": _n("rated speed", "r/min", 1, 3e4),
+    "poles": Key("integer", "number of poles", "", 2, 128),
+    "connection": Key("choice", "of a set", choices=("star", "delta"), default="star"),
+    "power_factor": _n("rated power factor, 0: not known", "", 0, 1, 0.0),
+    "efficiency": _n("rated efficiency, 0: not known", "", 0, 1, 0.0),
+    "pull_out": _n("pull-out torque in rated torques", "", 1.5, 6, PULL_OUT.value),
+    **COMMON,
+}
+CIRCUIT = {
+    **{name: _M[name] for name in ("pole_pairs", "rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")},
+    "current_A": _n("rated current of one line of one set, rms", "A", 1e-2, 1e4),
+    "torque_Nm": _n("rated torque, 0: not known", "N m", 0, 1e4, 0.0),
+    "speed_rpm": _n("rated speed, 0: not known", "r/min", 0, 3e4, 0.0),
+    "flux_Wb": _n("rated stator flux linkage, amplitude, 0: not known", "Wb", 0, 40, 0.0),
+    **COMMON,
+    "vdc_V": _n("dc-link voltage", "V", 1, 1e4),
+}
+#: Range of the sensors over the amplitude of the rated current, and over the dc-link voltage.
+I_RANGE, V_RANGE = 3.5, 1.6
+
+
+def read(text: str, keys: dict[str, Key]) -> dict[str, Any]:
+    """Values from `name=value,name=value`. SetupError with a line for each mistake."""
+    values = {name: key.default for name, key in keys.items()}
+    lines = []
+    for part in filter(None, re.split(r"[,\s]+", text)):
+        name, equals, word = part.partition("=")
+        if not equals:
+            lines.append(f"{part!r}: name=value is needed, for example {next(iter(keys))}=1")
+        elif name not in keys:
+            lines.append(f"unknown name {name}{suggest(name, keys)}")
+        else:
+            try:
+                values[name] = _value(name, word, keys[name])
+            except SetupError as error:
+                lines.append(str(error))
+    given = {part.partition("=")[0] for part in re.split(r"[,\s]+", text)}
+    for name, key in keys.items():
+        if key.default is None and name not in given:
+            lines.append(f"{name} is missing ({key.help}, {key.unit or '-'})")
+    if lines:
+        raise SetupError("\n".join(lines))
+    return values
+
+
+def _value(name: str, word: str, key: Key) -> Any:
+    if key.kind == "choice":
+        if word not in key.choices:
+            raise SetupError(f"{name} = {word!r}: choose one of {', '.join(key.choices)}")
+        return word
+    try:
+        number = float(word)
+    except ValueError:
+        raise SetupError(f"{name} = {word!r}: a number is needed") from None
+    whole = key.kind == "integer"
+    if not key.min <= number <= key.max or (whole and number % 1):
+        allowed = f"{key.min:.9g} .. {key.max:.9g} {key.unit}".rstrip()
+        raise SetupError(
+            f"{name} = {number:.9g}: allowed range is {allowed}"
+            + (", whole numbers only" if whole else "")
+        )
+    return int(number) if whole else number
+
+
+def from_nameplate(text: str, title: str) -> str:
+    """The text of a set-up from what a nameplate says."""
+    given = read(text, NAMEPLATE)
+    if given["poles"] % 2:
+        raise SetupError(f"poles = {given['poles']}: an even number is needed")
+    plate = Nameplate(
+        **{n: given[n] for n in ("power_kW", "voltage_V", "current_A", "frequency_Hz")},
+        speed_rpm=given["speed_rpm"],
+        pole_pairs=given["poles"] // 2,
+        power_factor=given["power_factor"],
+        efficiency=given["efficiency"],
+        pull_out=given["pull_out"],
+    )
+    circuit, spread = circuit_of(plate), spread_of(plate)
+    words = {
+        name: f"from the nameplate; {low:.3g} .. {high:.3g}" for name, (low, high) in spread.items()
+    }
+    peak_V = math.sqrt(2 / 3) * plate.voltage_V
+    head = [
+        f"Nameplate: {text}",
+        "Per phase of the equivalent star of each set. Assumed besides the plate: pull-out torque "
+        f"{plate.pull_out:g} of rated, iron {100 * IRON.value:g} % and friction "
+        f"{100 * FRICTION.value:g} % of the losses, equal leakages.",
+        "Each note has the range in which the value lies if these assumptions are off.",
+    ]
+    machine = {
+        "pole_pairs": (plate.pole_pairs, "", "nameplate"),
+        **{
+            name: (getattr(circuit, name), "assumed", words[name])
+            for name in ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")
+        },
+    }
+    rated = {
+        "torque_Nm": (circuit.torque_Nm, "", "power over speed"),
+        "speed_rpm": (plate.speed_rpm, "", "nameplate"),
+        "flux_Wb": (circuit.flux_Wb, "assumed", words["flux_Wb"]),
+    }
+    needed_V = math.ceil(peak_V / (REACH_PU * USABLE) / 10) * 10
+    power_kW = plate.power_kW
+    return _text(title, head, machine, rated, given, plate.current_A, needed_V, power_kW)
+
+
+def from_circuit(text: str, title: str) -> str:
+    """The text of a set-up from an equivalent circuit."""
+    given = read(text, CIRCUIT)
+    names = ("pole_pairs", "rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")
+    machine = {name: (given[name], "", "") for name in names}
+    rated = {
+        name: (given[name], "", "") for name in ("torque_Nm", "speed_rpm", "flux_Wb") if given[name]
+    }
+    # Without rated values the size of the machine follows from its apparent power.
+    power_kW = 1e-3 * given["vdc_V"] * given["current_A"]
+    head = [f"Equivalent circuit: {text}"]
+    return _text(title, head, machine, rated, given, given["current_A"], given["vdc_V"], power_kW)
+
+
+def inertia_of(power_kW: float, pole_pairs: int) -> float:
+    """Rotor and an equal load. Catalogues of standard motors have about 0.003 kg m2 at 1 kW and 4
+    poles, and grow with power^1.3 and pole pairs^1.5."""
+    return 2 * 0.003 * power_kW**1.3 * (pole_pairs / 2) ** 1.5
+
+
+def _rounded(value: float, digits: int = 2) -> float:
+    return float(f"{value:.{digits}g}")
+
+
+def _text(
+    title: str,
+    head: list[str],
+    machine: dict[str, tuple],
+    rated: dict[str, tuple],
+    given: dict[str, Any],
+    current_A: float,
+    needed_V: float,
+    power_kW: float,
+) -> str:
+    pole_pairs = machine["pole_pairs"][0]
+    lls_H = machine["lls_H"][0]
+    peak_A = math.sqrt(2) * current_A
+    inertia = _rounded(inertia_of(power_kW, pole_pairs))
+    vdc_V = given["vdc_V"] or needed_V
+
+    def chosen(name: str, value: float, note: str) -> tuple:
+        return (given[name], "", "") if given[name] else (value, "assumed", note)
+
+    sections = {
+        "machine": {
+            **machine,
+            "lxy_H": chosen(
+                "lxy_H", lls_H, f"the stator leakage; {0.3 * lls_H:.3g} .. {lls_H:.3g}"
+            ),
+            "inertia_kgm2": chosen(
+                "inertia_kgm2",
+                inertia,
+                f"usual for this power, with an equal load; {_rounded(inertia / 3)} .. "
+                f"{_rounded(inertia * 3)}",
+            ),
+        },
+        "inverter": {
+            "vdc_V": chosen("vdc_V", vdc_V, "reaches rated voltage with 10 % left for control"),
+            "dead_time_us": (given["dead_time_us"], "assumed", "1 .. 3: see the gate drivers"),
+        },
+        "sensors": {
+            "i_full_A": chosen(
+                "i_full_A", _rounded(I_RANGE * peak_A), f"{I_RANGE:g} times the rated amplitude"
+            ),
+            "vdc_full_V": chosen(
+                "vdc_full_V", _rounded(V_RANGE * vdc_V), f"{V_RANGE:g} times the dc link"
+            ),
+            "encoder_ppr": (given["encoder_ppr"], "assumed", "pulses of the encoder in use"),
+        },
+        "timing": {
+            "device": (given["device"], "assumed", "the DSP in use"),
+            "latency": ("predicted", "assumed", "what a DSP does: shadow load, one step ahead"),
+        },
+        "rated": rated,
+    }
+    lines = [f"# {line}" for line in head]
+    lines += [f'title = "{title}"', "# What [controller] leaves open is derived from the rest:"]
+    lines += ["# hexatorque setups FILE shows each value with its rule.", 'defaults = "derived"']
+    for section, rows in sections.items():
+        lines += ["", f"[{section}]"]
+        lines += [_line(name, row, KEYS[section][name]) for name, row in rows.items()]
+    lines += ["", "[controller]", 'scheme = "ddr"', ""]
+    return "\n".join(lines)
+
+
+def _line(name: str, row: tuple, key: Key) -> str:
+    value, tag, note = row
+    word = f'"{value}"' if isinstance(value, str) else f"{value:.5g}"
+    if isinstance(value, int):
+        word = str(value)
+    if tag:
+        word = f'{{ value = {word}, tag = "{tag}", note = "{note}" }}'
+    about = ", ".join(key.choices) if key.kind == "choice" else key.help.split(", 0:")[0]
+    unit = f" [{key.unit}]" if key.unit else ""
+    return f"{name} = {word}  # {about}{unit}"

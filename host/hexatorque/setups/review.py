@@ -1,0 +1,320 @@
+"""The review of a set-up before anything runs: `hexatorque check`.
+
+Every finding compares a value with a limit and says what to change. The values follow from the
+set-up by formulas, without simulation. A limit beyond which the drive cannot do its work, or may
+trip, is "bad"; one beyond which it works, but not well, is a "note".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from .derived import WRITTEN_WITHIN, write_delay_us
+from .design import PULL_OUT_SHARE, REACH_PU, TABLE_SHARE, Design, rad_s
+from .setup import Setup
+from .to_parameters import parameters
+
+#: The firmware refuses trip levels above these shares of a sensor's range (ht_configure.c).
+I_TRIP_SHARE, VDC_MAX_SHARE = 0.885, 0.95
+#: Length of a large vector, units of Vdc, and of the vectors' x-y parts.
+LARGE_PU, XY_LARGE_PU, XY_MEDIUM_PU, XY_SMALL_PU = 0.644, 0.1725, 0.4714, 0.644
+COS_15 = math.cos(math.pi / 12)
+#: x-y flux of a drive that applies large vectors alone, in units of its flux: each vector turns
+#: the x-y plane's by 150 degrees, and lasts for a twelfth of a turn. Peak of the star that this
+#: draws: 0.5176 0.1725/0.622 pi/6.
+XY_FLUX_OF_LARGE = 0.075
+#: Transitions of all legs in a period, at most and in the mean, divided by the twelve of f_sw.
+SWITCHING = {"single": 1 / 6, "pair": 1 / 5, "virtual L": 1 / 3, "virtual ML": 2 / 3}
+
+
+@dataclass(frozen=True)
+class Finding:
+    subject: str
+    value: float
+    sign: str  #: "<=" or ">=": what the value must be against the limit; "" without a limit
+    limit: float
+    unit: str
+    verdict: str  #: "ok", "note" or "bad"
+    advice: str  #: what to change; empty if there is nothing to change
+    scheme: str = ""  #: of one scheme only
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def at_most(
+    subject: str, value: float, limit: float, unit: str, advice: str, beyond: str = "bad"
+) -> Finding:
+    held = value <= limit
+    return Finding(
+        subject, value, "<=", limit, unit, "ok" if held else beyond, "" if held else advice
+    )
+
+
+def at_least(
+    subject: str, value: float, limit: float, unit: str, advice: str, beyond: str = "bad"
+) -> Finding:
+    held = value >= limit
+    return Finding(
+        subject, value, ">=", limit, unit, "ok" if held else beyond, "" if held else advice
+    )
+
+
+def review(setup: Setup, schemes: Iterable[str]) -> list[Finding]:
+    """All findings: those of the set-up, then those of each scheme."""
+    values = parameters(setup)
+    design = Design(setup, values.__getitem__)
+    findings = [*_fits(design), *_currents(design), *_loops(design), *_speed(design)]
+    for name in schemes:
+        findings += [Finding(**{**asdict(f), "scheme": name}) for f in _scheme(design, name)]
+    return [*findings, *_refused(setup, findings)]
+
+
+def _fits(d: Design) -> Iterator[Finding]:
+    """What the firmware demands of its parameters."""
+    p, setup = d.parameter, d.setup
+    i_full, vdc_full = setup["sensors.i_full_A"], setup["sensors.vdc_full_V"]
+    yield at_most(
+        "i_trip_A", p("i_trip_A"), I_TRIP_SHARE * i_full, "A",
+        "lower controller.i_trip_A: a saturated converter could not reach it",
+    )  # fmt: skip
+    yield at_most(
+        "vdc_max_V", p("vdc_max_V"), VDC_MAX_SHARE * vdc_full, "V",
+        "lower controller.vdc_max_V, or give the sensor more range (sensors.vdc_full_V)",
+    )  # fmt: skip
+    yield at_least(
+        "vdc_max_V above the link", p("vdc_max_V"), 1.05 * d.vdc_V, "V",
+        "give the sensor more range (sensors.vdc_full_V) or raise controller.vdc_max_V",
+    )  # fmt: skip
+    yield at_most(
+        "vdc_min_V below the link", p("vdc_min_V"), 0.95 * d.vdc_V, "V",
+        "lower controller.vdc_min_V",
+    )  # fmt: skip
+    yield at_most(
+        "torque_inner_Nm", p("torque_inner_Nm"), p("torque_band_Nm"), "N m",
+        "the inner band must be within controller.torque_band_Nm",
+    )  # fmt: skip
+    yield at_most(
+        "flux_min_Wb", p("flux_min_Wb"), d.flux_Wb, "Wb",
+        "lower controller.flux_min_Wb below flux_ref_Wb",
+    )  # fmt: skip
+    yield at_least(
+        "flux_trip_Wb", p("flux_trip_Wb"), 1.2 * d.flux_Wb, "Wb",
+        "raise controller.flux_trip_Wb above flux_ref_Wb",
+    )  # fmt: skip
+    ratio = p("f_isr_Hz") / p("f_slow_Hz")
+    yield at_most(
+        "f_isr_Hz / f_slow_Hz, distance from a whole number", abs(ratio - round(ratio)), 1e-3, "",
+        "the slow interrupt is every n-th fast one: change controller.f_isr_Hz or f_slow_Hz",
+    )  # fmt: skip
+    yield at_most(
+        "sample to register write", write_delay_us(setup), WRITTEN_WITHIN * 1e6 * d.period_s, "us",
+        "lower controller.f_isr_Hz",
+    )  # fmt: skip
+
+
+def _currents(d: Design) -> Iterator[Finding]:
+    p = d.parameter
+    trip_A, no_load_A = p("i_trip_A"), d.no_load_A
+    more_range = "give the sensors more range (sensors.i_full_A)"
+    yield at_most(
+        "no-load current", no_load_A, 0.6 * trip_A, "A",
+        f"lower controller.flux_ref_Wb, or {more_range}",
+    )  # fmt: skip
+    yield at_least(
+        "build-up current", p("build_current_A"), 1.1 * no_load_A, "A",
+        "raise controller.build_current_A: this one does not magnetise the machine",
+    )  # fmt: skip
+    yield _told("losses of the windings at rated torque, about", d.copper_W(d.rated_Nm), "W")
+    step_A = d.flux_step_Wb(d.period_s) / d.machine.sigma_ls_H
+    yield at_most(
+        "build-up current and its ripple", p("build_current_A") + step_A, trip_A, "A",
+        f"lower controller.build_current_A, or {more_range}",
+    )  # fmt: skip
+    needed_s = d.magnetised_s(p("build_current_A"))
+    yield at_least(
+        "flux build-up", p("build_s"), needed_s, "s",
+        f"raise controller.build_s: L_r/R_r is {d.rotor_s:.3g} s", "note",
+    )  # fmt: skip
+    rated_A = d.current_A(d.rated_Nm)
+    yield at_most("current at rated torque", rated_A, 0.8 * trip_A, "A", more_range)
+    yield at_most(
+        "current at the torque limit, with ripple",
+        d.current_A(p("torque_limit_Nm")) + step_A, trip_A, "A",
+        f"lower controller.torque_limit_Nm, raise controller.f_isr_Hz, or {more_range}", "note",
+    )  # fmt: skip
+    yield at_most(
+        "torque limit against pull-out", p("torque_limit_Nm"), PULL_OUT_SHARE * d.pull_out_Nm,
+        "N m", "the firmware stays below 80 % of pull-out: lower controller.torque_limit_Nm",
+        "note",
+    )  # fmt: skip
+    yield at_least(
+        "torque limit against rated torque", p("torque_limit_Nm"), d.rated_Nm, "N m",
+        "raise controller.torque_limit_Nm",
+    )  # fmt: skip
+    quantum_A = 2 * d.setup["sensors.i_full_A"] / 2 ** d.setup["sensors.adc_bits"]
+    yield at_most(
+        "step of the current's converter", quantum_A, 0.03 * no_load_A, "A",
+        "take sensors of less range, or a converter of more bits", "note",
+    )  # fmt: skip
+    yield at_least(
+        "flux_check against the current's ripple, in no-load currents",
+        p("flux_check") if p("flux_check") > 0 else math.inf, d.ripple, "",
+        f"raise controller.flux_check: sigma is {d.sigma:.3g}, or raise controller.f_isr_Hz",
+    )  # fmt: skip
+
+
+def _loops(d: Design) -> Iterator[Finding]:
+    p, m = d.parameter, d.machine
+    quantum = rad_s(60 * p("f_slow_Hz") / p("encoder_counts_rev"))
+    yield at_most(
+        "torque of one step of the measured speed", p("kp_speed_Nms_rad") * quantum,
+        0.1 * d.rated_Nm, "N m",
+        "lower controller.kp_speed_Nms_rad, or take an encoder of more pulses", "note",
+    )  # fmt: skip
+    yield at_most(
+        "corner of the speed loop, kp/J", p("kp_speed_Nms_rad") / m.inertia_kgm2,
+        2 * math.pi * p("f_slow_Hz") / 10, "rad/s", "lower controller.kp_speed_Nms_rad",
+    )  # fmt: skip
+    yield at_most(
+        "dead-time voltage against the voltage at a tenth of rated speed", d.dead_V,
+        0.1 * m.pole_pairs * rad_s(d.rated_rpm) * d.flux_Wb, "V",
+        "shorten the dead time, lower controller.f_isr_Hz, or do not run below this speed", "note",
+    )  # fmt: skip
+
+
+def _speed(d: Design) -> Iterator[Finding]:
+    p = d.parameter
+    corner_rad_s = p("kp_speed_Nms_rad") / d.machine.inertia_kgm2
+    if corner_rad_s > 0:
+        yield at_most(
+            "speed when the rated load drops", d.rated_rpm + d.runaway_rpm(corner_rad_s),
+            p("speed_trip_rpm"), "r/min",
+            "raise controller.f_slow_Hz and kp_speed_Nms_rad, or add inertia",
+        )  # fmt: skip
+    yield at_most(
+        "rated speed against the trip", d.rated_rpm, 0.95 * p("speed_trip_rpm"), "r/min",
+        "raise controller.speed_trip_rpm",
+    )  # fmt: skip
+    weak_rpm = d.base_rpm(REACH_PU * TABLE_SHARE[p("table")]) * d.flux_Wb / p("flux_min_Wb")
+    if p("field_weakening") == "on":
+        yield at_least(
+            "end of field weakening", weak_rpm, d.rated_rpm, "r/min",
+            "lower controller.flux_min_Wb, or raise inverter.vdc_V",
+        )  # fmt: skip
+
+
+def _scheme(d: Design, name: str) -> Iterator[Finding]:
+    from .. import firmware
+
+    p, lib = d.parameter, firmware.lib
+    row = lib.ht_scheme_describe(firmware.schemes().index(name))
+    if row.law != lib.HT_LAW_TABLE:
+        least_Hz = lib.ht_deadbeat_law_least_Hz(p("rs_ohm"), p("sigma_ls_H"), p("lxy_H"))
+        yield at_least(
+            "f_isr_Hz for the machine's time constants", p("f_isr_Hz"), least_Hz, "Hz",
+            "raise controller.f_isr_Hz",
+        )  # fmt: skip
+        yield from _reach(d, row, 1.0)
+        yield from _expected(d, p("f_isr_Hz"))
+        return
+    single, virtual = row.vectors == lib.HT_VECTORS_SINGLE, row.vectors == lib.HT_VECTORS_VIRTUAL
+    vector_pu = row.reach_pu / COS_15 if single or virtual else LARGE_PU
+    faster = "raise controller.f_isr_Hz, lower inverter.vdc_V, or add inductance"
+    torque_Nm = d.torque_step_Nm(d.period_s, vector_pu)
+    yield at_most("torque step of one period", torque_Nm, d.rated_Nm, "N m", faster)
+    yield at_most(
+        "torque step against the band", torque_Nm, 8 * p("torque_band_Nm"), "N m",
+        "widen controller.torque_band_Nm: the torque cannot be kept in it", "note",
+    )  # fmt: skip
+    flux_Wb = d.flux_step_Wb(d.period_s, vector_pu)
+    yield at_most("flux step of one period", flux_Wb, 0.1 * d.flux_Wb, "Wb", faster)
+    yield at_most(
+        "flux step against the band", flux_Wb, 8 * p("flux_band_Wb"), "Wb",
+        "widen controller.flux_band_Wb", "note",
+    )  # fmt: skip
+    ripple_A = flux_Wb / d.machine.sigma_ls_H
+    peak_A = _xy_A(d, row) + d.current_A(p("torque_limit_Nm")) + ripple_A
+    yield at_most(
+        "current at the torque limit, ripple and x-y current", peak_A, p("i_trip_A"), "A",
+        f"may trip: take a scheme that controls the x-y currents; else {faster}",
+    )  # fmt: skip
+    if row.regulated:
+        gain = 2 * p("kp_xy_pu_A") * d.vdc_V * d.period_s / d.machine.lxy_H
+        yield at_most(
+            "gain of the x-y loop in one period", gain, 0.9, "",
+            "lower controller.kp_xy_pu_A: the loop becomes unstable at 1",
+        )  # fmt: skip
+    yield from _reach(d, row, TABLE_SHARE[p("table")])
+    kind = "single" if single else "virtual L" if virtual else "pair"
+    if virtual and row.group != lib.HT_L:
+        kind = "virtual ML"
+    yield from _expected(d, SWITCHING[kind] * p("f_isr_Hz"))
+
+
+def _expected(d: Design, f_sw_Hz: float) -> Iterator[Finding]:
+    """Switching frequency and losses of the inverter at rated torque, without a limit."""
+    yield _told("switching frequency at full voltage, about", f_sw_Hz, "Hz")
+    if conduction_W := d.conduction_W(d.rated_Nm):
+        yield _told("inverter's conduction losses at rated torque, about", conduction_W, "W")
+    if switching_W := d.switching_W(d.rated_Nm, f_sw_Hz):
+        yield _told("inverter's switching losses at rated torque, about", switching_W, "W")
+
+
+def _told(subject: str, value: float, unit: str) -> Finding:
+    return Finding(subject, value, "", 0.0, unit, "ok", "")
+
+
+def _xy_A(d: Design, row: Any) -> float:
+    """Amplitude of the x-y current that the scheme causes by itself."""
+    from ..firmware import lib
+
+    lxy_H = d.machine.lxy_H
+    step_A = d.vdc_V * d.period_s / lxy_H
+    if row.vectors == lib.HT_VECTORS_SINGLE:
+        # Mostly the fifth harmonic: the resistance lowers it. While the torque changes, one vector
+        # may last for three periods more.
+        reactance_ohm = 5 * d.machine.pole_pairs * rad_s(d.rated_rpm) * lxy_H
+        share = reactance_ohm / math.hypot(reactance_ohm, d.machine.rs_ohm)
+        return share * XY_FLUX_OF_LARGE * d.flux_Wb / lxy_H + 3 * XY_LARGE_PU * step_A
+    if row.vectors == lib.HT_VECTORS_PAIR:
+        return XY_MEDIUM_PU * step_A
+    if row.vectors == lib.HT_VECTORS_PAIR_SMALL:
+        return XY_SMALL_PU * step_A
+    # Three vectors, whose mean in x-y is zero: what they reach in between.
+    part_pu = XY_LARGE_PU if row.group == lib.HT_L else XY_MEDIUM_PU
+    return part_pu * step_A / 3
+
+
+def _reach(d: Design, row: Any, table_share: float) -> Iterator[Finding]:
+    """Rated speed against what the scheme's vectors and the table give."""
+    p = d.parameter
+    more = "raise inverter.vdc_V"
+    if table_share < 1:
+        more += ', or take controller.table = "75/105"'
+    reach_pu = table_share * row.reach_pu
+    reach_rpm = d.base_rpm(reach_pu, 1.0)
+    if p("field_weakening") != "on":
+        yield at_least("reach with the full flux", reach_rpm, d.rated_rpm, "r/min", more)
+        return
+    yield at_least(
+        "reach with the full flux", reach_rpm, d.rated_rpm, "r/min",
+        f"the field is weakened from there on; to avoid it {more}", "note",
+    )  # fmt: skip
+    usable_V = p("fw_margin") * reach_pu * d.vdc_V
+    most_Nm = min(p("torque_limit_Nm"), d.most_torque_Nm(d.rated_rpm, usable_V))
+    yield at_least("torque left at rated speed", most_Nm, d.rated_Nm, "N m", more)
+
+
+def _refused(setup: Setup, findings: list[Finding]) -> Iterator[Finding]:
+    """What the firmware itself says to the parameters, if no finding has said it already."""
+    from .. import firmware
+
+    try:
+        firmware.Controller(setup["timing.device"], parameters(setup))
+    except firmware.FirmwareError as error:
+        if all(f.verdict != "bad" for f in findings):
+            yield Finding("configuration", 0.0, "", 0.0, "", "bad", str(error))

@@ -1,0 +1,69 @@
+"""Parameters that do not fit together are refused with the keys, their values and the limit."""
+
+import pytest
+
+from hexatorque.firmware import Controller, FirmwareError, ffi, lib, parameters
+
+#: For each misfit a change of the defaults, and what the message must say.
+CASES = {
+    "TORQUE_BANDS": (
+        {"torque_inner_Nm": 0.6},
+        "torque_inner_Nm = 0.6 N m: allowed is up to torque_band_Nm = 0.5 N m",
+    ),
+    "FLUX_MIN": ({"flux_min_Wb": 0.7}, "allowed is up to flux_ref_Wb = 0.6 Wb"),
+    "VDC_TRIPS": ({"vdc_min_V": 400.0}, "vdc_min_V = 400 V: must be below vdc_max_V = 400 V"),
+    "FLUX_TRIP": ({"flux_trip_Wb": 0.6}, "flux_ref_Wb = 0.6 Wb: must be below flux_trip_Wb"),
+    "I_TRIP": (
+        {"i_trip_A": 27.0},
+        "i_trip_A = 27 A: allowed is up to 0.885 i_full_A = 26.55 A",
+    ),
+    "VDC_MAX": ({"vdc_max_V": 480.0}, "allowed is up to 0.95 vdc_full_V = 475 V"),
+    "PERIOD": ({"f_isr_Hz": 1000.0}, "f_isr_Hz = 1000 Hz: the PWM's counter"),
+    "RATIO": ({"f_slow_Hz": 300.0}, "f_isr_Hz = 10000 Hz, f_slow_Hz = 300 Hz: the ratio"),
+    "RELEASE": ({"torque_release_Nm": -0.5}, "torque_release_Nm = -0.5 N m, torque_band_Nm = 0.5"),
+    "WRITE": (
+        {"load_mode": "immediate", "f_isr_Hz": 2e4, "write_delay_us": 25.0},
+        "write_delay_us = 25 us, f_isr_Hz = 20000 Hz",
+    ),
+    "DEAD_TIME": ({"f_isr_Hz": 5e4, "dead_time_us": 15.0}, "dead_time_us = 15 us, f_isr_Hz"),
+    "ROTOR": ({"rr_ohm": 1000.0, "lr_H": 0.1}, "rr_ohm = 1000 ohm, lr_H = 0.1 H"),
+}
+
+
+def test_every_misfit_has_a_case():
+    assert [f"HT_MISFIT_{name}" for name in CASES] == sorted(
+        (name for name in dir(lib) if name.startswith("HT_MISFIT_") and name[-4:] != "NONE"),
+        key=lambda name: getattr(lib, name),
+    )
+    assert lib.ht_misfit_describe(0) == lib.ht_misfit_describe(lib.HT_MISFITS) == ffi.NULL
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_misfit_is_told(name):
+    changes, text = CASES[name]
+    running = Controller("f28377s", {})
+    before = {key: running.get(key) for key in parameters()}
+    for refused in (lambda: running.set_many(changes), lambda: Controller("f28377s", changes)):
+        with pytest.raises(FirmwareError) as error:
+            refused()
+        assert "do not fit together" in str(error.value) and text in str(error.value)
+        assert "\n" not in str(error.value)
+    assert {key: running.get(key) for key in parameters()} == before
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"torque_inner_Nm": 0.5},
+        {"flux_min_Wb": 0.6},
+        {"i_trip_A": 26.5},
+        {"torque_release_Nm": -0.49},
+        {"f_slow_Hz": 1000.0},
+        {"load_mode": "immediate", "f_isr_Hz": 2e4, "write_delay_us": 24.9},
+        {"load_mode": "shadow", "f_isr_Hz": 2e4, "write_delay_us": 25.0},
+    ],
+)
+def test_what_just_fits_is_taken(changes):
+    controller = Controller("f28377s", {})
+    controller.set_many(changes)
+    assert all(controller.get(name) == pytest.approx(value) for name, value in changes.items())

@@ -1,0 +1,186 @@
+"""ht_control with the deadbeat law: what it needs, its bookkeeping of the patterns on the legs,
+and the change between laws in flight.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hexatorque.firmware import ffi, lib
+
+TS, VDC, PERIOD = 1e-4, 300.0, 10000
+THETA = np.deg2rad([0, 30, 120, 150, 240, 270])
+T = np.array([np.cos(THETA), np.sin(THETA), np.cos(5 * THETA), np.sin(5 * THETA)]) / 3
+
+
+def config(scheme=lib.HT_DB_DTFC, rs_ohm=6.0, dead_pu=0.02, period=PERIOD, **changes):
+    cfg = ffi.new("ht_control_config *")
+    lib.ht_control_select(cfg, scheme)
+    cfg.shadow, cfg.predict, cfg.period_counts = True, True, period
+    cfg.build_current_A = 3.0
+    law = cfg.table_law
+    law.flux_band_Wb, law.torque_band_Nm, law.torque_inner_Nm = 0.003, 0.3, 0.173
+    law.xy.kp_pu_A, law.xy.ki_ts_pu_A = 0.1, 2.5e-4
+    cfg.deadbeat_law.gain, cfg.deadbeat_law.xy_ki_per_A = 1.0, 2e-3
+    cfg.modulator.kappa, cfg.modulator.kappa_from_pu, cfg.modulator.turn_pu = 1.0, 0.53, 0.3
+    cfg.observer.ts_s, cfg.observer.inv_ts, cfg.observer.rs_ohm = TS, 1 / TS, rs_ohm
+    cfg.observer.sigma_ls_H, cfg.observer.inv_sigma_ls = 0.028, 1 / 0.028
+    cfg.observer.lxy_H, cfg.observer.torque_gain, cfg.observer.omega_gain = 0.0144, 3.0, 0.02
+    cfg.dead.dead_pu, cfg.dead.i_zero_A = dead_pu, 0.05
+    for name, value in changes.items():
+        setattr(cfg, name, value)
+    return cfg
+
+
+class Control:
+    def __init__(self, cfg):
+        assert lib.ht_control_check(cfg) == lib.HT_CONFIG_OK
+        self.cfg, self.state = cfg, ffi.new("ht_control_state *")
+        self.out = ffi.new("ht_compare *")
+        lib.ht_control_reset(cfg, self.state, [{"p": [0.0] * 6}])
+
+    def change(self, cfg):
+        lib.ht_control_switch_over(self.cfg, cfg, self.state)
+        self.cfg = cfg
+
+    def step(self, i=(0.0,) * 6, torque=0.0, flux=0.4, vdc=VDC, build=False):
+        inputs = ffi.new("ht_control_input *")
+        inputs.i_A.p = list(i)
+        inputs.vdc_V, inputs.torque_ref_Nm, inputs.flux_ref_Wb = vdc, torque, flux
+        inputs.inv_flux_ref2 = 1 / flux**2 if flux else 0.0
+        lib.ht_control_step(self.cfg, self.state, inputs, build, self.out)
+
+    def estimate(self):
+        return complex(self.state.estimate.psi_Wb.alpha, self.state.estimate.psi_Wb.beta)
+
+    def decided(self):
+        return complex(self.state.decided.psi_Wb.alpha, self.state.decided.psi_Wb.beta)
+
+    def shares(self):
+        """Share of the period that each leg is high, from the registers."""
+        counts, out = np.arange(self.cfg.period_counts), self.out
+        start = [out.start >> (5 - leg) & 1 for leg in range(6)]
+        levels = [s ^ (counts >= a) ^ (counts >= b) for s, a, b in zip(start, out.ca, out.cb)]
+        return np.mean(levels, axis=1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "status"),
+    [
+        ({}, lib.HT_CONFIG_OK),
+        ({"predict": False}, lib.HT_CONFIG_PREDICTION),
+        ({"shadow": False, "predict": False}, lib.HT_CONFIG_PREDICTION),
+        ({"shadow": False}, lib.HT_CONFIG_PREDICTION),
+        ({"rs_ohm": 0.0144 / (4.9 * TS)}, lib.HT_CONFIG_SAMPLING),
+        ({"rs_ohm": 0.0144 / (5.1 * TS)}, lib.HT_CONFIG_OK),
+        ({"rs_ohm": np.nan}, lib.HT_CONFIG_MACHINE),
+    ],
+)
+def test_what_the_law_needs(changes, status):
+    assert lib.ht_control_check(config(**changes)) == status
+    if "rs_ohm" not in changes:  # the table law needs none of it
+        assert lib.ht_control_check(config(lib.HT_DDR, **changes)) == lib.HT_CONFIG_OK
+
+
+@pytest.mark.parametrize("part", ("deadbeat_law", "modulator"))
+def test_a_value_out_of_range_is_the_schemes_fault(part):
+    cfg = config()
+    if part == "modulator":
+        cfg.modulator.kappa = 1.01
+    else:
+        cfg.deadbeat_law.gain = 0.0
+    assert lib.ht_control_check(cfg) == lib.HT_CONFIG_SCHEME
+
+
+def test_flux_is_the_volt_seconds_of_the_registers_also_over_changes_of_the_law():
+    """Without resistance and dead time, flux is nothing but what the registers say. A change of
+    the law must not lose or double a period: the pattern in the registers goes out yet."""
+    rng = np.random.default_rng(3)
+    schemes = [lib.HT_DB_DTFC, lib.HT_DDR, lib.HT_DB_DTFC, lib.HT_DTC1, lib.HT_DTC3]
+    cfgs = [config(scheme, rs_ohm=0.0, dead_pu=0.0) for scheme in schemes]
+    control = Control(cfgs[0])
+    i = 3 * T.T @ [1.0, 0.5, 0.05, -0.02]
+    psi, waiting = 0j, [np.zeros(6)]
+    modulated = 0
+    for n in range(400):
+        if n % 7 == 6:
+            control.change(cfgs[(n // 7) % len(cfgs)])
+        control.step(i, rng.uniform(-2, 2), build=80 <= n < 100)
+        assert control.estimate() == pytest.approx(psi, abs=5e-6), n
+        alpha, beta, _, _ = T @ waiting.pop(0)
+        psi += TS * VDC * complex(alpha, beta)
+        waiting.append(control.shares())
+        modulated += control.state.next.own != 0
+    assert 100 < modulated < 300
+
+
+@pytest.mark.parametrize("dead_pu", (0.0, 0.023, 0.2))
+def test_prediction_is_the_next_estimate(dead_pu):
+    """Without resistance and with steady currents nothing is uncertain: what the law sees now is
+    the flux of the next sample, dead time included, also where a delay runs on."""
+    control = Control(config(rs_ohm=0.0, dead_pu=dead_pu))
+    i = 3 * T.T @ [2.0, 1.5, 0.6, 0.5]
+    rng = np.random.default_rng(5)
+    expected = None
+    for _ in range(400):
+        control.step(i, rng.uniform(-2, 2))
+        if expected is not None:
+            assert control.estimate() == pytest.approx(expected, abs=1e-6)
+        expected = control.decided()
+
+
+def test_dead_time_and_prediction_leave_the_flux_at_its_reference():
+    """No resistance, no current but what decides on the dead time: after the flux has come up, it
+    stays where it is asked for to within a count of every leg."""
+    control = Control(config(rs_ohm=0.0, dead_pu=0.023))
+    i = 3 * T.T @ [2.0, 1.5, 0.0, 0.0]
+    found = []
+    for n in range(600):
+        control.step(i)
+        if n > 400:
+            found.append(abs(control.decided()))
+    assert np.abs(np.array(found) - 0.4).max() < 4 * VDC * TS / PERIOD + 1e-4
+
+
+wild = st.one_of(
+    st.floats(-20, 20, width=32), st.sampled_from([np.nan, np.inf, -np.inf, 3.4e38, 0.0])
+)
+sample = st.tuples(st.lists(wild, min_size=6, max_size=6), wild, wild, wild, st.booleans())
+
+
+@given(
+    st.lists(sample, min_size=1, max_size=6),
+    st.lists(st.sampled_from([lib.HT_DB_DTFC, lib.HT_DDR, lib.HT_DTC2]), min_size=1, max_size=6),
+    st.sampled_from([8, 9, 10, 10000, 65535]),
+)
+@settings(max_examples=250, deadline=None)
+def test_any_input_gives_a_pattern_that_the_pwm_can_realise(samples, schemes, period):
+    """No compare at count 0, none equal to the other of its leg, none beyond the period."""
+    control = Control(config(period=period))
+    for n, (i, torque, flux, vdc, build) in enumerate(samples):
+        control.change(config(schemes[n % len(schemes)], period=period))
+        inputs = ffi.new("ht_control_input *")
+        inputs.i_A.p = i
+        inputs.torque_ref_Nm, inputs.flux_ref_Wb, inputs.vdc_V = torque, flux, vdc
+        inputs.inv_flux_ref2 = flux
+        lib.ht_control_step(control.cfg, control.state, inputs, build, control.out)
+        assert control.out.start <= 63
+        for a, b in zip(control.out.ca, control.out.cb):
+            assert 0 < a <= period and 0 < b <= period
+            assert a == period or b == period or a < b
+
+
+def test_the_law_begins_with_its_state_reset():
+    control = Control(config())
+    for n in range(50):
+        control.step((0.05, -0.02, 0.01, 0.03, -0.04, 0.06), torque=(-1) ** n)
+    assert any(bytes(ffi.buffer(ffi.addressof(control.state.deadbeat_law))))
+    before = bytes(ffi.buffer(control.state))
+    control.change(config(rs_ohm=5.0))
+    assert bytes(ffi.buffer(control.state)) == before  # the same law
+    own = control.state.next.own
+    control.change(config(lib.HT_DDR))
+    assert not any(bytes(ffi.buffer(ffi.addressof(control.state.deadbeat_law))))
+    assert not control.state.modulator.falling
+    assert control.state.next.own == own != 0  # what is in the registers stays

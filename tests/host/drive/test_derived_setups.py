@@ -1,0 +1,107 @@
+"""Set-ups whose controller is derived drive their machines, and `check` knows which ones do."""
+
+import math
+
+import numpy as np
+import pytest
+from campaigns import part
+
+from hexatorque import firmware, setups
+from hexatorque.drive.acceptance import accept
+from hexatorque.drive.operating_points import NotReached, Point, measure_all
+from hexatorque.drive.simulated import DriveFault, SimulatedDrive
+from hexatorque.setups.design import PULL_OUT_SHARE, Design, rad_s
+from hexatorque.setups.review import review
+
+NAMES = ("small-2kw", "large-110kw", "paper-a-feasible", "paper-b")
+CASES = [(name, scheme) for name in NAMES for scheme in firmware.schemes()]
+#: Each of these is refused by `check`: over-current, and too little voltage.
+BAD = [("small-2kw", "dtc1"), ("large-110kw", "dtc1"), ("paper-a-feasible", "ddr-ml")]
+
+
+def loaded(name, scheme):
+    return setups.load(name).with_scheme(scheme)
+
+
+def verdicts(setup, scheme):
+    return {f.verdict for f in review(setup, [scheme])}
+
+
+@pytest.mark.parametrize(("name", "scheme"), part([c for c in CASES if c not in BAD], 6))
+def test_what_check_allows_starts_turns_reverses_and_stops(name, scheme):
+    setup = loaded(name, scheme)
+    if "bad" in verdicts(setup, scheme):
+        pytest.skip("check says that it may not")
+    assert accept(setup).state == "idle"
+
+
+@pytest.mark.parametrize(("name", "scheme"), part(BAD, 2))
+def test_what_check_calls_bad_does_not(name, scheme):
+    setup = loaded(name, scheme)
+    assert "bad" in verdicts(setup, scheme)
+    with pytest.raises((DriveFault, NotReached)):
+        accept(setup)
+
+
+def test_few_are_called_bad():
+    """Or the tests above would say little."""
+    bad = [c for c in CASES if "bad" in verdicts(loaded(*c), c[1])]
+    assert set(BAD) <= set(bad) and len(bad) <= len(BAD) + 1
+
+
+def test_the_observer_holds_the_flux_of_machines_of_low_sigma():
+    """True flux within 2 % of its reference, with dead time, down to a twentieth of rated speed."""
+    cases = [
+        (name, scheme, share, load)
+        for name in ("small-2kw", "large-110kw")
+        for scheme in ("fdr", "ddr", "ddr-ml")
+        for share, load in ((0.05, 1), (0.1, -1), (0.5, 1))
+    ]
+    cases = part(cases, 4)
+    points = []
+    for name, scheme, share, load in cases:
+        setup = setups.load(name).with_scheme(scheme, load__kind="constant")
+        design = Design(setup, setups.parameters(setup).__getitem__)
+        points.append(Point(setup, share * design.rated_rpm, load * design.rated_Nm))
+    for case, point, run in zip(cases, points, measure_all(points)):
+        assert not isinstance(run, Exception), (case, run)
+        reference_Wb = point.setup.parameter("flux_ref_Wb")
+        assert run.metrics["flux_Wb"] == pytest.approx(reference_Wb, rel=0.02), case
+
+
+def test_a_build_up_of_a_third_of_the_rotors_time_is_no_wrong_flux():
+    """The rotor of the large machine takes 0.86 s. After 0.3 s its flux still rises, and the drive
+    runs on."""
+    setup = setups.load("large-110kw").changed(controller__build_s=0.3, controller__flux_check=0.7)
+    sim = SimulatedDrive(setup, 1)
+    sim.start()
+    sim.run(2.0, record=False)
+    sim.check()
+    assert sim.state == "run"
+
+
+@pytest.mark.parametrize("name", ("paper-a-feasible", "large-110kw"))
+def test_the_most_torque_of_a_weak_field(name):
+    """Stator and rotor solved as coils, at the flux that the result stands for: the torque is the
+    firmware's share of the most over all slips, and the voltage is what was allowed."""
+    setup = setups.load(name)
+    d = Design(setup, setups.parameters(setup).__getitem__)
+    m, speed_rpm = d.machine, 2 * d.rated_rpm
+    voltage_V = 0.5 * d.vdc_V
+    torque_Nm = d.most_torque_Nm(speed_rpm, voltage_V)
+    psi = d.flux_Wb * math.sqrt(torque_Nm / (PULL_OUT_SHARE * d.pull_out_Nm))
+    assert psi < d.flux_Wb
+
+    def solved(slip):
+        coils = [[m.ls_H, m.lm_H], [1j * slip * m.lm_H, m.rr_ohm + 1j * slip * m.lr_H]]
+        i = np.linalg.solve(coils, [psi, 0])[0]
+        return i, 3 * m.pole_pairs * psi * i.imag
+
+    slips = np.linspace(0.01, 3, 3000) / (d.sigma * d.rotor_s)
+    torques = [solved(slip)[1] for slip in slips]
+    top = int(np.argmax(torques))
+    assert torque_Nm == pytest.approx(PULL_OUT_SHARE * torques[top], rel=1e-4)
+    slip = np.interp(torque_Nm, torques[:top], slips[:top])
+    i, _ = solved(slip)
+    needed_V = (m.pole_pairs * rad_s(speed_rpm) + slip) * psi + m.rs_ohm * abs(i)
+    assert needed_V == pytest.approx(voltage_V, rel=1e-3)

@@ -1,0 +1,172 @@
+"""Derived parameters, and set-ups that are made of a nameplate or a circuit."""
+
+import math
+import tomllib
+
+import numpy as np
+import pytest
+
+from hexatorque import firmware, setups
+from hexatorque.cli.main import main
+from hexatorque.setups import SetupError, derived, new
+from hexatorque.setups.design import Design
+from hexatorque.setups.nameplate import Nameplate, circuit_of, spread_of
+
+PLATE = "power_kW=7.5,voltage_V=400,current_A=7.8,frequency_Hz=50,speed_rpm=1455,poles=4"
+CIRCUIT = "pole_pairs=2,rs_ohm=1.8,rr_ohm=2,lls_H=0.01,llr_H=0.015,lm_H=0.284"
+CIRCUIT += ",current_A=5,vdc_V=300"
+PLATES = [
+    Nameplate(0.75, 400, 1.0, 50, 1390, 2),
+    Nameplate(7.5, 400, 7.8, 50, 1455, 2),
+    Nameplate(110, 400, 97, 50, 1485, 2, power_factor=0.87),
+]
+
+
+@pytest.mark.parametrize("plate", PLATES, ids=lambda plate: f"{plate.power_kW:g} kW")
+def test_the_circuit_does_what_the_plate_says(plate):
+    """Solved as a network at rated voltage and slip: the gap's torque is the shaft's and that of
+    friction, the most torque over all slips is the assumed one."""
+    c = circuit_of(plate)
+    omega = 2 * math.pi * plate.frequency_Hz
+    v = plate.voltage_V / math.sqrt(3)
+
+    def solved(slip):
+        rotor = c.rr_ohm / slip + 1j * omega * c.llr_H
+        main = 1j * omega * c.lm_H
+        total = c.rs_ohm + 1j * omega * c.lls_H + rotor * main / (rotor + main)
+        stator = v / total
+        through = stator * main / (rotor + main)
+        return stator, 6 * abs(through) ** 2 * c.rr_ohm / slip * plate.pole_pairs / omega
+
+    slip = 1 - plate.speed_rpm * plate.pole_pairs / (60 * plate.frequency_Hz)
+    stator, torque_Nm = solved(slip)
+    # The plate's current has the iron's share in addition.
+    assert 0.95 * plate.current_A < abs(stator) <= plate.current_A
+    assert 1 <= torque_Nm / c.torque_Nm < 1.05
+    most = max(solved(n / 2000)[1] for n in range(1, 2000))
+    assert most / torque_Nm == pytest.approx(plate.pull_out, rel=1e-3)
+    for name, (low, high) in spread_of(plate).items():
+        assert low <= getattr(c, name) <= high, name
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"speed_rpm": "1500"}, ("1500 r/min", "4 poles")),
+        ({"speed_rpm": "1200"}, ("slip 20 %", "efficiency")),
+        ({"current_A": "5"}, ("6.928 kVA", "below 0.98")),
+        ({"poles": "3"}, ("poles = 3", "even")),
+        ({"power_kW": "-1"}, ("power_kW = -1", "allowed range")),
+        ({"efficiency": "0.9", "power_factor": "0.9"}, ("0.81", "0.694")),
+        ({"efficiency": "0.6"}, ("power factor would be 1.16",)),
+    ],
+)
+def test_an_impossible_plate_is_refused_with_the_numbers(change, words):
+    given = dict(part.split("=") for part in PLATE.split(",")) | change
+    with pytest.raises(SetupError) as error:
+        new.from_nameplate(",".join(f"{n}={v}" for n, v in given.items()), "x")
+    assert "\n" not in str(error.value)
+    for word in words:
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("make", "text"), [(new.from_nameplate, PLATE), (new.from_circuit, CIRCUIT)]
+)
+def test_a_new_set_up_is_one_that_the_firmware_takes(make, text):
+    written = make(text, "mine")
+    assert tomllib.loads(written)["title"] == "mine"
+    setup = setups.parse(written, "mine")
+    firmware.Controller(setup["timing.device"], setups.parameters(setup))
+
+
+def test_every_rule_is_of_a_parameter_and_is_shown():
+    assert set(derived.ALWAYS).isdisjoint(derived.OPEN)
+    assert {*derived.ALWAYS, *derived.OPEN} <= set(firmware.parameters())
+    setup = setups.parse(new.from_circuit(CIRCUIT, "mine"), "mine")
+    rows = setups.describe(setup)["controller"]
+    for name, rule in {**derived.ALWAYS, **derived.OPEN}.items():
+        assert (rows[name]["tag"], rows[name]["note"]) == ("derived", rule.text)
+
+
+def test_a_given_value_has_no_rule_and_others_follow_it():
+    setup = setups.parse(new.from_circuit(CIRCUIT, "mine"), "mine")
+    changed = setups.parameters(setup.changed(controller__i_trip_A=10.0))
+    assert changed["i_trip_A"] == 10.0
+    assert changed["i_ab_trip_A"] == pytest.approx(12.0)
+
+
+def test_the_papers_keep_the_firmwares_defaults():
+    """Also in a set-up that starts from one, unless it says otherwise."""
+    text = 'setup = "paper-b"\n[machine]\nrs_ohm = 5.0\n'
+    assert setups.parameters(setups.parse(text, "x"))["build_s"] == 0.3
+    assert setups.parse(text, "x").defaults == "firmware"
+    assert setups.parse(f'defaults = "derived"\n{text}', "x").defaults == "derived"
+    with pytest.raises(SetupError, match="choose one of derived, firmware"):
+        setups.parse(f'defaults = "mine"\n{text}', "x")
+
+
+def test_new_and_check_end_as_a_script_expects(tmp_path, capsys):
+    file = tmp_path / "mine.toml"
+    assert main(["new", str(file), "--nameplate", PLATE]) == 0
+    assert main(["new", str(file), "--nameplate", PLATE]) == 2  # it is there already
+    assert main(["check", str(file), "--json"]) == 0
+    text = file.read_text().replace("scheme =", "i_trip_A = 38.9\nscheme =")
+    file.write_text(text)
+    assert main(["check", str(file), "--schemes", "ddr"]) == 1
+    assert "lower controller.i_trip_A" in capsys.readouterr().out
+
+
+def test_losses_are_those_of_sinusoidal_currents():
+    """The devices' losses as integrals over a turn; the windings' as the power that neither the
+    shaft nor the source sees: what a steady state of the coils takes, less its mechanical power."""
+    devices = {"v_switch_V": 1.4, "v_diode_V": 1.8, "r_switch_ohm": 3e-3, "r_diode_ohm": 2e-3}
+    energies = {"e_on_mJ": 20.0, "e_off_mJ": 30.0, "e_ref_V": 600.0, "e_ref_A": 300.0}
+    inverter = {f"inverter__{key}": value for key, value in {**devices, **energies}.items()}
+    setup = setups.load("large-110kw").changed(**inverter)
+    d = Design(setup, setups.parameters(setup).__getitem__)
+    torque_Nm, f_sw_Hz = d.rated_Nm, 1700.0
+    i = d.current_A(torque_Nm) * np.sin(np.linspace(0, 2 * np.pi, 10000, endpoint=False))
+    drop_V = 1.6 * np.abs(i) + 2.5e-3 * i**2
+    assert d.conduction_W(torque_Nm) == pytest.approx(6 * drop_V.mean(), rel=1e-4)
+    cycle_J = 50e-3 * np.abs(i) / 300 * setup["inverter.vdc_V"] / 600
+    want_W = 6 * f_sw_Hz * cycle_J.mean()
+    assert d.switching_W(torque_Nm, f_sw_Hz) == pytest.approx(want_W, rel=1e-4)
+    m, slips = d.machine, np.linspace(0, 1 / (d.sigma * d.rotor_s), 2000)
+    solved = [
+        np.linalg.solve(
+            [[m.ls_H, m.lm_H], [1j * s * m.lm_H, m.rr_ohm + 1j * s * m.lr_H]], [d.flux_Wb, 0]
+        )
+        for s in slips
+    ]
+    torques = [3 * m.pole_pairs * d.flux_Wb * stator.imag for stator, _ in solved]
+    at = int(np.argmin(np.abs(np.subtract(torques, torque_Nm))))
+    stator, rotor = solved[at]
+    windings_W = 3 * (m.rs_ohm * abs(stator) ** 2 + m.rr_ohm * abs(rotor) ** 2)
+    assert d.copper_W(torque_Nm) == pytest.approx(windings_W, rel=0.1)
+
+
+@pytest.mark.parametrize("f_slow_Hz", (100.0, 500.0))
+def test_the_shaft_runs_away_as_far_as_said(f_slow_Hz):
+    """Euler steps of shaft and speed loop after the rated load has dropped."""
+    setup = setups.load("small-2kw").changed(controller__f_slow_Hz=f_slow_Hz)
+    values = setups.parameters(setup)
+    d = Design(setup, values.__getitem__)
+    kp, ki = values["kp_speed_Nms_rad"], values["ki_speed_Nm_rad"]
+    inertia_kgm2, rise, integral_Nm, most, dt = d.machine.inertia_kgm2, 0.0, 0.0, 0.0, 1e-5
+    for _ in range(int(50 / f_slow_Hz / dt)):
+        integral_Nm -= ki * rise * dt
+        rise += (d.rated_Nm + integral_Nm - kp * rise) / inertia_kgm2 * dt
+        most = max(most, rise)
+    assert d.runaway_rpm(kp / inertia_kgm2) == pytest.approx(most * 30 / math.pi, rel=0.01)
+
+
+def test_a_light_shaft_gets_a_quick_speed_loop():
+    heavy, light = (
+        setups.load("small-2kw").changed(machine__inertia_kgm2=inertia) for inertia in (0.02, 5e-4)
+    )
+    assert heavy.parameter("f_slow_Hz") == 100.0
+    assert light.parameter("f_slow_Hz") > 100.0
+    d = Design(light, setups.parameters(light).__getitem__)
+    corner_rad_s = light.parameter("kp_speed_Nms_rad") / 5e-4
+    assert d.runaway_rpm(corner_rad_s) <= derived.RUNAWAY * d.rated_rpm
