@@ -13,17 +13,38 @@
  * the period's end. */
 #define ROOM_COUNTS 3.0f
 
+/* Cosine and sine of an angle within +-pi/2. With additions and products only, every processor gives
+ * the same bits. */
+static void cosine_and_sine(float angle, float *cosine, float *sine)
+{
+    float x = angle * angle;
+    *cosine = 1.0f
+              + x
+                    * (-1.0f / 2.0f
+                       + x
+                             * (1.0f / 24.0f
+                                + x
+                                      * (-1.0f / 720.0f
+                                         + x * (1.0f / 40320.0f - x * (1.0f / 3628800.0f)))));
+    *sine = angle
+            * (1.0f
+               + x
+                     * (-1.0f / 6.0f
+                        + x * (1.0f / 120.0f + x * (-1.0f / 5040.0f + x * (1.0f / 362880.0f)))));
+}
+
 void ht_excitation_configure(const ht_params *p, ht_excitation_config *c)
 {
     const float *v = p->v;
-    float turn = TWO_PI_F * v[HT_P_test_Hz] / v[HT_P_f_isr_Hz];
+    float most_Hz = 0.25f * v[HT_P_f_isr_Hz];
+    float hertz = (v[HT_P_test_Hz] < most_Hz) ? v[HT_P_test_Hz] : most_Hz;
+    hertz = (hertz > -most_Hz) ? hertz : -most_Hz;
     c->wave = (ht_wave)(uint16_t)v[HT_P_test_wave];
     c->ab_V.alpha = v[HT_P_test_alpha_V];
     c->ab_V.beta = v[HT_P_test_beta_V];
     c->xy_V.x = v[HT_P_test_x_V];
     c->xy_V.y = v[HT_P_test_y_V];
-    c->turn_cos = cosf(turn);
-    c->turn_sin = sinf(turn);
+    cosine_and_sine(TWO_PI_F * hertz / v[HT_P_f_isr_Hz], &c->turn_cos, &c->turn_sin);
     c->current_A = v[HT_P_test_current_A];
     c->travel_counts = v[HT_P_test_travel_rev] * v[HT_P_encoder_counts_rev];
     c->ticks = (uint32_t)(v[HT_P_test_s] * v[HT_P_f_isr_Hz]);

@@ -25,8 +25,10 @@ DIRECTIONS_DEG = (15.0, 45.0, 75.0, 105.0, 135.0, 165.0)
 #: Share of the largest current for the tests that follow.
 MOST = 0.5
 MEAN_S = 0.025
-#: The voltage of the first look grows by this factor, less as the current comes near its aim.
-GROWTH = 1.3
+#: The voltage of the first look grows by this share, but never by more than what drives this share
+#: of the current aimed at through the resistance: below what dead time takes there is no current,
+#: and beyond it a low resistance lets much through.
+GROWTH, STEP = 0.3, 0.15
 #: Directions in which the phases are told from each other: no leg's current is near zero. There the
 #: stator's asymmetry drives some current in the alpha-beta plane too, which takes its time.
 PHASE_DIRECTIONS_DEG = (30.0, 90.0, 150.0, 210.0, 270.0, 330.0)
@@ -88,11 +90,9 @@ def _phases(test: Excitation, found: Resistance, settle_s: float) -> Resistance:
     columns = [_in_star(currents, leg).ravel() for leg in range(6)]
     values, _ = linear(columns, _less_mean(np.array(legs_V)).ravel())
     # Their mean is known better from the many points of both signs: lost voltages drop out there.
-    shift = found.mean_ohm.value - float(np.mean([v.value for v in values]))
     wide = found.mean_ohm.uncertainty
-    return replace(
-        found, rs_ohm=tuple(Value(v.value + shift, v.uncertainty).plus(wide) for v in values)
-    )
+    moved = _about(found.mean_ohm, values)
+    return replace(found, rs_ohm=tuple(value.plus(wide) for value in moved))
 
 
 def _unit(degrees: float) -> np.ndarray:
@@ -100,24 +100,26 @@ def _unit(degrees: float) -> np.ndarray:
 
 
 def _rough(test: Excitation, vdc_V: float, aim_A: float, xy_per_H: float) -> tuple[float, float]:
-    """Resistance and lost voltage, roughly: the voltage along x grows until the current flows."""
+    """Resistance and lost voltage, roughly: the voltage along x grows until the current flows. The
+    parameter rs_ohm decides on the steps until two currents tell the resistance."""
     volts, points = 0.005 * vdc_V, []
-    settle_s = 0.02
+    ohm, settle_s = float(test.drive.get("rs_ohm")), 0.02
     while True:
         currents, _, _ = test.steady(np.array([0, 0, volts, 0]), settle_s, 0.005)
         current_A = float(TRANSFORM[2] @ currents)
         points.append((volts, current_A))
         if current_A > aim_A:
             break
-        volts *= 1 + (GROWTH - 1) * min(1.0, max(0.1, 1 - current_A / aim_A))
+        if len(points) > 1 and points[-2][1] > 0.05 * aim_A:
+            (v0, i0), (v1, i1) = points[-2:]
+            ohm = (v1 - v0) / max(i1 - i0, 0.01 * aim_A)
+            settle_s = min(1.0, max(0.01, 6 / (ohm * xy_per_H)))
+        volts += min(GROWTH * volts, STEP * aim_A * ohm)
         if volts > 0.4 * vdc_V:
             raise CommissioningError(
                 f"{volts:.0f} V of direct current drive {current_A:.2f} A only: "
                 f"no resistance can be measured with --current {test.limits.current_A:g}"
             )
-        if current_A > 0.05 * aim_A:  # its time constant is known now
-            ohm = volts / current_A
-            settle_s = min(1.0, max(0.01, 6 / (ohm * xy_per_H)))
     sure = [(v, i) for v, i in points if i > 0.3 * aim_A]
     if len(sure) < 2:
         return volts / current_A, 0.0
@@ -142,21 +144,32 @@ def solve(vectors_V: np.ndarray, i_A: np.ndarray, vdc_V: float) -> Resistance:
             best = (size, knee_A, values)
     assert best is not None
     _, knee_A, values = best
-    ohm, lost_V = _means(legs_V, i_A, knee_A)
+    ohm, lost_V = _means(vectors_V, i_A, knee_A)
     found = Resistance(
-        tuple(values[:6]), tuple(values[6:]), ohm, lost_V, knee_A, np.empty((0, 2)), vdc_V
-    )
+        _about(ohm, values[:6]), _about(lost_V, values[6:]), ohm, lost_V, knee_A,
+        np.empty((0, 2)), vdc_V,
+    )  # fmt: skip
     return replace(found, curve=_curve(found, legs_V, i_A))
 
 
-def _means(legs_V: np.ndarray, i_A: np.ndarray, knee_A: float) -> tuple[Value, Value]:
-    """One R and one D for all legs, from the points at which every leg loses all of its D."""
+def _means(vectors_V: np.ndarray, i_A: np.ndarray, knee_A: float) -> tuple[Value, Value]:
+    """One R and one D for all legs, from the points at which every leg loses all of its D. Only the
+    x-y plane tells them: asymmetry drives small currents in the alpha-beta plane, which has not
+    settled, and there the rotor adds its resistance."""
     beyond = np.abs(i_A).min(1) > knee_A
     if beyond.sum() < len(i_A) // 4:
         beyond[:] = True
-    columns, target = _equations(legs_V[beyond], i_A[beyond], knee_A)
-    (ohm, lost_V), _ = linear([np.sum(columns[:6], axis=0), np.sum(columns[6:], axis=0)], target)
+    plane = TRANSFORM[2:].T
+    shape = np.clip(i_A[beyond] / knee_A, -1, 1)
+    columns = [(i_A[beyond] @ plane).ravel(), (shape @ plane).ravel()]
+    (ohm, lost_V), _ = linear(columns, vectors_V[beyond, 2:].ravel())
     return ohm, lost_V
+
+
+def _about(mean: Value, values: list[Value]) -> tuple[Value, ...]:
+    """The values moved by the same amount, so that this is their mean."""
+    shift = mean.value - float(np.mean([v.value for v in values]))
+    return tuple(Value(v.value + shift, v.uncertainty) for v in values)
 
 
 def _equations(

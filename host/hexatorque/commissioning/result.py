@@ -5,25 +5,22 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from ..chips import DEVICES
 from ..drive.interface import DriveVerbs
+from ..setups import derived
 from ..setups.keys import TIMING_OWNS
+from ..setups.loading import parse
+from ..setups.to_parameters import parameters
 from .excitation import BORROWED
 from .inductance import Inductance
 from .regression import Value
 from .resistance import Resistance
 from .rotor import Rotor
 from .running import Magnetisation, Mechanics
-
-#: Speed loop: crossover in rad/s over the frequency of the slow interrupt, and its zero's distance.
-SPEED_CROSSOVER = 0.3
-SPEED_ZERO = 5.0
-#: x-y regulator: share of the current's error that a period takes back, and its integral's rate.
-XY_SHARE = 0.25
-XY_PER_S = 25.0
 
 
 @dataclass
@@ -67,17 +64,18 @@ class Findings:
         return lm, Value(lm.value + leakage, lm.uncertainty)
 
     def _gains(self, drive: DriveVerbs, vdc_V: float) -> dict[str, Value]:
-        """Step f. A gain is as uncertain as what it is made from."""
+        """Step f, by the rules of a set-up. A gain is as uncertain as what it is made from."""
         gains: dict[str, Value] = {}
         if self.inductance and vdc_V > 0:
-            per_A = XY_SHARE * _number(drive, "f_isr_Hz") / vdc_V
-            gains["kp_xy_pu_A"] = _times(self.inductance.lxy_H, per_A)
-            gains["ki_xy_pu_As"] = _times(self.inductance.lxy_H, per_A * XY_PER_S)
+            per_H = derived.kp_xy(1.0, vdc_V, 1 / _number(drive, "f_isr_Hz"))
+            gains["kp_xy_pu_A"] = _times(self.inductance.lxy_H, per_H)
+            gains["ki_xy_pu_As"] = _times(self.inductance.lxy_H, derived.ki_xy(per_H))
         if self.mechanics:
-            rate = SPEED_CROSSOVER * _number(drive, "f_slow_Hz")
+            f_slow_Hz = _number(drive, "f_slow_Hz")
+            per_kgm2 = derived.kp_speed(1.0, f_slow_Hz)
             inertia = self.mechanics.inertia_kgm2
-            gains["kp_speed_Nms_rad"] = _times(inertia, rate)
-            gains["ki_speed_Nm_rad"] = _times(inertia, rate * rate / SPEED_ZERO)
+            gains["kp_speed_Nms_rad"] = _times(inertia, per_kgm2)
+            gains["ki_speed_Nm_rad"] = _times(inertia, derived.ki_speed(per_kgm2, f_slow_Hz))
         return gains
 
     def load(self, drive: DriveVerbs) -> dict[str, Value]:
@@ -143,9 +141,14 @@ def set_up(found: Findings, drive: DriveVerbs, device: str, title: str) -> str:
             "i_noise_A": _measured(Value(found.noise_A, 0.0)),
         },
         "timing": {"device": device if device in DEVICES else DEVICES[0], **_latency(drive)},
-        "controller": _controller(drive, values),
     }
-    lines = [f"title = {json.dumps(title)}", *_curve(found)]
+    head = [f"title = {json.dumps(title)}", 'defaults = "firmware"', *_curve(found)]
+    alone = parameters(parse(_text(head, sections), title))
+    return _text(head, {**sections, "controller": _controller(drive, values, alone)})
+
+
+def _text(head: list[str], sections: Mapping[str, Mapping[str, object]]) -> str:
+    lines = list(head)
     for name, entries in sections.items():
         lines += ["", f"[{name}]", *(f"{key} = {_toml(value)}" for key, value in entries.items())]
     return "\n".join(lines) + "\n"
@@ -158,18 +161,20 @@ DERIVED = (
 )  # fmt: skip
 
 
-def _controller(drive: DriveVerbs, values: Mapping[str, Value]) -> dict[str, object]:
-    """The board's own settings that are not the firmware's initial ones, and the gains."""
+def _controller(
+    drive: DriveVerbs, values: Mapping[str, Value], alone: Mapping[str, Any]
+) -> dict[str, object]:
+    """The gains, and the board's own settings that differ from those which the set-up's other
+    sections make `alone`."""
     entries: dict[str, object] = {}
     leave = (*DERIVED, *TIMING_OWNS, *BORROWED, "speed_ref_rpm", "torque_ref_Nm")
     for name, row in drive.params.items():
         if name in leave:
             continue
+        value = drive.get(name)
         if name in values:
             entries[name] = _measured(values[name], note="from what was measured")
-            continue
-        value = drive.get(name)
-        if value != row.show(row.initial):
+        elif value != alone[name] if row.choices else np.float32(value) != np.float32(alone[name]):
             entries[name] = value
     return entries
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..drive.interface import DriveVerbs
 from ..plant.vsd import PHASES, TRANSFORM
+from ..setups.design import VECTOR_PU
 from .excitation import CommissioningError, Limits
 from .regression import Value, linear
 
@@ -22,6 +23,10 @@ CURRENTS = tuple(f"i_{phase}_A" for phase in PHASES)
 FLUXES = (0.5, 0.65, 0.8, 0.95, 1.1)
 #: Share of the dc-link voltage that the flux may induce at the speed of the tests.
 VOLTAGE = 0.3
+#: Current that the running drive needs: this share of the no-load current, and this many steps of
+#: the current from one sample to the next. The trip lies a step below the limit. The mean current
+#: stays at USABLE of what is left another step below.
+NO_LOADS, CURRENT_STEPS, USABLE = 1.3, 3.0, 0.8
 #: Longest wait for a speed, s.
 PATIENCE_S = 15.0
 #: The acceleration should take about this time, s.
@@ -57,6 +62,50 @@ class Mechanics:
     viscous_Nms: Value
 
 
+def needed_A(drive: DriveVerbs) -> float:
+    """The smallest limit with which the drive can run, by its parameters."""
+    return NO_LOADS * _no_load_A(drive) + CURRENT_STEPS * _step_A(drive)
+
+
+def _no_load_A(drive: DriveVerbs) -> float:
+    return float(drive.get("flux_ref_Wb")) / float(drive.get("lr_H"))
+
+
+def _step_A(drive: DriveVerbs) -> float:
+    """What the largest vector moves a current by in one period."""
+    sigma_ls_H, f_isr_Hz = float(drive.get("sigma_ls_H")), float(drive.get("f_isr_Hz"))
+    return VECTOR_PU * _vdc_V(drive) / (f_isr_Hz * sigma_ls_H)
+
+
+def _vdc_V(drive: DriveVerbs) -> float:
+    return float(drive.capture(("vdc_V",), 64, timeout_s=5)["vdc_V"].mean())
+
+
+def _limited(drive: DriveVerbs, limits: Limits) -> dict[str, object]:
+    """Parameters that keep the currents within the limit. With less current the flux takes longer
+    to build up."""
+    no_load_A, step_A, needed = _no_load_A(drive), _step_A(drive), needed_A(drive)
+    if limits.current_A < 0.99 * needed:
+        raise CommissioningError(
+            f"current = {limits.current_A:g} A: the running drive needs {needed:.3g} A and more: "
+            f"its flux takes {no_load_A:.3g} A, and one sample to the next {step_A:.3g} A"
+        )
+    build_A, build_s, torque_Nm, trip_A = (
+        float(drive.get(name))
+        for name in ("build_current_A", "build_s", "torque_limit_Nm", "i_trip_A")
+    )
+    usable_A = USABLE * (limits.current_A - 2 * step_A)
+    less_A = min(build_A, usable_A)
+    across_A = float(np.sqrt(max(usable_A**2 - no_load_A**2, (0.3 * no_load_A) ** 2)))
+    pole_pairs, flux_Wb = (float(drive.get(name)) for name in ("pole_pairs", "flux_ref_Wb"))
+    return {
+        "i_trip_A": min(trip_A, limits.current_A - step_A),
+        "build_current_A": less_A,
+        "build_s": min(build_s * build_A / less_A, drive.params["build_s"].max),
+        "torque_limit_Nm": min(torque_Nm, 3 * pole_pairs * flux_Wb * across_A),
+    }
+
+
 @contextmanager
 def _borrowed(drive: DriveVerbs, values: dict[str, object]) -> Iterator[None]:
     """The drive stopped, with these parameters; afterwards stopped, with its own ones."""
@@ -66,12 +115,14 @@ def _borrowed(drive: DriveVerbs, values: dict[str, object]) -> Iterator[None]:
         yield
     finally:
         drive.stop()
+        if drive.faults:  # what may change in idle only
+            drive.clear()
         drive.set_many(before)
 
 
 def test_speed_rpm(drive: DriveVerbs, limits: Limits) -> float:
     """A speed at which voltages tell the flux well, and which the dc link can give."""
-    vdc_V = float(drive.capture(("vdc_V",), 64, timeout_s=5)["vdc_V"].mean())
+    vdc_V = _vdc_V(drive)
     flux_Wb = max(FLUXES) * float(drive.get("flux_ref_Wb"))
     rpm = VOLTAGE * vdc_V / flux_Wb / float(drive.get("pole_pairs")) * 30 / np.pi
     return min(rpm, limits.speed_rpm or rpm, 0.8 * float(drive.get("speed_trip_rpm")))
@@ -84,7 +135,7 @@ def magnetisation(drive: DriveVerbs, limits: Limits) -> Magnetisation:
     rows = []
     values = {
         "start_mode": "drive", "control_mode": "speed", "speed_ref_rpm": 0.0,
-        "flux_ref_Wb": nominal_Wb, "field_weakening": "off",
+        "flux_ref_Wb": nominal_Wb, "field_weakening": "off", **_limited(drive, limits),
     }  # fmt: skip
     with _borrowed(drive, values):
         _start(drive)
@@ -156,13 +207,14 @@ def _speed(drive: DriveVerbs) -> float:
 def mechanics(drive: DriveVerbs, limits: Limits) -> Mechanics:
     """Accelerate and brake with a limited torque; accelerate again and let the shaft coast."""
     speed_rpm = test_speed_rpm(drive, limits)
-    limit_Nm = float(drive.get("torque_limit_Nm"))
     slow_s = 1 / float(drive.get("f_slow_Hz"))
     values = {
         "start_mode": "drive", "control_mode": "speed", "speed_ref_rpm": 0.0,
-        "torque_limit_Nm": limit_Nm,
+        **_limited(drive, limits),
     }  # fmt: skip
-    torque_Nm = FIRST_TORQUE * limit_Nm
+    own_Nm = float(drive.get("torque_limit_Nm"))
+    limit_Nm = float(str(values["torque_limit_Nm"]))
+    torque_Nm = min(FIRST_TORQUE * own_Nm, limit_Nm)
     with _borrowed(drive, values):
         for _ in range(3):
             drive.set("torque_limit_Nm", torque_Nm)

@@ -124,6 +124,18 @@ def test_all_bits_of_16_bit_int(quick, need):
     assert (outcome.steps, outcome.state) == (2500, "run")
 
 
+def test_the_state_test_bit_by_bit(quick, m4f):
+    """Direct voltages, then every wave."""
+    changes = [(0.1, "test_x_V", 6.0), (0.11, "test_alpha_V", 4.0), (0.11, "test_Hz", 333.3)]
+    waves = firmware.parameters()["test_wave"].choices
+    changes += [(0.12 + 0.02 * n, "test_wave", wave) for n, wave in enumerate(waves)]
+    profile = Profile(duration_s=0.2, set=tuple(changes), samples_per_period=1)
+    outcome = pil.compare(quick.changed(controller__start_mode="test"), profile, m4f)
+    assert outcome.failures() == []
+    assert outcome.state == "test"
+    assert abs(outcome.recording["plant.i_u1_A"]).max() > 1
+
+
 # --- what goes wrong ------------------------------------------------------------
 
 

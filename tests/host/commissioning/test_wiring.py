@@ -9,7 +9,7 @@ from hexatorque.commissioning import encoder, wiring
 from hexatorque.commissioning.excitation import Excitation, Limits
 from hexatorque.commissioning.regression import Value
 from hexatorque.commissioning.resistance import Resistance
-from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.evidence.studies.commissioning import Watched, miswirings
 from hexatorque.plant.vsd import INVERSE, PHASES, TRANSFORM
 
 STRAIGHT = (1, 2, 3, 4, 5, 6)
@@ -108,37 +108,9 @@ def test_a_mess_is_not_called_right():
 # -- on the machine --------------------------------------------------------------------------
 
 
-def wires(*channels):
-    return {"sensors__i_wires": channels}
-
-
-def motor(*leads):
-    return {"machine__leads": leads}
-
-
+SETUP = setups.load("paper-a-feasible")
 #: What is wrong -> words that the lines must have. All 30 in CI.
-MISWIRED = [
-    *(([f"{PHASES[k - 1]}: has the wrong sign"], wires(*(-x if x == k else x for x in STRAIGHT)))
-      for k in STRAIGHT),
-    *(([f"{PHASES[a - 1]}: measures leg {PHASES[b - 1]}", f"{PHASES[b - 1]}: measures"],
-       wires(*exchanged(a, b))) for a, b in ((1, 3), (1, 2), (4, 6), (5, 6), (2, 5))),
-    (["u1: measures leg w1", "w1: measures leg v1"], wires(3, 2, 5, 4, 1, 6)),
-    (["u1: reads nothing"], wires(0, 2, 3, 4, 5, 6)),
-    (["w2: reads nothing"], wires(1, 2, 3, 0, 5, 6)),
-    (["u2: measures leg u1"], wires(1, 1, 3, 4, 5, 6)),
-    *(([f"leg {PHASES[a - 1]} feeds phase {PHASES[b - 1]}"], motor(*exchanged(a, b)))
-      for a, b in ((1, 3), (3, 5), (2, 6), (1, 2), (3, 4), (2, 5))),
-    (["leg u2 feeds phase w2", "leg v2 feeds phase u2"], motor(1, 4, 3, 6, 5, 2)),
-    (["motor lead"], motor(2, 1, 4, 3, 6, 5)),
-    (["motor lead"], motor(1, 4, 5, 2, 3, 6)),  # the planes are exchanged
-    (["encoder: counts backwards"], motor(2, 1, 6, 5, 4, 3)),  # turns the other way
-    (["encoder: counts backwards"], {"sensors__encoder_wires": "swapped"}),
-    (["one channel is open"], {"sensors__encoder_wires": "one open"}),
-    (["encoder: counts nothing"], {"sensors__encoder_wires": "open"}),
-    (["encoder: counts", "times what"],
-     {"sensors__encoder_ppr": 2048, "controller__encoder_counts_rev": 2048}),
-    (["encoder: counts 0.50", "2 pole pairs"], {"controller__pole_pairs": 1}),
-]  # fmt: skip
+MISWIRED = miswirings(SETUP)
 
 
 def test_there_are_thirty():
@@ -148,8 +120,7 @@ def test_there_are_thirty():
 @pytest.mark.parametrize("number", part(range(30), 4))
 def test_each_miswiring_is_named_below_the_current_limit(number):
     words, changes = MISWIRED[number]
-    base = setups.load("paper-a-feasible")
-    sim = Watched(base.changed(sensors__i_noise_A=0.02, inverter__v_switch_V=1.0, **changes))
+    sim = Watched(SETUP.changed(sensors__i_noise_A=0.02, inverter__v_switch_V=1.0, **changes))
     limits = Limits(LIMIT_A, 0.1)
     with Excitation(sim, limits, travel_rev=10) as test:
         found = wiring.check(test).mistakes
@@ -158,18 +129,6 @@ def test_each_miswiring_is_named_below_the_current_limit(number):
     for word in words:
         assert any(word in line for line in found), found
     assert 0 < sim.largest_A < LIMIT_A
-
-
-class Watched(SimulatedDrive):
-    """Remembers the largest current that any phase ever had."""
-
-    largest_A = 0.0
-
-    def _run_chunk(self, n, record):
-        self.discard()
-        super()._run_chunk(n, True)
-        phases = self._plant.filled()[:, :4] @ INVERSE.T
-        self.largest_A = max(self.largest_A, float(np.abs(phases).max()))
 
 
 def resistance():

@@ -25,7 +25,7 @@ from .connection import open_drive, until_signal
     "--current",
     metavar="A",
     type=options.number,
-    help="no phase current goes beyond it; default: the parameter build_current_A",
+    help="no phase current goes beyond it; default: what the running drive needs by its parameters",
 )
 @options.value(
     "--travel",
@@ -59,7 +59,7 @@ def commission(steps, current, travel, turns, speed, out, device, baud, as_json)
     """
     from ...commissioning.excitation import Limits
     from ...commissioning.result import set_up
-    from ...commissioning.sequence import STEPS
+    from ...commissioning.sequence import STEPS, default_current_A
     from ...commissioning.sequence import commission as run
 
     wanted = list(STEPS) if steps is None else [part.strip() for part in steps.split(",")]
@@ -75,7 +75,7 @@ def commission(steps, current, travel, turns, speed, out, device, baud, as_json)
         raise Mistake(f"--speed = {speed:g}: allowed range is 1 .. 60000 r/min")
     console = console_of(as_json, highlight=False)
     with until_signal(at_once=True), open_drive(device, baud) as drive:
-        limit_A = float(drive.get("build_current_A")) if current is None else current
+        limit_A = default_current_A(drive) if current is None else current
         limits = Limits(limit_A, travel, speed or 0.0)
         found = run(drive, limits, wanted, turns, lambda line: console.print(line, markup=False))
         values = {} if found.mistakes else found.parameters(drive)
