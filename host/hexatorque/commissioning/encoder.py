@@ -24,8 +24,8 @@ BRAKE_S = 0.8
 #: The firmware's limit on the shaft's movement, in terms of the stated one: counts may be wrong by
 #: a factor of four, which is no reason to trip before it is known.
 SLACK = 5.0
-#: Speed over the field's: less is slip, more cannot be.
-RIGHT = (0.75, 1.1)
+#: Speed over the field's: less is slip, more is a shaft that swings about its mean speed.
+RIGHT = (0.75, 1.25)
 NOTHING = 0.1
 
 

@@ -26,7 +26,7 @@ VOLTAGE = 0.3
 #: Current that the running drive needs: this share of the no-load current, and this many steps of
 #: the current from one sample to the next. The trip lies a step below the limit. The mean current
 #: stays at USABLE of what is left another step below.
-NO_LOADS, CURRENT_STEPS, USABLE = 1.3, 3.0, 0.8
+NO_LOADS, CURRENT_STEPS, USABLE = 1.6, 3.0, 0.7
 #: Longest wait for a speed, s.
 PATIENCE_S = 15.0
 #: The acceleration should take about this time, s.
@@ -35,7 +35,7 @@ ACCELERATE_S = 0.7
 TORQUE_ERROR = 0.01
 #: Torque of the first try, and the least, share of torque_limit_Nm.
 FIRST_TORQUE = 0.25
-LEAST_TORQUE = 0.02
+LEAST_TORQUE = 0.1
 #: Share of the speed up to which the torque is at its limit.
 UPPER = 0.85
 #: The shaft coasts for this time at most, s.

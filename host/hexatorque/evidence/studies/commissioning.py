@@ -105,7 +105,7 @@ def truth(setup: Setup, dry_Nm: float) -> dict[str, float]:
         0.5 * (setup[f"inverter.{what}_switch_{unit}"] + setup[f"inverter.{what}_diode_{unit}"])
         for what, unit in (("v", "V"), ("r", "ohm"))
     )
-    dead = 1e-6 * setup["inverter.dead_time_us"] * setup.parameter("f_isr_Hz")
+    dead = 1e-6 * setup["inverter.dead_time_us"] * float(setup.parameter("f_isr_Hz"))
     return {
         "R_s": machine.rs_ohm + ohms,
         "dead-time voltage": setup["inverter.vdc_V"] * dead + volts,
