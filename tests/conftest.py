@@ -9,11 +9,14 @@ slow    The file takes more than some seconds of computing time.
 `make test-quick` leaves all of these out with `--quick`: it does not even import their files.
 """
 
+import os
 from pathlib import Path
 
 import pytest
 
 TESTS = Path(__file__).parent
+# What is no terminal has no width. GNU readline sets this for processes that pytest starts.
+os.environ.pop("COLUMNS", None)
 
 #: These files are in the Makefile's OTHER_PROCESSES too.
 TIMED = (
@@ -32,9 +35,13 @@ LIVE = (
     "project/test_tutorial.py",
 )
 SLOW = (
+    "firmware/core/test_modulator.py",
+    "firmware/core/test_observer.py",
     "firmware/core/test_pattern.py",
+    "firmware/link/test_floods.py",
     "firmware/port",
     "host/analysis/test_plots.py",
+    "host/analysis/test_report.py",
     "host/boards",
     "host/cli/test_cli.py",
     "host/cli/test_compiling.py",
@@ -42,6 +49,7 @@ SLOW = (
     "host/evidence",
     "host/plant",
     "host/recording/test_files.py",
+    "host/recording/test_writer.py",
     "project",
 )
 

@@ -7,11 +7,10 @@ Usage: write_studies.py OUT_DIR [docs]
 from __future__ import annotations
 
 import json
-import shutil
 import sys
 from pathlib import Path
 
-from write_results import renew
+from write_results import keep, renew
 
 from hexatorque.evidence.studies import commissioning, dynamics, robustness
 
@@ -47,7 +46,7 @@ def main() -> None:
                 f"{folder}/{name}.json: a quick run; the documentation shows full ones"
             )
         page.write_text(renew(page.read_text(), name, markdown(study.grid(result))))
-        shutil.copy(folder / f"{name}.png", docs / "images" / f"{name}.png")
+        keep(folder / f"{name}.png", docs / "images")
 
 
 if __name__ == "__main__":

@@ -76,6 +76,7 @@ static void configure_deadbeat_law(const ht_params *p, ht_control_config *c)
                                   / p->v[HT_P_vdc_max_V];
     c->modulator.kappa = p->v[HT_P_kappa];
     c->modulator.kappa_from_pu = p->v[HT_P_kappa_from_pu];
+    c->modulator.alternate = p->v[HT_P_clamp] != 0.0f;
     c->modulator.turn_pu = turn_pu[(uint16_t)p->v[HT_P_carrier_turn]];
 }
 

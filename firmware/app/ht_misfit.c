@@ -35,6 +35,14 @@ static bool release_within_band(float release_Nm, float band_Nm)
     return (release_Nm == 0.0f) || ((release_Nm < band_Nm) && (release_Nm > -band_Nm));
 }
 
+/* Both in whole counts. */
+static bool in_first_half(float write, float period)
+{
+    uint16_t at = (uint16_t)(write + 0.5f);
+    uint16_t end = (uint16_t)(period + 0.5f);
+    return at < (end / 2u);
+}
+
 static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
 {
     float f_isr_Hz = v[HT_P_f_isr_Hz];
@@ -51,10 +59,9 @@ static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
     case HT_MISFIT_RELEASE:
         result = release_within_band(v[HT_P_torque_release_Nm], v[HT_P_torque_band_Nm]);
         break;
-    case HT_MISFIT_WRITE: /* whole counts, in the first half of the period */
+    case HT_MISFIT_WRITE:
         result = !immediate
-                 || ((uint16_t)(v[HT_P_write_delay_us] * 1.0e-6f * pwm_clock_Hz + 0.5f)
-                     < (uint16_t)((uint16_t)(period + 0.5f) / 2u));
+                 || in_first_half(v[HT_P_write_delay_us] * 1.0e-6f * pwm_clock_Hz, period);
         break;
     case HT_MISFIT_DEAD_TIME:
         result = v[HT_P_dead_time_us] * 1.0e-6f * f_isr_Hz <= 0.5f;

@@ -94,32 +94,40 @@ static void fit(ht_vsd *v)
     v->xy.y *= share;
 }
 
-/* Is the angle of v in an even one of the twelve 30 degrees? There the sine of six times the
- * angle is positive: the product of real and imaginary part of v cubed. */
-static bool in_even_sector(ht_ab v, float alpha2, float beta2)
+/* v cubed, as a complex number. Its angle tells sectors of v. */
+static ht_ab cubed(ht_ab v, float alpha2, float beta2)
 {
-    return (v.alpha * (alpha2 - 3.0f * beta2)) * (v.beta * (3.0f * alpha2 - beta2)) > 0.0f;
+    ht_ab c;
+    c.alpha = v.alpha * (alpha2 - 3.0f * beta2);
+    c.beta = v.beta * (3.0f * alpha2 - beta2);
+    return c;
 }
 
 /* Share of the clamped zero sequence at a voltage squared: no step where it begins. */
 static float kappa_at(const ht_modulator_config *cfg, float size2)
 {
     float from = cfg->kappa_from_pu;
-    float full = from + HT_KAPPA_RAMP_PU;
-    float above = size2 - from * from;
-    float ramp = full * full - from * from;
-    if ((from > 0.0f) && (above < ramp)) {
-        return (above > 0.0f) ? (cfg->kappa * above / ramp) : 0.0f;
+    if (from > 0.0f) {
+        float above = size2 - from * from;
+        float full = from + HT_KAPPA_RAMP_PU;
+        float ramp = full * full - from * from;
+        if (above <= 0.0f) {
+            return 0.0f;
+        }
+        if (above < ramp) {
+            return cfg->kappa * above / ramp;
+        }
     }
     return cfg->kappa; /* NaN too */
 }
 
 /* Zero sequence of a set, with the middle between the rails at 0. Clamped, the legs are away
- * from centred by half of what they leave free. */
+ * from centred by half of what they leave free: towards the rail of the leg with the largest
+ * command, or, with a negative kappa, towards the other rail. */
 static float zero_sequence(extremes e, float kappa)
 {
     float zero = -0.5f * e.sum;
-    if (kappa > 0.0f) {
+    if (kappa != 0.0f) {
         float away = kappa * (0.5f - 0.5f * e.range);
         zero += (e.sum > 0.0f) ? away : -away;
     }
@@ -207,7 +215,8 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     float beta2 = v_pu->ab.beta * v_pu->ab.beta;
     float size2 = alpha2 + beta2;
     float turn2 = cfg->turn_pu * cfg->turn_pu * (st->opposite ? TURN_HOLD2 : 1.0f);
-    float kappa = kappa_at(cfg, size2);
+    float kappa1 = kappa_at(cfg, size2);
+    float kappa2 = kappa1;
     three_phase one = set1_of(v_pu);
     three_phase two = set2_of(v_pu);
     extremes first = extremes_of(one);
@@ -217,10 +226,12 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     carrier c;
     ht_six share; /* of the period that a leg is high, with a zero of each set's own */
     ht_vsd mean;
+    ht_ab v3 = cubed(v_pu->ab, alpha2, beta2);
     bool falling = st->falling;
     bool other; /* set 2 falls */
     float middle;
     float zero;
+    float dead; /* counts */
     unsigned before = in->before;
     unsigned rises;
     unsigned start;
@@ -235,25 +246,33 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
         first = extremes_of(one);
         second = extremes_of(two);
     }
-    st->opposite = (size2 > turn2) && in_even_sector(v_pu->ab, alpha2, beta2);
+    st->opposite = (size2 > turn2) && (v3.alpha * v3.beta > 0.0f);
     other = falling != st->opposite;
     st->falling = !falling;
 
+    if (cfg->alternate && (kappa1 > 0.0f)) {
+        if (fabsf(v3.alpha) > fabsf(v3.beta)) { /* within 15 degrees of 0, 60, 120, ... */
+            kappa1 = -kappa1;
+        } else {
+            kappa2 = -kappa2;
+        }
+    }
     t.period = in->period;
     t.per_count = 1.0f / full;
     t.dead_half_pu2 = 0.25f * in->dead->dead_pu;
     t.dead_per_A = t.dead_half_pu2 / in->dead->i_zero_A;
     t.middle = 0.5f * full + 0.5f;
-    t.early = 0.5f * in->dead->dead_pu * full;
-    t.open = 0.5f * full - in->dead->dead_pu * full - 1.5f;
+    dead = in->dead->dead_pu * full;
+    t.early = 0.5f * dead;
+    t.open = 0.5f * full - dead - 1.5f;
     c = carrier_of(falling, &t);
-    zero = zero_sequence(first, kappa);
+    zero = zero_sequence(first, kappa1);
     middle = zero - 0.5f * one.p;
     modulate(&t, &c, zero + one.p, in->i_A->p[0], 0u, &found, out->ca, toggles->t, share.p);
     modulate(&t, &c, middle + one.q, in->i_A->p[2], 2u, &found, out->ca, toggles->t, share.p);
     modulate(&t, &c, middle - one.q, in->i_A->p[4], 4u, &found, out->ca, toggles->t, share.p);
     c = carrier_of(other, &t);
-    zero = zero_sequence(second, kappa);
+    zero = zero_sequence(second, kappa2);
     middle = zero - 0.5f * two.p;
     modulate(&t, &c, zero + two.p, in->i_A->p[5], 5u, &found, out->ca, toggles->t, share.p);
     modulate(&t, &c, middle + two.q, in->i_A->p[1], 1u, &found, out->ca, toggles->t, share.p);

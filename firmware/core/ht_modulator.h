@@ -27,6 +27,7 @@ typedef struct {
     float kappa_from_pu; /**< below this voltage the zero sequence is centred; units of Vdc.
                           *   0: `kappa` counts at every voltage */
     float turn_pu;       /**< set 2's carrier turns where the voltage exceeds this; units of Vdc */
+    bool alternate; /**< clamped legs alternate between the rails by 15 degrees of the voltage */
 } ht_modulator_config;
 
 typedef struct {

@@ -347,10 +347,14 @@ class Controller:
         self.store = store or Store()
         result = lib.ht_store_start(self.store.handle, self.drive, self.port, params)
         if result == lib.HT_ERROR_CONFIG:
-            misfit = lib.ht_misfit_of(params, self.map.pwm_clock_Hz)
-            asked = {name: row.show(params.v[row.id]) for name, row in self.parameters.items()}
-            raise FirmwareError(f"controller set-up: {misfit_text(misfit, asked.__getitem__)}")
+            raise FirmwareError(f"controller set-up: {self._why_unfit(params)}")
         self._check(result, "controller set-up")
+
+    def _why_unfit(self, params: Any) -> str:
+        """Why parameters (ht_params) do not fit together."""
+        misfit = lib.ht_misfit_of(params, self.map.pwm_clock_Hz)
+        asked = {name: row.show(params.v[row.id]) for name, row in self.parameters.items()}
+        return misfit_text(misfit, asked.__getitem__)
 
     def _check(self, result: int, what: str) -> None:
         if result == lib.HT_ERROR_PORT:

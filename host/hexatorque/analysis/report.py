@@ -43,14 +43,14 @@ def _metric(key: str, band: str = "") -> Callable[[Run], float | None]:
 
 COLUMNS = (
     Column("speed", "r/min", 0, _metric("speed_rpm")),
-    Column("torque", "N m", 2, _metric("torque_Nm")),
+    Column("torque", "N m", 2, _metric("torque_Nm"), brief=False),
     Column("ripple", "N m", 3, _metric("torque_ripple_Nm"), "torque_ripple_Nm"),
-    Column("Td", "N m", 3, _metric("torque_ripple_td_Nm"), brief=False),
-    Column("THD 1k", "%", 1, _metric("thd_pct", "1kHz")),
+    Column("Td", "N m", 3, _metric("torque_ripple_td_Nm")),
+    Column("THD 1k", "%", 1, _metric("thd_pct", "1kHz"), brief=False),
     Column("THD 2k", "%", 1, _metric("thd_pct", "2kHz"), brief=False),
     Column("THD 5k", "%", 1, _metric("thd_pct", "5kHz"), "thd_pct"),
     Column("THD h≤50", "%", 1, _metric("thd_pct", "h50"), brief=False),
-    Column("THD∞", "%", 2, _metric("thd_inf_pct"), brief=False),
+    Column("THD∞", "%", 2, _metric("thd_inf_pct")),
     Column("5th", "%", 2, _metric("h5_pct"), brief=False),
     Column("7th", "%", 2, _metric("h7_pct"), brief=False),
     Column("i_xy rms", "A", 3, _metric("ixy_rms_A"), brief=False),
@@ -105,8 +105,10 @@ def _rows(group: list[Run], reference: Reference, columns: Iterable[Column]) -> 
 
 
 def _columns(group: list[Run], brief: bool) -> list[Column]:
+    """The console has 80 columns: the brief table leaves out what the title says, and spreads."""
     relative = any(run.scheme == "dtc1" for run in group)
-    return [c for c in COLUMNS if c.brief >= brief and (relative or c.paper != "f_sw_rel")]
+    shown = [c for c in COLUMNS if c.brief >= brief and (relative or c.paper != "f_sw_rel")]
+    return [c._replace(spread="") for c in shown] if brief else shown
 
 
 def _heading(group: list[Run], reference: Reference) -> str:
@@ -161,7 +163,7 @@ def _result(group: list[Run], reference: Reference) -> tuple[str, list[str], lis
     return _heading(group, reference), headings, _rows(group, reference, columns)
 
 
-def _picture(file: str | Path) -> str:
+def picture_source(file: str | Path) -> str:
     """A PNG file as an address that holds the picture itself."""
     return f"data:image/png;base64,{base64.b64encode(Path(file).read_bytes()).decode()}"
 
@@ -190,7 +192,7 @@ def html_report(
             "set-up", "scheme", *(f"{name} [N m]" for name in LATENCY_STUDY), "shadow / predicted"
         ],
         latency_rows=_latency_rows(runs),
-        figures=[(caption, _picture(file)) for caption, file in figures],
+        figures=[(caption, picture_source(file)) for caption, file in figures],
         notes=notes,
         command=command,
     )  # fmt: skip

@@ -8,6 +8,8 @@ up, the equivalent noise bandwidth ENBW = N sum(w^2) / sum(w)^2 = 1.5 corrects t
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -66,6 +68,7 @@ def whole_cycles(signal: np.ndarray, rate_Hz: float, f1_Hz: float) -> tuple[np.n
     return signal[signal.size - count :], cycles
 
 
+@lru_cache(maxsize=4)
 def _hann(n: int) -> np.ndarray:
     return 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
 
@@ -96,9 +99,13 @@ def line_amplitude(signal: np.ndarray, rate_Hz: float, f_Hz: float) -> float:
 
 
 def _line(w: np.ndarray, x: np.ndarray, rotor: np.ndarray) -> float:
-    # `@` is not used because its threads wait for each other when several points are measured at
-    # once.
-    return float(2 * abs(np.einsum("n,n", w * x, rotor)) / w.sum())
+    return float(2 * abs(_dot(w * x, rotor)) / w.sum())
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> Any:
+    """Sum of the products. `@` is not used because its threads wait for each other when several
+    points are measured at once."""
+    return np.einsum("n,n", a, b)
 
 
 def harmonics(
@@ -183,7 +190,8 @@ def thd_inf_pct(signals: np.ndarray, rate_Hz: float, f1_Hz: float) -> float:
 def _power(x: np.ndarray) -> np.ndarray:
     """Mean square of each bin, without the mean."""
     w = _hann(x.size)
-    power = 2 * np.abs(np.fft.rfft(w * (x - (w @ x) / w.sum()))) ** 2 / (x.size * (w @ w))
+    mean, square = _dot(w, x) / w.sum(), _dot(w, w)
+    power = 2 * np.abs(np.fft.rfft(w * (x - mean))) ** 2 / (x.size * square)
     if x.size % 2 == 0:
         power[-1] /= 2  # the Nyquist bin has no mirror
     return power

@@ -226,8 +226,15 @@ class TargetController(Controller):
             done[name] = before
 
     def _put(self, name: str, value: object) -> None:
-        row = self.parameters[name]
-        self._check(self._request(lib.HT_OP_PIL_SET, row.id, row.parse(value)), f"{name} = {value}")
+        row, asked = self.parameters[name], f"{name} = {value}"
+        result = self._request(lib.HT_OP_PIL_SET, row.id, row.parse(value))
+        if result == lib.HT_ERROR_CONFIG:  # the link does not say why: the same check on the host
+            params = ffi.new("ht_params *")
+            for other in self.parameters.values():
+                params.v[other.id] = self.number(other.name)
+            params.v[row.id] = row.parse(value)
+            raise FirmwareError(f"{asked}: {self._why_unfit(params)}")
+        self._check(result, asked)
 
     def start(self) -> None:
         self._check(self._request(lib.HT_OP_PIL_START), "start")

@@ -22,6 +22,7 @@ from .own_machine import check, new
 from .recordings import convert, plot
 from .simulate import compare, reach, run
 from .tables import schemes, setups
+from .tuning import tune
 
 
 @click.group(
@@ -44,7 +45,8 @@ def app() -> None:
     with it."""
 
 
-for command in (run, compare, reach, plot, convert, setups, schemes, new, check, board, evidence):
+COMMANDS = (run, compare, reach, plot, convert, setups, schemes, new, check, tune, board, evidence)
+for command in COMMANDS:
     app.add_command(command)
 
 

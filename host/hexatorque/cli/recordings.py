@@ -49,7 +49,7 @@ def plot(files, channels, align, window, output, as_json) -> int:
     from ..analysis import overlay
     from ..recording.formats import RecordingError
 
-    window_s = _window(window)
+    window_s = seconds_window(window)
     if align not in (None, *overlay.ALIGNMENTS):
         known = ", ".join(overlay.ALIGNMENTS)
         raise RecordingError(f"--align {align}: choose from {known}")
@@ -82,7 +82,7 @@ def plot(files, channels, align, window, output, as_json) -> int:
     return 0
 
 
-def _window(text: str | None) -> tuple[float, float] | None:
+def seconds_window(text: str | None) -> tuple[float, float] | None:
     """The seconds of a --window option."""
     from ..recording.formats import RecordingError
 

@@ -38,8 +38,8 @@ MOST_PU = 0.4
 DEAD = 0.15
 #: Gains of two channels may differ by this share.
 GAIN = 0.2
-#: What an order may leave unexplained, share of the matrix's rms: readings are noisy, a stator may be
-#: asymmetrical, and small currents lose less to the dead time than large ones.
+#: What an order may leave unexplained, share of the matrix's rms: readings are noisy, a stator may
+#: be asymmetrical, and small currents lose less to the dead time than large ones.
 UNEXPLAINED = 0.18
 #: Leads are taken as right if no other order leaves less than this share of what they leave.
 BETTER = 0.6

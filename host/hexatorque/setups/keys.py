@@ -14,7 +14,7 @@ from ..plant.machines import MODELS
 from ..plant.wires import ENCODER_WIRES
 
 #: Where a value comes from.
-TAGS = ("paper", "assumed", "measured")
+TAGS = ("paper", "assumed", "measured", "tuned")
 #: The same, for values that the user's own file or command line gives.
 USER = "user"
 LATENCIES = ("none", "immediate", "shadow", "predicted")

@@ -514,17 +514,21 @@ def test_a_write_sets_all_parameters_or_none(bench):
     bench.run_to("run").fast()
     rows = [parameters()[n] for n in ("torque_ref_Nm", "kp_speed_Nms_rad", "torque_band_Nm")]
     at = ffi.new("uint16_t *")
-    for last, result in (
-        ((rows[0].id, np.nan), lib.HT_ERROR_VALUE),
-        ((rows[0].id, 1e9), lib.HT_ERROR_VALUE),
-        ((9999, 0.0), lib.HT_ERROR_ID),
-        ((parameters()["pole_pairs"].id, 3.0), lib.HT_ERROR_STATE),
-        ((parameters()["flux_min_Wb"].id, 50.0), lib.HT_ERROR_CONFIG),
+    for last, result, where in (
+        ((rows[0].id, np.nan), lib.HT_ERROR_VALUE, rows[0].id),
+        ((rows[0].id, 1e9), lib.HT_ERROR_VALUE, rows[0].id),
+        ((9999, 0.0), lib.HT_ERROR_ID, 9999),
+        ((parameters()["pole_pairs"].id, 3.0), lib.HT_ERROR_STATE, parameters()["pole_pairs"].id),
+        (
+            (parameters()["flux_min_Wb"].id, 50.0),
+            lib.HT_ERROR_CONFIG,
+            lib.HT_MISFIT_FLUX_MIN,
+        ),
     ):
         ids, values = [*(row.id for row in rows), last[0]], [1.0, 2.0, 3.0, last[1]]
         before = list(bench.drive.params.v)
         assert lib.ht_drive_write(bench.drive, ids, values, 4, at) == result
-        assert at[0] == last[0]
+        assert at[0] == where
         bench.fast(3)
         assert list(bench.drive.params.v) == before == list(bench.drive.config.params.v)
 

@@ -24,8 +24,10 @@ periods = st.one_of(st.sampled_from([8, 9, 15000, 65535]), st.integers(8, 15000)
 
 
 class Modulator:
-    def __init__(self, kappa=0.0, kappa_from=0.0, turn=TURN_PU, dead=0.0, period=PERIOD):
-        self.cfg = ffi.new("ht_modulator_config *", [kappa, kappa_from, turn])
+    def __init__(
+        self, kappa=0.0, kappa_from=0.0, turn=TURN_PU, dead=0.0, period=PERIOD, alternate=False
+    ):
+        self.cfg = ffi.new("ht_modulator_config *", [kappa, kappa_from, turn, alternate])
         assert lib.ht_modulator_check(self.cfg)
         self.state = ffi.new("ht_modulator_state *")
         lib.ht_modulator_reset(self.state)
@@ -95,13 +97,15 @@ def decided(v):
 @given(
     st.lists(st.lists(anything, min_size=4, max_size=4), min_size=1, max_size=4),
     st.lists(anything, min_size=6, max_size=6),
-    st.floats(0, 1), st.floats(0, 1), st.floats(0, 1), st.floats(0, 0.5), periods,
+    st.floats(0, 1), st.floats(0, 1), st.floats(0, 1), st.floats(0, 0.5), periods, st.booleans(),
 )  # fmt: skip
 @settings(max_examples=400, deadline=None)
-def test_every_input_gives_a_pattern_without_hazard(vs, i_A, kappa, start, turn, dead, period):
+def test_every_input_gives_a_pattern_without_hazard(
+    vs, i_A, kappa, start, turn, dead, period, alternate
+):
     """Count 0 would swallow the start level; a compare at the period's last count or before is
     a toggle, at `period` none. CB is not used, so CA = CB cannot happen."""
-    modulator = Modulator(kappa, start, turn, dead, period)
+    modulator = Modulator(kappa, start, turn, dead, period, alternate)
     for v in vs:
         before = modulator.before
         modulator.step(v, i_A)
@@ -202,6 +206,41 @@ def test_clamped_legs_stay_on_their_rail(size, degrees, xy):
         largest = np.argmax(np.abs(one)) * 2 + legs.start
         assert modulator.out.ca[largest] == PERIOD
         assert bool(modulator.out.start >> (5 - largest) & 1) == (u[largest] > 0)
+
+
+TAU = (np.arange(2000) + 0.5) / 2000 - 0.5
+
+
+def xy_ripple(v, rails, opposite):
+    """Mean square of the x-y ripple volt-seconds over a carrier period. rails: of each set, the one
+    that a leg stays on; opposite: set 2's pulses lie at the ends of the period."""
+    u = 3 * T.T @ v
+    ripple = []
+    for leg in range(6):
+        one = u[SETS[leg % 2]]
+        high = u[leg] + (1 - one.max() if rails[leg % 2] else -one.min())
+        at_ends = leg % 2 == 1 and opposite
+        state = np.abs(TAU) > 0.5 - high / 2 if at_ends else np.abs(TAU) < high / 2
+        volt_seconds = np.cumsum(state - high)
+        ripple.append(volt_seconds - volt_seconds.mean())
+    return np.mean((T[2:] @ ripple) ** 2)
+
+
+@pytest.mark.parametrize("degrees", 7.5 + 15 * np.arange(24))
+@pytest.mark.parametrize("size", (0.35, 0.5))
+def test_alternating_rails_are_those_with_the_least_xy_ripple(degrees, size):
+    v = polar(size, degrees)
+    choices = [(one, two) for one in (False, True) for two in (False, True)]
+    least = min(choices, key=lambda rails: xy_ripple(v, rails, turned(v)))
+    modulator = Modulator(1.0, alternate=True)
+    mean = []
+    for _ in range(2):  # both carriers' flanks
+        modulator.step(v)
+        levels = modulator.levels()
+        mean.append(levels.mean(1))
+        for legs, rail in zip(SETS, least):
+            assert [row.all() if rail else not row.any() for row in levels[legs]].count(True) == 1
+    np.testing.assert_allclose(T @ np.mean(mean, axis=0), v, atol=2e-4)
 
 
 @pytest.mark.parametrize("degrees", np.arange(4, 360, 7.5))

@@ -74,7 +74,7 @@ def test_console_shows_ours_and_the_papers(runs):
     assert ["DTC3", "paper", "0.1063", "12.9", "2"] in lines
     assert ["DDR", "paper", "8.13", "0.0309", "2.48"] in lines
     ours = next(line for line in lines if line[:2] == ["DTC3", "predicted"])
-    assert ours == ["DTC3", "predicted", "2500", "2.00", "0.110", "10.4", "10.4", "0.000", "3.00",
+    assert ours == ["DTC3", "predicted", "2500", "0.110", "–", "10.4", "10.44", "0.000", "3.00",
                     "1.50"]  # fmt: skip
     assert ["FDR", "paper"] not in [line[:2] for line in lines]  # paper B did not run FDR
     assert "paper-b: 2500 r/min, 2 N m (beside paper B, Table VI)" in text
@@ -115,7 +115,7 @@ def test_html_tables_hold_the_numbers(runs, tmp_path):
     named = {tuple(row[:2]): row for row in page.rows}
     assert {"0.2617", "23.5", "1"} <= set(named["DTC1", "paper"])
     assert {"8.13", "0.0309", "2.48"} <= set(named["DDR", "paper"])
-    assert "0.030" in named["DDR", "predicted"]
+    assert "0.030 ± 0.000" in named["DDR", "predicted"]
     widths = {len(row) for row in page.rows if row[1] in ("paper", "predicted", "latency")}
     assert len(widths) <= 2  # paper A's table has no column relative to DTC1
     latency = named["paper-b: 2500 r/min, 2 N m", "FDR-DTC"]

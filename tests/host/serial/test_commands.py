@@ -54,12 +54,11 @@ def test_status(call):
     assert code == 0 and "state  idle" in out
 
 
-def test_parameters(call, tmp_path, monkeypatch):
+def test_parameters(call, tmp_path):
     code, out, _ = call("params", "list", "--json")
     rows = json.loads(out)
     assert code == 0 and rows["scheme"]["choices"][0] == "dtc1"
     assert rows["rs_ohm"]["unit"] == "ohm" and rows["rs_ohm"]["max"] == 1000
-    monkeypatch.delenv("COLUMNS", raising=False)
     # Into a pipe: a line per parameter, however long.
     lines = call("params", "list")[1].splitlines()
     assert sum("│" in line for line in lines) == len(rows)
@@ -147,8 +146,11 @@ def test_a_start_that_trips(call, board):
     code, out, err = call("start", "--set", "i_trip_A=0.1", "--json")
     with BoardDrive.open(board) as drive:
         drive.set("i_trip_A", trip_A)
-    assert code == 1 and json.loads(out) == {"state": "fault", "faults": ["over-current"]}
-    assert "the drive tripped: over-current" in err
+    said = json.loads(out)
+    assert code == 1 and (said["state"], said["faults"]) == ("fault", ["over-current"])
+    assert said["trip"]["faults"] == ["over-current"]
+    assert said["trip"]["details"][0].endswith("i_trip_A = 0.1 A")
+    assert "the drive tripped at " in err and "in state build: over-current; phase " in err
 
 
 def test_a_start_that_is_refused_says_what_to_do(call, board, tmp_path):

@@ -4,6 +4,7 @@ import click
 
 from ..group import Group, examples
 from .commission import commission
+from .compare import compare
 from .drive import clear, list_boards, set_parameters, start, status, stop
 from .monitor import monitor
 from .params import params
@@ -40,6 +41,7 @@ for command in (
     stream,
     capture,
     watch,
+    compare,
     monitor,
 ):
     board.add_command(command)

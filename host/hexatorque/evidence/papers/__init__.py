@@ -69,5 +69,5 @@ ENTRIES: dict[str, Entry] = {
     "B18": Entry("Fig. 18: load step from 0.3 to 2 N m at 2000 r/min", "paper_b.dynamics", "b18"),
     "B19": Entry("Fig. 19: switching frequency over load", "paper_b.sweeps", "b19"),
     "B-T6": Entry("Table VI: DTC1, DTC2 and DTC3 compared", "paper_b.table", "b_t6"),
-    "FSW": Entry("All schemes at equal switching frequency", "both.equal_fsw", "fsw"),
+    "FSW": Entry("All schemes at equal switching frequency", "fsw.comparison", "fsw"),
 }

@@ -3,6 +3,8 @@
 import importlib.util
 from pathlib import Path
 
+import pytest
+
 from hexatorque.evidence.papers import ENTRIES
 from hexatorque.evidence.papers.engine.figure import VERDICTS
 
@@ -14,9 +16,13 @@ spec.loader.exec_module(tool)
 
 def test_the_documentation_holds_every_figure_and_a_reason_for_every_disagreement():
     text = (ROOT / "docs/results.md").read_text()
-    part = text.split(tool.BEGIN.format("verdicts"))[1].split(tool.END.format("verdicts"))[0]
+    papers, own = (
+        text.split(tool.BEGIN.format(part))[1].split(tool.END.format(part))[0]
+        for part in ("verdicts", "verdicts FSW")
+    )
     for name, entry in ENTRIES.items():
-        assert f"**{name}** · {entry.title}" in part
+        assert f"**{name}** · {entry.title}" in (own if name == "FSW" else papers)
+    part = papers + own
     rows = [line.split(" | ") for line in part.splitlines() if line.startswith("| ")]
     rows = [row for row in rows if row[0] != "| what"]
     assert len(rows) > 200
@@ -35,6 +41,29 @@ def test_renewing_replaces_only_the_generated_part():
     assert new.startswith("before\n") and new.endswith("after\n") and "old" not in new
     assert "| a\\|b | 1.000 A | 2.000 A | **worse** | x |" in new
     assert tool.renew(new, "verdicts", "old\n") == text
-    best = {"torque_ripple_Nm": {"2000": {"torque_ripple_Nm": 0.123}, "3000": None}}
-    table = tool.equal_f_sw({"paper-b": {"fdr": best}})
-    assert "| fdr | 0.123 | – |" in table and "≤ 3 kHz" in table
+
+
+def test_a_ratio_above_one_is_bold_and_what_is_missing_is_a_dash():
+    figures = ("td_Nm", "thd_inf_pct", "ixy_rms_A", "loss_W")
+    row = {figure: 0.5 for figure in figures}
+    at = {
+        "point": tool.OWN_POINTS[0],
+        "line": {"2000": None, "3000": None},
+        "best": {"fdr": {f: {"2000": None, "3000": row} for f in figures}},
+        "best_table": {f: {"scheme": "fdr", **row} for f in figures},
+        "ours": {"κ=0": {**row, "td_ratio": 1.2, "thd_ratio": 0.4}, "κ=1": None},
+        "ratio": {"ixy_rms_A": 1.1, "loss_W": None},
+    }
+    points = [at, {**at, "point": tool.OWN_POINTS[1]}]
+    text = tool.at_equal_f_sw({"points": points})
+    assert "| 0.5 fdr | **0.5 (1.20)** | – | – |" in text
+    assert "| 0.5 fdr | 0.5 (0.40) | – | – |" in text
+    assert "| 0.5 fdr, **0.55 (1.10)** | – |" in text
+    assert "| fdr | – | 0.5 | – | 0.5 |" in text
+
+
+def test_an_interrupted_or_quick_run_is_refused(tmp_path):
+    assert tool._read(tmp_path, ["FSW"]) is None
+    (tmp_path / "FSW.json").write_text('{"quick": true}')
+    with pytest.raises(SystemExit, match="a quick run"):
+        tool._read(tmp_path, ["FSW"])

@@ -1,0 +1,122 @@
+"""`hexatorque board compare`: a bench's recordings beside the simulation of the same."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+
+import click
+
+from .. import completion, options
+from ..group import examples
+from ..options import Mistake
+from ..output import compile_now, console_of, print_json, progress
+from ..recordings import seconds_window
+
+
+@click.command(
+    epilog=examples(
+        "board compare mine.toml run.npz",
+        "board compare mine.toml low.mf4 high.mf4 --load 0:0,1.5:10 -o out/twin",
+    )
+)
+@click.argument("setup", metavar="SETUP", shell_complete=completion.setup)
+@click.argument(
+    "recordings",
+    metavar="RECORDING...",
+    nargs=-1,
+    required=True,
+    shell_complete=completion.files,
+    help="of a board, with torque_ref_Nm, speed_rpm, flux and phase currents",
+)
+@options.value(
+    "--load",
+    metavar="NM|T:NM,...",
+    help="load torque, or its steps in the recording's time; default: 0",
+)
+@options.value("--window", metavar="T0,T1", help="seconds of the recordings to compare")
+@options.folder("out/board-compare")
+@options.as_json
+def compare(setup, recordings, load, window, output, as_json) -> int:
+    """Which parameter of the set-up is not the bench's?
+
+    Simulates what the bench has done, and says what differs and which parameter explains it best.
+    Ends with 1 if they differ by more than the expected noise.
+    """
+    from rich.table import Table
+    from rich.text import Text
+
+    from ... import setups
+    from ...recording.formats import RecordingError
+    from ...twin import bench, fit, report
+
+    console = console_of(as_json, highlight=False)
+    loaded = setups.load(setup)
+    loads = _loads(load)
+    window_s = seconds_window(window)
+    benches = [bench.read(file, loaded, window_s) for file in recordings]
+    if load is None:
+        for one in benches:
+            one.notes.append("a recording does not carry the load torque: 0 N m is taken (--load)")
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{output}: {error.strerror}") from None
+    compile_now()
+    with progress(console) as bar:
+        task = bar.add_task("comparing", total=fit.simulated_s(benches))
+        found = fit.compare(loaded, benches, loads, progress=lambda s: bar.advance(task, s))
+        bar.update(task, description="writing the report")
+        command = " ".join(["hexatorque", *sys.argv[1:]])
+        try:
+            pictures, page = report.write(found, output, command)
+        except OSError as error:
+            raise RecordingError(f"{error.filename}: {error.strerror}") from None
+    for title, headings, rows in (
+        (
+            f"{loaded.name}: bench - simulation",
+            report.QUANTITY_HEADINGS,
+            report.quantity_rows(found),
+        ),
+        ("one parameter alone", report.PARAMETER_HEADINGS, report.parameter_rows(found)),
+    ):
+        table = Table(title=Text(title), title_justify="left")
+        for heading in headings:
+            table.add_column(heading)
+        for row in rows:
+            table.add_row(*map(Text, row))
+        console.print(table)
+    for one in benches:
+        for note in one.notes:
+            console.print(Text(f"{one.label}: {note}"))
+    for line in (*found.notes, *report.verdict(found)):
+        console.print(Text(line))
+    console.print(Text(f"report: {page}"))
+    if as_json:
+        files = {"pictures": [str(path) for path in pictures], "report": str(page)}
+        print_json({**report.as_json(found), **files})
+    return int(found.differs)
+
+
+def _loads(text: str | None) -> tuple[tuple[float, float], ...]:
+    """Steps (time in s, torque) of a --load option."""
+    from ...twin.shaft import NO_LOAD
+
+    if text is None:
+        return NO_LOAD
+    steps = []
+    for part in text.split(","):
+        at, colon, value = part.rpartition(":")
+        try:
+            steps.append((float(at) if colon else float("-inf"), float(value)))
+        except ValueError:
+            steps.append((float("nan"), 0.0))
+    times = [time_s for time_s, _ in steps]
+    ascend = all(a < b for a, b in itertools.pairwise(times))
+    finite = all(abs(value) <= 1e4 and time_s < float("inf") for time_s, value in steps)
+    if not (ascend and finite):
+        raise Mistake(
+            f"--load {text}: write NM, or T:NM,T:NM with times in s that ascend; torques up to "
+            "10000 N m either way"
+        )
+    return tuple(steps)

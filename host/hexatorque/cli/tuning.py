@@ -1,0 +1,144 @@
+"""`tune`: the parameters of a drive, optimised on its simulation."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import sys
+
+import click
+
+from . import completion, options
+from .group import examples
+from .output import compile_now, console_of, print_json, progress
+
+#: The study, in the folder of the results.
+JOURNAL = "study.journal"
+
+
+@click.command(
+    "tune",
+    epilog=examples(
+        "tune mine.toml",
+        "tune mine.toml --points 1450:36,300:36 --weights ripple=2,fsw=0",
+        "tune mine.toml --scheme dtc3 --trials 200 -o out/dtc3 --resume",
+        note="Weights: ripple, thd, fsw, loss, speed; 0 leaves one out.",
+    ),
+)
+@click.argument("setup", metavar="NAME|FILE", shell_complete=completion.setup)
+@options.value(
+    "--scheme", metavar="NAME", help="default: the set-up's", shell_complete=completion.scheme
+)
+@options.value(
+    "--points",
+    metavar="RPM:NM,...",
+    help="where the drive works; default: three, from the rated values",
+)
+@options.value("--weights", metavar="NAME=W,...", help="what counts; default: 1 each, speed 0.5")
+@options.value(
+    "--trials", metavar="N", type=options.whole, default=96, help="candidates to simulate"
+)
+@options.value("--seed", metavar="N", type=options.whole, default=1, help="of the search")
+@options.value("--jobs", metavar="N", type=options.whole, help="at once; default: all cores")
+@options.folder("out/tune")
+@click.option("--resume", is_flag=True, help="go on with the study in the folder")
+@options.as_json
+def tune(setup, scheme, points, weights, trials, seed, jobs, output, resume, as_json) -> int:
+    """Optimise a set-up's controller on its own simulation.
+
+    Comparator bands or kappa, x-y gains, observer and speed loop move, as far as the scheme uses
+    them. Candidates that trip, or that lose speed or flux at an operating point, are out; the
+    chosen one also holds with R_s, L_m, sigma L_s and the inertia 30 % wrong. Writes a set-up with
+    the tuned values and a report with the trade-off. The same seed gives the same result, with any
+    number of jobs, and after an interruption as well.
+    """
+    from .. import setups
+    from ..tuning import aim, course, report, search, tuning
+
+    console = console_of(as_json)
+    for name, number, least in (("--trials", trials, 1), ("--jobs", jobs, 1), ("--seed", seed, 0)):
+        if number is not None and not least <= number <= 100_000:
+            raise options.Mistake(f"{name}: {number}: allowed range is {least} .. 100000")
+    search.library()
+    loaded = setups.load(setup)
+    if scheme is not None:
+        names = options.schemes_given(scheme)
+        if len(names) > 1:
+            raise options.Mistake(f"--scheme: {scheme}: one scheme is needed")
+        loaded = loaded.with_scheme(names[0])
+    where = course.read_points(points) if points is not None else course.usual_points(loaded)
+    counts = aim.read_weights(weights or "")
+    request = tuning.Request(loaded, tuple(where), counts, seed, trials)
+    course.check_points(loaded, where)
+    report.make_folder(output)
+    compile_now()
+    with progress(console) as bar:
+        runs = trials + 2 * len(tuning.ERRORS) + 1
+        task = bar.add_task("tuning", total=runs * course.simulated_s(loaded, where))
+        tuned = tuning.tune(
+            request,
+            output / JOURNAL,
+            resume,
+            jobs,
+            lambda seconds: bar.advance(task, seconds),
+            lambda number, best: bar.update(
+                task, description=f"{number} of {trials}, aim {_percent(best)}"
+            ),
+        )
+    command = shlex.join(["hexatorque", *(sys.argv[1:] or ["tune", setup])])
+    try:
+        result = report.write(tuned, setup, output, command)
+    except OSError as error:
+        raise options.Mistake(f"{error.filename}: {error.strerror}") from None
+    if as_json:
+        print_json(result)
+        return 0
+    _show(console, tuned, result)
+    return 0
+
+
+def _percent(aim: float) -> str:
+    return f"{100 * (math.exp(aim) - 1):+.0f} %"
+
+
+def _show(console, tuned, result) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from ..tuning import report
+
+    table = Table(title=f"{result['setup']}, {result['scheme']}", title_justify="left")
+    for heading in ("point", "figure", "before", "after", "change"):
+        table.add_column(heading, justify="left" if heading in ("point", "figure") else "right")
+    last = ""
+    for point, title, unit, a, b, digits in report.rows_of_figures(tuned):
+        if point != last:
+            table.add_section()
+        shown = "" if point == last else point
+        last = point
+        texts = (f"{a:.{digits}f}", f"{b:.{digits}f}", report.change(a, b))
+        table.add_row(shown, Text(f"{title} [{unit}]"), *texts)
+    console.print(table)
+    table = Table()
+    for heading in ("parameter", "before", "after", "unit"):
+        table.add_column(heading, justify="right" if heading in ("before", "after") else "left")
+    for name, a, b, unit in report.rows_of_parameters(tuned):
+        table.add_row(name, f"{a:.4g}", f"{b:.4g}", unit)
+    if tuned.better:
+        console.print(table)
+    else:
+        console.print("no candidate is better than the set-up as it is", highlight=False)
+    for name, (before, after) in tuned.errors.items():
+        if before or after:
+            what = "neither before nor after" if before and after else "not before"
+            console.print(f"{name}: {what}: {after or before}", highlight=False, markup=False)
+    console.print(
+        f"aim {_percent(tuned.best.aim)}, {result['trials']} candidates, {result['lost']} of them "
+        "do not hold their points",
+        highlight=False,
+    )
+    console.print(f"report: {result['report']}", highlight=False)
+    what = "tuned" if tuned.better else "as it was"
+    console.print(
+        f"{result['file']}: {what}; next: hexatorque check {result['file']}", highlight=False
+    )

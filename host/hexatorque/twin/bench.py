@@ -1,0 +1,291 @@
+"""A recording of a bench as the simulation can follow it: references, speed and dc link in every
+period of the slow loop, from the part of the recording in which the drive ran."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .. import firmware
+from ..plant.vsd import PHASES
+from ..recording.journal import TICK_HZ
+from ..recording.recording import Recording, RecordingError
+from ..setups import Setup
+from ..setups.keys import TIMING_OWNS
+
+#: Channels without which nothing can be compared, besides two phase currents of each set.
+NEEDED = ("torque_ref_Nm", "speed_rpm", "psi_alpha_Wb", "psi_beta_Wb")
+#: The phases of each winding set.
+SETS = (("u1", "w1", "v1"), ("u2", "w2", "v2"))
+RUN = float(firmware.STATES.index("run"))
+#: A shorter part of a recording says too little.
+SHORTEST_S = 0.2
+#: Of a longer recording the first part is compared, unless a window is given.
+LONGEST_S = 10.0
+#: Speed below which the shaft stood still when the drive began to run.
+STANDSTILL_RPM = 5.0
+
+
+@dataclass
+class Bench:
+    """What a recording says, in periods of the slow loop. `samples` are the firmware's channels;
+    `row` is the fast period of each sample since the first slow one.
+
+    begins: the recording has the first period of the drive's running, at standstill; first: fast
+    periods from there to the first one of the slow loop;
+    notes: what the recording does not carry, and what is taken instead."""
+
+    label: str
+    samples: dict[str, np.ndarray]
+    row: np.ndarray
+    step_s: float  #: from sample to sample
+    slow_s: float
+    begin_s: float
+    torque_ref_Nm: np.ndarray
+    vdc_V: np.ndarray
+    omega_rad_s: np.ndarray  #: (periods + 1,), at the ends of the periods
+    which: np.ndarray  #: period of each sample
+    begins: bool
+    first: int
+    notes: list[str] = field(default_factory=list)
+    values: dict[str, object] = field(default_factory=dict)  #: the board's parameters, if known
+
+    @property
+    def periods(self) -> int:
+        return len(self.torque_ref_Nm)
+
+    def edges_of(self, speed_rpm: np.ndarray) -> np.ndarray:
+        """`omega_rad_s` from a speed channel with these samples."""
+        return _edges(_filled(_means(np.asarray(speed_rpm, float), self.which, self.periods)))
+
+    @property
+    def duration_s(self) -> float:
+        return self.periods * self.slow_s
+
+
+def read(path: str | Path, setup: Setup, window_s: tuple[float, float] | None = None) -> Bench:
+    """RecordingError in one line if the recording cannot be compared with the set-up."""
+    rec = Recording.load(path)
+    try:
+        return make(rec, str(path), setup, window_s)
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from None
+
+
+def make(
+    rec: Recording, label: str, setup: Setup, window_s: tuple[float, float] | None = None
+) -> Bench:
+    f_isr_Hz, f_slow_Hz = (float(setup.parameter(key)) for key in ("f_isr_Hz", "f_slow_Hz"))
+    values = _values(rec)
+    _check(rec, setup, values, f_isr_Hz, f_slow_Hz)
+    notes: list[str] = list(rec.notes)
+    rec = _at_most(rec, f_isr_Hz)
+    rec, begins = _running(rec, notes)
+    if window_s is not None:
+        whole_s = rec.start_s, rec.start_s + rec.duration_s
+        rec = rec.window(*window_s)
+        begins = begins and window_s[0] <= whole_s[0]
+        if not len(rec):
+            raise RecordingError(
+                "no samples in the window; the drive ran from "
+                f"{whole_s[0]:.6g} to {whole_s[1]:.6g} s"
+            )
+    elif rec.duration_s > LONGEST_S:
+        notes.append(f"{rec.duration_s:.4g} s: the first {LONGEST_S:g} s are compared")
+        rec = rec.window(rec.start_s, rec.start_s + LONGEST_S)
+    if rec.duration_s < SHORTEST_S:
+        raise RecordingError(
+            f"{rec.duration_s:.3g} s in which the drive runs: {SHORTEST_S:g} s or more are needed"
+        )
+    return _in_slow_periods(rec, label, setup, f_isr_Hz / f_slow_Hz, begins, notes, values)
+
+
+def _values(rec: Recording) -> dict[str, object]:
+    """The parameters of the controller that ran, as far as the recording has them."""
+    parameters = rec.meta.get("parameters")
+    values = parameters.get("controller") if isinstance(parameters, dict) else None
+    return dict(values) if isinstance(values, dict) else {}
+
+
+def _check(rec: Recording, setup: Setup, values: dict, f_isr_Hz: float, f_slow_Hz: float) -> None:
+    if not len(rec):
+        raise RecordingError("no samples")
+    missing = [name for name in NEEDED if name not in rec]
+    for phases in SETS:
+        names = [f"i_{phase}_A" for phase in phases]
+        if sum(name in rec for name in names) < 2:
+            missing.append(f"two of {', '.join(names)}")
+    if missing:
+        raise RecordingError(
+            f"no {'; no '.join(missing)}: these channels are needed, there are "
+            f"{', '.join(rec.channels)}"
+        )
+    scheme = rec.meta.get("scheme") or values.get("scheme")
+    if scheme is not None and scheme != setup.parameter("scheme"):
+        raise RecordingError(
+            f"recorded with scheme {scheme}, but {setup.name} has {setup.parameter('scheme')}: set "
+            "controller.scheme"
+        )
+    for key, theirs, ours in (
+        ("f_isr_Hz", rec.meta.get(TICK_HZ) or values.get("f_isr_Hz"), f_isr_Hz),
+        ("f_slow_Hz", values.get("f_slow_Hz"), f_slow_Hz),
+    ):
+        if isinstance(theirs, int | float) and abs(theirs / ours - 1) > 1e-3:
+            raise RecordingError(
+                f"recorded with {key} = {theirs:.6g}, but {setup.name} has {ours:.6g}: set "
+                f"controller.{key}"
+            )
+    if rec.rate_Hz < f_slow_Hz * (1 - 1e-6):
+        raise RecordingError(
+            f"{rec.rate_Hz:.6g} samples per second: {f_slow_Hz:g} or more are needed, one for each "
+            "period of the speed loop"
+        )
+
+
+def _at_most(rec: Recording, f_isr_Hz: float) -> Recording:
+    """A simulation's recording has each value of the firmware several times."""
+    per = round(rec.rate_Hz / f_isr_Hz)
+    if per <= 1:
+        return rec
+    channels = {name: data[::per] for name, data in rec.channels.items()}
+    return Recording(rec.rate_Hz / per, channels, rec.units, rec.meta, rec.start_s)
+
+
+def _running(rec: Recording, notes: list[str]) -> tuple[Recording, bool]:
+    """The longest part in which the drive ran, and whether its start is in it."""
+    if "state" not in rec:
+        notes.append("no channel state: the drive is taken to run all the time")
+        return rec, False
+    state = np.asarray(rec["state"], float)
+    runs = np.where(np.isfinite(state), state == RUN, False)
+    # A lost sample does not end a run.
+    lost = ~np.isfinite(state)
+    runs = runs | (lost & np.roll(runs, 1))
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], runs.astype(np.int8), [0]])))
+    spans = edges.reshape(-1, 2)
+    if not len(spans):
+        raise RecordingError("the drive does not run in it (channel state)")
+    first, last = max(spans, key=lambda span: span[1] - span[0])
+    part = {name: data[first:last] for name, data in rec.channels.items()}
+    speed_rpm = np.asarray(part["speed_rpm"], float)
+    begins = first > 0 and bool(np.nan_to_num(abs(speed_rpm[0]), nan=1e9) < STANDSTILL_RPM)
+    begin_s = rec.start_s + first / rec.rate_Hz
+    return Recording(rec.rate_Hz, part, rec.units, rec.meta, begin_s), begins
+
+
+def _in_slow_periods(
+    rec: Recording,
+    label: str,
+    setup: Setup,
+    slow: float,
+    begins: bool,
+    notes: list[str],
+    values: dict[str, object],
+) -> Bench:
+    """slow: fast periods in a slow one."""
+    slow = round(slow)
+    f_isr_Hz = float(setup.parameter("f_isr_Hz"))
+    at = np.arange(len(rec)) * (f_isr_Hz / rec.rate_Hz)
+    reference = np.asarray(rec["torque_ref_Nm"], float)
+    phase = _phase(at, reference, slow)
+    keep = at >= phase
+    periods = int((at[-1] - phase) // slow)
+    keep &= at < phase + periods * slow
+    samples = {name: np.asarray(data)[keep] for name, data in rec.channels.items()}
+    since = at[keep] - phase
+    which = (since // slow).astype(int)
+
+    def mean(name: str) -> np.ndarray:
+        return _filled(_means(np.asarray(samples[name], float), which, periods))
+
+    if "vdc_V" in samples:
+        vdc = mean("vdc_V")
+    else:
+        notes.append(f"no channel vdc_V: the set-up's {setup['inverter.vdc_V']:g} V are taken")
+        vdc = np.full(periods, float(setup["inverter.vdc_V"]))
+    if not values:
+        notes.append("no parameters in its metadata: those of the set-up are taken")
+    begin_s = rec.start_s + phase / f_isr_Hz
+    return Bench(
+        label, samples, np.rint(since).astype(int) + 1, 1 / rec.rate_Hz,
+        slow / f_isr_Hz, begin_s,
+        mean("torque_ref_Nm"), vdc, _edges(mean("speed_rpm")), which, begins, round(phase),
+        notes, values,
+    )  # fmt: skip
+
+
+def _edges(speed_rpm: np.ndarray) -> np.ndarray:
+    """Speed in rad/s at the ends of the periods. What a slow interrupt measures is the mean over
+    the period before it."""
+    speed = speed_rpm * np.pi / 30
+    between = (speed[:-1] + speed[1:]) / 2
+    return np.concatenate([between, speed[-1:], speed[-1:]])
+
+
+def _phase(at: np.ndarray, reference: np.ndarray, slow: int) -> float:
+    """The fast period, of the first slow one, in which the references change."""
+    changes = at[1:][np.diff(reference) != 0] % slow
+    if not len(changes):
+        return 0.0
+    places, counts = np.unique(np.rint(changes).astype(int), return_counts=True)
+    return float(places[np.argmax(counts)])
+
+
+def _means(values: np.ndarray, which: np.ndarray, n: int) -> np.ndarray:
+    good = np.isfinite(values)
+    sums = np.bincount(which[good], values[good], n)
+    counts = np.bincount(which[good], minlength=n)
+    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+
+
+def _filled(values: np.ndarray) -> np.ndarray:
+    """Where all samples of a period are lost, a straight line between its neighbours."""
+    good = np.isfinite(values)
+    if not good.any():
+        raise RecordingError("a channel has no value at all")
+    return np.interp(np.arange(len(values)), np.flatnonzero(good), values[good])
+
+
+def as_the_board(setup: Setup, benches: Sequence[Bench], notes: list[str]) -> Setup:
+    """The set-up with its controller's parameters written down, so that a change of the machine
+    changes no parameter of the controller: those of the board where the recording has them."""
+    own = {name: value for name, value in firmware_values(setup).items() if name not in TIMING_OWNS}
+    theirs = benches[0].values
+    for bench in benches[1:]:
+        other = [n for n in own if n not in FOLLOWED and bench.values.get(n) != theirs.get(n)]
+        if other and bench.values and theirs:
+            notes.append(f"{bench.label}: other parameters than the first one: {', '.join(other)}")
+    differ = []
+    for name, value in own.items():
+        if name in theirs and name not in FOLLOWED and not _same(theirs[name], value):
+            differ.append(f"{name} = {_short(theirs[name])} (set-up: {_short(value)})")
+            own[name] = theirs[name]
+    if differ:
+        notes.append(f"the board's parameters are taken: {', '.join(differ)}")
+    return setup.changed(**{f"controller__{name}": value for name, value in own.items()})
+
+
+#: Parameters that the replay sets from the recording.
+FOLLOWED = ("control_mode", "speed_ref_rpm", "torque_ref_Nm")
+
+
+def firmware_values(setup: Setup) -> dict[str, object]:
+    from ..setups import parameters
+
+    return dict(parameters(setup))
+
+
+def _same(a: object, b: object) -> bool:
+    if isinstance(a, int | float) and isinstance(b, int | float):
+        return abs(a - b) <= 1e-5 * max(abs(a), abs(b))
+    return a == b
+
+
+def _short(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+assert {phase for phases in SETS for phase in phases} == set(PHASES)

@@ -1,0 +1,125 @@
+"""The parameters that may differ between the bench and its set-up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..drive.simulated import SimulatedDrive
+from ..plant.vsd import PHASES
+from ..setups import Setup
+from .replay import Prepare
+
+PERCENT = "%"
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One parameter. A change is a share of its value (unit %), or a number of its own unit.
+
+    keys: the set-up's, which the change concerns; step: change with which the simulation is tried,
+    large against the noise; low, high: changes that can be meant; apply: the changed set-up;
+    prepare: what is changed in the simulated drive instead; vdc: true dc-link voltage over the
+    measured one."""
+
+    name: str
+    keys: tuple[str, ...]
+    unit: str
+    step: float
+    low: float
+    high: float
+    apply: Callable[[Setup, float], Setup] = lambda setup, change: setup
+    prepare: Callable[[float], Prepare] | None = None
+    vdc: Callable[[float], float] = lambda change: 1.0
+    #: The rest only changes what torque the recorded speed needs.
+    shaft_only: bool = False
+
+    def shown(self, change: float, sign: bool = True) -> str:
+        value, digits = (100 * change, 3) if self.unit == PERCENT else (change, 3)
+        return f"{value:{'+' if sign else ''}.{digits}g} {self.unit}"
+
+
+def _path(key: str) -> str:
+    return key.replace(".", "__")
+
+
+def _scaled(*keys: str) -> Callable[[Setup, float], Setup]:
+    def apply(setup: Setup, change: float) -> Setup:
+        # What follows another key stays where it is.
+        fixed = {"machine.lxy_H": setup["machine.lxy_H"]}
+        values = {**fixed, **{key: setup[key] * (1 + change) for key in keys}}
+        return setup.changed(**{_path(key): value for key, value in values.items()})
+
+    return apply
+
+
+def _drops(setup: Setup, change: float) -> Setup:
+    keys = ("inverter.v_switch_V", "inverter.v_diode_V")
+    return setup.changed(**{_path(key): max(0.0, setup[key] + change) for key in keys})
+
+
+def _gain(*legs: int) -> Callable[[Setup, float], Setup]:
+    def apply(setup: Setup, change: float) -> Setup:
+        gains: Any = np.array(setup["sensors.i_gain"], float)
+        gains[list(legs)] *= 1 + change
+        return setup.changed(sensors__i_gain=gains.tolist())
+
+    return apply
+
+
+def _dead_time(change_us: float) -> Prepare:
+    def prepare(sim: SimulatedDrive) -> None:
+        """The registers have the inverter's time; the firmware goes on with its own."""
+        m, words = sim.controller.map, sim.controller.register_words()
+        counts = round(change_us * 1e-6 * float(m.pwm_clock_Hz))
+        for leg in range(6):
+            for register in (m.dbred, m.dbfed):
+                at = m.epwm + leg * m.stride + register
+                words[at] = max(1, int(words[at]) + counts)
+
+    return prepare
+
+
+def _vdc_gain(change: float) -> Prepare:
+    def prepare(sim: SimulatedDrive) -> None:
+        sim.sensors.v_counts_per_V *= 1 + change
+
+    return prepare
+
+
+CANDIDATES: tuple[Candidate, ...] = (
+    Candidate("R_s", ("machine.rs_ohm",), PERCENT, 0.2, -0.6, 1.5, _scaled("machine.rs_ohm")),
+    Candidate("R_r", ("machine.rr_ohm",), PERCENT, 0.2, -0.6, 1.5, _scaled("machine.rr_ohm")),
+    Candidate("L_m", ("machine.lm_H",), PERCENT, 0.1, -0.6, 1.5, _scaled("machine.lm_H")),
+    Candidate(
+        "leakage", ("machine.lls_H", "machine.llr_H"), PERCENT, 0.2, -0.6, 1.5,
+        _scaled("machine.lls_H", "machine.llr_H"),
+    ),
+    Candidate("L_xy", ("machine.lxy_H",), PERCENT, 0.2, -0.6, 1.5, _scaled("machine.lxy_H")),
+    Candidate(
+        "dead time", ("inverter.dead_time_us",), "us", 0.5, -3.0, 5.0, prepare=_dead_time
+    ),
+    Candidate(
+        "device drops", ("inverter.v_switch_V", "inverter.v_diode_V"), "V", 1.0, -5.0, 10.0, _drops
+    ),
+    Candidate(
+        "V_dc sensor's gain", ("sensors.vdc_full_V",), PERCENT, 0.03, -0.3, 0.3,
+        prepare=_vdc_gain, vdc=lambda change: 1 / (1 + change),
+    ),
+    Candidate(
+        "gain of all current sensors", ("sensors.i_gain",), PERCENT, 0.03, -0.3, 0.3,
+        _gain(*range(6)),
+    ),
+    *(
+        Candidate(f"gain of current sensor {phase}", ("sensors.i_gain",), PERCENT, 0.03, -0.3, 0.3,
+                  _gain(leg))
+        for leg, phase in enumerate(PHASES)
+    ),
+    Candidate("J", ("machine.inertia_kgm2",), PERCENT, 0.2, -0.9, 9.0, shaft_only=True),
+    Candidate("friction", ("machine.viscous_Nms",), "N m s", 1e-3, -1e3, 1e3, shaft_only=True),
+    Candidate("load", ("load",), "N m", 1.0, -1e4, 1e4, shaft_only=True),
+)  # fmt: skip
+NAMES = tuple(candidate.name for candidate in CANDIDATES)

@@ -1,0 +1,429 @@
+"""Which parameter explains the difference between a bench and its simulation best.
+
+Every quantity of every window is divided by the scatter that the simulation itself has when it is
+repeated with other noise and other ripple. A change of one parameter is then found by least squares
+from the change of the simulation with it (Gauss-Newton). The parameters that explain most are
+simulated again with the change found.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..drive.interface import DriveFault
+from ..errors import HexatorqueError
+from ..recording.recording import Recording
+from ..setups import Setup, SetupError
+from .bench import Bench, as_the_board
+from .candidates import CANDIDATES, Candidate
+from .quantities import QUANTITIES, compute, windows
+from .replay import Replay, replay
+from .shaft import NO_LOAD, Load, parts, per_window
+
+SPEED = "speed by this torque"
+SHAFT, SHAFT_NOISE = "shaft torque", "noise of the shaft torque"
+#: Repetitions of the simulation as the set-up has it. They give the noise to expect.
+REPEATS = 3
+#: A quantity is never expected to agree better than this share of its size.
+FLOOR = 2e-3
+#: A quantity differs if its difference is so many times the expected noise.
+DIFFERS = 3.0
+#: A parameter that explains less of the squared difference than this number of noise variances
+#: is not named.
+NAMED = 40.0
+#: So many of the parameters that explain most are simulated with their change.
+TRIED = 3
+#: Two parameters whose effects have at least this correlation cannot be told apart.
+ALIKE = 0.9
+#: A change moves a quantity if its mean square is so many deviations above that of the scatter.
+VISIBLE = 3.0
+#: A change is seen if it makes this many standard deviations.
+SEEN = 5.0
+
+Progress = Callable[[float], None]
+
+
+def simulated_s(benches: Sequence[Bench]) -> float:
+    """Roughly the simulated time of a comparison, for progress bars."""
+    runs = REPEATS + TRIED + sum(not c.shaft_only for c in CANDIDATES)
+    return runs * sum(bench.duration_s for bench in benches)
+
+
+class NotSimulated(HexatorqueError, RuntimeError):
+    """The simulation of the set-up as it is cannot follow the recording."""
+
+
+@dataclass
+class Difference:
+    """One quantity. rms: of bench - simulation; noise: rms to expect; size: rms of the bench's
+    values; values: how many are compared."""
+
+    name: str
+    rms: float
+    noise: float
+    size: float
+    values: int
+
+    @property
+    def ratio(self) -> float:
+        return self.rms / self.noise
+
+    @property
+    def differs(self) -> bool:
+        return self.ratio > DIFFERS
+
+    def as_json(self) -> dict:
+        unit = QUANTITIES[self.name].unit
+        return {
+            "quantity": self.name, "unit": unit, "rms_difference": self.rms,
+            "expected_noise": self.noise, "ratio": self.ratio, "rms": self.size,
+            "values": self.values, "verdict": "differs" if self.differs else "agrees",
+        }  # fmt: skip
+
+
+@dataclass
+class Explanation:
+    """One parameter. change: that explains the difference best, with its standard deviation; left:
+    share of the squared difference that remains; seen_from: smallest change that would be seen
+    here; like: the parameters from which it cannot be told apart, with the correlation; tried:
+    whether `left` is of a simulation with the change."""
+
+    candidate: Candidate
+    change: float = 0.0
+    deviation: float = float("inf")
+    left: float = 1.0
+    seen_from: float = float("inf")
+    tried: bool = False
+    like: dict[str, float] = field(default_factory=dict)
+
+    def as_json(self) -> dict:
+        def finite(value: float) -> float | None:
+            return float(value) if np.isfinite(value) else None
+
+        c = self.candidate
+        return {
+            "parameter": c.name, "keys": list(c.keys), "unit": "1" if c.unit == "%" else c.unit,
+            "change": finite(self.change), "deviation": finite(self.deviation),
+            "remains": finite(self.left), "simulated": self.tried,
+            "visible_from": finite(self.seen_from), "like": self.like,
+        }  # fmt: skip
+
+
+@dataclass
+class Overlay:
+    """Means over the windows of one recording, on one time base."""
+
+    label: str
+    bench: Recording
+    simulation: Recording
+
+
+@dataclass
+class Comparison:
+    """explanations: best first; named: whether the first one is the cause that is named."""
+
+    setup: Setup
+    benches: list[Bench]
+    notes: list[str]
+    differences: list[Difference]
+    explanations: list[Explanation]
+    named: bool
+    overlays: list[Overlay]
+
+    @property
+    def differs(self) -> bool:
+        return self.named or any(d.differs for d in self.differences)
+
+    @property
+    def cause(self) -> Explanation | None:
+        return self.explanations[0] if self.named else None
+
+    @property
+    def hidden(self) -> list[str]:
+        """The parameters of which no plausible change would be seen."""
+        return [
+            one.candidate.name
+            for one in self.explanations
+            if one.seen_from > max(-one.candidate.low, one.candidate.high)
+        ]
+
+
+class _Series:
+    """The quantities of all benches as one long vector."""
+
+    def __init__(self, setup: Setup, benches: Sequence[Bench], loads: Load) -> None:
+        self.setup, self.benches = setup, benches
+        self.which = [windows(b.periods, b.slow_s) for b in benches]
+        self.loads = loads
+        self.shafts = [self._parts(n, bench.omega_rad_s) for n, bench in enumerate(benches)]
+        self.pairs = int(setup["machine.pole_pairs"])
+        self.bench = [self._of(b, b.samples, None, n) for n, b in enumerate(benches)]
+
+    def _parts(self, n: int, omega_rad_s: np.ndarray) -> dict[str, np.ndarray]:
+        bench = self.benches[n]
+        time_s = bench.begin_s + bench.slow_s * np.arange(bench.periods)
+        which = self.which[n]
+        return parts(self.setup, self.loads, omega_rad_s, time_s, bench.slow_s, which)
+
+    def _of(
+        self, bench: Bench, samples: dict[str, np.ndarray], torque_Nm: np.ndarray | None, n: int
+    ) -> dict[str, np.ndarray]:
+        per_slow = self.which[n]
+        found = compute(samples, per_slow[bench.which], self.pairs)
+        shaft = self.shafts[n]["needed"] if torque_Nm is None else per_window(torque_Nm, per_slow)
+        return {**found, SHAFT: shaft.reshape(-1, 1)}
+
+    def simulated(self, n: int, run: Replay) -> dict[str, np.ndarray]:
+        found = self._of(self.benches[n], run.samples, run.torque_Nm, n)
+        return {**found, SHAFT_NOISE: self.shaft_noise_Nm(n, run)}
+
+    def shaft_noise_Nm(self, n: int, run: Replay) -> np.ndarray:
+        """What a measured speed is off: the simulation measures the bench's measured speed once
+        more. It is late by up to half a period of the slow loop, as the firmware measures it, and
+        between two samples nobody knows when it changed."""
+        bench = self.benches[n]
+        seen = self._parts(n, bench.edges_of(run.samples["speed_rpm"]))
+        at = np.arange(bench.periods + 1) * bench.slow_s
+        later = np.interp(at + bench.slow_s / 2 + bench.step_s, at, bench.omega_rad_s)
+        late = self._parts(n, later)
+        needed = self.shafts[n]["needed"]
+        return np.hypot(seen["needed"] - needed, late["needed"] - needed)[:, None]
+
+    def stacked(self, of_benches: Sequence[dict[str, np.ndarray]], name: str) -> np.ndarray:
+        return np.concatenate([one[name] for one in of_benches])
+
+    def overlay(self, n: int, repeats: list[dict[str, np.ndarray]]) -> Overlay:
+        bench, which = self.benches[n], self.which[n]
+        window_s = bench.slow_s * np.count_nonzero(which == 0)
+        means = {name: np.mean([one[name] for one in repeats], axis=0) for name in self.names}
+        units = {name: QUANTITIES[name].unit for name in self.names}
+        units[SPEED] = "r/min"
+
+        def recording(values: dict[str, np.ndarray], speed_rpm: np.ndarray) -> Recording:
+            channels = {name: np.sqrt(np.sum(v**2, axis=1)) if v.shape[1] > 1 else v[:, 0]
+                        for name, v in values.items() if name in units}  # fmt: skip
+            channels[SPEED] = speed_rpm
+            return Recording(1 / window_s, channels, units, {}, bench.begin_s + window_s / 2)
+
+        # The speed that the simulated torque would give, from the first one on.
+        lacking_Nm = means[SHAFT][:, 0] - self.shafts[n]["needed"]
+        off = np.cumsum(lacking_Nm) * window_s / self.setup["machine.inertia_kgm2"]
+        speed = per_window((bench.omega_rad_s[1:] + bench.omega_rad_s[:-1]) / 2, which) * 30 / np.pi
+        seen = recording(self.bench[n], speed)
+        return Overlay(bench.label, seen, recording(means, speed + off * 30 / np.pi))
+
+    def shaft(self, name: str) -> np.ndarray:
+        return np.concatenate([one[name] for one in self.shafts])[:, None]
+
+    @property
+    def names(self) -> list[str]:
+        return [name for name in QUANTITIES if all(name in one for one in self.bench)]
+
+
+def compare(
+    setup: Setup,
+    benches: list[Bench],
+    loads: Load = NO_LOAD,
+    candidates: Sequence[Candidate] = CANDIDATES,
+    progress: Progress | None = None,
+) -> Comparison:
+    """NotSimulated if the simulation of the set-up as it is cannot follow the recording."""
+    notes: list[str] = []
+    fixed = as_the_board(setup, benches, notes)
+    series = _Series(fixed, benches, loads)
+
+    def simulate(
+        candidate: Candidate | None, change: float, late: int = 0
+    ) -> list[dict[str, np.ndarray]] | str:
+        """The quantities, or why there are none."""
+        try:
+            other = candidate.apply(fixed, change) if candidate else fixed
+            prepare = candidate.prepare(change) if candidate and candidate.prepare else None
+            vdc = candidate.vdc(change) if candidate else 1.0
+            runs = []
+            for n, bench in enumerate(benches):
+                # Another noise for every repetition.
+                seeded = other.changed(sensors__noise_seed=other["sensors.noise_seed"] + late)
+                runs.append(series.simulated(n, replay(bench, seeded, prepare, vdc, late)))
+                if progress:
+                    progress(bench.duration_s)
+            return runs
+        except (DriveFault, SetupError, ArithmeticError) as error:
+            return str(error).splitlines()[0]
+
+    electrical = [c for c in candidates if not c.shaft_only]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        repeats = [pool.submit(simulate, None, 0.0, 3 * n) for n in range(REPEATS)]
+        tries = [pool.submit(simulate, c, c.step) for c in electrical]
+        as_is = [one.result() for one in repeats]
+        changed = [one.result() for one in tries]
+    if failed := [one for one in as_is if isinstance(one, str)]:
+        raise NotSimulated(
+            f"the simulation of {setup.name} does not follow the recording: {failed[0]}"
+        )
+    nominal = _Nominal(series, [one for one in as_is if not isinstance(one, str)])
+    residual = nominal.whitened(series.bench)
+    effects: dict[str, np.ndarray] = {}
+    for candidate, found in zip(electrical, changed):
+        if isinstance(found, str):
+            notes.append(f"{candidate.name} {candidate.shown(candidate.step)}: {found}")
+        else:
+            effects[candidate.name] = nominal.effect(found) / candidate.step
+    for candidate in candidates:
+        if candidate.shaft_only:
+            effects[candidate.name] = nominal.shaft_effect(candidate.name)
+    differences = nominal.differences()
+    explained = [_alone(c, effects[c.name], residual) for c in candidates if c.name in effects]
+    explained.sort(key=lambda e: e.left)
+    named = False
+    if explained:
+        for one in explained[:TRIED]:
+            if one.candidate.shaft_only or not _counts(one, residual):
+                continue
+            found = simulate(one.candidate, one.change, 1)
+            if isinstance(found, str):
+                notes.append(f"{one.candidate.name} {one.candidate.shown(one.change)}: {found}")
+            else:
+                _again(one, nominal.whitened(found), nominal.effect(found), residual)
+        explained.sort(key=lambda e: e.left)
+        named = _counts(explained[0], residual)
+        _alike(explained, effects)
+    overlays = [series.overlay(n, [one[n] for one in nominal.repeats]) for n in range(len(benches))]
+    return Comparison(setup, benches, notes, differences, explained, named, overlays)
+
+
+def _alone(candidate: Candidate, effect: np.ndarray, residual: np.ndarray) -> Explanation:
+    """What one parameter explains, if the simulation is linear in it."""
+    noise = _noise(effect, candidate)
+    size = float(effect @ effect)
+    found = Explanation(candidate)
+    if size <= 0:
+        return found
+    change = float(effect @ residual) / size
+    found.change = min(max(change, candidate.low), candidate.high)
+    rest = residual - effect * found.change
+    found.left = float(rest @ rest) / float(residual @ residual)
+    # Part of the effect is the scatter of the simulations that it was found from.
+    if size > 2 * noise:
+        found.deviation = 1 / np.sqrt(size - noise)
+        found.seen_from = SEEN * found.deviation
+        found.deviation *= max(1.0, np.sqrt(float(rest @ rest) / len(rest)))
+    return found
+
+
+def _again(
+    found: Explanation, moved: np.ndarray, visible: np.ndarray, residual: np.ndarray
+) -> None:
+    """The same from a simulation with the change, from which the last step is small."""
+    candidate = found.candidate
+    effect, rest = visible / found.change, residual - moved
+    size = float(effect @ effect)
+    change = found.change + (float(effect @ rest) / size if size > 0 else 0.0)
+    change = min(max(change, candidate.low), candidate.high)
+    rest = rest - effect * (change - found.change)
+    found.change, found.tried = change, True
+    found.left = float(rest @ rest) / float(residual @ residual)
+    if size > 0:
+        found.deviation = max(1.0, np.sqrt(float(rest @ rest) / len(rest))) / np.sqrt(size)
+
+
+def _counts(found: Explanation, residual: np.ndarray) -> bool:
+    """Whether it explains more than chance would."""
+    total = float(residual @ residual)
+    rest = max(1.0, found.left * total / len(residual))
+    return (1 - found.left) * total > NAMED * rest
+
+
+def _alike(explained: list[Explanation], effects: dict[str, np.ndarray]) -> None:
+    best = explained[0]
+    one = effects[best.candidate.name]
+    for other in explained[1:]:
+        two = effects[other.candidate.name]
+        if not np.isfinite(other.seen_from):
+            continue
+        sizes = _size(one, best.candidate) * _size(two, other.candidate)
+        correlation = float(one @ two) / sizes if sizes > 0 else 0.0
+        if abs(correlation) >= ALIKE:
+            best.like[other.candidate.name] = max(-1.0, min(1.0, correlation))
+
+
+def _size(effect: np.ndarray, candidate: Candidate) -> float:
+    return float(np.sqrt(max(0.0, effect @ effect - _noise(effect, candidate))))
+
+
+def _noise(effect: np.ndarray, candidate: Candidate) -> float:
+    """The scatter of the simulations in the square of an effect."""
+    return 0.0 if candidate.shaft_only else np.count_nonzero(effect) / candidate.step**2
+
+
+class _Nominal:
+    """The simulation as the set-up has it: its mean and its scatter."""
+
+    def __init__(self, series: _Series, repeats: list[list[dict[str, np.ndarray]]]) -> None:
+        self.series, self.repeats = series, repeats
+        self.mean: dict[str, np.ndarray] = {}
+        self.noise: dict[str, float] = {}
+        self.used: dict[str, np.ndarray] = {}
+        #: The bench is a single one, the mean is of some.
+        self.more = np.sqrt(1 + 1 / len(repeats))
+        for name in series.names:
+            bench = series.stacked(series.bench, name)
+            all_of = np.array([series.stacked(one, name) for one in repeats])
+            self.mean[name] = all_of.mean(axis=0)
+            used = np.isfinite(bench) & np.isfinite(self.mean[name])
+            if not used.any():
+                continue
+            variance = float(np.mean(all_of.var(axis=0, ddof=1)[used]))
+            size = float(np.sqrt(np.mean(bench[used] ** 2)))
+            noise = float(self.more * np.sqrt(variance + (FLOOR * size) ** 2))
+            if noise > 0:  # 0 on the bench and in the simulation says nothing
+                self.used[name], self.noise[name] = used, noise
+        speed = np.concatenate([series.stacked(one, SHAFT_NOISE) for one in repeats])
+        if SHAFT in self.noise:
+            self.noise[SHAFT] = float(np.hypot(self.noise[SHAFT], np.sqrt(np.mean(speed**2))))
+
+    def differences(self) -> list[Difference]:
+        found = []
+        for name, used in self.used.items():
+            bench = self.series.stacked(self.series.bench, name)
+            off = (bench - self.mean[name])[used]
+            rms, size = (float(np.sqrt(np.mean(v**2))) for v in (off, bench[used]))
+            found.append(Difference(name, rms, self.noise[name], size, int(used.sum())))
+        return found
+
+    def whitened(self, of_benches: list[dict[str, np.ndarray]]) -> np.ndarray:
+        """Difference from the mean, in expected noises."""
+        return np.concatenate(
+            [
+                ((self.series.stacked(of_benches, name) - self.mean[name]) / self.noise[name])[used]
+                for name, used in self.used.items()
+            ]
+        )
+
+    def effect(self, of_benches: list[dict[str, np.ndarray]]) -> np.ndarray:
+        """The same of a changed simulation, 0 for the quantities that only scatter."""
+        moved = self.whitened(of_benches)
+        begin = 0
+        for used in self.used.values():
+            n = int(used.sum())
+            part = moved[begin : begin + n]
+            if np.mean(part**2) < 1 + VISIBLE * np.sqrt(2 / n):
+                part[:] = 0.0
+            begin += n
+        return moved
+
+    def shaft_effect(self, name: str) -> np.ndarray:
+        """More inertia, friction or load: the recorded speed needs more torque. So the bench's
+        value would rise, and what the simulation has to be is less."""
+        found = []
+        for quantity, used in self.used.items():
+            values = np.zeros_like(self.mean[quantity])
+            if quantity == SHAFT:
+                values = -self.series.shaft(name)
+            found.append((values / self.noise[quantity])[used])
+        return np.concatenate(found)

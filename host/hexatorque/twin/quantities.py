@@ -1,0 +1,155 @@
+"""What is compared: means over windows of quantities that do not depend on where the rotor stands
+or on the single pulse, made from the firmware's channels of the bench or of the simulation.
+
+Currents are seen from the estimated flux: along it they magnetise, across it they make torque. In
+the x-y plane, unbalance makes the first harmonic, and the inverter's error voltage the fifth and
+the seventh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..plant.vsd import PHASES, TRANSFORM
+from .bench import SETS
+
+#: A window lasts this long; less if the recording is short, but some periods of the slow loop.
+WINDOW_S, MOST_WINDOWS_OF_SHORT, LEAST_PERIODS = 0.1, 8, 3
+#: Harmonics need this many turns of the flux in a window.
+TURNS = 1.0
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """unit; about: what it tells; columns: how many numbers a window has of it."""
+
+    unit: str
+    about: str
+    columns: int = 1
+
+
+QUANTITIES: dict[str, Quantity] = {
+    "current along the flux": Quantity("A", "L_m, flux error"),
+    "current across the flux": Quantity("A", "torque of a given flux"),
+    "estimated flux": Quantity("Wb", "held by the control"),
+    "estimated torque": Quantity("N m", "held by the control"),
+    "shaft torque": Quantity("N m", "J, friction, load; true torque"),
+    "slip": Quantity("rad/s", "R_r"),
+    "R_s in use": Quantity("ohm", "R_s, dead time, drops"),
+    "R_r in use": Quantity("ohm", "R_r"),
+    "current ripple": Quantity("A", "leakage"),
+    "torque ripple": Quantity("N m", "leakage"),
+    "x-y ripple": Quantity("A", "L_xy"),
+    "unbalance": Quantity("A", "gains of single sensors", 6),
+    "sum of currents": Quantity("A", "gains of single sensors", 4),
+    "x-y harmonics 5, 7": Quantity("A", "dead time, drops, L_xy", 4),
+    "x-y voltage 5, 7": Quantity("1", "dead time, drops", 4),
+}
+
+
+def windows(periods: int, slow_s: float) -> np.ndarray:
+    """The window of each period of the slow loop, (periods,), -1 for the rest at the end."""
+    length = min(round(WINDOW_S / slow_s), periods // MOST_WINDOWS_OF_SHORT)
+    length = max(length, LEAST_PERIODS)
+    which = np.arange(periods) // length
+    which[periods // length * length :] = -1
+    return which
+
+
+def _mean(values: np.ndarray, which: np.ndarray, n: int) -> np.ndarray:
+    """Mean of each window, NaN if more than half of it is lost."""
+    good = np.isfinite(values) & (which >= 0)
+    counts = np.bincount(which[good], minlength=n)
+    full = np.bincount(which[which >= 0], minlength=n)
+    sums = np.bincount(which[good], values[good].real, n).astype(complex)
+    if np.iscomplexobj(values):
+        sums += 1j * np.bincount(which[good], values[good].imag, n)
+    means = np.where(2 * counts > full, sums / np.maximum(counts, 1), np.nan)
+    return means if np.iscomplexobj(values) else means.real
+
+
+def _ripple(values: np.ndarray, which: np.ndarray, n: int) -> np.ndarray:
+    """rms of the change from sample to sample: what is quick, not what moves with the drive."""
+    steps = np.diff(values, prepend=values[:1])
+    return np.sqrt(_mean(np.abs(steps) ** 2, which, n) / 2)
+
+
+def _parts(*values: np.ndarray) -> np.ndarray:
+    return np.column_stack([part for value in values for part in (value.real, value.imag)])
+
+
+def compute(
+    samples: Mapping[str, np.ndarray], which: np.ndarray, pole_pairs: int
+) -> dict[str, np.ndarray]:
+    """samples: channels; which: window of each sample, -1 for none. Returns name -> (windows,
+    columns); what the channels do not give is not among them."""
+    n = int(which.max()) + 1
+    get = lambda name: np.asarray(samples[name], float)  # noqa: E731
+    found: dict[str, np.ndarray] = {}
+    flux = get("psi_alpha_Wb") + 1j * get("psi_beta_Wb")
+    turn = flux / np.abs(flux)
+    phases = _phases(samples)
+    ab, xy = _planes(phases)
+    seen = ab * np.conj(turn)
+    found["current along the flux"] = _mean(seen.real, which, n)
+    found["current across the flux"] = _mean(seen.imag, which, n)
+    found["estimated flux"] = _mean(np.abs(flux), which, n)
+    found["current ripple"] = _ripple(seen, which, n)
+    found["x-y ripple"] = _ripple(xy, which, n)
+    if "torque_Nm" in samples:
+        found["estimated torque"] = _mean(get("torque_Nm"), which, n)
+        found["torque ripple"] = _ripple(get("torque_Nm"), which, n)
+    if "omega_sync_rad_s" in samples:
+        slip = get("omega_sync_rad_s") - pole_pairs * get("speed_rpm") * np.pi / 30
+        found["slip"] = _mean(slip, which, n)
+    for name, channel in (("R_s in use", "rs_ohm"), ("R_r in use", "rr_ohm")):
+        if channel in samples:
+            found[name] = _mean(get(channel), which, n)
+    turns = np.abs(_turned(turn, which, n))
+    slow = turns < TURNS
+
+    def harmonic(values: np.ndarray, order: int) -> np.ndarray:
+        means = _mean(values * np.conj(turn**order), which, n)
+        means[slow] = np.nan
+        return means
+
+    found["unbalance"] = _parts(harmonic(xy, 1), harmonic(xy, -1), harmonic(ab, -1))
+    found["x-y harmonics 5, 7"] = _parts(harmonic(xy, 5), harmonic(xy, -7))
+    if all(_all(samples, one) for one in SETS):
+        sums = [np.sum([get(f"i_{p}_A") for p in one], axis=0) for one in SETS]
+        found["sum of currents"] = _parts(*(harmonic(one.astype(complex), 1) for one in sums))
+    if "v_x_pu" in samples and "v_y_pu" in samples:
+        voltage = get("v_x_pu") + 1j * get("v_y_pu")
+        found["x-y voltage 5, 7"] = _parts(harmonic(voltage, 5), harmonic(voltage, -7))
+    return {name: values.reshape(n, -1) for name, values in found.items()}
+
+
+def _all(samples: Mapping[str, np.ndarray], phases: tuple[str, ...]) -> bool:
+    return all(f"i_{phase}_A" in samples for phase in phases)
+
+
+def _phases(samples: Mapping[str, np.ndarray]) -> np.ndarray:
+    """(6, n): a phase that is not recorded is what the isolated neutral leaves for it."""
+    known = {p: np.asarray(samples[f"i_{p}_A"], float) for p in PHASES if f"i_{p}_A" in samples}
+    for phases in SETS:
+        for phase in phases:
+            if phase not in known:
+                others = [known[other] for other in phases if other != phase]
+                known[phase] = -np.sum(others, axis=0)
+    return np.array([known[phase] for phase in PHASES])
+
+
+def _planes(phases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    alpha, beta, x, y = TRANSFORM @ phases
+    return alpha + 1j * beta, x + 1j * y
+
+
+def _turned(turn: np.ndarray, which: np.ndarray, n: int) -> np.ndarray:
+    """Turns of the flux in each window."""
+    steps = np.angle(turn[1:] * np.conj(turn[:-1]), deg=False)
+    steps = np.concatenate([[0.0], np.where(np.isfinite(steps), steps, 0.0)])
+    good = which >= 0
+    return np.bincount(which[good], steps[good], n) / (2 * np.pi)

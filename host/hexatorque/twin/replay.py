@@ -1,0 +1,127 @@
+"""The simulation follows a recording: its drive gets the torque reference that the bench's drive
+had, its shaft turns as the bench's shaft did, its dc link has the voltage that the bench measured.
+The flux reference follows from the parameters, in the simulation as on the bench.
+
+The speed loop stays open. Closed, it would hide what is looked for: a wrong inertia or load would
+only be another torque reference. With the bench's reference and speed, what is wrong in the set-up
+shows in currents, flux, slip, the adapted resistances and the torque at the shaft.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+
+from ..drive.simulated import SimulatedDrive
+from ..setups import Setup
+from .bench import Bench
+
+#: Before a recording that begins in the middle: to the first speed and torque in this time, and
+#: then so long for the adaptation, which meanwhile is faster by a factor.
+APPROACH_S, SETTLE_S, FASTER = 0.2, 0.5, 5.0
+#: The last part of it with the adaptation as it is.
+REST_S = 0.1
+#: Repetitions begin up to so many fast periods later, so that their ripple is another one.
+LATEST = 5
+
+#: Changes a simulated drive in a way that a set-up cannot describe.
+Prepare = Callable[[SimulatedDrive], None]
+
+
+class Replay:
+    """samples: the firmware's channels at the bench's samples; torque_Nm: true torque, mean of each
+    period of the slow loop; omega_rad_s: measured speed, as `Bench` has it."""
+
+    def __init__(self, samples: dict[str, np.ndarray], torque_Nm: np.ndarray) -> None:
+        self.samples = samples
+        self.torque_Nm = torque_Nm
+
+
+def replay(
+    bench: Bench,
+    setup: Setup,
+    prepare: Prepare | None = None,
+    vdc_share: float = 1.0,
+    late: int = 0,
+) -> Replay:
+    """late: a number, other for each repetition, so that the ripple is another one.
+    vdc_share: true dc-link voltage over the measured one. DriveFault if the simulated drive trips.
+    """
+    most_Nm = 1.05 * float(np.max(np.abs(bench.torque_ref_Nm)))
+    at_work = setup.changed(
+        load__kind="constant",
+        controller__control_mode="torque",
+        controller__speed_ref_rpm=0.0,
+        controller__torque_ref_Nm=0.0,
+        controller__torque_limit_Nm=max(most_Nm, float(setup.parameter("torque_limit_Nm"))),
+    )
+    sim = SimulatedDrive(at_work, 1)
+    follower = _Follower(sim, bench.slow_s, vdc_share)
+    if prepare:
+        prepare(sim)
+    _approach(follower, bench, late)
+    sim.discard()
+    for k in range(bench.periods):
+        follower.step(
+            bench.torque_ref_Nm[k],
+            bench.vdc_V[k],
+            bench.omega_rad_s[k],
+            bench.omega_rad_s[k + 1],
+        )
+    sim.check()
+    rec = sim.take()
+    rows = np.clip(bench.row, 0, len(rec) - 1)
+    samples = {n: d[rows] for n, d in rec.channels.items() if not n.startswith("plant.")}
+    torque = np.asarray(rec["plant.torque_Nm"], float).reshape(bench.periods, -1).mean(axis=1)
+    return Replay(samples, torque)
+
+
+class _Follower:
+    """A simulated drive in torque mode whose shaft follows a given speed."""
+
+    def __init__(self, sim: SimulatedDrive, slow_s: float, vdc_share: float) -> None:
+        self.sim, self.slow_s, self.vdc_share = sim, slow_s, vdc_share
+        self.inertia_kgm2 = sim.setup["machine.inertia_kgm2"]
+        self.viscous_Nms = sim.setup["machine.viscous_Nms"]
+
+    def step(self, torque_Nm: float, vdc_V: float, begin_rad_s: float, end_rad_s: float) -> None:
+        """One period of the slow loop. The load is what lets the shaft reach `end_rad_s`; what the
+        torque is off, the next period corrects."""
+        self.sim.set("torque_ref_Nm", float(torque_Nm))
+        self.sim.vdc_V = self.vdc_share * float(vdc_V)
+        needed = self.inertia_kgm2 * (end_rad_s - begin_rad_s) / self.slow_s
+        self.sim.load_Nm = float(torque_Nm - needed - self.viscous_Nms * begin_rad_s)
+        self.sim.plant_state[6] = begin_rad_s
+        self.sim.run(self.slow_s)
+
+
+def _approach(follower: _Follower, bench: Bench, late: int) -> None:
+    """From standstill to the state in which the recording begins."""
+    sim, slow_s = follower.sim, follower.slow_s
+    sim.vdc_V = follower.vdc_share * float(bench.vdc_V[0])
+    # The drive runs from this period on, and the first slow one is as late after it as the bench's.
+    slow = round(slow_s / sim.period_s)
+    begun = sum(round(float(sim.get(key)) / sim.period_s) for key in ("calibration_s", "build_s"))
+    first = begun + (bench.first if bench.begins else slow)
+    first += late % LATEST
+    sim.run(-first % slow * sim.period_s, record=False)
+    sim.start()
+    sim.run(first * sim.period_s, record=False)
+    sim.check()
+    if bench.begins:
+        return
+    torque, vdc = bench.torque_ref_Nm[0], bench.vdc_V[0]
+    speed = bench.omega_rad_s[0]
+    ramp = np.linspace(0.0, 1.0, max(2, round(APPROACH_S / slow_s)) + 1)
+    for share, after in itertools.pairwise(ramp):
+        follower.step(share * torque, vdc, share * speed, after * speed)
+    adapt_s = float(sim.get("adapt_s"))
+    sim.set("adapt_s", adapt_s / FASTER)
+    for _ in range(round(SETTLE_S / slow_s) + late):
+        follower.step(torque, vdc, speed, speed)
+    sim.set("adapt_s", adapt_s)
+    for _ in range(round(REST_S / slow_s)):
+        follower.step(torque, vdc, speed, speed)
+    sim.check()

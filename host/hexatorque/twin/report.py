@@ -1,0 +1,124 @@
+"""A comparison of bench and simulation as text, JSON, pictures and a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..analysis import overlay
+from ..analysis.pages import write_page
+from .fit import DIFFERS, SPEED, Comparison, Explanation
+from .quantities import QUANTITIES
+
+#: Rows of a picture: what differs comes first, then these.
+USUAL = (SPEED, "shaft torque", "current along the flux", "R_s in use", "slip", "estimated torque")
+MOST_ROWS = 6
+
+
+def verdict(comparison: Comparison) -> list[str]:
+    """What is found, a sentence each."""
+    if not comparison.differs:
+        return ["bench and simulation agree within the expected noise", *_hidden(comparison)]
+    cause = comparison.cause
+    if cause is None:
+        return ["bench and simulation differ, and no single parameter explains it"]
+    said = [
+        f"best explanation: {cause.candidate.name} {change(cause)}; it explains "
+        f"{100 * (1 - cause.left):.0f} % of the squared difference"
+    ]
+    if cause.like:
+        said.append(
+            "in this recording this cannot be told apart from: "
+            + ", ".join(f"{other} ({found:+.2f})" for other, found in cause.like.items())
+        )
+    return [*said, *_hidden(comparison)]
+
+
+def _hidden(comparison: Comparison) -> list[str]:
+    hidden = comparison.hidden
+    return [f"not to be seen in this recording: {', '.join(hidden)}"] if hidden else []
+
+
+def change(one: Explanation) -> str:
+    unit = one.candidate
+    if not np.isfinite(one.deviation):
+        return unit.shown(one.change)
+    return f"{unit.shown(one.change)} ± {unit.shown(one.deviation, sign=False)}"
+
+
+def quantity_rows(comparison: Comparison) -> list[list[str]]:
+    return [
+        [
+            d.name, QUANTITIES[d.name].unit, f"{d.size:.4g}", f"{d.rms:.3g}", f"{d.noise:.3g}",
+            f"{d.ratio:.1f}", "differs" if d.differs else "agrees", QUANTITIES[d.name].about,
+        ]
+        for d in comparison.differences
+    ]  # fmt: skip
+
+
+QUANTITY_HEADINGS = ("quantity", "unit", "rms", "rms difference", "expected noise", "times noise",
+                     "verdict", "tells of")  # fmt: skip
+PARAMETER_HEADINGS = ("parameter", "change", "remains", "seen from")
+
+
+def parameter_rows(comparison: Comparison) -> list[list[str]]:
+    rows = []
+    for one in comparison.explanations:
+        unseen = one.candidate.name in comparison.hidden
+        rows.append(
+            [
+                one.candidate.name,
+                "–" if unseen else change(one),
+                "–" if unseen else f"{100 * one.left:.0f} %",
+                "–" if unseen else one.candidate.shown(one.seen_from, sign=False),
+            ]
+        )
+    return rows
+
+
+def as_json(comparison: Comparison) -> dict:
+    cause = comparison.cause
+    return {
+        "setup": comparison.setup.name,
+        "recordings": [
+            {"file": b.label, "begin_s": b.begin_s, "duration_s": b.duration_s,
+             "from_start": b.begins, "notes": b.notes}
+            for b in comparison.benches
+        ],
+        "notes": comparison.notes,
+        "differs": comparison.differs,
+        "limit": DIFFERS,
+        "quantities": [one.as_json() for one in comparison.differences],
+        "cause": cause and cause.candidate.name,
+        "parameters": [one.as_json() for one in comparison.explanations],
+        "said": verdict(comparison),
+    }  # fmt: skip
+
+
+def write(comparison: Comparison, folder: Path, command: str) -> tuple[list[Path], Path]:
+    """A picture for each recording, and the page; into an existing folder."""
+    pictures = []
+    for n, one in enumerate(comparison.overlays, 1):
+        traces = [overlay.Trace("bench", one.bench), overlay.Trace("simulation", one.simulation)]
+        differ = [d.name for d in comparison.differences if d.differs]
+        names = list(dict.fromkeys([*differ, *USUAL]))
+        names = [name for name in names if name in one.bench][:MOST_ROWS]
+        pictures.append(overlay.plot(traces, names, "none", folder / f"overlay-{n}.png"))
+    labels = [bench.label for bench in comparison.benches]
+    page = write_page(
+        folder / "report.html",
+        "twin.html",
+        title=f"{comparison.setup.name}: bench beside simulation",
+        differs=comparison.differs,
+        said=verdict(comparison),
+        notes=[f"{b.label}: {note}" for b in comparison.benches for note in b.notes]
+        + comparison.notes,
+        quantity_headings=QUANTITY_HEADINGS,
+        quantities=quantity_rows(comparison),
+        parameter_headings=PARAMETER_HEADINGS,
+        parameters=parameter_rows(comparison),
+        pictures=[(label, path.name) for label, path in zip(labels, pictures)],
+        command=command,
+    )
+    return pictures, page

@@ -1,0 +1,186 @@
+"""A bench beside its simulation (`hexatorque board compare`). The benches here are simulations with
+one parameter changed: it has to be named, and its change found."""
+
+import json
+
+import numpy as np
+import pytest
+from campaigns import part
+
+from hexatorque import setups
+from hexatorque.cli.main import main
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.recording.recording import Recording
+from hexatorque.setups.keys import TIMING_OWNS
+from hexatorque.twin import bench, candidates, fit
+
+CANDIDATES = {one.name: one for one in candidates.CANDIDATES}
+#: Of the parameters that are tried, enough to be mistaken for each other.
+TRIED = [CANDIDATES[name] for name in ("R_s", "R_r", "gain of current sensor w1", "J", "load")]
+LOAD_NM = 4.0
+
+
+@pytest.fixture(scope="module")
+def setup():
+    """Its controller's parameters are written down: a change of the machine is not one of them."""
+    plain = setups.load("paper-a-feasible").changed(
+        sensors__i_noise_A=0.02, controller__build_s=0.2
+    )
+    values = {f"controller__{k}": v for k, v in setups.parameters(plain).items()
+              if k not in TIMING_OWNS}  # fmt: skip
+    return plain.changed(**values)
+
+
+def recorded(setup, prepare=None):
+    """What a board would stream at 1 kHz: start, up, down."""
+    drive = SimulatedDrive(setup.changed(sensors__noise_seed=99), 1)
+    if prepare:
+        prepare(drive)
+    drive.run(0.003)
+    drive.start()
+    drive.run(0.26)
+    drive.set_many({"load_Nm": LOAD_NM, "speed_ref_rpm": 500})
+    drive.run(0.4)
+    drive.set("speed_ref_rpm", 150)
+    drive.run(0.25)
+    drive.check()
+    rec = drive.take()
+    own = {name: data[::10] for name, data in rec.channels.items() if not name.startswith("plant.")}
+    values = {name: drive.get(name) for name in drive.params}
+    meta = {"scheme": values["scheme"], "parameters": {"controller": values}, "tick_Hz": 1e4}
+    return Recording(1000.0, own, rec.units, meta)
+
+
+def compared(setup, rec, load_Nm=LOAD_NM, tried=TRIED):
+    one = bench.make(rec, "bench", setup)
+    return fit.compare(setup, [one], ((float("-inf"), load_Nm),), tried)
+
+
+@pytest.fixture(scope="module")
+def faithful(setup):
+    return recorded(setup)
+
+
+def test_nothing_changed_nothing_accused(setup, faithful):
+    found = compared(setup, faithful, tried=[CANDIDATES["R_s"], CANDIDATES["J"]])
+    assert not found.differs and found.cause is None
+    assert all(one.noise > 0 for one in found.differences)
+    by_name = {one.candidate.name: one for one in found.explanations}
+    assert abs(by_name["R_s"].change) < 0.01
+    assert abs(by_name["J"].change) < 0.05
+
+
+#: Parameter, its change, tolerance of what is found, and a quantity that differs.
+CHANGED = [
+    ("J", 0.3, 0.05, "shaft torque"),
+    ("R_s", 0.2, 0.02, "R_s in use"),
+    ("gain of current sensor w1", 0.05, 0.01, "sum of currents"),
+]
+
+
+@pytest.mark.parametrize("name, true, tolerance, where", part(CHANGED, 2))
+def test_the_changed_parameter_is_named(setup, name, true, tolerance, where):
+    candidate = CANDIDATES[name]
+    wrong = candidate.apply(setup, true)
+    if name == "J":
+        wrong = setup.changed(machine__inertia_kgm2=setup["machine.inertia_kgm2"] * (1 + true))
+    tried = [CANDIDATES[other] for other in sorted({name, "J", "load"})]
+    found = compared(setup, recorded(wrong), tried=tried)
+    assert found.differs and found.cause.candidate is candidate
+    assert found.cause.change == pytest.approx(true, abs=tolerance)
+    assert {d.name: d for d in found.differences}[where].differs
+
+
+def test_what_cannot_be_told_apart_is_said(setup):
+    """To the firmware, a threshold voltage of the devices looks like resistance at one amplitude of
+    current, and this machine's is nearly constant."""
+    candidate = CANDIDATES["device drops"]
+    rec = recorded(candidate.apply(setup, 1.0))
+    found = compared(setup, rec, tried=[candidate, CANDIDATES["R_s"]])
+    assert found.differs
+    assert {found.cause.candidate.name, *found.cause.like} == {"device drops", "R_s"}
+    by_name = {one.candidate.name: one for one in found.explanations}
+    assert by_name["device drops"].change == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_dead_time_of_the_inverter_is_found(setup):
+    candidate = CANDIDATES["dead time"]
+    found = compared(setup, recorded(setup, candidate.prepare(0.5)), tried=[candidate])
+    assert found.differs
+    assert found.cause.change == pytest.approx(0.5, abs=0.2)
+
+
+# --- bad input: a line each ----------------------------------------------------------------
+
+
+def refused(capsys, *arguments):
+    assert main(["board", "compare", *map(str, arguments)]) in (1, 2)
+    said = capsys.readouterr().err.strip().splitlines()
+    assert len(said) == 1, said
+    return said[0]
+
+
+@pytest.fixture
+def saved(faithful, tmp_path):
+    def save(change=lambda rec: None, **meta):
+        rec = Recording(
+            faithful.rate_Hz, dict(faithful.channels), faithful.units, {**faithful.meta, **meta}
+        )
+        change(rec)
+        return rec.save(tmp_path / "run.npz")
+
+    return save
+
+
+def test_refusals(saved, capsys):
+    def without(*names):
+        return lambda rec: [rec.channels.pop(name) for name in names]
+
+    def empty(rec):
+        rec.channels = {name: data[:0] for name, data in rec.channels.items()}
+
+    def idle(rec):
+        rec.channels["state"] = np.zeros(len(rec))
+
+    def shorter(rec):
+        rec.channels = {name: data[:300] for name, data in rec.channels.items()}
+
+    def rare(rec):
+        rec.channels = {name: data[::20] for name, data in rec.channels.items()}
+        rec.rate_Hz /= 20
+
+    for file, words in (
+        (lambda: saved(without("torque_ref_Nm")), "no torque_ref_Nm"),
+        (lambda: saved(without("i_u1_A", "i_v1_A")), "two of i_u1_A, i_w1_A, i_v1_A"),
+        (lambda: saved(empty), "no samples"),
+        (lambda: saved(idle), "the drive does not run in it"),
+        (lambda: saved(shorter), "0.2 s or more are needed"),
+        (lambda: saved(rare), "50 samples per second: 100 or more"),
+        (lambda: saved(scheme="dtc1"), "recorded with scheme dtc1"),
+        (lambda: saved(tick_Hz=20e3), "recorded with f_isr_Hz = 20000"),
+    ):
+        path = file()
+        said = refused(capsys, "paper-a-feasible", path)
+        assert words in said and str(path) in said, said
+    said = refused(capsys, "paper-a-feasible", saved(), "--load", "0:1,0:2")
+    assert "--load 0:1,0:2" in said
+    assert "no samples in the window" in refused(
+        capsys, "paper-a-feasible", saved(), "--window", "7,8"
+    )
+
+
+def test_the_command(saved, tmp_path, capsys, monkeypatch):
+    """Table, JSON, picture and page, and the exit code. The load is not told, so it is found."""
+    monkeypatch.setattr(fit.compare, "__defaults__", (fit.NO_LOAD, TRIED[-1:], None))
+    folder = tmp_path / "out"
+    assert (
+        main(["board", "compare", "paper-a-feasible", str(saved()), "-o", str(folder), "--json"])
+        == 1
+    )
+    said = json.loads(capsys.readouterr().out)
+    assert said["differs"] and said["cause"] == "load"
+    assert said["parameters"][0]["change"] == pytest.approx(LOAD_NM, abs=0.2)
+    assert any("does not carry the load" in note for note in said["recordings"][0]["notes"])
+    page = (folder / "report.html").read_text()
+    assert "best explanation: load" in page and "overlay-1.png" in page
+    assert (folder / "overlay-1.png").stat().st_size > 10_000
