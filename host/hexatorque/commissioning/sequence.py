@@ -44,7 +44,7 @@ def with_needs(steps: Sequence[str]) -> list[str]:
 
 def default_current_A(drive: DriveVerbs) -> float:
     """A limit of the currents that suits the drive's parameters, which may be wrong."""
-    needed_A = max(float(drive.get("build_current_A")), 1.3 * running.needed_A(drive))
+    needed_A = max(float(drive.get("build_current_A")), 1.5 * running.needed_A(drive))
     return min(needed_A, 0.9 * float(drive.get("i_trip_A")))
 
 
