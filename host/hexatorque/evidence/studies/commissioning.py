@@ -83,7 +83,7 @@ def doubted(name: str) -> Setup:
     """A built-in set-up whose controller knows the machine badly."""
     setup = setups.load(name)
     known = setups.parameters(setup)
-    return setup.changed(**{f"controller__{k}": f * known[k] for k, f in BELIEVED.items()})
+    return setup.changed(**{f"controller__{k}": f * float(known[k]) for k, f in BELIEVED.items()})
 
 
 class Watched(SimulatedDrive):

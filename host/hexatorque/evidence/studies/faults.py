@@ -31,10 +31,10 @@ from ...plant.legs import HIGH, LOW, OFF
 TITLE = "Fault campaign"
 SETUPS = ("paper-a-feasible", "paper-b")
 #: Runs per fault. They are enough for every state, scheme and set-up.
-RUNS = 180
+RUNS = 210
 #: The quick campaign makes each QUICK_STEP-th of these runs. The step divides no number of states,
 #: schemes or set-ups, so that they all occur.
-QUICK_STEP = 11
+QUICK_STEP = 13
 #: Periods that are checked after the gates are off.
 AFTER = 50
 #: Deadlines in periods: the next interrupt; two slow periods; faults that show only gradually.
