@@ -37,6 +37,7 @@ void ht_excitation_configure(const ht_params *p, ht_excitation_config *c)
 {
     const float *v = p->v;
     float most_Hz = 0.25f * v[HT_P_f_isr_Hz];
+    float ticks;
     float hertz = (v[HT_P_test_Hz] < most_Hz) ? v[HT_P_test_Hz] : most_Hz;
     hertz = (hertz > -most_Hz) ? hertz : -most_Hz;
     c->wave = (ht_wave)(uint16_t)v[HT_P_test_wave];
@@ -47,7 +48,8 @@ void ht_excitation_configure(const ht_params *p, ht_excitation_config *c)
     cosine_and_sine(TWO_PI_F * hertz / v[HT_P_f_isr_Hz], &c->turn_cos, &c->turn_sin);
     c->current_A = v[HT_P_test_current_A];
     c->travel_counts = v[HT_P_test_travel_rev] * v[HT_P_encoder_counts_rev];
-    c->ticks = (uint32_t)(v[HT_P_test_s] * v[HT_P_f_isr_Hz]);
+    ticks = v[HT_P_test_s] * v[HT_P_f_isr_Hz];
+    c->ticks = (uint32_t)ticks;
 }
 
 void ht_excitation_reset(ht_excitation_state *st, uint32_t position)
@@ -81,7 +83,7 @@ uint16_t ht_excitation_faults(const ht_excitation_config *c, const ht_excitation
         }
     }
     if (moved > c->travel_counts) {
-        faults |= HT_FAULT_TRAVEL;
+        faults |= HT_FAULT_OVERSPEED;
     }
     return (uint16_t)faults;
 }

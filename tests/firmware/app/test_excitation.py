@@ -150,7 +150,7 @@ def test_a_shaft_that_moves_too_far_trips():
         sim.run(0.02, record=False)
         if sim.state != "test":
             break
-    assert (sim.state, sim.faults) == ("fault", ["shaft moved too far"])
+    assert (sim.state, sim.faults) == ("fault", ["over-speed"])
     assert abs(sim.plant_state[7]) / (2 * np.pi) < 0.07  # it coasts a little
 
 

@@ -133,7 +133,7 @@ def test_the_state_test_bit_by_bit(quick, m4f):
     outcome = pil.compare(quick.changed(controller__start_mode="test"), profile, m4f)
     assert outcome.failures() == []
     assert outcome.state == "test"
-    assert abs(outcome.recording["plant.i_u1_A"]).max() > 1
+    assert abs(outcome.recording["plant.i_u1_A"]).max() > 0.2
 
 
 # --- what goes wrong ------------------------------------------------------------
