@@ -37,25 +37,23 @@ static void set_flux_ref(ht_drive *d, float flux_Wb)
 
 static const ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
 
-/* Everything that depends on parameters, for a machine without flux. What is known of the shaft
- * and of the faults does not depend on them and stays. */
-static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
+/* Everything that depends on parameters, `next->params`, for a machine without flux. What is known
+ * of the shaft and of the faults does not depend on them and stays. After an error the caller
+ * restores. */
+static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
 {
-    ht_drive_config *next;
-    const ht_drive_config *waiting = ht_configure_withhold(d, &next);
     ht_pwm_setup setup;
-    ht_result result = ht_configure(port, p, &next->control, &setup);
+    ht_result result = ht_configure(port, next, &setup);
     int leg;
     if ((result == HT_OK) && !ht_port_init(port, &setup)) {
         result = HT_ERROR_PORT;
     }
     if (result != HT_OK) {
-        ht_configure_restore(d, waiting, next);
         return result;
     }
     d->port = port;
-    d->params = *p;
-    ht_configure_rest(port, p, next);
+    d->params = next->params;
+    ht_configure_rest(port, next);
     d->config = next;
     ht_configure_scales(d);
     for (leg = 0; leg < HT_LEGS; leg++) {
@@ -66,7 +64,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     d->in.vdc_V = 0.0f;
     d->in.torque_ref_Nm = 0.0f;
     d->in.turn_rad = 0.0f;
-    set_flux_ref(d, p->v[HT_P_flux_ref_Wb]);
+    set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb]);
     d->flux_ramp_Wb = d->flux_ref_Wb;
     ht_control_reset(&d->config->control, &d->control, &none);
     ht_speed_reset(&d->speed);
@@ -84,6 +82,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
 
 ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
 {
+    ht_drive_config *next;
     ht_result result;
     uint16_t id;
     for (id = 0u; id < HT_PARAMS; id++) {
@@ -91,8 +90,9 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
             return HT_ERROR_VALUE;
         }
     }
-    d->staged = NULL; /* memory may hold anything */
-    result = set_up(d, port, p);
+    (void)ht_configure_withhold(d, &next); /* memory may hold anything */
+    next->params = *p;
+    result = set_up(d, port, next);
     if (result != HT_OK) {
         return result;
     }
@@ -424,11 +424,11 @@ ht_result ht_drive_clear(ht_drive *d)
 ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, uint16_t n,
                          uint16_t *at)
 {
-    ht_params trial;
+    const ht_drive_config *waiting;
+    ht_drive_config *next;
     bool set_up_again = false;
     ht_result result;
     uint16_t k;
-    trial = d->params;
     for (k = 0u; k < n; k++) {
         const ht_param_info *info = ht_param_describe(ids[k]);
         *at = ids[k];
@@ -444,12 +444,20 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
             }
             set_up_again = true;
         }
-        trial.v[ids[k]] = values[k];
+    }
+    /* The parameters are put together where they will be used: a copy takes much of the stack. */
+    waiting = ht_configure_withhold(d, &next);
+    next->params = d->params;
+    for (k = 0u; k < n; k++) {
+        next->params.v[ids[k]] = values[k];
     }
     /* Timing and scaling reach into the PWM: set it all up again. */
-    result = set_up_again ? set_up(d, d->port, &trial) : ht_configure_live(d, &trial);
+    result = set_up_again ? set_up(d, d->port, next) : ht_configure_live(d, next);
     if (result == HT_ERROR_CONFIG) {
-        *at = (uint16_t)ht_misfit_of(&trial, ht_port_pwm_clock_Hz(d->port));
+        *at = (uint16_t)ht_misfit_of(&next->params, ht_port_pwm_clock_Hz(d->port));
+    }
+    if (result != HT_OK) {
+        ht_configure_restore(d, waiting, next);
     }
     return result;
 }

@@ -20,6 +20,9 @@ MEMORY = 20480
 #: Share of the stated limit at which the firmware trips. The rest is for the current's rise until
 #: the next sample, for ripple, and for a sensor that reads a little low.
 TRIP_SHARE = 0.8
+#: Largest voltage on one leg, share of the dc link's. Less if the pulse must lie behind a late
+#: write.
+MOST_PU = 0.4
 #: Longest time that a test may last without the host's stopping it.
 LONGEST_S = 600.0
 #: A test waits this long for a shaft that coasts.
@@ -74,7 +77,10 @@ class Excitation:
         drive = self.drive
         self._before = {name: drive.get(name) for name in BORROWED}
         self.f_isr_Hz = float(drive.get("f_isr_Hz"))
-        self._delay = 1 if drive.get("load_mode") == "shadow" else 0
+        shadow = drive.get("load_mode") == "shadow"
+        self._delay = 1 if shadow else 0
+        late_pu = 0.0 if shadow else 1e-6 * float(drive.get("write_delay_us")) * self.f_isr_Hz
+        self.most_pu = min(MOST_PU, 0.98 * (0.5 - late_pu))
         self.dead_V = 0.0
         try:
             drive.set_many(
@@ -180,16 +186,18 @@ class Excitation:
         first = int(found.meta[FIRST_TICK]) - taken  # ticks after the wave's begin
         return self._samples(found, vector_V, wave, hertz, first, prescaler)
 
-    def steady(self, vector_V: np.ndarray, settle_s: float, mean_s: float) -> tuple:
+    def steady(
+        self, vector_V: np.ndarray, settle_s: float, mean_s: float
+    ) -> tuple[np.ndarray, float, int]:
         """Apply a constant voltage, wait, and return the means of currents (6,) and dc-link
-        voltage, with the standard deviation of the currents' means."""
+        voltage, and of how many samples."""
         self.set(vector_V)
         self.wait(settle_s)
         samples = min(max(20, round(mean_s * self.f_isr_Hz)), self.most_samples())
         found = self.drive.capture((*CURRENTS, "vdc_V"), samples, timeout_s=10 + mean_s)
         self._check()
         i_A = np.column_stack([found[name] for name in CURRENTS]).astype(float)
-        return i_A.mean(0), float(found["vdc_V"].mean()), i_A.std(0) / math.sqrt(samples)
+        return i_A.mean(0), float(found["vdc_V"].mean()), samples
 
     def _samples(
         self,

@@ -1,8 +1,10 @@
 """Step c: sigma L_s and L_xy, and each phase's leakage, by square waves of voltage.
 
-For the planes' inductances the wave is along alpha or x, with a larger direct current along the
-other one. Both have the same sizes on every leg, and so no leg's current changes its sign: the lost
-voltages (step b) stay what they are and drop out of the slopes' difference.
+For the planes' inductances the wave is along one axis, with a larger direct current along the axis
+of the other plane that has the same sizes on every leg: alpha and x, beta and y. So no leg's
+current changes its sign: the lost voltages (step b) stay what they are and drop out of the slopes'
+difference. In the mean of a plane's two axes all phases have the same weight, and so what the
+phases differ by drops out.
 
 For the phases a wave on each leg in turn gives the slopes of all currents for every direction of
 voltage, less what resistance and lost voltages take. Their inverse is the inductance of the four
@@ -11,21 +13,26 @@ axes: the planes' own, and what the phases' leakages differ by.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..plant.vsd import INVERSE, TRANSFORM
 from .excitation import Excitation, Samples, half_wave_Hz, on_leg
-from .regression import Value, linear
+from .regression import MEAN_GAIN, Value, linear, mean
 from .resistance import Resistance
 
 #: Half-waves, fast interrupts: long enough that most samples lie off the edges.
 TICKS = 9
 #: Shares of the stated limit: the direct current, the triangle's peak, and the one on each leg.
 BIAS, SWING, AIM = 0.42, 0.25, 0.4
-MOST_PU = 0.4
 PERIODS = 16
+#: Two standard deviations of the method's own error, share: voltage that devices take beside the
+#: lost voltages, edges, the sensors' delay.
+MODEL_ERROR = 0.002
+#: Slow time constants of the machine until its flux is gone.
+DECAY = 4.0
 
 
 @dataclass(frozen=True)
@@ -36,16 +43,24 @@ class Inductance:
 
 
 def measure(
-    test: Excitation, resistance: Resistance, ab_per_H: float, xy_per_H: float
+    test: Excitation, resistance: Resistance, ab_per_H: float, xy_per_H: float, slow_s: float
 ) -> Inductance:
-    """The last two: 1/(sigma L_s) and 1/L_xy, roughly, from the wiring check."""
-    sigma_ls_H = _along(test, resistance, 0, ab_per_H)
-    lxy_H = _along(test, resistance, 2, xy_per_H)
+    """`ab_per_H`, `xy_per_H`: 1/(sigma L_s) and 1/L_xy, roughly, from the wiring check; `slow_s`:
+    the machine's slow time constant, roughly."""
+    alpha, beta, x = (
+        _along(test, resistance, axis, per_H)
+        for axis, per_H in ((0, ab_per_H), (1, ab_per_H), (2, xy_per_H))
+    )
+    # The rotor has a flux along alpha now. With a current along beta it would turn the shaft.
+    test.rest(DECAY * slow_s)
+    y = _along(test, resistance, 3, xy_per_H)
+    error = math.hypot(MEAN_GAIN, MODEL_ERROR)
+    sigma_ls_H, lxy_H = (mean(pair).plus_share(error) for pair in ([alpha, beta], [x, y]))
     vdc_V = test.vdc_V
     hertz = half_wave_Hz(test.f_isr_Hz, TICKS)
     # On one leg the current is a triangle of 1/4 period's volt-seconds, over the leg's inductance.
     per_V = (ab_per_H + xy_per_H) / 3 / (4 * hertz)
-    volts = min(AIM * test.limits.current_A / per_V, MOST_PU * vdc_V)
+    volts = min(AIM * test.limits.current_A / per_V, test.most_pu * vdc_V)
     waves = []
     for leg in range(6):
         waves.append(test.pulse(on_leg(leg, volts), "square", hertz, PERIODS / hertz))
@@ -54,18 +69,20 @@ def measure(
 
 
 def _along(test: Excitation, resistance: Resistance, axis: int, per_H: float) -> Value:
-    """Inductance of one axis, 0 or 2, with a direct current along the other one."""
-    limit_A, other = test.limits.current_A, 2 - axis
+    """Inductance of one of the four axes, with a direct current along the other plane's one."""
+    limit_A, other = test.limits.current_A, (axis + 2) % 4
     hertz = half_wave_Hz(test.f_isr_Hz, TICKS)
     bias_A = INVERSE[:, other] * BIAS * limit_A
     vector = TRANSFORM @ (resistance.mean_ohm.value * bias_A + resistance.of_legs(bias_A))
     test.set(vector)
     test.wait(0.1)
-    kind = "square-ab" if axis == 0 else "square-xy"
+    # No leg has more of the wave's voltage than the axis itself.
+    room_V = test.most_pu * test.vdc_V - float(np.abs(INVERSE @ vector).max())
+    kind = "square-ab" if axis < 2 else "square-xy"
     found = Value(1 / per_H, 0.0)
     for share, periods in ((0.25, PERIODS), (1.0, 4 * PERIODS)):  # roughly, then right
         swing_V = share * SWING * limit_A * 4 * hertz * found.value
-        vector[axis] = min(swing_V, MOST_PU * test.vdc_V)
+        vector[axis] = min(swing_V, room_V)
         found = along(test.pulse(vector, kind, hertz, periods / hertz), axis)
     test.rest(0.05)
     return found

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+
+#: Two standard deviations of the gain of a current sensor, whose error may be up to 0.5 % either
+#: way and is nobody's knowledge: what one phase shows, what one axis shows, what all phases show
+#: together. An error that all sensors share is not contained, nor one of the dc-link sensor.
+PHASE_GAIN = 2 * 0.005 / math.sqrt(3)
+AXIS_GAIN = PHASE_GAIN / 2
+MEAN_GAIN = PHASE_GAIN / math.sqrt(6)
 
 
 @dataclass(frozen=True)
@@ -20,8 +28,21 @@ class Value:
         """The same with a further, independent part of the uncertainty."""
         return Value(self.value, float(np.hypot(self.uncertainty, systematic)))
 
+    def plus_share(self, share: float) -> Value:
+        """The same with a part that is in proportion to the value."""
+        return self.plus(share * abs(self.value))
+
     def __format__(self, unit: str) -> str:
         return f"{self.value:.4g} {unit} ±{self.uncertainty:.2g}".replace("  ", " ")
+
+
+def mean(values: list[Value]) -> Value:
+    """The mean of values whose errors are independent."""
+    errors = np.array([value.uncertainty for value in values])
+    return Value(
+        float(np.mean([value.value for value in values])),
+        float(np.sqrt(errors @ errors) / len(values)),
+    )
 
 
 def linear(columns: list[np.ndarray], target: np.ndarray) -> tuple[list[Value], np.ndarray]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..plant.vsd import INVERSE, TRANSFORM
 from .excitation import CommissioningError, Excitation
-from .regression import Value, linear
+from .regression import MEAN_GAIN, PHASE_GAIN, Value, linear
 
 #: Currents of the measurement, share of the stated limit.
 LEVELS = (0.15, 0.35, 0.6)
@@ -92,7 +92,7 @@ def _phases(test: Excitation, found: Resistance, settle_s: float) -> Resistance:
     # Their mean is known better from the many points of both signs: lost voltages drop out there.
     wide = found.mean_ohm.uncertainty
     moved = _about(found.mean_ohm, values)
-    return replace(found, rs_ohm=tuple(value.plus(wide) for value in moved))
+    return replace(found, rs_ohm=tuple(value.plus(wide).plus_share(PHASE_GAIN) for value in moved))
 
 
 def _unit(degrees: float) -> np.ndarray:
@@ -145,6 +145,7 @@ def solve(vectors_V: np.ndarray, i_A: np.ndarray, vdc_V: float) -> Resistance:
     assert best is not None
     _, knee_A, values = best
     ohm, lost_V = _means(vectors_V, i_A, knee_A)
+    ohm = ohm.plus_share(MEAN_GAIN)
     found = Resistance(
         _about(ohm, values[:6]), _about(lost_V, values[6:]), ohm, lost_V, knee_A,
         np.empty((0, 2)), vdc_V,

@@ -6,6 +6,7 @@ the speed chosen here, hardly from the inductance that is to be measured.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,12 +14,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..drive.interface import DriveVerbs
+from ..errors import HexatorqueError
 from ..plant.vsd import PHASES, TRANSFORM
 from ..setups.design import VECTOR_PU
 from .excitation import CommissioningError, Limits
-from .regression import Value, linear
+from .regression import MEAN_GAIN, Value, linear
 
 CURRENTS = tuple(f"i_{phase}_A" for phase in PHASES)
+#: The scheme of these tests, where the drive can run it. Its pulses lie about the samples evenly,
+#: so a sample has the mean current. With a switching table it lies up to 2 % beside it.
+SCHEME = "db-dtfc"
+#: Two standard deviations of what flux and torque are estimated wrongly by, in proportion, beside
+#: the sensors' gains: with this scheme, and with another one.
+FLUX_ERROR, OTHER_SCHEME_ERROR = 0.003, 0.02
 #: Flux references of the magnetisation curve, share of the parameter flux_ref_Wb.
 FLUXES = (0.5, 0.65, 0.8, 0.95, 1.1)
 #: Share of the dc-link voltage that the flux may induce at the speed of the tests.
@@ -31,8 +39,6 @@ NO_LOADS, CURRENT_STEPS, USABLE = 1.6, 3.0, 0.7
 PATIENCE_S = 15.0
 #: The acceleration should take about this time, s.
 ACCELERATE_S = 0.7
-#: Error of the torque's estimate in proportion to it, mostly the current sensors' gain.
-TORQUE_ERROR = 0.01
 #: Torque of the first try, and the least, share of torque_limit_Nm.
 FIRST_TORQUE = 0.25
 LEAST_TORQUE = 0.1
@@ -40,8 +46,11 @@ LEAST_TORQUE = 0.1
 UPPER = 0.85
 #: Share of the speed that is near enough: ripple costs a table scheme some of a small torque.
 REACHED = 0.95
-#: The shaft coasts for this time at most, s.
-COAST_S = 5.0
+#: The shaft coasts for the first time, s. If it then has more than this share of its speed,
+#: friction is hardly to be seen, and it coasts on for the second time.
+COAST_S, TOO_FAST, LONG_COAST_S = 5.0, 0.7, 30.0
+#: Most samples of a record.
+MOST_SAMPLES = 4000
 #: Rotor time constants after a stop until the flux is gone: a start builds it up from nothing.
 DECAY = 6.0
 
@@ -81,6 +90,22 @@ def _step_A(drive: DriveVerbs) -> float:
 
 def _vdc_V(drive: DriveVerbs) -> float:
     return float(drive.capture(("vdc_V",), 64, timeout_s=5)["vdc_V"].mean())
+
+
+def _scheme(drive: DriveVerbs) -> str:
+    """The scheme of the tests; the drive's own one if its timing or its machine forbid that."""
+    own = str(drive.get("scheme"))
+    try:
+        drive.set("scheme", SCHEME)
+    except HexatorqueError:
+        return own
+    drive.set("scheme", own)
+    return SCHEME
+
+
+def _error(scheme: object) -> float:
+    """Share by which an inductance or a torque may be wrong if the drive runs with this scheme."""
+    return math.hypot(MEAN_GAIN, FLUX_ERROR if scheme == SCHEME else OTHER_SCHEME_ERROR)
 
 
 def _limited(drive: DriveVerbs, limits: Limits) -> dict[str, object]:
@@ -136,7 +161,8 @@ def magnetisation(drive: DriveVerbs, limits: Limits) -> Magnetisation:
     nominal_Wb = float(drive.get("flux_ref_Wb"))
     rows = []
     values = {
-        "start_mode": "drive", "control_mode": "speed", "speed_ref_rpm": 0.0,
+        "scheme": _scheme(drive), "start_mode": "drive", "control_mode": "speed",
+        "speed_ref_rpm": 0.0,
         "flux_ref_Wb": nominal_Wb, "field_weakening": "off", **_limited(drive, limits),
     }  # fmt: skip
     with _borrowed(drive, values):
@@ -151,7 +177,7 @@ def magnetisation(drive: DriveVerbs, limits: Limits) -> Magnetisation:
         drive.set_many({"flux_ref_Wb": nominal_Wb, "speed_ref_rpm": 0.0})
         _wait_for(drive, 0.0)
     flux_Wb, ls_H, spread_H = np.array(rows).T
-    return Magnetisation(flux_Wb, ls_H, spread_H)
+    return Magnetisation(flux_Wb, ls_H, np.hypot(spread_H, _error(values["scheme"]) * ls_H))
 
 
 def _flux_and_inductance(drive: DriveVerbs, sigma_ls_H: float) -> tuple[float, float, float]:
@@ -211,7 +237,8 @@ def mechanics(drive: DriveVerbs, limits: Limits) -> Mechanics:
     speed_rpm = test_speed_rpm(drive, limits)
     slow_s = 1 / float(drive.get("f_slow_Hz"))
     values = {
-        "start_mode": "drive", "control_mode": "speed", "speed_ref_rpm": 0.0,
+        "scheme": _scheme(drive), "start_mode": "drive", "control_mode": "speed",
+        "speed_ref_rpm": 0.0,
         **_limited(drive, limits),
     }  # fmt: skip
     own_Nm = float(drive.get("torque_limit_Nm"))
@@ -243,7 +270,9 @@ def mechanics(drive: DriveVerbs, limits: Limits) -> Mechanics:
         _wait_for(drive, speed_rpm)
         drive.stop()
         coast = _record(drive, COAST_S, {"speed_ref_rpm": 0.0})
-    return solve(up, down, coast, speed_rpm, slow_s)
+        if coast[1][-1] > TOO_FAST * coast[1][0]:
+            coast = _record(drive, LONG_COAST_S, {"speed_ref_rpm": 0.0})
+    return solve(up, down, coast, speed_rpm, slow_s, _error(values["scheme"]))
 
 
 def _time_to(run: tuple, speed_rpm: float) -> float:
@@ -255,7 +284,8 @@ def _time_to(run: tuple, speed_rpm: float) -> float:
 def _record(drive: DriveVerbs, duration_s: float, command: dict[str, object]) -> tuple:
     """Time, speed and torque from a WRITE on."""
     f_isr_Hz = float(drive.get("f_isr_Hz"))
-    prescaler = max(1, round(duration_s * f_isr_Hz / 4000))
+    per_reading = round(f_isr_Hz / float(drive.get("f_slow_Hz")))
+    prescaler = in_step(math.ceil(duration_s * f_isr_Hz / MOST_SAMPLES), per_reading)
     samples = int(duration_s * f_isr_Hz / prescaler)
     drive.arm(("speed_rpm", "torque_Nm"), samples, 0, "command", prescaler)
     drive.set_many(command)
@@ -264,13 +294,24 @@ def _record(drive: DriveVerbs, duration_s: float, command: dict[str, object]) ->
     return time_s, np.asarray(found["speed_rpm"], float), np.asarray(found["torque_Nm"], float)
 
 
-def solve(up: tuple, down: tuple, coast: tuple, speed_rpm: float, slow_s: float) -> Mechanics:
+def in_step(least: int, per_reading: int) -> int:
+    """The smallest prescaler from `least` on with which a reading of the speed lasts a whole number
+    of samples, or a sample a whole number of readings. Else the readings' age would drift."""
+    if least >= per_reading:
+        return per_reading * math.ceil(least / per_reading)
+    return next(p for p in range(max(1, least), per_reading + 1) if per_reading % p == 0)
+
+
+def solve(
+    up: tuple, down: tuple, coast: tuple, speed_rpm: float, slow_s: float, torque_error: float
+) -> Mechanics:
     """J dw/dt = torque + error - dry - viscous w, as integrals over time:
 
         w(t) = w_0 + 1/J * work + error/J * t - dry/J * t - viscous/J * angle
 
     Each run has its own w_0. While the shaft coasts, there is no torque. The error is that of the
     torque's estimate: a flux that is a little wrong makes one that does not depend on the torque.
+    `torque_error` is the part in proportion to the torque, which no run shows.
     """
     low, high = 0.15 * speed_rpm, UPPER * speed_rpm
     time_s, speed, torque = coast
@@ -285,11 +326,12 @@ def solve(up: tuple, down: tuple, coast: tuple, speed_rpm: float, slow_s: float)
     own = [(run == r).astype(float) for r in range(3)]
     (per_J, _, dry, viscous, *_), _ = linear([work, driven, -gone_s, -angle, *own], w)
     inertia = 1 / per_J.value
-    return Mechanics(
-        Value(inertia, inertia**2 * per_J.uncertainty).plus(TORQUE_ERROR * inertia),
+    found = (
+        Value(inertia, inertia**2 * per_J.uncertainty),
         Value(dry.value * inertia, dry.uncertainty * inertia),
         Value(viscous.value * inertia, viscous.uncertainty * inertia),
     )
+    return Mechanics(*(value.plus_share(torque_error) for value in found))
 
 
 def _integrals(run: tuple, slow_s: float, low: float, high: float) -> np.ndarray:

@@ -112,9 +112,9 @@ def _standstill(
         if wires.mistakes:
             return
         report("wiring: leads and current sensors are right")
+        slow_s = _slow_s(drive)
         if "resistance" in steps:
-            guess = _slow_s(drive)
-            found.resistance = resistance.measure(test, wires.xy_per_H, guess)
+            found.resistance = resistance.measure(test, wires.xy_per_H, slow_s)
             report(
                 f"R_s: {found.resistance.mean_ohm:ohm}, phases " + _list(found.resistance.rs_ohm)
             )
@@ -122,7 +122,7 @@ def _standstill(
         if "inductance" in steps:
             assert found.resistance
             found.inductance = inductance.measure(
-                test, found.resistance, wires.ab_per_H, wires.xy_per_H
+                test, found.resistance, wires.ab_per_H, wires.xy_per_H, slow_s
             )
             report(f"sigma L_s: {found.inductance.sigma_ls_H:H}, L_xy: {found.inductance.lxy_H:H}")
 

@@ -32,8 +32,6 @@ LONG_S = 0.006
 AIM = 0.3
 #: The voltage grows by this factor until the current is there.
 GROWTH = 1.4
-#: Largest voltage on one leg, share of the dc link's: the others' pulses need room as well.
-MOST_PU = 0.4
 #: A channel or leg below this share of the largest answer is dead.
 DEAD = 0.15
 #: Gains of two channels may differ by this share.
@@ -135,7 +133,7 @@ def _resistance(test: Excitation, axis: int, per_H: float) -> float:
         vector[axis] = volts
         wave = test.pulse(vector, "square", hertz, 3 / hertz)
         test.rest(1 / hertz)
-        if np.abs(_around(wave)).max() >= aim_A or volts >= MOST_PU * float(wave.vdc_V.mean()):
+        if np.abs(_around(wave)).max() >= aim_A or volts >= test.most_pu * float(wave.vdc_V.mean()):
             break
         volts *= 1.3
     i = wave.i_vsd_A[:, axis]
@@ -156,9 +154,9 @@ def measure(test: Excitation) -> np.ndarray:
     while True:
         waves = [_wave(test, on_leg(leg, volts), hertz) for leg in range(6)]
         largest_A = max(np.abs(_around(wave)).max() for wave in waves)
-        if largest_A >= AIM * test.limits.current_A or volts >= MOST_PU * vdc_V:
+        if largest_A >= AIM * test.limits.current_A or volts >= test.most_pu * vdc_V:
             break
-        volts = min(GROWTH * volts, MOST_PU * vdc_V)
+        volts = min(GROWTH * volts, test.most_pu * vdc_V)
     if largest_A < 0.02 * test.limits.current_A:
         raise CommissioningError(
             f"no current at {volts:.0f} V on each leg in turn: are motor, gate drivers and current "

@@ -70,7 +70,7 @@ def test_a_step_of_the_equivalent_circuit():
     v = np.tile([-1.0, 0, 3.0, 0], (n - 1, 1))  # the sign of what is commanded is of no interest
     step = Samples(40 * dt, i_A, np.full(n, 250.0), v)
     sigma = leak + lm - lm**2 / (leak + lm)
-    found = rotor.solve(step, volts, 1.5, sigma, (3.0, 0.1))
+    found = rotor.solve(step, (1.3, 2000), volts, 1.5, sigma, (3.0, 0.1))
     assert found.rr_ohm.value == pytest.approx(rr, rel=0.01)
     assert found.lm_H.value == pytest.approx(lm, rel=0.01)
     assert found.leakage_H == pytest.approx(leak, rel=0.02)
@@ -103,7 +103,7 @@ def test_inertia_in_spite_of_a_wrong_torque():
 
     top = 60 * 30 / np.pi
     up, down, coast = run(1.4, 0.0), run(-1.4, 60.0), run(0.0, 60.0)
-    found = running.solve(up, down, coast, top, 0.01)
+    found = running.solve(up, down, coast, top, 0.01, 0.004)
     assert found.inertia_kgm2.value == pytest.approx(inertia, rel=0.005)
     assert found.dry_Nm.value == pytest.approx(0.3, rel=0.02)
     assert found.viscous_Nms.value == pytest.approx(0.002, rel=0.03)
@@ -149,7 +149,7 @@ def test_standstill_on_a_machine():
     with Excitation(sim, Limits(8.0, 0.05)) as test:
         rough = wiring.decide(wiring.measure(test))
         found = resistance.measure(test, rough.xy_per_H, 0.01)
-        coils = inductance.measure(test, found, rough.ab_per_H, rough.xy_per_H)
+        coils = inductance.measure(test, found, rough.ab_per_H, rough.xy_per_H, 0.1)
     lost_V = 300 * 2e-6 * 1e4 + 0.9
     assert found.mean_ohm.value == pytest.approx(6.02 + 0.05 / 6, rel=0.02)
     assert found.mean_lost_V.value == pytest.approx(lost_V, rel=0.05)
