@@ -92,15 +92,23 @@ class Excitation:
                     **self._values(np.zeros(4), "square", 0.0),
                 }
             )
-            self._stand_still()
-            drive.start()
-            settle_s = float(drive.get("calibration_s")) + 0.01
-            drive.run(settle_s, record=False)
-            self._check()
+            self._begin()
         except BaseException:
             self._restore()
             raise
         return self
+
+    def _begin(self) -> None:
+        self._stand_still()
+        self.drive.start()
+        self.drive.run(float(self.drive.get("calibration_s")) + 0.01, record=False)
+        self._check()
+
+    def begin_again(self, seconds: float) -> None:
+        """Gates off for some time: the flux decays. Then the shaft's movement counts anew."""
+        self.drive.stop()
+        self.drive.run(seconds, record=False)
+        self._begin()
 
     def _stand_still(self) -> None:
         """Wait for a shaft that still coasts: the firmware starts at standstill only."""

@@ -31,7 +31,8 @@ PERIODS = 16
 #: Two standard deviations of the method's own error, share: voltage that devices take beside the
 #: lost voltages, edges, the sensors' delay.
 MODEL_ERROR = 0.002
-#: Slow time constants of the machine until its flux is gone.
+#: The flux is gone after so many of the machine's slow time constants. With the gates off it decays
+#: faster than these say.
 DECAY = 4.0
 
 
@@ -47,25 +48,29 @@ def measure(
 ) -> Inductance:
     """`ab_per_H`, `xy_per_H`: 1/(sigma L_s) and 1/L_xy, roughly, from the wiring check; `slow_s`:
     the machine's slow time constant, roughly."""
-    alpha, beta, x = (
-        _along(test, resistance, axis, per_H)
-        for axis, per_H in ((0, ab_per_H), (1, ab_per_H), (2, xy_per_H))
-    )
-    # The rotor has a flux along alpha now. With a current along beta it would turn the shaft.
-    test.rest(DECAY * slow_s)
+    # A flux along one axis and a current along the other would turn the shaft.
+    test.begin_again(DECAY * slow_s)
+    alpha, beta = (_along(test, resistance, axis, ab_per_H) for axis in (0, 1))
+    waves = _on_legs(test, (ab_per_H + xy_per_H) / 3)
     y = _along(test, resistance, 3, xy_per_H)
+    test.begin_again(DECAY * slow_s)
+    x = _along(test, resistance, 2, xy_per_H)
     error = math.hypot(MEAN_GAIN, MODEL_ERROR)
     sigma_ls_H, lxy_H = (mean(pair).plus_share(error) for pair in ([alpha, beta], [x, y]))
-    vdc_V = test.vdc_V
+    return Inductance(sigma_ls_H, lxy_H, phases(waves, resistance))
+
+
+def _on_legs(test: Excitation, leg_per_H: float) -> list[Samples]:
+    """A wave on each leg in turn, whose conductance is `leg_per_H`."""
     hertz = half_wave_Hz(test.f_isr_Hz, TICKS)
-    # On one leg the current is a triangle of 1/4 period's volt-seconds, over the leg's inductance.
-    per_V = (ab_per_H + xy_per_H) / 3 / (4 * hertz)
-    volts = min(AIM * test.limits.current_A / per_V, test.most_pu * vdc_V)
+    # The current is a triangle of 1/4 period's volt-seconds, over the leg's inductance.
+    per_V = leg_per_H / (4 * hertz)
+    volts = min(AIM * test.limits.current_A / per_V, test.most_pu * test.vdc_V)
     waves = []
     for leg in range(6):
         waves.append(test.pulse(on_leg(leg, volts), "square", hertz, PERIODS / hertz))
         test.rest(2 / hertz)
-    return Inductance(sigma_ls_H, lxy_H, phases(waves, resistance))
+    return waves
 
 
 def _along(test: Excitation, resistance: Resistance, axis: int, per_H: float) -> Value:

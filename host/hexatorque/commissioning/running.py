@@ -309,22 +309,21 @@ def solve(
 
         w(t) = w_0 + 1/J * work + error/J * t - dry/J * t - viscous/J * angle
 
-    Each run has its own w_0. While the shaft coasts, there is no torque. The error is that of the
-    torque's estimate: a flux that is a little wrong makes one that does not depend on the torque.
-    `torque_error` is the part in proportion to the torque, which no run shows.
+    Each run has its own w_0. The error is that of the torque's estimate: a flux that is a little
+    wrong makes one that does not depend on the torque. While the shaft coasts there is no torque:
+    this gives the friction over J, the other runs J. `torque_error` is the part in proportion to
+    the torque, which no run shows.
     """
     low, high = 0.15 * speed_rpm, UPPER * speed_rpm
     time_s, speed, torque = coast
-    runs = [
-        _integrals(up, slow_s, low, high),
-        _integrals(down, slow_s, low, high),
-        _integrals((time_s, speed, np.zeros_like(torque)), slow_s, low, np.inf),
-    ]
+    coasting = _integrals((time_s, speed, np.zeros_like(torque)), slow_s, low, np.inf)
+    w, _, gone_s, angle = coasting.T
+    (dry, viscous, _), _ = linear([-gone_s, -angle, np.ones(len(w))], w)
+    runs = [_integrals(run, slow_s, low, high) for run in (up, down)]
     w, work, gone_s, angle = np.vstack(runs).T
-    run = np.repeat(range(3), [len(rows) for rows in runs])
-    driven = gone_s * (run < 2)
-    own = [(run == r).astype(float) for r in range(3)]
-    (per_J, _, dry, viscous, *_), _ = linear([work, driven, -gone_s, -angle, *own], w)
+    own = [np.repeat([k == 0, k == 1], [len(rows) for rows in runs]).astype(float) for k in (0, 1)]
+    without = w + dry.value * gone_s + viscous.value * angle  # friction
+    (per_J, *_), _ = linear([work, gone_s, *own], without)
     inertia = 1 / per_J.value
     found = (
         Value(inertia, inertia**2 * per_J.uncertainty),

@@ -149,7 +149,7 @@ def test_standstill_on_a_machine():
     with Excitation(sim, Limits(8.0, 0.05)) as test:
         rough = wiring.decide(wiring.measure(test))
         found = resistance.measure(test, rough.xy_per_H, 0.01)
-        coils = inductance.measure(test, found, rough.ab_per_H, rough.xy_per_H, 0.1)
+        coils = inductance.measure(test, found, rough.ab_per_H, rough.xy_per_H, 0.2)
     lost_V = 300 * 2e-6 * 1e4 + 0.9
     assert found.mean_ohm.value == pytest.approx(6.02 + 0.05 / 6, rel=0.02)
     assert found.mean_lost_V.value == pytest.approx(lost_V, rel=0.05)

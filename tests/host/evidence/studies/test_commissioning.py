@@ -31,6 +31,7 @@ def test_a_good_result_has_no_failure(tmp_path):
     assert study.failures(RESULT) == []
     table, built_in, miswired = study.grid(RESULT)
     assert table[2][0] == ["R_s", "2 %", "20 of 20", "1 %", "1 %", "1 %", "20 of 20"]
+    assert table[2][-1] == ["friction", "–", "–", "1 %", "1 %", "1 %", "20 of 20"]
     assert built_in[2][0] == ["R_s", "2.02 (+1.0 %)"]
     assert miswired[2] == [["paper-b", "30 of 30", "70 %"]]
     assert len(study.tables(RESULT)) == 3
