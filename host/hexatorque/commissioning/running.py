@@ -317,8 +317,7 @@ def solve(
     low, high = 0.15 * speed_rpm, UPPER * speed_rpm
     time_s, speed, torque = coast
     coasting = _integrals((time_s, speed, np.zeros_like(torque)), slow_s, low, np.inf)
-    w, _, gone_s, angle = coasting.T
-    (dry, viscous, _), _ = linear([-gone_s, -angle, np.ones(len(w))], w)
+    dry, viscous = friction(coasting)
     runs = [_integrals(run, slow_s, low, high) for run in (up, down)]
     w, work, gone_s, angle = np.vstack(runs).T
     own = [np.repeat([k == 0, k == 1], [len(rows) for rows in runs]).astype(float) for k in (0, 1)]
@@ -331,6 +330,26 @@ def solve(
         Value(viscous.value * inertia, viscous.uncertainty * inertia),
     )
     return Mechanics(*(value.plus_share(torque_error) for value in found))
+
+
+def friction(coasting: np.ndarray) -> tuple[Value, Value]:
+    """Dry and viscous friction over J. At a speed that hardly changes both look the same, and
+    their fit may be a difference of two large numbers. But friction is never negative: if one of
+    them were, the one that fits better takes all of it, and the other one has at most what it would
+    take alone."""
+    w, _, gone_s, angle = coasting.T
+    columns, ones = (-gone_s, -angle), np.ones(len(w))
+    (*both, _), _ = linear([*columns, ones], w)
+    if min(value.value for value in both) >= 0:
+        return both[0], both[1]
+    fits = [linear([column, ones], w) for column in columns]
+    better = int(np.argmin([rest @ rest for _, rest in fits]))
+    found = []
+    for k, ((alone, _), _) in enumerate(fits):
+        value = max(0.0, alone.value) if k == better else 0.0
+        most = abs(alone.value) + alone.uncertainty
+        found.append(Value(value, min(most, both[k].uncertainty)))
+    return found[0], found[1]
 
 
 def _integrals(run: tuple, slow_s: float, low: float, high: float) -> np.ndarray:

@@ -109,6 +109,22 @@ def test_inertia_in_spite_of_a_wrong_torque():
     assert found.viscous_Nms.value == pytest.approx(0.002, rel=0.03)
 
 
+def test_friction_of_a_speed_that_hardly_changes():
+    """Dry friction alone slows the shaft by 0.1 %. Readings come in steps of 0.5 rad/s."""
+    t = np.arange(0, 30, 0.02)
+    w = np.round(2 * (100 - 0.003 * t)) / 2
+    rows = np.column_stack([w, np.zeros_like(t), t, np.cumsum(w) * 0.02])
+    dry, viscous = running.friction(rows)
+    assert min(dry.value, viscous.value) >= 0
+    assert dry.value + 100 * viscous.value == pytest.approx(0.003, abs=0.012)
+    assert dry.uncertainty < 0.03 and viscous.uncertainty < 3e-4
+
+
+def test_readings_keep_their_age():
+    """A reading of 200 periods has whole samples in it, or a sample whole readings."""
+    assert [running.in_step(least, 200) for least in (1, 7, 9, 150, 201)] == [1, 8, 10, 200, 400]
+
+
 def test_steps_bring_the_steps_that_they_need():
     assert with_needs(["inductance"]) == ["wiring", "resistance", "inductance"]
     assert with_needs(["mechanics"]) == [s for s in STEPS if s != "magnetisation"]
