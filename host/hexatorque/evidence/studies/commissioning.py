@@ -33,7 +33,7 @@ from ...setups.design import Design
 from . import machines
 
 TITLE = "Commissioning: errors of what it finds"
-MACHINES, QUICK = 24, 1
+MACHINES, QUICK = 40, 1
 BUILT_IN = ("paper-a-feasible", "paper-b", "small-2kw", "large-110kw")
 #: Allowed errors, % of the true value: a share of the machines must keep each.
 ALLOWED = {
