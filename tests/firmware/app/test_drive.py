@@ -602,9 +602,17 @@ EXTERNAL = lib.HT_FAULT_EXTERNAL
 
 
 def everything(bench):
-    """Everything that a parameter could change: the drive and its registers."""
-    rf = bench.controller.registers
-    return bytes(ffi.buffer(bench.drive)), bytes(ffi.buffer(rf.word))
+    """Everything that a parameter could change: the drive and its registers. A configuration that
+    is neither in force nor waiting is where the next one is written, and says nothing."""
+    drive, rf = bench.drive, bench.controller.registers
+    data = bytearray(ffi.buffer(drive))
+    size = ffi.sizeof("ht_drive_config")
+    for k in range(2):
+        one = ffi.addressof(drive.configs, k)
+        if one not in (drive.config, drive.staged):
+            begin = int(ffi.cast("uintptr_t", one)) - int(ffi.cast("uintptr_t", drive))
+            data[begin : begin + size] = bytes(size)
+    return bytes(data), bytes(ffi.buffer(rf.word))
 
 
 def set_raw(bench, name, value):

@@ -208,7 +208,7 @@ def test_the_dictionary_has_every_row_and_its_crc(device):
     names = [t[0].decode() for t in texts]
     assert names[: rows[0]] == list(PARAMETERS)
     assert names[rows[0] : rows[0] + rows[1]] == list(CHANNELS)
-    assert names[-5:] == list(firmware.STATES)
+    assert names[-len(firmware.STATES) :] == list(firmware.STATES)
     # Each kind has its number of texts, so no row is cut.
     per_kind = [4] * rows[0] + [3] * rows[1] + [2] * rows[2] + [1] * rows[3]
     assert [len(t) for t in texts] == per_kind
