@@ -11,7 +11,8 @@ takes them for granted, so the copy of the firmware that it reads has a check ar
 Every proof has a seeded bug: a text of the firmware and a wrong one in its place. A proof counts
 only if it holds without the bug and fails with it.
 
---write renews the lines of these proofs in docs/proofs.md. Exit status 0 only if all that was asked for is proved.
+--write renews the lines of these proofs in docs/proofs.md. Exit status 0 only if all that was
+asked for is proved.
 """
 
 from __future__ import annotations
@@ -39,9 +40,10 @@ WORK = ROOT / "build" / "prove"
 LIBRARY = ROOT / "tools" / "c28x" / "include"
 ROOMS = ("core", "app", "link", "port")
 BEGIN, END = "<!-- generated: proofs -->\n", "<!-- end of proofs -->\n"
+#: In place of the time of what is not proved.
+OPEN = "open"
 #: Memory of one run. A proof that needs more is not one for `make prove`.
 MEMORY = "8g"
-QUICK_LIMIT_S = 120
 
 PROVED, WRONG, TIME, MEMORY_OUT, BROKEN = "proved", "fails", "time-out", "memory", "broken"
 
@@ -281,25 +283,29 @@ def cells(proof: Proof) -> str:
     return f"| `{proof.of}` | {proof.says} | {proof.inputs} | {bug} | "
 
 
-def table(proofs: list[Proof], seconds: dict[str, float], before: str = "") -> str:
-    """A proof that was not run now keeps its time of `before`, the table so far, unless something
-    else of it has changed."""
+def table(proofs: list[Proof], rows: list[Row], before: str = "") -> str:
+    """A proof that was not run now keeps its line of `before`, the table so far, unless something
+    of it has changed."""
+    times = {row.proof.name: last_cell(row) for row in rows}
     lines = ["| function | what is proved | for which inputs | the seeded bug | time, s |"]
     lines.append("|---|---|---|---|---|")
     for proof in proofs:
         line = cells(proof)
-        if (time_s := seconds.get(proof.name)) is not None:
-            lines.append(f"{line}{'< 1' if time_s < 1.0 else f'{time_s:.0f}'} |")
-        else:
-            lines += [old for old in before.splitlines() if old.startswith(line)]
+        old = [text for text in before.splitlines() if text.startswith(line)] or [f"{line}{OPEN} |"]
+        lines.append(f"{line}{times[proof.name]} |" if proof.name in times else old[0])
     return "\n".join(lines) + "\n"
+
+
+def last_cell(row: Row) -> str:
+    if not row.good:
+        return OPEN
+    return "< 1" if row.holds.seconds < 1.0 else f"{row.holds.seconds:.0f}"
 
 
 def write(rows: list[Row], page: Path = PAGE) -> None:
     before, _, rest = page.read_text().partition(BEGIN)
     old, _, after = rest.partition(END)
-    seconds = {row.proof.name: row.holds.seconds for row in rows if row.good}
-    now = table(read_proofs(), seconds, old)
+    now = table(read_proofs(), rows, old)
     page.write_text(f"{before}{BEGIN}\n{now}\n{END}{after}")
 
 

@@ -24,6 +24,11 @@
 /** What the integrators of ht_xy_step keep. */
 #define HT_IS_XY_STATE(st, limit) \
     (HT_IS_XY_WITHIN((st).with, limit) && HT_IS_XY_WITHIN((st).against, limit))
+/** What ht_applied_finish and ht_modulator_step make, and ht_volt_seconds relies on. */
+#define HT_IS_PATTERN(a)                                                       \
+    (HT_IS_WORD((a).before) && HT_IS_WORD((a).s[0]) && HT_IS_WORD((a).s[1])    \
+     && HT_IS_WORD((a).s[2]) && HT_IS_WORD((a).later) && HT_IS_WORD((a).close) \
+     && HT_IS_WORD((a).rising) && HT_IS_WORD((a).falling) && ((a).own <= 2u))
 /** A compare register that toggles its leg in the period, or holds it. */
 #define HT_IS_COMPARE(count, first, period) \
     (((count) == (period)) || (((count) > (first)) && ((count) < (period))))

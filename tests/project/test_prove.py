@@ -36,23 +36,28 @@ def test_a_seeded_bug_changes_the_code(proof):
     assert proof.bug.right != proof.bug.wrong
 
 
-def test_the_page_has_a_line_for_every_proof():
-    """With a time: only what was proved gets one."""
-    table = prove.PAGE.read_text().split(prove.BEGIN)[1].split(prove.END)[0]
-    lines = [line for line in table.splitlines()[3:] if line]
-    assert [line.startswith(prove.cells(p)) for line, p in zip(lines, PROOFS)] == [True] * len(
-        PROOFS
+def result(proof, verdict, seconds):
+    """Of a proof that finds its bug."""
+    return prove.Row(
+        proof, prove.Outcome(verdict, seconds, ""), prove.Outcome(prove.WRONG, 1.0, "")
     )
-    assert len(lines) == len(PROOFS)
 
 
-def test_a_changed_proof_loses_its_old_time():
-    first, second = PROOFS[:2]
-    old = prove.table([first, second], {first.name: 0.5, second.name: 3.2})
-    assert [line.rsplit("|", 2)[1] for line in old.splitlines()[2:]] == [" < 1 ", " 3 "]
-    assert prove.table([first, second], {}, old) == old
+def test_the_page_has_a_line_for_every_proof():
+    table = prove.PAGE.read_text().split(prove.BEGIN)[1].split(prove.END)[0].strip()
+    assert prove.table(PROOFS, [], table).strip() == table
+
+
+def test_a_proof_without_a_run_is_open():
+    first, second, third = PROOFS[:3]
+    some = [result(first, prove.PROVED, 0.5), result(second, prove.PROVED, 3.2)]
+    some.append(result(third, prove.TIME, 60.0))
+    old = prove.table(PROOFS[:3], some)
+    assert [line.rsplit("|", 2)[1] for line in old.splitlines()[2:]] == [" < 1 ", " 3 ", " open "]
+    assert prove.table(PROOFS[:3], [], old) == old
     changed = dataclasses.replace(first, inputs="others")
-    assert prove.table([changed, second], {}, old).splitlines()[2:] == old.splitlines()[3:]
+    now = prove.table([changed, second], [], old).splitlines()[2:]
+    assert now == [f"{prove.cells(changed)}open |", old.splitlines()[3]]
 
 
 def judged(monkeypatch, script):
