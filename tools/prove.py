@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -30,6 +29,7 @@ import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -40,6 +40,8 @@ WORK = ROOT / "build" / "prove"
 LIBRARY = ROOT / "tools" / "c28x" / "include"
 ROOMS = ("core", "app", "link", "port")
 BEGIN, END = "<!-- generated: proofs -->\n", "<!-- end of proofs -->\n"
+#: The page is renewed after every proof: a long run may be interrupted.
+WRITING = Lock()
 #: In place of the time of what is not proved.
 OPEN = "open"
 #: Memory of one run. A proof that needs more is not one for `make prove`.
@@ -249,9 +251,12 @@ def run(proof: Proof, first: Path | None = None) -> Outcome:
     return Outcome(verdict, used.ru_utime + used.ru_stime, said)
 
 
-def prove(proof: Proof) -> Row:
+def prove(proof: Proof, keep: bool) -> Row:
     row = Row(proof, run(proof), run(proof, seed(proof)))
     print(line(row), flush=True)
+    if keep:
+        with WRITING:
+            write([row])
     if not row.good:
         report(row)
     return row
@@ -278,8 +283,8 @@ def report(row: Row) -> None:
 
 def cells(proof: Proof) -> str:
     """A line of the table up to the time."""
-    bug = f"`{proof.bug.right}` → `{proof.bug.wrong}`"
-    bug = re.sub(r"\s+", " ", bug).replace("|", "\\|")
+    right, wrong = (" ".join(text.split()) for text in (proof.bug.right, proof.bug.wrong))
+    bug = f"`{right}` → {f'`{wrong}`' if wrong else 'nothing'}".replace("|", "\\|")
     return f"| `{proof.of}` | {proof.says} | {proof.inputs} | {bug} | "
 
 
@@ -326,11 +331,9 @@ def main() -> int:
     conversions = prepare()
     print(f"{len(chosen)} proofs, {conversions} conversions checked", flush=True)
     with ThreadPoolExecutor(asked.jobs) as pool:
-        rows = list(pool.map(lambda p: prove(p), chosen))
+        rows = list(pool.map(lambda p: prove(p, asked.write), chosen))
     good = sum(row.good for row in rows)
     print(f"{good} of {len(rows)} proved, {time.monotonic() - begin:.0f} s")
-    if asked.write:
-        write(rows)
     return 0 if good == len(rows) else 1
 
 
