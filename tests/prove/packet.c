@@ -2,6 +2,7 @@
 #define ht_crc32 real_crc32
 #include "ht_octets.c"
 #undef ht_crc32
+uint32_t ht_crc32(uint32_t crc, const uint16_t *octets, uint16_t n);
 #include "ht_packet.c"
 #include "prove.h"
 
