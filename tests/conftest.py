@@ -74,7 +74,10 @@ def pytest_collection_modifyitems(items):
     marks += [(TESTS / name, pytest.mark.live) for name in LIVE]
     marks += [(TESTS / name, pytest.mark.slow) for name in SLOW]
     assert all(path.exists() for path, _ in marks)
+    of_file = {
+        file: [mark for path, mark in marks if file == path or path in file.parents]
+        for file in {item.path for item in items}
+    }
     for item in items:
-        for path, mark in marks:
-            if item.path == path or path in item.path.parents:
-                item.add_marker(mark)
+        for mark in of_file[item.path]:
+            item.add_marker(mark)

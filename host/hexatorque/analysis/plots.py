@@ -254,10 +254,10 @@ def _spectrum_panel(ax: Axes, run: Run) -> None:
 
 
 def bars(runs: list[Run], path: str | Path, reference: Reference) -> Path:
-    """Draws an overview of THD, torque ripple, Delta-I and f_sw, with a row per set-up and
+    """Draws an overview of distortion, torque ripple, Delta-I and f_sw, with a row per set-up and
     operating point. Bars are ours, by scheme and latency. Diamonds are the paper's measurements."""
     groups = by_point(runs)
-    figure, axes = new_figure(len(groups), 4, 0.75 + 2.35 * len(groups))
+    figure, axes = new_figure(len(groups), len(_BARS), 0.75 + 2.6 * len(groups))
     for row, (point, group) in zip(axes, groups.items(), strict=True):
         row[0].set_ylabel(point.replace(": ", "\n"), **TITLE)
         for ax, (title, key, scale) in zip(row, _BARS, strict=True):
@@ -272,11 +272,15 @@ def bars(runs: list[Run], path: str | Path, reference: Reference) -> Path:
     return save(figure, path)
 
 
+#: The papers' figures of distortion and ripple, each beside the one that leaves nothing out
+#: (docs/model.md): all phases without a band, the torque between the control instants too.
 _BARS = (
     ("THD of $i_{u1}$, 5 kHz [%]", "thd_pct", 1.0),
+    (r"THD$_\infty$, all phases [%]", "thd_inf_pct", 1.0),
     ("torque ripple, std [N m]", "torque_ripple_Nm", 1.0),
+    ("torque ripple, Td [N m]", "torque_ripple_td_Nm", 1.0),
     (r"$\Delta I_{u1u2}$ [A]", "delta_i_A", 1.0),
-    ("switching frequency [kHz]", "f_sw_Hz", 1e-3),
+    ("$f_{sw}$ [kHz]", "f_sw_Hz", 1e-3),
 )
 MEASURED, RELATIVE = "paper, measured", "paper, times our DTC1"
 
@@ -309,7 +313,7 @@ def _bar_panel(ax: Axes, group: list[Run], key: str, scale: float, reference: Re
                     color="white", markeredgecolor=INK, label=RELATIVE)  # fmt: skip
     ax.set_xticks(range(len(schemes)), [scheme.upper() for scheme in schemes])
     if len(schemes) > 4:
-        ax.tick_params(axis="x", rotation=30)
+        ax.tick_params(axis="x", rotation=60)
     ax.set_xlim(-0.6, len(schemes) - 0.4)
     ax.grid(False, axis="x")
     ax.margins(y=0.1)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import periodogram
 
 from hexatorque.analysis.spectrum import (
     fundamental_Hz,
@@ -105,6 +104,8 @@ def test_white_noise_adds_its_share_of_the_power():
 def test_band_power_agrees_with_scipy():
     rng = np.random.default_rng(3)
     signal = tones(1.0, (4.0, 40, 0)) + np.cumsum(rng.normal(0, 0.02, round(RATE_HZ)))
+    from scipy.signal import periodogram  # slow to load, and every process loads this file
+
     f_Hz, density = periodogram(signal, RATE_HZ, "hann", detrend="constant")
     lobe = np.abs(f_Hz - 40) < 3.5
     band = (f_Hz > 1.5) & (f_Hz <= 2000) & ~lobe

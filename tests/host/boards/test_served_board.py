@@ -264,6 +264,9 @@ def test_drive_stops_after_the_computer_died(name, serve, need):
         in_state(drive, "fault")
         assert drive.faults == ["link lost"]
         assert WATCHDOG_TICKS - 1 <= drive.snapshot["tick"] - tick <= STOPPED_TICKS
+        # The dead client's session ends a second later, and a slow emulator's second is longer than
+        # a client waits.
+        assert until(lambda: not drive.client.get_status().in_session, 20.0)
         with pytest.raises(LinkError, match="fault"):
             drive.start()
         drive.clear()

@@ -354,9 +354,11 @@ TABLES_BEST = {
     ("paper-b", 2500, 2): (0.105, 10.3),
     ("paper-a-feasible", 900, 10): (0.244, 7.68),
 }
-#: Zero sequence at every voltage -> what is asked of Td and distortion, relative to these. The aim
-#: for "centred" was 0.8 and 0.5, which the second and third point miss (docs/results.md).
-ASKED = {"centred": (0.85, 0.6), "clamped": (0.7, 1.0)}
+#: Zero sequence at every voltage -> what is asked of Td and distortion, relative to these.
+ASKED = {"centred": (0.8, 0.5), "clamped": (0.7, 1.0)}
+#: Points at which "centred" misses its aim for the distortion, and what it reaches there.
+#: docs/results.md says why.
+MISSED = {("paper-b", 2500, 2): 0.53, ("paper-a-feasible", 900, 10): 0.59}
 ZERO_SEQUENCE = {
     "centred": {
         "controller__kappa": 0.0,
@@ -377,9 +379,12 @@ ZERO_SEQUENCE = {
 def test_modulated_law_beats_the_tables_at_equal_switching_frequency(point, zero_sequence):
     m = modulated(point, timing__device="f28335", **ZERO_SEQUENCE[zero_sequence])
     assert m["f_sw_Hz"] <= 3000
-    found = m["torque_ripple_td_Nm"], m["thd_inf_pct"]
-    for value, best, share in zip(found, TABLES_BEST[point], ASKED[zero_sequence]):
-        assert value <= share * best
+    td_Nm, thd_pct = TABLES_BEST[point]
+    td_share, thd_share = ASKED[zero_sequence]
+    if zero_sequence == "centred":
+        thd_share = MISSED.get(point, thd_share)
+    assert m["torque_ripple_td_Nm"] <= td_share * td_Nm
+    assert m["thd_inf_pct"] <= thd_share * thd_pct
 
 
 @pytest.mark.parametrize("setup", list(REACH))
