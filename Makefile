@@ -13,6 +13,7 @@
 #   make fuzz          fuzz the link, FUZZ_S seconds per target (clang); the corpus stays as it is
 #   make prove         proofs of the firmware's functions; make prove-quick leaves out the long ones
 #   make coverage      lines, branches and MC/DC of the firmware, into docs/coverage.md (clang >= 18)
+#   make mutate        changes the firmware MUTANTS times in one place: a test must fail; hours
 #   make check-c       static checks of the C: warnings, 16-bit machine, cppcheck, MISRA
 #   make clean         remove all files that these targets made
 
@@ -26,13 +27,14 @@ C_FORMATTED := $(shell find firmware tests/c tests/prove tools -name '*.[ch]' ! 
 JOBS ?= 2
 WAITING ?= 6
 FUZZ_S ?= 120
+MUTANTS ?= 300
 
 .PHONY: help demo papers papers-quick test test-quick test-c test-targets budget sanitize fuzz prove \
-  prove-quick coverage bench docs lint format check-c clean
+  prove-quick coverage mutate bench docs lint format check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,17s/^# \{0,1\}//p' Makefile
+	@sed -n '3,18s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -88,6 +90,12 @@ prove prove-quick:
 coverage: $(VENV)/.installed
 	@command -v clang-19 >/dev/null || tools/setup-coverage.sh
 	$(BIN)/python tools/cover.py
+
+# The mutator gets an environment of its own: it brings an outdated module `typing`.
+mutate: $(VENV)/.installed
+	@[ -x build/mutate/tools/bin/mutate ] || { $(BIN)/python -m venv build/mutate/tools && \
+	  build/mutate/tools/bin/pip install --quiet universalmutator==1.14.1; }
+	$(BIN)/python tools/mutate.py --count $(MUTANTS) --write
 
 # Marks of tests: tests/conftest.py. With worksteal nearly all tests of a file run in one process:
 # they share what their fixtures build and compile. On a busy computer a test that waits for other

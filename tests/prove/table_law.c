@@ -26,7 +26,7 @@ ht_xy ht_xy_step(const ht_xy_config *cfg, ht_xy_state *st, ht_xy i_A, ht_ab turn
                  bool hold)
 {
     ht_xy v = any_xy();
-    MUST((limit_pu > 0.0f) && (limit_pu < 1.0f));
+    MUST(HT_IS_XY_LIMIT(limit_pu));
     MUST(HT_IS_XY_STATE(*st, limit_pu));
     GIVEN(HT_IS_XY_WITHIN(v, limit_pu));
     st->with = any_xy();
@@ -72,6 +72,7 @@ void prove_table_law(void)
     int n;
     any_law_config(&cfg);
     GIVEN(ht_table_law_check(&cfg));
+    GIVEN(!cfg.regulated || HT_IS_XY_LIMIT(cfg.xy_limit_pu)); /* as ht_table_law_select sets it */
     /* A row of ht_schemes.def with virtual vectors names a group that has duty ratios. */
     GIVEN((cfg.vectors != HT_VECTORS_VIRTUAL) || (cfg.group <= (uint16_t)HT_ML));
     st.torque_level = nondet_int16();

@@ -13,7 +13,7 @@ void prove_xy_regulator(void)
     c.ki_ts_pu_A = nondet_float();
     st.with = any_xy();
     st.against = any_xy();
-    GIVEN((limit > 0.0f) && (limit < 1.0f));
+    GIVEN(HT_IS_XY_LIMIT(limit));
     GIVEN(HT_IS_XY_STATE(st, limit));
     v = ht_xy_step(&c, &st, any_xy(), any_ab(), limit, hold);
     MUST(HT_IS_XY_WITHIN(v, limit));

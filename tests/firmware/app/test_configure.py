@@ -107,6 +107,17 @@ def test_a_ratio_on_either_side_of_a_whole_number_does_not_fit(f_slow_Hz):
         controller(f_isr_Hz=10000.0, f_slow_Hz=f_slow_Hz)
 
 
+def test_two_interrupts_of_one_rate_do_not_fit():
+    """No board here has a PWM that is slow enough for it."""
+    made = controller()
+    params = ffi.new("ht_params *", made.drive.params)
+    for name in ("f_isr_Hz", "f_slow_Hz"):
+        params.v[firmware.parameters()[name].id] = 1000.0
+    assert lib.ht_misfit_of(params, 5e7) == lib.HT_MISFIT_RATIO
+    params.v[firmware.parameters()["f_slow_Hz"].id] = 500.0
+    assert lib.ht_misfit_of(params, 5e7) != lib.HT_MISFIT_RATIO
+
+
 def test_numbers_that_are_in_no_table():
     made = controller()
     past = lib.ht_param_count()

@@ -397,6 +397,18 @@ def test_a_scheme_that_needs_another_set_up_is_refused_with_the_reason(device):
     assert everything(device) == before
 
 
+def test_a_store_that_fails_is_told_from_none():
+    class Failing(firmware.MemoryStore):
+        def put(self, begin, raw):
+            return False
+
+    for store, detail in ((Failing(), b"\0\0"), (None, b"\xff\xff")):
+        device = Device(store=store)
+        for op in (SAVE, FORGET):
+            reply = device.ask(op)
+            assert (reply.status, reply.payload) == (STORE, detail)
+
+
 def test_a_service_without_a_store(device):
     device.service.setup.store = ffi.NULL
     assert device.done(STATUS).payload[-1] == lib.HT_SET_DEFAULTS

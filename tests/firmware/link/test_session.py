@@ -152,11 +152,13 @@ def test_a_session_without_requests_ends(watchdog_ms):
     assert device.ask(OPEN, nonce(OTHER)).status == DONE
 
 
-def test_a_watchdog_of_no_time_is_one_interrupt_long():
-    """0 ms must not wrap round to 120 hours."""
+def test_a_watchdog_of_no_time_has_a_millisecond():
+    """0 ms must neither wrap round to 120 hours nor leave a drive without a watchdog."""
     device = Device(session=False, watchdog_ms=0)
     assert device.ask(OPEN, nonce(NONCE)).status == DONE
-    device.tick(10)
+    device.tick(30)
+    assert device.service.session == NONCE
+    device.tick(20)  # four times its time
     assert device.service.session == 0
 
 
