@@ -177,10 +177,9 @@ static float voltage_reach(const float *v)
     return wide ? (WIDE_TABLE_REACH * scheme->reach_pu) : scheme->reach_pu;
 }
 
-void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config *c)
+void ht_configure_rest(const ht_port *port, ht_drive_config *c)
 {
-    const float *v = p->v;
-    c->params = *p;
+    const float *v = c->params.v;
     c->speed.kp_Nms_rad = v[HT_P_kp_speed_Nms_rad];
     c->speed.ki_ts_Nms_rad = v[HT_P_ki_speed_Nm_rad] / v[HT_P_f_slow_Hz];
     c->speed.torque_limit_Nm = v[HT_P_torque_limit_Nm];
@@ -197,6 +196,7 @@ void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config 
     c->adapt_gain = (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz]))
                                              : 0.0f;
     apply_protection(v, &c->protect);
+    ht_excitation_configure(&c->params, &c->excitation);
 }
 
 void ht_configure_scales(ht_drive *d)
@@ -212,18 +212,17 @@ void ht_configure_scales(ht_drive *d)
     d->build_ticks = (uint32_t)ticks;
 }
 
-ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_config *config,
-                       ht_pwm_setup *setup)
+ht_result ht_configure(const ht_port *port, ht_drive_config *c, ht_pwm_setup *setup)
 {
     float clock_Hz = ht_port_pwm_clock_Hz(port);
-    ht_result result = configure(p, clock_Hz, config);
+    ht_result result = configure(&c->params, clock_Hz, &c->control);
     if (result != HT_OK) {
         return result;
     }
-    setup->period_counts = config->period_counts;
-    setup->dead_counts = dead_counts(p->v[HT_P_dead_time_us], clock_Hz);
-    setup->shadow = config->shadow;
-    setup->slow_Hz = p->v[HT_P_f_slow_Hz];
+    setup->period_counts = c->control.period_counts;
+    setup->dead_counts = dead_counts(c->params.v[HT_P_dead_time_us], clock_Hz);
+    setup->shadow = c->control.shadow;
+    setup->slow_Hz = c->params.v[HT_P_f_slow_Hz];
     return ht_port_accepts(port, setup) ? HT_OK : HT_ERROR_PORT;
 }
 
@@ -239,23 +238,20 @@ void ht_configure_restore(ht_drive *d, const ht_drive_config *waiting, ht_drive_
 {
     ht_pwm_setup setup;
     if (waiting == next) { /* its other parts are still those of d->params */
-        (void)ht_configure(d->port, &d->params, &next->control, &setup);
+        next->params = d->params;
+        (void)ht_configure(d->port, next, &setup);
         d->staged = next;
     }
 }
 
-ht_result ht_configure_live(ht_drive *d, const ht_params *p)
+ht_result ht_configure_live(ht_drive *d, ht_drive_config *next)
 {
-    ht_drive_config *next;
-    const ht_drive_config *waiting = ht_configure_withhold(d, &next);
     ht_pwm_setup setup;
-    ht_result result = ht_configure(d->port, p, &next->control, &setup);
-    if (result != HT_OK) {
-        ht_configure_restore(d, waiting, next);
-        return result;
+    ht_result result = ht_configure(d->port, next, &setup);
+    if (result == HT_OK) {
+        d->params = next->params;
+        ht_configure_rest(d->port, next);
+        d->staged = next;
     }
-    d->params = *p;
-    ht_configure_rest(d->port, p, next);
-    d->staged = next;
-    return HT_OK;
+    return result;
 }

@@ -9,15 +9,14 @@
 /** True if `value` is finite, in `ht_param_range` and, for choices, whole. */
 bool ht_configure_valid(const ht_port *port, uint16_t id, float value);
 
-/** Control configuration and PWM set-up of parameters that are each in range. Refuses
+/** Control configuration and PWM set-up of `c->params`, which are each in range. Refuses
  *  those that do not fit together (HT_ERROR_CONFIG) or the hardware (HT_ERROR_PORT).
- *  `config` is then half-written. */
-ht_result ht_configure(const ht_port *port, const ht_params *p, ht_control_config *config,
-                       ht_pwm_setup *setup);
+ *  `c->control` is then half-written. */
+ht_result ht_configure(const ht_port *port, ht_drive_config *c, ht_pwm_setup *setup);
 
-/** The values outside the control configuration that follow from parameters and may change while
+/** The values outside the control configuration that follow from `c->params` and may change while
  *  the drive runs: speed loop, flux reference, protection. */
-void ht_configure_rest(const ht_port *port, const ht_params *p, ht_drive_config *c);
+void ht_configure_rest(const ht_port *port, ht_drive_config *c);
 
 /** The configuration in force. The pointer is read once, because the fast interrupt may exchange
  *  the configuration at any time. */
@@ -33,14 +32,14 @@ static inline const ht_drive_config *ht_config_in_force(const ht_drive *d)
 const ht_drive_config *ht_configure_withhold(ht_drive *d, ht_drive_config **next);
 
 /** After a refusal: if the parameters that were accepted before were still `waiting` in `next`,
- *  they are derived again and staged. */
+ *  they are put there again and staged. */
 void ht_configure_restore(ht_drive *d, const ht_drive_config *waiting, ht_drive_config *next);
 
 /** Scaling and times, which only change with the gates off. */
 void ht_configure_scales(ht_drive *d);
 
-/** New parameters for a drive that may be running: checked, then handed to the next
- *  fast interrupt. Nothing changes on an error. */
-ht_result ht_configure_live(ht_drive *d, const ht_params *p);
+/** New parameters, `next->params`, for a drive that may be running: checked, then handed to the
+ *  next fast interrupt. After an error the caller restores. */
+ht_result ht_configure_live(ht_drive *d, ht_drive_config *next);
 
 #endif

@@ -16,7 +16,8 @@ static bool finite_below(float value, float limit)
 
 const char *ht_state_name(uint16_t state)
 {
-    static const char *const names[HT_STATES] = {"idle", "calibrate", "build", "run", "fault"};
+    static const char *const names[HT_STATES] = {"idle", "calibrate", "build",
+                                                 "run",  "fault",     "test"};
     return (state < (uint16_t)HT_STATES) ? names[state] : "";
 }
 
@@ -36,25 +37,23 @@ static void set_flux_ref(ht_drive *d, float flux_Wb)
 
 static const ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
 
-/* Everything that depends on parameters, for a machine without flux. What is known of the shaft
- * and of the faults does not depend on them and stays. */
-static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
+/* Everything that depends on parameters, `next->params`, for a machine without flux. What is known
+ * of the shaft and of the faults does not depend on them and stays. After an error the caller
+ * restores. */
+static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
 {
-    ht_drive_config *next;
-    const ht_drive_config *waiting = ht_configure_withhold(d, &next);
     ht_pwm_setup setup;
-    ht_result result = ht_configure(port, p, &next->control, &setup);
+    ht_result result = ht_configure(port, next, &setup);
     int leg;
     if ((result == HT_OK) && !ht_port_init(port, &setup)) {
         result = HT_ERROR_PORT;
     }
     if (result != HT_OK) {
-        ht_configure_restore(d, waiting, next);
         return result;
     }
     d->port = port;
-    d->params = *p;
-    ht_configure_rest(port, p, next);
+    d->params = next->params;
+    ht_configure_rest(port, next);
     d->config = next;
     ht_configure_scales(d);
     for (leg = 0; leg < HT_LEGS; leg++) {
@@ -65,7 +64,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
     d->in.vdc_V = 0.0f;
     d->in.torque_ref_Nm = 0.0f;
     d->in.turn_rad = 0.0f;
-    set_flux_ref(d, p->v[HT_P_flux_ref_Wb]);
+    set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb]);
     d->flux_ramp_Wb = d->flux_ref_Wb;
     ht_control_reset(&d->config->control, &d->control, &none);
     ht_speed_reset(&d->speed);
@@ -83,6 +82,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, const ht_params *p)
 
 ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
 {
+    ht_drive_config *next;
     ht_result result;
     uint16_t id;
     for (id = 0u; id < HT_PARAMS; id++) {
@@ -90,8 +90,9 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
             return HT_ERROR_VALUE;
         }
     }
-    d->staged = NULL; /* memory may hold anything */
-    result = set_up(d, port, p);
+    (void)ht_configure_withhold(d, &next); /* memory may hold anything */
+    next->params = *p;
+    result = set_up(d, port, next);
     if (result != HT_OK) {
         return result;
     }
@@ -230,7 +231,12 @@ static void calibrate(ht_drive *d)
     ht_control_reset(&d->config->control, &d->control, &d->in.i_A);
     ht_speed_reset(&d->speed);
     d->torque_ref_Nm = 0.0f;
-    enter(d, HT_STATE_BUILD);
+    if (d->config->params.v[HT_P_start_mode] != 0.0f) {
+        ht_excitation_reset(&d->excitation, d->samples.position);
+        enter(d, HT_STATE_TEST);
+    } else {
+        enter(d, HT_STATE_BUILD);
+    }
     protect_after(d);
 }
 
@@ -293,6 +299,39 @@ static inline void drive(ht_drive *d, bool build)
     protect_after(d);
 }
 
+/* One period of TEST. The sums of the currents and their sensors are not checked: wrong sensors
+ * are what a test looks for. */
+static void test(ht_drive *d)
+{
+    const ht_control_config *c = &d->config->control;
+    ht_compare out;
+    unsigned faults = ht_protect_samples(&d->config->protect, &d->in, d->speed_rpm, false);
+    faults |= ht_excitation_faults(&d->config->excitation, &d->excitation, &d->in.i_A,
+                                   d->samples.position);
+    if ((d->state_ticks > 1u) && ht_port_tripped(d->port)) {
+        faults |= HT_FAULT_EXTERNAL;
+    }
+    if (faults != 0u) {
+        fault(d, (uint16_t)faults);
+        return;
+    }
+    if (d->state_ticks >= d->config->excitation.ticks) {
+        ht_port_gates_off(d->port);
+        enter(d, HT_STATE_IDLE);
+        return;
+    }
+    ht_excitation_step(&d->config->excitation, &d->excitation, d->in.vdc_V, c->period_counts,
+                       c->first_counts, &out);
+    ht_port_write(d->port, &out);
+    if ((d->state_ticks == 1u) && !ht_port_gates_on(d->port)) { /* a pattern is in place */
+        fault(d, HT_FAULT_EXTERNAL);
+    } else if (ht_port_overrun(d->port)) {
+        fault(d, HT_FAULT_OVERRUN);
+    } else {
+        /* goes on */
+    }
+}
+
 void ht_drive_fast_isr(ht_drive *d)
 {
     ht_state state = (ht_state)d->state;
@@ -304,6 +343,9 @@ void ht_drive_fast_isr(ht_drive *d)
         d->config = d->staged;
         d->taken_tick = d->tick;
         d->staged = NULL;
+        if (state == HT_STATE_TEST) {
+            ht_excitation_begin(&d->excitation);
+        }
     }
     measure(d);
     switch (state) {
@@ -318,6 +360,10 @@ void ht_drive_fast_isr(ht_drive *d)
     case HT_STATE_CALIBRATE:
         d->state_ticks++;
         calibrate(d);
+        break;
+    case HT_STATE_TEST:
+        d->state_ticks++;
+        test(d);
         break;
     case HT_STATE_IDLE: /* no tick: a start that this interrupt comes into would lose it */
     case HT_STATE_FAULT:
@@ -378,11 +424,11 @@ ht_result ht_drive_clear(ht_drive *d)
 ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, uint16_t n,
                          uint16_t *at)
 {
-    ht_params trial;
+    const ht_drive_config *waiting;
+    ht_drive_config *next;
     bool set_up_again = false;
     ht_result result;
     uint16_t k;
-    trial = d->params;
     for (k = 0u; k < n; k++) {
         const ht_param_info *info = ht_param_describe(ids[k]);
         *at = ids[k];
@@ -398,12 +444,20 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
             }
             set_up_again = true;
         }
-        trial.v[ids[k]] = values[k];
+    }
+    /* The parameters are put together where they will be used: a copy takes much of the stack. */
+    waiting = ht_configure_withhold(d, &next);
+    next->params = d->params;
+    for (k = 0u; k < n; k++) {
+        next->params.v[ids[k]] = values[k];
     }
     /* Timing and scaling reach into the PWM: set it all up again. */
-    result = set_up_again ? set_up(d, d->port, &trial) : ht_configure_live(d, &trial);
+    result = set_up_again ? set_up(d, d->port, next) : ht_configure_live(d, next);
     if (result == HT_ERROR_CONFIG) {
-        *at = (uint16_t)ht_misfit_of(&trial, ht_port_pwm_clock_Hz(d->port));
+        *at = (uint16_t)ht_misfit_of(&next->params, ht_port_pwm_clock_Hz(d->port));
+    }
+    if (result != HT_OK) {
+        ht_configure_restore(d, waiting, next);
     }
     return result;
 }

@@ -3,7 +3,8 @@
  *  parameters and telemetry around the control core.
  *
  *  States:  IDLE -start-> CALIBRATE -> BUILD -> RUN, any -fault-> FAULT -clear->
- *  IDLE, any but FAULT -stop-> IDLE. The gates are on in BUILD and RUN only.
+ *  IDLE, any but FAULT -stop-> IDLE. With `start_mode` = test, CALIBRATE -> TEST -time over->
+ *  IDLE instead (ht_excitation.h). The gates are on in BUILD, RUN and TEST only.
  *
  *  Concurrency on a target:
  *  - The fast interrupt may interrupt the slow one. The slow one hands over single floats and
@@ -22,6 +23,7 @@
 #define HT_DRIVE_H
 
 #include "ht_control.h"
+#include "ht_excitation.h"
 #include "ht_params.h"
 #include "ht_protect.h"
 #include "ht_speed.h"
@@ -34,7 +36,8 @@ typedef enum {
     HT_STATE_BUILD = 2,
     HT_STATE_RUN = 3,
     HT_STATE_FAULT = 4,
-    HT_STATES = 5
+    HT_STATE_TEST = 5,
+    HT_STATES = 6
 } ht_state;
 
 /** Name of a state, "" if there is none. */
@@ -83,6 +86,7 @@ typedef struct {
     float adapt_gain;      /**< of the resistances, per slow interrupt */
     float build_gain;      /**< the same during the build-up */
     ht_params params;      /**< the parameters that all this is derived from */
+    ht_excitation_config excitation;
 } ht_drive_config;
 
 typedef struct {
@@ -121,7 +125,8 @@ typedef struct {
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
     uint16_t calibration_ticks;
-    uint16_t flux_lowered;      /**< 1: less flux, to keep the flux turning */
+    uint16_t flux_lowered; /**< 1: less flux, to keep the flux turning */
+    ht_excitation_state excitation;
     ht_snapshot snapshot;       /**< of the latest fault; a clear keeps it */
     ht_params params;           /**< the latest that were accepted */
     ht_drive_config configs[2]; /**< the one in force and the next */

@@ -216,6 +216,7 @@ ht_result ht_store_start(ht_store *s, ht_drive *d, ht_port *port, const ht_param
     if (s->set == (uint16_t)HT_SET_SAVED) {
         d->params.v[HT_P_speed_ref_rpm] = defaults->v[HT_P_speed_ref_rpm];
         d->params.v[HT_P_torque_ref_Nm] = defaults->v[HT_P_torque_ref_Nm];
+        d->params.v[HT_P_start_mode] = defaults->v[HT_P_start_mode];
         if (ht_drive_init(d, port, &d->params) == HT_OK) {
             return HT_OK;
         }

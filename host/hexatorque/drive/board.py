@@ -238,7 +238,7 @@ class BoardDrive(DriveVerbs):
         reply = self.client.ask(Op.WRITE, payload)
         if reply.status != Status.DONE:
             raise self._refused(reply, values)
-        _, *now = self._numbers(f"I{len(rows)}f", reply.payload, "WRITE")
+        self.taken_tick, *now = self._numbers(f"I{len(rows)}f", reply.payload, "WRITE")
         for row, asked, got in zip(rows, wanted, now):
             if asked != np.float32(got):
                 raise LinkError(f"{row.name}: {got:g} is in force instead of {asked:g}")

@@ -78,6 +78,9 @@ class DriveVerbs(ABC):
     def snapshot(self) -> Snapshot | None:
         """The values that the firmware saved at the latest fault; None if there was none."""
 
+    #: Tick of the fast interrupt that took over the latest `set_many`.
+    taken_tick: int = 0
+
     @property
     @abstractmethod
     def time_s(self) -> float:

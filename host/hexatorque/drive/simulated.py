@@ -32,6 +32,7 @@ from ..plant.pwm import PWM_MAP, pwm_record
 from ..plant.record import names_of, record
 from ..plant.sensors import SENSORS
 from ..plant.vsd import INVERSE, PHASES
+from ..plant.wires import ENCODER_WIRES
 from ..recording.channels import Channels, Held
 from ..recording.recording import STARTED, Recording, clock_text
 from ..setups import Setup, SetupError, parameters
@@ -201,7 +202,9 @@ class SimulatedDrive(DriveVerbs):
             lost=0,
         )
         self.plant_state = np.zeros(8)
-        self.inverter = inverter_record(**{name: setup[f"inverter.{name}"] for name in DROPS})
+        self.inverter = inverter_record(
+            self.machine.phase_of_leg, **{name: setup[f"inverter.{name}"] for name in DROPS}
+        )
         if self.inverter.drops and longest_step_s(self.inverter, self._machine) < SHORTEST_STEP_S:
             raise SetupError(
                 "inverter.v_switch_V, v_diode_V, r_switch_ohm, r_diode_ohm: too large for the "
@@ -243,9 +246,11 @@ class SimulatedDrive(DriveVerbs):
     def _make_sensors(self) -> np.record:
         setup, m = self.setup, self.controller.map
         per_A = firmware.lib.HT_ADC_FULL / (2 * setup["sensors.i_full_A"])
+        wires = np.array(setup["sensors.i_wires"], int)
         return record(
             SENSORS,
-            i_counts_per_A=per_A * np.array(setup["sensors.i_gain"]),
+            i_counts_per_A=per_A * np.array(setup["sensors.i_gain"]) * np.sign(wires),
+            i_leg=np.maximum(np.abs(wires) - 1, 0),
             i_filter_rad_s=2 * math.pi * setup["sensors.i_filter_Hz"],
             i_last_A=0.0,
             i_filtered_A=0.0,
@@ -257,6 +262,7 @@ class SimulatedDrive(DriveVerbs):
             adc_full=float(firmware.lib.HT_ADC_FULL),
             adc_step=float(1 << (12 - setup["sensors.adc_bits"])),
             encoder_counts_rev=4.0 * setup["sensors.encoder_ppr"],
+            encoder_wires=ENCODER_WIRES.index(setup["sensors.encoder_wires"]),
             adc_result=list(m.adc_result),
             adc_shift=int(m.adc_shift),
             adc_flag=int(m.adc_flag),
@@ -360,6 +366,7 @@ class SimulatedDrive(DriveVerbs):
                 raise SetupError(f"{name}: belongs to the set-up, make a new simulation")
         if controller:
             self.controller.set_many(controller)
+            self.taken_tick = self.periods + 1  # the firmware counts from 1
             self._commanded()
         for name, value in plant.items():
             setattr(self, name, value)

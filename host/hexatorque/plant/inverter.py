@@ -10,6 +10,8 @@ and a resistance's voltage while they conduct.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from .compiled import compiled
@@ -25,6 +27,7 @@ from .machine import (
 )
 from .record import names_of, record
 from .vsd import TRANSFORM
+from .wires import STRAIGHT
 
 NO_LEG = -1
 
@@ -56,9 +59,6 @@ BALANCE = 1e-10
 #: zero instead of coming to rest there.
 KNEE_A = 10e-3
 
-_T = TRANSFORM
-
-
 #: `leg` and `diode` are the state. The other fields are constants and work space.
 INVERTER = np.dtype(
     [
@@ -70,6 +70,8 @@ INVERTER = np.dtype(
         ("v_diode_V", "f8"),
         ("r_switch_ohm", "f8"),  # on-resistances
         ("r_diode_ohm", "f8"),
+        ("transform", "f8", (4, 6)),  # leg voltages to alpha, beta, x, y: how the leads are
+        ("star", "i8", (6,)),  # the star point behind each leg, 0 or 1
         ("v_leg", "f8", (6,)),  # leg voltages against the negative rail
         ("v", "f8", (4,)),  # alpha, beta, x, y voltages
         ("k", "f8", (8,)),
@@ -87,10 +89,17 @@ INVERTER = np.dtype(
 DROPS = ("v_switch_V", "v_diode_V", "r_switch_ohm", "r_diode_ohm")
 
 
-def inverter_record(**drops: float) -> np.record:
-    """All legs off, no current. `drops`: any of DROPS, otherwise zero."""
+def inverter_record(leads: Sequence[int] = STRAIGHT, /, **drops: float) -> np.record:
+    """All legs off, no current. `leads`: the machine's phase on each leg; `drops`: any of DROPS,
+    otherwise zero."""
     zeros = {name: 0 for name in names_of(INVERTER)}
-    start = {"leg": OFF, "off": 6, "drops": any(drops.values())}
+    start = {
+        "leg": OFF,
+        "off": 6,
+        "drops": any(drops.values()),
+        "transform": TRANSFORM[:, list(leads)],
+        "star": [phase % 2 for phase in leads],
+    }
     return record(INVERTER, **{**zeros, **start, **drops})
 
 
@@ -109,7 +118,7 @@ def _transform(inv):
     for r in range(4):
         total = 0.0
         for leg in range(6):
-            total += _T[r, leg] * inv.v_leg[leg]
+            total += inv.transform[r, leg] * inv.v_leg[leg]
         inv.v[r] = total
 
 
@@ -176,15 +185,17 @@ def _centre(inv, vdc):
     for first in range(2):
         low = np.inf
         high = -np.inf
-        for leg in range(first, 6, 2):
-            if inv.leg[leg] != OFF or inv.diode[leg] != 0:
-                low = -np.inf
-            low = min(low, inv.v_leg[leg])
-            high = max(high, inv.v_leg[leg])
+        for leg in range(6):
+            if inv.star[leg] == first:
+                if inv.leg[leg] != OFF or inv.diode[leg] != 0:
+                    low = -np.inf
+                low = min(low, inv.v_leg[leg])
+                high = max(high, inv.v_leg[leg])
         if low > -np.inf:
             shift = 0.5 * (vdc - low - high)
-            for leg in range(first, 6, 2):
-                inv.v_leg[leg] += shift
+            for leg in range(6):
+                if inv.star[leg] == first:
+                    inv.v_leg[leg] += shift
 
 
 @compiled

@@ -13,11 +13,14 @@ from .machine import phase_current
 
 TWO_PI = 2.0 * np.pi
 
+#: Indices in ENCODER_WIRES.
+_STRAIGHT, _SWAPPED, _ONE_OPEN, _OPEN = range(4)
 
 #: Transfer of each channel to 12-bit counts, and where the counts go.
 SENSORS = np.dtype(
     [
-        ("i_counts_per_A", "f8", (6,)),  # gain errors included
+        ("i_counts_per_A", "f8", (6,)),  # gain errors included; negative: wired the wrong way
+        ("i_leg", "i8", (6,)),  # the leg that each current channel measures
         ("i_filter_rad_s", "f8"),  # corner of the current filters, 0: none
         ("i_last_A", "f8", (6,)),  # the filters' latest inputs: phase currents
         ("i_filtered_A", "f8", (6,)),  # the filters' outputs
@@ -30,6 +33,7 @@ SENSORS = np.dtype(
         ("adc_full", "f8"),  # counts at full scale
         ("adc_step", "f8"),  # counts per converter step: 1 at 12 bits, 4 at 10 bits
         ("encoder_counts_rev", "f8"),
+        ("encoder_wires", "i8"),  # index in ENCODER_WIRES
         ("adc_result", "i8", (7,)),  # word addresses of the results
         ("adc_shift", "i8"),  # left shift of the result register
         ("adc_flag", "i8"),  # word address of the flag that a sequence has ended
@@ -166,11 +170,22 @@ def _sensed_A(se, m, y, leg):
 
 
 @compiled
+def _wrong_wires(se, turned):
+    """What the counter makes of a shaft that has turned by this many counts."""
+    if se.encoder_wires == _SWAPPED:
+        return -turned
+    if se.encoder_wires == _ONE_OPEN:
+        return 0.5 + (np.int64(np.floor(0.5 * turned)) & 1)
+    return 0.5
+
+
+@compiled
 def sample(se, m, y, vdc, regs):
     """Convert the present state into the result registers and raise the flag that the
     fast interrupt acknowledges."""
     for leg in range(6):
-        reading = _sensed_A(se, m, y, leg) * se.i_counts_per_A[leg] + se.i_offset_counts[leg]
+        sensed_A = _sensed_A(se, m, y, se.i_leg[leg])
+        reading = sensed_A * se.i_counts_per_A[leg] + se.i_offset_counts[leg]
         if se.i_noise_counts > 0.0:
             reading += se.i_noise_counts * _normal(se)
         if se.hold[leg] == 0:
@@ -181,6 +196,8 @@ def sample(se, m, y, vdc, regs):
         regs[se.adc_result[6]] = np.uint16(counts << se.adc_shift)
     regs[se.adc_flag] |= np.uint16(se.adc_flag_bit)
     turned = y[7] / TWO_PI * se.encoder_counts_rev
+    if se.encoder_wires != _STRAIGHT:
+        turned = _wrong_wires(se, turned)
     if se.hold[7] != 0:
         turned = se.position_counts
     counter = _counter(se, turned)

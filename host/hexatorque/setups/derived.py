@@ -180,6 +180,25 @@ def _corner_rad_s(f_slow_Hz: float) -> float:
     return 2 * math.pi * f_slow_Hz / SLOW_PER_CORNER
 
 
+# Gains, also of a machine that was measured (hexatorque.commissioning).
+
+
+def kp_speed(inertia_kgm2: float, f_slow_Hz: float) -> float:
+    return inertia_kgm2 * _corner_rad_s(f_slow_Hz)
+
+
+def ki_speed(kp_Nms_rad: float, f_slow_Hz: float) -> float:
+    return kp_Nms_rad * _corner_rad_s(f_slow_Hz) / 4
+
+
+def kp_xy(lxy_H: float, vdc_V: float, period_s: float) -> float:
+    return 0.25 * lxy_H / (vdc_V * period_s)
+
+
+def ki_xy(kp_pu_A: float) -> float:
+    return 25 * kp_pu_A
+
+
 #: The design of what a set-up leaves open.
 OPEN: dict[str, Rule] = {
     "flux_ref_Wb": Rule(
@@ -219,19 +238,19 @@ OPEN: dict[str, Rule] = {
     ),
     "kp_speed_Nms_rad": Rule(
         "inertia times the loop's corner, 2 pi f_slow_Hz / 30",
-        lambda k: min(k.machine.inertia_kgm2 * _corner_rad_s(k["f_slow_Hz"]), 1000.0),
+        lambda k: min(kp_speed(k.machine.inertia_kgm2, k["f_slow_Hz"]), 1000.0),
     ),
     "ki_speed_Nm_rad": Rule(
         "kp_speed times a quarter of the corner: critical damping",
-        lambda k: min(k["kp_speed_Nms_rad"] * _corner_rad_s(k["f_slow_Hz"]) / 4, 10000.0),
+        lambda k: min(ki_speed(k["kp_speed_Nms_rad"], k["f_slow_Hz"]), 10000.0),
     ),
     "kp_xy_pu_A": Rule(
         "0.25 L_xy/(Vdc T_s): with both frames half the current is corrected in one period",
-        lambda k: min(0.25 * k.machine.lxy_H / (k.vdc_V * k.period_s), 10.0),
+        lambda k: min(kp_xy(k.machine.lxy_H, k.vdc_V, k.period_s), 10.0),
     ),
     "ki_xy_pu_As": Rule(
         "25 kp_xy per second: slow against the current, quick against the speed",
-        lambda k: min(25 * k["kp_xy_pu_A"], 1000.0),
+        lambda k: min(ki_xy(k["kp_xy_pu_A"]), 1000.0),
     ),
     "crossover_Hz": Rule(
         "3 times (dead-time voltage / 2 pi flux) times (current step of one period / no-load "

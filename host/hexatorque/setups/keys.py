@@ -11,6 +11,7 @@ from typing import Any
 
 from ..chips import DEVICES
 from ..plant.machines import MODELS
+from ..plant.wires import ENCODER_WIRES
 
 #: Where a value comes from.
 TAGS = ("paper", "assumed", "measured", "tuned")
@@ -68,6 +69,13 @@ KEYS: dict[str, dict[str, Key]] = {
             "main flux that takes twice the unsaturated current, 0: linear", "Wb", 0, 100, 0.0
         ),
         "saturation_exponent": _n("how sharply the main flux saturates", "", 1, 20, 6.0),
+        "leads": Key(
+            "phases",
+            "phase on each leg u1 u2 w1 w2 v1 v2; 1 is u1 ... 6 is v2",
+            min=1,
+            max=6,
+            default=(1, 2, 3, 4, 5, 6),
+        ),
     },
     "inverter": {
         "vdc_V": _n("dc-link voltage", "V", 1, 1e4),
@@ -88,12 +96,23 @@ KEYS: dict[str, dict[str, Key]] = {
         "vdc_full_V": _n("dc-link voltage at full scale", "V", 1, 1e4),
         "i_offset_A": _six("current sensor offset", "A", -1e3, 1e3),
         "i_gain": _six("current sensor gain, 1 = exact", "", 0.5, 2, 1.0),
+        "i_wires": Key(
+            "phases",
+            "leg that each current channel measures, 1 is u1 ... 6 is v2; negative: the wrong way "
+            "round; 0: open",
+            min=-6,
+            max=6,
+            default=(1, 2, 3, 4, 5, 6),
+        ),
         "i_filter_Hz": _n("corner of the current sensors' filter, 0: none", "Hz", 0, 1e7, 0.0),
         "i_noise_A": _n("current sensor noise, rms, white at the converter", "A", 0, 100, 0.0),
         "noise_seed": Key("integer", "the same seed gives the same noise", "", 1, 1e9, default=1),
         "encoder_ppr": Key("integer", "encoder pulses per revolution", "", 1, 1_000_000),
         "encoder_error_cycles": _n(
             "rise of the encoder's channel B late, fall early by this", "cycles", 0, 0.1, 0.0
+        ),
+        "encoder_wires": Key(
+            "choice", "how the encoder is connected", choices=ENCODER_WIRES, default="straight"
         ),
         "sample_delay_us": _n("counter zero to sample and hold", "us", 0, 40, 0.0),
     },

@@ -78,7 +78,8 @@ class Setup:
 
     def machine_values(self) -> dict[str, Any]:
         """The model's parameters."""
-        return {key: self[f"machine.{key}"] for key in KEYS["machine"] if key != "model"}
+        values = {key: self[f"machine.{key}"] for key in KEYS["machine"] if key != "model"}
+        return {**values, "leads": tuple(map(int, values["leads"]))}
 
     def summary(self) -> dict[str, dict[str, Any]]:
         """Plain values, for a recording's metadata."""
@@ -101,6 +102,10 @@ def inconsistent(setup: Setup) -> list[str]:
             f"machine.psi_knee_Wb = {knee_Wb:g}: allowed is 0 (linear) "
             f"or {SMALLEST_KNEE_WB:g} Wb and more"
         )
+    if sorted(setup["machine.leads"]) != list(range(1, 7)):
+        lines.append("machine.leads: each phase 1 .. 6 once is needed")
+    if any(channel % 1 for channel in setup["sensors.i_wires"]):
+        lines.append("sensors.i_wires: whole numbers are needed")
     energies = [f"inverter.{key}" for key in ("e_on_mJ", "e_off_mJ") if setup[f"inverter.{key}"]]
     missing = [f"inverter.{key}" for key in ("e_ref_V", "e_ref_A") if not setup[f"inverter.{key}"]]
     if energies and missing:

@@ -13,10 +13,12 @@ import pytest
 from campaigns import WHOLE, part
 
 import hexatorque
-from hexatorque import firmware
+from hexatorque import firmware, setups
 from hexatorque.boards import emulator_process, tools
 from hexatorque.boards.processor import TargetError
 from hexatorque.cli.main import main
+from hexatorque.commissioning import wiring
+from hexatorque.commissioning.excitation import Excitation, Limits
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies import pil
 from hexatorque.setups import Profile
@@ -121,6 +123,31 @@ def test_all_bits_of_16_bit_int(quick, need):
     assert outcome.failures() == []
     assert changes[-1][0] < profile.duration_s
     assert (outcome.steps, outcome.state) == (2500, "run")
+
+
+def test_the_state_test_bit_by_bit(quick, m4f):
+    """Direct voltages, then every wave."""
+    changes = [(0.1, "test_x_V", 6.0), (0.11, "test_alpha_V", 4.0), (0.11, "test_Hz", 333.3)]
+    waves = firmware.parameters()["test_wave"].choices
+    changes += [(0.12 + 0.02 * n, "test_wave", wave) for n, wave in enumerate(waves)]
+    profile = Profile(duration_s=0.2, set=tuple(changes), samples_per_period=1)
+    outcome = pil.compare(quick.changed(controller__start_mode="test"), profile, m4f)
+    assert outcome.failures() == []
+    assert outcome.state == "test"
+    assert abs(outcome.recording["plant.i_u1_A"]).max() > 0.2
+
+
+def test_commissioning_names_the_same_mistake(m4f):
+    """Two leads are exchanged. The currents that tell it are the same, bit by bit."""
+    setup = setups.load("paper-a-feasible").changed(machine__leads=[3, 2, 1, 4, 5, 6])
+    answers = []
+    for controller in (firmware.Controller, m4f.controller):
+        sim = SimulatedDrive(setup, 1, controller)
+        with Excitation(sim, Limits(6.0, 0.1)) as test:
+            answers.append(wiring.measure(test))
+        assert sim.state == "idle"
+    assert (answers[0] == answers[1]).all()
+    assert [line.split(":")[0] for line in wiring.decide(answers[1]).mistakes] == ["motor lead"] * 2
 
 
 # --- what goes wrong ------------------------------------------------------------

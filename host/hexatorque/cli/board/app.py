@@ -3,6 +3,7 @@
 import click
 
 from ..group import Group, examples
+from .commission import commission
 from .compare import compare
 from .drive import clear, list_boards, set_parameters, start, status, stop
 from .monitor import monitor
@@ -36,6 +37,7 @@ for command in (
     clear,
     set_parameters,
     params,
+    commission,
     stream,
     capture,
     watch,

@@ -30,16 +30,18 @@ from ...plant.legs import HIGH, LOW, OFF
 TITLE = "Fault campaign"
 SETUPS = ("paper-a-feasible", "paper-b")
 #: Runs per fault. They are enough for every state, scheme and set-up.
-RUNS = 180
+RUNS = 210
 #: The quick campaign makes each QUICK_STEP-th of these runs. The step divides no number of states,
 #: schemes or set-ups, so that they all occur.
-QUICK_STEP = 11
+QUICK_STEP = 13
 #: Periods that are checked after the gates are off.
 AFTER = 50
 #: Deadlines in periods: the next interrupt; two slow periods; faults that show only gradually.
 NOW, TWO_SLOW, LATER = 1, 200, 5000
-STATES = ("idle", "calibrate", "build", "run", "fault")
+STATES = ("idle", "calibrate", "build", "run", "test", "fault")
 POWERED = ("build", "run")
+#: In these the gates are on.
+GATES_ON = (*POWERED, "test")
 TRIP_FLAG = 4
 #: Index of the encoder among the held sensors.
 ENCODER = 7
@@ -191,7 +193,7 @@ def _bad_offset(sim: SimulatedDrive, rng: np.random.Generator) -> None:
 
 OVERCURRENT, OVERSPEED = "over-current", "over-speed"
 SUM, FLUX = "currents of a set do not add up to zero", "flux estimate cannot be right"
-CHECKED = ("calibrate", "build", "run")
+CHECKED = ("calibrate", "build", "run", "test")
 FAULTS = (
     Fault("over-current in a phase", _over_current, (OVERCURRENT,), CHECKED),
     Fault("over-current in α–β", _alpha_beta_current, (OVERCURRENT,)),
@@ -223,11 +225,12 @@ FAULTS = (
     ),
     Fault("estimate not finite", _upset(np.nan, np.inf, -np.inf), ("estimate not finite",)),
     Fault("flux out of bounds", _upset(2.0, -2.0), (FLUX,)),
-    Fault("trip pin", _trip_pin, ("external trip",)),
+    Fault("trip pin", _trip_pin, ("external trip",), GATES_ON),
     Fault(
         "interrupt outlasts its period",
         _overrun,
         ("fast interrupt outlasted its period",),
+        GATES_ON,
     ),
     Fault(
         "trip pin held low",
@@ -281,6 +284,9 @@ def _bring_to(sim: SimulatedDrive, state: str, rng: np.random.Generator) -> None
     sim.run(sim.period_s * int(rng.integers(1, 50)), record=False)
     if state == "idle":
         return
+    if state == "test":
+        _test(sim, rng)
+        return
     sim.start()
     ticks = {"calibrate": (1, 39), "build": (43, 3035)}.get(state)
     if ticks:
@@ -298,6 +304,20 @@ def _bring_to(sim: SimulatedDrive, state: str, rng: np.random.Generator) -> None
         sim.set("vdc_V", 0.4 * sim.vdc_V)
         sim.run(0.01, record=False)
         sim.set("vdc_V", sim.setup["inverter.vdc_V"])
+
+
+def _test(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    """Some voltages in the state test, too small for its limits."""
+    sim.set_many({"start_mode": "test", "test_current_A": sim.controller.number("i_trip_A")})
+    sim.start()
+    sim.run(0.006, record=False)
+    volts = 0.01 * sim.vdc_V
+    for name in ("test_alpha_V", "test_beta_V", "test_x_V", "test_y_V"):
+        sim.set(name, float(rng.uniform(-volts, volts)))
+    waves = sim.params["test_wave"].choices
+    wave = {"test_wave": str(rng.choice(waves)), "test_Hz": float(rng.uniform(5, 500))}
+    sim.set_many(wave)
+    sim.run(sim.period_s * int(rng.integers(1, 200)), record=False)
 
 
 def _gates_off(sim: SimulatedDrive) -> bool:
@@ -453,7 +473,8 @@ def _some_set(controller: firmware.Controller, rng: np.random.Generator) -> None
             value = min(max(row.initial * float(rng.uniform(0.8, 1.2)), row.min), row.max)
         with contextlib.suppress(firmware.FirmwareError):
             controller.set(row.name, value)
-    controller.set_many({"speed_ref_rpm": 0.0, "torque_ref_Nm": 0.0})  # never kept
+    never_kept = {"speed_ref_rpm": 0.0, "torque_ref_Nm": 0.0, "start_mode": "drive"}
+    controller.set_many(never_kept)
 
 
 def _damage(areas: bytearray, rng: np.random.Generator) -> None:

@@ -82,7 +82,8 @@ def make(p: Parameters) -> np.record:
     resistance[:4, :4] = rs
     resistance[4:, 4:] = np.diag([p.rr_ohm, p.rr_ohm])
     rows = np.vstack([-resistance @ current, current[:2]])
-    i_phase = INVERSE @ current[:4]
+    i_phase = INVERSE[p.phase_of_leg] @ current[:4]  # of the phase on each leg
+    transform = TRANSFORM[:, p.phase_of_leg]
     main = p.lm_H * (current[:2] + current[4:])
     kind = {"saturable" if p.psi_knee_Wb > 0 else "linear": 1}
     return record(
@@ -91,7 +92,7 @@ def make(p: Parameters) -> np.record:
         **kind,
         slope=rows.T,
         i_phase=i_phase,
-        g_leg=i_phase[:, :4] @ TRANSFORM,
+        g_leg=i_phase[:, :4] @ transform,
         i_stator=current[:4],
         inv_l_max=1 / np.linalg.eigvalsh(leakage)[0],
         lm_over_lr=p.lm_H / p.lr_H,
@@ -101,7 +102,7 @@ def make(p: Parameters) -> np.record:
         psi_knee_Wb=p.psi_knee_Wb,
         saturation_exponent=p.saturation_exponent,
         main=main,
-        main_leg=main[:, :4] @ TRANSFORM,
+        main_leg=main[:, :4] @ transform,
         excess_share=np.eye(2) - main[:, :2] - main[:, 4:],
         i_excess=i_phase[:, :2] + i_phase[:, 4:],
         inertia=p.inertia_kgm2,

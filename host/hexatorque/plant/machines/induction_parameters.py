@@ -26,6 +26,12 @@ class Parameters:
     dlls_H: tuple[float, ...] = field(default=(0.0,) * 6)  #: added per phase
     psi_knee_Wb: float = 0.0  #: main flux that takes twice the linear current; 0 = linear
     saturation_exponent: float = 6.0
+    leads: tuple[int, ...] = (1, 2, 3, 4, 5, 6)  #: phase on each leg, 1 is u1
+
+    @property
+    def phase_of_leg(self) -> list[int]:
+        """Index of the phase on each leg."""
+        return [phase - 1 for phase in self.leads]
 
     @property
     def ls_H(self) -> float:

@@ -1,0 +1,207 @@
+"""Step b: the stator's resistance of each phase, and what dead time and devices take of a leg's
+voltage, by direct current.
+
+The current flows in the x-y plane, which has no rotor: no torque, no flux to wait for. A leg gives
+its commanded voltage less `D s(i) + R i`: dead time and the devices' thresholds take D against the
+current's direction, around zero current a share s of it. In a star of three legs only differences
+of their voltages count, and those are linear in the six R and six D.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..plant.vsd import INVERSE, TRANSFORM
+from .excitation import CommissioningError, Excitation
+from .regression import MEAN_GAIN, PHASE_GAIN, Value, linear
+
+#: Currents of the measurement, share of the stated limit.
+LEVELS = (0.15, 0.35, 0.6)
+#: Directions in the x-y plane, degrees, between those in which a leg has no current. Each current
+#: also flows the other way.
+DIRECTIONS_DEG = (15.0, 45.0, 75.0, 105.0, 135.0, 165.0)
+#: Share of the largest current for the tests that follow.
+MOST = 0.5
+MEAN_S = 0.025
+#: The voltage of the first look grows by this share, but never by more than what drives this share
+#: of the current aimed at through the resistance: below what dead time takes there is no current,
+#: and beyond it a low resistance lets much through.
+GROWTH, STEP = 0.3, 0.15
+#: Directions in which the phases are told from each other: no leg's current is near zero. There the
+#: stator's asymmetry drives some current in the alpha-beta plane too, which takes its time.
+PHASE_DIRECTIONS_DEG = (30.0, 90.0, 150.0, 210.0, 270.0, 330.0)
+PHASE_TIME_CONSTANTS = 3.0
+#: Meanwhile a direct current along alpha, share of the stated limit, keeps the shaft from moving.
+BRAKE = 0.2
+
+
+@dataclass(frozen=True)
+class Resistance:
+    rs_ohm: tuple[Value, ...]  #: of each phase, devices' on-resistance included
+    lost_V: tuple[Value, ...]  #: of each leg, at full current
+    mean_ohm: Value
+    mean_lost_V: Value
+    knee_A: float  #: the current from which on a leg loses all of it
+    curve: np.ndarray  #: (n, 2): current and lost voltage, all legs
+    vdc_V: float
+
+    def of_legs(self, i_A: np.ndarray) -> np.ndarray:
+        """What the legs lose at these currents, (..., 6)."""
+        lost = np.array([v.value for v in self.lost_V])
+        return lost * np.clip(i_A / self.knee_A, -1, 1)
+
+
+def measure(test: Excitation, xy_per_H: float, slow_s: float) -> Resistance:
+    """`xy_per_H`: 1/L_xy, roughly, from the wiring check; `slow_s`: the machine's slow time
+    constant, roughly: L_m/R_s + L_m/R_r."""
+    limit_A = test.limits.current_A
+    vdc_V = test.vdc_V
+    ohm, lost_V = _rough(test, vdc_V, LEVELS[-1] * limit_A, xy_per_H)
+    settle_s = min(2.0, 8 / (ohm * xy_per_H))
+    points = []
+    for level in LEVELS:
+        for degrees in DIRECTIONS_DEG:
+            for turn in (0.0, 180.0):
+                i_A = INVERSE[:, 2:] @ (level * limit_A * _unit(degrees + turn))
+                legs_V = ohm * i_A + lost_V * np.sign(np.where(np.abs(i_A) < 1e-6, 0, i_A))
+                vector = TRANSFORM @ legs_V
+                currents, _, _ = test.steady(vector, settle_s, MEAN_S)
+                points.append((vector, currents))
+    found = solve(np.array([v for v, _ in points]), np.array([i for _, i in points]), vdc_V)
+    phases = _phases(test, found, PHASE_TIME_CONSTANTS * slow_s)
+    test.rest(settle_s)
+    return phases
+
+
+def _phases(test: Excitation, found: Resistance, settle_s: float) -> Resistance:
+    """The same with the phases' resistances told from each other."""
+    size_A = MOST * test.limits.current_A
+    brake_A = INVERSE[:, 0] * BRAKE * test.limits.current_A
+    legs_V, i_A = [], []
+    for degrees in PHASE_DIRECTIONS_DEG:
+        wanted_A = INVERSE[:, 2:] @ (size_A * _unit(degrees)) + brake_A
+        vector = TRANSFORM @ (found.mean_ohm.value * wanted_A + found.of_legs(wanted_A))
+        currents, _, _ = test.steady(vector, settle_s, MEAN_S)
+        legs_V.append(INVERSE @ vector - found.of_legs(currents))
+        i_A.append(currents)
+    currents = np.array(i_A)
+    columns = [_in_star(currents, leg).ravel() for leg in range(6)]
+    values, _ = linear(columns, _less_mean(np.array(legs_V)).ravel())
+    # Their mean is known better from the many points of both signs: lost voltages drop out there.
+    wide = found.mean_ohm.uncertainty
+    moved = _about(found.mean_ohm, values)
+    return replace(found, rs_ohm=tuple(value.plus(wide).plus_share(PHASE_GAIN) for value in moved))
+
+
+def _unit(degrees: float) -> np.ndarray:
+    return np.array([np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))])
+
+
+def _rough(test: Excitation, vdc_V: float, aim_A: float, xy_per_H: float) -> tuple[float, float]:
+    """Resistance and lost voltage, roughly: the voltage along x grows until the current flows. The
+    parameter rs_ohm decides on the steps until two currents tell the resistance."""
+    volts, points = 0.005 * vdc_V, []
+    ohm, settle_s = float(test.drive.get("rs_ohm")), 0.02
+    while True:
+        currents, _, _ = test.steady(np.array([0, 0, volts, 0]), settle_s, 0.005)
+        current_A = float(TRANSFORM[2] @ currents)
+        points.append((volts, current_A))
+        if current_A > aim_A:
+            break
+        if len(points) > 1 and points[-2][1] > 0.05 * aim_A:
+            (v0, i0), (v1, i1) = points[-2:]
+            ohm = (v1 - v0) / max(i1 - i0, 0.01 * aim_A)
+            settle_s = min(1.0, max(0.01, 6 / (ohm * xy_per_H)))
+        volts += min(GROWTH * volts, STEP * aim_A * ohm)
+        if volts > 0.4 * vdc_V:
+            raise CommissioningError(
+                f"{volts:.0f} V of direct current drive {current_A:.2f} A only: "
+                f"no resistance can be measured with --current {test.limits.current_A:g}"
+            )
+    sure = [(v, i) for v, i in points if i > 0.3 * aim_A]
+    if len(sure) < 2:
+        return volts / current_A, 0.0
+    (slope, lost), _ = linear(
+        [np.array([i for _, i in sure]), np.ones(len(sure))], np.array([v for v, _ in sure])
+    )
+    # Along x every leg loses D against its current: together this much of the voltage.
+    share = float(np.abs(TRANSFORM[2]).sum())
+    return max(slope.value, 1e-4), max(lost.value / share, 0.0)
+
+
+def solve(vectors_V: np.ndarray, i_A: np.ndarray, vdc_V: float) -> Resistance:
+    """Resistances and lost voltages from direct voltages (n, 4) and currents (n, 6)."""
+    legs_V = vectors_V @ INVERSE.T
+    largest_A = float(np.abs(i_A).max())
+    best = None
+    for share in (0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.17, 0.25):
+        knee_A = share * largest_A
+        values, rest = linear(*_equations(legs_V, i_A, knee_A))
+        size = float(rest @ rest)
+        if best is None or size < 0.9 * best[0]:
+            best = (size, knee_A, values)
+    assert best is not None
+    _, knee_A, values = best
+    ohm, lost_V = _means(vectors_V, i_A, knee_A)
+    ohm = ohm.plus_share(MEAN_GAIN)
+    found = Resistance(
+        _about(ohm, values[:6]), _about(lost_V, values[6:]), ohm, lost_V, knee_A,
+        np.empty((0, 2)), vdc_V,
+    )  # fmt: skip
+    return replace(found, curve=_curve(found, legs_V, i_A))
+
+
+def _means(vectors_V: np.ndarray, i_A: np.ndarray, knee_A: float) -> tuple[Value, Value]:
+    """One R and one D for all legs, from the points at which every leg loses all of its D. Only the
+    x-y plane tells them: asymmetry drives small currents in the alpha-beta plane, which has not
+    settled, and there the rotor adds its resistance."""
+    beyond = np.abs(i_A).min(1) > knee_A
+    if beyond.sum() < len(i_A) // 4:
+        beyond[:] = True
+    plane = TRANSFORM[2:].T
+    shape = np.clip(i_A[beyond] / knee_A, -1, 1)
+    columns = [(i_A[beyond] @ plane).ravel(), (shape @ plane).ravel()]
+    (ohm, lost_V), _ = linear(columns, vectors_V[beyond, 2:].ravel())
+    return ohm, lost_V
+
+
+def _about(mean: Value, values: list[Value]) -> tuple[Value, ...]:
+    """The values moved by the same amount, so that this is their mean."""
+    shift = mean.value - float(np.mean([v.value for v in values]))
+    return tuple(Value(v.value + shift, v.uncertainty) for v in values)
+
+
+def _equations(
+    legs_V: np.ndarray, i_A: np.ndarray, knee_A: float
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """In each star a leg's voltage less the star's mean is R i + D s, less their mean."""
+    shape = np.clip(i_A / knee_A, -1, 1)
+    columns = [_in_star(i_A, leg).ravel() for leg in range(6)]
+    columns += [_in_star(shape, leg).ravel() for leg in range(6)]
+    return columns, _less_mean(legs_V).ravel()
+
+
+def _less_mean(values: np.ndarray) -> np.ndarray:
+    out = values.copy()
+    for star in range(2):
+        out[:, star::2] -= out[:, star::2].mean(1, keepdims=True)
+    return out
+
+
+def _in_star(values: np.ndarray, leg: int) -> np.ndarray:
+    """What a quantity of one leg makes of all legs' voltages in its star."""
+    out = np.zeros_like(values)
+    out[:, leg] = values[:, leg]
+    return _less_mean(out)
+
+
+def _curve(found: Resistance, legs_V: np.ndarray, i_A: np.ndarray) -> np.ndarray:
+    """Points (current, lost voltage): what is left of the legs' voltages without the resistances,
+    with the star's voltage from the fitted curve."""
+    ohm = np.array([v.value for v in found.rs_ohm])
+    lost = _less_mean(legs_V) - _less_mean(ohm * i_A)
+    lost += found.of_legs(i_A) - _less_mean(found.of_legs(i_A))
+    order = np.argsort(i_A.ravel())
+    return np.column_stack([i_A.ravel()[order], lost.ravel()[order]])

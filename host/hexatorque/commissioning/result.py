@@ -1,0 +1,223 @@
+"""What commissioning has found: controller parameters, and a set-up with tag `measured`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..chips import DEVICES
+from ..drive.interface import DriveVerbs
+from ..setups import derived
+from ..setups.keys import TIMING_OWNS
+from ..setups.loading import parse
+from ..setups.to_parameters import parameters
+from .excitation import BORROWED
+from .inductance import Inductance
+from .regression import Value
+from .resistance import Resistance
+from .rotor import Rotor
+from .running import Magnetisation, Mechanics
+
+
+@dataclass
+class Findings:
+    """What the steps have found; None where they did not run."""
+
+    mistakes: list[str] = field(default_factory=list)
+    resistance: Resistance | None = None
+    inductance: Inductance | None = None
+    rotor: Rotor | None = None
+    magnetisation: Magnetisation | None = None
+    mechanics: Mechanics | None = None
+    noise_A: float = 0.0
+
+    def parameters(self, drive: DriveVerbs) -> dict[str, Value]:
+        """The controller parameters that follow."""
+        found: dict[str, Value] = {}
+        vdc_V = self.resistance.vdc_V if self.resistance else 0.0
+        if self.resistance:
+            found["rs_ohm"] = self.resistance.mean_ohm
+            dead_V = vdc_V * 1e-6 * _number(drive, "dead_time_us") * _number(drive, "f_isr_Hz")
+            lost = self.resistance.mean_lost_V
+            found["drop_V"] = Value(max(0.0, lost.value - dead_V), lost.uncertainty)
+        if self.inductance:
+            found["sigma_ls_H"] = self.inductance.sigma_ls_H
+            found["lxy_H"] = self.inductance.lxy_H
+        if self.rotor:
+            lm, lr = self._lm(drive)
+            found["rr_ohm"], found["lm_H"], found["lr_H"] = self.rotor.rr_ohm, lm, lr
+        return {**found, **self._gains(drive, vdc_V)}
+
+    def _lm(self, drive: DriveVerbs) -> tuple[Value, Value]:
+        """L_m and L_r at the flux reference: from no load if that was measured, else as found at
+        standstill."""
+        assert self.rotor
+        leakage = self.rotor.leakage_H
+        lm = self.rotor.lm_H
+        if self.magnetisation:
+            ls = self.magnetisation.ls_at(_number(drive, "flux_ref_Wb"))
+            lm = Value(ls.value - leakage, ls.uncertainty)
+        return lm, Value(lm.value + leakage, lm.uncertainty)
+
+    def _gains(self, drive: DriveVerbs, vdc_V: float) -> dict[str, Value]:
+        """Step f, by the rules of a set-up. A gain is as uncertain as what it is made from."""
+        gains: dict[str, Value] = {}
+        if self.inductance and vdc_V > 0:
+            per_H = derived.kp_xy(1.0, vdc_V, 1 / _number(drive, "f_isr_Hz"))
+            gains["kp_xy_pu_A"] = _times(self.inductance.lxy_H, per_H)
+            gains["ki_xy_pu_As"] = _times(self.inductance.lxy_H, derived.ki_xy(per_H))
+        if self.mechanics:
+            f_slow_Hz = _number(drive, "f_slow_Hz")
+            per_kgm2 = derived.kp_speed(1.0, f_slow_Hz)
+            inertia = self.mechanics.inertia_kgm2
+            gains["kp_speed_Nms_rad"] = _times(inertia, per_kgm2)
+            gains["ki_speed_Nm_rad"] = _times(inertia, derived.ki_speed(per_kgm2, f_slow_Hz))
+        return gains
+
+    def load(self, drive: DriveVerbs) -> dict[str, Value]:
+        """Write the parameters, all or none."""
+        values = self.parameters(drive)
+        within = {
+            name: min(max(value.value, drive.params[name].min), drive.params[name].max)
+            for name, value in values.items()
+        }
+        drive.set_many(within)
+        return values
+
+
+def _times(value: Value, factor: float) -> Value:
+    return Value(value.value * factor, value.uncertainty * factor)
+
+
+def _number(drive: DriveVerbs, name: str) -> float:
+    return float(drive.get(name))
+
+
+# -- the set-up ------------------------------------------------------------------------------
+
+
+def set_up(found: Findings, drive: DriveVerbs, device: str, title: str) -> str:
+    """The text of a set-up's file. Everything measured has the tag `measured` and its uncertainty;
+    the rest is what the board was set to."""
+    if not (found.resistance and found.inductance and found.rotor):
+        raise ValueError("a set-up needs resistance, inductance and rotor")
+    values = found.parameters(drive)
+    leakage_H = found.rotor.leakage_H
+    lm = values["lm_H"]
+    note = "stator and rotor leakage taken as equal"
+    rs = values["rs_ohm"]
+    machine = {
+        "pole_pairs": int(_number(drive, "pole_pairs")),
+        "rs_ohm": _measured(rs, note="devices' on-resistance included"),
+        "rr_ohm": _measured(values["rr_ohm"], note=note),
+        "lls_H": _measured(Value(leakage_H, found.inductance.sigma_ls_H.uncertainty), note=note),
+        "llr_H": _measured(Value(leakage_H, found.inductance.sigma_ls_H.uncertainty), note=note),
+        "lm_H": _measured(lm, note=note),
+        "lxy_H": _measured(values["lxy_H"]),
+        "drs_ohm": _six([v.value - rs.value for v in found.resistance.rs_ohm]),
+    }
+    if found.mechanics:
+        machine["inertia_kgm2"] = _measured(found.mechanics.inertia_kgm2)
+        viscous = found.mechanics.viscous_Nms
+        machine["viscous_Nms"] = _measured(Value(max(0.0, viscous.value), viscous.uncertainty))
+    else:
+        machine["inertia_kgm2"] = _assumed(0.01, "not measured: step mechanics did not run")
+    sections = {
+        "machine": machine,
+        "inverter": {
+            "vdc_V": _measured(Value(found.resistance.vdc_V, 0.0)),
+            "dead_time_us": _number(drive, "dead_time_us"),
+            "v_switch_V": _measured(values["drop_V"], note="mean of switch and diode"),
+            "v_diode_V": _measured(values["drop_V"], note="mean of switch and diode"),
+        },
+        "sensors": {
+            "i_full_A": _number(drive, "i_full_A"),
+            "vdc_full_V": _number(drive, "vdc_full_V"),
+            "encoder_ppr": max(1, round(_number(drive, "encoder_counts_rev") / 4)),
+            "i_noise_A": _measured(Value(found.noise_A, 0.0)),
+        },
+        "timing": {"device": device if device in DEVICES else DEVICES[0], **_latency(drive)},
+    }
+    head = [f"title = {json.dumps(title)}", 'defaults = "firmware"', *_curve(found)]
+    alone = parameters(parse(_text(head, sections), title))
+    return _text(head, {**sections, "controller": _controller(drive, values, alone)})
+
+
+def _text(head: list[str], sections: Mapping[str, Mapping[str, object]]) -> str:
+    lines = list(head)
+    for name, entries in sections.items():
+        lines += ["", f"[{name}]", *(f"{key} = {_toml(value)}" for key, value in entries.items())]
+    return "\n".join(lines) + "\n"
+
+
+#: Controller parameters that a set-up derives from its other sections.
+DERIVED = (
+    "pole_pairs", "rs_ohm", "drop_V", "sigma_ls_H", "lxy_H", "rr_ohm", "lr_H", "lm_H",
+    "dead_time_us", "i_full_A", "vdc_full_V", "encoder_counts_rev",
+)  # fmt: skip
+
+
+def _controller(
+    drive: DriveVerbs, values: Mapping[str, Value], alone: Mapping[str, Any]
+) -> dict[str, object]:
+    """The gains, and the board's own settings that differ from those which the set-up's other
+    sections make `alone`."""
+    entries: dict[str, object] = {}
+    leave = (*DERIVED, *TIMING_OWNS, *BORROWED, "speed_ref_rpm", "torque_ref_Nm")
+    for name, row in drive.params.items():
+        if name in leave:
+            continue
+        value = drive.get(name)
+        if name in values:
+            entries[name] = _measured(values[name], note="from what was measured")
+        elif value != alone[name] if row.choices else np.float32(value) != np.float32(alone[name]):
+            entries[name] = value
+    return entries
+
+
+def _latency(drive: DriveVerbs) -> dict[str, object]:
+    if drive.get("load_mode") == "shadow":
+        return {"latency": "predicted" if drive.get("predict") == "on" else "shadow"}
+    return {"latency": "immediate", "isr_us": _number(drive, "write_delay_us")}
+
+
+def _curve(found: Findings) -> list[str]:
+    if not found.magnetisation:
+        return []
+    points = ", ".join(
+        f"{psi:.3g} Wb {ls * 1e3:.4g} mH"
+        for psi, ls in zip(found.magnetisation.flux_Wb, found.magnetisation.ls_H)
+    )
+    return [f"# L_s at no load: {points}"]
+
+
+def _measured(value: Value, note: str = "") -> dict[str, object]:
+    spread = f"±{value.uncertainty:.2g}" if value.uncertainty else ""
+    words = "; ".join(part for part in (spread, note) if part)
+    return {"value": _short(value.value), "tag": "measured", **({"note": words} if words else {})}
+
+
+def _assumed(value: float, note: str) -> dict[str, object]:
+    return {"value": value, "tag": "assumed", "note": note}
+
+
+def _six(values: list[float]) -> dict[str, object]:
+    return {"value": [_short(v, 3) for v in values], "tag": "measured"}
+
+
+def _short(value: float, digits: int = 5) -> float:
+    return float(np.format_float_positional(value, digits, fractional=False))
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_toml(v) for v in value) + "]"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    return repr(value)

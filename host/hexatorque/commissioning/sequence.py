@@ -1,0 +1,181 @@
+"""The steps of commissioning, in their order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from ..drive.interface import DriveFault, DriveVerbs
+from . import encoder, inductance, resistance, rotor, running, wiring
+from .excitation import CommissioningError, Excitation, Limits
+from .regression import Value
+from .result import Findings
+
+#: Name -> what the step does.
+STEPS = {
+    "wiring": "sensors and motor leads",
+    "resistance": "R_s of each phase, dead time and device drops",
+    "inductance": "sigma L_s, L_xy",
+    "encoder": "its direction and counts: the shaft turns slowly",
+    "rotor": "R_r and L_m at standstill",
+    "magnetisation": "L_m at five fluxes: the drive runs without load",
+    "mechanics": "inertia and friction: the drive runs without load, then coasts",
+}
+#: Steps that a step needs; they run as well.
+NEEDS = {
+    "wiring": (),
+    "resistance": ("wiring",),
+    "inductance": ("wiring", "resistance"),
+    "encoder": ("wiring", "resistance"),
+    "rotor": ("wiring", "resistance", "inductance"),
+    "magnetisation": ("wiring", "resistance", "inductance", "encoder", "rotor"),
+    "mechanics": ("wiring", "resistance", "inductance", "encoder", "rotor"),
+}
+#: Called with a line for the user.
+Report = Callable[[str], None]
+
+
+def with_needs(steps: Sequence[str]) -> list[str]:
+    """The steps and those that they need, in their order."""
+    wanted = {need for step in steps for need in (step, *NEEDS[step])}
+    return [step for step in STEPS if step in wanted]
+
+
+def default_current_A(drive: DriveVerbs) -> float:
+    """A limit of the currents that suits the drive's parameters, which may be wrong."""
+    needed_A = max(float(drive.get("build_current_A")), 1.5 * running.needed_A(drive))
+    return min(needed_A, 0.9 * float(drive.get("i_trip_A")))
+
+
+def commission(
+    drive: DriveVerbs,
+    limits: Limits,
+    steps: Sequence[str] = tuple(STEPS),
+    turns_rev: float = 3.0,
+    report: Report = lambda line: None,
+    keep: bool = True,
+) -> Findings:
+    """Measure what the steps say, and load the parameters that follow (`keep`: leave them in
+    force, else the drive gets its own ones back). Wrong wiring ends it: `mistakes` names it."""
+    steps = with_needs(steps)
+    _check_limits(drive, limits)
+    found = Findings()
+    before = {name: drive.get(name) for name in drive.params if drive.params[name].live}
+    try:
+        _standstill(drive, limits, steps, found, report)
+        if not found.mistakes and "encoder" in steps:
+            _encoder(drive, limits, turns_rev, found, report)
+        if not found.mistakes and "rotor" in steps:
+            _rotor(drive, limits, found, report)
+        if not found.mistakes:
+            found.load(drive)
+            _running(drive, limits, steps, found, report)
+            found.load(drive)
+    except BaseException:
+        _restore(drive, before)
+        raise
+    if found.mistakes or not keep:
+        _restore(drive, before)
+    return found
+
+
+def _restore(drive: DriveVerbs, before: Mapping[str, object]) -> None:
+    drive.stop()
+    changed = {name: value for name, value in before.items() if drive.get(name) != value}
+    if changed:
+        drive.set_many(changed)
+
+
+def _check_limits(drive: DriveVerbs, limits: Limits) -> None:
+    trip_A = float(drive.get("i_trip_A"))
+    if not 0 < limits.current_A <= trip_A:
+        raise CommissioningError(
+            f"current = {limits.current_A:g} A: allowed range is above 0 .. {trip_A:g} A (i_trip_A)"
+        )
+    if drive.state != "idle":
+        raise CommissioningError(f"the drive is in state {drive.state}: stop it, clear its faults")
+
+
+def _standstill(
+    drive: DriveVerbs, limits: Limits, steps: list[str], found: Findings, report: Report
+) -> None:
+    with Excitation(drive, limits) as test:
+        try:
+            wires = wiring.check(test)
+        except DriveFault as fault:
+            found.mistakes.append(_tripped(fault, limits))
+            drive.clear()
+            return
+        found.noise_A = test.noise_A()
+        found.mistakes += wires.mistakes
+        if wires.mistakes:
+            return
+        report("wiring: leads and current sensors are right")
+        slow_s = _slow_s(drive)
+        if "resistance" in steps:
+            found.resistance = resistance.measure(test, wires.xy_per_H, slow_s)
+            report(
+                f"R_s: {found.resistance.mean_ohm:ohm}, phases " + _list(found.resistance.rs_ohm)
+            )
+            report(f"dead time and devices: {found.resistance.mean_lost_V:V} on each leg")
+        if "inductance" in steps:
+            assert found.resistance
+            found.inductance = inductance.measure(
+                test, found.resistance, wires.ab_per_H, wires.xy_per_H, slow_s
+            )
+            report(f"sigma L_s: {found.inductance.sigma_ls_H:H}, L_xy: {found.inductance.lxy_H:H}")
+
+
+def _tripped(fault: DriveFault, limits: Limits) -> str:
+    return (
+        f"{', '.join(fault.causes)} during the first pulses, below {limits.current_A:g} A: a short "
+        "circuit, or a sensor whose range is not i_full_A"
+    )
+
+
+def _encoder(
+    drive: DriveVerbs, limits: Limits, turns_rev: float, found: Findings, report: Report
+) -> None:
+    assert found.resistance
+    with Excitation(drive, limits, encoder.SLACK * turns_rev) as test:
+        answer = encoder.check(test, found.resistance, turns_rev)
+    found.mistakes += answer.mistakes
+    if not answer.mistakes:
+        report(f"encoder: direction and counts are right, {100 * answer.ratio:.1f} % of the field")
+
+
+def _rotor(drive: DriveVerbs, limits: Limits, found: Findings, report: Report) -> None:
+    assert found.resistance and found.inductance
+    ls = float(drive.get("lm_H")) + found.inductance.sigma_ls_H.value / 2
+    current_A = float(drive.get("flux_ref_Wb")) / ls
+    guess = (float(drive.get("rr_ohm")), float(drive.get("lm_H")))
+    with Excitation(drive, limits) as test:
+        found.rotor = rotor.measure(test, found.resistance, found.inductance, current_A, guess)
+    report(f"R_r: {found.rotor.rr_ohm:ohm}, L_m: {found.rotor.lm_H:H}")
+
+
+def _running(
+    drive: DriveVerbs, limits: Limits, steps: list[str], found: Findings, report: Report
+) -> None:
+    if "magnetisation" in steps:
+        assert found.rotor
+        found.magnetisation = running.magnetisation(drive, limits)
+        points = zip(found.magnetisation.flux_Wb, found.magnetisation.ls_H)
+        report("L_s: " + ", ".join(f"{ls:.4g} H at {psi:.3g} Wb" for psi, ls in points))
+        found.load(drive)
+    if "mechanics" in steps:
+        found.mechanics = running.mechanics(drive, limits)
+        report(
+            f"inertia: {found.mechanics.inertia_kgm2:kg m2}, friction: {found.mechanics.dry_Nm:N m}"
+            f" and {found.mechanics.viscous_Nms:N m s}"
+        )
+
+
+def _slow_s(drive: DriveVerbs) -> float:
+    rs, rr, lm = (float(drive.get(name)) for name in ("rs_ohm", "rr_ohm", "lm_H"))
+    return float(np.clip(lm / max(rs, 1e-4) + lm / max(rr, 1e-4), 0.05, 5.0))
+
+
+def _list(values: Sequence[Value]) -> str:
+    return " ".join(f"{value.value:.4g}" for value in values)

@@ -1,0 +1,256 @@
+"""Step a: which wire goes where. Every mistake found is a line that names it.
+
+Each leg in turn gets a short square wave of voltage. What every current channel answers makes a
+matrix: channel by leg. A machine has two conductances for such a wave, of the alpha-beta plane and
+of the x-y plane. For each of the 720 orders of the six leads they are fitted to the matrix.
+
+If an order explains the matrix, the sensors are right, and it is the order of the leads. If none
+does, a sensor is wrong: a channel then measures the leg at which it answers most, and the answer's
+sign is the sensor's.
+
+Exchanging the two planes is an order of the leads as well, and looks the same with the planes'
+conductances exchanged. Two things tell them apart. The alpha-beta plane, with the rotor's leakage
+too, mostly conducts less. And in a longer wave the rotor's resistance adds to the stator's there.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..plant.vsd import ANGLES_RAD, INVERSE, PHASES, TRANSFORM
+from .excitation import CommissioningError, Excitation, Samples, half_wave_Hz, on_leg
+from .regression import linear
+
+#: Half-waves of the short wave, fast interrupts. Shorter than the machine's time constants.
+SHORT_TICKS = 5
+#: The same of the longer wave, seconds.
+LONG_S = 0.006
+#: Currents aimed at, share of the stated limit: a sensor may show less than the half.
+AIM = 0.3
+#: The voltage grows by this factor until the current is there.
+GROWTH = 1.4
+#: A channel or leg below this share of the largest answer is dead.
+DEAD = 0.15
+#: Gains of two channels may differ by this share.
+GAIN = 0.2
+#: What an order may leave unexplained, share of the matrix's rms: readings are noisy, a stator may
+#: be asymmetrical, and small currents lose less to the dead time than large ones.
+UNEXPLAINED = 0.18
+#: Leads are taken as right if no other order leaves less than this share of what they leave.
+BETTER = 0.6
+
+_DELTA = ANGLES_RAD[:, None] - ANGLES_RAD[None, :]
+#: Conductances between the phases of a machine: parts of the alpha-beta and of the x-y plane.
+_AB, _XY = np.cos(_DELTA) / 3, np.cos(5 * _DELTA) / 3
+ORDERS = np.array(list(itertools.permutations(range(6))))
+#: A wave on one leg comes without its star's zero sequence, which is seen if leads of the two stars
+#: are exchanged.
+_APPLIED = INVERSE @ TRANSFORM
+
+
+@dataclass(frozen=True)
+class Wiring:
+    mistakes: tuple[str, ...]
+    response_per_H: np.ndarray  #: (6 channels, 6 legs): d i/dt over voltage
+    ab_per_H: float = 0.0  #: 1/(sigma L_s), roughly
+    xy_per_H: float = 0.0  #: 1/L_xy, roughly
+
+
+def check(test: Excitation) -> Wiring:
+    """Sensors and leads; if they seem right, also whether the planes are exchanged."""
+    found = decide(measure(test))
+    if not found.mistakes and exchanged(test, found):
+        swapped = _words(_other_planes(found.response_per_H))
+        return replace(found, mistakes=swapped)
+    return found
+
+
+def decide(response: np.ndarray) -> Wiring:
+    """What is wrong, from the matrix alone."""
+    every = np.arange(6)
+    fits = fit(response, every)
+    if fits.unexplained.min() < UNEXPLAINED:
+        return _leads(response, fits, [])
+    mistakes, legs, scale = sensors(response)
+    read = np.flatnonzero(scale)
+    fits = fit(response[read] / scale[read, None], legs[read])
+    if fits.unexplained.min() < UNEXPLAINED:
+        return _leads(response, fits, mistakes)
+    mistakes.append(
+        "the currents fit no order of leads and sensors: mend what is named, or check each "
+        "lead and sensor, and try again"
+    )
+    return Wiring(tuple(mistakes), response)
+
+
+def _leads(response: np.ndarray, fits: Fits, mistakes: list[str]) -> Wiring:
+    best = fits.unexplained.min()
+    chosen = 0  # permutations() begins with the straight order
+    if fits.unexplained[0] * BETTER > best:
+        chosen = _simplest(fits)
+    mistakes = [*mistakes, *_words(ORDERS[chosen])]
+    return Wiring(tuple(mistakes), response, float(fits.ab[chosen]), float(fits.xy[chosen]))
+
+
+def _simplest(fits: Fits) -> int:
+    """Of the orders that fit alike the one with the fewest leads to move; first those whose
+    alpha-beta plane conducts less."""
+    alike = np.flatnonzero(fits.unexplained <= 1.2 * fits.unexplained.min() + 1e-9)
+    moved = (ORDERS[alike] != np.arange(6)).sum(1)
+    return int(alike[np.argmin(moved + 10 * (fits.ab[alike] > fits.xy[alike]))])
+
+
+def _other_planes(response: np.ndarray) -> np.ndarray:
+    """The order that fits with the planes exchanged, as against the straight one."""
+    fits = fit(response, np.arange(6))
+    alike = np.flatnonzero(fits.unexplained <= 1.2 * fits.unexplained[0] + 1e-9)
+    other = alike[(fits.ab[alike] > fits.xy[alike]) != (fits.ab[0] > fits.xy[0])]
+    moved = (ORDERS[other] != np.arange(6)).sum(1)
+    return ORDERS[other[np.argmin(moved)]]
+
+
+# -- which plane has the rotor ---------------------------------------------------------------
+
+
+def exchanged(test: Excitation, found: Wiring) -> bool:
+    """Whether what should be the x-y plane shows more resistance than the alpha-beta plane."""
+    alpha, x = (
+        _resistance(test, axis, per_H) for axis, per_H in ((0, found.ab_per_H), (2, found.xy_per_H))
+    )
+    return x > alpha
+
+
+def _resistance(test: Excitation, axis: int, per_H: float) -> float:
+    """Effective resistance of an axis in a wave of some milliseconds."""
+    hertz = half_wave_Hz(test.f_isr_Hz, round(LONG_S * test.f_isr_Hz))
+    vector = np.zeros(4)
+    aim_A = AIM * test.limits.current_A
+    volts = aim_A / per_H * 4 * hertz * 0.3
+    while True:
+        vector[axis] = volts
+        wave = test.pulse(vector, "square", hertz, 3 / hertz)
+        test.rest(1 / hertz)
+        if np.abs(_around(wave)).max() >= aim_A or volts >= test.most_pu * float(wave.vdc_V.mean()):
+            break
+        volts *= 1.3
+    i = wave.i_vsd_A[:, axis]
+    middle = 0.5 * (i[1:] + i[:-1])
+    slope = np.diff(i) / wave.dt_s
+    (_, ohm, _), _ = linear([slope, middle, np.sign(middle)], wave.v_V[:, axis])
+    return ohm.value
+
+
+# -- the matrix ------------------------------------------------------------------------------
+
+
+def measure(test: Excitation) -> np.ndarray:
+    """Slope of every channel per volt on every leg, (6, 6)."""
+    vdc_V = test.vdc_V
+    hertz = half_wave_Hz(test.f_isr_Hz, SHORT_TICKS)
+    volts = 0.01 * vdc_V
+    while True:
+        waves = [_wave(test, on_leg(leg, volts), hertz) for leg in range(6)]
+        largest_A = max(np.abs(_around(wave)).max() for wave in waves)
+        if largest_A >= AIM * test.limits.current_A or volts >= test.most_pu * vdc_V:
+            break
+        volts = min(GROWTH * volts, test.most_pu * vdc_V)
+    if largest_A < 0.02 * test.limits.current_A:
+        raise CommissioningError(
+            f"no current at {volts:.0f} V on each leg in turn: are motor, gate drivers and current "
+            "sensors connected, and does --current suit the sensors' range?"
+        )
+    return np.column_stack([_slopes(wave, leg) for leg, wave in enumerate(waves)])
+
+
+def _wave(test: Excitation, vector_V: np.ndarray, hertz: float) -> Samples:
+    wave = test.pulse(vector_V, "square", hertz, 6 / hertz)
+    test.rest(2 / hertz)
+    return wave
+
+
+def _around(wave: Samples) -> np.ndarray:
+    """The currents without what was there before the wave."""
+    return wave.i_A - wave.i_A[0]
+
+
+def _slopes(wave: Samples, leg: int) -> np.ndarray:
+    """d i/dt over the voltage on this leg: (6,). The current changes its sign in the middle of
+    each half-wave, so dead time and resistance cancel."""
+    v = wave.v_V @ INVERSE[leg] / (TRANSFORM[:, leg] @ INVERSE[leg])
+    slope = np.diff(wave.i_A, axis=0) / wave.dt_s
+    steady = np.ones(len(v), bool)  # not across an edge: sensors have a delay
+    steady[1:] = v[1:] == v[:-1]
+    whole = steady & (np.abs(v) > 0)
+    return v[whole] @ slope[whole] / (v[whole] @ v[whole])
+
+
+# -- sensors ---------------------------------------------------------------------------------
+
+
+def sensors(response: np.ndarray) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """Mistakes of the current sensors if the leads are right; the leg that each channel measures;
+    and each channel's scale, with sign, 0 if it reads nothing."""
+    size = np.abs(response)
+    answers = size.max(1)
+    legs = size.argmax(1)
+    usual = float(np.median(answers))
+    driven = size.max(0) >= DEAD * size.max()
+    scale = response[np.arange(6), legs] / usual
+    scale[np.abs(scale) < DEAD] = 0.0
+    mistakes = [
+        f"leg {PHASES[leg]}: its voltage drives no current: lead open, or its gates do not switch"
+        for leg in np.flatnonzero(~driven)
+    ]
+    for channel, name in enumerate(PHASES):
+        if scale[channel] == 0.0:
+            if driven[channel]:
+                mistakes.append(f"current sensor {name}: reads nothing: open, or without supply")
+            continue
+        if legs[channel] != channel:
+            mistakes.append(f"current sensor {name}: measures leg {PHASES[legs[channel]]}")
+        if scale[channel] < 0:
+            mistakes.append(f"current sensor {name}: has the wrong sign")
+        if abs(abs(scale[channel]) - 1) > GAIN:
+            mistakes.append(
+                f"current sensor {name}: reads {abs(scale[channel]):.2f} times what the others "
+                "read: another range, or a phase of another inductance"
+            )
+    return mistakes, legs, scale
+
+
+# -- leads -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Fits:
+    """For each order of the leads."""
+
+    ab: np.ndarray  #: conductance of the alpha-beta plane, 1/H
+    xy: np.ndarray
+    unexplained: np.ndarray  #: rms of what they do not explain, share of the matrix's
+
+
+def fit(rows: np.ndarray, legs: np.ndarray) -> Fits:
+    """`rows`: answers of sensors on these legs to the wave on each leg, (n, 6)."""
+    p, q = (
+        (plane[ORDERS[:, legs, None], ORDERS[:, None, :]] @ _APPLIED).reshape(len(ORDERS), -1)
+        for plane in (_AB, _XY)
+    )
+    target = rows.ravel()
+    pp, qq, pq = (p * p).sum(1), (q * q).sum(1), (p * q).sum(1)
+    pt, qt = p @ target, q @ target
+    det = pp * qq - pq * pq
+    ab, xy = (pt * qq - qt * pq) / det, (qt * pp - pt * pq) / det
+    rest = target - ab[:, None] * p - xy[:, None] * q
+    return Fits(ab, xy, np.sqrt((rest * rest).mean(1) / (target * target).mean()))
+
+
+def _words(order: np.ndarray) -> tuple[str, ...]:
+    return tuple(
+        f"motor lead: leg {PHASES[leg]} feeds phase {PHASES[phase]}"
+        for leg, phase in enumerate(order)
+        if leg != phase
+    )

@@ -1,0 +1,10 @@
+"""How the drive may be connected, and misconnected: for trying out what finds such mistakes.
+
+This module imports nothing: cmake/initial_values.py uses it where the package is not installed.
+"""
+
+#: Index of the phase on each leg of the inverter if the leads are where they belong.
+STRAIGHT = (0, 1, 2, 3, 4, 5)
+
+#: How the encoder may be connected. With one channel open the counter goes back and forth.
+ENCODER_WIRES = ("straight", "swapped", "one open", "open")

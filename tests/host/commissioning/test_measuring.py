@@ -1,0 +1,212 @@
+"""What the steps find agrees with the machine, within the stated uncertainty's order and the goals.
+
+The goals: R_s 2 %, sigma L_s, L_xy and L_m 5 %, R_r 10 %, J 5 %, lost voltage 10 %.
+"""
+
+import os
+
+import numpy as np
+import pytest
+
+from hexatorque import setups
+from hexatorque.commissioning import inductance, resistance, rotor, running, wiring
+from hexatorque.commissioning.excitation import Excitation, Limits, Samples
+from hexatorque.commissioning.regression import Value, linear, nonlinear
+from hexatorque.commissioning.result import set_up
+from hexatorque.commissioning.sequence import STEPS, commission, with_needs
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.plant.vsd import INVERSE, TRANSFORM
+from hexatorque.setups.loading import parse
+
+WHOLE = os.environ.get("HT_WHOLE", "") not in ("", "0")
+
+
+# -- arithmetic ------------------------------------------------------------------------------
+
+
+def test_uncertainty_is_that_of_the_noise():
+    """Of many fits of noisy straight lines, 95 % lie within two standard deviations."""
+    rng = np.random.default_rng(2)
+    x = np.linspace(0, 1, 50)
+    inside = 0
+    for _ in range(200):
+        (slope, _), _ = linear([x, np.ones(50)], 3 * x + 1 + 0.2 * rng.standard_normal(50))
+        inside += abs(slope.value - 3) < slope.uncertainty
+    assert 180 <= inside <= 199
+
+
+def test_nonlinear_finds_a_decay():
+    t = np.linspace(0, 3, 200)
+    noise = 0.01 * np.random.default_rng(1).standard_normal(200)
+    (size, rate), rest = nonlinear(
+        lambda x: x[0] * np.exp(-x[1] * t), np.array([1.0, 1.0]), 5 * np.exp(-2.5 * t) + noise
+    )
+    assert size.value == pytest.approx(5, rel=0.01) and rate.value == pytest.approx(2.5, rel=0.01)
+    assert rest.std() < 0.012
+
+
+def test_direct_currents_tell_resistances_and_lost_voltages_apart():
+    ohm = np.array([1.9, 1.8, 1.7, 1.8, 1.85, 1.75])
+    rng = np.random.default_rng(4)
+    currents = 4 * rng.standard_normal((40, 4)) @ INVERSE.T
+    legs = ohm * currents + 6.0 * np.sign(currents)
+    found = resistance.solve(legs @ TRANSFORM.T, currents, 250.0)
+    assert [v.value for v in found.rs_ohm] == pytest.approx(ohm, rel=0.02)
+    assert found.mean_lost_V.value == pytest.approx(6.0, rel=0.02)
+
+
+def test_a_step_of_the_equivalent_circuit():
+    """The curve of a T circuit, integrated on its own: the solution must give R_r and L_m back."""
+    rs, rr, leak, lm, volts, dt = 2.0, 1.5, 0.01, 0.25, 4.0, 2e-5
+    inverse = np.linalg.inv(np.array([[leak + lm, lm], [lm, leak + lm]]))
+    flux, currents = np.zeros(2), []
+    for k in range(50000):
+        i = inverse @ flux
+        if k % 40 == 0:
+            currents.append(i[0])
+        flux = flux + dt * (np.array([-volts, 0]) - np.array([rs, rr]) * i)
+    n = len(currents)
+    i_A = np.array(currents)[:, None] * INVERSE[:, 0] + 1.3 * INVERSE[:, 0]
+    v = np.tile([-1.0, 0, 3.0, 0], (n - 1, 1))  # the sign of what is commanded is of no interest
+    step = Samples(40 * dt, i_A, np.full(n, 250.0), v)
+    sigma = leak + lm - lm**2 / (leak + lm)
+    found = rotor.solve(step, (1.3, 2000), volts, 1.5, sigma, (3.0, 0.1))
+    assert found.rr_ohm.value == pytest.approx(rr, rel=0.01)
+    assert found.lm_H.value == pytest.approx(lm, rel=0.01)
+    assert found.leakage_H == pytest.approx(leak, rel=0.02)
+
+
+def test_inductance_of_a_loaded_machine_in_steady_state():
+    """Phasors of the T circuit with slip: flux and current give L_s back whatever the load."""
+    leak, lm, rr = 0.014, 0.256, 2.2
+    sigma_ls = leak + lm - lm**2 / (leak + lm)
+    for slip_rad_s in (0.0, 1.0, 5.0, 20.0):
+        i = 1.0
+        rotor_i = -1j * slip_rad_s * lm * i / (rr + 1j * slip_rad_s * (leak + lm))
+        flux = (leak + lm) * i + lm * rotor_i
+        along, across = (i * flux.conjugate()).real / abs(flux), (i / flux).imag * abs(flux)
+        found = running.inductance_H(abs(flux), along, across, sigma_ls)
+        assert found == pytest.approx(leak + lm, rel=1e-6)
+
+
+def test_inertia_in_spite_of_a_wrong_torque():
+    """Runs of J = 0.02, dry 0.3, viscous 0.002, the torque estimated 0.05 N m too high."""
+    dt, inertia = 1e-3, 0.02
+
+    def run(torque, w0):
+        w, speeds = w0, []
+        for _ in range(1500):
+            speeds.append(w * 30 / np.pi)
+            w += dt / inertia * (torque - 0.3 * np.sign(w if w else torque) - 0.002 * w)
+        keep = np.array(speeds)
+        return np.arange(1500) * dt, keep, np.full(1500, torque + 0.05)
+
+    top = 60 * 30 / np.pi
+    up, down, coast = run(1.4, 0.0), run(-1.4, 60.0), run(0.0, 60.0)
+    found = running.solve(up, down, coast, top, 0.01, 0.004)
+    assert found.inertia_kgm2.value == pytest.approx(inertia, rel=0.005)
+    assert found.dry_Nm.value == pytest.approx(0.3, rel=0.02)
+    assert found.viscous_Nms.value == pytest.approx(0.002, rel=0.03)
+
+
+def test_friction_of_a_speed_that_hardly_changes():
+    """Dry friction alone slows the shaft by 0.1 %. Readings come in steps of 0.5 rad/s."""
+    t = np.arange(0, 30, 0.02)
+    w = np.round(2 * (100 - 0.003 * t)) / 2
+    rows = np.column_stack([w, np.zeros_like(t), t, np.cumsum(w) * 0.02])
+    dry, viscous = running.friction(rows)
+    assert min(dry.value, viscous.value) >= 0
+    assert dry.value + 100 * viscous.value == pytest.approx(0.003, abs=0.012)
+    assert dry.uncertainty < 0.03 and viscous.uncertainty < 3e-4
+
+
+def test_readings_keep_their_age():
+    """A reading of 200 periods has whole samples in it, or a sample whole readings."""
+    assert [running.in_step(least, 200) for least in (1, 7, 9, 150, 201)] == [1, 8, 10, 200, 400]
+
+
+def test_steps_bring_the_steps_that_they_need():
+    assert with_needs(["inductance"]) == ["wiring", "resistance", "inductance"]
+    assert with_needs(["mechanics"]) == [s for s in STEPS if s != "magnetisation"]
+
+
+# -- on the machine --------------------------------------------------------------------------
+
+
+def machine(name="paper-b", **changes):
+    """A machine with all that disturbs, and a controller that knows it badly."""
+    plain = setups.load(name)
+    known = plain.controller_values()
+    wrong = {
+        "rs_ohm": 1.3,
+        "rr_ohm": 0.7,
+        "sigma_ls_H": 0.7,
+        "lxy_H": 1.5,
+        "lm_H": 0.8,
+        "lr_H": 0.8,
+    }
+    return plain.changed(
+        **{f"controller__{k}": known[k] * f for k, f in wrong.items()},
+        controller__drop_V=0.0,
+        sensors__i_noise_A=0.02,
+        sensors__i_offset_A=[0.1, -0.1, 0.05, 0, 0.2, -0.15],
+        inverter__v_switch_V=1.0,
+        inverter__v_diode_V=0.8,
+        inverter__r_switch_ohm=0.02,
+        inverter__r_diode_ohm=0.02,
+        machine__drs_ohm=[0.1, 0, -0.1, 0, 0, 0.05],
+        **changes,
+    )
+
+
+def test_standstill_on_a_machine():
+    """Steps b and c, without the slow part that tells the phases apart."""
+    sim = SimulatedDrive(machine())
+    with Excitation(sim, Limits(8.0, 0.05)) as test:
+        rough = wiring.decide(wiring.measure(test))
+        found = resistance.measure(test, rough.xy_per_H, 0.01)
+        coils = inductance.measure(test, found, rough.ab_per_H, rough.xy_per_H, 0.2)
+    lost_V = 300 * 2e-6 * 1e4 + 0.9
+    assert found.mean_ohm.value == pytest.approx(6.02 + 0.05 / 6, rel=0.02)
+    assert found.mean_lost_V.value == pytest.approx(lost_V, rel=0.05)
+    assert coils.sigma_ls_H.value == pytest.approx(sim.machine.sigma_ls_H, rel=0.03)
+    assert coils.lxy_H.value == pytest.approx(sim.machine.lxy_H, rel=0.03)
+    assert all(abs(d.value) < 3e-4 for d in coils.dlls_H)
+    assert sim.get("start_mode") == "drive" and sim.get("test_alpha_V") == 0.0
+    assert sim.state == "idle"
+
+
+@pytest.mark.skipif(not WHOLE, reason="a whole commissioning: HT_WHOLE=1 runs it")
+@pytest.mark.parametrize("name", ["paper-a-feasible", "paper-b"])
+def test_whole_commissioning(name):
+    set_up_of_machine = machine(name, load__kind="friction", machine__viscous_Nms=0.002)
+    sim = SimulatedDrive(set_up_of_machine)
+    sim.load_Nm = 0.2
+    found = commission(sim, Limits(8.0, 0.1))
+    m, got = sim.machine, {k: v.value for k, v in found.parameters(sim).items()}
+    assert found.mistakes == []
+    assert got["rs_ohm"] == pytest.approx(m.rs_ohm + 0.05 / 6 + 0.02, rel=0.02)
+    phases = [v.value for v in found.resistance.rs_ohm]
+    assert phases == pytest.approx(m.rs_ohm + np.array(m.drs_ohm) + 0.02, rel=0.02)
+    assert got["sigma_ls_H"] == pytest.approx(m.sigma_ls_H, rel=0.05)
+    assert got["lxy_H"] == pytest.approx(m.lxy_H, rel=0.05)
+    assert got["lm_H"] == pytest.approx(m.lm_H, rel=0.05)
+    assert got["rr_ohm"] == pytest.approx(m.rr_ohm, rel=0.1)
+    assert found.mechanics.inertia_kgm2.value == pytest.approx(m.inertia_kgm2, rel=0.05)
+    assert found.mechanics.dry_Nm.value == pytest.approx(0.2, rel=0.1)
+    written = parse(set_up(found, sim, "f28377s", "found"), "found")
+    assert written["machine.lm_H"] == pytest.approx(m.lm_H, rel=0.05)
+    assert written.values["machine"]["rs_ohm"].tag == "measured"
+
+
+def test_mistakes_of_the_user_are_one_line():
+    sim = SimulatedDrive(setups.load("paper-a-feasible"))
+    with pytest.raises(Exception, match=r"current = 99 A: allowed range is above 0 \.\. 22 A"):
+        commission(sim, Limits(99.0, 0.1))
+    sim.start()
+    with pytest.raises(Exception, match="the drive is in state calibrate"):
+        commission(sim, Limits(8.0, 0.1))
+
+
+def test_values_show_their_uncertainty():
+    assert f"{Value(1.8234, 0.0031):ohm}" == "1.823 ohm ±0.0031"
