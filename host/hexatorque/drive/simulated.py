@@ -32,8 +32,8 @@ from ..plant.pwm import PWM_MAP, pwm_record
 from ..plant.record import names_of, record
 from ..plant.sensors import SENSORS
 from ..plant.vsd import INVERSE, PHASES
-from ..recording.channels import Channels, Held
 from ..plant.wires import ENCODER_WIRES
+from ..recording.channels import Channels, Held
 from ..recording.recording import STARTED, Recording, clock_text
 from ..setups import Setup, SetupError, parameters
 from .captures import Burst, Trigger, metadata

@@ -977,7 +977,10 @@ def test_flux_that_turns_in_the_build_up(bench):
     bench.controller.set("build_s", 0.1)
     bench.controller.set("encoder_trip_rpm", 150.0)
     electrical = 2 * np.pi / 30  # rad/s per r/min, two pole pairs
-    for share, rpm, found in ((0.15, 500.0, False), (0.5, 95.0, False), (0.5, -105.0, True)):
+    cases = ((0.15, 500.0, False), (0.5, 95.0, False), (0.5, -105.0, True), (0.5, 105.0, True))
+    for share, rpm, found in cases:
+        if bench.drive.faults:
+            bench.controller.clear()
         bench.run_to("build").fast(int(1000 * share))
         bench.drive.control.observer.omega_sync_rad_s = rpm * electrical
         bench.slow()
@@ -986,6 +989,32 @@ def test_flux_that_turns_in_the_build_up(bench):
         assert bench.gates_on != found
         bench.controller.stop()
     assert bench.drive.faults == lib.HT_FAULT_ENCODER
+
+
+def test_flux_that_turns_in_the_build_up_with_the_check_off(bench):
+    bench.controller.set("build_s", 0.1)
+    bench.run_to("build").fast(500)
+    bench.drive.control.observer.omega_sync_rad_s = 500.0
+    bench.slow()
+    bench.fast()
+    assert (bench.state, bench.drive.faults) == ("build", 0)
+
+
+@pytest.mark.parametrize(
+    "values, adapts",
+    [({}, True), ({"adapt_s": 0.0}, False), ({"observer": "compensated"}, False)],
+)
+def test_the_build_up_learns_the_resistance_if_adaptation_is_on(values, adapts):
+    bench = Bench(build_s=0.1, **values)
+    bench.run_to("build").fast(500)
+    before = bench.drive.control.observer.rs_ohm
+    observer = bench.drive.control.observer
+    observer.psi_r_Wb = [0.5, 0.1]
+    observer.i_A = [3.0, 0.8]
+    observer.gap_Wb = [0.02, 0.01]  # the voltage model's flux is another one
+    for _ in range(5):
+        bench.slow()
+    assert (observer.rs_ohm != before) == adapts
 
 
 def test_slow_fault_of_the_run_before_is_forgotten(bench):
@@ -1219,6 +1248,40 @@ def test_the_flux_reference_is_reduced_at_standstill_under_load(bench):
     assert settled(2.0) == less
     bench.controller.set("adapt_s", 0.0)
     assert settled(2.0) == full
+
+
+def test_a_higher_flux_reference_is_approached_by_a_ramp(bench):
+    """As fast as in the build-up, which takes eight slow periods here."""
+    bench.controller.set("build_s", 0.08)
+    bench.run_to("run")
+    for wanted in (0.9, 0.4):
+        before = bench.drive.flux_ref_Wb
+        bench.controller.set("flux_ref_Wb", wanted)
+        bench.fast()
+        steps = []
+        for _ in range(15):
+            bench.slow()
+            steps.append(bench.drive.flux_ref_Wb)
+        largest = max(before, wanted) / 8
+        assert np.all(np.abs(np.diff([before, *steps])) <= 1.001 * largest)
+        assert abs(steps[0] - before) == pytest.approx(largest, rel=1e-4)
+        assert steps[-1] == pytest.approx(wanted, rel=1e-5)
+
+
+@pytest.mark.parametrize("angle_deg", range(0, 360, 20))
+def test_field_weakening_leaves_the_voltage_that_the_current_takes(bench, angle_deg):
+    """psi = (reach Vdc - R_s |i|) / omega; the current's size is right within 4 %."""
+    bench.controller.set("field_weakening", "on")
+    bench.run_to("run").fast()
+    drive, angle = bench.drive, np.deg2rad(angle_deg)
+    drive.control.observer.i_A = [8.0 * np.cos(angle), 8.0 * np.sin(angle)]
+    drive.control.observer.omega_sync_rad_s = omega = 400.0
+    bench.slow()
+    flux = drive.config.flux
+    wanted = (flux.reach_pu * bench.vdc - flux.rs_ohm * 8.0) / omega
+    assert flux.flux_min_Wb < wanted < 0.6
+    off = 0.04 * flux.rs_ohm * 8.0 / omega + 1e-3 * wanted  # and the converter's resolution
+    assert drive.flux_ref_Wb == pytest.approx(wanted, abs=off)
 
 
 # --- no fast interrupt any more -----------------------------------------------------------

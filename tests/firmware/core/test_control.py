@@ -530,11 +530,20 @@ def test_six_currents_are_transformed_by_the_vsd_matrix():
         ({"dead__i_zero_A": 0.0}, lib.HT_CONFIG_TIMING),
         ({"table_law__xy_limit_pu": 0.0}, lib.HT_CONFIG_SCHEME),
         ({"table_law__xy_limit_pu": np.nan}, lib.HT_CONFIG_SCHEME),
+        ({"table_law__xy_limit_pu": 1.0}, lib.HT_CONFIG_SCHEME),
+        ({"table_law__xy_limit_pu": 1.0, "table_law__regulated": False}, lib.HT_CONFIG_OK),
+        ({"table_law__group": 3}, lib.HT_CONFIG_SCHEME),
+        ({"table_law__vectors": lib.HT_VECTORS_VIRTUAL + 1}, lib.HT_CONFIG_SCHEME),
         ({"observer__rs_ohm": -1.0}, lib.HT_CONFIG_MACHINE),
         ({"observer__rs_ohm": np.nan}, lib.HT_CONFIG_MACHINE),
         ({"observer__sigma_ls_H": 0.0}, lib.HT_CONFIG_MACHINE),
         ({"observer__inv_sigma_ls": np.inf}, lib.HT_CONFIG_MACHINE),
         ({"observer__lxy_H": np.inf}, lib.HT_CONFIG_MACHINE),
+        ({"observer__lxy_H": 0.0}, lib.HT_CONFIG_MACHINE),
+        ({"observer__kind": 3}, lib.HT_CONFIG_MACHINE),
+        ({"observer__rotor_decay": np.nan}, lib.HT_CONFIG_MACHINE),
+        ({"observer__rotor_decay": 0.5}, lib.HT_CONFIG_MACHINE),
+        ({"observer__rotor_decay": 0.49}, lib.HT_CONFIG_OK),
     ],
 )
 def test_bad_configurations_are_refused_with_the_reason(changes, status):
@@ -544,6 +553,13 @@ def test_bad_configurations_are_refused_with_the_reason(changes, status):
     if scheme is not None:
         cfg.scheme = scheme
     assert lib.ht_control_check(cfg) == status
+
+
+def test_a_scheme_that_does_not_exist_selects_nothing():
+    cfg = config("ddr")
+    lib.ht_control_select(cfg, lib.HT_SCHEMES)
+    assert cfg.table_law.regulated and cfg.table_law.vectors == lib.HT_VECTORS_VIRTUAL
+    assert lib.ht_control_check(cfg) == lib.HT_CONFIG_SCHEME
 
 
 def test_drops_of_the_devices_lower_the_estimated_flux():

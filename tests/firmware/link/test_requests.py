@@ -38,6 +38,7 @@ from device import (
     STATE,
     STATUS,
     STOP,
+    STORE,
     STREAM,
     TRIGGER,
     TURNING,
@@ -381,6 +382,39 @@ def test_values_that_do_not_fit_together_are_refused(device):
     assert (reply.status, reply.payload) == (CONFIG, struct.pack("<H", lib.HT_MISFIT_PERIOD))
     assert everything(device) == before
     assert device.write(torque_inner_Nm=0.1, torque_band_Nm=0.2).status == DONE
+
+
+def test_a_scheme_that_needs_another_set_up_is_refused_with_the_reason(device):
+    """The status says all: no number comes with it."""
+    before = everything(device)
+    scheme = firmware.schemes().index("db-dtfc")
+    assert device.write(predict=0.0).status == DONE
+    reply = device.write(scheme=scheme)
+    assert (reply.status, reply.payload) == (lib.HT_ERROR_PREDICTION, b"\xff\xff")
+    reply = device.write(scheme=scheme, predict=1.0, f_isr_Hz=2000.0, rs_ohm=30.0)
+    assert (reply.status, reply.payload) == (lib.HT_ERROR_SAMPLING, b"\xff\xff")
+    assert device.write(predict=1.0).status == DONE
+    assert everything(device) == before
+
+
+def test_a_store_that_fails_is_told_from_none():
+    class Failing(firmware.MemoryStore):
+        def put(self, begin, raw):
+            return False
+
+    for store, detail in ((Failing(), b"\0\0"), (None, b"\xff\xff")):
+        device = Device(store=store)
+        for op in (SAVE, FORGET):
+            reply = device.ask(op)
+            assert (reply.status, reply.payload) == (STORE, detail)
+
+
+def test_a_service_without_a_store(device):
+    device.service.setup.store = ffi.NULL
+    assert device.done(STATUS).payload[-1] == lib.HT_SET_DEFAULTS
+    for op in (SAVE, FORGET):
+        reply = device.ask(op)
+        assert (reply.status, reply.payload) == (STORE, b"\xff\xff")
 
 
 def test_rate_cannot_change_while_a_stream_or_capture_depends_on_it(device):

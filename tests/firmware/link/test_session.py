@@ -152,6 +152,16 @@ def test_a_session_without_requests_ends(watchdog_ms):
     assert device.ask(OPEN, nonce(OTHER)).status == DONE
 
 
+def test_a_watchdog_of_no_time_has_a_millisecond():
+    """0 ms must neither wrap round to 120 hours nor leave a drive without a watchdog."""
+    device = Device(session=False, watchdog_ms=0)
+    assert device.ask(OPEN, nonce(NONCE)).status == DONE
+    device.tick(30)
+    assert device.service.session == NONCE
+    device.tick(20)  # four times its time
+    assert device.service.session == 0
+
+
 def test_a_session_with_requests_stays():
     device = Device(watchdog_ms=5)
     for _ in range(20):

@@ -242,6 +242,40 @@ def test_streams_are_refused_beyond_the_lines_budget(baud, count):
     assert device.stream(1, least, *names).status == DONE
 
 
+def load(channels, decimation):
+    """Bytes a second of a stream at 10 kHz, rounded up."""
+    return (12 + 4 * channels) * 10000 // decimation + 1
+
+
+def leaving(budget, rest):
+    """Channels and decimation of two streams that leave so many bytes a second."""
+    least = {load(n, d): (n, d) for d in range(2000, 0, -1) for n in range(1, 33)}
+    for first, stream in least.items():
+        if (second := least.get(budget - rest - first)) is not None:
+            return stream, second
+    raise AssertionError("no such pair")
+
+
+@pytest.mark.parametrize("rest", [0, 1, 2, 21, 22, 48888, 48889, 48890])
+def test_a_line_that_is_nearly_full(rest):
+    """What is left for a third stream, down to nothing: the smallest decimation that fits, 0 for
+    none. 48889 is a ninth of what eight channels take in every interrupt."""
+    device = Device()
+    names = (2 * [name for name, _ in firmware.channels()])[:32]
+    reply = device.stream(3, 65535, names[0])
+    _, budget = struct.unpack("<II", reply.payload)
+    assert device.stream(3, 1).status == DONE
+    for slot, (n, decimation) in enumerate(leaving(budget, rest)):
+        reply = device.stream(slot, decimation, *names[:n])
+        assert reply.status == DONE
+    assert struct.unpack("<II", reply.payload) == (budget - rest, budget)
+    for n in (1, 8, 32):
+        fits = [d for d in range(1, 65536) if load(n, d) <= rest]
+        refused = device.stream(2, 1, *names[:n])
+        assert refused.status == BUDGET
+        assert struct.unpack("<H", refused.payload) == (fits[0] if fits else 0,)
+
+
 @pytest.mark.parametrize(
     "payload, status, detail",
     [

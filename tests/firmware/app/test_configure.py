@@ -1,0 +1,145 @@
+"""From parameters to what the control step and the checks use, and the tables' answers to numbers
+that are in no table."""
+
+import numpy as np
+import pytest
+
+from hexatorque import firmware
+from hexatorque.firmware import Controller, FirmwareError, ffi, lib
+
+DEADBEAT = {"scheme": "db-dtfc", "load_mode": "shadow", "predict": "on"}
+
+
+def controller(**values):
+    return Controller("f28377s", values)
+
+
+def control(**values):
+    made = controller(**values)
+    return made, made.drive.config.control
+
+
+@pytest.mark.parametrize("scheme, own", [("ddr", 3), ("dtc3", 5)])
+def test_torque_levels_are_the_schemes_or_those_asked_for(scheme, own):
+    for asked, levels in (("auto", own), ("2", 2), ("3", 3), ("5", 5)):
+        _, config = control(scheme=scheme, torque_levels=asked)
+        assert config.table_law.torque_levels == levels
+
+
+@pytest.mark.parametrize(
+    "kappa, from_pu, turned_from_pu",
+    [(1.0, 0.53, 0.3), (1.0, 0.0, 0.0), (0.0, 0.0, 0.3), (0.0, 0.53, 0.3)],
+)
+def test_the_carrier_turns_where_that_lowers_the_ripple(kappa, from_pu, turned_from_pu):
+    """A zero sequence that is clamped at every voltage wants it at every voltage."""
+    values = {**DEADBEAT, "kappa": kappa, "kappa_from_pu": from_pu}
+    _, config = control(**values)
+    assert config.modulator.turn_pu == pytest.approx(turned_from_pu)
+    _, config = control(**values, carrier_turn="always")
+    assert config.modulator.turn_pu == 0.0
+    _, config = control(**values, carrier_turn="off")
+    assert config.modulator.turn_pu > 10.0  # no inverter makes that voltage
+
+
+def test_prediction_needs_shadow_load():
+    for load_mode, predict, predicts in (
+        ("shadow", "on", True),
+        ("shadow", "off", False),
+        ("immediate", "on", False),
+        ("immediate", "off", False),
+    ):
+        _, config = control(load_mode=load_mode, predict=predict, scheme="ddr")
+        assert config.predict == predicts
+
+
+@pytest.mark.parametrize(
+    "changes, text",
+    [
+        ({"load_mode": "immediate"}, "needs load_mode = shadow and predict = on"),
+        ({"predict": "off"}, "needs load_mode = shadow and predict = on"),
+        ({"f_isr_Hz": 2000.0, "rs_ohm": 30.0}, "needs a higher f_isr_Hz"),
+    ],
+)
+def test_what_the_deadbeat_law_needs(changes, text):
+    with pytest.raises(FirmwareError, match=text):
+        controller(**{**DEADBEAT, **changes})
+
+
+def test_a_rotor_without_resistance_needs_no_magnetising_current():
+    made, _ = control(rr_ohm=0.0, observer="voltage")
+    assert made.drive.config.protect.magnetise_A_Wb == 0.0
+    made, _ = control(rr_ohm=2.0)
+    assert made.drive.config.protect.magnetise_A_Wb > 0.0
+
+
+def test_a_dead_time_that_the_power_stage_forbids_is_refused():
+    """By the board's own range, also at the start."""
+    made = controller()
+    params = ffi.new("ht_params *", made.drive.params)
+    row = firmware.parameters()["dead_time_us"].id
+    for dead_time_us, result in ((0.0, lib.HT_ERROR_VALUE), (2.3, lib.HT_OK)):
+        params.v[row] = dead_time_us
+        assert lib.ht_drive_init(made.drive, made.port, params) == result
+
+
+def test_a_board_without_a_shortest_dead_time_has_the_tables_range():
+    port = ffi.new("ht_port *")
+    board = ffi.new("ht_board *", firmware.board_of("f28377s")[0])
+    row = firmware.parameters()["dead_time_us"]
+    for least_us in (0.0, 1.0):
+        board.dead_min_us = least_us
+        lib.ht_port_bind(port, ffi.NULL, board)
+        span = lib.ht_param_range(port, row.id)
+        assert span.min == max(least_us, row.min)
+        assert span.max <= row.max
+
+
+def test_a_period_of_too_few_counts_does_not_fit():
+    made = controller()
+    for clock_Hz, fits in ((8.01e4, True), (7.9e4, False), (6.55e8, True), (6.56e8, False)):
+        misfit = lib.ht_misfit_of(ffi.addressof(made.drive.params), clock_Hz)
+        assert (misfit != lib.HT_MISFIT_PERIOD) == fits
+
+
+@pytest.mark.parametrize("f_slow_Hz", [295.0, 300.0, 99.5])
+def test_a_ratio_on_either_side_of_a_whole_number_does_not_fit(f_slow_Hz):
+    with pytest.raises(FirmwareError, match="the ratio must be a whole number"):
+        controller(f_isr_Hz=10000.0, f_slow_Hz=f_slow_Hz)
+
+
+def test_two_interrupts_of_one_rate_do_not_fit():
+    """No board here has a PWM that is slow enough for it."""
+    made = controller()
+    params = ffi.new("ht_params *", made.drive.params)
+    for name in ("f_isr_Hz", "f_slow_Hz"):
+        params.v[firmware.parameters()[name].id] = 1000.0
+    assert lib.ht_misfit_of(params, 5e7) == lib.HT_MISFIT_RATIO
+    params.v[firmware.parameters()["f_slow_Hz"].id] = 500.0
+    assert lib.ht_misfit_of(params, 5e7) != lib.HT_MISFIT_RATIO
+
+
+def test_numbers_that_are_in_no_table():
+    made = controller()
+    past = lib.ht_param_count()
+    assert not lib.ht_param_valid(past, 0.0)
+    assert lib.ht_param_describe(past) == ffi.NULL
+    assert lib.ht_drive_get(made.drive, past) == 0.0
+    span = lib.ht_param_range(made.port, past)
+    assert (span.min, span.max) == (0.0, 0.0)
+    assert lib.ht_fault_describe(lib.ht_fault_count()) == ffi.NULL
+    assert lib.ht_channel_describe(lib.ht_channel_count()) == ffi.NULL
+    assert lib.ht_channel_read(made.drive, lib.ht_channel_count()) == 0.0
+    assert ffi.string(lib.ht_state_name(lib.HT_STATES)) == b""
+
+
+def test_one_channel_reads_as_all_of_them_do():
+    made = controller()
+    made.drive.torque_ref_Nm = 3.0
+    made.drive.speed_rpm = -250.0
+    made.drive.control.estimate.psi_Wb.alpha = 0.25
+    count = lib.ht_channel_count()
+    together = np.zeros(count, np.float32)
+    lib.ht_channels_read(made.drive, ffi.cast("float *", together.ctypes.data))
+    alone = [lib.ht_channel_read(made.drive, k) for k in range(count)]
+    np.testing.assert_array_equal(together, np.float32(alone))
+    assert np.count_nonzero(together) > 3

@@ -1,0 +1,67 @@
+"""What the coverage and mutation tools make of what they are told. The tools themselves are run by
+`make coverage` and `make mutate`."""
+
+import cover
+import mutate
+import pytest
+
+
+def told(branches=(), decisions=()):
+    """As clang tells a file: line, ..., times true, times false; line, ..., conditions shown."""
+    return {
+        "filename": str(cover.ROOT / "firmware" / "core" / "ht_duty.c"),
+        "branches": [[line, 1, line, 9, *taken, 0, 0, 4] for line, *taken in branches],
+        "mcdc_records": [[line, 1, line, 9, *rest] for line, *rest in decisions],
+    }
+
+
+def test_what_is_missed_is_named_once_a_line():
+    file = told(
+        branches=[(10, 5, 0), (11, 0, 3), (12, 2, 2), (13, 0, 0), (21, 1, 0)],
+        decisions=[(11, [True, False]), (12, [True, True])],
+    )
+    found = cover.misses(file, lines=[20, 21, 30])
+    assert [(m.line, m.what) for m in found] == [
+        (10, "never false"),
+        (11, "MC/DC, never true"),
+        (20, "not run"),
+        (30, "not run"),
+    ]
+
+
+def test_every_miss_needs_a_reason_and_every_reason_a_miss():
+    miss = cover.Miss("core/ht_duty.c", 3, "not run")
+    fits = cover.Reason(miss.file, cover.code_of(miss), "because")
+    stale = cover.Reason(miss.file, "no such line", "because")
+    assert cover.explained([miss], [fits]) == ([(miss, "because")], [])
+    _, wrong = cover.explained([miss], [stale])
+    assert len(wrong) == 2 and "no reason" in wrong[0] and "covered" in wrong[1]
+
+
+def test_a_reason_is_that_of_a_line_in_the_code():
+    for reason in cover.reasons():
+        lines = (cover.ROOT / "firmware" / reason.file).read_text().splitlines()
+        assert reason.code in [line.strip() for line in lines], reason
+
+
+@pytest.mark.parametrize(
+    "covered, count, text", [(2, 2, "100 % of 2"), (1999, 2000, "99.9 % of 2000"), (0, 0, "–")]
+)
+def test_only_all_is_100_percent(covered, count, text):
+    assert cover.percent(covered, count) == text
+
+
+def test_time_outs_and_equivalent_mutants_are_not_kills():
+    def result(n, verdict):
+        return mutate.Result(mutate.Mutant("core/ht_duty.c", n, f"a{n}", f"b{n}"), verdict, "")
+
+    verdicts = (mutate.KILLED, mutate.TIME, mutate.ALIVE, mutate.ALIVE, mutate.UNBUILT, mutate.SAME)
+    results = [result(n, verdict) for n, verdict in enumerate(verdicts)]
+    known = {mutate.Mutant("core/ht_duty.c", 0, "a2", "b2"): "equivalent: it is the same"}
+    rows = mutate.table(results, known).splitlines()
+    assert rows[2] == "| core | 4 | 1 | 1 | 1 | 1 | 33 % |"
+    assert rows[3] == "| app | 0 | 0 | 0 | 0 | 0 | – |"
+    assert rows[5].startswith("| **all** | 4 |")
+    assert [row.split(" | ")[-1] for row in rows[9:]] == [
+        "time-out |", "equivalent: it is the same |", "– |",
+    ]  # fmt: skip

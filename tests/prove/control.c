@@ -1,0 +1,297 @@
+/* The control step, everything that it calls by what that promises. What a function relies on must
+ * hold where it is called. */
+#include "ht_contracts.h"
+#include "ht_control.c"
+#include "prove.h"
+
+#define XY_LIMIT_DEADBEAT 0.1f
+
+ht_vsd ht_vsd_from_six(const ht_six *s)
+{
+    ht_vsd v;
+    v.ab = any_ab();
+    v.xy = any_xy();
+    return v;
+}
+
+unsigned ht_sector(ht_ab v)
+{
+    unsigned sector = nondet_uint16();
+    GIVEN(HT_IS_SECTOR(sector));
+    return sector;
+}
+
+static ht_flow any_flow(void)
+{
+    ht_flow flow;
+    flow.out = nondet_uint16();
+    flow.in = nondet_uint16();
+    GIVEN(HT_IS_WORD(flow.out) && HT_IS_WORD(flow.in));
+    return flow;
+}
+
+ht_flow ht_flow_of(const ht_six *i_A, const ht_dead_time *dead)
+{
+    MUST(dead->i_zero_A > 0.0f);
+    return any_flow();
+}
+
+ht_flow ht_flow_at_edges(const ht_applied *a, ht_flow begin, ht_flow end)
+{
+    MUST(HT_IS_WORD(begin.out) && HT_IS_WORD(begin.in) && HT_IS_WORD(end.out));
+    MUST(HT_IS_WORD(end.in));
+    return any_flow();
+}
+
+ht_vsd ht_volt_seconds(const ht_applied *a, const ht_toggles *toggles, const ht_dead_time *dead,
+                       ht_flow flow, const ht_six *i_begin, const ht_six *i_end,
+                       const ht_spill *left, ht_spill *over, bool xy)
+{
+    MUST(HT_IS_PATTERN(*a));
+    MUST(HT_IS_WORD(flow.out) && HT_IS_WORD(flow.in) && HT_IS_WORD(left->legs));
+    over->legs = nondet_uint16();
+    GIVEN(HT_IS_WORD(over->legs));
+    return ht_vsd_from_six(i_begin);
+}
+
+static ht_estimate any_estimate(void)
+{
+    ht_estimate e;
+    e.psi_Wb = any_ab();
+    e.torque_Nm = nondet_float();
+    return e;
+}
+
+ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st, ht_ab v_V,
+                               ht_ab i_A, float turn_rad, float inv_psi_ref2)
+{
+    return any_estimate();
+}
+
+ht_estimate ht_observer_predict(const ht_observer_config *cfg, const ht_observer_state *st,
+                                ht_estimate now, ht_ab v_V, ht_ab i_A)
+{
+    return any_estimate();
+}
+
+ht_xy ht_observer_predict_xy(const ht_observer_config *cfg, const ht_observer_state *st, ht_xy v_V,
+                             ht_xy i_A)
+{
+    return any_xy();
+}
+
+ht_ab ht_observer_predict_rotor(const ht_observer_config *cfg, const ht_observer_state *st,
+                                ht_ab psi_Wb, ht_ab i_A)
+{
+    return any_ab();
+}
+
+static ht_action_points any_action_points(void)
+{
+    ht_action_points p;
+    p.t1 = nondet_float();
+    p.t2 = nondet_float();
+    GIVEN(HT_ARE_ACTION_POINTS(p));
+    return p;
+}
+
+static void any_words(uint16_t s[3])
+{
+    int n;
+    for (n = 0; n < 3; n++) {
+        s[n] = nondet_uint16();
+        GIVEN(HT_IS_WORD(s[n]));
+    }
+}
+
+ht_action_points ht_duty(unsigned group, unsigned k, ht_xy v_pu)
+{
+    MUST((group < 2u) && HT_IS_SECTOR(k));
+    return any_action_points();
+}
+
+void ht_vectors_virtual(unsigned group, unsigned k, uint16_t s[3])
+{
+    MUST((group < (unsigned)HT_GROUPS) && HT_IS_SECTOR(k));
+    any_words(s);
+}
+
+void ht_vectors_zero(uint16_t before, bool only_v0, uint16_t s[3])
+{
+    MUST(HT_IS_WORD(before));
+    any_words(s);
+}
+
+void ht_vectors_single(uint16_t word, uint16_t s[3])
+{
+    MUST(HT_IS_WORD(word));
+    any_words(s);
+}
+
+static bool is_law_state(const ht_table_law_config *cfg, const ht_table_law_state *st)
+{
+    return HT_IS_LEVEL(st->torque_level, 2) && ((st->flux_level == 0) || (st->flux_level == 1))
+           && (!cfg->regulated || HT_IS_XY_STATE(st->xy, cfg->xy_limit_pu));
+}
+
+ht_action_points ht_table_law_step(const ht_table_law_config *cfg, ht_table_law_state *st,
+                                   const ht_table_law_input *in, ht_xy *v_xy_pu, uint16_t s[3])
+{
+    MUST(HT_IS_SECTOR(in->sector) && HT_IS_WORD(in->before));
+    MUST(is_law_state(cfg, st));
+    st->torque_level = nondet_int16();
+    st->flux_level = nondet_int16();
+    st->xy.with = any_xy();
+    st->xy.against = any_xy();
+    GIVEN(is_law_state(cfg, st));
+    *v_xy_pu = any_xy();
+    any_words(s);
+    return any_action_points();
+}
+
+ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer_config *machine,
+                            ht_deadbeat_law_state *st, const ht_deadbeat_law_input *in)
+{
+    MUST(HT_IS_XY_STATE(st->xy, XY_LIMIT_DEADBEAT));
+    st->xy.with = any_xy();
+    st->xy.against = any_xy();
+    GIVEN(HT_IS_XY_STATE(st->xy, XY_LIMIT_DEADBEAT));
+    return ht_vsd_from_six(0);
+}
+
+/* Any registers that follow `first`, and any pattern. */
+static void any_compare(uint16_t start, uint16_t first, uint16_t period, ht_compare *out)
+{
+    int leg;
+    out->start = start;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        out->ca[leg] = nondet_uint16();
+        out->cb[leg] = nondet_uint16();
+        GIVEN(HT_IS_COMPARE(out->ca[leg], first, period));
+        GIVEN(HT_IS_COMPARE(out->cb[leg], first, period));
+    }
+}
+
+static void any_masks(ht_applied *a)
+{
+    a->later = nondet_uint16();
+    a->close = nondet_uint16();
+    a->rising = nondet_uint16();
+    a->falling = nondet_uint16();
+    a->own = nondet_uint16();
+}
+
+void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, ht_vsd *v_pu,
+                       const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
+                       ht_toggles *toggles)
+{
+    MUST(HT_IS_WORD(in->before) && (in->period >= 8u));
+    MUST(in->dead->i_zero_A > 0.0f);
+    applied->before = in->before;
+    any_words(applied->s);
+    any_masks(applied);
+    GIVEN(HT_IS_PATTERN(*applied));
+    any_compare(applied->s[0], 0u, in->period, out);
+    toggles->mean_pu = any_xy(); /* must be an object */
+}
+
+void ht_pattern_counts(const uint16_t s[3], ht_action_points p, uint16_t period, uint16_t first,
+                       ht_compare *counts, ht_applied *applied)
+{
+    MUST(HT_IS_WORD(s[0]) && HT_IS_WORD(s[1]) && HT_IS_WORD(s[2]) && HT_ARE_ACTION_POINTS(p));
+    MUST((period >= 8u) && (first < (period / 2u)));
+    any_compare(s[0], first, period, counts);
+    applied->s[0] = s[0];
+    applied->s[1] = s[1];
+    applied->s[2] = s[2];
+}
+
+void ht_applied_finish(ht_applied *a, uint16_t before, const ht_dead_time *dead)
+{
+    MUST(HT_IS_WORD(a->s[0]) && HT_IS_WORD(a->s[1]) && HT_IS_WORD(a->s[2]) && HT_IS_WORD(before));
+    a->before = before;
+    any_masks(a);
+    a->own = 0u;
+    GIVEN(HT_IS_PATTERN(*a));
+}
+
+static void any_pattern(ht_applied *a)
+{
+    a->before = nondet_uint16();
+    any_words(a->s);
+    any_masks(a);
+    GIVEN(HT_IS_PATTERN(*a));
+}
+
+static bool is_state(const ht_control_config *cfg, const ht_control_state *st)
+{
+    return HT_IS_PATTERN(st->active) && HT_IS_PATTERN(st->next) && HT_IS_WORD(st->spill.legs)
+           && HT_IS_WORD(st->flow.out) && HT_IS_WORD(st->flow.in) && HT_IS_SECTOR(st->sector)
+           && is_law_state(&cfg->table_law, &st->table_law)
+           && HT_IS_XY_STATE(st->deadbeat_law.xy, XY_LIMIT_DEADBEAT);
+}
+
+static void step_of(ht_law law)
+{
+    ht_control_config cfg;
+    ht_control_state st;
+    ht_control_input in;
+    ht_compare out;
+    uint16_t leg = nondet_uint16();
+    uint16_t before;
+    cfg.law = law;
+    cfg.shadow = nondet_bool();
+    cfg.predict = nondet_bool();
+    cfg.needs_xy = nondet_bool();
+    cfg.only_v0 = nondet_bool();
+    cfg.period_counts = nondet_uint16();
+    cfg.first_counts = nondet_uint16();
+    cfg.drop_V = 0.0f;
+    cfg.dead.i_zero_A = nondet_float();
+    cfg.table_law.regulated = nondet_bool();
+    cfg.table_law.xy_limit_pu = nondet_float();
+    /* what ht_control_check accepts */
+    GIVEN((cfg.period_counts >= 8u) && (cfg.first_counts < (cfg.period_counts / 2u)));
+    GIVEN(!cfg.shadow || (cfg.first_counts == 0u));
+    GIVEN((law == HT_LAW_TABLE) || (cfg.shadow && cfg.predict));
+    GIVEN(cfg.dead.i_zero_A > 0.0f);
+    GIVEN((cfg.table_law.xy_limit_pu > 0.0f) && (cfg.table_law.xy_limit_pu < 1.0f));
+    any_pattern(&st.active);
+    any_pattern(&st.next);
+    st.spill.legs = nondet_uint16();
+    st.flow = any_flow();
+    st.sector = nondet_uint16();
+    st.table_law.torque_level = nondet_int16();
+    st.table_law.flux_level = nondet_int16();
+    st.table_law.xy.with = any_xy();
+    st.table_law.xy.against = any_xy();
+    st.deadbeat_law.xy.with = any_xy();
+    st.deadbeat_law.xy.against = any_xy();
+    GIVEN(is_state(&cfg, &st));
+    GIVEN(leg < 6u);
+    before = cfg.shadow ? st.next.s[2] : st.active.s[2];
+    in.i_A = any_six();
+    in.vdc_V = nondet_float();
+    in.torque_ref_Nm = nondet_float();
+    in.flux_ref_Wb = nondet_float();
+    in.turn_rad = nondet_float();
+    in.inv_flux_ref2 = nondet_float();
+    ht_control_step(&cfg, &st, &in, nondet_bool(), &out);
+    MUST(HT_IS_WORD(out.start));
+    MUST(HT_IS_COMPARE(out.ca[leg], cfg.first_counts, cfg.period_counts));
+    MUST(HT_IS_COMPARE(out.cb[leg], cfg.first_counts, cfg.period_counts));
+    MUST(is_state(&cfg, &st));
+    /* The pattern is remembered as it was handed out, and continues the one before. */
+    MUST((cfg.shadow ? st.next.s[0] : st.active.s[0]) == out.start);
+    MUST((cfg.shadow ? st.next.before : st.active.before) == before);
+}
+
+void prove_control_table(void)
+{
+    step_of(HT_LAW_TABLE);
+}
+
+void prove_control_deadbeat(void)
+{
+    step_of(HT_LAW_DEADBEAT);
+}

@@ -1,0 +1,125 @@
+#include "ht_contracts.h"
+#include "ht_pattern.c"
+#include "ht_tables.c"
+#include "prove.h"
+
+/* Every pattern that the table law can ask for becomes registers that toggle each leg where its
+ * bits differ and nowhere else. */
+void prove_pattern(void)
+{
+    uint16_t s[3];
+    ht_action_points p;
+    ht_compare counts;
+    ht_applied applied;
+    uint16_t period = nondet_uint16();
+    uint16_t first = nondet_uint16();
+    uint16_t leg = nondet_uint16();
+    bool toggles1;
+    bool toggles2;
+    int n;
+    for (n = 0; n < 3; n++) {
+        s[n] = nondet_uint16();
+        GIVEN(HT_IS_WORD(s[n]));
+    }
+    p.t1 = nondet_float();
+    p.t2 = nondet_float();
+    GIVEN(HT_ARE_ACTION_POINTS(p));
+    GIVEN((period >= 8u) && (first < (period / 2u)) && (leg < 6u));
+    ht_pattern_counts(s, p, period, first, &counts, &applied);
+    MUST(counts.start == s[0]);
+    MUST(HT_IS_COMPARE(counts.ca[leg], first, period));
+    MUST(HT_IS_COMPARE(counts.cb[leg], first, period));
+    toggles1 = (((unsigned)s[0] ^ s[1]) & (0x20u >> leg)) != 0u;
+    toggles2 = (((unsigned)s[1] ^ s[2]) & (0x20u >> leg)) != 0u;
+    MUST((counts.ca[leg] != period) == toggles1);
+    MUST((counts.cb[leg] != period) == toggles2);
+    MUST(IMPLIES(toggles1 && toggles2, counts.ca[leg] < counts.cb[leg]));
+}
+
+void prove_applied_finish(void)
+{
+    ht_applied a;
+    ht_dead_time dead;
+    uint16_t before = nondet_uint16();
+    unsigned edges;
+    int n;
+    for (n = 0; n < 3; n++) {
+        a.s[n] = nondet_uint16();
+        a.t[n] = nondet_float();
+        GIVEN(HT_IS_WORD(a.s[n]));
+    }
+    dead.dead_pu = nondet_float();
+    dead.i_zero_A = nondet_float();
+    GIVEN(HT_IS_WORD(before));
+    ht_applied_finish(&a, before, &dead);
+    edges = (before ^ a.s[0]) | (a.s[0] ^ a.s[1]) | (a.s[1] ^ a.s[2]);
+    MUST(HT_IS_WORD(edges));
+    MUST((a.rising | a.falling | a.close) == edges);
+    MUST(((a.rising | a.falling) & a.close) == 0u);
+    MUST((a.later & ~edges) == 0u);
+    MUST((((a.s[0] ^ a.s[1]) | (a.s[1] ^ a.s[2])) & ~a.later) == 0u);
+    MUST((a.before == before) && (a.own == 0u));
+}
+
+void prove_flow(void)
+{
+    ht_six i_A = any_six();
+    ht_dead_time dead;
+    ht_flow flow;
+    uint16_t leg = nondet_uint16();
+    unsigned bit;
+    dead.dead_pu = nondet_float();
+    dead.i_zero_A = nondet_float();
+    GIVEN((dead.i_zero_A > 0.0f) && (leg < 6u));
+    bit = 0x20u >> leg;
+    flow = ht_flow_of(&i_A, &dead);
+    MUST(HT_IS_WORD(flow.out | flow.in));
+    MUST(((flow.out & bit) != 0u) == (i_A.p[leg] >= dead.i_zero_A));
+    MUST(((flow.in & bit) != 0u) == (i_A.p[leg] <= -dead.i_zero_A));
+}
+
+/* Any pattern of the table law; its delays go where those of the period before came from. */
+void prove_volt_seconds(void)
+{
+    ht_applied a;
+    ht_toggles toggles[2];
+    ht_dead_time dead;
+    ht_flow flow;
+    ht_six begin = any_six();
+    ht_six end = any_six();
+    ht_spill spill;
+    int n;
+    a.before = nondet_uint16();
+    GIVEN(HT_IS_WORD(a.before));
+    for (n = 0; n < 3; n++) {
+        a.s[n] = nondet_uint16();
+        a.t[n] = nondet_float();
+        GIVEN(HT_IS_WORD(a.s[n]));
+    }
+    for (n = 0; n < 2; n++) {
+        int leg;
+        for (leg = 0; leg < HT_LEGS; leg++) {
+            toggles[n].t[leg] = nondet_float();
+        }
+        toggles[n].mean_pu = any_xy();
+    }
+    a.later = nondet_uint16();
+    a.close = nondet_uint16();
+    a.rising = nondet_uint16();
+    a.falling = nondet_uint16();
+    a.mean_pu = any_ab();
+    a.own = nondet_uint16();
+    flow.out = nondet_uint16();
+    flow.in = nondet_uint16();
+    for (n = 0; n < HT_LEGS; n++) {
+        spill.shift[n] = nondet_float();
+    }
+    spill.legs = nondet_uint16();
+    dead.dead_pu = nondet_float();
+    dead.i_zero_A = nondet_float();
+    GIVEN(HT_IS_WORD(a.later) && HT_IS_WORD(a.close) && HT_IS_WORD(a.rising));
+    GIVEN(HT_IS_WORD(a.falling) && HT_IS_WORD(flow.out) && HT_IS_WORD(flow.in));
+    GIVEN(HT_IS_WORD(spill.legs) && (a.own <= 2u));
+    (void)ht_volt_seconds(&a, toggles, &dead, flow, &begin, &end, &spill, &spill, nondet_bool());
+    MUST(HT_IS_WORD(spill.legs));
+}

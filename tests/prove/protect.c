@@ -1,0 +1,160 @@
+#include "ht_contracts.h"
+#include "ht_protect.c"
+#include "prove.h"
+
+static void any_config(ht_protect_config *c)
+{
+    c->i_trip_A = nondet_float();
+    c->i_ab_trip_A = nondet_float();
+    c->i_sum_trip_A = nondet_float();
+    c->vdc_min_V = nondet_float();
+    c->vdc_max_V = nondet_float();
+    c->flux_trip_Wb = nondet_float();
+    c->speed_trip_rpm = nondet_float();
+    c->stuck_counts = nondet_float();
+}
+
+static void any_input(ht_control_input *in)
+{
+    in->i_A = any_six();
+    in->vdc_V = nondet_float();
+}
+
+void prove_protect_speed_vdc(void)
+{
+    ht_protect_config c;
+    ht_control_input in;
+    float rpm = nondet_float();
+    unsigned faults;
+    any_config(&c);
+    any_input(&in);
+    faults = ht_protect_samples(&c, &in, rpm, nondet_bool());
+    MUST(IMPLIES(!(fabsf(rpm) < c.speed_trip_rpm), (faults & HT_FAULT_OVERSPEED) != 0u));
+    MUST(IMPLIES(!(in.vdc_V <= c.vdc_max_V), (faults & HT_FAULT_VDC_HIGH) != 0u));
+    MUST(IMPLIES(!(in.vdc_V >= c.vdc_min_V), (faults & HT_FAULT_VDC_LOW) != 0u));
+    /* and no trip without a reason */
+    MUST(IMPLIES(fabsf(rpm) < c.speed_trip_rpm, (faults & HT_FAULT_OVERSPEED) == 0u));
+    MUST(IMPLIES(in.vdc_V <= c.vdc_max_V, (faults & HT_FAULT_VDC_HIGH) == 0u));
+    MUST(IMPLIES(in.vdc_V >= c.vdc_min_V, (faults & HT_FAULT_VDC_LOW) == 0u));
+}
+
+void prove_protect_sum(void)
+{
+    ht_protect_config c;
+    ht_control_input in;
+    bool powered = nondet_bool();
+    unsigned faults;
+    float one;
+    float two;
+    any_config(&c);
+    any_input(&in);
+    faults = ht_protect_samples(&c, &in, nondet_float(), powered);
+    one = in.i_A.p[0] + in.i_A.p[2] + in.i_A.p[4];
+    two = in.i_A.p[1] + in.i_A.p[3] + in.i_A.p[5];
+    MUST(((faults & HT_FAULT_CURRENT_SUM) != 0u)
+         == (powered && !((fabsf(one) < c.i_sum_trip_A) && (fabsf(two) < c.i_sum_trip_A))));
+}
+
+/* One phase beyond the limit, the others anything. */
+static void one_phase(int phase)
+{
+    ht_protect_config c;
+    ht_control_input in;
+    unsigned faults;
+    any_config(&c);
+    any_input(&in);
+    GIVEN((c.i_trip_A >= 0.1f) && (c.i_trip_A <= 10000.0f));
+    GIVEN(!(fabsf(in.i_A.p[phase]) < c.i_trip_A));
+    faults = ht_protect_samples(&c, &in, nondet_float(), nondet_bool());
+    MUST((faults & HT_FAULT_OVERCURRENT) != 0u);
+}
+
+void prove_overcurrent_1(void)
+{
+    one_phase(0);
+}
+
+void prove_overcurrent_2(void)
+{
+    one_phase(1);
+}
+
+void prove_overcurrent_3(void)
+{
+    one_phase(2);
+}
+
+void prove_overcurrent_4(void)
+{
+    one_phase(3);
+}
+
+void prove_overcurrent_5(void)
+{
+    one_phase(4);
+}
+
+void prove_overcurrent_6(void)
+{
+    one_phase(5);
+}
+
+void prove_protect_stuck(void)
+{
+    ht_protect_config c;
+    ht_protect_state st;
+    ht_samples s;
+    uint16_t leg = nondet_uint16();
+    uint16_t same;
+    uint16_t count;
+    unsigned faults;
+    int n;
+    any_config(&c);
+    for (n = 0; n < HT_LEGS; n++) {
+        st.count[n] = nondet_uint16();
+        st.other[n] = nondet_uint16();
+        st.same[n] = nondet_uint16();
+        GIVEN(st.same[n] <= HT_STUCK_LOOKS);
+    }
+    for (n = 0; n < HT_ADC_CHANNELS; n++) {
+        s.adc[n] = nondet_uint16();
+        GIVEN(s.adc[n] < HT_ADC_FULL);
+    }
+    GIVEN(leg < 6u);
+    same = st.same[leg];
+    count = st.count[leg];
+    faults = ht_protect_stuck(&c, &st, &s, leg);
+    MUST(st.same[leg] <= HT_STUCK_LOOKS);
+    MUST(st.count[leg] == s.adc[leg]);
+    MUST(IMPLIES(faults != 0u, (same == HT_STUCK_LOOKS) && (count == s.adc[leg])));
+    MUST(IMPLIES(faults != 0u, c.stuck_counts > 0.0f));
+    MUST((faults == 0u) || (faults == (unsigned)HT_FAULT_STUCK));
+}
+
+void prove_protect_results(void)
+{
+    ht_protect_config cfg;
+    ht_control_state c;
+    float torque_ref = nondet_float();
+    unsigned faults;
+    any_config(&cfg);
+    GIVEN((cfg.flux_trip_Wb > 0.0f) && (cfg.flux_trip_Wb <= 400.0f));
+    GIVEN((cfg.i_ab_trip_A > 0.0f) && (cfg.i_ab_trip_A <= 10000.0f));
+    c.observer.i_A = any_ab();
+    c.estimate.psi_Wb = any_ab();
+    c.estimate.torque_Nm = nondet_float();
+    c.decided.torque_Nm = nondet_float();
+    c.v_xy_pu = any_xy();
+    faults = ht_protect_results(&cfg, &c, torque_ref);
+    MUST(IMPLIES(!is_finite(c.estimate.psi_Wb.alpha) || !is_finite(c.estimate.psi_Wb.beta)
+                     || !is_finite(c.estimate.torque_Nm) || !is_finite(c.decided.torque_Nm)
+                     || !is_finite(c.v_xy_pu.x) || !is_finite(c.v_xy_pu.y)
+                     || !is_finite(torque_ref),
+                 (faults & HT_FAULT_NONFINITE) != 0u));
+    MUST(IMPLIES(!(fabsf(c.estimate.psi_Wb.alpha) < cfg.flux_trip_Wb),
+                 (faults & (HT_FAULT_FLUX | HT_FAULT_NONFINITE)) != 0u));
+    MUST(IMPLIES(!(fabsf(c.estimate.psi_Wb.beta) < cfg.flux_trip_Wb),
+                 (faults & (HT_FAULT_FLUX | HT_FAULT_NONFINITE)) != 0u));
+    MUST(IMPLIES(!is_finite(c.observer.i_A.alpha) || !is_finite(c.observer.i_A.beta),
+                 (faults & HT_FAULT_OVERCURRENT) != 0u));
+}
