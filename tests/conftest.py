@@ -30,6 +30,8 @@ WAITS = (
     "host/monitor/test_server.py",
     "host/monitor/test_traces.py",
     "host/serial",
+    "host/sweeps/test_cluster.py",
+    "host/sweeps/test_engine.py",
     "project/test_own_machine_page.py",
     "project/test_tutorial.py",
 )

@@ -14,6 +14,7 @@ import importlib
 import inspect
 import os
 import re
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,6 +39,7 @@ PYTHON = {
     "drive.simulated": ("SimulatedDrive",),
     "drive.board": ("BoardDrive",),
     "recording.recording": ("Recording",),
+    "sweeps.study": ("Study",),
     "recording.writer": ("Writer",),
     "analysis.metrics": ("metrics",),
     "errors": ("HexatorqueError",),
@@ -255,6 +257,16 @@ def defined(name: str, macro: str) -> dict[str, list[str]]:
 # --- the gallery --------------------------------------------------------------------
 
 
+def sweeps() -> list[Path]:
+    """The examples for `hexatorque sweep`: only their files say what varies."""
+    return [p for p in sorted(EXAMPLES.glob("*.toml")) if "vary" in tomllib.loads(p.read_text())]
+
+
+def scenarios() -> list[Path]:
+    """The examples for `hexatorque run`."""
+    return [p for p in sorted(EXAMPLES.glob("*.toml")) if p not in sweeps()]
+
+
 def gallery_page() -> tuple[str, dict[str, bytes]]:
     text = [
         "# Gallery",
@@ -267,7 +279,10 @@ def gallery_page() -> tuple[str, dict[str, bytes]]:
     for path in sorted(EXAMPLES.glob("*.ipynb")):
         text += notebook(path, pictures)
     text += ["## Scenarios", "", "Run them with `hexatorque run examples/NAME.toml`.", ""]
-    for path in sorted(EXAMPLES.glob("*.toml")):
+    for path in scenarios():
+        text += [f"### {path.name}", "", "```toml", path.read_text().strip(), "```", ""]
+    text += ["## Sweeps", "", "Run them with `hexatorque sweep examples/NAME.toml`.", ""]
+    for path in sweeps():
         text += [f"### {path.name}", "", "```toml", path.read_text().strip(), "```", ""]
     text += ["## Scripts", ""]
     for path in sorted(EXAMPLES.glob("*.py")):

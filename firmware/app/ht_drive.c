@@ -249,12 +249,18 @@ static float begin_build(ht_drive *d)
     return share;
 }
 
+/* In the second period of a state a pattern is in place, and the gates go on. */
+static bool gates_refused(ht_drive *d)
+{
+    return (d->state_ticks == 1u) && !ht_port_gates_on(d->port);
+}
+
 static void end_build(ht_drive *d, float share)
 {
     if (share < HT_BUILD_BLIND) {
         ht_observer_stand_still(&d->control.observer);
     }
-    if ((d->state_ticks == 1u) && !ht_port_gates_on(d->port)) { /* a pattern is in place */
+    if (gates_refused(d)) {
         fault(d, HT_FAULT_EXTERNAL);
     } else if (d->state_ticks >= d->build_ticks) {
         set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb]);
@@ -323,7 +329,7 @@ static void test(ht_drive *d)
     ht_excitation_step(&d->config->excitation, &d->excitation, d->in.vdc_V, c->period_counts,
                        c->first_counts, &out);
     ht_port_write(d->port, &out);
-    if ((d->state_ticks == 1u) && !ht_port_gates_on(d->port)) { /* a pattern is in place */
+    if (gates_refused(d)) {
         fault(d, HT_FAULT_EXTERNAL);
     } else if (ht_port_overrun(d->port)) {
         fault(d, HT_FAULT_OVERRUN);

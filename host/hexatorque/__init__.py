@@ -1,9 +1,10 @@
 """hexatorque: switching-table direct torque control of six-phase drives.
 
 The controller is the C firmware in `firmware/`. This package simulates the drive around it
-(`SimulatedDrive`), communicates with a board that runs it (`BoardDrive`), loads set-ups (`load`)
-and stores measurements (`Recording`). Everything else is in the subpackages:
-`hexatorque.analysis`, `hexatorque.plant`, `hexatorque.setups` and so on.
+(`SimulatedDrive`), communicates with a board that runs it (`BoardDrive`), loads set-ups (`load`),
+makes many runs and one table of them (`Study`), and stores measurements (`Recording`). Everything
+else is in the subpackages: `hexatorque.analysis`, `hexatorque.plant`, `hexatorque.setups` and so
+on.
 
 The modules of these names are imported at first use, so `import hexatorque` is fast.
 """
@@ -18,10 +19,11 @@ if TYPE_CHECKING:
     from .errors import HexatorqueError
     from .recording.recording import Recording
     from .setups import load
+    from .sweeps.study import Study
 
 __version__ = "0.1.0"
 
-__all__ = ["BoardDrive", "HexatorqueError", "Recording", "SimulatedDrive", "load"]
+__all__ = ["BoardDrive", "HexatorqueError", "Recording", "SimulatedDrive", "Study", "load"]
 
 #: Module that defines each public name.
 _HOMES = {
@@ -29,6 +31,7 @@ _HOMES = {
     "HexatorqueError": "errors",
     "Recording": "recording.recording",
     "SimulatedDrive": "drive.simulated",
+    "Study": "sweeps.study",
     "load": "setups",
 }
 

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 from campaigns import part
+from site_hook import scenarios, sweeps
 
 from hexatorque import setups
+from hexatorque.sweeps import files as sweep_files
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
@@ -21,10 +23,17 @@ def files(kind: str) -> list[Path]:
     return found
 
 
-@pytest.mark.parametrize("path", files("toml"), ids=lambda path: path.name)
+@pytest.mark.parametrize("path", scenarios(), ids=lambda path: path.name)
 def test_scenario_is_accepted(path):
     setup = setups.load(path)
     assert setup.profile.duration_s > 0 and setup.title != setup.name, "no title of its own"
+
+
+@pytest.mark.parametrize("path", sweeps(), ids=lambda path: path.name)
+def test_sweep_is_accepted(path):
+    """Its runs are made elsewhere: they take half a minute."""
+    study = sweep_files.read(path)
+    assert len(study) > 1 and study.title != study.setup.title, "no title of its own"
 
 
 def script(name: str) -> str:

@@ -75,6 +75,34 @@ def bridge(rec: Recording, edges: Edges | None) -> dict[str, float]:
     return figures
 
 
+def balance(rec: Recording, inverter: dict[str, float]) -> dict[str, float]:
+    """Figures of merit of the whole drive in steady state, from those of `bridge`; NaN if they
+    cannot be told.
+
+    input_W: from the dc link, V_dc I_dc and the switching losses; shaft_W: the torque's power less
+    the friction's; loss_W: the difference; efficiency_pct: the smaller over the larger power, if
+    both flow in the same direction. Losses of the inverter take part if the set-up states them.
+    """
+    values = rec.meta.get("parameters", {})
+    vdc_V = (
+        float(np.mean(channel(rec, "vdc_V")))
+        if "vdc_V" in rec
+        else values.get("inverter", {}).get("vdc_V", math.nan)
+    )
+    switching_W = inverter["switching_loss_W"]
+    input_W = vdc_V * inverter["idc_A"] + (0.0 if math.isnan(switching_W) else switching_W)
+    speed_rad_s = channel(rec, "speed_rpm") * (math.pi / 30)
+    friction_Nm = values.get("machine", {}).get("viscous_Nms", 0.0) * speed_rad_s
+    shaft_W = float(np.mean((channel(rec, "torque_Nm") - friction_Nm) * speed_rad_s))
+    less, more = sorted((input_W, shaft_W), key=abs)
+    return {
+        "input_W": input_W,
+        "shaft_W": shaft_W,
+        "loss_W": input_W - shaft_W,
+        "efficiency_pct": 100 * less / more if less * more > 0 else math.nan,
+    }
+
+
 def _phases_A(rec: Recording) -> np.ndarray:
     return np.stack([channel(rec, f"i_{phase}_A") for phase in PHASES])
 

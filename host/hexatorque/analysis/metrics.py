@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
+from typing import Any
 
 import numpy as np
 
 from ..plant.vsd import PHASES, TRANSFORM
 from ..recording.recording import Recording
-from .losses import Edges, bridge, copper_loss_W
-from .spectrum import channel, fundamental_Hz, harmonics, thd_inf_pct, thd_pct
+from .losses import Edges, balance, bridge, copper_loss_W
+from .spectrum import BANDS_HZ, channel, fundamental_Hz, harmonics, thd_inf_pct, thd_pct
 
 #: Parts of the window whose scatter tells the spread of the current difference.
 PARTS = 5
@@ -37,8 +39,62 @@ def torque_ripple_td_Nm(rec: Recording) -> float:
     return float(np.std(channel(rec, "torque_Nm"))) if per >= TD_SAMPLES else math.nan
 
 
-def metrics(rec: Recording, f_sw_Hz: float | None = None, edges: Edges | None = None) -> dict:
-    """Figures of merit of `rec`, all finite numbers or None.
+#: Unit of each figure of merit, under the names of `flat`.
+UNITS = {
+    "speed_rpm": "r/min",
+    "torque_Nm": "N m",
+    "torque_ripple_Nm": "N m",
+    "torque_ripple_td_Nm": "N m",
+    "flux_Wb": "Wb",
+    "flux_ripple_Wb": "Wb",
+    "i1_A": "A",
+    "f1_Hz": "Hz",
+    "thd_1kHz_pct": "%",
+    "thd_2kHz_pct": "%",
+    "thd_5kHz_pct": "%",
+    "thd_h50_pct": "%",
+    "thd_inf_pct": "%",
+    "h5_pct": "%",
+    "h7_pct": "%",
+    "ixy_rms_A": "A",
+    "delta_i_A": "A",
+    "delta_i_spread_A": "A",
+    "f_sw_Hz": "Hz",
+    "copper_loss_W": "W",
+    "idc_A": "A",
+    "idc_ripple_A": "A",
+    "conduction_loss_W": "W",
+    "switching_loss_W": "W",
+    "input_W": "W",
+    "shaft_W": "W",
+    "loss_W": "W",
+    "efficiency_pct": "%",
+}
+
+
+def flat(values: Mapping[str, Any]) -> dict[str, float | None]:
+    """The figures of `metrics`, one number each: the THD of a band becomes `thd_BAND_pct`."""
+    bands = {f"thd_{band}_pct": value for band, value in values["thd_pct"].items()}
+    return {name: {**values, **bands}[name] for name in UNITS}
+
+
+#: Figures that take most of the time, by the function that gives them.
+_LINES = ("i1_A", "h5_pct", "h7_pct", "delta_i_A")
+_BANDS = ("thd_1kHz_pct", "thd_2kHz_pct", "thd_5kHz_pct", "thd_h50_pct")
+BRIDGE = (
+    "idc_A", "idc_ripple_A", "conduction_loss_W", "switching_loss_W",
+    "input_W", "shaft_W", "loss_W", "efficiency_pct",
+)  # fmt: skip
+
+
+def metrics(
+    rec: Recording,
+    f_sw_Hz: float | None = None,
+    edges: Edges | None = None,
+    names: Collection[str] = tuple(UNITS),
+) -> dict:
+    """Figures of merit of `rec`, all finite numbers or None. names: those that are needed, as in
+    UNITS; others may be None.
 
     True values ("plant.") are used if the recording has them, else the controller's. f_sw_Hz is the
     mean switching frequency of a leg, transitions / (12 T); without the argument it is taken from
@@ -55,21 +111,34 @@ def metrics(rec: Recording, f_sw_Hz: float | None = None, edges: Edges | None = 
     fundamentals; delta_i_spread_A: its standard deviation from window to window (`_spread`);
     copper_loss_W: of the stator (`copper_loss_W` of `losses`); idc_A, idc_ripple_A,
     conduction_loss_W, switching_loss_W: from the inverter's `edges` and the set-up's data-sheet
-    values (`bridge` of `losses`), None without them.
+    values (`bridge` of `losses`), None without them; input_W, shaft_W, loss_W, efficiency_pct: of
+    the whole drive (`balance` of `losses`), None without edges.
     """
     f1_Hz = abs(fundamental_Hz(rec))
     u1, u2 = channel(rec, "i_u1_A"), channel(rec, "i_u2_A")
-    line_A = harmonics(u1, rec.rate_Hz, f1_Hz, (1, 5, 7))
-    phases = np.stack([channel(rec, f"i_{phase}_A") for phase in PHASES])
-    u2_A = harmonics(u2, rec.rate_Hz, f1_Hz, (1,))[1]
+
+    def needed(*those: str) -> bool:
+        return any(name in names for name in those)
+
+    lines, distortion = dict.fromkeys(_LINES), dict.fromkeys((*BANDS_HZ, "h50"))
+    if needed(*_LINES):
+        lines = _lines(u1, u2, rec.rate_Hz, f1_Hz)
+    if needed(*_BANDS):
+        distortion = thd_pct(u1, rec.rate_Hz, f1_Hz, needed("thd_h50_pct"))
+    inf_pct = spread_A = None
+    if needed("thd_inf_pct"):
+        phases = np.stack([channel(rec, f"i_{phase}_A") for phase in PHASES])
+        inf_pct = thd_inf_pct(phases, rec.rate_Hz, f1_Hz)
+    if needed("delta_i_spread_A"):
+        spread_A = _spread(u1, u2, rec.rate_Hz, f1_Hz)
     torque_Nm = channel(rec, "torque_Nm")
     flux_Wb = np.hypot(channel(rec, "psi_alpha_Wb"), channel(rec, "psi_beta_Wb"))
     i_x, i_y = i_xy_A(rec)
+    inverter = bridge(rec, edges if needed(*BRIDGE) else None)
     # The extremes of torque and flux are at control instants. Over all samples the ripple would be
     # up to a fifth lower.
     per = rec.meta.get("samples_per_period", 1)
     control = slice(-round(rec.start_s * rec.rate_Hz) % per, None, per)
-    percent = 100 / line_A[1] if line_A[1] > 0 else float("nan")
     return _finite(
         {
             "speed_rpm": np.mean(channel(rec, "speed_rpm")),
@@ -78,20 +147,29 @@ def metrics(rec: Recording, f_sw_Hz: float | None = None, edges: Edges | None = 
             "torque_ripple_td_Nm": torque_ripple_td_Nm(rec),
             "flux_Wb": np.mean(flux_Wb),
             "flux_ripple_Wb": np.std(flux_Wb[control]),
-            "i1_A": line_A[1],
+            "i1_A": lines["i1_A"],
             "f1_Hz": f1_Hz,
-            "thd_pct": thd_pct(u1, rec.rate_Hz, f1_Hz),
-            "thd_inf_pct": thd_inf_pct(phases, rec.rate_Hz, f1_Hz),
-            "h5_pct": percent * line_A[5],
-            "h7_pct": percent * line_A[7],
+            "thd_pct": distortion,
+            "thd_inf_pct": inf_pct,
+            "h5_pct": lines["h5_pct"],
+            "h7_pct": lines["h7_pct"],
             "ixy_rms_A": np.sqrt(np.mean(i_x**2 + i_y**2)),
-            "delta_i_A": abs(line_A[1] - u2_A),
-            "delta_i_spread_A": _spread(u1, u2, rec.rate_Hz, f1_Hz),
+            "delta_i_A": lines["delta_i_A"],
+            "delta_i_spread_A": spread_A,
             "f_sw_Hz": rec.meta.get("f_sw_Hz") if f_sw_Hz is None else f_sw_Hz,
             "copper_loss_W": copper_loss_W(rec),
-            **bridge(rec, edges),
+            **inverter,
+            **balance(rec, inverter),
         }
     )
+
+
+def _lines(u1: np.ndarray, u2: np.ndarray, rate_Hz: float, f1_Hz: float) -> dict[str, float | None]:
+    u1_A = harmonics(u1, rate_Hz, f1_Hz, (1, 5, 7))
+    u2_A = harmonics(u2, rate_Hz, f1_Hz, (1,))[1]
+    percent = 100 / u1_A[1] if u1_A[1] > 0 else float("nan")
+    figures = (u1_A[1], percent * u1_A[5], percent * u1_A[7], abs(u1_A[1] - u2_A))
+    return dict(zip(_LINES, figures))
 
 
 def _spread(u1: np.ndarray, u2: np.ndarray, rate_Hz: float, f1_Hz: float) -> float | None:

@@ -139,15 +139,18 @@ def low_pass(signal: np.ndarray, rate_Hz: float, corner_Hz: float) -> np.ndarray
     return np.fft.irfft(np.fft.rfft(x) / np.sqrt(1 + (f_Hz / corner_Hz) ** 4), x.size)
 
 
-def thd_pct(signal: np.ndarray, rate_Hz: float, f1_Hz: float) -> dict[str, float | None]:
+def thd_pct(
+    signal: np.ndarray, rate_Hz: float, f1_Hz: float, h50: bool = True
+) -> dict[str, float | None]:
     """Total harmonic distortion in % of the fundamental, by band.
 
     "1kHz", "2kHz", "5kHz": everything up to that frequency, inter- and subharmonics
     included, except DC (the mean and bin 1) and the fundamental (bins k1 - 3 .. k1 + 3):
         100 sqrt( sum_band P / sum_lobe P ),  P[k] = 2 |rfft(w x)[k]|^2 / (N sum w^2).
-    "h50": harmonics only, 100 sqrt(A_2^2 + ... + A_50^2) / A_1 (see `harmonics`).
-    None where the limit is above Nyquist. Computed over the last whole cycles of f1;
-    use five or more, else the 2nd harmonic is within the lobe.
+    "h50": harmonics only, 100 sqrt(A_2^2 + ... + A_50^2) / A_1 (see `harmonics`); None without
+    `h50`, because it takes longer than all others. None where the limit is above Nyquist.
+    Computed over the last whole cycles of f1; use five or more, else the 2nd harmonic is within
+    the lobe.
     """
     x, k1 = whole_cycles(signal, rate_Hz, f1_Hz)
     power = _power(x)
@@ -163,7 +166,7 @@ def thd_pct(signal: np.ndarray, rate_Hz: float, f1_Hz: float) -> dict[str, float
         content = power[f_Hz <= limit_Hz].sum()
         result[name] = _percent(content, fundamental) if limit_Hz <= nyquist_Hz else None
     result["h50"] = None
-    if HIGHEST_ORDER * abs(f1_Hz) <= nyquist_Hz:
+    if h50 and HIGHEST_ORDER * abs(f1_Hz) <= nyquist_Hz:
         line = harmonics(x, rate_Hz, f1_Hz, range(1, HIGHEST_ORDER + 1))
         content = sum(a * a for order, a in line.items() if order > 1)
         result["h50"] = _percent(content, line[1] ** 2)

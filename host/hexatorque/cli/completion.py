@@ -31,6 +31,12 @@ def files(ctx, param, incomplete: str) -> list:
     return [CompletionItem(incomplete, type="file")]
 
 
+def sweep(ctx, param, incomplete: str) -> list:
+    from ..sweeps.files import ready
+
+    return starting(ready(), incomplete) or files(ctx, param, incomplete)
+
+
 def scheme(ctx, param, incomplete: str) -> list:
     from .. import firmware
 
@@ -78,6 +84,12 @@ def channel(ctx, param, incomplete: str) -> list:
     from .. import firmware
 
     return starting([name for name, _ in firmware.channels()], incomplete)
+
+
+def metric(ctx, param, incomplete: str) -> list:
+    from ..analysis.metrics import UNITS
+
+    return starting(UNITS, incomplete)
 
 
 def figure(ctx, param, incomplete: str) -> list:

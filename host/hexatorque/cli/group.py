@@ -16,6 +16,7 @@ OLD_NAMES = {
     "reproduce": "evidence papers",
     "verify": "evidence studies",
     "bench": "evidence speed",
+    "schemes": "setups --schemes",
 }
 #: The same in one group: (group, name or option).
 OLD_NAMES_IN_GROUPS = {

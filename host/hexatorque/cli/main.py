@@ -21,7 +21,8 @@ from .output import complain
 from .own_machine import check, new
 from .recordings import convert, plot
 from .simulate import compare, reach, run
-from .tables import schemes, setups
+from .sweep import sweep
+from .tables import setups
 from .tuning import tune
 
 
@@ -45,7 +46,20 @@ def app() -> None:
     with it."""
 
 
-COMMANDS = (run, compare, reach, plot, convert, setups, schemes, new, check, tune, board, evidence)
+COMMANDS = (
+    run,
+    compare,
+    reach,
+    sweep,
+    plot,
+    convert,
+    setups,
+    new,
+    check,
+    tune,
+    board,
+    evidence,
+)
 for command in COMMANDS:
     app.add_command(command)
 

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
     from ..drive.trips import Trip
 
-COMPILING = "compiling the simulation: once, for up to a minute ..."
 #: Width of what is no terminal: no line of a table is broken there.
 WIDE = 1000
 
@@ -35,7 +34,7 @@ def compiling() -> Iterator[None]:
     """Say so on standard error while the simulation is compiled in this block."""
     from rich.console import Console
 
-    from ..drive.compiling import watched
+    from ..drive.compiling import COMPILING, watched
 
     console, shown = Console(stderr=True), ExitStack()
 

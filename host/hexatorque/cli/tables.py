@@ -1,4 +1,4 @@
-"""Commands that list what there is: `setups` and `schemes`."""
+"""The command that lists what there is: `setups`, and the schemes among them."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ from .group import examples
 from .output import console_of, print_json
 
 
-@click.command("setups", epilog=examples("setups", "setups paper-b examples/reversal.toml"))
+@click.command(
+    "setups", epilog=examples("setups", "setups paper-b examples/reversal.toml", "setups --schemes")
+)
 @click.argument("names", metavar="[NAME|FILE]...", nargs=-1, shell_complete=completion.setup)
 @options.as_json
 @click.option("--schema", is_flag=True, help="JSON Schema of their files, for editors.")
-def setups(names, as_json, schema) -> int:
+@click.option("--schemes", is_flag=True, help="Control schemes instead: their source and options.")
+def setups(names, as_json, schema, schemes) -> int:
     """Built-in set-ups or those named: each value with its source."""
     from rich.table import Table
 
@@ -22,6 +25,8 @@ def setups(names, as_json, schema) -> int:
     if schema:
         print_json(setups.json_schema())
         return 0
+    if schemes:
+        return _schemes(as_json)
     loaded = [setups.load(name) for name in names or setups.builtin_names()]
     if as_json:
         print_json({s.name: setups.describe(s) for s in loaded})
@@ -41,10 +46,7 @@ def setups(names, as_json, schema) -> int:
     return 0
 
 
-@click.command("schemes", epilog=examples("schemes", "schemes --json"))
-@options.as_json
-def schemes(as_json) -> int:
-    """Control schemes, their source and options."""
+def _schemes(as_json) -> int:
     from rich.table import Table
 
     from ..analysis.schemes import OPTIONS, SCHEMES

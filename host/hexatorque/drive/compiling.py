@@ -14,6 +14,8 @@ from numba.core.event import Listener, register, unregister
 
 from ..plant import loop
 
+#: What the user reads meanwhile.
+COMPILING = "compiling the simulation: once, for up to a minute ..."
 _KIND = "numba:compile"
 
 

@@ -183,7 +183,9 @@ class DriveVerbs(ABC):
     def _time_of_tick(self, tick: int) -> float:
         """`time_s` of the fast interrupt with this number."""
 
-    def run_profile(self, profile: Profile, progress: Progress | None = None) -> None:
+    def run_profile(
+        self, profile: Profile, progress: Progress | None = None, record: bool = True
+    ) -> None:
         """Start the drive and follow a profile, whose time 0 is now."""
         events: list[tuple[float, str, object]] = []
         events += [(t, "speed_ref_rpm", v) for t, v in profile.speed_rpm]
@@ -198,9 +200,9 @@ class DriveVerbs(ABC):
         if self.state == "idle":
             self.start()
         for time_s, name, value in events:
-            self.run(time_s - (self.time_s - begin_s), progress=progress)
+            self.run(time_s - (self.time_s - begin_s), record, progress)
             self.set(name, value)
-        self.run(profile.duration_s - (self.time_s - begin_s), progress=progress)
+        self.run(profile.duration_s - (self.time_s - begin_s), record, progress)
 
     def _can_follow(self, names: AbstractSet[str]) -> None:  # noqa: B027 (most can)
         """Raise an error if this drive cannot set one of a profile's names."""

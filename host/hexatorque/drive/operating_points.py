@@ -7,16 +7,15 @@ the speed reference, apply the load when the speed is reached, let the drive set
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 
 from .. import firmware
-from ..analysis.metrics import TD_SAMPLES, metrics
+from ..analysis.metrics import TD_SAMPLES, UNITS, metrics
 from ..analysis.run import Run
 from ..errors import HexatorqueError
 from ..firmware import FirmwareError
+from ..parallel import each
 from ..recording.recording import Recording
 from ..setups import Setup, SetupError, parameters, to_parameters
 from .prepare import Prepare
@@ -139,8 +138,10 @@ def measure(
     progress: Progress | None = None,
     samples_per_period: int = 4,
     prepare: Prepare | None = None,
+    names: Collection[str] = tuple(UNITS),
 ) -> Run:
-    """Steady-state metrics and recording of one point. Raises DriveFault or NotReached."""
+    """Steady-state metrics and recording of one point. names: of the metrics that are needed.
+    Raises DriveFault or NotReached."""
     sim = approach(point, progress, samples_per_period, prepare)
     omega = abs(sim.controller.channel("omega_sync_rad_s"))
     cycles_s = CYCLES * 6.2832 / omega if omega > 1.0 else WINDOW_S
@@ -152,7 +153,7 @@ def measure(
     sim.check()
     speed = window_s / sim.wall_s
     recording = sim.take()
-    values = metrics(recording, edges=sim.edges_since(begin, start))
+    values = metrics(recording, edges=sim.edges_since(begin, start), names=names)
     if abs(values["speed_rpm"] - point.speed_rpm) > max(2.0, 0.02 * abs(point.speed_rpm)):
         raise NotReached(
             f"{values['speed_rpm']:.1f} r/min under {point.load_Nm:g} N m, "
@@ -215,7 +216,7 @@ def measure_all(
 ) -> list[Run | Exception]:
     """Measure all points, with 4 samples a period or with `fine_samples`, in parallel on all
     cores. If the drive trips at a point or does not reach it, the exception stands in the list
-    in place of the run. Threads suffice, because the compiled loop releases the GIL."""
+    in place of the run."""
 
     def one(point: Point) -> Run | Exception:
         try:
@@ -224,8 +225,7 @@ def measure_all(
         except NOT_MEASURED as error:
             return error
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(one, points))
+    return each(one, points)
 
 
 #: Largest relative deviations of speed and true flux at a point that the drive holds.
@@ -322,5 +322,4 @@ def reach_all(
     setups: Iterable[Setup], load_Nm: float, progress: Progress | None = None
 ) -> list[Reach]:
     """`reach` of several set-ups, in parallel on all cores."""
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(lambda s: reach(s, load_Nm, progress=progress), setups))
+    return each(lambda s: reach(s, load_Nm, progress=progress), setups)

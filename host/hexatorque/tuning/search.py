@@ -11,13 +11,13 @@ import json
 import warnings
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import HexatorqueError
+from ..parallel import in_order
 from ..setups import SetupError
 from .space import Knob
 
@@ -157,12 +157,8 @@ def search(
         knob.name: optuna.distributions.FloatDistribution(knob.low, knob.high, log=knob.log)
         for knob in knobs
     }
-    pool = ThreadPoolExecutor(jobs)
-    try:
-        with _quiet():
-            return _batches(study, space, knobs, judge, trials, seed, pool, each)
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+    with _quiet():
+        return _batches(study, space, knobs, judge, trials, seed, jobs, each)
 
 
 def _batches(
@@ -172,7 +168,7 @@ def _batches(
     judge: Judge,
     trials: int,
     seed: int,
-    pool: ThreadPoolExecutor,
+    jobs: int,
     each: Callable[[Tried], None] | None,
 ) -> list[Tried]:
     if not study.get_trials(deepcopy=False):
@@ -191,7 +187,7 @@ def _batches(
             pending[trial.number] = dict(trial.params)
         if not pending:
             return done
-        for number, judged in zip(pending, pool.map(judge, pending.values())):
+        for number, judged in zip(pending, in_order(judge, pending.values(), jobs, wait=False)):
             study.set_user_attr(f"trial {number}", judged.details)
             study.tell(number, judged.aim)
             done.append(Tried(number, pending[number], judged.aim, judged.details))

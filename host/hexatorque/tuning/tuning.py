@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
 from ..drive.operating_points import Progress
+from ..parallel import each as run_each
+from ..parallel import usable_cores
 from ..setups import Setup, SetupError, parameters
 from ..setups.keys import TIMING_OWNS
 from ..setups.review import review
@@ -117,7 +117,7 @@ def tune(
     if not knobs:
         raise SetupError(f"{setup.name}: no parameter of this drive can be tuned")
     study = search.open_study(journal, request.as_json(), resume)
-    workers = jobs or os.cpu_count() or 1
+    workers = jobs or usable_cores()
     stopped = threading.Event()
 
     def passed(seconds: float) -> None:
@@ -138,8 +138,9 @@ def tune(
     try:
         done = search.search(study, knobs, judge, request.trials, request.seed, workers, seen)
         outcomes = [judge.outcome(one) for one in done]
-        with ThreadPoolExecutor(workers) as pool:
-            return _choose(request, judge, outcomes, lambda s: list(pool.map(judge.robust, s)))
+        return _choose(
+            request, judge, outcomes, lambda cases: run_each(judge.robust, cases, workers)
+        )
     except BaseException:
         stopped.set()
         raise

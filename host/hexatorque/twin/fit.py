@@ -8,15 +8,14 @@ simulated again with the change found.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..drive.interface import DriveFault
 from ..errors import HexatorqueError
+from ..parallel import each
 from ..recording.recording import Recording
 from ..setups import Setup, SetupError
 from .bench import Bench, as_the_board
@@ -257,11 +256,10 @@ def compare(
             return str(error).splitlines()[0]
 
     electrical = [c for c in candidates if not c.shaft_only]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        repeats = [pool.submit(simulate, None, 0.0, 3 * n) for n in range(REPEATS)]
-        tries = [pool.submit(simulate, c, c.step) for c in electrical]
-        as_is = [one.result() for one in repeats]
-        changed = [one.result() for one in tries]
+    tasks: list[tuple] = [(None, 0.0, 3 * n) for n in range(REPEATS)]
+    tasks += [(candidate, candidate.step) for candidate in electrical]
+    simulated = each(lambda task: simulate(*task), tasks)
+    as_is, changed = simulated[:REPEATS], simulated[REPEATS:]
     if failed := [one for one in as_is if isinstance(one, str)]:
         raise NotSimulated(
             f"the simulation of {setup.name} does not follow the recording: {failed[0]}"

@@ -364,9 +364,9 @@ FAULTS = {
         "    if (d->state_ticks == 0u) {", "a low trip pin is the fault"),
     "gates on refused and not heeded": (
         F28377S, "ht_drive.c",
-        "    if ((d->state_ticks == 1u) && !ht_port_gates_on(d->port)) {",
-        "    (void)((d->state_ticks == 1u) && ht_port_gates_on(d->port));\n"
-        "    if (d->state_ticks == 0u) {", "a low trip pin is the fault"),
+        "    return (d->state_ticks == 1u) && !ht_port_gates_on(d->port);",
+        "    return (d->state_ticks == 1u) && !ht_port_gates_on(d->port) && false;",
+        "a low trip pin is the fault"),
     "level of another pin": (
         F28377S, "ht_pwm.c", "uint32_t gpio = port->board->trip.gpio;",
         "uint32_t gpio = port->board->trip.gpio + 1u;", "a low trip pin refuses"),

@@ -5,7 +5,7 @@ import pytest
 
 from hexatorque import load
 from hexatorque.analysis import metrics
-from hexatorque.analysis.losses import BLOCK, Edges, bridge, copper_loss_W
+from hexatorque.analysis.losses import BLOCK, Edges, balance, bridge, copper_loss_W
 from hexatorque.drive.operating_points import Point, measure
 from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.vsd import ANGLES_RAD, PHASES
@@ -125,6 +125,29 @@ def test_blocks_join_without_a_gap():
     assert figures["conduction_loss_W"] == pytest.approx(8.0)
 
 
+@pytest.mark.parametrize(
+    ("idc_A", "torque_Nm", "efficiency_pct"),
+    [(2.0, 5.0, 100 * 500 / 600), (-1.0, -5.0, 100 * 300 / 500), (1.0, -5.0, np.nan)],
+)
+def test_efficiency_is_in_the_direction_of_the_power(idc_A, torque_Nm, efficiency_pct):
+    """At 100 rad/s and 300 V. When both sides give power, all is lost and there is none."""
+    rec = recording(direct([0.0] * 6))
+    rec.channels["plant.speed_rpm"] = np.full(len(rec), 100 * 30 / np.pi)
+    rec.channels["plant.torque_Nm"] = np.full(len(rec), torque_Nm)
+    figures = balance(rec, {"idc_A": idc_A, "switching_loss_W": np.nan})
+    assert figures["loss_W"] == pytest.approx(300 * idc_A - 100 * torque_Nm)
+    assert figures["efficiency_pct"] == pytest.approx(efficiency_pct, nan_ok=True)
+
+
+def test_friction_does_not_arrive_at_the_shaft():
+    rec = recording(direct([0.0] * 6), machine={"viscous_Nms": 0.01})
+    rec.channels["plant.speed_rpm"] = np.full(len(rec), 100 * 30 / np.pi)
+    rec.channels["plant.torque_Nm"] = np.full(len(rec), 5.0)
+    figures = balance(rec, {"idc_A": 2.0, "switching_loss_W": 10.0})
+    assert figures["shaft_W"] == pytest.approx(500 - 0.01 * 100**2)
+    assert figures["input_W"] == pytest.approx(610)
+
+
 def test_without_edges_there_is_no_figure_of_the_inverter(make_recording):
     m = metrics(make_recording())
     assert m["idc_A"] is None and m["idc_ripple_A"] is None and m["switching_loss_W"] is None
@@ -150,6 +173,12 @@ def test_power_from_the_dc_link_is_power_of_the_machine(scheme):
     assert given_W == pytest.approx(
         air_gap_W + m["copper_loss_W"] + m["conduction_loss_W"], rel=0.02
     )
+    # The rest of the balance is the rotor's copper: slip times the air gap's power.
+    slip = 1 - m["speed_rpm"] * np.pi / 30 * setup["machine.pole_pairs"] / (2 * np.pi * m["f1_Hz"])
+    lost_W = m["copper_loss_W"] + m["conduction_loss_W"] + m["switching_loss_W"] + slip * air_gap_W
+    assert m["loss_W"] == pytest.approx(lost_W, abs=0.02 * given_W)
+    assert m["input_W"] - m["loss_W"] == pytest.approx(m["shaft_W"])
+    assert m["efficiency_pct"] == pytest.approx(100 * m["shaft_W"] / m["input_W"])
     # A leg commutates 2 f_sw times a second, with the mean of |i| of a sine or less.
     mean_A = 2 / np.pi * m["i1_A"] * 1.2
     most_W = 6 * m["f_sw_Hz"] * 0.5e-3 * (setup["inverter.vdc_V"] / 600) * mean_A / 10

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hexatorque.analysis import Run, metrics
+from hexatorque.analysis.metrics import UNITS, flat
 from hexatorque.analysis.reference import reference_values
 from hexatorque.analysis.run import by_point
 from hexatorque.evidence.papers.printed_values import PAPER
@@ -15,7 +16,7 @@ METRICS = [
     "flux_ripple_Wb", "i1_A", "f1_Hz", "thd_pct", "thd_inf_pct", "h5_pct",
     "h7_pct", "ixy_rms_A", "delta_i_A", "delta_i_spread_A", "f_sw_Hz", "copper_loss_W",
     "idc_A", "idc_ripple_A",
-    "conduction_loss_W", "switching_loss_W",
+    "conduction_loss_W", "switching_loss_W", "input_W", "shaft_W", "loss_W", "efficiency_pct",
 ]  # fmt: skip
 
 
@@ -45,6 +46,14 @@ def test_known_steady_state(make_recording, prefix, offset_A):
     assert m["ixy_rms_A"] == pytest.approx(np.hypot(0.24, 0.1))
     assert m["delta_i_A"] == pytest.approx(0, abs=1e-9)
     assert m["f_sw_Hz"] == 2450
+
+
+@pytest.mark.parametrize("name", sorted(UNITS))
+def test_a_figure_alone_is_the_same(make_recording, name):
+    rec = make_recording(lines={5: 0.12}, meta={"f_sw_Hz": 2450, "samples_per_period": 12})
+    alone, all_figures = (flat(metrics(rec, names=names)) for names in ((name,), UNITS))
+    assert alone[name] == all_figures[name]
+    assert list(alone) == list(UNITS)
 
 
 def test_ripple_between_the_control_instants(make_recording):

@@ -248,11 +248,11 @@ def test_setups_lists_every_value_with_its_tag(capsys):
 
 
 def test_schemes_lists_source_and_options(capsys):
-    assert main(["schemes", "--json"]) == 0
+    assert main(["setups", "--schemes", "--json"]) == 0
     listed = json.loads(capsys.readouterr().out)
     assert tuple(listed["schemes"]) == firmware.schemes()
     assert "controller.table" in listed["options"]
-    assert main(["schemes"]) == 0
+    assert main(["setups", "--schemes"]) == 0
     assert "ddr-ml" in capsys.readouterr().out
 
 

@@ -6,7 +6,6 @@ from contextlib import contextmanager
 
 import pytest
 
-from hexatorque.cli import output
 from hexatorque.cli.main import main
 from hexatorque.drive import compiling
 from hexatorque.plant import loop
@@ -77,7 +76,7 @@ def test_a_run_says_that_it_compiles(cold, tmp_path, capsys):
     file.write_text('setup = "paper-b"\n[profile]\nduration_s = 0.01\n')
     assert main(["run", str(file), "-o", str(tmp_path / "x.npz"), "--json"]) == 0
     said = capsys.readouterr()
-    assert said.err.split("\n")[0] == output.COMPILING
+    assert said.err.split("\n")[0] == compiling.COMPILING
     assert said.err.count("compiling the simulation") == 1
     assert json.loads(said.out)["state"]
 
@@ -93,7 +92,7 @@ def test_a_run_says_that_it_compiles(cold, tmp_path, capsys):
 def test_other_commands_report_compiling_too(words, cold, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     main(words)
-    assert capsys.readouterr().err.count(output.COMPILING) == 1
+    assert capsys.readouterr().err.count(compiling.COMPILING) == 1
 
 
 def test_no_report_when_the_code_comes_from_the_cache(tmp_path, capsys):

@@ -12,10 +12,8 @@ Last, every wrong wiring on every built-in set-up.
 
 from __future__ import annotations
 
-import os
 import random
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +25,7 @@ from ...commissioning.sequence import STEPS, commission, default_current_A
 from ...drive.operating_points import Progress
 from ...drive.simulated import SimulatedDrive
 from ...errors import HexatorqueError
+from ...parallel import in_order
 from ...plant.vsd import INVERSE, PHASES
 from ...setups import Setup
 from ...setups.design import Design
@@ -249,22 +248,21 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
         for name in names
         for case in miswirings(setups.load(name))[:: 10 if quick else 1]
     ]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
 
-        def each(function: Callable[[Any], dict], inputs: Sequence) -> list[dict]:
-            rows = []
-            for row in pool.map(function, inputs):
-                rows.append(row)
-                if progress:
-                    progress(row["duration_s"])
-            return rows
+    def each(function: Callable[[Any], dict], inputs: Sequence) -> list[dict]:
+        rows = []
+        for row in in_order(function, inputs):
+            rows.append(row)
+            if progress:
+                progress(row["duration_s"])
+        return rows
 
-        return {
-            "quick": quick,
-            "miswirings": each(wrong, cases),
-            "built_in": each(built_in, names),
-            "machines": each(drawn, range(QUICK if quick else MACHINES)),
-        }
+    return {
+        "quick": quick,
+        "miswirings": each(wrong, cases),
+        "built_in": each(built_in, names),
+        "machines": each(drawn, range(QUICK if quick else MACHINES)),
+    }
 
 
 def error_pct(row: dict, name: str) -> float:

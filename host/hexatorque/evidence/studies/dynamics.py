@@ -8,9 +8,7 @@ are made in speed mode.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +17,7 @@ import numpy as np
 
 from ...analysis.response import moving_mean, step_response
 from ...drive.operating_points import NOT_MEASURED, Point, Progress, approach, follow
+from ...parallel import each
 from ...plant.vsd import PHASES
 from ...recording.recording import Recording
 from .robustness import VARIANTS, Variant
@@ -178,8 +177,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
         if not quick or test == "load step"
         for v in VARIANTS
     ]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        rows = list(pool.map(lambda case: _run(*case), cases))
+    rows = each(lambda case: _run(*case), cases)
     return {"quick": quick, "rows": [asdict(row) for row in rows]}
 
 

@@ -16,9 +16,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -26,6 +24,7 @@ import numpy as np
 
 from ... import firmware, setups
 from ...drive.simulated import SimulatedDrive
+from ...parallel import each
 from ...plant.legs import HIGH, LOW, OFF
 
 TITLE = "Fault campaign"
@@ -622,8 +621,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
             progress(0.3)
         return result
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        results = list(pool.map(one, cases))
+    results = each(one, cases)
     at_the_start = {DAMAGED_SET: damaged_set, WRONG_CLOCK: wrong_clock}
     for case in at_the_start.values():
         results += [case(firmware.BOARDS[n % 3], n) for n in range(0, RUNS, step)]

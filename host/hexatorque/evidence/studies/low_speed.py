@@ -4,9 +4,7 @@ sensor offsets and resistances that differ from the machine's."""
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -14,6 +12,7 @@ import numpy as np
 
 from ... import firmware, setups
 from ...drive.simulated import SimulatedDrive
+from ...parallel import each
 
 TITLE = "Low speed: observers at rated torque"
 SETUP = "paper-a-feasible"
@@ -126,8 +125,7 @@ def run_all(
     cases: list[Case], duration_s: float = DURATION_S, progress: Progress | None = None
 ) -> list[Outcome]:
     """Runs all cases on all cores."""
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(lambda case: run(case, duration_s, progress), cases))
+    return each(lambda case: run(case, duration_s, progress), cases)
 
 
 def study(quick: bool = False, progress: Progress | None = None) -> dict:

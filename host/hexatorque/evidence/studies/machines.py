@@ -12,15 +12,14 @@ The machine with the number n is always the same one.
 from __future__ import annotations
 
 import math
-import os
 import random
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 from ... import firmware, setups
 from ...drive.acceptance import accept
 from ...drive.operating_points import NOT_MEASURED, Progress
+from ...parallel import each
 from ...setups import Setup, SetupError, new
 from ...setups.keys import TIMING_OWNS
 from ...setups.nameplate import FRICTION, IRON, PULL_OUT, Assumed, Circuit, Nameplate, circuit_of
@@ -132,8 +131,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
             "schemes": {name: _tried(setup, name) for name in dict.fromkeys(chosen)},
         }
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return {"machines": list(pool.map(one, range(QUICK if quick else MACHINES)))}
+    return {"machines": each(one, range(QUICK if quick else MACHINES))}
 
 
 def _outcomes(result: dict, scheme: str) -> list[dict]:

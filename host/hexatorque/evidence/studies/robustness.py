@@ -8,9 +8,7 @@ highest speed. All schemes run with predicted latency, sampled at 10 kHz, with t
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -23,6 +21,7 @@ from ...drive.operating_points import (
     measure,
 )
 from ...drive.prepare import other_dead_time
+from ...parallel import each
 
 TITLE = "Robustness: errors of parameters, sensors and inverter"
 POINTS = (
@@ -154,8 +153,7 @@ def study(quick: bool = False, progress: Callable[[float], None] | None = None) 
     errors = [e for e in ERRORS if not quick or e.name in QUICK_ERRORS]
     points = POINTS[-1:] if quick else POINTS
     cases = [(p, e, v) for p in points for e in errors for v in VARIANTS]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        rows = list(pool.map(lambda c: run(c[0], c[1], c[2], progress), cases))
+    rows = each(lambda c: run(c[0], c[1], c[2], progress), cases)
     return {"quick": quick, "rows": [asdict(row) for row in rows]}
 
 

@@ -7,29 +7,17 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
 from ....analysis.run import Run
+from ....build import build
 from ....drive import operating_points
 from ....drive.operating_points import Point, Progress
+from ....parallel import each
 
 A = TypeVar("A")
 B = TypeVar("B")
-
-
-@lru_cache(maxsize=1)
-def build() -> str:
-    """Digest of everything that can change a result: this package with its firmware."""
-    package = Path(__file__).parents[3]
-    digest = hashlib.sha256()
-    for path in sorted(package.rglob("*")):
-        if path.suffix in (".py", ".so", ".toml"):
-            digest.update(path.relative_to(package).as_posix().encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
 
 
 class Job:
@@ -42,14 +30,8 @@ class Job:
         self.progress = progress
 
     def each(self, function: Callable[[A], B], items: Iterable[A]) -> list[B]:
-        """`function` of every item, in order, in parallel on all cores. Threads suffice because the
-        compiled simulation releases the GIL. After an exception or an interrupt, no further item
-        is started."""
-        pool = ThreadPoolExecutor(os.cpu_count())
-        try:
-            return list(pool.map(function, items))
-        finally:
-            pool.shutdown(cancel_futures=True)
+        """`function` of every item, in order, in parallel on all cores."""
+        return each(function, items)
 
     def runs(self, points: Iterable[Point]) -> list[Run]:
         """Recordings and metrics of points in steady state. If a point cannot be measured, raises

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 
+from ....build import build
 from ....drive.operating_points import NotReached
 from ....drive.simulated import DriveFault
 from ....recording.recording import RecordingError
 from ....setups import SetupError
 from .. import ENTRIES
 from .figure import Verdict
-from .job import Job, build
+from .job import Job
 from .page import write_page
 
 #: Sub-folder for measured points.

@@ -1,0 +1,36 @@
+"""Work on all cores of this computer, in threads: the compiled simulation releases the GIL.
+
+Studies (`sweeps`) have processes, because a run that hangs or dies must not end the others.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+
+def usable_cores() -> int:
+    """The cores that this process may use: in a container often fewer than the computer has."""
+    return len(os.sched_getaffinity(0))
+
+
+def in_order(
+    function: Callable[[A], B], items: Iterable[A], jobs: int | None = None, wait: bool = True
+) -> Iterator[B]:
+    """`function` of every item, in their order, each as soon as it and those before it are there.
+    After an exception or an interrupt no further item is started; wait: those under way end
+    first."""
+    pool = ThreadPoolExecutor(jobs or usable_cores())
+    try:
+        yield from pool.map(function, items)
+    finally:
+        pool.shutdown(wait=wait, cancel_futures=True)
+
+
+def each(function: Callable[[A], B], items: Iterable[A], jobs: int | None = None) -> list[B]:
+    return list(in_order(function, items, jobs))

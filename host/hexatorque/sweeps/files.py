@@ -1,0 +1,113 @@
+"""A study from a TOML file."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from ..errors import HexatorqueError
+from ..setups import SetupError
+from ..setups.values import suggest
+from .errors import StudyError
+from .space import GRID
+from .study import Study
+from .work import POINT
+
+#: Key of the file -> what is needed.
+KEYS: dict[str, tuple[type | tuple[type, ...], str]] = {
+    "setup": (str, "the name or the file of a set-up"),
+    "title": (str, "text"),
+    "design": (str, "text"),
+    "samples": (int, "a whole number"),
+    "seed": (int, "a whole number"),
+    "schemes": (list, "a list of names"),
+    "seeds": (list, "a list of whole numbers"),
+    "metrics": (list, "a list of names"),
+    "run": (str, "text"),
+    "from_s": ((int, float), "a time in s"),
+    "over": (str, "the name of a metric"),
+    "vary": (dict, "a table"),
+    "default": (dict, "a table"),
+}
+
+
+def ready() -> list[str]:
+    """Names of the studies that come with the package."""
+    names = [path.name for path in (resources.files(__package__) / "ready").iterdir()]
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
+
+
+def _text(path: Path) -> str:
+    if str(path) in ready():
+        return (resources.files(__package__) / "ready" / f"{path}.toml").read_text()
+    if not path.suffix and not path.exists():
+        raise StudyError(f"no study{suggest(str(path), ready())}")
+    try:
+        return path.read_text()
+    except (OSError, ValueError) as error:
+        raise StudyError(getattr(error, "strerror", None) or "no text file") from None
+
+
+def read(path: Path, changes: Mapping[str, Any] | None = None) -> Study:
+    """The study in a file, or the one of this name that comes with the package. `changes` replace
+    its keys; those of `vary` are by path, and added."""
+    try:
+        data = tomllib.loads(_text(path))
+    except tomllib.TOMLDecodeError as error:
+        raise StudyError(f"{path}: not valid TOML: {error}") from None
+    except StudyError as error:
+        raise StudyError(f"{path}: {error}") from None
+    try:
+        for name, value in data.items():
+            if name not in KEYS:
+                raise StudyError(f"unknown key {name!r}{suggest(name, KEYS)}")
+            kind, needed = KEYS[name]
+            if isinstance(value, bool) or not isinstance(value, kind):
+                raise StudyError(f"{name} = {value!r}: {needed} is needed")
+        for name in ("vary", "default"):
+            data[name] = _flat(name, data.get(name, {}))
+    except StudyError as error:
+        raise StudyError(f"{path}: {error}") from None
+    changes = dict(changes or {})
+    data["vary"].update(changes.pop("vary", {}))
+    try:
+        return make({**data, **changes})
+    except (StudyError, SetupError) as error:
+        raise _named(path, error) from None
+
+
+def _named(path: Path, error: HexatorqueError) -> StudyError:
+    return StudyError("\n".join(f"{path}: {line}" for line in str(error).splitlines()))
+
+
+def make(data: Mapping[str, Any]) -> Study:
+    """The study of a file's keys; those of `vary` are paths."""
+    if "setup" not in data:
+        raise StudyError("setup is missing: the name or the file of a set-up")
+    return Study(
+        data["setup"],
+        data.get("vary", {}),
+        data.get("metrics"),
+        data.get("design", GRID),
+        data.get("samples"),
+        data.get("seed", 1),
+        data.get("schemes", ()),
+        data.get("seeds", ()),
+        data.get("run", POINT),
+        data.get("from_s", 0.0),
+        data.get("title", ""),
+        data.get("over", ""),
+        data.get("default", {}),
+    )
+
+
+def _flat(name: str, sections: Mapping[str, Any]) -> dict[str, Any]:
+    found = {}
+    for section, keys in sections.items():
+        if not isinstance(keys, dict):
+            raise StudyError(f"{name}.{section}: a table [{name}.{section}] is needed")
+        found.update({f"{section}.{key}": value for key, value in keys.items()})
+    return found

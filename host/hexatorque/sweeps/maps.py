@@ -1,0 +1,184 @@
+"""Pictures of a study, a panel a figure.
+
+`draw`: over two keys a map for each scheme, over one a line for each; where points are drawn at
+random they are dots over the first two keys. `front`: over another figure, with the best
+compromises. `sensitivity`: how much each key matters.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..analysis.metrics import UNITS
+from ..analysis.plots import LABEL, TITLE, new_figure
+from ..analysis.schemes import STYLE
+from ..recording.formats import one_line, replacing
+from .errors import StudyError
+from .sensitivity import indices
+from .space import SCHEME, unit_of
+from .table import Results
+
+#: More figures than this are not drawn: the picture would have too many panels.
+MOST_FIGURES = 4
+#: Of all other figures less is better.
+MORE_IS_BETTER = ("efficiency_pct",)
+#: A grid with so many values of each key has contours.
+CONTOURS_FROM, CONTOURS = 5, 9
+PANEL_IN = (3.6, 3.0)
+
+
+def draw(results: Results, title: str, path: Path) -> Path:
+    """The first figures over the first keys that vary and are numbers. What else varies is
+    averaged."""
+    cases = [results.space.case(int(n)) for n in np.flatnonzero(results.done)]
+    rows = results.figures[results.done]
+    keys = [axis.path for axis in results.space.design.axes]
+    numeric = [key for key in keys if _varies([case.values[key] for case in cases])][:2]
+    names = results.metrics[:MOST_FIGURES]
+    if not cases or not numeric:
+        raise StudyError("no picture: no key that is a number varies")
+    over = np.array([[float(case.values[key]) for key in numeric] for case in cases])
+    schemes = [str(case.values.get(SCHEME, "")) for case in cases]
+    panels = list(dict.fromkeys(schemes)) if len(numeric) == 2 else [""]
+    figure, axes = new_figure(
+        len(names), len(panels), PANEL_IN[1] * len(names), max(6.0, PANEL_IN[0] * len(panels))
+    )
+    figure.suptitle(title, fontsize=11)
+    for row, name in enumerate(names):
+        values = rows[:, row]
+        good = values[np.isfinite(values)]
+        span = (good.min(), good.max()) if good.size else (0.0, 1.0)
+        for ax, scheme in zip(axes[row], panels):
+            ax.set_title(f"{scheme} {name} [{UNITS[name]}]".strip(), **TITLE)
+            ax.set_xlabel(_label(numeric[0]), **LABEL)
+            if len(numeric) == 1:
+                _lines(ax, over[:, 0], values, np.array(schemes))
+                continue
+            ax.set_ylabel(_label(numeric[1]), **LABEL)
+            its = np.array([one == scheme for one in schemes])
+            drawn = _map(ax, over[its], values[its], results.space.design.shares is None, span)
+            figure.colorbar(drawn, ax=ax)
+    return _save(figure, path)
+
+
+def front(results: Results, title: str, over: str, path: Path) -> Path:
+    """Every run as a dot over the figure `over`. The line joins the runs to which no other one is
+    better in both figures: less is better, of an efficiency more."""
+    names = [name for name in results.metrics if name != over][:MOST_FIGURES]
+    if not names:
+        raise StudyError(f"no picture: no other figure than {over}")
+    numbers = np.flatnonzero(results.done)
+    schemes = np.array([str(results.space.case(int(n)).values.get(SCHEME, "")) for n in numbers])
+    x = results.figures[numbers, results.metrics.index(over)]
+    figure, axes = new_figure(1, len(names), PANEL_IN[1] + 1.0, max(6.0, PANEL_IN[0] * len(names)))
+    figure.suptitle(title, fontsize=11)
+    for ax, name in zip(axes[0], names):
+        y = results.figures[numbers, results.metrics.index(name)]
+        for scheme in dict.fromkeys(schemes):
+            its = (schemes == scheme) & np.isfinite(x) & np.isfinite(y)
+            style = {"color": None, "marker": "o", **STYLE.get(scheme, {})}
+            (dots,) = ax.plot(x[its], y[its], ls="none", ms=3.0, alpha=0.45, mew=0, **style)
+            best = _best(x[its], y[its], name in MORE_IS_BETTER)
+            style["color"] = dots.get_color()
+            ax.plot(x[its][best], y[its][best], ms=4.5, lw=1.4, label=scheme or None, **style)
+        ax.set_xlabel(f"{over} [{UNITS[over]}]", **LABEL)
+        ax.set_title(f"{name} [{UNITS[name]}]", **TITLE)
+    if any(schemes):
+        axes[0, 0].legend(frameon=False, fontsize=8)
+    return _save(figure, path)
+
+
+def _best(x: np.ndarray, y: np.ndarray, more: bool) -> list[int]:
+    """Places of the points to which none is better in both, by rising x."""
+    found: list[int] = []
+    cost = -y if more else y
+    for at in np.lexsort((cost, x)):
+        if not found or cost[at] < cost[found[-1]]:
+            found.append(int(at))
+    return found
+
+
+def sensitivity(results: Results, title: str, path: Path) -> Path:
+    """The indices of a Sobol design as bars: pale what a key causes with others, dark alone."""
+    lines = list(indices(results))
+    names = results.metrics[:MOST_FIGURES]
+    keys = list(dict.fromkeys(line[2] for line in lines))
+    schemes = list(dict.fromkeys(line[0] for line in lines))
+    height_in = 1.2 + 0.26 * len(keys) * len(schemes)
+    figure, axes = new_figure(1, len(names), height_in, 2.2 + 2.4 * len(names), sharey=True)
+    figure.suptitle(f"{title}: share of the variance", fontsize=11)
+    width = 0.8 / len(schemes)
+    for ax, name in zip(axes[0], names):
+        for k, scheme in enumerate(schemes):
+            its = [line for line in lines if line[0] == scheme and line[1] == name]
+            at = [keys.index(line[2]) + (k - (len(schemes) - 1) / 2) * width for line in its]
+            colour = STYLE.get(scheme, {}).get("color", "#0072b2")
+            ax.barh(at, [max(0.0, line[5]) for line in its], 0.9 * width, color=colour, alpha=0.3)
+            alone = [max(0.0, line[3]) for line in its]
+            ax.barh(at, alone, 0.9 * width, color=colour, label=scheme or None)
+        ax.set_title(name, **TITLE)
+        ax.set_xlim(0, 1.05)
+    axes[0, 0].set_yticks(range(len(keys)), keys, fontsize=8)
+    axes[0, 0].invert_yaxis()
+    if any(schemes):
+        axes[0, -1].legend(frameon=False, fontsize=8)
+    return _save(figure, path)
+
+
+def _save(figure: Any, path: Path) -> Path:
+    try:
+        with replacing(path) as draft:
+            figure.savefig(draft)
+    except OSError as error:
+        raise StudyError(f"{path}: {one_line(error)}") from None
+    return path
+
+
+def _varies(values: list[Any]) -> bool:
+    numbers = all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values)
+    return numbers and len(set(values)) > 1
+
+
+def _label(path: str) -> str:
+    unit = unit_of(path)
+    return f"{path} [{unit}]" if unit else path
+
+
+def _mean(x: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The distinct rows of `x`, and the mean of the values of each; NaN where there is none."""
+    distinct, place = np.unique(x, axis=0, return_inverse=True)
+    place, good = place.ravel(), np.isfinite(values)
+    total = np.bincount(place[good], values[good], len(distinct))
+    count = np.bincount(place[good], minlength=len(distinct))
+    return distinct, np.where(count, total / np.maximum(count, 1), math.nan)
+
+
+def _lines(ax: Any, x: np.ndarray, values: np.ndarray, schemes: np.ndarray) -> None:
+    for scheme in dict.fromkeys(schemes):
+        at, mean = _mean(x[schemes == scheme], values[schemes == scheme])
+        ax.plot(at, mean, markersize=4, label=scheme, **STYLE.get(scheme, {"marker": "o"}))
+    if any(schemes):
+        ax.legend(frameon=False, fontsize=8)
+
+
+def _map(ax: Any, x: np.ndarray, values: np.ndarray, grid: bool, span: tuple) -> Any:
+    from matplotlib.ticker import MaxNLocator
+
+    points, mean = _mean(x, values)
+    limits = {"vmin": span[0], "vmax": span[1], "cmap": "viridis"}
+    a, b = np.unique(points[:, 0]), np.unique(points[:, 1])
+    if not grid or len(a) * len(b) != len(points):
+        return ax.scatter(points[:, 0], points[:, 1], c=mean, s=14, **limits)
+    ax.grid(False)
+    # The points are in the order of the first key, then of the second.
+    field = np.ma.masked_invalid(mean.reshape(len(a), len(b)).T)
+    if min(len(a), len(b)) < CONTOURS_FROM or span[0] == span[1]:
+        return ax.pcolormesh(a, b, field, shading="nearest", **limits)
+    levels = MaxNLocator(CONTOURS).tick_values(*span)
+    lines = ax.contour(a, b, field, levels, colors="white", linewidths=0.6)
+    ax.clabel(lines, fontsize=6.5)
+    return ax.contourf(a, b, field, levels, zorder=0, **limits)
