@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import click
@@ -14,9 +15,15 @@ from .output import console_of, print_json
 STYLE = {"ok": "green", "note": "yellow", "bad": "bold red"}
 
 
+def at_terminal() -> bool:
+    """Whether someone is there to answer."""
+    return sys.stdin.isatty()
+
+
 @click.command(
     "new",
     epilog=examples(
+        "new mine.toml",
         'new mine.toml --nameplate "power_kW=7.5 voltage_V=400 current_A=7.8 \\\n'
         '    frequency_Hz=50 speed_rpm=1455 poles=4"',
         'new mine.toml --circuit "pole_pairs=2 rs_ohm=1.8 rr_ohm=2 lls_H=10e-3 \\\n'
@@ -34,20 +41,32 @@ def new(file, nameplate, circuit, force) -> int:
     """Write a set-up for a machine of your own.
 
     Voltage and current of a nameplate are those of each of the two three-phase sets. What it does
-    not say is estimated, and tagged with the range in which it lies.
+    not say is estimated, and tagged with the range in which it lies. Without a list the command
+    asks.
     """
     from ..setups import new as writing
     from ..setups import parse
 
-    if (nameplate is None) == (circuit is None):
-        raise options.Mistake("give one of --nameplate and --circuit")
+    if nameplate is not None and circuit is not None:
+        raise options.Mistake("give one of --nameplate and --circuit, not both")
+    asks = nameplate is None and circuit is None
+    if asks and not at_terminal():
+        raise options.Mistake(
+            "give one of --nameplate and --circuit: the command asks only at a terminal"
+        )
     if file.suffix != ".toml":
         raise options.Mistake(f"{file}: the name must end with .toml")
     if file.exists() and not force:
         raise options.Mistake(f"{file} is there already; --force replaces it")
     title = file.stem.replace('"', "").replace("\\", "")
-    make = writing.from_circuit if circuit else writing.from_nameplate
-    text = make(circuit or nameplate, title)
+    if asks:
+        from .questions import ask
+
+        text = ask(title)
+    elif circuit is not None:
+        text = writing.from_circuit(circuit, title)
+    else:
+        text = writing.from_nameplate(nameplate, title)
     parse(text, file.stem)  # refuses what no set-up may be
     try:
         file.write_text(text)

@@ -101,6 +101,18 @@ def _percent(aim: float) -> str:
     return f"{100 * (math.exp(aim) - 1):+.0f} %"
 
 
+def _lines_of_errors(errors) -> list[str]:
+    """For each error that the drive did not hold: when, and why. None is not held after tuning
+    alone: such a candidate is not chosen."""
+    lines = []
+    for name, (before, after) in errors.items():
+        if after:
+            lines.append(f"{name}: held neither before nor after tuning: {after}")
+        elif before:
+            lines.append(f"{name}: held after tuning; before tuning: {before}")
+    return lines
+
+
 def _show(console, tuned, result) -> None:
     from rich.table import Table
     from rich.text import Text
@@ -128,10 +140,8 @@ def _show(console, tuned, result) -> None:
         console.print(table)
     else:
         console.print("no candidate is better than the set-up as it is", highlight=False)
-    for name, (before, after) in tuned.errors.items():
-        if before or after:
-            what = "neither before nor after" if before and after else "not before"
-            console.print(f"{name}: {what}: {after or before}", highlight=False, markup=False)
+    for line in _lines_of_errors(tuned.errors):
+        console.print(line, highlight=False, markup=False)
     console.print(
         f"aim {_percent(tuned.best.aim)}, {result['trials']} candidates, {result['lost']} of them "
         "do not hold their points",

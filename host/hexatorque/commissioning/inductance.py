@@ -29,8 +29,8 @@ TICKS = 9
 BIAS, SWING, AIM = 0.42, 0.25, 0.4
 PERIODS = 16
 #: Two standard deviations of the method's own error, share: voltage that devices take beside the
-#: lost voltages, edges, the sensors' delay.
-MODEL_ERROR = 0.002
+#: lost voltages, edges, the sensors' delay. Of sigma L_s, and of L_xy, whose currents are steeper.
+MODEL_ERROR, XY_MODEL_ERROR = 0.002, 0.004
 #: The flux is gone after so many of the machine's slow time constants. With the gates off it decays
 #: faster than these say.
 DECAY = 4.0
@@ -55,8 +55,8 @@ def measure(
     y = _along(test, resistance, 3, xy_per_H)
     test.begin_again(DECAY * slow_s)
     x = _along(test, resistance, 2, xy_per_H)
-    error = math.hypot(MEAN_GAIN, MODEL_ERROR)
-    sigma_ls_H, lxy_H = (mean(pair).plus_share(error) for pair in ([alpha, beta], [x, y]))
+    sigma_ls_H = mean([alpha, beta]).plus_share(math.hypot(MEAN_GAIN, MODEL_ERROR))
+    lxy_H = mean([x, y]).plus_share(math.hypot(MEAN_GAIN, XY_MODEL_ERROR))
     return Inductance(sigma_ls_H, lxy_H, phases(waves, resistance))
 
 

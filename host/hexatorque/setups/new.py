@@ -67,7 +67,7 @@ def read(text: str, keys: dict[str, Key]) -> dict[str, Any]:
             lines.append(f"unknown name {name}{suggest(name, keys)}")
         else:
             try:
-                values[name] = _value(name, word, keys[name])
+                values[name] = value(name, word, keys[name])
             except SetupError as error:
                 lines.append(str(error))
     given = {part.partition("=")[0] for part in re.split(r"[,\s]+", text)}
@@ -79,7 +79,8 @@ def read(text: str, keys: dict[str, Key]) -> dict[str, Any]:
     return values
 
 
-def _value(name: str, word: str, key: Key) -> Any:
+def value(name: str, word: str, key: Key) -> Any:
+    """What a word says. SetupError if that cannot be."""
     if key.kind == "choice":
         if word not in key.choices:
             raise SetupError(f"{name} = {word!r}: choose one of {', '.join(key.choices)}")
@@ -95,14 +96,14 @@ def _value(name: str, word: str, key: Key) -> Any:
             f"{name} = {number:.9g}: allowed range is {allowed}"
             + (", whole numbers only" if whole else "")
         )
+    if name == "poles" and number % 2:
+        raise SetupError(f"poles = {number:.9g}: an even number is needed")
     return int(number) if whole else number
 
 
 def from_nameplate(text: str, title: str) -> str:
     """The text of a set-up from what a nameplate says."""
     given = read(text, NAMEPLATE)
-    if given["poles"] % 2:
-        raise SetupError(f"poles = {given['poles']}: an even number is needed")
     plate = Nameplate(
         **{n: given[n] for n in ("power_kW", "voltage_V", "current_A", "frequency_Hz")},
         speed_rpm=given["speed_rpm"],
@@ -115,7 +116,6 @@ def from_nameplate(text: str, title: str) -> str:
     words = {
         name: f"from the nameplate; {low:.3g} .. {high:.3g}" for name, (low, high) in spread.items()
     }
-    peak_V = math.sqrt(2 / 3) * plate.voltage_V
     head = [
         f"Nameplate: {text}",
         "Per phase of the equivalent star of each set. Assumed besides the plate: pull-out torque "
@@ -135,9 +135,7 @@ def from_nameplate(text: str, title: str) -> str:
         "speed_rpm": (plate.speed_rpm, "", "nameplate"),
         "flux_Wb": (circuit.flux_Wb, "assumed", words["flux_Wb"]),
     }
-    needed_V = math.ceil(peak_V / (REACH_PU * USABLE) / 10) * 10
-    power_kW = plate.power_kW
-    return _text(title, head, machine, rated, given, plate.current_A, needed_V, power_kW)
+    return _text(title, head, machine, rated, given)
 
 
 def from_circuit(text: str, title: str) -> str:
@@ -148,10 +146,8 @@ def from_circuit(text: str, title: str) -> str:
     rated = {
         name: (given[name], "", "") for name in ("torque_Nm", "speed_rpm", "flux_Wb") if given[name]
     }
-    # Without rated values the size of the machine follows from its apparent power.
-    power_kW = 1e-3 * given["vdc_V"] * given["current_A"]
     head = [f"Equivalent circuit: {text}"]
-    return _text(title, head, machine, rated, given, given["current_A"], given["vdc_V"], power_kW)
+    return _text(title, head, machine, rated, given)
 
 
 def inertia_of(power_kW: float, pole_pairs: int) -> float:
@@ -164,49 +160,62 @@ def _rounded(value: float, digits: int = 2) -> float:
     return float(f"{value:.{digits}g}")
 
 
+def suggestion(name: str, given: dict[str, Any]) -> Any:
+    """A value that follows from those given so far; None if it does not follow."""
+    if name == "frequency_Hz":
+        return 50
+    if name == "poles":
+        # The slip is small: the synchronous speed is the next one above the rated speed.
+        return min(128, max(2, 2 * int(60 * given["frequency_Hz"] / given["speed_rpm"])))
+    if name in ("llr_H", "lxy_H"):
+        return given["lls_H"]
+    if name == "vdc_V" and "voltage_V" in given:
+        peak_V = math.sqrt(2 / 3) * given["voltage_V"]
+        return math.ceil(peak_V / (REACH_PU * USABLE) / 10) * 10
+    if name == "vdc_full_V":
+        return _rounded(V_RANGE * (given.get("vdc_V") or suggestion("vdc_V", given)))
+    if name == "i_full_A":
+        return _rounded(I_RANGE * math.sqrt(2) * given["current_A"])
+    if name == "inertia_kgm2":
+        # Without a rated power the size of the machine follows from its apparent power.
+        power_kW = given.get("power_kW") or 1e-3 * given["vdc_V"] * given["current_A"]
+        return _rounded(inertia_of(power_kW, given.get("pole_pairs") or given["poles"] // 2))
+    return None
+
+
 def _text(
     title: str,
     head: list[str],
     machine: dict[str, tuple],
     rated: dict[str, tuple],
     given: dict[str, Any],
-    current_A: float,
-    needed_V: float,
-    power_kW: float,
 ) -> str:
-    pole_pairs = machine["pole_pairs"][0]
     lls_H = machine["lls_H"][0]
-    peak_A = math.sqrt(2) * current_A
-    inertia = _rounded(inertia_of(power_kW, pole_pairs))
-    vdc_V = given["vdc_V"] or needed_V
+    inertia = suggestion("inertia_kgm2", given)
 
-    def chosen(name: str, value: float, note: str) -> tuple:
-        return (given[name], "", "") if given[name] else (value, "assumed", note)
+    def chosen(name: str, note: str) -> tuple:
+        if given[name]:
+            return (given[name], "", "")
+        # The stator leakage is the plate's estimate here, or the circuit's.
+        return (suggestion(name, {**given, "lls_H": lls_H}), "assumed", note)
 
     sections = {
         "machine": {
             **machine,
-            "lxy_H": chosen(
-                "lxy_H", lls_H, f"the stator leakage; {0.3 * lls_H:.3g} .. {lls_H:.3g}"
-            ),
+            "lxy_H": chosen("lxy_H", f"the stator leakage; {0.3 * lls_H:.3g} .. {lls_H:.3g}"),
             "inertia_kgm2": chosen(
                 "inertia_kgm2",
-                inertia,
                 f"usual for this power, with an equal load; {_rounded(inertia / 3)} .. "
                 f"{_rounded(inertia * 3)}",
             ),
         },
         "inverter": {
-            "vdc_V": chosen("vdc_V", vdc_V, "reaches rated voltage with 10 % left for control"),
+            "vdc_V": chosen("vdc_V", "reaches rated voltage with 10 % left for control"),
             "dead_time_us": (given["dead_time_us"], "assumed", "1 .. 3: see the gate drivers"),
         },
         "sensors": {
-            "i_full_A": chosen(
-                "i_full_A", _rounded(I_RANGE * peak_A), f"{I_RANGE:g} times the rated amplitude"
-            ),
-            "vdc_full_V": chosen(
-                "vdc_full_V", _rounded(V_RANGE * vdc_V), f"{V_RANGE:g} times the dc link"
-            ),
+            "i_full_A": chosen("i_full_A", f"{I_RANGE:g} times the rated amplitude"),
+            "vdc_full_V": chosen("vdc_full_V", f"{V_RANGE:g} times the dc link"),
             "encoder_ppr": (given["encoder_ppr"], "assumed", "pulses of the encoder in use"),
         },
         "timing": {

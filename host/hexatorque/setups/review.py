@@ -26,6 +26,9 @@ COS_15 = math.cos(math.pi / 12)
 #: the x-y plane's by 150 degrees, and lasts for a twelfth of a turn. Peak of the star that this
 #: draws: 0.5176 0.1725/0.622 pi/6.
 XY_FLUX_OF_LARGE = 0.075
+#: Peak of the errors that add up in x-y, in standard deviations: sqrt(2 ln n) is to be expected of
+#: n independent values, and the errors are new ones some hundred times in a few seconds.
+XY_PEAK = 3.5
 #: Transitions of all legs in a period, at most and in the mean, divided by the twelve of f_sw.
 SWITCHING = {"single": 1 / 6, "pair": 1 / 5, "virtual L": 1 / 3, "virtual ML": 2 / 3}
 
@@ -275,11 +278,7 @@ def _xy_A(d: Design, row: Any) -> float:
     lxy_H = d.machine.lxy_H
     step_A = d.vdc_V * d.period_s / lxy_H
     if row.vectors == lib.HT_VECTORS_SINGLE:
-        # Mostly the fifth harmonic: the resistance lowers it. While the torque changes, one vector
-        # may last for three periods more.
-        reactance_ohm = 5 * d.machine.pole_pairs * rad_s(d.rated_rpm) * lxy_H
-        share = reactance_ohm / math.hypot(reactance_ohm, d.machine.rs_ohm)
-        return share * XY_FLUX_OF_LARGE * d.flux_Wb / lxy_H + 3 * XY_LARGE_PU * step_A
+        return _single_xy_A(d)
     if row.vectors == lib.HT_VECTORS_PAIR:
         return XY_MEDIUM_PU * step_A
     if row.vectors == lib.HT_VECTORS_PAIR_SMALL:
@@ -287,6 +286,24 @@ def _xy_A(d: Design, row: Any) -> float:
     # Three vectors, whose mean in x-y is zero: what they reach in between.
     part_pu = XY_LARGE_PU if row.group == lib.HT_L else XY_MEDIUM_PU
     return part_pu * step_A / 3
+
+
+def _single_xy_A(d: Design) -> float:
+    """Peak of the x-y current in one phase if single large vectors make it and nobody controls it.
+
+    Two parts that do not depend on each other. The vectors in their turn draw the star, mostly the
+    fifth harmonic. But a vector lasts for whole periods: both of its ends are rounded by up to half
+    a period, so its x-y part is wrong by a sixth of a period's step, squared mean, in no order.
+    Only the resistance brings such errors down, with L_xy/R_s. If they add up for half of this
+    time, sum their squares, and divide by two for one phase, the root is the standard deviation.
+    """
+    lxy_H, rs_ohm = d.machine.lxy_H, d.machine.rs_ohm
+    reactance_ohm = 5 * d.machine.pole_pairs * rad_s(d.rated_rpm) * lxy_H
+    share = reactance_ohm / math.hypot(reactance_ohm, rs_ohm)
+    star_A = share * XY_FLUX_OF_LARGE * d.flux_Wb / lxy_H
+    periods = lxy_H / rs_ohm / d.period_s
+    step_A = XY_LARGE_PU * d.vdc_V * d.period_s / lxy_H
+    return math.hypot(star_A, XY_PEAK * step_A * math.sqrt(periods / 24))
 
 
 def _reach(d: Design, row: Any, table_share: float) -> Iterator[Finding]:

@@ -14,7 +14,9 @@ from hexatorque.commissioning.excitation import Excitation, Limits, Samples
 from hexatorque.commissioning.regression import Value, linear, nonlinear
 from hexatorque.commissioning.result import set_up
 from hexatorque.commissioning.sequence import STEPS, commission, with_needs
+from hexatorque.drive.interface import DriveFault
 from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.evidence.studies import machines
 from hexatorque.plant.vsd import INVERSE, TRANSFORM
 from hexatorque.setups.loading import parse
 
@@ -210,3 +212,20 @@ def test_mistakes_of_the_user_are_one_line():
 
 def test_values_show_their_uncertainty():
     assert f"{Value(1.8234, 0.0031):ohm}" == "1.823 ohm ±0.0031"
+
+
+def test_another_flux_is_no_fault_of_the_flux(monkeypatch):
+    """A drawn machine whose ripple leaves little of `flux_check`. The drive goes to half of its
+    flux: at once the rotor's flux would need the current that the check takes for a fault."""
+    setup = machines.drive(*machines.machine(37))
+    limits = Limits(219.0, 0.1)
+
+    def curve():
+        sim = SimulatedDrive(setup.changed(load__kind="friction"), 2)
+        return running.magnetisation(sim, limits)
+
+    true_H = setup["machine.lls_H"] + setup["machine.lm_H"]
+    assert curve().ls_H == pytest.approx([true_H] * len(running.FLUXES), rel=0.02)
+    monkeypatch.setattr(running, "EXTRA", 10.0)
+    with pytest.raises(DriveFault, match="flux estimate cannot be right"):
+        curve()

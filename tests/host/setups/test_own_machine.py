@@ -8,7 +8,7 @@ import pytest
 
 from hexatorque import firmware, setups
 from hexatorque.cli.main import main
-from hexatorque.setups import SetupError, derived, new
+from hexatorque.setups import SetupError, derived, new, review
 from hexatorque.setups.design import Design
 from hexatorque.setups.nameplate import Nameplate, circuit_of, spread_of
 
@@ -170,3 +170,24 @@ def test_a_light_shaft_gets_a_quick_speed_loop():
     d = Design(light, setups.parameters(light).__getitem__)
     corner_rad_s = light.parameter("kp_speed_Nms_rad") / 5e-4
     assert d.runaway_rpm(corner_rad_s) <= derived.RUNAWAY * d.rated_rpm
+
+
+def test_errors_of_the_vectors_add_up_in_xy_as_far_as_the_resistance_lets_them(monkeypatch):
+    """The estimate without the star, against a sum over periods: each vector begins and ends up
+    to half a period too early or too late, its x-y part points anywhere, and the resistance takes
+    its share of the current in every period."""
+    monkeypatch.setattr(review, "XY_FLUX_OF_LARGE", 0.0)
+    draw = np.random.default_rng(1)
+    for rs_ohm in (0.5, 8.0):
+        setup = setups.load("small-2kw").changed(machine__rs_ohm=rs_ohm)
+        d = Design(setup, setup.parameter)
+        period_s, lxy_H = d.period_s, d.machine.lxy_H
+        step_A = review.XY_LARGE_PU * d.vdc_V * period_s / lxy_H
+        current_A, seen_A = np.zeros(2000, complex), []
+        for _ in range(round(6 * lxy_H / rs_ohm / period_s)):
+            late = draw.uniform(-0.5, 0.5, 2000) - draw.uniform(-0.5, 0.5, 2000)
+            towards = np.exp(2j * np.pi * draw.random(2000))
+            current_A = current_A * (1 - rs_ohm * period_s / lxy_H) + step_A * late * towards
+            seen_A.append(np.std(current_A.real))
+        peak_A = review.XY_PEAK * seen_A[-1]
+        assert review._single_xy_A(d) == pytest.approx(peak_A, rel=0.08), rs_ohm

@@ -9,6 +9,7 @@ import pytest
 
 from hexatorque import setups
 from hexatorque.cli.main import main
+from hexatorque.cli.tuning import _lines_of_errors
 from hexatorque.setups import Value, edit
 from hexatorque.tuning import aim, course, report, search, space, tuning
 from hexatorque.tuning.aim import Figures
@@ -114,6 +115,14 @@ def test_an_error_that_nothing_holds_excludes_nothing(limits, monkeypatch):
     monkeypatch.setattr(course, "drive", drive)
     tuned = tuning.tune(replace(request, trials=16), jobs=1)
     assert tuned.better and tuned.errors["R_s -30 %"] == ("tripped", "tripped")
+
+
+def test_what_is_held_since_tuning_does_not_read_like_a_trip_of_the_tuned_drive():
+    errors = {"R_s -30 %": ("", ""), "L_m -30 %": ("tripped", ""), "J -30 %": ("lost", "lost too")}
+    assert _lines_of_errors(errors) == [
+        "L_m -30 %: held after tuning; before tuning: tripped",
+        "J -30 %: held neither before nor after tuning: lost too",
+    ]
 
 
 def test_without_a_better_one_the_set_up_stays(limits, monkeypatch):

@@ -1,0 +1,108 @@
+"""What `hexatorque new` asks when it is given no list.
+
+Each question has the value's unit and range. Enter takes what stands in brackets: what follows
+from the answers so far, or is usual. Such a value is left out of the list where the set-up would
+estimate it by the same rule: there it is then tagged as assumed.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from ..setups import SetupError
+from ..setups import new as writing
+from ..setups.keys import Key
+
+#: What is asked, in this order. All else has its usual value, and can be changed in the file.
+LAST = ("inertia_kgm2", "i_full_A", "dead_time_us", "encoder_ppr", "device")
+PLATE = (
+    *("power_kW", "voltage_V", "current_A", "frequency_Hz", "speed_rpm", "poles"),
+    *("power_factor", "efficiency", "vdc_V", *LAST),
+)
+CIRCUIT = (
+    *("pole_pairs", "rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H", "lxy_H", "vdc_V", "current_A"),
+    *("torque_Nm", "speed_rpm", *LAST),
+)
+#: Of values that nothing suggests.
+EXAMPLES = {
+    "power_kW": "7.5",
+    "voltage_V": "400",
+    "current_A": "7.8",
+    "speed_rpm": "1455",
+    "power_factor": "0.85",
+    "efficiency": "0.9",
+    "pole_pairs": "2",
+    "rs_ohm": "1.8",
+    "rr_ohm": "2",
+    "lls_H": "0.01",
+    "lm_H": "0.284",
+    "torque_Nm": "40",
+    "vdc_V": "600",
+}
+#: These only begin a question: the answer goes into the list even if it was suggested.
+ALWAYS_TOLD = ("frequency_Hz", "poles", "llr_H")
+UNKNOWN = "not known"
+
+
+def ask(title: str) -> str:
+    """Asks until the answers make a set-up. Returns its text."""
+    click.echo("Enter takes the answer in [brackets].")
+    kind = click.prompt(
+        "What do you have? nameplate, or the circuit per phase",
+        type=click.Choice(["nameplate", "circuit"]),
+        default="nameplate",
+    )
+    names, keys, make = {
+        "nameplate": (PLATE, writing.NAMEPLATE, writing.from_nameplate),
+        "circuit": (CIRCUIT, writing.CIRCUIT, writing.from_circuit),
+    }[kind]
+    before: dict[str, str] = {}
+    while True:
+        given: dict[str, Any] = {}
+        told: dict[str, str] = {}
+        for name in names:
+            if word := _answer(name, keys[name], given, before.get(name)):
+                given[name] = writing.value(name, word, keys[name])
+                told[name] = word
+        try:
+            return make(",".join(f"{name}={word}" for name, word in told.items()), title)
+        except SetupError as error:
+            click.echo(f"{error}\nOnce more; Enter keeps what you said.")
+            before = told
+
+
+def _answer(name: str, key: Key, given: dict[str, Any], before: str | None) -> str:
+    """The word to put into the list; empty: leave it to the set-up."""
+    suggested = writing.suggestion(name, given)
+    if suggested is None and key.default is not None:
+        suggested = key.default or UNKNOWN
+    shown = before or (None if suggested is None else str(suggested))
+    word = click.prompt(_question(name, key), default=shown, value_proc=_reader(name, key))
+    if before is None and word == str(suggested) and name not in ALWAYS_TOLD:
+        return ""
+    return "" if word == UNKNOWN else word
+
+
+def _question(name: str, key: Key) -> str:
+    about = key.help.split(", 0:")[0]
+    if key.kind == "choice":
+        return f"{name}: {about}, {' or '.join(key.choices)}"
+    example = f", for example {EXAMPLES[name]}" if name in EXAMPLES else ""
+    allowed = f"{key.min:.9g} .. {key.max:.9g} {key.unit}".rstrip()
+    return f"{name}: {about}, {allowed}{example}"
+
+
+def _reader(name: str, key: Key):
+    def read(text: str) -> str:
+        word = text.strip()
+        if word == UNKNOWN and key.default is not None:
+            return word
+        try:
+            writing.value(name, word, key)
+        except SetupError as error:
+            raise click.UsageError(str(error)) from None
+        return word
+
+    return read
