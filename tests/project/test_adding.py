@@ -117,7 +117,7 @@ def test_scheme(built, found):
     alpha-beta and 150 degrees in x-y, each of length sqrt(2)/3: with the shares that leave nothing
     in x-y, the mean has the length below. A dead time takes up to 2 % of a leg's voltage."""
     assert found["schemes"][-1] == "fdr-ml"
-    assert "fdr-ml" in run(built, sys.executable, "-m", "hexatorque", "schemes").stdout
+    assert "fdr-ml" in run(built, sys.executable, "-m", "hexatorque", "setups", "--schemes").stdout
     drive = found["running"]
     assert (drive["state"], drive["faults"], drive["scheme"]) == ("run", [], "fdr-ml")
     assert drive["torque_Nm"] == pytest.approx(3.0, abs=0.3) and drive["speed_rpm"] > 1
