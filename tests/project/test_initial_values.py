@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ccs_projects import CC, CMAKE, NINJA
+from example_setups import example_setups
 from stand_in_compiler import configure, needs_cmake, stand_ins
 
 from hexatorque import firmware, setups
@@ -85,10 +86,7 @@ def as_kept(setup):
     return {n: np.float32(rows[n].parse(v)) for n, v in setups.parameters(setup).items()}
 
 
-EXAMPLES = sorted((ROOT / "examples").glob("*.toml"))
-
-
-@pytest.mark.parametrize("source", [*setups.builtin_names(), *EXAMPLES, "mine"], ids=str)
+@pytest.mark.parametrize("source", [*setups.builtin_names(), *example_setups(), "mine"], ids=str)
 def test_values_are_those_of_the_simulation(source, tmp_path):
     if source == "mine":
         source = tmp_path / "mine.toml"

@@ -22,6 +22,7 @@ RUN_KEYS = {
     "thd_pct", "thd_inf_pct", "h5_pct",
     "h7_pct", "ixy_rms_A", "delta_i_A", "delta_i_spread_A", "f_sw_Hz", "copper_loss_W",
     "conduction_loss_W", "switching_loss_W", "idc_A", "idc_ripple_A", "realtime_factor",
+    "input_W", "shaft_W", "loss_W", "efficiency_pct",
 }  # fmt: skip
 
 

@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from example_setups import example_setups
 from jsonschema import Draft7Validator
 
 from hexatorque import firmware, setups
@@ -32,7 +33,7 @@ def test_the_page_has_the_schema_of_this_version():
     assert text == json.dumps(setups.json_schema(), indent=1) + "\n"
 
 
-@pytest.mark.parametrize("file", [*BUILTIN.glob("*.toml"), *(ROOT / "examples").glob("*.toml")])
+@pytest.mark.parametrize("file", [*BUILTIN.glob("*.toml"), *example_setups()])
 def test_files_of_the_project_are_valid(validator, file):
     assert mistakes(validator, file.read_text()) == set()
 

@@ -22,7 +22,9 @@ def test_every_fault_is_found_and_named(result):
     assert result["runs"] >= (2000 if WHOLE else 280)
     for row in result["rows"]:
         assert row["errors"] == [], row["fault"]
-        assert row["found"] >= row["runs"] / 2, row["fault"]
+        # Half of the damages leave one copy of the set whole, and that copy is taken.
+        least = 1 / 3 if row["fault"] == faults.DAMAGED_SET else 1 / 2
+        assert row["found"] >= least * row["runs"], row["fault"]
 
 
 def test_in_the_next_interrupt(result):
