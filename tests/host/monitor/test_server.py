@@ -190,7 +190,7 @@ def test_dictionary_is_the_boards(site):
     assert [(row["name"], row["unit"]) for row in device["channels"]] == [
         *site.monitored.drive.channels
     ]
-    assert device["states"] == ["idle", "calibrate", "build", "run", "fault"]
+    assert device["states"] == ["idle", "calibrate", "build", "run", "fault", "test"]
 
 
 def test_a_fault_is_shown_with_its_snapshot_and_cleared(site):
