@@ -7,6 +7,7 @@
 #   make test-targets  the others: emulated processors, browser, static checks; names missing tools
 #   make budget        the firmware's instructions, stack and size, into docs/budget.md
 #   make bench         speed of the simulation, instructions of the firmware
+#   make bench-peers   two other simulators of drives beside this one, in an environment of their own
 #   make docs          the documentation as a site, in build/site
 #   make lint          formatting and static checks
 #   make format        format Python and C
@@ -28,16 +29,16 @@ C_SOURCES := $(shell find firmware cmake tests/c -type f) CMakeLists.txt
 # All C that is written by hand. Its format is in .clang-format.
 C_FORMATTED := $(shell find firmware tests/c tests/prove tools -name '*.[ch]' ! -name ht_tables.c ! -name vectors.h)
 JOBS ?= 2
-WAITING ?= 6
+WAITING ?= 4
 FUZZ_S ?= 120
 MUTANTS ?= 300
 
-.PHONY: help demo papers papers-quick test test-quick test-c test-targets budget sanitize fuzz prove \
-  prove-quick coverage mutate bench docs lint format check-c clean
+.PHONY: help demo papers papers-quick test test-computes test-waits test-quick test-c test-targets \
+  budget sanitize fuzz prove prove-quick coverage mutate bench bench-peers docs lint format check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,18s/^# \{0,1\}//p' Makefile
+	@sed -n '3,19s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -98,19 +99,34 @@ coverage: $(VENV)/.installed
 mutate: $(VENV)/.installed
 	@[ -x build/mutate/tools/bin/mutate ] || { $(BIN)/python -m venv build/mutate/tools && \
 	  build/mutate/tools/bin/pip install --quiet universalmutator==1.14.1; }
-	$(BIN)/python tools/mutate.py --count $(MUTANTS) --write
+	$(BIN)/python tools/mutate.py --count $(MUTANTS) --jobs $(JOBS) --write
 
 # Stages of tests: tests/conftest.py. With worksteal nearly all tests of a file run in one process:
 # they share what their fixtures build and compile. On a busy computer a test that waits for other
 # processes may fail for this reason alone: what fails runs again, one at a time.
-pytest = $(BIN)/python -m pytest -rs
-stage = $(pytest) -n $(1) --dist worksteal --stage $(2) tests
+# Each stage has its own list of what has failed.
+pytest = $(BIN)/python -m pytest -rs -o cache_dir=build/pytest/$(1) --stage $(1)
+stage = $(call pytest,$(2)) -n $(1) --dist worksteal tests
 waiting = $(call stage,$(1),$(2)) || \
-	$(pytest) --stage $(2) --last-failed --last-failed-no-failures none tests
+	$(call pytest,$(2)) --last-failed --last-failed-no-failures none tests
 
+# The two stages run at the same time. What computes is nice: what waits for answers gets them at once.
 test: test-c
-	$(call stage,$(JOBS),computes)
-	$(call waiting,$(WAITING),waits)
+	@$(MAKE) --no-print-directory -j2 test-computes test-waits
+
+# Each has a temporary folder of its own: pytest deletes what older runs have left in it, and two that
+# delete the same fail.
+temporary = $(shell d=$${TMPDIR:-/tmp}/hexatorque-$(1); mkdir -p $$d; echo $$d)
+
+test-computes: export PYTEST_DEBUG_TEMPROOT = $(call temporary,computes)
+test-computes: $(VENV)/.installed
+	nice $(call stage,$(JOBS),computes)
+
+# Printed when it is done, so that the two do not mix their lines.
+test-waits: export PYTEST_DEBUG_TEMPROOT = $(call temporary,waits)
+test-waits: $(VENV)/.installed
+	@mkdir -p build; { $(call waiting,$(WAITING),waits); } >build/waits.txt 2>&1; \
+	failed=$$?; cat build/waits.txt; exit $$failed
 
 test-quick: $(VENV)/.installed
 	$(call stage,$(JOBS),quick)
@@ -130,7 +146,16 @@ budget: $(VENV)/.installed
 	$(BIN)/hexatorque evidence budget -o docs
 
 bench: build/host/.built
-	$(BIN)/hexatorque evidence speed --counter build/host/tests/c/count_instructions
+	$(BIN)/hexatorque evidence speed --counter build/host/tests/c/count_instructions \
+	  --plant build/host/tests/c/libplant.so
+
+# The newest versions that Python 3.11 can install.
+PEERS := motulator==0.5.0 gym-electric-motor==3.0.3
+bench-peers: $(VENV)/.installed
+	@[ "$$(cat build/peers/.versions 2>/dev/null)" = "$(PEERS)" ] || { rm -rf build/peers && \
+	  $(BIN)/python -m venv build/peers && build/peers/bin/pip install --quiet $(PEERS) && \
+	  echo "$(PEERS)" >build/peers/.versions; }
+	$(BIN)/python tools/bench_peers.py build/peers/bin/python
 
 # A broken link is an error. Missing tools are installed first.
 docs: $(VENV)/.installed

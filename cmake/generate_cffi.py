@@ -25,6 +25,7 @@ HEADERS = (
     "ht_board_of_device.h",
     "ht_pil_host.h",
     "ht_virtual_board.h",
+    "ht_host_law.h",
     "ht_burst_rows.h",
     "ht_octets.h",
     "ht_opcodes.h",

@@ -1,10 +1,11 @@
 """Which tests `make test`, `make test-targets` and `make test-quick` run when.
 
-Each test is in one stage. `make test` runs the first two, `make test-targets` the last.
+Each test is in one stage. `make test` runs the first two, at the same time, `make test-targets`
+the last.
 
 computes: all that is in none of the other stages.
 waits: the test depends on how fast other processes answer, or starts many of them. It mostly
-  waits, so several of these run at once.
+  waits, so several of these run at once. What computes is nice to them.
 target: the test needs a program that `make` does not install: an emulator, a cross compiler or a
   browser. Or it builds the firmware again, in a copy of the tree.
 
@@ -18,6 +19,7 @@ import os
 from pathlib import Path
 
 import pytest
+from forked import end_server
 
 TESTS = Path(__file__).parent
 # What is no terminal has no width. GNU readline sets this for processes that pytest starts.
@@ -32,6 +34,7 @@ WAITS = (
     "host/serial",
     "host/sweeps/test_cluster.py",
     "host/sweeps/test_engine.py",
+    "project/test_forked.py",
     "project/test_own_machine_page.py",
     "project/test_tutorial.py",
 )
@@ -61,6 +64,7 @@ SLOW = (
     "host/cli/test_compiling.py",
     "host/drive",
     "host/evidence",
+    "host/laws",
     "host/plant",
     "host/recording/test_files.py",
     "host/recording/test_writer.py",
@@ -103,13 +107,26 @@ def pytest_configure(config):
     config.addinivalue_line("markers", "target: for `make test-targets`, though its file is not")
 
 
+def pytest_unconfigure():
+    end_server()
+
+
+def left_out(file: Path, stage: str) -> bool:
+    if stage == "quick":
+        return within(file, SLOW) or "computes" not in stages(file)
+    return stage not in stages(file)
+
+
 def pytest_ignore_collect(collection_path, config):
     stage = config.getoption("--stage")
-    if stage is None or not collection_path.match("test_*.py"):
+    if stage is None:
         return None
-    if stage == "quick":
-        return within(collection_path, SLOW) or "computes" not in stages(collection_path) or None
-    return stage not in stages(collection_path) or None
+    # Of a folder that has nothing for the stage, not even conftest.py is imported.
+    folder = collection_path.is_dir()
+    if not folder and not collection_path.match("test_*.py"):
+        return None
+    files = collection_path.rglob("test_*.py") if folder else [collection_path]
+    return all(left_out(file, stage) for file in files) or None
 
 
 def pytest_collection_modifyitems(config, items):

@@ -1,6 +1,6 @@
 """Tests the tests: `make mutate`, or
 
-    python tools/mutate.py [--count N] [--seed N] [--room core] [--write]
+    python tools/mutate.py [--count N] [--seed N] [--room core] [--jobs N] [--write]
 
 Changes the firmware in one place (universalmutator's rules for C: an operator, a constant, a
 statement that is left out), builds it and runs the tests. A test must fail. The mutants are drawn
@@ -13,11 +13,14 @@ at random, the same ones for the same seed. A mutant counts as
     alive     no test has failed
 
 tests/mutation.toml has a verdict for those that stayed alive. --write renews docs/mutation.md.
+What was interrupted goes on where it was: a mutant that the same firmware and tests have judged
+is not judged again.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import random
@@ -27,12 +30,14 @@ import subprocess
 import sys
 import tomllib
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Lock
 
 ROOT = Path(__file__).resolve().parents[1]
 WORK = ROOT / "build" / "mutate"
-TREE = WORK / "tree"
 #: universalmutator has an environment of its own: it brings an outdated `typing`.
 MUTATOR = WORK / "tools" / "bin" / "mutate"
 PAGE = ROOT / "docs" / "mutation.md"
@@ -111,27 +116,29 @@ def drawn(rooms: list[str], count: int, seed: int) -> list[Mutant]:
 # --- A build of its own -----------------------------------------------------------
 
 
-def prepare() -> None:
-    """The tree that is changed, built once as it is."""
-    shutil.rmtree(TREE, ignore_errors=True)
-    TREE.mkdir(parents=True)
+def prepared(number: int) -> Path:
+    """A tree that is changed, built once as it is."""
+    tree = WORK / f"tree{number}"
+    shutil.rmtree(tree, ignore_errors=True)
+    tree.mkdir(parents=True)
     for name in ("firmware", "cmake", "tests/c", "tests/vectors"):
-        shutil.copytree(ROOT / name, TREE / name)
-    shutil.copy(ROOT / "CMakeLists.txt", TREE)
+        shutil.copytree(ROOT / name, tree / name)
+    shutil.copy(ROOT / "CMakeLists.txt", tree)
     beside = Path(sys.executable).parent
     for folder, options in (
         ("c", []),
         ("module", ["-DHT_PYTHON_MODULE=ON", f"-DPython_EXECUTABLE={sys.executable}"]),
     ):
-        done = do([beside / "cmake", "-S", TREE, "-B", TREE / folder, "-G", "Ninja",
+        done = do([beside / "cmake", "-S", tree, "-B", tree / folder, "-G", "Ninja",
                    f"-DCMAKE_MAKE_PROGRAM={beside / 'ninja'}", *options])  # fmt: skip
-        if done.returncode != 0 or not build():
+        if done.returncode != 0 or not build(tree):
             raise SystemExit(f"mutate: the firmware does not build: {done.stdout}{done.stderr}")
+    return tree
 
 
-def build() -> bool:
+def build(tree: Path) -> bool:
     cmake = Path(sys.executable).parent / "cmake"
-    both = ((TREE / "module", ["_firmware"]), (TREE / "c", list(C_TESTS)))
+    both = ((tree / "module", ["_firmware"]), (tree / "c", list(C_TESTS)))
     return all(
         do([cmake, "--build", folder, "--target", *targets]).returncode == 0
         for folder, targets in both
@@ -139,28 +146,28 @@ def build() -> bool:
     )
 
 
-def code_of(mutant: Mutant) -> bytes:
+def code_of(tree: Path, mutant: Mutant) -> bytes:
     """The object file without the lines' numbers, which it does not have without -g."""
     room = "ht_core" if mutant.file.startswith("core/") else "ht_app"
-    path = TREE / "module" / "CMakeFiles" / f"{room}.dir" / "firmware" / f"{mutant.file}.o"
+    path = tree / "module" / "CMakeFiles" / f"{room}.dir" / "firmware" / f"{mutant.file}.o"
     return path.read_bytes()
 
 
-def runs(mutant: Mutant) -> list[tuple[str, list[str]]]:
+def runs(tree: Path, mutant: Mutant) -> list[tuple[str, list[str]]]:
     room = mutant.file.split("/")[0]
-    c = [(name, [str(next((TREE / "c").rglob(name)))]) for name in C_TESTS]
+    c = [(name, [str(next((tree / "c").rglob(name)))]) for name in C_TESTS]
     python = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider",
               "-p", "other_firmware", *TESTS[room]]  # fmt: skip
     return [*c, ("Python", python)]
 
 
-def tested(mutant: Mutant) -> tuple[str, str]:
+def tested(tree: Path, mutant: Mutant) -> tuple[str, str]:
     other = {
-        "HT_FIRMWARE": str(next((TREE / "module").glob("_firmware*.so"))),
+        "HT_FIRMWARE": str(next((tree / "module").glob("_firmware*.so"))),
         "PYTHONPATH": str(ROOT / "tools"),
-        "HYPOTHESIS_STORAGE_DIRECTORY": str(WORK / "hypothesis"),
+        "HYPOTHESIS_STORAGE_DIRECTORY": str(tree / "hypothesis"),
     }
-    for name, words in runs(mutant):
+    for name, words in runs(tree, mutant):
         limited = ["sh", "-c", f'ulimit -t {LIMIT_S}; exec "$@"', "sh", *words]
         done = do(list(limited), cwd=ROOT, env={**os.environ, **other})
         if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
@@ -171,22 +178,22 @@ def tested(mutant: Mutant) -> tuple[str, str]:
     return ALIVE, ""
 
 
-def judged(mutant: Mutant) -> Result:
-    path = TREE / "firmware" / mutant.file
+def judged(tree: Path, mutant: Mutant) -> Result:
+    path = tree / "firmware" / mutant.file
     right = path.read_text()
-    before = code_of(mutant)
+    before = code_of(tree, mutant)
     lines = right.splitlines()
     lines[mutant.line - 1] = mutant.wrong
     try:
         path.write_text("\n".join(lines) + "\n")
-        if not build():
+        if not build(tree):
             return Result(mutant, UNBUILT, "")
-        if code_of(mutant) == before:
+        if code_of(tree, mutant) == before:
             return Result(mutant, SAME, "")
-        return Result(mutant, *tested(mutant))
+        return Result(mutant, *tested(tree, mutant))
     finally:
         path.write_text(right)
-        build()
+        build(tree)
 
 
 # --- The page ---------------------------------------------------------------------
@@ -231,24 +238,64 @@ def write(results: list[Result], page: Path = PAGE) -> None:
     page.write_text(f"{before}{BEGIN}\n{table(results, verdicts())}\n{END}{after}")
 
 
+def subject() -> str:
+    """Changes with the firmware and with its tests."""
+    digest = hashlib.sha256()
+    for name in ("firmware", "tests/c", "tests/firmware"):
+        for path in sorted((ROOT / name).rglob("*.[chdp]*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def judge(chosen: list[Mutant], jobs: int) -> list[Result]:
+    of = subject()
+    kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    rows = kept["results"] if kept.get("of") == of else []
+    done = {
+        Mutant(**row["mutant"]): Result(**{**row, "mutant": Mutant(**row["mutant"])})
+        for row in rows
+    }
+    left = [mutant for mutant in chosen if mutant not in done]
+    if len(left) < len(chosen):
+        print(f"{len(chosen) - len(left)} of them are judged already", flush=True)
+    trees: SimpleQueue[Path] = SimpleQueue()
+    for number in range(min(jobs, len(left))):
+        trees.put(prepared(number))
+    lock = Lock()
+
+    def one(mutant: Mutant) -> None:
+        tree = trees.get()
+        try:
+            result = judged(tree, mutant)
+        finally:
+            trees.put(tree)
+        with lock:
+            done[mutant] = result
+            m = result.mutant
+            print(
+                f"{result.verdict:9} {m.file}:{m.line}: {m.wrong.strip()}  {result.by}", flush=True
+            )
+            text = json.dumps({"of": of, "results": [asdict(r) for r in done.values()]}, indent=1)
+            RESULTS.write_text(text)
+
+    with ThreadPoolExecutor(jobs) as pool:
+        list(pool.map(one, left))
+    return [done[mutant] for mutant in chosen]
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description="Mutants of the firmware: do its tests notice?")
     parser.add_argument("--count", type=int, default=300, help="how many are drawn")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--room", choices=ROOMS, help="only this one")
+    parser.add_argument("--jobs", type=int, default=2, help="at once (default 2)")
     parser.add_argument("--write", action="store_true", help="renew docs/mutation.md")
     asked = parser.parse_args()
     if not MUTATOR.exists():
         raise SystemExit("mutate: universalmutator is missing; `make mutate` installs it")
     chosen = drawn([asked.room] if asked.room else list(ROOMS), asked.count, asked.seed)
-    prepare()
-    results = []
-    for mutant in chosen:
-        result = judged(mutant)
-        results.append(result)
-        m = result.mutant
-        print(f"{result.verdict:9} {m.file}:{m.line}: {m.wrong.strip()}  {result.by}", flush=True)
-        RESULTS.write_text(json.dumps([asdict(r) for r in results], indent=1))
+    results = judge(chosen, asked.jobs)
     print(dict(Counter(r.verdict for r in results)))
     if asked.write:
         write(results)

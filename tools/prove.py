@@ -8,6 +8,12 @@ violates what must hold, that no access leaves an array, no shift or division is
 loop runs longer than stated. Conversions from float to integer are checked as well: ESBMC itself
 takes them for granted, so the copy of the firmware that it reads has a check around each of them.
 
+Multiplications of floats take a solver long. Where a property does not depend on what they give,
+its proof names files or functions whose arithmetic is *free*: each + - * / of floats there may
+give any value that the facts in tests/prove/arithmetic.h allow, the right one among them. What
+holds for all of them holds for the right one. Calls of a *promised* static function go to a
+function of the harness, which gives any answer that another proof shows to be one.
+
 Every proof has a seeded bug: a text of the firmware and a wrong one in its place. A proof counts
 only if it holds without the bug and fails with it.
 
@@ -19,6 +25,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -42,25 +49,36 @@ ROOMS = ("core", "app", "link", "port")
 BEGIN, END = "<!-- generated: proofs -->\n", "<!-- end of proofs -->\n"
 #: The page is renewed after every proof: a long run may be interrupted.
 WRITING = Lock()
+#: Of a proof with free arithmetic.
+FREELY = "arithmetic free"
 #: In place of the time of what is not proved.
 OPEN = "open"
 #: Memory of one run. A proof that needs more is not one for `make prove`.
-MEMORY = "8g"
+MEMORY = "6g"
 
 PROVED, WRONG, TIME, MEMORY_OUT, BROKEN = "proved", "fails", "time-out", "memory", "broken"
 
 
 @dataclass(frozen=True)
 class Bug:
-    """In `file`, a .c, `right` stands once. With `wrong` in its place the proof must fail."""
+    """In `file`, a .c of the firmware or the harness itself, `right` stands once. With `wrong` in
+    its place the proof must fail."""
 
     file: str
     right: str
     wrong: str
 
+    def path(self) -> Path:
+        return HARNESSES / self.file if "/" not in self.file else ROOT / "firmware" / self.file
+
 
 @dataclass(frozen=True)
 class Proof:
+    """`free` are files with arithmetic that is free, "core/ht_x.c", or functions of them,
+    "core/ht_x.c:function", or some of their operators, "core/ht_x.c:function:*/", or all but what
+    some variables get, "core/ht_x.c:function:+-*/:period,first"; `promised` are static functions,
+    "core/ht_x.c:function"."""
+
     name: str
     harness: str
     of: str
@@ -71,6 +89,13 @@ class Proof:
     limit_s: int
     unwind: int
     options: tuple[str, ...]
+    free: tuple[str, ...] = ()
+    promised: tuple[str, ...] = ()
+    solver: str = "bitwuzla"
+
+    def special(self) -> set[str]:
+        """Files of the firmware of which the proof reads a copy of its own."""
+        return {row.split(":")[0] for row in (*self.free, *self.promised)}
 
 
 @dataclass(frozen=True)
@@ -106,17 +131,38 @@ def read_proofs(path: Path = HARNESSES / "proofs.toml") -> list[Proof]:
             limit_s=row.get("limit_s", 60),
             unwind=row.get("unwind", 8),
             options=tuple(row.get("options", ())),
+            free=tuple(row.get("free", ())),
+            promised=tuple(row.get("promised", ())),
+            solver=row.get("solver", "bitwuzla"),
         )
         for row in rows
     ]
 
 
-# --- The copy of the firmware with checked conversions ----------------------------
+# --- The copy of the firmware that ESBMC reads -------------------------------------
 
 
-def _conversions(path: Path, text: str) -> list[tuple[int, int, int]]:
-    """(begin, end, bits) of each operand of a conversion from float to integer in `text`, as byte
-    offsets. `bits` > 0: unsigned, < 0: signed; an int has 16 bits on the C28x."""
+@dataclass(frozen=True)
+class Edit:
+    """At a byte of the text. Several at the same place: closing brackets, then an operator, then
+    opening brackets, those of the longer operand first, then a name."""
+
+    at: int
+    rank: tuple[int, int]
+    remove: int
+    insert: str
+
+
+def _closing(at: int) -> Edit:
+    return Edit(at, (0, 0), 0, ")")
+
+
+def _opening(at: int, end: int, insert: str) -> Edit:
+    return Edit(at, (2, at - end), 0, insert)
+
+
+def _parsed(path: Path, text: str) -> list[Any]:
+    """The declarations of the C file itself."""
     from clang import cindex as c
 
     folders = [f"-I{ROOT / 'firmware' / room}" for room in ROOMS]
@@ -132,43 +178,133 @@ def _conversions(path: Path, text: str) -> list[tuple[int, int, int]]:
     errors = [str(d) for d in unit.diagnostics if d.severity >= c.Diagnostic.Error]
     if errors:
         raise SystemExit(f"prove: {path.name} does not compile: {errors[0]}")
-    floats = (c.TypeKind.FLOAT, c.TypeKind.DOUBLE)
-    found = []
-    of_file = (n for n in unit.cursor.get_children() if str(n.location.file) == str(path))
-    for node in (node for top in of_file for node in top.walk_preorder()):
-        if node.kind != c.CursorKind.CSTYLE_CAST_EXPR:
-            continue
-        operand = list(node.get_children())[-1]
-        kind = node.type.get_canonical().kind
-        if operand.type.get_canonical().kind not in floats or kind in floats:
-            continue
-        signs = {c.TypeKind.USHORT: 1, c.TypeKind.UINT: 1, c.TypeKind.SHORT: -1, c.TypeKind.INT: -1}
-        if kind == c.TypeKind.VOID:
-            continue
-        if kind not in signs:
-            raise SystemExit(f"prove: {path.name}:{node.location.line}: a conversion to {kind}")
-        # Here an int has 32 bits, but 16 on the DSP.
-        wide = node.type.spelling in ("uint32_t", "int32_t")
-        bits = signs[kind] * (32 if wide else 16)
-        extent = operand.extent
-        found.append((extent.start.offset, extent.end.offset, bits))
-    return found
+    return [n for n in unit.cursor.get_children() if str(n.location.file) == str(path)]
 
 
-def checked(path: Path, text: str) -> tuple[str, int]:
+def _is_float(node: Any) -> bool:
+    from clang import cindex as c
+
+    return node.type.get_canonical().kind in (c.TypeKind.FLOAT, c.TypeKind.DOUBLE)
+
+
+def _conversion(path: Path, node: Any) -> list[Edit]:
+    """A check around the operand if `node` converts a float to an integer. An int has 16 bits on
+    the C28x."""
+    from clang import cindex as c
+
+    if node.kind != c.CursorKind.CSTYLE_CAST_EXPR:
+        return []
+    operand = list(node.get_children())[-1]
+    kind = node.type.get_canonical().kind
+    if not _is_float(operand) or _is_float(node) or kind == c.TypeKind.VOID:
+        return []
+    signs = {c.TypeKind.USHORT: "u", c.TypeKind.UINT: "u", c.TypeKind.SHORT: "", c.TypeKind.INT: ""}
+    if kind not in signs:
+        raise SystemExit(f"prove: {path.name}:{node.location.line}: a conversion to {kind}")
+    # Here an int has 32 bits, but 16 on the DSP.
+    bits = 32 if node.type.spelling in ("uint32_t", "int32_t") else 16
+    begin, end = operand.extent.start.offset, operand.extent.end.offset
+    return [_opening(begin, end, f"ht_in_{signs[kind]}int{bits}("), _closing(end)]
+
+
+#: The functions of tests/prove/arithmetic.h.
+FREE = {"+": "ht_free_add", "-": "ht_free_subtract", "*": "ht_free_multiply", "/": "ht_free_divide"}
+
+
+def _freed(data: bytes, node: Any, operators: str) -> list[Edit]:
+    """One operation whose result is free. What a macro makes stays as it is."""
+    from clang import cindex as c
+
+    compound = node.kind == c.CursorKind.COMPOUND_ASSIGNMENT_OPERATOR
+    if not (compound or node.kind == c.CursorKind.BINARY_OPERATOR) or not _is_float(node):
+        return []
+    left, right = node.get_children()
+    begin, end = left.extent.start.offset, right.extent.end.offset
+    at, after = left.extent.end.offset, right.extent.start.offset
+    between = data[at:after].decode().strip()
+    if (len(between) != (2 if compound else 1)) or (between[0] not in operators):
+        return []
+    call = f"{FREE[between[0]]}("
+    if compound:
+        before = f" = {call}{data[begin:at].decode()}, "
+        return [Edit(at, (1, 0), after - at, before), _closing(end)]
+    return [_opening(begin, end, call), Edit(at, (1, 0), after - at, ", "), _closing(end)]
+
+
+def _promised(data: bytes, top: list[Any], name: str) -> list[Edit]:
+    """Calls of a static function go to promise_<name>, which is declared before it."""
+    from clang import cindex as c
+
+    edits = []
+    for function in top:
+        if function.spelling == name and function.is_definition():
+            begin = function.extent.start.offset
+            body = list(function.get_children())[-1].extent.start.offset
+            head = data[begin:body].decode().strip()
+            declared = re.sub(rf"\b{name}\(", f"promise_{name}(", head)
+            edits.append(_opening(begin, begin + len(data), f"{declared};\n"))
+        edits += [
+            Edit(node.extent.start.offset, (3, 0), len(name), f"promise_{name}")
+            for node in function.walk_preorder()
+            if node.kind == c.CursorKind.CALL_EXPR and node.spelling == name
+        ]
+    return edits
+
+
+def _inside(function: Any, data: bytes, kept: list[str]) -> list[Any]:
+    """All of a function but its static tables, whose values are constant expressions, and but what
+    the variables in `kept` get."""
+    from clang import cindex as c
+
+    def stays(node: Any) -> bool:
+        if node.kind == c.CursorKind.VAR_DECL:
+            return node.storage_class == c.StorageClass.STATIC or node.spelling in kept
+        if node.kind == c.CursorKind.BINARY_OPERATOR:
+            extent = next(node.get_children()).extent
+            left, rest = extent.start.offset, data[extent.end.offset :].lstrip()
+            return data[left : extent.end.offset].decode() in kept and rest[:1] == b"="
+        return False
+
+    def below(node: Any) -> list[Any]:
+        if stays(node):
+            return []
+        return [node, *(n for child in node.get_children() for n in below(child))]
+
+    return below(function) if function.is_definition() else []
+
+
+def checked(
+    path: Path, text: str, free: list[str] | None = None, promised: list[str] | None = None
+) -> tuple[str, int]:
     """`text` of the C file `path` with a check around every conversion from float to integer, and
-    how many there are."""
+    how many there are. `free`: what of it has free arithmetic, "" for all, "function" or
+    "function:operators"; `promised`: names of its functions."""
     data = text.encode()
-    places = sorted(_conversions(path, text))
-    # From the end: an operand may contain another one, whose end comes first then.
-    edits = [(end, 0, b")") for _, end, _ in places]
-    edits += [
-        (begin, 1, f"ht_in_{'u' if bits > 0 else ''}int{abs(bits)}(".encode())
-        for begin, _, bits in places
-    ]
-    for at, _, insert in sorted(edits, reverse=True):
-        data = data[:at] + insert + data[at:]
-    return data.decode(), len(places)
+    top = _parsed(path, text)
+    edits = [e for node in top for n in node.walk_preorder() for e in _conversion(path, n)]
+    conversions = len(edits) // 2
+    for row in free or []:
+        name, operators, kept = [*row.split(":"), "", ""][:3]
+        found = [
+            e
+            for function in top
+            if name in ("", function.spelling)
+            for node in _inside(function, data, kept.split(","))
+            for e in _freed(data, node, operators or "+-*/")
+        ]
+        if not found:
+            raise SystemExit(f"prove: {path.name}: no arithmetic to free in {row}")
+        edits += found
+    for name in promised or []:
+        found = _promised(data, top, name)
+        if len(found) < 2:
+            raise SystemExit(f"prove: {path.name}: {name} is not called there")
+        edits += found
+    parts, last = [], 0
+    for edit in sorted(edits, key=lambda e: (e.at, e.rank)):
+        parts += [data[last : edit.at].decode(), edit.insert]
+        last = edit.at + edit.remove
+    return "".join([*parts, data[last:].decode()]), conversions
 
 
 def prepare() -> int:
@@ -187,19 +323,26 @@ def prepare() -> int:
     return conversions
 
 
-def seed(proof: Proof) -> Path:
-    """A folder with the one file that has the proof's bug."""
-    source = ROOT / "firmware" / proof.bug.file
-    text = source.read_text()
-    if text.count(proof.bug.right) != 1:
-        raise SystemExit(
-            f"prove: {proof.name}: the bug's text must stand once in {proof.bug.file}, "
-            f"not {text.count(proof.bug.right)} times: {proof.bug.right}"
-        )
-    folder = WORK / "bugs" / proof.name
+def own_copy(proof: Proof, bug: bool) -> Path:
+    """A folder with the files that the proof does not read as the others do: with free arithmetic,
+    with promised functions, with its bug."""
+    folder = WORK / ("bugs" if bug else "own") / proof.name
     folder.mkdir(parents=True, exist_ok=True)
-    wrong = text.replace(proof.bug.right, proof.bug.wrong)
-    (folder / source.name).write_text(checked(source, wrong)[0])
+    for file in sorted(proof.special() | ({proof.bug.file} if bug else set())):
+        source = proof.bug.path() if file == proof.bug.file else ROOT / "firmware" / file
+        text = source.read_text()
+        if bug and file == proof.bug.file:
+            if text.count(proof.bug.right) != 1:
+                raise SystemExit(
+                    f"prove: {proof.name}: the bug's text must stand once in {file}, "
+                    f"not {text.count(proof.bug.right)} times: {proof.bug.right}"
+                )
+            text = text.replace(proof.bug.right, proof.bug.wrong)
+        free = [row[len(file) + 1 :] for row in proof.free if row.split(":")[0] == file]
+        promised = [row.split(":")[1] for row in proof.promised if row.split(":")[0] == file]
+        if source.parent != HARNESSES:
+            text = checked(source, text, free, promised)[0]
+        (folder / source.name).write_text(text)
     return folder
 
 
@@ -221,18 +364,21 @@ def esbmc() -> str:
     return path
 
 
-def command(proof: Proof, first: Path | None) -> list[str]:
-    folders = [*([first] if first else []), *(WORK / room for room in ROOMS), LIBRARY]
+def command(proof: Proof, first: Path) -> list[str]:
+    folders = [first, HARNESSES, *(WORK / room for room in ROOMS), LIBRARY]
+    changed = first / proof.harness
+    harness = changed if changed.exists() else HARNESSES / proof.harness
     return [
-        esbmc(), str(HARNESSES / proof.harness), "--function", f"prove_{proof.name}",
-        "--include-file", str(HARNESSES / "conversions.h"), "-f", "freestanding",
-        "--bitwuzla", "--unwind", str(proof.unwind), "--memlimit", MEMORY, "--ub-shift-check",
-        "--uninitialised-vars-check", "--compact-trace", *proof.options,
+        esbmc(), str(harness), "--function", f"prove_{proof.name}",
+        "--include-file", str(HARNESSES / "conversions.h"),
+        "--include-file", str(HARNESSES / "arithmetic.h"), "-f", "freestanding",
+        f"--{proof.solver}", "--unwind", str(proof.unwind), "--memlimit", MEMORY,
+        "--ub-shift-check", "--uninitialised-vars-check", *proof.options,
         *(f"-I{folder}" for folder in folders),
     ]  # fmt: skip
 
 
-def run(proof: Proof, first: Path | None = None) -> Outcome:
+def run(proof: Proof, first: Path) -> Outcome:
     """Limit and result are the processor's time: a busy computer changes neither."""
     with tempfile.TemporaryFile("w+") as output:
         limited = ["sh", "-c", f'ulimit -t {proof.limit_s}; exec "$@"', "sh"]
@@ -255,7 +401,7 @@ def run(proof: Proof, first: Path | None = None) -> Outcome:
 
 
 def prove(proof: Proof, keep: bool) -> Row:
-    row = Row(proof, run(proof), run(proof, seed(proof)))
+    row = Row(proof, run(proof, own_copy(proof, False)), run(proof, own_copy(proof, True)))
     print(line(row), flush=True)
     if keep:
         with WRITING:
@@ -288,7 +434,8 @@ def cells(proof: Proof) -> str:
     """A line of the table up to the time."""
     right, wrong = (" ".join(text.split()) for text in (proof.bug.right, proof.bug.wrong))
     bug = f"`{right}` → {f'`{wrong}`' if wrong else 'nothing'}".replace("|", "\\|")
-    return f"| `{proof.of}` | {proof.says} | {proof.inputs} | {bug} | "
+    inputs = f"{proof.inputs}; {FREELY}" if proof.free else proof.inputs
+    return f"| `{proof.of}` | {proof.says} | {inputs} | {bug} | "
 
 
 def table(proofs: list[Proof], rows: list[Row], before: str = "") -> str:

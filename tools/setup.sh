@@ -44,21 +44,39 @@ unset PYTHONDONTWRITEBYTECODE
 echo "hexatorque set-up: installing into $venv"
 installed=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_paths()["purelib"])')/hexatorque
 before=$(mktemp -d)
+extras=$before/extras
 trap 'rm -rf "$before"' EXIT
 # Kept for afterwards: the firmware's sources, and what numba has compiled.
 [ ! -d "$installed" ] || (cd "$installed" &&
     find . \( -path './source/*' -o -name '*.nb?' \) -type f -exec cp -p --parents {} "$before" \;)
 
+# First what runs. The extras, a requirement a line, are installed while the simulation is compiled.
+"$venv/bin/python" - "$root/pyproject.toml" "test${HT_EXTRAS:+,$HT_EXTRAS}" >"$extras" <<'END'
+import re, sys, tomllib
+
+with open(sys.argv[1], "rb") as file:
+    of_extras = tomllib.load(file)["project"]["optional-dependencies"]
+
+def show(names):
+    for name in names.split(","):
+        if name not in of_extras:
+            sys.exit(f"no extra {name}: choose from {', '.join(of_extras)}")
+        for requirement in of_extras[name]:
+            own = re.fullmatch(r"hexatorque\[(.*)\]", requirement)
+            show(own[1]) if own else print(requirement)
+
+show(sys.argv[2])
+END
+
 # uv takes a fifth of pip's processor time. What it cannot install, pip tries: pip uses the settings
 # of the user's pip.conf, and it says what is wrong. Modules are compiled when they are first used.
-project="$root[test${HT_EXTRAS:+,$HT_EXTRAS}]"
-with_uv() {
-    "$venv/bin/python" -m uv --version >/dev/null 2>&1 ||
-        "$venv/bin/python" -m pip install --quiet --disable-pip-version-check uv || return 1
-    "$venv/bin/python" -m uv pip install --quiet --python "$venv/bin/python" "$project"
+add() {
+    "$venv/bin/python" -m uv pip install --quiet --python "$venv/bin/python" "$@" 2>/dev/null ||
+        "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile "$@"
 }
-with_uv 2>/dev/null ||
-    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile "$project"
+"$venv/bin/python" -m uv --version >/dev/null 2>&1 ||
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check uv 2>/dev/null || true
+add "$root"
 (cd "$before" && find . -name '*.nb?' -exec cp -p --parents {} "$installed" \;)
 
 # A source of the firmware that is as it was before keeps its age: the images for other processors
@@ -68,5 +86,17 @@ with_uv 2>/dev/null ||
 # An installed file gets the age of its source: numba keeps what it has compiled as long as neither
 # content nor age of a file changes. So an edit of the C alone does not compile the plant again.
 (cd "$root/host/hexatorque" && find . -name '*.py' -exec touch -r {} "$installed/{}" \;)
-echo "hexatorque set-up: compiling the simulation if its source has changed (about 20 s)"
-"$venv/bin/python" -c 'from hexatorque.drive.compiling import compile_now; compile_now()'
+echo "hexatorque set-up: compiling the simulation if its source has changed (about 15 s)"
+# Numba looks for scipy when it starts. Only then the extras, with scipy, are installed. After them
+# the other core imports, for the first time, what draws.
+started=$before/started
+"$venv/bin/python" -c 'import sys
+import numba.np.arraymath
+from hexatorque.drive.compiling import compile_now
+open(sys.argv[1], "w").close()
+compile_now()' "$started" &
+compiled=$!
+while kill -0 $compiled 2>/dev/null && [ ! -e "$started" ]; do sleep 0.1; done
+add -r "$extras"
+"$venv/bin/python" -c 'from hexatorque.analysis import plots, report' || true
+wait $compiled

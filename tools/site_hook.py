@@ -38,6 +38,8 @@ PYTHON = {
     "drive.interface": ("DriveVerbs", "DriveFault"),
     "drive.simulated": ("SimulatedDrive",),
     "drive.board": ("BoardDrive",),
+    "laws.law": ("Law", "record"),
+    "laws.patterns": ("centred", "vector", "vectors"),
     "recording.recording": ("Recording",),
     "sweeps.study": ("Study",),
     "recording.writer": ("Writer",),
@@ -231,15 +233,22 @@ def channels_page() -> str:
     about = defined("ht_channels.def", "HT_CHANNEL")
     channels = [(f"`{name}`", unit, about[name][-1]) for name, unit in firmware.channels()]
     faults = [
-        (row[2], f"`{row[1]}`", row[3]) for row in defined("ht_faults.def", "HT_FAULT").values()
+        (row[2], f"`{row[1].rstrip('u')}`", row[3])
+        for row in defined("ht_faults.def", "HT_FAULT").values()
+    ]
+    warnings = [
+        (row[2], f"`{row[1]}`", row[3]) for row in defined("ht_warnings.def", "HT_WARNING").values()
     ]
     return (
-        "# Channels and faults\n\n## Channels\n\nWhat the firmware measures or estimates, written "
-        "from `firmware/app/ht_channels.def`. A simulation also records `plant.…`: the true "
-        "values.\n\n"
+        "# Channels, faults and warnings\n\n## Channels\n\nWhat the firmware measures or "
+        "estimates, written from `firmware/app/ht_channels.def`. A simulation also records "
+        "`plant.…`: the true values.\n\n"
         + table(("name", "unit", "what"), channels)
         + "\n## Faults\n\nWritten from `firmware/app/ht_faults.def`. How each is found is in "
-        "[Protection](../protection.md).\n\n" + table(("fault", "bit", "what"), faults)
+        "[Protection](../protection.md).\n\n"
+        + table(("fault", "bit", "what"), faults)
+        + "\n## Warnings\n\nBits of the channel `warnings`, written from "
+        "`firmware/app/ht_warnings.def`.\n\n" + table(("warning", "bit", "what"), warnings)
     )
 
 

@@ -6,28 +6,37 @@ Usage: write_studies.py OUT_DIR [docs]
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
-from write_results import keep, renew
+import doc_page
 
-from hexatorque.evidence.studies import commissioning, dynamics, robustness
+from hexatorque.evidence.studies import (
+    commissioning,
+    dynamics,
+    faults,
+    lost_phase,
+    machines,
+    robustness,
+)
+from hexatorque.evidence.studies.grids import Grid
 
 #: Name -> the page, and the study.
 STUDIES = {
     "dynamics": ("robustness.md", dynamics),
     "robustness": ("robustness.md", robustness),
+    "faults": ("protection.md", faults),
+    "lost-phase": ("lost-phase.md", lost_phase),
+    "machines": ("own-machine.md", machines),
     "commissioning": ("commissioning.md", commissioning),
 }
 
 
-def markdown(tables: list[tuple[str, list[str], list[list[str]]]]) -> str:
+def markdown(tables: Grid) -> str:
     lines = []
     for name, heads, rows in tables:
         lines += [f"\n{name}:\n" if name else ""]
-        lines += [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-        lines += [f"| {' | '.join(row)} |" for row in rows]
+        lines += doc_page.table(heads, rows)
     return "\n".join(lines) + "\n"
 
 
@@ -39,14 +48,8 @@ def main() -> None:
         raise SystemExit(f"{folder}: none of {', '.join(f'{name}.json' for name in STUDIES)}")
     for name in there:
         file, study = STUDIES[name]
-        page = docs / file
-        result = json.loads((folder / f"{name}.json").read_text())
-        if result["quick"]:
-            raise SystemExit(
-                f"{folder}/{name}.json: a quick run; the documentation shows full ones"
-            )
-        page.write_text(renew(page.read_text(), name, markdown(study.grid(result))))
-        keep(folder / f"{name}.png", docs / "images")
+        result = doc_page.read_whole(folder / f"{name}.json")
+        doc_page.renew_page(docs / file, {name: markdown(study.grid(result))}, [name], folder)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,13 @@
 #define XY_INTEGRAL 0.008f
 #define TURN_PU 0.3f
 #define NEVER_PU 100.0f /* no inverter makes that voltage */
+/* Lost leg: how long the residual must point the same way, how long a wrong sensor rules a loss out;
+ * a set's sum that shows a wrong sensor, share of its trip level. */
+#define LOSS_HOLD_S 0.001f
+#define LOSS_WAIT_S 0.01f
+#define LOSS_SUM_SHARE 0.3f
+/* Field orientation: bandwidth of the current regulators times the period. */
+#define ALPHA_TS 0.3f
 
 /* Reach of the table 45/135, relative to 75/105. To hold the flux, the vectors before and behind
  * it take turns. Their mean lies on the chord between them, which is cos 45 degrees of their
@@ -80,6 +87,32 @@ static void configure_deadbeat_law(const ht_params *p, ht_control_config *c)
     c->modulator.turn_pu = turn_pu[(uint16_t)p->v[HT_P_carrier_turn]];
 }
 
+/* The field-oriented law. Its modulator does not depend on parameters: it is what the scheme's row
+ * says. */
+static void configure_foc_law(ht_control_config *c)
+{
+    c->foc_law.alpha_ts = ALPHA_TS;
+    c->foc_law.xy_ki_per_A = c->deadbeat_law.xy_ki_per_A;
+    if (c->law == HT_LAW_FOC) {
+        const ht_scheme_info *row = ht_scheme_describe((uint16_t)c->scheme);
+        c->modulator.kappa = 0.0f;
+        c->modulator.turn_pu = (row->vectors == HT_VECTORS_TURNED) ? 0.0f : NEVER_PU;
+    }
+}
+
+static void configure_leg_loss(const ht_params *p, float ts, ht_leg_loss_config *c)
+{
+    float least_V = p->v[HT_P_loss_check] * p->v[HT_P_vdc_max_V];
+    float hold = LOSS_HOLD_S * p->v[HT_P_f_isr_Hz];
+    float wait = LOSS_WAIT_S * p->v[HT_P_f_isr_Hz];
+    c->least_V2 = least_V * least_V;
+    c->gain = ts / (ts + HT_LEG_LOSS_FILTER_S);
+    c->l_per_ts_ohm = p->v[HT_P_lxy_H] * p->v[HT_P_f_isr_Hz];
+    c->sum_A = LOSS_SUM_SHARE * p->v[HT_P_i_sum_trip_A];
+    c->hold = (uint16_t)hold;
+    c->wait = (uint16_t)wait;
+}
+
 /* Derive the control configuration, or tell why the values do not fit. */
 static ht_result configure(const ht_params *p, float pwm_clock_Hz, ht_control_config *c)
 {
@@ -118,6 +151,8 @@ static ht_result configure(const ht_params *p, float pwm_clock_Hz, ht_control_co
     c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
     c->dead.i_zero_A = p->v[HT_P_i_zero_A];
     configure_deadbeat_law(p, c);
+    configure_foc_law(c);
+    configure_leg_loss(p, ts, &c->leg_loss);
     switch (ht_control_check(c)) {
     case HT_CONFIG_OK:
         return HT_OK;
@@ -191,6 +226,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     c->flux.reach_pu = v[HT_P_fw_margin] * voltage_reach(v);
     c->flux.rs_ohm = v[HT_P_rs_ohm];
     c->pull_out_Nm_Wb2 = pull_out(v);
+    ht_derating_configure(&c->params, &c->derating);
     c->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);
     c->build_gain = 1.0f / (1.0f + BUILD_ADAPT_S * v[HT_P_f_slow_Hz]);
     c->adapt_gain = (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz]))

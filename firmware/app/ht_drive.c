@@ -72,7 +72,9 @@ static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
     d->torque_ref_Nm = 0.0f;
     d->omega_mean_rad_s = 0.0f;
     d->flux_lowered = 0u;
+    d->torque_limit_Nm = d->params.v[HT_P_torque_limit_Nm];
     d->slow_faults = 0u;
+    d->off_legs = 0u;
     d->stuck_leg = 0u;
     ht_protect_reset(&d->protect);
     d->taken_tick = d->tick + 1u;
@@ -102,6 +104,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     d->position_now = d->samples.position;
     d->speed_rpm = 0.0f;
     d->faults = 0u;
+    d->warnings = 0u;
     d->snapshot.tick = 0u;
     d->tick_last = d->tick - 1u;
     return HT_OK;
@@ -129,6 +132,7 @@ static void keep(ht_drive *d, uint16_t state, uint16_t bits)
     d->snapshot.tick = d->tick;
     d->snapshot.state = state;
     d->snapshot.faults = bits;
+    d->snapshot.warnings = d->warnings;
     d->snapshot.samples = d->samples;
     d->snapshot.in = d->in;
     d->snapshot.estimate = d->control.estimate;
@@ -167,6 +171,12 @@ void ht_drive_stand_in(ht_drive *d, uint16_t bits)
     d->faults = (uint16_t)(d->faults | bits);
 }
 
+/* Legs whose gates are on while the drive runs, a state word. */
+static uint16_t used_legs(const ht_drive *d)
+{
+    return (uint16_t)(HT_ALL_LEGS & ~(unsigned)d->off_legs);
+}
+
 /* Everything that is known before the control step. `powered`: the gates are on, and
  * what that needs is known. */
 static inline uint16_t faults_before(ht_drive *d, bool powered)
@@ -176,11 +186,49 @@ static inline uint16_t faults_before(ht_drive *d, bool powered)
         uint16_t leg = d->stuck_leg;
         faults |= ht_protect_stuck(&d->config->protect, &d->protect, &d->samples, leg);
         d->stuck_leg = ((leg + 1u) < (uint16_t)HT_LEGS) ? (uint16_t)(leg + 1u) : 0u;
-        if (ht_port_leg_tripped(d->port, leg)) { /* all legs in six periods */
+        bool off = (d->off_legs & (HT_LEG_U1 >> leg)) != 0u;
+        if (ht_port_leg_tripped(d->port, leg) != off) { /* all legs in six periods */
             faults |= HT_FAULT_EXTERNAL;
         }
     }
     return (uint16_t)faults;
+}
+
+#define MOST_TORQUE 2.0f /* ride_through */
+
+/* Legs that are not used from now on. The gates are only ever switched off here, so that a trip
+ * that comes at the same time stays one. */
+HT_SELDOM static bool go_on_without(ht_drive *d, uint16_t legs)
+{
+    bool most = d->config->params.v[HT_P_ride_through] == MOST_TORQUE;
+    uint16_t leg;
+    d->off_legs =
+        ht_control_lose(&d->config->control, &d->control, most ? ht_lost_legs_paired(legs) : legs);
+    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+        if ((d->off_legs & (HT_LEG_U1 >> leg)) != 0u) {
+            ht_port_leg_off(d->port, leg);
+        }
+    }
+    d->warnings = (uint16_t)(d->warnings | legs); /* one bit for each phase */
+    return d->off_legs != 0u;
+}
+
+/* A leg does not do what it is told. Goes on without it, or returns the fault. */
+HT_SELDOM static unsigned phase_lost(ht_drive *d)
+{
+    ht_leg_loss loss = ht_leg_loss_of((uint16_t)(d->control.leg_loss.found - 1u));
+    unsigned leg = HT_LEG_U1 >> loss.leg;
+    unsigned what = loss.lower ? (unsigned)HT_WARNING_NO_LOWER : (unsigned)HT_WARNING_NO_UPPER;
+    if (d->off_legs != 0u) {
+        d->warnings = (uint16_t)(d->warnings | (unsigned)HT_WARNING_MORE_LOST);
+        return HT_FAULT_PHASE;
+    }
+    d->warnings = (uint16_t)(leg | what);
+    if ((d->state == (uint16_t)HT_STATE_RUN) && (d->config->params.v[HT_P_ride_through] != 0.0f)
+        && (d->config->control.law != HT_LAW_TABLE)) {
+        return go_on_without(d, (uint16_t)leg) ? 0u : HT_FAULT_PHASE;
+    }
+    return HT_FAULT_PHASE;
 }
 
 /* And everything that is known after it. */
@@ -189,6 +237,9 @@ static inline void protect_after(ht_drive *d)
     unsigned faults = ht_protect_results(&d->config->protect, &d->control, d->in.torque_ref_Nm);
     if (ht_port_overrun(d->port)) {
         faults |= HT_FAULT_OVERRUN;
+    }
+    if (d->control.leg_loss.found != 0u) {
+        faults |= phase_lost(d);
     }
     if (faults != 0u) {
         fault(d, (uint16_t)faults);
@@ -231,6 +282,7 @@ static void calibrate(ht_drive *d)
     ht_control_reset(&d->config->control, &d->control, &d->in.i_A);
     ht_speed_reset(&d->speed);
     d->torque_ref_Nm = 0.0f;
+    (void)go_on_without(d, (uint16_t)d->config->params.v[HT_P_lost_legs]);
     if (d->config->params.v[HT_P_start_mode] != 0.0f) {
         ht_excitation_reset(&d->excitation, d->samples.position);
         enter(d, HT_STATE_TEST);
@@ -252,7 +304,7 @@ static float begin_build(ht_drive *d)
 /* In the second period of a state a pattern is in place, and the gates go on. */
 static bool gates_refused(ht_drive *d)
 {
-    return (d->state_ticks == 1u) && !ht_port_gates_on(d->port);
+    return (d->state_ticks == 1u) && !ht_port_gates_on(d->port, used_legs(d));
 }
 
 static void end_build(ht_drive *d, float share)
@@ -281,7 +333,8 @@ static inline void drive(ht_drive *d, bool build)
     /* The latch was released in the first interrupt of BUILD. */
     bool powered = !build || (d->state_ticks > 1u);
     unsigned faults = faults_before(d, powered);
-    if (build && powered && ht_port_tripped(d->port)) { /* just released: all legs at once */
+    if (build && powered
+        && ht_port_tripped(d->port, used_legs(d))) { /* just released: all at once */
         faults |= HT_FAULT_EXTERNAL;
     }
     faults |= d->slow_faults;
@@ -314,7 +367,7 @@ static void test(ht_drive *d)
     unsigned faults = ht_protect_samples(&d->config->protect, &d->in, d->speed_rpm, false);
     faults |= ht_excitation_faults(&d->config->excitation, &d->excitation, &d->in.i_A,
                                    d->samples.position);
-    if ((d->state_ticks > 1u) && ht_port_tripped(d->port)) {
+    if ((d->state_ticks > 1u) && ht_port_tripped(d->port, used_legs(d))) {
         faults |= HT_FAULT_EXTERNAL;
     }
     if (faults != 0u) {
@@ -351,6 +404,10 @@ void ht_drive_fast_isr(ht_drive *d)
         d->staged = NULL;
         if (state == HT_STATE_TEST) {
             ht_excitation_begin(&d->excitation);
+        }
+        if ((d->off_legs != 0u) && (d->config->control.law == HT_LAW_TABLE)) {
+            /* A scheme that cannot do without a leg. This interrupt acts on it. */
+            d->slow_faults = (uint16_t)(d->slow_faults | HT_FAULT_PHASE);
         }
     }
     measure(d);
@@ -396,6 +453,7 @@ ht_result ht_drive_start(ht_drive *d)
         d->offset_sum[leg] = 0u;
         d->offset_counts[leg] = (float)HT_ADC_MID;
     }
+    d->warnings = 0u;
     enter(d, HT_STATE_CALIBRATE);
     return HT_OK;
 }
@@ -423,6 +481,7 @@ ht_result ht_drive_clear(ht_drive *d)
         return HT_ERROR_STATE;
     }
     d->faults = 0u;
+    d->warnings = 0u;
     enter(d, HT_STATE_IDLE);
     return HT_OK;
 }

@@ -23,6 +23,7 @@
 #define HT_DRIVE_H
 
 #include "ht_control.h"
+#include "ht_derating.h"
 #include "ht_excitation.h"
 #include "ht_params.h"
 #include "ht_protect.h"
@@ -66,6 +67,7 @@ typedef struct {
     uint32_t tick;   /**< fast interrupts since init; 0 = no fault yet */
     uint16_t state;  /**< ht_state at the time */
     uint16_t faults; /**< what that interrupt found */
+    uint16_t warnings;
     ht_samples samples;
     ht_control_input in;
     ht_estimate estimate;
@@ -83,9 +85,10 @@ typedef struct {
     ht_flux_config flux;
     float omega_mean_gain;
     float pull_out_Nm_Wb2; /**< torque limit per flux squared */
-    float adapt_gain;      /**< of the resistances, per slow interrupt */
-    float build_gain;      /**< the same during the build-up */
-    ht_params params;      /**< the parameters that all this is derived from */
+    ht_derating_config derating;
+    float adapt_gain; /**< of the resistances, per slow interrupt */
+    float build_gain; /**< the same during the build-up */
+    ht_params params; /**< the parameters that all this is derived from */
     ht_excitation_config excitation;
 } ht_drive_config;
 
@@ -100,6 +103,8 @@ typedef struct {
     volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
     volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
     uint16_t faults;
+    uint16_t warnings;
+    uint16_t off_legs;  /**< legs that stay off while the drive runs, a state word */
     uint16_t stuck_leg; /**< leg whose sensor and trip latch are checked next */
     ht_samples samples; /**< latest */
     volatile uint32_t position_now;
@@ -122,6 +127,7 @@ typedef struct {
     float flux_ramp_Wb;     /**< the parameter flux_ref_Wb as it is approached; field
                                     *   weakening goes below */
     float omega_mean_rad_s; /**< flux speed, slow mean */
+    float torque_limit_Nm;  /**< of the torque reference, as it is now */
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
     uint16_t calibration_ticks;

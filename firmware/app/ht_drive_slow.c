@@ -27,12 +27,28 @@ static uint16_t turning_unnoticed(const ht_drive *d, const ht_drive_config *c)
     return (uint16_t)HT_FAULT_ENCODER;
 }
 
+/* Current in alpha-beta that the lost legs leave. */
+static float derated_A(const ht_drive *d, const ht_drive_config *c)
+{
+    return ht_derated_A(&c->derating, &d->control.lost);
+}
+
 /* What the parameters allow and the flux can give. */
 static float torque_limit(const ht_drive *d, const ht_drive_config *c)
 {
     float limit = c->params.v[HT_P_torque_limit_Nm];
     float reach = c->pull_out_Nm_Wb2 * d->flux_ref_Wb * d->flux_ref_Wb;
-    return (reach < limit) ? reach : limit;
+    limit = (reach < limit) ? reach : limit;
+    if (d->off_legs != 0u) {
+        /* While the flux goes down to its new limit, that one counts: currents above the rated one
+         * for a while harm nothing, a drive without torque may. */
+        float i_A = derated_A(d, c);
+        float flux = ht_derated_Wb(&c->derating, i_A);
+        float rated =
+            ht_derated_Nm(&c->derating, i_A, (d->flux_ref_Wb < flux) ? d->flux_ref_Wb : flux);
+        limit = (rated < limit) ? rated : limit;
+    }
+    return limit;
 }
 
 /* Where load and speed make the flux stand still, R_r cannot be observed, and a drive with a wrong
@@ -58,15 +74,28 @@ static void keep_off_zero_frequency(ht_drive *d, const ht_drive_config *c)
     }
 }
 
+/* After the loss of a leg the flux takes this share of the steps: each of them shows in the currents,
+ * which are larger then. */
+#define DERATING_STEP 0.2f
+
 /* A new flux reference is approached as fast as in the build-up. The rotor's flux could not follow
  * a step of the stator's. */
 static void ramp_flux(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
     float wanted = v[HT_P_flux_ref_Wb] * ((d->flux_lowered != 0u) ? LOWER_FLUX : 1.0f);
-    float larger = (wanted > d->flux_ramp_Wb) ? wanted : d->flux_ramp_Wb;
-    float step = larger / (v[HT_P_build_s] * v[HT_P_f_slow_Hz]);
-    float missing = wanted - d->flux_ramp_Wb;
+    float share = 1.0f;
+    float larger;
+    float step;
+    float missing;
+    if (d->off_legs != 0u) {
+        float most = ht_derated_Wb(&c->derating, derated_A(d, c));
+        wanted = (most < wanted) ? most : wanted;
+        share = DERATING_STEP;
+    }
+    larger = (wanted > d->flux_ramp_Wb) ? wanted : d->flux_ramp_Wb;
+    step = share * larger / (v[HT_P_build_s] * v[HT_P_f_slow_Hz]);
+    missing = wanted - d->flux_ramp_Wb;
     d->flux_ramp_Wb += (missing > step) ? step : ((missing < -step) ? -step : missing);
 }
 
@@ -98,16 +127,22 @@ void ht_drive_slow_isr(ht_drive *d)
         if (d->state == (uint16_t)HT_STATE_BUILD) {
             d->slow_faults = turning_unnoticed(d, c);
             ht_protect_follow(&c->protect, &d->protect, &d->control);
-            if ((c->adapt_gain > 0.0f) && (c->control.observer.kind == HT_OBSERVER_HYBRID)) {
+            if ((c->adapt_gain > 0.0f) && (c->control.observer.kind == HT_OBSERVER_HYBRID)
+                && (d->off_legs == 0u)) {
                 ht_observer_adapt(&c->control.observer, &d->control.observer, c->build_gain);
             }
         }
         return;
     }
     d->slow_faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
-    /* Where nothing adapts, the resistances in use are the configured ones. */
-    ht_observer_adapt(&c->control.observer, &d->control.observer,
-                      (c->control.observer.kind == HT_OBSERVER_HYBRID) ? c->adapt_gain : 0.0f);
+    /* Where nothing adapts, the resistances in use are the configured ones. Without a leg they stay
+     * as they are: R_s then counts twice along an axis. */
+    if (d->off_legs == 0u) {
+        ht_observer_adapt(&c->control.observer, &d->control.observer,
+                          (c->control.observer.kind == HT_OBSERVER_HYBRID) ? c->adapt_gain : 0.0f);
+    }
+    ht_leg_loss_tolerate(&d->control.leg_loss, v[HT_P_rs_ohm], v[HT_P_lxy_H],
+                         d->control.observer.omega_sync_rad_s);
     keep_off_zero_frequency(d, c);
     ramp_flux(d, c);
     if (v[HT_P_field_weakening] != 0.0f) {
@@ -125,7 +160,8 @@ void ht_drive_slow_isr(ht_drive *d)
         d->flux_ref_Wb = d->flux_ramp_Wb;
     }
     /* The flux may be on its way down: the torque goes first. */
-    speed.torque_limit_Nm = torque_limit(d, c);
+    d->torque_limit_Nm = torque_limit(d, c);
+    speed.torque_limit_Nm = d->torque_limit_Nm;
     if (v[HT_P_control_mode] != 0.0f) {
         float limit = speed.torque_limit_Nm;
         float wanted = v[HT_P_torque_ref_Nm];

@@ -8,7 +8,14 @@ static const ht_fault_info table[] = {
 #undef HT_FAULT
 };
 
+static const ht_fault_info warnings[] = {
+#define HT_WARNING(name, bit, text, help) {(bit), text, help},
+#include "ht_warnings.def"
+#undef HT_WARNING
+};
+
 #define FAULTS ((uint16_t)(sizeof table / sizeof table[0]))
+#define WARNINGS ((uint16_t)(sizeof warnings / sizeof warnings[0]))
 
 uint16_t ht_fault_count(void)
 {
@@ -18,4 +25,14 @@ uint16_t ht_fault_count(void)
 const ht_fault_info *ht_fault_describe(uint16_t row)
 {
     return (row < FAULTS) ? &table[row] : NULL;
+}
+
+uint16_t ht_warning_count(void)
+{
+    return WARNINGS;
+}
+
+const ht_fault_info *ht_warning_describe(uint16_t row)
+{
+    return (row < WARNINGS) ? &warnings[row] : NULL;
 }

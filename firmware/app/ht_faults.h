@@ -1,15 +1,24 @@
 /** @file ht_faults.h
- *  Fault bits, latched by the drive until `ht_drive_clear`, and what they mean.
+ *  Fault bits, latched by the drive until `ht_drive_clear`, and warning bits, and what they mean.
  */
 #ifndef HT_FAULTS_H
 #define HT_FAULTS_H
 
 #include <stdint.h>
 
+#define HT_FAULT_ENUMERATORS
 enum {
 #define HT_FAULT(name, bit, text, help) HT_FAULT_##name = (bit),
 #include "ht_faults.def"
 #undef HT_FAULT
+};
+#undef HT_FAULT_ENUMERATORS
+#define HT_FAULT_PHASE 0x8000u
+
+enum {
+#define HT_WARNING(name, bit, text, help) HT_WARNING_##name = (bit),
+#include "ht_warnings.def"
+#undef HT_WARNING
 };
 
 typedef struct {
@@ -21,5 +30,9 @@ typedef struct {
 uint16_t ht_fault_count(void);
 /** Table entry, or NULL if there is no such row. */
 const ht_fault_info *ht_fault_describe(uint16_t row);
+
+/** The same for warnings. */
+uint16_t ht_warning_count(void);
+const ht_fault_info *ht_warning_describe(uint16_t row);
 
 #endif

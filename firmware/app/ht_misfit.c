@@ -1,5 +1,8 @@
 #include "ht_misfit.h"
 
+#include "ht_lost_legs.h"
+#include "ht_schemes.h"
+
 #include <stddef.h>
 
 static const ht_misfit_info table[] = {
@@ -43,6 +46,15 @@ static bool in_first_half(float write, float period)
     return at < (end / 2u);
 }
 
+/* Can the scheme do without these legs? */
+static bool can_lose(uint16_t legs, uint16_t scheme)
+{
+    ht_lost_legs lost;
+    return (legs == 0u)
+           || ((ht_scheme_describe(scheme)->law != HT_LAW_TABLE)
+               && (ht_lost_legs_of(legs, &lost) != 0u));
+}
+
 static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
 {
     float f_isr_Hz = v[HT_P_f_isr_Hz];
@@ -68,6 +80,15 @@ static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
         break;
     case HT_MISFIT_ROTOR:
         result = v[HT_P_rr_ohm] < 0.5f * v[HT_P_lr_H] * f_isr_Hz;
+        break;
+    case HT_MISFIT_LOST_LEGS:
+        result = can_lose((uint16_t)v[HT_P_lost_legs], (uint16_t)v[HT_P_scheme]);
+        break;
+    case HT_MISFIT_LOST_RIDE:
+        result = (v[HT_P_lost_legs] == 0.0f) || (v[HT_P_ride_through] != 0.0f);
+        break;
+    case HT_MISFIT_RATED:
+        result = (v[HT_P_ride_through] == 0.0f) || (v[HT_P_i_rated_A] > 0.0f);
         break;
     default:
         result = in_order(v, &table[misfit - 1u]);

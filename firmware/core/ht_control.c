@@ -26,6 +26,7 @@ static void law_select(ht_control_config *cfg, const ht_scheme_info *row)
         cfg->needs_xy = ht_table_law_needs_xy(&cfg->table_law);
         break;
     case HT_LAW_DEADBEAT:
+    case HT_LAW_FOC:
         cfg->needs_xy = true;
         break;
     default:
@@ -51,6 +52,12 @@ static ht_config_status law_check(const ht_control_config *cfg)
         }
         fits = ht_deadbeat_law_check(&cfg->deadbeat_law) && ht_modulator_check(&cfg->modulator);
         break;
+    case HT_LAW_FOC:
+        if (!ht_deadbeat_law_fast_enough(&cfg->observer)) { /* the same prediction */
+            return HT_CONFIG_SAMPLING;
+        }
+        fits = ht_foc_law_check(&cfg->foc_law) && ht_modulator_check(&cfg->modulator);
+        break;
     default:
         break;
     }
@@ -62,6 +69,7 @@ static void law_reset(ht_control_state *st)
 {
     ht_table_law_reset(&st->table_law);
     ht_deadbeat_law_reset(&st->deadbeat_law);
+    ht_foc_law_reset(&st->foc_law);
     ht_modulator_reset(&st->modulator);
 }
 
@@ -81,9 +89,11 @@ static ht_action_points table_step(const ht_control_config *cfg, ht_control_stat
     return ht_table_law_step(&cfg->table_law, &st->table_law, &seen, &st->v_xy_pu, s);
 }
 
-/* The deadbeat law writes its pattern itself: every leg has an instant of its own. */
-static void deadbeat_step(const ht_control_config *cfg, ht_control_state *st,
-                          const ht_control_input *in, ht_vsd i, ht_compare *out)
+/* The laws that command a voltage write their pattern themselves: every leg has an instant of its
+ * own. */
+static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_control_state *st,
+                                           const ht_control_input *in, ht_vsd i, bool lost,
+                                           ht_compare *out)
 {
     uint16_t number = (st->active.own == 1u) ? 2u : 1u;
     ht_deadbeat_law_input seen;
@@ -99,7 +109,18 @@ static void deadbeat_step(const ht_control_config *cfg, ht_control_state *st,
     seen.torque_ref_Nm = in->torque_ref_Nm;
     seen.flux_ref_Wb = in->flux_ref_Wb;
     seen.vdc_V = in->vdc_V;
-    v = ht_deadbeat_law_step(&cfg->deadbeat_law, &cfg->observer, &st->deadbeat_law, &seen);
+    if (lost) {
+        seen.i_xy_A = ht_lost_legs_across(&st->lost, seen.i_xy_A);
+        seen.psi_xy_Wb = ht_lost_legs_across(&st->lost, seen.psi_xy_Wb);
+    }
+    if (cfg->law == HT_LAW_FOC) {
+        v = ht_foc_law_step(&cfg->foc_law, &cfg->observer, &st->foc_law, &seen, i.ab);
+    } else {
+        v = ht_deadbeat_law_step(&cfg->deadbeat_law, &cfg->observer, &st->deadbeat_law, &seen);
+    }
+    if (lost) {
+        v = ht_lost_legs_command(&st->lost, &cfg->observer, &seen, v);
+    }
     given.dead = &cfg->dead;
     given.i_A = &in->i_A;
     given.before = st->active.s[2];
@@ -178,7 +199,23 @@ void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const 
     st->v_xy_pu.x = 0.0f;
     st->v_xy_pu.y = 0.0f;
     st->sector = 0u;
+    ht_leg_loss_reset(&st->leg_loss);
+    st->lost.axes = 0u;
     law_reset(st);
+}
+
+uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs)
+{
+    uint16_t off = ht_lost_legs_of(legs, &st->lost);
+    uint16_t n;
+    for (n = 0u; (st->leg_loss.found != 0u) && (n < st->lost.axes); n++) {
+        const ht_lost_axis *x = &st->lost.axis[n];
+        float sum_V = x->b.x * st->leg_loss.sum_V.x + x->b.y * st->leg_loss.sum_V.y;
+        st->observer.psi_Wb.alpha += cfg->observer.ts_s * sum_V * x->a.alpha;
+        st->observer.psi_Wb.beta += cfg->observer.ts_s * sum_V * x->a.beta;
+    }
+    ht_leg_loss_reset(&st->leg_loss);
+    return off;
 }
 
 void ht_control_switch_over(const ht_control_config *from, const ht_control_config *cfg,
@@ -228,13 +265,14 @@ static inline ht_vsd voltage(const ht_control_config *cfg, const ht_applied *a,
 }
 
 /* Observe the period that ended and, if asked, look one period ahead. */
-static void observe(const ht_control_config *cfg, ht_control_state *st, const ht_control_input *in,
-                    ht_vsd i)
+static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_state *st,
+                                    const ht_control_input *in, ht_vsd i, bool lost)
 {
     ht_flow now = {0u, 0u};
     ht_flow then;
     ht_estimate estimate;
     ht_vsd v;
+    bool watch = cfg->leg_loss.least_V2 > 0.0f;
     /* The currents' signs matter at edges only. Under shadow load it is known whether the
      * pattern has any: without one, the signs need not be found. Without them ht_volt_seconds
      * still gives the right answer, by looking at each edge. */
@@ -243,7 +281,15 @@ static void observe(const ht_control_config *cfg, ht_control_state *st, const ht
     }
     then = ht_flow_at_edges(&st->active, st->flow, now);
     v = voltage(cfg, &st->active, st->toggles, then, &st->i_A, &in->i_A, in->vdc_V, &st->spill,
-                &st->spill, false);
+                &st->spill, watch || lost);
+    if (lost) {
+        v = ht_lost_legs_voltage(&st->lost, &cfg->observer, st->observer.rs_ohm, v, st->i_xy_A,
+                                 i.xy);
+    }
+    if (watch) {
+        ht_leg_loss_step(&cfg->leg_loss, &st->leg_loss, v.xy, st->i_xy_A, i.xy, &in->i_A,
+                         st->observer.rs_ohm);
+    }
     estimate = ht_observer_update(&cfg->observer, &st->observer, v.ab, i.ab, in->turn_rad,
                                   in->inv_flux_ref2);
     st->estimate = estimate;
@@ -255,10 +301,17 @@ static void observe(const ht_control_config *cfg, ht_control_state *st, const ht
         st->active = st->next;
     }
     if (cfg->predict) {
-        bool xy = cfg->needs_xy;
+        bool xy = cfg->needs_xy || lost;
         ht_spill over; /* of no interest */
         v = voltage(cfg, &st->next, st->toggles, now, &in->i_A, &in->i_A, in->vdc_V, &st->spill,
                     &over, xy);
+        if (lost) {
+            ht_ab r; /* rotor flux seen from the stator */
+            r.alpha = estimate.psi_Wb.alpha - cfg->observer.sigma_ls_H * i.ab.alpha;
+            r.beta = estimate.psi_Wb.beta - cfg->observer.sigma_ls_H * i.ab.beta;
+            v.ab = ht_lost_legs_expected(&st->lost, &cfg->observer, st->observer.rs_ohm, v, i.ab, r,
+                                         cfg->observer.ts_s * st->observer.omega_sync_rad_s);
+        }
         st->decided = ht_observer_predict(&cfg->observer, &st->observer, estimate, v.ab, i.ab);
         if (xy) {
             st->psi_xy_Wb = ht_observer_predict_xy(&cfg->observer, &st->observer, v.xy, i.xy);
@@ -298,21 +351,42 @@ static ht_action_points build_step(const ht_control_config *cfg, const ht_contro
     return whole;
 }
 
-void ht_control_step(const ht_control_config *cfg, ht_control_state *st, const ht_control_input *in,
-                     bool build, ht_compare *out)
+/* The step of a drive that has all its legs, and of one that has not. */
+static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state *st,
+                                 const ht_control_input *in, bool build, bool lost, ht_compare *out)
 {
     ht_vsd i = ht_vsd_from_six(&in->i_A);
     ht_action_points p;
     uint16_t s[3];
-    observe(cfg, st, in, i);
+    observe(cfg, st, in, i, lost);
     st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
     if (build) {
         p = build_step(cfg, st, in, i.ab, s);
     } else if (cfg->law == HT_LAW_TABLE) {
         p = table_step(cfg, st, in, i.xy, s);
     } else {
-        deadbeat_step(cfg, st, in, i, out);
+        modulated_step(cfg, st, in, i, lost, out);
         return;
     }
     commit(cfg, st, s, p, out);
+}
+
+/* A function of its own: in one with the step of a healthy drive, each would cost the other
+ * registers. */
+HT_SELDOM HT_WITH_CALLED static void step_without_legs(const ht_control_config *cfg,
+                                                       ht_control_state *st,
+                                                       const ht_control_input *in, bool build,
+                                                       ht_compare *out)
+{
+    step(cfg, st, in, build, true, out);
+}
+
+void ht_control_step(const ht_control_config *cfg, ht_control_state *st, const ht_control_input *in,
+                     bool build, ht_compare *out)
+{
+    if (st->lost.axes != 0u) {
+        step_without_legs(cfg, st, in, build, out);
+    } else {
+        step(cfg, st, in, build, false, out);
+    }
 }

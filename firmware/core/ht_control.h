@@ -5,9 +5,9 @@
  *    currents, Vdc -> observer -> (prediction) -> comparators -> switching table
  *      -> scheme -> (x-y regulator -> duties) -> compare registers
  *
- *  and the deadbeat law:
+ *  and the deadbeat and the field-oriented law:
  *
- *    currents, Vdc -> observer -> prediction -> flux reference, x-y regulator -> voltage
+ *    currents, Vdc -> observer -> prediction -> flux or current, x-y regulator -> voltage
  *      -> modulator -> compare registers
  *
  *  The caller owns config and state; any number of drives can live side by side.
@@ -18,6 +18,9 @@
 #define HT_CONTROL_H
 
 #include "ht_deadbeat_law.h"
+#include "ht_foc_law.h"
+#include "ht_leg_loss.h"
+#include "ht_lost_legs.h"
 #include "ht_modulator.h"
 #include "ht_table_law.h"
 
@@ -35,8 +38,10 @@ typedef struct {
     ht_dead_time dead;
     ht_observer_config observer;
     ht_table_law_config table_law;       /**< used where `law` is HT_LAW_TABLE */
-    ht_deadbeat_law_config deadbeat_law; /**< HT_LAW_DEADBEAT, like the next */
-    ht_modulator_config modulator;
+    ht_deadbeat_law_config deadbeat_law; /**< HT_LAW_DEADBEAT */
+    ht_modulator_config modulator;       /**< the same, and HT_LAW_FOC */
+    ht_foc_law_config foc_law;           /**< HT_LAW_FOC */
+    ht_leg_loss_config leg_loss;
 } ht_control_config;
 
 typedef enum {
@@ -65,6 +70,9 @@ typedef struct {
     ht_deadbeat_law_state deadbeat_law;
     ht_modulator_state modulator;
     ht_toggles toggles[2]; /**< of `active` and `next`, where they are modulated */
+    ht_foc_law_state foc_law;
+    ht_leg_loss_state leg_loss;
+    ht_lost_legs lost;
 } ht_control_state;
 
 typedef struct {
@@ -93,6 +101,12 @@ void ht_control_switch_over(const ht_control_config *from, const ht_control_conf
 
 /** The pattern that `ht_control_reset` assumes on the legs: all low. */
 void ht_control_low_pattern(const ht_control_config *cfg, ht_compare *out);
+
+/** Go on without the legs of the state word `legs`, under a law that commands a voltage. Returns those
+ *  that must be off from now on, 0 if this cannot be. While one leg is lost, another loss is found as
+ *  before, but not named; while two are, it is not found. The
+ *  flux is corrected by what the voltage was wrong until a loss was found. */
+uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs);
 
 /** One sampling period. `build`: flux build-up at standstill instead of the scheme's law,
  *  the zero-mean virtual vector along 15 degrees, current limited, until |psi| is at the

@@ -4,9 +4,6 @@
 
 #include <math.h>
 
-#define LEG_U1 0x20u /* bit of leg 0 in a state word */
-#define SET1 0x2Au   /* legs 0, 2, 4 */
-#define SET2 0x15u   /* legs 1, 3, 5 */
 #define COS_30 0.866025404f
 /* The carriers go back in phase below this share of the voltage from which they turn, squared. */
 #define TURN_HOLD2 0.9025f
@@ -180,7 +177,7 @@ static float compensation(const timing *t, float i_A)
 static void modulate(const timing *t, const carrier *c, float d, float i_A, uint16_t leg,
                      legs *found, uint16_t *ca, float *instant, float *share)
 {
-    unsigned bit = LEG_U1 >> leg;
+    unsigned bit = HT_LEG_U1 >> leg;
     if (fabsf(d) < (0.5f - ON_RAIL)) {
         float counts = c->slope * (d + compensation(t, i_A)) - t->early;
         float edge;
@@ -225,7 +222,6 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     timing t;
     carrier c;
     ht_six share; /* of the period that a leg is high, with a zero of each set's own */
-    ht_vsd mean;
     ht_ab v3 = cubed(v_pu->ab, alpha2, beta2);
     bool falling = st->falling;
     bool other; /* set 2 falls */
@@ -278,11 +274,10 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     modulate(&t, &c, middle + two.q, in->i_A->p[1], 1u, &found, out->ca, toggles->t, share.p);
     modulate(&t, &c, middle - two.q, in->i_A->p[3], 3u, &found, out->ca, toggles->t, share.p);
 
-    rises = found.moves & ((falling ? 0u : SET1) | (other ? 0u : SET2));
+    rises = found.moves & ((falling ? 0u : HT_SET1) | (other ? 0u : HT_SET2));
     start = found.high | (found.moves ^ rises);
     edge0 = before ^ start;
     fine = ~found.close;
-    mean = ht_vsd_from_six(&share);
     out->start = (uint16_t)start;
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
         out->cb[leg] = in->period;
@@ -298,6 +293,5 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     applied->close = found.close;
     applied->rising = ((edge0 & start) | rises) & fine;
     applied->falling = ((edge0 & before) | (found.moves ^ rises)) & fine;
-    applied->mean_pu = mean.ab;
-    toggles->mean_pu = mean.xy;
+    applied->mean_pu = ht_vsd_from_six(&share);
 }

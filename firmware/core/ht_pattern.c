@@ -1,10 +1,8 @@
 #include "ht_pattern.h"
 
-#define LEG_U1 0x20u /* bit of leg 0 in a state word */
-
 static unsigned without_first(unsigned legs)
 {
-    return legs & ~(LEG_U1 >> ht_first_leg[legs]);
+    return legs & ~(HT_LEG_U1 >> ht_first_leg[legs]);
 }
 
 void ht_pattern_counts(const uint16_t s[3], ht_action_points p, uint16_t period, uint16_t first,
@@ -54,16 +52,12 @@ void ht_pattern_counts(const uint16_t s[3], ht_action_points p, uint16_t period,
     }
 }
 
-static void add_ab(ht_ab *sum, const ht_ab *v, float weight)
+static void add(ht_vsd *sum, const ht_vsd *v, float weight)
 {
-    sum->alpha += weight * v->alpha;
-    sum->beta += weight * v->beta;
-}
-
-static void add_xy(ht_xy *sum, const ht_xy *v, float weight)
-{
-    sum->x += weight * v->x;
-    sum->y += weight * v->y;
+    sum->ab.alpha += weight * v->ab.alpha;
+    sum->ab.beta += weight * v->ab.beta;
+    sum->xy.x += weight * v->xy.x;
+    sum->xy.y += weight * v->xy.y;
 }
 
 void ht_applied_finish(ht_applied *a, uint16_t before, const ht_dead_time *dead)
@@ -80,19 +74,23 @@ void ht_applied_finish(ht_applied *a, uint16_t before, const ht_dead_time *dead)
     unsigned falling = edge0 & before;
     unsigned later = edge1 | edge2;
     unsigned close = 0u;
-    ht_ab mean;
+    ht_vsd mean;
 
     a->before = before;
-    mean.alpha = ht_vector[s0].ab.alpha;
-    mean.beta = ht_vector[s0].ab.beta;
+    mean.ab.alpha = ht_vector[s0].ab.alpha;
+    mean.ab.beta = ht_vector[s0].ab.beta;
+    mean.xy.x = ht_vector[s0].xy.x;
+    mean.xy.y = ht_vector[s0].xy.y;
     if (later != 0u) {
         float d1 = a->t[1];
         float d2 = a->t[2] - a->t[1];
         float d3 = 1.0f - a->t[2];
-        mean.alpha *= d1;
-        mean.beta *= d1;
-        add_ab(&mean, &ht_vector[s1].ab, d2);
-        add_ab(&mean, &ht_vector[s2].ab, d3);
+        mean.ab.alpha *= d1;
+        mean.ab.beta *= d1;
+        mean.xy.x *= d1;
+        mean.xy.y *= d1;
+        add(&mean, &ht_vector[s1], d2);
+        add(&mean, &ht_vector[s2], d3);
         /* Three edges: two of them in the same direction, which one bit cannot tell. (An
          * edge at t[0] alone keeps its distance: first and dead time are at most half a
          * period.) */
@@ -110,31 +108,16 @@ void ht_applied_finish(ht_applied *a, uint16_t before, const ht_dead_time *dead)
         falling = (falling | (edge1 & s0) | (edge2 & s1)) & ~close;
     }
     if (first > 0.0f) {
-        add_ab(&mean, &ht_vector[before].ab, first);
-        add_ab(&mean, &ht_vector[s0].ab, -first);
+        add(&mean, &ht_vector[before], first);
+        add(&mean, &ht_vector[s0], -first);
         later |= edge0;
     }
-    a->mean_pu.alpha = mean.alpha;
-    a->mean_pu.beta = mean.beta;
+    a->mean_pu = mean;
     a->later = later;
     a->close = close;
     a->rising = rising;
     a->falling = falling;
     a->own = 0u;
-}
-
-/* The same for x and y, which few ask for. */
-static ht_xy mean_xy(const ht_applied *a, const ht_toggles *toggles)
-{
-    ht_xy mean = {0.0f, 0.0f};
-    if (a->own != 0u) {
-        return toggles[a->own - 1u].mean_pu;
-    }
-    add_xy(&mean, &ht_vector[a->before].xy, a->t[0]);
-    add_xy(&mean, &ht_vector[a->s[0]].xy, a->t[1] - a->t[0]);
-    add_xy(&mean, &ht_vector[a->s[1]].xy, a->t[2] - a->t[1]);
-    add_xy(&mean, &ht_vector[a->s[2]].xy, 1.0f - a->t[2]);
-    return mean;
 }
 
 ht_flow ht_flow_of(const ht_six *i_A, const ht_dead_time *dead)
@@ -173,7 +156,7 @@ static float instant(const ht_applied *a, const ht_toggles *toggles, int e, unsi
 /* Instant of a leg's first edge at t[from] or later; 1 if there is none. */
 static float next_edge(const ht_applied *a, const ht_toggles *toggles, int from, unsigned leg)
 {
-    uint16_t bit = (uint16_t)(LEG_U1 >> leg);
+    uint16_t bit = (uint16_t)(HT_LEG_U1 >> leg);
     uint16_t last = (from == 0) ? a->before : a->s[from - 1];
     int e;
     for (e = from; e < 3; e++) {
@@ -190,7 +173,7 @@ static float next_edge(const ht_applied *a, const ht_toggles *toggles, int from,
 static float lost_pu(const ht_applied *a, const ht_toggles *toggles, const ht_dead_time *dead,
                      unsigned leg, float i_begin, float i_end, float *over)
 {
-    uint16_t bit = (uint16_t)(LEG_U1 >> leg);
+    uint16_t bit = (uint16_t)(HT_LEG_U1 >> leg);
     float lost = 0.0f;
     uint16_t level = (uint16_t)(a->before & bit);
     int e;
@@ -231,7 +214,7 @@ static ht_vsd leg_by_leg(const ht_applied *a, const ht_toggles *toggles, const h
     ht_vsd v = {{0.0f, 0.0f}, {0.0f, 0.0f}};
     while (todo != 0u) {
         unsigned leg = ht_first_leg[todo];
-        uint16_t bit = (uint16_t)(LEG_U1 >> leg);
+        uint16_t bit = (uint16_t)(HT_LEG_U1 >> leg);
         float lost = 0.0f;
         float rest = 0.0f;
         if ((left_legs & bit) != 0u) {
@@ -247,8 +230,7 @@ static ht_vsd leg_by_leg(const ht_applied *a, const ht_toggles *toggles, const h
             over_legs |= bit;
             over->shift[leg] = rest;
         }
-        add_ab(&v.ab, &ht_transform[leg].ab, -lost);
-        add_xy(&v.xy, &ht_transform[leg].xy, -lost);
+        add(&v, &ht_transform[leg], -lost);
         todo = without_first(todo);
     }
     over->legs = (uint16_t)over_legs;
@@ -260,12 +242,7 @@ ht_vsd ht_volt_seconds(const ht_applied *a, const ht_toggles *toggles, const ht_
                        const ht_spill *left, ht_spill *over, bool xy)
 {
     unsigned edges = a->rising | a->falling;
-    ht_vsd v = {{0.0f, 0.0f}, {0.0f, 0.0f}};
-    v.ab.alpha = a->mean_pu.alpha;
-    v.ab.beta = a->mean_pu.beta;
-    if (xy) {
-        v.xy = mean_xy(a, toggles);
-    }
+    ht_vsd v = a->mean_pu;
     if ((edges | a->close | left->legs) != 0u) {
         /* Where the current's direction is beyond doubt and edges keep their distance, each
          * is late by the dead time or not at all: such legs are taken together. Late

@@ -18,7 +18,6 @@ typedef struct {
 /** A modulated period: every leg has an instant of its own (ht_modulator.h). */
 typedef struct {
     float t[HT_LEGS]; /**< instant of the leg's toggle, per unit of the period; 1: none */
-    ht_xy mean_pu;    /**< mean voltage as commanded, units of Vdc */
 } ht_toggles;
 
 /** What the legs are commanded to do over one sampling period. */
@@ -33,7 +32,7 @@ typedef struct {
                        *   than the dead time */
     unsigned rising;  /**< other legs with a rising edge */
     unsigned falling; /**< other legs with a falling edge (a leg may have both) */
-    ht_ab mean_pu;    /**< mean voltage as commanded, units of Vdc */
+    ht_vsd mean_pu;   /**< mean voltage as commanded, units of Vdc */
     uint16_t own;     /**< 0, or n: each leg goes from s[0] to s[1] = s[2] at an instant of its
                        *   own, which is in the n-th of the ht_toggles */
 } ht_applied;
@@ -91,7 +90,7 @@ ht_flow ht_flow_at_edges(const ht_applied *a, ht_flow begin, ht_flow end);
  *  A pulse shorter than the dead time vanishes. A delay that lasts beyond the period's end is
  *  carried over, unless the leg is switched back before: `left` is what remains of the period
  *  before, and what remains of this one goes to `over` (both may be the same object).
- *  x and y are 0 unless `xy`. `toggles` is used where a->own says so. */
+ *  x and y are right only with `xy`. `toggles` is used where a->own says so. */
 ht_vsd ht_volt_seconds(const ht_applied *a, const ht_toggles *toggles, const ht_dead_time *dead,
                        ht_flow flow, const ht_six *i_begin, const ht_six *i_end,
                        const ht_spill *left, ht_spill *over, bool xy);

@@ -18,7 +18,7 @@ const ht_scheme_info *ht_scheme_describe(uint16_t scheme)
 
 bool ht_law_needs_prediction(ht_law law)
 {
-    return law == HT_LAW_DEADBEAT;
+    return (law == HT_LAW_DEADBEAT) || (law == HT_LAW_FOC);
 }
 
 float ht_scheme_xy_limit_pu(const ht_scheme_info *row)

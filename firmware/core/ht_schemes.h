@@ -16,8 +16,9 @@ typedef enum {
 
 /** The control laws. Several schemes may share one. */
 typedef enum {
-    HT_LAW_TABLE = 0,   /**< comparators and a switching table (ht_table_law.h) */
-    HT_LAW_DEADBEAT = 1 /**< deadbeat flux and torque, modulated (ht_deadbeat_law.h) */
+    HT_LAW_TABLE = 0,    /**< comparators and a switching table (ht_table_law.h) */
+    HT_LAW_DEADBEAT = 1, /**< deadbeat flux and torque, modulated (ht_deadbeat_law.h) */
+    HT_LAW_FOC = 2       /**< rotor-field orientation, modulated (ht_foc_law.h) */
 } ht_law;
 
 /** How the active vectors of a period are made. */
@@ -26,7 +27,9 @@ typedef enum {
     HT_VECTORS_PAIR = 1,       /**< one of the group or medium-large, whichever lowers psi_xy */
     HT_VECTORS_PAIR_SMALL = 2, /**< the same, with small vectors at the lower torque levels */
     HT_VECTORS_VIRTUAL = 3,    /**< three consecutive vectors of the group */
-    HT_VECTORS_MODULATED = 4   /**< no table: those that a modulator makes of a voltage */
+    HT_VECTORS_MODULATED = 4,  /**< no table: those that a modulator makes of a voltage */
+    HT_VECTORS_CENTRED = 5,    /**< the same: zero sequences centred, carriers in phase */
+    HT_VECTORS_TURNED = 6      /**< the same: set 2's carrier turned in every second sector */
 } ht_vectors;
 
 typedef struct {

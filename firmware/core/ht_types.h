@@ -18,6 +18,24 @@
 
 #define HT_LEGS 6
 
+/** Where a function is compiled: one that seldom runs, small and not into its caller; into each of its
+ *  callers; with copies of all that it calls. */
+#ifdef __GNUC__
+#define HT_SELDOM __attribute__((cold, noinline))
+#define HT_INTO_CALLERS inline __attribute__((always_inline))
+#define HT_WITH_CALLED __attribute__((flatten))
+#else
+#define HT_SELDOM
+#define HT_INTO_CALLERS
+#define HT_WITH_CALLED
+#endif
+
+/** State words: all legs, leg 0, legs of a set. */
+#define HT_ALL_LEGS 0x3Fu
+#define HT_LEG_U1 0x20u
+#define HT_SET1 0x2Au
+#define HT_SET2 0x15u
+
 /** Stationary torque-producing plane. */
 typedef struct {
     float alpha;

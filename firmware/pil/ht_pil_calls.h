@@ -21,15 +21,16 @@ enum {
     HT_CALL_INIT = 1,  /**< period_counts, dead_counts, shadow, slow_Hz (float) */
     HT_CALL_WRITE = 2, /**< start, ca of each leg, cb of each leg */
     HT_CALL_GATES_OFF = 3,
-    HT_CALL_GATES_ON = 4, /**< answer */
-    HT_CALL_TRIPPED = 5,  /**< answer */
+    HT_CALL_GATES_ON = 4, /**< legs, answer */
+    HT_CALL_TRIPPED = 5,  /**< legs, answer */
     HT_CALL_BEGIN_FAST = 6,
     HT_CALL_READ = 7,
     HT_CALL_READ_CAPTURE = 8,
     HT_CALL_OVERRUN = 9, /**< answer */
     HT_CALL_ACK_FAST = 10,
     HT_CALL_TRIP_PIN_LOW = 11, /**< answer */
-    HT_CALL_LEG_TRIPPED = 12   /**< leg, answer */
+    HT_CALL_LEG_TRIPPED = 12,  /**< leg, answer */
+    HT_CALL_LEG_OFF = 13       /**< leg */
 };
 
 /** The hardware's fixed properties. They come with INIT. */
@@ -48,7 +49,7 @@ void ht_pil_hardware_take(ht_reader *r, ht_pil_hardware *hardware);
 typedef struct {
     ht_samples samples;
     ht_capture capture;
-    uint16_t tripped; /**< trip latches: bit n is leg n's */
+    uint16_t tripped; /**< legs whose trip latch is set, a state word */
     bool overrun;
     bool trip_pin_low;
 } ht_pil_inputs;

@@ -7,8 +7,8 @@
  *    the PWM counters running together; the slow interrupt's timer runs as well.
  *  - `ht_port_dead_range` at any time, from anywhere: it touches no register.
  *  - `ht_port_begin_fast`, `ht_port_read`, `ht_port_write`, `ht_port_gates_off`,
- *    `ht_port_gates_on`, `ht_port_tripped`, `ht_port_leg_tripped`, `ht_port_overrun`, `ht_port_ack_fast`
- *    from the fast interrupt only (`ht_port_read` from the set-up as well, and from the slow
+ *    `ht_port_gates_on`, `ht_port_leg_off`, `ht_port_tripped`, `ht_port_leg_tripped`,
+ *    `ht_port_overrun`, `ht_port_ack_fast` from the fast interrupt only (`ht_port_read` from the set-up as well, and from the slow
  *    interrupt when no fast one comes any more). None blocks; each takes a fixed number of
  *    register accesses.
  *  - `ht_port_read_capture` from the slow interrupt only, which the fast one may
@@ -91,15 +91,20 @@ void ht_port_write(ht_port *port, const ht_compare *pattern);
 /** All gates off at once, latched until `ht_port_gates_on`. */
 void ht_port_gates_off(ht_port *port);
 
-/** Release the latch of all legs. Returns false, and leaves the latches as they are, while the
- *  trip pin is low. */
-bool ht_port_gates_on(ht_port *port);
+/** Gates of one leg off, latched until `ht_port_gates_on` releases it. The others go on. */
+void ht_port_leg_off(ht_port *port, uint16_t leg);
 
-/** True while the latch of any leg is set, whoever set it (software or the trip pin). */
-bool ht_port_tripped(const ht_port *port);
+/** Release the latches of `legs`, a state word. Returns false, and leaves the latches as they are,
+ *  while the trip pin is low. */
+bool ht_port_gates_on(ht_port *port, uint16_t legs);
 
-/** The same for one leg. The pin and the software trip all legs together, so any leg shows these. A
- *  disturbance may set the latch of one leg alone: therefore each is checked in turn. */
+/** True while the latch of any of `legs`, a state word, is set, whoever set it (software or the
+ *  trip pin). */
+bool ht_port_tripped(const ht_port *port, uint16_t legs);
+
+/** The same for one leg. The pin trips all legs together, and so does `ht_port_gates_off`: any leg
+ *  shows these. A disturbance may set the latch of one leg alone: therefore each is checked in turn.
+ */
 bool ht_port_leg_tripped(const ht_port *port, uint16_t leg);
 
 /** Is the trip pin low now? While it is, the gates must stay off. */

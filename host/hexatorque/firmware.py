@@ -32,11 +32,27 @@ def _faults() -> dict[int, str]:
 
 #: Bit -> name of a fault.
 FAULTS = _faults()
+#: HT_FAULT_PHASE, which is no enumerator.
+PHASE_LOST = 0x8000
 
 
 def causes(bits: int) -> list[str]:
     """Names of the faults whose bits are set."""
     return [text for bit, text in FAULTS.items() if bits & bit]
+
+
+def _warnings() -> dict[int, str]:
+    rows = (lib.ht_warning_describe(row) for row in range(lib.ht_warning_count()))
+    return {row.bit: _text(row.name) for row in rows}
+
+
+#: Bit -> text of a warning.
+WARNINGS = _warnings()
+
+
+def warnings(bits: int) -> list[str]:
+    """Texts of the warnings whose bits are set."""
+    return [text for bit, text in WARNINGS.items() if bits & bit]
 
 
 class FirmwareError(HexatorqueError, ValueError):
@@ -134,6 +150,12 @@ def schemes() -> tuple[str, ...]:
     return parameters()["scheme"].choices
 
 
+def table_schemes() -> tuple[str, ...]:
+    """The schemes with comparators and a switching table."""
+    rows = ((name, lib.ht_scheme_describe(k)) for k, name in enumerate(schemes()))
+    return tuple(name for name, row in rows if row.law == lib.HT_LAW_TABLE)
+
+
 def needs_prediction(scheme: str) -> bool:
     """True if the scheme works with shadow load and prediction only."""
     row = lib.ht_scheme_describe(schemes().index(scheme))
@@ -164,6 +186,10 @@ _RULES = {
     lib.HT_MISFIT_WRITE: "the write must come in the first half of the period",
     lib.HT_MISFIT_DEAD_TIME: "it may take half a period at most",
     lib.HT_MISFIT_ROTOR: "R_r/L_r must be below half of f_isr_Hz",
+    lib.HT_MISFIT_LOST_LEGS: "only a scheme without switching table can do without legs, and only "
+    "without one, legs of one set, or two that are 90 degrees apart (32+1, 16+8, 4+2)",
+    lib.HT_MISFIT_LOST_RIDE: "a start without legs needs ride_through",
+    lib.HT_MISFIT_RATED: "to go on without a leg needs the rated phase current",
 }
 
 
@@ -178,7 +204,10 @@ def misfit_text(misfit: int, value_of: Callable[[str], Any]) -> str:
     first, second = table[row.first], table[row.second]
 
     def shown(p: Parameter, share: float = 1.0) -> str:
-        return f"{p.name} = {share * p.parse(value_of(p.name)):.6g} {p.unit}".rstrip()
+        value = p.parse(value_of(p.name))
+        if p.choices:
+            return f"{p.name} = {p.show(value)}"
+        return f"{p.name} = {share * value:.6g} {p.unit}".rstrip()
 
     if row.share == 0:
         both = dict.fromkeys((shown(first), shown(second)))
@@ -188,6 +217,9 @@ def misfit_text(misfit: int, value_of: Callable[[str], Any]) -> str:
     times = "" if share == 1 else f"{share:g} "
     return f"{text}: {shown(first)}: {word} {times}{shown(second, share)}"
 
+
+#: All legs as a state word (HT_ALL_LEGS).
+ALL_LEGS = 0b111111
 
 #: Text for the set of parameters that a start took, by its number (HT_SET_...).
 PARAMETER_SETS = (
@@ -217,17 +249,19 @@ class _Kept(TypedDict):
 
 
 class SnapshotNumbers(_Kept):
-    """The values that the firmware saved at a fault, state and faults as numbers."""
+    """The values that the firmware saved at a fault; state, faults and warnings as numbers."""
 
     state: int
     faults: int
+    warnings: int
 
 
 class Snapshot(_Kept):
-    """The same, with state and faults by name."""
+    """The same, with state, faults and warnings by name."""
 
     state: str
     faults: list[str]
+    warnings: list[str]
 
 
 def snapshot_numbers(s: CData) -> SnapshotNumbers | None:
@@ -239,6 +273,7 @@ def snapshot_numbers(s: CData) -> SnapshotNumbers | None:
         "tick": s.tick,
         "state": s.state,
         "faults": s.faults,
+        "warnings": s.warnings,
         "adc_counts": list(s.samples.adc),
         "position_counts": s.samples.position,
         "i_A": list(measured.i_A.p),
@@ -252,11 +287,16 @@ def snapshot_numbers(s: CData) -> SnapshotNumbers | None:
 
 
 def snapshot_of(s: CData) -> Snapshot | None:
-    """The same, with state and faults by name."""
+    """The same, with state, faults and warnings by name."""
     kept = snapshot_numbers(s)
     if kept is None:
         return None
-    return {**kept, "state": STATES[kept["state"]], "faults": causes(kept["faults"])}
+    return {
+        **kept,
+        "state": STATES[kept["state"]],
+        "faults": causes(kept["faults"]),
+        "warnings": warnings(kept["warnings"]),
+    }
 
 
 class Store:

@@ -376,6 +376,7 @@ static void drive(void)
     set(HT_P_encoder_trip_rpm, 0.0f);
     set(HT_P_flux_check, 0.0f);
     set(HT_P_stuck_trip_A, 0.0f);
+    set(HT_P_loss_check, 0.0f);
     set(HT_P_flux_trip_Wb, 100.0f);
     ht_image_mailbox.id = HT_P_flux_trip_Wb;
     command(HT_COMMAND_GET);

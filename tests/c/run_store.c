@@ -129,7 +129,7 @@ static void first(void)
 {
     uint32_t tick;
     check("nothing is stored", ht_image_store.set == (uint16_t)HT_SET_DEFAULTS);
-    check("gates are off", ht_port_tripped(&ht_image_port));
+    check("gates are off", ht_port_tripped(&ht_image_port, HT_ALL_LEGS));
     runs_on();
     check("a parameter is set", set(HT_P_rs_ohm, 1.7f) == HT_OK);
     check("another is set", set(HT_P_dead_time_us, 3.0f) == HT_OK);
@@ -145,7 +145,7 @@ static void first(void)
     check("the tick stands still", ht_image_drive.tick - tick <= 1u);
     check("no fault comes of it",
           (ht_image_drive.faults == 0u) && (ht_image_drive.state == (uint16_t)HT_STATE_IDLE));
-    check("gates stay off", ht_port_tripped(&ht_image_port));
+    check("gates stay off", ht_port_tripped(&ht_image_port, HT_ALL_LEGS));
     runs_on();
     check("no fault comes after it", ht_image_drive.faults == 0u);
 }
@@ -156,10 +156,11 @@ static void refused_while_running(void)
     check("the saved set is in force", ht_image_store.set == (uint16_t)HT_SET_SAVED);
     check("with its values", (get(HT_P_rs_ohm) == 1.7f) && (get(HT_P_dead_time_us) == 3.0f));
     check("the reference is not kept", get(HT_P_speed_ref_rpm) == 0.0f);
-    check("gates are off", ht_port_tripped(&ht_image_port));
+    check("gates are off", ht_port_tripped(&ht_image_port, HT_ALL_LEGS));
     (void)set(HT_P_encoder_trip_rpm, 0.0f); /* no machine is connected */
     (void)set(HT_P_flux_check, 0.0f);
     (void)set(HT_P_stuck_trip_A, 0.0f);
+    (void)set(HT_P_loss_check, 0.0f);
     (void)set(HT_P_flux_trip_Wb, 100.0f);
     runs_on();
     check("start is accepted", command(HT_COMMAND_START) == HT_OK);
@@ -197,7 +198,7 @@ static void both_are_damaged(void)
         good = good && (get(id) == initial(id));
     }
     check("the defaults stand", good);
-    check("gates are off", ht_port_tripped(&ht_image_port));
+    check("gates are off", ht_port_tripped(&ht_image_port, HT_ALL_LEGS));
     runs_on();
     check("forgotten", command(HT_COMMAND_FORGET) == HT_OK);
 }

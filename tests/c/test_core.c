@@ -114,17 +114,17 @@ static void test_drive(const ht_board *board)
     CHECK(ht_board_start(&port));
     ht_params_default(&params);
     CHECK(ht_drive_init(&d, &port, &params) == HT_OK);
-    CHECK(ht_port_tripped(&port));
+    CHECK(ht_port_tripped(&port, HT_ALL_LEGS));
     fill(&rf, m, 2048u, 2048u);
     CHECK(ht_drive_start(&d) == HT_OK);
     for (k = 0; k < 3600; k++) {
         ht_drive_fast_isr(&d);
     }
     CHECK(d.state == HT_STATE_RUN);
-    CHECK(!ht_port_tripped(&port));
+    CHECK(!ht_port_tripped(&port, HT_ALL_LEGS));
     fill(&rf, m, 4095u, 2048u);
     ht_drive_fast_isr(&d);
-    CHECK(ht_port_tripped(&port));
+    CHECK(ht_port_tripped(&port, HT_ALL_LEGS));
     CHECK((d.faults & HT_FAULT_OVERCURRENT) != 0);
     CHECK(ht_drive_start(&d) == HT_ERROR_STATE);
     CHECK(rf.violations == 0u);

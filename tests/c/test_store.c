@@ -55,7 +55,7 @@ static unsigned start(void)
     store.port = bench_store();
     CHECK(ht_store_start(&store, &drive, &bench_chip, &defaults) == HT_OK);
     CHECK(drive.state == (uint16_t)HT_STATE_IDLE);
-    CHECK(ht_port_tripped(&bench_chip));
+    CHECK(ht_port_tripped(&bench_chip, HT_ALL_LEGS));
     return store.set;
 }
 

@@ -9,20 +9,27 @@ A comment before a block says what a test does with it:
 
 All other blocks of kind bash are run. A block of kind text is what the command before it
 prints: each of its lines must be there. HT_RENEW=1 writes the pictures into docs/images.
+
+A process takes one to two seconds of computing time before it begins. So only the page's first
+command and those that use a board are processes. The other commands of hexatorque are called here.
 """
 
+import contextlib
+import io
 import os
 import re
+import shlex
 import shutil
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest import mock
 
-import matplotlib
 import numpy as np
-from matplotlib import image
+
+from hexatorque.cli.main import main
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 #: A comment, if there is one, then a block or a picture.
@@ -41,6 +48,9 @@ class Terminals:
         self.folder = folder
         self.staying: list[subprocess.Popen] = []
         self.printed = ""
+        self.started = False
+        import matplotlib  # here: every process of the tests imports this file
+
         run, cache = folder / "run", folder / "cache"  # no board or port server but ours
         run.mkdir(mode=0o700)
         cache.mkdir()
@@ -56,6 +66,30 @@ class Terminals:
         }
 
     def run(self, command: str) -> None:
+        words = shlex.split(command)
+        uses_board = words[1] == "board" and words[2] != "compare"
+        here = self.started and words[0] == "hexatorque" and not uses_board
+        self.started |= words[0] == "hexatorque"
+        if here:
+            self.call(words[1:])
+        else:
+            self.start(command)
+
+    def call(self, words: list[str]) -> None:
+        """Run a command of hexatorque in this process."""
+        output = io.StringIO()
+        with (
+            contextlib.chdir(self.folder),
+            mock.patch.dict(os.environ, self.environment),
+            contextlib.redirect_stdout(output),
+            contextlib.redirect_stderr(output),
+        ):
+            code = main(words)
+        self.printed = output.getvalue()
+        assert code == 0, f"hexatorque {shlex.join(words)}\n{self.printed}"
+
+    def start(self, command: str) -> None:
+        """Run a command as a shell does."""
         done = subprocess.run(
             ["bash", "-ec", command],
             cwd=self.folder,
@@ -93,6 +127,8 @@ def plain(text: str) -> str:
 
 def same_picture(drawn: Path, shown: Path) -> None:
     """Equal but for what another version of the drawing library does to letters."""
+    from matplotlib import image
+
     a, b = image.imread(drawn)[..., :3], image.imread(shown)[..., :3]
     assert a.shape == b.shape, f"{shown.name}: {a.shape}, {b.shape}"
     assert np.mean(np.abs(a - b)) < 0.02, f"{shown.name} shows something else"

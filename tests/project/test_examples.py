@@ -58,8 +58,10 @@ def test_captured_step_has_the_samples_asked_for():
     assert float(found[2]) > 5, "the step to 200 r/min takes torque"
 
 
-def test_every_script_is_run_here():
-    assert {path.name for path in files("py")} == {"torque_band.py", "captured_step.py"}
+def test_every_script_is_run():
+    """The law of one's own runs in tests/host/laws/test_laws.py."""
+    here = {"torque_band.py", "captured_step.py"}
+    assert {path.name for path in files("py")} == {*here, "own_law.py"}
 
 
 @pytest.mark.parametrize("path", part(files("ipynb"), 1), ids=lambda path: path.name)

@@ -6,6 +6,7 @@ import re
 import sys
 from pathlib import Path
 
+import numpy as np
 import prove
 import pytest
 
@@ -30,7 +31,7 @@ def test_every_harness_is_listed_and_every_row_has_one():
 @pytest.mark.parametrize("proof", PROOFS, ids=lambda proof: proof.name)
 def test_a_seeded_bug_changes_the_code(proof):
     """A bug whose text no longer stands in the code, or twice, would be found by nothing."""
-    text = (ROOT / "firmware" / proof.bug.file).read_text()
+    text = proof.bug.path().read_text()
     assert proof.bug.file.endswith(".c")
     assert text.count(proof.bug.right) == 1
     assert proof.bug.right != proof.bug.wrong
@@ -63,7 +64,7 @@ def test_a_proof_without_a_run_is_open():
 def judged(monkeypatch, script):
     """The verdict on a program in ESBMC's place."""
     monkeypatch.setattr(prove, "command", lambda proof, first: [sys.executable, "-c", script])
-    return prove.run(PROOFS[0]).verdict
+    return prove.run(PROOFS[0], ROOT).verdict
 
 
 @pytest.mark.parametrize(
@@ -115,3 +116,70 @@ uint16_t a(float f, uint32_t n, const some *p)
     assert "(unsigned)ht_in_uint16(f)" in wrapped
     assert "(int16_t)ht_in_int16(p->v[(uint16_t)ht_in_uint16(g)])" in wrapped
     assert "(float)n" in wrapped and "(uint16_t)n" in wrapped and "(void)g" in wrapped
+
+
+CALCULATES = """float f(float a, float b, const float *p);
+static float twice(float a)
+{
+    return a * 2.0f;
+}
+
+float f(float a, float b, const float *p)
+{
+    static const float third = 1.0f / 3.0f;
+    float c = a * b + third;
+    unsigned n = (unsigned)(a - b);
+    c -= p[n + 1u] / b;
+    return (a < b) ? twice(c) : -c;
+}
+"""
+
+
+def test_free_arithmetic_keeps_its_operands(tmp_path):
+    """They may have checks of their own. Integers, comparisons and constants stay."""
+    pytest.importorskip("clang.cindex", reason="libclang is missing: pip install libclang==18.1.1")
+    source = tmp_path / "calculates.c"
+    source.write_text(CALCULATES)
+    text, _ = prove.checked(source, CALCULATES, free=["f"])
+    assert "float c = ht_free_add(ht_free_multiply(a, b), third);" in text
+    assert "(unsigned)ht_in_uint16((ht_free_subtract(a, b)))" in text
+    assert "c = ht_free_subtract(c, ht_free_divide(p[n + 1u], b));" in text
+    assert "third = 1.0f / 3.0f" in text and "a * 2.0f" in text and "(a < b)" in text
+    text, _ = prove.checked(source, CALCULATES, free=["f:*"])
+    assert "ht_free_multiply(a, b) + third" in text and "c -= p[n + 1u] / b" in text
+    text, _ = prove.checked(source, CALCULATES, free=["f:+-*/:n,c"])
+    assert "c = a * b + third" in text and "(a - b)" in text and "ht_free_divide(" in text
+    assert "ht_free_multiply(a, 2.0f)" in prove.checked(source, CALCULATES, free=[""])[0]
+    with pytest.raises(SystemExit, match="no arithmetic to free in g"):
+        prove.checked(source, CALCULATES, free=["g"])
+
+
+def test_a_promised_function_is_called_in_the_harness(tmp_path):
+    pytest.importorskip("clang.cindex", reason="libclang is missing: pip install libclang==18.1.1")
+    source = tmp_path / "calculates.c"
+    source.write_text(CALCULATES)
+    text, _ = prove.checked(source, CALCULATES, promised=["twice"])
+    assert "static float promise_twice(float a);\nstatic float twice(float a)" in text
+    assert "(a < b) ? promise_twice(c) : -c" in text
+    with pytest.raises(SystemExit, match="thrice is not called there"):
+        prove.checked(source, CALCULATES, promised=["thrice"])
+
+
+def test_rounding_keeps_the_order():
+    """The facts of tests/prove/arithmetic.h that no proof shows, on numbers of every size and on
+    neighbours."""
+    rng = np.random.default_rng(1)
+    bits = rng.integers(0, 0x7F7FFFFF, 1_000_000, dtype=np.uint32)
+    a = np.concatenate([bits, [0, 1, 0x007FFFFF, 0x00800000, 0x7F7FFFFF]]).astype(np.uint32)
+    a = a.view(np.float32)
+    b = rng.permutation(a)
+    share = (b / np.float32(3.4028235e38)).astype(np.float32)
+    with np.errstate(over="ignore", under="ignore", invalid="ignore", divide="ignore"):
+        assert np.all(share * a <= a)
+        large = np.maximum(b, np.float32(1.0))
+        assert np.all(a / large <= a)
+        beside = np.nextafter(a, np.float32(np.inf))
+        for larger in (beside, np.maximum(a, b)):
+            smaller = np.minimum(a, larger)
+            assert np.all(smaller * smaller <= larger * larger)
+            assert np.all(smaller * b <= larger * b)

@@ -54,6 +54,18 @@ ht_vsd ht_volt_seconds(const ht_applied *a, const ht_toggles *toggles, const ht_
     return ht_vsd_from_six(i_begin);
 }
 
+void ht_leg_loss_reset(ht_leg_loss_state *st)
+{
+    st->found = 0u;
+}
+
+void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, ht_xy v_V, ht_xy from,
+                      ht_xy to, const ht_six *i_A, float rs_ohm)
+{
+    MUST(cfg->least_V2 > 0.0f);
+    st->found = nondet_uint16();
+}
+
 static ht_estimate any_estimate(void)
 {
     ht_estimate e;
@@ -78,6 +90,39 @@ ht_xy ht_observer_predict_xy(const ht_observer_config *cfg, const ht_observer_st
                              ht_xy i_A)
 {
     return any_xy();
+}
+
+ht_vsd ht_lost_legs_voltage(const ht_lost_legs *lost, const ht_observer_config *machine,
+                            float rs_ohm, ht_vsd v_V, ht_xy from, ht_xy to)
+{
+    MUST((lost->axes == 1u) || (lost->axes == 2u));
+    return ht_vsd_from_six(0);
+}
+
+ht_ab ht_lost_legs_expected(const ht_lost_legs *lost, const ht_observer_config *machine,
+                            float rs_ohm, ht_vsd v_V, ht_ab i_A, ht_ab r_Wb, float turn_rad)
+{
+    MUST((lost->axes == 1u) || (lost->axes == 2u));
+    return any_ab();
+}
+
+ht_xy ht_lost_legs_across(const ht_lost_legs *lost, ht_xy value)
+{
+    MUST((lost->axes == 1u) || (lost->axes == 2u));
+    return any_xy();
+}
+
+ht_vsd ht_lost_legs_command(const ht_lost_legs *lost, const ht_observer_config *machine,
+                            const ht_deadbeat_law_input *in, ht_vsd v_pu)
+{
+    MUST((lost->axes == 1u) || (lost->axes == 2u));
+    return ht_vsd_from_six(0);
+}
+
+uint16_t ht_lost_legs_of(uint16_t legs, ht_lost_legs *lost)
+{
+    lost->axes = nondet_uint16();
+    return nondet_uint16();
 }
 
 ht_ab ht_observer_predict_rotor(const ht_observer_config *cfg, const ht_observer_state *st,
@@ -149,6 +194,17 @@ ht_action_points ht_table_law_step(const ht_table_law_config *cfg, ht_table_law_
     return any_action_points();
 }
 
+ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *machine,
+                       ht_foc_law_state *st, const ht_deadbeat_law_input *in, ht_ab i_A)
+{
+    MUST(HT_IS_XY_STATE(st->xy, XY_LIMIT_DEADBEAT));
+    st->xy.with = any_xy();
+    st->xy.against = any_xy();
+    GIVEN(HT_IS_XY_STATE(st->xy, XY_LIMIT_DEADBEAT));
+    st->begun = true;
+    return ht_vsd_from_six(0);
+}
+
 ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer_config *machine,
                             ht_deadbeat_law_state *st, const ht_deadbeat_law_input *in)
 {
@@ -192,7 +248,7 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     any_masks(applied);
     GIVEN(HT_IS_PATTERN(*applied));
     any_compare(applied->s[0], 0u, in->period, out);
-    toggles->mean_pu = any_xy(); /* must be an object */
+    toggles->t[0] = nondet_float(); /* must be an object */
 }
 
 void ht_pattern_counts(const uint16_t s[3], ht_action_points p, uint16_t period, uint16_t first,
@@ -228,7 +284,92 @@ static bool is_state(const ht_control_config *cfg, const ht_control_state *st)
     return HT_IS_PATTERN(st->active) && HT_IS_PATTERN(st->next) && HT_IS_WORD(st->spill.legs)
            && HT_IS_WORD(st->flow.out) && HT_IS_WORD(st->flow.in) && HT_IS_SECTOR(st->sector)
            && is_law_state(&cfg->table_law, &st->table_law)
-           && HT_IS_XY_STATE(st->deadbeat_law.xy, XY_LIMIT_DEADBEAT);
+           && HT_IS_XY_STATE(st->deadbeat_law.xy, XY_LIMIT_DEADBEAT)
+           && HT_IS_XY_STATE(st->foc_law.xy, XY_LIMIT_DEADBEAT);
+}
+
+static bool is_same_pattern(const ht_applied *a, const ht_applied *b)
+{
+    return (a->before == b->before) && (a->s[0] == b->s[0]) && (a->s[1] == b->s[1])
+           && (a->s[2] == b->s[2]) && (a->own == b->own) && (a->later == b->later);
+}
+
+/* What the observation leaves, as prove_control_observe shows it. */
+static void promise_observe(const ht_control_config *cfg, ht_control_state *st,
+                            const ht_control_input *in, ht_vsd i, bool lost)
+{
+    MUST(is_state(cfg, st));
+    if (cfg->shadow) {
+        st->active = st->next;
+    }
+    st->spill.legs = nondet_uint16();
+    st->flow = any_flow();
+    st->estimate = any_estimate();
+    st->decided = any_estimate();
+    st->psi_xy_Wb = any_xy();
+    st->i_xy_A = any_xy();
+    st->leg_loss.found = nondet_uint16();
+    GIVEN(is_state(cfg, st));
+}
+
+/* What ht_control_check accepts, and any state in range. */
+static void any_step(ht_control_config *cfg, ht_control_state *st, ht_control_input *in)
+{
+    cfg->shadow = nondet_bool();
+    cfg->predict = nondet_bool();
+    cfg->needs_xy = nondet_bool();
+    cfg->only_v0 = nondet_bool();
+    cfg->period_counts = nondet_uint16();
+    cfg->first_counts = nondet_uint16();
+    cfg->drop_V = nondet_float();
+    cfg->leg_loss.least_V2 = nondet_float();
+    cfg->dead.i_zero_A = nondet_float();
+    cfg->table_law.regulated = nondet_bool();
+    cfg->table_law.xy_limit_pu = nondet_float();
+    GIVEN((cfg->period_counts >= 8u) && (cfg->first_counts < (cfg->period_counts / 2u)));
+    GIVEN(!cfg->shadow || (cfg->first_counts == 0u));
+    GIVEN((cfg->law == HT_LAW_TABLE) || (cfg->shadow && cfg->predict));
+    GIVEN(cfg->dead.i_zero_A > 0.0f);
+    GIVEN((cfg->table_law.xy_limit_pu > 0.0f) && (cfg->table_law.xy_limit_pu < 1.0f));
+    any_pattern(&st->active);
+    any_pattern(&st->next);
+    st->spill.legs = nondet_uint16();
+    st->flow = any_flow();
+    st->sector = nondet_uint16();
+    st->lost.axes = nondet_uint16();
+    GIVEN(st->lost.axes <= 2u);
+    st->table_law.torque_level = nondet_int16();
+    st->table_law.flux_level = nondet_int16();
+    st->table_law.xy.with = any_xy();
+    st->table_law.xy.against = any_xy();
+    st->deadbeat_law.xy.with = any_xy();
+    st->deadbeat_law.xy.against = any_xy();
+    st->foc_law.xy.with = any_xy();
+    st->foc_law.xy.against = any_xy();
+    GIVEN(is_state(cfg, st));
+    in->i_A = any_six();
+    in->vdc_V = nondet_float();
+    in->torque_ref_Nm = nondet_float();
+    in->flux_ref_Wb = nondet_float();
+    in->turn_rad = nondet_float();
+    in->inv_flux_ref2 = nondet_float();
+}
+
+void prove_control_observe(void)
+{
+    ht_control_config cfg;
+    ht_control_state st;
+    ht_control_input in;
+    ht_applied active;
+    ht_applied next;
+    cfg.law = (ht_law)nondet_uint16();
+    any_step(&cfg, &st, &in);
+    active = st.active;
+    next = st.next;
+    observe(&cfg, &st, &in, ht_vsd_from_six(&in.i_A), st.lost.axes != 0u);
+    MUST(is_state(&cfg, &st));
+    MUST(is_same_pattern(&st.active, cfg.shadow ? &next : &active));
+    MUST(is_same_pattern(&st.next, &next));
 }
 
 static void step_of(ht_law law)
@@ -240,42 +381,10 @@ static void step_of(ht_law law)
     uint16_t leg = nondet_uint16();
     uint16_t before;
     cfg.law = law;
-    cfg.shadow = nondet_bool();
-    cfg.predict = nondet_bool();
-    cfg.needs_xy = nondet_bool();
-    cfg.only_v0 = nondet_bool();
-    cfg.period_counts = nondet_uint16();
-    cfg.first_counts = nondet_uint16();
-    cfg.drop_V = 0.0f;
-    cfg.dead.i_zero_A = nondet_float();
-    cfg.table_law.regulated = nondet_bool();
-    cfg.table_law.xy_limit_pu = nondet_float();
-    /* what ht_control_check accepts */
-    GIVEN((cfg.period_counts >= 8u) && (cfg.first_counts < (cfg.period_counts / 2u)));
-    GIVEN(!cfg.shadow || (cfg.first_counts == 0u));
-    GIVEN((law == HT_LAW_TABLE) || (cfg.shadow && cfg.predict));
-    GIVEN(cfg.dead.i_zero_A > 0.0f);
-    GIVEN((cfg.table_law.xy_limit_pu > 0.0f) && (cfg.table_law.xy_limit_pu < 1.0f));
-    any_pattern(&st.active);
-    any_pattern(&st.next);
-    st.spill.legs = nondet_uint16();
-    st.flow = any_flow();
-    st.sector = nondet_uint16();
-    st.table_law.torque_level = nondet_int16();
-    st.table_law.flux_level = nondet_int16();
-    st.table_law.xy.with = any_xy();
-    st.table_law.xy.against = any_xy();
-    st.deadbeat_law.xy.with = any_xy();
-    st.deadbeat_law.xy.against = any_xy();
-    GIVEN(is_state(&cfg, &st));
+    any_step(&cfg, &st, &in);
     GIVEN(leg < 6u);
+    st.lost.axes = 0u; /* all legs */
     before = cfg.shadow ? st.next.s[2] : st.active.s[2];
-    in.i_A = any_six();
-    in.vdc_V = nondet_float();
-    in.torque_ref_Nm = nondet_float();
-    in.flux_ref_Wb = nondet_float();
-    in.turn_rad = nondet_float();
-    in.inv_flux_ref2 = nondet_float();
     ht_control_step(&cfg, &st, &in, nondet_bool(), &out);
     MUST(HT_IS_WORD(out.start));
     MUST(HT_IS_COMPARE(out.ca[leg], cfg.first_counts, cfg.period_counts));
@@ -294,4 +403,9 @@ void prove_control_table(void)
 void prove_control_deadbeat(void)
 {
     step_of(HT_LAW_DEADBEAT);
+}
+
+void prove_control_foc(void)
+{
+    step_of(HT_LAW_FOC);
 }

@@ -1,26 +1,7 @@
 /* The deadbeat law, its x-y regulator by what it promises. */
 #include "ht_contracts.h"
 #include "ht_deadbeat_law.c"
-#include "prove.h"
-
-ht_xy ht_xy_step(const ht_xy_config *cfg, ht_xy_state *st, ht_xy i_A, ht_ab turn, float limit_pu,
-                 bool hold)
-{
-    ht_xy v = any_xy();
-    MUST(HT_IS_XY_LIMIT(limit_pu));
-    MUST(HT_IS_XY_STATE(*st, limit_pu));
-    GIVEN(HT_IS_XY_WITHIN(v, limit_pu));
-    st->with = any_xy();
-    st->against = any_xy();
-    GIVEN(HT_IS_XY_STATE(*st, limit_pu));
-    return v;
-}
-
-void ht_xy_reset(ht_xy_state *st)
-{
-    st->with = any_xy();
-    st->against = any_xy();
-}
+#include "xy_regulator_contract.h"
 
 void prove_deadbeat_law(void)
 {

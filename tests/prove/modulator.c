@@ -3,7 +3,16 @@
 #include "ht_vsd.c"
 #include "prove.h"
 
-/* One leg, with the timing as ht_modulator_step makes it of any period and dead time. */
+/* What a leg relies on: the middle of the period, and that no toggle outside the period counts as
+ * open. */
+static bool is_timing(const timing *t)
+{
+    float full = (float)t->period;
+    return (t->period >= 8u) && ((t->middle + t->middle) == (full + 1.0f))
+           && !(t->open > (t->middle - 2.0f));
+}
+
+/* One leg, with any timing on which it may rely. */
 void prove_modulate(void)
 {
     timing t;
@@ -14,19 +23,17 @@ void prove_modulate(void)
     float share[HT_LEGS];
     uint16_t leg = nondet_uint16();
     uint16_t period = nondet_uint16();
-    float dead = nondet_float();
-    float full = (float)period;
     float d = nondet_float();
     bool moves;
-    GIVEN((leg < 6u) && (period >= 8u));
+    GIVEN(leg < 6u);
     t.period = period;
     t.per_count = 0.0f; /* no register depends on it */
     t.dead_half_pu2 = nondet_float();
     t.dead_per_A = nondet_float(); /* times 1 A: any product with any current */
-    t.middle = 0.5f * full + 0.5f;
-    t.early = 0.5f * dead;
-    t.open = 0.5f * full - dead - 1.5f;
-    GIVEN(dead >= 0.0f);
+    t.middle = nondet_float();
+    t.early = nondet_float();
+    t.open = nondet_float();
+    GIVEN(is_timing(&t));
     c = carrier_of(nondet_bool(), &t);
     modulate(&t, &c, d, 1.0f, leg, &found, ca, instant, share);
     moves = found.moves != 0u;
@@ -53,4 +60,69 @@ void prove_modulator_check(void)
     GIVEN(ht_modulator_check(&cfg));
     MUST((cfg.kappa >= 0.0f) && (cfg.kappa <= 1.0f));
     MUST((cfg.kappa_from_pu >= 0.0f) && (cfg.turn_pu >= 0.0f));
+}
+
+static void promise_modulate(const timing *t, const carrier *c, float d, float i_A, uint16_t leg,
+                             legs *found, uint16_t *ca, float *instant, float *share)
+{
+    unsigned bit = HT_LEG_U1 >> leg;
+    bool moves = nondet_bool();
+    MUST((leg < 6u) && is_timing(t));
+    found->moves |= moves ? bit : 0u;
+    found->close |= (moves && nondet_bool()) ? bit : 0u;
+    found->high |= (!moves && !is_nan(d) && nondet_bool()) ? bit : 0u;
+    ca[leg] = nondet_uint16();
+    GIVEN(moves ? ((ca[leg] >= 1u) && (ca[leg] <= (t->period - 1u))) : (ca[leg] == t->period));
+    instant[leg] = nondet_float();
+    share[leg] = nondet_float();
+}
+
+/* A whole period. */
+void prove_modulator_step(void)
+{
+    ht_modulator_config cfg;
+    ht_modulator_state st;
+    ht_modulator_input in;
+    ht_dead_time dead;
+    ht_six i_A = any_six();
+    ht_vsd v;
+    ht_compare out;
+    ht_applied applied;
+    ht_toggles toggles;
+    uint16_t leg = nondet_uint16();
+    bool falling = nondet_bool();
+    unsigned bit;
+    any_modulator_config(&cfg);
+    GIVEN(ht_modulator_check(&cfg) && (leg < 6u));
+    st.falling = falling;
+    st.opposite = nondet_bool();
+    in.dead = &dead;
+    in.i_A = &i_A;
+    in.before = nondet_uint16();
+    in.period = nondet_uint16();
+    dead.dead_pu = nondet_float();
+    dead.i_zero_A = nondet_float();
+    GIVEN(HT_IS_WORD(in.before) && (in.period >= 8u));
+    GIVEN((dead.dead_pu >= 0.0f) && (dead.dead_pu <= 0.5f) && (dead.i_zero_A > 0.0f));
+    v.ab = any_ab();
+    v.xy = any_xy();
+    ht_modulator_step(&cfg, &st, &v, &in, &out, &applied, &toggles);
+    applied.own = 0u; /* the caller sets it */
+    bit = 0x20u >> leg;
+    MUST(HT_IS_PATTERN(applied));
+    MUST((out.start == applied.s[0]) && (applied.before == in.before));
+    MUST(applied.s[1] == applied.s[2]);
+    MUST(out.cb[leg] == in.period);
+    MUST(HT_IS_COMPARE(out.ca[leg], 0u, in.period));
+    /* The register toggles the leg if and only if the words say so. */
+    MUST((out.ca[leg] != in.period) == (((applied.s[0] ^ applied.s[1]) & bit) != 0u));
+    /* All legs of set 1 go the same way, and every second period the other way. */
+    MUST(IMPLIES(((applied.s[0] ^ applied.s[1]) & HT_SET1 & bit) != 0u,
+                 ((applied.s[0] & bit) != 0u) == falling));
+    MUST(st.falling != falling);
+    MUST(applied.later == (applied.s[0] ^ applied.s[1]));
+    MUST((applied.close & ~applied.later) == 0u);
+    /* Every edge is told, and no leg has one that is not there. */
+    MUST((applied.rising | applied.falling | applied.close)
+         == ((applied.before ^ applied.s[0]) | applied.later));
 }

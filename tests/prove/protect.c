@@ -2,6 +2,14 @@
 #include "ht_protect.c"
 #include "prove.h"
 
+float sqrtf(float x)
+{
+    float root = nondet_float();
+    GIVEN(IMPLIES(is_nan(x) || (x < 0.0f), is_nan(root)));
+    GIVEN(IMPLIES(x >= 0.0f, root >= 0.0f));
+    return root;
+}
+
 static void any_config(ht_protect_config *c)
 {
     c->i_trip_A = nondet_float();
@@ -56,47 +64,23 @@ void prove_protect_sum(void)
 }
 
 /* One phase beyond the limit, the others anything. */
-static void one_phase(int phase)
+void prove_overcurrent(void)
 {
     ht_protect_config c;
     ht_control_input in;
+    uint16_t phase = nondet_uint16();
     unsigned faults;
     any_config(&c);
     any_input(&in);
-    GIVEN((c.i_trip_A >= 0.1f) && (c.i_trip_A <= 10000.0f));
+    GIVEN((phase < 6u) && (c.i_trip_A >= 0.1f) && (c.i_trip_A <= 10000.0f));
     GIVEN(!(fabsf(in.i_A.p[phase]) < c.i_trip_A));
+    ht_above = c.i_trip_A;
+    ht_below = c.i_trip_A;
+    ht_above_square = nondet_float();
+    GIVEN(ht_above_square >= 0.0f);
+    ht_below_square = ht_above_square;
     faults = ht_protect_samples(&c, &in, nondet_float(), nondet_bool());
     MUST((faults & HT_FAULT_OVERCURRENT) != 0u);
-}
-
-void prove_overcurrent_1(void)
-{
-    one_phase(0);
-}
-
-void prove_overcurrent_2(void)
-{
-    one_phase(1);
-}
-
-void prove_overcurrent_3(void)
-{
-    one_phase(2);
-}
-
-void prove_overcurrent_4(void)
-{
-    one_phase(3);
-}
-
-void prove_overcurrent_5(void)
-{
-    one_phase(4);
-}
-
-void prove_overcurrent_6(void)
-{
-    one_phase(5);
 }
 
 void prove_protect_stuck(void)
@@ -157,4 +141,48 @@ void prove_protect_results(void)
                  (faults & (HT_FAULT_FLUX | HT_FAULT_NONFINITE)) != 0u));
     MUST(IMPLIES(!is_finite(c.observer.i_A.alpha) || !is_finite(c.observer.i_A.beta),
                  (faults & HT_FAULT_OVERCURRENT) != 0u));
+}
+
+/* The checks against the machine's model. */
+void prove_protect_slow(void)
+{
+    ht_protect_config cfg;
+    ht_protect_state st;
+    ht_control_state c;
+    float speed_rpm = nondet_float();
+    unsigned faults;
+    any_config(&cfg);
+    cfg.encoder_trip_rpm = nondet_float();
+    cfg.flux_check = nondet_float();
+    cfg.no_load_A = nondet_float();
+    cfg.ls_H = nondet_float();
+    cfg.sigma = nondet_float();
+    cfg.slip_gain = nondet_float();
+    cfg.rpm_per_rad_s = nondet_float();
+    cfg.flux_gain = nondet_float();
+    cfg.rotor_gain = nondet_float();
+    cfg.magnetise_A_Wb = nondet_float();
+    cfg.estimate_back = nondet_float();
+    cfg.encoder_gain = nondet_float();
+    st.circle2 = nondet_float();
+    st.rotor_Wb = nondet_float();
+    st.estimated_rpm = nondet_float();
+    st.speed_error_rpm = nondet_float();
+    c.estimate.psi_Wb = any_ab();
+    c.observer.i_A = any_ab();
+    c.observer.rr_scale = nondet_float();
+    c.observer.omega_sync_rad_s = nondet_float();
+    faults = ht_protect_slow(&cfg, &st, &c, speed_rpm);
+    MUST((faults & ~((unsigned)HT_FAULT_ENCODER | (unsigned)HT_FAULT_FLUX)) == 0u);
+    MUST(IMPLIES(!(cfg.encoder_trip_rpm > 0.0f), (faults & HT_FAULT_ENCODER) == 0u));
+    MUST(IMPLIES(!(cfg.flux_check > 0.0f), (faults & HT_FAULT_FLUX) == 0u));
+    MUST(IMPLIES(cfg.encoder_trip_rpm > 0.0f,
+                 ((faults & HT_FAULT_ENCODER) != 0u)
+                     == !(fabsf(st.speed_error_rpm) < cfg.encoder_trip_rpm)));
+    MUST(IMPLIES((cfg.encoder_trip_rpm > 0.0f) && is_nan(c.estimate.psi_Wb.alpha),
+                 (faults & HT_FAULT_ENCODER) != 0u));
+    MUST(IMPLIES((cfg.flux_check > 0.0f)
+                     && (is_nan(c.estimate.psi_Wb.alpha) || is_nan(c.estimate.psi_Wb.beta)),
+                 (faults & HT_FAULT_FLUX) != 0u));
+    MUST(IMPLIES((cfg.flux_check > 0.0f) && is_nan(st.circle2), (faults & HT_FAULT_FLUX) != 0u));
 }

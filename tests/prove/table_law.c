@@ -5,7 +5,7 @@
 #include "ht_table_law.c"
 #include "ht_tables.c"
 #include "ht_vectors.c"
-#include "prove.h"
+#include "xy_regulator_contract.h"
 
 float ht_scheme_xy_limit_pu(const ht_scheme_info *row)
 {
@@ -20,25 +20,6 @@ ht_action_points ht_duty(unsigned group, unsigned k, ht_xy v_pu)
     MUST((group < 2u) && HT_IS_SECTOR(k));
     GIVEN(HT_ARE_ACTION_POINTS(p));
     return p;
-}
-
-ht_xy ht_xy_step(const ht_xy_config *cfg, ht_xy_state *st, ht_xy i_A, ht_ab turn, float limit_pu,
-                 bool hold)
-{
-    ht_xy v = any_xy();
-    MUST(HT_IS_XY_LIMIT(limit_pu));
-    MUST(HT_IS_XY_STATE(*st, limit_pu));
-    GIVEN(HT_IS_XY_WITHIN(v, limit_pu));
-    st->with = any_xy();
-    st->against = any_xy();
-    GIVEN(HT_IS_XY_STATE(*st, limit_pu));
-    return v;
-}
-
-void ht_xy_reset(ht_xy_state *st)
-{
-    st->with = any_xy();
-    st->against = any_xy();
 }
 
 static void any_law_config(ht_table_law_config *c)

@@ -2,7 +2,6 @@
 
 #include "ht_octets.h"
 
-#define ALL_LEGS ((uint16_t)(((uint16_t)1u << (uint16_t)HT_LEGS) - 1u))
 #define NO_CALL 0u /* no call has this code */
 
 static void note(const ht_port *port, uint16_t word)
@@ -86,7 +85,7 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
     note(port, setup->dead_counts);
     note(port, (uint16_t)(setup->shadow ? 1u : 0u));
     note_float(port, setup->slow_Hz);
-    port->input.tripped = ALL_LEGS;
+    port->input.tripped = (uint16_t)HT_ALL_LEGS;
     return ht_port_accepts(port, setup);
 }
 
@@ -128,14 +127,22 @@ void ht_port_write(ht_port *port, const ht_compare *pattern)
 void ht_port_gates_off(ht_port *port)
 {
     note(port, HT_CALL_GATES_OFF);
-    port->input.tripped = ALL_LEGS;
+    port->input.tripped = (uint16_t)HT_ALL_LEGS;
 }
 
-bool ht_port_gates_on(ht_port *port)
+void ht_port_leg_off(ht_port *port, uint16_t leg)
+{
+    note(port, HT_CALL_LEG_OFF);
+    note(port, leg);
+    port->input.tripped = (uint16_t)(port->input.tripped | (uint16_t)(HT_LEG_U1 >> leg));
+}
+
+bool ht_port_gates_on(ht_port *port, uint16_t legs)
 {
     note(port, HT_CALL_GATES_ON);
+    note(port, legs);
     if (!port->input.trip_pin_low) {
-        port->input.tripped = 0u;
+        port->input.tripped = (uint16_t)(port->input.tripped & (uint16_t)~legs);
     }
     return note_answer(port, !port->input.trip_pin_low);
 }
@@ -146,17 +153,18 @@ bool ht_port_trip_pin_low(const ht_port *port)
     return note_answer(port, port->input.trip_pin_low);
 }
 
-bool ht_port_tripped(const ht_port *port)
+bool ht_port_tripped(const ht_port *port, uint16_t legs)
 {
     note(port, HT_CALL_TRIPPED);
-    return note_answer(port, port->input.tripped != 0u);
+    note(port, legs);
+    return note_answer(port, (port->input.tripped & legs) != 0u);
 }
 
 bool ht_port_leg_tripped(const ht_port *port, uint16_t leg)
 {
     note(port, HT_CALL_LEG_TRIPPED);
     note(port, leg);
-    return note_answer(port, ((port->input.tripped >> leg) & 1u) != 0u);
+    return note_answer(port, (port->input.tripped & (uint16_t)(HT_LEG_U1 >> leg)) != 0u);
 }
 
 void ht_port_begin_fast(ht_port *port)

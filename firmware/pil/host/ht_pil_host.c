@@ -247,7 +247,7 @@ static void look(ht_link *l, ht_pil_inputs *in)
     in->tripped = 0u;
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
         if (ht_port_leg_tripped(&l->port, leg)) {
-            in->tripped = (uint16_t)(in->tripped | (1u << leg));
+            in->tripped = (uint16_t)(in->tripped | (HT_LEG_U1 >> leg));
         }
     }
     in->trip_pin_low = ht_port_trip_pin_low(&l->port);
@@ -299,11 +299,20 @@ static bool make_call(ht_link *l, ht_reader *r)
         ht_port_gates_off(&l->port);
         return true;
     case HT_CALL_GATES_ON:
-        return ht_port_gates_on(&l->port) == (ht_read16(r) != 0u);
+        leg = ht_read16(r);
+        return ht_port_gates_on(&l->port, leg) == (ht_read16(r) != 0u);
     case HT_CALL_TRIP_PIN_LOW:
         return ht_port_trip_pin_low(&l->port) == (ht_read16(r) != 0u);
     case HT_CALL_TRIPPED:
-        return ht_port_tripped(&l->port) == (ht_read16(r) != 0u);
+        leg = ht_read16(r);
+        return ht_port_tripped(&l->port, leg) == (ht_read16(r) != 0u);
+    case HT_CALL_LEG_OFF:
+        leg = ht_read16(r);
+        if (leg >= (uint16_t)HT_LEGS) {
+            return false;
+        }
+        ht_port_leg_off(&l->port, leg);
+        return true;
     case HT_CALL_LEG_TRIPPED:
         leg = ht_read16(r);
         return (leg < (uint16_t)HT_LEGS)

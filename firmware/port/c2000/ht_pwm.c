@@ -130,14 +130,29 @@ void ht_port_gates_off(ht_port *port)
     HT_EDIS(port->io);
 }
 
-bool ht_port_gates_on(ht_port *port)
+void ht_port_leg_off(ht_port *port, uint16_t leg)
+{
+    HT_EALLOW(port->io);
+    HT_WR16(port->io, port->leg[leg] + port->map->tzfrc, TZ_OST);
+    HT_EDIS(port->io);
+}
+
+/* Is the leg one of `legs`? */
+static bool among(uint16_t legs, uint16_t leg)
+{
+    return ((uint16_t)(legs >> (LEG_U1_BIT - leg)) & 1u) != 0u;
+}
+
+bool ht_port_gates_on(ht_port *port, uint16_t legs)
 {
     bool allowed = !ht_port_trip_pin_low(port);
     if (allowed) {
         uint16_t leg;
         HT_EALLOW(port->io);
         for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
-            HT_WR16(port->io, port->leg[leg] + port->map->tzclr, TZ_OST | TZ_INT);
+            if (among(legs, leg)) {
+                HT_WR16(port->io, port->leg[leg] + port->map->tzclr, TZ_OST | TZ_INT);
+            }
         }
         HT_EDIS(port->io);
     }
@@ -149,13 +164,15 @@ bool ht_port_leg_tripped(const ht_port *port, uint16_t leg)
     return (HT_RD16(port->io, port->leg[leg] + port->map->tzflg) & TZ_OST) != 0u;
 }
 
-bool ht_port_tripped(const ht_port *port)
+bool ht_port_tripped(const ht_port *port, uint16_t legs)
 {
     /* Each leg has a latch of its own: a short pulse may reach some of them only. */
     uint16_t flags = 0u;
     uint16_t leg;
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
-        flags = (uint16_t)(flags | HT_RD16(port->io, port->leg[leg] + port->map->tzflg));
+        if (among(legs, leg)) {
+            flags = (uint16_t)(flags | HT_RD16(port->io, port->leg[leg] + port->map->tzflg));
+        }
     }
     return (flags & TZ_OST) != 0u;
 }

@@ -11,13 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..plant.legs import HIGH, LOW, OFF
+from ..plant.legs import HIGH, LOW
 from ..plant.vsd import PHASES
 from ..recording.recording import Recording
 from .spectrum import channel
-
-#: Samples that are integrated at once. This bounds the memory.
-BLOCK = 50_000
 
 
 @dataclass(frozen=True)
@@ -107,51 +104,17 @@ def _phases_A(rec: Recording) -> np.ndarray:
     return np.stack([channel(rec, f"i_{phase}_A") for phase in PHASES])
 
 
-def _states(edges: Edges, leg: int, time_s: np.ndarray) -> np.ndarray:
-    """States of a leg from the instants `time_s` on."""
-    own = edges.leg == leg
-    states = np.concatenate([edges.start[leg : leg + 1], edges.state[own]])
-    return states[np.searchsorted(edges.time_s[own], time_s, side="right")]
-
-
 def _integrals(
     rate_Hz: float, phases_A: np.ndarray, edges: Edges, drop: dict[str, tuple[float, float]]
 ) -> tuple[float, float, float, float]:
     """Time from the first sample to the last one, and over it the integrals of the dc-link
     current, of its square, and of the devices' losses."""
-    samples = phases_A.shape[1]
-    total = np.zeros(3)
-    for first in range(0, samples - 1, BLOCK):
-        last = min(first + BLOCK, samples - 1)
-        at_s = np.arange(first, last + 1) / rate_Hz
-        within = slice(*np.searchsorted(edges.time_s, (at_s[0], at_s[-1])))
-        knots_s = np.sort(np.concatenate([at_s, edges.time_s[within]]))
-        length_s = np.diff(knots_s)
-        begin_A, end_A = np.zeros((2, length_s.size))  # dc-link current of each piece
-        lost_J = 0.0
-        for leg in range(6):
-            i_A = np.interp(knots_s, at_s, phases_A[leg, first : last + 1])
-            state = _states(edges, leg, knots_s[:-1])
-            out = i_A[:-1] + i_A[1:] > 0
-            upper = (state == HIGH) | ((state == OFF) & ~out)
-            begin_A += np.where(upper, i_A[:-1], 0.0)
-            end_A += np.where(upper, i_A[1:], 0.0)
-            size = length_s * 0.5 * (np.abs(i_A[:-1]) + np.abs(i_A[1:]))
-            square = length_s * _mean_square(i_A[:-1], i_A[1:])
-            switch = ((state == HIGH) & out) | ((state == LOW) & ~out)
-            for mask, (threshold_V, on_ohm) in ((switch, drop["switch"]), (~switch, drop["diode"])):
-                lost_J += threshold_V * size[mask].sum() + on_ohm * square[mask].sum()
-        total += (
-            (length_s * 0.5 * (begin_A + end_A)).sum(),
-            (length_s * _mean_square(begin_A, end_A)).sum(),
-            lost_J,
-        )
-    return ((samples - 1) / rate_Hz, *map(float, total))
+    from .walk import walk
 
-
-def _mean_square(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Of straight lines from a to b."""
-    return (a * a + a * b + b * b) / 3
+    state = np.array(edges.start, dtype=np.int64)
+    at = edges.time_s * rate_Hz, edges.leg.astype(np.int64), edges.state.astype(np.int64)
+    found = walk(phases_A.astype(float), state, *at, *drop["switch"], *drop["diode"])
+    return ((phases_A.shape[1] - 1) / rate_Hz, *(value / rate_Hz for value in found))
 
 
 def _switching_J(rec: Recording, phases_A: np.ndarray, edges: Edges, inverter: dict) -> float:

@@ -52,13 +52,11 @@ def new_figure(
     rows: int, columns: int, height_in: float, width_in: float = WIDTH_IN, **shared: Any
 ) -> tuple[Figure, np.ndarray]:
     """Makes empty panels in the common style. The axes are a (rows, columns) array."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     if rows * columns < 1:
         raise ValueError("no runs to draw")
     figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(rows, columns, squeeze=False, **shared)
     for ax in axes.flat:
         ax.grid(True, color=FAINT, linewidth=0.6)
@@ -70,8 +68,12 @@ def new_figure(
 
 
 def save(figure: Figure, path: str | Path) -> Path:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, format="png", facecolor="white")
+    # `savefig` draws twice, first only to lay the panels out. But drawing lays them out, too.
+    figure.set_facecolor("white")
+    FigureCanvasAgg(figure).print_png(path)
     return Path(path)
 
 

@@ -59,6 +59,20 @@ _TEXTS: dict[str, dict[str, str]] = {
         "color": "#cc79a7",
         "marker": "X",
     },
+    "foc": {
+        "source": "reference: rotor-field-oriented control",
+        "vectors": "carrier modulation, double zero-sequence injection",
+        "xy": "proportional on the prediction, dual integrators",
+        "color": "#7f7f7f",
+        "marker": "h",
+    },
+    "foc-24": {
+        "source": "reference: the same with 24-sector space-vector modulation",
+        "vectors": "carrier modulation, set 2 turned against set 1",
+        "xy": "proportional on the prediction, dual integrators",
+        "color": "#8c564b",
+        "marker": "d",
+    },
 }
 
 

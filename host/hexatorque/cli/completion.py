@@ -51,6 +51,13 @@ def schemes(ctx, param, incomplete: str) -> list:
     return starting(firmware.schemes(), last, before + comma)
 
 
+def schemes_or_laws(ctx, param, incomplete: str) -> list:
+    from .. import firmware, laws
+
+    before, comma, last = incomplete.rpartition(",")
+    return starting((*firmware.schemes(), *laws.names()), last, before + comma)
+
+
 def setup(ctx, param, incomplete: str) -> list:
     from .. import setups
 

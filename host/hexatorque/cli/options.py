@@ -12,6 +12,9 @@ from ..errors import HexatorqueError
 from ..recording.formats import suffixes_text
 from . import completion
 
+#: The latest time of a --break option.
+MOST_AFTER_S = 1e6
+
 
 class Mistake(HexatorqueError):
     """Of who typed the command."""
@@ -55,16 +58,40 @@ def http_port(text: str) -> int:
     raise click.BadParameter(f"{text!r}: allowed range is 0 .. 65535")
 
 
-def schemes_given(text: str | None) -> list[str]:
-    """The schemes of a --schemes option; all without one."""
+def break_given(text: str) -> tuple[str, str, float]:
+    """Phase, kind and time of a --break option: u1=open, or u1=open@2.5."""
+    from ..plant.legs import KINDS
+    from ..plant.vsd import PHASES
+
+    what, at, after = text.partition("@")
+    phase, equals, kind = what.partition("=")
+    if not equals or phase not in PHASES or kind not in KINDS:
+        raise click.BadParameter(
+            f"{text!r}: PHASE=KIND or PHASE=KIND@SECONDS is needed, with a phase of "
+            f"{', '.join(PHASES)} and a kind of {', '.join(KINDS)}"
+        )
+    with suppress(ValueError):
+        after_s = float(after) if at else 0.0
+        if 0 <= after_s <= MOST_AFTER_S:
+            return phase, kind, after_s
+    raise click.BadParameter(f"{text!r}: allowed range of the time is 0 .. {MOST_AFTER_S:g} s")
+
+
+def schemes_given(text: str | None, laws: bool = False) -> list[str]:
+    """The schemes of a --schemes option; all of the firmware without one. `laws`: references, and
+    files with a law, are among them."""
     from .. import firmware
+    from ..laws import find
+    from ..laws import names as references
 
     if text is None:
         return list(firmware.schemes())
     names = [part.strip() for part in text.split(",")]
+    allowed = [*firmware.schemes(), *(references() if laws else ())]
     for name in names:
-        if name not in firmware.schemes():
-            raise Mistake(f"no scheme {name!r}: choose from {', '.join(firmware.schemes())}")
+        if name not in allowed and not (laws and find(name)):
+            file = ", or a file of a law (.py, .so)" if laws else ""
+            raise Mistake(f"no scheme {name!r}: choose from {', '.join(allowed)}{file}")
     return list(dict.fromkeys(names))
 
 
@@ -114,10 +141,16 @@ def setup(default: str | None, without: str | None = None):
 schemes = value(
     "--schemes", metavar="A,B,...", help="default: all", shell_complete=completion.schemes
 )
+schemes_or_laws = value(
+    "--schemes",
+    metavar="A,B,...",
+    help="also references and files with a law; default: all of the firmware",
+    shell_complete=completion.schemes_or_laws,
+)
 load = value("--load", metavar="NM", type=number, help="default: the set-up's point")
 
 
-def point(without: str):
+def point(without: str, schemes=schemes):
     """Schemes of a set-up at an operating point."""
     return together(
         setup(None, without),

@@ -33,6 +33,7 @@ def run(scenario, output, as_json) -> int:
     """
     from .. import setups
     from ..drive.simulated import SimulatedDrive
+    from ..firmware import warnings
     from ..recording.formats import check_output
 
     console = console_of(as_json)
@@ -46,6 +47,8 @@ def run(scenario, output, as_json) -> int:
     recording = sim.take()
     recording.save(file)
     trip = sim.trip
+    lost = warnings(int(sim.controller.channel("warnings")))
+    left = sim.controller.channel("torque_limit_Nm")
     summary = {
         "scenario": setup.name,
         "file": str(file),
@@ -53,6 +56,7 @@ def run(scenario, output, as_json) -> int:
         "samples": len(recording),
         "state": sim.controller.state,
         "faults": sim.controller.faults,
+        **({"warnings": lost, "torque_limit_Nm": left} if lost else {}),
         **({"trip": trip and trip.as_json()} if as_json else {}),
         "final_speed_rpm": sim.speed_rpm,
         "f_sw_Hz": recording.meta["f_sw_Hz"],
@@ -63,9 +67,13 @@ def run(scenario, output, as_json) -> int:
 
 
 @click.command(
-    epilog=examples("compare", "compare --setup paper-b --schemes dtc1,dtc3 --speed 1500 --load 1")
+    epilog=examples(
+        "compare",
+        "compare --setup paper-b --schemes dtc1,dtc3 --speed 1500 --load 1",
+        "compare --schemes ddr,db-dtfc,fcs-mpc,examples/own_law.py",
+    )
 )
-@options.point("both papers' set-ups")
+@options.point("both papers' set-ups", options.schemes_or_laws)
 @options.folder("out/compare")
 @options.as_json
 def compare(setup, schemes, speed, load, latency, output, as_json) -> int:
@@ -82,7 +90,7 @@ def compare(setup, schemes, speed, load, latency, output, as_json) -> int:
     console = console_of(as_json)
     names = [setup] if setup else comparison.DEFAULT_SETUPS
     comparison.make_folder(output)
-    todo = comparison.points(names, schemes_given(schemes), speed, load, latency)
+    todo = comparison.points(names, schemes_given(schemes, laws=True), speed, load, latency)
     compile_now()
     with progress(console) as bar:
         task = bar.add_task("comparing", total=sum(point.simulated_s for point in todo))

@@ -52,6 +52,7 @@ SETUP = "paper-a-feasible"
     help="a column of the table; may be repeated; default: the file's, or all",
     shell_complete=completion.metric,
 )
+@options.value("--cycle", metavar="FILE.csv", help="a drive cycle in place of the study's")
 @options.value("--jobs", metavar="N", type=options.whole, help="at once; default: all cores")
 @options.value("--scheduler", metavar="ADDRESS", help="of a Dask cluster that makes the runs")
 @options.value("--time-limit", metavar="S", type=options.seconds, default="300", help="of a run")
@@ -59,21 +60,25 @@ SETUP = "paper-a-feasible"
 @click.option("--resume", is_flag=True, help="go on with the study in the folder")
 @options.as_json
 def sweep(
-    file, setup, grid, schemes, metrics, jobs, scheduler, time_limit, output, resume, as_json
+    file, setup, grid, schemes, metrics, cycle, jobs, scheduler, time_limit, output, resume, as_json
 ) -> int:
     """Many runs with other values, and one table.
 
     Runs every combination of the values, or what the file says, in all processors or on a cluster.
-    Ready-made studies for any set-up: efficiency, pareto, sensitivity.
+    Ready-made studies for any set-up: efficiency, pareto, sensitivity, cycle.
     Writes a table (CSV and Parquet) and a map. A run that fails is a row that says why. An
     interrupted study goes on with --resume.
     """
+    if file is None and not grid:
+        raise options.Mistake("give a FILE.toml, a study's name or --grid KEY=A:B:N")
+    if scheduler is None:
+        from ..sweeps.workers import load_ahead
+
+        load_ahead()
     from ..sweeps import files, space
     from ..sweeps.errors import StudyError
     from ..sweeps.study import JOURNAL
 
-    if file is None and not grid:
-        raise options.Mistake("give a FILE.toml, a study's name or --grid KEY=A:B:N")
     changes: dict[str, Any] = {"vary": dict(space.read_text(text, "--grid") for text in grid)}
     if setup:
         changes["setup"] = setup
@@ -81,6 +86,8 @@ def sweep(
         changes["schemes"] = options.schemes_given(schemes)
     if metrics:
         changes["metrics"] = [n.strip() for text in metrics for n in text.split(",")]
+    if cycle:
+        changes["cycle"] = cycle
     if file is None:
         study = files.make({"setup": SETUP, **changes})
     else:

@@ -50,9 +50,11 @@ def _schemes(as_json) -> int:
     from rich.table import Table
 
     from ..analysis.schemes import OPTIONS, SCHEMES
+    from ..laws import REFERENCES
 
+    references = {name: text for name, (_, text) in REFERENCES.items()}
     if as_json:
-        print_json({"schemes": SCHEMES, "options": OPTIONS})
+        print_json({"schemes": SCHEMES, "options": OPTIONS, "references": references})
         return 0
     console = console_of(False)
     table = Table(title="schemes (controller.scheme)", title_justify="left", show_lines=True)
@@ -60,6 +62,12 @@ def _schemes(as_json) -> int:
         table.add_column(heading)
     for name, row in SCHEMES.items():
         table.add_row(name, row["source"], row["vectors"], row["torque_levels"], row["xy"])
+    console.print(table)
+    table = Table(title="references outside the firmware, for compare", title_justify="left")
+    for heading in ("name", "method"):
+        table.add_column(heading)
+    for name, text in references.items():
+        table.add_row(name, text)
     console.print(table)
     table = Table(title="options of every scheme", title_justify="left")
     for heading in ("key", "choices", "what it decides"):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .excitation import Excitation
+from .excitation import CommissioningError, Excitation
 from .resistance import Resistance
 
 FIELD_HZ = 1.5
@@ -26,6 +26,8 @@ BRAKE_S = 0.8
 SLACK = 5.0
 #: Speed over the field's: less is slip, more is a shaft that swings about its mean speed.
 RIGHT = (0.75, 1.25)
+#: A speed that grows by more than this share from quarter to quarter of the window still rises.
+RISE = 0.01
 NOTHING = 0.1
 
 
@@ -36,26 +38,47 @@ class Encoder:
 
 
 def check(test: Excitation, resistance: Resistance, turns_rev: float) -> Encoder:
-    """`turns_rev`: the field turns this often, and a shaft with one pole pair no further."""
+    """`turns_rev`: the field turns this often, and a shaft with one pole pair no further. If the
+    shaft is then still getting faster, the field turns this often once more."""
     drive = test.drive
     size_A = AIM * test.limits.current_A
     # Rectangles of D on the legs have this amplitude in the plane.
     lost_V = 4 / np.pi * resistance.mean_lost_V.value
     volts = resistance.mean_ohm.value * size_A + lost_V
     test.set(np.array([volts, 0, 0, 0]), "rotate", FIELD_HZ)
-    test.wait(max(0.0, turns_rev / FIELD_HZ - WINDOW_S))
-    samples = 400
-    prescaler = max(1, round(WINDOW_S * test.f_isr_Hz / samples))
-    found = drive.capture(("speed_rpm",), samples, prescaler=prescaler, timeout_s=10)
+    pole_pairs, counts = (float(drive.get(n)) for n in ("pole_pairs", "encoder_counts_rev"))
+    field_rpm = 60 * FIELD_HZ / pole_pairs
+    speed_rpm = _speed_after(test, turns_rev)
+    if _on_the_way(speed_rpm, field_rpm):
+        speed_rpm = _speed_after(test, turns_rev)
     test.set(np.array([volts, 0, 0, 0]))  # a field that stands still brakes the shaft
     test.wait(BRAKE_S)
     test.rest(0.05)
-    speed_rpm = np.asarray(found["speed_rpm"], float)
-    pole_pairs, counts = (float(drive.get(n)) for n in ("pole_pairs", "encoder_counts_rev"))
-    field_rpm = 60 * FIELD_HZ / pole_pairs
     moved = bool(np.ptp(speed_rpm) > 0 or speed_rpm[0] != 0)
     ratio = float(speed_rpm.mean()) / field_rpm
+    if _on_the_way(speed_rpm, field_rpm):
+        raise CommissioningError(
+            f"encoder: after {2 * turns_rev:g} turns of the field the shaft is still getting "
+            "faster: its inertia is large, choose more turns (--turns)"
+        )
     return Encoder(tuple(decide(ratio, moved, pole_pairs, counts)), ratio)
+
+
+def _speed_after(test: Excitation, turns_rev: float) -> np.ndarray:
+    """The speed in the last part of this many turns of the field, r/min."""
+    test.wait(max(0.0, turns_rev / FIELD_HZ - WINDOW_S))
+    samples = 400
+    prescaler = max(1, round(WINDOW_S * test.f_isr_Hz / samples))
+    found = test.drive.capture(("speed_rpm",), samples, prescaler=prescaler, timeout_s=10)
+    return np.asarray(found["speed_rpm"], float)
+
+
+def _on_the_way(speed_rpm: np.ndarray, field_rpm: float) -> bool:
+    """Whether the shaft is slower than the field and gets faster through all quarters of the
+    window. One that swings about its mean speed does not."""
+    means = np.abs([quarter.mean() for quarter in np.array_split(speed_rpm, 4)])
+    rises = bool((np.diff(means) > RISE * means[:-1]).all())
+    return rises and NOTHING < means.mean() / abs(field_rpm) < RIGHT[0]
 
 
 def decide(ratio: float, moved: bool, pole_pairs: float, counts: float) -> list[str]:

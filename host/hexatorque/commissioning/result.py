@@ -142,7 +142,12 @@ def set_up(found: Findings, drive: DriveVerbs, device: str, title: str) -> str:
         },
         "timing": {"device": device if device in DEVICES else DEVICES[0], **_latency(drive)},
     }
-    head = [f"title = {json.dumps(title)}", 'defaults = "firmware"', *_curve(found)]
+    if found.mechanics and found.mechanics.fan_Nms2.value > 0:
+        speed_rpm = round(found.mechanics.speed_rpm)
+        fan = _times(found.mechanics.fan_Nms2, (speed_rpm * np.pi / 30) ** 2)
+        sections["load"] = {"kind": "fan", "at_rpm": speed_rpm}
+        sections["point"] = {"speed_rpm": speed_rpm, "load_Nm": _measured(fan)}
+    head = [f"title = {json.dumps(title)}", 'defaults = "firmware"', *_curves(found)]
     alone = parameters(parse(_text(head, sections), title))
     return _text(head, {**sections, "controller": _controller(drive, values, alone)})
 
@@ -185,14 +190,17 @@ def _latency(drive: DriveVerbs) -> dict[str, object]:
     return {"latency": "immediate", "isr_us": _number(drive, "write_delay_us")}
 
 
-def _curve(found: Findings) -> list[str]:
-    if not found.magnetisation:
-        return []
-    points = ", ".join(
-        f"{psi:.3g} Wb {ls * 1e3:.4g} mH"
-        for psi, ls in zip(found.magnetisation.flux_Wb, found.magnetisation.ls_H)
-    )
-    return [f"# L_s at no load: {points}"]
+def _curves(found: Findings) -> list[str]:
+    lines = []
+    if found.magnetisation:
+        points = ", ".join(
+            f"{psi:.3g} Wb {ls * 1e3:.4g} mH"
+            for psi, ls in zip(found.magnetisation.flux_Wb, found.magnetisation.ls_H)
+        )
+        lines.append(f"# L_s at no load: {points}")
+    if found.mechanics:
+        lines.append(f"# friction and load: {found.mechanics.curve()}")
+    return lines
 
 
 def _measured(value: Value, note: str = "") -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""Steps d and e with the drive running: magnetisation at no load, inertia, friction.
+"""Steps d and e with the drive running: magnetisation at no load, inertia, friction and load.
 
 The drive runs with what was measured at standstill. Its flux estimate comes from the voltages at
 the speed chosen here, hardly from the inductance that is to be measured.
@@ -54,6 +54,10 @@ REACHED = 0.95
 #: The shaft coasts for the first time, s. If it then has more than this share of its speed,
 #: friction is hardly to be seen, and it coasts on for the second time.
 COAST_S, TOO_FAST, LONG_COAST_S = 5.0, 0.7, 30.0
+#: A fan is taken to be there if with it the fit leaves less than this share of the squares.
+FAN_LEAVES = 0.8
+#: Speeds at which the load is stated, share of the largest one of the tests.
+CURVE = (0.25, 0.5, 0.75, 1.0)
 #: Most samples of a record.
 MOST_SAMPLES = 4000
 #: Rotor time constants after a stop until the flux is gone: a start builds it up from nothing.
@@ -76,6 +80,26 @@ class Mechanics:
     inertia_kgm2: Value
     dry_Nm: Value  #: friction that does not depend on the speed
     viscous_Nms: Value
+    fan_Nms2: Value  #: load in proportion to the square of the speed; zero if none was seen
+    speed_rpm: float  #: measured up to this speed
+
+    def load_Nm(self, speed_rpm: float) -> float:
+        """What friction and load take at this speed, above zero."""
+        w = speed_rpm * math.pi / 30
+        return self.dry_Nm.value + w * (self.viscous_Nms.value + w * self.fan_Nms2.value)
+
+    def doubt_Nm(self) -> float:
+        """Uncertainty of the load at the largest speed."""
+        w = self.speed_rpm * math.pi / 30
+        parts = (self.dry_Nm, self.viscous_Nms, self.fan_Nms2)
+        return math.hypot(*(w**n * part.uncertainty for n, part in enumerate(parts)))
+
+    def curve(self) -> str:
+        """The load at some speeds, in words."""
+        if abs(self.load_Nm(self.speed_rpm)) < self.doubt_Nm():
+            return f"less than can be measured, {self.doubt_Nm():.2g} N m"
+        speeds = [share * self.speed_rpm for share in CURVE]
+        return ", ".join(f"{self.load_Nm(s):.3g} N m at {s:.0f} r/min" for s in speeds)
 
 
 def needed_A(drive: DriveVerbs) -> float:
@@ -238,8 +262,9 @@ def _wait_for(drive: DriveVerbs, speed_rpm: float) -> None:
         waited_s += 0.2
         if waited_s > PATIENCE_S:
             raise CommissioningError(
-                f"the drive does not reach {speed_rpm:.0f} r/min within {PATIENCE_S:g} s: is the "
-                "machine without load, and are torque_limit_Nm and the speed loop's gains right?"
+                f"the drive does not reach {speed_rpm:.0f} r/min within {PATIENCE_S:g} s: are "
+                "torque_limit_Nm and the speed loop's gains right? If the load takes too much at "
+                "this speed, choose a lower one (--speed)."
             )
         drive.run(0.2, record=False)
 
@@ -324,9 +349,9 @@ def in_step(least: int, per_reading: int) -> int:
 def solve(
     up: tuple, down: tuple, coast: tuple, speed_rpm: float, slow_s: float, torque_error: float
 ) -> Mechanics:
-    """J dw/dt = torque + error - dry - viscous w, as integrals over time:
+    """J dw/dt = torque + error - dry - viscous w - fan w^2, as integrals over time:
 
-        w(t) = w_0 + 1/J * work + error/J * t - dry/J * t - viscous/J * angle
+        w(t) = w_0 + 1/J * work + error/J * t - dry/J * t - viscous/J * angle - fan/J * square
 
     Each run has its own w_0. The error is that of the torque's estimate: a flux that is a little
     wrong makes one that does not depend on the torque. While the shaft coasts there is no torque:
@@ -336,31 +361,58 @@ def solve(
     low, high = 0.15 * speed_rpm, UPPER * speed_rpm
     time_s, speed, torque = coast
     coasting = _integrals((time_s, speed, np.zeros_like(torque)), slow_s, low, np.inf)
-    dry, viscous = friction(coasting)
+    dry, viscous, fan = friction(coasting)
     runs = [_integrals(run, slow_s, low, high) for run in (up, down)]
-    w, work, gone_s, angle = np.vstack(runs).T
+    w, work, gone_s, angle, square = np.vstack(runs).T
     own = [np.repeat([k == 0, k == 1], [len(rows) for rows in runs]).astype(float) for k in (0, 1)]
-    without = w + dry.value * gone_s + viscous.value * angle  # friction
+    without = w + dry.value * gone_s + viscous.value * angle + fan.value * square  # friction
     (per_J, *_), _ = linear([work, gone_s, *own], without)
     inertia = 1 / per_J.value
-    found = (
-        Value(inertia, inertia**2 * per_J.uncertainty),
-        Value(dry.value * inertia, dry.uncertainty * inertia),
-        Value(viscous.value * inertia, viscous.uncertainty * inertia),
+
+    def times_J(value: Value) -> Value:
+        return Value(value.value * inertia, value.uncertainty * inertia).plus_share(torque_error)
+
+    return Mechanics(
+        Value(inertia, inertia**2 * per_J.uncertainty).plus_share(torque_error),
+        times_J(dry),
+        times_J(viscous),
+        times_J(fan),
+        speed_rpm,
     )
-    return Mechanics(*(value.plus_share(torque_error) for value in found))
 
 
-def friction(coasting: np.ndarray) -> tuple[Value, Value]:
-    """Dry and viscous friction over J. At a speed that hardly changes both look the same, and
-    their fit may be a difference of two large numbers. But friction is never negative: if one of
-    them were, the one that fits better takes all of it, and the other one has at most what it would
-    take alone."""
-    w, _, gone_s, angle = coasting.T
+def friction(coasting: np.ndarray) -> tuple[Value, Value, Value]:
+    """Dry friction, viscous friction and a fan's load over J, none of them negative. A fan is
+    there only if it explains much of what the other two leave: over a small range of speeds the
+    three look alike."""
+    w, _, gone_s, angle, square = coasting.T
+    dry, viscous, rest = _dry_and_viscous(w, gone_s, angle)
+    columns, ones = (-gone_s, -angle, -square), np.ones(len(w))
+    (*all_three, _), _ = linear([*columns, ones], w)
+    best: tuple[float, dict[int, Value]] = (FAN_LEAVES * (rest @ rest), {})
+    for kept in ((0, 1, 2), (0, 2), (1, 2), (2,)):
+        (*values, _), left = linear([*(columns[k] for k in kept), ones], w)
+        found = dict(zip(kept, values))
+        seen = found[2].value > 2 * found[2].uncertainty
+        if seen and min(v.value for v in values) >= 0 and left @ left < best[0]:
+            best = (float(left @ left), found)
+    if not best[1]:
+        return dry, viscous, Value(0.0, 0.0)
+    dry, viscous, fan = (best[1].get(k, Value(0.0, all_three[k].uncertainty)) for k in range(3))
+    return dry, viscous, fan
+
+
+def _dry_and_viscous(
+    w: np.ndarray, gone_s: np.ndarray, angle: np.ndarray
+) -> tuple[Value, Value, np.ndarray]:
+    """Both over J, and what their fit leaves. At a speed that hardly changes both look the same,
+    and their fit may be a difference of two large numbers. But friction is never negative: if one
+    of them were, the one that fits better takes all of it, and the other one has at most what it
+    would take alone."""
     columns, ones = (-gone_s, -angle), np.ones(len(w))
-    (*both, _), _ = linear([*columns, ones], w)
+    (*both, _), rest = linear([*columns, ones], w)
     if min(value.value for value in both) >= 0:
-        return both[0], both[1]
+        return both[0], both[1], rest
     fits = [linear([column, ones], w) for column in columns]
     better = int(np.argmin([rest @ rest for _, rest in fits]))
     found = []
@@ -368,18 +420,19 @@ def friction(coasting: np.ndarray) -> tuple[Value, Value]:
         value = max(0.0, alone.value) if k == better else 0.0
         most = abs(alone.value) + alone.uncertainty
         found.append(Value(value, min(most, both[k].uncertainty)))
-    return found[0], found[1]
+    return found[0], found[1], fits[better][1]
 
 
 def _integrals(run: tuple, slow_s: float, low: float, high: float) -> np.ndarray:
-    """Rows (speed, integral of torque, time, angle), one for each reading of the speed, as long as
-    it is between two bounds."""
+    """Rows (speed, integral of torque, time, angle, integral of the speed's square), one for each
+    reading of the speed, as long as it is between two bounds."""
     time_s, speed_rpm, torque = run
     dt = time_s[1] - time_s[0]
     inside = np.flatnonzero((speed_rpm >= low) & (speed_rpm <= high))
     if len(inside) < 2:
-        return np.empty((0, 4))
+        return np.empty((0, 5))
     part = slice(inside[0], inside[-1] + 1)
     w = speed_rpm[part] * np.pi / 30
-    rows = np.column_stack([w, np.cumsum(torque[part]) * dt, time_s[part], np.cumsum(w) * dt])
+    sums = [np.cumsum(torque[part]) * dt, time_s[part], np.cumsum(w) * dt, np.cumsum(w * w) * dt]
+    rows = np.column_stack([w, *sums])
     return rows[:: max(1, round(slow_s / dt))]

@@ -20,7 +20,7 @@ STEPS = {
     "encoder": "its direction and counts: the shaft turns slowly",
     "rotor": "R_r and L_m at standstill",
     "magnetisation": "L_m at five fluxes: the drive runs without load",
-    "mechanics": "inertia and friction: the drive runs without load, then coasts",
+    "mechanics": "inertia, friction and load: the drive accelerates, brakes, then coasts",
 }
 #: Steps that a step needs; they run as well.
 NEEDS = {
@@ -170,6 +170,7 @@ def _running(
             f"inertia: {found.mechanics.inertia_kgm2:kg m2}, friction: {found.mechanics.dry_Nm:N m}"
             f" and {found.mechanics.viscous_Nms:N m s}"
         )
+        report(f"load: {found.mechanics.curve()}")
 
 
 def _slow_s(drive: DriveVerbs) -> float:

@@ -24,7 +24,7 @@ from types import MappingProxyType
 import numpy as np
 
 from .. import __version__
-from ..firmware import PARAMETER_SETS, FirmwareError, Parameter, Snapshot, misfit_text
+from ..firmware import PARAMETER_SETS, FirmwareError, Parameter, Snapshot, misfit_text, warnings
 from ..recording.journal import TICK_HZ
 from ..recording.recording import DECIMATION, FIRST_TICK, STARTED, Recording, clock_text
 from ..serial import BAUDS, BOARD_RESET, LinkError, clock, runtime, wire
@@ -180,6 +180,7 @@ class BoardDrive(DriveVerbs):
             **found,
             "state": self.client.state_name(found["state"]),
             "faults": self.dictionary.causes(found["faults"]),
+            "warnings": warnings(found["warnings"]),
         }
 
     # -- parameters --------------------------------------------------------------------------
@@ -423,7 +424,9 @@ class BoardDrive(DriveVerbs):
             "reconnects": self.client.counters.reconnects,
         }
 
-    def _can_follow(self, names: AbstractSet[str]) -> None:
+    def _can_follow(self, names: AbstractSet[str], breaks: bool) -> None:
+        if breaks:
+            raise LinkError("profile: broken: only a simulated drive can break a leg", mistake=True)
         if not self.operator and names & set(PLANT):
             raise LinkError(
                 f"profile: {', '.join(sorted(names & set(PLANT)))}: a board cannot set this; "

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .. import firmware
+from .. import firmware, laws
 from ..analysis.reference import Reference
 from ..analysis.run import LATENCY_STUDY, Run
 from ..setups import Setup, SetupError, load
@@ -64,20 +65,24 @@ def points(
     load_Nm: float | None = None,
     latency: str | None = None,
 ) -> list[Point]:
-    """The points to measure: every scheme with every set-up. If FDR is one of the schemes,
-    FDR follows with each of the other latencies."""
+    """The points to measure: every scheme with every set-up. A scheme is one of the firmware, a
+    reference, or a file with a law (`laws.find`). If FDR is one of the schemes, FDR follows with
+    each of the other latencies."""
     names = tuple(dict.fromkeys(schemes)) if schemes else firmware.schemes()
+    found = {name: laws.find(name) for name in names}
     result: list[Point] = []
     for entry in setups:
         setup = at_point(entry, speed_rpm, load_Nm, latency)
         speed, torque = setup["point.speed_rpm"], setup["point.load_Nm"]
-        own = [setup.with_scheme(name) for name in names]
+        for name, law in found.items():
+            own = setup.changed(timing__latency="predicted") if law else setup.with_scheme(name)
+            result.append(Point(own, speed, torque, law))
         study = [
             setup.changed(controller__scheme=LATENCY_SCHEME, timing__latency=other)
             for other in LATENCY_STUDY
             if LATENCY_SCHEME in names and other != setup["timing.latency"]
         ]
-        result += [Point(one, speed, torque) for one in own + study]
+        result += [Point(one, speed, torque) for one in study]
     return result
 
 
@@ -90,7 +95,7 @@ def compare(
         if isinstance(outcome, Run):
             comparison.runs.append(outcome)
         else:
-            label = f"{point.setup.name} {point.setup['controller.scheme']}"
+            label = f"{point.setup.name} {point.scheme}"
             comparison.failed.append((label, str(outcome)))
     return comparison
 
@@ -106,17 +111,33 @@ def make_folder(folder: Path) -> None:
 def write(comparison: Comparison, folder: Path, command: str) -> list[Path]:
     """Write metrics.json, recordings, pictures and report.html into an existing `folder` (see
     `make_folder`). Returns the paths of the files except the recordings, the report last."""
-    from ..analysis import plots
     from ..analysis.report import html_report
 
     metrics_file = folder / "metrics.json"
     metrics_file.write_text(json.dumps(comparison.as_json(), indent=1) + "\n")
-    written = [metrics_file]
+    # A thread: the compression leaves this one free to draw.
+    with ThreadPoolExecutor(1) as pool:
+        saved = pool.submit(_save_recordings, comparison.runs, folder / "recordings")
+        figures = _draw(comparison, folder)
+    saved.result()
+    report = folder / "report.html"
+    notes = [f"{label}: {reason}" for label, reason in comparison.failed]
+    html_report(report, comparison.runs, comparison.reference, figures, notes, command)
+    return [metrics_file, *(path for _, path in figures), report]
+
+
+def _save_recordings(runs: Iterable[Run], folder: Path) -> None:
+    for run in runs:
+        run.recording.save(folder / f"{run.setup}-{run.scheme}-{run.latency}.npz")
+
+
+def _draw(comparison: Comparison, folder: Path) -> list[tuple[str, Path]]:
+    """The report's pictures, each with its title."""
+    from ..analysis import plots
+
     by_setup: dict[str, list[Run]] = {}
     for run in comparison.runs:
         by_setup.setdefault(run.setup, []).append(run)
-        name = f"{run.setup}-{run.scheme}-{run.latency}.npz"
-        run.recording.save(folder / "recordings" / name)
     figures: list[tuple[str, Path]] = []
     for setup, runs in by_setup.items():
         figures += [
@@ -131,7 +152,4 @@ def write(comparison: Comparison, folder: Path, command: str) -> list[Path]:
                 plots.bars(comparison.runs, folder / "overview.png", comparison.reference),
             ),
         )
-    report = folder / "report.html"
-    notes = [f"{label}: {reason}" for label, reason in comparison.failed]
-    html_report(report, comparison.runs, comparison.reference, figures, notes, command)
-    return [*written, *(path for _, path in figures), report]
+    return figures

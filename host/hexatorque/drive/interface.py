@@ -195,17 +195,23 @@ class DriveVerbs(ABC):
         events.sort(key=lambda event: event[0])
         if lines := profile.too_late():
             raise SetupError("\n".join(lines))
-        self._can_follow({name for _, name, _ in events})
+        self._can_follow({name for _, name, _ in events}, bool(profile.broken))
         begin_s = self.time_s
         if self.state == "idle":
             self.start()
+        for time_s, phase, kind in profile.broken:
+            self.break_leg(phase, kind, time_s)
         for time_s, name, value in events:
             self.run(time_s - (self.time_s - begin_s), record, progress)
             self.set(name, value)
         self.run(profile.duration_s - (self.time_s - begin_s), record, progress)
 
-    def _can_follow(self, names: AbstractSet[str]) -> None:  # noqa: B027 (most can)
-        """Raise an error if this drive cannot set one of a profile's names."""
+    def break_leg(self, phase: str, kind: str, after_s: float = 0.0) -> None:
+        """Break the leg of a phase in `after_s` seconds. Only a simulated drive can."""
+        raise SetupError("break_leg: only a simulated drive can break a leg")
+
+    def _can_follow(self, names: AbstractSet[str], breaks: bool) -> None:  # noqa: B027 (most can)
+        """Raise an error if this drive cannot set one of a profile's names, or cannot break."""
 
     def __enter__(self) -> Self:
         return self

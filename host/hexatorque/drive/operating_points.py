@@ -10,11 +10,12 @@ import math
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 
-from .. import firmware
+from .. import firmware, laws
 from ..analysis.metrics import TD_SAMPLES, UNITS, metrics
 from ..analysis.run import Run
 from ..errors import HexatorqueError
 from ..firmware import FirmwareError
+from ..laws.law import Law
 from ..parallel import each
 from ..recording.recording import Recording
 from ..setups import Setup, SetupError, parameters, to_parameters
@@ -48,11 +49,17 @@ NOT_MEASURED = (DriveFault, NotReached, ArithmeticError, ValueError)
 @dataclass(frozen=True)
 class Point:
     """One operating point of one set-up. If the load drives the machine (generating), its sign
-    is opposite to the sign of the speed."""
+    is opposite to the sign of the speed. law: in place of the set-up's scheme."""
 
     setup: Setup
     speed_rpm: float
     load_Nm: float
+    law: Law | None = None
+
+    @property
+    def scheme(self) -> str:
+        """Name of the scheme, or of the law in its place."""
+        return self.law.label if self.law else str(self.setup["controller.scheme"])
 
     @property
     def simulated_s(self) -> float:
@@ -100,12 +107,12 @@ def approach(
     prepare: Prepare | None = None,
 ) -> SimulatedDrive:
     """A drive that runs at the point and has settled. Raises DriveFault or NotReached."""
-    sim = SimulatedDrive(_at_load_speed(point), samples_per_period)
+    controller = laws.controller_of(point.law) if point.law else firmware.Controller
+    sim = SimulatedDrive(_at_load_speed(point), samples_per_period, controller)
     if prepare:
         prepare(sim)
-    controller = sim.controller
     sim.start()
-    build_s = controller.number("calibration_s") + controller.number("build_s")
+    build_s = sim.controller.number("calibration_s") + sim.controller.number("build_s")
     sim.run(build_s + 0.05, record=False, progress=progress)
     sim.check()
     sim.set("speed_ref_rpm", point.speed_rpm)
@@ -161,7 +168,7 @@ def measure(
         )
     return Run(
         setup=point.setup.name,
-        scheme=str(point.setup["controller.scheme"]),
+        scheme=point.scheme,
         latency=point.setup["timing.latency"],
         speed_ref_rpm=point.speed_rpm,
         load_Nm=point.load_Nm,

@@ -25,7 +25,8 @@ from .. import __version__, firmware
 from ..analysis.losses import Edges
 from ..plant import machines
 from ..plant.gates import gates_record
-from ..plant.inverter import DROPS, inverter_record, longest_step_s
+from ..plant.inverter import DROPS, in_effect, inverter_record, longest_step_s
+from ..plant.legs import BREAK, KINDS, MAX_BREAKS
 from ..plant.loop import MAX_STEP_S, PLANT_CHANNELS, TIMING, run_periods
 from ..plant.machine import DRY_RAD_S, LOAD
 from ..plant.pwm import PWM_MAP, pwm_record
@@ -33,7 +34,7 @@ from ..plant.record import names_of, record
 from ..plant.sensors import SENSORS
 from ..plant.vsd import INVERSE, PHASES
 from ..plant.wires import ENCODER_WIRES
-from ..recording.channels import Channels, Held
+from ..recording.channels import Channels, Held, Later, Product, RowOf
 from ..recording.recording import STARTED, Recording, clock_text
 from ..setups import Setup, SetupError, parameters
 from .captures import Burst, Trigger, metadata
@@ -89,6 +90,16 @@ class _Rows:
 
     def clear(self) -> None:
         self._used = 0
+
+    def hand_over(self) -> np.ndarray:
+        """The filled rows, which now belong to the caller."""
+        filled = self.filled()
+        if 2 * len(filled) < len(self._data):
+            filled = filled.copy()  # a small part of the memory must not hold all of it
+        else:
+            self._data = np.empty_like(self._data)
+        self.clear()
+        return filled
 
 
 class EntryPoint(types.WrapperAddressProtocol):
@@ -203,7 +214,9 @@ class SimulatedDrive(DriveVerbs):
         )
         self.plant_state = np.zeros(8)
         self.inverter = inverter_record(
-            self.machine.phase_of_leg, **{name: setup[f"inverter.{name}"] for name in DROPS}
+            self.machine.phase_of_leg,
+            range_A=setup["sensors.i_full_A"],
+            **{name: setup[f"inverter.{name}"] for name in (*DROPS, "arc_V")},
         )
         if self.inverter.drops and longest_step_s(self.inverter, self._machine) < SHORTEST_STEP_S:
             raise SetupError(
@@ -240,6 +253,7 @@ class SimulatedDrive(DriveVerbs):
         self._all_transitions: np.ndarray = self._pwm.transitions  # a view
         self._edges = np.empty((0, 3), np.int64)
         self._edges_logged = 0
+        self._logged_from = (self.inverter.broken.copy(), self.inverter.command.copy())
         # Compile now, or load from the cache, so that this does not count as simulation time.
         self._call(0, _NOTHING, _NOTHING)
 
@@ -297,7 +311,11 @@ class SimulatedDrive(DriveVerbs):
             return
         self._begun_s, self._begun = self.time_s, self.periods
         self.period_s = counts / float(m.pwm_clock_Hz)
+        inv = self.inverter
+        to_come = (inv.due_period - self.periods) * timing.period + inv.due_count
         timing.period, timing.slow_every = counts, slow_every
+        for row in range(inv.due):
+            self._schedule(row, int(to_come[row]))
         timing.write_count = min(timing.write_count, counts - 1)
         timing.sample_count = min(timing.sample_count, timing.write_count)
         self.sensors.system_clocks = self.period_s * float(m.system_clock_Hz)
@@ -451,6 +469,36 @@ class SimulatedDrive(DriveVerbs):
             )
         return step_s
 
+    def break_leg(self, phase: str, kind: str, after_s: float = 0.0) -> None:
+        """Break the leg of a phase in `after_s` seconds of simulated time, at any instant of a
+        period. `kind`: `open` (winding, cable or fuse), `blocked` (both switches stay off, their
+        diodes remain), `upper` or `lower` (this switch stays off), or `none`: whole again."""
+        if phase not in PHASES:
+            raise SetupError(f"phase = {phase!r}: choose one of {', '.join(PHASES)}")
+        if kind not in KINDS:
+            raise SetupError(f"kind = {kind!r}: choose one of {', '.join(KINDS)}")
+        seconds = finite(after_s)
+        if seconds is None or seconds < 0:
+            raise SetupError(f"after_s = {after_s}: a time of 0 s or more is needed")
+        inv = self.inverter
+        if inv.due == MAX_BREAKS:
+            raise SetupError(f"break_leg: {MAX_BREAKS} breaks are to come, which is the most")
+        self._schedule(inv.due, round(seconds * self._timing.clock_Hz))
+        inv.due_leg[inv.due] = PHASES.index(phase)
+        inv.due_kind[inv.due] = KINDS.index(kind)
+        inv.due += 1
+
+    def _schedule(self, row: int, counts: int) -> None:
+        """Let the break in this row of the list come in so many counts."""
+        periods, count = divmod(counts, int(self._timing.period))
+        self.inverter.due_period[row] = self.periods + periods
+        self.inverter.due_count[row] = count
+
+    @property
+    def broken(self) -> dict[str, str]:
+        """What is broken in each phase's leg now."""
+        return {phase: KINDS[kind] for phase, kind in zip(PHASES, self.inverter.broken)}
+
     def lose_interrupts(self, lost: bool) -> None:
         """`lost`: from now on the ADC raises no fast interrupt. False: it raises it again."""
         self._timing.lost = int(lost)
@@ -459,19 +507,36 @@ class SimulatedDrive(DriveVerbs):
         """From now on keep every edge of a leg, `capacity` edges at most (0: none)."""
         self._edges = np.empty((capacity, 3), np.int64)
         self._edges_logged = 0
+        self._logged_from = (self.inverter.broken.copy(), self.inverter.command.copy())
 
     @property
     def edges(self) -> np.ndarray:
         """The edges that `log_edges` kept, (n, 3): time in counts since the start of the
-        simulation, leg, new state (`plant.legs`: LOW, HIGH or OFF)."""
+        simulation, leg, new state that the gate drivers command (`plant.legs`: LOW, HIGH or OFF),
+        or what breaks (BREAK + kind)."""
         return self._edges[: self._edges_logged]
 
     def edges_since(self, period: int, start: np.ndarray) -> Edges:
-        """The same on the time axis of a recording that began with `period`, where the legs'
-        states were `start`."""
+        """The edges of the legs themselves, on the time axis of a recording that began with
+        `period`, where the legs' states were `start`."""
         time_s = (self.edges[:, 0] - period * self._timing.period) / self._timing.clock_Hz
         order = np.argsort(time_s, kind="stable")
-        return Edges(start, time_s[order], self.edges[order, 1], self.edges[order, 2])
+        leg, state = self.edges[order, 1], self.edges[order, 2]
+        if np.any(self._logged_from[0]) or np.any(state >= BREAK):
+            state = self._in_effect(leg, state)
+        return Edges(start, time_s[order], leg, state)
+
+    def _in_effect(self, legs: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """What becomes of logged edges in legs of which some are broken."""
+        broken, command = (values.copy() for values in self._logged_from)
+        found = np.empty_like(states)
+        for edge, (leg, state) in enumerate(zip(legs, states)):
+            if state >= BREAK:
+                broken[leg] = state - BREAK
+            else:
+                command[leg] = state
+            found[edge] = in_effect(broken[leg], command[leg])
+        return found
 
     @property
     def shorts(self) -> int:
@@ -541,20 +606,22 @@ class SimulatedDrive(DriveVerbs):
 
     def take(self) -> Recording:
         """Return the samples recorded since the last `take`, `discard` or unrecorded run. The
-        firmware's channels keep their value until the next control period."""
+        firmware's channels keep their value until the next control period. The recording gets the
+        memory that the simulation has filled; its channels are made when they are asked for."""
         per = self.samples_per_period
-        plant, telemetry = self._plant.filled(), self._channels.filled().copy()
+        plant, telemetry = self._plant.hand_over(), self._channels.hand_over()
+        samples = len(plant)
         units: dict[str, str] = {}
-        data: dict[str, np.ndarray | Held] = {}
-        phases = INVERSE.astype(np.float32) @ plant[:, :4].T
-        for row, phase in zip(phases, PHASES, strict=True):
-            data[f"plant.i_{phase}_A"] = row
+        data: dict[str, Later] = {}
+        phases = Product(INVERSE.astype(np.float32), plant[:, :4])
+        for row, phase in enumerate(PHASES):
+            data[f"plant.i_{phase}_A"] = RowOf(0, samples, phases, row)
             units[f"plant.i_{phase}_A"] = "A"
-        for row, (name, unit) in zip(plant.T.copy(), PLANT_CHANNELS, strict=True):
-            data[f"plant.{name}"] = row
+        for column, (name, unit) in enumerate(PLANT_CHANNELS):
+            data[f"plant.{name}"] = Held(0, samples, plant[:, column])
             units[f"plant.{name}"] = unit
         for column, (name, unit) in enumerate(firmware.channels()):
-            data[name] = Held(telemetry[:, column], per, 0, len(plant))
+            data[name] = Held(0, samples, telemetry[:, column], per)
             units[name] = unit
         periods = self.periods - self._record_start
         jumps = int(self._all_transitions.sum()) - self._transitions

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from ..firmware import FAULTS, Snapshot, lib
+from ..firmware import FAULTS, PHASE_LOST, Snapshot, lib
 from ..plant.vsd import PHASES, TRANSFORM
 
 #: A parameter's value by name.
@@ -92,6 +92,10 @@ def _stuck(s: Snapshot, get: Get) -> str:
     return f"limit stuck_trip_A = {get('stuck_trip_A'):g} A"
 
 
+def _phase(s: Snapshot, get: Get) -> str:
+    return ", ".join(s["warnings"])
+
+
 def _flux(s: Snapshot, get: Get) -> str:
     psi_Wb = max(s["psi_Wb"], key=abs)
     if not abs(psi_Wb) < get("flux_trip_Wb"):
@@ -129,5 +133,6 @@ _DETAILS: dict[str, Callable[[Snapshot, Get], str]] = {
         (lib.HT_FAULT_FLUX, _flux),
         (lib.HT_FAULT_ENCODER, _encoder),
         (lib.HT_FAULT_STUCK, _stuck),
+        (PHASE_LOST, _phase),
     )
 }

@@ -19,7 +19,7 @@ import numpy as np
 from ..drive.board import BoardDrive
 from ..drive.captures import TRIGGERS, Trigger
 from ..drive.recorder import Recorder
-from ..firmware import Snapshot
+from ..firmware import WARNINGS, Snapshot
 from ..recording.formats import SUFFIXES, RecordingError
 from ..recording.recording import Recording
 from ..serial import LinkError, wire
@@ -195,6 +195,7 @@ class MonitoredDrive:
             ],
             "channels": [row._asdict() for row in dictionary.channels],
             "faults": [row._asdict() for row in dictionary.faults],
+            "warnings": [{"bit": bit, "name": text} for bit, text in WARNINGS.items()],
         }  # fmt: skip
 
     def status(self) -> dict:

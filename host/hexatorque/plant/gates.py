@@ -19,7 +19,7 @@ from .record import names_of, record
 #: Switches of a leg: the lower and the upper one, by the leg state that turns them on.
 GATES = np.dtype(
     [
-        ("min_counts", "i8"),  # 0: no suppression
+        ("min_counts", "i8"),  # 0: no suppression, nobody calls
         ("command", "i8", (6,)),  # leg state that the PWM commands
         ("on", "i8", (6, 2)),  # outputs of the drivers: LOW, HIGH
         ("due", "i8", (6, 2)),  # count at which the output follows the input, or NONE
@@ -55,7 +55,7 @@ def suppress_short_pulses(gd, pm, regs, ps, c0, c1, first, n):
     Returns the new n. Edges that are due later stay in the drivers; at the period's end
     they move to the next period.
     """
-    if gd.min_counts == 0 or c0 == c1:
+    if c0 == c1:
         return n
     edges = n - first
     for e in range(edges):

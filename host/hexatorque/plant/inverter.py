@@ -6,6 +6,11 @@ through the upper one when it enters. A current that reaches zero while both
 switches are off stays at zero: the leg floats until its voltage would drive a
 diode into conduction. Switches and diodes are ideal, or drop a threshold voltage
 and a resistance's voltage while they conduct.
+
+A leg can break (`legs.KINDS`). While a switch stays off, its command leaves both switches
+off. An open winding is off whatever the switches do: an arc carries its current on, against
+the voltage `arc_V`, until the current reaches zero. After that its terminal takes any
+voltage, because no diode is connected to it.
 """
 
 from __future__ import annotations
@@ -14,8 +19,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .compiled import compiled
-from .legs import HIGH, OFF
+from .compiled import compiled, source_hash
+from .legs import BLOCKED, BREAK, HIGH, LOW, LOWER, MAX_BREAKS, OFF, OPEN, UPPER, WHOLE
 from .machine import (
     coast,
     derivative,
@@ -25,6 +30,7 @@ from .machine import (
     phase_current_slope,
     rk4_step,
 )
+from .pwm import push_edge
 from .record import names_of, record
 from .vsd import TRANSFORM
 from .wires import STRAIGHT
@@ -37,6 +43,9 @@ FLOAT_S = 20e-6
 #: Longest step while a leg is off. A diode that opens or closes within a step is noticed only at
 #: the end of the step.
 OFF_STEP_S = 5e-6
+#: The same while only open windings are off, whose current has ended. There is nothing to notice,
+#: but the step must be shorter than 2.78 times FLOAT_S to be stable.
+OPEN_STEP_S = 20e-6
 #: A zero crossing is located to this share of the current's change over the step.
 ZERO = 1e-9
 #: Most iterations of the secant rule for that. Two or three usually suffice.
@@ -58,6 +67,13 @@ BALANCE = 1e-10
 #: the voltage fades with the current. A jump would let an explicit step chatter around
 #: zero instead of coming to rest there.
 KNEE_A = 10e-3
+#: Drives of more than 25 A: the current sensors' range has so many knees. A larger device has a
+#: larger junction; and a step of a 12-bit sensor is larger than a knee, so the controller does not
+#: see it. With 10 mA a machine of 100 kW would need steps of 1 us.
+KNEES = 2500
+#: In units of the knee: beyond this current the threshold no longer depends on the current (4e-9 of
+#: it is missing).
+FAR = 10.0
 
 #: `leg` and `diode` are the state. The other fields are constants and work space.
 INVERTER = np.dtype(
@@ -65,11 +81,21 @@ INVERTER = np.dtype(
         ("leg", "i8", (6,)),  # LOW, HIGH or OFF
         ("diode", "i8", (6,)),  # off legs: +1 lower, -1 upper conducts, 0 floats
         ("off", "i8"),  # number of legs that are off
+        ("command", "i8", (6,)),  # the state that the gate drivers command
+        ("broken", "i8", (6,)),  # WHOLE, or what is broken; the `diode` of an open leg is its arc
+        ("breaks", "i8"),  # number of legs that are not whole
+        ("arc_V", "f8"),
+        ("due", "i8"),  # number of breaks to come:
+        ("due_period", "i8", (MAX_BREAKS,)),  # their periods,
+        ("due_count", "i8", (MAX_BREAKS,)),  # counts in them,
+        ("due_leg", "i8", (MAX_BREAKS,)),  # legs,
+        ("due_kind", "i8", (MAX_BREAKS,)),  # and what breaks
         ("drops", "i8"),  # 0: ideal devices
         ("v_switch_V", "f8"),  # thresholds
         ("v_diode_V", "f8"),
         ("r_switch_ohm", "f8"),  # on-resistances
         ("r_diode_ohm", "f8"),
+        ("knee_A", "f8"),
         ("transform", "f8", (4, 6)),  # leg voltages to alpha, beta, x, y: how the leads are
         ("star", "i8", (6,)),  # the star point behind each leg, 0 or 1
         ("v_leg", "f8", (6,)),  # leg voltages against the negative rail
@@ -89,14 +115,19 @@ INVERTER = np.dtype(
 DROPS = ("v_switch_V", "v_diode_V", "r_switch_ohm", "r_diode_ohm")
 
 
-def inverter_record(leads: Sequence[int] = STRAIGHT, /, **drops: float) -> np.record:
-    """All legs off, no current. `leads`: the machine's phase on each leg; `drops`: any of DROPS,
-    otherwise zero."""
+def inverter_record(
+    leads: Sequence[int] = STRAIGHT, /, arc_V: float = 0.0, range_A: float = 0.0, **drops: float
+) -> np.record:
+    """All legs off and whole, no current. `leads`: the machine's phase on each leg; `range_A`: the
+    current sensors' range, which decides the knee; `drops`: any of DROPS, otherwise zero."""
     zeros = {name: 0 for name in names_of(INVERTER)}
     start = {
         "leg": OFF,
+        "command": OFF,
         "off": 6,
+        "arc_V": arc_V,
         "drops": any(drops.values()),
+        "knee_A": max(KNEE_A, range_A / KNEES),
         "transform": TRANSFORM[:, list(leads)],
         "star": [phase % 2 for phase in leads],
     }
@@ -104,13 +135,51 @@ def inverter_record(leads: Sequence[int] = STRAIGHT, /, **drops: float) -> np.re
 
 
 @compiled
+def in_effect(kind, command):
+    """What becomes of a command in a leg that is broken."""
+    if kind in (OPEN, BLOCKED):
+        return OFF
+    if (kind == UPPER and command == HIGH) or (kind == LOWER and command == LOW):
+        return OFF
+    return command
+
+
+@compiled
 def set_leg(inv, m, y, leg, state):
-    """Change the state of one leg. When it turns off, the present current decides the diode."""
+    """Change the state of one leg, or break it. When it turns off, the present current decides the
+    diode. An arc burns in the direction of that current, too."""
+    if state >= BREAK:
+        kind = state - BREAK
+        inv.breaks += int(kind != WHOLE) - int(inv.broken[leg] != WHOLE)
+        inv.broken[leg] = kind
+        state = inv.command[leg]
+    inv.command[leg] = state
+    if inv.breaks > 0:
+        state = in_effect(inv.broken[leg], state)
     if state == OFF and inv.leg[leg] != OFF:
         i = phase_current(m, y, leg)
         inv.diode[leg] = 1 if i > 0.0 else (-1 if i < 0.0 else 0)
     inv.off += int(state == OFF) - int(inv.leg[leg] == OFF)
     inv.leg[leg] = state
+
+
+@compiled
+def push_breaks(inv, ps, period, c0, c1, n):
+    """Add the breaks of this period's counts c0 <= count < c1 to the n edges, and forget them.
+    Returns the new n."""
+    left = 0
+    for b in range(inv.due):
+        count = inv.due_count[b]
+        if inv.due_period[b] == period and c0 <= count and count < c1:
+            n = push_edge(ps, n, count, inv.due_leg[b], BREAK + inv.due_kind[b])
+        else:
+            inv.due_period[left] = inv.due_period[b]
+            inv.due_count[left] = count
+            inv.due_leg[left] = inv.due_leg[b]
+            inv.due_kind[left] = inv.due_kind[b]
+            left += 1
+    inv.due = left
+    return n
 
 
 @compiled(inline="always")
@@ -181,7 +250,8 @@ def _solve_floating(inv, m, load, y, vdc):
 @compiled
 def _centre(inv, vdc):
     """Only voltage differences matter in a set that floats as a whole. Shift it so that its
-    highest and its lowest leg reach the rails together, because two diodes conduct together."""
+    highest and its lowest leg reach the rails together, because two diodes conduct together. An
+    open winding has no diodes."""
     for first in range(2):
         low = np.inf
         high = -np.inf
@@ -189,9 +259,10 @@ def _centre(inv, vdc):
             if inv.star[leg] == first:
                 if inv.leg[leg] != OFF or inv.diode[leg] != 0:
                     low = -np.inf
-                low = min(low, inv.v_leg[leg])
-                high = max(high, inv.v_leg[leg])
-        if low > -np.inf:
+                if inv.broken[leg] != OPEN:
+                    low = min(low, inv.v_leg[leg])
+                    high = max(high, inv.v_leg[leg])
+        if low > -np.inf and low < np.inf:
             shift = 0.5 * (vdc - low - high)
             for leg in range(6):
                 if inv.star[leg] == first:
@@ -206,6 +277,9 @@ def _subtract_drops(inv, m, y, vdc):
     for leg in range(6):
         state = inv.leg[leg]
         i = phase_current(m, y, leg)
+        arcs = inv.broken[leg] == OPEN and inv.diode[leg] != 0
+        if arcs:
+            state = inv.command[leg]
         if state == OFF:
             if inv.diode[leg] > 0:
                 inv.v_leg[leg] = -inv.v_diode_V - inv.r_diode_ohm * i
@@ -213,11 +287,14 @@ def _subtract_drops(inv, m, y, vdc):
                 inv.v_leg[leg] = vdc + inv.v_diode_V - inv.r_diode_ohm * i
         else:
             rail = vdc if state == HIGH else 0.0
-            share = np.tanh(i / KNEE_A)
+            # Beyond 20 times the knee the nearest number to the hyperbolic tangent is 1.
+            share = np.tanh(i / inv.knee_A) if abs(i) < 20.0 * inv.knee_A else np.copysign(1.0, i)
             if (i > 0.0) == (state == HIGH):
                 inv.v_leg[leg] = rail - inv.v_switch_V * share - inv.r_switch_ohm * i
             else:
                 inv.v_leg[leg] = rail - inv.v_diode_V * share - inv.r_diode_ohm * i
+        if arcs:
+            inv.v_leg[leg] -= inv.diode[leg] * inv.arc_V
 
 
 @compiled
@@ -252,12 +329,30 @@ def _step(inv, m, load, y, dt, vdc, floats, out):
 @compiled
 def longest_step_s(inv, m):
     """Longest stable and accurate step with conduction drops, s. Around zero current a threshold
-    acts as a resistance of V / KNEE_A. The step is one time constant of this resistance with the
+    acts as a resistance of V / knee_A. The step is one time constant of this resistance with the
     smallest inductance that it can meet (the limit of stability is 2.78 time constants). Paper
     B's machine with 1.2 V: 120 us."""
-    r_switch = inv.v_switch_V / KNEE_A + inv.r_switch_ohm
-    r_diode = inv.v_diode_V / KNEE_A + inv.r_diode_ohm
+    r_switch = inv.v_switch_V / inv.knee_A + inv.r_switch_ohm
+    r_diode = inv.v_diode_V / inv.knee_A + inv.r_diode_ohm
     return 1.0 / (max(r_switch, r_diode) * m.inv_l_max)
+
+
+@compiled
+def _far_from_zero(inv, m, before, after):
+    """Whether every leg's current keeps its sign from one state to the other, far from zero."""
+    far_A = FAR * inv.knee_A
+    for leg in range(6):
+        i0 = phase_current(m, before, leg)
+        i1 = phase_current(m, after, leg)
+        if not ((i0 > far_A and i1 > far_A) or (i0 < -far_A and i1 < -far_A)):
+            return False
+    return True
+
+
+@compiled(inline="always")
+def _may_conduct(inv, leg):
+    """Whether a floating leg's diode can open."""
+    return inv.leg[leg] == OFF and inv.diode[leg] == 0 and inv.broken[leg] != OPEN
 
 
 @compiled
@@ -270,6 +365,10 @@ def _leg_voltages(inv, m, load, y, vdc):
             if inv.diode[leg] == 0:
                 floats = True
             inv.v_leg[leg] = vdc if inv.diode[leg] < 0 else 0.0
+            if inv.broken[leg] == OPEN and inv.diode[leg] != 0:
+                if inv.command[leg] != OFF:
+                    inv.v_leg[leg] = vdc if inv.command[leg] == HIGH else 0.0
+                inv.v_leg[leg] -= inv.diode[leg] * inv.arc_V
         else:
             inv.v_leg[leg] = vdc if state == HIGH else 0.0
     if inv.drops != 0:
@@ -279,7 +378,7 @@ def _leg_voltages(inv, m, load, y, vdc):
         margin = inv.v_diode_V + FORWARD * vdc
         turned_on = False
         for leg in range(6):
-            if inv.leg[leg] == OFF and inv.diode[leg] == 0:
+            if _may_conduct(inv, leg):
                 if inv.v_leg[leg] > vdc + margin:
                     inv.diode[leg] = -1
                     inv.v_leg[leg] = vdc + inv.v_diode_V
@@ -295,6 +394,21 @@ def _leg_voltages(inv, m, load, y, vdc):
 
 
 @compiled
+def _end_lone_currents(inv, m, y):
+    """A diode that conducts alone in its set has no current but rounding: the current would have
+    no way back. Let its leg float, too, so that the machine can coast."""
+    for star in range(2):
+        last = NO_LEG
+        ways = 0
+        for leg in range(6):
+            if inv.star[leg] == star and (inv.leg[leg] != OFF or inv.diode[leg] != 0):
+                last = leg
+                ways += 1
+        if ways == 1 and inv.leg[last] == OFF and abs(phase_current(m, y, last)) < RESIDUAL_A:
+            inv.diode[last] = 0
+
+
+@compiled
 def _currents_absent(inv):
     for leg in range(6):
         if inv.leg[leg] != OFF or inv.diode[leg] != 0:
@@ -306,18 +420,19 @@ def _currents_absent(inv):
 def _step_to_zero(inv, m, load, y, h, vdc, floats, leg):
     """Step from y to the instant within h at which the leg's current passes zero;
     `inv.trial`, on entry the state at h, becomes the state there. Returns the time taken."""
+    trial = inv.trial[:]
     i0 = phase_current(m, y, leg)
-    i1 = phase_current(m, inv.trial, leg)
+    i1 = phase_current(m, trial, leg)
     if i0 * inv.diode[leg] <= 0.0:
         for r in range(8):
-            inv.trial[r] = y[r]
+            trial[r] = y[r]
         return 0.0
     enough = ZERO * abs(i0 - i1)
     t0, t = 0.0, h
     for _ in range(MAX_SECANTS):
         t0, t = t, min(max(t - i1 * (t - t0) / (i1 - i0), 0.0), h)
-        _step(inv, m, load, y, t, vdc, floats, inv.trial)
-        i0, i1 = i1, phase_current(m, inv.trial, leg)
+        _step(inv, m, load, y, t, vdc, floats, trial)
+        i0, i1 = i1, phase_current(m, trial, leg)
         if abs(i1) <= enough or i1 == i0:
             break
     return t
@@ -343,12 +458,87 @@ def _first_crossing(inv, m, y, but):
 
 
 @compiled
+def _beyond_V(inv, m, load, y, vdc):
+    """How far the voltage of a floating leg is beyond the rail and its diode's threshold, for the
+    leg where this is most. Negative if all are within."""
+    if inv.drops != 0:
+        _subtract_drops(inv, m, y, vdc)
+    _solve_floating(inv, m, load, y, vdc)
+    most = -np.inf
+    for leg in range(6):
+        if _may_conduct(inv, leg):
+            most = max(most, -inv.v_leg[leg], inv.v_leg[leg] - vdc)
+    return most - inv.v_diode_V
+
+
+@compiled
+def _step_to_rail(inv, m, load, y, h, vdc):
+    """If the voltage of a floating leg leaves the rails in a step of h from y to `inv.trial`: step
+    to that instant instead, with `inv.trial` the state there. Returns the time taken.
+
+    In dead times a leg's voltage leaves the rails at an edge. Near a broken leg it may do so at any
+    time, and a diode that starts late would be an error that adds up. The instant is located beyond
+    the margin at which `_leg_voltages` opens the diode, so that it does this at once.
+    """
+    margin = FORWARD * vdc
+    floats = np.bool_(True)
+    trial = inv.trial[:]
+    late = _beyond_V(inv, m, load, trial, vdc)
+    if late <= 2.0 * margin:
+        return h
+    early = _beyond_V(inv, m, load, y, vdc)
+    if early > 0.0:
+        return h
+    # The secant rule between an instant before and one after. If the same end stays twice, the
+    # other one's weight is halved (the Illinois rule).
+    t0, t1, t = 0.0, h, h
+    aim = 1.5 * margin
+    early -= aim
+    late -= aim
+    side = 0
+    for _ in range(MAX_SECANTS):
+        t = t0 + (t1 - t0) * early / (early - late)
+        _step(inv, m, load, y, t, vdc, floats, trial)
+        beyond = _beyond_V(inv, m, load, trial, vdc) - aim
+        if abs(beyond) < 0.5 * margin:
+            break
+        if beyond > 0.0:
+            t1, late = t, beyond
+            if side > 0:
+                early *= 0.5
+            side = 1
+        else:
+            t0, early = t, beyond
+            if side < 0:
+                late *= 0.5
+            side = -1
+    return t
+
+
+@compiled
+def _only_open(inv):
+    """Whether all legs that are off are open windings without a current."""
+    for leg in range(6):
+        if inv.leg[leg] == OFF and (inv.broken[leg] != OPEN or inv.diode[leg] != 0):
+            return False
+    return True
+
+
+@compiled
 def _advance_off(inv, m, load, y, dt, vdc):
     """Advance with at least one leg off."""
-    if _currents_absent(inv) and coast(m, load, y, dt, vdc + 2.0 * inv.v_diode_V):
+    if inv.off >= 3:
+        _end_lone_currents(inv, m, y)
+    if inv.off == 6 and _currents_absent(inv) and coast(m, load, y, dt, vdc + 2.0 * inv.v_diode_V):
         return
+    trial = inv.trial[:]
+    none = np.int64(NO_LEG)
     left = dt
-    usual = OFF_STEP_S if inv.drops == 0 else min(OFF_STEP_S, longest_step_s(inv, m))
+    usual = OFF_STEP_S
+    if inv.breaks > 0 and _only_open(inv):
+        usual = OPEN_STEP_S
+    if inv.drops != 0:
+        usual = min(usual, longest_step_s(inv, m))
     longest = usual
     guard = 0
     while left > 1e-15:
@@ -357,8 +547,8 @@ def _advance_off(inv, m, load, y, dt, vdc):
             raise ArithmeticError("inverter: diodes chatter, time does not advance")
         floats = _leg_voltages(inv, m, load, y, vdc)
         taken = left if left < longest else longest
-        _step(inv, m, load, y, taken, vdc, floats, inv.trial)
-        crossing = NO_LEG
+        _step(inv, m, load, y, taken, vdc, floats, trial)
+        crossing = none
         # Currents are not exactly straight lines: when the current that seemed to be the first
         # passes zero, another may already have done so.
         for _ in range(6):
@@ -367,8 +557,13 @@ def _advance_off(inv, m, load, y, dt, vdc):
                 break
             crossing = earlier
             taken = _step_to_zero(inv, m, load, y, taken, vdc, floats, crossing)
+        if inv.breaks > 0 and floats:
+            earliest = _step_to_rail(inv, m, load, y, taken, vdc)
+            if earliest < taken:
+                taken = earliest
+                crossing = none
         for r in range(8):
-            y[r] = inv.trial[r]
+            y[r] = trial[r]
         left -= taken
         if crossing == NO_LEG:
             longest = usual
@@ -398,23 +593,42 @@ def put_back(inv, y):
             inv.diode[leg] = inv.kept_diode[leg]
 
 
-@compiled
-def advance(inv, m, load, y, dt, vdc):
-    """Advance the drive by dt with constant leg states.
+def _compile_advance(source: int):
+    """Make `advance`, which numba keeps on disk (`source_hash`). The loop is not the only function
+    that calls it, and it takes most of the time that they take to compile."""
 
-    One Runge-Kutta step suffices while every leg is driven, because the callers step from edge to
-    edge, far below the machine's time constants. With drops, their slope at zero current decides
-    the number of steps.
-    """
-    if inv.off > 0:
-        _advance_off(inv, m, load, y, dt, vdc)
-        return
-    if inv.drops != 0:
-        steps = int(np.ceil(dt / longest_step_s(inv, m)))
-        for _ in range(steps):
-            _step(inv, m, load, y, dt / steps, vdc, False, y)
-        return
-    for leg in range(6):
-        inv.v_leg[leg] = vdc if inv.leg[leg] == HIGH else 0.0
-    _transform(inv)
-    rk4_step(m, load, y, inv.v, dt, y, inv.k, inv.z)
+    @compiled(cache=True)
+    def advance(inv, m, load, y, dt, vdc):
+        """Advance the drive by dt with constant leg states.
+
+        One Runge-Kutta step suffices while every leg is driven, because the callers step from edge
+        to edge, far below the machine's time constants. With drops, their slope at zero current
+        decides the number of steps, unless all currents stay far from zero.
+        """
+        if not source:
+            return
+        if inv.off > 0:
+            _advance_off(inv, m, load, y, dt, vdc)
+            return
+        if inv.drops != 0:
+            steps = int(np.ceil(dt / longest_step_s(inv, m)))
+            trial = inv.trial[:]
+            floats = np.bool_(False)
+            if steps > 1 and _far_from_zero(inv, m, y, y):
+                _step(inv, m, load, y, dt, vdc, floats, trial)
+                if _far_from_zero(inv, m, y, trial):
+                    for r in range(8):
+                        y[r] = trial[r]
+                    return
+            for _ in range(steps):
+                _step(inv, m, load, y, dt / steps, vdc, floats, y)
+            return
+        for leg in range(6):
+            inv.v_leg[leg] = vdc if inv.leg[leg] == HIGH else 0.0
+        _transform(inv)
+        rk4_step(m, load, y, inv.v, dt, y, inv.k, inv.z)
+
+    return advance
+
+
+advance = _compile_advance(source_hash())

@@ -1,3 +1,13 @@
-"""States of a leg of the inverter."""
+"""States of a leg of the inverter, and what can be broken in it."""
 
 LOW, HIGH, OFF = 0, 1, 2
+
+#: What is broken, by number: nothing; winding, cable or fuse, so that no current flows; both
+#: switches stay off and their diodes remain; the upper or the lower switch alone stays off.
+KINDS = ("none", "open", "blocked", "upper", "lower")
+WHOLE, OPEN, BLOCKED, UPPER, LOWER = range(5)
+
+#: An edge with the state BREAK + kind breaks its leg, or mends it.
+BREAK = 3
+#: Most breaks that may be to come.
+MAX_BREAKS = 24

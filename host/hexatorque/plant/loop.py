@@ -16,15 +16,12 @@ every `slow_every`-th period.
 
 from __future__ import annotations
 
-import zlib
-from pathlib import Path
-
 import numpy as np
 from numba import uint64
 
-from .compiled import compiled
+from .compiled import compiled, source_hash
 from .gates import suppress_short_pulses
-from .inverter import advance, keep, put_back, set_leg
+from .inverter import advance, keep, push_breaks, put_back, set_leg
 from .machine import stator_currents, torque_Nm
 from .pwm import pwm_segment
 from .sensors import filter_currents, sample
@@ -81,43 +78,56 @@ def _record(row, m, inv, y, i):
     row[9] = gates
 
 
-@compiled
-def follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, per, out, row):
-    """Advance the machine over counts c0..c1 along the edges, recording `per` samples a period
-    (0 = none): sample k at count k * period // per. Returns the next record row."""
-    now = c0
-    k = -(-c0 * per // tm.period)
-    tick = c1 if per == 0 else k * tm.period // per
-    e = 0
-    while now < c1:
-        if now == tick:
-            _record(out[row], m, inv, y, inv.i)
-            row += 1
-            k += 1
+def _compile_follow(source: int):
+    """Make `follow`, which numba keeps on disk (`source_hash`): the loop is not the only function
+    that calls it."""
+
+    @compiled(cache=True)
+    def follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, per, out, row):
+        """Advance the machine over counts c0..c1 along the edges, recording `per` samples a period
+        (0 = none): sample k at count k * period // per. Returns the next record row."""
+        if not source:
+            return row
+        now = c0
+        k, tick = np.int64(0), c1
+        if per > 0:
+            k = -(-c0 * per // tm.period)
             tick = k * tm.period // per
-        while e < n and ps.count[e] == now:
-            set_leg(inv, m, y, ps.leg[e], ps.state[e])
-            e += 1
-        stop = min(c1, now + tm.max_step)
-        if e < n:
-            stop = min(stop, ps.count[e])
-        # Recording must not change the steps: advance to the sample, then restore the state.
-        there = tick < stop
-        if there:
-            keep(inv, y)
-            stop = tick
-        advance(inv, m, load, y, (stop - now) / tm.clock_Hz, vdc)
-        if there:
-            _record(out[row], m, inv, y, inv.i)
-            row += 1
-            k += 1
-            tick = k * tm.period // per
-            put_back(inv, y)
-        else:
-            if se.i_filter_rad_s > 0.0:
-                filter_currents(se, m, y, (stop - now) / tm.clock_Hz)
-            now = stop
-    return row
+        e = 0
+        while now < c1:
+            if now == tick:
+                _record(out[row], m, inv, y, inv.i)
+                row += 1
+                k += 1
+                tick = k * tm.period // per
+            while e < n and ps.count[e] == now:
+                set_leg(inv, m, y, ps.leg[e], ps.state[e])
+                e += 1
+            stop = min(c1, now + tm.max_step)
+            if e < n:
+                stop = min(stop, ps.count[e])
+            # Recording must not change the steps: advance to the sample, then restore the state.
+            there = tick < stop
+            if there:
+                keep(inv, y)
+                stop = tick
+            advance(inv, m, load, y, (stop - now) / tm.clock_Hz, vdc)
+            if there:
+                _record(out[row], m, inv, y, inv.i)
+                row += 1
+                k += 1
+                tick = k * tm.period // per
+                put_back(inv, y)
+            else:
+                if se.i_filter_rad_s > 0.0:
+                    filter_currents(se, m, y, (stop - now) / tm.clock_Hz)
+                now = stop
+        return row
+
+    return follow
+
+
+follow = _compile_follow(source_hash())
 
 
 @compiled
@@ -132,17 +142,8 @@ def _log(edges, logged, ps, n, start):
     return logged + n
 
 
-def source_hash() -> int:
-    """Changes with any file of the compiled plant."""
-    files = sorted(Path(__file__).parent.rglob("*.py"))
-    text = b"".join(file.read_bytes() for file in files)
-    return zlib.crc32(text) | 1
-
-
-def _compile(source: int):
-    """Make the loop, the only function with a cache on disk. Numba compiles it again when its own
-    file changes. The closure over `source` makes numba also notice changes in the files of the
-    functions that the loop calls."""
+def _compile_run_periods(source: int):
+    """Make the loop, which numba keeps on disk (`source_hash`)."""
 
     @compiled(cache=True, nogil=True)
     def run_periods(
@@ -174,8 +175,8 @@ def _compile(source: int):
         plant_out: (n * per_period, len(PLANT_CHANNELS)) or empty.
         channels: address of channel_out, (n, channels) float32, or empty.
         edges: (capacity, 3) int64 or empty; every change of a leg is added as row
-        (counts since period 0, leg, LOW | HIGH | OFF) after the `logged` rows already
-        there. Returns the new number of rows.
+        (counts since period 0, leg, LOW | HIGH | OFF | BREAK + kind) after the `logged` rows
+        already there. Returns the new number of rows.
 
         Between sampling and register write the controller does not see the machine. So it is
         called right after the sampling, and then the machine advances over the whole time.
@@ -183,24 +184,28 @@ def _compile(source: int):
         if not source:
             return logged
         per = tm.per_period if plant_out.shape[0] > 0 else 0
-        row = 0
         width = channel_out.shape[1] * 4
         # As a variable: for a literal 0 numba would compile the functions a second time.
         none = np.int64(0)
+        row = none
         handle = uint64(drive)
         target = uint64(channels)
         for period in range(n):
             count = pwm_segment(pm, regs, ps, none, tm.sample_count, none)
-            count = suppress_short_pulses(gd, pm, regs, ps, none, tm.sample_count, none, count)
+            if gd.min_counts > 0:
+                count = suppress_short_pulses(gd, pm, regs, ps, none, tm.sample_count, none, count)
+            if inv.due > 0:
+                count = push_breaks(inv, ps, first + period, none, tm.sample_count, count)
             if edges.shape[0] > 0:
                 logged = _log(edges, logged, ps, count, (first + period) * tm.period)
             row = follow(m, load, inv, se, y, vdc, ps, count, none, tm.sample_count,
                          tm, per, plant_out, row)  # fmt: skip
             sample(se, m, y, vdc, regs)
             count = pwm_segment(pm, regs, ps, tm.sample_count, tm.write_count, none)
-            count = suppress_short_pulses(
-                gd, pm, regs, ps, tm.sample_count, tm.write_count, none, count
-            )
+            if gd.min_counts > 0:
+                count = suppress_short_pulses(
+                    gd, pm, regs, ps, tm.sample_count, tm.write_count, none, count
+                )
             if tm.lost == 0:
                 fast_isr(handle)
             if (first + period) % tm.slow_every == 0:
@@ -210,7 +215,12 @@ def _compile(source: int):
                 target += uint64(width)
             done = count
             count = pwm_segment(pm, regs, ps, tm.write_count, tm.period, done)
-            count = suppress_short_pulses(gd, pm, regs, ps, tm.write_count, tm.period, done, count)
+            if gd.min_counts > 0:
+                count = suppress_short_pulses(
+                    gd, pm, regs, ps, tm.write_count, tm.period, done, count
+                )
+            if inv.due > 0:
+                count = push_breaks(inv, ps, first + period, tm.sample_count, tm.period, count)
             if edges.shape[0] > 0:
                 logged = _log(edges, logged, ps, count, (first + period) * tm.period)
             row = follow(m, load, inv, se, y, vdc, ps, count, tm.sample_count, tm.period,
@@ -220,4 +230,4 @@ def _compile(source: int):
     return run_periods
 
 
-run_periods = _compile(source_hash())
+run_periods = _compile_run_periods(source_hash())

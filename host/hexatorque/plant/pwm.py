@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from .compiled import compiled
-from .legs import HIGH, LOW, OFF
+from .legs import HIGH, LOW, MAX_BREAKS, OFF
 from .record import names_of, record
 
 NONE = -1
@@ -37,8 +37,8 @@ PWM_MAP = np.dtype(
 )  # fmt: skip
 
 #: At most 5 output edges per leg and segment, each an off and an on; two segments
-#: share the list.
-MAX_EDGES = 6 * 20
+#: share the list. Breaks of legs are added to it.
+MAX_EDGES = 6 * 20 + MAX_BREAKS
 
 #: The modules' state that is not in the register file, and the edges of a period.
 PWM = np.dtype(
@@ -74,7 +74,7 @@ def _loads(mode, zero):
     return mode == 1 or mode == 2
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def _leg_of_pins(ps, leg, a, b, active_low):
     """The leg state that follows from the levels of both pins."""
     upper = a != active_low
@@ -86,7 +86,7 @@ def _leg_of_pins(ps, leg, a, b, active_low):
     return np.int64(HIGH) if upper else np.int64(LOW)
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def _leg_of_band(ps, leg, band, dbctl, active_low):
     """The leg state that follows from the dead band's state. A is the delayed rise and B the
     delayed fall. POLSEL can invert either."""
@@ -103,7 +103,13 @@ def _forced(action, active_low):
     return np.int64(0) if action == 2 else np.int64(active_low)
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
+def _word(regs, at):
+    """A register. An unsigned index saves the test for a negative one."""
+    return np.int64(regs[np.uint64(at)])
+
+
+@compiled(forceinline=True)
 def push_edge(ps, n, count, leg, state):
     """Insert in order of count; equal counts keep their order."""
     p = n
@@ -130,26 +136,35 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
         return n  # an empty segment takes over no registers
     for leg in range(6):
         base = pm.epwm + leg * pm.stride
-        prd = np.int64(regs[base + pm.tbprd])
-        cmpctl = np.int64(regs[base + pm.cmpctl])
-        reg_a = np.int64(regs[base + pm.cmpa])
-        reg_b = np.int64(regs[base + pm.cmpb])
-        reg_aq = np.int64(regs[base + pm.aqctla])
-        aqctl = np.int64(regs[base + pm.aqctl]) if pm.aqctl >= 0 else 0
-        immediate_a = (cmpctl & 0x10) != 0
-        immediate_b = (cmpctl & 0x40) != 0
-        shadow_aq = (aqctl & 0x10) != 0
-        if immediate_a or (c0 == 0 and _loads(cmpctl & 3, True)):
-            ps.cmpa[leg] = reg_a
-        if immediate_b or (c0 == 0 and _loads((cmpctl >> 2) & 3, True)):
-            ps.cmpb[leg] = reg_b
-        if not shadow_aq or (c0 == 0 and _loads(aqctl & 3, True)):
-            ps.aq[leg] = reg_aq
-        tripped = (regs[base + pm.tzflg] & 4) != 0
-        dbctl = np.int64(regs[base + pm.dbctl])
+        prd = _word(regs, base + pm.tbprd)
+        cmpctl = _word(regs, base + pm.cmpctl)
+        aqctl = _word(regs, base + pm.aqctl) if pm.aqctl >= 0 else np.int64(0)
+        load_a = load_b = load_aq = False
+        if cmpctl == 0:  # the usual mode, tested first because it saves time: both load at zero
+            if c0 == 0:
+                ps.cmpa[leg] = _word(regs, base + pm.cmpa)
+                ps.cmpb[leg] = _word(regs, base + pm.cmpb)
+        else:
+            immediate_a = (cmpctl & 0x10) != 0
+            immediate_b = (cmpctl & 0x40) != 0
+            if immediate_a or (c0 == 0 and _loads(cmpctl & 3, True)):
+                ps.cmpa[leg] = _word(regs, base + pm.cmpa)
+            if immediate_b or (c0 == 0 and _loads((cmpctl >> 2) & 3, True)):
+                ps.cmpb[leg] = _word(regs, base + pm.cmpb)
+            load_a = _loads(cmpctl & 3, False) and not immediate_a
+            load_b = _loads((cmpctl >> 2) & 3, False) and not immediate_b
+        if (aqctl & 0x10) == 0:
+            ps.aq[leg] = _word(regs, base + pm.aqctla)
+        else:
+            if c0 == 0 and _loads(aqctl & 3, True):
+                ps.aq[leg] = _word(regs, base + pm.aqctla)
+            load_aq = _loads(aqctl & 3, False)
+        loads = load_a or load_b or load_aq
+        tripped = (_word(regs, base + pm.tzflg) & 4) != 0
+        dbctl = _word(regs, base + pm.dbctl)
         low = pm.active_low
         if tripped:
-            tzctl = np.int64(regs[base + pm.tzctl])
+            tzctl = _word(regs, base + pm.tzctl)
             gate = _leg_of_pins(ps, leg, _forced(tzctl & 3, low), _forced(tzctl >> 2 & 3, low), low)
         else:
             gate = _leg_of_band(ps, leg, ps.band[leg], dbctl, low)
@@ -157,35 +172,36 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
             ps.gate[leg] = gate
             n = push_edge(ps, n, c0, leg, gate)
 
-        force = np.int64(regs[base + pm.aqsfrc])
+        force = _word(regs, base + pm.aqsfrc)
         forced = np.int64(0)
         if (force & 4) != 0:
             forced = force & 3
             regs[base + pm.aqsfrc] = np.uint16(force & ~4)
-        red = np.int64(regs[base + pm.dbred])
-        fed = np.int64(regs[base + pm.dbfed])
 
         pos = c0
         while pos < c1:
-            # Next count at which anything can happen.
+            # Next count at which anything happens. Most legs have none in most segments: compare
+            # registers beyond the period, or an event without an action, are no reason to stop.
+            aq = ps.aq[leg]
+            cmpa = ps.cmpa[leg]
+            cmpb = ps.cmpb[leg]
             at = c1
-            if pos == 0 or (pos == c0 and forced != 0):
+            if pos == c0 and ((pos == 0 and (aq & 3) != 0) or forced != 0):
                 at = pos
-            if ps.cmpa[leg] >= pos and ps.cmpa[leg] < at:
-                at = ps.cmpa[leg]
-            if ps.cmpb[leg] >= pos and ps.cmpb[leg] < at:
-                at = ps.cmpb[leg]
-            if prd >= pos and prd < at:
+            if pos <= cmpa and cmpa < at and cmpa <= prd and ((aq >> 4) & 3) != 0:
+                at = cmpa
+            if pos <= cmpb and cmpb < at and cmpb <= prd and ((aq >> 8) & 3) != 0:
+                at = cmpb
+            if pos <= prd and prd < at and (loads or ((aq >> 2) & 3) != 0):
                 at = prd
             if at >= c1:
                 break
-            aq = ps.aq[leg]
             action = np.int64(0)
             if at == 0:
                 action = aq & 3
-            if at == ps.cmpa[leg] and at <= prd and ((aq >> 4) & 3) != 0:
+            if at == cmpa and at <= prd and ((aq >> 4) & 3) != 0:
                 action = (aq >> 4) & 3
-            if at == ps.cmpb[leg] and at <= prd and ((aq >> 8) & 3) != 0:
+            if at == cmpb and at <= prd and ((aq >> 8) & 3) != 0:
                 action = (aq >> 8) & 3
             if at == prd and ((aq >> 2) & 3) != 0:
                 action = (aq >> 2) & 3
@@ -209,7 +225,7 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
                     if not tripped and ps.pending[leg] < at:
                         ps.gate[leg] = _leg_of_band(ps, leg, ps.band[leg], dbctl, low)
                         n = push_edge(ps, n, ps.pending[leg], leg, ps.gate[leg])
-                delay = red if level == 1 else fed
+                delay = _word(regs, base + (pm.dbred if level == 1 else pm.dbfed))
                 if delay == 0:
                     ps.band[leg] = level
                     ps.pending[leg] = NONE
@@ -221,12 +237,12 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
                     ps.gate[leg] = gate
                     n = push_edge(ps, n, at, leg, gate)
             if at == prd:
-                if _loads(cmpctl & 3, False) and not immediate_a:
-                    ps.cmpa[leg] = reg_a
-                if _loads((cmpctl >> 2) & 3, False) and not immediate_b:
-                    ps.cmpb[leg] = reg_b
-                if shadow_aq and _loads(aqctl & 3, False):
-                    ps.aq[leg] = reg_aq
+                if load_a:
+                    ps.cmpa[leg] = _word(regs, base + pm.cmpa)
+                if load_b:
+                    ps.cmpb[leg] = _word(regs, base + pm.cmpb)
+                if load_aq:
+                    ps.aq[leg] = _word(regs, base + pm.aqctla)
             pos = at + 1
 
         if ps.pending[leg] != NONE and ps.pending[leg] < c1:

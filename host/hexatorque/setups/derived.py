@@ -39,6 +39,8 @@ WRITTEN_WITHIN = 0.8
 F_SLOW_HZ = (100.0, 200.0, 500.0, 1000.0)
 #: By this share of rated speed the shaft may run away when the rated load drops.
 RUNAWAY = 0.3
+#: Low pass of the lost leg's residual (HT_LEG_LOSS_FILTER_S).
+LOSS_FILTER_S = 2e-3
 #: Slow periods in 2 pi of the speed loop's corner.
 SLOW_PER_CORNER = 30
 
@@ -163,6 +165,13 @@ def _torque_limit_Nm(k: Known) -> float:
     return max(0.001, min(1.5 * k.rated_Nm, PULL_OUT_SHARE * k.pull_out_Nm, by_current))
 
 
+def _loss_check(k: Known) -> float:
+    step_A = 2 * k.setup["sensors.i_full_A"] / 4096
+    noise_V = k.machine.lxy_H * step_A / LOSS_FILTER_S
+    least_V = max(0.012 * k.vdc_V, 0.3 * k.dead_V, 10 * noise_V)
+    return min(least_V / k["vdc_max_V"], 1.0)
+
+
 def _build_current_A(k: Known) -> float:
     return min(2.5 * k.no_load_A, 0.6 * k["i_trip_A"])
 
@@ -265,6 +274,11 @@ OPEN: dict[str, Rule] = {
         lambda k: min(0.002 * k.setup["sensors.i_full_A"], 10.0),
     ),
     "stuck_trip_A": Rule("4 % of the sensors' range", lambda k: 0.04 * k.setup["sensors.i_full_A"]),
+    "loss_check": Rule(
+        "1.2 % of Vdc, but 30 % of the dead-time voltage at least, and 10 times L_xy/2 ms times a "
+        "step of a 12-bit converter; over vdc_max_V",
+        _loss_check,
+    ),
     "build_current_A": Rule(
         "2.5 times the no-load current, but at most 60 % of i_trip_A", _build_current_A
     ),

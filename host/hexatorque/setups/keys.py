@@ -85,6 +85,10 @@ KEYS: dict[str, dict[str, Key]] = {
         "v_diode_V": _n("threshold voltage of a conducting diode", "V", 0, 10, 0.0),
         "r_switch_ohm": _n("on-resistance of a switch", "ohm", 0, 10, 0.0),
         "r_diode_ohm": _n("on-resistance of a diode", "ohm", 0, 10, 0.0),
+        "arc_V": replace(
+            _n("voltage of the arc in a phase that opens, unless given vdc_V", "V", 10, 1e4),
+            follows="vdc_V",
+        ),
         "e_on_mJ": _n("energy of a switch's turn-on, diode recovery included", "mJ", 0, 1e3, 0.0),
         "e_off_mJ": _n("energy of a switch's turn-off", "mJ", 0, 1e3, 0.0),
         "e_ref_V": _n("voltage at which e_on_mJ and e_off_mJ are stated", "V", 0, 1e4, 0.0),

@@ -26,6 +26,8 @@ from pydantic_core import PydanticCustomError, core_schema
 from typing_extensions import TypedDict
 
 from .. import firmware
+from ..plant.legs import KINDS, MAX_BREAKS
+from ..plant.vsd import PHASES
 from .derived import DEFAULTS
 from .keys import KEYS, LATENCIES, SECTIONS, TAGS, TIMING_OWNS, USER, Key
 from .values import Profile, SetupError, Value, suggest
@@ -193,6 +195,7 @@ CONTROLLER = {
 TIME = Key("number", "", "s", 0, 1e6)
 PAIRS = ": a number or a list of [time_s, value] pairs is needed"
 ENTRIES = ": a list of [time_s, parameter, value] is needed"
+BREAKS = f": a list of at most {MAX_BREAKS} [time_s, phase, kind] is needed"
 
 
 def _steps(unit: str, low: float, high: float, about: str) -> Any:
@@ -239,6 +242,18 @@ def _live(entry: tuple[float, str, Any]) -> tuple[float, str, Any]:
     return entry
 
 
+def _break() -> Any:
+    """A leg that breaks."""
+    return _Annotated[
+        _Tuple[
+            _number(TIME, " time"),
+            _choice(Key("choice", "", choices=PHASES)),
+            _choice(Key("choice", "", choices=KINDS)),
+        ],
+        _said(lambda _: BREAKS),
+    ]
+
+
 def _profile_type() -> Any:
     live = [name for name, row in firmware.parameters().items() if row.live and name in CONTROLLER]
     name = Annotated[str, Field(json_schema_extra={"enum": live})]
@@ -265,6 +280,12 @@ def _profile_type() -> Any:
             _said(lambda _: ENTRIES),
             Field(description="parameters in flight: [[time_s, name, value], ...]"),
         ],
+        "broken": _Annotated[
+            _List[_break()],
+            Field(max_length=MAX_BREAKS),
+            _said(lambda _: BREAKS),
+            Field(description="legs that break: [[time_s, phase, kind], ...]"),
+        ],
         "samples_per_period": Annotated[
             Literal[samples],
             EXACTLY,
@@ -276,8 +297,11 @@ def _profile_type() -> Any:
 
 
 def _profile(given: dict[str, Any]) -> Profile:
-    ordered = sorted(given.get("set", ()), key=lambda entry: entry[0])
-    return Profile(**{**given, "set": tuple(ordered)})
+    ordered = {
+        key: tuple(sorted(given.get(key, ()), key=lambda entry: entry[0]))
+        for key in ("set", "broken")
+    }
+    return Profile(**{**given, **ordered})
 
 
 # -- files -----------------------------------------------------------------------------------

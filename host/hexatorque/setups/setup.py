@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from . import derived, to_parameters
@@ -82,7 +83,11 @@ class Setup:
         return {**values, "leads": tuple(map(int, values["leads"]))}
 
     def summary(self) -> dict[str, dict[str, Any]]:
-        """Plain values, for a recording's metadata."""
+        """Plain values, for a recording's metadata. The dictionaries are the caller's."""
+        return {section: dict(entries) for section, entries in self._summary.items()}
+
+    @cached_property
+    def _summary(self) -> dict[str, dict[str, Any]]:
         plain = {s: {k: self[f"{s}.{k}"] for k in keys} for s, keys in KEYS.items()}
         plain["controller"] = self.controller_values()
         return plain

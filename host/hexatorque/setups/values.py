@@ -33,13 +33,18 @@ class Profile:
     load_Nm: tuple[tuple[float, float], ...] = ()
     vdc_V: tuple[tuple[float, float], ...] = ()
     set: tuple[tuple[float, str, Any], ...] = ()  #: (time, controller parameter, value)
+    broken: tuple[tuple[float, str, str], ...] = ()  #: (time, phase, what breaks)
     samples_per_period: int = 4
 
     @property
     def steps(self) -> dict[str, tuple[tuple[float, Any], ...]]:
         """The steps (time s, value) of each quantity that changes."""
         ordered = {"speed_rpm": self.speed_rpm, "load_Nm": self.load_Nm, "vdc_V": self.vdc_V}
-        return {**ordered, "set": tuple((time_s, value) for time_s, _, value in self.set)}
+        return {
+            **ordered,
+            "set": tuple((time_s, value) for time_s, _, value in self.set),
+            "broken": tuple((time_s, kind) for time_s, _, kind in self.broken),
+        }
 
     def too_late(self) -> list[str]:
         """A line for each quantity with a step at or after the end."""

@@ -28,6 +28,7 @@ KEYS: dict[str, tuple[type | tuple[type, ...], str]] = {
     "metrics": (list, "a list of names"),
     "run": (str, "text"),
     "from_s": ((int, float), "a time in s"),
+    "cycle": (str, "the name of a cycle or a CSV file"),
     "over": (str, "the name of a metric"),
     "vary": (dict, "a table"),
     "default": (dict, "a table"),
@@ -101,6 +102,7 @@ def make(data: Mapping[str, Any]) -> Study:
         data.get("title", ""),
         data.get("over", ""),
         data.get("default", {}),
+        data.get("cycle", ""),
     )
 
 

@@ -2,7 +2,8 @@
 
 `draw`: over two keys a map for each scheme, over one a line for each; where points are drawn at
 random they are dots over the first two keys. `front`: over another figure, with the best
-compromises. `sensitivity`: how much each key matters.
+compromises. `sensitivity`: how much each key matters. `energies`: where the energy of
+a drive cycle goes.
 """
 
 from __future__ import annotations
@@ -13,14 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.metrics import UNITS
 from ..analysis.plots import LABEL, TITLE, new_figure
 from ..analysis.schemes import STYLE
 from ..recording.formats import one_line, replacing
+from ..setups import Setup
+from .cycle import Cycle
 from .errors import StudyError
 from .sensitivity import indices
 from .space import SCHEME, unit_of
 from .table import Results
+from .work import unit
 
 #: More figures than this are not drawn: the picture would have too many panels.
 MOST_FIGURES = 4
@@ -53,7 +56,7 @@ def draw(results: Results, title: str, path: Path) -> Path:
         good = values[np.isfinite(values)]
         span = (good.min(), good.max()) if good.size else (0.0, 1.0)
         for ax, scheme in zip(axes[row], panels):
-            ax.set_title(f"{scheme} {name} [{UNITS[name]}]".strip(), **TITLE)
+            ax.set_title(f"{scheme} {name} [{unit(name)}]".strip(), **TITLE)
             ax.set_xlabel(_label(numeric[0]), **LABEL)
             if len(numeric) == 1:
                 _lines(ax, over[:, 0], values, np.array(schemes))
@@ -85,8 +88,8 @@ def front(results: Results, title: str, over: str, path: Path) -> Path:
             best = _best(x[its], y[its], name in MORE_IS_BETTER)
             style["color"] = dots.get_color()
             ax.plot(x[its][best], y[its][best], ms=4.5, lw=1.4, label=scheme or None, **style)
-        ax.set_xlabel(f"{over} [{UNITS[over]}]", **LABEL)
-        ax.set_title(f"{name} [{UNITS[name]}]", **TITLE)
+        ax.set_xlabel(f"{over} [{unit(over)}]", **LABEL)
+        ax.set_title(f"{name} [{unit(name)}]", **TITLE)
     if any(schemes):
         axes[0, 0].legend(frameon=False, fontsize=8)
     return _save(figure, path)
@@ -126,6 +129,61 @@ def sensitivity(results: Results, title: str, path: Path) -> Path:
     axes[0, 0].invert_yaxis()
     if any(schemes):
         axes[0, -1].legend(frameon=False, fontsize=8)
+    return _save(figure, path)
+
+
+#: Parts of the lost energy, and what is left of it.
+PARTS = {
+    "copper_loss_Wh": ("stator copper", "#0072b2"),
+    "conduction_loss_Wh": ("conduction", "#e69f00"),
+    "switching_loss_Wh": ("switching", "#d55e00"),
+}
+REST = ("rotor and friction", "#999999")
+
+
+def energies(results: Results, title: str, cycle: Cycle, setup: Setup, path: Path) -> Path:
+    """The cycle, and below it where each scheme loses energy. Without the parts, the figures that
+    there are, as bars."""
+    numbers = [int(n) for n in np.flatnonzero(results.done) if n not in results.failures]
+    if not numbers:
+        raise StudyError("no picture: no run has figures")
+    names = [str(results.space.case(n).values.get(SCHEME, "")) for n in numbers]
+    seen = list(dict.fromkeys(names))
+
+    def mean(figure: str) -> np.ndarray:
+        """Of each scheme, over the seeds; 0 if it was not asked for or is not known."""
+        if figure not in results.metrics:
+            return np.zeros(len(seen))
+        values = np.nan_to_num(results.figures[numbers, results.metrics.index(figure)])
+        return np.array([values[[one == name for one in names]].mean() for name in seen])
+
+    shown = [name for name in PARTS if name in results.metrics]
+    if "loss_Wh" not in results.metrics:
+        raise StudyError("no picture: the metric loss_Wh is needed")
+    figure, axes = new_figure(3, 1, 5.4 + 0.3 * len(seen), 8.0)
+    figure.suptitle(title, fontsize=11)
+    speed_rpm, torque_Nm = cycle.over(setup)
+    for ax, values, label in (
+        (axes[0, 0], speed_rpm, "speed [r/min]"),
+        (axes[1, 0], torque_Nm, "torque at the shaft [N m]"),
+    ):
+        ax.plot(cycle.time_s, values, color="#333333", lw=1.2)
+        ax.set_title(f"{cycle.name}: {label}", **TITLE)
+        ax.set_xlabel("time [s]", **LABEL)
+        ax.set_xlim(0, cycle.duration_s)
+    ax, left = axes[2, 0], np.zeros(len(seen))
+    rest = mean("loss_Wh") - sum((mean(name) for name in shown), np.zeros(len(seen)))
+    for values, (label, colour) in [*((mean(name), PARTS[name]) for name in shown), (rest, REST)]:
+        ax.barh(range(len(seen)), values, 0.65, left, color=colour, label=label)
+        left = left + values
+    for k, (total_Wh, percent) in enumerate(zip(left, mean("efficiency_pct"))):
+        said = f" {total_Wh:.3g} Wh" + (f", efficiency {percent:.1f} %" if percent else "")
+        ax.text(total_Wh, k, said, va="center", fontsize=8)
+    ax.set_yticks(range(len(seen)), seen)
+    ax.invert_yaxis()
+    ax.set_xlim(0, 1.35 * left.max())
+    ax.set_xlabel("lost over the cycle [Wh]", **LABEL)
+    ax.legend(frameon=False, fontsize=8, ncols=4, loc="upper center", bbox_to_anchor=(0.5, -0.3))
     return _save(figure, path)
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..setups import Setup, load, parameters
 from . import sensitivity, space, table, work
+from .cycle import read
 from .engine import rows
 from .errors import StudyError
 from .journal import Journal
@@ -48,7 +49,9 @@ class Study:
     scheme, and with every seed of the sensors' noise; kind: "point" measures the steady state at
     the set-up's operating point, "profile" its profile from `from_s` on; over: the picture draws
     the other metrics over this one, with the best compromises; default: key -> a value for what
-    the set-up leaves open.
+    the set-up leaves open; cycle: with kind "cycle", the drive cycle that is followed (`cycle`),
+    whose figures are those of
+    `cycle.UNITS`.
     """
 
     def __init__(
@@ -66,24 +69,28 @@ class Study:
         title: str = "",
         over: str = "",
         default: Mapping[str, Any] | None = None,
+        cycle: str | Path = "",
     ) -> None:
         from .. import firmware
-        from ..analysis.metrics import UNITS
 
         loaded = setup if isinstance(setup, Setup) else load(setup)
         self.setup = space.completed(loaded, default or {})
         self.title = title if title else self.setup.title
-        if metrics is not None and not metrics:
-            raise StudyError(f"no metric is given; known: {', '.join(UNITS)}")
-        self.metrics = tuple(UNITS if metrics is None else metrics)
         self.kind, self.from_s = kind, from_s
         if kind not in work.KINDS:
             raise StudyError(f"run = {kind!r}: choose one of {', '.join(work.KINDS)}")
+        if bool(cycle) != (kind == work.CYCLE):
+            raise StudyError(f"cycle = {cycle!r}: run = {work.CYCLE!r} needs one, nothing else may")
+        self.cycle = read(cycle) if cycle else None
+        known = work.units(kind)
+        if metrics is not None and not metrics:
+            raise StudyError(f"no metric is given; known: {', '.join(known)}")
+        self.metrics = tuple(known if metrics is None else metrics)
         if kind != work.PROFILE and from_s:
             raise StudyError(f"from_s = {from_s:g}: only with run = {work.PROFILE!r}")
         if from_s < 0:
             raise StudyError(f"from_s = {from_s:g}: 0 s or more is needed")
-        check_words(self.metrics, UNITS, "metric")
+        check_words(self.metrics, known, "metric")
         check_words(schemes, firmware.schemes(), "scheme")
         self.over = over
         if over and over not in self.metrics:
@@ -94,6 +101,8 @@ class Study:
                 raise StudyError(f"seeds: {one!r}: allowed range is {SEEDS[0]} .. {SEEDS[1]}")
         points = space.design(design, keys or {}, samples, seed, self.setup)
         self.space = Space(points, tuple(schemes), tuple(seeds))
+        if self.cycle and not points.axes:
+            self.cycle.over(self.setup)  # says what the drive cannot do before anything runs
         self.results = Results(self.space, self.metrics)
 
     def __len__(self) -> int:
@@ -102,11 +111,12 @@ class Study:
     def as_json(self) -> dict[str, Any]:
         """What is studied. Two studies with the same have the same table."""
         points = self.space.design
+        cycle = {"cycle": asdict(self.cycle)} if self.cycle else {}
         setup = {**self.setup.summary(), "controller": parameters(self.setup)}
         return {
             "identity": work.identity(),
             "set-up": {**setup, "profile": asdict(self.setup.profile)},
-            "run": {"run": self.kind, "from_s": self.from_s},
+            "run": {"run": self.kind, "from_s": self.from_s, **cycle},
             "design": {"design": points.kind, "samples": points.points, "seed": points.seed},
             "keys": {axis.path: axis.as_json() for axis in points.axes},
             "schemes": self.space.schemes,
@@ -154,7 +164,13 @@ class Study:
             raise StudyError("give an executor or a scheduler, not both")
         what = self.as_json()
         shared = Work(
-            self.setup, self.metrics, self.kind, float(self.from_s), limit_s, what["identity"]
+            self.setup,
+            self.metrics,
+            self.kind,
+            float(self.from_s),
+            limit_s,
+            what["identity"],
+            self.cycle,
         )
         journal = Journal(Path(folder) / JOURNAL, what, resume) if folder is not None else None
         with journal or nullcontext():
@@ -219,6 +235,8 @@ class Study:
             return maps.sensitivity(self.results, self.title, Path(file))
         if self.over:
             return maps.front(self.results, self.title, self.over, Path(file))
+        if self.cycle and not self.space.design.axes:
+            return maps.energies(self.results, self.title, self.cycle, self.setup, Path(file))
         return maps.draw(self.results, self.title, Path(file))
 
     def _meta(self) -> dict[str, Any]:

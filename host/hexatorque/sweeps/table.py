@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..analysis.metrics import UNITS
 from ..recording.formats import one_line, replacing
 from .errors import StudyError
 from .space import SCHEME, Space, unit_of
-from .work import Row
+from .work import Row, unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,7 +59,7 @@ class Results:
 def units(results: Results) -> dict[str, str]:
     """The columns, with their units."""
     keys = {path: "" if path == SCHEME else unit_of(path) for path in results.space.paths}
-    return {RUN: "", **keys, **{name: UNITS[name] for name in results.metrics}, FAILURE: ""}
+    return {RUN: "", **keys, **{name: unit(name) for name in results.metrics}, FAILURE: ""}
 
 
 def lines(results: Results) -> Iterator[list[Any]]:

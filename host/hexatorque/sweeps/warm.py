@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import sys
 
-from ..drive import comparison  # noqa: F401  (what a run needs)
+from ..analysis import walk  # noqa: F401  (what a run needs)
+from ..drive import comparison  # noqa: F401
 from ..drive.compiling import COMPILING, compile_now, watched
 from . import work  # noqa: F401
 

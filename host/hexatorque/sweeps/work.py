@@ -7,7 +7,7 @@ import math
 import os
 import socket
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -15,16 +15,18 @@ from importlib.metadata import version
 from typing import Any
 
 from .. import __version__
+from ..analysis.metrics import BRIDGE, UNITS, flat, metrics
 from ..build import build
 from ..errors import HexatorqueError
 from ..setups import Setup, SetupError
 from ..setups.values import Profile
+from . import cycle
 from .errors import StudyError
 from .space import Case, changed
 
-#: How a run gets its figures: in steady state at the set-up's operating point, or from the
-#: profile.
-POINT, PROFILE = KINDS = ("point", "profile")
+#: How a run gets its figures: in steady state at the set-up's operating point, from the profile, or
+#: over a drive cycle.
+POINT, PROFILE, CYCLE = KINDS = ("point", "profile", "cycle")
 #: Digits of the figures. The last bits of a Fourier transform depend on where its array lies in
 #: memory.
 DIGITS = 9
@@ -49,6 +51,7 @@ class Work:
     from_s: float
     limit_s: float
     identity: dict[str, str]
+    cycle: cycle.Cycle | None = None
 
 
 @dataclass(frozen=True)
@@ -128,11 +131,25 @@ def time_up(work: Work) -> str:
     return f"not done within the time limit of {work.limit_s:g} s"
 
 
-def _measure(work: Work, setup: Setup, look: Callable[[float], None]) -> tuple[float, ...]:
-    from ..analysis.metrics import flat
+def units(kind: str) -> dict[str, str]:
+    """The figures that a run of this kind may have, with their units."""
+    return cycle.UNITS if kind == CYCLE else UNITS
 
-    measure = _at_point if work.kind == POINT else _along_profile
-    values = flat(measure(work, setup, look))
+
+def unit(name: str) -> str:
+    """The unit of a figure of any kind of run."""
+    return {**units(POINT), **units(CYCLE)}[name]
+
+
+def _measure(work: Work, setup: Setup, look: Callable[[float], None]) -> tuple[float, ...]:
+    values: Mapping[str, float | None]
+    if work.cycle:
+        from .energy import figures
+
+        values = figures(setup, work.cycle, look)
+    else:
+        measure = _at_point if work.kind == POINT else _along_profile
+        values = flat(measure(work, setup, look))
     return tuple(_rounded(values[name]) for name in work.metrics)
 
 
@@ -151,7 +168,6 @@ def _at_point(work: Work, setup: Setup, look: Callable[[float], None]) -> dict:
 
 
 def _along_profile(work: Work, setup: Setup, look: Callable[[float], None]) -> dict:
-    from ..analysis.metrics import BRIDGE, metrics
     from ..drive.operating_points import MOST_EDGES
     from ..drive.simulated import SimulatedDrive
 

@@ -16,6 +16,8 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing import forkserver
+from multiprocessing.context import BaseContext
 from types import ModuleType
 from typing import Any, Protocol
 
@@ -96,12 +98,25 @@ def _begin() -> None:
     threading.Thread(target=follow, daemon=True).start()
 
 
+def load_ahead() -> None:
+    """Start the server from which the workers are forked, if it does not run yet. It loads the
+    simulation, which takes more than a second, while the caller reads and checks its study."""
+    _context()
+    with _bare_start():
+        forkserver.ensure_running()
+
+
+def _context() -> BaseContext:
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([LOADED_ONCE])
+    return context
+
+
 class _Process:
     """One worker: a pool of one process, so that its death concerns one task."""
 
     def __init__(self) -> None:
-        context = multiprocessing.get_context("forkserver")
-        context.set_forkserver_preload([LOADED_ONCE])
+        context = _context()
         self.ready_s: float | None = None
         self._pool = ProcessPoolExecutor(1, context, _begin)
         with _bare_start():

@@ -248,6 +248,7 @@ static void power_up(void)
     p.v[HT_P_encoder_trip_rpm] = 0.0f; /* no machine is connected */
     p.v[HT_P_flux_check] = 0.0f;
     p.v[HT_P_stuck_trip_A] = 0.0f;
+    p.v[HT_P_loss_check] = 0.0f;
     p.v[HT_P_flux_trip_Wb] = 100.0f;
     CHECK(ht_drive_init(&r->drive, &r->port, &p) == HT_OK);
     r->drive.tick = (uint32_t)-80; /* it wraps in the middle of what follows */

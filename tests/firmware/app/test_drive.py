@@ -30,8 +30,8 @@ SETUP = {
     "scheme": "ddr", "field_weakening": "off",
     # These tests load one phase at a time, which no machine could do.
     "i_sum_trip_A": 1000.0,
-    # The flux does not follow the shaft here, and the current does not follow the flux.
-    "encoder_trip_rpm": 0.0, "flux_check": 0.0, "stuck_trip_A": 0.0,
+    # The flux does not follow the shaft here, and the current neither flux nor voltage.
+    "encoder_trip_rpm": 0.0, "flux_check": 0.0, "stuck_trip_A": 0.0, "loss_check": 0.0,
 }  # fmt: skip
 POWERED = ("build", "run")
 
@@ -1368,3 +1368,148 @@ def test_wrong_clock_cannot_be_cleared(bench):
     bench.fast()
     assert bench.state == "fault"
     assert not bench.gates_on
+
+
+# --- without a leg ----------------------------------------------------------------
+
+RIDE = {
+    "scheme": "db-dtfc", "ride_through": "least-loss", "i_rated_A": 5.0, "sigma_ls_H": 0.025,
+    "lxy_H": 0.01,
+}  # fmt: skip
+PHASE_LOST = 0x8000
+
+
+def off(bench):
+    """The legs whose gates are off, a state word."""
+    base, stride = TZFLG[bench.device]
+    return sum(32 >> leg for leg in range(6) if int(bench.words[base + leg * stride]) & OST)
+
+
+def loses(bench, leg):
+    """The next interrupt finds that the leg's upper switch does not conduct."""
+    directions = range(12)
+    found = [lib.ht_leg_loss_of(n) for n in directions]
+    (direction,) = [n for n in directions if found[n].leg == leg and not found[n].lower]
+    bench.drive.control.leg_loss.found = direction + 1
+
+
+@pytest.mark.parametrize("leg", range(6))
+@pytest.mark.parametrize("device", ADC)
+def test_a_lost_leg_alone_is_switched_off(device, leg):
+    bench = Bench(device, **RIDE).run_to("run")
+    bench.fast(20)
+    assert off(bench) == 0
+    loses(bench, leg)
+    bench.fast()
+    assert (bench.state, off(bench), bench.drive.faults) == ("run", 32 >> leg, 0)
+    assert bench.drive.warnings == 32 >> leg | lib.HT_WARNING_NO_UPPER
+    bench.fast(200)
+    bench.slow()
+    assert (bench.state, off(bench)) == ("run", 32 >> leg)
+    assert bench.violations() == 0
+
+
+@pytest.mark.parametrize(("leg", "pair"), ((0, 33), (4, 6), (1, 24)))
+def test_with_the_most_torque_the_leg_90_degrees_away_is_off_as_well(bench, leg, pair):
+    """It would carry no current. But only the lost one is told."""
+    bench = Bench(bench.device, **(RIDE | {"ride_through": "most-torque"})).run_to("run")
+    loses(bench, leg)
+    bench.fast(20)
+    assert (bench.state, off(bench)) == ("run", pair)
+    assert bench.drive.warnings & 63 == 32 >> leg
+
+
+def test_without_ride_through_a_lost_leg_stops(bench):
+    bench = Bench(bench.device, **(RIDE | {"ride_through": "off"})).run_to("run")
+    loses(bench, 2)
+    bench.fast()
+    assert (bench.state, off(bench), bench.drive.faults) == ("fault", 63, PHASE_LOST)
+
+
+def test_a_leg_that_is_lost_in_the_build_up_stops(bench):
+    bench = Bench(bench.device, **RIDE).run_to("build")
+    bench.fast(20)
+    loses(bench, 2)
+    bench.fast()
+    assert (bench.state, off(bench), bench.drive.faults) == ("fault", 63, PHASE_LOST)
+
+
+def test_a_trip_wins_over_going_on(bench):
+    """Both in the same interrupt, or the trip later."""
+    for later in (0, 5):
+        bench = Bench(bench.device, **RIDE).run_to("run")
+        loses(bench, 4)
+        bench.fast(later)
+        bench.amperes[0] = 29.0
+        bench.fast(2)
+        assert (bench.state, off(bench)) == ("fault", 63)
+        bench.amperes[0] = 0.0
+        bench.fast(20)
+        assert off(bench) == 63
+
+
+def test_a_latch_that_a_disturbance_releases_stops(bench):
+    """The gates of the lost leg would be on again."""
+    bench = Bench(bench.device, **RIDE).run_to("run")
+    loses(bench, 3)
+    bench.fast()
+    base, stride = TZFLG[bench.device]
+    bench.words[base + 3 * stride] &= ~np.uint16(OST)
+    bench.fast(6)
+    assert (bench.state, off(bench), bench.drive.faults) == ("fault", 63, EXTERNAL)
+
+
+def test_a_trip_of_another_leg_stops(bench):
+    bench = Bench(bench.device, **RIDE).run_to("run")
+    loses(bench, 3)
+    bench.fast()
+    bench.words[TZFLG[bench.device][0]] |= OST
+    bench.fast(6)
+    assert (bench.state, off(bench), bench.drive.faults) == ("fault", 63, EXTERNAL)
+
+
+def test_one_more_lost_leg_stops(bench):
+    bench = Bench(bench.device, **RIDE).run_to("run")
+    loses(bench, 0)
+    bench.fast(5)
+    loses(bench, 5)
+    bench.fast()
+    assert (bench.state, off(bench), bench.drive.faults) == ("fault", 63, PHASE_LOST)
+    assert bench.drive.warnings == 0x20 | lib.HT_WARNING_NO_UPPER | lib.HT_WARNING_MORE_LOST
+
+
+@pytest.mark.parametrize(("legs", "closed"), ((16, 16), (33, 33), (32 + 8, 32 + 8 + 2)))
+@pytest.mark.parametrize("mode", ("drive", "test"))
+def test_legs_that_are_known_to_be_lost_never_go_on(bench, legs, closed, mode):
+    bench = Bench(bench.device, **(RIDE | {"lost_legs": legs, "start_mode": mode}))
+    bench.controller.start()
+    for _ in range(300):
+        bench.fast()
+        assert off(bench) & closed == closed
+    assert (bench.state, off(bench)) == ("test" if mode == "test" else "run", closed)
+    assert bench.drive.warnings == legs
+    bench.controller.stop()
+    assert off(bench) == 63
+    bench.controller.set("lost_legs", 0)
+    bench.controller.set("start_mode", "drive")
+    bench.run_to("run")
+    assert (off(bench), bench.drive.warnings) == (0, 0)
+
+
+def test_another_start_after_a_loss_uses_all_legs_again(bench):
+    """What was found is told and not kept."""
+    bench = Bench(bench.device, **RIDE).run_to("run")
+    loses(bench, 1)
+    bench.fast(5)
+    bench.controller.stop()
+    bench.run_to("run")
+    assert (off(bench), bench.drive.warnings) == (0, 0)
+
+
+def test_a_scheme_with_a_table_stops_a_drive_without_a_leg(bench):
+    bench = Bench(bench.device, **RIDE).run_to("run")
+    loses(bench, 1)
+    bench.fast()
+    bench.controller.set("scheme", "dtc3")
+    bench.fast()
+    assert (bench.state, off(bench), bench.drive.faults) == ("fault", 63, PHASE_LOST)

@@ -27,6 +27,18 @@ CASES = {
     ),
     "DEAD_TIME": ({"f_isr_Hz": 5e4, "dead_time_us": 15.0}, "dead_time_us = 15 us, f_isr_Hz"),
     "ROTOR": ({"rr_ohm": 1000.0, "lr_H": 0.1}, "rr_ohm = 1000 ohm, lr_H = 0.1 H"),
+    "LOST_LEGS": (
+        {"lost_legs": 48, "scheme": "db-dtfc", "ride_through": "least-loss", "i_rated_A": 5.0},
+        "lost_legs = 48, scheme = db-dtfc: only a scheme without switching table",
+    ),
+    "LOST_RIDE": (
+        {"lost_legs": 32, "scheme": "db-dtfc", "i_rated_A": 5.0},
+        "lost_legs = 32, ride_through = off: a start without legs needs ride_through",
+    ),
+    "RATED": (
+        {"ride_through": "most-torque"},
+        "ride_through = most-torque, i_rated_A = 0 A: to go on without a leg needs the rated",
+    ),
 }
 
 

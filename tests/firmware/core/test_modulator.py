@@ -61,9 +61,14 @@ class Modulator:
         return np.array(legs)
 
     def mean(self):
-        applied, toggles = self.applied, self.toggles
+        applied = self.applied
         return np.array(
-            [applied.mean_pu.alpha, applied.mean_pu.beta, toggles.mean_pu.x, toggles.mean_pu.y]
+            [
+                applied.mean_pu.ab.alpha,
+                applied.mean_pu.ab.beta,
+                applied.mean_pu.xy.x,
+                applied.mean_pu.xy.y,
+            ]
         )
 
 
@@ -360,3 +365,41 @@ def test_volt_seconds_of_modulated_periods(vs, outward, kappa, dead):
             own.append((n + modulator.out.ca[leg] / PERIOD, int(levels[leg, -1])))
     on = [follow_leg(own, np.float32(dead), outward[leg], len(vs)) for leg, own in enumerate(edges)]
     np.testing.assert_allclose(got, (T @ on).T, atol=2e-6)
+
+
+#: Continuous space-vector modulation with 24 sectors: the states of half a carrier period in the
+#: sectors 0..15, 15..30, 30..45 and 45..60 degrees (Eldeeb, dissertation, TU Munich 2019, table
+#: 3.III; a1, the least significant bit, b1, c1, a2, b2, c2), and the zero state that ends it. The
+#: rest follows by turns of 60 degrees. The second and the last but one are the same vector, and
+#: share its time evenly.
+SEQUENCES = (
+    (56, 40, 41, 9, 11, 15, 7),
+    (56, 57, 41, 9, 11, 3, 7),
+    (0, 1, 9, 11, 27, 59, 63),
+    (0, 8, 9, 11, 27, 31, 63),
+)
+#: Bit of each of our legs u1 u2 w1 w2 v1 v2 there.
+BITS = (0, 3, 1, 4, 2, 5)
+
+
+@pytest.mark.parametrize("sector", range(24))
+@pytest.mark.parametrize("size", [0.1, 0.35, 0.55])
+def test_centred_and_turned_is_24_sector_modulation(sector, size):
+    modulator = Modulator(turn=0.0, period=60000)
+    v = polar(size, 15 * sector + 6.0)
+    modulator.step(v)
+    levels = modulator.levels()
+    words = (levels.T << np.array(BITS)).sum(1)
+    starts = np.flatnonzero(np.diff(words, prepend=-1))
+    times = np.diff(np.append(starts, len(words)))
+    found = words[starts]
+    # Turned by 60 degrees, a leg takes over from one of its set, negated.
+    turns, first = divmod(sector, 4)
+    expected = np.array([[word >> bit & 1 for bit in range(6)] for word in SEQUENCES[first]])
+    for _ in range(turns):
+        expected = 1 - expected[:, [1, 2, 0, 4, 5, 3]]
+    expected = (expected << np.arange(6)).sum(1)
+    if found[0] != expected[0]:  # the other half of the carrier's period
+        found, times = found[::-1], times[::-1]
+    assert list(found) == list(expected)
+    assert abs(times[1] - times[-2]) <= 2 and abs(times[0] - times[-1]) <= 2

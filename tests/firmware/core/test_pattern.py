@@ -306,13 +306,13 @@ def test_volt_seconds_are_right_for_any_currents(patterns, currents, dead, first
 
 @given(sequences, six_amperes)
 @settings(max_examples=60, deadline=None)
-def test_x_and_y_are_computed_only_if_requested(patterns, current):
+def test_without_x_and_y_alpha_and_beta_are_the_same(patterns, current):
     dead = ffi.new("ht_dead_time *", {"dead_pu": 0.05, "i_zero_A": 0.05})
     spills = ffi.new("ht_spill[2]")
     for a in applied_sequence(patterns, 0.05, 10000, 0):
         whole = volt_seconds(a, dead, current, current, spills + 0)
         half = volt_seconds(a, dead, current, current, spills + 1, xy=False)
-        assert half == [*whole[:2], 0, 0]
+        assert half[:2] == whole[:2]
 
 
 def test_a_prediction_does_not_change_the_stored_delay():

@@ -39,7 +39,8 @@ def corners(row):
         # Any x-y voltage: the first scheme ignores it, in the modulator it gives way. Then the
         # means of all vectors together are the dodecagon of the large ones.
         return large[0]
-    if row.vectors == lib.HT_VECTORS_VIRTUAL:
+    if row.vectors in (lib.HT_VECTORS_VIRTUAL, lib.HT_VECTORS_CENTRED, lib.HT_VECTORS_TURNED):
+        # What two sets with centred legs reach without x-y voltage is the same polygon.
         ab, xy = large if row.group == lib.HT_L else medium
         three = [[(ab[k - 1], xy[k - 1]), (ab[k], xy[k]), (ab[k - 11], xy[k - 11])]
                  for k in range(12)]  # fmt: skip
@@ -71,13 +72,16 @@ def test_levels_vectors_and_regulators_are_those_of_the_papers():
         "ddr": (virtual, lib.HT_L, 3, True),
         "ddr-ml": (virtual, lib.HT_ML, 3, True),
         "db-dtfc": (lib.HT_VECTORS_MODULATED, lib.HT_L, 0, False),
+        "foc": (lib.HT_VECTORS_CENTRED, lib.HT_L, 0, False),
+        "foc-24": (lib.HT_VECTORS_TURNED, lib.HT_L, 0, False),
     }
 
 
 def test_law_and_what_it_needs():
     needs = {name: lib.ht_law_needs_prediction(row.law) for name, row in ROWS.items()}
-    assert needs == {name: name == "db-dtfc" for name in NAMES}
-    assert {name for name, row in ROWS.items() if row.law != lib.HT_LAW_TABLE} == {"db-dtfc"}
+    laws = {"db-dtfc": lib.HT_LAW_DEADBEAT, "foc": lib.HT_LAW_FOC, "foc-24": lib.HT_LAW_FOC}
+    assert needs == {name: name in laws for name in NAMES}
+    assert {name: row.law for name, row in ROWS.items() if row.law != lib.HT_LAW_TABLE} == laws
 
 
 def test_xy_limit_is_that_of_the_regulated_group():
@@ -85,6 +89,7 @@ def test_xy_limit_is_that_of_the_regulated_group():
     assert limits == {
         "dtc1": 0, "dtc2": 0, "dtc3": 0, "fdr": 0,
         "ddr": lib.ht_tmvcl_pu[lib.HT_L], "ddr-ml": lib.ht_tmvcl_pu[lib.HT_ML], "db-dtfc": 0,
+        "foc": 0, "foc-24": 0,
     }  # fmt: skip
 
 

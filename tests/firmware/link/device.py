@@ -9,7 +9,7 @@ from cobs import cobs
 
 from hexatorque import firmware
 from hexatorque.boards.virtual import BoardController
-from hexatorque.firmware import lib
+from hexatorque.firmware import ALL_LEGS, lib
 
 HELLO, LIST, OPEN, CLOSE, STATUS, GET, WRITE, START, STOP, CLEAR = range(1, 11)
 STREAM, ARM, CAPTURE, READ, TRIGGER, CANCEL, SNAPSHOT, SAVE, FORGET = range(11, 20)
@@ -23,11 +23,14 @@ MARK = 0x89ABCDEF
 MID = 2048
 PARAMETERS = {name: row.id for name, row in firmware.parameters().items()}
 CHANNELS = {name: k for k, (name, _) in enumerate(firmware.channels())}
+#: The first number that no channel has.
+NO_CHANNEL = len(CHANNELS)
 #: No machine is connected, so the checks that need one are off, and the start is short.
 ALONE = {
     "encoder_trip_rpm": 0.0,
     "flux_check": 0.0,
     "stuck_trip_A": 0.0,
+    "loss_check": 0.0,
     "flux_trip_Wb": 100.0,
     "calibration_s": 0.001,
     "build_s": 0.01,
@@ -95,7 +98,7 @@ class Device:
 
     @property
     def gates_off(self) -> bool:
-        return lib.ht_port_tripped(self.controller.port)
+        return lib.ht_port_tripped(self.controller.port, ALL_LEGS)
 
     def channel(self, name: str) -> float:
         return self.controller.channel(name)

@@ -294,7 +294,7 @@ def test_a_write_with_a_bad_value_is_refused_as_a_whole(device, name):
 def test_fractions_of_whole_numbers_are_refused(device):
     """Half a pole pair and half an encoder edge do not exist."""
     whole = {n for n, row in firmware.parameters().items() if row.whole and not row.choices}
-    assert whole == {"pole_pairs", "encoder_counts_rev"}
+    assert whole == {"pole_pairs", "encoder_counts_rev", "lost_legs"}
     for name, good, bad in (
         ("pole_pairs", 3.0, 2.5),
         ("encoder_counts_rev", 1001.0, 1000.5),
@@ -468,11 +468,14 @@ def test_every_client_may_stop(device):
 
 
 def test_the_snapshot_is_that_of_the_drive(device):
-    assert device.done(SNAPSHOT).payload == bytes(78)
+    assert device.done(SNAPSHOT).payload == bytes(80)
     device.run()
     device.sense(3, 4095)
     device.tick(5)
-    tick, state, faults, *rest = struct.unpack("<IHH7HI13f", device.done(SNAPSHOT).payload)
+    device.drive.snapshot.warnings = 0x0110
+    words = struct.unpack("<I3H7HI13f", device.done(SNAPSHOT).payload)
+    tick, state, faults, warnings, *rest = words
+    assert warnings == 0x0110
     kept = device.controller.snapshot
     assert (tick, firmware.STATES[state], firmware.causes(faults)) == (
         kept["tick"],

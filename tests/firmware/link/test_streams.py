@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from device import BUDGET, DONE, FIELD, ID, LENGTH, NO_STREAM, STREAM, Device
+from device import BUDGET, DONE, FIELD, ID, LENGTH, NO_CHANNEL, NO_STREAM, STREAM, Device
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -283,7 +283,7 @@ def test_a_line_that_is_nearly_full(rest):
         (struct.pack("<BBHH", 255, 1, 1, 0), NO_STREAM, None),
         (struct.pack("<BBH33H", 0, 33, 9, *range(33)), FIELD, 1),
         (struct.pack("<BBHH", 0, 1, 0, 0), FIELD, 2),
-        (struct.pack("<BBHHH", 0, 2, 9, 0, 27), ID, 27),
+        (struct.pack("<BBHHH", 0, 2, 9, 0, NO_CHANNEL), ID, NO_CHANNEL),
         (struct.pack("<BBHHH", 0, 2, 9, 65535, 0), ID, 65535),
         (struct.pack("<BBH", 0, 1, 9), LENGTH, None),
         (struct.pack("<BBHHH", 0, 1, 9, 0, 0), LENGTH, None),

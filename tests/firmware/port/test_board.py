@@ -7,7 +7,7 @@ import re
 import pytest
 
 from hexatorque.chips import BOARDS, DEVICES, SOURCES
-from hexatorque.firmware import ffi, lib, parameters
+from hexatorque.firmware import ALL_LEGS, ffi, lib, parameters
 
 CRYSTAL = {"f28335": 30e6, "f28377s": 20e6, "launchxl_f28377s": 10e6}
 SYSCLK = {"f28335": 150e6, "f28377s": 200e6, "launchxl_f28377s": 200e6}
@@ -326,7 +326,7 @@ def test_launchpad_writes_the_same_pattern_elsewhere():
     pattern = [0b101010, [1, 2, 3, 4, 5, 6], [11, 12, 13, 14, 15, 16]]
     for started in (card, pad):
         started.init()
-        lib.ht_port_gates_on(started.port)
+        lib.ht_port_gates_on(started.port, ALL_LEGS)
         lib.ht_port_write(started.port, [pattern])
     offsets = (*range(0x00, 0x12), *range(0x40, 0x54), *range(0x60, 0x70), 0x80, 0x84, 0x93)
     for leg, module in enumerate((2, 6, 7, 8, 9, 10)):

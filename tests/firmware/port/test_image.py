@@ -364,8 +364,8 @@ FAULTS = {
         "    if (d->state_ticks == 0u) {", "a low trip pin is the fault"),
     "gates on refused and not heeded": (
         F28377S, "ht_drive.c",
-        "    return (d->state_ticks == 1u) && !ht_port_gates_on(d->port);",
-        "    return (d->state_ticks == 1u) && !ht_port_gates_on(d->port) && false;",
+        "    return (d->state_ticks == 1u) && !ht_port_gates_on(d->port, used_legs(d));",
+        "    return (d->state_ticks == 1u) && !ht_port_gates_on(d->port, used_legs(d)) && false;",
         "a low trip pin is the fault"),
     "level of another pin": (
         F28377S, "ht_pwm.c", "uint32_t gpio = port->board->trip.gpio;",

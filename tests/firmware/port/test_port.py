@@ -5,7 +5,7 @@ the chip refuses.
 
 import pytest
 
-from hexatorque.firmware import ffi, lib
+from hexatorque.firmware import ALL_LEGS, ffi, lib
 
 #: Register offsets in a PWM module, from the manuals.
 OFFSETS = {
@@ -104,7 +104,7 @@ def test_set_up_image(board, shadow):
 def test_set_up_leaves_the_gates_off(board):
     assert board.init()
     assert all(flag & OST for (flag,) in board.image("TZFLG"))
-    assert lib.ht_port_tripped(board.port)
+    assert lib.ht_port_tripped(board.port, ALL_LEGS)
 
 
 def test_set_up_clocks(board):
@@ -209,7 +209,7 @@ def test_accepts_predicts_init_and_writes_nothing(board):
 @pytest.mark.parametrize(("period", "fits"), ((7, False), (8, True), (65535, True)))
 def test_period_range(board, period, fits):
     assert board.init(period=period) == fits
-    assert lib.ht_port_tripped(board.port)
+    assert lib.ht_port_tripped(board.port, ALL_LEGS)
     if fits:
         assert board.reg("TBPRD", 5) == period - 1
 
@@ -243,21 +243,47 @@ def test_pattern_under_immediate_load(board, start):
 def test_pattern_does_not_touch_the_gates(board):
     board.init()
     board.write(63, CA, CB)
-    assert lib.ht_port_tripped(board.port)
-    lib.ht_port_gates_on(board.port)
+    assert lib.ht_port_tripped(board.port, ALL_LEGS)
+    lib.ht_port_gates_on(board.port, ALL_LEGS)
     board.write(0, CA, CB)
-    assert not lib.ht_port_tripped(board.port)
+    assert not lib.ht_port_tripped(board.port, ALL_LEGS)
 
 
 def test_gates_on_and_off(board):
     board.init()
-    lib.ht_port_gates_on(board.port)
+    lib.ht_port_gates_on(board.port, ALL_LEGS)
     assert board.image("TZFLG") == [(0,)] * 6
-    assert not lib.ht_port_tripped(board.port)
+    assert not lib.ht_port_tripped(board.port, ALL_LEGS)
     for _ in range(2):  # idempotent
         lib.ht_port_gates_off(board.port)
         assert all(flag & OST for (flag,) in board.image("TZFLG"))
-        assert lib.ht_port_tripped(board.port)
+        assert lib.ht_port_tripped(board.port, ALL_LEGS)
+    assert board.rf.violations == 0
+    assert board.rf.eallow == 0
+
+
+@pytest.mark.parametrize("leg", range(6))
+def test_one_leg_off(board, leg):
+    """The others go on. A trip switches all of them off, and a release without this leg leaves it
+    off."""
+    board.init()
+    word = 32 >> leg
+    rest = ALL_LEGS & ~word
+    assert lib.ht_port_gates_on(board.port, ALL_LEGS)
+    for _ in range(2):  # idempotent
+        lib.ht_port_leg_off(board.port, leg)
+        assert [bool(flag & OST) for (flag,) in board.image("TZFLG")] == [
+            n == leg for n in range(6)
+        ]
+        assert lib.ht_port_tripped(board.port, word)
+        assert not lib.ht_port_tripped(board.port, rest)
+    lib.ht_port_gates_off(board.port)
+    assert all(flag & OST for (flag,) in board.image("TZFLG"))
+    assert lib.ht_port_gates_on(board.port, rest)
+    assert [bool(flag & OST) for (flag,) in board.image("TZFLG")] == [n == leg for n in range(6)]
+    lib.ht_port_gates_off(board.port)
+    lib.ht_port_leg_off(board.port, leg)  # nothing that is off goes on
+    assert all(flag & OST for (flag,) in board.image("TZFLG"))
     assert board.rf.violations == 0
     assert board.rf.eallow == 0
 
@@ -265,10 +291,10 @@ def test_gates_on_and_off(board):
 @pytest.mark.parametrize("leg", range(6))
 def test_external_trip_is_seen_on_any_leg(board, leg):
     board.init()
-    assert lib.ht_port_gates_on(board.port)
+    assert lib.ht_port_gates_on(board.port, ALL_LEGS)
     base, stride = BASE[board.device]
     board.rf.word[base + leg * stride + OFFSETS[board.device]["TZFLG"]] = OST
-    assert lib.ht_port_tripped(board.port)
+    assert lib.ht_port_tripped(board.port, ALL_LEGS)
     told = [lib.ht_port_leg_tripped(board.port, n) for n in range(6)]
     assert told == [n == leg for n in range(6)]
 
@@ -280,13 +306,13 @@ def test_gates_stay_off_while_the_trip_pin_is_low(board):
     lib.ht_regfile_pin(board.rf, gpio, 0)
     assert lib.ht_port_trip_pin_low(board.port)
     before = board.rf.accesses
-    assert not lib.ht_port_gates_on(board.port)
+    assert not lib.ht_port_gates_on(board.port, ALL_LEGS)
     assert board.rf.accesses - before == 1  # the look; no latch is written to
     assert all(flag & OST for (flag,) in board.image("TZFLG"))
     lib.ht_regfile_pin(board.rf, gpio, 1)
     assert not lib.ht_port_trip_pin_low(board.port)
     assert all(flag & OST for (flag,) in board.image("TZFLG"))  # latched all the same
-    assert lib.ht_port_gates_on(board.port)
+    assert lib.ht_port_gates_on(board.port, ALL_LEGS)
     assert board.image("TZFLG") == [(0,)] * 6
     lib.ht_regfile_pin(board.rf, gpio, 0)  # by itself, no code involved
     assert all(flag & OST for (flag,) in board.image("TZFLG"))
@@ -306,9 +332,9 @@ def test_levels_of_the_pins_are_read_where_the_manuals_have_them(board):
 @pytest.mark.parametrize("what", ("clock_fails", "emulation_stops"))
 def test_other_causes_that_switch_off(board, what):
     board.init()
-    lib.ht_port_gates_on(board.port)
+    lib.ht_port_gates_on(board.port, ALL_LEGS)
     getattr(lib, f"ht_regfile_{what}")(board.rf)
-    assert lib.ht_port_tripped(board.port) == (board.device == "f28377s")
+    assert lib.ht_port_tripped(board.port, ALL_LEGS) == (board.device == "f28377s")
 
 
 def test_inverting_gate_drivers():
@@ -322,7 +348,7 @@ def test_inverting_gate_drivers():
         lib.ht_port_bind(port, rf, table)
         assert lib.ht_board_start(port)
         assert lib.ht_port_init(port, [[15000, 345, True, 100.0]])
-        assert lib.ht_port_gates_on(port)
+        assert lib.ht_port_gates_on(port, ALL_LEGS)
         board = Board(device)
         board.rf = rf
         assert board.image("DBCTL", "DBRED", "DBFED", "TZCTL") == [(0x0007, 345, 345, 0x0005)] * 6

@@ -133,11 +133,13 @@ def test_call_graph(tmp_path, need):
         " { return f(x) + 2; }\n"
         "__attribute__((noinline)) void d(char *to, const char *from, unsigned n)"
         " { memcpy(to, from, n); }\n"
+        "__attribute__((noinline)) int e(volatile int *x)"
+        " { volatile int big[40]; big[3] = *x; *x = big[3]; return b(x); }\n"
         'int main(void) { volatile int x = 1; char t[9]; d(t, "1234", (unsigned)x);\n'
-        "  return a(&x) + c(b, &x) + t[0]; }\n"
+        "  return a(&x) + c(b, &x) + e(&x) + t[0]; }\n"
         "void _exit(int n) { for (;;) (void)n; }\n"
     )
-    build = ["arm-none-eabi-gcc", "-O1", "-mcpu=cortex-m4", "-mthumb"]
+    build = ["arm-none-eabi-gcc", "-O1", "-foptimize-sibling-calls", "-mcpu=cortex-m4", "-mthumb"]
     tools.run([*build, "-fstack-usage", "-c", source], tmp_path)
     tools.run(
         [*build, "--specs=nano.specs", "-nostartfiles", "small.o", "-o", "small.elf"], tmp_path
@@ -148,6 +150,9 @@ def test_call_graph(tmp_path, need):
     own = {function.name: function.own_bytes for function in graph.values()}
     assert 200 <= own["b"] <= 216
     assert size == own["a"] + own["b"]
+    # e has given its own bytes back when it jumps to b.
+    assert own["e"] >= 160
+    assert stack.deepest(graph, "e") == (own["b"], ["e", "b"])
     assert stack.library_calls(graph, "a") == set()
     assert stack.library_calls(graph, "d") == {"memcpy"}
     assert stack.library_calls(graph, "main") == {"memcpy", "?"}
@@ -172,6 +177,7 @@ def test_command(measured, tmp_path, capsys, monkeypatch):
     for scheme in firmware.schemes():
         row = printed["mps2-an386"][scheme]
         assert 0 < row["mean"] <= row["max"]
-    assert printed["mps2-an386"]["stack_bytes"] <= 400
+    most = budget.limits()["mps2-an386"]["stack_bytes"]
+    assert 0 < printed["mps2-an386"]["stack_bytes"] <= most
     assert main(["evidence", "budget", "--profile", "ddr"]) == 0
     assert "ht_control_step" in capsys.readouterr().out

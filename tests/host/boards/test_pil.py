@@ -44,12 +44,11 @@ def gone(pid: int, within_s: float = 5.0) -> bool:
     return not alive(pid)
 
 
-#: One of these schemes has a law of its own; it is never left out.
-OWN_LAW = "db-dtfc"
-TABLES = [scheme for scheme in firmware.schemes() if scheme != OWN_LAW]
+#: One scheme of each of the other laws is never left out.
+OTHER_LAWS = ["db-dtfc", "foc-24"]
 
 
-@pytest.mark.parametrize("scheme", [OWN_LAW, *part(TABLES, 2)])
+@pytest.mark.parametrize("scheme", [*OTHER_LAWS, *part(firmware.table_schemes(), 2)])
 def test_every_scheme_bit_by_bit(paper_a, scheme, need):
     """Two seconds of start, steps of speed and load, schemes changed in flight, reversal."""
     need("mps2-an386")
@@ -113,7 +112,7 @@ def test_one_bit_of_a_parameter_shows(quick, m4f):
 def test_all_bits_of_16_bit_int(quick, need):
     """2500 closed-loop steps on the ATmega2560, through all schemes."""
     need("atmega2560")
-    changes = tuple((0.12 + 0.02 * n, "scheme", s) for n, s in enumerate(firmware.schemes()))
+    changes = tuple((0.12 + 0.014 * n, "scheme", s) for n, s in enumerate(firmware.schemes()))
     profile = Profile(
         duration_s=0.25, speed_rpm=((0.11, 100.0),), load_Nm=((0.15, 5.0),), set=changes,
         samples_per_period=1,

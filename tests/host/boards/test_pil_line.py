@@ -230,6 +230,7 @@ def test_snapshot_has_the_protocols_layout():
     """docs/protocol.md, SNAPSHOT; and back."""
     s = ffi.new("ht_snapshot *")
     s.tick, s.state, s.faults, s.samples.position = 0x12345, 3, 0x8005, 0xFEDC0007
+    s.warnings = 0x0110
     s.samples.adc[0:7] = range(100, 107)
     measured = getattr(s, "in")
     measured.i_A.p[0:6] = range(11, 17)
@@ -240,9 +241,8 @@ def test_snapshot_has_the_protocols_layout():
     lib.ht_packet_begin(packet)
     lib.ht_snapshot_add(packet, s)
     raw = bytes(packet.octet[0 : packet.n])
-    assert raw == struct.pack(
-        "<IHH7HI13f", 0x12345, 3, 0x8005, *range(100, 107), 0xFEDC0007, *range(11, 24)
-    )
+    words = (0x12345, 3, 0x8005, 0x0110, *range(100, 107), 0xFEDC0007)
+    assert raw == struct.pack("<I3H7HI13f", *words, *range(11, 24))
     assert len(raw) == lib.HT_SNAPSHOT_BYTES
     back = ffi.new("ht_snapshot *")
     lib.ht_snapshot_take(packet.octet, back)

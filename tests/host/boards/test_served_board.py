@@ -8,14 +8,12 @@ import math
 import os
 import signal
 import struct
-import subprocess
-import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 from campaigns import WHOLE
+from forked import Forked
 
 import hexatorque
 from hexatorque import firmware
@@ -54,7 +52,6 @@ STREAMED = ("i_u1_A", "i_w1_A", "i_v1_A", "vdc_V", "psi_alpha_Wb", "torque_Nm", 
 #: The reference comes from the slow interrupt, between two samples.
 CAPTURED = ("state", "i_u1_A", "i_u2_A", "i_w1_A", "i_w2_A", "i_v1_A", "i_v2_A", "psi_alpha_Wb",
             "psi_beta_Wb", "torque_Nm", "torque_ref_Nm", "speed_rpm")  # fmt: skip
-HOST = Path(hexatorque.__file__).parents[1]
 
 #: Starts the drive and says the tick of the board's latest reply until it is killed.
 DOOMED = """
@@ -75,10 +72,7 @@ def own_directory(tmp_path, monkeypatch):
 
 
 def process(*command):
-    return subprocess.Popen(
-        [sys.executable, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": str(HOST)},
-    )  # fmt: skip
+    return Forked(command, pipes=("stdout", "stderr"))
 
 
 def alive(pid):

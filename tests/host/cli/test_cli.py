@@ -253,6 +253,7 @@ def test_schemes_lists_source_and_options(capsys):
     listed = json.loads(capsys.readouterr().out)
     assert tuple(listed["schemes"]) == firmware.schemes()
     assert "controller.table" in listed["options"]
+    assert "virtual vectors" in listed["references"]["vv-mpc"]
     assert main(["setups", "--schemes"]) == 0
     assert "ddr-ml" in capsys.readouterr().out
 

@@ -91,15 +91,18 @@ def test_inductance_of_a_loaded_machine_in_steady_state():
         assert found == pytest.approx(leak + lm, rel=1e-6)
 
 
-def test_inertia_in_spite_of_a_wrong_torque():
-    """Runs of J = 0.02, dry 0.3, viscous 0.002, the torque estimated 0.05 N m too high."""
+@pytest.mark.parametrize("fan", [0.0, 0.0004])
+def test_inertia_in_spite_of_a_wrong_torque(fan):
+    """Runs of J = 0.02, dry 0.3, viscous 0.002, with a fan and without, the torque estimated
+    0.05 N m too high."""
     dt, inertia = 1e-3, 0.02
 
     def run(torque, w0):
         w, speeds = w0, []
         for _ in range(1500):
             speeds.append(w * 30 / np.pi)
-            w += dt / inertia * (torque - 0.3 * np.sign(w if w else torque) - 0.002 * w)
+            losses = 0.3 * np.sign(w if w else torque) + 0.002 * w + fan * w * abs(w)
+            w += dt / inertia * (torque - losses)
         keep = np.array(speeds)
         return np.arange(1500) * dt, keep, np.full(1500, torque + 0.05)
 
@@ -109,14 +112,29 @@ def test_inertia_in_spite_of_a_wrong_torque():
     assert found.inertia_kgm2.value == pytest.approx(inertia, rel=0.005)
     assert found.dry_Nm.value == pytest.approx(0.3, rel=0.02)
     assert found.viscous_Nms.value == pytest.approx(0.002, rel=0.03)
+    assert found.fan_Nms2.value == pytest.approx(fan, rel=0.03)
+    load_Nm = 0.3 + 0.002 * 30 + fan * 30**2
+    assert found.load_Nm(30 * 30 / np.pi) == pytest.approx(load_Nm, rel=0.01)
+
+
+def test_a_load_below_its_uncertainty_is_not_given_as_a_number():
+    nothing = Value(0.0, 0.001)
+    free = running.Mechanics(nothing, Value(9e-8, 0.03), nothing, nothing, 1200.0)
+    w = 1200 * np.pi / 30
+    doubt_Nm = np.sqrt(0.03**2 + (0.001 * w) ** 2 + (0.001 * w * w) ** 2)
+    assert free.doubt_Nm() == pytest.approx(doubt_Nm)
+    assert free.curve() == f"less than can be measured, {doubt_Nm:.2g} N m"
+    loaded = running.Mechanics(nothing, Value(2 * doubt_Nm, 0.03), nothing, nothing, 1200.0)
+    assert "1200 r/min" in loaded.curve()
 
 
 def test_friction_of_a_speed_that_hardly_changes():
     """Dry friction alone slows the shaft by 0.1 %. Readings come in steps of 0.5 rad/s."""
     t = np.arange(0, 30, 0.02)
     w = np.round(2 * (100 - 0.003 * t)) / 2
-    rows = np.column_stack([w, np.zeros_like(t), t, np.cumsum(w) * 0.02])
-    dry, viscous = running.friction(rows)
+    rows = np.column_stack([w, np.zeros_like(t), t, np.cumsum(w) * 0.02, np.cumsum(w * w) * 0.02])
+    dry, viscous, fan = running.friction(rows)
+    assert fan.value == 0
     assert min(dry.value, viscous.value) >= 0
     assert dry.value + 100 * viscous.value == pytest.approx(0.003, abs=0.012)
     assert dry.uncertainty < 0.03 and viscous.uncertainty < 3e-4
@@ -179,9 +197,11 @@ def test_standstill_on_a_machine():
 
 
 @pytest.mark.skipif(not WHOLE, reason="a whole commissioning: HT_WHOLE=1 runs it")
-@pytest.mark.parametrize("name", ["paper-a-feasible", "paper-b"])
-def test_whole_commissioning(name):
-    set_up_of_machine = machine(name, load__kind="friction", machine__viscous_Nms=0.002)
+@pytest.mark.parametrize(("name", "load"), [("paper-a-feasible", "friction"), ("paper-b", "fan")])
+def test_whole_commissioning(name, load):
+    set_up_of_machine = machine(
+        name, load__kind=load, load__at_rpm=1500.0, machine__viscous_Nms=0.002
+    )
     sim = SimulatedDrive(set_up_of_machine)
     sim.load_Nm = 0.2
     found = commission(sim, Limits(8.0, 0.1))
@@ -195,10 +215,12 @@ def test_whole_commissioning(name):
     assert got["lm_H"] == pytest.approx(m.lm_H, rel=0.05)
     assert got["rr_ohm"] == pytest.approx(m.rr_ohm, rel=0.1)
     assert found.mechanics.inertia_kgm2.value == pytest.approx(m.inertia_kgm2, rel=0.05)
-    assert found.mechanics.dry_Nm.value == pytest.approx(0.2, rel=0.1)
+    viscous_Nm = 0.002 * 1500 * np.pi / 30
+    assert found.mechanics.load_Nm(1500) == pytest.approx(0.2 + viscous_Nm, rel=0.1)
     written = parse(set_up(found, sim, "f28377s", "found"), "found")
     assert written["machine.lm_H"] == pytest.approx(m.lm_H, rel=0.05)
     assert written.values["machine"]["rs_ohm"].tag == "measured"
+    assert written["load.kind"] == ("fan" if load == "fan" else "constant")
 
 
 def test_mistakes_of_the_user_are_one_line():
@@ -212,6 +234,20 @@ def test_mistakes_of_the_user_are_one_line():
 
 def test_values_show_their_uncertainty():
     assert f"{Value(1.8234, 0.0031):ohm}" == "1.823 ohm ±0.0031"
+
+
+def test_the_load_of_a_fan_is_measured_and_written():
+    """A fan that takes 1 N m at 500 r/min, on a running drive. Until then, no step needs to have
+    run: the controller knows the machine."""
+    setup = setups.load("paper-a-feasible").changed(load__kind="fan", load__at_rpm=500.0)
+    sim = SimulatedDrive(setup, 2)
+    sim.load_Nm = 1.0
+    found = running.mechanics(sim, Limits(12.0, 0.1))
+    assert found.inertia_kgm2.value == pytest.approx(sim.machine.inertia_kgm2, rel=0.05)
+    assert found.load_Nm(500.0) == pytest.approx(
+        1.0 + sim.machine.viscous_Nms * 500 * np.pi / 30, rel=0.05
+    )
+    assert found.fan_Nms2.value == pytest.approx(1.0 / (500 * np.pi / 30) ** 2, rel=0.05)
 
 
 def test_another_flux_is_no_fault_of_the_flux(monkeypatch):

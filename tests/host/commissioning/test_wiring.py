@@ -6,9 +6,10 @@ from campaigns import part
 
 from hexatorque import setups
 from hexatorque.commissioning import encoder, wiring
-from hexatorque.commissioning.excitation import Excitation, Limits
+from hexatorque.commissioning.excitation import CommissioningError, Excitation, Limits
 from hexatorque.commissioning.regression import Value
 from hexatorque.commissioning.resistance import Resistance
+from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies.commissioning import Watched, miswirings
 from hexatorque.plant.vsd import INVERSE, PHASES, TRANSFORM
 
@@ -135,3 +136,18 @@ def resistance():
     values = tuple(Value(v, 0.0) for v in [1.84] * 6)
     lost = tuple(Value(v, 0.0) for v in [6.3] * 6)
     return Resistance(values, lost, values[0], lost[0], 0.3, np.empty((0, 2)), 250.0)
+
+
+@pytest.mark.parametrize("inertia_kgm2", [0.03, 0.4, 3.0])
+def test_a_heavy_shaft_is_no_wrong_encoder(inertia_kgm2):
+    """A shaft that has not reached the field's speed in the first turns gets as many again. If that
+    is too little, too, the command says so and names no mistake."""
+    sim = SimulatedDrive(SETUP.changed(machine__inertia_kgm2=inertia_kgm2))
+    with Excitation(sim, Limits(LIMIT_A, 0.1), travel_rev=10) as test:
+        if inertia_kgm2 > 1:
+            with pytest.raises(CommissioningError, match=r"still getting faster.*--turns"):
+                encoder.check(test, resistance(), 2.0)
+            return
+        found = encoder.check(test, resistance(), 2.0)
+    assert found.mistakes == ()
+    assert found.ratio == pytest.approx(1, abs=0.1)

@@ -9,8 +9,6 @@ import queue
 import re
 import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -19,10 +17,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from forked import Forked
 
-import hexatorque
-
-HOST = Path(hexatorque.__file__).parents[1]
 #: The virtual board's watchdog waits this long, because many tests may load the computer.
 WATCHDOG_MS = 800
 #: The board's program. Its arguments are the name of its port; a file that holds its time and
@@ -62,14 +58,10 @@ with virtual_board.Terminal() as line:
 """
 
 
-def python(*arguments: object) -> subprocess.Popen:
-    environment = {**os.environ, "PYTHONPATH": str(HOST)}
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        environment.pop(name, None)
-    return subprocess.Popen(
-        [sys.executable, *map(str, arguments)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
-    )  # fmt: skip
+def python(*arguments: object) -> Forked:
+    displays = ("DISPLAY", "WAYLAND_DISPLAY")
+    environment = {name: value for name, value in os.environ.items() if name not in displays}
+    return Forked(arguments, pipes=("stdout", "stderr"), env=environment)
 
 
 @pytest.fixture(scope="session", autouse=True)

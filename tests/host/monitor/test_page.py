@@ -65,6 +65,19 @@ def start(page) -> None:
     page.until(f"{STATE} === 'run'")
 
 
+def tried(act, done) -> bool:
+    """Act until it is done, thrice at most. On a busy computer the board's answer may come too
+    late. Then the page says so, and its user tries again."""
+    for _ in range(3):
+        act()
+        end = time.monotonic() + 6
+        while time.monotonic() < end:
+            if done():
+                return True
+            time.sleep(0.05)
+    return False
+
+
 def inked(page, plot: int) -> int:
     return page.js(INKED % plot)
 
@@ -173,11 +186,15 @@ def test_numbers_as_people_write_them(page, monitor):
     before = monitor.get("/values")[1]["speed_ref_rpm"]
     for text, number in (("250,5", 250.5), ("−12,25", -12.25), ("–3.5", -3.5), (" 1e2 ", 100),
                          ("1,000", 1), (",5", 0.5), ("-0", 0)):  # fmt: skip
-        page.type(QUICK_SPEED, text)
-        page.key("Enter", "Enter", "\r")
-        end = time.monotonic() + 5
-        while monitor.get("/values")[1]["speed_ref_rpm"] != number:
-            assert time.monotonic() < end, text
+
+        def enter(text=text):
+            page.type(QUICK_SPEED, text)
+            page.key("Enter", "Enter", "\r")
+
+        def taken(number=number):
+            return monitor.get("/values")[1]["speed_ref_rpm"] == number
+
+        assert tried(enter, taken), text
         page.until(f"Number(document.querySelector('{QUICK_SPEED}').value) === {number}")
     page.until(f"document.querySelector('{QUICK_SPEED}').value === '0'")  # the board's answer
     tab(page, "parameters")
@@ -226,9 +243,13 @@ def test_the_boards_refusal_is_shown(page):
     tab(page, "parameters")
     page.type(".parameter [aria-label=vdc_min_V]", "399")
     page.type(".parameter [aria-label=vdc_max_V]", "200")
-    page.key("Enter", "Enter", "\r")
-    page.until("document.querySelector('#toasts .bad')")
-    assert "fit together" in page.js("document.querySelector('#toasts .bad').textContent")
+    page.until("document.querySelector('#apply-text').textContent.startsWith('2 changes')")
+    said = "[...document.querySelectorAll('#toasts .bad')].map(e => e.textContent).join()"
+
+    def refused():
+        return page.js(f"({said}).includes('fit together')")
+
+    assert tried(lambda: page.key("Enter", "Enter", "\r"), refused), page.js(said)
     assert "2 changes" in page.js("document.querySelector('#apply-text').textContent")
     page.click("#revert")
 

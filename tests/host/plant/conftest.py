@@ -3,6 +3,8 @@
 enters its equations of motion; `state` translates its fluxes to the plant's state.
 """
 
+from functools import cached_property
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -11,6 +13,7 @@ from hexatorque.plant.machines.induction import Parameters
 
 ANGLE = np.deg2rad([0.0, 30.0, 120.0, 150.0, 240.0, 270.0])
 DELTA = ANGLE[:, None] - ANGLE
+COS_DELTA = np.cos(DELTA)
 #: Phase currents from those of u1, u2, w1, w2: each set's sum is zero.
 FREE = np.vstack([np.eye(4), [[-1, 0, -1, 0], [0, -1, 0, -1]]])
 VSD = np.array([np.cos(ANGLE), np.sin(ANGLE), np.cos(5 * ANGLE), np.sin(5 * ANGLE)]) / 3
@@ -28,9 +31,9 @@ class PhaseModel:
         self.p = p
         self.free = free
         # Diagonal if the x-y plane has the leakage of the alpha-beta plane.
-        leakage = p.lxy_H * np.eye(6) + (p.lls_H - p.lxy_H) / 3 * np.cos(DELTA)
-        self.l_stator = p.lm_H / 3 * np.cos(DELTA) + leakage + np.diag(p.dlls_H)
-        self.l_rotor = p.lm_H / 3 * np.cos(DELTA) + p.llr_H * np.eye(6)
+        leakage = p.lxy_H * np.eye(6) + (p.lls_H - p.lxy_H) / 3 * COS_DELTA
+        self.l_stator = p.lm_H / 3 * COS_DELTA + leakage + np.diag(p.dlls_H)
+        self.l_rotor = p.lm_H / 3 * COS_DELTA + p.llr_H * np.eye(6)
         self.r_stator = p.rs_ohm + np.array(p.drs_ohm)
 
     def mutual(self, theta_e):
@@ -58,12 +61,18 @@ class PhaseModel:
         rotor = turn(theta_e) @ VSD[:2] @ flux[6:]
         return np.concatenate([VSD @ flux[:6], rotor, [omega, theta]])
 
-    def currents(self, y):
-        """The stator currents, and the rotor currents in coils that stand at angle 0."""
+    @cached_property
+    def fluxes_of_currents(self):
+        """Matrix from four stator currents and two of the rotor to the fluxes of a state."""
         columns = [self.state(FREE @ e, np.zeros(6), 0, 0)[:6] for e in np.eye(4)]
         columns += [self.state(np.zeros(6), self.rotor @ e, 0, 0)[:6] for e in np.eye(2)]
-        i = np.linalg.solve(np.array(columns).T, y[:6])
-        return FREE @ i[:4], self.rotor @ i[4:]
+        return np.array(columns).T
+
+    def currents(self, y):
+        """The stator currents, and the rotor currents in coils that stand at angle 0, of a state or
+        of each row of states."""
+        i = np.linalg.solve(self.fluxes_of_currents, y[..., :6].T)
+        return (FREE @ i[:4]).T, (self.rotor @ i[4:]).T
 
     def flux_slopes(self, i_s, i_r, v_leg):
         """The derivatives of the free currents' fluxes and the six rotor fluxes."""

@@ -7,8 +7,8 @@ import numpy as np
 from numba import njit
 
 from hexatorque.plant import gates, inverter, machine, pwm, sensors
+from hexatorque.plant.compiled import source_hash
 from hexatorque.plant.legs import OFF
-from hexatorque.plant.loop import source_hash
 from hexatorque.plant.record import record
 
 KEEP = -1

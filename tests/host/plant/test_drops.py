@@ -187,3 +187,31 @@ def test_set_up_reaches_the_inverter():
     assert SimulatedDrive(setup).inverter.drops == 0
     inv = SimulatedDrive(setup.changed(**{f"inverter__{k}": v for k, v in DROPS.items()})).inverter
     assert inv.drops == 1 and {name: inv[name] for name in DROPS} == DROPS
+
+
+def test_the_threshold_is_whole_from_twenty_times_the_knee_on():
+    """The plant does not compute the tangent there: it is 1 to the last bit, as exp(-40) is less
+    than half of the spacing of numbers below 1."""
+    assert 2 * np.exp(-40.0) < 0.5 * np.spacing(0.5)
+    assert np.tanh(20.0) == 1.0 and np.tanh(-20.0) == -1.0
+
+
+def test_the_knee_grows_with_the_range_of_the_sensors():
+    """Up to 25 A it is 10 mA. It stays below a step of a 12-bit sensor, 2 x range / 4096."""
+    for range_A in (0.0, 20.0, 25.0):
+        assert inverter_record(range_A=range_A, **DROPS).knee_A == 10e-3
+    for range_A in (26.0, 500.0):
+        knee_A = inverter_record(range_A=range_A, **DROPS).knee_A
+        assert 10e-3 < knee_A < 2 * range_A / 4096
+
+
+def test_threshold_fades_over_the_knee(symmetric):
+    """A driven leg with a current of one knee misses tanh(1) of the switch's threshold."""
+    for range_A in (25.0, 500.0):
+        inv, m = inverter_record(range_A=range_A, v_switch_V=1.0), make(symmetric.p)
+        y = np.zeros(8)
+        y[:2] = np.linalg.solve(m.i_phase[:2, :2], [inv.knee_A, 0.0])
+        for leg in range(6):
+            set_leg(inv, m, y, leg, HIGH)
+        advance(inv, m, NO_LOAD, y, 1e-9, VDC, 1)
+        assert VDC - inv.v_leg[0] == pytest.approx(np.tanh(1.0), rel=1e-2)

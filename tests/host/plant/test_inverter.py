@@ -209,6 +209,7 @@ def test_with_all_legs_off_the_currents_fall_to_zero(model):
     taken, lost, link = balance(model, y, states[: last + 1], legs[: last + 1], 2e-6)
     assert link > 0.1 * taken > 0
     assert taken == pytest.approx(lost + link, rel=2e-3)
+    assert not drive.inv.diode.any()
     # From there on only the rotor has current.
     p = model.p
     first, end = states[2500], states[-1]
@@ -220,6 +221,24 @@ def test_with_all_legs_off_the_currents_fall_to_zero(model):
     coasting = np.exp(-p.viscous_Nms / p.inertia_kgm2 * t)
     assert end[6] == pytest.approx(first[6] * coasting, rel=1e-6)
     assert end[7] - first[7] == pytest.approx(t * (first[6] + end[6]) / 2, rel=1e-5)
+
+
+def test_coasting_follows_the_slowing_shaft(model):
+    """Steps as long as the loop takes them, and friction that stops the shaft in 60 ms: the rotor's
+    flux turns with the mean speed of each step. Exact: speed and flux decay exponentially."""
+    p = replace(model.p, viscous_Nms=model.p.inertia_kgm2 / 20e-3)
+    y = model.state(np.zeros(6), 3 * np.cos(ANGLES), 60.0, 0.0)
+    drive = Drive(p, y, legs=[OFF] * 6)
+    states, _ = drive.advance(1e-4, 600)
+    t = 1e-4 * np.arange(1, 601)
+    angle = 60.0 * 20e-3 * (1 - np.exp(-t / 20e-3))
+    decay = np.exp(-p.rr_ohm / (p.llr_H + p.lm_H) * t)
+    flux = complex(*y[4:6]) * decay * np.exp(1j * p.pole_pairs * angle)
+    np.testing.assert_allclose(states[:, 6], 60.0 * np.exp(-t / 20e-3), rtol=2e-5)
+    np.testing.assert_allclose(states[:, 7], angle, rtol=2e-5)
+    error = states[:, 4] + 1j * states[:, 5] - flux
+    assert np.max(np.abs(error)) < 1e-4 * abs(flux[0])
+    assert not drive.inv.diode.any()
 
 
 @pytest.mark.parametrize("emf", [0.5, 0.57, 0.6, 0.8, 1.2])

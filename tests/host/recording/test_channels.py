@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hexatorque.recording.channels import Channels, Held
+from hexatorque.recording.channels import Channels, Held, Product, RowOf
 from hexatorque.recording.recording import Recording, RecordingError
 
 VALUES = np.arange(7.0, dtype=np.float32) ** 2
@@ -19,7 +19,7 @@ WHOLE = np.repeat(VALUES, PER)
     st.integers(0, 30), st.integers(0, 30), st.integers(0, 30), st.integers(0, 30), st.booleans()
 )
 def test_parts_of_parts_are_slices_of_the_repeated_values(a, b, c, d, pickled):
-    held = Held(VALUES, PER, 0, len(WHOLE)).part(a, b).part(c, d)
+    held = Held(0, len(WHOLE), VALUES, PER).part(a, b).part(c, d)
     channels = Channels({"x": held})
     if pickled:
         channels = pickle.loads(pickle.dumps(channels))
@@ -30,7 +30,7 @@ def test_parts_of_parts_are_slices_of_the_repeated_values(a, b, c, d, pickled):
 
 
 def test_a_window_repeats_nothing_and_gives_the_same_samples():
-    rec = Recording(8.0, Channels({"p": WHOLE * 2, "x": Held(VALUES, PER, 0, len(WHOLE))}))
+    rec = Recording(8.0, Channels({"p": WHOLE * 2, "x": Held(0, len(WHOLE), VALUES, PER)}))
     part = rec.window(0.6, 2.0)
     assert len(part) == len(part["x"]) == 11
     assert np.array_equal(part["x"], WHOLE[5:16])
@@ -39,7 +39,7 @@ def test_a_window_repeats_nothing_and_gives_the_same_samples():
 
 
 def test_channels_behave_like_a_dictionary():
-    channels = Channels({"x": Held(VALUES, PER, 0, len(WHOLE))})
+    channels = Channels({"x": Held(0, len(WHOLE), VALUES, PER)})
     channels |= {"y": WHOLE}
     both = {"a": WHOLE} | channels
     assert list(both) == ["a", "x", "y"] and list(channels) == ["x", "y"]
@@ -51,4 +51,21 @@ def test_channels_behave_like_a_dictionary():
 
 def test_a_held_channel_of_another_length_is_refused():
     with pytest.raises(RecordingError, match="different lengths"):
-        Recording(8.0, Channels({"p": WHOLE, "x": Held(VALUES, PER, 0, len(WHOLE) - 1)}))
+        Recording(8.0, Channels({"p": WHOLE, "x": Held(0, len(WHOLE) - 1, VALUES, PER)}))
+
+
+@given(
+    st.integers(0, 30), st.integers(0, 30), st.integers(0, 30), st.integers(0, 30), st.booleans()
+)
+def test_a_row_of_a_product_is_that_row_whatever_part_is_asked_for(a, b, c, d, pickled):
+    weights, values = np.array([[1.0, 2.0], [-3.0, 0.5]]), np.arange(40.0).reshape(20, 2) ** 2
+    product = Product(weights, values)
+    channels = Channels({str(row): RowOf(0, 20, product, row).part(a, b) for row in range(2)})
+    if pickled:
+        channels = pickle.loads(pickle.dumps(channels))
+    channels = channels.part(c, d)
+    for row in range(2):
+        expected = (values @ weights[row])[a:b][c:d]
+        assert len(channels[str(row)]) == len(expected)
+        assert np.allclose(channels[str(row)], expected, rtol=1e-14)
+    assert channels["0"].base is not None  # one product for all rows

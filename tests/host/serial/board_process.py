@@ -3,13 +3,10 @@ machine quickly, so that it can be started again."""
 
 import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
-import hexatorque
+from forked import Forked
 
-HOST = Path(hexatorque.__file__).parents[1]
 #: Paper A's machine, quick to build its flux, braked in proportion to its speed.
 CHANGES = {
     "timing__device": "f28377s",
@@ -36,15 +33,11 @@ class Process:
 
     def __init__(self, link: Path) -> None:
         self.url = str(link)
-        self._process: subprocess.Popen | None = None
+        self._process: Forked | None = None
         self.plug()
 
     def plug(self) -> None:
-        environment = {**os.environ, "PYTHONPATH": str(HOST)}
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", BOARD],
-            stdout=subprocess.PIPE, text=True, env=environment,
-        )  # fmt: skip
+        self._process = Forked(["-c", BOARD])
         port = self._process.stdout.readline().strip()
         assert port.startswith("/dev/pts/")
         os.symlink(port, self.url)

@@ -3,14 +3,12 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
 import tomllib
 
 import numpy as np
 import pytest
-from board_process import HOST
+from forked import Forked
 
 from hexatorque.cli.board.curves import Curves, braille
 from hexatorque.cli.main import main
@@ -30,15 +28,11 @@ def call(board, capsys):
     return run
 
 
-def background(*words: str) -> subprocess.Popen:
-    return subprocess.Popen(
-        [sys.executable, "-m", "hexatorque", "board", *words],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": str(HOST)},
-    )  # fmt: skip
+def background(*words: str) -> Forked:
+    return Forked(["-m", "hexatorque", "board", *words], pipes=("stdout", "stderr"))
 
 
-def line_with(process: subprocess.Popen, word: str) -> None:
+def line_with(process: Forked, word: str) -> None:
     for line in process.stdout:
         if word in line:
             return
@@ -131,7 +125,7 @@ def test_a_start_is_guarded_and_ended_by_a_signal(call, board):
         assert call("set", "speed=80")[0] == 0  # from another process
         assert json.loads(call("status", "--json")[1])["guarded"]
         process.send_signal(number)
-        _, err = process.communicate(timeout=5)
+        _, err = process.communicate(timeout=30)
         assert (process.returncode, err) == (0, "")
         status = json.loads(call("status", "--json")[1])
         assert (status["state"], status["faults"], status["guarded"]) == ("idle", [], False)
@@ -210,7 +204,7 @@ def test_a_name_belongs_to_one_board(tmp_path, capsys):
     again = background("serve", "--setup", "paper-b", "--link", str(name))
     line_with(again, "Ctrl-C")
     again.terminate()
-    again.communicate(timeout=10)
+    again.communicate(timeout=30)
     assert not name.is_symlink()
     name.symlink_to(tmp_path)
     assert main(["board", "serve", "--setup", "paper-b", "--link", str(name)]) == 2
@@ -228,7 +222,7 @@ def test_stop_and_clear_from_elsewhere(call, board):
     line_with(process, "run")
     code, out, _ = call("stop", "--json")
     assert (code, json.loads(out)) == (0, {"state": "idle"})
-    out, _ = process.communicate(timeout=5)
+    out, _ = process.communicate(timeout=30)
     assert process.returncode == 0 and "stopped by somebody else" in out
     code, _, err = call("clear")
     assert code == 1 and "clear: not allowed in state idle" in err
@@ -260,7 +254,7 @@ def test_a_stream_ends_by_a_signal_with_a_whole_file(board, tmp_path):
     line_with(process, "500 Hz")
     time.sleep(1.0)
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=5)
+    _, err = process.communicate(timeout=30)
     assert (process.returncode, err) == (0, "")
     recording = Recording.load(file)
     assert recording.meta["closed"] and len(recording) > 300

@@ -2,13 +2,12 @@
 
 import os
 import signal
-import subprocess
-import sys
 import time
 
 import numpy as np
 import pytest
-from board_process import CHANGES, HOST, LOAD_NM, Process
+from board_process import CHANGES, LOAD_NM, Process
+from forked import Forked
 
 from hexatorque import setups
 from hexatorque.drive.board import BoardDrive
@@ -18,7 +17,7 @@ from hexatorque.recording.recording import Recording
 from hexatorque.serial import LinkError, wire
 from hexatorque.serial.exchange import Busy
 from hexatorque.serial.wire import Op
-from hexatorque.setups import Profile
+from hexatorque.setups import Profile, SetupError
 
 
 @pytest.fixture
@@ -132,6 +131,16 @@ def test_a_profile_asks_the_operator_for_what_a_board_cannot(board):
     assert asked == [("load_Nm", 1.5)]
 
 
+def test_a_board_cannot_break_a_leg(board):
+    profile = Profile(duration_s=0.5, broken=((0.2, "u1", "open"),))
+    with BoardDrive.open(board) as drive:
+        with pytest.raises(LinkError, match=r"^profile: broken: only a simulated drive"):
+            drive.run_profile(profile)
+        assert drive.state == "idle"  # refused before the start
+        with pytest.raises(SetupError, match=r"^break_leg: only a simulated drive"):
+            drive.break_leg("u1", "open")
+
+
 def test_leaving_the_block_stops_the_drive(board):
     with pytest.raises(ZeroDivisionError), BoardDrive.open(board) as drive:
         drive.start()
@@ -153,10 +162,7 @@ time.sleep(60)
 
 
 def starter(url):
-    process = subprocess.Popen(
-        [sys.executable, "-c", STARTER, url], stdout=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": str(HOST)},
-    )  # fmt: skip
+    process = Forked(["-c", STARTER, url])
     assert process.stdout.readline() == "started\n"
     return process
 
@@ -367,11 +373,8 @@ def test_a_port_that_another_program_has(own_board):
 def test_a_capture_is_the_simulations_own_recording(tmp_path):
     """Twelve channels at the rate of the fast interrupt, before and after a step. Each value from
     the line equals the simulation's value."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "hexatorque", "board", "serve", "--link", str(tmp_path / "b"),
-         "--record", str(tmp_path / "own.npz")],
-        stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(HOST)},
-    )  # fmt: skip
+    link, record = tmp_path / "b", tmp_path / "own.npz"
+    process = Forked(["-m", "hexatorque", "board", "serve", "--link", link, "--record", record])
     try:
         process.stdout.readline()
         with BoardDrive.open(str(tmp_path / "b")) as drive:

@@ -5,14 +5,12 @@ import json
 import os
 import signal
 import struct
-import subprocess
-import sys
 import time
 
 import numpy as np
 import pytest
-from board_process import HOST
 from campaigns import examples, part
+from forked import Forked
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -223,11 +221,10 @@ STANDSTILLS += [
 def streaming(board, tmp_path):
     """`hexatorque board stream` in a process of its own."""
     file = tmp_path / "run.csv"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "hexatorque", "board", "stream", "speed_rpm", "vdc_V",
-         "--rate", "500", "--device", board, "-o", str(file), "--json"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": str(HOST)},
+    process = Forked(
+        ["-m", "hexatorque", "board", "stream", "speed_rpm", "vdc_V",
+         "--rate", "500", "--device", board, "-o", file, "--json"],
+        pipes=("stdout", "stderr"),
     )  # fmt: skip
     end = time.monotonic() + 30
     while not file.exists() or file.stat().st_size < 500:
@@ -263,11 +260,7 @@ def test_after_a_stopped_process_ticks_are_the_boards(board, streaming, who, sec
     process, file = streaming
     with BoardDrive.open(board) as drive:
         if who == "guard":
-            guard = subprocess.Popen(
-                [sys.executable, "-m", "hexatorque", "board", "start", "--device", board],
-                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONPATH": str(HOST)},
-            )  # fmt: skip
+            guard = Forked(["-m", "hexatorque", "board", "start", "--device", board], pipes=())
             while drive.state != "run":
                 time.sleep(0.05)
             pid = guard.pid
@@ -296,11 +289,10 @@ def test_after_a_stopped_process_ticks_are_the_boards(board, streaming, who, sec
 
 def test_a_reset_ends_a_file(own_board, tmp_path):
     file = tmp_path / "run.csv"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "hexatorque", "board", "stream", "speed_rpm", "--rate", "500",
-         "--device", own_board.url, "-o", str(file)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": str(HOST)},
+    process = Forked(
+        ["-m", "hexatorque", "board", "stream", "speed_rpm", "--rate", "500",
+         "--device", own_board.url, "-o", file],
+        pipes=("stdout", "stderr"),
     )  # fmt: skip
     try:
         end = time.monotonic() + 30

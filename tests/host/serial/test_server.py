@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from board_process import HOST
+from forked import Forked
 
 from hexatorque.cli.main import main
 from hexatorque.drive.board import BoardDrive
@@ -62,10 +62,7 @@ def test_a_second_that_leaves_does_not_stop_the_firsts_drive(board, first):
 
 @pytest.mark.parametrize("how", ["leaves", "dies", "hangs"])
 def test_a_second_that_started_the_drive_and_is_gone_stops_it(board, first, how):
-    process = subprocess.Popen(
-        [sys.executable, "-c", SECOND, board, how], stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(HOST)},
-    )  # fmt: skip
+    process = Forked(["-c", SECOND, board, how], pipes=("stdin", "stdout"))
     try:
         assert process.stdout.readline() == "True\n"
         assert first.state == "run"
@@ -98,11 +95,7 @@ os.kill(os.getpid(), {"leaves": 0, "dies": signal.SIGKILL, "hangs": signal.SIGST
 @pytest.mark.parametrize("how", ["leaves", "dies"])
 def test_the_second_client_continues_without_the_first(board, how):
     """The port stays open, and no sample is lost."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", FIRST, board],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": str(HOST)},
-    )  # fmt: skip
+    process = Forked(["-c", FIRST, board], pipes=("stdin", "stdout"))
     try:
         assert process.stdout.readline() == "False\n"
         with BoardDrive.open(board) as second, second.stream(["speed_rpm"], rate_Hz=500) as stream:
@@ -208,13 +201,7 @@ def test_the_server_is_named_and_ends_after_its_last_client(board):
 
 
 def test_many_clients_at_once_start_one_server(board):
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-c", SHOW, board], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            text=True, env={**os.environ, "PYTHONPATH": str(HOST)},
-        )
-        for _ in range(4)
-    ]  # fmt: skip
+    processes = [Forked(["-c", SHOW, board], pipes=("stdin", "stdout")) for _ in range(4)]
     pids = {process.stdout.readline() for process in processes}
     for process in processes:
         process.communicate()

@@ -6,15 +6,12 @@ import json
 import os
 import signal
 import struct
-import subprocess
-import sys
 import threading
 import time
 import zlib
 
 import numpy as np
 import pytest
-from board_process import HOST
 from device import (
     ARM,
     CANCEL,
@@ -28,6 +25,7 @@ from device import (
     STORE,
     Device,
 )
+from forked import Forked
 
 from hexatorque import firmware, setups
 from hexatorque.boards.store_file import HEAD, SIZE, FileStore
@@ -251,11 +249,7 @@ class Process:
     """`hexatorque board serve --store FILE`."""
 
     def __init__(self, file):
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "hexatorque", "board", "serve", "--json",
-             "--store", str(file)],
-            stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(HOST)},
-        )  # fmt: skip
+        self._process = Forked(["-m", "hexatorque", "board", "serve", "--json", "--store", file])
         self.said = json.loads(self._process.stdout.readline())
         self.port = self.said["port"]
 

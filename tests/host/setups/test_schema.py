@@ -54,6 +54,7 @@ WRONG = [
     "[profile]\nspeed_rpm = [[1]]",
     "[profile]\nload_Nm = [[0, 2e4]]",
     "[profile]\nset = [[1, 'f_isr_Hz', 5000]]",
+    "[profile]\nbroken = [[0.1, 'u3', 'open']]",
     "[profile]\nsamples_per_period = 3",
     "title = 3",
 ]
@@ -61,7 +62,7 @@ RIGHT = [
     "[machine]\nrs_ohm = { value = 1, note = 'cold' }\npole_pairs = 2.0",
     "[controller]\ntorque_levels = 3\nfield_weakening = true",
     "[profile]\nduration_s = 3\nspeed_rpm = 100\n"
-    "load_Nm = [[1, 2], [2, 3]]\nset = [[1, 'scheme', 'fdr']]",
+    "load_Nm = [[1, 2], [2, 3]]\nset = [[1, 'scheme', 'fdr']]\nbroken = [[2, 'u1', 'open']]",
 ]
 
 

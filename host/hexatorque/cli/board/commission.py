@@ -39,7 +39,8 @@ from .connection import open_drive, until_signal
     metavar="REV",
     type=options.number,
     default=3.0,
-    help="turns of the field in the step encoder; the shaft turns no further",
+    help="turns of the field in the step encoder, twice as many if the inertia is large; the shaft "
+    "turns no further",
 )
 @options.value(
     "--speed",
@@ -53,9 +54,10 @@ from .connection import open_drive, until_signal
 def commission(steps, current, travel, turns, speed, out, device, baud, as_json) -> int:
     """Measure wiring, machine and load, and load the parameters that follow.
 
-    The gates switch. Steps up to `rotor` need a free shaft that may turn a little, the last two a
-    machine without load that runs. Ctrl-C stops it, and so does the board if this command dies.
-    Wrong wiring ends it with a line for each mistake and exit code 1.
+    The gates switch. Steps up to `rotor` need a free shaft that may turn a little, `magnetisation`
+    a machine that runs without load. `mechanics` measures friction and what a fan takes. Ctrl-C
+    stops it, and so does the board if this command dies. Wrong wiring ends it with a line for each
+    mistake and exit code 1.
     """
     from ...commissioning.excitation import Limits
     from ...commissioning.result import set_up

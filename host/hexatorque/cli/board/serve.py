@@ -22,6 +22,7 @@ from ..output import compiling
         "board serve --setup paper-b --load 1 --link /tmp/board",
         "board serve --store bench.store",
         "board serve --fast 5",
+        "board serve --break u1=open@5",
         "board serve --machine mps2-an386",
         note="In another terminal: hexatorque board start --speed 400",
     )
@@ -49,10 +50,19 @@ from ..output import compiling
     metavar="FILE",
     help="the board's memory for `board params keep`: made if missing; default: none",
 )
+@options.value(
+    "--break",
+    "breaks",
+    metavar="PHASE=KIND",
+    type=options.break_given,
+    multiple=True,
+    help="this phase's leg is open, blocked, or its upper or lower switch is dead; u1=open@2.5: "
+    "from 2.5 s on. May be repeated",
+)
 @options.file("--link", metavar="PATH", help="a fixed name for the port")
 @options.file("--record", metavar="FILE", help="the simulation's own recording, at the end")
 @options.as_json
-def serve(setup, load, machine, baud, fast, store, link, record, as_json) -> int:
+def serve(setup, load, machine, baud, fast, store, breaks, link, record, as_json) -> int:
     """A virtual board: firmware and plant behind a serial port.
 
     Runs firmware and plant in one process that serves the serial protocol on a pseudo-terminal,
@@ -73,6 +83,8 @@ def serve(setup, load, machine, baud, fast, store, link, record, as_json) -> int
             signal.signal(sign, lambda *_: ended.append(True))
         if load is not None:
             board.sim.set("load_Nm", load)
+        for phase, kind, after_s in breaks:
+            board.sim.break_leg(phase, kind, after_s)
         file = runtime.announce(line.port, board.title, board.controller.baud)
         try:
             if as_json:

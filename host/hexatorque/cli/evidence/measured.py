@@ -15,7 +15,11 @@ from ..output import compile_now, console_of, print_failure, print_json, progres
 
 
 @click.command(
-    epilog=examples("evidence papers A10 B-T6", "evidence papers all --quick -o out/papers")
+    epilog=examples(
+        "evidence papers A10 B-T6",
+        "evidence papers all --quick -o out/papers",
+        "evidence papers references --rivals 2",
+    )
 )
 @click.argument(
     "ids",
@@ -26,15 +30,24 @@ from ..output import compile_now, console_of, print_failure, print_json, progres
     help=f"all, {', '.join(ENTRIES)}",
 )
 @options.quick
+@click.option(
+    "--rivals",
+    type=click.IntRange(1, 8),
+    default=1,
+    show_default=True,
+    help="REFERENCES: how many times the search's budget the rivals of db-dtfc get, beside a "
+    "comparison with equal budgets",
+)
 @options.folder("out/papers")
 @options.as_json
-def papers(ids, quick, output, as_json) -> int:
+def papers(ids, quick, rivals, output, as_json) -> int:
     """Both papers' figures and tables, beside what the papers print.
 
     Makes figures and tables of the papers again: ID.json, ID.png and recordings of each, and
     index.html with all verdicts. Interrupted, it goes on where it was.
     """
     from ...evidence.papers.engine import page, reproduce
+    from ...parallel import usable_cores
 
     names = reproduce.chosen(ids)
     reproduce.make_folder(output)
@@ -49,7 +62,8 @@ def papers(ids, quick, output, as_json) -> int:
             tasks.append(bar.add_task(f"{name} ({len(tasks) + 1} of {len(names)})", total=None))
             return lambda seconds, task=tasks[-1]: bar.advance(task, seconds)
 
-        outcome = reproduce.reproduce(names, output, quick, begin)
+        jobs = min(usable_cores(), reproduce.MOST_JOBS)
+        outcome = reproduce.reproduce(names, output, quick, begin, jobs, rivals)
     console.print(page.console_table(outcome.figures))
     for name, reason in outcome.failed.items():
         print_failure(console, f"{name}: {reason}")
@@ -119,14 +133,17 @@ def studies(names, quick, output, as_json) -> int:
 
 @click.command(
     epilog=examples(
-        "evidence speed", "evidence speed --counter build/host/tests/c/count_instructions"
+        "evidence speed",
+        "evidence speed --counter build/host/tests/c/count_instructions \\\n"
+        "    --plant build/host/tests/c/libplant.so",
     )
 )
 @options.setup("paper-a-feasible")
 @options.file("--counter", metavar="PROGRAM", help="instruction counter; `make bench` builds it")
+@options.file("--plant", metavar="LIBRARY", help="the plant in plain C; `make bench` builds it")
 @options.as_json
-def speed(setup, counter, as_json) -> int:
-    """Speed of the simulation, instructions of the firmware on this computer."""
+def speed(setup, counter, plant, as_json) -> int:
+    """Speed of the simulation and of studies, instructions of the firmware on this computer."""
     from ... import setups
     from ...evidence.cost import bench
 
@@ -134,7 +151,7 @@ def speed(setup, counter, as_json) -> int:
     with progress(console) as bar:
         task = bar.add_task("measuring", total=None)
         result = bench.bench(
-            setups.load(setup), counter, lambda seconds: bar.advance(task, seconds)
+            setups.load(setup), counter, plant, lambda seconds: bar.advance(task, seconds)
         )
     for table in bench.tables(result):
         console.print(table)

@@ -1,4 +1,4 @@
-"""`hexatorque evidence speed`: speed of the simulation, cost of the firmware.
+"""`hexatorque evidence speed`: speed of the simulation and of studies, cost of the firmware.
 
 Speed is a ratio (simulated seconds per wall second), the cost is counted in host
 instructions of one fast interrupt, drivers and protection included.
@@ -6,19 +6,30 @@ instructions of one fast interrupt, drivers and protection included.
 
 from __future__ import annotations
 
+import contextlib
 import re
 import shutil
 import subprocess
 import tempfile
+import time
+from multiprocessing import forkserver
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ... import firmware
-from ...drive.operating_points import Point, Progress, approach
+from ...drive.operating_points import MOST_EDGES, Point, Progress, approach
 from ...drive.simulated import SimulatedDrive
+from ...parallel import usable_cores
 from ...setups import Setup, SetupError
+from ...sweeps.study import Study
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 SECONDS = 1.0
 REPEATS = 7
+STUDY_RUNS = 24  #: runs a core of the study that is timed
+STUDY_METRICS = ("speed_rpm", "torque_ripple_Nm", "f_sw_Hz")
 TRACE_S = 0.6  #: duration that is replayed for counting, from the drive's start
 
 
@@ -89,21 +100,63 @@ def instructions(
     return result
 
 
-def bench(setup: Setup, counter: Path | None, progress: Progress | None = None) -> dict:
-    """{"setup", "realtime_factor": {scheme: {"loop", "recording"}}, "instructions"}."""
+def limits(setup: Setup, plant: Path, progress: Progress | None = None) -> dict[str, float]:
+    """What the loop could reach with a plant in plain C (`limit.factors`)."""
+    from .limit import factors
+
+    sim = approach(Point(setup, setup["point.speed_rpm"], setup["point.load_Nm"]), progress)
+    capacity = round(SECONDS / sim.period_s) * MOST_EDGES
+    return factors(sim, plant, SECONDS, capacity, REPEATS)
+
+
+def scaling(setup: Setup) -> dict[str, float]:
+    """A study on one core and on all: runs a second from the first row to the last, and the memory
+    that only a worker has, in MB, while it works."""
+    cores = usable_cores()
+    found: dict[str, float] = {"cores": cores}
+    for name, jobs in (("one", 1), ("all", cores)):
+        loads_Nm = [setup["point.load_Nm"] * (1 + 0.001 * k) for k in range(STUDY_RUNS * jobs)]
+        study = Study(setup, {"point.load_Nm": loads_Nm}, STUDY_METRICS)
+        times_s: list[float] = []
+        memory_MB = 0.0
+        for _ in study.rows(jobs=jobs):
+            times_s.append(time.perf_counter())
+            memory_MB = max([memory_MB, *workers_MB()])
+        # The first row of each worker is the start: what loads and what is compiled.
+        found[name] = (len(times_s) - jobs) / (times_s[-1] - times_s[jobs - 1])
+        found["worker_MB"] = memory_MB
+    return found
+
+
+def workers_MB() -> list[float]:
+    """Memory that each worker of a study shares with no other process; Linux only."""
+    server = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
+    sizes = []
+    with contextlib.suppress(OSError):
+        for pid in Path(f"/proc/{server}/task/{server}/children").read_text().split():
+            text = Path(f"/proc/{pid}/smaps_rollup").read_text()
+            sizes.append(sum(map(int, re.findall(r"^Private\w+:\s+(\d+)", text, re.M))) / 1e3)
+    return sizes
+
+
+def bench(
+    setup: Setup, counter: Path | None, plant: Path | None, progress: Progress | None = None
+) -> dict:
+    """{"setup", "realtime_factor": {scheme: {"loop", "recording"}}, "limit": {scheme: factors},
+    "study", "instructions"}; None where a program is not given."""
     if counter is not None and not shutil.which(counter):
         raise SetupError(f"{counter}: no such program; `make bench` builds it")
+    by_scheme = {name: setup.changed(controller__scheme=name) for name in ("ddr", "fdr", "dtc1")}
     return {
         "setup": setup.name,
-        "realtime_factor": {
-            scheme: realtime_factors(setup.changed(controller__scheme=scheme), progress)
-            for scheme in ("ddr", "fdr", "dtc1")
-        },
+        "realtime_factor": {n: realtime_factors(s, progress) for n, s in by_scheme.items()},
+        "limit": {n: limits(s, plant, progress) for n, s in by_scheme.items()} if plant else None,
+        "study": scaling(by_scheme["ddr"]),
         "instructions": instructions(setup, counter, progress) if counter else None,
     }
 
 
-def tables(result: dict) -> list:
+def tables(result: dict) -> list[Table]:
     """The results as tables for the terminal."""
     from rich.table import Table
 
@@ -112,8 +165,12 @@ def tables(result: dict) -> list:
         speed.add_column(heading, justify="left" if heading == "scheme" else "right")
     for scheme, row in result["realtime_factor"].items():
         speed.add_row(scheme, f"{row['loop']:.0f}", f"{row['recording']:.0f}")
+    tables = [speed]
+    if result["limit"]:
+        tables.append(_limit_table(result["limit"]))
+    tables.append(_study_table(result["study"]))
     if not result["instructions"]:
-        return [speed]
+        return tables
     cost = Table(title="host instructions per period", title_justify="left")
     for heading in ("scheme", "step mean", "step max", "step / fdr", "interrupt mean", "max"):
         cost.add_column(heading, justify="left" if heading == "scheme" else "right")
@@ -121,4 +178,32 @@ def tables(result: dict) -> list:
     for scheme, row in result["instructions"].items():
         counts = [str(row[key]) for key in ("step_mean", "step_max", "isr_mean", "isr_max")]
         cost.add_row(scheme, *counts[:2], f"{row['step_mean'] / base:.2f}", *counts[2:])
-    return [speed, cost]
+    return [*tables, cost]
+
+
+def _limit_table(limits: dict[str, dict[str, float]]) -> Table:
+    from rich.table import Table
+
+    title = "the same with the plant in plain C, by processor time: same edges, steps and results"
+    found = Table(title=title, title_justify="left")
+    found.add_column("scheme")
+    for heading in ("loop", "loop, C plant", "ratio", "plant alone", "in C"):
+        found.add_column(heading, justify="right")
+    for scheme, row in limits.items():
+        names = ("loop", "limit", "plant", "plain_c")
+        loop, limit, plant, plain_c = (f"{row[name]:.0f}" for name in names)
+        ratio = f"{row['loop'] / row['limit']:.2f}"
+        found.add_row(scheme, loop, limit, ratio, plant, plain_c)
+    return found
+
+
+def _study_table(row: dict[str, float]) -> Table:
+    from rich.table import Table
+
+    found = Table(title="a study in processes: runs a second", title_justify="left")
+    for heading in ("one core", "all cores", "cores", "share of cores x one", "MB a worker"):
+        found.add_column(heading, justify="right")
+    share = row["all"] / (row["cores"] * row["one"])
+    numbers = (row["one"], row["all"], row["cores"], share, row["worker_MB"])
+    found.add_row(*(f"{value:.{digits}f}" for value, digits in zip(numbers, (1, 1, 0, 2, 0))))
+    return found

@@ -25,6 +25,8 @@ class Function:
     own_bytes: int
     library: bool
     calls: set[int] = field(default_factory=set)  #: addresses of the functions that it calls
+    #: of those that it jumps to as its last act, when it has given its own bytes back
+    jumps: set[int] = field(default_factory=set)
     indirect: bool = False  #: calls through a pointer
 
 
@@ -97,9 +99,15 @@ def call_graph(image: Path, objects: Iterable[Path]) -> Graph:
         if what.startswith("blx") and not target:
             current.indirect = True
         elif what.startswith("b") and target:
-            current.calls.add(int(target[1], 16))
+            # "bl" is also the beginning of conditions: ble, bls, blt.
+            (current.calls if what in ("bl", "blx") else current.jumps).add(int(target[1], 16))
     for address, function in graph.items():
         function.calls = {callee for callee in function.calls if callee in graph} - {address}
+        function.jumps = {place for place in function.jumps if place in graph} - {address}
+        # Part of a function that the compiler has put elsewhere: its bytes are still taken.
+        parts = {place for place in function.jumps if graph[place].name.endswith(".cold")}
+        function.calls |= parts
+        function.jumps -= function.calls
     return graph
 
 
@@ -120,9 +128,13 @@ def deepest(graph: Graph, entry: str) -> tuple[int, list[str]]:
         if function.indirect:
             raise TargetError(f"{function.name} calls through a pointer: no bound for {entry}")
         if place not in known:
-            below = [walk(callee, (*above, place)) for callee in sorted(function.calls)]
-            size, path = max(below, default=(0, []), key=lambda row: row[0])
-            known[place] = function.own_bytes + size, [function.name, *path]
+            own = function.own_bytes
+            paths = [(own, list[str]())]
+            for callee in sorted(function.calls | function.jumps):
+                size, path = walk(callee, (*above, place))
+                paths.append((size + (own if callee in function.calls else 0), path))
+            size, path = max(paths, key=lambda row: row[0])
+            known[place] = size, [function.name, *path]
         return known[place]
 
     return walk(address(graph, entry), ())
@@ -137,6 +149,6 @@ def library_calls(graph: Graph, entry: str) -> set[str]:
         place = todo.pop()
         if place not in seen:
             seen.add(place)
-            todo += graph[place].calls
+            todo += graph[place].calls | graph[place].jumps
     found = {graph[place].name for place in seen if graph[place].library}
     return found | ({"?"} if any(graph[place].indirect for place in seen) else set())

@@ -15,14 +15,17 @@ from typing import NamedTuple
 
 
 class Entry(NamedTuple):
-    """The title of a figure or table, and the function that makes it: `module.function(job)`."""
+    """The title of a figure or table, and the function that makes it: `module.function(job)`.
+    rivals: whether it depends on the budget of the rivals' search."""
 
     title: str
     module: str
     function: str
+    rivals: bool = False
 
 
-#: Identifier -> entry, in the order of the papers. "T" marks tables. FSW is in neither paper.
+#: Identifier -> entry, in the order of the papers. "T" marks tables. FSW and REFERENCES are in
+#: neither paper.
 ENTRIES: dict[str, Entry] = {
     "A1": Entry("Fig. 1 and Table I: voltage vectors in both planes", "both.vectors", "a1"),
     "A-T2": Entry(
@@ -70,4 +73,10 @@ ENTRIES: dict[str, Entry] = {
     "B19": Entry("Fig. 19: switching frequency over load", "paper_b.sweeps", "b19"),
     "B-T6": Entry("Table VI: DTC1, DTC2 and DTC3 compared", "paper_b.table", "b_t6"),
     "FSW": Entry("All schemes at equal switching frequency", "fsw.comparison", "fsw"),
+    "REFERENCES": Entry(
+        "All schemes and what an expert would use instead, on four machines",
+        "references.comparison",
+        "references",
+        rivals=True,
+    ),
 }

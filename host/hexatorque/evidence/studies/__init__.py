@@ -17,5 +17,6 @@ STUDIES = {
     "dynamics": "dynamics",
     "robustness": "robustness",
     "faults": "faults",
+    "lost-phase": "lost_phase",
     "line": "line",
 }

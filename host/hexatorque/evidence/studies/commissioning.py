@@ -30,9 +30,10 @@ from ...plant.vsd import INVERSE, PHASES
 from ...setups import Setup
 from ...setups.design import Design
 from . import machines
+from .grids import Grid, for_terminal
 
 TITLE = "Commissioning: errors of what it finds"
-MACHINES, QUICK = 40, 1
+QUICK = 1
 BUILT_IN = ("paper-a-feasible", "paper-b", "small-2kw", "large-110kw")
 #: Allowed errors, % of the true value: a share of the machines must keep each.
 ALLOWED = {
@@ -261,7 +262,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
         "quick": quick,
         "miswirings": each(wrong, cases),
         "built_in": each(built_in, names),
-        "machines": each(drawn, range(QUICK if quick else MACHINES)),
+        "machines": each(drawn, range(QUICK if quick else machines.MACHINES)),
     }
 
 
@@ -297,8 +298,7 @@ def failures(result: dict) -> list[str]:
     return lines
 
 
-def grid(result: dict) -> list[tuple[str, list[str], list[list[str]]]]:
-    """The tables: title, headings, rows."""
+def grid(result: dict) -> Grid:
     rows = []
     for name in (*ALLOWED, "friction"):
         errors = _errors(result, name)
@@ -349,17 +349,7 @@ def grid(result: dict) -> list[tuple[str, list[str], list[list[str]]]]:
 
 
 def tables(result: dict) -> list:
-    from rich.table import Table
-
-    made = []
-    for title, heads, rows in grid(result):
-        table = Table(title=title, title_justify="left")
-        for heading in heads:
-            table.add_column(heading)
-        for row in rows:
-            table.add_row(*row)
-        made.append(table)
-    return made
+    return for_terminal(grid(result))
 
 
 def plot(result: dict, path: Path) -> Path:

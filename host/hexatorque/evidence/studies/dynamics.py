@@ -20,6 +20,7 @@ from ...drive.operating_points import NOT_MEASURED, Point, Progress, approach, f
 from ...parallel import each
 from ...plant.vsd import PHASES
 from ...recording.recording import Recording
+from .grids import Grid, for_terminal
 from .robustness import VARIANTS, Variant
 
 TITLE = "Dynamics: torque steps, reversal, load step, sag of the dc link"
@@ -112,7 +113,7 @@ def torque_steps(
     return rises(follow(sim, events, len(levels) * APART_S, progress))
 
 
-def _speed(rec: Recording, target: float) -> dict[str, float]:
+def speed_response(rec: Recording, target: float) -> dict[str, float]:
     speed = moving_mean(rec["plant.speed_rpm"], rec.rate_Hz, MEAN_S)
     found = step_response(rec.time_s, speed, STEP_AT_S, target, SETTLED * abs(target))
     return {
@@ -128,7 +129,9 @@ def reversal(
 ) -> dict[str, float]:
     setup = variant.setup(name, load__kind="constant")
     sim = approach(Point(setup, speed, 0.0), progress)
-    return _speed(follow(sim, [(STEP_AT_S, "speed_ref_rpm", -speed)], 2.5, progress), -speed)
+    return speed_response(
+        follow(sim, [(STEP_AT_S, "speed_ref_rpm", -speed)], 2.5, progress), -speed
+    )
 
 
 def load_step(
@@ -136,7 +139,7 @@ def load_step(
 ) -> dict[str, float]:
     setup = variant.setup(name, load__kind="constant")
     sim = approach(Point(setup, speed, 0.0), progress)
-    return _speed(follow(sim, [(STEP_AT_S, "load_Nm", load)], 2.0, progress), speed)
+    return speed_response(follow(sim, [(STEP_AT_S, "load_Nm", load)], 2.0, progress), speed)
 
 
 def sag(
@@ -145,7 +148,7 @@ def sag(
     setup = variant.setup(name, load__kind="constant")
     sim = approach(Point(setup, speed, load), progress)
     events = [(STEP_AT_S, "vdc_V", SAG_SHARE * sim.vdc_V), (STEP_AT_S + SAG_S, "vdc_V", sim.vdc_V)]
-    return _speed(follow(sim, events, 1.5, progress), speed)
+    return speed_response(follow(sim, events, 1.5, progress), speed)
 
 
 TESTS = {"reversal": reversal, "load step": load_step, "sag": sag}
@@ -217,7 +220,7 @@ def _cell(row: dict) -> str:
     return f"{f['deviation_rpm']:.1f} r/min · {f['peak_A']:.1f} A"
 
 
-def grid(result: dict) -> list[tuple[str, list[str], list[list[str]]]]:
+def grid(result: dict) -> Grid:
     """The only table: its name, its heads, and its rows."""
     labels = [v.label for v in VARIANTS]
     lines = [
@@ -228,19 +231,12 @@ def grid(result: dict) -> list[tuple[str, list[str], list[list[str]]]]:
 
 
 def tables(result: dict) -> list:
-    from rich.table import Table
-
     ((_, heads, lines),) = grid(result)
     note = (
         "torque steps: rise up · down · overshoot; reversal: settling · overshoot; "
         "load step and sag: deviation of the speed · largest phase current"
     )
-    table = Table(title=f"{TITLE}\n{note}", title_justify="left")
-    for head in heads:
-        table.add_column(head)
-    for line in lines:
-        table.add_row(*line)
-    return [table]
+    return for_terminal([(f"{TITLE}\n{note}", heads, lines)])
 
 
 def plot(result: dict, path: Path) -> Path:

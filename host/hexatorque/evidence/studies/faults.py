@@ -26,11 +26,12 @@ from ... import firmware, setups
 from ...drive.simulated import SimulatedDrive
 from ...parallel import each
 from ...plant.legs import HIGH, LOW, OFF
+from .grids import Grid, for_terminal
 
 TITLE = "Fault campaign"
 SETUPS = ("paper-a-feasible", "paper-b")
 #: Runs per fault. They are enough for every state, scheme and set-up.
-RUNS = 210
+RUNS = 270
 #: The quick campaign makes each QUICK_STEP-th of these runs. The step divides no number of states,
 #: schemes or set-ups, so that they all occur.
 QUICK_STEP = 13
@@ -523,7 +524,7 @@ def damaged_set(device: str, seed: int) -> Result:
         result.error = "" if values == built_in else "not the built-in parameters"
     if whole and after.parameter_set != "saved":
         result.error = "a whole copy was left, and not taken"
-    if not firmware.lib.ht_port_tripped(after.port):
+    if not firmware.lib.ht_port_tripped(after.port, firmware.ALL_LEGS):
         result.error = "gates on after the start"
     if after.registers.violations and not result.error:
         result.error = "forbidden register access"
@@ -588,7 +589,7 @@ def wrong_clock(device: str, seed: int) -> Result:
             result.error = "a command was accepted"
         if drive.state != lib.HT_STATE_FAULT or not drive.faults & lib.HT_FAULT_CLOCK:
             result.error = "the fault did not stay"
-        if _pwm_pins(board, registers) or not lib.ht_port_tripped(port):
+        if _pwm_pins(board, registers) or not lib.ht_port_tripped(port, firmware.ALL_LEGS):
             result.error = "gates could come on"
     result.cause, result.periods = firmware.FAULTS[lib.HT_FAULT_CLOCK], 1
     if registers.violations and not result.error:
@@ -643,34 +644,32 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
                 "errors": [f"{r.state}, {r.scheme}, {r.setup}: {r.error}" for r in own if r.error],
             }
         )
-    return {"runs": len(results), "rows": rows}
+    return {"quick": quick, "runs": len(results), "rows": rows}
 
 
 def failures(result: dict) -> list[str]:
     return [f"{row['fault']}: {error}" for row in result["rows"] for error in row["errors"]]
 
 
-def tables(result: dict) -> list:
-    from rich.table import Table
-
-    table = Table(
-        title=f"{TITLE}: {result['runs']} runs\n"
-        "periods from injection to gates off, median / longest",
-        title_justify="left",
-    )
-    for heading in ("fault", "must be found in", "named"):
-        table.add_column(heading, min_width=13)
-    table.add_column("periods", justify="right", no_wrap=True)
-    table.add_column("failures\n/ runs", justify="right", no_wrap=True)
-    for row in result["rows"]:
-        table.add_row(
+def grid(result: dict) -> Grid:
+    heads = ["fault", "must be found in", "named", "periods", "failures / runs"]
+    rows = [
+        [
             row["fault"],
             ", ".join(row["found_in"]),
             "; ".join(row["causes"]),
             f"{row['periods_median']:g} / {row['periods_max']}",
             f"{len(row['errors'])} / {row['runs']}",
-        )
-    return [table]
+        ]
+        for row in result["rows"]
+    ]
+    title = f"{result['runs']} runs; periods from injection to gates off, median / longest"
+    return [(title, heads, rows)]
+
+
+def tables(result: dict) -> list:
+    ((title, heads, rows),) = grid(result)
+    return for_terminal([(f"{TITLE}: {title}", heads, rows)])
 
 
 def plot(result: dict, path: Path) -> Path:

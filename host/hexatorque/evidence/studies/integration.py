@@ -21,7 +21,8 @@ from ...analysis.plots import TITLE as HEADING
 from ...analysis.schemes import STYLE
 from ...drive.operating_points import Point, Progress, approach
 from ...drive.simulated import SimulatedDrive, _load
-from ...plant.loop import MAX_STEP_S, follow, source_hash
+from ...plant.compiled import source_hash
+from ...plant.loop import MAX_STEP_S, follow
 from ...plant.pwm import pwm_record
 from ...setups import load
 

@@ -24,6 +24,7 @@ from ...setups import Setup, SetupError, new
 from ...setups.keys import TIMING_OWNS
 from ...setups.nameplate import FRICTION, IRON, PULL_OUT, Assumed, Circuit, Nameplate, circuit_of
 from ...setups.review import review
+from .grids import Grid, for_terminal
 
 TITLE = "Machines of all sizes: from the nameplate to rated torque and back"
 MACHINES, QUICK = 200, 6
@@ -131,7 +132,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
             "schemes": {name: _tried(setup, name) for name in dict.fromkeys(chosen)},
         }
 
-    return {"machines": each(one, range(QUICK if quick else MACHINES))}
+    return {"quick": quick, "machines": each(one, range(QUICK if quick else MACHINES))}
 
 
 def _outcomes(result: dict, scheme: str) -> list[dict]:
@@ -152,23 +153,21 @@ def failures(result: dict) -> list[str]:
     return lines
 
 
-def tables(result: dict) -> list:
-    from rich.table import Table
-
-    table = Table(title=TITLE, title_justify="left")
-    headings = ("scheme", "machines", "check allows", "of these pass", "of the others pass")
-    for heading in headings:
-        table.add_column(heading, justify="left" if heading == "scheme" else "right")
+def grid(result: dict) -> Grid:
+    rows = []
     for scheme in firmware.schemes():
         found = _outcomes(result, scheme)
         allowed = [f for f in found if f["allowed"]]
         others = [f for f in found if not f["allowed"]]
-        table.add_row(
-            scheme,
-            *(str(n) for n in (len(found), len(allowed))),
-            *(str(sum(f["passed"] for f in group)) for group in (allowed, others)),
-        )
-    return [table]
+        numbers = [sum(f["passed"] for f in group) for group in (allowed, others)]
+        rows.append([scheme, *map(str, (len(found), len(allowed), *numbers))])
+    heads = ["scheme", "machines", "`check` allows", "of these pass", "of the others pass"]
+    return [("", heads, rows)]
+
+
+def tables(result: dict) -> list:
+    ((_, heads, rows),) = grid(result)
+    return for_terminal([(TITLE, [head.replace("`", "") for head in heads], rows)])
 
 
 def plot(result: dict, path: Path) -> Path:
@@ -177,13 +176,14 @@ def plot(result: dict, path: Path) -> Path:
     from ...analysis import plots
 
     schemes = firmware.schemes()
-    figure, axes = plots.new_figure(1, len(schemes), 3.6, 14.0, sharey=True)
+    columns = -(-len(schemes) // 2)
+    figure, axes = plots.new_figure(2, columns, 6.4, sharex=True, sharey=True)
     kinds = {
         "passed": ("o", plots.COLOUR["i_u1"]),
         "check says no": ("_", plots.COLOUR["i_x"]),
         "failed": ("x", plots.COLOUR["torque"]),
     }
-    for axis, scheme in zip(axes[0], schemes):
+    for axis, scheme in zip(axes.flat, schemes):
         points: dict[str, list] = {kind: [] for kind in kinds}
         for m in result["machines"]:
             if f := m["schemes"].get(scheme):
@@ -194,7 +194,12 @@ def plot(result: dict, path: Path) -> Path:
             axis.plot(powers, sigmas, marker, ms=4, color=colour, label=kind)
         axis.set_xscale("log")
         axis.set_title(scheme, **plots.TITLE)
+    for axis in axes.flat[len(schemes) - columns : len(schemes)]:
         axis.set_xlabel("rated power [kW]", **plots.LABEL)
-    axes[0][0].set_ylabel("leakage factor σ", **plots.LABEL)
-    axes[0][-1].legend(**plots.LEGEND)
+        axis.tick_params(labelbottom=True)
+    for axis in axes[:, 0]:
+        axis.set_ylabel("leakage factor σ", **plots.LABEL)
+    axes[0, -1].legend(**plots.LEGEND)
+    for axis in axes.flat[len(schemes) :]:
+        axis.set_visible(False)
     return plots.save(figure, path)

@@ -22,6 +22,7 @@ from ...drive.operating_points import (
 )
 from ...drive.prepare import other_dead_time
 from ...parallel import each
+from .grids import Grid, for_terminal
 
 TITLE = "Robustness: errors of parameters, sensors and inverter"
 POINTS = (
@@ -199,7 +200,7 @@ def _cell(row: dict) -> str:
     return f"{td:.3f} · {thd:.2g} · {delta:.0f}"
 
 
-def grid(result: dict) -> list[tuple[str, list[str], list[list[str]]]]:
+def grid(result: dict) -> Grid:
     """For each point: its name, the table's heads, and its rows."""
     tables = []
     for point, by_error in _by_point(result).items():
@@ -215,17 +216,9 @@ UNITS = "Td [N m] · THD∞ [%] · ΔI [mA]"
 
 
 def tables(result: dict) -> list:
-    from rich.table import Table
-
-    made = []
-    for name, heads, lines in grid(result):
-        table = Table(title=f"{TITLE}\n{name}: {UNITS}", title_justify="left")
-        for head in heads:
-            table.add_column(head)
-        for line in lines:
-            table.add_row(*line)
-        made.append(table)
-    return made
+    return for_terminal(
+        [(f"{TITLE}\n{name}: {UNITS}", heads, lines) for name, heads, lines in grid(result)]
+    )
 
 
 def plot(result: dict, path: Path) -> Path:

@@ -209,8 +209,8 @@ function wordsOf(name) {
 }
 
 function wordFor(name, value) {
-  if (name === "faults") {
-    return device.faults.filter((fault) => value & fault.bit).map((fault) => fault.name).join(", ") || "none";
+  if (name === "faults" || name === "warnings") {
+    return device[name].filter((row) => value & row.bit).map((row) => row.name).join(", ") || "none";
   }
   return wordsOf(name)?.[value] ?? null;
 }
@@ -806,6 +806,7 @@ async function fetchSnapshot(version) {
     if (["tick", "state", "faults"].includes(name)) continue;
     if (name === "i_A") value.forEach((one, i) => row(`i_${phases[i]}`, show(one), "A"));
     else if (name === "psi_Wb") value.forEach((one, i) => row(`psi_${["alpha", "beta"][i]}`, show(one), "Wb"));
+    else if (name === "warnings") row(name, value.join(", ") || "none", "");
     else if (Array.isArray(value)) row(name.replace("_counts", ""), value.join(" "), "counts");
     else row(name, show(value), unit(name));
   }

@@ -227,6 +227,15 @@ def coast(m, load, y, dt, most_V):
     induced = psi_r * np.sqrt((ratio * w) ** 2 + (m.lm_over_lr * rate) ** 2)
     if 1.7321 * induced > most_V:
         return False
+    # Heun's rule suffices for coasting: the speed hardly changes within a step.
+    k0 = -(m.viscous * y[6] + load_torque(load, y[6])) / m.inertia
+    end = y[6] + dt * k0
+    k1 = -(m.viscous * end + load_torque(load, end)) / m.inertia
+    end = y[6] + 0.5 * dt * (k0 + k1)
+    mean = 0.5 * (y[6] + end)
+    y[7] += dt * mean
+    y[6] = end
+    w = m.pole_pairs * mean
     # Exponential with the rate at mid-step: exact while the rate is constant.
     ratio, rate = open_rotor(m, psi_r * np.exp(-0.5 * rate * dt))
     decay = np.exp(-rate * dt)
@@ -240,11 +249,4 @@ def coast(m, load, y, dt, most_V):
     y[1] = ratio * y[5]
     y[2] = 0.0
     y[3] = 0.0
-    # Heun's rule suffices for coasting: the speed hardly changes within a step.
-    k0 = -(m.viscous * y[6] + load_torque(load, y[6])) / m.inertia
-    end = y[6] + dt * k0
-    k1 = -(m.viscous * end + load_torque(load, end)) / m.inertia
-    end = y[6] + 0.5 * dt * (k0 + k1)
-    y[7] += 0.5 * dt * (y[6] + end)
-    y[6] = end
     return True

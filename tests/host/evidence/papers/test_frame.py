@@ -187,6 +187,18 @@ def test_a_programming_error_is_not_hidden(entry, tmp_path, monkeypatch):
         reproduce.reproduce(["A1"], tmp_path)
 
 
+def test_figures_made_in_processes_are_the_same(tmp_path):
+    """Three figures without a drive, in two processes and in this one."""
+    names = ["A1", "A2", "B-T1"]
+    begun = []
+    for folder in ("a", "b"):
+        reproduce.make_folder(tmp_path / folder)
+    outcome = reproduce.reproduce(names, tmp_path / "b", True, begun.append, jobs=2)
+    assert outcome.figures == reproduce.reproduce(names, tmp_path / "a", True).figures
+    assert list(outcome.figures) == sorted(begun) == names and not outcome.failed
+    assert all((tmp_path / "b" / f"{name}.png").exists() for name in names)
+
+
 def test_figures_are_chosen_in_the_papers_order():
     assert reproduce.chosen(["b-t6", "a5", "A5"]) == ["A5", "B-T6"]
     assert reproduce.chosen(["A5", "all"]) == list(ENTRIES)

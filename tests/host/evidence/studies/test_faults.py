@@ -1,4 +1,4 @@
-"""The fault campaign: 3240 runs, a part of them without HT_WHOLE. Its own checks are tested too."""
+"""The fault campaign: 3888 runs, a part of them without HT_WHOLE. Its own checks are tested too."""
 
 import itertools
 from types import SimpleNamespace

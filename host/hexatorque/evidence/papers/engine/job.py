@@ -22,12 +22,16 @@ B = TypeVar("B")
 
 class Job:
     """quick: fewer points and shorter windows; folder: measured points are kept there, so that an
-    interrupted sweep can continue; progress: called with simulated seconds."""
+    interrupted sweep can continue; progress: called with simulated seconds; rivals: how many times
+    the budget of a search our scheme's rivals get."""
 
-    def __init__(self, quick: bool, folder: Path, progress: Progress | None = None) -> None:
+    def __init__(
+        self, quick: bool, folder: Path, progress: Progress | None = None, rivals: int = 1
+    ) -> None:
         self.quick = quick
         self.folder = folder
         self.progress = progress
+        self.rivals = rivals
 
     def each(self, function: Callable[[A], B], items: Iterable[A]) -> list[B]:
         """`function` of every item, in order, in parallel on all cores."""

@@ -17,7 +17,7 @@ from numba import types
 
 from .... import setups
 from ....drive.simulated import EntryPoint, SimulatedDrive
-from ....firmware import CData, ffi, lib
+from ....firmware import ALL_LEGS, CData, ffi, lib
 from ....plant.vsd import INVERSE, PHASES
 from ....recording.recording import Recording
 
@@ -82,7 +82,7 @@ class _Bench(SimulatedDrive):
         addresses = (int(ffi.cast("uintptr_t", isr)) for isr in self._isr)
         entries = (EntryPoint(address, types.uint64) for address in addresses)
         self._entries = (*entries, self._entries[-1])
-        lib.ht_port_gates_on(port)
+        lib.ht_port_gates_on(port, ALL_LEGS)
         m, words = self.controller.map, self.controller.register_words()
         # An ideal inverter without dead time. This bypasses the driver's checks.
         for leg in range(6):

@@ -14,11 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from .... import firmware, laws
 from ....analysis.losses import Edges, bridge, copper_loss_W
 from ....analysis.metrics import i_xy_A, torque_ripple_td_Nm
 from ....analysis.spectrum import channel, fundamental_Hz, thd_inf_pct
 from ....drive.operating_points import MOST_EDGES, NOT_MEASURED, Progress
 from ....drive.simulated import SimulatedDrive
+from ....laws.law import Law
 from ....plant.vsd import PHASES
 from ....recording.recording import Recording
 from ....setups import Setup
@@ -43,7 +45,9 @@ DEVICE = {"v_switch_V": 1.0, "r_switch_ohm": 0.025, "v_diode_V": 0.9, "r_diode_o
 ENERGIES = {"e_on_mJ": 0.6, "e_off_mJ": 0.6, "e_ref_V": 300.0, "e_ref_A": 20.0}
 
 
-def bench_setup(setup: Setup, scheme: str, values: dict[str, Any]) -> Setup:
+def bench_setup(
+    setup: Setup, scheme: str, values: dict[str, Any], build_s: float = BUILD_S
+) -> Setup:
     """The set-up on the bench, with a setting of the controller. All schemes predict."""
     controller = {f"controller__{name}": value for name, value in values.items()}
     energies = {f"inverter__{name}": value for name, value in ENERGIES.items()}
@@ -52,7 +56,7 @@ def bench_setup(setup: Setup, scheme: str, values: dict[str, Any]) -> Setup:
         timing__latency="predicted",
         controller__control_mode="torque",
         controller__calibration_s=CALIBRATION_S,
-        controller__build_s=BUILD_S,
+        controller__build_s=build_s,
         machine__inertia_kgm2=INERTIA_KGM2,
         machine__viscous_Nms=0.0,
         load__kind="constant",
@@ -61,12 +65,15 @@ def bench_setup(setup: Setup, scheme: str, values: dict[str, Any]) -> Setup:
     )
 
 
-def approach(setup: Setup, place: Place, progress: Progress | None = None) -> SimulatedDrive:
-    """A drive in steady state at the point. Raises DriveFault."""
-    sim = SimulatedDrive(setup, SAMPLES)
+def approach(
+    setup: Setup, place: Place, progress: Progress | None = None, law: Law | None = None
+) -> SimulatedDrive:
+    """A drive in steady state at the point, under a law in place of the scheme if one is given.
+    Raises DriveFault."""
+    sim = SimulatedDrive(setup, SAMPLES, laws.controller_of(law) if law else firmware.Controller)
     speed_rad_s = place.speed_rpm * math.pi / 30
     sim.start()
-    sim.run(CALIBRATION_S + BUILD_S + 0.01, record=False, progress=progress)
+    sim.run(CALIBRATION_S + setup.parameter("build_s") + 0.01, record=False, progress=progress)
     sim.check()
     torque_Nm = math.copysign(1.0, place.speed_rpm) * place.torque_Nm
     reference_Nm = torque_Nm
@@ -88,12 +95,14 @@ def approach(setup: Setup, place: Place, progress: Progress | None = None) -> Si
     return sim
 
 
-def figures(rec: Recording, edges: Edges) -> dict[str, float]:
-    """What is compared. loss_W: stator copper, conduction and switching."""
+def figures(rec: Recording, edges: Edges, modules: int = 1) -> dict[str, float]:
+    """What is compared. loss_W: stator copper, conduction and switching. modules: of DEVICE in
+    parallel, for the currents of a large machine; the switching losses are the same."""
     phases_A = np.stack([channel(rec, f"i_{phase}_A") for phase in PHASES])
     i_x, i_y = i_xy_A(rec)
     parameters = rec.meta["parameters"]
-    with_device = {**parameters, "inverter": parameters["inverter"] | DEVICE}
+    shared = {name: DEVICE[name] / modules for name in ("r_switch_ohm", "r_diode_ohm")}
+    with_device = {**parameters, "inverter": parameters["inverter"] | DEVICE | shared}
     lost = bridge(replace(rec, meta={**rec.meta, "parameters": with_device}), edges)
     copper_W = copper_loss_W(rec)
     return {
@@ -118,11 +127,17 @@ def measure(
     place: Place,
     progress: Progress | None = None,
     window_s: float = WINDOW_S,
+    law: Law | None = None,
+    build_s: float = BUILD_S,
+    flux_share: float = FLUX_SHARE,
+    modules: int = 1,
 ) -> dict[str, float] | None:
-    """The figures of one setting. None if the drive does not hold the point, or trips."""
-    setup = bench_setup(base, scheme, values)
+    """The figures of one setting, of the scheme or of a law in its place. None if the drive does
+    not hold the point, or trips. build_s: time for the flux; a large machine needs more.
+    flux_share: largest deviation of the mean flux. modules: see `figures`."""
+    setup = bench_setup(base, scheme, values, build_s)
     try:
-        sim = approach(setup, place, progress)
+        sim = approach(setup, place, progress, law)
         omega_rad_s = abs(sim.controller.channel("omega_sync_rad_s"))
         cycle_s = 2 * math.pi / max(omega_rad_s, 1.0)
         cycles = max(CYCLES, math.ceil(window_s / cycle_s))
@@ -130,7 +145,7 @@ def measure(
         start, begin = sim.inverter.leg.copy(), sim.periods
         sim.run((cycles + 0.02) * cycle_s, progress=progress)
         sim.check()
-        found = figures(sim.take(), sim.edges_since(begin, start))
+        found = figures(sim.take(), sim.edges_since(begin, start), modules)
     except NOT_MEASURED:
         return None
     flux_ref_Wb = sim.controller.channel("flux_ref_Wb")
@@ -139,7 +154,7 @@ def measure(
     wanted_Nm = math.copysign(1.0, place.speed_rpm) * place.torque_Nm
     if abs(found["torque_Nm"] - wanted_Nm) > allowed_Nm:
         return None
-    if abs(found["flux_Wb"] / flux_ref_Wb - 1) > FLUX_SHARE:
+    if abs(found["flux_Wb"] / flux_ref_Wb - 1) > flux_share:
         return None
     if not all(math.isfinite(value) for value in found.values()):
         return None

@@ -101,23 +101,25 @@ def _verdicts(points: list[At]) -> list[Verdict]:
     return found
 
 
-def _as_recording(points: list[At]) -> Recording:
-    names = [variant.name for variant in variants()]
+def as_recording(
+    points: dict[str, dict[str, list[dict]]], kind: str, names: list[str]
+) -> Recording:
+    """One row per setting: point -> name -> settings. kind: what the names are, in the singular."""
     rows = [
         (number, names.index(name), *(row[column] for column, _ in COLUMNS))
-        for number, at in enumerate(points)
-        for name, settings in at.rows.items()
+        for number, own in enumerate(points.values())
+        for name, settings in own.items()
         for row in settings
     ]
     data = np.array(rows, float).reshape(-1, len(COLUMNS) + 2)
-    channels = {"point": data[:, 0], "variant": data[:, 1]}
+    channels = {"point": data[:, 0], kind: data[:, 1]}
     channels |= {column: data[:, n + 2] for n, (column, _) in enumerate(COLUMNS)}
     meta = {
         "rows": "one per setting with which the drive holds its point",
-        "points": [at.place.name for at in points],
-        "variants": names,
+        "points": list(points),
+        f"{kind}s": names,
     }
-    return Recording(1.0, channels, {"point": "", "variant": "", **dict(COLUMNS)}, meta)
+    return Recording(1.0, channels, {"point": "", kind: "", **dict(COLUMNS)}, meta)
 
 
 def measured(job: Job) -> list[At]:
@@ -143,7 +145,13 @@ def fsw(job: Job) -> Figure:
         metrics={"points": [_json(at) for at in points]},
         verdicts=_verdicts(points),
         draw=draw,
-        recordings={"": _as_recording(points)},
+        recordings={
+            "": as_recording(
+                {at.place.name: at.rows for at in points},
+                "variant",
+                [variant.name for variant in variants()],
+            )
+        },
         setups=[setups.load(name) for name in sorted({place.setup for place in PLACES})],
         caption=f"Each dot is a setting of sampling frequency and bands, {most} for each scheme at "
         "each point. The staircase shows the best setting within a switching frequency. The dashed "

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
+#: What a row of the picture shows.
+Row = TypeVar("Row")
 LABELS = {
     "td_Nm": "Td [N m]",
     "thd_inf_pct": "THD∞ [%]",
@@ -47,42 +50,65 @@ def _style(name: str) -> dict[str, Any]:
     return {"color": INK[kind], "linewidth": 2.0, "linestyle": DASHES[kind]}
 
 
-def _panel(axis: Axes, at: At, figure: str) -> None:
+def staircase(axis: Axes, rows: list[dict], figure: str, last_kHz: float, **style: Any) -> None:
+    """The best value of a figure within each switching frequency."""
+    f_kHz = np.array([row["f_sw_Hz"] for row in rows]) / 1e3
+    f, v = envelope(f_kHz, np.array([row[figure] for row in rows]))
+    if len(f):
+        f, v = np.append(f, max(f[-1], last_kHz)), np.append(v, v[-1])
+        axis.step(f, v, where="post", **style)
+
+
+def carrier_line(axis: Axes, at_1kHz: float, last_kHz: float) -> None:
+    """The ripple of carrier modulation falls with the switching frequency."""
+    f_kHz = np.linspace(1.0, last_kHz, 29)
+    label = "carrier modulation, computed"
+    axis.plot(f_kHz, at_1kHz / f_kHz, "--", color=plots.INK, linewidth=1.1, label=label)
+
+
+def logarithmic(axis: Axes) -> None:
+    """The vertical axis, with 1, 2 and 5 of each decade named."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+    axis.set_yscale("log")
+    axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.yaxis.set_minor_locator(NullLocator())
+
+
+def _panel(axis: Axes, at: At, figure: str) -> None:
     for name, rows in at.rows.items():
-        f_kHz = np.array([row["f_sw_Hz"] for row in rows]) / 1e3
-        values = np.array([row[figure] for row in rows])
         style = _style(name)
+        f_kHz = [row["f_sw_Hz"] / 1e3 for row in rows]
+        values = [row[figure] for row in rows]
         axis.plot(f_kHz, values, ".", color=style["color"], alpha=0.25, markersize=2.5)
-        f, v = envelope(f_kHz, values)
-        if len(f):
-            f, v = np.append(f, max(f[-1], LAST_KHZ)), np.append(v, v[-1])
-            axis.step(f, v, where="post", label=name, **style)
+        staircase(axis, rows, figure, LAST_KHZ, label=name, **style)
     if figure != "loss_W":
         if line := at.line(1e3):
-            f_kHz = np.linspace(1.0, LAST_KHZ, 26)
-            label = "carrier modulation, computed"
-            values = getattr(line, figure) / f_kHz
-            axis.plot(f_kHz, values, "--", color=plots.INK, linewidth=1.1, label=label)
-        axis.set_yscale("log")
-        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.yaxis.set_minor_locator(NullLocator())
+            carrier_line(axis, getattr(line, figure), LAST_KHZ)
+        logarithmic(axis)
     axis.set_xlim(0, LAST_KHZ)
     shown = [r[figure] for rows in at.rows.values() for r in rows if r["f_sw_Hz"] < 1e3 * LAST_KHZ]
     if shown and figure == "loss_W":
         axis.set_ylim(0.98 * min(shown), min(1.02 * max(shown), 1.6 * min(shown)))
 
 
-def fronts(points: list[At], path: Path) -> Path:
-    """One row a point, one column a figure."""
-    drawn, axes = plots.new_figure(len(points), len(JUDGED), 2.1 * len(points) + 0.8, 12.0)
-    for row, at in zip(axes, points):
+def page(
+    rows: dict[str, Row],
+    panel: Callable[[Axes, Row, str], None],
+    path: Path,
+    height_in: float,
+    width_in: float,
+    columns: int,
+) -> Path:
+    """One row a point, under its title; one column a figure, which the panel draws; one legend of
+    so many columns."""
+    drawn, axes = plots.new_figure(len(rows), len(JUDGED), height_in, width_in)
+    for row, (title, at) in zip(axes, rows.items()):
         for axis, figure in zip(row, JUDGED):
-            _panel(axis, at, figure)
+            panel(axis, at, figure)
             axis.set_ylabel(LABELS[figure], **plots.LABEL)
-        row[0].set_title(at.place.name, loc="left", **plots.TITLE)
+        row[0].set_title(title, loc="left", **plots.TITLE)
     for axis in axes[-1]:
         axis.set_xlabel("switching frequency [kHz]", **plots.LABEL)
     labels: dict[str, Artist] = {}
@@ -90,9 +116,18 @@ def fronts(points: list[At], path: Path) -> Path:
         for handle, label in zip(*axis.get_legend_handles_labels()):
             labels.setdefault(label, handle)
     drawn.legend(
-        list(labels.values()), list(labels), loc="outside upper center", ncols=5, **plots.LEGEND
+        list(labels.values()),
+        list(labels),
+        loc="outside upper center",
+        ncols=columns,
+        **plots.LEGEND,
     )
     return plots.save(drawn, path)
+
+
+def fronts(points: list[At], path: Path) -> Path:
+    rows = {at.place.name: at for at in points}
+    return page(rows, _panel, path, 2.1 * len(points) + 0.8, 12.0, 5)
 
 
 def ratios(points: list[At], path: Path) -> Path:

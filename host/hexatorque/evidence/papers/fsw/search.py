@@ -109,8 +109,7 @@ def variants() -> tuple[Variant, ...]:
     return (
         *(
             Variant(name, name, (*_TABLE, _INNER) if name == "dtc3" else _TABLE, full, quick)
-            for name in firmware.schemes()
-            if name != OURS
+            for name in firmware.table_schemes()
         ),
         Variant(f"{OURS} κ=0", OURS, _OURS, own, own_quick, (("kappa", 0.0),)),
         Variant(f"{OURS} κ=1", OURS, _OURS, own, own_quick, clamped),

@@ -26,18 +26,19 @@ from .search import (
 #: sweep.
 MEASURING = (
     "plant", "drive", "setups", "recording", "firmware.py", "analysis/metrics.py",
-    "analysis/spectrum.py", "analysis/losses.py",
+    "analysis/spectrum.py", "analysis/losses.py", "analysis/walk.py",
     "evidence/papers/fsw/bench.py", "evidence/papers/fsw/search.py",
 )  # fmt: skip
 #: Recorded by a quick run, per setting.
 QUICK_WINDOW_S = 0.1
 
 
-@lru_cache(maxsize=1)
-def digest() -> str:
+@lru_cache
+def digest(names: tuple[str, ...] = MEASURING) -> str:
+    """Of these files and folders, and of the compiled firmware."""
     package = Path(__file__).parents[3]
     found = hashlib.sha256()
-    for name in MEASURING:
+    for name in names:
         path = package / name
         files = sorted(path.rglob("*")) if path.is_dir() else [path]
         for file in files:

@@ -1,0 +1,139 @@
+#include "ht_foc_law.h"
+
+#include <math.h>
+
+/* The smallest |r|^2 that is divided by. */
+#define LEAST_WB2 1.0e-8f
+/* Largest voltage, units of Vdc: the circle of linear modulation, squared. */
+#define REACH2_PU2 0.333333333f
+/* A flux reference that steps would take all voltage from the torque: a tenth of it. */
+#define FLUX_SHARE 0.1f
+/* Share of the x-y current that one period takes away; limit of the integrators, units
+ * of Vdc. Those of the deadbeat law. */
+#define XY_SHARE 0.4f
+#define XY_LIMIT_PU 0.1f
+/* Least share of the flux that is along r, squared. */
+#define RADIAL2_LEAST 0.01f
+
+bool ht_foc_law_check(const ht_foc_law_config *cfg)
+{
+    return (cfg->alpha_ts > 0.0f) && (cfg->alpha_ts <= 0.5f) && (cfg->xy_ki_per_A >= 0.0f)
+           && (cfg->xy_ki_per_A < 1.0e30f); /* NaN is not */
+}
+
+void ht_foc_law_reset(ht_foc_law_state *st)
+{
+    const ht_ab none = {0.0f, 0.0f};
+    ht_xy_reset(&st->xy);
+    st->along = none;
+    st->integral_A = none;
+    st->wanted_A = none;
+    st->begun = false;
+}
+
+static float limited(float value, float limit)
+{
+    return (value > limit) ? limit : ((value > -limit) ? value : -limit);
+}
+
+/* Into the frame with the unit vector u, and out of it. */
+static ht_ab into(ht_ab u, ht_ab p)
+{
+    ht_ab q;
+    q.alpha = u.alpha * p.alpha + u.beta * p.beta;
+    q.beta = u.alpha * p.beta - u.beta * p.alpha;
+    return q;
+}
+
+static ht_ab out_of(ht_ab u, ht_ab p)
+{
+    ht_ab q;
+    q.alpha = u.alpha * p.alpha - u.beta * p.beta;
+    q.beta = u.alpha * p.beta + u.beta * p.alpha;
+    return q;
+}
+
+/* References of i_d and i_q: the length of the stator flux and the torque, with the rotor flux as it
+ * is. */
+static ht_ab current_reference(const ht_observer_config *machine, const ht_deadbeat_law_input *in,
+                               float rotor_Wb, float inv_rotor)
+{
+    float flux = in->flux_ref_Wb;
+    float across;
+    float radial2;
+    ht_ab i;
+    i.beta = in->torque_ref_Nm / machine->torque_gain * inv_rotor;
+    across = machine->sigma_ls_H * i.beta;
+    radial2 = flux * flux - across * across;
+    radial2 = (radial2 > RADIAL2_LEAST * flux * flux) ? radial2 : (RADIAL2_LEAST * flux * flux);
+    i.alpha = machine->inv_sigma_ls * (sqrtf(radial2) - rotor_Wb);
+    return i;
+}
+
+ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *machine,
+                       ht_foc_law_state *st, const ht_deadbeat_law_input *in, ht_ab i_A)
+{
+    ht_xy_config integral = {0.0f, cfg->xy_ki_per_A};
+    ht_ab psi = in->psi_Wb;
+    ht_ab r = in->rotor_Wb;
+    float rotor2 = r.alpha * r.alpha + r.beta * r.beta;
+    float rotor = sqrtf((rotor2 > LEAST_WB2) ? rotor2 : LEAST_WB2);
+    float inv_rotor = 1.0f / rotor;
+    float inv_vdc = 1.0f / in->vdc_V;
+    float volts_per_Wb = machine->inv_ts * inv_vdc;
+    float drop = in->rs_ohm * inv_vdc;
+    float turn = in->turn_rad;
+    float back = -0.5f * turn * turn; /* cos(turn) - 1 */
+    float a = cfg->alpha_ts;
+    float size2;
+    ht_ab u = {inv_rotor * r.alpha, inv_rotor * r.beta};
+    ht_ab i1 = {machine->inv_sigma_ls * (psi.alpha - r.alpha),
+                machine->inv_sigma_ls * (psi.beta - r.beta)};
+    ht_ab frame_i1 = into(u, i1);
+    ht_ab wanted = current_reference(machine, in, rotor, inv_rotor);
+    ht_ab sampled;
+    ht_ab move; /* of the current, in the frame */
+    ht_ab flux; /* at the end of the period, but for the turn */
+    ht_vsd v;
+    wanted.alpha = frame_i1.alpha
+                   + limited(wanted.alpha - frame_i1.alpha,
+                             FLUX_SHARE * in->vdc_V * machine->ts_s * machine->inv_sigma_ls / a);
+    if (!st->begun) { /* as if this current had been held */
+        st->begun = true;
+        st->along = u;
+        st->integral_A.alpha = a * frame_i1.alpha;
+        st->integral_A.beta = a * frame_i1.beta;
+        st->wanted_A = into(u, i_A);
+    }
+    sampled = into(st->along, i_A);
+    st->integral_A.alpha += a * a * (st->wanted_A.alpha - sampled.alpha);
+    st->integral_A.beta += a * a * (st->wanted_A.beta - sampled.beta);
+    st->along = u;
+    v.xy = ht_xy_step(&integral, &st->xy, in->i_xy_A, u, XY_LIMIT_PU, false);
+    v.xy.x -= XY_SHARE * volts_per_Wb * in->psi_xy_Wb.x;
+    v.xy.y -= XY_SHARE * volts_per_Wb * in->psi_xy_Wb.y;
+
+    move.alpha = a * (wanted.alpha - 2.0f * frame_i1.alpha) + st->integral_A.alpha;
+    move.beta = a * (wanted.beta - 2.0f * frame_i1.beta) + st->integral_A.beta;
+    flux = out_of(u, move);
+    flux.alpha = psi.alpha + machine->sigma_ls_H * flux.alpha;
+    flux.beta = psi.beta + machine->sigma_ls_H * flux.beta;
+    v.ab.alpha = volts_per_Wb * (flux.alpha - psi.alpha + back * flux.alpha - turn * flux.beta)
+                 + drop * i1.alpha;
+    v.ab.beta = volts_per_Wb * (flux.beta - psi.beta + back * flux.beta + turn * flux.alpha)
+                + drop * i1.beta;
+    size2 = v.ab.alpha * v.ab.alpha + v.ab.beta * v.ab.beta;
+    if (!(size2 <= REACH2_PU2)) {
+        /* What is cut off, as a current in the frame, over a: by so much the reference was too
+         * far. */
+        float share = sqrtf(REACH2_PU2 / size2);
+        float cut = (share - 1.0f) * in->vdc_V * machine->ts_s * machine->inv_sigma_ls / a;
+        ht_ab less = into(u, v.ab);
+        wanted.alpha += cut * less.alpha;
+        wanted.beta += cut * less.beta;
+        v.ab.alpha *= share;
+        v.ab.beta *= share;
+    }
+    st->wanted_A = wanted;
+    return v;
+}

@@ -1,0 +1,177 @@
+#include "ht_lost_legs.h"
+
+#include "ht_tables.h"
+
+#include <math.h>
+
+#define COS_30 0.866025404f
+/* Legs that are 90 degrees apart. */
+#define U1_V2 0x21u
+#define U2_W1 0x18u
+#define W2_V1 0x06u
+/* The lost leg's own command over its terminal's voltage: the set's other legs come to a rail before
+ * the terminal's voltage is 7 % of Vdc. */
+#define CLAMP_GAIN 10.0f
+/* Its largest command: with two thirds the three legs have all the room between the rails. A little
+ * less, so that rounding does not take them beyond. */
+#define CLAMP_ROOM 0.66f
+/* No inverter makes more than this, units of Vdc. */
+#define MOST_PU 1.0f
+
+static float along(ht_ab a, ht_ab v)
+{
+    return a.alpha * v.alpha + a.beta * v.beta;
+}
+
+static float along_xy(ht_xy b, ht_xy v)
+{
+    return b.x * v.x + b.y * v.y;
+}
+
+static float limited(float value, float limit)
+{
+    return (value > limit) ? limit : ((value > -limit) ? value : -limit); /* NaN: -limit */
+}
+
+/* The axis of a leg, and the one across it. A leg of the same set, 120 degrees away, takes b to
+ * where the other set's leg, 90 degrees away, takes it to minus b. */
+static void axes_of(unsigned leg, bool set, ht_lost_legs *lost)
+{
+    ht_lost_axis *first = &lost->axis[0];
+    ht_lost_axis *second = &lost->axis[1];
+    float sign = set ? -1.0f : 1.0f;
+    first->a.alpha = 3.0f * ht_transform[leg].ab.alpha;
+    first->a.beta = 3.0f * ht_transform[leg].ab.beta;
+    first->b.x = 3.0f * ht_transform[leg].xy.x;
+    first->b.y = 3.0f * ht_transform[leg].xy.y;
+    second->a.alpha = -first->a.beta;
+    second->a.beta = first->a.alpha;
+    second->b.x = -sign * first->b.y;
+    second->b.y = sign * first->b.x;
+    lost->set = set;
+}
+
+uint16_t ht_lost_legs_paired(uint16_t legs)
+{
+    static const uint16_t pairs[3] = {U1_V2, U2_W1, W2_V1};
+    unsigned word = legs;
+    uint16_t result = legs;
+    if ((word & (word - 1u)) == 0u) {
+        int n;
+        for (n = 0; n < 3; n++) {
+            if ((word & pairs[n]) != 0u) {
+                result = pairs[n];
+            }
+        }
+    }
+    return result;
+}
+
+uint16_t ht_lost_legs_of(uint16_t legs, ht_lost_legs *lost)
+{
+    unsigned off = legs;
+    lost->axes = 0u;
+    if ((off == 0u) || (off > HT_ALL_LEGS)) {
+        return 0u;
+    }
+    axes_of(ht_first_leg[off], false, lost);
+    if ((off & (off - 1u)) == 0u) {
+        lost->axes = 1u;
+    } else if ((off == U1_V2) || (off == U2_W1) || (off == W2_V1)) {
+        lost->axes = 2u;
+    } else if (((off & HT_SET2) == 0u) || ((off & HT_SET1) == 0u)) {
+        /* Two legs of a set: the third one has no return path. */
+        off = ((off & HT_SET2) == 0u) ? HT_SET1 : HT_SET2;
+        axes_of(ht_first_leg[off], true, lost);
+        lost->axes = 2u;
+    } else {
+        off = 0u;
+    }
+    return (uint16_t)off;
+}
+
+ht_vsd ht_lost_legs_voltage(const ht_lost_legs *lost, const ht_observer_config *machine,
+                            float rs_ohm, ht_vsd v_V, ht_xy from, ht_xy to)
+{
+    float l = machine->lxy_H * machine->inv_ts;
+    float r = 0.5f * rs_ohm;
+    ht_xy acts = {r * (from.x + to.x) + l * (to.x - from.x),
+                  r * (from.y + to.y) + l * (to.y - from.y)};
+    ht_vsd v = v_V;
+    uint16_t n;
+    for (n = 0u; n < lost->axes; n++) {
+        const ht_lost_axis *x = &lost->axis[n];
+        float more = along_xy(x->b, acts) - along_xy(x->b, v_V.xy);
+        v.ab.alpha += more * x->a.alpha;
+        v.ab.beta += more * x->a.beta;
+        v.xy.x += more * x->b.x;
+        v.xy.y += more * x->b.y;
+    }
+    return v;
+}
+
+ht_ab ht_lost_legs_expected(const ht_lost_legs *lost, const ht_observer_config *machine,
+                            float rs_ohm, ht_vsd v_V, ht_ab i_A, ht_ab r_Wb, float turn_rad)
+{
+    float kappa = machine->lxy_H * machine->inv_sigma_ls;
+    float turn = turn_rad * machine->inv_ts * kappa;
+    ht_ab moves = {-turn * r_Wb.beta, turn * r_Wb.alpha}; /* kappa dr/dt */
+    ht_ab v = v_V.ab;
+    uint16_t n;
+    for (n = 0u; n < lost->axes; n++) {
+        const ht_lost_axis *x = &lost->axis[n];
+        float drop = rs_ohm * along(x->a, i_A);
+        float had = along(x->a, v_V.ab);
+        float w = had - along_xy(x->b, v_V.xy);
+        float more = (w - 2.0f * drop + along(x->a, moves)) / (1.0f + kappa) + drop - had;
+        v.alpha += more * x->a.alpha;
+        v.beta += more * x->a.beta;
+    }
+    return v;
+}
+
+ht_xy ht_lost_legs_across(const ht_lost_legs *lost, ht_xy value)
+{
+    ht_xy n5 = {-lost->axis[0].b.y, lost->axis[0].b.x};
+    float size = (lost->axes == 1u) ? along_xy(n5, value) : 0.0f;
+    n5.x *= size;
+    n5.y *= size;
+    return n5;
+}
+
+ht_vsd ht_lost_legs_command(const ht_lost_legs *lost, const ht_observer_config *machine,
+                            const ht_deadbeat_law_input *in, ht_vsd v_pu)
+{
+    float inv_vdc = 1.0f / in->vdc_V;
+    float kappa = machine->lxy_H * machine->inv_sigma_ls;
+    float ohm = in->rs_ohm * machine->inv_sigma_ls * inv_vdc; /* per weber of sigma L_s i */
+    float turn = in->turn_rad * machine->inv_ts * inv_vdc;
+    ht_ab drops = {ohm * (in->psi_Wb.alpha - in->rotor_Wb.alpha),
+                   ohm * (in->psi_Wb.beta - in->rotor_Wb.beta)};
+    ht_ab moves = {-turn * in->rotor_Wb.beta, turn * in->rotor_Wb.alpha};
+    ht_vsd v = v_pu;
+    float w[2];  /* a.v_ab - b.v_xy, along and across */
+    float up[2]; /* voltage of the lost leg's terminal */
+    uint16_t n;
+    w[1] = along(lost->axis[1].a, v_pu.ab) - along_xy(lost->axis[1].b, v_pu.xy);
+    for (n = 0u; n < lost->axes; n++) {
+        const ht_lost_axis *x = &lost->axis[n];
+        float law = along(x->a, v_pu.ab);
+        float drop = along(x->a, drops);
+        w[n] = limited(law + kappa * (law - drop - along(x->a, moves)) + drop, MOST_PU);
+        up[n] = 2.0f * law - w[n];
+    }
+    for (n = 0u; n < lost->axes; n++) {
+        const ht_lost_axis *x = &lost->axis[n];
+        /* The set's other two legs are at minus half of this sum, plus and minus cos 30 w. */
+        float room = CLAMP_ROOM * (1.0f - COS_30 * fabsf(w[1u - n]));
+        float sum = lost->set ? 0.0f : limited(CLAMP_GAIN * up[n], (room > 0.0f) ? room : 0.0f);
+        float more = 0.5f * (sum + w[n]) - along(x->a, v_pu.ab);
+        float more_xy = 0.5f * (sum - w[n]) - along_xy(x->b, v_pu.xy);
+        v.ab.alpha += more * x->a.alpha;
+        v.ab.beta += more * x->a.beta;
+        v.xy.x += more_xy * x->b.x;
+        v.xy.y += more_xy * x->b.y;
+    }
+    return v;
+}

@@ -1,0 +1,237 @@
+"""ht_lost_legs against a circuit that knows nothing of its axes: the six legs drive the currents of
+alpha-beta through R and sigma L_s, against a rotor flux that turns, and those of x-y through R and
+L_xy. The terminal of a lost leg takes the voltage that keeps its current at zero.
+"""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from hexatorque.firmware import ffi, lib
+from hexatorque.plant.vsd import ANGLES_RAD, PHASES, TRANSFORM
+
+R, SIGMA_L, L_XY, TS, VDC = 1.8, 0.025, 0.01, 1e-4, 250.0
+OMEGA, ROTOR_WB = 190.0, 0.55
+STEPS = 200
+L = np.array([SIGMA_L, SIGMA_L, L_XY, L_XY])
+#: Current of each phase from those of the planes.
+PHASE = np.column_stack(
+    [np.cos(ANGLES_RAD), np.sin(ANGLES_RAD), np.cos(5 * ANGLES_RAD), np.sin(5 * ANGLES_RAD)]
+)
+CARRIED = ("u1", "u2", "w1", "w2", "v1", "v2", "u1+v2", "u2+w1", "w2+v1", "u1+w1+v1", "u2+w2+v2")
+
+
+def word(phases):
+    return sum(32 >> PHASES.index(phase) for phase in phases)
+
+
+def legs_of(mask):
+    return [leg for leg in range(6) if mask & 32 >> leg]
+
+
+class Circuit:
+    def __init__(self, lost, seed=0):
+        self.lost = [PHASES.index(phase) for phase in lost]
+        rng = np.random.default_rng(seed)
+        free = self._free()
+        self.i = free @ rng.uniform(-5, 5, free.shape[1])
+        self.angle = rng.uniform(0, 2 * np.pi)
+
+    def _free(self):
+        """The currents that the remaining phases can carry, as columns."""
+        _, sizes, rows = np.linalg.svd(PHASE[self.lost])
+        return rows[np.sum(sizes > 1e-9) :].T
+
+    def rotor(self):
+        return ROTOR_WB * np.array([np.cos(self.angle), np.sin(self.angle)])
+
+    def _slope(self, i, angle, legs_V):
+        induced = OMEGA * ROTOR_WB * np.array([-np.sin(angle), np.cos(angle), 0, 0])
+        rest = (TRANSFORM @ legs_V - R * i - induced) / L
+        column = TRANSFORM[:, self.lost] / L[:, None]
+        # Only differences matter where a whole set is lost: the smallest solution.
+        more = np.linalg.lstsq(PHASE[self.lost] @ column, -PHASE[self.lost] @ rest, rcond=None)[0]
+        legs_V = legs_V.copy()
+        legs_V[self.lost] += more
+        return rest + column @ more, TRANSFORM @ legs_V
+
+    def period(self, legs_V):
+        """Constant leg voltages for a period. Returns the mean voltages of the planes."""
+        dt = TS / STEPS
+        mean = np.zeros(4)
+        for _ in range(STEPS):
+            half, _ = self._slope(self.i, self.angle, legs_V)
+            slope, v = self._slope(self.i + 0.5 * dt * half, self.angle + 0.5 * dt * OMEGA, legs_V)
+            self.i = self.i + dt * slope
+            self.angle += dt * OMEGA
+            mean += v / STEPS
+        assert np.allclose(PHASE[self.lost] @ self.i, 0.0, atol=1e-9)
+        return mean
+
+
+class Legs:
+    """The firmware's side."""
+
+    def __init__(self, lost):
+        self.lost = ffi.new("ht_lost_legs *")
+        assert lib.ht_lost_legs_of(word(lost), self.lost) == word(lost)
+        m = self.machine = ffi.new("ht_observer_config *")
+        m.ts_s, m.inv_ts, m.rs_ohm = TS, 1 / TS, R
+        m.sigma_ls_H, m.inv_sigma_ls, m.lxy_H = SIGMA_L, 1 / SIGMA_L, L_XY
+
+    def voltage(self, v, begin, end):
+        got = lib.ht_lost_legs_voltage(self.lost, self.machine, R, vsd(v), xy(begin), xy(end))
+        return np.array([got.ab.alpha, got.ab.beta, got.xy.x, got.xy.y])
+
+    def expected(self, v, i, rotor):
+        got = lib.ht_lost_legs_expected(
+            self.lost, self.machine, R, vsd(v), ab(i), ab(rotor), OMEGA * TS
+        )
+        return np.array([got.alpha, got.beta])
+
+    def command(self, v_pu, i, rotor):
+        seen = ffi.new("ht_deadbeat_law_input *")
+        seen.psi_Wb, seen.rotor_Wb = ab(rotor + SIGMA_L * i[:2]), ab(rotor)
+        seen.turn_rad, seen.rs_ohm, seen.vdc_V = OMEGA * TS, R, VDC
+        out = lib.ht_lost_legs_command(self.lost, self.machine, seen, vsd(v_pu))
+        return np.array([out.ab.alpha, out.ab.beta, out.xy.x, out.xy.y])
+
+
+def ab(v):
+    return {"alpha": v[0], "beta": v[1]}
+
+
+def xy(v):
+    return {"x": v[2], "y": v[3]}
+
+
+def vsd(v):
+    return {"ab": ab(v), "xy": xy(v)}
+
+
+lost_phases = pytest.mark.parametrize("lost", [name.split("+") for name in CARRIED])
+
+
+@lost_phases
+def test_the_voltage_that_acts_does_not_depend_on_the_lost_legs_command(lost):
+    legs = Legs(lost)
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        circuit = Circuit(lost, seed)
+        command = rng.uniform(0, VDC, 6)
+        begin = circuit.i
+        true = circuit.period(command)
+        for _ in range(3):
+            command[circuit.lost] = rng.uniform(0, VDC)
+            seen = legs.voltage(TRANSFORM @ command, begin, circuit.i)
+            np.testing.assert_allclose(seen, true, atol=0.02)
+
+
+@lost_phases
+def test_the_expected_voltage_comes_about(lost):
+    """Within what the currents change the drop, R Ts/sigma L_s of the voltage."""
+    legs = Legs(lost)
+    for seed in range(5):
+        circuit = Circuit(lost, seed)
+        command = np.random.default_rng(seed).uniform(0, VDC, 6)
+        expected = legs.expected(TRANSFORM @ command, circuit.i, circuit.rotor())
+        true = circuit.period(command)[:2]
+        np.testing.assert_allclose(expected, true, atol=0.01 * VDC)
+
+
+@lost_phases
+def test_the_remaining_legs_make_the_voltage_that_a_law_asks_for(lost):
+    legs = Legs(lost)
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        circuit = Circuit(lost, seed)
+        induced = OMEGA / VDC * np.array([[0, -1], [1, 0]]) @ circuit.rotor()
+        asked = np.concatenate([induced + rng.uniform(-0.05, 0.05, 2), rng.uniform(-0.05, 0.05, 2)])
+        v_pu = legs.command(asked, circuit.i, circuit.rotor())
+        made = VDC * PHASE @ v_pu
+        true = circuit.period(made)
+        np.testing.assert_allclose(true[:2] / VDC, asked[:2], atol=0.01)
+        if len(lost) == 1:
+            across = np.array([-np.sin(5 * ANGLES_RAD), np.cos(5 * ANGLES_RAD)])[:, circuit.lost[0]]
+            np.testing.assert_allclose(across @ v_pu[2:], across @ asked[2:], atol=1e-6)
+        for leg in (0, 1):  # each set fits between the rails
+            phases = made[leg::2] / VDC
+            assert np.ptp(phases) <= 1.0
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_the_other_legs_of_the_set_keep_the_terminal_between_the_rails(phase):
+    """The diodes of a leg that is off conduct beyond the rails. With both other legs at the lower
+    one, the terminal is the lost phase's voltage and half of it above; so they must be there
+    while that is positive."""
+    legs = Legs([phase])
+    leg = PHASES.index(phase)
+    others = [n for n in range(6) if n % 2 == leg % 2 and n != leg]
+    for turn in np.arange(0, 2 * np.pi, 0.2):
+        rotor = 0.4 * np.array([np.cos(turn), np.sin(turn)])
+        asked = OMEGA / VDC * np.array([-rotor[1], rotor[0], 0, 0])
+        v_pu = legs.command(asked, np.zeros(4), rotor)
+        duty = PHASE @ v_pu
+        centred = duty - 0.5 * (duty[leg % 2 :: 2].max() + duty[leg % 2 :: 2].min())
+        up = PHASE[leg, :2] @ asked[:2]
+        if abs(up) > 0.1:
+            assert np.sign(up) * centred[others].min() < 0.0
+            rail = centred[others].min() if up > 0 else -centred[others].max()
+            assert rail == pytest.approx(-0.5, abs=0.01)
+
+
+def largest_share(mask):
+    """Amplitude in alpha-beta over that of the most loaded phase: by search over all currents
+    that the remaining phases can carry with a turning current in alpha-beta."""
+    lost = legs_of(mask)
+    _, sizes, rows = np.linalg.svd(PHASE[lost])
+    free = rows[np.sum(sizes > 1e-9) :].T
+    if np.linalg.matrix_rank(free[:2], 1e-9) < 2:
+        return 0.0
+    # i = free z; alpha-beta: cos, sin. z = particular + null: what remains is searched.
+    particular = np.linalg.pinv(free[:2])
+    vt = np.linalg.svd(free[:2])[2]
+    null = vt[2:].T
+    best = 0.0
+    grid = np.linspace(-1.2, 1.2, 121) if null.shape[1] else [0.0]
+    for c, d in itertools.product(grid, grid):
+        z = particular + (null @ [[c, d]] if null.shape[1] else 0.0)
+        best = max(best, 1 / np.linalg.norm(PHASE @ free @ z, axis=1).max())
+    return best
+
+
+def test_the_leg_90_degrees_away():
+    for leg, angle in enumerate(ANGLES_RAD):
+        paired = legs_of(lib.ht_lost_legs_paired(32 >> leg))
+        (other,) = set(paired) - {leg}
+        assert abs(np.cos(angle - ANGLES_RAD[other])) < 1e-9
+    assert [lib.ht_lost_legs_paired(n) for n in (0, 33, 0x2A)] == [0, 33, 0x2A]
+
+
+def test_which_losses_can_be_carried():
+    """All 63: those of one leg, and of more where half of the rated current is left."""
+    for mask in range(1, 64):
+        lost = ffi.new("ht_lost_legs *")
+        off = lib.ht_lost_legs_of(mask, lost)
+        phases = legs_of(mask)
+        alone = [s for s in (0, 1) if sum(leg % 2 == s for leg in phases) >= 2]
+        closed = mask | sum(32 >> leg for leg in range(6) if leg % 2 in alone)
+        share = largest_share(closed) if len(phases) > 1 else 0.577
+        assert off == (closed if share > 0.4 else 0), (mask, share)
+        assert lost.axes == (0 if off == 0 else 1 if len(phases) == 1 else 2)
+    assert lib.ht_lost_legs_of(0, lost) == 0
+    assert lib.ht_lost_legs_of(64, lost) == 0
+
+
+@pytest.mark.parametrize("phases", (("u1", "u2"), ("u1", "w2"), ("v1", "v2")))
+def test_two_legs_30_or_150_degrees_apart_leave_too_little(phases):
+    assert largest_share(word(phases)) == pytest.approx(0.2887, rel=0.001)
+    assert lib.ht_lost_legs_of(word(phases), ffi.new("ht_lost_legs *")) == 0
+
+
+@pytest.mark.parametrize(
+    ("phases", "share"), ((("v1",), 0.5774), (("u2", "w1"), 0.5774), (("u2", "w2", "v2"), 0.5))
+)
+def test_the_most_current_within_the_rated_one(phases, share):
+    assert largest_share(word(phases)) == pytest.approx(share, rel=0.002)

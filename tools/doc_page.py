@@ -1,0 +1,65 @@
+"""What the tools share that renew the generated parts of a documentation page: write_results.py,
+write_comparison.py and write_studies.py."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+from PIL import Image
+
+BEGIN, END = "<!-- generated: {} -->\n", "<!-- end of {} -->\n"
+
+
+def renew(text: str, part: str, content: str) -> str:
+    """The page's text with one generated part replaced."""
+    begin, end = BEGIN.format(part), END.format(part)
+    head, rest = text.split(begin)
+    return head + begin + content + end + rest.split(end)[1]
+
+
+def renew_page(
+    page: Path, parts: dict[str, str], pictures: Iterable[str] = (), folder: Path = Path()
+) -> None:
+    """Writes the parts into the page, and keeps those pictures that are in the folder."""
+    text = page.read_text()
+    for part, content in parts.items():
+        text = renew(text, part, content)
+    page.write_text(text)
+    for name in pictures:
+        picture = folder / f"{name}.png"
+        if picture.exists():
+            keep(picture, page.parent / "images")
+
+
+def keep(picture: Path, folder: Path) -> None:
+    """Copies a picture with 64 colours, which lines and text do not need more of: a repository
+    keeps every version of it."""
+    colours = Image.open(picture).convert("RGB").quantize(64, dither=Image.Dither.NONE)
+    colours.save(folder / picture.name, optimize=True)
+
+
+def read_whole(path: Path) -> dict:
+    """The result of a full run."""
+    result: dict = json.loads(path.read_text())
+    if result["quick"]:
+        raise SystemExit(f"{path}: a quick run; the documentation shows full ones")
+    return result
+
+
+def read_figures(folder: Path, names: list[str]) -> dict[str, dict] | None:
+    """The figures, or None if not all of them are there."""
+    paths = [folder / f"{name}.json" for name in names]
+    if not all(path.exists() for path in paths):
+        return None
+    return {name: read_whole(path) for name, path in zip(names, paths)}
+
+
+def row(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def table(heads: list[str], rows: Iterable[Iterable[str]]) -> list[str]:
+    """The lines of a table, without an empty one after it."""
+    return [row(heads), "|---" * len(heads) + "|", *map(row, rows)]

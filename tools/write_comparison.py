@@ -1,0 +1,231 @@
+"""Renew the generated parts of docs/comparison.md from what `hexatorque evidence papers references`
+wrote, and from docs/budget.json.
+
+Usage: write_comparison.py OUT_DIR [docs/comparison.md]
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+
+import doc_page
+
+NAME = "REFERENCES"
+PICTURES = (NAME, f"{NAME}-others")
+MACHINE = "mps2-an386"
+#: Within this limit one number of each figure is shown.
+SHOWN = "4000"
+
+
+def _table(heads: list[str], rows: list[list[str]]) -> list[str]:
+    return [*doc_page.table(heads, rows), ""]
+
+
+def sentences(metrics: dict) -> str:
+    lines = [f"{n}. {s['text']}" for n, s in enumerate(metrics["equal"]["sentences"], 1)]
+    lines += ["", f"{metrics['settings']} settings of each method were tried at each point."]
+    for s in metrics["equal"]["sentences"]:
+        if s["missing"]:
+            names = ", ".join(f"`{name}`" for name in s["missing"])
+            lines += ["", f"Not ranked in *{s['key']}*, because a point is missing: {names}."]
+    again = metrics.get("rivals")
+    if again:
+        lines += ["", *_again(metrics["equal"]["sentences"], again)]
+    lines += ["", f"![The machines' points of medium voltage](images/{NAME}.png)"]
+    return "\n".join(lines) + "\n"
+
+
+def _again(first: list[dict], again: dict) -> list[str]:
+    changed = [new for old, new in zip(first, again["sentences"]) if old["words"] != new["words"]]
+    lines = [
+        f"With {again['times']} times the budget for every method but `db-dtfc`, {len(changed)} of "
+        f"the {len(first)} sentences change. The figures, with equal budgets and with the larger "
+        "one:",
+        "",
+    ]
+    rows = []
+    for old, new in zip(first, again["sentences"]):
+        figures = [
+            f"{family} {ratio:.2f} → {new['against'].get(family, float('nan')):.2f}"
+            for family, ratio in old["against"].items()
+        ]
+        said = "the same" if old["words"] == new["words"] else new["words"]
+        rows.append([old["key"], said, "; ".join(figures)])
+    return lines + _table(["sentence", "words", "relative to the best of"], rows)
+
+
+def _best(at: dict, name: str, figure: str, limit: str) -> str:
+    row = at["best"][name][figure][limit]
+    return f"{row[figure]:.3g}" if row else "–"
+
+
+def fronts(metrics: dict) -> str:
+    lines: list[str] = []
+    names = metrics["methods"]
+    points = (metrics.get("rivals") or metrics["equal"])["points"]
+    for at in points:
+        limits = list(at["best"][names[0]]["td_Nm"])
+        lines += [f"{at['point']}, {at['m_pu']:.2f} V_dc:", ""]
+        heads = ["", *(f"Td ≤ {float(limit) / 1e3:g} kHz" for limit in limits)]
+        heads += ["THD∞ [%]", "x–y [A]", "loss [W]", "sampled at [kHz]"]
+        rows = []
+        for name in names:
+            cells = [f"`{name}`", *(_best(at, name, "td_Nm", limit) for limit in limits)]
+            current = at["best"][name]["thd_inf_pct"][SHOWN]
+            ripple = at["best"][name]["td_Nm"][SHOWN]
+            cells += [
+                _best(at, name, "thd_inf_pct", SHOWN),
+                f"{current['ixy_rms_A']:.3g}" if current else "–",
+                _best(at, name, "loss_W", SHOWN),
+                f"{ripple['f_isr_Hz'] / 1e3:.3g}" if ripple else "–",
+            ]
+            rows.append(cells)
+        lines += _table(heads, rows)
+    lines.append(f"![The machines' points of low voltage](images/{NAME}-others.png)\n")
+    return "\n".join(lines)
+
+
+def _step(tests: dict, test: str) -> str:
+    found = tests.get(test)
+    if found is None:
+        return "–"
+    if "lost" in found:
+        return "lost"
+    if test == "torque step":
+        up, down = found["rise_up_ms"], found["rise_down_ms"]
+        return f"{up:.2f} · {down:.2f} ms · {found['overshoot_pct']:.0f} %"
+    if test == "reversal":
+        return f"{found['settling_ms']:.0f} ms · {found['overshoot_rpm']:.1f} r/min"
+    return f"{found['deviation_rpm']:.1f} r/min · {found['peak_A']:.3g} A"
+
+
+def sampling(metrics: dict) -> str:
+    shown = (metrics.get("rivals") or metrics["equal"])["by_sampling"]
+    limits = list(next(iter(shown.values())))
+    rows = [
+        [f"`{name}`", *("–" if value is None else f"{value:.2f}" for value in ratios.values())]
+        for name, ratios in shown.items()
+    ]
+    return "\n".join(_table(["", *(f"≤ {float(hz) / 1e3:g} kHz" for hz in limits)], rows))
+
+
+def steps(metrics: dict) -> str:
+    lines: list[str] = []
+    shown = metrics.get("rivals") or metrics["equal"]
+    for machine, own in shown["steps"].items():
+        tests = list(dict.fromkeys(test for made in own.values() for test in made))
+        rows = [
+            [f"`{name}`", *(_step(own.get(name, {}), test) for test in tests)]
+            for name in metrics["methods"]
+        ]
+        lines += [f"{machine}:", "", *_table(["", *tests], rows)]
+    return "\n".join(lines)
+
+
+def errors(metrics: dict) -> str:
+    lines: list[str] = []
+    shown = metrics.get("rivals") or metrics["equal"]
+    for machine, own in shown["errors"].items():
+        cases = list(next(iter(own.values())))
+        rows = []
+        for name in metrics["methods"]:
+            row = shown["chosen"][machine][name]
+            if row is None:
+                rows.append([f"`{name}`", "–", *("–" for _ in cases)])
+                continue
+            cells = [f"{row['td_Nm']:.3g} · {row['thd_inf_pct']:.3g}"]
+            for case in cases:
+                found = own[name][case]
+                lost = "refused" if "refused" in found else "lost" if "lost" in found else None
+                cells.append(lost or f"{found['td_Nm']:.3g} · {found['thd_inf_pct']:.3g}")
+            rows.append([f"`{name}`", *cells])
+        lines += [f"{machine}:", "", *_table(["", "none", *cases], rows)]
+    return "\n".join(lines)
+
+
+def costs(metrics: dict, budget: dict) -> str:
+    counted = budget[MACHINE]
+    rows = []
+    for name in metrics["methods"]:
+        row = counted.get(name)
+        own = metrics["memory_bytes"].get(name)
+        rows.append(
+            [
+                f"`{name}`",
+                f"{row['mean']:.0f}" if row else "–",
+                f"{row['max']:.0f}" if row else "–",
+                "in the firmware" if own is None else f"host, {own} bytes of its own",
+            ]
+        )
+    lines = _table(["", "instructions, mean", "max", "where, memory"], rows)
+    sizes = budget["sizes"][MACHINE]
+    lines.append(
+        f"The firmware with all its schemes: {sizes['code']} bytes of code, "
+        f"{sizes['constants']} of constants, {sizes['drive']} of data for a drive."
+    )
+    return "\n".join(lines) + "\n"
+
+
+def _relative(points: list[dict], one: str, other: str, figure: str) -> str:
+    """The geometric mean of `one` over `other`, each at its best, at the points where both are."""
+    ratios = []
+    for at in points:
+        rows = [at["best"][name][figure][SHOWN] for name in (one, other)]
+        if all(rows):
+            ratios.append(rows[0][figure] / rows[1][figure])
+    if not ratios:
+        return "–"
+    mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
+    return f"{mean:.2f} ({min(ratios):.2f} … {max(ratios):.2f})"
+
+
+def published(metrics: dict) -> str:
+    """Statements that others print, and the same ratio here."""
+    points = (metrics.get("rivals") or metrics["equal"])["points"]
+
+    def both(one: str, other: str, where: str = "") -> str:
+        own = [at for at in points if where in at["point"]]
+        td, thd = (_relative(own, one, other, figure) for figure in ("td_Nm", "thd_inf_pct"))
+        return f"`{one}` over `{other}`: Td {td}, THD∞ {thd}"
+
+    five = (
+        "At equal use of the inverter, single vectors have better figures than several in a period",
+        "*Modelling* 7(1), 17, 2026, abstract; a five-phase machine",
+        "; ".join(both("fcs-mpc", name) for name in ("lvv-mpc", "vv-mpc")),
+    )
+    machines = {at["point"].split(",")[0]: at["point"] for at in points}
+    low = (
+        "Few vectors in a period suffer where the stator's impedance is low, and are as good "
+        "as more vectors where it is high",
+        "*Machines* 12(2), 115, 2024, conclusions",
+        "; ".join(f"{name}: {both('vv-mpc', 'lvv-mpc', name)}" for name in machines),
+    )
+    heads = ["what they state", "where", "here, within 4 kHz, each at its best (range over points)"]
+    return "\n".join(_table(heads, [list(five), list(low)]))
+
+
+def main() -> None:
+    folder = Path(sys.argv[1])
+    page = Path(sys.argv[2]) if len(sys.argv) > 2 else Path("docs/comparison.md")
+    found = doc_page.read_figures(folder, [NAME])
+    if not found:
+        raise SystemExit(f"{folder}: {NAME} is not there")
+    metrics = found[NAME]["metrics"]
+    budget = json.loads((page.parent / "budget.json").read_text())
+    parts = {
+        "sentences": sentences(metrics),
+        "fronts": fronts(metrics),
+        "sampling": sampling(metrics),
+        "steps": steps(metrics),
+        "errors": errors(metrics),
+        "costs": costs(metrics, budget),
+        "published": published(metrics),
+    }
+    doc_page.renew_page(page, parts, PICTURES, folder)
+
+
+if __name__ == "__main__":
+    main()
