@@ -179,7 +179,8 @@ class Processes:
             raise
         self._idle.append(process)
         if process.ready_s is not None:
-            run_s = (time.monotonic() - max(given_s, process.ready_s)) / max(1, len(found))
+            runs = len(found) if isinstance(found, list) else 1
+            run_s = (time.monotonic() - max(given_s, process.ready_s)) / max(1, runs)
             self.batch = max(1, min(MOST_RUNS, int(TASK_S / run_s)))
         return found
 
