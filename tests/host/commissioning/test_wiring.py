@@ -136,7 +136,7 @@ def test_each_miswiring_is_named_below_the_current_limit(number):
 def test_a_shaft_that_a_load_drives_is_no_wrong_wire():
     sim = SimulatedDrive(SETUP)
     sim.load_Nm = 0.2
-    with pytest.raises(CommissioningError, match="turned by more than 0.1 revolutions"):
+    with pytest.raises(CommissioningError, match=r"turned by more than 0\.1 revolutions"):
         commission(sim, Limits(LIMIT_A, 0.1), ["wiring"])
 
 
