@@ -220,7 +220,8 @@ HT_SELDOM static unsigned phase_lost(ht_drive *d)
     unsigned leg = HT_LEG_U1 >> loss.leg;
     unsigned what = loss.lower ? (unsigned)HT_WARNING_NO_LOWER : (unsigned)HT_WARNING_NO_UPPER;
     if (d->off_legs != 0u) {
-        d->warnings = (uint16_t)(d->warnings | (unsigned)HT_WARNING_MORE_LOST);
+        d->warnings = (uint16_t)(d->warnings | (unsigned)HT_WARNING_MORE_LOST
+                                 | ht_leg_loss_dead(&d->control.leg_loss));
         return HT_FAULT_PHASE;
     }
     d->warnings = (uint16_t)(leg | what);

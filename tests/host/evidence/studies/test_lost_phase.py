@@ -38,7 +38,7 @@ def test_the_whole_campaign_has_every_combination():
         own = [case for case in cases["found"] if case.scheme == scheme]
         assert {(case.phase, case.kind) for case in own} == losses
     for mode in lost_phase.MODES:
-        for scheme in lost_phase.goes_on():
+        for scheme in firmware.schemes():
             own = [c for c in cases["goes on"] if (c.scheme, c.mode) == (scheme, mode)]
             assert {(case.phase, case.kind) for case in own} == losses
     healthy = cases["healthy"]
