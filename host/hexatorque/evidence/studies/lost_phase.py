@@ -428,7 +428,8 @@ def _goes_on_table(result: dict) -> tuple[str, list[str], list[list[str]]]:
             lines.append(
                 [
                     scheme, kind, f"{sum(not row['error'] for row in rows)} of {len(rows)}", *worst,
-                    f"{max(dips):.1f}" if dips else "–", f"{stopped} ({named}, {right}) of {len(second)}",
+                    f"{max(dips):.1f}" if dips else "–",
+                    f"{stopped} ({named}, {right}) of {len(second)}",
                 ]
             )  # fmt: skip
     heads = [
