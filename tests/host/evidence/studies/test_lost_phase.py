@@ -16,7 +16,7 @@ def result():
     return lost_phase.study(quick=True)
 
 
-#: Of the quick runs, the one that docs/lost-phase.md names as a failure: the x-y current, which dtc1
+#: The quick run that docs/lost-phase.md names as a failure: the x-y current, which dtc1
 #: does not regulate, hides the loss until the flux is wrong, and the drive stops.
 KNOWN = "goes on, dtc1 w1 upper, -280 r/min"
 
