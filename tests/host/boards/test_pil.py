@@ -138,7 +138,7 @@ def test_the_state_test_bit_by_bit(quick, m4f):
 
 @pytest.mark.parametrize("scheme", ("ddr", "dtc3", "db-dtfc"))
 def test_going_on_without_a_leg_bit_by_bit(quick, m4f, scheme):
-    """The leg breaks, the flux goes down to what the others can carry, and another scheme follows."""
+    """The leg breaks, the flux goes down to what the others carry, and another scheme follows."""
     setup = quick.changed(
         controller__scheme=scheme,
         controller__ride_through="least-loss",
