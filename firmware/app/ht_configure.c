@@ -93,7 +93,7 @@ static void configure_foc_law(ht_control_config *c)
 {
     c->foc_law.alpha_ts = ALPHA_TS;
     c->foc_law.xy_ki_per_A = c->deadbeat_law.xy_ki_per_A;
-    if (c->law == HT_LAW_FOC) {
+    if (c->law != HT_LAW_DEADBEAT) {
         const ht_scheme_info *row = ht_scheme_describe((uint16_t)c->scheme);
         c->modulator.kappa = 0.0f;
         c->modulator.turn_pu = (row->vectors == HT_VECTORS_TURNED) ? 0.0f : NEVER_PU;

@@ -220,12 +220,13 @@ HT_SELDOM static unsigned phase_lost(ht_drive *d)
     unsigned leg = HT_LEG_U1 >> loss.leg;
     unsigned what = loss.lower ? (unsigned)HT_WARNING_NO_LOWER : (unsigned)HT_WARNING_NO_UPPER;
     if (d->off_legs != 0u) {
-        d->warnings = (uint16_t)(d->warnings | (unsigned)HT_WARNING_MORE_LOST);
+        d->warnings = (uint16_t)(d->warnings | (unsigned)HT_WARNING_MORE_LOST
+                                 | ht_leg_loss_dead(&d->control.leg_loss));
         return HT_FAULT_PHASE;
     }
     d->warnings = (uint16_t)(leg | what);
     if ((d->state == (uint16_t)HT_STATE_RUN) && (d->config->params.v[HT_P_ride_through] != 0.0f)
-        && (d->config->control.law != HT_LAW_TABLE)) {
+        && ht_control_can_lose(&d->config->control)) {
         return go_on_without(d, (uint16_t)leg) ? 0u : HT_FAULT_PHASE;
     }
     return HT_FAULT_PHASE;
@@ -405,8 +406,8 @@ void ht_drive_fast_isr(ht_drive *d)
         if (state == HT_STATE_TEST) {
             ht_excitation_begin(&d->excitation);
         }
-        if ((d->off_legs != 0u) && (d->config->control.law == HT_LAW_TABLE)) {
-            /* A scheme that cannot do without a leg. This interrupt acts on it. */
+        if ((d->off_legs != 0u) && !ht_control_can_lose(&d->config->control)) {
+            /* It cannot do without a leg any more. This interrupt acts on it. */
             d->slow_faults = (uint16_t)(d->slow_faults | HT_FAULT_PHASE);
         }
     }

@@ -1,7 +1,6 @@
 #include "ht_misfit.h"
 
 #include "ht_lost_legs.h"
-#include "ht_schemes.h"
 
 #include <stddef.h>
 
@@ -46,13 +45,11 @@ static bool in_first_half(float write, float period)
     return at < (end / 2u);
 }
 
-/* Can the scheme do without these legs? */
-static bool can_lose(uint16_t legs, uint16_t scheme)
+/* Can a drive do without these legs? */
+static bool can_lose(uint16_t legs, bool predicts)
 {
     ht_lost_legs lost;
-    return (legs == 0u)
-           || ((ht_scheme_describe(scheme)->law != HT_LAW_TABLE)
-               && (ht_lost_legs_of(legs, &lost) != 0u));
+    return (legs == 0u) || (predicts && (ht_lost_legs_of(legs, &lost) != 0u));
 }
 
 static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
@@ -82,7 +79,7 @@ static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
         result = v[HT_P_rr_ohm] < 0.5f * v[HT_P_lr_H] * f_isr_Hz;
         break;
     case HT_MISFIT_LOST_LEGS:
-        result = can_lose((uint16_t)v[HT_P_lost_legs], (uint16_t)v[HT_P_scheme]);
+        result = can_lose((uint16_t)v[HT_P_lost_legs], !immediate && (v[HT_P_predict] != 0.0f));
         break;
     case HT_MISFIT_LOST_RIDE:
         result = (v[HT_P_lost_legs] == 0.0f) || (v[HT_P_ride_through] != 0.0f);

@@ -73,9 +73,10 @@ static void law_reset(ht_control_state *st)
     ht_modulator_reset(&st->modulator);
 }
 
-/* The table law: action points, and the state words into `s`. */
-static ht_action_points table_step(const ht_control_config *cfg, ht_control_state *st,
-                                   const ht_control_input *in, ht_xy i_xy_A, uint16_t s[3])
+/* What the table law decides on. */
+static HT_INTO_CALLERS ht_table_law_input table_input(const ht_control_config *cfg,
+                                                      const ht_control_state *st,
+                                                      const ht_control_input *in, ht_xy i_xy_A)
 {
     ht_table_law_input seen;
     seen.decided = &st->decided;
@@ -86,11 +87,19 @@ static ht_action_points table_step(const ht_control_config *cfg, ht_control_stat
     seen.sector = st->sector;
     seen.before = st->active.s[2];
     seen.only_v0 = cfg->only_v0;
+    return seen;
+}
+
+/* The table law: action points, and the state words into `s`. */
+static ht_action_points table_step(const ht_control_config *cfg, ht_control_state *st,
+                                   const ht_control_input *in, ht_xy i_xy_A, uint16_t s[3])
+{
+    ht_table_law_input seen = table_input(cfg, st, in, i_xy_A);
     return ht_table_law_step(&cfg->table_law, &st->table_law, &seen, &st->v_xy_pu, s);
 }
 
 /* The laws that command a voltage write their pattern themselves: every leg has an instant of its
- * own. */
+ * own. Without some of the legs the table law is one of them. */
 static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_control_state *st,
                                            const ht_control_input *in, ht_vsd i, bool lost,
                                            ht_compare *out)
@@ -113,7 +122,10 @@ static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_cont
         seen.i_xy_A = ht_lost_legs_across(&st->lost, seen.i_xy_A);
         seen.psi_xy_Wb = ht_lost_legs_across(&st->lost, seen.psi_xy_Wb);
     }
-    if (cfg->law == HT_LAW_FOC) {
+    if (lost && (cfg->law == HT_LAW_TABLE)) {
+        ht_table_law_input table = table_input(cfg, st, in, seen.i_xy_A);
+        v = ht_table_law_voltage(&cfg->table_law, &st->table_law, &table);
+    } else if (cfg->law == HT_LAW_FOC) {
         v = ht_foc_law_step(&cfg->foc_law, &cfg->observer, &st->foc_law, &seen, i.ab);
     } else {
         v = ht_deadbeat_law_step(&cfg->deadbeat_law, &cfg->observer, &st->deadbeat_law, &seen);
@@ -204,6 +216,11 @@ void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const 
     law_reset(st);
 }
 
+bool ht_control_can_lose(const ht_control_config *cfg)
+{
+    return cfg->shadow && cfg->predict;
+}
+
 uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs)
 {
     uint16_t off = ht_lost_legs_of(legs, &st->lost);
@@ -215,7 +232,7 @@ uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uin
         st->observer.psi_Wb.beta += cfg->observer.ts_s * sum_V * x->a.beta;
     }
     ht_leg_loss_reset(&st->leg_loss);
-    st->leg_loss.off = off != 0u;
+    st->leg_loss.without = off;
     return off;
 }
 
@@ -363,7 +380,7 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
     if (build) {
         p = build_step(cfg, st, in, i.ab, s);
-    } else if (cfg->law == HT_LAW_TABLE) {
+    } else if ((cfg->law == HT_LAW_TABLE) && !lost) {
         p = table_step(cfg, st, in, i.xy, s);
     } else {
         modulated_step(cfg, st, in, i, lost, out);

@@ -102,8 +102,11 @@ void ht_control_switch_over(const ht_control_config *from, const ht_control_conf
 /** The pattern that `ht_control_reset` assumes on the legs: all low. */
 void ht_control_low_pattern(const ht_control_config *cfg, ht_compare *out);
 
-/** Go on without the legs of the state word `legs`, under a law that commands a voltage. Returns those
- *  that must be off from now on, 0 if this cannot be. While one leg is lost, another loss is found as
+/** True if a drive can go on without a leg: the voltage that the other legs are to make depends on the
+ *  machine one period ahead. */
+bool ht_control_can_lose(const ht_control_config *cfg);
+
+/** Go on without the legs of the state word `legs`, where ht_control_can_lose. Returns those that must be off from now on, 0 if this cannot be. While one leg is lost, another loss is found as
  *  before, but not named; while two are, it is not found. The
  *  flux is corrected by what the voltage was wrong until a loss was found. */
 uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs);

@@ -10,22 +10,74 @@
  * residual must be 1.5 times as large. */
 #define DOUBTFUL 9.0f
 #define CLEAR 2.25f
+/* Square of the residual over its limit from which on it cannot come from wrong machine parameters. */
+#define BEYOND_DOUBT 4.0f
+/* Without a leg the x-y current across its axis is zero, so wrong parameters hardly make a residual
+ * there: half of the limit, squared. */
+#define WITHOUT_LEG 0.25f
+/* The dead leg's share of the current of the leg that has the next least. */
+#define DEAD 0.3f
 
-/* The currents of this period. */
-static void add_currents(ht_leg_loss_state *st, const float *i)
+/* The currents of this period. Through the other switch of the suspected leg current may flow,
+ * and does where the ripple is large; but it counts unless the residual is beyond doubt. */
+static void add_currents(ht_leg_loss_state *st, const float *i, float clear2)
 {
+    ht_leg_loss loss = ht_leg_loss_of(st->direction);
+    float needed = loss.lower ? -i[loss.leg] : i[loss.leg]; /* flows through the suspected switch */
     int n;
     for (n = 0; n < HT_LEGS; n++) {
-        st->all_A += fabsf(i[n]);
+        st->sum_A[n] += fabsf(i[n]);
     }
-    st->leg_A += fabsf(i[ht_leg_loss_of(st->direction).leg]);
+    if (needed > 0.0f) {
+        st->leg_A += needed;
+    } else if (!(clear2 > BEYOND_DOUBT)) {
+        st->leg_A -= needed;
+    } else {
+        /* it says nothing */
+    }
 }
 
 static void begin_currents(ht_leg_loss_state *st)
 {
+    int n;
     st->count = 1u;
     st->leg_A = 0.0f;
-    st->all_A = 0.0f;
+    for (n = 0; n < HT_LEGS; n++) {
+        st->sum_A[n] = 0.0f;
+    }
+}
+
+/* Does the suspected leg carry current? */
+static bool carries(const ht_leg_loss_config *cfg, const ht_leg_loss_state *st)
+{
+    const float *a = st->sum_A;
+    float all = a[0] + a[1] + a[2] + a[3] + a[4] + a[5];
+    return !(st->leg_A < cfg->sum_A + NOTHING * all); /* NaN: it does */
+}
+
+uint16_t ht_leg_loss_dead(const ht_leg_loss_state *st)
+{
+    float least = 1.0e30f;
+    float next = 1.0e30f;
+    uint16_t dead = 0u;
+    uint16_t leg;
+    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+        float sum = st->sum_A[leg];
+        unsigned bit = HT_LEG_U1 >> leg;
+        if ((st->without & bit) != 0u) {
+            continue;
+        }
+        if (sum < least) {
+            next = least;
+            least = sum;
+            dead = (uint16_t)bit;
+        } else if (sum < next) {
+            next = sum;
+        } else {
+            /* one with more current */
+        }
+    }
+    return (least < DEAD * next) ? dead : (uint16_t)0;
 }
 
 void ht_leg_loss_reset(ht_leg_loss_state *st)
@@ -35,12 +87,11 @@ void ht_leg_loss_reset(ht_leg_loss_state *st)
     st->low_A2 = 0.0f;
     st->tolerance_ohm2 = 0.0f;
     st->direction = 0u;
+    begin_currents(st);
     st->count = 0u;
-    st->leg_A = 0.0f;
-    st->all_A = 0.0f;
     st->wait = 0u;
     st->found = 0u;
-    st->off = false;
+    st->without = 0u;
     st->sum_V.x = 0.0f;
     st->sum_V.y = 0.0f;
 }
@@ -77,10 +128,10 @@ static void suspect(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, const 
         st->sum_V.y += now.y;
     }
     if (st->count <= cfg->hold) {
-        add_currents(st, i);
+        add_currents(st, i, clear2);
         st->count++;
-    } else if (!st->off && !(st->leg_A < cfg->sum_A + NOTHING * st->all_A)) {
-        begin_currents(st); /* the leg carries current */
+    } else if ((st->without == 0u) && carries(cfg, st)) {
+        begin_currents(st);
     } else if (st->found == 0u) {
         st->found = (uint16_t)(direction + 1u);
     } else {
@@ -104,6 +155,9 @@ void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, ht_x
     }
     size2 = st->low_V.x * st->low_V.x + st->low_V.y * st->low_V.y;
     limit2 = cfg->least_V2 + st->tolerance_ohm2 * st->low_A2;
+    if (st->without != 0u) {
+        limit2 *= WITHOUT_LEG;
+    }
     if (size2 > limit2) {
         ht_xy now = {x, y};
         suspect(cfg, st, i_A, now, size2 / limit2);

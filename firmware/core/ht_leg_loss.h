@@ -15,8 +15,12 @@
  *  makes a larger residual necessary. (With two sensors a set this could not be told.)
  *
  *  Wrong machine parameters make a residual, too, or turn it into the next direction. But a lost leg
- *  carries no current while it makes a residual. So no leg is named that carries current. Once a leg
- *  is off the residual has one direction and its opposite, and only shows that one more is lost.
+ *  carries no current while it makes a residual. So no leg is named that carries current. If only one
+ *  of its switches is lost, the ripple may drive current through the other one; this is
+ *  disregarded where the residual is so large that wrong parameters cannot make it.
+ *
+ *  Where a leg is lost already, the x-y current that is left has one direction, and so has the
+ *  residual: it tells that another leg is lost, not which. The currents may tell (ht_leg_loss_dead).
  */
 #ifndef HT_LEG_LOSS_H
 #define HT_LEG_LOSS_H
@@ -39,11 +43,12 @@ typedef struct {
                              *   squared; the slow interrupt writes it */
     uint16_t direction;   /**< where the residual points, 0..11 by 30 degrees */
     uint16_t count;       /**< for so many periods */
-    float leg_A;          /**< |current| of that direction's leg, summed over these periods */
-    float all_A;          /**< the same of all six */
+    float leg_A;          /**< current of that direction's leg that speaks against a loss, summed
+                           *   over these periods */
+    float sum_A[HT_LEGS]; /**< |current| of all legs, summed */
     uint16_t wait;        /**< periods until a loss may be found again */
     uint16_t found;       /**< 0: none, else 1 + direction */
-    bool off;             /**< a leg is off already: a direction does not name the next one */
+    uint16_t without;     /**< legs that are lost already, a state word */
     ht_xy sum_V;          /**< residual of the periods since it became large, added up */
 } ht_leg_loss_state;
 
@@ -68,6 +73,10 @@ void ht_leg_loss_tolerate(ht_leg_loss_state *st, float rs_ohm, float lxy_H, floa
 
 /** Time constant of the low pass. */
 #define HT_LEG_LOSS_FILTER_S 0.002f
+
+/** The leg, a state word, that carried next to no current while the residual was large; 0 if that is
+ *  not one alone. Legs that are lost already are left out. */
+uint16_t ht_leg_loss_dead(const ht_leg_loss_state *st);
 
 /** Meaning of a direction 0..11. */
 ht_leg_loss ht_leg_loss_of(uint16_t direction);

@@ -1,5 +1,5 @@
 /** @file ht_lost_legs.h
- *  What is different while legs are off and the drive goes on: for laws that command a voltage.
+ *  What is different while legs are off and the drive goes on. Then every law commands a voltage.
  *
  *  Leg k lies at theta_k in alpha-beta and at 5 theta_k in x-y. Let a and b be the unit vectors of
  *  these directions. No current flows in the leg: a.i_ab + b.i_xy = 0. The voltage of its terminal

@@ -5,6 +5,10 @@
 
 #include <math.h>
 
+/* Length of the voltage without legs, relative to the group's vectors. Large: Vdc/2, a little more
+ * than five legs make in their worst direction. Medium-large: a virtual vector's. Small: whole. */
+static const float without_legs[HT_GROUPS] = {0.776457f, 0.928203f, 1.0f};
+
 void ht_table_law_select(ht_table_law_config *cfg, const ht_scheme_info *row)
 {
     cfg->vectors = row->vectors;
@@ -90,45 +94,66 @@ static ht_action_points active_vector(const ht_table_law_config *cfg, const ht_t
 }
 
 static ht_xy regulated(const ht_table_law_config *cfg, ht_table_law_state *st,
-                       const ht_table_law_input *in, float psi_Wb, bool zero)
+                       const ht_table_law_input *in, float psi_Wb, bool hold)
 {
     float inverse = (psi_Wb > 0.0f) ? (1.0f / psi_Wb) : 0.0f;
     ht_ab turn = {in->decided->psi_Wb.alpha * inverse, in->decided->psi_Wb.beta * inverse};
-    return ht_xy_step(&cfg->xy, &st->xy, in->i_xy_A, turn, cfg->xy_limit_pu,
-                      zero && cfg->hold_on_zero);
+    ht_xy none = {0.0f, 0.0f};
+    return cfg->regulated ? ht_xy_step(&cfg->xy, &st->xy, in->i_xy_A, turn, cfg->xy_limit_pu, hold)
+                          : none;
+}
+
+/* Direction of the period's voltage, HT_DIRECTIONS for a zero vector. */
+static HT_INTO_CALLERS unsigned decide(const ht_table_law_config *cfg, ht_table_law_state *st,
+                                       const ht_table_law_input *in, float psi_Wb)
+{
+    compare_levels(cfg, st, in, psi_Wb);
+    if (st->torque_level != 0) {
+        return ht_direction(cfg->table, in->sector, st->torque_level > 0, st->flux_level > 0);
+    }
+    /* Under a zero vector the flux decays with R_s i; at low speed and light load
+     * that can last until the machine is lost. Then: along the flux, 15 degrees to the side the
+     * torque wants. */
+    if ((cfg->flux_hold > 0.0f) && (psi_Wb < (1.0f - cfg->flux_hold) * in->flux_ref_Wb)) {
+        return ht_direction_along(in->sector, in->torque_ref_Nm > in->decided->torque_Nm);
+    }
+    return HT_DIRECTIONS;
+}
+
+static float length(ht_ab v)
+{
+    return sqrtf(v.alpha * v.alpha + v.beta * v.beta);
 }
 
 ht_action_points ht_table_law_step(const ht_table_law_config *cfg, ht_table_law_state *st,
                                    const ht_table_law_input *in, ht_xy *v_xy_pu, uint16_t s[3])
 {
     ht_action_points whole = {1.0f, 1.0f};
-    ht_ab psi = in->decided->psi_Wb;
-    float psi_Wb = sqrtf(psi.alpha * psi.alpha + psi.beta * psi.beta);
-    bool zero;
-    bool raise;
-    unsigned k;
-
-    compare_levels(cfg, st, in, psi_Wb);
-    zero = st->torque_level == 0;
-    /* Under a zero vector the flux decays with R_s i; at low speed and light load
-     * that can last until the machine is lost. */
-    raise = zero && (cfg->flux_hold > 0.0f) && (psi_Wb < (1.0f - cfg->flux_hold) * in->flux_ref_Wb);
-    zero = zero && !raise;
-
-    if (cfg->regulated) {
-        *v_xy_pu = regulated(cfg, st, in, psi_Wb, zero);
-    } else {
-        v_xy_pu->x = 0.0f;
-        v_xy_pu->y = 0.0f;
-    }
+    float psi_Wb = length(in->decided->psi_Wb);
+    unsigned k = decide(cfg, st, in, psi_Wb);
+    bool zero = k == HT_DIRECTIONS;
+    *v_xy_pu = regulated(cfg, st, in, psi_Wb, zero && cfg->hold_on_zero);
     if (zero) {
         ht_vectors_zero(in->before, in->only_v0, s);
         return whole;
     }
-    if (raise) { /* along the flux, 15 degrees to the side the torque wants */
-        k = ht_direction_along(in->sector, in->torque_ref_Nm > in->decided->torque_Nm);
-    } else {
-        k = ht_direction(cfg->table, in->sector, st->torque_level > 0, st->flux_level > 0);
-    }
     return active_vector(cfg, st, in, k, *v_xy_pu, s);
+}
+
+ht_vsd ht_table_law_voltage(const ht_table_law_config *cfg, ht_table_law_state *st,
+                            const ht_table_law_input *in)
+{
+    float psi_Wb = length(in->decided->psi_Wb);
+    unsigned k = decide(cfg, st, in, psi_Wb);
+    ht_vsd v = {{0.0f, 0.0f}, {0.0f, 0.0f}};
+    if (k != HT_DIRECTIONS) {
+        bool low = (cfg->vectors == HT_VECTORS_PAIR_SMALL)
+                   && ((st->torque_level == 1) || (st->torque_level == -1));
+        unsigned group = low ? (unsigned)HT_S : cfg->group;
+        ht_ab whole = ht_vector[ht_group[group][k]].ab;
+        v.ab.alpha = without_legs[group] * whole.alpha;
+        v.ab.beta = without_legs[group] * whole.beta;
+    }
+    v.xy = regulated(cfg, st, in, psi_Wb, false);
+    return v;
 }

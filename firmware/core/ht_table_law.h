@@ -66,4 +66,9 @@ void ht_table_law_reset(ht_table_law_state *st);
 ht_action_points ht_table_law_step(const ht_table_law_config *cfg, ht_table_law_state *st,
                                    const ht_table_law_input *in, ht_xy *v_xy_pu, uint16_t s[3]);
 
+/** The same for a drive without some of its legs: a voltage, units of Vdc, that the others are to
+ *  make (ht_lost_legs_command). No vector of them points that way without x-y current. */
+ht_vsd ht_table_law_voltage(const ht_table_law_config *cfg, ht_table_law_state *st,
+                            const ht_table_law_input *in);
+
 #endif

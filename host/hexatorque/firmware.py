@@ -186,8 +186,9 @@ _RULES = {
     lib.HT_MISFIT_WRITE: "the write must come in the first half of the period",
     lib.HT_MISFIT_DEAD_TIME: "it may take half a period at most",
     lib.HT_MISFIT_ROTOR: "R_r/L_r must be below half of f_isr_Hz",
-    lib.HT_MISFIT_LOST_LEGS: "only a scheme without switching table can do without legs, and only "
-    "without one, legs of one set, or two that are 90 degrees apart (32+1, 16+8, 4+2)",
+    lib.HT_MISFIT_LOST_LEGS: "a drive can do without legs only with load_mode = shadow and "
+    "predict = on, and only without one, legs of one set, or two that are 90 degrees apart "
+    "(32+1, 16+8, 4+2)",
     lib.HT_MISFIT_LOST_RIDE: "a start without legs needs ride_through",
     lib.HT_MISFIT_RATED: "to go on without a leg needs the rated phase current",
 }

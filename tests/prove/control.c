@@ -179,6 +179,12 @@ static bool is_law_state(const ht_table_law_config *cfg, const ht_table_law_stat
            && (!cfg->regulated || HT_IS_XY_STATE(st->xy, cfg->xy_limit_pu));
 }
 
+ht_vsd ht_table_law_voltage(const ht_table_law_config *cfg, ht_table_law_state *st,
+                            const ht_table_law_input *in)
+{
+    return ht_vsd_from_six(0);
+}
+
 ht_action_points ht_table_law_step(const ht_table_law_config *cfg, ht_table_law_state *st,
                                    const ht_table_law_input *in, ht_xy *v_xy_pu, uint16_t s[3])
 {

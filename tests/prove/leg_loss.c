@@ -18,6 +18,7 @@ void prove_leg_loss(void)
     ht_xy v = any_xy();
     ht_xy to = any_xy();
     ht_six i_A = any_six();
+    int leg;
     cfg.least_V2 = nondet_float();
     cfg.gain = nondet_float();
     cfg.l_per_ts_ohm = nondet_float();
@@ -32,7 +33,10 @@ void prove_leg_loss(void)
     st.wait = nondet_uint16();
     st.found = nondet_uint16();
     st.leg_A = nondet_float();
-    st.all_A = nondet_float();
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        st.sum_A[leg] = nondet_float();
+    }
+    st.without = nondet_uint16();
     st.sum_V = any_xy();
     GIVEN((cfg.hold < 0xFFFFu) && (st.count <= (cfg.hold + 1u)) && (st.wait <= cfg.wait)
           && (cfg.wait >= 1u));
@@ -46,7 +50,8 @@ void prove_leg_loss(void)
     MUST(IMPLIES(st.found != was.found, (was.count == (cfg.hold + 1u)) && (was.wait <= 1u)));
     /* Not a number shows no loss: other checks see it. */
     MUST(IMPLIES(is_nan(v.x) || is_nan(to.y), (st.found == was.found) && (st.count == 0u)));
-    MUST(IMPLIES(is_nan(i_A.p[3]), st.found == was.found));
+    MUST(IMPLIES((was.without == 0u) && is_nan(i_A.p[3]), st.found == was.found));
+    MUST(st.without == was.without);
 }
 
 void prove_leg_loss_begin(void)
@@ -54,6 +59,7 @@ void prove_leg_loss_begin(void)
     ht_leg_loss_state st;
     ht_leg_loss_reset(&st);
     MUST((st.count == 0u) && (st.wait == 0u) && (st.direction == 0u) && (st.found == 0u));
+    MUST(st.without == 0u);
     MUST((st.low_V.x == 0.0f) && (st.low_V.y == 0.0f) && (st.low_A2 == 0.0f));
     ht_leg_loss_tolerate(&st, nondet_float(), nondet_float(), nondet_float());
     MUST(!(st.tolerance_ohm2 < 0.0f)); /* it never makes a residual count that is too small */

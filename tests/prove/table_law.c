@@ -83,4 +83,7 @@ void prove_table_law(void)
     MUST((st.flux_level == 0) || (st.flux_level == 1));
     MUST(cfg.regulated ? HT_IS_XY_WITHIN(v, cfg.xy_limit_pu) : ((v.x == 0.0f) && (v.y == 0.0f)));
     MUST(!cfg.regulated || HT_IS_XY_STATE(st.xy, cfg.xy_limit_pu));
+    (void)ht_table_law_voltage(&cfg, &st, &in); /* the next period, without legs */
+    MUST(HT_IS_LEVEL(st.torque_level, 2));
+    MUST((st.flux_level == 0) || (st.flux_level == 1));
 }

@@ -37,6 +37,8 @@ from .interface import DriveVerbs, Progress, finite
 
 #: Quantities of a profile that the board cannot set: the test bench has to.
 PLANT = {"load_Nm": "N m", "vdc_V": "V"}
+#: `latest`: fast interrupts per sample, which any line carries, and how long it waits for one.
+LATEST_DECIMATION, LATEST_S = 200, 1.0
 
 
 class BoardDrive(DriveVerbs):
@@ -450,6 +452,17 @@ class BoardDrive(DriveVerbs):
         if rate_Hz is not None:
             decimation = decimation_for(self.hello.f_isr_Hz, rate_Hz)
         return Stream(self.client, self.hello, self.dictionary, channels, decimation)
+
+    def latest(self, names: Sequence[str]) -> dict[str, float] | None:
+        """The channels' values now. None if other clients use all streams or the whole line."""
+        try:
+            with self.stream(tuple(names), rate_Hz=self.hello.f_isr_Hz / LATEST_DECIMATION) as one:
+                block = one.read(LATEST_S)
+        except LinkError as error:
+            if error.mistake:
+                return None
+            raise
+        return None if block is None else dict(zip(names, map(float, block[1][-1])))
 
     # -- captures --------------------------------------------------------------------------------
 

@@ -1506,10 +1506,36 @@ def test_another_start_after_a_loss_uses_all_legs_again(bench):
     assert (off(bench), bench.drive.warnings) == (0, 0)
 
 
-def test_a_scheme_with_a_table_stops_a_drive_without_a_leg(bench):
+def test_another_scheme_takes_over_without_the_leg_and_one_without_prediction_stops(bench):
     bench = Bench(bench.device, **RIDE).run_to("run")
     loses(bench, 1)
     bench.fast()
     bench.controller.set("scheme", "dtc3")
+    bench.fast(50)
+    assert (bench.state, off(bench), bench.drive.faults) == ("run", 16, 0)
+    bench.controller.set("predict", "off")
     bench.fast()
     assert (bench.state, off(bench), bench.drive.faults) == ("fault", 63, PHASE_LOST)
+
+
+@pytest.mark.parametrize("changes", ({"load_mode": "immediate"}, {"predict": "off"}))
+def test_without_prediction_a_lost_leg_stops(bench, changes):
+    bench = Bench(bench.device, **(RIDE | {"scheme": "ddr"} | changes)).run_to("run")
+    loses(bench, 1)
+    bench.fast()
+    assert (bench.state, off(bench), bench.drive.faults) == ("fault", 63, PHASE_LOST)
+
+
+def test_one_more_lost_leg_is_named_if_it_alone_carried_no_current(bench):
+    for amperes, named in ((0.1, 0x08), (1.5, 0)):
+        bench = Bench(bench.device, **RIDE).run_to("run")
+        loses(bench, 0)
+        bench.fast(5)
+        loses(bench, 5)
+        for leg, sum_A in enumerate((0.0, 20, amperes, 30, 25, 15)):
+            bench.drive.control.leg_loss.sum_A[leg] = sum_A
+        if not named:
+            bench.drive.control.leg_loss.sum_A[4] = 2.0
+        bench.fast()
+        expected = 0x20 | lib.HT_WARNING_NO_UPPER | lib.HT_WARNING_MORE_LOST | named
+        assert bench.drive.warnings == expected

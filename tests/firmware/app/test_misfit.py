@@ -29,7 +29,7 @@ CASES = {
     "ROTOR": ({"rr_ohm": 1000.0, "lr_H": 0.1}, "rr_ohm = 1000 ohm, lr_H = 0.1 H"),
     "LOST_LEGS": (
         {"lost_legs": 48, "scheme": "db-dtfc", "ride_through": "least-loss", "i_rated_A": 5.0},
-        "lost_legs = 48, scheme = db-dtfc: only a scheme without switching table",
+        "lost_legs = 48, predict = on: a drive can do without legs only with load_mode = shadow",
     ),
     "LOST_RIDE": (
         {"lost_legs": 32, "scheme": "db-dtfc", "i_rated_A": 5.0},

@@ -80,17 +80,55 @@ def test_the_direction_of_the_residual_names_leg_and_switch(leg, switch):
     assert watch.named == (PHASES[leg], switch)
 
 
-def test_no_leg_is_named_that_carries_current():
+def steadily(watch, residual_V, six):
+    """The residual points along x: to u1, whose lower switch seems not to conduct."""
+    none, minus = {"x": 0.0, "y": 0.0}, {"x": -residual_V, "y": 0.0}
+    for _ in range(100):
+        lib.ht_leg_loss_step(watch.cfg, watch.state, minus, none, none, [{"p": list(six)}], R)
+    return bool(watch.state.found)
+
+
+@pytest.mark.parametrize("sign", (-1, 1))
+def test_no_leg_is_named_that_carries_current(sign):
     """u1 carries a quarter of what the six carry together."""
+    shape = sign * np.array([2, 2, -1, -1, -1, -1])
+    assert not steadily(Watch(), 1.9 * LEAST_V, 0.5 * shape)
+    assert steadily(Watch(), 1.9 * LEAST_V, 0.02 * shape)
+
+
+def test_current_through_the_other_switch_says_nothing_against_a_residual_that_is_large():
+    """Current into a leg flows through its lower switch, current out of it through the upper one.
+    Wrong parameters would hardly make twice the residual that counts."""
+    shape = 0.5 * np.array([2, 2, -1, -1, -1, -1])
+    assert steadily(Watch(), 2.1 * LEAST_V, shape)
+    assert not steadily(Watch(), 2.1 * LEAST_V, -shape)
+    assert not steadily(Watch(), 5.0 * LEAST_V, -shape)
+
+
+def test_without_a_leg_half_the_residual_counts_whatever_current_flows():
+    """It has one direction then, which names no leg."""
+    shape = 0.5 * np.array([2, 0, -1, -1, -1, 1])
+    for times, without, found in ((0.9, 0, False), (0.45, 16, False), (0.6, 16, True)):
+        watch = Watch()
+        watch.state.without = without
+        assert steadily(watch, times * LEAST_V, shape) == found
+    assert not steadily(Watch(), 1.1 * LEAST_V, shape)
+
+
+@pytest.mark.parametrize(
+    ("currents", "dead"),
+    (
+        ([0.0, 0.1, 2, -1, -2, 0.9], 0x10), ([0.0, 2.9, 2, 0.1, -2, -3], 0x04),
+        ([0.0, 0.7, 2, 1.3, -2, -2], 0), ([0.0, 2, 0, -1, 0, -1], 0),
+    ),
+)  # fmt: skip
+def test_the_dead_leg_is_the_one_without_current(currents, dead):
+    """u1 is lost already. A second leg is named only if the others carry more than three times its
+    current. If it is of the same set, the third one has no return path: not to be told."""
     watch = Watch()
-    none, minus = {"x": 0.0, "y": 0.0}, {"x": -9.0, "y": 0.0}
-    for amplitude_A, found in ((0.5, False), (0.02, True)):
-        six = np.array([2, 2, -1, -1, -1, -1]) * amplitude_A
-        for _ in range(100):
-            lib.ht_leg_loss_step(
-                watch.cfg, watch.state, minus, none, none, [{"p": list(six)}], watch.rs_ohm
-            )
-        assert bool(watch.state.found) == found
+    watch.state.without = 0x20
+    assert steadily(watch, LEAST_V, np.array(currents))
+    assert lib.ht_leg_loss_dead(watch.state) == dead
 
 
 def test_a_small_sum_makes_a_larger_residual_necessary():

@@ -136,6 +136,29 @@ def test_the_state_test_bit_by_bit(quick, m4f):
     assert abs(outcome.recording["plant.i_u1_A"]).max() > 0.2
 
 
+@pytest.mark.parametrize("scheme", ("ddr", "dtc3", "db-dtfc"))
+def test_going_on_without_a_leg_bit_by_bit(quick, m4f, scheme):
+    """The leg breaks, the flux goes down to what the others carry, and another scheme follows."""
+    setup = quick.changed(
+        controller__scheme=scheme,
+        controller__ride_through="least-loss",
+        controller__i_rated_A=2.6,
+        timing__latency="predicted",
+    )
+    profile = Profile(
+        duration_s=0.6,
+        speed_rpm=((0.11, 300.0),),
+        load_Nm=((0.25, 2.0),),
+        broken=((0.35, "w1", "open"),),
+        set=((0.5, "scheme", "foc"),),
+        samples_per_period=1,
+    )
+    outcome = pil.compare(setup, profile, m4f)
+    assert outcome.failures() == []
+    assert outcome.state == "run"
+    assert int(outcome.recording["warnings"][-1]) & 63 == 8
+
+
 def test_commissioning_names_the_same_mistake(m4f):
     """Two leads are exchanged. The currents that tell it are the same, bit by bit."""
     setup = setups.load("paper-a-feasible").changed(machine__leads=[3, 2, 1, 4, 5, 6])

@@ -48,6 +48,31 @@ def test_status(call):
     assert code == 0 and "state  idle" in out
 
 
+def test_status_names_the_lost_phase_and_the_torque_that_is_left(call, board):
+    """A start without u1. The parameter alone would allow more torque."""
+    change = {"scheme": "ddr", "lost_legs": 32, "ride_through": "least-loss", "i_rated_A": 2.6}
+    with BoardDrive.open(board) as drive:
+        assert "phase u1 lost" not in json.loads(call("status", "--json")[1])["warnings"]
+        before = drive.get_many(list(change))
+        drive.set_many(change)
+        drive.start()
+        while drive.state != "run":
+            time.sleep(0.02)
+        time.sleep(0.1)
+        status = json.loads(call("status", "--json")[1])
+        said = call("status")[1]
+        streams = [drive.stream(["vdc_V"], rate_Hz=10) for _ in range(drive.hello.streams)]
+        busy = json.loads(call("status", "--json")[1])
+        for stream in streams:
+            stream.close()
+        drive.stop()
+        drive.set_many(before)
+    assert status["warnings"] == ["phase u1 lost"]
+    assert 3.0 < status["torque_limit_Nm"] < 4.0
+    assert "warnings  phase u1 lost" in said and "torque_limit_Nm  3.3" in said
+    assert (busy["warnings"], busy["torque_limit_Nm"], busy["state"]) == (None, None, "run")
+
+
 def test_parameters(call, tmp_path):
     code, out, _ = call("params", "list", "--json")
     rows = json.loads(out)

@@ -42,20 +42,25 @@ def list_boards(baud, as_json) -> int:
 @options.board
 @options.as_json
 def status(device, baud, as_json) -> int:
-    """State, faults and counters of the drive."""
+    """State, faults, warnings and counters of the drive."""
     from ...drive.board import parameter_set
+    from ...firmware import warnings
     from ...serial.wire import CaptureState
 
     with open_drive(device, baud) as drive:
         status = drive.client.get_status()
         capture = status.capture
         faults, snapshot = drive.faults, drive.snapshot
+        now = drive.latest(("warnings", "torque_limit_Nm"))
+        warned = now and warnings(int(now["warnings"]))
         data = {
             "port": drive.client.url,
             "device": drive.hello.device,
             "build": drive.hello.build,
             "state": drive.state,
             "faults": faults,
+            "warnings": warned,
+            "torque_limit_Nm": now and now["torque_limit_Nm"],
             "parameters": parameter_set(status.set),
             "guarded": status.guarded,
             "session": status.in_session,
@@ -67,7 +72,10 @@ def status(device, baud, as_json) -> int:
     if as_json:
         say(as_json, {**data, "latest_fault": snapshot})
         return 0
-    say(as_json, {**data, "faults": ", ".join(faults) or "none"})
+    told = "not known: other clients use the streams" if warned is None else ", ".join(warned)
+    left = "not known" if now is None else f"{now['torque_limit_Nm']:.3g}"
+    words = {"faults": ", ".join(faults), "warnings": told, "torque_limit_Nm": left}
+    say(as_json, data | {name: text or "none" for name, text in words.items()})
     if snapshot:
         print(f"{'latest fault':>16}  tick {snapshot['tick']}: {', '.join(snapshot['faults'])}")
     return 0

@@ -155,7 +155,7 @@ def test_a_command_that_a_low_trip_pin_does_not_refuse(monkeypatch, command):
 def test_restart_without_an_encoder(setup):
     """Nothing tells that the shaft turns until there is flux: found in the build-up."""
     rng = np.random.default_rng(5)
-    sim = SimulatedDrive(faults._setup(setup, "ddr", rng), 1)
+    sim = SimulatedDrive(faults._setup(setup, "ddr", rng, 0), 1)
     faults._bring_to(sim, "run", rng)
     sim.set("load_Nm", 0.0)
     sim.stop()
