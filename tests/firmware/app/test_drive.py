@@ -1551,9 +1551,9 @@ def settled(bench):
 
 @pytest.mark.parametrize(("rated_A", "flux_ref_Wb"), ((1.5, 0.6), (4.0, 0.6), (4.0, 0.1)))
 def test_flux_and_torque_of_a_drive_without_a_leg(rated_A, flux_ref_Wb):
-    """Flux: no more than what gives the most torque with the currents that are left. Torque: what the
-    currents allow at this flux, or all that is asked for. While a larger flux goes down, the torque is
-    not lower than in the end."""
+    """Flux: no more than what gives the most torque with the currents that are left. Torque: what
+    the currents allow at this flux, or all that is asked for. While a larger flux goes down, the
+    torque is not lower than in the end."""
     values = RIDE | {"i_rated_A": rated_A, "flux_ref_Wb": flux_ref_Wb, "flux_min_Wb": 0.05}
     bench = Bench(**values).run_to("run")
     before = settled(bench)[-1]

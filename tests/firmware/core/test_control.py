@@ -487,8 +487,8 @@ def test_any_scheme_gives_a_pattern_without_a_leg(scheme, legs):
 
 @pytest.mark.parametrize("scheme", ["dtc1", "ddr"])
 def test_without_a_leg_the_xy_flux_is_predicted_for_every_scheme(scheme):
-    """Across the axis of u1, along y, the x-y current is free: L_xy i, and what a pattern adds, at most
-    a sixth of it here."""
+    """Across the axis of u1, along y, the x-y current is free: L_xy i, and what a pattern and the
+    resistance add, less than a quarter of it here."""
     drive = Drive(config(scheme))
     lib.ht_control_lose(drive.cfg, drive.state, 0b100000)
     drive.step(3 * T.T @ [0, 0, 0, 2.0])

@@ -140,8 +140,8 @@ def test_torque_is_exact_at_any_flux():
 
 
 def test_torque_that_takes_more_than_the_flux():
-    """Its part of the flux, across the rotor's, is 1.2 times the length that is asked for. There is no
-    flux with a square below zero along the rotor's: a tenth of the length stays there."""
+    """Its part of the flux, across the rotor's, is 1.2 times the length that is asked for. No flux
+    along the rotor's makes up for that: a tenth of the length stays there."""
     loop = Loop(ROTOR, 0.01)
     wanted = 1.2 * 0.4 / SIGMA_LS
     for _ in range(400):

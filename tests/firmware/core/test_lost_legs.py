@@ -183,8 +183,8 @@ def test_the_other_legs_of_the_set_keep_the_terminal_between_the_rails(phase):
 
 @pytest.mark.parametrize("phase", PHASES)
 def test_a_law_that_asks_for_too_much_leaves_no_room_to_move_the_terminal(phase):
-    """Across the lost phase the other two legs of its set are then farther apart than the rails: moved
-    further, their sum would only bend the voltage. It is zero, and what is asked for across comes
+    """Across the lost phase the other two legs of its set are then farther apart than the rails.
+    Moving both would only bend the voltage. Their sum is zero, and what is asked for across comes
     through whole, for the modulator to cut."""
     legs = Legs([phase])
     leg = PHASES.index(phase)
