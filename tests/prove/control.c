@@ -374,7 +374,7 @@ void prove_control_observe(void)
 
 /* `lost`: one leg or more. Law, load and whether legs are lost are known before the step is run: the
  * solver then has no pointers that may point to several patterns. */
-static void step_of(ht_law law, bool shadow, bool lost)
+static void step_of(ht_law law, bool shadow, bool build, bool lost)
 {
     ht_control_config cfg;
     ht_control_state st;
@@ -392,7 +392,7 @@ static void step_of(ht_law law, bool shadow, bool lost)
         st.lost.axes = 0u;
     }
     before = cfg.shadow ? st.next.s[2] : st.active.s[2];
-    ht_control_step(&cfg, &st, &in, nondet_bool(), &out);
+    ht_control_step(&cfg, &st, &in, build, &out);
     MUST(HT_IS_WORD(out.start));
     MUST(HT_IS_COMPARE(out.ca[leg], cfg.first_counts, cfg.period_counts));
     MUST(HT_IS_COMPARE(out.cb[leg], cfg.first_counts, cfg.period_counts));
@@ -405,31 +405,32 @@ static void step_of(ht_law law, bool shadow, bool lost)
 void prove_control_table(void)
 {
     if (nondet_bool()) {
-        step_of(HT_LAW_TABLE, true, false);
+        step_of(HT_LAW_TABLE, true, nondet_bool(), false);
     } else {
-        step_of(HT_LAW_TABLE, false, false);
+        step_of(HT_LAW_TABLE, false, nondet_bool(), false);
     }
 }
 
 /* A law that commands a voltage needs shadow load. */
 void prove_control_deadbeat(void)
 {
-    step_of(HT_LAW_DEADBEAT, true, false);
+    step_of(HT_LAW_DEADBEAT, true, nondet_bool(), false);
 }
 
 void prove_control_foc(void)
 {
-    step_of(HT_LAW_FOC, true, false);
+    step_of(HT_LAW_FOC, true, nondet_bool(), false);
 }
 
-/* The table law as well: it may be taken over in the interrupt that finds that it cannot. */
+/* The table law as well: it may be taken over in the interrupt that finds that it cannot. The build-up
+ * does not depend on the law. */
 void prove_control_lost(void)
 {
     if (nondet_bool()) {
-        step_of(HT_LAW_TABLE, true, true);
+        step_of(HT_LAW_TABLE, true, nondet_bool(), true);
     } else if (nondet_bool()) {
-        step_of(HT_LAW_DEADBEAT, true, true);
+        step_of(HT_LAW_DEADBEAT, true, false, true);
     } else {
-        step_of(HT_LAW_FOC, true, true);
+        step_of(HT_LAW_FOC, true, false, true);
     }
 }
