@@ -372,9 +372,8 @@ void prove_control_observe(void)
     MUST(is_same_pattern(&st.next, &next));
 }
 
-/* `lost`: one leg or more. Law, load and whether legs are lost are known before the step is run: the
- * solver then has no pointers that may point to several patterns. */
-static void step_of(ht_law law, bool shadow, bool build, bool lost)
+/* `lost`: one leg or more. */
+static void step_of(ht_law law, bool shadow, bool lost)
 {
     ht_control_config cfg;
     ht_control_state st;
@@ -392,7 +391,7 @@ static void step_of(ht_law law, bool shadow, bool build, bool lost)
         st.lost.axes = 0u;
     }
     before = cfg.shadow ? st.next.s[2] : st.active.s[2];
-    ht_control_step(&cfg, &st, &in, build, &out);
+    ht_control_step(&cfg, &st, &in, nondet_bool(), &out);
     MUST(HT_IS_WORD(out.start));
     MUST(HT_IS_COMPARE(out.ca[leg], cfg.first_counts, cfg.period_counts));
     MUST(HT_IS_COMPARE(out.cb[leg], cfg.first_counts, cfg.period_counts));
@@ -404,33 +403,24 @@ static void step_of(ht_law law, bool shadow, bool build, bool lost)
 
 void prove_control_table(void)
 {
-    if (nondet_bool()) {
-        step_of(HT_LAW_TABLE, true, nondet_bool(), false);
-    } else {
-        step_of(HT_LAW_TABLE, false, nondet_bool(), false);
-    }
+    step_of(HT_LAW_TABLE, nondet_bool(), false);
 }
 
 /* A law that commands a voltage needs shadow load. */
 void prove_control_deadbeat(void)
 {
-    step_of(HT_LAW_DEADBEAT, true, nondet_bool(), false);
+    step_of(HT_LAW_DEADBEAT, true, false);
 }
 
 void prove_control_foc(void)
 {
-    step_of(HT_LAW_FOC, true, nondet_bool(), false);
+    step_of(HT_LAW_FOC, true, false);
 }
 
-/* The table law as well: it may be taken over in the interrupt that finds that it cannot. The build-up
- * does not depend on the law. */
+/* The table law as well: it may be taken over in the interrupt that finds that it cannot. */
 void prove_control_lost(void)
 {
-    if (nondet_bool()) {
-        step_of(HT_LAW_TABLE, true, nondet_bool(), true);
-    } else if (nondet_bool()) {
-        step_of(HT_LAW_DEADBEAT, true, false, true);
-    } else {
-        step_of(HT_LAW_FOC, true, false, true);
-    }
+    ht_law law = (ht_law)nondet_uint16();
+    GIVEN((law == HT_LAW_TABLE) || (law == HT_LAW_DEADBEAT) || (law == HT_LAW_FOC));
+    step_of(law, true, true);
 }
