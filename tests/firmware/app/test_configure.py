@@ -41,6 +41,15 @@ def test_the_carrier_turns_where_that_lowers_the_ripple(kappa, from_pu, turned_f
     assert config.modulator.turn_pu > 10.0  # no inverter makes that voltage
 
 
+@pytest.mark.parametrize("scheme, turned", [("foc", False), ("foc-24", True)])
+def test_field_orientation_has_the_carrier_of_its_scheme(scheme, turned):
+    for asked in ("auto", "off", "always"):
+        _, config = control(**{**DEADBEAT, "scheme": scheme, "carrier_turn": asked, "kappa": 1.0})
+        assert (config.modulator.turn_pu == 0.0) == turned
+        assert turned or config.modulator.turn_pu > 10.0  # no inverter makes that voltage
+        assert config.modulator.kappa == 0.0
+
+
 def test_prediction_needs_shadow_load():
     for load_mode, predict, predicts in (
         ("shadow", "on", True),
@@ -127,6 +136,7 @@ def test_numbers_that_are_in_no_table():
     span = lib.ht_param_range(made.port, past)
     assert (span.min, span.max) == (0.0, 0.0)
     assert lib.ht_fault_describe(lib.ht_fault_count()) == ffi.NULL
+    assert lib.ht_warning_describe(lib.ht_warning_count()) == ffi.NULL
     assert lib.ht_channel_describe(lib.ht_channel_count()) == ffi.NULL
     assert lib.ht_channel_read(made.drive, lib.ht_channel_count()) == 0.0
     assert ffi.string(lib.ht_state_name(lib.HT_STATES)) == b""

@@ -139,6 +139,27 @@ def test_torque_is_exact_at_any_flux():
         assert GAIN * abs(loop.rotor) * i.imag == pytest.approx(0.6, rel=1e-3)
 
 
+def test_torque_that_takes_more_than_the_flux():
+    """Its part of the flux, across the rotor's, is 1.2 times the length that is asked for. No flux
+    along the rotor's makes up for that: a tenth of the length stays there."""
+    loop = Loop(ROTOR, 0.01)
+    wanted = 1.2 * 0.4 / SIGMA_LS
+    for _ in range(400):
+        i = loop.step(GAIN * ROTOR * wanted, 0.4)
+    assert i.imag == pytest.approx(wanted, rel=1e-3)
+    along = (loop.psi * loop.rotor.conjugate()).real / abs(loop.rotor)
+    assert along == pytest.approx(0.1 * 0.4, rel=1e-2)
+
+
+def test_without_rotor_flux_the_command_stays_finite():
+    loop = Loop(ROTOR)
+    loop.rotor = 0j
+    loop.i = lambda: loop.psi / SIGMA_LS
+    for _ in range(20):
+        loop.step(0.5, 0.4)
+        assert np.isfinite(loop.v) and abs(loop.v) < 1.001 * REACH
+
+
 @pytest.mark.parametrize(
     ("index", "value"), [(0, 0.0), (0, 0.6), (0, np.nan), (1, -1.0), (1, np.inf), (1, np.nan)]
 )

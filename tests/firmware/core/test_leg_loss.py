@@ -223,3 +223,19 @@ def test_the_first_loss_counts():
         for _ in range(200):
             watch.step(np.zeros(6), error, without=leg)
     assert watch.named == ("u2", "lower")
+
+
+@pytest.mark.parametrize("lost", (0, 0b001000))
+def test_while_a_leg_is_off_a_leg_that_carries_current_may_be_lost(lost):
+    """The currents that remain are not those of a healthy machine, so they tell nothing."""
+    watch = Watch()
+    control, cfg = ffi.new("ht_control_state *"), ffi.new("ht_control_config *")
+    lib.ht_control_reset(cfg, control, [{"p": [0.0] * 6}])
+    if lost:
+        assert lib.ht_control_lose(cfg, control, lost) == lost
+    watch.state[0] = control.leg_loss
+    rng = np.random.default_rng(1)
+    error = np.zeros(6)
+    error[0] = -60.0
+    found = [watch.step(commands(rng), error) for _ in range(200)]
+    assert bool(found[-1]) == bool(lost)

@@ -181,6 +181,22 @@ def test_the_other_legs_of_the_set_keep_the_terminal_between_the_rails(phase):
             assert rail == pytest.approx(-0.5, abs=0.01)
 
 
+@pytest.mark.parametrize("phase", PHASES)
+def test_a_law_that_asks_for_too_much_leaves_no_room_to_move_the_terminal(phase):
+    """Across the lost phase the other two legs of its set are then farther apart than the rails.
+    Moving both would only bend the voltage. Their sum is zero, and what is asked for across comes
+    through whole, for the modulator to cut."""
+    legs = Legs([phase])
+    leg = PHASES.index(phase)
+    across = np.array([-np.sin(ANGLES_RAD[leg]), np.cos(ANGLES_RAD[leg])])
+    others = [n for n in range(6) if n % 2 == leg % 2 and n != leg]
+    for size, moved in ((0.1, True), (2.0, False)):
+        asked = np.concatenate([size * across, [0.0, 0.0]])
+        v_pu = legs.command(asked, np.zeros(4), 0.3 * across)
+        assert across @ v_pu[:2] == pytest.approx(size, rel=1e-5)
+        assert (abs((PHASE @ v_pu)[others].sum()) > 1e-3) == moved
+
+
 def largest_share(mask):
     """Amplitude in alpha-beta over that of the most loaded phase: by search over all currents
     that the remaining phases can carry with a turning current in alpha-beta."""
