@@ -5,6 +5,7 @@ differs from its command by a voltage that is chosen. The firmware sees command 
 
 import numpy as np
 import pytest
+from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
 from hexatorque.plant.vsd import ANGLES_RAD, PHASES, TRANSFORM
@@ -28,7 +29,7 @@ class Watch:
         self.cfg.l_per_ts_ohm = lxy_H / TS
         self.cfg.sum_A = SUM_A
         self.cfg.hold, self.cfg.wait = HOLD, WAIT
-        self.state = ffi.new("ht_leg_loss_state *")
+        self.state = unwritten("ht_leg_loss_state *")
         lib.ht_leg_loss_reset(self.state)
         lib.ht_leg_loss_tolerate(self.state, rs_ohm, lxy_H, omega_rad_s)
         self.rs_ohm = rs_ohm
