@@ -121,7 +121,7 @@ def main() -> int:
         "mutants", derandomize=True, database=None, phases=phases, deadline=None
     )
     hypothesis.settings.load_profile("mutants")
-    words = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist",
+    words = ["-q", "-s", "-p", "no:cacheprovider", "-p", "no:logging", "-p", "no:xdist",
              "-W", "ignore::pytest.PytestAssertRewriteWarning"]  # fmt: skip
     plugin = Plugin(firmware, int(limit_s), requests, answers)
     return int(pytest.main([*words, *folders], plugins=[plugin]))

@@ -70,7 +70,7 @@ TESTS = ROOT / "tests" / "firmware"
 C_TESTS = ("test_core", "test_vectors", "test_store")
 #: The one that takes longer than the others needs nothing of the core but numbers.
 NOT_FOR_CORE = "test_store"
-#: Files of tests that take less are among the first for every mutant.
+#: Files of tests that take less are the first where no name has a word of the mutated file's.
 QUICK_S = 0.3
 #: Several times what the tests need of the processor.
 C_LIMIT_S, LIMIT_S = 10, 150
@@ -206,7 +206,8 @@ class Bench:
             return not own, self.seconds[name]
 
         files = sorted(self.seconds, key=late)
-        quick = [name for name in files if not late(name)[0] or self.seconds[name] < QUICK_S]
+        own = [name for name in files if not late(name)[0]]
+        quick = own or [name for name in files if self.seconds[name] < QUICK_S]
         request = {
             "files": quick if first else files,
             "changed": str(library),

@@ -94,17 +94,22 @@ def test_no_leg_is_named_that_carries_current():
         assert bool(watch.state.found) == found
 
 
-def test_a_small_sum_makes_a_larger_residual_necessary():
-    """Half of the sum from which a sensor is wrong: the residual must be 1.5 times as large."""
+@pytest.mark.parametrize("leg", range(6))
+def test_a_small_sum_makes_a_larger_residual_necessary(leg):
+    """Half of the sum from which a sensor is wrong: the residual must be 1.5 times as large. The
+    current does not flow in u1, whose loss this residual means."""
     for sum_A, times, found in (
         (0.0, 1.1, True), (0.5 * SUM_A, 1.4, False), (0.5 * SUM_A, 1.6, True),
         (1.1 * SUM_A, 5, False),
     ):  # fmt: skip
         watch = Watch()
         none, minus = {"x": 0.0, "y": 0.0}, {"x": -times * LEAST_V, "y": 0.0}
-        six = [0.0, 0.0, sum_A, 0.0, 0.0, 0.0]
+        six = np.zeros(6)
+        six[leg] = sum_A
+        others = [k for k in range(2 - leg % 2, 6, 2) if k != leg]  # of its set, but not u1
+        six[others] += 40.0 * np.array([1, -1] if len(others) == 2 else [0])
         for _ in range(300):
-            lib.ht_leg_loss_step(watch.cfg, watch.state, minus, none, none, [{"p": six}], R)
+            lib.ht_leg_loss_step(watch.cfg, watch.state, minus, none, none, [{"p": list(six)}], R)
         assert bool(watch.state.found) == found, (sum_A, times)
 
 
@@ -143,6 +148,16 @@ def test_wrong_parameters_are_no_loss():
                 v = size_A * impedance * np.exp(1j * order * omega * TS * k)
                 command = 3 * XY.T @ [v.real, v.imag]
                 assert watch.step(command) == 0, (r_share, l_share, order, omega)
+
+
+@pytest.mark.parametrize("omega", (0.0, 40.0, -300.0, 2000.0))
+def test_what_is_tolerated_is_the_error_of_the_impedance_behind_the_filter(omega):
+    """Both parameters wrong by the same share are an impedance wrong by this share. The filter of
+    2 ms lets 1/|1 + j 6 omega tau| of the reactance's harmonic through."""
+    watch = Watch(omega_rad_s=omega)
+    reactance = 6 * omega * L / abs(1 + 6j * omega * 0.002)
+    wanted = (0.3 * abs(R + 1j * reactance)) ** 2
+    assert watch.state.tolerance_ohm2 == pytest.approx(wanted, rel=1e-5)
 
 
 @pytest.mark.parametrize("hertz", (1.0, 5.0, 30.0))
