@@ -61,3 +61,20 @@ def test_nothing_of_what_was_before_remains(scheme, observer):
         zip(*(lives(cfg, state, 2) for state in (zero, never_written, used)))
     ):
         assert a == b == c, n
+
+
+def test_a_machine_without_flux_and_all_legs_low():
+    controller = Controller("f28377s", VALUES)
+    cfg, state = controller.drive.config.control, unwritten("ht_control_state *")
+    reset(ffi.addressof(cfg), state)
+    for estimate in (state.estimate, state.decided):
+        assert (estimate.psi_Wb.alpha, estimate.psi_Wb.beta, estimate.torque_Nm) == (0, 0, 0)
+    for pair in (state.psi_xy_Wb, state.v_xy_pu):
+        assert (pair.x, pair.y) == (0, 0)
+    for pattern in (state.active, state.next):
+        assert (list(pattern.s), list(pattern.t), pattern.before) == ([0] * 3, [0, 1, 1], 0)
+        mean = pattern.mean_pu
+        assert (mean.ab.alpha, mean.ab.beta, mean.xy.x, mean.xy.y) == (0, 0, 0, 0)
+        assert (pattern.rising, pattern.falling, pattern.later, pattern.close) == (0, 0, 0, 0)
+    assert (state.observer.omega_sync_rad_s, state.sector, state.spill.legs) == (0, 0, 0)
+    assert (state.leg_loss.found, state.lost.axes) == (0, 0)
