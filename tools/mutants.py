@@ -267,7 +267,11 @@ def write(subject: Subject, results: list[Result], drew: int, seed: int) -> None
     PAGE.write_text(f"{before}{begin}\n{text}\n{end}{after}")
 
 
-def run(subject: Subject, states: States, prepare: Callable[[Book], Callable[[int], Judge]]) -> int:
+#: What makes the judges, by their number, once the rooms are known.
+Prepare = Callable[[Book, tuple[str, ...]], Callable[[int], Judge]]
+
+
+def run(subject: Subject, states: States, prepare: Prepare) -> int:
     """The command."""
     parser = argparse.ArgumentParser(description=f"Mutants of {subject.name}: do tests notice?")
     parser.add_argument("--count", type=int, default=subject.count, help="how many are drawn")
@@ -283,7 +287,7 @@ def run(subject: Subject, states: States, prepare: Callable[[Book], Callable[[in
     chosen = drawn(subject, rooms, asked.count, asked.seed)
     book = Book(subject, states)
     if not asked.judged and not book.done.keys() >= set(chosen):
-        judge(chosen, asked.jobs, book, prepare(book))
+        judge(chosen, asked.jobs, book, prepare(book, rooms))
     judged = {**book.alive_so_far, **book.done}
     results = [judged[mutant] for mutant in chosen if mutant in judged]
     print(dict(Counter(r.verdict for r in results)))

@@ -183,16 +183,17 @@ class Bench:
         return KILLED, failed[0] if failed else ""
 
 
-def prepare(book: Book) -> Callable[[int], Bench]:
+def prepare(book: Book, rooms: tuple[str, ...]) -> Callable[[int], Bench]:
     multiprocessing.set_forkserver_preload(LOADED)
     first = Bench(0)
-    if book.passed != book.states.all:
-        for room in PYTHON.rooms:
+    state = book.states.all + " ".join(rooms)
+    if book.passed != state:
+        for room in rooms:
             file = f"{room}/__init__.py"
             verdict, by = first.tested(file, (PYTHON.base / file).read_text(), False)
             if verdict != ALIVE:
                 raise SystemExit(f"mutate: without any change: {verdict} {by}")
-        book.passed = book.states.all
+        book.passed = state
         book.save()
     return Bench
 
