@@ -3,6 +3,8 @@ the x-y currents through R and L_xy, each sampling period with constant voltage.
 differs from its command by a voltage that is chosen. The firmware sees command and currents.
 """
 
+import itertools
+
 import numpy as np
 import pytest
 from unwritten import unwritten
@@ -92,6 +94,25 @@ def test_no_leg_is_named_that_carries_current():
                 watch.cfg, watch.state, minus, none, none, [{"p": list(six)}], watch.rs_ohm
             )
         assert bool(watch.state.found) == found
+
+
+@pytest.mark.parametrize(("lost", "loaded"), itertools.permutations(range(6), 2))
+def test_no_current_is_two_percent_of_all_six_legs(lost, loaded):
+    """`loaded` and another leg of its set carry 1000 A each, so the limit is 40 A."""
+    back = next(k for k in range(loaded % 2, 6, 2) if k not in (loaded, lost))
+    none = {"x": 0.0, "y": 0.0}
+    x, y = -5 * LEAST_V * 3 * XY[:, lost]
+    for current_A, found in ((39.0, True), (43.0, False)):
+        watch = Watch()
+        six = np.zeros(6)
+        six[loaded], six[back], six[lost] = 1000.0, -1000.0, current_A
+        six[(lost + 2) % 6] -= current_A  # no sum of a set
+        for _ in range(100):
+            lib.ht_leg_loss_step(
+                watch.cfg, watch.state, {"x": x, "y": y}, none, none, [{"p": list(six)}], R
+            )
+        assert bool(watch.state.found) == found
+        assert not found or watch.named[0] == PHASES[lost]
 
 
 @pytest.mark.parametrize("leg", range(6))
