@@ -96,7 +96,7 @@ def test_no_leg_is_named_that_carries_current():
         assert bool(watch.state.found) == found
 
 
-@pytest.mark.parametrize(("lost", "loaded"), itertools.permutations(range(6), 2))
+@pytest.mark.parametrize(("lost", "loaded"), list(itertools.permutations(range(6), 2)))
 def test_no_current_is_two_percent_of_all_six_legs(lost, loaded):
     """`loaded` and another leg of its set carry 1000 A each, so the limit is 40 A."""
     back = next(k for k in range(loaded % 2, 6, 2) if k not in (loaded, lost))
