@@ -66,6 +66,7 @@ class Subject:
     count: int  #: how many are drawn
     refused: str  #: how the page says that a mutant is not counted: it is refused, ...
     alike: str  #: ... or it is the same
+    left_out: tuple[str, ...] = ()  #: files that are not mutated
 
     @property
     def results(self) -> Path:
@@ -98,7 +99,12 @@ def mutants(subject: Subject) -> list[Mutant]:
         "json.dump(every, out)\n"
     )
     pattern = f"*{subject.suffix}"
-    paths = [path for room in subject.rooms for path in (subject.base / room).rglob(pattern)]
+    paths = [
+        path
+        for room in subject.rooms
+        for path in (subject.base / room).rglob(pattern)
+        if path.name not in subject.left_out
+    ]
     told = json.dumps([subject.rules, [str(path) for path in paths]])
     made = do([MUTATOR, "-c", program], input=told)
     if made.returncode != 0:

@@ -52,6 +52,7 @@ PYTHON = Subject(
     count=200,
     refused="Python refuses",
     alike="and the code is the same in",
+    left_out=("plots.py", "report.py", "pages.py"),  # where things stand in pictures and tables
 )
 TESTS = ROOT / "tests" / "host"
 #: What a process begins with. Nothing of hexatorque.
