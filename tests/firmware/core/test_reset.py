@@ -78,3 +78,22 @@ def test_a_machine_without_flux_and_all_legs_low():
         assert (pattern.rising, pattern.falling, pattern.later, pattern.close) == (0, 0, 0, 0)
     assert (state.observer.omega_sync_rad_s, state.sector, state.spill.legs) == (0, 0, 0)
     assert (state.leg_loss.found, state.lost.axes) == (0, 0)
+
+
+@pytest.mark.parametrize("part", ("leg_loss", "modulator", "xy", "deadbeat_law", "speed"))
+def test_parts_begin_at_zero(part):
+    state = unwritten(f"ht_{part}_state *")
+    getattr(lib, f"ht_{part}_reset")(state)
+    assert bytes(ffi.buffer(state)) == bytes(ffi.sizeof(state[0]))
+
+
+def test_laws_begin_without_a_demand_and_with_empty_integrators():
+    table, foc = unwritten("ht_table_law_state *"), unwritten("ht_foc_law_state *")
+    lib.ht_table_law_reset(table)
+    assert (table.torque_level, table.flux_level) == (0, 1)
+    lib.ht_foc_law_reset(foc)
+    assert not foc.begun
+    for vector in (foc.along, foc.integral_A, foc.wanted_A):
+        assert (vector.alpha, vector.beta) == (0, 0)
+    for xy in (table.xy, foc.xy):
+        assert bits(xy) == bytes(ffi.sizeof(xy))
