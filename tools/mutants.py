@@ -162,7 +162,7 @@ class States:
             return self.source
         if result.verdict == KILLED:
             return self.of_file.get(result.by.split("::")[0], self.all)
-        return "" if result.by == FIRST else self.all
+        return self.all
 
 
 class Book:
@@ -178,10 +178,10 @@ class Book:
         self.alive_so_far: dict[Mutant, Result] = {}
         for row in kept.get("results", []):
             result = Result(Mutant(**row["mutant"]), row["verdict"], row["by"])
-            if row["state"] == states.of(result):
-                self.done[result.mutant] = result
-            elif result.by == FIRST:
+            if result.by == FIRST:
                 self.alive_so_far[result.mutant] = result
+            elif row["state"] == states.of(result):
+                self.done[result.mutant] = result
 
     def save(self) -> None:
         judged = {**self.alive_so_far, **self.done}
