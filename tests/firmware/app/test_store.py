@@ -95,6 +95,15 @@ def test_a_save_that_fails_says_so_and_leaves_a_whole_set(kind):
     assert results[-1] == lib.HT_ERROR_STORE  # the last one is that of a mark
 
 
+def test_a_memory_that_cannot_be_read_at_all_is_none():
+    memory = Memory()
+    memory.handle.port.read = ffi.NULL
+    controller = started(memory)
+    assert controller.parameter_set == "built-in"
+    assert lib.ht_store_save(memory.handle, controller.drive) == lib.HT_ERROR_STORE
+    assert memory.writes == 0
+
+
 class Stuck(Memory):
     """One bit of it keeps its value."""
 
