@@ -15,6 +15,13 @@ def bits(value):
     return bytes(ffi.buffer(ffi.addressof(value)))
 
 
+def numbers(value):
+    """All of a struct."""
+    if not isinstance(value, ffi.CData):
+        return [value]
+    return [n for name, _ in ffi.typeof(value).fields for n in numbers(getattr(value, name))]
+
+
 def reset(cfg, state):
     lib.ht_control_reset(cfg, state, [{"p": [0.5, -0.2, 0.1, 0.3, -0.6, -0.1]}])
 
@@ -84,7 +91,7 @@ def test_a_machine_without_flux_and_all_legs_low():
 def test_parts_begin_at_zero(part):
     state = unwritten(f"ht_{part}_state *")
     getattr(lib, f"ht_{part}_reset")(state)
-    assert bytes(ffi.buffer(state)) == bytes(ffi.sizeof(state[0]))
+    assert not any(numbers(state[0]))
 
 
 def test_laws_begin_without_a_demand_and_with_empty_integrators():
@@ -96,4 +103,4 @@ def test_laws_begin_without_a_demand_and_with_empty_integrators():
     for vector in (foc.along, foc.integral_A, foc.wanted_A):
         assert (vector.alpha, vector.beta) == (0, 0)
     for xy in (table.xy, foc.xy):
-        assert bits(xy) == bytes(ffi.sizeof(xy))
+        assert not any(numbers(xy))
