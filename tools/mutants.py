@@ -160,7 +160,7 @@ class States:
     def of(self, result: Result) -> str:
         if result.verdict in (UNBUILT, SAME):
             return self.source
-        if result.verdict == KILLED:
+        if result.verdict in (KILLED, TIME):
             return self.of_file.get(result.by.split("::")[0], self.all)
         return self.all
 
@@ -254,6 +254,7 @@ def table(results: list[Result], known: dict[Mutant, str], rooms: tuple[str, ...
             m = r.mutant
             right, wrong = (text.strip().replace("|", "\\|") for text in (m.right, m.wrong))
             told = verdict(m) if r.verdict == ALIVE else TIME
+            told = "not yet judged with all tests" if (told, r.by) == ("–", FIRST) else told
             lines.append(f"| `{m.file}` | `{right}` | `{wrong}` | {told} |")
     return "\n".join(lines) + "\n"
 
