@@ -1,7 +1,9 @@
 """Renew the generated parts of docs/comparison.md from what `hexatorque evidence papers references`
 wrote, and from docs/budget.json.
 
-Usage: write_comparison.py OUT_DIR [docs/comparison.md]
+Usage: write_comparison.py [OUT_DIR]
+
+Without a folder only the table of instructions and memory is renewed.
 """
 
 from __future__ import annotations
@@ -13,6 +15,10 @@ from pathlib import Path
 
 import doc_page
 
+from hexatorque.evidence.papers.references.comparison import memory_bytes
+from hexatorque.evidence.papers.references.methods import methods
+
+PAGE = Path("docs/comparison.md")
 NAME = "REFERENCES"
 PICTURES = (NAME, f"{NAME}-others")
 MACHINE = "mps2-an386"
@@ -146,12 +152,14 @@ def errors(metrics: dict) -> str:
     return "\n".join(lines)
 
 
-def costs(metrics: dict, budget: dict) -> str:
+def costs(budget: dict) -> str:
     counted = budget[MACHINE]
+    memory = memory_bytes()
     rows = []
-    for name in metrics["methods"]:
+    for method in methods():
+        name = method.name
         row = counted.get(name)
-        own = metrics["memory_bytes"].get(name)
+        own = memory.get(name)
         rows.append(
             [
                 f"`{name}`",
@@ -207,24 +215,26 @@ def published(metrics: dict) -> str:
     return "\n".join(_table(heads, [list(five), list(low)]))
 
 
-def main() -> None:
-    folder = Path(sys.argv[1])
-    page = Path(sys.argv[2]) if len(sys.argv) > 2 else Path("docs/comparison.md")
+def measured(folder: Path) -> dict[str, str]:
     found = doc_page.read_figures(folder, [NAME])
     if not found:
         raise SystemExit(f"{folder}: {NAME} is not there")
     metrics = found[NAME]["metrics"]
-    budget = json.loads((page.parent / "budget.json").read_text())
-    parts = {
+    return {
         "sentences": sentences(metrics),
         "fronts": fronts(metrics),
         "sampling": sampling(metrics),
         "steps": steps(metrics),
         "errors": errors(metrics),
-        "costs": costs(metrics, budget),
         "published": published(metrics),
     }
-    doc_page.renew_page(page, parts, PICTURES, folder)
+
+
+def main() -> None:
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+    parts = measured(folder) if folder else {}
+    parts["costs"] = costs(json.loads((PAGE.parent / "budget.json").read_text()))
+    doc_page.renew_page(PAGE, parts, PICTURES if folder else (), folder or Path())
 
 
 if __name__ == "__main__":

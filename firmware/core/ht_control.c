@@ -215,6 +215,7 @@ uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uin
         st->observer.psi_Wb.beta += cfg->observer.ts_s * sum_V * x->a.beta;
     }
     ht_leg_loss_reset(&st->leg_loss);
+    st->leg_loss.off = off != 0u;
     return off;
 }
 

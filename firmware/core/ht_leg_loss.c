@@ -40,6 +40,7 @@ void ht_leg_loss_reset(ht_leg_loss_state *st)
     st->all_A = 0.0f;
     st->wait = 0u;
     st->found = 0u;
+    st->off = false;
     st->sum_V.x = 0.0f;
     st->sum_V.y = 0.0f;
 }
@@ -78,7 +79,7 @@ static void suspect(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, const 
     if (st->count <= cfg->hold) {
         add_currents(st, i);
         st->count++;
-    } else if (!(st->leg_A < cfg->sum_A + NOTHING * st->all_A)) {
+    } else if (!st->off && !(st->leg_A < cfg->sum_A + NOTHING * st->all_A)) {
         begin_currents(st); /* the leg carries current */
     } else if (st->found == 0u) {
         st->found = (uint16_t)(direction + 1u);

@@ -15,7 +15,8 @@
  *  makes a larger residual necessary. (With two sensors a set this could not be told.)
  *
  *  Wrong machine parameters make a residual, too, or turn it into the next direction. But a lost leg
- *  carries no current while it makes a residual. So no leg is named that carries current.
+ *  carries no current while it makes a residual. So no leg is named that carries current. Once a leg
+ *  is off the residual has one direction and its opposite, and only shows that one more is lost.
  */
 #ifndef HT_LEG_LOSS_H
 #define HT_LEG_LOSS_H
@@ -42,6 +43,7 @@ typedef struct {
     float all_A;          /**< the same of all six */
     uint16_t wait;        /**< periods until a loss may be found again */
     uint16_t found;       /**< 0: none, else 1 + direction */
+    bool off;             /**< a leg is off already: a direction does not name the next one */
     ht_xy sum_V;          /**< residual of the periods since it became large, added up */
 } ht_leg_loss_state;
 

@@ -135,6 +135,13 @@ class Excitation:
             causes = self.drive.faults
             if not causes:
                 raise CommissioningError("somebody has stopped the drive")
+            if "over-speed" in causes:
+                raise CommissioningError(
+                    f"over-speed: by its encoder the shaft has turned by more than "
+                    f"{self.travel_rev:g} revolutions in a test. Nothing may drive it, friction or "
+                    "a brake must hold it, and the encoder must not count too much; --travel "
+                    "allows more"
+                )
             raise DriveFault(causes, self.drive.time_s)
 
     @staticmethod

@@ -141,6 +141,13 @@ def set_up(found: Findings, drive: DriveVerbs, device: str, title: str) -> str:
             "i_noise_A": _measured(Value(found.noise_A, 0.0)),
         },
         "timing": {"device": device if device in DEVICES else DEVICES[0], **_latency(drive)},
+        "rated": {
+            "torque_Nm": _assumed(
+                _short(_number(drive, "torque_limit_Nm") / derived.LIMIT_PER_RATED),
+                f"torque_limit_Nm over {derived.LIMIT_PER_RATED:g}; the plate knows better",
+            ),
+            "flux_Wb": _short(_number(drive, "flux_ref_Wb")),
+        },
     }
     if found.mechanics and found.mechanics.fan_Nms2.value > 0:
         speed_rpm = round(found.mechanics.speed_rpm)

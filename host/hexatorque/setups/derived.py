@@ -37,6 +37,8 @@ LONGEST_STEP = 0.8
 WRITTEN_WITHIN = 0.8
 #: Frequencies of the speed loop. Each divides both sampling frequencies.
 F_SLOW_HZ = (100.0, 200.0, 500.0, 1000.0)
+#: Torque limit over rated torque.
+LIMIT_PER_RATED = 1.5
 #: By this share of rated speed the shaft may run away when the rated load drops.
 RUNAWAY = 0.3
 #: Low pass of the lost leg's residual (HT_LEG_LOSS_FILTER_S).
@@ -162,7 +164,7 @@ def _f_slow_Hz(k: Known) -> float:
 
 def _torque_limit_Nm(k: Known) -> float:
     by_current = k.torque_of_current_Nm(0.8 * k["i_trip_A"])
-    return max(0.001, min(1.5 * k.rated_Nm, PULL_OUT_SHARE * k.pull_out_Nm, by_current))
+    return max(0.001, min(LIMIT_PER_RATED * k.rated_Nm, PULL_OUT_SHARE * k.pull_out_Nm, by_current))
 
 
 def _loss_check(k: Known) -> float:

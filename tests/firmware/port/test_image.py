@@ -184,8 +184,10 @@ FAULTS = {
         F28335, "ht_sci.c", "#define SCICCR_8N1 0x0007u", "#define SCICCR_8N1 0x0107u",
         "SCICCR: reserved bit"),
     "flag instead of force": (
-        F28377S, "ht_pwm.c", "port->leg[leg] + port->map->tzfrc",
-        "port->leg[leg] + port->map->tzflg", "TZFLG: read-only"),
+        F28377S, "ht_pwm.c",
+        "        HT_WR16(port->io, port->leg[leg] + port->map->tzfrc, TZ_OST);\n    }",
+        "        HT_WR16(port->io, port->leg[leg] + port->map->tzflg, TZ_OST);\n    }",
+        "TZFLG: read-only"),
     "wrong address": (
         F28335, "ht_watchdog.c", "#define WDCR 0x7029u", "#define WDCR 0x7027u",
         "no such register"),

@@ -220,6 +220,8 @@ def test_whole_commissioning(name, load):
     written = parse(set_up(found, sim, "f28377s", "found"), "found")
     assert written["machine.lm_H"] == pytest.approx(m.lm_H, rel=0.05)
     assert written.values["machine"]["rs_ohm"].tag == "measured"
+    assert 1.5 * written["rated.torque_Nm"] == pytest.approx(sim.get("torque_limit_Nm"), rel=1e-4)
+    assert written["rated.flux_Wb"] == pytest.approx(sim.get("flux_ref_Wb"), rel=1e-4)
     assert written["load.kind"] == ("fan" if load == "fan" else "constant")
 
 

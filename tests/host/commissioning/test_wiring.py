@@ -9,6 +9,7 @@ from hexatorque.commissioning import encoder, wiring
 from hexatorque.commissioning.excitation import CommissioningError, Excitation, Limits
 from hexatorque.commissioning.regression import Value
 from hexatorque.commissioning.resistance import Resistance
+from hexatorque.commissioning.sequence import commission
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies.commissioning import Watched, miswirings
 from hexatorque.plant.vsd import INVERSE, PHASES, TRANSFORM
@@ -130,6 +131,13 @@ def test_each_miswiring_is_named_below_the_current_limit(number):
     for word in words:
         assert any(word in line for line in found), found
     assert 0 < sim.largest_A < LIMIT_A
+
+
+def test_a_shaft_that_a_load_drives_is_no_wrong_wire():
+    sim = SimulatedDrive(SETUP)
+    sim.load_Nm = 0.2
+    with pytest.raises(CommissioningError, match=r"turned by more than 0\.1 revolutions"):
+        commission(sim, Limits(LIMIT_A, 0.1), ["wiring"])
 
 
 def resistance():

@@ -254,7 +254,10 @@ def test_a_long_runtime_directory(board, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
     with BoardDrive.open(board) as drive:
         assert drive.state == "idle"
-        os.kill(drive.client.transport.pid, signal.SIGTERM)  # another folder than the fixture's
+        pid = drive.client.transport.pid
+        os.kill(pid, signal.SIGTERM)
+    # The next test's folder is another one: there this server would be a foreign program.
+    until(lambda: not os.path.exists(f"/proc/{pid}"), 10.0)
 
 
 # -- a port that others have, servers that hang

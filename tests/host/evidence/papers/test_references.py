@@ -228,7 +228,8 @@ def test_the_figure_has_five_sentences_and_says_whether_they_change(figure, tmp_
     assert set(rec["method"]) == set(range(len(methods())))
     figure.draw(tmp_path / "REFERENCES.png")
     assert (tmp_path / "REFERENCES.png").stat().st_size > 20_000
-    assert metrics["memory_bytes"]["dtc-svm"] > metrics["memory_bytes"]["vv-mpc"] == 0
+    memory = comparison.memory_bytes()
+    assert memory["dtc-svm"] > memory["vv-mpc"] == 0
 
 
 def test_a_torque_step_of_field_orientation_is_answered_as_its_tuning_says(tmp_path):
@@ -316,12 +317,12 @@ def test_the_page_shows_every_method_and_every_sentence(figure, tool):
         len(re.findall(r"^\d\. ", text, re.MULTILINE)) == 5 and "of the 5 sentences change" in text
     )
     parts = [part(metrics) for part in (tool.fronts, tool.sampling, tool.steps)]
-    for part in (*parts, tool.costs(metrics, budget)):
+    for part in (*parts, tool.costs(budget)):
         for name in BY_NAME:
             assert f"| `{name}` |" in part
     # The placeholder gives every method the same figures at the same sampling.
     assert "`fcs-mpc` over `vv-mpc`: Td " in tool.published(metrics)
-    assert f"{budget['mps2-an386']['ddr']['mean']:.0f}" in tool.costs(metrics, budget)
+    assert f"{budget['mps2-an386']['ddr']['mean']:.0f}" in tool.costs(budget)
     row = {"td_Nm": 0.5, "thd_inf_pct": 4.0}
     metrics["equal"] = {
         "chosen": {"m": {name: row for name in BY_NAME}},

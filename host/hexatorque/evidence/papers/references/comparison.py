@@ -129,7 +129,7 @@ def _verdicts(first: Result, again: Result | None, rivals: int) -> list[Verdict]
     return found
 
 
-def _memory_bytes() -> dict[str, int]:
+def memory_bytes() -> dict[str, int]:
     """What a law of the host keeps from period to period."""
     base = MACHINES[0].base
     found = {}
@@ -176,7 +176,6 @@ def references(job: Job) -> Figure:
     extent = methods()[0].quick if job.quick else methods()[0].extent
     metrics["settings"] = extent.settings
     metrics["families"] = {method.name: method.family for method in methods()}
-    metrics["memory_bytes"] = _memory_bytes()
     if again is not None:
         metrics["rivals"] = {"times": job.rivals, **_json(again)}
     return Figure(
