@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from unwritten import unwritten
 
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
@@ -20,14 +21,14 @@ def configuration(vector_V, wave="square", hertz=0.0):
     for name, value in {**values, "f_isr_Hz": 10000.0}.items():
         row = firmware.parameters()[name]
         params.v[row.id] = row.parse(float(value) if not row.choices else value)
-    config = ffi.new("ht_excitation_config *")
+    config = unwritten("ht_excitation_config *")
     lib.ht_excitation_configure(params, config)
     return config
 
 
 def patterns(config, ticks, first=0, begun=True):
     """Mean leg voltages of some periods, against the middle of the dc link: (ticks, 6)."""
-    state, out = ffi.new("ht_excitation_state *"), ffi.new("ht_compare *")
+    state, out = unwritten("ht_excitation_state *"), unwritten("ht_compare *")
     lib.ht_excitation_reset(state, 0)
     if begun:
         lib.ht_excitation_begin(state)

@@ -12,6 +12,7 @@ import pytest
 from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
 
@@ -66,8 +67,8 @@ class Drive:
     the compare registers."""
 
     def __init__(self, cfg):
-        self.cfg, self.state = cfg, ffi.new("ht_control_state *")
-        self.out = ffi.new("ht_compare *")
+        self.cfg, self.state = cfg, unwritten("ht_control_state *")
+        self.out = unwritten("ht_compare *")
         assert lib.ht_control_check(cfg) == lib.HT_CONFIG_OK
         lib.ht_control_reset(self.cfg, self.state, [{"p": [0.0] * 6}])
 
@@ -519,7 +520,7 @@ def test_a_new_control_law_starts_from_its_reset_state():
 
 
 def test_low_pattern_has_no_edges():
-    out = ffi.new("ht_compare *")
+    out = unwritten("ht_compare *")
     lib.ht_control_low_pattern(config(), out)
     assert out.start == 0
     assert [*out.ca, *out.cb] == [PERIOD] * 12

@@ -4,6 +4,7 @@ follow from its equations, and what the loop does follows from the poles.
 
 import numpy as np
 import pytest
+from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
 
@@ -24,7 +25,7 @@ class Loop:
     def __init__(self, rotor_Wb, turn=0.0, off_V=0j):
         self.cfg = ffi.new("ht_foc_law_config *", [ALPHA, 2e-3])
         assert lib.ht_foc_law_check(self.cfg)
-        self.state = ffi.new("ht_foc_law_state *")
+        self.state = unwritten("ht_foc_law_state *")
         lib.ht_foc_law_reset(self.state)
         self.machine = ffi.new(
             "ht_observer_config *",
