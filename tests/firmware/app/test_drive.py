@@ -1435,13 +1435,6 @@ def test_without_ride_through_a_lost_leg_stops(bench):
     assert (bench.state, off(bench), bench.drive.faults) == ("fault", 63, PHASE_LOST)
 
 
-def test_without_prediction_a_lost_leg_stops(bench):
-    bench = Bench(bench.device, **(RIDE | {"scheme": "ddr", "predict": "off"})).run_to("run")
-    loses(bench, 2)
-    bench.fast()
-    assert (bench.state, off(bench), bench.drive.faults) == ("fault", 63, PHASE_LOST)
-
-
 def test_another_law_that_commands_a_voltage_goes_on_without_the_leg(bench):
     bench = Bench(bench.device, **RIDE).run_to("run")
     loses(bench, 1)

@@ -136,10 +136,11 @@ def test_the_dead_leg_is_the_one_without_current(currents, dead):
 
 @pytest.mark.parametrize(("lost", "loaded"), list(itertools.permutations(range(6), 2)))
 def test_no_current_is_two_percent_of_all_six_legs(lost, loaded):
-    """`loaded` and another leg of its set carry 1000 A each, so the limit is 40 A."""
+    """`loaded` and another leg of its set carry 1000 A each, so the limit is 40 A. The residual is
+    not so large that current through the other switch would say nothing."""
     back = next(k for k in range(loaded % 2, 6, 2) if k not in (loaded, lost))
     none = {"x": 0.0, "y": 0.0}
-    x, y = -5 * LEAST_V * 3 * XY[:, lost]
+    x, y = -1.9 * LEAST_V * 3 * XY[:, lost]
     for current_A, found in ((39.0, True), (43.0, False)):
         watch = Watch()
         six = np.zeros(6)
@@ -273,6 +274,6 @@ def test_while_a_leg_is_off_a_leg_that_carries_current_may_be_lost(lost):
     watch.state[0] = control.leg_loss
     rng = np.random.default_rng(1)
     error = np.zeros(6)
-    error[0] = -60.0
+    error[0] = -22.0  # 1.7 times the least residual that counts
     found = [watch.step(commands(rng), error) for _ in range(200)]
     assert bool(found[-1]) == bool(lost)

@@ -19,6 +19,8 @@ def numbers(value):
     """All of a struct."""
     if not isinstance(value, ffi.CData):
         return [value]
+    if ffi.typeof(value).kind == "array":
+        return list(value)
     return [n for name, _ in ffi.typeof(value).fields for n in numbers(getattr(value, name))]
 
 
