@@ -14,7 +14,8 @@
 #   make fuzz          fuzz the link, FUZZ_S seconds per target (clang); the corpus stays as it is
 #   make prove         proofs of the firmware's functions; make prove-quick leaves out the long ones
 #   make coverage      lines, branches and MC/DC of the firmware, into docs/coverage.md (clang >= 18)
-#   make mutate        changes the firmware MUTANTS times in one place: a test must fail; hours
+#   make mutate        changes the firmware in one place, MUTANTS times: a test must fail; hours
+#   make mutate-python the same with the plant and the analysis, MUTANTS_PYTHON times
 #   make check-c       static checks of the C: warnings, 16-bit machine, cppcheck, MISRA
 #   make clean         remove all files that these targets made
 
@@ -31,14 +32,15 @@ C_FORMATTED := $(shell find firmware tests/c tests/prove tools -name '*.[ch]' ! 
 JOBS ?= 2
 WAITING ?= 4
 FUZZ_S ?= 120
-MUTANTS ?= 300
+MUTANTS ?= 1000
+MUTANTS_PYTHON ?= 250
 
 .PHONY: help demo papers papers-quick test test-computes test-waits test-quick test-c test-targets \
-  budget sanitize fuzz prove prove-quick coverage mutate bench bench-peers docs lint format check-c clean
+  budget sanitize fuzz prove prove-quick coverage mutate mutate-python bench bench-peers docs lint format check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,19s/^# \{0,1\}//p' Makefile
+	@sed -n '3,20s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
@@ -96,10 +98,16 @@ coverage: $(VENV)/.installed
 	$(BIN)/python tools/cover.py
 
 # The mutator gets an environment of its own: it brings an outdated module `typing`.
-mutate: $(VENV)/.installed
-	@[ -x build/mutate/tools/bin/mutate ] || { $(BIN)/python -m venv build/mutate/tools && \
-	  build/mutate/tools/bin/pip install --quiet universalmutator==1.14.1; }
+build/mutate/tools/.installed: | $(VENV)/.installed
+	$(BIN)/python -m venv build/mutate/tools
+	build/mutate/tools/bin/pip install --quiet universalmutator==1.14.1
+	@touch $@
+
+mutate: $(VENV)/.installed build/mutate/tools/.installed
 	$(BIN)/python tools/mutate.py --count $(MUTANTS) --jobs $(JOBS) --write
+
+mutate-python: $(VENV)/.installed build/mutate/tools/.installed
+	$(BIN)/python tools/mutate_python.py --count $(MUTANTS_PYTHON) --jobs $(JOBS) --write
 
 # Stages of tests: tests/conftest.py. With worksteal nearly all tests of a file run in one process:
 # they share what their fixtures build and compile. On a busy computer a test that waits for other

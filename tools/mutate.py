@@ -1,6 +1,6 @@
 """Tests the tests: `make mutate`, or
 
-    python tools/mutate.py [--count N] [--seed N] [--room core] [--jobs N] [--write]
+    python tools/mutate.py [--count N] [--seed N] [--room core] [--jobs N] [--write] [--judged]
 
 Changes the firmware in one place (universalmutator's rules for C: an operator, a constant, a
 statement that is left out), builds it and runs the tests. A test must fail. The mutants are drawn
@@ -12,295 +12,236 @@ at random, the same ones for the same seed. A mutant counts as
     time-out  the tests took too much time of the processor, as in a loop without end: not a kill
     alive     no test has failed
 
+The tests that are likely to fail run first: the C tests, then the files in Python whose name has a
+word of the mutated file's, then the others, the quick ones first. Only the mutated file is
+compiled, and the tests in Python run in a process that has everything loaded
+(tools/mutant_tests.py). Their random inputs are the same for every mutant.
+
 tests/mutation.toml has a verdict for those that stayed alive. --write renews docs/mutation.md.
-What was interrupted goes on where it was: a mutant that the same firmware and tests have judged
-is not judged again.
+What was interrupted goes on where it was. A mutant is judged again if the firmware has changed, or
+the file of the test that killed it, or, if it stayed alive, any test.
 """
 
 from __future__ import annotations
 
-import argparse
-import hashlib
 import json
 import os
-import random
+import re
+import resource
+import shlex
 import shutil
 import signal
 import subprocess
 import sys
-import tomllib
-from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
-from queue import SimpleQueue
-from threading import Lock
+from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
-WORK = ROOT / "build" / "mutate"
-#: universalmutator has an environment of its own: it brings an outdated `typing`.
-MUTATOR = WORK / "tools" / "bin" / "mutate"
-PAGE = ROOT / "docs" / "mutation.md"
-VERDICTS = ROOT / "tests" / "mutation.toml"
-RESULTS = WORK / "results.json"
-BEGIN, END = "<!-- generated: mutation -->\n", "<!-- end of mutation -->\n"
-ROOMS = ("core", "app", "link")
+from mutants import (
+    ALIVE,
+    FIRST,
+    KILLED,
+    ROOT,
+    SAME,
+    TIME,
+    UNBUILT,
+    WORK,
+    Book,
+    Mutant,
+    Result,
+    States,
+    Subject,
+    digest,
+    do,
+    run,
+)
+
+FIRMWARE = Subject(
+    "firmware",
+    base=ROOT / "firmware",
+    rooms=("core", "app", "link"),
+    suffix=".c",
+    rules=("universal.rules", "c.rules", "c_like.rules"),
+    count=1000,  # a third of them builds
+    refused="The compiler refuses",
+    alike="and it makes the same code of",
+)
+TESTS = ROOT / "tests" / "firmware"
 C_TESTS = ("test_core", "test_vectors", "test_store")
-#: By room, the quick ones first.
-TESTS = {
-    "core": ("tests/firmware/core", "tests/firmware/app/test_drive.py"),
-    "app": ("tests/firmware/app", "tests/firmware/link", "tests/firmware/core/test_protect.py"),
-    "link": ("tests/firmware/link",),
-}
-#: Several times what the tests need.
-LIMIT_S = 600
-UNBUILT, SAME, KILLED, TIME, ALIVE = "unbuilt", "same", "killed", "time-out", "alive"
+#: The one that takes longer than the others needs nothing of the core but numbers.
+NOT_FOR_CORE = "test_store"
+#: Files of tests that take less are the first where no name has a word of the mutated file's.
+QUICK_S = 0.3
+#: What the rules make of literals and types without knowing C: (2+1)u, 0.(3-1)f, 0.-1f, uint-1_t.
+NEVER_C = re.compile(r"\(\d+[+-]1\)[\w.]|\.\(|\d\.-\d|int-\d_t|int[01]_t")
+#: Several times what the tests need of the processor.
+C_LIMIT_S, LIMIT_S = 10, 150
 
 
-@dataclass(frozen=True)
-class Mutant:
-    """A line of a file, and what it becomes."""
-
-    file: str
-    line: int
-    right: str
-    wrong: str
+# --- The build --------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Result:
-    mutant: Mutant
-    verdict: str
-    by: str
-
-
-def do(words: list[str | Path], **more: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [str(word) for word in words], capture_output=True, text=True, **more,  # type: ignore[call-overload]
-    )  # fmt: skip
-
-
-# --- The mutants ------------------------------------------------------------------
-
-
-def mutants_of(source: Path) -> list[Mutant]:
-    """All of a file's, in the order in which universalmutator makes them."""
-    folder = WORK / "all" / source.parent.name / source.stem
-    if not folder.exists():
-        folder.mkdir(parents=True)
-        done = do([MUTATOR, source, "--noCheck", "--mutantDir", folder], cwd=folder)
-        if done.returncode != 0:
-            raise SystemExit(f"mutate: universalmutator failed: {done.stdout}{done.stderr}")
-    lines = source.read_text().splitlines()
-    found = set()
-    for path in folder.glob("*.c"):
-        changed = path.read_text().splitlines()
-        places = [n for n, (a, b) in enumerate(zip(lines, changed, strict=False)) if a != b]
-        if places and len(lines) == len(changed):
-            n = places[0]
-            found.add(Mutant(f"{source.parent.name}/{source.name}", n + 1, lines[n], changed[n]))
-    return sorted(found, key=lambda m: (m.line, m.wrong))
-
-
-def drawn(rooms: list[str], count: int, seed: int) -> list[Mutant]:
-    every = [
-        mutant
-        for room in rooms
-        for source in sorted((ROOT / "firmware" / room).glob("*.c"))
-        for mutant in mutants_of(source)
-    ]
-    print(f"{len(every)} mutants, {min(count, len(every))} drawn with seed {seed}", flush=True)
-    return random.Random(seed).sample(every, min(count, len(every)))
-
-
-# --- A build of its own -----------------------------------------------------------
-
-
-def prepared(number: int) -> Path:
-    """A tree that is changed, built once as it is."""
-    tree = WORK / f"tree{number}"
-    shutil.rmtree(tree, ignore_errors=True)
-    tree.mkdir(parents=True)
-    for name in ("firmware", "cmake", "tests/c", "tests/vectors"):
-        shutil.copytree(ROOT / name, tree / name)
-    shutil.copy(ROOT / "CMakeLists.txt", tree)
+def built() -> None:
+    """The firmware as it is, for Python and with the C tests."""
     beside = Path(sys.executable).parent
-    for folder, options in (
-        ("c", []),
-        ("module", ["-DHT_PYTHON_MODULE=ON", f"-DPython_EXECUTABLE={sys.executable}"]),
-    ):
-        done = do([beside / "cmake", "-S", tree, "-B", tree / folder, "-G", "Ninja",
-                   f"-DCMAKE_MAKE_PROGRAM={beside / 'ninja'}", *options])  # fmt: skip
-        if done.returncode != 0 or not build(tree):
-            raise SystemExit(f"mutate: the firmware does not build: {done.stdout}{done.stderr}")
-    return tree
+    python = ["-DHT_PYTHON_MODULE=ON", f"-DPython_EXECUTABLE={sys.executable}"]
+    for folder, options, targets in (("c", [], C_TESTS), ("module", python, ("_firmware",))):
+        set_up = [beside / "cmake", "-S", ROOT, "-B", WORK / folder, "-G", "Ninja",
+                  f"-DCMAKE_MAKE_PROGRAM={beside / 'ninja'}", *options]  # fmt: skip
+        for words in (set_up, [beside / "cmake", "--build", WORK / folder, "--target", *targets]):
+            done = do(words)
+            if done.returncode != 0:
+                raise SystemExit(f"mutate: the firmware does not build: {done.stdout}{done.stderr}")
 
 
-def build(tree: Path) -> bool:
-    cmake = Path(sys.executable).parent / "cmake"
-    both = ((tree / "module", ["_firmware"]), (tree / "c", list(C_TESTS)))
-    return all(
-        do([cmake, "--build", folder, "--target", *targets]).returncode == 0
-        for folder, targets in both
-        if folder.exists()
-    )
+@cache
+def compilation(file: str) -> tuple[str, ...]:
+    """The compiler's words for a file of the firmware, without input and output."""
+    rows = json.loads((WORK / "module" / "compile_commands.json").read_text())
+    source = str(ROOT / "firmware" / file)
+    words = next(shlex.split(row["command"]) for row in rows if row["file"] == source)
+    at = words.index("-o")
+    return tuple(words[:at] + [w for w in words[at + 2 :] if w not in ("-c", source)])
 
 
-def code_of(tree: Path, mutant: Mutant) -> bytes:
-    """The object file without the lines' numbers, which it does not have without -g."""
-    room = "ht_core" if mutant.file.startswith("core/") else "ht_app"
-    path = tree / "module" / "CMakeFiles" / f"{room}.dir" / "firmware" / f"{mutant.file}.o"
-    return path.read_bytes()
+def linked(objects: Path, program: Path) -> bool:
+    """A C test, with one object file instead of the library's, which the linker then does not take;
+    or a library of this file alone."""
+    build, of_test = WORK / "module", WORK / "c/tests/c/CMakeFiles" / f"{program.name}.dir"
+    others = sorted(of_test.glob("*.o"))
+    words: list[str | Path] = [*others, build / "libht_app.a", build / "libht_core.a", "-lm"]
+    if program.suffix == ".so":
+        words = ["-shared", "-Wl,-Bsymbolic"]
+    return do([compilation("core/ht_duty.c")[0], objects, *words, "-o", program]).returncode == 0
 
 
-def runs(tree: Path, mutant: Mutant) -> list[tuple[str, list[str]]]:
-    room = mutant.file.split("/")[0]
-    c = [(name, [str(next((tree / "c").rglob(name)))]) for name in C_TESTS]
-    python = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider",
-              "-p", "other_firmware", *TESTS[room]]  # fmt: skip
-    return [*c, ("Python", python)]
+def symbols(library: Path) -> list[tuple[str, str, int]]:
+    """Name, kind and size of what it defines."""
+    rows = do(["nm", "-S", "-D", "--defined-only", library]).stdout.splitlines()
+    return [(name, kind, int(size, 16)) for _, size, kind, name in map(str.split, rows)]
 
 
-def tested(tree: Path, mutant: Mutant) -> tuple[str, str]:
-    other = {
-        "HT_FIRMWARE": str(next((tree / "module").glob("_firmware*.so"))),
-        "PYTHONPATH": str(ROOT / "tools"),
-        "HYPOTHESIS_STORAGE_DIRECTORY": str(tree / "hypothesis"),
-    }
-    for name, words in runs(tree, mutant):
-        limited = ["sh", "-c", f'ulimit -t {LIMIT_S}; exec "$@"', "sh", *words]
-        done = do(list(limited), cwd=ROOT, env={**os.environ, **other})
-        if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
-            return TIME, name
-        if done.returncode != 0:
-            failed = [row for row in done.stdout.splitlines() if row.startswith("FAILED ")]
-            return KILLED, failed[0].split()[1] if failed else name
-    return ALIVE, ""
+# --- The tests --------------------------------------------------------------------
 
 
-def judged(tree: Path, mutant: Mutant) -> Result:
-    path = tree / "firmware" / mutant.file
-    right = path.read_text()
-    before = code_of(tree, mutant)
-    lines = right.splitlines()
-    lines[mutant.line - 1] = mutant.wrong
-    try:
-        path.write_text("\n".join(lines) + "\n")
-        if not build(tree):
-            return Result(mutant, UNBUILT, "")
-        if code_of(tree, mutant) == before:
+def limited() -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (C_LIMIT_S, C_LIMIT_S + 5))
+
+
+class Bench:
+    """The tests, one mutant after the other."""
+
+    def __init__(self, number: int, seconds: dict[str, float]) -> None:
+        """seconds: what each file of tests takes."""
+        self.folder, self.seconds = WORK / f"job{number}", seconds
+        self.right: dict[str, bytes] = {}  # object files of the firmware as it is
+        module = next((WORK / "module").glob("_firmware.*.so"))
+        folders = [f"tests/firmware/{room}" for room in FIRMWARE.rooms]
+        words = [sys.executable, "tools/mutant_tests.py", module, LIMIT_S, *folders]
+        log = self.folder.with_suffix(".txt").open("w")
+        own = {"PYTEST_DEBUG_TEMPROOT": str(self.folder), "OPENBLAS_NUM_THREADS": "1"}
+        self.tests = subprocess.Popen(
+            [str(word) for word in words], cwd=ROOT, env={**os.environ, **own}, text=True,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log,
+        )  # fmt: skip
+
+    def check(self) -> None:
+        """The tests must pass as long as nothing is changed."""
+        self.empty()
+        file = "core/ht_duty.c"
+        self.code(file, (ROOT / "firmware" / file).read_text().splitlines())
+        verdict, by = self.tested(file, first=False)
+        if verdict != ALIVE:
+            raise SystemExit(f"mutate: without any change: {verdict} {by}")
+
+    def empty(self) -> None:
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self.folder.mkdir(parents=True)
+
+    def code(self, file: str, lines: list[str]) -> bytes:
+        """The object file; nothing if it does not build. The lines have no numbers in it."""
+        source = self.folder / Path(file).name
+        source.write_text("\n".join(lines) + "\n")
+        objects = source.with_suffix(".o")
+        words = [*compilation(file), "-c", source.name, "-o", objects.name]
+        return objects.read_bytes() if do(words, cwd=self.folder).returncode == 0 else b""
+
+    def judged(self, mutant: Mutant, first: bool) -> Result:
+        self.empty()
+        lines = (ROOT / "firmware" / mutant.file).read_text().splitlines()
+        if mutant.file not in self.right:
+            self.right[mutant.file] = self.code(mutant.file, lines)
+        lines[mutant.line - 1] = mutant.wrong
+        code = b"" if NEVER_C.search(mutant.wrong) else self.code(mutant.file, lines)
+        if code == self.right[mutant.file]:
             return Result(mutant, SAME, "")
-        return Result(mutant, *tested(tree, mutant))
-    finally:
-        path.write_text(right)
-        build(tree)
+        if not code:
+            return Result(mutant, UNBUILT, "")
+        return Result(mutant, *self.tested(mutant.file, first))
+
+    def tested(self, file: str, first: bool) -> tuple[str, str]:
+        objects = (self.folder / Path(file).name).with_suffix(".o")
+        endless = (-signal.SIGXCPU, -signal.SIGKILL)
+        for name in C_TESTS:
+            if name == NOT_FOR_CORE and file.startswith("core/"):
+                continue
+            program = self.folder / name
+            if not linked(objects, program):
+                return UNBUILT, ""
+            code = do([program], preexec_fn=limited, cwd=self.folder).returncode
+            if code != 0:
+                return (TIME if code in endless else KILLED), name
+        library = objects.with_suffix(".so")
+        if not linked(objects, library):
+            return UNBUILT, ""
+        answer = self.ask(file, library, first)
+        if answer["code"] == 0:
+            self.seconds.update(answer["seconds"])
+            return ALIVE, FIRST if first else ""
+        return (TIME if answer["code"] in endless else KILLED), answer["by"]
+
+    def ask(self, file: str, library: Path, first: bool) -> dict[str, Any]:
+        words = set(Path(file).stem.removeprefix("ht_").split("_"))
+
+        def late(name: str) -> tuple[bool, float]:
+            own = words & set(Path(name).stem.removeprefix("test_").split("_"))
+            return not own, self.seconds[name]
+
+        files = sorted(self.seconds, key=late)
+        own = [name for name in files if not late(name)[0]]
+        quick = own or [name for name in files if self.seconds[name] < QUICK_S]
+        request = {
+            "files": quick if first else files,
+            "changed": str(library),
+            "symbols": symbols(library),
+        }
+        assert self.tests.stdin and self.tests.stdout
+        self.tests.stdin.write(json.dumps(request) + "\n")
+        self.tests.stdin.flush()
+        line = self.tests.stdout.readline()
+        if not line:
+            raise SystemExit(f"mutate: the tests have ended; see {self.folder}.txt")
+        return json.loads(line)
 
 
-# --- The page ---------------------------------------------------------------------
+def states() -> States:
+    in_c = digest("tests/c", "tests/vectors")
+    return States("firmware", "tests/firmware", {name: in_c for name in C_TESTS})
 
 
-def verdicts() -> dict[Mutant, str]:
-    """Why a mutant may stay alive; without the line's number, which changes."""
-    with VERDICTS.open("rb") as file:
-        rows = tomllib.load(file).get("alive", [])
-    return {Mutant(r["file"], 0, r["right"], r["wrong"]): r["verdict"] for r in rows}
-
-
-def table(results: list[Result], known: dict[Mutant, str]) -> str:
-    def verdict(m: Mutant) -> str:
-        return known.get(Mutant(m.file, 0, m.right.strip(), m.wrong.strip()), "–")
-
-    head = "| room | built | killed | equivalent | time-out | alive | killed of those that are not"
-    lines = [f"{head} equivalent |", "|---|---|---|---|---|---|---|"]
-    for room in (*ROOMS, ""):
-        rows = [r for r in results if r.mutant.file.startswith(room)]
-        count = Counter(r.verdict for r in rows)
-        alike = sum(r.verdict == ALIVE and verdict(r.mutant).startswith("equivalent") for r in rows)
-        built = count[KILLED] + count[TIME] + count[ALIVE]
-        share = f"{100 * count[KILLED] / (built - alike):.0f} %" if built > alike else "–"
-        lines.append(
-            f"| {room or '**all**'} | {built} | {count[KILLED]} | {alike} | {count[TIME]} "
-            f"| {count[ALIVE] - alike} | {share} |"
-        )
-    lines += ["", "| file | code | mutant | verdict |", "|---|---|---|---|"]
-    for r in sorted(results, key=lambda r: (r.mutant.file, r.mutant.line)):
-        if r.verdict in (ALIVE, TIME):
-            m = r.mutant
-            right, wrong = (text.strip().replace("|", "\\|") for text in (m.right, m.wrong))
-            told = verdict(m) if r.verdict == ALIVE else TIME
-            lines.append(f"| `{m.file}` | `{right}` | `{wrong}` | {told} |")
-    return "\n".join(lines) + "\n"
-
-
-def write(results: list[Result], page: Path = PAGE) -> None:
-    before, _, rest = page.read_text().partition(BEGIN)
-    after = rest.partition(END)[2]
-    page.write_text(f"{before}{BEGIN}\n{table(results, verdicts())}\n{END}{after}")
-
-
-def subject() -> str:
-    """Changes with the firmware and with its tests."""
-    digest = hashlib.sha256()
-    for name in ("firmware", "tests/c", "tests/firmware"):
-        for path in sorted((ROOT / name).rglob("*.[chdp]*")):
-            if path.is_file() and "__pycache__" not in path.parts:
-                digest.update(path.read_bytes())
-    return digest.hexdigest()
-
-
-def judge(chosen: list[Mutant], jobs: int) -> list[Result]:
-    of = subject()
-    kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-    rows = kept["results"] if kept.get("of") == of else []
-    done = {
-        Mutant(**row["mutant"]): Result(**{**row, "mutant": Mutant(**row["mutant"])})
-        for row in rows
-    }
-    left = [mutant for mutant in chosen if mutant not in done]
-    if len(left) < len(chosen):
-        print(f"{len(chosen) - len(left)} of them are judged already", flush=True)
-    trees: SimpleQueue[Path] = SimpleQueue()
-    for number in range(min(jobs, len(left))):
-        trees.put(prepared(number))
-    lock = Lock()
-
-    def one(mutant: Mutant) -> None:
-        tree = trees.get()
-        try:
-            result = judged(tree, mutant)
-        finally:
-            trees.put(tree)
-        with lock:
-            done[mutant] = result
-            m = result.mutant
-            print(
-                f"{result.verdict:9} {m.file}:{m.line}: {m.wrong.strip()}  {result.by}", flush=True
-            )
-            text = json.dumps({"of": of, "results": [asdict(r) for r in done.values()]}, indent=1)
-            RESULTS.write_text(text)
-
-    with ThreadPoolExecutor(jobs) as pool:
-        list(pool.map(one, left))
-    return [done[mutant] for mutant in chosen]
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description="Mutants of the firmware: do its tests notice?")
-    parser.add_argument("--count", type=int, default=300, help="how many are drawn")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--room", choices=ROOMS, help="only this one")
-    parser.add_argument("--jobs", type=int, default=2, help="at once (default 2)")
-    parser.add_argument("--write", action="store_true", help="renew docs/mutation.md")
-    asked = parser.parse_args()
-    if not MUTATOR.exists():
-        raise SystemExit("mutate: universalmutator is missing; `make mutate` installs it")
-    chosen = drawn([asked.room] if asked.room else list(ROOMS), asked.count, asked.seed)
-    results = judge(chosen, asked.jobs)
-    print(dict(Counter(r.verdict for r in results)))
-    if asked.write:
-        write(results)
-    return 0
+def prepare(book: Book, rooms: tuple[str, ...]) -> Callable[[int], Bench]:
+    built()
+    every = [path for room in FIRMWARE.rooms for path in (TESTS / room).glob("test_*.py")]
+    names = [str(path.relative_to(ROOT)) for path in every]
+    book.seconds = {name: book.seconds.get(name, 0.0) for name in names}
+    first = Bench(0, book.seconds)
+    if book.passed != book.states.all:
+        first.check()
+        book.passed = book.states.all
+        book.save()
+    return lambda number: first if number == 0 else Bench(number, book.seconds)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run(FIRMWARE, states(), prepare))

@@ -165,10 +165,26 @@ static bool rate_is_used(const ht_service *l)
                && (l->burst.state < (uint16_t)HT_BURST_SUMMING));
 }
 
+/* Ids and values of the payload; false if the rate would change while it is used. */
+static bool take_pairs(ht_service *l, const uint16_t *in, uint16_t count)
+{
+    bool fixed = rate_is_used(l);
+    uint16_t k;
+    for (k = 0u; k < count; k++) {
+        uint16_t id = ht_get16(&in[k * PAIR]);
+        float value = ht_float_of(ht_get32(&in[(k * PAIR) + 2u]));
+        if (fixed && (id == (uint16_t)HT_P_f_isr_Hz) && (value != ht_drive_get(l->drive, id))) {
+            l->detail = id;
+            return false;
+        }
+        l->write_id[k] = id;
+        l->write_value[k] = value;
+    }
+    return true;
+}
+
 static uint16_t write(ht_service *l, const uint16_t *in, uint16_t n)
 {
-    uint16_t *ids = l->write_id;
-    float *values = l->write_value;
     uint16_t count = (uint16_t)(n / PAIR);
     uint16_t at = NO_DETAIL;
     uint16_t result;
@@ -176,16 +192,10 @@ static uint16_t write(ht_service *l, const uint16_t *in, uint16_t n)
     if ((n == 0u) || ((count * PAIR) != n) || (count > HT_SERVICE_WRITE)) {
         return HT_SERVICE_LENGTH;
     }
-    for (k = 0u; k < count; k++) {
-        ids[k] = ht_get16(&in[k * PAIR]);
-        values[k] = ht_float_of(ht_get32(&in[(k * PAIR) + 2u]));
-        if ((ids[k] == (uint16_t)HT_P_f_isr_Hz) && rate_is_used(l)
-            && (values[k] != ht_drive_get(l->drive, ids[k]))) {
-            l->detail = ids[k];
-            return HT_SERVICE_SAMPLING;
-        }
+    if (!take_pairs(l, in, count)) {
+        return HT_SERVICE_SAMPLING;
     }
-    result = (uint16_t)ht_drive_write(l->drive, ids, values, count, &at);
+    result = (uint16_t)ht_drive_write(l->drive, l->write_id, l->write_value, count, &at);
     if (result != (uint16_t)HT_OK) {
         bool told = (result == (uint16_t)HT_ERROR_ID) || (result == (uint16_t)HT_ERROR_VALUE)
                     || (result == (uint16_t)HT_ERROR_STATE)
@@ -199,7 +209,7 @@ static uint16_t write(ht_service *l, const uint16_t *in, uint16_t n)
     l->reply_waits = true;
     ht_packet_add32(&l->reply, 0u); /* the tick: once it is known */
     for (k = 0u; k < count; k++) {
-        ht_packet_add_float(&l->reply, ht_drive_get(l->drive, ids[k]));
+        ht_packet_add_float(&l->reply, ht_drive_get(l->drive, l->write_id[k]));
     }
     return HT_OK;
 }

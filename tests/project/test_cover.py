@@ -2,7 +2,9 @@
 `make coverage` and `make mutate`."""
 
 import cover
+import mutants
 import mutate
+import mutate_python
 import pytest
 
 
@@ -53,15 +55,62 @@ def test_only_all_is_100_percent(covered, count, text):
 
 def test_time_outs_and_equivalent_mutants_are_not_kills():
     def result(n, verdict):
-        return mutate.Result(mutate.Mutant("core/ht_duty.c", n, f"a{n}", f"b{n}"), verdict, "")
+        return mutants.Result(mutants.Mutant("core/ht_duty.c", n, f"a{n}", f"b{n}"), verdict, "")
 
-    verdicts = (mutate.KILLED, mutate.TIME, mutate.ALIVE, mutate.ALIVE, mutate.UNBUILT, mutate.SAME)
+    verdicts = ("killed", "time-out", "alive", "alive", "unbuilt", "same")
     results = [result(n, verdict) for n, verdict in enumerate(verdicts)]
-    known = {mutate.Mutant("core/ht_duty.c", 0, "a2", "b2"): "equivalent: it is the same"}
-    rows = mutate.table(results, known).splitlines()
-    assert rows[2] == "| core | 4 | 1 | 1 | 1 | 1 | 33 % |"
+    known = {mutants.Mutant("core/ht_duty.c", 0, "a2", "b2"): "equivalent: it is the same"}
+    rows = mutants.table(results, known, ("core", "app")).splitlines()
+    assert rows[2] == "| core | 4 | 1 | 1 | 1 | 1 | 33.3 % |"
     assert rows[3] == "| app | 0 | 0 | 0 | 0 | 0 | – |"
-    assert rows[5].startswith("| **all** | 4 |")
-    assert [row.split(" | ")[-1] for row in rows[9:]] == [
+    assert rows[4].startswith("| **all** | 4 |")
+    assert [row.split(" | ")[-1] for row in rows[8:]] == [
         "time-out |", "equivalent: it is the same |", "– |",
     ]  # fmt: skip
+
+
+def test_a_verdict_lasts_as_long_as_what_it_depends_on(tmp_path, monkeypatch):
+    """A kill: the source and the test. A mutant that lives: the source and all tests. One that only
+    the first tests have seen is judged again, and counts as alive until then."""
+    monkeypatch.setattr(mutants, "ROOT", tmp_path)
+    monkeypatch.setattr(mutants, "WORK", tmp_path)
+    for name in ("source/a.c", "tests/test_one.py", "tests/test_two.py"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(name)
+
+    def book():
+        return mutants.Book(mutate.FIRMWARE, mutants.States("source", "tests"))
+
+    rows = {
+        "one": (mutants.KILLED, "tests/test_one.py::test_a"),
+        "two": (mutants.KILLED, "tests/test_two.py::test_b[1]"),
+        "lives": (mutants.ALIVE, ""),
+        "so far": (mutants.ALIVE, mutants.FIRST),
+        "no C": (mutants.UNBUILT, ""),
+    }
+    first = book()
+    for text, verdict in rows.items():
+        mutant = mutants.Mutant("core/a.c", 1, "right", text)
+        first.done[mutant] = mutants.Result(mutant, *verdict)
+    first.save()
+    assert {m.wrong for m in book().done} == rows.keys() - {"so far"}
+    (tmp_path / "tests/test_one.py").write_text("changed")
+    assert {m.wrong for m in book().done} == {"two", "no C"}
+    assert {m.wrong for m in book().alive_so_far} == {"so far"}
+    (tmp_path / "source/a.c").write_text("changed")
+    assert not book().done
+
+
+def test_what_a_compiler_would_refuse_is_known_without_one():
+    for text in ("x = (2+1)u;", "y = 0.(3-1)f;", "z = 1.-1f;", "uint-1_t n;", "int0_t k;"):
+        assert mutate.NEVER_C.search(text), text
+    for path in (mutants.ROOT / "firmware").rglob("*.c"):
+        assert not mutate.NEVER_C.search(path.read_text()), path
+
+
+def test_a_text_for_the_reader_has_no_meaning():
+    code = '"""What it does."""\ndef f(x):\n    """More."""\n    return x + 1  # one\n'
+    assert mutate_python.meaning(code.replace("More", "Less")) == mutate_python.meaning(code)
+    assert mutate_python.meaning(code.replace("one", "two")) == mutate_python.meaning(code)
+    assert mutate_python.meaning(code.replace("+ 1", "- 1")) != mutate_python.meaning(code)
+    assert mutate_python.meaning(code.replace("+ 1", "+* 1")) is None

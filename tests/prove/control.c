@@ -321,7 +321,6 @@ static void promise_observe(const ht_control_config *cfg, ht_control_state *st,
 /* What ht_control_check accepts, and any state in range. */
 static void any_step(ht_control_config *cfg, ht_control_state *st, ht_control_input *in)
 {
-    cfg->shadow = nondet_bool();
     cfg->predict = nondet_bool();
     cfg->needs_xy = nondet_bool();
     cfg->only_v0 = nondet_bool();
@@ -369,6 +368,7 @@ void prove_control_observe(void)
     ht_applied active;
     ht_applied next;
     cfg.law = (ht_law)nondet_uint16();
+    cfg.shadow = nondet_bool();
     any_step(&cfg, &st, &in);
     active = st.active;
     next = st.next;
@@ -378,7 +378,8 @@ void prove_control_observe(void)
     MUST(is_same_pattern(&st.next, &next));
 }
 
-static void step_of(ht_law law)
+/* `lost`: one leg or more. */
+static void step_of(ht_law law, bool shadow, bool lost)
 {
     ht_control_config cfg;
     ht_control_state st;
@@ -387,9 +388,14 @@ static void step_of(ht_law law)
     uint16_t leg = nondet_uint16();
     uint16_t before;
     cfg.law = law;
+    cfg.shadow = shadow;
     any_step(&cfg, &st, &in);
     GIVEN(leg < 6u);
-    st.lost.axes = 0u; /* all legs */
+    if (lost) {
+        GIVEN(st.lost.axes != 0u);
+    } else {
+        st.lost.axes = 0u;
+    }
     before = cfg.shadow ? st.next.s[2] : st.active.s[2];
     ht_control_step(&cfg, &st, &in, nondet_bool(), &out);
     MUST(HT_IS_WORD(out.start));
@@ -403,15 +409,24 @@ static void step_of(ht_law law)
 
 void prove_control_table(void)
 {
-    step_of(HT_LAW_TABLE);
+    step_of(HT_LAW_TABLE, nondet_bool(), false);
 }
 
+/* A law that commands a voltage needs shadow load. */
 void prove_control_deadbeat(void)
 {
-    step_of(HT_LAW_DEADBEAT);
+    step_of(HT_LAW_DEADBEAT, true, false);
 }
 
 void prove_control_foc(void)
 {
-    step_of(HT_LAW_FOC);
+    step_of(HT_LAW_FOC, true, false);
+}
+
+/* The table law as well: it may be taken over in the interrupt that finds that it cannot. */
+void prove_control_lost(void)
+{
+    ht_law law = (ht_law)nondet_uint16();
+    GIVEN((law == HT_LAW_TABLE) || (law == HT_LAW_DEADBEAT) || (law == HT_LAW_FOC));
+    step_of(law, true, true);
 }

@@ -13,8 +13,9 @@ static ht_store store;
 
 static bool has_stopped;
 static uint16_t writes;
-static bool sampling_counts; /* streams or a capture count in f_isr_Hz */
+static bool streaming;
 static float rate_now_Hz;
+static uint16_t look; /* any: what holds for the pair of this number holds for all of a WRITE */
 static uint32_t replied[2]; /* the first two long ones of the reply */
 static uint16_t replies;
 
@@ -68,16 +69,27 @@ float ht_drive_get(const ht_drive *d, uint16_t id)
     return (id == (uint16_t)HT_P_f_isr_Hz) ? rate_now_Hz : nondet_float();
 }
 
+/* Streams, or a capture that is not complete, count in f_isr_Hz: it must stay. */
+static bool may_take(uint16_t id, float value)
+{
+    uint16_t state = service.burst.state;
+    bool counts =
+        streaming
+        || ((state >= (uint16_t)HT_BURST_FILLING) && (state <= (uint16_t)HT_BURST_TRIGGERED));
+    return !counts || (id != (uint16_t)HT_P_f_isr_Hz) || (value == rate_now_Hz);
+}
+
 ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, uint16_t n,
                          uint16_t *at)
 {
-    uint16_t k = nondet_uint16();
+    uint16_t k;
     ht_result result = (ht_result)nondet_uint16();
+    GIVEN((unsigned)result <= (unsigned)HT_ERROR_SAMPLING);
     MUST((n >= 1u) && (n <= HT_SERVICE_WRITE));
-    GIVEN(k < n);
-    MUST(!(sampling_counts && (ids[k] == (uint16_t)HT_P_f_isr_Hz) && (values[k] != rate_now_Hz)));
-    GIVEN(((unsigned)result <= (unsigned)HT_ERROR_SAMPLING)
-          && IMPLIES(result == HT_OK, ids[k] < (uint16_t)HT_PARAMS));
+    MUST(IMPLIES(look < n, may_take(ids[look], values[look])));
+    for (k = 0u; k < n; k++) {
+        GIVEN(IMPLIES(result == HT_OK, ids[k] < (uint16_t)HT_PARAMS));
+    }
     *at = nondet_uint16();
     writes++;
     return result;
@@ -97,12 +109,12 @@ void ht_drive_stop(ht_drive *d)
 
 void ht_streams_reset(ht_streams *s)
 {
-    sampling_counts = false;
+    streaming = false;
 }
 
 bool ht_streams_any(const ht_streams *s)
 {
-    return sampling_counts;
+    return streaming;
 }
 
 void ht_streams_set(ht_streams *s, uint16_t k, const uint16_t *id, uint16_t n, uint16_t decimation)
@@ -129,12 +141,18 @@ uint32_t ht_burst_values(const ht_burst *b)
     return nondet_uint32();
 }
 
-/* Any service in any state, and a payload of `n` octets that ends where the memory ends: one that
- * is read further than it reaches is found. */
-static const uint16_t *any_request(const uint16_t octets[PAYLOAD], uint16_t n)
+static uint16_t any_length(void)
+{
+    uint16_t n = nondet_uint16();
+    GIVEN(n <= PAYLOAD);
+    return n;
+}
+
+/* Any service in any state, and a payload that ends where the memory ends: one that is read further
+ * than it reaches is found. The octet before it is there because an array must not be empty. */
+static const uint16_t *any_request(const uint16_t *octets)
 {
     uint16_t k;
-    GIVEN(n <= PAYLOAD);
     service.drive = &drive;
     service.setup.store = nondet_bool() ? &store : NULL;
     service.reply.n = nondet_uint16();
@@ -165,14 +183,14 @@ static const uint16_t *any_request(const uint16_t octets[PAYLOAD], uint16_t n)
         stream->decimation = nondet_uint16();
         GIVEN((stream->n <= HT_STREAM_CHANNELS) && (stream->decimation >= 1u));
     }
-    return &octets[PAYLOAD - n];
+    return &octets[1];
 }
 
 void prove_request_open(void)
 {
-    uint16_t n = nondet_uint16();
-    uint16_t octets[PAYLOAD];
-    const uint16_t *in = any_request(octets, n);
+    uint16_t n = any_length();
+    uint16_t octets[n + 1u];
+    const uint16_t *in = any_request(octets);
     uint16_t before = service.session;
     uint32_t mark = service.mark;
     uint16_t result;
@@ -186,9 +204,9 @@ void prove_request_open(void)
 
 void prove_request_close(void)
 {
-    uint16_t n = nondet_uint16();
-    uint16_t octets[PAYLOAD];
-    const uint16_t *in = any_request(octets, n);
+    uint16_t n = any_length();
+    uint16_t octets[n + 1u];
+    const uint16_t *in = any_request(octets);
     bool armed = service.armed != 0u;
     uint16_t result = close_session(&service, in, n);
     MUST((result == (uint16_t)HT_OK) == (n == 0u));
@@ -198,9 +216,9 @@ void prove_request_close(void)
 
 void prove_request_start(void)
 {
-    uint16_t n = nondet_uint16();
-    uint16_t octets[PAYLOAD];
-    const uint16_t *in = any_request(octets, n);
+    uint16_t n = any_length();
+    uint16_t octets[n + 1u];
+    const uint16_t *in = any_request(octets);
     bool again = service.started && (service.last_crc == service.start_crc);
     uint16_t armed = service.armed;
     uint16_t result = start(&service, in, n);
@@ -213,9 +231,9 @@ void prove_request_start(void)
 
 void prove_request_stop(void)
 {
-    uint16_t n = nondet_uint16();
-    uint16_t octets[PAYLOAD];
-    const uint16_t *in = any_request(octets, n);
+    uint16_t n = any_length();
+    uint16_t octets[n + 1u];
+    const uint16_t *in = any_request(octets);
     uint16_t result = stop(&service, in, n);
     MUST((result == (uint16_t)HT_OK) == (n == 0u));
     MUST(IMPLIES(n == 0u, has_stopped && (service.armed == 0u)));
@@ -223,9 +241,9 @@ void prove_request_stop(void)
 
 void prove_request_get(void)
 {
-    uint16_t n = nondet_uint16();
-    uint16_t octets[PAYLOAD];
-    const uint16_t *in = any_request(octets, n);
+    uint16_t n = any_length();
+    uint16_t octets[n + 1u];
+    const uint16_t *in = any_request(octets);
     uint16_t before = service.reply.n;
     uint16_t result = get(&service, in, n);
     MUST(service.reply.n <= HT_PACKET_BODY);
@@ -233,15 +251,55 @@ void prove_request_get(void)
                  service.reply.n == (before + 2u * n)));
 }
 
+static void any_pairs(void)
+{
+    uint16_t k;
+    for (k = 0u; k < HT_SERVICE_WRITE; k++) {
+        service.write_id[k] = nondet_uint16();
+        service.write_value[k] = nondet_float();
+    }
+}
+
+static void any_rate(void)
+{
+    look = nondet_uint16();
+    streaming = nondet_bool();
+    rate_now_Hz = drive.params.v[HT_P_f_isr_Hz];
+}
+
+/* As prove_request_values shows it. */
+static bool promise_take_pairs(ht_service *l, const uint16_t *in, uint16_t count)
+{
+    bool fine = nondet_bool();
+    MUST(count <= HT_SERVICE_WRITE);
+    MUST(IMPLIES(count > 0u, in[6u * count - 1u] == in[6u * count - 1u])); /* is payload */
+    GIVEN(IMPLIES(fine && (look < count), may_take(l->write_id[look], l->write_value[look])));
+    return fine;
+}
+
+void prove_request_values(void)
+{
+    uint16_t n = any_length();
+    uint16_t octets[n + 1u];
+    const uint16_t *in = any_request(octets);
+    uint16_t count = (uint16_t)(n / PAIR);
+    bool fine;
+    any_rate();
+    GIVEN((count <= HT_SERVICE_WRITE) && (look < count));
+    fine = take_pairs(&service, in, count);
+    MUST(IMPLIES(fine, service.write_id[look] == ht_get16(&in[6u * look])));
+    MUST(IMPLIES(fine, may_take(service.write_id[look], service.write_value[look])));
+}
+
 void prove_request_write(void)
 {
-    uint16_t n = nondet_uint16();
-    uint16_t octets[PAYLOAD];
-    const uint16_t *in = any_request(octets, n);
+    uint16_t n = any_length();
+    uint16_t octets[n + 1u];
+    const uint16_t *in = any_request(octets);
     bool waited = service.reply_waits;
     uint16_t result;
-    rate_now_Hz = drive.params.v[HT_P_f_isr_Hz];
-    sampling_counts = nondet_bool();
+    any_rate();
+    any_pairs();
     result = write(&service, in, n);
     MUST(service.reply.n <= HT_PACKET_BODY);
     MUST(writes <= 1u); /* all at once */
@@ -296,9 +354,9 @@ void prove_request_smallest(void)
 
 void prove_request_stream(void)
 {
-    uint16_t n = nondet_uint16();
-    uint16_t octets[PAYLOAD];
-    const uint16_t *in = any_request(octets, n);
+    uint16_t n = any_length();
+    uint16_t octets[n + 1u];
+    const uint16_t *in = any_request(octets);
     uint16_t result;
     result = stream(&service, in, n);
     MUST(service.reply.n <= HT_PACKET_BODY);
@@ -307,9 +365,9 @@ void prove_request_stream(void)
 
 void prove_request_arm(void)
 {
-    uint16_t n = nondet_uint16();
-    uint16_t octets[PAYLOAD];
-    const uint16_t *in = any_request(octets, n);
+    uint16_t n = any_length();
+    uint16_t octets[n + 1u];
+    const uint16_t *in = any_request(octets);
     uint32_t left = service.read_left;
     uint16_t result;
     result = arm(&service, in, n);
@@ -319,9 +377,9 @@ void prove_request_arm(void)
 
 void prove_request_read(void)
 {
-    uint16_t n = nondet_uint16();
-    uint16_t octets[PAYLOAD];
-    const uint16_t *in = any_request(octets, n);
+    uint16_t n = any_length();
+    uint16_t octets[n + 1u];
+    const uint16_t *in = any_request(octets);
     uint16_t result;
     result = read(&service, in, n);
     MUST(IMPLIES(result == (uint16_t)HT_OK, service.burst.state == (uint16_t)HT_BURST_COMPLETE));
@@ -329,9 +387,9 @@ void prove_request_read(void)
 
 void prove_request_status(void)
 {
-    uint16_t n = nondet_uint16();
-    uint16_t octets[PAYLOAD];
-    const uint16_t *in = any_request(octets, n);
+    uint16_t n = any_length();
+    uint16_t octets[n + 1u];
+    const uint16_t *in = any_request(octets);
     GIVEN(service.watchdog_left <= 12501u); /* as START sets it */
     (void)status(&service, in, n);
     MUST(service.reply.n <= HT_PACKET_BODY);

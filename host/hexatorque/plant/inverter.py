@@ -23,6 +23,7 @@ from .compiled import compiled, source_hash
 from .legs import BLOCKED, BREAK, HIGH, LOW, LOWER, MAX_BREAKS, OFF, OPEN, UPPER, WHOLE
 from .machine import (
     coast,
+    constant_response,
     derivative,
     incremental,
     leg_response,
@@ -101,11 +102,17 @@ INVERTER = np.dtype(
         ("v_leg", "f8", (6,)),  # leg voltages against the negative rail
         ("v", "f8", (4,)),  # alpha, beta, x, y voltages
         ("k", "f8", (8,)),
+        ("no_v", "f8", (4,)),  # zeros
+        ("k_no_v", "f8", (4,)),  # d flux/dt without a voltage
         ("z", "f8", (2, 8)),
         ("trial", "f8", (8,)),
         ("kept", "f8", (8,)),  # the state that `keep` has saved
         ("kept_diode", "i8", (6,)),  # the diodes that `keep` has saved
-        ("a", "f8", (6, 7)),  # floating-leg equations
+        ("floats", "i8"),  # number of floating legs,
+        ("floating", "i8", (6,)),  # which,
+        ("a", "f8", (6, 6)),  # their equations, factored,
+        ("pivot", "i8", (6,)),  # the order of the rows,
+        ("b", "f8", (6,)),  # the right side, then their voltages
         ("i", "f8", (4,)),
     ]
 )
@@ -192,59 +199,92 @@ def _transform(inv):
 
 
 @compiled
-def _solve_floating(inv, m, load, y, vdc):
-    """Leg voltages that keep the floating legs' currents at zero.
-
-    d i/dt = G v_float + (rest) = -i/FLOAT_S for each floating leg. G is singular
-    when a whole set floats (only differences matter), so a small diagonal term
-    pulls such legs to mid-bus, as a balancing resistor would.
-    """
-    a = inv.a
+def _find_floating(inv, m, y):
+    """List the floating legs, and factor the matrix of their equations if it is the same at any
+    state. Returns whether there are any."""
     n = 0
     for leg in range(6):
         if inv.leg[leg] == OFF and inv.diode[leg] == 0:
-            inv.v_leg[leg] = 0.0
+            inv.floating[n] = leg
             n += 1
-    _transform(inv)
-    derivative(m, load, y, inv.v, inv.k)
+    inv.floats = n
+    if n > 0 and constant_response(m):
+        _factor(inv, m, y)
+    return n > 0
+
+
+@compiled
+def _factor(inv, m, y):
+    """LU factors of d i/dt of the floating legs per volt on them, with partial pivoting: U and the
+    multipliers in `a`, and in `pivot` the row that came to each place."""
+    a = inv.a
     gain = incremental(m, y)
-    row = 0
-    for leg in range(6):
-        if inv.leg[leg] == OFF and inv.diode[leg] == 0:
-            slope = phase_current_slope(m, gain, inv.k, leg)
-            col = 0
-            for other in range(6):
-                if inv.leg[other] == OFF and inv.diode[other] == 0:
-                    a[row, col] = leg_response(m, gain, leg, other)
-                    col += 1
-            epsilon = BALANCE * m.g_leg[leg, leg]
-            a[row, row] += epsilon
-            a[row, n] = -slope - phase_current(m, y, leg) / FLOAT_S + epsilon * 0.5 * vdc
-            row += 1
-    # Gauss with partial pivoting, n <= 6.
+    n = inv.floats
+    for r in range(n):
+        leg = inv.floating[r]
+        for c in range(n):
+            a[r, c] = leg_response(m, gain, leg, inv.floating[c])
+        a[r, r] += BALANCE * m.g_leg[leg, leg]
     for p in range(n):
         best = p
         for r in range(p + 1, n):
             if abs(a[r, p]) > abs(a[best, p]):
                 best = r
+        inv.pivot[p] = best
         if best != p:
-            for c in range(p, n + 1):
+            for c in range(p, n):
                 a[p, c], a[best, c] = a[best, c], a[p, c]
         for r in range(p + 1, n):
             f = a[r, p] / a[p, p]
-            for c in range(p, n + 1):
+            a[r, p] = f
+            for c in range(p + 1, n):
                 a[r, c] -= f * a[p, c]
+
+
+@compiled
+def _solve_floating(inv, m, load, y, vdc):
+    """Leg voltages that keep the currents of the floating legs (`_find_floating`) at zero; with
+    them, the machine's voltages `v` and d y/dt in `k`.
+
+    d i/dt = G v_float + (rest) = -i/FLOAT_S for each floating leg. G is singular
+    when a whole set floats (only differences matter), so a small diagonal term
+    pulls such legs to mid-bus, as a balancing resistor would.
+    """
+    n = inv.floats
+    for r in range(n):
+        inv.v_leg[inv.floating[r]] = 0.0
+    _transform(inv)
+    # A voltage adds to the slope of its flux and to nothing else.
+    derivative(m, load, y, inv.no_v, inv.k)
+    for r in range(4):
+        inv.k_no_v[r] = inv.k[r]
+        inv.k[r] += inv.v[r]
+    a = inv.a
+    b = inv.b
+    gain = incremental(m, y)
+    if not constant_response(m):
+        _factor(inv, m, y)
+    for r in range(n):
+        leg = inv.floating[r]
+        slope = phase_current_slope(m, gain, inv.k, leg)
+        epsilon = BALANCE * m.g_leg[leg, leg]
+        b[r] = -slope - phase_current(m, y, leg) / FLOAT_S + epsilon * 0.5 * vdc
+    for p in range(n):
+        best = inv.pivot[p]
+        b[p], b[best] = b[best], b[p]
+        for r in range(p + 1, n):
+            b[r] -= a[r, p] * b[p]
     for p in range(n - 1, -1, -1):
-        total = a[p, n]
+        total = b[p]
         for c in range(p + 1, n):
-            total -= a[p, c] * a[c, n]
-        a[p, n] = total / a[p, p]
-    row = 0
-    for leg in range(6):
-        if inv.leg[leg] == OFF and inv.diode[leg] == 0:
-            inv.v_leg[leg] = a[row, n]
-            row += 1
+            total -= a[p, c] * b[c]
+        b[p] = total / a[p, p]
+    for r in range(n):
+        inv.v_leg[inv.floating[r]] = b[r]
     _centre(inv, vdc)
+    _transform(inv)
+    for r in range(4):
+        inv.k[r] = inv.k_no_v[r] + inv.v[r]
 
 
 @compiled
@@ -315,8 +355,9 @@ def _step(inv, m, load, y, dt, vdc, floats, out):
             _subtract_drops(inv, m, stage, vdc)
         if floats:
             _solve_floating(inv, m, load, stage, vdc)
-        _transform(inv)
-        derivative(m, load, stage, inv.v, inv.k)
+        else:
+            _transform(inv)
+            derivative(m, load, stage, inv.v, inv.k)
         weight = 2.0 if n == 1 or n == 2 else 1.0
         reach = dt if n == 2 else 0.5 * dt
         for r in range(8):
@@ -358,12 +399,9 @@ def _may_conduct(inv, leg):
 @compiled
 def _leg_voltages(inv, m, load, y, vdc):
     """Set the leg voltages. Returns True if any leg floats."""
-    floats = False
     for leg in range(6):
         state = inv.leg[leg]
         if state == OFF:
-            if inv.diode[leg] == 0:
-                floats = True
             inv.v_leg[leg] = vdc if inv.diode[leg] < 0 else 0.0
             if inv.broken[leg] == OPEN and inv.diode[leg] != 0:
                 if inv.command[leg] != OFF:
@@ -373,6 +411,7 @@ def _leg_voltages(inv, m, load, y, vdc):
             inv.v_leg[leg] = vdc if state == HIGH else 0.0
     if inv.drops != 0:
         _subtract_drops(inv, m, y, vdc)
+    floats = _find_floating(inv, m, y)
     if floats:
         _solve_floating(inv, m, load, y, vdc)
         margin = inv.v_diode_V + FORWARD * vdc
@@ -388,8 +427,11 @@ def _leg_voltages(inv, m, load, y, vdc):
                     inv.v_leg[leg] = -inv.v_diode_V
                     turned_on = True
         if turned_on:
-            _solve_floating(inv, m, load, y, vdc)
-    _transform(inv)
+            floats = _find_floating(inv, m, y)
+            if floats:
+                _solve_floating(inv, m, load, y, vdc)
+    if not floats:
+        _transform(inv)
     return floats
 
 

@@ -82,6 +82,11 @@ def phase_current(m, y, leg):
 
 
 @_contract
+def constant_response(m):
+    """Whether `leg_response` is the same at any state."""
+
+
+@_contract
 def incremental(m, y):
     """The part of the state on which the two slopes below depend, computed once. Any type."""
 

@@ -106,21 +106,25 @@ def _best(x: np.ndarray, y: np.ndarray, more: bool) -> list[int]:
 
 
 def sensitivity(results: Results, title: str, path: Path) -> Path:
-    """The indices of a Sobol design as bars: pale what a key causes with others, dark alone."""
+    """The indices of a Sobol design as bars: pale what a key causes with others, with its 95 %
+    range as a line, dark alone."""
     lines = list(indices(results))
     names = results.metrics[:MOST_FIGURES]
     keys = list(dict.fromkeys(line[2] for line in lines))
     schemes = list(dict.fromkeys(line[0] for line in lines))
     height_in = 1.2 + 0.26 * len(keys) * len(schemes)
     figure, axes = new_figure(1, len(names), height_in, 2.2 + 2.4 * len(names), sharey=True)
-    figure.suptitle(f"{title}: share of the variance", fontsize=11)
+    words = "share of the variance that a key causes alone (dark) and with others (pale, 95 %)"
+    figure.suptitle(f"{title}: {words}", fontsize=11)
     width = 0.8 / len(schemes)
     for ax, name in zip(axes[0], names):
         for k, scheme in enumerate(schemes):
             its = [line for line in lines if line[0] == scheme and line[1] == name]
             at = [keys.index(line[2]) + (k - (len(schemes) - 1) / 2) * width for line in its]
             colour = STYLE.get(scheme, {}).get("color", "#0072b2")
-            ax.barh(at, [max(0.0, line[5]) for line in its], 0.9 * width, color=colour, alpha=0.3)
+            joint = [max(0.0, line[5]) for line in its]
+            ax.barh(at, joint, 0.9 * width, color=colour, alpha=0.3)
+            ax.errorbar(joint, at, xerr=[line[6] for line in its], fmt="none", ecolor="0.4", lw=0.8)
             alone = [max(0.0, line[3]) for line in its]
             ax.barh(at, alone, 0.9 * width, color=colour, label=scheme or None)
         ax.set_title(name, **TITLE)

@@ -1,14 +1,23 @@
 """Imported once by the server from which the worker processes are forked: the simulation is loaded
-there, and compiled if it is not yet in numba's cache."""
+there, and compiled if it is not yet in numba's cache.
+
+Nothing that is loaded becomes garbage. Looking for it would take a fifth of the time, and later the
+workers would write into memory that they share.
+"""
 
 from __future__ import annotations
 
+import gc
 import sys
 
-from ..analysis import walk  # noqa: F401  (what a run needs)
-from ..drive import comparison  # noqa: F401
-from ..drive.compiling import COMPILING, compile_now, watched
-from . import work  # noqa: F401
+gc.disable()
+
+from ..analysis import walk  # noqa: E402, F401  (what a run needs)
+from ..drive import comparison  # noqa: E402, F401
+from ..drive.compiling import COMPILING, compile_now, watched  # noqa: E402
+from . import work  # noqa: E402, F401
 
 with watched(lambda: print(COMPILING, file=sys.stderr, flush=True), lambda: None):
     compile_now()
+gc.freeze()
+gc.enable()

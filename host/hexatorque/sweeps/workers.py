@@ -26,6 +26,9 @@ from .errors import StudyError
 
 #: A process that is this much over its time limit is killed: it does not look at the time itself.
 GRACE_S = 10.0
+#: A task has so many runs that it takes about this long: handing it over takes one or two
+#: milliseconds of it, whatever is in it.
+TASK_S, MOST_RUNS = 0.15, 8
 #: Imported by the server from which the workers are forked.
 LOADED_ONCE = "hexatorque.sweeps.warm"
 _STARTING = threading.Lock()
@@ -37,8 +40,8 @@ class Died(Exception):
 
 
 class Workers(Protocol):
-    """slots: how many tasks may be under way; batch: runs a task, so that handing it over takes
-    little of its time."""
+    """slots: how many tasks may be under way; batch: runs of the next task, so that handing it over
+    takes little of its time."""
 
     batch: int
 
@@ -140,10 +143,9 @@ class _Process:
 class Processes:
     """So many processes on this machine. One that dies or hangs is replaced."""
 
-    batch = 1
-
     def __init__(self, jobs: int | None = None) -> None:
         self.slots = jobs or usable_cores()
+        self.batch = 1
         self._idle: list[_Process] = []
         self._busy: dict[Future, tuple[_Process, float]] = {}
 
@@ -162,7 +164,7 @@ class Processes:
         return future
 
     def result(self, future: Future) -> Any:
-        process, _ = self._busy.pop(future)
+        process, given_s = self._busy.pop(future)
         try:
             found = future.result()
         except BrokenProcessPool:
@@ -176,6 +178,10 @@ class Processes:
             process.end()
             raise
         self._idle.append(process)
+        if process.ready_s is not None:
+            runs = len(found) if isinstance(found, list) else 1
+            run_s = (time.monotonic() - max(given_s, process.ready_s)) / max(1, runs)
+            self.batch = max(1, min(MOST_RUNS, int(TASK_S / run_s)))
         return found
 
     def overdue(self, future: Future, limit_s: float) -> bool:

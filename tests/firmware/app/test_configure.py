@@ -41,6 +41,15 @@ def test_the_carrier_turns_where_that_lowers_the_ripple(kappa, from_pu, turned_f
     assert config.modulator.turn_pu > 10.0  # no inverter makes that voltage
 
 
+@pytest.mark.parametrize("scheme, turned", [("foc", False), ("foc-24", True)])
+def test_field_orientation_has_the_carrier_of_its_scheme(scheme, turned):
+    for asked in ("auto", "off", "always"):
+        _, config = control(**{**DEADBEAT, "scheme": scheme, "carrier_turn": asked, "kappa": 1.0})
+        assert (config.modulator.turn_pu == 0.0) == turned
+        assert turned or config.modulator.turn_pu > 10.0  # no inverter makes that voltage
+        assert config.modulator.kappa == 0.0
+
+
 def test_prediction_needs_shadow_load():
     for load_mode, predict, predicts in (
         ("shadow", "on", True),
@@ -70,6 +79,62 @@ def test_a_rotor_without_resistance_needs_no_magnetising_current():
     assert made.drive.config.protect.magnetise_A_Wb == 0.0
     made, _ = control(rr_ohm=2.0)
     assert made.drive.config.protect.magnetise_A_Wb > 0.0
+
+
+#: Machines and rates that are unlike in everything.
+DRIVES = [
+    {"sigma_ls_H": 0.025, "lm_H": 0.284, "lr_H": 0.299, "rr_ohm": 2.0, "pole_pairs": 1,
+     "f_isr_Hz": 10000.0, "f_slow_Hz": 50.0, "flux_ref_Wb": 0.6, "lxy_H": 0.01,
+     "i_sum_trip_A": 2.0, "loss_check": 0.009, "vdc_max_V": 400.0},
+    {"sigma_ls_H": 0.006, "lm_H": 0.051, "lr_H": 0.054, "rr_ohm": 0.3, "pole_pairs": 4,
+     "f_isr_Hz": 16000.0, "f_slow_Hz": 40.0, "flux_ref_Wb": 0.35, "lxy_H": 0.002,
+     "i_sum_trip_A": 5.0, "loss_check": 0.02, "vdc_max_V": 700.0, "vdc_full_V": 800.0},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("v", DRIVES)
+def test_the_checks_know_the_machine(v):
+    """Inductances by their definitions: sigma = 1 - L_m^2/(L_s L_r), so L_s - sigma L_s is
+    L_m^2/L_r. The rotor's winding seen from the stator has R_r (L_m/L_r)^2. A low pass of time
+    constant tau, looked at once in T, takes T/(T + tau) of each difference."""
+    made, _ = control(**v)
+    c = made.drive.config.protect
+    ratio, slow_s = v["lm_H"] / v["lr_H"], 1 / v["f_slow_Hz"]
+    ls_H = v["sigma_ls_H"] + v["lm_H"] * ratio
+    found = {name: getattr(c, name) for name in dir(c)}
+    wanted = {
+        "ls_H": ls_H,
+        "sigma": 1 - v["lm_H"] ** 2 / (ls_H * v["lr_H"]),
+        "no_load_A": v["flux_ref_Wb"] / ls_H,
+        "slip_gain": v["rr_ohm"] * ratio**2,
+        "rpm_per_rad_s": 60 / (2 * np.pi) / v["pole_pairs"],
+        "flux_gain": slow_s / (slow_s + 0.2),
+        "encoder_gain": slow_s / (slow_s + 0.05),
+        "rotor_gain": slow_s / (slow_s + v["lr_H"] / v["rr_ohm"] / 30),
+        # r falls behind by tau dr/dt, and L_r/R_r dr/dt needs L_s times that current.
+        "magnetise_A_Wb": 30 / ls_H,
+        # The encoder's mean is half a slow period old, the flux's speed 5 ms.
+        "estimate_back": max(0.5 - 0.005 / slow_s, 0.0),
+    }
+    assert {name: found[name] for name in wanted} == pytest.approx(wanted, rel=1e-5)
+
+
+def test_an_estimate_that_is_newer_than_the_encoder_is_not_put_forward():
+    made, _ = control(f_slow_Hz=200.0)
+    assert made.drive.config.protect.estimate_back == 0.0
+
+
+@pytest.mark.parametrize("v", DRIVES)
+def test_the_check_for_lost_legs_knows_drive_and_machine(v):
+    """The residual is a voltage, a share of the largest dc link. It must point the same way for
+    1 ms, and a wrong sensor rules a loss out for 10 ms."""
+    _, config = control(**v)
+    c, ts = config.leg_loss, 1 / v["f_isr_Hz"]
+    assert c.least_V2 == pytest.approx((v["loss_check"] * v["vdc_max_V"]) ** 2, rel=1e-5)
+    assert c.gain == pytest.approx(ts / (ts + 0.002), rel=1e-5)
+    assert c.l_per_ts_ohm == pytest.approx(v["lxy_H"] / ts, rel=1e-5)
+    assert c.sum_A == pytest.approx(0.3 * v["i_sum_trip_A"], rel=1e-5)
+    assert (c.hold, c.wait) == (round(1e-3 / ts), round(1e-2 / ts))
 
 
 def test_a_dead_time_that_the_power_stage_forbids_is_refused():
@@ -127,6 +192,7 @@ def test_numbers_that_are_in_no_table():
     span = lib.ht_param_range(made.port, past)
     assert (span.min, span.max) == (0.0, 0.0)
     assert lib.ht_fault_describe(lib.ht_fault_count()) == ffi.NULL
+    assert lib.ht_warning_describe(lib.ht_warning_count()) == ffi.NULL
     assert lib.ht_channel_describe(lib.ht_channel_count()) == ffi.NULL
     assert lib.ht_channel_read(made.drive, lib.ht_channel_count()) == 0.0
     assert ffi.string(lib.ht_state_name(lib.HT_STATES)) == b""

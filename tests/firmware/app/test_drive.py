@@ -1002,8 +1002,15 @@ def test_flux_that_turns_in_the_build_up_with_the_check_off(bench):
 
 @pytest.mark.parametrize(
     "values, adapts",
-    [({}, True), ({"adapt_s": 0.0}, False), ({"observer": "compensated"}, False)],
-)
+    [
+        ({}, True),
+        ({"adapt_s": 0.0}, False),
+        ({"observer": "compensated"}, False),
+        # Along the axis of a lost leg R_s counts twice.
+        ({"lost_legs": 32, "scheme": "db-dtfc", "ride_through": "least-loss", "i_rated_A": 5.0,
+          "sigma_ls_H": 0.025, "lxy_H": 0.01}, False),
+    ],
+)  # fmt: skip
 def test_the_build_up_learns_the_resistance_if_adaptation_is_on(values, adapts):
     bench = Bench(build_s=0.1, **values)
     bench.run_to("build").fast(500)
@@ -1385,24 +1392,26 @@ def off(bench):
     return sum(32 >> leg for leg in range(6) if int(bench.words[base + leg * stride]) & OST)
 
 
-def loses(bench, leg):
-    """The next interrupt finds that the leg's upper switch does not conduct."""
+def loses(bench, leg, lower=False):
+    """The next interrupt finds that the leg's upper or lower switch does not conduct."""
     directions = range(12)
     found = [lib.ht_leg_loss_of(n) for n in directions]
-    (direction,) = [n for n in directions if found[n].leg == leg and not found[n].lower]
+    (direction,) = [n for n in directions if found[n].leg == leg and found[n].lower == lower]
     bench.drive.control.leg_loss.found = direction + 1
 
 
 @pytest.mark.parametrize("leg", range(6))
 @pytest.mark.parametrize("device", ADC)
-def test_a_lost_leg_alone_is_switched_off(device, leg):
+@pytest.mark.parametrize("lower", (False, True))
+def test_a_lost_leg_alone_is_switched_off(device, leg, lower):
     bench = Bench(device, **RIDE).run_to("run")
     bench.fast(20)
     assert off(bench) == 0
-    loses(bench, leg)
+    loses(bench, leg, lower)
     bench.fast()
     assert (bench.state, off(bench), bench.drive.faults) == ("run", 32 >> leg, 0)
-    assert bench.drive.warnings == 32 >> leg | lib.HT_WARNING_NO_UPPER
+    switch = lib.HT_WARNING_NO_LOWER if lower else lib.HT_WARNING_NO_UPPER
+    assert bench.drive.warnings == 32 >> leg | switch
     bench.fast(200)
     bench.slow()
     assert (bench.state, off(bench)) == ("run", 32 >> leg)
@@ -1424,6 +1433,15 @@ def test_without_ride_through_a_lost_leg_stops(bench):
     loses(bench, 2)
     bench.fast()
     assert (bench.state, off(bench), bench.drive.faults) == ("fault", 63, PHASE_LOST)
+
+
+def test_another_law_that_commands_a_voltage_goes_on_without_the_leg(bench):
+    bench = Bench(bench.device, **RIDE).run_to("run")
+    loses(bench, 1)
+    bench.fast()
+    bench.controller.set("scheme", "foc")
+    bench.fast(20)
+    assert (bench.state, off(bench), bench.drive.faults) == ("run", 16, 0)
 
 
 def test_a_leg_that_is_lost_in_the_build_up_stops(bench):
@@ -1539,3 +1557,73 @@ def test_one_more_lost_leg_is_named_if_it_alone_carried_no_current(bench):
         bench.fast()
         expected = 0x20 | lib.HT_WARNING_NO_UPPER | lib.HT_WARNING_MORE_LOST | named
         assert bench.drive.warnings == expected
+
+
+def settled(bench):
+    """Flux reference and torque limit after many slow interrupts, and on the way there."""
+    way = []
+    for _ in range(200):
+        bench.slow()
+        way.append((bench.drive.flux_ref_Wb, bench.drive.torque_limit_Nm))
+    return np.array(way)
+
+
+@pytest.mark.parametrize(("rated_A", "flux_ref_Wb"), ((1.5, 0.6), (4.0, 0.6), (4.0, 0.1)))
+def test_flux_and_torque_of_a_drive_without_a_leg(rated_A, flux_ref_Wb):
+    """Flux: no more than what gives the most torque with the currents that are left. Torque: what
+    the currents allow at this flux, or all that is asked for. While a larger flux goes down, the
+    torque is not lower than in the end."""
+    values = RIDE | {"i_rated_A": rated_A, "flux_ref_Wb": flux_ref_Wb, "flux_min_Wb": 0.05}
+    bench = Bench(**values).run_to("run")
+    before = settled(bench)[-1]
+    assert before[0] == pytest.approx(flux_ref_Wb, rel=1e-5)
+    loses(bench, 0)
+    bench.fast()
+    config, lost = ffi.addressof(bench.drive.config.derating), bench.drive.control.lost
+    i_A = lib.ht_derated_A(config, [lost])
+    flux = min(flux_ref_Wb, lib.ht_derated_Wb(config, i_A))
+    assert (flux < flux_ref_Wb) == (rated_A < 2.0)
+    torque = min(before[1], lib.ht_derated_Nm(config, i_A, flux))
+    assert (torque < before[1]) == (flux_ref_Wb > 0.5)
+    way = settled(bench)
+    assert way[-1] == pytest.approx((flux, torque), rel=1e-4)
+    assert way[:, 1].min() > 0.999 * torque
+
+
+# --- the state test ---------------------------------------------------------------
+
+
+@pytest.fixture(params=ADC)
+def testing(request):
+    """In the state test, its gates not yet on."""
+    return Bench(request.param, start_mode="test", test_s=0.02).run_to("test")
+
+
+@pytest.mark.parametrize("tick", (2, 50, 190))
+def test_an_external_trip_ends_a_test(testing, tick):
+    testing.fast(tick)
+    assert testing.gates_on
+    testing.trip_from_outside()
+    testing.fast()
+    assert (testing.state, testing.gates_on, testing.drive.faults) == ("fault", False, EXTERNAL)
+
+
+def test_a_test_does_not_begin_with_the_trip_pin_low(testing):
+    """The pin is looked at before the gates go on."""
+    testing.controller.set_trip_pin(0)
+    for _ in range(3):
+        testing.fast()
+        assert not testing.gates_on
+    assert (testing.state, testing.drive.faults) == ("fault", EXTERNAL)
+
+
+def test_an_interrupt_that_outlasts_its_period_ends_a_test(testing):
+    for tick in (0, 3):
+        testing.fast(tick)
+        plant_event(testing, 5)
+        assert (testing.state, testing.gates_on) == ("fault", False)
+        assert testing.drive.faults == lib.HT_FAULT_OVERRUN
+        testing.controller.clear()
+        testing.run_to("test")
+    testing.fast(3)
+    assert (testing.state, testing.gates_on) == ("test", True)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from unwritten import unwritten
 
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
@@ -20,14 +21,14 @@ def configuration(vector_V, wave="square", hertz=0.0):
     for name, value in {**values, "f_isr_Hz": 10000.0}.items():
         row = firmware.parameters()[name]
         params.v[row.id] = row.parse(float(value) if not row.choices else value)
-    config = ffi.new("ht_excitation_config *")
+    config = unwritten("ht_excitation_config *")
     lib.ht_excitation_configure(params, config)
     return config
 
 
 def patterns(config, ticks, first=0, begun=True):
     """Mean leg voltages of some periods, against the middle of the dc link: (ticks, 6)."""
-    state, out = ffi.new("ht_excitation_state *"), ffi.new("ht_compare *")
+    state, out = unwritten("ht_excitation_state *"), unwritten("ht_compare *")
     lib.ht_excitation_reset(state, 0)
     if begun:
         lib.ht_excitation_begin(state)
@@ -93,6 +94,23 @@ def test_waves(wave):
     if wave == "square-xy":
         expected[:, :2] = vector[:2]
     assert seen[sure] == pytest.approx(expected[sure], abs=0.06)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_frequency_ends_where_a_cycle_has_four_periods(sign):
+    """Above half of the sampling frequency the wave would turn the other way."""
+    assert abs(configuration((20, 0, 0, 0), "rotate", 0).turn_sin) < 1e-6
+    config = configuration((20, 0, 0, 0), "rotate", sign * 4000.0)
+    assert (config.turn_cos, config.turn_sin) == pytest.approx((0.0, sign), abs=1e-5)
+
+
+@pytest.mark.parametrize("vdc_V", [0.0, -1.0])
+def test_without_a_link_voltage_the_legs_are_in_the_middle(vdc_V):
+    config, state = configuration((20, 5, -3, 8)), ffi.new("ht_excitation_state *")
+    out = ffi.new("ht_compare *")
+    lib.ht_excitation_begin(state)
+    lib.ht_excitation_step(config, state, vdc_V, PERIOD, 0, out)
+    assert [b - a for a, b in zip(out.ca, out.cb)] == [PERIOD // 2] * 6
 
 
 # -- the state, on a machine -----------------------------------------------------------------

@@ -63,6 +63,13 @@ def test_a_misfit_is_told(name):
     assert {key: running.get(key) for key in parameters()} == before
 
 
+def test_a_start_without_legs_needs_a_law_that_looks_ahead():
+    changes = {"lost_legs": 32, "ride_through": "least-loss", "i_rated_A": 5.0}
+    with pytest.raises(FirmwareError, match="lost_legs = 32"):
+        Controller("f28377s", {**changes, "scheme": "ddr", "predict": "off"})
+    assert Controller("f28377s", {**changes, "scheme": "db-dtfc"}).get("lost_legs") == 32
+
+
 @pytest.mark.parametrize(
     "changes",
     [

@@ -95,6 +95,49 @@ def test_a_save_that_fails_says_so_and_leaves_a_whole_set(kind):
     assert results[-1] == lib.HT_ERROR_STORE  # the last one is that of a mark
 
 
+def test_a_memory_that_cannot_be_read_at_all_is_none():
+    memory = Memory()
+    memory.handle.port.read = ffi.NULL
+    controller = started(memory)
+    assert controller.parameter_set == "built-in"
+    assert lib.ht_store_save(memory.handle, controller.drive) == lib.HT_ERROR_STORE
+    assert memory.writes == 0
+
+
+class Stuck(Memory):
+    """One bit of it keeps its value."""
+
+    at, bit, value = 0, 1, 0
+
+    def put(self, begin, raw):
+        done = super().put(begin, raw)
+        self.areas[self.at] &= 0xFF ^ self.bit
+        self.areas[self.at] |= self.bit * self.value
+        return done
+
+
+@pytest.mark.parametrize("value", (0, 1))
+def test_a_save_into_memory_with_a_dead_cell_says_so(value):
+    """Unless the cell has the value that it is to have."""
+    memory, before = Memory(), saved().areas
+    memory.areas[:] = before
+    controller = started(memory)
+    controller.set("rs_ohm", NEW)
+    assert lib.ht_store_save(memory.handle, controller.drive) == lib.HT_OK
+    whole = bytes(memory.areas)
+    used = Memory.BLOCK * block_count(lib.ht_param_count())
+    for n, at in enumerate(range(0, len(whole), 3)):
+        if at % Memory.AREA >= used:
+            continue
+        memory = Stuck(bytearray(before))
+        controller = started(memory)
+        controller.set("rs_ohm", NEW)
+        memory.at, memory.bit, memory.value = at, 1 << n % 8, value
+        result = lib.ht_store_save(memory.handle, controller.drive)
+        fits = bool(whole[at] & memory.bit) == value
+        assert result == (lib.HT_OK if fits else lib.HT_ERROR_STORE), at
+
+
 def test_a_forget_that_fails_says_so():
     areas = saved().areas
     for failure in ({"bad_writes": (1,)}, {"bad_writes": (2,)}, {"lost_writes": (1,)},

@@ -12,6 +12,7 @@ import pytest
 from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
 
@@ -66,8 +67,8 @@ class Drive:
     the compare registers."""
 
     def __init__(self, cfg):
-        self.cfg, self.state = cfg, ffi.new("ht_control_state *")
-        self.out = ffi.new("ht_compare *")
+        self.cfg, self.state = cfg, unwritten("ht_control_state *")
+        self.out = unwritten("ht_compare *")
         assert lib.ht_control_check(cfg) == lib.HT_CONFIG_OK
         lib.ht_control_reset(self.cfg, self.state, [{"p": [0.0] * 6}])
 
@@ -473,6 +474,28 @@ def test_any_input_gives_a_pattern_that_the_pwm_can_realise(
             assert -2 <= drive.state.table_law.torque_level <= 2
 
 
+@pytest.mark.parametrize("legs", [0b100000, 0b000110, 0b010101])
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_any_scheme_gives_a_pattern_without_a_leg(scheme, legs):
+    """The interrupt that takes a scheme over finds out only then whether it can do without them."""
+    drive = Drive(config(scheme))
+    assert lib.ht_control_lose(drive.cfg, drive.state, legs) & legs == legs
+    for k in range(50):
+        i = 3 * np.cos(THETA - 0.02 * k)
+        drive.step(i, torque=0.5)
+        assert is_valid(drive.out, PERIOD, 0)
+
+
+@pytest.mark.parametrize("scheme", ["dtc1", "ddr"])
+def test_without_a_leg_the_xy_flux_is_predicted_for_every_scheme(scheme):
+    """Across the axis of u1, along y, the x-y current is free: L_xy i, and what a pattern and the
+    resistance add, less than a quarter of it here."""
+    drive = Drive(config(scheme))
+    lib.ht_control_lose(drive.cfg, drive.state, 0b100000)
+    drive.step(3 * T.T @ [0, 0, 0, 2.0])
+    assert drive.state.psi_xy_Wb.y == pytest.approx(2.0 * drive.cfg.observer.lxy_H, rel=0.25)
+
+
 # --- configuration ----------------------------------------------------------------
 
 
@@ -497,7 +520,7 @@ def test_a_new_control_law_starts_from_its_reset_state():
 
 
 def test_low_pattern_has_no_edges():
-    out = ffi.new("ht_compare *")
+    out = unwritten("ht_compare *")
     lib.ht_control_low_pattern(config(), out)
     assert out.start == 0
     assert [*out.ca, *out.cb] == [PERIOD] * 12
@@ -553,6 +576,30 @@ def test_bad_configurations_are_refused_with_the_reason(changes, status):
     if scheme is not None:
         cfg.scheme = scheme
     assert lib.ht_control_check(cfg) == status
+
+
+def foc(**changes):
+    cfg = config()
+    lib.ht_control_select(cfg, lib.HT_FOC)
+    cfg.foc_law.alpha_ts, cfg.modulator.turn_pu = 0.3, 0.3
+    for name, value in changes.items():
+        owner, key = name.split("__")
+        setattr(getattr(cfg, owner), key, value)
+    return cfg
+
+
+@pytest.mark.parametrize(
+    ("changes", "status"),
+    [
+        ({}, lib.HT_CONFIG_OK),
+        ({"foc_law__alpha_ts": 0.6}, lib.HT_CONFIG_SCHEME),
+        ({"modulator__turn_pu": np.nan}, lib.HT_CONFIG_SCHEME),
+        # A sampling period of a fifth of the machine's shortest time constant.
+        ({"observer__rs_ohm": 0.2 * 0.028 / TS}, lib.HT_CONFIG_SAMPLING),
+    ],
+)
+def test_what_field_orientation_needs(changes, status):
+    assert lib.ht_control_check(foc(**changes)) == status
 
 
 def test_a_scheme_that_does_not_exist_selects_nothing():

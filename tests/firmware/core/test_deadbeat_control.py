@@ -7,6 +7,7 @@ import pytest
 from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
 
@@ -37,8 +38,8 @@ def config(scheme=lib.HT_DB_DTFC, rs_ohm=6.0, dead_pu=0.02, period=PERIOD, **cha
 class Control:
     def __init__(self, cfg):
         assert lib.ht_control_check(cfg) == lib.HT_CONFIG_OK
-        self.cfg, self.state = cfg, ffi.new("ht_control_state *")
-        self.out = ffi.new("ht_compare *")
+        self.cfg, self.state = cfg, unwritten("ht_control_state *")
+        self.out = unwritten("ht_compare *")
         lib.ht_control_reset(cfg, self.state, [{"p": [0.0] * 6}])
 
     def change(self, cfg):

@@ -8,6 +8,7 @@ import pytest
 from campaigns import examples
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
 
@@ -33,7 +34,7 @@ class Law:
     def __init__(self, gain=1.0, ki=0.0):
         self.cfg = ffi.new("ht_deadbeat_law_config *", [gain, ki])
         assert lib.ht_deadbeat_law_check(self.cfg)
-        self.state = ffi.new("ht_deadbeat_law_state *")
+        self.state = unwritten("ht_deadbeat_law_state *")
         lib.ht_deadbeat_law_reset(self.state)
 
     def step(self, psi, rotor, torque, flux, turn=0.0, psi_xy=0j, i_xy=0j, rs=RS, vdc=VDC):

@@ -4,6 +4,7 @@ follow from its equations, and what the loop does follows from the poles.
 
 import numpy as np
 import pytest
+from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
 
@@ -24,7 +25,7 @@ class Loop:
     def __init__(self, rotor_Wb, turn=0.0, off_V=0j):
         self.cfg = ffi.new("ht_foc_law_config *", [ALPHA, 2e-3])
         assert lib.ht_foc_law_check(self.cfg)
-        self.state = ffi.new("ht_foc_law_state *")
+        self.state = unwritten("ht_foc_law_state *")
         lib.ht_foc_law_reset(self.state)
         self.machine = ffi.new(
             "ht_observer_config *",
@@ -137,6 +138,27 @@ def test_torque_is_exact_at_any_flux():
         for _ in range(100):
             i = loop.step(0.6, 0.4 * share)
         assert GAIN * abs(loop.rotor) * i.imag == pytest.approx(0.6, rel=1e-3)
+
+
+def test_torque_that_takes_more_than_the_flux():
+    """Its part of the flux, across the rotor's, is 1.2 times the length that is asked for. No flux
+    along the rotor's makes up for that: a tenth of the length stays there."""
+    loop = Loop(ROTOR, 0.01)
+    wanted = 1.2 * 0.4 / SIGMA_LS
+    for _ in range(400):
+        i = loop.step(GAIN * ROTOR * wanted, 0.4)
+    assert i.imag == pytest.approx(wanted, rel=1e-3)
+    along = (loop.psi * loop.rotor.conjugate()).real / abs(loop.rotor)
+    assert along == pytest.approx(0.1 * 0.4, rel=1e-2)
+
+
+def test_without_rotor_flux_the_command_stays_finite():
+    loop = Loop(ROTOR)
+    loop.rotor = 0j
+    loop.i = lambda: loop.psi / SIGMA_LS
+    for _ in range(20):
+        loop.step(0.5, 0.4)
+        assert np.isfinite(loop.v) and abs(loop.v) < 1.001 * REACH
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,11 @@ the x-y currents through R and L_xy, each sampling period with constant voltage.
 differs from its command by a voltage that is chosen. The firmware sees command and currents.
 """
 
+import itertools
+
 import numpy as np
 import pytest
+from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
 from hexatorque.plant.vsd import ANGLES_RAD, PHASES, TRANSFORM
@@ -28,7 +31,7 @@ class Watch:
         self.cfg.l_per_ts_ohm = lxy_H / TS
         self.cfg.sum_A = SUM_A
         self.cfg.hold, self.cfg.wait = HOLD, WAIT
-        self.state = ffi.new("ht_leg_loss_state *")
+        self.state = unwritten("ht_leg_loss_state *")
         lib.ht_leg_loss_reset(self.state)
         lib.ht_leg_loss_tolerate(self.state, rs_ohm, lxy_H, omega_rad_s)
         self.rs_ohm = rs_ohm
@@ -131,17 +134,41 @@ def test_the_dead_leg_is_the_one_without_current(currents, dead):
     assert lib.ht_leg_loss_dead(watch.state) == dead
 
 
-def test_a_small_sum_makes_a_larger_residual_necessary():
-    """Half of the sum from which a sensor is wrong: the residual must be 1.5 times as large."""
+@pytest.mark.parametrize(("lost", "loaded"), list(itertools.permutations(range(6), 2)))
+def test_no_current_is_two_percent_of_all_six_legs(lost, loaded):
+    """`loaded` and another leg of its set carry 1000 A each, so the limit is 40 A."""
+    back = next(k for k in range(loaded % 2, 6, 2) if k not in (loaded, lost))
+    none = {"x": 0.0, "y": 0.0}
+    x, y = -1.9 * LEAST_V * 3 * XY[:, lost]
+    for current_A, found in ((39.0, True), (43.0, False)):
+        watch = Watch()
+        six = np.zeros(6)
+        six[loaded], six[back], six[lost] = 1000.0, -1000.0, current_A
+        six[(lost + 2) % 6] -= current_A  # no sum of a set
+        for _ in range(100):
+            lib.ht_leg_loss_step(
+                watch.cfg, watch.state, {"x": x, "y": y}, none, none, [{"p": list(six)}], R
+            )
+        assert bool(watch.state.found) == found
+        assert not found or watch.named[0] == PHASES[lost]
+
+
+@pytest.mark.parametrize("leg", range(6))
+def test_a_small_sum_makes_a_larger_residual_necessary(leg):
+    """Half of the sum from which a sensor is wrong: the residual must be 1.5 times as large. The
+    current does not flow in u1, whose loss this residual means."""
     for sum_A, times, found in (
         (0.0, 1.1, True), (0.5 * SUM_A, 1.4, False), (0.5 * SUM_A, 1.6, True),
         (1.1 * SUM_A, 5, False),
     ):  # fmt: skip
         watch = Watch()
         none, minus = {"x": 0.0, "y": 0.0}, {"x": -times * LEAST_V, "y": 0.0}
-        six = [0.0, 0.0, sum_A, 0.0, 0.0, 0.0]
+        six = np.zeros(6)
+        six[leg] = sum_A
+        others = [k for k in range(2 - leg % 2, 6, 2) if k != leg]  # of its set, but not u1
+        six[others] += 40.0 * np.array([1, -1] if len(others) == 2 else [0])
         for _ in range(300):
-            lib.ht_leg_loss_step(watch.cfg, watch.state, minus, none, none, [{"p": six}], R)
+            lib.ht_leg_loss_step(watch.cfg, watch.state, minus, none, none, [{"p": list(six)}], R)
         assert bool(watch.state.found) == found, (sum_A, times)
 
 
@@ -180,6 +207,16 @@ def test_wrong_parameters_are_no_loss():
                 v = size_A * impedance * np.exp(1j * order * omega * TS * k)
                 command = 3 * XY.T @ [v.real, v.imag]
                 assert watch.step(command) == 0, (r_share, l_share, order, omega)
+
+
+@pytest.mark.parametrize("omega", (0.0, 40.0, -300.0, 2000.0))
+def test_what_is_tolerated_is_the_error_of_the_impedance_behind_the_filter(omega):
+    """Both parameters wrong by the same share are an impedance wrong by this share. The filter of
+    2 ms lets 1/|1 + j 6 omega tau| of the reactance's harmonic through."""
+    watch = Watch(omega_rad_s=omega)
+    reactance = 6 * omega * L / abs(1 + 6j * omega * 0.002)
+    wanted = (0.3 * abs(R + 1j * reactance)) ** 2
+    assert watch.state.tolerance_ohm2 == pytest.approx(wanted, rel=1e-5)
 
 
 @pytest.mark.parametrize("hertz", (1.0, 5.0, 30.0))
@@ -223,3 +260,19 @@ def test_the_first_loss_counts():
         for _ in range(200):
             watch.step(np.zeros(6), error, without=leg)
     assert watch.named == ("u2", "lower")
+
+
+@pytest.mark.parametrize("lost", (0, 0b001000))
+def test_while_a_leg_is_off_a_leg_that_carries_current_may_be_lost(lost):
+    """The currents that remain are not those of a healthy machine, so they tell nothing."""
+    watch = Watch()
+    control, cfg = ffi.new("ht_control_state *"), ffi.new("ht_control_config *")
+    lib.ht_control_reset(cfg, control, [{"p": [0.0] * 6}])
+    if lost:
+        assert lib.ht_control_lose(cfg, control, lost) == lost
+    watch.state[0] = control.leg_loss
+    rng = np.random.default_rng(1)
+    error = np.zeros(6)
+    error[0] = -60.0
+    found = [watch.step(commands(rng), error) for _ in range(200)]
+    assert bool(found[-1]) == bool(lost)

@@ -7,6 +7,7 @@ import itertools
 
 import numpy as np
 import pytest
+from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
 from hexatorque.plant.vsd import ANGLES_RAD, PHASES, TRANSFORM
@@ -74,7 +75,7 @@ class Legs:
     """The firmware's side."""
 
     def __init__(self, lost):
-        self.lost = ffi.new("ht_lost_legs *")
+        self.lost = unwritten("ht_lost_legs *")
         assert lib.ht_lost_legs_of(word(lost), self.lost) == word(lost)
         m = self.machine = ffi.new("ht_observer_config *")
         m.ts_s, m.inv_ts, m.rs_ohm = TS, 1 / TS, R
@@ -181,6 +182,22 @@ def test_the_other_legs_of_the_set_keep_the_terminal_between_the_rails(phase):
             assert rail == pytest.approx(-0.5, abs=0.01)
 
 
+@pytest.mark.parametrize("phase", PHASES)
+def test_a_law_that_asks_for_too_much_leaves_no_room_to_move_the_terminal(phase):
+    """Across the lost phase the other two legs of its set are then farther apart than the rails.
+    Moving both would only bend the voltage. Their sum is zero, and what is asked for across comes
+    through whole, for the modulator to cut."""
+    legs = Legs([phase])
+    leg = PHASES.index(phase)
+    across = np.array([-np.sin(ANGLES_RAD[leg]), np.cos(ANGLES_RAD[leg])])
+    others = [n for n in range(6) if n % 2 == leg % 2 and n != leg]
+    for size, moved in ((0.1, True), (2.0, False)):
+        asked = np.concatenate([size * across, [0.0, 0.0]])
+        v_pu = legs.command(asked, np.zeros(4), 0.3 * across)
+        assert across @ v_pu[:2] == pytest.approx(size, rel=1e-5)
+        assert (abs((PHASE @ v_pu)[others].sum()) > 1e-3) == moved
+
+
 def largest_share(mask):
     """Amplitude in alpha-beta over that of the most loaded phase: by search over all currents
     that the remaining phases can carry with a turning current in alpha-beta."""
@@ -212,7 +229,7 @@ def test_the_leg_90_degrees_away():
 def test_which_losses_can_be_carried():
     """All 63: those of one leg, and of more where half of the rated current is left."""
     for mask in range(1, 64):
-        lost = ffi.new("ht_lost_legs *")
+        lost = unwritten("ht_lost_legs *")
         off = lib.ht_lost_legs_of(mask, lost)
         phases = legs_of(mask)
         alone = [s for s in (0, 1) if sum(leg % 2 == s for leg in phases) >= 2]
@@ -227,7 +244,7 @@ def test_which_losses_can_be_carried():
 @pytest.mark.parametrize("phases", (("u1", "u2"), ("u1", "w2"), ("v1", "v2")))
 def test_two_legs_30_or_150_degrees_apart_leave_too_little(phases):
     assert largest_share(word(phases)) == pytest.approx(0.2887, rel=0.001)
-    assert lib.ht_lost_legs_of(word(phases), ffi.new("ht_lost_legs *")) == 0
+    assert lib.ht_lost_legs_of(word(phases), unwritten("ht_lost_legs *")) == 0
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from campaigns import examples
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from legs import follow_leg
+from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
 
@@ -30,12 +31,12 @@ class Modulator:
     ):
         self.cfg = ffi.new("ht_modulator_config *", [kappa, kappa_from, turn, alternate])
         assert lib.ht_modulator_check(self.cfg)
-        self.state = ffi.new("ht_modulator_state *")
+        self.state = unwritten("ht_modulator_state *")
         lib.ht_modulator_reset(self.state)
         self.dead = ffi.new("ht_dead_time *", [dead, 0.05])
-        self.out = ffi.new("ht_compare *")
-        self.applied = ffi.new("ht_applied *")
-        self.toggles = ffi.new("ht_toggles *")
+        self.out = unwritten("ht_compare *")
+        self.applied = unwritten("ht_applied *")
+        self.toggles = unwritten("ht_toggles *")
         self.period, self.before = period, 0
 
     def step(self, v, i_A=(0.0,) * 6):

@@ -11,6 +11,7 @@ from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
+from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
 
@@ -45,7 +46,7 @@ def cplx(pair, names="alpha beta"):
 
 
 def start(i=0j):
-    state = ffi.new("ht_observer_state *")
+    state = unwritten("ht_observer_state *")
     lib.ht_observer_reset(config(), state, ab(i))
     return state
 

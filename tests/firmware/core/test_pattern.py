@@ -12,6 +12,7 @@ from campaigns import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from legs import follow_leg
+from unwritten import unwritten
 
 from hexatorque.firmware import ffi, lib
 
@@ -42,7 +43,7 @@ def bit(word, leg):
 
 
 def counts(s, t1, t2, period, first=0):
-    out, applied = ffi.new("ht_compare *"), ffi.new("ht_applied *")
+    out, applied = unwritten("ht_compare *"), ffi.new("ht_applied *")
     lib.ht_pattern_counts(s, {"t1": t1, "t2": t2}, period, first, out, applied)
     return out, applied
 

@@ -548,6 +548,17 @@ def test_each_phase_trips_at_its_own_current_limit(leg, sign, powered):
         assert sampled(i, powered=powered) == want
 
 
+@pytest.mark.parametrize("leg", range(6))
+@pytest.mark.parametrize("sign", (1, -1))
+def test_a_phase_trips_however_small_the_others_are(leg, sign):
+    """In the star, its current may return in halves; before the offsets are known, not at all."""
+    shared = np.zeros(6)
+    shared[leg], shared[NEXT[leg]], shared[NEXT[NEXT[leg]]] = 1.0, -0.5, -0.5
+    for i, powered in ((shared, True), (np.eye(6)[leg], False)):
+        assert sampled(sign * 24.999 * i, powered=powered) == 0
+        assert sampled(sign * 25.001 * i, powered=powered) == bit("OVERCURRENT")
+
+
 @pytest.mark.parametrize("sign", (1, -1))
 def test_six_currents_below_the_limit_are_no_fault(sign):
     """Six currents below the limit are no fault, however large they are together."""

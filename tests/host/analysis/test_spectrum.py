@@ -10,6 +10,7 @@ from hexatorque.analysis.spectrum import (
     harmonics,
     line_amplitude,
     spectrum,
+    thd_inf_pct,
     thd_pct,
     whole_cycles,
 )
@@ -74,6 +75,16 @@ def test_interharmonics_and_subharmonics_count_in_the_bands_only():
     thd = thd_pct(tones(1.0, (10.0, 40, 0), (0.4, 25, 0), (0.3, 100, 0)), RATE_HZ, 40.0)
     assert thd["1kHz"] == pytest.approx(5, rel=1e-6)
     assert thd["h50"] == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("side", (1, -1))
+def test_the_lobe_of_the_fundamental_is_three_bins_on_both_sides(side):
+    """A line takes its own bin and one on each side. Two bins from the fundamental it is part of
+    this one, five bins away all of it is distortion."""
+    f1_Hz, bin_Hz = 50.0, 2.0
+    for bins, part in ((2, 0.0), (5, 0.2)):
+        signal = tones(1 / bin_Hz, (1.0, f1_Hz, 0.4), (0.2, f1_Hz + side * bins * bin_Hz, 1.1))
+        assert thd_inf_pct(signal[None], RATE_HZ, f1_Hz) == pytest.approx(100 * part, abs=0.01)
 
 
 def test_second_harmonic_counts():

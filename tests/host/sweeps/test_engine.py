@@ -57,6 +57,22 @@ def test_a_run_that_hangs_or_dies_does_not_take_the_study_with_it(make, monkeypa
     assert made.results.done.all()
 
 
+@pytest.mark.parametrize(("task_s", "batch"), [(1e-9, 1), (1e9, workers.MOST_RUNS)])
+def test_short_runs_go_to_a_process_several_at_once(make, monkeypatch, task_s, batch):
+    monkeypatch.setattr(workers, "TASK_S", task_s)
+    made, sizes = make([0.0] * 60), []
+    monkeypatch.setattr(
+        study.Processes,
+        "submit",
+        lambda self, function, shared, cases: (
+            sizes.append(len(cases)) or workers.Processes.submit(self, tricks.trick, shared, cases)
+        ),
+    )
+    made.run(jobs=2)
+    assert sizes[0] == 1 and max(sizes) == batch and sum(sizes) == 60
+    assert figures(made) == expected(60)
+
+
 def test_no_process_is_left(make):
     made = make([0.0] * 4)
     seen = set()

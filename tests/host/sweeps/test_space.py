@@ -95,7 +95,7 @@ def test_ready_made_studies_fit_any_setup(name):
     for setup in ("paper-a-feasible", "paper-b"):
         study = files.read(Path(name), {"setup": setup})
         assert study.setup.name == setup
-        assert (1 if name == "cycle" else 50) < len(study) < 1000
+        assert (1 if name == "cycle" else 50) < len(study) < 2000  # minutes on two cores
         for number in (0, len(study) - 1):  # neither is refused
             space.changed(study.setup, study.space.case(number).values)
 

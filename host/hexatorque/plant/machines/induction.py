@@ -157,33 +157,38 @@ def phase_current(m, y, leg):
     return total
 
 
+@implements(machine.constant_response, "induction")
+def constant_response(m):
+    return not saturates(m)
+
+
 @implements(machine.phase_current_slope, "induction")
 def phase_current_slope(m, gain, k, leg):
     """d/dt of a phase current, A/s, for flux slopes k[0:6]; `gain` = excess_gain(m, y)."""
     total = 0.0
-    main0 = 0.0
-    main1 = 0.0
     for c in range(6):
         total += m.i_phase[leg, c] * k[c]
-        main0 += m.main[0, c] * k[c]
-        main1 += m.main[1, c] * k[c]
-    return (
-        total
-        + m.i_excess[leg, 0] * (gain[0] * main0 + gain[1] * main1)
-        + m.i_excess[leg, 1] * (gain[2] * main0 + gain[3] * main1)
-    )
+    if saturates(m):
+        main0 = 0.0
+        main1 = 0.0
+        for c in range(6):
+            main0 += m.main[0, c] * k[c]
+            main1 += m.main[1, c] * k[c]
+        total += m.i_excess[leg, 0] * (gain[0] * main0 + gain[1] * main1)
+        total += m.i_excess[leg, 1] * (gain[2] * main0 + gain[3] * main1)
+    return total
 
 
 @implements(machine.leg_response, "induction")
 def leg_response(m, gain, leg, other):
     """d/dt of a phase current per volt on leg `other`, 1/H; `gain` = excess_gain(m, y)."""
-    main0 = m.main_leg[0, other]
-    main1 = m.main_leg[1, other]
-    return (
-        m.g_leg[leg, other]
-        + m.i_excess[leg, 0] * (gain[0] * main0 + gain[1] * main1)
-        + m.i_excess[leg, 1] * (gain[2] * main0 + gain[3] * main1)
-    )
+    total = m.g_leg[leg, other]
+    if saturates(m):
+        main0 = m.main_leg[0, other]
+        main1 = m.main_leg[1, other]
+        total += m.i_excess[leg, 0] * (gain[0] * main0 + gain[1] * main1)
+        total += m.i_excess[leg, 1] * (gain[2] * main0 + gain[3] * main1)
+    return total
 
 
 @implements(machine.stator_currents, "induction")

@@ -23,19 +23,25 @@ B = TypeVar("B")
 class Job:
     """quick: fewer points and shorter windows; folder: measured points are kept there, so that an
     interrupted sweep can continue; progress: called with simulated seconds; rivals: how many times
-    the budget of a search our scheme's rivals get."""
+    the budget of a search our scheme's rivals get; threads: that work on it, default one a core."""
 
     def __init__(
-        self, quick: bool, folder: Path, progress: Progress | None = None, rivals: int = 1
+        self,
+        quick: bool,
+        folder: Path,
+        progress: Progress | None = None,
+        rivals: int = 1,
+        threads: int | None = None,
     ) -> None:
         self.quick = quick
         self.folder = folder
         self.progress = progress
         self.rivals = rivals
+        self.threads = threads
 
     def each(self, function: Callable[[A], B], items: Iterable[A]) -> list[B]:
-        """`function` of every item, in order, in parallel on all cores."""
-        return each(function, items)
+        """`function` of every item, in order, in parallel."""
+        return each(function, items, self.threads)
 
     def runs(self, points: Iterable[Point]) -> list[Run]:
         """Recordings and metrics of points in steady state. If a point cannot be measured, raises

@@ -13,6 +13,7 @@ from pathlib import Path
 from ....build import build
 from ....drive.operating_points import NotReached, Progress
 from ....drive.simulated import DriveFault
+from ....parallel import usable_cores
 from ....recording.recording import RecordingError
 from ....setups import SetupError
 from ....sweeps.workers import Died, Processes
@@ -106,11 +107,16 @@ def kept(name: str, quick: bool, folder: Path, rivals: int = 1) -> dict | None:
 
 
 def _attempt(
-    name: str, quick: bool, folder: Path, rivals: int, progress: Progress | None = None
+    name: str,
+    quick: bool,
+    folder: Path,
+    rivals: int,
+    progress: Progress | None = None,
+    threads: int | None = None,
 ) -> dict | str:
     """The JSON of a figure, or why its drive did not do it."""
     try:
-        return make(name, Job(quick, folder / POINTS, progress, rivals), folder)
+        return make(name, Job(quick, folder / POINTS, progress, rivals, threads), folder)
     except (DriveFault, NotReached) as error:
         return str(error)
 
@@ -119,7 +125,9 @@ def _in_processes(
     names: list[str], quick: bool, folder: Path, begin: Begin, jobs: int, rivals: int
 ) -> Iterator[tuple[str, dict | str]]:
     """All figures, in the workers of a study: pictures, spectra and recordings hold Python's lock,
-    so threads would wait for each other. Those that have many runs come first."""
+    so threads would wait for each other. Those that have many runs come first. The cores are shared
+    among the processes: more threads than cores would only wait for them."""
+    threads = max(1, usable_cores() // jobs)
     left = deque(sorted(names, key=lambda name: not _is_long(name)))
     workers = Processes(jobs)
     busy: dict[Future, str] = {}
@@ -128,7 +136,8 @@ def _in_processes(
             while left and len(busy) < workers.slots:
                 name = left.popleft()
                 begin(name)
-                busy[workers.submit(_attempt, name, quick, folder, rivals)] = name
+                task = (name, quick, folder, rivals, None, threads)
+                busy[workers.submit(_attempt, *task)] = name
             for future in wait(busy, return_when=FIRST_COMPLETED).done:
                 name = busy.pop(future)
                 try:
