@@ -274,6 +274,6 @@ def test_while_a_leg_is_off_a_leg_that_carries_current_may_be_lost(lost):
     watch.state[0] = control.leg_loss
     rng = np.random.default_rng(1)
     error = np.zeros(6)
-    error[0] = -22.0  # 1.7 times the least residual that counts
+    error[0] = -5.5 * LEAST_V  # the residual is less than twice its limit
     found = [watch.step(commands(rng), error) for _ in range(200)]
     assert bool(found[-1]) == bool(lost)
