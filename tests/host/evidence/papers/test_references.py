@@ -320,7 +320,7 @@ def test_the_page_shows_every_method_and_every_sentence(figure, tool):
     for part in (*parts, tool.costs(budget)):
         for name in BY_NAME:
             assert f"| `{name}` |" in part
-    # The placeholder gives every method the same figures at the same sampling.
+    # The stand-in for a measurement gives every method the same figures at the same sampling.
     assert "`fcs-mpc` over `vv-mpc`: Td " in tool.published(metrics)
     assert f"{budget['mps2-an386']['ddr']['mean']:.0f}" in tool.costs(budget)
     row = {"td_Nm": 0.5, "thd_inf_pct": 4.0}
