@@ -27,7 +27,14 @@ from ..plant import machines
 from ..plant.gates import gates_record
 from ..plant.inverter import DROPS, in_effect, inverter_record, longest_step_s
 from ..plant.legs import BREAK, KINDS, MAX_BREAKS
-from ..plant.loop import MAX_STEP_S, PLANT_CHANNELS, TIMING, run_periods
+from ..plant.loop import (
+    MAX_STEP_S,
+    NO_INSTANTS,
+    PLANT_CHANNELS,
+    TIMING,
+    run_periods,
+    sample_instants,
+)
 from ..plant.machine import DRY_RAD_S, LOAD
 from ..plant.pwm import PWM_MAP, pwm_record
 from ..plant.record import names_of, record
@@ -208,10 +215,10 @@ class SimulatedDrive(DriveVerbs):
             sample_count=sample_count,
             write_count=write_count,
             slow_every=self.controller.fast_per_slow,
-            per_period=samples_per_period,
             max_step=max(1, int(self._windings_step_s * clock)),
             lost=0,
         )
+        self._instants = sample_instants(samples_per_period, period_counts)
         self.plant_state = np.zeros(8)
         self.inverter = inverter_record(
             self.machine.phase_of_leg,
@@ -441,7 +448,8 @@ class SimulatedDrive(DriveVerbs):
             n, self.periods, self._timing, self._machine, load, self.inverter,
             self._map, self._pwm, self._gates, self.sensors, self._registers,
             self.plant_state, self.vdc_V,
-            *self._entries, self.controller.handle, channels.ctypes.data, plant, channels,
+            *self._entries, self.controller.handle, channels.ctypes.data,
+            self._instants if len(plant) else NO_INSTANTS, plant, channels,
             self._edges, self._edges_logged,
         )  # fmt: skip
 

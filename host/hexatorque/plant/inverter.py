@@ -104,7 +104,7 @@ INVERTER = np.dtype(
         ("k", "f8", (8,)),
         ("no_v", "f8", (4,)),  # zeros
         ("k_no_v", "f8", (4,)),  # d flux/dt without a voltage
-        ("z", "f8", (2, 8)),
+        ("z", "f8", (5, 8)),
         ("trial", "f8", (8,)),
         ("kept", "f8", (8,)),  # the state that `keep` has saved
         ("kept_diode", "i8", (6,)),  # the diodes that `keep` has saved
@@ -635,6 +635,14 @@ def put_back(inv, y):
             inv.diode[leg] = inv.kept_diode[leg]
 
 
+@compiled
+def to_rails(inv, vdc):
+    """Set the machine's voltages `v` while every leg is driven by ideal devices."""
+    for leg in range(6):
+        inv.v_leg[leg] = vdc if inv.leg[leg] == HIGH else 0.0
+    _transform(inv)
+
+
 def _compile_advance(source: int):
     """Make `advance`, which numba keeps on disk (`source_hash`). The loop is not the only function
     that calls it, and it takes most of the time that they take to compile."""
@@ -665,9 +673,7 @@ def _compile_advance(source: int):
             for _ in range(steps):
                 _step(inv, m, load, y, dt / steps, vdc, floats, y)
             return
-        for leg in range(6):
-            inv.v_leg[leg] = vdc if inv.leg[leg] == HIGH else 0.0
-        _transform(inv)
+        to_rails(inv, vdc)
         rk4_step(m, load, y, inv.v, dt, y, inv.k, inv.z)
 
     return advance

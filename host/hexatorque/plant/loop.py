@@ -21,8 +21,8 @@ from numba import uint64
 
 from .compiled import compiled, source_hash
 from .gates import suppress_short_pulses
-from .inverter import advance, keep, push_breaks, put_back, set_leg
-from .machine import stator_currents, torque_Nm
+from .inverter import advance, keep, push_breaks, put_back, set_leg, to_rails
+from .machine import rk4_step, rk4_two_steps, stator_currents, torque_Nm
 from .pwm import pwm_segment
 from .sensors import filter_currents, sample
 
@@ -54,7 +54,6 @@ TIMING = np.dtype(
         ("sample_count", "i8"),
         ("write_count", "i8"),  # >= sample_count, < period; >= 1 under shadow load
         ("slow_every", "i8"),  # periods per slow interrupt
-        ("per_period", "i8"),  # plant samples per period
         ("max_step", "i8"),  # longest integration step, counts
         ("lost", "i8"),  # 1: the end of a conversion raises no fast interrupt
     ]
@@ -78,51 +77,95 @@ def _record(row, m, inv, y, i):
     row[9] = gates
 
 
+#: After the last sample of a period. No count is as late.
+NEVER = np.iinfo(np.int64).max
+
+
+def sample_instants(per_period: int, period: int) -> np.ndarray:
+    """Counts of the plant's samples in a period of `period` counts: as far apart as whole counts
+    allow, from count 0 on. Ends with NEVER."""
+    at = [k * period // per_period for k in range(per_period)]
+    return np.array([*at, NEVER], np.int64)
+
+
+#: No samples.
+NO_INSTANTS = sample_instants(0, 1)
+
+
 def _compile_follow(source: int):
     """Make `follow`, which numba keeps on disk (`source_hash`): the loop is not the only function
     that calls it."""
 
     @compiled(cache=True)
-    def follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, per, out, row):
-        """Advance the machine over counts c0..c1 along the edges, recording `per` samples a period
-        (0 = none): sample k at count k * period // per. Returns the next record row."""
+    def follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, instants, k, out, row):
+        """Advance the machine over counts c0..c1 along the edges, of which earlier ones are left
+        out, and record it at those of the `instants` (`sample_instants`) from number k on. Returns
+        the next k; `out` has the sample k in row + k."""
         if not source:
-            return row
+            return k
+        trial0 = inv.trial[:]
+        trial1 = inv.kept[:]
+        known = False  # whether inv.v belongs to the legs
         now = c0
-        k, tick = np.int64(0), c1
-        if per > 0:
-            k = -(-c0 * per // tm.period)
-            tick = k * tm.period // per
+        tick = instants[k]
         e = 0
+        while e < n and ps.count[e] < c0:
+            e += 1
         while now < c1:
             if now == tick:
-                _record(out[row], m, inv, y, inv.i)
-                row += 1
+                _record(out[row + k], m, inv, y, inv.i)
                 k += 1
-                tick = k * tm.period // per
+                tick = instants[k]
             while e < n and ps.count[e] == now:
                 set_leg(inv, m, y, ps.leg[e], ps.state[e])
+                known = False
                 e += 1
             stop = min(c1, now + tm.max_step)
             if e < n:
                 stop = min(stop, ps.count[e])
-            # Recording must not change the steps: advance to the sample, then restore the state.
             there = tick < stop
-            if there:
-                keep(inv, y)
-                stop = tick
-            advance(inv, m, load, y, (stop - now) / tm.clock_Hz, vdc)
-            if there:
-                _record(out[row], m, inv, y, inv.i)
-                row += 1
-                k += 1
-                tick = k * tm.period // per
-                put_back(inv, y)
+            if inv.off == 0 and inv.drops == 0:
+                # What `advance` does then. The voltages are kept from edge to edge.
+                if not known:
+                    to_rails(inv, vdc)
+                    known = True
+                dt = (stop - now) / tm.clock_Hz
+                if not there:
+                    rk4_step(m, load, y, inv.v, dt, y, inv.k, inv.z)
+                else:
+                    # Recording must not change the steps. The one to the sample is made beside
+                    # the step to the edge, or beside that to the next sample.
+                    dt0 = (tick - now) / tm.clock_Hz
+                    tick = instants[k + 1]
+                    both = tick < stop
+                    if both:
+                        dt = (tick - now) / tm.clock_Hz
+                    rk4_two_steps(
+                        m, load, y, inv.v, dt0, dt, trial0, trial1 if both else y, inv.k, inv.z
+                    )
+                    _record(out[row + k], m, inv, trial0, inv.i)
+                    k += 1
+                    if both:
+                        _record(out[row + k], m, inv, trial1, inv.i)
+                        k += 1
+                        tick = instants[k]
+                        continue
             else:
-                if se.i_filter_rad_s > 0.0:
-                    filter_currents(se, m, y, (stop - now) / tm.clock_Hz)
-                now = stop
-        return row
+                if there:
+                    # Recording must not change the steps: the state is put back after the sample.
+                    keep(inv, y)
+                    advance(inv, m, load, y, (tick - now) / tm.clock_Hz, vdc)
+                    _record(out[row + k], m, inv, y, inv.i)
+                    put_back(inv, y)
+                    k += 1
+                    tick = instants[k]
+                    continue
+                dt = (stop - now) / tm.clock_Hz
+                advance(inv, m, load, y, dt, vdc)
+            if se.i_filter_rad_s > 0.0:
+                filter_currents(se, m, y, dt)
+            now = stop
+        return k
 
     return follow
 
@@ -132,7 +175,7 @@ follow = _compile_follow(source_hash())
 
 @compiled
 def _log(edges, logged, ps, n, start):
-    """Append a segment's edges. Returns the new number of edges."""
+    """Append a period's edges. Returns the new number of edges."""
     if logged + n > edges.shape[0]:
         raise IndexError("the log of gate edges is full")
     for e in range(n):
@@ -165,6 +208,7 @@ def _compile_run_periods(source: int):
         read_channels,
         drive,
         channels,
+        instants,
         plant_out,
         channel_out,
         edges,
@@ -172,7 +216,8 @@ def _compile_run_periods(source: int):
     ):
         """Run n periods; `first` is the index of the first one (for the slow loop).
 
-        plant_out: (n * per_period, len(PLANT_CHANNELS)) or empty.
+        instants: of the plant's samples in a period (`sample_instants`).
+        plant_out: (n * (len(instants) - 1), len(PLANT_CHANNELS)) or empty.
         channels: address of channel_out, (n, channels) float32, or empty.
         edges: (capacity, 3) int64 or empty; every change of a leg is added as row
         (counts since period 0, leg, LOW | HIGH | OFF | BREAK + kind) after the `logged` rows
@@ -183,7 +228,6 @@ def _compile_run_periods(source: int):
         """  # fmt: skip
         if not source:
             return logged
-        per = tm.per_period if plant_out.shape[0] > 0 else 0
         width = channel_out.shape[1] * 4
         # As a variable: for a literal 0 numba would compile the functions a second time.
         none = np.int64(0)
@@ -191,21 +235,15 @@ def _compile_run_periods(source: int):
         handle = uint64(drive)
         target = uint64(channels)
         for period in range(n):
-            count = pwm_segment(pm, regs, ps, none, tm.sample_count, none)
+            # The registers are the same until the fast interrupt writes them.
+            count = pwm_segment(pm, regs, ps, none, tm.write_count, none)
             if gd.min_counts > 0:
-                count = suppress_short_pulses(gd, pm, regs, ps, none, tm.sample_count, none, count)
+                count = suppress_short_pulses(gd, pm, regs, ps, none, tm.write_count, none, count)
             if inv.due > 0:
-                count = push_breaks(inv, ps, first + period, none, tm.sample_count, count)
-            if edges.shape[0] > 0:
-                logged = _log(edges, logged, ps, count, (first + period) * tm.period)
-            row = follow(m, load, inv, se, y, vdc, ps, count, none, tm.sample_count,
-                         tm, per, plant_out, row)  # fmt: skip
+                count = push_breaks(inv, ps, first + period, none, tm.write_count, count)
+            k = follow(m, load, inv, se, y, vdc, ps, count, none, tm.sample_count,
+                       tm, instants, none, plant_out, row)  # fmt: skip
             sample(se, m, y, vdc, regs)
-            count = pwm_segment(pm, regs, ps, tm.sample_count, tm.write_count, none)
-            if gd.min_counts > 0:
-                count = suppress_short_pulses(
-                    gd, pm, regs, ps, tm.sample_count, tm.write_count, none, count
-                )
             if tm.lost == 0:
                 fast_isr(handle)
             if (first + period) % tm.slow_every == 0:
@@ -220,11 +258,11 @@ def _compile_run_periods(source: int):
                     gd, pm, regs, ps, tm.write_count, tm.period, done, count
                 )
             if inv.due > 0:
-                count = push_breaks(inv, ps, first + period, tm.sample_count, tm.period, count)
+                count = push_breaks(inv, ps, first + period, tm.write_count, tm.period, count)
             if edges.shape[0] > 0:
                 logged = _log(edges, logged, ps, count, (first + period) * tm.period)
-            row = follow(m, load, inv, se, y, vdc, ps, count, tm.sample_count, tm.period,
-                         tm, per, plant_out, row)  # fmt: skip
+            row += follow(m, load, inv, se, y, vdc, ps, count, tm.sample_count, tm.period,
+                          tm, instants, k, plant_out, row)  # fmt: skip
         return logged
 
     return run_periods

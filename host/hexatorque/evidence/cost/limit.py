@@ -13,7 +13,7 @@ from ...drive.simulated import SimulatedDrive, _load
 from ...plant.compiled import compiled
 from ...plant.inverter import inverter_record
 from ...plant.legs import OFF
-from ...plant.loop import follow
+from ...plant.loop import NO_INSTANTS, follow
 from ...plant.pwm import pwm_record
 from ...setups import SetupError
 
@@ -63,7 +63,7 @@ class Replay:
         begin = time.thread_time()
         _numba(
             sim._machine, self.load, inverter, sim.sensors, y, sim.vdc_V, pwm_record(),
-            sim._timing, self.edges, self.first, self.periods, _NO_ROWS,
+            sim._timing, self.edges, self.first, self.periods, NO_INSTANTS, _NO_ROWS,
         )  # fmt: skip
         return y, time.thread_time() - begin
 
@@ -117,11 +117,12 @@ _NO_ROWS = np.empty((0, 0), np.float32)
 
 
 @compiled
-def _numba(m, load, inv, se, y, vdc, ps, tm, edges, first, periods, rows):
+def _numba(m, load, inv, se, y, vdc, ps, tm, edges, first, periods, instants, rows):
+    none = np.int64(0)
     e = 0
     for period in range(periods):
         begin = (first + period) * tm.period
-        last = np.int64(0)
+        last = none
         for end in (tm.sample_count, tm.period):
             n = 0
             while e < edges.shape[0] and edges[e, 0] < begin + end:
@@ -130,7 +131,7 @@ def _numba(m, load, inv, se, y, vdc, ps, tm, edges, first, periods, rows):
                 ps.state[n] = edges[e, 2]
                 n += 1
                 e += 1
-            follow(m, load, inv, se, y, vdc, ps, n, last, end, tm, np.int64(0), rows, np.int64(0))
+            follow(m, load, inv, se, y, vdc, ps, n, last, end, tm, instants, none, rows, none)
             last = end
 
 

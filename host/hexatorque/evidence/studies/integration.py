@@ -22,7 +22,7 @@ from ...analysis.schemes import STYLE
 from ...drive.operating_points import Point, Progress, approach
 from ...drive.simulated import SimulatedDrive, _load
 from ...plant.compiled import source_hash
-from ...plant.loop import MAX_STEP_S, follow
+from ...plant.loop import MAX_STEP_S, NO_INSTANTS, follow
 from ...plant.pwm import pwm_record
 from ...setups import load
 
@@ -79,10 +79,11 @@ def _compile(source: int) -> Callable[..., None]:
     """Compiles with a cache on disk that notices changes of the plant, as for `run_periods`."""
 
     @njit(cache=True, nogil=True)
-    def follow_periods(edges, first, tm, m, load, inv, se, y, vdc, ps, nothing, states):
+    def follow_periods(edges, first, tm, m, load, inv, se, y, vdc, ps, instants, nothing, states):
         """`run_periods` with the log instead of controller and PWM modules."""
         if not source:
             return
+        none = np.int64(0)
         e = 0
         for period in range(states.shape[0]):
             start = (first + period) * tm.period
@@ -94,7 +95,7 @@ def _compile(source: int) -> Callable[..., None]:
                     ps.state[n] = edges[e, 2]
                     n += 1
                     e += 1
-                follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, 0, nothing, 0)
+                follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, instants, none, nothing, none)
             states[period] = y
 
     return follow_periods
@@ -114,7 +115,7 @@ def replay(segment: Segment, step_us: float = MAX_STEP_S * 1e6) -> np.ndarray:
     _follow_periods(
         segment.edges, segment.first, timing, sim._machine, torque, segment.inverter.copy(),
         sim.sensors.copy(), segment.state.copy(), sim.vdc_V, pwm_record(),
-        np.empty((0, 0), np.float32), states,
+        NO_INSTANTS, np.empty((0, 0), np.float32), states,
     )  # fmt: skip
     return np.array([sim._machine.i_phase @ y for y in states[:, :6]])
 

@@ -21,6 +21,7 @@ import numpy as np
 from numba.extending import overload
 
 from .. import machine
+from ..columns import add_columns
 from ..machine import implements, load_torque
 from ..record import record
 from ..vsd import INVERSE, TRANSFORM
@@ -125,12 +126,7 @@ def derivative(m, load, y, v, k):
         y1 += s1
         y4 += s0
         y5 += s1
-    for r in range(8):
-        k[r] = (
-            (m.slope[0, r] * y0 + m.slope[1, r] * y1)
-            + (m.slope[2, r] * y2 + m.slope[3, r] * y3)
-            + (m.slope[4, r] * y4 + m.slope[5, r] * y5)
-        )
+    add_columns(m.slope, y0, y1, y2, y3, y4, y5, k)
     i_alpha = k[6]
     i_beta = k[7]
     for r in range(4):
