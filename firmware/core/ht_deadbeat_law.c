@@ -2,21 +2,11 @@
 
 #include <math.h>
 
-/* A flux reference that steps would take all voltage from the torque: a tenth of it. */
-#define FLUX_SHARE 0.1f
-/* Least radial part of psi*, relative to |r|, squared: beyond it no length gives the torque. */
-#define RADIAL2_LEAST 0.01f
-/* The smallest |r|^2 that is divided by. */
-#define LEAST_WB2 1.0e-8f
 /* What torque gets at least, of the largest step, squared. */
 #define TORQUE_SHARE2 0.25f
 /* Largest step of the flux, units of Vdc Ts. The inverter reaches 0.64; a command beyond it makes
  * the modulator limit legs, up to twelve-step operation. */
 #define REACH_PU 1.0f
-/* Share of the x-y current that one period takes away; limit of the integrators, units
- * of Vdc. */
-#define XY_SHARE 0.4f
-#define XY_LIMIT_PU 0.1f
 /* Samples per time constant of a current. */
 #define LEAST_SAMPLES 5.0f
 
@@ -53,10 +43,10 @@ static ht_ab flux_reference(const ht_observer_config *machine, const ht_deadbeat
 {
     ht_ab r = in->rotor_Wb;
     float r2 = r.alpha * r.alpha + r.beta * r.beta;
-    float inverse = 1.0f / ((r2 > LEAST_WB2) ? r2 : LEAST_WB2);
+    float inverse = 1.0f / ((r2 > HT_LAW_LEAST_WB2) ? r2 : HT_LAW_LEAST_WB2);
     float b = in->torque_ref_Nm * machine->sigma_ls_H / machine->torque_gain * inverse;
     float a2 = length_Wb * length_Wb * inverse - b * b;
-    float a = sqrtf((a2 > RADIAL2_LEAST) ? a2 : RADIAL2_LEAST);
+    float a = sqrtf((a2 > HT_LAW_RADIAL2_LEAST) ? a2 : HT_LAW_RADIAL2_LEAST);
     ht_ab psi;
     psi.alpha = a * r.alpha - b * r.beta;
     psi.beta = a * r.beta + b * r.alpha;
@@ -87,7 +77,7 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     float step = in->vdc_V * machine->ts_s;
     float size = sqrtf(psi.alpha * psi.alpha + psi.beta * psi.beta);
     float inv_size = (size > 0.0f) ? (1.0f / size) : 0.0f;
-    float radial = limited(in->flux_ref_Wb - size, FLUX_SHARE * step);
+    float radial = limited(in->flux_ref_Wb - size, HT_LAW_FLUX_SHARE * step);
     float most = REACH_PU * step;
     float inv_vdc = 1.0f / in->vdc_V;
     float volts_per_Wb = machine->inv_ts * inv_vdc;
@@ -98,7 +88,7 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     ht_ab wanted = flux_reference(machine, in, size + radial);
     ht_ab e;
     ht_vsd v;
-    v.xy = ht_xy_step(&integral, &st->xy, in->i_xy_A, along, XY_LIMIT_PU, false);
+    v.xy = ht_xy_step(&integral, &st->xy, in->i_xy_A, along, HT_LAW_XY_LIMIT_PU, false);
     e.alpha = back * wanted.alpha - turn * wanted.beta + cfg->gain * (wanted.alpha - psi.alpha);
     e.beta = back * wanted.beta + turn * wanted.alpha + cfg->gain * (wanted.beta - psi.beta);
     if (!((e.alpha * e.alpha + e.beta * e.beta) <= (most * most))) {
@@ -106,7 +96,7 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     }
     v.ab.alpha = e.alpha * volts_per_Wb + drop * (psi.alpha - in->rotor_Wb.alpha);
     v.ab.beta = e.beta * volts_per_Wb + drop * (psi.beta - in->rotor_Wb.beta);
-    v.xy.x -= XY_SHARE * volts_per_Wb * in->psi_xy_Wb.x;
-    v.xy.y -= XY_SHARE * volts_per_Wb * in->psi_xy_Wb.y;
+    v.xy.x -= HT_LAW_XY_SHARE * volts_per_Wb * in->psi_xy_Wb.x;
+    v.xy.y -= HT_LAW_XY_SHARE * volts_per_Wb * in->psi_xy_Wb.y;
     return v;
 }

@@ -17,6 +17,18 @@
 #include "ht_observer.h"
 #include "ht_xy_regulator.h"
 
+/* Common to this law and the field-oriented one. */
+/** A flux reference that steps would take all voltage from the torque: a tenth of it. */
+#define HT_LAW_FLUX_SHARE 0.1f
+/** Least part of the flux reference that is along the rotor flux, squared. */
+#define HT_LAW_RADIAL2_LEAST 0.01f
+/** The smallest square of the rotor flux that is divided by. */
+#define HT_LAW_LEAST_WB2 1.0e-8f
+/** Share of the x-y current that one period takes away. */
+#define HT_LAW_XY_SHARE 0.4f
+/** Limit of the x-y integrators, units of Vdc. */
+#define HT_LAW_XY_LIMIT_PU 0.1f
+
 typedef struct {
     float gain;        /**< share of the flux error that one period takes away, above 0 up to 1 */
     float xy_ki_per_A; /**< x-y integrators, units of Vdc per ampere and period */

@@ -2,18 +2,8 @@
 
 #include <math.h>
 
-/* The smallest |r|^2 that is divided by. */
-#define LEAST_WB2 1.0e-8f
 /* Largest voltage, units of Vdc: the circle of linear modulation, squared. */
 #define REACH2_PU2 0.333333333f
-/* A flux reference that steps would take all voltage from the torque: a tenth of it. */
-#define FLUX_SHARE 0.1f
-/* Share of the x-y current that one period takes away; limit of the integrators, units
- * of Vdc. Those of the deadbeat law. */
-#define XY_SHARE 0.4f
-#define XY_LIMIT_PU 0.1f
-/* Least share of the flux that is along r, squared. */
-#define RADIAL2_LEAST 0.01f
 
 bool ht_foc_law_check(const ht_foc_law_config *cfg)
 {
@@ -65,7 +55,8 @@ static ht_ab current_reference(const ht_observer_config *machine, const ht_deadb
     i.beta = in->torque_ref_Nm / machine->torque_gain * inv_rotor;
     across = machine->sigma_ls_H * i.beta;
     radial2 = flux * flux - across * across;
-    radial2 = (radial2 > RADIAL2_LEAST * flux * flux) ? radial2 : (RADIAL2_LEAST * flux * flux);
+    radial2 = (radial2 > HT_LAW_RADIAL2_LEAST * flux * flux) ? radial2
+                                                             : (HT_LAW_RADIAL2_LEAST * flux * flux);
     i.alpha = machine->inv_sigma_ls * (sqrtf(radial2) - rotor_Wb);
     return i;
 }
@@ -77,7 +68,7 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
     ht_ab psi = in->psi_Wb;
     ht_ab r = in->rotor_Wb;
     float rotor2 = r.alpha * r.alpha + r.beta * r.beta;
-    float rotor = sqrtf((rotor2 > LEAST_WB2) ? rotor2 : LEAST_WB2);
+    float rotor = sqrtf((rotor2 > HT_LAW_LEAST_WB2) ? rotor2 : HT_LAW_LEAST_WB2);
     float inv_rotor = 1.0f / rotor;
     float inv_vdc = 1.0f / in->vdc_V;
     float volts_per_Wb = machine->inv_ts * inv_vdc;
@@ -95,9 +86,10 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
     ht_ab move; /* of the current, in the frame */
     ht_ab flux; /* at the end of the period, but for the turn */
     ht_vsd v;
-    wanted.alpha = frame_i1.alpha
-                   + limited(wanted.alpha - frame_i1.alpha,
-                             FLUX_SHARE * in->vdc_V * machine->ts_s * machine->inv_sigma_ls / a);
+    wanted.alpha =
+        frame_i1.alpha
+        + limited(wanted.alpha - frame_i1.alpha,
+                  HT_LAW_FLUX_SHARE * in->vdc_V * machine->ts_s * machine->inv_sigma_ls / a);
     if (!st->begun) { /* as if this current had been held */
         st->begun = true;
         st->along = u;
@@ -109,9 +101,9 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
     st->integral_A.alpha += a * a * (st->wanted_A.alpha - sampled.alpha);
     st->integral_A.beta += a * a * (st->wanted_A.beta - sampled.beta);
     st->along = u;
-    v.xy = ht_xy_step(&integral, &st->xy, in->i_xy_A, u, XY_LIMIT_PU, false);
-    v.xy.x -= XY_SHARE * volts_per_Wb * in->psi_xy_Wb.x;
-    v.xy.y -= XY_SHARE * volts_per_Wb * in->psi_xy_Wb.y;
+    v.xy = ht_xy_step(&integral, &st->xy, in->i_xy_A, u, HT_LAW_XY_LIMIT_PU, false);
+    v.xy.x -= HT_LAW_XY_SHARE * volts_per_Wb * in->psi_xy_Wb.x;
+    v.xy.y -= HT_LAW_XY_SHARE * volts_per_Wb * in->psi_xy_Wb.y;
 
     move.alpha = a * (wanted.alpha - 2.0f * frame_i1.alpha) + st->integral_A.alpha;
     move.beta = a * (wanted.beta - 2.0f * frame_i1.beta) + st->integral_A.beta;

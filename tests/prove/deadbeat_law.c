@@ -19,7 +19,7 @@ void prove_deadbeat_law(void)
     machine.torque_gain = nondet_float();
     st.xy.with = any_xy();
     st.xy.against = any_xy();
-    GIVEN(HT_IS_XY_STATE(st.xy, XY_LIMIT_PU));
+    GIVEN(HT_IS_XY_STATE(st.xy, HT_LAW_XY_LIMIT_PU));
     in.psi_Wb = any_ab();
     in.rotor_Wb = any_ab();
     in.psi_xy_Wb = any_xy();
@@ -30,7 +30,7 @@ void prove_deadbeat_law(void)
     in.flux_ref_Wb = nondet_float();
     in.vdc_V = nondet_float();
     (void)ht_deadbeat_law_step(&cfg, &machine, &st, &in);
-    MUST(HT_IS_XY_STATE(st.xy, XY_LIMIT_PU));
+    MUST(HT_IS_XY_STATE(st.xy, HT_LAW_XY_LIMIT_PU));
 }
 
 void prove_deadbeat_check(void)

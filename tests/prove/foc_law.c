@@ -29,7 +29,7 @@ void prove_foc_law(void)
     st.integral_A = any_ab();
     st.wanted_A = any_ab();
     st.begun = nondet_bool();
-    GIVEN(HT_IS_XY_STATE(st.xy, XY_LIMIT_PU));
+    GIVEN(HT_IS_XY_STATE(st.xy, HT_LAW_XY_LIMIT_PU));
     in.psi_Wb = any_ab();
     in.rotor_Wb = any_ab();
     in.psi_xy_Wb = any_xy();
@@ -41,7 +41,7 @@ void prove_foc_law(void)
     in.vdc_V = nondet_float();
     v = ht_foc_law_step(&cfg, &machine, &st, &in, any_ab());
     MUST(st.begun);
-    MUST(HT_IS_XY_STATE(st.xy, XY_LIMIT_PU));
+    MUST(HT_IS_XY_STATE(st.xy, HT_LAW_XY_LIMIT_PU));
     /* NaN is not hidden: the modulator takes it for a leg that stays low. */
     MUST(IMPLIES(is_nan(in.psi_Wb.alpha), is_nan(v.ab.alpha) || is_nan(v.ab.beta)));
     MUST(IMPLIES(is_nan(in.psi_xy_Wb.x), is_nan(v.xy.x)));

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from numba import njit
+from numba.np import linalg
 
 #: Numba normally counts references to every array that is passed on, with an atomic instruction
 #: each time. No function of the plant makes an array, so nothing has to be counted. The bits are
@@ -25,6 +26,24 @@ NO_COUNTING: dict[str, Any] = {"_nrt": False}
 INLINE: dict[str, Any] = {**NO_COUNTING, "forceinline": True}
 
 compiled: Callable[..., Any] = partial(njit, **NO_COUNTING)
+
+
+def _import_without_blas() -> None:
+    """Import numba's array functions without scipy, which takes 0.2 s at each start. They look for
+    its BLAS only to make `np.cov` faster. Linear algebra in a law of one's own finds it later."""
+
+    def absent() -> None:
+        raise ImportError
+
+    look = linalg.ensure_blas
+    linalg.ensure_blas = absent  # numba does not document this name
+    try:
+        import numba.np.arraymath  # noqa: F401 (for its effect)
+    finally:
+        linalg.ensure_blas = look
+
+
+_import_without_blas()
 
 
 def source_hash() -> int:
