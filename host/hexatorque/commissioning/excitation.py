@@ -27,6 +27,8 @@ MOST_PU = 0.4
 LONGEST_S = 600.0
 #: A test waits this long for a shaft that coasts.
 STAND_STILL_S = 30.0
+#: And this much longer than it takes for the calibration of the current sensors.
+CALIBRATED_S = 10.0
 #: Parameters that a test changes, and that get their values back.
 BORROWED = (
     "start_mode", "test_wave", "test_Hz", "test_alpha_V", "test_beta_V", "test_x_V", "test_y_V",
@@ -94,6 +96,7 @@ class Excitation:
             )
             self._begin()
         except BaseException:
+            self.drive.stop()
             self._restore()
             raise
         return self
@@ -102,6 +105,11 @@ class Excitation:
         self._stand_still()
         self.drive.start()
         self.drive.run(float(self.drive.get("calibration_s")) + 0.01, record=False)
+        # A virtual board on a busy computer is slower than real time.
+        for _ in range(round(CALIBRATED_S / 0.05)):
+            if self.drive.state != "calibrate":
+                break
+            self.drive.run(0.05, record=False)
         self._check()
 
     def begin_again(self, seconds: float) -> None:
@@ -134,6 +142,10 @@ class Excitation:
         if self.drive.state != "test":
             causes = self.drive.faults
             if not causes:
+                if self.drive.state == "calibrate":
+                    raise CommissioningError(
+                        f"the board has not calibrated its current sensors within {CALIBRATED_S:g} s"
+                    )
                 raise CommissioningError("somebody has stopped the drive")
             if "over-speed" in causes:
                 raise CommissioningError(

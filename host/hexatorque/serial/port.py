@@ -143,16 +143,25 @@ class Holder(NamedTuple):
         return f"process {self.pid} ({self.command})"
 
 
-def command_of(pid: int) -> str:
-    """The command line of a process, shortened; "?" if this user may not read it."""
+def _words_of(pid: int) -> list[str]:
+    """The command line of a process; empty if this user may not read it."""
     try:
         with open(f"/proc/{pid}/cmdline", "rb") as file:
-            words = file.read(500).rstrip(b"\0").split(b"\0")
+            words = file.read(5000).rstrip(b"\0").split(b"\0")
     except OSError:
-        return "?"
-    text = " ".join(word.decode(errors="replace") for word in words)
-    text = " ".join(text.split())  # it may contain a script of several lines
-    return text if len(text) <= 100 else text[:97] + "..."
+        return []
+    return [word.decode(errors="replace") for word in words]
+
+
+def command_of(pid: int) -> str:
+    """The command line of a process, shortened; "?" if this user may not read it."""
+    text = " ".join(" ".join(_words_of(pid)).split())  # it may contain a script of several lines
+    return (text if len(text) <= 100 else text[:97] + "...") or "?"
+
+
+def is_server(pid: int) -> bool:
+    """Whether the process is a port server."""
+    return f"{__package__}.server" in _words_of(pid)
 
 
 def holder_of(url: str) -> Holder | None:

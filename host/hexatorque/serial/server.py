@@ -43,6 +43,8 @@ SILENT_S = 0.25
 #: If there was no request for this long, the server sends one to keep the session. This is longer
 #: than a client's heartbeat, so that not both send one.
 HEARTBEAT_S = 0.1
+#: A server that was killed has its port no longer than this.
+ENDING_S = 0.5
 #: The server ends if it has had no client for this long.
 LINGER_S = 1.0
 #: While no request waits for its reply, the port is read this often. So there are few wake-ups
@@ -640,6 +642,21 @@ def _probe(line: port.Line, bauds: tuple[int, ...], quick: bool) -> int:
     raise NoReply(f"{line.url}: no reply to HELLO at {rates} baud")
 
 
+def _opened(url: str, baud: int) -> port.Line:
+    """The port, opened. This process has the lock, so another server that has the port is about to
+    end: one that is killed loses its lock a little earlier than its port."""
+    end_s = time.monotonic() + ENDING_S
+    while True:
+        try:
+            return port.Line(url, baud)
+        except Busy:
+            holder = port.holder_of(url)
+            ending = holder is None or port.is_server(holder.pid)
+            if not ending or time.monotonic() > end_s:
+                raise
+            time.sleep(0.02)
+
+
 def _lock(path: Path, url: str) -> int | None:
     """The lock of this port's server, or None if another one has it."""
     while True:
@@ -687,7 +704,7 @@ def main(url: str, bauds: tuple[int, ...], quick: bool) -> int:
         return 0
     line = None
     try:
-        line = port.Line(url, bauds[0])
+        line = _opened(url, bauds[0])
         baud = _probe(line, bauds, quick)
         path.unlink(missing_ok=True)  # the socket of a server that was killed
         listener = socket.socket(socket.AF_UNIX)

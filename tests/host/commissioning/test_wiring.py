@@ -133,6 +133,35 @@ def test_each_miswiring_is_named_below_the_current_limit(number):
     assert 0 < sim.largest_A < LIMIT_A
 
 
+class Slow(SimulatedDrive):
+    """A virtual board on a busy computer: from the start on, its time passes slowly."""
+
+    share = 1.0
+
+    def start(self):
+        super().start()
+        self.share = self.after_start
+
+    def run(self, duration_s, record=True, progress=None):
+        super().run(duration_s * self.share, record, progress)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.0])
+def test_a_slow_board_is_waited_for(share):
+    sim = Slow(SETUP)
+    sim.after_start = share
+    limits = Limits(LIMIT_A, 0.1)
+    if share:
+        with Excitation(sim, limits):
+            assert sim.state == "test"
+        return
+    with pytest.raises(CommissioningError, match="not calibrated its current sensors within 10 s"):
+        Excitation(sim, limits).__enter__()
+    sim.share = 1.0
+    sim.run(0.01)
+    assert sim.state == "idle" and sim.get("start_mode") == "run"
+
+
 def test_a_shaft_that_a_load_drives_is_no_wrong_wire():
     sim = SimulatedDrive(SETUP)
     sim.load_Nm = 0.2

@@ -13,7 +13,7 @@ from forked import Forked
 
 from hexatorque.cli.main import main
 from hexatorque.drive.board import BoardDrive
-from hexatorque.serial import LinkError, devices, runtime, wire
+from hexatorque.serial import LinkError, devices, runtime, server, wire
 from hexatorque.serial.exchange import Busy, Unpacker, packed
 from hexatorque.serial.wire import Op
 
@@ -302,6 +302,40 @@ def test_the_server_keeps_others_out(board, first, tmp_path):
             BoardDrive.open(board)
 
 
+HOLDER = """import serial, sys, time
+port = serial.Serial(sys.argv[1], exclusive=True)
+print(flush=True)
+time.sleep(float(sys.argv[2]))
+"""
+
+
+@pytest.mark.parametrize("words", [["hexatorque.serial.server"], []])
+@pytest.mark.parametrize("for_s", [0.1, 30.0])
+def test_a_server_waits_for_one_that_is_ending(words, for_s):
+    """A killed server may still have its port when it has lost its lock. Nobody else is waited
+    for."""
+    ours, terminal = os.openpty()
+    name = os.ttyname(terminal)
+    process = Forked(["-c", HOLDER, name, str(for_s), *words], pipes=("stdin", "stdout"))
+    try:
+        assert process.stdout.readline()
+        begun = time.monotonic()
+        if words and for_s < 1.0:
+            server._opened(name, 115200).close()
+            return
+        with pytest.raises(Busy, match=f"in use by process {process.pid} "):
+            server._opened(name, 115200)
+        took_s = time.monotonic() - begun
+        assert (took_s > server.ENDING_S) == bool(words)
+    finally:
+        process.kill()
+        process.wait()
+        process.stdin.close()
+        process.stdout.close()
+        os.close(ours)
+        os.close(terminal)
+
+
 @pytest.fixture
 def hung(board):
     """A server that is stopped while a drive runs."""
@@ -363,8 +397,6 @@ def test_a_client_that_does_not_read_blocks_no_other_client(board, first, addres
 
 def test_without_a_reader_memory_is_bounded():
     """The test fills the queue of one client: then samples are dropped, and replies are not."""
-    from hexatorque.serial import server
-
     ours, theirs = socket.socketpair()
     with ours, theirs:
         peer = server.Peer(ours)
