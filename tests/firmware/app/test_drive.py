@@ -839,6 +839,12 @@ def test_the_configuration_follows_from_the_parameters(bench):
     assert (config.shadow, config.predict, config.first_counts) == (True, True, 0)
     dead = {"f28335": 0x6810, "f28377s": 0x4051}[bench.device]
     assert bench.words[dead] == round(2.3e-6 * clock)
+    # A mean over 0.2 s, sampled with f_slow_Hz.
+    assert bench.drive.config.omega_mean_gain == pytest.approx(1 / (1 + 0.2 * 100), rel=1e-5)
+    for value, only_v0 in (("V0", True), ("nearest", False)):
+        bench.controller.set("zero_vector", value)
+        bench.fast()
+        assert bench.drive.config.control.only_v0 == only_v0
     for name, kind in (
         ("voltage", lib.HT_OBSERVER_VOLTAGE),
         ("compensated", lib.HT_OBSERVER_COMPENSATED),
