@@ -144,7 +144,8 @@ class Excitation:
             if not causes:
                 if self.drive.state == "calibrate":
                     raise CommissioningError(
-                        f"the board has not calibrated its current sensors within {CALIBRATED_S:g} s"
+                        "the board has not calibrated its current sensors within "
+                        f"{CALIBRATED_S:g} s"
                     )
                 raise CommissioningError("somebody has stopped the drive")
             if "over-speed" in causes:

@@ -44,7 +44,7 @@ SILENT_S = 0.25
 #: than a client's heartbeat, so that not both send one.
 HEARTBEAT_S = 0.1
 #: A server that was killed has its port no longer than this.
-ENDING_S = 0.5
+ENDING_S = 1.0
 #: The server ends if it has had no client for this long.
 LINGER_S = 1.0
 #: While no request waits for its reply, the port is read this often. So there are few wake-ups
