@@ -219,6 +219,21 @@ def test_what_is_no_copy_is_damage(present):
         assert what_counts(areas_with(b"", other)) == damaged
 
 
+def test_an_area_is_blank_only_if_every_block_is(present):
+    """A power failure may leave an erase undone at any place. What is left must be told: there was
+    a saved set."""
+    values, table, _ = present
+    whole = copy(values, table)
+    for begin in range(0, len(whole), Memory.BLOCK):
+        end = begin + Memory.BLOCK
+        left = b"\xff" * begin + whole[begin:end]
+        for areas in (areas_with(left), areas_with(b"", left)):
+            assert what_counts(areas) == (
+                BUILT_IN["rs_ohm"], "built-in: the saved set is damaged",
+            ), begin  # fmt: skip
+    assert what_counts(areas_with(b"")) == (BUILT_IN["rs_ohm"], "built-in")
+
+
 def test_of_two_copies_the_later_one_counts(present):
     values, table, _ = present
     rs = values.index(SAVED)

@@ -83,6 +83,22 @@ def test_the_direction_of_the_residual_names_leg_and_switch(leg, switch):
     assert watch.named == (PHASES[leg], switch)
 
 
+@pytest.mark.parametrize("volts", (-60.0, 60.0))
+@pytest.mark.parametrize("leg", range(6))
+def test_the_voltage_that_was_missing_is_added_up_from_its_first_period_on(leg, volts):
+    """Also of the periods before the low pass was large: of five, it has forgotten a tenth."""
+    watch = Watch()
+    error = np.zeros(6)
+    error[leg] = volts
+    periods = 1
+    while watch.step(np.zeros(6), error, without=leg) == 0:
+        periods += 1
+        assert periods < 60
+    missing = periods * XY @ error
+    added = [watch.state.sum_V.x, watch.state.sum_V.y]
+    np.testing.assert_allclose(added, missing, atol=0.05 * np.hypot(*missing))
+
+
 def steadily(watch, residual_V, six):
     """The residual points along x: to u1, whose lower switch seems not to conduct."""
     none, minus = {"x": 0.0, "y": 0.0}, {"x": -residual_V, "y": 0.0}

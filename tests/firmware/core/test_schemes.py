@@ -99,4 +99,5 @@ def test_numbers_are_those_of_the_parameter():
     assert len(row.choices) == lib.HT_SCHEMES and row.whole
     assert row.choices[lib.HT_DDR_ML] == "ddr-ml"
     assert row.initial == lib.HT_DDR
-    assert lib.ht_scheme_describe(lib.HT_SCHEMES) == ffi.NULL
+    for number in range(lib.HT_SCHEMES, 2**16):
+        assert lib.ht_scheme_describe(number) == ffi.NULL, number

@@ -174,6 +174,20 @@ def test_captures_agree_with_a_search_over_the_whole_signal(
     assert got.tobytes() == taken[first : first + samples].tobytes()
 
 
+@pytest.mark.parametrize("sign, kind", [(1, RISING), (-1, FALLING)])
+def test_an_edge_goes_from_one_side_of_the_level_to_the_other(sign, kind):
+    """A signal that begins beyond the level has made no edge, nor has one that stays before it or
+    comes back to exactly the level."""
+    burst = Burst()
+    burst.arm(trigger=kind, level=sign * 2.0)
+    for value in (3, 3, 2, 1, 1, 2):
+        burst.sample(np.float32([sign * value]))
+        assert burst.state == WAITING, value
+    burst.sample(np.float32([sign * 3]))
+    assert burst.finish()[:, 0].tolist() == [sign * 3]
+    assert burst.burst.tick == 7
+
+
 def test_captures_outside_the_bounds_are_refused():
     burst = Burst()
     good = dict(n=3, trigger=RISING, prescaler=1, samples=40, before=39, level=0.0)
@@ -322,6 +336,19 @@ def test_read_needs_a_complete_capture():
     device.done(CANCEL)
     assert progress(device)[0] == NONE
     assert device.ask(READ, struct.pack("<II", 0, 1)).status == NO_CAPTURE
+
+
+def test_the_tick_of_the_trigger_is_zero_until_there_is_one():
+    """Also if the capture before had one."""
+    device = Device()
+    for _ in range(2):
+        arm(device, "vdc_V", samples=100, before=99)
+        for state in (FILLING, WAITING):
+            device.tick(2 if state == FILLING else 100)
+            found = progress(device)
+            assert (found[0], found[5]) == (state, 0)
+        device.done(TRIGGER)
+        assert progress(device)[5] > 0
 
 
 def completed(device):

@@ -134,6 +134,19 @@ def test_an_old_start_is_not_repeated_after_another_clients_stop():
     assert device.ask(START).status == DONE  # a new one
 
 
+@pytest.mark.parametrize("op", [STATUS, STOP, SNAPSHOT])
+def test_a_start_with_the_bytes_of_an_old_one_is_new_once_its_host_has_gone_on(op):
+    """A host that has asked something else has got the reply to its START. As the numbers of
+    requests wrap, a later START may have the same bytes."""
+    device = Device()
+    start = device.request(START)
+    assert device.answer(start).status == DONE
+    device.ask(op)
+    assert device.ask(STOP, session=OTHER).status == DONE
+    assert device.answer(start).status == DONE
+    assert device.state == "calibrate"
+
+
 @pytest.mark.parametrize("watchdog_ms", [5, 20])
 def test_a_session_without_requests_ends(watchdog_ms):
     """It ends after four times the watchdog's time, and its streams end with it."""
