@@ -6,6 +6,7 @@ would. The trip flags show whether the gates are on.
 
 import numpy as np
 import pytest
+from unwritten import unwritten
 
 from hexatorque.firmware import Controller, FirmwareError, ffi, lib, parameters
 
@@ -126,6 +127,33 @@ def test_legs_are_low_before_the_gates_come_on(bench):
     bench.fast()
     period = bench.drive.config.control.period_counts
     assert [int(bench.words[base + leg * stride]) for leg in range(6)] == [period] * 6
+
+
+def test_before_the_first_interrupt_nothing_is_measured(bench):
+    """Memory may hold anything when a drive is set up. A fault that comes before any sample shows
+    zeros, not what was there, and the checks begin with a leg that exists."""
+    drive = unwritten("ht_drive *")
+    controller = bench.controller
+    assert lib.ht_drive_init(drive, controller.port, [controller.drive.params]) == lib.HT_OK
+    assert drive.stuck_leg in range(6)
+    lib.ht_drive_stand_in(drive, lib.HT_FAULT_CLOCK)
+    seen = getattr(drive.snapshot, "in")
+    assert list(seen.i_A.p) == [0.0] * 6
+    assert (seen.vdc_V, seen.torque_ref_Nm, seen.turn_rad) == (0, 0, 0)
+
+
+def test_flux_reference_rises_linearly_over_the_build_up(bench):
+    """From nearly nothing to the parameter, and the control step gets the same."""
+    bench.run_to("build")
+    flux_Wb = []
+    while bench.state == "build":
+        bench.fast()
+        if bench.state == "build":
+            flux_Wb.append(bench.drive.flux_ref_Wb)
+            assert measured(bench).flux_ref_Wb == flux_Wb[-1]
+    share = np.arange(1, 100) / 100  # of build_s
+    np.testing.assert_allclose(flux_Wb, SETUP["flux_ref_Wb"] * share, atol=0.01)
+    assert bench.drive.flux_ref_Wb == pytest.approx(SETUP["flux_ref_Wb"])
 
 
 def test_an_interrupt_within_a_start_does_no_harm(bench):
@@ -508,6 +536,17 @@ def test_a_refusal_leaves_the_parameters_that_still_wait(bench, refused):
     assert control.table_law.xy.kp_pu_A == pytest.approx(0.0123)
     assert control.observer.inv_ts == rate_Hz
     assert control.table_law.torque_inner_Nm == inner_Nm
+
+
+def test_a_new_set_up_includes_what_waits_and_leaves_nothing_to_wait_for(bench):
+    """Two writes before the next fast interrupt, both accepted. The second sets the drive up, which
+    is in force at once: its reply, which is held back while anything is staged, need not wait."""
+    bench.controller.set("kp_xy_pu_A", 0.0123)
+    assert bench.drive.staged != ffi.NULL
+    bench.controller.set("pole_pairs", 3.0)
+    assert bench.drive.staged == ffi.NULL
+    assert bench.drive.config.control.table_law.xy.kp_pu_A == pytest.approx(0.0123)
+    assert bench.drive.config.control.observer.torque_gain == 9.0  # three for each pole pair
 
 
 def test_a_write_sets_all_parameters_or_none(bench):

@@ -430,6 +430,20 @@ def test_build_up_pulls_the_flux_along_15_degrees():
     assert s[0] in ZEROS
 
 
+@pytest.mark.parametrize("only_v0", (False, True))
+def test_build_up_ends_in_the_zero_vector_nearest_to_the_last_state(only_v0):
+    """The legs switch from the state at the end of the virtual vector, not from its first one."""
+    drive = Drive(config("dtc1", only_v0=only_v0))
+    pulls = drive.step(build=True)
+    assert pulls == (L[11], L[0], L[1])
+    s = drive.step(build=True, flux=0.0)
+    if only_v0:
+        assert s == (0, 0, 0)
+    else:
+        (zero,) = set(s)
+        assert zero == min(ZEROS, key=lambda z: (z ^ pulls[2]).bit_count())
+
+
 def test_build_up_stops_at_the_current_limit():
     for size, blocked in ((2.9, False), (3.1, True)):
         drive = Drive(config("ddr"))
@@ -491,6 +505,56 @@ def test_any_scheme_gives_a_pattern_without_a_leg(scheme, legs):
         i = 3 * np.cos(THETA - 0.02 * k)
         drive.step(i, torque=0.5)
         assert keeps_guards(drive.out, PERIOD, 0)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_without_a_leg_the_other_legs_make_the_voltage_of_the_table(scheme):
+    """No vector of the table can be had without u1: each other leg switches once, at any instant.
+    At rest, without resistance and current, what acts along u1 meets L_xy in series with sigma L_s
+    (ht_lost_legs.h); beta is across. So the flux moves where the table wants it to, with the length
+    of the table's voltage. Near the axis of u1 five legs cannot make all of that."""
+    length = 0.43754 if scheme == "ddr-ml" else 0.5  # of a virtual vector, half the dc link
+    for sector in range(12):
+        drive = quiet(scheme)
+        lib.ht_control_lose(drive.cfg, drive.state, 0b100000)
+        _, k = at(drive, sector, 5, 0.6)
+        assert set(drive.out.cb) == {PERIOD}
+        ca, start = np.array(list(drive.out.ca)), drive.out.start >> np.arange(5, -1, -1) & 1
+        alpha, beta, x, _ = T @ np.where(start == 1, ca, PERIOD - ca) / PERIOD
+        acts = complex((alpha - x) / (1 + 0.0144 / 0.028), beta)
+        acts *= np.exp(-1j * np.deg2rad(30 * k + 15))
+        if k in (11, 0, 5, 6):
+            assert 0.39 < abs(acts) < length
+            assert abs(acts.imag) < 0.02
+        else:
+            assert acts == pytest.approx(length, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "torque", "group", "length"),
+    [
+        ("ddr", 5, L, 0.5),  # half the dc link
+        ("dtc3", 5, L, 0.5),
+        ("ddr-ml", 5, ML, 0.43754),  # of its virtual vectors
+        ("dtc3", 0.2, S, np.hypot(*vector(S[0])[:2])),  # of its single vectors
+    ],
+)
+def test_voltage_of_the_table_without_legs(scheme, torque, group, length):
+    """It points where the table's vector points, with a length that depends on the group."""
+    cfg = config(scheme)
+    decided, none = ffi.new("ht_estimate *"), ffi.new("ht_xy *")
+    for sector in range(12):
+        law = ffi.new("ht_table_law_state *")
+        lib.ht_table_law_reset(law)
+        decided.psi_Wb.alpha = 0.4 * np.cos(np.deg2rad(30 * sector))
+        decided.psi_Wb.beta = 0.4 * np.sin(np.deg2rad(30 * sector))
+        seen = ffi.new("ht_table_law_input *")
+        seen.decided, seen.psi_xy_Wb, seen.sector = decided, none, sector
+        seen.torque_ref_Nm, seen.flux_ref_Wb = torque, 0.6
+        v = lib.ht_table_law_voltage(ffi.addressof(cfg, "table_law"), law, seen)
+        along = vector(group[direction(cfg.table_law.table, sector, True, True)])[:2]
+        wanted = along * length / np.hypot(*along)
+        assert [v.ab.alpha, v.ab.beta] == pytest.approx(wanted, abs=1e-4)
 
 
 @pytest.mark.parametrize("scheme", ["dtc1", "ddr"])
@@ -644,3 +708,26 @@ def test_drops_act_on_the_predicted_xy_flux():
         psi_xy.append(complex(drive.state.psi_xy_Wb.x, drive.state.psi_xy_Wb.y))
     lost = 1.35 * T[2:] @ np.clip(i / 0.05, -1, 1) * TS
     assert psi_xy[0] - psi_xy[1] == pytest.approx(lost[0] + 1j * lost[1], rel=2e-3)
+
+
+def test_drops_lower_whatever_voltage_acts():
+    """Two drives, the second with drops, apply the same vectors to the same currents. In all four
+    components they differ by the drops alone."""
+    i = np.array([5.0, 0.02, -5.0, 0.0, 0.0, -0.06])
+    drives = [Drive(config("dtc2", drop_V=v, dead__dead_pu=0.0)) for v in (0.0, 1.35)]
+    flux, psi_xy = [], []
+    for drive in drives:
+        drive.state.observer.psi_Wb = [0.4, 0.0]
+    for _ in range(5):
+        free, lossy = (drive.step(i, torque=5.0) for drive in drives)
+        assert free == lossy
+        states = [drive.state for drive in drives]
+        flux.append([complex_flux(state.estimate) for state in states])
+        psi_xy.append([complex(state.psi_xy_Wb.x, state.psi_xy_Wb.y) for state in states])
+    gains = np.diff(flux, axis=0)  # the first sample is left out: there was no current before it
+    lost = 1.35 * T @ np.clip(i / 0.05, -1, 1) * TS  # i_zero_A
+    for values, wanted in ((gains, lost[:2]), (np.array(psi_xy), lost[2:])):
+        assert min(np.ptp(values[:, 0].real), np.ptp(values[:, 0].imag)) > 0.001  # vectors act
+        difference = values[:, 0] - values[:, 1]
+        np.testing.assert_allclose(difference.real, wanted[0], atol=2e-7)
+        np.testing.assert_allclose(difference.imag, wanted[1], atol=2e-7)
