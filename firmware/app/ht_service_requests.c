@@ -165,20 +165,29 @@ static bool rate_is_used(const ht_service *l)
                && (l->burst.state < (uint16_t)HT_BURST_SUMMING));
 }
 
-/* Ids and values of the payload; false if the rate would change while it is used. */
+/* Id and value number k of a WRITE; false if the rate would change while it is used. */
+static bool take_pair(ht_service *l, const uint16_t *pair, uint16_t k, bool fixed)
+{
+    uint16_t id = ht_get16(pair);
+    float value = ht_float_of(ht_get32(&pair[2]));
+    if (fixed && (id == (uint16_t)HT_P_f_isr_Hz) && (value != ht_drive_get(l->drive, id))) {
+        l->detail = id;
+        return false;
+    }
+    l->write_id[k] = id;
+    l->write_value[k] = value;
+    return true;
+}
+
+/* Ids and values of the payload, all of them or false. */
 static bool take_pairs(ht_service *l, const uint16_t *in, uint16_t count)
 {
     bool fixed = rate_is_used(l);
     uint16_t k;
     for (k = 0u; k < count; k++) {
-        uint16_t id = ht_get16(&in[k * PAIR]);
-        float value = ht_float_of(ht_get32(&in[(k * PAIR) + 2u]));
-        if (fixed && (id == (uint16_t)HT_P_f_isr_Hz) && (value != ht_drive_get(l->drive, id))) {
-            l->detail = id;
+        if (!take_pair(l, &in[k * PAIR], k, fixed)) {
             return false;
         }
-        l->write_id[k] = id;
-        l->write_value[k] = value;
     }
     return true;
 }

@@ -16,6 +16,9 @@ static uint16_t writes;
 static bool streaming;
 static float rate_now_Hz;
 static uint16_t look; /* any: what holds for the pair of this number holds for all of a WRITE */
+static const uint16_t *payload; /* of a WRITE's pairs */
+static uint16_t payload_octets;
+static uint16_t pairs;      /* that were taken */
 static uint32_t replied[2]; /* the first two long ones of the reply */
 static uint16_t replies;
 
@@ -70,13 +73,16 @@ float ht_drive_get(const ht_drive *d, uint16_t id)
 }
 
 /* Streams, or a capture that is not complete, count in f_isr_Hz: it must stay. */
-static bool may_take(uint16_t id, float value)
+static bool rate_counts(void)
 {
     uint16_t state = service.burst.state;
-    bool counts =
-        streaming
-        || ((state >= (uint16_t)HT_BURST_FILLING) && (state <= (uint16_t)HT_BURST_TRIGGERED));
-    return !counts || (id != (uint16_t)HT_P_f_isr_Hz) || (value == rate_now_Hz);
+    return streaming
+           || ((state >= (uint16_t)HT_BURST_FILLING) && (state <= (uint16_t)HT_BURST_TRIGGERED));
+}
+
+static bool may_take(uint16_t id, float value)
+{
+    return !rate_counts() || (id != (uint16_t)HT_P_f_isr_Hz) || (value == rate_now_Hz);
 }
 
 ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, uint16_t n,
@@ -277,18 +283,37 @@ static bool promise_take_pairs(ht_service *l, const uint16_t *in, uint16_t count
     return fine;
 }
 
-void prove_request_values(void)
+void prove_request_pair(void)
 {
-    uint16_t n = any_length();
-    uint16_t octets[n + 1u];
+    uint16_t octets[PAIR + 1u];
     const uint16_t *in = any_request(octets);
-    uint16_t count = (uint16_t)(n / PAIR);
+    uint16_t k = nondet_uint16();
     bool fine;
     any_rate();
-    GIVEN((count <= HT_SERVICE_WRITE) && (look < count));
-    fine = take_pairs(&service, in, count);
-    MUST(IMPLIES(fine, service.write_id[look] == ht_get16(&in[6u * look])));
-    MUST(IMPLIES(fine, may_take(service.write_id[look], service.write_value[look])));
+    GIVEN(k < HT_SERVICE_WRITE);
+    fine = take_pair(&service, in, k, rate_counts());
+    MUST(IMPLIES(fine, service.write_id[k] == ht_get16(in)));
+    MUST(IMPLIES(fine, may_take(service.write_id[k], service.write_value[k])));
+}
+
+/* As prove_request_pair shows it. */
+static bool promise_take_pair(ht_service *l, const uint16_t *pair, uint16_t k, bool fixed)
+{
+    MUST((k == pairs) && (k < HT_SERVICE_WRITE) && (fixed == rate_counts()));
+    MUST((pair == &payload[PAIR * k]) && ((PAIR * k) + PAIR <= payload_octets));
+    pairs++;
+    return nondet_bool();
+}
+
+void prove_request_values(void)
+{
+    uint16_t octets[PAYLOAD + 1u];
+    uint16_t count = nondet_uint16();
+    payload = any_request(octets);
+    payload_octets = any_length();
+    any_rate();
+    GIVEN((count <= HT_SERVICE_WRITE) && (PAIR * count <= payload_octets));
+    MUST(IMPLIES(take_pairs(&service, payload, count), pairs == count));
 }
 
 void prove_request_write(void)
