@@ -7,9 +7,10 @@ a test must fail. The mutants that Python refuses are `unbuilt`. Those that diff
 texts for the reader only are the `same`.
 
 Each mutant has a process that imports its module changed and everything else as it is. Compiled
-functions of the changed module are not compiled, and in the plant none is: compiling takes longer
-than the tests. First run the files of tests whose name has a word of the module's, then the others
-of the room.
+functions of a changed module of the analysis are not compiled: compiling takes longer than the
+tests. The plant is compiled, into a folder of the mutant's own, because without that its tests take
+minutes. First run the files of tests whose name has a word of the module's, then the others of the
+room.
 """
 
 from __future__ import annotations
@@ -58,12 +59,10 @@ TESTS = ROOT / "tests" / "host"
 #: What a process begins with. Nothing of hexatorque.
 LOADED = ["cffi", "hypothesis.strategies", "jinja2", "matplotlib.pyplot", "numba", "numpy",
           "pydantic", "pytest", "scipy.integrate", "scipy.linalg", "scipy.signal"]  # fmt: skip
-#: Rooms whose compiled functions call each other: all of them stay uncompiled.
-UNCOMPILED = ("plant",)
-#: Tests that need the compiled plant. They are too long without.
-LEFT_OUT = ("test_accuracy.py", "test_loop.py", "test_plots.py")
+#: Of pictures.
+LEFT_OUT = ("test_plots.py",)
 #: Of the processor, for the tests of a file's own and for the others.
-LIMIT_S = 120
+LIMIT_S = {"plant": 600, "analysis": 120}
 #: Of the clock, on a computer that does other things.
 CLOCK_LIMIT_S = 3600
 
@@ -104,10 +103,9 @@ def changed_import(file: str, text: str) -> None:
 
     def uncompiled(self: Any, module: Any) -> None:
         config = numba_config()
-        before = config.DISABLE_JIT
-        config.DISABLE_JIT = before or self.path.endswith(ending)
+        config.DISABLE_JIT = self.path.endswith(ending) and not file.startswith("plant/")
         execute(self, module)
-        config.DISABLE_JIT = before
+        config.DISABLE_JIT = False
 
     SourceFileLoader.get_code = code  # type: ignore[assignment, method-assign]
     SourceFileLoader.exec_module = uncompiled  # type: ignore[method-assign]
@@ -125,7 +123,8 @@ def tests_of(file: str) -> list[list[str]]:
 
 def test(folder: Path, file: str, text: str, first: bool) -> None:
     """The process: its code is that of the first run of pytest in which a test failed."""
-    resource.setrlimit(resource.RLIMIT_CPU, (LIMIT_S, LIMIT_S + 5))
+    limit_s = LIMIT_S[file.split("/")[0]]
+    resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + 5))
     log = os.open(folder / "log.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(log, 1)
     os.dup2(log, 2)
@@ -139,7 +138,8 @@ def test(folder: Path, file: str, text: str, first: bool) -> None:
         "mutants", derandomize=True, database=None, phases=phases, deadline=None
     )
     hypothesis.settings.load_profile("mutants")
-    numba_config().DISABLE_JIT = file.split("/")[0] in UNCOMPILED
+    # Numba knows a kept function by its file, which has not changed: nothing must be kept.
+    numba_config().CACHE_DIR = str(folder / "compiled")
     changed_import(file, text)
     words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist",
              "-W", "ignore::pytest.PytestAssertRewriteWarning"]  # fmt: skip
