@@ -159,7 +159,7 @@ def test_a_slow_board_is_waited_for(share):
         Excitation(sim, limits).__enter__()
     sim.share = 1.0
     sim.run(0.01)
-    assert sim.state == "idle" and sim.get("start_mode") == "run"
+    assert sim.state == "idle" and sim.get("start_mode") == "drive"
 
 
 def test_a_shaft_that_a_load_drives_is_no_wrong_wire():
