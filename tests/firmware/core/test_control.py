@@ -537,6 +537,8 @@ def test_without_a_leg_the_other_legs_make_the_voltage_of_the_table(scheme):
         ("dtc3", 5, L, 0.5),
         ("ddr-ml", 5, ML, 0.43754),  # of its virtual vectors
         ("dtc3", 0.2, S, np.hypot(*vector(S[0])[:2])),  # of its single vectors
+        ("dtc3", -0.2, S, np.hypot(*vector(S[0])[:2])),
+        ("dtc3", -5, L, 0.5),
     ],
 )
 def test_voltage_of_the_table_without_legs(scheme, torque, group, length):
@@ -552,7 +554,7 @@ def test_voltage_of_the_table_without_legs(scheme, torque, group, length):
         seen.decided, seen.psi_xy_Wb, seen.sector = decided, none, sector
         seen.torque_ref_Nm, seen.flux_ref_Wb = torque, 0.6
         v = lib.ht_table_law_voltage(ffi.addressof(cfg, "table_law"), law, seen)
-        along = vector(group[direction(cfg.table_law.table, sector, True, True)])[:2]
+        along = vector(group[direction(cfg.table_law.table, sector, torque > 0, True)])[:2]
         wanted = along * length / np.hypot(*along)
         assert [v.ab.alpha, v.ab.beta] == pytest.approx(wanted, abs=1e-4)
 
