@@ -5,9 +5,9 @@
 
 #include <math.h>
 
-/* Length of the voltage without legs, relative to the group's vectors. Large: Vdc/2, which five legs
- * make in most directions, and a fifth less in their worst. Medium-large: a virtual vector's. Small:
- * whole. */
+/* Length of the voltage without legs, relative to the group's vectors. Large: Vdc/2. Five legs make
+ * this in most directions; in their worst they make a fifth less. Medium-large: the length of a
+ * virtual vector. Small: the whole length. */
 static const float without_legs[HT_GROUPS] = {0.776457f, 0.928203f, 1.0f};
 
 void ht_table_law_select(ht_table_law_config *cfg, const ht_scheme_info *row)

@@ -98,13 +98,13 @@ def _compile_follow(source: int):
 
     @compiled(cache=True)
     def follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, instants, k, out, row):
-        """Advance the machine over counts c0..c1 along the edges, of which earlier ones are left
-        out, and record it at those of the `instants` (`sample_instants`) from number k on. Returns
-        the next k; `out` has the sample k in row + k."""
+        """Advance the machine over counts c0..c1 along the edges; earlier edges have been taken
+        already. Record it at the `instants` (`sample_instants`) from number k on: sample k goes to
+        row + k of `out`. Returns the next k."""
         if not source:
             return k
         trial0 = inv.trial[:]
-        trial1 = inv.kept[:]
+        trial1 = inv.kept[:]  # `keep` uses it only while a leg is off, or with drops
         known = False  # whether inv.v belongs to the legs
         now = c0
         tick = instants[k]
