@@ -24,11 +24,12 @@
 #define XY_INTEGRAL 0.008f
 #define TURN_PU 0.3f
 #define NEVER_PU 100.0f /* no inverter makes that voltage */
-/* Lost leg: how long the residual must point the same way, how long a wrong sensor rules a loss out;
- * a set's sum that shows a wrong sensor, share of its trip level. */
+/* Lost leg: how long evidence is gathered at least, how long a wrong sensor rules a loss out; a set's
+ * sum that shows a wrong sensor, share of its trip level; no current in a leg, share of that sum. */
 #define LOSS_HOLD_S 0.001f
 #define LOSS_WAIT_S 0.01f
 #define LOSS_SUM_SHARE 0.3f
+#define LOSS_ZERO_SHARE 0.25f
 /* Field orientation: bandwidth of the current regulators times the period. */
 #define ALPHA_TS 0.3f
 
@@ -109,6 +110,7 @@ static void configure_leg_loss(const ht_params *p, float ts, ht_leg_loss_config 
     c->gain = ts / (ts + HT_LEG_LOSS_FILTER_S);
     c->l_per_ts_ohm = p->v[HT_P_lxy_H] * p->v[HT_P_f_isr_Hz];
     c->sum_A = LOSS_SUM_SHARE * p->v[HT_P_i_sum_trip_A];
+    c->zero_A = LOSS_ZERO_SHARE * c->sum_A;
     c->hold = (uint16_t)hold;
     c->wait = (uint16_t)wait;
 }

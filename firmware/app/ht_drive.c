@@ -216,7 +216,7 @@ HT_SELDOM static bool go_on_without(ht_drive *d, uint16_t legs)
 /* A leg does not do what it is told. Goes on without it, or returns the fault. */
 HT_SELDOM static unsigned phase_lost(ht_drive *d)
 {
-    ht_leg_loss loss = ht_leg_loss_of((uint16_t)(d->control.leg_loss.found - 1u));
+    ht_leg_loss loss = ht_leg_loss_of(d->control.leg_loss.found);
     unsigned leg = HT_LEG_U1 >> loss.leg;
     unsigned what = loss.lower ? (unsigned)HT_WARNING_NO_LOWER : (unsigned)HT_WARNING_NO_UPPER;
     if (d->off_legs != 0u) {

@@ -305,8 +305,9 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
                                  i.xy);
     }
     if (watch) {
-        ht_leg_loss_step(&cfg->leg_loss, &st->leg_loss, v.xy, st->i_xy_A, i.xy, &in->i_A,
-                         st->observer.rs_ohm);
+        ht_leg_loss_period period = {&st->active, st->toggles, &st->i_A,
+                                     &in->i_A,    in->vdc_V,   st->observer.rs_ohm};
+        ht_leg_loss_step(&cfg->leg_loss, &st->leg_loss, &period, v.xy, st->i_xy_A, i.xy);
     }
     estimate = ht_observer_update(&cfg->observer, &st->observer, v.ab, i.ab, in->turn_rad,
                                   in->inv_flux_ref2);

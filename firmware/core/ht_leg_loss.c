@@ -1,58 +1,120 @@
 #include "ht_leg_loss.h"
 
-#include "ht_switching.h"
+#include "ht_tables.h"
 
 #include <math.h>
 
 #define HARMONIC 6.0f
-#define NOTHING 0.02f /* of all legs' currents together: no current */
 /* From a ninth of its square on, the sum of a set shows an error that may be a sensor's. Then the
  * residual must be 1.5 times as large. */
 #define DOUBTFUL 9.0f
 #define CLEAR 2.25f
-/* Square of the residual over its limit from which on it cannot come from wrong machine parameters. */
-#define BEYOND_DOUBT 4.0f
+/* Once it has been large, the residual counts until it is below half of its limit, squared. */
+#define STILL_LARGE 0.25f
 /* Without a leg the x-y current across its axis is zero, so wrong parameters hardly make a residual
  * there: half of the limit, squared. */
 #define WITHOUT_LEG 0.25f
+/* The evidence for one switch must exceed that for any other by what a residual of this many
+ * limits adds up to in the time `hold`. */
+#define ENOUGH 2.5f
+/* Of the limit: what noise and wrong parameters make of a single period's residual. */
+#define ROOM 2.0f
+/* What a terminal's voltage does to the residual along the leg's axis. */
+#define SHARE 0.333333333f
 /* The dead leg's share of the current of the leg that has the next least. */
 #define DEAD 0.3f
 
-/* The currents of this period. Through the other switch of the suspected leg current may flow,
- * and does where the ripple is large; but it counts unless the residual is beyond doubt. */
-static void add_currents(ht_leg_loss_state *st, const float *i, float clear2)
+/* Where a leg's current flows during a period. */
+typedef enum { FLOWS_IN = -1, NO_FLOW = 0, FLOWS_OUT = 1 } way;
+
+static way way_of(float begin_A, float end_A, float zero_A)
 {
-    ht_leg_loss loss = ht_leg_loss_of(st->direction);
-    float needed = loss.lower ? -i[loss.leg] : i[loss.leg]; /* flows through the suspected switch */
-    int n;
-    for (n = 0; n < HT_LEGS; n++) {
-        st->sum_A[n] += fabsf(i[n]);
+    if ((begin_A > zero_A) && (end_A > zero_A)) {
+        return FLOWS_OUT;
     }
-    if (needed > 0.0f) {
-        st->leg_A += needed;
-    } else if (!(clear2 > BEYOND_DOUBT)) {
-        st->leg_A -= needed;
-    } else {
-        /* it says nothing */
+    return ((begin_A < -zero_A) && (end_A < -zero_A)) ? FLOWS_IN : NO_FLOW;
+}
+
+/* How much one period speaks for a lost upper switch. `short_V` is the residual that shows a
+ * terminal too low, and `swing_V` what it would be if the terminal was low for the whole period.
+ *
+ * Without the upper switch, current out of the leg flows through the lower diode: the terminal is
+ * low, so the residual is `swing_V`. Current into the leg flows as ever: there is no residual. In
+ * between the terminal may have any voltage. */
+static float evidence(way flow, float short_V, float swing_V, float limit_V)
+{
+    float room_V = ROOM * limit_V - fabsf(short_V);
+    float more_V = 2.0f * short_V - swing_V; /* half of it: neither for nor against */
+    switch (flow) {
+    case FLOWS_OUT:
+        return (more_V < swing_V) ? more_V : swing_V;
+    case FLOWS_IN:
+        return (room_V < 0.0f) ? room_V : 0.0f;
+    case NO_FLOW:
+    default:
+        return short_V;
     }
 }
 
-static void begin_currents(ht_leg_loss_state *st)
+static float at_least_0(float value)
 {
+    return (value > 0.0f) ? value : 0.0f; /* NaN: 0 */
+}
+
+/* One period's residual and currents. The lower switch is the upper one with all signs turned. */
+static void gather(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
+                   const ht_leg_loss_period *in, ht_xy now, float limit_V)
+{
+    float swing_V = SHARE * in->vdc_V;
+    ht_six high;
     int n;
+    ht_applied_high(in->applied, in->toggles, &high);
+    for (n = 0; n < HT_LEGS; n++) {
+        ht_leg_evidence *leg = &st->leg[n];
+        ht_xy b = ht_transform[n].xy;
+        float long_V = 3.0f * (b.x * now.x + b.y * now.y);
+        float end_A = in->end_A->p[n];
+        way flow = way_of(in->begin_A->p[n], end_A, cfg->zero_A);
+        way turned = way_of(-in->begin_A->p[n], -end_A, cfg->zero_A);
+        float upper_V = evidence(flow, -long_V, swing_V * high.p[n], limit_V);
+        float lower_V = evidence(turned, long_V, swing_V * (1.0f - high.p[n]), limit_V);
+        leg->upper_V = at_least_0(leg->upper_V + upper_V);
+        leg->lower_V = at_least_0(leg->lower_V + lower_V);
+        leg->sum_A += fabsf(end_A);
+    }
+}
+
+static void begin(ht_leg_loss_state *st)
+{
+    static const ht_leg_evidence nothing = {0.0f, 0.0f, 0.0f};
+    int leg;
     st->count = 1u;
-    st->leg_A = 0.0f;
-    for (n = 0; n < HT_LEGS; n++) {
-        st->sum_A[n] = 0.0f;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        st->leg[leg] = nothing;
     }
 }
 
-/* Does the suspected leg carry current? */
-static bool carries(const ht_leg_loss_config *cfg, const ht_leg_loss_state *st)
+/* The switch for which there is enough evidence, as ht_leg_loss_of explains; 0 if there is none. */
+static uint16_t judged(const ht_leg_loss_state *st, float enough_V)
 {
-    const float *a = st->sum_A;
-    float all = a[0] + a[1] + a[2] + a[3] + a[4] + a[5];
-    return !(st->leg_A < cfg->sum_A + NOTHING * all); /* NaN: it does */
+    float most_V = 0.0f;
+    float next_V = 0.0f;
+    unsigned most = 0u;
+    unsigned n;
+    for (n = 0u; n < HT_SWITCHES; n++) {
+        const ht_leg_evidence *leg = &st->leg[n >> 1];
+        float size_V = ((n & 1u) != 0u) ? leg->lower_V : leg->upper_V;
+        if (size_V > most_V) {
+            next_V = most_V;
+            most_V = size_V;
+            most = n + 1u;
+        } else if (size_V > next_V) {
+            next_V = size_V;
+        } else {
+            /* one with less */
+        }
+    }
+    return ((most_V - next_V) > enough_V) ? (uint16_t)most : (uint16_t)0;
 }
 
 uint16_t ht_leg_loss_dead(const ht_leg_loss_state *st)
@@ -62,7 +124,7 @@ uint16_t ht_leg_loss_dead(const ht_leg_loss_state *st)
     uint16_t dead = 0u;
     uint16_t leg;
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
-        float sum = st->sum_A[leg];
+        float sum = st->leg[leg].sum_A;
         unsigned bit = HT_LEG_U1 >> leg;
         if ((st->without & bit) != 0u) {
             continue;
@@ -86,8 +148,7 @@ void ht_leg_loss_reset(ht_leg_loss_state *st)
     st->low_V.y = 0.0f;
     st->low_A2 = 0.0f;
     st->tolerance_ohm2 = 0.0f;
-    st->direction = 0u;
-    begin_currents(st);
+    begin(st);
     st->count = 0u;
     st->wait = 0u;
     st->found = 0u;
@@ -98,12 +159,10 @@ void ht_leg_loss_reset(ht_leg_loss_state *st)
 
 /* The low pass of the residual is large: `clear2` is its square over that of its limit. The residual
  * itself is `now`. */
-static void suspect(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, const ht_six *i_A,
-                    ht_xy now, float clear2)
+static void suspect(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
+                    const ht_leg_loss_period *in, ht_xy now, float clear2, float limit_V)
 {
-    const float *i = i_A->p;
-    ht_ab points = {st->low_V.x, st->low_V.y};
-    uint16_t direction = (uint16_t)ht_sector(points);
+    const float *i = in->end_A->p;
     float one = i[0] + i[2] + i[4];
     float two = i[1] + i[3] + i[5];
     float sum2 = one * one + two * two;
@@ -116,37 +175,36 @@ static void suspect(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, const 
         st->count = 0u;
         return;
     }
-    if ((st->count == 0u) || (direction != st->direction)) {
-        begin_currents(st);
-        st->direction = direction;
+    if (st->found != 0u) {
+        return; /* the first one counts */
+    }
+    if (st->count == 0u) {
+        begin(st);
         st->sum_V.x = st->low_V.x / cfg->gain; /* of the few periods before */
         st->sum_V.y = st->low_V.y / cfg->gain;
-        return;
-    }
-    if (st->found == 0u) {
+    } else {
         st->sum_V.x += now.x;
         st->sum_V.y += now.y;
     }
+    gather(cfg, st, in, now, limit_V);
     if (st->count <= cfg->hold) {
-        add_currents(st, i, clear2);
         st->count++;
-    } else if ((st->without == 0u) && carries(cfg, st)) {
-        begin_currents(st);
-    } else if (st->found == 0u) {
-        st->found = (uint16_t)(direction + 1u);
+    } else if (st->without != 0u) {
+        st->found = 1u; /* which one, the currents may tell */
     } else {
-        /* the first one counts */
+        st->found = judged(st, ENOUGH * (float)cfg->hold * limit_V);
     }
 }
 
-void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, ht_xy v_V, ht_xy from,
-                      ht_xy to, const ht_six *i_A, float rs_ohm)
+void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
+                      const ht_leg_loss_period *in, ht_xy v_V, ht_xy from, ht_xy to)
 {
     float l = cfg->l_per_ts_ohm;
-    float x = rs_ohm * to.x + l * (to.x - from.x) - v_V.x;
-    float y = rs_ohm * to.y + l * (to.y - from.y) - v_V.y;
+    float x = in->rs_ohm * to.x + l * (to.x - from.x) - v_V.x;
+    float y = in->rs_ohm * to.y + l * (to.y - from.y) - v_V.y;
     float size2;
     float limit2;
+    float least2;
     st->low_V.x += cfg->gain * (x - st->low_V.x);
     st->low_V.y += cfg->gain * (y - st->low_V.y);
     st->low_A2 += cfg->gain * ((to.x * to.x + to.y * to.y) - st->low_A2);
@@ -158,9 +216,13 @@ void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, ht_x
     if (st->without != 0u) {
         limit2 *= WITHOUT_LEG;
     }
-    if (size2 > limit2) {
+    least2 = limit2;
+    if ((st->count != 0u) && (st->without == 0u)) {
+        least2 *= STILL_LARGE;
+    }
+    if (size2 > least2) {
         ht_xy now = {x, y};
-        suspect(cfg, st, i_A, now, size2 / limit2);
+        suspect(cfg, st, in, now, size2 / limit2, sqrtf(limit2));
     } else {
         st->count = 0u;
     }
@@ -175,12 +237,11 @@ void ht_leg_loss_tolerate(ht_leg_loss_state *st, float rs_ohm, float lxy_H, floa
                          * (rs_ohm * rs_ohm + reactance * reactance / (1.0f + filter * filter));
 }
 
-ht_leg_loss ht_leg_loss_of(uint16_t direction)
+ht_leg_loss ht_leg_loss_of(uint16_t found)
 {
-    /* Five times the phases' angles: u1 0, u2 150, w1 240, w2 30, v1 120, v2 270 degrees. */
-    static const ht_leg_loss loss[HT_SECTORS] = {
-        {0u, true},  {3u, true},  {2u, false}, {5u, false}, {4u, true},  {1u, true},
-        {0u, false}, {3u, false}, {2u, true},  {5u, true},  {4u, false}, {1u, false},
-    };
-    return loss[direction];
+    ht_leg_loss loss;
+    unsigned place = (unsigned)found - 1u;
+    loss.leg = (uint16_t)(place >> 1);
+    loss.lower = (place & 1u) != 0u;
+    return loss;
 }

@@ -7,17 +7,19 @@
  *  residual. It is zero in a healthy drive, whatever the machine does. A leg k whose terminal is
  *  lower than commanded by u, because its upper switch does not conduct, makes a residual of -u/3
  *  along (cos 5 theta_k, sin 5 theta_k), and one whose lower switch does not conduct the opposite.
- *  The twelve directions are 30 degrees apart. A leg that carries no current at all shows whichever
- *  of its two directions the current should have flowed in at that time.
  *
- *  A current sensor that is wrong makes a residual, too, along the same directions. But then the
- *  three currents of its set do not add up to zero. This rules out a loss for a while; a smaller sum
+ *  While the low pass of the residual is large, evidence is gathered for each of the twelve switches.
+ *  If the upper one is lost, current out of the leg flows through the lower diode, so the terminal is
+ *  low and the residual is known from the command. Current into the leg flows as ever, without a
+ *  residual. While no current flows, any residual along the axis speaks for the loss. A period that
+ *  does not fit speaks against it. The switch is named for which there is clearly more evidence than
+ *  for any other. Wrong machine parameters make a residual, too, but it does not keep to any leg's
+ *  currents. A leg that carries no current at all shows whichever of its switches should have
+ *  conducted at that time.
+ *
+ *  A current sensor that is wrong makes a residual along the same directions. But then the three
+ *  currents of its set do not add up to zero. This rules out a loss for a while; a smaller sum
  *  makes a larger residual necessary. (With two sensors a set this could not be told.)
- *
- *  Wrong machine parameters make a residual, too, or turn it into the next direction. But a lost leg
- *  carries no current while it makes a residual. So no leg is named that carries current. If only one
- *  of its switches is lost, the ripple may drive current through the other one; this is
- *  disregarded where the residual is so large that wrong parameters cannot make it.
  *
  *  Where a leg is lost already, the x-y current that is left has one direction, and so has the
  *  residual: it tells that another leg is lost, not which. The currents may tell (ht_leg_loss_dead).
@@ -25,34 +27,42 @@
 #ifndef HT_LEG_LOSS_H
 #define HT_LEG_LOSS_H
 
-#include "ht_types.h"
+#include "ht_pattern.h"
+
+#define HT_SWITCHES 12u /* of six legs */
 
 typedef struct {
     float least_V2;     /**< smallest residual that counts, squared; 0 = off */
     float gain;         /**< of the residual's low pass, per period */
     float l_per_ts_ohm; /**< L_xy / Ts */
     float sum_A;        /**< a set's sum from which on a sensor is wrong */
-    uint16_t hold;      /**< periods for which the residual must point the same way */
+    float zero_A;       /**< a leg with less carries no current */
+    uint16_t hold;      /**< periods for which evidence is gathered at least */
     uint16_t wait;      /**< periods for which a wrong sensor rules out a loss */
 } ht_leg_loss_config;
+
+/** What is gathered of a leg while the residual is large. */
+typedef struct {
+    float upper_V; /**< how much speaks for a lost upper switch, 0 or more */
+    float lower_V; /**< and for a lost lower one */
+    float sum_A;   /**< its current without sign, added up */
+} ht_leg_evidence;
 
 typedef struct {
     ht_xy low_V;          /**< low pass of the residual */
     float low_A2;         /**< the same of the x-y current, squared */
     float tolerance_ohm2; /**< residual per x-y current that wrong machine parameters may cause,
                              *   squared; the slow interrupt writes it */
-    uint16_t direction;   /**< where the residual points, 0..11 by 30 degrees */
-    uint16_t count;       /**< for so many periods */
-    float leg_A;          /**< current of that direction's leg that speaks against a loss, summed
-                           *   over these periods */
-    float sum_A[HT_LEGS]; /**< |current| of all legs, summed */
-    uint16_t wait;        /**< periods until a loss may be found again */
-    uint16_t found;       /**< 0: none, else 1 + direction */
-    uint16_t without;     /**< legs that are lost already, a state word */
-    ht_xy sum_V;          /**< residual of the periods since it became large, added up */
+    uint16_t count;       /**< periods for which evidence is gathered */
+    ht_leg_evidence leg[HT_LEGS];
+    uint16_t wait;    /**< periods until a loss may be found again */
+    uint16_t found;   /**< 0: none, else what ht_leg_loss_of explains; without a leg already, 1
+                       *   only tells that there is another */
+    uint16_t without; /**< legs that are lost already, a state word */
+    ht_xy sum_V;      /**< residual of the periods since it became large, added up */
 } ht_leg_loss_state;
 
-/** What a direction of the residual means. */
+/** What was found. */
 typedef struct {
     uint16_t leg;
     bool lower; /**< the lower switch does not conduct, else the upper one */
@@ -60,10 +70,20 @@ typedef struct {
 
 void ht_leg_loss_reset(ht_leg_loss_state *st);
 
-/** One period: `v_V` commanded (dead time included), `from` and `to` x-y currents at its ends,
- *  `i_A` the currents at its end. What is found stays in `st->found` until a reset. */
-void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, ht_xy v_V, ht_xy from,
-                      ht_xy to, const ht_six *i_A, float rs_ohm);
+/** One period. */
+typedef struct {
+    const ht_applied *applied; /**< what the legs were commanded */
+    const ht_toggles *toggles;
+    const ht_six *begin_A; /**< phase currents at its begin */
+    const ht_six *end_A;   /**< and at its end */
+    float vdc_V;
+    float rs_ohm; /**< as the observer has it */
+} ht_leg_loss_period;
+
+/** One period: `v_V` commanded (dead time included), `from` and `to` x-y currents at its ends. What
+ *  is found stays in `st->found` until a reset. */
+void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
+                      const ht_leg_loss_period *in, ht_xy v_V, ht_xy from, ht_xy to);
 
 /** For the slow interrupt: what parameters that are wrong by HT_LEG_LOSS_TOLERANCE may cause while
  *  the flux turns with `omega_rad_s`. The largest harmonics of the x-y currents are the fifth and
@@ -78,7 +98,7 @@ void ht_leg_loss_tolerate(ht_leg_loss_state *st, float rs_ohm, float lxy_H, floa
  *  not one alone. Legs that are lost already are left out. */
 uint16_t ht_leg_loss_dead(const ht_leg_loss_state *st);
 
-/** Meaning of a direction 0..11. */
-ht_leg_loss ht_leg_loss_of(uint16_t direction);
+/** Meaning of ht_leg_loss_state::found, 1..12. */
+ht_leg_loss ht_leg_loss_of(uint16_t found);
 
 #endif

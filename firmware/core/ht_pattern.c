@@ -153,6 +153,30 @@ static float instant(const ht_applied *a, const ht_toggles *toggles, int e, unsi
     return ((a->own != 0u) && (e == 1)) ? toggles[a->own - 1u].t[leg] : a->t[e];
 }
 
+static float high_share(const ht_applied *a, const ht_toggles *toggles, unsigned leg)
+{
+    unsigned bit = HT_LEG_U1 >> leg;
+    unsigned word = a->before;
+    float from = 0.0f;
+    float share = 0.0f;
+    int e;
+    for (e = 0; e < 3; e++) {
+        float to = instant(a, toggles, e, leg);
+        share += ((word & bit) != 0u) ? (to - from) : 0.0f;
+        from = to;
+        word = a->s[e];
+    }
+    return share + (((word & bit) != 0u) ? (1.0f - from) : 0.0f);
+}
+
+void ht_applied_high(const ht_applied *a, const ht_toggles *toggles, ht_six *high)
+{
+    unsigned leg;
+    for (leg = 0u; leg < (unsigned)HT_LEGS; leg++) {
+        high->p[leg] = high_share(a, toggles, leg);
+    }
+}
+
 /* Instant of a leg's first edge at t[from] or later; 1 if there is none. */
 static float next_edge(const ht_applied *a, const ht_toggles *toggles, int from, unsigned leg)
 {

@@ -74,6 +74,9 @@ void ht_pattern_counts(const uint16_t s[3], ht_action_points p, uint16_t period,
 /** Complete a pattern: state word `before` it, and what follows from words and instants. */
 void ht_applied_finish(ht_applied *a, uint16_t before, const ht_dead_time *dead);
 
+/** Share of the period for which each leg is commanded high. */
+void ht_applied_high(const ht_applied *a, const ht_toggles *toggles, ht_six *high);
+
 /** In which legs the phase currents have a sure sign. */
 ht_flow ht_flow_of(const ht_six *i_A, const ht_dead_time *dead);
 

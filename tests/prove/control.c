@@ -59,9 +59,10 @@ void ht_leg_loss_reset(ht_leg_loss_state *st)
     st->found = 0u;
 }
 
-void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st, ht_xy v_V, ht_xy from,
-                      ht_xy to, const ht_six *i_A, float rs_ohm)
+void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
+                      const ht_leg_loss_period *in, ht_xy v_V, ht_xy from, ht_xy to)
 {
+    MUST(HT_IS_PATTERN(*in->applied));
     MUST(cfg->least_V2 > 0.0f);
     st->found = nondet_uint16();
 }

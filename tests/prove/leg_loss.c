@@ -1,12 +1,36 @@
 #include "ht_contracts.h"
 #include "ht_leg_loss.c"
+#include "ht_tables.c"
 #include "prove.h"
 
-unsigned ht_sector(ht_ab v)
+#include <stddef.h>
+
+void ht_applied_high(const ht_applied *a, const ht_toggles *toggles, ht_six *high)
 {
-    unsigned sector = nondet_uint16();
-    GIVEN(HT_IS_SECTOR(sector));
-    return sector;
+    (void)a;
+    (void)toggles;
+    *high = any_six();
+}
+
+/* What is named is a switch. */
+void prove_leg_loss_judged(void)
+{
+    ht_leg_loss_state st;
+    int n;
+    for (n = 0; n < HT_LEGS; n++) {
+        st.leg[n].upper_V = nondet_float();
+        st.leg[n].lower_V = nondet_float();
+    }
+    MUST(judged(&st, nondet_float()) <= HT_SWITCHES);
+}
+
+static uint16_t promise_judged(const ht_leg_loss_state *st, float enough_V)
+{
+    uint16_t found = nondet_uint16();
+    (void)st;
+    (void)enough_V;
+    GIVEN(found <= HT_SWITCHES);
+    return found;
 }
 
 /* One period from any state that an earlier one can have left. */
@@ -15,42 +39,53 @@ void prove_leg_loss(void)
     ht_leg_loss_config cfg;
     ht_leg_loss_state st;
     ht_leg_loss_state was;
+    ht_leg_loss_period in;
     ht_xy v = any_xy();
     ht_xy to = any_xy();
-    ht_six i_A = any_six();
-    int leg;
+    ht_six begin_A = any_six();
+    ht_six end_A = any_six();
+    uint16_t leg = nondet_uint16();
+    int n;
     cfg.least_V2 = nondet_float();
     cfg.gain = nondet_float();
     cfg.l_per_ts_ohm = nondet_float();
     cfg.sum_A = nondet_float();
+    cfg.zero_A = nondet_float();
     cfg.hold = nondet_uint16();
     cfg.wait = nondet_uint16();
+    in.applied = NULL;
+    in.toggles = NULL;
+    in.begin_A = &begin_A;
+    in.end_A = &end_A;
+    in.vdc_V = nondet_float();
+    in.rs_ohm = nondet_float();
     st.low_V = any_xy();
     st.low_A2 = nondet_float();
     st.tolerance_ohm2 = nondet_float();
-    st.direction = nondet_uint16();
     st.count = nondet_uint16();
     st.wait = nondet_uint16();
     st.found = nondet_uint16();
-    st.leg_A = nondet_float();
-    for (leg = 0; leg < HT_LEGS; leg++) {
-        st.sum_A[leg] = nondet_float();
+    for (n = 0; n < HT_LEGS; n++) {
+        st.leg[n].upper_V = nondet_float();
+        st.leg[n].lower_V = nondet_float();
+        st.leg[n].sum_A = nondet_float();
+        GIVEN((st.leg[n].upper_V >= 0.0f) && (st.leg[n].lower_V >= 0.0f));
     }
     st.without = nondet_uint16();
     st.sum_V = any_xy();
-    GIVEN((cfg.hold < 0xFFFFu) && (st.count <= (cfg.hold + 1u)) && (st.wait <= cfg.wait)
-          && (cfg.wait >= 1u));
-    GIVEN(HT_IS_SECTOR(st.direction) && (st.found <= 12u));
+    GIVEN((cfg.hold >= 1u) && (cfg.hold < 0xFFFFu) && (st.count <= (cfg.hold + 1u))
+          && (st.wait <= cfg.wait) && (cfg.wait >= 1u));
+    GIVEN((st.found <= HT_SWITCHES) && (leg < 6u));
     was = st;
-    ht_leg_loss_step(&cfg, &st, v, any_xy(), to, &i_A, nondet_float());
+    ht_leg_loss_step(&cfg, &st, &in, v, any_xy(), to);
     MUST((st.count <= (cfg.hold + 1u)) && (st.wait <= cfg.wait));
-    MUST(HT_IS_SECTOR(st.direction) && (st.found <= 12u));
-    MUST(IMPLIES(was.found != 0u, st.found == was.found)); /* the first one counts */
-    MUST(IMPLIES(st.found != was.found, st.found == (was.direction + 1u)));
+    MUST(st.found <= HT_SWITCHES);
+    MUST((st.leg[leg].upper_V >= 0.0f) && (st.leg[leg].lower_V >= 0.0f)); /* never NaN */
+    MUST(IMPLIES(was.found != 0u, st.found == was.found));                /* the first one counts */
     MUST(IMPLIES(st.found != was.found, (was.count == (cfg.hold + 1u)) && (was.wait <= 1u)));
     /* Not a number shows no loss: other checks see it. */
     MUST(IMPLIES(is_nan(v.x) || is_nan(to.y), (st.found == was.found) && (st.count == 0u)));
-    MUST(IMPLIES((was.without == 0u) && is_nan(i_A.p[3]), st.found == was.found));
+    MUST(IMPLIES(is_nan(end_A.p[3]), st.found == was.found));
     MUST(st.without == was.without);
 }
 
@@ -58,22 +93,21 @@ void prove_leg_loss_begin(void)
 {
     ht_leg_loss_state st;
     ht_leg_loss_reset(&st);
-    MUST((st.count == 0u) && (st.wait == 0u) && (st.direction == 0u) && (st.found == 0u));
+    MUST((st.count == 0u) && (st.wait == 0u) && (st.found == 0u));
     MUST(st.without == 0u);
+    MUST((st.leg[5].upper_V == 0.0f) && (st.leg[5].lower_V == 0.0f));
     MUST((st.low_V.x == 0.0f) && (st.low_V.y == 0.0f) && (st.low_A2 == 0.0f));
     ht_leg_loss_tolerate(&st, nondet_float(), nondet_float(), nondet_float());
     MUST(!(st.tolerance_ohm2 < 0.0f)); /* it never makes a residual count that is too small */
 }
 
-/* Five times a phase's angle is the direction in which its lower switch shows, and the opposite
- * one that of the upper switch. */
+/* Each number is one switch of one leg. */
 void prove_leg_loss_of(void)
 {
-    static const uint16_t angle[HT_LEGS] = {0u, 1u, 4u, 5u, 8u, 9u}; /* times 30 degrees */
-    uint16_t direction = nondet_uint16();
+    uint16_t found = nondet_uint16();
     ht_leg_loss loss;
-    GIVEN(HT_IS_SECTOR(direction));
-    loss = ht_leg_loss_of(direction);
+    GIVEN((found >= 1u) && (found <= HT_SWITCHES));
+    loss = ht_leg_loss_of(found);
     MUST(loss.leg < HT_LEGS);
-    MUST(direction == ((5u * angle[loss.leg] + (loss.lower ? 0u : 6u)) % 12u));
+    MUST(found == (1u + 2u * loss.leg + (loss.lower ? 1u : 0u)));
 }

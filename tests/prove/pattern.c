@@ -36,6 +36,30 @@ void prove_pattern(void)
     MUST(IMPLIES(toggles1 && toggles2, counts.ca[leg] < counts.cb[leg]));
 }
 
+void prove_applied_high(void)
+{
+    ht_applied a;
+    ht_toggles toggles[2];
+    ht_six high;
+    int n;
+    a.before = nondet_uint16();
+    a.own = nondet_uint16();
+    for (n = 0; n < 3; n++) {
+        a.s[n] = nondet_uint16();
+        a.t[n] = nondet_float();
+    }
+    for (n = 0; n < HT_LEGS; n++) {
+        toggles[0].t[n] = nondet_float();
+        toggles[1].t[n] = nondet_float();
+    }
+    GIVEN(a.own <= 2u);
+    ht_applied_high(&a, toggles, &high);
+    for (n = 0; n < HT_LEGS; n++) {
+        unsigned words = (unsigned)a.before | a.s[0] | a.s[1] | a.s[2];
+        MUST(IMPLIES((words & (0x20u >> n)) == 0u, high.p[n] == 0.0f));
+    }
+}
+
 void prove_applied_finish(void)
 {
     ht_applied a;

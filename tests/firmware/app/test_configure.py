@@ -134,6 +134,7 @@ def test_the_check_for_lost_legs_knows_drive_and_machine(v):
     assert c.gain == pytest.approx(ts / (ts + 0.002), rel=1e-5)
     assert c.l_per_ts_ohm == pytest.approx(v["lxy_H"] / ts, rel=1e-5)
     assert c.sum_A == pytest.approx(0.3 * v["i_sum_trip_A"], rel=1e-5)
+    assert c.zero_A == pytest.approx(0.25 * c.sum_A, rel=1e-5)
     assert (c.hold, c.wait) == (round(1e-3 / ts), round(1e-2 / ts))
 
 

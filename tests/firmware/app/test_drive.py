@@ -1439,10 +1439,9 @@ def off(bench):
 
 def loses(bench, leg, lower=False):
     """The next interrupt finds that the leg's upper or lower switch does not conduct."""
-    directions = range(12)
-    found = [lib.ht_leg_loss_of(n) for n in directions]
-    (direction,) = [n for n in directions if found[n].leg == leg and found[n].lower == lower]
-    bench.drive.control.leg_loss.found = direction + 1
+    losses = {n: lib.ht_leg_loss_of(n) for n in range(1, 13)}
+    (found,) = [n for n, loss in losses.items() if (loss.leg, loss.lower) == (leg, lower)]
+    bench.drive.control.leg_loss.found = found
 
 
 @pytest.mark.parametrize("leg", range(6))
@@ -1596,9 +1595,9 @@ def test_one_more_lost_leg_is_named_if_it_alone_carried_no_current(bench):
         bench.fast(5)
         loses(bench, 5)
         for leg, sum_A in enumerate((0.0, 20, amperes, 30, 25, 15)):
-            bench.drive.control.leg_loss.sum_A[leg] = sum_A
+            bench.drive.control.leg_loss.leg[leg].sum_A = sum_A
         if not named:
-            bench.drive.control.leg_loss.sum_A[4] = 2.0
+            bench.drive.control.leg_loss.leg[4].sum_A = 2.0
         bench.fast()
         expected = 0x20 | lib.HT_WARNING_NO_UPPER | lib.HT_WARNING_MORE_LOST | named
         assert bench.drive.warnings == expected

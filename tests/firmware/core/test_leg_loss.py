@@ -18,7 +18,11 @@ DECAY = np.exp(-R * TS / L)
 XY = TRANSFORM[2:]
 #: What the firmware's difference quotient makes of R i + L di/dt: 1 + R Ts/2L.
 EXACT = 1 + 0.5 * R * TS / L
-SUM_A = 0.6
+SUM_A, ZERO_A = 0.6, 0.15
+#: All legs are commanded high for this share of the period.
+VDC_V, HIGH = 360.0, 0.25
+#: Residual of a terminal that is at the wrong rail for a whole period.
+SWING_V = VDC_V / 3
 
 
 class Watch:
@@ -29,34 +33,47 @@ class Watch:
         self.cfg.least_V2 = LEAST_V**2
         self.cfg.gain = 0.05
         self.cfg.l_per_ts_ohm = lxy_H / TS
-        self.cfg.sum_A = SUM_A
+        self.cfg.sum_A, self.cfg.zero_A = SUM_A, ZERO_A
         self.cfg.hold, self.cfg.wait = HOLD, WAIT
         self.state = unwritten("ht_leg_loss_state *")
         lib.ht_leg_loss_reset(self.state)
         lib.ht_leg_loss_tolerate(self.state, rs_ohm, lxy_H, omega_rad_s)
-        self.rs_ohm = rs_ohm
+        self.applied = ffi.new("ht_applied *")
+        self.applied.s = [63, 0, 0]
+        self.applied.t = [0.0, HIGH, 1.0]
+        self.period = ffi.new("ht_leg_loss_period *")
+        self.period.applied, self.period.vdc_V = self.applied, VDC_V
+        self.period.rs_ohm = rs_ohm
+        self.six = [ffi.new("ht_six *"), ffi.new("ht_six *")]
         self.i = np.zeros(2)
         self.seen = np.zeros(2)
 
-    def step(self, command, error=0.0, others=None, without=None):
+    def watch(self, command, begin, end, six):
+        """One period: x-y voltage and currents, and the phase currents at its end."""
+        self.six[0].p = self.six[1].p
+        self.six[1].p = list(six)
+        self.period.begin_A, self.period.end_A = self.six
+        pairs = [{"x": v[0], "y": v[1]} for v in (command, begin, end)]
+        lib.ht_leg_loss_step(self.cfg, self.state, self.period, *pairs)
+        return self.state.found
+
+    def step(self, command, error=0.0, others=None, without=None, flux_A=None):
         """One period. command, error: six leg voltages. others: six phase currents that the
         sensors add, such as an error of theirs. without: the current in alpha-beta is such that
-        this leg carries none."""
+        this leg carries none. flux_A: phase currents without any in x-y."""
         made = XY @ (command + error)
         self.i = DECAY * self.i + (1 - DECAY) / R * made
         extra = np.zeros(6) if others is None else others
         seen = self.i + XY @ extra
-        six = 3 * XY.T @ self.i + extra
+        six = 3 * XY.T @ self.i + extra + (0.0 if flux_A is None else flux_A)
         if without is not None:
             six -= 3 * six[without] * TRANSFORM[:2].T @ (3 * TRANSFORM[:2, without])
-        pairs = [{"x": v[0], "y": v[1]} for v in (XY @ command, self.seen, seen)]
-        lib.ht_leg_loss_step(self.cfg, self.state, *pairs, [{"p": list(six)}], self.rs_ohm)
-        self.seen = seen
-        return self.state.found
+        before, self.seen = self.seen, seen
+        return self.watch(XY @ command, before, seen, six)
 
     @property
     def named(self):
-        loss = lib.ht_leg_loss_of(self.state.found - 1)
+        loss = lib.ht_leg_loss_of(self.state.found)
         return PHASES[loss.leg], "lower" if loss.lower else "upper"
 
 
@@ -67,7 +84,7 @@ def commands(rng, amplitude=60.0):
 
 @pytest.mark.parametrize("switch", ("upper", "lower"))
 @pytest.mark.parametrize("leg", range(6))
-def test_the_direction_of_the_residual_names_leg_and_switch(leg, switch):
+def test_leg_and_switch_are_named(leg, switch):
     rng = np.random.default_rng(leg)
     watch = Watch()
     for _ in range(300):
@@ -77,7 +94,7 @@ def test_the_direction_of_the_residual_names_leg_and_switch(leg, switch):
     periods = 0
     while watch.step(commands(rng), error, without=leg) == 0:
         periods += 1
-        assert periods < 60
+        assert periods < 150
     # A third of 60 V grows by 5 % of what is missing; 4.2 V take five periods.
     assert periods >= HOLD
     assert watch.named == (PHASES[leg], switch)
@@ -93,35 +110,86 @@ def test_the_voltage_that_was_missing_is_added_up_from_its_first_period_on(leg, 
     periods = 1
     while watch.step(np.zeros(6), error, without=leg) == 0:
         periods += 1
-        assert periods < 60
+        assert periods < 150
     missing = periods * XY @ error
     added = [watch.state.sum_V.x, watch.state.sum_V.y]
     np.testing.assert_allclose(added, missing, atol=0.05 * np.hypot(*missing))
 
 
-def steadily(watch, residual_V, six):
+def steadily(watch, residual_V, six, periods=400):
     """The residual points along x: to u1, whose lower switch seems not to conduct."""
-    none, minus = {"x": 0.0, "y": 0.0}, {"x": -residual_V, "y": 0.0}
-    for _ in range(100):
-        lib.ht_leg_loss_step(watch.cfg, watch.state, minus, none, none, [{"p": list(six)}], R)
+    watch.six[1].p = list(six)
+    for _ in range(periods):
+        watch.watch([-residual_V, 0.0], [0.0, 0.0], [0.0, 0.0], six)
     return bool(watch.state.found)
 
 
-@pytest.mark.parametrize("sign", (-1, 1))
-def test_no_leg_is_named_that_carries_current(sign):
-    """u1 carries a quarter of what the six carry together."""
-    shape = sign * np.array([2, 2, -1, -1, -1, -1])
-    assert not steadily(Watch(), 1.9 * LEAST_V, 0.5 * shape)
-    assert steadily(Watch(), 1.9 * LEAST_V, 0.02 * shape)
+SHAPE = 0.5 * np.array([2, 2, -1, -1, -1, -1])
 
 
-def test_current_through_the_other_switch_says_nothing_against_a_residual_that_is_large():
-    """Current into a leg flows through its lower switch, current out of it through the upper one.
-    Wrong parameters would hardly make twice the residual that counts."""
-    shape = 0.5 * np.array([2, 2, -1, -1, -1, -1])
-    assert steadily(Watch(), 2.1 * LEAST_V, shape)
-    assert not steadily(Watch(), 2.1 * LEAST_V, -shape)
-    assert not steadily(Watch(), 5.0 * LEAST_V, -shape)
+def test_no_leg_is_named_whose_current_does_not_fit():
+    """Current out of u1 flows through its upper switch, so its lower one makes no residual then.
+    Current into u1 would flow through the upper diode: the terminal would be at the upper rail all
+    the time, and the residual of the share in which it is commanded low."""
+    diode_V = (1 - HIGH) * SWING_V
+    for times in (1.1, 1.9, 3.0):
+        assert not steadily(Watch(), times * LEAST_V, SHAPE)
+    for share, found in ((0.1, False), (0.45, False), (0.7, True), (1.0, True)):
+        assert steadily(Watch(), share * diode_V, -SHAPE) == found, share
+    assert steadily(Watch(), 1.9 * LEAST_V, 0.1 * SHAPE)  # no current
+
+
+def expected_evidence(residual, begin, end, limit_V):
+    """Of one period, [leg][upper, lower]: twice what the residual along the leg's axis has beyond
+    half of what the diode makes; the residual itself without current; against the loss what is more
+    than noise while the other switch conducts."""
+    made = np.zeros((6, 2))
+    for leg, lower in itertools.product(range(6), range(2)):
+        axis = 3 * XY[:, leg] * (1 if lower else -1)
+        along = float(axis @ residual)
+        through = [(-1 if lower else 1) * i for i in (begin[leg], end[leg])]
+        diode = SWING_V * ((1 - HIGH) if lower else HIGH)
+        if min(through) > ZERO_A:  # in the direction that the switch would carry
+            made[leg, lower] = 2 * (min(along, diode) - diode / 2)
+        elif max(through) < -ZERO_A:
+            made[leg, lower] = -max(abs(along) - 2 * limit_V, 0)
+        else:
+            made[leg, lower] = along
+    return made
+
+
+def test_evidence_adds_up_and_the_switch_with_clearly_the_most_is_named():
+    rng = np.random.default_rng(7)
+    named = 0
+    for _ in range(60):
+        watch = Watch()
+        leg, upper = rng.integers(6), rng.integers(2)
+        axis = 3 * XY[:, leg] * (-1 if upper else 1)
+        six = rng.normal(0, 1.0, 6) * (rng.random(6) < 0.7)
+        sums = np.zeros((6, 2))
+        for _ in range(40):
+            before = six
+            six = rng.normal(0, 1.0, 6) * (rng.random(6) < 0.7)
+            six[4:] = -six[0:2] - six[2:4]  # no sum of a set
+            residual = rng.uniform(0, 60) * axis + rng.normal(0, 4, 2)
+            watch.six[1].p = list(before)
+            count = watch.state.count
+            found = watch.watch(-residual, [0, 0], [0, 0], six)
+            if watch.state.count == 0:
+                sums[:] = 0
+                continue
+            sums = np.maximum(sums + expected_evidence(residual, before, six, LEAST_V), 0)
+            kept = [[e.upper_V, e.lower_V] for e in watch.state.leg]
+            np.testing.assert_allclose(kept, sums, rtol=1e-3, atol=0.05)
+            most = np.sort(sums.ravel())[::-1]
+            clear = most[0] - most[1] - 2.5 * HOLD * LEAST_V
+            if abs(clear) > 0.5:
+                assert bool(found) == (clear > 0 and count > HOLD)
+            if found:
+                assert found == 1 + np.argmax(sums.ravel())
+                named += 1
+                break
+    assert named > 30
 
 
 def test_without_a_leg_half_the_residual_counts_whatever_current_flows():
@@ -131,7 +199,7 @@ def test_without_a_leg_half_the_residual_counts_whatever_current_flows():
         watch = Watch()
         watch.state.without = without
         assert steadily(watch, times * LEAST_V, shape) == found
-    assert not steadily(Watch(), 1.1 * LEAST_V, shape)
+    assert not steadily(Watch(), 1.1 * LEAST_V, SHAPE)
 
 
 @pytest.mark.parametrize(
@@ -150,27 +218,7 @@ def test_the_dead_leg_is_the_one_without_current(currents, dead):
     assert lib.ht_leg_loss_dead(watch.state) == dead
 
 
-@pytest.mark.parametrize(("lost", "loaded"), list(itertools.permutations(range(6), 2)))
-def test_no_current_is_two_percent_of_all_six_legs(lost, loaded):
-    """`loaded` and another leg of its set carry 1000 A each, so the limit is 40 A. The residual is
-    not so large that current through the other switch would say nothing."""
-    back = next(k for k in range(loaded % 2, 6, 2) if k not in (loaded, lost))
-    none = {"x": 0.0, "y": 0.0}
-    x, y = -1.9 * LEAST_V * 3 * XY[:, lost]
-    for current_A, found in ((39.0, True), (43.0, False)):
-        watch = Watch()
-        six = np.zeros(6)
-        six[loaded], six[back], six[lost] = 1000.0, -1000.0, current_A
-        six[(lost + 2) % 6] -= current_A  # no sum of a set
-        for _ in range(100):
-            lib.ht_leg_loss_step(
-                watch.cfg, watch.state, {"x": x, "y": y}, none, none, [{"p": list(six)}], R
-            )
-        assert bool(watch.state.found) == found
-        assert not found or watch.named[0] == PHASES[lost]
-
-
-@pytest.mark.parametrize("leg", range(6))
+@pytest.mark.parametrize("leg", range(1, 6))
 def test_a_small_sum_makes_a_larger_residual_necessary(leg):
     """Half of the sum from which a sensor is wrong: the residual must be 1.5 times as large. The
     current does not flow in u1, whose loss this residual means."""
@@ -179,14 +227,11 @@ def test_a_small_sum_makes_a_larger_residual_necessary(leg):
         (1.1 * SUM_A, 5, False),
     ):  # fmt: skip
         watch = Watch()
-        none, minus = {"x": 0.0, "y": 0.0}, {"x": -times * LEAST_V, "y": 0.0}
         six = np.zeros(6)
         six[leg] = sum_A
         others = [k for k in range(2 - leg % 2, 6, 2) if k != leg]  # of its set, but not u1
         six[others] += 40.0 * np.array([1, -1] if len(others) == 2 else [0])
-        for _ in range(300):
-            lib.ht_leg_loss_step(watch.cfg, watch.state, minus, none, none, [{"p": list(six)}], R)
-        assert bool(watch.state.found) == found, (sum_A, times)
+        assert steadily(watch, times * LEAST_V, six) == found, (sum_A, times)
 
 
 def test_the_smallest_voltage_that_is_found():
@@ -196,14 +241,14 @@ def test_the_smallest_voltage_that_is_found():
         watch = Watch()
         error = np.zeros(6)
         error[3] = share * 3 * LEAST_V / EXACT
-        for _ in range(300):
+        for _ in range(500):
             watch.step(np.zeros(6), error)
             watch.i[:] = watch.seen[:] = 0.0
         assert bool(watch.state.found) == found
 
 
 def test_a_short_disturbance_is_no_loss():
-    """The residual must point the same way for HOLD periods after it has become large."""
+    """Evidence is gathered for HOLD periods at least."""
     watch = Watch()
     error = np.zeros(6)
     error[2] = 60.0
@@ -236,28 +281,27 @@ def test_what_is_tolerated_is_the_error_of_the_impedance_behind_the_filter(omega
     assert watch.state.tolerance_ohm2 == pytest.approx(wanted, rel=1e-5)
 
 
+def with_a_dead_sensor(watch, leg, hertz):
+    """It reads 0 A. The legs do what they are told, and carry 10 A."""
+    for k in range(6000):
+        flux_A = 10.0 * np.cos(2 * np.pi * hertz * TS * k - ANGLES_RAD)
+        wrong = np.zeros(6)
+        wrong[leg] = -flux_A[leg]
+        watch.step(np.zeros(6), others=wrong, flux_A=flux_A)
+    return bool(watch.state.found)
+
+
 @pytest.mark.parametrize("hertz", (1.0, 5.0, 30.0))
 @pytest.mark.parametrize("leg", range(6))
 def test_a_dead_sensor_is_no_loss(leg, hertz):
-    """It reads 0 A. The legs do what they are told, and carry 10 A."""
-    watch = Watch()
-    angle = ANGLES_RAD[leg]
-    for k in range(6000):
-        phase = 2 * np.pi * hertz * TS * k
-        wrong = np.zeros(6)
-        wrong[leg] = -10.0 * np.cos(phase - angle)
-        assert watch.step(np.zeros(6), others=wrong) == 0
+    assert not with_a_dead_sensor(Watch(), leg, hertz)
 
 
 def test_a_dead_sensor_does_make_a_residual():
     """Without its set's sum it would be taken for a loss: the test above can fail."""
     watch = Watch()
     watch.cfg.sum_A = 100.0
-    for k in range(6000):
-        wrong = np.zeros(6)
-        wrong[0] = -10.0 * np.cos(2 * np.pi * 30.0 * TS * k)
-        watch.step(np.zeros(6), others=wrong)
-    assert watch.state.found
+    assert with_a_dead_sensor(watch, 0, 30.0)
 
 
 def test_what_is_not_finite_is_no_loss():

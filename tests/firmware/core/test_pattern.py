@@ -342,6 +342,29 @@ def test_a_prediction_does_not_change_the_stored_delay():
         assert over.legs == 0
 
 
+@settings(max_examples=examples(200))
+@given(st.tuples(words, words, words, words), st.lists(points, min_size=3, max_size=3), points)
+def test_high_is_the_share_of_the_period_in_which_a_leg_is_high(pattern, instants, own):
+    """Counted at 4000 instants. With `own` each leg has one instant of its own."""
+    applied, high = ffi.new("ht_applied *"), unwritten("ht_six *")
+    toggles = ffi.new("ht_toggles[2]")
+    applied.before, applied.s = pattern[0], pattern[1:]
+    applied.t = sorted(instants)
+    at = (np.arange(4000) + 0.5) / 4000
+    for n in (0, 2):
+        applied.own = n
+        t = np.array([list(applied.t)] * 6)
+        if n:
+            applied.s[2] = applied.s[1]
+            t[:, 1] = applied.t[0] + (applied.t[2] - applied.t[0]) * own * np.arange(6) / 5
+            toggles[1].t = list(t[:, 1])
+        lib.ht_applied_high(applied, toggles, high)
+        now = [pattern[0], *applied.s]
+        for leg in LEGS:
+            level = np.array([bit(word, leg) for word in now])[np.searchsorted(t[leg], at)]
+            assert high.p[leg] == pytest.approx(level.mean(), abs=1e-3)
+
+
 def test_current_flow_is_the_part_above_the_zero_current():
     dead = ffi.new("ht_dead_time *", {"dead_pu": 0.02, "i_zero_A": 0.25})
     flow = lib.ht_flow_of([{"p": [0.25, 0.249, -0.249, -0.25, 9.0, -9.0]}], dead)

@@ -20,7 +20,7 @@ def numbers(value):
     if not isinstance(value, ffi.CData):
         return [value]
     if ffi.typeof(value).kind == "array":
-        return list(value)
+        return [n for item in value for n in numbers(item)]
     return [n for name, _ in ffi.typeof(value).fields for n in numbers(getattr(value, name))]
 
 
