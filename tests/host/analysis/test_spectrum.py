@@ -9,6 +9,7 @@ from hexatorque.analysis.spectrum import (
     fundamental_Hz,
     harmonics,
     line_amplitude,
+    low_pass,
     spectrum,
     thd_inf_pct,
     thd_pct,
@@ -85,6 +86,14 @@ def test_the_lobe_of_the_fundamental_is_three_bins_on_both_sides(side):
     for bins, part in ((2, 0.0), (5, 0.2)):
         signal = tones(1 / bin_Hz, (1.0, f1_Hz, 0.4), (0.2, f1_Hz + side * bins * bin_Hz, 1.1))
         assert thd_inf_pct(signal[None], RATE_HZ, f1_Hz) == pytest.approx(100 * part, abs=0.01)
+        assert thd_pct(signal, RATE_HZ, f1_Hz)["1kHz"] == pytest.approx(100 * part, abs=0.6)
+
+
+def test_low_pass_has_the_magnitude_of_a_butterworth_filter_and_no_phase_shift():
+    parts = ((1.0, 0.0, 0.0), (1.0, 20.0, 0.3), (1.0, 100.0, 1.0), (1.0, 400.0, -1.0))
+    slow = low_pass(tones(0.5, *parts), RATE_HZ, 100.0)
+    wanted = [(a / np.hypot(1, (f / 100) ** 2), f, p) for a, f, p in parts]
+    np.testing.assert_allclose(slow, tones(0.5, *wanted), atol=1e-9)
 
 
 def test_second_harmonic_counts():

@@ -57,12 +57,21 @@ def test_recording_changes_nothing(sample_delay_us):
             assert np.array_equal(dense[:, :: 20 // per], samples[per][name]), name
 
 
-def test_edges_are_the_gates_that_are_recorded():
-    """The legs are rebuilt from the log at every recorded instant."""
-    sim = SimulatedDrive(setups.load("paper-b").changed(controller__scheme="dtc3"), 20)
+@pytest.mark.parametrize(
+    ("name", "scheme", "sample_delay_us"),
+    (("paper-b", "dtc3", 0.0), ("paper-a-feasible", "foc", 5.0)),
+)
+def test_edges_are_the_gates_that_are_recorded(name, scheme, sample_delay_us):
+    """The legs are rebuilt from the log at every recorded instant. With a late sample, the period's
+    first edges come before it, and the others after it."""
+    setup = setups.load(name).changed(
+        controller__scheme=scheme, sensors__sample_delay_us=sample_delay_us
+    )
+    sim = SimulatedDrive(setup, 20)
     sim.log_edges(50_000)
     sim.start()
-    sim.run(0.5)
+    sim.set("speed_ref_rpm", 800.0)
+    sim.run(0.6)
     period = int(sim._timing.period)
     legs = np.full(6, OFF)
     edges = sim.edges.tolist()
