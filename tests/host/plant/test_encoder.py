@@ -188,3 +188,15 @@ def test_unequal_edges_are_counted_where_they_are():
         emulated.turn(x)
         shown.append(emulated.read()[0])
     assert shown == [0, 0, 0, 1, 1, 2, 2, 3, 3, 4]
+
+
+@pytest.mark.parametrize(
+    ("encoder_wires", "last"),
+    (("straight", {40}), ("swapped", {2**32 - 41}), ("one open", {0, 1, 2**32 - 1}), ("open", {0})),
+)
+def test_wires_of_the_encoder(encoder_wires, last):
+    """The shaft is at 40.5 counts. Swapped channels count down. One edge of an open channel never comes: up and down again."""
+    emulated = Emulated("f28335", encoder_wires=encoder_wires)
+    for n in range(41):
+        emulated.turn(n + 0.5)
+    assert (emulated.read()[0] % 2**32) in last
