@@ -195,7 +195,8 @@ def test_unequal_edges_are_counted_where_they_are():
     (("straight", {40}), ("swapped", {2**32 - 41}), ("one open", {0, 1, 2**32 - 1}), ("open", {0})),
 )
 def test_wires_of_the_encoder(encoder_wires, last):
-    """The shaft is at 40.5 counts. Swapped channels count down. One edge of an open channel never comes: up and down again."""
+    """The shaft is at 40.5 counts. Swapped channels count down. The edges of an open channel never
+    come: up and down again."""
     emulated = Emulated("f28335", encoder_wires=encoder_wires)
     for n in range(41):
         emulated.turn(n + 0.5)
