@@ -126,7 +126,7 @@ def test_an_estimate_that_is_newer_than_the_encoder_is_not_put_forward():
 
 @pytest.mark.parametrize("v", DRIVES)
 def test_the_check_for_lost_legs_knows_drive_and_machine(v):
-    """The residual is a voltage, a share of the largest dc link. It must point the same way for
+    """The residual is a voltage, a share of the largest dc link. Evidence is gathered for
     1 ms, and a wrong sensor rules a loss out for 10 ms."""
     _, config = control(**v)
     c, ts = config.leg_loss, 1 / v["f_isr_Hz"]
