@@ -234,6 +234,27 @@ def test_a_small_sum_makes_a_larger_residual_necessary(leg):
         assert steadily(watch, times * LEAST_V, six) == found, (sum_A, times)
 
 
+@pytest.mark.parametrize("current_A", ([20.0, 0.0], [0.0, -20.0], [12.0, 16.0]))
+@pytest.mark.parametrize(("times", "found"), ((0.95, False), (1.05, True)))
+def test_current_in_x_and_y_raises_the_limit(current_A, times, found):
+    """By what resistance that is wrong by 30 % makes of it, at standstill; squares are added."""
+    watch = Watch()
+    residual_V = times * np.hypot(LEAST_V, 0.3 * R * 20.0)
+    for _ in range(600):
+        v = R * np.array(current_A) - [residual_V, 0.0]
+        watch.watch(v, current_A, current_A, np.zeros(6))
+    assert bool(watch.state.found) == found
+
+
+def test_a_wrong_sensor_rules_a_loss_out_for_a_time():
+    watch = Watch()
+    wrong = np.array([0.0, 2 * SUM_A, 0.0, 0.0, 0.0, 0.0])
+    assert not steadily(watch, 5 * LEAST_V, wrong, periods=30)
+    assert not steadily(watch, 5 * LEAST_V, np.zeros(6), periods=WAIT)
+    assert watch.state.wait == 0
+    assert steadily(watch, 5 * LEAST_V, np.zeros(6), periods=WAIT)
+
+
 def test_the_smallest_voltage_that_is_found():
     """Three times the least residual, as long as it drives no current: for a current, wrong
     parameters are tolerated."""
