@@ -17,6 +17,9 @@
 /* The evidence for one switch must exceed that for any other by what a residual of this many
  * limits adds up to in the time `hold`. */
 #define ENOUGH 2.5f
+/* And by so many times what the residual of a period is, r.m.s.: where wrong parameters make it
+ * large, it meets a leg without current by chance. */
+#define CHANCE 8.0f
 /* Of the limit: what noise and wrong parameters make of a single period's residual. */
 #define ROOM 2.0f
 /* What a terminal's voltage does to the residual along the leg's axis. */
@@ -146,6 +149,7 @@ void ht_leg_loss_reset(ht_leg_loss_state *st)
 {
     st->low_V.x = 0.0f;
     st->low_V.y = 0.0f;
+    st->low_V2 = 0.0f;
     st->low_A2 = 0.0f;
     st->tolerance_ohm2 = 0.0f;
     begin(st);
@@ -192,7 +196,9 @@ static void suspect(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
     } else if (st->without != 0u) {
         st->found = 1u; /* which one, the currents may tell */
     } else {
-        st->found = judged(st, ENOUGH * (float)cfg->hold * limit_V);
+        float enough_V = ENOUGH * (float)cfg->hold * limit_V;
+        float chance_V = CHANCE * sqrtf(st->low_V2);
+        st->found = judged(st, (enough_V > chance_V) ? enough_V : chance_V);
     }
 }
 
@@ -207,6 +213,7 @@ void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
     float least2;
     st->low_V.x += cfg->gain * (x - st->low_V.x);
     st->low_V.y += cfg->gain * (y - st->low_V.y);
+    st->low_V2 += cfg->gain * ((x * x + y * y) - st->low_V2);
     st->low_A2 += cfg->gain * ((to.x * to.x + to.y * to.y) - st->low_A2);
     if (st->wait != 0u) {
         st->wait--;

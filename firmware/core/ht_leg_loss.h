@@ -50,7 +50,8 @@ typedef struct {
 
 typedef struct {
     ht_xy low_V;          /**< low pass of the residual */
-    float low_A2;         /**< the same of the x-y current, squared */
+    float low_V2;         /**< the same of the residual, squared */
+    float low_A2;         /**< and of the x-y current, squared */
     float tolerance_ohm2; /**< residual per x-y current that wrong machine parameters may cause,
                              *   squared; the slow interrupt writes it */
     uint16_t count;       /**< periods for which evidence is gathered */

@@ -60,6 +60,7 @@ void prove_leg_loss(void)
     in.vdc_V = nondet_float();
     in.rs_ohm = nondet_float();
     st.low_V = any_xy();
+    st.low_V2 = nondet_float();
     st.low_A2 = nondet_float();
     st.tolerance_ohm2 = nondet_float();
     st.count = nondet_uint16();
@@ -96,7 +97,8 @@ void prove_leg_loss_begin(void)
     MUST((st.count == 0u) && (st.wait == 0u) && (st.found == 0u));
     MUST(st.without == 0u);
     MUST((st.leg[5].upper_V == 0.0f) && (st.leg[5].lower_V == 0.0f));
-    MUST((st.low_V.x == 0.0f) && (st.low_V.y == 0.0f) && (st.low_A2 == 0.0f));
+    MUST((st.low_V.x == 0.0f) && (st.low_V.y == 0.0f) && (st.low_A2 == 0.0f)
+         && (st.low_V2 == 0.0f));
     ht_leg_loss_tolerate(&st, nondet_float(), nondet_float(), nondet_float());
     MUST(!(st.tolerance_ohm2 < 0.0f)); /* it never makes a residual count that is too small */
 }
