@@ -19,7 +19,7 @@
 #define ENOUGH 2.5f
 /* And by so many times what the residual of a period is, r.m.s.: where wrong parameters make it
  * large, it meets a leg without current by chance. */
-#define CHANCE 8.0f
+#define CHANCE 5.0f
 /* Of the limit: what noise and wrong parameters make of a single period's residual. */
 #define ROOM 2.0f
 /* What a terminal's voltage does to the residual along the leg's axis. */

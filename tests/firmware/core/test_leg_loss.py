@@ -183,7 +183,7 @@ def test_evidence_adds_up_and_the_switch_with_clearly_the_most_is_named():
             kept = [[e.upper_V, e.lower_V] for e in watch.state.leg]
             np.testing.assert_allclose(kept, sums, rtol=1e-3, atol=0.05)
             most = np.sort(sums.ravel())[::-1]
-            clear = most[0] - most[1] - max(2.5 * HOLD * LEAST_V, 8 * np.sqrt(mean2))
+            clear = most[0] - most[1] - max(2.5 * HOLD * LEAST_V, 5 * np.sqrt(mean2))
             if abs(clear) > 0.5:
                 assert bool(found) == (clear > 0 and count > HOLD)
             if found:
