@@ -94,7 +94,7 @@ def test_leg_and_switch_are_named(leg, switch):
     periods = 0
     while watch.step(commands(rng), error, without=leg) == 0:
         periods += 1
-        assert periods < 150
+        assert periods < 60
     # A third of 60 V grows by 5 % of what is missing; 4.2 V take five periods.
     assert periods >= HOLD
     assert watch.named == (PHASES[leg], switch)
@@ -110,7 +110,7 @@ def test_the_voltage_that_was_missing_is_added_up_from_its_first_period_on(leg, 
     periods = 1
     while watch.step(np.zeros(6), error, without=leg) == 0:
         periods += 1
-        assert periods < 150
+        assert periods < 60
     missing = periods * XY @ error
     added = [watch.state.sum_V.x, watch.state.sum_V.y]
     np.testing.assert_allclose(added, missing, atol=0.05 * np.hypot(*missing))
@@ -245,6 +245,15 @@ def test_current_in_x_and_y_raises_the_limit(current_A, times, found):
         v = R * np.array(current_A) - [residual_V, 0.0]
         watch.watch(v, current_A, current_A, np.zeros(6))
     assert bool(watch.state.found) == found
+
+
+def test_evidence_is_gathered_until_the_residual_is_below_half_of_its_limit():
+    watch = Watch()
+    gathered = []
+    for times in (0.95, 1.05, 0.55, 0.45, 0.55):
+        steadily(watch, times * LEAST_V, SHAPE, periods=150)
+        gathered.append(watch.state.count > 0)
+    assert gathered == [False, True, True, False, False]
 
 
 def test_a_residual_that_meets_legs_without_current_by_chance_names_none():
