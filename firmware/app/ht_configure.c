@@ -30,6 +30,9 @@
 #define LOSS_WAIT_S 0.01f
 #define LOSS_SUM_SHARE 0.3f
 #define LOSS_ZERO_SHARE 0.25f
+/* What the sets' resistances differ by: of the means, of the result. */
+#define SETS_S 0.05f
+#define SETS_SLOW_S 0.2f
 /* Field orientation: bandwidth of the current regulators times the period. */
 #define ALPHA_TS 0.3f
 
@@ -214,6 +217,14 @@ static float voltage_reach(const float *v)
     return wide ? (WIDE_TABLE_REACH * scheme->reach_pu) : scheme->reach_pu;
 }
 
+/* Whether the scheme regulates the x-y currents to zero. Where they are large, wrong parameters make
+ * more of them in the residual than the sets' difference does. */
+static bool regulates_xy(const ht_drive_config *c)
+{
+    const ht_scheme_info *row = ht_scheme_describe((uint16_t)c->control.scheme);
+    return (row != NULL) && ((row->law != HT_LAW_TABLE) || row->regulated);
+}
+
 void ht_configure_rest(const ht_port *port, ht_drive_config *c)
 {
     const float *v = c->params.v;
@@ -229,6 +240,10 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     c->flux.rs_ohm = v[HT_P_rs_ohm];
     c->pull_out_Nm_Wb2 = pull_out(v);
     ht_derating_configure(&c->params, &c->derating);
+    c->sets.gain = 1.0f / (1.0f + SETS_S * v[HT_P_f_slow_Hz]);
+    c->sets.slow_gain =
+        regulates_xy(c) ? (1.0f / (1.0f + SETS_SLOW_S * v[HT_P_f_slow_Hz])) : 0.0f;
+    c->sets.least_A2 = c->control.leg_loss.zero_A * c->control.leg_loss.zero_A;
     c->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);
     c->build_gain = 1.0f / (1.0f + BUILD_ADAPT_S * v[HT_P_f_slow_Hz]);
     c->adapt_gain = (v[HT_P_adapt_s] > 0.0f) ? (1.0f / (1.0f + v[HT_P_adapt_s] * v[HT_P_f_slow_Hz]))

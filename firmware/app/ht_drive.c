@@ -202,8 +202,8 @@ HT_SELDOM static bool go_on_without(ht_drive *d, uint16_t legs)
 {
     bool most = d->config->params.v[HT_P_ride_through] == MOST_TORQUE;
     uint16_t leg;
-    d->off_legs =
-        ht_control_lose(&d->config->control, &d->control, most ? ht_lost_legs_paired(legs) : legs);
+    d->off_legs = ht_control_lose(&d->config->control, &d->control,
+                                  most ? ht_lost_legs_paired(legs) : legs, d->sets.ohm);
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
         if ((d->off_legs & (HT_LEG_U1 >> leg)) != 0u) {
             ht_port_leg_off(d->port, leg);
@@ -282,6 +282,7 @@ static void calibrate(ht_drive *d)
     d->slow_faults = 0u; /* of the run before: the slow loop may not have come by since */
     ht_control_reset(&d->config->control, &d->control, &d->in.i_A);
     ht_speed_reset(&d->speed);
+    ht_set_difference_begin(&d->sets);
     d->torque_ref_Nm = 0.0f;
     (void)go_on_without(d, (uint16_t)d->config->params.v[HT_P_lost_legs]);
     if (d->config->params.v[HT_P_start_mode] != 0.0f) {

@@ -27,6 +27,7 @@
 #include "ht_excitation.h"
 #include "ht_params.h"
 #include "ht_protect.h"
+#include "ht_set_difference.h"
 #include "ht_speed.h"
 #include "ht_speed_measure.h"
 #include "port.h"
@@ -86,6 +87,7 @@ typedef struct {
     float omega_mean_gain;
     float pull_out_Nm_Wb2; /**< torque limit per flux squared */
     ht_derating_config derating;
+    ht_set_difference_config sets;
     float adapt_gain; /**< of the resistances, per slow interrupt */
     float build_gain; /**< the same during the build-up */
     ht_params params; /**< the parameters that all this is derived from */
@@ -128,6 +130,7 @@ typedef struct {
                                     *   weakening goes below */
     float omega_mean_rad_s; /**< flux speed, slow mean */
     float torque_limit_Nm;  /**< of the torque reference, as it is now */
+    ht_set_difference sets; /**< learnt; a stop does not forget it */
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
     uint16_t calibration_ticks;

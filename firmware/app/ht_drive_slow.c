@@ -140,6 +140,11 @@ void ht_drive_slow_isr(ht_drive *d)
     if (d->off_legs == 0u) {
         ht_observer_adapt(&c->control.observer, &d->control.observer,
                           (c->control.observer.kind == HT_OBSERVER_HYBRID) ? c->adapt_gain : 0.0f);
+        if (d->control.leg_loss.count == 0u) { /* no leg may be lost */
+            ht_set_difference_learn(&c->sets, &d->sets, d->control.observer.i_A,
+                                    d->control.leg_loss.low_V, d->control.observer.omega_sync_rad_s,
+                                    HT_LEG_LOSS_TOLERANCE * v[HT_P_rs_ohm]);
+        }
     }
     ht_leg_loss_tolerate(&d->control.leg_loss, v[HT_P_rs_ohm], v[HT_P_lxy_H],
                          d->control.observer.omega_sync_rad_s);

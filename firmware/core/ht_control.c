@@ -221,10 +221,12 @@ bool ht_control_can_lose(const ht_control_config *cfg)
     return cfg->shadow && cfg->predict;
 }
 
-uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs)
+uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs,
+                         float set2_ohm)
 {
     uint16_t off = ht_lost_legs_of(legs, &st->lost);
     uint16_t n;
+    ht_lost_legs_differ(&st->lost, set2_ohm);
     for (n = 0u; (st->leg_loss.found != 0u) && (n < st->lost.axes); n++) {
         const ht_lost_axis *x = &st->lost.axis[n];
         float sum_V = x->b.x * st->leg_loss.sum_V.x + x->b.y * st->leg_loss.sum_V.y;

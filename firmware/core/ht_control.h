@@ -106,10 +106,12 @@ void ht_control_low_pattern(const ht_control_config *cfg, ht_compare *out);
  *  machine one period ahead. */
 bool ht_control_can_lose(const ht_control_config *cfg);
 
-/** Go on without the legs of the state word `legs`, where ht_control_can_lose. Returns those that must be off from now on, 0 if this cannot be. While one leg is lost, another loss is found as
- *  before, but not named; while two are, it is not found. The
- *  flux is corrected by what the voltage was wrong until a loss was found. */
-uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs);
+/** Go on without the legs of the state word `legs`, where ht_control_can_lose. Returns those that must
+ *  be off from now on, 0 if this cannot be. While one leg is lost, another loss is found as before,
+ *  but not named; while two are, it is not found. The flux is corrected by what the voltage was wrong
+ *  until a loss was found. `set2_ohm`: resistance of set 2 less the mean of both sets. */
+uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs,
+                         float set2_ohm);
 
 /** One sampling period. `build`: flux build-up at standstill instead of the scheme's law,
  *  the zero-mean virtual vector along 15 degrees, current limited, until |psi| is at the

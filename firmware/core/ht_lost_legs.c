@@ -48,7 +48,10 @@ static void axes_of(unsigned leg, bool set, ht_lost_legs *lost)
     second->a.beta = first->a.alpha;
     second->b.x = -sign * first->b.y;
     second->b.y = sign * first->b.x;
+    first->more_ohm = 0.0f;
+    second->more_ohm = 0.0f;
     lost->set = set;
+    lost->of_set2 = (leg & 1u) != 0u;
 }
 
 uint16_t ht_lost_legs_paired(uint16_t legs)
@@ -71,6 +74,8 @@ uint16_t ht_lost_legs_of(uint16_t legs, ht_lost_legs *lost)
 {
     unsigned off = legs;
     lost->axes = 0u;
+    lost->of_set2 = false;
+    lost->set = false;
     if ((off == 0u) || (off > HT_ALL_LEGS)) {
         return 0u;
     }
@@ -90,6 +95,14 @@ uint16_t ht_lost_legs_of(uint16_t legs, ht_lost_legs *lost)
     return (uint16_t)off;
 }
 
+void ht_lost_legs_differ(ht_lost_legs *lost, float set2_ohm)
+{
+    /* Along the first axis the set that does not have its leg carries the current. */
+    float first_ohm = lost->of_set2 ? -set2_ohm : set2_ohm;
+    lost->axis[0].more_ohm = first_ohm;
+    lost->axis[1].more_ohm = lost->set ? first_ohm : -first_ohm;
+}
+
 ht_vsd ht_lost_legs_voltage(const ht_lost_legs *lost, const ht_observer_config *machine,
                             float rs_ohm, ht_vsd v_V, ht_xy from, ht_xy to)
 {
@@ -102,8 +115,10 @@ ht_vsd ht_lost_legs_voltage(const ht_lost_legs *lost, const ht_observer_config *
     for (n = 0u; n < lost->axes; n++) {
         const ht_lost_axis *x = &lost->axis[n];
         float more = along_xy(x->b, acts) - along_xy(x->b, v_V.xy);
-        v.ab.alpha += more * x->a.alpha;
-        v.ab.beta += more * x->a.beta;
+        /* b.i = -a.i; in both planes the drop is larger by this, which the observer does not know */
+        float drop = x->more_ohm * (along_xy(x->b, from) + along_xy(x->b, to));
+        v.ab.alpha += (more + drop) * x->a.alpha;
+        v.ab.beta += (more + drop) * x->a.beta;
         v.xy.x += more * x->b.x;
         v.xy.y += more * x->b.y;
     }
@@ -120,10 +135,12 @@ ht_ab ht_lost_legs_expected(const ht_lost_legs *lost, const ht_observer_config *
     uint16_t n;
     for (n = 0u; n < lost->axes; n++) {
         const ht_lost_axis *x = &lost->axis[n];
-        float drop = rs_ohm * along(x->a, i_A);
+        float i = along(x->a, i_A);
+        float drop = rs_ohm * i;
+        float drops = 2.0f * (drop + x->more_ohm * i); /* in both planes */
         float had = along(x->a, v_V.ab);
         float w = had - along_xy(x->b, v_V.xy);
-        float more = (w - 2.0f * drop + along(x->a, moves)) / (1.0f + kappa) + drop - had;
+        float more = (w - drops + along(x->a, moves)) / (1.0f + kappa) + drop - had;
         v.alpha += more * x->a.alpha;
         v.beta += more * x->a.beta;
     }
@@ -144,10 +161,10 @@ ht_vsd ht_lost_legs_command(const ht_lost_legs *lost, const ht_observer_config *
 {
     float inv_vdc = 1.0f / in->vdc_V;
     float kappa = machine->lxy_H * machine->inv_sigma_ls;
-    float ohm = in->rs_ohm * machine->inv_sigma_ls * inv_vdc; /* per weber of sigma L_s i */
+    float per_ohm = machine->inv_sigma_ls * inv_vdc;
     float turn = in->turn_rad * machine->inv_ts * inv_vdc;
-    ht_ab drops = {ohm * (in->psi_Wb.alpha - in->rotor_Wb.alpha),
-                   ohm * (in->psi_Wb.beta - in->rotor_Wb.beta)};
+    /* sigma L_s i: times `per_ohm` a current over Vdc */
+    ht_ab leaks = {in->psi_Wb.alpha - in->rotor_Wb.alpha, in->psi_Wb.beta - in->rotor_Wb.beta};
     ht_ab moves = {-turn * in->rotor_Wb.beta, turn * in->rotor_Wb.alpha};
     ht_vsd v = v_pu;
     float w[2];  /* a.v_ab - b.v_xy, along and across */
@@ -157,8 +174,10 @@ ht_vsd ht_lost_legs_command(const ht_lost_legs *lost, const ht_observer_config *
     for (n = 0u; n < lost->axes; n++) {
         const ht_lost_axis *x = &lost->axis[n];
         float law = along(x->a, v_pu.ab);
-        float drop = along(x->a, drops);
-        w[n] = limited(law + kappa * (law - drop - along(x->a, moves)) + drop, MOST_PU);
+        float i = per_ohm * along(x->a, leaks);
+        float drop = in->rs_ohm * i;
+        float more = drop + 2.0f * x->more_ohm * i;
+        w[n] = limited(law + kappa * (law - drop - along(x->a, moves)) + more, MOST_PU);
         up[n] = 2.0f * law - w[n];
     }
     for (n = 0u; n < lost->axes; n++) {

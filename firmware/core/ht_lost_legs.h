@@ -12,7 +12,8 @@
  *
  *    w = 2 R a.i + d(a.psi)/dt + L_xy d(a.i)/dt
  *
- *  Across these directions nothing has changed. Such a pair (a, b) is an axis here. One lost leg is
+ *  R is that of the other set than the leg's: along a it carries all of the current. Across these
+ *  directions nothing has changed. Such a pair (a, b) is an axis here. One lost leg is
  *  one axis; two legs that are 90 degrees apart, or a whole set, are two. On one axis the x-y
  *  current across b is left to choose. None gives the least copper loss. Minus the current across a
  *  gives the most torque from the rated phase current; then no current flows in the leg that is 90
@@ -26,17 +27,23 @@
 typedef struct {
     ht_ab a;
     ht_xy b;
+    float more_ohm; /**< R of the set that carries the current, less the mean of both sets */
 } ht_lost_axis;
 
 typedef struct {
     uint16_t axes; /**< 0: no leg is lost; 1 or 2 */
     bool set;      /**< a whole set: none of its legs is left */
+    bool of_set2;  /**< the leg of the first axis is of set 2 */
     ht_lost_axis axis[2];
 } ht_lost_legs;
 
 /** Legs that must be off where those of the state word `legs` are lost: these, or their whole set.
  *  The axes go to `lost`. 0 if no torque worth speaking of is left: other combinations. */
 uint16_t ht_lost_legs_of(uint16_t legs, ht_lost_legs *lost);
+
+/** What the sets' resistances differ by: that of set 2 is `set2_ohm` above the mean of both. After
+ *  ht_lost_legs_of, which assumes none. */
+void ht_lost_legs_differ(ht_lost_legs *lost, float set2_ohm);
 
 /** The legs of the state word `legs`, and, if it is a single one, the leg that is 90 degrees away. */
 uint16_t ht_lost_legs_paired(uint16_t legs);

@@ -500,7 +500,7 @@ def test_any_input_gives_a_pattern_that_the_pwm_can_realise(
 def test_any_scheme_gives_a_pattern_without_a_leg(scheme, legs):
     """Each leg has an instant of its own then."""
     drive = Drive(config(scheme))
-    assert lib.ht_control_lose(drive.cfg, drive.state, legs) & legs == legs
+    assert lib.ht_control_lose(drive.cfg, drive.state, legs, 0.0) & legs == legs
     for k in range(50):
         i = 3 * np.cos(THETA - 0.02 * k)
         drive.step(i, torque=0.5)
@@ -516,7 +516,7 @@ def test_without_a_leg_the_other_legs_make_the_voltage_of_the_table(scheme):
     length = 0.43754 if scheme == "ddr-ml" else 0.5  # of a virtual vector, half the dc link
     for sector in range(12):
         drive = quiet(scheme)
-        lib.ht_control_lose(drive.cfg, drive.state, 0b100000)
+        lib.ht_control_lose(drive.cfg, drive.state, 0b100000, 0.0)
         _, k = at(drive, sector, 5, 0.6)
         assert set(drive.out.cb) == {PERIOD}
         ca, start = np.array(list(drive.out.ca)), drive.out.start >> np.arange(5, -1, -1) & 1
@@ -564,7 +564,7 @@ def test_without_a_leg_the_xy_flux_is_predicted_for_every_scheme(scheme):
     """Across the axis of u1, along y, the x-y current is free: L_xy i, and what a pattern and the
     resistance add, less than a quarter of it here."""
     drive = Drive(config(scheme))
-    lib.ht_control_lose(drive.cfg, drive.state, 0b100000)
+    lib.ht_control_lose(drive.cfg, drive.state, 0b100000, 0.0)
     drive.step(3 * T.T @ [0, 0, 0, 2.0])
     assert drive.state.psi_xy_Wb.y == pytest.approx(2.0 * drive.cfg.observer.lxy_H, rel=0.25)
 

@@ -377,7 +377,7 @@ def test_while_a_leg_is_off_a_leg_that_carries_current_may_be_lost(lost):
     control, cfg = ffi.new("ht_control_state *"), ffi.new("ht_control_config *")
     lib.ht_control_reset(cfg, control, [{"p": [0.0] * 6}])
     if lost:
-        assert lib.ht_control_lose(cfg, control, lost) == lost
+        assert lib.ht_control_lose(cfg, control, lost, 0.0) == lost
     watch.state[0] = control.leg_loss
     rng = np.random.default_rng(1)
     error = np.zeros(6)

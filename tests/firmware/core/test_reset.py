@@ -63,7 +63,7 @@ def test_nothing_of_what_was_before_remains(scheme, observer):
     for _ in lives(cfg, used, seed=1):
         pass
     if lib.ht_law_needs_prediction(cfg.law):
-        assert lib.ht_control_lose(cfg, used, 0b100000)
+        assert lib.ht_control_lose(cfg, used, 0b100000, 0.1)
     for state in (zero, never_written, used):
         reset(cfg, state)
     for n, (a, b, c) in enumerate(

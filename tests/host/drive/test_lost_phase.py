@@ -364,3 +364,53 @@ def test_what_cannot_be_is_refused_in_one_line(changes, words):
         )
     text = str(refused.value)
     assert "\n" not in text and all(w in text for w in words), text
+
+
+# --- sets with different resistances -----------------------------------------------
+# Those of paper A's machine: that of set 2 is 0.06 ohm above the mean of both.
+
+
+@pytest.mark.parametrize("rpm", (50.0, -600.0))
+@pytest.mark.parametrize("scheme", ("ddr", "db-dtfc", "foc"))
+def test_the_difference_of_the_sets_is_learnt_with_wrong_parameters(scheme, rpm):
+    """A stop does not forget it."""
+    sim = running(scheme, rpm, 4.0, controller__lxy_H=0.0075, controller__rs_ohm=1.4)
+    sim.run(0.7, record=False)
+    assert sim.controller.drive.sets.ohm == pytest.approx(0.06, rel=0.2)
+    sim.set("load_Nm", 0.0)
+    sim.set("speed_ref_rpm", 0.0)
+    sim.run(0.8, record=False)
+    learnt = sim.controller.drive.sets.ohm
+    sim.stop()
+    sim.start()
+    sim.run(0.1, record=False)
+    assert sim.state == "build"
+    assert sim.controller.drive.sets.ohm == learnt != 0.0
+
+
+@pytest.mark.parametrize("scheme", ("dtc1", "dtc3", "fdr"))
+def test_where_x_y_currents_are_not_regulated_nothing_is_learnt(scheme):
+    sim = running(scheme, 100.0, 4.0)
+    assert sim.controller.drive.sets.ohm == 0.0
+
+
+@pytest.mark.parametrize("phase", ("v1", "w2"))
+def test_without_a_leg_what_was_learnt_takes_the_ripple_off_the_torque(phase):
+    """Each set has an axis of its own then. At low speed a resistance that is wrong along one of them
+    makes the flux, and with it the torque, ripple at twice the frequency."""
+    ripple_Nm = []
+    for known in (True, False):
+        sim = running(
+            "db-dtfc", 50.0, -2.5, controller__ride_through="most-torque",
+            controller__i_rated_A=RATED_A,
+        )  # fmt: skip
+        sim.run(0.6, record=False)
+        if not known:
+            sim.controller.drive.sets.ohm = 0.0
+        sim.break_leg(phase, "open")
+        sim.run(1.5, record=False)
+        sim.run(0.8)
+        torque = sim.take()["plant.torque_Nm"]
+        ripple_Nm.append(float(np.std(torque)))
+        assert sim.state == "run"
+    assert ripple_Nm[0] < 0.06 < 0.7 * ripple_Nm[1]
