@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
@@ -56,12 +57,14 @@ def module(path: Path) -> ModuleType:
     extra = path.suffix[1:]
     if library := SUFFIXES[path.suffix]:
         try:
-            import_module(library)
-        except ImportError:
+            missing = find_spec(library) is None
+        except ImportError:  # the package that it is a part of
+            missing = True
+        if missing:
             name = library.partition(".")[0]
             raise RecordingError(
                 f"{path}: {path.suffix} files need {name}: pip install 'hexatorque[{extra}]'"
-            ) from None
+            )
     return import_module(f".{extra}", __package__)
 
 

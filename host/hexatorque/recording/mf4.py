@@ -3,10 +3,12 @@ attached file `recording.json`. Library: asammdf."""
 
 from __future__ import annotations
 
-import gc
 import json
 import logging
+import os
+import subprocess
 import sys
+import tempfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -16,10 +18,13 @@ from typing import BinaryIO
 
 import numpy as np
 
+from . import npz
 from .formats import one_line
 from .recording import Recording, from_header, header_text
 
 ATTACHED = "recording.json"
+#: Reading takes this long at most, and a second more for so many bytes.
+LONGEST_S, SLOWEST_B_S = 60.0, 1e6
 #: The metadata that other programs show among the file's properties.
 SHOWN = ("hexatorque", "setup", "scheme", "device", "firmware", "gaps", "lost_samples")
 
@@ -87,17 +92,49 @@ def save(rec: Recording, path: Path) -> None:
 
 
 def load(path: Path) -> Recording:
-    with path.open("rb") as file, _quiet():
+    """Read a file in a process of its own: the library's compiled code may crash or never end when
+    a file is damaged."""
+    longest_s = LONGEST_S + path.stat().st_size / SLOWEST_B_S
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "recording.npz"
         try:
-            header, channels = _contents(file)
-            rec = from_header(header, channels)
-            if json.loads(header)["crc32"] != _crc32(rec):
-                raise ValueError("damaged samples")
-            return rec
-        except Exception as error:
-            reason = one_line(error)
-        gc.collect()  # deletes incomplete objects while their errors are still suppressed
-    raise ValueError(reason)
+            done = subprocess.run(
+                [sys.executable, "-m", __name__, path, out],
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                text=True,
+                timeout=longest_s,
+            )
+        except subprocess.TimeoutExpired:
+            raise ValueError(f"asammdf does not come to an end within {longest_s:.0f} s") from None
+        if done.returncode:
+            said = done.stdout.splitlines() or ["asammdf crashes"]
+            raise ValueError(said[-1])
+        return npz.load(out)
+
+
+def main() -> None:
+    """In that process: the recording as .npz, or the reason why there is none."""
+    path, out = map(Path, sys.argv[1:])
+    try:
+        rec = _read(path)
+        header = np.frombuffer(header_text(rec).encode(), np.uint8)
+        np.savez(out, header=header, **{f"channel:{k}": v for k, v in rec.channels.items()})
+    except Exception as error:
+        print(one_line(error), flush=True)
+        os._exit(1)
+    os._exit(0)  # objects of a damaged file may raise errors when they are deleted, or crash
+
+
+def _read(path: Path) -> Recording:
+    with path.open("rb") as file:
+        header, channels = _contents(file)
+    rec = from_header(header, channels)
+    if json.loads(header)["crc32"] != _crc32(rec):
+        raise ValueError("damaged samples")
+    return rec
 
 
 def _contents(file: BinaryIO) -> tuple[bytes, dict[str, np.ndarray]]:
@@ -117,3 +154,7 @@ def _contents(file: BinaryIO) -> tuple[bytes, dict[str, np.ndarray]]:
     samples = {w[0]: signal.samples for w, signal in zip(wanted, signals, strict=True)}
     samples.pop("tick", None)
     return header, samples
+
+
+if __name__ == "__main__":
+    main()

@@ -396,8 +396,8 @@ def test_where_x_y_currents_are_not_regulated_nothing_is_learnt(scheme):
 
 @pytest.mark.parametrize("phase", ("v1", "w2"))
 def test_without_a_leg_what_was_learnt_takes_the_ripple_off_the_torque(phase):
-    """Each set has an axis of its own then. At low speed a resistance that is wrong along one of them
-    makes the flux, and with it the torque, ripple at twice the frequency."""
+    """Each set has an axis of its own then. At low speed a resistance that is wrong along one of
+    them makes the flux, and with it the torque, ripple at twice the frequency."""
     ripple_Nm = []
     for known in (True, False):
         sim = running(

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as of_numpy
 
-from hexatorque.recording import formats, mat
+from hexatorque.recording import formats, mat, mf4
 from hexatorque.recording.recording import (
     TYPES,
     Recording,
@@ -252,7 +252,7 @@ def test_a_truncated_file_says_so(full, suffix, tmp_path):
 def test_a_damaged_file_is_one_line(full, suffix, tmp_path, capfd):
     path = full.save(tmp_path / f"rec{suffix}")
     raw = path.read_bytes()
-    seeds = part(range(60), 6)
+    seeds = part(range(12 if suffix == ".mf4" else 60), 6)  # each .mf4 is read by a new process
     said = 0
     for seed in seeds:
         random = np.random.default_rng(seed)
@@ -263,6 +263,22 @@ def test_a_damaged_file_is_one_line(full, suffix, tmp_path, capfd):
         said += bool(loads_or_says_so(path))
     assert said > len(seeds) / 6
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("does", "says"),
+    (("kill -SEGV $$", "asammdf crashes"), ("exec sleep 60", "does not come to an end within 1 s")),
+)
+def test_a_crash_of_the_library_for_mf4_is_one_line(does, says, full, tmp_path, monkeypatch):
+    """About one of 800 damaged files makes the compiled code of asammdf 8.8 crash or loop."""
+    pytest.importorskip("asammdf", reason=".mf4 needs asammdf")
+    path = full.save(tmp_path / "rec.mf4")
+    crashes = tmp_path / "python"
+    crashes.write_text(f"#!/bin/sh\n{does}\n")
+    crashes.chmod(0o755)
+    monkeypatch.setattr(mf4, "LONGEST_S", 0.6)
+    monkeypatch.setattr(sys, "executable", str(crashes))
+    assert says in loads_or_says_so(path)
 
 
 def test_mf4_samples_that_changed_are_found(full, tmp_path):

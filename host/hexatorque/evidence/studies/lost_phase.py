@@ -61,8 +61,8 @@ SETTLE_S, WINDOW_S, CYCLES = 1.5, 0.2, 2
 #: Limits of the steady state without the leg: of the flux and the speed relative to their
 #: references, of the torque's standard deviation, of the largest phase current relative to the
 #: rated one, of the lost leg's current; and of the dip of the speed, from DIP_RPM on, up to DIP_NM.
-#: The standard deviation may always be TD_NM, and TD_SHARE of what it was before the loss; but under
-#: TD_SCHEME no more than TD_SCHEME_NM.
+#: The standard deviation may always be TD_NM, and TD_SHARE of what it was before the loss; but
+#: under TD_SCHEME no more than TD_SCHEME_NM.
 FLUX_PCT, SPEED_PCT, TD_NM, PHASE_SHARE, LEG_A, DIP_PCT = 3.0, 2.0, 0.15, 1.02, 0.05, 10.0
 TD_SHARE, BEFORE_S = 1.2, 0.1
 TD_SCHEME, TD_SCHEME_NM = "db-dtfc", 0.1
