@@ -14,7 +14,7 @@
 #   make fuzz          fuzz the link, FUZZ_S seconds per target (clang); the corpus stays as it is
 #   make prove         proofs of the firmware's functions; make prove-quick leaves out the long ones
 #   make coverage      lines, branches and MC/DC of the firmware, into docs/coverage.md (clang >= 18)
-#   make mutate        changes the firmware in one place, MUTANTS times: a test must fail; hours
+#   make mutate        changes the firmware in one place, MUTANTS times: a test must fail; half an hour
 #   make mutate-python the same with the plant and the analysis, MUTANTS_PYTHON times
 #   make check-c       static checks of the C: warnings, 16-bit machine, cppcheck, MISRA
 #   make clean         remove all files that these targets made

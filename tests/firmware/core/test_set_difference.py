@@ -65,7 +65,7 @@ def test_what_is_across_the_current_or_has_no_mean_along_it_does_not_count(omega
 
 
 def test_it_takes_a_second_and_a_lost_leg_does_not_spoil_it():
-    """A residual at the limit, 3.6 V, in two calls of the slow interrupt before it sees the loss."""
+    """A residual at the limit, 3.6 V, in two calls before the slow interrupt sees the loss."""
     assert 0.03 < learnt(0.06, 100.0, seconds=0.3).ohm < 0.05
     st = learnt(0.06, 100.0, seconds=2.0)
     learnt(0.06, 100.0, seconds=0.002, before=st, more_V=lambda angle: 3.6 * np.exp(-1j * angle))
