@@ -119,9 +119,7 @@ def main() -> None:
     """In that process: the recording as .npz, or the reason why there is none."""
     path, out = map(Path, sys.argv[1:])
     try:
-        rec = _read(path)
-        header = np.frombuffer(header_text(rec).encode(), np.uint8)
-        np.savez(out, header=header, **{f"channel:{k}": v for k, v in rec.channels.items()})
+        npz.save(_read(path), out, compressed=False)
     except Exception as error:
         print(one_line(error), flush=True)
         os._exit(1)

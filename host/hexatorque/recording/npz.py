@@ -10,11 +10,11 @@ import numpy as np
 from .recording import Recording, from_header, header_text
 
 
-def save(rec: Recording, path: Path) -> None:
+def save(rec: Recording, path: Path, compressed: bool = True) -> None:
     header = np.frombuffer(header_text(rec).encode(), np.uint8)
     arrays: dict[str, Any] = {f"channel:{k}": v for k, v in rec.channels.items()}
     with path.open("wb") as file:
-        np.savez_compressed(file, header=header, **arrays)
+        (np.savez_compressed if compressed else np.savez)(file, header=header, **arrays)
 
 
 def load(path: Path) -> Recording:
