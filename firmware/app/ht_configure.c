@@ -241,8 +241,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     c->pull_out_Nm_Wb2 = pull_out(v);
     ht_derating_configure(&c->params, &c->derating);
     c->sets.gain = 1.0f / (1.0f + SETS_S * v[HT_P_f_slow_Hz]);
-    c->sets.slow_gain =
-        regulates_xy(c) ? (1.0f / (1.0f + SETS_SLOW_S * v[HT_P_f_slow_Hz])) : 0.0f;
+    c->sets.slow_gain = regulates_xy(c) ? (1.0f / (1.0f + SETS_SLOW_S * v[HT_P_f_slow_Hz])) : 0.0f;
     c->sets.least_A2 = c->control.leg_loss.zero_A * c->control.leg_loss.zero_A;
     c->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);
     c->build_gain = 1.0f / (1.0f + BUILD_ADAPT_S * v[HT_P_f_slow_Hz]);

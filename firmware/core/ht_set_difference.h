@@ -13,9 +13,10 @@
 #include "ht_types.h"
 
 typedef struct {
-    float gain;      /**< of the means, per call */
-    float slow_gain; /**< of the result: so slow that a lost leg is found long before it spoils it */
-    float least_A2;  /**< the current from which on the residual tells anything, squared */
+    float gain; /**< of the means, per call */
+    float
+        slow_gain;  /**< of the result: so slow that a lost leg is found long before it spoils it */
+    float least_A2; /**< the current from which on the residual tells anything, squared */
 } ht_set_difference_config;
 
 typedef struct {
