@@ -1,7 +1,7 @@
 #include "ht_lost_legs.c"
 #include "ht_set_difference.c"
 #include "ht_tables.c"
-#include "prove.h"
+#include "law_input.h"
 
 static unsigned bits(unsigned word)
 {
@@ -45,19 +45,11 @@ void prove_lost_legs_paired(void)
 void prove_lost_legs_voltages(void)
 {
     ht_lost_legs lost;
-    ht_observer_config machine;
-    ht_deadbeat_law_input in;
+    ht_observer_config machine = any_law_machine();
+    ht_deadbeat_law_input in = any_law_input();
     ht_vsd v;
     v.ab = any_ab();
     v.xy = any_xy();
-    machine.lxy_H = nondet_float();
-    machine.inv_ts = nondet_float();
-    machine.inv_sigma_ls = nondet_float();
-    in.vdc_V = nondet_float();
-    in.rs_ohm = nondet_float();
-    in.turn_rad = nondet_float();
-    in.psi_Wb = any_ab();
-    in.rotor_Wb = any_ab();
     (void)ht_lost_legs_of(nondet_uint16(), &lost);
     ht_lost_legs_differ(&lost, nondet_float());
     (void)ht_lost_legs_voltage(&lost, &machine, nondet_float(), v, any_xy(), any_xy());
