@@ -141,7 +141,8 @@ def test(folder: Path, file: str, text: str, first: bool) -> None:
     # Numba knows a kept function by its file, which has not changed: nothing must be kept.
     numba_config().CACHE_DIR = str(folder / "compiled")
     changed_import(file, text)
-    words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist",
+    # Faulthandler would end a test that never ends as if it had failed.
+    words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:faulthandler",
              "-W", "ignore::pytest.PytestAssertRewriteWarning"]  # fmt: skip
     for files in tests_of(file)[: 1 if first else 2]:
         code = pytest.main([*words, *files])

@@ -106,6 +106,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     d->faults = 0u;
     d->warnings = 0u;
     d->snapshot.tick = 0u;
+    d->sets.ohm = 0.0f;
     d->tick_last = d->tick - 1u;
     return HT_OK;
 }

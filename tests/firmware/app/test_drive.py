@@ -131,11 +131,12 @@ def test_legs_are_low_before_the_gates_come_on(bench):
 
 def test_before_the_first_interrupt_nothing_is_measured(bench):
     """Memory may hold anything when a drive is set up. A fault that comes before any sample shows
-    zeros, not what was there, and the checks begin with a leg that exists."""
+    zeros, not what was there, the checks begin with a leg that exists, and nothing is learnt."""
     drive = unwritten("ht_drive *")
     controller = bench.controller
     assert lib.ht_drive_init(drive, controller.port, [controller.drive.params]) == lib.HT_OK
     assert drive.stuck_leg in range(6)
+    assert drive.sets.ohm == 0.0
     lib.ht_drive_stand_in(drive, lib.HT_FAULT_CLOCK)
     seen = getattr(drive.snapshot, "in")
     assert list(seen.i_A.p) == [0.0] * 6
