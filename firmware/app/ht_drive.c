@@ -94,11 +94,11 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     }
     (void)ht_configure_withhold(d, &next); /* memory may hold anything */
     next->params = *p;
+    d->tick = 0u;
     result = set_up(d, port, next);
     if (result != HT_OK) {
         return result;
     }
-    d->tick = 0u;
     ht_port_read(port, &d->samples); /* the counter may stand anywhere */
     d->position_last = d->samples.position;
     d->position_now = d->samples.position;

@@ -1,11 +1,16 @@
 """From parameters to what the control step and the checks use, and the tables' answers to numbers
 that are in no table."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from hexatorque import firmware
 from hexatorque.firmware import Controller, FirmwareError, ffi, lib
+
+TABLES = Path(__file__).resolve().parents[3] / "firmware" / "app"
 
 DEADBEAT = {"scheme": "db-dtfc", "load_mode": "shadow", "predict": "on"}
 
@@ -184,6 +189,23 @@ def test_two_interrupts_of_one_rate_do_not_fit():
     assert lib.ht_misfit_of(params, 5e7) != lib.HT_MISFIT_RATIO
 
 
+@pytest.mark.parametrize(
+    ("table", "macro", "describe"),
+    (("ht_faults.def", "HT_FAULT", lib.ht_fault_describe),
+     ("ht_warnings.def", "HT_WARNING", lib.ht_warning_describe)),
+)  # fmt: skip
+def test_bit_text_and_help_are_those_of_the_table(table, macro, describe):
+    lines = (TABLES / table).read_text().splitlines()
+    rows = [line for line in lines if line.startswith(f"{macro}(")]
+    assert len(rows) >= 9
+    for number, row in enumerate(rows):
+        bit, text, help = re.fullmatch(rf'{macro}\(\w+, (\w+), "(.*?)", "(.*)"\)', row).groups()
+        made = describe(number)
+        assert made.bit == int(bit.rstrip("u"), 0)
+        assert ffi.string(made.name).decode() == text
+        assert ffi.string(made.help).decode() == help
+
+
 def test_numbers_that_are_in_no_table():
     made = controller()
     past = lib.ht_param_count()
@@ -193,7 +215,8 @@ def test_numbers_that_are_in_no_table():
     span = lib.ht_param_range(made.port, past)
     assert (span.min, span.max) == (0.0, 0.0)
     assert lib.ht_fault_describe(lib.ht_fault_count()) == ffi.NULL
-    assert lib.ht_warning_describe(lib.ht_warning_count()) == ffi.NULL
+    for more in (0, 1, 1000):
+        assert lib.ht_warning_describe(lib.ht_warning_count() + more) == ffi.NULL
     assert lib.ht_channel_describe(lib.ht_channel_count()) == ffi.NULL
     assert lib.ht_channel_read(made.drive, lib.ht_channel_count()) == 0.0
     assert ffi.string(lib.ht_state_name(lib.HT_STATES)) == b""

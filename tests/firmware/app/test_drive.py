@@ -137,6 +137,8 @@ def test_before_the_first_interrupt_nothing_is_measured(bench):
     assert lib.ht_drive_init(drive, controller.port, [controller.drive.params]) == lib.HT_OK
     assert drive.stuck_leg in range(6)
     assert drive.sets.ohm == 0.0
+    assert drive.speed_rpm == 0.0
+    assert (drive.tick, drive.taken_tick) == (0, 1)  # the parameters count from then on
     lib.ht_drive_stand_in(drive, lib.HT_FAULT_CLOCK)
     seen = getattr(drive.snapshot, "in")
     assert list(seen.i_A.p) == [0.0] * 6
@@ -155,6 +157,12 @@ def test_flux_reference_rises_linearly_over_the_build_up(bench):
     share = np.arange(1, 100) / 100  # of build_s
     np.testing.assert_allclose(flux_Wb, SETUP["flux_ref_Wb"] * share, atol=0.01)
     assert bench.drive.flux_ref_Wb == pytest.approx(SETUP["flux_ref_Wb"])
+
+
+def test_the_speed_regulator_begins_without_an_integral(bench):
+    bench.drive.speed.integral_Nm = 2.0
+    bench.run_to("build")
+    assert bench.drive.speed.integral_Nm == 0.0
 
 
 def test_an_interrupt_within_a_start_does_no_harm(bench):
@@ -885,6 +893,25 @@ def test_the_configuration_follows_from_the_parameters(bench):
         bench.controller.set("zero_vector", value)
         bench.fast()
         assert bench.drive.config.control.only_v0 == only_v0
+    for value in (True, False):
+        bench.controller.set("zero_hold", value)
+        bench.fast()
+        assert bench.drive.config.control.table_law.hold_on_zero == value
+    for kappa in (0.0, 0.25, 1.0):
+        bench.controller.set_many({"scheme": "db-dtfc", "kappa": kappa})
+        bench.fast()
+        assert bench.drive.config.control.modulator.kappa == kappa
+    # What the sets differ by: means over 0.05 s, the result over 0.2 s; only where the x-y currents
+    # are regulated.
+    for scheme, learns in (("dtc1", 0), ("dtc3", 0), ("fdr", 0), ("ddr", 1), ("ddr-ml", 1),
+                           ("db-dtfc", 1), ("foc", 1)):  # fmt: skip
+        bench.controller.set("scheme", scheme)
+        bench.fast()
+        sets = bench.drive.config.sets
+        assert sets.gain == pytest.approx(1 / (1 + 0.05 * 100), rel=1e-5)
+        assert sets.slow_gain == pytest.approx(learns / (1 + 0.2 * 100), rel=1e-5)
+        assert sets.least_A2 == pytest.approx(bench.drive.config.control.leg_loss.zero_A**2)
+    bench.controller.set("scheme", "ddr")
     for name, kind in (
         ("voltage", lib.HT_OBSERVER_VOLTAGE),
         ("compensated", lib.HT_OBSERVER_COMPENSATED),

@@ -68,8 +68,13 @@ def test_no_voltage_before_a_write():
 
 
 def test_voltages_beyond_the_link_are_cut_to_what_leaves_room_for_both_edges():
+    """In either sense."""
     legs = patterns(configuration((1000, 0, 0, 0)), 1)[0]
     assert np.abs(legs).max() == pytest.approx(0.45 * VDC_V, abs=0.1)
+    for volts in (1000, -1000):
+        legs = patterns(configuration((volts, 0, 0, 0)), 1)[0]
+        signs = np.sign(volts * np.cos(np.deg2rad([0, 30, 120, 150, 240, 270])).round(9))
+        np.testing.assert_allclose(legs, 0.45 * VDC_V * signs, atol=0.1)
     # With a write in the middle of the period the pulse begins after it.
     late = patterns(configuration((1000, 0, 0, 0)), 1, first=3000)[0]
     assert np.abs(late).max() == pytest.approx(0.2 * VDC_V, abs=0.2)

@@ -733,3 +733,81 @@ def test_drops_lower_whatever_voltage_acts():
         difference = values[:, 0] - values[:, 1]
         np.testing.assert_allclose(difference.real, wanted[0], atol=2e-7)
         np.testing.assert_allclose(difference.imag, wanted[1], atol=2e-7)
+
+
+def phases(alpha, beta, x, y):
+    return 3 * T.T @ [alpha, beta, x, y]
+
+
+@pytest.mark.parametrize("found", (0, 3))
+@pytest.mark.parametrize("leg", range(6))
+def test_a_loss_corrects_the_flux_by_the_voltage_that_was_missing(leg, found):
+    """x-y shows this voltage until the loss is found, and it acted along the leg's axis. Where a
+    leg is known to be lost from the start, none was missing."""
+    drive = Drive(config())
+    drive.state.observer.psi_Wb = [0.3, -0.2]
+    drive.state.leg_loss.found = found
+    drive.state.leg_loss.sum_V = [50.0, -30.0]
+    assert lib.ht_control_lose(drive.cfg, drive.state, 32 >> leg, 0.0)
+    a, b = 3 * T[:2, leg], 3 * T[2:, leg]
+    missing_Wb = TS * (b @ [50.0, -30.0]) * a
+    wanted = np.array([0.3, -0.2]) + (missing_Wb if found else 0.0)
+    psi = drive.state.observer.psi_Wb
+    np.testing.assert_allclose([psi.alpha, psi.beta], wanted, atol=1e-6)
+
+
+def test_without_a_leg_the_decision_counts_on_what_the_rotor_induces():
+    """u2 is lost and no leg makes a voltage. The terminal of u2 follows the machine: along its axis
+    this depends on the rotor's flux, here seen from the stator and in both components."""
+    drive = Drive(config(observer__rs_ohm=0.5))
+    assert lib.ht_control_lose(drive.cfg, drive.state, 0b010000, 0.0)
+    drive.state.observer.psi_Wb = [0.3, 0.4]
+    drive.state.observer.omega_sync_rad_s = 150.0
+    a, b = 3 * T[:2, 1], 3 * T[2:, 1]
+    i_ab = np.array([1.5, -2.0])
+    i = phases(*i_ab, *(-(a @ i_ab) * b))
+    assert i[1] == pytest.approx(0.0, abs=1e-9)
+    drive.step(i)
+    state, observer = drive.state, drive.cfg.observer
+    psi = np.array([state.estimate.psi_Wb.alpha, state.estimate.psi_Wb.beta])
+    rotor = psi - observer.sigma_ls_H * i_ab
+    turn = TS * state.observer.omega_sync_rad_s
+    none = {"ab": [0.0, 0.0], "xy": [0.0, 0.0]}
+    rs_ohm = state.observer.rs_ohm
+    lost, machine, watched = (
+        ffi.addressof(owner, name)
+        for owner, name in ((state, "lost"), (drive.cfg, "observer"), (state, "observer"))
+    )
+    v = lib.ht_lost_legs_expected(lost, machine, rs_ohm, none, list(i_ab), list(rotor), turn)
+    wanted = lib.ht_observer_predict(machine, watched, state.estimate, v, list(i_ab))
+    assert complex_flux(state.decided) == pytest.approx(complex_flux(wanted), abs=1e-7)
+    assert np.hypot(v.alpha, v.beta) > 5.0
+
+
+@pytest.mark.parametrize("scheme", ("dtc1", "ddr"))
+def test_the_current_at_an_edge_lies_between_the_samples_in_their_order(scheme):
+    """Currents around zero decide at each edge what the dead time does."""
+    drive = Drive(config(scheme, dead__i_zero_A=0.3, observer__rs_ohm=0.0))
+    dead = ffi.addressof(drive.cfg, "dead")
+    rng = np.random.default_rng(3)
+    right, turned = [], []
+    before = np.zeros(6)
+    for _ in range(100):
+        state = ffi.new("ht_control_state *", drive.state[0])
+        now = phases(*rng.uniform(-0.3, 0.3, 4))
+        drive.step(now, torque=rng.uniform(-5, 5))
+        begin, end = (ffi.new("ht_six *", {"p": list(six)}) for six in (before, now))
+        flow = lib.ht_flow_at_edges(
+            ffi.addressof(state, "active"), state.flow, lib.ht_flow_of(end, dead)
+        )
+        over = ffi.new("ht_spill *")
+        for found, ends in ((right, (begin, end)), (turned, (end, begin))):
+            v = lib.ht_volt_seconds(
+                ffi.addressof(state, "active"), state.toggles, dead, flow, *ends,
+                ffi.addressof(state, "spill"), over, False,
+            )  # fmt: skip
+            gained = complex_flux(drive.state.estimate) - complex_flux(state.estimate)
+            found.append(abs(gained - TS * VDC * complex(v.ab.alpha, v.ab.beta)))
+        before = now
+    assert max(right) < 1e-6
+    assert max(turned) > 1e-5

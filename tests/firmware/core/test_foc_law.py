@@ -140,16 +140,29 @@ def test_torque_is_exact_at_any_flux():
         assert GAIN * abs(loop.rotor) * i.imag == pytest.approx(0.6, rel=1e-3)
 
 
-def test_torque_that_takes_more_than_the_flux():
-    """Its part of the flux, across the rotor's, is 1.2 times the length that is asked for. No flux
-    along the rotor's makes up for that: a tenth of the length stays there."""
+@pytest.mark.parametrize(("share", "left"), ((1.2, 0.1), (0.98, np.sqrt(1 - 0.98**2))))
+def test_torque_that_takes_the_whole_flux_or_more(share, left):
+    """Its part of the flux, across the rotor's, is this share of the length that is asked for. Of
+    more than 1, no flux along the rotor's makes up for: a tenth of the length stays there."""
     loop = Loop(ROTOR, 0.01)
-    wanted = 1.2 * 0.4 / SIGMA_LS
+    wanted = share * 0.4 / SIGMA_LS
     for _ in range(400):
         i = loop.step(GAIN * ROTOR * wanted, 0.4)
     assert i.imag == pytest.approx(wanted, rel=1e-3)
     along = (loop.psi * loop.rotor.conjugate()).real / abs(loop.rotor)
-    assert along == pytest.approx(0.1 * 0.4, rel=1e-2)
+    assert along == pytest.approx(left * 0.4, rel=1e-2)
+
+
+@pytest.mark.parametrize("flux", (0.8, 0.1))
+def test_a_step_of_the_flux_takes_a_tenth_of_the_dc_link(flux):
+    """More would take from the torque what it needs."""
+    loop = Loop(ROTOR)
+    for _ in range(30):
+        loop.step(0.0, 0.4)
+    held = loop.v.real
+    loop.step(0.0, flux)
+    assert loop.v.real - held == pytest.approx(np.copysign(0.1, flux - 0.4), rel=0.02)
+    assert abs(loop.v.imag) < 1e-3
 
 
 def test_without_rotor_flux_the_command_stays_finite():

@@ -219,6 +219,32 @@ def test_the_dead_leg_is_the_one_without_current(currents, dead):
     assert lib.ht_leg_loss_dead(watch.state) == dead
 
 
+@pytest.mark.parametrize("leg", range(6))
+def test_the_least_current_counts_against_the_next(leg):
+    """In whatever order the legs have more and more, or less and less."""
+    for least_A, dead in ((0.2, 0x20 >> leg), (0.4, 0)):
+        for sizes in ([1, 2, 3, 4, 5], [5, 4, 3, 2, 1], [2, 5, 1, 4, 3]):
+            watch = Watch()
+            for n, size in zip((n for n in range(6) if n != leg), sizes):
+                watch.state.leg[n].sum_A = size
+            watch.state.leg[leg].sum_A = least_A
+            assert lib.ht_leg_loss_dead(watch.state) == dead
+
+
+def test_a_switch_is_named_after_the_set_number_of_periods():
+    """And one more, in which the judgement is made; there is far more than enough evidence."""
+    rng = np.random.default_rng(7)
+    watch = Watch()
+    for _ in range(100):
+        watch.step(commands(rng))
+    error = np.array([-200.0, 0, 0, 0, 0, 0])
+    large = 0
+    while watch.step(commands(rng), error, without=0) == 0:
+        large += watch.state.count != 0
+    assert large == HOLD
+    assert watch.named == ("u1", "upper")
+
+
 @pytest.mark.parametrize("leg", range(1, 6))
 def test_a_small_sum_makes_a_larger_residual_necessary(leg):
     """Half of the sum from which a sensor is wrong: the residual must be 1.5 times as large. The

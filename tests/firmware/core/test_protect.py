@@ -289,6 +289,14 @@ def test_a_rotor_flux_that_still_rises_is_no_wrong_flux(machine, least):
     assert most["not known"] > least
 
 
+def test_the_rotor_flux_that_is_followed_has_the_length_of_both_components():
+    cfg = config(MACHINES[0], rotor_gain=0.5)
+    state = fresh()
+    for _ in range(60):
+        lib.ht_protect_follow(cfg, state, seen(0.3 + 0.4j, 0j))
+    assert state.rotor_Wb == pytest.approx(0.5, rel=1e-5)
+
+
 # --- encoder ---------------------------------------------------------------------------
 
 

@@ -49,6 +49,18 @@ def test_the_integral_does_not_wind_up():
     assert lib.ht_speed_step(config(), state, -1.0) == pytest.approx(-KP, rel=1e-6)
 
 
+@pytest.mark.parametrize("error", (-1e-3, -0.01, -1.0))
+def test_a_small_error_takes_the_integral_back_from_the_limit(error):
+    """Not its product with the torque counts but the sense. An integral beyond the limit: the limit
+    was lowered."""
+    state = ffi.new("ht_speed_state *")
+    state.integral_Nm = LIMIT + 1.0
+    assert lib.ht_speed_step(config(), state, -error) == LIMIT
+    assert state.integral_Nm == LIMIT + 1.0
+    assert lib.ht_speed_step(config(), state, error) == LIMIT
+    assert state.integral_Nm == LIMIT
+
+
 def test_integral_fills_up_to_the_limit_and_comes_back():
     state = ffi.new("ht_speed_state *")
     for _ in range(10000):

@@ -135,6 +135,17 @@ def test_a_fast_sample_contains_two_events():
     assert measure.step(41, int(TICKS / 30), 0, True) == pytest.approx(30.0, rel=2e-3)
 
 
+@pytest.mark.parametrize("sign", (1, -1))
+def test_twelve_counts_contain_two_unit_events_of_four_and_eleven_may_not(sign):
+    """After a reversal the first event ends an interval that is not to be used."""
+    rpm = 11.7 * COUNT
+    for counts, used in ((12, True), (11, False)):
+        measure = Measure()
+        measure.step(sign * counts, 9, 0, True, reversed=True, forward=sign > 0)
+        got = measure.step(sign * counts, int(TICKS / rpm), 0, True, forward=sign > 0)
+        assert got == pytest.approx(sign * (rpm if used else counts * COUNT), rel=1e-3)
+
+
 def test_direction_that_contradicts_the_counts_is_a_reversal():
     measure = Measure()
     measure.steady(3.0)
