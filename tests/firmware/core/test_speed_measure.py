@@ -138,8 +138,8 @@ def test_a_fast_sample_contains_two_events():
 @pytest.mark.parametrize("sign", (1, -1))
 def test_twelve_counts_contain_two_unit_events_of_four_and_eleven_may_not(sign):
     """After a reversal the first event ends an interval that is not to be used."""
-    rpm = 11.7 * COUNT
-    for counts, used in ((12, True), (11, False)):
+    for counts, used in ((13, True), (12, True), (11, False)):
+        rpm = (counts - 0.3) * COUNT
         measure = Measure()
         measure.step(sign * counts, 9, 0, True, reversed=True, forward=sign > 0)
         got = measure.step(sign * counts, int(TICKS / rpm), 0, True, forward=sign > 0)
