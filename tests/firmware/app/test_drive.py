@@ -926,6 +926,21 @@ def test_the_configuration_follows_from_the_parameters(bench):
     assert config.first_counts == round(5e-6 * clock)
 
 
+@pytest.mark.parametrize(
+    ("gathered", "off_legs", "learns"), [(0, 0, True), (1, 0, False), (0, 1, False)]
+)
+def test_the_sets_difference_is_not_learnt_while_a_leg_may_be_lost(
+    bench, gathered, off_legs, learns
+):
+    """The residual of a lost leg says nothing of the resistances."""
+    bench.run_to("run")
+    control = bench.drive.control
+    control.observer.i_A.alpha, control.leg_loss.low_V.x = 500.0, 100.0
+    control.leg_loss.count, bench.drive.off_legs = gathered, off_legs
+    bench.slow()
+    assert (bench.drive.sets.ohm > 0.0) == learns
+
+
 @pytest.mark.parametrize(("scheme", "group"), [("ddr", lib.HT_L), ("ddr-ml", lib.HT_ML)])
 def test_limit_of_the_xy_command_is_that_of_the_scheme(bench, scheme, group):
     bench.controller.set("scheme", scheme)
