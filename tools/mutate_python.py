@@ -142,7 +142,7 @@ def test(folder: Path, file: str, text: str, first: bool) -> None:
     numba_config().CACHE_DIR = str(folder / "compiled")
     changed_import(file, text)
     # Faulthandler would end a test that never ends as if it had failed.
-    words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:faulthandler",
+    words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "faulthandler_timeout=0",
              "-W", "ignore::pytest.PytestAssertRewriteWarning"]  # fmt: skip
     for files in tests_of(file)[: 1 if first else 2]:
         code = pytest.main([*words, *files])

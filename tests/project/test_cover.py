@@ -1,6 +1,8 @@
 """What the coverage and mutation tools make of what they are told. The tools themselves are run by
 `make coverage` and `make mutate`."""
 
+import multiprocessing
+
 import cover
 import mutants
 import mutate
@@ -114,3 +116,17 @@ def test_a_text_for_the_reader_has_no_meaning():
     assert mutate_python.meaning(code.replace("one", "two")) == mutate_python.meaning(code)
     assert mutate_python.meaning(code.replace("+ 1", "- 1")) != mutate_python.meaning(code)
     assert mutate_python.meaning(code.replace("+ 1", "+* 1")) is None
+
+
+def test_a_module_as_it_is_lives_and_a_wrong_one_is_killed(tmp_path):
+    """The process that runs the tests of a changed module names the test that fails."""
+    multiprocessing.set_forkserver_preload(mutate_python.LOADED)
+    bench = mutate_python.Bench(0)
+    bench.folder = tmp_path / "mutant"
+    file = "analysis/response.py"
+    right = (mutate_python.PYTHON.base / file).read_text()
+    verdict, by = bench.tested(file, right, True)
+    assert verdict == mutants.ALIVE, (bench.folder / "log.txt").read_text()
+    verdict, by = bench.tested(file, right.replace("return ", "return None and "), True)
+    assert verdict == mutants.KILLED
+    assert by.startswith("tests/host/analysis/test_response.py::")

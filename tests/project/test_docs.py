@@ -75,3 +75,25 @@ def test_errata_table_names_what_there_is():
             assert found or word == "utilities/transfer", word
         elif word.islower():
             assert re.search(rf"\b{word}\(", sources), word
+
+
+@pytest.mark.parametrize(
+    ("page", "figure", "source", "told"),
+    [
+        ("README.md", r"(\d+) injected faults", "docs/protection.md", "{} runs; periods"),
+        ("README.md", r"of `ddr` takes (\d+) instructions", "docs/budget.md", "| ddr | {} |"),
+        ("docs/safety.md", r"([\d.]+) periods \(median\), (\d+) \(longest\)",
+         "docs/protection.md", "| {} / {} |"),
+        ("docs/safety.md", r"1 … (\d+) periods", "docs/protection.md", " / {} |"),
+        ("docs/safety.md", r"([\d.]+) ms \(median\)", "docs/lost-phase.md", "| {} ms |"),
+        ("docs/safety.md", r"([\d.]+) electrical periods", "docs/lost-phase.md", "| {} |"),
+        ("docs/safety.md", r"(\d+) losses", "docs/lost-phase.md", "of {} losses"),
+    ],
+)  # fmt: skip
+def test_figures_that_are_told_twice_agree(page, figure, source, told):
+    """The second page is generated."""
+    found = re.findall(figure, (ROOT / page).read_text())
+    assert found
+    for values in found:
+        values = (values,) if isinstance(values, str) else values
+        assert told.format(*values) in (ROOT / source).read_text(), values
