@@ -11,7 +11,7 @@
 #   make docs          the documentation as a site, in build/site
 #   make lint          formatting and static checks
 #   make format        format Python and C
-#   make fuzz          fuzz the link, FUZZ_S seconds per target (clang); the corpus stays as it is
+#   make fuzz          fuzz the link, FUZZ_S seconds per target (clang 19); the corpus stays as it is
 #   make prove         proofs of the firmware's functions; make prove-quick leaves out the long ones
 #   make coverage      lines, branches and MC/DC of the firmware, into docs/coverage.md (clang >= 18)
 #   make mutate        changes the firmware in one place, MUTANTS times: a test must fail; half an hour
@@ -74,6 +74,7 @@ sanitize: $(VENV)/.installed
 # out/fuzz/TARGET, then tools/fuzz_corpus.py pack. The service also needs -use_counters=0, which
 # keeps an input for every branch and not for every count.
 fuzz: $(VENV)/.installed
+	@command -v clang-19 >/dev/null || tools/setup-clang.sh
 	$(BIN)/cmake --preset fuzz -G Ninja "-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja" >/dev/null
 	$(BIN)/cmake --build --preset fuzz --target fuzz_packet fuzz_service
 	mkdir -p out/fuzz/packet out/fuzz/service
@@ -92,9 +93,10 @@ prove prove-quick:
 	  { echo "prove: ESBMC could not be installed"; exit 1; }
 	$(BIN)/python tools/prove.py --jobs $(JOBS) $(if $(filter prove-quick,$@),--quick,--write)
 
-# Debian's and Ubuntu's own clang may be too old for MC/DC, so it has a version in its name.
+# Debian's and Ubuntu's own clang may be too old for MC/DC and may lack the sanitizers, so it has a
+# version in its name.
 coverage: $(VENV)/.installed
-	@command -v clang-19 >/dev/null || tools/setup-coverage.sh
+	@command -v clang-19 >/dev/null || tools/setup-clang.sh
 	$(BIN)/python tools/cover.py
 
 # The mutator gets an environment of its own: it brings an outdated module `typing`.

@@ -14,6 +14,7 @@ enum {
 };
 enum {
     DONE, NO_ID, BAD_VALUE, BAD_STATE, NO_FIT, NO_HARDWARE, TURNING, TRIPPED,
+    NO_PREDICTION = 9, TOO_SLOW,
     NO_OPCODE = 16, BAD_LENGTH, NO_SESSION, STALE, BUSY, BUDGET, NO_CAPTURE, NO_STREAM,
     BAD_FIELD, TOO_LARGE, SAMPLING
 };
@@ -131,12 +132,46 @@ static unsigned judged(const uint8_t *in, size_t n, const rules_before *b)
     return DONE;
 }
 
+/* What a parameter is if the WRITE is carried out. */
+static float wanted(const uint8_t *in, size_t n, uint16_t id)
+{
+    float value = the_rules.value[id];
+    size_t k;
+    for (k = 0; k < n; k += 6) {
+        value = (u16(&in[k]) == id) ? f32(&in[k + 2]) : value;
+    }
+    return value;
+}
+
+/* A scheme that commands a voltage decides one period ahead. */
+static bool needs_prediction(float scheme)
+{
+    return (scheme == (float)HT_DB_DTFC) || (scheme == (float)HT_FOC)
+           || (scheme == (float)HT_FOC_24);
+}
+
+/* An answer to values that are right one by one: does it fit them together? */
+static bool fits_together(const uint8_t *in, size_t n, unsigned status)
+{
+    bool modulated = needs_prediction(wanted(in, n, HT_P_scheme));
+    bool ahead = (wanted(in, n, HT_P_load_mode) == 0.0f) && (wanted(in, n, HT_P_predict) != 0.0f);
+    switch (status) {
+    case DONE:
+        return !modulated || ahead;
+    case NO_PREDICTION:
+        return modulated && !ahead;
+    case TOO_SLOW:
+        return modulated && ahead;
+    default:
+        return (status == NO_FIT) || (status == NO_HARDWARE);
+    }
+}
+
 static void check_write(const uint8_t *in, size_t n, const rules_before *b, unsigned status)
 {
     unsigned judgement = judged(in, n, b);
     size_t k;
-    CHECK((status == judgement)
-          || ((judgement == DONE) && ((status == NO_FIT) || (status == NO_HARDWARE))));
+    CHECK((judgement == DONE) ? fits_together(in, n, status) : (status == judgement));
     if (status != DONE) {
         return;
     }

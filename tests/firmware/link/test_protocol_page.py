@@ -7,6 +7,7 @@ import numpy as np
 import protocol_examples
 from peer import cobs_decode
 
+from hexatorque.firmware import lib, parameters
 from hexatorque.serial import wire
 
 
@@ -58,6 +59,18 @@ def test_every_frame_holds_its_body():
         assert wire.frame(body).strip(b"\0") == frame.strip(b"\0")
         checked = cobs_decode(frame.strip(b"\0"))
         assert checked[:-4] == body
+
+
+def test_the_page_lists_every_misfit_with_its_parameters():
+    page = protocol_examples.PAGE.read_text().split("### Parameters that do not fit together")[1]
+    rows = re.findall(r"^\| (\d+) \| (.*) \|$", page.split("###")[0], re.MULTILINE)
+    names = list(parameters())
+    for number, text in rows:
+        row = lib.ht_misfit_describe(int(number))
+        for id in (row.first, row.second) if row.share else (row.first,):
+            assert f"`{names[id]}`" in text, number
+    assert [int(number) for number, _ in rows] == list(range(1, len(rows) + 1))
+    assert lib.ht_misfit_describe(len(rows)) and not lib.ht_misfit_describe(len(rows) + 1)
 
 
 def says(text):
