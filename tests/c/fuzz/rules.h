@@ -26,6 +26,8 @@ typedef struct {
     bool elsewhere;        /* the drive was started by a debugger */
     bool answered;
     uint32_t last_crc;  /* of the latest request that was carried out */
+    bool started;       /* a START, and its session has sent nothing else since */
+    uint32_t start_crc; /* of this START */
     ht_packet reply;    /* and what was answered */
     ht_packet previous; /* the one before may still be on its way */
     uint32_t damaged;

@@ -313,6 +313,8 @@ static void check_done(unsigned opcode, const uint8_t *in, bool disturbed)
         CHECK(the_rules.elsewhere || (d->state == HT_STATE_IDLE) || (d->state == HT_STATE_FAULT));
         break;
     case START:
+        the_rules.started = true;
+        the_rules.start_crc = the_rules.last_crc;
         CHECK(disturbed || (d->state == HT_STATE_CALIBRATE));
         break;
     case STOP:
@@ -383,6 +385,7 @@ void rules_request(const uint8_t *body, size_t n, const rules_before *b, bool di
         return;
     }
     owner = (the_rules.session != 0u) && (u16(&body[2]) == the_rules.session);
+    the_rules.started = the_rules.started && (!owner || (opcode == START));
     if ((((1ul << opcode) & NEEDS_SESSION) != 0) && !owner) {
         expected = NO_SESSION;
     } else if ((((1ul << opcode) & NEEDS_DICTIONARY) != 0)
@@ -406,9 +409,11 @@ void rules_request(const uint8_t *body, size_t n, const rules_before *b, bool di
                        : NO_CAPTURE;
     } else if (opcode == START) {
         bool ready = (b->state == HT_STATE_IDLE) && (b->faults == 0u);
+        bool old = the_rules.started && (the_rules.last_crc == the_rules.start_crc);
         expected = rig_trip_pin_low()
                        ? TRIPPED
                        : (!ready ? BAD_STATE : ((status == TURNING) ? TURNING : DONE));
+        expected = old ? BAD_STATE : expected;
     } else if (opcode == CLEAR) {
         bool latched = (b->state == HT_STATE_FAULT) || (b->faults != 0u);
         expected = rig_trip_pin_low() ? TRIPPED : (latched ? DONE : BAD_STATE);
