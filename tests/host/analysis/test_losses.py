@@ -97,17 +97,18 @@ def test_conduction_loss_of_sines(device, out_when):
     assert figures["conduction_loss_W"] == pytest.approx(0, abs=0.01)
 
 
+@pytest.mark.parametrize("leg", range(6))
 @pytest.mark.parametrize("amperes", [4.0, -4.0])
-def test_switching_loss_counts_the_edges_that_commutate(amperes):
+def test_switching_loss_counts_the_edges_that_commutate(amperes, leg):
     """Low, off, high, off, low, 500 times: of the four edges of a cycle the two of the switch that
     carries the current cost energy, in proportion to current and voltage."""
     rows, cycle_s = [], 0.1 / 500
     for n in range(500):
         for share, state in ((0.1, OFF), (0.12, HIGH), (0.6, OFF), (0.62, LOW)):
-            rows.append(((n + share) * cycle_s, 0, state))
+            rows.append(((n + share) * cycle_s, leg, state))
     data = {"e_on_mJ": 0.3, "e_off_mJ": 0.2, "e_ref_V": 600.0, "e_ref_A": 10.0}
-    rec = recording(direct([amperes, 0, -amperes, 0, 0, 0]), data)
-    figures = bridge(rec, edges_of([LOW] * 6, rows))
+    currents = np.roll([amperes, 0, -amperes, 0, 0, 0], leg)
+    figures = bridge(recording(direct(currents), data), edges_of([LOW] * 6, rows))
     energy_J = 0.5e-3 * (300 / 600) * (4 / 10)
     assert figures["switching_loss_W"] == pytest.approx(500 * energy_J / 0.1)
 
