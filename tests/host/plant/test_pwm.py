@@ -229,6 +229,19 @@ def test_off_is_the_level_that_the_gate_drivers_take_as_off(device, active_low):
     assert seen == {LOW, HIGH, OFF}
 
 
+@pytest.mark.parametrize("active_low", (False, True))
+@pytest.mark.parametrize("tzctl", (0b0000, 0b1111))
+@pytest.mark.parametrize("device", REGISTERS)
+def test_pins_that_a_trip_leaves_free_are_pulled_to_off(device, tzctl, active_low):
+    registers = dict(ACTIVE_LOW if active_low else ACTIVE_HIGH, TZCTL=tzctl)
+    prd = 40
+    pwm = start(device, prd, 5, active_low=active_low, AQCTLA=0x0121, CMPA=10, CMPB=30, **registers)
+    run_period(pwm, prd, 20, {})
+    run_period(pwm, prd, 20, {0: {"TZFLG": OST}})
+    assert pwm.record.gate[0] == OFF and pwm.record.gate[1] != OFF
+    assert pwm.record.shorts[0] == 0
+
+
 @pytest.mark.parametrize("wrong", ("drivers", "dead band", "trip"))
 @pytest.mark.parametrize("device", REGISTERS)
 def test_wrong_polarity_is_both_switches_on(device, wrong):
