@@ -33,7 +33,7 @@ JOBS ?= 2
 WAITING ?= 4
 FUZZ_S ?= 120
 MUTANTS ?= 1000
-MUTANTS_PYTHON ?= 250
+MUTANTS_PYTHON ?= 600
 
 .PHONY: help demo papers papers-quick test test-computes test-waits test-quick test-c test-targets \
   budget sanitize fuzz prove prove-quick coverage mutate mutate-python bench bench-peers docs lint format check-c clean
