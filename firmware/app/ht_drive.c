@@ -94,7 +94,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     }
     (void)ht_configure_withhold(d, &next); /* memory may hold anything */
     next->params = *p;
-    d->tick = 0u;
+    d->tick = 0u; /* before the set-up, which reads it */
     result = set_up(d, port, next);
     if (result != HT_OK) {
         return result;
