@@ -114,6 +114,14 @@ def harmonics(
     """Order -> peak amplitude, as `line_amplitude` defines it, at order * f1 over the last whole
     cycles of f1. NaN above the Nyquist frequency."""
     x, _ = whole_cycles(signal, rate_Hz, f1_Hz)
+    return _harmonics(x, rate_Hz, f1_Hz, orders)
+
+
+def _harmonics(
+    x: np.ndarray, rate_Hz: float, f1_Hz: float, orders: Iterable[int]
+) -> dict[int, float]:
+    """`harmonics` over all of x. Whole cycles that are cut once more could lose one: they end
+    within half a sample of the last cycle's end."""
     w = _hann(x.size)
     base = np.exp(-2j * np.pi * abs(f1_Hz) / rate_Hz * np.arange(x.size))
     rotor, at, found = np.ones_like(base), 0, {}
@@ -167,7 +175,7 @@ def thd_pct(
         result[name] = _percent(content, fundamental) if limit_Hz <= nyquist_Hz else None
     result["h50"] = None
     if h50 and HIGHEST_ORDER * abs(f1_Hz) <= nyquist_Hz:
-        line = harmonics(x, rate_Hz, f1_Hz, range(1, HIGHEST_ORDER + 1))
+        line = _harmonics(x, rate_Hz, f1_Hz, range(1, HIGHEST_ORDER + 1))
         content = sum(a * a for order, a in line.items() if order > 1)
         result["h50"] = _percent(content, line[1] ** 2)
     return result
@@ -177,8 +185,8 @@ def thd_inf_pct(signals: np.ndarray, rate_Hz: float, f1_Hz: float) -> float:
     """Distortion of several phases together in %, over the whole recorded spectrum.
 
     100 sqrt(sum P / sum_lobe P), both sums over all rows of `signals` (phases, samples): everything
-    but the mean and the fundamental (bins k1 - 3 .. k1 + 3), up to the Nyquist frequency. Over the
-    last whole cycles of f1."""
+    but DC (the mean and bin 1) and the fundamental (bins k1 - 3 .. k1 + 3), up to the Nyquist
+    frequency. Over the last whole cycles of f1."""
     content = fundamental = 0.0
     for signal in signals:
         x, k1 = whole_cycles(signal, rate_Hz, f1_Hz)

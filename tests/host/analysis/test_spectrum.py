@@ -63,6 +63,19 @@ def test_harmonics_and_thd_do_not_depend_on_window_or_offset(f1_Hz, duration_s, 
         assert band == pytest.approx(expected, abs=0.3)
 
 
+@settings(max_examples=60, deadline=None)
+@given(f1_Hz=st.floats(20, 90), cycles=st.floats(2.0, 8.0), h5=st.floats(0.1, 0.4))
+def test_every_recording_of_two_cycles_or_more_has_its_harmonics(f1_Hz, cycles, h5):
+    """The cut to whole cycles ends within half a sample of a cycle. A second cut would lose one."""
+    count = int(np.ceil(cycles * RATE_HZ / f1_Hz))
+    signal = tones(count / RATE_HZ, (2.0, f1_Hz, 0.4), (2 * h5, 5 * f1_Hz, 1.0))
+    whole, _ = whole_cycles(signal, RATE_HZ, f1_Hz)
+    distortion = thd_pct(signal, RATE_HZ, f1_Hz)
+    lines = [line_amplitude(whole, RATE_HZ, k * f1_Hz) for k in range(1, 51)]
+    expected = 100 * np.hypot.reduce(lines[1:]) / lines[0]
+    assert distortion["h50"] == pytest.approx(expected, rel=1e-6)
+
+
 def test_thd_bands_include_all_below_their_limit():
     parts = (10.0, 40, 0), (1.0, 200, 1), (0.7, 1480, 2), (0.5, 3333, 0), (0.9, 6000, 0)
     thd = thd_pct(tones(0.5, *parts), RATE_HZ, 40.0)

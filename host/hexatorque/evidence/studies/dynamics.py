@@ -82,7 +82,9 @@ def rise(
 
 
 def rises(rec: Recording) -> dict[str, float]:
-    """Means over the steps of the torque reference, up and down."""
+    """Means over the steps of the torque reference, up and down. A step is from the measured mean
+    before it to the measured mean after it: the torque of a table scheme does not keep exactly to
+    its reference."""
     reference = np.asarray(rec["torque_ref_Nm"], dtype=float)
     torque_Nm = np.asarray(rec["plant.torque_Nm"], dtype=float)
     found: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
@@ -90,7 +92,8 @@ def rises(rec: Recording) -> dict[str, float]:
         since = rec.time_s - rec.time_s[n]
         part = (since > -BEFORE_S) & (since < AFTER_S)
         before = torque_Nm[(since > -AFTER_S) & (since < -BEFORE_S)].mean()
-        made = rise(rec.time_s[part], torque_Nm[part], before, reference[n + 1])
+        after = torque_Nm[(since > AFTER_S) & (since < 3 * AFTER_S)].mean()
+        made = rise(rec.time_s[part], torque_Nm[part], before, after)
         found[bool(reference[n + 1] > reference[n])].append(made)
     up, down = (np.array(found[way]).mean(axis=0) for way in (True, False))
     return {

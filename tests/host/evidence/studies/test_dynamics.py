@@ -67,6 +67,26 @@ def test_steps_are_found_in_the_reference():
     assert found["rise_down_ms"] == pytest.approx(1.6, rel=1e-3)
 
 
+def test_torque_that_stays_below_its_reference_rises_to_its_own_mean():
+    """A ramp of 1 ms to 80 % of the reference's step: 90 % of the reference would never come."""
+    time_s = np.arange(0, 0.2, 1 / RATE_HZ)
+    up, down = (0.02, 0.1), (0.06, 0.14)
+    reference, torque = np.ones_like(time_s), np.ones_like(time_s)
+    for begin, end in zip(up, down):
+        reference[(time_s >= begin) & (time_s < end)] = 3.0
+        torque += 1.6 * np.clip((time_s - begin) / 1e-3, 0, 1)
+        torque -= 1.6 * np.clip((time_s - end) / 1e-3, 0, 1)
+    rec = Recording(
+        RATE_HZ,
+        {"torque_ref_Nm": reference, "plant.torque_Nm": torque},
+        {"torque_ref_Nm": "N m", "plant.torque_Nm": "N m"},
+        {"samples_per_period": 4},
+    )
+    found = dynamics.rises(rec)
+    assert found["rise_up_ms"] == pytest.approx(0.8, rel=1e-3)
+    assert found["rise_down_ms"] == pytest.approx(0.8, rel=1e-3)
+
+
 @pytest.mark.parametrize("step", dynamics.TORQUE_STEPS[-2:-1])
 def test_torque_rises_as_fast_as_under_dtc1(step):
     ours, dtc1 = (

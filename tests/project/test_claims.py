@@ -1,0 +1,177 @@
+"""Every number in README's table of claims comes from what its row links to."""
+
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hexatorque import setups
+from hexatorque.evidence.papers.fsw.search import SLOW_HZ
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+
+
+def rows_of_claims() -> dict[str, str]:
+    """Page that a row links to first -> its claim."""
+    text = (ROOT / "README.md").read_text()
+    table = text.split("| claim | measured |\n|---|---|\n")[1].split("\n\n")[0]
+    found = {}
+    for line in table.splitlines():
+        claim, link = (cell.strip() for cell in line.strip("|").split(" | "))
+        found[re.search(r"\]\(docs/([\w-]+\.md#?[\w-]*)\)", link)[1]] = claim
+    return found
+
+
+CLAIMS = rows_of_claims()
+
+
+def numbers(text: str) -> list[str]:
+    """The numbers of a claim, in order. A name, such as Cortex-M4F, has none."""
+    text = re.sub(r"Cortex-M\d\w?|16-bit|κ = \d", "", text)
+    words = {"one": "1", "two": "2", "three": "3", "four": "4"}
+    text = re.sub(r"\b(one|two|three|four)\b", lambda word: words[word[0]], text)
+    return re.findall(r"\d+(?:\.\d+)?(?:e-?\d+)?", text)
+
+
+def table_after(page: str, heading: str) -> list[list[str]]:
+    """The cells of the first table behind this text, without its head."""
+    text = (DOCS / page).read_text().split(heading, 1)[1]
+    lines = re.search(r"^\|.*?(?=^[^|]|\Z)", text, re.S | re.M)[0].splitlines()
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def errors_of_the_model() -> list[str]:
+    (row,) = table_after("model.md", "## Measured errors")
+    worst = max(float(cell) for cell in row[1:])
+    assert worst < 3e-9
+    assert "It covers 0.5 s" in (DOCS / "model.md").read_text()
+    return ["3e-9"]
+
+
+def low_speed() -> list[str]:
+    """Flux in per cent and speed in r/min of the hybrid observer under each scheme. Six points a
+    cell."""
+    page = (DOCS / "observers.md").read_text()
+    rows = table_after("observers.md", "## Low speed, measured")
+    hybrid = [row for row in rows if row[0].startswith("hybrid") and "late" not in row[0]]
+    flux, speed = [], []
+    for row in hybrid:
+        for cell in row[1:]:
+            a, b = re.fullmatch(r"([+-][\d.]+) %, ([\d.]+)", cell).groups()
+            flux.append(abs(float(a)))
+            speed.append(float(b))
+    beyond = [error for error in flux if error > 2]
+    assert f"the flux was {beyond[0]} % low for one half second" in page
+    heads = page.split("## Low speed, measured")[1].split("|---")[0]
+    changes = [round(100 * abs(float(x) - 1)) for x in re.findall(r"× ([\d.]+)", heads)]
+    speed_rpm = math.ceil(max(speed))
+    return [
+        str(changes[0]), str(changes[2]), "2",
+        str(len(beyond)), str(6 * len(flux)), str(beyond[0]), str(speed_rpm),
+    ]  # fmt: skip
+
+
+def faults() -> list[str]:
+    rows = table_after("protection.md", "<!-- generated: faults -->")
+    done = [tuple(map(int, row[-1].split(" / "))) for row in rows]
+    assert sum(failures for failures, _ in done) == 0
+    return [str(sum(runs for _, runs in done))]
+
+
+def budget() -> list[str]:
+    ddr = json.loads((DOCS / "budget.json").read_text())["mps2-an386"]["ddr"]
+    return [str(round(ddr["mean"]))]
+
+
+def ratio(cell: str) -> float:
+    return float(re.search(r"\((\d+\.\d+)\)", cell)[1])
+
+
+def geometric(values: list[float]) -> float:
+    return math.exp(sum(map(math.log, values)) / len(values))
+
+
+def equal_f_sw() -> list[str]:
+    """The column of κ = 1 has its ratio to tables sampled at 20 kHz at most in brackets; that to
+    freely sampled ones follows from the values."""
+    torque = table_after("results.md", "Td [N m] within 3 kHz:")
+    currents = table_after("results.md", "THD∞ [%] within 3 kHz:")
+    sampled = re.search(r"sampling frequency \(3 to (\d+) kHz\)", (DOCS / "results.md").read_text())
+    free = [
+        float(row[4].strip("*").split()[0]) / float(row[2].split()[0])
+        for row in torque
+        if row[2] != "–"
+    ]
+    return [
+        f"{geometric([ratio(row[4]) for row in torque]):.2f}",
+        f"{geometric([ratio(row[4]) for row in currents]):.2f}",
+        str(round(SLOW_HZ / 1e3)), str(len(torque)), sampled[1],
+        f"{geometric(free):.2f}", str(sum(value > 1 for value in free)),
+    ]  # fmt: skip
+
+
+def comparison() -> list[str]:
+    text = (DOCS / "comparison.md").read_text()
+    fronts = text.split("<!-- generated: fronts -->")[1].split("<!-- end of fronts -->")[0]
+    methods = set(re.findall(r"^\| `([\w-]+)` \|", fronts, re.M))
+    points = re.findall(r"^(.+?), -?\d+ r/min, .*:$", fronts, re.M)
+    return [str(len(methods)), str(len(set(points)))]
+
+
+def papers() -> list[str]:
+    text = (DOCS / "results.md").read_text()
+    names = re.findall(r"^\*\*([^*]+)\*\* · ", text.split("## At equal")[0], re.M)
+    return [str(len(names)), "2"]
+
+
+EXPECTED = {
+    "model.md#measured-errors": errors_of_the_model,
+    "observers.md#low-speed-measured": low_speed,
+    "protection.md#campaign": faults,
+    "pil.md": list,
+    "budget.md": budget,
+    "results.md#at-equal-switching-frequency": equal_f_sw,
+    "comparison.md": comparison,
+    "results.md": papers,
+}
+
+
+@pytest.mark.parametrize("page", CLAIMS)
+def test_numbers_of_a_claim_are_those_of_its_source(page):
+    assert numbers(CLAIMS[page]) == EXPECTED[page](), CLAIMS[page]
+
+
+def test_page_tells_what_freely_sampled_tables_reach():
+    *_, mean, above = equal_f_sw()
+    text = " ".join((DOCS / "results.md").read_text().split())
+    told = re.search(
+        r"Against freely sampled tables .*? geometric mean (\S+) .*? (\w+) points", text
+    )
+    assert (told[1], told[2]) == (mean, {"3": "three"}[above])
+
+
+def test_torque_of_all_phases_at_the_rated_current_needs_the_flux_that_is_told():
+    """T = 3 p L_m^2/L_r i_d i_q, and the stator flux is |L_s i_d + j sigma L_s i_q|."""
+    setup = setups.load("paper-a-feasible")
+    lls_H, llr_H, lm_H = (setup[f"machine.{name}"] for name in ("lls_H", "llr_H", "lm_H"))
+    ls_H, lr_H = lls_H + lm_H, llr_H + lm_H
+    sigma_ls_H = ls_H - lm_H**2 / lr_H
+    text = " ".join((DOCS / "lost-phase.md").read_text().split())
+    told = re.search(
+        r"i_rated_A = ([\d.]+) A .*? give ([\d.]+) N m at ([\d.]+) Wb, and ([\d.]+) N m at the "
+        r"set-up's ([\d.]+) Wb",
+        text,
+    )
+    i_rated_A, most_Nm, best_Wb, at_Nm, flux_Wb = map(float, told.groups())
+    i_A = np.sqrt(2) * i_rated_A
+    i_d = np.linspace(0.05, 0.9999, 20_000) * i_A
+    i_q = np.sqrt(i_A**2 - i_d**2)
+    torque_Nm = 3 * setup["machine.pole_pairs"] * lm_H**2 / lr_H * i_d * i_q
+    psi_Wb = np.hypot(ls_H * i_d, sigma_ls_H * i_q)
+    assert torque_Nm.max() == pytest.approx(most_Nm, abs=0.05)
+    assert psi_Wb[torque_Nm.argmax()] == pytest.approx(best_Wb, abs=0.005)
+    assert np.interp(flux_Wb, psi_Wb, torque_Nm) == pytest.approx(at_Nm, abs=0.05)
