@@ -29,8 +29,9 @@ def at_terminal() -> bool:
         'new mine.toml --circuit "pole_pairs=2 rs_ohm=1.8 rr_ohm=2 lls_H=10e-3 \\\n'
         '    llr_H=15e-3 lm_H=284e-3 current_A=6 vdc_V=300"',
         note="Either list may also have vdc_V, inertia_kgm2, lxy_H, i_full_A, vdc_full_V, "
-        "dead_time_us, encoder_ppr, device; a nameplate power_factor, efficiency, pull_out, "
-        "connection; a circuit torque_Nm, speed_rpm, flux_Wb.",
+        "dead_time_us, encoder_ppr, device, phases (with 3 it says what rewinding to six "
+        "phases gives); a nameplate may have power_factor, efficiency, pull_out, "
+        "connection; a circuit torque_Nm, speed_rpm, flux_Wb. 5,5 is 5.5.",
     ),
 )
 @click.argument("file", metavar="FILE.toml", type=click.Path(path_type=Path))
@@ -40,7 +41,8 @@ def at_terminal() -> bool:
 def new(file, nameplate, circuit, force) -> int:
     """Write a set-up for a machine of your own.
 
-    Voltage and current of a nameplate are those of each of the two three-phase sets. What it does
+    The machine has six phases. Voltage and current of a nameplate are those of each of the two
+    three-phase sets. What it does
     not say is estimated, and tagged with the range in which it lies. Without a list the command
     asks.
     """

@@ -14,15 +14,28 @@ import click
 from ..setups import SetupError
 from ..setups import new as writing
 from ..setups.keys import Key
+from ..setups.nameplate import ThreePhase
 
 #: What is asked, in this order. All else has its usual value, and can be changed in the file.
+FIRST = "phases"
 LAST = ("inertia_kgm2", "i_full_A", "dead_time_us", "encoder_ppr", "device")
 PLATE = (
-    *("power_kW", "voltage_V", "current_A", "frequency_Hz", "speed_rpm", "poles"),
+    *(FIRST, "power_kW", "voltage_V", "current_A", "frequency_Hz", "speed_rpm", "poles"),
     *("power_factor", "efficiency", "vdc_V", *LAST),
 )
 CIRCUIT = (
-    *("pole_pairs", "rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H", "lxy_H", "vdc_V", "current_A"),
+    *(
+        FIRST,
+        "pole_pairs",
+        "rs_ohm",
+        "rr_ohm",
+        "lls_H",
+        "llr_H",
+        "lm_H",
+        "lxy_H",
+        "vdc_V",
+        "current_A",
+    ),
     *("torque_Nm", "speed_rpm", *LAST),
 )
 #: Of values that nothing suggests.
@@ -48,7 +61,10 @@ UNKNOWN = "not known"
 
 def ask(title: str) -> str:
     """Asks until the answers make a set-up. Returns its text."""
-    click.echo("Enter takes the answer in [brackets].")
+    click.echo(
+        "hexatorque drives six-phase machines: two sets of three phases, 30 degrees apart.\n"
+        "Enter takes the answer in [brackets]."
+    )
     kind = click.prompt(
         "What do you have? nameplate, or the circuit per phase",
         type=click.Choice(["nameplate", "circuit"]),
@@ -68,6 +84,9 @@ def ask(title: str) -> str:
                 told[name] = word
         try:
             return make(",".join(f"{name}={word}" for name, word in told.items()), title)
+        except ThreePhase as error:
+            click.echo(f"{error}\nOnce more, for the rewound machine; Enter takes these values.")
+            before = told | error.rewound
         except SetupError as error:
             click.echo(f"{error}\nOnce more; Enter keeps what you said.")
             before = told

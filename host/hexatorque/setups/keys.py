@@ -145,8 +145,13 @@ KEYS: dict[str, dict[str, Key]] = {
     },
 }
 
-#: Far below any machine's; smaller ones overflow the power law.
-SMALLEST_KNEE_WB = 1e-3
+#: What 0 means, and the smallest other value: far below any machine's, and computable.
+ZERO_OR_AT_LEAST = {
+    "machine.psi_knee_Wb": ("linear", 1e-3),  # smaller ones overflow the power law
+    "rated.torque_Nm": ("not known", 1e-4),
+    "rated.speed_rpm": ("not known", 1e-2),
+    "rated.flux_Wb": ("not known", 1e-4),
+}
 
 #: Controller parameters that follow from the rest unless a file sets them.
 TIMING_OWNS = ("load_mode", "predict", "write_delay_us")

@@ -35,6 +35,15 @@ from .values import SetupError
 SQRT_3 = math.sqrt(3)
 
 
+class ThreePhase(SetupError):
+    """The values are those of a three-phase machine. rewound: what changes when it is rewound to
+    six phases, as words of the list."""
+
+    def __init__(self, text: str, rewound: dict[str, str]) -> None:
+        super().__init__(text)
+        self.rewound = {**rewound, "phases": "6"}
+
+
 @dataclass(frozen=True)
 class Assumed:
     """What a plate does not say, and between which values it usually lies."""
@@ -47,6 +56,10 @@ class Assumed:
 PULL_OUT = Assumed(2.8, 2.2, 3.5)  #: pull-out torque in rated torques
 IRON = Assumed(0.2, 0.1, 0.3)  #: iron and stray losses, share of all losses
 FRICTION = Assumed(0.1, 0.05, 0.15)  #: friction and windage, share of all losses
+#: Efficiency times power factor of a motor is above this. If a plate is below when it is taken for
+#: that of two sets, it may be that of one: a three-phase machine has twice the product.
+LEAST_PRODUCT = 0.45
+THREE_PHASE = "hexatorque drives six-phase machines only"
 #: A leakage reactance is never below this share of voltage over current.
 LEAST_LEAKAGE = 0.02
 
@@ -66,6 +79,28 @@ class Nameplate:
     pull_out: float = PULL_OUT.value
     iron: float = IRON.value
     friction: float = FRICTION.value
+
+    @property
+    def product(self) -> float:
+        """Efficiency times power factor, if voltage and current are those of each of two sets."""
+        return 1e3 * self.power_kW / (2 * SQRT_3 * self.voltage_V * self.current_A)
+
+    @property
+    def may_be_three_phase(self) -> bool:
+        """Whether one set gives a better sense than two."""
+        if self.efficiency and self.power_factor:
+            # As near as `split` asks, to one set's product.
+            return abs(self.efficiency * self.power_factor / (2 * self.product) - 1) <= 0.05
+        return 0.15 <= self.product < LEAST_PRODUCT
+
+    @property
+    def doubt(self) -> str:
+        """Why it may be the plate of a three-phase machine."""
+        return (
+            f"this may be a three-phase machine's plate: {self.power_kW:g} kW from two sets of "
+            f"{self.voltage_V:g} V, {self.current_A:g} A are an efficiency times power factor of "
+            f"{self.product:.3g}, from one set {2 * self.product:.3g}. {THREE_PHASE}"
+        )
 
 
 @dataclass(frozen=True)
@@ -96,8 +131,8 @@ def slip_of(plate: Nameplate) -> float:
 def split(plate: Nameplate) -> tuple[float, float]:
     """Efficiency and power factor. The plate's power, voltage and current give their product; if
     it names neither, the efficiency is taken half-way between their root and 1."""
-    apparent_W = 2 * SQRT_3 * plate.voltage_V * plate.current_A
-    product = 1e3 * plate.power_kW / apparent_W
+    product = plate.product
+    apparent_W = 1e3 * plate.power_kW / product
     sizes = f"{plate.power_kW:g} kW from 2 sets of {plate.voltage_V:g} V, {plate.current_A:g} A"
     if product >= 0.98:
         raise SetupError(

@@ -8,7 +8,16 @@ from typing import Any
 
 from .design import REACH_PU, USABLE
 from .keys import DEVICES, KEYS, Key
-from .nameplate import FRICTION, IRON, PULL_OUT, Nameplate, circuit_of, spread_of
+from .nameplate import (
+    FRICTION,
+    IRON,
+    PULL_OUT,
+    THREE_PHASE,
+    Nameplate,
+    ThreePhase,
+    circuit_of,
+    spread_of,
+)
 from .values import SetupError, suggest
 
 _M = KEYS["machine"]
@@ -18,8 +27,10 @@ def _n(help: str, unit: str, low: float, high: float, default: Any = None) -> Ke
     return Key("number", help, unit, low, high, default=default)
 
 
-#: What may be given in either case. 0 as default: worked out.
+#: What may be given in either case. 0 as default: worked out. phases: without it the values decide
+#: whether a plate can be that of a three-phase machine.
 COMMON = {
+    "phases": Key("choice", "of the machine, both sets together", choices=("6", "3"), default=""),
     "vdc_V": _n("dc-link voltage", "V", 1, 1e4, 0.0),
     "inertia_kgm2": _n("inertia, load included", "kg m2", 1e-6, 1e5, 0.0),
     "lxy_H": _n("inductance of the x-y plane", "H", 1e-6, 10, 0.0),
@@ -59,18 +70,22 @@ def read(text: str, keys: dict[str, Key]) -> dict[str, Any]:
     """Values from `name=value,name=value`. SetupError with a line for each mistake."""
     values = {name: key.default for name, key in keys.items()}
     lines = []
-    for part in filter(None, re.split(r"[,\s]+", text)):
+    given: set[str] = set()
+    # No name begins with a digit: a comma between digits is a decimal sign.
+    for part in filter(None, re.split(r"\s+|,(?!(?<=\d,)\d)", text)):
         name, equals, word = part.partition("=")
         if not equals:
-            lines.append(f"{part!r}: name=value is needed, for example {next(iter(keys))}=1")
+            lines.append(f"{part!r}: name=value is needed, for example current_A=1")
         elif name not in keys:
             lines.append(f"unknown name {name}{suggest(name, keys)}")
+        elif name in given:
+            lines.append(f"{name} is given twice")
         else:
+            given.add(name)
             try:
                 values[name] = value(name, word, keys[name])
             except SetupError as error:
                 lines.append(str(error))
-    given = {part.partition("=")[0] for part in re.split(r"[,\s]+", text)}
     for name, key in keys.items():
         if key.default is None and name not in given:
             lines.append(f"{name} is missing ({key.help}, {key.unit or '-'})")
@@ -86,7 +101,7 @@ def value(name: str, word: str, key: Key) -> Any:
             raise SetupError(f"{name} = {word!r}: choose one of {', '.join(key.choices)}")
         return word
     try:
-        number = float(word)
+        number = float(word.replace(",", ".", 1) if "." not in word else word)
     except ValueError:
         raise SetupError(f"{name} = {word!r}: a number is needed") from None
     whole = key.kind == "integer"
@@ -102,7 +117,8 @@ def value(name: str, word: str, key: Key) -> Any:
 
 
 def from_nameplate(text: str, title: str) -> str:
-    """The text of a set-up from what a nameplate says."""
+    """The text of a set-up from what a nameplate says. ThreePhase if the plate is a three-phase
+    machine's."""
     given = read(text, NAMEPLATE)
     plate = Nameplate(
         **{n: given[n] for n in ("power_kW", "voltage_V", "current_A", "frequency_Hz")},
@@ -112,6 +128,17 @@ def from_nameplate(text: str, title: str) -> str:
         efficiency=given["efficiency"],
         pull_out=given["pull_out"],
     )
+    if given["phases"] == "3" or (given["phases"] != "6" and plate.may_be_three_phase):
+        half_A, half_V = (f"{0.5 * given[name]:.4g}" for name in ("current_A", "voltage_V"))
+        why = THREE_PHASE if given["phases"] == "3" else plate.doubt
+        raise ThreePhase(
+            f"{why}. Rewound to six phases, for the "
+            f"same power, each of the two sets takes voltage_V={given['voltage_V']:g},"
+            f"current_A={half_A}, or with the same coils in two groups voltage_V={half_V},"
+            f"current_A={given['current_A']:g}"
+            + ("" if given["phases"] else "; if it has six phases, add phases=6"),
+            {"current_A": half_A},
+        )
     circuit, spread = circuit_of(plate), spread_of(plate)
     words = {
         name: f"from the nameplate; {low:.3g} .. {high:.3g}" for name, (low, high) in spread.items()
@@ -141,6 +168,14 @@ def from_nameplate(text: str, title: str) -> str:
 def from_circuit(text: str, title: str) -> str:
     """The text of a set-up from an equivalent circuit."""
     given = read(text, CIRCUIT)
+    if given["phases"] == "3":
+        doubled = {n: f"{2 * given[n]:.4g}" for n in ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")}
+        doubled["current_A"] = f"{0.5 * given['current_A']:.4g}"
+        raise ThreePhase(
+            f"{THREE_PHASE}. Rewound to six phases, for the same voltage and power, each phase has "
+            + ",".join(f"{name}={word}" for name, word in doubled.items()),
+            doubled,
+        )
     names = ("pole_pairs", "rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")
     machine = {name: (given[name], "", "") for name in names}
     rated = {
@@ -162,6 +197,8 @@ def _rounded(value: float, digits: int = 2) -> float:
 
 def suggestion(name: str, given: dict[str, Any]) -> Any:
     """A value that follows from those given so far; None if it does not follow."""
+    if name == "phases":
+        return "6"
     if name == "frequency_Hz":
         return 50
     if name == "poles":

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from . import derived, to_parameters
-from .keys import KEYS, SECTIONS, SMALLEST_KNEE_WB
+from .keys import KEYS, SECTIONS, ZERO_OR_AT_LEAST
 from .values import Profile, SetupError, Value, suggest
 
 
@@ -101,12 +101,13 @@ def inconsistent(setup: Setup) -> list[str]:
             lines.append(f"machine.d{key}: {key} plus its change must stay above 0")
     if min(setup["machine.dlls_H"]) + setup["machine.lxy_H"] <= 0:
         lines.append("machine.dlls_H: lxy_H plus its change must stay above 0")
-    knee_Wb = setup["machine.psi_knee_Wb"]
-    if 0 < knee_Wb < SMALLEST_KNEE_WB:
-        lines.append(
-            f"machine.psi_knee_Wb = {knee_Wb:g}: allowed is 0 (linear) "
-            f"or {SMALLEST_KNEE_WB:g} Wb and more"
-        )
+    for path, (zero, least) in ZERO_OR_AT_LEAST.items():
+        if 0 < setup[path] < least:
+            section, key = path.split(".")
+            lines.append(
+                f"{path} = {setup[path]:g}: allowed is 0 ({zero}) "
+                f"or {least:g} {KEYS[section][key].unit} and more"
+            )
     if sorted(setup["machine.leads"]) != list(range(1, 7)):
         lines.append("machine.leads: each phase 1 .. 6 once is needed")
     if any(channel % 1 for channel in setup["sensors.i_wires"]):

@@ -10,7 +10,7 @@ from hexatorque import firmware, setups
 from hexatorque.cli.main import main
 from hexatorque.setups import SetupError, derived, new, review
 from hexatorque.setups.design import Design
-from hexatorque.setups.nameplate import Nameplate, circuit_of, spread_of
+from hexatorque.setups.nameplate import Nameplate, ThreePhase, circuit_of, spread_of
 
 PLATE = "power_kW=7.5,voltage_V=400,current_A=7.8,frequency_Hz=50,speed_rpm=1455,poles=4"
 CIRCUIT = "pole_pairs=2,rs_ohm=1.8,rr_ohm=2,lls_H=0.01,llr_H=0.015,lm_H=0.284"
@@ -59,6 +59,13 @@ def test_the_circuit_does_what_the_plate_says(plate):
         ({"power_kW": "-1"}, ("power_kW = -1", "allowed range")),
         ({"efficiency": "0.9", "power_factor": "0.9"}, ("0.81", "0.694")),
         ({"efficiency": "0.6"}, ("power factor would be 1.16",)),
+        ({"phases": "5"}, ("phases", "6, 3")),
+        ({"phases": "3"}, ("six-phase machines only", "current_A=3.9", "voltage_V=200")),
+        ({"current_A": "15.6"}, ("0.347", "one set 0.694", "current_A=7.8", "phases=6")),
+        (
+            {"current_A": "15.6", "efficiency": "0.87", "power_factor": "0.8"},
+            ("one set 0.694", "current_A=7.8"),
+        ),
     ],
 )
 def test_an_impossible_plate_is_refused_with_the_numbers(change, words):
@@ -68,6 +75,56 @@ def test_an_impossible_plate_is_refused_with_the_numbers(change, words):
     assert "\n" not in str(error.value)
     for word in words:
         assert word in str(error.value)
+
+
+def test_a_small_machine_with_six_phases_is_believed():
+    """20 W from two sets of 42 V and 0.4 A: 0.34 is usual for a motor of this size."""
+    plate = "power_kW=0.02,voltage_V=42,current_A=0.4,frequency_Hz=50,speed_rpm=1350,poles=4"
+    with pytest.raises(SetupError, match="phases=6"):
+        new.from_nameplate(plate, "x")
+    assert "voltage_V=42" in new.from_nameplate(f"{plate},phases=6", "x")
+    assert "voltage_V=42" in new.from_nameplate(f"{plate},efficiency=0.55,power_factor=0.625", "x")
+
+
+def test_a_rewound_circuit_takes_the_same_power():
+    """The same voltage on twice as many phases of twice the impedance."""
+    with pytest.raises(ThreePhase) as error:
+        new.from_circuit(f"{CIRCUIT},phases=3", "x")
+    before = dict(part.split("=") for part in CIRCUIT.split(","))
+    rewound = error.value.rewound
+
+    def power_W(circuit, phases, slip=0.03, omega=2 * math.pi * 50, v=100.0):
+        rs, rr, lls, llr, lm = (
+            float(circuit[n]) for n in ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")
+        )
+        rotor, main = rr / slip + 1j * omega * llr, 1j * omega * lm
+        return phases * (v**2 / (rs + 1j * omega * lls + rotor * main / (rotor + main))).real
+
+    assert power_W(rewound, 6) == pytest.approx(power_W(before, 3), rel=1e-3)
+    assert 2 * float(rewound["current_A"]) == float(before["current_A"])
+
+
+def test_a_comma_between_digits_is_a_decimal_sign():
+    commas = PLATE.replace(".", ",")
+    assert "," in commas.split("=")[1] and new.read(commas, new.NAMEPLATE) == new.read(
+        PLATE, new.NAMEPLATE
+    )
+    with pytest.raises(SetupError, match="a number is needed"):
+        new.read(PLATE.replace("7.5", "1.000,5"), new.NAMEPLATE)
+
+
+def test_a_name_that_is_given_twice_is_refused():
+    with pytest.raises(SetupError, match=r"^poles is given twice$"):
+        new.from_nameplate(f"{PLATE} poles=6", "x")
+
+
+@pytest.mark.parametrize("name", ("flux_Wb", "torque_Nm", "speed_rpm"))
+def test_a_rated_value_too_small_to_compute_with_is_refused(name):
+    """Its square is 0 to a computer, and would divide."""
+    with pytest.raises(
+        SetupError, match=rf"^rated.{name} = 1e-308: allowed is 0 \(not known\) or "
+    ):
+        setups.parse(new.from_circuit(f"{CIRCUIT},{name}=1e-308", "x"), "x")
 
 
 @pytest.mark.parametrize(
