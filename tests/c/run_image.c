@@ -8,7 +8,8 @@
  * compares the registers with what they should be, and breaks the drivers to see this fail.
  *
  * An argument plants a fault of the chip's clock: "wrong", "never", "missing", and "late" for a
- * PLL that is right at the second try only.
+ * PLL that is right at the second try only. "restart": a debugger halts the chip while the gates
+ * are on and lets it go on from its entry, without a reset.
  */
 #include <setjmp.h>
 #include <stdio.h>
@@ -362,6 +363,16 @@ static void other_trips(void)
     command(HT_COMMAND_CLEAR);
 }
 
+/* No machine is connected, so the checks that need one are off. */
+static void without_machine(void)
+{
+    set(HT_P_encoder_trip_rpm, 0.0f);
+    set(HT_P_flux_check, 0.0f);
+    set(HT_P_stuck_trip_A, 0.0f);
+    set(HT_P_loss_check, 0.0f);
+    set(HT_P_flux_trip_Wb, 100.0f);
+}
+
 static void drive(void)
 {
     unsigned n;
@@ -372,12 +383,7 @@ static void drive(void)
           ht_image_registers.word[ht_image_port.leg[3] + ht_image_port.map->dbred] == 2u * dead);
     check("gates are off after a set-up", !gates_on());
     dead_times();
-    /* No machine is connected, so the checks that need one are off. */
-    set(HT_P_encoder_trip_rpm, 0.0f);
-    set(HT_P_flux_check, 0.0f);
-    set(HT_P_stuck_trip_A, 0.0f);
-    set(HT_P_loss_check, 0.0f);
-    set(HT_P_flux_trip_Wb, 100.0f);
+    without_machine();
     ht_image_mailbox.id = HT_P_flux_trip_Wb;
     command(HT_COMMAND_GET);
     check("parameter is read", ht_image_mailbox.value == 100.0f);
@@ -594,6 +600,24 @@ static void plant(ht_regfile *rf)
     }
 }
 
+/* The register model counts a violation where anything waits, or a clock changes, with a gate on. */
+static void restarts(void)
+{
+    if (turn == 0u) {
+        sample(2048, 2048);
+        without_machine();
+        start_to(HT_STATE_RUN);
+        check("gates are on before the restart", gates_on());
+        turn++;
+        longjmp(done, 2);
+    }
+    check("gates are off after the restart", !gates_on());
+    check("drive is idle after the restart", ht_image_drive.state == (uint16_t)HT_STATE_IDLE);
+    show_violations();
+    turn = 3u;
+    longjmp(done, 1);
+}
+
 /* Called by the background loop, and by an image that has given up. */
 static void idle(ht_regfile *rf)
 {
@@ -602,6 +626,9 @@ static void idle(ht_regfile *rf)
     if (ht_image_drive.port == NULL) {
         show_violations();
         longjmp(done, 1);
+    }
+    if (strcmp(planted, "restart") == 0) {
+        restarts();
     }
     if ((planted[0] != '\0') && (strcmp(planted, "late") != 0)) {
         wrong_clock();
@@ -634,7 +661,7 @@ int main(int argc, char **argv)
     planted = (argc > 1) ? argv[1] : "";
     plant(&ht_image_registers);
     ht_image_registers.idle = idle;
-    if (setjmp(done) == 0) {
+    if (setjmp(done) != 1) { /* 0: from reset, 2: once more */
         (void)ht_target_main();
     }
     check("background loop turns", turn == 3u);

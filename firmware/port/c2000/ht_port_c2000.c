@@ -22,6 +22,7 @@ void ht_port_bind(ht_port *port, ht_io *io, const ht_board *board)
 
 bool ht_board_start(ht_port *port)
 {
+    ht_pins_release(port); /* a debugger may have started it anew while the gates were on */
     ht_watchdog_hold(port);
     ht_flash_start(port); /* before the clock that needs it */
     if (port->map->clock_pllcr) {

@@ -32,8 +32,8 @@ struct ht_port {
 /** The port of a board. Touches no register. */
 void ht_port_bind(ht_port *port, ht_io *io, const ht_board *board);
 
-/** After reset: watchdog, PLL, flash, module clocks, ADC, SCI, pins except the PWM's.
- *  Takes a few ms. False if the clock is not the right one (`port->clock` says why): then
+/** After reset, or after a restart without one: first the PWM's pins become inputs, which takes the
+ *  gates off. Then watchdog, PLL, flash, module clocks, ADC, SCI, the other pins. Takes a few ms. False if the clock is not the right one (`port->clock` says why): then
  *  only the serial line is started, at 115200 baud, and `ht_port_init` leaves the
  *  PWM's pins inputs, so that no gate can be switched on. */
 bool ht_board_start(ht_port *port);

@@ -183,7 +183,7 @@ typedef HT_INTERRUPT void (*ht_isr)(void);
 #define HT_SETTLE(io) ht_regfile_settle(io)
 #define HT_NOP(io) ht_regfile_nop(io)
 #define HT_DEVICE_CAL(io) ((void)ht_regfile_call((io), HT_REGFILE_DEVICE_CAL, 0u))
-#define HT_WAIT_US(io, us) ht_regfile_wait((io), (us))
+#define HT_WAIT_US(io, us) ht_regfile_busy((io), (us))
 #define HT_DINT(io) ht_regfile_intm((io), 1u)
 #define HT_EINT(io) ht_regfile_intm((io), 0u)
 #define HT_IFR_CLEAR(io) ht_regfile_ifr_clear(io)

@@ -141,7 +141,8 @@ void ht_regfile_write32(ht_regfile *rf, uint32_t addr, uint32_t value);
 void ht_regfile_eallow(ht_regfile *rf, uint16_t on);
 void ht_regfile_settle(ht_regfile *rf);
 void ht_regfile_nop(ht_regfile *rf);
-void ht_regfile_wait(ht_regfile *rf, uint16_t us);
+/** A driver waits. With a gate on this is a violation: nobody watches the machine meanwhile. */
+void ht_regfile_busy(ht_regfile *rf, uint16_t us);
 void ht_regfile_vector(ht_regfile *rf, uint32_t addr, void (*isr)(void));
 uint16_t ht_regfile_call(ht_regfile *rf, uint32_t addr, uint16_t argument);
 void ht_regfile_intm(ht_regfile *rf, uint16_t masked);
@@ -151,6 +152,8 @@ void ht_regfile_idle(ht_regfile *rf);
 
 /* What the hardware does */
 
+/** Time passes. */
+void ht_regfile_wait(ht_regfile *rf, uint16_t us);
 /** A conversion sequence ends: flag, interrupt. */
 void ht_regfile_end_of_sequence(ht_regfile *rf);
 /** ePWM1's counter passes 0. If PWM and ADC are set up for it, a sequence is converted.

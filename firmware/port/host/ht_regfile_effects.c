@@ -116,10 +116,14 @@ static void lock_at_last(ht_regfile *rf)
     }
 }
 
-/* Counters start: from now on ePWM1 starts conversions. */
+/* Counters stop: what the outputs do then, they do for good. Counters start: from now on ePWM1
+ * starts conversions. */
 static void check_sync(ht_regfile *rf, uint32_t addr, uint32_t old, uint32_t value)
 {
     uint32_t bit = (uint32_t)1u << rf->chip->sync_bit;
+    if ((addr == rf->chip->sync) && ((old & ~value & bit) != 0u)) { /* they stop */
+        ht_model_check_off(rf, addr, value, "the PWM counters stop with a gate on");
+    }
     if ((addr == rf->chip->sync) && ((value & ~old & bit) != 0u) && (rf->powered != 0u)
         && ((rf->time_us - rf->powered_us) < rf->chip->adc_settle_us)) {
         order(rf, addr, value, "the ADC has not settled yet");
@@ -137,6 +141,7 @@ static uint32_t pllsts(ht_regfile *rf, uint32_t addr, uint32_t old, uint32_t val
 static uint32_t pllcr(ht_regfile *rf, uint32_t addr, uint32_t old, uint32_t value)
 {
     uint32_t status = ht_model_peek(rf, 0x7011u, 16u);
+    ht_model_check_off(rf, addr, value, "the clock changes with a gate on");
     if ((status & 0x0180u) != 0u) {
         order(rf, addr, value, "PLLCR with DIVSEL not 0");
         return old;
@@ -183,6 +188,7 @@ static uint32_t pllctl(ht_regfile *rf, uint32_t addr, uint32_t old, uint32_t val
 static uint32_t pllmult(ht_regfile *rf, uint32_t addr, uint32_t value)
 {
     uint32_t control = ht_model_peek(rf, 0x5D20Eu, 32u);
+    ht_model_check_off(rf, addr, value, "the clock changes with a gate on");
     if ((control & 2u) != 0u) {
         order(rf, addr, value, "multiplier changed while the PLL is selected");
     }
@@ -267,6 +273,12 @@ void ht_regfile_wait(ht_regfile *rf, uint16_t us)
 {
     rf->time_us += us;
     watch(rf);
+}
+
+void ht_regfile_busy(ht_regfile *rf, uint16_t us)
+{
+    ht_model_check_off(rf, 0u, us, "waiting with a gate on");
+    ht_regfile_wait(rf, us);
 }
 
 /* --- flash, pins ------------------------------------------------------------------------------ */

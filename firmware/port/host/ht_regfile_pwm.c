@@ -111,6 +111,20 @@ void ht_model_check_dead_time(ht_regfile *rf, uint32_t base, uint32_t addr, uint
     }
 }
 
+void ht_model_check_off(ht_regfile *rf, uint32_t addr, uint32_t value, const char *why)
+{
+    uint32_t n;
+    for (n = 0u; n < MODULES; n++) {
+        uint32_t base = rf->chip->epwm + n * rf->chip->epwm_stride;
+        if ((ht_model_clocked(rf, base) != 0u)
+            && ((of_module(rf, base, rf->chip->tzflg) & TZ_OST) == 0u)
+            && (has_pin(rf, base) != 0u)) {
+            order(rf, addr, value, why);
+            return;
+        }
+    }
+}
+
 /* --- trips ------------------------------------------------------------------------------ */
 
 /* Level of the pin that the trip zone listens to. */

@@ -420,6 +420,22 @@ def test_image_of_a_board_with_a_wrong_clock(builder, board, planted):
     assert good
 
 
+@pytest.mark.parametrize("board", image.BOARDS)
+def test_restart_without_a_reset_takes_the_gates_off_first(builder, board):
+    """A debugger halts the chip while the drive runs and starts the image at its entry. The gates
+    are off before the start waits for anything, changes the clock or stops the counters."""
+    good, lines = image.run(builder.build(board), "restart")
+    assert not image.complaints(lines)
+    assert good
+
+
+@pytest.mark.parametrize("board", image.BOARDS)
+def test_restart_that_leaves_the_gates_on_is_found(builder, board):
+    change = (INIT, "    ht_pins_release(port); /* a debugger", "    /* a debugger")
+    _, lines = image.run(builder.build(board, change), "restart")
+    assert any("with a gate on" in line for line in image.complaints(lines))
+
+
 #: Source, text, replacement, what is planted in the chip, what a complaint says.
 CLOCK_FAULTS = {
     "not measured, F28335": (
