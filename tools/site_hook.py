@@ -230,7 +230,7 @@ def allowed(parameter: Parameter) -> str:
 def channels_page() -> str:
     from hexatorque import firmware
 
-    about = defined("ht_channels.def", "HT_CHANNEL")
+    about = defined("ht_channels.def", "HT_(?:CONTROL_)?CHANNEL")
     channels = [(f"`{name}`", unit, about[name][-1]) for name, unit in firmware.channels()]
     faults = [
         (row[2], f"`{row[1].rstrip('u')}`", row[3])

@@ -10,7 +10,8 @@ enum {
 };
 
 static const ht_channel_info table[CHANNELS] = {
-#define HT_CHANNEL(name, unit, expression, help) {#name, unit, help},
+#define HT_CHANNEL(name, unit, expression, help) {#name, unit, help, false},
+#define HT_CONTROL_CHANNEL(name, unit, expression, help) {#name, unit, help, true},
 #include "ht_channels.def"
 #undef HT_CHANNEL
 };

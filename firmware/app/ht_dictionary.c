@@ -6,6 +6,7 @@
 #define TYPE_F32 0u
 #define FLAG_LIVE 1u
 #define FLAG_WHOLE 2u
+#define FLAG_CONTROL 1u
 
 uint16_t ht_dictionary_rows(uint16_t kind)
 {
@@ -18,6 +19,8 @@ uint16_t ht_dictionary_rows(uint16_t kind)
         return ht_fault_count();
     case HT_LIST_STATE:
         return (uint16_t)HT_STATES;
+    case HT_LIST_ADDITIONS:
+        return 1u;
     default:
         return 0u;
     }
@@ -55,6 +58,19 @@ static void add_fault(ht_packet *p, const ht_fault_info *info)
     ht_packet_add_text(p, info->help);
 }
 
+/* Later minor versions append. */
+static void add_additions(ht_packet *p)
+{
+    uint16_t row;
+    ht_packet_add16(p, HT_DICTIONARY_MINOR);
+    for (row = 0u; row < (uint16_t)HT_STATES; row++) {
+        ht_packet_add8(p, ht_state_flags(row));
+    }
+    for (row = 0u; row < ht_channel_count(); row++) {
+        ht_packet_add8(p, ht_channel_describe(row)->control ? FLAG_CONTROL : 0u);
+    }
+}
+
 bool ht_dictionary_add(ht_packet *p, const ht_port *port, uint16_t kind, uint16_t row)
 {
     if (row >= ht_dictionary_rows(kind)) {
@@ -71,6 +87,9 @@ bool ht_dictionary_add(ht_packet *p, const ht_port *port, uint16_t kind, uint16_
         break;
     case HT_LIST_FAULT:
         add_fault(p, ht_fault_describe(row));
+        break;
+    case HT_LIST_ADDITIONS:
+        add_additions(p);
         break;
     case HT_LIST_STATE:
     default:

@@ -13,8 +13,14 @@ enum {
     HT_LIST_CHANNEL = 1,
     HT_LIST_FAULT = 2,
     HT_LIST_STATE = 3,
-    HT_LISTS = 4
+    HT_LISTS = 4, /**< kinds that HELLO counts and the CRC covers */
+    /** One row with what has been added since version 2.0 of the protocol. A client of an earlier
+     *  version does not ask for it. */
+    HT_LIST_ADDITIONS = 4
 };
+
+/** Minor version of the protocol, told by the row of additions; HT_SERVICE_VERSION is the major. */
+#define HT_DICTIONARY_MINOR 1u
 
 /** Rows of a kind; 0 for an unknown one. */
 uint16_t ht_dictionary_rows(uint16_t kind);

@@ -16,9 +16,23 @@ static bool finite_below(float value, float limit)
 
 const char *ht_state_name(uint16_t state)
 {
-    static const char *const names[HT_STATES] = {"idle", "calibrate", "build",
-                                                 "run",  "fault",     "test"};
+    static const char *const names[HT_STATES] = {
+#define HT_STATE(name, number, text, flags) text,
+#include "ht_states.def"
+#undef HT_STATE
+    };
     return (state < (uint16_t)HT_STATES) ? names[state] : "";
+}
+
+uint16_t ht_state_flags(uint16_t state)
+{
+    static const uint16_t all[HT_STATES] = {
+#define HT_STATE(name, number, text, flags) (uint16_t)(flags),
+#include "ht_states.def"
+#undef HT_STATE
+    };
+    return (state < (uint16_t)HT_STATES) ? all[state]
+                                         : (uint16_t)(HT_AT_WORK | HT_GATES_ON | HT_CONTROLS);
 }
 
 static void enter(ht_drive *d, ht_state state)

@@ -32,18 +32,21 @@
 #include "ht_speed_measure.h"
 #include "port.h"
 
+/* The number after the last one is how many there are. */
 typedef enum {
-    HT_STATE_IDLE = 0,
-    HT_STATE_CALIBRATE = 1,
-    HT_STATE_BUILD = 2,
-    HT_STATE_RUN = 3,
-    HT_STATE_FAULT = 4,
-    HT_STATE_TEST = 5,
-    HT_STATES = 6
+#define HT_STATE(name, number, text, flags) HT_STATE_##name = (number),
+#include "ht_states.def"
+#undef HT_STATE
+    HT_STATES
 } ht_state;
+
+/** What a state says about the drive: bits of its flags (ht_states.def). */
+enum { HT_AT_WORK = 1, HT_GATES_ON = 2, HT_CONTROLS = 4 };
 
 /** Name of a state, "" if there is none. */
 const char *ht_state_name(uint16_t state);
+/** Its flags. All of them if there is no such state: then the gates may be on. */
+uint16_t ht_state_flags(uint16_t state);
 
 /** Result of a command or an initialisation. */
 typedef enum {
@@ -191,6 +194,7 @@ typedef struct {
     const char *name;
     const char *unit;
     const char *help;
+    bool control; /**< computed only in states with HT_CONTROLS */
 } ht_channel_info;
 
 uint16_t ht_channel_count(void);

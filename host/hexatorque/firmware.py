@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, TypedDict
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -22,7 +22,26 @@ def _text(pointer: CData) -> str:
     return ffi.string(pointer).decode()
 
 
-STATES = tuple(_text(lib.ht_state_name(state)) for state in range(lib.HT_STATES))
+class State(NamedTuple):
+    """A row of the firmware's table of states. Of a state that is not known, everything is
+    assumed that calls for care."""
+
+    name: str
+    at_work: bool = True  #: the gates are on, or go on without another command
+    gates_on: bool = True
+    controls: bool = True  #: torque and flux are controlled
+
+    @classmethod
+    def of(cls, name: str, flags: int) -> State:
+        bits = (lib.HT_AT_WORK, lib.HT_GATES_ON, lib.HT_CONTROLS)
+        return cls(name, *(bool(flags & bit) for bit in bits))
+
+
+STATE_TABLE = tuple(
+    State.of(_text(lib.ht_state_name(state)), lib.ht_state_flags(state))
+    for state in range(lib.HT_STATES)
+)
+STATES = tuple(state.name for state in STATE_TABLE)
 
 
 def _faults() -> dict[int, str]:
@@ -144,6 +163,13 @@ def channels() -> tuple[tuple[str, str], ...]:
     """Telemetry channels: (name, unit), in order."""
     rows = (lib.ht_channel_describe(i) for i in range(lib.ht_channel_count()))
     return tuple((_text(r.name), _text(r.unit)) for r in rows)
+
+
+@lru_cache
+def control_channels() -> frozenset[str]:
+    """Names of the channels that are computed only in states that control torque and flux."""
+    rows = (lib.ht_channel_describe(i) for i in range(lib.ht_channel_count()))
+    return frozenset(_text(row.name) for row in rows if row.control)
 
 
 def schemes() -> tuple[str, ...]:
@@ -449,8 +475,13 @@ class Controller:
         return words[:0x8000]
 
     @property
+    def condition(self) -> State:
+        """The state, with what it says about the drive."""
+        return STATE_TABLE[self.drive.state]
+
+    @property
     def state(self) -> str:
-        return STATES[self.drive.state]
+        return self.condition.name
 
     @property
     def faults(self) -> list[str]:

@@ -15,11 +15,12 @@ import numpy as np
 from ..errors import HexatorqueError
 from ..firmware import (
     DEVICES,
-    STATES,
+    STATE_TABLE,
     CData,
     Controller,
     FirmwareError,
     Snapshot,
+    State,
     Store,
     causes,
     channels,
@@ -186,8 +187,12 @@ class TargetController(Controller):
         return self._link.result
 
     @property
+    def condition(self) -> State:
+        return STATE_TABLE[self._link.state]
+
+    @property
     def state(self) -> str:
-        return STATES[self._link.state]
+        return self.condition.name
 
     @property
     def faults(self) -> list[str]:

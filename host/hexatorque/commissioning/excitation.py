@@ -107,7 +107,7 @@ class Excitation:
         self.drive.run(float(self.drive.get("calibration_s")) + 0.01, record=False)
         # A virtual board on a busy computer is slower than real time.
         for _ in range(round(CALIBRATED_S / 0.05)):
-            if self.drive.state != "calibrate":
+            if not self._calibrates():
                 break
             self.drive.run(0.05, record=False)
         self._check()
@@ -138,11 +138,16 @@ class Excitation:
     def _restore(self) -> None:
         self.drive.set_many(self._before)
 
+    def _calibrates(self) -> bool:
+        """The drive has been started and its gates are still off."""
+        now = self.drive.condition
+        return now.at_work and not now.gates_on
+
     def _check(self) -> None:
         if self.drive.state != "test":
             causes = self.drive.faults
             if not causes:
-                if self.drive.state == "calibrate":
+                if self._calibrates():
                     raise CommissioningError(
                         "the board has not calibrated its current sensors within "
                         f"{CALIBRATED_S:g} s"

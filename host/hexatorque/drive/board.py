@@ -24,7 +24,15 @@ from types import MappingProxyType
 import numpy as np
 
 from .. import __version__
-from ..firmware import PARAMETER_SETS, FirmwareError, Parameter, Snapshot, misfit_text, warnings
+from ..firmware import (
+    PARAMETER_SETS,
+    FirmwareError,
+    Parameter,
+    Snapshot,
+    State,
+    misfit_text,
+    warnings,
+)
 from ..recording.journal import TICK_HZ
 from ..recording.recording import DECIMATION, FIRST_TICK, STARTED, Recording, clock_text
 from ..serial import BAUDS, BOARD_RESET, LinkError, clock, runtime, wire
@@ -115,9 +123,7 @@ class BoardDrive(DriveVerbs):
         self._opened_tick = 0
 
     def _now_tick(self) -> int:
-        self.client.get_status()
-        assert self.client.latest
-        return self.client.latest.tick
+        return self._latest().tick
 
     def close(self) -> None:
         self.client.close()
@@ -156,19 +162,18 @@ class BoardDrive(DriveVerbs):
         return ticks / self.hello.f_isr_Hz
 
     @property
-    def state(self) -> str:
-        return self._state_and_faults()[0]
+    def condition(self) -> State:
+        return self.client.state(self._latest().state)
 
     @property
     def faults(self) -> list[str]:
-        return self._state_and_faults()[1]
+        return self.dictionary.causes(self._latest().faults)
 
-    def _state_and_faults(self) -> tuple[str, list[str]]:
-        """The state and the faults. Every reply carries both."""
+    def _latest(self) -> wire.Reply:
+        """A new reply. Every one has the state and the faults."""
         self.client.get_status()
-        reply = self.client.latest
-        assert reply
-        return self.client.state_name(reply.state), self.dictionary.causes(reply.faults)
+        assert self.client.latest
+        return self.client.latest
 
     @property
     def snapshot(self) -> Snapshot | None:
@@ -180,7 +185,7 @@ class BoardDrive(DriveVerbs):
             return None
         return {
             **found,
-            "state": self.client.state_name(found["state"]),
+            "state": self.client.state(found["state"]).name,
             "faults": self.dictionary.causes(found["faults"]),
             "warnings": warnings(found["warnings"]),
         }
@@ -267,13 +272,13 @@ class BoardDrive(DriveVerbs):
                 reply.status,
             )
         if reply.status == Status.STATE:
-            state = self.client.state_name(reply.state)
+            state = self.client.state(reply.state)
             why = (
-                "not while the board streams or captures; end that first"
-                if state in ("idle", "fault")
-                else "only while the gates are off; stop the drive first"
+                "only while the gates are off; stop the drive first"
+                if state.at_work
+                else "not while the board streams or captures; end that first"
             )
-            raise LinkError(f"{what}: {why} (state {state})", reply.status)
+            raise LinkError(f"{what}: {why} (state {state.name})", reply.status)
         raise self.client.refused(reply, what)
 
     @property
@@ -303,7 +308,7 @@ class BoardDrive(DriveVerbs):
                     )
                     return LinkError(f"{what}: allowed is {allowed}", reply.status, mistake=True)
                 if reply.status == Status.STATE:
-                    state = self.client.state_name(reply.state)
+                    state = self.client.state(reply.state).name
                     return LinkError(
                         f"{what}: can change only while the gates are off (state {state})",
                         reply.status,
@@ -394,7 +399,7 @@ class BoardDrive(DriveVerbs):
     def meta(self) -> dict:
         """Metadata for a recording: the board's identity, all parameters, the error counters."""
         status = self.client.get_status()
-        state, faults = self._state_and_faults()
+        state, faults = self.state, self.faults
         values = self.get_all()
         return {
             "hexatorque": __version__,

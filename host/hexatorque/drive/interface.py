@@ -21,7 +21,7 @@ from collections.abc import Set as AbstractSet
 from typing import TYPE_CHECKING, Self, SupportsFloat
 
 from ..errors import HexatorqueError
-from ..firmware import Parameter, Snapshot
+from ..firmware import Parameter, Snapshot, State
 from ..recording.recording import Recording
 from ..setups.values import SetupError
 from .trips import Trip, details
@@ -65,8 +65,13 @@ class DriveVerbs(ABC):
 
     @property
     @abstractmethod
+    def condition(self) -> State:
+        """The state, with what it says about gates and control."""
+
+    @property
     def state(self) -> str:
-        """idle, calibrate, build, run or fault."""
+        """The state's name. All are in firmware/app/ht_states.def."""
+        return self.condition.name
 
     @property
     @abstractmethod

@@ -362,8 +362,8 @@ class SimulatedDrive(DriveVerbs):
         return firmware.channels()
 
     @property
-    def state(self) -> str:
-        return self.controller.state
+    def condition(self) -> firmware.State:
+        return self.controller.condition
 
     @property
     def faults(self) -> list[str]:

@@ -19,7 +19,7 @@ import numpy as np
 from ..drive.board import BoardDrive
 from ..drive.captures import TRIGGERS, Trigger
 from ..drive.recorder import Recorder
-from ..firmware import WARNINGS, Snapshot
+from ..firmware import WARNINGS, Snapshot, State
 from ..recording.formats import SUFFIXES, RecordingError
 from ..recording.recording import Recording
 from ..serial import LinkError, wire
@@ -58,16 +58,6 @@ CHANNELS = (
 )  # fmt: skip
 #: Larger than every float32.
 FLOAT32 = 3.5e38
-#: States in which the drive works.
-WORKING = ("calibrate", "build", "run")
-#: The control computes these channels only in the states `CONTROLLING`. In other states the
-#: board sends their last values, which say nothing about the present.
-CONTROLLED = (
-    "torque_Nm", "torque_decided_Nm", "torque_ref_Nm", "torque_level", "psi_alpha_Wb",
-    "psi_beta_Wb", "psi_x_Wb", "psi_y_Wb", "v_x_pu", "v_y_pu", "omega_sync_rad_s", "flux_level",
-    "flux_ref_Wb", "sector",
-)  # fmt: skip
-CONTROLLING = ("build", "run")
 #: Text for the parameters that are in force after a reset, by the number `set` of STATUS.
 SETS = {
     1: "the saved set of parameters is in force",
@@ -170,6 +160,7 @@ class MonitoredDrive:
         return {
             "device": hello.device,
             "build": hello.build,
+            "minor": dictionary.minor,
             "port": self.drive.client.url,
             "baud": self.drive.client.transport.baud,
             "watchdog_ms": hello.watchdog_ms,
@@ -181,10 +172,8 @@ class MonitoredDrive:
             "hidden_s": self.hidden_s,
             "fresh_s": FRESH_S,
             "triggers": TRIGGERS,
-            "states": dictionary.states,
-            "working": WORKING,
-            "controlled": CONTROLLED,
-            "controlling": CONTROLLING,
+            "states": [state.name for state in dictionary.states],
+            "controlled": sorted(dictionary.control_channels),
             "parameters": [
                 {
                     "name": row.name, "unit": row.unit, "min": row.min, "max": row.max,
@@ -201,11 +190,13 @@ class MonitoredDrive:
     def status(self) -> dict:
         """What changes. This sends no request: every reply and the heartbeat carry these data."""
         client, stream = self.drive.client, self.stream
-        latest, board = client.latest, client.status
+        latest, board, state = client.latest, client.status, self._state()
         ring = self.ring
         ticks = ring.boards_end * stream.decimation if ring and stream else 0
         return {
-            "state": client.state_name(latest.state) if latest else "",
+            "state": state.name if state else "",
+            "working": state is not None and state.at_work,
+            "controlling": state is not None and state.controls,
             "faults": self.drive.dictionary.causes(latest.faults) if latest else [],
             "time_s": (ticks or (latest.tick if latest else 0)) / self.drive.hello.f_isr_Hz,
             "plugged": client.transport.plugged,
@@ -237,9 +228,15 @@ class MonitoredDrive:
             "record": _recording_status(self._recorder) if self._recorder else None,
         }
 
-    def working(self) -> bool:
+    def _state(self) -> State | None:
+        """The board's state in its latest reply; None before the first one."""
         latest = self.drive.client.latest
-        return latest is not None and self.drive.client.state_name(latest.state) in WORKING
+        return self.drive.client.state(latest.state) if latest else None
+
+    def working(self) -> bool:
+        """Whether the gates may be on, or may go on without another command."""
+        state = self._state()
+        return state is not None and state.at_work
 
     # -- pages come and go -----------------------------------------------------------------
 
@@ -514,10 +511,10 @@ class MonitoredDrive:
             self.epoch += 1
 
     def _fault(self) -> tuple[bool, int]:
-        latest = self.drive.client.latest
-        if latest is None:
+        latest, state = self.drive.client.latest, self._state()
+        if latest is None or state is None:
             return False, 0
-        return self.drive.client.state_name(latest.state) == "fault", latest.faults
+        return state.name == "fault", latest.faults
 
     def _read_values(self) -> None:
         values = self.drive.get_all()

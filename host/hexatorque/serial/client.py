@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from ..firmware import State
 from . import RESET_VALUES, LinkError, wire
 from .exchange import PULSE_S, NoReply, Notice
 from .transport import MISSED_PULSES, Transport
@@ -85,8 +86,8 @@ class Client:
         self.counters = Counters()
         #: Low half of the dictionary's CRC, for requests that name rows of it.
         self.dictionary = 0
-        #: Names of the states, from the dictionary.
-        self.states: tuple[str, ...] = ()
+        #: The states, from the dictionary.
+        self.states: tuple[State, ...] = ()
         #: Called when the board answers again after an interruption, and the session is open
         #: again if there was one. Not in the reader's thread. A LinkError gives the board up.
         self.on_return: list[Callable[[], None]] = []
@@ -264,13 +265,14 @@ class Client:
         if reply.status == Status.STATE and reply.faults and reply.op not in wire.SLOW:
             text += "; clear the fault first"
         return LinkError(
-            f"{what}: {text.format(state=self.state_name(reply.state))}",
+            f"{what}: {text.format(state=self.state(reply.state).name)}",
             reply.status,
             reply.status in _MISTAKES,
         )
 
-    def state_name(self, state: int) -> str:
-        return self.states[state] if state < len(self.states) else str(state)
+    def state(self, number: int) -> State:
+        """The state of this number; one that the board does not list is unknown."""
+        return self.states[number] if number < len(self.states) else State(str(number))
 
     def hello(self) -> wire.Hello:
         try:

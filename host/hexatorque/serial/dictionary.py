@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..firmware import Parameter, decimal
+from ..firmware import Parameter, State, decimal
 from . import LinkError, wire
 from .client import Client
-from .wire import Hello, Kind, Op
+from .wire import Hello, Kind, Op, Status
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,10 @@ class Dictionary:
     parameters: dict[str, Parameter]
     channels: tuple[wire.ChannelRow, ...]
     faults: tuple[wire.FaultRow, ...]
-    states: tuple[str, ...]
+    states: tuple[State, ...]
+    #: Names of the channels that are computed only in states that control torque and flux.
+    control_channels: frozenset[str]
+    minor: int  #: of the board's protocol
 
     def causes(self, bits: int) -> list[str]:
         """Names of fault bits."""
@@ -49,11 +52,21 @@ def fetch(client: Client) -> tuple[Hello, Dictionary]:
         rows = _ask(client, hello)
         _keep(hello.crc, rows)
     try:
-        dictionary = _parse(hello, rows)
+        dictionary = _parse(hello, rows, _additions(client, hello))
     except wire.WireError as error:
         raise LinkError(f"{client.url}: {error}") from None
     client.states = dictionary.states
     return hello, dictionary
+
+
+def _additions(client: Client, hello: Hello) -> wire.Additions:
+    """Not in the cache: the dictionary's CRC does not cover it."""
+    reply = client.ask(Op.LIST, struct.pack("<BH", wire.ADDITIONS, 0))
+    if reply.status == Status.ID:
+        return wire.Additions()  # a board of version 2.0
+    if reply.status != Status.DONE:
+        raise client.refused(reply, "list")
+    return wire.parse_additions(reply.payload, hello)
 
 
 def _keys(hello: Hello) -> list[tuple[Kind, int]]:
@@ -70,7 +83,7 @@ def _ask(client: Client, hello: Hello) -> list[bytes]:
     return rows
 
 
-def _parse(hello: Hello, rows: list[bytes]) -> Dictionary:
+def _parse(hello: Hello, rows: list[bytes], more: wire.Additions) -> Dictionary:
     parsed: dict[Kind, list] = {kind: [] for kind in Kind}
     for (kind, row), payload in zip(_keys(hello), rows):
         parsed[kind].append(wire.parse_row(payload, kind, row))
@@ -81,10 +94,14 @@ def _parse(hello: Hello, rows: list[bytes]) -> Dictionary:
         )
         for id, row in enumerate(parsed[Kind.PARAMETER])
     }  # fmt: skip
-    states = tuple(row.name for row in parsed[Kind.STATE])
+    names = [row.name for row in parsed[Kind.STATE]]
+    states = tuple(map(State.of, names, more.states)) or tuple(map(State, names))
+    channels = tuple(parsed[Kind.CHANNEL])
+    control = (r.name for r, f in zip(channels, more.channels) if f & wire.CONTROL_CHANNEL)
     return Dictionary(
-        hello.crc, parameters, tuple(parsed[Kind.CHANNEL]), tuple(parsed[Kind.FAULT]), states
-    )
+        hello.crc, parameters, channels, tuple(parsed[Kind.FAULT]), states, frozenset(control),
+        more.minor,
+    )  # fmt: skip
 
 
 def _file(crc: int) -> Path:

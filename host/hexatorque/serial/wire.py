@@ -108,12 +108,16 @@ FIELDS: dict[tuple[int, int], str] = {
 
 
 class Kind(IntEnum):
-    """Rows of LIST."""
+    """Rows of LIST that HELLO counts."""
 
     PARAMETER = 0
     CHANNEL = 1
     FAULT = 2
     STATE = 3
+
+
+#: The kind of LIST's row of additions since version 2.0.
+ADDITIONS = lib.HT_LIST_ADDITIONS
 
 
 class CaptureState(IntEnum):
@@ -354,6 +358,30 @@ def parse_row(
         return StateRow(*_texts(payload[3:], 1))
     except (struct.error, IndexError):
         raise WireError(f"row {row} of kind {kind} is too short") from None
+
+
+class Additions(NamedTuple):
+    """What boards say since version 2.1. A board of version 2.0 says none of it."""
+
+    minor: int = 0
+    states: tuple[int, ...] = ()  #: flags of each state
+    channels: tuple[int, ...] = ()  #: flags of each channel
+
+
+#: Flag of a channel: it is computed only in states that control torque and flux.
+CONTROL_CHANNEL = 1
+
+
+def parse_additions(payload: bytes, hello: Hello) -> Additions:
+    """LIST's row of additions. What a later version appends is ignored."""
+    _, channels, _, states = hello.rows
+    if len(payload) < 5 or struct.unpack_from("<BH", payload) != (ADDITIONS, 0):
+        raise WireError("not the row of additions")
+    (minor,) = struct.unpack_from("<H", payload, 3)
+    flags = tuple(payload[5:])
+    if len(flags) < states + channels:
+        raise WireError("the row of additions is too short")
+    return Additions(minor, flags[:states], flags[states : states + channels])
 
 
 class StatusReply(NamedTuple):

@@ -330,7 +330,7 @@ static void check_done(unsigned opcode, const uint8_t *in, bool disturbed)
         CHECK(answered(26, 4) == the_rules.mark);
         break;
     case LIST:
-        CHECK(in[0] < HT_LISTS);
+        CHECK(in[0] <= HT_LIST_ADDITIONS);
         CHECK(the_rig.service.reply.n > 13u);
         break;
     default:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from unwritten import unwritten
 
+from hexatorque import firmware
 from hexatorque.firmware import Controller, FirmwareError, ffi, lib, parameters
 
 #: Addresses of the results of six currents and the dc link, and the shift to the left.
@@ -34,7 +35,7 @@ SETUP = {
     # The flux does not follow the shaft here, and the current neither flux nor voltage.
     "encoder_trip_rpm": 0.0, "flux_check": 0.0, "stuck_trip_A": 0.0, "loss_check": 0.0,
 }  # fmt: skip
-POWERED = ("build", "run")
+POWERED = tuple(state.name for state in firmware.STATE_TABLE if state.controls)
 
 
 class Bench:
@@ -116,6 +117,30 @@ def test_states_in_order_and_gates_in_build_and_run_only(bench):
     assert [seen[0]] + [seen[n] for n in changes] == ["calibrate", "build", "run"]
     assert changes == [19, 119]
     assert bench.violations() == 0
+
+
+@pytest.mark.parametrize("mode", ("drive", "test"))
+def test_the_table_of_states_tells_when_gates_may_be_on(mode):
+    """Gates are on in no state without that flag. A drive that is not at work stays off until a
+    command; one that is at work does without."""
+    bench = Bench(start_mode=mode, test_s=0.01)
+    bench.controller.start()
+    seen = set()
+    for n in range(400):
+        now = bench.controller.condition
+        seen.add(now)
+        bench.fast()
+        assert now.gates_on or not bench.gates_on, now
+        assert now.at_work or not bench.controller.condition.at_work, now
+        assert now.at_work or not (now.gates_on or now.controls)
+        if n == 300:
+            bench.vdc = 1000.0  # a fault
+    wanted = (
+        {"idle", "calibrate", "test"} if mode == "test" else {"calibrate", "build", "run", "fault"}
+    )
+    assert {state.name for state in seen} == wanted
+    unknown = firmware.State.of("", lib.ht_state_flags(lib.HT_STATES))
+    assert unknown == firmware.State("")  # of an unknown one everything is assumed
 
 
 def test_legs_are_low_before_the_gates_come_on(bench):

@@ -22,8 +22,8 @@ from forked import Forked
 #: The virtual board's watchdog waits this long, because many tests may load the computer.
 WATCHDOG_MS = 800
 #: The board's program. Its arguments are the name of its port; a file that holds its time and
-#: its drive's state, as two float64; a file with a line for each change of state. SIGUSR1 resets
-#: the board.
+#: whether its drive is at work, as two float64; a file with a line for each change of that. SIGUSR1
+#: resets the board.
 BOARD = f"""
 import os, signal, sys
 import numpy as np
@@ -37,14 +37,15 @@ port, now, changes = sys.argv[1:]
 now = np.memmap(now, np.float64, "w+", shape=2)
 changes = open(changes, "w")
 class Board(virtual_board.VirtualBoard):
-    state, time_s = "", 0.0
+    at_work, time_s = False, 0.0
     def run(self, duration_s, record=False):
         super().run(duration_s, record)
         Board.time_s += duration_s
-        now[:] = Board.time_s, self.sim.state in ("calibrate", "build", "run")
-        if self.sim.state != Board.state:
-            Board.state = self.sim.state
-            print(Board.time_s, Board.state, file=changes, flush=True)
+        at_work = self.sim.condition.at_work
+        now[:] = Board.time_s, at_work
+        if at_work != Board.at_work:
+            Board.at_work = at_work
+            print(Board.time_s, int(at_work), file=changes, flush=True)
 resets = []
 signal.signal(signal.SIGUSR1, lambda *_: resets.append(1))
 with virtual_board.Terminal() as line:
@@ -108,8 +109,8 @@ class Board:
     def off_s(self, after_s: float) -> float | None:
         """When the drive first stopped after `after_s`, in the board's time; None: it runs."""
         for line in self._changes.read_text().splitlines():
-            time_s, state = line.split()
-            if float(time_s) > after_s and state in ("idle", "fault"):
+            time_s, at_work = line.split()
+            if float(time_s) > after_s and at_work == "0":
                 return float(time_s)
         return None
 

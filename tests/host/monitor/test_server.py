@@ -8,7 +8,9 @@ import time
 import numpy as np
 import pytest
 
+from hexatorque import firmware
 from hexatorque.monitor import server as module
+from hexatorque.monitor.monitored_drive import START_S
 from hexatorque.recording.recording import Recording
 
 COMMANDS = sorted(module.COMMANDS)
@@ -190,7 +192,8 @@ def test_dictionary_is_the_boards(site):
     assert [(row["name"], row["unit"]) for row in device["channels"]] == [
         *site.monitored.drive.channels
     ]
-    assert device["states"] == ["idle", "calibrate", "build", "run", "fault", "test"]
+    assert device["states"] == list(firmware.STATES)
+    assert set(device["controlled"]) == firmware.control_channels()
 
 
 def test_a_fault_is_shown_with_its_snapshot_and_cleared(site):
@@ -355,6 +358,45 @@ def test_the_drive_stops_when_the_last_page_has_gone(site):
     assert 0.3 < took < site.monitored.silent_s + 0.7
     assert site.monitored.status()["faults"] == []
     end = time.monotonic() + 1
+    while "no page" not in site.monitored.status()["notice"]:
+        assert time.monotonic() < end
+
+
+#: Parameters that keep a drive for a while in each state in which its gates may be on.
+HELD = {
+    "calibrate": {"calibration_s": 1.0},
+    "build": {"build_s": 10.0},
+    "run": {},
+    "test": {"start_mode": "test", "test_s": 60.0, "test_current_A": 10.0},
+}
+
+
+def test_every_state_with_gates_is_tried_below():
+    assert set(HELD) == {state.name for state in firmware.STATE_TABLE if state.at_work}
+
+
+@pytest.mark.parametrize("listed", [True, False])
+@pytest.mark.parametrize("state", HELD)
+def test_a_silent_page_ends_every_state_with_gates(site, board, state, listed):
+    """Also a state that the monitor does not know: of such a one it must expect the worst."""
+    silent_s = 0.7
+    assert START_S < silent_s < HELD["calibrate"]["calibration_s"]  # else little is tested
+    site.monitored.silent_s = silent_s
+    drive = site.monitored.drive
+    drive.set_many(HELD[state])
+    if not listed:
+        drive.client.states = ()
+    assert site.post("/start", {})[0] == 200
+    begun_s = board.time_s
+    if state == "test":
+        drive.set_many({"test_alpha_V": 5.0})
+    assert site.monitored.status()["working"]
+    end = time.monotonic() + 20
+    while (off_s := board.off_s(begun_s)) is None:
+        assert time.monotonic() < end, f"still in {site.monitored.status()['state']}"
+        time.sleep(0.02)
+    assert off_s - begun_s < 2.0
+    assert drive.faults == []
     while "no page" not in site.monitored.status()["notice"]:
         assert time.monotonic() < end
 

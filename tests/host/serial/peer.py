@@ -74,6 +74,7 @@ class Peer:
         self.crc = binascii.crc32(b"".join(self.rows))
         self.protocol = 2
         self.values = {0: 1.0, 1: 0.0, 2: 2.3}
+        self.additions: bytes | None = None  # LIST's row of kind 4; None: a board of version 2.0
         self.refuse: dict[int, tuple[int, bytes]] = {}  # opcode -> status, payload
         self.faults: list[str] = []
         self.requests: list[bytes] = []
@@ -140,6 +141,8 @@ class Peer:
             status = 19
         elif op in (4, 7, 8, 10, 11, 12, 14, 15, 16) and session != self.session:
             status = 18
+        elif op == 2 and payload[0] == 4 and self.additions is None:
+            status, answer = 1, b"\xff\xff"
         else:
             self.executed.append(op)
             answer = self._answer(op, session, payload)
@@ -155,6 +158,8 @@ class Peer:
             return numbers + b"peer\0test\0"
         if op == 2:
             kind, row = struct.unpack("<BH", payload)
+            if kind == 4:
+                return payload + self.additions
             return self.rows[sum(COUNTS[:kind]) + row]
         if op == 3:
             self.session, mark = struct.unpack("<HI", payload)

@@ -40,7 +40,7 @@ def test_the_dictionary_is_the_firmwares(drive):
 
     assert drive.params == firmware.parameters("f28377s")
     assert drive.channels == firmware.channels()
-    assert drive.dictionary.states == firmware.STATES
+    assert drive.dictionary.states == firmware.STATE_TABLE
     assert {row.bit: row.name for row in drive.dictionary.faults} == firmware.FAULTS
     assert drive.hello.watchdog_ms == 250 and drive.hello.device == "virtual f28377s"
 

@@ -6,6 +6,7 @@ import time
 
 import click
 
+from ...firmware import State
 from .. import completion, options
 from ..group import examples
 from ..output import complain, console_of, print_json, say, tripped
@@ -99,28 +100,27 @@ def start(duration, device, baud, as_json, **before) -> int:
         set_values(drive, values)
         drive.start()
         end = None if duration is None else time.monotonic() + duration
-        was = ""
-        while not ended.is_set() and (end is None or time.monotonic() < end):
-            now = drive.state
+        was = State("")
+        while was.at_work and not ended.is_set() and (end is None or time.monotonic() < end):
+            now = drive.condition
             if now != was:
-                console.print(f"{drive.time_s:8.2f} s  {now}")
+                console.print(f"{drive.time_s:8.2f} s  {now.name}")
             was = now
-            if now in ("idle", "fault"):
-                break
-            ended.wait(0.1)
+            if now.at_work:
+                ended.wait(0.1)
         faults, trip = drive.faults, drive.trip
-        if was not in ("idle", "fault"):
+        if was.at_work:
             drive.stop()
     if as_json:
-        print_json({"state": was, "faults": faults, "trip": trip.as_json() if trip else None})
+        print_json({"state": was.name, "faults": faults, "trip": trip.as_json() if trip else None})
     if drive.resets:
         from ...serial import RESET_VALUES
 
         complain(f"the board was reset; {RESET_VALUES}")
         return 1
-    if was == "idle":
+    if was.name == "idle":
         console.print("stopped by somebody else")
-    return tripped(was, faults, trip)
+    return tripped(was.name, faults, trip)
 
 
 @click.command(epilog=examples("board stop"))

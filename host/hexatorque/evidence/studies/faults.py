@@ -41,10 +41,11 @@ AFTER = 50
 RATED_A = 5.0
 #: Deadlines in periods: the next interrupt; two slow periods; faults that show only gradually.
 NOW, TWO_SLOW, LATER = 1, 200, 5000
-STATES = ("idle", "calibrate", "build", "run", "test", "fault")
-POWERED = ("build", "run")
-#: In these the gates are on.
-GATES_ON = (*POWERED, "test")
+#: All states, the fault last: the run that begins in it is the only one without a new fault.
+STATES = (*(name for name in firmware.STATES if name != "fault"), "fault")
+POWERED = tuple(state.name for state in firmware.STATE_TABLE if state.controls)
+GATES_ON = tuple(state.name for state in firmware.STATE_TABLE if state.gates_on)
+CHECKED = tuple(state.name for state in firmware.STATE_TABLE if state.at_work)
 TRIP_FLAG = 4
 #: Index of the encoder among the held sensors.
 ENCODER = 7
@@ -199,7 +200,6 @@ def _bad_offset(sim: SimulatedDrive, rng: np.random.Generator) -> None:
 
 OVERCURRENT, OVERSPEED = "over-current", "over-speed"
 SUM, FLUX = "currents of a set do not add up to zero", "flux estimate cannot be right"
-CHECKED = ("calibrate", "build", "run", "test")
 FAULTS = (
     Fault("over-current in a phase", _over_current, (OVERCURRENT,), CHECKED),
     Fault("over-current in α–β", _alpha_beta_current, (OVERCURRENT,)),
@@ -395,11 +395,9 @@ def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
             break
     if must_trip:
         result.error = _latched(sim, fault, injected, result)
-    elif state in ("idle", "fault") and (
-        sim.controller.state not in ("idle", "fault") or not _gates_off(sim)
-    ):
+    elif state not in CHECKED and (sim.controller.condition.at_work or not _gates_off(sim)):
         result.error = f"gates on in {sim.controller.state}"
-    latched = sim.controller.state in ("idle", "fault")
+    latched = not sim.controller.condition.at_work
     result.error = result.error or _shoot_through(sim, legs)
     if latched and not result.error:
         result.error = _stays_off(sim, rng, fault)

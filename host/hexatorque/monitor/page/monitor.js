@@ -80,7 +80,8 @@ function make(tag, properties = {}, ...children) {
 
 // -- commands ----------------------------------------------------------------------------
 
-const working = () => status !== null && device !== null && device.working.includes(status.state);
+/** Whether the drive's gates are on, or may go on without another command. */
+const working = () => Boolean(status?.working);
 
 async function stop() {
   $("stop").classList.add("pressed");
@@ -164,9 +165,8 @@ async function answer(page, sent_s) {
 
 /** Show the newest sample in header and legend; null: there is none, or it is too old. */
 function newest(sample) {
-  const controlling = device.controlling.includes(status.state);
   const meant = sample ? status.channels.map((name, place) =>
-    (controlling || !device.controlled.includes(name) ? sample[place] : NaN)) : [];
+    (status.controlling || !device.controlled.includes(name) ? sample[place] : NaN)) : [];
   figures(meant);
   if (!paused) live.newest(meant);
 }
@@ -645,9 +645,10 @@ function showValues() {
   quickRow.get("torque_ref_Nm")?.box.classList.toggle("off", !torque);
 }
 
-/** Lock the parameters that can change only while the gates are off. */
+/** Lock the parameters that can change only while the gates are off. A board of protocol 2.0 does
+ * not say when they are: it refuses by itself. */
 function lock() {
-  const on = working();
+  const on = working() && device.minor > 0;
   for (const { row, input, box } of parameterRow.values()) {
     input.disabled = on && !row.live;
     box.classList.toggle("locked", on && !row.live);
