@@ -4,12 +4,14 @@ their differences."""
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..recording import mapping
 from ..recording.recording import TRIGGER, Recording, RecordingError
 from .plots import INK, LABEL, LEGEND, TITLE, new_figure, save, thin
 
@@ -60,9 +62,11 @@ class Trace:
         return f"{self.label}  ({', '.join(parts)})"
 
 
-def read(arguments: list[str]) -> list[Trace]:
+def read(
+    arguments: list[str], maps: Iterable[str] = (), shift_s: float | None = None
+) -> list[Trace]:
     """Reads files. FILE@SECONDS sets the trigger of a recording, in seconds on its own time
-    base."""
+    base. maps, shift_s: see `recording.mapping`."""
     traces = []
     for argument in arguments:
         file, at, seconds = argument.rpartition("@")
@@ -82,6 +86,9 @@ def read(arguments: list[str]) -> list[Trace]:
         if trigger_s is not None:
             rec.meta[TRIGGER] = trigger_s
         traces.append(Trace(file, rec, file=file))
+    files, recs = [t.file for t in traces], [t.rec for t in traces]
+    for trace, rec in zip(traces, mapping.mapped(files, recs, maps, shift_s), strict=True):
+        trace.rec = rec
     _shorten(traces)
     return traces
 

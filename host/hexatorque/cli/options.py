@@ -192,6 +192,17 @@ before_start = together(
         shell_complete=completion.assignment,
     ),
 )
+#: For tables of oscilloscopes and other programs.
+of_tables = together(
+    value(
+        "--map",
+        "maps",
+        metavar="CH1=NAME*K",
+        multiple=True,
+        help="rename and scale a channel: CH1=i_u1_A*100, /K, +OFFSET; may be repeated",
+    ),
+    value("--shift", metavar="S", help="seconds to add to the times of these files"),
+)
 channels = click.argument(
     "channels", metavar="CH...", nargs=-1, required=True, shell_complete=completion.channel
 )

@@ -16,6 +16,7 @@ from .output import complain, console_of, print_json
     epilog=examples(
         "plot out/reversal.npz",
         "plot sil.npz@0.4 bench.csv --channels torque_Nm,speed_rpm --window -0.01,0.1",
+        "plot sil.npz scope.csv --map CH1=i_u1_A*100 --map CH2=i_u2_A*100 --shift 0.4",
     )
 )
 @click.argument(
@@ -30,14 +31,16 @@ from .output import complain, console_of, print_json
 @options.value(
     "--align",
     metavar="HOW",
-    help="trigger, start or none; default: trigger if all have one, else start if several",
+    help="trigger, start or none; default: none with --shift, trigger if all have one, else start "
+    "if several",
 )
 @options.value("--window", metavar="T0,T1", help="seconds to show, after alignment")
+@options.of_tables
 @options.file(
     "-o", "--output", metavar="FILE.png", default=Path("out/plot.png"), help="the picture"
 )
 @options.as_json
-def plot(files, channels, align, window, output, as_json) -> int:
+def plot(files, channels, align, window, maps, shift, output, as_json) -> int:
     """Recordings over each other, and how far they are apart.
 
     Draws recordings of simulation, emulated processor and bench over each other, aligned by
@@ -47,6 +50,7 @@ def plot(files, channels, align, window, output, as_json) -> int:
     from rich.table import Table
 
     from ..analysis import overlay
+    from ..recording import mapping
     from ..recording.formats import RecordingError
 
     window_s = seconds_window(window)
@@ -56,7 +60,10 @@ def plot(files, channels, align, window, output, as_json) -> int:
     if output.suffix != ".png":
         raise RecordingError(f"{output}: a picture is a .png")
     console = console_of(as_json)
-    traces = overlay.read(files)
+    shift_s = mapping.shift(shift)
+    if align is None and shift_s is not None:
+        align = "none"
+    traces = overlay.read(files, maps, shift_s)
     for trace in traces:
         _complain_of(trace.file, trace.rec)
     how = overlay.align(traces, align)
@@ -103,7 +110,12 @@ def _complain_of(file: str, rec) -> None:
         complain(f"{file}: {'; '.join(rec.notes)}")
 
 
-@click.command(epilog=examples("convert out/bench.npz.part out/bench.mf4"))
+@click.command(
+    epilog=examples(
+        "convert out/bench.npz.part out/bench.mf4",
+        "convert scope.csv scope.npz --map CH1=i_u1_A*100 --map CH2=i_u2_A*100",
+    )
+)
 @click.argument("file", metavar="FILE", shell_complete=completion.files)
 @click.argument(
     "new",
@@ -112,17 +124,20 @@ def _complain_of(file: str, rec) -> None:
     shell_complete=completion.files,
     help=f"a name that ends in {suffixes_text()}",
 )
-def convert(file, new) -> int:
+@options.of_tables
+def convert(file, new, maps, shift) -> int:
     """A recording into another kind of file.
 
     The new name's suffix says which kind. From a .part file it saves a recording that was
     never closed.
     """
+    from ..recording import mapping
     from ..recording.formats import check_output
     from ..recording.recording import Recording
 
     output = check_output(new)
     rec = Recording.load(file)
     _complain_of(file, rec)
+    (rec,) = mapping.mapped([file], [rec], maps, mapping.shift(shift))
     print(f"{rec.save(output)}: {len(rec)} samples of {len(rec.channels)} channels")
     return 0

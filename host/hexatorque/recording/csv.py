@@ -216,33 +216,39 @@ def _as_it_came(stream: Stream, counters: dict, text: str, name: str, closed: bo
 def _plain(text: str, why: str) -> Recording:
     """Read a table without a header: it comes from another program, or its .json is lost."""
     found = table.find(text)
-    headings = [table.split(name) for name in found.names]
-    if found.units:
-        headings = [(name, unit or below) for (name, unit), below in zip(headings, found.units)]
-    at, unit_s, assumed = table.time_column(found, headings)
+    at, unit_s, assumed = table.time_column(found)
     columns = found.number_columns(["f8"] * len(found.names))
-    times = columns[at]
-    if times is None:
-        raise RecordingError(f"{found.names[at]}: no numbers; time in seconds is needed")
     notes = [f"{why}: names, units and time are those of the table itself"]
     notes += [assumed] * bool(assumed)
-    time_s = times * unit_s
+    if at is None:
+        at, time_s = _counted_times(found, columns)
+    elif (times := columns[at]) is None:
+        raise RecordingError(f"{found.name(at)}: no numbers; time in seconds is needed")
+    else:
+        time_s = times * unit_s
     rate_Hz, places = table.raster(found, time_s)
     meta: dict = {}
     channels, units = {}, {}
-    for n, ((name, unit), column) in enumerate(zip(headings, columns)):
+    for n, ((name, unit), column) in enumerate(zip(found.headings, columns)):
         if n == at or (not name and (column is None or np.isnan(column).all())):
             continue
         if column is None:
-            notes.append(f"{name or f'column {n + 1}'} holds no numbers: left out")
+            notes.append(f"{found.name(n)} holds no numbers: left out")
             continue
-        name = name or f"column {n + 1}"
+        if np.isinf(column).any():
+            row = int(np.argmax(np.isinf(column)))
+            raise RecordingError(f"line {found.line_of(row)}, {found.name(n)}: not a finite number")
+        name = name or found.name(n)
         if name == "tick":
             meta.update(_ticks(found, column, places, rate_Hz))
             continue
         if name in channels:
             raise RecordingError(f"two columns are named {name}")
-        channels[name], units[name] = fill(places, column), unit
+        units[name], factor = table.si(unit)
+        if factor != 1:
+            column = column * factor
+            notes.append(f"{name}: {unit} are made {units[name]}")
+        channels[name] = fill(places, column)
     if not channels:
         raise RecordingError("no column beside the time holds numbers")
     check_names(channels)
@@ -251,6 +257,26 @@ def _plain(text: str, why: str) -> Recording:
     meta["lost_samples"] = int(lost.sum())
     notes.append(f"{len(lost)} samples at {rate_Hz:.9g} Hz")
     return Recording(rate_Hz, channels, units, meta, float(time_s[0]), notes)
+
+
+def _counted_times(
+    found: table.Table, columns: list[np.ndarray | None]
+) -> tuple[int | None, np.ndarray]:
+    """The column that counts the samples, if there is one, and the times by start and increment of
+    the header."""
+    at = table.counted(found, columns)
+    length = next((len(column) for column in columns if column is not None), 0)
+    count = np.arange(length, dtype=float)
+    if at is not None and (column := columns[at]) is not None:
+        wrong = np.flatnonzero(~np.isfinite(column) | (np.nan_to_num(column) % 1 != 0))
+        if len(wrong):
+            raise RecordingError(
+                f"line {found.line_of(int(wrong[0]))}, {found.name(at)}: whole numbers that count "
+                "the samples are needed"
+            )
+        count = column - column[:1]
+    assert found.start_s is not None and found.step_s is not None  # time_column said so
+    return at, found.start_s + found.step_s * count
 
 
 def _ticks(found: table.Table, column: np.ndarray, places: np.ndarray, rate_Hz: float) -> dict:

@@ -1,8 +1,10 @@
-"""Tables of numbers in text files from any program.
+"""Tables of numbers in text files from any program: oscilloscopes, spreadsheets, loggers.
 
-Columns are separated by commas, semicolons or tabs. The decimal sign is a point or a comma. Units
-stand in the line of names or in the line below it. Samples must be equally spaced: values are
-never interpolated.
+The structure is found from the numbers: the delimiter is the one that gives rows of numbers, the
+table begins with the first of these rows, and names and units stand in the lines just above. There
+is no rule for a maker. Columns are separated by commas, semicolons or tabs. The decimal sign is a
+point or a comma, never both. Samples must be equally spaced: values are never interpolated, and no
+row is ever left out.
 """
 
 from __future__ import annotations
@@ -10,8 +12,9 @@ from __future__ import annotations
 import codecs
 import csv
 import re
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from io import StringIO
 
 import numpy as np
@@ -20,14 +23,29 @@ from .formats import RecordingError
 
 #: Delimiters, in the order in which they are tried. A comma may also be the decimal sign.
 DELIMITERS = "\t;,"
-_SAMPLE_LINES = 20
-#: `speed [rpm]`, `Time (s)`
+#: The table has to begin within so many lines that are not blank.
+_SAMPLE_LINES = 300
+#: `speed [rpm]`, `Time (s)`, and `in s`, `CH1 in V`
 _UNIT = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*", re.DOTALL)
-_TIME = re.compile(r"(?:time|t|zeit)(?:[ _](s|ms|us|µs|ns))?", re.IGNORECASE)
+_IN_UNIT = re.compile(r"(?:(.+) )?in ([^\s\d]{1,4})")
+_TIME = re.compile(r"(?:time|t|zeit|temps|tempo|tiempo|x-axis)(?:[ _](\w+))?", re.IGNORECASE)
+#: Units of time. Case matters: MS is no time. Some oscilloscopes write S for seconds.
 _SECONDS = {
-    "": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6,
-    "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0,
+    "s": 1.0, "S": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "ps": 1e-12,
+    "min": 60.0, "h": 3600.0,
 }  # fmt: skip
+_SECOND_WORDS = ("sec", "second", "seconds")
+#: Names of a column that counts the samples, where start and increment tell the time.
+_COUNTS = ("x", "n", "index", "sample", "samples", "point", "points", "sequence")
+_NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d]*)"
+_START = re.compile(r"start|x ?orig(?:in)?|x ?org|x ?zero|t0", re.IGNORECASE)
+_STEP = re.compile(r"x ?inc(?:rement)?|increment|tinc|sample interval", re.IGNORECASE)
+_PER_COLUMN_UNITS = re.compile(r"(?:vertical |y[ -]?)?units?", re.IGNORECASE)
+_TIME_UNITS = re.compile(r"(?:horizontal|x|time)[ -]?units?", re.IGNORECASE)
+#: Units as words, and quantities whose prefix is taken into the numbers. Case matters.
+_WORDS = {"volt": "V", "volts": "V", "amp": "A", "amps": "A", "ampere": "A", "watt": "W"}
+_PREFIXES = {"p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6}
+_PREFIXED = re.compile(r"([pnuµμmkM])(V|A|W|Wb|Hz|ohm|Ω)")
 #: Times may deviate this much from equal steps, in steps, because they often have few digits.
 SLACK = 0.25
 #: Largest number of missing steps in a plain table.
@@ -35,14 +53,21 @@ MOST_LOST_ROWS = 10**7
 
 
 def decode(raw: bytes) -> str:
-    """The text of a file in UTF-8, in UTF-16 with a byte order mark, or in Windows' code page."""
-    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        text = raw.decode("utf-16")
-    else:
-        try:
-            text = raw.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = raw.decode("cp1252", errors="replace")
+    """The text of a file in UTF-8, UTF-16 or Windows' code page."""
+    try:
+        if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            text = raw.decode("utf-16")
+        elif raw[1:2] == b"\0":
+            text = raw.decode("utf-16-le")
+        elif raw[:1] == b"\0":
+            text = raw.decode("utf-16-be")
+        else:
+            try:
+                text = raw.decode("utf-8-sig")
+            except UnicodeDecodeError:
+                text = raw.decode("cp1252", errors="replace")
+    except UnicodeDecodeError:
+        raise RecordingError("the text ends within a character of UTF-16") from None
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
@@ -60,6 +85,8 @@ def split(text: str) -> tuple[str, str]:
 
 
 def cells(line: str, delimiter: str) -> list[str]:
+    if '"' not in line:
+        return line.split(delimiter)
     return next(csv.reader([line], delimiter=delimiter), [])
 
 
@@ -67,20 +94,20 @@ def cells(line: str, delimiter: str) -> list[str]:
 class Table:
     """A table in a text.
 
-    names: the cells of the line of names; units: the cells of a line of units below it, if there
-    is one; begin: where the rows begin in `text`; line: the number of that line.
+    names: the cells of the line of names; begin: where the rows begin in `text`; line: the number
+    of that line; first: the first of its columns, as a header may stand left of it; headings: names
+    and units; start_s, step_s: what the header says of the time.
     """
 
     text: str
     names: list[str]
-    units: list[str] | None
     delimiter: str
     begin: int
     line: int
-
-    def __post_init__(self) -> None:
-        #: Whether commas are decimal signs: they do not delimit columns, or are in quotes.
-        self.comma = self.text.find("," if self.delimiter != "," else '"', self.begin) >= 0
+    first: int = 0
+    headings: list[tuple[str, str]] = field(default_factory=list)
+    start_s: float | None = None
+    step_s: float | None = None
 
     def columns(self, kinds: list[str]) -> list[np.ndarray]:
         """The columns as arrays of these types. Empty cells are NaN."""
@@ -94,30 +121,46 @@ class Table:
         text = self.text[self.begin :] if self.begin else self.text
         if not text.strip():
             return [np.empty(0, kind) for kind in kinds]
-        d = self.delimiter
-        if '"' not in text:
-            if self.comma:
-                text = text.replace(",", ".")
-            for _ in range(2 * (d + d in text)):  # twice, because pairs of delimiters overlap
-                text = text.replace(d + d, f"{d}nan{d}")
-            if f"{d}\n" in text:
-                text = text.replace(f"{d}\n", f"{d}nan\n")
-            if text.endswith(d):
-                text += "nan"
-            fields = [f"f{i}" for i in range(len(kinds))]
-            row = np.dtype(list(zip(fields, kinds)))
-            extra = text.partition("\n")[0].count(d) + 1 - len(kinds)
-            try:
-                table = np.loadtxt(
-                    StringIO(text), delimiter=d, dtype=row, ndmin=1, comments=None,
-                    usecols=range(len(kinds)) if extra == 1 else None,
-                )  # fmt: skip
-            except ValueError:
-                pass
-            else:
-                if extra != 1 or self._extra_is_empty(len(kinds)):
-                    return [table[name] for name in fields]
-        return self._one_by_one(kinds, strict)
+        comma = self.delimiter != "," and "," in text
+        # Which of both is the decimal sign has to be seen cell by cell.
+        if '"' in text or (comma and "." in text):
+            return self._one_by_one(kinds, strict)
+        d, end = self.delimiter, self.first + len(kinds)
+        extra = text.lstrip("\n").partition("\n")[0].count(d) + 1 - end
+        if extra < 0 or not self._alike(text, extra):
+            return self._one_by_one(kinds, strict)
+        if comma:
+            text = text.replace(",", ".")
+        for _ in range(2 * (d + d in text)):  # twice, because pairs of delimiters overlap
+            text = text.replace(d + d, f"{d}nan{d}")
+        if f"{d}\n" in text:
+            text = text.replace(f"{d}\n", f"{d}nan\n")
+        if text.endswith(d):
+            text += "nan"
+        if f"\n{d}" in text or text.startswith(d):
+            text = "nan" * text.startswith(d) + text.replace(f"\n{d}", f"\nnan{d}")
+        fields = [f"f{i}" for i in range(len(kinds))]
+        try:
+            table = np.loadtxt(
+                StringIO(text), delimiter=d, dtype=np.dtype(list(zip(fields, kinds))), ndmin=1,
+                comments=None, usecols=range(self.first, end),
+            )  # fmt: skip
+        except ValueError:
+            return self._one_by_one(kinds, strict)
+        return [table[name] for name in fields]
+
+    def _alike(self, text: str, extra: int) -> bool:
+        """Whether every row has as many cells as the first one, the last `extra` of them empty."""
+        raw = np.frombuffer(text.encode(), np.uint8)
+        ends = np.flatnonzero(raw == ord("\n"))
+        at = np.flatnonzero(raw == ord(self.delimiter))
+        ends = np.append(ends, len(raw))
+        counts = np.diff(np.searchsorted(at, ends), prepend=0)
+        used = counts[np.diff(ends, prepend=-1) > 1]
+        if (used != used[0]).any():
+            return False
+        tail = self.delimiter * extra
+        return not extra or text.count(tail + "\n") + text.endswith(tail) == len(used)
 
     def rows(self) -> Iterator[tuple[int, str]]:
         """The number and the text of each line that is not blank."""
@@ -133,27 +176,33 @@ class Table:
         """The number of the line that contains a row."""
         return next(number for n, (number, _) in enumerate(self.rows()) if n == row)
 
-    def _extra_is_empty(self, width: int) -> bool:
-        """Whether every row has at most a delimiter after the last column."""
-        return all(
-            not "".join(cells(line, self.delimiter)[width:]).strip() for _, line in self.rows()
-        )
+    def name(self, column: int) -> str:
+        """How messages call a column."""
+        return self.names[column] or f"column {self.first + column + 1}"
 
     def _one_by_one(self, kinds: list[str], strict: bool) -> list[np.ndarray | None]:
         """Read the columns cell by cell, so that an error names the wrong cell."""
         columns: list[list[float]] = [[] for _ in kinds]
         wrong: list[tuple[int, str] | None] = [None] * len(kinds)
+        # The first number with either decimal sign: column, line, text.
+        signs: dict[str, list[tuple[int, int, str]]] = {",": [], ".": []}
+        end = self.first + len(kinds)
         for number, line in self.rows():
             found = cells(line, self.delimiter)
-            if len(found) < len(kinds) or "".join(found[len(kinds) :]).strip():
+            if len(found) < end or "".join(found[end:]).strip():
                 raise RecordingError(
-                    f"line {number}: {len(found)} cells where there are {len(kinds)} names"
+                    f"line {number}: {len(found) - self.first} cells where there are {len(kinds)} "
+                    "names"
                 )
-            for n, (cell, kind) in enumerate(zip(found, kinds)):
+            for n, (cell, kind) in enumerate(zip(found[self.first :], kinds)):
                 try:
-                    columns[n].append(self._number(cell, kind))
+                    columns[n].append(_number(cell.strip(), kind))
                 except ValueError:
                     wrong[n] = wrong[n] or (number, cell)
+                    continue
+                for sign, seen in signs.items():
+                    if sign in cell and not any(n == one[0] for one in seen):
+                        seen.append((n, number, cell.strip()))
         out: list[np.ndarray | None] = []
         for n, (values, kind) in enumerate(zip(columns, kinds)):
             if bad := wrong[n]:
@@ -161,91 +210,270 @@ class Table:
                     out.append(None)
                     continue
                 raise RecordingError(
-                    f"line {bad[0]}, {self.names[n] or f'column {n + 1}'}: "
+                    f"line {bad[0]}, {self.name(n)}: "
                     f"{bad[1].strip()[:40]!r} is not a {'' if kind[0] == 'f' else 'whole '}number"
                 )
             out.append(np.array(values, kind))
+        firsts = [
+            min((one for one in seen if out[one[0]] is not None), key=lambda one: one[1:2],
+                default=None)
+            for seen in signs.values()
+        ]  # fmt: skip
+        if firsts[0] and firsts[1]:
+            usual, other = sorted((one for one in firsts if one), key=lambda one: one[1])
+            sign = "comma" if "," in usual[2] else "point"
+            raise RecordingError(
+                f"line {other[1]}, {self.name(other[0])}: {other[2][:40]!r}: only a decimal {sign} "
+                f"is allowed, as in line {usual[1]} ({usual[2][:40]!r})"
+            )
         return out
 
-    def _number(self, cell: str, kind: str) -> float:
-        cell = cell.strip()
-        if self.comma:
-            cell = cell.replace(",", ".")
-        if kind[0] != "f":
-            return int(cell)
-        return float(cell) if cell else np.nan
+
+def _number(cell: str, kind: str = "f8") -> float:
+    """A number with a decimal point or comma. ValueError if it is none."""
+    if "_" in cell or not cell.isascii():
+        raise ValueError(cell)
+    if kind[0] != "f":
+        return int(cell)
+    return float(cell.replace(",", ".")) if cell else np.nan
 
 
 def under(text: str, line: str) -> Table | None:
     """The table below `line` if the text begins with this line; otherwise None."""
     if not (text.startswith(line) and text[len(line) : len(line) + 1] in ("\n", "")):
         return None
-    return Table(text, cells(line, ","), None, ",", len(line) + 1, 2)
+    return Table(text, cells(line, ","), ",", len(line) + 1, 2)
+
+
+@dataclass
+class _Line:
+    number: int
+    begin: int
+    end: int
+    text: str
+    cells: list[str] = field(default_factory=list)
+    numbers: frozenset[int] = frozenset()
+
+    def cell(self, column: int) -> str:
+        return self.cells[column] if column < len(self.cells) else ""
+
+    @property
+    def only_numbers(self) -> bool:
+        return len(self.numbers) == sum(map(bool, self.cells)) > 0
+
+
+def _first_lines(text: str) -> tuple[list[_Line], str]:
+    """The lines in which the table has to begin, and the delimiters that are possible."""
+    lines: list[_Line] = []
+    delimiters, number, at = DELIMITERS, 0, 0
+    while at < len(text) and len(lines) < _SAMPLE_LINES:
+        end = text.find("\n", at)
+        end = len(text) if end < 0 else end
+        number, line = number + 1, text[at:end]
+        if not lines and line.lower().startswith("sep=") and len(line.rstrip()) == 5:  # for Excel
+            delimiters = line[4]
+        elif line.strip() and not line.lstrip().startswith(("#", "%")):
+            lines.append(_Line(number, at, end, line))
+        at = end + 1
+    return lines, delimiters
+
+
+def _cut(lines: list[_Line], delimiter: str) -> None:
+    for line in lines:
+        line.cells = [cell.strip() for cell in cells(line.text, delimiter)]
+        line.numbers = frozenset(n for n, cell in enumerate(line.cells) if _is_number(cell))
+
+
+def _delimiter(lines: list[_Line], known: str) -> str:
+    """The delimiter that gives most rows of nothing but numbers; else most with some numbers; else
+    most cells."""
+
+    def score(d: str) -> tuple[int, ...]:
+        _cut(lines, d)
+        counts = [len(line.numbers) for line in lines]
+        rows = sum(line.only_numbers and n > 1 for line, n in zip(lines, counts))
+        most = 0 if any(counts) else max(len(line.cells) for line in lines)
+        return rows, sum(n > 1 for n in counts), sum(n > 0 for n in counts), most
+
+    return max(known, key=score)
 
 
 def find(text: str) -> Table:
-    """Find the table in a text, with its delimiter, decimal sign and lines of names and units."""
-    delimiters = DELIMITERS
-    lines = Table(text, [], None, ",", 0, 1).rows()
-    head = None
-    for number, text_line in lines:
-        if text_line.lower().startswith("sep=") and len(text_line.rstrip()) == 5:  # for Excel
-            delimiters = text_line[4]
-        elif not text_line.lstrip().startswith(("#", "%")):
-            head = number, text_line
-            break
-    if head is None:
+    """Find the table in a text, with its delimiter, its names and its units."""
+    lines, delimiters = _first_lines(text)
+    if not lines:
         raise RecordingError("no table: no line of names")
-    sample = [row for row, _ in zip(lines, range(_SAMPLE_LINES))]
-    delimiter = _delimiter(head[1], [line for _, line in sample], delimiters)
-    names = [cell.strip() for cell in cells(head[1], delimiter)]
-    if all(map(_is_number, names)):
-        raise RecordingError(f"line {head[0]}: numbers where the columns' names are needed")
-    units, after = None, head
-    if sample:
-        first = [cell.strip() for cell in cells(sample[0][1], delimiter)]
-        if len(first) == len(names) and any(first) and not any(map(_is_number, first)):
-            units, after = [cell.strip("[]()") for cell in first], sample[0]
-    begin, line = 0, 1
-    while line <= after[0]:
-        end = text.find("\n", begin)
-        begin, line = (len(text) if end < 0 else end + 1), line + 1
-    return Table(text, names, units, delimiter, begin, line)
+    delimiter = _delimiter(lines, delimiters)
+    _cut(lines, delimiter)
+    used, begin = _block(lines)
+    first = min(used, default=0)
+    above = lines[:begin]
+    units = above.pop().cells if _ends_with_units(above, used) else []
+    names, left = [], 0
+    if above and (not first or all(map(above[-1].cell, used))):
+        names = list(above.pop().cells)
+        header = [line.cells for line in above]
+    elif first:  # the header stands beside the table
+        left = first
+        header = [line.cells[:first] for line in lines]
+    else:
+        raise RecordingError(
+            f"line {lines[begin].number}: numbers where the columns' names are needed"
+        )
+    start_s, step_s = _start_and_step([*header, names, units])
+    if names:
+        if None not in (start_s, step_s):  # their cells name no columns
+            for n, name in enumerate(names):
+                if n not in used and (_START.match(name) or _STEP.match(name)):
+                    names[n] = ""
+        while len(names) > 1 and not names[-1]:
+            del names[-1]
+    else:
+        names = [""] * (max(used) + 1 - left)
+    headings = [_heading(name) for name in names]
+    for n, below in enumerate(units[: len(headings)]):
+        headings[n] = headings[n][0], headings[n][1] or below.strip("[]()").strip()
+    _from_header(headings, header, sorted(n - left for n in used), bool(left))
+    behind = lines[-1].end + 1, lines[-1].number + 1
+    at = (lines[begin].begin, lines[begin].number) if begin < len(lines) else behind
+    return Table(text, names, delimiter, *at, left, headings, start_s, step_s)
 
 
-def _delimiter(head: str, sample: list[str], known: str) -> str:
-    """The delimiter that gives the names and the sample rows the same number of cells."""
-    for d in known:
-        names = len(cells(head, d))
-        widths = {len(cells(line, d)) - (line.endswith(d) and not head.endswith(d))
-                  for line in sample}  # fmt: skip
-        if names > 1 and widths <= {names}:
-            return d
-    return max(known, key=lambda d: len(cells(head, d)))
+def _block(lines: list[_Line]) -> tuple[frozenset[int], int]:
+    """The columns of numbers, and the first line of their rows."""
+    rows = [line for line in lines if line.only_numbers] or [x for x in lines if x.numbers]
+    if not rows:
+        return frozenset(), len(lines)
+    counts = Counter(line.numbers for line in rows)
+    used = max(counts, key=lambda one: (len(one) > 1, counts[one], len(one)))
+    begin = next(n for n, line in enumerate(lines) if used <= line.numbers)
+    first = min(used)
+
+    def titles(n: int) -> bool:
+        return n >= 0 and all(lines[n].cell(k) and k not in lines[n].numbers for k in used)
+
+    # A damaged or incomplete row at the top is a row.
+    while begin and (
+        first in lines[begin - 1].numbers
+        or (lines[begin - 1].numbers & used and (first > 0 or titles(begin - 2)))
+    ):
+        begin -= 1
+    return used, begin
+
+
+def _ends_with_units(above: list[_Line], used: frozenset[int]) -> bool:
+    """Whether the last line has the units of the names in the line before."""
+    if len(above) < 2 or not used:
+        return False
+    names, units = above[-2:]
+    first = min(used)
+    if first in names.numbers or not all(map(names.cell, used)):
+        return False
+    texts = [cell for cell in units.cells if cell]
+    bracketed = all(cell[0] + cell[-1] in ("[]", "()") for cell in texts)
+    of_time = units.cell(first).strip("[]()")
+    return bracketed or seconds_of(of_time) is not None or of_time.lower() in _COUNTS[-1:]
+
+
+def _heading(cell: str) -> tuple[str, str]:
+    name, unit = split(cell)
+    found = _IN_UNIT.fullmatch(cell)
+    if not unit and found and (seconds_of(found[2]) or si(found[2])[0] in _WORDS.values()):
+        return found[1] or "time", found[2]
+    return name, unit
+
+
+def _from_header(
+    headings: list[tuple[str, str]], header: list[list[str]], used: list[int], beside: bool
+) -> None:
+    """Add the names and units that only the header has: rows of a keyword and values."""
+    for key, *values in (row for row in header if row):
+        values = [value.rpartition(":")[2].strip() for value in values if value]
+        if _PER_COLUMN_UNITS.fullmatch(key.strip(" :")):
+            for n, value in zip(used[1:], values):
+                headings[n] = headings[n][0], headings[n][1] or value
+        elif _TIME_UNITS.fullmatch(key.strip(" :")) and values and used:
+            name = headings[used[0]][0] or ("time" if beside else "")
+            headings[used[0]] = name, headings[used[0]][1] or values[0]
+        elif beside and key.lower() == "source":
+            for n, value in zip(used[1:], values):
+                headings[n] = value, headings[n][1]
+
+
+def _start_and_step(rows: list[list[str]]) -> tuple[float | None, float | None]:
+    """Time of the first sample and time between samples, where a header tells them: a keyword with
+    the value behind it, below it, or in its own cell behind `=`."""
+    found: dict[re.Pattern, float] = {}
+    for n, row in enumerate(rows):
+        for k, cell in enumerate(row):
+            key, _, value = cell.partition("=")
+            pattern = next((p for p in (_START, _STEP) if p.fullmatch(key.strip(" :"))), None)
+            if pattern is None or pattern in found:
+                continue
+            below = rows[n + 1][k] if n + 1 < len(rows) and k < len(rows[n + 1]) else ""
+            behind = row[k + 1] if k == 0 and len(row) > 1 else ""
+            for text in (value, behind, below):
+                number = re.fullmatch(_NUMBER, text.strip())
+                unit_s = 1.0 if number and not number[2] else number and seconds_of(number[2])
+                if number and unit_s:
+                    found[pattern] = float(number[1]) * unit_s
+                    break
+    step_s = found.get(_STEP)
+    return found.get(_START), step_s if step_s and step_s > 0 else None
 
 
 def _is_number(cell: str) -> bool:
     try:
-        float(cell.replace(",", "."))
+        _number(cell or "-")
     except ValueError:
         return False
     return True
 
 
-def time_column(table: Table, headings: list[tuple[str, str]]) -> tuple[int, float, str]:
-    """The number of the time column, its unit in seconds, and a text if something was assumed."""
-    for n, (name, unit) in enumerate(headings):
+def seconds_of(unit: str) -> float | None:
+    """A unit of time in seconds; None if it is none."""
+    return 1.0 if unit.lower() in _SECOND_WORDS else _SECONDS.get(unit)
+
+
+def si(unit: str) -> tuple[str, float]:
+    """The unit without its prefix, and the factor to it. Units that are unknown stay."""
+    unit = _WORDS.get(unit.lower(), unit)
+    found = _PREFIXED.fullmatch(unit)
+    return (found[2], _PREFIXES[found[1]]) if found else (unit, 1.0)
+
+
+def time_column(table: Table) -> tuple[int | None, float, str]:
+    """The number of the time column, its unit in seconds, and a text if something was assumed.
+    None: the header tells start and increment, so that the rows are counted."""
+    for n, (name, unit) in enumerate(table.headings):
         found = _TIME.fullmatch(name)
-        if not found:
+        if not found and not (name.lower() in _SECOND_WORDS and not unit):
             continue
-        unit = unit or found[1] or ""
-        if unit.lower() not in _SECONDS:
-            raise RecordingError(f"{table.names[n]}: time in {unit!r}, known are s, ms, us, ns")
-        return n, _SECONDS[unit.lower()], "" if unit else f"{name} is taken as seconds"
+        unit = unit or (found[1] if found else "s") or ""
+        if unit and seconds_of(unit) is None:
+            raise RecordingError(
+                f"{table.name(n)}: time in {unit!r}, known are s, ms, us, ns, ps, min, h"
+            )
+        return n, seconds_of(unit) or 1.0, "" if unit else f"{name} is taken as seconds"
+    timed = [n for n, (_, unit) in enumerate(table.headings) if unit and seconds_of(unit)]
+    if timed == [0]:
+        return 0, seconds_of(table.headings[0][1]) or 1.0, ""
+    if table.start_s is not None and table.step_s is not None:
+        return None, 1.0, ""
     raise RecordingError(
-        "no column of time: one named time_s, Time (s), t [ms] or the like is needed, there are "
-        + ", ".join(name for name in table.names if name)[:200]
+        "no column of time: one named time_s, Time (s), t [ms] or the like is needed, or start and "
+        "increment in the header; there are "
+        + ", ".join(table.name(n) for n in range(len(table.names)))[:200]
     )
+
+
+def counted(table: Table, columns: list[np.ndarray | None]) -> int | None:
+    """The column that counts the samples, if there is one."""
+    for n, (name, unit) in enumerate(table.headings):
+        count = _COUNTS[-1] in (name.lower(), unit.lower()) or (name.lower() in _COUNTS and not n)
+        if count and columns[n] is not None:
+            return n
+    return None
 
 
 def raster(table: Table, time_s: np.ndarray) -> tuple[float, np.ndarray]:

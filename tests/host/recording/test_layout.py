@@ -61,12 +61,15 @@ def test_the_example_of_the_document_is_read(tmp_path):
     assert datetime.fromisoformat(rec.meta["started"]).utcoffset().total_seconds() == 3600
 
 
-def test_the_foreign_table_of_the_document_is_read(tmp_path):
+@pytest.mark.parametrize(("place", "names"), [(1, ("1", "2")), (2, ("Kanal A", "Kanal B"))])
+def test_the_foreign_tables_of_the_document_are_read(place, names, tmp_path):
     path = tmp_path / "scope.csv"
-    path.write_text(re.findall(r"```csv\n(.*?)```", DOCS.read_text(), re.DOTALL)[1])
+    path.write_text(re.findall(r"```csv\n(.*?)```", DOCS.read_text(), re.DOTALL)[place])
     rec = Recording.load(path)
-    assert rec.rate_Hz == 2000 and rec.units == {"Strom": "A", "Drehzahl": "rpm"}
-    assert rec["Strom"].tolist() == [1.25, 1.5, 1.75]
+    assert (rec.rate_Hz, rec.start_s) == (10e3, -1e-3) and tuple(rec.channels) == names
+    assert set(rec.units.values()) == {"V"}
+    np.testing.assert_allclose(rec[names[0]], [0.0125, 0.015])
+    assert rec[names[1]].tolist() == [0.4, 0.4]
 
 
 def test_pandas_reads_it_without_options(tmp_path):

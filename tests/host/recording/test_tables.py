@@ -102,7 +102,7 @@ def test_a_column_of_text_is_left_out_and_named(tmp_path):
         ("time_s,a\n", "two rows or more"),
         ("time_s,a\n0,1\n", "two rows or more"),
         ("0,1\n1,2\n", "line 1: numbers where the columns' names are needed"),
-        ("a,b\n0,1\n1,2\n", "no column of time: .*, there are a, b"),
+        ("a,b\n0,1\n1,2\n", "no column of time: .* there are a, b"),
         ("time (parsec),a\n0,1\n1,2\n", "time in 'parsec'"),
         ("time_s,a\n0,1\n1,2\n2,x7\n3,4\n", "line 4, a: 'x7' is not a number"),
         ("time_s,a\n0,1\n\n1,2\n2,x7\n3,4\n", "line 5, a: 'x7' is not a number"),
