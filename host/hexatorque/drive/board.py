@@ -36,7 +36,7 @@ from ..firmware import (
 from ..recording.journal import TICK_HZ
 from ..recording.recording import DECIMATION, FIRST_TICK, STARTED, Recording, clock_text
 from ..serial import BAUDS, BOARD_RESET, LinkError, clock, runtime, wire
-from ..serial.client import Client
+from ..serial.client import Client, Stopped
 from ..serial.dictionary import fetch
 from ..serial.stream import Stream, decimation_for, on_a_grid
 from ..serial.wire import Op, Status
@@ -325,7 +325,20 @@ class BoardDrive(DriveVerbs):
 
     def start(self) -> None:
         """Start the drive. If this process ends, the board stops the drive by itself."""
+        self.client.stopped = None
         self.client.do(Op.START, what="start")
+
+    @property
+    def stopped(self) -> Stopped | None:
+        """The drive was stopped because this process did not run for a while after `start`."""
+        return self.client.stopped
+
+    def check(self) -> None:
+        """Raise DriveFault if the drive has tripped, and LinkError if it was stopped because this
+        process did not run for a while."""
+        super().check()
+        if self.stopped:
+            raise LinkError(str(self.stopped))
 
     def stop(self) -> None:
         self.client.do(Op.STOP, what="stop")

@@ -23,7 +23,7 @@ from ..firmware import WARNINGS, Snapshot, State
 from ..recording.formats import SUFFIXES, RecordingError
 from ..recording.recording import Recording
 from ..serial import LinkError, wire
-from ..serial.client import HEARTBEAT_S
+from ..serial.client import HEARTBEAT_S, Stopped
 from ..serial.stream import Stream
 from .traces import Ring
 
@@ -104,6 +104,7 @@ class MonitoredDrive:
         # When the frame was sent that was answered last: by any page, and by a visible page.
         self._answered_s = self._visible_s = -math.inf
         self._pushed_s = -math.inf  # when the latest samples came
+        self._told: Stopped | None = None  # the stop that `notice` was about
         self._was_reset = threading.Event()
         self._counted = (0, 0.0)
         self._rate_Hz = 0.0
@@ -429,6 +430,7 @@ class MonitoredDrive:
                 if not self.drive.client.in_session:
                     self.drive.client.get_status()
                 self._stop_if_unwatched()
+                self._tell_of_silence()
                 if self._was_reset.is_set():
                     self._was_reset.clear()
                     try:
@@ -467,7 +469,16 @@ class MonitoredDrive:
         else:
             return
         self.stop()
-        self.notice = f"stopped: {reason}"
+        latest = self.drive.client.latest
+        at = f" at tick {latest.tick}" if latest else ""
+        self.notice = f"stopped{at}: {reason}"
+
+    def _tell_of_silence(self) -> None:
+        """The drive was stopped because the monitor itself did not run for a while."""
+        stopped = self.drive.stopped
+        if stopped and stopped is not self._told:
+            self._told, self._started_s = stopped, None
+            self.notice = f"stopped at tick {stopped.tick}: {stopped.why('the monitor')}"
 
     # -- a reset of the board ------------------------------------------------------------------
 

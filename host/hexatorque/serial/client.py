@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from ..firmware import State
 from . import RESET_VALUES, LinkError, wire
@@ -70,6 +71,19 @@ class Counters:
     reconnects: int = 0
 
 
+class Stopped(NamedTuple):
+    """A drive was stopped because the program that had started it did not run for a while."""
+
+    tick: int  #: of the board
+    silent_ms: int
+
+    def __str__(self) -> str:
+        return f"stopped at tick {self.tick}: {self.why('this program')}"
+
+    def why(self, who: str) -> str:
+        return f"{who} was silent for {self.silent_ms} ms"
+
+
 #: Takes a batch of bodies. It is called in the reader's thread and must not wait.
 Sink = Callable[[list[bytes]], None]
 
@@ -101,6 +115,8 @@ class Client:
         self.mark = 0
         self.latest: Reply | None = None
         self.status: wire.StatusReply | None = None
+        #: The drive was stopped because this process was silent after its latest START.
+        self.stopped: Stopped | None = None
         self.in_session = False
         #: Why this client cannot be used any more.
         self.broken: LinkError | None = None
@@ -143,6 +159,8 @@ class Client:
                 self._count(*struct.unpack_from("<II", body, 1))
             elif kind == Notice.FAILED:
                 self._failed(body)
+            elif kind == Notice.STOPPED:
+                self.stopped = Stopped(*struct.unpack_from("<IH", body, 1))
         self._deliver(samples)
         if data:
             for sink in tuple(self._data_sinks):

@@ -28,6 +28,7 @@ class Notice(IntEnum):
     PULSE = 0xF2  #: the server runs, but the board has not answered yet
     FAILED = 0xF3  #: u8 opcode, u8 id, text: this request gets no reply, and the reason
     LOST = 0xF4  #: the port no longer exists
+    STOPPED = 0xF5  #: u32 tick, u16 ms: its drive was stopped, as it was silent for so long
 
 
 def is_process(url: str) -> bool:

@@ -158,6 +158,7 @@ class Server:
         self.slots: list[Slot | None] = [None] * wire.STREAMS
         self.starter: Peer | None = None
         self.reader: Peer | None = None  #: who gets a capture's data
+        self.state = 0  #: of the drive, in the latest reply
         self._out = b""
         self._id = _random(1)
         self._asked_s = 0.0
@@ -228,7 +229,8 @@ class Server:
             self._unanswered(job)
         if starter and not starter.pending and now_s > starter.heard_s + SILENT_S:
             self.starter = None
-            self._put(Job(Op.STOP))
+            state = self.state
+            self._put(Job(Op.STOP, done=lambda reply: self._was_silent(starter, state, reply)))
         quiet = not self.job and not self.queue and now_s > self._asked_s + HEARTBEAT_S
         if quiet and self._session_needed():
             self._put(Job(Op.STATUS))
@@ -293,7 +295,7 @@ class Server:
             self.queue.insert(at, job)
             return
         if job.op == Op.STOP and job.peer is None:
-            self._put(Job(Op.STOP))
+            self._put(Job(Op.STOP, done=job.done))
             return
         if job.op == Op.START:
             self.starter = job.peer  # the START may have been carried out
@@ -331,6 +333,7 @@ class Server:
         if job is None or (reply.op, reply.id) != (job.op, job.id):
             return  # a second reply to a repeated request, or a reply that came too late
         self.job = None
+        self.state = reply.state
         if job.session and reply.status == Status.NO_SESSION:
             self._session_lost()
         status = _status(reply)
@@ -471,6 +474,12 @@ class Server:
             else:
                 self.starter = peer
         self._pass_on(job, reply)
+
+    def _was_silent(self, peer: Peer, state: int, reply: Reply) -> None:
+        """Tell the client that its drive was stopped, unless that had ended by itself before."""
+        if not peer.gone and reply.state != state:
+            silent_ms = round(1e3 * SILENT_S)
+            peer.out += packed(struct.pack("<BIH", Notice.STOPPED, reply.tick, silent_ms))
 
     # -- the session -----------------------------------------------------------------------
 

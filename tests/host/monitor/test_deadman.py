@@ -107,6 +107,11 @@ def test_a_computer_that_sleeps(page, monitor, board):
     page.until(f"['idle', 'fault'].includes({STATE})")
     time.sleep(1.0)
     assert not board.working
+    # The port server stopped it for the silent monitor, or the board's watchdog for both.
+    said = (
+        r"/at tick \d+: the monitor was silent/.test(document.querySelector('#alarm').textContent)"
+    )
+    page.until(f"{said} || {STATE} === 'fault'")
 
 
 def test_a_second_page_that_runs_is_enough(page, browser, monitor, board):

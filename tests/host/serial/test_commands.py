@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import time
 import tomllib
@@ -154,9 +155,60 @@ def test_a_start_is_guarded_and_ended_by_a_signal(call, board):
         assert (process.returncode, err) == (0, "")
         status = json.loads(call("status", "--json")[1])
         assert (status["state"], status["faults"], status["guarded"]) == ("idle", [], False)
-        with BoardDrive.open(board) as drive:
-            while abs(drive.capture(["speed_rpm"], 1)["speed_rpm"][0]) > 20:
-                pass
+        to_rest(board)
+
+
+def stopped_for_a_while(process: Forked, board: str) -> int:
+    """Stop the process until its drive is off. Returns the board's tick before."""
+    with BoardDrive.open(board) as watch:
+        while watch.state != "run":
+            time.sleep(0.02)
+        tick = watch.client.latest.tick
+        process.send_signal(signal.SIGSTOP)
+        try:
+            while watch.condition.at_work:
+                time.sleep(0.02)
+            assert watch.faults == []
+        finally:
+            process.send_signal(signal.SIGCONT)
+    return tick
+
+
+def told(text: str, after: int) -> None:
+    """The text says when and why the drive was stopped."""
+    found = re.search(r"stopped at tick (\d+): this program was silent for 250 ms", text)
+    assert found and after < int(found[1]) < after + 100_000, text
+
+
+def test_a_guard_that_did_not_run_says_that_its_drive_was_stopped(call, board):
+    process = background("start", "--json", "--device", board)
+    after = stopped_for_a_while(process, board)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 1
+    told(err, after)
+    told(json.loads(out)["stopped"], after)
+    to_rest(board)
+
+
+def test_a_recording_of_a_drive_that_was_stopped_for_silence_says_so(call, board, tmp_path):
+    file = tmp_path / "run.csv"
+    words = ("stream", "speed_rpm", "--rate", "1000", "-o", str(file), "--start", "--json")
+    process = background(*words, "--device", board)
+    after = stopped_for_a_while(process, board)
+    out, err = process.communicate(timeout=30)  # it does not wait for a signal
+    assert process.returncode == 1
+    told(err, after)
+    told(json.loads(out)["ended"], after)
+    recording = Recording.load(file)
+    told(recording.meta["ended"], after)
+    assert recording.meta["lost_samples"] == 0 and recording.meta["closed"]
+    to_rest(board)
+
+
+def to_rest(board: str) -> None:
+    with BoardDrive.open(board) as drive:
+        while abs(drive.capture(["speed_rpm"], 1)["speed_rpm"][0]) > 20:
+            pass
 
 
 def test_a_start_that_trips(call, board):

@@ -1,6 +1,7 @@
 """The client with the firmware's own service, in a virtual board that is another process."""
 
 import os
+import re
 import signal
 import time
 
@@ -214,6 +215,49 @@ def test_a_stopped_process_stops_the_drive(board):
             assert watch.faults == []
     finally:
         process.send_signal(signal.SIGCONT)
+        end(process)
+
+
+SILENT = """
+import os, signal, sys
+from hexatorque.drive.board import BoardDrive
+from hexatorque.serial import LinkError
+with BoardDrive.open(sys.argv[1]) as drive:
+    for _ in range(2):
+        drive.start()
+        assert drive.stopped is None
+        print("started", flush=True)
+        os.kill(os.getpid(), signal.SIGSTOP)
+        while drive.condition.at_work or drive.stopped is None:
+            pass
+        try:
+            drive.check()
+        except LinkError as error:
+            print(error, flush=True)
+        assert sys.stdin.readline() == "again\\n"
+"""
+
+
+def test_a_script_that_did_not_run_is_told_of_the_stop(board):
+    process = Forked(["-c", SILENT, board], pipes=("stdin", "stdout"))
+    try:
+        with BoardDrive.open(board) as watch:
+            for _ in range(2):  # each START begins anew
+                assert process.stdout.readline() == "started\n"
+                tick = watch._now_tick()
+                until(lambda: watch.state == "idle", 5)
+                process.send_signal(signal.SIGCONT)
+                said = process.stdout.readline()
+                found = re.fullmatch(
+                    r"stopped at tick (\d+): this program was silent for 250 ms\n", said
+                )
+                assert found and tick < int(found[1]) < tick + 100_000
+                while abs(watch.capture(["speed_rpm"], 1)["speed_rpm"][0]) > 20:
+                    pass
+                process.stdin.write("again\n")
+                process.stdin.flush()
+    finally:
+        process.stdin.close()
         end(process)
 
 

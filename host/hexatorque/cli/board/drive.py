@@ -112,11 +112,21 @@ def start(duration, device, baud, as_json, **before) -> int:
         if was.at_work:
             drive.stop()
     if as_json:
-        print_json({"state": was.name, "faults": faults, "trip": trip.as_json() if trip else None})
+        print_json(
+            {
+                "state": was.name,
+                "faults": faults,
+                "trip": trip.as_json() if trip else None,
+                "stopped": str(drive.stopped) if drive.stopped else None,
+            }
+        )
     if drive.resets:
         from ...serial import RESET_VALUES
 
         complain(f"the board was reset; {RESET_VALUES}")
+        return 1
+    if drive.stopped:
+        complain(str(drive.stopped))
         return 1
     if was.name == "idle":
         console.print("stopped by somebody else")

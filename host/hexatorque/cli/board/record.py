@@ -82,6 +82,7 @@ def stream(
             _write(drive, stream, recorder, wanted, ended, console)
             state, faults, trip = drive.state, drive.faults, drive.trip
             why = BOARD_RESET if stream.ended else "user" if ended.is_set() else "duration"
+            why = str(drive.stopped or why)
             path = recorder.close(why, state=state, faults=faults)
     summary = {
         "file": str(path),
@@ -98,6 +99,9 @@ def stream(
     if stream.ended:
         complain(str(stream.ended))
         return 1
+    if drive.stopped:
+        complain(why)
+        return 1
     return 0 if faulted else tripped(state, faults, trip)
 
 
@@ -109,7 +113,8 @@ def _write(
     ended: threading.Event,
     console: Console,
 ) -> None:
-    """Until so many samples are written, a signal comes, or the board is reset."""
+    """Until so many samples are written, a signal comes, the board is reset, or the drive was
+    stopped because this process did not run."""
     from ...serial import LinkError
 
     plugged = True
@@ -125,10 +130,12 @@ def _write(
             console.print("back again" if plugged else "unplugged: waiting for the board")
         if block is not None:
             ticks, values = block
-            if wanted is not None:
-                left = wanted - recorder.samples
-                ticks, values = ticks[:left], values[:left]
-            recorder.put(ticks, values)
+            left = len(ticks) if wanted is None else wanted - recorder.samples
+            recorder.put(ticks[:left], values[:left])
+        if drive.stopped:
+            for ticks, values in stream.waiting() if wanted is None else []:
+                recorder.put(ticks, values)
+            return
 
 
 @click.command(
@@ -186,6 +193,8 @@ def capture(
         except BaseException:
             drive.cancel()
             raise
+    if drive.stopped:
+        recording.meta["ended"] = str(drive.stopped)
     recording.save(output)
     summary = {
         "file": str(output),
@@ -196,6 +205,9 @@ def capture(
         "faults": recording.meta["faults"],
     }
     say(as_json, summary)
+    if drive.stopped:
+        complain(str(drive.stopped))
+        return 1
     return tripped(summary["state"], summary["faults"]) if start else 0
 
 
