@@ -25,7 +25,7 @@ def at_terminal() -> bool:
     epilog=examples(
         "new mine.toml",
         'new mine.toml --nameplate "power_kW=7.5 voltage_V=400 current_A=7.8 \\\n'
-        '    frequency_Hz=50 speed_rpm=1455 poles=4"',
+        '    power_factor=0.82 frequency_Hz=50 speed_rpm=1455 poles=4"',
         'new mine.toml --circuit "pole_pairs=2 rs_ohm=1.8 rr_ohm=2 lls_H=10e-3 \\\n'
         '    llr_H=15e-3 lm_H=284e-3 current_A=6 vdc_V=300"',
         note="Either list may also have vdc_V, inertia_kgm2, lxy_H, i_full_A, vdc_full_V, "

@@ -20,8 +20,8 @@ from ..setups.nameplate import ThreePhase
 FIRST = "phases"
 LAST = ("inertia_kgm2", "i_full_A", "dead_time_us", "encoder_ppr", "device")
 PLATE = (
-    *(FIRST, "power_kW", "voltage_V", "current_A", "frequency_Hz", "speed_rpm", "poles"),
-    *("power_factor", "efficiency", "vdc_V", *LAST),
+    *(FIRST, "power_kW", "voltage_V", "current_A", "power_factor", "frequency_Hz", "speed_rpm"),
+    *("poles", "efficiency", "vdc_V", *LAST),
 )
 CIRCUIT = (
     *(
@@ -38,6 +38,8 @@ CIRCUIT = (
     ),
     *("torque_Nm", "speed_rpm", *LAST),
 )
+#: After this answer the plate can contradict itself: before what it does not have is asked.
+COMPLETE = "poles"
 #: Of values that nothing suggests.
 EXAMPLES = {
     "power_kW": "7.5",
@@ -78,18 +80,24 @@ def ask(title: str) -> str:
     while True:
         given: dict[str, Any] = {}
         told: dict[str, str] = {}
-        for name in names:
-            if word := _answer(name, keys[name], given, before.get(name)):
-                given[name] = writing.value(name, word, keys[name])
-                told[name] = word
         try:
-            return make(",".join(f"{name}={word}" for name, word in told.items()), title)
+            for name in names:
+                if word := _answer(name, keys[name], given, before.get(name)):
+                    given[name] = writing.value(name, word, keys[name])
+                    told[name] = word
+                if name == COMPLETE:
+                    make(_list(told), title)
+            return make(_list(told), title)
         except ThreePhase as error:
             click.echo(f"{error}\nOnce more, for the rewound machine; Enter takes these values.")
-            before = told | error.rewound
+            before = before | told | error.rewound
         except SetupError as error:
             click.echo(f"{error}\nOnce more; Enter keeps what you said.")
-            before = told
+            before = before | told
+
+
+def _list(told: dict[str, str]) -> str:
+    return ",".join(f"{name}={word}" for name, word in told.items())
 
 
 def _answer(name: str, key: Key, given: dict[str, Any], before: str | None) -> str:

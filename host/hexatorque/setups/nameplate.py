@@ -1,8 +1,9 @@
 """The equivalent circuit of a machine from its nameplate.
 
-A nameplate gives fewer values than the circuit has, so some are assumed (ASSUMED). The circuit
-then reproduces the plate exactly: at rated voltage, frequency and speed it takes the rated current
-and gives the rated torque.
+`circuit_of` takes a plate on which everything stands that the circuit needs, also the shares of
+the losses. The circuit then reproduces the plate exactly: at rated voltage, frequency and speed it
+takes the rated current and gives the rated torque. What a real plate leaves open, `estimate` fills
+in.
 
 The machine has two three-phase sets. V is the line-to-line voltage and I the line current of each
 set. A set in delta is described by the star that takes the same line current: the inverter cannot
@@ -27,8 +28,7 @@ The separation of the losses follows IEEE Std 112.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 from .values import SetupError
 
@@ -53,7 +53,6 @@ class Assumed:
     high: float
 
 
-PULL_OUT = Assumed(2.8, 2.2, 3.5)  #: pull-out torque in rated torques
 IRON = Assumed(0.2, 0.1, 0.3)  #: iron and stray losses, share of all losses
 FRICTION = Assumed(0.1, 0.05, 0.15)  #: friction and windage, share of all losses
 #: Efficiency times power factor of a motor is above this. If a plate is below when it is taken for
@@ -66,7 +65,8 @@ LEAST_LEAKAGE = 0.02
 
 @dataclass(frozen=True)
 class Nameplate:
-    """Efficiency and power factor at rated load; 0: not on the plate."""
+    """Efficiency and power factor at rated load, pull-out torque in rated torques; 0: not on the
+    plate. iron, friction: shares of all losses."""
 
     power_kW: float
     voltage_V: float
@@ -76,7 +76,7 @@ class Nameplate:
     pole_pairs: int
     power_factor: float = 0.0
     efficiency: float = 0.0
-    pull_out: float = PULL_OUT.value
+    pull_out: float = 0.0
     iron: float = IRON.value
     friction: float = FRICTION.value
 
@@ -84,6 +84,15 @@ class Nameplate:
     def product(self) -> float:
         """Efficiency times power factor, if voltage and current are those of each of two sets."""
         return 1e3 * self.power_kW / (2 * SQRT_3 * self.voltage_V * self.current_A)
+
+    @property
+    def base_ohm(self) -> float:
+        """Rated voltage over rated current of a phase."""
+        return self.voltage_V / SQRT_3 / self.current_A
+
+    @property
+    def sizes(self) -> str:
+        return f"{self.power_kW:g} kW from 2 sets of {self.voltage_V:g} V, {self.current_A:g} A"
 
     @property
     def may_be_three_phase(self) -> bool:
@@ -128,71 +137,86 @@ def slip_of(plate: Nameplate) -> float:
     return slip
 
 
-def split(plate: Nameplate) -> tuple[float, float]:
-    """Efficiency and power factor. The plate's power, voltage and current give their product; if
-    it names neither, the efficiency is taken half-way between their root and 1."""
-    product = plate.product
-    apparent_W = 1e3 * plate.power_kW / product
-    sizes = f"{plate.power_kW:g} kW from 2 sets of {plate.voltage_V:g} V, {plate.current_A:g} A"
+def split(plate: Nameplate, efficiency: float = 0.0) -> tuple[float, float]:
+    """Efficiency and power factor. The plate's power, voltage and current give their product.
+    efficiency: if the plate has neither."""
+    product, sizes = plate.product, plate.sizes
+    told, factor = plate.efficiency, plate.power_factor
     if product >= 0.98:
+        apparent_kVA = plate.power_kW / product
         raise SetupError(
-            f"{sizes} ({apparent_W / 1e3:.4g} kVA): efficiency times power factor would be "
+            f"{sizes} ({apparent_kVA:.4g} kVA): efficiency times power factor would be "
             f"{product:.3g}, allowed is below 0.98; is the current that of one line of one set?"
         )
-    if product < 0.15:
-        raise SetupError(
-            f"{sizes} ({apparent_W / 1e3:.4g} kVA): efficiency times power factor would be "
-            f"{product:.3g}, allowed is 0.15 and above"
-        )
-    efficiency, factor = plate.efficiency, plate.power_factor
-    if efficiency and factor:
-        if abs(efficiency * factor / product - 1) > 0.05:
+    if told and factor:
+        if abs(told * factor / product - 1) > 0.05:
             raise SetupError(
-                f"efficiency {efficiency:g} times power factor {factor:g} is "
-                f"{efficiency * factor:.3g}, but {sizes} give {product:.3g}: they must agree "
+                f"efficiency {told:g} times power factor {factor:g} is "
+                f"{told * factor:.3g}, but {sizes} give {product:.3g}: they must agree "
                 "within 5 %"
             )
         return product / factor, factor
-    if factor:
-        efficiency = product / factor
-    elif efficiency:
-        factor = product / efficiency
-    else:
-        # The efficiency is the larger of the two. It cannot come near 1 - s: the stator has losses
-        # as well.
-        root = math.sqrt(product)
-        efficiency = max(root, min(1 - 2 * slip_of(plate), 0.5 * (1 + root)))
-        factor = product / efficiency
+    efficiency = product / factor if factor else told or efficiency
+    factor = product / efficiency
     for name, value in (("efficiency", efficiency), ("power factor", factor)):
         if not 0 < value < 1:
             raise SetupError(f"{sizes}: the {name} would be {value:.3g}, allowed is below 1")
     return efficiency, factor
 
 
-def circuit_of(plate: Nameplate) -> Circuit:
-    """The circuit per phase of the equivalent star. SetupError if the plate contradicts itself."""
-    slip = slip_of(plate)
-    efficiency, factor = split(plate)
-    omega = 2 * math.pi * plate.frequency_Hz
-    v_V, i_A = plate.voltage_V / SQRT_3, plate.current_A
-    power_W = 1e3 * plate.power_kW
+@dataclass(frozen=True)
+class Powers:
+    """gap: what crosses the air gap; stator: what rotor, iron and friction leave of the losses. It
+    is negative if iron and friction have less than they are taken to have."""
+
+    gap_W: float
+    stator_W: float
+
+
+def powers_of(plate: Nameplate, efficiency: float) -> Powers:
+    """SetupError if the rotor takes all the losses."""
+    slip, power_W = slip_of(plate), 1e3 * plate.power_kW
     losses_W = power_W / efficiency - power_W
     gap_W = (power_W + plate.friction * losses_W) / (1 - slip)
-    stator_W = losses_W * (1 - plate.friction - plate.iron) - slip * gap_W
-    if stator_W <= 0:
+    if slip * gap_W >= (1 - plate.friction) * losses_W:
         raise SetupError(
             f"slip {100 * slip:.3g} % means {slip * gap_W:.4g} W in the rotor, but efficiency "
             f"{efficiency:.3g} leaves {losses_W:.4g} W for all losses: too little for the stator; "
             "check speed_rpm, power and efficiency"
         )
-    rs_ohm = stator_W / (6 * i_A**2)
-    active_A = (gap_W + stator_W) / (6 * v_V)
+    stator_W = losses_W * (1 - plate.friction - plate.iron) - slip * gap_W
+    return Powers(gap_W, stator_W)
+
+
+def circuit_of(plate: Nameplate) -> Circuit:
+    """The circuit per phase of the equivalent star, from a plate that has the pull-out torque and
+    efficiency or power factor. SetupError if the plate contradicts itself."""
+    efficiency, factor = split(plate)
+    powers = powers_of(plate, efficiency)
+    if powers.stator_W <= 0:
+        raise SetupError("rotor, iron and friction leave nothing of the losses for the stator")
+    rs_ohm = powers.stator_W / (6 * plate.current_A**2)
+    return circuit_with(plate, factor, powers.gap_W, rs_ohm)
+
+
+def circuit_with(
+    plate: Nameplate, factor: float, gap_W: float, rs_ohm: float, leakage_ohm: float = 0.0
+) -> Circuit:
+    """The circuit that takes the plate's current at this power factor, with this stator
+    resistance. leakage_ohm: without it the pull-out torque gives it; less is taken if the plate
+    does not allow so much."""
+    slip, omega = slip_of(plate), 2 * math.pi * plate.frequency_Hz
+    v_V, i_A = plate.voltage_V / SQRT_3, plate.current_A
+    active_A = gap_W / (6 * v_V) + rs_ohm * i_A**2 / v_V
     current = complex(active_A, -i_A * math.sqrt(1 - factor**2))
     # The copper losses go with the size of the current, which lacks the iron's share now.
     rs_ohm *= i_A**2 / abs(current) ** 2
-    leakage_ohm = _leakage(v_V, current, rs_ohm, gap_W, slip, plate.pull_out)
+    if leakage_ohm:
+        leakage_ohm = _at_most(leakage_ohm, v_V, current, rs_ohm, gap_W)
+    else:
+        leakage_ohm = _leakage(v_V, current, rs_ohm, gap_W, slip, plate.pull_out)
     xm_ohm, over_slip_ohm = _branches(v_V, current, rs_ohm, gap_W, leakage_ohm)
-    torque_Nm = power_W / (2 * math.pi * plate.speed_rpm / 60)
+    torque_Nm = 1e3 * plate.power_kW / (2 * math.pi * plate.speed_rpm / 60)
     flux_Wb = math.sqrt(2) * abs(v_V - rs_ohm * current) / omega
     leakage_H = leakage_ohm / omega
     return Circuit(
@@ -235,6 +259,32 @@ def pull_out_ratio(
     return largest / at_load
 
 
+def _nothing_left(current: complex) -> SetupError:
+    return SetupError(
+        f"a current of {abs(current):.4g} A at power factor "
+        f"{current.real / abs(current):.3g} leaves nothing to magnetise the machine: check "
+        "current, power factor and efficiency"
+    )
+
+
+def _at_most(
+    leakage_ohm: float, v_V: float, current: complex, rs_ohm: float, gap_W: float
+) -> float:
+    """This leakage, or as much of it as lets the rated power through."""
+    least_ohm = LEAST_LEAKAGE * v_V / abs(current)
+    while leakage_ohm > least_ohm:
+        try:
+            _branches(v_V, current, rs_ohm, gap_W, leakage_ohm)
+            return leakage_ohm
+        except _TooMuch:
+            leakage_ohm *= 0.9
+    try:
+        _branches(v_V, current, rs_ohm, gap_W, least_ohm)
+    except _TooMuch:
+        raise _nothing_left(current) from None
+    return least_ohm
+
+
 def _leakage(
     v_V: float, current: complex, rs_ohm: float, gap_W: float, slip: float, pull_out: float
 ) -> float:
@@ -248,11 +298,7 @@ def _leakage(
     try:
         most = ratio(low_ohm)
     except _TooMuch:
-        raise SetupError(
-            f"a current of {abs(current):.4g} A at power factor "
-            f"{current.real / abs(current):.3g} leaves nothing to magnetise the machine: check "
-            "current, power factor and efficiency"
-        ) from None
+        raise _nothing_left(current) from None
     if most < pull_out:
         raise SetupError(
             f"pull_out = {pull_out:g}: with slip {100 * slip:.3g} % this machine can have "
@@ -266,27 +312,3 @@ def _leakage(
             enough = False
         low_ohm, high_ohm = (middle, high_ohm) if enough else (low_ohm, middle)
     return low_ohm
-
-
-def spread_of(plate: Nameplate) -> dict[str, tuple[float, float]]:
-    """Least and largest value of each constant where what is assumed lies elsewhere in its range,
-    one assumption at a time."""
-    changed = [plate]
-    for name, assumed in (("pull_out", PULL_OUT), ("iron", IRON), ("friction", FRICTION)):
-        if getattr(plate, name) == assumed.value:
-            for value in (assumed.low, assumed.high):
-                only: dict[str, Any] = {name: value}
-                changed.append(replace(plate, **only))
-    if not plate.power_factor and not plate.efficiency:
-        efficiency, _ = split(plate)
-        losses = 1 - efficiency
-        changed += [replace(plate, efficiency=1 - k * losses) for k in (0.8, 1.25)]
-    circuits = []
-    for one in changed:
-        try:
-            circuits.append(circuit_of(one))
-        except SetupError:  # so far the assumption cannot lie
-            continue
-    names = ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H", "flux_Wb")
-    columns = {name: [getattr(circuit, name) for circuit in circuits] for name in names}
-    return {name: (min(values), max(values)) for name, values in columns.items()}

@@ -7,17 +7,10 @@ import re
 from typing import Any
 
 from .design import REACH_PU, USABLE
+from .estimate import estimate, ranges, rotor_kgm2, spread
 from .keys import DEVICES, KEYS, Key
-from .nameplate import (
-    FRICTION,
-    IRON,
-    PULL_OUT,
-    THREE_PHASE,
-    Nameplate,
-    ThreePhase,
-    circuit_of,
-    spread_of,
-)
+from .nameplate import FRICTION, IRON, THREE_PHASE, Nameplate, ThreePhase
+from .published import machines
 from .values import SetupError, suggest
 
 _M = KEYS["machine"]
@@ -44,13 +37,13 @@ NAMEPLATE = {
     "power_kW": _n("rated power at the shaft", "kW", 1e-3, 1e5),
     "voltage_V": _n("rated voltage of a set, line to line, rms", "V", 1, 1e4),
     "current_A": _n("rated current of one line of one set, rms", "A", 1e-2, 1e4),
+    "power_factor": _n("rated power factor, cos phi on the plate, 0: not known", "", 0, 1, 0.0),
     "frequency_Hz": _n("rated frequency", "Hz", 1, 1000),
     "speed_rpm": _n("rated speed", "r/min", 1, 3e4),
     "poles": Key("integer", "number of poles", "", 2, 128),
     "connection": Key("choice", "of a set", choices=("star", "delta"), default="star"),
-    "power_factor": _n("rated power factor, 0: not known", "", 0, 1, 0.0),
     "efficiency": _n("rated efficiency, 0: not known", "", 0, 1, 0.0),
-    "pull_out": _n("pull-out torque in rated torques", "", 1.5, 6, PULL_OUT.value),
+    "pull_out": _n("pull-out torque in rated torques, 0: not known", "", 1.5, 6, 0.0),
     **COMMON,
 }
 CIRCUIT = {
@@ -139,17 +132,25 @@ def from_nameplate(text: str, title: str) -> str:
             + ("" if given["phases"] else "; if it has six phases, add phases=6"),
             {"current_A": half_A},
         )
-    circuit, spread = circuit_of(plate), spread_of(plate)
+    circuit = estimate(plate)
     words = {
-        name: f"from the nameplate; {low:.3g} .. {high:.3g}" for name, (low, high) in spread.items()
+        name: f"from the nameplate; {low:.3g} .. {high:.3g}"
+        for name, (low, high) in ranges(plate, circuit).items()
     }
+    told = bool(plate.power_factor or plate.efficiency)
+    filled = ["R_s in part" if told else "R_s, and so the power factor"]
+    if not plate.pull_out:
+        filled.append("the leakage")
     head = [
         f"Nameplate: {text}",
-        "Per phase of the equivalent star of each set. Assumed besides the plate: pull-out torque "
-        f"{plate.pull_out:g} of rated, iron {100 * IRON.value:g} % and friction "
-        f"{100 * FRICTION.value:g} % of the losses, equal leakages.",
-        "Each note has the range in which the value lies if these assumptions are off.",
+        "Per phase of the equivalent star of each set. What the plate does not say is what "
+        f"{len(machines())} published machines have at this power: {', '.join(filled)}.",
+        f"Iron has {100 * IRON.value:g} % and friction {100 * FRICTION.value:g} % of the losses. "
+        "Each note has the range in which nearly all of these machines lie when they are",
+        "estimated in this way.",
     ]
+    if not told:
+        head.append("With power_factor (cos phi on the plate) the range of R_s is narrower.")
     machine = {
         "pole_pairs": (plate.pole_pairs, "", "nameplate"),
         **{
@@ -185,10 +186,10 @@ def from_circuit(text: str, title: str) -> str:
     return _text(title, head, machine, rated, given)
 
 
-def inertia_of(power_kW: float, pole_pairs: int) -> float:
-    """Rotor and an equal load. Catalogues of standard motors have about 0.003 kg m2 at 1 kW and 4
-    poles, and grow with power^1.3 and pole pairs^1.5."""
-    return 2 * 0.003 * power_kW**1.3 * (pole_pairs / 2) ** 1.5
+def inertia_of(power_kW: float, speed_rpm: float) -> float:
+    """Rotor and an equal load, at this synchronous speed."""
+    allowed = _M["inertia_kgm2"]
+    return min(max(2 * rotor_kgm2(power_kW, max(speed_rpm, 1.0)), allowed.min), allowed.max)
 
 
 def _rounded(value: float, digits: int = 2) -> float:
@@ -214,9 +215,15 @@ def suggestion(name: str, given: dict[str, Any]) -> Any:
     if name == "i_full_A":
         return _rounded(I_RANGE * math.sqrt(2) * given["current_A"])
     if name == "inertia_kgm2":
-        # Without a rated power the size of the machine follows from its apparent power.
-        power_kW = given.get("power_kW") or 1e-3 * given["vdc_V"] * given["current_A"]
-        return _rounded(inertia_of(power_kW, given.get("pole_pairs") or given["poles"] // 2))
+        if "poles" in given:
+            speed_rpm = 120 * given["frequency_Hz"] / given["poles"]
+            return _rounded(inertia_of(given["power_kW"], speed_rpm))
+        # The dc link says which voltage the machine has; the power is three quarters of the
+        # apparent power. Without a rated speed the machine is for 50 Hz.
+        peak_V = REACH_PU * USABLE * given["vdc_V"]
+        power_kW = 0.75e-3 * 6 * peak_V / math.sqrt(2) * given["current_A"]
+        speed_rpm = given.get("speed_rpm") or 3000 / given["pole_pairs"]
+        return _rounded(inertia_of(power_kW, speed_rpm))
     return None
 
 
@@ -242,8 +249,9 @@ def _text(
             "lxy_H": chosen("lxy_H", f"the stator leakage; {0.3 * lls_H:.3g} .. {lls_H:.3g}"),
             "inertia_kgm2": chosen(
                 "inertia_kgm2",
-                f"usual for this power, with an equal load; {_rounded(inertia / 3)} .. "
-                f"{_rounded(inertia * 3)}",
+                f"usual for this power and speed, with an equal load; "
+                f"{_rounded(inertia / spread().inertia)} .. "
+                f"{_rounded(inertia * spread().inertia)}",
             ),
         },
         "inverter": {

@@ -1,0 +1,258 @@
+"""The circuit of a machine from what its plate says, and from what is typical of its power.
+
+A plate decides less than the circuit has. With the power factor it gives the losses, and what the
+rotor, iron and friction leave of them is the stator's: a small difference of large numbers. The
+estimate of R_s is therefore half-way (in the logarithm) between that and what published machines
+of this power have. Without the power factor it is theirs alone, and the losses follow from it. The
+leakage is theirs unless the plate has the pull-out torque. R_r and L_m then follow: the circuit
+takes the rated current and gives the rated torque at the rated speed.
+
+The range of each value is as wide as these estimates err for published machines, each estimated
+from the others (tests/host/setups/test_published.py).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+
+from .nameplate import (
+    FRICTION,
+    IRON,
+    Circuit,
+    Nameplate,
+    circuit_with,
+    powers_of,
+    slip_of,
+    split,
+)
+from .published import Line, Machine, factor_of, machines, through
+from .values import SetupError
+
+#: A power factor at rated load is not above this.
+MOST_FACTOR = 0.94
+#: Efficiency times power factor is not below what is typical by more than this factor, and the slip
+#: neither below nor above by more than these. Of the published machines none is half as far away.
+PRODUCT_FACTOR = 1.75
+SLIP_BELOW, SLIP_ABOVE = 8.0, 6.0
+#: Ohms below which no voltage over its current is: the plate's two are then exchanged.
+LEAST_OHM = 0.1
+#: Share of the machines that the inertia's range is to hold: some sources include a load.
+INERTIA_HELD = 0.9
+RANGED = ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H", "flux_Wb")
+
+
+@dataclass(frozen=True)
+class Example:
+    """A published machine as it were with two sets: its plate and its circuit. Equal leakages."""
+
+    machine: Machine
+    plate: Nameplate
+    circuit: Circuit
+
+
+def example(machine: Machine, iron: float, friction: float) -> Example:
+    """What is not printed follows from the circuit, with these shares of the losses."""
+    power_W, speed_rpm = 1e3 * machine.power_kW, machine.speed_rpm
+    synchronous_rpm = 60 * machine.frequency_Hz / machine.pole_pairs
+    slip = 1 - speed_rpm / synchronous_rpm
+    if power_W:
+        slip = machine.slip_at(power_W, iron, friction)
+        speed_rpm = speed_rpm or synchronous_rpm * (1 - slip)
+    shaft_W, current_A, factor = machine.load(slip, iron, friction)
+    power_W = power_W or shaft_W
+    plate = Nameplate(
+        power_W / 1e3,
+        machine.voltage_V,
+        0.5 * (machine.current_A or current_A),
+        machine.frequency_Hz,
+        speed_rpm,
+        machine.pole_pairs,
+        machine.power_factor or factor,
+    )
+    rr_ohm, leakage_H, lm_H = (2 * value for value in machine.equal_leakages)
+    omega, rs_ohm = 2 * math.pi * machine.frequency_Hz, 2 * machine.rs_ohm
+    sine = math.sqrt(1 - plate.power_factor**2)
+    across = plate.current_A * complex(plate.power_factor, -sine)
+    flux_Wb = math.sqrt(2) * abs(machine.voltage_V / math.sqrt(3) - rs_ohm * across) / omega
+    torque_Nm = power_W / (2 * math.pi * speed_rpm / 60)
+    circuit = Circuit(rs_ohm, rr_ohm, leakage_H, leakage_H, lm_H, torque_Nm, flux_Wb)
+    return Example(machine, plate, circuit)
+
+
+@cache
+def examples(machine: Machine) -> tuple[Example, Example]:
+    """With losses of iron and friction, and without: what is printed of a circuit has neither, a
+    real plate has both."""
+    return example(machine, IRON.value, FRICTION.value), example(machine, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Typical:
+    """Lines over the power. Resistance, leakage: in units of voltage over current of a phase.
+    starting: that of the rotor alone, in seconds in which rated power reaches rated speed, twice
+    its kinetic energy over the power. rs_factor: how far single machines are from the line."""
+
+    rs: Line
+    rr: Line
+    leakage: Line
+    product: Line
+    starting_s: Line
+    rs_factor: float
+
+
+def typical_of(known: Sequence[Machine]) -> Typical:
+    of = [examples(machine)[0] for machine in known]
+    power = [one.plate.power_kW for one in of]
+    base = [one.plate.base_ohm for one in of]
+    rs = [one.circuit.rs_ohm / ohm for one, ohm in zip(of, base)]
+    rr = [one.circuit.rr_ohm / ohm for one, ohm in zip(of, base)]
+    leakage = [
+        2 * math.pi * one.plate.frequency_Hz * one.circuit.lls_H / ohm for one, ohm in zip(of, base)
+    ]
+    started = [
+        (kW, one.machine.inertia_kgm2 * one.machine.synchronous_rad_s**2 / (1e3 * kW))
+        for one, kW in zip(of, power)
+        if one.machine.inertia_kgm2
+    ]
+    line = through(zip(power, rs))
+    return Typical(
+        line,
+        through(zip(power, rr)),
+        through(zip(power, leakage)),
+        through((one.plate.power_kW, one.plate.product) for one in of),
+        through(started),
+        factor_of(value / line.at(kW) for value, kW in zip(rs, power)),
+    )
+
+
+@cache
+def typical() -> Typical:
+    return typical_of(machines())
+
+
+def estimate(plate: Nameplate, of: Typical | None = None) -> Circuit:
+    """The circuit per phase of the equivalent star. SetupError if the plate contradicts itself."""
+    of = of or typical()
+    _believable(plate, of)
+    usual_ohm = of.rs.at(plate.power_kW) * plate.base_ohm
+    leakage_ohm = 0.0 if plate.pull_out else of.leakage.at(plate.power_kW) * plate.base_ohm
+    told = bool(plate.power_factor or plate.efficiency)
+    efficiency, factor = split(plate, _efficiency(plate, usual_ohm))
+    powers = powers_of(plate, efficiency)
+    rs_ohm = powers.stator_W / (6 * plate.current_A**2)
+    if told:
+        rs_ohm = min(max(rs_ohm, usual_ohm / of.rs_factor), usual_ohm * of.rs_factor)
+        rs_ohm = math.sqrt(rs_ohm * usual_ohm)
+    return circuit_with(plate, factor, powers.gap_W, rs_ohm, leakage_ohm)
+
+
+def _believable(plate: Nameplate, of: Typical) -> None:
+    """One line that names the number that looks wrong."""
+    slip, product = slip_of(plate), plate.product
+    if plate.voltage_V < LEAST_OHM * plate.current_A:
+        raise SetupError(
+            f"voltage_V = {plate.voltage_V:g} and current_A = {plate.current_A:g} are less than "
+            f"{LEAST_OHM:g} ohm: are they exchanged?"
+        )
+    usual = of.product.at(plate.power_kW)
+    if product < usual / PRODUCT_FACTOR:
+        raise SetupError(
+            f"current_A = {plate.current_A:g}: {plate.sizes} are an efficiency times power factor "
+            f"of {product:.3g}, usual for this power is {min(usual, 0.95):.2g}: current_A = "
+            f"{plate.current_A * product / usual:.3g} would fit"
+        )
+    usual = of.rr.at(plate.power_kW)
+    if not usual / SLIP_BELOW <= slip <= usual * SLIP_ABOVE:
+        synchronous_rpm = 60 * plate.frequency_Hz / plate.pole_pairs
+        raise SetupError(
+            f"speed_rpm = {plate.speed_rpm:g} with {plate.frequency_Hz:g} Hz and "
+            f"{2 * plate.pole_pairs} poles is a slip of {100 * slip:.2g} %, usual for this power "
+            f"is {100 * usual:.2g} %: speed_rpm = {synchronous_rpm * (1 - usual):.0f} would fit"
+        )
+
+
+def _efficiency(plate: Nameplate, rs_ohm: float) -> float:
+    """With this stator resistance; but the power factor is MOST_FACTOR at most."""
+    slip, power_W = slip_of(plate), 1e3 * plate.power_kW
+    stator_W = 6 * rs_ohm * plate.current_A**2
+    copper_W = stator_W + slip * power_W / (1 - slip)
+    share = 1 - plate.iron - plate.friction - slip * plate.friction / (1 - slip)
+    return max(power_W / (power_W + copper_W / share), plate.product / MOST_FACTOR)
+
+
+def errors(known: Sequence[Machine]) -> dict[str, dict[bool, list[float]]]:
+    """Estimate over truth of each value, with the power factor told or not, for each machine
+    estimated from the others."""
+    found: dict[str, dict[bool, list[float]]] = {name: {True: [], False: []} for name in RANGED}
+    for machine in known:
+        of = typical_of([other for other in known if other is not machine])
+        for one in examples(machine):
+            for told, by_name in ratios(one, of):
+                for name, ratio in by_name.items():
+                    found[name][told].append(ratio)
+    return found
+
+
+def ratios(one: Example, of: Typical) -> Iterable[tuple[bool, dict[str, float]]]:
+    """Estimate over truth by name, with the power factor told and not."""
+    for told in (True, False):
+        plate = one.plate if told else replace(one.plate, power_factor=0.0)
+        try:
+            circuit = asdict(estimate(plate, of))
+        except SetupError:  # the plate is refused: nothing is stated of it
+            continue
+        truth = asdict(one.circuit)
+        yield told, {name: circuit[name] / truth[name] for name in RANGED}
+
+
+@dataclass(frozen=True)
+class Spread:
+    """What to divide and to multiply an estimate by for its range, by name and by whether the power
+    factor was told; and the same of the inertia."""
+
+    factors: dict[str, dict[bool, float]]
+    inertia: float
+
+
+def spread_of(known: Sequence[Machine]) -> Spread:
+    found = errors(known)
+    factors = {
+        name: {told: factor_of(ratios) for told, ratios in by_told.items()}
+        for name, by_told in found.items()
+    }
+    return Spread(factors, factor_of(inertia_errors(known), INERTIA_HELD))
+
+
+def inertia_errors(known: Sequence[Machine]) -> list[float]:
+    """Estimate over truth of the rotor's inertia, each estimated from the other machines."""
+    found = []
+    for machine in known:
+        if machine.inertia_kgm2:
+            of = typical_of([other for other in known if other is not machine])
+            plate = examples(machine)[0].plate
+            synchronous_rpm = 60 * plate.frequency_Hz / plate.pole_pairs
+            found.append(rotor_kgm2(plate.power_kW, synchronous_rpm, of) / machine.inertia_kgm2)
+    return found
+
+
+def rotor_kgm2(power_kW: float, speed_rpm: float, of: Typical | None = None) -> float:
+    """Inertia of the rotor alone."""
+    speed_rad_s = speed_rpm * math.pi / 30
+    return (of or typical()).starting_s.at(power_kW) * 1e3 * power_kW / speed_rad_s**2
+
+
+@cache
+def spread() -> Spread:
+    return spread_of(machines())
+
+
+def ranges(plate: Nameplate, circuit: Circuit) -> dict[str, tuple[float, float]]:
+    """Between which values each constant probably lies."""
+    told = bool(plate.power_factor or plate.efficiency)
+    return {
+        name: (getattr(circuit, name) / factor, getattr(circuit, name) * factor)
+        for name, factor in ((name, spread().factors[name][told]) for name in RANGED)
+    }

@@ -1,0 +1,125 @@
+"""Published machines, and what a plate alone says of a machine like them."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import pytest
+
+from hexatorque.setups import SetupError, estimate, new
+from hexatorque.setups.nameplate import FRICTION, IRON
+from hexatorque.setups.published import Line, machines, through
+
+PRINTED = [m for m in machines() if m.current_A and m.power_kW]
+
+
+def test_every_machine_has_a_source_and_no_one_is_twice():
+    assert all(m.source and m.name for m in machines())
+    assert len({(m.rs_ohm, m.rr_ohm, m.lm_H) for m in machines()}) == len(machines()) >= 30
+
+
+@pytest.mark.parametrize("machine", PRINTED, ids=lambda machine: machine.name)
+def test_a_circuit_draws_the_current_that_its_plate_prints(machine):
+    """A digit typed wrong, or the unit of another column, would show."""
+    slip = machine.slip_at(1e3 * machine.power_kW, IRON.value, FRICTION.value)
+    shaft_W, current_A, factor = machine.load(slip, IRON.value, FRICTION.value)
+    assert shaft_W == pytest.approx(1e3 * machine.power_kW, rel=1e-3)
+    assert current_A == pytest.approx(machine.current_A, rel=0.12)
+    if machine.power_factor:
+        assert factor == pytest.approx(machine.power_factor, abs=0.04)
+
+
+def test_equal_leakages_are_the_same_machine_from_outside():
+    for machine in machines():
+        rr_ohm, leakage_H, lm_H = machine.equal_leakages
+        like = replace(machine, rr_ohm=rr_ohm, lls_H=leakage_H, llr_H=leakage_H, lm_H=lm_H)
+        for slip in (0.01, 0.1):
+            assert like.load(slip, 0.2, 0.1) == pytest.approx(machine.load(slip, 0.2, 0.1))
+
+
+def test_odd_machines_do_not_draw_a_line_away():
+    law = Line(0.05, -0.3)
+    points = [(power, law.at(power)) for power in (1, 3, 7, 20, 50, 110)]
+    line = through([*points, (5.0, 10.0), (80.0, 3.0)])
+    assert line.at(1.0) == pytest.approx(0.05, rel=0.2) and line.exponent < -0.2
+    assert through(points).exponent == pytest.approx(-0.3)
+
+
+@cache
+def held() -> dict[tuple[str, bool], list[bool]]:
+    """Whether the range that is stated for a machine holds its true value, where range and
+    estimate come from the other machines alone."""
+    within: dict[tuple[str, bool], list[bool]] = {}
+    for machine in machines():
+        others = [other for other in machines() if other is not machine]
+        typical, spread = estimate.typical_of(others), estimate.spread_of(others)
+        for one in estimate.examples(machine):
+            for told, ratios in estimate.ratios(one, typical):
+                for name, ratio in ratios.items():
+                    factor = spread.factors[name][told]
+                    within.setdefault((name, told), []).append(1 / factor <= ratio <= factor)
+    return within
+
+
+@pytest.mark.parametrize("told", (True, False), ids=("with cos phi", "without"))
+@pytest.mark.parametrize("name", estimate.RANGED)
+def test_the_stated_range_holds_machines_that_were_left_out(name, told):
+    cases = held()[name, told]
+    assert len(cases) > 1.8 * len(machines())  # few plates are refused
+    assert sum(cases) >= 0.9 * len(cases)
+
+
+def test_the_inertia_has_its_range_too():
+    ratios = estimate.inertia_errors(machines())
+    factor = estimate.spread().inertia
+    assert sum(1 / factor <= ratio <= factor for ratio in ratios) >= 0.85 * len(ratios)
+
+
+def test_the_power_factor_narrows_the_resistance():
+    factors = estimate.spread().factors["rs_ohm"]
+    assert factors[True] < 0.8 * factors[False]
+
+
+def test_the_inertia_follows_from_the_energy():
+    """At four times the speed the same energy is in a sixteenth of the inertia."""
+    slow, fast = (estimate.rotor_kgm2(10.0, speed) for speed in (1500.0, 6000.0))
+    assert slow / fast == pytest.approx(16)
+    text = "power_kW=200,voltage_V=690,current_A=106,frequency_Hz=200,speed_rpm=5960,poles=4"
+    written = new.from_nameplate(text, "x")
+    inertia = float(written.split("inertia_kgm2 = { value = ")[1].split(",")[0])
+    energy_J = 0.5 * inertia * (6000 * math.pi / 30) ** 2
+    assert energy_J / 200e3 < 1.5  # seconds of rated power
+
+
+def test_a_plate_without_power_factor_says_so():
+    plate = "power_kW=5.5,voltage_V=400,current_A=5.9,frequency_Hz=50,speed_rpm=1450,poles=4"
+    assert "cos phi on the plate" in new.from_nameplate(plate, "x")
+    assert "cos phi on the plate" not in new.from_nameplate(f"{plate},power_factor=0.79", "x")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"voltage_V": "5.9", "current_A": "400"}, ("voltage_V = 5.9", "exchanged?")),
+        ({"current_A": "11.8", "phases": "6"}, ("current_A = 11.8", "current_A = 5.3")),
+        ({"speed_rpm": "1498"}, ("speed_rpm = 1498", "slip of 0.13 %", "speed_rpm = 1453")),
+        ({"speed_rpm": "1200"}, ("speed_rpm = 1200", "slip of 20 %", "4 poles")),
+        ({"poles": "2"}, ("speed_rpm = 1450", "2 poles", "3000")),
+        ({"frequency_Hz": "60"}, ("speed_rpm = 1450", "60 Hz", "slip of 19 %")),
+        ({"power_kW": "55"}, ("55 kW", "below 0.98")),
+    ],
+)
+def test_a_number_that_cannot_be_is_named_in_one_line(change, words):
+    given = {
+        "power_kW": "5.5",
+        "voltage_V": "400",
+        "current_A": "5.9",
+        "frequency_Hz": "50",
+        "speed_rpm": "1450",
+        "poles": "4",
+    } | change
+    with pytest.raises(SetupError) as error:
+        new.from_nameplate(",".join(f"{n}={v}" for n, v in given.items()), "x")
+    assert "\n" not in str(error.value)
+    for word in words:
+        assert word in str(error.value)
