@@ -171,7 +171,7 @@ bench-peers: $(VENV)/.installed
 docs: $(VENV)/.installed
 	@$(BIN)/python -c 'import latex2mathml, material, mkdocstrings, nbclient' 2>/dev/null || \
 	  HT_EXTRAS=$${HT_EXTRAS:+$$HT_EXTRAS,}docs tools/setup.sh $(VENV)
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "building the documentation: half a minute"; NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet && echo "the documentation: build/site/index.html"
 
 # This needs only the tools and not the installed package, so it is quick enough for every commit.
 $(BIN)/ruff $(BIN)/clang-format $(BIN)/mypy:

@@ -14,7 +14,7 @@ import numpy as np
 
 import hexatorque
 from hexatorque import setups
-from hexatorque.analysis.plots import LABEL, LEGEND, TITLE, new_figure, save
+from hexatorque.analysis.plots import LABEL, LEGEND, PHASE_COLOUR, TITLE, new_figure, save
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.firmware import ffi, lib
 from hexatorque.parallel import each
@@ -22,10 +22,6 @@ from hexatorque.plant.legs import KINDS
 from hexatorque.plant.vsd import PHASES
 
 ROOT = Path(__file__).parents[1]
-#: Colours that colour-blind readers can distinguish, the same for legs that are 90 degrees apart.
-COLOURS = dict(
-    zip(PHASES, ("#0072b2", "#e69f00", "#009e73", "#009e73", "#cc79a7", "#0072b2"), strict=True)
-)
 BEFORE_S, AFTER_S = 0.06, 0.19
 MODES = ("least-loss", "most-torque")
 RATED_A = 2.6
@@ -47,7 +43,7 @@ def example(path: Path) -> None:
     figure, axes = new_figure(2, 2, 5.6)
     for ax, numbers in zip(axes[:, 0], ("1", "2"), strict=True):
         for phase in (name for name in PHASES if name[1] == numbers):
-            ax.plot(time_ms[near], rec[f"plant.i_{phase}_A"][near], color=COLOURS[phase],
+            ax.plot(time_ms[near], rec[f"plant.i_{phase}_A"][near], color=PHASE_COLOUR[phase],
                     linewidth=1.1, label=phase)  # fmt: skip
         ax.set_ylim(-5, 5)
         ax.legend(**LEGEND, loc="lower right", ncols=3)
@@ -142,8 +138,9 @@ def moments(path: Path) -> None:
         row, column = 2 * (n // (len(KINDS) - 1)), n % (len(KINDS) - 1)
         currents, torque = axes[row, column], axes[row + 1, column]
         for phase in PHASES:
-            currents.plot(time_ms, seen[f"plant.i_{phase}_A"], color=COLOURS[phase], linewidth=0.8,
-                          linestyle="-" if phase[1] == "1" else "--", label=phase)  # fmt: skip
+            dash = "-" if phase[1] == "1" else "--"
+            currents.plot(time_ms, seen[f"plant.i_{phase}_A"], dash, color=PHASE_COLOUR[phase],
+                          linewidth=0.8, label=phase)  # fmt: skip
         torque.plot(time_ms, seen["plant.torque_Nm"], color="#d55e00", linewidth=0.6)
         found_ms = time_ms[np.flatnonzero(seen["warnings"])[0]]
         for ax in (currents, torque):

@@ -1,6 +1,7 @@
 """The site: the pages that its hook writes from the program are complete, and every page can be
 reached. `make docs` checks all links in strict mode."""
 
+import inspect
 import re
 from pathlib import Path
 
@@ -46,6 +47,21 @@ def test_every_public_name_is_in_the_reference():
     for name in hexatorque.__all__:
         value = getattr(hexatorque, name)
         assert f"::: {value.__module__}.{name}\n" in page
+
+
+def test_every_public_method_says_what_it_does():
+    """A method that overrides one without a text of its own has that one's, as in `help`."""
+    for name in hexatorque.__all__:
+        value = getattr(hexatorque, name)
+        if not isinstance(value, type) or issubclass(value, Exception):
+            continue
+        for member in (member for member in dir(value) if not member.startswith("_")):
+            owner = next(base for base in value.__mro__ if member in vars(base))
+            found = vars(owner)[member]
+            if owner.__module__.startswith("hexatorque") and (
+                callable(found) or isinstance(found, property | classmethod | staticmethod)
+            ):
+                assert inspect.getdoc(getattr(value, member)), f"{name}.{member}"
 
 
 @pytest.mark.skipif(not hasattr(main, "app"), reason="commands are not a tree yet")

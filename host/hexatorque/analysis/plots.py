@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..setups.keys import LATENCIES
 from .metrics import i_xy_A
 from .reference import Reference, reference_values
-from .run import LATENCIES, Run, by_point
+from .run import Run, by_point
 from .spectrum import channel, fundamental_Hz, harmonics, spectrum, whole_cycles
 
 if TYPE_CHECKING:
@@ -36,6 +37,15 @@ COLOUR = {
     "torque": "#d55e00",
     "flux": "#5b4fa2",
     "spectrum": "#0072b2",
+}
+#: Of the phases where all are in one panel.
+PHASE_COLOUR = {
+    "u1": "#0072b2",
+    "u2": "#e69f00",
+    "w1": "#009e73",
+    "w2": "#d55e00",
+    "v1": "#cc79a7",
+    "v2": "#56b4e9",
 }
 LABEL: dict[str, Any] = {"fontsize": 8.5, "color": INK}
 TITLE: dict[str, Any] = {"fontsize": 9.5, "fontweight": "bold", "color": INK}
@@ -268,7 +278,7 @@ def bars(runs: list[Run], path: str | Path, reference: Reference) -> Path:
     handles: dict[str, Any] = {}
     for ax in axes.flat:
         handles |= dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
-    names = [n for n in (*LATENCIES.values(), MEASURED, RELATIVE) if n in handles]
+    names = [n for n in (*map("latency {}".format, LATENCIES), MEASURED, RELATIVE) if n in handles]
     figure.legend([handles[name] for name in names], names, loc="outside upper center",
                   ncols=len(names), **LEGEND)  # fmt: skip
     return save(figure, path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from .run import Run
 
 #: By set-up: `source`, `point` (text), `speed_rpm`, `load_Nm`, and `schemes`: scheme -> figure
-#: of merit -> value. `f_sw_rel` is relative to DTC1.
+#: of merit -> value. `f_sw_rel` is relative to DTC1. `why_thd`: why ours may be far from it.
 Reference = dict[str, dict]
 
 

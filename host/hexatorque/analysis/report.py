@@ -14,6 +14,7 @@ from rich.text import Text
 from .pages import write_page
 from .reference import Reference, reference_values
 from .run import LATENCY_STUDY, Run, by_point
+from .saying import sentences
 
 
 class Column(NamedTuple):
@@ -61,7 +62,6 @@ COLUMNS = (
     Column("P switching", "W", 2, _metric("switching_loss_W"), brief=False),
     Column("f_sw", "kHz", 2, _metric("f_sw_Hz"), "f_sw_Hz", scale=1e-3),
     Column("f_sw", "× DTC1", 2, lambda run: None, "f_sw_rel"),
-    Column("speed-up", "× real", 1, lambda run: run.realtime_factor, brief=False),
 )
 TITLE = "Direct torque control of six-phase drives"
 THD_NOTE = (
@@ -104,10 +104,19 @@ def _rows(group: list[Run], reference: Reference, columns: Iterable[Column]) -> 
     return rows
 
 
-def _columns(group: list[Run], brief: bool) -> list[Column]:
-    """The console has 80 columns: the brief table leaves out what the title says, and spreads."""
+def _columns(group: list[Run], reference: Reference, brief: bool) -> list[Column]:
+    """Those of which a run or the paper has a value. The console has 80 columns: the brief
+    table leaves out what the title says, and spreads."""
     relative = any(run.scheme == "dtc1" for run in group)
-    shown = [c for c in COLUMNS if c.brief >= brief and (relative or c.paper != "f_sw_rel")]
+
+    printed = {key for run in group for key in reference_values(reference, run)}
+
+    def known(c: Column) -> bool:
+        if c.paper == "f_sw_rel":
+            return relative
+        return c.paper in printed or any(c.value(run) is not None for run in group)
+
+    shown = [c for c in COLUMNS if c.brief >= brief and known(c)]
     return [c._replace(spread="") for c in shown] if brief else shown
 
 
@@ -121,7 +130,7 @@ def console_table(runs: list[Run], reference: Reference) -> list[Table]:
     """A rich table per set-up and point; the paper's figures as a dim row under the scheme's."""
     tables = []
     for group in by_point(runs).values():
-        columns = _columns(group, brief=True)
+        columns = _columns(group, reference, brief=True)
         table = Table(title=Text(_heading(group, reference), "bold"), title_justify="left",
                       box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)  # fmt: skip
         table.add_column("scheme", no_wrap=True)
@@ -151,14 +160,15 @@ def _latency_rows(runs: list[Run]) -> list[Row]:
 
 def _what_was_run(group: list[Run]) -> str:
     labels = ", ".join(dict.fromkeys(run.scheme_label for run in group))
+    factor = min(run.realtime_factor for run in group)
     latencies = ", ".join(dict.fromkeys(run.latency for run in group))
     seconds = min(run.recording.duration_s for run in group)
-    return f"{labels}; latency {latencies}; {seconds:.3g} s evaluated"
+    return f"{labels}; latency {latencies}; {seconds:.3g} s evaluated; {factor:.3g} times real time"
 
 
 def _result(group: list[Run], reference: Reference) -> tuple[str, list[str], list[Row]]:
     """Heading, headings of the columns and rows of one operating point."""
-    columns = _columns(group, brief=False)
+    columns = _columns(group, reference, brief=False)
     headings = ["scheme", "latency", *(f"{c.name} [{c.unit}]" for c in columns)]
     return _heading(group, reference), headings, _rows(group, reference, columns)
 
@@ -184,6 +194,7 @@ def html_report(
         "comparison.html",
         title=TITLE,
         count=len(runs),
+        says=sentences(runs, reference),
         points=[(point, _what_was_run(group)) for point, group in groups.items()],
         results=[_result(group, reference) for group in groups.values()],
         thd_note=THD_NOTE,

@@ -5,14 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from ..recording.recording import Recording
+from ..setups.keys import LATENCIES
 
-#: When the simulated PWM takes over the registers, in the order of the tables.
-LATENCIES = {
-    "none": "no latency",
-    "immediate": "at the register write",
-    "shadow": "one-sample latency",
-    "predicted": "latency + prediction",
-}
 #: The latencies that the report compares.
 LATENCY_STUDY = ("none", "shadow", "predicted")
 SCHEMES = {"fdr": "FDR-DTC", "ddr": "DDR-DTC", "db-dtfc": "DB-DTFC"}
@@ -47,7 +41,8 @@ class Run:
 
     @property
     def latency_label(self) -> str:
-        return LATENCIES[self.latency]
+        """In pictures: the word of the set-up and of the tables."""
+        return f"latency {self.latency}"
 
     @property
     def label(self) -> str:

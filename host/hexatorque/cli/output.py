@@ -1,12 +1,10 @@
-"""What several commands print: tables, progress, JSON, failures."""
+"""What several commands print: tables, JSON, failures."""
 
 from __future__ import annotations
 
 import json
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -27,46 +25,6 @@ def console_of(as_json: bool, highlight: bool = True) -> Console:
     if not console.is_terminal and "COLUMNS" not in os.environ:
         console.width = WIDE
     return console
-
-
-@contextmanager
-def compiling() -> Iterator[None]:
-    """Say so on standard error while the simulation is compiled in this block."""
-    from rich.console import Console
-
-    from ..drive.compiling import COMPILING, watched
-
-    console, shown = Console(stderr=True), ExitStack()
-
-    def begun() -> None:
-        if console.is_terminal:
-            shown.enter_context(console.status(COMPILING))
-        else:
-            print(COMPILING, file=sys.stderr, flush=True)
-
-    with shown, watched(begun, shown.close):
-        yield
-
-
-def compile_now() -> None:
-    """Before a command simulates: compile what has to be compiled, and say so."""
-    from ..drive.compiling import compile_now
-
-    with compiling():
-        compile_now()
-
-
-def progress(console):
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:.1f} s simulated"),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-    )
 
 
 def print_json(data: object) -> None:

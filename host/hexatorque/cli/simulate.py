@@ -11,15 +11,13 @@ from . import options
 from .group import examples
 from .options import schemes_given
 from .output import (
-    compile_now,
-    compiling,
     console_of,
     print_failure,
     print_json,
-    progress,
     say,
     tripped,
 )
+from .working import compile_now, compiling, working
 
 
 @click.command(epilog=examples("run examples/reversal.toml -o out/reversal.csv"))
@@ -41,11 +39,11 @@ def run(scenario, output, as_json) -> int:
     file = check_output(output or Path("out") / f"{setup.name}.npz")
     with compiling():
         sim = SimulatedDrive(setup, setup.profile.samples_per_period)
-    with progress(console) as bar:
-        task = bar.add_task(setup.name, total=setup.profile.duration_s)
-        sim.run_profile(setup.profile, lambda seconds: bar.advance(task, seconds))
-    recording = sim.take()
-    recording.save(file)
+    with working(console, setup.name, setup.profile.duration_s) as work:
+        sim.run_profile(setup.profile, work.advance)
+        recording = sim.take()
+        work.begin(f"writing {file}")
+        recording.save(file)
     trip = sim.trip
     lost = warnings(int(sim.controller.channel("warnings")))
     left = sim.controller.channel("torque_limit_Nm")
@@ -63,6 +61,8 @@ def run(scenario, output, as_json) -> int:
         "realtime_factor": recording.duration_s / sim.wall_s,
     }
     say(as_json, summary)
+    if not as_json:
+        print(f"recording: {file}: to see it, hexatorque plot {file}")
     return tripped(sim.state, sim.faults, trip)
 
 
@@ -83,6 +83,7 @@ def compare(setup, schemes, speed, load, latency, output, as_json) -> int:
     on the set-ups of both papers.
     """
     from ..analysis.report import console_table
+    from ..analysis.saying import sentences
     from ..drive import comparison
     from ..evidence.papers.printed_values import PAPER
     from ..recording.formats import RecordingError
@@ -92,20 +93,26 @@ def compare(setup, schemes, speed, load, latency, output, as_json) -> int:
     comparison.make_folder(output)
     todo = comparison.points(names, schemes_given(schemes, laws=True), speed, load, latency)
     compile_now()
-    with progress(console) as bar:
-        task = bar.add_task("comparing", total=sum(point.simulated_s for point in todo))
-        compared = comparison.compare(todo, PAPER, lambda seconds: bar.advance(task, seconds))
-        bar.update(task, description="writing the report")
+    simulated_s = sum(point.simulated_s for point in todo)
+    with working(console, f"comparing {len(todo)} runs", simulated_s) as work:
+        compared = comparison.compare(todo, PAPER, work.advance)
+        work.begin("writing the report", comparison.count_of_files(compared), "files")
         command = " ".join(["hexatorque", *(sys.argv[1:] or ["compare"])])
         try:
-            written = comparison.write(compared, output, command)
+            written = comparison.write(compared, output, command, work.advance)
         except OSError as error:
             raise RecordingError(f"{error.filename}: {error.strerror}") from None
+    for line in sentences(compared.runs, PAPER):
+        console.print(line, highlight=False, markup=False)
     for table in console_table(compared.runs, PAPER):
         console.print(table)
     for label, reason in compared.failed:
         print_failure(console, f"{label}: {reason}")
-    console.print(f"report: {written[-1]}", highlight=False)
+    console.print(
+        f"report: {written[-1]}: open it in a browser; *waveforms* shows currents and torque",
+        highlight=False,
+        markup=False,
+    )
     if as_json:
         print_json(compared.as_json())
     return 1 if compared.failed else 0
@@ -141,9 +148,8 @@ def reach(setup, schemes, load, as_json) -> int:
     names = schemes_given(schemes)
     variants = [loaded.with_scheme(name) for name in names]
     compile_now()
-    with progress(console) as bar:
-        task = bar.add_task("searching", total=None)
-        found = reach_all(variants, load_Nm, lambda seconds: bar.advance(task, seconds))
+    with working(console, "searching") as work:
+        found = reach_all(variants, load_Nm, work.advance)
     result = dict(zip(names, found))
     code = max(EXIT_CODES[one.outcome] for one in found)
     if as_json:

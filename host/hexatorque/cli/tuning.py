@@ -10,7 +10,8 @@ import click
 
 from . import completion, options
 from .group import examples
-from .output import compile_now, console_of, print_json, progress
+from .output import console_of, print_json
+from .working import compile_now, working
 
 #: The study, in the folder of the results.
 JOURNAL = "study.journal"
@@ -72,24 +73,24 @@ def tune(setup, scheme, points, weights, trials, seed, jobs, output, resume, as_
     course.check_points(loaded, where)
     report.make_folder(output)
     compile_now()
-    with progress(console) as bar:
-        runs = trials + 2 * len(tuning.ERRORS) + 1
-        task = bar.add_task("tuning", total=runs * course.simulated_s(loaded, where))
+    runs = trials + 2 * len(tuning.ERRORS) + 1
+    with working(console, "tuning", runs * course.simulated_s(loaded, where)) as work:
         tuned = tuning.tune(
             request,
             output / JOURNAL,
             resume,
             jobs,
-            lambda seconds: bar.advance(task, seconds),
-            lambda number, best: bar.update(
-                task, description=f"{number} of {trials}, aim {_percent(best)}"
+            work.advance,
+            lambda number, best: work.call(
+                f"tuning: {number} of {trials} candidates, aim {_percent(best)}"
             ),
         )
-    command = shlex.join(["hexatorque", *(sys.argv[1:] or ["tune", setup])])
-    try:
-        result = report.write(tuned, setup, output, command)
-    except OSError as error:
-        raise options.Mistake(f"{error.filename}: {error.strerror}") from None
+        work.begin("writing the report")
+        command = shlex.join(["hexatorque", *(sys.argv[1:] or ["tune", setup])])
+        try:
+            result = report.write(tuned, setup, output, command)
+        except OSError as error:
+            raise options.Mistake(f"{error.filename}: {error.strerror}") from None
     if as_json:
         print_json(result)
         return 0
@@ -147,7 +148,9 @@ def _show(console, tuned, result) -> None:
         "do not hold their points",
         highlight=False,
     )
-    console.print(f"report: {result['report']}", highlight=False)
+    console.print(
+        f"report: {result['report']}: the trade-off between ripple and f_sw", highlight=False
+    )
     what = "tuned" if tuned.better else "as it was"
     console.print(
         f"{result['file']}: {what}; next: hexatorque check {result['file']}", highlight=False

@@ -55,22 +55,26 @@ def commission(
     turns_rev: float = 3.0,
     report: Report = lambda line: None,
     keep: bool = True,
+    begin: Report = lambda step: None,
 ) -> Findings:
     """Measure what the steps say, and load the parameters that follow (`keep`: leave them in
-    force, else the drive gets its own ones back). Wrong wiring ends it: `mistakes` names it."""
+    force, else the drive gets its own ones back). Wrong wiring ends it: `mistakes` names it.
+    `begin` is called with the name of each step before it, `report` with each result."""
     steps = with_needs(steps)
     _check_limits(drive, limits)
     found = Findings()
     before = {name: drive.get(name) for name in drive.params if drive.params[name].live}
     try:
-        _standstill(drive, limits, steps, found, report)
+        _standstill(drive, limits, steps, found, report, begin)
         if not found.mistakes and "encoder" in steps:
+            begin("encoder")
             _encoder(drive, limits, turns_rev, found, report)
         if not found.mistakes and "rotor" in steps:
+            begin("rotor")
             _rotor(drive, limits, found, report)
         if not found.mistakes:
             found.load(drive)
-            _running(drive, limits, steps, found, report)
+            _running(drive, limits, steps, found, report, begin)
             found.load(drive)
     except BaseException:
         _restore(drive, before)
@@ -98,8 +102,14 @@ def _check_limits(drive: DriveVerbs, limits: Limits) -> None:
 
 
 def _standstill(
-    drive: DriveVerbs, limits: Limits, steps: list[str], found: Findings, report: Report
+    drive: DriveVerbs,
+    limits: Limits,
+    steps: list[str],
+    found: Findings,
+    report: Report,
+    begin: Report,
 ) -> None:
+    begin("wiring")
     with Excitation(drive, limits) as test:
         try:
             wires = wiring.check(test)
@@ -114,12 +124,14 @@ def _standstill(
         report("wiring: leads and current sensors are right")
         slow_s = _slow_s(drive)
         if "resistance" in steps:
+            begin("resistance")
             found.resistance = resistance.measure(test, wires.xy_per_H, slow_s)
             report(
                 f"R_s: {found.resistance.mean_ohm:ohm}, phases " + _list(found.resistance.rs_ohm)
             )
             report(f"dead time and devices: {found.resistance.mean_lost_V:V} on each leg")
         if "inductance" in steps:
+            begin("inductance")
             assert found.resistance
             found.inductance = inductance.measure(
                 test, found.resistance, wires.ab_per_H, wires.xy_per_H, slow_s
@@ -156,15 +168,22 @@ def _rotor(drive: DriveVerbs, limits: Limits, found: Findings, report: Report) -
 
 
 def _running(
-    drive: DriveVerbs, limits: Limits, steps: list[str], found: Findings, report: Report
+    drive: DriveVerbs,
+    limits: Limits,
+    steps: list[str],
+    found: Findings,
+    report: Report,
+    begin: Report,
 ) -> None:
     if "magnetisation" in steps:
+        begin("magnetisation")
         assert found.rotor
         found.magnetisation = running.magnetisation(drive, limits)
         points = zip(found.magnetisation.flux_Wb, found.magnetisation.ls_H)
         report("L_s: " + ", ".join(f"{ls:.4g} H at {psi:.3g} Wb" for psi, ls in points))
         found.load(drive)
     if "mechanics" in steps:
+        begin("mechanics")
         found.mechanics = running.mechanics(drive, limits)
         report(
             f"inertia: {found.mechanics.inertia_kgm2:kg m2}, friction: {found.mechanics.dry_Nm:N m}"

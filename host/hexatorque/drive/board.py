@@ -214,6 +214,7 @@ class BoardDrive(DriveVerbs):
         return values
 
     def get_all(self) -> dict[str, str | float]:
+        """The values of all parameters."""
         return self.get_many(list(self.params))
 
     def set_many(self, values: Mapping[str, object]) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from .. import firmware, laws
 from ..analysis.reference import Reference
 from ..analysis.run import LATENCY_STUDY, Run
+from ..analysis.saying import sentences
 from ..setups import Setup, SetupError, load
 from .operating_points import Point, Progress, measure_all
 
@@ -30,7 +31,11 @@ class Comparison:
     failed: list[tuple[str, str]] = field(default_factory=list)
 
     def as_json(self) -> dict:
-        return {"runs": [run.as_json() for run in self.runs], "paper": self.reference}
+        return {
+            "says": sentences(self.runs, self.reference),
+            "runs": [run.as_json() for run in self.runs],
+            "paper": self.reference,
+        }
 
 
 def at_point(
@@ -108,30 +113,42 @@ def make_folder(folder: Path) -> None:
         raise SetupError(f"{folder}: {error.strerror}") from None
 
 
-def write(comparison: Comparison, folder: Path, command: str) -> list[Path]:
+def count_of_files(comparison: Comparison) -> int:
+    """How many files `write` writes."""
+    setups = {run.setup for run in comparison.runs}
+    return len(comparison.runs) + 2 * len(setups) + bool(setups) + 2
+
+
+def write(
+    comparison: Comparison, folder: Path, command: str, written: Progress = lambda files: None
+) -> list[Path]:
     """Write metrics.json, recordings, pictures and report.html into an existing `folder` (see
-    `make_folder`). Returns the paths of the files except the recordings, the report last."""
+    `make_folder`). Returns the paths of the files except the recordings, the report last. `written`
+    is called with the number of files that have been written since the last call."""
     from ..analysis.report import html_report
 
     metrics_file = folder / "metrics.json"
     metrics_file.write_text(json.dumps(comparison.as_json(), indent=1) + "\n")
+    written(1)
     # A thread: the compression leaves this one free to draw.
     with ThreadPoolExecutor(1) as pool:
-        saved = pool.submit(_save_recordings, comparison.runs, folder / "recordings")
-        figures = _draw(comparison, folder)
+        saved = pool.submit(_save_recordings, comparison.runs, folder / "recordings", written)
+        figures = _draw(comparison, folder, written)
     saved.result()
     report = folder / "report.html"
     notes = [f"{label}: {reason}" for label, reason in comparison.failed]
     html_report(report, comparison.runs, comparison.reference, figures, notes, command)
+    written(1)
     return [metrics_file, *(path for _, path in figures), report]
 
 
-def _save_recordings(runs: Iterable[Run], folder: Path) -> None:
+def _save_recordings(runs: Iterable[Run], folder: Path, written: Progress) -> None:
     for run in runs:
         run.recording.save(folder / f"{run.setup}-{run.scheme}-{run.latency}.npz")
+        written(1)
 
 
-def _draw(comparison: Comparison, folder: Path) -> list[tuple[str, Path]]:
+def _draw(comparison: Comparison, folder: Path, written: Progress) -> list[tuple[str, Path]]:
     """The report's pictures, each with its title."""
     from ..analysis import plots
 
@@ -139,17 +156,12 @@ def _draw(comparison: Comparison, folder: Path) -> list[tuple[str, Path]]:
     for run in comparison.runs:
         by_setup.setdefault(run.setup, []).append(run)
     figures: list[tuple[str, Path]] = []
-    for setup, runs in by_setup.items():
-        figures += [
-            (f"{setup}: waveforms", plots.waveforms(runs, folder / f"{setup}-waveforms.png")),
-            (f"{setup}: spectra", plots.spectra(runs, folder / f"{setup}-spectra.png")),
-        ]
     if comparison.runs:
-        figures.insert(
-            0,
-            (
-                "Overview",
-                plots.bars(comparison.runs, folder / "overview.png", comparison.reference),
-            ),
-        )
+        overview = plots.bars(comparison.runs, folder / "overview.png", comparison.reference)
+        figures.append(("Overview", overview))
+        written(1)
+    for setup, runs in by_setup.items():
+        for name, draw in (("waveforms", plots.waveforms), ("spectra", plots.spectra)):
+            figures.append((f"{setup}: {name}", draw(runs, folder / f"{setup}-{name}.png")))
+            written(1)
     return figures

@@ -92,23 +92,31 @@ class DriveVerbs(ABC):
         """Seconds since the drive was opened."""
 
     @abstractmethod
-    def get(self, name: str) -> str | float: ...
+    def get(self, name: str) -> str | float:
+        """The value of a parameter: a number, or the name of a choice. `params` names them."""
 
     @abstractmethod
     def set_many(self, values: Mapping[str, object]) -> None:
         """Set several values. If one is refused, none changes."""
 
     def set(self, name: str, value: object) -> None:
+        """Set one value: a parameter, such as `set("speed_ref_rpm", 400)`; `params` names them. A
+        simulated drive also takes `load_Nm` and `vdc_V` of its plant. An error names the allowed
+        range if the value is refused."""
         self.set_many({name: value})
 
     @abstractmethod
-    def start(self) -> None: ...
+    def start(self) -> None:
+        """Start the drive: it measures its sensors' offsets, builds up the flux, and then follows
+        `speed_ref_rpm`."""
 
     @abstractmethod
-    def stop(self) -> None: ...
+    def stop(self) -> None:
+        """Take the gates off: the machine coasts, and the state becomes idle."""
 
     @abstractmethod
-    def clear(self) -> None: ...
+    def clear(self) -> None:
+        """Clear the latched faults, after which the drive can start again."""
 
     @abstractmethod
     def run(self, duration_s: float, record: bool = True, progress: Progress | None = None) -> None:

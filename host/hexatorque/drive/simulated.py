@@ -342,6 +342,8 @@ class SimulatedDrive(DriveVerbs):
         return self.plant_state[6] * 30 / math.pi
 
     def start(self) -> None:
+        """Start the drive: it measures its sensors' offsets and builds up the flux while `run` lets
+        time pass, by default 0.35 s, and then follows `speed_ref_rpm`."""
         self.controller.start()
         self._commanded()
 

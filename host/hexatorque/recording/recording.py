@@ -10,6 +10,7 @@ The suffix of a file decides its format: see `formats` and docs/recordings.md.
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -33,11 +34,13 @@ STARTED = "started"
 #: Keys of `meta`: the board's count of fast interrupts at the first sample, and from one
 #: sample to the next.
 FIRST_TICK, DECIMATION = "first_tick", "decimation"
+#: Lines of `print(recording)` that name channels.
+CHANNEL_LINES = 4
 #: The types of samples that every file format can store.
 TYPES = ("float32", "float64", "bool", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)))
 
 
-@dataclass
+@dataclass(repr=False)
 class Recording:
     """Equally sampled channels.
 
@@ -64,6 +67,24 @@ class Recording:
     def __len__(self) -> int:
         return len(next(iter(self.channels.values()), ()))
 
+    def __repr__(self) -> str:
+        samples = f"{len(self)} samples at {self.rate_Hz:g} Hz"
+        return f"<Recording: {samples}, {len(self.channels)} channels>"
+
+    def __str__(self) -> str:
+        """What is in it, in a few lines."""
+        first = f"{self.duration_s:.4g} s from {self.start_s:.4g} s on"
+        lines = [f"{first}: {len(self)} samples at {self.rate_Hz:g} Hz"]
+        channels = textwrap.fill(
+            ", ".join(self.channels), 100, initial_indent="  ", subsequent_indent="  ",
+            break_long_words=False, break_on_hyphens=False, max_lines=CHANNEL_LINES,
+            placeholder=" ...",
+        )  # fmt: skip
+        lines += [f"{len(self.channels)} channels:", channels] if channels else ["no channels"]
+        if self.meta:
+            lines.append(f"meta: {', '.join(self.meta)}")
+        return "\n".join([*lines, *self.notes])
+
     def __contains__(self, name: str) -> bool:
         return name in self.channels
 
@@ -75,10 +96,12 @@ class Recording:
 
     @property
     def time_s(self) -> np.ndarray:
+        """Time of each sample."""
         return self.start_s + np.arange(len(self)) / self.rate_Hz
 
     @property
     def duration_s(self) -> float:
+        """Number of samples over their rate."""
         return len(self) / self.rate_Hz
 
     @property

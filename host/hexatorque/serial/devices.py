@@ -25,6 +25,10 @@ class Found:
     shared: bool  #: other clients use it as well
 
 
+#: `hexatorque board serve` needs no hardware.
+NONE = "no board found; start a virtual one in a second terminal: hexatorque board serve"
+
+
 def find(baud: int | None = None) -> list[Found]:
     """The boards that answer, in the order of their ports. A port that another program has open is
     left alone, unless that program is the port's server."""
@@ -37,7 +41,7 @@ def only(baud: int | None = None) -> Found:
     found = [answer for answer in answers if isinstance(answer, Found)]
     if not found:
         why = "".join(f"; {answer}" for answer in answers if isinstance(answer, Busy))
-        raise LinkError(f"no board found; give its port (--device){why}")
+        raise LinkError(f"{NONE}, or give its port (--device){why}")
     if len(found) > 1:
         ports = ", ".join(board.port for board in found)
         raise LinkError(f"{len(found)} boards found, choose one: {ports}", mistake=True)

@@ -169,6 +169,14 @@ def test_a_shaft_that_a_load_drives_is_no_wrong_wire():
         commission(sim, Limits(LIMIT_A, 0.1), ["wiring"])
 
 
+def test_each_step_is_told_before_it_and_its_result_after_it():
+    told = []
+    sim = SimulatedDrive(SETUP)
+    commission(sim, Limits(LIMIT_A, 0.1), ["resistance"], report=told.append, begin=told.append)
+    firsts = [line.split(":")[0] for line in told]
+    assert firsts == ["wiring", "wiring", "resistance", "R_s", "dead time and devices"]
+
+
 def resistance():
     values = tuple(Value(v, 0.0) for v in [1.84] * 6)
     lost = tuple(Value(v, 0.0) for v in [6.3] * 6)

@@ -69,3 +69,14 @@ def test_a_row_of_a_product_is_that_row_whatever_part_is_asked_for(a, b, c, d, p
         assert len(channels[str(row)]) == len(expected)
         assert np.allclose(channels[str(row)], expected, rtol=1e-14)
     assert channels["0"].base is not None  # one product for all rows
+
+
+def test_a_recording_prints_as_a_few_lines():
+    channels = {f"plant.channel_{n}_A": np.zeros(50) for n in range(60)}
+    rec = Recording(1000.0, channels, meta={"setup": {"a": "b" * 1000}}, start_s=0.25)
+    first, second, *names, last = str(rec).splitlines()
+    assert first == "0.05 s from 0.25 s on: 50 samples at 1000 Hz"
+    assert second == "60 channels:" and names[0].startswith("  plant.channel_0_A, ")
+    assert len(names) == 4 and names[-1].endswith(" ...") and last == "meta: setup"
+    assert repr(rec) == "<Recording: 50 samples at 1000 Hz, 60 channels>"
+    assert str(Recording(1.0, {})) == "0 s from 0 s on: 0 samples at 1 Hz\nno channels"

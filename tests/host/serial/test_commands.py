@@ -71,6 +71,10 @@ def test_status_names_the_lost_phase_and_the_torque_that_is_left(call, board):
     assert status["warnings"] == ["phase u1 lost"]
     assert 3.0 < status["torque_limit_Nm"] < 4.0
     assert "warnings  phase u1 lost" in said and "torque_limit_Nm  3.3" in said
+    assert isinstance(status["speed_rpm"], float) and re.search(
+        r"^ *speed_rpm  -?\d+\.\d$", said, re.M
+    )
+    assert busy["speed_rpm"] is None
     assert (busy["warnings"], busy["torque_limit_Nm"], busy["state"]) == (None, None, "run")
 
 
@@ -390,7 +394,7 @@ def test_list(board, capsys, monkeypatch, shared_board):
 
     monkeypatch.setattr(devices.list_ports, "comports", lambda: [])
     assert main(["board", "list"]) == 1
-    assert "no board found" in capsys.readouterr().err
+    assert "no board found; start a virtual one" in capsys.readouterr().err
     path = runtime.announce(os.path.realpath(board), "my board")
     path.write_text(path.read_text().replace(str(os.getpid()), str(shared_board.pid)))
     assert main(["board", "list", "--json"]) == 0

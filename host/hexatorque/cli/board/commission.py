@@ -10,6 +10,7 @@ from .. import options
 from ..group import examples
 from ..options import Mistake
 from ..output import complain, console_of, print_json
+from ..working import working
 from .connection import open_drive, until_signal
 
 
@@ -61,7 +62,7 @@ def commission(steps, current, travel, turns, speed, out, device, baud, as_json)
     """
     from ...commissioning.excitation import Limits
     from ...commissioning.result import set_up
-    from ...commissioning.sequence import STEPS, default_current_A
+    from ...commissioning.sequence import STEPS, default_current_A, with_needs
     from ...commissioning.sequence import commission as run
 
     wanted = list(STEPS) if steps is None else [part.strip() for part in steps.split(",")]
@@ -76,10 +77,27 @@ def commission(steps, current, travel, turns, speed, out, device, baud, as_json)
     if speed is not None and not 1 <= speed <= 60000:
         raise Mistake(f"--speed = {speed:g}: allowed range is 1 .. 60000 r/min")
     console = console_of(as_json, highlight=False)
-    with until_signal(at_once=True), open_drive(device, baud) as drive:
+    names = with_needs(wanted)
+    with (
+        until_signal(at_once=True),
+        open_drive(device, baud) as drive,
+        working(console, "beginning") as work,
+    ):
+
+        def begin(step: str) -> None:
+            number = names.index(step) + 1
+            work.begin(f"step {number} of {len(names)}, {step}: {STEPS[step]}")
+
         limit_A = default_current_A(drive) if current is None else current
         limits = Limits(limit_A, travel, speed or 0.0)
-        found = run(drive, limits, wanted, turns, lambda line: console.print(line, markup=False))
+        found = run(
+            drive,
+            limits,
+            wanted,
+            turns,
+            lambda line: console.print(line, markup=False),
+            begin=begin,
+        )
         values = {} if found.mistakes else found.parameters(drive)
         text = ""
         if out is not None and not found.mistakes:
@@ -99,6 +117,8 @@ def commission(steps, current, travel, turns, speed, out, device, baud, as_json)
         )
     for line in found.mistakes:
         complain(line)
+    if text:
+        console.print(f"{out}: measured; next: hexatorque check {out}", markup=False)
     return 1 if found.mistakes else 0
 
 

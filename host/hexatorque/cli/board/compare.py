@@ -10,8 +10,9 @@ import click
 from .. import completion, options
 from ..group import examples
 from ..options import Mistake
-from ..output import compile_now, console_of, print_json, progress
+from ..output import console_of, print_json
 from ..recordings import seconds_window
+from ..working import compile_now, working
 
 
 @click.command(
@@ -63,10 +64,9 @@ def compare(setup, recordings, load, window, output, as_json) -> int:
     except OSError as error:
         raise RecordingError(f"{output}: {error.strerror}") from None
     compile_now()
-    with progress(console) as bar:
-        task = bar.add_task("comparing", total=fit.simulated_s(benches))
-        found = fit.compare(loaded, benches, loads, progress=lambda s: bar.advance(task, s))
-        bar.update(task, description="writing the report")
+    with working(console, "comparing", fit.simulated_s(benches)) as work:
+        found = fit.compare(loaded, benches, loads, progress=work.advance)
+        work.begin("writing the report")
         command = " ".join(["hexatorque", *sys.argv[1:]])
         try:
             pictures, page = report.write(found, output, command)

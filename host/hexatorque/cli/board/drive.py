@@ -27,7 +27,7 @@ def list_boards(baud, as_json) -> int:
         print_json([vars(board) for board in found])
         return 0 if found else 1
     if not found:
-        complain("no board found")
+        complain(devices.NONE)
         return 1
     table = Table()
     for heading in ("port", "device", "build", "baud", "what it is"):
@@ -52,13 +52,14 @@ def status(device, baud, as_json) -> int:
         status = drive.client.get_status()
         capture = status.capture
         faults, snapshot = drive.faults, drive.snapshot
-        now = drive.latest(("warnings", "torque_limit_Nm"))
+        now = drive.latest(("warnings", "torque_limit_Nm", "speed_rpm"))
         warned = now and warnings(int(now["warnings"]))
         data = {
             "port": drive.client.url,
             "device": drive.hello.device,
             "build": drive.hello.build,
             "state": drive.state,
+            "speed_rpm": now and now["speed_rpm"],
             "faults": faults,
             "warnings": warned,
             "torque_limit_Nm": now and now["torque_limit_Nm"],
@@ -75,7 +76,13 @@ def status(device, baud, as_json) -> int:
         return 0
     told = "not known: other clients use the streams" if warned is None else ", ".join(warned)
     left = "not known" if now is None else f"{now['torque_limit_Nm']:.3g}"
-    words = {"faults": ", ".join(faults), "warnings": told, "torque_limit_Nm": left}
+    speed = "not known" if now is None else f"{now['speed_rpm']:.1f}"
+    words = {
+        "speed_rpm": speed,
+        "faults": ", ".join(faults),
+        "warnings": told,
+        "torque_limit_Nm": left,
+    }
     say(as_json, data | {name: text or "none" for name, text in words.items()})
     if snapshot:
         print(f"{'latest fault':>16}  tick {snapshot['tick']}: {', '.join(snapshot['faults'])}")

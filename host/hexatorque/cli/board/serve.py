@@ -13,7 +13,7 @@ import click
 from .. import options
 from ..group import examples
 from ..options import Mistake
-from ..output import compiling
+from ..working import compiling
 
 
 @click.command(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 
 import click
@@ -11,7 +12,8 @@ from ...evidence.studies import STUDIES
 from .. import completion, options
 from ..group import examples
 from ..options import Mistake
-from ..output import compile_now, console_of, print_failure, print_json, progress
+from ..output import console_of, print_failure, print_json
+from ..working import compile_now, working
 
 
 @click.command(
@@ -53,14 +55,12 @@ def papers(ids, quick, rivals, output, as_json) -> int:
     reproduce.make_folder(output)
     console = console_of(as_json)
     compile_now()
-    with progress(console) as bar:
-        tasks: list = []
+    with working(console, "beginning") as work:
+        numbers = itertools.count(1)
 
         def begin(name: str):
-            for task in tasks:
-                bar.update(task, visible=False)
-            tasks.append(bar.add_task(f"{name} ({len(tasks) + 1} of {len(names)})", total=None))
-            return lambda seconds, task=tasks[-1]: bar.advance(task, seconds)
+            work.begin(f"{name} ({next(numbers)} of {len(names)})")
+            return work.advance
 
         jobs = min(usable_cores(), reproduce.MOST_JOBS)
         outcome = reproduce.reproduce(names, output, quick, begin, jobs, rivals)
@@ -69,7 +69,10 @@ def papers(ids, quick, rivals, output, as_json) -> int:
         print_failure(console, f"{name}: {reason}")
     for name, verdict in outcome.broken():
         print_failure(console, f"{name}: {verdict.what}: {verdict.verdict}, must hold")
-    console.print(f"page: {output / 'index.html'}", highlight=False)
+    console.print(
+        f"page: {output / 'index.html'}: open it in a browser; each figure has its verdict",
+        highlight=False,
+    )
     if as_json:
         print_json({"figures": outcome.figures, "failed": outcome.failed})
     return 1 if outcome.failed or outcome.broken() else 0
@@ -111,16 +114,16 @@ def studies(names, quick, output, as_json) -> int:
     failures = []
     for name in names:
         module = import_module(f"hexatorque.evidence.studies.{STUDIES[name]}")
-        with progress(console) as bar:
-            task = bar.add_task(name, total=None)
-            result = module.study(quick, lambda seconds, t=task, b=bar: b.advance(t, seconds))
+        with working(console, name) as work:
+            result = module.study(quick, work.advance)
+            work.begin(f"{name}: drawing")
+            try:
+                (output / f"{name}.json").write_text(json.dumps(result, indent=1) + "\n")
+                picture = module.plot(result, output / f"{name}.png")
+            except OSError as error:
+                raise RecordingError(f"{error.filename}: {error.strerror}") from None
         for table in module.tables(result):
             console.print(table)
-        try:
-            (output / f"{name}.json").write_text(json.dumps(result, indent=1) + "\n")
-            picture = module.plot(result, output / f"{name}.png")
-        except OSError as error:
-            raise RecordingError(f"{error.filename}: {error.strerror}") from None
         console.print(f"picture: {picture}", highlight=False)
         for line in module.failures(result):
             failures.append(line)
@@ -148,11 +151,8 @@ def speed(setup, counter, plant, as_json) -> int:
     from ...evidence.cost import bench
 
     console = console_of(as_json)
-    with progress(console) as bar:
-        task = bar.add_task("measuring", total=None)
-        result = bench.bench(
-            setups.load(setup), counter, plant, lambda seconds: bar.advance(task, seconds)
-        )
+    with working(console, "measuring") as work:
+        result = bench.bench(setups.load(setup), counter, plant, work.advance)
     for table in bench.tables(result):
         console.print(table)
     if as_json:

@@ -10,7 +10,8 @@ from ...recording.formats import suffixes_text
 from .. import completion, options
 from ..group import examples
 from ..options import Mistake, schemes_given
-from ..output import compile_now, console_of, print_failure, print_json, progress
+from ..output import console_of, print_failure, print_json
+from ..working import compile_now, working
 
 
 @click.command(
@@ -71,12 +72,11 @@ def pil(
         ]
     outcomes = []
     compile_now()
-    with progress(console) as bar:
-        total = 2 * sum(profile.duration_s for _, profile, _ in todo)
-        task = bar.add_task(name, total=total)
+    total_s = 2 * sum(profile.duration_s for _, profile, _ in todo)
+    with working(console, name, total_s) as work:
         for one, profile, file in todo:
             with target_of_run() as target:
-                outcome = pil.compare(one, profile, target, lambda s: bar.advance(task, s))
+                outcome = pil.compare(one, profile, target, work.advance)
             outcome.recording.save(file)
             outcomes.append(outcome)
     console.print(pil.table(outcomes))
@@ -133,12 +133,12 @@ def budget(setup, profile, output, as_json) -> int:
     loaded = setups.load(setup)
     if profile:
         (scheme,) = schemes_given(profile)
-        result = count.profile(loaded.with_scheme(scheme))
+        with working(console, f"counting instructions of {scheme}"):
+            result = count.profile(loaded.with_scheme(scheme))
         tables, failures = count.profile_tables(result, scheme), []
     else:
-        with progress(console) as bar:
-            task = bar.add_task("counting", total=None)
-            result = budget.measure(loaded, lambda seconds: bar.advance(task, seconds))
+        with working(console, "counting instructions") as work:
+            result = budget.measure(loaded, work.advance)
         tables, failures = budget.tables(result), budget.exceeded(result, budget.limits())
         if output:
             budget.write(result, output)

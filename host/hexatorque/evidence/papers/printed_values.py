@@ -31,6 +31,9 @@ PAPER: dict[str, dict] = {
             "dtc2": {"thd_pct": 12.1, "torque_ripple_Nm": 0.271, "f_sw_rel": 1.1},
             "dtc3": {"thd_pct": 12.9, "torque_ripple_Nm": 0.1063, "f_sw_rel": 2.0},
         },
+        "why_thd": "it depends on the flux reference, which the paper does not print, on the x–y "
+        "inductance, for which the paper takes the stator leakage, and on the band, which it does "
+        "not state",
     },
 }
 

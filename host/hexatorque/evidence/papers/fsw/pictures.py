@@ -31,7 +31,7 @@ LAST_KHZ = 6.0
 #: Points of the short picture: low, medium and high voltage, and another machine.
 SHOWN = (("A", 100, 10), ("A", 900, 10), ("B", 2500, 2), ("B", 3500, 2))
 DASHES = {"κ=0": "-", "κ=1": "-", "alternating": "-", "free": ":"}
-INK = {"κ=0": "#cc79a7", "κ=1": "#882255", "alternating": "#e0007f", "free": "#cc79a7"}
+INK = {"κ=0": "#cc79a7", "κ=1": "#882255", "alternating": "#999933", "free": "#332288"}
 
 
 def envelope(f_sw_Hz: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
