@@ -5,6 +5,7 @@
 #   make test          the tests that need nothing else; HT_WHOLE=1 runs every case of the campaigns
 #   make test-quick    the quick ones of these, for while you edit
 #   make test-targets  the others: emulated processors, browser, static checks; names missing tools
+#   make test-fresh    demo and test on two fresh Debians, as a new user does them; needs root
 #   make budget        the firmware's instructions, stack and size, into docs/budget.md
 #   make bench         speed of the simulation, instructions of the firmware
 #   make bench-peers   two other simulators of drives beside this one, in an environment of their own
@@ -36,15 +37,14 @@ MUTANTS ?= 1000
 MUTANTS_PYTHON ?= 600
 
 .PHONY: help demo papers papers-quick test test-computes test-waits test-quick test-c test-targets \
-  budget sanitize fuzz prove prove-quick coverage mutate mutate-python bench bench-peers docs lint format check-c clean
+  test-fresh budget sanitize fuzz prove prove-quick coverage mutate mutate-python bench bench-peers docs lint format check-c clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '3,20s/^# \{0,1\}//p' Makefile
+	@sed -n '3,21s/^# \{0,1\}//p' Makefile
 
 $(VENV)/.installed: $(SOURCES)
 	tools/setup.sh $(VENV)
-	@touch $@
 
 demo: $(VENV)/.installed
 	$(BIN)/hexatorque compare -o out/compare
@@ -115,31 +115,34 @@ mutate-python: $(VENV)/.installed build/mutate/tools/.installed
 # they share what their fixtures build and compile. On a busy computer a test that waits for other
 # processes may fail for this reason alone: what fails runs again, one at a time.
 # Each stage has its own list of what has failed.
-pytest = $(BIN)/python -m pytest -rs -o cache_dir=build/pytest/$(1) --stage $(1)
-stage = $(call pytest,$(2)) -n $(1) --dist worksteal tests
-waiting = $(call stage,$(1),$(2)) || \
-	$(call pytest,$(2)) --last-failed --last-failed-no-failures none tests
+#
+# Each has a temporary folder of its own: pytest deletes what older runs have left in it, and two that
+# delete the same fail.
+results = build/results/$(1).json
+pytest = $(BIN)/python -m pytest -o cache_dir=build/pytest/$(1) --stage $(1)
+stage = $(call pytest,$(2)) -n $(1) --dist worksteal --results $(call results,$(2)) tests
+waiting = $(call stage,$(1),$(2)) || $(call pytest,$(2)) --results build/results/$(2).again \
+	--last-failed --last-failed-no-failures none tests
+begin = @rm -f build/results/$(1).*; export PYTEST_DEBUG_TEMPROOT=$$(mktemp -d); \
+	trap 'rm -rf "$$PYTEST_DEBUG_TEMPROOT"' EXIT; trap 'exit 130' INT; trap 'exit 143' TERM HUP
+# The last line tells how many passed, those before it what failed.
+summary = $(BIN)/python tools/summary.py $(foreach name,$(1),$(call results,$(name)))
 
 # The two stages run at the same time. What computes is nice: what waits for answers gets them at once.
 test: test-c
-	@$(MAKE) --no-print-directory -j2 test-computes test-waits
+	@$(MAKE) --no-print-directory -k -j2 test-computes test-waits || true
+	@$(call summary,computes waits)
 
-# Each has a temporary folder of its own: pytest deletes what older runs have left in it, and two that
-# delete the same fail.
-temporary = $(shell d=$${TMPDIR:-/tmp}/hexatorque-$(1); mkdir -p $$d; echo $$d)
-
-test-computes: export PYTEST_DEBUG_TEMPROOT = $(call temporary,computes)
 test-computes: $(VENV)/.installed
-	nice $(call stage,$(JOBS),computes)
+	$(call begin,computes); nice $(call stage,$(JOBS),computes)
 
 # Printed when it is done, so that the two do not mix their lines.
-test-waits: export PYTEST_DEBUG_TEMPROOT = $(call temporary,waits)
 test-waits: $(VENV)/.installed
-	@mkdir -p build; { $(call waiting,$(WAITING),waits); } >build/waits.txt 2>&1; \
+	$(call begin,waits); mkdir -p build; { $(call waiting,$(WAITING),waits); } >build/waits.txt 2>&1; \
 	failed=$$?; cat build/waits.txt; exit $$failed
 
 test-quick: $(VENV)/.installed
-	$(call stage,$(JOBS),quick)
+	$(call begin,quick); $(call stage,$(JOBS),quick) || true; $(call summary,quick)
 
 # The campaigns are whole: every emulated processor. If a tool is missing, this fails after all
 # tests that could run.
@@ -151,6 +154,10 @@ test-targets: $(VENV)/.installed
 	$(BIN)/python tests/host/monitor/chromium.py || failed=1; \
 	$(MAKE) check-c || failed=1; \
 	exit $$failed
+
+test-fresh:
+	tools/fresh.sh bookworm
+	tools/fresh.sh trixie
 
 budget: $(VENV)/.installed
 	$(BIN)/hexatorque evidence budget -o docs
@@ -192,4 +199,4 @@ check-c: $(VENV)/.installed
 	$(BIN)/python tools/check_c.py
 
 clean:
-	rm -rf $(VENV) build out
+	rm -rf $(VENV) $(VENV).half build out

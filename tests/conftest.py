@@ -12,9 +12,12 @@ target: the test needs a program that `make` does not install: an emulator, a cr
 `--stage NAME` runs one of them and does not even import the files that have no test of it.
 `make test-quick` runs the stage `quick`: what computes, without the slow files, which take more
 than some seconds of computing time.
+
+`--results FILE` keeps for tools/summary.py how each test ended.
 """
 
 import functools
+import json
 import os
 from pathlib import Path
 
@@ -101,6 +104,7 @@ def stage_of(item: pytest.Item) -> str:
 
 def pytest_addoption(parser):
     parser.addoption("--stage", choices=(*STAGES, "quick"), help="only the tests of this stage")
+    parser.addoption("--results", type=Path, metavar="FILE", help="keep how each test ended")
 
 
 def pytest_configure(config):
@@ -109,6 +113,23 @@ def pytest_configure(config):
 
 def pytest_unconfigure():
     end_server()
+
+
+def pytest_terminal_summary(terminalreporter, exitstatus, config):
+    """Only the process that tells the user calls this."""
+    file = config.getoption("--results")
+    if file is None:
+        return
+    ended = (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED, pytest.ExitCode.NO_TESTS_COLLECTED)
+    stats = terminalreporter.stats
+    found = {
+        "ended": exitstatus in ended,
+        "passed": [report.nodeid for report in stats.get("passed", [])],
+        "failed": [report.nodeid for kind in ("failed", "error") for report in stats.get(kind, [])],
+        "skipped": [report.longrepr[2] for report in stats.get("skipped", [])],
+    }
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps(found))
 
 
 def left_out(file: Path, stage: str) -> bool:

@@ -10,6 +10,7 @@ takes sources, defines, options and linker command file from this log.
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -34,9 +35,11 @@ COMPILER = "22.6.1.LTS"
 #: file keeps the others where they are, by name.
 RAM = "--ramfunc=on"
 
-#: CMake's look at the compiler goes to the host's, under TI's macros; the rest is noted.
-STAND_IN = """#!/bin/sh
-echo "$0 $*" >> "{log}"
+#: CMake's look at the compiler goes to the host's, under TI's macros; the rest is noted. In a noted
+#: word a blank has a backslash before it.
+STAND_IN = r"""#!/bin/sh
+words=$(printf '%s\n' "$0" "$@" | sed 's/[\\ ]/\\&/g' | tr '\n' ' ')
+printf '%s\n' "$words" >> "{log}"
 out=
 source=
 for word in "$@"; do
@@ -85,7 +88,7 @@ class Image:
 
 
 def _words(text: str, pattern: str) -> Iterator[str]:
-    for word in text.split():
+    for word in shlex.split(text):
         found = re.fullmatch(pattern, word)
         if found:
             yield found[1]
@@ -101,7 +104,7 @@ def image(calls: list[str], name: str) -> Image:
     skip = r"--(?:compile_only|c_file|include_path|preproc_\w+|output_file)\b.*|-DHT_BUILD=.*"
     options, stays = set(), set()
     for call in of_c:
-        words = [w for w in call.split()[1:] if not re.fullmatch(skip, w)]
+        words = [w for w in shlex.split(call)[1:] if not re.fullmatch(skip, w)]
         if RAM not in words:
             stays |= {Path(path).stem for path in _words(call, r"--c_file=(.*)")}
             words.append(RAM)
@@ -109,7 +112,7 @@ def image(calls: list[str], name: str) -> Image:
     if len(options) != 1:
         raise ValueError(f"{name}: files with options of their own, which a project cannot have")
     skip = r"--(?:run_linker|output_file|map_file|search_path)\b.*|.*\.obj|.*\.cmd"
-    link = [w for w in linked.split()[1:] if not re.fullmatch(skip, w)]
+    link = [w for w in shlex.split(linked)[1:] if not re.fullmatch(skip, w)]
     (command_file,) = _words(linked, r"(.*\.cmd)")
     return Image(
         sorted(map(Path, sources)), stays, [*options.pop()], [*map(Path, folders)], link,

@@ -144,11 +144,14 @@ def test(folder: Path, file: str, text: str, first: bool) -> None:
     # Faulthandler would end a test that never ends as if it had failed.
     words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "faulthandler_timeout=0",
              "-W", "ignore::pytest.PytestAssertRewriteWarning"]  # fmt: skip
+    code = 0
     for files in tests_of(file)[: 1 if first else 2]:
-        code = pytest.main([*words, *files])
+        code = int(pytest.main([*words, *files]))
         if code != 0:
-            os._exit(int(code))
-    os._exit(0)
+            break
+    sys.stdout.flush()  # what the end of the process would do
+    sys.stderr.flush()
+    os._exit(code)
 
 
 class Bench:

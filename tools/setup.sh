@@ -6,6 +6,9 @@
 # Needs Python 3.11 or newer and a C compiler. On Debian and Ubuntu the modules
 # that Python's packages leave out (venv, headers) are installed with apt if this
 # runs as root; otherwise the command to run is printed.
+#
+# While the file VENV_DIR.half exists, the environment is not whole: set-up was interrupted, and the
+# next one begins with nothing. VENV_DIR/.installed is there, for make, if it is whole.
 set -eu
 
 venv=${1:-.venv}
@@ -40,12 +43,29 @@ fi
 # Without what Python keeps compiled, each start of a process would compile everything again.
 unset PYTHONDONTWRITEBYTECODE
 
-"$venv/bin/python" -m pip --version >/dev/null 2>&1 || "$python" -m venv --clear "$venv"
+half=$venv.half
+compiled=
+before=
+end() {
+    # In a terminal Ctrl-C does not reach what runs in the background.
+    [ -z "$compiled" ] || { kill "$compiled" 2>/dev/null && wait "$compiled"; } || true
+    [ -z "$before" ] || rm -rf "$before"
+}
+trap end EXIT
+trap 'exit 130' INT
+trap 'exit 143' TERM HUP
+
+if [ -e "$half" ] || ! "$venv/bin/python" -m pip --version >/dev/null 2>&1; then
+    mkdir -p "$(dirname "$venv")"
+    : >"$half"
+    "$python" -m venv --clear "$venv"
+fi
+: >"$half"
+rm -f "$venv/.installed"
 echo "hexatorque set-up: installing into $venv"
 installed=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_paths()["purelib"])')/hexatorque
 before=$(mktemp -d)
 extras=$before/extras
-trap 'rm -rf "$before"' EXIT
 # Kept for afterwards: the firmware's sources, and what numba has compiled.
 [ ! -d "$installed" ] || (cd "$installed" &&
     find . \( -path './source/*' -o -name '*.nb?' \) -type f -exec cp -p --parents {} "$before" \;)
@@ -70,9 +90,14 @@ END
 
 # uv takes a fifth of pip's processor time. What it cannot install, pip tries: pip uses the settings
 # of the user's pip.conf, and it says what is wrong. Modules are compiled when they are first used.
+# Both trust the certificates of the computer. Nobody waits for LLVM to be compiled.
+export UV_SYSTEM_CERTS=1 PIP_ONLY_BINARY=llvmlite,numba UV_NO_BUILD_PACKAGE="llvmlite numba"
 add() {
     "$venv/bin/python" -m uv pip install --quiet --python "$venv/bin/python" "$@" 2>/dev/null ||
-        "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile "$@"
+        "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile "$@" ||
+        fail "what is named above could not be installed from the package index. Is there a network?" \
+            "llvmlite and numba may not exist for $("$python" --version) yet: another Python is used" \
+            "with PYTHON=python3.13 make demo"
 }
 "$venv/bin/python" -m uv --version >/dev/null 2>&1 ||
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check uv 2>/dev/null || true
@@ -100,3 +125,6 @@ while kill -0 $compiled 2>/dev/null && [ ! -e "$started" ]; do sleep 0.1; done
 add -r "$extras"
 "$venv/bin/python" -c 'from hexatorque.analysis import plots, report' || true
 wait $compiled
+compiled=
+rm -f "$half"
+touch "$venv/.installed"

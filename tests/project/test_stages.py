@@ -1,6 +1,8 @@
 """Every test is in one stage, and each stage is run by one command (`tests/conftest.py`)."""
 
+import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +16,12 @@ COMMANDS = {
     "test": {"test-computes": "computes", "test-waits": "waits"},
     "test-targets": {"test-targets": "target"},
 }
+
+
+STAGE = """#!/bin/sh
+echo "$PYTEST_DEBUG_TEMPROOT" >>roots
+: >"$PYTEST_DEBUG_TEMPROOT/file"
+"""
 
 
 def recipe(command: str) -> str:
@@ -34,7 +42,9 @@ def test_each_stage_is_run_by_one_command():
         for part, stage in parts.items():
             found = re.findall(r"call (?:stage|waiting),[^,]+,(\w+)\)", recipe(part))
             assert found == [stage]
-    assert recipe("test").split()[-2:] == list(COMMANDS["test"])
+    run, told = recipe("test").splitlines()
+    assert f"-j2 {' '.join(COMMANDS['test'])} " in run
+    assert told == f"\t@$(call summary,{' '.join(COMMANDS['test'].values())})"
 
 
 def test_continuous_integration_runs_both_commands_with_whole_campaigns():
@@ -43,6 +53,36 @@ def test_continuous_integration_runs_both_commands_with_whole_campaigns():
     for command in COMMANDS:
         assert lines.index(f"make {command}") > whole
     assert lines[-1] == "make test"  # its closing line is the last
+
+
+def test_no_stage_needs_a_name_that_another_user_may_have(tmp_path):
+    """What each keeps in the shared temporary folder has a new name and is gone at the end. The
+    names of old are taken."""
+    tree, shared = tmp_path / "a tree", tmp_path / "shared"
+    shared.mkdir()
+    for name in ("tools/setup.sh", "pyproject.toml", "CMakeLists.txt", ".venv/bin/python"):
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        (tree / name).touch()
+    for name in ("firmware", "host", "cmake", "tests/c", "tests/prove"):
+        (tree / name).mkdir(parents=True)
+    shutil.copy(ROOT / "Makefile", tree)
+    python = tree / ".venv" / "bin" / "python"
+    python.write_text(STAGE)
+    python.chmod(0o755)
+    (tree / ".venv" / ".installed").touch()
+    stages = list(COMMANDS["test"])
+    taken = [shared / stage.replace("test", "hexatorque") for stage in stages]
+    for file in taken:
+        file.touch()
+    for _ in range(2):
+        done = subprocess.run(
+            ["make", "--no-print-directory", *stages], cwd=tree, capture_output=True, text=True,
+            env=os.environ | {"TMPDIR": str(shared)},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert sorted(shared.iterdir()) == sorted(taken)
+    roots = [Path(line) for line in (tree / "roots").read_text().splitlines()]
+    assert len(set(roots)) == 4 and {root.parent for root in roots} == {shared}
 
 
 @pytest.mark.target

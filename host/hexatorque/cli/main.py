@@ -8,6 +8,9 @@ found what must not be, or a target differs from the host or does not answer;
 from __future__ import annotations
 
 import re
+import sys
+import warnings
+from typing import Any
 
 import click
 
@@ -65,7 +68,10 @@ for command in COMMANDS:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code. A user's mistake ends in one line on standard error."""
+    """Entry point; returns the exit code. A user's mistake ends in one line on standard error.
+    Libraries warn developers, not users: what they warn of is shown with PYTHONWARNINGS only."""
+    if not sys.warnoptions:
+        warnings.showwarning = _nothing
     try:
         return app.main(
             argv,
@@ -85,6 +91,10 @@ def main(argv: list[str] | None = None) -> int:
     except ArithmeticError as error:  # compiled code of the plant knows no other errors
         complain(str(error))
         return 1
+
+
+def _nothing(*_: Any, **__: Any) -> None:
+    pass
 
 
 def _usage(error: click.ClickException) -> str:

@@ -116,14 +116,15 @@ def solve(
 
 def _current(v: np.ndarray, dt: float, rs: float, sigma_H: float, r: float, m: float) -> np.ndarray:
     """The current at every sample, from the voltages between them, from rest on. The voltage is
-    constant from sample to sample, so the solution is exact: two exponentials."""
-    a = np.array([[-(rs + r) / sigma_H, r / (m * sigma_H)], [r, -r / m]])
-    rates, modes = np.linalg.eig(a)
-    drive = np.linalg.solve(modes, np.array([1 / sigma_H, 0.0]))
+    constant from sample to sample, so the solution is exact: two exponentials. Their rates solve
+    (s + (rs + r) / sigma_H) (s + r/m) = r² / (m sigma_H), and are real for positive values."""
+    stator, rotor = (rs + r) / sigma_H, r / m
+    quick = -0.5 * (stator + rotor + math.hypot(stator - rotor, 2 * r / math.sqrt(m * sigma_H)))
+    slow = rs * r / (m * sigma_H) / quick  # the product of both is known
     out = np.zeros(len(v) + 1)
-    for k in range(2):
-        decay = np.exp(rates[k] * dt)
-        push = modes[0, k] * drive[k] * (decay - 1) / rates[k]
+    for rate, other in ((quick, slow), (slow, quick)):
+        decay = math.exp(rate * dt)
+        push = (rate + rotor) / (sigma_H * (rate - other)) * (decay - 1) / rate
         x = 0.0
         for n in range(len(v)):
             x = decay * x + push * v[n]

@@ -730,6 +730,7 @@ def main(url: str, bauds: tuple[int, ...], quick: bool) -> int:
         text = f"{url}: {error.strerror or error}"
         _report(error=text, mistake=False, busy=False, silent=False)
     finally:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it is ending
         path.unlink(missing_ok=True)
         if line:
             line.close()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import click
 import pytest
+from forked import Forked
 
 import hexatorque
 from hexatorque.cli import simulate
@@ -331,3 +332,19 @@ def test_completion_that_cannot_be_written(tmp_path, monkeypatch, capsys):
     assert main(["--install-completion", "zsh"]) == 1
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and ".config" in said
+
+
+def test_what_libraries_warn_of_is_not_between_the_results():
+    program = """
+import sys, warnings
+from hexatorque.cli.main import app, main
+
+@app.command()
+def noisy():
+    warnings.warn("casting complex values discards the imaginary part", RuntimeWarning)
+    print("R_r 1.5 Ω")
+
+sys.exit(main(["noisy"]))
+"""
+    with Forked(["-c", program], pipes=("stdout", "stderr")) as process:
+        assert process.communicate() == ("R_r 1.5 Ω\n", "")

@@ -395,7 +395,6 @@ def test_a_reset_ends_a_scripts_recording(own_board):
     ("url", "text", "mistake"),
     [
         ("/dev/no-such-port", "no such device", True),
-        ("/etc/passwd", "not a serial port", False),
         ("socket://127.0.0.1:1", "connection refused", False),
         ("nothing://x", "nothing", True),
     ],
@@ -404,6 +403,23 @@ def test_ports_that_cannot_be_opened(url, text, mistake):
     with pytest.raises(LinkError, match=text) as caught:
         BoardDrive.open(url)
     assert caught.value.mistake == mistake and "\n" not in str(caught.value)
+
+
+def test_a_file_is_not_a_serial_port(tmp_path):
+    file = tmp_path / "file"
+    file.touch()
+    with pytest.raises(LinkError, match="not a serial port") as caught:
+        BoardDrive.open(str(file))
+    assert not caught.value.mistake and "\n" not in str(caught.value)
+
+
+@pytest.mark.skipif(os.getuid() == 0, reason="root may open every file")
+def test_a_port_that_this_user_may_not_open(tmp_path):
+    file = tmp_path / "file"
+    file.touch(mode=0o000)
+    with pytest.raises(LinkError, match=r"permission denied; .* group dialout") as caught:
+        BoardDrive.open(str(file))
+    assert "\n" not in str(caught.value)
 
 
 def test_a_port_that_another_program_has(own_board):

@@ -1,5 +1,6 @@
 """The port server: several processes share a port through it. If it hangs, it is named."""
 
+import json
 import os
 import signal
 import socket
@@ -259,6 +260,27 @@ def test_a_long_runtime_directory(board, tmp_path, monkeypatch):
         os.kill(pid, signal.SIGTERM)
     # The next test's folder is another one: there this server would be a foreign program.
     until(lambda: not os.path.exists(f"/proc/{pid}"), 10.0)
+
+
+def test_a_server_that_is_told_to_end_while_it_ends_leaves_nothing(own_board):
+    """The signal comes while it closes the port."""
+    process = Forked(["-c", TOLD_LATE, own_board.url], pipes=("stdout", "stderr"))
+    said, complaints = process.communicate()  # until the server has ended
+    assert json.loads(said) == {"ready": True} and complaints == ""
+    left = [runtime.port_path(own_board.url, suffix) for suffix in ("lock", "sock", "log")]
+    assert not any(path.exists() for path in left)
+
+
+TOLD_LATE = """
+import os, signal, sys
+from hexatorque.serial import port, server
+close = port.Line.close
+def told(line):
+    os.kill(os.getpid(), signal.SIGTERM)
+    close(line)
+port.Line.close = told
+sys.exit(server.main(sys.argv[1], (1250000,), False))
+"""
 
 
 # -- a port that others have, servers that hang

@@ -6,7 +6,6 @@ import time
 
 import click
 
-from ...firmware import State
 from .. import completion, options
 from ..group import examples
 from ..output import complain, console_of, print_json, say, tripped
@@ -101,6 +100,8 @@ def start(duration, device, baud, as_json, **before) -> int:
 
     The gates switch and the machine turns. If this command dies, the board stops by itself.
     """
+    from ...firmware import State
+
     console = console_of(as_json, highlight=False)
     values = before_start(**before)
     with until_signal() as ended, open_drive(device, baud) as drive:

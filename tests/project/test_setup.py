@@ -1,0 +1,129 @@
+"""tools/setup.sh makes an environment that is whole, whenever an earlier attempt was interrupted.
+
+A stand-in for Python notes its calls and makes an empty file for each thing that it installs. On
+request one of its calls stops in the middle.
+"""
+
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PYTHON = r"""#!/bin/sh
+echo "$*" | head -n 1 >>"$CALLS"
+number=$(wc -l <"$CALLS")
+here=$(dirname "$0")/..
+half() { [ "$number" -ne "$STOP_AT" ] || { : >"$CALLS.stopped"; exec sleep 600; }; }
+case "$*" in
+*"venv --clear"*)
+    for last; do :; done
+    rm -rf "$last"
+    mkdir -p "$last/bin" "$last/lib"
+    cp "$0" "$last/bin/python"
+    half
+    : >"$last/bin/activate"
+    ;;
+*purelib*) echo "$here/lib" ;;
+*"pip install"*)
+    for last; do :; done
+    name=$(basename "$last")
+    : >"$here/lib/$name-half"
+    half
+    mv "$here/lib/$name-half" "$here/lib/$name"
+    ;;
+*numba.np*)
+    : >"$3"
+    : >"$here/lib/compiled-half"
+    half
+    mv "$here/lib/compiled-half" "$here/lib/compiled"
+    ;;
+esac
+half
+"""
+#: More than there are calls.
+NEVER = 1000
+
+
+def running(group: int) -> list[str]:
+    """The processes of a group that have not ended."""
+    found = []
+    for file in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):  # it has ended meanwhile
+            state, _, of, *_ = file.read_text().rpartition(")")[2].split()
+            if int(of) == group and state != "Z":
+                found.append(file.read_text())
+    return found
+
+
+class Tree:
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder / "a tree"
+        (self.folder / "tools").mkdir(parents=True)
+        (self.folder / "host" / "hexatorque").mkdir(parents=True)
+        shutil.copy(ROOT / "tools" / "setup.sh", self.folder / "tools")
+        shutil.copy(ROOT / "pyproject.toml", self.folder)
+        self.python = folder / "python"
+        self.python.write_text(PYTHON)
+        self.python.chmod(0o755)
+        self.calls = folder / "calls"
+        self.venv = self.folder / "venv"
+
+    def set_up(self, stop_at: int = NEVER, by: signal.Signals = signal.SIGINT) -> bool:
+        """Whether it has not been stopped."""
+        for file in self.calls.parent.glob("calls*"):
+            file.unlink()
+        temporary = self.calls.parent / "temporary"
+        shutil.rmtree(temporary, ignore_errors=True)
+        temporary.mkdir()
+        process = subprocess.Popen(
+            ["tools/setup.sh", "venv"],
+            cwd=self.folder,
+            env=os.environ
+            | {"PYTHON": str(self.python), "CALLS": str(self.calls), "STOP_AT": str(stop_at)}
+            | {"TMPDIR": str(temporary)},
+            start_new_session=True,  # a group of its own, as in a terminal
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+        )
+        stopped = Path(f"{self.calls}.stopped")
+        while process.poll() is None and not stopped.exists():
+            time.sleep(0.005)
+        if stopped.exists():
+            os.killpg(process.pid, by)
+        process.communicate()
+        assert by == signal.SIGKILL or not running(process.pid)
+        assert by == signal.SIGKILL or not [*temporary.iterdir()]
+        assert stopped.exists() or process.returncode == 0
+        return not stopped.exists()
+
+    def found(self) -> set[str]:
+        files = self.venv.rglob("*")
+        return {str(file.relative_to(self.folder)) for file in files if file.is_file()}
+
+
+@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGKILL], ids=lambda by: by.name)
+@pytest.mark.parametrize("whole_before", [False, True])
+def test_an_interrupted_set_up_is_made_again(tmp_path, whole_before, by):
+    whole = Tree(tmp_path / "whole")
+    assert whole.set_up()
+    want = whole.found()
+    assert {"venv/bin/activate", "venv/lib/compiled", "venv/.installed"} <= want
+    assert len(want) == 6  # and Python, hexatorque, the extras
+    for number in range(1, NEVER):
+        tree = Tree(tmp_path / str(number))
+        if whole_before:
+            assert tree.set_up()
+        if tree.set_up(number, by):
+            break
+        begun = tree.folder / "venv.half"
+        assert begun.exists() or tree.found() == (want if whole_before else set())
+        assert not (begun.exists() and (tree.venv / ".installed").exists())  # make would not ask
+        assert tree.set_up()
+        assert tree.found() == want and not begun.exists(), f"stopped at call {number}"
+    assert number > 8
