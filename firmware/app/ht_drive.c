@@ -192,6 +192,13 @@ static uint16_t used_legs(const ht_drive *d)
     return (uint16_t)(HT_ALL_LEGS & ~(unsigned)d->off_legs);
 }
 
+/* A latch is set that the drive has not set. */
+HT_SELDOM static uint16_t tripped_by(const ht_drive *d)
+{
+    return ht_port_interrupt_lost(d->port) ? (uint16_t)HT_FAULT_INTERRUPT
+                                           : (uint16_t)HT_FAULT_EXTERNAL;
+}
+
 /* Everything that is known before the control step. `powered`: the gates are on, and
  * what that needs is known. */
 static inline uint16_t faults_before(ht_drive *d, bool powered)
@@ -203,7 +210,7 @@ static inline uint16_t faults_before(ht_drive *d, bool powered)
         d->stuck_leg = ((leg + 1u) < (uint16_t)HT_LEGS) ? (uint16_t)(leg + 1u) : 0u;
         bool off = (d->off_legs & (HT_LEG_U1 >> leg)) != 0u;
         if (ht_port_leg_tripped(d->port, leg) != off) { /* all legs in six periods */
-            faults |= HT_FAULT_EXTERNAL;
+            faults |= tripped_by(d);
         }
     }
     return (uint16_t)faults;
@@ -352,7 +359,7 @@ static inline void drive(ht_drive *d, bool build)
     unsigned faults = faults_before(d, powered);
     if (build && powered
         && ht_port_tripped(d->port, used_legs(d))) { /* just released: all at once */
-        faults |= HT_FAULT_EXTERNAL;
+        faults |= tripped_by(d);
     }
     faults |= d->slow_faults;
     if (faults != 0u) {
@@ -385,7 +392,7 @@ static void test(ht_drive *d)
     faults |= ht_excitation_faults(&d->config->excitation, &d->excitation, &d->in.i_A,
                                    d->samples.position);
     if ((d->state_ticks > 1u) && ht_port_tripped(d->port, used_legs(d))) {
-        faults |= HT_FAULT_EXTERNAL;
+        faults |= tripped_by(d);
     }
     if (faults != 0u) {
         fault(d, (uint16_t)faults);

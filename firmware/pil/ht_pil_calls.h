@@ -28,9 +28,10 @@ enum {
     HT_CALL_READ_CAPTURE = 8,
     HT_CALL_OVERRUN = 9, /**< answer */
     HT_CALL_ACK_FAST = 10,
-    HT_CALL_TRIP_PIN_LOW = 11, /**< answer */
-    HT_CALL_LEG_TRIPPED = 12,  /**< leg, answer */
-    HT_CALL_LEG_OFF = 13       /**< leg */
+    HT_CALL_TRIP_PIN_LOW = 11,  /**< answer */
+    HT_CALL_LEG_TRIPPED = 12,   /**< leg, answer */
+    HT_CALL_LEG_OFF = 13,       /**< leg */
+    HT_CALL_INTERRUPT_LOST = 14 /**< answer */
 };
 
 /** The hardware's fixed properties. They come with INIT. */
@@ -52,6 +53,7 @@ typedef struct {
     uint16_t tripped; /**< legs whose trip latch is set, a state word */
     bool overrun;
     bool trip_pin_low;
+    bool interrupt_lost;
 } ht_pil_inputs;
 
 void ht_pil_inputs_add(ht_packet *p, const ht_pil_inputs *in);

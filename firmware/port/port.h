@@ -8,8 +8,9 @@
  *  - `ht_port_dead_range` at any time, from anywhere: it touches no register.
  *  - `ht_port_begin_fast`, `ht_port_read`, `ht_port_write`, `ht_port_gates_off`,
  *    `ht_port_gates_on`, `ht_port_leg_off`, `ht_port_tripped`, `ht_port_leg_tripped`,
- *    `ht_port_overrun`, `ht_port_ack_fast` from the fast interrupt only (`ht_port_read` from the set-up as well, and from the slow
- *    interrupt when no fast one comes any more). None blocks; each takes a fixed number of
+ *    `ht_port_interrupt_lost`, `ht_port_overrun`, `ht_port_ack_fast` from the fast interrupt only
+ *    (`ht_port_read` from the set-up as well, and from the slow interrupt when no fast one comes any
+ *    more). None blocks; each takes a fixed number of
  *    register accesses.
  *  - `ht_port_read_capture` from the slow interrupt only, which the fast one may
  *    interrupt. It clears the flags that it reports.
@@ -107,11 +108,15 @@ bool ht_port_tripped(const ht_port *port, uint16_t legs);
  */
 bool ht_port_leg_tripped(const ht_port *port, uint16_t leg);
 
+/** Has the target itself taken the gates off since `ht_port_gates_on`, because no fast interrupt came
+ *  for 2.5 periods? */
+bool ht_port_interrupt_lost(const ht_port *port);
+
 /** Is the trip pin low now? While it is, the gates must stay off. */
 bool ht_port_trip_pin_low(const ht_port *port);
 
-/** First in the fast interrupt: acknowledge the end of conversion, so that the next one
- *  shows. */
+/** First in the fast interrupt: acknowledge the end of conversion, so that the next one shows. If the
+ *  next call does not come within 2.5 periods, the target takes the gates off. */
 void ht_port_begin_fast(ht_port *port);
 
 /** Has another conversion ended since `ht_port_begin_fast`? Asked at the end of the interrupt: if

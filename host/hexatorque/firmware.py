@@ -378,7 +378,7 @@ class Controller:
 
     #: Entry points for compiled callers. Their argument is `handle`; the last one also takes the
     #: address of the channels.
-    entries = ("ht_drive_fast_isr", "ht_drive_slow_isr", "ht_channels_read")
+    entries = ("ht_virtual_period", "ht_drive_slow_isr", "ht_channels_read")
     processor = "host"
 
     def __init__(

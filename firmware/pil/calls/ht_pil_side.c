@@ -143,6 +143,7 @@ bool ht_port_gates_on(ht_port *port, uint16_t legs)
     note(port, legs);
     if (!port->input.trip_pin_low) {
         port->input.tripped = (uint16_t)(port->input.tripped & (uint16_t)~legs);
+        port->input.interrupt_lost = false;
     }
     return note_answer(port, !port->input.trip_pin_low);
 }
@@ -165,6 +166,12 @@ bool ht_port_leg_tripped(const ht_port *port, uint16_t leg)
     note(port, HT_CALL_LEG_TRIPPED);
     note(port, leg);
     return note_answer(port, (port->input.tripped & (uint16_t)(HT_LEG_U1 >> leg)) != 0u);
+}
+
+bool ht_port_interrupt_lost(const ht_port *port)
+{
+    note(port, HT_CALL_INTERRUPT_LOST);
+    return note_answer(port, port->input.interrupt_lost);
 }
 
 void ht_port_begin_fast(ht_port *port)

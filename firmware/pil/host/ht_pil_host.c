@@ -317,6 +317,8 @@ static bool make_call(ht_link *l, ht_reader *r)
         leg = ht_read16(r);
         return (leg < (uint16_t)HT_LEGS)
                && (ht_port_leg_tripped(&l->port, leg) == (ht_read16(r) != 0u));
+    case HT_CALL_INTERRUPT_LOST:
+        return ht_port_interrupt_lost(&l->port) == (ht_read16(r) != 0u);
     case HT_CALL_BEGIN_FAST:
         ht_port_begin_fast(&l->port);
         return true;

@@ -3,7 +3,7 @@
  * F28377S: ADC-A the first set's currents and the dc link, ADC-B the second set's currents,
  * both at the same time. */
 #include "ht_change.h"
-#include "ht_drivers.h"
+#include "ht_dead_man.h"
 
 /* F28335. 12.5 MHz; a sample takes 2 periods, the sequence about 2 us. */
 #define ADCTRL1 0x7100u
@@ -169,6 +169,7 @@ void ht_port_begin_fast(ht_port *port)
     } else {
         /* nothing in the way of the next one */
     }
+    ht_dead_man_wind(port);
 }
 
 bool ht_port_overrun(const ht_port *port)

@@ -30,7 +30,6 @@
 #define TRIES 3u
 
 /* The measurement: the watchdog's counter runs on the crystal, CPU timer 1 on SYSCLKOUT. */
-#define TIMER1 0x0C08u
 #define STEP_PERIODS 32768.0f /* of the crystal: 512, prescaler 64 (ht_watchdog_hold) */
 #define DIVIDER 4.0f          /* PLL to SYSCLKOUT during the measurement */
 #define SHARE 0.02f
@@ -67,11 +66,11 @@ static bool frequency_is_right(ht_port *port)
     float wanted = STEP_PERIODS * (float)port->board->pll_multiplier / DIVIDER;
     float found;
     bool counts;
-    ht_counter_prepare(port, TIMER1, 0xFFFFFFFFu);
+    ht_counter_prepare(port, HT_TIMER1, 0xFFFFFFFFu);
     counts = step(port);
-    ht_counter_run(port, TIMER1);
+    ht_counter_run(port, HT_TIMER1);
     counts = step(port) && counts;
-    found = (float)ht_counter_stop(port, TIMER1);
+    found = (float)ht_counter_stop(port, HT_TIMER1);
     return counts && (found > wanted * (1.0f - SHARE)) && (found < wanted * (1.0f + SHARE));
 }
 

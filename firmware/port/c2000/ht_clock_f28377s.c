@@ -13,6 +13,7 @@
 #define MCDCR 0x5D22Eu
 #define PCLKCR0 0x5D322u
 #define PCLKCR2 0x5D326u
+#define PCLKCR3 0x5D328u
 #define PCLKCR4 0x5D32Au
 #define PCLKCR7 0x5D330u
 #define PCLKCR13 0x5D33Cu
@@ -35,6 +36,7 @@
 #define MCLKCLR 0x00000002u
 #define PCLKCR0_CPUTIMERS 0x00000038u
 #define PCLKCR0_TBCLKSYNC 0x00040000u
+#define PCLKCR3_ECAP1 0x00000001u
 #define PCLKCR4_EQEP1 0x00000001u
 #define PCLKCR7_SCIA 0x00000001u
 #define PCLKCR13_ADCA_B 0x00000003u
@@ -47,7 +49,6 @@
 #define MISSING_SHOWS_US 1000u
 
 /* The measurement: CPU timer 2 counts a known clock, CPU timer 1 counts SYSCLK meanwhile. */
-#define TIMER1 0x0C08u
 #define TIMER2 0x0C10u
 #define TMR2CLK 0x0000003Fu /* source and prescaler */
 #define TMR2CLK_SYSCLK 0u
@@ -87,15 +88,15 @@ static bool sysclk_is(ht_port *port, uint32_t source, float ratio, float share)
     float wanted = ratio * (float)PERIODS;
     float found;
     uint16_t looks = 0u;
-    ht_counter_prepare(port, TIMER1, 0xFFFFFFFFu);
+    ht_counter_prepare(port, HT_TIMER1, 0xFFFFFFFFu);
     ht_counter_prepare(port, TIMER2, PERIODS - 1u);
     ht_change32(port->io, TMR2CLKCTL, TMR2CLK, source);
     ht_counter_run(port, TIMER2);
-    ht_counter_run(port, TIMER1);
+    ht_counter_run(port, HT_TIMER1);
     while (!ht_counter_passed(port, TIMER2) && (looks < LOOKS)) {
         looks++;
     }
-    found = (float)ht_counter_stop(port, TIMER1);
+    found = (float)ht_counter_stop(port, HT_TIMER1);
     (void)ht_counter_stop(port, TIMER2);
     ht_change32(port->io, TMR2CLKCTL, TMR2CLK, TMR2CLK_SYSCLK);
     return (looks < LOOKS) && (found > wanted * (1.0f - share))
@@ -182,6 +183,7 @@ ht_clock ht_clock_start_f28377s(ht_port *port)
     }
     ht_change32(port->io, PERCLKDIVSEL, EPWMCLKDIV, EPWMCLKDIV_2);
     ht_change32(port->io, PCLKCR2, 0u, port->board->modules);
+    ht_change32(port->io, PCLKCR3, 0u, PCLKCR3_ECAP1);
     ht_change32(port->io, PCLKCR4, 0u, PCLKCR4_EQEP1);
     ht_change32(port->io, PCLKCR7, 0u, PCLKCR7_SCIA);
     ht_change32(port->io, PCLKCR13, 0u, PCLKCR13_ADCA_B);

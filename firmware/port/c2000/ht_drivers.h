@@ -73,6 +73,10 @@ uint32_t ht_eqep_position(const ht_port *port);
 
 /* ht_timer.c */
 
+/** CPU timer 1: measures the system clock at the start; F28335: the dead-man timer
+ *  (ht_dead_man.h). */
+#define HT_TIMER1 0x0C08u
+
 /** CPU timer 0: the slow interrupt. */
 void ht_timer_start(ht_port *port, float slow_Hz);
 /** Has it expired since the last call? For a background without interrupts. */
@@ -106,8 +110,16 @@ ht_line ht_sci_line(ht_port *port);
 
 /* ht_pie.c */
 
-/** Vectors, and the two interrupts enabled at the interrupt controller. */
-void ht_pie_start(ht_port *port, ht_isr fast, ht_isr slow, ht_isr unexpected);
+/** The image's interrupt functions. */
+typedef struct {
+    ht_isr fast;
+    ht_isr slow;
+    ht_isr lost; /**< the dead-man timer has expired (F28335) */
+    ht_isr unexpected;
+} ht_isrs;
+
+/** Vectors, and the interrupts enabled at the interrupt controller. */
+void ht_pie_start(ht_port *port, const ht_isrs *isrs);
 /** Enable interrupts at the CPU. */
 void ht_pie_enable(ht_port *port);
 /** First in the slow interrupt: lets the fast one interrupt it. */

@@ -1,5 +1,5 @@
 /* Interrupt controller. Both interrupts are in group 1: 1.1 the end of the ADC's
- * sequence (SEQ1INT, ADCA1), 1.7 CPU timer 0. */
+ * sequence (SEQ1INT, ADCA1), 1.7 CPU timer 0. INT13, CPU timer 1, does not pass through it. */
 #include "ht_drivers.h"
 
 #define PIECTRL 0x0CE0u
@@ -12,13 +12,15 @@
 #define GROUPS 12u
 #define PIECTRL_ENPIE 0x0001u
 #define GROUP1 0x0001u
+#define INT13 0x1000u
+#define VECTOR_INT13 13u
 #define FAST 0x0001u
 #define SLOW 0x0040u
 #define VECTOR_FIRST 13u /* below: not used with the PIE, and the boot ROM's */
 #define VECTOR_FAST 32u
 #define VECTOR_SLOW 38u
 
-void ht_pie_start(ht_port *port, ht_isr fast, ht_isr slow, ht_isr unexpected)
+void ht_pie_start(ht_port *port, const ht_isrs *isrs)
 {
     uint16_t n;
     HT_DINT(port->io);
@@ -33,10 +35,11 @@ void ht_pie_start(ht_port *port, ht_isr fast, ht_isr slow, ht_isr unexpected)
     HT_IFR_CLEAR(port->io);
     HT_EALLOW(port->io);
     for (n = VECTOR_FIRST; n < port->map->vectors; n++) {
-        HT_VECTOR(port->io, PIEVECT + (2u * (uint32_t)n), unexpected);
+        HT_VECTOR(port->io, PIEVECT + (2u * (uint32_t)n), isrs->unexpected);
     }
-    HT_VECTOR(port->io, PIEVECT + (2u * VECTOR_FAST), fast);
-    HT_VECTOR(port->io, PIEVECT + (2u * VECTOR_SLOW), slow);
+    HT_VECTOR(port->io, PIEVECT + (2u * VECTOR_INT13), isrs->lost);
+    HT_VECTOR(port->io, PIEVECT + (2u * VECTOR_FAST), isrs->fast);
+    HT_VECTOR(port->io, PIEVECT + (2u * VECTOR_SLOW), isrs->slow);
     HT_EDIS(port->io);
     HT_WR16(port->io, PIEACK, 0x0FFFu);
     HT_WR16(port->io, PIEIER1, FAST | SLOW);
@@ -46,7 +49,7 @@ void ht_pie_start(ht_port *port, ht_isr fast, ht_isr slow, ht_isr unexpected)
 void ht_pie_enable(ht_port *port)
 {
     (void)port; /* CPU registers only */
-    HT_IER_WRITE(port->io, GROUP1);
+    HT_IER_WRITE(port->io, GROUP1 | INT13);
     HT_EINT(port->io);
 }
 

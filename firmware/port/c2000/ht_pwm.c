@@ -1,6 +1,6 @@
 /* ePWM set-up. Register order matters in two places, named below: trip first, and
  * no counter runs (TBCLKSYNC = 0) until all modules are set up. */
-#include "ht_drivers.h"
+#include "ht_dead_man.h"
 
 #define NOT_PRESENT 0xFFFFu
 #define LEG_U1_BIT 5u /* of a state word */
@@ -31,6 +31,9 @@
 /* TZCTL: what a trip does to both outputs */
 #define TZCTL_BOTH_LOW 0x000Au
 #define TZCTL_BOTH_HIGH 0x0005u
+/* ... and the dead-man timer's pulse to output A while it lasts: after reset it would float */
+#define TZCTL_DCAEVT1_LOW 0x0020u
+#define TZCTL_DCAEVT1_HIGH 0x0010u
 #define TZ_OST 0x0004u
 #define TZ_INT 0x0001u
 /* GPxDAT: eight words from port to port */
@@ -46,10 +49,14 @@ static void start_module(ht_port *port, uint32_t base, bool first, const ht_pwm_
     ht_io *io = port->io;
     uint16_t never = setup->period_counts;
     bool low = port->board->gates_active_low;
+    uint16_t off = low ? TZCTL_BOTH_HIGH : TZCTL_BOTH_LOW;
+    if (m->ecap != 0u) {
+        off |= low ? TZCTL_DCAEVT1_HIGH : TZCTL_DCAEVT1_LOW;
+    }
 
     /* Trip first: the switches stay off through everything that follows. */
     HT_EALLOW(io);
-    HT_WR16(io, base + m->tzctl, low ? TZCTL_BOTH_HIGH : TZCTL_BOTH_LOW);
+    HT_WR16(io, base + m->tzctl, off);
     HT_WR16(io, base + m->tzfrc, TZ_OST);
     HT_WR16(io, base + m->tzsel, m->one_shot);
     HT_EDIS(io);
@@ -148,6 +155,7 @@ bool ht_port_gates_on(ht_port *port, uint16_t legs)
     bool allowed = !ht_port_trip_pin_low(port);
     if (allowed) {
         uint16_t leg;
+        ht_dead_man_forget(port);
         HT_EALLOW(port->io);
         for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
             if (among(legs, leg)) {

@@ -53,7 +53,8 @@ static const ht_register epwm[] = {
     REG("TZSEL", 0x80u, 0u, 0xFFFFu, HT_PLAIN, HT_EALLOWED | HT_SET_UP, 0u,
         "15 DCBEVT1, 14 DCAEVT1, 13 OSHT6, 12 OSHT5, 11 OSHT4, 10 OSHT3, 9 OSHT2, 8 OSHT1, "
         "7 DCBEVT2, 6 DCAEVT2, 5 CBC6, 4 CBC5, 3 CBC4, 2 CBC3, 1 CBC2, 0 CBC1"),
-    REG("TZDCSEL", 0x82u, 0u, 0x0FFFu, HT_PLAIN, HT_EALLOWED, 0u, ""),
+    REG("TZDCSEL", 0x82u, 0u, 0x0FFFu, HT_PLAIN, HT_EALLOWED, 0u,
+        "11-9 DCBEVT2, 8-6 DCBEVT1, 5-3 DCAEVT2, 2-0 DCAEVT1"),
     REG("TZCTL", 0x84u, 0u, 0x0FFFu, HT_PLAIN, HT_EALLOWED | HT_TRIP_SET_UP, 0u,
         "11-10 DCBEVT2, 9-8 DCBEVT1, 7-6 DCAEVT2, 5-4 DCAEVT1, 3-2 TZB, 1-0 TZA"),
     REG("TZCTL2", 0x85u, 0u, 0x8FFFu, HT_PLAIN, HT_EALLOWED | HT_TRIP_SET_UP, 0u, ""),
@@ -62,7 +63,8 @@ static const ht_register epwm[] = {
     REG("TZFLG", 0x93u, 0u, 0u, HT_READ_ONLY, 0u, 0u,
         "6 DCBEVT2, 5 DCBEVT1, 4 DCAEVT2, 3 DCAEVT1, 2 OST, 1 CBC, 0 INT"),
     REG("TZCBCFLG", 0x94u, 0u, 0u, HT_READ_ONLY, 0u, 0u, ""),
-    REG("TZOSTFLG", 0x95u, 0u, 0u, HT_READ_ONLY, 0u, 0u, ""),
+    REG("TZOSTFLG", 0x95u, 0u, 0u, HT_READ_ONLY, 0u, 0u,
+        "7 DCBEVT1, 6 DCAEVT1, 5 OST6, 4 OST5, 0 OST1"),
     REG("TZCLR", 0x97u, 0u, 0x007Fu, HT_ONES_CLEAR_AT, HT_EALLOWED, 0x93u, ""),
     REG("TZCBCCLR", 0x98u, 0u, 0x00FFu, HT_ONES_CLEAR_AT, HT_EALLOWED, 0x94u, ""),
     REG("TZOSTCLR", 0x99u, 0u, 0x00FFu, HT_ONES_CLEAR_AT, HT_EALLOWED, 0x95u, ""),
@@ -78,6 +80,12 @@ static const ht_register epwm[] = {
     REG("ETFRC", 0xACu, 0u, 0x000Du, HT_ONES_SET_AT, 0u, 0xA8u, ""),
     PLAIN("ETINTPS", 0xAEu, 0x000Fu, ""),
     PLAIN("ETSOCPS", 0xB0u, 0x0F0Fu, ""),
+    REG("DCTRIPSEL", 0xC0u, 0u, 0xFFFFu, HT_PLAIN, HT_EALLOWED, 0u,
+        "15-12 DCBLCOMPSEL, 11-8 DCBHCOMPSEL, 7-4 DCALCOMPSEL, 3-0 DCAHCOMPSEL"),
+    REG("DCACTL", 0xC3u, 0u, 0x030Fu, HT_PLAIN, HT_EALLOWED, 0u,
+        "9 EVT2FRCSYNCSEL, 8 EVT2SRCSEL, 3 EVT1SYNCE, 2 EVT1SOCE, 1 EVT1FRCSYNCSEL, 0 EVT1SRCSEL"),
+    REG("DCBCTL", 0xC4u, 0u, 0x030Fu, HT_PLAIN, HT_EALLOWED, 0u,
+        "9 EVT2FRCSYNCSEL, 8 EVT2SRCSEL, 3 EVT1SYNCE, 2 EVT1SOCE, 1 EVT1FRCSYNCSEL, 0 EVT1SRCSEL"),
 };
 
 #define PROTECTED(name, offset, writable, fields) \
@@ -140,6 +148,37 @@ static const ht_register xbar[] = {
     PROTECTED("INPUT1SELECT", 0x0u, 0xFFFFu, ""), PROTECTED("INPUT2SELECT", 0x1u, 0xFFFFu, ""),
     PROTECTED("INPUT3SELECT", 0x2u, 0xFFFFu, ""), PROTECTED("INPUT4SELECT", 0x3u, 0xFFFFu, ""),
     PROTECTED("INPUT5SELECT", 0x4u, 0xFFFFu, ""), PROTECTED("INPUT6SELECT", 0x5u, 0xFFFFu, ""),
+};
+
+/* The multiplexers of TRIP4, 5, 7 ... 12 that feed the digital compare of all ePWM modules. */
+#define TRIP(n, offset)                                                                            \
+    REG32("TRIP" n "MUX0TO15CFG", offset, 0u, 0xFFFFFFFFu, HT_PLAIN, HT_EALLOWED, 0u, "1-0 MUX0"), \
+        REG32("TRIP" n "MUX16TO31CFG", (offset) + 2u, 0u, 0xFFFFFFFFu, HT_PLAIN, HT_EALLOWED, 0u,  \
+              "")
+
+static const ht_register epwm_xbar[] = {
+    TRIP("4", 0x00u),
+    TRIP("5", 0x04u),
+    REG32("TRIP4MUXENABLE", 0x20u, 0u, 0xFFFFFFFFu, HT_PLAIN, HT_EALLOWED, 0u, "0 MUX0"),
+    REG32("TRIP5MUXENABLE", 0x22u, 0u, 0xFFFFFFFFu, HT_PLAIN, HT_EALLOWED, 0u, "0 MUX0"),
+    REG32("TRIPOUTINV", 0x38u, 0u, 0x000000FFu, HT_PLAIN, HT_EALLOWED, 0u, ""),
+};
+
+static const ht_register ecap[] = {
+    REG32("TSCTR", 0x00u, 0u, 0xFFFFFFFFu, HT_FX_TSCTR, 0u, 0u, ""),
+    REG32("CTRPHS", 0x02u, 0u, 0xFFFFFFFFu, HT_PLAIN, 0u, 0u, ""),
+    REG32("CAP1", 0x04u, 0u, 0xFFFFFFFFu, HT_PLAIN, 0u, 0u, ""),
+    REG32("CAP2", 0x06u, 0u, 0xFFFFFFFFu, HT_PLAIN, 0u, 0u, ""),
+    REG32("CAP3", 0x08u, 0u, 0xFFFFFFFFu, HT_PLAIN, 0u, 0u, ""),
+    REG32("CAP4", 0x0Au, 0u, 0xFFFFFFFFu, HT_PLAIN, 0u, 0u, ""),
+    PLAIN("ECCTL1", 0x14u, 0xFFFFu, "15-14 FREE_SOFT, 13-9 PRESCALE, 8 CAPLDEN"),
+    REG("ECCTL2", 0x15u, 0x0006u, 0x07FFu, HT_FX_TSCTR, 0u, 0u,
+        "10 APWMPOL, 9 CAP_APWM, 8 SWSYNC, 7-6 SYNCO_SEL, 5 SYNCI_EN, 4 TSCTRSTOP, 3 REARM, "
+        "2-1 STOP_WRAP, 0 CONT_ONESHT"),
+    PLAIN("ECEINT", 0x16u, 0x00FEu, ""),
+    REG("ECFLG", 0x17u, 0u, 0u, HT_READ_ONLY, 0u, 0u, "7 CTR_CMP, 6 CTR_PRD, 5 CTROVF, 0 INT"),
+    REG("ECCLR", 0x18u, 0u, 0x00FFu, HT_ONES_CLEAR_AT, 0u, 0x17u, ""),
+    REG("ECFRC", 0x19u, 0u, 0x00FEu, HT_ONES_SET_AT, 0u, 0x17u, ""),
 };
 
 static const ht_register sync[] = {
@@ -205,7 +244,8 @@ static const ht_register cpusys[] = {
     CLOCK("PCLKCR2", 0x26u, 0u, 0x00000FFFu, HT_FX_CLOCKS,
           "11 EPWM12, 10 EPWM11, 9 EPWM10, 8 EPWM9, 7 EPWM8, 6 EPWM7, 5 EPWM6, 4 EPWM5, 3 EPWM4, "
           "2 EPWM3, 1 EPWM2, 0 EPWM1"),
-    CLOCK("PCLKCR3", 0x28u, 0u, 0x0000003Fu, HT_FX_CLOCKS, ""),
+    CLOCK("PCLKCR3", 0x28u, 0u, 0x0000003Fu, HT_FX_CLOCKS,
+          "5 ECAP6, 4 ECAP5, 3 ECAP4, 2 ECAP3, 1 ECAP2, 0 ECAP1"),
     CLOCK("PCLKCR4", 0x2Au, 0u, 0x00000007u, HT_FX_CLOCKS, "2 EQEP3, 1 EQEP2, 0 EQEP1"),
     CLOCK("PCLKCR7", 0x30u, 0u, 0x0000000Fu, HT_FX_CLOCKS, "3 SCI_D, 2 SCI_C, 1 SCI_B, 0 SCI_A"),
     CLOCK("PCLKCR13", 0x3Cu, 0u, 0x0000000Fu, HT_FX_CLOCKS, "3 ADC_D, 2 ADC_C, 1 ADC_B, 0 ADC_A"),
@@ -236,6 +276,7 @@ static const ht_module modules[] = {
     {"PIE", 0x0CE0u, 0u, 1u, 1u, 0u, 0u, ht_registers_pie_16, HT_PIE_REGISTERS},
     {"VECTOR", 0x0D00u, 2u, 224u, 0u, 0u, 0u, ht_register_vector, 1u},
     {"EPWM", 0x4000u, 0x100u, 12u, 1u, 0x5D326u, 0u, epwm, COUNT(epwm)},
+    {"ECAP1", 0x5000u, 0u, 1u, 1u, 0x5D328u, 0u, ecap, COUNT(ecap)},
     {"EQEP1", 0x5100u, 0u, 1u, 1u, 0x5D32Au, 0u, ht_registers_eqep, HT_EQEP_REGISTERS},
     {"WD", 0x7000u, 0u, 1u, 1u, 0u, 0u, wd, COUNT(wd)},
     {"SCIA", 0x7200u, 0u, 1u, 1u, 0x5D330u, 0u, ht_registers_sci, HT_SCI_REGISTERS},
@@ -243,6 +284,7 @@ static const ht_module modules[] = {
     {"ADCB", 0x7480u, 0u, 1u, 1u, 0x5D33Cu, 1u, adc, COUNT(adc)},
     {"INPUTXBAR", 0x7900u, 0u, 1u, 1u, 0u, 0u, xbar, COUNT(xbar)},
     {"SYNCSOC", 0x7940u, 0u, 1u, 1u, 0u, 0u, sync, COUNT(sync)},
+    {"EPWMXBAR", 0x7A00u, 0u, 1u, 1u, 0u, 0u, epwm_xbar, COUNT(epwm_xbar)},
     {"GPIO", 0x7C00u, 0u, 1u, 1u, 0u, 0u, gpio_a, COUNT(gpio_a)},
     {"GPIO", 0x7C40u, 0u, 1u, 1u, 0u, 0u, gpio_b, COUNT(gpio_b)},
     {"GPIO", 0x7C80u, 0u, 1u, 1u, 0u, 0u, gpio_c, COUNT(gpio_c)},
@@ -289,6 +331,7 @@ const ht_chip ht_chip_f28377s = {
     .trip_select = 0x7900u,
     .trips_without_pin = 1u,
     .sequencer = 0u,
+    .ecap = 0x5000u,
     .sci = 0x7200u,
     .device_cal = HT_REGFILE_DEVICE_CAL,
     .linearity_trim = {0x0703B4u, 0x0703B2u},

@@ -282,6 +282,9 @@ static void store(ht_regfile *rf, ht_bound *b, uint32_t addr, uint32_t value)
         break;
     default:
         ht_model_poke(rf, addr, reg->bits, ht_model_written(rf, b, addr, old, value));
+        if (reg->what == HT_FX_TSCTR) {
+            ht_model_ecap_written(rf);
+        }
         break;
     }
 }

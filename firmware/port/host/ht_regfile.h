@@ -7,7 +7,8 @@
  *  lost; an enable acts after HT_SETTLE); watchdog keys and time; the PLLs' sequences;
  *  flash pump; pin multiplexers; the ADC's power-up and sequencer, and how its interrupts
  *  can stop for good; CPU timers; SCI-A with its FIFOs; PIE group 1 with vectors, nesting
- *  and acknowledge; TI's functions in OTP; levels of the pins, and a trip that comes back
+ *  and acknowledge; INT13 of CPU timer 1; eCAP1's output, through the X-BAR and the digital
+ *  compare to a trip; TI's functions in OTP; levels of the pins, and a trip that comes back
  *  as long as its pin is low. An access that the chip refuses, or that the manual forbids at
  *  this point, is counted as a violation, and the first ones are kept: tests require zero. A
  *  register that the tables do not list counts as absent.
@@ -23,7 +24,7 @@
 
 #define HT_REGFILE_LOW 0x8000u /* words 0x0000..0x7FFF, then the windows above them */
 #define HT_REGFILE_WORDS 0x8C20u
-#define HT_REGFILE_BOUND 1200
+#define HT_REGFILE_BOUND 1300
 #define HT_REGFILE_GATES 40
 #define HT_REGFILE_LOG 16
 #define HT_REGFILE_VECTORS 224
@@ -103,6 +104,11 @@ typedef struct ht_regfile {
     uint16_t dog_armed; /* the first key has been written */
     uint32_t dog_services;
     uint32_t dog_resets;
+    /* Dead-man timers */
+    uint16_t lost;      /* planted: the end of a sequence raises no interrupt */
+    uint16_t int13;     /* CPU timer 1 has asked for its interrupt */
+    uint32_t timer1;    /* clocks since CPU timer 1 was reloaded */
+    uint16_t ecap_high; /* eCAP1's output */
     /* PLL and crystal */
     uint16_t looks; /* at the lock flag until it shows */
     uint16_t locks;
@@ -147,13 +153,15 @@ void ht_regfile_vector(ht_regfile *rf, uint32_t addr, void (*isr)(void));
 uint16_t ht_regfile_call(ht_regfile *rf, uint32_t addr, uint16_t argument);
 void ht_regfile_intm(ht_regfile *rf, uint16_t masked);
 void ht_regfile_ier(ht_regfile *rf, uint16_t mask);
-void ht_regfile_ifr_clear(const ht_regfile *rf);
+void ht_regfile_ifr_clear(ht_regfile *rf);
 void ht_regfile_idle(ht_regfile *rf);
 
 /* What the hardware does */
 
 /** Time passes. */
 void ht_regfile_wait(ht_regfile *rf, uint16_t us);
+/** So many system clocks pass for eCAP1 and CPU timer 1. Returns 1 if INT13 is pending. */
+uint16_t ht_regfile_pass(ht_regfile *rf, uint32_t clocks);
 /** A conversion sequence ends: flag, interrupt. */
 void ht_regfile_end_of_sequence(ht_regfile *rf);
 /** ePWM1's counter passes 0. If PWM and ADC are set up for it, a sequence is converted.

@@ -89,12 +89,89 @@ static uint32_t timer_control(ht_regfile *rf, const ht_bound *b, uint32_t old, u
     uint16_t index = (uint16_t)(b->number - 1u);
     uint32_t flag = timer_flag(rf, b, old) & ~value & 0x8000u;
     uint32_t now = timer_value(rf, b, ht_model_peek(rf, b->base, 32u));
+    rf->timer1 = (index == 0u) ? 0u : rf->timer1; /* each start, each reload */
     rf->timer_at[index] = ((value & 0x0010u) != 0u) ? 0u : rf->accesses;
     if ((value & 0x0020u) != 0u) {
         now = ht_model_peek(rf, b->base + 2u, 32u);
     }
     ht_model_poke(rf, b->base, 32u, now);
     return (value & 0x4C10u) | flag;
+}
+
+/* eCAP1 as a PWM generator: its output is high below the compare value, and after the end of a
+ * period until the compare value is passed; a counter that jumps over it leaves the output high. */
+static uint16_t generates(ht_regfile *rf)
+{
+    uint32_t ecap = rf->chip->ecap;
+    return ((ecap != 0u) && (ht_model_clocked(rf, ecap) != 0u)
+            && ((ht_model_peek(rf, ecap + 0x15u, 16u) & 0x0210u) == 0x0210u))
+               ? 1u
+               : 0u;
+}
+
+void ht_model_ecap_written(ht_regfile *rf)
+{
+    uint32_t ecap = rf->chip->ecap;
+    if (generates(rf) == 0u) {
+        rf->ecap_high = 0u;
+    } else if (ht_model_peek(rf, ecap, 32u) < ht_model_peek(rf, ecap + 6u, 32u)) {
+        rf->ecap_high = 1u;
+        ht_model_ecap_out(rf);
+    } else {
+        /* as it was */
+    }
+}
+
+static void ecap_counts(ht_regfile *rf, uint32_t clocks)
+{
+    uint32_t ecap = rf->chip->ecap;
+    uint32_t compare;
+    uint32_t period;
+    uint32_t before;
+    uint32_t now;
+    if (generates(rf) == 0u) {
+        return;
+    }
+    period = ht_model_peek(rf, ecap + 4u, 32u) + 1u;
+    compare = ht_model_peek(rf, ecap + 6u, 32u);
+    before = ht_model_peek(rf, ecap, 32u);
+    now = before + clocks;
+    if (now >= period) {
+        rf->word[ecap + 0x17u] |= 0x0040u; /* CTR_PRD */
+        rf->ecap_high = 1u;
+        ht_model_ecap_out(rf);
+        before = 0u;
+        now %= period;
+    }
+    if ((before < compare) && (now >= compare)) {
+        rf->ecap_high = 0u;
+    }
+    ht_model_poke(rf, ecap, 32u, now);
+}
+
+static void timer1_counts(ht_regfile *rf, uint32_t clocks)
+{
+    uint32_t control = ht_model_peek(rf, 0x0C0Cu, 16u);
+    uint32_t last = ht_model_peek(rf, 0x0C0Au, 32u);
+    if ((ht_model_clocked(rf, 0x0C0Cu) == 0u) || ((control & 0x0010u) != 0u)) {
+        return;
+    }
+    rf->timer1 += clocks;
+    if (rf->timer1 > last) {
+        rf->timer1 %= last + 1u;
+        ht_model_poke(rf, 0x0C0Cu, 16u, control | 0x8000u);
+        if ((control & 0x4000u) != 0u) {
+            rf->int13 = 1u;
+        }
+    }
+}
+
+uint16_t ht_regfile_pass(ht_regfile *rf, uint32_t clocks)
+{
+    ecap_counts(rf, clocks);
+    timer1_counts(rf, clocks);
+    ht_model_serve(rf);
+    return rf->int13;
 }
 
 /* Missing clock: shows at once, and again unless another source has been chosen. */
@@ -272,6 +349,7 @@ static uint32_t wdcr(ht_regfile *rf, uint32_t addr, uint32_t value)
 void ht_regfile_wait(ht_regfile *rf, uint16_t us)
 {
     rf->time_us += us;
+    (void)ht_regfile_pass(rf, (uint32_t)((float)us * 1.0e-6f * system_Hz(rf)));
     watch(rf);
 }
 

@@ -11,15 +11,17 @@
 #define VECTOR_1_1 32u
 #define INT_1_1 0x0001u
 #define INT_1_7 0x0040u
+#define INT13 0x1000u
+#define VECTOR_INT13 13u
 #define TCR 0x0C04u
 
-static void take(ht_regfile *rf, uint16_t line)
+static void take(ht_regfile *rf, uint16_t n, uint16_t mask)
 {
-    void (*isr)(void) = rf->vector[VECTOR_1_1 + line];
+    void (*isr)(void) = rf->vector[n];
     uint16_t eallow = rf->eallow;
     uint16_t ier = rf->ier;
     if (isr == 0) {
-        ht_model_violation(rf, PIEVECT + 2u * (VECTOR_1_1 + line), 0u, HT_REG_ORDER,
+        ht_model_violation(rf, PIEVECT + 2u * (uint32_t)n, 0u, HT_REG_ORDER,
                            "interrupt without a vector");
         return;
     }
@@ -28,12 +30,21 @@ static void take(ht_regfile *rf, uint16_t line)
     /* The CPU saves what it changes on the way in and restores it on the way out. */
     rf->eallow = 0u;
     rf->intm = 1u;
-    rf->ier = (uint16_t)(ier & (uint16_t)~GROUP1);
+    rf->ier = (uint16_t)(ier & (uint16_t)~mask);
     isr();
     rf->eallow = eallow;
     rf->ier = ier;
     rf->intm = 0u;
     rf->depth--;
+}
+
+/* CPU timer 1 goes past the interrupt controller. Group 1 comes first. */
+static void serve_int13(ht_regfile *rf)
+{
+    if ((rf->int13 != 0u) && (rf->intm == 0u) && ((rf->ier & INT13) != 0u)) {
+        rf->int13 = 0u;
+        take(rf, VECTOR_INT13, INT13);
+    }
 }
 
 void ht_model_serve(ht_regfile *rf)
@@ -44,6 +55,7 @@ void ht_model_serve(ht_regfile *rf)
         uint16_t bit = 1u;
         if ((pending == 0u) || (rf->intm != 0u) || ((rf->ier & GROUP1) == 0u)
             || ((rf->word[PIECTRL] & 1u) == 0u) || ((rf->word[PIEACK] & GROUP1) != 0u)) {
+            serve_int13(rf);
             return;
         }
         while ((pending & bit) == 0u) {
@@ -52,7 +64,7 @@ void ht_model_serve(ht_regfile *rf)
         }
         rf->word[PIEIFR1] = (uint16_t)(rf->word[PIEIFR1] & (uint16_t)~bit);
         rf->word[PIEACK] |= GROUP1;
-        take(rf, line);
+        take(rf, (uint16_t)(VECTOR_1_1 + line), GROUP1);
     }
 }
 
@@ -97,9 +109,9 @@ void ht_regfile_ier(ht_regfile *rf, uint16_t mask)
     ht_model_serve(rf);
 }
 
-void ht_regfile_ifr_clear(const ht_regfile *rf)
+void ht_regfile_ifr_clear(ht_regfile *rf)
 {
-    (void)rf; /* between PIE and CPU nothing is kept here */
+    rf->int13 = 0u; /* between PIE and CPU nothing else is kept here */
 }
 
 void ht_regfile_idle(ht_regfile *rf)
@@ -125,6 +137,7 @@ void ht_regfile_end_of_sequence(ht_regfile *rf)
             blocked = 0u;
         }
     }
+    enabled = (rf->lost != 0u) ? 0u : enabled;
     rf->word[flag] |= 1u;
     rf->ended_at = rf->accesses;
     if ((enabled != 0u) && (blocked == 0u)) {

@@ -23,6 +23,10 @@ uint16_t ht_model_counting(ht_regfile *rf);
 int32_t ht_model_module_of(const ht_regfile *rf, uint32_t pin, uint32_t mux);
 /** A pin is handed to a module. This is a violation unless everything is in place. */
 void ht_model_check_pin(ht_regfile *rf, uint32_t addr, uint32_t value, int32_t module);
+/** A register of eCAP1 has been written. */
+void ht_model_ecap_written(ht_regfile *rf);
+/** eCAP1's output goes to the trip zones; they have been set up, or it has changed. */
+void ht_model_ecap_out(ht_regfile *rf);
 /** No gate may be on now: a violation if a module that has a pin is not tripped. */
 void ht_model_check_off(ht_regfile *rf, uint32_t addr, uint32_t value, const char *why);
 /** TZCLR of the module at `base` is about to be written. */

@@ -6,6 +6,15 @@
 #define OSHT1 0x0100u /* TZSEL: trip pin, clock failure, emulation stop */
 #define OSHT5 0x1000u
 #define OSHT6 0x2000u
+#define TZSEL_DCAEVT1 0x4000u
+#define TZ_DCAEVT1 0x0008u
+/* F28377S: registers of the digital compare, and what the ePWM X-BAR makes of eCAP1 */
+#define TZDCSEL 0x82u
+#define TZOSTFLG 0x95u
+#define OST_DCAEVT1 0x0040u
+#define DCTRIPSEL 0xC0u
+#define TRIP4MUX 0x7A00u
+#define TRIP4ENABLE 0x7A20u
 #define OUT_MODE 0x0003u /* DBCTL: both delays on, none bypassed */
 #define MODULES 12u
 #define PORT_PINS 32u
@@ -86,6 +95,9 @@ void ht_model_check_pin(ht_regfile *rf, uint32_t addr, uint32_t value, int32_t m
         order(rf, addr, value, "pin to a PWM module that is not tripped");
     } else if ((of_module(rf, base, rf->chip->tzctl) & 0x000Fu) != off) {
         order(rf, addr, value, "pin to a PWM module whose trip does not switch off");
+    } else if (((of_module(rf, base, rf->chip->tzsel) & TZSEL_DCAEVT1) != 0u)
+               && (((of_module(rf, base, rf->chip->tzctl) >> 4) & 3u) != (off & 3u))) {
+        order(rf, addr, value, "pin to a PWM module whose digital compare does not switch off");
     } else if (without_dead_band(rf, base) != 0u) {
         order(rf, addr, value, "pin to a PWM module without dead band");
     } else if (without_dead_time(rf, base) != 0u) {
@@ -159,8 +171,30 @@ static void trip(ht_regfile *rf, uint16_t source)
     }
 }
 
+/* TRIP4 is high: the digital compare event DCAEVT1 of each module that listens to it. */
+void ht_model_ecap_out(ht_regfile *rf)
+{
+    uint32_t n;
+    if ((rf->ecap_high == 0u) || ((ht_model_peek(rf, TRIP4MUX, 32u) & 3u) != 3u)
+        || ((ht_model_peek(rf, TRIP4ENABLE, 32u) & 1u) == 0u)) {
+        return;
+    }
+    for (n = 0u; n < MODULES; n++) {
+        uint32_t base = rf->chip->epwm + n * rf->chip->epwm_stride;
+        if ((ht_model_clocked(rf, base) != 0u) && ((of_module(rf, base, DCTRIPSEL) & 0xFu) == 3u)
+            && ((of_module(rf, base, TZDCSEL) & 7u) == 2u)) {
+            rf->word[base + rf->chip->tzflg] |= TZ_DCAEVT1;
+            if ((of_module(rf, base, rf->chip->tzsel) & TZSEL_DCAEVT1) != 0u) {
+                rf->word[base + rf->chip->tzflg] |= TZ_OST;
+                rf->word[base + TZOSTFLG] |= OST_DCAEVT1;
+            }
+        }
+    }
+}
+
 void ht_regfile_pins(ht_regfile *rf)
 {
+    ht_model_ecap_out(rf);
     if (trip_pin_low(rf) != 0u) {
         trip(rf, OSHT1);
     }

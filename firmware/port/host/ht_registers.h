@@ -36,6 +36,7 @@ typedef enum {
     HT_FX_ADCST,
     HT_FX_ADCCTL1,
     HT_FX_ADCINTFLGCLR,
+    HT_FX_TSCTR,
     HT_FX_QCAPCTL,
     HT_FX_TCR,
     HT_FX_COUNTING, /**< CPU timers 1 and 2: TCR */
@@ -115,6 +116,7 @@ typedef struct {
     uint32_t trip_pin;          /**< that pin, where it is fixed */
     uint16_t trips_without_pin; /**< clock failure and emulation stop trip by themselves */
     uint16_t sequencer;         /**< one ADC with a sequencer; else two, with a start per result */
+    uint32_t ecap;              /**< eCAP1, which reaches the trip zones through the X-BAR */
     uint32_t sci;               /**< SCI-A */
     uint32_t adc_cal;           /**< TI's functions in OTP: calibration of the one ADC, ... */
     uint32_t device_cal;        /**< ... of the device, ... */

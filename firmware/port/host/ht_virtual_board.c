@@ -71,10 +71,23 @@ static void background(ht_virtual_board *b)
     }
 }
 
+void ht_virtual_period(ht_drive *d)
+{
+    ht_port *port = d->port;
+    uint32_t per_count = (uint32_t)(port->map->system_clock_Hz / port->map->pwm_clock_Hz + 0.5f);
+    if (ht_regfile_pass(port->io, per_count * d->config->control.period_counts) != 0u) {
+        port->io->int13 = 0u;
+        ht_port_gates_off(port); /* as the image's routine does */
+    }
+    if (port->io->lost == 0u) {
+        ht_drive_fast_isr(d);
+    }
+}
+
 void ht_virtual_fast(ht_virtual_board *b)
 {
     background(b);
-    ht_drive_fast_isr(b->drive);
+    ht_virtual_period(b->drive);
     ht_service_fast(&b->service);
     ht_channels_read(b->drive, b->channel);
 }

@@ -34,6 +34,10 @@ typedef struct {
 bool ht_virtual_init(ht_virtual_board *b, ht_drive *d, ht_port *port, const ht_service_setup *setup,
                      uint32_t baud);
 
+/** A period passes for the timers of the drive's chip, and the fast interrupt comes, unless it is lost
+ *  (ht_regfile). For a drive without the rest of the board. */
+void ht_virtual_period(ht_drive *d);
+
 void ht_virtual_fast(ht_virtual_board *b);
 void ht_virtual_slow(ht_virtual_board *b);
 /** Channels as they were at the end of the fast interrupt: what streams and captures see. */

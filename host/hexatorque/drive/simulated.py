@@ -216,7 +216,6 @@ class SimulatedDrive(DriveVerbs):
             write_count=write_count,
             slow_every=self.controller.fast_per_slow,
             max_step=max(1, int(self._windings_step_s * clock)),
-            lost=0,
         )
         self._instants = sample_instants(samples_per_period, period_counts)
         self.plant_state = np.zeros(8)
@@ -511,7 +510,7 @@ class SimulatedDrive(DriveVerbs):
 
     def lose_interrupts(self, lost: bool) -> None:
         """`lost`: from now on the ADC raises no fast interrupt. False: it raises it again."""
-        self._timing.lost = int(lost)
+        self.controller.registers.lost = int(lost)
 
     def log_edges(self, capacity: int) -> None:
         """From now on keep every edge of a leg, `capacity` edges at most (0: none)."""

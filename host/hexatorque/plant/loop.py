@@ -55,7 +55,6 @@ TIMING = np.dtype(
         ("write_count", "i8"),  # >= sample_count, < period; >= 1 under shadow load
         ("slow_every", "i8"),  # periods per slow interrupt
         ("max_step", "i8"),  # longest integration step, counts
-        ("lost", "i8"),  # 1: the end of a conversion raises no fast interrupt
     ]
 )
 
@@ -244,8 +243,7 @@ def _compile_run_periods(source: int):
             k = follow(m, load, inv, se, y, vdc, ps, count, none, tm.sample_count,
                        tm, instants, none, plant_out, row)  # fmt: skip
             sample(se, m, y, vdc, regs)
-            if tm.lost == 0:
-                fast_isr(handle)
+            fast_isr(handle)
             if (first + period) % tm.slow_every == 0:
                 slow_isr(handle)
             if width > 0:

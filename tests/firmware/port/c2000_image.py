@@ -21,9 +21,9 @@ FLAGS = ["-std=c99", "-O1", "-fno-pie", "-ffp-contract=off"]
 #: Processor in the loop: more folders, and what of the others it is without.
 PIL_FOLDERS = ("pil", "pil/calls", "port/c2000/pil")
 NOT_IN_PIL = (
-    "devicecal.asm", "ht_adc.c", "ht_eqep.c", "ht_image.c", "ht_pie.c", "ht_port_c2000.c",
-    "ht_pwm.c", "ht_service.c", "ht_service_fast.c", "ht_service_requests.c", "ht_dictionary.c",
-    "ht_store.c", "ht_no_store.c", "ht_virtual_board.c",
+    "devicecal.asm", "ht_adc.c", "ht_dead_man.c", "ht_eqep.c", "ht_image.c", "ht_pie.c",
+    "ht_port_c2000.c", "ht_pwm.c", "ht_service.c", "ht_service_fast.c", "ht_service_requests.c",
+    "ht_dictionary.c", "ht_store.c", "ht_no_store.c", "ht_virtual_board.c",
     "ht_burst.c", "ht_burst_rows.c", "ht_streams.c",
 )  # fmt: skip
 SIZES = {"ht_code_size": 64, "ht_const_size": 32}
@@ -169,9 +169,9 @@ def describe(board: str, lines: list[str]) -> list[str]:
         shown = f"0x{value:0{bits // 4}X}"
         words = _pins(title, value) if title.startswith("GPIO") else _fields(value, fields)
         rows.append((title, f"0x{address:05X}", value, f"{shown:<11}{words}"))
-    isr = {1: "unexpected", 2: "fast", 3: "slow"}
+    isr = {1: "unexpected", 2: "lost", 3: "fast", 4: "slow"}
     return [
-        f"{title:<24}{address:<9}{isr[value] if title.startswith('VECTOR') else text}".rstrip()
+        f"{title:<23} {address:<9}{isr[value] if title.startswith('VECTOR') else text}".rstrip()
         for title, address, value, text in rows
     ]
 

@@ -400,6 +400,40 @@ FAULTS = {
         "HSPCLKDIV=1"),
     "wrong multiplier": (
         LAUNCHPAD, "ht_board.c", ".pll_multiplier = 40u", ".pll_multiplier = 20u", "IMULT=20"),
+    "dead-man timer not started": (
+        F28335, INIT, "    ht_dead_man_start(port, setup->period_counts);\n", "",
+        "gates are off after three fast periods"),
+    "dead-man timer not started, F28377S": (
+        F28377S, INIT, "    ht_dead_man_start(port, setup->period_counts);\n", "",
+        "gates are off after three fast periods"),
+    "dead-man timer not wound": (
+        F28335, "ht_adc.c", "    ht_dead_man_wind(port);\n", "", "drive runs"),
+    "dead-man timer not wound, F28377S": (
+        LAUNCHPAD, "ht_adc.c", "    ht_dead_man_wind(port);\n", "", "drive runs"),
+    "dead-man timer too short": (
+        F28377S, "ht_dead_man.c", "#define PERIODS 2.5f", "#define PERIODS 1.5f",
+        "gates are on after two fast periods"),
+    "dead-man timer too long": (
+        F28335, "ht_dead_man.c", "#define PERIODS 2.5f", "#define PERIODS 3.5f",
+        "gates are off after three fast periods"),
+    "INT13 not let through": (
+        F28335, "ht_pie.c", "HT_IER_WRITE(port->io, GROUP1 | INT13)",
+        "HT_IER_WRITE(port->io, GROUP1)", "gates are off after three fast periods"),
+    "INT13 taken for another": (
+        F28335, "ht_pie.c", "#define VECTOR_INT13 13u", "#define VECTOR_INT13 14u",
+        "VECTOR13"),
+    "X-BAR closed": (
+        F28377S, "ht_dead_man.c", "    HT_WR32(io, TRIP4MUXENABLE, MUX0);\n", "",
+        "gates are off after three fast periods"),
+    "digital compare is no one-shot trip": (
+        F28377S, "ht_pwm.c", "m->one_shot);", "(uint16_t)(m->one_shot & 0x3FFFu));",
+        "gates are off after three fast periods"),
+    "digital compare floats the output": (
+        LAUNCHPAD, "ht_pwm.c", "low ? TZCTL_DCAEVT1_HIGH : TZCTL_DCAEVT1_LOW", "0u",
+        "digital compare does not switch off"),
+    "expired timer not forgotten": (
+        F28335, "ht_pwm.c", "        ht_dead_man_forget(port);\n", "",
+        "the next trip has its own cause"),
     "parity": (
         F28377S, "ht_sci.c", "#define SCICCR_8N1 0x0007u", "#define SCICCR_8N1 0x0027u",
         "PARITYENA=1"),
@@ -487,8 +521,8 @@ def test_fault_is_found(builder, fault):
 @pytest.mark.parametrize("board", image.BOARDS)
 def test_image_for_gate_drivers_that_invert(builder, board):
     """The whole run is in order, and what the start leaves differs in nothing but this: the
-    dead band inverts output A in place of B, a trip forces both outputs high, and the pins have
-    pull-ups while they are inputs."""
+    dead band inverts output A in place of B, a trip forces both outputs high, the dead-man timer's
+    event output A, and the pins have pull-ups while they are inputs."""
     good, lines = image.run(builder.build(board, active_low=True))
     assert not image.complaints(lines)
     assert good
@@ -498,8 +532,12 @@ def test_image_for_gate_drivers_that_invert(builder, board):
     kinds = {line.split()[0][1:].split(".")[1] for line in changed}
     assert kinds == {"DBCTL", "TZCTL", "GPAPUD"}
     found = {(line[0], *line.split()[2:]) for line in changed if "TZCTL" in line or "DBCTL" in line}
+    event = board != F28335
+    low, high = (
+        (("0x002A", "DCAEVT1=2"), ("0x0015", "DCAEVT1=1")) if event else (("0x000A",), ("0x0005",))
+    )
     assert found == {
-        ("-", "0x000A", "TZB=2", "TZA=2"), ("+", "0x0005", "TZB=1", "TZA=1"),
+        ("-", *low, "TZB=2", "TZA=2"), ("+", *high, "TZB=1", "TZA=1"),
         ("-", "0x000B", "POLSEL=2", "OUT_MODE=3"), ("+", "0x0007", "POLSEL=1", "OUT_MODE=3"),
     }  # fmt: skip
 

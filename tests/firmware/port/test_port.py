@@ -31,8 +31,11 @@ QPOSCNT = {"f28335": 0x6B00, "f28377s": 0x5100}
 DEAD_MAX = {"f28335": 1023, "f28377s": 16383}
 #: 1 us, the shortest dead time of the boards.
 DEAD_MIN = {"f28335": 150, "f28377s": 100}
-#: One-shot trips: TZ1, the pin; on the F28377S clock failure (TZ5), emulation stop (TZ6) too.
-ONE_SHOT = {"f28335": 0x0100, "f28377s": 0x3100}
+#: One-shot trips: TZ1, the pin; on the F28377S clock failure (TZ5), emulation stop (TZ6) and the
+#: dead-man timer (DCAEVT1) too. What they do to the outputs; DCAEVT1 itself acts on output A.
+ONE_SHOT = {"f28335": 0x0100, "f28377s": 0x7100}
+ALL_LOW = {"f28335": 0x000A, "f28377s": 0x002A}
+ALL_HIGH = {"f28335": 0x0005, "f28377s": 0x0015}
 CLOCKS = {"f28335": (0x701D, 0x701C), "f28377s": (0x5D326, 0x5D323)}
 #: eQEP1 clock enable: PCLKCR1.EQEP1ENCLK, PCLKCR4.EQEP1; SYSCLKOUT.
 EQEP_CLOCK = {"f28335": (0x701D, 0x4000), "f28377s": (0x5D32A, 0x0001)}
@@ -95,7 +98,7 @@ def test_set_up_image(board, shadow):
         assert board.image("AQCTL") == [(0x0011 if shadow else 0x0000,)] * 6
     # active-high complementary, both delays from A
     assert board.image("AQCSFRC", "DBCTL", "DBRED", "DBFED") == [(0, 0x000B, 321, 321)] * 6
-    assert board.image("TZSEL", "TZCTL") == [(ONE_SHOT[board.device], 0x000A)] * 6
+    assert board.image("TZSEL", "TZCTL") == [(ONE_SHOT[board.device], ALL_LOW[board.device])] * 6
     # one start of conversion per period, from leg 1 only; no interrupt
     assert board.image("ETSEL", "ETPS") == [(0x0900, 0x0100)] + [(0, 0)] * 5
     assert board.rf.violations == 0
@@ -351,7 +354,10 @@ def test_inverting_gate_drivers():
         assert lib.ht_port_gates_on(port, ALL_LEGS)
         board = Board(device)
         board.rf = rf
-        assert board.image("DBCTL", "DBRED", "DBFED", "TZCTL") == [(0x0007, 345, 345, 0x0005)] * 6
+        assert (
+            board.image("DBCTL", "DBRED", "DBFED", "TZCTL")
+            == [(0x0007, 345, 345, ALL_HIGH[board.device])] * 6
+        )
         assert rf.violations == 0
 
 
@@ -441,3 +447,31 @@ def test_fixed_number_of_accesses(board):
         assert board.rf.accesses - before == 8  # seven results, the counter in one
         board.write(start, CA, CB)
         assert board.rf.accesses - before == 8 + 18
+
+
+def test_the_dead_man_timer_never_goes_back_into_its_pulse():
+    """eCAP1's output is high below the compare value. A fast interrupt sets the counter back to it;
+    one that finds the pulse under way leaves the counter alone, so that the pulse ends."""
+    board = Board("f28377s")
+    board.init()
+    counter, pulse = 0x5000, board.rf.word[0x5006]
+    for before, after in ((pulse + 1, pulse), (40000, pulse), (pulse - 1, pulse - 1), (0, 0)):
+        board.rf.word[counter] = before
+        lib.ht_port_begin_fast(board.port)
+        assert board.rf.word[counter] == after
+    assert not board.rf.ecap_high
+    assert board.rf.violations == 0
+
+
+@pytest.mark.parametrize("device", ("f28335", "f28377s"))
+def test_a_lost_interrupt_is_told_until_the_gates_go_on(device):
+    board = Board(device)
+    board.init()
+    lib.ht_port_gates_on(board.port, ALL_LEGS)
+    assert not lib.ht_port_interrupt_lost(board.port)
+    lib.ht_regfile_wait(board.rf, 1000)
+    assert lib.ht_port_interrupt_lost(board.port)
+    lib.ht_port_begin_fast(board.port)
+    assert lib.ht_port_interrupt_lost(board.port)
+    lib.ht_port_gates_on(board.port, ALL_LEGS)
+    assert not lib.ht_port_interrupt_lost(board.port)

@@ -47,6 +47,12 @@ static HT_INTERRUPT void slow(void)
     ht_pie_end_slow(&ht_image_port);
 }
 
+/* The dead-man timer of the F28335 has expired. The slow interrupt tells the cause. */
+static HT_INTERRUPT void lost(void)
+{
+    ht_port_gates_off(&ht_image_port);
+}
+
 static HT_INTERRUPT void unexpected(void)
 {
     ht_port_gates_off(&ht_image_port);
@@ -55,13 +61,14 @@ static HT_INTERRUPT void unexpected(void)
 
 void ht_image_start(void)
 {
+    static const ht_isrs isrs = {fast, slow, lost, unexpected};
     ht_params params;
     ht_service_setup link;
     bool clocked;
     ht_port_bind(&ht_image_port, HT_TARGET_IO, &HT_BOARD);
     HT_DINT(ht_image_port.io);
     clocked = ht_board_start(&ht_image_port);
-    ht_pie_start(&ht_image_port, fast, slow, unexpected);
+    ht_pie_start(&ht_image_port, &isrs);
     ht_store_none(&ht_image_store);
     (void)ht_image_memory(&ht_image_port, &ht_image_store.port);
     ht_params_default(&params);

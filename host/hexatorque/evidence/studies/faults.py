@@ -17,7 +17,7 @@ import contextlib
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,7 @@ from ... import firmware, setups
 from ...drive.simulated import SimulatedDrive
 from ...parallel import each
 from ...plant.legs import HIGH, LOW, OFF
+from ...plant.vsd import PHASES
 from .grids import Grid, for_terminal
 
 TITLE = "Fault campaign"
@@ -39,8 +40,11 @@ QUICK_STEP = 13
 AFTER = 50
 #: Rated phase current, r.m.s., of drives that may go on without a leg.
 RATED_A = 5.0
-#: Deadlines in periods: the next interrupt; two slow periods; faults that show only gradually.
-NOW, TWO_SLOW, LATER = 1, 200, 5000
+#: Deadlines in periods: the next interrupt; faults that show only gradually; two slow periods,
+#: whatever their length.
+NOW, LATER, TWO_SLOW = 1, 5000, -1
+#: Longest time without a fast interrupt until the chip takes the gates off, periods.
+DEAD_MAN = 3
 #: All states, the fault last: the run that begins in it is the only one without a new fault.
 STATES = (*(name for name in firmware.STATES if name != "fault"), "fault")
 POWERED = tuple(state.name for state in firmware.STATE_TABLE if state.controls)
@@ -64,10 +68,13 @@ class Fault:
     causes: tuple[str, ...]
     found_in: tuple[str, ...] = POWERED
     deadline: int = NOW
-    changes: dict[str, object] = field(default_factory=dict)
     #: Takes the fault away before the clear. Returns what was wrong until then, or "".
     repair: Callable[[SimulatedDrive], str] | None = None
-    stands: bool = False  #: no fast interrupt comes after the injection
+    #: No fast interrupt comes after the injection. The chip must take the gates off by itself in so
+    #: many periods; the cause may be told later, by the deadline. 0: the interrupt goes on.
+    stands: int = 0
+    #: Frequencies of the slow interrupt, drawn at random; empty: the set-up's.
+    slow_Hz: tuple[float, ...] = ()
 
 
 def _sign(rng: np.random.Generator) -> int:
@@ -252,7 +259,8 @@ FAULTS = (
         STATES[:-1],
         TWO_SLOW,
         repair=_interrupts_again,
-        stands=True,
+        stands=DEAD_MAN,
+        slow_Hz=(10.0, 50.0, 100.0, 250.0, 1000.0),
     ),
 )
 
@@ -282,7 +290,9 @@ def _without(seed: int) -> dict[str, object]:
     return ride | {"controller__lost_legs": 1 << seed % 6, "timing__latency": "predicted"}
 
 
-def _setup(name: str, scheme: str, rng: np.random.Generator, seed: int) -> setups.Setup:
+def _setup(
+    name: str, scheme: str, rng: np.random.Generator, seed: int, slow_Hz: tuple[float, ...] = ()
+) -> setups.Setup:
     base = setups.load(name)
     trip_A = base.parameter("i_trip_A")
     latency = str(rng.choice(setups.LATENCIES))
@@ -295,6 +305,8 @@ def _setup(name: str, scheme: str, rng: np.random.Generator, seed: int) -> setup
         "timing__latency": "predicted" if firmware.needs_prediction(scheme) else latency,
         "load__kind": "constant",
     }
+    if slow_Hz:
+        changes["controller__f_slow_Hz"] = float(rng.choice(slow_Hz))
     return base.changed(**(changes | _without(seed)))
 
 
@@ -376,7 +388,7 @@ def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
     """Injects one fault into one drive."""
     rng = np.random.default_rng(seed)
     result = Result(fault.name, state, scheme, setup)
-    sim = SimulatedDrive(_setup(setup, scheme, rng, seed), 1)
+    sim = SimulatedDrive(_setup(setup, scheme, rng, seed, fault.slow_Hz), 1)
     _bring_to(sim, state, rng)
     if sim.controller.state != state:
         result.error = f"{sim.controller.state} instead of {state} before the injection"
@@ -388,13 +400,19 @@ def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
     must_trip = state in fault.found_in
     # Of a trip one leg is looked at in each period; of a leg that is off already it tells nothing.
     late = 1 if sim.controller.drive.off_legs else 0
-    limit = fault.deadline + late if must_trip else AFTER
+    deadline = fault.deadline
+    if deadline == TWO_SLOW:
+        deadline = 2 * sim.controller.fast_per_slow
+    limit = deadline + late if must_trip else AFTER
+    off = 0
     while sim.periods - injected < limit:
         sim.run(sim.period_s, record=False)
+        if not off and _gates_off(sim):
+            off = sim.periods - injected
         if sim.controller.state == "fault" and state != "fault":
             break
     if must_trip:
-        result.error = _latched(sim, fault, injected, result)
+        result.error = _latched(sim, fault, deadline, injected, off, result)
     elif state not in CHECKED and (sim.controller.condition.at_work or not _gates_off(sim)):
         result.error = f"gates on in {sim.controller.state}"
     latched = not sim.controller.condition.at_work
@@ -406,17 +424,21 @@ def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
     return result
 
 
-def _latched(sim: SimulatedDrive, fault: Fault, injected: int, result: Result) -> str:
-    """The fault must be found, named and recorded, and the gates must be off. Returns what is
-    wrong."""
+def _latched(
+    sim: SimulatedDrive, fault: Fault, deadline: int, injected: int, off: int, result: Result
+) -> str:
+    """The fault must be found, named and recorded, and the gates must be off, after `off` periods.
+    Returns what is wrong."""
     if sim.controller.state != "fault":
-        return f"not found within {fault.deadline} periods"
+        return f"not found within {deadline} periods"
     snapshot = sim.controller.snapshot
     assert snapshot  # the state `fault` always has one
     result.cause = ", ".join(snapshot["faults"])
-    result.periods = sim.periods - injected
+    result.periods = off
     if not _gates_off(sim):
         return "gates on in fault"
+    if fault.stands and off > fault.stands:
+        return f"gates on for {off} periods without an interrupt"
     if not set(snapshot["faults"]) & set(fault.causes):
         return f"named {result.cause}"
     if snapshot["tick"] != (injected if fault.stands else sim.periods):
@@ -474,6 +496,32 @@ def _restart(sim: SimulatedDrive) -> str:
     ):
         return f"{sim.speed_rpm:.0f} r/min after a start without encoder, no fault"
     return ""
+
+
+#: Where the currents of a lost interrupt are measured: 10 N m on the machine of paper A.
+LOST_AT_RPM, LOST_AT_LOAD = 900.0, 2 / 3
+
+
+def lost_interrupt_A(setup: str, slow_Hz: float, instants: int = 6) -> float:
+    """The largest phase current after the fast interrupt has been lost at LOST_AT_RPM, with
+    LOST_AT_LOAD of the torque limit, A: the worst of so many instants of an electrical period."""
+    base = setups.load(setup).changed(controller__f_slow_Hz=slow_Hz, load__kind="constant")
+    peak_A = 0.0
+    for n in range(instants):
+        sim = SimulatedDrive(base, 20)
+        sim.start()
+        sim.run(0.35, record=False)
+        sim.set("speed_ref_rpm", LOST_AT_RPM)
+        sim.run(0.6, record=False)
+        sim.set("load_Nm", LOST_AT_LOAD * sim.controller.number("torque_limit_Nm"))
+        electrical_s = 60.0 / (sim.machine.pole_pairs * LOST_AT_RPM)
+        sim.run(0.5 + n / instants * electrical_s, record=False)
+        sim.check()
+        sim.lose_interrupts(True)
+        sim.run(0.05)
+        rec = sim.take()
+        peak_A = max(peak_A, *(float(np.abs(rec[f"plant.i_{p}_A"]).max()) for p in PHASES))
+    return peak_A
 
 
 #: A fault that the start must find. Its runs are not simulations.

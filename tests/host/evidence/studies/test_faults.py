@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from campaigns import WHOLE
 
-from hexatorque import firmware
+from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies import faults
 from hexatorque.plant.legs import HIGH, LOW, OFF
@@ -36,6 +36,22 @@ def test_in_the_next_interrupt(result):
         if row["fault"] not in slow:
             longest = 2 if row["fault"].startswith("trip pin") else 1
             assert row["periods_max"] in range(1, longest + 1), row["fault"]
+
+
+def test_the_chip_switches_off_without_the_slow_interrupt(result):
+    """Without fast interrupts the gates are off in three periods, however seldom the slow interrupt
+    comes; its frequency is 10 to 1000 Hz in these runs."""
+    row = next(r for r in result["rows"] if r["fault"] == "ADC's interrupt lost")
+    assert row["periods_max"] == faults.DEAD_MAN
+
+
+@pytest.mark.parametrize("slow_Hz", (10.0, 1000.0))
+@pytest.mark.parametrize("setup", faults.SETUPS)
+def test_current_of_a_lost_interrupt(setup, slow_Hz):
+    """The last pattern stays on for three periods. In this time the current cannot reach the trip
+    level, where it would stay if a slow interrupt had to come first."""
+    trip_A = setups.load(setup).parameter("i_trip_A")
+    assert faults.lost_interrupt_A(setup, slow_Hz, 3) < 1.2 * trip_A
 
 
 def test_tables_and_picture(result, tmp_path):
