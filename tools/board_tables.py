@@ -47,8 +47,8 @@ ELSEWHERE = {
 }
 REMARKS = {
     "launchxl_f28377s": {
-        "GPIO12": "LED, may pull up: see below",
-        "GPIO13": "LED, may pull up: see below",
+        "GPIO62": "check with a meter: see below",
+        "GPIO63": "check with a meter: see below",
         "ADCINA0": "50 kΩ to ground in the chip",
         "ADCINA1": "50 kΩ to ground in the chip",
         "ADCINB1": "50 kΩ to ground in the chip",
@@ -119,8 +119,8 @@ def rows(board: str) -> list[tuple[str, str, str, str, str]]:
             pin = f"GPIO{table.pwm[2 * leg + side].gpio}"
             found.append((f"{name} {switch}", pin, f"EPWM{table.module[leg] + 1}{'AB'[side]}"))
     found.append(("trip", f"GPIO{table.trip.gpio}", "TZ1" if fixed else "input 1 → TZ1"))
-    found.append(("encoder A", f"GPIO{table.encoder_a.gpio}", "EQEP1A"))
-    found.append(("encoder B", f"GPIO{table.encoder_b.gpio}", "EQEP1B"))
+    found.append(("encoder A", f"GPIO{table.encoder_a.gpio}", f"EQEP{table.eqep + 1}A"))
+    found.append(("encoder B", f"GPIO{table.encoder_b.gpio}", f"EQEP{table.eqep + 1}B"))
     found.append(("serial receive", f"GPIO{table.receive.gpio}", "SCIRXDA"))
     found.append(("serial transmit", f"GPIO{table.transmit.gpio}", "SCITXDA"))
     for signal, pin in zip((*CURRENTS, "dc link"), channels(board), strict=True):

@@ -220,8 +220,8 @@ static void slow_interrupt(void)
 {
     unsigned n;
     for (n = 0; n < 3; n++) {
-        ht_image_registers.word[ht_image_port.map->eqep] =
-            (uint16_t)(ht_image_registers.word[ht_image_port.map->eqep] + 400u);
+        ht_image_registers.word[ht_image_port.eqep] =
+            (uint16_t)(ht_image_registers.word[ht_image_port.eqep] + 400u);
         sample(2048, 2048);
         slow_period(0);
         ht_image_background();

@@ -26,6 +26,7 @@ const ht_board ht_board_f28335 = {
     .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
     .dead_min_us = IGBT_DEAD_MIN_US,
     .trip = {12u, 1u},
+    .eqep = 0u,
     .encoder_a = {20u, 1u},
     .encoder_b = {21u, 1u},
     .receive = {28u, 1u},
@@ -47,6 +48,7 @@ const ht_board ht_board_f28377s = {
     .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
     .dead_min_us = IGBT_DEAD_MIN_US,
     .trip = {12u, 0u},
+    .eqep = 0u,
     .encoder_a = {20u, 1u},
     .encoder_b = {21u, 1u},
     .receive = {28u, 1u},
@@ -55,23 +57,25 @@ const ht_board ht_board_f28377s = {
     .baud = 1250000u,                         /* exact */
 };
 
-/* GPIO0, 1 and 5..9 have no pin, so the legs are ePWM2 and 6..10; ePWM1 keeps the time and starts
- * the ADC all the same. */
+/* GPIO0, 1 and 5..9 have no pin, and GPIO12 and 13, ePWM7, have the board's LEDs, which pull up while
+ * the pins are inputs. So the legs are ePWM2, 6 and 8..11, and ePWM11's pins are not free for eQEP1;
+ * ePWM1 keeps the time and starts the ADC all the same. */
 const ht_board ht_board_launchxl_f28377s = {
     .name = "launchxl-f28377s",
     .map = &ht_f28377s,
     .pll_multiplier = 40u,
-    .modules = 0x03FFu, /* the sync signal passes through 3, 4 and 5 */
-    .module = {1u, 5u, 6u, 7u, 8u, 9u},
+    .modules = 0x07FFu, /* the sync signal passes through 3, 4, 5 and 7 */
+    .module = {1u, 5u, 10u, 7u, 8u, 9u},
     /* clang-format off */
-    .pwm = {{2u, 1u}, {3u, 1u}, {10u, 1u}, {11u, 1u}, {12u, 1u}, {13u, 1u},
+    .pwm = {{2u, 1u}, {3u, 1u}, {10u, 1u}, {11u, 1u}, {20u, 5u}, {21u, 5u},
             {14u, 1u}, {15u, 1u}, {16u, 5u}, {17u, 5u}, {18u, 5u}, {19u, 5u}},
     /* clang-format on */
     .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
     .dead_min_us = IGBT_DEAD_MIN_US,
     .trip = {4u, 0u},
-    .encoder_a = {20u, 1u},
-    .encoder_b = {21u, 1u},
+    .eqep = 2u,
+    .encoder_a = {62u, 5u},
+    .encoder_b = {63u, 5u},
     .receive = {85u, 5u},
     .transmit = {84u, 5u},
     .channel = {2u, 2u, 3u, 3u, 4u, 4u, 14u}, /* A2 B2 A3 B3 A4 B4, ADCIN14 */

@@ -24,6 +24,7 @@ typedef struct {
     bool gates_active_low;    /**< the gate drivers invert: a low pin switches on */
     float dead_min_us;        /**< shortest dead time that the power stage allows */
     ht_pin trip;              /**< low trips all legs */
+    uint16_t eqep;            /**< eQEP module of the encoder, 0 = eQEP1 */
     ht_pin encoder_a;
     ht_pin encoder_b;
     ht_pin receive;

@@ -22,7 +22,7 @@
 #define PCLKCR0_TBCLKSYNC 0x0004u
 #define PCLKCR0_ADC 0x0008u
 #define PCLKCR0_SCIA 0x0400u
-#define PCLKCR1_EQEP1 0x4000u
+#define PCLKCR1_EQEP1 0x4000u /* the next modules' follow */
 #define PCLKCR3_CPUTIMERS_0_1 0x0300u
 #define PCLKCR3_GPIOIN 0x2000u
 /* A lock takes 131072 crystal periods, 4.4 ms; a look takes a few CPU cycles. */
@@ -134,7 +134,8 @@ ht_clock ht_clock_start_f28335(ht_port *port)
     }
     HT_WR16(port->io, HISPCP, HISPCP_6);
     ht_change16(port->io, PCLKCR0, PCLKCR0_TBCLKSYNC, PCLKCR0_ADC | PCLKCR0_SCIA);
-    ht_change16(port->io, PCLKCR1, 0u, (uint16_t)(PCLKCR1_EQEP1 | port->board->modules));
+    ht_change16(port->io, PCLKCR1, 0u,
+                (uint16_t)((PCLKCR1_EQEP1 << port->board->eqep) | port->board->modules));
     HT_EDIS(port->io);
     HT_SETTLE(port->io);
     return clock;

@@ -37,7 +37,7 @@
 #define PCLKCR0_CPUTIMERS 0x00000038u
 #define PCLKCR0_TBCLKSYNC 0x00040000u
 #define PCLKCR3_ECAP1 0x00000001u
-#define PCLKCR4_EQEP1 0x00000001u
+#define PCLKCR4_EQEP1 0x00000001u /* the next modules' follow */
 #define PCLKCR7_SCIA 0x00000001u
 #define PCLKCR13_ADCA_B 0x00000003u
 /* The first lock after power-up may fail unnoticed; TI asks for five. */
@@ -184,7 +184,7 @@ ht_clock ht_clock_start_f28377s(ht_port *port)
     ht_change32(port->io, PERCLKDIVSEL, EPWMCLKDIV, EPWMCLKDIV_2);
     ht_change32(port->io, PCLKCR2, 0u, port->board->modules);
     ht_change32(port->io, PCLKCR3, 0u, PCLKCR3_ECAP1);
-    ht_change32(port->io, PCLKCR4, 0u, PCLKCR4_EQEP1);
+    ht_change32(port->io, PCLKCR4, 0u, (uint32_t)PCLKCR4_EQEP1 << port->board->eqep);
     ht_change32(port->io, PCLKCR7, 0u, PCLKCR7_SCIA);
     ht_change32(port->io, PCLKCR13, 0u, PCLKCR13_ADCA_B);
     HT_EDIS(port->io);

@@ -1,4 +1,4 @@
-/* eQEP1: the same registers on both devices. */
+/* eQEP: the same registers on both devices. */
 #include "ht_drivers.h"
 
 /* Words from the module's first register */
@@ -27,7 +27,7 @@
 
 void ht_eqep_start(ht_port *port)
 {
-    uint32_t eqep = port->map->eqep;
+    uint32_t eqep = port->eqep;
     HT_WR16(port->io, eqep + QDECCTL, 0u); /* quadrature, inputs as they are */
     HT_WR32(port->io, eqep + QPOSMAX, 0xFFFFFFFFu);
     HT_WR16(port->io, eqep + QEPCTL, QEPCTL_FREE_RUN | QEPCTL_PCRM_MAX | QEPCTL_QPEN);
@@ -38,7 +38,7 @@ void ht_eqep_start(ht_port *port)
 
 uint32_t ht_eqep_position(const ht_port *port)
 {
-    return HT_RD32(port->io, port->map->eqep + QPOSCNT);
+    return HT_RD32(port->io, port->eqep + QPOSCNT);
 }
 
 float ht_port_capture_clock_Hz(const ht_port *port)
@@ -48,7 +48,7 @@ float ht_port_capture_clock_Hz(const ht_port *port)
 
 void ht_port_read_capture(ht_port *port, ht_capture *capture)
 {
-    uint32_t eqep = port->map->eqep;
+    uint32_t eqep = port->eqep;
     uint16_t status;
     /* Flags last: they then cover all that the two numbers may have suffered. */
     capture->period_ticks = HT_RD16(port->io, eqep + QCPRD);

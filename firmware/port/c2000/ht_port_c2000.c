@@ -5,6 +5,7 @@
 
 /* Without a right clock: the internal oscillator makes no better rate. */
 #define EMERGENCY_BAUD 115200u
+#define EQEP_STRIDE 0x40u /* from one module to the next, on both families */
 
 void ht_port_bind(ht_port *port, ht_io *io, const ht_board *board)
 {
@@ -15,6 +16,7 @@ void ht_port_bind(ht_port *port, ht_io *io, const ht_board *board)
     port->shadow = true;
     port->clock = HT_CLOCK_RIGHT;
     port->sci_clock_Hz = board->map->sci_clock_Hz;
+    port->eqep = board->map->eqep + ((uint32_t)board->eqep * EQEP_STRIDE);
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
         port->leg[leg] = board->map->epwm + ((uint32_t)board->module[leg] * board->map->stride);
     }

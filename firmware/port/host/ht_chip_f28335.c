@@ -140,7 +140,7 @@ static const ht_module modules[] = {
     {"PIE", 0x0CE0u, 0u, 1u, 1u, 0u, 0u, ht_registers_pie_8, HT_PIE_REGISTERS},
     {"VECTOR", 0x0D00u, 2u, 128u, 0u, 0u, 0u, ht_register_vector, 1u},
     {"EPWM", 0x6800u, 0x40u, 6u, 1u, 0x701Du, 0u, epwm, COUNT(epwm)},
-    {"EQEP1", 0x6B00u, 0u, 1u, 1u, 0x701Du, 14u, ht_registers_eqep, HT_EQEP_REGISTERS},
+    {"EQEP", 0x6B00u, 0x40u, 2u, 1u, 0x701Du, 14u, ht_registers_eqep, HT_EQEP_REGISTERS},
     {"GPIO", 0x6F80u, 0u, 1u, 1u, 0u, 0u, gpio_a, COUNT(gpio_a)},
     {"GPIO", 0x6F90u, 0u, 1u, 1u, 0u, 0u, gpio_b, COUNT(gpio_b)},
     {"GPIO", 0x6FC0u, 0u, 1u, 1u, 0u, 0u, data_a, COUNT(data_a)},

@@ -277,7 +277,7 @@ static const ht_module modules[] = {
     {"VECTOR", 0x0D00u, 2u, 224u, 0u, 0u, 0u, ht_register_vector, 1u},
     {"EPWM", 0x4000u, 0x100u, 12u, 1u, 0x5D326u, 0u, epwm, COUNT(epwm)},
     {"ECAP1", 0x5000u, 0u, 1u, 1u, 0x5D328u, 0u, ecap, COUNT(ecap)},
-    {"EQEP1", 0x5100u, 0u, 1u, 1u, 0x5D32Au, 0u, ht_registers_eqep, HT_EQEP_REGISTERS},
+    {"EQEP", 0x5100u, 0x40u, 3u, 1u, 0x5D32Au, 0u, ht_registers_eqep, HT_EQEP_REGISTERS},
     {"WD", 0x7000u, 0u, 1u, 1u, 0u, 0u, wd, COUNT(wd)},
     {"SCIA", 0x7200u, 0u, 1u, 1u, 0x5D330u, 0u, ht_registers_sci, HT_SCI_REGISTERS},
     {"ADCA", 0x7400u, 0u, 1u, 1u, 0x5D33Cu, 0u, adc, COUNT(adc)},

@@ -288,7 +288,7 @@ class SimulatedDrive(DriveVerbs):
             adc_flag=int(m.adc_flag),
             adc_flag_bit=int(m.adc_flag_bit),
             encoder_error_cycles=setup["sensors.encoder_error_cycles"],
-            eqep=int(m.eqep),
+            eqep=int(self.controller.port.eqep),
             system_clocks=self.period_s * float(m.system_clock_Hz),
             position_counts=0.0,
             counter=0,

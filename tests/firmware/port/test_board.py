@@ -305,7 +305,7 @@ def test_pins_are_what_the_data_sheet_offers(started):
     functions = {
         "f28335": {(12, 1): "TZ1", (20, 1): "A", (21, 1): "B", (28, 1): "RX", (29, 1): "TX"},
         "f28377s": {(20, 1): "A", (21, 1): "B", (28, 1): "RX", (29, 1): "TX"},
-        "launchxl_f28377s": {(20, 1): "A", (21, 1): "B", (85, 5): "RX", (84, 5): "TX"},
+        "launchxl_f28377s": {(62, 5): "A", (63, 5): "B", (85, 5): "RX", (84, 5): "TX"},
     }[started.name]
     used = pins(board)
     found = [functions.get((used[n].gpio, used[n].mux)) for n in list(used)[1:]]
@@ -321,7 +321,7 @@ def test_launchpad_uses_pins_that_exist():
 
 
 def test_launchpad_writes_the_same_pattern_elsewhere():
-    """Legs on ePWM2, 6..10 instead of 1..6: the same values in the other modules."""
+    """Legs on ePWM2, 6, 11, 8..10 instead of 1..6: the same values in the other modules."""
     card, pad = Started("f28377s"), Started("launchxl_f28377s")
     pattern = [0b101010, [1, 2, 3, 4, 5, 6], [11, 12, 13, 14, 15, 16]]
     for started in (card, pad):
@@ -329,7 +329,7 @@ def test_launchpad_writes_the_same_pattern_elsewhere():
         lib.ht_port_gates_on(started.port, ALL_LEGS)
         lib.ht_port_write(started.port, [pattern])
     offsets = (*range(0x00, 0x12), *range(0x40, 0x54), *range(0x60, 0x70), 0x80, 0x84, 0x93)
-    for leg, module in enumerate((2, 6, 7, 8, 9, 10)):
+    for leg, module in enumerate((2, 6, 11, 8, 9, 10)):
         for offset in offsets:
             if leg == 0 and offset in (0x00, 0x61):
                 continue  # ePWM1 is the time base on the card, a follower is leg 1 on the pad
@@ -442,3 +442,33 @@ def test_with_a_slipping_pll_no_start():
     started = Started("f28377s", [("slips", 1)])
     assert started.port.clock == WRONG
     only_the_line(started)
+
+
+def test_no_gate_of_the_launchpad_is_on_its_leds():
+    """GPIO12 and GPIO13 have the board's LEDs, which pull the pins up while they are inputs, as in
+    every reset. A gate driver there could switch on."""
+    board = lib.ht_board_launchxl_f28377s
+    pins = [board.pwm[n].gpio for n in range(12)]
+    assert not {12, 13} & set(pins)
+    others = (board.trip, board.encoder_a, board.encoder_b, board.receive, board.transmit)
+    assert len(set(pins) | {pin.gpio for pin in others}) == 12 + 5
+
+
+@pytest.mark.parametrize("name", ("f28335", "f28377s", "launchxl_f28377s"))
+def test_the_encoder_module_is_the_boards(name):
+    """TI's pin maps: GPIO20 and 21 are eQEP1's at position 1 of both chips, GPIO62 and 63 are
+    eQEP3's at position 5 of the F28377S. Base addresses: 0x6B00, 0x5100, 0x5180."""
+    started = Started(name)
+    board, port, words = started.board, started.port, started.rf.word
+    base, pins = {
+        "f28335": (0x6B00, ((20, 1), (21, 1))),
+        "f28377s": (0x5100, ((20, 1), (21, 1))),
+        "launchxl_f28377s": (0x5180, ((62, 5), (63, 5))),
+    }[name]
+    assert port.eqep == base
+    assert tuple((p.gpio, p.mux) for p in (board.encoder_a, board.encoder_b)) == pins
+    words[base] = 1234
+    samples = ffi.new("ht_samples *")
+    lib.ht_port_read(port, samples)
+    assert samples.position == 1234
+    assert not started.rf.violations

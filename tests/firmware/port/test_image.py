@@ -193,14 +193,18 @@ FAULTS = {
         "no such register"),
     # clocks
     "no clock for the PWM": (
-        F28335, "ht_clock_f28335.c", "(uint16_t)(PCLKCR1_EQEP1 | port->board->modules)",
+        F28335, "ht_clock_f28335.c", "(PCLKCR1_EQEP1 << port->board->eqep) | port->board->modules",
         "PCLKCR1_EQEP1", "EPWM1.TZCTL: no clock"),
     "no clock for one PWM module": (
         F28377S, "ht_board.c", "    .pll_multiplier = 20u,\n    .modules = 0x003Fu,",
         "    .pll_multiplier = 20u,\n    .modules = 0x002Fu,", "EPWM5.TZCTL: no clock"),
     "no clock for the encoder": (
-        F28377S, "ht_clock_f28377s.c", "ht_change32(port->io, PCLKCR4, 0u, PCLKCR4_EQEP1);", "",
+        F28377S, "ht_clock_f28377s.c",
+        "ht_change32(port->io, PCLKCR4, 0u, (uint32_t)PCLKCR4_EQEP1 << port->board->eqep);", "",
         "EQEP1.QDECCTL: no clock"),
+    "another encoder's clock": (
+        LAUNCHPAD, "ht_clock_f28377s.c", "<< port->board->eqep);", "<< 0u);",
+        "EQEP3.QDECCTL: no clock"),
     "no clock for the ADC": (
         F28335, "ht_clock_f28335.c", "PCLKCR0_ADC | PCLKCR0_SCIA", "PCLKCR0_SCIA",
         "calibration without ADC clock"),

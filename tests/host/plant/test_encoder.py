@@ -29,7 +29,8 @@ class Emulated:
         setup = setups.load("paper-b").changed(
             sensors__encoder_ppr=PPR, **{f"sensors__{k}": v for k, v in sensors.items()}
         )
-        chip = SimpleNamespace(map=getattr(firmware.lib, f"ht_{device}"))
+        layout = getattr(firmware.lib, f"ht_{device}")
+        chip = SimpleNamespace(map=layout, port=SimpleNamespace(eqep=layout.eqep))
         self._sensors = SimulatedDrive._make_sensors(
             SimpleNamespace(setup=setup, controller=chip, period_s=1e-4)
         )

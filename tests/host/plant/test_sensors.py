@@ -32,7 +32,8 @@ class Bench:
             sensors__i_full_A=FULL_A, sensors__vdc_full_V=FULL_V, sensors__encoder_ppr=PPR,
             **{f"sensors__{k}": v for k, v in sensors.items()},
         )  # fmt: skip
-        chip = SimpleNamespace(map=getattr(firmware.lib, f"ht_{device}"))
+        layout = getattr(firmware.lib, f"ht_{device}")
+        chip = SimpleNamespace(map=layout, port=SimpleNamespace(eqep=layout.eqep))
         self.sensors = SimulatedDrive._make_sensors(
             SimpleNamespace(setup=setup, controller=chip, period_s=1e-4)
         )
