@@ -155,7 +155,12 @@ def point(without: str, schemes=schemes):
     return together(
         setup(None, without),
         schemes,
-        value("--speed", metavar="RPM", type=number, help="default: the set-up's point"),
+        value(
+            "--speed",
+            metavar="RPM",
+            type=number,
+            help="default: the set-up's point, or half of rated speed",
+        ),
         load,
         value(
             "--latency",

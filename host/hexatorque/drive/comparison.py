@@ -12,7 +12,8 @@ from .. import firmware, laws
 from ..analysis.reference import Reference
 from ..analysis.run import LATENCY_STUDY, Run
 from ..analysis.saying import sentences
-from ..setups import Setup, SetupError, load
+from ..setups import Setup, SetupError, load, parameters
+from ..setups.design import Design
 from .operating_points import Point, Progress, measure_all
 
 #: The set-ups that are compared by default: those of both papers.
@@ -45,7 +46,8 @@ def at_point(
     latency: str | None = None,
 ) -> Setup:
     """A set-up at an operating point; an argument that is given replaces the set-up's own value.
-    SetupError if there is no speed, or if the load is above the torque limit."""
+    Without either the point is at half of rated speed and torque. SetupError if the load is above
+    the torque limit."""
     setup = entry if isinstance(entry, Setup) else load(entry)
     if latency:
         setup = setup.changed(timing__latency=latency)
@@ -54,13 +56,23 @@ def at_point(
     if load_Nm is not None:
         setup = setup.changed(point__load_Nm=load_Nm)
     if setup["point.speed_rpm"] == 0:
-        raise SetupError(f"{setup.name}: give --speed (not 0) or point.speed_rpm")
+        if speed_rpm == 0:
+            raise SetupError(f"{setup.name}: give a --speed other than 0")
+        setup = setup.changed(**_half_of_rated(setup))
     torque, limit = setup["point.load_Nm"], setup.parameter("torque_limit_Nm")
     if abs(torque) > limit:
         raise SetupError(
             f"load {torque:g} N m: allowed range is -{limit:g} .. {limit:g} N m (torque limit)"
         )
     return setup
+
+
+def _half_of_rated(setup: Setup) -> dict[str, float]:
+    design = Design(setup, parameters(setup).__getitem__)
+    half = {"point__speed_rpm": 0.5 * design.rated_rpm}
+    if setup["point.load_Nm"] == 0:
+        half["point__load_Nm"] = 0.5 * design.rated_Nm
+    return {path: float(f"{value:.3g}") for path, value in half.items()}
 
 
 def points(

@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from .design import PULL_OUT_SHARE, USABLE, Design, rad_s
+from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Design, pull_out_Nm, rad_s
 from .values import Values
 
 #: What a set-up has where it leaves a parameter open: see above.
@@ -37,6 +37,11 @@ LONGEST_STEP = 0.8
 WRITTEN_WITHIN = 0.8
 #: Frequencies of the speed loop. Each divides both sampling frequencies.
 F_SLOW_HZ = (100.0, 200.0, 500.0, 1000.0)
+#: No-load current over rated current where no flux is stated: of published machines the larger
+#: ones have less, the smaller ones more.
+NO_LOAD_SHARE = 0.5
+#: A load that is asked for is at most this share of the pull-out torque.
+ASKED_OF_PULL_OUT = 0.5
 #: Torque limit over rated torque.
 LIMIT_PER_RATED = 1.5
 #: By this share of rated speed the shaft may run away when the rated load drops.
@@ -133,18 +138,23 @@ ALWAYS: dict[str, Rule] = {
 
 
 def _flux_ref_Wb(k: Known) -> float:
-    """Without saturation curve and rated flux, voltage and sensors limit the flux."""
+    """Without saturation curve and rated flux, voltage, current and sensors limit the flux."""
     m = k.unsaturated
     stated = k.setup["rated.flux_Wb"]
     if stated > 0:
         return stated
-    candidates = [0.2 * k.setup["sensors.i_full_A"] * m.ls_H]
-    if k.setup["rated.speed_rpm"] > 0:
-        omega = m.pole_pairs * rad_s(k.setup["rated.speed_rpm"])
-        candidates.append(0.9 * USABLE * 0.5774 * k.vdc_V / omega)
+    limits = [0.2 * k.setup["sensors.i_full_A"] * m.ls_H]
+    if k.setup["rated.current_A"] > 0:
+        limits.append(NO_LOAD_SHARE * math.sqrt(2) * k.setup["rated.current_A"] * m.ls_H)
     if m.psi_knee_Wb > 0:
-        candidates.append(0.8 * m.psi_knee_Wb)
-    return min(max(min(candidates), 0.002), 40.0)
+        limits.append(0.8 * m.psi_knee_Wb)
+    speed_rpm = k.setup["rated.speed_rpm"] or k.asked_rpm
+    if speed_rpm > 0:
+        turned_Wb = 0.9 * USABLE * REACH_PU * k.vdc_V / (m.pole_pairs * rad_s(speed_rpm))
+        # What is asked at low speed may need more: then the field is weakened on the way up.
+        needed_Wb = math.sqrt(k.asked_Nm / (ASKED_OF_PULL_OUT * pull_out_Nm(m, 1.0)))
+        limits.append(turned_Wb if k.setup["rated.speed_rpm"] else max(turned_Wb, needed_Wb))
+    return min(max(min(limits), 0.002), 40.0)
 
 
 def _f_isr_Hz(k: Known) -> float:
@@ -213,8 +223,10 @@ def ki_xy(kp_pu_A: float) -> float:
 #: The design of what a set-up leaves open.
 OPEN: dict[str, Rule] = {
     "flux_ref_Wb": Rule(
-        "rated.flux_Wb; without it the least of: 20 % of the sensors' range times L_s, 80 % of "
-        "psi_knee_Wb, 90 % of what the usable voltage turns at rated.speed_rpm",
+        "rated.flux_Wb; without it the least of: 20 % of the sensors' range times L_s, half of "
+        "rated.current_A times L_s, 80 % of psi_knee_Wb, 90 % of what the usable voltage turns at "
+        "rated.speed_rpm; without that at the fastest speed of point and profile, but as much as "
+        "their load needs",
         _flux_ref_Wb,
     ),
     "flux_min_Wb": Rule("20 % of flux_ref_Wb", lambda k: 0.2 * k.flux_Wb),
@@ -298,8 +310,9 @@ OPEN: dict[str, Rule] = {
         lambda k: max(150.0, 90 / math.pi * k.slip_rad_s(k.rated_Nm) / k.machine.pole_pairs),
     ),
     "speed_trip_rpm": Rule(
-        "1.5 times the larger of rated speed and the speed that the voltage reaches",
-        lambda k: min(1.5 * max(k.rated_rpm, k.base_rpm(), 100.0), 60000.0),
+        "1.5 times the larger of rated speed and the speed that the voltage reaches, but 1.2 times "
+        "the fastest speed of point and profile at least",
+        lambda k: min(max(1.5 * max(k.rated_rpm, k.base_rpm(), 100.0), 1.2 * k.asked_rpm), 60000.0),
     ),
     "vdc_max_V": Rule(
         "1.4 Vdc, but at most 94 % of the sensor's range",

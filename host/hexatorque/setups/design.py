@@ -38,6 +38,11 @@ def rpm(rad_s: float) -> float:
     return rad_s * 30 / math.pi
 
 
+def pull_out_Nm(m: Parameters, flux_Wb: float) -> float:
+    """The top of the circle diagram at this flux."""
+    return 1.5 * m.pole_pairs * flux_Wb**2 * (1 / m.sigma_ls_H - 1 / m.ls_H)
+
+
 class Design:
     """A set-up with the controller parameters that are in force. `parameter(name)` gives one."""
 
@@ -76,9 +81,7 @@ class Design:
     @property
     def pull_out_Nm(self) -> float:
         """The top of the circle diagram at the full flux."""
-        m = self.machine
-        flux2 = self.flux_Wb**2
-        return 1.5 * m.pole_pairs * flux2 * (1 - self.sigma) / m.sigma_ls_H
+        return pull_out_Nm(self.machine, self.flux_Wb)
 
     def current_A(self, torque_Nm: float) -> float:
         """Amplitude of the current at this torque and the full flux, by the circle diagram. At
@@ -105,19 +108,44 @@ class Design:
     # -- rated values ----------------------------------------------------------------------
 
     @cached_property
+    def asked_rpm(self) -> float:
+        """The fastest speed of point and profile; 0 if there is none."""
+        steps = self.setup.profile.speed_rpm
+        return max(abs(value) for value in (self.setup["point.speed_rpm"], *(v for _, v in steps)))
+
+    @cached_property
+    def asked_Nm(self) -> float:
+        """The largest load of point and profile; 0 if there is none."""
+        steps = self.setup.profile.load_Nm
+        return max(abs(value) for value in (self.setup["point.load_Nm"], *(v for _, v in steps)))
+
+    @cached_property
     def rated_Nm(self) -> float:
-        """The stated rated torque, or what a share of the sensors' range gives."""
-        stated = self.setup["rated.torque_Nm"]
-        if stated > 0:
-            return stated
+        """The stated rated torque; else what the stated rated current gives; else what point and
+        profile ask; else what a share of the sensors' range gives."""
+        stated_Nm, stated_A = self.setup["rated.torque_Nm"], self.setup["rated.current_A"]
+        if stated_Nm > 0:
+            return stated_Nm
+        most_Nm = PULL_OUT_SHARE * self.pull_out_Nm
+        if (of_current_Nm := self.torque_of_current_Nm(math.sqrt(2) * stated_A)) > 0:
+            return min(of_current_Nm, most_Nm)
+        if self.asked_Nm > 0:
+            return self.asked_Nm
         current_A = max(RATED_SHARE * self.setup["sensors.i_full_A"], 1.2 * self.no_load_A)
         return min(self.torque_of_current_Nm(current_A), 0.5 * self.pull_out_Nm)
 
     @cached_property
     def rated_rpm(self) -> float:
-        """The stated rated speed, or the one that the voltage reaches at the full flux."""
+        """The stated rated speed, or the one that the voltage reaches at the full flux, but not
+        less than point and profile ask."""
         stated = self.setup["rated.speed_rpm"]
-        return stated if stated > 0 else self.base_rpm()
+        return stated if stated > 0 else max(self.base_rpm(), self.asked_rpm)
+
+    @cached_property
+    def rated_A(self) -> float:
+        """Amplitude of the stated rated current, or of that at rated torque."""
+        stated = self.setup["rated.current_A"]
+        return math.sqrt(2) * stated if stated > 0 else self.current_A(self.rated_Nm)
 
     def base_rpm(self, reach_pu: float = REACH_PU, usable: float = USABLE) -> float:
         """Speed at which the rated torque at the full flux needs all usable voltage. 0 if the

@@ -137,10 +137,17 @@ KEYS: dict[str, dict[str, Key]] = {
     "rated": {
         "torque_Nm": _n("rated torque, 0: not known", "N m", 0, 1e4, 0.0),
         "speed_rpm": _n("rated speed, 0: not known", "r/min", 0, 3e4, 0.0),
+        "current_A": _n("rated current of a line, rms, 0: not known", "A", 0, 1e4, 0.0),
         "flux_Wb": _n("rated stator flux linkage, amplitude, 0: not known", "Wb", 0, 40, 0.0),
     },
     "point": {
-        "speed_rpm": _n("operating point of `compare`: speed", "r/min", -3e4, 3e4, 0.0),
+        "speed_rpm": _n(
+            "operating point of `compare`: speed, 0: half of rated speed and torque",
+            "r/min",
+            -3e4,
+            3e4,
+            0.0,
+        ),
         "load_Nm": _n("operating point of `compare`: load torque", "N m", -1e4, 1e4, 0.0),
     },
 }
@@ -150,6 +157,7 @@ ZERO_OR_AT_LEAST = {
     "machine.psi_knee_Wb": ("linear", 1e-3),  # smaller ones overflow the power law
     "rated.torque_Nm": ("not known", 1e-4),
     "rated.speed_rpm": ("not known", 1e-2),
+    "rated.current_A": ("not known", 1e-3),
     "rated.flux_Wb": ("not known", 1e-4),
 }
 

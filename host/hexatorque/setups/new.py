@@ -161,6 +161,7 @@ def from_nameplate(text: str, title: str) -> str:
     rated = {
         "torque_Nm": (circuit.torque_Nm, "", "power over speed"),
         "speed_rpm": (plate.speed_rpm, "", "nameplate"),
+        "current_A": (plate.current_A, "", "nameplate"),
         "flux_Wb": (circuit.flux_Wb, "assumed", words["flux_Wb"]),
     }
     return _text(title, head, machine, rated, given)
@@ -180,7 +181,9 @@ def from_circuit(text: str, title: str) -> str:
     names = ("pole_pairs", "rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")
     machine = {name: (given[name], "", "") for name in names}
     rated = {
-        name: (given[name], "", "") for name in ("torque_Nm", "speed_rpm", "flux_Wb") if given[name]
+        name: (given[name], "", "")
+        for name in ("torque_Nm", "speed_rpm", "current_A", "flux_Wb")
+        if given[name]
     }
     head = [f"Equivalent circuit: {text}"]
     return _text(title, head, machine, rated, given)

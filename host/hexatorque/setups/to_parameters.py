@@ -121,7 +121,7 @@ NOT_ON_A_BOARD = {
     ),
     "timing": ("device",),
     "load": ("kind", "at_rpm"),
-    "rated": ("torque_Nm", "speed_rpm", "flux_Wb"),
+    "rated": ("torque_Nm", "speed_rpm", "current_A", "flux_Wb"),
     "point": ("speed_rpm", "load_Nm"),
 }
 

@@ -1,0 +1,106 @@
+"""Rated values where a set-up does not state them: none asks for less speed or more torque than
+point and profile do."""
+
+import math
+
+import pytest
+
+from hexatorque import setups
+from hexatorque.drive.comparison import at_point
+from hexatorque.drive.operating_points import Point, measure
+from hexatorque.setups import new
+from hexatorque.setups.design import REACH_PU, USABLE, Design, rad_s
+
+#: The least keys that a set-up needs, with an operating point.
+LEAST = """
+[machine]
+pole_pairs = {pole_pairs}
+rs_ohm = {rs}
+rr_ohm = {rr}
+lls_H = {leakage}
+llr_H = {leakage}
+lm_H = {lm}
+inertia_kgm2 = {inertia}
+[inverter]
+vdc_V = {vdc}
+dead_time_us = 2
+[sensors]
+i_full_A = {i_full}
+vdc_full_V = 1200
+encoder_ppr = 2048
+[timing]
+device = "f28377s"
+latency = "predicted"
+[controller]
+scheme = "ddr"
+"""
+SMALL = LEAST.format(
+    pole_pairs=1, rs=6.7, rr=6.9, leakage=9e-3, lm=0.614, inertia=0.02, vdc=600, i_full=12
+)
+LARGE = LEAST.format(
+    pole_pairs=2, rs=0.03, rr=0.02, leakage=3e-4, lm=0.012, inertia=2.0, vdc=700, i_full=800
+)
+POINTS = [(SMALL, 2500, 4), (LARGE, 1200, 600), (LARGE, 3000, 200), (SMALL, 800, 12)]
+
+
+def loaded(text, speed_rpm=0, load_Nm=0):
+    return setups.parse(f"{text}\n[point]\nspeed_rpm = {speed_rpm}\nload_Nm = {load_Nm}\n", "x")
+
+
+def design(setup):
+    return Design(setup, setups.parameters(setup).__getitem__)
+
+
+@pytest.mark.parametrize(("text", "speed_rpm", "load_Nm"), POINTS)
+def test_what_a_point_asks_is_what_is_designed_for(text, speed_rpm, load_Nm):
+    d = design(loaded(text, speed_rpm, load_Nm))
+    assert d.rated_rpm >= speed_rpm and d.rated_Nm == load_Nm
+    assert d.parameter("torque_limit_Nm") <= 1.5 * load_Nm * (1 + 1e-9)
+    assert d.parameter("speed_trip_rpm") >= 1.2 * speed_rpm
+    turning_V = d.machine.pole_pairs * rad_s(speed_rpm) * d.flux_Wb
+    assert turning_V <= USABLE * REACH_PU * d.vdc_V  # no field to weaken on the way
+    assert d.pull_out_Nm >= 2 * load_Nm
+
+
+def test_a_profile_asks_like_a_point():
+    profile = "[profile]\nduration_s = 3\nspeed_rpm = [[0.5, 900], [1, -2500]]\n"
+    profile += "load_Nm = [[1, -4], [2, 1]]\n"
+    asked = design(setups.parse(SMALL + profile, "x"))
+    point = design(loaded(SMALL, 2500, 4))
+    assert (asked.rated_Nm, asked.rated_rpm) == (point.rated_Nm, point.rated_rpm)
+    assert asked.flux_Wb == point.flux_Wb
+
+
+def test_a_heavy_load_at_a_high_speed_gets_the_flux_that_it_needs():
+    """The voltage turns too little flux for this load: the field is weakened on the way up."""
+    d = design(loaded(LARGE, 9000, 900))
+    assert d.pull_out_Nm == pytest.approx(2 * 900, rel=1e-6)
+
+
+def test_what_is_stated_goes_before_what_is_asked():
+    stated = "[rated]\ntorque_Nm = 6.7\nspeed_rpm = 2850\nflux_Wb = 0.95\n"
+    d = design(setups.parse(f"{SMALL}{stated}[point]\nspeed_rpm = 3000\nload_Nm = 9\n", "x"))
+    assert (d.rated_Nm, d.rated_rpm, d.flux_Wb) == (6.7, 2850, 0.95)
+
+
+@pytest.mark.parametrize("current_A", (2.0, 3.2))
+def test_the_rated_current_is_the_one_at_rated_torque(current_A):
+    """A circuit with its current alone: the torque is what this current gives."""
+    text = "pole_pairs=1,rs_ohm=6.7,rr_ohm=6.9,lls_H=9e-3,llr_H=9e-3,lm_H=0.614,vdc_V=600"
+    d = design(setups.parse(new.from_circuit(f"{text},current_A={current_A}", "x"), "x"))
+    assert d.current_A(d.rated_Nm) == pytest.approx(math.sqrt(2) * current_A, rel=0.01)
+    assert d.no_load_A <= 0.5 * math.sqrt(2) * current_A * 1.001
+    assert d.rated_A == pytest.approx(math.sqrt(2) * current_A)
+
+
+def test_without_a_point_half_of_rated_is_compared():
+    setup = setups.load("small-2kw").changed(point__speed_rpm=0.0, point__load_Nm=0.0)
+    setup = at_point(setup)
+    assert setup["point.speed_rpm"] == pytest.approx(0.5 * 2850, rel=0.01)
+    assert setup["point.load_Nm"] == pytest.approx(0.5 * 6.7, rel=0.01)
+
+
+@pytest.mark.parametrize(("text", "speed_rpm", "load_Nm"), POINTS[:2])
+def test_a_set_up_of_the_least_keys_holds_its_own_point(text, speed_rpm, load_Nm):
+    run = measure(Point(loaded(text, speed_rpm, load_Nm), speed_rpm, load_Nm))
+    assert run.metrics["speed_rpm"] == pytest.approx(speed_rpm, rel=0.02)
