@@ -12,6 +12,7 @@ from pathlib import Path
 import doc_page
 
 from hexatorque.evidence.studies import (
+    arcs,
     commissioning,
     dynamics,
     faults,
@@ -27,6 +28,7 @@ STUDIES = {
     "robustness": ("robustness.md", robustness),
     "faults": ("protection.md", faults),
     "lost-phase": ("lost-phase.md", lost_phase),
+    "arcs": ("lost-phase.md", arcs),
     "machines": ("own-machine.md", machines),
     "commissioning": ("commissioning.md", commissioning),
 }

@@ -24,6 +24,9 @@
 #define ROOM 2.0f
 /* What a terminal's voltage does to the residual along the leg's axis. */
 #define SHARE 0.333333333f
+/* A residual is a leg's own if its low pass is within 20 degrees of the leg's axis: square of the
+ * cosine. The axes are 30 degrees apart. */
+#define OWN 0.883022f
 /* The dead leg's share of the current of the leg that has the next least. */
 #define DEAD 0.3f
 
@@ -39,23 +42,26 @@ static way way_of(float begin_A, float end_A, float zero_A)
 }
 
 /* How much one period speaks for a lost upper switch. `short_V` is the residual that shows a
- * terminal too low, and `swing_V` what it would be if the terminal was low for the whole period.
+ * terminal too low, `low_V` its low pass, and `swing_V` what it would be if the terminal was low for
+ * the whole period. `own`: the low pass has the leg's direction.
  *
  * Without the upper switch, current out of the leg flows through the lower diode: the terminal is
  * low, so the residual is `swing_V`. Current into the leg flows as ever: there is no residual. In
- * between the terminal may have any voltage. */
-static float evidence(way flow, float short_V, float swing_V, float limit_V)
+ * between the terminal may have any voltage, but the residual is the leg's own. So it is while an
+ * arc takes a voltage of any size from the current of a phase that opens. */
+static float evidence(way flow, float short_V, float low_V, bool own, float swing_V, float limit_V)
 {
     float room_V = ROOM * limit_V - fabsf(short_V);
-    float more_V = 2.0f * short_V - swing_V; /* half of it: neither for nor against */
+    float diode_V = 2.0f * short_V - swing_V; /* half of it: neither for nor against */
     switch (flow) {
     case FLOWS_OUT:
-        return (more_V < swing_V) ? more_V : swing_V;
+        diode_V = (diode_V < swing_V) ? diode_V : swing_V;
+        return (own && (low_V > 0.0f) && (short_V > diode_V)) ? short_V : diode_V;
     case FLOWS_IN:
         return (room_V < 0.0f) ? room_V : 0.0f;
     case NO_FLOW:
     default:
-        return short_V;
+        return (own || (short_V < 0.0f)) ? short_V : 0.0f;
     }
 }
 
@@ -69,6 +75,8 @@ static void gather(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
                    const ht_leg_loss_period *in, ht_xy now, float limit_V)
 {
     float swing_V = SHARE * in->vdc_V;
+    ht_xy low = st->low_V;
+    float own2 = OWN * (low.x * low.x + low.y * low.y);
     ht_six high;
     int n;
     ht_applied_high(in->applied, in->toggles, &high);
@@ -76,11 +84,14 @@ static void gather(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
         ht_leg_evidence *leg = &st->leg[n];
         ht_xy b = ht_transform[n].xy;
         float long_V = 3.0f * (b.x * now.x + b.y * now.y);
+        float low_V = 3.0f * (b.x * low.x + b.y * low.y);
+        bool own = (low_V * low_V) > own2;
         float end_A = in->end_A->p[n];
         way flow = way_of(in->begin_A->p[n], end_A, cfg->zero_A);
         way turned = way_of(-in->begin_A->p[n], -end_A, cfg->zero_A);
-        float upper_V = evidence(flow, -long_V, swing_V * high.p[n], limit_V);
-        float lower_V = evidence(turned, long_V, swing_V * (1.0f - high.p[n]), limit_V);
+        float swing_high_V = swing_V * high.p[n];
+        float upper_V = evidence(flow, -long_V, -low_V, own, swing_high_V, limit_V);
+        float lower_V = evidence(turned, long_V, low_V, own, swing_V - swing_high_V, limit_V);
         leg->upper_V = at_least_0(leg->upper_V + upper_V);
         leg->lower_V = at_least_0(leg->lower_V + lower_V);
         leg->sum_A += fabsf(end_A);

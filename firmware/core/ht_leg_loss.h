@@ -11,11 +11,13 @@
  *  While the low pass of the residual is large, evidence is gathered for each of the twelve switches.
  *  If the upper one is lost, current out of the leg flows through the lower diode, so the terminal is
  *  low and the residual is known from the command. Current into the leg flows as ever, without a
- *  residual. While no current flows, any residual along the axis speaks for the loss. A period that
- *  does not fit speaks against it. The switch is named for which there is clearly more evidence than
- *  for any other. Wrong machine parameters make a residual, too, but it does not keep to any leg's
- *  currents. A leg that carries no current at all shows whichever of its switches should have
- *  conducted at that time.
+ *  residual. While no current flows, any residual along the axis speaks for the loss. An open phase
+ *  may carry its current on in an arc, whose voltage opposes the current and may be small: so a
+ *  residual of any size speaks for the leg whose direction it has, if it opposes the leg's current.
+ *  A period that does not fit speaks against the loss. The switch is named for which there is clearly
+ *  more evidence than for any other. Wrong machine parameters make a residual, too, but it does not
+ *  keep to any leg's currents. A leg that carries no current at all shows whichever of its switches
+ *  should have conducted at that time.
  *
  *  A current sensor that is wrong makes a residual along the same directions. But then the three
  *  currents of its set do not add up to zero. This rules out a loss for a while; a smaller sum

@@ -26,7 +26,7 @@ from ..analysis.losses import Edges
 from ..plant import machines
 from ..plant.gates import gates_record
 from ..plant.inverter import DROPS, in_effect, inverter_record, longest_step_s
-from ..plant.legs import BREAK, KINDS, MAX_BREAKS
+from ..plant.legs import BOUNCE, BREAK, KINDS, MAX_BREAKS
 from ..plant.loop import (
     MAX_STEP_S,
     NO_INSTANTS,
@@ -222,7 +222,7 @@ class SimulatedDrive(DriveVerbs):
         self.inverter = inverter_record(
             self.machine.phase_of_leg,
             range_A=setup["sensors.i_full_A"],
-            **{name: setup[f"inverter.{name}"] for name in (*DROPS, "arc_V")},
+            **{name: setup[f"inverter.{name}"] for name in (*DROPS, "arc_V", "restrike_V_per_ms")},
         )
         if self.inverter.drops and longest_step_s(self.inverter, self._machine) < SHORTEST_STEP_S:
             raise SetupError(
@@ -481,7 +481,8 @@ class SimulatedDrive(DriveVerbs):
     def break_leg(self, phase: str, kind: str, after_s: float = 0.0) -> None:
         """Break the leg of a phase in `after_s` seconds of simulated time, at any instant of a
         period. `kind`: `open` (winding, cable or fuse), `blocked` (both switches stay off, their
-        diodes remain), `upper` or `lower` (this switch stays off), or `none`: whole again."""
+        diodes remain), `upper` or `lower` (this switch stays off), or `none`: whole again. With
+        `inverter.bounce_ms` a contact that opens closes and opens twice more (`legs.BOUNCE`)."""
         if phase not in PHASES:
             raise SetupError(f"phase = {phase!r}: choose one of {', '.join(PHASES)}")
         if kind not in KINDS:
@@ -489,13 +490,21 @@ class SimulatedDrive(DriveVerbs):
         seconds = finite(after_s)
         if seconds is None or seconds < 0:
             raise SetupError(f"after_s = {after_s}: a time of 0 s or more is needed")
+        bounce_s = 1e-3 * self.setup["inverter.bounce_ms"] if kind == "open" else 0.0
+        breaks = [(seconds, kind)]
+        if bounce_s > 0:
+            breaks += [(seconds + share * bounce_s, then) for share, then in BOUNCE]
         inv = self.inverter
-        if inv.due == MAX_BREAKS:
-            raise SetupError(f"break_leg: {MAX_BREAKS} breaks are to come, which is the most")
-        self._schedule(inv.due, round(seconds * self._timing.clock_Hz))
-        inv.due_leg[inv.due] = PHASES.index(phase)
-        inv.due_kind[inv.due] = KINDS.index(kind)
-        inv.due += 1
+        if inv.due + len(breaks) > MAX_BREAKS:
+            raise SetupError(
+                f"break_leg: {inv.due} breaks are to come, with {len(breaks)} more than "
+                f"{MAX_BREAKS}, which is the most"
+            )
+        for due_s, becomes in breaks:
+            self._schedule(inv.due, round(due_s * self._timing.clock_Hz))
+            inv.due_leg[inv.due] = PHASES.index(phase)
+            inv.due_kind[inv.due] = KINDS.index(becomes)
+            inv.due += 1
 
     def _schedule(self, row: int, counts: int) -> None:
         """Let the break in this row of the list come in so many counts."""

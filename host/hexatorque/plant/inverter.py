@@ -10,7 +10,8 @@ and a resistance's voltage while they conduct.
 A leg can break (`legs.KINDS`). While a switch stays off, its command leaves both switches
 off. An open winding is off whatever the switches do: an arc carries its current on, against
 the voltage `arc_V`, until the current reaches zero. After that its terminal takes any
-voltage, because no diode is connected to it.
+voltage, because no diode is connected to it. A contact that parts slowly may let the arc strike
+again: it withstands `arc_V` at first, and `restrike_V_per_s` more as time goes on.
 """
 
 from __future__ import annotations
@@ -86,6 +87,8 @@ INVERTER = np.dtype(
         ("broken", "i8", (6,)),  # WHOLE, or what is broken; the `diode` of an open leg is its arc
         ("breaks", "i8"),  # number of legs that are not whole
         ("arc_V", "f8"),
+        ("restrike_V_per_s", "f8"),  # 0: an arc that has ended does not strike again
+        ("open_s", "f8", (6,)),  # for how long each leg has been broken
         ("due", "i8"),  # number of breaks to come:
         ("due_period", "i8", (MAX_BREAKS,)),  # their periods,
         ("due_count", "i8", (MAX_BREAKS,)),  # counts in them,
@@ -108,6 +111,7 @@ INVERTER = np.dtype(
         ("trial", "f8", (8,)),
         ("kept", "f8", (8,)),  # the state that `keep` has saved
         ("kept_diode", "i8", (6,)),  # the diodes that `keep` has saved
+        ("kept_open_s", "f8", (6,)),  # the times that `keep` has saved
         ("floats", "i8"),  # number of floating legs,
         ("floating", "i8", (6,)),  # which,
         ("a", "f8", (6, 6)),  # their equations, factored,
@@ -123,7 +127,12 @@ DROPS = ("v_switch_V", "v_diode_V", "r_switch_ohm", "r_diode_ohm")
 
 
 def inverter_record(
-    leads: Sequence[int] = STRAIGHT, /, arc_V: float = 0.0, range_A: float = 0.0, **drops: float
+    leads: Sequence[int] = STRAIGHT,
+    /,
+    arc_V: float = 0.0,
+    restrike_V_per_ms: float = 0.0,
+    range_A: float = 0.0,
+    **drops: float,
 ) -> np.record:
     """All legs off and whole, no current. `leads`: the machine's phase on each leg; `range_A`: the
     current sensors' range, which decides the knee; `drops`: any of DROPS, otherwise zero."""
@@ -133,6 +142,7 @@ def inverter_record(
         "command": OFF,
         "off": 6,
         "arc_V": arc_V,
+        "restrike_V_per_s": 1e3 * restrike_V_per_ms,
         "drops": any(drops.values()),
         "knee_A": max(KNEE_A, range_A / KNEES),
         "transform": TRANSFORM[:, list(leads)],
@@ -159,6 +169,7 @@ def set_leg(inv, m, y, leg, state):
         kind = state - BREAK
         inv.breaks += int(kind != WHOLE) - int(inv.broken[leg] != WHOLE)
         inv.broken[leg] = kind
+        inv.open_s[leg] = 0.0
         state = inv.command[leg]
     inv.command[leg] = state
     if inv.breaks > 0:
@@ -397,6 +408,29 @@ def _may_conduct(inv, leg):
 
 
 @compiled
+def _strike_again(inv, vdc):
+    """Light the arc of each open leg whose terminal, which has no current, is further from its leg
+    than the contact withstands. Returns whether there is one. The leg itself is at a rail, or
+    anywhere between them while both switches are off."""
+    struck = False
+    for leg in range(6):
+        if inv.broken[leg] == OPEN and inv.leg[leg] == OFF and inv.diode[leg] == 0:
+            state = inv.command[leg]
+            highest = 0.0 if state == LOW else vdc
+            lowest = vdc if state == HIGH else 0.0
+            withstands_V = inv.arc_V + inv.restrike_V_per_s * inv.open_s[leg] + FORWARD * vdc
+            if inv.v_leg[leg] > highest + withstands_V:
+                inv.diode[leg] = -1
+                inv.v_leg[leg] = highest + inv.arc_V
+                struck = True
+            elif inv.v_leg[leg] < lowest - withstands_V:
+                inv.diode[leg] = 1
+                inv.v_leg[leg] = lowest - inv.arc_V
+                struck = True
+    return struck
+
+
+@compiled
 def _leg_voltages(inv, m, load, y, vdc):
     """Set the leg voltages. Returns True if any leg floats."""
     for leg in range(6):
@@ -426,6 +460,8 @@ def _leg_voltages(inv, m, load, y, vdc):
                     inv.diode[leg] = 1
                     inv.v_leg[leg] = -inv.v_diode_V
                     turned_on = True
+        if inv.restrike_V_per_s > 0.0 and _strike_again(inv, vdc):
+            turned_on = True
         if turned_on:
             floats = _find_floating(inv, m, y)
             if floats:
@@ -577,7 +613,7 @@ def _advance_off(inv, m, load, y, dt, vdc):
     none = np.int64(NO_LEG)
     left = dt
     usual = OFF_STEP_S
-    if inv.breaks > 0 and _only_open(inv):
+    if inv.breaks > 0 and inv.restrike_V_per_s == 0.0 and _only_open(inv):
         usual = OPEN_STEP_S
     if inv.drops != 0:
         usual = min(usual, longest_step_s(inv, m))
@@ -606,6 +642,8 @@ def _advance_off(inv, m, load, y, dt, vdc):
                 crossing = none
         for r in range(8):
             y[r] = trial[r]
+        for leg in range(6):
+            inv.open_s[leg] += taken
         left -= taken
         if crossing == NO_LEG:
             longest = usual
@@ -624,6 +662,7 @@ def keep(inv, y):
     if inv.off > 0:
         for leg in range(6):
             inv.kept_diode[leg] = inv.diode[leg]
+            inv.kept_open_s[leg] = inv.open_s[leg]
 
 
 @compiled
@@ -633,6 +672,7 @@ def put_back(inv, y):
     if inv.off > 0:
         for leg in range(6):
             inv.diode[leg] = inv.kept_diode[leg]
+            inv.open_s[leg] = inv.kept_open_s[leg]
 
 
 @compiled

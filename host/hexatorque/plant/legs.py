@@ -11,3 +11,7 @@ WHOLE, OPEN, BLOCKED, UPPER, LOWER = range(5)
 BREAK = 3
 #: Most breaks that may be to come.
 MAX_BREAKS = 24
+
+#: A contact that bounces closes, opens, closes and opens again, at these parts of the time for
+#: which it bounces: each interval is half of the one before, the last two are alike.
+BOUNCE = ((0.5, "none"), (0.75, "open"), (0.875, "none"), (1.0, "open"))

@@ -86,9 +86,18 @@ KEYS: dict[str, dict[str, Key]] = {
         "r_switch_ohm": _n("on-resistance of a switch", "ohm", 0, 10, 0.0),
         "r_diode_ohm": _n("on-resistance of a diode", "ohm", 0, 10, 0.0),
         "arc_V": replace(
-            _n("voltage of the arc in a phase that opens, unless given vdc_V", "V", 10, 1e4),
+            _n("voltage of the arc in a phase that opens, unless given vdc_V", "V", 1, 1e4),
             follows="vdc_V",
         ),
+        "restrike_V_per_ms": _n(
+            "what an opening contact withstands beyond arc_V grows at this rate, and beyond it the "
+            "arc strikes again; 0: never again",
+            "V/ms",
+            0,
+            1e5,
+            0.0,
+        ),
+        "bounce_ms": _n("a contact that opens bounces for this time", "ms", 0, 100, 0.0),
         "e_on_mJ": _n("energy of a switch's turn-on, diode recovery included", "mJ", 0, 1e3, 0.0),
         "e_off_mJ": _n("energy of a switch's turn-off", "mJ", 0, 1e3, 0.0),
         "e_ref_V": _n("voltage at which e_on_mJ and e_off_mJ are stated", "V", 0, 1e4, 0.0),

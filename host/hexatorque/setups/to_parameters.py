@@ -107,7 +107,17 @@ def load_before_flux(setup: Values) -> list[str]:
 #: What no parameter of the controller tells: it belongs to the plant, or to the simulation.
 NOT_ON_A_BOARD = {
     "machine": ("model", "inertia_kgm2", "viscous_Nms", "drs_ohm", "dlls_H", "leads"),
-    "inverter": ("vdc_V", "min_pulse_us", "arc_V", "e_on_mJ", "e_off_mJ", "e_ref_V", "e_ref_A"),
+    "inverter": (
+        "vdc_V",
+        "min_pulse_us",
+        "arc_V",
+        "restrike_V_per_ms",
+        "bounce_ms",
+        "e_on_mJ",
+        "e_off_mJ",
+        "e_ref_V",
+        "e_ref_A",
+    ),
     "sensors": (
         "adc_bits",
         "i_offset_A",

@@ -116,11 +116,13 @@ def test_the_voltage_that_was_missing_is_added_up_from_its_first_period_on(leg, 
     np.testing.assert_allclose(added, missing, atol=0.05 * np.hypot(*missing))
 
 
-def steadily(watch, residual_V, six, periods=400):
-    """The residual points along x: to u1, whose lower switch seems not to conduct."""
+def steadily(watch, residual_V, six, periods=400, degrees=0.0):
+    """The residual points to u1, whose lower switch seems not to conduct; or so many degrees on."""
     watch.six[1].p = list(six)
+    angle = np.radians(degrees)
+    command = [-residual_V * np.cos(angle), -residual_V * np.sin(angle)]
     for _ in range(periods):
-        watch.watch([-residual_V, 0.0], [0.0, 0.0], [0.0, 0.0], six)
+        watch.watch(command, [0.0, 0.0], [0.0, 0.0], six)
     return bool(watch.state.found)
 
 
@@ -129,31 +131,89 @@ SHAPE = 0.5 * np.array([2, 2, -1, -1, -1, -1])
 
 def test_no_leg_is_named_whose_current_does_not_fit():
     """Current out of u1 flows through its upper switch, so its lower one makes no residual then.
-    Current into u1 would flow through the upper diode: the terminal would be at the upper rail all
-    the time, and the residual of the share in which it is commanded low."""
+    Current into u1 would flow through the upper diode; or an arc takes a voltage from it."""
     diode_V = (1 - HIGH) * SWING_V
     for times in (1.1, 1.9, 3.0):
         assert not steadily(Watch(), times * LEAST_V, SHAPE)
-    for share, found in ((0.1, False), (0.45, False), (0.7, True), (1.0, True)):
-        assert steadily(Watch(), share * diode_V, -SHAPE) == found, share
+    for share in (0.1, 0.45, 0.7, 1.0):
+        assert steadily(Watch(), share * diode_V, -SHAPE), share
     assert steadily(Watch(), 1.9 * LEAST_V, 0.1 * SHAPE)  # no current
 
 
-def expected_evidence(residual, begin, end, limit_V):
+#: Directions of the legs' residuals in x-y, degrees, of a terminal that is too high.
+AXES = np.degrees(np.arctan2(XY[1], XY[0]))
+
+
+def apart(one, other):
+    """Degrees between two directions."""
+    return np.abs((one - other + 180) % 360 - 180)
+
+
+def phases_of(degrees):
+    """Phase currents whose vector in alpha-beta has this angle; 1 A at most."""
+    return 3 * TRANSFORM[:2].T @ [np.cos(np.radians(degrees)), np.sin(np.radians(degrees))]
+
+
+@pytest.mark.parametrize("flux", range(24))
+def test_a_steady_residual_speaks_for_the_leg_whose_current_it_opposes_in_its_own_direction(flux):
+    """Not more than half of what a diode would make. Only within 20 degrees of a leg's direction it
+    is that leg's. Between two legs' directions it may be either's, so none is named; unless only
+    the one has a current that it opposes."""
+    six = phases_of(15 * flux + 7)
+    assert np.min(np.abs(six)) > 0.5 * ZERO_A
+    opposed = np.where(six > 0, AXES + 180, AXES)  # of the residual of an arc
+    named = set()
+    for degrees in np.arange(0.7, 360.0, 3.0):
+        watch = Watch()
+        if steadily(watch, 1.5 * LEAST_V, six, degrees=degrees):
+            leg = PHASES.index(watch.named[0])
+            off = apart(degrees, opposed)
+            if abs(six[leg]) > ZERO_A:
+                assert off[leg] < 20
+                assert watch.named[1] == ("upper" if six[leg] > 0 else "lower")
+            else:
+                assert min(off[leg], 180 - off[leg]) < 20
+            named.add(leg)
+    assert named == set(range(6))
+
+
+@pytest.mark.parametrize("arc_V", (15.0, 30.0, 60.0, 120.0, 350.0))
+@pytest.mark.parametrize("leg", range(6))
+def test_an_arc_of_any_voltage_names_its_own_leg(leg, arc_V):
+    """It takes its voltage from the leg's current, whatever the leg is commanded. At some of the
+    angles of the current in alpha-beta another leg has none, and its direction is 30 degrees
+    away."""
+    for degrees in np.arange(0.0, 360.0, 15.0) + 3.0:
+        six = phases_of(degrees)
+        if abs(six[leg]) < 2 * ZERO_A:
+            continue
+        watch = Watch()
+        against = AXES[leg] + (180 if six[leg] > 0 else 0)
+        assert steadily(watch, arc_V / 3, six, degrees=against)
+        assert watch.named == (PHASES[leg], "upper" if six[leg] > 0 else "lower")
+
+
+def expected_evidence(residual, low, begin, end, limit_V):
     """Of one period, [leg][upper, lower]: twice what the residual along the leg's axis has beyond
     half of what the diode makes; the residual itself without current; against the loss what is more
-    than noise while the other switch conducts."""
+    than noise while the other switch conducts. If the low pass is within 20 degrees of the leg's
+    axis, a residual against the current counts whole, as that of an arc; if it is not, a residual
+    without current does not speak for the loss."""
     made = np.zeros((6, 2))
+    towards = np.degrees(np.arctan2(low[1], low[0]))
     for leg, lower in itertools.product(range(6), range(2)):
         axis = 3 * XY[:, leg] * (1 if lower else -1)
         along = float(axis @ residual)
+        off = apart(towards, AXES[leg] + (0 if lower else 180))
         through = [(-1 if lower else 1) * i for i in (begin[leg], end[leg])]
         diode = SWING_V * ((1 - HIGH) if lower else HIGH)
         if min(through) > ZERO_A:  # in the direction that the switch would carry
             made[leg, lower] = 2 * (min(along, diode) - diode / 2)
+            if off < 20:
+                made[leg, lower] = max(made[leg, lower], along)
         elif max(through) < -ZERO_A:
             made[leg, lower] = -max(abs(along) - 2 * limit_V, 0)
-        else:
+        elif min(off, 180 - off) < 20 or along < 0:
             made[leg, lower] = along
     return made
 
@@ -166,20 +226,21 @@ def test_evidence_adds_up_and_the_switch_with_clearly_the_most_is_named():
         leg, upper = rng.integers(6), rng.integers(2)
         axis = 3 * XY[:, leg] * (-1 if upper else 1)
         six = rng.normal(0, 1.0, 6) * (rng.random(6) < 0.7)
-        sums, mean2 = np.zeros((6, 2)), 0.0
+        sums, mean2, low = np.zeros((6, 2)), 0.0, np.zeros(2)
         for _ in range(150):
             before = six
             six = rng.normal(0, 1.0, 6) * (rng.random(6) < 0.7)
             six[4:] = -six[0:2] - six[2:4]  # no sum of a set
-            residual = rng.uniform(0, 60) * axis + rng.normal(0, 4, 2)
+            residual = rng.uniform(0, 60) * axis + rng.normal(0, 8, 2)
             watch.six[1].p = list(before)
             count = watch.state.count
             mean2 += 0.05 * (residual @ residual - mean2)
+            low += 0.05 * (residual - low)
             found = watch.watch(-residual, [0, 0], [0, 0], six)
             if watch.state.count == 0:
                 sums[:] = 0
                 continue
-            sums = np.maximum(sums + expected_evidence(residual, before, six, LEAST_V), 0)
+            sums = np.maximum(sums + expected_evidence(residual, low, before, six, LEAST_V), 0)
             kept = [[e.upper_V, e.lower_V] for e in watch.state.leg]
             np.testing.assert_allclose(kept, sums, rtol=1e-3, atol=0.05)
             most = np.sort(sums.ravel())[::-1]

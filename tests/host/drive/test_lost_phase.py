@@ -2,9 +2,11 @@
 else that happens to a drive may look like a lost phase. With `ride_through` it goes on."""
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
+from campaigns import part
 
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
@@ -154,6 +156,40 @@ def test_the_drive_goes_on_without_a_phase(scheme, kind, phase, rpm, load_Nm):
     check_health(sim, rpm, [phase])
     flags = [lib.ht_port_leg_tripped(sim.controller.port, leg) for leg in range(6)]
     assert flags == [name == phase for name in PHASES]
+
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "lost-phase.toml"
+#: Of the arc, from a parting contact to a fuse.
+ARCS_V = (10.0, 30.0, 60.0, 250.0)
+INSTANTS = 24
+ARC_RIDES = list(
+    itertools.product(("db-dtfc", "foc", "ddr"), ARCS_V, range(INSTANTS))
+)  # each instant for all the others
+
+
+@pytest.mark.parametrize(("scheme", "arc_V", "instant"), part(ARC_RIDES, 24))
+def test_the_example_goes_on_whatever_the_arc_and_the_instant(scheme, arc_V, instant):
+    """At each of 24 instants of a period of the current. While an arc burns, current flows in the
+    phase that is lost. No other one may be switched off, not even for a while."""
+    example = setups.load(EXAMPLE)
+    ((at_s, phase, kind),) = example.profile.broken
+    setup = example.changed(controller__scheme=scheme, inverter__arc_V=arc_V)
+    sim = SimulatedDrive(setup, 1)
+    sim.start()
+    sim.run(0.4, record=False)
+    sim.set("speed_ref_rpm", 300.0)
+    sim.run(0.3, record=False)
+    sim.set("load_Nm", 3.0)
+    period_s = 2 * np.pi / sim.controller.channel("omega_sync_rad_s")
+    sim.run(at_s - 0.7 + period_s * instant / INSTANTS, record=False)
+    sim.break_leg(phase, kind)
+    began_s = sim.time_s
+    while sim.time_s < began_s + 1.2 * period_s:
+        sim.run(5 * sim.period_s, record=False)
+        assert int(sim.controller.channel("warnings")) & 63 in (0, word([phase]))
+    sim.run(0.8, record=False)
+    assert int(sim.controller.channel("warnings")) & 63 == word([phase])
+    check_health(sim, 300.0, [phase], 0.7 if scheme == "ddr" else 0.15)
 
 
 @pytest.mark.parametrize("phase", ("w1", "u2"))

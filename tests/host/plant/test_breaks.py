@@ -151,6 +151,59 @@ def test_arc_bounds_the_voltage_and_gives_the_energy_back(model, command, sign):
     assert energy_J(every[0]) - energy_J(every[-1]) == pytest.approx(spent_J, rel=2e-3, abs=1e-5)
 
 
+@pytest.mark.parametrize("others", (LOW, HIGH))
+@pytest.mark.parametrize("rate_V_per_ms", (0.0, 20.0, 1e5))
+def test_an_arc_strikes_again_beyond_what_the_contact_withstands(symmetric, rate_V_per_ms, others):
+    """The machine stands still, so an open terminal is where the other legs are, and the contact
+    sees V_dc while its own leg is at the other rail. What it withstands reaches that after (V_dc -
+    arc)/rate. While the arc burns it takes its voltage from the current, whose sign is that of the
+    voltage that has lit it."""
+    arc_V, step_s = 100.0, 1e-6
+    drive = Drive(symmetric, [others] * 6, np.zeros(6), arc_V, omega=0.0)
+    drive.y[:6] = 0.0
+    drive.inv.restrike_V_per_s = 1e3 * rate_V_per_ms
+    drive.edge(0, BREAK + OPEN)
+    sign = 1 if others == LOW else -1
+    now_s, lit_s = 0.0, []
+    for _ in range(40):
+        # At the rail of the others for so long that the current ends there.
+        for state, steps in ((others, 300), (HIGH + LOW - others, 100)):
+            drive.edge(0, state)
+            states, legs_V = drive.advance(step_s, steps)
+            i_A = sign * states[:, :6] @ drive.m.i_phase[0]
+            assert np.all(i_A > -1e-6)
+            burns = np.flatnonzero(i_A[:-1] > 1e-3)
+            np.testing.assert_allclose(legs_V[burns, 0], VDC_V * (state == HIGH) - sign * arc_V)
+            if state == others:
+                assert len(burns) < steps / 2
+            elif len(burns):
+                lit_s.append(now_s)
+            now_s += steps * step_s
+    if rate_V_per_ms == 20.0:
+        last_s = 1e-3 * (VDC_V - arc_V) / rate_V_per_ms
+        assert lit_s[-1] == pytest.approx(last_s, abs=4e-4)
+        assert len(lit_s) == pytest.approx(last_s / 4e-4, abs=1)
+    else:
+        assert not lit_s
+
+
+def test_a_contact_bounces():
+    """Open for half of the time, closed for a quarter, then open and closed for an eighth each."""
+    setup = setups.load("paper-a-feasible").changed(inverter__bounce_ms=8.0)
+    sim = SimulatedDrive(setup)
+    sim.log_edges(10_000)
+    sim.break_leg("w1", "open", 0.002)
+    sim.break_leg("v2", "blocked", 0.003)  # a leg that is blocked does not bounce
+    sim.run(0.012, record=False)
+    found = sim.edges[sim.edges[:, 2] >= BREAK]
+    w1 = found[found[:, 1] == PHASES.index("w1")]
+    np.testing.assert_allclose(
+        w1[:, 0] / sim._timing.clock_Hz, [0.002, 0.006, 0.008, 0.009, 0.010], atol=1e-7
+    )
+    assert w1[:, 2].tolist() == [BREAK + KINDS.index(k) for k in ("open", "none") * 2 + ("open",)]
+    assert len(found) == 6 and sim.broken["w1"] == "open"
+
+
 def test_open_phase_takes_any_voltage(symmetric):
     """The other legs of the set are shorted, and the rotor's flux turns so fast that the free
     terminal is far beyond the rails. A blocked leg's diode conducts there, an open phase does
@@ -225,6 +278,13 @@ def test_only_so_many_breaks_may_be_to_come():
         sim.break_leg("u1", "open", n)
     with pytest.raises(SetupError, match=str(MAX_BREAKS)):
         sim.break_leg("u1", "none")
+    sim = SimulatedDrive(setups.load("paper-a-feasible").changed(inverter__bounce_ms=1.0))
+    for n in range(MAX_BREAKS // 5):
+        sim.break_leg("u1", "open", n)  # and four more
+    with pytest.raises(SetupError, match=f"with 5 more than {MAX_BREAKS}"):
+        sim.break_leg("u2", "open")
+    assert sim.inverter.due == MAX_BREAKS // 5 * 5
+    sim.break_leg("u2", "blocked")
 
 
 def test_profile_breaks_and_mends():

@@ -47,7 +47,12 @@ BASE = 'setup = "paper-b"\n'
         ("[profile]\nbroken = [[1, 'u1', 'lost']]\n", ("profile.broken = 'lost'", "blocked")),
         ("[profile]\nbroken = [[1, 'u1']]\n", ("profile.broken", "[time_s, phase, kind]")),
         ("[profile]\nbroken = [[1, 'u1', 'open']]\n", ("profile.broken", "1 s", "ends")),
-        ("[inverter]\narc_V = 1\n", ("inverter.arc_V = 1", "10 .. 10000 V")),
+        ("[inverter]\narc_V = 0.9\n", ("inverter.arc_V = 0.9", "1 .. 10000 V")),
+        ("[inverter]\nbounce_ms = 101\n", ("inverter.bounce_ms = 101", "0 .. 100 ms")),
+        (
+            "[inverter]\nrestrike_V_per_ms = -1\n",
+            ("inverter.restrike_V_per_ms = -1", "0 .. 100000 V/ms"),
+        ),
         ("[profile]\nspeeds = 3\n", ("profile.speeds", "speed_rpm")),
         ("[inverter]\nvdc_V = 600\n", ("inverter.vdc_V", "vdc_full_V")),
         ("[inverter]\ne_off_mJ = 0.2\n", ("inverter.e_off_mJ", "e_ref_V and", "e_ref_A above 0")),

@@ -18,5 +18,6 @@ STUDIES = {
     "robustness": "robustness",
     "faults": "faults",
     "lost-phase": "lost_phase",
+    "arcs": "arcs",
     "line": "line",
 }

@@ -138,8 +138,12 @@ def _watch(sim: SimulatedDrive, seconds: float, progress: Progress | None) -> fl
 
 
 def _running(case: Case, rng: np.random.Generator, progress: Progress | None) -> SimulatedDrive:
+    return _started(_setup(case, rng), progress)
+
+
+def _started(setup: setups.Setup, progress: Progress | None) -> SimulatedDrive:
     """A drive at no load and full flux."""
-    sim = SimulatedDrive(_setup(case, rng), 10)
+    sim = SimulatedDrive(setup, 10)
     sim.start()
     built_s = sim.controller.number("calibration_s") + sim.controller.number("build_s")
     sim.run(built_s + 0.05, record=False, progress=progress)
@@ -256,13 +260,17 @@ def _second_named(sim: SimulatedDrive, case: Case) -> float:
     return 1.0 if named == {case.phase, case.second} else -1.0
 
 
+def most_load_Nm(scheme: str) -> float:
+    """Largest load with which a drive is to go on. What is left is known only afterwards; beyond it
+    the drive would slow down, as it should."""
+    return (LOADED_TABLE if scheme in firmware.table_schemes() else LOADED) * LEFT_NM
+
+
 def rides(case: Case, progress: Progress | None = None) -> Result:
     """A leg breaks; the drive must go on."""
     rng = np.random.default_rng(case.seed)
     speed_rpm = _speed(rng)
-    # What is left is known only afterwards. Beyond it the drive would slow down, as it should.
-    most = LOADED_TABLE if case.scheme in firmware.table_schemes() else LOADED
-    load_Nm = float(rng.uniform(-1.0, 1.0)) * most * LEFT_NM
+    load_Nm = float(rng.uniform(-1.0, 1.0)) * most_load_Nm(case.scheme)
     result = Result(case, speed_rpm, load_Nm)
     sim = _running(case, rng, progress)
     _to(sim, speed_rpm, load_Nm, progress)
