@@ -136,15 +136,13 @@ void ht_drive_slow_isr(ht_drive *d)
     }
     d->slow_faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
     /* Where nothing adapts, the resistances in use are the configured ones. Without a leg they stay
-     * as they are: R_s then counts twice along an axis. */
-    if (d->off_legs == 0u) {
+     * as they are: R_s then counts twice along an axis. An arc would be learnt as a resistance. */
+    if ((d->off_legs == 0u) && !ht_leg_loss_maybe(&c->control.leg_loss, &d->control.leg_loss)) {
         ht_observer_adapt(&c->control.observer, &d->control.observer,
                           (c->control.observer.kind == HT_OBSERVER_HYBRID) ? c->adapt_gain : 0.0f);
-        if (d->control.leg_loss.count == 0u) { /* no leg may be lost */
-            ht_set_difference_learn(&c->sets, &d->sets, d->control.observer.i_A,
-                                    d->control.leg_loss.low_V, d->control.observer.omega_sync_rad_s,
-                                    HT_LEG_LOSS_TOLERANCE * v[HT_P_rs_ohm]);
-        }
+        ht_set_difference_learn(&c->sets, &d->sets, d->control.observer.i_A,
+                                d->control.leg_loss.low_V, d->control.observer.omega_sync_rad_s,
+                                HT_LEG_LOSS_TOLERANCE * v[HT_P_rs_ohm]);
     }
     ht_leg_loss_tolerate(&d->control.leg_loss, v[HT_P_rs_ohm], v[HT_P_lxy_H],
                          d->control.observer.omega_sync_rad_s);

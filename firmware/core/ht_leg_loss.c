@@ -11,6 +11,8 @@
 #define CLEAR 2.25f
 /* Once it has been large, the residual counts until it is below half of its limit, squared. */
 #define STILL_LARGE 0.25f
+/* Beyond 0.4 of its smallest limit, squared, the residual may be a small arc's. */
+#define MAYBE 0.16f
 /* Without a leg the x-y current across its axis is zero, so wrong parameters hardly make a residual
  * there: half of the limit, squared. */
 #define WITHOUT_LEG 0.25f
@@ -253,6 +255,12 @@ void ht_leg_loss_tolerate(ht_leg_loss_state *st, float rs_ohm, float lxy_H, floa
     float filter = HT_LEG_LOSS_FILTER_S * harmonic;
     st->tolerance_ohm2 = HT_LEG_LOSS_TOLERANCE * HT_LEG_LOSS_TOLERANCE
                          * (rs_ohm * rs_ohm + reactance * reactance / (1.0f + filter * filter));
+}
+
+bool ht_leg_loss_maybe(const ht_leg_loss_config *cfg, const ht_leg_loss_state *st)
+{
+    ht_xy low = st->low_V;
+    return (cfg->least_V2 > 0.0f) && ((low.x * low.x + low.y * low.y) > (MAYBE * cfg->least_V2));
 }
 
 ht_leg_loss ht_leg_loss_of(uint16_t found)

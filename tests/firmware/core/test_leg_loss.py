@@ -381,6 +381,20 @@ def test_the_smallest_voltage_that_is_found():
         assert bool(watch.state.found) == found
 
 
+@pytest.mark.parametrize(
+    ("share", "least_V", "may_be"),
+    ((0.39, LEAST_V, False), (0.41, LEAST_V, True), (0.0, LEAST_V, False), (2.0, 0.0, False)),
+)
+@pytest.mark.parametrize("degrees", (0.0, 40.0, 170.0, 300.0))
+def test_a_small_part_of_the_limit_may_be_an_arc(share, least_V, may_be, degrees):
+    """Of the set-up of paper A an arc of 5 V makes 0.53 of the limit."""
+    watch = Watch()
+    watch.cfg.least_V2 = least_V**2
+    watch.state.low_V.x = share * LEAST_V * np.cos(np.radians(degrees))
+    watch.state.low_V.y = share * LEAST_V * np.sin(np.radians(degrees))
+    assert lib.ht_leg_loss_maybe(watch.cfg, watch.state) == may_be
+
+
 def test_a_short_disturbance_is_no_loss():
     """Evidence is gathered for HOLD periods at least."""
     watch = Watch()

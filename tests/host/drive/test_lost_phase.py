@@ -424,6 +424,23 @@ def test_the_difference_of_the_sets_is_learnt_with_wrong_parameters(scheme, rpm)
     assert sim.controller.drive.sets.ohm == learnt != 0.0
 
 
+@pytest.mark.parametrize("quarter", range(4))
+def test_an_arc_too_small_to_be_found_is_not_learnt_as_resistance(quarter):
+    """At low speed it burns for up to half a period of the current. Its voltage is that of 3 ohm at
+    this current; what would be learnt of it would stay after the loss."""
+    changes = RIDE | {"inverter__arc_V": 7.0}
+    sim = running("foc", -42.0, -0.7, **changes)
+    sim.run(0.6, record=False)
+    assert sim.controller.drive.sets.ohm == pytest.approx(0.06, rel=0.25)
+    period_s = 2 * np.pi / abs(sim.controller.channel("omega_sync_rad_s"))
+    sim.run(quarter / 4 * period_s, record=False)
+    learnt = sim.controller.drive.sets.ohm
+    sim.break_leg("v1", "open")
+    sim.run(0.01 + period_s, record=False)
+    assert int(sim.controller.channel("warnings")) & 63 == word(["v1"])
+    assert sim.controller.drive.sets.ohm == pytest.approx(learnt, abs=0.02)
+
+
 @pytest.mark.parametrize("scheme", ("dtc1", "dtc3", "fdr"))
 def test_where_x_y_currents_are_not_regulated_nothing_is_learnt(scheme):
     sim = running(scheme, 100.0, 4.0)
