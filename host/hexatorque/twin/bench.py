@@ -4,7 +4,7 @@ period of the slow loop, from the part of the recording in which the drive ran."
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +12,11 @@ import numpy as np
 from .. import firmware
 from ..plant.vsd import PHASES
 from ..recording.journal import TICK_HZ
-from ..recording.recording import Recording, RecordingError
+from ..recording.recording import FIRST_TICK, Recording, RecordingError
 from ..setups import Setup
 from ..setups.keys import TIMING_OWNS
+from . import wiring
+from .shaft import NO_LOAD, Load, parts
 
 #: Channels without which nothing can be compared, besides two phase currents of each set.
 NEEDED = ("torque_ref_Nm", "speed_rpm", "psi_alpha_Wb", "psi_beta_Wb")
@@ -25,6 +27,10 @@ RUN = float(firmware.STATES.index("run"))
 SHORTEST_S = 0.2
 #: Of a longer recording the first part is compared, unless a window is given.
 LONGEST_S = 10.0
+#: The speed of an oscilloscope is smoothed over this time.
+SMOOTH_S = 0.1
+#: What only the board knows. Without it, these parameters do not show.
+UNKNOWN_OUTSIDE = "R_s and R_r in use, J and friction"
 #: Speed below which the shaft stood still when the drive began to run.
 STANDSTILL_RPM = 5.0
 
@@ -36,6 +42,8 @@ class Bench:
 
     begins: the recording has the first period of the drive's running, at standstill; first: fast
     periods from there to the first one of the slow loop;
+    outside: another instrument than the board has recorded; its currents are those of the machine
+    and not those of the sensors; torque_known, speed_known: whether they are recorded;
     notes: what the recording does not carry, and what is taken instead."""
 
     label: str
@@ -52,6 +60,9 @@ class Bench:
     first: int
     notes: list[str] = field(default_factory=list)
     values: dict[str, object] = field(default_factory=dict)  #: the board's parameters, if known
+    outside: bool = False
+    torque_known: bool = True
+    speed_known: bool = True
 
     @property
     def periods(self) -> int:
@@ -66,23 +77,39 @@ class Bench:
         return self.periods * self.slow_s
 
 
-def read(path: str | Path, setup: Setup, window_s: tuple[float, float] | None = None) -> Bench:
-    """RecordingError in one line if the recording cannot be compared with the set-up."""
-    rec = Recording.load(path)
+def read(
+    rec: Recording,
+    path: str | Path,
+    setup: Setup,
+    window_s: tuple[float, float] | None = None,
+    loads: Load = NO_LOAD,
+    speed_rpm: float | None = None,
+) -> Bench:
+    """RecordingError in one line if the recording cannot be compared with the set-up. loads and
+    speed_rpm are for a recording without torque reference and speed."""
     try:
-        return make(rec, str(path), setup, window_s)
+        return make(rec, str(path), setup, window_s, loads, speed_rpm)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
 
 
 def make(
-    rec: Recording, label: str, setup: Setup, window_s: tuple[float, float] | None = None
+    rec: Recording,
+    label: str,
+    setup: Setup,
+    window_s: tuple[float, float] | None = None,
+    loads: Load = NO_LOAD,
+    speed_rpm: float | None = None,
 ) -> Bench:
+    outside = _is_outside(rec)
+    torque_known, speed_known = (name in rec for name in ("torque_ref_Nm", "speed_rpm"))
+    if outside:
+        rec = _completed(rec, setup, speed_rpm)
     f_isr_Hz, f_slow_Hz = (float(setup.parameter(key)) for key in ("f_isr_Hz", "f_slow_Hz"))
     values = _values(rec)
-    _check(rec, setup, values, f_isr_Hz, f_slow_Hz)
+    _check(rec, setup, values, f_isr_Hz, f_slow_Hz, outside)
     notes: list[str] = list(rec.notes)
-    rec = _at_most(rec, f_isr_Hz)
+    rec = _averaged(rec, f_isr_Hz) if outside else _at_most(rec, f_isr_Hz)
     rec, begins = _running(rec, notes)
     if window_s is not None:
         whole_s = rec.start_s, rec.start_s + rec.duration_s
@@ -100,7 +127,75 @@ def make(
         raise RecordingError(
             f"{rec.duration_s:.3g} s in which the drive runs: {SHORTEST_S:g} s or more are needed"
         )
-    return _in_slow_periods(rec, label, setup, f_isr_Hz / f_slow_Hz, begins, notes, values)
+    if outside:
+        phases = {p: np.asarray(rec[f"i_{p}_A"]) for p in PHASES if f"i_{p}_A" in rec}
+        speed = np.asarray(rec["speed_rpm"]) if speed_known or speed_rpm is not None else None
+        notes += wiring.check(phases, rec.rate_Hz, speed)
+    found = _in_slow_periods(rec, label, setup, f_isr_Hz / f_slow_Hz, begins, notes, values)
+    if outside:
+        found = _from_outside(found, setup, loads, torque_known, speed_known)
+    return found
+
+
+def _is_outside(rec: Recording) -> bool:
+    """Whether something else than a board or a simulation has recorded it."""
+    return not (FIRST_TICK in rec.meta or "parameters" in rec.meta or "psi_alpha_Wb" in rec)
+
+
+def _completed(rec: Recording, setup: Setup, speed_rpm: float | None) -> Recording:
+    """With the constants that take the place of what is not recorded."""
+    rest = {"speed_rpm": setup["point.speed_rpm"] if speed_rpm is None else speed_rpm}
+    rest["torque_ref_Nm"] = 0.0  # it follows from the shaft later on
+    more = {name: np.full(len(rec), value) for name, value in rest.items() if name not in rec}
+    return replace(rec, channels={**rec.channels, **more})
+
+
+def _averaged(rec: Recording, f_isr_Hz: float) -> Recording:
+    """Means over the fast periods: the instants of an oscilloscope's samples are not the board's,
+    but the mean knows no instants."""
+    per = round(rec.rate_Hz / f_isr_Hz)
+    if per <= 1:
+        return rec
+    whole = len(rec) // per * per
+    channels = {
+        name: np.asarray(data, float)[:whole].reshape(-1, per).mean(axis=1)
+        for name, data in rec.channels.items()
+    }
+    start_s = rec.start_s + (per - 1) / 2 / rec.rate_Hz
+    return replace(rec, rate_Hz=rec.rate_Hz / per, channels=channels, start_s=start_s)
+
+
+def _from_outside(
+    bench: Bench, setup: Setup, loads: Load, torque_known: bool, speed_known: bool
+) -> Bench:
+    """The speed without its noise, and where no torque reference is recorded the torque that this
+    speed and the load need."""
+    periods = bench.periods
+    speed = bench.omega_rad_s[1:]
+    width = max(1, min(round(SMOOTH_S / bench.slow_s), periods))
+    padded = np.pad(speed, (width // 2, width - 1 - width // 2), mode="edge")
+    omega = np.convolve(padded, np.full(width, 1 / width), "valid")
+    omega = np.concatenate([omega[:1], omega])
+    time_s = bench.begin_s + bench.slow_s * np.arange(periods)
+    torque_Nm = bench.torque_ref_Nm
+    if not torque_known:
+        shaft = parts(setup, loads, omega, time_s, bench.slow_s, np.arange(periods))
+        torque_Nm = shaft["needed"]
+        bench.notes.append(
+            "no torque_ref_Nm: the torque is what speed, inertia, friction and load of the set-up "
+            "need"
+        )
+    if not speed_known:
+        bench.notes.append(f"no speed_rpm: {speed[0] * 30 / np.pi:.6g} r/min are taken (--speed)")
+    bench.notes.append(
+        f"not recorded by the board: {UNKNOWN_OUTSIDE} cannot be seen"
+        + ("" if speed_known else ", nor the slip")
+        + "; ripple is not compared"
+    )
+    return replace(
+        bench, omega_rad_s=omega, torque_ref_Nm=torque_Nm, outside=True,
+        torque_known=torque_known, speed_known=speed_known,
+    )  # fmt: skip
 
 
 def _values(rec: Recording) -> dict[str, object]:
@@ -110,10 +205,12 @@ def _values(rec: Recording) -> dict[str, object]:
     return dict(values) if isinstance(values, dict) else {}
 
 
-def _check(rec: Recording, setup: Setup, values: dict, f_isr_Hz: float, f_slow_Hz: float) -> None:
+def _check(
+    rec: Recording, setup: Setup, values: dict, f_isr_Hz: float, f_slow_Hz: float, outside: bool
+) -> None:
     if not len(rec):
         raise RecordingError("no samples")
-    missing = [name for name in NEEDED if name not in rec]
+    missing = [name for name in NEEDED if name not in rec and not outside]
     for phases in SETS:
         names = [f"i_{phase}_A" for phase in phases]
         if sum(name in rec for name in names) < 2:
@@ -121,7 +218,7 @@ def _check(rec: Recording, setup: Setup, values: dict, f_isr_Hz: float, f_slow_H
     if missing:
         raise RecordingError(
             f"no {'; no '.join(missing)}: these channels are needed, there are "
-            f"{', '.join(rec.channels)}"
+            f"{', '.join(rec.channels)}" + (" (--map OLD=NEW*K renames)" if outside else "")
         )
     scheme = rec.meta.get("scheme") or values.get("scheme")
     if scheme is not None and scheme != setup.parameter("scheme"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,10 @@ class Candidate:
     vdc: Callable[[float], float] = lambda change: 1.0
     #: The rest only changes what torque the recorded speed needs.
     shaft_only: bool = False
+    #: The phases whose probes of an oscilloscope are meant.
+    probes: tuple[str, ...] = ()
+    #: The change is added to the torque that the recorded speed needs.
+    adds_torque: bool = False
 
     def shown(self, change: float, sign: bool = True) -> str:
         value, digits = (100 * change, 3) if self.unit == PERCENT else (change, 3)
@@ -109,4 +113,26 @@ CANDIDATES: tuple[Candidate, ...] = (
     Candidate("friction", ("machine.viscous_Nms",), "N m s", 1e-3, -1e3, 1e3, shaft_only=True),
     Candidate("load", ("load",), "N m", 1.0, -1e4, 1e4, shaft_only=True),
 )  # fmt: skip
+#: Of an oscilloscope.
+PROBES: tuple[Candidate, ...] = tuple(
+    Candidate(name, (), PERCENT, 1.0, -0.999, 999.0, probes=phases)
+    for name, phases in (
+        ("scale of all current probes", PHASES),
+        *((f"scale of current probe {phase}", (phase,)) for phase in PHASES),
+    )
+)
+
+
+def suitable(outside: bool, torque_known: bool) -> tuple[Candidate, ...]:
+    """The parameters that can differ, by what has recorded and what is recorded."""
+    found = CANDIDATES + (PROBES if outside else ())
+    if torque_known:
+        return found
+    # Without a torque reference, the load is what the simulated drive is asked for.
+    return tuple(
+        replace(one, shaft_only=False, adds_torque=True) if one.name == "load" else one
+        for one in found
+    )
+
+
 NAMES = tuple(candidate.name for candidate in CANDIDATES)

@@ -19,7 +19,7 @@ from ..parallel import each
 from ..recording.recording import Recording
 from ..setups import Setup, SetupError
 from .bench import Bench, as_the_board
-from .candidates import CANDIDATES, Candidate
+from .candidates import Candidate, suitable
 from .quantities import QUANTITIES, compute, windows
 from .replay import Replay, replay
 from .shaft import NO_LOAD, Load, parts, per_window
@@ -30,6 +30,12 @@ SHAFT, SHAFT_NOISE = "shaft torque", "noise of the shaft torque"
 REPEATS = 3
 #: A quantity is never expected to agree better than this share of its size.
 FLOOR = 2e-3
+#: The same with an oscilloscope's probes, and a part of its range that it does not resolve.
+PROBE_FLOOR, RESOLUTION = 2e-2, 2e-3
+#: The same of the speed of a signal in volts, which counts for the slip.
+SPEED_FLOOR = 5e-3
+#: Beyond this factor between the currents a probe's scale is the first thing to check.
+SCALE = 1.3
 #: A quantity differs if its difference is so many times the expected noise.
 DIFFERS = 3.0
 #: A parameter that explains less of the squared difference than this number of noise variances
@@ -49,8 +55,12 @@ Progress = Callable[[float], None]
 
 def simulated_s(benches: Sequence[Bench]) -> float:
     """Roughly the simulated time of a comparison, for progress bars."""
-    runs = REPEATS + TRIED + sum(not c.shaft_only for c in CANDIDATES)
+    runs = REPEATS + TRIED + sum(not c.shaft_only for c in _suitable(benches))
     return runs * sum(bench.duration_s for bench in benches)
+
+
+def _suitable(benches: Sequence[Bench]) -> tuple[Candidate, ...]:
+    return suitable(any(b.outside for b in benches), all(b.torque_known for b in benches))
 
 
 class NotSimulated(HexatorqueError, RuntimeError):
@@ -157,7 +167,7 @@ class _Series:
 
     def __init__(self, setup: Setup, benches: Sequence[Bench], loads: Load) -> None:
         self.setup, self.benches = setup, benches
-        self.which = [windows(b.periods, b.slow_s) for b in benches]
+        self.which = [windows(b.periods, b.slow_s, b.outside) for b in benches]
         self.loads = loads
         self.shafts = [self._parts(n, bench.omega_rad_s) for n, bench in enumerate(benches)]
         self.pairs = int(setup["machine.pole_pairs"])
@@ -173,7 +183,12 @@ class _Series:
         self, bench: Bench, samples: dict[str, np.ndarray], torque_Nm: np.ndarray | None, n: int
     ) -> dict[str, np.ndarray]:
         per_slow = self.which[n]
-        found = compute(samples, per_slow[bench.which], self.pairs)
+        outside_step_s = bench.step_s if bench.outside else None
+        if not bench.speed_known:
+            samples = {name: data for name, data in samples.items() if name != "speed_rpm"}
+        found = compute(samples, per_slow[bench.which], self.pairs, outside_step_s)
+        if not bench.torque_known:
+            return found
         shaft = self.shafts[n]["needed"] if torque_Nm is None else per_window(torque_Nm, per_slow)
         return {**found, SHAFT: shaft.reshape(-1, 1)}
 
@@ -210,11 +225,30 @@ class _Series:
             return Recording(1 / window_s, channels, units, {}, bench.begin_s + window_s / 2)
 
         # The speed that the simulated torque would give, from the first one on.
-        lacking_Nm = means[SHAFT][:, 0] - self.shafts[n]["needed"]
+        needed = self.shafts[n]["needed"]
+        lacking_Nm = means[SHAFT][:, 0] - needed if SHAFT in means else 0 * needed
         off = np.cumsum(lacking_Nm) * window_s / self.setup["machine.inertia_kgm2"]
         speed = per_window((bench.omega_rad_s[1:] + bench.omega_rad_s[:-1]) / 2, which) * 30 / np.pi
         seen = recording(self.bench[n], speed)
         return Overlay(bench.label, seen, recording(means, speed + off * 30 / np.pi))
+
+    @property
+    def outside(self) -> bool:
+        return any(bench.outside for bench in self.benches)
+
+    def probe_floor(self, name: str, simulated: np.ndarray) -> float:
+        """What an oscilloscope and its probes may be off. Unequal probes look like currents in the
+        x-y plane."""
+        whole_A = [one["current amplitude"] for one in self.bench if "current amplitude" in one]
+        whole = float(np.sqrt(np.nanmean(np.concatenate(whole_A) ** 2))) if whole_A else 0.0
+        size = PROBE_FLOOR * float(np.sqrt(np.mean(simulated**2)))
+        speed = max(float(np.abs(bench.omega_rad_s).max()) for bench in self.benches)
+        more = {
+            "unbalance": PROBE_FLOOR * whole,
+            "x-y harmonics 5, 7": RESOLUTION * whole,
+            "slip": SPEED_FLOOR * self.pairs * speed,
+        }
+        return float(np.hypot(size, more.get(name, 0.0)))
 
     def shaft(self, name: str) -> np.ndarray:
         return np.concatenate([one[name] for one in self.shafts])[:, None]
@@ -228,12 +262,13 @@ def compare(
     setup: Setup,
     benches: list[Bench],
     loads: Load = NO_LOAD,
-    candidates: Sequence[Candidate] = CANDIDATES,
+    candidates: Sequence[Candidate] | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
     """NotSimulated if the simulation of the set-up as it is cannot follow the recording."""
     notes: list[str] = []
     fixed = as_the_board(setup, benches, notes)
+    candidates = _suitable(benches) if candidates is None else candidates
     series = _Series(fixed, benches, loads)
 
     def simulate(
@@ -243,12 +278,20 @@ def compare(
         try:
             other = candidate.apply(fixed, change) if candidate else fixed
             prepare = candidate.prepare(change) if candidate and candidate.prepare else None
-            vdc = candidate.vdc(change) if candidate else 1.0
+            more_Nm = change if candidate and candidate.adds_torque else 0.0
             runs = []
             for n, bench in enumerate(benches):
                 # Another noise for every repetition.
                 seeded = other.changed(sensors__noise_seed=other["sensors.noise_seed"] + late)
-                runs.append(series.simulated(n, replay(bench, seeded, prepare, vdc, late)))
+                # An oscilloscope has the true voltage, the board what its sensor makes of it.
+                vdc = candidate.vdc(change) if candidate and not bench.outside else 1.0
+                more = 0.0 if bench.torque_known else more_Nm
+                run = replay(bench, seeded, prepare, vdc, late, more)
+                if candidate and bench.outside:
+                    for phase in candidate.probes:
+                        if (name := f"i_{phase}_A") in run.samples:
+                            run.samples[name] = run.samples[name] * (1 + change)
+                runs.append(series.simulated(n, run))
                 if progress:
                     progress(bench.duration_s)
             return runs
@@ -280,19 +323,42 @@ def compare(
     explained.sort(key=lambda e: e.left)
     named = False
     if explained:
-        for one in explained[:TRIED]:
-            if one.candidate.shaft_only or not _counts(one, residual):
+        tried = 0
+        for one in tuple(explained):
+            if tried == TRIED or not _counts(one, residual):
+                break
+            tried += 1
+            if one.candidate.shaft_only:
                 continue
             found = simulate(one.candidate, one.change, 1)
             if isinstance(found, str):
+                # The drive does not run with it, and on the bench it ran.
                 notes.append(f"{one.candidate.name} {one.candidate.shown(one.change)}: {found}")
+                one.left, tried = 1.0, tried - 1
             else:
                 _again(one, nominal.whitened(found), nominal.effect(found), residual)
         explained.sort(key=lambda e: e.left)
         named = _counts(explained[0], residual)
+        notes += _scales(benches, nominal)
         _alike(explained, effects)
     overlays = [series.overlay(n, [one[n] for one in nominal.repeats]) for n in range(len(benches))]
     return Comparison(setup, benches, notes, differences, explained, named, overlays)
+
+
+def _scales(benches: Sequence[Bench], nominal: _Nominal) -> list[str]:
+    """What a factor between the currents of bench and simulation may be."""
+    name = "current amplitude"
+    if name not in nominal.used:
+        return []
+    used = nominal.used[name]
+    bench = nominal.series.stacked(nominal.series.bench, name)[used]
+    factor = float(np.sqrt(np.mean(bench**2) / np.mean(nominal.mean[name][used] ** 2)))
+    if 1 / SCALE < factor < SCALE:
+        return []
+    return [
+        f"the currents are {factor:.3g} times the simulation's: check the probes' scale (--map), "
+        "then the load (--load)"
+    ]
 
 
 def _alone(candidate: Candidate, effect: np.ndarray, residual: np.ndarray) -> Explanation:
@@ -378,7 +444,10 @@ class _Nominal:
                 continue
             variance = float(np.mean(all_of.var(axis=0, ddof=1)[used]))
             size = float(np.sqrt(np.mean(bench[used] ** 2)))
-            noise = float(self.more * np.sqrt(variance + (FLOOR * size) ** 2))
+            floor = FLOOR * size
+            if series.outside:
+                floor = series.probe_floor(name, self.mean[name][used])
+            noise = float(self.more * np.sqrt(variance + floor**2))
             if noise > 0:  # 0 on the bench and in the simulation says nothing
                 self.used[name], self.noise[name] = used, noise
         speed = np.concatenate([series.stacked(one, SHAFT_NOISE) for one in repeats])

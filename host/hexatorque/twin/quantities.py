@@ -8,7 +8,7 @@ the seventh.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,8 @@ from .bench import SETS
 
 #: A window lasts this long; less if the recording is short, but some periods of the slow loop.
 WINDOW_S, MOST_WINDOWS_OF_SHORT, LEAST_PERIODS = 0.1, 8, 3
+#: The same of a recording that knows no flux: its currents have to turn within a window.
+MOST_WINDOWS_OUTSIDE = 3
 #: Harmonics need this many turns of the flux in a window.
 TURNS = 1.0
 
@@ -32,6 +34,7 @@ class Quantity:
 
 
 QUANTITIES: dict[str, Quantity] = {
+    "current amplitude": Quantity("A", "load, L_m, flux, probes"),
     "current along the flux": Quantity("A", "L_m, flux error"),
     "current across the flux": Quantity("A", "torque of a given flux"),
     "estimated flux": Quantity("Wb", "held by the control"),
@@ -50,9 +53,10 @@ QUANTITIES: dict[str, Quantity] = {
 }
 
 
-def windows(periods: int, slow_s: float) -> np.ndarray:
+def windows(periods: int, slow_s: float, outside: bool = False) -> np.ndarray:
     """The window of each period of the slow loop, (periods,), -1 for the rest at the end."""
-    length = min(round(WINDOW_S / slow_s), periods // MOST_WINDOWS_OF_SHORT)
+    most = MOST_WINDOWS_OUTSIDE if outside else MOST_WINDOWS_OF_SHORT
+    length = min(round(WINDOW_S / slow_s), periods // most)
     length = max(length, LEAST_PERIODS)
     which = np.arange(periods) // length
     which[periods // length * length :] = -1
@@ -82,10 +86,16 @@ def _parts(*values: np.ndarray) -> np.ndarray:
 
 
 def compute(
-    samples: Mapping[str, np.ndarray], which: np.ndarray, pole_pairs: int
+    samples: Mapping[str, np.ndarray],
+    which: np.ndarray,
+    pole_pairs: int,
+    outside_step_s: float | None = None,
 ) -> dict[str, np.ndarray]:
-    """samples: channels; which: window of each sample, -1 for none. Returns name -> (windows,
+    """samples: channels; which: window of each sample, -1 for none; outside_step_s: step of a
+    recording by another instrument than the board, which knows no flux. Returns name -> (windows,
     columns); what the channels do not give is not among them."""
+    if outside_step_s is not None:
+        return _outside(samples, which, pole_pairs, outside_step_s)
     n = int(which.max()) + 1
     get = lambda name: np.asarray(samples[name], float)  # noqa: E731
     found: dict[str, np.ndarray] = {}
@@ -108,14 +118,7 @@ def compute(
     for name, channel in (("R_s in use", "rs_ohm"), ("R_r in use", "rr_ohm")):
         if channel in samples:
             found[name] = _mean(get(channel), which, n)
-    turns = np.abs(_turned(turn, which, n))
-    slow = turns < TURNS
-
-    def harmonic(values: np.ndarray, order: int) -> np.ndarray:
-        means = _mean(values * np.conj(turn**order), which, n)
-        means[slow] = np.nan
-        return means
-
+    harmonic = _harmonics(turn, which, n)
     found["unbalance"] = _parts(harmonic(xy, 1), harmonic(xy, -1), harmonic(ab, -1))
     found["x-y harmonics 5, 7"] = _parts(harmonic(xy, 5), harmonic(xy, -7))
     if all(_all(samples, one) for one in SETS):
@@ -124,6 +127,43 @@ def compute(
     if "v_x_pu" in samples and "v_y_pu" in samples:
         voltage = get("v_x_pu") + 1j * get("v_y_pu")
         found["x-y voltage 5, 7"] = _parts(harmonic(voltage, 5), harmonic(voltage, -7))
+    return {name: values.reshape(n, -1) for name, values in found.items()}
+
+
+def _harmonics(turn: np.ndarray, which: np.ndarray, n: int) -> Callable:
+    slow = np.abs(_turned(turn, which, n)) < TURNS
+
+    def harmonic(values: np.ndarray, order: int) -> np.ndarray:
+        means = _mean(values * np.conj(turn**order), which, n)
+        means[slow] = np.nan
+        return means
+
+    return harmonic
+
+
+def _outside(
+    samples: Mapping[str, np.ndarray], which: np.ndarray, pole_pairs: int, step_s: float
+) -> dict[str, np.ndarray]:
+    """Without the flux, the current itself tells where it stands. A window is no whole number of
+    its turns, and begins at another angle than the simulation's: weights keep harmonics apart."""
+    n = int(which.max()) + 1
+    ab, xy = _planes(_phases(samples))
+    size = np.abs(ab)
+    turn = ab / np.where(size > 0, size, 1.0)
+    weights, harmonic = _hann(which, n), _harmonics(turn, which, n)
+    ab, xy = ab * weights, xy * weights
+    found = {
+        "current amplitude": _mean(size, which, n),
+        "unbalance": _parts(harmonic(xy, 1), harmonic(xy, -1), harmonic(ab, -1)),
+        "x-y harmonics 5, 7": _parts(harmonic(xy, 5), harmonic(xy, -7)),
+    }
+    if "speed_rpm" in samples:
+        turns = _turned(turn, which, n)
+        frequency = _slopes(np.unwrap(np.angle(turn)), which, n) / step_s
+        speed = _mean(np.asarray(samples["speed_rpm"], float), which, n) * np.pi / 30
+        slip = frequency - pole_pairs * speed
+        # Where the current does not turn, its angle is noise.
+        found["slip"] = np.where(np.abs(turns) < TURNS, np.nan, slip)
     return {name: values.reshape(n, -1) for name, values in found.items()}
 
 
@@ -147,9 +187,35 @@ def _planes(phases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return alpha + 1j * beta, x + 1j * y
 
 
+def _hann(which: np.ndarray, n: int) -> np.ndarray:
+    """Weights of mean 1 within each window."""
+    good = which >= 0
+    counts = np.bincount(which[good], minlength=n)
+    begins = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    at = np.arange(len(which)) - begins[which] + 0.5
+    return np.where(good, 1 - np.cos(2 * np.pi * at / np.maximum(counts, 1)[which]), 0.0)
+
+
+def _slopes(values: np.ndarray, which: np.ndarray, n: int) -> np.ndarray:
+    """Slope of a straight line through each window's samples, per sample."""
+    good = (which >= 0) & np.isfinite(values)
+    window = which[good]
+    counts = np.maximum(np.bincount(window, minlength=n), 1)
+
+    def about_mean(samples: np.ndarray) -> np.ndarray:
+        return samples - (np.bincount(window, samples, n) / counts)[window]
+
+    at = about_mean(np.flatnonzero(good).astype(float))
+    squares = np.bincount(window, at**2, n)
+    return np.bincount(window, at * about_mean(values[good]), n) / np.where(
+        squares, squares, np.nan
+    )
+
+
 def _turned(turn: np.ndarray, which: np.ndarray, n: int) -> np.ndarray:
     """Turns of the flux in each window."""
     steps = np.angle(turn[1:] * np.conj(turn[:-1]), deg=False)
-    steps = np.concatenate([[0.0], np.where(np.isfinite(steps), steps, 0.0)])
+    steps = np.where(np.isfinite(steps), steps, 0.0)
+    steps = np.concatenate([steps[:1], steps])
     good = which >= 0
     return np.bincount(which[good], steps[good], n) / (2 * np.pi)

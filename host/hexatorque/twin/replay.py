@@ -10,6 +10,7 @@ shows in currents, flux, slip, the adapted resistances and the torque at the sha
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +24,10 @@ from .bench import Bench
 APPROACH_S, SETTLE_S, FASTER = 0.2, 0.5, 5.0
 #: The last part of it with the adaptation as it is.
 REST_S = 0.1
+#: Share of a wrong torque that is corrected in each period of the slow loop.
+CORRECTED = 0.1
+#: Instants in a fast period of which the mean stands beside that of an oscilloscope.
+PER_PERIOD = 8
 #: Repetitions begin up to so many fast periods later, so that their ripple is another one.
 LATEST = 5
 
@@ -42,10 +47,14 @@ def replay(
     prepare: Prepare | None = None,
     vdc_share: float = 1.0,
     late: int = 0,
+    more_Nm: float = 0.0,
 ) -> Replay:
     """late: a number, other for each repetition, so that the ripple is another one.
-    vdc_share: true dc-link voltage over the measured one. DriveFault if the simulated drive trips.
+    more_Nm: torque to add to the reference. vdc_share: true dc-link voltage over the measured one.
+    DriveFault if the simulated drive trips.
     """
+    if more_Nm:
+        bench = replace(bench, torque_ref_Nm=bench.torque_ref_Nm + more_Nm)
     most_Nm = 1.05 * float(np.max(np.abs(bench.torque_ref_Nm)))
     at_work = setup.changed(
         load__kind="constant",
@@ -54,8 +63,9 @@ def replay(
         controller__torque_ref_Nm=0.0,
         controller__torque_limit_Nm=max(most_Nm, float(setup.parameter("torque_limit_Nm"))),
     )
-    sim = SimulatedDrive(at_work, 1)
-    follower = _Follower(sim, bench.slow_s, vdc_share)
+    per = PER_PERIOD if bench.outside else 1
+    sim = SimulatedDrive(at_work, per)
+    follower = _Follower(sim, bench.slow_s, vdc_share, closed=not bench.torque_known)
     if prepare:
         prepare(sim)
     _approach(follower, bench, late)
@@ -69,24 +79,35 @@ def replay(
         )
     sim.check()
     rec = sim.take()
-    rows = np.clip(bench.row, 0, len(rec) - 1)
-    samples = {n: d[rows] for n, d in rec.channels.items() if not n.startswith("plant.")}
+    rows = np.clip(bench.row, 0, len(rec) // per - 1)
+    if bench.outside:  # what the machine has, not what the sensors make of it
+        plant = {n: rec[f"plant.{n}"] for n in bench.samples if f"plant.{n}" in rec}
+        samples = {n: np.reshape(d, (-1, per)).mean(axis=1)[rows] for n, d in plant.items()}
+    else:
+        samples = {n: d[rows] for n, d in rec.channels.items() if not n.startswith("plant.")}
     torque = np.asarray(rec["plant.torque_Nm"], float).reshape(bench.periods, -1).mean(axis=1)
     return Replay(samples, torque)
 
 
 class _Follower:
-    """A simulated drive in torque mode whose shaft follows a given speed."""
+    """A simulated drive in torque mode whose shaft follows a given speed. closed: the torque that
+    is given is that of the shaft, and the reference is what makes the machine give it."""
 
-    def __init__(self, sim: SimulatedDrive, slow_s: float, vdc_share: float) -> None:
+    def __init__(self, sim: SimulatedDrive, slow_s: float, vdc_share: float, closed: bool) -> None:
         self.sim, self.slow_s, self.vdc_share = sim, slow_s, vdc_share
         self.inertia_kgm2 = sim.setup["machine.inertia_kgm2"]
         self.viscous_Nms = sim.setup["machine.viscous_Nms"]
+        self.closed, self.more_Nm = closed, 0.0
 
     def step(self, torque_Nm: float, vdc_V: float, begin_rad_s: float, end_rad_s: float) -> None:
         """One period of the slow loop. The load is what lets the shaft reach `end_rad_s`; what the
         torque is off, the next period corrects."""
-        self.sim.set("torque_ref_Nm", float(torque_Nm))
+        if self.closed:
+            off_rad_s = self.sim.plant_state[6] - begin_rad_s
+            self.more_Nm -= CORRECTED * self.inertia_kgm2 * off_rad_s / self.slow_s
+        most_Nm = float(self.sim.get("torque_limit_Nm"))
+        reference_Nm = min(max(float(torque_Nm) + self.more_Nm, -most_Nm), most_Nm)
+        self.sim.set("torque_ref_Nm", reference_Nm)
         self.sim.vdc_V = self.vdc_share * float(vdc_V)
         needed = self.inertia_kgm2 * (end_rad_s - begin_rad_s) / self.slow_s
         self.sim.load_Nm = float(torque_Nm - needed - self.viscous_Nms * begin_rad_s)

@@ -14,10 +14,14 @@ from ..output import console_of, print_json
 from ..recordings import seconds_window
 from ..working import compile_now, working
 
+#: Highest speed of a --speed option.
+MOST_RPM = 1e5
+
 
 @click.command(
     epilog=examples(
         "board compare mine.toml run.npz",
+        "board compare mine.toml scope.npz --map CH5=speed_rpm*300 --load 4",
         "board compare mine.toml low.mf4 high.mf4 --load 0:0,1.5:10 -o out/twin",
     )
 )
@@ -28,7 +32,8 @@ from ..working import compile_now, working
     nargs=-1,
     required=True,
     shell_complete=completion.files,
-    help="of a board, with torque_ref_Nm, speed_rpm, flux and phase currents",
+    help="of a board, with torque_ref_Nm, speed_rpm, flux and phase currents; of an oscilloscope, "
+    "with phase currents",
 )
 @options.value(
     "--load",
@@ -36,9 +41,16 @@ from ..working import compile_now, working
     help="load torque, or its steps in the recording's time; default: 0",
 )
 @options.value("--window", metavar="T0,T1", help="seconds of the recordings to compare")
+@options.value(
+    "--speed",
+    metavar="RPM",
+    type=options.number,
+    help="speed of an oscilloscope's recording without speed_rpm; default: the set-up's point",
+)
+@options.of_tables
 @options.folder("out/board-compare")
 @options.as_json
-def compare(setup, recordings, load, window, output, as_json) -> int:
+def compare(setup, recordings, load, window, speed, maps, shift, output, as_json) -> int:
     """Which parameter of the set-up is not the bench's?
 
     Simulates what the bench has done, and says what differs and which parameter explains it best.
@@ -48,14 +60,23 @@ def compare(setup, recordings, load, window, output, as_json) -> int:
     from rich.text import Text
 
     from ... import setups
+    from ...recording import mapping
     from ...recording.formats import RecordingError
+    from ...recording.recording import Recording
     from ...twin import bench, fit, report
 
     console = console_of(as_json, highlight=False)
     loaded = setups.load(setup)
     loads = _loads(load)
     window_s = seconds_window(window)
-    benches = [bench.read(file, loaded, window_s) for file in recordings]
+    if speed is not None and not abs(speed) <= MOST_RPM:
+        raise Mistake(f"--speed {speed:g}: allowed range is -{MOST_RPM:g} .. {MOST_RPM:g} r/min")
+    recs = [Recording.load(file) for file in recordings]
+    recs = mapping.mapped(recordings, recs, maps, mapping.shift(shift))
+    benches = [
+        bench.read(rec, file, loaded, window_s, loads, speed)
+        for rec, file in zip(recs, recordings, strict=True)
+    ]
     if load is None:
         for one in benches:
             one.notes.append("a recording does not carry the load torque: 0 N m is taken (--load)")
