@@ -39,6 +39,8 @@ PART = re.compile(
     re.S | re.M,
 )
 READY_S = 60
+#: A command in README's list, and what it says about it.
+COMMAND = re.compile(r"^    (hexatorque .*?)(?:  +# (.*))?$", re.M)
 
 
 class Terminals:
@@ -119,6 +121,11 @@ class Terminals:
             process.send_signal(signal.SIGINT)
         for process in self.staying:
             process.wait(30)
+
+
+def readmes_commands() -> list[tuple[str, str]]:
+    """Each command of README's list with its comment, in their order."""
+    return COMMAND.findall((DOCS.parent / "README.md").read_text())
 
 
 def plain(text: str) -> str:

@@ -75,7 +75,7 @@ def test_every_command_is_in_the_reference():
 def test_links_of_the_home_page_lead_from_docs():
     page = site_hook.read_root("README.md")
     assert "](tutorial.md)" in page and "](contributing.md#the-map)" in page
-    assert "](images/compare.png)" in page and "](docs/" not in page
+    assert "](images/readme.png)" in page and "](docs/" not in page
 
 
 def test_equations():

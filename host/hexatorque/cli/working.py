@@ -57,7 +57,8 @@ class Work:
         if not self._done:
             return ""
         if self._unit == SIMULATED:
-            of = f" of about {self._total:.0f}" if self._total else ""
+            expected = self._total if self._total and self._done <= self._total else None
+            of = f" of about {expected:.0f}" if expected else ""
             return f"{self._done:.1f}{of} {SIMULATED}"
         return f"{self._done:.0f} of {self._total:.0f} {self._unit}"
 

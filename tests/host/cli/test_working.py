@@ -32,6 +32,8 @@ def test_a_line_says_what_and_how_far():
     assert str(work) == "comparing ..."
     work.advance(2.5)
     assert str(work) == "comparing ... 2.5 of about 20 s simulated"
+    work.advance(18.0)  # more than was expected
+    assert str(work) == "comparing ... 20.5 s simulated"
     work.begin("searching")
     work.advance(1.0)
     assert str(work) == "searching ... 1.0 s simulated"
