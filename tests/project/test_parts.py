@@ -1,0 +1,73 @@
+"""The sets of parts of docs/first-spin.md: each answers every demand on the power stage, and the
+set for 48 V fits its set-up."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from hexatorque import setups
+from hexatorque.cli.main import main
+
+ROOT = Path(__file__).resolve().parents[2]
+SETUP = ROOT / "examples" / "forty-eight-volts.toml"
+PAGE = (ROOT / "docs" / "first-spin.md").read_text(encoding="utf-8")
+V_REF = 3.0
+
+
+def section(title: str) -> str:
+    """From a heading to the next one of any size."""
+    return re.split(r"\n#+ ", PAGE.split(f" {title}\n", 1)[1])[0]
+
+
+def rows(text: str) -> dict[str, str]:
+    """The first cell of each row of the tables, and the others."""
+    cells = (re.match(r"\|\s*(.*?)\s*\|(.*)\|", line) for line in text.splitlines())
+    return {found[1]: found[2] for found in cells if found}
+
+
+def demands(title: str) -> set[str]:
+    return {name for name in rows(section(title)) if name.startswith("**")}
+
+
+@pytest.mark.parametrize("title", ["48 V", "Mains voltage"])
+def test_each_set_answers_every_demand(title):
+    wanted = demands("The power stage")
+    assert len(wanted) > 10 and wanted <= demands(title)
+
+
+@pytest.fixture(scope="module")
+def setup():
+    return setups.load(SETUP)
+
+
+def test_the_review_finds_nothing(capsys):
+    assert main(["check", str(SETUP), "--schemes", "ddr"]) == 0
+    assert not re.search(r"\b(bad|note)\b", capsys.readouterr().out)
+
+
+def numbers(part: str) -> list[float]:
+    return [float(n) for n in re.findall(r"\d+(?:\.\d+)?", rows(section("48 V"))[part])]
+
+
+def test_the_values_of_the_parts_are_those_of_the_setup(setup):
+    # 5 mohm and 20 V/V about half of 3.3 V, divided by 10 k over 100 k to half of V_REF.
+    per_A = 5e-3 * 20 * 100 / 110
+    assert setup["sensors.i_full_A"] == pytest.approx(V_REF / 2 / per_A)
+    assert setup["sensors.vdc_full_V"] == pytest.approx(V_REF * (240 + 10) / 10)
+    assert setup["sensors.encoder_ppr"] == 1024 == numbers("encoder")[-1]
+    assert numbers("divider and buffer per current")[-1] == setup["sensors.i_full_A"]
+    assert numbers("divider of the dc link")[-2] == setup["sensors.vdc_full_V"]
+    assert numbers("divider of the dc link")[-1] == setup.parameter("vdc_max_V")
+
+
+def test_trips_stand_in_their_order(setup):
+    """Chopper, firmware, comparator, what the stage stands; the same for the current."""
+    on_V, off_V = numbers("brake chopper")[1:3]
+    over_V, at_V = numbers("over-voltage")[-2:]
+    assert setup["inverter.vdc_V"] < off_V < on_V < setup.parameter("vdc_max_V") < over_V <= 60
+    assert at_V == pytest.approx(over_V * 10 / 250)
+    most_A, high_V, low_V = numbers("over-current")[-4:-1]
+    per_A = 5e-3 * 20 * 100 / 110
+    assert (high_V - low_V) / 2 == pytest.approx(most_A * per_A, abs=0.01)
+    assert setup.parameter("i_trip_A") < most_A < setup["sensors.i_full_A"]
