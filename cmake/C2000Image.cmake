@@ -158,7 +158,6 @@ endif()
 
 foreach(place flash ram)
   set(image hexatorque_${HT_BOARD}_${place})
-  # An image in RAM calls Device_cal itself. For an image in flash the boot ROM has called it.
   set(start "${drive_ram};${background};${port}/image/devicecal.asm")
   if(HT_FLASH_API AND place STREQUAL "flash")
     ht_c2000_image(${image} ${place} "${start};${store};${api_sources}" "${port}/store;${api_include}")
@@ -171,6 +170,6 @@ foreach(place flash ram)
   target_compile_definitions(${image} PRIVATE HT_CAPTURE_VALUES=${capture_${place}}u
     "HT_BUILD=\"${HT_BUILD}\"")
   set(image hexatorque_${HT_BOARD}_pil_${place})
-  ht_c2000_image(${image} ${place} "${pil_ram}" "firmware/pil;firmware/pil/calls;${port}/pil")
+  ht_c2000_image(${image} ${place} "${pil_ram};${port}/image/devicecal.asm" "firmware/pil;firmware/pil/calls;${port}/pil")
   target_compile_definitions(${image} PRIVATE HT_PIL_BAUD=${HT_PIL_BAUD}u)
 endforeach()

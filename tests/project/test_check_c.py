@@ -72,6 +72,14 @@ NARROW = (
     "uint16_t ht_planted(uint16_t x);\nuint16_t ht_planted(uint16_t x)\n{\n"
     "    return (uint16_t)(x >> 17);\n}"
 )
+LATE = (
+    "uint32_t ht_planted(uint16_t shift);\nuint32_t ht_planted(uint16_t shift)\n{\n"
+    "    return 0x000000FFu << shift;\n}"
+)
+PRODUCT = (
+    "uint32_t ht_planted(uint16_t x);\nuint32_t ht_planted(uint16_t x)\n{\n"
+    "    return (uint32_t)(x * 100u);\n}"
+)
 INDEX = (
     "uint16_t ht_planted(void);\nuint16_t ht_planted(void)\n{\n"
     "    static const uint16_t t[2] = {1u, 2u};\n    return t[2];\n}"
@@ -84,6 +92,7 @@ INDEX = (
         pytest.param("gcc", marks=needs("gcc")),
         pytest.param("clang", marks=needs("clang")),
         pytest.param("msp430", marks=needs("clang")),
+        pytest.param("widths", marks=needs("clang")),
     ],
 )
 def test_clean_part_passes(tree, name):
@@ -102,6 +111,10 @@ def test_clean_part_passes(tree, name):
         pytest.param("clang", PORT, "static int unused(void) { return 1; }", "unused",
                      marks=needs("clang"), id="clang, DSP only"),
         pytest.param("msp430", PORT, SHIFT, "shift", marks=needs("clang"), id="16-bit int"),
+        pytest.param("widths", PORT, LATE, "ht_planted: 16 bits are multiplied or shifted",
+                     marks=needs("clang"), id="shift widened too late"),
+        pytest.param("widths", CORE, PRODUCT, "ht_planted: 16 bits are multiplied or shifted",
+                     marks=needs("clang"), id="product widened too late"),
     ],
 )  # fmt: skip
 def test_breach_is_found(tree, name, file, text, said):
@@ -146,6 +159,14 @@ def test_cppcheck_finds_breaches(tree):
     # The shift breaks a rule as well. (Headers may say that the rest of the firmware is missing.)
     rules = {"misra-c2012-11.4", "misra-c2012-12.2", "misra-c2012-15.7", UNEXCUSED}
     assert set(re.findall(r"\.c:\d+: (misra-c2012-[\d.]+):", done.stdout)) == rules
+
+
+@needs("clang")
+def test_a_cast_in_time_is_no_breach(tree):
+    plant(tree, PORT, LATE.replace("0x000000FFu <<", "(uint32_t)0x000000FFu <<"))
+    plant(tree, CORE, PRODUCT.replace("(x * 100u)", "x * 100u"))
+    done = check(tree, "widths")
+    assert done.returncode == 0, done.stdout
 
 
 @needs("gcc")

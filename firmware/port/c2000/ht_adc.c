@@ -125,7 +125,6 @@ static void convert_f28377s(ht_port *port, uint32_t adc, uint16_t first, uint16_
 static void start_adc_f28377s(ht_port *port)
 {
     HT_EALLOW(port->io);
-    HT_DEVICE_CAL(port->io); /* the boot ROM's work, which a debugger's start passes by */
     power_up_f28377s(port, ADCA);
     power_up_f28377s(port, ADCB);
     HT_WAIT_US(port->io, POWER_UP_F28377S_US);

@@ -174,7 +174,12 @@ ht_clock ht_clock_start_f28377s(ht_port *port)
     ht_clock clock;
     HT_EALLOW(port->io);
     ht_change32(port->io, PCLKCR0, PCLKCR0_TBCLKSYNC, PCLKCR0_CPUTIMERS);
+    ht_change32(port->io, PCLKCR13, 0u, PCLKCR13_ADCA_B); /* Device_cal trims the ADCs as well */
     HT_SETTLE(port->io);
+    /* The boot ROM's work, which a debugger's start passes by. Before anything is measured: without
+     * it the internal oscillators are out of their specification. It may end with EDIS. */
+    HT_DEVICE_CAL(port->io);
+    HT_EALLOW(port->io);
     clock = start_crystal(port);
     if (clock == HT_CLOCK_RIGHT) {
         HT_WR32(port->io, LOSPCP, LSPCLKDIV_4);
@@ -186,7 +191,6 @@ ht_clock ht_clock_start_f28377s(ht_port *port)
     ht_change32(port->io, PCLKCR3, 0u, PCLKCR3_ECAP1);
     ht_change32(port->io, PCLKCR4, 0u, (uint32_t)PCLKCR4_EQEP1 << port->board->eqep);
     ht_change32(port->io, PCLKCR7, 0u, PCLKCR7_SCIA);
-    ht_change32(port->io, PCLKCR13, 0u, PCLKCR13_ADCA_B);
     HT_EDIS(port->io);
     HT_SETTLE(port->io);
     return clock;

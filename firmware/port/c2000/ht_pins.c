@@ -17,7 +17,6 @@
 #define QUALIFIED_PINS 8u /* share a sampling period, ... */
 #define QUALPRD_BITS 8u   /* ... of 2 x QUALPRD system clocks */
 #define QUALPRD 0x000000FFu
-/* F28377S: trip zone 1 listens to input 1 of the crossbar. */
 
 /* Of the port that a pin belongs to, and of the half with its two-bit fields. */
 static uint32_t first_register(const ht_port *port, const ht_pin *pin)
@@ -56,7 +55,7 @@ static void set_up(ht_port *port, const ht_pin *pin, uint32_t qualify, bool pull
 static void qualify(ht_port *port, const ht_pin *pin)
 {
     uint16_t shift = (uint16_t)(QUALPRD_BITS * ((pin->gpio % 32u) / QUALIFIED_PINS));
-    ht_change32(port->io, first_register(port, pin) + GPYCTRL, QUALPRD << shift,
+    ht_change32(port->io, first_register(port, pin) + GPYCTRL, (uint32_t)QUALPRD << shift,
                 (uint32_t)port->map->encoder_qualprd << shift);
 }
 

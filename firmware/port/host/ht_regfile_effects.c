@@ -12,6 +12,7 @@ static void order(ht_regfile *rf, uint32_t addr, uint32_t value, const char *why
 /* --- clocks ------------------------------------------------------------------------------ */
 
 #define INTERNAL_HZ 10.0e6f     /* both internal oscillators of the F28377S */
+#define UNTRIMMED 0.9f          /* of them before Device_cal: outside 3 % */
 #define CYCLES_PER_ACCESS 20.0f /* what counters see of the time that a driver takes */
 
 /* The crystal's frequency, unless another one is planted. */
@@ -60,7 +61,8 @@ static float counted_Hz(ht_regfile *rf, uint16_t index)
     if (source == 3u) {
         return crystal_Hz(rf);
     }
-    return (source == 0u) ? system_Hz(rf) : INTERNAL_HZ;
+    return (source == 0u) ? system_Hz(rf)
+                          : INTERNAL_HZ * ((rf->device_calibrated != 0u) ? 1.0f : UNTRIMMED);
 }
 
 /* Counts since it was started. */
@@ -466,6 +468,7 @@ uint16_t ht_regfile_call(ht_regfile *rf, uint32_t addr, uint16_t argument)
                                "Device_cal without EALLOW or ADC clocks");
         } else {
             rf->device_calibrated = 1u;
+            rf->eallow = 0u; /* whether TI's code leaves it on is not known */
         }
     } else if ((calls(addr, chip->linearity_trim[0]) | calls(addr, chip->linearity_trim[1]))
                != 0u) {

@@ -40,6 +40,9 @@ def test_image_of_a_board(builder, board):
 INIT = "ht_port_c2000.c"
 F28335, F28377S, LAUNCHPAD = image.BOARDS
 
+CALIBRATED = "    HT_DEVICE_CAL(port->io);\n    HT_EALLOW(port->io);\n"
+MEASURED = "    clock = start_crystal(port);\n"
+
 #: What is broken -> (board, source, text, replacement, what a complaint, or a line of the
 #: difference from the golden image, says).
 FAULTS = {
@@ -162,7 +165,13 @@ FAULTS = {
         F28377S, "ht_adc.c", "(adc == ADCA) ? OTP_INL_TRIM_A : OTP_INL_TRIM_B", "OTP_INL_TRIM_A",
         "without calibration"),
     "no Device_cal": (
-        LAUNCHPAD, "ht_adc.c", "    HT_DEVICE_CAL(port->io); ", "    ", "without Device_cal"),
+        LAUNCHPAD, "ht_clock_f28377s.c", CALIBRATED, "", "start is reported"),
+    "Device_cal after the clock's measurement": (
+        F28377S, "ht_clock_f28377s.c",
+        CALIBRATED + MEASURED, MEASURED + CALIBRATED,
+        "start is reported"),
+    "EALLOW relied on across Device_cal": (
+        F28377S, "ht_clock_f28377s.c", CALIBRATED, CALIBRATED.split("\n")[0] + "\n", "no EALLOW"),
     "ADC not settled, F28335": (
         F28335, "ht_adc.c", "    HT_WAIT_US(port->io, POWER_UP_F28335_US);\n", "",
         "the ADC has not settled yet"),
