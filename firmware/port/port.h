@@ -123,7 +123,8 @@ void ht_port_begin_fast(ht_port *port);
  *  so, the interrupt took longer than its period. */
 bool ht_port_overrun(const ht_port *port);
 
-/** Last in the fast interrupt: acknowledge it at the interrupt controller. */
+/** At the end of the drive's part of the fast interrupt: acknowledge it at the interrupt controller. The
+ *  CPU takes the next one when the whole interrupt has ended. */
 void ht_port_ack_fast(ht_port *port);
 
 #endif
