@@ -316,6 +316,8 @@ def find(text: str) -> Table:
     elif first:  # the header stands beside the table
         left = first
         header = [line.cells[:first] for line in lines]
+        while begin and len(lines[begin - 1].cells) > max(used):  # an empty row is a row
+            begin -= 1
     else:
         raise RecordingError(
             f"line {lines[begin].number}: numbers where the columns' names are needed"
@@ -393,8 +395,9 @@ def _from_header(
             for n, value in zip(used[1:], values):
                 headings[n] = headings[n][0], headings[n][1] or value
         elif _TIME_UNITS.fullmatch(key.strip(" :")) and values and used:
-            name = headings[used[0]][0] or ("time" if beside else "")
-            headings[used[0]] = name, headings[used[0]][1] or values[0]
+            name, unit = headings[used[0]]
+            if beside or _TIME.fullmatch(name):  # a header does not make a time of another name
+                headings[used[0]] = name or "time", unit or values[0]
         elif beside and key.lower() == "source":
             for n, value in zip(used[1:], values):
                 headings[n] = value, headings[n][1]
@@ -402,7 +405,8 @@ def _from_header(
 
 def _start_and_step(rows: list[list[str]]) -> tuple[float | None, float | None]:
     """Time of the first sample and time between samples, where a header tells them: a keyword with
-    the value behind it, below it, or in its own cell behind `=`."""
+    the value behind it or in its own cell behind `=`, or in the line of names, which is the last
+    but one, with the value below it."""
     found: dict[re.Pattern, float] = {}
     for n, row in enumerate(rows):
         for k, cell in enumerate(row):
@@ -410,7 +414,7 @@ def _start_and_step(rows: list[list[str]]) -> tuple[float | None, float | None]:
             pattern = next((p for p in (_START, _STEP) if p.fullmatch(key.strip(" :"))), None)
             if pattern is None or pattern in found:
                 continue
-            below = rows[n + 1][k] if n + 1 < len(rows) and k < len(rows[n + 1]) else ""
+            below = rows[-1][k] if n == len(rows) - 2 and k < len(rows[-1]) else ""
             behind = row[k + 1] if k == 0 and len(row) > 1 else ""
             for text in (value, behind, below):
                 number = re.fullmatch(_NUMBER, text.strip())

@@ -202,6 +202,22 @@ def test_a_damaged_cell_is_named_with_its_line_and_no_row_is_left_out(layout, da
 
 
 @of_layouts
+def test_a_first_row_without_any_number_is_no_line_of_names(layout):
+    lines = written(layout).splitlines()
+    delimiter = table.find("\n".join(lines)).delimiter
+    at = len(lines) - 40
+    cells = lines[at].split(delimiter)
+    left = 3 if layout is tektronix_beside else 0
+    lines[at] = delimiter.join([*cells[:left], *(f"x{n}" for n in range(len(cells) - left))])
+    with pytest.raises(RecordingError):
+        read("\n".join(lines))
+    if layout is tektronix_beside:
+        lines[at] = delimiter.join([*cells[:left], *[""] * (len(cells) - left)])
+        with pytest.raises(RecordingError, match=r"^line 1: no time"):
+            read("\n".join(lines))
+
+
+@of_layouts
 def test_a_row_that_is_cut_short_or_too_long_is_refused(layout):
     lines = written(layout).splitlines()
     delimiter = table.find("\n".join(lines)).delimiter
@@ -232,9 +248,9 @@ def test_without_the_name_or_unit_of_the_time_nothing_is_taken_for_it(layout, na
     text = written(layout).replace(name, "\nTixe" if name[0] == "\n" else "Tixe", 1)
     if layout is siglent:
         text = text.replace("Horizontal Units,S", "")
-    if layout in (tektronix, picoscope):  # the header, or the line of units, still tells its unit
+    if layout is picoscope:  # the line of units still tells its unit
         assert read(text).start_s == pytest.approx(-2e-3)
-        text = text.replace("Horizontal Units,S", "").replace("(ms)", "(mx)")
+        text = text.replace("(ms)", "(mx)")
     with pytest.raises(RecordingError, match=r"no column of time: .*start and increment"):
         read(text)
 
