@@ -72,6 +72,8 @@ const ht_board ht_board_launchxl_f28377s = {
     /* clang-format on */
     .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
     .dead_min_us = IGBT_DEAD_MIN_US,
+    /* GPIO0, 1, 5..9, 22..40, 44..57, 67, 68, 74..77, 79..83, 88, 93..98, 100..168 */
+    .unbonded = {0xFFC003E3u, 0x03FFF1FFu, 0xE10FBC18u, 0xFFFFFFF7u, 0xFFFFFFFFu, 0x000001FFu},
     .trip = {4u, 0u},
     .eqep = 2u,
     .encoder_a = {62u, 5u},

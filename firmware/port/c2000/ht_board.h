@@ -8,6 +8,9 @@
 #include "ht_c2000_map.h"
 #include "ht_types.h"
 
+/** GPIO ports that a board's table speaks of. */
+#define HT_PORTS 6
+
 /** A pin, and the position of its multiplexer that selects its function. */
 typedef struct {
     uint16_t gpio;
@@ -23,8 +26,11 @@ typedef struct {
     ht_pin pwm[2 * HT_LEGS];  /**< upper, lower switch of each leg */
     bool gates_active_low;    /**< the gate drivers invert: a low pin switches on */
     float dead_min_us;        /**< shortest dead time that the power stage allows */
-    ht_pin trip;              /**< low trips all legs */
-    uint16_t eqep;            /**< eQEP module of the encoder, 0 = eQEP1 */
+    /** Pins of each port that the package does not bring out, ports A to F: they get pull-ups, because a
+     *  floating input may draw current. */
+    uint32_t unbonded[HT_PORTS];
+    ht_pin trip;   /**< low trips all legs */
+    uint16_t eqep; /**< eQEP module of the encoder, 0 = eQEP1 */
     ht_pin encoder_a;
     ht_pin encoder_b;
     ht_pin receive;

@@ -59,10 +59,24 @@ static void qualify(ht_port *port, const ht_pin *pin)
                 (uint32_t)port->map->encoder_qualprd << shift);
 }
 
+/* Pins that end inside the package float otherwise. */
+static void hold_unbonded(ht_port *port)
+{
+    uint16_t n;
+    for (n = 0u; n < (uint16_t)HT_PORTS; n++) {
+        uint32_t pins = port->board->unbonded[n];
+        if (pins != 0u) {
+            uint32_t first = port->map->gpio + ((uint32_t)n * port->map->gpio_stride);
+            ht_change32(port->io, first + GPYPUD, pins, 0u);
+        }
+    }
+}
+
 void ht_pins_start(ht_port *port)
 {
     const ht_board *board = port->board;
     HT_EALLOW(port->io);
+    hold_unbonded(port);
     /* The trip acts without a clock. No pull-up: a broken wire trips (the board pulls down). */
     set_up(port, &board->trip, QUALIFY_ASYNC, false);
     if (port->map->trip_select != 0u) {

@@ -204,6 +204,9 @@ static const ht_register sync[] = {
 static const ht_register gpio_a[] = {PORT("A")};
 static const ht_register gpio_b[] = {PORT("B")};
 static const ht_register gpio_c[] = {PORT("C")};
+static const ht_register gpio_d[] = {PORT("D")};
+static const ht_register gpio_e[] = {PORT("E")};
+static const ht_register gpio_f[] = {PORT("F")};
 
 /* Pins are inputs here, or a peripheral's: what is written has no effect on their level. */
 #define LEVELS(letter) {REG32("GP" letter "DAT", 0x0u, 0xFFFFFFFFu, 0u, HT_READ_ONLY, 0u, 0u, "")}
@@ -288,6 +291,9 @@ static const ht_module modules[] = {
     {"GPIO", 0x7C00u, 0u, 1u, 1u, 0u, 0u, gpio_a, COUNT(gpio_a)},
     {"GPIO", 0x7C40u, 0u, 1u, 1u, 0u, 0u, gpio_b, COUNT(gpio_b)},
     {"GPIO", 0x7C80u, 0u, 1u, 1u, 0u, 0u, gpio_c, COUNT(gpio_c)},
+    {"GPIO", 0x7CC0u, 0u, 1u, 1u, 0u, 0u, gpio_d, COUNT(gpio_d)},
+    {"GPIO", 0x7D00u, 0u, 1u, 1u, 0u, 0u, gpio_e, COUNT(gpio_e)},
+    {"GPIO", 0x7D40u, 0u, 1u, 1u, 0u, 0u, gpio_f, COUNT(gpio_f)},
     {"GPIO", 0x7F00u, 0u, 1u, 1u, 0u, 0u, data_a, COUNT(data_a)},
     {"GPIO", 0x7F08u, 0u, 1u, 1u, 0u, 0u, data_b, COUNT(data_b)},
     {"GPIO", 0x7F10u, 0u, 1u, 1u, 0u, 0u, data_c, COUNT(data_c)},

@@ -24,7 +24,7 @@
 
 #define HT_REGFILE_LOW 0x8000u /* words 0x0000..0x7FFF, then the windows above them */
 #define HT_REGFILE_WORDS 0x8C20u
-#define HT_REGFILE_BOUND 1300
+#define HT_REGFILE_BOUND 1400
 #define HT_REGFILE_GATES 40
 #define HT_REGFILE_LOG 16
 #define HT_REGFILE_VECTORS 224

@@ -472,3 +472,25 @@ def test_the_encoder_module_is_the_boards(name):
     lib.ht_port_read(port, samples)
     assert samples.position == 1234
     assert not started.rf.violations
+
+
+@pytest.mark.parametrize("name", ("f28335", "f28377s", "launchxl_f28377s"))
+def test_pins_that_end_in_the_package_are_pulled_up(name):
+    """Data sheet: pins without a bond need their pull-ups, or they float. Those that have a bond
+    are left to the board, except for the ones in use."""
+    started = Started(name)
+    first, stride = GPIO[name]
+    ports = 2 if started.small else 6
+    up = {
+        32 * port + n
+        for port in range(ports)
+        for n in range(32)
+        if not started.long(first + port * stride + 0x0C) >> n & 1
+    }
+    if name == "launchxl_f28377s":
+        beyond = {*range(96, 169)} - {99}
+        assert (UNBONDED - {96, 97, 98}) | beyond <= up
+        assert up - UNBONDED - beyond <= {pin.gpio for pin in pins(started.board).values()}
+    elif name == "f28377s":
+        assert up == {20, 21, 28, 29}
+    assert started.rf.violations == 0
