@@ -24,12 +24,10 @@ apt-get install -y -qq --no-install-recommends $packages >/dev/null 2>&1 || {
 }
 
 made=
-aside=$(mktemp -d)
+aside=
 end() {
-    rm -rf "$aside"
-    [ -z "$made" ] || { userdel -r "$user" && made=; } >/dev/null 2>&1 || true
-    [ -z "$made" ] && [ -n "${home:-}" ] && rm -rf "$home/a place"
-    true
+    [ -z "$aside" ] || rm -rf "$aside"
+    [ -z "$made" ] || userdel --remove "$user" >/dev/null 2>&1 || true
 }
 trap end EXIT
 trap 'exit 130' INT
@@ -37,7 +35,10 @@ trap 'exit 143' TERM HUP
 
 id "$user" >/dev/null 2>&1 || { useradd --create-home "$user"; made=1; }
 home=$(getent passwd "$user" | cut -d: -f6)
-rm -rf "$home/a place"
+aside=$(mktemp -d "$home/new.XXXXXX")
+chmod 755 "$aside"
+mkdir "$aside/a place"
+chown "$user" "$aside/a place"
 
 wanted=$(env | grep '^HT_[A-Z_]*=[A-Za-z0-9,.]*$') || true
 as_user() { # with nothing of this environment but what concerns the tests
@@ -55,8 +56,7 @@ install -o "$user" -m 600 "$conf" "$home/.config/pip/pip.conf"
 # Git reads no repository of somebody else's. So root copies it, and the copy is the user's.
 printf '[safe]\n\tdirectory = *\n' >"$aside/gitconfig"
 GIT_CONFIG_GLOBAL=$aside/gitconfig git clone --quiet --bare "$tree" "$aside/hexatorque.git"
-chmod 755 "$aside"
 chown -R "$user" "$aside/hexatorque.git"
-as_user git clone --quiet "$aside/hexatorque.git" "$home/a place/hexatorque"
-as_user make -C "$home/a place/hexatorque" --no-print-directory demo
-as_user make -C "$home/a place/hexatorque" --no-print-directory test
+as_user git clone --quiet "$aside/hexatorque.git" "$aside/a place/hexatorque"
+as_user make -C "$aside/a place/hexatorque" --no-print-directory demo
+as_user make -C "$aside/a place/hexatorque" --no-print-directory test

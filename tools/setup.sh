@@ -7,6 +7,8 @@
 # that Python's packages leave out (venv, headers) are installed with apt if this
 # runs as root; otherwise the command to run is printed.
 #
+# With HT_OLDEST=1 every library that pyproject.toml names has the oldest version that it allows.
+#
 # While the file VENV_DIR.half exists, the environment is not whole: set-up was interrupted, and the
 # next one begins with nothing. VENV_DIR/.installed is there, for make, if it is whole.
 set -eu
@@ -93,6 +95,11 @@ END
 # Both trust the certificates of the computer. Nobody waits for LLVM to be compiled.
 export UV_SYSTEM_CERTS=1 PIP_ONLY_BINARY=llvmlite,numba UV_NO_BUILD_PACKAGE="llvmlite numba"
 add() {
+    if [ -n "${HT_OLDEST:-}" ]; then
+        "$venv/bin/python" -m uv pip install --quiet --python "$venv/bin/python" \
+            --resolution lowest-direct "$@"
+        return
+    fi
     "$venv/bin/python" -m uv pip install --quiet --python "$venv/bin/python" "$@" 2>/dev/null ||
         "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile "$@" ||
         fail "what is named above could not be installed from the package index. Is there a network?" \

@@ -1,6 +1,7 @@
 """The firmware on emulated processors: the same bits, fast enough, and no emulator left
 behind."""
 
+import contextlib
 import json
 import os
 import signal
@@ -254,11 +255,10 @@ def running_command(tmp_path, *arguments):
         # A shell's background job, as these tests may be, ignores Ctrl-C.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
-    until = time.monotonic() + 120
-    while time.monotonic() < until and host.poll() is None:
+    while host.poll() is None:  # first it builds the image
         with open(f"/proc/{host.pid}/task/{host.pid}/children") as file:
             for child in file.read().split():
-                with open(f"/proc/{child}/cmdline") as words:
+                with contextlib.suppress(OSError), open(f"/proc/{child}/cmdline") as words:
                     if words.read().startswith(tools.program("qemu-system-arm")):
                         return host, int(child)
         time.sleep(0.05)
@@ -284,7 +284,8 @@ def test_no_emulator_is_left_behind(tmp_path, number, need):
     _, said = host.communicate(timeout=30)
     assert gone(emulator)
     if number == signal.SIGINT:
-        assert (host.returncode, said.strip()) == (130, "hexatorque: interrupted")
+        assert host.returncode == 130
+        assert said.splitlines()[-1] == "hexatorque: interrupted"  # after its progress
 
 
 # --- the command ----------------------------------------------------------------

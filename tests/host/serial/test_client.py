@@ -140,10 +140,11 @@ def test_the_heartbeat_keeps_the_session_and_does_nothing_else(peer, drive):
     time.sleep(0.3)
     assert not of(peer, Op.STATUS)[2:] and peer.session == 0  # before and after it had a mark
     drive.start()
+    begun = time.monotonic()
     peer.requests.clear()
-    time.sleep(1.0)
+    until(lambda: len(set(of(peer, Op.STATUS))) >= 8, 30.0)
     beats = of(peer, Op.STATUS)
-    assert 6 <= len(beats) <= 14
+    assert len(set(beats)) <= 2 + (time.monotonic() - begun) / 0.08  # one that is late is repeated
     nonces = {struct.unpack_from("<H", body, 2)[0] for body in beats}
     assert nonces == {peer.session} and 0 not in nonces
     drive.close()

@@ -329,11 +329,18 @@ def test_stream_for_a_time(call, tmp_path, suffix):
     assert json.loads(call("status", "--json")[1])["state"] == "idle"  # what it started
 
 
+def until_rows(file, number):
+    end = time.monotonic() + 60
+    while not file.exists() or file.read_text().count("\n") < number:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
 def test_a_stream_ends_by_a_signal_with_a_whole_file(board, tmp_path):
     file = tmp_path / "run.csv"
     process = background("stream", "vdc_V", "--rate", "500", "--device", board, "-o", str(file))
     line_with(process, "500 Hz")
-    time.sleep(1.0)
+    until_rows(file, 320)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=30)
     assert (process.returncode, err) == (0, "")
@@ -347,7 +354,7 @@ def test_a_killed_stream_leaves_what_it_had(board, tmp_path):
     file = tmp_path / "run.csv"
     process = background("stream", "vdc_V", "--rate", "500", "--device", board, "-o", str(file))
     line_with(process, "500 Hz")
-    time.sleep(1.0)
+    until_rows(file, 320)
     process.kill()
     process.communicate()
     recording = Recording.load(file)
