@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shlex
 import sys
 from pathlib import Path
 
@@ -11,6 +13,8 @@ from . import completion, options
 from .group import examples
 from .output import console_of, print_json
 
+#: Width of a review that goes into a file or a pipe.
+PIPED = 120
 #: Colours of the verdicts.
 STYLE = {"ok": "green", "note": "yellow", "bad": "bold red"}
 
@@ -48,6 +52,7 @@ def new(file, nameplate, circuit, force) -> int:
     """
     from ..setups import new as writing
     from ..setups import parse
+    from ..setups.review import refuse_impossible
 
     if nameplate is not None and circuit is not None:
         raise options.Mistake("give one of --nameplate and --circuit, not both")
@@ -69,40 +74,74 @@ def new(file, nameplate, circuit, force) -> int:
         text = writing.from_circuit(circuit, title)
     else:
         text = writing.from_nameplate(nameplate, title)
-    parse(text, file.stem)  # refuses what no set-up may be
+    refuse_impossible(parse(text, file.stem))
     try:
         file.write_text(text)
     except OSError as error:
         raise options.Mistake(f"{file}: {error.strerror}") from None
-    print(f"{file}: complete; next: hexatorque check {file}")
+    print(f"{file}: complete; next: hexatorque check {shlex.quote(str(file))}")
     return 0
 
 
-@click.command("check", epilog=examples("check mine.toml", "check paper-b --schemes dtc1 --json"))
+@click.command("check", epilog=examples("check mine.toml", "check paper-b --schemes dtc1 --all"))
 @click.argument("setup", metavar="NAME|FILE", shell_complete=completion.setup)
 @options.schemes
+@click.option("--all", "everything", is_flag=True, help="also what is in order: the whole table")
 @options.as_json
-def check(setup, schemes, as_json) -> int:
+def check(setup, schemes, everything, as_json) -> int:
     """Review a set-up before anything runs.
 
-    Compares currents, voltages, steps and gains with their limits, and says what to change. Ends
-    with 1 if the drive cannot run: if a finding of all schemes is bad, or one of the set-up's own
-    scheme or of a scheme that was asked for.
+    Compares currents, voltages, steps and gains with their limits, says what to change, and which
+    schemes are ready. Ends with 1 if the drive cannot run: if a finding of all schemes is bad, or
+    one of the set-up's own scheme or of a scheme that was asked for.
     """
-    from rich.table import Table
-
     from .. import setups
-    from ..setups.review import review
+    from ..setups.review import outcome, review
 
     loaded = setups.load(setup)
-    own = options.schemes_given(schemes) if schemes else [loaded.parameter("scheme")]
-    findings = review(loaded, options.schemes_given(schemes))
+    scheme = loaded.parameter("scheme")
+    reviewed = options.schemes_given(schemes)
+    own = reviewed if schemes else [scheme]
+    findings = review(loaded, reviewed)
     bad = any(f.verdict == "bad" and f.scheme in ("", *own) for f in findings)
+    reached = outcome(findings, reviewed, scheme, shlex.quote(setup))
     if as_json:
         rows = [finding.as_json() for finding in findings]
-        print_json({"setup": loaded.name, "ok": not bad, "findings": rows})
+        verdict = {"ready": reached.ready, "verdict": reached.text}
+        print_json({"setup": loaded.name, "ok": not bad, **verdict, "findings": rows})
         return int(bad)
-    table = Table(title=f"{loaded.name}\n{loaded.title}", title_justify="left")
+    console = console_of(False, highlight=False)
+    if not console.is_terminal:
+        console.width = int(os.environ.get("COLUMNS", PIPED))
+    console.print(f"{loaded.name}: {loaded.title}", markup=False)
+    if everything:
+        console.print(_table(findings))
+    else:
+        _print_notes(console, [f for f in findings if f.scheme in ("", *own)])
+    console.print(reached.text, markup=False)
+    return int(bad)
+
+
+def _print_notes(console, findings) -> None:
+    """What is not in order, bad before notes. A line each, and one for what to change."""
+    from rich.markup import escape
+    from rich.padding import Padding
+
+    shown = [f for verdict in ("bad", "note") for f in findings if f.verdict == verdict]
+    for f in shown:
+        limit = f": {f.value:.4g} {f.unit}".rstrip() + f", limit {f.limit:.4g}" if f.sign else ""
+        of = f"{f.scheme}: " if f.scheme else ""
+        console.print(f"[{STYLE[f.verdict]}]{f.verdict:4}[/]  {escape(of + f.subject + limit)}")
+        console.print(Padding(escape(f.advice), (0, 0, 0, 6)))
+    with_limit = [f for f in findings if f.sign or f.verdict != "ok"]
+    fine = len(with_limit) - len(shown)
+    console.print(f"{fine} of {len(with_limit)} findings are in order (--all shows them)")
+
+
+def _table(findings):
+    from rich.table import Table
+
+    table = Table()
     for heading in ("scheme", "what", "value", "limit", "unit", "verdict", "change"):
         table.add_column(heading, justify="right" if heading in ("value", "limit") else "left")
     scheme = ""
@@ -113,5 +152,4 @@ def check(setup, schemes, as_json) -> int:
         limit = f"{f.sign} {f.limit:.4g}" if f.sign else ""
         verdict = f"[{STYLE[f.verdict]}]{f.verdict}[/]"
         table.add_row(f.scheme, f.subject, f"{f.value:.4g}", limit, f.unit, verdict, f.advice)
-    console_of(False, highlight=False).print(table)
-    return int(bad)
+    return table

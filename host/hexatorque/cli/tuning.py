@@ -144,8 +144,8 @@ def _show(console, tuned, result) -> None:
     for line in _lines_of_errors(tuned.errors):
         console.print(line, highlight=False, markup=False)
     console.print(
-        f"aim {_percent(tuned.best.aim)}, {result['trials']} candidates, {result['lost']} of them "
-        "do not hold their points",
+        f"aim {_percent(tuned.best.aim)}: the weighted mean of the changes above, less is better; "
+        f"{result['trials']} candidates, {result['lost']} of them do not hold their points",
         highlight=False,
     )
     console.print(
@@ -153,5 +153,6 @@ def _show(console, tuned, result) -> None:
     )
     what = "tuned" if tuned.better else "as it was"
     console.print(
-        f"{result['file']}: {what}; next: hexatorque check {result['file']}", highlight=False
+        f"{result['file']}: {what}; next: hexatorque check {shlex.quote(str(result['file']))}",
+        highlight=False,
     )

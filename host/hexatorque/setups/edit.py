@@ -8,8 +8,10 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+from .loading import beside
 from .values import Value
 
 #: Section -> key -> value.
@@ -48,6 +50,18 @@ def on_top_of(name: str, changes: Changes) -> str:
         lines += ["", f"[{section}]"]
         lines += [f"{key} = {_toml(value)}" for key, value in values.items()]
     return "\n".join(lines) + "\n"
+
+
+def moved(source: str, folder: Path) -> str:
+    """The text of a file of this folder, for another folder: the set-up that it starts from is
+    still found."""
+    name = tomllib.loads(source).get("setup", "")
+    there = beside(name, folder) if name else name
+    if there == name:
+        return source
+    row = f"setup = {json.dumps(str(Path(there).resolve()))}"
+    line = re.compile(r"(?m)^[ \t]*setup[ \t]*=.*$")
+    return line.sub(lambda found: row + _comment(found[0]), source, count=1)
 
 
 def _span(lines: list[str], section: str) -> tuple[int, int]:

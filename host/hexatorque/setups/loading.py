@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import tomllib
 from importlib import resources
 from pathlib import Path
@@ -19,18 +20,24 @@ def builtin_names() -> list[str]:
 
 
 def load(name_or_path: str | Path) -> Setup:
-    """A built-in set-up by name, or a set-up or scenario file."""
+    """A built-in set-up by name, or a set-up or scenario file. A file that starts from another one
+    says where that is as seen from its own folder."""
     text = str(name_or_path)
     if text in builtin_names():
         return parse(builtin_text(text), text)
     path = Path(name_or_path)
     try:
-        return parse(text_of(path), path.stem)
+        return parse(text_of(path), path.stem, path.parent)
     except SetupError as error:
         if not path.suffix and not path.exists():
             raise
         lines = [f"{path}: {line}" for line in str(error).splitlines()]
         raise SetupError("\n".join(lines)) from None
+
+
+def beside(name: str, folder: Path) -> str:
+    """The set-up that a file in this folder calls by this name: a built-in one, or a file."""
+    return name if name in builtin_names() else str(folder / name)
 
 
 def builtin_text(name: str) -> str:
@@ -43,6 +50,11 @@ def text_of(path: Path) -> str:
         raise SetupError(f"no set-up {str(path)!r}{suggest(str(path), builtin_names())}")
     try:
         return path.read_text()
+    except FileNotFoundError as error:
+        near = [str(other) for other in path.parent.glob("*" + path.suffix)]
+        close = difflib.get_close_matches(str(path), near, 1)
+        meant = f"; did you mean {close[0]!r}?" if close else ""
+        raise SetupError(f"{error.strerror}{meant}") from None
     except (OSError, ValueError) as error:
         raise SetupError(getattr(error, "strerror", None) or "not a text file") from None
 
@@ -54,15 +66,16 @@ def toml_of(source: str) -> dict[str, Any]:
         raise SetupError(f"not valid TOML: {error}") from None
 
 
-def parse(source: str, name: str) -> Setup:
-    """Check the text of a set-up or scenario. All mistakes are reported together."""
+def parse(source: str, name: str, folder: Path = Path()) -> Setup:
+    """Check the text of a set-up or scenario of a file in this folder. All mistakes are reported
+    together."""
     from . import schema  # needs pydantic, which takes long to import
 
     data = toml_of(source)
     base, lines = None, []
     if isinstance(data.get("setup"), str):
         try:
-            base = load(data["setup"])
+            base = load(beside(data["setup"], folder))
         except RecursionError:
             raise SetupError(f"setup = {data['setup']!r}: the files refer to each other") from None
     try:

@@ -16,6 +16,7 @@ from .derived import WRITTEN_WITHIN, write_delay_us
 from .design import PULL_OUT_SHARE, REACH_PU, TABLE_SHARE, Design, rad_s
 from .setup import Setup
 from .to_parameters import parameters
+from .values import SetupError
 
 #: The firmware refuses trip levels above these shares of a sensor's range (ht_configure.c).
 I_TRIP_SHARE, VDC_MAX_SHARE = 0.885, 0.95
@@ -66,14 +67,110 @@ def at_least(
     )
 
 
+def graded(
+    subject: str, value: float, limit: float, worst: float, unit: str, advice: str
+) -> Finding:
+    """A note beyond the limit, bad beyond the worst."""
+    if value > worst:
+        return at_most(subject, value, worst, unit, advice)
+    return at_most(subject, value, limit, unit, advice, "note")
+
+
 def review(setup: Setup, schemes: Iterable[str]) -> list[Finding]:
     """All findings: those of the set-up, then those of each scheme."""
     values = parameters(setup)
     design = Design(setup, values.__getitem__)
-    findings = [*_fits(design), *_currents(design), *_loops(design), *_speed(design)]
+    findings = [
+        *_believable(design),
+        *_fits(design),
+        *_currents(design),
+        *_loops(design),
+        *_speed(design),
+    ]
     for name in schemes:
         findings += [Finding(**{**asdict(f), "scheme": name}) for f in _scheme(design, name)]
     return [*findings, *_refused(setup, findings)]
+
+
+def refuse_impossible(setup: Setup) -> None:
+    """SetupError with a line for each number that no machine has."""
+    design = Design(setup, parameters(setup).__getitem__)
+    wrong = [f for f in _believable(design) if f.verdict == "bad"]
+    if wrong:
+        raise SetupError("\n".join(f"{_why(f)}: {f.advice}" for f in wrong))
+
+
+#: The least ratio of main to leakage inductance that any machine has: of 35 published machines
+#: the least is 12.
+LEAST_MAIN = 3.0
+#: Largest share of the voltage that the rated current takes in a winding's resistance: of published
+#: machines 0.12.
+MOST_RESISTANCE = 0.5
+
+
+def _believable(d: Design) -> Iterator[Finding]:
+    """Numbers that no machine has."""
+    p, m = d.parameter, d.unsaturated
+    for side, leakage_H in (("lls_H", m.lls_H), ("llr_H", m.llr_H)):
+        yield at_least(
+            f"lm_H over {side}", m.lm_H / leakage_H, LEAST_MAIN, "",
+            f"no machine has such a ratio: are machine.lm_H and machine.{side} exchanged?",
+        )  # fmt: skip
+    share_A = d.rated_A / (REACH_PU * d.vdc_V)
+    for side, ohm in (("rs_ohm", m.rs_ohm), ("rr_ohm", m.rr_ohm)):
+        yield at_most(
+            f"{side} times rated current over the voltage", ohm * share_A, MOST_RESISTANCE, "",
+            f"no machine has so much: check machine.{side}, rated.current_A and inverter.vdc_V",
+        )  # fmt: skip
+    yield at_most(
+        "controller.pole_pairs unlike the machine's", abs(p("pole_pairs") - m.pole_pairs), 0, "",
+        "remove controller.pole_pairs",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """ready: schemes that can work; not_ready: the others, each with its first bad finding. text:
+    all of it in one line."""
+
+    ready: tuple[str, ...]
+    not_ready: dict[str, Finding]
+    text: str
+
+
+def outcome(findings: Iterable[Finding], schemes: Iterable[str], own: str, name: str) -> Outcome:
+    """What follows for these schemes. own: the set-up's scheme; name: the set-up, as a command
+    line has it."""
+    findings, schemes = list(findings), list(schemes)
+    bad = [f for f in findings if f.verdict == "bad"]
+    again = f"then hexatorque check {name}"
+    if general := [f for f in bad if not f.scheme]:
+        more = f" ({len(general) - 1} more like this)" if len(general) > 1 else ""
+        text = f"not ready: {_why(general[0])}; next: {general[0].advice}{more}, {again}"
+        return Outcome((), dict.fromkeys(schemes, general[0]), text)
+    first = {scheme: f for scheme in schemes for f in reversed(bad) if f.scheme == scheme}
+    ready = tuple(scheme for scheme in schemes if scheme not in first)
+    parts = [f"ready: {', '.join(ready)}" if ready else "no scheme is ready"]
+    reasons: dict[str, list[str]] = {}
+    for scheme, f in first.items():
+        reasons.setdefault(f.subject, []).append(scheme)
+    for names in reasons.values():
+        parts.append(f"not: {', '.join(names)}, because {_why(first[names[0]])}")
+    if own in first and ready:
+        step = f'set controller.scheme = "{ready[0]}", {again}'
+    elif not ready:
+        step = f"{first[schemes[0]].advice}, {again}"
+    else:
+        most = [scheme for scheme in (own, *ready) if scheme in ready][:4]
+        step = f"hexatorque compare --setup {name} --schemes {','.join(dict.fromkeys(most))}"
+    return Outcome(ready, first, "; ".join([*parts, f"next: {step}"]))
+
+
+def _why(f: Finding) -> str:
+    if not f.sign:
+        return f"{f.subject}: {f.advice}"
+    beyond = "above" if f.sign == "<=" else "below"
+    return f"{f.subject} is {f.value:.4g} {f.unit}".rstrip() + f", {beyond} {f.limit:.4g}"
 
 
 def _fits(d: Design) -> Iterator[Finding]:
@@ -140,10 +237,15 @@ def _currents(d: Design) -> Iterator[Finding]:
     needed_s = d.magnetised_s(p("build_current_A"))
     yield at_least(
         "flux build-up", p("build_s"), needed_s, "s",
-        f"raise controller.build_s: L_r/R_r is {d.rotor_s:.3g} s", "note",
+        f"raise controller.build_s: L_r/R_r is {d.rotor_s:.3g} s",
+        "note" if p("build_s") > needed_s / 3 else "bad",
     )  # fmt: skip
     rated_A = d.current_A(d.rated_Nm)
     yield at_most("current at rated torque", rated_A, 0.8 * trip_A, "A", more_range)
+    yield at_most(
+        "current at rated torque against rated current", rated_A, 1.2 * d.rated_A, "A",
+        "lower rated.torque_Nm, or correct rated.current_A (an rms value)", "note",
+    )  # fmt: skip
     yield at_most(
         "current at the torque limit, with ripple",
         d.current_A(p("torque_limit_Nm")) + step_A, trip_A, "A",
@@ -159,9 +261,9 @@ def _currents(d: Design) -> Iterator[Finding]:
         "raise controller.torque_limit_Nm",
     )  # fmt: skip
     quantum_A = 2 * d.setup["sensors.i_full_A"] / 2 ** d.setup["sensors.adc_bits"]
-    yield at_most(
-        "step of the current's converter", quantum_A, 0.03 * no_load_A, "A",
-        "take sensors of less range, or a converter of more bits", "note",
+    yield graded(
+        "step of the current's converter", quantum_A, 0.03 * no_load_A, 0.15 * no_load_A, "A",
+        "take sensors of less range, or a converter of more bits",
     )  # fmt: skip
     yield at_least(
         "flux_check against the current's ripple, in no-load currents",
@@ -173,10 +275,10 @@ def _currents(d: Design) -> Iterator[Finding]:
 def _loops(d: Design) -> Iterator[Finding]:
     p, m = d.parameter, d.machine
     quantum = rad_s(60 * p("f_slow_Hz") / p("encoder_counts_rev"))
-    yield at_most(
+    yield graded(
         "torque of one step of the measured speed", p("kp_speed_Nms_rad") * quantum,
-        0.1 * d.rated_Nm, "N m",
-        "lower controller.kp_speed_Nms_rad, or take an encoder of more pulses", "note",
+        0.1 * d.rated_Nm, d.rated_Nm, "N m",
+        "lower controller.kp_speed_Nms_rad, or take an encoder of more pulses",
     )  # fmt: skip
     yield at_most(
         "corner of the speed loop, kp/J", p("kp_speed_Nms_rad") / m.inertia_kgm2,
@@ -202,6 +304,15 @@ def _speed(d: Design) -> Iterator[Finding]:
         "rated speed against the trip", d.rated_rpm, 0.95 * p("speed_trip_rpm"), "r/min",
         "raise controller.speed_trip_rpm",
     )  # fmt: skip
+    yield at_most(
+        "fastest speed of point and profile against the trip", d.asked_rpm,
+        0.95 * p("speed_trip_rpm"), "r/min",
+        "raise controller.speed_trip_rpm, or ask for less",
+    )  # fmt: skip
+    yield at_most(
+        "largest load of point and profile", d.asked_Nm, p("torque_limit_Nm"), "N m",
+        "raise controller.torque_limit_Nm, or ask for less",
+    )  # fmt: skip
     weak_rpm = d.base_rpm(REACH_PU * TABLE_SHARE[p("table")]) * d.flux_Wb / p("flux_min_Wb")
     if p("field_weakening") == "on":
         yield at_least(
@@ -219,7 +330,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
         least_Hz = lib.ht_deadbeat_law_least_Hz(p("rs_ohm"), p("sigma_ls_H"), p("lxy_H"))
         yield at_least(
             "f_isr_Hz for the machine's time constants", p("f_isr_Hz"), least_Hz, "Hz",
-            "raise controller.f_isr_Hz",
+            f"set controller.f_isr_Hz = {math.ceil(least_Hz / 1e4) * 10_000}",
         )  # fmt: skip
         yield from _reach(d, row, 1.0)
         yield from _expected(d, p("f_isr_Hz"))

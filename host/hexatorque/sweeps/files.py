@@ -10,6 +10,7 @@ from typing import Any
 
 from ..errors import HexatorqueError
 from ..setups import SetupError
+from ..setups.loading import beside
 from ..setups.values import suggest
 from .errors import StudyError
 from .space import GRID
@@ -72,6 +73,8 @@ def read(path: Path, changes: Mapping[str, Any] | None = None) -> Study:
             data[name] = _flat(name, data.get(name, {}))
     except StudyError as error:
         raise StudyError(f"{path}: {error}") from None
+    if "setup" in data:
+        data["setup"] = beside(data["setup"], path.parent)
     changes = dict(changes or {})
     data["vary"].update(changes.pop("vary", {}))
     try:

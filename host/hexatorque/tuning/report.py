@@ -50,6 +50,7 @@ def setup_text(tuned: Tuned, source: str) -> str:
     if not any(changes.values()):
         return text
     name = source if built_in else str(Path(source).resolve())
+    text = text if built_in else edit.moved(text, Path(source).parent)
     return edit.edited(text, changes) or edit.on_top_of(name, changes)
 
 

@@ -1,0 +1,163 @@
+"""The review of a set-up as a colleague would give it: numbers that no machine has, what point and
+profile ask, and one line that says what follows."""
+
+import json
+import shlex
+
+import pytest
+
+from hexatorque import setups
+from hexatorque.cli.main import main
+from hexatorque.firmware import schemes
+from hexatorque.setups import new
+from hexatorque.setups.review import outcome, review
+
+CIRCUIT = "pole_pairs=2,rs_ohm=1.8,rr_ohm=2,lls_H=0.01,llr_H=0.015,lm_H=0.284,current_A=5,vdc_V=600"
+
+
+def verdicts(setup, **changes):
+    found = review(setup.changed(**changes), [])
+    return {f.subject: f.verdict for f in found}
+
+
+@pytest.mark.parametrize(
+    ("changes", "subject"),
+    [
+        ({"machine__lls_H": 0.614, "machine__lm_H": 0.0053}, "lm_H over lls_H"),
+        ({"machine__rs_ohm": 150.0}, "rs_ohm times rated current over the voltage"),
+        ({"machine__rr_ohm": 150.0}, "rr_ohm times rated current over the voltage"),
+        ({"controller__pole_pairs": 3}, "controller.pole_pairs unlike the machine's"),
+        ({"sensors__adc_bits": 6}, "step of the current's converter"),
+        ({"sensors__encoder_ppr": 1}, "torque of one step of the measured speed"),
+        ({"machine__rr_ohm": 0.004}, "flux build-up"),
+        (
+            {"point__speed_rpm": 4000.0, "controller__speed_trip_rpm": 4100.0},
+            "fastest speed of point and profile against the trip",
+        ),
+        (
+            {"point__load_Nm": 9.0, "controller__torque_limit_Nm": 8.0},
+            "largest load of point and profile",
+        ),
+    ],
+)
+def test_what_cannot_be_is_bad(changes, subject):
+    good = setups.load("small-2kw")
+    assert verdicts(good)[subject] == "ok"
+    assert verdicts(good, **changes)[subject] == "bad"
+
+
+def test_a_profile_above_the_trip_is_bad():
+    text = 'setup = "small-2kw"\n[profile]\nduration_s = 3\nspeed_rpm = [[1, 100], [2, -5000]]\n'
+    text += "[controller]\nspeed_trip_rpm = 4500\n"
+    assert verdicts(setups.parse(text, "x"))[
+        "fastest speed of point and profile against the trip"
+    ] == ("bad")
+
+
+def test_no_built_in_set_up_has_a_number_that_no_machine_has():
+    for name in setups.builtin_names():
+        setup = setups.load(name)
+        wrong = {s for s, v in verdicts(setup).items() if v == "bad"}
+        assert not {s for s in wrong if " over " in s or "unlike" in s}, name
+
+
+def said(setup, names=None):
+    names = names or list(schemes())
+    findings = review(setup, names)
+    return outcome(findings, names, setup.parameter("scheme"), "mine.toml")
+
+
+def test_one_line_says_which_schemes_are_ready_and_why_the_others_are_not():
+    reached = said(setups.load("small-2kw"))
+    assert "\n" not in reached.text
+    assert reached.text.startswith("ready: ") and "dtc1" not in reached.ready
+    assert "not: dtc1" in reached.text and ", because current at the torque limit" in reached.text
+    assert "next: hexatorque compare --setup mine.toml --schemes ddr," in reached.text
+    assert {*reached.ready, *reached.not_ready} == set(schemes())
+
+
+def test_a_scheme_that_is_not_ready_is_replaced_by_one_that_is():
+    reached = said(setups.load("small-2kw").with_scheme("dtc1"))
+    (step,) = [part for part in reached.text.split("; ") if part.startswith("next: ")]
+    named = step.split('"')[1]
+    assert step.startswith("next: set controller.scheme") and named in reached.ready
+
+
+def test_a_set_up_that_is_wrong_for_all_schemes_says_what_to_change_first():
+    reached = said(setups.load("small-2kw").changed(controller__i_trip_A=9.9), ["ddr"])
+    assert reached.ready == () and "lower controller.i_trip_A" in reached.text
+    assert reached.text.startswith("not ready: i_trip_A is 9.9 A, above 8.85")
+
+
+@pytest.mark.parametrize("width", (80, 120))
+def test_the_review_fits_into_the_terminal(tmp_path, capsys, monkeypatch, width):
+    file = tmp_path / "a b.toml"
+    file.write_text(new.from_circuit(CIRCUIT, "mine"))
+    monkeypatch.setenv("COLUMNS", str(width))
+    for more in ([], ["--all"]):
+        main(["check", str(file), *more])
+        lines = capsys.readouterr().out.splitlines()
+        assert max(map(len, lines)) <= width
+        assert len(lines) < 40 or more
+        last = " ".join(" ".join(lines).split())
+        assert "ready: " in last and "next: hexatorque compare --setup" in last
+    main(["check", str(file), "--json"])
+    result = json.loads(capsys.readouterr().out)
+    assert result["verdict"].startswith("ready: ") and "ddr" in result["ready"]
+    assert shlex.quote(str(file)) in result["verdict"]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("lls_H=0.01,", "lls_H=0.284,"), ("lm_H over lls_H is 1", "exchanged?")),
+        (("lm_H=0.284", "lm_H=0.015"), ("lm_H over lls_H is 1.5", "machine.lm_H")),
+        (("rs_ohm=1.8", "rs_ohm=180"), ("rs_ohm times rated current", "check machine.rs_ohm")),
+    ],
+)
+def test_a_circuit_that_no_machine_has_is_not_written(tmp_path, capsys, change, words):
+    file = tmp_path / "mine.toml"
+    assert main(["new", str(file), "--circuit", CIRCUIT.replace(*change)]) == 2
+    said = capsys.readouterr().err
+    for word in words:
+        assert word in said
+    assert not file.exists()
+
+
+# -- files that name others --------------------------------------------------------------------
+
+
+def test_a_file_names_another_as_seen_from_its_own_folder(tmp_path, monkeypatch):
+    folder = tmp_path / "machines"
+    folder.mkdir()
+    (folder / "mine.toml").write_text(new.from_circuit(CIRCUIT, "mine"))
+    first = folder / "first.toml"
+    first.write_text('setup = "mine.toml"\n[controller]\nscheme = "fdr"\n')
+    (tmp_path / "above.toml").write_text('setup = "machines/first.toml"\n')
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    assert setups.load(first)["machine.lm_H"] == 0.284
+    assert setups.load("../above.toml").parameter("scheme") == "fdr"
+    with pytest.raises(setups.SetupError, match="mine"):
+        setups.parse('setup = "mine.toml"\n', "x")
+
+
+def test_a_tuned_copy_finds_the_file_that_the_first_one_named(tmp_path):
+    from hexatorque.setups.edit import moved
+
+    (tmp_path / "mine.toml").write_text(new.from_circuit(CIRCUIT, "mine"))
+    source = 'title = "first"\nsetup = "mine.toml"  # my machine\n[controller]\nscheme = "fdr"\n'
+    other = tmp_path / "out"
+    other.mkdir()
+    (other / "tuned.toml").write_text(moved(source, tmp_path))
+    assert "# my machine" in (other / "tuned.toml").read_text()
+    assert setups.load(other / "tuned.toml")["machine.lm_H"] == 0.284
+    built_in = 'setup = "paper-b"\n'
+    assert moved(built_in, tmp_path) == built_in
+
+
+def test_a_file_that_is_not_there_is_told_which_one_was_meant(tmp_path):
+    (tmp_path / "machine.toml").write_text(new.from_circuit(CIRCUIT, "mine"))
+    with pytest.raises(setups.SetupError, match=r"did you mean '.*/machine.toml'\?"):
+        setups.load(tmp_path / "machin.toml")
