@@ -37,7 +37,9 @@ def load(name_or_path: str | Path) -> Setup:
 
 def beside(name: str, folder: Path) -> str:
     """The set-up that a file in this folder calls by this name: a built-in one, or a file."""
-    return name if name in builtin_names() else str(folder / name)
+    path = folder / name
+    is_file = name not in builtin_names() and (path.suffix or path.exists())
+    return str(path) if is_file else name
 
 
 def builtin_text(name: str) -> str:
