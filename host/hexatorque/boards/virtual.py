@@ -28,6 +28,7 @@ from ..drive.simulated import SimulatedDrive
 from ..firmware import FirmwareError, ffi, lib
 from ..recording.recording import Recording
 from ..setups import Setup
+from .own_recording import OwnRecording
 from .store_file import FileStore
 
 #: Simulated seconds between two transfers of bytes on the line, at real-time speed, and when the
@@ -204,9 +205,10 @@ def serve(
     board: VirtualBoard,
     line: Terminal,
     until: Callable[[], bool],
-    record: bool = False,
+    record: OwnRecording | None = None,
 ) -> None:
-    """Run the board and the line, `board.factor` times as fast as real time, until `until()`."""
+    """Run the board and the line, `board.factor` times as fast as real time, until `until()`.
+    `record`: where the simulation's own samples go."""
     speed = max(1.0, board.factor)
     begun = time.monotonic()
     done_s = busy_s = 0.0
@@ -229,8 +231,10 @@ def serve(
             waiting = waiting[board.controller.put(waiting) :]
             busy_s = done_s
         step_s = min(due_s - done_s, 10 * TURN_S * speed)
-        board.run(step_s, record)
+        board.run(step_s, record is not None)
         done_s += step_s
+        if record:
+            record.keep()
         sent = board.controller.take()
         if sent:
             line.write(sent)

@@ -15,6 +15,9 @@ from ..group import examples
 from ..options import Mistake
 from ..working import compiling
 
+#: Of a longer recording the end is told before it is written: that takes a while.
+LONG_S = 60.0
+
 
 @click.command(
     epilog=examples(
@@ -60,7 +63,7 @@ from ..working import compiling
     "from 2.5 s on. May be repeated",
 )
 @options.file("--link", metavar="PATH", help="a fixed name for the port")
-@options.file("--record", metavar="FILE", help="the simulation's own recording, at the end")
+@options.file("--record", metavar="FILE", help="the simulation's own recording")
 @options.as_json
 def serve(setup, load, machine, baud, fast, store, breaks, link, record, as_json) -> int:
     """A virtual board: firmware and plant behind a serial port.
@@ -68,6 +71,7 @@ def serve(setup, load, machine, baud, fast, store, breaks, link, record, as_json
     Runs firmware and plant in one process that serves the serial protocol on a pseudo-terminal,
     as the image on a DSP does on its serial port. Prints the port. Ends with Ctrl-C.
     """
+    from ...boards.own_recording import OwnRecording
     from ...boards.virtual import Terminal
     from ...boards.virtual import serve as serve_board
     from ...recording.formats import check_output
@@ -96,11 +100,14 @@ def serve(setup, load, machine, baud, fast, store, breaks, link, record, as_json
                 if store:
                     said += f"\nparameters: {board.controller.parameter_set} ({store})"
             print(said, flush=True)
-            serve_board(board, line, until=lambda: bool(ended), record=record is not None)
+            own = None if record is None else OwnRecording(board, record)
+            serve_board(board, line, until=lambda: bool(ended), record=own)
         finally:
             file.unlink(missing_ok=True)
-        if record is not None:
-            board.take().save(record)
+        if own is not None:
+            if own.seconds > LONG_S:
+                print(f"writing {own.seconds:.0f} s to {record}", file=sys.stderr)
+            own.close()
             print(f"recording: {record}", file=sys.stderr)
     return 0
 

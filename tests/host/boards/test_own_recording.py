@@ -1,0 +1,88 @@
+"""The recording that a virtual board makes of itself needs memory that does not grow."""
+
+import numpy as np
+import pytest
+
+from hexatorque import setups
+from hexatorque.boards.own_recording import PART_S, OwnRecording
+from hexatorque.boards.virtual import VirtualBoard
+from hexatorque.recording.formats import RecordingError
+from hexatorque.recording.recording import Recording
+from hexatorque.recording.writer import Writer
+
+STEP_S = 0.01
+
+
+def board() -> VirtualBoard:
+    made = VirtualBoard(setups.load("paper-b"))
+    made.sim.start()
+    return made
+
+
+def turns(made: VirtualBoard, own: OwnRecording | None, seconds: float) -> int:
+    """Let the time pass as `serve` does. Returns the largest number of rows held in memory."""
+    rows = 0
+    for _ in range(round(seconds / STEP_S)):
+        made.run(STEP_S, True)
+        if own:
+            own.keep()
+        rows = max(rows, len(made.sim._plant._data))
+    return rows
+
+
+def same(a: np.ndarray, b: np.ndarray) -> bool:
+    return np.array_equal(a, np.float32(b), equal_nan=True)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+def test_it_is_what_one_recording_of_all_would_be(tmp_path, suffix):
+    whole = board()
+    turns(whole, None, 1.05)
+    expected = whole.take()
+
+    parts = board()
+    own = OwnRecording(parts, tmp_path / f"own{suffix}")
+    most = turns(parts, own, 1.05)
+    assert own.seconds == pytest.approx(1.0, abs=PART_S)
+    own.close()
+    found = Recording.load(own.path)
+    assert len(found) == len(expected) and found.rate_Hz == expected.rate_Hz
+    assert found.start_s == expected.start_s and found.units == dict(expected.units)
+    for name in ("state", "torque_Nm", "plant.i_u1_A", "plant.torque_Nm", "plant.speed_rpm"):
+        assert same(found[name], expected[name]), name
+    for key in ("setup", "scheme", "samples_per_period", "state", "faults", "processor"):
+        assert found.meta[key] == expected.meta[key]
+    assert found.meta["f_sw_Hz"] == pytest.approx(expected.meta["f_sw_Hz"], rel=1e-3)
+    assert found.meta["closed"] and found.meta["lost_samples"] == 0
+    # However long it lasts, the simulation holds little more than what is written at once.
+    assert most <= 2 * (PART_S + 2 * STEP_S) * found.rate_Hz
+
+
+def test_another_rate_of_the_interrupts_begins_it_anew(tmp_path):
+    made = VirtualBoard(setups.load("paper-b"))
+    own = OwnRecording(made, tmp_path / "own.csv")
+    turns(made, own, 0.5)
+    rate_Hz = made.sim.samples_per_period / made.sim.period_s
+    made.controller.set("f_isr_Hz", 0.5 * float(made.controller.get("f_isr_Hz")))
+    turns(made, own, 0.5)
+    own.close()
+    found = Recording.load(own.path)
+    assert found.rate_Hz == pytest.approx(0.5 * rate_Hz, rel=1e-6)
+    assert found.start_s + len(found) / found.rate_Hz == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_board(tmp_path, monkeypatch):
+    made = board()
+    own = OwnRecording(made, tmp_path / "own.csv")
+    turns(made, own, 0.3)
+
+    def full(*_):
+        raise RecordingError("own.csv: No space left on device")
+
+    monkeypatch.setattr(Writer, "append", full)
+    turns(made, own, 0.5)
+    assert made.sim.time_s == pytest.approx(0.8)
+    with pytest.raises(RecordingError, match="No space left"):
+        own.close()
+    kept = Recording.load(own.path)
+    assert len(kept) and "No space left" in kept.meta["ended"]
