@@ -6,7 +6,6 @@
 #define TYPE_F32 0u
 #define FLAG_LIVE 1u
 #define FLAG_WHOLE 2u
-#define FLAG_CONTROL 1u
 
 uint16_t ht_dictionary_rows(uint16_t kind)
 {
@@ -65,9 +64,6 @@ static void add_additions(ht_packet *p)
     ht_packet_add16(p, HT_DICTIONARY_MINOR);
     for (row = 0u; row < (uint16_t)HT_STATES; row++) {
         ht_packet_add8(p, ht_state_flags(row));
-    }
-    for (row = 0u; row < ht_channel_count(); row++) {
-        ht_packet_add8(p, ht_channel_describe(row)->control ? FLAG_CONTROL : 0u);
     }
 }
 

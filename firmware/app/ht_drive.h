@@ -194,12 +194,11 @@ typedef struct {
     const char *name;
     const char *unit;
     const char *help;
-    bool control; /**< computed only in states with HT_CONTROLS */
 } ht_channel_info;
 
 uint16_t ht_channel_count(void);
 const ht_channel_info *ht_channel_describe(uint16_t id);
-/** One channel; 0 for an unknown id. */
+/** One channel; 0 for an unknown id. NaN, as below, for one of the control while it does not run. */
 float ht_channel_read(const ht_drive *d, uint16_t id);
 /** All channels into `out[0 .. ht_channel_count() - 1]`. */
 void ht_channels_read(const ht_drive *d, float *out);

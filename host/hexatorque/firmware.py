@@ -165,13 +165,6 @@ def channels() -> tuple[tuple[str, str], ...]:
     return tuple((_text(r.name), _text(r.unit)) for r in rows)
 
 
-@lru_cache
-def control_channels() -> frozenset[str]:
-    """Names of the channels that are computed only in states that control torque and flux."""
-    rows = (lib.ht_channel_describe(i) for i in range(lib.ht_channel_count()))
-    return frozenset(_text(row.name) for row in rows if row.control)
-
-
 def schemes() -> tuple[str, ...]:
     return parameters()["scheme"].choices
 

@@ -174,7 +174,6 @@ class MonitoredDrive:
             "fresh_s": FRESH_S,
             "triggers": TRIGGERS,
             "states": [state.name for state in dictionary.states],
-            "controlled": sorted(dictionary.control_channels),
             "parameters": [
                 {
                     "name": row.name, "unit": row.unit, "min": row.min, "max": row.max,
@@ -197,7 +196,6 @@ class MonitoredDrive:
         return {
             "state": state.name if state else "",
             "working": state is not None and state.at_work,
-            "controlling": state is not None and state.controls,
             "faults": self.drive.dictionary.causes(latest.faults) if latest else [],
             "time_s": (ticks or (latest.tick if latest else 0)) / self.drive.hello.f_isr_Hz,
             "plugged": client.transport.plugged,

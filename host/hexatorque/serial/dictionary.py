@@ -26,8 +26,6 @@ class Dictionary:
     channels: tuple[wire.ChannelRow, ...]
     faults: tuple[wire.FaultRow, ...]
     states: tuple[State, ...]
-    #: Names of the channels that are computed only in states that control torque and flux.
-    control_channels: frozenset[str]
     minor: int  #: of the board's protocol
 
     def causes(self, bits: int) -> list[str]:
@@ -96,10 +94,8 @@ def _parse(hello: Hello, rows: list[bytes], more: wire.Additions) -> Dictionary:
     }  # fmt: skip
     names = [row.name for row in parsed[Kind.STATE]]
     states = tuple(map(State.of, names, more.states)) or tuple(map(State, names))
-    channels = tuple(parsed[Kind.CHANNEL])
-    control = (r.name for r, f in zip(channels, more.channels) if f & wire.CONTROL_CHANNEL)
     return Dictionary(
-        hello.crc, parameters, channels, tuple(parsed[Kind.FAULT]), states, frozenset(control),
+        hello.crc, parameters, tuple(parsed[Kind.CHANNEL]), tuple(parsed[Kind.FAULT]), states,
         more.minor,
     )  # fmt: skip
 

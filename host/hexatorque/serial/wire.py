@@ -365,23 +365,18 @@ class Additions(NamedTuple):
 
     minor: int = 0
     states: tuple[int, ...] = ()  #: flags of each state
-    channels: tuple[int, ...] = ()  #: flags of each channel
-
-
-#: Flag of a channel: it is computed only in states that control torque and flux.
-CONTROL_CHANNEL = 1
 
 
 def parse_additions(payload: bytes, hello: Hello) -> Additions:
     """LIST's row of additions. What a later version appends is ignored."""
-    _, channels, _, states = hello.rows
+    states = hello.rows[Kind.STATE]
     if len(payload) < 5 or struct.unpack_from("<BH", payload) != (ADDITIONS, 0):
         raise WireError("not the row of additions")
     (minor,) = struct.unpack_from("<H", payload, 3)
     flags = tuple(payload[5:])
-    if len(flags) < states + channels:
+    if len(flags) < states:
         raise WireError("the row of additions is too short")
-    return Additions(minor, flags[:states], flags[states : states + channels])
+    return Additions(minor, flags[:states])
 
 
 class StatusReply(NamedTuple):

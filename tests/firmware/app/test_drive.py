@@ -119,6 +119,39 @@ def test_states_in_order_and_gates_in_build_and_run_only(bench):
     assert bench.violations() == 0
 
 
+#: What only the control computes, beside what a sensor or the drive itself knows.
+OF_CONTROL = (
+    "torque_Nm", "torque_decided_Nm", "torque_ref_Nm", "torque_level", "psi_alpha_Wb",
+    "psi_beta_Wb", "psi_x_Wb", "psi_y_Wb", "v_x_pu", "v_y_pu", "omega_sync_rad_s", "flux_level",
+    "flux_ref_Wb", "sector",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("mode", ("drive", "test"))
+def test_what_the_control_computes_is_nan_while_it_does_not_run(mode):
+    """Otherwise recordings and plots would show its last values as if they were present ones: a
+    torque without any current, a flux after a fault."""
+    names = [name for name, _ in firmware.channels()]
+    bench = Bench(start_mode="drive", test_s=0.01)
+    bench.run_to("run").fast(5)
+    assert bench.controller.channel("flux_ref_Wb") > 0.0
+    bench.controller.stop()
+    bench.controller.set("start_mode", mode)
+    bench.controller.start()
+    for n in range(400):
+        if n == 300:
+            bench.vdc = 1000.0  # a fault
+        controls = bench.controller.condition.controls
+        values = np.empty(len(names), np.float32)
+        lib.ht_channels_read(bench.drive, ffi.cast("float *", values.ctypes.data))
+        for id, name in enumerate(names):
+            blank = name in OF_CONTROL and not controls
+            assert np.isnan(values[id]) == blank, (name, bench.state)
+            one = np.float32(lib.ht_channel_read(bench.drive, id))
+            assert np.array_equal(one, values[id], equal_nan=True)
+        bench.fast()
+
+
 @pytest.mark.parametrize("mode", ("drive", "test"))
 def test_the_table_of_states_tells_when_gates_may_be_on(mode):
     """Gates are on in no state without that flag. A drive that is not at work stays off until a

@@ -185,7 +185,8 @@ def test_samples_are_the_channels_at_the_end_of_the_interrupt():
     assert set(np.diff([g[1] for g in got])) == {3}
     compared = [g for g in got if g[1] in seen]
     assert len(compared) >= 95
-    assert all(g[2] == seen[g[1]] for g in compared)
+    # NaN: what is computed only while the drive controls, after the sensors' jumps have tripped it.
+    np.testing.assert_array_equal([g[2] for g in compared], [seen[g[1]] for g in compared])
 
 
 def test_four_streams_at_once():

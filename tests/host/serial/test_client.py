@@ -67,8 +67,7 @@ def test_of_a_board_that_says_nothing_about_its_states_the_worst_is_assumed(peer
     with BoardDrive.open(peer.port) as drive:
         assert (drive.condition, drive.dictionary.minor) == (firmware.State("idle"), 0)
         assert drive.condition.at_work and drive.condition.gates_on and drive.condition.controls
-        assert not drive.dictionary.control_channels
-    peer.additions = struct.pack("<H5B2B", 7, 0, 1, 7, 7, 0, 0, 1) + b"more of a later version"
+    peer.additions = struct.pack("<H5B", 7, 0, 1, 7, 7, 0) + b"more of a later version"
     with BoardDrive.open(peer.port) as drive:
         assert drive.dictionary.minor == 7
         assert [tuple(state) for state in drive.dictionary.states] == [
@@ -78,11 +77,10 @@ def test_of_a_board_that_says_nothing_about_its_states_the_worst_is_assumed(peer
             ("run", True, True, True),
             ("fault", False, False, False),
         ]
-        assert drive.dictionary.control_channels == {"torque_Nm"}
         peer.state = 9  # not in its dictionary
         assert drive.condition == firmware.State("9")
         peer.state = 0
-    peer.additions = peer.additions[:8]
+    peer.additions = peer.additions[:6]
     with pytest.raises(LinkError, match="row of additions is too short"):
         BoardDrive.open(peer.port)
 
