@@ -1,5 +1,6 @@
 """The page in a headless Chromium with a virtual board: the tests act as a user would."""
 
+import itertools
 import signal
 import time
 
@@ -327,11 +328,69 @@ def test_the_level_is_checked_and_its_channel_is_captured(page, monitor):
     assert "speed_rpm" in monitor.get("/capture")[1]["channels"]
 
 
+#: With the longest words of the header: pairs of words that lie on each other, words that
+#: are not whole inside the window, and whether one can see the button that records.
+LAID_OUT = """(async (state, faults) => {
+  document.querySelector('#state').textContent = state;
+  const bar = document.querySelector('#faults');
+  bar.textContent = faults;
+  bar.hidden = !faults;
+  document.querySelectorAll('#figures b').forEach((b) => { b.textContent = '−1234.5'; });
+  const shown = [...document.querySelectorAll(
+    'h1, #device, #state, #faults, #figures dt, #figures b, #figures small, .commands button, ' +
+    '.tools button, .tools select, .tools label, .tools a, .tabs button')]
+    .filter((e) => e.checkVisibility() && e.textContent.trim());
+  const boxes = shown.map((e) => [e, e.getBoundingClientRect()]);
+  const wrong = [];
+  for (const [a, p] of boxes) {
+    const name = a.id || a.textContent.trim();
+    if (p.left < 0 || p.right > innerWidth + 0.5 || p.width < 1) wrong.push(`outside: ${name}`);
+    for (const [b, q] of boxes) {
+      if (a === b || a.contains(b) || b.contains(a)) continue;
+      const wide = Math.min(p.right, q.right) - Math.max(p.left, q.left);
+      const high = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
+      if (wide > 1 && high > 1) wrong.push(`${name} on ${b.id || b.textContent.trim()}`);
+    }
+  }
+  const record = document.querySelector('#record');
+  if (!record.checkVisibility()) wrong.push('no button that records');
+  return wrong;
+})"""
+
+
+@pytest.mark.parametrize("wide", [1024, 1100, 1241, 1280, 1366, 1440, 1920])
+def test_no_words_lie_on_others(page, wide):
+    page.size(wide, 720)
+    causes = ["", "over-current", "currents of a set do not add up to zero, phase lost, link lost"]
+    for view in ("live", "capture"):
+        page.js(f"(() => {{ const b = document.querySelector('#see-{view}'); b.disabled = false;"
+                "b.click(); })()")  # fmt: skip
+        for state, faults in itertools.product(("calibrate", "unplugged", "fault"), causes):
+            found = page.js(f"{LAID_OUT}({state!r}, {faults!r})")
+            assert found == [], (view, state, faults)
+
+
+def test_a_recording_can_be_seen_and_ended_in_every_view(page):
+    page.click("#record")
+    page.until("document.querySelector('#record').getAttribute('aria-pressed') === 'true'")
+    tab(page, "capture")
+    page.type("#samples", "100")
+    page.js("document.querySelector('#capture-form').requestSubmit()")
+    page.until("document.querySelector('#capture-state').textContent.startsWith('waiting')")
+    page.click("#trigger-now")
+    page.until("document.body.dataset.seeing === 'capture'")  # by itself
+    assert page.js("document.querySelector('#record').checkVisibility()")
+    page.until("/ s$/.test(document.querySelector('#record').textContent)")
+    page.click("#record")
+    page.until("document.querySelector('#record').getAttribute('aria-pressed') === 'false'")
+    assert page.complaints() == []
+
+
 FIGURES = "[...document.querySelectorAll('#figures b')].map(e => e.textContent)"
 
 
 def test_numbers_without_a_meaning_are_blank(page, monitor, board):
-    """While the control does not run, the board sends the torque of the last control step."""
+    """While the control does not run there is no torque."""
     start(page)
     # So fast that the machine coasts for some seconds and the speed changes on a paused page.
     monitor.post("/write", {"values": {"speed_ref_rpm": 300}})

@@ -165,10 +165,8 @@ async function answer(page, sent_s) {
 
 /** Show the newest sample in header and legend; null: there is none, or it is too old. */
 function newest(sample) {
-  const meant = sample ? status.channels.map((name, place) =>
-    (status.controlling || !device.controlled.includes(name) ? sample[place] : NaN)) : [];
-  figures(meant);
-  if (!paused) live.newest(meant);
+  figures(sample ?? []);
+  if (!paused) live.newest(sample ?? []);
 }
 
 function take(news) {
@@ -311,9 +309,10 @@ function hear(now) {
   status = now;
   document.body.dataset.state = now.plugged && !now.broken ? now.state : "unknown";
   document.body.dataset.faulty = String(now.faults.length > 0);
+  document.body.dataset.working = String(now.working);
   $("state").textContent = now.plugged ? now.state || "–" : "unplugged";
   $("faults").textContent = now.faults.join(", ");
-  $("faults").title = now.faults.join(", ");
+  $("faults").hidden = !now.faults.length;
   $("start").disabled = now.state !== "idle" || !now.plugged;
   $("clear").disabled = now.state !== "fault" || !now.plugged;
   alarm();
