@@ -36,6 +36,9 @@ HIDDEN_S = 10.0
 BEHIND_S = 0.5
 #: The newest sample is shown as a number only if it is not older than this.
 FRESH_S = 1.0
+#: The figures in the header are means over this time: a torque that is controlled by a comparator
+#: jumps from sample to sample.
+MEAN_S = 0.25
 #: Width of the gap in the traces where the board was reset.
 BREAK_S = 0.05
 #: STOP is repeated for this long if it fails.
@@ -406,6 +409,18 @@ class MonitoredDrive:
         if ring is None or time.monotonic() - self._pushed_s > FRESH_S:
             return None
         return ring.newest()
+
+    def mean(self) -> np.ndarray:
+        """The mean of the latest `MEAN_S`, (channels,). NaN for a channel that has no newest value:
+        its control does not run."""
+        with self._lock:
+            ring, stream = self.ring, self.stream
+        if ring is None or stream is None or not ring.end:
+            return np.empty(0)
+        part = ring.part(ring.end - max(1, round(MEAN_S * stream.rate_Hz)), ring.end)
+        there = np.isfinite(part)
+        total = np.where(there, part, 0.0).sum(axis=1, dtype=float)
+        return np.where(there[:, -1], total / np.maximum(1, there.sum(axis=1)), np.nan)
 
     def _count(self, samples: int) -> None:
         """Measure the samples per second, over the latest second."""

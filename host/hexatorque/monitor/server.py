@@ -318,6 +318,7 @@ class Handler(BaseHTTPRequestHandler):
                 newest = monitored.newest()
                 if newest is not None and len(newest) == len(frame["status"]["channels"]):
                     frame["newest"] = [float(f"{value:.6g}") for value in newest]
+                    frame["mean"] = [float(f"{value:.6g}") for value in monitored.mean()]
             if frame:
                 text = json.dumps(_finite(frame), separators=(",", ":"))
                 self.wfile.write(b"data: " + text.encode() + b"\n\n")

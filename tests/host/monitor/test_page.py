@@ -4,6 +4,7 @@ import itertools
 import signal
 import time
 
+import numpy as np
 import pytest
 from chromium import Chromium, program
 
@@ -476,6 +477,11 @@ def test_the_page_shows_a_fault(page, monitor):
     assert page.js("document.querySelector('#faults').textContent") == "dc-link voltage too high"
     tab(page, "fault")
     page.until("document.querySelector('#snapshot h2')?.textContent === 'dc-link voltage too high'")
+    rows = page.js("Object.fromEntries([...document.querySelectorAll('#snapshot tr')]"
+                   ".map((r) => [...r.children].map((c) => c.textContent)))")  # fmt: skip
+    assert {"adc_u1", "adc_v2", "adc_vdc", "i_u1", "position"} <= rows.keys()
+    counts = [rows[name] for name in rows if name.startswith("adc_") or name == "position"]
+    assert len(counts) == 8 and all(count.isdecimal() for count in counts), counts  # not 1.41e+6
     monitor.post("/write", {"values": {"vdc_max_V": 400}})
     page.click("#clear")
     page.until(f"{STATE} === 'idle'")
@@ -515,3 +521,121 @@ def test_without_the_cookie_the_page_says_which_address_to_open(browser, monitor
     page = browser.open(f"http://localhost:{monitor.port}/")
     assert "hexatorque board monitor" in page.js("document.body.textContent")
     page.close()
+
+
+def test_arrow_keys_move_between_tabs(page):
+    page.js("document.querySelector('[data-panel=drive]').focus()")
+    chosen = "document.querySelector('.tabs [aria-selected=true]').dataset.panel"
+    focus = "document.activeElement.dataset.panel"
+    for key, name in (
+        ("ArrowRight", "channels"), ("ArrowRight", "parameters"), ("ArrowLeft", "channels"),
+        ("End", "fault"), ("ArrowRight", "drive"), ("ArrowLeft", "fault"), ("Home", "drive"),
+    ):  # fmt: skip
+        page.key(key, key)
+        assert page.js(f"[{chosen}, {focus}]") == [name, name]
+        assert page.js(f"document.querySelector('#panel-{name}').checkVisibility()")
+    # The Tab key stops at one tab of the list only.
+    stops = page.js("[...document.querySelectorAll('.tabs [role=tab]')].map((t) => t.tabIndex)")
+    assert sorted(stops) == [-1] * (len(stops) - 1) + [0]
+    linked = page.js(
+        "[...document.querySelectorAll('.tabs [role=tab]')].every((t) =>"
+        "document.getElementById(t.getAttribute('aria-controls')).role === 'tabpanel')"
+    )
+    assert linked
+
+
+#: Texts whose contrast with what is behind them is below 4.5 (WCAG 2.1, level AA).
+PALE = """(() => {
+  const parts = (colour) => {
+    const found = colour.match(/[\\d.e-]+/g).map(Number);
+    const scale = colour.startsWith('color(') ? 1 : 255;
+    return [...found.slice(0, 3).map((v) => v / scale), found[3] ?? 1];
+  };
+  const over = (top, below) => [0, 1, 2].map((k) => top[k] * top[3] + below[k] * (1 - top[3])).concat(1);
+  const behind = (e) => {
+    const here = parts(getComputedStyle(e).backgroundColor);
+    return here[3] === 1 || !e.parentElement ? here : over(here, behind(e.parentElement));
+  };
+  const light = (c) => [0.2126, 0.7152, 0.0722].reduce((sum, weight, k) =>
+    sum + weight * (c[k] <= 0.04045 ? c[k] / 12.92 : ((c[k] + 0.055) / 1.055) ** 2.4), 0);
+  const pale = [];
+  for (const e of document.querySelectorAll('body *')) {
+    const own = [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
+    if (!own || !e.checkVisibility() || e.closest(':disabled, .off, option, script, .locked')) continue;
+    const ground = behind(e);
+    const [a, b] = [light(over(parts(getComputedStyle(e).color), ground)), light(ground)];
+    const contrast = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    if (contrast < 4.5) pale.push(`${e.tagName} ${e.id} ${e.className} ${e.textContent.trim().slice(0, 30)}: ${contrast.toFixed(2)}`);
+  }
+  return [...new Set(pale)];
+})()"""  # noqa: E501
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_texts_have_contrast(page, monitor, scheme):
+    page.scheme(scheme)
+    page.until("document.querySelectorAll('#parameters .parameter').length > 9")
+    for panel in ("drive", "channels", "parameters", "capture", "fault"):
+        tab(page, panel)
+        if panel == "parameters":
+            page.type("#parameters .parameter:nth-child(9) input", "1e9")  # a mistake is shown
+        assert page.js(PALE) == [], panel
+    page.click("#record")
+    page.until("document.querySelector('#record').getAttribute('aria-pressed') === 'true'")
+    start(page)
+    assert page.js(PALE) == []
+    page.click("#record")
+    monitor.post("/write", {"values": {"vdc_max_V": 200}})
+    page.until(f"{STATE} === 'fault'")
+    assert page.js(PALE) == []
+
+
+#: How the three kinds of colour-blind people see linear red, green and blue (Machado, Oliveira and
+#: Fernandes, 2009, severity 1).
+SEEN = {
+    "by all": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "protan": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],
+               [-0.003882, -0.048116, 1.051998]],
+    "deutan": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
+               [-0.011820, 0.042940, 0.968881]],
+    "tritan": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602],
+               [0.004733, 0.691367, 0.303900]],
+}  # fmt: skip
+
+
+def lab(colour: str, seen: list) -> np.ndarray:
+    """CIE L*a*b* of #rrggbb (white point D65) as it is seen."""
+    coded = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    xyz = to_xyz @ np.clip(np.array(seen) @ linear, 0, 1) / [0.9505, 1.0, 1.089]
+    x, y, z = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_traces_of_one_style_differ_for_colour_blind_people_too(page, scheme):
+    """A difference of 10 in L*a*b* is several times what one can just see."""
+    page.scheme(scheme)
+    colours = page.js("[0, 1, 2, 3, 4, 5].map((n) => getComputedStyle(document.documentElement)"
+                      ".getPropertyValue(`--trace-${n}`).trim())")  # fmt: skip
+    assert colours[5] == ""  # there are five, each solid and dashed
+    for (one, other), (who, seen) in itertools.product(
+        itertools.combinations(colours[:5], 2), SEEN.items()
+    ):
+        assert np.linalg.norm(lab(one, seen) - lab(other, seen)) > 10, (one, other, who)
+
+
+def test_the_sixth_trace_is_dashed(page, monitor):
+    names = ["i_u1_A", "i_u2_A", "i_v1_A", "i_v2_A", "i_w1_A", "i_w2_A", "vdc_V"]
+    monitor.post("/channels", {"channels": names, "rate_Hz": 1000})
+    page.until("document.querySelectorAll('.chip').length === 7")
+    dashed = page.js(
+        "[...document.querySelectorAll('.chip')].filter((c) => c.querySelector('i.dashed'))"
+        ".map((c) => c.children[1].textContent)"
+    )
+    assert dashed == ["i_w2_A", "vdc_V"]
+    ticked = page.js("document.querySelectorAll('#channels i.dashed').length")
+    assert ticked == 2
+    time.sleep(0.5)
+    assert inked(page, 0) != 0 and page.complaints() == []

@@ -140,7 +140,7 @@ function listen() {
     const frame = JSON.parse(event.data);
     if (frame.status) {
       hear(frame.status);
-      newest(frame.newest ?? null);
+      newest(frame.newest ?? null, frame.mean ?? null);
     }
     if (frame.bins && !paused) take(frame.bins);
     if (frame.sent_s) answer(frame.page, frame.sent_s);
@@ -163,9 +163,10 @@ async function answer(page, sent_s) {
   }
 }
 
-/** Show the newest sample in header and legend; null: there is none, or it is too old. */
-function newest(sample) {
-  figures(sample ?? []);
+/** Show the newest sample in the legend, and the mean of the latest ones in the header; null: there
+ * is none, or it is too old. */
+function newest(sample, mean) {
+  figures(mean ?? []);
   if (!paused) live.newest(sample ?? []);
 }
 
@@ -191,12 +192,15 @@ function retrace() {
   if (rate && !orders) $("rate").value = rate.value;
 }
 
+/** Five colours that a colour-blind person can tell apart, each solid and dashed. */
+const styleOf = (index) => ({ colour: index % 5, dashed: index % 10 >= 5 });
+
 function series(names) {
   return names.map((name, index) => {
     const row = device.channels.find((channel) => channel.name === name);
     const steps = STEPS.has(name) || wordsOf(name) !== null;
     const reference = name.includes("_ref_");
-    return { name, index, colour: index % 10, unit: row.unit, help: row.help, steps, reference };
+    return { name, index, ...styleOf(index), unit: row.unit, help: row.help, steps, reference };
   });
 }
 
@@ -351,7 +355,7 @@ function titleOf(now) {
 function alarm() {
   const silent_ms = performance.now() - heard_ms;
   const silent = silent_ms > SILENT_MS;
-  if (silent_ms > STALE_MS && status) newest(null);
+  if (silent_ms > STALE_MS && status) newest(null, null);
   let text = "";
   if (silent) text = "No word from the monitor. A drive that it started stops by itself.";
   else if (status?.broken) text = status.broken;
@@ -411,7 +415,7 @@ function figures(sample) {
       const value = make("b", { textContent: "–" });
       value.dataset.figure = channel;
       $("figures").append(make("div", {},
-        make("dt", { textContent: name }),
+        make("dt", { textContent: name, title: "mean of the latest quarter of a second" }),
         make("dd", {}, value, make("small", { textContent: row.unit }))));
     }
   }
@@ -482,7 +486,9 @@ function choose(names) {
   for (const [name, { input, swatch }] of channelRow) {
     const place = names.indexOf(name);
     input.checked = place >= 0;
-    swatch.style.background = place >= 0 ? `var(--trace-${place % 10})` : "";
+    const { colour, dashed } = styleOf(place);
+    swatch.style.background = place >= 0 ? `var(--trace-${colour})` : "";
+    swatch.classList.toggle("dashed", dashed);
   }
 }
 
@@ -807,7 +813,9 @@ async function fetchSnapshot(version) {
     if (name === "i_A") value.forEach((one, i) => row(`i_${phases[i]}`, show(one), "A"));
     else if (name === "psi_Wb") value.forEach((one, i) => row(`psi_${["alpha", "beta"][i]}`, show(one), "Wb"));
     else if (name === "warnings") row(name, value.join(", ") || "none", "");
-    else if (Array.isArray(value)) row(name.replace("_counts", ""), value.join(" "), "counts");
+    else if (Array.isArray(value)) {
+      value.forEach((one, i) => row(`${name.replace("_counts", "")}_${[...phases, "vdc"][i]}`, one, "counts"));
+    } else if (name.endsWith("_counts")) row(name.replace("_counts", ""), value, "counts");
     else row(name, show(value), unit(name));
   }
   box.replaceChildren(
@@ -818,8 +826,37 @@ async function fetchSnapshot(version) {
 
 // -- begin -------------------------------------------------------------------------------
 
+/** Arrow keys, Home and End move in a list of tabs; the Tab key enters it at the one that is chosen. */
+function tabKeys(list) {
+  const all = () => [...list.querySelectorAll("[role=tab]")].filter((tab) => !tab.disabled);
+  const mark = () => {
+    for (const tab of list.querySelectorAll("[role=tab]")) {
+      tab.tabIndex = tab.getAttribute("aria-selected") === "true" ? 0 : -1;
+    }
+  };
+  new MutationObserver(mark).observe(list, { subtree: true, attributeFilter: ["aria-selected"] });
+  mark();
+  list.addEventListener("keydown", (event) => {
+    const tabs = all();
+    const at = tabs.indexOf(document.activeElement);
+    const to = { ArrowRight: at + 1, ArrowLeft: at - 1, Home: 0, End: tabs.length - 1 }[event.key];
+    if (to === undefined || at < 0) return;
+    event.preventDefault();
+    const tab = tabs[(to + tabs.length) % tabs.length];
+    tab.focus();
+    tab.click();
+  });
+}
+
 function tabs() {
+  for (const list of document.querySelectorAll("[role=tablist]")) tabKeys(list);
   const all = [...document.querySelectorAll("[data-panel]")];
+  for (const tab of all) {
+    const panel = $(`panel-${tab.dataset.panel}`);
+    tab.setAttribute("aria-controls", panel.id);
+    panel.setAttribute("role", "tabpanel");
+    panel.setAttribute("aria-label", tab.textContent);
+  }
   for (const tab of all) {
     tab.addEventListener("click", () => {
       for (const other of all) {

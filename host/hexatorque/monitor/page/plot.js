@@ -9,6 +9,8 @@ const STEPS = Array.from({ length: 22 }, (_, i) => i - 12)
   .flatMap((power) => [1, 2, 5].map((factor) => Number(`${factor}e${power}`)));
 /** Room around the traces, in pixels. */
 const ROOM = { above: 8, right: 20, values: 58, times: 22, below: 8 };
+/** Pixels of line and gap of a dashed trace. */
+const DASH = [7, 4];
 /** A drag of fewer pixels is a click. */
 const LEAST_DRAG = 6;
 
@@ -49,6 +51,7 @@ export class Plot {
       chip.title = one.help || one.name;
       const swatch = document.createElement("i");
       swatch.style.background = `var(--trace-${one.colour})`;
+      swatch.classList.toggle("dashed", one.dashed);
       const name = document.createElement("span");
       name.textContent = one.name;
       one.value = document.createElement("output");
@@ -122,6 +125,7 @@ export class Plot {
         // One pixel, because a browser that has no graphics processor draws wider lines six times
         // slower. References move little, so a wider line costs little.
         width: one.reference ? 2 : 1,
+        dash: one.dashed ? DASH : undefined,
         paths: one.steps ? steps : line,
         points: { show: false },
       }))],

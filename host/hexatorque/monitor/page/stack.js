@@ -41,11 +41,11 @@ export class Stack {
       line: colour("--line"),
       accent: colour("--accent"),
       stop: colour("--stop"),
-      traces: Array.from({ length: 10 }, (_, i) => colour(`--trace-${i}`)),
+      traces: Array.from({ length: 5 }, (_, i) => colour(`--trace-${i}`)),
     };
   }
 
-  /** series: {name, unit, index, colour, steps, reference, help}, in order; a plot per unit. */
+  /** series: {name, unit, index, colour, dashed, steps, reference, help}, in order; a plot per unit. */
   show(series) {
     const units = new Map();
     for (const one of series) {
