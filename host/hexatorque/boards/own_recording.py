@@ -13,8 +13,8 @@ from ..recording.journal import Stream
 from ..recording.writer import Writer
 
 if TYPE_CHECKING:
+    from ..drive.simulated import SimulatedDrive
     from ..recording.recording import Recording
-    from .virtual import VirtualBoard
 
 #: Simulated time between two writes.
 PART_S = 0.2
@@ -23,13 +23,13 @@ PART_S = 0.2
 class OwnRecording:
     """path: the file; failed: why it could not be written on, "" if it could."""
 
-    def __init__(self, board: VirtualBoard, path: Path) -> None:
+    def __init__(self, sim: SimulatedDrive, path: Path) -> None:
         self.path = path
         self.failed = ""
-        self._board = board
+        self._sim = sim
         self._writer: Writer | None = None
         self._rows = 0
-        self._kept_s = board.sim.time_s
+        self._kept_s = sim.time_s
         self._jumps = 0.0  # switching frequency times samples
 
     @property
@@ -38,12 +38,12 @@ class OwnRecording:
 
     def keep(self) -> None:
         """Write what has come, if it is enough."""
-        if not self.failed and self._board.sim.time_s - self._kept_s >= PART_S:
+        if not self.failed and self._sim.time_s - self._kept_s >= PART_S:
             self._keep()
 
     def _keep(self) -> None:
-        self._kept_s = self._board.sim.time_s
-        part = self._board.take()
+        self._kept_s = self._sim.time_s
+        part = self._sim.take()
         try:
             self._append(part)
         except RecordingError as error:
@@ -73,7 +73,7 @@ class OwnRecording:
             self._keep()
         if self._writer is None:
             raise RecordingError(self.failed or f"{self.path}: nothing was simulated")
-        state = {"state": self._board.sim.state, "faults": self._board.sim.faults}
+        state = {"state": self._sim.state, "faults": self._sim.faults}
         average = {"f_sw_Hz": self._jumps / self._rows if self._rows else None}
         self._writer.close(self.failed or "user", **state, **average)
         if self.failed:

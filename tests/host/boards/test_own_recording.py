@@ -41,7 +41,7 @@ def test_it_is_what_one_recording_of_all_would_be(tmp_path, suffix):
     expected = whole.take()
 
     parts = board()
-    own = OwnRecording(parts, tmp_path / f"own{suffix}")
+    own = OwnRecording(parts.sim, tmp_path / f"own{suffix}")
     most = turns(parts, own, 1.05)
     assert own.seconds == pytest.approx(1.0, abs=PART_S)
     own.close()
@@ -60,7 +60,7 @@ def test_it_is_what_one_recording_of_all_would_be(tmp_path, suffix):
 
 def test_another_rate_of_the_interrupts_begins_it_anew(tmp_path):
     made = VirtualBoard(setups.load("paper-b"))
-    own = OwnRecording(made, tmp_path / "own.csv")
+    own = OwnRecording(made.sim, tmp_path / "own.csv")
     turns(made, own, 0.5)
     rate_Hz = made.sim.samples_per_period / made.sim.period_s
     made.controller.set("f_isr_Hz", 0.5 * float(made.controller.get("f_isr_Hz")))
@@ -73,7 +73,7 @@ def test_another_rate_of_the_interrupts_begins_it_anew(tmp_path):
 
 def test_a_full_disk_ends_the_recording_and_not_the_board(tmp_path, monkeypatch):
     made = board()
-    own = OwnRecording(made, tmp_path / "own.csv")
+    own = OwnRecording(made.sim, tmp_path / "own.csv")
     turns(made, own, 0.3)
 
     def full(*_):

@@ -100,14 +100,14 @@ def test_smallest_change_of_a_parameter_shows(quick):
 
 
 def test_one_bit_of_the_state_shows(quick):
-    """The flux estimate of the idle drive; it only matters once the drive runs."""
+    """The stator resistance that the idle drive's observer uses."""
 
     def meddle(target):
         observer = target._local.pil.drive.control.observer
-        observer.omega_sync_rad_s = one_ulp(observer.omega_sync_rad_s)
+        observer.rs_ohm = one_ulp(observer.rs_ohm)
 
     outcome = pil.compare(quick, PROFILE, Meddling(meddle))
-    assert "omega_sync_rad_s" in outcome.difference
+    assert "rs_ohm" in outcome.difference
 
 
 def test_one_bit_of_a_register_shows(quick):
@@ -179,7 +179,7 @@ def test_verbs_answer_as_the_drive_does(quick, target):
     assert both("stop") is None
     both("set", "pole_pairs", 3)
     assert both("get", "pole_pairs") == 3
-    assert both("channel", "flux_ref_Wb") == pytest.approx(0.6)
+    assert both("channel", "rs_ohm") == pytest.approx(values["rs_ohm"])
 
 
 def test_a_trip_is_sent(quick, target):

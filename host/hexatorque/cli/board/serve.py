@@ -100,7 +100,7 @@ def serve(setup, load, machine, baud, fast, store, breaks, link, record, as_json
                 if store:
                     said += f"\nparameters: {board.controller.parameter_set} ({store})"
             print(said, flush=True)
-            own = None if record is None else OwnRecording(board, record)
+            own = None if record is None else OwnRecording(board.sim, record)
             serve_board(board, line, until=lambda: bool(ended), record=own)
         finally:
             file.unlink(missing_ok=True)
