@@ -578,7 +578,7 @@ def test_texts_have_contrast(page, monitor, scheme):
     for panel in ("drive", "channels", "parameters", "capture", "fault"):
         tab(page, panel)
         if panel == "parameters":
-            page.type("#parameters .parameter:nth-child(9) input", "1e9")  # a mistake is shown
+            page.type(".parameter [aria-label=torque_limit_Nm]", "1e9")  # a mistake is shown
         assert page.js(PALE) == [], panel
     page.click("#record")
     page.until("document.querySelector('#record').getAttribute('aria-pressed') === 'true'")
