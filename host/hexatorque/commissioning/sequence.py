@@ -141,8 +141,9 @@ def _standstill(
 
 def _tripped(fault: DriveFault, limits: Limits) -> str:
     return (
-        f"{', '.join(fault.causes)} during the first pulses, below {limits.current_A:g} A: a short "
-        "circuit, or a sensor whose range is not i_full_A"
+        f"{', '.join(fault.causes)} during the first pulses, below {limits.current_A:g} A: a limit "
+        "that the first pulse already passes, a short circuit, or a sensor whose range is not "
+        "i_full_A"
     )
 
 

@@ -309,11 +309,13 @@ class BoardDrive(DriveVerbs):
                     )
                     return LinkError(f"{what}: allowed is {allowed}", reply.status, mistake=True)
                 if reply.status == Status.STATE:
-                    state = self.client.state(reply.state).name
-                    return LinkError(
-                        f"{what}: can change only while the gates are off (state {state})",
-                        reply.status,
+                    state = self.client.state(reply.state)
+                    why = (
+                        "can change only while the gates are off"
+                        if state.at_work
+                        else "can change only after the trip is cleared: hexatorque board clear"
                     )
+                    return LinkError(f"{what}: {why} (state {state.name})", reply.status)
         return self.client.refused(reply, what)
 
     def _numbers(self, layout: str, payload: bytes, what: str) -> tuple:

@@ -198,6 +198,10 @@ def test_a_killed_port_server_stops_the_drive(board):
         os.kill(drive.client.transport.pid, signal.SIGKILL)
         until(lambda: drive.client.counters.reconnects == 1, 10)
         assert (drive.state, drive.faults) == ("fault", ["link lost"])
+        with pytest.raises(
+            LinkError, match=r"after the trip is cleared: .* board clear \(state fault"
+        ):
+            drive.set("f_isr_Hz", 5000.0)
         snapshot = drive.snapshot
         assert snapshot["faults"] == ["link lost"]
         assert (snapshot["tick"] - ticks) / drive.hello.f_isr_Hz < 0.35
