@@ -16,11 +16,13 @@ enum {
     HT_LISTS = 4, /**< kinds that HELLO counts and the CRC covers */
     /** One row with what has been added since version 2.0 of the protocol. A client of an earlier
      *  version does not ask for it. */
-    HT_LIST_ADDITIONS = 4
+    HT_LIST_ADDITIONS = 4,
+    /** Why the board started: one row of a board that knows it (ht_service.h), which is no table. */
+    HT_LIST_RESET = 5
 };
 
 /** Minor version of the protocol, told by the row of additions; HT_SERVICE_VERSION is the major. */
-#define HT_DICTIONARY_MINOR 1u
+#define HT_DICTIONARY_MINOR 2u
 
 /** Rows of a kind; 0 for an unknown one. */
 uint16_t ht_dictionary_rows(uint16_t kind);

@@ -26,6 +26,7 @@
 #include "ht_line.h"
 #include "ht_opcodes.h"
 #include "ht_packet.h"
+#include "ht_reset.h"
 #include "ht_store.h"
 #include "ht_streams.h"
 
@@ -61,6 +62,7 @@ typedef struct {
     uint32_t *memory;      /**< for captures */
     uint32_t memory_size;  /**< values */
     const ht_store *store; /**< of the parameters; NULL: none */
+    const ht_reset *reset; /**< the latest one; NULL: the board does not know it */
 } ht_service_setup;
 
 typedef struct {

@@ -68,10 +68,31 @@ static uint16_t hello(ht_service *l, const uint16_t *in, uint16_t n)
     return HT_OK;
 }
 
+/* Why the board started. */
+static uint16_t list_reset(ht_service *l, uint16_t row)
+{
+    const ht_reset *reset = l->setup.reset;
+    const ht_reset_info *info = (reset != NULL) ? ht_reset_describe(reset->cause) : NULL;
+    ht_packet *p = &l->reply;
+    if ((info == NULL) || (row != 0u)) {
+        return HT_ERROR_ID;
+    }
+    ht_packet_add8(p, HT_LIST_RESET);
+    ht_packet_add16(p, row);
+    ht_packet_add8(p, reset->cause);
+    ht_packet_add16(p, reset->watchdogs);
+    ht_packet_add_text(p, info->name);
+    ht_packet_add_text(p, info->help);
+    return HT_OK;
+}
+
 static uint16_t list(ht_service *l, const uint16_t *in, uint16_t n)
 {
     if (n != 3u) {
         return HT_SERVICE_LENGTH;
+    }
+    if (in[0] == (uint16_t)HT_LIST_RESET) {
+        return list_reset(l, ht_get16(&in[1]));
     }
     return ht_dictionary_add(&l->reply, l->drive->port, in[0], ht_get16(&in[1])) ? HT_OK
                                                                                  : HT_ERROR_ID;

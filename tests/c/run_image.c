@@ -9,10 +9,13 @@
  *
  * An argument plants a fault of the chip's clock: "wrong", "never", "missing", and "late" for a
  * PLL that is right at the second try only. "restart": a debugger halts the chip while the gates
- * are on and lets it go on from its entry, without a reset.
+ * are on and lets it go on from its entry, without a reset. "reset FLAGS COUNT CAUSE WATCHDOGS": a
+ * start with these flags of the reset, and this count in the memory (-1: what power-on leaves there,
+ * -2: a damaged one), tells that cause and count.
  */
 #include <setjmp.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define main ht_target_main /* the image's own */
@@ -32,6 +35,7 @@ const uint16_t ht_const_load[CONST_WORDS + 1] = {6, [CONST_WORDS - 1] = 7, [CONS
 uint16_t ht_const_run[CONST_WORDS + 1];
 
 static const char *planted = "";
+static long reset_words[4];
 static jmp_buf done;
 static int failures;
 static unsigned turn;
@@ -99,7 +103,8 @@ static void command(uint16_t what)
 }
 
 /* A request over the modelled line. Returns the length of the reply in `body`, or 0. */
-static uint16_t exchange(uint16_t opcode, uint16_t session, uint16_t dictionary, ht_incoming *body)
+static uint16_t exchange_with(uint16_t opcode, uint16_t session, uint16_t dictionary,
+                              const char *payload, uint16_t length, ht_incoming *body)
 {
     static ht_packet request;
     static ht_outgoing out;
@@ -111,6 +116,9 @@ static uint16_t exchange(uint16_t opcode, uint16_t session, uint16_t dictionary,
     ht_packet_add8(&request, (uint16_t)(number & 0xFFu));
     ht_packet_add16(&request, session);
     ht_packet_add16(&request, dictionary);
+    for (n = 0; n < length; n++) {
+        ht_packet_add8(&request, (uint16_t)payload[n]);
+    }
     ht_outgoing_set(&out, &request);
     for (n = 0; n < out.n; n++) {
         check("octet arrives", ht_regfile_sci_arrive(&ht_image_registers, out.octet[n]) == 1u);
@@ -129,6 +137,11 @@ static uint16_t exchange(uint16_t opcode, uint16_t session, uint16_t dictionary,
         }
     }
     return 0u;
+}
+
+static uint16_t exchange(uint16_t opcode, uint16_t session, uint16_t dictionary, ht_incoming *body)
+{
+    return exchange_with(opcode, session, dictionary, "", 0u, body);
 }
 
 /* The same with a session. Returns the status of the reply. */
@@ -645,6 +658,46 @@ static void restarts(void)
     longjmp(done, 1);
 }
 
+/* The flags as the boot ROM hands them over. */
+static void plant_reset(ht_regfile *rf)
+{
+    uint16_t flags = (uint16_t)reset_words[0];
+    ht_reset_memory *m = &ht_image_reset_memory;
+    if (rf->chip == &ht_chip_f28335) {
+        *ht_regfile_word(rf, 0x7029u) |= flags; /* WDCR */
+    } else {
+        *ht_regfile_word(rf, 0x5D380u) = flags; /* RESC */
+    }
+    memset(m, 0xA5, sizeof *m);
+    if (reset_words[1] != -1) {
+        (void)ht_reset_count(m, (uint16_t)HT_RESET_POWER); /* 0 */
+        m->word |= (uint32_t)reset_words[1] & 0xFFFFu;
+        m->inverse = ~m->word ^ ((reset_words[1] < 0) ? 1u : 0u);
+    }
+}
+
+static void tells_its_reset(void)
+{
+    static ht_incoming body;
+    static ht_packet row;
+    const ht_reset_info *info = ht_reset_describe((uint16_t)reset_words[2]);
+    uint32_t at = (ht_image_registers.chip == &ht_chip_f28335) ? 0x7029u : 0x5D380u;
+    uint16_t flags = (at == 0x7029u) ? 0x80u : 0x16Fu;
+    ht_packet_begin(&row);
+    ht_packet_add8(&row, 5u); /* docs/protocol.md */
+    ht_packet_add16(&row, 0u);
+    ht_packet_add8(&row, (uint16_t)reset_words[2]);
+    ht_packet_add16(&row, (uint16_t)reset_words[3]);
+    ht_packet_add_text(&row, info->name);
+    ht_packet_add_text(&row, info->help);
+    check("the reset is asked for",
+          exchange_with(HT_OP_LIST, 0u, 0u, "\5\0\0", 3u, &body) == 10u + row.n);
+    check("the reset is told", memcmp(&body.octet[10], row.octet, row.n * sizeof(uint16_t)) == 0);
+    check("its flags are cleared for the next one",
+          (*ht_regfile_word(&ht_image_registers, at) & flags) == 0u);
+    show_violations();
+}
+
 /* Called by the background loop, and by an image that has given up. */
 static void idle(ht_regfile *rf)
 {
@@ -656,6 +709,11 @@ static void idle(ht_regfile *rf)
     }
     if (strcmp(planted, "restart") == 0) {
         restarts();
+    }
+    if (strcmp(planted, "reset") == 0) {
+        tells_its_reset();
+        turn = 3u;
+        longjmp(done, 1);
     }
     if ((planted[0] != '\0') && (strcmp(planted, "late") != 0)) {
         wrong_clock();
@@ -688,6 +746,13 @@ int main(int argc, char **argv)
     ht_regfile_reset(&ht_image_registers, HT_BOARD_UNDER_TEST.map);
     planted = (argc > 1) ? argv[1] : "";
     plant(&ht_image_registers);
+    if (argc == 6) {
+        int k;
+        for (k = 0; k < 4; k++) {
+            reset_words[k] = strtol(argv[2 + k], NULL, 0);
+        }
+        plant_reset(&ht_image_registers);
+    }
     ht_image_registers.idle = idle;
     if (setjmp(done) != 1) { /* 0: from reset, 2: once more */
         (void)ht_target_main();

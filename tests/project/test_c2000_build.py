@@ -43,7 +43,7 @@ def test_missing_compiler_is_said_plainly(tree, tmp_path):
 
 #: Sources that copy code into RAM, and sources that no interrupt needs.
 FROM_FLASH = {"main.c", "codestart.asm", "devicecal.asm", "ht_service.c", "ht_service_requests.c",
-              "ht_dictionary.c", "ht_store.c", "ht_packet.c", "ht_no_store.c",
+              "ht_dictionary.c", "ht_reset.c", "ht_store.c", "ht_packet.c", "ht_no_store.c",
               "ht_snapshot.c"}  # fmt: skip
 
 
@@ -223,8 +223,9 @@ MEMORIES = {
 #: The address to which the boot ROM jumps.
 ENTRY = {("f28335", "flash"): 0x33FFF6, ("f28377s", "flash"): 0x80000,
          ("f28335", "ram"): 0x0, ("f28377s", "ram"): 0x0}  # fmt: skip
-SECTIONS = {"codestart", ".text", ".cinit", ".init_array", ".switch", ".TI.ramfunc", ".const",
-            ".texts", ".stays", ".stack", ".data", ".bss", ".sysmem", ".reset"}  # fmt: skip
+SECTIONS = {"codestart", ".text", ".cinit", ".init_array", ".switch", ".TI.noinit", ".TI.ramfunc",
+            ".const", ".texts", ".stays", ".stack", ".data", ".bss", ".sysmem",
+            ".reset"}  # fmt: skip
 FILES = [(device, place) for device in MEMORIES for place in ("flash", "ram")]
 
 
@@ -308,6 +309,7 @@ def test_every_section_has_its_place(device, place):
     assert where[".TI.ramfunc"] == code and where[".const"] == data
     assert (where[".text"] == "FLASH") == (place == "flash")
     assert where[".stack"] == "STACK"
+    assert where[".TI.noinit"] == data
 
 
 @pytest.mark.parametrize(("device", "place"), FILES)

@@ -77,8 +77,9 @@ typedef struct {
     float pwm_clock_Hz;
     uint16_t encoder_qualprd; /**< half the sampling period of the encoder's pins, clocks */
     float system_clock_Hz;    /**< SYSCLKOUT: clocks CPU timers and eQEP */
-    float watchdog_Hz;        /**< its counter's clock before the prescaler */
-    uint32_t sci_clock_Hz;    /**< LSPCLK */
+    uint32_t reset_cause;  /**< RESC; 0: WDCR's WDFLAG tells a watchdog's reset, and nothing else */
+    float watchdog_Hz;     /**< its counter's clock before the prescaler */
+    uint32_t sci_clock_Hz; /**< LSPCLK */
 } ht_c2000_map;
 
 /* The maps of all chips: ht_f28335 ... */

@@ -15,6 +15,7 @@ void ht_port_bind(ht_port *port, ht_io *io, const ht_board *board)
     port->map = board->map;
     port->shadow = true;
     port->clock = HT_CLOCK_RIGHT;
+    port->reset_cause = 0u;
     port->sci_clock_Hz = board->map->sci_clock_Hz;
     port->eqep = board->map->eqep + ((uint32_t)board->eqep * EQEP_STRIDE);
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
@@ -25,6 +26,7 @@ void ht_port_bind(ht_port *port, ht_io *io, const ht_board *board)
 bool ht_board_start(ht_port *port)
 {
     ht_pins_release(port); /* a debugger may have started it anew while the gates were on */
+    port->reset_cause = ht_watchdog_cause(port);
     ht_watchdog_hold(port);
     ht_flash_start(port); /* before the clock that needs it */
     if (port->map->clock_pllcr) {

@@ -28,6 +28,7 @@ struct ht_port {
     bool shadow;
     ht_clock clock;        /**< not right: pins and ADC are as after reset */
     uint32_t sci_clock_Hz; /**< LSPCLK */
+    uint16_t reset_cause;  /**< of the start (ht_reset.h) */
 };
 
 /** The port of a board. Touches no register. */

@@ -121,7 +121,7 @@ static const ht_register sys[] = {
     SYSTEM("SCSR", 0x12u, 0x0005u, 0x0002u, HT_PLAIN, "2 WDINTS, 1 WDENINT, 0 WDOVERRIDE"),
     SYSTEM("WDCNTR", 0x13u, 0u, 0u, HT_FX_WDCNTR, ""),
     SYSTEM("WDKEY", 0x15u, 0u, 0x00FFu, HT_FX_WDKEY, ""),
-    SYSTEM("WDCR", 0x19u, 0u, 0x007Fu, HT_FX_WDCR, "7 WDFLAG, 6 WDDIS, 5-3 WDCHK, 2-0 WDPS"),
+    SYSTEM("WDCR", 0x19u, 0u, 0x00FFu, HT_FX_WDCR, "7 WDFLAG, 6 WDDIS, 5-3 WDCHK, 2-0 WDPS"),
 };
 
 static const ht_register flash[] = {

@@ -339,13 +339,13 @@ static uint32_t wdkey(ht_regfile *rf, uint32_t addr, uint32_t value)
     return 0u;
 }
 
-static uint32_t wdcr(ht_regfile *rf, uint32_t addr, uint32_t value)
+static uint32_t wdcr(ht_regfile *rf, uint32_t addr, uint32_t old, uint32_t value)
 {
     if ((value & 0x38u) != 0x28u) {
         ht_model_violation(rf, addr, value, HT_REG_KEY, "WDCHK is not 101: resets the chip");
         rf->dog_resets++;
     }
-    return value & 0x47u; /* WDCHK reads 0 */
+    return (value & 0x47u) | (old & ~value & 0x80u); /* WDCHK reads 0; a one clears WDFLAG */
 }
 
 void ht_regfile_wait(ht_regfile *rf, uint16_t us)
@@ -559,7 +559,7 @@ uint32_t ht_model_written(ht_regfile *rf, const ht_bound *b, uint32_t addr, uint
     case HT_FX_WDKEY:
         return wdkey(rf, addr, value);
     case HT_FX_WDCR:
-        return wdcr(rf, addr, value);
+        return wdcr(rf, addr, old, value);
     case HT_FX_PLLSTS:
         return pllsts(rf, addr, old, value);
     case HT_FX_PLLCR:

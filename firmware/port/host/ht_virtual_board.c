@@ -13,6 +13,9 @@ bool ht_virtual_init(ht_virtual_board *b, ht_drive *d, ht_port *port, const ht_s
         return false;
     }
     with_line.line = ht_sci_line(port);
+    b->reset.cause = port->reset_cause;
+    b->reset.watchdogs = 0u;
+    with_line.reset = &b->reset;
     b->drive = d;
     b->port = port;
     ht_service_init(&b->service, d, &with_line);

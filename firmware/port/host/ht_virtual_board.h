@@ -17,6 +17,7 @@ typedef struct {
     ht_drive *drive;
     ht_port *port;
     ht_service service;
+    ht_reset reset;
     float channel[HT_VIRTUAL_CHANNELS]; /**< all, at the end of the latest fast interrupt */
     float credit_in;                    /**< bytes that may arrive now */
     float credit_out;

@@ -37,7 +37,7 @@ from ..recording.journal import TICK_HZ
 from ..recording.recording import DECIMATION, FIRST_TICK, STARTED, Recording, clock_text
 from ..serial import BAUDS, BOARD_RESET, LinkError, clock, runtime, wire
 from ..serial.client import Client, Stopped
-from ..serial.dictionary import fetch
+from ..serial.dictionary import fetch, fetch_reset
 from ..serial.stream import Stream, decimation_for, on_a_grid
 from ..serial.wire import Op, Status
 from . import board_captures, captures
@@ -174,6 +174,11 @@ class BoardDrive(DriveVerbs):
         self.client.get_status()
         assert self.client.latest
         return self.client.latest
+
+    @property
+    def reset(self) -> wire.Reset | None:
+        """Why the board started, and how often a watchdog has reset it; None: it does not tell."""
+        return fetch_reset(self.client)
 
     @property
     def snapshot(self) -> Snapshot | None:

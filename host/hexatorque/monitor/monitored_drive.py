@@ -508,7 +508,9 @@ class MonitoredDrive:
         LinkError it must be called again."""
         self._started_s = None  # the reset has switched the drive off
         set_in_force = self.drive.client.get_status().set
-        self.reset = f"The board was reset: {SETS.get(set_in_force, INITIAL)}."
+        reset = self.drive.reset
+        cause = f" Cause: {reset.cause}." if reset else ""
+        self.reset = f"The board was reset: {SETS.get(set_in_force, INITIAL)}.{cause}"
         self._end_recording("board reset")
         with self._lock:
             self._restart_traces()

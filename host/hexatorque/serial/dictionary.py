@@ -67,6 +67,19 @@ def _additions(client: Client, hello: Hello) -> wire.Additions:
     return wire.parse_additions(reply.payload, hello)
 
 
+def fetch_reset(client: Client) -> wire.Reset | None:
+    """Why the board started; None: it does not know, or is of an earlier version."""
+    reply = client.ask(Op.LIST, struct.pack("<BH", wire.RESET, 0))
+    if reply.status == Status.ID:
+        return None
+    if reply.status != Status.DONE:
+        raise client.refused(reply, "list")
+    try:
+        return wire.parse_reset(reply.payload)
+    except wire.WireError as error:
+        raise LinkError(f"{client.url}: {error}") from None
+
+
 def _keys(hello: Hello) -> list[tuple[Kind, int]]:
     return [(kind, row) for kind, count in zip(Kind, hello.rows) for row in range(count)]
 

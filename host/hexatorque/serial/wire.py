@@ -118,6 +118,8 @@ class Kind(IntEnum):
 
 #: The kind of LIST's row of additions since version 2.0.
 ADDITIONS = lib.HT_LIST_ADDITIONS
+#: The kind of its row about the latest reset, since version 2.2.
+RESET = lib.HT_LIST_RESET
 
 
 class CaptureState(IntEnum):
@@ -377,6 +379,24 @@ def parse_additions(payload: bytes, hello: Hello) -> Additions:
     if len(flags) < states:
         raise WireError("the row of additions is too short")
     return Additions(minor, flags[:states])
+
+
+class Reset(NamedTuple):
+    """Why a board started (firmware/app/ht_resets.def)."""
+
+    number: int
+    watchdogs: int  #: resets by a watchdog since power-on
+    cause: str
+    help: str
+
+
+def parse_reset(payload: bytes) -> Reset:
+    """LIST's row of the reset. What a later version appends is ignored."""
+    if len(payload) < 6 or struct.unpack_from("<BH", payload) != (RESET, 0):
+        raise WireError("not the row of the reset")
+    cause, help, *_ = _texts(b"\0".join(payload[6:].split(b"\0")[:2]) + b"\0", 2)
+    number, watchdogs = struct.unpack_from("<BH", payload, 3)
+    return Reset(number, watchdogs, cause, help)
 
 
 class StatusReply(NamedTuple):

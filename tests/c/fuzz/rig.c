@@ -270,6 +270,7 @@ static void power_up(void)
     setup.memory = r->memory;
     setup.memory_size = RIG_MEMORY;
     setup.store = &r->store;
+    setup.reset = NULL;
     ht_service_init(&r->service, &r->drive, &setup);
     CHECK(ht_service_watchdog_ticks(&r->service) == RIG_WATCHDOG_TICKS);
     rules_begin();

@@ -50,6 +50,7 @@ from device import (
 
 from hexatorque import firmware
 from hexatorque.firmware import ffi, lib
+from hexatorque.serial import wire
 
 NEEDS_SESSION = {
     CLOSE, TRIGGER, CANCEL, READ, WRITE, START, CLEAR, STREAM, ARM, SAVE, FORGET
@@ -205,7 +206,7 @@ def test_the_dictionary_has_every_row_and_its_crc(device):
         reply = device.ask(LIST, struct.pack("<BH", kind, count))
         assert (reply.status, reply.payload) == (ID, b"\xff\xff")
     assert found == crc
-    for kind, row in ((4, 1), (5, 0), (255, 0)):
+    for kind, row in ((4, 1), (5, 1), (6, 0), (255, 0)):
         assert device.ask(LIST, struct.pack("<BH", kind, row)).status == ID
     names = [t[0].decode() for t in texts]
     assert names[: rows[0]] == list(PARAMETERS)
@@ -221,12 +222,38 @@ def test_the_row_of_additions_has_the_flags_of_states(device):
     without it."""
     payload = device.done(LIST, "BH", 4, 0).payload
     kind, row, minor, *flags = struct.unpack(f"<BHH{len(payload) - 5}B", payload)
-    assert (kind, row, minor) == (4, 0, 1)
+    assert (kind, row, minor) == (4, 0, 2)
     gates = {"build", "run", "test"}
     assert dict(zip(firmware.STATES, flags, strict=True)) == {
         name: (name in gates | {"calibrate"}) + 2 * (name in gates) + 4 * (name in gates - {"test"})
         for name in firmware.STATES
     }
+
+
+def test_the_row_of_the_reset_says_why_the_board_started(device):
+    """A virtual board starts by power-on, and no watchdog resets it."""
+    payload = device.done(LIST, "BH", 5, 0).payload
+    assert struct.unpack_from("<BHBH", payload) == (5, 0, 1, 0)
+    assert payload[6:] == b"power-on\0\0"
+
+
+@pytest.mark.parametrize("cause", range(lib.HT_RESETS))
+@pytest.mark.parametrize("watchdogs", (0, 1, 65535))
+def test_every_cause_of_a_reset_is_told_with_its_text(device, cause, watchdogs):
+    device.controller.board.reset.cause = cause
+    device.controller.board.reset.watchdogs = watchdogs
+    row = lib.ht_reset_describe(cause)
+    texts = ffi.string(row.name), ffi.string(row.help), b""
+    payload = device.done(LIST, "BH", 5, 0).payload
+    assert struct.unpack_from("<BHBH", payload) == (5, 0, cause, watchdogs)
+    assert payload[6:].split(b"\0") == list(texts) and texts[0]
+    assert wire.parse_reset(payload) == (cause, watchdogs, *(t.decode() for t in texts[:2]))
+    assert wire.parse_reset(payload + b"later\0\x01") == wire.parse_reset(payload)
+
+
+def test_a_board_that_does_not_know_its_reset_has_no_such_row(device):
+    device.service.setup.reset = ffi.NULL
+    assert device.ask(LIST, struct.pack("<BH", 5, 0)).status == ID
 
 
 def test_parameters_in_the_dictionary(device):

@@ -244,7 +244,7 @@ FAULTS = {
         "neither 0x55 nor 0xAA"),
     "lost interrupt not looked for": (
         F28335, "ht_drive_slow.c", "if (tick == d->tick_last)", "if (tick == d->tick_last - 1u)",
-        "gates are off in two slow periods"),
+        "lost interrupt is named"),
     "lost interrupt's parameters not taken over": (
         F28377S, "ht_drive.c", "        d->staged = NULL;\n    }\n    if (state",
         "    }\n    if (state", "a parameter does not wait for it"),
@@ -481,6 +481,66 @@ def test_restart_that_leaves_the_gates_on_is_found(builder, board):
     change = (INIT, "    ht_pins_release(port); /* a debugger", "    /* a debugger")
     _, lines = image.run(builder.build(board, change), "restart")
     assert any("with a gate on" in line for line in image.complaints(lines))
+
+
+NO_FLAG, POWER, PIN, DOG, NMI, OTHER = range(6)
+#: Flags as the boot ROM hands them over, and the cause: WDFLAG, and the bits of RESC. A watchdog's
+#: reset pulls the pin as well.
+CAUSES = {
+    F28335: ((0x00, NO_FLAG), (0x80, DOG)),
+    F28377S: (
+        (0x00, NO_FLAG), (0x03, POWER), (0x01, POWER), (0x02, PIN), (0x06, DOG), (0x04, DOG),
+        (0x0A, NMI), (0x08, NMI), (0x0E, NMI), (0x07, DOG), (0x42, OTHER), (0x20, OTHER),
+        (0x100, OTHER), (0x10, NO_FLAG), (0x80, NO_FLAG),
+    ),
+}  # fmt: skip
+STARTS = [(chip, *row) for chip, rows in CAUSES.items() for row in rows]
+
+
+def tells(program, *words):
+    _, lines = image.run(program, "reset", *map(str, words))
+    return image.complaints(lines)
+
+
+@pytest.mark.parametrize(("board", "flags", "cause"), STARTS)
+def test_start_tells_what_has_reset_the_chip(builder, board, flags, cause):
+    """And how often a watchdog did so, as far as the memory still knows it: power-on leaves
+    anything there, or zeros, and its flag says so as well."""
+    program = builder.build(board)
+    dog = cause in (DOG, NMI)
+    for kept in (-2, -1, 0, 6, 65534, 65535):
+        count = 0 if kept < 0 or cause == POWER else kept
+        assert not tells(program, flags, kept, cause, min(count + dog, 65535))
+
+
+#: A mistake, the flags and the count that show it.
+RESET_FAULTS = {
+    "flag not cleared, F28335": (
+        F28335, "ht_watchdog.c", "prescale(port, WDCR_FLAG | WDPS_LONGEST)",
+        "prescale(port, WDPS_LONGEST)", (0x80, 0, DOG, 1)),
+    "flag not cleared, F28377S": (
+        F28377S, "ht_watchdog.c", "    HT_WR32(port->io, at, flags);\n", "", (4, 0, DOG, 1)),
+    "the pin before the watchdog": (
+        F28377S, "ht_watchdog.c", "#define RESC_WATCHDOG 0x00000004u",
+        "#define RESC_WATCHDOG 0x00000010u", (6, 0, DOG, 1)),
+    "not read": (
+        F28377S, "ht_port_c2000.c", "port->reset_cause = ht_watchdog_cause(port);",
+        "(void)ht_watchdog_cause(port);", (8, 0, NMI, 1)),
+    "not counted": (
+        F28335, "ht_reset.c", "        count++;\n", "", (0x80, 3, DOG, 4)),
+    "count of a damaged memory": (
+        F28335, "ht_reset.c", "((m->word ^ m->inverse) == 0xFFFFFFFFu)",
+        "(m->inverse != 1u)", (0, -2, NO_FLAG, 0)),
+    "not told": (
+        F28377S, "ht_image.c", "link.reset = &reset;", "link.reset = (const ht_reset *)0;",
+        (2, 0, PIN, 0)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", RESET_FAULTS)
+def test_a_reset_that_is_not_told_right_is_found(builder, fault):
+    board, source, old, new, words = RESET_FAULTS[fault]
+    assert tells(builder.build(board, (source, old, new)), *words)
 
 
 #: Source, text, replacement, what is planted in the chip, what a complaint says.

@@ -408,6 +408,26 @@ def test_watchdog_control(chip):
     assert chip.read(WDCR) == 0x0007
 
 
+def test_flags_of_a_reset_are_cleared_by_ones(chip):
+    """F28335: WDCR's WDFLAG, whose writes need WDCHK as well. F28377S: RESC."""
+    chip.eallow()
+    if chip.device == "f28335":
+        lib.ht_regfile_word(chip.rf, WDCR)[0] |= 0x80
+        chip.write(WDCR, 0x2F)
+        assert chip.read(WDCR) == 0x87
+        chip.write(WDCR, 0xAF)
+        assert chip.read(WDCR) == 0x07
+        chip.write(WDCR, 0xAF)
+        assert chip.read(WDCR) == 0x07  # no write sets it
+    else:
+        assert lib.ht_regfile_word(chip.rf, 0x5D380)[0] == 3
+        lib.ht_regfile_word(chip.rf, 0x5D380)[0] = 0x16F
+        for ones, left in ((0, 0x16F), (4, 0x16B), (0x16B, 0)):
+            lib.ht_regfile_write32(chip.rf, 0x5D380, ones)
+            assert lib.ht_regfile_read32(chip.rf, 0x5D380) == left
+    assert not chip.said
+
+
 @pytest.mark.parametrize("wdps", range(8))
 def test_watchdog_time(chip, wdps):
     """256 counts of the clock / 512 / prescaler, which is 1 for 0 and 1, then doubles."""

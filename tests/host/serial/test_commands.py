@@ -159,6 +159,7 @@ def test_a_start_is_guarded_and_ended_by_a_signal(call, board):
         assert (process.returncode, err) == (0, "")
         status = json.loads(call("status", "--json")[1])
         assert (status["state"], status["faults"], status["guarded"]) == ("idle", [], False)
+        assert (status["reset"], status["watchdog_resets"]) == ("power-on", 0)
         to_rest(board)
 
 

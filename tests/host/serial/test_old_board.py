@@ -64,6 +64,7 @@ def recorded(op: int) -> session_2_0.Exchange:
 def test_todays_client_works_with_a_board_of_version_2_0(board):
     with BoardDrive.open(board.port) as drive:
         assert drive.dictionary.minor == 0
+        assert drive.reset is None  # it does not know why it started
         assert list(drive.params) == session_2_0.names(0)
         assert [name for name, _ in drive.channels] == session_2_0.names(1)
         assert len(drive.get_all()) == len(drive.params)

@@ -29,6 +29,7 @@ SECTIONS
                     *ht_dictionary.*(.TI.ramfunc)
                     *ht_no_store.*(.TI.ramfunc)
                     *ht_packet.*(.TI.ramfunc)
+                    *ht_reset.*(.TI.ramfunc)
                     *ht_service.*(.TI.ramfunc)
                     *ht_service_requests.*(.TI.ramfunc)
                     *ht_snapshot.*(.TI.ramfunc)
@@ -40,12 +41,13 @@ SECTIONS
     .TI.ramfunc : { HT_IN_RAM } LOAD = FLASH, RUN = CODE, ALIGN(8),
                   LOAD_START(ht_code_load), RUN_START(ht_code_run), LOAD_SIZE(ht_code_size)
     .texts      : { *ht_params.*(.const) *ht_channels.*(.const) *ht_faults.*(.const)
-                    *ht_dictionary.*(.const) } > FLASH, ALIGN(8)
+                    *ht_dictionary.*(.const) *ht_reset.*(.const) } > FLASH, ALIGN(8)
     .const      : LOAD = FLASH, RUN = DATA, ALIGN(8),
                   LOAD_START(ht_const_load), RUN_START(ht_const_run), LOAD_SIZE(ht_const_size)
     .stack      : > STACK
     .data       : > DATA
     .bss        : > DATA
+    .TI.noinit  : > DATA                    /* ht_image_reset_memory: no start clears it */
     .sysmem     : > DATA
     .reset      : > RESET, TYPE = DSECT
 }

@@ -23,6 +23,7 @@ SECTIONS
     .stack      : > STACK
     .data       : > RAM
     .bss        : > RAM
+    .TI.noinit  : > RAM                    /* ht_image_reset_memory: no start clears it */
     .sysmem     : > RAM
     .reset      : > RESET, TYPE = DSECT
 }

@@ -20,6 +20,13 @@ ht_drive ht_image_drive;
 ht_service ht_image_service;
 ht_store ht_image_store;
 
+/* No start clears it: neither the runtime nor, unless the power was off, the boot ROM. */
+#ifdef __TMS320C2000__
+#pragma NOINIT(ht_image_reset_memory)
+#endif
+ht_reset_memory ht_image_reset_memory;
+static ht_reset reset;
+
 /* For captures: what the linker command file leaves. */
 static uint32_t capture_memory[HT_CAPTURE_VALUES];
 
@@ -68,6 +75,7 @@ void ht_image_start(void)
     ht_port_bind(&ht_image_port, HT_TARGET_IO, &HT_BOARD);
     HT_DINT(ht_image_port.io);
     clocked = ht_board_start(&ht_image_port);
+    reset = ht_reset_count(&ht_image_reset_memory, ht_image_port.reset_cause);
     ht_pie_start(&ht_image_port, &isrs);
     ht_store_none(&ht_image_store);
     (void)ht_image_memory(&ht_image_port, &ht_image_store.port);
@@ -83,6 +91,7 @@ void ht_image_start(void)
     link.memory = capture_memory;
     link.memory_size = HT_CAPTURE_VALUES;
     link.store = &ht_image_store;
+    link.reset = &reset;
     ht_service_init(&ht_image_service, &ht_image_drive, &link);
     ht_image_start_result = (uint16_t)ht_image_port.clock;
     if (clocked) {

@@ -57,6 +57,7 @@ extern ht_port ht_image_port;
 extern ht_drive ht_image_drive;
 extern ht_service ht_image_service;
 extern ht_store ht_image_store;
+extern ht_reset_memory ht_image_reset_memory; /**< kept over a reset */
 
 /** The memory for parameters that this image is built with: flash sectors (folder store/), or
  *  none (ht_no_store.c), then `memory` is left alone and the answer is false. */

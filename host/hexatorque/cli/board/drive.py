@@ -50,13 +50,15 @@ def status(device, baud, as_json) -> int:
     with open_drive(device, baud) as drive:
         status = drive.client.get_status()
         capture = status.capture
-        faults, snapshot = drive.faults, drive.snapshot
+        faults, snapshot, reset = drive.faults, drive.snapshot, drive.reset
         now = drive.latest(("warnings", "torque_limit_Nm", "speed_rpm"))
         warned = now and warnings(int(now["warnings"]))
         data = {
             "port": drive.client.url,
             "device": drive.hello.device,
             "build": drive.hello.build,
+            "reset": reset and reset.cause,
+            "watchdog_resets": reset and reset.watchdogs,
             "state": drive.state,
             "speed_rpm": now and now["speed_rpm"],
             "faults": faults,
@@ -77,6 +79,8 @@ def status(device, baud, as_json) -> int:
     left = "not known" if now is None else f"{now['torque_limit_Nm']:.3g}"
     speed = "not known" if now is None else f"{now['speed_rpm']:.1f}"
     words = {
+        "reset": "not known" if reset is None else reset.cause,
+        "watchdog_resets": "not known" if reset is None else str(reset.watchdogs),
         "speed_rpm": speed,
         "faults": ", ".join(faults),
         "warnings": told,
