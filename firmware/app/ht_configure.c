@@ -47,15 +47,6 @@ bool ht_configure_valid(const ht_port *port, uint16_t id, float value)
     return ht_param_valid(id, value) && (value >= range.min) && (value <= range.max);
 }
 
-/* Dead time as a register counts it: never shorter than what was asked for. In range, so
- * the conversion is as well. */
-static uint16_t dead_counts(float dead_us, float clock_Hz)
-{
-    float exact = dead_us * 1.0e-6f * clock_Hz - HT_DEAD_TOLERANCE_COUNTS;
-    uint16_t whole = (uint16_t)exact;
-    return ((float)whole < exact) ? (uint16_t)(whole + 1u) : whole;
-}
-
 /* The law of switching tables; its scheme is selected. */
 static void configure_table_law(const ht_params *p, float ts, ht_table_law_config *c)
 {
@@ -132,11 +123,13 @@ static ht_result configure(const ht_params *p, float pwm_clock_Hz, ht_control_co
     configure_table_law(p, ts, &c->table_law);
     c->shadow = shadow;
     c->predict = shadow && (p->v[HT_P_predict] != 0.0f);
-    c->period_counts = (uint16_t)(period + 0.5f);
-    c->first_counts = 0u;
+    c->period.counts = (uint16_t)(period + 0.5f);
+    c->period.first = 0u;
     if (!shadow) {
-        c->first_counts = (uint16_t)(first + 0.5f);
+        c->period.first = (uint16_t)(first + 0.5f);
     }
+    c->period.shortest = (uint16_t)(ht_counts_up(p->v[HT_P_dead_time_us], pwm_clock_Hz)
+                                    + ht_counts_up(p->v[HT_P_min_pulse_us], pwm_clock_Hz));
     c->only_v0 = p->v[HT_P_zero_vector] != 0.0f;
     c->drop_V = p->v[HT_P_drop_V];
     c->build_current_A = p->v[HT_P_build_current_A];
@@ -271,8 +264,8 @@ ht_result ht_configure(const ht_port *port, ht_drive_config *c, ht_pwm_setup *se
     if (result != HT_OK) {
         return result;
     }
-    setup->period_counts = c->control.period_counts;
-    setup->dead_counts = dead_counts(c->params.v[HT_P_dead_time_us], clock_Hz);
+    setup->period_counts = c->control.period.counts;
+    setup->dead_counts = ht_counts_up(c->params.v[HT_P_dead_time_us], clock_Hz);
     setup->shadow = c->control.shadow;
     setup->slow_Hz = c->params.v[HT_P_f_slow_Hz];
     return ht_port_accepts(port, setup) ? HT_OK : HT_ERROR_PORT;

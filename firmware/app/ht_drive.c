@@ -403,8 +403,7 @@ static void test(ht_drive *d)
         enter(d, HT_STATE_IDLE);
         return;
     }
-    ht_excitation_step(&d->config->excitation, &d->excitation, d->in.vdc_V, c->period_counts,
-                       c->first_counts, &out);
+    ht_excitation_step(&d->config->excitation, &d->excitation, d->in.vdc_V, &c->period, &out);
     ht_port_write(d->port, &out);
     if (gates_refused(d)) {
         fault(d, HT_FAULT_EXTERNAL);
@@ -574,6 +573,10 @@ ht_range ht_param_range(const ht_port *port, uint16_t id)
         ht_dead_range dead = ht_port_dead_range(port);
         range.min = (dead.min_us > range.min) ? dead.min_us : range.min;
         range.max = (dead.max_us < range.max) ? dead.max_us : range.max;
+    }
+    if (id == (uint16_t)HT_P_min_pulse_us) {
+        float least_us = ht_port_min_pulse_us(port);
+        range.min = (least_us > range.min) ? least_us : range.min;
     }
     return range;
 }

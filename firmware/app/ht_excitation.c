@@ -7,7 +7,7 @@
 
 #define TWO_PI_F 6.28318531f
 /* Leg voltage against the middle of the dc link, units of Vdc: pulses and gaps keep 5 % of the
- * period, so that dead time cannot swallow them. */
+ * period, or more if the shortest pulse is longer. */
 #define MOST_PU 0.45f
 /* Least counts from the write, or the period's begin, to the first edge, and from the last one to
  * the period's end. */
@@ -126,14 +126,16 @@ static void turn(const ht_excitation_config *c, ht_excitation_state *st)
 }
 
 void ht_excitation_step(const ht_excitation_config *c, ht_excitation_state *st, float vdc_V,
-                        uint16_t period_counts, uint16_t first_counts, ht_compare *out)
+                        const ht_period *period, ht_compare *out)
 {
     ht_vsd v = vector(c, st);
-    float period = (float)period_counts;
+    float full = (float)period->counts;
     float per_V = (vdc_V > 0.0f) ? (1.0f / vdc_V) : 0.0f;
-    float first = (float)first_counts;
-    float centre = 0.5f * (period + first); /* the pulse lies behind the write */
-    float most = 0.5f - (first + 2.0f * ROOM_COUNTS) / period;
+    float first = (float)period->first;
+    float centre = 0.5f * (full + first); /* the pulse lies behind the write */
+    float room = first + 2.0f * ROOM_COUNTS;
+    float shortest = (float)period->shortest + 1.0f; /* rounded down to whole counts */
+    float most = 0.5f - ((room > shortest) ? room : shortest) / full;
     int leg;
     most = (most < MOST_PU) ? most : MOST_PU;
     out->start = 0u;
@@ -147,7 +149,7 @@ void ht_excitation_step(const ht_excitation_config *c, ht_excitation_state *st, 
         uint16_t whole;
         leg_pu = (leg_pu < most) ? leg_pu : most;
         leg_pu = (leg_pu > -most) ? leg_pu : -most;
-        length = period * (0.5f + leg_pu) + st->rest[leg];
+        length = full * (0.5f + leg_pu) + st->rest[leg];
         whole = (uint16_t)(length + 0.5f);
         st->rest[leg] = length - (float)whole;
         out->ca[leg] = (uint16_t)(centre - 0.5f * (float)whole);

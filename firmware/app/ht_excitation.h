@@ -55,9 +55,8 @@ void ht_excitation_begin(ht_excitation_state *st);
 uint16_t ht_excitation_faults(const ht_excitation_config *c, const ht_excitation_state *st,
                               const ht_six *i_A, uint32_t position);
 
-/** The next period's pattern. `first_counts`: where the pattern takes effect, 0 under shadow
- *  load. Voltages beyond the dc link's are cut. */
+/** The next period's pattern. Voltages beyond the dc link's are cut. */
 void ht_excitation_step(const ht_excitation_config *c, ht_excitation_state *st, float vdc_V,
-                        uint16_t period_counts, uint16_t first_counts, ht_compare *out);
+                        const ht_period *period, ht_compare *out);
 
 #endif

@@ -1,6 +1,7 @@
 #include "ht_misfit.h"
 
 #include "ht_lost_legs.h"
+#include "port.h"
 
 #include <stddef.h>
 
@@ -45,6 +46,22 @@ static bool in_first_half(float write, float period)
     return at < (end / 2u);
 }
 
+uint16_t ht_counts_up(float time_us, float clock_Hz)
+{
+    float exact = time_us * 1.0e-6f * clock_Hz - HT_DEAD_TOLERANCE_COUNTS;
+    uint16_t whole = (exact > 0.0f) ? (uint16_t)exact : 0u;
+    return ((float)whole < exact) ? (uint16_t)(whole + 1u) : whole;
+}
+
+/* Room for two shortest pulses, in whole counts. */
+static bool holds_pulses(const float *v, float pwm_clock_Hz, float write, float period)
+{
+    float dead = (float)ht_counts_up(v[HT_P_dead_time_us], pwm_clock_Hz);
+    float pulse = (float)ht_counts_up(v[HT_P_min_pulse_us], pwm_clock_Hz);
+    return (2.0f * (dead + pulse) + write)
+           <= (period - 1.0f); /* both are rounded to the nearest count */
+}
+
 /* Can a drive do without these legs? */
 static bool can_lose(uint16_t legs, bool predicts)
 {
@@ -56,6 +73,7 @@ static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
 {
     float f_isr_Hz = v[HT_P_f_isr_Hz];
     float period = pwm_clock_Hz / f_isr_Hz;
+    float write = v[HT_P_write_delay_us] * 1.0e-6f * pwm_clock_Hz;
     bool immediate = v[HT_P_load_mode] != 0.0f;
     bool result = true;
     switch ((ht_misfit)misfit) {
@@ -69,8 +87,7 @@ static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
         result = release_within_band(v[HT_P_torque_release_Nm], v[HT_P_torque_band_Nm]);
         break;
     case HT_MISFIT_WRITE:
-        result = !immediate
-                 || in_first_half(v[HT_P_write_delay_us] * 1.0e-6f * pwm_clock_Hz, period);
+        result = !immediate || in_first_half(write, period);
         break;
     case HT_MISFIT_DEAD_TIME:
         result = v[HT_P_dead_time_us] * 1.0e-6f * f_isr_Hz <= 0.5f;
@@ -86,6 +103,9 @@ static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
         break;
     case HT_MISFIT_RATED:
         result = (v[HT_P_ride_through] == 0.0f) || (v[HT_P_i_rated_A] > 0.0f);
+        break;
+    case HT_MISFIT_MIN_PULSE:
+        result = holds_pulses(v, pwm_clock_Hz, immediate ? write : 0.0f, period);
         break;
     default:
         result = in_order(v, &table[misfit - 1u]);

@@ -26,6 +26,9 @@ typedef struct {
     bool touch;
 } ht_misfit_info;
 
+/** A time in whole counts, rounded up (HT_DEAD_TOLERANCE_COUNTS). The result must fit into 16 bits. */
+uint16_t ht_counts_up(float time_us, float clock_Hz);
+
 /** NULL if there is no such misfit. */
 const ht_misfit_info *ht_misfit_describe(uint16_t misfit);
 

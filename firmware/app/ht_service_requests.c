@@ -24,7 +24,7 @@ uint32_t ht_service_watchdog_ticks(const ht_service *l)
 /* Fast interrupts per second: the PWM clock divided by whole counts, next to f_isr_Hz. */
 static float rate_Hz(const ht_service *l)
 {
-    uint16_t counts = ht_config_in_force(l->drive)->control.period_counts;
+    uint16_t counts = ht_config_in_force(l->drive)->control.period.counts;
     return ht_port_pwm_clock_Hz(l->drive->port) / (float)counts;
 }
 

@@ -32,8 +32,15 @@
     (HT_IS_WORD((a).before) && HT_IS_WORD((a).s[0]) && HT_IS_WORD((a).s[1])    \
      && HT_IS_WORD((a).s[2]) && HT_IS_WORD((a).later) && HT_IS_WORD((a).close) \
      && HT_IS_WORD((a).rising) && HT_IS_WORD((a).falling) && ((a).own <= 2u))
-/** A compare register that toggles its leg in the period, or holds it. */
-#define HT_IS_COMPARE(count, first, period) \
-    (((count) == (period)) || (((count) > (first)) && ((count) < (period))))
+/** What ht_control_check accepts. */
+#define HT_IS_PERIOD(p)                                                            \
+    (((p).counts >= 8u) && ((p).first < ((p).counts / 2u)) && ((p).shortest >= 1u) \
+     && ((p).shortest <= (((p).counts - (p).first) / 2u)))
+/** A compare register that toggles its leg in the period, the shortest pulse away from both ends, or
+ *  holds it. */
+#define HT_IS_COMPARE(count, p)                                      \
+    (((count) == (p).counts)                                         \
+     || (((uint32_t)(count) >= ((uint32_t)(p).first + (p).shortest)) \
+         && (((uint32_t)(count) + (p).shortest) <= (p).counts)))
 
 #endif

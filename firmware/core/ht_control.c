@@ -64,6 +64,16 @@ static ht_config_status law_check(const ht_control_config *cfg)
     return fits ? HT_CONFIG_OK : HT_CONFIG_SCHEME;
 }
 
+static bool period_fits(const ht_control_config *cfg)
+{
+    const ht_period *p = &cfg->period;
+    float dead_counts = cfg->dead.dead_pu * (float)p->counts;
+    return (p->counts >= 8u) && (p->first < (uint16_t)(p->counts / 2u))
+           && (!cfg->shadow || (p->first == 0u)) && (p->shortest >= 1u)
+           && (p->shortest <= (uint16_t)((p->counts - p->first) / 2u))
+           && (dead_counts < ((float)p->shortest + 1.0f)); /* NaN is not */
+}
+
 /* The states of all laws. */
 static void law_reset(ht_control_state *st)
 {
@@ -136,7 +146,7 @@ static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_cont
     given.dead = &cfg->dead;
     given.i_A = &in->i_A;
     given.before = st->active.s[2];
-    given.period = cfg->period_counts;
+    given.period = &cfg->period;
     ht_modulator_step(&cfg->modulator, &st->modulator, &v, &given, out, &st->next,
                       &st->toggles[number - 1u]);
     st->next.own = number;
@@ -157,10 +167,8 @@ ht_config_status ht_control_check(const ht_control_config *cfg)
     if (ht_scheme_describe((uint16_t)cfg->scheme) == NULL) {
         return HT_CONFIG_SCHEME;
     }
-    if ((cfg->period_counts < 8u) || (cfg->first_counts >= (uint16_t)(cfg->period_counts / 2u))
-        || (cfg->shadow && (cfg->first_counts != 0u)) || !positive(cfg->observer.ts_s)
-        || !(cfg->dead.dead_pu >= 0.0f) || !(cfg->dead.dead_pu <= 0.5f)
-        || !positive(cfg->dead.i_zero_A)) {
+    if (!period_fits(cfg) || !positive(cfg->observer.ts_s) || !(cfg->dead.dead_pu >= 0.0f)
+        || !(cfg->dead.dead_pu <= 0.5f) || !positive(cfg->dead.i_zero_A)) {
         return HT_CONFIG_TIMING;
     }
     if (((unsigned)cfg->observer.kind >= HT_OBSERVERS) || !(cfg->observer.rs_ohm >= 0.0f)
@@ -188,8 +196,8 @@ void ht_control_low_pattern(const ht_control_config *cfg, ht_compare *out)
     int leg;
     out->start = 0u;
     for (leg = 0; leg < HT_LEGS; leg++) {
-        out->ca[leg] = cfg->period_counts;
-        out->cb[leg] = cfg->period_counts;
+        out->ca[leg] = cfg->period.counts;
+        out->cb[leg] = cfg->period.counts;
     }
 }
 
@@ -350,7 +358,7 @@ static void commit(const ht_control_config *cfg, ht_control_state *st, const uin
 {
     uint16_t before = st->active.s[2];
     ht_applied *target = cfg->shadow ? &st->next : &st->active;
-    ht_pattern_counts(s, p, cfg->period_counts, cfg->first_counts, out, target);
+    ht_pattern_counts(s, p, &cfg->period, out, target);
     ht_applied_finish(target, before, &cfg->dead);
 }
 

@@ -26,15 +26,14 @@
 
 typedef struct {
     ht_scheme scheme;
-    ht_law law;             /**< of the scheme */
-    bool shadow;            /**< a pattern takes effect one period after its step */
-    bool predict;           /**< decide on the state one period ahead */
-    bool needs_xy;          /**< the law decides by the x-y flux */
-    bool only_v0;           /**< zero vectors: V0 only, else the one with the fewest transitions */
-    uint16_t period_counts; /**< TBPRD + 1 */
-    uint16_t first_counts;  /**< write instant under immediate load, else 0 */
-    float drop_V;           /**< threshold voltage of switches and diodes, their mean; 0 = ideal */
-    float build_current_A;  /**< current limit of the flux build-up */
+    ht_law law;            /**< of the scheme */
+    bool shadow;           /**< a pattern takes effect one period after its step */
+    bool predict;          /**< decide on the state one period ahead */
+    bool needs_xy;         /**< the law decides by the x-y flux */
+    bool only_v0;          /**< zero vectors: V0 only, else the one with the fewest transitions */
+    float drop_V;          /**< threshold voltage of switches and diodes, their mean; 0 = ideal */
+    float build_current_A; /**< current limit of the flux build-up */
+    ht_period period;
     ht_dead_time dead;
     ht_observer_config observer;
     ht_table_law_config table_law;       /**< used where `law` is HT_LAW_TABLE */
@@ -47,7 +46,7 @@ typedef struct {
 typedef enum {
     HT_CONFIG_OK = 0,
     HT_CONFIG_SCHEME = 1,     /**< scheme, or what its law needs: table, torque levels, x-y limit */
-    HT_CONFIG_TIMING = 2,     /**< period, write instant, dead time or sampling period */
+    HT_CONFIG_TIMING = 2,     /**< period, write instant, pulse, dead time or sampling period */
     HT_CONFIG_MACHINE = 3,    /**< resistance or inductance */
     HT_CONFIG_PREDICTION = 4, /**< the law needs shadow load and prediction */
     HT_CONFIG_SAMPLING = 5    /**< the law needs more samples per time constant of the machine */

@@ -7,8 +7,6 @@
 #define COS_30 0.866025404f
 /* The carriers go back in phase below this share of the voltage from which they turn, squared. */
 #define TURN_HOLD2 0.9025f
-/* A leg whose command is this close to a rail stays on it. */
-#define ON_RAIL 2.0e-5f
 
 bool ht_modulator_check(const ht_modulator_config *cfg)
 {
@@ -137,7 +135,7 @@ typedef struct {
     float dead_per_A;    /* ... and the same over the current from which it acts fully */
     float middle;        /* counts to the middle of the period, with what rounds them */
     float early;         /* counts of half the dead time: every edge is that much earlier */
-    float open;          /* toggles this many counts from the middle are not close */
+    float most;          /* toggles lie within this many counts from the middle */
     float per_count;
     uint16_t period;
 } timing;
@@ -162,7 +160,6 @@ static carrier carrier_of(bool falling, const timing *t)
 typedef struct {
     unsigned high;  /* stay high */
     unsigned moves; /* toggle */
-    unsigned close; /* toggle closer to the period's ends than the dead time */
 } legs;
 
 /* What the dead time takes of a leg's high time, mean of a rising and a falling edge: half the
@@ -174,22 +171,24 @@ static float compensation(const timing *t, float i_A)
     return fabsf(x + t->dead_half_pu2) - fabsf(x - t->dead_half_pu2);
 }
 
+/* A toggle whose pulse would be too short moves to where the pulse is the shortest. Not so if the
+ * rail is nearer to the command, or for NaN. */
+static bool move_to_shortest(const timing *t, float d, float *counts)
+{
+    float moved = fabsf(*counts) - t->most;
+    float to_rail = (0.5f - fabsf(d)) * (float)t->period;
+    *counts = (*counts > 0.0f) ? t->most : -t->most;
+    return moved < to_rail;
+}
+
 static void modulate(const timing *t, const carrier *c, float d, float i_A, uint16_t leg,
                      legs *found, uint16_t *ca, float *instant, float *share)
 {
     unsigned bit = HT_LEG_U1 >> leg;
-    if (fabsf(d) < (0.5f - ON_RAIL)) {
-        float counts = c->slope * (d + compensation(t, i_A)) - t->early;
-        float edge;
-        unsigned count;
-        if (!(fabsf(counts) < t->open)) {
-            float most = t->middle - 1.5f;
-            counts = (counts < most) ? counts : most;
-            counts = (counts > -most) ? counts : -most; /* NaN too */
-            found->close |= bit;
-        }
-        edge = counts + t->middle;
-        count = (unsigned)edge;
+    float counts = c->slope * (d + compensation(t, i_A)) - t->early;
+    if ((fabsf(counts) < t->most) || move_to_shortest(t, d, &counts)) {
+        float edge = counts + t->middle;
+        unsigned count = (unsigned)edge;
         found->moves |= bit;
         ca[leg] = (uint16_t)count;
         instant[leg] = (float)count * t->per_count;
@@ -207,7 +206,8 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
                        const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
                        ht_toggles *toggles)
 {
-    float full = (float)in->period;
+    uint16_t period = in->period->counts;
+    float full = (float)period;
     float alpha2 = v_pu->ab.alpha * v_pu->ab.alpha;
     float beta2 = v_pu->ab.beta * v_pu->ab.beta;
     float size2 = alpha2 + beta2;
@@ -218,7 +218,7 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     three_phase two = set2_of(v_pu);
     extremes first = extremes_of(one);
     extremes second = extremes_of(two);
-    legs found = {0u, 0u, 0u};
+    legs found = {0u, 0u};
     timing t;
     carrier c;
     ht_six share; /* of the period that a leg is high, with a zero of each set's own */
@@ -227,12 +227,10 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     bool other; /* set 2 falls */
     float middle;
     float zero;
-    float dead; /* counts */
     unsigned before = in->before;
     unsigned rises;
     unsigned start;
     unsigned edge0; /* legs with an edge at the period's very start */
-    unsigned fine;
     uint16_t leg;
 
     if (!((first.range <= 1.0f) && (second.range <= 1.0f))) {
@@ -253,14 +251,13 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
             kappa2 = -kappa2;
         }
     }
-    t.period = in->period;
+    t.period = period;
     t.per_count = 1.0f / full;
     t.dead_half_pu2 = 0.25f * in->dead->dead_pu;
     t.dead_per_A = t.dead_half_pu2 / in->dead->i_zero_A;
     t.middle = 0.5f * full + 0.5f;
-    dead = in->dead->dead_pu * full;
-    t.early = 0.5f * dead;
-    t.open = 0.5f * full - dead - 1.5f;
+    t.early = 0.5f * full * in->dead->dead_pu;
+    t.most = 0.5f * full - (float)in->period->shortest;
     c = carrier_of(falling, &t);
     zero = zero_sequence(first, kappa1);
     middle = zero - 0.5f * one.p;
@@ -277,10 +274,9 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     rises = found.moves & ((falling ? 0u : HT_SET1) | (other ? 0u : HT_SET2));
     start = found.high | (found.moves ^ rises);
     edge0 = before ^ start;
-    fine = ~found.close;
     out->start = (uint16_t)start;
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
-        out->cb[leg] = in->period;
+        out->cb[leg] = period;
     }
     applied->before = (uint16_t)before;
     applied->s[0] = (uint16_t)start;
@@ -290,8 +286,8 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     applied->t[1] = 1.0f;
     applied->t[2] = 1.0f;
     applied->later = found.moves;
-    applied->close = found.close;
-    applied->rising = ((edge0 & start) | rises) & fine;
-    applied->falling = ((edge0 & before) | (found.moves ^ rises)) & fine;
+    applied->close = 0u; /* edges are at least the dead time apart */
+    applied->rising = (edge0 & start) | rises;
+    applied->falling = (edge0 & before) | (found.moves ^ rises);
     applied->mean_pu = ht_vsd_from_six(&share);
 }

@@ -38,9 +38,9 @@ typedef struct {
 /** What the modulator works with besides its own configuration and state. */
 typedef struct {
     const ht_dead_time *dead;
-    const ht_six *i_A; /**< latest currents: they tell what the dead time will take */
-    uint16_t before;   /**< state word at the end of the period before */
-    uint16_t period;   /**< TBPRD + 1, 8..65535 */
+    const ht_six *i_A;       /**< latest currents: they tell what the dead time will take */
+    const ht_period *period; /**< begins at count 0 */
+    uint16_t before;         /**< state word at the end of the period before */
 } ht_modulator_input;
 
 /** True if every value is in its range: kappa 0..1, the voltages 0 or more. */
@@ -50,10 +50,12 @@ bool ht_modulator_check(const ht_modulator_config *cfg);
 void ht_modulator_reset(ht_modulator_state *st);
 
 /** One period's pattern for the voltage `v_pu`, units of Vdc. Where the legs of a set do not
- *  fit between the rails, x and y give way first, in `v_pu` too; then the legs are limited.
+ *  fit between the rails, x and y give way first, in `v_pu` too; then the legs are limited. A leg
+ *  whose command lies between its rail and the shortest pulse takes the nearer of both.
  *
- *  Whatever goes in, NaN included: 1 <= CA <= period - 1, or CA = period for a leg that stays on
- *  its rail; CB = period. `applied` and `toggles` describe the pattern for ht_volt_seconds. */
+ *  Whatever goes in, NaN included: CA from `shortest` to `counts` - `shortest`, or CA = `counts` for a
+ *  leg that stays on its rail; CB = `counts`. So every pulse, also one that the next period's start ends,
+ *  has its length. `applied` and `toggles` describe the pattern for ht_volt_seconds. */
 void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, ht_vsd *v_pu,
                        const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
                        ht_toggles *toggles);

@@ -5,18 +5,85 @@ static unsigned without_first(unsigned legs)
     return legs & ~(HT_LEG_U1 >> ht_first_leg[legs]);
 }
 
-void ht_pattern_counts(const uint16_t s[3], ht_action_points p, uint16_t period, uint16_t first,
+/* The instant in low..high that is next to `at`, and from both ends as far as `shortest` or on one of
+ * them. */
+static uint32_t next_to(uint32_t at, uint32_t low, uint32_t high, uint32_t shortest)
+{
+    uint32_t found = at;
+    if ((high - low) < (2u * shortest)) {
+        found = ((at - low) < (high - at)) ? low : high;
+    } else if ((at - low) < shortest) {
+        found = ((2u * (at - low)) < shortest) ? low : (low + shortest);
+    } else if ((high - at) < shortest) {
+        found = ((2u * (high - at)) < shortest) ? high : (high - shortest);
+    } else {
+        /* far from both */
+    }
+    return found;
+}
+
+/* Toggles at counts c1 and c2. */
+static HT_INTO_CALLERS void toggle(ht_compare *counts, ht_applied *applied, unsigned toggle1,
+                                   unsigned toggle2, uint32_t c1, uint32_t c2, float full)
+{
+    float per_count = 1.0f / full;
+    while (toggle1 != 0u) {
+        counts->ca[ht_first_leg[toggle1]] = (uint16_t)c1;
+        toggle1 = without_first(toggle1);
+    }
+    while (toggle2 != 0u) {
+        counts->cb[ht_first_leg[toggle2]] = (uint16_t)c2;
+        toggle2 = without_first(toggle2);
+    }
+    applied->t[1] = (float)c1 * per_count;
+    applied->t[2] = (float)c2 * per_count;
+}
+
+/* A word would last shorter than the shortest pulse: it lasts that long or not at all. */
+HT_SELDOM static void toggle_apart(const ht_period *period, uint32_t c1, uint32_t c2,
+                                   ht_compare *counts, ht_applied *a)
+{
+    uint32_t low = period->first;
+    uint32_t high = period->counts;
+    uint32_t second = (c2 < high) ? c2 : high;
+    uint32_t first;
+    second = (a->s[1] != a->s[2]) ? next_to(second, low, high, period->shortest) : high;
+    first = (c1 < second) ? c1 : second;
+    first = (a->s[0] != a->s[1]) ? next_to(first, low, second, period->shortest) : low;
+    if (first == high) {
+        a->s[1] = a->s[0];
+    }
+    if (second == high) {
+        a->s[2] = a->s[1];
+        second = first;
+    }
+    if (first == second) {
+        a->s[1] = a->s[2];
+    }
+    if (first == low) {
+        a->s[0] = a->s[1];
+    }
+    counts->start = a->s[0];
+    if ((a->s[0] != a->s[1]) || (a->s[1] != a->s[2])) {
+        toggle(counts, a, (unsigned)a->s[0] ^ a->s[1], (unsigned)a->s[1] ^ a->s[2], first, second,
+               (float)high);
+    }
+}
+
+void ht_pattern_counts(const uint16_t s[3], ht_action_points p, const ht_period *period,
                        ht_compare *counts, ht_applied *applied)
 {
+    uint16_t end = period->counts;
+    uint16_t first = period->first;
     unsigned toggle1 = (unsigned)s[0] ^ s[1];
     unsigned toggle2 = (unsigned)s[1] ^ s[2];
-    float full = (float)period;
+    float full = (float)end;
     int leg;
 
     counts->start = s[0];
     for (leg = 0; leg < HT_LEGS; leg++) {
-        counts->ca[leg] = period;
-        counts->cb[leg] = period;
+        counts->ca[leg] = end;
+        counts->cb[leg] = end;
     }
     applied->s[0] = s[0];
     applied->s[1] = s[1];
@@ -28,27 +95,17 @@ void ht_pattern_counts(const uint16_t s[3], ht_action_points p, uint16_t period,
         applied->t[0] = (float)first / full;
     }
     if ((toggle1 | toggle2) != 0u) {
-        float per_count = 1.0f / full;
         /* First count and up to a whole period: more than 16 bits. */
         float f1 = (float)first + p.t1 * full + 0.5f;
         float f2 = (float)first + p.t2 * full + 0.5f;
         uint32_t c1 = (uint32_t)f1;
         uint32_t c2 = (uint32_t)f2;
-        uint32_t low1 = (uint32_t)first + 1u;
-        uint32_t high1 = (uint32_t)period - 2u;
-        uint32_t high2 = (uint32_t)period - 1u;
-        c1 = (c1 < low1) ? low1 : ((c1 > high1) ? high1 : c1);
-        c2 = (c2 <= c1) ? (c1 + 1u) : ((c2 > high2) ? high2 : c2);
-        while (toggle1 != 0u) {
-            counts->ca[ht_first_leg[toggle1]] = (uint16_t)c1;
-            toggle1 = without_first(toggle1);
+        uint32_t shortest = period->shortest;
+        if ((c1 < (first + shortest)) || (c2 < (c1 + shortest)) || ((c2 + shortest) > end)) {
+            toggle_apart(period, c1, c2, counts, applied);
+        } else {
+            toggle(counts, applied, toggle1, toggle2, c1, c2, full);
         }
-        while (toggle2 != 0u) {
-            counts->cb[ht_first_leg[toggle2]] = (uint16_t)c2;
-            toggle2 = without_first(toggle2);
-        }
-        applied->t[1] = (float)c1 * per_count;
-        applied->t[2] = (float)c2 * per_count;
     }
 }
 

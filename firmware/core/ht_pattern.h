@@ -15,6 +15,16 @@ typedef struct {
     uint16_t cb[HT_LEGS]; /**< counts; `period` = no toggle */
 } ht_compare;
 
+/** Counts of a sampling period. */
+typedef struct {
+    uint16_t counts; /**< TBPRD + 1, 8..65535 */
+    uint16_t first;  /**< where its pattern takes effect: 0 under shadow load, the write instant
+                        *   under immediate load; below half of `counts` */
+    uint16_t
+        shortest; /**< pulse of a leg, high or low: dead time and shortest gate pulse; from 1 to
+                        *   half of what is left behind `first` */
+} ht_period;
+
 /** A modulated period: every leg has an instant of its own (ht_modulator.h). */
 typedef struct {
     float t[HT_LEGS]; /**< instant of the leg's toggle, per unit of the period; 1: none */
@@ -59,16 +69,14 @@ typedef struct {
 
 /** Counts for state words `s` and action points `p`, 0 <= t1 <= t2 <= 1.
  *
- *  `period` = TBPRD + 1, 8 <= period <= 65535. `first` = count at which the
- *  period starts: 0 under shadow load, the write instant under immediate load;
- *  first < period - 3. Equations (17) and (18): CA toggles where S1 != S2, CB
- *  where S2 != S3, otherwise the register holds `period`, which an up-counter
- *  never reaches. Two hazards of toggle actions, which the paper does not name,
- *  are kept out by at least one count between start, CA and CB: CA = 0 would
- *  swallow the start level, CA = CB would give one toggle for two.
- *  `applied` gets the words and the instants after rounding; the rest of it needs
- *  ht_applied_finish. */
-void ht_pattern_counts(const uint16_t s[3], ht_action_points p, uint16_t period, uint16_t first,
+ *  Equations (17) and (18): CA toggles where S1 != S2, CB where S2 != S3, otherwise the register
+ *  holds `period->counts`, which an up-counter never reaches. Each word lasts for the shortest pulse
+ *  at least: a shorter one is lengthened or left out, whichever is nearer. So every pulse has its
+ *  length, also one that the next period's start ends; and two hazards of toggle actions, which the
+ *  paper does not name, are kept out: CA = 0 would swallow the start level, CA = CB would give one
+ *  toggle for two. `applied` gets the words and the instants that became of this; the rest of it
+ *  needs ht_applied_finish. */
+void ht_pattern_counts(const uint16_t s[3], ht_action_points p, const ht_period *period,
                        ht_compare *counts, ht_applied *applied);
 
 /** Complete a pattern: state word `before` it, and what follows from words and instants. */

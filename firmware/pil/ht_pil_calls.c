@@ -16,6 +16,7 @@ void ht_pil_hardware_add(ht_packet *p, const ht_pil_hardware *hardware)
     ht_packet_add_float(p, hardware->pwm_clock_Hz);
     ht_packet_add_float(p, hardware->capture_clock_Hz);
     ht_packet_add_float(p, hardware->dead_min_us);
+    ht_packet_add_float(p, hardware->min_pulse_us);
     ht_packet_add16(p, hardware->dead_max_counts);
 }
 
@@ -24,6 +25,7 @@ void ht_pil_hardware_take(ht_reader *r, ht_pil_hardware *hardware)
     hardware->pwm_clock_Hz = ht_read_float(r);
     hardware->capture_clock_Hz = ht_read_float(r);
     hardware->dead_min_us = ht_read_float(r);
+    hardware->min_pulse_us = ht_read_float(r);
     hardware->dead_max_counts = ht_read16(r);
 }
 

@@ -39,6 +39,7 @@ typedef struct {
     float pwm_clock_Hz;
     float capture_clock_Hz;
     float dead_min_us;        /**< shortest dead time */
+    float min_pulse_us;       /**< shortest gate pulse */
     uint16_t dead_max_counts; /**< longest dead time, counts of the PWM clock */
 } ht_pil_hardware;
 

@@ -5,7 +5,8 @@
  *  - `ht_port_init` before interrupts are enabled, and again with all gates off when a
  *    parameter reaches into it. It leaves all gates off (one-shot trip latched) and
  *    the PWM counters running together; the slow interrupt's timer runs as well.
- *  - `ht_port_dead_range` at any time, from anywhere: it touches no register.
+ *  - `ht_port_dead_range` and `ht_port_min_pulse_us` at any time, from anywhere: they touch no
+ *    register.
  *  - `ht_port_begin_fast`, `ht_port_read`, `ht_port_write`, `ht_port_gates_off`,
  *    `ht_port_gates_on`, `ht_port_leg_off`, `ht_port_tripped`, `ht_port_leg_tripped`,
  *    `ht_port_interrupt_lost`, `ht_port_overrun`, `ht_port_ack_fast` from the fast interrupt only
@@ -66,6 +67,10 @@ typedef struct {
 #define HT_DEAD_TOLERANCE_COUNTS 0.01f
 
 ht_dead_range ht_port_dead_range(const ht_port *port);
+
+/** Shortest gate pulse that the board allows, us. A switch that is told to go off before it is fully on
+ *  loses more energy, and its diode may snap off. */
+float ht_port_min_pulse_us(const ht_port *port);
 
 /** Can the hardware realise the set-up (period and dead time in range)? */
 bool ht_port_accepts(const ht_port *port, const ht_pwm_setup *setup);

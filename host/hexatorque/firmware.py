@@ -209,8 +209,17 @@ _RULES = {
     "predict = on, and only without one, legs of one set, or two that are 90 degrees apart "
     "(32+1, 16+8, 4+2)",
     lib.HT_MISFIT_LOST_RIDE: "a start without legs needs ride_through",
+    lib.HT_MISFIT_MIN_PULSE: "a period, less write_delay_us under immediate load, holds two "
+    "pulses, each with dead_time_us",
     lib.HT_MISFIT_RATED: "to go on without a leg needs the rated phase current",
 }
+
+
+def _most_pulse_us(value_of: Callable[[str], Any]) -> float:
+    """Longest `min_pulse_us` of which a period holds two."""
+    names = ("f_isr_Hz", "load_mode", "write_delay_us", "dead_time_us")
+    f_isr_Hz, immediate, write_us, dead_us = (parameters()[n].parse(value_of(n)) for n in names)
+    return max(0.0, (1e6 / f_isr_Hz - (write_us if immediate else 0.0)) / 2 - dead_us)
 
 
 def misfit_text(misfit: int, value_of: Callable[[str], Any]) -> str:
@@ -231,7 +240,10 @@ def misfit_text(misfit: int, value_of: Callable[[str], Any]) -> str:
 
     if row.share == 0:
         both = dict.fromkeys((shown(first), shown(second)))
-        return f"{text}: {', '.join(both)}: {_RULES[misfit]}"
+        most = ""
+        if misfit == lib.HT_MISFIT_MIN_PULSE:
+            most = f"allowed is up to {_most_pulse_us(value_of):.4g} us: "
+        return f"{text}: {', '.join(both)}: {most}{_RULES[misfit]}"
     share = decimal(row.share)
     word = "allowed is up to" if row.touch else "must be below"
     times = "" if share == 1 else f"{share:g} "
@@ -437,7 +449,7 @@ class Controller:
 
     @property
     def period_counts(self) -> int:
-        return self.drive.config.control.period_counts
+        return self.drive.config.control.period.counts
 
     @property
     def fast_per_slow(self) -> int:

@@ -68,15 +68,17 @@ static void test_compare_counts(void)
 {
     static const uint16_t words[3] = {49, 48, 56}; /* VV_L1 = 771004 */
     ht_action_points p = {0.25f, 0.75f};
-    ht_action_points edge = {0.0f, 0.0f};
+    ht_action_points edge = {0.02f, 0.995f};
+    ht_period period = {15000u, 0u, 500u};
     ht_compare c;
     ht_applied a;
-    ht_pattern_counts(words, p, 15000, 0, &c, &a);
+    ht_pattern_counts(words, p, &period, &c, &a);
     CHECK((c.start == 49) && (c.ca[0] == 15000) && (c.cb[0] == 15000)); /* 7: high */
     CHECK((c.ca[2] == 15000) && (c.cb[2] == 11250));                    /* 1: rises at T2 */
     CHECK((c.ca[5] == 3750) && (c.cb[5] == 15000));                     /* 4: falls at T1 */
-    ht_pattern_counts(words, edge, 15000, 0, &c, &a);
-    CHECK((c.ca[5] == 1) && (c.cb[2] == 2));
+    ht_pattern_counts(words, edge, &period, &c, &a);
+    CHECK((c.start == 49) && (c.ca[5] == 500));                        /* lengthened */
+    CHECK((a.s[2] == 48) && (c.cb[2] == 15000) && (c.ca[2] == 15000)); /* left out */
 }
 
 static void test_comparators(void)

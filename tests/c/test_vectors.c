@@ -86,6 +86,7 @@ static void test_compare(void)
         ht_action_points p;
         ht_compare c;
         ht_applied a;
+        ht_period period;
         int leg;
         HT_ROM_ROW(&r, &ht_compare_rows[n]);
         for (leg = 0; leg < 3; leg++) {
@@ -93,7 +94,10 @@ static void test_compare(void)
         }
         p.t1 = r.t1;
         p.t2 = r.t2;
-        ht_pattern_counts(s, p, r.period, r.first, &c, &a);
+        period.counts = r.period;
+        period.first = r.first;
+        period.shortest = r.shortest;
+        ht_pattern_counts(s, p, &period, &c, &a);
         check(c.start == ((r.start != 0u) ? 63u : 0u), "compare", n);
         for (leg = 0; leg < HT_LEGS; leg++) {
             check((c.ca[leg] == r.ca) && (c.cb[leg] == r.cb), "compare", n);
@@ -111,7 +115,8 @@ static void configure(ht_control_config *cfg, ht_scheme scheme, ht_table table)
     cfg->table_law.flux_band_Wb = 0.003f;
     cfg->table_law.torque_band_Nm = 0.3f;
     cfg->table_law.torque_inner_Nm = 0.173f;
-    cfg->period_counts = 10000u;
+    cfg->period.counts = 10000u;
+    cfg->period.shortest = 1u;
     cfg->build_current_A = 1.0f;
     cfg->observer.ts_s = 1.0e-4f;
     cfg->observer.inv_ts = 1.0e4f;

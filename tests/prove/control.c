@@ -223,15 +223,15 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
 }
 
 /* Any registers that follow `first`, and any pattern. */
-static void any_compare(uint16_t start, uint16_t first, uint16_t period, ht_compare *out)
+static void any_compare(uint16_t start, const ht_period *period, ht_compare *out)
 {
     int leg;
     out->start = start;
     for (leg = 0; leg < HT_LEGS; leg++) {
         out->ca[leg] = nondet_uint16();
         out->cb[leg] = nondet_uint16();
-        GIVEN(HT_IS_COMPARE(out->ca[leg], first, period));
-        GIVEN(HT_IS_COMPARE(out->cb[leg], first, period));
+        GIVEN(HT_IS_COMPARE(out->ca[leg], *period));
+        GIVEN(HT_IS_COMPARE(out->cb[leg], *period));
     }
 }
 
@@ -248,25 +248,23 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
                        const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
                        ht_toggles *toggles)
 {
-    MUST(HT_IS_WORD(in->before) && (in->period >= 8u));
+    MUST(HT_IS_WORD(in->before) && HT_IS_PERIOD(*in->period) && (in->period->first == 0u));
     MUST(in->dead->i_zero_A > 0.0f);
     applied->before = in->before;
     any_words(applied->s);
     any_masks(applied);
     GIVEN(HT_IS_PATTERN(*applied));
-    any_compare(applied->s[0], 0u, in->period, out);
+    any_compare(applied->s[0], in->period, out);
     toggles->t[0] = nondet_float(); /* must be an object */
 }
 
-void ht_pattern_counts(const uint16_t s[3], ht_action_points p, uint16_t period, uint16_t first,
+void ht_pattern_counts(const uint16_t s[3], ht_action_points p, const ht_period *period,
                        ht_compare *counts, ht_applied *applied)
 {
     MUST(HT_IS_WORD(s[0]) && HT_IS_WORD(s[1]) && HT_IS_WORD(s[2]) && HT_ARE_ACTION_POINTS(p));
-    MUST((period >= 8u) && (first < (period / 2u)));
-    any_compare(s[0], first, period, counts);
-    applied->s[0] = s[0];
-    applied->s[1] = s[1];
-    applied->s[2] = s[2];
+    MUST(HT_IS_PERIOD(*period));
+    any_words(applied->s);
+    any_compare(applied->s[0], period, counts);
 }
 
 void ht_applied_finish(ht_applied *a, uint16_t before, const ht_dead_time *dead)
@@ -325,15 +323,15 @@ static void any_step(ht_control_config *cfg, ht_control_state *st, ht_control_in
     cfg->predict = nondet_bool();
     cfg->needs_xy = nondet_bool();
     cfg->only_v0 = nondet_bool();
-    cfg->period_counts = nondet_uint16();
-    cfg->first_counts = nondet_uint16();
+    cfg->period.counts = nondet_uint16();
+    cfg->period.first = nondet_uint16();
+    cfg->period.shortest = nondet_uint16();
     cfg->drop_V = nondet_float();
     cfg->leg_loss.least_V2 = nondet_float();
     cfg->dead.i_zero_A = nondet_float();
     cfg->table_law.regulated = nondet_bool();
     cfg->table_law.xy_limit_pu = nondet_float();
-    GIVEN((cfg->period_counts >= 8u) && (cfg->first_counts < (cfg->period_counts / 2u)));
-    GIVEN(!cfg->shadow || (cfg->first_counts == 0u));
+    GIVEN(HT_IS_PERIOD(cfg->period) && (!cfg->shadow || (cfg->period.first == 0u)));
     GIVEN((cfg->law == HT_LAW_TABLE) || (cfg->shadow && cfg->predict));
     GIVEN(cfg->dead.i_zero_A > 0.0f);
     GIVEN((cfg->table_law.xy_limit_pu > 0.0f) && (cfg->table_law.xy_limit_pu < 1.0f));
@@ -400,8 +398,8 @@ static void step_of(ht_law law, bool shadow, bool lost)
     before = cfg.shadow ? st.next.s[2] : st.active.s[2];
     ht_control_step(&cfg, &st, &in, nondet_bool(), &out);
     MUST(HT_IS_WORD(out.start));
-    MUST(HT_IS_COMPARE(out.ca[leg], cfg.first_counts, cfg.period_counts));
-    MUST(HT_IS_COMPARE(out.cb[leg], cfg.first_counts, cfg.period_counts));
+    MUST(HT_IS_COMPARE(out.ca[leg], cfg.period));
+    MUST(HT_IS_COMPARE(out.cb[leg], cfg.period));
     MUST(is_state(&cfg, &st));
     /* The pattern is remembered as it was handed out, and continues the one before. */
     MUST((cfg.shadow ? st.next.s[0] : st.active.s[0]) == out.start);

@@ -36,3 +36,19 @@ void prove_misfit(void)
     MUST((v[HT_P_torque_release_Nm] == 0.0f)
          || HT_IS_WITHIN(v[HT_P_torque_release_Nm], v[HT_P_torque_band_Nm]));
 }
+
+/* 20 microseconds at 400 MHz at most. `ht_last_sum` is what was asked for, less the tolerance, in
+ * counts. */
+void prove_counts_up(void)
+{
+    float time_us = nondet_float();
+    float clock = nondet_float();
+    uint16_t counts;
+    GIVEN((time_us >= 0.0f) && (time_us <= 20.0f) && (clock >= 1.0e6f) && (clock <= 4.0e8f));
+    ht_most[0][0] = 20.0f;
+    ht_most[0][1] = 1.0e-6f;
+    ht_most[1][0] = 2.1e-5f;
+    ht_most[1][1] = 4.0e8f;
+    counts = ht_counts_up(time_us, clock);
+    MUST((float)counts >= ht_last_sum);
+}

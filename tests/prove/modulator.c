@@ -3,13 +3,15 @@
 #include "ht_vsd.c"
 #include "prove.h"
 
-/* What a leg relies on: the middle of the period, and that no toggle outside the period counts as
- * open. */
+/* What a leg relies on: the middle of the period, and room for the shortest pulse on either side. */
+static uint16_t shortest;
+
 static bool is_timing(const timing *t)
 {
     float full = (float)t->period;
-    return (t->period >= 8u) && ((t->middle + t->middle) == (full + 1.0f))
-           && !(t->open > (t->middle - 2.0f));
+    return (t->period >= 8u) && ((t->middle + t->middle) == (full + 1.0f)) && (shortest >= 1u)
+           && (shortest <= (t->period / 2u))
+           && ((t->most + t->most) == (full - 2.0f * (float)shortest));
 }
 
 /* One leg, with any timing on which it may rely. */
@@ -17,7 +19,7 @@ void prove_modulate(void)
 {
     timing t;
     carrier c;
-    legs found = {0u, 0u, 0u};
+    legs found = {0u, 0u};
     uint16_t ca[HT_LEGS];
     float instant[HT_LEGS];
     float share[HT_LEGS];
@@ -32,16 +34,16 @@ void prove_modulate(void)
     t.dead_per_A = nondet_float(); /* times 1 A: any product with any current */
     t.middle = nondet_float();
     t.early = nondet_float();
-    t.open = nondet_float();
+    t.most = nondet_float();
+    shortest = nondet_uint16();
     GIVEN(is_timing(&t));
     c = carrier_of(nondet_bool(), &t);
     modulate(&t, &c, d, 1.0f, leg, &found, ca, instant, share);
     moves = found.moves != 0u;
     MUST(moves || (ca[leg] == period));
-    MUST(!moves || ((ca[leg] >= 1u) && (ca[leg] <= (period - 1u))));
-    MUST(((found.moves | found.high | found.close) & ~(0x20u >> leg)) == 0u);
+    MUST(!moves || ((ca[leg] >= shortest) && (ca[leg] <= (period - shortest))));
+    MUST(((found.moves | found.high) & ~(0x20u >> leg)) == 0u);
     MUST((found.moves & found.high) == 0u);
-    MUST((found.close & ~found.moves) == 0u);
     MUST(IMPLIES(is_nan(d), !moves && (found.high == 0u)));
 }
 
@@ -69,10 +71,10 @@ static void promise_modulate(const timing *t, const carrier *c, float d, float i
     bool moves = nondet_bool();
     MUST((leg < 6u) && is_timing(t));
     found->moves |= moves ? bit : 0u;
-    found->close |= (moves && nondet_bool()) ? bit : 0u;
     found->high |= (!moves && !is_nan(d) && nondet_bool()) ? bit : 0u;
     ca[leg] = nondet_uint16();
-    GIVEN(moves ? ((ca[leg] >= 1u) && (ca[leg] <= (t->period - 1u))) : (ca[leg] == t->period));
+    GIVEN(moves ? ((ca[leg] >= shortest) && (ca[leg] <= (t->period - shortest)))
+                : (ca[leg] == t->period));
     instant[leg] = nondet_float();
     share[leg] = nondet_float();
 }
@@ -83,6 +85,7 @@ void prove_modulator_step(void)
     ht_modulator_config cfg;
     ht_modulator_state st;
     ht_modulator_input in;
+    ht_period period;
     ht_dead_time dead;
     ht_six i_A = any_six();
     ht_vsd v;
@@ -99,10 +102,14 @@ void prove_modulator_step(void)
     in.dead = &dead;
     in.i_A = &i_A;
     in.before = nondet_uint16();
-    in.period = nondet_uint16();
+    in.period = &period;
+    period.counts = nondet_uint16();
+    period.first = 0u;
+    shortest = nondet_uint16();
+    period.shortest = shortest;
     dead.dead_pu = nondet_float();
     dead.i_zero_A = nondet_float();
-    GIVEN(HT_IS_WORD(in.before) && (in.period >= 8u));
+    GIVEN(HT_IS_WORD(in.before) && HT_IS_PERIOD(period));
     GIVEN((dead.dead_pu >= 0.0f) && (dead.dead_pu <= 0.5f) && (dead.i_zero_A > 0.0f));
     v.ab = any_ab();
     v.xy = any_xy();
@@ -112,10 +119,10 @@ void prove_modulator_step(void)
     MUST(HT_IS_PATTERN(applied));
     MUST((out.start == applied.s[0]) && (applied.before == in.before));
     MUST(applied.s[1] == applied.s[2]);
-    MUST(out.cb[leg] == in.period);
-    MUST(HT_IS_COMPARE(out.ca[leg], 0u, in.period));
+    MUST(out.cb[leg] == period.counts);
+    MUST(HT_IS_COMPARE(out.ca[leg], period));
     /* The register toggles the leg if and only if the words say so. */
-    MUST((out.ca[leg] != in.period) == (((applied.s[0] ^ applied.s[1]) & bit) != 0u));
+    MUST((out.ca[leg] != period.counts) == (((applied.s[0] ^ applied.s[1]) & bit) != 0u));
     /* All legs of set 1 go the same way, and every second period the other way. */
     MUST(IMPLIES(((applied.s[0] ^ applied.s[1]) & HT_SET1 & bit) != 0u,
                  ((applied.s[0] & bit) != 0u) == falling));

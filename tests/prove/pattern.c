@@ -4,15 +4,14 @@
 #include "prove.h"
 
 /* Every pattern that the table law can ask for becomes registers that toggle each leg where its
- * bits differ and nowhere else. */
+ * bits differ and nowhere else, and no pulse is shorter than the shortest. */
 void prove_pattern(void)
 {
     uint16_t s[3];
     ht_action_points p;
     ht_compare counts;
     ht_applied applied;
-    uint16_t period = nondet_uint16();
-    uint16_t first = nondet_uint16();
+    ht_period period;
     uint16_t leg = nondet_uint16();
     bool toggles1;
     bool toggles2;
@@ -24,16 +23,23 @@ void prove_pattern(void)
     p.t1 = nondet_float();
     p.t2 = nondet_float();
     GIVEN(HT_ARE_ACTION_POINTS(p));
-    GIVEN((period >= 8u) && (first < (period / 2u)) && (leg < 6u));
-    ht_pattern_counts(s, p, period, first, &counts, &applied);
-    MUST(counts.start == s[0]);
-    MUST(HT_IS_COMPARE(counts.ca[leg], first, period));
-    MUST(HT_IS_COMPARE(counts.cb[leg], first, period));
-    toggles1 = (((unsigned)s[0] ^ s[1]) & (0x20u >> leg)) != 0u;
-    toggles2 = (((unsigned)s[1] ^ s[2]) & (0x20u >> leg)) != 0u;
-    MUST((counts.ca[leg] != period) == toggles1);
-    MUST((counts.cb[leg] != period) == toggles2);
-    MUST(IMPLIES(toggles1 && toggles2, counts.ca[leg] < counts.cb[leg]));
+    period.counts = nondet_uint16();
+    period.first = nondet_uint16();
+    period.shortest = nondet_uint16();
+    GIVEN(HT_IS_PERIOD(period) && (leg < 6u));
+    ht_pattern_counts(s, p, &period, &counts, &applied);
+    for (n = 0; n < 3; n++) { /* none but what was asked for */
+        MUST((applied.s[n] == s[0]) || (applied.s[n] == s[1]) || (applied.s[n] == s[2]));
+    }
+    MUST(counts.start == applied.s[0]);
+    MUST(HT_IS_COMPARE(counts.ca[leg], period));
+    MUST(HT_IS_COMPARE(counts.cb[leg], period));
+    toggles1 = (((unsigned)applied.s[0] ^ applied.s[1]) & (0x20u >> leg)) != 0u;
+    toggles2 = (((unsigned)applied.s[1] ^ applied.s[2]) & (0x20u >> leg)) != 0u;
+    MUST((counts.ca[leg] != period.counts) == toggles1);
+    MUST((counts.cb[leg] != period.counts) == toggles2);
+    MUST(IMPLIES(toggles1 && toggles2,
+                 ((uint32_t)counts.ca[leg] + period.shortest) <= counts.cb[leg]));
 }
 
 void prove_applied_high(void)

@@ -71,6 +71,11 @@ ht_dead_range ht_port_dead_range(const ht_port *port)
     return range;
 }
 
+float ht_port_min_pulse_us(const ht_port *port)
+{
+    return port->hardware.min_pulse_us;
+}
+
 bool ht_port_accepts(const ht_port *port, const ht_pwm_setup *setup)
 {
     float least = port->hardware.dead_min_us * 1.0e-6f * port->hardware.pwm_clock_Hz;

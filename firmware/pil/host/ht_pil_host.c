@@ -446,6 +446,7 @@ void ht_link_init(ht_link *l, uint16_t device, const ht_params *p)
         hardware.pwm_clock_Hz = ht_port_pwm_clock_Hz(&l->port);
         hardware.capture_clock_Hz = ht_port_capture_clock_Hz(&l->port);
         hardware.dead_min_us = board->dead_min_us;
+        hardware.min_pulse_us = board->min_pulse_us;
         hardware.dead_max_counts = board->map->dead_max_counts;
         ht_pil_hardware_add(&l->request, &hardware);
     }

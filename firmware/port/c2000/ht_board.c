@@ -13,6 +13,11 @@
  * this figure in the board's table, from the data sheets of switch and driver. */
 #define IGBT_DEAD_MIN_US 1.0f
 
+/* The shortest gate pulse. An IGBT of that size is fully on or off 0.3 us to 1 us after its gate, and the
+ * diode that it takes the current from needs as long to recover. Gate drivers and modules ask for 0.5 us
+ * to 1.5 us at least. Change it like the dead time, from the data sheets. */
+#define IGBT_MIN_PULSE_US 2.0f
+
 const ht_board ht_board_f28335 = {
     .name = "f28335",
     .map = &ht_f28335,
@@ -25,6 +30,7 @@ const ht_board ht_board_f28335 = {
     /* clang-format on */
     .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
     .dead_min_us = IGBT_DEAD_MIN_US,
+    .min_pulse_us = IGBT_MIN_PULSE_US,
     .trip = {12u, 1u},
     .eqep = 0u,
     .encoder_a = {20u, 1u},
@@ -47,6 +53,7 @@ const ht_board ht_board_f28377s = {
     /* clang-format on */
     .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
     .dead_min_us = IGBT_DEAD_MIN_US,
+    .min_pulse_us = IGBT_MIN_PULSE_US,
     .trip = {12u, 0u},
     .eqep = 0u,
     .encoder_a = {20u, 1u},
@@ -72,6 +79,7 @@ const ht_board ht_board_launchxl_f28377s = {
     /* clang-format on */
     .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
     .dead_min_us = IGBT_DEAD_MIN_US,
+    .min_pulse_us = IGBT_MIN_PULSE_US,
     /* GPIO0, 1, 5..9, 22..40, 44..57, 67, 68, 74..77, 79..83, 88, 93..98, 100..168 */
     .unbonded = {0xFFC003E3u, 0x03FFF1FFu, 0xE10FBC18u, 0xFFFFFFF7u, 0xFFFFFFFFu, 0x000001FFu},
     .trip = {4u, 0u},

@@ -26,6 +26,7 @@ typedef struct {
     ht_pin pwm[2 * HT_LEGS];  /**< upper, lower switch of each leg */
     bool gates_active_low;    /**< the gate drivers invert: a low pin switches on */
     float dead_min_us;        /**< shortest dead time that the power stage allows */
+    float min_pulse_us;       /**< shortest gate pulse that it allows */
     /** Pins of each port that the package does not bring out, ports A to F: they get pull-ups, because a
      *  floating input may draw current. */
     uint32_t unbonded[HT_PORTS];

@@ -53,6 +53,11 @@ ht_dead_range ht_port_dead_range(const ht_port *port)
     return range;
 }
 
+float ht_port_min_pulse_us(const ht_port *port)
+{
+    return port->board->min_pulse_us;
+}
+
 bool ht_port_accepts(const ht_port *port, const ht_pwm_setup *setup)
 {
     float least = port->board->dead_min_us * 1.0e-6f * port->map->pwm_clock_Hz;

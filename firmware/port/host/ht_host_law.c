@@ -7,8 +7,6 @@
 
 #define PI_F 3.14159265f
 #define LEG_U1 0x20u /* bit of leg 0 in a state word */
-/* A leg whose duty ratio is this close to 0 or 1 stays on its rail. */
-#define ON_RAIL 2.0e-5f
 
 static void look(ht_host_law *h)
 {
@@ -95,7 +93,7 @@ static void vectors(const ht_host_law *h, ht_compare *out, ht_applied *next)
     }
     p.t1 = h->value[3];
     p.t2 = h->value[4];
-    ht_pattern_counts(s, p, cfg->period_counts, 0u, out, next);
+    ht_pattern_counts(s, p, &cfg->period, out, next);
     ht_applied_finish(next, (uint16_t)h->seen.before, &cfg->dead);
 }
 
@@ -114,13 +112,13 @@ static void duties(ht_host_law *h, ht_compare *out, ht_applied *next, ht_toggles
 {
     const ht_control_config *cfg = &h->drive->config->control;
     const ht_dead_time *dead = &cfg->dead;
-    uint16_t period = cfg->period_counts;
+    uint16_t period = cfg->period.counts;
     float full = (float)period;
+    float least = (float)cfg->period.shortest;
     bool falling = h->falling != 0u;
     unsigned before = (unsigned)h->seen.before;
     unsigned moves = 0u;
     unsigned high = 0u;
-    unsigned close = 0u;
     unsigned rises;
     unsigned start;
     unsigned edge0;
@@ -130,24 +128,20 @@ static void duties(ht_host_law *h, ht_compare *out, ht_applied *next, ht_toggles
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
         unsigned bit = LEG_U1 >> leg;
         float duty = h->value[leg];
+        float on = duty + dead_share(dead, h->drive->in.i_A.p[leg]);
+        /* Every edge is earlier by half the dead time. */
+        float at = full * ((falling ? on : (1.0f - on)) - 0.5f * dead->dead_pu) + 0.5f;
+        float can = (at < least) ? least : ((at > full - least) ? (full - least) : at);
+        float to_rail = full * ((duty > 0.5f) ? (1.0f - duty) : duty);
         out->ca[leg] = period;
         out->cb[leg] = period;
         toggles->t[leg] = 1.0f;
-        share.p[leg] = duty;
-        if (duty >= 1.0f - ON_RAIL) {
-            high |= bit;
-            share.p[leg] = 1.0f;
-        } else if (duty <= ON_RAIL) {
-            share.p[leg] = 0.0f;
+        if ((can != at) && (fabsf(can - at) >= to_rail)) {
+            high |= (duty > 0.5f) ? bit : 0u;
+            share.p[leg] = (duty > 0.5f) ? 1.0f : 0.0f;
         } else {
-            float on = duty + dead_share(dead, h->drive->in.i_A.p[leg]);
-            /* Every edge is earlier by half the dead time. */
-            float at = full * ((falling ? on : (1.0f - on)) - 0.5f * dead->dead_pu) + 0.5f;
-            float least = dead->dead_pu * full + 1.5f;
-            at = (at < 1.0f) ? 1.0f : ((at > full - 1.0f) ? (full - 1.0f) : at);
-            close |= ((at < least) || (at > full - least)) ? bit : 0u;
             moves |= bit;
-            out->ca[leg] = (uint16_t)at;
+            out->ca[leg] = (uint16_t)can;
             toggles->t[leg] = (float)out->ca[leg] / full;
             share.p[leg] = falling ? toggles->t[leg] : (1.0f - toggles->t[leg]);
         }
@@ -165,9 +159,9 @@ static void duties(ht_host_law *h, ht_compare *out, ht_applied *next, ht_toggles
     next->t[1] = 1.0f;
     next->t[2] = 1.0f;
     next->later = moves;
-    next->close = close;
-    next->rising = ((edge0 & start) | rises) & ~close;
-    next->falling = ((edge0 & before) | (moves ^ rises)) & ~close;
+    next->close = 0u;
+    next->rising = (edge0 & start) | rises;
+    next->falling = (edge0 & before) | (moves ^ rises);
     next->mean_pu = mean;
     h->falling = (uint16_t)(falling ? 0u : 1u);
 }

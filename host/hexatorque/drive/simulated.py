@@ -36,7 +36,7 @@ from ..plant.loop import (
     sample_instants,
 )
 from ..plant.machine import DRY_RAD_S, LOAD
-from ..plant.pwm import PWM_MAP, pwm_record
+from ..plant.pwm import NEVER, PWM_MAP, pwm_record
 from ..plant.record import names_of, record
 from ..plant.sensors import SENSORS
 from ..plant.vsd import INVERSE, PHASES
@@ -162,12 +162,13 @@ def _load(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
     return record(LOAD, **terms)
 
 
-def _pwm_map(m: firmware.CData, active_low: bool = False) -> np.record:
-    """The layout of the PWM registers, from the firmware's own map, and the gate drivers'
-    polarity."""
-    offsets = {n: int(getattr(m, n)) for n in names_of(PWM_MAP) if n != "active_low"}
+def _pwm_map(m: firmware.CData, active_low: bool = False, min_pulse_us: float = 0.0) -> np.record:
+    """The layout of the PWM registers, from the firmware's own map, and what the power stage
+    wants: the gate drivers' polarity and the shortest gate pulse."""
+    offsets = {n: int(getattr(m, n)) for n in names_of(PWM_MAP) if hasattr(m, n)}
     offsets = {n: -1 if v == 0xFFFF else v for n, v in offsets.items()}
-    return record(PWM_MAP, **offsets, active_low=int(active_low))
+    min_pulse = round(min_pulse_us * 1e-6 * float(m.pwm_clock_Hz))
+    return record(PWM_MAP, **offsets, active_low=int(active_low), min_pulse=min_pulse)
 
 
 class SimulatedDrive(DriveVerbs):
@@ -232,7 +233,8 @@ class SimulatedDrive(DriveVerbs):
             )
         self._pwm = pwm_record()
         self._gates = gates_record(round(setup["inverter.min_pulse_us"] * 1e-6 * clock))
-        self._map = _pwm_map(self.controller.map, self.controller.port.board.gates_active_low)
+        board = self.controller.port.board
+        self._map = _pwm_map(self.controller.map, board.gates_active_low, board.min_pulse_us)
         #: The sensors' constants and state. They may be changed between two runs.
         self.sensors = self._make_sensors()
         self._registers = self.controller.register_words()
@@ -561,6 +563,18 @@ class SimulatedDrive(DriveVerbs):
         """How often the PWM commanded both switches of a leg to be on at the same time."""
         return int(np.sum(self._pwm.shorts))
 
+    @property
+    def short_pulses(self) -> int:
+        """How many gate pulses were shorter than the board's power stage allows. A trip may end a
+        pulse at any time."""
+        return int(np.sum(self._pwm.short_pulses))
+
+    @property
+    def shortest_pulse_us(self) -> float:
+        """The shortest gate pulse so far; infinite if there was none."""
+        counts = int(np.min(self._pwm.shortest))
+        return math.inf if counts == NEVER else counts / self._timing.clock_Hz * 1e6
+
     def discard(self) -> None:
         """Delete the samples recorded so far."""
         self._plant.clear()
@@ -666,4 +680,5 @@ class SimulatedDrive(DriveVerbs):
             "state": self.controller.state,
             "faults": self.controller.faults,
             "register_violations": int(self.controller.registers.violations),
+            "short_pulses": self.short_pulses,
         }

@@ -10,7 +10,9 @@ immediate load, action qualifier of output A for ZERO, CAU, CBU, PERIOD and
 one-shot software force with the hardware's priority (force > PRD > CBU > CAU >
 ZERO), complementary dead band with the polarity of both outputs, one-shot trip with the
 levels that it forces. The gate drivers decide which level switches on (`active_low`). If both
-switches of a leg are on, this is counted as a short, and the leg is taken as off.
+switches of a leg are on, this is counted as a short, and the leg is taken as off. A switch that
+is on for less than the board's shortest gate pulse (`min_pulse`) is counted too, unless a trip
+ended the pulse.
 """
 
 from __future__ import annotations
@@ -22,6 +24,8 @@ from .legs import HIGH, LOW, MAX_BREAKS, OFF
 from .record import names_of, record
 
 NONE = -1
+#: Counts of a pulse that no pulse is as long as.
+NEVER = np.iinfo(np.int64).max
 
 
 #: Register layout of a device (word offsets; -1 = not present).
@@ -31,7 +35,8 @@ PWM_MAP = np.dtype(
         for name in (
             "epwm", "stride", "tbprd", "cmpctl", "cmpa", "cmpb", "aqctl", "aqctla", "aqsfrc",
             "dbctl", "dbred", "dbfed", "tzctl", "tzflg",
-            "active_low",  # not a register: 1 where a low pin switches on
+            # Not registers: 1 where a low pin switches on; the shortest gate pulse, counts.
+            "active_low", "min_pulse",
         )
     ]
 )  # fmt: skip
@@ -51,6 +56,9 @@ PWM = np.dtype(
         ("pending", "i8", (6,)),  # count at which the delayed switch turns on
         ("gate", "i8", (6,)),  # leg state after the trip zone
         ("shorts", "i8", (6,)),  # times that both switches were on
+        ("on_at", "i8", (6,)),  # count at which the switch that is on was told so
+        ("shortest", "i8", (6,)),  # gate pulse that no trip ended, counts
+        ("short_pulses", "i8", (6,)),  # gate pulses below the board's shortest
         ("transitions", "i8", (6,)),  # level changes of output A while not tripped
         ("count", "i8", (MAX_EDGES,)),  # edges: ascending counts,
         ("leg", "i8", (MAX_EDGES,)),  # leg,
@@ -62,7 +70,9 @@ PWM = np.dtype(
 def pwm_record() -> np.record:
     """Outputs low, tripped."""
     zeros = {name: 0 for name in names_of(PWM)}
-    start = {"cmpa": 65535, "cmpb": 65535, "band": LOW, "pending": NONE, "gate": OFF}
+    start = {
+        "cmpa": 65535, "cmpb": 65535, "band": LOW, "pending": NONE, "gate": OFF, "shortest": NEVER,
+    }  # fmt: skip
     return record(PWM, **{**zeros, **start})
 
 
@@ -124,13 +134,26 @@ def push_edge(ps, n, count, leg, state):
     return n + 1
 
 
+@compiled(forceinline=True)
+def _switch(pm, ps, n, count, leg, state, tripped):
+    """A leg takes on a state. Returns the new number of edges."""
+    pulse = count - ps.on_at[leg]
+    if ps.gate[leg] != OFF and pulse > 0 and not tripped:
+        ps.shortest[leg] = min(ps.shortest[leg], pulse)
+        if pulse < pm.min_pulse:
+            ps.short_pulses[leg] += 1
+    ps.gate[leg] = state
+    ps.on_at[leg] = count
+    return push_edge(ps, n, count, leg, state)
+
+
 @compiled
 def pwm_segment(pm, regs, ps, c0, c1, n):
     """Emulate counts c0 <= count < c1 of one period.
 
     Appends to the n edges already there (all at lower counts) and returns the
     new number. `regs` is the low part of the register file (uint16). At c1 = TBPRD + 1 the
-    pending delays are moved to the next period.
+    pending delays and the instants of the pulses are moved to the next period.
     """
     if c0 == c1:
         return n  # an empty segment takes over no registers
@@ -169,8 +192,7 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
         else:
             gate = _leg_of_band(ps, leg, ps.band[leg], dbctl, low)
         if gate != ps.gate[leg]:
-            ps.gate[leg] = gate
-            n = push_edge(ps, n, c0, leg, gate)
+            n = _switch(pm, ps, n, c0, leg, gate, tripped)
 
         force = _word(regs, base + pm.aqsfrc)
         forced = np.int64(0)
@@ -223,8 +245,8 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
                 if ps.pending[leg] != NONE and ps.pending[leg] <= at:
                     ps.band[leg] = np.int64(1 - level)
                     if not tripped and ps.pending[leg] < at:
-                        ps.gate[leg] = _leg_of_band(ps, leg, ps.band[leg], dbctl, low)
-                        n = push_edge(ps, n, ps.pending[leg], leg, ps.gate[leg])
+                        gate = _leg_of_band(ps, leg, ps.band[leg], dbctl, low)
+                        n = _switch(pm, ps, n, ps.pending[leg], leg, gate, tripped)
                 delay = _word(regs, base + (pm.dbred if level == 1 else pm.dbfed))
                 if delay == 0:
                     ps.band[leg] = level
@@ -234,8 +256,7 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
                     ps.pending[leg] = at + delay
                 gate = _leg_of_band(ps, leg, ps.band[leg], dbctl, low)
                 if not tripped and gate != ps.gate[leg]:
-                    ps.gate[leg] = gate
-                    n = push_edge(ps, n, at, leg, gate)
+                    n = _switch(pm, ps, n, at, leg, gate, tripped)
             if at == prd:
                 if load_a:
                     ps.cmpa[leg] = _word(regs, base + pm.cmpa)
@@ -248,9 +269,11 @@ def pwm_segment(pm, regs, ps, c0, c1, n):
         if ps.pending[leg] != NONE and ps.pending[leg] < c1:
             ps.band[leg] = np.int64(HIGH) if ps.out[leg] == 1 else np.int64(LOW)
             if not tripped:
-                ps.gate[leg] = _leg_of_band(ps, leg, ps.band[leg], dbctl, low)
-                n = push_edge(ps, n, ps.pending[leg], leg, ps.gate[leg])
+                gate = _leg_of_band(ps, leg, ps.band[leg], dbctl, low)
+                n = _switch(pm, ps, n, ps.pending[leg], leg, gate, tripped)
             ps.pending[leg] = NONE
-        if c1 == prd + 1 and ps.pending[leg] != NONE:
-            ps.pending[leg] -= c1
+        if c1 == prd + 1:
+            ps.on_at[leg] -= c1
+            if ps.pending[leg] != NONE:
+                ps.pending[leg] -= c1
     return n

@@ -79,6 +79,7 @@ int main(void)
         ht_action_points p;
         ht_compare c;
         ht_applied a;
+        ht_period period;
         uint16_t s[3];
         int i;
         HT_ROM_ROW(&r, &ht_compare_rows[n]);
@@ -87,7 +88,10 @@ int main(void)
         }
         p.t1 = r.t1;
         p.t2 = r.t2;
-        ht_pattern_counts(s, p, r.period, r.first, &c, &a);
+        period.counts = r.period;
+        period.first = r.first;
+        period.shortest = r.shortest;
+        ht_pattern_counts(s, p, &period, &c, &a);
         word(c.start);
         for (i = 0; i < HT_LEGS; i++) {
             word(c.ca[i]);

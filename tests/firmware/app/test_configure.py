@@ -153,12 +153,15 @@ def test_a_dead_time_that_the_power_stage_forbids_is_refused():
         assert lib.ht_drive_init(made.drive, made.port, params) == result
 
 
-def test_a_board_without_a_shortest_dead_time_has_the_tables_range():
+@pytest.mark.parametrize(
+    ("name", "field"), (("dead_time_us", "dead_min_us"), ("min_pulse_us", "min_pulse_us"))
+)
+def test_a_board_without_a_shortest_time_has_the_tables_range(name, field):
     port = ffi.new("ht_port *")
     board = ffi.new("ht_board *", firmware.board_of("f28377s")[0])
-    row = firmware.parameters()["dead_time_us"]
+    row = firmware.parameters()[name]
     for least_us in (0.0, 1.0):
-        board.dead_min_us = least_us
+        setattr(board, field, least_us)
         lib.ht_port_bind(port, ffi.NULL, board)
         span = lib.ht_param_range(port, row.id)
         assert span.min == max(least_us, row.min)

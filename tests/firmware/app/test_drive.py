@@ -183,7 +183,7 @@ def test_legs_are_low_before_the_gates_come_on(bench):
         bench.words[base + leg * stride] = 77
     bench.controller.start()
     bench.fast()
-    period = bench.drive.config.control.period_counts
+    period = bench.drive.config.control.period.counts
     assert [int(bench.words[base + leg * stride]) for leg in range(6)] == [period] * 6
 
 
@@ -235,7 +235,7 @@ def test_an_interrupt_within_a_start_does_no_harm(bench):
     for leg in range(6):
         bench.words[base + leg * stride] = 77
     bench.fast()
-    period = bench.drive.config.control.period_counts
+    period = bench.drive.config.control.period.counts
     assert [int(bench.words[base + leg * stride]) for leg in range(6)] == [period] * 6
     while bench.state == "calibrate":
         bench.fast()
@@ -832,6 +832,20 @@ def test_start_values_without_dead_time_are_refused(device):
     assert int(bench.words[dbred]) == before
 
 
+@pytest.mark.parametrize("state", ("idle", "run"))
+def test_a_pulse_that_the_board_does_not_allow_is_refused(bench, state):
+    """The minimum is 2 us for the power stage."""
+    if state == "run":
+        bench.run_to("run")
+    for us in (0.0, 1.999, 20.1, np.nan):
+        assert refused(bench, "min_pulse_us", us) == VALUE
+    if state == "idle":
+        assert refused(bench, "min_pulse_us", 2.0) == lib.HT_OK
+    params = ffi.new("ht_params *", bench.drive.params)
+    params.v[parameters()["min_pulse_us"].id] = 1.9
+    assert lib.ht_drive_init(bench.drive, bench.controller.port, params) == VALUE
+
+
 @pytest.mark.parametrize("device", ("f28335", "f28377s"))
 def test_dead_time_is_rounded_up(device):
     """The dead time is never shorter than requested, and never a whole count longer. A value
@@ -933,16 +947,17 @@ def test_live_change_takes_effect_at_the_next_fast_interrupt(bench):
 def test_the_configuration_follows_from_the_parameters(bench):
     clock = {"f28335": 150e6, "f28377s": 100e6}[bench.device]
     config = bench.drive.config.control
-    assert config.period_counts == round(clock / 10000)
+    assert config.period.counts == round(clock / 10000)
     assert config.observer.ts_s == np.float32(1e-4)
     assert config.observer.torque_gain == 6.0
     assert config.dead.dead_pu == pytest.approx(0.023)
+    assert config.period.shortest == round((2.3e-6 + 2e-6) * clock)
     observer = config.observer  # R_r 2 ohm, L_r 299 mH, L_m 284 mH, crossover 1 Hz
     assert observer.hybrid_gain == pytest.approx(2 * np.pi * 1e-4, rel=1e-5)
     assert observer.rotor_decay == pytest.approx(1e-4 * 2 / 0.299, rel=1e-5)
     assert observer.rotor_drive == pytest.approx(1e-4 * 2 * 0.284 / 0.299, rel=1e-5)
     assert observer.lm_over_lr == pytest.approx(0.284 / 0.299, rel=1e-5)
-    assert (config.shadow, config.predict, config.first_counts) == (True, True, 0)
+    assert (config.shadow, config.predict, config.period.first) == (True, True, 0)
     dead = {"f28335": 0x6810, "f28377s": 0x4051}[bench.device]
     assert bench.words[dead] == round(2.3e-6 * clock)
     # A mean over 0.2 s, sampled with f_slow_Hz.
@@ -981,7 +996,7 @@ def test_the_configuration_follows_from_the_parameters(bench):
     bench.controller.set("write_delay_us", 5.0)
     config = bench.drive.config.control
     assert (config.shadow, config.predict) == (False, False)
-    assert config.first_counts == round(5e-6 * clock)
+    assert config.period.first == round(5e-6 * clock)
 
 
 @pytest.mark.parametrize(
@@ -1091,7 +1106,7 @@ def test_flux_check_works_through_the_registers(bench):
     current belongs to no machine. The low-pass has 0.2 s."""
     bench.run_to("run").fast(2)
     bench.controller.set("flux_check", 0.7)
-    bench.controller.set("i_ab_trip_A", 100.0)
+    bench.controller.set("i_ab_trip_A", 33.0)
     bench.amperes[:] = 20.0 * np.cos(np.deg2rad([0, 30, 120, 150, 240, 270]) - np.pi / 12)
     bench.drive.control.observer.psi_Wb = [0.6 * np.cos(np.pi / 12), 0.6 * np.sin(np.pi / 12)]
     bench.fast()

@@ -26,7 +26,11 @@ def configuration(vector_V, wave="square", hertz=0.0):
     return config
 
 
-def patterns(config, ticks, first=0, begun=True):
+def counts(first=0, shortest=430):
+    return ffi.new("ht_period *", [PERIOD, first, shortest])
+
+
+def patterns(config, ticks, first=0, begun=True, shortest=430):
     """Mean leg voltages of some periods, against the middle of the dc link: (ticks, 6)."""
     state, out = unwritten("ht_excitation_state *"), unwritten("ht_compare *")
     lib.ht_excitation_reset(state, 0)
@@ -34,9 +38,11 @@ def patterns(config, ticks, first=0, begun=True):
         lib.ht_excitation_begin(state)
     rows = []
     for _ in range(ticks):
-        lib.ht_excitation_step(config, state, VDC_V, PERIOD, first, out)
+        lib.ht_excitation_step(config, state, VDC_V, counts(first, shortest), out)
         rise, fall = np.array(list(out.ca)), np.array(list(out.cb))
         assert out.start == 0 and (rise > first).all() and (fall < PERIOD).all()
+        pulses = fall - rise  # one in a period, so the gaps are what is left of it
+        assert min(pulses) >= shortest and PERIOD - max(pulses) >= shortest
         rows.append(((fall - rise) / PERIOD - 0.5) * VDC_V)
     return np.array(rows)
 
@@ -53,7 +59,7 @@ def test_pulses_are_centred_so_that_samples_lie_between_them():
     config, state = configuration((20, 5, -3, 8)), ffi.new("ht_excitation_state *")
     out = ffi.new("ht_compare *")
     lib.ht_excitation_begin(state)
-    lib.ht_excitation_step(config, state, VDC_V, PERIOD, 0, out)
+    lib.ht_excitation_step(config, state, VDC_V, counts(), out)
     assert [a + b for a, b in zip(out.ca, out.cb)] == pytest.approx([PERIOD] * 6, abs=1)
 
 
@@ -75,6 +81,9 @@ def test_voltages_beyond_the_link_are_cut_to_what_leaves_room_for_both_edges():
         legs = patterns(configuration((volts, 0, 0, 0)), 1)[0]
         signs = np.sign(volts * np.cos(np.deg2rad([0, 30, 120, 150, 240, 270])).round(9))
         np.testing.assert_allclose(legs, 0.45 * VDC_V * signs, atol=0.1)
+    # A longer shortest pulse leaves less.
+    long = patterns(configuration((1000, 0, 0, 0)), 20, shortest=900)
+    assert np.abs(long).max() == pytest.approx(0.41 * VDC_V, abs=0.1)
     # With a write in the middle of the period the pulse begins after it.
     late = patterns(configuration((1000, 0, 0, 0)), 1, first=3000)[0]
     assert np.abs(late).max() == pytest.approx(0.2 * VDC_V, abs=0.2)
@@ -114,7 +123,7 @@ def test_without_a_link_voltage_the_legs_are_in_the_middle(vdc_V):
     config, state = configuration((20, 5, -3, 8)), ffi.new("ht_excitation_state *")
     out = ffi.new("ht_compare *")
     lib.ht_excitation_begin(state)
-    lib.ht_excitation_step(config, state, vdc_V, PERIOD, 0, out)
+    lib.ht_excitation_step(config, state, vdc_V, counts(), out)
     assert [b - a for a, b in zip(out.ca, out.cb)] == [PERIOD // 2] * 6
 
 

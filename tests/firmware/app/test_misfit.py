@@ -1,5 +1,6 @@
 """Parameters that do not fit together are refused with the keys, their values and the limit."""
 
+import numpy as np
 import pytest
 
 from hexatorque.firmware import Controller, FirmwareError, ffi, lib, parameters
@@ -39,6 +40,14 @@ CASES = {
         {"ride_through": "most-torque"},
         "ride_through = most-torque, i_rated_A = 0 A: to go on without a leg needs the rated",
     ),
+    "MIN_PULSE": (
+        {"f_isr_Hz": 5e4, "min_pulse_us": 7.8},
+        "min_pulse_us = 7.8 us, f_isr_Hz = 50000 Hz: allowed is up to 7.7 us: a period",
+    ),
+    "I_AB_TRIP": (
+        {"i_ab_trip_A": 33.1},
+        "i_ab_trip_A = 33.1 A: allowed is up to 1.1 i_full_A = 33 A",
+    ),
 }
 
 
@@ -63,6 +72,24 @@ def test_a_misfit_is_told(name):
     assert {key: running.get(key) for key in parameters()} == before
 
 
+def test_the_write_takes_its_time_from_the_pulses():
+    changes = {"load_mode": "immediate", "f_isr_Hz": 5e4, "write_delay_us": 9.0}
+    with pytest.raises(FirmwareError, match=r"allowed is up to 3\.2 us"):
+        Controller("f28377s", {**changes, "min_pulse_us": 3.3})
+
+
+def test_a_trip_in_alpha_beta_comes_before_all_readings_are_at_their_limits():
+    """However large a balanced current is, its readings end at 88.5 % of the range in the worst
+    case. Then they show a magnitude of 1.1 times the range in every direction."""
+    largest = []
+    for degrees in np.arange(0, 360, 0.5):
+        phases = 1000 * np.cos(np.deg2rad(degrees) - np.deg2rad([0, 30, 120, 150, 240, 270]))
+        six = {"p": np.clip(phases, -0.885, 0.885).tolist()}
+        seen = lib.ht_vsd_from_six([six]).ab
+        largest.append(np.hypot(seen.alpha, seen.beta))
+    assert 1.1 < min(largest) < 1.11
+
+
 def test_a_start_without_legs_needs_a_law_that_looks_ahead():
     changes = {"lost_legs": 32, "ride_through": "least-loss", "i_rated_A": 5.0}
     with pytest.raises(FirmwareError, match="lost_legs = 32"):
@@ -80,6 +107,9 @@ def test_a_start_without_legs_needs_a_law_that_looks_ahead():
         {"f_slow_Hz": 1000.0},
         {"load_mode": "immediate", "f_isr_Hz": 2e4, "write_delay_us": 24.9},
         {"load_mode": "shadow", "f_isr_Hz": 2e4, "write_delay_us": 25.0},
+        {"f_isr_Hz": 5e4, "min_pulse_us": 7.69},
+        {"load_mode": "immediate", "f_isr_Hz": 5e4, "write_delay_us": 9.0, "min_pulse_us": 3.19},
+        {"i_ab_trip_A": 33.0},
     ],
 )
 def test_what_just_fits_is_taken(changes):

@@ -19,7 +19,7 @@ T = np.array([np.cos(THETA), np.sin(THETA), np.cos(5 * THETA), np.sin(5 * THETA)
 def config(scheme=lib.HT_DB_DTFC, rs_ohm=6.0, dead_pu=0.02, period=PERIOD, **changes):
     cfg = ffi.new("ht_control_config *")
     lib.ht_control_select(cfg, scheme)
-    cfg.shadow, cfg.predict, cfg.period_counts = True, True, period
+    cfg.shadow, cfg.predict, cfg.period.counts = True, True, period
     cfg.build_current_A = 3.0
     law = cfg.table_law
     law.flux_band_Wb, law.torque_band_Nm, law.torque_inner_Nm = 0.003, 0.3, 0.173
@@ -32,6 +32,7 @@ def config(scheme=lib.HT_DB_DTFC, rs_ohm=6.0, dead_pu=0.02, period=PERIOD, **cha
     cfg.dead.dead_pu, cfg.dead.i_zero_A = dead_pu, 0.05
     for name, value in changes.items():
         setattr(cfg, name, value)
+    cfg.period.shortest = max(1, int(np.ceil(dead_pu * period - 0.01)))
     return cfg
 
 
@@ -61,7 +62,7 @@ class Control:
 
     def shares(self):
         """Share of the period that each leg is high, from the registers."""
-        counts, out = np.arange(self.cfg.period_counts), self.out
+        counts, out = np.arange(self.cfg.period.counts), self.out
         start = [out.start >> (5 - leg) & 1 for leg in range(6)]
         levels = [s ^ (counts >= a) ^ (counts >= b) for s, a, b in zip(start, out.ca, out.cb)]
         return np.mean(levels, axis=1)

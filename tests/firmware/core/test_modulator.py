@@ -27,8 +27,10 @@ periods = st.one_of(st.sampled_from([8, 9, 15000, 65535]), st.integers(8, 15000)
 
 class Modulator:
     def __init__(
-        self, kappa=0.0, kappa_from=0.0, turn=TURN_PU, dead=0.0, period=PERIOD, alternate=False
-    ):
+        self, kappa=0.0, kappa_from=0.0, turn=TURN_PU, dead=0.0, period=PERIOD, alternate=False,
+        pulse=0.0,
+    ):  # fmt: skip
+        """dead, pulse: dead time and shortest gate pulse, shares of the period."""
         self.cfg = ffi.new("ht_modulator_config *", [kappa, kappa_from, turn, alternate])
         assert lib.ht_modulator_check(self.cfg)
         self.state = unwritten("ht_modulator_state *")
@@ -38,12 +40,14 @@ class Modulator:
         self.applied = unwritten("ht_applied *")
         self.toggles = unwritten("ht_toggles *")
         self.period, self.before = period, 0
+        self.shortest = min(max(1, int(np.ceil((dead + pulse) * period - 0.01))), period // 2)
+        self.counts = ffi.new("ht_period *", [period, 0, self.shortest])
 
     def step(self, v, i_A=(0.0,) * 6):
         """One period for the voltage [alpha, beta, x, y]; returns the voltage as it was left."""
         wanted = ffi.new("ht_vsd *", [list(v[:2]), list(v[2:])])
         currents = ffi.new("ht_six *", [list(i_A)])
-        given = ffi.new("ht_modulator_input *", [self.dead, currents, self.before, self.period])
+        given = ffi.new("ht_modulator_input *", [self.dead, currents, self.counts, self.before])
         lib.ht_modulator_step(
             self.cfg, self.state, wanted, given, self.out, self.applied, self.toggles
         )
@@ -105,24 +109,28 @@ def decided(v):
     st.lists(st.lists(anything, min_size=4, max_size=4), min_size=1, max_size=4),
     st.lists(anything, min_size=6, max_size=6),
     st.floats(0, 1), st.floats(0, 1), st.floats(0, 1), st.floats(0, 0.5), periods, st.booleans(),
+    st.floats(0, 0.5),
 )  # fmt: skip
 @settings(max_examples=examples(400), deadline=None)
 def test_every_input_gives_a_pattern_without_hazard(
-    vs, i_A, kappa, start, turn, dead, period, alternate
+    vs, i_A, kappa, start, turn, dead, period, alternate, pulse
 ):
     """Count 0 would swallow the start level; a compare at the period's last count or before is
-    a toggle, at `period` none. CB is not used, so CA = CB cannot happen."""
-    modulator = Modulator(kappa, start, turn, dead, period, alternate)
+    a toggle, at `period` none. CB is not used, so CA = CB cannot happen. Every toggle is the
+    shortest pulse away from both ends, where the leg may have an edge too."""
+    modulator = Modulator(kappa, start, turn, dead, period, alternate, pulse)
     for v in vs:
         before = modulator.before
         modulator.step(v, i_A)
         out, applied = modulator.out, modulator.applied
-        assert all(1 <= a <= period for a in out.ca) and set(out.cb) == {period}
+        least = modulator.shortest
+        assert all(least <= a <= period - least or a == period for a in out.ca)
+        assert set(out.cb) == {period}
         assert out.start <= 63
         moves = sum(1 << (5 - leg) for leg in range(6) if out.ca[leg] < period)
         assert (applied.before, applied.s[0]) == (before, out.start)
         assert applied.s[1] == applied.s[2] == out.start ^ moves == modulator.before
-        assert applied.later == moves and applied.close & ~moves == 0
+        assert applied.later == moves and applied.close == 0
         assert (applied.rising | applied.falling | applied.close) & 0xFFC0 == 0
         levels = modulator.levels()
         assert np.array_equal(levels[:, -1], [modulator.before >> (5 - k) & 1 for k in range(6)])

@@ -78,7 +78,8 @@ def test_compare_registers_are_those_of_the_firmware():
         words = [63 * (c["sequence"] >> b & 1) for b in (2, 1, 0)]
         out, applied = ffi.new("ht_compare *"), ffi.new("ht_applied *")
         points = {"t1": c["T1"], "t2": c["T2"]}
-        lib.ht_pattern_counts(words, points, c["period"], c["first"], out, applied)
+        period = ffi.new("ht_period *", [c["period"], c["first"], c["shortest"]])
+        lib.ht_pattern_counts(words, points, period, out, applied)
         assert out.start == 63 * c["start"]
         assert list(out.ca) == [c["CA"]] * 6 and list(out.cb) == [c["CB"]] * 6, c
 
@@ -196,19 +197,23 @@ def test_compare_registers_give_the_sequence():
     assert min(c["T1"] for c in cases) == 0  # they include the hazards
     assert any(0 < c["T1"] == c["T2"] < 1 for c in cases)
     for c in cases:
+        first, period, shortest = c["first"], c["period"], c["shortest"]
         s = [c["sequence"] >> b & 1 for b in (2, 1, 0)]
+        ends = [min(first + c[t] * period, period) for t in ("T1", "T2")] + [period]
+        begins = [first, *ends[:-1]]
         levels = counter(c)
-        assert levels[0] == (c["first"], s[0])
-        wanted = [after for before, after in itertools.pairwise(s) if before != after]
-        assert [level for _, level in levels[1:]] == wanted
-        used = [(c["CA"], c["T1"])] * (s[0] != s[1]) + [(c["CB"], c["T2"])] * (s[1] != s[2])
-        for count, t in used:
-            # Rounding is half a count. A guard moves an edge by up to two counts.
-            assert abs(count - min(c["first"] + t * c["period"], c["period"])) <= 2
-            if c["first"] + 2 < c["first"] + t * c["period"] < c["period"] - 3:
-                assert abs(count - (c["first"] + t * c["period"])) <= (
-                    0.5 if c["T2"] > c["T1"] else 1.5
-                )
+        lasts = np.diff([count for count, _ in levels] + [period])
+        assert lasts.min() >= shortest
+        words = itertools.groupby(zip(s, begins, ends), lambda word: word[0])
+        wanted = [(level, sum(end - begin for _, begin, end in group)) for level, group in words]
+        if min(time for _, time in wanted) >= shortest + 0.5:  # every level has its time
+            assert [level for _, level in levels] == [level for level, _ in wanted]
+            assert lasts == pytest.approx([time for _, time in wanted], abs=1.0)
+        high = sum(time for (_, level), time in zip(levels, lasts) if level)
+        # Each of two edges moves by half of the shortest pulse at most, or, where there is no room
+        # for two, by less than a whole one.
+        most = shortest if period - first >= 4 * shortest else 2 * shortest
+        assert abs(high - sum(time for level, time in wanted if level)) <= most + 1.0
 
 
 def test_sectors_follow_from_the_angle():
@@ -259,7 +264,7 @@ def test_c_tables_hold_the_numbers_of_the_json_files():
         ),
         ("duties", "duties"): ("group", "k", "v_x", "v_y", "T1", "T2"),
         ("compare", "compare"): (
-            "T1", "T2", "sequence", "period", "first", "start", "CA", "CB",
+            "T1", "T2", "sequence", "period", "first", "shortest", "start", "CA", "CB",
         ),
     }  # fmt: skip
     bodies = re.findall(r"_rows\[(\d+)\] HT_ROM = \{\n(.*?)\n\};", text, re.S)

@@ -365,7 +365,7 @@ def test_hello_has_the_boards_actual_rate(f_isr_Hz):
     (rate_Hz,) = struct.unpack_from("<f", device.done(HELLO).payload, 6)
     counts = round(1e8 / f_isr_Hz)
     assert rate_Hz == np.float32(1e8 / counts)
-    assert device.drive.config.control.period_counts == counts
+    assert device.drive.config.control.period.counts == counts
 
 
 def test_interrupt_rates_that_do_not_fit_are_refused(device):

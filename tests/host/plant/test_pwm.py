@@ -15,9 +15,10 @@ from plant_calls import pwm_segment
 
 from hexatorque import firmware
 from hexatorque.drive.simulated import _pwm_map
-from hexatorque.plant.pwm import MAX_EDGES, pwm_record
+from hexatorque.plant.pwm import MAX_EDGES, NEVER, pwm_record
 
 LOW, HIGH, OFF = 0, 1, 2
+MIN_PULSE = 5
 #: Word offsets from TI's manuals; AQCTL exists on type 4 only.
 REGISTERS = {
     "f28335": {
@@ -50,6 +51,8 @@ class Counter:
         self.level = 0
         self.jumps = 0
         self.since = 10**9  # clocks since the last edge before the dead band
+        self.state, self.lasts = OFF, 0  # the leg's state, and for how many clocks
+        self.pulses = []  # clocks for which a switch was on, until it was told to go off
 
     def _load(self, event):
         """event 0: counter zero, 1: counter at period."""
@@ -89,9 +92,14 @@ class Counter:
             self.jumps += not reg["TZFLG"] & OST
         if count == reg["TBPRD"]:
             self._load(1)
-        if reg["TZFLG"] & OST or self.since < reg["DBRED" if level else "DBFED"]:
-            return OFF
-        return HIGH if level else LOW
+        off = reg["TZFLG"] & OST or self.since < reg["DBRED" if level else "DBFED"]
+        state = OFF if off else (HIGH if level else LOW)
+        if state != self.state:
+            if self.state != OFF and not reg["TZFLG"] & OST:
+                self.pulses.append(self.lasts)
+            self.state, self.lasts = state, 0
+        self.lasts += 1
+        return state
 
     def pins(self):
         """Levels of outputs A and B in the count just clocked: A is the signal with its rise
@@ -110,6 +118,7 @@ class Emulation:
 
     def __init__(self, device, active_low=False):
         self.map = _pwm_map(getattr(firmware.lib, f"ht_{device}"), active_low)
+        self.map.min_pulse = MIN_PULSE
         self.offsets = REGISTERS[device]
         self.regs = np.zeros(0x8000, np.uint16)
         self.record = pwm_record()
@@ -199,6 +208,8 @@ def random_run(device, seed, periods=6, active_low=False):
                 truth[leg] += [(counter.clock(count), counter.pins()) for count in range(at, stop)]
     for leg, counter in enumerate(counters):
         assert pwm.record.transitions[leg] == counter.jumps
+        assert pwm.record.shortest[leg] == min(counter.pulses, default=NEVER)
+        assert pwm.record.short_pulses[leg] == sum(p < MIN_PULSE for p in counter.pulses)
         assert pwm.read(leg, "AQSFRC") & OTSFA == 0
     assert not pwm.record.shorts.any()
     return pwm.wave, truth, [c.reg for c in counters]

@@ -364,6 +364,8 @@ def _shoot_through(sim: SimulatedDrive, legs: np.ndarray) -> str:
     dead = math.ceil(sim.setup["inverter.dead_time_us"] * 1e-6 * clock_Hz - 0.01)
     if sim.shorts:
         return "both switches of a leg were commanded on"
+    if sim.short_pulses:
+        return f"a gate pulse of {sim.shortest_pulse_us:.2g} us"
     since = np.full(6, -(10**9))
     for count, leg, state in sim.edges:
         before = legs[leg]

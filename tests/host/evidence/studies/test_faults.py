@@ -134,14 +134,18 @@ def test_legs_that_change_without_dead_time_are_found():
     clock = SimpleNamespace(map=SimpleNamespace(pwm_clock_Hz=100e6))
     dead = {"inverter.dead_time_us": 2.0}
 
-    def seen(*edges):
-        sim = SimpleNamespace(setup=dead, controller=clock, edges=np.array(edges), shorts=0)
+    def seen(*edges, **counted):
+        none = {"shorts": 0, "short_pulses": 0, "shortest_pulse_us": 2.0}
+        sim = SimpleNamespace(
+            setup=dead, controller=clock, edges=np.array(edges), **{**none, **counted}
+        )
         return faults._shoot_through(sim, np.array([LOW] * 6))
 
     assert seen((0, 0, OFF), (200, 0, HIGH), (900, 0, OFF), (1100, 0, LOW)) == ""
     assert "without dead time" in seen((0, 0, HIGH))
     assert "199 counts" in seen((0, 0, OFF), (199, 0, HIGH))
     assert seen((0, 0, OFF), (100, 1, OFF), (300, 1, HIGH), (400, 0, HIGH)) == ""
+    assert seen((0, 0, OFF), short_pulses=1, shortest_pulse_us=0.07) == "a gate pulse of 0.07 us"
 
 
 @pytest.mark.parametrize("state", faults.STATES)

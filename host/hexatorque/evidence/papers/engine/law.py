@@ -54,7 +54,7 @@ class Law:
         law = state.table_law
         if (state.sector, law.torque_level, law.flux_level) != (sector, torque_level, flux_up):
             raise ValueError(f"no such demand: sector {sector}, levels {torque_level}, {flux_up}")
-        return decode(compare, config.period_counts)
+        return decode(compare, config.period.counts)
 
     def _torque_error(self, level: int) -> float:
         config = self._config.table_law

@@ -98,7 +98,8 @@ def pattern(words: tuple[int, int, int], t1: float, t2: float) -> CData:
     """The firmware's registers for three state words and two action points."""
     compare, applied = ffi.new("ht_compare *"), ffi.new("ht_applied *")
     points = {"t1": t1, "t2": t2}
-    lib.ht_pattern_counts(words, points, period_counts(), 0, compare, applied)
+    period = ffi.new("ht_period *", {"counts": period_counts(), "shortest": 1})
+    lib.ht_pattern_counts(words, points, period, compare, applied)
     return compare
 
 
@@ -118,7 +119,7 @@ def play(patterns: Sequence, samples_per_period: int = 4) -> Played:
         raise RuntimeError("the driver made an access that the chip refuses")
     mean_pu = np.diff(flux, axis=0) / (bench.period_s * bench.vdc_V)
     edges = bench.edges.copy()
-    period = int(bench.controller.drive.config.control.period_counts)
+    period = int(bench.controller.drive.config.control.period.counts)
     edges[:, 0] -= period
     return Played(period, edges, mean_pu, _recording(bench, mean_pu))
 

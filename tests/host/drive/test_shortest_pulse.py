@@ -1,0 +1,133 @@
+"""No gate is on for less than `min_pulse_us`, whatever the drive does. The pulses are those of the
+emulated PWM, behind the dead band; that it measures them right is tested in plant/test_pwm.py.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from campaigns import part
+
+from hexatorque import firmware, laws, setups
+from hexatorque.drive.simulated import SimulatedDrive
+
+#: Scheme and zero sequence. A clamped one has legs near their rails at any voltage.
+VARIANTS = [
+    *((scheme, "default") for scheme in firmware.schemes()),
+    ("db-dtfc", "clamped"),
+    ("db-dtfc", "alternating"),
+    ("db-dtfc", "centred"),
+]
+ZERO_SEQUENCE = {
+    "default": {},
+    "clamped": {"kappa_from_pu": 0.0},
+    "alternating": {"kappa_from_pu": 0.0, "clamp": "alternating"},
+    "centred": {"kappa": 0.0},
+}
+
+
+def drive(scheme, load_mode="shadow", **values):
+    changes = {f"controller__{name}": value for name, value in values.items()}
+    setup = setups.load("paper-a-feasible").with_scheme(scheme).changed(**changes)
+    if load_mode == "immediate":
+        setup = setup.changed(timing__latency="immediate")
+    return SimulatedDrive(setup, 1)
+
+
+def reverse(sim, rpm=1400.0, shortest=None):
+    """`shortest`: counts of a pulse that the firmware keeps in place of its own."""
+    sim.start()
+    sim.run(0.4, record=False)
+    for reference in (rpm, -rpm):
+        sim.set("speed_ref_rpm", reference)
+        sim.run(sim.period_s, record=False)
+        if shortest:
+            sim.controller.drive.config.control.period.shortest = shortest
+        sim.run(1.5, record=False)
+    assert sim.controller.faults == [] and sim.speed_rpm < -0.9 * rpm
+
+
+def check(sim, least_us=2.0):
+    """A count is 7 ns."""
+    assert sim.short_pulses == 0
+    assert least_us - 0.01 <= sim.shortest_pulse_us < math.inf
+
+
+@pytest.mark.parametrize(("scheme", "zero_sequence"), part(VARIANTS, 4))
+def test_a_reversal_makes_no_short_pulse(scheme, zero_sequence):
+    sim = drive(scheme, **ZERO_SEQUENCE[zero_sequence])
+    reverse(sim)
+    check(sim)
+
+
+@pytest.mark.parametrize("scheme", ("db-dtfc", "foc"))
+def test_a_longer_pulse_is_kept_too(scheme):
+    sim = drive(scheme, min_pulse_us=6.0)
+    reverse(sim)
+    check(sim, 6.0)
+
+
+@pytest.mark.parametrize("scheme", ("db-dtfc", "foc"))
+def test_short_pulses_are_seen(scheme):
+    """The same reversal with a firmware that keeps the dead time alone."""
+    sim = drive(scheme)
+    reverse(sim, shortest=345)  # 2.3 us of dead time
+    assert sim.short_pulses > 50 and sim.shortest_pulse_us < 0.2
+
+
+def test_a_table_whose_duties_come_to_nothing_makes_no_short_pulse():
+    """At 40 kHz the shortest pulse is a sixth of the period. The x-y regulator reaches it."""
+    sim = drive("ddr", f_isr_Hz=40000.0, kp_xy_pu_A=3.0)
+    sim.start()
+    sim.run(0.4, record=False)
+    sim.set("speed_ref_rpm", 900.0)
+    sim.run(0.5, record=False)
+    check(sim)
+    assert sim.shortest_pulse_us < 2.5  # the limit has been reached
+
+
+@pytest.mark.parametrize("scheme", ("ddr", "ddr-ml", "dtc3"))
+def test_immediate_load_makes_no_short_pulse(scheme):
+    sim = drive(scheme, "immediate")
+    sim.start()
+    sim.run(0.4, record=False)
+    sim.set("speed_ref_rpm", 600.0)
+    sim.run(0.4, record=False)
+    check(sim)
+
+
+@pytest.mark.parametrize("scheme", ("ddr", "db-dtfc"))
+def test_a_drive_without_a_leg_makes_no_short_pulse(scheme):
+    sim = drive(scheme, lost_legs=32, ride_through="least-loss", i_rated_A=6.0)
+    sim.start()
+    sim.run(0.4, record=False)
+    for rpm in (300.0, -300.0):
+        sim.set("speed_ref_rpm", rpm)
+        sim.run(0.5, record=False)
+    assert sim.controller.faults == []
+    check(sim)
+
+
+def test_voltages_beyond_the_link_make_no_short_pulse():
+    """In the state test; the rotor is not held, so only for a moment."""
+    sim = drive("ddr", f_isr_Hz=20000.0, start_mode="test", test_current_A=25.0)
+    sim.start()
+    sim.run(0.055, record=False)
+    assert sim.controller.state == "test"
+    sim.set_many({"test_wave": "rotate", "test_Hz": 5000.0, "test_alpha_V": 2000.0})
+    sim.run(0.01, record=False)
+    check(sim)
+
+
+@pytest.mark.parametrize("name", ("dtc-svm", "lvv-mpc"))
+def test_laws_in_python_make_no_short_pulse(name):
+    law = laws.find(name)
+    setup = setups.load("paper-a-feasible")
+    sim = SimulatedDrive(setup, 1, laws.controller_of(law))
+    reverse(sim)
+    check(sim)
+
+
+def test_before_the_first_pulse_there_is_no_shortest():
+    assert drive("ddr").shortest_pulse_us == math.inf
+    assert np.all(drive("ddr")._pwm.short_pulses == 0)
