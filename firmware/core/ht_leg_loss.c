@@ -260,7 +260,9 @@ void ht_leg_loss_tolerate(ht_leg_loss_state *st, float rs_ohm, float lxy_H, floa
 bool ht_leg_loss_maybe(const ht_leg_loss_config *cfg, const ht_leg_loss_state *st)
 {
     ht_xy low = st->low_V;
-    return (cfg->least_V2 > 0.0f) && ((low.x * low.x + low.y * low.y) > (MAYBE * cfg->least_V2));
+    bool beyond = (cfg->least_V2 > 0.0f)
+                  && ((low.x * low.x + low.y * low.y) > (MAYBE * cfg->least_V2));
+    return beyond || (st->count != 0u);
 }
 
 ht_leg_loss ht_leg_loss_of(uint16_t found)

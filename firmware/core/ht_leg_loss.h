@@ -94,8 +94,9 @@ void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
 void ht_leg_loss_tolerate(ht_leg_loss_state *st, float rs_ohm, float lxy_H, float omega_rad_s);
 #define HT_LEG_LOSS_TOLERANCE 0.3f
 
-/** For the slow interrupt: whether the residual is beyond 0.4 of its limit. Then a leg may be lost
- *  whose arc is too small to be found while it burns. Never while the check is off. */
+/** For the slow interrupt: whether evidence is being gathered, or the residual is beyond 0.4 of its
+ *  limit. Then a leg may be lost whose arc is too small to be found while it burns. Never while the
+ *  check is off. */
 bool ht_leg_loss_maybe(const ht_leg_loss_config *cfg, const ht_leg_loss_state *st);
 
 /** Time constant of the low pass. */
