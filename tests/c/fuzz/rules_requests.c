@@ -92,6 +92,9 @@ static bool valid(uint16_t id, float value)
     if ((id == HT_P_dead_time_us) && !(value >= 1.0f)) { /* the rig's board: 1 .. 20 us */
         return false;
     }
+    if ((id == HT_P_min_pulse_us) && !(value >= 2.0f)) { /* the rig's board: 2 .. 20 us */
+        return false;
+    }
     return (value >= info->min) && (value <= info->max)
            && (!info->whole || (floorf(value) == value));
 }

@@ -1,7 +1,9 @@
-/* The only functions of the C library that the firmware calls, for compilers that come
- * without a library for the target. */
+/* All that the firmware uses of the C library's <math.h>, for compilers that come without a library
+ * for the target. */
 #ifndef HT_C28X_MATH_H
 #define HT_C28X_MATH_H
+
+#define NAN __builtin_nanf("")
 
 float sqrtf(float x);
 float fabsf(float x);
