@@ -45,6 +45,7 @@ WARNINGS = [
     "-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wconversion",
     "-Wdouble-promotion", "-Wshadow", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Wundef",
     "-Wvla", "-Wcast-align",
+    "-Wno-unknown-pragmas",  # TI's
 ]  # fmt: skip
 DSP = ["-D__TMS320C2000__", "-include", "tools/c28x/keywords.h"]
 #: ht_wait.c is only for the DSP.

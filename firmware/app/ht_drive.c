@@ -27,12 +27,11 @@ const char *ht_state_name(uint16_t state)
 uint16_t ht_state_flags(uint16_t state)
 {
     static const uint16_t all[HT_STATES] = {
-#define HT_STATE(name, number, text, flags) (uint16_t)(flags),
+#define HT_STATE(name, number, text, flags) flags,
 #include "ht_states.def"
 #undef HT_STATE
     };
-    return (state < (uint16_t)HT_STATES) ? all[state]
-                                         : (uint16_t)(HT_AT_WORK | HT_GATES_ON | HT_CONTROLS);
+    return (state < (uint16_t)HT_STATES) ? all[state] : (uint16_t)HT_ALL_FLAGS;
 }
 
 static void enter(ht_drive *d, ht_state state)

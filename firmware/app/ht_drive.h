@@ -41,7 +41,7 @@ typedef enum {
 } ht_state;
 
 /** What a state says about the drive: bits of its flags (ht_states.def). */
-enum { HT_AT_WORK = 1, HT_GATES_ON = 2, HT_CONTROLS = 4 };
+enum { HT_AT_WORK = 1, HT_GATES_ON = 2, HT_CONTROLS = 4, HT_ALL_FLAGS = 7 };
 
 /** Name of a state, "" if there is none. */
 const char *ht_state_name(uint16_t state);

@@ -27,13 +27,12 @@ static HT_INTO_CALLERS void toggle(ht_compare *counts, ht_applied *applied, unsi
                                    unsigned toggle2, uint32_t c1, uint32_t c2, float full)
 {
     float per_count = 1.0f / full;
-    while (toggle1 != 0u) {
-        counts->ca[ht_first_leg[toggle1]] = (uint16_t)c1;
-        toggle1 = without_first(toggle1);
+    unsigned legs;
+    for (legs = toggle1; legs != 0u; legs = without_first(legs)) {
+        counts->ca[ht_first_leg[legs]] = (uint16_t)c1;
     }
-    while (toggle2 != 0u) {
-        counts->cb[ht_first_leg[toggle2]] = (uint16_t)c2;
-        toggle2 = without_first(toggle2);
+    for (legs = toggle2; legs != 0u; legs = without_first(legs)) {
+        counts->cb[ht_first_leg[legs]] = (uint16_t)c2;
     }
     applied->t[1] = (float)c1 * per_count;
     applied->t[2] = (float)c2 * per_count;
