@@ -48,11 +48,13 @@ def test_each_stage_is_run_by_one_command():
 
 
 def test_continuous_integration_runs_both_commands_with_whole_campaigns():
+    """`make test` is run by an ordinary user, and its closing line is the last."""
     lines = (ROOT / ".ci" / "run").read_text().splitlines()
     whole = next(n for n, line in enumerate(lines) if line.startswith("export HT_WHOLE=1"))
-    for command in COMMANDS:
-        assert lines.index(f"make {command}") > whole
-    assert lines[-1] == "make test"  # its closing line is the last
+    assert lines.index("make test-targets") > whole
+    assert lines[-1] == "tools/newcomer.sh"
+    newcomer = (ROOT / "tools" / "newcomer.sh").read_text().splitlines()
+    assert newcomer[-1].startswith("as_user ") and newcomer[-1].endswith(" test")
 
 
 def test_no_stage_needs_a_name_that_another_user_may_have(tmp_path):
