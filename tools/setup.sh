@@ -45,6 +45,10 @@ fi
 # Without what Python keeps compiled, each start of a process would compile everything again.
 unset PYTHONDONTWRITEBYTECODE
 
+# One set-up at a time: a second one would begin with nothing, under the hands of the first.
+exec 9<"$root"
+"$python" -c 'import fcntl; fcntl.flock(9, fcntl.LOCK_EX)'
+
 half=$venv.half
 compiled=
 before=

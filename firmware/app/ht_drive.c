@@ -119,6 +119,7 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     d->faults = 0u;
     d->warnings = 0u;
     d->snapshot.tick = 0u;
+    d->end_counts = 0u;
     d->sets.ohm = 0.0f;
     d->tick_last = d->tick - 1u;
     return HT_OK;
@@ -253,11 +254,20 @@ HT_SELDOM static unsigned phase_lost(ht_drive *d)
     return HT_FAULT_PHASE;
 }
 
+/* Did the interrupt take too long? Under immediate load the PWM was past edges of this period when
+ * they were written, if it was later than `write_delay_us`. */
+static inline bool too_late(ht_drive *d)
+{
+    d->end_counts = ht_port_counts(d->port);
+    return ht_port_overrun(d->port)
+           || (!d->config->control.shadow && (d->end_counts > d->config->control.period.first));
+}
+
 /* And everything that is known after it. */
 static inline void protect_after(ht_drive *d)
 {
     unsigned faults = ht_protect_results(&d->config->protect, &d->control, d->in.torque_ref_Nm);
-    if (ht_port_overrun(d->port)) {
+    if (too_late(d)) {
         faults |= HT_FAULT_OVERRUN;
     }
     if (d->control.leg_loss.found != 0u) {
@@ -406,7 +416,7 @@ static void test(ht_drive *d)
     ht_port_write(d->port, &out);
     if (gates_refused(d)) {
         fault(d, HT_FAULT_EXTERNAL);
-    } else if (ht_port_overrun(d->port)) {
+    } else if (too_late(d)) {
         fault(d, HT_FAULT_OVERRUN);
     } else {
         /* goes on */

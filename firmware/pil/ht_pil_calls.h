@@ -28,10 +28,11 @@ enum {
     HT_CALL_READ_CAPTURE = 8,
     HT_CALL_OVERRUN = 9, /**< answer */
     HT_CALL_ACK_FAST = 10,
-    HT_CALL_TRIP_PIN_LOW = 11,  /**< answer */
-    HT_CALL_LEG_TRIPPED = 12,   /**< leg, answer */
-    HT_CALL_LEG_OFF = 13,       /**< leg */
-    HT_CALL_INTERRUPT_LOST = 14 /**< answer */
+    HT_CALL_TRIP_PIN_LOW = 11,   /**< answer */
+    HT_CALL_LEG_TRIPPED = 12,    /**< leg, answer */
+    HT_CALL_LEG_OFF = 13,        /**< leg */
+    HT_CALL_INTERRUPT_LOST = 14, /**< answer */
+    HT_CALL_COUNTS = 15          /**< answer, a number */
 };
 
 /** The hardware's fixed properties. They come with INIT. */

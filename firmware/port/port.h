@@ -9,7 +9,7 @@
  *    register.
  *  - `ht_port_begin_fast`, `ht_port_read`, `ht_port_write`, `ht_port_gates_off`,
  *    `ht_port_gates_on`, `ht_port_leg_off`, `ht_port_tripped`, `ht_port_leg_tripped`,
- *    `ht_port_interrupt_lost`, `ht_port_overrun`, `ht_port_ack_fast` from the fast interrupt only
+ *    `ht_port_interrupt_lost`, `ht_port_counts`, `ht_port_overrun`, `ht_port_ack_fast` from the fast interrupt only
  *    (`ht_port_read` from the set-up as well, and from the slow interrupt when no fast one comes any
  *    more). None blocks; each takes a fixed number of
  *    register accesses.
@@ -127,6 +127,9 @@ void ht_port_begin_fast(ht_port *port);
 /** Has another conversion ended since `ht_port_begin_fast`? Asked at the end of the interrupt: if
  *  so, the interrupt took longer than its period. */
 bool ht_port_overrun(const ht_port *port);
+
+/** Counts of the PWM's clock since its period began; the conversion started then. */
+uint16_t ht_port_counts(const ht_port *port);
 
 /** At the end of the drive's part of the fast interrupt: acknowledge it at the interrupt controller. The
  *  CPU takes the next one when the whole interrupt has ended. */

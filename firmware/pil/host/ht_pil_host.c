@@ -328,6 +328,8 @@ static bool make_call(ht_link *l, ht_reader *r)
     case HT_CALL_READ_CAPTURE:
         ht_port_read_capture(&l->port, &capture);
         return true;
+    case HT_CALL_COUNTS:
+        return ht_port_counts(&l->port) == ht_read16(r);
     case HT_CALL_OVERRUN:
         return ht_port_overrun(&l->port) == (ht_read16(r) != 0u);
     case HT_CALL_ACK_FAST:

@@ -155,7 +155,9 @@ def _words_of(pid: int) -> list[str]:
 
 def command_of(pid: int) -> str:
     """The command line of a process, shortened; "?" if this user may not read it."""
-    text = " ".join(" ".join(_words_of(pid)).split())  # it may contain a script of several lines
+    program, *arguments = _words_of(pid) or [""]
+    # Without the program's folder. An argument may be a script of several lines.
+    text = " ".join(" ".join([os.path.basename(program), *arguments]).split())
     return (text if len(text) <= 100 else text[:97] + "...") or "?"
 
 

@@ -123,7 +123,7 @@ def test_states_in_order_and_gates_in_build_and_run_only(bench):
 OF_CONTROL = (
     "torque_Nm", "torque_decided_Nm", "torque_ref_Nm", "torque_level", "psi_alpha_Wb",
     "psi_beta_Wb", "psi_x_Wb", "psi_y_Wb", "v_x_pu", "v_y_pu", "omega_sync_rad_s", "flux_level",
-    "flux_ref_Wb", "sector",
+    "flux_ref_Wb", "sector", "interrupt_us",
 )  # fmt: skip
 
 
@@ -1387,6 +1387,36 @@ def test_overrun_with_the_gates_off_does_nothing(bench, state):
     for access in range(1, accesses(bench) + 1):
         plant_event(bench, access)
         assert (bench.state, bench.drive.faults) == (state, 0)
+
+
+TBCTR_OF_EPWM1 = {"f28335": 0x6804, "f28377s": 0x4004}  # SPRUFG3 2, SPRS881 (memory map)
+
+
+@pytest.mark.parametrize("load_mode", ("shadow", "immediate"))
+@pytest.mark.parametrize("state", POWERED)
+@pytest.mark.parametrize("device", TBCTR_OF_EPWM1)
+def test_under_immediate_load_the_interrupt_ends_before_write_delay_us(device, state, load_mode):
+    """What is written later than that has edges which the counter has passed. Under shadow load
+    the pattern is the next period's."""
+    clock_Hz = {"f28335": 150e6, "f28377s": 100e6}[device]
+    bench = Bench(device, load_mode=load_mode, predict="off", write_delay_us=20.0)
+    latest = round(20e-6 * clock_Hz)
+    bench.run_to(state).fast(3)
+    counter = TBCTR_OF_EPWM1[device]
+    for counts in (0, latest // 3, latest):
+        bench.words[counter] = counts
+        bench.fast()
+        assert (bench.state, bench.drive.faults) == (state, 0)
+        if state != "test":
+            us = bench.controller.channel("interrupt_us")
+            assert us == pytest.approx(counts / clock_Hz * 1e6, rel=1e-6)
+    bench.words[counter] = latest + 1
+    bench.fast()
+    if load_mode == "shadow":
+        assert (bench.state, bench.drive.faults) == (state, 0)
+    else:
+        assert (bench.state, bench.gates_on) == ("fault", False)
+        assert bench.drive.faults == lib.HT_FAULT_OVERRUN
 
 
 def test_the_flux_reference_is_reduced_at_standstill_under_load(bench):

@@ -139,7 +139,7 @@ STEP = st.one_of(
 def test_every_sample_has_the_boards_tick(start, decimation, steps):
     board = Board(start)
     client = Quiet("model", 1, connect=board.connect)
-    dictionary = Dictionary(0, {}, (CHANNEL,), (), ())
+    dictionary = Dictionary(0, {}, (CHANNEL,), (), (), 0)
     stream = Stream(client, HELLO, dictionary, ("tick",), decimation)
     lives, got, lost = [], [], []
 
