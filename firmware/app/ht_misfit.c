@@ -49,7 +49,10 @@ static bool in_first_half(float write, float period)
 uint16_t ht_counts_up(float time_us, float clock_Hz)
 {
     float exact = time_us * 1.0e-6f * clock_Hz - HT_DEAD_TOLERANCE_COUNTS;
-    uint16_t whole = (exact > 0.0f) ? (uint16_t)exact : (uint16_t)0;
+    uint16_t whole = 0u;
+    if (exact > 0.0f) {
+        whole = (uint16_t)exact;
+    }
     return ((float)whole < exact) ? (uint16_t)(whole + 1u) : whole;
 }
 
