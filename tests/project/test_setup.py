@@ -88,6 +88,8 @@ class Tree:
             | {"PYTHON": str(self.python), "CALLS": str(self.calls), "STOP_AT": str(stop_at)}
             | {"TMPDIR": str(temporary)},
             start_new_session=True,  # a group of its own, as in a terminal
+            # These tests may run in the background, where SIGINT is ignored.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
         )
