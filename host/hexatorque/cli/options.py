@@ -25,9 +25,16 @@ class Mistake(HexatorqueError):
 # -- reading ------------------------------------------------------------------------------
 
 
+def real(text: str | float) -> float:
+    """A number from text with a decimal point or a decimal comma, as the web page takes it.
+    ValueError for any other text."""
+    text = str(text)  # click passes a default of an option too
+    return float(text if "." in text else text.replace(",", "."))
+
+
 def number(text: str) -> float:
     try:
-        return float(text)
+        return real(text)
     except ValueError:
         raise click.BadParameter(f"{text!r}: a number is needed") from None
 
@@ -41,8 +48,8 @@ def whole(text: str) -> int:
 
 def seconds(text: str) -> float:
     with suppress(ValueError):
-        if 0 < float(text) < math.inf:
-            return float(text)
+        if 0 < real(text) < math.inf:
+            return real(text)
     raise click.BadParameter(f"{text!r}: a time above 0 s is needed")
 
 
@@ -71,7 +78,7 @@ def break_given(text: str) -> tuple[str, str, float]:
             f"{', '.join(PHASES)} and a kind of {', '.join(KINDS)}"
         )
     with suppress(ValueError):
-        after_s = float(after) if at else 0.0
+        after_s = real(after) if at else 0.0
         if 0 <= after_s <= MOST_AFTER_S:
             return phase, kind, after_s
     raise click.BadParameter(f"{text!r}: allowed range of the time is 0 .. {MOST_AFTER_S:g} s")

@@ -40,6 +40,7 @@ from ..serial.client import Client, Stopped
 from ..serial.dictionary import fetch, fetch_reset
 from ..serial.stream import Stream, decimation_for, on_a_grid
 from ..serial.wire import Op, Status
+from ..setups.values import suggest
 from . import board_captures, captures
 from .interface import DriveVerbs, Progress, finite
 
@@ -201,7 +202,8 @@ class BoardDrive(DriveVerbs):
         try:
             return self.params[name]
         except KeyError:
-            raise LinkError(f"no parameter {name!r}", mistake=True) from None
+            meant = suggest(name, self.params)
+            raise LinkError(f"no parameter {name!r}{meant}", mistake=True) from None
 
     def get(self, name: str) -> str | float:
         return self.get_many([name])[name]
@@ -511,13 +513,21 @@ class BoardDrive(DriveVerbs):
     def cancel(self) -> None:
         self.client.do(Op.CANCEL, what="cancel")
 
-    def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
-        return self._upload(board_captures.wait(self.client, timeout_s, now))
+    def captured(
+        self,
+        timeout_s: float | None = None,
+        now: bool = False,
+        uploaded: Callable[[float], None] | None = None,
+    ) -> Recording:
+        """As for every drive. `uploaded` is called with the share of the data that has come."""
+        return self._upload(board_captures.wait(self.client, timeout_s, now), uploaded)
 
-    def _upload(self, found: wire.CaptureReply) -> Recording:
+    def _upload(
+        self, found: wire.CaptureReply, uploaded: Callable[[float], None] | None
+    ) -> Recording:
         self.hello = self.client.hello()  # f_isr_Hz is a parameter
         when = self.clock(self._armed).when(found.tick)  # the clocks drift: read this at once
-        table = board_captures.upload(self.client, found)
+        table = board_captures.upload(self.client, found, uploaded)
         rate_Hz = self.hello.f_isr_Hz / found.prescaler
         names = [self.dictionary.channels[id].name for id in found.channels]
         meta = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 import time
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -85,9 +85,11 @@ def wait(client: Client, timeout_s: float | None, manual: bool) -> CaptureReply:
         time.sleep(0.02)
 
 
-def upload(client: Client, capture: CaptureReply) -> np.ndarray:
+def upload(
+    client: Client, capture: CaptureReply, progress: Callable[[float], None] | None = None
+) -> np.ndarray:
     """Read a complete capture: (samples, channels) float32, oldest sample first. LinkError if
-    data stay away or the CRC is wrong."""
+    data stay away or the CRC is wrong. `progress` is called with the share that has come."""
     total = capture.samples * len(capture.channels)
     values = np.zeros(total, np.float32)
     arrived = np.zeros(total, bool)
@@ -115,6 +117,8 @@ def upload(client: Client, capture: CaptureReply) -> np.ndarray:
             part = arrived[first : first + READ_VALUES]
             count = int(np.argmax(part)) if part.any() else len(part)
             before = int(arrived.sum())
+            if progress:
+                progress(before / total)
             client.do(Op.READ, struct.pack("<II", first, count), "capture")
             heard_s = time.monotonic()
             while not arrived[first : first + count].all():

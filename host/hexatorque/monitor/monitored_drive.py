@@ -585,6 +585,15 @@ class MonitoredDrive:
 
     def _fetch(self, wanted: int) -> None:
         """Wait for a capture and upload it, unless a newer one replaces it."""
+
+        def tell(text: str) -> None:
+            with self._lock:
+                if wanted == self._capture_wanted:
+                    self._capture_text = text
+
+        def uploaded(share: float) -> None:
+            tell(f"uploading, {share:.0%}")
+
         words: dict[int, str] = {
             wire.CaptureState.FILLING: "filling the pre-trigger",
             wire.CaptureState.WAITING: "waiting for the trigger",
@@ -599,15 +608,14 @@ class MonitoredDrive:
                 # A fresh STATUS: the heartbeat's latest one may describe the capture before.
                 board = self.drive.client.get_status()
                 if board.capture == wire.CaptureState.NONE:
-                    self._capture_text = "gone: the board no longer has it"
+                    tell("gone: the board no longer has it")
                     return
                 if board.capture != wire.CaptureState.COMPLETE:
-                    self._capture_text = words.get(board.capture, "")
+                    tell(words.get(board.capture, ""))
                     continue
-                self._capture_text = "uploading"
-                found = self.drive.captured(1.0)
+                found = self.drive.captured(1.0, uploaded=uploaded)
             except LinkError as error:
-                self._capture_text = str(error)
+                tell(str(error))
                 failed += self.drive.client.transport.plugged
                 if failed == FETCH_TRIES:
                     return
@@ -616,7 +624,7 @@ class MonitoredDrive:
                 if wanted == self._capture_wanted:
                     self.captured = found
                     self.capture_number += 1
-                    self._capture_text = "complete"
+                    tell("complete")
             return
 
     def capture_file(self, suffix: str) -> bytes:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import base64
 import json
 import math
+import re
 import secrets
 import socket
 import threading
@@ -76,6 +77,9 @@ class Refused(Exception):
 
 class Server(ThreadingHTTPServer):
     daemon_threads = True
+    #: Connections that wait to be accepted. With the usual 5 a STOP would wait for a second beside
+    #: many that say nothing.
+    request_queue_size = 512
 
     def __init__(self, monitored: MonitoredDrive, port: int = 0) -> None:
         super().__init__(("127.0.0.1", port), Handler)
@@ -240,7 +244,7 @@ class Handler(BaseHTTPRequestHandler):
         if self.headers.get_content_type() != "application/json":
             raise Refused(415, "JSON is needed")
         length = self.headers.get("Content-Length", "")
-        if not length.isdigit() or not int(length) <= BODY_BYTES:
+        if not re.fullmatch(r"[0-9]{1,9}", length) or int(length) > BODY_BYTES:
             raise Refused(413, f"up to {BODY_BYTES} bytes")
         try:
             body = json.loads(self.rfile.read(int(length)))

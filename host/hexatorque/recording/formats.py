@@ -36,6 +36,12 @@ class RecordingError(HexatorqueError, ValueError):
     exit_code = 2
 
 
+class NotWritten(RecordingError):
+    """The disk did not take a recording. The command line was right."""
+
+    exit_code = 1
+
+
 def one_line(error: BaseException) -> str:
     """The text of an exception on one line, without the name of the file."""
     if isinstance(error, OSError) and error.strerror:

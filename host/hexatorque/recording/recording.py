@@ -147,7 +147,8 @@ class Recording:
             with formats.replacing(path) as draft:
                 writer.save(self, draft)
         except Exception as error:  # the libraries raise many kinds
-            raise RecordingError(f"{path}: {formats.one_line(error)}") from None
+            failed = formats.NotWritten if isinstance(error, OSError) else RecordingError
+            raise failed(f"{path}: {formats.one_line(error)}") from None
         return path
 
     @staticmethod

@@ -26,7 +26,7 @@ from typing import Protocol
 import numpy as np
 
 from . import csv, journal
-from .formats import PART, RecordingError, beside, check_output, one_line
+from .formats import PART, NotWritten, RecordingError, beside, check_output, one_line
 from .journal import Stream
 from .recording import STARTED, clock_text
 
@@ -217,7 +217,7 @@ class Writer:
         except OSError as error:
             raise self._failed(error) from None
         except RecordingError as error:
-            raise RecordingError(f"{error}; the samples are in {self.growing}") from None
+            raise type(error)(f"{error}; the samples are in {self.growing}") from None
         self._file.close()
         if not self._csv:
             with suppress(FileNotFoundError):
@@ -276,8 +276,8 @@ class Writer:
                 draft.unlink()
             raise self._failed(error) from None
 
-    def _failed(self, error: OSError) -> RecordingError:
-        return RecordingError(f"{self.growing}: {one_line(error)}; what was written before is kept")
+    def _failed(self, error: OSError) -> NotWritten:
+        return NotWritten(f"{self.growing}: {one_line(error)}; what was written before is kept")
 
 
 def why(error: BaseException | None) -> str:

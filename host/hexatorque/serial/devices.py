@@ -29,10 +29,12 @@ class Found:
 NONE = "no board found; start a virtual one in a second terminal: hexatorque board serve"
 
 
-def find(baud: int | None = None) -> list[Found]:
-    """The boards that answer, in the order of their ports. A port that another program has open is
-    left alone, unless that program is the port's server."""
-    return [answer for answer in _ask_all(baud) if isinstance(answer, Found)]
+def find(baud: int | None = None) -> tuple[list[Found], list[Busy]]:
+    """The boards that answer, in the order of their ports; and the ports that other programs have
+    open. Those are left alone, unless the program is the port's server."""
+    answers = _ask_all(baud)
+    found = [answer for answer in answers if isinstance(answer, Found)]
+    return found, [answer for answer in answers if isinstance(answer, Busy)]
 
 
 def only(baud: int | None = None) -> Found:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..firmware import Parameter, State, decimal
+from ..setups.values import suggest
 from . import LinkError, wire
 from .client import Client
 from .wire import Hello, Kind, Op, Status
@@ -36,8 +37,7 @@ class Dictionary:
         ids = {row.name: id for id, row in enumerate(self.channels)}
         for name in names:
             if name not in ids:
-                known = ", ".join(ids)
-                raise LinkError(f"no channel {name!r}: the board has {known}", mistake=True)
+                raise LinkError(f"no channel {name!r}{suggest(name, ids)}", mistake=True)
         return tuple(ids[name] for name in names)
 
 

@@ -6,6 +6,7 @@ import errno
 import fcntl
 import os
 import socket
+import stat
 import termios
 from contextlib import suppress
 from typing import NamedTuple
@@ -17,8 +18,11 @@ from .exchange import Busy
 
 #: Bytes per read: as many as the driver of a port buffers.
 READ_BYTES = 65536
+#: Major number of /dev/null, /dev/zero and their like, which many processes have open.
+MEMORY_DEVICES = 1
 #: How long a `socket://` may take to connect.
 CONNECT_S = 3.0
+NO_PORT = "not a serial port"
 
 _MISSING = (errno.ENOENT, errno.ENXIO, errno.ENODEV)
 
@@ -86,6 +90,10 @@ def _connected(url: str) -> socket.socket:
 
 def _serial(url: str, baud: int) -> serial.Serial:
     """Open the port for this process alone. LinkError with one line if that fails."""
+    with suppress(OSError):  # one that is missing is named below
+        found = os.stat(url)
+        if not stat.S_ISCHR(found.st_mode) or os.major(found.st_rdev) == MEMORY_DEVICES:
+            raise LinkError(f"{url}: {NO_PORT}", mistake=True)
     if holder := holder_of(url):
         raise Busy(f"{url}: in use by {holder}")
     try:
@@ -109,7 +117,8 @@ def _failed(url: str, baud: int, error: BaseException) -> LinkError:
         return Busy(f"{url}: in use by {holder_of(url) or 'a process of another user'}")
     missing = number in _MISSING
     reason = "no such device" if missing else _reason(number, baud) or error
-    return LinkError(f"{url}: {reason}", mistake=missing or isinstance(error, ValueError))
+    mistake = missing or reason == NO_PORT or isinstance(error, ValueError)
+    return LinkError(f"{url}: {reason}", mistake=mistake)
 
 
 def error_number(error: BaseException | None) -> int | None:
@@ -126,8 +135,8 @@ def error_number(error: BaseException | None) -> int | None:
 def _reason(number: int | None, baud: int) -> str | None:
     if number in (errno.EACCES, errno.EPERM):
         return "permission denied; on most systems group dialout may use serial ports"
-    if number in (errno.ENOTTY, errno.EISDIR):
-        return "not a serial port"
+    if number == errno.ENOTTY:
+        return NO_PORT
     if number == errno.ECONNREFUSED:
         return "connection refused"
     if number == errno.EINVAL:

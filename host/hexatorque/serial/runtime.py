@@ -3,6 +3,7 @@ announce their pseudo-terminals in it, and each port server has its socket and i
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import stat
@@ -74,16 +75,32 @@ def announce(port: str, title: str, baud: int = 0) -> Path:
     """Announce that this process serves a board on `port`. `baud` is its baud rate, 0 if that is
     not known. Returns the file, which the caller removes at the end."""
     path = directory() / f"board-{os.getpid()}-{Path(port).name}.json"
-    text = json.dumps({"port": port, "pid": os.getpid(), "title": title, "baud": baud})
+    text = json.dumps({"port": port, "title": title, "baud": baud})
     partial = path.with_suffix(".part")
-    partial.write_text(text)
+    # It stays open, and so locked, until this process has ended in whatever way. A process number
+    # would say less: a killed process keeps its own until its parent has asked, and then another
+    # process gets it.
+    file = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
+    fcntl.flock(file, fcntl.LOCK_EX)
+    os.write(file, text.encode())
     partial.replace(path)
     return path
 
 
+def _locked(path: Path) -> bool:
+    """Whether the process that announced a board still runs."""
+    file = os.open(path, os.O_RDONLY)
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(file)
+    return False
+
+
 class Announced(NamedTuple):
     port: str
-    pid: int
     title: str
     baud: int
 
@@ -94,13 +111,13 @@ def announced() -> list[Announced]:
     for path in sorted(directory().glob("board-*.json")):
         try:
             row = json.loads(path.read_text())
-            fields = str(row["port"]), int(row["pid"]), str(row["title"]), int(row.get("baud", 0))
-            board = Announced(*fields)
-            os.kill(board.pid, 0)
+            board = Announced(str(row["port"]), str(row["title"]), int(row.get("baud", 0)))
+            lives = _locked(path)
         except (ValueError, KeyError, TypeError, OSError):
+            lives = False
+        if not lives:
             path.unlink(missing_ok=True)
-            continue
-        if os.path.exists(board.port):
+        elif os.path.exists(board.port):
             boards.append(board)
     return boards
 

@@ -55,21 +55,21 @@ READ_S = 0.01
 WAITING_BYTES = 8 << 20
 #: With this many unanswered requests, no more are read from a client.
 WAITING_REQUESTS = 8
-#: Longest time for a reply, besides its time on the line. USB adapters delay bytes by 16 ms.
+#: Longest time for a reply, besides its time on the line. USB adapters delay bytes by 16 ms. The
+#: board's watchdog waits for 250 ms, so two requests in a row may be lost.
 REPLY_S = 0.05
-#: The same for a virtual board, which is a process that may have to wait for the processor. Its
-#: watchdog then waits as well.
-PROCESS_REPLY_S = 0.25
 #: On a line that damages a fifth of its frames, three tries lose one GET in eight, and eight tries
-#: lose one in a hundred (`hexatorque evidence studies line`). A virtual board loses no bytes, but
-#: may answer late.
+#: lose one in a hundred (`hexatorque evidence studies line`). A virtual board may answer late: it
+#: is a process that may have to wait for the processor.
 TRIES = 8
-PROCESS_TRIES = 3
+PROCESS_TRIES = 16
 #: Tries at each baud rate if there are several.
 PROBE_TRIES = 4
 #: In a quick probe, the computer's own ports get one try per baud rate and this time. Mostly no
 #: board is connected to them, and a search waits for all ports. They have no USB adapter.
 QUICK_REPLY_S = 0.02
+#: Of the bytes that came instead of a reply, this many are looked at.
+MOST_HEARD_BYTES = 4096
 #: Bytes of a reply to HELLO on the line, with names and build.
 HELLO_BYTES = 150
 
@@ -78,9 +78,8 @@ def tries(url: str) -> int:
     return PROCESS_TRIES if is_process(url) else TRIES
 
 
-def reply_s(url: str, baud: int, line_bytes: int) -> float:
+def reply_s(baud: int, line_bytes: int, wait_s: float = REPLY_S) -> float:
     """How long to wait for a reply if at most `line_bytes` are on the line before its end."""
-    wait_s = PROCESS_REPLY_S if is_process(url) else REPLY_S
     return line_bytes * 10 / baud + wait_s
 
 
@@ -266,7 +265,7 @@ class Server:
             job.sent = wire.frame(wire.request(job.op, job.id, session, dictionary, job.payload))
             job.left = self.tries
             size = len(job.sent) + wire.reply_bytes(job.op, len(job.payload))
-            job.wait_s = reply_s(self.line.url, self.baud, size)
+            job.wait_s = reply_s(self.baud, size)
             if job.op in wire.SLOW:
                 job.wait_s += wire.SLOW_S
         else:
@@ -630,25 +629,37 @@ def _probe(line: port.Line, bauds: tuple[int, ...], quick: bool) -> int:
         bauds = bauds[:1]  # the rate has no effect
     adapter = os.path.basename(os.path.realpath(line.url)).startswith(("ttyUSB", "ttyACM"))
     quick = quick and len(bauds) > 1 and not adapter
+    heard = ""
     each = 1 if quick else tries(line.url) if len(bauds) == 1 else PROBE_TRIES
     for at, baud in enumerate(bauds):
         if at:
             line.change_baud(baud)
         splitter = wire.Splitter()
+        came = b""
         sent = wire.frame(wire.request(Op.HELLO, _random(1), 0, 0))
         for _ in range(each):
             line.write(sent)
             # Without a session no stream runs, so no samples come before the reply.
             line_bytes = len(sent) + HELLO_BYTES
-            within_s = reply_s(line.url, baud, line_bytes)
-            if quick:
-                within_s = line_bytes * 10 / baud + QUICK_REPLY_S
-            end_s = time.monotonic() + within_s
+            wait_s = QUICK_REPLY_S if quick else REPLY_S
+            end_s = time.monotonic() + reply_s(baud, line_bytes, wait_s)
             while select.select([line], [], [], max(0.0, end_s - time.monotonic()))[0]:
-                if any(body[0] == wire.REPLY + Op.HELLO for body in splitter.push(line.read())):
+                data = line.read()
+                came = (came + data)[-MOST_HEARD_BYTES:]
+                if any(body[0] == wire.REPLY + Op.HELLO for body in splitter.push(data)):
                     return baud
+        heard = heard or _heard(came, sent)
     rates = " or ".join(str(baud) for baud in bauds)
-    raise NoReply(f"{line.url}: no reply to HELLO at {rates} baud")
+    raise NoReply(f"{line.url}: no reply to HELLO at {rates} baud{heard}")
+
+
+def _heard(came: bytes, sent: bytes) -> str:
+    """What came instead of a reply, for the end of a line."""
+    if not came:
+        return ""
+    if sent.strip(b"\0") in came:
+        return ": the request itself comes back (an echo, or crossed wires)"
+    return ": other bytes come (another baud rate, or another device)"
 
 
 def _opened(url: str, baud: int) -> port.Line:

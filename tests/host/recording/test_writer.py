@@ -1,6 +1,7 @@
 """Recording a live board: appended samples are in the file, whatever happens to the process, the
 disk or the folder. Lost samples are missing in the right places."""
 
+import errno
 import json
 import os
 import resource
@@ -260,7 +261,7 @@ try:
         writer.append(ticks, ticks[:, None])
         done += 77
 except RecordingError as error:
-    print(error)
+    print(error.exit_code, error)
 print(done, len(Recording.load(writer.growing)))
 resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY,) * 2)  # room again
 writer.append([done], [[done]])
@@ -281,9 +282,27 @@ def test_after_a_full_disk_recording_continues(name, tmp_path):
     ).stdout.splitlines()  # fmt: skip
     said, counts, last = out
     assert "File too large" in said and str(tmp_path) in said
+    assert said.startswith("1 ")  # 2 would say that the command line was wrong
     done, there = map(int, counts.split())
     assert done == there > 500
     assert int(last) == done + 1
+
+
+def test_a_disk_that_is_full_at_the_end_is_no_mistake_of_the_user(tmp_path, monkeypatch):
+    """The recording is told to be incomplete, with exit code 1, and can be closed later."""
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    path = tmp_path / "rec.npz"
+    writer = Writer.open(path, STREAM)
+    writer.append(*rows([5, 10]))
+    with monkeypatch.context() as patch:
+        patch.setattr("hexatorque.recording.npz.save", full)
+        with pytest.raises(RecordingError, match="; the samples are in ") as caught:
+            writer.close()
+    assert caught.value.exit_code == 1 and not path.exists()
+    assert len(Recording.load(writer.close())) == 2
 
 
 @GROWING

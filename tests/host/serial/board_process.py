@@ -49,10 +49,6 @@ class Process:
     def go_on(self) -> None:
         self._process.send_signal(signal.SIGCONT)
 
-    @property
-    def pid(self) -> int:
-        return self._process.pid
-
     def unplug(self) -> None:
         os.unlink(self.url)
         self._process.send_signal(signal.SIGKILL)

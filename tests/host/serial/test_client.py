@@ -5,6 +5,7 @@ import re
 import struct
 import threading
 import time
+import types
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,6 @@ from hexatorque.serial.exchange import NoReply
 from hexatorque.serial.wire import Op
 
 WRITE, STREAM, LIST = 7, 11, 2
-WAIT_S = server.PROCESS_REPLY_S
 
 
 @pytest.fixture
@@ -107,20 +107,21 @@ def test_a_request_is_carried_out_once_whatever_happens(peer, drive, fault, time
     assert drive.client.counters.retries > 0 or fault == "twice"
 
 
-def test_a_line_gets_more_tries_than_a_process(peer):
-    assert server.tries(peer.port) == 3
+def test_a_process_gets_more_tries_than_a_line(peer):
+    """It may have to wait for the processor."""
+    assert server.tries(peer.port) == 16
     assert server.tries("/dev/ttyUSB0") == 8
 
 
-def test_a_process_gets_three_tries(peer, drive):
+def test_a_process_gets_sixteen_tries(peer, drive):
     drive.client.open_session()
     with drive.client._one_at_a_time:
-        peer.faults = ["mute"] * 3
+        peer.faults = ["mute"] * 16
         begun = time.monotonic()
-        with pytest.raises(NoReply, match=r"no reply to WRITE within 0\.7"):
+        with pytest.raises(NoReply, match=r"no reply to WRITE within 0\.[89]"):
             drive.set("speed_ref_rpm", 1.0)
-        assert 3 * WAIT_S < time.monotonic() - begun
-        assert len(of(peer, WRITE)) == 3 and peer.values[1] == 0.0
+        assert 16 * server.REPLY_S < time.monotonic() - begun
+        assert len(of(peer, WRITE)) == 16 and peer.values[1] == 0.0
         drive.set("speed_ref_rpm", 2.0)
     assert peer.values[1] == 2.0
     ids = [body[1] for body in of(peer, WRITE)]
@@ -128,10 +129,21 @@ def test_a_process_gets_three_tries(peer, drive):
 
 
 def test_the_reply_time_is_the_time_on_the_line_plus_50_ms():
-    assert server.reply_s("/dev/ttyUSB0", 9600, 500) == pytest.approx(0.05 + 500 / 960)
+    assert server.reply_s(9600, 500) == pytest.approx(0.05 + 500 / 960)
     # Samples may go first, nine times as many bytes as the reply has.
     assert wire.reply_bytes(Op.LIST, 3) == 11 * 517
     assert wire.reply_bytes(Op.STATUS, 0) == 11 * 120
+
+
+@pytest.mark.parametrize("url", ["/dev/pts/7", "/dev/ttyUSB0"])
+def test_two_lost_requests_in_a_row_do_not_end_a_drive(url):
+    """A pseudo-terminal too may lead to a board on a line that loses bytes. The third request comes
+    before the watchdog's time is over."""
+    line = types.SimpleNamespace(url=url, write=len)
+    one = server.Server(line, 1_250_000, None)
+    beat = server.Job(Op.STATUS)
+    one._begin(beat, 0.0)
+    assert server.HEARTBEAT_S + 2 * beat.deadline_s < 0.25
 
 
 def test_the_heartbeat_keeps_the_session_and_does_nothing_else(peer, drive):
@@ -422,7 +434,7 @@ def test_a_reset_ends_a_stream_and_is_reported(peer, drive):
     assert drive.resets == 1
     ((thread, state),) = told
     assert thread.startswith("keeper") and state == "idle"
-    assert len(of(peer, STREAM)) == 1  # not set again
+    assert different(peer, STREAM) == 1  # not set again
     with drive.stream(["speed_rpm"], decimation=10) as stream:  # but a new one can be
         peer.write(peer.sample(0, 0, 13, 1.0))
         assert stream.read(2.0)[0].tolist() == [13]
@@ -451,7 +463,7 @@ def test_a_session_that_ended_is_no_reset(peer, drive):
     with drive.stream(["speed_rpm", "torque_Nm"], decimation=10) as stream:
         feed(peer, stream, [1010, 1020])
         peer.session, peer.tick = 0, 41_000
-        until(lambda: len(of(peer, STREAM)) == 2)
+        until(lambda: different(peer, STREAM) == 2)
         rows = feed(peer, stream, [41_003, 41_013])
         assert [tick for tick, _ in rows] == [41_003, 41_013]  # on no other raster than its own
         assert (stream.gaps, stream.lost, drive.resets) == (1, (41_003 - 1021) // 10, 0)
@@ -490,7 +502,7 @@ def test_impossible_streams(drive, arguments, text):
 
 
 def test_unknown_channels_and_too_many(drive):
-    with pytest.raises(LinkError, match="no channel 'x': the board has speed_rpm, torque_Nm"):
+    with pytest.raises(LinkError, match="no channel 'x'; known: speed_rpm, torque_Nm"):
         drive.stream(["x"])
     with pytest.raises(LinkError, match="33 channels: a stream has 1 to 32"):
         drive.stream(["torque_Nm"] * 33)

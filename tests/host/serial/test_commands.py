@@ -7,6 +7,7 @@ import signal
 import time
 import tomllib
 
+import click
 import numpy as np
 import pytest
 from forked import Forked
@@ -107,7 +108,8 @@ def test_parameters(call, tmp_path):
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (["params", "get", "nope"], "no parameter 'nope'"),
+        (["params", "get", "nope"], "no parameter 'nope'; known: "),
+        (["set", "sped_ref_rpm=1"], "no parameter 'sped_ref_rpm'; did you mean 'speed_ref_rpm'?"),
         (["set", "rs_ohm"], "'rs_ohm': write NAME=VALUE"),
         (["set", "rs_ohm=-1"], "rs_ohm = -1: allowed range is 0 .. 1000 ohm"),
         (["set", "rs_ohm=nan"], "rs_ohm = nan: allowed range is 0 .. 1000 ohm"),
@@ -115,7 +117,8 @@ def test_parameters(call, tmp_path):
         (["set", "rs_ohm=1.7", "scheme=x"], "scheme = 'x': choose one of dtc1"),
         (["set", "scheme=x"], "scheme = 'x': choose one of dtc1"),
         (["set", "speed=1e9"], "speed_ref_rpm = 1e+09: allowed range is -30000 .. 30000 r/min"),
-        (["stream", "nope", "-o", "x.csv"], "no channel 'nope': the board has state, faults"),
+        (["stream", "nope", "-o", "x.csv"], "no channel 'nope'; known: state, faults"),
+        (["stream", "torqe_Nm", "-o", "x.csv"], "no channel 'torqe_Nm'; did you mean 'torque_Nm'?"),
         (["stream", "state", "--rate", "1e6", "-o", "x.csv"], "rate_Hz = 1e+06: allowed range"),
         (["stream", "state", "-o", "x.txt"], "unknown suffix"),
         (["capture", "state", "--trigger", "x", "-o", "x.csv"], "trigger 'x': choose one of"),
@@ -265,7 +268,8 @@ def test_times_and_rates_are_above_zero(words, capsys):
 
 def test_ports_that_are_none(capsys, tmp_path):
     for port, code, said in [
-        (str(tmp_path), 1, "not a serial port"),
+        (str(tmp_path), 2, "not a serial port"),
+        (os.devnull, 2, "not a serial port"),  # many processes have it open
         ("socket://here", 2, "write socket://HOST:PORT"),
     ]:
         assert main(["board", "status", "--device", port]) == code
@@ -397,15 +401,57 @@ def test_a_curve_is_where_its_points_are():
     assert curves.latest() == [7.0]
 
 
-def test_list(board, capsys, monkeypatch, shared_board):
+def test_list(board, capsys, monkeypatch):
     from hexatorque.serial import devices, runtime
 
     monkeypatch.setattr(devices.list_ports, "comports", lambda: [])
     assert main(["board", "list"]) == 1
     assert "no board found; start a virtual one" in capsys.readouterr().err
-    path = runtime.announce(os.path.realpath(board), "my board")
-    path.write_text(path.read_text().replace(str(os.getpid()), str(shared_board.pid)))
+    runtime.announce(os.path.realpath(board), "my board")
     assert main(["board", "list", "--json"]) == 0
     (found,) = json.loads(capsys.readouterr().out)
     assert found["where"] == "my board" and found["device"] == "virtual f28377s"
     assert main(["board", "status", "--json"]) == 0  # the only one needs no --device
+
+
+def test_list_names_who_has_a_port(board, capsys, monkeypatch):
+    from hexatorque.serial import devices, runtime
+
+    monkeypatch.setattr(devices.list_ports, "comports", lambda: [])
+    runtime.announce(os.path.realpath(board), "my board")
+    code = "import sys; f = open(sys.argv[1]); print(flush=True); sys.stdin.read()"
+    with Forked(["-c", code, board], pipes=("stdin", "stdout")) as other:
+        other.stdout.readline()
+        assert main(["board", "list"]) == 1
+        busy, none = capsys.readouterr().err.splitlines()
+        other.stdin.close()
+    assert f": in use by process {other.pid} (" in busy and "no board found" in none
+
+
+def test_a_stream_that_is_refused_does_not_begin(call, tmp_path):
+    file = str(tmp_path / "x.csv")
+    code, out, err = call("stream", "state", "state", "-o", file)
+    assert (code, out) == (2, "") and "each of another name" in err
+    code, out, _ = call("stream", "state", "--rate", "100", "--duration", "0.1", "-o", file)
+    assert code == 0 and out.startswith("1 channel at 100 Hz\n")
+
+
+def test_values_as_people_write_them(call):
+    """A decimal comma as on the web page, and names of choices in capital letters."""
+    before = json.loads(call("params", "get", "rs_ohm", "scheme", "speed_ref_rpm", "--json")[1])
+    code, out, _ = call("set", "rs_ohm=1,75", "scheme=FDR", "speed=-0,5", "--json")
+    changed = {"rs_ohm": 1.75, "scheme": "fdr", "speed_ref_rpm": -0.5}
+    assert (code, json.loads(out)) == (0, changed)
+    code, _, err = call("set", "rs_ohm=1.000,5")
+    assert code == 2 and "rs_ohm = '1.000,5': a number is needed" in err
+    assert call("set", *(f"{name}={value}" for name, value in before.items()))[0] == 0
+
+
+def test_an_option_takes_a_decimal_comma():
+    from hexatorque.cli import options
+
+    assert options.number("-2,5") == -2.5 and options.seconds("0,5") == 0.5
+    assert options.number("1,000") == 1.0
+    for text in ("1.000,5", "1,000,5", "1,000.5", ","):
+        with pytest.raises(click.BadParameter):
+            options.number(text)

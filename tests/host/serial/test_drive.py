@@ -414,7 +414,7 @@ def test_a_file_is_not_a_serial_port(tmp_path):
     file.touch()
     with pytest.raises(LinkError, match="not a serial port") as caught:
         BoardDrive.open(str(file))
-    assert not caught.value.mistake and "\n" not in str(caught.value)
+    assert caught.value.mistake and "\n" not in str(caught.value)
 
 
 @pytest.mark.skipif(os.getuid() == 0, reason="root may open every file")

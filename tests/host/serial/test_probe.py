@@ -37,9 +37,43 @@ class MuteLine:
 )
 def test_a_silent_port_is_asked_so_often_at_each_rate(bauds, quick, each):
     line = MuteLine()
-    with pytest.raises(NoReply, match="no reply to HELLO at 1250000"):
+    with pytest.raises(NoReply, match=r"no reply to HELLO at 1250000( or \d+)* baud$"):
         server._probe(line, bauds, quick)
     assert line.asked == dict.fromkeys(bauds, each)
+    os.close(line.near)
+    os.close(line.far)
+
+
+class TalkingLine(MuteLine):
+    """It gives `said` for each request, or the request itself."""
+
+    url = "/dev/pts/7"
+
+    def __init__(self, said):
+        super().__init__()
+        self.said = said
+
+    def write(self, data):
+        return os.write(self.far, self.said or data)
+
+    def read(self):
+        return os.read(self.near, 4096)
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        (b"", "baud: the request itself comes back (an echo, or crossed wires)"),
+        (b"login: ", "baud: other bytes come (another baud rate, or another device)"),
+        (bytes(5000), "baud: other bytes come (another baud rate, or another device)"),
+    ],
+)
+def test_what_comes_instead_of_a_reply_is_told(said, told):
+    line = TalkingLine(said)
+    tty.setraw(line.near)
+    with pytest.raises(NoReply) as caught:
+        server._probe(line, BAUDS[:1], False)
+    assert str(caught.value).endswith(told)
     os.close(line.near)
     os.close(line.far)
 
@@ -68,7 +102,7 @@ def test_silent_ports_are_asked_again_only_when_no_board_answers(monkeypatch, an
     monkeypatch.setattr(devices, "_ask", ask)
     monkeypatch.setattr(devices.list_ports, "comports", lambda: ports)
     monkeypatch.setattr(devices.runtime, "announced", lambda: [])
-    assert [board.port for board in devices.find()] == sorted(answers)
+    assert [board.port for board in devices.find()[0]] == sorted(answers)
     again = [] if answers else [("/dev/a", False), ("/dev/b", False)]
     assert sorted(asked, key=lambda row: (not row[1], row[0])) == [
         ("/dev/a", True), ("/dev/b", True), *again,

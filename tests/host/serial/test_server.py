@@ -446,30 +446,44 @@ def announced(shared_board, monkeypatch):
     """Only announced boards are found, and not the ports of this computer."""
     monkeypatch.setattr(devices.list_ports, "comports", lambda: [])
     port = os.path.realpath(shared_board.url)
-    path = runtime.announce(port, "a virtual board")
-    text = path.read_text().replace(str(os.getpid()), str(shared_board.pid))
-    path.write_text(text)
+    runtime.announce(port, "a virtual board")
     return port
 
 
 def test_an_announced_board_is_found(announced):
-    (found,) = devices.find()
+    (found,), _ = devices.find()
     assert (found.port, found.device, found.shared) == (announced, "virtual f28377s", False)
     with BoardDrive.open() as drive:
         assert drive.client.url == announced
-        (found,) = devices.find()
+        (found,), _ = devices.find()
         assert found.shared
 
 
 def test_files_of_ended_boards_are_removed(announced, tmp_path):
-    finished = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"],
-                              capture_output=True, text=True, check=True)  # fmt: skip
     stale = runtime.directory() / "board-1.json"
-    stale.write_text(f'{{"port": "/dev/pts/0", "pid": {int(finished.stdout)}, "title": "gone"}}')
+    stale.write_text('{"port": "/dev/pts/0", "title": "gone"}')
     broken = runtime.directory() / "board-2.json"
     broken.write_text("{")
-    assert [board.port for board in devices.find()] == [announced]
+    assert [board.port for board in devices.find()[0]] == [announced]
     assert not stale.exists() and not broken.exists()
+
+
+def test_a_killed_board_is_not_announced_before_its_parent_has_asked_for_it(tmp_path):
+    """Until then it has its process number, and its port's name may be another's already."""
+    code = (
+        "import signal, sys; from hexatorque.serial import runtime; "
+        "runtime.announce(sys.argv[1], 'killed'); print(flush=True); signal.pause()"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, env=environment
+    ) as process:
+        process.stdout.readline()
+        assert [board.title for board in runtime.announced()] == ["killed"]
+        process.kill()
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+        os.kill(process.pid, 0)
+        assert runtime.announced() == []
 
 
 def test_a_port_that_another_program_has_open_is_left_alone(announced):
@@ -479,12 +493,13 @@ def test_a_port_that_another_program_has_open_is_left_alone(announced):
         stdin=subprocess.PIPE, stdout=subprocess.PIPE,
     ) as other:  # fmt: skip
         other.stdout.readline()
-        assert devices.find() == []
+        found, (busy,) = devices.find()
+        assert found == [] and f"in use by process {other.pid} " in str(busy)
         with pytest.raises(LinkError, match=f"no board found.*in use by process {other.pid} "):
             BoardDrive.open()
         other.stdin.close()
         other.wait()
-    assert len(devices.find()) == 1
+    assert [len(some) for some in devices.find()] == [1, 0]
 
 
 def test_a_device_that_is_no_board_is_skipped(announced, monkeypatch):
@@ -494,7 +509,7 @@ def test_a_device_that_is_no_board_is_skipped(announced, monkeypatch):
     mute = types.SimpleNamespace(device=os.ttyname(slave), description="a modem")
     monkeypatch.setattr(devices.list_ports, "comports", lambda: [mute])
     begun = time.monotonic()
-    assert [board.port for board in devices.find()] == [announced]
+    assert [board.port for board in devices.find()[0]] == [announced]
     assert time.monotonic() - begun < 5
     os.close(master)
     os.close(slave)
@@ -502,8 +517,6 @@ def test_a_device_that_is_no_board_is_skipped(announced, monkeypatch):
 
 def test_none_and_several_boards(announced, monkeypatch, own_board):
     runtime.announce(os.path.realpath(own_board.url), "another")
-    path = next(p for p in runtime.directory().glob("board-*") if "another" in p.read_text())
-    path.write_text(path.read_text().replace(str(os.getpid()), str(own_board.pid)))
     with pytest.raises(LinkError, match="2 boards found, choose one: /dev/pts/") as caught:
         BoardDrive.open()
     assert caught.value.mistake

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from ..options import Mistake
+from ..options import Mistake, real
 
 if TYPE_CHECKING:
     from ...drive.board import BoardDrive
@@ -53,15 +53,20 @@ def assignments(texts: Iterable[str]) -> dict[str, object]:
 
 
 def set_values(drive: BoardDrive, values: dict[str, object]) -> None:
-    """Set values that may be text: numbers where the parameter takes numbers."""
+    """Set values that may be text: numbers where the parameter takes numbers, choices in capital
+    or small letters."""
     typed = dict(values)
     for name, value in values.items():
         row = drive.params.get(name)
-        if row is not None and not row.choices and isinstance(value, str):
-            try:
-                typed[name] = float(value)
-            except ValueError:
-                raise Mistake(f"{name} = {value!r}: a number is needed") from None
+        if row is None or not isinstance(value, str):
+            continue
+        if row.choices:
+            typed[name] = next((one for one in row.choices if one.lower() == value.lower()), value)
+            continue
+        try:
+            typed[name] = real(value)
+        except ValueError:
+            raise Mistake(f"{name} = {value!r}: a number is needed") from None
     drive.set_many(typed)
 
 

@@ -21,7 +21,9 @@ def list_boards(baud, as_json) -> int:
 
     from ...serial import devices
 
-    found = devices.find(baud)
+    found, busy = devices.find(baud)
+    for port in busy:
+        complain(str(port))
     if as_json:
         print_json([vars(board) for board in found])
         return 0 if found else 1

@@ -77,8 +77,9 @@ def stream(
         faulted = not start and drive.state == "fault"  # before: it does not trip here
         stream = drive.stream(channels, rate, decimation)
         wanted = None if duration is None else max(1, round(duration * stream.rate_Hz))
-        console.print(f"{len(stream.channels)} channels at {stream.rate_Hz:.6g} Hz")
+        count = len(stream.channels)
         with stream, Recorder(drive, output, stream) as recorder:
+            console.print(f"{count} channel{'s' * (count > 1)} at {stream.rate_Hz:.6g} Hz")
             _write(drive, stream, recorder, wanted, ended, console)
             state, faults, trip = drive.state, drive.faults, drive.trip
             why = BOARD_RESET if stream.ended else "user" if ended.is_set() else "duration"
