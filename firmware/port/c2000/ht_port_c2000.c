@@ -18,6 +18,7 @@ void ht_port_bind(ht_port *port, ht_io *io, const ht_board *board)
     port->reset_cause = 0u;
     port->sci_clock_Hz = board->map->sci_clock_Hz;
     port->eqep = board->map->eqep + ((uint32_t)board->eqep * EQEP_STRIDE);
+    port->counter = board->map->epwm + board->map->tbctr; /* ePWM1 starts the conversion */
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
         port->leg[leg] = board->map->epwm + ((uint32_t)board->module[leg] * board->map->stride);
     }

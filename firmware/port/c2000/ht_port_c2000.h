@@ -25,6 +25,7 @@ struct ht_port {
     const ht_c2000_map *map; /**< the board's device */
     uint32_t leg[HT_LEGS];   /**< PWM module of each leg */
     uint32_t eqep;           /**< the encoder's module */
+    uint32_t counter;        /**< of the PWM that starts the conversion */
     bool shadow;
     ht_clock clock;        /**< not right: pins and ADC are as after reset */
     uint32_t sci_clock_Hz; /**< LSPCLK */

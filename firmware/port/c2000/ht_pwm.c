@@ -129,7 +129,7 @@ void ht_port_write(ht_port *port, const ht_compare *pattern)
 
 uint16_t ht_port_counts(const ht_port *port)
 {
-    return HT_RD16(port->io, port->map->epwm + port->map->tbctr); /* ePWM1 starts the conversion */
+    return HT_RD16(port->io, port->counter);
 }
 
 void ht_port_gates_off(ht_port *port)

@@ -53,9 +53,10 @@ def _text(path: Path) -> str:
         raise StudyError(getattr(error, "strerror", None) or "no text file") from None
 
 
-def read(path: Path, changes: Mapping[str, Any] | None = None) -> Study:
+def read(path: Path | str, changes: Mapping[str, Any] | None = None) -> Study:
     """The study in a file, or the one of this name that comes with the package. `changes` replace
     its keys; those of `vary` are by path, and added."""
+    path = Path(path)
     try:
         data = tomllib.loads(_text(path))
     except tomllib.TOMLDecodeError as error:

@@ -35,6 +35,13 @@ IMAGE = Path("firmware/port/mps2/count")
 TIMEOUT_S = 300
 
 
+#: A drive that starts without u1.
+WITHOUT_A_LEG = {
+    "controller__lost_legs": 32, "controller__ride_through": "least-loss",
+    "controller__i_rated_A": 5.0,
+}  # fmt: skip
+
+
 def write_trace(setup: Setup, path: Path) -> np.ndarray:
     """The input of `count_main.c`; returns the telemetry channels at its end. The capture
     unit is not among what is kept: speed by edges per time."""
@@ -115,7 +122,7 @@ def instructions(
     """Instructions per period, {scheme: {"mean", "max", "step_mean", "step_max", "slow_max"}}: of
     the fast interrupt, of the control step in it, and of the slow interrupt. Means are of the
     running drive; `max` includes its start. Also the most bytes of stack that the fast interrupt
-    used."""
+    used, a drive without a leg included."""
     result = {}
     used = 0
     run = firmware.STATES.index("run")
@@ -133,6 +140,9 @@ def instructions(
         used = max(used, int(counts["stack"].max()))
         if progress:
             progress(TRACE_S)
+    with tempfile.TemporaryDirectory() as folder:  # the deepest path leads there
+        without = setup.with_scheme("db-dtfc", **WITHOUT_A_LEG)
+        used = max(used, int(_replay(without, machine, Path(folder))["stack"].max()))
     return result, used
 
 
