@@ -166,6 +166,9 @@ static void work(uint16_t us)
 {
     ht_regfile_wait(fake_flash_chip, us);
     Flash_CallbackPtr();
+    if (fake_flash_chip->eallow != 1u) { /* the API may rely on it */
+        broken("EALLOW is off after a callback");
+    }
 }
 
 static void clocked(void)
@@ -216,6 +219,9 @@ Uint16 Flash_Verify(Uint16 *address, Uint16 *data, Uint32 words, FLASH_ST *where
 
 uint16_t ht_flash_word(uint32_t address)
 {
+    if (fake_flash_chip->eallow != 0u) {
+        broken("EALLOW is still on after the API has returned");
+    }
     return *at_address(address, 1u);
 }
 

@@ -24,9 +24,13 @@ uint32_t ht_flash_area_words(void)
     return SECTOR_WORDS;
 }
 
+/* TI does not say whether the API keeps EALLOW on between its own writes. So it is left on here,
+ * and goes off after the API has returned. */
 static void serve(void)
 {
+    HT_EDIS(waiting->io);
     ht_flash_serve(waiting);
+    HT_EALLOW(waiting->io);
 }
 
 static void begin(ht_port *port)
@@ -42,9 +46,11 @@ static void begin(ht_port *port)
 bool ht_flash_erase(ht_port *port, uint32_t address)
 {
     FLASH_ST where;
+    Uint16 status;
     begin(port);
-    return Flash_Erase((address == SECTOR_H_ADDRESS) ? SECTORH : SECTORG, &where)
-           == (Uint16)STATUS_SUCCESS;
+    status = Flash_Erase((address == SECTOR_H_ADDRESS) ? SECTORH : SECTORG, &where);
+    HT_EDIS(port->io);
+    return status == (Uint16)STATUS_SUCCESS;
 }
 
 bool ht_flash_program(ht_port *port, uint32_t address, const uint16_t *words)
@@ -53,10 +59,13 @@ bool ht_flash_program(ht_port *port, uint32_t address, const uint16_t *words)
     Uint16 *place = (Uint16 *)(uintptr_t)address;
     FLASH_ST where;
     uint16_t k;
+    bool good;
     for (k = 0u; k < HT_STORE_WORDS; k++) {
         buffer[k] = words[k];
     }
     begin(port);
-    return (Flash_Program(place, buffer, HT_STORE_WORDS, &where) == (Uint16)STATUS_SUCCESS)
+    good = (Flash_Program(place, buffer, HT_STORE_WORDS, &where) == (Uint16)STATUS_SUCCESS)
            && (Flash_Verify(place, buffer, HT_STORE_WORDS, &where) == (Uint16)STATUS_SUCCESS);
+    HT_EDIS(port->io);
+    return good;
 }
