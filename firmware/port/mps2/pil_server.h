@@ -1,5 +1,5 @@
 /** @file pil_server.h
- *  The target's end of processor in the loop, over two FIFOs of the emulator's working
+ *  The target's end of processor in the loop, over two pipes of the emulator's working
  *  directory: requests come through `to_target`, replies leave through `from_target`.
  */
 #ifndef PIL_SERVER_H

@@ -15,7 +15,7 @@ enum {
 /** A handle, or -1. Names are relative to the emulator's working directory. */
 int32_t semihost_open(const char *name, uint32_t mode);
 
-/** Bytes read, at most `size`; 0 at the end of the file. Of a FIFO what is there,
+/** Bytes read, at most `size`; 0 at the end of the file. Of a pipe what is there,
  *  once something is. */
 uint32_t semihost_read(int32_t handle, void *data, uint32_t size);
 

@@ -21,7 +21,7 @@ from ..drive.simulated import SimulatedDrive
 from ..firmware import FirmwareError
 from ..setups import Setup
 from . import tools
-from .emulator_process import MACHINES, NEEDS, TIMEOUT_S, ProcessTarget, fifos, qemu
+from .emulator_process import MACHINES, NEEDS, TIMEOUT_S, ProcessTarget, qemu
 from .processor import TargetController
 from .store_file import FileStore
 from .virtual import VirtualBoard, watchdog_ms
@@ -55,7 +55,13 @@ class BoardProcess(ProcessTarget):
         (place / "setup").write_bytes(self._setup.tobytes())
         if self._store:
             (place / "store").symlink_to(self._store.absolute())
-        self.uart = fifos(place, "uart.in", "uart.out")
+        for name in ("uart.in", "uart.out"):
+            os.mkfifo(place / name)
+        # QEMU opens both for reading and writing, so that neither of us waits for the other.
+        self.uart = [
+            os.open(place / "uart.in", os.O_RDWR | os.O_NONBLOCK),
+            os.open(place / "uart.out", os.O_RDONLY | os.O_NONBLOCK),
+        ]
         return self.uart
 
 

@@ -1,4 +1,4 @@
-"""Targets that are emulators: processes that communicate through two FIFOs."""
+"""Targets that are emulators: processes that communicate through two pipes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import tempfile
 import weakref
 from pathlib import Path
 
-from ..firmware import ffi
+from ..firmware import ffi, lib
 from . import tools
 from .processor import Target
 
@@ -21,8 +21,11 @@ NEEDS = {
     "mps2-an500": ("arm-none-eabi-gcc", "qemu-system-arm"),
     "atmega2560": ("avr-gcc", "libsimavr"),
 }
-#: Longest time for a reply. A step takes some 50 us, and the emulator starts in less than 1 s.
-TIMEOUT_S = 10.0
+#: Longest time for a reply. A step takes some 50 us, and the emulator starts in less than 1 s; on a
+#: busy computer either may take much longer. An emulator that has ended is noticed at once.
+TIMEOUT_S = 60.0
+#: Longest time between the end of a process's pipes and its own.
+ENDING_S = 10.0
 
 
 def qemu(machine: str, image: Path, serial: tuple[str, ...] = ("-serial", "none")) -> list[str]:
@@ -34,16 +37,16 @@ def qemu(machine: str, image: Path, serial: tuple[str, ...] = ("-serial", "none"
     ]  # fmt: skip
 
 
-def fifos(place: Path, there: str, back: str) -> list[int]:
-    """Make two FIFOs, one to another process and one back. Returns descriptors of our ends. The
-    first is opened for reading and writing, so that opening it does not wait. The second is
-    opened for reading only, so that it shows when the other process has ended."""
-    for name in (there, back):
-        os.mkfifo(place / name)
-    return [
-        os.open(place / there, os.O_RDWR | os.O_NONBLOCK),
-        os.open(place / back, os.O_RDONLY | os.O_NONBLOCK),
-    ]
+def pipe(place: Path, name: str, theirs: int) -> tuple[int, int]:
+    """Make a pipe whose end `theirs` (0: to read, 1: to write) another process inherits and opens
+    under this name. Returns our end and theirs. To open a FIFO takes a partner at its other end,
+    so a process that opened one after this program's death would wait for ever; a pipe opens, and
+    shows that nobody is there any more."""
+    ends = os.pipe()
+    (place / name).symlink_to(f"/dev/fd/{ends[theirs]}")
+    ours = ends[1 - theirs]
+    os.set_blocking(ours, False)
+    return ours, ends[theirs]
 
 
 def _end(process: subprocess.Popen, files: list[int], folder: tempfile.TemporaryDirectory) -> None:
@@ -57,25 +60,31 @@ def _end(process: subprocess.Popen, files: list[int], folder: tempfile.Temporary
 
 class ProcessTarget(Target):
     """A target in a process of its own. The process ends with `close`, or when this object is
-    deleted. If this program dies, the process notices that its FIFOs are closed, and ends."""
+    deleted. If this program dies, the process notices that its pipes are closed, and ends,
+    even if it opens them only then."""
 
     def __init__(self, name: str, command: list[str], timeout_s: float = TIMEOUT_S) -> None:
         super().__init__()
         self.name = name
         folder = tempfile.TemporaryDirectory(prefix="hexatorque-")
         place = Path(folder.name)
-        files = fifos(place, "to_target", "from_target")
-        files += self.prepare(place)
+        to_target, its_input = pipe(place, "to_target", 0)
+        from_target, its_output = pipe(place, "from_target", 1)
+        files = [to_target, from_target, *self.prepare(place)]
         self._said = place / "stderr"
-        with self._said.open("w") as said:
-            # In a session of its own: Ctrl-C reaches only this program, which then ends it.
-            self.process = subprocess.Popen(
-                command, cwd=place, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-                stderr=said, start_new_session=True,
-            )  # fmt: skip
+        try:
+            with self._said.open("w") as said:
+                # In a session of its own: Ctrl-C reaches only this program, which then ends it.
+                self.process = subprocess.Popen(
+                    command, cwd=place, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                    stderr=said, start_new_session=True, pass_fds=(its_input, its_output),
+                )  # fmt: skip
+        finally:  # if this program held them, the end of either process would not show
+            os.close(its_input)
+            os.close(its_output)
         self._end = weakref.finalize(self, _end, self.process, files, folder)
         self.link.local = ffi.NULL
-        self.link.to_target, self.link.from_target = files[:2]
+        self.link.to_target, self.link.from_target = to_target, from_target
         self.link.timeout_ms = round(timeout_s * 1000)
 
     def prepare(self, place: Path) -> list[int]:
@@ -90,7 +99,7 @@ class ProcessTarget(Target):
         if not self._end.alive:
             return ""
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self.process.wait(0.2)
+            self.process.wait(ENDING_S if self.link.error == lib.HT_LINK_CLOSED else 0.2)
         if self.process.returncode is None:
             return f" ({self.link.timeout_ms / 1000:g} s)"
         said = self._said.read_text().strip().splitlines()

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from campaigns import WHOLE
 from forked import Forked
+from waiting import WAIT_S
 
 import hexatorque
 from hexatorque import firmware
@@ -84,7 +85,7 @@ def alive(pid):
         return False
 
 
-def until(what, within_s):
+def until(what, within_s=WAIT_S):
     """Whether `what()` comes true in time."""
     end = time.monotonic() + within_s
     while time.monotonic() < end:
@@ -114,7 +115,7 @@ class Served:
     def end(self, number=signal.SIGTERM):
         if self.process.poll() is None:
             self.process.send_signal(number)
-        said = self.process.communicate(timeout=30)
+        said = self.process.communicate(timeout=WAIT_S)
         return self.process.returncode, said[1].strip()
 
 
@@ -135,7 +136,7 @@ def serve():
 def in_state(drive, *states):
     """Wait for one of the states. As long as an emulated board may take that other programs
     slow down."""
-    assert until(lambda: drive.state in states, 20.0), (drive.state, drive.faults)
+    assert until(lambda: drive.state in states), (drive.state, drive.faults)
     return drive.state
 
 
@@ -183,9 +184,9 @@ def test_from_dictionary_to_capture(name, serve, need, tmp_path):
 
         # A capture of every fast interrupt around a step, more than the line could carry.
         drive.arm(CAPTURED, samples=1500, pre=500, trigger="rising:speed_rpm:150")
-        assert until(lambda: drive.client.get_status().capture == CaptureState.WAITING, 20.0)
+        assert until(lambda: drive.client.get_status().capture == CaptureState.WAITING)
         drive.set("speed_ref_rpm", 300.0)
-        captured = drive.captured(timeout_s=30.0)
+        captured = drive.captured(timeout_s=WAIT_S)
         assert captured["speed_rpm"][499] <= 150 < captured["speed_rpm"][500]
 
         drive.stop()
@@ -267,7 +268,7 @@ def test_drive_stops_after_the_computer_died(name, serve, need):
         assert WATCHDOG_TICKS - 1 <= drive.snapshot["tick"] - tick <= STOPPED_TICKS
         # The dead client's session ends a second later, and a slow emulator's second is longer than
         # a client waits.
-        assert until(lambda: not drive.client.get_status().in_session, 20.0)
+        assert until(lambda: not drive.client.get_status().in_session)
         with pytest.raises(LinkError, match="fault"):
             drive.start()
         drive.clear()
@@ -287,7 +288,7 @@ def test_no_emulator_is_left_behind(serve, need, number):
     assert alive(emulator)
     code, said = board.end(number)
     assert (code, said) == (-9 if number == signal.SIGKILL else 0, "")
-    assert until(lambda: not alive(emulator), 5.0)
+    assert until(lambda: not alive(emulator))
 
 
 @pytest.mark.target
@@ -295,7 +296,7 @@ def test_emulator_that_dies(serve, need):
     need("mps2-an386")
     board = serve("mps2-an386")
     os.kill(board.emulator, signal.SIGKILL)
-    _, said = board.process.communicate(timeout=30)
+    _, said = board.process.communicate(timeout=WAIT_S)
     assert said.strip() == "hexatorque: mps2-an386: the target has ended (status -9)"
     assert board.process.returncode == 1
     assert not os.path.exists(board.port)

@@ -253,10 +253,11 @@ def test_the_load_of_a_fan_is_measured_and_written():
 
 
 def test_another_flux_is_no_fault_of_the_flux(monkeypatch):
-    """A drawn machine whose ripple leaves little of `flux_check`. The drive goes to half of its
-    flux: at once the rotor's flux would need the current that the check takes for a fault."""
-    setup = machines.drive(*machines.machine(37))
-    limits = Limits(219.0, 0.1)
+    """A drawn machine, with a `flux_check` of which the ripple leaves little. The drive goes to half
+    of its flux: at once the rotor's flux would need the current that the check takes for a
+    fault."""
+    setup = machines.drive(*machines.machine(37)).changed(controller__flux_check=0.5)
+    limits = Limits(265.0, 0.1)
 
     def curve():
         sim = SimulatedDrive(setup.changed(load__kind="friction"), 2)

@@ -15,6 +15,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from waiting import WAIT_S
+
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
@@ -79,7 +81,7 @@ class Chromium:
         if session:
             request["sessionId"] = session
         os.write(self._to, json.dumps(request).encode() + b"\0")
-        end = time.monotonic() + 30
+        end = time.monotonic() + WAIT_S
         while True:
             message = self._message(end)
             if message.get("id") != self._id:
@@ -146,7 +148,7 @@ class Page:
             raise AssertionError(f"{expression}: {answer['exceptionDetails']}")
         return answer["result"].get("value")
 
-    def until(self, expression: str, seconds: float = 20.0) -> None:
+    def until(self, expression: str, seconds: float = WAIT_S) -> None:
         end = time.monotonic() + seconds
         while not self.js(f"!!({expression})"):
             if time.monotonic() > end:

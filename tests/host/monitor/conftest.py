@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from forked import Forked
+from waiting import WAIT_S, until
 
 #: The virtual board's watchdog waits this long, because many tests may load the computer.
 WATCHDOG_MS = 800
@@ -143,7 +144,7 @@ def patiently(call, *arguments):
     """Repeat the call until it succeeds: on a busy computer the board may not answer at once."""
     from hexatorque.serial import LinkError
 
-    end = time.monotonic() + 10
+    end = time.monotonic() + WAIT_S
     while True:
         try:
             return call(*arguments)
@@ -158,7 +159,7 @@ def to_rest(drive, values: dict) -> None:
     if drive.state == "fault":
         drive.clear()
     drive.set_many(values)
-    end = time.monotonic() + 10
+    end = time.monotonic() + WAIT_S
     with drive.stream(["speed_rpm"], rate_Hz=100) as stream:
         for _, values in stream:
             if abs(values[-1, 0]) < 15:
@@ -190,7 +191,7 @@ class Visitor:
         one out."""
         given = {"Host": self.host, "Cookie": self.cookie}
         given |= {name.replace("_", "-"): value for name, value in headers.items()}
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=WAIT_S)
         try:
             connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
             if body is not None:
@@ -229,7 +230,7 @@ class Visitor:
     ):
         """Open a page. Gives a function that returns the next frame. As the page's script does, a
         thread answers each frame; `answer` makes the answer from the frame's time, or None."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=WAIT_S)
         headers = {"Host": self.host, "Cookie": self.cookie if cookie is None else cookie}
         connection.connect()
         stream = connection.sock  # the connection forgets it: an answer without an end
@@ -251,7 +252,7 @@ class Visitor:
             frames.put(None)
 
         def frame() -> dict:
-            one = frames.get(timeout=10)
+            one = frames.get(timeout=WAIT_S)
             assert one, "the stream has ended"
             return one
 
@@ -262,7 +263,7 @@ class Visitor:
         finally:
             with contextlib.suppress(OSError):
                 stream.shutdown(socket.SHUT_RDWR)
-            thread.join(20)
+            thread.join(WAIT_S)
             events.close()
             connection.close()
 
@@ -275,13 +276,9 @@ class Site(Visitor):
         self.monitored, self.server = monitored, server
         self.enter()
 
-    def until(self, state: str, seconds: float = 10.0) -> float:
-        """Wait until the drive is in this state. Returns how long that took."""
-        begun = time.monotonic()
-        while self.monitored.status()["state"] != state:
-            assert time.monotonic() - begun < seconds, self.monitored.status()
-            time.sleep(0.01)
-        return time.monotonic() - begun
+    def until(self, state: str) -> None:
+        """Wait until the drive is in this state."""
+        until(lambda: self.monitored.status()["state"] == state)
 
 
 @pytest.fixture
@@ -322,7 +319,7 @@ class Monitor(Visitor):
     def end(self, number: signal.Signals) -> tuple[int, str]:
         """Send a signal. Returns the exit code and the output."""
         self.process.send_signal(number)
-        out, err = self.process.communicate(timeout=20)
+        out, err = self.process.communicate(timeout=WAIT_S)
         return self.process.returncode, out + err
 
 

@@ -11,6 +11,7 @@ import time
 
 import pytest
 from chromium import Chromium, program
+from waiting import WAIT_S
 
 pytestmark = pytest.mark.skipif(program() is None, reason="no chromium: apt-get install chromium")
 
@@ -39,7 +40,7 @@ def page(browser, monitor):
 def off_after(board, begun_s: float) -> float:
     """The board's time from `begun_s` until its drive was off. 0: on a busy computer the page had
     not run even before, and the drive was off already."""
-    end = time.monotonic() + 60
+    end = time.monotonic() + WAIT_S
     while (off_s := board.off_s(begun_s)) is None:
         if not board.working:
             return 0.0
@@ -51,7 +52,7 @@ def off_after(board, begun_s: float) -> float:
 def notice(monitor, words: str) -> None:
     """Wait for a notice on the pages. It comes right after the stop."""
     with monitor.page() as frame:
-        end = time.monotonic() + 10
+        end = time.monotonic() + WAIT_S
         while words not in frame().get("status", {}).get("notice", ""):
             assert time.monotonic() < end
 

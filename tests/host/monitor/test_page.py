@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 from chromium import Chromium, program
+from waiting import WAIT_S, until
 
 pytestmark = pytest.mark.skipif(program() is None, reason="no chromium: apt-get install chromium")
 
@@ -95,21 +96,21 @@ def test_start_speed_traces_stop(page, monitor):
     plots = page.js("[...document.querySelectorAll('.plot .unit')].map(e => e.textContent)")
     currents = plots.index("A")
     before = inked(page, currents)
-    page.until(f"({INKED % currents}) !== {before}", 2)
+    page.until(f"({INKED % currents}) !== {before}")
     page.click("#pause")
     time.sleep(0.3)
     before = inked(page, currents)
     time.sleep(0.5)
     assert inked(page, currents) == before
     page.click("#pause")
-    page.until(f"({INKED % currents}) !== {before}", 3)
+    page.until(f"({INKED % currents}) !== {before}")
     page.choose("#quick select[aria-label=scheme]", "fdr")
-    end = time.monotonic() + 3
+    end = time.monotonic() + WAIT_S
     while monitor.get("/values")[1]["scheme"] != "fdr":
         assert time.monotonic() < end
     page.click("#stop")
-    page.until(f"{STATE} === 'idle'", 1)
-    page.until(f"Math.abs({SPEED}) < 250", 5)
+    page.until(f"{STATE} === 'idle'")
+    page.until(f"Math.abs({SPEED}) < 250")
     assert page.complaints() == []
     requests = page.requests()
     assert requests and all(url.startswith(f"http://{monitor.host}/") for url in requests)
@@ -127,7 +128,7 @@ def test_a_key_stops_the_drive_wherever_the_focus_is(page):
         start(page)
         page.js(where)
         page.key(key, code, key if key == " " else "")
-        page.until(f"{STATE} === 'idle'", 1)
+        page.until(f"{STATE} === 'idle'")
         time.sleep(0.3)
         # The key did not also press the button that has the focus.
         assert page.js(STATE) == "idle", (key, where)
@@ -166,7 +167,7 @@ def test_parameters_are_searched_checked_and_set_together(page, monitor):
     assert "2 changes" in page.js("document.querySelector('#apply-text').textContent")
     page.key("Enter", "Enter", "\r")
     page.until("document.querySelector('#apply').hidden")
-    end = time.monotonic() + 3
+    end = time.monotonic() + WAIT_S
     while (now := monitor.get("/values")[1]) == before:
         assert time.monotonic() < end
     changed = {name: value for name, value in now.items() if value != before[name]}
@@ -305,8 +306,7 @@ def test_burst_capture_is_drawn(page):
     page.click("#trigger-now")
     page.until("document.body.dataset.seeing === 'capture'")
     assert page.js("document.querySelector('#see-capture').textContent").startswith("Capture")
-    time.sleep(0.3)
-    assert inked(page, 0) != 0
+    page.until(f"({INKED % 0}) !== 0")
     link = "document.querySelector('.downloads a').href"
     assert page.js(f"fetch({link}).then(r => r.text()).then(t => t.split('\\n').length)") == 802
     assert page.complaints() == []
@@ -414,7 +414,7 @@ def test_numbers_without_a_meaning_are_blank(page, monitor, board):
     # Samples that are too old are not shown as numbers.
     board.process.send_signal(signal.SIGSTOP)
     try:
-        page.until(f"{FIGURES}.every((text) => text === '–')", 5)
+        page.until(f"{FIGURES}.every((text) => text === '–')")
     finally:
         board.process.send_signal(signal.SIGCONT)
     page.until(f"{speed} !== '–'")
@@ -424,7 +424,7 @@ def test_numbers_are_blank_when_the_monitor_is_silent(page, monitor):
     page.until(f"{FIGURES}[0] !== '–'")
     monitor.process.send_signal(signal.SIGSTOP)
     try:
-        page.until(f"{FIGURES}.every((text) => text === '–')", 5)
+        page.until(f"{FIGURES}.every((text) => text === '–')")
     finally:
         monitor.process.send_signal(signal.SIGCONT)
     page.until(f"{FIGURES}[0] !== '–'")
@@ -459,7 +459,7 @@ def test_a_hidden_page_says_in_its_title_when_the_drive_stops(browser, page, boa
     begun_s = board.time_s
     other = browser.call("Target.createTarget", url="about:blank")["targetId"]
     browser.call("Target.activateTarget", targetId=other)
-    page.until("document.hidden && document.title.includes('stops in')", 5)
+    page.until("document.hidden && document.title.includes('stops in')")
     while (off_s := board.off_s(begun_s)) is None:
         assert board.time_s < begun_s + 13, "the drive still runs"
         time.sleep(0.05)
@@ -487,7 +487,7 @@ def test_the_page_shows_a_fault(page, monitor):
     page.until(f"{STATE} === 'idle'")
 
 
-def test_a_closed_tab_stops_the_drive(browser, page, monitor):
+def test_a_closed_tab_stops_the_drive(browser, page, monitor, board):
     start(page)
     page.close()
     time.sleep(0.5)
@@ -497,7 +497,7 @@ def test_a_closed_tab_stops_the_drive(browser, page, monitor):
         while "status" not in (one := frame()):
             pass
         assert one["status"]["state"] == "run"
-    time.sleep(3.0)
+    until(lambda: not board.working)
     with monitor.page() as frame:
         while "status" not in (one := frame()):
             pass
@@ -508,7 +508,7 @@ def test_the_page_shows_that_the_monitor_has_ended(browser, own_monitor):
     page = browser.open(own_monitor.url)
     start(page)
     own_monitor.end(signal.SIGTERM)
-    page.until(f"{STATE} === 'unknown'", 4)
+    page.until(f"{STATE} === 'unknown'")
     assert not page.js("document.querySelector('#alarm').hidden")
     page.click("#stop")
     page.until("document.querySelector('#toasts .bad')")
@@ -637,5 +637,5 @@ def test_the_sixth_trace_is_dashed(page, monitor):
     assert dashed == ["i_w2_A", "vdc_V"]
     ticked = page.js("document.querySelectorAll('#channels i.dashed').length")
     assert ticked == 2
-    time.sleep(0.5)
-    assert inked(page, 0) != 0 and page.complaints() == []
+    page.until(f"({INKED % 0}) !== 0")
+    assert page.complaints() == []

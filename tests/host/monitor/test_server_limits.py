@@ -5,6 +5,7 @@ import socket
 import threading
 
 import pytest
+from waiting import WAIT_S
 
 from hexatorque.monitor.server import Server
 from hexatorque.serial import LinkError
@@ -46,13 +47,13 @@ def test_the_page_tells_how_far_an_upload_is(site, monkeypatch):
     order = {"channels": ["vdc_V"], "samples": 10, "pre": 0, "prescaler": 1, "trigger": "command"}
     assert site.post("/capture/arm", order)[0] == 200
     assert site.post("/capture/trigger", {})[0] == 200
-    assert over.wait(60)
+    assert over.wait(WAIT_S)
     assert told == ["uploading, 0%", "uploading, 40%", ""]
 
 
 def test_an_upload_tells_its_share(drive):
     shares = []
     drive.arm(["vdc_V", "speed_rpm"], 8000, 0, "manual")
-    drive.captured(60.0, now=True, uploaded=shares.append)
+    drive.captured(WAIT_S, now=True, uploaded=shares.append)
     # A request brings 6000 values at most.
     assert len(shares) >= 3 and shares[0] == 0.0 and shares == sorted(shares) and shares[-1] < 1.0

@@ -7,6 +7,7 @@ import time
 
 import pytest
 from board_process import Process
+from waiting import WAIT_S
 
 
 @pytest.fixture
@@ -34,7 +35,7 @@ def own_directories(tmp_path, monkeypatch, used_boards):
         with contextlib.suppress(ProcessLookupError):
             os.kill(server.pid, signal.SIGCONT)
             os.kill(server.pid, signal.SIGTERM)
-    end = time.monotonic() + 10
+    end = time.monotonic() + WAIT_S
     while any(path.exists() for path in locks) and time.monotonic() < end:
         time.sleep(0.01)
     complaints = [path.read_text() for path in folder.glob("port-*.log")]

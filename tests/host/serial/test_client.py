@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from peer import Peer, frame, parameter
+from waiting import until
 
 from hexatorque import firmware
 from hexatorque.drive.board import BoardDrive
@@ -152,7 +153,7 @@ def test_the_heartbeat_keeps_the_session_and_does_nothing_else(peer, drive):
     drive.start()
     begun = time.monotonic()
     peer.requests.clear()
-    until(lambda: len(set(of(peer, Op.STATUS))) >= 8, 30.0)
+    until(lambda: len(set(of(peer, Op.STATUS))) >= 8)
     beats = of(peer, Op.STATUS)
     assert len(set(beats)) <= 2 + (time.monotonic() - begun) / 0.08  # one that is late is repeated
     nonces = {struct.unpack_from("<H", body, 2)[0] for body in beats}
@@ -321,12 +322,8 @@ def feed(peer, stream, ticks, number=0):
     for place, tick in enumerate(ticks):
         raw += peer.sample(0, number + place, tick, tick & 0xFFFF, -1.0)
     peer.write(raw)
-    deadline = time.monotonic() + 2
     rows = []
-    while time.monotonic() < deadline:
-        block = stream.read(0.15)
-        if block is None:
-            break
+    while block := stream.read(0.15 if rows and rows[-1][0] >= ticks[-1] else 2.0):
         assert block[0].dtype == np.int64 and block[1].dtype == np.float32
         rows += zip(block[0].tolist(), block[1][:, 0].tolist())
     return rows
@@ -403,13 +400,6 @@ def reset(peer):
     """Do what a board does that is switched off and on."""
     peer.session, peer.mark, peer.tick = 0, 0, 3
     peer.values = {0: 1.0, 1: 0.0, 2: 2.3}
-
-
-def until(condition, seconds=10.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def test_a_reset_ends_a_stream_and_is_reported(peer, drive):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from board_process import CHANGES, LOAD_NM, Process
 from forked import Forked
+from waiting import WAIT_S, until
 
 from hexatorque import setups
 from hexatorque.drive.board import BoardDrive
@@ -25,14 +26,6 @@ from hexatorque.setups import Profile, SetupError
 def drive(board):
     with BoardDrive.open(board) as drive:
         yield drive
-
-
-def until(condition, seconds=2.0):
-    begun = time.monotonic()
-    while not condition():
-        assert time.monotonic() - begun < seconds
-        time.sleep(0.01)
-    return time.monotonic() - begun
 
 
 def test_the_dictionary_is_the_firmwares(drive):
@@ -151,6 +144,9 @@ def test_leaving_the_block_stops_the_drive(board):
         assert (drive.state, drive.faults) == ("idle", [])
 
 
+#: Longest time of the board's between a death and the stop: 250 ms, and what a busy computer delays
+#: the dead one's last message, the port server and the observer.
+STOPPED_S = 2.0
 STARTER = """
 import sys, time
 from hexatorque.drive.board import BoardDrive
@@ -182,8 +178,8 @@ def test_a_killed_client_stops_the_drive(board):
             until(lambda: watch.state == "run")
             ticks = watch.client.latest.tick
             process.send_signal(signal.SIGKILL)
-            until(lambda: watch.state == "idle", 5)
-            assert (watch.client.latest.tick - ticks) / watch.hello.f_isr_Hz < 0.35
+            until(lambda: watch.state == "idle")
+            assert (watch.client.latest.tick - ticks) / watch.hello.f_isr_Hz < STOPPED_S
             assert watch.faults == []
         finally:
             end(process)
@@ -196,7 +192,7 @@ def test_a_killed_port_server_stops_the_drive(board):
         until(lambda: drive.state == "run")
         ticks = drive.client.latest.tick
         os.kill(drive.client.transport.pid, signal.SIGKILL)
-        until(lambda: drive.client.counters.reconnects == 1, 10)
+        until(lambda: drive.client.counters.reconnects == 1)
         assert (drive.state, drive.faults) == ("fault", ["link lost"])
         with pytest.raises(
             LinkError, match=r"after the trip is cleared: .* board clear \(state fault"
@@ -204,7 +200,7 @@ def test_a_killed_port_server_stops_the_drive(board):
             drive.set("f_isr_Hz", 5000.0)
         snapshot = drive.snapshot
         assert snapshot["faults"] == ["link lost"]
-        assert (snapshot["tick"] - ticks) / drive.hello.f_isr_Hz < 0.35
+        assert (snapshot["tick"] - ticks) / drive.hello.f_isr_Hz < STOPPED_S
         with pytest.raises(DriveFault, match="link lost"):
             drive.check()
 
@@ -215,7 +211,7 @@ def test_a_stopped_process_stops_the_drive(board):
     try:
         process.send_signal(signal.SIGSTOP)
         with BoardDrive.open(board) as watch:
-            until(lambda: watch.state == "idle", 5)
+            until(lambda: watch.state == "idle")
             assert watch.faults == []
     finally:
         process.send_signal(signal.SIGCONT)
@@ -249,7 +245,7 @@ def test_a_script_that_did_not_run_is_told_of_the_stop(board):
             for _ in range(2):  # each START begins anew
                 assert process.stdout.readline() == "started\n"
                 tick = watch._now_tick()
-                until(lambda: watch.state == "idle", 5)
+                until(lambda: watch.state == "idle")
                 process.send_signal(signal.SIGCONT)
                 said = process.stdout.readline()
                 found = re.fullmatch(
@@ -273,7 +269,7 @@ def test_capture_of_the_fault_itself(drive):
     drive.run(0.2, record=False)
     trip_A = drive.get("i_trip_A")
     drive.set("i_trip_A", 0.1)
-    recording = drive.captured(3.0)
+    recording = drive.captured(WAIT_S)
     assert recording.start_s == -100 / 10000 and recording.rate_Hz == 10000
     assert recording.meta["trigger_s"] == 0.0
     faults = recording["faults"]
@@ -288,7 +284,7 @@ def test_capture_triggers(drive):
     drive.set("speed_ref_rpm", 150.0)
     drive.start()
     drive.arm(["speed_rpm", "torque_Nm"], 400, 150, "rising:speed_rpm:100", prescaler=5)
-    recording = drive.captured(5.0)
+    recording = drive.captured(WAIT_S)
     speed = recording["speed_rpm"]
     assert recording.rate_Hz == 2000 and len(speed) == 400
     assert speed[149] < 100 <= speed[150]
@@ -296,15 +292,15 @@ def test_capture_triggers(drive):
     with pytest.raises(LinkError, match=r"not complete within 0.1 s \(waiting\)"):
         drive.captured(0.1)
     drive.set("speed_ref_rpm", 0.0)
-    falling = drive.captured(5.0)["speed_rpm"]
+    falling = drive.captured(WAIT_S)["speed_rpm"]
     assert falling[49] > 90 >= falling[50]
     drive.arm(["state"], 10, 5, "command")
     drive.set("rs_ohm", 1.8)
-    assert len(drive.captured(2.0)) == 10
+    assert len(drive.captured(WAIT_S)) == 10
     drive.arm(["state"], 10, 5, "manual")
     drive.run(0.05, record=False)
     drive.trigger()
-    assert len(drive.captured(2.0)) == 10
+    assert len(drive.captured(WAIT_S)) == 10
     drive.arm(["state"], 10, 5, "fault")
     drive.cancel()
     with pytest.raises(LinkError, match="none is armed"):
@@ -341,11 +337,11 @@ def test_rates_follow_the_fast_interrupt(drive):
                 LinkError, match=r"f_isr_Hz = 8000\.0: can change only while nothing is streamed"
             ):
                 drive.set("f_isr_Hz", 8000.0)
-        assert drive.capture(["vdc_V"], 10, timeout_s=2).rate_Hz == 5000
+        assert drive.capture(["vdc_V"], 10, timeout_s=WAIT_S).rate_Hz == 5000
         drive.cancel()
     finally:
         drive.set("f_isr_Hz", 10000.0)
-    assert drive.capture(["vdc_V"], 10, timeout_s=2).rate_Hz == 10000
+    assert drive.capture(["vdc_V"], 10, timeout_s=WAIT_S).rate_Hz == 10000
 
 
 def test_over_budget_beside_other_streams(drive):
@@ -371,7 +367,7 @@ def test_unplugged_and_another_one_plugged_in(own_board):
             with pytest.raises(LinkError, match="unplugged"):
                 drive.set("speed_ref_rpm", 10.0)
             own_board.plug()
-            until(lambda: told, 60)
+            until(lambda: told)
             stream.waiting()
             with pytest.raises(LinkError, match="the board was reset; the recording ends at tick"):
                 stream.read(10.0)
@@ -418,12 +414,14 @@ def test_a_file_is_not_a_serial_port(tmp_path):
 
 
 @pytest.mark.skipif(os.getuid() == 0, reason="root may open every file")
-def test_a_port_that_this_user_may_not_open(tmp_path):
-    file = tmp_path / "file"
-    file.touch(mode=0o000)
+def test_a_port_that_this_user_may_not_open():
+    master, slave = os.openpty()
+    os.chmod(os.ttyname(slave), 0o000)
     with pytest.raises(LinkError, match=r"permission denied; .* group dialout") as caught:
-        BoardDrive.open(str(file))
+        BoardDrive.open(os.ttyname(slave))
     assert "\n" not in str(caught.value)
+    os.close(master)
+    os.close(slave)
 
 
 def test_a_port_that_another_program_has(own_board):
@@ -449,10 +447,10 @@ def test_a_capture_is_the_simulations_own_recording(tmp_path):
             drive.arm(names, 1000, 400, "command")
             drive.run(0.1, record=False)
             drive.set("speed_ref_rpm", 200.0)
-            captured = drive.captured(5.0)
+            captured = drive.captured(WAIT_S)
     finally:
         process.send_signal(signal.SIGTERM)
-        process.wait(20)
+        process.wait(WAIT_S)
         process.stdout.close()
     own = Recording.load(tmp_path / "own.npz")
     per = own.meta["samples_per_period"]
@@ -473,4 +471,4 @@ def test_processes_leave_nothing_behind(own_board: Process):
     from hexatorque.serial import runtime
 
     BoardDrive.open(own_board.url).close()
-    until(lambda: not list(runtime.directory().glob("port-*")), 10)
+    until(lambda: not list(runtime.directory().glob("port-*")))

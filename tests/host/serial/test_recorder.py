@@ -24,7 +24,7 @@ def test_a_stream_and_a_capture_are_of_one_layout(board, tmp_path):
         began_s = time.time()
         with drive.stream(names, 1000) as stream, Recorder(drive, tmp_path / "s.csv", stream) as to:
             while to.samples < 300:
-                to.put(*stream.read(5.0))
+                to.put(*stream.read(60.0))
         drive.arm(names, 400, 100, "manual", 10)
         captured = drive.captured(20.0, now=True)
         ended_s = time.time()
@@ -64,7 +64,7 @@ def test_what_is_taken_has_its_start(board):
         opened_s = time.time()
         drive.run(0.2)
         rec = drive.take()
-    assert abs(seconds(rec) - opened_s) < 5 and rec.meta["tick_Hz"] == 10e3
+    assert abs(seconds(rec) - opened_s) < 60 and rec.meta["tick_Hz"] == 10e3
 
 
 def test_a_stream_that_fails_says_so_in_its_file(board, tmp_path):
@@ -76,7 +76,7 @@ def test_a_stream_that_fails_says_so_in_its_file(board, tmp_path):
         pytest.raises(LinkError),
         Recorder(drive, tmp_path / "s.npz", stream) as to,
     ):
-        to.put(*stream.read(5.0))
+        to.put(*stream.read(60.0))
         raise error
     meta = Recording.load(tmp_path / "s.npz").meta
     assert meta["ended"] == "board reset" and meta["closed"]
@@ -87,7 +87,7 @@ def test_counters_are_of_this_recording(board, tmp_path):
     with BoardDrive.open(board) as drive, drive.stream(["vdc_V"], 500) as stream:
         drive.client.counters.damaged += 3
         with Recorder(drive, tmp_path / "s.csv", stream) as to:
-            to.put(*stream.read(5.0))
+            to.put(*stream.read(60.0))
             drive.client.counters.damaged += 2
         drive.client.counters.damaged -= 5
     assert Recording.load(tmp_path / "s.csv").meta["crc_errors"] == 2

@@ -12,6 +12,7 @@ import time
 import numpy as np
 import pytest
 from forked import Forked
+from waiting import WAIT_S, until
 
 from hexatorque.cli.main import main
 from hexatorque.drive.board import BoardDrive
@@ -33,13 +34,6 @@ def second(board, first):
         assert drive.client.transport.shared
         assert drive.client.transport.pid == first.client.transport.pid != os.getpid()
         yield drive
-
-
-def until(condition, seconds=2.0):
-    begun = time.monotonic()
-    while not condition():
-        assert time.monotonic() - begun < seconds
-        time.sleep(0.01)
 
 
 def test_both_command_the_drive(first, second):
@@ -70,9 +64,10 @@ def test_a_second_that_started_the_drive_and_is_gone_stops_it(board, first, how)
         assert first.state == "run"
         begun = first.client.latest.tick
         process.stdin.close()
-        until(lambda: first.state == "idle", 1.0)
+        until(lambda: first.state == "idle")
+        # The server stops it after 250 ms, and on a busy computer it runs late.
         took_s = (first.client.latest.tick - begun) / first.hello.f_isr_Hz
-        assert took_s < 0.35 and first.faults == []
+        assert took_s < 2.0 and first.faults == []
     finally:
         process.kill()
         process.wait()
@@ -159,7 +154,7 @@ def test_streams_end_with_their_client(board, first):
 
 
 def test_a_second_captures(second):
-    recording = second.capture(["vdc_V", "state"], 2000, pre=500, timeout_s=3.0)
+    recording = second.capture(["vdc_V", "state"], 2000, pre=500, timeout_s=WAIT_S)
     assert len(recording) == 2000 and recording["vdc_V"].min() > 100
 
 
@@ -196,10 +191,10 @@ def test_the_server_is_named_and_ends_after_its_last_client(board):
         assert server.port == board and "hexatorque.serial.server" in server.command
         assert server.started.startswith("20")
         assert os.getsid(server.pid) != os.getsid(0)  # no Ctrl-C in a terminal is meant for it
-    until(lambda: not lock.exists(), 10.0)
+    until(lambda: not lock.exists())
     assert not path_of(board).exists()
     with pytest.raises(ProcessLookupError):
-        until(lambda: os.kill(server.pid, 0), 10.0)
+        until(lambda: os.kill(server.pid, 0))
 
 
 def test_many_clients_at_once_start_one_server(board):
@@ -224,7 +219,7 @@ def test_a_stop_goes_before_waiting_requests(board, first, address):
     START."""
     with socket.socket(socket.AF_UNIX) as crowd, socket.socket(socket.AF_UNIX) as stopper:
         for peer in (crowd, stopper):
-            peer.settimeout(5.0)
+            peer.settimeout(WAIT_S)
             peer.connect(address)
             assert peer.recv(4096)
         crc = first.client.dictionary
@@ -259,7 +254,7 @@ def test_a_long_runtime_directory(board, tmp_path, monkeypatch):
         pid = drive.client.transport.pid
         os.kill(pid, signal.SIGTERM)
     # The next test's folder is another one: there this server would be a foreign program.
-    until(lambda: not os.path.exists(f"/proc/{pid}"), 10.0)
+    until(lambda: not os.path.exists(f"/proc/{pid}"))
 
 
 def test_a_server_that_is_told_to_end_while_it_ends_leaves_nothing(own_board):
@@ -294,13 +289,11 @@ def test_a_foreign_program_is_named(own_board, capsys):
             stdin=subprocess.PIPE, stdout=subprocess.PIPE,
         ) as other:  # fmt: skip
             other.stdout.readline()
-            begun = time.monotonic()
             for words in (["status"], ["stop"]):
                 assert main(["board", *words, "--device", own_board.url]) == 1
                 said = capsys.readouterr().err
                 assert f": in use by process {other.pid} (" in said and said.count("\n") == 1
                 assert "import sys, serial" in said  # its command
-            assert time.monotonic() - begun < 10
             other.stdin.close()
             other.wait()
     assert main(["board", "status", "--device", own_board.url]) == 0
@@ -334,7 +327,7 @@ sys.stdin.read()
 
 @pytest.mark.parametrize("words", [["hexatorque.serial.server"], []])
 @pytest.mark.parametrize("dies", [True, False])
-def test_a_server_waits_for_one_that_is_ending(words, dies):
+def test_a_server_waits_for_one_that_is_ending(words, dies, monkeypatch):
     """A killed server may still have its port when it has lost its lock. Nobody else is waited
     for."""
     ours, terminal = os.openpty()
@@ -347,6 +340,8 @@ def test_a_server_waits_for_one_that_is_ending(words, dies):
     try:
         assert process.stdout.readline()
         begun = time.monotonic()
+        if dies or not words:
+            monkeypatch.setattr(server, "ENDING_S", 10 * WAIT_S)
         if words and dies:
             threading.Timer(0.1, process.kill).start()
             server._opened(name, 115200).close()
@@ -374,7 +369,7 @@ def hung(board):
         os.kill(pid, signal.SIGSTOP)
         yield drive
         os.kill(pid, signal.SIGCONT)
-        until(lambda: drive.state == "fault", 10.0)
+        until(lambda: drive.state == "fault")
 
 
 @pytest.mark.parametrize("words", [["stop"], ["status"]])
@@ -387,7 +382,7 @@ def test_a_server_that_hangs_is_named(board, hung, words, capsys):
         f"hexatorque: {board}: the port server, process {pid}, does not answer; the board stops "
         f"a running drive by itself after 250 ms; end it with: kill -9 {pid}\n"
     )
-    assert 0.9 < took_s < 5
+    assert took_s > 0.9
     with pytest.raises(LinkError, match=f"process {pid}, does not answer"):
         hung.stop()  # one that was there before is told the same
 
@@ -400,7 +395,7 @@ def test_the_messages_advice_helps(board):
         os.kill(pid, signal.SIGSTOP)
         time.sleep(0.4)
         os.kill(pid, signal.SIGKILL)
-        until(lambda: drive.client.counters.reconnects == 1, 10.0)
+        until(lambda: drive.client.counters.reconnects == 1)
         assert drive.client.transport.pid != pid
         assert (drive.state, drive.faults) == ("fault", ["link lost"])
         assert drive.resets == 0
@@ -415,12 +410,11 @@ def test_a_client_that_does_not_read_blocks_no_other_client(board, first, addres
         deaf.sendall(packed(wire.request(Op.OPEN, 1, 0, crc, wire.open_session(1, 1))))
         deaf.sendall(packed(wire.request(Op.STREAM, 2, 0, crc, wire.stream(0, (2,) * 6, 10))))
         with first.stream(["speed_rpm"], rate_Hz=500) as stream:
-            end, ticks = time.monotonic() + 2.0, []
-            while time.monotonic() < end:
-                if block := stream.read(0.1):
-                    ticks.append(block[0])
+            got = 0
+            while got < 1000:  # two seconds of the board's
+                got += len(stream.read(WAIT_S)[0])
                 assert first.get("scheme") == "ddr"
-            assert len(np.concatenate(ticks)) > 100 and stream.lost == 0
+            assert stream.lost == 0
 
 
 def test_without_a_reader_memory_is_bounded():
@@ -508,9 +502,7 @@ def test_a_device_that_is_no_board_is_skipped(announced, monkeypatch):
     master, slave = os.openpty()
     mute = types.SimpleNamespace(device=os.ttyname(slave), description="a modem")
     monkeypatch.setattr(devices.list_ports, "comports", lambda: [mute])
-    begun = time.monotonic()
     assert [board.port for board in devices.find()[0]] == [announced]
-    assert time.monotonic() - begun < 5
     os.close(master)
     os.close(slave)
 

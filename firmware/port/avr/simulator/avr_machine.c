@@ -1,8 +1,8 @@
 /* An ATmega2560 with 64 KB of data memory, simulated: its serial port is a pair of
- * FIFOs in the working directory, `to_target` and `from_target`.
+ * pipes in the working directory, `to_target` and `from_target`.
  *
  *   avr_machine IMAGE.elf        cc -O2 avr_machine.c -lsimavr -lelf
- *   avr_machine IMAGE.elf -      no FIFOs: what it sends goes to standard output, until it
+ *   avr_machine IMAGE.elf -      no pipes: what it sends goes to standard output, until it
  *                                sleeps with interrupts off
  */
 #include <fcntl.h>
@@ -15,7 +15,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define CYCLES_BETWEEN_LOOKS 2000 /* at the FIFO */
+#define CYCLES_BETWEEN_LOOKS 2000 /* at the pipe */
 #define UCSR0B 0xC1
 #define RXEN0 0x10 /* before its program sets this bit the serial port hears nothing */
 
