@@ -253,8 +253,8 @@ def test_the_load_of_a_fan_is_measured_and_written():
 
 
 def test_another_flux_is_no_fault_of_the_flux(monkeypatch):
-    """A drawn machine, with a `flux_check` of which the ripple leaves little. The drive goes to half
-    of its flux: at once the rotor's flux would need the current that the check takes for a
+    """A drawn machine, with a `flux_check` of which the ripple leaves little. The drive goes to
+    half of its flux: at once the rotor's flux would need the current that the check takes for a
     fault."""
     setup = machines.drive(*machines.machine(37)).changed(controller__flux_check=0.5)
     limits = Limits(265.0, 0.1)
