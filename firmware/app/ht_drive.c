@@ -120,6 +120,11 @@ ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
     d->warnings = 0u;
     d->snapshot.tick = 0u;
     d->end_counts = 0u;
+    d->trips = 0u;
+    d->trips_forgotten = 0u;
+    d->trips_noticed = 0u;
+    d->quiet_s = 0u;
+    d->quiet_part_s = 0.0f;
     d->sets.ohm = 0.0f;
     d->tick_last = d->tick - 1u;
     return HT_OK;
@@ -159,6 +164,9 @@ static void fault(ht_drive *d, uint16_t bits)
     ht_port_gates_off(d->port);
     if (d->state != (uint16_t)HT_STATE_FAULT) {
         keep(d, d->state, bits);
+        if ((bits & (uint16_t)HT_FAULT_EXTERNAL) != 0u) {
+            d->trips++;
+        }
         enter(d, HT_STATE_FAULT);
     }
     d->faults = (uint16_t)(d->faults | bits);
@@ -469,6 +477,21 @@ void ht_drive_fast_isr(ht_drive *d)
     ht_port_ack_fast(d->port);
 }
 
+uint16_t ht_drive_restart_wait(const ht_drive *d)
+{
+    uint16_t trips = d->trips; /* once: the interrupts come at any time */
+    uint16_t count = (uint16_t)(trips - d->trips_forgotten);
+    float most = d->params.v[HT_P_restart_count];
+    float left_s = d->params.v[HT_P_restart_wait_s];
+    if (!(most > 0.0f) || ((float)count < most)) {
+        return 0u;
+    }
+    if (trips == d->trips_noticed) {
+        left_s -= (float)d->quiet_s;
+    }
+    return (left_s > 0.0f) ? (uint16_t)(left_s + 0.999f) : 1u;
+}
+
 ht_result ht_drive_start(ht_drive *d)
 {
     int leg;
@@ -480,6 +503,9 @@ ht_result ht_drive_start(ht_drive *d)
     }
     if (!finite_below(d->speed_rpm, d->params.v[HT_P_start_max_rpm])) {
         return HT_ERROR_TURNING;
+    }
+    if (ht_drive_restart_wait(d) != 0u) {
+        return HT_ERROR_RESTART;
     }
     for (leg = 0; leg < HT_LEGS; leg++) {
         d->offset_sum[leg] = 0u;

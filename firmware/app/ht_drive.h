@@ -60,7 +60,8 @@ typedef enum {
     HT_ERROR_TRIP = 7,       /**< start or clear refused: the trip pin is low */
     HT_ERROR_STORE = 8,      /**< this image keeps no parameters, or writing them failed */
     HT_ERROR_PREDICTION = 9, /**< the scheme needs load_mode = shadow and predict = on */
-    HT_ERROR_SAMPLING = 10   /**< the scheme needs a higher f_isr_Hz for this machine */
+    HT_ERROR_SAMPLING = 10,  /**< the scheme needs a higher f_isr_Hz for this machine */
+    HT_ERROR_RESTART = 11 /**< start refused: too many external trips, see ht_drive_restart_wait */
 } ht_result;
 
 /** Share of the build-up during which the flux is too small for its speed to mean anything. */
@@ -107,6 +108,7 @@ typedef struct {
     volatile uint32_t state_ticks; /**< fast interrupts since the state began */
     volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
     volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
+    volatile uint16_t trips; /**< external ones since init, modulo 2^16; the fast interrupt's */
     uint16_t faults;
     uint16_t warnings;
     uint16_t end_counts; /**< PWM counts from the period's start to the interrupt's end */
@@ -129,12 +131,18 @@ typedef struct {
     ht_speed_state speed;
     ht_speed_measure_state measured;
     uint32_t position_last;
-    uint32_t tick_last;     /**< `tick` at the last slow interrupt */
-    float flux_ramp_Wb;     /**< the parameter flux_ref_Wb as it is approached; field
+    uint32_t tick_last; /**< `tick` at the last slow interrupt */
+    /* External trips that count against a start: `trips` - `trips_forgotten`. Times are since the
+     * slow interrupt noticed the latest one. */
+    volatile uint16_t trips_forgotten;
+    uint16_t trips_noticed;
+    volatile uint16_t quiet_s; /**< whole seconds */
+    float quiet_part_s;        /**< and the rest */
+    float flux_ramp_Wb;        /**< the parameter flux_ref_Wb as it is approached; field
                                     *   weakening goes below */
-    float omega_mean_rad_s; /**< flux speed, slow mean */
-    float torque_limit_Nm;  /**< of the torque reference, as it is now */
-    ht_set_difference sets; /**< learnt; a stop does not forget it */
+    float omega_mean_rad_s;    /**< flux speed, slow mean */
+    float torque_limit_Nm;     /**< of the torque reference, as it is now */
+    ht_set_difference sets;    /**< learnt; a stop does not forget it */
     uint32_t offset_sum[HT_LEGS];
     uint32_t build_ticks;
     uint16_t calibration_ticks;
@@ -157,8 +165,11 @@ void ht_drive_fast_isr(ht_drive *d);
 void ht_drive_slow_isr(ht_drive *d);
 
 /** Commands from the background. A start needs IDLE and standstill, a clear needs
- *  FAULT; both are refused while the trip pin is low. */
+ *  FAULT; both are refused while the trip pin is low. After `restart_count` external trips, each less
+ *  than `restart_wait_s` after the one before, a start is refused until that time has passed. */
 ht_result ht_drive_start(ht_drive *d);
+/** Seconds until a start is no longer refused because of external trips, rounded up; 0: it is not. */
+uint16_t ht_drive_restart_wait(const ht_drive *d);
 void ht_drive_stop(ht_drive *d);
 ht_result ht_drive_clear(ht_drive *d);
 

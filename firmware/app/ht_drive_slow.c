@@ -99,6 +99,28 @@ static void ramp_flux(ht_drive *d, const ht_drive_config *c)
     d->flux_ramp_Wb += (missing > step) ? step : ((missing < -step) ? -step : missing);
 }
 
+/* External trips are forgotten together, when there was none for the time that a start must wait.
+ * Only this interrupt writes here, and only the fast one counts trips: one that comes in between is
+ * noticed the next time. */
+static void forget_trips(ht_drive *d, const float *v)
+{
+    uint16_t trips = d->trips;
+    if (trips != d->trips_noticed) {
+        d->quiet_s = 0u;
+        d->quiet_part_s = 0.0f;
+        d->trips_noticed = trips; /* last: a start in between sees a longer wait */
+        return;
+    }
+    d->quiet_part_s += 1.0f / v[HT_P_f_slow_Hz];
+    if (d->quiet_part_s >= 1.0f) {
+        d->quiet_part_s -= 1.0f;
+        d->quiet_s = (d->quiet_s < 0xFFFFu) ? (uint16_t)(d->quiet_s + 1u) : 0xFFFFu;
+    }
+    if (((float)d->quiet_s + d->quiet_part_s) >= v[HT_P_restart_wait_s]) {
+        d->trips_forgotten = trips;
+    }
+}
+
 /* Faults are found by the fast interrupt, except that it has stopped: that is found here. */
 void ht_drive_slow_isr(ht_drive *d)
 {
@@ -116,6 +138,7 @@ void ht_drive_slow_isr(ht_drive *d)
         d->position_now = d->samples.position;
     }
     d->tick_last = tick;
+    forget_trips(d, v);
     position = d->position_now; /* once: the fast interrupt may come in between */
     counts = position - d->position_last;
     moved = (int32_t)counts;

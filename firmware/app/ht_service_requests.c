@@ -256,6 +256,9 @@ static uint16_t start(ht_service *l, const uint16_t *in, uint16_t n)
     }
     l->watchdog_ticks = ht_service_watchdog_ticks(l);
     result = (uint16_t)ht_drive_start(l->drive);
+    if (result == (uint16_t)HT_ERROR_RESTART) {
+        l->detail = ht_drive_restart_wait(l->drive);
+    }
     if (result == (uint16_t)HT_OK) {
         l->started = true;
         l->start_crc = l->last_crc;

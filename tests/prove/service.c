@@ -90,7 +90,7 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
 {
     uint16_t k;
     ht_result result = (ht_result)nondet_uint16();
-    GIVEN((unsigned)result <= (unsigned)HT_ERROR_SAMPLING);
+    GIVEN((unsigned)result <= (unsigned)HT_ERROR_RESTART);
     MUST((n >= 1u) && (n <= HT_SERVICE_WRITE));
     MUST(IMPLIES(look < n, may_take(ids[look], values[look])));
     for (k = 0u; k < n; k++) {
@@ -104,8 +104,13 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
 ht_result ht_drive_start(ht_drive *d)
 {
     ht_result result = (ht_result)nondet_uint16();
-    GIVEN((unsigned)result <= (unsigned)HT_ERROR_SAMPLING);
+    GIVEN((unsigned)result <= (unsigned)HT_ERROR_RESTART);
     return result;
+}
+
+uint16_t ht_drive_restart_wait(const ht_drive *d)
+{
+    return nondet_uint16();
 }
 
 void ht_drive_stop(ht_drive *d)

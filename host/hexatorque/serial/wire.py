@@ -78,6 +78,7 @@ class Status(IntEnum):
     STORE = 8
     PREDICTION = 9
     LAW_SAMPLING = 10
+    RESTART = 11
     OPCODE = 16
     LENGTH = 17
     NO_SESSION = 18
@@ -245,6 +246,11 @@ def refusal(reply: Reply) -> str:
         return FIELDS.get((reply.op, offset), f"byte {offset} of the payload is out of range")
     if reply.status == Status.MEMORY:
         return f"samples: allowed range is 1 .. {unpack('I', reply.payload)[0]}"
+    if reply.status == Status.RESTART:
+        return (
+            "too many external trips in a row (restart_count, restart_wait_s): find their cause; "
+            f"a start is refused for another {unpack('H', reply.payload)[0]} s"
+        )
     return ""
 
 

@@ -14,7 +14,7 @@ enum {
 };
 enum {
     DONE, NO_ID, BAD_VALUE, BAD_STATE, NO_FIT, NO_HARDWARE, TURNING, TRIPPED,
-    NO_PREDICTION = 9, TOO_SLOW,
+    NO_PREDICTION = 9, TOO_SLOW, RESTARTS,
     NO_OPCODE = 16, BAD_LENGTH, NO_SESSION, STALE, BUSY, BUDGET, NO_CAPTURE, NO_STREAM,
     BAD_FIELD, TOO_LARGE, SAMPLING
 };
@@ -416,6 +416,9 @@ void rules_request(const uint8_t *body, size_t n, const rules_before *b, bool di
         expected = rig_trip_pin_low()
                        ? TRIPPED
                        : (!ready ? BAD_STATE : ((status == TURNING) ? TURNING : DONE));
+        if ((expected == DONE) && (ht_drive_restart_wait(&the_rig.drive) != 0u)) {
+            expected = RESTARTS;
+        }
         expected = old ? BAD_STATE : expected;
     } else if (opcode == CLEAR) {
         bool latched = (b->state == HT_STATE_FAULT) || (b->faults != 0u);

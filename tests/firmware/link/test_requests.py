@@ -335,7 +335,7 @@ def test_a_write_with_a_bad_value_is_refused_as_a_whole(device, name):
 def test_fractions_of_whole_numbers_are_refused(device):
     """Half a pole pair and half an encoder edge do not exist."""
     whole = {n for n, row in firmware.parameters().items() if row.whole and not row.choices}
-    assert whole == {"pole_pairs", "encoder_counts_rev", "lost_legs"}
+    assert whole == {"pole_pairs", "encoder_counts_rev", "lost_legs", "restart_count"}
     for name, good, bad in (
         ("pole_pairs", 3.0, 2.5),
         ("encoder_counts_rev", 1001.0, 1000.5),

@@ -67,3 +67,21 @@ def test_the_hosts_message_says_what_to_do():
     assert _REFUSED[wire.Status.TRIP] == (
         "the trip pin is low (external trip): release it, then clear"
     )
+
+
+def test_too_many_external_trips_refuse_a_start_and_tell_the_time_to_wait():
+    device = Device(restart_count=2, restart_wait_s=30.0)
+    for _ in range(2):
+        device.done(START)
+        device.controller.set_trip_pin(0)
+        device.tick()
+        device.controller.set_trip_pin(1)
+        device.done(CLEAR)
+    reply = device.ask(START)
+    assert (reply.status, reply.payload) == (wire.Status.RESTART, struct.pack("<H", 30))
+    assert device.state == "idle" and device.gates_off
+    refusal = wire.Reply(START, 1, reply.status, 0, 0, 0, reply.payload)
+    assert wire.refusal(refusal) == (
+        "too many external trips in a row (restart_count, restart_wait_s): find their cause; "
+        "a start is refused for another 30 s"
+    )

@@ -222,6 +222,24 @@ def test_refusals_name_the_field(peer, drive, op, status, payload, text):
 
 
 @pytest.mark.parametrize(
+    ("payload", "left"),
+    [(b"\x2c\x01", "; a start is refused for another 300 s"), (b"", "")],
+)
+def test_a_start_after_too_many_external_trips_names_the_limits_and_the_time_left(
+    peer, drive, payload, left
+):
+    """It is no mistake of the request: the same one is accepted later."""
+    peer.refuse[Op.START] = (11, payload)
+    with pytest.raises(LinkError) as caught:
+        drive.start()
+    assert str(caught.value) == (
+        "start: too many external trips in a row (restart_count, restart_wait_s): find their cause"
+        + left
+    )
+    assert (caught.value.status, caught.value.mistake) == (wire.Status.RESTART, False)
+
+
+@pytest.mark.parametrize(
     ("name", "value", "text"),
     [
         ("speed_ref_rpm", 400.5, "allowed range is -400 .. 400 r/min"),
