@@ -123,8 +123,9 @@ def rows(board: str) -> list[tuple[str, str, str, str, str]]:
     found.append(("encoder B", f"GPIO{table.encoder_b.gpio}", f"EQEP{table.eqep + 1}B"))
     found.append(("serial receive", f"GPIO{table.receive.gpio}", "SCIRXDA"))
     found.append(("serial transmit", f"GPIO{table.transmit.gpio}", "SCITXDA"))
-    for signal, pin in zip((*CURRENTS, "dc link"), channels(board), strict=True):
-        found.append((signal, pin, "ADC"))
+    for k, (signal, pin) in enumerate(zip((*CURRENTS, "dc link"), channels(board), strict=True)):
+        number = lib.ht_board_cmpss(ffi.addressof(table), k) if signal in CURRENTS else 0
+        found.append((signal, pin, f"ADC, CMPSS{number}" if number else "ADC"))
     remarks = REMARKS.get(board, {})
     return [
         (signal, pin, what, connector(board, pin), remarks.get(pin, ""))

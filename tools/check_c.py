@@ -35,9 +35,10 @@ IMAGES = (
     (
         ("core", "app", "link", "pil", "pil/calls", "port/c2000", "port/c2000/image",
          "port/c2000/pil"),
-        ("ht_adc.c", "ht_dead_man.c", "ht_eqep.c", "ht_image.c", "ht_pie.c", "ht_port_c2000.c",
-         "ht_pwm.c", "ht_service.c", "ht_service_fast.c", "ht_service_requests.c",
-         "ht_dictionary.c", "ht_store.c", "ht_no_store.c", "ht_burst.c", "ht_streams.c"),
+        ("ht_adc.c", "ht_cmpss.c", "ht_dead_man.c", "ht_eqep.c", "ht_image.c", "ht_pie.c",
+         "ht_port_c2000.c", "ht_pwm.c", "ht_service.c", "ht_service_fast.c",
+         "ht_service_requests.c", "ht_dictionary.c", "ht_store.c", "ht_no_store.c",
+         "ht_burst.c", "ht_streams.c"),
     ),
 )  # fmt: skip
 BOARD = ("-DHT_BOARD=ht_board_f28335", "-DHT_CAPTURE_VALUES=1024u")

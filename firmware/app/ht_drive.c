@@ -48,6 +48,26 @@ static void set_flux_ref(ht_drive *d, float flux_Wb)
     d->in.inv_flux_ref2 = (flux_Wb > 0.0f) ? (1.0f / (flux_Wb * flux_Wb)) : 0.0f;
 }
 
+/* The comparators are less exact than the ADC: offsets of comparator and DAC 45 mV, the DAC's gain 2 % and
+ * VDDA 1 % of 3.3 V, together 144 mV or 9.6 % of a sensor's 1.5 V. With this share of `i_full_A` above
+ * `i_trip_A` they never trip before the samples would. */
+#define COMPARATOR_ABOVE 0.1f
+
+/* The levels of the comparators, around the offsets in force. */
+HT_SELDOM static void set_levels(ht_drive *d)
+{
+    ht_current_levels levels;
+    float span = (d->config->protect.i_trip_A / d->i_per_count)
+                 + (COMPARATOR_ABOVE * (float)HT_ADC_MID);
+    int leg;
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        float low = d->offset_counts[leg] - span;
+        levels.low[leg] = (uint16_t)((low > 0.0f) ? low : 0.0f);
+        levels.high[leg] = (uint16_t)(d->offset_counts[leg] + span + 1.0f);
+    }
+    ht_port_current_levels(d->port, &levels);
+}
+
 static const ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
 
 /* Everything that depends on parameters, `next->params`, for a machine without flux. What is known
@@ -73,6 +93,7 @@ static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
         d->offset_counts[leg] = (float)HT_ADC_MID;
         d->offset_sum[leg] = 0u;
     }
+    set_levels(d);
     d->in.i_A = none;
     d->in.vdc_V = 0.0f;
     d->in.torque_ref_Nm = 0.0f;
@@ -163,8 +184,13 @@ static void fault(ht_drive *d, uint16_t bits)
 {
     ht_port_gates_off(d->port);
     if (d->state != (uint16_t)HT_STATE_FAULT) {
+        bool by_hardware = (bits & (uint16_t)HT_FAULT_EXTERNAL) != 0u;
+        if (((bits & (uint16_t)HT_FAULT_OVERCURRENT) != 0u) && ht_port_overcurrent(d->port)) {
+            d->warnings = (uint16_t)(d->warnings | (unsigned)HT_WARNING_COMPARATOR);
+            by_hardware = true;
+        }
         keep(d, d->state, bits);
-        if ((bits & (uint16_t)HT_FAULT_EXTERNAL) != 0u) {
+        if (by_hardware) {
             d->trips++;
         }
         enter(d, HT_STATE_FAULT);
@@ -203,8 +229,11 @@ static uint16_t used_legs(const ht_drive *d)
 /* A latch is set that the drive has not set. */
 HT_SELDOM static uint16_t tripped_by(const ht_drive *d)
 {
-    return ht_port_interrupt_lost(d->port) ? (uint16_t)HT_FAULT_INTERRUPT
-                                           : (uint16_t)HT_FAULT_EXTERNAL;
+    unsigned faults = ht_port_overcurrent(d->port) ? (unsigned)HT_FAULT_OVERCURRENT : 0u;
+    if (ht_port_interrupt_lost(d->port)) {
+        faults |= HT_FAULT_INTERRUPT;
+    }
+    return (faults != 0u) ? (uint16_t)faults : (uint16_t)HT_FAULT_EXTERNAL;
 }
 
 /* Everything that is known before the control step. `powered`: the gates are on, and
@@ -316,6 +345,7 @@ static void calibrate(ht_drive *d)
         }
         d->offset_counts[leg] = mean;
     }
+    set_levels(d);
     measure(d);
     ht_protect_reset(&d->protect);
     d->slow_faults = 0u; /* of the run before: the slow loop may not have come by since */
@@ -438,10 +468,14 @@ void ht_drive_fast_isr(ht_drive *d)
     ht_port_read(d->port, &d->samples);
     d->tick++;
     if (d->staged != NULL) {
+        bool moved = d->staged->protect.i_trip_A != d->config->protect.i_trip_A;
         ht_control_switch_over(&d->config->control, &d->staged->control, &d->control);
         d->config = d->staged;
         d->taken_tick = d->tick;
         d->staged = NULL;
+        if (moved) {
+            set_levels(d);
+        }
         if (state == HT_STATE_TEST) {
             ht_excitation_begin(&d->excitation);
         }

@@ -8,7 +8,8 @@ enum {
     FORWARD = 0x08,
     OVERRUN = 0x10,
     TRIP_PIN_LOW = 0x20,
-    INTERRUPT_LOST = 0x40
+    INTERRUPT_LOST = 0x40,
+    OVERCURRENT = 0x80
 };
 
 void ht_pil_hardware_add(ht_packet *p, const ht_pil_hardware *hardware)
@@ -44,6 +45,7 @@ void ht_pil_inputs_add(ht_packet *p, const ht_pil_inputs *in)
     flags |= flag(in->overrun, OVERRUN);
     flags |= flag(in->trip_pin_low, TRIP_PIN_LOW);
     flags |= flag(in->interrupt_lost, INTERRUPT_LOST);
+    flags |= flag(in->overcurrent, OVERCURRENT);
     for (channel = 0u; channel < (uint16_t)HT_ADC_CHANNELS; channel++) {
         ht_packet_add16(p, in->samples.adc[channel]);
     }
@@ -73,4 +75,5 @@ void ht_pil_inputs_take(ht_reader *r, ht_pil_inputs *in)
     in->overrun = (flags & (uint16_t)OVERRUN) != 0u;
     in->trip_pin_low = (flags & (uint16_t)TRIP_PIN_LOW) != 0u;
     in->interrupt_lost = (flags & (uint16_t)INTERRUPT_LOST) != 0u;
+    in->overcurrent = (flags & (uint16_t)OVERCURRENT) != 0u;
 }

@@ -32,7 +32,9 @@ enum {
     HT_CALL_LEG_TRIPPED = 12,    /**< leg, answer */
     HT_CALL_LEG_OFF = 13,        /**< leg */
     HT_CALL_INTERRUPT_LOST = 14, /**< answer */
-    HT_CALL_COUNTS = 15          /**< answer, a number */
+    HT_CALL_COUNTS = 15,         /**< answer, a number */
+    HT_CALL_CURRENT_LEVELS = 16, /**< low of each leg, high of each leg */
+    HT_CALL_OVERCURRENT = 17     /**< answer */
 };
 
 /** The hardware's fixed properties. They come with INIT. */
@@ -56,6 +58,7 @@ typedef struct {
     bool overrun;
     bool trip_pin_low;
     bool interrupt_lost;
+    bool overcurrent; /**< a comparator has tripped */
 } ht_pil_inputs;
 
 void ht_pil_inputs_add(ht_packet *p, const ht_pil_inputs *in);

@@ -9,7 +9,7 @@
  *    register.
  *  - `ht_port_begin_fast`, `ht_port_read`, `ht_port_write`, `ht_port_gates_off`,
  *    `ht_port_gates_on`, `ht_port_leg_off`, `ht_port_tripped`, `ht_port_leg_tripped`,
- *    `ht_port_interrupt_lost`, `ht_port_counts`, `ht_port_overrun`, `ht_port_ack_fast` from the fast interrupt only
+ *    `ht_port_interrupt_lost`, `ht_port_overcurrent`, `ht_port_counts`, `ht_port_overrun`, `ht_port_ack_fast` from the fast interrupt only
  *    (`ht_port_read` from the set-up as well, and from the slow interrupt when no fast one comes any
  *    more). None blocks; each takes a fixed number of
  *    register accesses.
@@ -17,6 +17,7 @@
  *    interrupt. It clears the flags that it reports.
  *  - `ht_port_gates_off` also from anywhere else: it is a single register write
  *    per leg and is idempotent.
+ *  - `ht_port_current_levels` from the fast interrupt, and from the set-up with all gates off.
  *  - `ht_port_trip_pin_low` from anywhere: one register read.
  *
  *  Timing: counter = 0 of the PWM starts the conversion of all channels, one after the
@@ -116,6 +117,20 @@ bool ht_port_leg_tripped(const ht_port *port, uint16_t leg);
 /** Has the target itself taken the gates off since `ht_port_gates_on`, because no fast interrupt came
  *  for 2.5 periods? */
 bool ht_port_interrupt_lost(const ht_port *port);
+
+/** Over-current levels of the six phases, readings of the ADC. */
+typedef struct {
+    uint16_t low[HT_LEGS];  /**< 0: out of reach */
+    uint16_t high[HT_LEGS]; /**< from HT_ADC_FULL on it may be out of reach */
+} ht_current_levels;
+
+/** From now on a current whose reading would stay below `low` or above `high` takes all gates off by
+ *  hardware, where the target has a comparator for it. Never at less than these levels. Takes a fixed
+ *  number of register accesses. */
+void ht_port_current_levels(ht_port *port, const ht_current_levels *levels);
+
+/** Has a comparator taken the gates off since `ht_port_gates_on`? */
+bool ht_port_overcurrent(const ht_port *port);
 
 /** Is the trip pin low now? While it is, the gates must stay off. */
 bool ht_port_trip_pin_low(const ht_port *port);

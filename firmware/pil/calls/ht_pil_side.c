@@ -149,6 +149,7 @@ bool ht_port_gates_on(ht_port *port, uint16_t legs)
     if (!port->input.trip_pin_low) {
         port->input.tripped = (uint16_t)(port->input.tripped & (uint16_t)~legs);
         port->input.interrupt_lost = false;
+        port->input.overcurrent = false;
     }
     return note_answer(port, !port->input.trip_pin_low);
 }
@@ -177,6 +178,24 @@ bool ht_port_interrupt_lost(const ht_port *port)
 {
     note(port, HT_CALL_INTERRUPT_LOST);
     return note_answer(port, port->input.interrupt_lost);
+}
+
+void ht_port_current_levels(ht_port *port, const ht_current_levels *levels)
+{
+    int leg;
+    note(port, HT_CALL_CURRENT_LEVELS);
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        note(port, levels->low[leg]);
+    }
+    for (leg = 0; leg < HT_LEGS; leg++) {
+        note(port, levels->high[leg]);
+    }
+}
+
+bool ht_port_overcurrent(const ht_port *port)
+{
+    note(port, HT_CALL_OVERCURRENT);
+    return note_answer(port, port->input.overcurrent);
 }
 
 void ht_port_begin_fast(ht_port *port)

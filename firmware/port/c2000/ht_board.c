@@ -18,6 +18,31 @@
  * to 1.5 us at least. Change it like the dead time, from the data sheets. */
 #define IGBT_MIN_PULSE_US 2.0f
 
+/* The comparators' DACs reach from 0 to VDDA, the ADC from 0 to V_REF. */
+#define V_REF_PER_VDDA (3.0f / 3.3f)
+
+#define SUBSYSTEMS 4u
+#define NO_INPUT 0xFFFFu
+
+uint16_t ht_board_cmpss(const ht_board *board, uint16_t channel)
+{
+    /* By subsystem: ADCINA2, ADCINA4, ADCINB2; the fourth's is ADCIN14, which both converters reach. */
+    static const uint16_t positive_a[SUBSYSTEMS] = {2u, 4u, NO_INPUT, 14u};
+    static const uint16_t positive_b[SUBSYSTEMS] = {NO_INPUT, NO_INPUT, 2u, 14u};
+    /* ADC-B converts every second channel */
+    const uint16_t *positive = ((channel & 1u) != 0u) ? positive_b : positive_a;
+    uint16_t found = 0u;
+    if (board->map->cmpss != 0u) {
+        uint16_t n;
+        for (n = 0u; n < SUBSYSTEMS; n++) {
+            if (positive[n] == board->channel[channel]) {
+                found = (uint16_t)(n + 1u);
+            }
+        }
+    }
+    return found;
+}
+
 const ht_board ht_board_f28335 = {
     .name = "f28335",
     .map = &ht_f28335,
@@ -54,6 +79,7 @@ const ht_board ht_board_f28377s = {
     .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
     .dead_min_us = IGBT_DEAD_MIN_US,
     .min_pulse_us = IGBT_MIN_PULSE_US,
+    .dac_per_count = V_REF_PER_VDDA,
     .trip = {12u, 0u},
     .eqep = 0u,
     .encoder_a = {20u, 1u},
@@ -80,6 +106,7 @@ const ht_board ht_board_launchxl_f28377s = {
     .gates_active_low = (HT_GATES_ACTIVE_LOW != 0),
     .dead_min_us = IGBT_DEAD_MIN_US,
     .min_pulse_us = IGBT_MIN_PULSE_US,
+    .dac_per_count = V_REF_PER_VDDA,
     /* GPIO0, 1, 5..9, 22..40, 44..57, 67, 68, 74..77, 79..83, 88, 93..98, 100..168 */
     .unbonded = {0xFFC003E3u, 0x03FFF1FFu, 0xE10FBC18u, 0xFFFFFFF7u, 0xFFFFFFFFu, 0x000001FFu},
     .trip = {4u, 0u},

@@ -27,6 +27,7 @@ typedef struct {
     bool gates_active_low;    /**< the gate drivers invert: a low pin switches on */
     float dead_min_us;        /**< shortest dead time that the power stage allows */
     float min_pulse_us;       /**< shortest gate pulse that it allows */
+    float dac_per_count; /**< steps of the comparators' DACs in a count of the ADC: V_REF / VDDA */
     /** Pins of each port that the package does not bring out, ports A to F: they get pull-ups, because a
      *  floating input may draw current. */
     uint32_t unbonded[HT_PORTS];
@@ -41,6 +42,10 @@ typedef struct {
     uint16_t channel[HT_MAP_CHANNELS];
     uint32_t baud; /**< of the link */
 } ht_board;
+
+/** Comparator subsystem, 1 ... 4, whose positive input is the pin of this channel (below
+ *  HT_MAP_CHANNELS) of the board; 0: none. */
+uint16_t ht_board_cmpss(const ht_board *board, uint16_t channel);
 
 /* All boards: ht_board_f28335 ... */
 #define HT_CHIP(name, family)

@@ -67,6 +67,7 @@ typedef struct {
     uint16_t adc_clear_bit; /**< ... and bit that clears it */
     uint32_t adc_commands;  /**< ADCTRL2: commands of the ADC's sequencer; 0xFFFF: has none */
     uint32_t ecap;          /**< eCAP1, which trips through the X-BAR; 0: it cannot */
+    uint32_t cmpss;         /**< CMPSS1, over-current by hardware; 0: has no comparators */
     uint32_t eqep;          /**< eQEP1 */
     uint32_t sci;           /**< SCI-A */
     uint32_t gpio;          /**< control registers of port A */

@@ -17,6 +17,7 @@
 #define PCLKCR4 0x5D32Au
 #define PCLKCR7 0x5D330u
 #define PCLKCR13 0x5D33Cu
+#define PCLKCR14 0x5D33Eu
 #define TMR2CLKCTL 0x5D37Cu
 
 #define OSCCLKSRCSEL 0x00000003u
@@ -40,6 +41,7 @@
 #define PCLKCR4_EQEP1 0x00000001u /* the next modules' follow */
 #define PCLKCR7_SCIA 0x00000001u
 #define PCLKCR13_ADCA_B 0x00000003u
+#define PCLKCR14_CMPSS1_TO_4 0x0000000Fu
 /* The first lock after power-up may fail unnoticed; TI asks for five. */
 #define LOCKS 5u
 #define LOOKS 60000u
@@ -191,6 +193,7 @@ ht_clock ht_clock_start_f28377s(ht_port *port)
     ht_change32(port->io, PCLKCR3, 0u, PCLKCR3_ECAP1);
     ht_change32(port->io, PCLKCR4, 0u, (uint32_t)PCLKCR4_EQEP1 << port->board->eqep);
     ht_change32(port->io, PCLKCR7, 0u, PCLKCR7_SCIA);
+    ht_change32(port->io, PCLKCR14, 0u, PCLKCR14_CMPSS1_TO_4);
     HT_EDIS(port->io);
     HT_SETTLE(port->io);
     return clock;

@@ -1,6 +1,7 @@
 /* The port of the C2000 targets: which driver does what, and in what order. */
 #include "ht_port_c2000.h"
 
+#include "ht_cmpss.h"
 #include "ht_dead_man.h"
 
 /* Without a right clock: the internal oscillator makes no better rate. */
@@ -88,6 +89,7 @@ bool ht_port_init(ht_port *port, const ht_pwm_setup *setup)
     run_counters(port, false);
     ht_pwm_start(port, setup);
     ht_dead_man_start(port, setup->period_counts);
+    ht_cmpss_start(port);
     ht_eqep_start(port);
     ht_timer_start(port, setup->slow_Hz);
     ht_watchdog_start(port, setup->slow_Hz);

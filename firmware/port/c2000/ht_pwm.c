@@ -1,5 +1,6 @@
 /* ePWM set-up. Register order matters in two places, named below: trip first, and
  * no counter runs (TBCLKSYNC = 0) until all modules are set up. */
+#include "ht_cmpss.h"
 #include "ht_dead_man.h"
 
 #define NOT_PRESENT 0xFFFFu
@@ -34,6 +35,9 @@
 /* ... and the dead-man timer's pulse to output A while it lasts: after reset it would float */
 #define TZCTL_DCAEVT1_LOW 0x0020u
 #define TZCTL_DCAEVT1_HIGH 0x0010u
+/* ... and the comparators' trip to output B */
+#define TZCTL_DCBEVT1_LOW 0x0200u
+#define TZCTL_DCBEVT1_HIGH 0x0100u
 #define TZ_OST 0x0004u
 #define TZ_INT 0x0001u
 /* GPxDAT: eight words from port to port */
@@ -52,6 +56,9 @@ static void start_module(ht_port *port, uint32_t base, bool first, const ht_pwm_
     uint16_t off = low ? TZCTL_BOTH_HIGH : TZCTL_BOTH_LOW;
     if (m->ecap != 0u) {
         off |= low ? TZCTL_DCAEVT1_HIGH : TZCTL_DCAEVT1_LOW;
+    }
+    if (m->cmpss != 0u) {
+        off |= low ? TZCTL_DCBEVT1_HIGH : TZCTL_DCBEVT1_LOW;
     }
 
     /* Trip first: the switches stay off through everything that follows. */
@@ -161,6 +168,7 @@ bool ht_port_gates_on(ht_port *port, uint16_t legs)
     if (allowed) {
         uint16_t leg;
         ht_dead_man_forget(port);
+        ht_cmpss_forget(port);
         HT_EALLOW(port->io);
         for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
             if (among(legs, leg)) {

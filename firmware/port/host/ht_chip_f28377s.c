@@ -181,6 +181,25 @@ static const ht_register ecap[] = {
     REG("ECFRC", 0x19u, 0u, 0x00FEu, HT_ONES_SET_AT, 0u, 0x17u, ""),
 };
 
+static const ht_register cmpss[] = {
+    PROTECTED("COMPCTL", 0x00u, 0xFF7Fu,
+              "15 COMPDACE, 14 ASYNCLEN, 13-12 CTRIPOUTLSEL, 11-10 CTRIPLSEL, 9 COMPLINV, "
+              "8 COMPLSOURCE, 6 ASYNCHEN, 5-4 CTRIPOUTHSEL, 3-2 CTRIPHSEL, 1 COMPHINV, "
+              "0 COMPHSOURCE"),
+    PROTECTED("COMPHYSCTL", 0x01u, 0x000Fu, "3-0 COMPHYS"),
+    REG("COMPSTS", 0x02u, 0u, 0u, HT_READ_ONLY, 0u, 0u,
+        "9 COMPLLATCH, 8 COMPLSTS, 1 COMPHLATCH, 0 COMPHSTS"),
+    REG("COMPSTSCLR", 0x03u, 0u, 0x0202u, HT_ONES_CLEAR_AT, HT_EALLOWED, 0x02u, ""),
+    PROTECTED("COMPDACCTL", 0x04u, 0xC0FFu,
+              "15-14 FREESOFT, 7 SWLOADSEL, 6 RAMPLOADSEL, 5 SELREF, 4-1 RAMPSOURCE, 0 DACSOURCE"),
+    PLAIN("DACHVALS", 0x06u, 0x0FFFu, ""),
+    PLAIN("DACLVALS", 0x12u, 0x0FFFu, ""),
+    PROTECTED("CTRIPLFILCTL", 0x16u, 0xBFF0u, "15 FILINIT, 13-9 THRESH, 8-4 SAMPWIN"),
+    PROTECTED("CTRIPLFILCLKCTL", 0x17u, 0x03FFu, "9-0 CLKPRESCALE"),
+    PROTECTED("CTRIPHFILCTL", 0x18u, 0xBFF0u, "15 FILINIT, 13-9 THRESH, 8-4 SAMPWIN"),
+    PROTECTED("CTRIPHFILCLKCTL", 0x19u, 0x03FFu, "9-0 CLKPRESCALE"),
+};
+
 static const ht_register sync[] = {
     REG32("SYNCSELECT", 0x0u, 0u, 0x18007FFFu, HT_PLAIN, HT_EALLOWED, 0u,
           "28-27 SYNCOUT, 8-6 EPWM10SYNCIN, 5-3 EPWM7SYNCIN, 2-0 EPWM4SYNCIN"),
@@ -252,6 +271,8 @@ static const ht_register cpusys[] = {
     CLOCK("PCLKCR4", 0x2Au, 0u, 0x00000007u, HT_FX_CLOCKS, "2 EQEP3, 1 EQEP2, 0 EQEP1"),
     CLOCK("PCLKCR7", 0x30u, 0u, 0x0000000Fu, HT_FX_CLOCKS, "3 SCI_D, 2 SCI_C, 1 SCI_B, 0 SCI_A"),
     CLOCK("PCLKCR13", 0x3Cu, 0u, 0x0000000Fu, HT_FX_CLOCKS, "3 ADC_D, 2 ADC_C, 1 ADC_B, 0 ADC_A"),
+    CLOCK("PCLKCR14", 0x3Eu, 0u, 0x000000FFu, HT_FX_CLOCKS,
+          "7 CMPSS8, 6 CMPSS7, 5 CMPSS6, 4 CMPSS5, 3 CMPSS4, 2 CMPSS3, 1 CMPSS2, 0 CMPSS1"),
     CLOCK("TMR2CLKCTL", 0x7Cu, 0u, 0x0000003Fu, HT_PLAIN, "5-3 TMR2CLKPRESCALE, 2-0 TMR2CLKSRCSEL"),
     CLOCK("RESC", 0x80u, 0x00000003u, 0x0000016Fu, HT_ONES_CLEAR,
           "8 SCCRESETN, 6 HIBRESETN, 5 HWBISTN, 3 NMIWDRSN, 2 WDRSN, 1 XRSN, 0 POR"),
@@ -283,6 +304,7 @@ static const ht_module modules[] = {
     {"EPWM", 0x4000u, 0x100u, 12u, 1u, 0x5D326u, 0u, epwm, COUNT(epwm)},
     {"ECAP1", 0x5000u, 0u, 1u, 1u, 0x5D328u, 0u, ecap, COUNT(ecap)},
     {"EQEP", 0x5100u, 0x40u, 3u, 1u, 0x5D32Au, 0u, ht_registers_eqep, HT_EQEP_REGISTERS},
+    {"CMPSS", 0x5C80u, 0x20u, 8u, 1u, 0x5D33Eu, 0u, cmpss, COUNT(cmpss)},
     {"WD", 0x7000u, 0u, 1u, 1u, 0u, 0u, wd, COUNT(wd)},
     {"SCIA", 0x7200u, 0u, 1u, 1u, 0x5D330u, 0u, ht_registers_sci, HT_SCI_REGISTERS},
     {"ADCA", 0x7400u, 0u, 1u, 1u, 0x5D33Cu, 0u, adc, COUNT(adc)},
@@ -340,6 +362,7 @@ const ht_chip ht_chip_f28377s = {
     .trips_without_pin = 1u,
     .sequencer = 0u,
     .ecap = 0x5000u,
+    .cmpss = 0x5C80u,
     .sci = 0x7200u,
     .device_cal = HT_REGFILE_DEVICE_CAL,
     .linearity_trim = {0x0703B4u, 0x0703B2u},

@@ -8,7 +8,7 @@
  *  flash pump; pin multiplexers; the ADC's power-up and sequencer, and how its interrupts
  *  can stop for good; CPU timers; SCI-A with its FIFOs; PIE group 1 with vectors, nesting
  *  and acknowledge; INT13 of CPU timer 1; eCAP1's output, through the X-BAR and the digital
- *  compare to a trip; TI's functions in OTP; levels of the pins, and a trip that comes back
+ *  compare to a trip; the comparators (CMPSS) on the same way, with their filters; TI's functions in OTP; levels of the pins, and a trip that comes back
  *  as long as its pin is low. An access that the chip refuses, or that the manual forbids at
  *  this point, is counted as a violation, and the first ones are kept: tests require zero. A
  *  register that the tables do not list counts as absent.
@@ -24,8 +24,9 @@
 
 #define HT_REGFILE_LOW 0x8000u /* words 0x0000..0x7FFF, then the windows above them */
 #define HT_REGFILE_WORDS 0x8C20u
-#define HT_REGFILE_BOUND 1400
-#define HT_REGFILE_GATES 40
+#define HT_REGFILE_BOUND 1500
+#define HT_REGFILE_GATES 50
+#define HT_REGFILE_COMPARATORS 8
 #define HT_REGFILE_LOG 16
 #define HT_REGFILE_VECTORS 224
 #define HT_REGFILE_ISRS 8
@@ -109,6 +110,9 @@ typedef struct ht_regfile {
     uint16_t int13;     /* CPU timer 1 has asked for its interrupt */
     uint32_t timer1;    /* clocks since CPU timer 1 was reloaded */
     uint16_t ecap_high; /* eCAP1's output */
+    /* Comparators: outputs to the X-BAR, bit 0 high, bit 1 low, and how long each input has been beyond */
+    uint16_t trips[HT_REGFILE_COMPARATORS];
+    uint32_t beyond_ns[HT_REGFILE_COMPARATORS][2];
     /* PLL and crystal */
     uint16_t looks; /* at the lock flag until it shows */
     uint16_t locks;
@@ -174,6 +178,9 @@ uint16_t ht_regfile_timer(ht_regfile *rf);
 void ht_regfile_pin(ht_regfile *rf, uint16_t gpio, uint16_t level);
 /** The levels of the pins have been changed in the words that hold them. */
 void ht_regfile_pins(ht_regfile *rf);
+/** The positive input of CMPSS `number`, 1 ... 8, is at this voltage for so long. Its high or low
+ *  comparator trips the modules that listen once its filter has passed. */
+void ht_regfile_analog(ht_regfile *rf, uint16_t number, float volts, uint16_t ns);
 /** The clock fails (TZ5), a debugger halts the processor (TZ6): on the F28377S all modules
  *  that listen to it trip. On the F28335 these two are pins. */
 void ht_regfile_clock_fails(ht_regfile *rf);

@@ -15,6 +15,14 @@
 #define DCTRIPSEL 0xC0u
 #define TRIP4MUX 0x7A00u
 #define TRIP4ENABLE 0x7A20u
+/* ... and of the comparators, whose high and low one come together at position 1 */
+#define TZSEL_DCBEVT1 0x8000u
+#define TZ_DCBEVT1 0x0020u
+#define OST_DCBEVT1 0x0080u
+#define TRIP5MUX 0x7A04u
+#define TRIP5ENABLE 0x7A22u
+#define CMPSS_WORDS 0x20u
+#define VDDA_V 3.3f
 #define OUT_MODE 0x0003u /* DBCTL: both delays on, none bypassed */
 #define MODULES 12u
 #define PORT_PINS 32u
@@ -98,6 +106,9 @@ void ht_model_check_pin(ht_regfile *rf, uint32_t addr, uint32_t value, int32_t m
     } else if (((of_module(rf, base, rf->chip->tzsel) & TZSEL_DCAEVT1) != 0u)
                && (((of_module(rf, base, rf->chip->tzctl) >> 4) & 3u) != (off & 3u))) {
         order(rf, addr, value, "pin to a PWM module whose digital compare does not switch off");
+    } else if (((of_module(rf, base, rf->chip->tzsel) & TZSEL_DCBEVT1) != 0u)
+               && (((of_module(rf, base, rf->chip->tzctl) >> 8) & 3u) != (off & 3u))) {
+        order(rf, addr, value, "pin to a PWM module whose comparators do not switch off");
     } else if (without_dead_band(rf, base) != 0u) {
         order(rf, addr, value, "pin to a PWM module without dead band");
     } else if (without_dead_time(rf, base) != 0u) {
@@ -192,9 +203,101 @@ void ht_model_ecap_out(ht_regfile *rf)
     }
 }
 
+/* --- comparators --------------------------------------------------------------------------- */
+
+/* Does the X-BAR let a comparator through to TRIP5? */
+static uint16_t trip5(ht_regfile *rf)
+{
+    uint32_t selected = ht_model_peek(rf, TRIP5MUX, 32u);
+    uint32_t enabled = ht_model_peek(rf, TRIP5ENABLE, 32u);
+    uint32_t n;
+    for (n = 0u; n < HT_REGFILE_COMPARATORS; n++) {
+        uint32_t position_of = (selected >> (4u * n)) & 3u;
+        uint32_t heard = (position_of == 1u) ? 3u : ((position_of == 0u) ? 1u : 0u);
+        if ((((enabled >> (2u * n)) & 1u) != 0u) && ((rf->trips[n] & heard) != 0u)) {
+            return 1u;
+        }
+    }
+    return 0u;
+}
+
+/* TRIP5 is high: the digital compare event DCBEVT1 of each module that listens to it. */
+static void comparators_out(ht_regfile *rf)
+{
+    uint32_t n;
+    if ((rf->chip->cmpss == 0u) || (trip5(rf) == 0u)) {
+        return;
+    }
+    for (n = 0u; n < MODULES; n++) {
+        uint32_t base = rf->chip->epwm + n * rf->chip->epwm_stride;
+        if ((ht_model_clocked(rf, base) != 0u)
+            && (((of_module(rf, base, DCTRIPSEL) >> 8) & 0xFu) == 4u)
+            && (((of_module(rf, base, TZDCSEL) >> 6) & 7u) == 2u)) {
+            rf->word[base + rf->chip->tzflg] |= TZ_DCBEVT1;
+            if ((of_module(rf, base, rf->chip->tzsel) & TZSEL_DCBEVT1) != 0u) {
+                rf->word[base + rf->chip->tzflg] |= TZ_OST;
+                rf->word[base + TZOSTFLG] |= OST_DCBEVT1;
+            }
+        }
+    }
+}
+
+/* Time that a comparator's filter takes, ns: THRESH + 1 samples. A shorter excursion begins anew. */
+static uint32_t filter_ns(ht_regfile *rf, uint32_t control)
+{
+    uint32_t samples = ((ht_model_peek(rf, control, 16u) >> 9) & 0x1Fu) + 1u;
+    uint32_t clocks = (ht_model_peek(rf, control + 1u, 16u) & 0x03FFu) + 1u;
+    return samples * clocks * 5u;
+}
+
+/* One comparator: 0 high, 1 low. */
+static void compare(ht_regfile *rf, uint32_t n, uint32_t which, float volts, uint32_t ns)
+{
+    uint32_t base = rf->chip->cmpss + n * CMPSS_WORDS;
+    uint32_t control = ht_model_peek(rf, base, 16u) >> (8u * which);
+    float level_V = (float)ht_model_peek(rf, base + ((which == 0u) ? 0x06u : 0x12u), 16u) * VDDA_V
+                    / 4096.0f;
+    uint16_t inverted = (uint16_t)((control >> 1) & 1u);
+    uint16_t above = (volts > level_V) ? 1u : 0u;
+    uint16_t bit = (uint16_t)(1u << which);
+    uint16_t passed = 0u;
+    if ((above ^ inverted) == 0u) {
+        rf->beyond_ns[n][which] = 0u;
+    } else {
+        rf->beyond_ns[n][which] += ns;
+        if (((control >> 2) & 3u) == 2u) {
+            uint32_t filter = base + ((which == 0u) ? 0x18u : 0x16u);
+            passed = (rf->beyond_ns[n][which] >= filter_ns(rf, filter)) ? 1u : 0u;
+        } else {
+            passed = 1u;
+        }
+    }
+    if (passed != 0u) {
+        rf->trips[n] |= bit;
+        rf->word[base + 0x02u] |= (uint16_t)(3u << (8u * which));
+    } else {
+        rf->trips[n] &= (uint16_t)~bit;
+        rf->word[base + 0x02u] &= (uint16_t)~(1u << (8u * which));
+    }
+}
+
+void ht_regfile_analog(ht_regfile *rf, uint16_t number, float volts, uint16_t ns)
+{
+    uint32_t n = (uint32_t)number - 1u;
+    uint32_t base = rf->chip->cmpss + n * CMPSS_WORDS;
+    if ((rf->chip->cmpss == 0u) || (n >= HT_REGFILE_COMPARATORS)
+        || (ht_model_clocked(rf, base) == 0u) || ((ht_model_peek(rf, base, 16u) & 0x8000u) == 0u)) {
+        return; /* the DACs do not run */
+    }
+    compare(rf, n, 0u, volts, ns);
+    compare(rf, n, 1u, volts, ns);
+    ht_regfile_pins(rf);
+}
+
 void ht_regfile_pins(ht_regfile *rf)
 {
     ht_model_ecap_out(rf);
+    comparators_out(rf);
     if (trip_pin_low(rf) != 0u) {
         trip(rf, OSHT1);
     }

@@ -117,6 +117,7 @@ typedef struct {
     uint16_t trips_without_pin; /**< clock failure and emulation stop trip by themselves */
     uint16_t sequencer;         /**< one ADC with a sequencer; else two, with a start per result */
     uint32_t ecap;              /**< eCAP1, which reaches the trip zones through the X-BAR */
+    uint32_t cmpss;             /**< CMPSS1, the comparators */
     uint32_t sci;               /**< SCI-A */
     uint32_t adc_cal;           /**< TI's functions in OTP: calibration of the one ADC, ... */
     uint32_t device_cal;        /**< ... of the device, ... */

@@ -21,7 +21,7 @@ FLAGS = ["-std=c99", "-O1", "-fno-pie", "-ffp-contract=off"]
 #: Processor in the loop: more folders, and what of the others it is without.
 PIL_FOLDERS = ("pil", "pil/calls", "port/c2000/pil")
 NOT_IN_PIL = (
-    "ht_adc.c", "ht_dead_man.c", "ht_eqep.c", "ht_image.c", "ht_pie.c",
+    "ht_adc.c", "ht_cmpss.c", "ht_dead_man.c", "ht_eqep.c", "ht_image.c", "ht_pie.c",
     "ht_port_c2000.c", "ht_pwm.c", "ht_service.c", "ht_service_fast.c", "ht_service_requests.c",
     "ht_dictionary.c", "ht_reset.c", "ht_store.c", "ht_no_store.c", "ht_virtual_board.c",
     "ht_burst.c", "ht_burst_rows.c", "ht_streams.c",

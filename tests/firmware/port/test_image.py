@@ -444,6 +444,23 @@ FAULTS = {
     "digital compare floats the output": (
         LAUNCHPAD, "ht_pwm.c", "low ? TZCTL_DCAEVT1_HIGH : TZCTL_DCAEVT1_LOW", "0u",
         "digital compare does not switch off"),
+    "comparators not started": (
+        F28377S, INIT, "    ht_cmpss_start(port);\n", "", "-CMPSS1.COMPCTL"),
+    "low comparators not inverted": (
+        LAUNCHPAD, "ht_cmpss.c", "CTRIPLSEL_FILTER | COMPLINV |", "CTRIPLSEL_FILTER |",
+        "+CMPSS1.COMPCTL"),
+    "comparators' filter left out": (
+        F28377S, "ht_cmpss.c", "#define CTRIPHSEL_FILTER 0x0008u", "#define CTRIPHSEL_FILTER 0u",
+        "+CMPSS1.COMPCTL"),
+    "comparator of another pin": (
+        F28377S, "ht_board.c", "positive_a[SUBSYSTEMS] = {2u, 4u,",
+        "positive_a[SUBSYSTEMS] = {3u, 4u,",
+        "TRIP5MUX0TO15CFG"),
+    "levels by the ADC's reference": (
+        F28377S, "ht_board.c", "(3.0f / 3.3f)", "1.0f", "+CMPSS1.DACHVALS"),
+    "comparators float the output": (
+        LAUNCHPAD, "ht_pwm.c", "low ? TZCTL_DCBEVT1_HIGH : TZCTL_DCBEVT1_LOW", "0u",
+        "comparators do not switch off"),
     "expired timer not forgotten": (
         F28335, "ht_pwm.c", "        ht_dead_man_forget(port);\n", "",
         "the next trip has its own cause"),
@@ -595,7 +612,7 @@ def test_fault_is_found(builder, fault):
 def test_image_for_gate_drivers_that_invert(builder, board):
     """The whole run is in order, and what the start leaves differs in nothing but this: the
     dead band inverts output A in place of B, a trip forces both outputs high, the dead-man timer's
-    event output A, and the pins have pull-ups while they are inputs."""
+    event output A, the comparators' output B, and the pins have pull-ups while they are inputs."""
     good, lines = image.run(builder.build(board, active_low=True))
     assert not image.complaints(lines)
     assert good
@@ -607,7 +624,9 @@ def test_image_for_gate_drivers_that_invert(builder, board):
     found = {(line[0], *line.split()[2:]) for line in changed if "TZCTL" in line or "DBCTL" in line}
     event = board != F28335
     low, high = (
-        (("0x002A", "DCAEVT1=2"), ("0x0015", "DCAEVT1=1")) if event else (("0x000A",), ("0x0005",))
+        (("0x022A", "DCBEVT1=2", "DCAEVT1=2"), ("0x0115", "DCBEVT1=1", "DCAEVT1=1"))
+        if event
+        else (("0x000A",), ("0x0005",))
     )
     assert found == {
         ("-", *low, "TZB=2", "TZA=2"), ("+", *high, "TZB=1", "TZA=1"),

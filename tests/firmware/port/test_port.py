@@ -31,11 +31,12 @@ QPOSCNT = {"f28335": 0x6B00, "f28377s": 0x5100}
 DEAD_MAX = {"f28335": 1023, "f28377s": 16383}
 #: 1 us, the shortest dead time of the boards.
 DEAD_MIN = {"f28335": 150, "f28377s": 100}
-#: One-shot trips: TZ1, the pin; on the F28377S clock failure (TZ5), emulation stop (TZ6) and the
-#: dead-man timer (DCAEVT1) too. What they do to the outputs; DCAEVT1 itself acts on output A.
-ONE_SHOT = {"f28335": 0x0100, "f28377s": 0x7100}
-ALL_LOW = {"f28335": 0x000A, "f28377s": 0x002A}
-ALL_HIGH = {"f28335": 0x0005, "f28377s": 0x0015}
+#: One-shot trips: TZ1, the pin; on the F28377S clock failure (TZ5), emulation stop (TZ6), the
+#: dead-man timer (DCAEVT1) and the comparators (DCBEVT1) too. What they do to the outputs; DCAEVT1
+#: itself acts on output A, DCBEVT1 on output B.
+ONE_SHOT = {"f28335": 0x0100, "f28377s": 0xF100}
+ALL_LOW = {"f28335": 0x000A, "f28377s": 0x022A}
+ALL_HIGH = {"f28335": 0x0005, "f28377s": 0x0115}
 CLOCKS = {"f28335": (0x701D, 0x701C), "f28377s": (0x5D326, 0x5D323)}
 #: eQEP1 clock enable: PCLKCR1.EQEP1ENCLK, PCLKCR4.EQEP1; SYSCLKOUT.
 EQEP_CLOCK = {"f28335": (0x701D, 0x4000), "f28377s": (0x5D32A, 0x0001)}

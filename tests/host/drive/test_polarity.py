@@ -24,7 +24,7 @@ def test_both_polarities_switch_alike_and_never_both_switches():
     usual, inverted = run(False), run(True)
     assert len(usual.edges) > 1000
     np.testing.assert_array_equal(usual.edges, inverted.edges)
-    for sim, dead_band, trip in ((usual, 0x000B, 0x002A), (inverted, 0x0007, 0x0015)):
+    for sim, dead_band, trip in ((usual, 0x000B, 0x022A), (inverted, 0x0007, 0x0115)):
         m, words = sim.controller.map, sim.controller.register_words()
         assert (words[m.epwm + m.dbctl], words[m.epwm + m.tzctl]) == (dead_band, trip)
         assert sim.shorts == 0

@@ -1,0 +1,149 @@
+#include "ht_cmpss.h"
+
+#include "ht_change.h"
+
+/* Words from one subsystem to the next, and from its first register */
+#define STRIDE 0x20u
+#define COMPCTL 0x00u
+#define COMPHYSCTL 0x01u
+#define COMPSTSCLR 0x03u
+#define COMPDACCTL 0x04u
+#define DACHVALS 0x06u
+#define DACLVALS 0x12u
+#define CTRIPLFILCTL 0x16u
+#define CTRIPLFILCLKCTL 0x17u
+#define CTRIPHFILCTL 0x18u
+#define CTRIPHFILCLKCTL 0x19u
+/* COMPCTL: DACs at the negative inputs, the low comparator inverted, filtered outputs to the X-BAR */
+#define COMPDACE 0x8000u
+#define CTRIPLSEL_FILTER 0x0800u
+#define COMPLINV 0x0200u
+#define CTRIPHSEL_FILTER 0x0008u
+#define COMPCTL_RUN (COMPDACE | CTRIPLSEL_FILTER | COMPLINV | CTRIPHSEL_FILTER)
+/* COMPDACCTL: reference VDDA, new values at the next clock, runs while a debugger halts */
+#define COMPDACCTL_FREE 0x8000u
+#define HYSTERESIS 1u
+#define FILTER_CLOCKS 9u        /* a sample every 10 system clocks, 50 ns */
+#define FILTER_15_OF_20 0x1D30u /* THRESH 14, SAMPWIN 19 */
+#define FILINIT 0x8000u
+#define LATCHES 0x0202u /* LLATCHCLR, HLATCHCLR */
+#define DAC_MOST 4095u
+/* ePWM X-BAR: what TRIP5 listens to; two multiplexers a subsystem, two bits a multiplexer */
+#define TRIP5MUX0TO15CFG 0x7A04u /* 32 bits */
+#define TRIP5MUXENABLE 0x7A22u   /* 32 bits */
+#define CTRIPH_OR_CTRIPL 1u
+/* Digital compare of an ePWM module */
+#define TZDCSEL 0x82u
+#define TZOSTFLG 0x95u
+#define TZOSTCLR 0x99u
+#define DCTRIPSEL 0xC0u
+#define DCBCTL 0xC4u
+#define DCBHCOMPSEL 0x0F00u
+#define DCBHCOMPSEL_TRIP5 0x0400u
+#define DCBEVT1 0x01C0u
+#define DCBEVT1_DCBH_HIGH 0x0080u
+#define DCBCTL_EVT1_ASYNC 0x0002u
+#define TZ_DCBEVT1 0x0020u
+#define OST_DCBEVT1 0x0080u
+
+static uint32_t first_register(const ht_port *port, uint16_t number)
+{
+    return port->map->cmpss + (((uint32_t)number - 1u) * STRIDE);
+}
+
+/* Whole steps of the DAC: never tighter than `counts` of the ADC. */
+static uint16_t dac_high(const ht_port *port, uint16_t counts)
+{
+    float steps = ((float)counts * port->board->dac_per_count) + 1.0f;
+    return (steps < (float)DAC_MOST) ? (uint16_t)steps : DAC_MOST;
+}
+
+static uint16_t dac_low(const ht_port *port, uint16_t counts)
+{
+    return (uint16_t)((float)counts * port->board->dac_per_count);
+}
+
+static void start_one(ht_port *port, uint32_t base)
+{
+    ht_io *io = port->io;
+    HT_WR16(io, base + COMPHYSCTL, HYSTERESIS);
+    HT_WR16(io, base + COMPDACCTL, COMPDACCTL_FREE);
+    HT_WR16(io, base + DACHVALS, DAC_MOST);
+    HT_WR16(io, base + DACLVALS, 0u);
+    HT_WR16(io, base + CTRIPHFILCLKCTL, FILTER_CLOCKS);
+    HT_WR16(io, base + CTRIPLFILCLKCTL, FILTER_CLOCKS);
+    HT_WR16(io, base + CTRIPHFILCTL, FILTER_15_OF_20);
+    HT_WR16(io, base + CTRIPLFILCTL, FILTER_15_OF_20);
+    HT_WR16(io, base + COMPCTL, COMPCTL_RUN);
+    /* The filters begin with what the comparators say. The DACs may not stand yet: what trips now is
+     * forgotten before a gate goes on. */
+    HT_WR16(io, base + CTRIPHFILCTL, FILINIT | FILTER_15_OF_20);
+    HT_WR16(io, base + CTRIPLFILCTL, FILINIT | FILTER_15_OF_20);
+    HT_WR16(io, base + COMPSTSCLR, LATCHES);
+}
+
+HT_SELDOM void ht_cmpss_start(ht_port *port)
+{
+    ht_io *io = port->io;
+    uint32_t listens = 0u;
+    uint32_t enabled = 0u;
+    uint16_t leg;
+    if (port->map->cmpss == 0u) {
+        return;
+    }
+    HT_EALLOW(io);
+    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+        uint16_t number = ht_board_cmpss(port->board, leg);
+        if (number != 0u) {
+            uint32_t multiplexer = 2u * ((uint32_t)number - 1u);
+            start_one(port, first_register(port, number));
+            listens |= (uint32_t)CTRIPH_OR_CTRIPL << (2u * multiplexer);
+            enabled |= (uint32_t)1u << multiplexer;
+        }
+    }
+    HT_WR32(io, TRIP5MUX0TO15CFG, listens);
+    HT_WR32(io, TRIP5MUXENABLE, enabled);
+    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+        uint32_t base = port->leg[leg];
+        ht_change16(io, base + DCTRIPSEL, DCBHCOMPSEL, DCBHCOMPSEL_TRIP5);
+        ht_change16(io, base + TZDCSEL, DCBEVT1, DCBEVT1_DCBH_HIGH);
+        HT_WR16(io, base + DCBCTL, DCBCTL_EVT1_ASYNC);
+    }
+    HT_EDIS(io);
+    ht_cmpss_forget(port);
+}
+
+HT_SELDOM void ht_cmpss_forget(ht_port *port)
+{
+    if (port->map->cmpss != 0u) {
+        uint16_t leg;
+        HT_EALLOW(port->io);
+        for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+            HT_WR16(port->io, port->leg[leg] + port->map->tzclr, TZ_DCBEVT1);
+            HT_WR16(port->io, port->leg[leg] + TZOSTCLR, OST_DCBEVT1);
+        }
+        HT_EDIS(port->io);
+    }
+}
+
+HT_SELDOM void ht_port_current_levels(ht_port *port, const ht_current_levels *levels)
+{
+    if (port->map->cmpss != 0u) {
+        uint16_t leg;
+        for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+            uint16_t number = ht_board_cmpss(port->board, leg);
+            if (number != 0u) {
+                uint32_t base = first_register(port, number);
+                HT_WR16(port->io, base + DACHVALS, dac_high(port, levels->high[leg]));
+                HT_WR16(port->io, base + DACLVALS, dac_low(port, levels->low[leg]));
+            }
+        }
+    }
+}
+
+HT_SELDOM bool ht_port_overcurrent(const ht_port *port)
+{
+    /* All legs listen to the comparators, and each keeps the cause. */
+    return (port->map->cmpss != 0u)
+           && ((HT_RD16(port->io, port->leg[0] + TZOSTFLG) & OST_DCBEVT1) != 0u);
+}
