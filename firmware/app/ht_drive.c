@@ -523,7 +523,7 @@ uint16_t ht_drive_restart_wait(const ht_drive *d)
     if (trips == d->trips_noticed) {
         left_s -= (float)d->quiet_s;
     }
-    return (left_s > 0.0f) ? (uint16_t)(left_s + 0.999f) : 1u;
+    return (uint16_t)((left_s > 0.0f) ? (left_s + 0.999f) : 1.0f);
 }
 
 ht_result ht_drive_start(ht_drive *d)

@@ -55,7 +55,7 @@ static uint32_t first_register(const ht_port *port, uint16_t number)
 static uint16_t dac_high(const ht_port *port, uint16_t counts)
 {
     float steps = ((float)counts * port->board->dac_per_count) + 1.0f;
-    return (steps < (float)DAC_MOST) ? (uint16_t)steps : DAC_MOST;
+    return (uint16_t)((steps < (float)DAC_MOST) ? steps : (float)DAC_MOST);
 }
 
 static uint16_t dac_low(const ht_port *port, uint16_t counts)
