@@ -151,7 +151,7 @@ test-targets: $(VENV)/.installed
 	@failed=0; \
 	$(call waiting,$(JOBS),target) || failed=1; \
 	$(BIN)/python -m hexatorque.boards.tools || failed=1; \
-	$(BIN)/python tests/host/monitor/chromium.py || failed=1; \
+	PYTHONPATH=tests $(BIN)/python tests/host/monitor/chromium.py || failed=1; \
 	$(MAKE) check-c || failed=1; \
 	exit $$failed
 
