@@ -40,7 +40,7 @@ chmod 755 "$aside"
 mkdir "$aside/a place"
 chown "$user" "$aside/a place"
 
-wanted=$(env | grep '^HT_[A-Z_]*=[A-Za-z0-9,.]*$') || true
+wanted=$(env | grep '^HT_[A-Z_]*=[A-Za-z0-9,.-]*$') || true
 as_user() { # with nothing of this environment but what concerns the tests
     # shellcheck disable=SC2086
     (cd "$home" && exec runuser -u "$user" -- env -i "PATH=$path" "HOME=$home" LANG=C.UTF-8 \

@@ -407,7 +407,8 @@ def test_modulated_law_at_every_sampling_frequency(setup):
         m = outcome.metrics
         assert m["speed_rpm"] == pytest.approx(share * reach, rel=0.002), case
         assert m["flux_Wb"] == pytest.approx(flux_ref, rel=0.005), case
-        assert m["delta_i_A"] <= (0.003 if f_isr_Hz >= 5e3 else 0.005), case
+        # Toggles move by up to the shortest pulse: 3.3 mA at 5 kHz.
+        assert m["delta_i_A"] <= (0.004 if f_isr_Hz >= 5e3 else 0.005), case
 
 
 @pytest.mark.parametrize("setup", ["paper-a-feasible", "paper-b"])
