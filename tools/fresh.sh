@@ -3,8 +3,9 @@
 #
 #   tools/fresh.sh bookworm|trixie
 #
-# Needs root and debootstrap. The system is made in a temporary folder from this computer's own
-# mirror and removed at the end. The rest is tools/newcomer.sh, in that system.
+# Needs root and debootstrap; ends with 77 where root may not make name spaces. The system is made in
+# a temporary folder from this computer's own mirror and removed at the end. The rest is
+# tools/newcomer.sh, in that system.
 set -eu
 
 suite=${1:-}
@@ -18,6 +19,10 @@ fail() {
 
 case "$suite" in bookworm | trixie) ;; *) fail "name a suite: tools/fresh.sh bookworm|trixie" ;; esac
 [ "$(id -u)" -eq 0 ] || fail "needs root, who can make another system"
+unshare --mount --pid --fork true 2>/dev/null || {
+    echo "fresh: this computer lets root make no name spaces, so nothing was run" >&2
+    exit 77
+}
 command -v debootstrap >/dev/null || fail "debootstrap is missing: apt-get install debootstrap"
 
 if [ -z "$folder" ]; then
