@@ -48,9 +48,9 @@ static void set_flux_ref(ht_drive *d, float flux_Wb)
     d->in.inv_flux_ref2 = (flux_Wb > 0.0f) ? (1.0f / (flux_Wb * flux_Wb)) : 0.0f;
 }
 
-/* The comparators are less exact than the ADC: offsets of comparator and DAC 45 mV, the DAC's gain 2 % and
- * VDDA 1 % of 3.3 V, together 144 mV or 9.6 % of a sensor's 1.5 V. With this share of `i_full_A` above
- * `i_trip_A` they never trip before the samples would. */
+/* The comparators are less exact than the ADC: offset 25 mV, the DAC's curve 13 mV, its gain 2 % and
+ * VDDA 1 % of 3.3 V (SPRS945, CMPSS DAC), together 137 mV or 9.1 % of a sensor's 1.5 V. With this
+ * share of `i_full_A` above `i_trip_A` they never trip before the samples would. */
 #define COMPARATOR_ABOVE 0.1f
 
 /* The levels of the comparators, around the offsets in force. */

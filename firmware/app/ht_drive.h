@@ -61,7 +61,7 @@ typedef enum {
     HT_ERROR_STORE = 8,      /**< this image keeps no parameters, or writing them failed */
     HT_ERROR_PREDICTION = 9, /**< the scheme needs load_mode = shadow and predict = on */
     HT_ERROR_SAMPLING = 10,  /**< the scheme needs a higher f_isr_Hz for this machine */
-    HT_ERROR_RESTART = 11 /**< start refused: too many external trips, see ht_drive_restart_wait */
+    HT_ERROR_RESTART = 11    /**< start refused: too many trips by hardware */
 } ht_result;
 
 /** Share of the build-up during which the flux is too small for its speed to mean anything. */
@@ -108,7 +108,7 @@ typedef struct {
     volatile uint32_t state_ticks; /**< fast interrupts since the state began */
     volatile uint16_t state;       /**< ht_state; the interrupt acts on it */
     volatile uint16_t slow_faults; /**< found by the slow interrupt, for the fast one */
-    volatile uint16_t trips; /**< external ones since init, modulo 2^16; the fast interrupt's */
+    volatile uint16_t trips;       /**< by hardware since init, modulo 2^16; the fast interrupt's */
     uint16_t faults;
     uint16_t warnings;
     uint16_t end_counts; /**< PWM counts from the period's start to the interrupt's end */
@@ -132,7 +132,7 @@ typedef struct {
     ht_speed_measure_state measured;
     uint32_t position_last;
     uint32_t tick_last; /**< `tick` at the last slow interrupt */
-    /* External trips that count against a start: `trips` - `trips_forgotten`. Times are since the
+    /* Trips by hardware that count against a start: `trips` - `trips_forgotten`. Times are since the
      * slow interrupt noticed the latest one. */
     volatile uint16_t trips_forgotten;
     uint16_t trips_noticed;
@@ -165,10 +165,10 @@ void ht_drive_fast_isr(ht_drive *d);
 void ht_drive_slow_isr(ht_drive *d);
 
 /** Commands from the background. A start needs IDLE and standstill, a clear needs
- *  FAULT; both are refused while the trip pin is low. After `restart_count` external trips, each less
- *  than `restart_wait_s` after the one before, a start is refused until that time has passed. */
+ *  FAULT; both are refused while the trip pin is low. After `restart_count` trips by hardware,
+ *  each less than `restart_wait_s` after the one before, a start is refused until that time has passed. */
 ht_result ht_drive_start(ht_drive *d);
-/** Seconds until a start is no longer refused because of external trips, rounded up; 0: it is not. */
+/** Seconds, rounded up, until a start is no longer refused because of trips by hardware; 0: now. */
 uint16_t ht_drive_restart_wait(const ht_drive *d);
 void ht_drive_stop(ht_drive *d);
 ht_result ht_drive_clear(ht_drive *d);

@@ -99,7 +99,7 @@ static void ramp_flux(ht_drive *d, const ht_drive_config *c)
     d->flux_ramp_Wb += (missing > step) ? step : ((missing < -step) ? -step : missing);
 }
 
-/* External trips are forgotten together, when there was none for the time that a start must wait.
+/* Trips by hardware are forgotten together, when there was none for the time that a start must wait.
  * Only this interrupt writes here, and only the fast one counts trips: one that comes in between is
  * noticed the next time. */
 static void forget_trips(ht_drive *d, const float *v)

@@ -9,8 +9,8 @@
  *    register.
  *  - `ht_port_begin_fast`, `ht_port_read`, `ht_port_write`, `ht_port_gates_off`,
  *    `ht_port_gates_on`, `ht_port_leg_off`, `ht_port_tripped`, `ht_port_leg_tripped`,
- *    `ht_port_interrupt_lost`, `ht_port_overcurrent`, `ht_port_counts`, `ht_port_overrun`, `ht_port_ack_fast` from the fast interrupt only
- *    (`ht_port_read` from the set-up as well, and from the slow interrupt when no fast one comes any
+ *    `ht_port_interrupt_lost`, `ht_port_overcurrent`, `ht_port_counts`, `ht_port_overrun`,
+ *    `ht_port_ack_fast` from the fast interrupt only (`ht_port_read` from the set-up as well, and from the slow interrupt when no fast one comes any
  *    more). None blocks; each takes a fixed number of
  *    register accesses.
  *  - `ht_port_read_capture` from the slow interrupt only, which the fast one may

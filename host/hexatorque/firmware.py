@@ -196,7 +196,7 @@ _RESULTS = {
     lib.HT_ERROR_STORE: "there is no memory for parameters, or writing it failed",
     lib.HT_ERROR_PREDICTION: "the scheme needs load_mode = shadow and predict = on",
     lib.HT_ERROR_SAMPLING: "the scheme needs a higher f_isr_Hz for this machine",
-    lib.HT_ERROR_RESTART: "too many external trips in a row (restart_count): find their cause; "
+    lib.HT_ERROR_RESTART: "too many trips by hardware in a row (restart_count): find their cause; "
     "a start is refused until restart_wait_s have passed",
 }
 #: What a rule of ht_misfits.def about two parameters demands.

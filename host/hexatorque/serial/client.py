@@ -43,8 +43,7 @@ _REFUSED: dict[int, str] = {
     "the new one",
     Status.PREDICTION: "the scheme needs load_mode = shadow and predict = on",
     Status.LAW_SAMPLING: "the scheme needs a higher f_isr_Hz for this machine",
-    Status.RESTART: "too many external trips in a row (restart_count, restart_wait_s): find "
-    "their cause",
+    Status.RESTART: wire.MANY_TRIPS,
     Status.OPCODE: "the board does not know this request",
     Status.LENGTH: "the board expects another length of this request",
     Status.NO_SESSION: "the session has ended",

@@ -239,6 +239,9 @@ def reply_bytes(op: int, payload: int) -> int:
     return REPLY_SHARE * (LONGEST_FRAME if op in _LONG else SHORT_REPLY + 2 * payload)
 
 
+MANY_TRIPS = "too many trips by hardware in a row (restart_count, restart_wait_s): find their cause"
+
+
 def refusal(reply: Reply) -> str:
     """The text for the payload of a refusal, which says more than its status; "" if empty."""
     if reply.status == Status.FIELD:
@@ -247,10 +250,8 @@ def refusal(reply: Reply) -> str:
     if reply.status == Status.MEMORY:
         return f"samples: allowed range is 1 .. {unpack('I', reply.payload)[0]}"
     if reply.status == Status.RESTART:
-        return (
-            "too many external trips in a row (restart_count, restart_wait_s): find their cause; "
-            f"a start is refused for another {unpack('H', reply.payload)[0]} s"
-        )
+        (wait_s,) = unpack("H", reply.payload)
+        return f"{MANY_TRIPS}; a start is refused for another {wait_s} s"
     return ""
 
 

@@ -1,5 +1,5 @@
-"""External trips are counted: after some of them a start must wait. Another short circuit is what a
-start after each of them may be."""
+"""Trips by hardware are counted. After some of them a start must wait, because each start may be
+another short circuit."""
 
 import pytest
 from hypothesis import given, settings
@@ -156,7 +156,7 @@ def test_the_limit_may_be_changed_while_a_start_must_wait():
     bench = Bench(restart_count=1)
     assert bench.start() == lib.HT_OK
     bench.trip()
-    with pytest.raises(FirmwareError, match="too many external trips"):
+    with pytest.raises(FirmwareError, match="too many trips by hardware"):
         bench.controller.start()
     bench.controller.set("restart_count", 0)
     bench.wait(LATE_S)

@@ -82,6 +82,6 @@ def test_too_many_external_trips_refuse_a_start_and_tell_the_time_to_wait():
     assert device.state == "idle" and device.gates_off
     refusal = wire.Reply(START, 1, reply.status, 0, 0, 0, reply.payload)
     assert wire.refusal(refusal) == (
-        "too many external trips in a row (restart_count, restart_wait_s): find their cause; "
+        "too many trips by hardware in a row (restart_count, restart_wait_s): find their cause; "
         "a start is refused for another 30 s"
     )

@@ -389,7 +389,9 @@ def test_modulated_law_beats_the_tables_at_equal_switching_frequency(point, zero
 
 @pytest.mark.parametrize("setup", list(REACH))
 def test_modulated_law_at_every_sampling_frequency(setup):
-    """4 to 20 kHz, light and full load, both directions, up to 80 % of the reachable speed."""
+    """4 to 20 kHz, light and full load, both directions, up to 80 % of the reachable speed. From
+    one speed to a neighbouring one the difference of the sets scatters by a third: its mean is
+    looked at."""
     reach = REACH[setup]["db-dtfc"]
     cases = [
         (f_isr_Hz, load, direction * share)
@@ -403,12 +405,14 @@ def test_modulated_law_at_every_sampling_frequency(setup):
     for case in part(cases, 3):
         f_isr_Hz, load, share = case
         changed = base.with_scheme("db-dtfc", controller__f_isr_Hz=f_isr_Hz)
-        (outcome,) = measure_all([Point(changed, share * reach, load * LOAD[setup])], fine=True)
-        m = outcome.metrics
-        assert m["speed_rpm"] == pytest.approx(share * reach, rel=0.002), case
-        assert m["flux_Wb"] == pytest.approx(flux_ref, rel=0.005), case
-        # Toggles move by up to the shortest pulse: 3.3 mA at 5 kHz.
-        assert m["delta_i_A"] <= (0.004 if f_isr_Hz >= 5e3 else 0.005), case
+        speeds = [share * reach * near for near in (0.995, 1.0, 1.005)]
+        points = [Point(changed, speed, load * LOAD[setup]) for speed in speeds]
+        found = [outcome.metrics for outcome in measure_all(points, fine=True)]
+        for m, speed in zip(found, speeds, strict=True):
+            assert m["speed_rpm"] == pytest.approx(speed, rel=0.002), case
+            assert m["flux_Wb"] == pytest.approx(flux_ref, rel=0.005), case
+        delta_i_A = np.mean([m["delta_i_A"] for m in found])
+        assert delta_i_A <= (0.003 if f_isr_Hz >= 5e3 else 0.005), case
 
 
 @pytest.mark.parametrize("setup", ["paper-a-feasible", "paper-b"])

@@ -289,8 +289,7 @@ def test_a_slow_page_delays_nothing_else(site):
                 times_s.append(one["status"]["time_s"])
                 pages.append(one["status"]["pages"])
     slow.close()
-    # The virtual board itself may lose a little on a busy computer.
-    assert site.monitored.stream.lost < 0.1 * 2500 * (times_s[-1] - times_s[0])
+    assert site.monitored.stream.gaps == site.monitored.stream.lost == 0
     # If one waited for the other, it would be as long as that is allowed to stall.
     assert max(np.diff(times_s)) < module.STALLED_S / 2
 

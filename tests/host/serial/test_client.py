@@ -233,8 +233,8 @@ def test_a_start_after_too_many_external_trips_names_the_limits_and_the_time_lef
     with pytest.raises(LinkError) as caught:
         drive.start()
     assert str(caught.value) == (
-        "start: too many external trips in a row (restart_count, restart_wait_s): find their cause"
-        + left
+        "start: too many trips by hardware in a row (restart_count, restart_wait_s): "
+        "find their cause" + left
     )
     assert (caught.value.status, caught.value.mistake) == (wire.Status.RESTART, False)
 

@@ -44,9 +44,8 @@ STEP_AT_S = 0.1
 SAG_SHARE, SAG_S = 0.75, 0.2
 #: Means of the speed are taken over this time; it has settled within this share of the reference.
 MEAN_S, SETTLED = 0.01, 0.01
-#: Longest rise of db-dtfc relative to DTC1's. That one overshoots by up to half of the step and so
-#: passes 90 % of it earlier.
-RISE_LIMIT = 1.2
+#: Longest rise of db-dtfc relative to DTC1's.
+RISE_LIMIT = 1.15
 
 
 @dataclass(frozen=True)

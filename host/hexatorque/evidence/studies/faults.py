@@ -436,7 +436,8 @@ def _latched(
     snapshot = sim.controller.snapshot
     assert snapshot  # the state `fault` always has one
     result.cause = ", ".join(snapshot["faults"])
-    result.periods = off
+    # Before a start the gates are off at once. Until the fault is found takes longer.
+    result.periods = off if fault.stands else sim.periods - injected
     if not _gates_off(sim):
         return "gates on in fault"
     if fault.stands and off > fault.stands:

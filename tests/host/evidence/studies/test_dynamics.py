@@ -93,9 +93,9 @@ def test_torque_rises_as_fast_as_under_dtc1(step):
         dynamics.torque_steps(Variant(s), *step, progress=None) for s in ("db-dtfc", "dtc1")
     )
     # When a switch turns on depends on last bits, which other versions of the libraries round
-    # differently. So the limit is wider than the study's.
+    # differently. So the limit is wider than dynamics.RISE_LIMIT.
     for way in ("rise_up_ms", "rise_down_ms"):
-        assert ours[way] <= 1.05 * dynamics.RISE_LIMIT * dtc1[way]
+        assert ours[way] <= 1.2 * dtc1[way]
     assert ours["overshoot_pct"] < 8
 
 
@@ -119,8 +119,8 @@ def test_tables_picture_and_limits(tmp_path):
     path = dynamics.plot(result, tmp_path / "dynamics.png")
     assert path.read_bytes()[:4] == b"\x89PNG" and path.stat().st_size > 20_000
     slow, lost = (r for r in result["rows"] if r["variant"] == "db-dtfc" and r["test"][0] in "-s")
-    slow["figures"]["rise_up_ms"] = 1.01 * dynamics.RISE_LIMIT
+    slow["figures"]["rise_up_ms"] = 1.2
     lost["lost"] = "over-current"
     first, second = dynamics.failures(result)
-    assert "rise_up_ms 1.21, dtc1 1.00" in first
+    assert "rise_up_ms 1.20, dtc1 1.00" in first
     assert second.endswith("sag: over-current")
