@@ -27,6 +27,7 @@ HEADERS = (
     "ht_virtual_board.h",
     "ht_host_law.h",
     "ht_burst_rows.h",
+    "ht_param_groups.h",
     "ht_octets.h",
     "ht_opcodes.h",
     "ht_snapshot.h",

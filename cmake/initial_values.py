@@ -32,8 +32,8 @@ ROW = re.compile(r'^(HT_\w+)\(((?:"[^"]*"|[^"\n])*)\)', re.M)
 ARGUMENT = re.compile(r'\s*((?:"[^"]*"|[^",])+)')
 
 
-def rows(file: Path, kind: str) -> list[list[str]]:
-    """The arguments of a .def file's rows of one kind, as they are written there."""
+def rows(file: Path, kind: str | tuple[str, ...]) -> list[list[str]]:
+    """The arguments of a .def file's rows of one kind or of several, as they are written there."""
     found = [(name, ARGUMENT.findall(text)) for name, text in ROW.findall(file.read_text())]
     return [[word.strip() for word in words] for name, words in found if name.startswith(kind)]
 
@@ -42,9 +42,9 @@ class Parameter:
     """A row of ht_params.def."""
 
     def __init__(self, words: list[str]) -> None:
-        self.name, _, self.low, self.high, self.initial = words[:5]
+        self.name, _, _, self.low, self.high, self.initial = words[:6]
         #: The names of its values; empty if the parameter has no choices.
-        self.choices = _choices(words[6]) if len(words) == 8 else []
+        self.choices = _choices(words[7]) if len(words) == 9 else []
 
     def number(self, value: object) -> float:
         if self.choices:
@@ -129,7 +129,8 @@ def values_of(source: str, table: dict, files: list[Path], depth: int = 0) -> tu
 
 def initial_values(source: str, device: str, files: list[Path]) -> dict[str, str]:
     """Every parameter's initial value, as C."""
-    table = {row.name: row for row in map(Parameter, rows(APP / "ht_params.def", "HT_"))}
+    lines = rows(APP / "ht_params.def", ("HT_PARAM", "HT_WHOLE"))
+    table = {row.name: row for row in map(Parameter, lines)}
     values, defaults = values_of(source, table, files)
     setup = Setup(source, source, values, defaults=defaults)
     for section, keys in KEYS.items():

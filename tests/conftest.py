@@ -48,6 +48,7 @@ TARGET = (
     "host/boards/test_vectors_on_avr.py",
     "host/monitor/test_deadman.py",
     "host/monitor/test_page.py",
+    "host/monitor/test_parameters_page.py",
     "host/monitor/test_plots.py",
     "project/test_adding.py",
     "project/test_c2000_build.py",

@@ -209,16 +209,20 @@ def python_page() -> str:
 def parameters_page() -> str:
     from hexatorque import firmware
 
-    rows = [
-        (f"`{p.name}`", p.unit, f"{p.initial:g}", allowed(p), "yes" if p.live else "no", p.help)
-        for p in firmware.parameters().values()
-    ]
-    return (
+    text = (
         "# Parameters\n\nWritten from `firmware/app/ht_params.def`, the only place where a "
         "parameter is defined. A set-up gives them in its section `[controller]`, a board takes "
-        "them from `hexatorque board set`. *Live*: may change while the drive runs.\n\n"
-        + table(("name", "unit", "initial", "allowed", "live", "what"), rows)
+        "them from `hexatorque board set`. *Live*: may change while the drive runs.\n"
     )
+    every = firmware.parameters()
+    for title, names in firmware.grouped(every).items():
+        rows = [
+            (f"`{p.name}`", p.unit, f"{p.initial:g}", allowed(p), "yes" if p.live else "no", p.help)
+            for p in map(every.__getitem__, names)
+        ]
+        head = ("name", "unit", "initial", "allowed", "live", "what")
+        text += f"\n## {title}\n\n" + table(head, rows)
+    return text
 
 
 def allowed(parameter: Parameter) -> str:

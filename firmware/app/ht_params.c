@@ -15,11 +15,13 @@ static const char scheme_names[] =
 enum { LAST_SCHEME = (int)HT_SCHEMES - 1 };
 
 static const ht_param_info table[HT_PARAMS] = {
-#define HT_PARAM(name, unit, min, max, def, when, choices, help) \
+#define HT_GROUP(name, title)
+#define HT_PARAM(name, group, unit, min, max, def, when, choices, help) \
     {#name, unit, min, max, HT_DEF(name, def), HT_WHEN_##when, choices, help, sizeof(choices) > 1u},
-#define HT_WHOLE(name, unit, min, max, def, when, help) \
+#define HT_WHOLE(name, group, unit, min, max, def, when, help) \
     {#name, unit, min, max, HT_DEF(name, def), HT_WHEN_##when, "", help, true},
 #include "ht_params.def"
+#undef HT_GROUP
 #undef HT_PARAM
 #undef HT_WHOLE
 };

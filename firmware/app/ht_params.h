@@ -9,9 +9,11 @@
 
 /** Parameter ids: HT_P_<name>, in table order; HT_PARAMS is their number. */
 enum {
-#define HT_PARAM(name, unit, min, max, def, when, choices, help) HT_P_##name,
-#define HT_WHOLE(name, unit, min, max, def, when, help) HT_P_##name,
+#define HT_GROUP(name, title)
+#define HT_PARAM(name, group, unit, min, max, def, when, choices, help) HT_P_##name,
+#define HT_WHOLE(name, group, unit, min, max, def, when, help) HT_P_##name,
 #include "ht_params.def"
+#undef HT_GROUP
 #undef HT_PARAM
 #undef HT_WHOLE
     HT_PARAMS

@@ -3,7 +3,7 @@ compiled callers, and a `Controller` for each simulated drive."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple, TypedDict
@@ -139,6 +139,29 @@ def parameters(device: str = "") -> dict[str, Parameter]:
             row.whole,
         )  # fmt: skip
     return table
+
+
+@lru_cache(maxsize=1)
+def _group_of() -> dict[str, str]:
+    """Name of a parameter -> title of its group."""
+    return {
+        row.name: _text(lib.ht_group_title(lib.ht_param_group(row.id)))
+        for row in parameters().values()
+    }
+
+
+#: Title for parameters that only another firmware has.
+OTHER_GROUP = "Other"
+
+
+def grouped(names: Iterable[str]) -> dict[str, list[str]]:
+    """The parameters by the titles of their groups, both in the table's order. Groups without any
+    of them are left out."""
+    titles = [_text(lib.ht_group_title(k)) for k in range(lib.ht_group_count())]
+    groups: dict[str, list[str]] = {title: [] for title in (*titles, OTHER_GROUP)}
+    for name in names:
+        groups[_group_of().get(name, OTHER_GROUP)].append(name)
+    return {title: members for title, members in groups.items() if members}
 
 
 def _on_port(row: Parameter, port: CData) -> Parameter:

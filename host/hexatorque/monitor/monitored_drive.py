@@ -19,7 +19,7 @@ import numpy as np
 from ..drive.board import BoardDrive
 from ..drive.captures import TRIGGERS, Trigger
 from ..drive.recorder import Recorder
-from ..firmware import WARNINGS, Snapshot, State
+from ..firmware import WARNINGS, Snapshot, State, grouped
 from ..recording.formats import SUFFIXES, RecordingError
 from ..recording.recording import Recording
 from ..serial import LinkError, wire
@@ -181,9 +181,13 @@ class MonitoredDrive:
                 {
                     "name": row.name, "unit": row.unit, "min": row.min, "max": row.max,
                     "initial": row.initial, "live": row.live, "choices": row.choices,
-                    "help": row.help,
+                    "whole": row.whole, "help": row.help,
                 }
                 for row in dictionary.parameters.values()
+            ],
+            "groups": [
+                {"title": title, "names": names}
+                for title, names in grouped(dictionary.parameters).items()
             ],
             "channels": [row._asdict() for row in dictionary.channels],
             "faults": [row._asdict() for row in dictionary.faults],

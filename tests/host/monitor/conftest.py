@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from chromium import Chromium
 from forked import Forked
 from waiting import WAIT_S, until
 
@@ -365,3 +366,38 @@ def own_monitor(port, left_at_rest, start_monitor):
 @pytest.fixture
 def monitor(own_monitor):
     return own_monitor
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    with Chromium(tmp_path_factory.mktemp("profile")) as browser:
+        yield browser
+
+
+@pytest.fixture(scope="session")
+def lasting_monitor(start_monitor, session_board):
+    with session_board.used(), start_monitor(session_board.port) as monitor:
+        yield monitor
+
+
+@pytest.fixture
+def shared_monitor(lasting_monitor, left_at_rest, session_board):
+    """A monitor that no test may end: starting one takes seconds."""
+    with session_board.used(), left_at_rest(session_board.port):
+        with lasting_monitor.page() as frame:
+            while "status" not in (one := frame()):
+                pass
+        traces = {name: one["status"][name] for name in ("channels", "rate_Hz")}
+        yield lasting_monitor
+        lasting_monitor.enter()
+        lasting_monitor.post("/channels", traces)
+
+
+@pytest.fixture
+def page(browser, shared_monitor):
+    """The page of that monitor, with an idle drive."""
+    browser.events.clear()
+    page = browser.open(shared_monitor.url)
+    page.until("document.body.dataset.state === 'idle'")
+    yield page
+    page.close()

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from chromium import Chromium, program
+from chromium import program
 from waiting import WAIT_S, until
 
 pytestmark = pytest.mark.skipif(program() is None, reason="no chromium: apt-get install chromium")
@@ -24,42 +24,16 @@ SPEED = "Number(document.querySelector('[data-figure=speed_rpm]').textContent.re
 QUICK_SPEED = "#quick input[aria-label=speed_ref_rpm]"
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    with Chromium(tmp_path_factory.mktemp("profile")) as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
-def lasting_monitor(start_monitor, session_board):
-    with session_board.used(), start_monitor(session_board.port) as monitor:
-        yield monitor
-
-
 @pytest.fixture
-def monitor(lasting_monitor, left_at_rest, session_board):
+def monitor(shared_monitor):
     """The same for all tests of this file, so none may end it."""
-    with left_at_rest(session_board.port):
-        with lasting_monitor.page() as frame:
-            while "status" not in (one := frame()):
-                pass
-        traces = {name: one["status"][name] for name in ("channels", "rate_Hz")}
-        yield lasting_monitor
-        lasting_monitor.enter()
-        lasting_monitor.post("/channels", traces)
-
-
-@pytest.fixture
-def page(browser, monitor):
-    browser.events.clear()
-    page = browser.open(monitor.url)
-    page.until(f"{STATE} === 'idle'")
-    yield page
-    page.close()
+    return shared_monitor
 
 
 def tab(page, name: str) -> None:
     page.click(f"[data-panel={name}]")
+    if name == "parameters":
+        page.click("#open-groups")
 
 
 def start(page) -> None:

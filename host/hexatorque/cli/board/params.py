@@ -38,6 +38,8 @@ def list_parameters(device, baud, as_json) -> int:
     """All parameters with value, unit, range."""
     from rich.table import Table
 
+    from ... import firmware
+
     with open_drive(device, baud) as drive:
         values = drive.get_all()
         rows = drive.params
@@ -55,11 +57,13 @@ def list_parameters(device, baud, as_json) -> int:
     table = Table(caption=f"the board started with its parameters {started_with}")
     for heading in ("name", "value", "unit", "allowed", "while running", "what it is"):
         table.add_column(heading)
-    for name, row in rows.items():
-        value = values[name]
-        shown = f"{value:.6g}" if isinstance(value, float) else value
-        allowed = ", ".join(row.choices) or f"{row.min:g} .. {row.max:g}"
-        table.add_row(name, shown, row.unit, allowed, "yes" if row.live else "no", row.help)
+    for names in firmware.grouped(rows).values():
+        table.add_section()
+        for name in names:
+            row, value = rows[name], values[name]
+            shown = f"{value:.6g}" if isinstance(value, float) else value
+            allowed = ", ".join(row.choices) or f"{row.min:g} .. {row.max:g}"
+            table.add_row(name, shown, row.unit, allowed, "yes" if row.live else "no", row.help)
     console_of(as_json, highlight=False).print(table)
     return 0
 

@@ -1,10 +1,13 @@
 // The page: it gets the drive's data as server-sent events and sends commands by POST.
 
+import { $, ask, make, order, toast } from "/asking.js";
 import { Bins } from "/bins.js";
 import { decode, parse, show } from "/numbers.js";
+import {
+  NUMBER, asText, asValue, editor, fetchValues, lockParameters, mistake, parameters, values, write,
+} from "/parameters.js";
 import { Stack } from "/stack.js";
 
-const $ = (id) => document.getElementById(id);
 const WINDOWS_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
 const RATES_HZ = [200, 500, 1000, 2000, 2500, 5000, 10000];
 //: Channels that move in steps, not along a line.
@@ -21,7 +24,6 @@ const FIGURES = [["speed_rpm", "speed"], ["torque_Nm", "torque"], ["vdc_V", "dc 
 
 let device = null;
 let status = null;
-let values = {};
 let events = null;
 let heard_ms = 0;
 let answered_ms = 0;
@@ -30,53 +32,7 @@ let epoch = -1;
 let captured = null;
 let armedHere = false;
 let seen = { values: -1, snapshot: -1, capture: 0 };
-const edits = new Map(); // parameter -> text that was typed and not applied
 let channelRow = new Map();
-let parameterRow = new Map();
-let search = () => {};
-
-// -- asking ------------------------------------------------------------------------------
-
-async function ask(path, body) {
-  const options = body === undefined ? {} : {
-    method: "POST",
-    headers: { "Content-Type": "application/json" },
-    body: JSON.stringify(body),
-  };
-  let answer;
-  try {
-    answer = await fetch(path, options);
-  } catch {
-    throw new Error("the monitor does not answer");
-  }
-  const data = await answer.json();
-  if (!answer.ok) throw new Error(data.error || answer.statusText);
-  return data;
-}
-
-/** Send a request and show a refusal. Returns the answer, or null. */
-async function order(path, body = {}) {
-  try {
-    return await ask(path, body);
-  } catch (error) {
-    toast(error.message, "bad");
-    return null;
-  }
-}
-
-function toast(text, kind = "") {
-  const line = document.createElement("p");
-  line.className = kind;
-  line.textContent = text;
-  $("toasts").append(line);
-  setTimeout(() => line.remove(), kind === "bad" ? 8000 : 3500);
-}
-
-function make(tag, properties = {}, ...children) {
-  const element = Object.assign(document.createElement(tag), properties);
-  element.append(...children);
-  return element;
-}
 
 // -- commands ----------------------------------------------------------------------------
 
@@ -333,10 +289,14 @@ function hear(now) {
     for (const option of $("rate").options) option.hidden = Number(option.value) > now.f_isr_Hz;
     shape();
   }
-  if (now.values !== seen.values) fetchValues(now.values);
+  if (now.values !== seen.values) {
+    seen.values = now.values;
+    fetchValues().catch(() => { seen.values = -1; });
+  }
   if (now.snapshot !== seen.snapshot) fetchSnapshot(now.snapshot);
   if (now.capture !== seen.capture) fetchCapture(now.capture);
-  if (!before || before.state !== now.state) lock();
+  // A board of protocol 2.0 does not say when the gates are on: it refuses by itself.
+  if (!before || before.state !== now.state) lockParameters(working() && device.minor > 0);
 }
 
 function resetBanner(text) {
@@ -492,156 +452,11 @@ function choose(names) {
   }
 }
 
-// -- parameters --------------------------------------------------------------------------
+// -- the quick ones ----------------------------------------------------------------------
 
-function editor(row) {
-  let input;
-  if (row.choices.length) {
-    input = make("select", {}, ...row.choices.map((choice) => new Option(choice, choice)));
-  } else {
-    input = make("input", { type: "text", inputMode: "decimal", spellcheck: false });
-  }
-  input.setAttribute("aria-label", row.name);
-  return input;
-}
+const quickRow = new Map();
 
-const range = (row) => `${shortest(row.min)} … ${shortest(row.max)}`;
-const shortest = (value) => String(value).replace("-", "−");
-
-/** The mistake in a text for a parameter, or "". */
-function mistake(row, text) {
-  if (row.choices.length) return "";
-  const value = parse(text);
-  if (!Number.isFinite(value)) return NUMBER;
-  if (value < row.min || value > row.max) return `allowed: ${range(row)}${row.unit ? ` ${row.unit}` : ""}`;
-  return "";
-}
-
-const NUMBER = "a number is needed, such as 250.5 or 250,5; no thousands separators";
-const asValue = (row, text) => (row.choices.length ? text : parse(text));
-const asText = (value) => (value === undefined || value === null ? "" : String(value));
-
-/** A parameter's default, from the board's own table. */
-const defaultOf = (row) => (row.choices.length ? row.choices[row.initial] : row.initial);
-
-function differs(row) {
-  const value = values[row.name];
-  if (value === undefined || value === null) return false;
-  return row.choices.length ? value !== defaultOf(row) : Math.fround(value) !== Math.fround(row.initial);
-}
-
-function parameters() {
-  for (const row of device.parameters) {
-    const input = editor(row);
-    const error = make("p", { className: "error", hidden: true });
-    const standard = make("span", {
-      textContent: `default ${row.choices.length ? defaultOf(row) : shortest(row.initial)}`,
-    });
-    const limits = make("p", { className: "limits" }, ...(row.choices.length ? [] : [`${range(row)} · `]), standard);
-    const box = make("div", { className: "parameter" },
-      make("label", {},
-        make("span", { className: "name", textContent: row.name }),
-        make("span", { className: "field" }, input, make("span", { textContent: row.unit }))),
-      make("p", { className: "hint" }, row.help),
-      limits, error);
-    if (!row.live) box.classList.add("idle-only");
-    box.dataset.text = `${row.name} ${row.unit} ${row.help} ${row.choices.join(" ")}`.toLowerCase();
-    const changed = () => {
-      const text = input.value;
-      if (text === asText(values[row.name])) edits.delete(row.name);
-      else edits.set(row.name, text);
-      mark(row.name);
-      pending();
-    };
-    input.addEventListener("input", changed);
-    input.addEventListener("keydown", (event) => { if (event.key === "Enter") apply(); });
-    parameterRow.set(row.name, { row, input, box, error, standard });
-    $("parameters").append(box);
-  }
-  const none = make("p", { className: "hint", hidden: true, textContent: "No parameter is found." });
-  $("parameters").append(none);
-  search = () => {
-    const words = $("search").value.toLowerCase().split(/\s+/).filter(Boolean);
-    let found = 0;
-    for (const { row, box } of parameterRow.values()) {
-      const wanted = !$("only-changed").checked || differs(row) || edits.has(row.name);
-      box.hidden = !wanted || !words.every((word) => box.dataset.text.includes(word));
-      found += !box.hidden;
-    }
-    none.hidden = found > 0;
-  };
-  $("search").addEventListener("input", search);
-  $("only-changed").addEventListener("change", search);
-  $("revert").addEventListener("click", () => { edits.clear(); showValues(); pending(); });
-  $("apply-all").addEventListener("click", apply);
-}
-
-function mark(name) {
-  const { row, input, box, error } = parameterRow.get(name);
-  const text = edits.get(name);
-  const wrong = text === undefined ? "" : mistake(row, text);
-  box.classList.toggle("edited", text !== undefined);
-  input.setAttribute("aria-invalid", String(Boolean(wrong)));
-  error.hidden = !wrong;
-  error.textContent = wrong;
-  return !wrong;
-}
-
-function pending() {
-  const bad = [...edits].find(([name, text]) => mistake(parameterRow.get(name).row, text));
-  $("apply").hidden = edits.size === 0;
-  $("apply-all").disabled = Boolean(bad);
-  const count = edits.size === 1 ? "1 change" : `${edits.size} changes, all at once`;
-  $("apply-text").textContent = bad ? `${bad[0]}: ${mistake(parameterRow.get(bad[0]).row, bad[1])}` : count;
-  $("apply-text").classList.toggle("error", Boolean(bad));
-}
-
-async function apply() {
-  if (!edits.size || $("apply-all").disabled) return;
-  const wanted = Object.fromEntries([...edits].map(([name, text]) => [name, asValue(parameterRow.get(name).row, text)]));
-  await write(wanted);
-}
-
-/** Write parameters, and show the values that are then in force. */
-async function write(wanted) {
-  const answer = await order("/write", { values: wanted });
-  if (!answer) return false;
-  Object.assign(values, answer.values);
-  for (const name of Object.keys(wanted)) {
-    edits.delete(name);
-    const { box } = parameterRow.get(name);
-    box.classList.remove("taken");
-    void box.offsetWidth; // restarts the animation
-    box.classList.add("taken");
-  }
-  showValues();
-  pending();
-  return true;
-}
-
-async function fetchValues(version) {
-  seen.values = version;
-  try {
-    values = await ask("/values");
-  } catch {
-    seen.values = -1;
-    return;
-  }
-  showValues();
-  pending();
-}
-
-function showValues() {
-  let changed = 0;
-  for (const [name, { row, input, box, standard }] of parameterRow) {
-    if (!edits.has(name)) input.value = asText(values[name]);
-    mark(name);
-    box.classList.toggle("changed", differs(row));
-    standard.classList.toggle("default", differs(row));
-    changed += differs(row);
-  }
-  $("changed-count").textContent = `(${changed})`;
-  search();
+function showQuick() {
   for (const [name, { input }] of quickRow) {
     if (document.activeElement !== input || input.tagName === "SELECT") input.value = asText(values[name]);
   }
@@ -649,20 +464,6 @@ function showValues() {
   quickRow.get("speed_ref_rpm")?.box.classList.toggle("off", torque);
   quickRow.get("torque_ref_Nm")?.box.classList.toggle("off", !torque);
 }
-
-/** Lock the parameters that can change only while the gates are off. A board of protocol 2.0 does
- * not say when they are: it refuses by itself. */
-function lock() {
-  const on = working() && device.minor > 0;
-  for (const { row, input, box } of parameterRow.values()) {
-    input.disabled = on && !row.live;
-    box.classList.toggle("locked", on && !row.live);
-  }
-}
-
-// -- the quick ones ----------------------------------------------------------------------
-
-const quickRow = new Map();
 
 function quick() {
   for (const [name, step] of QUICK) {
@@ -883,7 +684,7 @@ async function begin() {
   document.title = `${device.device} · hexatorque monitor`;
   $("reset").lastChild.addEventListener("click", () => order("/reset/seen"));
   quick();
-  parameters();
+  parameters(device, showQuick);
   channels();
   capture();
   tools();
