@@ -13,9 +13,11 @@ import tempfile
 import threading
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from ..drive import limits
 from ..drive.board import BoardDrive
 from ..drive.captures import TRIGGERS, Trigger
 from ..drive.recorder import Recorder
@@ -43,6 +45,8 @@ MEAN_S = 0.25
 BREAK_S = 0.05
 #: STOP is repeated for this long if it fails.
 STOP_S = 1.0
+#: Captures that are kept, and the largest number of their values.
+CAPTURES, CAPTURES_VALUES = 12, 1 << 23
 #: Attempts to upload a capture.
 FETCH_TRIES = 5
 #: After START the board's state changes within this time.
@@ -71,6 +75,25 @@ SETS = {
 INITIAL = "its parameters are at their initial values"
 
 
+class Capture(NamedTuple):
+    """trigger: as it was armed, such as `rising:state:1.5`."""
+
+    number: int
+    recording: Recording
+    trigger: str
+
+    @property
+    def values(self) -> int:
+        return len(self.recording) * len(self.recording.channels)
+
+    def file(self, suffix: str) -> bytes:
+        """As a file. `.json` is the file of metadata that belongs to `.csv`."""
+        with tempfile.TemporaryDirectory() as folder:
+            kind = ".csv" if suffix == ".json" else suffix
+            path = self.recording.save(Path(folder) / f"capture{kind}")
+            return path.with_suffix(suffix).read_bytes()
+
+
 class MonitoredDrive:
     """Traces, captures, records and commands one drive. `close` stops the drive if it was started
     here. It does not close the `BoardDrive`."""
@@ -94,12 +117,13 @@ class MonitoredDrive:
         self.values_version = 0
         self.snapshot: Snapshot | None = None
         self.snapshot_version = 0
-        self.captured: Recording | None = None
-        self.capture_number = 0
+        self.captures: dict[int, Capture] = {}  #: the latest ones by their numbers, in order
+        self.capture_number = 0  #: of the latest one
         self.notice = ""  #: an event that no page asked for, such as an automatic stop
         self.reset = ""  #: what a reset of the board has changed, until a user has read it
         self._recorder: Recorder | None = None
         self._capture_text = ""
+        self._trigger = ""  # of the capture that was armed last
         self._capture_wanted = 0  # number of the capture that was armed last
         self._started_s: float | None = None  # when the drive was started here
         self._pages: dict[int, float] = {}  # page -> when the frame was sent that it last answered
@@ -190,6 +214,12 @@ class MonitoredDrive:
                 for title, names in grouped(dictionary.parameters).items()
             ],
             "channels": [row._asdict() for row in dictionary.channels],
+            "limits": [
+                limit._asdict()
+                for limit in limits.of_board(
+                    dictionary.parameters, [row.name for row in dictionary.channels]
+                )
+            ],
             "faults": [row._asdict() for row in dictionary.faults],
             "warnings": [{"bit": bit, "name": text} for bit, text in WARNINGS.items()],
         }  # fmt: skip
@@ -571,6 +601,7 @@ class MonitoredDrive:
             channels = [*channels, on]
         with self._lock:
             self.drive.arm(channels, samples, pre, trigger, prescaler)
+            self._trigger = trigger
             self._capture_wanted += 1
             wanted = self._capture_wanted
         self._capture_text = "armed"
@@ -626,19 +657,34 @@ class MonitoredDrive:
                 continue
             with self._lock:
                 if wanted == self._capture_wanted:
-                    self.captured = found
-                    self.capture_number += 1
+                    self._keep(found)
                     tell("complete")
             return
 
-    def capture_file(self, suffix: str) -> bytes:
-        """The latest capture as a file. `.json` is the file of metadata that belongs to `.csv`."""
-        if self.captured is None:
-            raise LinkError("there is no capture yet", mistake=True)
-        with tempfile.TemporaryDirectory() as folder:
-            kind = ".csv" if suffix == ".json" else suffix
-            path = self.captured.save(Path(folder) / f"capture{kind}")
-            return path.with_suffix(suffix).read_bytes()
+    def _keep(self, recording: Recording) -> None:
+        """Add a capture. The oldest ones go where there are too many of them."""
+        self.capture_number += 1
+        number = self.capture_number
+        self.captures[number] = Capture(number, recording, self._trigger)
+
+        def values() -> int:
+            return sum(one.values for one in self.captures.values())
+
+        while len(self.captures) > 1 and (
+            len(self.captures) > CAPTURES or values() > CAPTURES_VALUES
+        ):
+            del self.captures[next(iter(self.captures))]
+
+    def capture(self, number: int | None = None) -> Capture:
+        """The capture with this number; None: the latest."""
+        with self._lock:
+            found = self.captures.get(self.capture_number if number is None else number)
+            if found:
+                return found
+            if not self.captures:
+                raise LinkError("there is no capture yet", mistake=True)
+            kept = ", ".join(map(str, self.captures))
+            raise LinkError(f"capture {number} is not kept: {kept} are", mistake=True)
 
     # -- recording -------------------------------------------------------------------------------
 

@@ -29,10 +29,12 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 
+from ..drive.limits import LIMITS
 from ..firmware import FirmwareError
 from ..recording.formats import RecordingError
+from ..recording.recording import STARTED
 from ..serial import LinkError
-from .monitored_drive import MonitoredDrive
+from .monitored_drive import Capture, MonitoredDrive
 from .traces import View
 
 FRAME_S = 0.04
@@ -47,6 +49,8 @@ PAGES_OF_A_BROWSER = 4
 BODY_BYTES = 1 << 16
 CAPTURE_FILES = ("/capture.csv", "/capture.json", "/capture.npz")
 WINDOW_S = (0.01, 60.0)
+#: Largest number of values of a span that a page analyses.
+SPAN_VALUES = 1 << 21
 BINS = (16, 8192)
 
 TYPES = {
@@ -226,11 +230,16 @@ class Handler(BaseHTTPRequestHandler):
         elif url.path == "/history":
             self._history(query)
         elif url.path == "/capture":
-            self._json(_capture(monitored))
+            self._json(_capture(_chosen(monitored, query)) if monitored.captures else None)
+        elif url.path == "/captures":
+            self._json([_described(one) for one in list(monitored.captures.values())])
         elif url.path in CAPTURE_FILES:
             suffix = url.path.removeprefix("/capture")
-            name = f"capture-{monitored.capture_number}{suffix}"
-            self._send(monitored.capture_file(suffix), "application/octet-stream", name=name)
+            capture = _chosen(monitored, query)
+            name = f"capture-{capture.number}{suffix}"
+            self._send(capture.file(suffix), "application/octet-stream", name=name)
+        elif url.path == "/span":
+            self._span(query)
         elif url.path == "/events":
             self._events(browser, query)
         else:
@@ -275,6 +284,24 @@ class Handler(BaseHTTPRequestHandler):
         count = max(0, last - first)
         lo, hi = ring.envelope(width, first, first + count)
         self._json(_bins(epoch, stream.rate_Hz, width, first, lo, hi))
+
+    def _span(self, query: dict[str, str]) -> None:
+        """Send all samples of a part of the history, those from `begin_s` to before `end_s`."""
+        begin = _number(query, "begin_s", 0.0, 1e12)
+        end = _number(query, "end_s", begin, begin + WINDOW_S[1] + 1)
+        found = self.server.monitored.traced()
+        if found is None:
+            raise Refused(409, "nothing is traced")
+        epoch, ring, stream = found
+        first = math.ceil(begin * stream.rate_Hz - 1e-6)
+        last = min(math.ceil(end * stream.rate_Hz - 1e-6), ring.end)
+        values = max(0, last - first) * len(stream.channels)
+        if values > SPAN_VALUES:
+            raise Refused(
+                400, f"the span has {values} values: up to {SPAN_VALUES} are analysed at once"
+            )
+        part = ring.part(first, max(first, last))
+        self._json(_bins(epoch, stream.rate_Hz, 1, first, part, part))
 
     def _events(self, browser: str, query: dict[str, str]) -> None:
         window_s = _number(query, "window_s", *WINDOW_S)
@@ -354,19 +381,33 @@ def _floats(values: np.ndarray) -> str:
     return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
 
 
-def _capture(monitored: MonitoredDrive) -> dict | None:
-    """The latest capture with all its samples, as JSON. The trigger is at time 0."""
-    found = monitored.captured
-    if found is None:
-        return None
-    table = np.array([found[name] for name in found.channels], np.float32)
+def _chosen(monitored: MonitoredDrive, query: dict[str, str]) -> Capture:
+    """The capture whose number the query tells, or the latest."""
+    if "number" not in query:
+        return monitored.capture()
+    return monitored.capture(round(_number(query, "number", 1, 1e9)))
+
+
+def _described(capture: Capture) -> dict:
+    """A capture without its samples. The trigger is at time 0. `values`: of the parameters that are
+    limits, when it was taken."""
+    recording = capture.recording
+    meta = recording.meta
+    values = meta["parameters"]["controller"]
     return {
-        "number": monitored.capture_number,
-        "channels": list(found.channels),
-        "start_s": found.start_s,
-        "meta": {key: found.meta[key] for key in ("trigger_tick", "scheme", "state", "faults")},
-        **_bins(0, found.rate_Hz, 1, 0, table, table),
-    }
+        "number": capture.number, "trigger": capture.trigger, "taken": meta[STARTED],
+        "channels": list(recording.channels), "start_s": recording.start_s,
+        "count": len(recording), "dt_s": 1 / recording.rate_Hz,
+        "values": {one.parameter: values.get(one.parameter) for one in LIMITS},
+        "meta": {key: meta[key] for key in ("trigger_tick", "scheme", "state", "faults")},
+    }  # fmt: skip
+
+
+def _capture(capture: Capture) -> dict:
+    """A capture with all its samples, as JSON."""
+    recording = capture.recording
+    table = np.array([recording[name] for name in recording.channels], np.float32)
+    return {**_described(capture), **_bins(0, recording.rate_Hz, 1, 0, table, table)}
 
 
 def _finite(data: object) -> object:

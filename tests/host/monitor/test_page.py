@@ -286,6 +286,59 @@ def test_burst_capture_is_drawn(page):
     assert page.complaints() == []
 
 
+LABELS = ("[...document.querySelectorAll('#plots canvas')].map((c) => c.getAttribute('aria-label'))"
+          ".join(' | ')")  # fmt: skip
+
+
+def test_limits_follow_their_parameters(page, monitor):
+    before = monitor.get("/values")[1]
+    page.until(f"({LABELS}).includes('i_trip_A at {before['i_trip_A']:.2f} A')")
+    assert f"vdc_min_V at {before['vdc_min_V']:.1f} V" in page.js(LABELS)
+    assert "test_current_A" not in page.js(LABELS)  # in the state test only
+    monitor.post("/write", {"values": {"i_trip_A": 12.5}})  # by whom does not matter
+    page.until(f"({LABELS}).includes('i_trip_A at −12.50 A')")
+    page.choose("#limits", "none")
+    page.until(f"!({LABELS}).includes('limits')")
+    monitor.post("/write", {"values": {"i_trip_A": before["i_trip_A"]}})
+
+
+def take_capture(page, samples: int) -> str:
+    """Capture by hand. Returns the number of the capture that is then shown."""
+    tab(page, "capture")
+    page.click("#see-live")
+    page.type("#samples", str(samples))
+    page.js("document.querySelector('#capture-form').requestSubmit()")
+    page.until("document.querySelector('#capture-state').textContent.startsWith('waiting')")
+    page.click("#trigger-now")
+    page.until("document.body.dataset.seeing === 'capture'")
+    return page.js("document.querySelector('#capture-shown').value")
+
+
+def test_captures_stay_and_one_lies_over_another(page):
+    first, second = take_capture(page, 300), take_capture(page, 200)
+    assert int(second) == int(first) + 1
+    listed = "[...document.querySelector('#capture-shown').options].map((o) => o.value)"
+    assert page.js(listed)[:2] == [second, first]
+    before = inked(page, 0)
+    page.choose("#capture-over", first)
+    page.until(f"({INKED % 0}) !== {before}")
+    # Its values are in the legend, at the pointer, which the keys move.
+    page.js("document.querySelector('#plots .stack').focus()")
+    page.key("ArrowRight", "ArrowRight")
+    page.until("document.querySelector('.chip .over').textContent !== ''")
+    # The other one is shown, with nothing over it, and its files are those that are offered.
+    page.choose("#capture-over", "")
+    page.choose("#capture-shown", first)
+    page.until(f"document.querySelector('#see-capture').textContent === 'Capture {first}'")
+    link = "document.querySelector('.downloads a').href"
+    assert page.js(f"fetch({link}).then(r => r.text()).then(t => t.split('\\n').length)") == 302
+    # A page that is opened anew has them, too.
+    page.call("Page.navigate", url=page.js("location.href"))
+    page.until(f"document.querySelector('#capture-shown')?.value === '{second}'")
+    assert page.js(listed)[:2] == [second, first]
+    assert page.complaints() == []
+
+
 def test_the_level_is_checked_and_its_channel_is_captured(page, monitor):
     tab(page, "capture")
     page.choose("#trigger", "below")

@@ -275,6 +275,137 @@ def test_the_pointer_reads_and_marks_and_selects_in_all_plots(plots):
 
 
 @needs_browser
+def test_a_limit_is_a_line_at_its_level(plots):
+    """Two limits concern the first plot: one is in its range, one is not. None concerns the
+    other."""
+    show(plots, [[1.0] * 50, [1.0] * 50], units="AV")
+    plots.js("""(async () => {
+      const { levels } = await import('/limits.js');
+      const table = [
+        { parameter: 'near', channels: ['c0', 'x'], signs: [1], state: '' },
+        { parameter: 'far', channels: ['c0'], signs: [1, -1], state: '' },
+        { parameter: 'other', channels: ['x'], signs: [1], state: '' },
+        { parameter: 'elsewhere', channels: ['c0'], signs: [1], state: 'test' },
+      ];
+      window.limit = async (far, reach) => {
+        const values = { near: 1.004, far, other: 1, elsewhere: 1 };
+        stack.limit(levels(table, values, 'run'), reach);
+        await drawn();
+      };
+      await limit(5, false);
+    })()""")
+
+    def lines(plot: int) -> list[float]:
+        """The levels at which most of the width has the colour of limits."""
+        values, _ = columns(plots, "--warn", plot)
+        tall = values[300:]  # right of the names
+        drawn = ~np.isnan(tall[:, 0])
+        if not drawn.mean() > 0.5:
+            return []
+        return sorted({float(np.nanmin(tall)), float(np.nanmax(tall))})
+
+    def label(plot: int) -> str:
+        return plots.js(f"stack.plots[{plot}].chart.ctx.canvas.getAttribute('aria-label')")
+
+    (level, *others) = lines(0)
+    assert level == pytest.approx(1.004, abs=1e-3)
+    assert all(other == pytest.approx(level, abs=1e-3) for other in others)
+    assert lines(1) == []
+    assert label(0) == "c0; limits: near at 1.004 A, far at 5.000 A, far at −5.000 A"
+    assert label(1) == "c1"
+    # All limits: the scale reaches them. A parameter changes: its line follows.
+    for far in (5, 3):
+        plots.js(f"limit({far}, true)")
+        low, high = plots.js("stack.plots[0].scale")
+        assert lines(0) == pytest.approx([-far, far], abs=(high - low) / 40)
+        assert low <= -far and high >= far
+    plots.js("(async () => { stack.limit([], true); await drawn(); })()")
+    assert lines(0) == [] and label(0) == "c0"
+    assert plots.complaints() == []
+
+
+@needs_browser
+@pytest.mark.parametrize("count", [40, 40_000])  # fewer and more samples than pixels
+def test_a_capture_lies_over_another_with_the_trigger_at_the_same_time(plots, count):
+    """The one that is shown is 1 from -0.1 s to 0.4 s. The other lasts from -0.3 s to 0.7 s, is 2
+    and from the trigger on 3, and has a gap from 0.5 s to 0.6 s."""
+    show(plots, [[1.0] * 50, [1.0] * 50], units="AV")
+    plots.js(f"""(async () => {{
+      const {{ Overlay }} = await import('/overlay.js');
+      const count = {count};
+      const time = (i) => -0.3 + i / count;
+      const value = (t) => (t >= 0.5 && t < 0.6 ? NaN : t >= -1e-9 ? 3 : 2);
+      const samples = Float32Array.from({{ length: count }}, (_, i) => value(time(i)));
+      stack.trigger = true;
+      stack.bins = newBins(2, 50, 0.01);
+      stack.bins.start_s = -0.1;
+      stack.bins.put(0, 50, Array(100).fill(1), Array(100).fill(1));
+      stack.window_s = 0.5;
+      stack.over = new Overlay({{ number: 7, start_s: -0.3, dt_s: 1 / count, count,
+        columns: new Map([['c0', samples]]) }});
+      stack.rescale();
+      await drawn();
+    }})()""")
+    values, pixel = columns(plots)
+    at = -0.3 + np.arange(len(values)) / len(values)  # all of both is shown
+    own = (at > -0.09) & (at < 0.38)
+    drawn = ~np.isnan(values[:, 0])
+
+    def inked(mask):
+        """Levels that are drawn there; the trigger's line and its neighbours are left out."""
+        found = values[mask & drawn & (np.abs(at) > 0.03)]
+        return found[:, 0].min(), found[:, 1].max()
+
+    assert inked(own & (at < 0)) == pytest.approx((1, 2), abs=2 * pixel)
+    assert inked(own & (at > 0)) == pytest.approx((1, 3), abs=2 * pixel)
+    assert inked(at < -0.11) == pytest.approx((2, 2), abs=2 * pixel)
+    assert inked(at > 0.41) == pytest.approx((3, 3), abs=2 * pixel)
+    assert not drawn[(at > 0.51) & (at < 0.57)].any()
+    dashes = drawn[at < -0.11].mean()
+    assert 0.3 < dashes < 0.8  # dashed, and the own trace is solid
+    assert drawn[own].all()
+    other = columns(plots, "--trace-1", 1)[0]  # its channel is not in the other capture
+    assert np.isnan(other[at < -0.11, 0]).all()
+    # The legend reads both at the pointer.
+    plots.down = False
+    pointer(plots, 0.5, "mouseMoved")
+    plots.until("stack.plots[0].box.querySelector('.over').textContent === '3.000'")
+    read = "[...document.querySelectorAll('.chip output, .over')].map((e) => e.textContent)"
+    assert plots.js(read) == ["1.000", "3.000", "1.000", ""]
+    assert plots.complaints() == []
+
+
+@needs_browser
+def test_keys_move_the_pointer_and_set_marks(plots):
+    """The same as with the mouse: two marks, and the part between them."""
+    show(plots, [list(range(500))] * 2, units="AV")  # 5 s
+    plots.js("stack.box.focus()")
+    cursor = "said.cursor_s"
+    for key, wanted in (("ArrowRight", -2.4), ("ArrowRight", -2.3), ("ArrowLeft", -2.4)):
+        plots.key(key, key)
+        assert plots.js(cursor) == pytest.approx(wanted, abs=0.01)
+    plots.key("Enter", "Enter", "\r")
+    for _ in range(10):
+        plots.key("ArrowLeft", "ArrowLeft")
+    plots.key("Enter", "Enter", "\r")
+    marks = plots.js("stack.markPair()")
+    assert marks == pytest.approx([-2.4, -3.4], abs=0.02)
+    plots.js("drawn()")
+    lines = np.flatnonzero(~np.isnan(columns(plots, "--accent", plot=1)[0][:, 0]))
+    wide = len(columns(plots)[0])
+    assert sorted(set(np.round(lines / wide * 5 - 5, 1))) == pytest.approx([-3.4, -2.4])
+    plots.key("z", "KeyZ", "z")
+    assert plots.js("said.view") == pytest.approx([5 - 3.4, 5 - 2.4], abs=0.03)
+    assert plots.js("stack.markPair()") == []
+    for _ in range(2):  # a third mark is none
+        plots.key("Enter", "Enter", "\r")
+    assert len(plots.js("stack.markPair()")) == 2
+    plots.key("Enter", "Enter", "\r")
+    assert plots.js("stack.markPair()") == []
+    assert plots.js("stack.box.getAttribute('aria-label')").count("arrow") == 1
+
+
+@needs_browser
 def test_bins_are_those_that_were_put(plots):
     """Against a plain table: holes, bins that come again, more bins than there is room for."""
     rng = np.random.default_rng(5)

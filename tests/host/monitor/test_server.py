@@ -10,13 +10,16 @@ import pytest
 from waiting import WAIT_S, until
 
 from hexatorque import firmware
+from hexatorque.drive.limits import LIMITS
 from hexatorque.monitor import server as module
 from hexatorque.monitor.monitored_drive import START_S
+from hexatorque.monitor.traces import Ring
 from hexatorque.recording.recording import Recording
 
 COMMANDS = sorted(module.COMMANDS)
-PATHS = ["/", "/monitor.js", "/device", "/values", "/snapshot", "/capture", "/capture.csv",
-         "/events?window_s=1&bins=100", "/history?begin_s=0&end_s=1&bins=100"]  # fmt: skip
+PATHS = ["/", "/monitor.js", "/device", "/values", "/snapshot", "/capture", "/captures",
+         "/capture.csv", "/events?window_s=1&bins=100", "/history?begin_s=0&end_s=1&bins=100",
+         "/span?begin_s=0&end_s=1"]  # fmt: skip
 
 
 # -- access -----------------------------------------------------------------------------
@@ -691,6 +694,68 @@ def test_a_capture_out_of_range_is_refused(site, change, word):
     order = {"channels": ["vdc_V"], "samples": 100, "pre": 10, "prescaler": 1, "trigger": "manual"}
     status, answer = site.post("/capture/arm", order | change)
     assert status == 400 and word in answer["error"]
+
+
+def test_captures_are_kept_up_to_a_number(site, monkeypatch):
+    monkeypatch.setattr("hexatorque.monitor.monitored_drive.CAPTURES", 2)
+    assert site.get("/captures") == (200, [])
+    order = {"channels": ["vdc_V"], "pre": 0, "prescaler": 1, "trigger": "below:vdc_V:1e5"}
+    for number, samples in ((1, 20), (2, 30), (3, 40)):
+        assert site.post("/capture/arm", order | {"samples": samples})[0] == 200
+        until(lambda number=number: site.monitored.status()["capture"] == number)
+    kept = site.get("/captures")[1]
+    assert [(one["number"], one["count"]) for one in kept] == [(2, 30), (3, 40)]
+    assert {one["trigger"] for one in kept} == {"below:vdc_V:1e5"}
+    trip_A = site.monitored.drive.get("i_trip_A")
+    for number, count in ((2, 30), (3, 40)):
+        one = site.get(f"/capture?number={number}")[1]
+        assert (one["number"], one["count"]) == (number, count)
+        assert one["values"]["i_trip_A"] == trip_A
+        status, headers, body = site.ask("GET", f"/capture.csv?number={number}")
+        assert status == 200 and f"capture-{number}.csv" in headers["Content-Disposition"]
+        assert body.count(b"\n") == count + 1
+    assert site.get("/capture")[1]["number"] == 3
+    for path in ("/capture?number=1", "/capture.csv?number=1", "/capture?number=4"):
+        status, answer = site.get(path)
+        assert status == 400 and "2, 3" in answer["error"]
+    assert site.get("/capture?number=x")[0] == 400
+    # One that is larger than all that may be kept is kept alone.
+    monkeypatch.setattr("hexatorque.monitor.monitored_drive.CAPTURES_VALUES", 45)
+    assert site.post("/capture/arm", order | {"samples": 50})[0] == 200
+    until(lambda: site.monitored.status()["capture"] == 4)
+    assert [one["number"] for one in site.get("/captures")[1]] == [4]
+
+
+def test_a_span_has_every_sample(site, monkeypatch):
+    """Put there by hand: some are missing."""
+    site.monitored.select(["vdc_V", "speed_rpm"], 1000.0)
+    stream = site.monitored.stream
+    rate_Hz = stream.rate_Hz
+    ring = Ring(2, 5000)
+    numbers = np.delete(np.arange(100, 4100), [50, 51])
+    values = np.stack([numbers, -numbers], axis=1).astype(np.float32)
+    ring.push(numbers, values)
+    monkeypatch.setattr(site.monitored, "traced", lambda: (7, ring, stream))
+    begin_s, end_s = 120 / rate_Hz, 2120 / rate_Hz
+    status, span = site.get(f"/span?begin_s={begin_s!r}&end_s={end_s!r}")
+    assert status == 200 and (span["epoch"], span["first"], span["count"]) == (7, 120, 2000)
+    assert span["dt_s"] == 1 / rate_Hz
+    found = floats(span["lo"], 2)
+    wanted = np.arange(120, 2120, dtype=np.float32)
+    wanted[[30, 31]] = np.nan
+    np.testing.assert_array_equal(found, [wanted, -wanted])
+    assert site.get(f"/span?begin_s={5000 / rate_Hz}&end_s={6000 / rate_Hz}")[1]["count"] == 0
+    monkeypatch.setattr(module, "SPAN_VALUES", 3999)
+    status, answer = site.get(f"/span?begin_s={begin_s!r}&end_s={end_s!r}")
+    assert status == 400 and "4000 values" in answer["error"] and "3999" in answer["error"]
+    assert site.get("/span?begin_s=0&end_s=1000")[0] == 400
+
+
+def test_limits_are_those_of_the_table(site):
+    device = site.get("/device")[1]
+    rows = {one["parameter"]: one for one in device["limits"]}
+    assert rows["i_trip_A"]["signs"] == [1, -1] and len(rows["i_trip_A"]["channels"]) == 6
+    assert list(rows) == [limit.parameter for limit in LIMITS]
 
 
 def test_a_capture_is_not_confused_with_the_one_before(site):

@@ -2,7 +2,9 @@
 
 import { $, ask, make, order, toast } from "/asking.js";
 import { Bins } from "/bins.js";
+import { levels } from "/limits.js";
 import { decode, parse, show } from "/numbers.js";
+import { Overlay, samplesOf } from "/overlay.js";
 import {
   NUMBER, asText, asValue, editor, fetchValues, lockParameters, mistake, parameters, values, write,
 } from "/parameters.js";
@@ -29,7 +31,8 @@ let heard_ms = 0;
 let answered_ms = 0;
 let answering = false;
 let epoch = -1;
-let captured = null;
+let captured = null; // the capture that is shown
+let captures = []; // what can be shown, without samples
 let armedHere = false;
 let seen = { values: -1, snapshot: -1, capture: 0 };
 let channelRow = new Map();
@@ -180,7 +183,8 @@ function pause(on) {
   $("pause").textContent = on ? "Resume" : "Pause";
   held = on ? live.bins : null;
   if (!on) {
-    live.view = live.mark_s = null;
+    live.view = null;
+    live.setMarks();
     listen();
   }
   $("whole").hidden = !(seeing === "live" ? live.view : burst.view);
@@ -220,6 +224,24 @@ function readout(cursor_s, mark_s) {
   $("cursor").textContent = text;
 }
 
+let limited = ""; // what the plots show of limits
+
+/** Limits follow the parameters, the state and what was chosen. Those of a capture are as they were
+ * when it was taken. */
+function limits() {
+  const choice = $("limits").value;
+  const shown = choice === "none" ? [] : [
+    [live, levels(device.limits, values, status?.state)],
+    [burst, captured ? levels(device.limits, captured.values, captured.meta.state) : []],
+  ];
+  const text = JSON.stringify([choice, shown.map(([, found]) => found)]);
+  if (text === limited) return;
+  limited = text;
+  for (const [stack, found] of shown.length ? shown : [[live, []], [burst, []]]) {
+    stack.limit(found, choice === "all");
+  }
+}
+
 function see(what) {
   seeing = what;
   document.body.dataset.seeing = what;
@@ -247,6 +269,9 @@ function tools() {
   $("rate").addEventListener("change", () => trace(choice));
   $("pause").addEventListener("click", () => pause(!paused));
   $("whole").addEventListener("click", () => (seeing === "live" ? live : burst).whole());
+  $("limits").addEventListener("change", limits);
+  $("capture-shown").addEventListener("change", () => showCapture(Number($("capture-shown").value)));
+  $("capture-over").addEventListener("change", layOver);
   $("see-live").addEventListener("click", () => see("live"));
   $("see-capture").addEventListener("click", () => see("capture"));
   $("record").addEventListener("click", async () => {
@@ -297,6 +322,7 @@ function hear(now) {
   if (now.capture !== seen.capture) fetchCapture(now.capture);
   // A board of protocol 2.0 does not say when the gates are on: it refuses by itself.
   if (!before || before.state !== now.state) lockParameters(working() && device.minor > 0);
+  limits();
 }
 
 function resetBanner(text) {
@@ -457,6 +483,7 @@ function choose(names) {
 const quickRow = new Map();
 
 function showQuick() {
+  limits();
   for (const [name, { input }] of quickRow) {
     if (document.activeElement !== input || input.tagName === "SELECT") input.value = asText(values[name]);
   }
@@ -564,28 +591,86 @@ function shape() {
   $("capture-length").textContent = `${show(span_ms)} ms at ${show(f_isr_Hz / $("prescaler").valueAsNumber)} Hz; room for ${most} samples`;
 }
 
+/** There is a new capture. It is shown if it was armed here, or if no capture is being looked at. */
 async function fetchCapture(number) {
   seen.capture = number;
   if (!number) return;
   try {
-    captured = await ask("/capture");
+    captures = await ask("/captures");
   } catch {
     seen.capture = 0;
     return;
   }
-  const data = decode(captured.lo);
-  burst.view = burst.mark_s = null;
-  burst.bins = new Bins(captured.channels.length, captured.count, captured.dt_s, captured.start_s);
-  burst.bins.put(0, captured.count, data, data);
-  burst.show(series(captured.channels));
-  burst.whole();
-  // Show the whole capture.
-  burst.view = null;
-  burst.window_s = captured.count * captured.dt_s;
-  $("see-capture").disabled = false;
-  $("see-capture").textContent = `Capture ${number}`;
+  const wanted = armedHere || seeing !== "capture" || !captured ? number : captured.number;
+  captureLists();
+  await showCapture(wanted);
   if (armedHere) see("capture");
   armedHere = false;
+}
+
+/** The captures that can be shown, and laid over the one that is. */
+function captureLists() {
+  const text = ({ number, trigger, taken }) =>
+    `${number} · ${taken.slice(11, 19)} · ${trigger.replaceAll(":", " ")}`;
+  const latest = [...captures].reverse();
+  const fill = (list, first, words) => {
+    const before = list.value;
+    list.replaceChildren(...first, ...latest.map((row) => new Option(words + text(row), row.number)));
+    if ([...list.options].some((option) => option.value === before)) list.value = before;
+  };
+  fill($("capture-shown"), [], "");
+  fill($("capture-over"), [new Option("nothing over it", "")], "over it: ");
+}
+
+let asked = 0; // number of the latest request: an answer to an earlier one is too late
+
+async function showCapture(number) {
+  const mine = ++asked;
+  let found;
+  try {
+    found = await ask(`/capture?number=${number}`);
+  } catch (error) {
+    toast(error.message, "bad");
+    return;
+  }
+  if (mine !== asked) return;
+  captured = { ...found, ...samplesOf(found) };
+  burst.view = burst.over = null;
+  burst.bins = new Bins(captured.channels.length, captured.count, captured.dt_s, captured.start_s);
+  const data = decode(found.lo);
+  burst.bins.put(0, captured.count, data, data);
+  burst.show(series(captured.channels));
+  burst.window_s = captured.count * captured.dt_s;
+  burst.whole();
+  $("capture-shown").value = number;
+  $("see-capture").disabled = false;
+  $("see-capture").textContent = `Capture ${number}`;
+  for (const link of document.querySelectorAll(".downloads a")) {
+    link.href = `${link.pathname}?number=${number}`;
+  }
+  limits();
+  await layOver();
+}
+
+/** Lay the capture that was chosen over the one that is shown. */
+async function layOver() {
+  const mine = ++asked;
+  const number = $("capture-over").value;
+  burst.over = null;
+  if (number && Number(number) !== captured.number) {
+    try {
+      const over = new Overlay(samplesOf(await ask(`/capture?number=${number}`)));
+      if (mine !== asked) return;
+      if (!captured.channels.some((name) => over.columns.has(name))) {
+        throw new Error(`capture ${number} has no channel of capture ${captured.number}`);
+      }
+      burst.over = over;
+    } catch (error) {
+      toast(error.message, "bad");
+      $("capture-over").value = "";
+    }
+  }
+  burst.rescale();
 }
 
 // -- the latest fault --------------------------------------------------------------------

@@ -1,6 +1,7 @@
 // One plot of traces over time. uPlot draws it (vendor/uplot).
 
-import { decimals, fixed, parse } from "/numbers.js";
+import { drawLevels, levelsOf } from "/limits.js";
+import { decimals, fixed, parse, show } from "/numbers.js";
 
 /* global uPlot */
 
@@ -11,6 +12,8 @@ const STEPS = Array.from({ length: 22 }, (_, i) => i - 12)
 const ROOM = { above: 8, right: 20, values: 58, times: 22, below: 8 };
 /** Pixels of line and gap of a dashed trace. */
 const DASH = [7, 4];
+/** The same of a capture that is laid over another, whose trace is solid or dashed. */
+const OVER = { solid: [3, 3], dashed: [1, 4] };
 /** A drag of fewer pixels is a click. */
 const LEAST_DRAG = 6;
 
@@ -22,19 +25,30 @@ export class Plot {
     this.drawn = [...series].reverse();
     this.fixed = null;
     this.scale = null;
+    this.shown = [0, 0]; // from and to, in seconds
+    this.unit = unit;
+    this.names = series.map((one) => one.name);
+    this.levels = []; // of limits
     this.box = document.createElement("div");
     this.box.className = "plot";
     this.place = document.createElement("div");
     this.place.className = "chart";
     this.box.append(this.legend(unit, series), this.place);
     this.chart = new uPlot(this.options(last), null, this.place);
-    const canvas = this.chart.ctx.canvas;
-    canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", series.map((one) => one.name).join(", "));
+    this.chart.ctx.canvas.setAttribute("role", "img");
+    this.limit();
     // A finger scrolls the page; only a mouse selects and sets marks.
     this.chart.over.addEventListener("pointerdown", (event) => {
       stack.mouse = event.pointerType === "mouse";
     });
+  }
+
+  /** Take the levels of the limits that concern this plot. */
+  limit() {
+    this.levels = levelsOf(this.stack.levels, this.names);
+    const said = this.levels.map(({ name, value }) => `${name} at ${show(value)} ${this.unit}`);
+    this.chart.ctx.canvas.setAttribute("aria-label",
+      this.names.join(", ") + (said.length ? `; limits: ${said.join(", ")}` : ""));
   }
 
   /** By hand and not uPlot's: without a pointer it shows the newest sample, drawn or not. */
@@ -56,7 +70,9 @@ export class Plot {
       name.textContent = one.name;
       one.value = document.createElement("output");
       one.value.dataset.channel = one.name;
-      chip.append(swatch, name, one.value);
+      one.over = document.createElement("span");
+      one.over.className = "over";
+      chip.append(swatch, name, one.value, one.over);
       head.append(chip);
     }
     head.append(this.makeScale());
@@ -150,7 +166,7 @@ export class Plot {
       },
       hooks: {
         drawAxes: [() => this.zeroLine()],
-        draw: [() => this.lines()],
+        draw: [() => this.laidOver(), () => this.lines(), () => this.limitLines()],
         setCursor: [(chart) => {
           const { left } = chart.cursor;
           stack.point(left < 0 ? null : chart.posToVal(left, "x"));
@@ -174,6 +190,13 @@ export class Plot {
     if (!Number.isFinite(low) || !Number.isFinite(high) || low === null) {
       return this.scale || [0, 1];
     }
+    if (this.stack.over) {
+      const [least, most] = this.stack.over.range(this.names, ...this.shown);
+      [low, high] = [Math.min(low, least), Math.max(high, most)];
+    }
+    if (this.stack.reachLevels) {
+      for (const { value } of this.levels) [low, high] = [Math.min(low, value), Math.max(high, value)];
+    }
     const least = Math.max(Math.abs(low), Math.abs(high)) * 0.02 || 1;
     if (high - low < least) {
       const middle = (low + high) / 2;
@@ -195,6 +218,7 @@ export class Plot {
   /** times_s: of the values of all traces; from_s, to_s: what is shown. */
   draw(times_s, from_s, to_s) {
     const { chart, place, stack } = this;
+    this.shown = [from_s, to_s];
     const { clientWidth: width, clientHeight: height } = place;
     if (!width || !height) return;
     if (chart.width !== width || chart.height !== height) chart.setSize({ width, height });
@@ -222,7 +246,34 @@ export class Plot {
     pen.restore();
   }
 
-  /** The trigger, resets of the board and the mark to measure from. By hand: uPlot has no such
+  /** The capture that is laid over the one that is shown. By hand: its samples have other times. */
+  laidOver() {
+    const { chart, stack } = this;
+    if (!stack.over) return;
+    const { ctx: pen, bbox } = chart;
+    const ratio = uPlot.pxRatio;
+    pen.save();
+    pen.beginPath();
+    pen.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    pen.clip();
+    pen.lineWidth = ratio;
+    for (const one of this.drawn) {
+      pen.strokeStyle = stack.colours.traces[one.colour];
+      pen.setLineDash(OVER[one.dashed ? "dashed" : "solid"].map((length) => length * ratio));
+      stack.over.draw(pen, one.name, one.steps, ...this.shown,
+        (time_s) => chart.valToPos(time_s, "x", true), (value) => chart.valToPos(value, "y", true));
+    }
+    pen.restore();
+  }
+
+  limitLines() {
+    const { chart, stack } = this;
+    const ratio = uPlot.pxRatio;
+    const style = { colour: stack.colours.warn, paper: stack.colours.card, font: stack.fontOf(ratio) };
+    drawLevels(chart.ctx, chart.bbox, (value) => chart.valToPos(value, "y", true), this.levels, style, ratio);
+  }
+
+  /** The trigger, resets of the board and the two marks to measure between. By hand: uPlot has no such
    * lines. */
   lines() {
     const { chart, stack } = this;
@@ -242,7 +293,7 @@ export class Plot {
       pen.moveTo(x, bbox.top);
       pen.lineTo(x, bbox.top + bbox.height);
       pen.stroke();
-      pen.font = stack.font.replace(/\d+/, (size) => size * ratio);
+      pen.font = stack.fontOf(ratio);
       pen.textAlign = "left";
       pen.textBaseline = "top";
       pen.fillText(text, x + 4 * ratio, bbox.top);
@@ -251,7 +302,7 @@ export class Plot {
     for (const mark of stack.marks) {
       upright(mark.time_s - stack.zero_s, stop, [2, 2], mark.text);
     }
-    if (stack.mark_s !== null) upright(stack.mark_s, accent, []);
+    for (const mark_s of stack.markPair()) upright(mark_s, accent, []);
     pen.restore();
   }
 }

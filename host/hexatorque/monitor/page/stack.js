@@ -18,14 +18,25 @@ export class Stack {
     this.view = null; // chosen part, [from, to]
     this.window_s = 5;
     this.trigger = false; // time 0 is a trigger, not the newest sample
+    this.levels = []; // of limits: {name, value, channels}
+    this.reachLevels = false; // the scales reach as far as the levels
     this.marks = []; // {time_s, text}: what happened when
     this.zero_s = 0; // the time of the samples that is time 0 of what is drawn
-    this.cursor_s = this.mark_s = null; // counted from there
+    this.cursor_s = null; // counted from there
+    this.mark_s = this.until_s = null; // the two marks, likewise
+    this.over = null; // a capture that is laid over
     this.mouse = true; // not a finger
     this.held = false;
     this.waiting = false;
     this.restyle();
     new ResizeObserver(() => this.draw()).observe(box);
+    box.tabIndex = 0;
+    box.setAttribute("role", "group");
+    box.setAttribute("aria-label", "plots. Left and right arrows move the pointer, with Shift in small "
+      + "steps. Enter sets a mark. Z shows the part between two marks.");
+    box.addEventListener("keydown", (event) => {
+      if (event.target === box && this.press(event)) event.preventDefault();
+    });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       this.restyle();
       this.draw();
@@ -41,8 +52,29 @@ export class Stack {
       line: colour("--line"),
       accent: colour("--accent"),
       stop: colour("--stop"),
+      warn: colour("--warn"),
+      card: colour("--card"),
       traces: Array.from({ length: 5 }, (_, i) => colour(`--trace-${i}`)),
     };
+  }
+
+  /** The font of the canvas, which has so many pixels per pixel of the page. */
+  fontOf(ratio) {
+    return this.font.replace(/\d+/, (size) => size * ratio);
+  }
+
+  /** Show the levels of these limits; reach: the scales reach as far as they are. */
+  limit(levels, reach) {
+    this.levels = levels;
+    this.reachLevels = reach;
+    for (const plot of this.plots) plot.limit();
+    this.rescale();
+  }
+
+  /** Choose the scales anew, unless they are fixed. */
+  rescale() {
+    for (const plot of this.plots) plot.scale = null;
+    this.draw();
   }
 
   /** series: {name, unit, index, colour, dashed, steps, reference, help}, in order; a plot per unit. */
@@ -54,7 +86,7 @@ export class Stack {
     }
     for (const plot of this.plots) plot.chart.destroy();
     this.series = series;
-    this.cursor_s = this.mark_s = null;
+    this.cursor_s = this.mark_s = this.until_s = null;
     this.held = false;
     this.plots = [...units].map(([unit, rows], i) =>
       new Plot(this, unit, rows, i === units.size - 1));
@@ -70,7 +102,8 @@ export class Stack {
   span() {
     if (this.view) return this.view;
     const end = this.end_s();
-    return [end - this.window_s, end];
+    if (!this.over) return [end - this.window_s, end];
+    return [Math.min(end - this.window_s, this.over.start_s), Math.max(end, this.over.end_s)];
   }
 
   window() {
@@ -78,22 +111,67 @@ export class Stack {
     return to_s - from_s;
   }
 
+  /** The marks that are set, none, one or two. */
+  markPair() {
+    return [this.mark_s, this.until_s].filter((mark_s) => mark_s !== null);
+  }
+
+  /** Set the first mark at the pointer, then the second, then none. */
+  setMark() {
+    if (this.mark_s === null) this.mark_s = this.cursor_s;
+    else if (this.until_s === null) this.until_s = this.cursor_s;
+    else this.mark_s = this.until_s = null;
+    this.options.marked?.();
+    this.draw();
+  }
+
+  /** Set both marks, or none. */
+  setMarks(from_s = null, to_s = null) {
+    [this.mark_s, this.until_s] = [from_s, to_s];
+    this.options.marked?.();
+    this.draw();
+  }
+
+  /** Show only a part of the time, counted from time 0. */
+  zoom(from_s, to_s) {
+    this.view = [this.zero_s + from_s, this.zero_s + to_s];
+    this.setMarks();
+    this.options.zoomed(this.view);
+  }
+
   /** The mouse button went up: a part was selected, or a point to measure from. */
   choose(chart) {
     this.held = false;
     const { left, width } = chart.select;
     if (width > 0) {
-      this.view = [left, left + width].map((x) => this.zero_s + chart.posToVal(x, "x"));
-      this.mark_s = null;
+      const part = [left, left + width].map((x) => chart.posToVal(x, "x"));
       for (const plot of this.plots) plot.chart.setSelect({ left: 0, width: 0 }, false);
-      this.options.zoomed(this.view);
-    } else this.mark_s = this.mark_s === null ? this.cursor_s : null;
-    this.draw();
+      this.zoom(...part);
+    } else this.setMark();
+  }
+
+  /** What a key does while the plots have the focus. Returns whether it is one of these. */
+  press({ key, shiftKey, ctrlKey, altKey, metaKey }) {
+    const { chart } = this.plots[0] ?? {};
+    if (!chart || ctrlKey || altKey || metaKey) return false;
+    const [from_s, to_s] = this.span().map((time_s) => time_s - this.zero_s);
+    if (key === "ArrowLeft" || key === "ArrowRight") {
+      const step_s = ((to_s - from_s) / (shiftKey ? 1000 : 50)) * (key === "ArrowLeft" ? -1 : 1);
+      const time_s = (this.cursor_s ?? (from_s + to_s) / 2) + step_s;
+      const kept_s = Math.min(to_s, Math.max(from_s, time_s));
+      chart.setCursor({ left: chart.valToPos(kept_s, "x"), top: 1 });
+    } else if (key === "Enter" && this.cursor_s !== null) this.setMark();
+    else if (key.toLowerCase() === "z" && this.until_s !== null && this.mark_s !== this.until_s) {
+      this.zoom(...this.markPair().sort((a, b) => a - b));
+    } else return false;
+    return true;
   }
 
   whole() {
     this.view = null;
+    if (!this.trigger) this.mark_s = this.until_s = null; // time 0 becomes another
     this.options.zoomed(null);
+    this.options.marked?.();
     this.draw();
   }
 
@@ -124,6 +202,8 @@ export class Stack {
     for (const one of this.series) {
       const found = this.bins?.at(one.index, this.zero_s + this.cursor_s);
       one.value.textContent = found ? this.text(one, ...found) : "–";
+      const other = this.over?.at(one.name, this.cursor_s) ?? null;
+      one.over.textContent = other === null ? "" : this.text(one, other);
     }
   }
 
