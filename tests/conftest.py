@@ -33,6 +33,7 @@ WAITS = (
     "host/boards/test_served_board.py",
     "host/monitor/test_command.py",
     "host/monitor/test_server.py",
+    "host/monitor/test_sets.py",
     "host/monitor/test_traces.py",
     "host/serial",
     "host/sweeps/test_cluster.py",

@@ -3,6 +3,7 @@ compiled callers, and a `Controller` for each simulated drive."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -107,14 +108,18 @@ class Parameter:
             raise FirmwareError(f"{self.name} = {value!r}: choose one of {', '.join(self.choices)}")
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise FirmwareError(f"{self.name} = {value!r}: a number is needed")
-        if not self.min <= value <= self.max or (self.whole and value % 1 != 0):
+        try:
+            number = float(value)
+        except OverflowError:  # a whole number beyond all others
+            number = math.inf if value > 0 else -math.inf
+        if not self.min <= number <= self.max or (self.whole and number % 1 != 0):
             unit = f" {self.unit}" if self.unit else ""
             whole = ", whole numbers only" if self.whole else ""
             raise FirmwareError(
-                f"{self.name} = {value:.9g}: allowed range is "
+                f"{self.name} = {number:.9g}: allowed range is "
                 f"{self.min:.9g} .. {self.max:.9g}{unit}{whole}"
             )
-        return float(value)
+        return number
 
     def show(self, value: float) -> str | float:
         return self.choices[int(value)] if self.choices else value

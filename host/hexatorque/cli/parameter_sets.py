@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -12,6 +11,7 @@ from ..drive.parameter_sets import (
     ParameterSetError,
     defaults,
     difference,
+    read,
     write_all,
 )
 
@@ -101,18 +101,12 @@ def parameter_set(source: str, drive: BoardDrive | None) -> ParameterSet:
 
 def _saved(path: Path) -> dict[str, object] | None:
     """The values of a file of `params save`; None if it is a set-up's."""
-    from ..setups.keys import SECTIONS
-
     try:
-        data = tomllib.loads(path.read_text())
+        text = path.read_text()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ParameterSetError(f"{path}: {reason}") from None
-    if not {*SECTIONS, "setup", "profile"}.isdisjoint(data):
-        return None
-    if set(data) != {"parameters"} or not isinstance(data["parameters"], dict):
-        raise ParameterSetError(f"{path}: one table [parameters] is needed, and nothing else")
-    return data["parameters"]
+    return read(text, str(path))
 
 
 def _remarks(setup: Setup, device: str) -> list[str]:

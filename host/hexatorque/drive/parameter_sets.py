@@ -1,7 +1,9 @@
-"""Whole sets of parameters: writing one onto a board, and comparing two."""
+"""Whole sets of parameters: files of them, writing one onto a board, and comparing two."""
 
 from __future__ import annotations
 
+import json
+import tomllib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -9,6 +11,7 @@ import numpy as np
 
 from ..errors import HexatorqueError
 from ..firmware import FirmwareError, Parameter
+from ..setups.values import suggest
 
 if TYPE_CHECKING:
     from .board import BoardDrive
@@ -25,6 +28,32 @@ class ParameterSetError(HexatorqueError, ValueError):
 
 class NotTaken(HexatorqueError, RuntimeError):
     """The board confirmed a set, but reading it back gives other values."""
+
+
+def text_of(drive: BoardDrive) -> str:
+    """What is in force on a board, as the text of a file."""
+    values, rows = drive.get_all(), drive.params
+    units = {name: f"  # {row.unit}" if row.unit else "" for name, row in rows.items()}
+    lines = [f"{name} = {json.dumps(value)}{units[name]}" for name, value in values.items()]
+    head = f"# {drive.hello.device}, {drive.hello.build}, {drive.dictionary.crc:08x}\n"
+    return head + "[parameters]\n" + "\n".join(lines) + "\n"
+
+
+def read(text: str, file: str) -> dict[str, object] | None:
+    """The values in the text of such a file; None if it is a set-up's."""
+    from ..setups.keys import SECTIONS
+
+    try:
+        data = tomllib.loads(text)
+    except RecursionError:
+        raise ParameterSetError(f"{file}: tables within tables") from None
+    except ValueError as error:
+        raise ParameterSetError(f"{file}: not valid TOML: {error}") from None
+    if not {*SECTIONS, "setup", "profile"}.isdisjoint(data):
+        return None
+    if set(data) != {"parameters"} or not isinstance(data["parameters"], dict):
+        raise ParameterSetError(f"{file}: one table [parameters] is needed, and nothing else")
+    return data["parameters"]
 
 
 def write_all(drive: BoardDrive, values: Values) -> dict[str, object]:
@@ -58,7 +87,7 @@ def numbers_of(values: Values, rows: Rows) -> dict[str, np.float32]:
     for name, value in values.items():
         try:
             if name not in rows:
-                raise FirmwareError(f"no parameter {name!r} on this board")
+                raise FirmwareError(f"no parameter {name!r} on this board{suggest(name, rows)}")
             numbers[name] = np.float32(rows[name].parse(value))
         except FirmwareError as error:
             lines.append(str(error))

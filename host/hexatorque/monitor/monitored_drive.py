@@ -12,14 +12,16 @@ import math
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from ..drive import limits
+from ..drive import limits, parameter_sets
 from ..drive.board import BoardDrive
 from ..drive.captures import TRIGGERS, Trigger
+from ..drive.parameter_sets import ParameterSetError, Values
 from ..drive.recorder import Recorder
 from ..firmware import WARNINGS, Snapshot, State, grouped
 from ..recording.formats import SUFFIXES, RecordingError
@@ -345,25 +347,59 @@ class MonitoredDrive:
             if isinstance(value, (int, float)) and not -FLOAT32 < value < FLOAT32:
                 raise LinkError(f"{name}: a finite number is needed", mistake=True)
         if "f_isr_Hz" in values:
-            self._write_without_traces(values)
+            with self._without_traces():
+                self.drive.set_many(values)
         else:
             self.drive.set_many(values)
         now = self.drive.get_many(list(values))
         self._refresh.set()
         return now
 
-    def _write_without_traces(self, values: dict[str, object]) -> None:
-        """Stop the traces, write, and start them again: the board changes the rate of its
-        interrupts only while it streams nothing."""
+    @contextlib.contextmanager
+    def _without_traces(self) -> Iterator[None]:
+        """Stop the traces, and start them again afterwards: the board changes the rate of its
+        interrupts and writes its memory only while it streams nothing."""
         with self._lock:
             old = self.stream
             self.select([], None)
             try:
-                self.drive.set_many(values)
+                yield
             finally:
                 if old:
                     rate_Hz = min(old.rate_Hz, float(self.drive.get("f_isr_Hz")))
                     self.select(list(old.channels), rate_Hz)
+
+    # -- sets of parameters ------------------------------------------------------------------
+
+    def read_set(self, text: str, file: str) -> dict[str, str | float]:
+        """The values in the text of a file, as this board would show them. ParameterSetError with
+        a line for each value that it cannot take."""
+        values = parameter_sets.read(text, file)
+        if values is None:
+            raise ParameterSetError(
+                f"{file}: a set-up, not a set of parameters: hexatorque board params load --setup"
+            )
+        rows = self.drive.params
+        try:
+            parameter_sets.numbers_of(values, rows)
+        except ParameterSetError as error:
+            lines = [f"{file}: {line}" for line in str(error).splitlines()]
+            raise ParameterSetError("\n".join(lines)) from None
+        return {name: rows[name].show(rows[name].parse(value)) for name, value in values.items()}
+
+    def difference(self, others: Values) -> dict[str, tuple[object, object]]:
+        """The parameters whose values differ from others: what is in force, and the other one."""
+        rows = self.drive.params
+        return parameter_sets.difference(self.drive.get_many(list(others)), others, rows)
+
+    def keep(self) -> None:
+        """The board saves its parameters. Its traces pause meanwhile."""
+        with self._without_traces():
+            self.drive.store_parameters()
+
+    def forget(self) -> None:
+        with self._without_traces():
+            self.drive.forget_parameters()
 
     # -- traces ------------------------------------------------------------------------------
 

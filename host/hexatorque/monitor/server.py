@@ -29,7 +29,9 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 
+from ..drive import parameter_sets
 from ..drive.limits import LIMITS
+from ..drive.parameter_sets import ParameterSetError
 from ..firmware import FirmwareError
 from ..recording.formats import RecordingError
 from ..recording.recording import STARTED
@@ -200,7 +202,7 @@ class Handler(BaseHTTPRequestHandler):
             self._json({"error": str(error)}, error.status)
         except LinkError as error:
             self._json({"error": str(error)}, 400 if error.mistake else 409)
-        except (FirmwareError, RecordingError) as error:
+        except (FirmwareError, ParameterSetError, RecordingError) as error:
             self._json({"error": str(error)}, 400)
         except OverflowError:
             self._json({"error": "a number is too large"}, 400)
@@ -233,6 +235,10 @@ class Handler(BaseHTTPRequestHandler):
             self._json(_capture(_chosen(monitored, query)) if monitored.captures else None)
         elif url.path == "/captures":
             self._json([_described(one) for one in list(monitored.captures.values())])
+        elif url.path == "/parameters.toml":
+            text = parameter_sets.text_of(monitored.drive)
+            name = f"{monitored.drive.hello.device.replace(' ', '-')}-parameters.toml"
+            self._send(text.encode(), "application/octet-stream", name=name)
         elif url.path in CAPTURE_FILES:
             suffix = url.path.removeprefix("/capture")
             capture = _chosen(monitored, query)
@@ -455,6 +461,23 @@ def _write(monitored: MonitoredDrive, body: dict) -> dict:
     return {"values": monitored.write(values)}
 
 
+def _file(monitored: MonitoredDrive, body: dict) -> dict[str, str | float]:
+    """The values of a file that the page has read."""
+    text = _field(body, "text", str, "a text")
+    return monitored.read_set(text, _field(body, "file", str, "a name"))
+
+
+def _difference(monitored: MonitoredDrive, body: dict) -> dict:
+    """What differs from a file; without one, from the defaults."""
+    rows = monitored.drive.params
+    others = _file(monitored, body) if "file" in body else parameter_sets.defaults(rows)
+    differing = [
+        {"name": name, "board": board, "other": other, "unit": rows[name].unit}
+        for name, (board, other) in monitored.difference(others).items()
+    ]
+    return {"compared": len(others), "differing": differing}
+
+
 def _select(monitored: MonitoredDrive, body: dict) -> dict:
     rate_Hz = body.get("rate_Hz")
     if rate_Hz is not None:
@@ -495,6 +518,10 @@ COMMANDS: dict[str, Callable[[MonitoredDrive, dict], dict | None]] = {
     "/beat": _beat,
     "/reset/seen": lambda monitored, _: monitored.reset_seen(),
     "/write": _write,
+    "/parameters/read": lambda monitored, body: {"values": _file(monitored, body)},
+    "/parameters/difference": _difference,
+    "/parameters/keep": lambda monitored, _: monitored.keep(),
+    "/parameters/forget": lambda monitored, _: monitored.forget(),
     "/channels": _select,
     "/capture/arm": _arm,
     "/capture/trigger": lambda monitored, _: monitored.trigger(),

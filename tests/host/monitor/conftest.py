@@ -28,6 +28,7 @@ WATCHDOG_MS = 800
 #: resets the board.
 BOARD = f"""
 import os, signal, sys
+from pathlib import Path
 import numpy as np
 from hexatorque import setups
 from hexatorque.boards import virtual as virtual_board
@@ -54,10 +55,10 @@ with virtual_board.Terminal() as line:
     os.symlink(line.port, port)
     print(port, flush=True)
     while True:
-        board = Board(setups.load("paper-b"))
-        board.sim.set("load_Nm", 1.0)
-        resets.clear()
-        virtual_board.serve(board, line, until=lambda: resets)
+        with Board(setups.load("paper-b"), store=Path(port + ".store")) as board:
+            board.sim.set("load_Nm", 1.0)
+            resets.clear()
+            virtual_board.serve(board, line, until=lambda: resets)
 """
 
 
@@ -374,7 +375,7 @@ def browser(tmp_path_factory):
         yield browser
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def lasting_monitor(start_monitor, session_board):
     with session_board.used(), start_monitor(session_board.port) as monitor:
         yield monitor

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from chromium import program
+from chromium import PALE, program
 from waiting import WAIT_S, until
 
 pytestmark = pytest.mark.skipif(program() is None, reason="no chromium: apt-get install chromium")
@@ -569,33 +569,6 @@ def test_arrow_keys_move_between_tabs(page):
         "document.getElementById(t.getAttribute('aria-controls')).role === 'tabpanel')"
     )
     assert linked
-
-
-#: Texts whose contrast with what is behind them is below 4.5 (WCAG 2.1, level AA).
-PALE = """(() => {
-  const parts = (colour) => {
-    const found = colour.match(/[\\d.e-]+/g).map(Number);
-    const scale = colour.startsWith('color(') ? 1 : 255;
-    return [...found.slice(0, 3).map((v) => v / scale), found[3] ?? 1];
-  };
-  const over = (top, below) => [0, 1, 2].map((k) => top[k] * top[3] + below[k] * (1 - top[3])).concat(1);
-  const behind = (e) => {
-    const here = parts(getComputedStyle(e).backgroundColor);
-    return here[3] === 1 || !e.parentElement ? here : over(here, behind(e.parentElement));
-  };
-  const light = (c) => [0.2126, 0.7152, 0.0722].reduce((sum, weight, k) =>
-    sum + weight * (c[k] <= 0.04045 ? c[k] / 12.92 : ((c[k] + 0.055) / 1.055) ** 2.4), 0);
-  const pale = [];
-  for (const e of document.querySelectorAll('body *')) {
-    const own = [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
-    if (!own || !e.checkVisibility() || e.closest(':disabled, .off, option, script, .locked')) continue;
-    const ground = behind(e);
-    const [a, b] = [light(over(parts(getComputedStyle(e).color), ground)), light(ground)];
-    const contrast = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
-    if (contrast < 4.5) pale.push(`${e.tagName} ${e.id} ${e.className} ${e.textContent.trim().slice(0, 30)}: ${contrast.toFixed(2)}`);
-  }
-  return [...new Set(pale)];
-})()"""  # noqa: E501
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

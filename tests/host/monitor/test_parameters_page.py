@@ -3,7 +3,7 @@
 import itertools
 
 import pytest
-from chromium import program
+from chromium import PALE, program
 
 from hexatorque import firmware
 
@@ -92,3 +92,105 @@ def test_a_whole_number_is_asked_for(panel):
     said = panel.js("document.querySelector('#apply-text').textContent")
     assert said == "pole_pairs: allowed: 1 … 64, whole numbers only"
     panel.click("#revert")
+
+
+# -- sets of parameters --------------------------------------------------------------------
+
+
+@pytest.fixture
+def sets(panel):
+    panel.click("#sets summary")
+    return panel
+
+
+def give(page, button: str, file) -> None:
+    """Press a button that asks for a file, and choose this one."""
+    page.call("Page.setInterceptFileChooserDialog", enabled=True)
+    page.click(button)
+    root = page.call("DOM.getDocument")["root"]["nodeId"]
+    node = page.call("DOM.querySelector", nodeId=root, selector="#set-file")["nodeId"]
+    page.call("DOM.setFileInputFiles", files=[str(file)], nodeId=node)
+
+
+def test_a_file_fills_the_fields_and_nothing_is_sent_before_apply(sets, shared_monitor, tmp_path):
+    before = shared_monitor.get("/values")[1]
+    file = tmp_path / "mine.toml"
+    body = shared_monitor.ask("GET", "/parameters.toml")[2]
+    text = body.decode().replace(f"rs_ohm = {before['rs_ohm']}", "rs_ohm = 2.5")
+    file.write_text(text.replace(f"lm_H = {before['lm_H']}", "lm_H = 0.75"))
+    give(sets, "#set-load", file)
+    sets.until("document.querySelector('#apply-text').textContent === '2 changes, all at once'")
+    assert sets.js("document.querySelector('.parameter [aria-label=rs_ohm]').value") == "2.5"
+    assert {"rs_ohm", "lm_H"} <= set(sets.js(SEEN))  # their group is open
+    assert shared_monitor.get("/values")[1] == before
+    sets.click("#apply-all")
+    sets.until("document.querySelector('#apply').hidden")
+    now = shared_monitor.get("/values")[1]
+    assert (now["rs_ohm"], now["lm_H"]) == (2.5, 0.75)
+    # The same file once more: it is what is in force.
+    give(sets, "#set-load", file)
+    said = "[...document.querySelectorAll('#toasts p')].map((e) => e.textContent).join()"
+    sets.until(f"({said}).includes('none to apply')")
+    assert sets.js("document.querySelector('#apply').hidden")
+
+
+def test_a_wrong_file_is_named_and_nothing_of_it_is_taken(sets, shared_monitor, tmp_path):
+    before = shared_monitor.get("/values")[1]
+    file = tmp_path / "wrong.toml"
+    file.write_text("[parameters]\nlm_H = 0.75\nrs_ohm = 5000\n")
+    give(sets, "#set-load", file)
+    wrong = "document.querySelector('#set-wrong')"
+    sets.until(f"!{wrong}.hidden")
+    assert sets.js(f"{wrong}.textContent") == (
+        "wrong.toml: rs_ohm = 5000: allowed range is 0 .. 1000 ohm"
+    )
+    assert sets.js("document.querySelector('#apply').hidden")
+    file.write_text("#" * 60000)
+    give(sets, "#set-compare", file)
+    sets.until(f"{wrong}.textContent.includes('60000 bytes')")
+    assert shared_monitor.get("/values")[1] == before
+    file.write_text("[parameters]\nlm_H = 0.75\n")
+    give(sets, "#set-load", file)
+    sets.until("document.querySelector('#apply-text').textContent === '1 change'")
+    assert sets.js(f"{wrong}.hidden")
+    sets.click("#revert")
+
+
+ROWS = ("[...document.querySelectorAll('#comparison tbody tr')]"
+        ".map((r) => [...r.children].map((c) => c.textContent.trim()))")  # fmt: skip
+
+
+def test_the_board_is_compared_with_a_file_and_with_the_defaults(sets, shared_monitor, tmp_path):
+    file = tmp_path / "other.toml"
+    values = shared_monitor.get("/values")[1]
+    file.write_text(f"[parameters]\nscheme = 'fdr'\nrs_ohm = {values['rs_ohm']}\nlm_H = 0.75\n")
+    give(sets, "#set-compare", file)
+    sets.until(f"{ROWS}.length > 0")
+    assert sets.js(ROWS) == [["scheme", values["scheme"], "fdr"],
+                             ["lm_H H", str(values["lm_H"]), "0.75"]]  # fmt: skip
+    heads = sets.js(
+        "[...document.querySelectorAll('#comparison thead th')].map(e => e.textContent)"
+    )
+    assert heads == ["parameter", "board", "other.toml"]
+    sets.click("#comparison-close")
+    assert firmware.parameters().keys() - sets.js(SEEN)
+    assert not sets.js("document.querySelector('#comparison').checkVisibility()")
+    sets.click("#set-defaults")
+    marked = "[...document.querySelectorAll('.parameter.changed .name')].map((e) => e.textContent)"
+    sets.until(f"{ROWS}.length > 2")
+    assert {row[0].split()[0] for row in sets.js(ROWS)} == set(sets.js(marked))
+    assert sets.js("document.querySelector('#comparison').scrollWidth"
+                   " <= document.querySelector('#comparison').clientWidth")  # fmt: skip
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_texts_of_a_comparison_and_of_a_wrong_file_have_contrast(sets, tmp_path, scheme):
+    sets.scheme(scheme)
+    file = tmp_path / "wrong.toml"
+    file.write_text("[parameters]\nrs_ohm = 5000\n")
+    give(sets, "#set-load", file)
+    sets.until("!document.querySelector('#set-wrong').hidden")
+    assert sets.js(PALE) == []
+    sets.click("#set-defaults")
+    sets.until(f"{ROWS}.length > 2")
+    assert sets.js(PALE) == []

@@ -72,7 +72,7 @@ def test_all_that_a_board_does_not_allow_is_named_and_nothing_written(drive):
     lines = str(error.value).splitlines()
     assert sorted(line.split(":")[0] for line in lines) == [
         "dead_time_us = 0.5",
-        "no parameter 'kappa_x' on this board",
+        "no parameter 'kappa_x' on this board; did you mean 'kappa'?",
         "scheme = 'ddt'",
     ]
     assert "1 .. 20 us" in str(error.value) and error.value.exit_code == 2

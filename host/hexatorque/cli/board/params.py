@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import click
@@ -87,20 +86,16 @@ def get(names, device, baud, as_json) -> int:
 @options.as_json
 def save(file, device, baud, as_json) -> int:
     """Write all parameters to a file."""
+    from ...drive.parameter_sets import text_of
+
     with open_drive(device, baud) as drive:
-        values = drive.get_all()
-        head = f"# {drive.hello.device}, {drive.hello.build}, {drive.dictionary.crc:08x}\n"
-        rows = drive.params
-    lines = [
-        f"{name} = {json.dumps(value)}" + (f"  # {rows[name].unit}" if rows[name].unit else "")
-        for name, value in values.items()
-    ]
+        text, count = text_of(drive), len(drive.params)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(head + "[parameters]\n" + "\n".join(lines) + "\n")
+        file.write_text(text)
     except OSError as error:
         raise Mistake(f"{file}: {error.strerror}") from None
-    say(as_json, {"file": str(file), "parameters": len(values)})
+    say(as_json, {"file": str(file), "parameters": count})
     return 0
 
 

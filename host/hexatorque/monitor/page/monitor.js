@@ -8,6 +8,7 @@ import { Overlay, samplesOf } from "/overlay.js";
 import {
   NUMBER, asText, asValue, editor, fetchValues, lockParameters, mistake, parameters, values, write,
 } from "/parameters.js";
+import { sets } from "/sets.js";
 import { Stack } from "/stack.js";
 
 const WINDOWS_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
@@ -770,6 +771,7 @@ async function begin() {
   $("reset").lastChild.addEventListener("click", () => order("/reset/seen"));
   quick();
   parameters(device, showQuick);
+  sets();
   channels();
   capture();
   tools();

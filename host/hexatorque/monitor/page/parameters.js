@@ -192,6 +192,11 @@ export function fill(wanted) {
   }
   showValues();
   pending();
+  for (const { box, members } of groups) {
+    if (members.some((name) => edits.has(name))) box.open = true;
+  }
+  const [first] = edits.keys();
+  if (first) rows.get(first).box.scrollIntoView({ block: "center" });
   return differing;
 }
 
