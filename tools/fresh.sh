@@ -1,7 +1,7 @@
 #!/bin/sh
 # What README says, done on a fresh system: the smallest Debian that debootstrap makes.
 #
-#   tools/fresh.sh bookworm|trixie
+#   tools/fresh.sh bookworm|trixie|forky
 #
 # Needs root and debootstrap; ends with 77 where root may not make name spaces. The system is made in
 # a temporary folder from this computer's own mirror and removed at the end. The rest is
@@ -17,7 +17,7 @@ fail() {
     exit 1
 }
 
-case "$suite" in bookworm | trixie) ;; *) fail "name a suite: tools/fresh.sh bookworm|trixie" ;; esac
+case "$suite" in bookworm | trixie | forky) ;; *) fail "name a suite: tools/fresh.sh bookworm|trixie|forky" ;; esac
 [ "$(id -u)" -eq 0 ] || fail "needs root, who can make another system"
 unshare --mount --pid --fork true 2>/dev/null || {
     echo "fresh: this computer lets root make no name spaces, so nothing was run" >&2
@@ -49,7 +49,9 @@ system=$folder/system
 mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' |
     grep -v security | head -n 1)
 echo "fresh: making Debian $suite"
-debootstrap --variant=minbase --include=ca-certificates "$suite" "$system" "$mirror" \
+script=/usr/share/debootstrap/scripts/$suite
+[ -e "$script" ] || script=${script%/*}/sid # a suite that is newer than this debootstrap
+debootstrap --variant=minbase --include=ca-certificates "$suite" "$system" "$mirror" "$script" \
     >"$folder/log" 2>&1 || {
     tail -n 20 "$folder/log" >&2
     fail "debootstrap could not make $suite"
