@@ -24,6 +24,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import doc_page
+
 ROOT = Path(__file__).resolve().parents[1]
 WORK = ROOT / "build" / "coverage"
 PAGE = ROOT / "docs" / "coverage.md"
@@ -33,7 +35,6 @@ ROOMS = ("core", "app", "link")
 SAME_AGAIN = "^store_f"
 #: The tests in Python that run in one process with the firmware.
 TESTS = ("tests/firmware",)
-BEGIN, END = "<!-- generated: coverage -->\n", "<!-- end of coverage -->\n"
 COUNTERS = "-fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc"
 KINDS = ("lines", "branches", "mcdc")
 
@@ -200,29 +201,43 @@ def percent(covered: int, count: int) -> str:
     return f"{1000 * covered // count / 10:g} % of {count}" if count else "–"
 
 
-def table(files: list[dict[str, Any]], rows: list[tuple[Miss, str]]) -> str:
-    lines = ["| file | lines | branches | MC/DC |", "|---|---|---|---|"]
+HEADS = ["file", "lines", "branches", "MC/DC"]
+LEFT = ["file", "code", "not covered", "why"]
+
+
+def tables(
+    files: list[dict[str, Any]], rows: list[tuple[Miss, str]]
+) -> tuple[list[list[str]], list[list[str]]]:
+    """A row for each room and file, and one for each place that is not covered."""
+    covered = []
     for room in ROOMS:
         of_room = [f for f in files if name_of(f).startswith(f"{room}/")]
         sums = {kind: (sum(f["summary"][kind]["covered"] for f in of_room),
                        sum(f["summary"][kind]["count"] for f in of_room))
                 for kind in KINDS}  # fmt: skip
-        lines.append(f"| **{room}** | " + " | ".join(percent(*sums[k]) for k in KINDS) + " |")
+        covered.append([f"**{room}**", *(percent(*sums[k]) for k in KINDS)])
         for file in of_room:
             cells = (percent(file["summary"][k]["covered"], file["summary"][k]["count"])
                      for k in KINDS)  # fmt: skip
-            lines.append(f"| `{name_of(file)}` | " + " | ".join(cells) + " |")
-    lines += ["", "| file | code | not covered | why |", "|---|---|---|---|"]
-    for miss, why in rows:
-        code = code_of(miss).replace("|", "\\|")
-        lines.append(f"| `{miss.file}` | `{code}` | {miss.what} | {why or '–'} |")
-    return "\n".join(lines) + "\n"
+            covered.append([f"`{name_of(file)}`", *cells])
+    left = [
+        [f"`{miss.file}`", f"`{code_of(miss)}`".replace("|", "\\|"), miss.what, why or "–"]
+        for miss, why in rows
+    ]
+    return covered, left
 
 
-def write(text: str, page: Path = PAGE) -> None:
-    before, _, rest = page.read_text().partition(BEGIN)
-    after = rest.partition(END)[2]
-    page.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}")
+def write(covered: list[list[str]], left: list[list[str]], page: Path = PAGE) -> None:
+    """The rooms on the page, each file and each place that is not covered as data beside it."""
+    files = doc_page.keep_data(page, "coverage", HEADS, covered)
+    places = doc_page.keep_data(page, "not-covered", LEFT, left)
+    rooms = [row for row in covered if row[0].startswith("**")]
+    text = "\n".join([
+        *doc_page.table(HEADS, rooms), "",
+        f"Each file: {files}. The {len(left)} places that are not covered, each with its reason: "
+        f"{places}.",
+    ])  # fmt: skip
+    doc_page.renew_page(page, {"coverage": f"\n{text}\n"})
 
 
 def main() -> int:
@@ -236,7 +251,7 @@ def main() -> int:
     rows, wrong = explained(
         [m for f in files for m in misses(f, lines.get(f["filename"], []))], reasons()
     )
-    write(table(files, rows))
+    write(*tables(files, rows))
     for line in wrong:
         print(f"cover: {line}")
     if not passed:

@@ -1,13 +1,13 @@
-"""What the tools share that renew the generated parts of a documentation page: write_results.py,
-write_comparison.py and write_studies.py."""
+"""What the tools share that renew the generated parts of a documentation page, and the data beside
+it."""
 
 from __future__ import annotations
 
+import csv
 import json
+import re
 from collections.abc import Iterable
 from pathlib import Path
-
-from PIL import Image
 
 BEGIN, END = "<!-- generated: {} -->\n", "<!-- end of {} -->\n"
 
@@ -36,6 +36,8 @@ def renew_page(
 def keep(picture: Path, folder: Path) -> None:
     """Copies a picture with 64 colours, which lines and text do not need more of: a repository
     keeps every version of it."""
+    from PIL import Image  # only some tools have pictures
+
     colours = Image.open(picture).convert("RGB").quantize(64, dither=Image.Dither.NONE)
     colours.save(folder / picture.name, optimize=True)
 
@@ -58,6 +60,30 @@ def read_figures(folder: Path, names: list[str]) -> dict[str, dict] | None:
 
 def row(cells: Iterable[str]) -> str:
     return f"| {' | '.join(cells)} |"
+
+
+def keep_data(page: Path, name: str, heads: list[str], rows: Iterable[Iterable[str]]) -> str:
+    """Writes a whole table beside the pages, as data for those who want every row. Returns a link
+    to it, for this page. Marks of the page's language are left out."""
+    path = page.parent / "data" / f"{name}.csv"
+    path.parent.mkdir(exist_ok=True)
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(heads)
+        writer.writerows([plain(cell) for cell in row] for row in rows)
+    return f"[{path.name}](data/{path.name})"
+
+
+def read_data(page: Path, name: str) -> list[list[str]]:
+    """The rows that `keep_data` wrote, the heads first."""
+    with (page.parent / "data" / f"{name}.csv").open() as file:
+        return list(csv.reader(file))
+
+
+def plain(cell: str) -> str:
+    """The text of a table's cell without marks."""
+    cell = re.sub(r"^`([^`]*)`$|^\*\*(.*)\*\*$", r"\1\2", cell.strip())
+    return cell.replace("\\|", "|")
 
 
 def table(heads: list[str], rows: Iterable[Iterable[str]]) -> list[str]:

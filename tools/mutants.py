@@ -18,6 +18,8 @@ from queue import SimpleQueue
 from threading import Lock
 from typing import Protocol
 
+import doc_page
+
 ROOT = Path(__file__).resolve().parents[1]
 WORK = ROOT / "build" / "mutate"
 #: universalmutator has an environment of its own: it brings an outdated `typing`.
@@ -232,31 +234,44 @@ def verdicts() -> dict[Mutant, str]:
     return {Mutant(r["file"], 0, r["right"], r["wrong"]): r["verdict"] for r in rows}
 
 
-def table(results: list[Result], known: dict[Mutant, str], rooms: tuple[str, ...]) -> str:
+def tables(
+    results: list[Result], known: dict[Mutant, str], rooms: tuple[str, ...]
+) -> tuple[list[list[str]], list[list[str]]]:
+    """A row for each room, and one for each mutant that was not killed."""
+
     def verdict(m: Mutant) -> str:
         return known.get(Mutant(m.file, 0, m.right.strip(), m.wrong.strip()), "–")
 
-    head = "| room | built | killed | equivalent | time-out | alive | killed of those that are not"
-    lines = [f"{head} equivalent |", "|---|---|---|---|---|---|---|"]
+    by_room = []
     for room in (*rooms, ""):
         rows = [r for r in results if r.mutant.file.startswith(room)]
         count = Counter(r.verdict for r in rows)
         alike = sum(r.verdict == ALIVE and verdict(r.mutant).startswith("equivalent") for r in rows)
         built = count[KILLED] + count[TIME] + count[ALIVE]
         share = f"{100 * count[KILLED] / (built - alike):.1f} %" if built > alike else "–"
-        lines.append(
-            f"| {room or '**all**'} | {built} | {count[KILLED]} | {alike} | {count[TIME]} "
-            f"| {count[ALIVE] - alike} | {share} |"
-        )
-    lines += ["", "| file | code | mutant | verdict |", "|---|---|---|---|"]
+        numbers = (built, count[KILLED], alike, count[TIME], count[ALIVE] - alike)
+        by_room.append([room or "**all**", *map(str, numbers), share])
+    left = []
     for r in sorted(results, key=lambda r: (r.mutant.file, r.mutant.line)):
         if r.verdict in (ALIVE, TIME):
             m = r.mutant
             right, wrong = (text.strip().replace("|", "\\|") for text in (m.right, m.wrong))
             told = verdict(m) if r.verdict == ALIVE else TIME
             told = "not yet judged with all tests" if (told, r.by) == ("–", FIRST) else told
-            lines.append(f"| `{m.file}` | `{right}` | `{wrong}` | {told} |")
-    return "\n".join(lines) + "\n"
+            left.append([f"`{m.file}`", f"`{right}`", f"`{wrong}`", told])
+    return by_room, left
+
+
+HEADS = ["file", "code", "mutant", "verdict"]
+
+
+def page_of(by_room: list[list[str]], left: list[list[str]], where: str) -> str:
+    """The rooms, and the mutants that live and could be killed; `where` has the others too."""
+    heads = ["room", "built", "killed", "equivalent", "time-out", "alive"]
+    heads.append("killed of those that are not equivalent")
+    lives = [row for row in left if row[-1] != TIME and not row[-1].startswith("equivalent")]
+    lines = ["", *doc_page.table(heads, by_room), "", f"Alive; {where} has the others too:", ""]
+    return "\n".join([*lines, *doc_page.table(HEADS, lives)]) + "\n"
 
 
 def write(subject: Subject, results: list[Result], drew: int, seed: int) -> None:
@@ -268,9 +283,10 @@ def write(subject: Subject, results: list[Result], drew: int, seed: int) -> None
     judged = f"{len(results)} of {drew}" if len(results) < drew else str(drew)
     text = (
         f"{judged} mutants drawn with seed {seed} are judged. {subject.refused} "
-        f"{count[UNBUILT]}, {subject.alike} {count[SAME]}: {counted} are counted.\n\n"
-        f"{table(results, verdicts(), subject.rooms)}"
+        f"{count[UNBUILT]}, {subject.alike} {count[SAME]}: {counted} are counted.\n"
     )
+    by_room, left = tables(results, verdicts(), subject.rooms)
+    text += page_of(by_room, left, doc_page.keep_data(PAGE, f"mutants-{subject.name}", HEADS, left))
     PAGE.write_text(f"{before}{begin}\n{text}\n{end}{after}")
 
 

@@ -33,11 +33,14 @@ import sys
 import tempfile
 import time
 import tomllib
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
 from typing import Any
+
+import doc_page
 
 ROOT = Path(__file__).resolve().parents[1]
 HARNESSES = ROOT / "tests" / "prove"
@@ -46,7 +49,6 @@ WORK = ROOT / "build" / "prove"
 #: The functions of the C library that the firmware calls.
 LIBRARY = ROOT / "tools" / "c28x" / "include"
 ROOMS = ("core", "app", "link", "port")
-BEGIN, END = "<!-- generated: proofs -->\n", "<!-- end of proofs -->\n"
 #: The page is renewed after every proof: a long run may be interrupted.
 WRITING = Lock()
 #: Of a proof with free arithmetic.
@@ -430,25 +432,29 @@ def report(row: Row) -> None:
 # --- The page ---------------------------------------------------------------------
 
 
-def cells(proof: Proof) -> str:
-    """A line of the table up to the time."""
+HEADS = ["function", "what is proved", "for which inputs", "the seeded bug", "time, s"]
+SHOWN = [0, 1, 4]  # of these on the page
+
+
+def cells(proof: Proof) -> list[str]:
+    """A row of the table up to the time."""
     right, wrong = (" ".join(text.split()) for text in (proof.bug.right, proof.bug.wrong))
-    bug = f"`{right}` → {f'`{wrong}`' if wrong else 'nothing'}".replace("|", "\\|")
+    bug = f"{right} → {wrong or 'nothing'}"
     inputs = f"{proof.inputs}; {FREELY}" if proof.free else proof.inputs
-    return f"| `{proof.of}` | {proof.says} | {inputs} | {bug} | "
+    return [proof.of, proof.says, inputs, bug]
 
 
-def table(proofs: list[Proof], rows: list[Row], before: str = "") -> str:
-    """A proof that was not run now keeps its line of `before`, the table so far, unless something
+def table(
+    proofs: list[Proof], rows: list[Row], before: Sequence[list[str]] = ()
+) -> list[list[str]]:
+    """A proof that was not run now keeps its row of `before`, the table so far, unless something
     of it has changed."""
     times = {row.proof.name: last_cell(row) for row in rows}
-    lines = ["| function | what is proved | for which inputs | the seeded bug | time, s |"]
-    lines.append("|---|---|---|---|---|")
-    for proof in proofs:
-        line = cells(proof)
-        old = [text for text in before.splitlines() if text.startswith(line)] or [f"{line}{OPEN} |"]
-        lines.append(f"{line}{times[proof.name]} |" if proof.name in times else old[0])
-    return "\n".join(lines) + "\n"
+    old = {tuple(row[:-1]): row[-1] for row in before}
+    return [
+        [*cells(proof), times.get(proof.name, old.get(tuple(cells(proof)), OPEN))]
+        for proof in proofs
+    ]
 
 
 def last_cell(row: Row) -> str:
@@ -458,10 +464,16 @@ def last_cell(row: Row) -> str:
 
 
 def write(rows: list[Row], page: Path = PAGE) -> None:
-    before, _, rest = page.read_text().partition(BEGIN)
-    old, _, after = rest.partition(END)
-    now = table(read_proofs(), rows, old)
-    page.write_text(f"{before}{BEGIN}\n{now}\n{END}{after}")
+    """All of the table as data, and a part of its columns on the page."""
+    now = table(read_proofs(), rows, doc_page.read_data(page, "proofs")[1:])
+    where = doc_page.keep_data(page, "proofs", HEADS, now)
+    count = sum(row[-1] != OPEN for row in now)
+    marked = [[f"`{row[0]}`", *row[1:]] for row in now]
+    shown = doc_page.table(
+        [HEADS[k] for k in SHOWN], ([row[k].replace("|", "\\|") for k in SHOWN] for row in marked)
+    )
+    text = f"{count} of {len(now)} are proved. For which inputs, and each seeded bug: {where}."
+    doc_page.renew_page(page, {"proofs": "\n".join(["", text, "", *shown, "", ""])})
 
 
 def main() -> int:

@@ -22,12 +22,30 @@ PAGE = Path("docs/comparison.md")
 NAME = "REFERENCES"
 PICTURES = (NAME, f"{NAME}-others")
 MACHINE = "mps2-an386"
+#: Of the points and machines these are on the page. All of them are in the data beside it.
+ON_PAGE = ("paper A, 900 r/min", "paper B, 2500 r/min", "paper B")
 #: Within this limit one number of each figure is shown.
 SHOWN = "4000"
 
 
 def _table(heads: list[str], rows: list[list[str]]) -> list[str]:
     return [*doc_page.table(heads, rows), ""]
+
+
+def _tables(name: str, of: str, tables: dict[str, tuple[list[str], list[list[str]]]]) -> list[str]:
+    """Those tables that the page shows, and a link to all of them as one file."""
+    heads = list(dict.fromkeys(head for heads, _ in tables.values() for head in heads))
+    every = [
+        [title, *(dict(zip(own, row)).get(head, "") for head in heads)]
+        for title, (own, rows) in tables.items()
+        for row in rows
+    ]
+    columns = [of, "method", *heads[1:]]
+    lines = [f"All {len(tables)}: {doc_page.keep_data(PAGE, name, columns, every)}.", ""]
+    for title, (own, rows) in tables.items():
+        if title == ON_PAGE[-1] or title.startswith(ON_PAGE[:-1]):
+            lines += [f"{title}:", "", *_table(own, rows)]
+    return lines
 
 
 def sentences(metrics: dict) -> str:
@@ -69,12 +87,11 @@ def _best(at: dict, name: str, figure: str, limit: str) -> str:
 
 
 def fronts(metrics: dict) -> str:
-    lines: list[str] = []
+    tables = {}
     names = metrics["methods"]
     points = (metrics.get("rivals") or metrics["equal"])["points"]
     for at in points:
         limits = list(at["best"][names[0]]["td_Nm"])
-        lines += [f"{at['point']}, {at['m_pu']:.2f} V_dc:", ""]
         heads = ["", *(f"Td ≤ {float(limit) / 1e3:g} kHz" for limit in limits)]
         heads += ["THD∞ [%]", "x–y [A]", "loss [W]", "sampled at [kHz]"]
         rows = []
@@ -89,7 +106,8 @@ def fronts(metrics: dict) -> str:
                 f"{ripple['f_isr_Hz'] / 1e3:.3g}" if ripple else "–",
             ]
             rows.append(cells)
-        lines += _table(heads, rows)
+        tables[f"{at['point']}, {at['m_pu']:.2f} V_dc"] = heads, rows
+    lines = _tables("fronts", "point", tables)
     lines.append(f"![The machines' points of low voltage](images/{NAME}-others.png)\n")
     return "\n".join(lines)
 
@@ -119,7 +137,7 @@ def sampling(metrics: dict) -> str:
 
 
 def steps(metrics: dict) -> str:
-    lines: list[str] = []
+    tables = {}
     shown = metrics.get("rivals") or metrics["equal"]
     for machine, own in shown["steps"].items():
         tests = list(dict.fromkeys(test for made in own.values() for test in made))
@@ -127,12 +145,12 @@ def steps(metrics: dict) -> str:
             [f"`{name}`", *(_step(own.get(name, {}), test) for test in tests)]
             for name in metrics["methods"]
         ]
-        lines += [f"{machine}:", "", *_table(["", *tests], rows)]
-    return "\n".join(lines)
+        tables[machine] = ["", *tests], rows
+    return "\n".join(_tables("steps", "machine", tables))
 
 
 def errors(metrics: dict) -> str:
-    lines: list[str] = []
+    tables = {}
     shown = metrics.get("rivals") or metrics["equal"]
     for machine, own in shown["errors"].items():
         cases = list(next(iter(own.values())))
@@ -148,8 +166,8 @@ def errors(metrics: dict) -> str:
                 lost = "refused" if "refused" in found else "lost" if "lost" in found else None
                 cells.append(lost or f"{found['td_Nm']:.3g} · {found['thd_inf_pct']:.3g}")
             rows.append([f"`{name}`", *cells])
-        lines += [f"{machine}:", "", *_table(["", "none", *cases], rows)]
-    return "\n".join(lines)
+        tables[machine] = ["", "none", *cases], rows
+    return "\n".join(_tables("errors", "machine", tables))
 
 
 def costs(budget: dict) -> str:

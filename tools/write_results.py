@@ -13,6 +13,7 @@ from pathlib import Path
 import doc_page
 
 from hexatorque.evidence.papers import ENTRIES
+from hexatorque.evidence.papers.engine.figure import VERDICTS
 from hexatorque.evidence.papers.engine.page import counts, with_unit
 
 #: Those that are in neither paper.
@@ -27,18 +28,37 @@ def _cell(text: str) -> str:
     return text.replace("|", "\\|").replace("\n", " ")
 
 
-def table(figures: dict[str, dict]) -> str:
-    many = ", ".join(f"{count} {word}" for word, count in counts(figures).items())
-    lines = [f"{len(figures)} figures and tables: {many}.\n"] if len(figures) > 1 else []
-    for name, data in figures.items():
-        lines += [f"\n**{name}** · {_cell(data['title'])}\n", ""]
-        rows = []
-        for v in data["verdicts"]:
-            word = v["verdict"]
-            shown = f"**{word}**" if word in ("worse", "differs") else word
-            cells = (v["what"], with_unit(v["ours"], v["unit"]), with_unit(v["paper"], v["unit"]))
-            rows.append([*map(_cell, cells), shown, _cell(v["why"])])
-        lines += doc_page.table(["what", "ours", "paper", "verdict", "why"], rows)
+#: Verdicts that the page itself shows, with their reasons. All others are in the data beside it.
+SHOWN = ("worse", "differs")
+HEADS = ["what", "ours", "paper", "verdict", "why"]
+
+
+def table(figures: dict[str, dict], page: Path, data: str) -> str:
+    """How each figure compares, and each disagreement. Every row goes to `data`."""
+    found, every, shown = [], [], []
+    for name, figure in figures.items():
+        rows = [
+            [
+                *map(_cell, (v["what"], with_unit(v["ours"], v["unit"]))),
+                _cell(with_unit(v["paper"], v["unit"])),
+                v["verdict"],
+                _cell(v["why"]),
+            ]
+            for v in figure["verdicts"]
+        ]
+        title = _cell(figure["title"])
+        many = [sum(row[3] == word for row in rows) for word in VERDICTS]
+        found.append([f"**{name}**", title, *(str(count or "") for count in many)])
+        every += [[name, title, *row] for row in rows]
+        shown += [[f"**{name}**", *row] for row in rows if row[3] in SHOWN]
+    where = doc_page.keep_data(page, data, ["figure", "title", *HEADS], every)
+    many_words = ", ".join(f"{count} {word}" for word, count in counts(figures).items())
+    lines = [f"{many_words.capitalize()}. Every row: {where}.", ""]
+    if len(figures) > 1:
+        lines += [f"The {len(figures)} figures and tables:", ""]
+        lines += [*doc_page.table(["", "title", *VERDICTS], found), ""]
+    lines += ["Where ours differs:", ""]
+    lines += doc_page.table(["", *HEADS], shown)
     return "\n".join(lines) + "\n"
 
 
@@ -52,49 +72,36 @@ JUDGED = {
 LIMIT_HZ = "3000"
 
 
-def _ours(row: dict | None, key: str, ratio: str) -> str:
-    if row is None:
-        return "–"
-    text = f"{row[key]:.3g} ({row[ratio]:.2f})"
-    return f"**{text}**" if row[ratio] > 1 else text
+def _ours(row: dict | None, key: str, ratio: str) -> list[str]:
+    return [f"{row[key]:.3g}", f"{row[ratio]:.2f}"] if row else ["", ""]
 
 
-def at_equal_f_sw(metrics: dict) -> str:
-    """Ours beside the best table setting at each point; then every scheme at the set-ups' own
-    points."""
-    points = metrics["points"]
+def _at_points(points: list[dict]) -> tuple[list[str], list[list[str]]]:
+    """Ours beside the best table setting, for every point and figure of merit."""
     variants = list(points[0]["ours"])
-    lines = []
-    for figure, ratio in (("td_Nm", "td_ratio"), ("thd_inf_pct", "thd_ratio")):
-        heads = ["point", "V_dc", "best table setting", *variants, "carrier, computed"]
-        lines += ["", f"{JUDGED[figure]} within 3 kHz:", ""]
-        rows = []
+    heads = ["figure", "point", "V_dc", "best table setting", "its scheme"]
+    heads += [text for v in variants for text in (f"db-dtfc {v}", f"ratio {v}")]
+    heads += ["best of db-dtfc", "its ratio", "carrier, computed"]
+    rows = []
+    for figure, ratio in (("td_Nm", "td_ratio"), ("thd_inf_pct", "thd_ratio"),
+                          ("ixy_rms_A", None), ("loss_W", None)):  # fmt: skip
         for at in points:
             table, line = at["best_table"][figure], at["line"][LIMIT_HZ]
-            cells = [
-                at["point"],
-                f"{line['m_pu']:.2f}" if line else "> 0.57",
-                f"{table[figure]:.3g} {table['scheme']}" if table else "–",
-                *(_ours(at["ours"][variant], figure, ratio) for variant in variants),
-                f"{line[figure]:.3g}" if line else "–",
-            ]
-            rows.append(cells)
-        lines += doc_page.table(heads, rows)
-    heads = ["point", *(f"{JUDGED[f]}: table, ours" for f in ("ixy_rms_A", "loss_W"))]
-    lines += ["", "x–y current and losses within 3 kHz, the best setting of each side:", ""]
-    rows = []
-    for at in points:
-        cells = [at["point"]]
-        for figure in ("ixy_rms_A", "loss_W"):
-            table, ratio = at["best_table"][figure], at["ratio"][figure]
-            if table is None or ratio is None:
-                cells.append("–")
-                continue
-            ours = f"{ratio * table[figure]:.3g} ({ratio:.2f})"
-            ours = f"**{ours}**" if ratio > 1 else ours
-            cells.append(f"{table[figure]:.3g} {table['scheme']}, {ours}")
-        rows.append(cells)
-    lines += doc_page.table(heads, rows)
+            row = [JUDGED[figure], at["point"], f"{line['m_pu']:.2f}" if line else "> 0.57"]
+            row += [f"{table[figure]:.3g}", table["scheme"]] if table else ["", ""]
+            best = at["ratio"][figure] if table and not ratio else None
+            for variant in variants:
+                row += _ours(at["ours"][variant], figure, ratio) if ratio else ["", ""]
+            row += [f"{best * table[figure]:.3g}", f"{best:.2f}"] if best else ["", ""]
+            rows.append([*row, f"{line[figure]:.3g}" if line and ratio else ""])
+    return heads, rows
+
+
+def at_equal_f_sw(metrics: dict, page: Path) -> str:
+    """Every point as data, and every scheme at the set-ups' own points."""
+    points = metrics["points"]
+    where = doc_page.keep_data(page, "equal-f-sw", *_at_points(points))
+    lines = [f"All {len(points)} points within 3 kHz: {where}.", ""]
     for name in OWN_POINTS:
         lines += _every_scheme(next(at for at in points if at["point"] == name))
     return "\n".join(lines) + "\n"
@@ -123,10 +130,10 @@ def main() -> None:
     own = doc_page.read_figures(folder, ["FSW"])
     if not (papers or own):
         raise SystemExit(f"{folder}: neither all figures of the papers nor FSW is there")
-    parts = {"verdicts": table(papers)} if papers else {}
+    parts = {"verdicts": table(papers, page, "verdicts")} if papers else {}
     if own:
-        parts["equal f_sw"] = at_equal_f_sw(own["FSW"]["metrics"])
-        parts["verdicts FSW"] = table(own)
+        parts["equal f_sw"] = at_equal_f_sw(own["FSW"]["metrics"], page)
+        parts["verdicts FSW"] = table(own, page, "verdicts-equal-f-sw")
     doc_page.renew_page(page, parts, PICTURES, folder)
 
 

@@ -7,6 +7,7 @@ Usage: write_studies.py OUT_DIR [docs]
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import doc_page
@@ -34,12 +35,35 @@ STUDIES = {
 }
 
 
-def markdown(tables: Grid) -> str:
-    lines = []
-    for name, heads, rows in tables:
-        lines += [f"\n{name}:\n" if name else ""]
-        lines += doc_page.table(heads, rows)
+#: Long tables: which rows the page shows, by the table's title and the row. All of them are in the
+#: data beside the page.
+ON_PAGE: dict[str, Callable[[str, list[str]], bool]] = {
+    "robustness": lambda title, row: title.startswith("paper-b"),
+    "lost-phase": lambda title, row: "goes on" not in title or row[1] == "open",
+}
+
+
+def markdown(tables: Grid, page: Path, name: str) -> str:
+    shown = ON_PAGE.get(name, lambda title, row: True)
+    lines: list[str] = []
+    for title, heads, rows in tables:
+        on_page = [row for row in rows if shown(title, row)]
+        if on_page:
+            lines += [f"\n{title}:\n" if title else ""]
+            lines += doc_page.table(heads, on_page)
+    if name in ON_PAGE:
+        lines += ["", f"Every row: {keep(tables, page, name)}."]
     return "\n".join(lines) + "\n"
+
+
+def keep(tables: Grid, page: Path, name: str) -> str:
+    """The study's long tables, which have the same columns, as one file. Returns the link to it."""
+    shown = ON_PAGE[name]
+    long = [table for table in tables if not all(shown(table[0], row) for row in table[2])]
+    (heads,) = {tuple(heads) for _, heads, _ in long}
+    same = [(title, rows) for title, own, rows in tables if tuple(own) == heads]
+    every = [[title, *row] for title, rows in same for row in rows]
+    return doc_page.keep_data(page, name, ["table", *heads], every)
 
 
 def main() -> None:
@@ -50,8 +74,10 @@ def main() -> None:
         raise SystemExit(f"{folder}: none of {', '.join(f'{name}.json' for name in STUDIES)}")
     for name in there:
         file, study = STUDIES[name]
+        page = docs / file
         result = doc_page.read_whole(folder / f"{name}.json")
-        doc_page.renew_page(docs / file, {name: markdown(study.grid(result))}, [name], folder)
+        part = markdown(study.grid(result), page, name)
+        doc_page.renew_page(page, {name: part}, [name], folder)
 
 
 if __name__ == "__main__":

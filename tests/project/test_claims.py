@@ -1,5 +1,6 @@
 """Every number in README's table of claims comes from what its row links to."""
 
+import csv
 import json
 import math
 import re
@@ -87,8 +88,9 @@ def budget() -> list[str]:
     return [str(round(ddr["mean"]))]
 
 
-def ratio(cell: str) -> float:
-    return float(re.search(r"\((\d+\.\d+)\)", cell)[1])
+def data(name: str) -> list[dict[str, str]]:
+    with (DOCS / "data" / f"{name}.csv").open() as file:
+        return list(csv.DictReader(file))
 
 
 def geometric(values: list[float]) -> float:
@@ -96,36 +98,33 @@ def geometric(values: list[float]) -> float:
 
 
 def equal_f_sw() -> list[str]:
-    """The column of κ = 1 has its ratio to tables sampled at 20 kHz at most in brackets; that to
-    freely sampled ones follows from the values."""
-    torque = table_after("results.md", "Td [N m] within 3 kHz:")
-    currents = table_after("results.md", "THD∞ [%] within 3 kHz:")
+    """The ratio of κ = 1 is to tables sampled at 20 kHz at most; that to freely sampled ones
+    follows from the values."""
+    rows = data("equal-f-sw")
+    torque, currents = (
+        [row for row in rows if row["figure"] == figure] for figure in ("Td [N m]", "THD∞ [%]")
+    )
     sampled = re.search(r"sampling frequency \(3 to (\d+) kHz\)", (DOCS / "results.md").read_text())
     free = [
-        float(row[4].strip("*").split()[0]) / float(row[2].split()[0])
+        float(row["db-dtfc κ=1"]) / float(row["best table setting"])
         for row in torque
-        if row[2] != "–"
+        if row["best table setting"]
     ]
+    ratio = [geometric([float(row["ratio κ=1"]) for row in own]) for own in (torque, currents)]
     return [
-        f"{geometric([ratio(row[4]) for row in torque]):.2f}",
-        f"{geometric([ratio(row[4]) for row in currents]):.2f}",
-        str(round(SLOW_HZ / 1e3)), str(len(torque)), sampled[1],
+        *(f"{mean:.2f}" for mean in ratio), str(round(SLOW_HZ / 1e3)), str(len(torque)), sampled[1],
         f"{geometric(free):.2f}", str(sum(value > 1 for value in free)),
     ]  # fmt: skip
 
 
 def comparison() -> list[str]:
-    text = (DOCS / "comparison.md").read_text()
-    fronts = text.split("<!-- generated: fronts -->")[1].split("<!-- end of fronts -->")[0]
-    methods = set(re.findall(r"^\| `([\w-]+)` \|", fronts, re.M))
-    points = re.findall(r"^(.+?), -?\d+ r/min, .*:$", fronts, re.M)
-    return [str(len(methods)), str(len(set(points)))]
+    rows = data("fronts")
+    points = {row["point"].rsplit(",", 3)[0] for row in rows}
+    return [str(len({row["method"] for row in rows})), str(len(points))]
 
 
 def papers() -> list[str]:
-    text = (DOCS / "results.md").read_text()
-    names = re.findall(r"^\*\*([^*]+)\*\* · ", text.split("## At equal")[0], re.M)
-    return [str(len(names)), "2"]
+    return [str(len({row["figure"] for row in data("verdicts")})), "2"]
 
 
 EXPECTED = {

@@ -6,9 +6,13 @@ the gates off in the interrupt that finds it, within the fault's deadline. From 
 must stay off, whatever is commanded. No leg may ever change from one switch to the other without
 the dead time in between.
 
-Two faults come before there is a drive. A wrong system clock must be found when the board starts.
+Three kinds of runs are about the start. A wrong system clock must be found when the board starts.
 Stored parameters are damaged at random places: the start must take the saved ones if a whole copy
-is left, else the built-in ones, and it must say which. It must never take a wrong value.
+is left, else the built-in ones, and it must say which. It must never take a wrong value. And where
+a debugger starts the image anew while the gates are on, they must go off before anything else.
+
+The last kind has no fault: the speed reverses, and no gate pulse may be shorter than the power
+stage can make. All other runs count such pulses as well.
 """
 
 from __future__ import annotations
@@ -18,15 +22,19 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from ... import firmware, setups
+from ...boards.virtual import BoardController
 from ...drive.simulated import SimulatedDrive
 from ...parallel import each
 from ...plant.legs import HIGH, LOW, OFF
 from ...plant.vsd import PHASES
+from ...serial import wire
+from ...serial.client import HEARTBEAT_S
 from .grids import Grid, for_terminal
 
 TITLE = "Fault campaign"
@@ -45,6 +53,12 @@ RATED_A = 5.0
 NOW, LATER, TWO_SLOW = 1, 5000, -1
 #: Longest time without a fast interrupt until the chip takes the gates off, periods.
 DEAD_MAN = 3
+#: Longest time without a message of the host until a drive that it started trips, in periods of
+#: 0.1 ms.
+WATCHDOG = 10 * firmware.lib.HT_SERVICE_WATCHDOG_MS
+#: The host's last frames may still be on the line for so many periods: 20 bytes at 921600 baud, and
+#: the period in which the background reads them.
+ON_THE_LINE = 4
 #: All states, the fault last: the run that begins in it is the only one without a new fault.
 STATES = (*(name for name in firmware.STATES if name != "fault"), "fault")
 POWERED = tuple(state.name for state in firmware.STATE_TABLE if state.controls)
@@ -75,6 +89,65 @@ class Fault:
     stands: int = 0
     #: Frequencies of the slow interrupt, drawn at random; empty: the set-up's.
     slow_Hz: tuple[float, ...] = ()
+    #: Those whose board can have this fault.
+    of_setups: tuple[str, ...] = SETUPS
+    drive: type[SimulatedDrive] = SimulatedDrive
+
+
+class HostedDrive(SimulatedDrive):
+    """A host at the other end of a serial line opens a session, starts this drive, and then sends
+    STATUS again and again, until it is `silent`. The bytes take their time on the line."""
+
+    def __init__(self, setup: setups.Setup, samples_per_period: int) -> None:
+        make = partial(BoardController, baud=None, watchdog_ms=WATCHDOG // 10)
+        super().__init__(setup, samples_per_period, make)
+        self.silent = False
+        self._session, self._dictionary, self._requests = 0, 0, 0
+
+    def _send(self, op: wire.Op, payload: bytes = b"") -> None:
+        self._requests = (self._requests + 1) % 256
+        body = wire.request(op, self._requests, self._session, self._dictionary, payload)
+        self._line.put(wire.frame(body))
+
+    def _ask(self, op: wire.Op, payload: bytes = b"") -> bytes:
+        """The payload of the reply."""
+        splitter = wire.Splitter()
+        self._send(op, payload)
+        for _ in range(2000):
+            super().run(self.period_s, record=False)
+            for body in splitter.push(self._line.take()):
+                return wire.parse_reply(body).payload
+        raise AssertionError(f"no reply to {op.name}")
+
+    @property
+    def _line(self) -> BoardController:
+        assert isinstance(self.controller, BoardController)
+        return self.controller
+
+    def start(self) -> None:
+        if not self._session:
+            self._dictionary = wire.parse_hello(self._ask(wire.Op.HELLO)).crc
+            session = 0x1234
+            self._ask(wire.Op.OPEN, wire.open_session(session, session))
+            self._session = session
+        before = self.state
+        self._send(wire.Op.START)
+        for _ in range(200):
+            super().run(self.period_s, record=False)
+            self._line.take()
+            if self.state != before:
+                return
+        raise firmware.FirmwareError("start: the board refuses")
+
+    def run(self, duration_s: float, record: bool = True, progress: Progress | None = None) -> None:
+        left, most = round(duration_s / self.period_s), round(HEARTBEAT_S / self.period_s)
+        while left:
+            if self._session and not self.silent:
+                self._send(wire.Op.STATUS)
+            periods = min(left, most)
+            super().run(periods * self.period_s, record, progress)
+            self._line.take()
+            left -= periods
 
 
 def _sign(rng: np.random.Generator) -> int:
@@ -179,6 +252,20 @@ def _release_the_trip_pin(sim: SimulatedDrive) -> str:
     return ""
 
 
+def _comparator(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    """Between two samples the output of a sensor is at one end of its range for 1 us."""
+    board, registers = sim.controller.port.board, sim.controller.registers
+    of_phase = [firmware.lib.ht_board_cmpss(board, k) for k in range(len(PHASES))]
+    number = int(rng.choice([number for number in of_phase if number]))
+    for volts in (float(rng.choice([0.0, 3.0])), 1.5):
+        firmware.lib.ht_regfile_analog(registers, number, volts, 1000)
+
+
+def _silence(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+    assert isinstance(sim, HostedDrive)
+    sim.silent = True
+
+
 def _overrun(sim: SimulatedDrive, rng: np.random.Generator) -> None:
     """The next event comes while the interrupt is still running. The interrupt's first register
     access acknowledges the event before."""
@@ -261,6 +348,16 @@ FAULTS = (
         repair=_interrupts_again,
         stands=DEAD_MAN,
         slow_Hz=(10.0, 50.0, 100.0, 250.0, 1000.0),
+    ),
+    Fault(
+        "over-current between two samples",
+        _comparator,
+        (OVERCURRENT,),
+        GATES_ON,
+        of_setups=("paper-b",),
+    ),
+    Fault(
+        "host silent", _silence, ("link lost",), CHECKED, WATCHDOG + ON_THE_LINE, drive=HostedDrive
     ),
 )
 
@@ -390,7 +487,7 @@ def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
     """Injects one fault into one drive."""
     rng = np.random.default_rng(seed)
     result = Result(fault.name, state, scheme, setup)
-    sim = SimulatedDrive(_setup(setup, scheme, rng, seed, fault.slow_Hz), 1)
+    sim = fault.drive(_setup(setup, scheme, rng, seed, fault.slow_Hz), 1)
     _bring_to(sim, state, rng)
     if sim.controller.state != state:
         result.error = f"{sim.controller.state} instead of {state} before the injection"
@@ -666,12 +763,64 @@ def wrong_clock(device: str, seed: int) -> Result:
     return result
 
 
+#: A debugger halts the chip while the drive works, and starts the image at its entry.
+RESTARTED = "image started anew without a reset"
+
+
+def restarted(state: str, scheme: str, setup: str, seed: int) -> Result:
+    """The register model reports a start that waits, or changes a clock, while a gate is on."""
+    rng = np.random.default_rng(seed)
+    ffi, lib = firmware.ffi, firmware.lib
+    result = Result(RESTARTED, state, scheme, setup)
+    sim = SimulatedDrive(_setup(setup, scheme, rng, seed), 1)
+    _bring_to(sim, state, rng)
+    controller = sim.controller
+    if state in GATES_ON and _gates_off(sim):
+        result.error = "the gates were off before the restart"
+        return result
+    params = ffi.new("ht_params *", controller.drive.params)
+    started = lib.ht_board_start(controller.port)
+    if not started or _pwm_pins(controller.port.board, controller.registers):
+        result.error = "the board does not start with its gates off"
+        return result
+    lib.ht_store_start(controller.store.handle, controller.drive, controller.port, params)
+    result.periods = 1  # before the first interrupt
+    if controller.state != "idle" or not _gates_off(sim):
+        result.error = f"{controller.state} after the restart"
+    elif controller.registers.violations:
+        result.error = "a gate was on while the start waited"
+    return result
+
+
+#: Not a fault. It has most of the patterns that a drive can make.
+REVERSAL = "none: the speed reverses"
+
+
+def reversal(_: str, scheme: str, setup: str, seed: int) -> Result:
+    rng = np.random.default_rng(seed)
+    result = Result(REVERSAL, "run", scheme, setup)
+    base = _setup(setup, scheme, rng, seed).changed(controller__speed_trip_rpm=2500.0)
+    sim = SimulatedDrive(base, 1)
+    sim.start()
+    sim.run(0.35, record=False)
+    sim.log_edges(500_000)
+    legs = np.array(sim.inverter.leg)
+    speed_rpm = _sign(rng) * float(rng.uniform(200, 1400))
+    for reference_rpm in (speed_rpm, -speed_rpm):
+        sim.set("speed_ref_rpm", reference_rpm)
+        sim.run(0.5, record=False)
+    result.error = _shoot_through(sim, legs)
+    if sim.state != "run" and not result.error:
+        result.error = ", ".join(sim.faults)
+    return result
+
+
 def places(fault: Fault, runs: int) -> list[tuple[str, str, str]]:
     """State, scheme and set-up of each run. Two thirds of the runs are in states where the fault
     must be found, the others in the remaining states. Both go through all combinations in turn."""
     others = [state for state in STATES if state not in fault.found_in]
     found, quiet = (
-        itertools.cycle(itertools.product(states, firmware.schemes(), SETUPS))
+        itertools.cycle(itertools.product(states, firmware.schemes(), fault.of_setups))
         for states in (fault.found_in, others)
     )
     return [next(quiet if n % 3 == 2 else found) for n in range(runs)]
@@ -695,9 +844,25 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
     at_the_start = {DAMAGED_SET: damaged_set, WRONG_CLOCK: wrong_clock}
     for case in at_the_start.values():
         results += [case(firmware.BOARDS[n % 3], n) for n in range(0, RUNS, step)]
+    whole = [
+        (case, *where, n)
+        for case, states in ((restarted, STATES), (reversal, ("run",)))
+        for n, where in zip(
+            range(RUNS), itertools.cycle(itertools.product(states, firmware.schemes(), SETUPS))
+        )
+    ]
+
+    def one_of(case: tuple) -> Result:
+        result = case[0](*case[1:])
+        if progress:
+            progress(1.0)
+        return result
+
+    results += each(one_of, whole[::step])
     rows = []
     named = [(fault.name, fault.found_in) for fault in FAULTS]
     named += [(name, ("start",)) for name in at_the_start]
+    named += [(RESTARTED, ("start",)), (REVERSAL, ())]
     for name, found_in in named:
         own = [r for r in results if r.fault == name]
         found = [r for r in own if r.periods]

@@ -1,6 +1,7 @@
 """The comparison with the references: equal search for all, and sentences that follow from numbers
 alone."""
 
+import csv
 import importlib.util
 import json
 import math
@@ -309,17 +310,24 @@ def test_torque_ripple_by_sampling_frequency():
     assert set(found["ddr"].values()) == {None}
 
 
-def test_the_page_shows_every_method_and_every_sentence(figure, tool):
+def test_the_page_shows_every_method_and_every_sentence(figure, tool, tmp_path, monkeypatch):
+    monkeypatch.setattr(tool, "PAGE", tmp_path / "page.md")
+    monkeypatch.setattr(tool, "ON_PAGE", ("paper A, 900 r/min", "paper B, 2500 r/min", "m"))
     metrics = json.loads(json.dumps(figure.metrics))
     budget = json.loads((ROOT / "docs/budget.json").read_text())
     text = tool.sentences(metrics)
     assert (
         len(re.findall(r"^\d\. ", text, re.MULTILINE)) == 5 and "of the 5 sentences change" in text
     )
-    parts = [part(metrics) for part in (tool.fronts, tool.sampling, tool.steps)]
-    for part in (*parts, tool.costs(budget)):
-        for name in BY_NAME:
-            assert f"| `{name}` |" in part
+    for part in (tool.sampling(metrics), tool.costs(budget)):
+        assert all(f"| `{name}` |" in part for name in BY_NAME)
+    points = [at["point"] for at in (metrics.get("rivals") or metrics["equal"])["points"]]
+    for name, of in (("fronts", points), ("steps", metrics["equal"]["steps"])):
+        assert f"[{name}.csv](data/{name}.csv)" in getattr(tool, name)(metrics)
+        with (tmp_path / "data" / f"{name}.csv").open() as file:
+            rows = [tuple(row[:2]) for row in csv.reader(file)][1:]
+        assert len(rows) == len(set(rows)) == len(of) * len(BY_NAME)
+        assert {method for _, method in rows} == set(BY_NAME)
     # The stand-in for a measurement gives every method the same figures at the same sampling.
     assert "`fcs-mpc` over `vv-mpc`: Td " in tool.published(metrics)
     assert f"{budget['mps2-an386']['ddr']['mean']:.0f}" in tool.costs(budget)

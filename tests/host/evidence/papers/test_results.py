@@ -1,5 +1,6 @@
 """docs/results.md: every figure is in it, and the tool that renews it does so."""
 
+import csv
 import importlib.util
 import sys
 from pathlib import Path
@@ -18,38 +19,42 @@ sys.path.remove(str(ROOT / "tools"))
 pages = tool.doc_page
 
 
+def rows_of(name):
+    with (ROOT / "docs/data" / f"{name}.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
 def test_the_documentation_holds_every_figure_and_a_reason_for_every_disagreement():
     text = (ROOT / "docs/results.md").read_text()
-    papers, own = (
-        text.split(pages.BEGIN.format(part))[1].split(pages.END.format(part))[0]
-        for part in ("verdicts", "verdicts FSW")
-    )
-    for name, entry in ENTRIES.items():
-        if name == "REFERENCES":
-            continue  # docs/comparison.md
-        assert f"**{name}** · {entry.title}" in (own if name == "FSW" else papers)
-    part = papers + own
-    rows = [line.split(" | ") for line in part.splitlines() if line.startswith("| ")]
-    rows = [row for row in rows if row[0] != "| what"]
+    rows = rows_of("verdicts") + rows_of("verdicts-equal-f-sw")
+    titles = {row["figure"]: row["title"] for row in rows}
+    # REFERENCES is docs/comparison.md.
+    assert titles == {name: ENTRIES[name].title for name in ENTRIES if name != "REFERENCES"}
     assert len(rows) > 200
     for row in rows:
-        assert row[3].strip("*") in VERDICTS
-        if row[3] in ("**worse**", "**differs**"):
-            assert len(row[4]) > 12 and "not explained" not in row[4], row
+        assert row["verdict"] in VERDICTS
+        shown = f"| **{row['figure']}** | {row['what']} | {row['ours']} | {row['paper']} |" in text
+        assert shown == (row["verdict"] in ("worse", "differs")), row
+        if shown:
+            assert len(row["why"]) > 12 and "not explained" not in row["why"], row
 
 
-def test_renewing_replaces_only_the_generated_part():
-    verdict = {
-        "what": "a|b", "ours": 1.0, "paper": 2.0, "unit": "A", "verdict": "worse", "why": "x",
-    }  # fmt: skip
+VERDICT = {"what": "a|b", "ours": 1.0, "paper": 2.0, "unit": "A", "verdict": "worse", "why": "x"}
+
+
+def test_renewing_replaces_only_the_generated_part(tmp_path):
     text = f"before\n{pages.BEGIN.format('verdicts')}old\n{pages.END.format('verdicts')}after\n"
-    new = pages.renew(text, "verdicts", tool.table({"A1": {"title": "T", "verdicts": [verdict]}}))
+    figures = {"A1": {"title": "T", "verdicts": [VERDICT, VERDICT | {"verdict": "match"}]}}
+    new = pages.renew(text, "verdicts", tool.table(figures, tmp_path / "page.md", "every"))
     assert new.startswith("before\n") and new.endswith("after\n") and "old" not in new
-    assert "| a\\|b | 1.000 A | 2.000 A | **worse** | x |" in new
+    assert new.count("a\\|b") == 1
+    assert "| **A1** | a\\|b | 1.000 A | 2.000 A | worse | x |" in new
     assert pages.renew(new, "verdicts", "old\n") == text
+    kept = (tmp_path / "data/every.csv").read_text().splitlines()
+    assert kept[1:] == ["A1,T,a|b,1.000 A,2.000 A,worse,x", "A1,T,a|b,1.000 A,2.000 A,match,x"]
 
 
-def test_a_ratio_above_one_is_bold_and_what_is_missing_is_a_dash():
+def test_missing_settings_are_empty_and_ratios_are_those_of_the_figure(tmp_path):
     figures = ("td_Nm", "thd_inf_pct", "ixy_rms_A", "loss_W")
     row = {figure: 0.5 for figure in figures}
     at = {
@@ -61,11 +66,13 @@ def test_a_ratio_above_one_is_bold_and_what_is_missing_is_a_dash():
         "ratio": {"ixy_rms_A": 1.1, "loss_W": None},
     }
     points = [at, {**at, "point": tool.OWN_POINTS[1]}]
-    text = tool.at_equal_f_sw({"points": points})
-    assert "| 0.5 fdr | **0.5 (1.20)** | – | – |" in text
-    assert "| 0.5 fdr | 0.5 (0.40) | – | – |" in text
-    assert "| 0.5 fdr, **0.55 (1.10)** | – |" in text
+    text = tool.at_equal_f_sw({"points": points}, tmp_path / "page.md")
     assert "| fdr | – | 0.5 | – | 0.5 |" in text
+    kept = (tmp_path / "data/equal-f-sw.csv").read_text().splitlines()
+    assert kept[1].endswith(",0.5,fdr,0.5,1.20,,,,,")
+    assert kept[3].endswith(",0.5,fdr,0.5,0.40,,,,,")
+    assert kept[5].endswith(",0.5,fdr,,,,,0.55,1.10,")
+    assert kept[7].endswith(",0.5,fdr,,,,,,,")
 
 
 def test_an_interrupted_or_quick_run_is_refused(tmp_path):

@@ -1,4 +1,4 @@
-"""The fault campaign: 3888 runs, a part of them without HT_WHOLE. Its own checks are tested too."""
+"""The fault campaign, a part of its runs without HT_WHOLE. Its own checks are tested too."""
 
 import itertools
 from types import SimpleNamespace
@@ -23,7 +23,7 @@ def test_every_fault_is_found_and_named(result):
     for row in result["rows"]:
         assert row["errors"] == [], row["fault"]
         # Half of the damages leave one copy of the set whole, and that copy is taken.
-        least = 1 / 3 if row["fault"] == faults.DAMAGED_SET else 1 / 2
+        least = {faults.DAMAGED_SET: 1 / 3, faults.REVERSAL: 0}.get(row["fault"], 1 / 2)
         assert row["found"] >= least * row["runs"], row["fault"]
 
 
@@ -31,10 +31,11 @@ def test_in_the_next_interrupt(result):
     """Whatever a sample can show takes one period; the rest its stated time. Without a leg a trip
     may be seen one period later: the latches are looked at one in each period."""
     slow = {f.name for f in faults.FAULTS if f.deadline != faults.NOW}
-    assert len(slow) == 5
+    assert len(slow) == 6
+    trips = ("trip pin", "trip pin held low", "over-current between two samples")
     for row in result["rows"]:
-        if row["fault"] not in slow:
-            longest = 2 if row["fault"].startswith("trip pin") else 1
+        if row["fault"] not in slow | {faults.REVERSAL}:
+            longest = 2 if row["fault"] in trips else 1
             assert row["periods_max"] in range(1, longest + 1), row["fault"]
 
 
@@ -62,8 +63,8 @@ def test_tables_and_picture(result, tmp_path):
 
 
 def test_every_fault_in_every_state_scheme_and_set_up():
-    everywhere = set(itertools.product(faults.STATES, firmware.schemes(), faults.SETUPS))
     for fault in faults.FAULTS:
+        everywhere = set(itertools.product(faults.STATES, firmware.schemes(), fault.of_setups))
         assert set(faults.places(fault, faults.RUNS)) == everywhere, fault.name
 
 
@@ -99,6 +100,31 @@ def test_gates_that_come_on_again(monkeypatch):
     monkeypatch.setattr(faults, "_disturb", release)
     result = faults.run(find("trip pin"), "run", "ddr", "paper-a-feasible", 1)
     assert result.error in ("a gate came on after the latch", "a leg changed after the latch")
+
+
+def test_a_host_that_goes_on_talking_trips_nothing():
+    talks = faults.Fault(
+        "host silent", lambda sim, rng: None, ("link lost",), deadline=faults.WATCHDOG,
+        drive=faults.HostedDrive,
+    )  # fmt: skip
+    result = faults.run(talks, "run", "ddr", "paper-b", 1)
+    assert result.error == f"not found within {faults.WATCHDOG} periods"
+
+
+def test_a_restart_that_leaves_gates_on_fails_the_study(monkeypatch):
+    assert not faults.restarted("run", "ddr", "paper-b", 1).error
+    monkeypatch.setattr(faults, "_pwm_pins", lambda *_: 12)
+    assert "gates off" in faults.restarted("run", "ddr", "paper-b", 1).error
+    monkeypatch.undo()
+    # A drive that never had a gate on shows nothing.
+    monkeypatch.setattr(faults, "_bring_to", lambda *_: None)
+    assert "before the restart" in faults.restarted("run", "ddr", "paper-b", 1).error
+
+
+def test_a_short_pulse_in_a_reversal_fails_the_study(monkeypatch):
+    assert not faults.reversal("run", "foc", "paper-b", 1).error
+    monkeypatch.setattr(SimulatedDrive, "short_pulses", 1)
+    assert "a gate pulse" in faults.reversal("run", "foc", "paper-b", 1).error
 
 
 def test_a_store_without_checks_fails_the_study(monkeypatch):
