@@ -8,22 +8,6 @@ import click
 
 from .output import complain
 
-#: Names that commands had before, and what to type now.
-OLD_NAMES = {
-    "devices": "board list",
-    "speed": "board set speed=RPM",
-    "scheme": "board set scheme=NAME",
-    "reproduce": "evidence papers",
-    "verify": "evidence studies",
-    "bench": "evidence speed",
-    "schemes": "setups --schemes",
-}
-#: The same in one group: (group, name or option).
-OLD_NAMES_IN_GROUPS = {
-    ("params", "set"): "board set NAME=VALUE",
-    ("board", "--virtual"): "board serve",
-}
-
 
 def examples(*lines: str, note: str = "") -> str:
     """The end of a help text. The sign in front keeps the lines as they are."""
@@ -32,8 +16,9 @@ def examples(*lines: str, note: str = "") -> str:
 
 
 class Group(click.Group):
-    """Commands in the order in which they were added, which know where a name went that is
-    not among them. Called without a name it says so in one line, as for any mistake."""
+    """Commands in the order in which they were added. A name that is not among them, but in
+    another group, is shown there. Called without a name it says so in one line, as
+    for any mistake."""
 
     def __init__(self, *args, **attributes):
         super().__init__(*args, **attributes)
@@ -57,13 +42,10 @@ class Group(click.Group):
 
 
 def unknown(ctx, name: str) -> str:
-    """What to say to a command or an option that this group does not have."""
-    now = OLD_NAMES_IN_GROUPS.get((ctx.info_name, name)) or OLD_NAMES.get(name)
-    if now is None:
-        now = next(iter(paths_to(ctx.find_root().command, name)), None)
-    if now is not None:
-        what = "option" if name.startswith("-") else "command"
-        return f"no {what} {name!r} here: it is `hexatorque {now}`"
+    """What to say to a command that this group does not have."""
+    elsewhere = next(iter(paths_to(ctx.find_root().command, name)), None)
+    if elsewhere is not None:
+        return f"no command {name!r} here: it is `hexatorque {elsewhere}`"
     known = list(ctx.command.commands)
     close = get_close_matches(name, known, 1)
     hint = f"did you mean {close[0]}? " if close else ""

@@ -19,7 +19,7 @@ from ..errors import HexatorqueError
 from . import completion
 from .board.app import board
 from .evidence.app import evidence
-from .group import OLD_NAMES_IN_GROUPS, Group, examples, unknown
+from .group import Group, examples
 from .output import complain
 from .own_machine import check, new
 from .recordings import convert, plot
@@ -99,9 +99,7 @@ def _nothing(*_: Any, **__: Any) -> None:
 
 def _usage(error: click.ClickException) -> str:
     """What is wrong with the command line, in one line."""
-    ctx, option = getattr(error, "ctx", None), getattr(error, "option_name", None)
-    if ctx is not None and option is not None and (ctx.info_name, option) in OLD_NAMES_IN_GROUPS:
-        return unknown(ctx, option)
+    ctx = getattr(error, "ctx", None)
     text = " ".join(error.format_message().split()).rstrip(".")
     text = re.sub(r"^Invalid value for '(?:-\w' / ')?([^']*)': ", r"\1: ", text)
     text = text[:1].lower() + text[1:]
