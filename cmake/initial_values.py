@@ -20,11 +20,12 @@ PACKAGE = next(
     folder for folder in (ROOT / "host", *ROOT.parents) if (folder / "hexatorque/setups").is_dir()
 )
 sys.path.insert(0, str(PACKAGE))
+from hexatorque.given import choice, listed, numeric, suggest  # noqa: E402
 from hexatorque.setups import loading, to_parameters  # noqa: E402
 from hexatorque.setups.derived import DEFAULTS  # noqa: E402
 from hexatorque.setups.keys import KEYS, SECTIONS  # noqa: E402
 from hexatorque.setups.setup import Setup, inconsistent  # noqa: E402
-from hexatorque.setups.values import SetupError, Value, suggest  # noqa: E402
+from hexatorque.setups.values import SetupError, Value  # noqa: E402
 
 CORE, APP = ROOT / "firmware" / "core", ROOT / "firmware" / "app"
 #: A row of a .def file: its kind and its arguments, which may be strings.
@@ -77,16 +78,18 @@ def bare(path: str, raw: object, known: dict) -> object:
     if key not in known:
         raise SetupError(f"unknown key {path}{suggest(key, known)}")
     value = raw.get("value") if isinstance(raw, dict) else raw
+    spec = known[key]
+    value = choice(value, spec.choices) if spec.choices else numeric(value)
     if section == "controller":
         return value
-    spec = known[key]
     if spec.kind == "choice":
         if value not in spec.choices:
             raise SetupError(f"{path} = {value!r}: choose one of {', '.join(spec.choices)}")
     elif spec.kind == "phases":
-        if not isinstance(value, list) or len(value) != 6:
+        six = listed(value) if isinstance(value, str) else value
+        if not isinstance(six, list) or len(six) != 6:
             raise SetupError(f"{path} = {value!r}: six numbers are needed")
-        return tuple(checked(path, number, spec.min, spec.max) for number in value)
+        return tuple(checked(path, numeric(number), spec.min, spec.max) for number in six)
     else:
         value = checked(path, value, spec.min, spec.max)
         return int(value) if spec.kind == "integer" else float(value)
@@ -121,7 +124,7 @@ def values_of(source: str, table: dict, files: list[Path], depth: int = 0) -> tu
             raise SetupError(f"{section}: a table is needed")
         for key, raw in entries.items():
             values[section][key] = Value(bare(f"{section}.{key}", raw, known), "")
-    defaults = data.get("defaults", defaults)
+    defaults = choice(data.get("defaults", defaults), DEFAULTS)
     if defaults not in DEFAULTS:
         raise SetupError(f"defaults = {defaults!r}: choose one of {', '.join(DEFAULTS)}")
     return values, defaults

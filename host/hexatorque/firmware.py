@@ -11,9 +11,10 @@ from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
+from . import given
 from ._firmware import ffi, lib
 from .chips import BOARDS, DEVICES
-from .errors import HexatorqueError
+from .errors import InputError
 
 #: A struct or pointer of the C: cffi knows its type, a type checker does not.
 CData = Any
@@ -75,10 +76,8 @@ def warnings(bits: int) -> list[str]:
     return [text for bit, text in WARNINGS.items() if bits & bit]
 
 
-class FirmwareError(HexatorqueError, ValueError):
+class FirmwareError(InputError):
     """The firmware refused a value or a command."""
-
-    exit_code = 2
 
 
 @dataclass(frozen=True)
@@ -97,15 +96,17 @@ class Parameter:
     whole: bool = False  #: takes whole numbers only
 
     def parse(self, value: object) -> float:
-        """The number for a value, which is a number or the name of a choice. FirmwareError if it
-        is out of range."""
+        """The number for a value, which is a number or the name of a choice, also as text with a
+        decimal comma or in capital letters. FirmwareError if it is out of range."""
+        value = given.plain(value)
         if self.choices:
             if isinstance(value, bool):
                 value = "on" if value else "off"
-            text = str(value)
+            text = given.choice(str(value), self.choices)
             if text in self.choices:
                 return float(self.choices.index(text))
             raise FirmwareError(f"{self.name} = {value!r}: choose one of {', '.join(self.choices)}")
+        value = given.numeric(value)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise FirmwareError(f"{self.name} = {value!r}: a number is needed")
         try:
@@ -193,6 +194,27 @@ def channels() -> tuple[tuple[str, str], ...]:
     return tuple((_text(r.name), _text(r.unit)) for r in rows)
 
 
+def row_of(table: Mapping[str, Parameter], name: str) -> Parameter:
+    """The parameter of this name, which may be a set-up's key `controller.NAME`. FirmwareError
+    names the nearest one if there is none."""
+    plain = given.parameter_name(name)
+    if plain not in table:
+        raise FirmwareError(unknown(name, table))
+    return table[plain]
+
+
+def unknown(name: str, table: Iterable[str]) -> str:
+    """The line about a parameter that there is not."""
+    plain = given.parameter_name(name)
+    section, dot, key = plain.rpartition(".")
+    if dot and key in set(table):
+        return (
+            f"no parameter {plain!r}: the section {section} belongs to a set-up; "
+            f"did you mean 'controller.{key}'?"
+        )
+    return f"no parameter {name!r}{given.suggest(key, table)}"
+
+
 def schemes() -> tuple[str, ...]:
     return parameters()["scheme"].choices
 
@@ -204,8 +226,9 @@ def table_schemes() -> tuple[str, ...]:
 
 
 def needs_prediction(scheme: str) -> bool:
-    """True if the scheme works with shadow load and prediction only."""
-    row = lib.ht_scheme_describe(schemes().index(scheme))
+    """True if the scheme works with shadow load and prediction only. FirmwareError names the
+    schemes if there is none of this name."""
+    row = lib.ht_scheme_describe(int(parameters()["scheme"].parse(scheme)))
     return lib.ht_law_needs_prediction(row.law)
 
 
@@ -442,9 +465,7 @@ class Controller:
         params = ffi.new("ht_params *")
         lib.ht_params_default(params)
         for name, value in values.items():
-            if name not in self.parameters:
-                raise FirmwareError(f"no controller parameter {name!r}")
-            row = self.parameters[name]
+            row = row_of(self.parameters, name)
             params.v[row.id] = row.parse(value)
         self.store = store or Store()
         result = lib.ht_store_start(self.store.handle, self.drive, self.port, params)
@@ -529,20 +550,18 @@ class Controller:
 
     def get(self, name: str) -> str | float:
         """A parameter's value, a choice by name."""
-        return self.parameters[name].show(self.number(name))
+        return row_of(self.parameters, name).show(self.number(name))
 
     def number(self, name: str) -> float:
         """A parameter's value as a number."""
-        return lib.ht_drive_get(self.drive, self.parameters[name].id)
+        return lib.ht_drive_get(self.drive, row_of(self.parameters, name).id)
 
     def set(self, name: str, value: object) -> None:
         self.set_many({name: value})
 
     def set_many(self, values: Mapping[str, object]) -> None:
         """Set several values. If one is refused, none changes."""
-        for name in values:
-            if name not in self.parameters:
-                raise FirmwareError(f"no controller parameter {name!r}")
+        values = {row_of(self.parameters, name).name: value for name, value in values.items()}
         rows = [self.parameters[name] for name in values]
         if not rows:
             return

@@ -21,18 +21,19 @@ MINE = """
 setup = "paper-a-feasible"
 [machine]
 rs_ohm = { value = 0.1234567891234, tag = "measured", note = "cold" }
-psi_knee_Wb = 0.9
+psi_knee_Wb = "0,9"
+drs_ohm = "0,01; 0; 0; 0; 0; 0"
 [inverter]
 v_switch_V = 1.2
 [timing]
 device = "f28377s"
-latency = "immediate"
+latency = "Immediate"
 isr_us = 7
 [controller]
-scheme = "ddr-ml"
+scheme = "DDR-ML"
 torque_levels = 3
 zero_hold = false
-i_trip_A = { value = 21.3, tag = "assumed" }
+i_trip_A = { value = "21,3", tag = "assumed" }
 speed_ref_rpm = -123.456
 """
 #: A program that prints what LIST says about the parameters, and whether a drive starts with them.
@@ -238,7 +239,7 @@ def test_only_the_table_of_an_image_knows(tree, tmp_path):
     header = build / "ht_initial_values.h"
     before = header.read_text()
     later = header.stat().st_mtime + 10
-    (tree / "mine.toml").write_text(MINE.replace("21.3", "20.1"))
+    (tree / "mine.toml").write_text(MINE.replace("21,3", "20,1"))
     os.utime(tree / "mine.toml", (later, later))
     subprocess.run(command, cwd=tree, check=True, capture_output=True)
     assert header.read_text() != before and "20.1" in header.read_text()

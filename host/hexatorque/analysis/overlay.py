@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..given import real
 from ..recording import mapping
 from ..recording.recording import TRIGGER, Recording, RecordingError
 from .plots import INK, LABEL, LEGEND, TITLE, new_figure, save, thin
@@ -73,7 +74,7 @@ def read(
         trigger_s = None
         if at and not Path(argument).exists():
             try:
-                trigger_s = float(seconds)
+                trigger_s = real(seconds)
             except ValueError:
                 trigger_s = math.nan
             if not math.isfinite(trigger_s):

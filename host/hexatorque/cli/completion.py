@@ -64,10 +64,16 @@ def setup(ctx, param, incomplete: str) -> list:
     return starting(setups.builtin_names(), incomplete) or files(ctx, param, incomplete)
 
 
-def latency(ctx, param, incomplete: str) -> list:
-    from .. import setups
+def setting(ctx, param, incomplete: str) -> list:
+    """SECTION.KEY=, and the choices of a key that has some."""
+    from ..setups import paths
 
-    return starting(setups.LATENCIES, incomplete)
+    path, equals, begun = incomplete.partition("=")
+    if not equals:
+        return [f"{each}=" for each in starting(paths.every(), path)]
+    section, _, key = path.partition(".")
+    known = paths.keys(section) if section in paths.WITH_PATHS else {}
+    return starting(known[key].choices, begun, f"{path}=") if key in known else []
 
 
 def parameter(ctx, param, incomplete: str) -> list:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
 import click
 
-from ..errors import HexatorqueError
+from ..errors import InputError
+from ..given import real
 from ..recording.formats import suffixes_text
 from . import completion
 
@@ -16,25 +18,16 @@ from . import completion
 MOST_AFTER_S = 1e6
 
 
-class Mistake(HexatorqueError):
-    """Of who typed the command."""
-
-    exit_code = 2
+class Mistake(InputError):
+    """A mistake in the command line."""
 
 
 # -- reading ------------------------------------------------------------------------------
 
 
-def real(text: str | float) -> float:
-    """A number from text with a decimal point or a decimal comma, as the web page takes it.
-    ValueError for any other text."""
-    text = str(text)  # click passes a default of an option too
-    return float(text if "." in text else text.replace(",", "."))
-
-
 def number(text: str) -> float:
     try:
-        return real(text)
+        return real(str(text))  # click passes a default of an option too
     except ValueError:
         raise click.BadParameter(f"{text!r}: a number is needed") from None
 
@@ -48,8 +41,8 @@ def whole(text: str) -> int:
 
 def seconds(text: str) -> float:
     with suppress(ValueError):
-        if 0 < real(text) < math.inf:
-            return real(text)
+        if 0 < real(str(text)) < math.inf:
+            return real(str(text))
     raise click.BadParameter(f"{text!r}: a time above 0 s is needed")
 
 
@@ -88,18 +81,18 @@ def schemes_given(text: str | None, laws: bool = False) -> list[str]:
     """The schemes of a --schemes option; all of the firmware without one. `laws`: references, and
     files with a law, are among them."""
     from .. import firmware
-    from ..laws import find
-    from ..laws import names as references
+    from ..laws import named
 
     if text is None:
         return list(firmware.schemes())
-    names = [part.strip() for part in text.split(",")]
-    allowed = [*firmware.schemes(), *(references() if laws else ())]
-    for name in names:
-        if name not in allowed and not (laws and find(name)):
-            file = ", or a file of a law (.py, .so)" if laws else ""
-            raise Mistake(f"no scheme {name!r}: choose from {', '.join(allowed)}{file}")
-    return list(dict.fromkeys(names))
+    return list(dict.fromkeys(named(part.strip(), laws) for part in text.split(",")))
+
+
+def settings_given(texts: Sequence[str]) -> dict[str, str]:
+    """Keys and values, still text, of --set options."""
+    from ..setups.paths import assignment
+
+    return dict(assignment(text, "--set") for text in texts)
 
 
 # -- options ------------------------------------------------------------------------------
@@ -157,6 +150,16 @@ schemes_or_laws = value(
 load = value("--load", metavar="NM", type=number, help="default: the set-up's point")
 
 
+settings = value(
+    "--set",
+    "settings",
+    metavar="SECTION.KEY=VALUE",
+    multiple=True,
+    help="another value for a key of the set-up, such as timing.latency=shadow; may be repeated",
+    shell_complete=completion.setting,
+)
+
+
 def point(without: str, schemes=schemes):
     """Schemes of a set-up at an operating point."""
     return together(
@@ -169,12 +172,7 @@ def point(without: str, schemes=schemes):
             help="default: the set-up's point, or half of rated speed",
         ),
         load,
-        value(
-            "--latency",
-            metavar="L",
-            help="none, immediate, shadow or predicted; default: the set-up's",
-            shell_complete=completion.latency,
-        ),
+        settings,
     )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from ..given import listed, real
 from ..recording.formats import PART, suffixes_text
 from . import completion, options
 from .group import examples
@@ -96,7 +97,7 @@ def seconds_window(text: str | None) -> tuple[float, float] | None:
     if text is None:
         return None
     try:
-        begin_s, end_s = map(float, text.split(","))
+        begin_s, end_s = map(real, listed(text))
     except ValueError:
         begin_s = end_s = float("nan")
     if not float("-inf") < begin_s < end_s < float("inf"):

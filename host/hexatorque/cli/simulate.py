@@ -19,12 +19,21 @@ from .output import (
 )
 from .working import compile_now, compiling, working
 
+#: The key that --schemes stands for.
+SCHEME = "controller.scheme"
 
-@click.command(epilog=examples("run examples/reversal.toml -o out/reversal.csv"))
+
+@click.command(
+    epilog=examples(
+        "run examples/reversal.toml -o out/reversal.csv",
+        "run examples/reversal.toml --set controller.scheme=dtc3 --set machine.rs_ohm=7.2",
+    )
+)
 @options.scenario(required=True)
+@options.settings
 @options.recording_or_none
 @options.as_json
-def run(scenario, output, as_json) -> int:
+def run(scenario, settings, output, as_json) -> int:
     """One scenario with a speed and load profile.
 
     Runs a scenario file and writes the recording.
@@ -35,7 +44,7 @@ def run(scenario, output, as_json) -> int:
     from ..recording.formats import check_output
 
     console = console_of(as_json)
-    setup = setups.load(scenario)
+    setup = setups.load(scenario).changed(options.settings_given(settings))
     file = check_output(output or Path("out") / f"{setup.name}.npz")
     with compiling():
         sim = SimulatedDrive(setup, setup.profile.samples_per_period)
@@ -70,13 +79,14 @@ def run(scenario, output, as_json) -> int:
     epilog=examples(
         "compare",
         "compare --setup paper-b --schemes dtc1,dtc3 --speed 1500 --load 1",
+        "compare --setup paper-b --set controller.torque_band_Nm=0.6",
         "compare --schemes ddr,db-dtfc,fcs-mpc,examples/own_law.py",
     )
 )
 @options.point("both papers' set-ups", options.schemes_or_laws)
 @options.folder("out/compare")
 @options.as_json
-def compare(setup, schemes, speed, load, latency, output, as_json) -> int:
+def compare(setup, schemes, speed, load, settings, output, as_json) -> int:
     """Schemes side by side at one operating point.
 
     Runs schemes to a steady state and compares them with the papers' numbers; without --setup
@@ -91,7 +101,8 @@ def compare(setup, schemes, speed, load, latency, output, as_json) -> int:
     console = console_of(as_json)
     names = [setup] if setup else comparison.DEFAULT_SETUPS
     comparison.make_folder(output)
-    todo = comparison.points(names, schemes_given(schemes, laws=True), speed, load, latency)
+    values = _values(settings)
+    todo = comparison.points(names, schemes_given(schemes, laws=True), speed, load, values)
     compile_now()
     simulated_s = sum(point.simulated_s for point in todo)
     with working(console, f"comparing {len(todo)} runs", simulated_s) as work:
@@ -118,6 +129,14 @@ def compare(setup, schemes, speed, load, latency, output, as_json) -> int:
     return 1 if compared.failed else 0
 
 
+def _values(settings) -> dict[str, str]:
+    """What --set options say beside --schemes."""
+    values = options.settings_given(settings)
+    if SCHEME in values:
+        raise options.Mistake(f"--set {SCHEME}: here --schemes says which schemes run")
+    return values
+
+
 #: Exit code of `reach` for each outcome of a scheme; the largest counts.
 EXIT_CODES = {"held": 0, "none": 0, "tripped": 1, "not configured": 2}
 
@@ -126,8 +145,9 @@ EXIT_CODES = {"held": 0, "none": 0, "tripped": 1, "not configured": 2}
 @options.setup("paper-a-feasible")
 @options.schemes
 @options.load
+@options.settings
 @options.as_json
-def reach(setup, schemes, load, as_json) -> int:
+def reach(setup, schemes, load, settings, as_json) -> int:
     """Highest speed that each scheme holds.
 
     That is the highest speed at which a scheme holds the load with its full flux reference. Exit
@@ -141,7 +161,7 @@ def reach(setup, schemes, load, as_json) -> int:
     from ..drive.operating_points import reach_all
 
     console = console_of(as_json)
-    loaded = setups.load(setup)
+    loaded = setups.load(setup).changed(_values(settings))
     if load is not None:
         loaded = loaded.changed(point__load_Nm=load)
     load_Nm = loaded["point.load_Nm"]

@@ -34,10 +34,11 @@ SETUP = "paper-a-feasible"
 @options.setup(None, f"the file's, or {SETUP}")
 @options.value(
     "--grid",
-    metavar="KEY=A:B:N",
+    metavar="SECTION.KEY=A:B:N",
     multiple=True,
-    help="N values of a key of the set-up, from A to B; or KEY=V,V,...; may be repeated",
+    help="N values of a key of the set-up, from A to B; or SECTION.KEY=V,V,...; may be repeated",
 )
+@options.settings
 @options.value(
     "--schemes",
     metavar="A,B,...",
@@ -60,7 +61,19 @@ SETUP = "paper-a-feasible"
 @click.option("--resume", is_flag=True, help="go on with the study in the folder")
 @options.as_json
 def sweep(
-    file, setup, grid, schemes, metrics, cycle, jobs, scheduler, time_limit, output, resume, as_json
+    file,
+    setup,
+    grid,
+    settings,
+    schemes,
+    metrics,
+    cycle,
+    jobs,
+    scheduler,
+    time_limit,
+    output,
+    resume,
+    as_json,
 ) -> int:
     """Many runs with other values, and one table.
 
@@ -80,6 +93,7 @@ def sweep(
     from ..sweeps.study import JOURNAL
 
     changes: dict[str, Any] = {"vary": dict(space.read_text(text, "--grid") for text in grid)}
+    changes["set"] = options.settings_given(settings)
     if setup:
         changes["setup"] = setup
     if schemes:

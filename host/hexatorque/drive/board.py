@@ -31,18 +31,19 @@ from ..firmware import (
     Snapshot,
     State,
     misfit_text,
+    row_of,
     warnings,
 )
+from ..given import parameter_name
 from ..recording.journal import TICK_HZ
 from ..recording.recording import DECIMATION, FIRST_TICK, STARTED, Recording, clock_text
-from ..serial import BAUDS, BOARD_RESET, LinkError, clock, runtime, wire
+from ..serial import BAUDS, BOARD_RESET, LinkError, LinkInputError, clock, runtime, wire
 from ..serial.client import Client, Stopped
 from ..serial.dictionary import fetch, fetch_reset
 from ..serial.stream import Stream, decimation_for, on_a_grid
 from ..serial.wire import Op, Status
-from ..setups.values import suggest
 from . import board_captures, captures
-from .interface import DriveVerbs, Progress, finite
+from .interface import DriveVerbs, Progress, finite, seconds
 
 #: Quantities of a profile that the board cannot set: the test bench has to.
 PLANT = {"load_Nm": "N m", "vdc_V": "V"}
@@ -199,14 +200,14 @@ class BoardDrive(DriveVerbs):
     # -- parameters --------------------------------------------------------------------------
 
     def _parameter(self, name: str) -> Parameter:
+        """LinkInputError if there is none of this name, or of the set-up's key controller.NAME."""
         try:
-            return self.params[name]
-        except KeyError:
-            meant = suggest(name, self.params)
-            raise LinkError(f"no parameter {name!r}{meant}", mistake=True) from None
+            return row_of(self.params, name)
+        except FirmwareError as error:
+            raise LinkInputError(str(error)) from None
 
     def get(self, name: str) -> str | float:
-        return self.get_many([name])[name]
+        return self.get_many([name])[parameter_name(name)]
 
     def get_many(self, names: list[str]) -> dict[str, str | float]:
         """The values of these parameters; for a parameter with choices, the choice's name."""
@@ -226,20 +227,20 @@ class BoardDrive(DriveVerbs):
 
     def set_many(self, values: Mapping[str, object]) -> None:
         """Write several parameters. The board takes over all of them in one fast interrupt, or
-        none if it refuses one. LinkError then names the parameter and the allowed range."""
+        none if it refuses one. The error is a LinkError; if a name or a value is wrong it is an
+        InputError too, and names the nearest parameter or the allowed range."""
         if not values:
             return
+        values = {parameter_name(name): value for name, value in values.items()}
         if self.operator and len(values) == 1 and (name := next(iter(values))) in PLANT:
             number = finite(values[name])
             if number is None:
-                raise LinkError(f"{name} = {values[name]}: a finite number is needed", mistake=True)
+                raise LinkInputError(f"{name} = {values[name]}: a finite number is needed")
             self.operator(name, number)
             return
         for name in values:
             if name in PLANT:
-                raise LinkError(
-                    f"{name}: belongs to the test bench, a board cannot set it", mistake=True
-                )
+                raise LinkInputError(f"{name}: belongs to the test bench, a board cannot set it")
         rows = [self._parameter(name) for name in values]
         if len(rows) > wire.WRITE_MOST:
             raise LinkError(
@@ -248,7 +249,7 @@ class BoardDrive(DriveVerbs):
         try:
             numbers = [row.parse(value) for row, value in zip(rows, values.values())]
         except FirmwareError as error:
-            raise LinkError(str(error), mistake=True) from None
+            raise LinkInputError(str(error)) from None
         wanted = np.array(numbers, np.float32)
         payload = b"".join(struct.pack("<Hf", row.id, number) for row, number in zip(rows, wanted))
         reply = self.client.ask(Op.WRITE, payload)
@@ -302,7 +303,7 @@ class BoardDrive(DriveVerbs):
             (id,) = struct.unpack("<H", reply.payload)
             if reply.status == Status.CONFIG:
                 text = misfit_text(id, lambda n: values[n] if n in values else self.get(n))
-                return LinkError(f"{what}: {text}", reply.status, mistake=True)
+                return LinkInputError(f"{what}: {text}", reply.status)
             for name, row in self.params.items():
                 if row.id != id:
                     continue
@@ -314,7 +315,7 @@ class BoardDrive(DriveVerbs):
                         else f"{row.min:.9g} .. {row.max:.9g} {row.unit}".rstrip()
                         + (", whole numbers only" if row.whole else "")
                     )
-                    return LinkError(f"{what}: allowed is {allowed}", reply.status, mistake=True)
+                    return LinkInputError(f"{what}: allowed is {allowed}", reply.status)
                 if reply.status == Status.STATE:
                     state = self.client.state(reply.state)
                     why = (
@@ -366,6 +367,7 @@ class BoardDrive(DriveVerbs):
         elif self._recorder is None:
             self._recorder = self.stream(self.record, self._rate_Hz)
             self._since_tick = self._opened_tick
+        duration_s = seconds(duration_s)
         begin = done = time.monotonic()
         while (left := begin + duration_s - time.monotonic()) > 0:
             time.sleep(min(left, 0.05))

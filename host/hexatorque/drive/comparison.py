@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from .. import firmware, laws
+from .. import firmware
 from ..analysis.reference import Reference
 from ..analysis.run import LATENCY_STUDY, Run
 from ..analysis.saying import sentences
-from ..setups import Setup, SetupError, load, parameters
-from ..setups.design import Design
+from ..setups import Setup, SetupError, load
 from .operating_points import Point, Progress, measure_all
+from .steady import at_point, under
 
 #: The set-ups that are compared by default: those of both papers.
 DEFAULT_SETUPS = ("paper-a-feasible", "paper-b")
@@ -39,67 +40,27 @@ class Comparison:
         }
 
 
-def at_point(
-    entry: str | Setup,
-    speed_rpm: float | None = None,
-    load_Nm: float | None = None,
-    latency: str | None = None,
-) -> Setup:
-    """A set-up at an operating point; an argument that is given replaces the set-up's own value.
-    Without either the point is at half of rated speed and torque. SetupError if the load is above
-    the torque limit."""
-    setup = entry if isinstance(entry, Setup) else load(entry)
-    if latency:
-        setup = setup.changed(timing__latency=latency)
-    if speed_rpm is not None:
-        setup = setup.changed(point__speed_rpm=speed_rpm)
-    if load_Nm is not None:
-        setup = setup.changed(point__load_Nm=load_Nm)
-    if setup["point.speed_rpm"] == 0:
-        if speed_rpm == 0:
-            raise SetupError(f"{setup.name}: give a --speed other than 0")
-        setup = setup.changed(**_half_of_rated(setup))
-    torque, limit = setup["point.load_Nm"], setup.parameter("torque_limit_Nm")
-    if abs(torque) > limit:
-        raise SetupError(
-            f"load {torque:g} N m: allowed range is -{limit:g} .. {limit:g} N m (torque limit)"
-        )
-    return setup
-
-
-def _half_of_rated(setup: Setup) -> dict[str, float]:
-    design = Design(setup, parameters(setup).__getitem__)
-    half = {"point__speed_rpm": 0.5 * design.rated_rpm}
-    if setup["point.load_Nm"] == 0:
-        half["point__load_Nm"] = 0.5 * design.rated_Nm
-    return {path: float(f"{value:.3g}") for path, value in half.items()}
-
-
 def points(
     setups: Iterable[str | Setup],
     schemes: Iterable[str] | None = None,
     speed_rpm: float | None = None,
     load_Nm: float | None = None,
-    latency: str | None = None,
+    set: Mapping[str, Any] | None = None,
 ) -> list[Point]:
     """The points to measure: every scheme with every set-up. A scheme is one of the firmware, a
-    reference, or a file with a law (`laws.find`). If FDR is one of the schemes, FDR follows with
-    each of the other latencies."""
+    reference, or a file with a law (`laws.find`). set: other values of the set-ups' keys. If FDR
+    is one of the schemes, FDR follows with each of the other latencies."""
     names = tuple(dict.fromkeys(schemes)) if schemes else firmware.schemes()
-    found = {name: laws.find(name) for name in names}
     result: list[Point] = []
     for entry in setups:
-        setup = at_point(entry, speed_rpm, load_Nm, latency)
-        speed, torque = setup["point.speed_rpm"], setup["point.load_Nm"]
-        for name, law in found.items():
-            own = setup.changed(timing__latency="predicted") if law else setup.with_scheme(name)
-            result.append(Point(own, speed, torque, law))
-        study = [
-            setup.changed(controller__scheme=LATENCY_SCHEME, timing__latency=other)
+        setup = entry if isinstance(entry, Setup) else load(entry)
+        setup = at_point(setup.changed(set), speed_rpm, load_Nm)
+        result += [under(setup, name) for name in names]
+        result += [
+            under(setup.changed({"timing.latency": other}), LATENCY_SCHEME)
             for other in LATENCY_STUDY
             if LATENCY_SCHEME in names and other != setup["timing.latency"]
         ]
-        result += [Point(one, speed, torque) for one in study]
     return result
 
 

@@ -20,7 +20,8 @@ from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from typing import TYPE_CHECKING, Self, SupportsFloat
 
-from ..errors import HexatorqueError
+from .. import given
+from ..errors import HexatorqueError, InputError
 from ..firmware import Parameter, Snapshot, State
 from ..recording.recording import Recording
 from ..setups.values import SetupError
@@ -45,11 +46,20 @@ class DriveFault(HexatorqueError, RuntimeError):
 
 
 def finite(value: object) -> float | None:
-    """The number that a value is; None if it is no number, or not a finite one."""
+    """The number that a value is, also as text; None if it is no number, or not a finite one."""
+    value = given.numeric(value)
     if not isinstance(value, SupportsFloat):
         return None
     number = float(value)
     return number if math.isfinite(number) else None
+
+
+def seconds(duration_s: object, rounding_s: float = 0.0) -> float:
+    """A duration. InputError if it is no number, or further below 0 than rounding explains."""
+    number = finite(duration_s)
+    if number is None or number < -rounding_s:
+        raise InputError(f"duration_s = {duration_s}: a time of 0 s or more is needed")
+    return max(0.0, number)
 
 
 class DriveVerbs(ABC):
@@ -120,7 +130,8 @@ class DriveVerbs(ABC):
 
     @abstractmethod
     def run(self, duration_s: float, record: bool = True, progress: Progress | None = None) -> None:
-        """Let `duration_s` pass, and record unless `record` is False."""
+        """Let `duration_s` pass, and record unless `record` is False. `progress` is called with the
+        seconds that have just passed. InputError if `duration_s` is below 0 or no number."""
 
     @abstractmethod
     def discard(self) -> None:
@@ -215,9 +226,9 @@ class DriveVerbs(ABC):
         for time_s, phase, kind in profile.broken:
             self.break_leg(phase, kind, time_s)
         for time_s, name, value in events:
-            self.run(time_s - (self.time_s - begin_s), record, progress)
+            self.run(max(0.0, time_s - (self.time_s - begin_s)), record, progress)
             self.set(name, value)
-        self.run(profile.duration_s - (self.time_s - begin_s), record, progress)
+        self.run(max(0.0, profile.duration_s - (self.time_s - begin_s)), record, progress)
 
     def break_leg(self, phase: str, kind: str, after_s: float = 0.0) -> None:
         """Break the leg of a phase in `after_s` seconds. Only a simulated drive can."""

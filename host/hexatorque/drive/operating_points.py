@@ -201,9 +201,9 @@ def follow(
     """Like `transient`, but from the present state of the drive."""
     begin = sim.time_s
     for time_s, name, value in sorted(events, key=lambda event: event[0]):
-        sim.run(begin + time_s - sim.time_s, progress=progress)
+        sim.run(max(0.0, begin + time_s - sim.time_s), progress=progress)
         sim.set(name, value)
-    sim.run(begin + duration_s - sim.time_s, progress=progress)
+    sim.run(max(0.0, begin + duration_s - sim.time_s), progress=progress)
     sim.check()
     recording = sim.take()
     recording.start_s = 0.0

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import HexatorqueError
+from ..errors import HexatorqueError, InputError
 from ..firmware import FirmwareError, Parameter
-from ..setups.values import suggest
+from ..given import choice, numeric, suggest
 
 if TYPE_CHECKING:
     from .board import BoardDrive
@@ -20,10 +20,8 @@ Values = Mapping[str, object]
 Rows = Mapping[str, Parameter]
 
 
-class ParameterSetError(HexatorqueError, ValueError):
+class ParameterSetError(InputError):
     """The board cannot take this set. The text has one line for each value out of range."""
-
-    exit_code = 2
 
 
 class NotTaken(HexatorqueError, RuntimeError):
@@ -122,7 +120,8 @@ def _kept(value: object, row: Parameter | None) -> object:
     if row is not None and row.choices:
         if isinstance(value, bool):
             return "on" if value else "off"
-        return None if value is None else str(value)
+        return None if value is None else choice(str(value), row.choices)
+    value = numeric(value)
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return np.float32(value)
     return value

@@ -23,6 +23,7 @@ from numba.extending import typeof_impl
 
 from .. import __version__, firmware
 from ..analysis.losses import Edges
+from ..given import parameter_name
 from ..plant import machines
 from ..plant.gates import gates_record
 from ..plant.inverter import DROPS, in_effect, inverter_record, longest_step_s
@@ -45,7 +46,7 @@ from ..recording.channels import Channels, Held, Later, Product, RowOf
 from ..recording.recording import STARTED, Recording, clock_text
 from ..setups import Setup, SetupError, parameters
 from .captures import Burst, Trigger, metadata
-from .interface import DriveFault, DriveVerbs, Progress, finite
+from .interface import DriveFault, DriveVerbs, Progress, finite, seconds
 
 __all__ = ["DriveFault", "SimulatedDrive"]
 
@@ -381,6 +382,7 @@ class SimulatedDrive(DriveVerbs):
 
     def set_many(self, values: Mapping[str, object]) -> None:
         """Set controller parameters, and `load_Nm` and `vdc_V` of the plant."""
+        values = {parameter_name(name): value for name, value in values.items()}
         plant: dict[str, float] = {}
         for name in ("load_Nm", "vdc_V"):
             if name in values:
@@ -410,7 +412,7 @@ class SimulatedDrive(DriveVerbs):
     ) -> None:
         """Simulate `duration_s`, and record unless `record` is False. `progress` is called with
         the simulated seconds that have just passed. ArithmeticError if the simulation diverges."""
-        left = round(duration_s / self.period_s)
+        left = round(seconds(duration_s, 0.5 * self.period_s) / self.period_s)
         while left > 0:
             n = min(left, CHUNK)
             self._run_chunk(n, record)
@@ -489,13 +491,13 @@ class SimulatedDrive(DriveVerbs):
             raise SetupError(f"phase = {phase!r}: choose one of {', '.join(PHASES)}")
         if kind not in KINDS:
             raise SetupError(f"kind = {kind!r}: choose one of {', '.join(KINDS)}")
-        seconds = finite(after_s)
-        if seconds is None or seconds < 0:
+        begin_s = finite(after_s)
+        if begin_s is None or begin_s < 0:
             raise SetupError(f"after_s = {after_s}: a time of 0 s or more is needed")
         bounce_s = 1e-3 * self.setup["inverter.bounce_ms"] if kind == "open" else 0.0
-        breaks = [(seconds, kind)]
+        breaks = [(begin_s, kind)]
         if bounce_s > 0:
-            breaks += [(seconds + share * bounce_s, then) for share, then in BOUNCE]
+            breaks += [(begin_s + share * bounce_s, then) for share, then in BOUNCE]
         inv = self.inverter
         if inv.due + len(breaks) > MAX_BREAKS:
             raise SetupError(

@@ -14,6 +14,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..errors import InputError
+from ..given import choice
+
 if TYPE_CHECKING:
     from .controller import controller_of
     from .law import Law, LawError, record
@@ -53,11 +56,25 @@ def names() -> tuple[str, ...]:
     return tuple(REFERENCES)
 
 
+def named(name: str, with_laws: bool = True) -> str:
+    """The name of a scheme as it is usually written, whatever its letters' case; `with_laws`: or of
+    a reference, or a file with a law. InputError names them all if there is none."""
+    from ..firmware import schemes
+
+    allowed = [*schemes(), *(names() if with_laws else ())]
+    found = choice(name, allowed)
+    if found not in allowed and not (with_laws and found.endswith(FILES)):
+        file = ", or a file of a law (.py, .so)" if with_laws else ""
+        raise InputError(f"no scheme {name!r}: choose from {', '.join(allowed)}{file}")
+    return found
+
+
 def find(name: str) -> Law | None:
-    """The law of that name, or in that file: `.py` (the last law that it defines) or a shared
-    library of compiled C. None if the name is neither. LawError if the file has no law."""
-    if name in REFERENCES:
-        return import_module(f".{REFERENCES[name][0]}", __name__).Reference()
+    """The law of that name, in capital or small letters, or in that file: `.py` (the last law that
+    it defines) or a shared library of compiled C. None if the name is neither. LawError if the file
+    has no law."""
+    if (reference := choice(name, REFERENCES)) in REFERENCES:
+        return import_module(f".{REFERENCES[reference][0]}", __name__).Reference()
     if name.endswith(FILES):
         from .files import from_file
 

@@ -13,6 +13,7 @@ from numba import carray, cfunc, config, njit, types
 from numba.core.errors import NumbaError
 
 from ..firmware import CData, Controller, ffi, lib, parameters, schemes
+from ..given import parameter_name
 from .law import RETURNS, SEEN, Law, LawError
 
 #: The scheme whose way the drive goes: it needs the x-y prediction and has no integrators.
@@ -137,9 +138,10 @@ class LawController(Controller):
         return int(ffi.cast("uintptr_t", self._law))
 
     def get(self, name: str) -> str | float:
-        return self.law.label if name == "scheme" else super().get(name)
+        return self.law.label if parameter_name(name) == "scheme" else super().get(name)
 
     def set_many(self, values: Mapping[str, object]) -> None:
+        values = {parameter_name(name): value for name, value in values.items()}
         for name in ("scheme", "table", "torque_levels", "load_mode", "predict"):
             if name in values:
                 raise LawError(f"{name}: cannot be set, law {self.law.label} decides")

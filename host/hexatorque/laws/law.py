@@ -8,11 +8,11 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from ..errors import HexatorqueError
+from ..errors import InputError
 from ..firmware import ffi
 
 
-class LawError(HexatorqueError, ValueError):
+class LawError(InputError):
     """A law that cannot be used, or that was stopped. It has the law's name."""
 
 

@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
-from ..errors import HexatorqueError
+from ..errors import InputError
 
 #: Suffix -> the library that it needs besides the package's own. The module in this folder and
 #: the extra in pyproject.toml have the suffix as their name.
@@ -30,10 +30,8 @@ SUFFIXES = {
 PART = ".part"
 
 
-class RecordingError(HexatorqueError, ValueError):
-    """A recording cannot be read or written, or one of its values is out of range."""
-
-    exit_code = 2
+class RecordingError(InputError):
+    """A recording cannot be read or written, or one of its names or values cannot be used."""
 
 
 class NotWritten(RecordingError):

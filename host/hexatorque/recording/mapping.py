@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..given import real, suggest
 from .channels import Channels
 from .recording import TRIGGER, Recording, RecordingError, check_names
 from .table import seconds_of
@@ -65,7 +66,7 @@ def parse(text: str) -> Rule:
         )
     steps = []
     for sign, number in _STEP.findall(found[2]):
-        value = float(number.replace(",", "."))
+        value = real(number)
         if not np.isfinite(value) or (sign in "*/" and value == 0):
             raise RecordingError(
                 f"--map {text}: {number}: a finite number is needed, and none of 0 as a factor"
@@ -79,7 +80,7 @@ def shift(text: str | None) -> float | None:
     if text is None:
         return None
     try:
-        value = float(text.replace(",", "."))
+        value = real(text)
     except ValueError:
         value = float("nan")
     if not abs(value) <= MOST_SHIFT_S:
@@ -99,8 +100,6 @@ def mapped(
     rules = [parse(text) for text in maps]
     for n, rule in enumerate(rules):
         if not any(rule.source in rec for rec in recs):
-            from ..setups.values import suggest
-
             known = dict.fromkeys(name for rec in recs for name in rec.channels)
             raise RecordingError(
                 f"--map {rule.text}: {' and '.join(files)}: no channel {rule.source!r}"

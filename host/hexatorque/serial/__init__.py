@@ -5,7 +5,7 @@ channels, faults and states always come from the board's own dictionary, never f
 that is compiled into this package.
 """
 
-from ..errors import HexatorqueError
+from ..errors import HexatorqueError, InputError
 
 #: Baud rates of the images for the F28377S and the F28335, and of both if their clock is missing.
 BAUDS = (1_250_000, 937_500, 115_200)
@@ -31,3 +31,11 @@ class LinkError(HexatorqueError, RuntimeError):
         self.mistake = mistake
         self.ended = ended
         self.exit_code = 2 if mistake else 1
+
+
+class LinkInputError(LinkError, InputError):
+    """A name or a value in a request to a board is wrong. The text has the nearest name, or the
+    allowed range."""
+
+    def __init__(self, text: str, status: int | None = None) -> None:
+        super().__init__(text, status, mistake=True)

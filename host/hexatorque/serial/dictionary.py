@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..firmware import Parameter, State, decimal
-from ..setups.values import suggest
-from . import LinkError, wire
+from ..given import suggest
+from . import LinkError, LinkInputError, wire
 from .client import Client
 from .wire import Hello, Kind, Op, Status
 
@@ -37,7 +37,7 @@ class Dictionary:
         ids = {row.name: id for id, row in enumerate(self.channels)}
         for name in names:
             if name not in ids:
-                raise LinkError(f"no channel {name!r}{suggest(name, ids)}", mistake=True)
+                raise LinkInputError(f"no channel {name!r}{suggest(name, ids)}")
         return tuple(ids[name] for name in names)
 
 

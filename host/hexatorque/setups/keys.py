@@ -25,7 +25,7 @@ LOADS = ("constant", "fan", "brake", "generator", "friction")
 class Key:
     """One quantity of a set-up."""
 
-    kind: str  #: "number", "integer", "phases" (six numbers) or "choice"
+    kind: str  #: "number", "integer", "phases" (six numbers), "choice"; of a profile others too
     help: str
     unit: str = ""
     min: float = -math.inf
@@ -174,3 +174,14 @@ ZERO_OR_AT_LEAST = {
 TIMING_OWNS = ("load_mode", "predict", "write_delay_us")
 
 SECTIONS = (*KEYS, "controller")
+
+#: The profile of a scenario: references, loads and events over time.
+PROFILE: dict[str, Key] = {
+    "duration_s": _n("simulated time", "s", 0.001, 3600),
+    "speed_rpm": Key("steps", "speed reference", "r/min", -3e4, 3e4),
+    "load_Nm": Key("steps", "load torque", "N m", -1e4, 1e4),
+    "vdc_V": Key("steps", "dc-link voltage", "V", 0, 1e4),
+    "set": Key("entries", "parameters in flight: [[time_s, name, value], ...]"),
+    "broken": Key("entries", "legs that break: [[time_s, phase, kind], ...]"),
+    "samples_per_period": Key("samples", "samples of the plant per control period"),
+}

@@ -8,9 +8,10 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from ..given import suggest
 from .keys import KEYS, SECTIONS
 from .setup import Setup
-from .values import SetupError, suggest
+from .values import SetupError
 
 
 def builtin_names() -> list[str]:

@@ -6,12 +6,13 @@ import math
 import re
 from typing import Any
 
+from ..given import choice, real, suggest
 from .design import REACH_PU, USABLE
 from .estimate import estimate, ranges, rotor_kgm2, spread
 from .keys import DEVICES, KEYS, Key
 from .nameplate import FRICTION, IRON, THREE_PHASE, Nameplate, ThreePhase
 from .published import machines
-from .values import SetupError, suggest
+from .values import SetupError
 
 _M = KEYS["machine"]
 
@@ -90,11 +91,12 @@ def read(text: str, keys: dict[str, Key]) -> dict[str, Any]:
 def value(name: str, word: str, key: Key) -> Any:
     """What a word says. SetupError if that cannot be."""
     if key.kind == "choice":
-        if word not in key.choices:
+        chosen = choice(word, key.choices)
+        if chosen not in key.choices:
             raise SetupError(f"{name} = {word!r}: choose one of {', '.join(key.choices)}")
-        return word
+        return chosen
     try:
-        number = float(word.replace(",", ".", 1) if "." not in word else word)
+        number = real(word)
     except ValueError:
         raise SetupError(f"{name} = {word!r}: a number is needed") from None
     whole = key.kind == "integer"

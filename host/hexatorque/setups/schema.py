@@ -8,7 +8,9 @@ what is allowed.
 from __future__ import annotations
 
 import itertools
+import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -25,12 +27,13 @@ from pydantic import (
 from pydantic_core import PydanticCustomError, core_schema
 from typing_extensions import TypedDict
 
-from .. import firmware
+from .. import firmware, given
 from ..plant.legs import KINDS, MAX_BREAKS
 from ..plant.vsd import PHASES
+from . import paths
 from .derived import DEFAULTS
-from .keys import KEYS, LATENCIES, SECTIONS, TAGS, TIMING_OWNS, USER, Key
-from .values import Profile, SetupError, Value, suggest
+from .keys import KEYS, PROFILE, SECTIONS, TAGS, USER, Key
+from .values import Profile, SetupError, Value
 
 #: Type of the errors whose text is ours: what follows the key in its line.
 OURS = "set_up"
@@ -67,10 +70,15 @@ def _said(text: Callable[[Any], str]) -> WrapValidator:
     return WrapValidator(check)
 
 
+def _number_given(value: Any) -> Any:
+    return given.numeric(given.plain(value))
+
+
 def _number(key: Key, label: str = "") -> Any:
     whole = key.kind == "integer"
 
     def why(value: Any) -> str:
+        value = _number_given(value)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             return f"{label} = {value!r}: a number is needed"
         allowed = f"{key.min:.9g} .. {key.max:.9g} {key.unit}".rstrip()
@@ -81,7 +89,7 @@ def _number(key: Key, label: str = "") -> Any:
     bounds = Field(
         strict=True, ge=key.min, le=key.max, allow_inf_nan=False, multiple_of=1 if whole else None
     )
-    number = Annotated[float, bounds, _said(why)]
+    number = Annotated[float, bounds, BeforeValidator(_number_given), _said(why)]
     return Annotated[number, AfterValidator(int)] if whole else number
 
 
@@ -103,20 +111,26 @@ EXACTLY = BeforeValidator(_word_or_integer)
 
 
 def _choice(key: Key) -> Any:
-    """A choice by name. Where names are numbers, or on and off, the bare number and TOML's
-    booleans are understood as well."""
+    """A choice by name, in capital or small letters. Where names are numbers, or on and off, the
+    bare number and TOML's booleans are understood as well."""
     numbers = [int(name) for name in key.choices if name.isdecimal()]
+    by_name = BeforeValidator(lambda value: given.choice(given.plain(value), key.choices))
     choice: Any = Annotated[Literal[(*key.choices, *numbers)], EXACTLY]
     if set(key.choices) == {"off", "on"}:
         choice = choice | Annotated[bool, Field(strict=True)]
     names = ", ".join(key.choices)
-    return Annotated[choice, _said(lambda value: f" = {value!r}: choose one of {names}")]
+    return Annotated[choice, by_name, _said(lambda value: f" = {value!r}: choose one of {names}")]
+
+
+def _list_given(value: Any) -> Any:
+    return given.listed(value) if isinstance(value, str) else given.plain(value)
 
 
 def _six(key: Key) -> Any:
     return _Annotated[
         _Tuple[_number(key), ...],
         Field(min_length=6, max_length=6),
+        BeforeValidator(_list_given),
         _said(lambda value: f" = {value!r}: six numbers are needed (u1 u2 w1 w2 v1 v2)"),
     ]
 
@@ -178,18 +192,6 @@ def _section(name: str, keys: dict[str, Key]) -> Any:
     return _table(name, {key: entry(spec) for key, spec in keys.items()})
 
 
-def _of_parameter(row: firmware.Parameter) -> Key:
-    kind = "choice" if row.choices else "integer" if row.whole else "number"
-    return Key(kind, row.help, row.unit, row.min, row.max, row.choices)
-
-
-CONTROLLER = {
-    name: _of_parameter(row)
-    for name, row in firmware.parameters().items()
-    if name not in TIMING_OWNS
-}
-
-
 # -- profile ---------------------------------------------------------------------------------
 
 TIME = Key("number", "", "s", 0, 1e6)
@@ -198,8 +200,18 @@ ENTRIES = ": a list of [time_s, parameter, value] is needed"
 BREAKS = f": a list of at most {MAX_BREAKS} [time_s, phase, kind] is needed"
 
 
-def _steps(unit: str, low: float, high: float, about: str) -> Any:
-    value = _number(Key("number", "", unit, low, high))
+def _toml_given(value: Any) -> Any:
+    """Text of a command line: a number, or a list as TOML writes it."""
+    if isinstance(value, str) and value.lstrip().startswith("["):
+        try:
+            return tomllib.loads(f"x = {value}")["x"]
+        except tomllib.TOMLDecodeError:
+            return value
+    return _number_given(value)
+
+
+def _steps(key: Key) -> Any:
+    value = _number(replace(key, kind="number"))
 
     def ascend(steps: tuple) -> tuple:
         if any(later[0] <= earlier[0] for earlier, later in itertools.pairwise(steps)):
@@ -222,24 +234,27 @@ def _steps(unit: str, low: float, high: float, about: str) -> Any:
     return Annotated[
         constant | steps,
         Discriminator(which),
+        BeforeValidator(_toml_given),
         _said(lambda _: PAIRS),
-        Field(description=f"{about} [{unit}]: a number, or steps [[time_s, value], ...]"),
+        Field(description=f"{key.help} [{key.unit}]: a number, or steps [[time_s, value], ...]"),
     ]
 
 
 def _live(entry: tuple[float, str, Any]) -> tuple[float, str, Any]:
-    """A parameter that changes while the drive runs."""
-    _, name, value = entry
-    if name not in CONTROLLER:
-        raise _mistake(f": no parameter {name!r}{suggest(name, CONTROLLER)}")
+    """A parameter that changes while the drive runs. Text becomes the number or choice that it
+    says."""
+    time_s, name, value = entry
+    name = given.parameter_name(name)
+    if name not in paths.controller():
+        raise _mistake(f": no parameter {name!r}{given.suggest(name, paths.controller())}")
     row = firmware.parameters()[name]
     if not row.live:
         raise _mistake(f": {name} cannot change while the drive runs")
     try:
-        row.parse(value)
+        number = row.parse(value)
     except firmware.FirmwareError as error:
         raise _mistake(f": {error}") from None
-    return entry
+    return (time_s, name, row.show(number) if isinstance(value, str) else value)
 
 
 def _break() -> Any:
@@ -255,7 +270,11 @@ def _break() -> Any:
 
 
 def _profile_type() -> Any:
-    live = [name for name, row in firmware.parameters().items() if row.live and name in CONTROLLER]
+    live = [
+        name
+        for name, row in firmware.parameters().items()
+        if row.live and name in paths.controller()
+    ]
     name = Annotated[str, Field(json_schema_extra={"enum": live})]
     entry = _Annotated[
         _Tuple[_number(TIME, " time"), name, Any], AfterValidator(_live), _said(lambda _: ENTRIES)
@@ -267,30 +286,31 @@ def _profile_type() -> Any:
     def field(about: str, default: Any) -> Any:
         return Field(description=about, json_schema_extra={"default": default})
 
+    duration, listed = PROFILE["duration_s"], BeforeValidator(_toml_given)
     entries = {
         "duration_s": Annotated[
-            _number(Key("number", "", "s", 0.001, 3600)),
-            field("simulated time [s]", defaults.duration_s),
+            _number(duration), field(f"{duration.help} [{duration.unit}]", defaults.duration_s)
         ],
-        "speed_rpm": _steps("r/min", -3e4, 3e4, "speed reference"),
-        "load_Nm": _steps("N m", -1e4, 1e4, "load torque"),
-        "vdc_V": _steps("V", 0, 1e4, "dc-link voltage"),
+        **{name: _steps(key) for name, key in PROFILE.items() if key.kind == "steps"},
         "set": _Annotated[
             _List[entry],
+            listed,
             _said(lambda _: ENTRIES),
-            Field(description="parameters in flight: [[time_s, name, value], ...]"),
+            Field(description=PROFILE["set"].help),
         ],
         "broken": _Annotated[
             _List[_break()],
             Field(max_length=MAX_BREAKS),
+            listed,
             _said(lambda _: BREAKS),
-            Field(description="legs that break: [[time_s, phase, kind], ...]"),
+            Field(description=PROFILE["broken"].help),
         ],
         "samples_per_period": Annotated[
             Literal[samples],
             EXACTLY,
+            BeforeValidator(_number_given),
             _said(lambda value: f" = {value!r}: choose one of {choose}"),
-            field("samples of the plant per control period", defaults.samples_per_period),
+            field(PROFILE["samples_per_period"].help, defaults.samples_per_period),
         ],
     }
     return Annotated[_table("profile", entries), AfterValidator(_profile)]
@@ -324,7 +344,7 @@ _FILE = TypeAdapter(
                 ),
             ],
             **{section: _section(section, keys) for section, keys in KEYS.items()},
-            "controller": _section("controller", CONTROLLER),
+            "controller": _section("controller", paths.controller()),
             "profile": _profile_type(),
         },
     )
@@ -350,10 +370,8 @@ def _line(found: Any) -> str:
         return path + found["ctx"]["text"]
     if found["type"] == "extra_forbidden":
         if len(names) == 1:
-            return f"unknown section {last!r}{suggest(last, (*SECTIONS, *_WORDS, 'profile'))}"
-        if names[0] == "controller" and last in TIMING_OWNS:
-            return f"{path}: set timing.latency ({', '.join(LATENCIES)}) instead"
-        return f"unknown key {path}{suggest(last, _known(names[0]))}"
+            return paths.unknown_section(last, (*SECTIONS, *_WORDS, "profile"))
+        return paths.unknown_key(names[0], last)
     if found["type"] == "string_type":
         return f"{path} = {found['input']!r}: text is needed"
     return f"{path}: a table is needed"
@@ -362,12 +380,6 @@ def _line(found: Any) -> str:
 def _printable(name: object) -> str:
     text = str(name)
     return text if text.isprintable() else repr(text)
-
-
-def _known(section: str) -> list[str]:
-    if section == "profile":
-        return list(Profile.__dataclass_fields__)
-    return list(CONTROLLER if section == "controller" else KEYS[section])
 
 
 def json_schema() -> dict[str, Any]:

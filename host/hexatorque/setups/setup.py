@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from . import derived, to_parameters
-from .keys import KEYS, SECTIONS, ZERO_OR_AT_LEAST
-from .values import Profile, SetupError, Value, suggest
+from . import derived, paths, to_parameters
+from .keys import KEYS, ZERO_OR_AT_LEAST
+from .values import Profile, SetupError, Value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Setup:
-    """A checked set-up. `values[section][key]` has what the files gave: keys that are not there
-    have their default, controller parameters that are not there follow from the rest (`derived`)
-    or are the firmware's default. `defaults` says how many follow."""
+    """A checked set-up: every value that a simulation needs, by its key `section.key`.
+
+    setup = hexatorque.load("paper-b")
+    setup["machine.rs_ohm"]                          # 6.0, in the unit that the key ends with
+    other = setup.changed({"machine.rs_ohm": 5.5})   # a copy; a set-up itself never changes
+
+    name: of the set-up or its file; title, paper: what the file says about it; profile:
+    references and loads over time (`Profile`); values[section][key]: what the files gave, with
+    where it is from (`Value`): keys that are not there have their default, controller parameters
+    that are not there follow from the rest or are the firmware's default, as `defaults` says
+    ("derived" or "firmware").
+    """
 
     name: str
     title: str
@@ -24,32 +34,58 @@ class Setup:
     profile: Profile = field(default_factory=Profile)
     defaults: str = derived.DEFAULTS[0]
 
+    def __repr__(self) -> str:
+        return f"<Setup {self.name}: {self.title}, scheme {self['controller.scheme']}>"
+
     def __getitem__(self, path: str) -> Any:
-        section, key = path.split(".")
-        if section in KEYS and key not in self.values[section]:
+        """The value of a key `section.key`: a number in the unit that the key's name ends with,
+        the name of a choice, or six numbers for u1 u2 w1 w2 v1 v2. `controller.NAME` is the
+        parameter as the simulation uses it, `profile.NAME` a field of `profile`. SetupError names
+        the nearest key if there is none of this name."""
+        section, _, key = str(path).partition(".")
+        if section in KEYS and key in KEYS[section]:
+            if key in self.values[section]:
+                return self.values[section][key].value
             spec = KEYS[section][key]
             return self[f"{section}.{spec.follows}"] if spec.follows else spec.default
-        return self.values[section][key].value
+        if section == paths.CONTROLLER and key in paths.TIMING_OWNS:
+            return self.parameter(key)
+        section, key = paths.split(path)
+        return self.parameter(key) if section == paths.CONTROLLER else getattr(self.profile, key)
 
-    def changed(self, **paths: Any) -> Setup:
-        """A copy with some values changed: `changed(controller__scheme="ddr")`."""
+    def __iter__(self) -> Iterator[str]:
+        """All keys, `section.key`."""
+        return paths.every()
+
+    def __contains__(self, path: object) -> bool:
+        return any(path == one for one in paths.every())
+
+    def changed(self, values: Mapping[str, Any] | None = None, /, **more: Any) -> Setup:
+        """A copy with other values: `changed({"controller.scheme": "ddr", "machine.rs_ohm": 2})`,
+        or, with two underlines for the point, `changed(controller__scheme="ddr")`. A value may be
+        text, as on the command line: "2,5" is 2.5, and a scheme's name may have capital letters.
+        SetupError has a line for each unknown key, each value out of range, and for values that do
+        not fit together."""
         from . import schema
 
-        changes: dict[str, dict[str, Any]] = {}
-        for path, value in paths.items():
-            section, key = path.split("__", 1)
-            if section not in SECTIONS:
-                raise SetupError(f"unknown section {section!r}{suggest(section, SECTIONS)}")
-            changes.setdefault(section, {})[key] = value
-        return self.with_values(schema.check(changes))
+        given = {**(values or {}), **{path.replace("__", ".", 1): v for path, v in more.items()}}
+        if not given:
+            return self
+        sections = paths.sections(given)
+        checked = schema.check(sections)
+        profile = checked.pop(paths.PROFILE_SECTION, self.profile)
+        asked = {key: getattr(profile, key) for key in sections.get(paths.PROFILE_SECTION, ())}
+        return replace(self, profile=replace(self.profile, **asked)).with_values(checked)
 
     def with_scheme(self, scheme: str, **paths: Any) -> Setup:
-        """A copy under another scheme, with `timing.latency` as the scheme needs it."""
+        """A copy under another scheme, with `timing.latency` as the scheme needs it. SetupError
+        names the schemes if there is none of this name."""
         from .. import firmware
 
+        given = {"controller.scheme": scheme}
         if firmware.needs_prediction(scheme):
-            paths.setdefault("timing__latency", "predicted")
-        return self.changed(controller__scheme=scheme, **paths)
+            given["timing.latency"] = "predicted"
+        return self.changed(given, **paths)
 
     def with_values(self, changes: dict[str, dict[str, Value]]) -> Setup:
         """A copy with some checked values changed. Refuses what does not fit together."""
@@ -64,8 +100,12 @@ class Setup:
         return result
 
     def parameter(self, name: str) -> Any:
-        """A controller parameter's value in the simulation."""
-        return to_parameters.parameters(self)[name]
+        """A controller parameter as the simulation uses it: a number in the unit that its name
+        ends with, or the name of a choice. SetupError if there is none of this name."""
+        values = to_parameters.parameters(self)
+        if name not in values:
+            raise SetupError(paths.unknown_key(paths.CONTROLLER, name))
+        return values[name]
 
     def controller_values(self) -> dict[str, Any]:
         """The controller parameters that the set-up decides; the others are the firmware's

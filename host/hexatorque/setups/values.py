@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from ..errors import HexatorqueError
+from ..errors import InputError
 
 
-class SetupError(HexatorqueError, ValueError):
+class SetupError(InputError):
     """A set-up or scenario that cannot be used. One line for each mistake: the key, its value,
     what is allowed."""
-
-    exit_code = 2
 
 
 @dataclass(frozen=True)
@@ -74,10 +70,3 @@ class Values(Protocol):
     def __getitem__(self, path: str) -> Any: ...
 
     def machine_values(self) -> dict[str, Any]: ...
-
-
-def suggest(word: str, known: Iterable[str]) -> str:
-    """For the end of a line about an unknown word: the one that was meant, or all there are."""
-    known = list(known)
-    close = difflib.get_close_matches(word, known, 1)
-    return f"; did you mean {close[0]!r}?" if close else f"; known: {', '.join(known)}"

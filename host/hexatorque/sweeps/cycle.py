@@ -86,7 +86,7 @@ def ready() -> list[str]:
 
 def read(name: str | Path) -> Cycle:
     """The cycle in a file, or the one of this name that comes with the package."""
-    from ..setups.values import suggest
+    from ..given import suggest
 
     path = Path(name)
     if str(name) in ready():

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from ..errors import HexatorqueError
+from ..errors import InputError
 
 
-class StudyError(HexatorqueError):
+class StudyError(InputError):
     """A study cannot be made, or cannot go on."""
-
-    exit_code = 2

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import HexatorqueError
-from ..setups import SetupError
+from ..given import suggest
+from ..setups import SetupError, load
 from ..setups.loading import beside
-from ..setups.values import suggest
 from .errors import StudyError
 from .space import GRID
 from .study import Study
@@ -89,11 +89,12 @@ def _named(path: Path, error: HexatorqueError) -> StudyError:
 
 
 def make(data: Mapping[str, Any]) -> Study:
-    """The study of a file's keys; those of `vary` are paths."""
+    """The study of a file's keys; those of `vary` are paths. set: path -> another value of the
+    set-up."""
     if "setup" not in data:
         raise StudyError("setup is missing: the name or the file of a set-up")
     return Study(
-        data["setup"],
+        load(data["setup"]).changed(data.get("set")),
         data.get("vary", {}),
         data.get("metrics"),
         data.get("design", GRID),

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..setups import KEYS, Setup, SetupError
+from ..given import listed, numeric, plain, real, suggest
+from ..setups import Setup, SetupError
+from ..setups.paths import PROFILE_SECTION, key_of, sections, split
 from .errors import StudyError
 
 GRID, LIST, RANDOM, HYPERCUBE, SOBOL = DESIGNS = (
@@ -61,6 +63,10 @@ def read_axis(path: str, given: Any, design: str, setup: Setup | None = None) ->
     """From a value, a list of values, {values}, or a range {from, to, count, log}. With `times`
     all of them are factors of the set-up's own value."""
     own = None
+    try:
+        split(path)
+    except SetupError as error:
+        raise StudyError(str(error)) from None
     if isinstance(given, Mapping):
         if unknown := [name for name in given if name not in (*_RANGE, *_FACTORS)]:
             raise StudyError(
@@ -96,45 +102,52 @@ def read_axis(path: str, given: Any, design: str, setup: Setup | None = None) ->
 
 
 def _listed(path: str, given: Any, design: str, own: float | None) -> Axis:
-    listed = given if isinstance(given, (list, tuple, range, np.ndarray)) else [given]
-    values = tuple(v.item() if isinstance(v, np.generic) else v for v in listed)
+    several = plain(given)
+    several = several if isinstance(several, (list, tuple, range)) else [several]
+    values = tuple(map(plain, several))
     if not values:
         raise StudyError(f"{path}: no values are given, the {design} is empty")
-    if own is not None:
+    if own is None:
+        values = tuple(_as_read(path, value) for value in values)
+    else:
         values = tuple(_number(path, own * _finite(path, "a factor", v)) for v in values)
     return _checked(Axis(path, values))
 
 
+def _as_read(path: str, value: Any) -> Any:
+    """Text as the value that it says."""
+    section, key = split(path)
+    if not isinstance(value, str) or section == PROFILE_SECTION:
+        return value
+    return nested({path: value})[section][key].value
+
+
 def _own(path: str, setup: Setup | None) -> float:
     """The set-up's value of a key whose values are factors."""
-    own = None
-    if setup is not None:
-        section, _, key = path.partition(".")
-        try:
-            own = setup.parameter(key) if section == "controller" else setup[path]
-        except (KeyError, ValueError):
-            nested({path: None})  # names a key that does not exist
+    own = None if setup is None else setup[path]
     if isinstance(own, bool) or not isinstance(own, (int, float)) or own == 0:
         raise StudyError(f"{path}: times: the set-up has {own}, a number other than 0 is needed")
     return own
 
 
 def _finite(path: str, name: str, value: Any) -> float:
+    value = numeric(plain(value))
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise StudyError(f"{path}: {name} = {value!r}: a finite number is needed")
     return float(value)
 
 
 def read_text(text: str, option: str) -> tuple[str, Any]:
-    """Path and values of KEY=FROM:TO:COUNT, KEY=FROM:TO or KEY=A,B,..."""
+    """Path and values of KEY=FROM:TO:COUNT, KEY=FROM:TO or KEY=A,B,... With A;B the comma is a
+    decimal comma."""
     path, equals, rest = (part.strip() for part in text.partition("="))
     if not path or not equals or not rest:
         raise StudyError(f"{option} {text}: KEY=FROM:TO:COUNT or KEY=A,B,... is needed")
     parts = rest.split(":")
     if len(parts) not in (2, 3):
-        return path, [_literal(part.strip()) for part in rest.split(",") if part.strip()]
+        return path, [numeric(part) for part in listed(rest)]
     try:
-        given: dict[str, Any] = {"from": float(parts[0]), "to": float(parts[1])}
+        given: dict[str, Any] = {"from": real(parts[0]), "to": real(parts[1])}
         if len(parts) == 3:
             given["count"] = int(parts[2])
     except ValueError:
@@ -144,21 +157,8 @@ def read_text(text: str, option: str) -> tuple[str, Any]:
     return path, given
 
 
-def _literal(text: str) -> Any:
-    for read in (int, float):
-        try:
-            return read(text)
-        except ValueError:
-            pass
-    return text
-
-
 def _is_whole(path: str) -> bool:
-    from ..setups.schema import CONTROLLER
-
-    section, key = path.split(".")
-    keys: Mapping[str, Any] = CONTROLLER if section == "controller" else KEYS.get(section, {})
-    return key in keys and keys[key].kind == "integer"
+    return key_of(path).kind == "integer"
 
 
 def _checked(axis: Axis) -> Axis:
@@ -175,35 +175,21 @@ def nested(values: Mapping[str, Any]) -> dict[str, Any]:
     """Values by path, checked: the sections of a set-up's file."""
     from ..setups import schema
 
-    sections: dict[str, dict[str, Any]] = {}
-    for path, value in values.items():
-        section, dot, key = path.partition(".")
-        if not dot:
-            raise StudyError(f"unknown key {path}: SECTION.KEY is needed, as in machine.rs_ohm")
-        sections.setdefault(section, {})[key] = value
     try:
-        return schema.check(sections)
+        return schema.check(sections(values))
     except SetupError as error:
         raise StudyError(str(error)) from None
 
 
 def changed(setup: Setup, values: Mapping[str, Any]) -> Setup:
-    """The set-up with other values, those of the profile included. `timing.latency` becomes what
-    the scheme needs, unless it is given. SetupError if the values do not fit together."""
-    from dataclasses import replace
-
+    """The set-up with other values. `timing.latency` becomes what the scheme needs, unless it is
+    given. SetupError if the values do not fit together."""
     from .. import firmware
 
     scheme = values.get(SCHEME)
     if isinstance(scheme, str) and firmware.needs_prediction(scheme):
         values = {LATENCY: "predicted", **values}
-    checked = nested(values)
-    profile = checked.pop("profile", None)
-    if profile is not None:
-        names = [path.partition(".")[2] for path in values if path.startswith("profile.")]
-        given = {name: getattr(profile, name) for name in names}
-        setup = replace(setup, profile=replace(setup.profile, **given))
-    return setup.with_values(checked)
+    return setup.changed(values)
 
 
 def completed(setup: Setup, defaults: Mapping[str, Any]) -> Setup:
@@ -351,21 +337,11 @@ class Space:
 
 def unit_of(path: str) -> str:
     """The unit of a set-up's key."""
-    from ..setups.schema import CONTROLLER
-
-    section, key = path.split(".")
-    if section == "profile":
-        return {"duration_s": "s", "speed_rpm": "r/min", "load_Nm": "N m", "vdc_V": "V"}.get(
-            key, ""
-        )
-    keys: Mapping[str, Any] = CONTROLLER if section == "controller" else KEYS[section]
-    return keys[key].unit
+    return key_of(path).unit
 
 
 def check_words(names: Sequence[str], known: Iterable[str], what: str) -> None:
     """Refuse a name that is not known, or that is there twice."""
-    from ..setups.values import suggest
-
     known = list(known)
     for name in names:
         if name not in known:

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..given import choice
 from ..setups import Setup, load, parameters
 from . import sensitivity, space, table, work
 from .cycle import read
@@ -91,6 +92,7 @@ class Study:
         if from_s < 0:
             raise StudyError(f"from_s = {from_s:g}: 0 s or more is needed")
         check_words(self.metrics, known, "metric")
+        schemes = [choice(name, firmware.schemes()) for name in schemes]
         check_words(schemes, firmware.schemes(), "scheme")
         self.over = over
         if over and over not in self.metrics:

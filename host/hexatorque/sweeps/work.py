@@ -158,8 +158,8 @@ def _rounded(value: float | None) -> float:
 
 
 def _at_point(work: Work, setup: Setup, look: Callable[[float], None]) -> dict:
-    from ..drive.comparison import at_point
     from ..drive.operating_points import Point, fine_samples, measure
+    from ..drive.steady import at_point
 
     setup = at_point(setup)
     point = Point(setup, setup["point.speed_rpm"], setup["point.load_Nm"])

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
+from ..given import real, suggest
 from ..setups import SetupError
-from ..setups.values import suggest
 
 
 @dataclass(frozen=True)
@@ -60,14 +61,15 @@ def usual_weights() -> Weights:
 
 
 def read_weights(text: str) -> Weights:
-    """Weights from `name=number,name=number`; what is not named keeps its usual weight."""
+    """Weights from `name=number,name=number`; what is not named keeps its usual weight. No name
+    begins with a digit: a comma between digits is a decimal comma."""
     weights = usual_weights()
-    for part in filter(None, (p.strip() for p in text.split(","))):
+    for part in filter(None, (p.strip() for p in re.split(r";|,(?!(?<=\d,)\d)", text))):
         name, _, word = part.partition("=")
         if name not in PARTS:
             raise SetupError(f"unknown weight {name!r}{suggest(name, PARTS)}")
         try:
-            weights[name] = float(word)
+            weights[name] = real(word)
         except ValueError:
             raise SetupError(
                 f"weight {part!r}: name=number is needed, for example {name}=1"

@@ -28,6 +28,7 @@ from ..drive.operating_points import (
 )
 from ..drive.simulated import DriveFault, SimulatedDrive
 from ..errors import HexatorqueError
+from ..given import listed, real
 from ..plant.vsd import PHASES
 from ..setups import Setup, SetupError, parameters
 from ..setups.design import REACH_PU, TABLE_SHARE, Design
@@ -89,11 +90,11 @@ def _short(value: float) -> float:
 
 
 def read_points(text: str) -> list[Where]:
-    """Points from `RPM:NM,RPM:NM`."""
+    """Points from `RPM:NM,RPM:NM`; with a semicolon between them a comma is a decimal comma."""
     points = []
-    for part in filter(None, (p.strip() for p in text.split(","))):
+    for part in listed(text):
         try:
-            speed_rpm, load_Nm = map(float, part.split(":"))
+            speed_rpm, load_Nm = map(real, part.split(":"))
         except ValueError:
             raise SetupError(f"point {part!r}: RPM:NM is needed, for example 1000:5") from None
         if not (abs(speed_rpm) <= 3e4 and math.isfinite(load_Nm)):

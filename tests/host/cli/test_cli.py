@@ -90,7 +90,10 @@ def test_run_says_why_a_drive_tripped(tmp_path, capsys):
     [
         (["compare", "--setup", "paper-c"], ("paper-c", "paper-b")),
         (["compare", "--schemes", "dtc9"], ("dtc9", "ddr-ml")),
-        (["compare", "--setup", "paper-b", "--latency", "soon"], ("timing.latency", "predicted")),
+        (
+            ["compare", "--setup", "paper-b", "--set", "timing.latency=soon"],
+            ("timing.latency", "predicted"),
+        ),
         (["compare", "--setup", "paper-b", "--load", "99"], ("99", "allowed range")),
         (["compare", "--setup", "paper-b", "--speed", "0"], ("--speed",)),
         (["compare", "--setup", "paper-b", "--speed", "nan"], ("point.speed_rpm", "allowed range")),

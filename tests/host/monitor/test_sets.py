@@ -30,7 +30,7 @@ def test_the_file_is_the_one_that_the_commands_read(site, port, tmp_path, capsys
         ("rs_ohm = 1.5\nrs_ohn = 2", ["'rs_ohn'", "did you mean 'rs_ohm'"]),
         ("rs_ohm = -1", ["rs_ohm = -1", "0 .. 1000 ohm"]),
         ("pole_pairs = 2.5", ["pole_pairs = 2.5", "1 .. 64", "whole"]),
-        ("rs_ohm = '2'", ["rs_ohm = '2'", "number"]),
+        ("rs_ohm = 'two'", ["rs_ohm = 'two'", "number"]),
         ("rs_ohm = true", ["rs_ohm = True", "number"]),
         ("rs_ohm = nan", ["rs_ohm = nan", "0 .. 1000"]),
         ("rs_ohm = 1" + 400 * "0", ["rs_ohm = inf", "0 .. 1000"]),

@@ -15,6 +15,7 @@ from hexatorque import setups
 from hexatorque.drive.board import BoardDrive
 from hexatorque.drive.interface import DriveFault, DriveVerbs
 from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.errors import InputError
 from hexatorque.recording.recording import Recording
 from hexatorque.serial import LinkError, wire
 from hexatorque.serial.exchange import Busy
@@ -37,6 +38,26 @@ def test_the_dictionary_is_the_firmwares(drive):
     assert drive.dictionary.states == firmware.STATE_TABLE
     assert {row.bit: row.name for row in drive.dictionary.faults} == firmware.FAULTS
     assert drive.hello.watchdog_ms == 250 and drive.hello.device == "virtual f28377s"
+
+
+def test_a_board_takes_keys_and_text_as_a_simulated_drive_does(drive):
+    drive.set_many({"controller.scheme": "FDR", "rs_ohm": "1,75"})
+    assert drive.get("controller.rs_ohm") == 1.75 and drive.get("scheme") == "fdr"
+    drive.set("scheme", "ddr")
+    simulated = SimulatedDrive(setups.load("paper-b"))
+    for name, value in [
+        ("sped_ref_rpm", 1), ("machine.rs_ohm", 1), ("rs_ohm", "much"), ("scheme", "dtc9"),
+        ("rs_ohm", -1),
+    ]:  # fmt: skip
+        said = []
+        for one in (drive, simulated):
+            with pytest.raises(InputError) as caught:
+                one.set(name, value)
+            said.append(str(caught.value))
+        assert said[0] == said[1]
+    for duration_s in (-1, float("nan")):
+        with pytest.raises(InputError, match="a time of 0 s or more"):
+            drive.run(duration_s)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0, 1001.0])

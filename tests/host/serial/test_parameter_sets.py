@@ -125,6 +125,10 @@ def test_difference_is_by_what_a_board_keeps():
     third = float(np.float32(1 / 3))
     assert difference({"rs_ohm": 1 / 3}, {"rs_ohm": third}, rows) == {}
     assert difference({"zero_hold": True}, {"zero_hold": "on"}, rows) == {}
+    assert (
+        difference({"zero_hold": "ON", "rs_ohm": "1,5"}, {"zero_hold": "on", "rs_ohm": 1.5}, rows)
+        == {}
+    )
     first = {"scheme": "ddr", "rs_ohm": 1.0, "old": 3.0, "lm_H": 0.1}
     second = {"scheme": "fdr", "rs_ohm": 2.0, "rr_ohm": 1.0, "lm_H": 0.1}
     assert difference(first, second, rows) == {

@@ -42,7 +42,7 @@ WRONG = [
     "[machine]\nrs_ohm = -1",
     "[machine]\nrs_ohm = { value = -1, tag = 'paper' }",
     "[machine]\nrs_ohm = { value = 1, tag = 'guess' }",
-    "[machine]\nrs_ohm = '1'",
+    "[machine]\nrs_ohm = 'one'",
     "[machine]\nrs_ohm = true",
     "[machine]\npole_pairs = 1.5",
     "[machine]\ndrs_ohm = [1, 2]",

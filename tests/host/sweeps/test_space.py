@@ -142,7 +142,7 @@ GRID = {RPM: [500, 900]}
         ({RS: {"values": [1], "times": 2}}, {}, "times = 2: true or false is needed"),
         ({RS: {"values": ["x"], "times": True}}, {}, "a factor = 'x': a finite number is needed"),
         ({RS: {"values": [1e9], "times": True}}, {}, "machine.rs_ohm = 6e+09: allowed range is"),
-        ({"machine.rs": {"values": [1], "times": True}}, {}, "unknown key machine.rs; known"),
+        ({"machine.rs": {"values": [1], "times": True}}, {}, "machine.rs; did you mean 'rs_ohm'?"),
         ({"timing.latency": {"values": [1], "times": True}}, {}, "times: the set-up has none"),
         ({"machine.dlls_H": {"values": [1], "times": True}}, {}, "a number other than 0 is needed"),
         ({}, {}, "nothing varies"),

@@ -7,6 +7,7 @@ import sys
 
 import click
 
+from ...given import listed, real
 from .. import completion, options
 from ..group import examples
 from ..options import Mistake
@@ -126,10 +127,10 @@ def _loads(text: str | None) -> tuple[tuple[float, float], ...]:
     if text is None:
         return NO_LOAD
     steps = []
-    for part in text.split(","):
+    for part in listed(text):
         at, colon, value = part.rpartition(":")
         try:
-            steps.append((float(at) if colon else float("-inf"), float(value)))
+            steps.append((real(at) if colon else float("-inf"), real(value)))
         except ValueError:
             steps.append((float("nan"), 0.0))
     times = [time_s for time_s, _ in steps]

@@ -8,7 +8,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from ..options import Mistake, real
+from ...given import parameter_name
+from ..options import Mistake
 
 if TYPE_CHECKING:
     from ...drive.board import BoardDrive
@@ -41,33 +42,22 @@ def _client(url: str | None, baud: int | None) -> Client:
     return Client(url, baud or runtime.bauds_for(url, BAUDS))
 
 
+def full_name(name: str) -> str:
+    """A parameter's name from a short name, or from a set-up's key controller.NAME."""
+    name = parameter_name(name)
+    return SHORT_NAMES.get(name, name)
+
+
 def assignments(texts: Iterable[str]) -> dict[str, object]:
-    """NAME=VALUE with the values as text; what a parameter makes of it is known by the board."""
+    """NAME=VALUE, or controller.NAME=VALUE as in a set-up. The values stay text: the drive knows
+    what its parameter makes of it."""
     values: dict[str, object] = {}
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals:
             raise Mistake(f"{text!r}: write NAME=VALUE")
-        values[SHORT_NAMES.get(name, name)] = value
+        values[full_name(name)] = value
     return values
-
-
-def set_values(drive: BoardDrive, values: dict[str, object]) -> None:
-    """Set values that may be text: numbers where the parameter takes numbers, choices in capital
-    or small letters."""
-    typed = dict(values)
-    for name, value in values.items():
-        row = drive.params.get(name)
-        if row is None or not isinstance(value, str):
-            continue
-        if row.choices:
-            typed[name] = next((one for one in row.choices if one.lower() == value.lower()), value)
-            continue
-        try:
-            typed[name] = real(value)
-        except ValueError:
-            raise Mistake(f"{name} = {value!r}: a number is needed") from None
-    drive.set_many(typed)
 
 
 def before_start(

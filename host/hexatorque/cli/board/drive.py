@@ -9,7 +9,7 @@ import click
 from .. import completion, options
 from ..group import examples
 from ..output import complain, console_of, print_json, say, tripped
-from .connection import assignments, before_start, open_drive, set_values, until_signal
+from .connection import assignments, before_start, open_drive, until_signal
 
 
 @click.command("list", epilog=examples("board list"))
@@ -111,7 +111,7 @@ def start(duration, device, baud, as_json, **before) -> int:
     console = console_of(as_json, highlight=False)
     values = before_start(**before)
     with until_signal() as ended, open_drive(device, baud) as drive:
-        set_values(drive, values)
+        drive.set_many(values)
         drive.start()
         end = None if duration is None else time.monotonic() + duration
         was = State("")
@@ -187,6 +187,6 @@ def set_parameters(values, device, baud, as_json) -> int:
     """
     wanted = assignments(values)
     with open_drive(device, baud) as drive:
-        set_values(drive, wanted)
+        drive.set_many(wanted)
         say(as_json, drive.get_many(list(wanted)))
     return 0

@@ -10,7 +10,7 @@ from .. import completion, options
 from ..group import Group, examples
 from ..options import Mistake
 from ..output import console_of, say
-from .connection import SHORT_NAMES, open_drive
+from .connection import full_name, open_drive
 
 
 @click.group(cls=Group, epilog=examples("board params list", "board params save b.toml"))
@@ -76,7 +76,7 @@ def list_parameters(device, baud, as_json) -> int:
 def get(names, device, baud, as_json) -> int:
     """Values of parameters; `hexatorque board set` changes them."""
     with open_drive(device, baud) as drive:
-        say(as_json, drive.get_many([SHORT_NAMES.get(name, name) for name in names]))
+        say(as_json, drive.get_many([full_name(name) for name in names]))
     return 0
 
 

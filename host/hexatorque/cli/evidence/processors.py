@@ -9,7 +9,7 @@ import click
 from ...recording.formats import suffixes_text
 from .. import completion, options
 from ..group import examples
-from ..options import Mistake, schemes_given
+from ..options import Mistake, schemes_given, settings_given
 from ..output import console_of, print_failure, print_json
 from ..working import compile_now, working
 
@@ -36,7 +36,7 @@ from ..working import compile_now, working
 )
 @options.as_json
 def pil(
-    scenario, setup, schemes, speed, load, latency, machine, device, baud, output, as_json
+    scenario, setup, schemes, speed, load, settings, machine, device, baud, output, as_json
 ) -> int:
     """The firmware on another processor, bit by bit against the host's.
 
@@ -46,23 +46,23 @@ def pil(
     its image (docs/pil.md).
     """
     from ... import setups
-    from ...drive import comparison
+    from ...drive import comparison, steady
     from ...evidence.studies import pil
     from ...recording.formats import check_output
 
     console = console_of(as_json)
     name, target_of_run = _target(machine, device, baud)
     if scenario:
-        at_a_point = {"setup": setup, "schemes": schemes, "speed": speed, "load": load,
-                      "latency": latency}  # fmt: skip
+        at_a_point = {"setup": setup, "schemes": schemes, "speed": speed, "load": load}
         given = [f"--{option}" for option, value in at_a_point.items() if value is not None]
         if given:
             raise Mistake(f"{', '.join(given)}: not with a scenario file")
-        loaded = setups.load(scenario)
+        loaded = setups.load(scenario).changed(settings_given(settings))
         file = check_output(output or Path("out") / f"{loaded.name}-pil.npz")
         todo = [(loaded, loaded.profile, file)]
     else:
-        loaded = comparison.at_point(setup or "paper-a-feasible", speed, load, latency)
+        loaded = setups.load(setup or "paper-a-feasible").changed(settings_given(settings))
+        loaded = steady.at_point(loaded, speed, load)
         folder = output or Path("out/pil")
         comparison.make_folder(folder)
         each = [loaded.with_scheme(name) for name in schemes_given(schemes)]

@@ -1,0 +1,81 @@
+"""How a name or a value is read that somebody gives: on the command line, in a file, on the web
+page or in Python. Every other module asks this one, so all of them read alike."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+from typing import Any
+
+#: A decimal number; point or comma is the decimal sign, and there are no thousands separators.
+#: page/numbers.js has the same rule.
+_NUMBER = re.compile(
+    r"[+-]?(?:(?:\d+[.,]?\d*|[.,]\d+)(?:e[+-]?\d+)?|inf|infinity|nan)", re.ASCII | re.IGNORECASE
+)
+#: Minus signs that word processors write.
+_MINUS = str.maketrans("−–", "--")
+
+
+def real(text: str) -> float:
+    """A number from text. ValueError for any other text."""
+    plain = text.strip().translate(_MINUS)
+    if not _NUMBER.fullmatch(plain):
+        raise ValueError(text)
+    return float(plain.replace(",", "."))
+
+
+def number(text: str) -> float | int:
+    """The same; digits alone are a whole number."""
+    value = real(text)
+    plain = text.strip().translate(_MINUS)
+    return int(plain) if re.fullmatch(r"[+-]?\d+", plain, re.ASCII) else value
+
+
+def numeric(value: Any) -> Any:
+    """Text as the number that it is. All else stays as it is."""
+    if isinstance(value, str):
+        try:
+            return number(value)
+        except ValueError:
+            return value
+    return value
+
+
+def plain(value: Any) -> Any:
+    """numpy's numbers and arrays as Python's numbers and lists."""
+    return value.tolist() if hasattr(value, "dtype") and hasattr(value, "tolist") else value
+
+
+def choice(value: Any, choices: Iterable[str]) -> Any:
+    """The choice of this name, in capital or small letters. All else stays as it is."""
+    if not isinstance(value, str):
+        return value
+    word = value.strip().lower()
+    return next((one for one in choices if one.lower() == word), value)
+
+
+def parameter_name(name: str) -> str:
+    """The name of a controller parameter that may be given as a set-up's key, controller.NAME."""
+    return name.removeprefix("controller.")
+
+
+def listed(text: str) -> list[str]:
+    """The parts of a list: between semicolons, or else blanks, or else commas. Brackets around the
+    list are left out. With semicolons and blanks a comma is a decimal comma."""
+    inner = text.strip().removeprefix("[").removesuffix("]").strip()
+    if ";" in inner:
+        parts = inner.split(";")
+    else:
+        parts = re.split(r",?\s+" if re.search(r"\s", inner) else ",", inner)
+    return [part.strip() for part in parts if part.strip()]
+
+
+def suggest(word: str, known: Iterable[str]) -> str:
+    """For the end of a line about an unknown word: the one that was meant, or all there are."""
+    known = list(known)
+    by_small = {name.lower(): name for name in reversed(known)}
+    small = word.lower()
+    close = difflib.get_close_matches(small, by_small, 1)
+    close += [name for name in by_small if small and name.startswith(small)]
+    return f"; did you mean {by_small[close[0]]!r}?" if close else f"; known: {', '.join(known)}"

@@ -1,0 +1,232 @@
+"""One way to write a key and its value, whichever door they come in by: the command line, a file,
+a drive, a study or Python. The same mistake is told in the same words, as one class of error."""
+
+import numpy as np
+import pytest
+
+import hexatorque
+from hexatorque import firmware, given, setups
+from hexatorque.cli.main import main
+from hexatorque.cli.options import schemes_given
+from hexatorque.errors import InputError
+from hexatorque.setups import paths
+
+PAPER_B = hexatorque.load("paper-b")
+
+
+def in_python(path, value):
+    return PAPER_B.changed({path: value})
+
+
+def by_keyword(path, value):
+    return PAPER_B.changed(**{path.replace(".", "__"): value})
+
+
+def in_a_file(path, value):
+    section, key = path.split(".")
+    return setups.parse(f'setup = "paper-b"\n[{section}]\n{key} = "{value}"\n', "test")
+
+
+def on_a_command_line(path, value):
+    from hexatorque.cli.options import settings_given
+
+    return PAPER_B.changed(settings_given([f"{path}={value}"]))
+
+
+def in_a_study(path, value):
+    from hexatorque.sweeps import space
+
+    study = hexatorque.Study("paper-b", {path: [value]})
+    return space.changed(study.setup, study.space.case(0).values)
+
+
+DOORS = [in_python, by_keyword, in_a_file, on_a_command_line, in_a_study]
+
+
+@pytest.mark.parametrize("door", DOORS)
+@pytest.mark.parametrize(
+    ("path", "text", "value"),
+    [
+        ("machine.rs_ohm", "5,5", 5.5),
+        ("machine.rs_ohm", " 5.5 ", 5.5),
+        ("machine.rs_ohm", "55e-1", 5.5),
+        ("point.speed_rpm", "−400", -400.0),
+        ("sensors.encoder_ppr", "2048", 2048),
+        ("controller.torque_band_Nm", "0,6", 0.6),
+        ("controller.scheme", "DTC3", "dtc3"),
+        ("controller.scheme", "Ddr-ML", "ddr-ml"),
+        ("controller.zero_hold", "OFF", "off"),
+        ("controller.torque_levels", "3", "3"),
+        ("timing.device", "F28335", "f28335"),
+        ("load.kind", "Fan", "fan"),
+    ],
+)
+def test_a_value_is_read_alike_everywhere(door, path, text, value):
+    assert door(path, text)[path] == value
+
+
+@pytest.mark.parametrize("door", [in_python, in_a_file, on_a_command_line])
+def test_six_numbers_are_read_alike_everywhere(door):
+    for text in ("1.5 1 1 1 1 1", "1,5; 1; 1; 1; 1; 1", "[1.5, 1, 1, 1, 1, 1]", "1.5,1,1,1,1,1"):
+        assert door("sensors.i_gain", text)["sensors.i_gain"] == (1.5, 1, 1, 1, 1, 1)
+
+
+@pytest.mark.parametrize("door", DOORS)
+@pytest.mark.parametrize(
+    ("path", "text", "line"),
+    [
+        ("machine.rs_ohms", "1", "unknown key machine.rs_ohms; did you mean 'rs_ohm'?"),
+        ("machine.lls_h", "1", "unknown key machine.lls_h; did you mean 'lls_H'?"),
+        ("machina.rs_ohm", "1", "unknown section 'machina'; did you mean 'machine'?"),
+        ("controller.predict", "on", "controller.predict: set timing.latency (none, "),
+        ("machine.rs_ohm", "-1", "machine.rs_ohm = -1: allowed range is 0.0001 .. 1000 ohm"),
+        ("machine.rs_ohm", "nan", "machine.rs_ohm = nan: allowed range is 0.0001 .. 1000 ohm"),
+        ("machine.rs_ohm", "1.000,5", "machine.rs_ohm = '1.000,5': a number is needed"),
+        ("machine.rs_ohm", "1_0", "machine.rs_ohm = '1_0': a number is needed"),
+        ("sensors.adc_bits", "7,5", "sensors.adc_bits = 7.5: allowed range is 6 .. 12, whole"),
+        ("controller.scheme", "dtc9", "controller.scheme = 'dtc9': choose one of dtc1, dtc2"),
+        ("timing.latency", "soon", "timing.latency = 'soon': choose one of none, immediate"),
+    ],
+)
+def test_a_mistake_is_told_in_the_same_words_everywhere(door, path, text, line):
+    with pytest.raises(InputError) as caught:
+        door(path, text)
+    assert str(caught.value).startswith(line) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("path", ["rs_ohm", "RS_OHM", "rs_ohms", "rs_ohm.machine", 3, None, ("a",)])
+def test_a_path_without_a_section_says_where_it_may_belong(path):
+    for ask in (PAPER_B.__getitem__, lambda p: PAPER_B.changed({p: 2})):
+        with pytest.raises(InputError, match="unknown") as caught:
+            ask(path)
+        if isinstance(path, str) and "." not in path:
+            assert "machine.rs_ohm or controller.rs_ohm" in str(caught.value)
+
+
+def test_every_key_of_a_setup_has_a_value():
+    values = {path: PAPER_B[path] for path in PAPER_B}
+    assert values["machine.rs_ohm"] == 6.0 and values["profile.duration_s"] == 1.0
+    assert None not in values.values()
+    told = {name: values[f"controller.{name}"] for name in paths.controller()}
+    used = setups.parameters(PAPER_B)
+    assert told == {name: used[name] for name in told}
+    assert used.keys() - told.keys() == set(paths.TIMING_OWNS)
+    assert all(PAPER_B[f"controller.{name}"] == used[name] for name in paths.TIMING_OWNS)
+    assert "machine.rs_ohm" in PAPER_B and "rs_ohm" not in PAPER_B and 3 not in PAPER_B
+
+
+def test_a_setup_is_shown_in_a_line():
+    assert repr(PAPER_B).startswith("<Setup paper-b: Paper B") and len(repr(PAPER_B)) < 150
+
+
+def test_the_profile_changes_by_its_keys():
+    other = PAPER_B.changed({"profile.duration_s": "2,5", "profile.speed_rpm": "[[0.1, 400]]"})
+    assert other.profile == setups.Profile(2.5, ((0.1, 400.0),))
+    assert other.changed({"profile.load_Nm": 0.5}).profile.speed_rpm == ((0.1, 400.0),)
+    flight = PAPER_B.changed({"profile.set": [[0.5, "controller.scheme", "DTC2"]]})
+    assert flight.profile.set == ((0.5, "scheme", "dtc2"),)
+
+
+def test_numbers_of_numpy_are_numbers():
+    for number in (np.float32(5.5), np.float64(5.5), np.array(5.5)):
+        assert PAPER_B.changed({"machine.rs_ohm": number})["machine.rs_ohm"] == 5.5
+    gains = PAPER_B.changed({"sensors.i_gain": np.full(6, 1.1)})["sensors.i_gain"]
+    assert gains == (1.1,) * 6
+
+
+def test_a_scheme_is_found_whatever_its_letters():
+    assert PAPER_B.with_scheme("DB-DTFC")["timing.latency"] == "predicted"
+    assert schemes_given("DTC1,Dtc-SVM,dtc1", laws=True) == ["dtc1", "dtc-svm"]
+    assert hexatorque.Study("paper-b", schemes=["DDR"]).space.schemes == ("ddr",)
+    with pytest.raises(InputError, match="choose one of dtc1, dtc2"):
+        PAPER_B.with_scheme("dtc9")
+    with pytest.raises(InputError, match="no scheme 'dtc9': choose from dtc1"):
+        schemes_given("dtc9")
+
+
+def test_no_two_choices_differ_by_case_only():
+    tables = [paths.keys(section).values() for section in paths.WITH_PATHS]
+    for key in (key for table in tables for key in table):
+        assert len({choice.lower() for choice in key.choices}) == len(key.choices)
+        assert all(given.choice(one.upper(), key.choices) == one for one in key.choices)
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["run", "FILE", "--set", "machine.rs_ohms=1"], "machine.rs_ohms; did you mean 'rs_ohm'?"),
+        (["run", "FILE", "--set", "machine.rs_ohm=-1"], "machine.rs_ohm = -1: allowed range is"),
+        (["run", "FILE", "--set", "machine.rs_ohm"], "--set machine.rs_ohm: SECTION.KEY=VALUE is"),
+        (["run", "FILE", "--set", "rs_ohm=1"], "did you mean machine.rs_ohm or controller.rs_ohm?"),
+        (["compare", "--set", "machine.rs_ohms=1"], "machine.rs_ohms; did you mean 'rs_ohm'?"),
+        (["compare", "--set", "controller.scheme=ddr"], "here --schemes says which schemes run"),
+        (["reach", "--set", "machine.rs_ohms=1"], "machine.rs_ohms; did you mean 'rs_ohm'?"),
+        (["sweep", "pareto", "--set", "machine.rs_ohms=1"], "machine.rs_ohms; did you mean"),
+        (["sweep", "--grid", "machine.rs_ohms=1"], "machine.rs_ohms; did you mean 'rs_ohm'?"),
+    ],
+)
+def test_the_command_line_says_it_in_one_line(words, line, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "one.toml").write_text('setup = "paper-b"\n[profile]\nduration_s = 0.01\n')
+    assert main([word.replace("FILE", "one.toml") for word in words]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and line in said
+
+
+def test_run_uses_what_is_set(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "one.toml").write_text('setup = "paper-b"\n[profile]\nduration_s = 1.0\n')
+    words = ["--set", "controller.scheme=DTC3", "--set", "machine.rs_ohm=5,5"]
+    short = ["--set", "profile.duration_s=0,01", "-o", "one.npz"]
+    assert main(["run", "one.toml", *words, *short]) == 0
+    recording = hexatorque.Recording.load("one.npz")
+    assert recording.meta["scheme"] == "dtc3" and recording.duration_s == pytest.approx(0.01)
+    assert recording.meta["parameters"]["machine"]["rs_ohm"] == 5.5
+
+
+def test_a_sweep_starts_from_what_is_set():
+    from hexatorque.sweeps import files, space
+
+    data = {"setup": "paper-b", "vary": {"point.load_Nm": [1.0]}, "set": {"machine.rs_ohm": "5,5"}}
+    assert files.make(data).setup["machine.rs_ohm"] == 5.5
+    assert space.read_text("machine.rs_ohm=5,6", "--grid")[1] == [5, 6]
+    assert space.read_text("machine.rs_ohm=5,5;6", "--grid")[1] == [5.5, 6]
+    assert space.read_text("machine.rs_ohm=5,5:6:3", "--grid")[1] == {
+        "from": 5.5,
+        "to": 6,
+        "count": 3,
+    }
+
+
+def test_a_drive_takes_keys_and_text_as_a_setup_does():
+    drive = hexatorque.SimulatedDrive(PAPER_B)
+    drive.set_many({"controller.scheme": "DTC3", "speed_ref_rpm": "400,5"})
+    assert (drive.get("scheme"), drive.get("controller.speed_ref_rpm")) == ("dtc3", 400.5)
+    drive.set("load_Nm", "1,5")
+    assert drive.load_Nm == 1.5
+    for name, value, line in [
+        ("sped_ref_rpm", 1, "no parameter 'sped_ref_rpm'; did you mean 'speed_ref_rpm'?"),
+        ("machine.rs_ohm", 1, "section machine belongs to a set-up; did you mean 'controller.rs_o"),
+        ("rs_ohm", -1, "rs_ohm = -1: allowed range is 0 .. 1000 ohm"),
+        ("rs_ohm", "much", "rs_ohm = 'much': a number is needed"),
+        ("scheme", "dtc9", "scheme = 'dtc9': choose one of dtc1"),
+        ("load_Nm", "much", "load_Nm = much: a finite number is needed"),
+    ]:
+        with pytest.raises(InputError) as caught:
+            drive.set(name, value)
+        assert line in str(caught.value)
+    with pytest.raises(InputError, match="no parameter 'x'; known: scheme"):
+        drive.get("x")
+
+
+@pytest.mark.parametrize("duration_s", [-1, float("nan"), "long", None])
+def test_time_does_not_run_backwards(duration_s):
+    drive = hexatorque.SimulatedDrive(PAPER_B)
+    with pytest.raises(InputError, match=f"duration_s = {duration_s}: a time of 0 s or more"):
+        drive.run(duration_s)
+
+
+def test_a_parameter_s_text_is_read_by_the_same_rule():
+    table = firmware.parameters()
+    assert table["rs_ohm"].parse("1,5") == table["rs_ohm"].parse(np.float64(1.5)) == 1.5
+    assert table["scheme"].parse("DDR") == table["scheme"].parse("ddr")
