@@ -80,7 +80,7 @@ def test_errata_table_names_what_there_is():
 @pytest.mark.parametrize(
     ("page", "figure", "source", "told"),
     [
-        ("README.md", r"(\d+) injected faults", "docs/protection.md", "{} runs; periods"),
+        ("README.md", r"(\d+) runs with injected faults", "docs/protection.md", "{} runs; periods"),
         ("README.md", r"of `ddr` takes (\d+) instructions", "docs/budget.md", "| ddr | {} |"),
         ("docs/safety.md", r"([\d.]+) periods \(median\), (\d+) \(longest\)",
          "docs/protection.md", "| {} / {} |"),
