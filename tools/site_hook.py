@@ -34,17 +34,20 @@ FROM_ROOT = {
 }
 #: Room in hexatorque -> what of it the page "Python" shows, in this order.
 PYTHON = {
-    "setups": ("load", "Setup", "Profile"),
-    "drive.interface": ("DriveVerbs", "DriveFault"),
+    "drive.steady": ("measure",),
+    "analysis.run": ("Run",),
+    "setups": ("load", "Setup", "Profile", "Value", "SetupError"),
     "drive.simulated": ("SimulatedDrive",),
     "drive.board": ("BoardDrive",),
+    "drive.interface": ("DriveVerbs", "DriveFault"),
+    "drive.trips": ("Trip",),
     "laws.law": ("Law", "record"),
     "laws.patterns": ("centred", "vector", "vectors"),
     "recording.recording": ("Recording",),
     "sweeps.study": ("Study",),
     "recording.writer": ("Writer",),
     "analysis.metrics": ("metrics",),
-    "errors": ("HexatorqueError",),
+    "errors": ("InputError", "HexatorqueError"),
 }
 
 

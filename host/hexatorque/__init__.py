@@ -1,10 +1,10 @@
 """hexatorque: switching-table direct torque control of six-phase drives.
 
-The controller is the C firmware in `firmware/`. This package simulates the drive around it
-(`SimulatedDrive`), communicates with a board that runs it (`BoardDrive`), loads set-ups (`load`),
-makes many runs and one table of them (`Study`), and stores measurements (`Recording`). Everything
-else is in the subpackages: `hexatorque.analysis`, `hexatorque.plant`, `hexatorque.setups` and so
-on.
+The controller is the C firmware in `firmware/`. This package loads set-ups (`load`), measures a
+drive at an operating point (`measure`), simulates the drive around the firmware step by step
+(`SimulatedDrive`), communicates with a board that runs it (`BoardDrive`), makes many runs and one
+table of them (`Study`), and stores measurements (`Recording`). Everything else is in the
+subpackages: `hexatorque.analysis`, `hexatorque.plant`, `hexatorque.setups` and so on.
 
 The modules of these names are imported at first use, so `import hexatorque` is fast.
 """
@@ -14,25 +14,50 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from .analysis.run import Run
     from .drive.board import BoardDrive
+    from .drive.interface import DriveFault
     from .drive.simulated import SimulatedDrive
-    from .errors import HexatorqueError
+    from .drive.steady import measure
+    from .errors import HexatorqueError, InputError
+    from .laws.law import Law
     from .recording.recording import Recording
-    from .setups import load
+    from .setups import Setup, SetupError, load
     from .sweeps.study import Study
 
 __version__ = "0.1.0"
 
-__all__ = ["BoardDrive", "HexatorqueError", "Recording", "SimulatedDrive", "Study", "load"]
+__all__ = [
+    "BoardDrive",
+    "DriveFault",
+    "HexatorqueError",
+    "InputError",
+    "Law",
+    "Recording",
+    "Run",
+    "Setup",
+    "SetupError",
+    "SimulatedDrive",
+    "Study",
+    "load",
+    "measure",
+]
 
 #: Module that defines each public name.
 _HOMES = {
     "BoardDrive": "drive.board",
+    "DriveFault": "drive.interface",
     "HexatorqueError": "errors",
+    "InputError": "errors",
+    "Law": "laws.law",
     "Recording": "recording.recording",
+    "Run": "analysis.run",
+    "Setup": "setups",
+    "SetupError": "setups",
     "SimulatedDrive": "drive.simulated",
     "Study": "sweeps.study",
     "load": "setups",
+    "measure": "drive.steady",
 }
 
 

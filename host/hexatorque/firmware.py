@@ -212,7 +212,7 @@ def unknown(name: str, table: Iterable[str]) -> str:
             f"no parameter {plain!r}: the section {section} belongs to a set-up; "
             f"did you mean 'controller.{key}'?"
         )
-    return f"no parameter {name!r}{given.suggest(key, table)}"
+    return f"no parameter {plain!r}{given.suggest(key, table)}"
 
 
 def schemes() -> tuple[str, ...]:

@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
+
+from .errors import InputError
 
 #: A decimal number; point or comma is the decimal sign, and there are no thousands separators.
 #: page/numbers.js has the same rule.
@@ -57,7 +59,17 @@ def choice(value: Any, choices: Iterable[str]) -> Any:
 
 def parameter_name(name: str) -> str:
     """The name of a controller parameter that may be given as a set-up's key, controller.NAME."""
-    return name.removeprefix("controller.")
+    return str(name).removeprefix("controller.")
+
+
+def pairs(values: object) -> dict[Any, Any]:
+    """Names or keys with their values. InputError for what is no dictionary of them."""
+    if values is None:
+        return {}
+    if not isinstance(values, Mapping):
+        example = "{'controller.rs_ohm': 2}"
+        raise InputError(f"{values!r}: names with values are needed, such as {example}")
+    return dict(values)
 
 
 def listed(text: str) -> list[str]:

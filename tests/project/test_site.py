@@ -1,8 +1,10 @@
 """The site: the pages that its hook writes from the program are complete, and every page can be
 reached. `make docs` checks all links in strict mode."""
 
+import importlib
 import inspect
 import re
+from dataclasses import is_dataclass
 from pathlib import Path
 
 import pytest
@@ -49,19 +51,39 @@ def test_every_public_name_is_in_the_reference():
         assert f"::: {value.__module__}.{name}\n" in page
 
 
-def test_every_public_method_says_what_it_does():
-    """A method that overrides one without a text of its own has that one's, as in `help`."""
-    for name in hexatorque.__all__:
-        value = getattr(hexatorque, name)
-        if not isinstance(value, type) or issubclass(value, Exception):
+#: Every class and function on the page "Python": its room and its name.
+ON_THE_PAGE = [(room, name) for room, names in site_hook.PYTHON.items() for name in names]
+
+
+@pytest.mark.parametrize(("room", "name"), ON_THE_PAGE)
+def test_every_public_member_is_on_the_page(room, name):
+    """The page shows what has a text: a method that overrides one without a text of its own has
+    that one's, as in `help`. A field stands in the text of its class."""
+    value = getattr(importlib.import_module(f"hexatorque.{room}"), name)
+    assert value.__doc__
+    if not isinstance(value, type):
+        return
+    ours = [base for base in value.__mro__ if base.__module__.startswith("hexatorque")]
+    texts = " ".join(base.__doc__ or "" for base in ours)
+    for member in (member for member in dir(value) if not member.startswith("_")):
+        owner = next(base for base in value.__mro__ if member in vars(base))
+        found = vars(owner)[member]
+        if owner not in ours:
             continue
-        for member in (member for member in dir(value) if not member.startswith("_")):
-            owner = next(base for base in value.__mro__ if member in vars(base))
-            found = vars(owner)[member]
-            if owner.__module__.startswith("hexatorque") and (
-                callable(found) or isinstance(found, property | classmethod | staticmethod)
-            ):
-                assert inspect.getdoc(getattr(value, member)), f"{name}.{member}"
+        if callable(found) or isinstance(found, property | classmethod | staticmethod):
+            assert inspect.getdoc(getattr(value, member)), f"{value.__name__}.{member}"
+        else:
+            assert re.search(rf"\b{member}\b", texts), f"{value.__name__}.{member}"
+    fields = {name for base in ours for name in inspect.get_annotations(base)}
+    for field in (field for field in fields | made(ours) if not field.startswith("_")):
+        assert re.search(rf"\b{field}\b", texts), f"{value.__name__}.{field}"
+
+
+def made(classes):
+    """What the classes' `__init__` give their objects."""
+    own = [one for one in classes if "__init__" in vars(one) and not is_dataclass(one)]
+    text = "\n".join(inspect.getsource(one.__init__) for one in own)
+    return set(re.findall(r"^ +self\.(\w+)(?:: [^=\n]+)? =", text, re.M))
 
 
 @pytest.mark.skipif(not hasattr(main, "app"), reason="commands are not a tree yet")

@@ -14,7 +14,7 @@ import numpy as np
 from ..given import real
 from ..recording import mapping
 from ..recording.recording import TRIGGER, Recording, RecordingError
-from .plots import INK, LABEL, LEGEND, TITLE, new_figure, save, thin
+from .panels import COLOURS, INK, LABEL, LEGEND, TITLE, new_figure, save, thin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +27,6 @@ FLUX = "flux_Wb"  #: computed from psi_alpha_Wb and psi_beta_Wb if there is no s
 MOST_BY_DEFAULT = 6
 ROW_IN, HEAD_IN = 1.55, 0.55
 MOST_ROWS = 40
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#20242b", "#cc79a7", "#e69f00", "#56b4e9", "#5b4fa2")
 
 
 @dataclass
@@ -126,8 +125,10 @@ def align(traces: list[Trace], how: str | None) -> str:
 def values(rec: Recording, name: str) -> np.ndarray | None:
     """The values of a channel, or of one that is computed from others. None if there is neither."""
     prefix, _, plain = name.rpartition(".")
-    if name in rec or plain != FLUX:
-        return rec.channels.get(name)
+    if name in rec:
+        return rec[name]
+    if plain != FLUX:
+        return None
     dot = f"{prefix}." if prefix else ""
     alpha, beta = (rec.channels.get(f"{dot}psi_{axis}_Wb") for axis in ("alpha", "beta"))
     return None if alpha is None or beta is None else np.hypot(alpha, beta)

@@ -100,7 +100,7 @@ def over_time(time_s: np.ndarray, panels: Sequence[Panel], file: str | Path | No
             ax.plot(*shown, color=colour, linewidth=1.0, label=line.label)
         ax.set_title(panel.title, loc="left", pad=3, **TITLE)
         ax.set_ylabel(panel.unit, **LABEL)
-        ax.legend(loc="best", **LEGEND)
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 0.97), ncols=len(panel.lines), **LEGEND)
     axes[-1, 0].set_xlabel("time [s]", **LABEL)
     if file is not None:
         save(figure, file)

@@ -12,22 +12,21 @@ import numpy as np
 
 from ..setups.keys import LATENCIES
 from .metrics import i_xy_A
+from .panels import FAINT as FAINT
+from .panels import INK, LABEL, LEGEND, TITLE, WIDTH_IN, new_figure, save, thin
 from .reference import Reference, reference_values
 from .run import Run, by_point
 from .spectrum import channel, fundamental_Hz, harmonics, spectrum, whole_cycles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from ..recording.recording import Recording
 
-WIDTH_IN, DPI = 10.0, 150
 #: Spans of `waveforms`. The second is used if there is no usable fundamental.
 CYCLES, FALLBACK_S = 2, 0.04
 ZOOM_S = 0.01  #: span of torque and flux in `waveforms`: a hundred control periods at 10 kHz
 HIGHEST_ORDER, LOWEST_PCT = 25, 0.03  #: in `spectra`
-INK, FAINT = "#20242b", "#d9dde3"
 #: Colour of each quantity. Colour-blind readers can distinguish them.
 COLOUR = {
     "i_u1": "#0072b2",
@@ -47,44 +46,12 @@ PHASE_COLOUR = {
     "v1": "#cc79a7",
     "v2": "#56b4e9",
 }
-LABEL: dict[str, Any] = {"fontsize": 8.5, "color": INK}
-TITLE: dict[str, Any] = {"fontsize": 9.5, "fontweight": "bold", "color": INK}
-LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 8, "labelcolor": INK}
 LATENCY_COLOUR = {
     "none": "#56b4e9",
     "immediate": "#009e73",
     "shadow": "#d55e00",
     "predicted": "#0072b2",
 }
-
-
-def new_figure(
-    rows: int, columns: int, height_in: float, width_in: float = WIDTH_IN, **shared: Any
-) -> tuple[Figure, np.ndarray]:
-    """Makes empty panels in the common style. The axes are a (rows, columns) array."""
-    from matplotlib.figure import Figure
-
-    if rows * columns < 1:
-        raise ValueError("no runs to draw")
-    figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, **shared)
-    for ax in axes.flat:
-        ax.grid(True, color=FAINT, linewidth=0.6)
-        ax.set_axisbelow(True)
-        ax.spines[["top", "right"]].set_visible(False)
-        ax.spines[:].set_color("#9aa1ab")
-        ax.tick_params(labelsize=8, colors=INK, color="#9aa1ab", length=3)
-    return figure, axes
-
-
-def save(figure: Figure, path: str | Path) -> Path:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    # `savefig` draws twice, first only to lay the panels out. But drawing lays them out, too.
-    figure.set_facecolor("white")
-    FigureCanvasAgg(figure).print_png(path)
-    return Path(path)
 
 
 def note(ax: Axes, text: str) -> None:
@@ -129,20 +96,6 @@ def cells(
 
 def _value(value: float | None, digits: int, unit: str) -> str:
     return "–" if value is None else f"{value:.{digits}f} {unit}"
-
-
-def thin(t: np.ndarray, y: np.ndarray, buckets: int = 1500) -> tuple[np.ndarray, np.ndarray]:
-    """Keeps the minimum and the maximum of each bucket, which gives the same picture from fewer
-    points. A bucket is NaN (lost samples) only if it has no other values."""
-    size = y.size // buckets
-    if size < 4:
-        return t, y
-    block = np.pad(y, (0, -y.size % size), mode="edge").reshape(-1, size)
-    lost = np.isnan(block)
-    low, high = np.where(lost, np.inf, block), np.where(lost, -np.inf, block)
-    at = np.sort([low.argmin(axis=1), high.argmax(axis=1)], axis=0).T
-    at = np.minimum((at + size * np.arange(len(block))[:, None]).ravel(), y.size - 1)
-    return t[at], y[at]
 
 
 def waveforms(runs: list[Run], path: str | Path) -> Path:

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import InputError
+
 
 class Response(NamedTuple):
     """settling_s: time from the step until the signal stays within the band, NaN if it never does;
@@ -25,7 +27,7 @@ def step_response(
     after = time_s >= step_s
     t, y = time_s[after], np.asarray(signal, dtype=float)[after]
     if y.size == 0:
-        raise ValueError("the step is after the end of the recording")
+        raise InputError("the step is after the end of the recording")
     outside = np.nonzero(np.abs(y - target) > band)[0]
     if outside.size == 0:
         settling_s = 0.0

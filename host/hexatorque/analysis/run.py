@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from ..errors import InputError
 from ..recording.recording import Recording
 from ..setups.keys import LATENCIES
 
@@ -14,12 +15,14 @@ SCHEMES = {"fdr": "FDR-DTC", "ddr": "DDR-DTC", "db-dtfc": "DB-DTFC"}
 
 @dataclass
 class Run:
-    """A scheme of a set-up at one operating point.
+    """A scheme of a set-up at one operating point, as `hexatorque.measure` returns it.
 
-    latency: when a vector is applied: "none" (at the sampling instant), "immediate" (when the
-    interrupt has written its registers), "shadow" (one sample late) or "predicted" (one sample
-    late, with one-step prediction); recording: the steady-state window; metrics: the metrics of
-    that window; realtime_factor: simulated seconds per second.
+    setup, scheme: their names; speed_ref_rpm, load_Nm: the operating point; latency: when a vector
+    is applied: "none" (at the sampling instant), "immediate" (when the interrupt has written its
+    registers), "shadow" (one sample late) or "predicted" (one sample late, with one-step
+    prediction); recording: the steady-state window; metrics: its figures of merit, name -> number
+    in the unit that the name ends with, None if there is none (`analysis.metrics.metrics` says what
+    they are); realtime_factor: simulated seconds per second.
     """
 
     setup: str
@@ -33,10 +36,11 @@ class Run:
 
     def __post_init__(self) -> None:
         if self.latency not in LATENCIES:
-            raise ValueError(f"latency {self.latency!r}: use one of {', '.join(LATENCIES)}")
+            raise InputError(f"latency {self.latency!r}: use one of {', '.join(LATENCIES)}")
 
     @property
     def scheme_label(self) -> str:
+        """The scheme's name in pictures and tables."""
         return SCHEMES.get(self.scheme, self.scheme.upper())
 
     @property
@@ -46,6 +50,7 @@ class Run:
 
     @property
     def label(self) -> str:
+        """Scheme and latency."""
         return f"{self.scheme_label} · {self.latency_label}"
 
     @property

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..recording.recording import Recording
 
 #: Upper limits of the THD bands.
@@ -38,7 +39,7 @@ def fundamental_Hz(rec: Recording) -> float:
     """
     psi_Wb = channel(rec, "psi_alpha_Wb") + 1j * channel(rec, "psi_beta_Wb")
     if psi_Wb.size < 2 or not np.all(np.isfinite(psi_Wb)) or not np.any(psi_Wb):
-        raise ValueError("no stator flux in the recording, so no fundamental frequency")
+        raise InputError("no stator flux in the recording, so no fundamental frequency")
     angle = np.unwrap(np.angle(psi_Wb))
     n = np.arange(angle.size) - (angle.size - 1) / 2
     f1_Hz = float(n @ angle / (n @ n)) * rec.rate_Hz / (2 * np.pi)
@@ -51,7 +52,7 @@ def _cycles(samples: int, rate_Hz: float, f1_Hz: float) -> int:
     two."""
     cycles = samples * abs(f1_Hz) / rate_Hz
     if not cycles + 1e-6 >= MINIMUM_CYCLES:
-        raise ValueError(
+        raise InputError(
             f"the recording ({samples / rate_Hz:.4g} s) holds {cycles:.2f} cycles of the "
             f"fundamental ({abs(f1_Hz):.4g} Hz); at least {MINIMUM_CYCLES} are needed"
         )
@@ -62,7 +63,7 @@ def whole_cycles(signal: np.ndarray, rate_Hz: float, f1_Hz: float) -> tuple[np.n
     """The last whole cycles of f1 in `signal`, cut to half a sample, and their number."""
     signal = np.asarray(signal, dtype=float)
     if not 0 < abs(f1_Hz) < rate_Hz / 2:
-        raise ValueError(f"a fundamental of {f1_Hz:.4g} Hz does not fit {rate_Hz:.4g} samples/s")
+        raise InputError(f"a fundamental of {f1_Hz:.4g} Hz does not fit {rate_Hz:.4g} samples/s")
     cycles = _cycles(signal.size, rate_Hz, f1_Hz)
     count = min(signal.size, round(cycles * rate_Hz / abs(f1_Hz)))
     return signal[signal.size - count :], cycles
@@ -80,7 +81,7 @@ def spectrum(signal: np.ndarray, rate_Hz: float) -> tuple[np.ndarray, np.ndarray
     """
     x = np.asarray(signal, dtype=float)
     if x.size < 2:
-        raise ValueError("a spectrum needs at least two samples")
+        raise InputError("a spectrum needs at least two samples")
     w = _hann(x.size)
     amplitude = 2 * np.abs(np.fft.rfft(w * x)) / w.sum()
     amplitude[0] /= 2
@@ -127,7 +128,7 @@ def _harmonics(
     rotor, at, found = np.ones_like(base), 0, {}
     for order in sorted(set(orders)):
         if order < 1:
-            raise ValueError(f"harmonic order {order}: orders start at 1")
+            raise InputError(f"harmonic order {order}: orders start at 1")
         if order * abs(f1_Hz) > rate_Hz / 2:
             found[order] = float("nan")
             continue

@@ -34,7 +34,7 @@ from ..firmware import (
     row_of,
     warnings,
 )
-from ..given import parameter_name
+from ..given import pairs, parameter_name
 from ..recording.journal import TICK_HZ
 from ..recording.recording import DECIMATION, FIRST_TICK, STARTED, Recording, clock_text
 from ..serial import BAUDS, BOARD_RESET, LinkError, LinkInputError, clock, runtime, wire
@@ -52,7 +52,13 @@ LATEST_DECIMATION, LATEST_S = 200, 1.0
 
 
 class BoardDrive(DriveVerbs):
-    """A drive on a serial line, with the methods of a simulated drive. Use `open` to get one."""
+    """A drive on a serial line, with the methods of a simulated drive. Use `open` to get one.
+
+    hello: what the board says of itself: `device`, `build`, `f_isr_Hz`, `watchdog_ms` and its
+    limits; dictionary: its parameters, channels, faults and states; record: the channels that `run`
+    records; operator: see `open`; client: the connection, for requests of one's own. Every error of
+    the line is a LinkError; a wrong name or value is an InputError too.
+    """
 
     @classmethod
     def open(
@@ -210,7 +216,7 @@ class BoardDrive(DriveVerbs):
         return self.get_many([name])[parameter_name(name)]
 
     def get_many(self, names: list[str]) -> dict[str, str | float]:
-        """The values of these parameters; for a parameter with choices, the choice's name."""
+        """The values of these parameters, name -> number in its unit, or the name of a choice."""
         rows = [self._parameter(name) for name in names]
         values: dict[str, str | float] = {}
         for at in range(0, len(rows), wire.GET_MOST):
@@ -229,9 +235,9 @@ class BoardDrive(DriveVerbs):
         """Write several parameters. The board takes over all of them in one fast interrupt, or
         none if it refuses one. The error is a LinkError; if a name or a value is wrong it is an
         InputError too, and names the nearest parameter or the allowed range."""
+        values = {parameter_name(name): value for name, value in pairs(values).items()}
         if not values:
             return
-        values = {parameter_name(name): value for name, value in values.items()}
         if self.operator and len(values) == 1 and (name := next(iter(values))) in PLANT:
             number = finite(values[name])
             if number is None:
@@ -484,7 +490,8 @@ class BoardDrive(DriveVerbs):
         return Stream(self.client, self.hello, self.dictionary, channels, decimation)
 
     def latest(self, names: Sequence[str]) -> dict[str, float] | None:
-        """The channels' values now. None if other clients use all streams or the whole line."""
+        """The channels' values now, name -> number in its unit. None if other clients use all
+        streams or the whole line."""
         try:
             with self.stream(tuple(names), rate_Hz=self.hello.f_isr_Hz / LATEST_DECIMATION) as one:
                 block = one.read(LATEST_S)

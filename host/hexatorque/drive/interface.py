@@ -35,7 +35,8 @@ Progress = Callable[[float], None]
 
 
 class DriveFault(HexatorqueError, RuntimeError):
-    """The drive tripped; `causes` names the faults, `time_s` is the instant of the trip."""
+    """The drive tripped. causes: names of the faults; time_s: instant of the trip, in s since the
+    drive was opened; trip: what the firmware saved then (`Trip`), or None."""
 
     def __init__(self, causes: list[str], time_s: float, trip: Trip | None = None) -> None:
         text = f"drive tripped at {time_s:.4f} s: {', '.join(causes)}"
@@ -63,20 +64,28 @@ def seconds(duration_s: object, rounding_s: float = 0.0) -> float:
 
 
 class DriveVerbs(ABC):
+    """What every drive can do, simulated or on a board.
+
+    taken_tick: count of fast interrupts at which the latest `set_many` was taken over.
+    """
+
     @property
     @abstractmethod
     def params(self) -> Mapping[str, Parameter]:
-        """The parameters by name."""
+        """The parameters by name. Each has `unit`, `min`, `max`, `choices`, `help`, and `live`:
+        whether it may change while the drive runs."""
 
     @property
     @abstractmethod
     def channels(self) -> tuple[tuple[str, str], ...]:
-        """(name, unit) of each quantity that the firmware measures or estimates."""
+        """(name, unit) of each quantity that the firmware measures or estimates. A recording has
+        them under these names."""
 
     @property
     @abstractmethod
     def condition(self) -> State:
-        """The state, with what it says about gates and control."""
+        """The state: its `name`, and whether the drive is `at_work`, its `gates_on`, and whether
+        it `controls` torque and flux."""
 
     @property
     def state(self) -> str:
@@ -86,14 +95,15 @@ class DriveVerbs(ABC):
     @property
     @abstractmethod
     def faults(self) -> list[str]:
-        """Names of the latched faults."""
+        """Names of the latched faults; empty if the drive has not tripped."""
 
     @property
     @abstractmethod
     def snapshot(self) -> Snapshot | None:
-        """The values that the firmware saved at the latest fault; None if there was none."""
+        """The values that the firmware saved at the latest fault, by name: six currents `i_A`,
+        `vdc_V`, the flux `psi_Wb` (alpha, beta), `torque_Nm`, `speed_rpm` and others; None if there
+        was none."""
 
-    #: Tick of the fast interrupt that took over the latest `set_many`.
     taken_tick: int = 0
 
     @property
@@ -103,22 +113,23 @@ class DriveVerbs(ABC):
 
     @abstractmethod
     def get(self, name: str) -> str | float:
-        """The value of a parameter: a number, or the name of a choice. `params` names them."""
+        """The value of a parameter: a number in its unit, or the name of a choice. The name may be
+        a set-up's key, controller.NAME. InputError names the nearest one if there is none."""
 
     @abstractmethod
     def set_many(self, values: Mapping[str, object]) -> None:
-        """Set several values. If one is refused, none changes."""
+        """Set several values, name -> value, as `set` does. If one is refused, none changes."""
 
     def set(self, name: str, value: object) -> None:
-        """Set one value: a parameter, such as `set("speed_ref_rpm", 400)`; `params` names them. A
-        simulated drive also takes `load_Nm` and `vdc_V` of its plant. An error names the allowed
-        range if the value is refused."""
+        """Set one value: a parameter, such as `set("speed_ref_rpm", 400)`; `params` names them, and
+        a set-up's key controller.NAME is the same. A simulated drive also takes `load_Nm` and
+        `vdc_V` of its plant. InputError names the allowed range if the value is refused."""
         self.set_many({name: value})
 
     @abstractmethod
     def start(self) -> None:
         """Start the drive: it measures its sensors' offsets, builds up the flux, and then follows
-        `speed_ref_rpm`."""
+        `speed_ref_rpm`. An error says why if the drive is not idle, or turns too fast."""
 
     @abstractmethod
     def stop(self) -> None:
@@ -126,7 +137,8 @@ class DriveVerbs(ABC):
 
     @abstractmethod
     def clear(self) -> None:
-        """Clear the latched faults, after which the drive can start again."""
+        """Clear the latched faults, after which the drive can start again. An error says why if
+        their cause is still there."""
 
     @abstractmethod
     def run(self, duration_s: float, record: bool = True, progress: Progress | None = None) -> None:
@@ -153,7 +165,7 @@ class DriveVerbs(ABC):
         """Arm a capture of the firmware's channels: `samples` samples, one every `prescaler`
         fast interrupts, `pre` of them before the trigger. The trigger is `manual`, `fault`,
         `command`, or KIND:CHANNEL:LEVEL such as `rising:torque_Nm:5`, where KIND is rising,
-        falling, above or below."""
+        falling, above or below. An error names a channel that there is not, or what is too much."""
 
     @abstractmethod
     def trigger(self) -> None:
@@ -166,7 +178,8 @@ class DriveVerbs(ABC):
     @abstractmethod
     def captured(self, timeout_s: float | None = None, now: bool = False) -> Recording:
         """Let time pass until the armed capture is complete, and return it; its trigger is at
-        time 0. `now`: trigger it as soon as its `pre` samples are there."""
+        time 0. `now`: trigger it as soon as its `pre` samples are there. An error says so if none
+        is armed, or if it is not complete within `timeout_s` (default: no limit)."""
 
     def capture(
         self,
@@ -186,7 +199,7 @@ class DriveVerbs(ABC):
         """Close the drive. A drive that was started here stops."""
 
     def check(self) -> None:
-        """Raise DriveFault if the drive has tripped."""
+        """Nothing if the drive is well; DriveFault if it has tripped."""
         if self.state == "fault":
             raise DriveFault(self.faults, self.time_s, self.trip)
 
@@ -210,7 +223,8 @@ class DriveVerbs(ABC):
     def run_profile(
         self, profile: Profile, progress: Progress | None = None, record: bool = True
     ) -> None:
-        """Start the drive and follow a profile, whose time 0 is now."""
+        """Start the drive and follow a profile, whose time 0 is now. `progress` and `record` are
+        as in `run`. An error names what of the profile this drive cannot do."""
         events: list[tuple[float, str, object]] = []
         events += [(t, "speed_ref_rpm", v) for t, v in profile.speed_rpm]
         events += [(t, "load_Nm", v) for t, v in profile.load_Nm]

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 
-from .. import firmware, laws
+from .. import firmware
 from ..analysis.metrics import TD_SAMPLES, UNITS, metrics
 from ..analysis.run import Run
 from ..errors import HexatorqueError
@@ -107,7 +107,7 @@ def approach(
     prepare: Prepare | None = None,
 ) -> SimulatedDrive:
     """A drive that runs at the point and has settled. Raises DriveFault or NotReached."""
-    controller = laws.controller_of(point.law) if point.law else firmware.Controller
+    controller = point.law or firmware.Controller
     sim = SimulatedDrive(_at_load_speed(point), samples_per_period, controller)
     if prepare:
         prepare(sim)

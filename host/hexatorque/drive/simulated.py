@@ -14,6 +14,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
+from pathlib import Path
 from types import MappingProxyType
 
 import numba.experimental.function_type  # noqa: F401  (functions as arguments)
@@ -23,7 +24,9 @@ from numba.extending import typeof_impl
 
 from .. import __version__, firmware
 from ..analysis.losses import Edges
-from ..given import parameter_name
+from ..given import pairs, parameter_name
+from ..laws.controller import controller_of
+from ..laws.law import Law
 from ..plant import machines
 from ..plant.gates import gates_record
 from ..plant.inverter import DROPS, in_effect, inverter_record, longest_step_s
@@ -44,7 +47,7 @@ from ..plant.vsd import INVERSE, PHASES
 from ..plant.wires import ENCODER_WIRES
 from ..recording.channels import Channels, Held, Later, Product, RowOf
 from ..recording.recording import STARTED, Recording, clock_text
-from ..setups import Setup, SetupError, parameters
+from ..setups import Setup, SetupError, load, parameters
 from .captures import Burst, Trigger, metadata
 from .interface import DriveFault, DriveVerbs, Progress, finite, seconds
 
@@ -173,25 +176,33 @@ def _pwm_map(m: firmware.CData, active_low: bool = False, min_pulse_us: float = 
 
 
 class SimulatedDrive(DriveVerbs):
-    """One drive: machine, inverter, sensors and firmware.
+    """One drive: machine, inverter, sensors and firmware. Time passes in `run` only.
 
-    setup: the set-up that describes all of it; samples_per_period: plant samples that are
-    recorded per PWM period; controller(device, values): makes
-    the controller, by default the firmware in this process.
+    setup: the set-up that describes all of it, its name or its file; samples_per_period: plant
+    samples that are recorded per control period; controller: a `Law` of your own in place of the
+    scheme, or controller(device, values), which makes the controller; by default the firmware in
+    this process. SetupError or FirmwareError if the set-up's values do not fit together.
+
+    load_Nm, vdc_V: torque of the load and voltage of the dc link now (`set` changes them);
+    period_s: control period; periods: how many have passed; wall_s: seconds that the simulation
+    has taken; plant_state: (8,) the machine's state as its model has it, [6] is the speed of the
+    shaft in rad/s; machine: the model's parameters; sensors, inverter: numpy records of the
+    plant's, which may be changed between two runs.
     """
 
     def __init__(
         self,
-        setup: Setup,
+        setup: str | Path | Setup,
         samples_per_period: int = 4,
-        controller: Callable[..., firmware.Controller] = firmware.Controller,
+        controller: Law | Callable[..., firmware.Controller] = firmware.Controller,
     ) -> None:
-        self.setup = setup
-        self.controller = controller(setup["timing.device"], parameters(setup))
+        self.setup = setup = setup if isinstance(setup, Setup) else load(setup)
+        make = controller_of(controller) if isinstance(controller, Law) else controller
+        self.controller = make(setup["timing.device"], parameters(setup))
         period_counts = self.controller.period_counts
         clock = float(self.controller.map.pwm_clock_Hz)
         self.period_s = period_counts / clock
-        if not 1 <= samples_per_period <= period_counts:
+        if samples_per_period not in range(1, period_counts + 1):
             raise SetupError(
                 f"samples_per_period = {samples_per_period}: allowed range is 1 .. {period_counts}"
             )
@@ -340,7 +351,7 @@ class SimulatedDrive(DriveVerbs):
 
     @property
     def speed_rpm(self) -> float:
-        """True speed of the machine."""
+        """True speed of the machine, in r/min."""
         return self.plant_state[6] * 30 / math.pi
 
     def start(self) -> None:
@@ -381,8 +392,10 @@ class SimulatedDrive(DriveVerbs):
         return self.controller.get(name)
 
     def set_many(self, values: Mapping[str, object]) -> None:
-        """Set controller parameters, and `load_Nm` and `vdc_V` of the plant."""
-        values = {parameter_name(name): value for name, value in values.items()}
+        """Set controller parameters, and `load_Nm` and `vdc_V` of the plant, name -> value. If one
+        is refused, none changes, and InputError names it and the allowed range. Parameters that
+        also set the timing of the simulated hardware belong to the set-up."""
+        values = {parameter_name(name): value for name, value in pairs(values).items()}
         plant: dict[str, float] = {}
         for name in ("load_Nm", "vdc_V"):
             if name in values:
@@ -411,7 +424,8 @@ class SimulatedDrive(DriveVerbs):
         progress: Progress | None = None,
     ) -> None:
         """Simulate `duration_s`, and record unless `record` is False. `progress` is called with
-        the simulated seconds that have just passed. ArithmeticError if the simulation diverges."""
+        the simulated seconds that have just passed. InputError if `duration_s` is below 0 or no
+        number, ArithmeticError if the simulation diverges."""
         left = round(seconds(duration_s, 0.5 * self.period_s) / self.period_s)
         while left > 0:
             n = min(left, CHUNK)
@@ -518,7 +532,7 @@ class SimulatedDrive(DriveVerbs):
 
     @property
     def broken(self) -> dict[str, str]:
-        """What is broken in each phase's leg now."""
+        """What is broken in each phase's leg now: phase -> none, open, blocked, upper or lower."""
         return {phase: KINDS[kind] for phase, kind in zip(PHASES, self.inverter.broken)}
 
     def lose_interrupts(self, lost: bool) -> None:
@@ -540,7 +554,7 @@ class SimulatedDrive(DriveVerbs):
 
     def edges_since(self, period: int, start: np.ndarray) -> Edges:
         """The edges of the legs themselves, on the time axis of a recording that began with
-        `period`, where the legs' states were `start`."""
+        `period`, where the legs' states were `start`, (6,)."""
         time_s = (self.edges[:, 0] - period * self._timing.period) / self._timing.clock_Hz
         order = np.argsort(time_s, kind="stable")
         leg, state = self.edges[order, 1], self.edges[order, 2]
@@ -573,7 +587,7 @@ class SimulatedDrive(DriveVerbs):
 
     @property
     def shortest_pulse_us(self) -> float:
-        """The shortest gate pulse so far; infinite if there was none."""
+        """The shortest gate pulse so far, in us; infinite if there was none."""
         counts = int(np.min(self._pwm.shortest))
         return math.inf if counts == NEVER else counts / self._timing.clock_Hz * 1e6
 
@@ -639,8 +653,9 @@ class SimulatedDrive(DriveVerbs):
         return Recording(rate_Hz, data, units, meta, -burst.pre / rate_Hz)
 
     def take(self) -> Recording:
-        """Return the samples recorded since the last `take`, `discard` or unrecorded run. The
-        firmware's channels keep their value until the next control period. The recording gets the
+        """Return the samples recorded since the last `take`, `discard` or unrecorded run:
+        `samples_per_period` a control period. Channels `plant.…` are true values, the others are
+        the firmware's, and keep their value until the next control period. The recording gets the
         memory that the simulation has filled; its channels are made when they are asked for."""
         per = self.samples_per_period
         plant, telemetry = self._plant.hand_over(), self._channels.hand_over()

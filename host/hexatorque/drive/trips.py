@@ -22,8 +22,8 @@ OFFSET_MOST_COUNTS = 200
 
 @dataclass(frozen=True)
 class Trip:
-    """time_s: seconds since the drive was opened; state: what the drive did then; faults: names;
-    details: for each fault that has a limit, quantity, value and limit."""
+    """Why a drive tripped. time_s: seconds since the drive was opened; state: what the drive did
+    then; faults: names; details: for each fault that has a limit, quantity, value and limit."""
 
     time_s: float
     state: str
@@ -35,6 +35,7 @@ class Trip:
         return f"drive tripped at {self.time_s:.4f} s in state {self.state}: {why}"
 
     def as_json(self) -> dict:
+        """The same by name, for JSON."""
         return {**asdict(self), "faults": list(self.faults), "details": list(self.details)}
 
 

@@ -107,6 +107,7 @@ class Law:
 
     @property
     def label(self) -> str:
+        """The name in tables: `name`, or that of the class."""
         return self.name or type(self).__name__.lower()
 
     def entry(self, memory: np.record) -> Callable[..., int] | int | None:

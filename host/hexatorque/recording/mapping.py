@@ -99,7 +99,7 @@ def mapped(
     without rules to those of all."""
     rules = [parse(text) for text in maps]
     for n, rule in enumerate(rules):
-        if not any(rule.source in rec for rec in recs):
+        if not any(rule.source in rec.channels for rec in recs):
             known = dict.fromkeys(name for rec in recs for name in rec.channels)
             raise RecordingError(
                 f"--map {rule.text}: {' and '.join(files)}: no channel {rule.source!r}"
@@ -110,7 +110,7 @@ def mapped(
     out = []
     for file, rec in zip(files, recs, strict=True):
         try:
-            mine = [rule for rule in rules if rule.source in rec]
+            mine = [rule for rule in rules if rule.source in rec.channels]
             new = _applied(rec, mine) if mine else rec
         except RecordingError as error:
             raise RecordingError(f"{file}: {error}") from None

@@ -1,8 +1,9 @@
 """Recordings: named channels with units on one time axis, and metadata.
 
-A simulation, an emulated processor and a test bench all give this type. Channels such as
-`i_u1_A` and `torque_Nm` are measured or estimated by the controller (the firmware's channels).
-Channels such as `plant.i_u1_A` are true values, which only a simulation has.
+A simulation, an emulated processor and a test bench all give this type. Its
+channels are told apart by name. `plant.torque_Nm` is the true value, which only a simulation has;
+`torque_Nm` is what the firmware measures or estimates, and `firmware.torque_Nm` is the same channel
+under a name that says so.
 
 The suffix of a file decides its format: see `formats` and docs/recordings.md.
 """
@@ -15,12 +16,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..given import suggest
 from . import formats
 from .channels import Channels
 from .formats import RecordingError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from ..analysis.panels import Panel
 
 __all__ = ["TRIGGER", "Recording", "RecordingError"]
 
@@ -40,15 +49,27 @@ CHANNEL_LINES = 4
 TYPES = ("float32", "float64", "bool", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)))
 
 
+#: In front of a name: the true value, and what the firmware measures or estimates. The firmware's
+#: channels have their name without the prefix in files, as on a board.
+TRUE, FIRMWARE = "plant.", "firmware."
+#: Shown by `plot` if nothing is named, as far as it is there.
+SHOWN = ("i_u1", "i_u2", "torque", "speed")
+
+
 @dataclass(repr=False)
 class Recording:
     """Equally sampled channels.
 
-    rate_Hz: samples per second; start_s: time of the first sample;
+    recording["plant.torque_Nm"]      # the true torque, (n,) array in N m; only of a simulation
+    recording["firmware.torque_Nm"]   # the firmware's estimate; "torque_Nm" is the same channel
+    recording.plot("torque")          # both in one panel
+
+    rate_Hz: samples per second; start_s: time of the first sample in s;
     channels: name -> (n,) array, all of one length, NaN where a sample was lost. Of a simulation
         they are `Channels`, which behave like a dictionary;
     units: name -> unit;
-    meta: anything that JSON can hold (set-up, parameters, firmware build, counters);
+    meta: anything that JSON can hold (set-up, parameters, firmware build, counters); `f_sw_Hz` is
+        the mean switching frequency of a simulation;
     notes: remarks for the user that came up when the file was read; they are not saved.
     """
 
@@ -86,22 +107,96 @@ class Recording:
         return "\n".join([*lines, *self.notes])
 
     def __contains__(self, name: str) -> bool:
-        return name in self.channels
+        return self._own(name) in self.channels
 
     def __getitem__(self, name: str) -> np.ndarray:
+        """The samples of a channel, (n,), in `units[name]`. RecordingError names the nearest
+        channel if there is none of this name."""
+        own = self._own(name)
+        if own not in self.channels:
+            raise RecordingError(f"no channel {name!r}{suggest(str(name), self.channels)}")
+        return self.channels[own]
+
+    def _own(self, name: str) -> str:
+        """The channel's name in `channels`."""
+        if name in self.channels or not isinstance(name, str):
+            return name
+        return name.removeprefix(FIRMWARE)
+
+    def plot(self, *names: str, file: str | Path | None = None) -> Figure:
+        """Draw channels over time, in a panel each. A name is a channel, such as
+        "plant.torque_Nm", or a quantity, such as "torque": then the true value and the firmware's
+        are in one panel. Without a name: currents, torque and speed.
+
+        The figure is matplotlib's. A notebook shows it; in a script, `file="torque.png"` writes it,
+        or `matplotlib.pyplot.show()` opens a window. RecordingError if there is no such channel,
+        or if the file cannot be written."""
+        from ..analysis.panels import over_time
+
+        if file is not None and Path(file).suffix != ".png":
+            raise RecordingError(f"{file}: a picture is a .png")
+        panels = [self._panel(name) for name in names or self._shown()]
         try:
-            return self.channels[name]
-        except KeyError:
-            raise KeyError(f"no channel {name!r}; there are {', '.join(self.channels)}") from None
+            return over_time(self.time_s, panels, file)
+        except OSError as error:
+            raise RecordingError(f"{file}: {formats.one_line(error)}") from None
+
+    def _shown(self) -> list[str]:
+        found = [quantity for quantity in SHOWN if self._of_quantity(quantity)]
+        if not self.channels:
+            raise RecordingError("the recording has no channels")
+        return found or list(self.channels)[: len(SHOWN)]
+
+    def _of_quantity(self, quantity: str) -> list[str]:
+        """The channels `quantity_UNIT`, the true one first. A number without a unit, such as
+        `torque_level`, is no quantity."""
+        found = [
+            name
+            for name in self.channels
+            if _quantity(name) == quantity and self.units.get(name, "")
+        ]
+        return sorted(found, key=lambda name: not name.startswith(TRUE))
+
+    def _panel(self, name: str) -> Panel:
+        from ..analysis.panels import Line, Panel
+
+        channels = [self._own(name)] if name in self else self._of_quantity(name)
+        if not channels:
+            quantities = [_quantity(one) for one in self.channels if self.units.get(one, "")]
+            known = dict.fromkeys([*self.channels, *quantities])
+            raise RecordingError(f"no channel {name!r}{suggest(str(name), known)}")
+        lines = [
+            Line(
+                f"{one} (true)" if one.startswith(TRUE) else f"{one} (firmware)", self.channels[one]
+            )
+            for one in channels
+        ]
+        return Panel(name, self.units.get(channels[0], ""), lines)
+
+    def to_pandas(self, *names: str) -> pd.DataFrame:
+        """A pandas DataFrame: a column for each channel, or for those named; the index is `time_s`.
+        `attrs["units"]` has the units, `attrs["meta"]` the metadata. RecordingError if there is no
+        such channel, or if pandas is not installed."""
+        try:
+            import pandas as pd
+        except ImportError:
+            raise RecordingError(
+                "a DataFrame needs pandas, which is not installed: pip install 'hexatorque[sweep]'"
+            ) from None
+        columns = {name: self[name] for name in names or self.channels}
+        frame = pd.DataFrame(columns, index=pd.Index(self.time_s, name="time_s"))
+        units = {name: self.units.get(self._own(name), "") for name in columns}
+        frame.attrs.update({"units": units, "meta": self.meta})
+        return frame
 
     @property
     def time_s(self) -> np.ndarray:
-        """Time of each sample."""
+        """Time of each sample in s, (n,)."""
         return self.start_s + np.arange(len(self)) / self.rate_Hz
 
     @property
     def duration_s(self) -> float:
-        """Number of samples over their rate."""
+        """Number of samples over their rate, in s."""
         return len(self) / self.rate_Hz
 
     @property
@@ -116,12 +211,13 @@ class Recording:
 
     @property
     def trigger_s(self) -> float | None:
-        """Time of the trigger; None without one."""
+        """Time of the trigger in s, on the recording's own time axis; None without one."""
         value = self.meta.get(TRIGGER)
         return float(value) if isinstance(value, int | float) and np.isfinite(value) else None
 
     def window(self, begin_s: float, end_s: float) -> Recording:
-        """The samples with begin_s <= time < end_s (a view)."""
+        """The samples with begin_s <= time < end_s, as a view. Outside of the recording there are
+        none."""
         first = max(0, int(np.ceil((begin_s - self.start_s) * self.rate_Hz - 1e-6)))
         last = max(first, int(np.ceil((end_s - self.start_s) * self.rate_Hz - 1e-6)))
         part = Channels(self.channels).part(first, last)
@@ -163,6 +259,11 @@ class Recording:
             raise RecordingError(f"{path}: {formats.one_line(error)}") from None
         except Exception as error:  # a damaged file makes a parser raise anything
             raise RecordingError(f"{path}: not a recording ({formats.one_line(error)})") from None
+
+
+def _quantity(name: str) -> str:
+    """What a channel is of: its name without prefix and unit."""
+    return name.removeprefix(TRUE).rpartition("_")[0]
 
 
 def check_names(names: Iterable[str]) -> None:

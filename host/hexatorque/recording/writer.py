@@ -39,7 +39,8 @@ class Clock(Protocol):
 
 
 class Writer:
-    """path: the recording; growing: the file that is written now (the journal, or the .csv)."""
+    """A recording that grows on the disk. path: the recording; growing: the file that is written
+    now (the journal, or the .csv); stream: its channels, rate and metadata."""
 
     @classmethod
     def open(cls, path: str | Path, stream: Stream, clock: Clock | None = None) -> Writer:
@@ -101,10 +102,12 @@ class Writer:
 
     @property
     def closed(self) -> bool:
+        """Whether the file is complete."""
         return self._file.closed
 
     def append(self, ticks: np.ndarray, values: np.ndarray) -> None:
-        """Append rows: (n,) ticks, (n, channels) values."""
+        """Append n rows: ticks, (n,) counts of fast interrupts; values, (n, channels) in the
+        channels' units. RecordingError if the disk does not take them."""
         if self._file.closed:
             raise RecordingError(f"{self.path}: closed")
         ticks, values = np.asarray(ticks), np.asarray(values, np.float32)

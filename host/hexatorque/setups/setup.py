@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+from ..given import pairs
 from . import derived, paths, to_parameters
 from .keys import KEYS, ZERO_OR_AT_LEAST
 from .values import Profile, SetupError, Value
@@ -68,7 +69,7 @@ class Setup:
         not fit together."""
         from . import schema
 
-        given = {**(values or {}), **{path.replace("__", ".", 1): v for path, v in more.items()}}
+        given = {**pairs(values), **{path.replace("__", ".", 1): v for path, v in more.items()}}
         if not given:
             return self
         sections = paths.sections(given)
@@ -88,7 +89,8 @@ class Setup:
         return self.changed(given, **paths)
 
     def with_values(self, changes: dict[str, dict[str, Value]]) -> Setup:
-        """A copy with some checked values changed. Refuses what does not fit together."""
+        """A copy with some checked values changed, [section][key]. SetupError for what does not
+        fit together. For values that are not checked there is `changed`."""
         values = {s: {**entries, **changes.get(s, {})} for s, entries in self.values.items()}
         result = replace(self, values=values)
         if lines := (
@@ -108,22 +110,24 @@ class Setup:
         return values[name]
 
     def controller_values(self) -> dict[str, Any]:
-        """The controller parameters that the set-up decides; the others are the firmware's
-        defaults."""
+        """The controller parameters that the set-up decides, name -> value; the others are the
+        firmware's defaults."""
         return to_parameters.decided(self)
 
     @property
     def write_delay_us(self) -> float:
-        """Counter zero to register write."""
+        """Counter zero to register write, in us."""
         return derived.write_delay_us(self)
 
     def machine_values(self) -> dict[str, Any]:
-        """The model's parameters."""
+        """The parameters of the machine's model, by their keys: numbers, and six numbers each of
+        those per phase."""
         values = {key: self[f"machine.{key}"] for key in KEYS["machine"] if key != "model"}
         return {**values, "leads": tuple(map(int, values["leads"]))}
 
     def summary(self) -> dict[str, dict[str, Any]]:
-        """Plain values, for a recording's metadata. The dictionaries are the caller's."""
+        """Plain values, [section][key], for a recording's metadata. The dictionaries are the
+        caller's."""
         return {section: dict(entries) for section, entries in self._summary.items()}
 
     @cached_property

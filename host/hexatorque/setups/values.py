@@ -15,6 +15,9 @@ class SetupError(InputError):
 
 @dataclass(frozen=True)
 class Value:
+    """A value that a file gave. value: a number in the key's unit, a choice's name, or six numbers;
+    tag: where it is from (`setups.TAGS`, or "user"); note: the place there, or the reason."""
+
     value: Any
     tag: str
     note: str = ""
@@ -22,19 +25,25 @@ class Value:
 
 @dataclass(frozen=True)
 class Profile:
-    """References and loads over time. Steps are (time s, value)."""
+    """References, loads and events over time. Steps are (time in s, value), and times ascend.
+
+    duration_s: simulated time; speed_rpm: steps of the speed reference in r/min; load_Nm: of the
+    load torque in N m; vdc_V: of the dc-link voltage in V; set: (time in s, controller parameter,
+    value); broken: (time in s, phase, what breaks: none, open, blocked, upper or lower);
+    samples_per_period: samples of the plant in a control period.
+    """
 
     duration_s: float = 1.0
     speed_rpm: tuple[tuple[float, float], ...] = ()
     load_Nm: tuple[tuple[float, float], ...] = ()
     vdc_V: tuple[tuple[float, float], ...] = ()
-    set: tuple[tuple[float, str, Any], ...] = ()  #: (time, controller parameter, value)
-    broken: tuple[tuple[float, str, str], ...] = ()  #: (time, phase, what breaks)
+    set: tuple[tuple[float, str, Any], ...] = ()
+    broken: tuple[tuple[float, str, str], ...] = ()
     samples_per_period: int = 4
 
     @property
     def steps(self) -> dict[str, tuple[tuple[float, Any], ...]]:
-        """The steps (time s, value) of each quantity that changes."""
+        """The steps (time in s, value) of each quantity that changes, by name."""
         ordered = {"speed_rpm": self.speed_rpm, "load_Nm": self.load_Nm, "vdc_V": self.vdc_V}
         return {
             **ordered,

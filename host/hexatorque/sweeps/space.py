@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..given import listed, numeric, plain, real, suggest
+from ..given import listed, numeric, pairs, plain, real, suggest
 from ..setups import Setup, SetupError
 from ..setups.paths import PROFILE_SECTION, key_of, sections, split
 from .errors import StudyError
@@ -249,7 +249,7 @@ def design(
     that factors multiply."""
     if kind not in DESIGNS:
         raise StudyError(f"design = {kind!r}: choose one of {', '.join(DESIGNS)}")
-    axes = tuple(read_axis(path, given, kind, setup) for path, given in keys.items())
+    axes = tuple(read_axis(path, given, kind, setup) for path, given in pairs(keys).items())
     if kind in (GRID, LIST):
         if samples is not None:
             raise StudyError(f"samples = {samples}: a {kind} has as many as its values make")

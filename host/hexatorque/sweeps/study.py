@@ -45,14 +45,17 @@ class Study:
     keys: key of the set-up -> a value, a list of values, or a range {from, to, count, log};
     design: "grid" (all combinations), "list" (the first values together, then the second ones),
     "random" or "latin-hypercube", which draw `samples` points with `seed`, or "sobol", which tells
-    how much each key matters (`indices`); metrics: names from
+    how much each key matters (`indices`); title: of table and picture; metrics: names from
     `hexatorque.analysis.metrics.UNITS`, all without it; schemes, seeds: each point runs with every
     scheme, and with every seed of the sensors' noise; kind: "point" measures the steady state at
     the set-up's operating point, "profile" its profile from `from_s` on; over: the picture draws
     the other metrics over this one, with the best compromises; default: key -> a value for what
     the set-up leaves open; cycle: with kind "cycle", the drive cycle that is followed (`cycle`),
-    whose figures are those of
-    `cycle.UNITS`.
+    whose figures are those of `cycle.UNITS`. StudyError or SetupError, both InputErrors, name what
+    is wrong before anything runs.
+
+    setup: the set-up as it is studied; space: all runs, `space.case(n).values` are the keys that
+    run n changes; results: what has been computed, `results.figures` is (runs, metrics).
     """
 
     def __init__(
@@ -111,7 +114,7 @@ class Study:
         return len(self.space)
 
     def as_json(self) -> dict[str, Any]:
-        """What is studied. Two studies with the same have the same table."""
+        """What is studied, for JSON. Two studies with the same have the same table."""
         points = self.space.design
         cycle = {"cycle": asdict(self.cycle)} if self.cycle else {}
         setup = {**self.setup.summary(), "controller": parameters(self.setup)}
