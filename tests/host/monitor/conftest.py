@@ -335,7 +335,7 @@ def left_at_rest():
     def use(port: str):
         with patiently(BoardDrive.open, port) as drive:
             before = patiently(drive.get_all)
-        yield
+        yield before
         with patiently(BoardDrive.open, port) as drive:
             patiently(to_rest, drive, before)
 
@@ -384,7 +384,9 @@ def lasting_monitor(start_monitor, session_board):
 @pytest.fixture
 def shared_monitor(lasting_monitor, left_at_rest, session_board):
     """A monitor that no test may end: starting one takes seconds."""
-    with session_board.used(), left_at_rest(session_board.port):
+    with session_board.used(), left_at_rest(session_board.port) as values:
+        # The monitor reads the parameters from time to time only.
+        until(lambda: lasting_monitor.get("/values")[1] == values)
         with lasting_monitor.page() as frame:
             while "status" not in (one := frame()):
                 pass

@@ -4,6 +4,7 @@ import itertools
 
 import pytest
 from chromium import PALE, program
+from waiting import until
 
 from hexatorque import firmware
 
@@ -42,7 +43,7 @@ def test_a_group_opens_by_mouse_and_by_key(panel):
     panel.until(f"{SEEN}.length === {len(first)}")
     panel.click("#open-groups")
     panel.until(f"{SEEN}.length === {len(firmware.parameters())}")
-    assert panel.js("document.querySelector('#open-groups').textContent") == "Close all"
+    panel.until("document.querySelector('#open-groups').textContent === 'Close all'")
     panel.click("#open-groups")
     panel.until(f"{SEEN}.length === 0")
     assert panel.js(f"{GROUPS}.length") == len(titles)
@@ -125,8 +126,12 @@ def test_a_file_fills_the_fields_and_nothing_is_sent_before_apply(sets, shared_m
     assert shared_monitor.get("/values")[1] == before
     sets.click("#apply-all")
     sets.until("document.querySelector('#apply').hidden")
-    now = shared_monitor.get("/values")[1]
-    assert (now["rs_ohm"], now["lm_H"]) == (2.5, 0.75)
+
+    def taken():
+        now = shared_monitor.get("/values")[1]
+        return (now["rs_ohm"], now["lm_H"]) == (2.5, 0.75)
+
+    until(taken)
     # The same file once more: it is what is in force.
     give(sets, "#set-load", file)
     said = "[...document.querySelectorAll('#toasts p')].map((e) => e.textContent).join()"
