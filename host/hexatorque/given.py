@@ -1,5 +1,5 @@
-"""How a name or a value is read that somebody gives: on the command line, in a file, on the web
-page or in Python. Every other module asks this one, so all of them read alike."""
+"""Reads every name and value that a user gives: on the command line, in a file, on the web page or
+in Python. Every other module asks this one, so all of them read alike."""
 
 from __future__ import annotations
 

@@ -828,23 +828,12 @@ def places(fault: Fault, runs: int) -> list[tuple[str, str, str]]:
 
 def study(quick: bool = False, progress: Progress | None = None) -> dict:
     step = QUICK_STEP if quick else 1
-    cases = [
-        (fault, *where, 1000 * f + n)
+    injected: list[tuple] = [
+        (run, fault, *where, 1000 * f + n)
         for f, fault in enumerate(FAULTS)
         for n, where in enumerate(places(fault, RUNS))
-    ][::step]
-
-    def one(case: tuple) -> Result:
-        result = run(*case)
-        if progress:
-            progress(0.3)
-        return result
-
-    results = each(one, cases)
-    at_the_start = {DAMAGED_SET: damaged_set, WRONG_CLOCK: wrong_clock}
-    for case in at_the_start.values():
-        results += [case(firmware.BOARDS[n % 3], n) for n in range(0, RUNS, step)]
-    whole = [
+    ]
+    others: list[tuple] = [
         (case, *where, n)
         for case, states in ((restarted, STATES), (reversal, ("run",)))
         for n, where in zip(
@@ -852,17 +841,21 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
         )
     ]
 
-    def one_of(case: tuple) -> Result:
-        result = case[0](*case[1:])
+    def one(case: tuple) -> Result:
+        made, *arguments = case
+        result: Result = made(*arguments)
         if progress:
-            progress(1.0)
+            progress(0.3)
         return result
 
-    results += each(one_of, whole[::step])
+    results = each(one, injected[::step] + others[::step])
+    at_the_start = {DAMAGED_SET: damaged_set, WRONG_CLOCK: wrong_clock}
+    for case in at_the_start.values():
+        results += [case(firmware.BOARDS[n % 3], n) for n in range(0, RUNS, step)]
     rows = []
     named = [(fault.name, fault.found_in) for fault in FAULTS]
     named += [(name, ("start",)) for name in at_the_start]
-    named += [(RESTARTED, ("start",)), (REVERSAL, ())]
+    named += [(RESTARTED, STATES), (REVERSAL, ())]
     for name, found_in in named:
         own = [r for r in results if r.fault == name]
         found = [r for r in own if r.periods]
@@ -890,9 +883,9 @@ def grid(result: dict) -> Grid:
     rows = [
         [
             row["fault"],
-            ", ".join(row["found_in"]),
-            "; ".join(row["causes"]),
-            f"{row['periods_median']:g} / {row['periods_max']}",
+            ", ".join(row["found_in"]) or "–",
+            "; ".join(filter(None, row["causes"])) or "–",
+            f"{row['periods_median']:g} / {row['periods_max']}" if row["found"] else "–",
             f"{len(row['errors'])} / {row['runs']}",
         ]
         for row in result["rows"]

@@ -246,24 +246,32 @@ export class Plot {
     pen.restore();
   }
 
-  /** The capture that is laid over the one that is shown. By hand: its samples have other times. */
-  laidOver() {
-    const { chart, stack } = this;
-    if (!stack.over) return;
-    const { ctx: pen, bbox } = chart;
+  /** Draw by hand, inside the plot's area only. draw(pen, box, ratio): ratio is pixels of the canvas
+   * per pixel of the page. */
+  inside(draw) {
+    const { ctx: pen, bbox } = this.chart;
     const ratio = uPlot.pxRatio;
     pen.save();
     pen.beginPath();
     pen.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     pen.clip();
     pen.lineWidth = ratio;
-    for (const one of this.drawn) {
-      pen.strokeStyle = stack.colours.traces[one.colour];
-      pen.setLineDash(OVER[one.dashed ? "dashed" : "solid"].map((length) => length * ratio));
-      stack.over.draw(pen, one.name, one.steps, ...this.shown,
-        (time_s) => chart.valToPos(time_s, "x", true), (value) => chart.valToPos(value, "y", true));
-    }
+    draw(pen, bbox, ratio);
     pen.restore();
+  }
+
+  /** The capture that is laid over the one that is shown. By hand: its samples have other times. */
+  laidOver() {
+    const { chart, stack } = this;
+    if (!stack.over) return;
+    this.inside((pen, _, ratio) => {
+      for (const one of this.drawn) {
+        pen.strokeStyle = stack.colours.traces[one.colour];
+        pen.setLineDash(OVER[one.dashed ? "dashed" : "solid"].map((length) => length * ratio));
+        stack.over.draw(pen, one.name, one.steps, ...this.shown,
+          (time_s) => chart.valToPos(time_s, "x", true), (value) => chart.valToPos(value, "y", true));
+      }
+    });
   }
 
   limitLines() {
@@ -277,32 +285,26 @@ export class Plot {
    * lines. */
   lines() {
     const { chart, stack } = this;
-    const { ctx: pen, bbox } = chart;
     const { accent, stop } = stack.colours;
-    const ratio = uPlot.pxRatio;
-    pen.save();
-    pen.beginPath();
-    pen.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-    pen.clip();
-    pen.lineWidth = ratio;
-    const upright = (time_s, colour, dash, text = "") => {
-      const x = Math.round(chart.valToPos(time_s, "x", true)) + 0.5;
-      pen.strokeStyle = pen.fillStyle = colour;
-      pen.setLineDash(dash.map((length) => length * ratio));
-      pen.beginPath();
-      pen.moveTo(x, bbox.top);
-      pen.lineTo(x, bbox.top + bbox.height);
-      pen.stroke();
-      pen.font = stack.fontOf(ratio);
-      pen.textAlign = "left";
-      pen.textBaseline = "top";
-      pen.fillText(text, x + 4 * ratio, bbox.top);
-    };
-    if (stack.trigger) upright(0, accent, [6, 4]);
-    for (const mark of stack.marks) {
-      upright(mark.time_s - stack.zero_s, stop, [2, 2], mark.text);
-    }
-    for (const mark_s of stack.markPair()) upright(mark_s, accent, []);
-    pen.restore();
+    this.inside((pen, bbox, ratio) => {
+      const upright = (time_s, colour, dash, text = "") => {
+        const x = Math.round(chart.valToPos(time_s, "x", true)) + 0.5;
+        pen.strokeStyle = pen.fillStyle = colour;
+        pen.setLineDash(dash.map((length) => length * ratio));
+        pen.beginPath();
+        pen.moveTo(x, bbox.top);
+        pen.lineTo(x, bbox.top + bbox.height);
+        pen.stroke();
+        pen.font = stack.fontOf(ratio);
+        pen.textAlign = "left";
+        pen.textBaseline = "top";
+        pen.fillText(text, x + 4 * ratio, bbox.top);
+      };
+      if (stack.trigger) upright(0, accent, [6, 4]);
+      for (const mark of stack.marks) {
+        upright(mark.time_s - stack.zero_s, stop, [2, 2], mark.text);
+      }
+      for (const mark_s of stack.markPair()) upright(mark_s, accent, []);
+    });
   }
 }
