@@ -1,4 +1,5 @@
-"""What the test bench sets, load torque and dc-link voltage: any finite number and nothing else."""
+"""What the test bench sets, load torque and dc-link voltage: any finite number and nothing else. A
+number may be text, as everywhere else where a user gives one."""
 
 from fractions import Fraction
 
@@ -15,7 +16,28 @@ def test_a_number_of_any_library_is_a_number(value):
     assert finite(value) == 2.0 and type(finite(value)) is float
 
 
-@pytest.mark.parametrize("value", ["2", "much", None, [2.0], float("nan"), float("inf"), 2j])
+@pytest.mark.parametrize("text", ["2", " 2.0 ", "2,0", "20e-1"])
+def test_a_number_as_text_is_a_number(text):
+    assert finite(text) == 2.0 and type(finite(text)) is float
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "",
+        "2.000,5",
+        "1_0",
+        "nan",
+        "inf",
+        "2 A",
+        "much",
+        None,
+        [2.0],
+        float("nan"),
+        float("inf"),
+        2j,
+    ],
+)
 def test_all_else_is_none(value):
     assert finite(value) is None
 
