@@ -47,6 +47,7 @@ TARGET = (
     "host/boards/test_calls.py",
     "host/boards/test_pil.py",
     "host/boards/test_vectors_on_avr.py",
+    "host/monitor/test_analysis.py",
     "host/monitor/test_deadman.py",
     "host/monitor/test_page.py",
     "host/monitor/test_parameters_page.py",

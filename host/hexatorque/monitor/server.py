@@ -51,6 +51,8 @@ PAGES_OF_A_BROWSER = 4
 BODY_BYTES = 1 << 16
 CAPTURE_FILES = ("/capture.csv", "/capture.json", "/capture.npz")
 WINDOW_S = (0.01, 60.0)
+#: Largest number of values of a span that a page analyses.
+SPAN_VALUES = 1 << 21
 BINS = (16, 8192)
 
 TYPES = {
@@ -242,6 +244,8 @@ class Handler(BaseHTTPRequestHandler):
             capture = _chosen(monitored, query)
             name = f"capture-{capture.number}{suffix}"
             self._send(capture.file(suffix), "application/octet-stream", name=name)
+        elif url.path == "/span":
+            self._span(query)
         elif url.path == "/events":
             self._events(browser, query)
         else:
@@ -286,6 +290,24 @@ class Handler(BaseHTTPRequestHandler):
         count = max(0, last - first)
         lo, hi = ring.envelope(width, first, first + count)
         self._json(_bins(epoch, stream.rate_Hz, width, first, lo, hi))
+
+    def _span(self, query: dict[str, str]) -> None:
+        """Send all samples of a part of the history, those from `begin_s` to before `end_s`."""
+        begin = _number(query, "begin_s", 0.0, 1e12)
+        end = _number(query, "end_s", begin, begin + WINDOW_S[1] + 1)
+        found = self.server.monitored.traced()
+        if found is None:
+            raise Refused(409, "nothing is traced")
+        epoch, ring, stream = found
+        first = math.ceil(begin * stream.rate_Hz - 1e-6)
+        last = min(math.ceil(end * stream.rate_Hz - 1e-6), ring.end)
+        values = max(0, last - first) * len(stream.channels)
+        if values > SPAN_VALUES:
+            raise Refused(
+                400, f"the span has {values} values: up to {SPAN_VALUES} are analysed at once"
+            )
+        part = ring.part(first, max(first, last))
+        self._json(_bins(epoch, stream.rate_Hz, 1, first, part, part))
 
     def _events(self, browser: str, query: dict[str, str]) -> None:
         window_s = _number(query, "window_s", *WINDOW_S)

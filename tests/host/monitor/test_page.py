@@ -366,7 +366,8 @@ LAID_OUT = """(async (state, faults) => {
   document.querySelectorAll('#figures b').forEach((b) => { b.textContent = '−1234.5'; });
   const shown = [...document.querySelectorAll(
     'h1, #device, #state, #faults, #figures dt, #figures b, #figures small, .commands button, ' +
-    '.tools button, .tools select, .tools label, .tools a, .tabs button')]
+    '.tools button, .tools select, .tools label, .tools a, .tabs button, #analysis .head *, ' +
+    '#analysis :is(.said, .read, li, th, td)')]
     .filter((e) => e.checkVisibility() && e.textContent.trim());
   const boxes = shown.map((e) => [e, e.getBoundingClientRect()]);
   const wrong = [];

@@ -13,6 +13,7 @@ from hexatorque import firmware
 from hexatorque.drive.limits import LIMITS
 from hexatorque.monitor import server as module
 from hexatorque.monitor.monitored_drive import START_S
+from hexatorque.monitor.traces import Ring
 from hexatorque.recording.recording import Recording
 
 COMMANDS = sorted(module.COMMANDS)
@@ -27,6 +28,7 @@ PATHS = [
     "/capture.csv",
     "/events?window_s=1&bins=100",
     "/history?begin_s=0&end_s=1&bins=100",
+    "/span?begin_s=0&end_s=1",
 ]
 
 
@@ -732,6 +734,31 @@ def test_captures_are_kept_up_to_a_number(site, monkeypatch):
     assert site.post("/capture/arm", order | {"samples": 50})[0] == 200
     until(lambda: site.monitored.status()["capture"] == 4)
     assert [one["number"] for one in site.get("/captures")[1]] == [4]
+
+
+def test_a_span_has_every_sample(site, monkeypatch):
+    """Put there by hand: some are missing."""
+    site.monitored.select(["vdc_V", "speed_rpm"], 1000.0)
+    stream = site.monitored.stream
+    rate_Hz = stream.rate_Hz
+    ring = Ring(2, 5000)
+    numbers = np.delete(np.arange(100, 4100), [50, 51])
+    values = np.stack([numbers, -numbers], axis=1).astype(np.float32)
+    ring.push(numbers, values)
+    monkeypatch.setattr(site.monitored, "traced", lambda: (7, ring, stream))
+    begin_s, end_s = 120 / rate_Hz, 2120 / rate_Hz
+    status, span = site.get(f"/span?begin_s={begin_s!r}&end_s={end_s!r}")
+    assert status == 200 and (span["epoch"], span["first"], span["count"]) == (7, 120, 2000)
+    assert span["dt_s"] == 1 / rate_Hz
+    found = floats(span["lo"], 2)
+    wanted = np.arange(120, 2120, dtype=np.float32)
+    wanted[[30, 31]] = np.nan
+    np.testing.assert_array_equal(found, [wanted, -wanted])
+    assert site.get(f"/span?begin_s={5000 / rate_Hz}&end_s={6000 / rate_Hz}")[1]["count"] == 0
+    monkeypatch.setattr(module, "SPAN_VALUES", 3999)
+    status, answer = site.get(f"/span?begin_s={begin_s!r}&end_s={end_s!r}")
+    assert status == 400 and "4000 values" in answer["error"] and "3999" in answer["error"]
+    assert site.get("/span?begin_s=0&end_s=1000")[0] == 400
 
 
 def test_limits_are_those_of_the_table(site):

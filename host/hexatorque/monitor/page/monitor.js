@@ -1,5 +1,6 @@
 // The page: it gets the drive's data as server-sent events and sends commands by POST.
 
+import { Analysis } from "/analysis.js";
 import { $, ask, make, order, toast } from "/asking.js";
 import { Bins } from "/bins.js";
 import { levels } from "/limits.js";
@@ -31,7 +32,8 @@ let events = null;
 let heard_ms = 0;
 let answered_ms = 0;
 let answering = false;
-let epoch = -1;
+let epoch = -1; // of the samples that the page has
+let anew = true; // the next samples are not a part of those
 let captured = null; // the capture that is shown
 let captures = []; // what can be shown, without samples
 let armedHere = false;
@@ -77,22 +79,45 @@ function keys() {
 
 const live = new Stack(make("div", { className: "stack" }), {
   words: wordFor,
-  zoomed: (view) => { if (view) pause(true); history(); },
+  zoomed: (view) => {
+    if (view) pause(true);
+    history().then(() => requestAnimationFrame(() => analysis.refresh()));
+  },
+  marked: () => analysis.refresh(),
   cursor: (cursor, mark) => seeing === "live" && readout(cursor, mark),
 });
 const burst = new Stack(make("div", { className: "stack" }), {
   words: wordFor,
-  zoomed: () => { $("whole").hidden = !burst.view; },
+  zoomed: () => { $("whole").hidden = !burst.view; analysis.refresh(); },
+  marked: () => analysis.refresh(),
   cursor: (cursor, mark) => seeing === "capture" && readout(cursor, mark),
 });
 burst.trigger = true;
 let seeing = "live";
 let paused = false;
 let held = null; // bins as they were when the page was paused
+const analysis = new Analysis($("analysis"), $("analyse"), () => (
+  seeing === "live"
+    ? { stack: live, ready: epoch >= 0, running: !paused, span: livePart }
+    : { stack: burst, ready: Boolean(captured), running: false, span: capturePart }
+));
+
+/** What the analysis needs for a part of the traces, counted from time 0. */
+const livePart = (from_s, to_s) => ({
+  span: { begin_s: live.zero_s + from_s, end_s: live.zero_s + to_s, epoch, names: live.series.map((one) => one.name) },
+});
+
+/** The samples of the capture from one time to before another. */
+function capturePart(from_s, to_s) {
+  const place = (time_s) => Math.min(captured.count, Math.max(0, Math.ceil((time_s - captured.start_s) / captured.dt_s - 1e-6)));
+  const [first, last] = [place(from_s), place(to_s)];
+  const columns = Object.fromEntries([...captured.columns].map(([name, values]) => [name, values.slice(first, last)]));
+  return { samples: { rate_Hz: 1 / captured.dt_s, count: last - first, columns } };
+}
 
 function listen() {
   events?.close();
-  epoch = -1;
+  anew = true;
   const bins = Math.max(200, Math.min(4000, Math.round($("plots").clientWidth) || 900));
   events = new EventSource(`/events?window_s=${live.window_s}&bins=${bins}`);
   events.onmessage = (event) => {
@@ -131,8 +156,9 @@ function newest(sample, mean) {
 }
 
 function take(news) {
-  if (news.epoch !== epoch || !live.bins) {
+  if (anew || news.epoch !== epoch || !live.bins) {
     if (!status || news.epoch !== status.epoch) return;
+    anew = false;
     epoch = news.epoch;
     const count = live.series.length;
     live.bins = new Bins(count, Math.ceil(live.window_s / news.dt_s) + 2, news.dt_s);
@@ -147,6 +173,7 @@ function retrace() {
   live.bins = null;
   epoch = -1;
   live.show(series(status.channels));
+  if (seeing === "live") analysis.open();
   choose(status.channels);
   const rate = [...$("rate").options].find((option) => Math.abs(option.value - status.rate_Hz) < 0.5);
   if (rate && !orders) $("rate").value = rate.value;
@@ -188,6 +215,7 @@ function pause(on) {
     live.setMarks();
     listen();
   }
+  analysis.refresh();
   $("whole").hidden = !(seeing === "live" ? live.view : burst.view);
 }
 
@@ -253,6 +281,7 @@ function see(what) {
   $("plots").replaceChildren(stack.box);
   $("whole").hidden = !stack.view;
   stack.draw();
+  analysis.open();
 }
 
 function tools() {
@@ -650,6 +679,7 @@ async function showCapture(number) {
     link.href = `${link.pathname}?number=${number}`;
   }
   limits();
+  if (seeing === "capture") analysis.open();
   await layOver();
 }
 
