@@ -6,6 +6,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from .errors import InputError
@@ -91,3 +92,13 @@ def suggest(word: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(small, by_small, 1)
     close += [name for name in by_small if small and name.startswith(small)]
     return f"; did you mean {by_small[close[0]]!r}?" if close else f"; known: {', '.join(known)}"
+
+
+def other_file(path: Path) -> str:
+    """For the end of a line about a file that is not there: the one beside it that was meant."""
+    try:
+        names = [other.name for other in path.parent.iterdir() if other.suffix == path.suffix]
+    except OSError:  # there is no such folder
+        return ""
+    close = difflib.get_close_matches(path.name, names, 1)
+    return f"; did you mean {str(path.parent / close[0])!r}?" if close else ""

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..firmware import causes
 from ..given import real
 from ..recording import mapping
-from ..recording.recording import TRIGGER, Recording, RecordingError
+from ..recording.recording import SPEED_REFERENCE, TRIGGER, Recording, RecordingError
 from .panels import COLOURS, INK, LABEL, LEGEND, TITLE, new_figure, save, thin
 
 if TYPE_CHECKING:
@@ -25,8 +26,15 @@ ALIGNMENTS = ("trigger", "start", "none")
 MAIN = ("i_u1_A", "i_u2_A", "torque_Nm", "speed_rpm", "flux_Wb")
 FLUX = "flux_Wb"  #: computed from psi_alpha_Wb and psi_beta_Wb if there is no such channel
 MOST_BY_DEFAULT = 6
+#: Channels whose reference is another one.
+REFERENCES = {"torque_Nm": "torque_ref_Nm", FLUX: "flux_ref_Wb"}
+#: Name of the lines that show them.
+REFERENCE = "reference"
+#: Most trips of a recording that are marked.
+MOST_TRIPS = 5
 ROW_IN, HEAD_IN = 1.55, 0.55
 MOST_ROWS = 40
+TRIP_COLOUR = "#b3261e"
 
 
 @dataclass
@@ -50,8 +58,15 @@ class Trace:
     def end_s(self) -> float:
         return self.begin_s + self.rec.duration_s
 
-    def legend(self) -> str:
+    @property
+    def title(self) -> str:
+        """Of the set-up or scenario that was recorded."""
+        title = self.rec.meta.get("title")
+        return title if isinstance(title, str) else ""
+
+    def legend(self, with_title: bool = False) -> str:
         meta = self.rec.meta
+        own = f": {self.title}" if with_title and self.title else ""
         parts = [f"{self.rec.rate_Hz:.6g}/s"]
         if self.shift_s:
             parts.append(f"shifted by {-self.shift_s:+.6g} s")
@@ -59,7 +74,7 @@ class Trace:
             parts.append(f"{meta['lost_samples']} samples lost")
         if meta.get("closed") is False:
             parts.append("not closed")
-        return f"{self.label}  ({', '.join(parts)})"
+        return f"{self.label}{own}  ({', '.join(parts)})"
 
 
 def read(
@@ -132,6 +147,33 @@ def values(rec: Recording, name: str) -> np.ndarray | None:
     dot = f"{prefix}." if prefix else ""
     alpha, beta = (rec.channels.get(f"{dot}psi_{axis}_Wb") for axis in ("alpha", "beta"))
     return None if alpha is None or beta is None else np.hypot(alpha, beta)
+
+
+def reference(rec: Recording, name: str) -> np.ndarray | None:
+    """What the channel should be at each sample; None where that is not known."""
+    plain = name.rpartition(".")[2]
+    if plain in REFERENCES:
+        return values(rec, REFERENCES[plain])
+    steps = rec.meta.get(SPEED_REFERENCE)
+    if plain != "speed_rpm" or not steps:
+        return None
+    try:
+        times_s, speeds_rpm = np.array(steps, float).reshape(len(steps), 2).T
+    except (TypeError, ValueError):  # another program's
+        return None
+    latest = np.searchsorted(times_s, rec.time_s + 1e-6 / rec.rate_Hz, "right") - 1
+    speed_rpm = np.where(latest < 0, np.nan, speeds_rpm[latest])
+    controls = values(rec, REFERENCES[FLUX])  # NaN where the drive does not
+    return speed_rpm if controls is None else np.where(np.isfinite(controls), speed_rpm, np.nan)
+
+
+def trips(rec: Recording) -> list[tuple[float, str]]:
+    """Time on the recording's own axis, and faults, of each trip in it."""
+    if "faults" not in rec:
+        return []
+    bits = np.nan_to_num(np.asarray(rec["faults"], float)).astype(int)
+    begun = np.flatnonzero((bits[1:] != 0) & (bits[:-1] == 0)) + 1
+    return [(float(rec.time_s[n]), ", ".join(causes(int(bits[n])))) for n in begun[:MOST_TRIPS]]
 
 
 def unit(traces: list[Trace], name: str) -> str:
@@ -227,15 +269,21 @@ def summary(traces: list[Trace], names: list[str], how: str) -> dict:
 
 
 def plot(traces: list[Trace], names: list[str], how: str, path: Path) -> Path:
-    """Draws a row per channel, with a colour per recording. Lost samples are shaded."""
-    height_in = HEAD_IN + 0.16 * len(traces) + ROW_IN * max(2, len(names))
+    """Draws a row per channel, with a colour per recording, and references where they are known.
+    Lost samples are shaded, trips are marked."""
+    titles = {trace.title for trace in traces}
+    common = titles.pop() if len(titles) == 1 else ""
+    height_in = HEAD_IN + 0.16 * len(traces) + 0.25 * bool(common) + ROW_IN * max(2, len(names))
     figure, axes = new_figure(len(names), 1, height_in, sharex=True)
+    if common:
+        figure.suptitle(common, fontsize=11.5, color=INK)
     begin_s = min(t.begin_s for t in traces)
     end_s = max(t.end_s for t in traces)
     scale, time_unit = (1e3, "ms") if end_s - begin_s <= 0.5 else (1.0, "s")
     for ax, name in zip(axes[:, 0], names, strict=True):
         for number, trace in enumerate(traces):
             _draw(ax, trace, name, scale, number, len(traces))
+            _mark_trips(ax, trace, scale, number, len(traces), with_text=ax is axes[0, 0])
         if how == "trigger":
             ax.axvline(0, color=INK, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1.5)
         ax.set_title(name, loc="left", pad=3, **TITLE)
@@ -246,7 +294,10 @@ def plot(traces: list[Trace], names: list[str], how: str, path: Path) -> Path:
     axes[-1, 0].set_xlabel(f"time{since} [{time_unit}]", **LABEL)
     figure.align_ylabels(axes[:, 0])
     lines = [ax_line for ax_line in axes[0, 0].lines if not ax_line.get_label().startswith("_")]
-    figure.legend(lines, [trace.legend() for trace in traces], loc="outside upper left", **LEGEND)
+    texts = [trace.legend(with_title=not common) for trace in traces]
+    if referred := [line for ax in axes.flat for line in ax.lines if line.get_gid() == REFERENCE]:
+        lines, texts = [*lines, referred[0]], [*texts, "reference"]
+    figure.legend(lines, texts, loc="outside upper left", **LEGEND)
     return save(figure, path)
 
 
@@ -258,8 +309,25 @@ def _draw(ax: Axes, trace: Trace, name: str, scale: float, number: int, many: in
     wide = number == 0 and many > 1
     ax.plot(*thin(t, y), color=colour, linewidth=2.2 if wide else 1.0,
             alpha=0.55 if wide else 1.0, label=trace.label)  # fmt: skip
+    wanted = reference(trace.rec, name)
+    if wanted is not None and np.isfinite(wanted).any():
+        ax.plot(*thin(t, np.asarray(wanted, float)), "--", linewidth=1.0, gid=REFERENCE,
+                color=INK if many == 1 else colour, label="_reference")  # fmt: skip
     if np.isfinite(y).any():
         _shade(ax, t, ~np.isfinite(y), colour)
+
+
+def _mark_trips(
+    ax: Axes, trace: Trace, scale: float, number: int, many: int, with_text: bool
+) -> None:
+    colour = TRIP_COLOUR if many == 1 else COLOURS[number % len(COLOURS)]
+    for time_s, faults in trips(trace.rec):
+        at = scale * (time_s - trace.shift_s)
+        ax.axvline(at, color=colour, linewidth=1.0, linestyle=":", zorder=1.6)
+        if with_text:
+            ax.annotate(f"trip: {faults}", (at, 1), xycoords=("data", "axes fraction"), fontsize=8,
+                        xytext=(-3, 3 + 9 * number), textcoords="offset points", ha="right",
+                        color=colour, annotation_clip=True)  # fmt: skip
 
 
 def _shade(ax: Axes, t: np.ndarray, lost: np.ndarray, colour: str) -> None:

@@ -37,7 +37,11 @@ JOURNAL = "study.journal"
 )
 @options.value("--weights", metavar="NAME=W,...", help="what counts; default: 1 each, speed 0.5")
 @options.value(
-    "--trials", metavar="N", type=options.whole, default=96, help="candidates to simulate"
+    "--trials",
+    metavar="N",
+    type=options.whole,
+    default=96,
+    help="candidates in all, those of a resumed study too",
 )
 @options.value("--seed", metavar="N", type=options.whole, default=1, help="of the search")
 @options.value("--jobs", metavar="N", type=options.whole, help="at once; default: all cores")
@@ -82,7 +86,7 @@ def tune(setup, scheme, points, weights, trials, seed, jobs, output, resume, as_
             jobs,
             work.advance,
             lambda number, best: work.call(
-                f"tuning: {number} of {trials} candidates, aim {_percent(best)}"
+                f"tuning: {number} of {max(number, trials)} candidates, aim {_percent(best)}"
             ),
         )
         work.begin("writing the report")
@@ -95,6 +99,11 @@ def tune(setup, scheme, points, weights, trials, seed, jobs, output, resume, as_
         print_json(result)
         return 0
     _show(console, tuned, result)
+    if result["trials"] > trials:
+        console.print(
+            f"the study had {result['trials']} candidates already: --trials {trials} adds none",
+            highlight=False,
+        )
     return 0
 
 

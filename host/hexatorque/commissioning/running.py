@@ -25,7 +25,8 @@ CURRENTS = tuple(f"i_{phase}_A" for phase in PHASES)
 #: so a sample has the mean current. With a switching table it lies up to 2 % beside it.
 SCHEME = "db-dtfc"
 #: Two standard deviations of what flux and torque are estimated wrongly by, in proportion, beside
-#: the sensors' gains: each with this scheme, and both with another one.
+#: the sensors' gains. With another scheme than SCHEME the mean current may lie that far beside the
+#: samples; the torque's estimate is as good.
 FLUX_ERROR, TORQUE_ERROR, OTHER_SCHEME_ERROR = 0.003, 0.004, 0.02
 #: Flux references of the magnetisation curve, share of the parameter flux_ref_Wb.
 FLUXES = (0.5, 0.65, 0.8, 0.95, 1.1)
@@ -132,12 +133,6 @@ def _scheme(drive: DriveVerbs) -> str:
     return SCHEME
 
 
-def _error(scheme: object, with_scheme: float) -> float:
-    """Share by which an inductance or a torque may be wrong if the drive runs with this scheme;
-    `with_scheme`: the method's part with SCHEME."""
-    return math.hypot(MEAN_GAIN, with_scheme if scheme == SCHEME else OTHER_SCHEME_ERROR)
-
-
 def _limited(drive: DriveVerbs, limits: Limits) -> dict[str, object]:
     """Parameters that keep the currents within the limit. With less current the flux takes longer
     to build up."""
@@ -208,9 +203,8 @@ def magnetisation(drive: DriveVerbs, limits: Limits) -> Magnetisation:
         drive.set("speed_ref_rpm", 0.0)
         _wait_for(drive, 0.0)
     flux_Wb, ls_H, spread_H = np.array(rows).T
-    return Magnetisation(
-        flux_Wb, ls_H, np.hypot(spread_H, _error(values["scheme"], FLUX_ERROR) * ls_H)
-    )
+    method = FLUX_ERROR if values["scheme"] == SCHEME else OTHER_SCHEME_ERROR
+    return Magnetisation(flux_Wb, ls_H, np.hypot(spread_H, math.hypot(MEAN_GAIN, method) * ls_H))
 
 
 def _lead_flux(drive: DriveVerbs, to_Wb: float, nominal_Wb: float) -> None:
@@ -316,7 +310,7 @@ def mechanics(drive: DriveVerbs, limits: Limits) -> Mechanics:
         coast = _record(drive, COAST_S, {"speed_ref_rpm": 0.0})
         if coast[1][-1] > TOO_FAST * coast[1][0]:
             coast = _record(drive, LONG_COAST_S, {"speed_ref_rpm": 0.0})
-    return solve(up, down, coast, speed_rpm, slow_s, _error(values["scheme"], TORQUE_ERROR))
+    return solve(up, down, coast, speed_rpm, slow_s, math.hypot(MEAN_GAIN, TORQUE_ERROR))
 
 
 def _time_to(run: tuple, speed_rpm: float) -> float:
@@ -356,7 +350,8 @@ def solve(
     Each run has its own w_0. The error is that of the torque's estimate: a flux that is a little
     wrong makes one that does not depend on the torque. While the shaft coasts there is no torque:
     this gives the friction over J, the other runs J. `torque_error` is the part in proportion to
-    the torque, which no run shows.
+    the torque, which no run shows. Nor does what is left of the fit show how well the samples'
+    mean is that of the torque, for it grows with the work: the ripple tells.
     """
     low, high = 0.15 * speed_rpm, UPPER * speed_rpm
     time_s, speed, torque = coast
@@ -368,6 +363,8 @@ def solve(
     without = w + dry.value * gone_s + viscous.value * angle + fan.value * square  # friction
     (per_J, *_), _ = linear([work, gone_s, *own], without)
     inertia = 1 / per_J.value
+    sampled = _sampled([run[2][_between(run, low, high)] for run in (up, down)])
+    torque_error = math.hypot(torque_error, sampled)
 
     def times_J(value: Value) -> Value:
         return Value(value.value * inertia, value.uncertainty * inertia).plus_share(torque_error)
@@ -379,6 +376,15 @@ def solve(
         times_J(fan),
         speed_rpm,
     )
+
+
+def _sampled(torques_Nm: list[np.ndarray]) -> float:
+    """Two standard deviations, share, of what the inertia is off because every so many periods are
+    sampled: by the mean torques' difference. A mean of n samples of a ripple s is off by s/sqrt(n).
+    The ripple shows in the differences of samples, which the slow torque hardly adds to."""
+    variance = sum(np.mean(np.diff(one) ** 2) / 2 / len(one) for one in torques_Nm)
+    up_Nm, down_Nm = (float(one.mean()) for one in torques_Nm)
+    return 2 * math.sqrt(variance) / abs(up_Nm - down_Nm)
 
 
 def friction(coasting: np.ndarray) -> tuple[Value, Value, Value]:
@@ -423,15 +429,20 @@ def _dry_and_viscous(
     return found[0], found[1], fits[better][1]
 
 
+def _between(run: tuple, low: float, high: float) -> slice:
+    """The samples from the first to the last one whose speed is between two bounds."""
+    inside = np.flatnonzero((run[1] >= low) & (run[1] <= high))
+    return slice(inside[0], inside[-1] + 1) if len(inside) else slice(0, 0)
+
+
 def _integrals(run: tuple, slow_s: float, low: float, high: float) -> np.ndarray:
     """Rows (speed, integral of torque, time, angle, integral of the speed's square), one for each
     reading of the speed, as long as it is between two bounds."""
     time_s, speed_rpm, torque = run
     dt = time_s[1] - time_s[0]
-    inside = np.flatnonzero((speed_rpm >= low) & (speed_rpm <= high))
-    if len(inside) < 2:
+    part = _between(run, low, high)
+    if part.stop - part.start < 2:
         return np.empty((0, 5))
-    part = slice(inside[0], inside[-1] + 1)
     w = speed_rpm[part] * np.pi / 30
     sums = [np.cumsum(torque[part]) * dt, time_s[part], np.cumsum(w) * dt, np.cumsum(w * w) * dt]
     rows = np.column_stack([w, *sums])

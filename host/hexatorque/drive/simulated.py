@@ -46,7 +46,7 @@ from ..plant.sensors import SENSORS
 from ..plant.vsd import INVERSE, PHASES
 from ..plant.wires import ENCODER_WIRES
 from ..recording.channels import Channels, Held, Later, Product, RowOf
-from ..recording.recording import STARTED, Recording, clock_text
+from ..recording.recording import SPEED_REFERENCE, STARTED, Recording, clock_text
 from ..setups import Setup, SetupError, load, parameters
 from .captures import Burst, Trigger, metadata
 from .interface import DriveFault, DriveVerbs, Progress, finite, seconds
@@ -264,6 +264,8 @@ class SimulatedDrive(DriveVerbs):
             EntryPoint(firmware.address(name), *[u64] * arguments)
             for name, arguments in zip(self.controller.entries, (1, 1, 2))
         )
+        #: Time and value of each speed reference, from the one in force when recording began.
+        self._speed_refs = [(0.0, float(self.controller.get("speed_ref_rpm")))]
         self._burst: Burst | None = None
         self._burst_names: tuple[str, ...] = ()
         self._plant = _Rows(len(PLANT_CHANNELS))
@@ -411,6 +413,8 @@ class SimulatedDrive(DriveVerbs):
             self.controller.set_many(controller)
             self.taken_tick = self.periods + 1  # the firmware counts from 1
             self._commanded()
+        if "speed_ref_rpm" in controller:
+            self._speed_refs.append((self.time_s, float(self.controller.get("speed_ref_rpm"))))
         for name, value in plant.items():
             setattr(self, name, value)
 
@@ -596,6 +600,7 @@ class SimulatedDrive(DriveVerbs):
         self._plant.clear()
         self._channels.clear()
         self._record_start = self.periods
+        self._speed_refs = self._speed_refs[-1:]
         self._transitions = int(self._all_transitions.sum())
 
     def arm(
@@ -680,6 +685,8 @@ class SimulatedDrive(DriveVerbs):
             # Mean switching frequency of a switch: two transitions per cycle, six legs.
             "f_sw_Hz": jumps / (12 * periods * self.period_s) if periods else None,
         }
+        if self.controller.get("control_mode") == "speed":
+            meta[SPEED_REFERENCE] = [list(one) for one in self._speed_refs]
         start = self._begun_s + (self._record_start - self._begun) * self.period_s
         self.discard()
         return Recording(per / self.period_s, Channels(data), units, meta, start)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..given import suggest
+from ..given import other_file, suggest
 from . import formats
 from .channels import Channels
 from .formats import RecordingError
@@ -43,6 +43,9 @@ STARTED = "started"
 #: Keys of `meta`: the board's count of fast interrupts at the first sample, and from one
 #: sample to the next.
 FIRST_TICK, DECIMATION = "first_tick", "decimation"
+#: Key of `meta`: pairs of time, on the recording's own time axis, and speed reference from then on.
+#: A simulation knows them.
+SPEED_REFERENCE = "speed_ref_rpm"
 #: Lines of `print(recording)` that name channels.
 CHANNEL_LINES = 4
 #: The types of samples that every file format can store.
@@ -256,7 +259,8 @@ class Recording:
         try:
             return reader.load(path)
         except (OSError, RecordingError) as error:
-            raise RecordingError(f"{path}: {formats.one_line(error)}") from None
+            meant = other_file(path) if isinstance(error, FileNotFoundError) else ""
+            raise RecordingError(f"{path}: {formats.one_line(error)}{meant}") from None
         except Exception as error:  # a damaged file makes a parser raise anything
             raise RecordingError(f"{path}: not a recording ({formats.one_line(error)})") from None
 

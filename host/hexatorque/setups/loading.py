@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from ..given import suggest
+from ..given import other_file, suggest
 from .keys import KEYS, SECTIONS
 from .setup import Setup
 from .values import SetupError
@@ -57,10 +56,7 @@ def text_of(path: Path) -> str:
     try:
         return path.read_text()
     except FileNotFoundError as error:
-        near = [str(other) for other in path.parent.glob("*" + path.suffix)]
-        close = difflib.get_close_matches(str(path), near, 1)
-        meant = f"; did you mean {close[0]!r}?" if close else ""
-        raise SetupError(f"{error.strerror}{meant}") from None
+        raise SetupError(f"{error.strerror}{other_file(path)}") from None
     except (OSError, ValueError) as error:
         raise SetupError(getattr(error, "strerror", None) or "not a text file") from None
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from hexatorque import firmware
 from hexatorque.analysis import overlay
 from hexatorque.analysis.overlay import Trace
 from hexatorque.recording.recording import Recording, RecordingError
@@ -167,3 +168,70 @@ def test_the_summary_names_files_shifts_and_differences():
     assert summary["channels"]["torque_Nm"] == {
         "unit": "N m", "rms_difference": [None, rms], "samples_compared": [0, 1500],
     }  # fmt: skip
+
+
+def tripped(**meta) -> Recording:
+    """Torque and speed of a drive that runs from 0.1 s on and trips at 0.6 s."""
+    over_speed = next(bit for bit, name in firmware.FAULTS.items() if name == "over-speed")
+    rec = Recording(1e3, {"faults": np.zeros(1000)}, {}, meta, 0.0)
+    rec.channels["faults"][600:] = over_speed
+    runs = (rec.time_s > 0.1 - 1e-6) & (rec.time_s < 0.6 - 1e-6)
+    for name, value in (("torque_ref_Nm", 3.0), ("flux_ref_Wb", 0.5)):
+        rec.channels[name] = np.where(runs, value, np.nan)
+    rec.channels |= {"torque_Nm": np.ones(1000), "speed_rpm": np.ones(1000)}
+    return rec
+
+
+def test_references_are_what_was_asked_while_the_drive_ran():
+    rec = tripped(speed_ref_rpm=[[0.0, 100.0], [0.4, -50.0]])
+    speed = overlay.reference(rec, "speed_rpm")
+    assert np.isnan(speed[[99, 600]]).all()
+    assert speed[[100, 399, 400, 599]].tolist() == [100, 100, -50, -50]
+    assert overlay.reference(rec, "plant.torque_Nm")[[100, 599]].tolist() == [3, 3]
+    assert np.isnan(overlay.reference(rec, "flux_Wb")[600])
+    assert overlay.reference(rec, "faults") is None
+    # A board's recording has no speed reference, and another program may mean something else by it.
+    for meta in ({}, {"speed_ref_rpm": 100.0}, {"speed_ref_rpm": [[1, 2, 3]]}):
+        assert overlay.reference(tripped(**meta), "speed_rpm") is None
+
+
+def test_a_trip_is_marked_at_its_time_with_its_faults():
+    rec = tripped()
+    assert overlay.trips(rec) == [(pytest.approx(0.6), "over-speed")]
+    assert overlay.trips(rec.window(0.0, 0.5)) == [] == overlay.trips(Recording(1.0, {}))
+
+
+def drawn(traces: list[Trace], names: list[str], monkeypatch):
+    monkeypatch.setattr(overlay, "save", lambda figure, path: figure)
+    return overlay.plot(traces, names, "none", None)
+
+
+def test_the_picture_has_title_references_and_trips(monkeypatch):
+    rec = tripped(title="Too fast", speed_ref_rpm=[[0.0, 100.0]])
+    figure = drawn([Trace("x", rec)], ["torque_Nm", "speed_rpm", "faults"], monkeypatch)
+    assert figure.get_suptitle() == "Too fast"
+    assert [text.get_text() for ax in figure.axes for text in ax.texts] == ["trip: over-speed"]
+    for ax, wanted in zip(figure.axes, (3.0, 100.0, None)):
+        dashed = [line for line in ax.lines if line.get_gid() == overlay.REFERENCE]
+        assert [np.nanmax(line.get_ydata()) for line in dashed] == [wanted] * (wanted is not None)
+        assert any(line.get_linestyle() == ":" for line in ax.lines)  # the trip, in every panel
+    texts = [text.get_text() for text in figure.legends[0].texts]
+    assert texts == ["x  (1000/s)", "reference"]
+
+
+def test_titles_that_differ_are_in_the_legend(monkeypatch):
+    traces = [Trace("a", tripped(title="One")), Trace("b", tripped(title="Two"))]
+    figure = drawn([*traces, Trace("c", tripped())], ["torque_Nm"], monkeypatch)
+    texts = [text.get_text() for text in figure.legends[0].texts]
+    assert texts == ["a: One  (1000/s)", "b: Two  (1000/s)", "c  (1000/s)", "reference"]
+    assert not figure.get_suptitle()
+
+
+def test_a_missing_file_names_the_one_that_was_meant(tmp_path):
+    recorded(1e3, 0, 0, 10).save(tmp_path / "reversal.npz")
+    with pytest.raises(RecordingError, match=r"did you mean '.*reversal\.npz'\?$"):
+        overlay.read([str(tmp_path / "reversl.npz")])
+    for name in ("other.npz", "reversl.csv", "nowhere/reversal.npz"):
+        with pytest.raises(RecordingError) as refused:
+            overlay.read([str(tmp_path / name)])
+        assert "did you mean" not in str(refused.value)

@@ -117,6 +117,29 @@ def test_inertia_in_spite_of_a_wrong_torque(fan):
     assert found.load_Nm(30 * 30 / np.pi) == pytest.approx(load_Nm, rel=0.01)
 
 
+def test_the_stated_inertia_holds_although_only_some_periods_are_sampled():
+    """A switching table's torque ripples by as much as its mean. Samples of every so many periods
+    have another mean than all periods, and the speed follows all of them. 19 of 20 inertias should
+    lie within what is stated."""
+    draw = np.random.default_rng(5)
+    dt, inertia, top, periods = 5e-4, 0.02, 60.0, 5
+
+    def run(torque, w0):
+        ripple = draw.normal(0.0, 1.5, (3000, periods)) * bool(torque)
+        speeds = w0 + np.cumsum((torque + ripple.mean(1) - 0.1) * dt / inertia)
+        n = np.flatnonzero(np.abs(speeds - w0) > top)[0]
+        return np.arange(n) * dt, speeds[:n] * 30 / np.pi, torque + ripple[:n, 0]
+
+    within = 0
+    for _ in range(100):
+        up, down = run(1.6, 0.0), run(-1.6, top)
+        gone_s = np.arange(3000) * dt
+        coast = gone_s, (top - 0.1 / inertia * gone_s) * 30 / np.pi, np.zeros(3000)
+        found = running.solve(up, down, coast, top * 30 / np.pi, 0.01, 0.004).inertia_kgm2
+        within += abs(found.value - inertia) <= found.uncertainty
+    assert within >= 90
+
+
 def test_a_load_below_its_uncertainty_is_not_given_as_a_number():
     nothing = Value(0.0, 0.001)
     free = running.Mechanics(nothing, Value(9e-8, 0.03), nothing, nothing, 1200.0)

@@ -48,3 +48,19 @@ def test_a_small_recording_does_not_hold_the_memory_of_a_large_one():
     large = rows.hand_over()
     rows.room(900)[:] = 9
     assert large.shape == (900, 2) and np.all(large == 8) and np.all(given == 7)
+
+
+def test_a_recording_knows_the_speed_references_of_its_time():
+    sim = SimulatedDrive(setups.load("paper-a-feasible"), 1)
+    sim.set("speed_ref_rpm", 50.0)
+    sim.run(0.01)
+    first = sim.take()
+    sim.set("speed_ref_rpm", 200.0)
+    sim.run(0.01)
+    sim.set("control_mode", "torque")
+    assert "speed_ref_rpm" not in sim.take().meta
+    sim.set("control_mode", "speed")
+    sim.run(0.01)
+    own = float(setups.load("paper-a-feasible").parameter("speed_ref_rpm"))
+    assert first.meta["speed_ref_rpm"] == [[0.0, own], [0.0, 50.0]]
+    assert sim.take().meta["speed_ref_rpm"] == [[0.01, 200.0]]

@@ -189,6 +189,11 @@ def test_the_written_set_up_gives_the_figures_reported(tmp_path, monkeypatch, ca
     monkeypatch.setattr(report, "draw", lambda tuned, path: path)
     assert main([*command, "-o", str(folder), "--json", "--resume"]) == 0
     assert not judged and json.loads(capsys.readouterr().out) == said
+    # Fewer than are there: it is said that none comes.
+    fewer = ["2" if word == "3" else word for word in command]
+    assert main([*fewer, "-o", str(folder), "--resume"]) == 0
+    said_last = " ".join(capsys.readouterr().out.split())
+    assert said_last.endswith("the study had 3 candidates already: --trials 2 adds none")
 
 
 @pytest.mark.parametrize(
