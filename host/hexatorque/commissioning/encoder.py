@@ -7,7 +7,7 @@ pole pairs and counts are wrong.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -35,6 +35,8 @@ NOTHING = 0.1
 class Encoder:
     mistakes: tuple[str, ...]
     ratio: float  #: measured speed over the field's, 1 less the slip if all is right
+    speed_rpm: np.ndarray = field(default_factory=lambda: np.empty(0))  #: in the last WINDOW_S
+    field_rpm: float = 0.0
 
 
 def check(test: Excitation, resistance: Resistance, turns_rev: float) -> Encoder:
@@ -61,7 +63,8 @@ def check(test: Excitation, resistance: Resistance, turns_rev: float) -> Encoder
             f"encoder: after {2 * turns_rev:g} turns of the field the shaft is still getting "
             "faster: its inertia is large, choose more turns (--turns)"
         )
-    return Encoder(tuple(decide(ratio, moved, pole_pairs, counts)), ratio)
+    mistakes = tuple(decide(ratio, moved, pole_pairs, counts))
+    return Encoder(mistakes, ratio, speed_rpm, field_rpm)
 
 
 def _speed_after(test: Excitation, turns_rev: float) -> np.ndarray:

@@ -41,6 +41,7 @@ class Inductance:
     sigma_ls_H: Value
     lxy_H: Value
     dlls_H: tuple[Value, ...]  #: of each phase, against the mean
+    waves: tuple[Samples, ...] = ()  #: along alpha and along x
 
 
 def measure(
@@ -50,14 +51,14 @@ def measure(
     the machine's slow time constant, roughly."""
     # A flux along one axis and a current along the other would turn the shaft.
     test.begin_again(DECAY * slow_s)
-    alpha, beta = (_along(test, resistance, axis, ab_per_H) for axis in (0, 1))
+    (alpha, first), (beta, _) = (_along(test, resistance, axis, ab_per_H) for axis in (0, 1))
     waves = _on_legs(test, (ab_per_H + xy_per_H) / 3)
-    y = _along(test, resistance, 3, xy_per_H)
+    y, _ = _along(test, resistance, 3, xy_per_H)
     test.begin_again(DECAY * slow_s)
-    x = _along(test, resistance, 2, xy_per_H)
+    x, second = _along(test, resistance, 2, xy_per_H)
     sigma_ls_H = mean([alpha, beta]).plus_share(math.hypot(MEAN_GAIN, MODEL_ERROR))
     lxy_H = mean([x, y]).plus_share(math.hypot(MEAN_GAIN, XY_MODEL_ERROR))
-    return Inductance(sigma_ls_H, lxy_H, phases(waves, resistance))
+    return Inductance(sigma_ls_H, lxy_H, phases(waves, resistance), (first, second))
 
 
 def _on_legs(test: Excitation, leg_per_H: float) -> list[Samples]:
@@ -73,8 +74,11 @@ def _on_legs(test: Excitation, leg_per_H: float) -> list[Samples]:
     return waves
 
 
-def _along(test: Excitation, resistance: Resistance, axis: int, per_H: float) -> Value:
-    """Inductance of one of the four axes, with a direct current along the other plane's one."""
+def _along(
+    test: Excitation, resistance: Resistance, axis: int, per_H: float
+) -> tuple[Value, Samples]:
+    """Inductance of one of the four axes, with a direct current along the other plane's one; and
+    the wave that tells it."""
     limit_A, other = test.limits.current_A, (axis + 2) % 4
     hertz = half_wave_Hz(test.f_isr_Hz, TICKS)
     bias_A = INVERSE[:, other] * BIAS * limit_A
@@ -88,14 +92,21 @@ def _along(test: Excitation, resistance: Resistance, axis: int, per_H: float) ->
     for share, periods in ((0.25, PERIODS), (1.0, 4 * PERIODS)):  # roughly, then right
         swing_V = share * SWING * limit_A * 4 * hertz * found.value
         vector[axis] = min(swing_V, room_V)
-        found = along(test.pulse(vector, kind, hertz, periods / hertz), axis)
+        wave = test.pulse(vector, kind, hertz, periods / hertz)
+        found = along(wave, axis)
     test.rest(0.05)
-    return found
+    return found, wave
 
 
 def along(wave: Samples, axis: int) -> Value:
-    """The currents' slope over the voltage that changes its sign. What changes slowly, for the
-    resistances and the rotor's flux, has columns of its own."""
+    """The currents' slope over the voltage that changes its sign."""
+    (per_H, *_), _ = _slopes(wave, axis)
+    return Value(1 / per_H.value, per_H.uncertainty / per_H.value**2)
+
+
+def _slopes(wave: Samples, axis: int) -> tuple[list[Value], list[np.ndarray]]:
+    """What the currents' slope is made of, and the columns that these factors belong to. What
+    changes slowly, for the resistances and the rotor's flux, has columns of its own."""
     i = wave.i_vsd_A[:, axis]
     slope = np.diff(i) / wave.dt_s
     v = wave.v_V[:, axis]
@@ -104,8 +115,20 @@ def along(wave: Samples, axis: int) -> Value:
     same &= np.arange(len(v)) > 2
     when = np.linspace(-1, 1, len(v))
     columns = [v, 0.5 * (i[1:] + i[:-1]), np.ones(len(v)), when, when**2]
-    (per_H, *_), _ = linear([column[same] for column in columns], slope[same])
-    return Value(1 / per_H.value, per_H.uncertainty / per_H.value**2)
+    return linear([column[same] for column in columns], slope[same])[0], columns
+
+
+def fitted(wave: Samples, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """The current along an axis, and what the fitted slopes make of it. In each half-wave these
+    have the measured mean."""
+    factors, columns = _slopes(wave, axis)
+    slopes = sum(factor.value * column for factor, column in zip(factors, columns))
+    i = wave.i_vsd_A[:, axis]
+    made = np.concatenate([[0.0], np.cumsum(slopes) * wave.dt_s])
+    edges = 1 + np.flatnonzero(np.diff(wave.v_V[:, axis]))
+    for part in np.split(np.arange(len(i)), edges):
+        made[part] += (i[part] - made[part]).mean()
+    return i, made
 
 
 def phases(waves: list[Samples], resistance: Resistance) -> tuple[Value, ...]:

@@ -10,17 +10,20 @@ from typing import Any
 import numpy as np
 
 from ..chips import DEVICES
+from ..drive.board import BoardDrive
 from ..drive.interface import DriveVerbs
 from ..setups import derived
 from ..setups.keys import TIMING_OWNS
 from ..setups.loading import parse
 from ..setups.to_parameters import parameters
+from .encoder import Encoder
 from .excitation import BORROWED
 from .inductance import Inductance
 from .regression import Value
 from .resistance import Resistance
 from .rotor import Rotor
 from .running import Magnetisation, Mechanics
+from .wiring import Wiring
 
 
 @dataclass
@@ -28,6 +31,8 @@ class Findings:
     """What the steps have found; None where they did not run."""
 
     mistakes: list[str] = field(default_factory=list)
+    wiring: Wiring | None = None
+    encoder: Encoder | None = None
     resistance: Resistance | None = None
     inductance: Inductance | None = None
     rotor: Rotor | None = None
@@ -157,6 +162,12 @@ def set_up(found: Findings, drive: DriveVerbs, device: str, title: str) -> str:
     head = [f"title = {json.dumps(title)}", 'defaults = "firmware"', *_curves(found)]
     alone = parameters(parse(_text(head, sections), title))
     return _text(head, {**sections, "controller": _controller(drive, values, alone)})
+
+
+def set_up_of_board(found: Findings, drive: BoardDrive) -> str:
+    """The same of a drive on a board, which says what chip it has."""
+    device = drive.hello.device
+    return set_up(found, drive, device.removeprefix("virtual "), f"Commissioned: {device}")
 
 
 def _text(head: list[str], sections: Mapping[str, Mapping[str, object]]) -> str:

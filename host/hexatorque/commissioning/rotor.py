@@ -18,7 +18,7 @@ leakage are taken as equal to get L_m and R_r.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -52,6 +52,8 @@ class Rotor:
     lm_H: Value
     leakage_H: float  #: of stator and of rotor, taken as equal
     current_A: float  #: from one sign to the other of which L_m was measured
+    #: (n, 3): time, the current along alpha since the step, and the model's.
+    step: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
 
     @property
     def lr_H(self) -> float:
@@ -110,8 +112,10 @@ def solve(
         current = _current(v, step.dt_s, x[0], sigma_H, x[1], x[2])
         return np.append(current + error_A, np.sqrt(samples) * error_A)
 
-    values, _ = nonlinear(model, np.array([ohm, *guess, 1.0]), np.append(change, 0.0))
-    return _circuit(values[1], values[2], sigma_H, size_A / 2)
+    values, rest = nonlinear(model, np.array([ohm, *guess, 1.0]), np.append(change, 0.0))
+    time_s = np.arange(len(change)) * step.dt_s
+    curve = np.column_stack([time_s, change, change - rest[:-1]])
+    return replace(_circuit(values[1], values[2], sigma_H, size_A / 2), step=curve)
 
 
 def _current(v: np.ndarray, dt: float, rs: float, sigma_H: float, r: float, m: float) -> np.ndarray:

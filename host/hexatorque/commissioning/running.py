@@ -83,6 +83,8 @@ class Mechanics:
     viscous_Nms: Value
     fan_Nms2: Value  #: load in proportion to the square of the speed; zero if none was seen
     speed_rpm: float  #: measured up to this speed
+    #: Accelerating, braking, coasting, each (n, 3): time, speed in r/min, and the fit's.
+    runs: tuple[np.ndarray, ...] = ()
 
     def load_Nm(self, speed_rpm: float) -> float:
         """What friction and load take at this speed, above zero."""
@@ -115,10 +117,10 @@ def _no_load_A(drive: DriveVerbs) -> float:
 def _step_A(drive: DriveVerbs) -> float:
     """What the largest vector moves a current by in one period."""
     sigma_ls_H, f_isr_Hz = float(drive.get("sigma_ls_H")), float(drive.get("f_isr_Hz"))
-    return VECTOR_PU * _vdc_V(drive) / (f_isr_Hz * sigma_ls_H)
+    return VECTOR_PU * vdc_V(drive) / (f_isr_Hz * sigma_ls_H)
 
 
-def _vdc_V(drive: DriveVerbs) -> float:
+def vdc_V(drive: DriveVerbs) -> float:
     return float(drive.capture(("vdc_V",), 64, timeout_s=5)["vdc_V"].mean())
 
 
@@ -174,9 +176,9 @@ def _borrowed(drive: DriveVerbs, values: dict[str, object]) -> Iterator[None]:
 
 def test_speed_rpm(drive: DriveVerbs, limits: Limits) -> float:
     """A speed at which voltages tell the flux well, and which the dc link can give."""
-    vdc_V = _vdc_V(drive)
+    link_V = vdc_V(drive)
     flux_Wb = max(FLUXES) * float(drive.get("flux_ref_Wb"))
-    rpm = VOLTAGE * vdc_V / flux_Wb / float(drive.get("pole_pairs")) * 30 / np.pi
+    rpm = VOLTAGE * link_V / flux_Wb / float(drive.get("pole_pairs")) * 30 / np.pi
     return min(rpm, limits.speed_rpm or rpm, 0.8 * float(drive.get("speed_trip_rpm")))
 
 
@@ -361,10 +363,14 @@ def solve(
     w, work, gone_s, angle, square = np.vstack(runs).T
     own = [np.repeat([k == 0, k == 1], [len(rows) for rows in runs]).astype(float) for k in (0, 1)]
     without = w + dry.value * gone_s + viscous.value * angle + fan.value * square  # friction
-    (per_J, *_), _ = linear([work, gone_s, *own], without)
+    (per_J, *_), rest = linear([work, gone_s, *own], without)
     inertia = 1 / per_J.value
     sampled = _sampled([run[2][_between(run, low, high)] for run in (up, down)])
     torque_error = math.hypot(torque_error, sampled)
+    driven = np.column_stack([gone_s, w, w - rest]) * [1, *2 * [30 / np.pi]]
+    falls = coasting[:, 2:] @ [dry.value, viscous.value, fan.value]
+    left = coasting[:, 0] + falls
+    curve = np.column_stack([coasting[:, 2], coasting[:, 0], left.mean() - falls])
 
     def times_J(value: Value) -> Value:
         return Value(value.value * inertia, value.uncertainty * inertia).plus_share(torque_error)
@@ -375,6 +381,7 @@ def solve(
         times_J(viscous),
         times_J(fan),
         speed_rpm,
+        (driven[: len(runs[0])], driven[len(runs[0]) :], curve * [1, *2 * [30 / np.pi]]),
     )
 
 

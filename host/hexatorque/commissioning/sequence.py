@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -56,25 +57,30 @@ def commission(
     report: Report = lambda line: None,
     keep: bool = True,
     begin: Report = lambda step: None,
+    end: Callable[[str, Findings], None] = lambda step, found: None,
+    pause: bool = False,
 ) -> Findings:
     """Measure what the steps say, and load the parameters that follow (`keep`: leave them in
     force, else the drive gets its own ones back). Wrong wiring ends it: `mistakes` names it.
-    `begin` is called with the name of each step before it, `report` with each result."""
+    `begin` is called with the name of each step before it, `report` with each result, `end` after
+    each step. `pause`: the gates are off while `begin` is called, which may take as long as it
+    likes."""
     steps = with_needs(steps)
     _check_limits(drive, limits)
     found = Findings()
+    course = Course(steps, report, begin, end, pause)
     before = {name: drive.get(name) for name in drive.params if drive.params[name].live}
     try:
-        _standstill(drive, limits, steps, found, report, begin)
-        if not found.mistakes and "encoder" in steps:
-            begin("encoder")
+        _standstill(drive, limits, found, course)
+        if not found.mistakes and course.next("encoder"):
             _encoder(drive, limits, turns_rev, found, report)
-        if not found.mistakes and "rotor" in steps:
-            begin("rotor")
+            end("encoder", found)
+        if not found.mistakes and course.next("rotor"):
             _rotor(drive, limits, found, report)
+            end("rotor", found)
         if not found.mistakes:
             found.load(drive)
-            _running(drive, limits, steps, found, report, begin)
+            _running(drive, limits, found, course)
             found.load(drive)
     except BaseException:
         _restore(drive, before)
@@ -101,42 +107,60 @@ def _check_limits(drive: DriveVerbs, limits: Limits) -> None:
         raise CommissioningError(f"the drive is in state {drive.state}: stop it, clear its faults")
 
 
-def _standstill(
-    drive: DriveVerbs,
-    limits: Limits,
-    steps: list[str],
-    found: Findings,
-    report: Report,
-    begin: Report,
-) -> None:
-    begin("wiring")
+@dataclass(frozen=True)
+class Course:
+    """The steps to do, and whom to tell of them."""
+
+    steps: Sequence[str]
+    report: Report
+    begin: Report
+    end: Callable[[str, Findings], None]
+    pause: bool
+
+    def next(self, step: str, test: Excitation | None = None) -> bool:
+        """Whether this step is to be done; then it begins. `test`: its gates are on."""
+        if step not in self.steps:
+            return False
+        if test and self.pause:
+            test.drive.stop()
+        self.begin(step)
+        if test and self.pause:
+            test.begin_again(0.0)
+        return True
+
+
+def _standstill(drive: DriveVerbs, limits: Limits, found: Findings, course: Course) -> None:
+    report = course.report
+    course.next("wiring")
     with Excitation(drive, limits) as test:
         try:
-            wires = wiring.check(test)
+            found.wiring = wires = wiring.check(test)
         except DriveFault as fault:
             found.mistakes.append(_tripped(fault, limits))
             drive.clear()
             return
         found.noise_A = test.noise_A()
         found.mistakes += wires.mistakes
+        if not wires.mistakes:
+            report("wiring: leads and current sensors are right")
+        course.end("wiring", found)
         if wires.mistakes:
             return
-        report("wiring: leads and current sensors are right")
         slow_s = _slow_s(drive)
-        if "resistance" in steps:
-            begin("resistance")
+        if course.next("resistance", test):
             found.resistance = resistance.measure(test, wires.xy_per_H, slow_s)
             report(
                 f"R_s: {found.resistance.mean_ohm:ohm}, phases " + _list(found.resistance.rs_ohm)
             )
             report(f"dead time and devices: {found.resistance.mean_lost_V:V} on each leg")
-        if "inductance" in steps:
-            begin("inductance")
+            course.end("resistance", found)
+        if course.next("inductance", test):
             assert found.resistance
             found.inductance = inductance.measure(
                 test, found.resistance, wires.ab_per_H, wires.xy_per_H, slow_s
             )
             report(f"sigma L_s: {found.inductance.sigma_ls_H:H}, L_xy: {found.inductance.lxy_H:H}")
+            course.end("inductance", found)
 
 
 def _tripped(fault: DriveFault, limits: Limits) -> str:
@@ -152,7 +176,7 @@ def _encoder(
 ) -> None:
     assert found.resistance
     with Excitation(drive, limits, encoder.SLACK * turns_rev) as test:
-        answer = encoder.check(test, found.resistance, turns_rev)
+        found.encoder = answer = encoder.check(test, found.resistance, turns_rev)
     found.mistakes += answer.mistakes
     if not answer.mistakes:
         report(f"encoder: direction and counts are right, {100 * answer.ratio:.1f} % of the field")
@@ -168,29 +192,23 @@ def _rotor(drive: DriveVerbs, limits: Limits, found: Findings, report: Report) -
     report(f"R_r: {found.rotor.rr_ohm:ohm}, L_m: {found.rotor.lm_H:H}")
 
 
-def _running(
-    drive: DriveVerbs,
-    limits: Limits,
-    steps: list[str],
-    found: Findings,
-    report: Report,
-    begin: Report,
-) -> None:
-    if "magnetisation" in steps:
-        begin("magnetisation")
+def _running(drive: DriveVerbs, limits: Limits, found: Findings, course: Course) -> None:
+    report = course.report
+    if course.next("magnetisation"):
         assert found.rotor
         found.magnetisation = running.magnetisation(drive, limits)
         points = zip(found.magnetisation.flux_Wb, found.magnetisation.ls_H)
         report("L_s: " + ", ".join(f"{ls:.4g} H at {psi:.3g} Wb" for psi, ls in points))
+        course.end("magnetisation", found)
         found.load(drive)
-    if "mechanics" in steps:
-        begin("mechanics")
+    if course.next("mechanics"):
         found.mechanics = running.mechanics(drive, limits)
         report(
             f"inertia: {found.mechanics.inertia_kgm2:kg m2}, friction: {found.mechanics.dry_Nm:N m}"
             f" and {found.mechanics.viscous_Nms:N m s}"
         )
         report(f"load: {found.mechanics.curve()}")
+        course.end("mechanics", found)
 
 
 def _slow_s(drive: DriveVerbs) -> float:

@@ -51,6 +51,11 @@ ORDERS = np.array(list(itertools.permutations(range(6))))
 _APPLIED = INVERSE @ TRANSFORM
 
 
+def machine_per_H(ab_per_H: float, xy_per_H: float) -> np.ndarray:
+    """What a machine of these conductances answers if all is right, (6 channels, 6 legs)."""
+    return (ab_per_H * _AB + xy_per_H * _XY) @ _APPLIED
+
+
 @dataclass(frozen=True)
 class Wiring:
     mistakes: tuple[str, ...]

@@ -18,6 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..commissioning.choices import CHOICES
+from ..commissioning.sequence import STEPS
 from ..drive import limits, parameter_sets
 from ..drive.board import BoardDrive
 from ..drive.captures import TRIGGERS, Trigger
@@ -29,6 +31,7 @@ from ..recording.recording import Recording
 from ..serial import LinkError, wire
 from ..serial.client import HEARTBEAT_S, Stopped
 from ..serial.stream import Stream
+from .guided import Guided
 from .traces import Ring
 
 #: A drive that was started here is stopped if no page has answered for this long. Together with
@@ -123,6 +126,8 @@ class MonitoredDrive:
         self.capture_number = 0  #: of the latest one
         self.notice = ""  #: an event that no page asked for, such as an automatic stop
         self.reset = ""  #: what a reset of the board has changed, until a user has read it
+        self.guided: Guided | None = None  #: the latest commissioning
+        self.guided_version = 0
         self._recorder: Recorder | None = None
         self._capture_text = ""
         self._trigger = ""  # of the capture that was armed last
@@ -170,8 +175,10 @@ class MonitoredDrive:
         if self._reset_happened in self.drive.on_reset:
             self.drive.on_reset.remove(self._reset_happened)
         with contextlib.suppress(LinkError):
-            if self._started_s is not None:
-                self.stop()
+            if self._started_s is not None or self._commissioning():
+                self.stop("the monitor has ended")
+            if self.guided:
+                self.guided.join()
         for thread in self._threads:
             thread.join()
         with self._lock:
@@ -202,6 +209,8 @@ class MonitoredDrive:
             "hidden_s": self.hidden_s,
             "fresh_s": FRESH_S,
             "triggers": TRIGGERS,
+            "steps": [{"name": name, "help": text} for name, text in STEPS.items()],
+            "choices": {name: choice._asdict() for name, choice in CHOICES.items()},
             "states": [state.name for state in dictionary.states],
             "parameters": [
                 {
@@ -234,7 +243,7 @@ class MonitoredDrive:
         ticks = ring.boards_end * stream.decimation if ring and stream else 0
         return {
             "state": state.name if state else "",
-            "working": state is not None and state.at_work,
+            "working": self.working(),
             "faults": self.drive.dictionary.causes(latest.faults) if latest else [],
             "time_s": (ticks or (latest.tick if latest else 0)) / self.drive.hello.f_isr_Hz,
             "plugged": client.transport.plugged,
@@ -263,6 +272,7 @@ class MonitoredDrive:
             "snapshot": self.snapshot_version,
             "capture": self.capture_number,
             "capture_state": self._capture_text,
+            "commissioning": self.guided_version,
             "record": _recording_status(self._recorder) if self._recorder else None,
         }
 
@@ -274,7 +284,8 @@ class MonitoredDrive:
     def working(self) -> bool:
         """Whether the gates may be on, or may go on without another command."""
         state = self._state()
-        return state is not None and state.at_work
+        measuring = self.guided is not None and self.guided.state == "measuring"
+        return measuring or (state is not None and state.at_work)
 
     # -- pages come and go -----------------------------------------------------------------
 
@@ -317,13 +328,15 @@ class MonitoredDrive:
     # -- commands --------------------------------------------------------------------------
 
     def start(self) -> None:
+        self._not_while_commissioning("start")
         self.notice = ""
         self.drive.start()
         self._started_s = time.monotonic()
         self._refresh.set()
 
-    def stop(self) -> None:
+    def stop(self, why: str = "stopped by the user") -> None:
         """Stop the drive. If that fails it is repeated for `STOP_S`: STOP must get through."""
+        self._halt(why)
         end = time.monotonic() + STOP_S
         while True:
             try:
@@ -333,6 +346,9 @@ class MonitoredDrive:
                 if time.monotonic() > end or not self.drive.client.transport.plugged:
                     raise
         self._started_s = None
+        if self._commissioning():
+            with contextlib.suppress(LinkError):
+                self.drive.cancel()  # nothing waits for a capture any more
         self._refresh.set()
 
     def clear(self) -> None:
@@ -343,6 +359,7 @@ class MonitoredDrive:
     def write(self, values: dict[str, object]) -> dict[str, str | float]:
         """Write several parameters in one fast interrupt, or none. Returns the values that are
         then in force."""
+        self._not_while_commissioning("write")
         for name, value in values.items():
             if isinstance(value, (int, float)) and not -FLOAT32 < value < FLOAT32:
                 raise LinkError(f"{name}: a finite number is needed", mistake=True)
@@ -394,12 +411,54 @@ class MonitoredDrive:
 
     def keep(self) -> None:
         """The board saves its parameters. Its traces pause meanwhile."""
+        self._not_while_commissioning("keep the parameters")
         with self._without_traces():
             self.drive.store_parameters()
 
     def forget(self) -> None:
+        self._not_while_commissioning("forget the parameters")
         with self._without_traces():
             self.drive.forget_parameters()
+
+    # -- commissioning -----------------------------------------------------------------------
+
+    def _commissioning(self) -> bool:
+        return self.guided is not None and self.guided.active
+
+    def _not_while_commissioning(self, what: str) -> None:
+        if self._commissioning():
+            raise LinkError(f"{what}: a commissioning is under way; stop it first")
+
+    def _halt(self, why: str) -> None:
+        if self.guided and self.guided.active:
+            self.guided.halt(why)
+
+    def commission(
+        self, steps: list[str], current_A: float | None, choices: dict[str, float]
+    ) -> None:
+        """Begin to commission the drive. It asks before each step."""
+        with self._lock:
+            self._not_while_commissioning("commission")
+            if self._capture_text not in ("", "complete"):
+                raise LinkError("commission: cancel the capture first")
+            self.notice = ""
+            self._started_s = time.monotonic()
+            self.guided = Guided(self.drive, steps, current_A, choices, self._guided_changed)
+
+    def _guided_changed(self) -> None:
+        self.guided_version += 1
+        self._refresh.set()
+
+    def commissioned(self) -> Guided:
+        """The latest commissioning."""
+        if self.guided is None:
+            raise LinkError("commissioning: none has begun", mistake=True)
+        return self.guided
+
+    def go_on(self, step: str, run_on: bool) -> None:
+        """Begin the step that was asked for. From now on pages have to watch."""
+        self.commissioned().go_on(step, run_on)
+        self._started_s = time.monotonic()
 
     # -- traces ------------------------------------------------------------------------------
 
@@ -551,7 +610,7 @@ class MonitoredDrive:
             reason = f"all pages were hidden for {self.hidden_s:g} s"
         else:
             return
-        self.stop()
+        self.stop(reason)
         latest = self.drive.client.latest
         at = f" at tick {latest.tick}" if latest else ""
         self.notice = f"stopped{at}: {reason}"
@@ -562,11 +621,13 @@ class MonitoredDrive:
         if stopped and stopped is not self._told:
             self._told, self._started_s = stopped, None
             self.notice = f"stopped at tick {stopped.tick}: {stopped.why('the monitor')}"
+            self._halt(self.notice)
 
     # -- a reset of the board ------------------------------------------------------------------
 
     def _reset_happened(self) -> None:
         """Called in a thread of the client. `_watch` does the work."""
+        self._halt("the board was reset")
         self._was_reset.set()
         self._refresh.set()
 
@@ -636,6 +697,7 @@ class MonitoredDrive:
         if on and on not in channels:
             channels = [*channels, on]
         with self._lock:
+            self._not_while_commissioning("capture")
             self.drive.arm(channels, samples, pre, trigger, prescaler)
             self._trigger = trigger
             self._capture_wanted += 1

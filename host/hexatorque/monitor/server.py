@@ -29,6 +29,8 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 
+from ..commissioning.choices import CHOICES, refusal
+from ..commissioning.sequence import STEPS
 from ..drive import parameter_sets
 from ..drive.limits import LIMITS
 from ..drive.parameter_sets import ParameterSetError
@@ -235,6 +237,11 @@ class Handler(BaseHTTPRequestHandler):
             self._json(_capture(_chosen(monitored, query)) if monitored.captures else None)
         elif url.path == "/captures":
             self._json([_described(one) for one in list(monitored.captures.values())])
+        elif url.path == "/commissioning":
+            self._json(monitored.guided.described() if monitored.guided else None)
+        elif url.path == "/commissioned.toml":
+            text = monitored.commissioned().setup_text()
+            self._send(text.encode(), "application/octet-stream", name="commissioned.toml")
         elif url.path == "/parameters.toml":
             text = parameter_sets.text_of(monitored.drive)
             name = f"{monitored.drive.hello.device.replace(' ', '-')}-parameters.toml"
@@ -478,6 +485,31 @@ def _difference(monitored: MonitoredDrive, body: dict) -> dict:
     return {"compared": len(others), "differing": differing}
 
 
+def _commission(monitored: MonitoredDrive, body: dict) -> None:
+    """Begin a commissioning. What the body does not have follows from the drive's parameters."""
+    steps = _field(body, "steps", list, "a list of steps")
+    for step in steps:
+        if step not in STEPS:
+            raise Refused(400, f"steps: no step {step!r}: choose from {', '.join(STEPS)}")
+    if not steps:
+        raise Refused(400, "steps: choose one at least")
+    choices = {name: choice.initial for name, choice in CHOICES.items()}
+    given = {
+        name: float(_field(body, name, (int, float), "a number"))
+        for name in ("current", *CHOICES)
+        if body.get(name) is not None
+    }
+    current_A = given.pop("current", None)
+    for name, value in given.items():
+        if line := refusal(name, value):
+            raise Refused(400, line)
+    monitored.commission(steps, current_A, choices | given)
+
+
+def _go_on(monitored: MonitoredDrive, body: dict) -> None:
+    monitored.go_on(_field(body, "step", str, "a step"), body.get("run_on") is True)
+
+
 def _select(monitored: MonitoredDrive, body: dict) -> dict:
     rate_Hz = body.get("rate_Hz")
     if rate_Hz is not None:
@@ -522,6 +554,9 @@ COMMANDS: dict[str, Callable[[MonitoredDrive, dict], dict | None]] = {
     "/parameters/difference": _difference,
     "/parameters/keep": lambda monitored, _: monitored.keep(),
     "/parameters/forget": lambda monitored, _: monitored.forget(),
+    "/commission/begin": _commission,
+    "/commission/go": _go_on,
+    "/commission/write": lambda monitored, _: monitored.commissioned().write(),
     "/channels": _select,
     "/capture/arm": _arm,
     "/capture/trigger": lambda monitored, _: monitored.trigger(),

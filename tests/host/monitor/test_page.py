@@ -391,7 +391,7 @@ LAID_OUT = """(async (state, faults) => {
 def test_no_words_lie_on_others(page, wide):
     page.size(wide, 720)
     causes = ["", "over-current", "currents of a set do not add up to zero, phase lost, link lost"]
-    for view in ("live", "capture"):
+    for view in ("live", "capture", "guide"):
         page.js(f"(() => {{ const b = document.querySelector('#see-{view}'); b.disabled = false;"
                 "b.click(); })()")  # fmt: skip
         for state, faults in itertools.product(("calibrate", "unplugged", "fault"), causes):

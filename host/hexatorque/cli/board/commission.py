@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from ...commissioning.choices import CHOICES, refusal
 from .. import options
 from ..group import examples
 from ..options import Mistake
@@ -32,14 +33,14 @@ from .connection import open_drive, until_signal
     "--travel",
     metavar="REV",
     type=options.number,
-    default=0.1,
+    default=CHOICES["travel"].initial,
     help="the shaft's movement in the tests at standstill; beyond it the gates go off",
 )
 @options.value(
     "--turns",
     metavar="REV",
     type=options.number,
-    default=3.0,
+    default=CHOICES["turns"].initial,
     help="turns of the field in the step encoder, twice as many if the inertia is large; the shaft "
     "turns no further",
 )
@@ -61,7 +62,7 @@ def commission(steps, current, travel, turns, speed, out, device, baud, as_json)
     mistake and exit code 1.
     """
     from ...commissioning.excitation import Limits
-    from ...commissioning.result import set_up
+    from ...commissioning.result import set_up_of_board
     from ...commissioning.sequence import STEPS, default_current_A, with_needs
     from ...commissioning.sequence import commission as run
 
@@ -71,11 +72,9 @@ def commission(steps, current, travel, turns, speed, out, device, baud, as_json)
             raise Mistake(f"no step {name!r}: choose from {', '.join(STEPS)}")
     if out is not None and "rotor" not in wanted and not {"magnetisation", "mechanics"} & {*wanted}:
         raise Mistake("--out: a set-up needs the step rotor at least")
-    for name, value in (("travel", travel), ("turns", turns)):
-        if not 0 < value <= 100:
-            raise Mistake(f"--{name} = {value:g}: allowed range is above 0 .. 100")
-    if speed is not None and not 1 <= speed <= 60000:
-        raise Mistake(f"--speed = {speed:g}: allowed range is 1 .. 60000 r/min")
+    for name, value in (("travel", travel), ("turns", turns), ("speed", speed)):
+        if value is not None and (line := refusal(name, value)):
+            raise Mistake(f"--{line}")
     console = console_of(as_json, highlight=False)
     names = with_needs(wanted)
     with (
@@ -101,8 +100,7 @@ def commission(steps, current, travel, turns, speed, out, device, baud, as_json)
         values = {} if found.mistakes else found.parameters(drive)
         text = ""
         if out is not None and not found.mistakes:
-            chip = drive.hello.device.removeprefix("virtual ")
-            text = set_up(found, drive, chip, f"Commissioned: {drive.hello.device}")
+            text = set_up_of_board(found, drive)
     if text:
         _write(out, text)
     if as_json:

@@ -3,6 +3,7 @@
 import { Analysis } from "/analysis.js";
 import { $, ask, make, order, toast } from "/asking.js";
 import { Bins } from "/bins.js";
+import { commissioning, fetchCourse, guide, tick } from "/commission.js";
 import { levels } from "/limits.js";
 import { decode, parse, show } from "/numbers.js";
 import { Overlay, samplesOf } from "/overlay.js";
@@ -37,7 +38,7 @@ let anew = true; // the next samples are not a part of those
 let captured = null; // the capture that is shown
 let captures = []; // what can be shown, without samples
 let armedHere = false;
-let seen = { values: -1, snapshot: -1, capture: 0 };
+let seen = { values: -1, snapshot: -1, capture: 0, commissioning: 0 };
 let channelRow = new Map();
 
 // -- commands ----------------------------------------------------------------------------
@@ -274,14 +275,15 @@ function limits() {
 function see(what) {
   seeing = what;
   document.body.dataset.seeing = what;
-  for (const name of ["live", "capture"]) {
+  for (const name of ["live", "capture", "guide"]) {
     $(`see-${name}`).setAttribute("aria-selected", String(name === what));
   }
-  const stack = what === "live" ? live : burst;
-  $("plots").replaceChildren(stack.box);
-  $("whole").hidden = !stack.view;
-  stack.draw();
-  analysis.open();
+  const stack = { live, capture: burst }[what];
+  $("plots").replaceChildren(stack?.box ?? guide);
+  $("whole").hidden = !stack?.view;
+  stack?.draw();
+  if (stack) analysis.open();
+  else $("analysis").hidden = true;
 }
 
 function tools() {
@@ -304,6 +306,7 @@ function tools() {
   $("capture-over").addEventListener("change", layOver);
   $("see-live").addEventListener("click", () => see("live"));
   $("see-capture").addEventListener("click", () => see("capture"));
+  $("see-guide").addEventListener("click", () => see("guide"));
   $("record").addEventListener("click", async () => {
     const done = status.record
       ? await order("/record/stop")
@@ -328,7 +331,7 @@ function hear(now) {
   $("state").textContent = now.plugged ? now.state || "–" : "unplugged";
   $("faults").textContent = now.faults.join(", ");
   $("faults").hidden = !now.faults.length;
-  $("start").disabled = now.state !== "idle" || !now.plugged;
+  $("start").disabled = now.state !== "idle" || now.working || !now.plugged;
   $("clear").disabled = now.state !== "fault" || !now.plugged;
   alarm();
   resetBanner(now.reset);
@@ -350,8 +353,13 @@ function hear(now) {
   }
   if (now.snapshot !== seen.snapshot) fetchSnapshot(now.snapshot);
   if (now.capture !== seen.capture) fetchCapture(now.capture);
+  if (now.commissioning !== seen.commissioning) {
+    seen.commissioning = now.commissioning;
+    fetchCourse().catch(() => { seen.commissioning = -1; });
+  }
+  tick();
   // A board of protocol 2.0 does not say when the gates are on: it refuses by itself.
-  if (!before || before.state !== now.state) lockParameters(working() && device.minor > 0);
+  if (!before || before.state !== now.state || before.working !== now.working) lockParameters(working() && device.minor > 0);
   limits();
 }
 
@@ -804,6 +812,7 @@ async function begin() {
   sets();
   channels();
   capture();
+  commissioning(device, stop);
   tools();
   listen();
   setInterval(alarm, 250);

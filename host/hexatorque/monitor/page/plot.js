@@ -6,7 +6,7 @@ import { decimals, fixed, parse, show } from "/numbers.js";
 /* global uPlot */
 
 /** Distances of ticks: 1, 2 and 5 times a power of ten. */
-const STEPS = Array.from({ length: 22 }, (_, i) => i - 12)
+export const STEPS = Array.from({ length: 22 }, (_, i) => i - 12)
   .flatMap((power) => [1, 2, 5].map((factor) => Number(`${factor}e${power}`)));
 /** Room around the traces, in pixels. */
 const ROOM = { above: 8, right: 20, values: 58, times: 22, below: 8 };

@@ -5,6 +5,17 @@ import { Plot } from "/plot.js";
 
 /* global uPlot */
 
+/** Colours and font of what is drawn, as the style sheet has them now. */
+export function colours() {
+  const style = getComputedStyle(document.documentElement);
+  const colour = (name) => style.getPropertyValue(`--${name}`).trim();
+  return {
+    ...Object.fromEntries(["faint", "line", "accent", "stop", "warn", "card"].map((name) => [name, colour(name)])),
+    traces: Array.from({ length: 5 }, (_, i) => colour(`trace-${i}`)),
+    font: `11px ${getComputedStyle(document.body).fontFamily}`,
+  };
+}
+
 /** The plots share their time. Time 0 is the newest sample, or the trigger. */
 export class Stack {
   /** options: words(name, value) names a value or says null; zoomed(from, to) on a choice. */
@@ -44,18 +55,8 @@ export class Stack {
   }
 
   restyle() {
-    const style = getComputedStyle(document.documentElement);
-    const colour = (name) => style.getPropertyValue(name).trim();
-    this.font = `11px ${getComputedStyle(document.body).fontFamily}`;
-    this.colours = {
-      faint: colour("--faint"),
-      line: colour("--line"),
-      accent: colour("--accent"),
-      stop: colour("--stop"),
-      warn: colour("--warn"),
-      card: colour("--card"),
-      traces: Array.from({ length: 5 }, (_, i) => colour(`--trace-${i}`)),
-    };
+    this.colours = colours();
+    this.font = this.colours.font;
   }
 
   /** The font of the canvas, which has so many pixels per pixel of the page. */
