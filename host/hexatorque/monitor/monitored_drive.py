@@ -31,14 +31,10 @@ from ..recording.recording import Recording
 from ..serial import LinkError, wire
 from ..serial.client import HEARTBEAT_S, Stopped
 from ..serial.stream import Stream
+from .deadman import HIDDEN_S, SILENT_S, DeadMan
 from .guided import Guided
 from .traces import Ring
 
-#: A drive that was started here is stopped if no page has answered for this long. Together with
-#: the time that STOP takes, this is less than 2 s.
-SILENT_S = 1.5
-#: The drive is also stopped if all pages that answer have been hidden for this long.
-HIDDEN_S = 10.0
 #: A page gets no samples while its latest answer is older than this.
 BEHIND_S = 0.5
 #: The newest sample is shown as a number only if it is not older than this.
@@ -54,8 +50,6 @@ STOP_S = 1.0
 CAPTURES, CAPTURES_VALUES = 12, 1 << 23
 #: Attempts to upload a capture.
 FETCH_TRIES = 5
-#: After START the board's state changes within this time.
-START_S = 0.5
 #: Length of the history that pages can show, and its largest number of values.
 HISTORY_S, HISTORY_VALUES = 60.0, 1 << 23
 #: Intervals at which samples are moved into the ring, and at which parameters are read (another
@@ -112,8 +106,7 @@ class MonitoredDrive:
     ) -> None:
         self.drive = drive
         self.folder = folder
-        self.silent_s = silent_s
-        self.hidden_s = hidden_s
+        self.dead_man = DeadMan(silent_s, hidden_s)
         #: Counts the choices of channels and rate, so that a page notices a new one.
         self.epoch = 0
         self.ring: Ring | None = None
@@ -132,11 +125,8 @@ class MonitoredDrive:
         self._capture_text = ""
         self._trigger = ""  # of the capture that was armed last
         self._capture_wanted = 0  # number of the capture that was armed last
-        self._started_s: float | None = None  # when the drive was started here
         self._pages: dict[int, float] = {}  # page -> when the frame was sent that it last answered
         self._page = 0  # number of the newest page
-        # When the frame was sent that was answered last: by any page, and by a visible page.
-        self._answered_s = self._visible_s = -math.inf
         self._pushed_s = -math.inf  # when the latest samples came
         self._told: Stopped | None = None  # the stop that `notice` was about
         self._was_reset = threading.Event()
@@ -175,7 +165,7 @@ class MonitoredDrive:
         if self._reset_happened in self.drive.on_reset:
             self.drive.on_reset.remove(self._reset_happened)
         with contextlib.suppress(LinkError):
-            if self._started_s is not None or self._commissioning():
+            if self.dead_man.watches or self._commissioning():
                 self.stop("the monitor has ended")
             if self.guided:
                 self.guided.join()
@@ -205,8 +195,8 @@ class MonitoredDrive:
             "capture_channels": hello.capture_channels,
             "memory": hello.memory,
             "history_s": HISTORY_S,
-            "silent_s": self.silent_s,
-            "hidden_s": self.hidden_s,
+            "silent_s": self.dead_man.silent_s,
+            "hidden_s": self.dead_man.hidden_s,
             "fresh_s": FRESH_S,
             "triggers": TRIGGERS,
             "steps": [{"name": name, "help": text} for name, text in STEPS.items()],
@@ -252,7 +242,7 @@ class MonitoredDrive:
             "reset": self.reset,
             "resets": self.drive.resets,
             "marks_s": [n / stream.rate_Hz for n in ring.marks] if ring and stream else [],
-            "stops_in_s": self._stops_in_s(),
+            "stops_in_s": self.dead_man.stops_in_s(time.monotonic()) if self.working() else None,
             "pages": len(self._pages),
             "channels": stream.channels if stream else (),
             "epoch": self.epoch,
@@ -312,18 +302,7 @@ class MonitoredDrive:
         with self._lock:
             if page in self._pages:  # otherwise the page has opened a new connection
                 self._pages[page] = max(self._pages[page], sent_s)
-        self._answered_s = max(self._answered_s, sent_s)
-        if visible:
-            self._visible_s = max(self._visible_s, sent_s)
-
-    def _stops_in_s(self) -> float | None:
-        """Seconds until the drive is stopped because all pages are hidden; None if it is not
-        going to be."""
-        started_s = self._started_s
-        if started_s is None or not self.working():
-            return None
-        hidden_for_s = time.monotonic() - max(self._visible_s, started_s)
-        return max(0.0, self.hidden_s - hidden_for_s) if hidden_for_s > self.silent_s else None
+        self.dead_man.answered(sent_s, visible)
 
     # -- commands --------------------------------------------------------------------------
 
@@ -331,7 +310,7 @@ class MonitoredDrive:
         self._not_while_commissioning("start")
         self.notice = ""
         self.drive.start()
-        self._started_s = time.monotonic()
+        self.dead_man.started(time.monotonic())
         self._refresh.set()
 
     def stop(self, why: str = "stopped by the user") -> None:
@@ -345,7 +324,7 @@ class MonitoredDrive:
             except LinkError:
                 if time.monotonic() > end or not self.drive.client.transport.plugged:
                     raise
-        self._started_s = None
+        self.dead_man.ended()
         if self._commissioning():
             with contextlib.suppress(LinkError):
                 self.drive.cancel()  # nothing waits for a capture any more
@@ -442,7 +421,7 @@ class MonitoredDrive:
             if self._capture_text not in ("", "complete"):
                 raise LinkError("commission: cancel the capture first")
             self.notice = ""
-            self._started_s = time.monotonic()
+            self.dead_man.started(time.monotonic())
             self.guided = Guided(self.drive, steps, current_A, choices, self._guided_changed)
 
     def _guided_changed(self) -> None:
@@ -458,7 +437,7 @@ class MonitoredDrive:
     def go_on(self, step: str, run_on: bool) -> None:
         """Begin the step that was asked for. From now on pages have to watch."""
         self.commissioned().go_on(step, run_on)
-        self._started_s = time.monotonic()
+        self.dead_man.started(time.monotonic())
 
     # -- traces ------------------------------------------------------------------------------
 
@@ -592,23 +571,8 @@ class MonitoredDrive:
                 self._closing.wait(HEARTBEAT_S)
 
     def _stop_if_unwatched(self) -> None:
-        now = time.monotonic()
-        if self._started_s is None:
-            return
-        if not self.working():
-            # The drive has stopped. Its next start may come from another client, so forget ours;
-            # but wait first, since our own START takes time to show.
-            if now - self._started_s > START_S:
-                self._started_s = None
-            return
-        # START came from a page, so it counts as an answer of a visible page.
-        if now - max(self._answered_s, self._started_s) > self.silent_s:
-            reason = "no page was open"
-            if self._pages:
-                reason = f"no page answered for {self.silent_s:g} s (the browser did not run)"
-        elif now - max(self._visible_s, self._started_s) > self.hidden_s:
-            reason = f"all pages were hidden for {self.hidden_s:g} s"
-        else:
+        reason = self.dead_man.reason(time.monotonic(), self.working(), bool(self._pages))
+        if not reason:
             return
         self.stop(reason)
         latest = self.drive.client.latest
@@ -619,7 +583,8 @@ class MonitoredDrive:
         """The drive was stopped because the monitor itself did not run for a while."""
         stopped = self.drive.stopped
         if stopped and stopped is not self._told:
-            self._told, self._started_s = stopped, None
+            self._told = stopped
+            self.dead_man.ended()
             self.notice = f"stopped at tick {stopped.tick}: {stopped.why('the monitor')}"
             self._halt(self.notice)
 
@@ -637,7 +602,7 @@ class MonitoredDrive:
     def _after_reset(self) -> None:
         """Show the reset, restart the traces, and read parameters and snapshot again. After a
         LinkError it must be called again."""
-        self._started_s = None  # the reset has switched the drive off
+        self.dead_man.ended()  # the reset has switched the drive off
         set_in_force = self.drive.client.get_status().set
         reset = self.drive.reset
         cause = f" Cause: {reset.cause}." if reset else ""

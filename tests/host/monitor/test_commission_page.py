@@ -87,7 +87,8 @@ def test_the_guide_leads_through_all_steps(page, site, monkeypatch):
     sim.load_Nm = 0.1
     sim.hello = site.monitored.drive.hello
     monkeypatch.setattr(monitored_drive, "Guided", lambda _, *rest: Guided(sim, *rest))
-    site.monitored.silent_s = site.monitored.hidden_s = 600.0  # the simulation delays the page
+    dead_man = site.monitored.dead_man
+    dead_man.silent_s = dead_man.hidden_s = 600.0  # the simulation delays the page
     readable(page)
     press(page, "#guide-begin")
     for step in list(STEPS)[:3]:

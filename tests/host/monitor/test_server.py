@@ -12,7 +12,7 @@ from waiting import WAIT_S, until
 from hexatorque import firmware
 from hexatorque.drive.limits import LIMITS
 from hexatorque.monitor import server as module
-from hexatorque.monitor.monitored_drive import START_S
+from hexatorque.monitor.deadman import START_S
 from hexatorque.monitor.traces import Ring
 from hexatorque.recording.recording import Recording
 
@@ -391,7 +391,7 @@ def test_a_silent_page_ends_every_state_with_gates(site, board, state, listed):
     """Also a state that the monitor does not know: of such a one it must expect the worst."""
     silent_s = 0.7
     assert START_S < silent_s < HELD["calibrate"]["calibration_s"]  # else little is tested
-    site.monitored.silent_s = silent_s
+    site.monitored.dead_man.silent_s = silent_s
     drive = site.monitored.drive
     drive.set_many(HELD[state])
     if not listed:
@@ -417,7 +417,7 @@ def test_a_reload_of_the_page_does_not_stop_the_drive(site):
         site.until("run")
     time.sleep(0.3)
     with site.page():
-        time.sleep(2 * site.monitored.silent_s)
+        time.sleep(2 * site.monitored.dead_man.silent_s)
         assert site.monitored.status()["state"] == "run"
         assert site.post("/stop", {})[0] == 200
 
@@ -431,13 +431,13 @@ def test_a_drive_that_another_client_started_is_not_stopped(site):
     time.sleep(1.0)  # until the monitor has forgotten its own start
     site.monitored.drive.start()
     site.until("run")
-    time.sleep(2 * site.monitored.silent_s)
+    time.sleep(2 * site.monitored.dead_man.silent_s)
     assert site.monitored.status()["state"] == "run"
     site.monitored.drive.stop()
 
 
 def test_closing_stops_a_drive_that_was_started_here(site):
-    site.monitored.silent_s = site.monitored.hidden_s = 100.0
+    site.monitored.dead_man.silent_s = site.monitored.dead_man.hidden_s = 100.0
     site.post("/start", {})
     site.until("run")
     site.monitored.close()
@@ -478,7 +478,7 @@ def test_an_answer_counts_from_when_its_frame_was_sent(site):
     with site.page(answer=late):
         begun = started(site)
         site.until("idle")
-        assert time.monotonic() - begun > site.monitored.silent_s
+        assert time.monotonic() - begun > site.monitored.dead_man.silent_s
         notice(site, "no page answered")
 
 
@@ -523,7 +523,7 @@ def test_a_page_that_is_behind_gets_no_samples_until_it_has_caught_up(site):
 def test_one_page_that_answers_is_enough(site):
     with site.page(answer=lambda sent_s: None), site.page() as frame:
         started(site)
-        end = time.monotonic() + 2.5 * site.monitored.silent_s
+        end = time.monotonic() + 2.5 * site.monitored.dead_man.silent_s
         while time.monotonic() < end:
             frame()
         assert site.monitored.status()["state"] == "run"
@@ -536,7 +536,7 @@ def test_hidden_pages_keep_the_drive_running_for_a_limited_time(site):
     with site.page(answer=hidden) as frame:
         with site.page():
             started(site)
-            end = time.monotonic() + 1.5 * site.monitored.hidden_s
+            end = time.monotonic() + 1.5 * site.monitored.dead_man.hidden_s
             while time.monotonic() < end:  # another page is visible
                 shown = frame().get("status")
                 assert shown is None or shown["stops_in_s"] is None
@@ -548,7 +548,7 @@ def test_hidden_pages_keep_the_drive_running_for_a_limited_time(site):
             left.append(shown.get("stops_in_s"))
     left = [one for one in left if one is not None]
     assert left and left == sorted(left, reverse=True)
-    assert 0 <= left[-1] < left[0] <= site.monitored.hidden_s
+    assert 0 <= left[-1] < left[0] <= site.monitored.dead_man.hidden_s
     notice(site, "hidden")
 
 

@@ -11,8 +11,9 @@ Stored parameters are damaged at random places: the start must take the saved on
 is left, else the built-in ones, and it must say which. It must never take a wrong value. And where
 a debugger starts the image anew while the gates are on, they must go off before anything else.
 
-The last kind has no fault: the speed reverses, and no gate pulse may be shorter than the power
-stage can make. All other runs count such pulses as well.
+Two kinds have no fault. The speed reverses, and no gate pulse may be shorter than the power stage
+can make; all other runs count such pulses as well. And the page that has started a drive falls
+silent: the monitor's dead man must stop the drive, in every state in which its gates may be on.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ import numpy as np
 from ... import firmware, setups
 from ...boards.virtual import BoardController
 from ...drive.simulated import SimulatedDrive
+from ...monitor.deadman import DeadMan
 from ...parallel import each
 from ...plant.legs import HIGH, LOW, OFF
 from ...plant.vsd import PHASES
@@ -143,11 +145,40 @@ class HostedDrive(SimulatedDrive):
         left, most = round(duration_s / self.period_s), round(HEARTBEAT_S / self.period_s)
         while left:
             if self._session and not self.silent:
-                self._send(wire.Op.STATUS)
+                self._beat()
             periods = min(left, most)
             super().run(periods * self.period_s, record, progress)
             self._line.take()
             left -= periods
+
+    def _beat(self) -> None:
+        self._send(wire.Op.STATUS)
+
+
+class PagedDrive(HostedDrive):
+    """The host is the monitor. A page has started the drive and answers, until it is
+    `page_silent`; the monitor's dead man decides when the drive is stopped."""
+
+    def __init__(self, setup: setups.Setup, samples_per_period: int) -> None:
+        super().__init__(setup, samples_per_period)
+        self.page_silent = False
+        self.dead_man = DeadMan()
+        self.reason = ""  #: why the dead man has stopped the drive
+
+    def start(self) -> None:
+        super().start()
+        self.dead_man.started(self.periods * self.period_s)
+
+    def _beat(self) -> None:
+        super()._beat()
+        now_s = self.periods * self.period_s
+        if not self.page_silent:
+            self.dead_man.answered(now_s, visible=True)
+        reason = self.dead_man.reason(now_s, self.controller.condition.at_work, pages=True)
+        if reason:
+            self.reason = reason
+            self.dead_man.ended()
+            self._send(wire.Op.STOP)
 
 
 def _sign(rng: np.random.Generator) -> int:
@@ -815,6 +846,44 @@ def reversal(_: str, scheme: str, setup: str, seed: int) -> Result:
     return result
 
 
+#: No fault of the drive: the page that has started it falls silent. The monitor stops the drive.
+PAGE_SILENT = "page silent"
+#: Longest time until the gates are off.
+PAGE_SILENT_S = 2.0
+
+
+def page_silent(state: str, scheme: str, setup: str, seed: int) -> Result:
+    """In whatever state the page falls silent, the gates must be off in time, without a fault, and
+    stay off. While the page answers, the drive must go on. The periods are those until the monitor
+    has next looked after the stop, which it does every HEARTBEAT_S."""
+    rng = np.random.default_rng(seed)
+    result = Result(PAGE_SILENT, state, scheme, setup)
+    sim = PagedDrive(_setup(setup, scheme, rng, seed), 1)
+    _bring_to(sim, state, rng)
+    if state == "run":
+        sim.run(PAGE_SILENT_S + rng.uniform(0.0, HEARTBEAT_S), record=False)
+    if sim.controller.state != state:
+        result.error = f"{sim.controller.state} instead of {state} before the page falls silent"
+        return result
+    sim.page_silent = True
+    begin, most = sim.periods, round(PAGE_SILENT_S / sim.period_s)
+    while not _gates_off(sim) or sim.controller.condition.at_work:
+        if sim.periods - begin >= most:
+            result.error = f"gates on for {PAGE_SILENT_S:g} s without a page, {sim.state}"
+            return result
+        sim.run(sim.period_s if sim.reason else HEARTBEAT_S, record=False)
+    result.cause, result.periods = sim.reason, sim.periods - begin
+    if sim.state != "idle":
+        result.error = f"ends in {sim.state}"
+    elif not sim.reason:
+        result.error = "the drive stopped by itself"
+    for _ in range(AFTER):
+        sim.run(sim.period_s, record=False)
+        if not _gates_off(sim):
+            result.error = "a gate came on after the stop"
+    return result
+
+
 def places(fault: Fault, runs: int) -> list[tuple[str, str, str]]:
     """State, scheme and set-up of each run. Two thirds of the runs are in states where the fault
     must be found, the others in the remaining states. Both go through all combinations in turn."""
@@ -835,7 +904,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
     ]
     others: list[tuple] = [
         (case, *where, n)
-        for case, states in ((restarted, STATES), (reversal, ("run",)))
+        for case, states in ((restarted, STATES), (reversal, ("run",)), (page_silent, CHECKED))
         for n, where in zip(
             range(RUNS), itertools.cycle(itertools.product(states, firmware.schemes(), SETUPS))
         )
@@ -855,7 +924,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
     rows = []
     named = [(fault.name, fault.found_in) for fault in FAULTS]
     named += [(name, ("start",)) for name in at_the_start]
-    named += [(RESTARTED, STATES), (REVERSAL, ())]
+    named += [(RESTARTED, STATES), (REVERSAL, ()), (PAGE_SILENT, CHECKED)]
     for name, found_in in named:
         own = [r for r in results if r.fault == name]
         found = [r for r in own if r.periods]

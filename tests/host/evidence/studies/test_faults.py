@@ -34,7 +34,7 @@ def test_in_the_next_interrupt(result):
     assert len(slow) == 6
     trips = ("trip pin", "trip pin held low", "over-current between two samples")
     for row in result["rows"]:
-        if row["fault"] not in slow | {faults.REVERSAL}:
+        if row["fault"] not in slow | {faults.REVERSAL, faults.PAGE_SILENT}:
             longest = 2 if row["fault"] in trips else 1
             assert row["periods_max"] in range(1, longest + 1), row["fault"]
 
@@ -44,6 +44,33 @@ def test_the_chip_switches_off_without_the_slow_interrupt(result):
     comes; its frequency is 10 to 1000 Hz in these runs."""
     row = next(r for r in result["rows"] if r["fault"] == "ADC's interrupt lost")
     assert row["periods_max"] == faults.DEAD_MAN
+
+
+def test_a_silent_page_ends_every_state_with_gates(result):
+    row = next(r for r in result["rows"] if r["fault"] == faults.PAGE_SILENT)
+    assert row["found"] == row["runs"] and set(row["found_in"]) >= set(faults.GATES_ON)
+    assert 1e-4 * row["periods_max"] <= faults.PAGE_SILENT_S
+    assert all(cause.startswith("no page answered") for cause in row["causes"])
+
+
+def test_a_dead_man_that_does_not_know_a_state_fails_the_study(monkeypatch):
+    """As if the monitor believed that the gates are off in the state test."""
+    reason = faults.DeadMan.reason
+    drives = []
+
+    def blind(self, now_s, working, pages):
+        working = working and drives[-1].state != "test"
+        return reason(self, now_s, working, pages)
+
+    class Watched(faults.PagedDrive):
+        def __init__(self, *arguments):
+            super().__init__(*arguments)
+            drives.append(self)
+
+    monkeypatch.setattr(faults, "PagedDrive", Watched)
+    monkeypatch.setattr(faults.DeadMan, "reason", blind)
+    assert "gates on for 2 s" in faults.page_silent("test", "ddr", "paper-b", 1).error
+    assert faults.page_silent("run", "ddr", "paper-b", 1).error == ""
 
 
 @pytest.mark.parametrize("slow_Hz", (10.0, 1000.0))
