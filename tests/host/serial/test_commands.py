@@ -11,6 +11,7 @@ import click
 import numpy as np
 import pytest
 from forked import Forked
+from waiting import until
 
 from hexatorque.cli.board.curves import Curves, braille
 from hexatorque.cli.main import main
@@ -58,8 +59,7 @@ def test_status_names_the_lost_phase_and_the_torque_that_is_left(call, board):
         before = drive.get_many(list(change))
         drive.set_many(change)
         drive.start()
-        while drive.state != "run":
-            time.sleep(0.02)
+        until(lambda: drive.state == "run")
         time.sleep(0.1)
         status = json.loads(call("status", "--json")[1])
         said = call("status")[1]
@@ -169,13 +169,12 @@ def test_a_start_is_guarded_and_ended_by_a_signal(call, board):
 def stopped_for_a_while(process: Forked, board: str) -> int:
     """Stop the process until its drive is off. Returns the board's tick before."""
     with BoardDrive.open(board) as watch:
-        while watch.state != "run":
-            time.sleep(0.02)
+        until(lambda: watch.state == "run" or process.poll() is not None)
+        assert process.poll() is None
         tick = watch.client.latest.tick
         process.send_signal(signal.SIGSTOP)
         try:
-            while watch.condition.at_work:
-                time.sleep(0.02)
+            until(lambda: not watch.condition.at_work)
             assert watch.faults == []
         finally:
             process.send_signal(signal.SIGCONT)

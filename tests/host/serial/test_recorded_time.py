@@ -13,6 +13,7 @@ from campaigns import examples, part
 from forked import Forked
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from waiting import until
 
 from hexatorque.drive.board import BoardDrive
 from hexatorque.serial import LinkError, wire
@@ -261,8 +262,8 @@ def test_after_a_stopped_process_ticks_are_the_boards(board, streaming, who, sec
     with BoardDrive.open(board) as drive:
         if who == "guard":
             guard = Forked(["-m", "hexatorque", "board", "start", "--device", board], pipes=())
-            while drive.state != "run":
-                time.sleep(0.05)
+            until(lambda: drive.state == "run" or guard.poll() is not None)
+            assert guard.poll() is None
             pid = guard.pid
         else:
             pid = process.pid if who == "client" else drive.client.transport.pid
