@@ -34,7 +34,7 @@ PALE = """(() => {
   const pale = [];
   for (const e of document.querySelectorAll('body *')) {
     const own = [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
-    if (!own || !e.checkVisibility() || e.closest(':disabled, .off, option, script, .locked')) continue;
+    if (!own || !e.checkVisibility() || e.closest(':disabled, option, script, .locked')) continue;
     const ground = behind(e);
     const [a, b] = [light(over(parts(getComputedStyle(e).color), ground)), light(ground)];
     const contrast = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);

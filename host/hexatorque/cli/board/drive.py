@@ -120,6 +120,9 @@ def start(duration, device, baud, as_json, **before) -> int:
             if now != was:
                 console.print(f"{drive.time_s:8.2f} s  {now.name}")
             was = now
+            # Where a board does not tell what its states are, each may be at work: a fault ends it.
+            if drive.faults:
+                break
             if now.at_work:
                 ended.wait(0.1)
         faults, trip = drive.faults, drive.trip
