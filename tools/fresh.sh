@@ -46,8 +46,11 @@ if [ -z "$folder" ]; then
 fi
 
 system=$folder/system
-mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' |
-    grep -v security | head -n 1)
+# This computer's own mirror, if it is one of Debian.
+mirror=http://deb.debian.org/debian
+! grep -qx 'ID=debian' /etc/os-release ||
+    mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' |
+        grep -v security | head -n 1)
 echo "fresh: making Debian $suite"
 script=/usr/share/debootstrap/scripts/$suite
 [ -e "$script" ] || script=${script%/*}/sid # a suite that is newer than this debootstrap

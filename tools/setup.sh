@@ -52,10 +52,31 @@ exec 9<"$root"
 half=$venv.half
 compiled=
 before=
+telling=
 end() {
     # In a terminal Ctrl-C does not reach what runs in the background.
+    told
     [ -z "$compiled" ] || { kill "$compiled" 2>/dev/null && wait "$compiled"; } || true
     [ -z "$before" ] || rm -rf "$before"
+}
+# tell WORK: say what is done, and every three seconds for how long already, until told.
+tell() {
+    echo "hexatorque set-up: $1"
+    (
+        trap 'kill $!; wait; exit' TERM
+        took=3
+        sleep 3 &
+        while wait $! && kill -0 $$; do
+            echo "hexatorque set-up: $1 ... $took s"
+            took=$((took + 3))
+            sleep 3 &
+        done
+    ) 9<&- 2>/dev/null &
+    telling=$!
+}
+told() {
+    [ -z "$telling" ] || { kill "$telling" 2>/dev/null && wait "$telling"; } || true
+    telling=
 }
 trap end EXIT
 trap 'exit 130' INT
@@ -68,7 +89,7 @@ if [ -e "$half" ] || ! "$venv/bin/python" -m pip --version >/dev/null 2>&1; then
 fi
 : >"$half"
 rm -f "$venv/.installed"
-echo "hexatorque set-up: installing into $venv"
+tell "installing into $venv"
 installed=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_paths()["purelib"])')/hexatorque
 before=$(mktemp -d)
 extras=$before/extras
@@ -122,7 +143,8 @@ add "$root"
 # An installed file gets the age of its source: numba keeps what it has compiled as long as neither
 # content nor age of a file changes. So an edit of the C alone does not compile the plant again.
 (cd "$root/host/hexatorque" && find . -name '*.py' -exec touch -r {} "$installed/{}" \;)
-echo "hexatorque set-up: compiling the simulation if its source has changed (about 15 s)"
+told
+tell "compiling the simulation if its source has changed (about 15 s)"
 # Numba looks for scipy when it starts. Only then the extras, with scipy, are installed. After them
 # the other core imports, for the first time, what draws.
 started=$before/started
@@ -137,5 +159,6 @@ add -r "$extras"
 "$venv/bin/python" -c 'from hexatorque.analysis import plots, report' || true
 wait $compiled
 compiled=
+told
 rm -f "$half"
 touch "$venv/.installed"

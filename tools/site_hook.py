@@ -14,6 +14,7 @@ import importlib
 import inspect
 import os
 import re
+import time
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
+TELL_S = 2.5
 #: Page of the site -> file at the root.
 FROM_ROOT = {
     "index.md": "README.md",
@@ -52,6 +54,19 @@ PYTHON = {
 
 
 # --- MkDocs calls these -----------------------------------------------------------
+
+
+#: The pages that are being made, and when the last line said how many.
+_pages: set[str] = set()
+_told_s = time.monotonic()
+
+
+def tell(what: str, number: int, of: int) -> None:
+    """How far the site is, in a line every few seconds."""
+    global _told_s
+    if time.monotonic() - _told_s > TELL_S:
+        print(f"{what} {number} of {of}", flush=True)
+        _told_s = time.monotonic()
 
 
 def on_config(config):
@@ -93,6 +108,8 @@ def on_page_markdown(markdown, page, config, files):
             return link[0]  # MkDocs reports it
         return f"`{outside}`" if text.strip("`") in outside else f"{text} (`{outside}`)"
 
+    _pages.add(page.file.src_uri)
+    tell("page", len(_pages), len(files.documentation_pages()))
     parts = re.split(r"(^```.*?^```$)", markdown, flags=re.S | re.M)
     parts[::2] = [re.sub(r"(?<!!)\[([^\]]+)\]\(([^)\s]+)\)", without_code, p) for p in parts[::2]]
     return "".join(parts)
@@ -314,7 +331,11 @@ def executed(path: Path) -> Any:
 
     book = nbformat.read(path, as_version=4)
     local = Config({"ConnectionFileMixin": {"transport": "ipc"}})  # no port is opened
-    NotebookClient(book, kernel_name="python3", timeout=300, config=local).execute()
+    client = NotebookClient(book, kernel_name="python3", timeout=300, config=local)
+    client.on_cell_start = lambda cell, cell_index: tell(
+        f"{path.name}: cell", cell_index + 1, len(book.cells)
+    )
+    client.execute()
     return book
 
 

@@ -129,3 +129,31 @@ def test_an_interrupted_set_up_is_made_again(tmp_path, whole_before, by):
         assert tree.set_up()
         assert tree.found() == want and not begun.exists(), f"stopped at call {number}"
     assert number > 8
+
+
+def test_a_long_step_says_for_how_long_already(tmp_path):
+    """Here three seconds are one step of `sleep` that waits for nothing, and the step is long: it
+    ends when three lines of it have been read."""
+    tree = Tree(tmp_path)
+    programs = tmp_path / "programs"
+    programs.mkdir()
+    go_on = tmp_path / "go on"
+    slow = f'until [ -e "{go_on}" ]; do /bin/sleep 0.01; done'
+    case = 'case "$*" in\n'
+    tree.python.write_text(PYTHON.replace(case, f"{case}*install*) {slow} ;;\nesac\n{case}", 1))
+    (programs / "sleep").write_text("#!/bin/sh\nexec /bin/sleep 0.01\n")
+    (programs / "sleep").chmod(0o755)
+    environment = os.environ | {
+        "PATH": f"{programs}:{os.environ['PATH']}", "PYTHON": str(tree.python),
+        "CALLS": str(tree.calls), "STOP_AT": str(NEVER),
+    }  # fmt: skip
+    with subprocess.Popen(
+        ["tools/setup.sh", "venv"], cwd=tree.folder, env=environment, text=True,
+        stdout=subprocess.PIPE, start_new_session=True,
+    ) as process:  # fmt: skip
+        lines = [process.stdout.readline() for _ in range(4)]
+        go_on.touch()
+        process.communicate()
+    assert process.returncode == 0 and not running(process.pid)
+    text = "hexatorque set-up: installing into venv"
+    assert lines == [f"{text}\n", *(f"{text} ... {n} s\n" for n in (3, 6, 9))]

@@ -10,6 +10,7 @@ import click
 from . import completion, options
 from .group import examples
 from .output import console_of, print_failure, print_json
+from .working import working
 
 #: Failures that are printed; the table has all.
 SHOWN = 5
@@ -129,7 +130,12 @@ def sweep(
 
 
 def _run(console, study, output, resume, jobs, scheduler, limit_s) -> int:
-    """Run the study under a bar; the number of runs that failed."""
+    """Run the study under a bar, or, elsewhere than on a terminal, with lines; the number of runs
+    that failed."""
+    if not console.is_terminal:
+        with working(console, "running", len(study), "runs") as work:
+            study.run(output, resume, jobs, None, scheduler, limit_s, lambda row: work.advance(1))
+        return len(study.failures)
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,

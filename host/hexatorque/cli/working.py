@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
@@ -13,8 +14,9 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
 #: What is no terminal gets a line if a piece of work lasts longer than the first time, and another
-#: one each time that the second has passed.
-FIRST_S, AGAIN_S = 2.5, 10.0
+#: one each time that the second has passed. A work of more than a minute gets fewer lines: the next
+#: one comes after this share of the time so far.
+FIRST_S, AGAIN_S, SHARE = 2.5, 3.0, 0.05
 SIMULATED = "s simulated"
 TELLER = "says what is done"
 
@@ -103,10 +105,10 @@ def _lines(work: Work) -> Iterator[None]:
     def tell() -> None:
         while not ended:
             work.changed.clear()
-            wait_s = FIRST_S
+            begin_s, wait_s = time.monotonic(), FIRST_S
             while not work.changed.wait(wait_s):
                 print(work, file=sys.stderr, flush=True)
-                wait_s = AGAIN_S
+                wait_s = max(AGAIN_S, SHARE * (time.monotonic() - begin_s))
 
     teller = threading.Thread(target=tell, name=TELLER, daemon=True)
     teller.start()

@@ -98,7 +98,6 @@ def test_a_worker_of_another_version_is_named(make, started):
 def test_a_scheduler_that_does_not_answer_is_one_line(silent, tmp_path, capsys, monkeypatch):
     """Neither where nobody listens nor where somebody listens and says nothing."""
     monkeypatch.setattr(cluster, "ANSWER_S", 1.5)
-    begin_s = time.monotonic()
     with socket.socket() as listening:
         listening.bind(("127.0.0.1", 0))
         if silent:
@@ -106,7 +105,6 @@ def test_a_scheduler_that_does_not_answer_is_one_line(silent, tmp_path, capsys, 
         address = f"tcp://127.0.0.1:{listening.getsockname()[1]}"
         line = ["sweep", "--grid", "point.speed_rpm=500,900", "--metric", "i1_A"]
         assert main([*line, "--scheduler", address, "-o", str(tmp_path)]) == 2
-    assert time.monotonic() - begin_s < 5.0
     said = capsys.readouterr().err
     assert said == f"hexatorque: scheduler {address}: does not answer\n"
 

@@ -22,7 +22,7 @@ LONG_S = 60.0
 @click.command(
     epilog=examples(
         "board serve",
-        "board serve --setup paper-b --load 1 --link /tmp/board",
+        "board serve --setup paper-b --load 1 --link board",
         "board serve --store bench.store",
         "board serve --fast 5",
         "board serve --break u1=open@5",
