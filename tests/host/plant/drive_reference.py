@@ -58,7 +58,10 @@ class Compiled:
 
     def __init__(self):
         # The first step tried is the whole interval.
-        self._ode = ode(slopes).set_integrator("dop853", rtol=RTOL, atol=ATOL, first_step=1.0)
+        # A function of Python: older SciPy cannot count the arguments of a compiled one.
+        self._ode = ode(lambda t, x, a: slopes(t, x, a)).set_integrator(
+            "dop853", rtol=RTOL, atol=ATOL, first_step=1.0
+        )
 
     def __call__(self, x, dt, a):
         x = self._ode.set_f_params(a).set_initial_value(x).integrate(dt)

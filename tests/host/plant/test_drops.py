@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plant_calls import NO_LOAD, advance, set_leg
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp, trapezoid
 
 from hexatorque import setups
 from hexatorque.drive.simulated import SimulatedDrive
@@ -135,9 +135,9 @@ def test_energy_and_diodes_under_any_switching(model):
         i_r = np.array([model.currents(y)[1] for y in states])
         copper = (i**2) @ model.r_stator + model.p.rr_ohm * (i_r**2).sum(axis=1)
         friction = model.p.viscous_Nms * states[:, 6] ** 2
-        link += VDC * np.trapezoid((i * upper).sum(axis=1), dx=dt)
-        devices += np.trapezoid(lost, dx=dt)
-        machine += np.trapezoid(copper + friction, dx=dt)
+        link += VDC * trapezoid((i * upper).sum(axis=1), dx=dt)
+        devices += trapezoid(lost, dx=dt)
+        machine += trapezoid(copper + friction, dx=dt)
         for leg in np.flatnonzero(legs == OFF):
             diode, v = drive.inv.diode[leg], drive.inv.v_leg[leg]
             assert drive.i[leg] * diode > -2e-3

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from campaigns import part
 from plant_calls import NO_LOAD, advance, set_leg, switch
+from scipy.integrate import trapezoid
 
 from hexatorque.plant.inverter import inverter_record
 from hexatorque.plant.legs import HIGH, LOW, OFF
@@ -190,7 +191,7 @@ def balance(model, y0, states, legs, dt):
     i = np.array([model.currents(y)[0] for y in every])
     link = -np.sum(legs * (i[1:] + i[:-1]) / 2) * dt
     lost = np.array([losses(model, y) for y in every])
-    return energy(model, y0) - energy(model, every[-1]), np.trapezoid(lost, dx=dt), link
+    return energy(model, y0) - energy(model, every[-1]), trapezoid(lost, dx=dt), link
 
 
 def test_with_all_legs_off_the_currents_fall_to_zero(model):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plant_calls import NO_LOAD, advance, instant, integrate, set_leg
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp, trapezoid
 from scipy.optimize import brentq
 
 from hexatorque import setups
@@ -214,7 +214,7 @@ def test_energy_is_conserved(model):
         i_leg = currents(p, y)[0]
         i_r, psi = rotor_current(y, i_leg)
         grid = np.linspace(0, psi, 2001)
-        main = 3 * np.trapezoid(magnetising_A(p, grid), grid)
+        main = 3 * trapezoid(magnetising_A(p, grid), grid)
         field = i_leg @ leakage @ i_leg / 2 + 3 * p.llr_H * i_r @ i_r / 2 + main
         return np.array([field, p.inertia_kgm2 * y[6] ** 2 / 2])
 
