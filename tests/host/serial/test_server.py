@@ -79,8 +79,9 @@ import os, signal, sys
 from hexatorque.drive.board import BoardDrive
 drive = BoardDrive.open(sys.argv[1])
 drive.start()
-while drive.state != "run":
+while drive.condition.at_work and drive.state != "run":
     pass
+assert drive.state == "run"
 print(drive.client.transport.shared, flush=True)
 sys.stdin.read()
 if sys.argv[2] == "leaves":
