@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Iterable
 from io import StringIO
 from pathlib import Path
@@ -275,6 +276,11 @@ def _counted_times(
                 "the samples are needed"
             )
         count = column - column[:1]
+    elif blank := re.search(r"\n\s*\n", text := found.text[found.begin :].rstrip()):
+        raise RecordingError(
+            f"line {found.line + text.count(chr(10), 0, blank.start()) + 1}: blank, but the lines "
+            "are counted"
+        )
     assert found.start_s is not None and found.step_s is not None  # time_column said so
     return at, found.start_s + found.step_s * count
 

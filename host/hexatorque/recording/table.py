@@ -42,12 +42,23 @@ _START = re.compile(r"start|x ?orig(?:in)?|x ?org|x ?zero|t0", re.IGNORECASE)
 _STEP = re.compile(r"x ?inc(?:rement)?|increment|tinc|sample interval", re.IGNORECASE)
 _PER_COLUMN_UNITS = re.compile(r"(?:vertical |y[ -]?)?units?", re.IGNORECASE)
 _TIME_UNITS = re.compile(r"(?:horizontal|x|time)[ -]?units?", re.IGNORECASE)
+#: A line below which the samples begin, without names.
+_DATA = re.compile(r"data:[,;\s]*", re.IGNORECASE)
 #: Units as words, and quantities whose prefix is taken into the numbers. Case matters.
-_WORDS = {"volt": "V", "volts": "V", "amp": "A", "amps": "A", "ampere": "A", "watt": "W"}
-_PREFIXES = {"p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6}
-_PREFIXED = re.compile(r"([pnuµμmkM])(V|A|W|Wb|Hz|ohm|Ω)")
+_WORDS = {
+    "volt": "V", "volts": "V", "amp": "A", "amps": "A", "ampere": "A", "watt": "W", "value": "",
+}  # fmt: skip
+_PREFIXES = {
+    "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6,
+    "micro": 1e-6, "milli": 1e-3, "kilo": 1e3,
+}  # fmt: skip
+_PREFIXED = re.compile(
+    r"([pnuµμmkM]|(?i:micro|milli|kilo))(V|A|W|Wb|Hz|ohm|Ω|(?i:volts?|amps?|ampere|watt))"
+)
 #: Times may deviate this much from equal steps, in steps, because they often have few digits.
 SLACK = 0.25
+#: What ∞ means, which PicoScope writes.
+CLIPPED = ": the channel was out of range; choose a larger range at the scope"
 #: Largest number of missing steps in a plain table.
 MOST_LOST_ROWS = 10**7
 
@@ -209,9 +220,10 @@ class Table:
                 if not strict and not np.isfinite(values).any():
                     out.append(None)
                     continue
+                clipped = CLIPPED if "∞" in bad[1] else ""
                 raise RecordingError(
-                    f"line {bad[0]}, {self.name(n)}: "
-                    f"{bad[1].strip()[:40]!r} is not a {'' if kind[0] == 'f' else 'whole '}number"
+                    f"line {bad[0]}, {self.name(n)}: {bad[1].strip()[:40]!r} is not a "
+                    f"{'' if kind[0] == 'f' else 'whole '}number{clipped}"
                 )
             out.append(np.array(values, kind))
         firsts = [
@@ -307,10 +319,14 @@ def find(text: str) -> Table:
     _cut(lines, delimiter)
     used, begin = _block(lines)
     first = min(used, default=0)
+    data = [n + 1 for n, line in enumerate(lines) if used and _DATA.fullmatch(line.text)]
+    begin = data[0] if data else begin
     above = lines[:begin]
     units = above.pop().cells if _ends_with_units(above, used) else []
     names, left = [], 0
-    if above and (not first or all(map(above[-1].cell, used))):
+    if data:
+        header = [line.cells for line in above]
+    elif above and (not first or all(map(above[-1].cell, used))):
         names = list(above.pop().cells)
         header = [line.cells for line in above]
     elif first:  # the header stands beside the table
@@ -322,7 +338,10 @@ def find(text: str) -> Table:
         raise RecordingError(
             f"line {lines[begin].number}: numbers where the columns' names are needed"
         )
+    # `XInc:1e-6` in one cell
+    header = [row[0].split(":", 1) if row and not any(row[1:]) else row for row in header]
     start_s, step_s = _start_and_step([*header, names, units])
+    nameless = not names
     if names:
         if None not in (start_s, step_s):  # their cells name no columns
             for n, name in enumerate(names):
@@ -334,8 +353,9 @@ def find(text: str) -> Table:
         names = [""] * (max(used) + 1 - left)
     headings = [_heading(name) for name in names]
     for n, below in enumerate(units[: len(headings)]):
-        headings[n] = headings[n][0], headings[n][1] or below.strip("[]()").strip()
-    _from_header(headings, header, sorted(n - left for n in used), bool(left))
+        unit = below.strip("[]()").strip()
+        headings[n] = headings[n][0], headings[n][1] or unit * bool(si(unit)[0])
+    _from_header(headings, header, sorted(n - left for n in used), nameless)
     behind = lines[-1].end + 1, lines[-1].number + 1
     at = (lines[begin].begin, lines[begin].number) if begin < len(lines) else behind
     return Table(text, names, delimiter, *at, left, headings, start_s, step_s)
@@ -373,8 +393,9 @@ def _ends_with_units(above: list[_Line], used: frozenset[int]) -> bool:
         return False
     texts = [cell for cell in units.cells if cell]
     bracketed = all(cell[0] + cell[-1] in ("[]", "()") for cell in texts)
+    words = all(si(cell)[0] != cell for cell in texts)
     of_time = units.cell(first).strip("[]()")
-    return bracketed or seconds_of(of_time) is not None or of_time.lower() in _COUNTS[-1:]
+    return bracketed or words or seconds_of(of_time) is not None or of_time.lower() in _COUNTS[-1:]
 
 
 def _heading(cell: str) -> tuple[str, str]:
@@ -386,27 +407,29 @@ def _heading(cell: str) -> tuple[str, str]:
 
 
 def _from_header(
-    headings: list[tuple[str, str]], header: list[list[str]], used: list[int], beside: bool
+    headings: list[tuple[str, str]], header: list[list[str]], used: list[int], nameless: bool
 ) -> None:
     """Add the names and units that only the header has: rows of a keyword and values."""
+    of_values = [n for n in used[1:] or used if n < len(headings)]
     for key, *values in (row for row in header if row):
         values = [value.rpartition(":")[2].strip() for value in values if value]
         if _PER_COLUMN_UNITS.fullmatch(key.strip(" :")):
-            for n, value in zip(used[1:], values):
+            for n, value in zip(of_values, values):
                 headings[n] = headings[n][0], headings[n][1] or value
         elif _TIME_UNITS.fullmatch(key.strip(" :")) and values and used:
             name, unit = headings[used[0]]
-            if beside or _TIME.fullmatch(name):  # a header does not make a time of another name
+            # A header does not make a time of another name, or of the only column.
+            if (nameless and used[1:]) or _TIME.fullmatch(name):
                 headings[used[0]] = name or "time", unit or values[0]
-        elif beside and key.lower() == "source":
-            for n, value in zip(used[1:], values):
+        elif nameless and key.lower() == "source":
+            for n, value in zip(of_values, values):
                 headings[n] = value, headings[n][1]
 
 
 def _start_and_step(rows: list[list[str]]) -> tuple[float | None, float | None]:
     """Time of the first sample and time between samples, where a header tells them: a keyword with
     the value behind it or in its own cell behind `=`, or in the line of names, which is the last
-    but one, with the value below it."""
+    but one, with the value below it. The value behind `start` is the number of a sample."""
     found: dict[re.Pattern, float] = {}
     for n, row in enumerate(rows):
         for k, cell in enumerate(row):
@@ -415,7 +438,8 @@ def _start_and_step(rows: list[list[str]]) -> tuple[float | None, float | None]:
             if pattern is None or pattern in found:
                 continue
             below = rows[-1][k] if n == len(rows) - 2 and k < len(rows[-1]) else ""
-            behind = row[k + 1] if k == 0 and len(row) > 1 else ""
+            a_time = key.strip(" :").lower() != "start"
+            behind = row[k + 1] if a_time and k == 0 and len(row) > 1 else ""
             for text in (value, behind, below):
                 number = re.fullmatch(_NUMBER, text.strip())
                 unit_s = 1.0 if number and not number[2] else number and seconds_of(number[2])
@@ -441,9 +465,10 @@ def seconds_of(unit: str) -> float | None:
 
 def si(unit: str) -> tuple[str, float]:
     """The unit without its prefix, and the factor to it. Units that are unknown stay."""
-    unit = _WORDS.get(unit.lower(), unit)
     found = _PREFIXED.fullmatch(unit)
-    return (found[2], _PREFIXES[found[1]]) if found else (unit, 1.0)
+    prefix, unit = found.groups() if found else ("", unit)
+    factor = _PREFIXES.get(prefix if len(prefix) == 1 else prefix.lower(), 1.0)
+    return _WORDS.get(unit.lower(), unit), factor
 
 
 def time_column(table: Table) -> tuple[int | None, float, str]:

@@ -59,6 +59,24 @@ def keysight(times, columns, step):
     return joined(head + of_samples(times, columns))
 
 
+def infiniium(times, columns, step):
+    """A keyword in each line and the samples of one channel. `Start` is the number of a sample."""
+    head = [
+        ["Revision:0"], ["Type:raw"], ["Start:0"], [f"Points:{len(times)}"], [f"XInc:{step:+.6e}"],
+        [f"XOrg:{times[0]:+.6e}"], ["XUnits:Second"], ["YUnits:Volt"], ["Data:"],
+    ]  # fmt: skip
+    return joined(head + [[number(value)] for value in columns[0]])
+
+
+def infiniium_with_times(times, columns, step):
+    """The same with commas and a column of time."""
+    head = [
+        ["Type:", "raw"], ["Start:", "0"], ["XInc:", number(step)], ["XOrg:", number(times[0])],
+        ["X Units:", "second"], ["Y Units:", "Volt"], ["Data:", ""],
+    ]  # fmt: skip
+    return joined(head + of_samples(times, columns[:1]))
+
+
 def rigol(times, columns, step):
     """The samples are counted; start and increment stand in the header, without a column."""
     n = len(columns)
@@ -123,6 +141,8 @@ LAYOUTS = {
     tektronix: ("CH1", "CH2", "CH3"),
     tektronix_beside: ("CH1",),
     keysight: ("1", "2", "3"),
+    infiniium: ("column 1",),
+    infiniium_with_times: ("column 2",),
     rigol: ("CH1", "CH2", "CH3"),
     siglent: ("CH1", "CH2", "CH3"),
     picoscope: ("Channel A", "Channel B", "Channel C"),
@@ -132,6 +152,10 @@ LAYOUTS = {
     tabs: ("u0", "u1", "u2"),
 }
 of_layouts = pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.__name__)
+#: Those with a cell for the time or the number of each sample.
+of_layouts_with_times = pytest.mark.parametrize(
+    "layout", [x for x in LAYOUTS if x is not infiniium], ids=lambda layout: layout.__name__
+)
 
 
 def read(text: str):
@@ -217,7 +241,7 @@ def test_a_first_row_without_any_number_is_no_line_of_names(layout):
             read("\n".join(lines))
 
 
-@of_layouts
+@of_layouts_with_times
 def test_a_row_that_is_cut_short_or_too_long_is_refused(layout):
     lines = written(layout).splitlines()
     delimiter = table.find("\n".join(lines)).delimiter
@@ -230,7 +254,7 @@ def test_a_row_that_is_cut_short_or_too_long_is_refused(layout):
                 read("\n".join(wrong))
 
 
-@of_layouts
+@of_layouts_with_times
 def test_a_time_that_does_not_rise_is_refused(layout):
     lines = written(layout).splitlines()
     lines[-5], lines[-4] = lines[-4], lines[-5]
@@ -292,6 +316,49 @@ def test_the_samples_of_a_counted_table_that_are_missing_are_nan():
     np.testing.assert_array_equal(rec["CH1"], [1, 2, 2, np.nan, 3])
     with pytest.raises(RecordingError, match=r"^line 4, X: whole numbers that count"):
         read(text.replace("\n1,2", "\n1.5,2"))
+
+
+def test_start_is_the_number_of_a_sample_where_its_value_stands_behind_it():
+    text = "Start:,0\nXInc:,1E-03\nXOrg:,-1E-02\nData:,\n1,\n2,\n"
+    assert read(text).start_s == -1e-2
+    with pytest.raises(RecordingError, match="no column of time"):
+        read(text.replace("XOrg", "Org"))
+
+
+def test_a_blank_line_is_a_lost_sample_where_lines_are_counted():
+    lines = written(infiniium).splitlines()
+    lines[-20] = ""
+    with pytest.raises(RecordingError, match=rf"^line {len(lines) - 19}: blank, but the lines are"):
+        read("\n".join(lines))
+
+
+@pytest.mark.parametrize("unit", ["mVolt", "mV", "millivolt", "Millivolts", "mVolts"])
+def test_prefixes_of_words_are_scaled_too(unit):
+    rec = read(f"x-axis,1\nsecond,{unit}\n0,1500\n1,2500\n")
+    assert rec.units == {"1": "V"} and list(rec["1"]) == [1.5, 2.5]
+
+
+def test_the_word_value_is_no_unit():
+    rec = read("Source,CH1\nSecond,Value\n0,1\n1,2\n")
+    assert rec.units == {"CH1": ""} and list(rec["CH1"]) == [1, 2]
+    rec = read("Vertical Units,CH1:mA\nSource,CH1\nSecond,Value\n0,1500\n1,2500\n")
+    assert rec.units == {"CH1": "A"} and list(rec["CH1"]) == [1.5, 2.5]
+
+
+def test_a_clipped_sample_is_refused_with_what_to_do():
+    with pytest.raises(RecordingError, match=r"^line 5, Channel A: '-∞' is not a number") as said:
+        read("Time,Channel A\n(ms),(mV)\n\n0,1\n1,-∞\n2,3\n")
+    assert "out of range; choose a larger range at the scope" in str(said.value)
+
+
+def test_units_for_more_columns_than_names():
+    with pytest.raises(RecordingError, match=r"^line 3: 3 cells where there are 1 names$"):
+        read("Vertical Units,V,V\nTIME\n0.001,0.1,1\n0.002,0.2,1\n")
+
+
+def test_a_line_of_units_without_a_time_is_no_line_of_names():
+    with pytest.raises(RecordingError, match=r"no column of time: .*there are CH1, CH2$"):
+        read("CH1,CH2\nVolt,Volt\n1,2\n2,3\n")
 
 
 def test_start_and_increment_in_cells_of_their_own():
