@@ -56,6 +56,10 @@ CIRCUIT = {
     **COMMON,
     "vdc_V": _n("dc-link voltage", "V", 1, 1e4),
 }
+TWO_VOLTAGES = (
+    "two voltages or currents, as 230/400 and 6/3.5, are a three-phase machine's plate: give "
+    "voltage_V and current_A of one connection, as 400 and 3.5, and phases=3"
+)
 #: Range of the sensors over the amplitude of the rated current, and over the dc-link voltage.
 I_RANGE, V_RANGE = 3.5, 1.6
 
@@ -79,7 +83,7 @@ def read(text: str, keys: dict[str, Key]) -> dict[str, Any]:
             try:
                 values[name] = value(name, word, keys[name])
             except SetupError as error:
-                lines.append(str(error))
+                lines += [str(error)] * (str(error) not in lines)
     for name, key in keys.items():
         if key.default is None and name not in given:
             lines.append(f"{name} is missing ({key.help}, {key.unit or '-'})")
@@ -98,6 +102,8 @@ def value(name: str, word: str, key: Key) -> Any:
     try:
         number = real(word)
     except ValueError:
+        if "/" in word and name in ("voltage_V", "current_A"):
+            raise SetupError(TWO_VOLTAGES) from None
         raise SetupError(f"{name} = {word!r}: a number is needed") from None
     whole = key.kind == "integer"
     if not key.min <= number <= key.max or (whole and number % 1):

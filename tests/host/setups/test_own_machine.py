@@ -68,6 +68,11 @@ def test_the_circuit_does_what_the_plate_says(plate):
         ({"efficiency": "0.9", "power_factor": "0.9"}, ("0.81", "0.694")),
         ({"efficiency": "0.6"}, ("power factor would be 1.16",)),
         ({"phases": "5"}, ("phases", "6, 3")),
+        ({"voltage_V": "230/400"}, ("three-phase machine's plate", "one connection", "phases=3")),
+        (
+            {"voltage_V": "230/400", "current_A": "13.5/7.8"},
+            ("three-phase machine's plate", "voltage_V and current_A", "phases=3"),
+        ),
         ({"phases": "3"}, ("six-phase machines only", "current_A=3.9", "voltage_V=200")),
         ({"current_A": "15.6"}, ("0.347", "one set 0.694", "current_A=7.8", "phases=6")),
         (
