@@ -115,9 +115,17 @@ def _complain_of(file: str, rec) -> None:
     epilog=examples(
         "convert out/bench.npz.part out/bench.mf4",
         "convert scope.csv scope.npz --map CH1=i_u1_A*100 --map CH2=i_u2_A*100",
+        "convert C1.csv C2.csv both.npz --map C1.Ampl=i_u1_A*100 --map C2.Ampl=i_u2_A*100",
     )
 )
-@click.argument("file", metavar="FILE", shell_complete=completion.files)
+@click.argument(
+    "files",
+    metavar="FILE...",
+    nargs=-1,
+    required=True,
+    shell_complete=completion.files,
+    help="several are joined: a channel is STEM.NAME, after its file",
+)
 @click.argument(
     "new",
     metavar="NEW",
@@ -126,19 +134,25 @@ def _complain_of(file: str, rec) -> None:
     help=f"a name that ends in {suffixes_text()}",
 )
 @options.of_tables
-def convert(file, new, maps, shift) -> int:
-    """A recording into another kind of file.
+def convert(files, new, maps, shift) -> int:
+    """A recording into another kind of file, or several into one.
 
     The new name's suffix says which kind. From a .part file it saves a recording that was
-    never closed.
+    never closed. Several files are those of one recording, such as an oscilloscope's with a channel
+    each: they need the same rate, start and length.
     """
     from ..recording import mapping
-    from ..recording.formats import check_output
+    from ..recording.formats import RecordingError, check_output
+    from ..recording.joining import joined
     from ..recording.recording import Recording
 
     output = check_output(new)
-    rec = Recording.load(file)
-    _complain_of(file, rec)
-    (rec,) = mapping.mapped([file], [rec], maps, mapping.shift(shift))
+    if files[1:] and new.exists():  # it may be a channel's file, if NEW was forgotten
+        raise RecordingError(f"{new} is there already: several files are joined into a new one")
+    recs = [Recording.load(file) for file in files]
+    rec = joined(files, recs) if files[1:] else recs[0]
+    (rec,) = mapping.mapped([" and ".join(files)], [rec], maps, mapping.shift(shift))
+    for file, one in zip(files, recs, strict=True):
+        _complain_of(file, one)
     print(f"{rec.save(output)}: {len(rec)} samples of {len(rec.channels)} channels")
     return 0
