@@ -153,9 +153,10 @@ def _check_unit(rule: Rule, unit: str, to: str) -> None:
         return
     needs = f", and {unit} with a factor" if unit in group else ""
     time = ", a time" if seconds_of(unit) else ""
+    allowed = ", ".join(dict.fromkeys([to, "V"]))
     raise RecordingError(
         f"--map {rule.text}: {rule.source} is in {unit}{time}; {rule.target} "
-        + (f"is in {to}: allowed are {to}, V or no unit{needs}" if to else "needs V or no unit")
+        + (f"is in {to}: allowed are {allowed} or no unit{needs}" if to else "needs V or no unit")
     )
 
 

@@ -103,11 +103,11 @@ def make(
 ) -> Bench:
     outside = _is_outside(rec)
     torque_known, speed_known = (name in rec for name in ("torque_ref_Nm", "speed_rpm"))
-    if outside:
-        rec = _completed(rec, setup, speed_rpm)
     f_isr_Hz, f_slow_Hz = (float(setup.parameter(key)) for key in ("f_isr_Hz", "f_slow_Hz"))
     values = _values(rec)
     _check(rec, setup, values, f_isr_Hz, f_slow_Hz, outside)
+    if outside:
+        rec = _completed(rec, setup, speed_rpm)
     notes: list[str] = list(rec.notes)
     rec = _averaged(rec, f_isr_Hz) if outside else _at_most(rec, f_isr_Hz)
     rec, begins = _running(rec, notes)
@@ -218,7 +218,8 @@ def _check(
     if missing:
         raise RecordingError(
             f"no {'; no '.join(missing)}: these channels are needed, there are "
-            f"{', '.join(rec.channels)}" + (" (--map OLD=NEW*K renames)" if outside else "")
+            f"{', '.join(rec.channels)}"
+            + (" (--map OLD=NEW*K renames, convert joins files)" if outside else "")
         )
     scheme = rec.meta.get("scheme") or values.get("scheme")
     if scheme is not None and scheme != setup.parameter("scheme"):

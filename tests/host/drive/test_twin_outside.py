@@ -131,8 +131,9 @@ def test_two_currents_of_a_set_and_no_speed_are_enough(setup, faithful):
     notes = " ".join(found.benches[0].notes)
     assert "no speed_rpm: 500 r/min are taken" in notes and "no torque_ref_Nm" in notes
     del rec.channels["i_v2_A"]
-    with pytest.raises(RecordingError, match=r"no two of i_u2_A, i_w2_A, i_v2_A.*--map"):
+    with pytest.raises(RecordingError, match=r"no two of i_u2_A, i_w2_A, i_v2_A.*--map") as said:
         compared(setup, rec)
+    assert "there are i_u1_A, i_w1_A, i_u2_A (--map" in str(said.value)
 
 
 # -- the phases -----------------------------------------------------------------------------

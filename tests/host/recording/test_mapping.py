@@ -97,6 +97,7 @@ def test_the_shift_moves_samples_and_trigger():
         ({"CH1": "W"}, ["CH1=torque_Nm"], "CH1 is in W; torque_Nm is in N m"),
         ({"CH1": "rad/s"}, ["CH1=speed_rpm"], "and rad/s with a factor"),
         ({"CH1": "A"}, ["CH1=state"], "state needs V or no unit"),
+        ({"CH1": "A"}, ["CH1=vdc_V"], "vdc_V is in V: allowed are V or no unit"),
     ],
 )  # fmt: skip
 def test_refusals_are_one_line_that_names_the_option(units, maps, said):
@@ -136,6 +137,6 @@ def test_convert_and_plot(tmp_path, capsys, monkeypatch):
     assert said["channels"]["i_u1_A"]["rms_difference"] == [None, 0]
     for command in (["convert", "scope.csv", "b.npz"], ["plot", "scope.csv"]):
         assert main([*command, "--map", "D=i_u1_A"]) == 2
-        said = capsys.readouterr().err.strip().splitlines()
-        assert "--map D=i_u1_A: scope.csv: no channel 'D'; known: A, B" in said[-1]
+        (said,) = capsys.readouterr().err.strip().splitlines()
+        assert "--map D=i_u1_A: scope.csv: no channel 'D'; known: A, B" in said
     assert not (tmp_path / "b.npz").exists()
