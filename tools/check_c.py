@@ -5,8 +5,9 @@
 gcc, clang   C99 without warnings: all sources as for the host, and what goes onto the
              DSP as TI's compiler sees it (its keywords replaced)
 msp430       the same for a machine with 16-bit int (clang knows one)
-widths       products and shifts of 16 bits that are widened to 32 bits afterwards: there a
-             cast comes too late, and where int has 32 bits nothing shows it
+widths       products and shifts of 16 bits, and sums and choices made of them, that are widened to
+             32 bits afterwards: there a cast comes too late, and where int has 32 bits nothing
+             shows it
 cppcheck     what goes onto the DSP, for a machine with 16-bit char (tools/c28x), with
              the rules of MISRA C:2012; deviations: firmware/MISRA.md. The register
              model, which stays on the host, without MISRA.
@@ -97,18 +98,27 @@ def check_msp430(root: Path) -> list[str]:
 STORE = ("-Itests/c/flash", '-DHT_FLASH_API_HEADER="F021_F2837xS_C28x.h"')
 
 
+#: A line of LLVM's assembly that makes a value of 16 bits: the value, what makes it, the rest.
+MAKES_16 = re.compile(
+    r"^ *(%[\w.]+) = (mul|shl|or|add|sub|xor|phi|select)(?: (?!i1 )\w+)* (?:i1 .*?, )?i16 (.*)"
+)
+WIDENS = re.compile(r"= [sz]ext(?: \w+)* i16 (%[\w.]+) to i32(?:.*!dbg !(\d+))?")
+
+
 def late_casts(ir: str) -> list[tuple[str, int]]:
-    """Function and line of each 16-bit product or shift in LLVM's assembly whose result is
-    widened to 32 bits."""
+    """Function and line of each widening to 32 bits, in LLVM's assembly, of a 16-bit product or
+    shift, or of what is made of one by an addition, a choice and the like."""
     lines = dict(re.findall(r"^!(\d+) = !DILocation\(line: (\d+)", ir, re.M))
     found = []
     for name, body in re.findall(r"^define [^@]*@(\w+)\(.*?\{\n(.*?)^\}", ir, re.M | re.S):
-        narrow = set(re.findall(r"^ *(%[\w.]+) = (?:mul|shl)(?: \w+)* i16 ", body, re.M))
-        for value, place in re.findall(
-            r"= [sz]ext(?: \w+)* i16 (%[\w.]+) to i32(?:.*!dbg !(\d+))?", body
-        ):
-            if value in narrow:
-                found.append((name, int(lines.get(place, 0))))
+        narrow: set[str] = set()
+        for line in body.splitlines():
+            if made := MAKES_16.match(line):
+                value, by, rest = made.groups()
+                if by in ("mul", "shl") or narrow & set(re.findall(r"%[\w.]+", rest)):
+                    narrow.add(value)
+            elif (widened := WIDENS.search(line)) and widened[1] in narrow:
+                found.append((name, int(lines.get(widened[2], 0))))
     return found
 
 

@@ -80,6 +80,28 @@ PRODUCT = (
     "uint32_t ht_planted(uint16_t x);\nuint32_t ht_planted(uint16_t x)\n{\n"
     "    return (uint32_t)(x * 100u);\n}"
 )
+#: Relatives of the two above. Each is one value of 16 bits when it is widened.
+WIDENED = {
+    "two octets put together": "(a << s) | b",
+    "a product and a sum": "a * b + s",
+    "a shift less something": "(a << 8) - b",
+    "either octet turned round": "(a << 8) ^ b",
+    "a product on one side of a choice": "(s != 0u) ? a * b : 0u",
+    "a sum of a sum": "(a * b + s) + 1u",
+}
+RELATIVES = "".join(
+    f"uint32_t ht_planted_{n}(uint16_t a, uint16_t b, uint16_t s);\n"
+    f"uint32_t ht_planted_{n}(uint16_t a, uint16_t b, uint16_t s)\n{{\n"
+    f"    return (uint32_t)({what});\n}}\n"
+    for n, what in enumerate(WIDENED.values())
+)
+#: Widened in time, or without a product or shift of 16 bits.
+IN_TIME = (
+    "uint32_t ht_planted(uint16_t a, uint16_t b, uint16_t s);\n"
+    "uint32_t ht_planted(uint16_t a, uint16_t b, uint16_t s)\n{\n"
+    "    uint32_t both = ((uint32_t)a << s) | b;\n"
+    "    return both + ((uint32_t)a * b) + (uint32_t)(a + b) + ((s != 0u) ? a : b);\n}"
+)
 INDEX = (
     "uint16_t ht_planted(void);\nuint16_t ht_planted(void)\n{\n"
     "    static const uint16_t t[2] = {1u, 2u};\n    return t[2];\n}"
@@ -123,6 +145,15 @@ def test_breach_is_found(tree, name, file, text, said):
     assert done.returncode == 1
     assert "FAILED" in done.stdout
     assert said in done.stdout
+
+
+@needs("clang")
+def test_what_is_made_of_a_narrow_product_is_found(tree):
+    """One run of the check names every function that was planted, and none that widens in time."""
+    plant(tree, CORE, RELATIVES + IN_TIME)
+    said = check(tree, "widths").stdout
+    found = re.findall(r": ht_planted(?:_(\d+))?: 16 bits are multiplied or shifted", said)
+    assert found == [str(n) for n in range(len(WIDENED))]
 
 
 #: What is planted in which file, and what cppcheck says of that file.
