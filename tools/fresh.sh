@@ -46,8 +46,8 @@ if [ -z "$folder" ]; then
 fi
 
 system=$folder/system
-# This computer's own mirror, if it is one of Debian.
-mirror=http://deb.debian.org/debian
+# This computer's own mirror if it is a Debian, else the one that debootstrap knows.
+mirror=
 ! grep -qx 'ID=debian' /etc/os-release ||
     mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' |
         grep -v security | head -n 1)

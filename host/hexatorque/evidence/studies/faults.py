@@ -985,6 +985,6 @@ def plot(result: dict, path: Path) -> Path:
     axis.set_yticks(range(len(rows)), [r["fault"] for r in rows], fontsize=8)
     axis.invert_yaxis()
     axis.set_xlabel("control periods (0.1 ms) from injection to gates off", **plots.LABEL)
-    axis.legend(loc="lower right", **plots.LEGEND)
+    axis.legend(loc="upper right", **plots.LEGEND)
     figure.suptitle(f"{TITLE}: {result['runs']} runs", **plots.TITLE)
     return plots.save(figure, path)
