@@ -103,8 +103,10 @@ def _lines(work: Work) -> Iterator[None]:
     ended = False
 
     def tell() -> None:
-        while not ended:
+        while True:
             work.changed.clear()
+            if ended:  # asked after `clear`, which may have taken the last `set` away
+                return
             begin_s, wait_s = time.monotonic(), FIRST_S
             while not work.changed.wait(wait_s):
                 print(work, file=sys.stderr, flush=True)

@@ -1,6 +1,8 @@
 """What a command says while it works."""
 
 import io
+import queue
+import threading
 
 import pytest
 from rich.console import Console
@@ -19,11 +21,19 @@ def pipe():
     return Console(file=io.StringIO(), force_terminal=False)
 
 
-def wait_for(text, capsys):
-    said = ""
-    while text not in said:
-        said += capsys.readouterr().err
-    return said
+class Said(io.TextIOBase):
+    """Standard error that hands over each line, so that none is lost between two threads."""
+
+    def __init__(self):
+        self._lines = queue.Queue()
+
+    def write(self, text):
+        if text.strip():
+            self._lines.put(text)
+        return len(text)
+
+    def next_line(self):
+        return self._lines.get(timeout=120.0)
 
 
 def test_a_line_says_what_and_how_far():
@@ -43,11 +53,33 @@ def test_a_line_says_what_and_how_far():
     assert str(work) == "writing ... 1 of 3 files"
 
 
-def test_what_is_no_terminal_gets_lines(at_once, capsys):
+def test_what_is_no_terminal_gets_lines(at_once, monkeypatch):
+    said = Said()
+    monkeypatch.setattr(working.sys, "stderr", said)
     with working.working(pipe(), "first") as work:
-        assert wait_for("first ...", capsys) == "first ...\n"
+        assert said.next_line() == "first ..."
         work.begin("second")
-        wait_for("second ...", capsys)
+        assert said.next_line() == "second ..."
+
+
+def test_work_that_ends_while_its_teller_looks_away_ends():
+    """The teller forgets the last change at the very moment at which the work ends."""
+    waits = []
+
+    class Late(threading.Event):
+        def clear(self):
+            super().wait(120.0)
+            super().clear()
+
+        def wait(self, timeout=None):
+            waits.append(timeout)
+            return True
+
+    work = working.Work(None)
+    work.changed = Late()
+    with working._lines(work):
+        pass
+    assert not waits
 
 
 def test_short_work_says_nothing(capsys, monkeypatch):
