@@ -19,11 +19,6 @@
 /* Share of the pull-out torque that is asked for: beyond it more slip gives less
  * torque, and the controller, which answers with more slip, loses the machine. */
 #define PULL_OUT_SHARE 0.8f
-/* Deadbeat law: gain of the x-y integrators, per period, of the voltage that would take the
- * x-y current away at once; voltage from which set 2's carrier turns, units of Vdc. */
-#define XY_INTEGRAL 0.008f
-#define TURN_PU 0.3f
-#define NEVER_PU 100.0f /* no inverter makes that voltage */
 /* Lost leg: how long evidence is gathered at least, how long a wrong sensor rules a loss out; a set's
  * sum that shows a wrong sensor, share of its trip level; no current in a leg, share of that sum. */
 #define LOSS_HOLD_S 0.001f
@@ -33,66 +28,22 @@
 /* What the sets' resistances differ by: of the means, of the result. */
 #define SETS_S 0.05f
 #define SETS_SLOW_S 0.2f
-/* Field orientation: bandwidth of the current regulators times the period. */
-#define ALPHA_TS 0.3f
-
-/* Reach of the table 45/135, relative to 75/105. To hold the flux, the vectors before and behind
- * it take turns. Their mean lies on the chord between them, which is cos 45 degrees of their
- * length away from the centre, or cos 15 degrees with the table 75/105, the vectors' circle. */
-#define WIDE_TABLE_REACH 0.732051f
-
 bool ht_configure_valid(const ht_port *port, uint16_t id, float value)
 {
     ht_range range = ht_param_range(port, id);
     return ht_param_valid(id, value) && (value >= range.min) && (value <= range.max);
 }
 
-/* The law of switching tables; its scheme is selected. */
-static void configure_table_law(const ht_params *p, float ts, ht_table_law_config *c)
+/* The law of the scheme that is selected. */
+static void configure_law(const ht_params *p, ht_control_config *c)
 {
-    static const uint16_t levels[4] = {0u, 2u, 3u, 5u};
-    uint16_t asked = levels[(uint16_t)p->v[HT_P_torque_levels]];
-    if (asked != 0u) { /* not "auto", which is what the scheme's row says */
-        c->torque_levels = asked;
-    }
-    c->table = (ht_table)(uint16_t)p->v[HT_P_table];
-    c->hold_on_zero = p->v[HT_P_zero_hold] != 0.0f;
-    c->flux_band_Wb = p->v[HT_P_flux_band_Wb];
-    c->torque_band_Nm = p->v[HT_P_torque_band_Nm];
-    c->torque_inner_Nm = p->v[HT_P_torque_inner_Nm];
-    c->torque_release_Nm = p->v[HT_P_torque_release_Nm];
-    c->flux_hold = p->v[HT_P_flux_hold];
-    c->xy.kp_pu_A = p->v[HT_P_kp_xy_pu_A];
-    c->xy.ki_ts_pu_A = p->v[HT_P_ki_xy_pu_As] * ts;
-}
-
-/* The deadbeat law and its modulator. A zero sequence that is clamped at every voltage wants the
- * turn at every voltage; a centred one from TURN_PU on. */
-static void configure_deadbeat_law(const ht_params *p, ht_control_config *c)
-{
-    bool clamped = (p->v[HT_P_kappa] > 0.0f) && (p->v[HT_P_kappa_from_pu] == 0.0f);
-    float turn_pu[3] = {TURN_PU, NEVER_PU, 0.0f}; /* auto, off, always */
-    turn_pu[0] = clamped ? 0.0f : TURN_PU;
-    c->deadbeat_law.gain = 1.0f;
-    c->deadbeat_law.xy_ki_per_A = XY_INTEGRAL * c->observer.lxy_H * c->observer.inv_ts
-                                  / p->v[HT_P_vdc_max_V];
-    c->modulator.kappa = p->v[HT_P_kappa];
-    c->modulator.kappa_from_pu = p->v[HT_P_kappa_from_pu];
-    c->modulator.alternate = p->v[HT_P_clamp] != 0.0f;
-    c->modulator.turn_pu = turn_pu[(uint16_t)p->v[HT_P_carrier_turn]];
-}
-
-/* The field-oriented law. Its modulator does not depend on parameters: it is what the scheme's row
- * says. */
-static void configure_foc_law(ht_control_config *c)
-{
-    c->foc_law.alpha_ts = ALPHA_TS;
-    c->foc_law.xy_ki_per_A = c->deadbeat_law.xy_ki_per_A;
-    if (c->law != HT_LAW_DEADBEAT) {
-        const ht_scheme_info *row = ht_scheme_describe((uint16_t)c->scheme);
-        c->modulator.kappa = 0.0f;
-        c->modulator.turn_pu = (row->vectors == HT_VECTORS_TURNED) ? 0.0f : NEVER_PU;
-    }
+    ht_law_setting given;
+    given.scheme = ht_scheme_describe((uint16_t)c->scheme);
+    given.machine = &c->observer;
+#define HT_LAW_PARAMETER(name) given.name = p->v[HT_P_##name];
+#include "ht_law_parameters.def"
+#undef HT_LAW_PARAMETER
+    ht_control_configure(c, &given);
 }
 
 static void configure_leg_loss(const ht_params *p, float ts, ht_leg_loss_config *c)
@@ -120,7 +71,6 @@ static ht_result configure(const ht_params *p, float pwm_clock_Hz, ht_control_co
         return HT_ERROR_CONFIG;
     }
     ht_control_select(c, (ht_scheme)(uint16_t)p->v[HT_P_scheme]);
-    configure_table_law(p, ts, &c->table_law);
     c->shadow = shadow;
     c->predict = shadow && (p->v[HT_P_predict] != 0.0f);
     c->period.counts = (uint16_t)(period + 0.5f);
@@ -148,8 +98,7 @@ static ht_result configure(const ht_params *p, float pwm_clock_Hz, ht_control_co
     c->observer.omega_gain = (ts < OMEGA_FILTER_S) ? (ts / OMEGA_FILTER_S) : 1.0f;
     c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
     c->dead.i_zero_A = p->v[HT_P_i_zero_A];
-    configure_deadbeat_law(p, c);
-    configure_foc_law(c);
+    configure_law(p, c);
     configure_leg_loss(p, ts, &c->leg_loss);
     switch (ht_control_check(c)) {
     case HT_CONFIG_OK:
@@ -201,23 +150,6 @@ static void apply_protection(const float *v, ht_protect_config *c)
     c->encoder_gain = 1.0f / (1.0f + ENCODER_CHECK_S * v[HT_P_f_slow_Hz]);
 }
 
-/* Largest mean voltage of the scheme, with its switching table if it has one, units of Vdc. */
-static float voltage_reach(const float *v)
-{
-    const ht_scheme_info *scheme = ht_scheme_describe((uint16_t)v[HT_P_scheme]);
-    bool wide = (scheme->law == HT_LAW_TABLE)
-                && ((ht_table)(uint16_t)v[HT_P_table] == HT_TABLE_45_135);
-    return wide ? (WIDE_TABLE_REACH * scheme->reach_pu) : scheme->reach_pu;
-}
-
-/* Whether the scheme regulates the x-y currents to zero. Where they are large, wrong parameters make
- * more of them in the residual than the sets' difference does. */
-static bool regulates_xy(const ht_drive_config *c)
-{
-    const ht_scheme_info *row = ht_scheme_describe((uint16_t)c->control.scheme);
-    return (row != NULL) && ((row->law != HT_LAW_TABLE) || row->regulated);
-}
-
 void ht_configure_rest(const ht_port *port, ht_drive_config *c)
 {
     const float *v = c->params.v;
@@ -229,12 +161,17 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
                            / v[HT_P_encoder_counts_rev];
     c->measure.period_rpm = v[HT_P_speed_period_rpm];
     c->flux.flux_min_Wb = v[HT_P_flux_min_Wb];
-    c->flux.reach_pu = v[HT_P_fw_margin] * voltage_reach(v);
+    c->flux.reach_pu = v[HT_P_fw_margin] * ht_control_reach_pu(&c->control);
     c->flux.rs_ohm = v[HT_P_rs_ohm];
     c->pull_out_Nm_Wb2 = pull_out(v);
     ht_derating_configure(&c->params, &c->derating);
     c->sets.gain = 1.0f / (1.0f + SETS_S * v[HT_P_f_slow_Hz]);
-    c->sets.slow_gain = regulates_xy(c) ? (1.0f / (1.0f + SETS_SLOW_S * v[HT_P_f_slow_Hz])) : 0.0f;
+    /* Where the x-y currents are large, wrong parameters make more of them in the residual than the
+     * sets' difference does. */
+    c->sets.slow_gain = 0.0f;
+    if (ht_scheme_regulates_xy(ht_scheme_describe((uint16_t)c->control.scheme))) {
+        c->sets.slow_gain = 1.0f / (1.0f + SETS_SLOW_S * v[HT_P_f_slow_Hz]);
+    }
     c->sets.least_A2 = c->control.leg_loss.zero_A * c->control.leg_loss.zero_A;
     c->omega_mean_gain = 1.0f / (1.0f + OMEGA_MEAN_S * v[HT_P_f_slow_Hz]);
     c->build_gain = 1.0f / (1.0f + BUILD_ADAPT_S * v[HT_P_f_slow_Hz]);

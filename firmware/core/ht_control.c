@@ -7,61 +7,70 @@
 
 #define BUILD_DIRECTION 0u
 
+static const ht_vsd no_voltage = {{0.0f, 0.0f}, {0.0f, 0.0f}};
+
 static bool positive(float value)
 {
     return (value > 0.0f) && (value < 1.0e30f); /* NaN and infinity are not */
 }
 
-/* The laws. The following functions are the only place that knows them all: a new law has a
- * case in each of them. A scheme of a law that is there already needs its row only. */
+/* The laws. Each switch over them has a case for every row of ht_laws.def; no law is named here. */
 
 /* What the scheme's row decides. */
-
 static void law_select(ht_control_config *cfg, const ht_scheme_info *row)
 {
     cfg->law = row->law;
     switch (row->law) {
-    case HT_LAW_TABLE:
-        ht_table_law_select(&cfg->table_law, row);
-        cfg->needs_xy = ht_table_law_needs_xy(&cfg->table_law);
+#define HT_VECTOR_LAW(id, law)                                    \
+    case HT_LAW_##id:                                             \
+        ht_##law##_law_select(&cfg->law##_law, row);              \
+        cfg->needs_xy = ht_##law##_law_needs_xy(&cfg->law##_law); \
         break;
-    case HT_LAW_DEADBEAT:
-    case HT_LAW_FOC:
-        cfg->needs_xy = true;
+#define HT_VOLTAGE_LAW(id, law) \
+    case HT_LAW_##id:           \
+        cfg->needs_xy = true;   \
         break;
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
     default:
         break;
     }
 }
 
-/* Can the law work with this configuration? Conditions of its own, such as a load mode that
- * it needs, belong here. */
-static ht_config_status law_check(const ht_control_config *cfg)
+/* Every law that commands a voltage: prediction, sampling, and what the law says of its own
+ * configuration. */
+static ht_config_status voltage_law_check(const ht_control_config *cfg, bool own)
 {
-    bool fits = false;
-    if (ht_law_needs_prediction(cfg->law) && !(cfg->shadow && cfg->predict)) {
+    if (!(cfg->shadow && cfg->predict)) {
         return HT_CONFIG_PREDICTION;
     }
+    if (!ht_voltage_law_fast_enough(&cfg->observer)) {
+        return HT_CONFIG_SAMPLING;
+    }
+    return (own && ht_modulator_check(&cfg->modulator)) ? HT_CONFIG_OK : HT_CONFIG_SCHEME;
+}
+
+/* Can the law work with this configuration? */
+static ht_config_status law_check(const ht_control_config *cfg)
+{
+    ht_config_status status = HT_CONFIG_LAW;
     switch (cfg->law) {
-    case HT_LAW_TABLE:
-        fits = ht_table_law_check(&cfg->table_law);
+#define HT_VECTOR_LAW(id, law)                                                            \
+    case HT_LAW_##id:                                                                     \
+        status = ht_##law##_law_check(&cfg->law##_law) ? HT_CONFIG_OK : HT_CONFIG_SCHEME; \
         break;
-    case HT_LAW_DEADBEAT:
-        if (!ht_deadbeat_law_fast_enough(&cfg->observer)) {
-            return HT_CONFIG_SAMPLING;
-        }
-        fits = ht_deadbeat_law_check(&cfg->deadbeat_law) && ht_modulator_check(&cfg->modulator);
+#define HT_VOLTAGE_LAW(id, law)                                                 \
+    case HT_LAW_##id:                                                           \
+        status = voltage_law_check(cfg, ht_##law##_law_check(&cfg->law##_law)); \
         break;
-    case HT_LAW_FOC:
-        if (!ht_deadbeat_law_fast_enough(&cfg->observer)) { /* the same prediction */
-            return HT_CONFIG_SAMPLING;
-        }
-        fits = ht_foc_law_check(&cfg->foc_law) && ht_modulator_check(&cfg->modulator);
-        break;
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
     default:
         break;
     }
-    return fits ? HT_CONFIG_OK : HT_CONFIG_SCHEME;
+    return status;
 }
 
 static bool period_fits(const ht_control_config *cfg)
@@ -77,18 +86,20 @@ static bool period_fits(const ht_control_config *cfg)
 /* The states of all laws. */
 static void law_reset(ht_control_state *st)
 {
-    ht_table_law_reset(&st->table_law);
-    ht_deadbeat_law_reset(&st->deadbeat_law);
-    ht_foc_law_reset(&st->foc_law);
+#define HT_VECTOR_LAW(id, law) ht_##law##_law_reset(&st->law##_law);
+#define HT_VOLTAGE_LAW HT_VECTOR_LAW
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
     ht_modulator_reset(&st->modulator);
 }
 
-/* What the table law decides on. */
-static HT_INTO_CALLERS ht_table_law_input table_input(const ht_control_config *cfg,
-                                                      const ht_control_state *st,
-                                                      const ht_control_input *in, ht_xy i_xy_A)
+/* What a vector law decides on. */
+static HT_INTO_CALLERS ht_vector_law_input vectors_seen(const ht_control_config *cfg,
+                                                        const ht_control_state *st,
+                                                        const ht_control_input *in, ht_xy i_xy_A)
 {
-    ht_table_law_input seen;
+    ht_vector_law_input seen;
     seen.decided = &st->decided;
     seen.psi_xy_Wb = &st->psi_xy_Wb;
     seen.i_xy_A = i_xy_A;
@@ -100,46 +111,85 @@ static HT_INTO_CALLERS ht_table_law_input table_input(const ht_control_config *c
     return seen;
 }
 
-/* The table law: action points, and the state words into `s`. */
-static ht_action_points table_step(const ht_control_config *cfg, ht_control_state *st,
-                                   const ht_control_input *in, ht_xy i_xy_A, uint16_t s[3])
+/* The step of a vector law: action points into `p`, state words into `s`. False if the law is none. */
+static HT_INTO_CALLERS bool vector_step(const ht_control_config *cfg, ht_control_state *st,
+                                        const ht_control_input *in, ht_xy i_xy_A, uint16_t s[3],
+                                        ht_action_points *p)
 {
-    ht_table_law_input seen = table_input(cfg, st, in, i_xy_A);
-    return ht_table_law_step(&cfg->table_law, &st->table_law, &seen, &st->v_xy_pu, s);
+    ht_vector_law_input seen;
+    bool done = true;
+    switch (cfg->law) {
+#define HT_VECTOR_LAW(id, law)                                                             \
+    case HT_LAW_##id:                                                                      \
+        seen = vectors_seen(cfg, st, in, i_xy_A);                                          \
+        *p = ht_##law##_law_step(&cfg->law##_law, &st->law##_law, &seen, &st->v_xy_pu, s); \
+        break;
+#define HT_VOLTAGE_LAW(id, law)
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
+    default:
+        done = false;
+        break;
+    }
+    return done;
 }
 
-/* The laws that command a voltage write their pattern themselves: every leg has an instant of its
- * own. Without some of the legs the table law is one of them. */
+/* The voltage that the law wants, units of Vdc. Without some of the legs a vector law is asked for one,
+ * too. A law that does not exist gets none. */
+static HT_INTO_CALLERS ht_vsd law_voltage(const ht_control_config *cfg, ht_control_state *st,
+                                          const ht_control_input *in,
+                                          const ht_voltage_law_input *seen, bool lost)
+{
+    ht_vsd v;
+    switch (cfg->law) {
+#define HT_VECTOR_LAW(id, law)                                                     \
+    case HT_LAW_##id:                                                              \
+        if (lost) {                                                                \
+            ht_vector_law_input vectors = vectors_seen(cfg, st, in, seen->i_A.xy); \
+            v = ht_##law##_law_voltage(&cfg->law##_law, &st->law##_law, &vectors); \
+        } else {                                                                   \
+            v = no_voltage;                                                        \
+        }                                                                          \
+        break;
+#define HT_VOLTAGE_LAW(id, law)                                                         \
+    case HT_LAW_##id:                                                                   \
+        v = ht_##law##_law_step(&cfg->law##_law, &cfg->observer, &st->law##_law, seen); \
+        break;
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
+    default:
+        v = no_voltage;
+        break;
+    }
+    return v;
+}
+
+/* A voltage: the modulator writes the pattern, because every leg has an instant of its own. */
 static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_control_state *st,
                                            const ht_control_input *in, ht_vsd i, bool lost,
                                            ht_compare *out)
 {
     uint16_t number = (st->active.own == 1u) ? 2u : 1u;
-    ht_deadbeat_law_input seen;
+    ht_voltage_law_input seen;
     ht_modulator_input given;
     ht_vsd v;
     seen.psi_Wb = st->decided.psi_Wb;
     seen.rotor_Wb =
         ht_observer_predict_rotor(&cfg->observer, &st->observer, st->estimate.psi_Wb, i.ab);
     seen.psi_xy_Wb = st->psi_xy_Wb;
-    seen.i_xy_A = i.xy;
+    seen.i_A = i;
     seen.turn_rad = cfg->observer.ts_s * st->observer.omega_sync_rad_s;
     seen.rs_ohm = st->observer.rs_ohm;
     seen.torque_ref_Nm = in->torque_ref_Nm;
     seen.flux_ref_Wb = in->flux_ref_Wb;
     seen.vdc_V = in->vdc_V;
     if (lost) {
-        seen.i_xy_A = ht_lost_legs_across(&st->lost, seen.i_xy_A);
+        seen.i_A.xy = ht_lost_legs_across(&st->lost, seen.i_A.xy);
         seen.psi_xy_Wb = ht_lost_legs_across(&st->lost, seen.psi_xy_Wb);
     }
-    if (lost && (cfg->law == HT_LAW_TABLE)) {
-        ht_table_law_input table = table_input(cfg, st, in, seen.i_xy_A);
-        v = ht_table_law_voltage(&cfg->table_law, &st->table_law, &table);
-    } else if (cfg->law == HT_LAW_FOC) {
-        v = ht_foc_law_step(&cfg->foc_law, &cfg->observer, &st->foc_law, &seen, i.ab);
-    } else {
-        v = ht_deadbeat_law_step(&cfg->deadbeat_law, &cfg->observer, &st->deadbeat_law, &seen);
-    }
+    v = law_voltage(cfg, st, in, &seen, lost);
     if (lost) {
         v = ht_lost_legs_command(&st->lost, &cfg->observer, &seen, v);
     }
@@ -160,6 +210,40 @@ void ht_control_select(ht_control_config *cfg, ht_scheme scheme)
     if (row != NULL) {
         law_select(cfg, row);
     }
+}
+
+void ht_control_configure(ht_control_config *cfg, const ht_law_setting *given)
+{
+    switch (cfg->law) {
+#define HT_VECTOR_LAW(id, law)                                             \
+    case HT_LAW_##id:                                                      \
+        ht_##law##_law_configure(&cfg->law##_law, given, &cfg->modulator); \
+        break;
+#define HT_VOLTAGE_LAW HT_VECTOR_LAW
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
+    default:
+        break;
+    }
+}
+
+float ht_control_reach_pu(const ht_control_config *cfg)
+{
+    float reach_pu = ht_scheme_describe((uint16_t)cfg->scheme)->reach_pu;
+    switch (cfg->law) {
+#define HT_VECTOR_LAW(id, law)                                         \
+    case HT_LAW_##id:                                                  \
+        reach_pu = ht_##law##_law_reach_pu(&cfg->law##_law, reach_pu); \
+        break;
+#define HT_VOLTAGE_LAW(id, law)
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
+    default:
+        break;
+    }
+    return reach_pu;
 }
 
 ht_config_status ht_control_check(const ht_control_config *cfg)
@@ -391,11 +475,11 @@ static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state 
     st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
     if (build) {
         p = build_step(cfg, st, in, i.ab, s);
-    } else if ((cfg->law == HT_LAW_TABLE) && !lost) {
-        p = table_step(cfg, st, in, i.xy, s);
-    } else {
+    } else if (lost || !vector_step(cfg, st, in, i.xy, s, &p)) {
         modulated_step(cfg, st, in, i, lost, out);
         return;
+    } else {
+        /* p and s are known */
     }
     commit(cfg, st, s, p, out);
 }

@@ -5,10 +5,12 @@
  *    currents, Vdc -> observer -> (prediction) -> comparators -> switching table
  *      -> scheme -> (x-y regulator -> duties) -> compare registers
  *
- *  and the deadbeat and the field-oriented law:
+ *  and the laws that command a voltage:
  *
  *    currents, Vdc -> observer -> prediction -> flux or current, x-y regulator -> voltage
  *      -> modulator -> compare registers
+ *
+ *  ht_laws.def lists the laws.
  *
  *  The caller owns config and state; any number of drives can live side by side.
  *  `step` cannot fail: every input, NaN and infinity included, gives a pattern
@@ -36,20 +38,24 @@ typedef struct {
     ht_period period;
     ht_dead_time dead;
     ht_observer_config observer;
-    ht_table_law_config table_law;       /**< used where `law` is HT_LAW_TABLE */
-    ht_deadbeat_law_config deadbeat_law; /**< HT_LAW_DEADBEAT */
-    ht_modulator_config modulator;       /**< the same, and HT_LAW_FOC */
-    ht_foc_law_config foc_law;           /**< HT_LAW_FOC */
+/* <law>_law: that of `law` is used, the others may hold anything. */
+#define HT_VECTOR_LAW(id, law) ht_##law##_law_config law##_law;
+#define HT_VOLTAGE_LAW HT_VECTOR_LAW
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
+    ht_modulator_config modulator; /**< of a voltage law, and of every law without legs */
     ht_leg_loss_config leg_loss;
 } ht_control_config;
 
 typedef enum {
     HT_CONFIG_OK = 0,
-    HT_CONFIG_SCHEME = 1,     /**< scheme, or what its law needs: table, torque levels, x-y limit */
-    HT_CONFIG_TIMING = 2,     /**< period, write instant, pulse, dead time or sampling period */
-    HT_CONFIG_MACHINE = 3,    /**< resistance or inductance */
+    HT_CONFIG_SCHEME = 1,  /**< scheme, or what its law is configured to: levels, gains, limits */
+    HT_CONFIG_TIMING = 2,  /**< period, write instant, pulse, dead time or sampling period */
+    HT_CONFIG_MACHINE = 3, /**< resistance or inductance */
     HT_CONFIG_PREDICTION = 4, /**< the law needs shadow load and prediction */
-    HT_CONFIG_SAMPLING = 5    /**< the law needs more samples per time constant of the machine */
+    HT_CONFIG_SAMPLING = 5,   /**< the law needs more samples per time constant of the machine */
+    HT_CONFIG_LAW = 6         /**< there is no such law */
 } ht_config_status;
 
 typedef struct {
@@ -65,11 +71,14 @@ typedef struct {
     ht_xy psi_xy_Wb;      /**< x-y flux decided on: laws that need it only */
     ht_xy v_xy_pu;        /**< x-y command, units of Vdc */
     uint16_t sector;      /**< of the flux decided on, 0..11 */
-    ht_table_law_state table_law;
-    ht_deadbeat_law_state deadbeat_law;
+/* <law>_law */
+#define HT_VECTOR_LAW(id, law) ht_##law##_law_state law##_law;
+#define HT_VOLTAGE_LAW HT_VECTOR_LAW
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
     ht_modulator_state modulator;
     ht_toggles toggles[2]; /**< of `active` and `next`, where they are modulated */
-    ht_foc_law_state foc_law;
     ht_leg_loss_state leg_loss;
     ht_lost_legs lost;
 } ht_control_state;
@@ -85,6 +94,13 @@ typedef struct {
 
 /** Choose a scheme: fills in what its row decides (ht_schemes.def). The rest of `cfg` stays. */
 void ht_control_select(ht_control_config *cfg, ht_scheme scheme);
+
+/** Configure the law of the scheme in use, and the modulator. `given->machine` is `cfg->observer`, which
+ *  must be set; `given->scheme` is the row of `cfg->scheme`. */
+void ht_control_configure(ht_control_config *cfg, const ht_law_setting *given);
+
+/** Largest mean voltage of the scheme, units of Vdc, of a configuration that is checked. */
+float ht_control_reach_pu(const ht_control_config *cfg);
 
 /** Check a configuration; `ht_control_step` relies on it. */
 ht_config_status ht_control_check(const ht_control_config *cfg);

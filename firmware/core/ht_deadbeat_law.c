@@ -7,24 +7,27 @@
 /* Largest step of the flux, units of Vdc Ts. The inverter reaches 0.64; a command beyond it makes
  * the modulator limit legs, up to twelve-step operation. */
 #define REACH_PU 1.0f
-/* Samples per time constant of a current. */
-#define LEAST_SAMPLES 5.0f
+/* Voltage from which set 2's carrier turns, units of Vdc. */
+#define TURN_PU 0.3f
+
+void ht_deadbeat_law_configure(ht_deadbeat_law_config *cfg, const ht_law_setting *given,
+                               ht_modulator_config *modulator)
+{
+    bool clamped = (given->kappa > 0.0f) && (given->kappa_from_pu == 0.0f);
+    float turn_pu[3] = {TURN_PU, HT_NEVER_PU, 0.0f}; /* auto, off, always */
+    turn_pu[0] = clamped ? 0.0f : TURN_PU;
+    cfg->gain = 1.0f;
+    cfg->xy_ki_per_A = ht_voltage_law_xy_ki_per_A(given);
+    modulator->kappa = given->kappa;
+    modulator->kappa_from_pu = given->kappa_from_pu;
+    modulator->alternate = given->clamp != 0.0f;
+    modulator->turn_pu = turn_pu[(uint16_t)given->carrier_turn];
+}
 
 bool ht_deadbeat_law_check(const ht_deadbeat_law_config *cfg)
 {
     return (cfg->gain > 0.0f) && (cfg->gain <= 1.0f) && (cfg->xy_ki_per_A >= 0.0f)
            && (cfg->xy_ki_per_A < 1.0e30f); /* NaN is not */
-}
-
-float ht_deadbeat_law_least_Hz(float rs_ohm, float sigma_ls_H, float lxy_H)
-{
-    return LEAST_SAMPLES * rs_ohm / ((lxy_H < sigma_ls_H) ? lxy_H : sigma_ls_H);
-}
-
-bool ht_deadbeat_law_fast_enough(const ht_observer_config *machine)
-{
-    return machine->inv_ts
-           >= ht_deadbeat_law_least_Hz(machine->rs_ohm, machine->sigma_ls_H, machine->lxy_H);
 }
 
 void ht_deadbeat_law_reset(ht_deadbeat_law_state *st)
@@ -38,7 +41,7 @@ static float limited(float value, float limit)
 }
 
 /* The flux that has the torque asked for, next to the length asked for. */
-static ht_ab flux_reference(const ht_observer_config *machine, const ht_deadbeat_law_input *in,
+static ht_ab flux_reference(const ht_observer_config *machine, const ht_voltage_law_input *in,
                             float length_Wb)
 {
     ht_ab r = in->rotor_Wb;
@@ -70,7 +73,7 @@ static ht_ab within_reach(ht_ab e, ht_ab along, float inv_size, float radial, fl
 }
 
 ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer_config *machine,
-                            ht_deadbeat_law_state *st, const ht_deadbeat_law_input *in)
+                            ht_deadbeat_law_state *st, const ht_voltage_law_input *in)
 {
     ht_xy_config integral = {0.0f, cfg->xy_ki_per_A};
     ht_ab psi = in->psi_Wb;
@@ -88,7 +91,7 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     ht_ab wanted = flux_reference(machine, in, size + radial);
     ht_ab e;
     ht_vsd v;
-    v.xy = ht_xy_step(&integral, &st->xy, in->i_xy_A, along, HT_LAW_XY_LIMIT_PU, false);
+    v.xy = ht_xy_step(&integral, &st->xy, in->i_A.xy, along, HT_LAW_XY_LIMIT_PU, false);
     e.alpha = back * wanted.alpha - turn * wanted.beta + cfg->gain * (wanted.alpha - psi.alpha);
     e.beta = back * wanted.beta + turn * wanted.alpha + cfg->gain * (wanted.beta - psi.beta);
     if (!((e.alpha * e.alpha + e.beta * e.beta) <= (most * most))) {

@@ -4,6 +4,16 @@
 
 /* Largest voltage, units of Vdc: the circle of linear modulation, squared. */
 #define REACH2_PU2 0.333333333f
+/* Bandwidth of the current regulators times the period. */
+#define ALPHA_TS 0.3f
+
+void ht_foc_law_configure(ht_foc_law_config *cfg, const ht_law_setting *given,
+                          ht_modulator_config *modulator)
+{
+    cfg->alpha_ts = ALPHA_TS;
+    cfg->xy_ki_per_A = ht_voltage_law_xy_ki_per_A(given);
+    ht_modulator_centre(modulator, given->scheme->vectors == HT_VECTORS_TURNED);
+}
 
 bool ht_foc_law_check(const ht_foc_law_config *cfg)
 {
@@ -45,7 +55,7 @@ static ht_ab out_of(ht_ab u, ht_ab p)
 
 /* References of i_d and i_q: the length of the stator flux and the torque, with the rotor flux as it
  * is. */
-static ht_ab current_reference(const ht_observer_config *machine, const ht_deadbeat_law_input *in,
+static ht_ab current_reference(const ht_observer_config *machine, const ht_voltage_law_input *in,
                                float rotor_Wb, float inv_rotor)
 {
     float flux = in->flux_ref_Wb;
@@ -62,7 +72,7 @@ static ht_ab current_reference(const ht_observer_config *machine, const ht_deadb
 }
 
 ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *machine,
-                       ht_foc_law_state *st, const ht_deadbeat_law_input *in, ht_ab i_A)
+                       ht_foc_law_state *st, const ht_voltage_law_input *in)
 {
     ht_xy_config integral = {0.0f, cfg->xy_ki_per_A};
     ht_ab psi = in->psi_Wb;
@@ -95,13 +105,13 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
         st->along = u;
         st->integral_A.alpha = a * frame_i1.alpha;
         st->integral_A.beta = a * frame_i1.beta;
-        st->wanted_A = into(u, i_A);
+        st->wanted_A = into(u, in->i_A.ab);
     }
-    sampled = into(st->along, i_A);
+    sampled = into(st->along, in->i_A.ab);
     st->integral_A.alpha += a * a * (st->wanted_A.alpha - sampled.alpha);
     st->integral_A.beta += a * a * (st->wanted_A.beta - sampled.beta);
     st->along = u;
-    v.xy = ht_xy_step(&integral, &st->xy, in->i_xy_A, u, HT_LAW_XY_LIMIT_PU, false);
+    v.xy = ht_xy_step(&integral, &st->xy, in->i_A.xy, u, HT_LAW_XY_LIMIT_PU, false);
     v.xy.x -= HT_LAW_XY_SHARE * volts_per_Wb * in->psi_xy_Wb.x;
     v.xy.y -= HT_LAW_XY_SHARE * volts_per_Wb * in->psi_xy_Wb.y;
 

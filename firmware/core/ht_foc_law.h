@@ -7,12 +7,14 @@
  *  trigonometry. The torque is 3 P |r| i_q; i_d gives the stator flux the length that the drive asks
  *  for, whatever the rotor flux is.
  *
- *  The law cannot fail, as ht_deadbeat_law.h has it.
+ *  The law cannot fail: every input, NaN and infinity included, gives a voltage.
  */
 #ifndef HT_FOC_LAW_H
 #define HT_FOC_LAW_H
 
-#include "ht_deadbeat_law.h"
+#include "ht_modulator.h"
+#include "ht_voltage_law.h"
+#include "ht_xy_regulator.h"
 
 typedef struct {
     float alpha_ts;    /**< bandwidth of the current times the period, above 0 up to 0.5 */
@@ -27,14 +29,18 @@ typedef struct {
     bool begun;       /**< the integrals fit the machine */
 } ht_foc_law_state;
 
+/** Configuration of the law and of its modulator: centred zero sequences, and the carriers that the
+ *  scheme's row names. */
+void ht_foc_law_configure(ht_foc_law_config *cfg, const ht_law_setting *given,
+                          ht_modulator_config *modulator);
+
 /** True if every value of `cfg` is in its range. */
 bool ht_foc_law_check(const ht_foc_law_config *cfg);
 
 /** Before the first step. */
 void ht_foc_law_reset(ht_foc_law_state *st);
 
-/** Voltage of the period after the one that is committed, units of Vdc. `i_A`: of the latest
- *  sample.
+/** Voltage of the period after the one that is committed, units of Vdc.
  *
  *  In the frame, with the prediction i1, a period adds to the current what is commanded:
  *
@@ -45,6 +51,6 @@ void ht_foc_law_reset(ht_foc_law_state *st);
  *  current i, because a wrong prediction would leave a mean error. A voltage beyond the linear
  *  range is shortened, and the integrals get the reference that it realises. */
 ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *machine,
-                       ht_foc_law_state *st, const ht_deadbeat_law_input *in, ht_ab i_A);
+                       ht_foc_law_state *st, const ht_voltage_law_input *in);
 
 #endif

@@ -157,7 +157,7 @@ ht_xy ht_lost_legs_across(const ht_lost_legs *lost, ht_xy value)
 }
 
 ht_vsd ht_lost_legs_command(const ht_lost_legs *lost, const ht_observer_config *machine,
-                            const ht_deadbeat_law_input *in, ht_vsd v_pu)
+                            const ht_voltage_law_input *in, ht_vsd v_pu)
 {
     float inv_vdc = 1.0f / in->vdc_V;
     float kappa = machine->lxy_H * machine->inv_sigma_ls;

@@ -22,7 +22,7 @@
 #ifndef HT_LOST_LEGS_H
 #define HT_LOST_LEGS_H
 
-#include "ht_deadbeat_law.h"
+#include "ht_voltage_law.h"
 
 typedef struct {
     ht_ab a;
@@ -68,6 +68,6 @@ ht_xy ht_lost_legs_across(const ht_lost_legs *lost, ht_xy value);
  *  rail while it drives it down: otherwise the diodes of a leg whose switches are off would
  *  conduct. */
 ht_vsd ht_lost_legs_command(const ht_lost_legs *lost, const ht_observer_config *machine,
-                            const ht_deadbeat_law_input *in, ht_vsd v_pu);
+                            const ht_voltage_law_input *in, ht_vsd v_pu);
 
 #endif

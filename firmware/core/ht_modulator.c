@@ -8,6 +8,14 @@
 /* The carriers go back in phase below this share of the voltage from which they turn, squared. */
 #define TURN_HOLD2 0.9025f
 
+void ht_modulator_centre(ht_modulator_config *cfg, bool turned)
+{
+    cfg->kappa = 0.0f;
+    cfg->kappa_from_pu = 0.0f;
+    cfg->turn_pu = turned ? 0.0f : HT_NEVER_PU;
+    cfg->alternate = false;
+}
+
 bool ht_modulator_check(const ht_modulator_config *cfg)
 {
     return (cfg->kappa >= 0.0f) && (cfg->kappa <= 1.0f) && (cfg->kappa_from_pu >= 0.0f)

@@ -21,6 +21,8 @@
 
 /** From this voltage above `kappa_from_pu` on, `kappa` counts in full; units of Vdc. */
 #define HT_KAPPA_RAMP_PU 0.02f
+/** For `turn_pu`: no inverter makes that voltage. */
+#define HT_NEVER_PU 100.0f
 
 typedef struct {
     float kappa;         /**< zero sequence: 0 centred, 1 clamped, between: a mixture */
@@ -42,6 +44,9 @@ typedef struct {
     const ht_period *period; /**< begins at count 0 */
     uint16_t before;         /**< state word at the end of the period before */
 } ht_modulator_input;
+
+/** Centred zero sequences; set 2's carrier turns in every second sector, or never. */
+void ht_modulator_centre(ht_modulator_config *cfg, bool turned);
 
 /** True if every value is in its range: kappa 0..1, the voltages 0 or more. */
 bool ht_modulator_check(const ht_modulator_config *cfg);

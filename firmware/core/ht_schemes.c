@@ -16,9 +16,21 @@ const ht_scheme_info *ht_scheme_describe(uint16_t scheme)
     return (scheme < (uint16_t)HT_SCHEMES) ? &table[scheme] : NULL;
 }
 
-bool ht_law_needs_prediction(ht_law law)
+bool ht_law_commands_voltage(ht_law law)
 {
-    return (law == HT_LAW_DEADBEAT) || (law == HT_LAW_FOC);
+    static const bool commands[HT_LAWS] = {
+#define HT_VECTOR_LAW(id, law) false,
+#define HT_VOLTAGE_LAW(id, law) true,
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
+    };
+    return ((unsigned)law < (unsigned)HT_LAWS) && commands[law];
+}
+
+bool ht_scheme_regulates_xy(const ht_scheme_info *row)
+{
+    return row->regulated || ht_law_commands_voltage(row->law);
 }
 
 float ht_scheme_xy_limit_pu(const ht_scheme_info *row)

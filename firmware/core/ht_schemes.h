@@ -14,11 +14,15 @@ typedef enum {
     HT_SCHEMES
 } ht_scheme;
 
-/** The control laws. Several schemes may share one. */
+/** HT_LAW_<id> of every row of ht_laws.def; HT_LAWS is their number. Several schemes may share a
+ *  law. */
 typedef enum {
-    HT_LAW_TABLE = 0,    /**< comparators and a switching table (ht_table_law.h) */
-    HT_LAW_DEADBEAT = 1, /**< deadbeat flux and torque, modulated (ht_deadbeat_law.h) */
-    HT_LAW_FOC = 2       /**< rotor-field orientation, modulated (ht_foc_law.h) */
+#define HT_VECTOR_LAW(id, law) HT_LAW_##id,
+#define HT_VOLTAGE_LAW HT_VECTOR_LAW
+#include "ht_laws.def"
+#undef HT_VECTOR_LAW
+#undef HT_VOLTAGE_LAW
+    HT_LAWS
 } ht_law;
 
 /** How the active vectors of a period are made. */
@@ -44,9 +48,11 @@ typedef struct {
 /** Row of a scheme, or NULL if there is no such number. */
 const ht_scheme_info *ht_scheme_describe(uint16_t scheme);
 
-/** True if a law decides on the state at the end of a period of which the pattern is known: it
- *  needs shadow load and prediction. */
-bool ht_law_needs_prediction(ht_law law);
+/** True if a law commands a voltage (ht_voltage_law.h). It needs shadow load and prediction. */
+bool ht_law_commands_voltage(ht_law law);
+
+/** True if the scheme regulates the x-y currents to zero. */
+bool ht_scheme_regulates_xy(const ht_scheme_info *row);
 
 /** Limit of the x-y voltage command per axis, units of Vdc: the TMVCL of the group whose duty
  *  ratios the scheme's regulator sets; 0 for a scheme without a regulator. */

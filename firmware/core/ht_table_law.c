@@ -10,6 +10,11 @@
  * virtual vector. Small: the whole length. */
 static const float without_legs[HT_GROUPS] = {0.776457f, 0.928203f, 1.0f};
 
+/* Reach of the table 45/135, relative to 75/105. To hold the flux, the vectors before and behind
+ * it take turns. Their mean lies on the chord between them, which is cos 45 degrees of their
+ * length away from the centre, or cos 15 degrees with the table 75/105, the vectors' circle. */
+#define WIDE_TABLE_REACH 0.732051f
+
 void ht_table_law_select(ht_table_law_config *cfg, const ht_scheme_info *row)
 {
     cfg->vectors = row->vectors;
@@ -17,6 +22,31 @@ void ht_table_law_select(ht_table_law_config *cfg, const ht_scheme_info *row)
     cfg->regulated = row->regulated;
     cfg->torque_levels = row->torque_levels;
     cfg->xy_limit_pu = ht_scheme_xy_limit_pu(row);
+}
+
+void ht_table_law_configure(ht_table_law_config *cfg, const ht_law_setting *given,
+                            ht_modulator_config *modulator)
+{
+    static const uint16_t levels[4] = {0u, 2u, 3u, 5u};
+    uint16_t asked = levels[(uint16_t)given->torque_levels];
+    if (asked != 0u) { /* not "auto", which is what the scheme's row says */
+        cfg->torque_levels = asked;
+    }
+    cfg->table = (ht_table)(uint16_t)given->table;
+    cfg->hold_on_zero = given->zero_hold != 0.0f;
+    cfg->flux_band_Wb = given->flux_band_Wb;
+    cfg->torque_band_Nm = given->torque_band_Nm;
+    cfg->torque_inner_Nm = given->torque_inner_Nm;
+    cfg->torque_release_Nm = given->torque_release_Nm;
+    cfg->flux_hold = given->flux_hold;
+    cfg->xy.kp_pu_A = given->kp_xy_pu_A;
+    cfg->xy.ki_ts_pu_A = given->ki_xy_pu_As * given->machine->ts_s;
+    ht_modulator_centre(modulator, false);
+}
+
+float ht_table_law_reach_pu(const ht_table_law_config *cfg, float reach_pu)
+{
+    return (cfg->table == HT_TABLE_45_135) ? (WIDE_TABLE_REACH * reach_pu) : reach_pu;
 }
 
 bool ht_table_law_check(const ht_table_law_config *cfg)
@@ -42,7 +72,7 @@ void ht_table_law_reset(ht_table_law_state *st)
 
 /* Comparator outputs for the decided state. */
 static void compare_levels(const ht_table_law_config *cfg, ht_table_law_state *st,
-                           const ht_table_law_input *in, float psi_Wb)
+                           const ht_vector_law_input *in, float psi_Wb)
 {
     float error = in->torque_ref_Nm - in->decided->torque_Nm;
     int16_t last = st->torque_level;
@@ -70,7 +100,7 @@ static uint16_t pair_choice(unsigned strong, unsigned k, ht_xy psi_xy)
 
 /* State words and action points of the active vector in direction k. */
 static ht_action_points active_vector(const ht_table_law_config *cfg, const ht_table_law_state *st,
-                                      const ht_table_law_input *in, unsigned k, ht_xy v_xy_pu,
+                                      const ht_vector_law_input *in, unsigned k, ht_xy v_xy_pu,
                                       uint16_t s[3])
 {
     ht_action_points whole = {1.0f, 1.0f};
@@ -95,7 +125,7 @@ static ht_action_points active_vector(const ht_table_law_config *cfg, const ht_t
 }
 
 static ht_xy regulated(const ht_table_law_config *cfg, ht_table_law_state *st,
-                       const ht_table_law_input *in, float psi_Wb, bool hold)
+                       const ht_vector_law_input *in, float psi_Wb, bool hold)
 {
     float inverse = (psi_Wb > 0.0f) ? (1.0f / psi_Wb) : 0.0f;
     ht_ab turn = {in->decided->psi_Wb.alpha * inverse, in->decided->psi_Wb.beta * inverse};
@@ -106,7 +136,7 @@ static ht_xy regulated(const ht_table_law_config *cfg, ht_table_law_state *st,
 
 /* Direction of the period's voltage, HT_DIRECTIONS for a zero vector. */
 static HT_INTO_CALLERS unsigned decide(const ht_table_law_config *cfg, ht_table_law_state *st,
-                                       const ht_table_law_input *in, float psi_Wb)
+                                       const ht_vector_law_input *in, float psi_Wb)
 {
     compare_levels(cfg, st, in, psi_Wb);
     if (st->torque_level != 0) {
@@ -127,7 +157,7 @@ static float length(ht_ab v)
 }
 
 ht_action_points ht_table_law_step(const ht_table_law_config *cfg, ht_table_law_state *st,
-                                   const ht_table_law_input *in, ht_xy *v_xy_pu, uint16_t s[3])
+                                   const ht_vector_law_input *in, ht_xy *v_xy_pu, uint16_t s[3])
 {
     ht_action_points whole = {1.0f, 1.0f};
     float psi_Wb = length(in->decided->psi_Wb);
@@ -142,7 +172,7 @@ ht_action_points ht_table_law_step(const ht_table_law_config *cfg, ht_table_law_
 }
 
 ht_vsd ht_table_law_voltage(const ht_table_law_config *cfg, ht_table_law_state *st,
-                            const ht_table_law_input *in)
+                            const ht_vector_law_input *in)
 {
     float psi_Wb = length(in->decided->psi_Wb);
     unsigned k = decide(cfg, st, in, psi_Wb);

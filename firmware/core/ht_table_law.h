@@ -10,9 +10,10 @@
 #define HT_TABLE_LAW_H
 
 #include "ht_duty.h"
-#include "ht_observer.h"
-#include "ht_schemes.h"
+#include "ht_law_setting.h"
+#include "ht_modulator.h"
 #include "ht_switching.h"
+#include "ht_vector_law.h"
 #include "ht_xy_regulator.h"
 
 typedef struct {
@@ -37,20 +38,16 @@ typedef struct {
     ht_xy_state xy;
 } ht_table_law_state;
 
-/** What the law decides on. */
-typedef struct {
-    const ht_estimate *decided; /**< flux and torque when the pattern takes effect */
-    const ht_xy *psi_xy_Wb;     /**< x-y flux then; used if `ht_table_law_needs_xy` */
-    ht_xy i_xy_A;               /**< x-y currents of the latest sample */
-    float torque_ref_Nm;
-    float flux_ref_Wb;
-    unsigned sector; /**< of the flux decided on, 0..11 */
-    uint16_t before; /**< state word at the end of the running pattern */
-    bool only_v0;    /**< zero vectors: V0 only, else the one with the fewest transitions */
-} ht_table_law_input;
-
 /** Take over what a scheme's row says: vectors, group, levels, regulator and its limit. */
 void ht_table_law_select(ht_table_law_config *cfg, const ht_scheme_info *row);
+
+/** The rest of the configuration, after ht_table_law_select, and that of the modulator, which a drive
+ *  without some of its legs uses. */
+void ht_table_law_configure(ht_table_law_config *cfg, const ht_law_setting *given,
+                            ht_modulator_config *modulator);
+
+/** Largest mean voltage, units of Vdc, of a scheme with `reach_pu` in its row. */
+float ht_table_law_reach_pu(const ht_table_law_config *cfg, float reach_pu);
 
 /** True if the law can work with `cfg`. */
 bool ht_table_law_check(const ht_table_law_config *cfg);
@@ -64,11 +61,11 @@ void ht_table_law_reset(ht_table_law_state *st);
 /** Decide on one period: state words into `s`, x-y command in units of Vdc into `v_xy_pu`
  *  (0 without a regulator). Returns the action points. */
 ht_action_points ht_table_law_step(const ht_table_law_config *cfg, ht_table_law_state *st,
-                                   const ht_table_law_input *in, ht_xy *v_xy_pu, uint16_t s[3]);
+                                   const ht_vector_law_input *in, ht_xy *v_xy_pu, uint16_t s[3]);
 
 /** The same for a drive without some of its legs: a voltage, units of Vdc, that the others are to
  *  make (ht_lost_legs_command). No vector of them points that way without x-y current. */
 ht_vsd ht_table_law_voltage(const ht_table_law_config *cfg, ht_table_law_state *st,
-                            const ht_table_law_input *in);
+                            const ht_vector_law_input *in);
 
 #endif

@@ -229,7 +229,7 @@ def needs_prediction(scheme: str) -> bool:
     """True if the scheme works with shadow load and prediction only. FirmwareError names the
     schemes if there is none of this name."""
     row = lib.ht_scheme_describe(int(parameters()["scheme"].parse(scheme)))
-    return lib.ht_law_needs_prediction(row.law)
+    return lib.ht_law_commands_voltage(row.law)
 
 
 def address(function: str) -> int:

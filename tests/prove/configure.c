@@ -19,6 +19,7 @@
 #undef table
 #include "ht_table_law.c"
 #include "ht_tables.c"
+#include "ht_voltage_law.c"
 #include "prove.h"
 
 static float clock_Hz; /* of the PWM */

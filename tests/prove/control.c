@@ -114,7 +114,7 @@ ht_xy ht_lost_legs_across(const ht_lost_legs *lost, ht_xy value)
 }
 
 ht_vsd ht_lost_legs_command(const ht_lost_legs *lost, const ht_observer_config *machine,
-                            const ht_deadbeat_law_input *in, ht_vsd v_pu)
+                            const ht_voltage_law_input *in, ht_vsd v_pu)
 {
     MUST((lost->axes == 1u) || (lost->axes == 2u));
     return ht_vsd_from_six(0);
@@ -181,13 +181,13 @@ static bool is_law_state(const ht_table_law_config *cfg, const ht_table_law_stat
 }
 
 ht_vsd ht_table_law_voltage(const ht_table_law_config *cfg, ht_table_law_state *st,
-                            const ht_table_law_input *in)
+                            const ht_vector_law_input *in)
 {
     return ht_vsd_from_six(0);
 }
 
 ht_action_points ht_table_law_step(const ht_table_law_config *cfg, ht_table_law_state *st,
-                                   const ht_table_law_input *in, ht_xy *v_xy_pu, uint16_t s[3])
+                                   const ht_vector_law_input *in, ht_xy *v_xy_pu, uint16_t s[3])
 {
     MUST(HT_IS_SECTOR(in->sector) && HT_IS_WORD(in->before));
     MUST(is_law_state(cfg, st));
@@ -202,7 +202,7 @@ ht_action_points ht_table_law_step(const ht_table_law_config *cfg, ht_table_law_
 }
 
 ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *machine,
-                       ht_foc_law_state *st, const ht_deadbeat_law_input *in, ht_ab i_A)
+                       ht_foc_law_state *st, const ht_voltage_law_input *in)
 {
     MUST(HT_IS_XY_STATE(st->xy, XY_LIMIT_DEADBEAT));
     st->xy.with = any_xy();
@@ -213,7 +213,7 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
 }
 
 ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer_config *machine,
-                            ht_deadbeat_law_state *st, const ht_deadbeat_law_input *in)
+                            ht_deadbeat_law_state *st, const ht_voltage_law_input *in)
 {
     MUST(HT_IS_XY_STATE(st->xy, XY_LIMIT_DEADBEAT));
     st->xy.with = any_xy();

@@ -9,7 +9,7 @@ void prove_deadbeat_law(void)
     ht_deadbeat_law_config cfg;
     ht_observer_config machine = any_law_machine();
     ht_deadbeat_law_state st;
-    ht_deadbeat_law_input in = any_law_input();
+    ht_voltage_law_input in = any_law_input();
     cfg.gain = nondet_float();
     cfg.xy_ki_per_A = nondet_float();
     GIVEN(ht_deadbeat_law_check(&cfg));

@@ -14,7 +14,7 @@ void prove_foc_law(void)
     ht_foc_law_config cfg;
     ht_observer_config machine = any_law_machine();
     ht_foc_law_state st;
-    ht_deadbeat_law_input in = any_law_input();
+    ht_voltage_law_input in = any_law_input();
     ht_vsd v;
     cfg.alpha_ts = nondet_float();
     cfg.xy_ki_per_A = nondet_float();
@@ -26,7 +26,7 @@ void prove_foc_law(void)
     st.wanted_A = any_ab();
     st.begun = nondet_bool();
     GIVEN(HT_IS_XY_STATE(st.xy, HT_LAW_XY_LIMIT_PU));
-    v = ht_foc_law_step(&cfg, &machine, &st, &in, any_ab());
+    v = ht_foc_law_step(&cfg, &machine, &st, &in);
     MUST(st.begun);
     MUST(HT_IS_XY_STATE(st.xy, HT_LAW_XY_LIMIT_PU));
     /* NaN is not hidden: the modulator takes it for a leg that stays low. */

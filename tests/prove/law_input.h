@@ -2,16 +2,17 @@
 #ifndef HT_PROVE_LAW_INPUT_H
 #define HT_PROVE_LAW_INPUT_H
 
-#include "ht_deadbeat_law.h"
+#include "ht_voltage_law.h"
 #include "prove.h"
 
-static inline ht_deadbeat_law_input any_law_input(void)
+static inline ht_voltage_law_input any_law_input(void)
 {
-    ht_deadbeat_law_input in;
+    ht_voltage_law_input in;
     in.psi_Wb = any_ab();
     in.rotor_Wb = any_ab();
     in.psi_xy_Wb = any_xy();
-    in.i_xy_A = any_xy();
+    in.i_A.ab = any_ab();
+    in.i_A.xy = any_xy();
     in.turn_rad = nondet_float();
     in.rs_ohm = nondet_float();
     in.torque_ref_Nm = nondet_float();

@@ -46,7 +46,7 @@ void prove_lost_legs_voltages(void)
 {
     ht_lost_legs lost;
     ht_observer_config machine = any_law_machine();
-    ht_deadbeat_law_input in = any_law_input();
+    ht_voltage_law_input in = any_law_input();
     ht_vsd v;
     v.ab = any_ab();
     v.xy = any_xy();

@@ -44,7 +44,7 @@ void prove_table_law(void)
 {
     ht_table_law_config cfg;
     ht_table_law_state st;
-    ht_table_law_input in;
+    ht_vector_law_input in;
     ht_estimate decided;
     ht_xy psi_xy = any_xy();
     ht_xy v = any_xy();

@@ -21,7 +21,7 @@ REACH_PU = 0.5774
 #: Share of the reachable voltage that steady operation may use. The rest is for control.
 USABLE = 0.9
 #: Reach of a switching table, relative to 75/105, for which the schemes' reaches hold
-#: (ht_configure.c: WIDE_TABLE_REACH).
+#: (ht_table_law.c: WIDE_TABLE_REACH).
 TABLE_SHARE = {"45/135": math.cos(math.pi / 4) / math.cos(math.pi / 12), "75/105": 1.0}
 #: Below this share of the sensors' range a current is taken for the rated one if no rated torque
 #: is known.

@@ -326,8 +326,8 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
 
     p, lib = d.parameter, firmware.lib
     row = lib.ht_scheme_describe(firmware.schemes().index(name))
-    if row.law != lib.HT_LAW_TABLE:
-        least_Hz = lib.ht_deadbeat_law_least_Hz(p("rs_ohm"), p("sigma_ls_H"), p("lxy_H"))
+    if lib.ht_law_commands_voltage(row.law):
+        least_Hz = lib.ht_voltage_law_least_Hz(p("rs_ohm"), p("sigma_ls_H"), p("lxy_H"))
         yield at_least(
             "f_isr_Hz for the machine's time constants", p("f_isr_Hz"), least_Hz, "Hz",
             f"set controller.f_isr_Hz = {math.ceil(least_Hz / 1e4) * 10_000}",

@@ -73,7 +73,7 @@ def _refused_by_law(setup: Values) -> list[str]:
     if latency != "predicted":
         lines.append(f"timing.latency = {latency}: {scheme} allows predicted only")
     machine = (float(values[name]) for name in ("rs_ohm", "sigma_ls_H", "lxy_H"))
-    least_Hz = firmware.lib.ht_deadbeat_law_least_Hz(*machine)
+    least_Hz = firmware.lib.ht_voltage_law_least_Hz(*machine)
     if not float(values["f_isr_Hz"]) >= least_Hz:
         lines.append(
             f"controller.f_isr_Hz = {values['f_isr_Hz']:g}: {scheme} allows {least_Hz:.0f} Hz and "

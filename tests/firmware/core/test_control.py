@@ -558,7 +558,7 @@ def test_voltage_of_the_table_without_legs(scheme, torque, group, length):
         lib.ht_table_law_reset(law)
         decided.psi_Wb.alpha = 0.4 * np.cos(np.deg2rad(30 * sector))
         decided.psi_Wb.beta = 0.4 * np.sin(np.deg2rad(30 * sector))
-        seen = ffi.new("ht_table_law_input *")
+        seen = ffi.new("ht_vector_law_input *")
         seen.decided, seen.psi_xy_Wb, seen.sector = decided, none, sector
         seen.torque_ref_Nm, seen.flux_ref_Wb = torque, 0.6
         v = lib.ht_table_law_voltage(ffi.addressof(cfg, "table_law"), law, seen)

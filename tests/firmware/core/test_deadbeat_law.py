@@ -39,8 +39,18 @@ class Law:
 
     def step(self, psi, rotor, torque, flux, turn=0.0, psi_xy=0j, i_xy=0j, rs=RS, vdc=VDC):
         seen = ffi.new(
-            "ht_deadbeat_law_input *",
-            [pair(psi), pair(rotor), pair(psi_xy), pair(i_xy), turn, rs, torque, flux, vdc],
+            "ht_voltage_law_input *",
+            [
+                pair(psi),
+                pair(rotor),
+                pair(psi_xy),
+                [[0, 0], pair(i_xy)],
+                turn,
+                rs,
+                torque,
+                flux,
+                vdc,
+            ],
         )
         v = lib.ht_deadbeat_law_step(self.cfg, machine(), self.state, seen)
         return complex(v.ab.alpha, v.ab.beta), complex(v.xy.x, v.xy.y)
@@ -173,13 +183,3 @@ def test_no_input_spoils_the_state(values):
 )
 def test_values_out_of_range_are_refused(values):
     assert not lib.ht_deadbeat_law_check(ffi.new("ht_deadbeat_law_config *", values))
-
-
-def test_the_least_sampling_frequency_is_five_per_time_constant():
-    for rs, sigma_ls, lxy in ((6.0, 0.028, 0.0144), (6.0, 0.01, 0.0144), (1.8, 0.025, 0.01)):
-        shortest_s = min(sigma_ls, lxy) / rs
-        assert lib.ht_deadbeat_law_least_Hz(rs, sigma_ls, lxy) == pytest.approx(5 / shortest_s)
-    for ts, fits in ((0.19 * 0.0144 / 6, True), (0.21 * 0.0144 / 6, False)):
-        config = machine(ts_s=ts, inv_ts=1 / ts)
-        assert lib.ht_deadbeat_law_fast_enough(config) == fits
-    assert not lib.ht_deadbeat_law_fast_enough(machine(rs_ohm=np.nan))

@@ -51,10 +51,10 @@ class Loop:
         i = (self.psi - self.rotor) / SIGMA_LS
         psi, rotor = self.next_state(self.v)  # what the predictor knows
         seen = ffi.new(
-            "ht_deadbeat_law_input *",
-            [pair(psi), pair(rotor), [0, 0], [0, 0], self.turn, RS, torque, flux, VDC],
+            "ht_voltage_law_input *",
+            [pair(psi), pair(rotor), [0, 0], [pair(i), [0, 0]], self.turn, RS, torque, flux, VDC],
         )
-        v = lib.ht_foc_law_step(self.cfg, self.machine, self.state, seen, pair(i))
+        v = lib.ht_foc_law_step(self.cfg, self.machine, self.state, seen)
         self.psi, self.rotor = self.next_state(self.v, self.off_V)
         self.v = complex(v.ab.alpha, v.ab.beta)
         return self.i()

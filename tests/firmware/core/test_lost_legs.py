@@ -112,7 +112,7 @@ class Legs:
         return np.array([got.alpha, got.beta])
 
     def command(self, v_pu, i, rotor):
-        seen = ffi.new("ht_deadbeat_law_input *")
+        seen = ffi.new("ht_voltage_law_input *")
         seen.psi_Wb, seen.rotor_Wb = ab(rotor + SIGMA_L * i[:2]), ab(rotor)
         seen.turn_rad, seen.rs_ohm, seen.vdc_V = OMEGA * TS, R, VDC
         out = lib.ht_lost_legs_command(self.lost, self.machine, seen, vsd(v_pu))

@@ -62,7 +62,7 @@ def test_nothing_of_what_was_before_remains(scheme, observer):
     reset(cfg, used)
     for _ in lives(cfg, used, seed=1):
         pass
-    if lib.ht_law_needs_prediction(cfg.law):
+    if lib.ht_law_commands_voltage(cfg.law):
         assert lib.ht_control_lose(cfg, used, 0b100000, 0.1)
     for state in (zero, never_written, used):
         reset(cfg, state)

@@ -77,10 +77,10 @@ def test_levels_vectors_and_regulators_are_those_of_the_papers():
     }
 
 
-def test_law_and_what_it_needs():
-    needs = {name: lib.ht_law_needs_prediction(row.law) for name, row in ROWS.items()}
+def test_the_law_and_whether_it_commands_a_voltage():
+    commands = {name: lib.ht_law_commands_voltage(row.law) for name, row in ROWS.items()}
     laws = {"db-dtfc": lib.HT_LAW_DEADBEAT, "foc": lib.HT_LAW_FOC, "foc-24": lib.HT_LAW_FOC}
-    assert needs == {name: name in laws for name in NAMES}
+    assert commands == {name: name in laws for name in NAMES}
     assert {name: row.law for name, row in ROWS.items() if row.law != lib.HT_LAW_TABLE} == laws
 
 

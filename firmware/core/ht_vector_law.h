@@ -1,0 +1,21 @@
+/** @file ht_vector_law.h
+ *  What every law gets that decides on switching vectors (HT_VECTOR_LAW in ht_laws.def).
+ */
+#ifndef HT_VECTOR_LAW_H
+#define HT_VECTOR_LAW_H
+
+#include "ht_observer.h"
+
+/** What the law decides on. */
+typedef struct {
+    const ht_estimate *decided; /**< flux and torque when the pattern takes effect */
+    const ht_xy *psi_xy_Wb;     /**< x-y flux then; used if ht_<law>_law_needs_xy */
+    ht_xy i_xy_A;               /**< x-y currents of the latest sample */
+    float torque_ref_Nm;
+    float flux_ref_Wb;
+    unsigned sector; /**< of the flux decided on, 0..11 */
+    uint16_t before; /**< state word at the end of the running pattern */
+    bool only_v0;    /**< zero vectors: V0 only, else the one with the fewest transitions */
+} ht_vector_law_input;
+
+#endif
