@@ -28,6 +28,26 @@
 /* What the sets' resistances differ by: of the means, of the result. */
 #define SETS_S 0.05f
 #define SETS_SLOW_S 0.2f
+ht_range ht_param_range(const ht_port *port, uint16_t id)
+{
+    ht_range range = {0.0f, 0.0f};
+    const ht_param_info *info = ht_param_describe(id);
+    if (info != NULL) {
+        range.min = info->min;
+        range.max = info->max;
+    }
+    if (id == (uint16_t)HT_P_dead_time_us) {
+        ht_dead_range dead = ht_port_dead_range(port);
+        range.min = (dead.min_us > range.min) ? dead.min_us : range.min;
+        range.max = (dead.max_us < range.max) ? dead.max_us : range.max;
+    }
+    if (id == (uint16_t)HT_P_min_pulse_us) {
+        float least_us = ht_port_min_pulse_us(port);
+        range.min = (least_us > range.min) ? least_us : range.min;
+    }
+    return range;
+}
+
 bool ht_configure_valid(const ht_port *port, uint16_t id, float value)
 {
     ht_range range = ht_param_range(port, id);
@@ -181,19 +201,6 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     ht_excitation_configure(&c->params, &c->excitation);
 }
 
-void ht_configure_scales(ht_drive *d)
-{
-    const float *v = d->params.v;
-    float ticks;
-    d->turn_per_count = 2.0f * PI_F * v[HT_P_pole_pairs] / v[HT_P_encoder_counts_rev];
-    d->i_per_count = 2.0f * v[HT_P_i_full_A] / (float)HT_ADC_FULL;
-    d->v_per_count = v[HT_P_vdc_full_V] / (float)HT_ADC_FULL;
-    ticks = v[HT_P_calibration_s] * v[HT_P_f_isr_Hz];
-    d->calibration_ticks = (uint16_t)ticks;
-    ticks = v[HT_P_build_s] * v[HT_P_f_isr_Hz];
-    d->build_ticks = (uint32_t)ticks;
-}
-
 ht_result ht_configure(const ht_port *port, ht_drive_config *c, ht_pwm_setup *setup)
 {
     float clock_Hz = ht_port_pwm_clock_Hz(port);
@@ -206,34 +213,4 @@ ht_result ht_configure(const ht_port *port, ht_drive_config *c, ht_pwm_setup *se
     setup->shadow = c->control.shadow;
     setup->slow_Hz = c->params.v[HT_P_f_slow_Hz];
     return ht_port_accepts(port, setup) ? HT_OK : HT_ERROR_PORT;
-}
-
-const ht_drive_config *ht_configure_withhold(ht_drive *d, ht_drive_config **next)
-{
-    const ht_drive_config *waiting = d->staged;
-    d->staged = NULL; /* the interrupt must not take a half-written copy */
-    *next = (ht_config_in_force(d) == &d->configs[0]) ? &d->configs[1] : &d->configs[0];
-    return waiting;
-}
-
-void ht_configure_restore(ht_drive *d, const ht_drive_config *waiting, ht_drive_config *next)
-{
-    ht_pwm_setup setup;
-    if (waiting == next) { /* its other parts are still those of d->params */
-        next->params = d->params;
-        (void)ht_configure(d->port, next, &setup);
-        d->staged = next;
-    }
-}
-
-ht_result ht_configure_live(ht_drive *d, ht_drive_config *next)
-{
-    ht_pwm_setup setup;
-    ht_result result = ht_configure(d->port, next, &setup);
-    if (result == HT_OK) {
-        d->params = next->params;
-        ht_configure_rest(d->port, next);
-        d->staged = next;
-    }
-    return result;
 }

@@ -4,7 +4,44 @@
 #ifndef HT_CONFIGURE_H
 #define HT_CONFIGURE_H
 
-#include "ht_drive.h"
+#include "ht_control.h"
+#include "ht_derating.h"
+#include "ht_excitation.h"
+#include "ht_params.h"
+#include "ht_protect.h"
+#include "ht_result.h"
+#include "ht_set_difference.h"
+#include "ht_speed.h"
+#include "ht_speed_measure.h"
+#include "port.h"
+
+/** What the interrupts derive from the parameters. It is prepared as a whole and taken over as a
+ *  whole, because interrupts may come at any time. What concerns the PWM or the scaling changes
+ *  with the gates off only; that is in the drive itself. */
+typedef struct {
+    ht_control_config control;
+    ht_protect_config protect;
+    ht_speed_config speed;
+    ht_speed_measure_config measure;
+    ht_flux_config flux;
+    float omega_mean_gain;
+    float pull_out_Nm_Wb2; /**< torque limit per flux squared */
+    ht_derating_config derating;
+    ht_set_difference_config sets;
+    float adapt_gain; /**< of the resistances, per slow interrupt */
+    float build_gain; /**< the same during the build-up */
+    ht_params params; /**< the parameters that all this is derived from */
+    ht_excitation_config excitation;
+} ht_drive_config;
+
+/** Range of a parameter on the hardware behind `port`: the table's, except for the dead time,
+ *  which the board limits further. Empty (0 .. 0) for an unknown id. */
+typedef struct {
+    float min;
+    float max;
+} ht_range;
+
+ht_range ht_param_range(const ht_port *port, uint16_t id);
 
 /** True if `value` is finite, in `ht_param_range` and, for choices, whole. */
 bool ht_configure_valid(const ht_port *port, uint16_t id, float value);
@@ -17,29 +54,5 @@ ht_result ht_configure(const ht_port *port, ht_drive_config *c, ht_pwm_setup *se
 /** The values outside the control configuration that follow from `c->params` and may change while
  *  the drive runs: speed loop, flux reference, protection. */
 void ht_configure_rest(const ht_port *port, ht_drive_config *c);
-
-/** The configuration in force. The pointer is read once, because the fast interrupt may exchange
- *  the configuration at any time. */
-static inline const ht_drive_config *ht_config_in_force(const ht_drive *d)
-{
-    const ht_drive_config *const volatile *config = &d->config;
-    return *config;
-}
-
-/** Where the next configuration is written, in `*next`: the copy that is not in force. The
- *  interrupt takes nothing over until `staged` is set again. Returns what was staged and not
- *  taken yet, or NULL. */
-const ht_drive_config *ht_configure_withhold(ht_drive *d, ht_drive_config **next);
-
-/** After a refusal: if the parameters that were accepted before were still `waiting` in `next`,
- *  they are put there again and staged. */
-void ht_configure_restore(ht_drive *d, const ht_drive_config *waiting, ht_drive_config *next);
-
-/** Scaling and times, which only change with the gates off. */
-void ht_configure_scales(ht_drive *d);
-
-/** New parameters, `next->params`, for a drive that may be running: checked, then handed to the
- *  next fast interrupt. After an error the caller restores. */
-ht_result ht_configure_live(ht_drive *d, ht_drive_config *next);
 
 #endif

@@ -1,5 +1,4 @@
-#include "ht_configure.h"
-#include "ht_misfit.h"
+#include "ht_drive_inside.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -34,27 +33,12 @@ uint16_t ht_state_flags(uint16_t state)
     return (state < (uint16_t)HT_STATES) ? all[state] : (uint16_t)HT_ALL_FLAGS;
 }
 
-static void enter(ht_drive *d, ht_state state)
-{
-    d->state_ticks = 0u; /* first: the interrupt acts on the state */
-    d->state = (uint16_t)state;
-}
-
-/* The flux reference, and the control step's copy with what follows from it. */
-static void set_flux_ref(ht_drive *d, float flux_Wb)
-{
-    d->flux_ref_Wb = flux_Wb;
-    d->in.flux_ref_Wb = flux_Wb;
-    d->in.inv_flux_ref2 = (flux_Wb > 0.0f) ? (1.0f / (flux_Wb * flux_Wb)) : 0.0f;
-}
-
 /* The comparators are less exact than the ADC: offset 25 mV, the DAC's curve 13 mV, its gain 2 % and
  * VDDA 1 % of 3.3 V (SPRS945, CMPSS DAC), together 137 mV or 9.1 % of a sensor's 1.5 V. With this
  * share of `i_full_A` above `i_trip_A` they never trip before the samples would. */
 #define COMPARATOR_ABOVE 0.1f
 
-/* The levels of the comparators, around the offsets in force. */
-HT_SELDOM static void set_levels(ht_drive *d)
+void ht_drive_set_levels(ht_drive *d)
 {
     ht_current_levels levels;
     float span = (d->config->protect.i_trip_A / d->i_per_count)
@@ -66,89 +50,6 @@ HT_SELDOM static void set_levels(ht_drive *d)
         levels.high[leg] = (uint16_t)(d->offset_counts[leg] + span + 1.0f);
     }
     ht_port_current_levels(d->port, &levels);
-}
-
-static const ht_six none = {{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}};
-
-/* Everything that depends on parameters, `next->params`, for a machine without flux. What is known
- * of the shaft and of the faults does not depend on them and stays. After an error the caller
- * restores. */
-static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
-{
-    ht_pwm_setup setup;
-    ht_result result = ht_configure(port, next, &setup);
-    int leg;
-    if ((result == HT_OK) && !ht_port_init(port, &setup)) {
-        result = HT_ERROR_PORT;
-    }
-    if (result != HT_OK) {
-        return result;
-    }
-    d->port = port;
-    d->params = next->params;
-    ht_configure_rest(port, next);
-    d->config = next;
-    ht_configure_scales(d);
-    for (leg = 0; leg < HT_LEGS; leg++) {
-        d->offset_counts[leg] = (float)HT_ADC_MID;
-        d->offset_sum[leg] = 0u;
-    }
-    set_levels(d);
-    d->in.i_A = none;
-    d->in.vdc_V = 0.0f;
-    d->in.torque_ref_Nm = 0.0f;
-    d->in.turn_rad = 0.0f;
-    set_flux_ref(d, d->params.v[HT_P_flux_ref_Wb]);
-    d->flux_ramp_Wb = d->flux_ref_Wb;
-    ht_control_reset(&d->config->control, &d->control, &none);
-    ht_speed_reset(&d->speed);
-    ht_speed_measure_reset(&d->measured);
-    d->torque_ref_Nm = 0.0f;
-    d->omega_mean_rad_s = 0.0f;
-    d->flux_lowered = 0u;
-    d->torque_limit_Nm = d->params.v[HT_P_torque_limit_Nm];
-    d->slow_faults = 0u;
-    d->off_legs = 0u;
-    d->stuck_leg = 0u;
-    ht_protect_reset(&d->protect);
-    d->taken_tick = d->tick + 1u;
-    enter(d, HT_STATE_IDLE);
-    return HT_OK;
-}
-
-ht_result ht_drive_init(ht_drive *d, ht_port *port, const ht_params *p)
-{
-    ht_drive_config *next;
-    ht_result result;
-    uint16_t id;
-    for (id = 0u; id < HT_PARAMS; id++) {
-        if (!ht_configure_valid(port, id, p->v[id])) {
-            return HT_ERROR_VALUE;
-        }
-    }
-    (void)ht_configure_withhold(d, &next); /* memory may hold anything */
-    next->params = *p;
-    d->tick = 0u; /* before the set-up, which reads it */
-    result = set_up(d, port, next);
-    if (result != HT_OK) {
-        return result;
-    }
-    ht_port_read(port, &d->samples); /* the counter may stand anywhere */
-    d->position_last = d->samples.position;
-    d->position_now = d->samples.position;
-    d->speed_rpm = 0.0f;
-    d->faults = 0u;
-    d->warnings = 0u;
-    d->snapshot.tick = 0u;
-    d->end_counts = 0u;
-    d->trips = 0u;
-    d->trips_forgotten = 0u;
-    d->trips_noticed = 0u;
-    d->quiet_s = 0u;
-    d->quiet_part_s = 0.0f;
-    d->sets.ohm = 0.0f;
-    d->tick_last = d->tick - 1u;
-    return HT_OK;
 }
 
 static void measure(ht_drive *d)
@@ -193,7 +94,7 @@ static void fault(ht_drive *d, uint16_t bits)
         if (by_hardware) {
             d->trips++;
         }
-        enter(d, HT_STATE_FAULT);
+        ht_drive_enter(d, HT_STATE_FAULT);
     }
     d->faults = (uint16_t)(d->faults | bits);
 }
@@ -345,7 +246,7 @@ static void calibrate(ht_drive *d)
         }
         d->offset_counts[leg] = mean;
     }
-    set_levels(d);
+    ht_drive_set_levels(d);
     measure(d);
     ht_protect_reset(&d->protect);
     d->slow_faults = 0u; /* of the run before: the slow loop may not have come by since */
@@ -356,9 +257,9 @@ static void calibrate(ht_drive *d)
     (void)go_on_without(d, (uint16_t)d->config->params.v[HT_P_lost_legs]);
     if (d->config->params.v[HT_P_start_mode] != 0.0f) {
         ht_excitation_reset(&d->excitation, d->samples.position);
-        enter(d, HT_STATE_TEST);
+        ht_drive_enter(d, HT_STATE_TEST);
     } else {
-        enter(d, HT_STATE_BUILD);
+        ht_drive_enter(d, HT_STATE_BUILD);
     }
     protect_after(d);
 }
@@ -368,7 +269,7 @@ static float begin_build(ht_drive *d)
 {
     uint32_t ticks = d->build_ticks + 1u;
     float share = (float)d->state_ticks / (float)ticks; /* 1 at most */
-    set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb] * share);
+    ht_drive_set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb] * share);
     return share;
 }
 
@@ -386,11 +287,11 @@ static void end_build(ht_drive *d, float share)
     if (gates_refused(d)) {
         fault(d, HT_FAULT_EXTERNAL);
     } else if (d->state_ticks >= d->build_ticks) {
-        set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb]);
+        ht_drive_set_flux_ref(d, d->config->params.v[HT_P_flux_ref_Wb]);
         d->flux_ramp_Wb = d->flux_ref_Wb;
         d->omega_mean_rad_s = 0.0f;
         d->flux_lowered = 0u;
-        enter(d, HT_STATE_RUN);
+        ht_drive_enter(d, HT_STATE_RUN);
     } else {
         /* still building */
     }
@@ -417,7 +318,7 @@ static inline void drive(ht_drive *d, bool build)
     if (build) {
         share = begin_build(d);
     } else if (d->in.flux_ref_Wb != d->flux_ref_Wb) {
-        set_flux_ref(d, d->flux_ref_Wb);
+        ht_drive_set_flux_ref(d, d->flux_ref_Wb);
     } else {
         /* as it was */
     }
@@ -447,7 +348,7 @@ static void test(ht_drive *d)
     }
     if (d->state_ticks >= d->config->excitation.ticks) {
         ht_port_gates_off(d->port);
-        enter(d, HT_STATE_IDLE);
+        ht_drive_enter(d, HT_STATE_IDLE);
         return;
     }
     ht_excitation_step(&d->config->excitation, &d->excitation, d->in.vdc_V, &c->period, &out);
@@ -474,7 +375,7 @@ void ht_drive_fast_isr(ht_drive *d)
         d->taken_tick = d->tick;
         d->staged = NULL;
         if (moved) {
-            set_levels(d);
+            ht_drive_set_levels(d);
         }
         if (state == HT_STATE_TEST) {
             ht_excitation_begin(&d->excitation);
@@ -546,7 +447,7 @@ ht_result ht_drive_start(ht_drive *d)
         d->offset_counts[leg] = (float)HT_ADC_MID;
     }
     d->warnings = 0u;
-    enter(d, HT_STATE_CALIBRATE);
+    ht_drive_enter(d, HT_STATE_CALIBRATE);
     return HT_OK;
 }
 
@@ -574,78 +475,6 @@ ht_result ht_drive_clear(ht_drive *d)
     }
     d->faults = 0u;
     d->warnings = 0u;
-    enter(d, HT_STATE_IDLE);
+    ht_drive_enter(d, HT_STATE_IDLE);
     return HT_OK;
-}
-
-ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, uint16_t n,
-                         uint16_t *at)
-{
-    const ht_drive_config *waiting;
-    ht_drive_config *next;
-    bool set_up_again = false;
-    ht_result result;
-    uint16_t k;
-    for (k = 0u; k < n; k++) {
-        const ht_param_info *info = ht_param_describe(ids[k]);
-        *at = ids[k];
-        if (info == NULL) {
-            return HT_ERROR_ID;
-        }
-        if (!ht_configure_valid(d->port, ids[k], values[k])) {
-            return HT_ERROR_VALUE;
-        }
-        if (info->when == HT_WHEN_IDLE) {
-            if (d->state != (uint16_t)HT_STATE_IDLE) {
-                return HT_ERROR_STATE;
-            }
-            set_up_again = true;
-        }
-    }
-    /* The parameters are put together where they will be used: a copy takes much of the stack. */
-    waiting = ht_configure_withhold(d, &next);
-    next->params = d->params;
-    for (k = 0u; k < n; k++) {
-        next->params.v[ids[k]] = values[k];
-    }
-    /* Timing and scaling reach into the PWM: set it all up again. */
-    result = set_up_again ? set_up(d, d->port, next) : ht_configure_live(d, next);
-    if (result == HT_ERROR_CONFIG) {
-        *at = (uint16_t)ht_misfit_of(&next->params, ht_port_pwm_clock_Hz(d->port));
-    }
-    if (result != HT_OK) {
-        ht_configure_restore(d, waiting, next);
-    }
-    return result;
-}
-
-ht_result ht_drive_set(ht_drive *d, uint16_t id, float value)
-{
-    uint16_t at;
-    return ht_drive_write(d, &id, &value, 1u, &at);
-}
-
-float ht_drive_get(const ht_drive *d, uint16_t id)
-{
-    return (id < HT_PARAMS) ? d->params.v[id] : 0.0f;
-}
-
-ht_range ht_param_range(const ht_port *port, uint16_t id)
-{
-    ht_range range = {0.0f, 0.0f};
-    const ht_param_info *info = ht_param_describe(id);
-    if (info != NULL) {
-        range.min = info->min;
-        range.max = info->max;
-    }
-    if (id == (uint16_t)HT_P_dead_time_us) {
-        ht_dead_range dead = ht_port_dead_range(port);
-        range.min = (dead.min_us > range.min) ? dead.min_us : range.min;
-        range.max = (dead.max_us < range.max) ? dead.max_us : range.max;
-    }
-    if (id == (uint16_t)HT_P_min_pulse_us) {
-        float least_us = ht_port_min_pulse_us(port);
-        range.min = (least_us > range.min) ? least_us : range.min;
-    }
-    return range;
 }

@@ -22,15 +22,7 @@
 #ifndef HT_DRIVE_H
 #define HT_DRIVE_H
 
-#include "ht_control.h"
-#include "ht_derating.h"
-#include "ht_excitation.h"
-#include "ht_params.h"
-#include "ht_protect.h"
-#include "ht_set_difference.h"
-#include "ht_speed.h"
-#include "ht_speed_measure.h"
-#include "port.h"
+#include "ht_configure.h"
 
 /* The number after the last one is how many there are. */
 typedef enum {
@@ -48,22 +40,6 @@ const char *ht_state_name(uint16_t state);
 /** Its flags. All of them if there is no such state: then the gates may be on. */
 uint16_t ht_state_flags(uint16_t state);
 
-/** Result of a command or an initialisation. */
-typedef enum {
-    HT_OK = 0,
-    HT_ERROR_ID = 1,         /**< no such parameter */
-    HT_ERROR_VALUE = 2,      /**< not finite, out of range or not a choice */
-    HT_ERROR_STATE = 3,      /**< not allowed in this state */
-    HT_ERROR_CONFIG = 4,     /**< parameters do not fit together (e.g. bands) */
-    HT_ERROR_PORT = 5,       /**< the hardware cannot realise the set-up */
-    HT_ERROR_TURNING = 6,    /**< start refused: the machine is turning */
-    HT_ERROR_TRIP = 7,       /**< start or clear refused: the trip pin is low */
-    HT_ERROR_STORE = 8,      /**< this image keeps no parameters, or writing them failed */
-    HT_ERROR_PREDICTION = 9, /**< the scheme needs load_mode = shadow and predict = on */
-    HT_ERROR_SAMPLING = 10,  /**< the scheme needs a higher f_isr_Hz for this machine */
-    HT_ERROR_RESTART = 11    /**< start refused: too many trips by hardware */
-} ht_result;
-
 /** Share of the build-up during which the flux is too small for its speed to mean anything. */
 #define HT_BUILD_BLIND 0.1f
 
@@ -78,25 +54,6 @@ typedef struct {
     ht_estimate estimate;
     float speed_rpm;
 } ht_snapshot;
-
-/** What the interrupts derive from the parameters. It is prepared as a whole and taken over as a
- *  whole, because interrupts may come at any time. What concerns the PWM or the scaling changes
- *  with the gates off only; that is in the drive itself. */
-typedef struct {
-    ht_control_config control;
-    ht_protect_config protect;
-    ht_speed_config speed;
-    ht_speed_measure_config measure;
-    ht_flux_config flux;
-    float omega_mean_gain;
-    float pull_out_Nm_Wb2; /**< torque limit per flux squared */
-    ht_derating_config derating;
-    ht_set_difference_config sets;
-    float adapt_gain; /**< of the resistances, per slow interrupt */
-    float build_gain; /**< the same during the build-up */
-    ht_params params; /**< the parameters that all this is derived from */
-    ht_excitation_config excitation;
-} ht_drive_config;
 
 typedef struct {
     /* What the fast interrupt needs comes first, within reach of one instruction. */
@@ -153,6 +110,14 @@ typedef struct {
     ht_drive_config configs[2]; /**< the one in force and the next */
 } ht_drive;
 
+/** The configuration in force. The pointer is read once, because the fast interrupt may exchange
+ *  the configuration at any time. */
+static inline const ht_drive_config *ht_config_in_force(const ht_drive *d)
+{
+    const ht_drive_config *const volatile *config = &d->config;
+    return *config;
+}
+
 /** Set up a drive with parameters `p` on `port`: idle, gates off. No interrupt
  *  may run it yet. Refuses parameters that are out of range or do not fit together or the hardware;
  *  the hardware is then as it was. */
@@ -191,15 +156,6 @@ ht_result ht_drive_write(ht_drive *d, const uint16_t *ids, const float *values, 
                          uint16_t *at);
 /** Current value; NaN-free. Returns 0 for an unknown id. */
 float ht_drive_get(const ht_drive *d, uint16_t id);
-
-/** Range of a parameter on the hardware behind `port`: the table's, except for the dead time,
- *  which the board limits further. Empty (0 .. 0) for an unknown id. */
-typedef struct {
-    float min;
-    float max;
-} ht_range;
-
-ht_range ht_param_range(const ht_port *port, uint16_t id);
 
 /** Telemetry channels (ht_channels.def). */
 typedef struct {

@@ -1,5 +1,5 @@
 /* The slow interrupt: speed, references, adaptation, and the checks that need a model. */
-#include "ht_configure.h"
+#include "ht_drive.h"
 
 #define PI_F 3.14159265f
 /* Below the first speed of the flux R_r has no visible effect. From the load below (i_q/i_d) on,

@@ -1,7 +1,6 @@
 /* The requests, one function each: payload in, status out, payload of the reply appended. */
 #include "ht_service_requests.h"
 
-#include "ht_configure.h"
 #include "ht_dictionary.h"
 #include "ht_octets.h"
 #include "ht_snapshot.h"

@@ -1,4 +1,4 @@
-"""Which part of the host's package may import which.
+"""Which part of the host's package may import which, and which file of the firmware may call which.
 
 The imports are read from the sources, including those inside functions: a circle that closes only
 when a function runs is still a circle. If a table names modules as text (the formats of recordings,
@@ -7,11 +7,13 @@ on their interface.
 """
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
 
 HOST = Path(__file__).resolve().parents[2] / "host"
+FIRMWARE = HOST.parent / "firmware"
 #: Modules whose imports close no circle, and why.
 NO_CIRCLE = {
     "hexatorque": "gives the package's public names when they are asked for, and its own modules "
@@ -123,3 +125,66 @@ def test_the_check_sees_what_it_looks_for(tmp_path):
     assert circle_in(graph) == []
     (tmp_path / "p/q/d.py").write_text("def f():\n    from ..a import b\n")
     assert circle_in(graph_of(tmp_path)) == ["p.a", "p.b", "p.q.d", "p.a"]
+
+
+def code_of(file: Path) -> str:
+    """A C file without its comments."""
+    return re.sub(r"/\*.*?\*/", " ", file.read_text(), flags=re.S)
+
+
+def calls_of(files: list[Path]) -> dict[str, set[str]]:
+    """The other files whose functions a C file names."""
+    texts = {file.stem: code_of(file) for file in files}
+    defined = r"^(?!static)\w[\w \*]*?\b(ht_\w+)\([^;{]*\)\s*\{"
+    home = {name: stem for stem, text in texts.items() for name in re.findall(defined, text, re.M)}
+    return {
+        stem: {home[name] for name in re.findall(r"\bht_\w+", text) if name in home} - {stem}
+        for stem, text in texts.items()
+    }
+
+
+def test_no_files_of_the_firmware_call_each_other():
+    files = [file for room in ("core", "app", "link") for file in (FIRMWARE / room).glob("*.c")]
+    graph = calls_of(files)
+    assert {"ht_configure", "ht_drive"} <= set(graph) and sum(map(len, graph.values())) > 50
+    assert circle_in(graph) == []
+
+
+def laws_named(folder: Path) -> dict[str, set[str]]:
+    """Law -> the files that name it or its functions, except the header of all laws, which
+    includes its header, and the tables of laws and schemes."""
+    rows = re.findall(r"^HT_\w+_LAW\((\w+), (\w+)\)", code_of(folder / "core/ht_laws.def"), re.M)
+    found: dict[str, set[str]] = {law: set() for _, law in rows}
+    for file in folder.rglob("*.[ch]"):
+        text = code_of(file)
+        if file.name == "ht_control.h":
+            text = re.sub(r"^#include .*", "", text, flags=re.M)
+        for number, law in rows:
+            if re.search(rf"\bHT_LAW_{number}\b|\b(ht_)?{law}_law", text):
+                found[law].add(file.name)
+    return found
+
+
+def test_no_law_is_named_outside_its_row():
+    """A law's own files name it, its row does, and the rows of its schemes do. What else named it
+    would have to be known and extended with every new law."""
+    named = laws_named(FIRMWARE)
+    assert len(named) >= 3
+    assert named == {law: {f"ht_{law}_law.c", f"ht_{law}_law.h"} for law in named}
+
+
+def test_the_firmwares_checks_see_what_they_look_for(tmp_path):
+    for name, text in {
+        "a.c": "void ht_a(int x)\n{\n    ht_b(x);\n}\nvoid ht_c(void)\n{\n}\n",
+        "b.c": "/* ht_c */ static void ht_d(void)\n{\n}\nht_t *ht_b(int x,\n  int y)\n{\n}\n",
+        "core/ht_laws.def": "HT_VECTOR_LAW(ONE, one)\n",
+        "core/ht_one_law.c": "int ht_one_law_step;\n",
+        "app/other.c": "if (law == HT_LAW_ONE) {}\n",
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    files = sorted(tmp_path.glob("*.c"))
+    assert calls_of(files) == {"a": {"b"}, "b": set()}
+    (tmp_path / "b.c").write_text("void ht_b(void)\n{\n    ht_c();\n}\n")
+    assert circle_in(calls_of(files)) == ["a", "b", "a"]
+    assert laws_named(tmp_path) == {"one": {"ht_one_law.c", "other.c"}}
