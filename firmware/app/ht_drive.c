@@ -1,4 +1,5 @@
 #include "ht_drive_inside.h"
+#include "ht_limited.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -62,10 +63,7 @@ static void measure(ht_drive *d)
         d->in.i_A.p[leg] = ((float)s->adc[HT_ADC_I + leg] - d->offset_counts[leg]) * d->i_per_count;
     }
     d->in.vdc_V = (float)s->adc[HT_ADC_VDC] * d->v_per_count;
-    if (!(fabsf(turn) <= TURN_MAX_RAD)) {
-        turn = (turn > 0.0f) ? TURN_MAX_RAD : -TURN_MAX_RAD;
-    }
-    d->in.turn_rad = turn;
+    d->in.turn_rad = ht_limited(turn, TURN_MAX_RAD);
     d->position_now = s->position;
 }
 

@@ -110,14 +110,6 @@ typedef struct {
     ht_drive_config configs[2]; /**< the one in force and the next */
 } ht_drive;
 
-/** The configuration in force. The pointer is read once, because the fast interrupt may exchange
- *  the configuration at any time. */
-static inline const ht_drive_config *ht_config_in_force(const ht_drive *d)
-{
-    const ht_drive_config *const volatile *config = &d->config;
-    return *config;
-}
-
 /** Set up a drive with parameters `p` on `port`: idle, gates off. No interrupt
  *  may run it yet. Refuses parameters that are out of range or do not fit together or the hardware;
  *  the hardware is then as it was. */

@@ -1,10 +1,19 @@
 /** @file ht_drive_inside.h
- *  What the files of the drive (ht_drive*.c) share and no other code calls.
+ *  What the files of the drive share (ht_drive*.c). Of other code only the service reads here: the
+ *  configuration in force.
  */
 #ifndef HT_DRIVE_INSIDE_H
 #define HT_DRIVE_INSIDE_H
 
 #include "ht_drive.h"
+
+/** The configuration in force. The pointer is read once, because the fast interrupt may exchange
+ *  the configuration at any time. */
+static inline const ht_drive_config *ht_config_in_force(const ht_drive *d)
+{
+    const ht_drive_config *const volatile *config = &d->config;
+    return *config;
+}
 
 static inline void ht_drive_enter(ht_drive *d, ht_state state)
 {

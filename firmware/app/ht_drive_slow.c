@@ -1,5 +1,7 @@
 /* The slow interrupt: speed, references, adaptation, and the checks that need a model. */
-#include "ht_drive.h"
+#include "ht_drive_inside.h"
+
+#include "ht_limited.h"
 
 #define PI_F 3.14159265f
 /* Below the first speed of the flux R_r has no visible effect. From the load below (i_q/i_d) on,
@@ -96,7 +98,7 @@ static void ramp_flux(ht_drive *d, const ht_drive_config *c)
     larger = (wanted > d->flux_ramp_Wb) ? wanted : d->flux_ramp_Wb;
     step = share * larger / (v[HT_P_build_s] * v[HT_P_f_slow_Hz]);
     missing = wanted - d->flux_ramp_Wb;
-    d->flux_ramp_Wb += (missing > step) ? step : ((missing < -step) ? -step : missing);
+    d->flux_ramp_Wb += ht_limited(missing, step);
 }
 
 /* Trips by hardware are forgotten together, when there was none for the time that a start must wait.
@@ -189,9 +191,7 @@ void ht_drive_slow_isr(ht_drive *d)
     d->torque_limit_Nm = torque_limit(d, c);
     speed.torque_limit_Nm = d->torque_limit_Nm;
     if (v[HT_P_control_mode] != 0.0f) {
-        float limit = speed.torque_limit_Nm;
-        float wanted = v[HT_P_torque_ref_Nm];
-        d->torque_ref_Nm = (wanted > limit) ? limit : ((wanted < -limit) ? -limit : wanted);
+        d->torque_ref_Nm = ht_limited(v[HT_P_torque_ref_Nm], speed.torque_limit_Nm);
         ht_speed_follow(&d->speed, d->torque_ref_Nm); /* no step on the return to speed mode */
     } else {
         float error = (v[HT_P_speed_ref_rpm] - d->speed_rpm) * (PI_F / 30.0f);

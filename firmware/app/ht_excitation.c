@@ -1,6 +1,7 @@
 #include "ht_excitation.h"
 
 #include "ht_faults.h"
+#include "ht_limited.h"
 #include "ht_tables.h"
 
 #include <math.h>
@@ -38,8 +39,7 @@ void ht_excitation_configure(const ht_params *p, ht_excitation_config *c)
     const float *v = p->v;
     float most_Hz = 0.25f * v[HT_P_f_isr_Hz];
     float ticks;
-    float hertz = (v[HT_P_test_Hz] < most_Hz) ? v[HT_P_test_Hz] : most_Hz;
-    hertz = (hertz > -most_Hz) ? hertz : -most_Hz;
+    float hertz = ht_limited(v[HT_P_test_Hz], most_Hz);
     c->wave = (ht_wave)(uint16_t)v[HT_P_test_wave];
     c->ab_V.alpha = v[HT_P_test_alpha_V];
     c->ab_V.beta = v[HT_P_test_beta_V];
@@ -147,9 +147,7 @@ void ht_excitation_step(const ht_excitation_config *c, ht_excitation_state *st, 
                           + column->xy.x * v.xy.x + column->xy.y * v.xy.y);
         float length; /* of the pulse */
         uint16_t whole;
-        leg_pu = (leg_pu < most) ? leg_pu : most;
-        leg_pu = (leg_pu > -most) ? leg_pu : -most;
-        length = full * (0.5f + leg_pu) + st->rest[leg];
+        length = full * (0.5f + ht_limited(leg_pu, most)) + st->rest[leg];
         whole = (uint16_t)(length + 0.5f);
         st->rest[leg] = length - (float)whole;
         out->ca[leg] = (uint16_t)(centre - 0.5f * (float)whole);

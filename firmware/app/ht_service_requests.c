@@ -2,6 +2,7 @@
 #include "ht_service_requests.h"
 
 #include "ht_dictionary.h"
+#include "ht_drive_inside.h"
 #include "ht_octets.h"
 #include "ht_snapshot.h"
 

@@ -1,5 +1,6 @@
 #include "ht_control.h"
 
+#include "ht_limited.h"
 #include "ht_vectors.h"
 #include "ht_vsd.h"
 
@@ -350,7 +351,7 @@ static ht_vsd less_drops(const ht_control_config *cfg, const ht_six *from, const
     int leg;
     for (leg = 0; leg < HT_LEGS; leg++) {
         float share = per_A * (from->p[leg] + to->p[leg]);
-        drop.p[leg] = cfg->drop_V * ((share > 1.0f) ? 1.0f : ((share < -1.0f) ? -1.0f : share));
+        drop.p[leg] = cfg->drop_V * ht_limited(share, 1.0f);
     }
     lost = ht_vsd_from_six(&drop);
     v.ab.alpha -= lost.ab.alpha;

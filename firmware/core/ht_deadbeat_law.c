@@ -1,5 +1,7 @@
 #include "ht_deadbeat_law.h"
 
+#include "ht_limited.h"
+
 #include <math.h>
 
 /* What torque gets at least, of the largest step, squared. */
@@ -35,11 +37,6 @@ void ht_deadbeat_law_reset(ht_deadbeat_law_state *st)
     ht_xy_reset(&st->xy);
 }
 
-static float limited(float value, float limit)
-{
-    return (value > limit) ? limit : ((value > -limit) ? value : -limit);
-}
-
 /* The flux that has the torque asked for, next to the length asked for. */
 static ht_ab flux_reference(const ht_observer_config *machine, const ht_voltage_law_input *in,
                             float length_Wb)
@@ -62,8 +59,8 @@ static ht_ab within_reach(ht_ab e, ht_ab along, float inv_size, float radial, fl
 {
     float left = most * most - radial * radial;
     float least = TORQUE_SHARE2 * most * most;
-    float tangential =
-        limited(along.alpha * e.beta - along.beta * e.alpha, sqrtf((left > least) ? left : least));
+    float tangential = ht_limited(along.alpha * e.beta - along.beta * e.alpha,
+                                  sqrtf((left > least) ? left : least));
     /* along the circle, not its tangent */
     float outward = radial - 0.5f * tangential * tangential * inv_size;
     ht_ab step;
@@ -80,7 +77,7 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     float step = in->vdc_V * machine->ts_s;
     float size = sqrtf(psi.alpha * psi.alpha + psi.beta * psi.beta);
     float inv_size = (size > 0.0f) ? (1.0f / size) : 0.0f;
-    float radial = limited(in->flux_ref_Wb - size, HT_LAW_FLUX_SHARE * step);
+    float radial = ht_limited(in->flux_ref_Wb - size, HT_LAW_FLUX_SHARE * step);
     float most = REACH_PU * step;
     float inv_vdc = 1.0f / in->vdc_V;
     float volts_per_Wb = machine->inv_ts * inv_vdc;

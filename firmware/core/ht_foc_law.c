@@ -1,5 +1,7 @@
 #include "ht_foc_law.h"
 
+#include "ht_limited.h"
+
 #include <math.h>
 
 /* Largest voltage, units of Vdc: the circle of linear modulation, squared. */
@@ -29,11 +31,6 @@ void ht_foc_law_reset(ht_foc_law_state *st)
     st->integral_A = none;
     st->wanted_A = none;
     st->begun = false;
-}
-
-static float limited(float value, float limit)
-{
-    return (value > limit) ? limit : ((value > -limit) ? value : -limit);
 }
 
 /* Into the frame with the unit vector u, and out of it. */
@@ -98,8 +95,8 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
     ht_vsd v;
     wanted.alpha =
         frame_i1.alpha
-        + limited(wanted.alpha - frame_i1.alpha,
-                  HT_LAW_FLUX_SHARE * in->vdc_V * machine->ts_s * machine->inv_sigma_ls / a);
+        + ht_limited(wanted.alpha - frame_i1.alpha,
+                     HT_LAW_FLUX_SHARE * in->vdc_V * machine->ts_s * machine->inv_sigma_ls / a);
     if (!st->begun) { /* as if this current had been held */
         st->begun = true;
         st->along = u;

@@ -1,5 +1,6 @@
 #include "ht_lost_legs.h"
 
+#include "ht_limited.h"
 #include "ht_tables.h"
 
 #include <math.h>
@@ -26,11 +27,6 @@ static float along(ht_ab a, ht_ab v)
 static float along_xy(ht_xy b, ht_xy v)
 {
     return b.x * v.x + b.y * v.y;
-}
-
-static float limited(float value, float limit)
-{
-    return (value > limit) ? limit : ((value > -limit) ? value : -limit); /* NaN: -limit */
 }
 
 /* The axis of a leg, and the one across it. A leg of the same set, 120 degrees away, takes b to
@@ -177,14 +173,14 @@ ht_vsd ht_lost_legs_command(const ht_lost_legs *lost, const ht_observer_config *
         float i = per_ohm * along(x->a, leaks);
         float drop = in->rs_ohm * i;
         float more = drop + 2.0f * x->more_ohm * i;
-        w[n] = limited(law + kappa * (law - drop - along(x->a, moves)) + more, MOST_PU);
+        w[n] = ht_limited(law + kappa * (law - drop - along(x->a, moves)) + more, MOST_PU);
         up[n] = 2.0f * law - w[n];
     }
     for (n = 0u; n < lost->axes; n++) {
         const ht_lost_axis *x = &lost->axis[n];
         /* The set's other two legs are at minus half of this sum, plus and minus cos 30 w. */
         float room = CLAMP_ROOM * (1.0f - COS_30 * fabsf(w[1u - n]));
-        float sum = lost->set ? 0.0f : limited(CLAMP_GAIN * up[n], (room > 0.0f) ? room : 0.0f);
+        float sum = lost->set ? 0.0f : ht_limited(CLAMP_GAIN * up[n], (room > 0.0f) ? room : 0.0f);
         float more = 0.5f * (sum + w[n]) - along(x->a, v_pu.ab);
         float more_xy = 0.5f * (sum - w[n]) - along_xy(x->b, v_pu.xy);
         v.ab.alpha += more * x->a.alpha;

@@ -1,5 +1,7 @@
 #include "ht_observer.h"
 
+#include "ht_limited.h"
+
 #include <math.h>
 
 static float cross(ht_ab p, ht_ab q)
@@ -95,12 +97,6 @@ static ht_ab pulled_to_current_model(const ht_observer_config *cfg, ht_observer_
     return psi;
 }
 
-static float clamp(float value, float least, float most)
-{
-    /* NaN goes to `least`. */
-    return (value > most) ? most : ((value > least) ? value : least);
-}
-
 void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, float gain)
 {
     ht_ab i = st->i_A;
@@ -140,8 +136,8 @@ void ht_observer_adapt(const ht_observer_config *cfg, ht_observer_state *st, flo
                     / (h.alpha * h.alpha + h.beta * h.beta + ADAPT_V * ADAPT_V);
     }
     /* One write each: the fast interrupt may come in between. */
-    st->rs_ohm = clamp(rs_ohm, ADAPT_LEAST * cfg->rs_ohm, ADAPT_MOST * cfg->rs_ohm);
-    st->rr_scale = clamp(rr_scale, ADAPT_LEAST, ADAPT_MOST);
+    st->rs_ohm = ht_between(rs_ohm, ADAPT_LEAST * cfg->rs_ohm, ADAPT_MOST * cfg->rs_ohm);
+    st->rr_scale = ht_between(rr_scale, ADAPT_LEAST, ADAPT_MOST);
 }
 
 ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st, ht_ab v_V,

@@ -1,12 +1,6 @@
 #include "ht_speed.h"
 
-static float limited(float value, float limit)
-{
-    if (value > limit) {
-        return limit;
-    }
-    return (value < -limit) ? -limit : value;
-}
+#include "ht_limited.h"
 
 void ht_speed_reset(ht_speed_state *st)
 {
@@ -22,13 +16,13 @@ float ht_speed_step(const ht_speed_config *cfg, ht_speed_state *st, float error_
 {
     float limit = cfg->torque_limit_Nm;
     float wanted = cfg->kp_Nms_rad * error_rad_s + st->integral_Nm;
-    float torque = limited(wanted, limit);
+    float torque = ht_limited(wanted, limit);
     if ((wanted - wanted) != 0.0f) {
         return 0.0f; /* NaN or infinity: no torque, nothing learnt */
     }
     if ((torque == wanted) || ((error_rad_s * wanted) < 0.0f)) {
         /* Limited, not refused: the limit may have been lowered meanwhile. */
-        st->integral_Nm = limited(st->integral_Nm + cfg->ki_ts_Nms_rad * error_rad_s, limit);
+        st->integral_Nm = ht_limited(st->integral_Nm + cfg->ki_ts_Nms_rad * error_rad_s, limit);
     }
     return torque;
 }

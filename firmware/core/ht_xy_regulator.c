@@ -1,14 +1,6 @@
 #include "ht_xy_regulator.h"
 
-#include <math.h>
-
-static float limited(float value, float limit)
-{
-    if (fabsf(value) <= limit) {
-        return value;
-    }
-    return (value > 0.0f) ? limit : -limit; /* NaN ends here too */
-}
+#include "ht_limited.h"
 
 void ht_xy_reset(ht_xy_state *st)
 {
@@ -35,8 +27,8 @@ ht_xy ht_xy_step(const ht_xy_config *cfg, ht_xy_state *st, ht_xy i_A, ht_ab turn
              - (st->with.y - st->against.y) * s;
     full.y = 2.0f * cfg->kp_pu_A * error.y + (st->with.x - st->against.x) * s
              + (st->with.y + st->against.y) * c;
-    out.x = limited(full.x, limit_pu);
-    out.y = limited(full.y, limit_pu);
+    out.x = ht_limited(full.x, limit_pu);
+    out.y = ht_limited(full.y, limit_pu);
 
     if (!hold) {
         if ((out.x != full.x) && ((error.x * full.x) > 0.0f)) {
@@ -53,10 +45,10 @@ ht_xy ht_xy_step(const ht_xy_config *cfg, ht_xy_state *st, ht_xy i_A, ht_ab turn
         against.y = st->against.y + error.y * c + error.x * s;
         if (!(with.x * with.x + with.y * with.y + against.x * against.x + against.y * against.y
               <= limit_pu * limit_pu)) { /* else none of the four exceeds the limit */
-            with.x = limited(with.x, limit_pu);
-            with.y = limited(with.y, limit_pu);
-            against.x = limited(against.x, limit_pu);
-            against.y = limited(against.y, limit_pu);
+            with.x = ht_limited(with.x, limit_pu);
+            with.y = ht_limited(with.y, limit_pu);
+            against.x = ht_limited(against.x, limit_pu);
+            against.y = ht_limited(against.y, limit_pu);
         }
         st->with.x = with.x;
         st->with.y = with.y;

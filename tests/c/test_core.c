@@ -6,6 +6,7 @@
 
 #include "ht_comparator.h"
 #include "ht_drive.h"
+#include "ht_limited.h"
 #include "ht_port_c2000.h"
 
 static int failures;
@@ -92,6 +93,18 @@ static void test_comparators(void)
     CHECK(ht_compare_five_level(2, -0.2f, 0.173f, 0.3f) == -1);
 }
 
+/* A number comes out, whatever goes in; NaN gives the lower limit. */
+static void test_limits(void)
+{
+    float none = nanf("");
+    CHECK((ht_limited(3.0f, 2.0f) == 2.0f) && (ht_limited(-3.0f, 2.0f) == -2.0f));
+    CHECK((ht_limited(2.0f, 2.0f) == 2.0f) && (ht_limited(-1.5f, 2.0f) == -1.5f));
+    CHECK((ht_limited(INFINITY, 2.0f) == 2.0f) && (ht_limited(-INFINITY, 2.0f) == -2.0f));
+    CHECK((ht_between(3.0f, 1.0f, 2.0f) == 2.0f) && (ht_between(0.0f, 1.0f, 2.0f) == 1.0f));
+    CHECK((ht_between(1.5f, 1.0f, 2.0f) == 1.5f) && (ht_between(INFINITY, 1.0f, 2.0f) == 2.0f));
+    CHECK((ht_limited(none, 2.0f) == -2.0f) && (ht_between(none, 1.0f, 2.0f) == 1.0f));
+}
+
 static void fill(ht_regfile *rf, const ht_c2000_map *m, unsigned current, unsigned vdc)
 {
     unsigned k;
@@ -139,6 +152,7 @@ int main(void)
     test_switching_table();
     test_compare_counts();
     test_comparators();
+    test_limits();
     test_drive(&ht_board_f28335);
     test_drive(&ht_board_f28377s);
     test_drive(&ht_board_launchxl_f28377s);

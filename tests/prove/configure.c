@@ -3,12 +3,8 @@
 #include "ht_contracts.h"
 #include "ht_control.c"
 #include "ht_deadbeat_law.c"
-#define limited foc_limited
 #include "ht_foc_law.c"
-#undef limited
-#define limited lost_limited
 #include "ht_lost_legs.c"
-#undef limited
 #include "ht_misfit.h"
 #include "ht_modulator.c"
 #define table params_table /* a name of two files */

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "ht_limited.h"
 #include "ht_vsd.h"
 
 #define PI_F 3.14159265f
@@ -101,9 +102,7 @@ static void vectors(const ht_host_law *h, ht_compare *out, ht_applied *next)
  * sign, in proportion around zero. */
 static float dead_share(const ht_dead_time *dead, float i_A)
 {
-    float share = i_A / dead->i_zero_A;
-    share = (share > 1.0f) ? 1.0f : ((share < -1.0f) ? -1.0f : share);
-    return 0.5f * dead->dead_pu * share;
+    return 0.5f * dead->dead_pu * ht_limited(i_A / dead->i_zero_A, 1.0f);
 }
 
 /* One toggle a leg, by compare register A, as ht_modulator.h has it: the modulator's patterns
@@ -131,7 +130,7 @@ static void duties(ht_host_law *h, ht_compare *out, ht_applied *next, ht_toggles
         float on = duty + dead_share(dead, h->drive->in.i_A.p[leg]);
         /* Every edge is earlier by half the dead time. */
         float at = full * ((falling ? on : (1.0f - on)) - 0.5f * dead->dead_pu) + 0.5f;
-        float can = (at < least) ? least : ((at > full - least) ? (full - least) : at);
+        float can = ht_between(at, least, full - least);
         float to_rail = full * ((duty > 0.5f) ? (1.0f - duty) : duty);
         out->ca[leg] = period;
         out->cb[leg] = period;
