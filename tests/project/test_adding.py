@@ -1,5 +1,6 @@
-"""CONTRIBUTING.md shows how to add a scheme, a chip, a machine model and a study: each is a patch
-in tests/project/patches. Here all four are applied to a copy of the tree, which is built and tried.
+"""CONTRIBUTING.md shows how to add a law, a scheme, a chip, a machine model and a study: each is a
+patch in tests/project/patches. Here all five are applied to a copy of the tree, which is built and
+tried.
 
 The copy's plant is not compiled (NUMBA_DISABLE_JIT=1): that takes longer than a short simulation
 without it.
@@ -20,7 +21,7 @@ from stand_in_compiler import configure, needs_cmake, stand_ins
 
 PATCHES = ROOT / "tests" / "project" / "patches"
 #: Patch -> the most files with code that it may touch.
-MOST = {"scheme": 3, "chip": 4, "machine_model": 2, "study": 2}
+MOST = {"law": 6, "scheme": 3, "chip": 4, "machine_model": 2, "study": 2}
 #: Files without code: settings of the build, and pages.
 NO_CODE = (".json", ".md")
 SETUP = """
@@ -71,7 +72,7 @@ def run(tree: Path, *command: str | Path) -> subprocess.CompletedProcess:
 
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory):
-    """A copy of the checkout with all four patches. Each alone fits as well."""
+    """A copy of the checkout with all five patches. Each alone fits as well."""
     folder = tmp_path_factory.mktemp("tree")
     listed = run(ROOT, GIT, "ls-files", "-z", "--cached", "--others", "--exclude-standard").stdout
     for name in listed.strip("\0").split("\0"):
@@ -100,7 +101,8 @@ def built(tree):
 
 @pytest.fixture(scope="module")
 def found(built):
-    """A drive with the new scheme, on the new chip, with the new machine model."""
+    """A drive with the new scheme and one with the new law, on the new chip, with the new machine
+    model."""
     setup = built / "mine.toml"
     setup.write_text(SETUP)
     script = built / "tests" / "project" / "tried_additions.py"
@@ -110,6 +112,19 @@ def found(built):
 @pytest.mark.parametrize("name", MOST)
 def test_few_files(name):
     assert 1 < len(code(name)) <= MOST[name]
+
+
+def test_law(built, found):
+    """Its scheme is listed, needs prediction, and makes the torque that is asked for. The modulator
+    makes one toggle a leg and period, so the law commands a voltage. No mean voltage in x-y but for
+    what the dead time takes, up to 2 % of a leg's."""
+    assert found["schemes"][-2:] == ["flux-pi", "fdr-ml"]
+    assert found["predicted"]["flux-pi"] and not found["predicted"]["fdr-ml"]
+    drive = found["law"]
+    assert (drive["state"], drive["faults"], drive["scheme"]) == ("run", [], "flux-pi")
+    assert drive["torque_Nm"] == pytest.approx(3.0, abs=0.3) and drive["speed_rpm"] > 1
+    assert drive["most_toggles"] == 1
+    assert all(value < 0.03 for value in drive["xy_pu"])
 
 
 def test_scheme(built, found):

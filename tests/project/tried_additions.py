@@ -1,8 +1,8 @@
-"""Tries a scheme, a chip and a machine model in one simulation, for test_adding.py.
+"""Tries a scheme, a law, a chip and a machine model in two simulations, for test_adding.py.
 
     python tried_additions.py SETUP.toml
 
-runs a drive of this set-up with the package that Python finds, and prints what it found as JSON.
+runs drives of this set-up with the package that Python finds, and prints what it found as JSON.
 """
 
 import json
@@ -61,6 +61,13 @@ def mean_voltages(drive: SimulatedDrive, first: int) -> np.ndarray:
     return mean[first:] @ TRANSFORM.T
 
 
+def most_toggles(edges: np.ndarray, first: int, counts: int) -> int:
+    """Levels that a leg takes in one period, at most. The dead time is none."""
+    levels = edges[(edges[:, 2] != 2) & (edges[:, 0] >= first * counts)]
+    place = np.stack([levels[:, 0] // counts, levels[:, 1]])
+    return int(np.unique(place, axis=1, return_counts=True)[1].max())
+
+
 def running(setup) -> dict:
     """What the drive does once it runs."""
     drive = SimulatedDrive(setup, samples_per_period=1)
@@ -81,6 +88,7 @@ def running(setup) -> dict:
         "violations": recording.meta["register_violations"],
         "interrupts": drive.periods,
         "torque_Nm": float(recording["plant.torque_Nm"][-100:].mean()),
+        "most_toggles": most_toggles(drive.edges, first, drive.controller.period_counts),
         "main_pu": np.hypot(voltage[:, 0], voltage[:, 1]).tolist(),
         "xy_pu": np.hypot(voltage[:, 2], voltage[:, 3]).tolist(),
         "registers": {f"{at:04X}": int(words[at]) for at in (0x7021, 0x6805, 0x6810, 0x7053)},
@@ -94,6 +102,8 @@ def main() -> None:
         "devices": firmware.DEVICES,
         "coasting": coasting(setup),
         "running": running(setup),
+        "law": running(setup.with_scheme("flux-pi")),
+        "predicted": {name: firmware.needs_prediction(name) for name in firmware.schemes()},
     }
     print(json.dumps(found))
 
