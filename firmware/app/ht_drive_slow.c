@@ -124,15 +124,8 @@ static void forget_trips(ht_drive *d, const float *v)
 }
 
 /* Faults are found by the fast interrupt, except that it has stopped: that is found here. */
-void ht_drive_slow_isr(ht_drive *d)
+static void look_for_interrupt(ht_drive *d)
 {
-    const ht_drive_config *c = ht_config_in_force(d); /* once: nor must it change half-way */
-    const float *v = c->params.v;
-    uint32_t position;
-    uint32_t counts;
-    int32_t moved;
-    ht_speed_config speed = c->speed;
-    ht_capture capture;
     uint32_t tick = d->tick;
     if (tick == d->tick_last) { /* no fast interrupt since the last slow one */
         ht_drive_stand_in(d, (uint16_t)HT_FAULT_INTERRUPT);
@@ -140,61 +133,98 @@ void ht_drive_slow_isr(ht_drive *d)
         d->position_now = d->samples.position;
     }
     d->tick_last = tick;
-    forget_trips(d, v);
-    position = d->position_now; /* once: the fast interrupt may come in between */
-    counts = position - d->position_last;
-    moved = (int32_t)counts;
+}
+
+static void measure_speed(ht_drive *d, const ht_drive_config *c)
+{
+    ht_capture capture;
+    uint32_t position = d->position_now; /* once: the fast interrupt may come in between */
+    uint32_t counts = position - d->position_last;
+    int32_t moved = (int32_t)counts;
     d->position_last = position;
     ht_port_read_capture(d->port, &capture);
     d->speed_rpm = ht_speed_measure_step(&c->measure, &d->measured, moved, &capture);
-    if (d->state != (uint16_t)HT_STATE_RUN) {
-        d->slow_faults = 0u;
-        if (d->state == (uint16_t)HT_STATE_BUILD) {
-            d->slow_faults = turning_unnoticed(d, c);
-            ht_protect_follow(&c->protect, &d->protect, &d->control);
-            if ((c->adapt_gain > 0.0f) && (c->control.observer.kind == HT_OBSERVER_HYBRID)
-                && (d->off_legs == 0u)) {
-                ht_observer_adapt(&c->control.observer, &d->control.observer, c->build_gain);
-            }
-        }
-        return;
+}
+
+/* The flux builds up: R_s is learnt, and the checks follow the flux. */
+static void follow_build(ht_drive *d, const ht_drive_config *c)
+{
+    ht_protect_follow(&c->protect, &d->protect, &d->control);
+    if ((c->adapt_gain > 0.0f) && (c->control.observer.kind == HT_OBSERVER_HYBRID)
+        && (d->off_legs == 0u)) {
+        ht_observer_adapt(&c->control.observer, &d->control.observer, c->build_gain);
     }
-    d->slow_faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
-    /* Where nothing adapts, the resistances in use are the configured ones. Without a leg they stay
-     * as they are: R_s then counts twice along an axis. An arc would be learnt as a resistance. */
+}
+
+/* Where nothing adapts, the resistances in use are the configured ones. Without a leg they stay
+ * as they are: R_s then counts twice along an axis. An arc would be learnt as a resistance. */
+static void learn_resistances(ht_drive *d, const ht_drive_config *c)
+{
+    const float *v = c->params.v;
+    float omega_rad_s = d->control.observer.omega_sync_rad_s;
     if ((d->off_legs == 0u) && !ht_leg_loss_maybe(&c->control.leg_loss, &d->control.leg_loss)) {
         ht_observer_adapt(&c->control.observer, &d->control.observer,
                           (c->control.observer.kind == HT_OBSERVER_HYBRID) ? c->adapt_gain : 0.0f);
         ht_set_difference_learn(&c->sets, &d->sets, d->control.observer.i_A,
-                                d->control.leg_loss.low_V, d->control.observer.omega_sync_rad_s,
+                                d->control.leg_loss.low_V, omega_rad_s,
                                 HT_LEG_LOSS_TOLERANCE * v[HT_P_rs_ohm]);
     }
-    ht_leg_loss_tolerate(&d->control.leg_loss, v[HT_P_rs_ohm], v[HT_P_lxy_H],
-                         d->control.observer.omega_sync_rad_s);
-    keep_off_zero_frequency(d, c);
-    ramp_flux(d, c);
-    if (v[HT_P_field_weakening] != 0.0f) {
-        ht_flux_input flux;
-        ht_ab i = d->control.observer.i_A;
-        float a = (i.alpha < 0.0f) ? -i.alpha : i.alpha;
-        float b = (i.beta < 0.0f) ? -i.beta : i.beta;
-        /* |i| within 4 %: alpha max plus beta min */
-        flux.i_A = (a > b) ? (0.96f * a + 0.398f * b) : (0.96f * b + 0.398f * a);
-        flux.flux_Wb = d->flux_ramp_Wb;
-        flux.vdc_V = d->in.vdc_V;
-        flux.omega_sync_rad_s = d->control.observer.omega_sync_rad_s;
-        d->flux_ref_Wb = ht_flux_reference(&c->flux, &flux);
-    } else {
-        d->flux_ref_Wb = d->flux_ramp_Wb;
+    ht_leg_loss_tolerate(&d->control.leg_loss, v[HT_P_rs_ohm], v[HT_P_lxy_H], omega_rad_s);
+}
+
+/* The flux reference: the ramp, or what Vdc can drive of it. */
+static float weakened_Wb(const ht_drive *d, const ht_drive_config *c)
+{
+    ht_flux_input flux;
+    ht_ab i = d->control.observer.i_A;
+    float a = (i.alpha < 0.0f) ? -i.alpha : i.alpha;
+    float b = (i.beta < 0.0f) ? -i.beta : i.beta;
+    if (c->params.v[HT_P_field_weakening] == 0.0f) {
+        return d->flux_ramp_Wb;
     }
+    /* |i| within 4 %: alpha max plus beta min */
+    flux.i_A = (a > b) ? (0.96f * a + 0.398f * b) : (0.96f * b + 0.398f * a);
+    flux.flux_Wb = d->flux_ramp_Wb;
+    flux.vdc_V = d->in.vdc_V;
+    flux.omega_sync_rad_s = d->control.observer.omega_sync_rad_s;
+    return ht_flux_reference(&c->flux, &flux);
+}
+
+/* The torque reference, by the speed or as it is given. */
+static void refer_torque(ht_drive *d, const ht_drive_config *c)
+{
+    const float *v = c->params.v;
+    ht_speed_config speed = c->speed;
     /* The flux may be on its way down: the torque goes first. */
     d->torque_limit_Nm = torque_limit(d, c);
     speed.torque_limit_Nm = d->torque_limit_Nm;
     if (v[HT_P_control_mode] != 0.0f) {
-        d->torque_ref_Nm = ht_limited(v[HT_P_torque_ref_Nm], speed.torque_limit_Nm);
+        d->torque_ref_Nm = ht_limited(v[HT_P_torque_ref_Nm], d->torque_limit_Nm);
         ht_speed_follow(&d->speed, d->torque_ref_Nm); /* no step on the return to speed mode */
     } else {
         float error = (v[HT_P_speed_ref_rpm] - d->speed_rpm) * (PI_F / 30.0f);
         d->torque_ref_Nm = ht_speed_step(&speed, &d->speed, error);
+    }
+}
+
+void ht_drive_slow_isr(ht_drive *d)
+{
+    const ht_drive_config *c = ht_config_in_force(d); /* once: nor must it change half-way */
+    look_for_interrupt(d);
+    forget_trips(d, c->params.v);
+    measure_speed(d, c);
+    if (d->state == (uint16_t)HT_STATE_RUN) {
+        d->slow_faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
+        learn_resistances(d, c);
+        keep_off_zero_frequency(d, c);
+        ramp_flux(d, c);
+        d->flux_ref_Wb = weakened_Wb(d, c);
+        refer_torque(d, c);
+    } else {
+        d->slow_faults = 0u;
+        if (d->state == (uint16_t)HT_STATE_BUILD) {
+            d->slow_faults = turning_unnoticed(d, c);
+            follow_build(d, c);
+        }
     }
 }

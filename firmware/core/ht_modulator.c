@@ -210,92 +210,142 @@ static void modulate(const timing *t, const carrier *c, float d, float i_A, uint
     }
 }
 
-void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, ht_vsd *v_pu,
-                       const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
-                       ht_toggles *toggles)
+static HT_INTO_CALLERS timing timing_of(const ht_modulator_input *in)
 {
-    uint16_t period = in->period->counts;
-    float full = (float)period;
-    float alpha2 = v_pu->ab.alpha * v_pu->ab.alpha;
-    float beta2 = v_pu->ab.beta * v_pu->ab.beta;
-    float size2 = alpha2 + beta2;
-    float turn2 = cfg->turn_pu * cfg->turn_pu * (st->opposite ? TURN_HOLD2 : 1.0f);
-    float kappa1 = kappa_at(cfg, size2);
-    float kappa2 = kappa1;
-    three_phase one = set1_of(v_pu);
-    three_phase two = set2_of(v_pu);
-    extremes first = extremes_of(one);
-    extremes second = extremes_of(two);
-    legs found = {0u, 0u};
+    float full = (float)in->period->counts;
     timing t;
-    carrier c;
-    ht_six share; /* of the period that a leg is high, with a zero of each set's own */
-    ht_ab v3 = cubed(v_pu->ab, alpha2, beta2);
-    bool falling = st->falling;
-    bool other; /* set 2 falls */
-    float middle;
-    float zero;
-    unsigned before = in->before;
-    unsigned rises;
-    unsigned start;
-    unsigned edge0; /* legs with an edge at the period's very start */
-    uint16_t leg;
-
-    if (!((first.range <= 1.0f) && (second.range <= 1.0f))) {
-        fit(v_pu);
-        one = set1_of(v_pu);
-        two = set2_of(v_pu);
-        first = extremes_of(one);
-        second = extremes_of(two);
-    }
-    st->opposite = (size2 > turn2) && (v3.alpha * v3.beta > 0.0f);
-    other = falling != st->opposite;
-    st->falling = !falling;
-
-    if (cfg->alternate && (kappa1 > 0.0f)) {
-        if (fabsf(v3.alpha) > fabsf(v3.beta)) { /* within 15 degrees of 0, 60, 120, ... */
-            kappa1 = -kappa1;
-        } else {
-            kappa2 = -kappa2;
-        }
-    }
-    t.period = period;
+    t.period = in->period->counts;
     t.per_count = 1.0f / full;
     t.dead_half_pu2 = 0.25f * in->dead->dead_pu;
     t.dead_per_A = t.dead_half_pu2 / in->dead->i_zero_A;
     t.middle = 0.5f * full + 0.5f;
     t.early = 0.5f * full * in->dead->dead_pu;
     t.most = 0.5f * full - (float)in->period->shortest;
-    c = carrier_of(falling, &t);
-    zero = zero_sequence(first, kappa1);
-    middle = zero - 0.5f * one.p;
-    modulate(&t, &c, zero + one.p, in->i_A->p[0], 0u, &found, out->ca, toggles->t, share.p);
-    modulate(&t, &c, middle + one.q, in->i_A->p[2], 2u, &found, out->ca, toggles->t, share.p);
-    modulate(&t, &c, middle - one.q, in->i_A->p[4], 4u, &found, out->ca, toggles->t, share.p);
-    c = carrier_of(other, &t);
-    zero = zero_sequence(second, kappa2);
-    middle = zero - 0.5f * two.p;
-    modulate(&t, &c, zero + two.p, in->i_A->p[5], 5u, &found, out->ca, toggles->t, share.p);
-    modulate(&t, &c, middle + two.q, in->i_A->p[1], 1u, &found, out->ca, toggles->t, share.p);
-    modulate(&t, &c, middle - two.q, in->i_A->p[3], 3u, &found, out->ca, toggles->t, share.p);
+    return t;
+}
 
-    rises = found.moves & ((falling ? 0u : HT_SET1) | (other ? 0u : HT_SET2));
-    start = found.high | (found.moves ^ rises);
-    edge0 = before ^ start;
-    out->start = (uint16_t)start;
-    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
-        out->cb[leg] = period;
+/* Both sets, between the rails. */
+typedef struct {
+    three_phase one;
+    three_phase two;
+    extremes first;
+    extremes second;
+} both_sets;
+
+static HT_INTO_CALLERS both_sets sets_of(const ht_vsd *v)
+{
+    both_sets s;
+    s.one = set1_of(v);
+    s.two = set2_of(v);
+    s.first = extremes_of(s.one);
+    s.second = extremes_of(s.two);
+    return s;
+}
+
+/* Shares of the clamped zero sequences of both sets. */
+typedef struct {
+    float one;
+    float two;
+} shares;
+
+static HT_INTO_CALLERS shares shares_of(const ht_modulator_config *cfg, float size2, ht_ab v3)
+{
+    shares k;
+    k.one = kappa_at(cfg, size2);
+    k.two = k.one;
+    if (cfg->alternate && (k.one > 0.0f)) {
+        if (fabsf(v3.alpha) > fabsf(v3.beta)) { /* within 15 degrees of 0, 60, 120, ... */
+            k.one = -k.one;
+        } else {
+            k.two = -k.two;
+        }
     }
+    return k;
+}
+
+/* What the legs of a set are told: their registers, and the same for the observer. */
+typedef struct {
+    const timing *t;
+    const ht_six *i_A;
+    legs *found;
+    uint16_t *ca;
+    float *instant;
+    float *share;
+} told;
+
+/* A set whose legs are `a`, `b` and `c`, in the order of the commands p, q, -q. */
+static HT_INTO_CALLERS void modulate_set(const told *to, bool falling, three_phase u, float zero,
+                                         uint16_t a, uint16_t b, uint16_t c)
+{
+    carrier k = carrier_of(falling, to->t);
+    float middle = zero - 0.5f * u.p;
+    modulate(to->t, &k, zero + u.p, to->i_A->p[a], a, to->found, to->ca, to->instant, to->share);
+    modulate(to->t, &k, middle + u.q, to->i_A->p[b], b, to->found, to->ca, to->instant, to->share);
+    modulate(to->t, &k, middle - u.q, to->i_A->p[c], c, to->found, to->ca, to->instant, to->share);
+}
+
+/* The pattern as the observer knows it. `rises`: of the legs that toggle. */
+static HT_INTO_CALLERS void describe(ht_applied *applied, unsigned before, const legs *found,
+                                     unsigned rises)
+{
+    unsigned start = found->high | (found->moves ^ rises);
+    unsigned edge0 = before ^ start; /* legs with an edge at the period's very start */
     applied->before = (uint16_t)before;
     applied->s[0] = (uint16_t)start;
-    applied->s[1] = (uint16_t)(found.high | rises);
+    applied->s[1] = (uint16_t)(found->high | rises);
     applied->s[2] = applied->s[1];
     applied->t[0] = 0.0f;
     applied->t[1] = 1.0f;
     applied->t[2] = 1.0f;
-    applied->later = found.moves;
+    applied->later = found->moves;
     applied->close = 0u; /* edges are at least the dead time apart */
     applied->rising = (edge0 & start) | rises;
-    applied->falling = (edge0 & before) | (found.moves ^ rises);
+    applied->falling = (edge0 & before) | (found->moves ^ rises);
+}
+
+void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, ht_vsd *v_pu,
+                       const ht_modulator_input *in, ht_compare *out, ht_applied *applied,
+                       ht_toggles *toggles)
+{
+    float alpha2 = v_pu->ab.alpha * v_pu->ab.alpha;
+    float beta2 = v_pu->ab.beta * v_pu->ab.beta;
+    float size2 = alpha2 + beta2;
+    float turn2 = cfg->turn_pu * cfg->turn_pu * (st->opposite ? TURN_HOLD2 : 1.0f);
+    ht_ab v3 = cubed(v_pu->ab, alpha2, beta2);
+    shares kappa = shares_of(cfg, size2, v3);
+    both_sets set = sets_of(v_pu);
+    legs found = {0u, 0u};
+    ht_six share; /* of the period that a leg is high, with a zero of each set's own */
+    timing t;
+    told to;
+    bool falling = st->falling;
+    bool other; /* set 2 falls */
+    unsigned rises;
+    uint16_t leg;
+
+    if (!((set.first.range <= 1.0f) && (set.second.range <= 1.0f))) {
+        fit(v_pu);
+        set = sets_of(v_pu);
+    }
+    st->opposite = (size2 > turn2) && (v3.alpha * v3.beta > 0.0f);
+    other = falling != st->opposite;
+    st->falling = !falling;
+
+    t = timing_of(in);
+    to.t = &t;
+    to.i_A = in->i_A;
+    to.found = &found;
+    to.ca = out->ca;
+    to.instant = toggles->t;
+    to.share = share.p;
+    modulate_set(&to, falling, set.one, zero_sequence(set.first, kappa.one), 0u, 2u, 4u);
+    modulate_set(&to, other, set.two, zero_sequence(set.second, kappa.two), 5u, 1u, 3u);
+
+    rises = found.moves & ((falling ? 0u : HT_SET1) | (other ? 0u : HT_SET2));
+    describe(applied, in->before, &found, rises);
     applied->mean_pu = ht_vsd_from_six(&share);
+    out->start = applied->s[0];
+    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+        out->cb[leg] = t.period;
+    }
 }
