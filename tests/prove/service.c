@@ -2,6 +2,9 @@
  * and the store are called by what they promise. */
 #include "ht_contracts.h"
 #include "ht_octets.c"
+#include "ht_requests_drive.c"
+#include "ht_requests_sampling.c"
+#include "ht_requests_session.c"
 #include "ht_service_requests.c"
 #include "prove.h"
 
@@ -205,7 +208,7 @@ void prove_request_open(void)
     uint16_t before = service.session;
     uint32_t mark = service.mark;
     uint16_t result;
-    result = open_session(&service, in, n);
+    result = ht_request_open(&service, in, n);
     MUST(service.reply.n <= HT_PACKET_BODY);
     /* Nobody takes a session from its owner; a refusal changes nothing. */
     MUST((service.session == before) || ((before == 0u) && (result == (uint16_t)HT_OK)));
@@ -219,7 +222,7 @@ void prove_request_close(void)
     uint16_t octets[n + 1u];
     const uint16_t *in = any_request(octets);
     bool armed = service.armed != 0u;
-    uint16_t result = close_session(&service, in, n);
+    uint16_t result = ht_request_close(&service, in, n);
     MUST((result == (uint16_t)HT_OK) == (n == 0u));
     MUST(IMPLIES(n == 0u, (service.session == 0u) && (service.armed == 0u)));
     MUST(IMPLIES(n == 0u, has_stopped == armed));
@@ -232,7 +235,7 @@ void prove_request_start(void)
     const uint16_t *in = any_request(octets);
     bool again = service.started && (service.last_crc == service.start_crc);
     uint16_t armed = service.armed;
-    uint16_t result = start(&service, in, n);
+    uint16_t result = ht_request_start(&service, in, n);
     MUST(IMPLIES(again || (n != 0u), (result != (uint16_t)HT_OK) && (service.armed == armed)));
     MUST(IMPLIES(result == (uint16_t)HT_OK, (service.armed == 1u) && (service.fed == 1u)));
     MUST(IMPLIES(result == (uint16_t)HT_OK,
@@ -245,7 +248,7 @@ void prove_request_stop(void)
     uint16_t n = any_length();
     uint16_t octets[n + 1u];
     const uint16_t *in = any_request(octets);
-    uint16_t result = stop(&service, in, n);
+    uint16_t result = ht_request_stop(&service, in, n);
     MUST((result == (uint16_t)HT_OK) == (n == 0u));
     MUST(IMPLIES(n == 0u, has_stopped && (service.armed == 0u)));
 }
@@ -256,7 +259,7 @@ void prove_request_get(void)
     uint16_t octets[n + 1u];
     const uint16_t *in = any_request(octets);
     uint16_t before = service.reply.n;
-    uint16_t result = get(&service, in, n);
+    uint16_t result = ht_request_get(&service, in, n);
     MUST(service.reply.n <= HT_PACKET_BODY);
     MUST(IMPLIES((result == (uint16_t)HT_OK) && (before <= HT_SERVICE_REPLY_HEAD),
                  service.reply.n == (before + 2u * n)));
@@ -330,7 +333,7 @@ void prove_request_write(void)
     uint16_t result;
     any_rate();
     any_pairs();
-    result = write(&service, in, n);
+    result = ht_request_write(&service, in, n);
     MUST(service.reply.n <= HT_PACKET_BODY);
     MUST(writes <= 1u); /* all at once */
     MUST(IMPLIES(result == (uint16_t)HT_OK, (writes == 1u) && service.reply_waits));
@@ -341,7 +344,7 @@ void prove_request_write(void)
 #define FASTEST_HZ 51300.0f
 #define MOST_LOAD 7200000u /* bytes per second of a stream */
 
-static float promise_rate_Hz(const ht_service *l)
+float promise_ht_request_rate_Hz(const ht_service *l)
 {
     float interrupts_Hz = nondet_float();
     GIVEN((interrupts_Hz > 0.0f) && (interrupts_Hz <= FASTEST_HZ));
@@ -388,7 +391,7 @@ void prove_request_stream(void)
     uint16_t octets[n + 1u];
     const uint16_t *in = any_request(octets);
     uint16_t result;
-    result = stream(&service, in, n);
+    result = ht_request_stream(&service, in, n);
     MUST(service.reply.n <= HT_PACKET_BODY);
     MUST(IMPLIES((result == (uint16_t)HT_OK) && (replies == 2u), replied[0] <= replied[1]));
 }
@@ -400,7 +403,7 @@ void prove_request_arm(void)
     const uint16_t *in = any_request(octets);
     uint32_t left = service.read_left;
     uint16_t result;
-    result = arm(&service, in, n);
+    result = ht_request_arm(&service, in, n);
     MUST(service.reply.n <= HT_PACKET_BODY);
     MUST(service.read_left == ((result == (uint16_t)HT_OK) ? 0u : left));
 }
@@ -411,7 +414,7 @@ void prove_request_read(void)
     uint16_t octets[n + 1u];
     const uint16_t *in = any_request(octets);
     uint16_t result;
-    result = read(&service, in, n);
+    result = ht_request_read(&service, in, n);
     MUST(IMPLIES(result == (uint16_t)HT_OK, service.burst.state == (uint16_t)HT_BURST_COMPLETE));
 }
 
@@ -421,7 +424,7 @@ void prove_request_status(void)
     uint16_t octets[n + 1u];
     const uint16_t *in = any_request(octets);
     GIVEN(service.watchdog_left <= 12501u); /* as START sets it */
-    (void)status(&service, in, n);
+    (void)ht_request_status(&service, in, n);
     MUST(service.reply.n <= HT_PACKET_BODY);
 }
 

@@ -1,0 +1,126 @@
+/* Requests: who is there, what is in its tables, and who may command it. */
+#include "ht_dictionary.h"
+#include "ht_octets.h"
+#include "ht_requests.h"
+
+#include <stddef.h>
+
+uint16_t ht_request_hello(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    uint16_t kind;
+    ht_packet *p = &l->reply;
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    ht_packet_add16(p, HT_SERVICE_VERSION);
+    ht_packet_add32(p, l->dictionary);
+    ht_packet_add_float(p, ht_request_rate_Hz(l));
+    ht_packet_add32(p, ht_request_budget(l));
+    for (kind = 0u; kind < (uint16_t)HT_LISTS; kind++) {
+        ht_packet_add16(p, ht_dictionary_rows(kind));
+    }
+    ht_packet_add16(p, HT_PACKET_BODY);
+    ht_packet_add8(p, HT_STREAMS);
+    ht_packet_add8(p, HT_STREAM_CHANNELS);
+    ht_packet_add8(p, HT_BURST_CHANNELS);
+    ht_packet_add8(p, (l->session != 0u) ? 1u : 0u);
+    ht_packet_add32(p, l->burst.size);
+    ht_packet_add16(p, l->setup.watchdog_ms);
+    ht_packet_add_text(p, l->setup.device);
+    ht_packet_add_text(p, l->setup.build);
+    return HT_OK;
+}
+
+/* Why the board started. */
+static uint16_t list_reset(ht_service *l, uint16_t row)
+{
+    const ht_reset *reset = l->setup.reset;
+    const ht_reset_info *info = (reset != NULL) ? ht_reset_describe(reset->cause) : NULL;
+    ht_packet *p = &l->reply;
+    if ((info == NULL) || (row != 0u)) {
+        return HT_ERROR_ID;
+    }
+    ht_packet_add8(p, HT_LIST_RESET);
+    ht_packet_add16(p, row);
+    ht_packet_add8(p, reset->cause);
+    ht_packet_add16(p, reset->watchdogs);
+    ht_packet_add_text(p, info->name);
+    ht_packet_add_text(p, info->help);
+    return HT_OK;
+}
+
+uint16_t ht_request_list(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    if (n != 3u) {
+        return HT_SERVICE_LENGTH;
+    }
+    if (in[0] == (uint16_t)HT_LIST_RESET) {
+        return list_reset(l, ht_get16(&in[1]));
+    }
+    return ht_dictionary_add(&l->reply, l->drive->port, in[0], ht_get16(&in[1])) ? HT_OK
+                                                                                 : HT_ERROR_ID;
+}
+
+uint16_t ht_request_open(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    uint16_t nonce;
+    if (n != 6u) {
+        return HT_SERVICE_LENGTH;
+    }
+    nonce = ht_get16(in);
+    if (nonce == 0u) {
+        return ht_request_field(l, 0u);
+    }
+    if ((l->session != 0u) && (l->session != nonce)) {
+        return HT_SERVICE_BUSY;
+    }
+    l->session = nonce;
+    l->session_tick = l->drive->tick;
+    if (l->mark == 0u) {
+        l->mark = ht_get32(&in[2]);
+    }
+    ht_packet_add32(&l->reply, l->mark);
+    return HT_OK;
+}
+
+uint16_t ht_request_close(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    if (l->armed != 0u) {
+        ht_drive_stop(l->drive);
+        l->armed = 0u;
+    }
+    l->session = 0u;
+    ht_streams_reset(&l->streams);
+    return HT_OK;
+}
+
+uint16_t ht_request_status(ht_service *l, const uint16_t *in, uint16_t n)
+{
+    ht_packet *p = &l->reply;
+    bool armed = l->armed != 0u;
+    float per_ms = l->drive->params.v[HT_P_f_isr_Hz] * 0.001f;
+    float left_ms = armed ? ((float)l->watchdog_left / per_ms) : 0.0f;
+    uint16_t flags = (l->session != 0u) ? 1u : 0u;
+    (void)in;
+    if (n != 0u) {
+        return HT_SERVICE_LENGTH;
+    }
+    if ((l->session != 0u) && (l->asks == l->session)) {
+        flags |= 2u;
+    }
+    flags |= armed ? 4u : 0u;
+    ht_packet_add8(p, flags);
+    ht_packet_add8(p, l->burst.state);
+    ht_packet_add16(p, (uint16_t)left_ms);
+    ht_packet_add32(p, l->damaged);
+    ht_packet_add32(p, l->overruns);
+    ht_packet_add32(p, l->streams.dropped);
+    ht_packet_add32(p, l->mark);
+    ht_packet_add8(p, (l->setup.store != NULL) ? l->setup.store->set : (uint16_t)HT_SET_DEFAULTS);
+    return HT_OK;
+}
