@@ -51,7 +51,6 @@
 #define MISSING_SHOWS_US 1000u
 
 /* The measurement: CPU timer 2 counts a known clock, CPU timer 1 counts SYSCLK meanwhile. */
-#define TIMER2 0x0C10u
 #define TMR2CLK 0x0000003Fu /* source and prescaler */
 #define TMR2CLK_SYSCLK 0u
 #define TMR2CLK_INTOSC1 1u
@@ -91,15 +90,15 @@ static bool sysclk_is(ht_port *port, uint32_t source, float ratio, float share)
     float found;
     uint16_t looks = 0u;
     ht_counter_prepare(port, HT_TIMER1, 0xFFFFFFFFu);
-    ht_counter_prepare(port, TIMER2, PERIODS - 1u);
+    ht_counter_prepare(port, HT_TIMER2, PERIODS - 1u);
     ht_change32(port->io, TMR2CLKCTL, TMR2CLK, source);
-    ht_counter_run(port, TIMER2);
+    ht_counter_run(port, HT_TIMER2);
     ht_counter_run(port, HT_TIMER1);
-    while (!ht_counter_passed(port, TIMER2) && (looks < LOOKS)) {
+    while (!ht_counter_passed(port, HT_TIMER2) && (looks < LOOKS)) {
         looks++;
     }
     found = (float)ht_counter_stop(port, HT_TIMER1);
-    (void)ht_counter_stop(port, TIMER2);
+    (void)ht_counter_stop(port, HT_TIMER2);
     ht_change32(port->io, TMR2CLKCTL, TMR2CLK, TMR2CLK_SYSCLK);
     return (looks < LOOKS) && (found > wanted * (1.0f - share))
            && (found < wanted * (1.0f + share));

@@ -33,10 +33,8 @@
 #define TRIP5MUXENABLE 0x7A22u   /* 32 bits */
 #define CTRIPH_OR_CTRIPL 1u
 /* Digital compare of an ePWM module */
-#define TZDCSEL 0x82u
 #define TZOSTFLG 0x95u
 #define TZOSTCLR 0x99u
-#define DCTRIPSEL 0xC0u
 #define DCBCTL 0xC4u
 #define DCBHCOMPSEL 0x0F00u
 #define DCBHCOMPSEL_TRIP5 0x0400u
@@ -105,8 +103,8 @@ HT_SELDOM void ht_cmpss_start(ht_port *port)
     HT_WR32(io, TRIP5MUXENABLE, enabled);
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
         uint32_t base = port->leg[leg];
-        ht_change16(io, base + DCTRIPSEL, DCBHCOMPSEL, DCBHCOMPSEL_TRIP5);
-        ht_change16(io, base + TZDCSEL, DCBEVT1, DCBEVT1_DCBH_HIGH);
+        ht_change16(io, base + HT_DCTRIPSEL, DCBHCOMPSEL, DCBHCOMPSEL_TRIP5);
+        ht_change16(io, base + HT_TZDCSEL, DCBEVT1, DCBEVT1_DCBH_HIGH);
         HT_WR16(io, base + DCBCTL, DCBCTL_EVT1_ASYNC);
     }
     HT_EDIS(io);

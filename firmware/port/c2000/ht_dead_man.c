@@ -20,8 +20,6 @@
 #define MUX0_ECAP1OUT 0x00000003u
 #define MUX0 0x00000001u
 /* Digital compare of an ePWM module */
-#define TZDCSEL 0x82u
-#define DCTRIPSEL 0xC0u
 #define DCACTL 0xC3u
 #define DCTRIPSEL_DCAH_TRIP4 0x0003u
 #define DCAEVT1_DCAH_HIGH 0x0002u
@@ -47,8 +45,8 @@ static void start_ecap(ht_port *port, uint32_t clocks)
     HT_WR32(io, TRIP4MUXENABLE, MUX0);
     for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
         uint32_t base = port->leg[leg];
-        HT_WR16(io, base + DCTRIPSEL, DCTRIPSEL_DCAH_TRIP4);
-        HT_WR16(io, base + TZDCSEL, DCAEVT1_DCAH_HIGH);
+        HT_WR16(io, base + HT_DCTRIPSEL, DCTRIPSEL_DCAH_TRIP4);
+        HT_WR16(io, base + HT_TZDCSEL, DCAEVT1_DCAH_HIGH);
         HT_WR16(io, base + DCACTL, DCACTL_EVT1_ASYNC);
     }
     HT_EDIS(io);

@@ -16,7 +16,6 @@
  *  the pulse, which would trip. */
 #define HT_TSCTR 0x00u /* 32 bits */
 #define HT_DEAD_MAN_PULSE 100u
-#define HT_TCR 0x4u
 #define HT_TCR_WIND 0x4020u /* TIE, TRB */
 
 /** With the legs tripped and the counters stopped. */

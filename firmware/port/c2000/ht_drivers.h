@@ -1,6 +1,11 @@
 /** @file ht_drivers.h
  *  The drivers of the C2000 targets, one file each. The functions of port.h are with
  *  the module that they talk to. All may be called again.
+ *
+ *  A register's macro is its word address, of four digits or more. Two digits are words from the first
+ *  register of a module that is elsewhere on another chip, or of which there are several; where the
+ *  module is, the map says (ht_c2000_map.h). Registers have TI's names, with HT_ before those that
+ *  several files use.
  */
 #ifndef HT_DRIVERS_H
 #define HT_DRIVERS_H
@@ -75,11 +80,19 @@ void ht_eqep_start(ht_port *port);
 /** Position counter. */
 uint32_t ht_eqep_position(const ht_port *port);
 
+/** Digital compare of an ePWM module, F28377S: ht_dead_man.c uses event A, ht_cmpss.c event B. */
+#define HT_TZDCSEL 0x82u
+#define HT_DCTRIPSEL 0xC0u
+
 /* ht_timer.c */
 
-/** CPU timer 1: measures the system clock at the start; F28335: the dead-man timer
- *  (ht_dead_man.h). */
+/** First registers of the CPU timers. 0: the slow interrupt. 1: measures the system clock at the start;
+ *  F28335: the dead-man timer (ht_dead_man.h). 2: another clock's periods, for that measurement. */
+#define HT_TIMER0 0x0C00u
 #define HT_TIMER1 0x0C08u
+#define HT_TIMER2 0x0C10u
+/** A timer's control. */
+#define HT_TCR 0x04u
 
 /** CPU timer 0: the slow interrupt. */
 void ht_timer_start(ht_port *port, float slow_Hz);

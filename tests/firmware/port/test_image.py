@@ -308,11 +308,11 @@ FAULTS = {
         LAUNCHPAD, "ht_pwm.c", "if (!master_is_a_leg)", "if (master_is_a_leg)",
         "every fast interrupt arrives"),
     "timer stopped": (
-        F28335, "ht_timer.c", "TIMER0 + TCR, TCR_INTERRUPT);",
-        "TIMER0 + TCR, TCR_INTERRUPT | TCR_STOP);", "slow interrupt is taken"),
+        F28335, "ht_timer.c", "HT_TIMER0 + HT_TCR, TCR_INTERRUPT);",
+        "HT_TIMER0 + HT_TCR, TCR_INTERRUPT | TCR_STOP);", "slow interrupt is taken"),
     "timer without interrupt": (
-        F28377S, "ht_timer.c", "    HT_WR16(port->io, TIMER0 + TCR, TCR_INTERRUPT);",
-        "    HT_WR16(port->io, TIMER0 + TCR, 0u);", "slow interrupt is taken"),
+        F28377S, "ht_timer.c", "    HT_WR16(port->io, HT_TIMER0 + HT_TCR, TCR_INTERRUPT);",
+        "    HT_WR16(port->io, HT_TIMER0 + HT_TCR, 0u);", "slow interrupt is taken"),
     "slow interrupt lets nothing in": (
         F28335, "ht_pie.c", "cleared it on the way in */\n    HT_EINT(port->io);",
         "cleared it on the way in */", "a fast interrupt comes within a slow one"),
