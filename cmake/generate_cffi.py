@@ -28,6 +28,8 @@ HEADERS = (
     "ht_host_law.h",
     "ht_burst_rows.h",
     "ht_param_groups.h",
+    "ht_texts.h",
+    "ht_off_circle.h",
     "ht_octets.h",
     "ht_opcodes.h",
     "ht_snapshot.h",

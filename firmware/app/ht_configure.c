@@ -16,9 +16,6 @@
 /* The build-up is direct current, where all that the models disagree about is R_s: it
  * is learnt quickly there, or a wrong one would build a wrong flux. */
 #define BUILD_ADAPT_S 0.1f
-/* Share of the pull-out torque that is asked for: beyond it more slip gives less
- * torque, and the controller, which answers with more slip, loses the machine. */
-#define PULL_OUT_SHARE 0.8f
 /* Lost leg: how long evidence is gathered at least, how long a wrong sensor rules a loss out; a set's
  * sum that shows a wrong sensor, share of its trip level; no current in a leg, share of that sum. */
 #define LOSS_HOLD_S 0.001f
@@ -138,7 +135,7 @@ static float pull_out(const float *v)
 {
     float main_H = v[HT_P_lm_H] * v[HT_P_lm_H] / v[HT_P_lr_H]; /* (1 - sigma) L_s */
     float sigma_ls_H = v[HT_P_sigma_ls_H];
-    return PULL_OUT_SHARE * 1.5f * v[HT_P_pole_pairs] * main_H
+    return HT_PULL_OUT_SHARE * 1.5f * v[HT_P_pole_pairs] * main_H
            / (sigma_ls_H * (sigma_ls_H + main_H));
 }
 

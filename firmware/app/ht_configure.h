@@ -43,6 +43,10 @@ typedef struct {
 
 ht_range ht_param_range(const ht_port *port, uint16_t id);
 
+/** Share of the pull-out torque that is asked for: beyond it more slip gives less torque, and the
+ *  controller, which answers with more slip, loses the machine. */
+#define HT_PULL_OUT_SHARE 0.8f
+
 /** True if `value` is finite, in `ht_param_range` and, for choices, whole. */
 bool ht_configure_valid(const ht_port *port, uint16_t id, float value);
 

@@ -4,7 +4,6 @@
 #include <math.h>
 #include <stddef.h>
 
-#define OFFSET_MAX_COUNTS 200.0f
 /* No shaft turns further than this in a period (electrical angle). A position counter that jumps
  * must not make the rotor flux grow without bound; finding the jump is the protection's task. */
 #define TURN_MAX_RAD 1.5f
@@ -238,7 +237,7 @@ static void calibrate(ht_drive *d)
     }
     for (leg = 0; leg < HT_LEGS; leg++) {
         float mean = (float)d->offset_sum[leg] / (float)d->state_ticks;
-        if (!finite_below(mean - (float)HT_ADC_MID, OFFSET_MAX_COUNTS)) {
+        if (!finite_below(mean - (float)HT_ADC_MID, (float)HT_OFFSET_MOST_COUNTS)) {
             fault(d, HT_FAULT_CALIBRATION);
             return;
         }

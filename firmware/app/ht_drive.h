@@ -40,6 +40,10 @@ const char *ht_state_name(uint16_t state);
 /** Its flags. All of them if there is no such state: then the gates may be on. */
 uint16_t ht_state_flags(uint16_t state);
 
+/** Largest offset of a current sensor that the calibration accepts, counts of the ADC from its
+ *  middle. */
+#define HT_OFFSET_MOST_COUNTS 200u
+
 /** Share of the build-up during which the flux is too small for its speed to mean anything. */
 #define HT_BUILD_BLIND 0.1f
 

@@ -7,7 +7,7 @@
 
 static const ht_misfit_info table[] = {
 #define HT_ORDER(id, less, share, more, touch) {HT_P_##less, HT_P_##more, share, touch != 0},
-#define HT_RULE(id, first, second) {HT_P_##first, HT_P_##second, 0.0f, false},
+#define HT_RULE(id, first, second, text) {HT_P_##first, HT_P_##second, 0.0f, false},
 #include "ht_misfits.def"
 #undef HT_ORDER
 #undef HT_RULE

@@ -10,7 +10,7 @@
 typedef enum {
     HT_MISFIT_NONE = 0,
 #define HT_ORDER(id, less, share, more, touch) HT_MISFIT_##id,
-#define HT_RULE(id, first, second) HT_MISFIT_##id,
+#define HT_RULE(id, first, second, text) HT_MISFIT_##id,
 #include "ht_misfits.def"
 #undef HT_ORDER
 #undef HT_RULE

@@ -6,13 +6,12 @@
 
 #include <stddef.h>
 
-#define GET_MOST 100u
 #define PAIR 6u /* bytes of id and value */
 
 uint16_t ht_request_get(ht_service *l, const uint16_t *in, uint16_t n)
 {
     uint16_t k;
-    if (((n & 1u) != 0u) || (n > (2u * GET_MOST))) {
+    if (((n & 1u) != 0u) || (n > (2u * HT_SERVICE_GET))) {
         return HT_SERVICE_LENGTH;
     }
     for (k = 0u; k < n; k += 2u) {

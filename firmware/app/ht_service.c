@@ -7,8 +7,6 @@
 #include <stddef.h>
 
 #define FIFO 16u
-#define SAMPLE_TYPE 0x40u
-#define CAPTURE_TYPE 0x50u
 #define CAPTURE_VALUES 60u
 #define SESSION_WATCHDOGS 4u
 
@@ -129,7 +127,7 @@ static bool sample_frame(ht_service *l, ht_packet *p)
     if (!ht_streams_next(&l->streams, &l->sample)) {
         return false;
     }
-    ht_packet_add8(p, (uint16_t)(SAMPLE_TYPE + l->sample.stream));
+    ht_packet_add8(p, (uint16_t)((uint16_t)HT_SERVICE_SAMPLE + l->sample.stream));
     ht_packet_add8(p, l->sample.number);
     ht_packet_add32(p, l->sample.tick);
     for (i = 0u; i < l->sample.n; i++) {
@@ -146,7 +144,7 @@ static bool capture_frame(ht_service *l, ht_packet *p)
     if (n == 0u) {
         return false;
     }
-    ht_packet_add8(p, CAPTURE_TYPE);
+    ht_packet_add8(p, HT_SERVICE_DATA);
     ht_packet_add8(p, l->burst.number);
     ht_packet_add32(p, l->read_at);
     for (i = 0u; i < n; i++) {

@@ -31,26 +31,25 @@
 #include "ht_streams.h"
 
 #define HT_SERVICE_VERSION 2u
+#define HT_SERVICE_GET 100u        /**< parameters of one GET */
 #define HT_SERVICE_WRITE 80u       /**< parameters of one WRITE */
 #define HT_SERVICE_REQUEST_HEAD 6u /**< bytes of a request before its payload */
 #define HT_SERVICE_REPLY_HEAD 10u  /**< bytes of a reply before its payload */
 
+/** First octet of a body that is no request: sample of stream 0, those of others follow; data of a
+ *  capture. */
+enum { HT_SERVICE_SAMPLE = 0x40, HT_SERVICE_DATA = 0x50 };
+
 /** The watchdog's time on a board. */
 enum { HT_SERVICE_WATCHDOG_MS = 250 };
 
-/** Status of a reply; smaller ones are ht_result. */
+/** Status of a reply (ht_results.def); smaller ones are ht_result. */
 enum {
-    HT_SERVICE_OPCODE = 16,
-    HT_SERVICE_LENGTH = 17,
-    HT_SERVICE_SESSION = 18,
-    HT_SERVICE_DICTIONARY = 19,
-    HT_SERVICE_BUSY = 20,
-    HT_SERVICE_BUDGET = 21,
-    HT_SERVICE_CAPTURE = 22,
-    HT_SERVICE_NO_STREAM = 23, /**< all streams are in use */
-    HT_SERVICE_FIELD = 24,     /**< a field of the payload is out of range */
-    HT_SERVICE_MEMORY = 25,    /**< the capture is larger than the memory */
-    HT_SERVICE_SAMPLING = 26   /**< f_isr_Hz cannot change while streams or a capture count in it */
+#define HT_RESULT(name, number, mistake, text)
+#define HT_REFUSAL(name, number, mistake, text) HT_SERVICE_##name = (number),
+#include "ht_results.def"
+#undef HT_RESULT
+#undef HT_REFUSAL
 };
 
 typedef struct {

@@ -29,13 +29,11 @@
 #include "ht_drive.h"
 #include "ht_store_port.h"
 
-/** Which set was taken at the start. */
+/** Which set was taken at the start (ht_sets.def). */
 enum {
-    HT_SET_DEFAULTS = 0, /**< the built-in one: nothing is stored, or there is no store */
-    HT_SET_SAVED = 1,    /**< the saved one */
-    HT_SET_DAMAGED = 2,  /**< the built-in one: what is stored is damaged or incomplete */
-    HT_SET_FOREIGN = 3   /**< the built-in one: the saved set is of another table, or this build
-                              or board refuses its values */
+#define HT_SET(name, number, text) HT_SET_##name = (number),
+#include "ht_sets.def"
+#undef HT_SET
 };
 
 typedef struct {

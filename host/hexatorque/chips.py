@@ -1,7 +1,6 @@
-"""The names in the firmware's table of chips and boards, ht_chips.def.
+"""The names in the firmware's table of chips and boards, ht_chips.def, and numbers of its headers.
 
-They are read from the table's text: cmake/initial_values.py needs them where there is no compiled
-firmware.
+They are read from the text: cmake/initial_values.py needs them where there is no compiled firmware.
 """
 
 from __future__ import annotations
@@ -22,3 +21,10 @@ _TABLE = (SOURCES / "port" / "c2000" / "ht_chips.def").read_text()
 DEVICES = tuple(re.findall(r"^HT_CHIP\((\w+),", _TABLE, re.M))
 #: The boards with them.
 BOARDS = tuple(re.findall(r"^HT_CHIP_BOARD\(\w+, (\w+)\)", _TABLE, re.M))
+
+
+def number_of(header: str, name: str) -> float:
+    """The number that a header of the firmware defines as a macro of this name."""
+    text = (SOURCES / header).read_text()
+    (number,) = re.findall(rf"^#define {name} ([-\d.e]+)[fu]?\b", text, re.M)
+    return float(number)

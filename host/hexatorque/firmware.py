@@ -4,7 +4,7 @@ compiled callers, and a `Controller` for each simulated drive."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple, TypedDict
@@ -15,6 +15,7 @@ from . import given
 from ._firmware import ffi, lib
 from .chips import BOARDS, DEVICES
 from .errors import InputError
+from .results import RESULTS, text_of
 
 #: A struct or pointer of the C: cffi knows its type, a type checker does not.
 CData = Any
@@ -44,6 +45,14 @@ STATE_TABLE = tuple(
     for state in range(lib.HT_STATES)
 )
 STATES = tuple(state.name for state in STATE_TABLE)
+#: Names of the states of which the host asks.
+IDLE, CALIBRATE, BUILD, RUN, FAULT, TEST = (
+    STATES[number]
+    for number in (
+        lib.HT_STATE_IDLE, lib.HT_STATE_CALIBRATE, lib.HT_STATE_BUILD, lib.HT_STATE_RUN,
+        lib.HT_STATE_FAULT, lib.HT_STATE_TEST,
+    )
+)  # fmt: skip
 
 
 def _faults() -> dict[int, str]:
@@ -54,7 +63,7 @@ def _faults() -> dict[int, str]:
 #: Bit -> name of a fault.
 FAULTS = _faults()
 #: HT_FAULT_PHASE, which is no enumerator.
-PHASE_LOST = 0x8000
+PHASE_LOST = lib.HT_NUMBER_PHASE_LOST
 
 
 def causes(bits: int) -> list[str]:
@@ -237,37 +246,6 @@ def address(function: str) -> int:
     return int(ffi.cast("uintptr_t", ffi.addressof(lib, function)))
 
 
-_RESULTS = {
-    lib.HT_ERROR_ID: "no such parameter",
-    lib.HT_ERROR_VALUE: "value out of range",
-    lib.HT_ERROR_STATE: "not allowed in this state",
-    lib.HT_ERROR_CONFIG: "parameters do not fit together",
-    lib.HT_ERROR_TURNING: "the machine is turning",
-    lib.HT_ERROR_TRIP: "the trip pin is low (external trip): release it, then clear",
-    lib.HT_ERROR_STORE: "there is no memory for parameters, or writing it failed",
-    lib.HT_ERROR_PREDICTION: "the scheme needs load_mode = shadow and predict = on",
-    lib.HT_ERROR_SAMPLING: "the scheme needs a higher f_isr_Hz for this machine",
-    lib.HT_ERROR_RESTART: "too many trips by hardware in a row (restart_count): find their cause; "
-    "a start is refused until restart_wait_s have passed",
-}
-#: What a rule of ht_misfits.def about two parameters demands.
-_RULES = {
-    lib.HT_MISFIT_PERIOD: "the PWM's counter holds 8 to 65535 counts in a period",
-    lib.HT_MISFIT_RATIO: "the ratio must be a whole number from 2 on",
-    lib.HT_MISFIT_RELEASE: "the first must be within plus and minus the second",
-    lib.HT_MISFIT_WRITE: "the write must come in the first half of the period",
-    lib.HT_MISFIT_DEAD_TIME: "it may take half a period at most",
-    lib.HT_MISFIT_ROTOR: "R_r/L_r must be below half of f_isr_Hz",
-    lib.HT_MISFIT_LOST_LEGS: "a drive can do without legs only with load_mode = shadow and "
-    "predict = on, and only without one, legs of one set, or two that are 90 degrees apart "
-    "(32+1, 16+8, 4+2)",
-    lib.HT_MISFIT_LOST_RIDE: "a start without legs needs ride_through",
-    lib.HT_MISFIT_MIN_PULSE: "a period, less write_delay_us under immediate load, holds two "
-    "pulses, each with dead_time_us",
-    lib.HT_MISFIT_RATED: "to go on without a leg needs the rated phase current",
-}
-
-
 def _most_pulse_us(value_of: Callable[[str], Any]) -> float:
     """Longest `min_pulse_us` of which a period holds two."""
     names = ("f_isr_Hz", "load_mode", "write_delay_us", "dead_time_us")
@@ -278,10 +256,22 @@ def _most_pulse_us(value_of: Callable[[str], Any]) -> float:
 def misfit_text(misfit: int, value_of: Callable[[str], Any]) -> str:
     """Why parameters do not fit together. misfit: what the firmware said (ht_misfits.def);
     value_of: the value that was asked for, or is in force, by the parameter's name."""
-    text = _RESULTS[lib.HT_ERROR_CONFIG]
+    text = RESULTS[lib.HT_ERROR_CONFIG].text
+    reason = misfit_reason(misfit, value_of)
+    return f"{text}: {reason}" if reason else text
+
+
+def misfit_names(misfit: int) -> tuple[str, ...]:
+    """The parameters that a misfit is about, one or two."""
+    row, table = lib.ht_misfit_describe(misfit), list(parameters())
+    return tuple(dict.fromkeys((table[row.first], table[row.second])))
+
+
+def misfit_reason(misfit: int, value_of: Callable[[str], Any]) -> str:
+    """The same without the words that parameters do not fit together; "" for an unknown misfit."""
     row = lib.ht_misfit_describe(misfit)
     if row == ffi.NULL:
-        return text
+        return ""
     table = list(parameters().values())
     first, second = table[row.first], table[row.second]
 
@@ -296,28 +286,40 @@ def misfit_text(misfit: int, value_of: Callable[[str], Any]) -> str:
         most = ""
         if misfit == lib.HT_MISFIT_MIN_PULSE:
             most = f"allowed is up to {_most_pulse_us(value_of):.4g} us: "
-        return f"{text}: {', '.join(both)}: {most}{_RULES[misfit]}"
+        return f"{', '.join(both)}: {most}{_text(lib.ht_misfit_demand(misfit))}"
     share = decimal(row.share)
     word = "allowed is up to" if row.touch else "must be below"
     times = "" if share == 1 else f"{share:g} "
-    return f"{text}: {shown(first)}: {word} {times}{shown(second, share)}"
+    return f"{shown(first)}: {word} {times}{shown(second, share)}"
+
+
+def misfit_of(device: str, numbers: Sequence[float]) -> int:
+    """The first misfit of all parameters on a board, by number; 0 if they fit together."""
+    params = ffi.new("ht_params *", [list(numbers)])
+    return lib.ht_misfit_of(params, board_of(device).map.pwm_clock_Hz)
+
+
+class Order(NamedTuple):
+    """`less` is at most `share` times `more` (ht_misfits.def)."""
+
+    less: str
+    share: float
+    more: str
+
+
+@lru_cache(maxsize=1)
+def orders() -> tuple[Order, ...]:
+    """The orders that the firmware demands of its parameters."""
+    names = list(parameters())
+    rows = (lib.ht_misfit_describe(misfit) for misfit in range(1, lib.HT_MISFITS))
+    return tuple(Order(names[r.first], decimal(r.share), names[r.second]) for r in rows if r.share)
 
 
 #: All legs as a state word (HT_ALL_LEGS).
-ALL_LEGS = 0b111111
+ALL_LEGS = lib.HT_NUMBER_ALL_LEGS
 
-#: Text for the set of parameters that a start took, by its number (HT_SET_...).
-PARAMETER_SETS = (
-    "built-in",
-    "saved",
-    "built-in: the saved set is damaged",
-    "built-in: the saved set is of another firmware or board",
-)
-
-
-def _check(result: int, what: str) -> None:
-    if result != lib.HT_OK:
-        raise FirmwareError(f"{what}: {_RESULTS[result]}")
+#: Text for the set of parameters that a start took, by its number (ht_sets.def).
+PARAMETER_SETS = tuple(_text(lib.ht_set_text(number)) for number in range(lib.ht_set_count()))
 
 
 class _Kept(TypedDict):
@@ -480,13 +482,8 @@ class Controller:
         return misfit_text(misfit, asked.__getitem__)
 
     def _check(self, result: int, what: str) -> None:
-        if result == lib.HT_ERROR_PORT:
-            clock_Hz = self.map.pwm_clock_Hz
-            raise FirmwareError(
-                f"{what}: the PWM cannot do this: "
-                f"f_isr_Hz from {clock_Hz / 65535:.4g} to {clock_Hz / 8:.4g}"
-            )
-        _check(result, what)
+        if result != lib.HT_OK:
+            raise FirmwareError(f"{what}: {text_of(result, self.state)}")
 
     @property
     def parameter_set(self) -> str:
@@ -578,10 +575,10 @@ class Controller:
         self._check(result, asked)
 
     def start(self) -> None:
-        _check(lib.ht_drive_start(self.drive), "start")
+        self._check(lib.ht_drive_start(self.drive), "start")
 
     def stop(self) -> None:
         lib.ht_drive_stop(self.drive)
 
     def clear(self) -> None:
-        _check(lib.ht_drive_clear(self.drive), "clear")
+        self._check(lib.ht_drive_clear(self.drive), "clear")

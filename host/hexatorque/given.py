@@ -12,7 +12,7 @@ from typing import Any
 from .errors import InputError
 
 #: A decimal number; point or comma is the decimal sign, and there are no thousands separators.
-#: page/numbers.js has the same rule.
+#: page/numbers.js has the same rule; both are tried with tests/host/numbers.json.
 _NUMBER = re.compile(
     r"[+-]?(?:(?:\d+[.,]?\d*|[.,]\d+)(?:e[+-]?\d+)?|inf|infinity|nan)", re.ASCII | re.IGNORECASE
 )

@@ -91,10 +91,10 @@ uint32_t ht_eqep_position(const ht_port *port);
 #define HT_TIMER0 0x0C00u
 #define HT_TIMER1 0x0C08u
 #define HT_TIMER2 0x0C10u
-/** A timer's control. */
+/** A timer's period, 32 bits, and its control: words from its first register. */
+#define HT_TIMER_PRD 0x02u
 #define HT_TCR 0x04u
 
-/** CPU timer 0: the slow interrupt. */
 void ht_timer_start(ht_port *port, float slow_Hz);
 /** Has it expired since the last call? For a background without interrupts. */
 bool ht_timer_passed(ht_port *port);

@@ -2,7 +2,6 @@
 #include "ht_drivers.h"
 
 #define TIM 0x00u /* 32 bits, counts down */
-#define PRD 0x02u /* 32 bits */
 #define TPR 0x06u
 #define TPRH 0x07u
 #define TCR_STOP 0x0010u
@@ -22,7 +21,7 @@ void ht_counter_prepare(ht_port *port, uint32_t timer, uint32_t from)
     HT_WR16(port->io, timer + HT_TCR, TCR_STOP);
     HT_WR16(port->io, timer + TPR, 0u);
     HT_WR16(port->io, timer + TPRH, 0u);
-    HT_WR32(port->io, timer + PRD, from);
+    HT_WR32(port->io, timer + HT_TIMER_PRD, from);
     HT_WR16(port->io, timer + HT_TCR, TCR_STOP | TCR_RELOAD | TCR_FLAG);
 }
 
@@ -39,7 +38,7 @@ bool ht_counter_passed(const ht_port *port, uint32_t timer)
 uint32_t ht_counter_stop(ht_port *port, uint32_t timer)
 {
     HT_WR16(port->io, timer + HT_TCR, TCR_STOP);
-    return HT_RD32(port->io, timer + PRD) - HT_RD32(port->io, timer + TIM);
+    return HT_RD32(port->io, timer + HT_TIMER_PRD) - HT_RD32(port->io, timer + TIM);
 }
 
 bool ht_timer_passed(ht_port *port)

@@ -56,7 +56,9 @@ def say(as_json: bool, data: dict, text: str | None = None) -> None:
 
 def tripped(state: str, faults: list[str], trip: Trip | None = None) -> int:
     """The exit code after a drive has run."""
-    if state == "fault":
+    from ..firmware import FAULT
+
+    if state == FAULT:
         complain(f"the {trip}" if trip else f"the drive tripped: {', '.join(faults)}")
         return 1
     return 0

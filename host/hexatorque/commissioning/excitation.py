@@ -11,6 +11,7 @@ import numpy as np
 
 from ..drive.interface import DriveFault, DriveVerbs
 from ..errors import HexatorqueError
+from ..firmware import TEST
 from ..plant.vsd import PHASES, TRANSFORM
 from ..recording.recording import FIRST_TICK, Recording
 
@@ -144,7 +145,7 @@ class Excitation:
         return now.at_work and not now.gates_on
 
     def _check(self) -> None:
-        if self.drive.state != "test":
+        if self.drive.state != TEST:
             causes = self.drive.faults
             if not causes:
                 if self._calibrates():

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..drive.interface import DriveFault, DriveVerbs
+from ..firmware import IDLE
 from . import encoder, inductance, resistance, rotor, running, wiring
 from .excitation import CommissioningError, Excitation, Limits
 from .regression import Value
@@ -103,7 +104,7 @@ def _check_limits(drive: DriveVerbs, limits: Limits) -> None:
         raise CommissioningError(
             f"current = {limits.current_A:g} A: allowed range is above 0 .. {trip_A:g} A (i_trip_A)"
         )
-    if drive.state != "idle":
+    if drive.state != IDLE:
         raise CommissioningError(f"the drive is in state {drive.state}: stop it, clear its faults")
 
 

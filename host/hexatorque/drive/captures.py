@@ -11,8 +11,14 @@ from ..firmware import ffi, lib
 from ..recording.journal import TICK_HZ
 from ..recording.recording import DECIMATION, FIRST_TICK, TRIGGER, RecordingError
 
-#: Kinds of trigger. The index is the number in docs/protocol.md.
-TRIGGERS = ("manual", "rising", "falling", "above", "below", "fault", "command")
+_KIND = "HT_TRIGGER_"
+#: Kinds of trigger. The index is the firmware's number.
+TRIGGERS = tuple(
+    name.removeprefix(_KIND).lower()
+    for name in sorted(
+        filter(lambda n: n.startswith(_KIND), dir(lib)), key=lambda n: getattr(lib, n)
+    )
+)
 
 
 #: Largest trigger level: ARM carries it as a float32.

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Self, SupportsFloat
 
 from .. import given
 from ..errors import HexatorqueError, InputError
-from ..firmware import Parameter, Snapshot, State
+from ..firmware import FAULT, IDLE, Parameter, Snapshot, State
 from ..recording.recording import Recording
 from ..setups.values import SetupError
 from .trips import Trip, details
@@ -200,7 +200,7 @@ class DriveVerbs(ABC):
 
     def check(self) -> None:
         """Nothing if the drive is well; DriveFault if it has tripped."""
-        if self.state == "fault":
+        if self.state == FAULT:
             raise DriveFault(self.faults, self.time_s, self.trip)
 
     @property
@@ -235,7 +235,7 @@ class DriveVerbs(ABC):
             raise SetupError("\n".join(lines))
         self._can_follow({name for _, name, _ in events}, bool(profile.broken))
         begin_s = self.time_s
-        if self.state == "idle":
+        if self.state == IDLE:
             self.start()
         for time_s, phase, kind in profile.broken:
             self.break_leg(phase, kind, time_s)

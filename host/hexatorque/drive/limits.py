@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Container
 from typing import NamedTuple
 
+from ..firmware import TEST
 from ..plant.vsd import PHASES
 
 
@@ -25,7 +26,7 @@ BOTH = (1, -1)
 
 LIMITS = (
     Limit("i_trip_A", _CURRENTS, BOTH),
-    Limit("test_current_A", _CURRENTS, BOTH, "test"),
+    Limit("test_current_A", _CURRENTS, BOTH, TEST),
     Limit("vdc_max_V", ("vdc_V",), (1,)),
     Limit("vdc_min_V", ("vdc_V",), (1,)),
     Limit("speed_trip_rpm", ("speed_rpm",), BOTH),

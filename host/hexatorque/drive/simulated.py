@@ -54,7 +54,7 @@ from .interface import DriveFault, DriveVerbs, Progress, finite, seconds
 __all__ = ["DriveFault", "SimulatedDrive"]
 
 #: Period register (two words) of CPU timer 0, which raises the slow interrupt.
-TIMER_PERIOD = 0x0C02
+TIMER_PERIOD = firmware.lib.HT_NUMBER_SLOW_PERIOD
 RESET_TICKS = 0x10000  # the timer's period after a reset of the chip
 #: Periods per compiled call: so few that progress is shown and Ctrl-C works, and so many that the
 #: call's own time, about 0.3 ms, does not count.

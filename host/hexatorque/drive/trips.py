@@ -9,15 +9,14 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from ..firmware import FAULTS, PHASE_LOST, Snapshot, lib
+from ..chips import BOARDS
+from ..firmware import FAULTS, PHASE_LOST, Snapshot, board_of, ffi, lib, parameters
 from ..plant.vsd import PHASES, TRANSFORM
 
 #: A parameter's value by name.
 Get = Callable[[str], float]
 #: Phases of each winding set, which its own neutral joins.
 SETS = ((0, 2, 4), (1, 3, 5))
-#: Largest offset of a current sensor that the calibration accepts (ht_drive.c).
-OFFSET_MOST_COUNTS = 200
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ def _offset(s: Snapshot, get: Get) -> str:
     worst = max(range(6), key=lambda leg: abs(off[leg]))
     return (
         f"phase {PHASES[worst]}: last reading {off[worst]:+d} counts from the middle, "
-        f"allowed offset is {OFFSET_MOST_COUNTS} counts"
+        f"allowed offset is {lib.HT_NUMBER_OFFSET_MOST_COUNTS} counts"
     )
 
 
@@ -109,17 +108,17 @@ def _flux(s: Snapshot, get: Get) -> str:
 
 
 def off_circle(s: Snapshot, get: Get) -> float:
-    """Distance of the current from the circle diagram, as in ht_protect.c."""
-    main_H = get("lm_H") ** 2 / get("lr_H")
-    ls_H = get("sigma_ls_H") + main_H
-    psi = complex(*s["psi_Wb"])
-    if psi == 0:
+    """Distance of the current from the circle diagram, in no-load currents, as the firmware finds
+    it."""
+    if not any(s["psi_Wb"]):
         return math.nan
-    i = complex(*(TRANSFORM[:2] @ np.array(s["i_A"]))) * abs(psi) / psi
-    unit_A = abs(psi) / ls_H
-    radius_A = 0.5 * unit_A * (ls_H / get("sigma_ls_H") - 1)
-    distance_A = radius_A - abs(i - unit_A - radius_A)
-    return abs(distance_A) * ls_H / get("flux_ref_Wb")
+    params, port = ffi.new("ht_params *"), ffi.new("ht_port *")
+    lib.ht_params_default(params)
+    for name in ("sigma_ls_H", "lm_H", "lr_H", "flux_ref_Wb"):
+        params.v[parameters()[name].id] = get(name)
+    lib.ht_port_bind(port, ffi.NULL, board_of(BOARDS[0]))
+    i_A = (TRANSFORM[:2] @ np.array(s["i_A"])).tolist()
+    return lib.ht_off_circle(port, params, s["psi_Wb"], i_A)
 
 
 _DETAILS: dict[str, Callable[[Snapshot, Get], str]] = {

@@ -21,11 +21,11 @@ import numpy as np
 from ..commissioning.choices import CHOICES
 from ..commissioning.sequence import STEPS
 from ..drive import limits, parameter_sets
-from ..drive.board import BoardDrive
+from ..drive.board import BoardDrive, parameter_set
 from ..drive.captures import TRIGGERS, Trigger
 from ..drive.parameter_sets import ParameterSetError, Values
 from ..drive.recorder import Recorder
-from ..firmware import WARNINGS, Snapshot, State, grouped
+from ..firmware import FAULT, IDLE, WARNINGS, Snapshot, State, grouped
 from ..recording.formats import SUFFIXES, RecordingError
 from ..recording.recording import Recording
 from ..serial import LinkError, wire
@@ -64,14 +64,6 @@ CHANNELS = (
 )  # fmt: skip
 #: Larger than every float32.
 FLOAT32 = 3.5e38
-#: Text for the parameters that are in force after a reset, by the number `set` of STATUS.
-SETS = {
-    1: "the saved set of parameters is in force",
-    2: "its parameters are at their initial values, because the saved set is damaged",
-    3: "its parameters are at their initial values, because the saved set is of another firmware "
-    "or board",
-}
-INITIAL = "its parameters are at their initial values"
 
 
 class Capture(NamedTuple):
@@ -233,6 +225,8 @@ class MonitoredDrive:
         ticks = ring.boards_end * stream.decimation if ring and stream else 0
         return {
             "state": state.name if state else "",
+            "may_start": state is not None and state.name == IDLE,
+            "may_clear": state is not None and state.name == FAULT,
             "working": self.working(),
             "faults": self.drive.dictionary.causes(latest.faults) if latest else [],
             "time_s": (ticks or (latest.tick if latest else 0)) / self.drive.hello.f_isr_Hz,
@@ -606,7 +600,7 @@ class MonitoredDrive:
         set_in_force = self.drive.client.get_status().set
         reset = self.drive.reset
         cause = f" Cause: {reset.cause}." if reset else ""
-        self.reset = f"The board was reset: {SETS.get(set_in_force, INITIAL)}.{cause}"
+        self.reset = f"The board was reset. Its parameters: {parameter_set(set_in_force)}.{cause}"
         self._end_recording("board reset")
         with self._lock:
             self._restart_traces()
@@ -636,7 +630,7 @@ class MonitoredDrive:
         latest, state = self.drive.client.latest, self._state()
         if latest is None or state is None:
             return False, 0
-        return state.name == "fault", latest.faults
+        return state.name == FAULT, latest.faults
 
     def _read_values(self) -> None:
         values = self.drive.get_all()

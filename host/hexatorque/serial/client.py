@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from ..firmware import State
+from ..results import RESULTS, text_of
 from . import RESET_VALUES, LinkError, wire
 from .exchange import PULSE_S, NoReply, Notice
 from .transport import MISSED_PULSES, Transport
@@ -30,37 +31,6 @@ LOOK_S = 1.0
 RETURN_S, RETURN_SOCKET_S = 0.2, 1.0
 #: Longest wait for OPEN. If a server died, the board keeps its session for a second.
 OPEN_WAIT_S = 1.6
-
-_REFUSED: dict[int, str] = {
-    Status.ID: "no such parameter or channel",
-    Status.VALUE: "value not finite, out of range or not a choice",
-    Status.STATE: "not allowed in state {state}",
-    Status.CONFIG: "parameters do not fit together",
-    Status.PORT: "the hardware cannot do this",
-    Status.TURNING: "the machine turns faster than start_max_rpm; wait until it stands",
-    Status.TRIP: "the trip pin is low (external trip): release it, then clear",
-    Status.STORE: "the board's memory for parameters failed; it holds either the former set or "
-    "the new one",
-    Status.PREDICTION: "the scheme needs load_mode = shadow and predict = on",
-    Status.LAW_SAMPLING: "the scheme needs a higher f_isr_Hz for this machine",
-    Status.RESTART: wire.MANY_TRIPS,
-    Status.OPCODE: "the board does not know this request",
-    Status.LENGTH: "the board expects another length of this request",
-    Status.NO_SESSION: "the session has ended",
-    Status.DICTIONARY: "the board's dictionary has changed, open it again",
-    Status.OTHER_SESSION: "another client has a session",
-    Status.BUDGET: "more than the line carries",
-    Status.CAPTURE: "the board's capture is not in a state for this",
-    Status.NO_STREAM: "all of the board's streams are in use",
-    Status.FIELD: "the board refuses a part of this request",
-    Status.MEMORY: "larger than the board's memory",
-    Status.SAMPLING: "can change only while nothing is streamed or captured",
-}
-#: Refusals because the request is wrong, in whatever state the board is.
-_MISTAKES = (
-    Status.ID, Status.VALUE, Status.CONFIG, Status.PORT, Status.PREDICTION, Status.LAW_SAMPLING,
-    Status.LENGTH, Status.BUDGET, Status.NO_STREAM, Status.FIELD, Status.MEMORY,
-)  # fmt: skip
 
 
 @dataclass
@@ -278,16 +248,14 @@ class Client:
         return reply
 
     def refused(self, reply: Reply, what: str) -> LinkError:
-        text = _REFUSED.get(reply.status, f"status {reply.status}")
+        state = self.state(reply.state).name
+        text = text_of(reply.status, state)
         with contextlib.suppress(wire.WireError):
             text = wire.refusal(reply) or text
         if reply.status == Status.STATE and reply.faults and reply.op not in wire.SLOW:
             text += "; clear the fault first"
-        return LinkError(
-            f"{what}: {text.format(state=self.state(reply.state).name)}",
-            reply.status,
-            reply.status in _MISTAKES,
-        )
+        row = RESULTS.get(reply.status)
+        return LinkError(f"{what}: {text}", reply.status, row is not None and row.mistake)
 
     def state(self, number: int) -> State:
         """The state of this number; one that the board does not list is unknown."""

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..results import RESULTS
 from . import BOARD_RESET, RESET_VALUES, LinkError, wire
 from .client import Client
 from .dictionary import Dictionary
@@ -104,8 +105,8 @@ class Stream:
                 else "nothing more fits beside the other streams"
             )
             raise LinkError(
-                f"{len(self._ids)} channels at {self.rate_Hz:.6g} Hz: more than the line carries; "
-                + best,
+                f"{len(self._ids)} channels at {self.rate_Hz:.6g} Hz: "
+                f"{RESULTS[Status.BUDGET].text}; {best}",
                 reply.status,
                 mistake=True,
             )

@@ -10,24 +10,25 @@ from typing import TYPE_CHECKING, NamedTuple
 from cobs import cobs
 
 from .._firmware import ffi, lib
+from ..results import RESULTS
 
 if TYPE_CHECKING:
     import numpy as np
 
     from ..firmware import SnapshotNumbers
 
-PROTOCOL = 2
-LONGEST_BODY = 508
+PROTOCOL = lib.HT_NUMBER_PROTOCOL
+LONGEST_BODY = lib.HT_NUMBER_LONGEST_BODY
 #: Longest frame: body, CRC, the bytes that COBS adds, and a zero on either side.
 LONGEST_FRAME = LONGEST_BODY + 4 + (LONGEST_BODY + 4) // 254 + 1 + 2
 #: The CRC-32 of a body together with its own CRC is always this.
 CRC_RESIDUE = 0x2144DF1C
-SAMPLE = 0x40
-STREAMS = 4
-DATA = 0x50
-REPLY = 0x80
+SAMPLE = lib.HT_SERVICE_SAMPLE
+STREAMS = lib.HT_NUMBER_STREAMS
+DATA = lib.HT_SERVICE_DATA
+REPLY = lib.HT_OP_REPLY
 #: Largest number of ids in a GET, and of pairs in a WRITE.
-GET_MOST, WRITE_MOST = 100, 80
+GET_MOST, WRITE_MOST = lib.HT_NUMBER_GET, lib.HT_NUMBER_WRITE
 
 
 class Op(IntEnum):
@@ -58,38 +59,37 @@ NEEDS_SESSION = frozenset(
     (Op.CLOSE, Op.TRIGGER, Op.CANCEL, Op.READ, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM,
      Op.SAVE, Op.FORGET)
 )  # fmt: skip
-NEEDS_DICTIONARY = frozenset(
-    (Op.GET, Op.WRITE, Op.START, Op.CLEAR, Op.STREAM, Op.ARM, Op.SAVE, Op.FORGET)
-)
 #: Requests that write a flash, and the longest time for that; the board does not read meanwhile.
 SLOW = frozenset((Op.SAVE, Op.FORGET))
 SLOW_S = 12.0
 
 
 class Status(IntEnum):
-    DONE = 0
-    ID = 1
-    VALUE = 2
-    STATE = 3
-    CONFIG = 4
-    PORT = 5
-    TURNING = 6
-    TRIP = 7
-    STORE = 8
-    PREDICTION = 9
-    LAW_SAMPLING = 10
-    RESTART = 11
-    OPCODE = 16
-    LENGTH = 17
-    NO_SESSION = 18
-    DICTIONARY = 19
-    OTHER_SESSION = 20
-    BUDGET = 21
-    CAPTURE = 22
-    NO_STREAM = 23
-    FIELD = 24
-    MEMORY = 25
-    SAMPLING = 26
+    """The statuses that this program knows by name; the texts of all are in results.py."""
+
+    DONE = lib.HT_OK
+    ID = lib.HT_ERROR_ID
+    VALUE = lib.HT_ERROR_VALUE
+    STATE = lib.HT_ERROR_STATE
+    CONFIG = lib.HT_ERROR_CONFIG
+    PORT = lib.HT_ERROR_PORT
+    TURNING = lib.HT_ERROR_TURNING
+    TRIP = lib.HT_ERROR_TRIP
+    STORE = lib.HT_ERROR_STORE
+    PREDICTION = lib.HT_ERROR_PREDICTION
+    LAW_SAMPLING = lib.HT_ERROR_SAMPLING
+    RESTART = lib.HT_ERROR_RESTART
+    OPCODE = lib.HT_SERVICE_OPCODE
+    LENGTH = lib.HT_SERVICE_LENGTH
+    NO_SESSION = lib.HT_SERVICE_SESSION
+    DICTIONARY = lib.HT_SERVICE_DICTIONARY
+    OTHER_SESSION = lib.HT_SERVICE_BUSY
+    BUDGET = lib.HT_SERVICE_BUDGET
+    CAPTURE = lib.HT_SERVICE_CAPTURE
+    NO_STREAM = lib.HT_SERVICE_NO_STREAM
+    FIELD = lib.HT_SERVICE_FIELD
+    MEMORY = lib.HT_SERVICE_MEMORY
+    SAMPLING = lib.HT_SERVICE_SAMPLING
 
 
 #: Text for a refusal with status FIELD, by opcode and offset of the field.
@@ -111,10 +111,10 @@ FIELDS: dict[tuple[int, int], str] = {
 class Kind(IntEnum):
     """Rows of LIST that HELLO counts."""
 
-    PARAMETER = 0
-    CHANNEL = 1
-    FAULT = 2
-    STATE = 3
+    PARAMETER = lib.HT_LIST_PARAMETER
+    CHANNEL = lib.HT_LIST_CHANNEL
+    FAULT = lib.HT_LIST_FAULT
+    STATE = lib.HT_LIST_STATE
 
 
 #: The kind of LIST's row of additions since version 2.0.
@@ -124,12 +124,12 @@ RESET = lib.HT_LIST_RESET
 
 
 class CaptureState(IntEnum):
-    NONE = 0
-    FILLING = 1
-    WAITING = 2
-    TRIGGERED = 3
-    SUMMING = 4
-    COMPLETE = 5
+    NONE = lib.HT_BURST_NONE
+    FILLING = lib.HT_BURST_FILLING
+    WAITING = lib.HT_BURST_WAITING
+    TRIGGERED = lib.HT_BURST_TRIGGERED
+    SUMMING = lib.HT_BURST_SUMMING
+    COMPLETE = lib.HT_BURST_COMPLETE
 
 
 class WireError(ValueError):
@@ -239,9 +239,6 @@ def reply_bytes(op: int, payload: int) -> int:
     return REPLY_SHARE * (LONGEST_FRAME if op in _LONG else SHORT_REPLY + 2 * payload)
 
 
-MANY_TRIPS = "too many trips by hardware in a row (restart_count, restart_wait_s): find their cause"
-
-
 def refusal(reply: Reply) -> str:
     """The text for the payload of a refusal, which says more than its status; "" if empty."""
     if reply.status == Status.FIELD:
@@ -251,7 +248,7 @@ def refusal(reply: Reply) -> str:
         return f"samples: allowed range is 1 .. {unpack('I', reply.payload)[0]}"
     if reply.status == Status.RESTART:
         (wait_s,) = unpack("H", reply.payload)
-        return f"{MANY_TRIPS}; a start is refused for another {wait_s} s"
+        return f"{RESULTS[reply.status].text}; a start is refused for another {wait_s} s"
     return ""
 
 

@@ -21,6 +21,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ..chips import number_of
 from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Design, pull_out_Nm, rad_s
 from .values import Values
 
@@ -46,8 +47,8 @@ ASKED_OF_PULL_OUT = 0.5
 LIMIT_PER_RATED = 1.5
 #: By this share of rated speed the shaft may run away when the rated load drops.
 RUNAWAY = 0.3
-#: Low pass of the lost leg's residual (HT_LEG_LOSS_FILTER_S).
-LOSS_FILTER_S = 2e-3
+#: Low pass of the lost leg's residual.
+LOSS_FILTER_S = number_of("core/ht_leg_loss.h", "HT_LEG_LOSS_FILTER_S")
 #: Slow periods in 2 pi of the speed loop's corner.
 SLOW_PER_CORNER = 30
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
+from ..chips import number_of
 from ..plant.machines.induction_parameters import Parameters
 from .values import Values
 
@@ -26,8 +27,8 @@ TABLE_SHARE = {"45/135": math.cos(math.pi / 4) / math.cos(math.pi / 12), "75/105
 #: Below this share of the sensors' range a current is taken for the rated one if no rated torque
 #: is known.
 RATED_SHARE = 0.4
-#: Share of the pull-out torque that the firmware asks for at most (ht_configure.c).
-PULL_OUT_SHARE = 0.8
+#: Share of the pull-out torque that the firmware asks for at most.
+PULL_OUT_SHARE = number_of("app/ht_configure.h", "HT_PULL_OUT_SHARE")
 
 
 def rad_s(rpm: float) -> float:

@@ -22,7 +22,7 @@ from .shaft import NO_LOAD, Load, parts
 NEEDED = ("torque_ref_Nm", "speed_rpm", "psi_alpha_Wb", "psi_beta_Wb")
 #: The phases of each winding set.
 SETS = (("u1", "w1", "v1"), ("u2", "w2", "v2"))
-RUN = float(firmware.STATES.index("run"))
+RUN = float(firmware.lib.HT_STATE_RUN)
 #: A shorter part of a recording says too little.
 SHORTEST_S = 0.2
 #: Of a longer recording the first part is compared, unless a window is given.

@@ -7,7 +7,8 @@ import numpy as np
 import protocol_examples
 from peer import cobs_decode
 
-from hexatorque.firmware import lib, parameters
+from hexatorque.firmware import PARAMETER_SETS, decimal, ffi, lib, parameters
+from hexatorque.results import RESULTS
 from hexatorque.serial import wire
 
 
@@ -61,16 +62,41 @@ def test_every_frame_holds_its_body():
         assert checked[:-4] == body
 
 
-def test_the_page_lists_every_misfit_with_its_parameters():
-    page = protocol_examples.PAGE.read_text().split("### Parameters that do not fit together")[1]
-    rows = re.findall(r"^\| (\d+) \| (.*) \|$", page.split("###")[0], re.MULTILINE)
-    names = list(parameters())
-    for number, text in rows:
-        row = lib.ht_misfit_describe(int(number))
-        for id in (row.first, row.second) if row.share else (row.first,):
-            assert f"`{names[id]}`" in text, number
-    assert [int(number) for number, _ in rows] == list(range(1, len(rows) + 1))
-    assert lib.ht_misfit_describe(len(rows)) and not lib.ht_misfit_describe(len(rows) + 1)
+def plain(cell):
+    """The words of a table's cell."""
+    return re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", cell).replace("`", "")
+
+
+def numbered(heading):
+    """{number: words} of the page's table below a heading."""
+    text = protocol_examples.PAGE.read_text().split(f"### {heading}\n")[1].split("\n##")[0]
+    rows = re.findall(r"^\| (\d+) \| ([^|]*) \|", text, re.MULTILINE)
+    assert [int(number) for number, _ in rows] == sorted({int(number) for number, _ in rows})
+    return {int(number): plain(words) for number, words in rows}
+
+
+def test_the_page_has_the_tables_text_for_each_status():
+    texts = {number: row.text.replace("{state}", "…") for number, row in RESULTS.items()}
+    assert numbered("Status") == {0: "done", **texts}
+
+
+def test_the_page_says_of_each_misfit_what_the_table_demands():
+    names, demands = list(parameters()), {}
+    for number in range(1, lib.HT_MISFITS):
+        row = lib.ht_misfit_describe(number)
+        first, second = names[row.first], names[row.second]
+        if row.share:
+            times = "" if row.share == 1 else f"{decimal(row.share):g} "
+            demands[number] = f"{first} {'≤' if row.touch else '<'} {times}{second}"
+        else:
+            text = ffi.string(lib.ht_misfit_demand(number)).decode()
+            demands[number] = f"{', '.join(dict.fromkeys((first, second)))}: {text}"
+    assert numbered("Parameters that do not fit together") == demands
+
+
+def test_the_page_has_the_tables_text_for_each_set():
+    for number, text in enumerate(PARAMETER_SETS):
+        assert f" {number} {text}" in protocol_examples.PAGE.read_text()
 
 
 def says(text):

@@ -52,9 +52,7 @@ from hexatorque import firmware
 from hexatorque.firmware import ffi, lib
 from hexatorque.serial import wire
 
-NEEDS_SESSION = {
-    CLOSE, TRIGGER, CANCEL, READ, WRITE, START, CLEAR, STREAM, ARM, SAVE, FORGET
-}  # fmt: skip
+NEEDS_SESSION = wire.NEEDS_SESSION  # the client opens a session for these
 NEEDS_DICTIONARY = {GET, WRITE, START, CLEAR, STREAM, ARM, SAVE, FORGET}
 #: A payload of a right length.
 RIGHT = {

@@ -6,8 +6,8 @@ import struct
 import pytest
 from device import CLEAR, DONE, LIST, PARAMETERS, START, STATE, STOP, VALUE, Device
 
+from hexatorque.results import RESULTS
 from hexatorque.serial import wire
-from hexatorque.serial.client import _REFUSED
 
 TRIP = 7
 DEAD_TIME = PARAMETERS["dead_time_us"]
@@ -64,7 +64,7 @@ def test_trip_pin_held_low_refuses_start_and_clear():
 
 def test_the_hosts_message_says_what_to_do():
     assert wire.Status(TRIP) == wire.Status.TRIP
-    assert _REFUSED[wire.Status.TRIP] == (
+    assert RESULTS[wire.Status.TRIP].text == (
         "the trip pin is low (external trip): release it, then clear"
     )
 

@@ -1,8 +1,10 @@
 """The page in a headless Chromium with a virtual board: the tests act as a user would."""
 
 import itertools
+import json
 import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -183,6 +185,18 @@ def test_numbers_as_people_write_them(page, monitor):
         assert "speed_ref_rpm: a number is needed" in said and "thousands" in said, text
     page.click("#revert")
     monitor.post("/write", {"values": {"speed_ref_rpm": before}})
+
+
+def test_numbers_are_read_as_python_reads_them(page):
+    """Python is tried with the same texts (test_keys.py)."""
+    cases = json.loads((Path(__file__).parents[1] / "numbers.json").read_text(encoding="utf-8"))
+    texts = [*cases["numbers"], *cases["no numbers"], *cases["not finite"]]
+    read = page.js(
+        f"import('/numbers.js').then(({{ parse }}) => {json.dumps(texts)}.map((text) => "
+        "Number.isNaN(parse(text)) ? null : parse(text)))"
+    )
+    others = len(cases["no numbers"]) + len(cases["not finite"])
+    assert read == [*cases["numbers"].values(), *(None,) * others]
 
 
 def test_a_number_that_is_zero_has_no_sign(page):
@@ -472,7 +486,7 @@ def test_the_page_shows_a_reset_of_the_board(browser, site, board):
     board.reset()
     page.until("!document.querySelector('#reset').hidden")
     said = page.js("document.querySelector('#reset').textContent")
-    assert "The board was reset: its parameters are at their initial values." in said
+    assert "The board was reset. Its parameters: built-in." in said
     page.until(f"Number({limit}) === {initial}")
     page.until(
         "document.querySelector('#link [data-name=\"board resets\"] dd').textContent === '1'"

@@ -570,7 +570,7 @@ def test_a_reset_of_the_board_is_shown(site, board):
         end = time.monotonic() + WAIT_S
         while not (status := frame().get("status", {})).get("reset"):
             assert time.monotonic() < end
-        assert "board was reset" in status["reset"] and "initial values" in status["reset"]
+        assert "board was reset" in status["reset"] and "parameters: built-in." in status["reset"]
         assert status["reset"].endswith(" Cause: power-on.")
         while frame().get("status", {}).get("values", before["values"]) == before["values"]:
             assert time.monotonic() < end
@@ -598,10 +598,10 @@ def test_a_reset_of_the_board_is_shown(site, board):
 @pytest.mark.parametrize(
     ("number", "words"),
     [
-        (0, "initial values"),
-        (1, "the saved set of parameters is in force"),
-        (2, "initial values, because the saved set is damaged"),
-        (3, "initial values, because the saved set is of another firmware"),
+        (0, "built-in"),
+        (1, "saved"),
+        (2, "built-in: the saved set is damaged"),
+        (3, "built-in: the saved set is of another firmware or board"),
     ],
 )
 def test_after_a_reset_the_set_in_force_is_named(site, monkeypatch, number, words):
@@ -617,7 +617,7 @@ def test_after_a_reset_the_set_in_force_is_named(site, monkeypatch, number, word
     while not (text := site.monitored.status()["reset"]):
         assert time.monotonic() < end
         time.sleep(0.01)
-    assert text.startswith("The board was reset: ") and words in text
+    assert text.startswith(f"The board was reset. Its parameters: {words}.")
 
 
 # -- captures and recordings ----------------------------------------------------------------

@@ -15,6 +15,7 @@ from waiting import until
 
 from hexatorque import firmware
 from hexatorque.drive.board import BoardDrive
+from hexatorque.results import RESULTS
 from hexatorque.serial import LinkError, server, wire
 from hexatorque.serial.exchange import NoReply
 from hexatorque.serial.wire import Op
@@ -608,7 +609,8 @@ def test_status_counters_come_through(drive):
 
 
 def test_all_statuses_have_a_text(drive):
-    for status in wire.Status:
-        if status:
-            reply = wire.Reply(7, 0, status, 0, 0, 0, b"")
-            assert "status" not in str(drive.client.refused(reply, "x"))
+    assert set(wire.Status) <= {wire.Status.DONE, *RESULTS}
+    for status, row in RESULTS.items():
+        refused = drive.client.refused(wire.Reply(7, 0, status, 0, 0, 0, b""), "x")
+        assert str(refused) == f"x: {row.text.format(state='idle')}"
+        assert (refused.status, refused.mistake) == (status, row.mistake)

@@ -69,7 +69,9 @@ def status(device, baud, as_json) -> int:
             "parameters": parameter_set(status.set),
             "guarded": status.guarded,
             "session": status.in_session,
-            "capture": CaptureState(capture).name.lower() if capture < 6 else capture,
+            "capture": CaptureState(capture).name.lower()
+            if capture < len(CaptureState)
+            else capture,
             "damaged": status.damaged,
             "overruns": status.overruns,
             "dropped": status.dropped,
@@ -106,7 +108,7 @@ def start(duration, device, baud, as_json, **before) -> int:
 
     The gates switch and the machine turns. If this command dies, the board stops by itself.
     """
-    from ...firmware import State
+    from ...firmware import IDLE, State
 
     console = console_of(as_json, highlight=False)
     values = before_start(**before)
@@ -145,7 +147,7 @@ def start(duration, device, baud, as_json, **before) -> int:
     if drive.stopped:
         complain(str(drive.stopped))
         return 1
-    if was.name == "idle":
+    if was.name == IDLE:
         console.print("stopped by somebody else")
     return tripped(was.name, faults, trip)
 

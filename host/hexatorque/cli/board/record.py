@@ -61,6 +61,7 @@ def stream(
 ) -> int:
     """Record channels into a file as they come; Ctrl-C ends it."""
     from ...drive.recorder import Recorder
+    from ...firmware import FAULT
     from ...recording.formats import check_output
     from ...serial import BOARD_RESET
 
@@ -74,7 +75,7 @@ def stream(
         open_drive(device, baud) as drive,
         running(drive, values, start),
     ):
-        faulted = not start and drive.state == "fault"  # before: it does not trip here
+        faulted = not start and drive.state == FAULT  # before: it does not trip here
         stream = drive.stream(channels, rate, decimation)
         wanted = None if duration is None else max(1, round(duration * stream.rate_Hz))
         count = len(stream.channels)

@@ -125,7 +125,7 @@ def instructions(
     used, a drive without a leg included."""
     result = {}
     used = 0
-    run = firmware.STATES.index("run")
+    run = firmware.lib.HT_STATE_RUN
     for scheme in firmware.schemes():
         with tempfile.TemporaryDirectory() as folder:
             counts = _replay(setup.with_scheme(scheme), machine, Path(folder))

@@ -118,7 +118,7 @@ def _outcome(sim: SimulatedDrive, phase: str) -> str:
     named = _named(sim)
     if named:
         return "right" if named == {phase} else "sound"
-    return "other" if sim.state == "fault" else "late"
+    return "other" if sim.state == firmware.FAULT else "late"
 
 
 def _off(sim: SimulatedDrive) -> int:
@@ -129,7 +129,7 @@ def _off(sim: SimulatedDrive) -> int:
 
 def run(case: Case, progress: Progress | None = None) -> Result:
     result, sim, after_s = _begun(case, progress)
-    if sim.state != "run":
+    if sim.state != firmware.RUN:
         result.outcome = "other"
         result.error = f"{sim.state} before the loss: {', '.join(sim.faults)}"
         return result
@@ -137,7 +137,7 @@ def run(case: Case, progress: Progress | None = None) -> Result:
     sim.break_leg(case.phase, "open", after_s)
     longest_s = after_s + WATCH * period_s + 1e-3 * result.bounce_ms + WATCH_S
     begin_s = sim.time_s
-    while not _named(sim) and sim.state == "run" and sim.time_s - begin_s < longest_s:
+    while not _named(sim) and sim.state == firmware.RUN and sim.time_s - begin_s < longest_s:
         sim.run(lost_phase.STEP_S, record=False, progress=progress)
     taken_s = sim.time_s - begin_s - after_s
     result.outcome = _outcome(sim, case.phase)
@@ -158,12 +158,12 @@ def _go_on(case: Case, result: Result, sim: SimulatedDrive, progress: Progress |
     lost = 32 >> PHASES.index(case.phase)
     allowed = firmware.lib.ht_lost_legs_paired(lost) if case.mode == "most-torque" else lost
     begin_s = sim.time_s
-    while sim.state == "run" and sim.time_s - begin_s < SETTLE_S:
+    while sim.state == firmware.RUN and sim.time_s - begin_s < SETTLE_S:
         sim.run(0.005, record=False, progress=progress)
-    if sim.state == "run":
+    if sim.state == firmware.RUN:
         window_s = max(WINDOW_S, lost_phase.CYCLES * lost_phase._period_s(sim))
         sim.run(window_s, progress=progress)
-    if sim.state != "run":
+    if sim.state != firmware.RUN:
         result.error = f"stopped: {_told(sim)}"
         return
     result.figures["sound_off"] = float((_off(sim) & ~allowed).bit_count())

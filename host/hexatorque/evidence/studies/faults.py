@@ -62,7 +62,7 @@ WATCHDOG = 10 * firmware.lib.HT_SERVICE_WATCHDOG_MS
 #: the period in which the background reads them.
 ON_THE_LINE = 4
 #: All states, the fault last: the run that begins in it is the only one without a new fault.
-STATES = (*(name for name in firmware.STATES if name != "fault"), "fault")
+STATES = (*(name for name in firmware.STATES if name != firmware.FAULT), firmware.FAULT)
 POWERED = tuple(state.name for state in firmware.STATE_TABLE if state.controls)
 GATES_ON = tuple(state.name for state in firmware.STATE_TABLE if state.gates_on)
 CHECKED = tuple(state.name for state in firmware.STATE_TABLE if state.at_work)
@@ -323,26 +323,34 @@ def _bad_offset(sim: SimulatedDrive, rng: np.random.Generator) -> None:
     sim.sensors.i_offset_counts[rng.integers(6)] += _sign(rng) * 250
 
 
-OVERCURRENT, OVERSPEED = "over-current", "over-speed"
-SUM, FLUX = "currents of a set do not add up to zero", "flux estimate cannot be right"
+class _Names:
+    """The firmware's text for a fault, by the name that it has in ht_faults.def."""
+
+    def __getattr__(self, name: str) -> str:
+        return firmware.FAULTS[getattr(firmware.lib, f"HT_FAULT_{name}")]
+
+
+FOUND = _Names()
+OVERCURRENT, OVERSPEED = FOUND.OVERCURRENT, FOUND.OVERSPEED
+SUM, FLUX = FOUND.CURRENT_SUM, FOUND.FLUX
 FAULTS = (
     Fault("over-current in a phase", _over_current, (OVERCURRENT,), CHECKED),
     Fault("over-current in α–β", _alpha_beta_current, (OVERCURRENT,)),
-    Fault("dc link too high", _vdc("vdc_max_V", 1.02), ("dc-link voltage too high",), CHECKED),
-    Fault("dc link too low", _vdc("vdc_min_V", 0.98), ("dc-link voltage too low",), CHECKED),
-    Fault("over-speed", _over_speed, (OVERSPEED,), ("run",), LATER),
+    Fault("dc link too high", _vdc("vdc_max_V", 1.02), (FOUND.VDC_HIGH,), CHECKED),
+    Fault("dc link too low", _vdc("vdc_min_V", 0.98), (FOUND.VDC_LOW,), CHECKED),
+    Fault("over-speed", _over_speed, (OVERSPEED,), (firmware.RUN,), LATER),
     Fault(
         "encoder lost",
         _hold(ENCODER),
-        ("encoder against flux speed",),
-        ("run",),
+        (FOUND.ENCODER,),
+        (firmware.RUN,),
         LATER,
     ),
     Fault(
-        "current sensor stands still",
+        FOUND.STUCK,
         _hold(0, 1, 2, 3, 4, 5),
-        ("current sensor stands still", SUM, FLUX),
-        ("run",),
+        (FOUND.STUCK, SUM, FLUX),
+        (firmware.RUN,),
         LATER,
     ),
     Fault("current sensor at its limit", _railed, (OVERCURRENT,), CHECKED),
@@ -350,30 +358,30 @@ FAULTS = (
     Fault(
         "current sensor off its zero from the start",
         _bad_offset,
-        ("current sensor offset out of bounds",),
-        ("calibrate",),
+        (FOUND.CALIBRATION,),
+        (firmware.CALIBRATE,),
         LATER,
     ),
-    Fault("estimate not finite", _upset(np.nan, np.inf, -np.inf), ("estimate not finite",)),
+    Fault("estimate not finite", _upset(np.nan, np.inf, -np.inf), (FOUND.NONFINITE,)),
     Fault("flux out of bounds", _upset(2.0, -2.0), (FLUX,)),
-    Fault("trip pin", _trip_pin, ("external trip",), GATES_ON),
+    Fault("trip pin", _trip_pin, (FOUND.EXTERNAL,), GATES_ON),
     Fault(
         "interrupt outlasts its period",
         _overrun,
-        ("fast interrupt outlasted its period",),
+        (FOUND.OVERRUN,),
         GATES_ON,
     ),
     Fault(
         "trip pin held low",
         _trip_pin_held,
-        ("external trip",),
+        (FOUND.EXTERNAL,),
         CHECKED,
         repair=_release_the_trip_pin,
     ),
     Fault(
         "ADC's interrupt lost",
         _lost_interrupt,
-        ("fast interrupt lost",),
+        (FOUND.INTERRUPT,),
         STATES[:-1],
         TWO_SLOW,
         repair=_interrupts_again,
@@ -388,7 +396,7 @@ FAULTS = (
         of_setups=("paper-b",),
     ),
     Fault(
-        "host silent", _silence, ("link lost",), CHECKED, WATCHDOG + ON_THE_LINE, drive=HostedDrive
+        "host silent", _silence, (FOUND.LINK,), CHECKED, WATCHDOG + ON_THE_LINE, drive=HostedDrive
     ),
 )
 
@@ -441,13 +449,13 @@ def _setup(
 def _bring_to(sim: SimulatedDrive, state: str, rng: np.random.Generator) -> None:
     """Bring the drive to a random instant within `state`; in `run` to a random speed and load."""
     sim.run(sim.period_s * int(rng.integers(1, 50)), record=False)
-    if state == "idle":
+    if state == firmware.IDLE:
         return
-    if state == "test":
+    if state == firmware.TEST:
         _test(sim, rng)
         return
     sim.start()
-    ticks = {"calibrate": (1, 39), "build": (43, 3035)}.get(state)
+    ticks = {firmware.CALIBRATE: (1, 39), firmware.BUILD: (43, 3035)}.get(state)
     if ticks:
         sim.run(sim.period_s * int(rng.integers(*ticks)), record=False)
         return
@@ -459,7 +467,7 @@ def _bring_to(sim: SimulatedDrive, state: str, rng: np.random.Generator) -> None
     limit_Nm = sim.controller.number("torque_limit_Nm")
     sim.set("load_Nm", direction * float(rng.uniform(-0.5, 0.5)) * limit_Nm)
     sim.run(float(rng.uniform(0.0, 0.2)), record=False)
-    if state == "fault":
+    if state == firmware.FAULT:
         sim.set("vdc_V", 0.4 * sim.vdc_V)
         sim.run(0.01, record=False)
         sim.set("vdc_V", sim.setup["inverter.vdc_V"])
@@ -539,7 +547,7 @@ def run(fault: Fault, state: str, scheme: str, setup: str, seed: int) -> Result:
         sim.run(sim.period_s, record=False)
         if not off and _gates_off(sim):
             off = sim.periods - injected
-        if sim.controller.state == "fault" and state != "fault":
+        if sim.controller.state == firmware.FAULT and state != firmware.FAULT:
             break
     if must_trip:
         result.error = _latched(sim, fault, deadline, injected, off, result)
@@ -559,7 +567,7 @@ def _latched(
 ) -> str:
     """The fault must be found, named and recorded, and the gates must be off, after `off` periods.
     Returns what is wrong."""
-    if sim.controller.state != "fault":
+    if sim.controller.state != firmware.FAULT:
         return f"not found within {deadline} periods"
     snapshot = sim.controller.snapshot
     assert snapshot  # the state `fault` always has one
@@ -583,7 +591,7 @@ def _stays_off(sim: SimulatedDrive, rng: np.random.Generator, fault: Fault) -> s
     """While the fault is latched, no leg may come on, whatever is commanded. A clear alone may
     not turn a leg on either. The legs follow the trip flags in the next period. Returns what is
     wrong."""
-    if sim.controller.state == "idle":
+    if sim.controller.state == firmware.IDLE:
         return fault.repair(sim) if fault.repair else ""
     sim.run(sim.period_s, record=False)
     sim.log_edges(10_000)
@@ -601,7 +609,7 @@ def _stays_off(sim: SimulatedDrive, rng: np.random.Generator, fault: Fault) -> s
     turning = abs(sim.controller.drive.speed_rpm) > sim.controller.number("start_max_rpm")
     sim.clear()
     sim.run(5 * sim.period_s, record=False)
-    if sim.controller.state != "idle" or not _gates_off(sim):
+    if sim.controller.state != firmware.IDLE or not _gates_off(sim):
         return "a clear turned gates on"
     return _restart(sim) if turning else ""
 
@@ -622,7 +630,7 @@ def _restart(sim: SimulatedDrive) -> str:
     peak_A = float(np.hypot(rec["plant.i_alpha_A"], rec["plant.i_beta_A"]).max())
     if peak_A > 0.8 * sim.controller.number("i_trip_A"):
         return f"{peak_A:.1f} A after a start without encoder"
-    if sim.controller.state != "fault" and abs(sim.speed_rpm) > sim.controller.number(
+    if sim.controller.state != firmware.FAULT and abs(sim.speed_rpm) > sim.controller.number(
         "encoder_trip_rpm"
     ):
         return f"{sim.speed_rpm:.0f} r/min after a start without encoder, no fault"
@@ -816,7 +824,7 @@ def restarted(state: str, scheme: str, setup: str, seed: int) -> Result:
         return result
     lib.ht_store_start(controller.store.handle, controller.drive, controller.port, params)
     result.periods = 1  # before the first interrupt
-    if controller.state != "idle" or not _gates_off(sim):
+    if controller.state != firmware.IDLE or not _gates_off(sim):
         result.error = f"{controller.state} after the restart"
     elif controller.registers.violations:
         result.error = "a gate was on while the start waited"
@@ -829,7 +837,7 @@ REVERSAL = "none: the speed reverses"
 
 def reversal(_: str, scheme: str, setup: str, seed: int) -> Result:
     rng = np.random.default_rng(seed)
-    result = Result(REVERSAL, "run", scheme, setup)
+    result = Result(REVERSAL, firmware.RUN, scheme, setup)
     base = _setup(setup, scheme, rng, seed).changed(controller__speed_trip_rpm=2500.0)
     sim = SimulatedDrive(base, 1)
     sim.start()
@@ -841,7 +849,7 @@ def reversal(_: str, scheme: str, setup: str, seed: int) -> Result:
         sim.set("speed_ref_rpm", reference_rpm)
         sim.run(0.5, record=False)
     result.error = _shoot_through(sim, legs)
-    if sim.state != "run" and not result.error:
+    if sim.state != firmware.RUN and not result.error:
         result.error = ", ".join(sim.faults)
     return result
 
@@ -904,7 +912,11 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
     ]
     others: list[tuple] = [
         (case, *where, n)
-        for case, states in ((restarted, STATES), (reversal, ("run",)), (page_silent, CHECKED))
+        for case, states in (
+            (restarted, STATES),
+            (reversal, (firmware.RUN,)),
+            (page_silent, CHECKED),
+        )
         for n, where in zip(
             range(RUNS), itertools.cycle(itertools.product(states, firmware.schemes(), SETUPS))
         )

@@ -107,7 +107,7 @@ class _Source:
     def healthy(self) -> bool:
         """Whether the drive ran to the end and the board itself dropped nothing."""
         c = self.controller
-        return c.state == "run" and not c.board.service.streams.dropped
+        return c.state == firmware.RUN and not c.board.service.streams.dropped
 
 
 def _is_sample(body: bytes) -> bool:

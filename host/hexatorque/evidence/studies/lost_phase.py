@@ -70,7 +70,7 @@ DIP_RPM, DIP_NM = 300.0, 3.0
 DIP_LEAST_RPM = 2.0
 
 Progress = Callable[[float], None]
-LOST = "phase lost"
+LOST = firmware.FAULTS[firmware.PHASE_LOST]
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def _period_s(sim: SimulatedDrive) -> float:
 def _watch(sim: SimulatedDrive, seconds: float, progress: Progress | None) -> float:
     """Runs until the drive stops, or for this time. Returns the time that it ran."""
     begin_s = sim.time_s
-    while sim.state == "run" and sim.time_s - begin_s < seconds:
+    while sim.state == firmware.RUN and sim.time_s - begin_s < seconds:
         sim.run(STEP_S, record=False, progress=progress)
     return sim.time_s - begin_s
 
@@ -161,7 +161,7 @@ def _to(sim: SimulatedDrive, speed_rpm: float, load_Nm: float, progress: Progres
 def _named(sim: SimulatedDrive, phase: str) -> str:
     """What is wrong with the fault and its warnings."""
     snapshot = sim.snapshot
-    if sim.state != "fault" or snapshot is None:
+    if sim.state != firmware.FAULT or snapshot is None:
         return "not found"
     if LOST not in snapshot["faults"]:
         return f"stopped by {', '.join(snapshot['faults'])}"
@@ -177,7 +177,7 @@ def found(case: Case, progress: Progress | None = None) -> Result:
     result = Result(case, speed_rpm, load_Nm)
     sim = _running(case, rng, progress)
     _to(sim, speed_rpm, load_Nm, progress)
-    if sim.state != "run":
+    if sim.state != firmware.RUN:
         result.error = f"{sim.state} before the loss: {', '.join(sim.faults)}"
         return result
     period_s = _period_s(sim)
@@ -252,7 +252,7 @@ LIMITS = {
 def _second_named(sim: SimulatedDrive, case: Case) -> float:
     """1: the warnings name both phases; 0: the first one alone; -1: a wrong one."""
     snapshot = sim.snapshot
-    if sim.state != "fault" or snapshot is None or LOST not in sim.faults:
+    if sim.state != firmware.FAULT or snapshot is None or LOST not in sim.faults:
         return 0.0
     named = {phase for phase in PHASES if f"phase {phase} lost" in snapshot["warnings"]}
     if named == {case.phase}:
@@ -274,7 +274,7 @@ def rides(case: Case, progress: Progress | None = None) -> Result:
     result = Result(case, speed_rpm, load_Nm)
     sim = _running(case, rng, progress)
     _to(sim, speed_rpm, load_Nm, progress)
-    if sim.state != "run":
+    if sim.state != firmware.RUN:
         result.error = f"{sim.state} before the loss: {', '.join(sim.faults)}"
         return result
     sim.run(BEFORE_S, progress=progress)
@@ -282,24 +282,25 @@ def rides(case: Case, progress: Progress | None = None) -> Result:
     sim.break_leg(case.phase, case.kind, float(rng.uniform(0, min(_period_s(sim), 0.1))))
     least = 1.0
     begin_s = sim.time_s
-    while sim.state == "run" and sim.time_s - begin_s < SETTLE_S:
+    while sim.state == firmware.RUN and sim.time_s - begin_s < SETTLE_S:
         sim.run(0.005, record=False, progress=progress)
         least = min(least, sim.speed_rpm / speed_rpm)
-    if sim.state != "run":
+    if sim.state != firmware.RUN:
         result.error = f"stopped: {', '.join(sim.faults)}"
         return result
     if case.second:
         sim.break_leg(case.second, case.kind)
         _watch(sim, 3 * _period_s(sim) + 0.1, progress)
         result.figures = {
-            "stopped": float(sim.state == "fault"),
+            "stopped": float(sim.state == firmware.FAULT),
             "named": float(LOST in sim.faults),
             "right": _second_named(sim, case),
         }
         if result.figures["right"] < 0:
             result.error = f"named {', '.join(sim.snapshot['warnings'] if sim.snapshot else ())}"
         off_rpm = abs(sim.speed_rpm - speed_rpm)
-        if sim.state != "fault" and off_rpm > max(SPEED_PCT / 100 * abs(speed_rpm), DIP_LEAST_RPM):
+        most_rpm = max(SPEED_PCT / 100 * abs(speed_rpm), DIP_LEAST_RPM)
+        if sim.state != firmware.FAULT and off_rpm > most_rpm:
             result.error = f"{sim.speed_rpm:.0f} r/min after a second loss ({case.second})"
         return result
     sim.run(max(WINDOW_S, CYCLES * _period_s(sim)), progress=progress)

@@ -102,7 +102,7 @@ def run(case: Case, duration_s: float = DURATION_S, progress: Progress | None = 
     while sim.time_s < duration_s:
         sim.run(WINDOW_S, progress=progress)
         rec = sim.take()
-        if sim.controller.state != "run":
+        if sim.controller.state != firmware.RUN:
             break
         flux_Wb = np.hypot(rec["plant.psi_alpha_Wb"], rec["plant.psi_beta_Wb"])
         fluxes.append(float(flux_Wb.mean()) / reference_Wb - 1)
@@ -111,7 +111,7 @@ def run(case: Case, duration_s: float = DURATION_S, progress: Progress | None = 
         if sim.time_s <= SETTLED_S:
             settled = len(fluxes)
     fault, at = "", 0.0
-    if sim.controller.state != "run":
+    if sim.controller.state != firmware.RUN:
         fault = ", ".join(sim.controller.faults)
         snapshot = sim.controller.snapshot
         assert snapshot  # a fault leaves one

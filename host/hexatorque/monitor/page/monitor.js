@@ -331,8 +331,8 @@ function hear(now) {
   $("state").textContent = now.plugged ? now.state || "–" : "unplugged";
   $("faults").textContent = now.faults.join(", ");
   $("faults").hidden = !now.faults.length;
-  $("start").disabled = now.state !== "idle" || now.working || !now.plugged;
-  $("clear").disabled = now.state !== "fault" || !now.plugged;
+  $("start").disabled = !now.may_start || now.working || !now.plugged;
+  $("clear").disabled = !now.may_clear || !now.plugged;
   alarm();
   resetBanner(now.reset);
   titleOf(now);

@@ -1,0 +1,27 @@
+"""What the firmware says to a command: its table of results (firmware/app/ht_results.def)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ._firmware import ffi, lib
+
+
+class Result(NamedTuple):
+    text: str  #: {state} stands for the drive's state
+    mistake: bool  #: the request is wrong, in whatever state the drive is
+
+
+def _rows() -> dict[int, Result]:
+    rows = (lib.ht_result_describe(row) for row in range(lib.ht_result_count()))
+    return {row.number: Result(ffi.string(row.text).decode(), row.mistake) for row in rows}
+
+
+#: Number -> row. 0, success, is not among them.
+RESULTS = _rows()
+
+
+def text_of(number: int, state: str) -> str:
+    """What a result means to a drive in this state. A later firmware may know more of them."""
+    row = RESULTS.get(number)
+    return row.text.format(state=state) if row else f"status {number}"
