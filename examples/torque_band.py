@@ -8,9 +8,8 @@ import hexatorque
 
 def measured(band_Nm: float) -> dict:
     """Figures of merit at 1000 r/min and 2 N m with scheme dtc1."""
-    # The inner band must not exceed the outer one; dtc1 does not use it.
-    bands = {"controller.torque_band_Nm": band_Nm, "controller.torque_inner_Nm": 0.05}
-    run = hexatorque.measure("paper-b", scheme="dtc1", speed_rpm=1000, load_Nm=2, set=bands)
+    band = {"controller.torque_band_Nm": band_Nm}
+    run = hexatorque.measure("paper-b", scheme="dtc1", speed_rpm=1000, load_Nm=2, set=band)
     return run.metrics
 
 

@@ -25,6 +25,7 @@
 /* What the sets' resistances differ by: of the means, of the result. */
 #define SETS_S 0.05f
 #define SETS_SLOW_S 0.2f
+
 ht_range ht_param_range(const ht_port *port, uint16_t id)
 {
     ht_range range = {0.0f, 0.0f};

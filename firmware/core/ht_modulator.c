@@ -270,7 +270,7 @@ typedef struct {
     legs *found;
     uint16_t *ca;
     float *instant;
-    float *share;
+    ht_six *share;
 } told;
 
 /* A set whose legs are `a`, `b` and `c`, in the order of the commands p, q, -q. */
@@ -279,9 +279,9 @@ static HT_INTO_CALLERS void modulate_set(const told *to, bool falling, three_pha
 {
     carrier k = carrier_of(falling, to->t);
     float middle = zero - 0.5f * u.p;
-    modulate(to->t, &k, zero + u.p, to->i_A->p[a], a, to->found, to->ca, to->instant, to->share);
-    modulate(to->t, &k, middle + u.q, to->i_A->p[b], b, to->found, to->ca, to->instant, to->share);
-    modulate(to->t, &k, middle - u.q, to->i_A->p[c], c, to->found, to->ca, to->instant, to->share);
+    modulate(to->t, &k, zero + u.p, to->i_A->p[a], a, to->found, to->ca, to->instant, to->share->p);
+    modulate(to->t, &k, middle + u.q, to->i_A->p[b], b, to->found, to->ca, to->instant, to->share->p);
+    modulate(to->t, &k, middle - u.q, to->i_A->p[c], c, to->found, to->ca, to->instant, to->share->p);
 }
 
 /* The pattern as the observer knows it. `rises`: of the legs that toggle. */
@@ -337,7 +337,7 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     to.found = &found;
     to.ca = out->ca;
     to.instant = toggles->t;
-    to.share = share.p;
+    to.share = &share;
     modulate_set(&to, falling, set.one, zero_sequence(set.first, kappa.one), 0u, 2u, 4u);
     modulate_set(&to, other, set.two, zero_sequence(set.second, kappa.two), 5u, 1u, 3u);
 

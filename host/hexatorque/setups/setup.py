@@ -95,7 +95,7 @@ class Setup:
         result = replace(self, values=values)
         if lines := (
             inconsistent(result)
-            or to_parameters.out_of_range(result)
+            or to_parameters.refused(result)
             or to_parameters.load_before_flux(result)
         ):
             raise SetupError("\n".join(lines))

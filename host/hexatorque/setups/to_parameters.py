@@ -40,41 +40,60 @@ def _initial() -> dict[str, Any]:
     return {name: row.show(row.initial) for name, row in firmware.parameters().items()}
 
 
-def out_of_range(setup: Values) -> list[str]:
-    """A line for every value that the board of the set-up does not allow: a board's ranges are
-    narrower than the firmware's."""
+def refused(setup: Values) -> list[str]:
+    """A line for every value that the firmware on the set-up's board refuses: a board's ranges are
+    narrower than the firmware's. If each value is in its range, a line for the first parameters
+    that do not fit together, or for what the scheme's law cannot work with."""
     from .. import firmware
 
     lines = []
     rules = rules_of(setup)
-    table = firmware.parameters(setup["timing.device"])
+    device = setup["timing.device"]
+    table = firmware.parameters(device)
+    values = {name: row.initial for name, row in table.items()}
     for name, value in decided(setup).items():
         try:
-            table[name].parse(value)
+            values[name] = table[name].parse(value)
         except firmware.FirmwareError as error:
             given = name in setup.values["controller"]
             from_inverter = name == "dead_time_us" and not given
             section = "inverter" if from_inverter else "controller"
             rule = "" if given or from_inverter else f"; derived: {rules[name].text}"
             lines.append(f"{section}.{error}{rule}")
-    return lines or _refused_by_law(setup)
+    return lines or _misfit(setup, values) or _refused_by_law(setup, values)
 
 
-def _refused_by_law(setup: Values) -> list[str]:
+def _misfit(setup: Values, values: dict[str, float]) -> list[str]:
+    """A line for the first parameters that do not fit together, with where each is from."""
+    from .. import firmware
+
+    misfit = firmware.misfit_of(setup["timing.device"], list(values.values()))
+    if not misfit:
+        return []
+    table, rules = firmware.parameters(), rules_of(setup)
+    reason = firmware.misfit_reason(misfit, lambda name: table[name].show(values[name]))
+    line = f"controller.{reason}"
+    for name in firmware.misfit_names(misfit):
+        if name not in setup.values["controller"]:
+            source = f"derived: {rules[name].text}" if name in rules else "the firmware's default"
+            line += f"; {name} is {source}"
+    return [line]
+
+
+def _refused_by_law(setup: Values, values: dict[str, float]) -> list[str]:
     """A line for every value that the scheme's law cannot work with."""
     from .. import firmware
 
-    values = parameters(setup)
-    scheme = str(values["scheme"])
+    scheme = firmware.schemes()[int(values["scheme"])]
     if not firmware.needs_prediction(scheme):
         return []
     lines = []
     latency = setup["timing.latency"]
     if latency != "predicted":
         lines.append(f"timing.latency = {latency}: {scheme} allows predicted only")
-    machine = (float(values[name]) for name in ("rs_ohm", "sigma_ls_H", "lxy_H"))
+    machine = (values[name] for name in ("rs_ohm", "sigma_ls_H", "lxy_H"))
     least_Hz = firmware.lib.ht_voltage_law_least_Hz(*machine)
-    if not float(values["f_isr_Hz"]) >= least_Hz:
+    if not values["f_isr_Hz"] >= least_Hz:
         lines.append(
             f"controller.f_isr_Hz = {values['f_isr_Hz']:g}: {scheme} allows {least_Hz:.0f} Hz and "
             "more with this machine's time constants"

@@ -78,16 +78,18 @@ def short(value: float) -> float:
 
 
 def settings(setup: Setup, values: Mapping[str, float]) -> dict[str, float]:
-    """The controller parameters of a candidate. The inner torque band stays within the outer."""
+    """The controller parameters of a candidate, in the order that the firmware demands: where the
+    larger one of two is tuned, it takes a smaller one that the set-up decides down with it."""
     chosen = {name: short(value) for name, value in values.items()}
-    band = chosen.get("torque_band_Nm")
-    if band is not None:
-        given = "torque_inner_Nm" in setup.values["controller"] or setup.defaults == "firmware"
-        inner = chosen.get("torque_inner_Nm")
-        if inner is None and given:
-            inner = float(setup.parameter("torque_inner_Nm"))
-        if inner is not None and inner > band:
-            chosen["torque_inner_Nm"] = band
+    for less, share, more in firmware.orders():
+        if more not in chosen:
+            continue
+        given = less in setup.values["controller"] or setup.defaults == "firmware"
+        value = chosen.get(less)
+        if value is None and given:
+            value = float(setup.parameter(less))
+        if value is not None and value > share * chosen[more]:
+            chosen[less] = share * chosen[more]
     return chosen
 
 

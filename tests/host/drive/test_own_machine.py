@@ -31,7 +31,12 @@ def own(tmp_path):
 
 
 def test_reach_of_a_set_up_that_is_refused(own, capsys):
+    """The first one by the firmware, when it is read; the second one by the simulation."""
     file = own("[controller]", "torque_inner_Nm = 0.5")
+    assert main(["reach", "--setup", file, "--schemes", "dtc1,ddr"]) == 2
+    said = capsys.readouterr().err
+    assert f"{file}: controller.torque_inner_Nm = 0.5 N m: allowed is up to" in said
+    file = own("[machine]", "lls_H = 1e-6", "[inverter]", "v_switch_V = 1")
     assert main(["reach", "--setup", file, "--schemes", "dtc1,ddr", "--json"]) == 2
     said = json.loads(capsys.readouterr().out)
     assert said["reachable_rpm"] == {"dtc1": None, "ddr": None}

@@ -181,10 +181,13 @@ def test_new_and_check_end_as_a_script_expects(tmp_path, capsys):
     assert main(["new", str(file), "--nameplate", PLATE]) == 0
     assert main(["new", str(file), "--nameplate", PLATE]) == 2  # it is there already
     assert main(["check", str(file), "--json"]) == 0
-    text = file.read_text().replace("scheme =", "i_trip_A = 38.9\nscheme =")
-    file.write_text(text)
+    text = file.read_text()
+    file.write_text(text.replace("scheme =", "speed_trip_rpm = 1000\nscheme ="))
     assert main(["check", str(file), "--schemes", "ddr"]) == 1
-    assert "lower controller.i_trip_A" in capsys.readouterr().out
+    assert "raise controller.speed_trip_rpm" in capsys.readouterr().out
+    file.write_text(text.replace("scheme =", "i_trip_A = 38.9\nscheme ="))
+    assert main(["check", str(file), "--schemes", "ddr"]) == 2
+    assert "controller.i_trip_A = 38.9 A: allowed is up to" in capsys.readouterr().err
 
 
 def test_losses_are_those_of_sinusoidal_currents():

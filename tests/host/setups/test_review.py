@@ -84,9 +84,19 @@ def test_a_scheme_that_is_not_ready_is_replaced_by_one_that_is():
 
 
 def test_a_set_up_that_is_wrong_for_all_schemes_says_what_to_change_first():
-    reached = said(setups.load("small-2kw").changed(controller__i_trip_A=9.9), ["ddr"])
-    assert reached.ready == () and "lower controller.i_trip_A" in reached.text
-    assert reached.text.startswith("not ready: i_trip_A is 9.9 A, above 8.85")
+    reached = said(setups.load("small-2kw").changed(controller__vdc_min_V=590.0), ["ddr"])
+    assert reached.ready == () and "lower controller.vdc_min_V" in reached.text
+    assert reached.text.startswith("not ready: vdc_min_V below the link is 590 V, above 570")
+
+
+def test_what_the_firmware_refuses_needs_no_review(tmp_path, capsys):
+    """A sensor's offset and 2 % leave 0.885 of its 10 A on either side."""
+    file = tmp_path / "mine.toml"
+    file.write_text('setup = "small-2kw"\n[controller]\ni_trip_A = 9.9\n')
+    assert main(["check", str(file)]) == 2
+    said = capsys.readouterr().err
+    line = "controller.i_trip_A = 9.9 A: allowed is up to 0.885 i_full_A = 8.85 A"
+    assert f"{file}: {line}; i_full_A is derived: the sensors'" in said and said.count("\n") == 1
 
 
 @pytest.mark.parametrize("width", (80, 120))

@@ -236,13 +236,59 @@ def test_a_machine_too_fast_for_the_integration_gives_no_numbers():
         sim.run(0.4)
 
 
-def test_inconsistent_bands_are_refused_by_the_firmware():
-    from hexatorque.drive.simulated import SimulatedDrive
-    from hexatorque.firmware import FirmwareError
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"torque_inner_Nm": 0.6},
+        {"torque_band_Nm": 0.1},
+        {"flux_min_Wb": 0.7},
+        {"vdc_min_V": 450.0, "vdc_max_V": 440.0},
+        {"flux_trip_Wb": 0.3},
+        {"i_trip_A": 40.0},
+        {"i_ab_trip_A": 2000.0},
+        {"vdc_max_V": 499.0},
+        {"f_slow_Hz": 300.0},
+        {"f_isr_Hz": 1000.0, "f_slow_Hz": 100.0},
+        {"torque_release_Nm": -9.0},
+        {"rr_ohm": 1000.0, "lr_H": 0.01},
+        {"lost_legs": 32, "i_rated_A": 5.0},
+        {"ride_through": "most-torque"},
+        {"f_isr_Hz": 50_000.0, "min_pulse_us": 8.0},
+    ],
+    ids=lambda changes: ", ".join(changes),
+)
+def test_what_does_not_fit_together_is_refused_with_the_firmwares_own_reason(changes):
+    setup = setups.load("paper-a")
+    values = {**setups.parameters(setup), **changes}
+    with pytest.raises(firmware.FirmwareError) as refused:
+        firmware.Controller(setup["timing.device"], values)
+    with pytest.raises(SetupError) as caught:
+        setup.changed({f"controller.{name}": value for name, value in changes.items()})
+    reason = str(refused.value).split("do not fit together: ")[1]
+    assert str(caught.value).startswith(f"controller.{reason}") and "\n" not in str(caught.value)
 
-    setup = setups.load("paper-b").changed(controller__torque_inner_Nm=0.5)
-    with pytest.raises(FirmwareError, match="do not fit together"):
-        SimulatedDrive(setup)
+
+def test_the_line_says_where_each_value_is_from(tmp_path):
+    """The set-up gives one of them; the other one has the firmware's default, or follows a rule."""
+    for text, source in (
+        ("defaults = 'firmware'\n[controller]\ntorque_band_Nm = 0.1", "the firmware's default"),
+        (
+            "[controller]\nvdc_min_V = 580\n[sensors]\nvdc_full_V = 610",
+            "derived: 1.4 Vdc, but at most 94 % of the sensor's",
+        ),
+    ):
+        file = tmp_path / "mine.toml"
+        file.write_text(f'setup = "small-2kw"\n{text}\n')
+        with pytest.raises(SetupError) as caught:
+            setups.load(file)
+        line = str(caught.value)
+        assert line.startswith(f"{file}: controller.") and line.count("\n") == 0
+        assert f" is {source}" in line
+
+
+def test_a_set_up_can_be_mended_in_one_step():
+    narrow = {"controller.torque_band_Nm": 0.1, "controller.torque_inner_Nm": 0.05}
+    assert setups.load("paper-b").changed(narrow)["controller.torque_band_Nm"] == 0.1
 
 
 def test_step_follows_the_machine():
