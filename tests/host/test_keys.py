@@ -1,6 +1,10 @@
 """One way to write a key and its value, whichever door they come in by: the command line, a file,
 a drive, a study or Python. The same mistake is told in the same words, as one class of error."""
 
+import json
+import math
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,6 +16,7 @@ from hexatorque.errors import InputError
 from hexatorque.setups import paths
 
 PAPER_B = hexatorque.load("paper-b")
+NUMBERS = json.loads(Path(__file__).with_name("numbers.json").read_text(encoding="utf-8"))
 
 
 def in_python(path, value):
@@ -63,6 +68,17 @@ DOORS = [in_python, by_keyword, in_a_file, on_a_command_line, in_a_study]
 )
 def test_a_value_is_read_alike_everywhere(door, path, text, value):
     assert door(path, text)[path] == value
+
+
+def test_numbers_are_read_as_the_page_reads_them():
+    """The page is tried with the same texts (monitor/test_page.py). It has no use for numbers that
+    are not finite."""
+    for text, number in NUMBERS["numbers"].items():
+        assert given.real(text) == number, text
+    for text in NUMBERS["no numbers"]:
+        with pytest.raises(ValueError):
+            print(text, given.real(text))
+    assert not any(math.isfinite(given.real(text)) for text in NUMBERS["not finite"])
 
 
 @pytest.mark.parametrize("door", [in_python, in_a_file, on_a_command_line])
@@ -162,6 +178,15 @@ def test_no_two_choices_differ_by_case_only():
         (["compare", "--set", "controller.scheme=ddr"], "here --schemes says which schemes run"),
         (["reach", "--set", "machine.rs_ohms=1"], "machine.rs_ohms; did you mean 'rs_ohm'?"),
         (["sweep", "pareto", "--set", "machine.rs_ohms=1"], "machine.rs_ohms; did you mean"),
+        (["check", "paper-b", "--set", "machine.rs_ohms=1"], "machine.rs_ohms; did you mean"),
+        (["check", "paper-b", "--set", "machine.rs_ohm=-1"], "machine.rs_ohm = -1: allowed range"),
+        (["tune", "paper-b", "--set", "machine.rs_ohms=1"], "machine.rs_ohms; did you mean"),
+        (
+            ["tune", "paper-b", "--scheme", "ddr", "--set", "controller.scheme=fdr"],
+            "here --scheme says which scheme is tuned",
+        ),
+        (["tune", "paper-b", "--set", "profile.duration_s=2"], "without its profile"),
+        (["board", "serve", "--set", "machine.rs_ohms=1"], "machine.rs_ohms; did you mean"),
         (["sweep", "--grid", "machine.rs_ohms=1"], "machine.rs_ohms; did you mean 'rs_ohm'?"),
     ],
 )
@@ -182,6 +207,38 @@ def test_run_uses_what_is_set(tmp_path, monkeypatch):
     recording = hexatorque.Recording.load("one.npz")
     assert recording.meta["scheme"] == "dtc3" and recording.duration_s == pytest.approx(0.01)
     assert recording.meta["parameters"]["machine"]["rs_ohm"] == 5.5
+
+
+def test_a_review_is_of_what_is_set(capsys):
+    """Half the link's voltage does not turn the machine at rated speed with its full flux."""
+
+    def reach(*words):
+        main(["check", "paper-b", "--schemes", "dtc1", "--json", *words])
+        found = json.loads(capsys.readouterr().out)["findings"]
+        return next(f["value"] for f in found if f["subject"] == "reach with the full flux")
+
+    half = ("--set", "inverter.vdc_V=150", "--set", "controller.vdc_min_V=100")
+    assert 0.4 * reach() < reach(*half) < 0.5 * reach()
+    main(["check", "paper-b", *half])
+    assert f"paper-b {' '.join(half)}" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_tuned_file_has_what_was_set():
+    from types import SimpleNamespace
+
+    from hexatorque.tuning import report
+    from hexatorque.tuning.course import usual_points
+    from hexatorque.tuning.tuning import Request
+
+    changed = PAPER_B.with_scheme("ddr").changed({"machine.rs_ohm": "5,5", "rated.current_A": 2})
+    request = Request(changed, tuple(usual_points(changed)), {}, 1, 1)
+    best = SimpleNamespace(chosen={"kp_xy_pu_A": 0.02})
+    text = report.setup_text(SimpleNamespace(request=request, best=best), "paper-b")
+    written = setups.parse(text, "tuned")
+    assert written["machine.rs_ohm"] == 5.5 and written["rated.current_A"] == 2
+    assert (written["controller.scheme"], written["controller.kp_xy_pu_A"]) == ("ddr", 0.02)
+    kept = [key for key in PAPER_B if key not in ("machine.rs_ohm", "rated.current_A")]
+    assert all(written[k] == changed[k] for k in kept if not k.startswith("controller."))
 
 
 def test_a_sweep_starts_from_what_is_set():

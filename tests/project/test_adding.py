@@ -38,6 +38,14 @@ dead_time_us = 2.0
 calibration_s = 0.005
 build_s = 0.05
 """
+#: A row for the end of a table of firmware/app, which is all that a new one takes.
+ROWS = {
+    "ht_states.def": 'HT_STATE(HOLD, 6, "hold", HT_AT_WORK | HT_GATES_ON)',
+    "ht_warnings.def": 'HT_WARNING(DOOR, 0x0400, "door open", "of the cabinet")',
+    "ht_results.def": 'HT_RESULT(DOOR, 12, 1, "the door is open in state {state}")',
+    "ht_misfits.def": "HT_ORDER(FLUX_BAND, flux_band_Wb, 0.5f, flux_ref_Wb, 1)",
+    "ht_sets.def": 'HT_SET(FACTORY, 4, "of the factory")',
+}
 GIT = shutil.which("git")
 
 pytestmark = [
@@ -83,6 +91,9 @@ def tree(tmp_path_factory):
         run(folder, GIT, "apply", "--check", patch(name))
     for name in MOST:
         run(folder, GIT, "apply", patch(name))
+    for table, row in ROWS.items():
+        path = folder / "firmware" / "app" / table
+        path.write_text(f"{path.read_text()}{row}\n")
     return folder
 
 
@@ -188,6 +199,23 @@ def test_machine_model(found):
     end = 1 / ((1 / begin + ratio) * growth - ratio)
     assert begin / growth - end > 0.1  # rad/s: the fan shows
     assert coasting["to_rad_s"] == pytest.approx(end, abs=1e-4 * (begin - end))
+
+
+def test_a_row_of_a_table_is_all(built, found):
+    """Python, the board's dictionary, from which the page learns the states, and the site's pages
+    know a state, a warning, a result, a misfit and a parameter set."""
+    rows = found["rows"]
+    assert rows["state"] == {"name": "hold", "at_work": True, "gates_on": True, "controls": False}
+    assert rows["listed"] == "hold"
+    assert rows["warnings"] == ["door open"]
+    assert rows["refused"] == ["start: the door is open in state hold", True]
+    assert rows["set"] == "of the factory"
+    reason = "flux_band_Wb = 0.5 Wb: allowed is up to 0.5 flux_ref_Wb = 0.3 Wb"
+    assert rows["misfit"] == f"parameters do not fit together: {reason}"
+    assert rows["set-up"].startswith("controller.flux_band_Wb = 0.5 Wb: allowed is up to 0.5 flux")
+    page = run(built, sys.executable, "-c", "import sys; sys.path.insert(0, 'tools');"
+               "import site_hook; print(site_hook.channels_page())").stdout  # fmt: skip
+    assert "door open" in page and "of the cabinet" in page
 
 
 def test_study(built, tmp_path):

@@ -12,8 +12,11 @@ import numpy as np
 
 from hexatorque import firmware, setups
 from hexatorque.drive.simulated import SimulatedDrive, _load
+from hexatorque.errors import HexatorqueError
 from hexatorque.plant import machine, machines
 from hexatorque.plant.vsd import TRANSFORM
+from hexatorque.serial import wire
+from hexatorque.serial.client import Client
 
 #: Mechanical speed from which the machine coasts, rad/s, and for how long.
 COAST_RAD_S, COAST_S = 100.0, 0.02
@@ -95,6 +98,38 @@ def running(setup) -> dict:
     }
 
 
+def rows() -> dict:
+    """What is known of the rows that were added to the tables."""
+    ffi, lib = firmware.ffi, firmware.lib
+    client = object.__new__(Client)
+    client.states = firmware.STATE_TABLE
+    reply = wire.Reply(wire.Op.START, 1, 12, len(firmware.STATES) - 1, 0, 0, b"")
+    refused = client.refused(reply, "start")
+    packet, port = ffi.new("ht_packet *"), ffi.new("ht_port *")
+    lib.ht_port_bind(port, ffi.NULL, firmware.board_of("f28377s"))
+    lib.ht_packet_begin(packet)
+    assert lib.ht_dictionary_add(packet, port, wire.Kind.STATE, len(firmware.STATES) - 1)
+    listed = bytes(packet.octet[0 : packet.n])
+    said = []
+    for act in (
+        lambda: firmware.Controller("f28377s", {"flux_band_Wb": 0.5}),
+        lambda: setups.load("paper-b").changed({"controller.flux_band_Wb": 0.5}),
+    ):
+        try:
+            act()
+        except HexatorqueError as error:
+            said.append(str(error))
+    return {
+        "state": firmware.STATE_TABLE[-1]._asdict(),
+        "listed": wire.parse_row(listed, wire.Kind.STATE, len(firmware.STATES) - 1).name,
+        "warnings": firmware.warnings(0x0400),
+        "refused": [str(refused), refused.mistake],
+        "set": firmware.PARAMETER_SETS[-1],
+        "misfit": said[0].removeprefix("controller set-up: "),
+        "set-up": said[1],
+    }
+
+
 def main() -> None:
     setup = setups.load(sys.argv[1])
     found = {
@@ -104,6 +139,7 @@ def main() -> None:
         "running": running(setup),
         "law": running(setup.with_scheme("flux-pi")),
         "predicted": {name: firmware.needs_prediction(name) for name in firmware.schemes()},
+        "rows": rows(),
     }
     print(json.dumps(found))
 

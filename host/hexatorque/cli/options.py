@@ -95,6 +95,18 @@ def settings_given(texts: Sequence[str]) -> dict[str, str]:
     return dict(assignment(text, "--set") for text in texts)
 
 
+#: The key that --scheme or --schemes stands for.
+SCHEME = "controller.scheme"
+
+
+def settings_beside(texts: Sequence[str], option: str, says: str) -> dict[str, str]:
+    """The same for a command in which an option of its own says the scheme."""
+    values = settings_given(texts)
+    if SCHEME in values:
+        raise Mistake(f"--set {SCHEME}: here {option} says {says}")
+    return values
+
+
 # -- options ------------------------------------------------------------------------------
 
 

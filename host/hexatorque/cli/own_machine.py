@@ -83,12 +83,20 @@ def new(file, nameplate, circuit, force) -> int:
     return 0
 
 
-@click.command("check", epilog=examples("check mine.toml", "check paper-b --schemes dtc1 --all"))
+@click.command(
+    "check",
+    epilog=examples(
+        "check mine.toml",
+        "check paper-b --schemes dtc1 --all",
+        "check mine.toml --set inverter.vdc_V=560",
+    ),
+)
 @click.argument("setup", metavar="NAME|FILE", shell_complete=completion.setup)
 @options.schemes
+@options.settings
 @click.option("--all", "everything", is_flag=True, help="also what is in order: the whole table")
 @options.as_json
-def check(setup, schemes, everything, as_json) -> int:
+def check(setup, schemes, settings, everything, as_json) -> int:
     """Review a set-up before anything runs.
 
     Compares currents, voltages, steps and gains with their limits, says what to change, and which
@@ -98,13 +106,14 @@ def check(setup, schemes, everything, as_json) -> int:
     from .. import setups
     from ..setups.review import outcome, review
 
-    loaded = setups.load(setup)
+    loaded = setups.load(setup).changed(options.settings_given(settings))
     scheme = loaded.parameter("scheme")
     reviewed = options.schemes_given(schemes)
     own = reviewed if schemes else [scheme]
     findings = review(loaded, reviewed)
     bad = any(f.verdict == "bad" and f.scheme in ("", *own) for f in findings)
-    reached = outcome(findings, reviewed, scheme, shlex.quote(setup))
+    name = shlex.join([setup, *(word for text in settings for word in ("--set", text))])
+    reached = outcome(findings, reviewed, scheme, name)
     if as_json:
         rows = [finding.as_json() for finding in findings]
         verdict = {"ready": reached.ready, "verdict": reached.text}

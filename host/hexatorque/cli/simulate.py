@@ -19,9 +19,6 @@ from .output import (
 )
 from .working import compile_now, compiling, working
 
-#: The key that --schemes stands for.
-SCHEME = "controller.scheme"
-
 
 @click.command(
     epilog=examples(
@@ -101,7 +98,7 @@ def compare(setup, schemes, speed, load, settings, output, as_json) -> int:
     console = console_of(as_json)
     names = [setup] if setup else comparison.DEFAULT_SETUPS
     comparison.make_folder(output)
-    values = _values(settings)
+    values = options.settings_beside(settings, "--schemes", "which schemes run")
     todo = comparison.points(names, schemes_given(schemes, laws=True), speed, load, values)
     compile_now()
     simulated_s = sum(point.simulated_s for point in todo)
@@ -129,14 +126,6 @@ def compare(setup, schemes, speed, load, settings, output, as_json) -> int:
     return 1 if compared.failed else 0
 
 
-def _values(settings) -> dict[str, str]:
-    """What --set options say beside --schemes."""
-    values = options.settings_given(settings)
-    if SCHEME in values:
-        raise options.Mistake(f"--set {SCHEME}: here --schemes says which schemes run")
-    return values
-
-
 #: Exit code of `reach` for each outcome of a scheme; the largest counts.
 EXIT_CODES = {"held": 0, "none": 0, "tripped": 1, "not configured": 2}
 
@@ -161,7 +150,8 @@ def reach(setup, schemes, load, settings, as_json) -> int:
     from ..drive.operating_points import reach_all
 
     console = console_of(as_json)
-    loaded = setups.load(setup).changed(_values(settings))
+    values = options.settings_beside(settings, "--schemes", "which schemes run")
+    loaded = setups.load(setup).changed(values)
     if load is not None:
         loaded = loaded.changed(point__load_Nm=load)
     load_Nm = loaded["point.load_Nm"]

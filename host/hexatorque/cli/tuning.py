@@ -23,6 +23,7 @@ JOURNAL = "study.journal"
         "tune mine.toml",
         "tune mine.toml --points 1450:36,300:36 --weights ripple=2,fsw=0",
         "tune mine.toml --scheme dtc3 --trials 200 -o out/dtc3 --resume",
+        "tune paper-b --set controller.f_isr_Hz=20000",
         note="Weights: ripple, thd, fsw, loss, speed; 0 leaves one out.",
     ),
 )
@@ -30,6 +31,7 @@ JOURNAL = "study.journal"
 @options.value(
     "--scheme", metavar="NAME", help="default: the set-up's", shell_complete=completion.scheme
 )
+@options.settings
 @options.value(
     "--points",
     metavar="RPM:NM,...",
@@ -48,7 +50,9 @@ JOURNAL = "study.journal"
 @options.folder("out/tune")
 @click.option("--resume", is_flag=True, help="go on with the study in the folder")
 @options.as_json
-def tune(setup, scheme, points, weights, trials, seed, jobs, output, resume, as_json) -> int:
+def tune(
+    setup, scheme, settings, points, weights, trials, seed, jobs, output, resume, as_json
+) -> int:
     """Optimise a set-up's controller on its own simulation.
 
     Comparator bands or kappa, x-y gains, observer and speed loop move, as far as the scheme uses
@@ -66,11 +70,17 @@ def tune(setup, scheme, points, weights, trials, seed, jobs, output, resume, as_
             raise options.Mistake(f"{name}: {number}: allowed range is {least} .. 100000")
     search.library()
     loaded = setups.load(setup)
+    values = options.settings_given(settings)
+    for key in values:
+        if key.startswith("profile."):
+            raise options.Mistake(f"--set {key}: a set-up is tuned at points, without its profile")
     if scheme is not None:
         names = options.schemes_given(scheme)
         if len(names) > 1:
             raise options.Mistake(f"--scheme: {scheme}: one scheme is needed")
+        values = options.settings_beside(settings, "--scheme", "which scheme is tuned")
         loaded = loaded.with_scheme(names[0])
+    loaded = loaded.changed(values)
     where = course.read_points(points) if points is not None else course.usual_points(loaded)
     counts = aim.read_weights(weights or "")
     request = tuning.Request(loaded, tuple(where), counts, seed, trials)

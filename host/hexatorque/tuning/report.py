@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from .. import firmware
 from ..setups import SetupError, builtin_names, edit, parameters
 from ..setups.loading import builtin_text, text_of
+from ..setups.paths import CONTROLLER
 from ..setups.values import Value
 from . import space
 from .aim import PARTS
@@ -32,22 +33,22 @@ def make_folder(folder: Path) -> None:
 
 
 def setup_text(tuned: Tuned, source: str) -> str:
-    """The user's file, or the built-in set-up, with the tuned values and all else as it was. Where
-    that cannot be told, a file that starts from it. `source`: its name or path."""
-    setup = tuned.request.setup
-    values = space.tagged(tuned.best.chosen, note(tuned.request))
-    changes: dict[str, dict[str, Value]] = {"controller": values}
+    """The user's file, or the built-in set-up, with the tuned values and those that the command
+    gave, and all else as it was. Where that cannot be told, a file that starts from it. `source`:
+    its name or path."""
     built_in = source in builtin_names()
     text = builtin_text(source) if built_in else text_of(Path(source))
     from ..setups import load
 
     given = load(source)
-    scheme, latency = str(setup.parameter("scheme")), setup["timing.latency"]
-    if given.parameter("scheme") != scheme:
-        changes["controller"] = {"scheme": Value(scheme, "user"), **values}
-    if given["timing.latency"] != latency:
-        changes["timing"] = {"latency": Value(latency, "user")}
-    if not any(changes.values()):
+    changes: dict[str, dict[str, Value]] = {}
+    for section, values in tuned.request.setup.values.items():
+        other = {k: v for k, v in values.items() if given[f"{section}.{k}"] != v.value}
+        if section == CONTROLLER:
+            other |= space.tagged(tuned.best.chosen, note(tuned.request))
+        if other:
+            changes[section] = other
+    if not changes:
         return text
     name = source if built_in else str(Path(source).resolve())
     text = text if built_in else edit.moved(text, Path(source).parent)

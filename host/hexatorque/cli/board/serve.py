@@ -23,6 +23,7 @@ LONG_S = 60.0
     epilog=examples(
         "board serve",
         "board serve --setup paper-b --load 1 --link board",
+        "board serve --set sensors.i_noise_A=0.02",
         "board serve --store bench.store",
         "board serve --fast 5",
         "board serve --break u1=open@5",
@@ -31,6 +32,7 @@ LONG_S = 60.0
     )
 )
 @options.setup("paper-a-feasible")
+@options.settings
 @options.value(
     "--load", metavar="NM", type=options.number, help="brake on the shaft; default: none"
 )
@@ -65,7 +67,7 @@ LONG_S = 60.0
 @options.file("--link", metavar="PATH", help="a fixed name for the port")
 @options.file("--record", metavar="FILE", help="the simulation's own recording")
 @options.as_json
-def serve(setup, load, machine, baud, fast, store, breaks, link, record, as_json) -> int:
+def serve(setup, settings, load, machine, baud, fast, store, breaks, link, record, as_json) -> int:
     """A virtual board: firmware and plant behind a serial port.
 
     Runs firmware and plant in one process that serves the serial protocol on a pseudo-terminal,
@@ -81,7 +83,7 @@ def serve(setup, load, machine, baud, fast, store, breaks, link, record, as_json
         check_output(record)
     ended = []
     with compiling():
-        made = _make(setup, load, machine, baud, fast, store)
+        made = _make(setup, settings, load, machine, baud, fast, store)
     with made as board, Terminal() as line, _name(link, line.port):
         for sign in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(sign, lambda *_: ended.append(True))
@@ -112,10 +114,10 @@ def serve(setup, load, machine, baud, fast, store, breaks, link, record, as_json
     return 0
 
 
-def _make(name, load, machine, baud, fast, store):
+def _make(name, settings, load, machine, baud, fast, store):
     from ... import setups
 
-    setup = setups.load(name)
+    setup = setups.load(name).changed(options.settings_given(settings))
     if load is not None and setup["load.kind"] == "constant":
         # One that pulls would drag an idle machine along, which could then not be started.
         setup = setup.changed(load__kind="friction")

@@ -868,7 +868,7 @@ def page_silent(state: str, scheme: str, setup: str, seed: int) -> Result:
     result = Result(PAGE_SILENT, state, scheme, setup)
     sim = PagedDrive(_setup(setup, scheme, rng, seed), 1)
     _bring_to(sim, state, rng)
-    if state == "run":
+    if state == firmware.RUN:
         sim.run(PAGE_SILENT_S + rng.uniform(0.0, HEARTBEAT_S), record=False)
     if sim.controller.state != state:
         result.error = f"{sim.controller.state} instead of {state} before the page falls silent"
@@ -881,7 +881,7 @@ def page_silent(state: str, scheme: str, setup: str, seed: int) -> Result:
             return result
         sim.run(sim.period_s if sim.reason else HEARTBEAT_S, record=False)
     result.cause, result.periods = sim.reason, sim.periods - begin
-    if sim.state != "idle":
+    if sim.state != firmware.IDLE:
         result.error = f"ends in {sim.state}"
     elif not sim.reason:
         result.error = "the drive stopped by itself"

@@ -1,0 +1,97 @@
+"""What the firmware's tables say stands nowhere else: no text of a row, no name of a state and no
+limit is written again by hand in Python or in the page's JavaScript."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+from hexatorque import firmware
+from hexatorque.firmware import ffi, lib
+from hexatorque.results import RESULTS
+
+HOST = Path(__file__).resolve().parents[2] / "host" / "hexatorque"
+PYTHON = sorted(HOST.rglob("*.py"))
+PAGE = sorted((HOST / "monitor" / "page").glob("*.js"))
+STATES = "|".join(firmware.STATES)
+#: A text of so many letters is no common expression.
+LONG = 20
+
+
+def _demands() -> list[str]:
+    return [ffi.string(lib.ht_misfit_demand(n)).decode() for n in range(1, lib.HT_MISFITS)]
+
+
+TEXTS = [
+    text
+    for text in (
+        *firmware.FAULTS.values(), *firmware.WARNINGS.values(), *firmware.PARAMETER_SETS,
+        *(row.text for row in RESULTS.values()), *_demands(),
+    )
+    if len(text) >= LONG
+]  # fmt: skip
+#: Shares of other parameters that are limits. One of two digits may mean something else.
+SHARES = {order.share for order in firmware.orders() if len(f"{order.share:g}") > 4}
+
+
+def texts_in(source: str) -> set[str]:
+    return {text for text in TEXTS if text in source}
+
+
+def written(tree: ast.AST) -> str:
+    """The texts of a module, without what describes it and its parts."""
+    described = {
+        id(node.body[0].value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        and node.body
+        and isinstance(node.body[0], ast.Expr)
+    }
+    constants = (
+        n for n in ast.walk(tree) if isinstance(n, ast.Constant) and id(n) not in described
+    )
+    return "\n".join(n.value for n in constants if isinstance(n.value, str))
+
+
+def states_in(tree: ast.AST) -> list[int]:
+    """Lines that compare a state with a name."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare):
+            sides = [node.left, *node.comparators]
+            parts = [one for side in sides for one in (*getattr(side, "elts", ()), side)]
+            names = [one.value for one in parts if isinstance(one, ast.Constant)]
+            asked = any("state" in ast.unparse(side) for side in sides)
+            if asked and set(names) & set(firmware.STATES):
+                found.append(node.lineno)
+    return found
+
+
+def shares_in(tree: ast.AST) -> set[float]:
+    numbers = (node.value for node in ast.walk(tree) if isinstance(node, ast.Constant))
+    return {n for n in numbers if isinstance(n, float) and n in SHARES}
+
+
+def test_there_is_something_to_look_for():
+    assert len(TEXTS) > 40 and SHARES == {0.885}
+    for text in ("the machine turns faster", "a start without legs", "built-in: the saved set is"):
+        assert any(found.startswith(text) for found in TEXTS)
+    asks = "x = drive.state == 'run'\ny = now.state in ('idle', 'run')\nz = 0.885 * x\n"
+    assert states_in(ast.parse(asks)) == [1, 2] and shares_in(ast.parse(asks)) == {0.885}
+    says = "def f():\n    'link lost'\n    return f'{x}: the session has ended'"
+    assert texts_in(written(ast.parse(says))) == {"the session has ended"}
+
+
+@pytest.mark.parametrize("path", PYTHON, ids=lambda path: path.relative_to(HOST).as_posix())
+def test_python_asks_the_tables(path):
+    source = path.read_text(encoding="utf-8")
+    tree = ast.parse(source)
+    assert (texts_in(written(tree)), states_in(tree), shares_in(tree)) == (set(), [], set())
+
+
+@pytest.mark.parametrize("path", PAGE, ids=lambda path: path.name)
+def test_the_page_asks_the_tables(path):
+    source = path.read_text(encoding="utf-8")
+    assert texts_in(source) == set()
+    assert re.findall(rf"state\)? *[!=]==? *[\"'](?:{STATES})[\"']", source) == []
