@@ -495,8 +495,10 @@ HT_SELDOM HT_WITH_CALLED static void step_without_legs(const ht_control_config *
     step(cfg, st, in, build, true, out);
 }
 
-void ht_control_step(const ht_control_config *cfg, ht_control_state *st, const ht_control_input *in,
-                     bool build, ht_compare *out)
+/* With all that it calls: how much of it the compiler would put here hangs on the size of files that
+ * have nothing to do with it. */
+HT_WITH_CALLED void ht_control_step(const ht_control_config *cfg, ht_control_state *st,
+                                    const ht_control_input *in, bool build, ht_compare *out)
 {
     if (st->lost.axes != 0u) {
         step_without_legs(cfg, st, in, build, out);
