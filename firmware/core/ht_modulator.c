@@ -263,25 +263,24 @@ static HT_INTO_CALLERS shares shares_of(const ht_modulator_config *cfg, float si
     return k;
 }
 
-/* What the legs of a set are told: their registers, and the same for the observer. */
+/* What the legs of a set are told: their registers, and the same as instants. */
 typedef struct {
     const timing *t;
     const ht_six *i_A;
     legs *found;
     uint16_t *ca;
     float *instant;
-    ht_six *share;
 } told;
 
 /* A set whose legs are `a`, `b` and `c`, in the order of the commands p, q, -q. */
 static HT_INTO_CALLERS void modulate_set(const told *to, bool falling, three_phase u, float zero,
-                                         uint16_t a, uint16_t b, uint16_t c)
+                                         uint16_t a, uint16_t b, uint16_t c, float *share)
 {
     carrier k = carrier_of(falling, to->t);
     float middle = zero - 0.5f * u.p;
-    modulate(to->t, &k, zero + u.p, to->i_A->p[a], a, to->found, to->ca, to->instant, to->share->p);
-    modulate(to->t, &k, middle + u.q, to->i_A->p[b], b, to->found, to->ca, to->instant, to->share->p);
-    modulate(to->t, &k, middle - u.q, to->i_A->p[c], c, to->found, to->ca, to->instant, to->share->p);
+    modulate(to->t, &k, zero + u.p, to->i_A->p[a], a, to->found, to->ca, to->instant, share);
+    modulate(to->t, &k, middle + u.q, to->i_A->p[b], b, to->found, to->ca, to->instant, share);
+    modulate(to->t, &k, middle - u.q, to->i_A->p[c], c, to->found, to->ca, to->instant, share);
 }
 
 /* The pattern as the observer knows it. `rises`: of the legs that toggle. */
@@ -337,9 +336,8 @@ void ht_modulator_step(const ht_modulator_config *cfg, ht_modulator_state *st, h
     to.found = &found;
     to.ca = out->ca;
     to.instant = toggles->t;
-    to.share = &share;
-    modulate_set(&to, falling, set.one, zero_sequence(set.first, kappa.one), 0u, 2u, 4u);
-    modulate_set(&to, other, set.two, zero_sequence(set.second, kappa.two), 5u, 1u, 3u);
+    modulate_set(&to, falling, set.one, zero_sequence(set.first, kappa.one), 0u, 2u, 4u, share.p);
+    modulate_set(&to, other, set.two, zero_sequence(set.second, kappa.two), 5u, 1u, 3u, share.p);
 
     rises = found.moves & ((falling ? 0u : HT_SET1) | (other ? 0u : HT_SET2));
     describe(applied, in->before, &found, rises);
