@@ -15,8 +15,8 @@ from pathlib import Path
 
 import doc_page
 
-from hexatorque.evidence.papers.references.comparison import memory_bytes
-from hexatorque.evidence.papers.references.methods import methods
+from hexatorque.evidence.methods.methods import methods
+from hexatorque.evidence.methods.references import memory_bytes
 
 PAGE = Path("docs/comparison.md")
 NAME = "REFERENCES"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hexatorque import setups
-from hexatorque.evidence.papers.fsw.search import SLOW_HZ
+from hexatorque.evidence.methods.fsw import SLOW_HZ
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hexatorque.analysis import plots
-from hexatorque.evidence.papers.fsw import pictures as fsw
+from hexatorque.evidence.methods import pictures as fsw
 from hexatorque.evidence.papers.printed_values import PAPER
 
 

@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 
 class Entry(NamedTuple):
-    """The title of a figure or table, and the function that makes it: `module.function(job)`.
-    rivals: whether it depends on the budget of the rivals' search."""
+    """The title of a figure or table, and the function that makes it: `module.function(job)`. A
+    module whose name begins with a dot is in another room of the evidence. rivals: whether it
+    depends on the budget of the rivals' search."""
 
     title: str
     module: str
@@ -25,7 +26,7 @@ class Entry(NamedTuple):
 
 
 #: Identifier -> entry, in the order of the papers. "T" marks tables. FSW and REFERENCES are in
-#: neither paper.
+#: neither paper (`evidence.methods`).
 ENTRIES: dict[str, Entry] = {
     "A1": Entry("Fig. 1 and Table I: voltage vectors in both planes", "both.vectors", "a1"),
     "A-T2": Entry(
@@ -72,10 +73,10 @@ ENTRIES: dict[str, Entry] = {
     "B18": Entry("Fig. 18: load step from 0.3 to 2 N m at 2000 r/min", "paper_b.dynamics", "b18"),
     "B19": Entry("Fig. 19: switching frequency over load", "paper_b.sweeps", "b19"),
     "B-T6": Entry("Table VI: DTC1, DTC2 and DTC3 compared", "paper_b.table", "b_t6"),
-    "FSW": Entry("All schemes at equal switching frequency", "fsw.comparison", "fsw"),
+    "FSW": Entry("All schemes at equal switching frequency", ".methods.fsw", "fsw"),
     "REFERENCES": Entry(
         "All schemes and what an expert would use instead, on four machines",
-        "references.comparison",
+        ".methods.references",
         "references",
         rivals=True,
     ),

@@ -10,16 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ...analysis.response import moving_mean, step_response
-from ...drive.operating_points import NOT_MEASURED, Point, Progress, approach, follow
+from ...drive.operating_points import NOT_MEASURED, Point, Progress, approach
 from ...parallel import each
-from ...plant.vsd import PHASES
-from ...recording.recording import Recording
+from ..methods import steps
 from .grids import Grid, for_terminal
 from .robustness import VARIANTS, Variant
 
@@ -34,16 +32,6 @@ TORQUE_STEPS = (
 )
 #: Set-up, speed and rated load of the other tests.
 RATED = (("paper-a-feasible", 900.0, 10.0), ("paper-b", 2500.0, 2.0))
-#: Steps each way, and the time between them. It is no multiple of the speed loop's period, and the
-#: flux stands elsewhere at each step.
-STEPS, APART_S = 10, 0.023
-#: A response is looked for from this time before the change of the recorded reference, and until
-#: this time after it.
-BEFORE_S, AFTER_S = 0.0003, 0.005
-STEP_AT_S = 0.1
-SAG_SHARE, SAG_S = 0.75, 0.2
-#: Means of the speed are taken over this time; it has settled within this share of the reference.
-MEAN_S, SETTLED = 0.01, 0.01
 #: Longest rise of db-dtfc relative to DTC1's.
 RISE_LIMIT = 1.15
 
@@ -60,49 +48,6 @@ class Row:
     lost: str = ""
 
 
-def rise(
-    time_s: np.ndarray, torque_Nm: np.ndarray, before: float, after: float
-) -> tuple[float, float]:
-    """Time from 10 to 90 % of a step, and the overshoot as a share of it. NaN if the torque does
-    not come to 90 %."""
-    y = (torque_Nm - before) / (after - before)
-    arrived = np.nonzero(y >= 0.9)[0]
-    if arrived.size == 0 or arrived[0] == 0:
-        return float("nan"), float("nan")
-
-    def crossing(n: int, level: float) -> float:
-        share = (level - y[n - 1]) / (y[n] - y[n - 1])
-        return float(time_s[n - 1] + share * (time_s[n] - time_s[n - 1]))
-
-    end = int(arrived[0])
-    low = np.nonzero(y[:end] < 0.1)[0]
-    if low.size == 0:
-        return float("nan"), float("nan")
-    return crossing(end, 0.9) - crossing(int(low[-1]) + 1, 0.1), float(max(0.0, y.max() - 1))
-
-
-def rises(rec: Recording) -> dict[str, float]:
-    """Means over the steps of the torque reference, up and down. A step is from the measured mean
-    before it to the measured mean after it: the torque of a table scheme does not keep exactly to
-    its reference."""
-    reference = np.asarray(rec["torque_ref_Nm"], dtype=float)
-    torque_Nm = np.asarray(rec["plant.torque_Nm"], dtype=float)
-    found: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
-    for n in np.nonzero(np.diff(reference))[0]:
-        since = rec.time_s - rec.time_s[n]
-        part = (since > -BEFORE_S) & (since < AFTER_S)
-        before = torque_Nm[(since > -AFTER_S) & (since < -BEFORE_S)].mean()
-        after = torque_Nm[(since > AFTER_S) & (since < 3 * AFTER_S)].mean()
-        made = rise(rec.time_s[part], torque_Nm[part], before, after)
-        found[bool(reference[n + 1] > reference[n])].append(made)
-    up, down = (np.array(found[way]).mean(axis=0) for way in (True, False))
-    return {
-        "rise_up_ms": 1e3 * float(up[0]),
-        "rise_down_ms": 1e3 * float(down[0]),
-        "overshoot_pct": 100 * float(max(up[1], down[1])),
-    }
-
-
 def torque_steps(
     variant: Variant, name: str, speed: float, low: float, high: float, progress: Progress | None
 ) -> dict[str, float]:
@@ -110,79 +55,41 @@ def torque_steps(
     setup = variant.setup(name, load__kind="constant")
     sim = approach(Point(setup, speed, (low + high) / 2), progress)
     sim.set_many({"control_mode": "torque", "torque_ref_Nm": low})
-    sim.run(APART_S / 2, record=False)
-    levels = (high, low) * STEPS
-    events = [(n * APART_S, "torque_ref_Nm", level) for n, level in enumerate(levels)]
-    return rises(follow(sim, events, len(levels) * APART_S, progress))
+    sim.run(steps.APART_S / 2, record=False)
+    return steps.back_and_forth(sim, high, low, progress)
 
 
-def speed_response(rec: Recording, target: float) -> dict[str, float]:
-    speed = moving_mean(rec["plant.speed_rpm"], rec.rate_Hz, MEAN_S)
-    found = step_response(rec.time_s, speed, STEP_AT_S, target, SETTLED * abs(target))
-    return {
-        "settling_ms": 1e3 * found.settling_s,
-        "overshoot_rpm": found.overshoot,
-        "deviation_rpm": found.deviation,
-        "peak_A": max(float(np.abs(rec[f"plant.i_{phase}_A"]).max()) for phase in PHASES),
-    }
-
-
-def reversal(
-    variant: Variant, name: str, speed: float, load: float, progress: Progress | None
-) -> dict[str, float]:
-    setup = variant.setup(name, load__kind="constant")
-    sim = approach(Point(setup, speed, 0.0), progress)
-    return speed_response(
-        follow(sim, [(STEP_AT_S, "speed_ref_rpm", -speed)], 2.5, progress), -speed
-    )
-
-
-def load_step(
-    variant: Variant, name: str, speed: float, load: float, progress: Progress | None
-) -> dict[str, float]:
-    setup = variant.setup(name, load__kind="constant")
-    sim = approach(Point(setup, speed, 0.0), progress)
-    return speed_response(follow(sim, [(STEP_AT_S, "load_Nm", load)], 2.0, progress), speed)
-
-
-def sag(
-    variant: Variant, name: str, speed: float, load: float, progress: Progress | None
-) -> dict[str, float]:
-    setup = variant.setup(name, load__kind="constant")
-    sim = approach(Point(setup, speed, load), progress)
-    events = [(STEP_AT_S, "vdc_V", SAG_SHARE * sim.vdc_V), (STEP_AT_S + SAG_S, "vdc_V", sim.vdc_V)]
-    return speed_response(follow(sim, events, 1.5, progress), speed)
-
-
-TESTS = {"reversal": reversal, "load step": load_step, "sag": sag}
+TESTS = {"reversal": steps.reversal, "load step": steps.load_step, "sag": steps.sag}
 
 
 def _run(
-    test: str, function: Callable[..., dict[str, float]], variant: Variant, *arguments: Any
+    test: str, variant: Variant, name: str, speed: float, measure: Callable[[], dict[str, float]]
 ) -> Row:
     figures: dict[str, float] = {}
     lost = ""
     try:
-        figures = function(variant, *arguments)
+        figures = measure()
     except NOT_MEASURED as reason:
         lost = str(reason)
-    return Row(test, arguments[0], arguments[1], variant.label, figures, lost)
+    return Row(test, name, speed, variant.label, figures, lost)
 
 
 def study(quick: bool = False, progress: Progress | None = None) -> dict:
     """Every test under every variant. quick: one torque step, one load step."""
-    cases: list[tuple] = [
-        (f"{low:g} ↔ {high:g} N m", torque_steps, v, name, speed, low, high, progress)
+    cases = [
+        (f"{low:g} ↔ {high:g} N m", v, name, speed,
+         partial(torque_steps, v, name, speed, low, high, progress))
         for name, speed, low, high in (TORQUE_STEPS[-2:-1] if quick else TORQUE_STEPS)
         for v in VARIANTS
-    ]
+    ]  # fmt: skip
     cases += [
-        (test, function, v, *rated, progress)
-        for rated in (RATED[-1:] if quick else RATED)
+        (test, v, name, speed,
+         partial(function, Point(v.setup(name, load__kind="constant"), speed, load), progress))
+        for name, speed, load in (RATED[-1:] if quick else RATED)
         for test, function in TESTS.items()
         if not quick or test == "load step"
         for v in VARIANTS
-    ]
+    ]  # fmt: skip
     rows = each(lambda case: _run(*case), cases)
     return {"quick": quick, "rows": [asdict(row) for row in rows]}
 

@@ -28,8 +28,8 @@ from ...drive.simulated import SimulatedDrive
 from ...parallel import each
 from ...plant.legs import KINDS
 from ...plant.vsd import PHASES
-from ..papers.fsw.carrier import steady_state
-from ..papers.fsw.points import Place
+from ..methods.carrier import steady_state
+from ..methods.places import Place
 from .grids import Grid, for_terminal
 
 TITLE = "Lost phases"

@@ -3,18 +3,15 @@ that were measured earlier."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TypeVar
 
 from ....analysis.run import Run
-from ....build import build
 from ....drive import operating_points
 from ....drive.operating_points import Point, Progress
 from ....parallel import each
+from ...kept import Kept
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -55,19 +52,12 @@ class Job:
 
     def measured(self, point: Point) -> dict | None:
         """The metrics of one point, as `metrics` returns them."""
-        key = [build(), point.setup.summary(), point.speed_rpm, point.load_Nm]
-        name = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:24]
-        path = self.folder / f"{name}.json"
-        try:
-            return json.loads(path.read_text())
-        except (OSError, ValueError):
-            pass  # not measured yet, or a damaged file
-        try:
-            values = operating_points.measure(point, self.progress).metrics
-        except operating_points.NOT_MEASURED:
-            values = None
-        self.folder.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(f".{os.getpid()}.part")
-        part.write_text(json.dumps(values) + "\n")
-        part.replace(path)
-        return values
+
+        def measure() -> dict | None:
+            try:
+                return operating_points.measure(point, self.progress).metrics
+            except operating_points.NOT_MEASURED:
+                return None
+
+        key = (point.setup.summary(), point.speed_rpm, point.load_Nm)
+        return Kept(self.folder, "point", *key).get(measure)

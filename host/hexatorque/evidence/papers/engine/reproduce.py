@@ -71,9 +71,8 @@ def make_folder(folder: Path) -> None:
 def make(name: str, job: Job, folder: Path) -> dict:
     """Make one figure and write ID.json, ID.png and ID[-part].npz; returns the JSON."""
     entry = ENTRIES[name]
-    figure = getattr(import_module(f"hexatorque.evidence.papers.{entry.module}"), entry.function)(
-        job
-    )
+    module = import_module(f".{entry.module}", "hexatorque.evidence.papers")
+    figure = getattr(module, entry.function)(job)
     files = {}
     for part, recording in figure.recordings.items():
         path = folder / (f"{name}-{part}.npz" if part else f"{name}.npz")
@@ -149,7 +148,7 @@ def _in_processes(
 
 
 def _is_long(name: str) -> bool:
-    return any(word in ENTRIES[name].module for word in ("sweep", "fsw", "references"))
+    return any(word in ENTRIES[name].module for word in ("sweep", "methods"))
 
 
 def reproduce(

@@ -15,13 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..fsw import carrier
-from ..fsw.points import Place
-from ..fsw.search import best
+from ...recording.recording import Recording
+from . import carrier
 from .errors import CASES
-from .methods import FAMILIES, Method
-from .places import MACHINES, Machine, machine_of
-from .search import LIMITS_HZ
+from .methods import FAMILIES, MODULATED, Method
+from .places import Place
+from .search import ANY_HZ, best
 
 #: The limit within which sentences, steps and errors are judged.
 LIMIT_HZ = 4e3
@@ -32,30 +31,47 @@ LOW_PU = 0.3
 
 @dataclass(frozen=True)
 class At:
-    """One point. rows: method -> its settings with which the drive holds the point."""
+    """One point. rows: method -> its settings with which the drive holds the point; flux_of: the
+    method under which the drive has the flux of the analytic line, by default any of them."""
 
     place: Place
-    rows: dict[str, list[dict]]
+    rows: Mapping[str, list[dict]]
+    flux_of: str = ""
 
-    def within(self, name: str, figure: str, limit_Hz: float = LIMIT_HZ) -> dict | None:
-        return best(self.rows[name], figure, limit_Hz)
+    def within(
+        self, name: str, figure: str, limit_Hz: float = LIMIT_HZ, sampled_Hz: float = ANY_HZ
+    ) -> dict | None:
+        return best(self.rows[name], figure, limit_Hz, sampled_Hz)
+
+    def limits(self, figures: Iterable[str], limits_Hz: Iterable[float]) -> dict:
+        """The best rows of every method: figure -> limit -> row."""
+        return {
+            name: {
+                figure: {f"{hz:g}": self.within(name, figure, hz) for hz in limits_Hz}
+                for figure in figures
+            }
+            for name in self.rows
+        }
 
     @property
     def flux_Wb(self) -> float:
-        return float(np.median([row["flux_Wb"] for rows in self.rows.values() for row in rows]))
+        every = [self.rows[self.flux_of]] if self.flux_of else self.rows.values()
+        return float(np.median([row["flux_Wb"] for rows in every for row in rows]))
 
     @property
     def m_pu(self) -> float:
         """The voltage's amplitude in units of V_dc."""
-        base = machine_of(self.place).base
+        base = self.place.base
         steady = carrier.steady_state(base, self.place, self.flux_Wb)
         return float(abs(steady.v_V) / base["inverter.vdc_V"])
 
     def line(self, f_sw_Hz: float, turned: bool = False) -> carrier.Ripple | None:
-        """The analytic line of carrier modulation. None beyond linear modulation."""
-        base = machine_of(self.place).base
+        """The analytic line of carrier modulation. None beyond linear modulation, and where no
+        setting tells the flux."""
+        if self.flux_of and not self.rows[self.flux_of]:
+            return None
         try:
-            return carrier.ripple(base, self.place, f_sw_Hz, self.flux_Wb, turned)
+            return carrier.ripple(self.place.base, self.place, f_sw_Hz, self.flux_Wb, turned)
         except ValueError:
             return None
 
@@ -239,7 +255,6 @@ class Result:
 
 #: Limits of the sampling frequency under which the torque ripple is compared once more.
 SAMPLED_HZ = (10e3, 15e3, 20e3, 30e3, 50e3)
-MODULATED = "the best modulated method"
 
 
 def by_sampling(points: list[At], methods: Iterable[Method]) -> dict[str, dict[str, float | None]]:
@@ -254,7 +269,7 @@ def by_sampling(points: list[At], methods: Iterable[Method]) -> dict[str, dict[s
             ratios = []
             for at in points:
                 against = [row["td_Nm"] for name in own if (row := at.within(name, "td_Nm"))]
-                row = best(at.rows[method.name], "td_Nm", LIMIT_HZ, 1.001 * limit_Hz)
+                row = at.within(method.name, "td_Nm", LIMIT_HZ, 1.001 * limit_Hz)
                 if row and against:
                     ratios.append(row["td_Nm"] / min(against))
             whole = len(ratios) == len(points)
@@ -262,24 +277,35 @@ def by_sampling(points: list[At], methods: Iterable[Method]) -> dict[str, dict[s
     return found
 
 
-def case_name(case: tuple[str, float]) -> str:
-    return f"{case[0]} × {case[1]:g}"
+CASE_NAMES = tuple(f"{name} × {factor:g}" for name, factor in CASES)
+#: What a recording has of every setting.
+COLUMNS = (
+    ("f_isr_Hz", "Hz"),
+    ("f_sw_Hz", "Hz"),
+    ("td_Nm", "N m"),
+    ("thd_inf_pct", "%"),
+    ("ixy_rms_A", "A"),
+    ("loss_W", "W"),
+    ("idc_ripple_A", "A"),
+)
 
 
-CASE_NAMES = tuple(case_name(case) for case in CASES)
-
-
-def machines_of(points: Iterable[At]) -> list[Machine]:
-    there = {machine_of(at.place).name for at in points}
-    return [machine for machine in MACHINES if machine.name in there]
-
-
-def limits_json(at: At, methods: Iterable[Method], figures: Iterable[str]) -> dict:
-    """The best rows of every method: figure -> limit -> row."""
-    return {
-        method.name: {
-            figure: {f"{hz:g}": at.within(method.name, figure, hz) for hz in LIMITS_HZ}
-            for figure in figures
-        }
-        for method in methods
+def as_recording(
+    points: Mapping[str, Mapping[str, list[dict]]], kind: str, names: list[str]
+) -> Recording:
+    """One row per setting: point -> name -> settings. kind: what the names are, in the singular."""
+    rows = [
+        (number, names.index(name), *(row[column] for column, _ in COLUMNS))
+        for number, own in enumerate(points.values())
+        for name, settings in own.items()
+        for row in settings
+    ]
+    data = np.array(rows, float).reshape(-1, len(COLUMNS) + 2)
+    channels = {"point": data[:, 0], kind: data[:, 1]}
+    channels |= {column: data[:, n + 2] for n, (column, _) in enumerate(COLUMNS)}
+    meta = {
+        "rows": "one per setting with which the drive holds its point",
+        "points": list(points),
+        f"{kind}s": names,
     }
+    return Recording(1.0, channels, {"point": "", kind: "", **dict(COLUMNS)}, meta)

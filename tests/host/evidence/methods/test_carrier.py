@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hexatorque.evidence.papers.fsw import bench, carrier
-from hexatorque.evidence.papers.fsw.points import PLACES, setup_of
-from hexatorque.evidence.papers.fsw.search import controller_values, variants
+from hexatorque.evidence.methods import bench, carrier
+from hexatorque.evidence.methods.methods import variants
+from hexatorque.evidence.methods.places import TWENTY
 
 STEPS = 20_000
 TAU = (np.arange(STEPS) + 0.5) / STEPS - 0.5
@@ -45,9 +45,9 @@ def test_the_duty_ratios_give_the_voltage_and_keep_to_the_rails():
         assert (on_rail.sum(axis=0) == (2 if clamped else 0)).all() or not clamped
 
 
-@pytest.mark.parametrize("place", PLACES, ids=lambda place: place.name)
+@pytest.mark.parametrize("place", TWENTY, ids=lambda place: place.name)
 def test_the_steady_state_has_the_torque_and_the_flux(place):
-    setup = setup_of(place)
+    setup = place.base
     at = carrier.steady_state(setup, place, 0.3)
     torque_Nm = 3 * setup["machine.pole_pairs"] * (at.psi_Wb.conjugate() * at.i_A).imag
     assert torque_Nm == pytest.approx(math.copysign(1, place.speed_rpm) * place.torque_Nm)
@@ -64,12 +64,12 @@ def test_the_steady_state_has_the_torque_and_the_flux(place):
 
 @pytest.mark.parametrize("number", [5, 11, 6])
 def test_the_line_is_within_5_percent_of_the_plant(number):
-    place = PLACES[number]
-    setup = setup_of(place)
+    place = TWENTY[number]
+    setup = place.base
     free = next(v for v in variants() if v.name == "db-dtfc free")
-    values = controller_values(free, setup, np.array([0.88, 0.5, 0.0, 0.0]))  # 10 kHz, no turn
+    values = free.values(setup, np.array([0.88, 0.5, 0.0, 0.0]))  # 10 kHz, no turn
     assert values["carrier_turn"] == "off" and values["kappa"] == 0
-    found = bench.measure(setup, "db-dtfc", values, place, window_s=0.1)
+    found = bench.measure("db-dtfc", values, place, window_s=0.1)
     line = carrier.ripple(setup, place, found["f_sw_Hz"], found["flux_Wb"])
     for name in ("td_Nm", "thd_inf_pct", "ixy_rms_A"):
         assert found[name] == pytest.approx(getattr(line, name), rel=0.05), name
@@ -80,14 +80,13 @@ def test_the_line_is_within_5_percent_of_the_plant(number):
 def test_field_orientation_reaches_the_line(scheme, turned, number):
     """0.10, 0.25, 0.40 and 0.50 V_dc, f_sw near 3 kHz: within 10 % in torque ripple and distortion,
     so the reference is not held back by its tuning."""
-    place = PLACES[number]
-    setup = setup_of(place)
+    place = TWENTY[number]
+    setup = place.base
     law = next(v for v in variants() if v.name == "db-dtfc free")
     axis = next(axis for axis in law.axes if axis.name == "f_isr_Hz")
-    values = controller_values(
-        replace(law, axes=(axis,), fixed=()), setup, np.array([np.log(2.4) / np.log(4.8)])
-    )
-    found = bench.measure(setup, scheme, values, place, window_s=0.1)
+    alone = replace(law, axes=(axis,), fixed=())
+    values = alone.values(setup, np.array([np.log(2.4) / np.log(4.8)]))
+    found = bench.measure(scheme, values, place, window_s=0.1)
     line = carrier.ripple(setup, place, found["f_sw_Hz"], found["flux_Wb"], turned)
     for name in ("td_Nm", "thd_inf_pct"):
         assert found[name] == pytest.approx(getattr(line, name), rel=0.1), name
@@ -97,8 +96,8 @@ def test_field_orientation_reaches_the_line(scheme, turned, number):
 def test_alternating_rails_lower_the_xy_current_by_a_third():
     """From the same duty ratios: at most one leg of each set is on a rail, and at the same f_sw the
     x-y current is lower than centred and than with the largest leg clamped."""
-    place = PLACES[6]  # 0.5 V_dc
-    setup = setup_of(place)
+    place = TWENTY[6]  # 0.5 V_dc
+    setup = place.base
     duty = carrier.duty_ratios(0.5 * np.exp(1j * np.linspace(0.01, 6.28, 50)), 1.0, True)
     assert duty.min() > -1e-12 and duty.max() < 1 + 1e-12
     centred = carrier.ripple(setup, place, 3e3, 0.6, turned=True)
@@ -110,6 +109,6 @@ def test_alternating_rails_lower_the_xy_current_by_a_third():
 
 
 def test_beyond_linear_modulation_there_is_no_line():
-    place = PLACES[16]
+    place = TWENTY[16]
     with pytest.raises(ValueError, match="beyond linear modulation"):
-        carrier.ripple(setup_of(place), place, 3e3, 0.62)
+        carrier.ripple(place.base, place, 3e3, 0.62)

@@ -1,83 +1,92 @@
-"""The figure: fronts, steps and errors of every method on every machine, and the five sentences."""
+"""The comparison a reviewer would ask for: the table schemes, our law, and what an expert would use
+instead, on four machines, every method tuned by the same search with the same budget. Fronts, steps
+and errors of every method, and the five sentences."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from ..engine.figure import Figure, Verdict, claim, not_printed
-from ..engine.job import Job
-from ..fsw.comparison import as_recording
-from . import errors, judging, pictures, steps
-from .judging import CASE_NAMES, LIMIT_HZ, At, Result, balanced, limits_json
+from ..kept import Kept
+from ..papers.engine.figure import Figure, Verdict, claim, not_printed
+from ..papers.engine.job import Job
+from . import errors, judging, steps
+from .judging import CASE_NAMES, LIMIT_HZ, At, Result, as_recording, balanced
 from .methods import Method, methods
-from .places import MACHINES, PLACES, Machine, label
-from .search import JUDGED, Kept, held, settings
+from .pictures import Look, fronts
+from .places import MACHINES, PLACES, B, Place, label, machines_of
+from .search import ANY_HZ, Search, each_at_each
 
+#: Limits of switching frequency, and what is judged within them.
+LIMITS_HZ = (1e3, 1.5e3, 2e3, 3e3, 4e3, 6e3, 8e3)
+JUDGED = ("td_Nm", "thd_inf_pct", "loss_W")
+#: The sentences' limit first.
+SEARCH = Search(
+    "references",
+    17,
+    tuple(
+        (figure, limit_Hz, ANY_HZ)
+        for limit_Hz in (4e3, 2e3, 6e3, 3e3, 1e3, 8e3, 1.5e3)
+        for figure in JUDGED
+    ),
+    aims=True,
+)
 #: The references must come so near to the analytic line of their modulation.
 LINE = 1.10
+LOOK = Look(0.5, 8.0, False, 2.5, 1.0, 11.0, 7)
 
 
 def searched(job: Job, rivals: int) -> list[At]:
     """Every method at every point. A quick run has the last point of each machine."""
     places = [machine.place for machine in MACHINES] if job.quick else list(PLACES)
-    tasks = [(place, method) for place in places for method in methods()]
-    found = job.each(lambda task: held(settings(job, *task, 1 if task[1].ours else rivals)), tasks)
-    points = [At(place, {}) for place in places]
-    for (place, method), rows in zip(tasks, found):
-        points[places.index(place)].rows[method.name] = rows
-    return points
+    found = each_at_each(job, SEARCH, places, methods(), rivals)
+    return [At(place, rows) for place, rows in found.items()]
 
 
 def _tests(
-    job: Job, machine: Machine, method: Method, row: dict | None
+    job: Job, place: Place, method: Method, row: dict | None
 ) -> tuple[dict[str, dict], dict[str, dict]]:
     """Steps and errors with a setting. Of a quick run: the torque step, on paper B's machine, and
     no errors."""
-    if row is None:
+    if row is None or (job.quick and place.setup != B):
         return {}, {}
-    key = (machine.name, method.name, row, job.quick)
+
+    def kept(kind: str, name: str, measure: Callable[..., dict], what: object) -> dict:
+        key = (name, place, method.name, row, job.quick)
+        found: dict = Kept(job.folder, kind, *key).get(
+            lambda: measure(what, method, place, row, job)
+        )
+        return found
+
     wanted = ("torque step",) if job.quick else tuple(steps.TESTS)
-    if job.quick and machine.setup != "paper-b":
-        return {}, {}
-    made, wrong = {}, {}
-    for test in wanted:
-        kept = Kept(job.folder, "step", test, *key)
-        made[test] = kept.get(partial(steps.run, test, method, machine, row, job))
-    for name, case in () if job.quick else zip(CASE_NAMES, errors.CASES):
-        kept = Kept(job.folder, "error", name, *key)
-        wrong[name] = kept.get(partial(errors.run, case, method, machine, row, job))
-    return made, wrong
+    cases = () if job.quick else zip(CASE_NAMES, errors.CASES)
+    return (
+        {test: kept("step", test, steps.run, test) for test in wanted},
+        {name: kept("error", name, errors.run, case) for name, case in cases},
+    )
 
 
 def measured(job: Job, rivals: int) -> Result:
     points = searched(job, rivals)
-    machines = judging.machines_of(points)
-    last = {
-        machine.name: next(a for a in points if a.place == machine.place) for machine in machines
-    }
+    machines = machines_of(at.place for at in points)
+    rows = {at.place: at.rows for at in points}
     chosen = {
         machine.name: {
-            method.name: balanced(last[machine.name].rows[method.name]) for method in methods()
+            method.name: balanced(rows[machine.place][method.name]) for method in methods()
         }
         for machine in machines
     }
     tasks = [(machine, method) for machine in machines for method in methods()]
-    found = job.each(lambda t: _tests(job, *t, chosen[t[0].name][t[1].name]), tasks)
-    made: dict[str, dict] = {machine.name: {} for machine in machines}
-    wrong: dict[str, dict] = {machine.name: {} for machine in machines}
+    found = job.each(lambda t: _tests(job, t[0].place, t[1], chosen[t[0].name][t[1].name]), tasks)
+    made: dict[str, dict] = {}
+    wrong: dict[str, dict] = {}
     for (machine, method), (own_steps, own_errors) in zip(tasks, found):
         if own_steps:
-            made[machine.name][method.name] = own_steps
+            made.setdefault(machine.name, {})[method.name] = own_steps
         if own_errors:
-            wrong[machine.name][method.name] = own_errors
-    return Result(
-        points,
-        methods(),
-        chosen,
-        {name: own for name, own in made.items() if own},
-        {name: own for name, own in wrong.items() if own},
-    )
+            wrong.setdefault(machine.name, {})[method.name] = own_errors
+    return Result(points, methods(), chosen, made, wrong)
 
 
 def _on_the_line(points: list[At]) -> list[Verdict]:
@@ -131,10 +140,10 @@ def _verdicts(first: Result, again: Result | None, rivals: int) -> list[Verdict]
 
 def memory_bytes() -> dict[str, int]:
     """What a law of the host keeps from period to period."""
-    base = MACHINES[0].base
+    base = MACHINES[0].place.base
     found = {}
     for method in methods():
-        middle = {axis.name: axis.value(0.5) for axis in method.law_axes}
+        middle = {axis.name: axis.value(0.5) for axis in method.axes}
         law = method.law(base, middle)
         if law is not None:
             memory = law.memory({})
@@ -154,12 +163,24 @@ def _json(result: Result) -> dict:
                 "point": label(at.place),
                 "m_pu": at.m_pu,
                 "line": vars(line) if (line := at.line(LIMIT_HZ)) else None,
-                "best": limits_json(at, result.methods, JUDGED),
+                "best": at.limits(JUDGED, LIMITS_HZ),
                 "tried": {name: len(rows) for name, rows in at.rows.items()},
             }
             for at in result.points
         ],
     }
+
+
+def draw(points: list[At], path: Path) -> Path:
+    """The machines' last points at `path`; the others beside it."""
+
+    def page(own: list[At], to: Path) -> Path:
+        return fronts({f"{label(at.place)}: {at.m_pu:.2f} V_dc": at for at in own}, LOOK, to)
+
+    last = [machine.place for machine in MACHINES]
+    if others := [at for at in points if at.place not in last]:
+        page(others, path.with_stem(f"{path.stem}-others"))
+    return page([at for at in points if at.place in last], path)
 
 
 def references(job: Job) -> Figure:
@@ -168,10 +189,6 @@ def references(job: Job) -> Figure:
     first = measured(job, 1)
     again = measured(job, job.rivals) if job.rivals > 1 else None
     shown = again or first
-
-    def draw(path: Path) -> Path:
-        return pictures.draw(shown.points, path)
-
     metrics: dict = {"methods": [m.name for m in methods()], "equal": _json(first)}
     extent = methods()[0].quick if job.quick else methods()[0].extent
     metrics["settings"] = extent.settings
@@ -181,7 +198,7 @@ def references(job: Job) -> Figure:
     return Figure(
         metrics=metrics,
         verdicts=_verdicts(first, again, job.rivals),
-        draw=draw,
+        draw=partial(draw, shown.points),
         recordings={
             "": as_recording(
                 {label(at.place): at.rows for at in shown.points},
@@ -189,7 +206,7 @@ def references(job: Job) -> Figure:
                 [method.name for method in methods()],
             )
         },
-        setups=[machine.base for machine in judging.machines_of(first.points)],
+        setups=[m.place.base for m in machines_of(at.place for at in first.points)],
         caption=f"Each staircase is the best of a method's {extent.settings} settings within a "
         "switching frequency. The dashed line is carrier modulation with double zero-sequence "
         "injection, computed.",

@@ -6,10 +6,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..engine.job import Job
+from ..papers.engine.job import Job
 from . import search
-from .methods import Method, controller
-from .places import Machine
+from .methods import Method
+from .places import Place
 
 NAMES = ("sigma_ls_H", "lxy_H", "rs_ohm")
 FACTORS = (0.7, 1.3)
@@ -19,16 +19,14 @@ FLUX_SHARE = 0.3
 
 
 def run(
-    case: tuple[str, float], method: Method, machine: Machine, row: Mapping[str, Any], job: Job
+    case: tuple[str, float], method: Method, place: Place, row: Mapping[str, Any], job: Job
 ) -> dict[str, Any]:
     """The figures with a wrong parameter; `lost` if the drive does not hold the point, `refused`
     too if it does not accept the setting."""
     name, factor = case
-    wrong = {name: factor * machine.base.parameter(name)}
-    own = {axis.name: row[axis.name] for axis in method.law_axes}
-    values = controller(method, row) | own | wrong
+    values = {**row, name: factor * place.base.parameter(name)}
     try:
-        found = search.attempt(method, machine.place, values, job, flux_share=FLUX_SHARE)
+        found = search.attempt(method, place, values, job, flux_share=FLUX_SHARE)
     except search.REFUSED as refused:
         return {"lost": "refused", "refused": str(refused)}
     return found or {"lost": "does not hold the point"}

@@ -14,18 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from .... import firmware, laws
-from ....analysis.losses import Edges, bridge, copper_loss_W
-from ....analysis.metrics import i_xy_A, torque_ripple_td_Nm
-from ....analysis.spectrum import channel, fundamental_Hz, thd_inf_pct
-from ....drive.operating_points import MOST_EDGES, NOT_MEASURED, Progress
-from ....drive.simulated import SimulatedDrive
-from ....laws.law import Law
-from ....plant.vsd import PHASES
-from ....recording.recording import Recording
-from ....setups import Setup
-from .points import Place
-from .search import SAMPLES
+from ... import firmware, laws
+from ...analysis.losses import Edges, bridge, copper_loss_W
+from ...analysis.metrics import i_xy_A, torque_ripple_td_Nm
+from ...analysis.spectrum import channel, fundamental_Hz, thd_inf_pct
+from ...drive.operating_points import MOST_EDGES, NOT_MEASURED, Progress
+from ...drive.simulated import SimulatedDrive
+from ...laws.law import Law
+from ...plant.vsd import PHASES
+from ...recording.recording import Recording
+from ...setups import Setup
+from .methods import SAMPLES
+from .places import Place
 
 INERTIA_KGM2 = 1e3
 CALIBRATION_S, BUILD_S = 0.005, 0.15
@@ -121,7 +121,6 @@ def figures(rec: Recording, edges: Edges, modules: int = 1) -> dict[str, float]:
 
 
 def measure(
-    base: Setup,
     scheme: str,
     values: dict[str, Any],
     place: Place,
@@ -130,11 +129,11 @@ def measure(
     law: Law | None = None,
     build_s: float = BUILD_S,
     flux_share: float = FLUX_SHARE,
-    modules: int = 1,
 ) -> dict[str, float] | None:
     """The figures of one setting, of the scheme or of a law in its place. None if the drive does
     not hold the point, or trips. build_s: time for the flux; a large machine needs more.
-    flux_share: largest deviation of the mean flux. modules: see `figures`."""
+    flux_share: largest deviation of the mean flux."""
+    base = place.base
     setup = bench_setup(base, scheme, values, build_s)
     try:
         sim = approach(setup, place, progress, law)
@@ -145,7 +144,7 @@ def measure(
         start, begin = sim.inverter.leg.copy(), sim.periods
         sim.run((cycles + 0.02) * cycle_s, progress=progress)
         sim.check()
-        found = figures(sim.take(), sim.edges_since(begin, start), modules)
+        found = figures(sim.take(), sim.edges_since(begin, start), place.modules)
     except NOT_MEASURED:
         return None
     flux_ref_Wb = sim.controller.channel("flux_ref_Wb")

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....plant.vsd import INVERSE, TRANSFORM
-from ....setups import Setup
-from .points import Place
+from ...plant.vsd import INVERSE, TRANSFORM
+from ...setups import Setup
+from .places import Place
 
 #: Angles of the voltage over which the mean is taken.
 ANGLES = 720

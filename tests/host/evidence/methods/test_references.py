@@ -1,0 +1,187 @@
+"""The comparison with the references: sentences that follow from numbers alone, and the page."""
+
+import csv
+import importlib.util
+import json
+import math
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from hexatorque.evidence.methods import judging, references, steps
+from hexatorque.evidence.methods.methods import methods
+from hexatorque.evidence.methods.places import PLACES
+from hexatorque.evidence.papers.engine.job import Job
+
+ROOT = Path(__file__).parents[4]
+BY_NAME = {method.name: method for method in methods()}
+
+
+VALUES = {
+    "one": {"dtc1": 2.0, "db-dtfc": 1.0, "foc": 1.05, "fcs-mpc": 4.0},
+    "two": {"dtc1": 8.0, "db-dtfc": 4.2, "foc": 4.0, "fcs-mpc": 4.0},
+}
+QUESTION = judging.QUESTIONS[0]
+
+
+def test_scores_are_geometric_means_of_ratios_to_the_least_at_each_point():
+    found = judging.scores(VALUES)
+    assert found["dtc1"] == pytest.approx(math.sqrt(2.0 * 2.0))
+    assert found["fcs-mpc"] == pytest.approx(math.sqrt(4.0 * 1.0))
+    # A point's unit does not count.
+    scaled = {"one": VALUES["one"], "two": {k: 1e3 * v for k, v in VALUES["two"].items()}}
+    assert judging.scores(scaled) == pytest.approx(found)
+
+
+def chosen(values):
+    return judging.sentence(QUESTION, values, [BY_NAME[n] for n in VALUES["one"]])
+
+
+def test_a_sentence_names_all_that_are_equally_good_and_measures_the_other_families():
+    found = chosen(VALUES)
+    assert found.take == ("db-dtfc", "foc")
+    table, single = (BY_NAME[name].family for name in ("dtc1", "fcs-mpc"))
+    assert found.against == pytest.approx(
+        {table: 0.5 * math.sqrt(1.05), single: 0.5 * math.sqrt(1.05)}, rel=0.03
+    )
+    assert "`db-dtfc` or `foc`" in found.text and "0.51 times" in found.text
+
+
+def test_our_scheme_is_not_favoured():
+    """If two methods exchange their numbers, the sentence exchanges their names."""
+    swap = {"db-dtfc": "dtc1", "dtc1": "db-dtfc"}
+    exchanged = {
+        point: {swap.get(name, name): value for name, value in row.items()}
+        for point, row in VALUES.items()
+    }
+    found = chosen({p: {n: exchanged[p][n] for n in VALUES["one"]} for p in exchanged})
+    assert set(found.take) == {"dtc1", "foc"}
+
+
+def test_a_method_without_a_point_is_not_ranked():
+    missing = {**VALUES, "two": {**VALUES["two"], "foc": None}}
+    found = chosen(missing)
+    assert found.take == ("db-dtfc",) and found.missing == ("foc",)
+    none = {point: dict.fromkeys(row) for point, row in VALUES.items()}
+    assert chosen(none).take == () and "not measured" in chosen(none).text
+
+
+def test_a_sentence_that_changes_is_named():
+    class Fake:
+        def __init__(self, take):
+            self.take = take
+            self.points = []
+
+        def sentences(self):
+            return [judging.Sentence(QUESTION, self.take, {}, ())]
+
+    same, other = Fake(("foc",)), Fake(("dtc1",))
+    assert references._verdicts(same, same, 2)[-1].verdict == "match"
+    changed = references._verdicts(same, other, 2)[-1]
+    assert changed.verdict == "differs" and "`dtc1`" in changed.why and "`foc`" in changed.why
+
+
+def test_the_balanced_setting_keeps_the_limit():
+    rows = [{"f_sw_Hz": f, "td_Nm": 1e3 / f, "thd_inf_pct": 2.0} for f in (1e3, 3.9e3, 4.1e3)]
+    assert judging.balanced(rows)["f_sw_Hz"] == 3.9e3
+    assert judging.balanced(rows[2:]) is None
+
+
+@pytest.fixture
+def figure(counted, tmp_path, monkeypatch):
+    made = {"rise_up_ms": 0.5, "rise_down_ms": 0.4, "overshoot_pct": 3.0}
+    monkeypatch.setattr(steps, "run", lambda *_: made)
+    return references.references(Job(True, tmp_path, rivals=2))
+
+
+def test_the_figure_has_five_sentences_and_says_whether_they_change(figure, tmp_path):
+    metrics = json.loads(json.dumps(figure.metrics, allow_nan=False))
+    assert len(metrics["equal"]["sentences"]) == len(metrics["rivals"]["sentences"]) == 5
+    assert [v.verdict for v in figure.verdicts].count("not printed") == 5
+    assert "2 times the budget" in figure.verdicts[-1].what
+    rec = figure.recordings[""]
+    assert set(rec["method"]) == set(range(len(methods())))
+    figure.draw(tmp_path / "REFERENCES.png")
+    assert (tmp_path / "REFERENCES.png").stat().st_size > 20_000
+    memory = references.memory_bytes()
+    assert memory["dtc-svm"] > memory["vv-mpc"] == 0
+
+
+@pytest.fixture(scope="module")
+def tool():
+    sys.path.insert(0, str(ROOT / "tools"))
+    try:
+        spec = importlib.util.spec_from_file_location(
+            "write_comparison", ROOT / "tools/write_references.py"
+        )
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.remove(str(ROOT / "tools"))
+    return module
+
+
+def test_torque_ripple_by_sampling_frequency():
+    """The modulated methods count at any sampling frequency, the method itself within the limit."""
+    rows = {name: [] for name in BY_NAME}
+    rows["foc"] = [{"f_sw_Hz": 3e3, "f_isr_Hz": 50e3, "td_Nm": 0.2}]
+    rows["fcs-mpc"] = [
+        {"f_sw_Hz": 3e3, "f_isr_Hz": 20e3, "td_Nm": 0.3},
+        {"f_sw_Hz": 3e3, "f_isr_Hz": 40e3, "td_Nm": 0.1},
+        {"f_sw_Hz": 5e3, "f_isr_Hz": 10e3, "td_Nm": 0.01},
+    ]
+    points = [judging.At(PLACES[0], rows)] * 2
+    found = judging.by_sampling(points, methods())
+    assert found["fcs-mpc"] == {
+        "10000": None, "15000": None, "20000": pytest.approx(1.5), "30000": pytest.approx(1.5),
+        "50000": pytest.approx(0.5),
+    }  # fmt: skip
+    assert set(found["ddr"].values()) == {None}
+
+
+def test_the_page_shows_every_method_and_every_sentence(figure, tool, tmp_path, monkeypatch):
+    monkeypatch.setattr(tool, "PAGE", tmp_path / "page.md")
+    monkeypatch.setattr(tool, "ON_PAGE", ("paper A, 900 r/min", "paper B, 2500 r/min", "m"))
+    metrics = json.loads(json.dumps(figure.metrics))
+    budget = json.loads((ROOT / "docs/budget.json").read_text())
+    text = tool.sentences(metrics)
+    assert (
+        len(re.findall(r"^\d\. ", text, re.MULTILINE)) == 5 and "of the 5 sentences change" in text
+    )
+    for part in (tool.sampling(metrics), tool.costs(budget)):
+        assert all(f"| `{name}` |" in part for name in BY_NAME)
+    points = [at["point"] for at in (metrics.get("rivals") or metrics["equal"])["points"]]
+    for name, of in (("fronts", points), ("steps", metrics["equal"]["steps"])):
+        assert f"[{name}.csv](data/{name}.csv)" in getattr(tool, name)(metrics)
+        with (tmp_path / "data" / f"{name}.csv").open() as file:
+            rows = [tuple(row[:2]) for row in csv.reader(file)][1:]
+        assert len(rows) == len(set(rows)) == len(of) * len(BY_NAME)
+        assert {method for _, method in rows} == set(BY_NAME)
+    # The stand-in for a measurement gives every method the same figures at the same sampling.
+    assert "`fcs-mpc` over `vv-mpc`: Td " in tool.published(metrics)
+    assert f"{budget['mps2-an386']['ddr']['mean']:.0f}" in tool.costs(budget)
+    row = {"td_Nm": 0.5, "thd_inf_pct": 4.0}
+    metrics["equal"] = {
+        "chosen": {"m": {name: row for name in BY_NAME}},
+        "errors": {"m": {name: {"c": {"lost": "x"} if name == "foc" else row} for name in BY_NAME}},
+    }
+    del metrics["rivals"]
+    refused = {"lost": "refused", "refused": "a reason"}
+    metrics["equal"]["errors"]["m"]["foc-24"] = {"c": refused}
+    text = tool.errors(metrics)
+    assert "| `foc` | 0.5 · 4 | lost |" in text and "| `ddr` | 0.5 · 4 | 0.5 · 4 |" in text
+    assert "| `foc-24` | 0.5 · 4 | refused |" in text
+
+
+def test_the_documentation_shows_the_sentences_and_every_method(tool):
+    text = (ROOT / "docs/references.md").read_text()
+    if "Not made yet" in text:
+        pytest.skip("tools/write_references.py has not run yet")
+    for part in ("sentences", "fronts", "sampling", "steps", "errors", "costs", "published"):
+        own = text.split(f"<!-- generated: {part} -->")[1].split(f"<!-- end of {part} -->")[0]
+        if part == "sentences":
+            assert len(re.findall(r"^\d\. ", own, re.MULTILINE)) == len(judging.QUESTIONS)
+        elif part != "published":
+            assert all(f"| `{name}` |" in own for name in BY_NAME), part
