@@ -30,7 +30,7 @@ WHAT = {
 
 def own() -> Callable[[], float]:
     from hexatorque import setups
-    from hexatorque.drive.operating_points import Point, approach
+    from hexatorque.experiments.operating_points import Point, approach
 
     setup = setups.load("paper-a-feasible").changed(controller__scheme="ddr")
     sim = approach(Point(setup, setup["point.speed_rpm"], setup["point.load_Nm"]))

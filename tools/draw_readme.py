@@ -11,9 +11,9 @@ import numpy as np
 import hexatorque
 from hexatorque.analysis.metrics import i_xy_A
 from hexatorque.analysis.plots import COLOUR, INK, PHASE_COLOUR, new_figure, save, thin
-from hexatorque.drive.comparison import points
-from hexatorque.drive.operating_points import fine_samples, measure
 from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.experiments.comparison import points
+from hexatorque.experiments.operating_points import fine_samples, measure
 from hexatorque.plant.vsd import PHASES
 
 ROOT = Path(__file__).parents[1]

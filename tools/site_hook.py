@@ -36,7 +36,7 @@ FROM_ROOT = {
 }
 #: Room in hexatorque -> what of it the page "Python" shows, in this order.
 PYTHON = {
-    "drive.steady": ("measure",),
+    "experiments.steady": ("measure",),
     "analysis.run": ("Run",),
     "setups": ("load", "Setup", "Profile", "Value", "SetupError"),
     "drive.simulated": ("SimulatedDrive",),

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from .drive.board import BoardDrive
     from .drive.interface import DriveFault
     from .drive.simulated import SimulatedDrive
-    from .drive.steady import measure
     from .errors import HexatorqueError, InputError
+    from .experiments.steady import measure
     from .laws.law import Law
     from .recording.recording import Recording
     from .setups import Setup, SetupError, load
@@ -57,7 +57,7 @@ _HOMES = {
     "SimulatedDrive": "drive.simulated",
     "Study": "sweeps.study",
     "load": "setups",
-    "measure": "drive.steady",
+    "measure": "experiments.steady",
 }
 
 

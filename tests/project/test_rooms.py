@@ -20,6 +20,23 @@ NO_CIRCLE = {
     "ask it for the version only, or for modules",
 }
 
+#: The floors of the house, the lowest first. A room needs rooms on lower floors only.
+FLOORS = (
+    {"build", "chips", "errors", "parallel", "plant"},
+    {"given"},
+    {"firmware"},
+    {"laws", "recording", "setups"},
+    {"serial"},
+    {"analysis", "drive"},
+    {"boards", "commissioning", "experiments"},
+    {"monitor", "sweeps", "tuning", "twin"},
+    {"evidence"},
+    {"cli"},
+    {"__main__"},
+)
+#: Rooms that need one on their own floor or a higher one, and why.
+STAIRS = {("recording", "analysis"): "a recording draws itself"}
+
 
 def name_of(file: Path, root: Path) -> str:
     return ".".join(file.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
@@ -75,6 +92,41 @@ def graph():
 
 def room(name: str) -> str:
     return (name.split(".") + [""])[1]
+
+
+def test_a_room_needs_lower_floors_only(graph):
+    """So a drive needs no evaluation, and nothing but experiments and what is above them knows how
+    a drive is measured."""
+    floor_of = {name: floor for floor, rooms in enumerate(FLOORS) for name in rooms}
+    assert {room(name) for name in graph} - {""} == set(floor_of)
+    up = {
+        (room(name), room(other)): f"{name} needs {other}"
+        for name, used in graph.items()
+        for other in used
+        if room(name) != room(other) and room(name) and room(other)
+        and floor_of[room(other)] >= floor_of[room(name)]
+    }  # fmt: skip
+    assert set(up) == set(STAIRS), up
+
+
+def test_a_study_does_not_need_the_report_of_a_comparison(graph):
+    """What `compare` writes: its pictures and pages would be loaded into every worker."""
+    written = "hexatorque.experiments.written"
+    assert {room(name) for name, used in graph.items() if written in used} == {"cli"}
+
+
+def test_private_names_stay_in_their_module():
+    """Names that begin with an underscore; `_firmware` is the compiled module."""
+    taken = {
+        f"{name_of(file, HOST)}: {alias.name}"
+        for file in HOST.rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text()))
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+        if alias.name.startswith("_") and alias.name not in ("__version__", "_firmware")
+        and node.module != "__future__"
+    }  # fmt: skip
+    assert taken == set()
 
 
 def test_the_product_needs_no_evidence(graph):

@@ -11,9 +11,10 @@ import sys
 import numpy as np
 
 from hexatorque import firmware, setups
-from hexatorque.drive.simulated import SimulatedDrive, _load
+from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.errors import HexatorqueError
 from hexatorque.plant import machine, machines
+from hexatorque.plant.load import load_record
 from hexatorque.plant.vsd import TRANSFORM
 from hexatorque.serial import wire
 from hexatorque.serial.client import Client
@@ -34,7 +35,7 @@ def coasting(setup) -> dict:
     record = model.make(model.Parameters(**setup.machine_values()))
     drive.plant_state[6] = COAST_RAD_S
     slope = np.zeros(8)
-    load = _load("constant", 0.0, 1000.0)
+    load = load_record("constant", 0.0, 1000.0)
     machine.derivative(record, load, drive.plant_state, np.zeros(4), slope)
     drive.run(COAST_S)
     return {

@@ -7,28 +7,14 @@ dc-link current jumps there, and samples alone would miss it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from ..plant.edges import Edges
 from ..plant.legs import HIGH, LOW
 from ..plant.vsd import PHASES
 from ..recording.recording import Recording
 from .spectrum import channel
-
-
-@dataclass(frozen=True)
-class Edges:
-    """The edges of the six legs during a recording.
-
-    start: states (LOW, HIGH or OFF) at the first sample; time_s: instants after the first sample,
-    ascending; leg; state: the new one.
-    """
-
-    start: np.ndarray
-    time_s: np.ndarray
-    leg: np.ndarray
-    state: np.ndarray
 
 
 def copper_loss_W(rec: Recording) -> float:

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ..plant.edges import Edges
 from ..plant.vsd import PHASES, TRANSFORM
 from ..recording.recording import Recording
-from .losses import Edges, balance, bridge, copper_loss_W
+from .losses import balance, bridge, copper_loss_W
 from .spectrum import BANDS_HZ, channel, fundamental_Hz, harmonics, thd_inf_pct, thd_pct
 
 #: Parts of the window whose scatter tells the spread of the current difference.

@@ -91,23 +91,23 @@ def compare(setup, schemes, speed, load, settings, output, as_json) -> int:
     """
     from ..analysis.report import console_table
     from ..analysis.saying import sentences
-    from ..drive import comparison
     from ..evidence.papers.printed_values import PAPER
+    from ..experiments import comparison, written
     from ..recording.formats import RecordingError
 
     console = console_of(as_json)
     names = [setup] if setup else comparison.DEFAULT_SETUPS
-    comparison.make_folder(output)
+    written.make_folder(output)
     values = options.settings_beside(settings, "--schemes", "which schemes run")
     todo = comparison.points(names, schemes_given(schemes, laws=True), speed, load, values)
     compile_now()
     simulated_s = sum(point.simulated_s for point in todo)
     with working(console, f"comparing {len(todo)} runs", simulated_s) as work:
         compared = comparison.compare(todo, PAPER, work.advance)
-        work.begin("writing the report", comparison.count_of_files(compared), "files")
+        work.begin("writing the report", written.count_of_files(compared), "files")
         command = " ".join(["hexatorque", *(sys.argv[1:] or ["compare"])])
         try:
-            written = comparison.write(compared, output, command, work.advance)
+            files = written.write(compared, output, command, work.advance)
         except OSError as error:
             raise RecordingError(f"{error.filename}: {error.strerror}") from None
     for line in sentences(compared.runs, PAPER):
@@ -117,7 +117,7 @@ def compare(setup, schemes, speed, load, settings, output, as_json) -> int:
     for label, reason in compared.failed:
         print_failure(console, f"{label}: {reason}")
     console.print(
-        f"report: {written[-1]}: open it in a browser; *waveforms* shows currents and torque",
+        f"report: {files[-1]}: open it in a browser; *waveforms* shows currents and torque",
         highlight=False,
         markup=False,
     )
@@ -147,7 +147,7 @@ def reach(setup, schemes, load, settings, as_json) -> int:
     from rich.text import Text
 
     from .. import setups
-    from ..drive.operating_points import reach_all
+    from ..experiments.operating_points import reach_all
 
     console = console_of(as_json)
     values = options.settings_beside(settings, "--schemes", "which schemes run")

@@ -13,7 +13,6 @@ import ctypes
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 
@@ -23,14 +22,15 @@ from numba import types
 from numba.extending import typeof_impl
 
 from .. import __version__, firmware
-from ..analysis.losses import Edges
 from ..given import pairs, parameter_name
 from ..laws.controller import controller_of
 from ..laws.law import Law
 from ..plant import machines
+from ..plant.edges import Edges
 from ..plant.gates import gates_record
 from ..plant.inverter import DROPS, in_effect, inverter_record, longest_step_s
 from ..plant.legs import BOUNCE, BREAK, KINDS, MAX_BREAKS
+from ..plant.load import load_record, steepest_Nms
 from ..plant.loop import (
     MAX_STEP_S,
     NO_INSTANTS,
@@ -39,7 +39,6 @@ from ..plant.loop import (
     run_periods,
     sample_instants,
 )
-from ..plant.machine import DRY_RAD_S, LOAD
 from ..plant.pwm import NEVER, PWM_MAP, pwm_record
 from ..plant.record import names_of, record
 from ..plant.sensors import SENSORS
@@ -74,8 +73,6 @@ TIMED_WITH_THE_PLANT = ("f_isr_Hz", "f_slow_Hz", "load_mode", "write_delay_us")
 _NOTHING = np.empty((0, 0), np.float32)
 #: Conduction drops that need shorter steps than this are refused: they would take too long.
 SHORTEST_STEP_S = 0.1e-6
-#: Speed over which an eddy-current brake's torque peaks, relative to `at_rpm`.
-EDDY_PEAK = 1.5
 
 
 class _Rows:
@@ -138,32 +135,6 @@ class EntryPoint(types.WrapperAddressProtocol):
 def _type_of(entry: EntryPoint, _: object) -> types.Type:
     """Numba's own rule makes the type again at every call, which takes a tenth of a millisecond."""
     return entry.type
-
-
-@lru_cache(16)
-def _load(kind: str, torque_Nm: float, at_rpm: float) -> np.record:
-    """A load that takes `torque_Nm` at `at_rpm`; a constant load takes it at any speed."""
-    w = at_rpm * math.pi / 30
-    terms = {
-        "constant_Nm": 0.0,
-        "linear_Nms": 0.0,
-        "quadratic_Nms2": 0.0,
-        "dry_Nm": 0.0,
-        "eddy_Nm": 0.0,
-        "eddy_rad_s": EDDY_PEAK * w,
-    }
-    if kind == "constant":
-        terms["constant_Nm"] = torque_Nm
-    elif kind == "generator":
-        terms["linear_Nms"] = torque_Nm / w
-    elif kind == "fan":
-        terms["quadratic_Nms2"] = torque_Nm / w**2
-    elif kind == "friction":
-        terms["dry_Nm"] = torque_Nm / math.tanh(w / DRY_RAD_S)
-    else:  # brake
-        s = 1 / EDDY_PEAK
-        terms["eddy_Nm"] = torque_Nm * (1 + s * s) / (2 * s)
-    return record(LOAD, **terms)
 
 
 def _pwm_map(m: firmware.CData, active_low: bool = False, min_pulse_us: float = 0.0) -> np.record:
@@ -464,7 +435,7 @@ class SimulatedDrive(DriveVerbs):
             self.discard()
 
     def _call(self, n: int, plant: np.ndarray, channels: np.ndarray) -> None:
-        load = _load(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
+        load = load_record(self.setup["load.kind"], self.load_Nm, self.setup["load.at_rpm"])
         longest_s = min(self._windings_step_s, self._shaft_step_s(load))
         self._timing.max_step = max(1, int(longest_s * self._timing.clock_Hz))
         self._edges_logged = run_periods(
@@ -481,14 +452,8 @@ class SimulatedDrive(DriveVerbs):
         the load torque, and of its fastest swing against the field. SetupError if it is so short
         that the simulation would take too long."""
         inertia_kgm2 = self.setup["machine.inertia_kgm2"]
-        w = self.setup["load.at_rpm"] * math.pi / 30
-        slope_Nms = (
-            self.setup["machine.viscous_Nms"]
-            + abs(load.linear_Nms)
-            + 2 * abs(load.quadratic_Nms2) * w
-            + abs(load.dry_Nm) / DRY_RAD_S
-            + 2 * abs(load.eddy_Nm) / load.eddy_rad_s
-        )
+        viscous_Nms = self.setup["machine.viscous_Nms"]
+        slope_Nms = steepest_Nms(load, self.setup["load.at_rpm"], viscous_Nms)
         flux_Wb = self.setup["machine.pole_pairs"] * self._flux_Wb
         swing_per_s = flux_Wb * math.sqrt(3 * float(self._machine.inv_l_max) / inertia_kgm2)
         step_s = SHAFT_SHARE / (slope_Nms / inertia_kgm2 + swing_per_s)

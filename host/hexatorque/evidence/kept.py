@@ -13,7 +13,7 @@ from typing import Any
 #: Of this package, what can change a measured value. Judging, pictures and tables may change
 #: without a new measurement.
 MEASURING = (
-    "drive", "firmware.py", "laws", "plant", "recording", "setups",
+    "drive", "experiments", "firmware.py", "laws", "plant", "recording", "setups",
     *(f"analysis/{name}.py"
       for name in ("losses", "metrics", "response", "run", "spectrum", "walk")),
     *(f"evidence/methods/{name}.py"

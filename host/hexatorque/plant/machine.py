@@ -1,4 +1,4 @@
-"""What every machine model must provide, and what all models share: load and integration step.
+"""What every machine model must provide, and what all models share: the integration step.
 
 A model is a module in `machines/`. It has
 
@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 from numba.extending import overload
 
 from .compiled import INLINE, compiled
@@ -105,34 +104,6 @@ def leg_response(m, gain, leg, other):
 def coast(m, load, y, dt, most_V):
     """Advance by dt without any stator current. Returns False and leaves y alone if the
     voltage that the rotor induces between two terminals can exceed `most_V`."""
-
-
-#: Load torque as a function of speed: the sum of all terms.
-LOAD = np.dtype(
-    [
-        ("constant_Nm", "f8"),
-        ("linear_Nms", "f8"),
-        ("quadratic_Nms2", "f8"),
-        ("dry_Nm", "f8"),  # opposes motion
-        ("eddy_Nm", "f8"),  # peak of an eddy-current brake
-        ("eddy_rad_s", "f8"),  # speed of that peak, > 0
-    ]
-)
-
-#: Speed over which dry friction changes sign.
-DRY_RAD_S = 0.5
-
-
-@compiled(inline="always")
-def load_torque(load, omega):
-    """Torque that the load takes at `omega` (mechanical rad/s)."""
-    torque = load.constant_Nm + omega * (load.linear_Nms + load.quadratic_Nms2 * abs(omega))
-    if load.dry_Nm != 0.0:
-        torque += load.dry_Nm * np.tanh(omega / DRY_RAD_S)
-    if load.eddy_Nm != 0.0:
-        s = omega / load.eddy_rad_s
-        torque += load.eddy_Nm * 2.0 * s / (1.0 + s * s)
-    return torque
 
 
 @compiled

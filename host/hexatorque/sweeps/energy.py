@@ -18,8 +18,8 @@ import numpy as np
 
 from ..analysis.losses import balance, bridge, copper_loss_W
 from ..analysis.spectrum import channel
-from ..drive.operating_points import MOST_EDGES, Point, approach
 from ..drive.simulated import SimulatedDrive
+from ..experiments.operating_points import MOST_EDGES, Point, approach
 from ..setups import Setup
 from .cycle import STEP_S, Cycle
 

@@ -13,8 +13,8 @@ import sys
 gc.disable()
 
 from ..analysis import walk  # noqa: E402, F401  (what a run needs)
-from ..drive import comparison  # noqa: E402, F401
 from ..drive.compiling import COMPILING, compile_now, watched  # noqa: E402
+from ..experiments import steady  # noqa: E402, F401
 from . import work  # noqa: E402, F401
 
 with watched(lambda: print(COMPILING, file=sys.stderr, flush=True), lambda: None):

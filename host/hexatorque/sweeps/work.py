@@ -158,8 +158,8 @@ def _rounded(value: float | None) -> float:
 
 
 def _at_point(work: Work, setup: Setup, look: Callable[[float], None]) -> dict:
-    from ..drive.operating_points import Point, fine_samples, measure
-    from ..drive.steady import at_point
+    from ..experiments.operating_points import Point, fine_samples, measure
+    from ..experiments.steady import at_point
 
     setup = at_point(setup)
     point = Point(setup, setup["point.speed_rpm"], setup["point.load_Nm"])
@@ -168,8 +168,8 @@ def _at_point(work: Work, setup: Setup, look: Callable[[float], None]) -> dict:
 
 
 def _along_profile(work: Work, setup: Setup, look: Callable[[float], None]) -> dict:
-    from ..drive.operating_points import MOST_EDGES
     from ..drive.simulated import SimulatedDrive
+    from ..experiments.operating_points import MOST_EDGES
 
     before, after = _split(setup.profile, work.from_s)
     sim = SimulatedDrive(setup, setup.profile.samples_per_period)

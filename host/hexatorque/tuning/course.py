@@ -17,7 +17,9 @@ from .. import firmware
 from ..analysis.losses import bridge, copper_loss_W
 from ..analysis.metrics import torque_ripple_td_Nm
 from ..analysis.spectrum import channel, fundamental_Hz, thd_inf_pct
-from ..drive.operating_points import (
+from ..drive.simulated import DriveFault, SimulatedDrive
+from ..errors import HexatorqueError
+from ..experiments.operating_points import (
     MOST_EDGES,
     SPEED_TOLERANCE,
     NotReached,
@@ -26,8 +28,6 @@ from ..drive.operating_points import (
     fine_samples,
     waits,
 )
-from ..drive.simulated import DriveFault, SimulatedDrive
-from ..errors import HexatorqueError
 from ..given import listed, real
 from ..plant.vsd import PHASES
 from ..setups import Setup, SetupError, parameters

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..drive.operating_points import Progress
+from ..experiments.operating_points import Progress
 from ..parallel import each as run_each
 from ..parallel import usable_cores
 from ..setups import Setup, SetupError, parameters

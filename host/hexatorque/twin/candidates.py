@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..drive.prepare import Prepare, other_dead_time
 from ..drive.simulated import SimulatedDrive
+from ..experiments.prepare import Prepare, other_dead_time
 from ..plant.vsd import PHASES
 from ..setups import Setup
 

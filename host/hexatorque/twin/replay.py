@@ -14,8 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..drive.prepare import Prepare
 from ..drive.simulated import SimulatedDrive
+from ..experiments.prepare import Prepare
 from ..setups import Setup
 from .bench import Bench
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..drive.simulated import _load
-from ..plant.machine import load_torque
+from ..plant.load import load_record, load_torque
 from ..setups import Setup
 
 #: The load over time: (time in s of the recording, torque).
@@ -33,7 +32,7 @@ def parts(
     begin at time_s."""
     middle = (omega_rad_s[:-1] + omega_rad_s[1:]) / 2
     inertial = setup["machine.inertia_kgm2"] * np.diff(omega_rad_s) / slow_s
-    one = _load(setup["load.kind"], 1.0, setup["load.at_rpm"])
+    one = load_record(setup["load.kind"], 1.0, setup["load.at_rpm"])
     shape = np.array([load_torque(one, omega) for omega in middle])
     torque = np.zeros(len(middle))
     for begin_s, value_Nm in load:

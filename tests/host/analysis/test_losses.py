@@ -5,8 +5,9 @@ import pytest
 
 from hexatorque import load
 from hexatorque.analysis import metrics
-from hexatorque.analysis.losses import Edges, balance, bridge, copper_loss_W
-from hexatorque.drive.operating_points import Point, measure
+from hexatorque.analysis.losses import balance, bridge, copper_loss_W
+from hexatorque.experiments.operating_points import Point, measure
+from hexatorque.plant.edges import Edges
 from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.vsd import ANGLES_RAD, PHASES
 from hexatorque.recording.recording import Recording

@@ -9,8 +9,14 @@ import pytest
 from campaigns import part
 
 from hexatorque import firmware, setups
-from hexatorque.drive.operating_points import NotReached, Point, approach, measure, measure_all
 from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.experiments.operating_points import (
+    NotReached,
+    Point,
+    approach,
+    measure,
+    measure_all,
+)
 
 SCHEMES = firmware.schemes()
 

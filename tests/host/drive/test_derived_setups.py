@@ -7,9 +7,9 @@ import pytest
 from campaigns import part
 
 from hexatorque import firmware, setups
-from hexatorque.drive.acceptance import accept
-from hexatorque.drive.operating_points import NotReached, Point, measure_all
 from hexatorque.drive.simulated import DriveFault, SimulatedDrive
+from hexatorque.experiments.acceptance import accept
+from hexatorque.experiments.operating_points import NotReached, Point, measure_all
 from hexatorque.setups.design import PULL_OUT_SHARE, Design, rad_s
 from hexatorque.setups.review import review
 

@@ -4,8 +4,8 @@ import pytest
 
 import hexatorque
 from hexatorque import laws
-from hexatorque.drive import comparison, operating_points, steady
 from hexatorque.errors import InputError
+from hexatorque.experiments import comparison, operating_points, steady
 
 
 @pytest.fixture(scope="module")

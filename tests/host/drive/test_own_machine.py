@@ -9,9 +9,9 @@ import pytest
 
 from hexatorque import setups
 from hexatorque.cli.main import main
-from hexatorque.drive.operating_points import Point, approach, reach, waits
 from hexatorque.drive.simulated import DriveFault, SimulatedDrive
-from hexatorque.plant.machine import DRY_RAD_S
+from hexatorque.experiments.operating_points import Point, approach, reach, waits
+from hexatorque.plant.load import DRY_RAD_S
 from hexatorque.plant.vsd import PHASES
 from hexatorque.setups import Profile, SetupError
 

@@ -5,8 +5,8 @@ import pytest
 from campaigns import part
 
 from hexatorque import setups
-from hexatorque.drive.acceptance import accept
-from hexatorque.drive.operating_points import Point, measure
+from hexatorque.experiments.acceptance import accept
+from hexatorque.experiments.operating_points import Point, measure
 from hexatorque.setups import estimate, new
 from hexatorque.setups.keys import TIMING_OWNS
 from hexatorque.setups.published import machines

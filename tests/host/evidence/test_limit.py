@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from hexatorque import load
-from hexatorque.drive.operating_points import MOST_EDGES
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.cost import limit
+from hexatorque.experiments.operating_points import MOST_EDGES
 from hexatorque.setups import SetupError
 
 SOURCE = Path(__file__).parents[2] / "c" / "plant.c"

@@ -13,8 +13,8 @@ import hexatorque
 from hexatorque import laws
 from hexatorque.analysis.metrics import metrics
 from hexatorque.cli.main import main
-from hexatorque.drive.operating_points import Point, measure_all
 from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.experiments.operating_points import Point, measure_all
 from hexatorque.firmware import ffi
 from hexatorque.laws import VECTORS, Law, LawError, centred, controller_of, record, vector, vectors
 from hexatorque.laws.law import SEEN

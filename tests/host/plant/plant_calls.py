@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 from numba import njit
 
-from hexatorque.plant import gates, inverter, machine, pwm, sensors
+from hexatorque.plant import gates, inverter, load, machine, pwm, sensors
 from hexatorque.plant.compiled import source_hash
 from hexatorque.plant.legs import OFF
 from hexatorque.plant.record import record
 
 KEEP = -1
-NO_LOAD = record(machine.LOAD, **{n: float(n == "eddy_rad_s") for n in machine.LOAD.names})
+NO_LOAD = record(load.LOAD, **{n: float(n == "eddy_rad_s") for n in load.LOAD.names})
 
 
 def _compile(source):
@@ -61,8 +61,8 @@ def _compile(source):
         return machine.torque_Nm(m, y, i) if source else 0.0
 
     @njit(cache=True)
-    def load_torque(load, omega):
-        return machine.load_torque(load, omega) if source else 0.0
+    def load_torque(on_shaft, omega):
+        return load.load_torque(on_shaft, omega) if source else 0.0
 
     @njit(cache=True)
     def pwm_segment(pm, regs, ps, c0, c1, n):

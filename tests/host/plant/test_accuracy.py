@@ -14,8 +14,8 @@ from drive_reference import DriveReference, interpreted
 from plant_calls import NO_LOAD, advance, set_leg
 
 from hexatorque import firmware, setups
-from hexatorque.drive.operating_points import Point, approach
 from hexatorque.evidence.studies.integration import LIMIT, replay, run_segment
+from hexatorque.experiments.operating_points import Point, approach
 from hexatorque.plant.inverter import inverter_record
 from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.machines.induction import make

@@ -12,9 +12,9 @@ from drive_reference import DriveReference
 from plant_calls import NO_LOAD, advance, set_leg
 
 from hexatorque import setups
-from hexatorque.drive.operating_points import Point, approach
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies.integration import LIMIT, run_segment
+from hexatorque.experiments.operating_points import Point, approach
 from hexatorque.plant.inverter import inverter_record
 from hexatorque.plant.legs import BREAK, HIGH, KINDS, LOW, MAX_BREAKS, OFF, OPEN
 from hexatorque.plant.machines.induction import make

@@ -10,8 +10,7 @@ import pytest
 from plant_calls import NO_LOAD, instant, integrate, load_torque, torque_Nm
 from scipy.integrate import solve_ivp
 
-from hexatorque.drive.simulated import _load
-from hexatorque.plant.machine import LOAD
+from hexatorque.plant.load import LOAD, load_record
 from hexatorque.plant.machines.induction import make
 from hexatorque.plant.record import record
 
@@ -178,9 +177,9 @@ def test_energy_is_conserved(model):
 @pytest.mark.parametrize("rpm", [100.0, 1350.0, 2500.0])
 def test_load_takes_the_stated_torque(kind, rpm):
     w = rpm * np.pi / 30
-    load = _load(kind, 7.5, rpm)
+    load = load_record(kind, 7.5, rpm)
     assert load_torque(load, w) == pytest.approx(7.5, rel=1e-9)
-    assert load_torque(_load(kind, 0.0, rpm), w) == 0
+    assert load_torque(load_record(kind, 0.0, rpm), w) == 0
     if kind == "constant":
         assert load_torque(load, -w) == load_torque(load, 0.0) == 7.5
     else:
@@ -191,13 +190,13 @@ def test_load_takes_the_stated_torque(kind, rpm):
 
 def test_loads_depend_on_the_speed_as_specified():
     w = np.pi / 30 * 1000
-    assert load_torque(_load("generator", 8.0, 1000), w / 2) == pytest.approx(4)
-    assert load_torque(_load("fan", 8.0, 1000), w / 2) == pytest.approx(2)
-    assert load_torque(_load("friction", 8.0, 1000), w / 20) == pytest.approx(8)
-    brake = [load_torque(_load("brake", 8.0, 1000), share * w) for share in (1.49, 1.5, 1.51)]
+    assert load_torque(load_record("generator", 8.0, 1000), w / 2) == pytest.approx(4)
+    assert load_torque(load_record("fan", 8.0, 1000), w / 2) == pytest.approx(2)
+    assert load_torque(load_record("friction", 8.0, 1000), w / 20) == pytest.approx(8)
+    brake = [load_torque(load_record("brake", 8.0, 1000), share * w) for share in (1.49, 1.5, 1.51)]
     assert brake[1] == max(brake) > 8
     for kind in ("generator", "fan", "friction", "brake"):
-        assert load_torque(_load(kind, 8.0, 1000), 0.01 * w) < 8
+        assert load_torque(load_record(kind, 8.0, 1000), 0.01 * w) < 8
 
 
 def winding_equations(p, amplitude, w, t_end, times):

@@ -6,8 +6,8 @@ import math
 import pytest
 
 from hexatorque import setups
-from hexatorque.drive.operating_points import Point, measure
-from hexatorque.drive.steady import at_point
+from hexatorque.experiments.operating_points import Point, measure
+from hexatorque.experiments.steady import at_point
 from hexatorque.setups import new
 from hexatorque.setups.design import REACH_PU, USABLE, Design, rad_s
 

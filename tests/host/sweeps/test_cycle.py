@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from hexatorque import Study, setups
-from hexatorque.drive.operating_points import Point, measure
+from hexatorque.experiments.operating_points import Point, measure
 from hexatorque.setups import SetupError
 from hexatorque.sweeps import cycle, energy, files, maps
 from hexatorque.sweeps.errors import StudyError

@@ -46,8 +46,8 @@ def pil(
     its image (docs/pil.md).
     """
     from ... import setups
-    from ...drive import comparison, steady
     from ...evidence.studies import pil
+    from ...experiments import steady, written
     from ...recording.formats import check_output
 
     console = console_of(as_json)
@@ -64,7 +64,7 @@ def pil(
         loaded = setups.load(setup or "paper-a-feasible").changed(settings_given(settings))
         loaded = steady.at_point(loaded, speed, load)
         folder = output or Path("out/pil")
-        comparison.make_folder(folder)
+        written.make_folder(folder)
         each = [loaded.with_scheme(name) for name in schemes_given(schemes)]
         todo = [
             (s, pil.transients(s), folder / f"recordings/{s.name}-{s['controller.scheme']}.npz")

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ... import firmware
-from ...drive.operating_points import MOST_EDGES, Point, Progress, approach
 from ...drive.simulated import SimulatedDrive
+from ...experiments.operating_points import MOST_EDGES, Point, Progress, approach
 from ...parallel import usable_cores
 from ...setups import Setup, SetupError
 from ...sweeps.study import Study

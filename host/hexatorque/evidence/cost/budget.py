@@ -11,7 +11,7 @@ import tomllib
 from pathlib import Path
 
 from ...boards import tools
-from ...drive.operating_points import Progress
+from ...experiments.operating_points import Progress
 from ...setups import Setup
 from . import count, stack
 

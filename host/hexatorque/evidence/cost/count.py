@@ -17,8 +17,8 @@ import numpy as np
 from ... import firmware
 from ...boards import emulator_process, tools
 from ...boards.processor import TargetError, WatchedController, image_names
-from ...drive.operating_points import Progress
 from ...drive.simulated import SimulatedDrive
+from ...experiments.operating_points import Progress
 from ...setups import Setup
 
 if TYPE_CHECKING:

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...drive.simulated import SimulatedDrive, _load
+from ...drive.simulated import SimulatedDrive
 from ...plant.compiled import compiled
 from ...plant.inverter import inverter_record
 from ...plant.legs import OFF
+from ...plant.load import load_record
 from ...plant.loop import NO_INSTANTS, follow
 from ...plant.pwm import pwm_record
 from ...setups import SetupError
@@ -51,7 +52,7 @@ class Replay:
         self.edges, self.end = sim.edges.copy(), sim.plant_state.copy()
         sim.log_edges(0)
         self.sim = sim
-        self.load = _load(sim.setup["load.kind"], sim.load_Nm, sim.setup["load.at_rpm"])
+        self.load = load_record(sim.setup["load.kind"], sim.load_Nm, sim.setup["load.at_rpm"])
 
     def numba(self) -> tuple[np.ndarray, float]:
         """State at the end, and the time that it took, after a first run."""

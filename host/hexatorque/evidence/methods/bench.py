@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 
 from ... import firmware, laws
-from ...analysis.losses import Edges, bridge, copper_loss_W
+from ...analysis.losses import bridge, copper_loss_W
 from ...analysis.metrics import i_xy_A, torque_ripple_td_Nm
 from ...analysis.spectrum import channel, fundamental_Hz, thd_inf_pct
-from ...drive.operating_points import MOST_EDGES, NOT_MEASURED, Progress
 from ...drive.simulated import SimulatedDrive
+from ...experiments.operating_points import MOST_EDGES, NOT_MEASURED, Progress
 from ...laws.law import Law
+from ...plant.edges import Edges
 from ...plant.vsd import PHASES
 from ...recording.recording import Recording
 from ...setups import Setup

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from ...analysis.response import moving_mean, step_response
-from ...drive.operating_points import NOT_MEASURED, Point, Progress, approach, follow
 from ...drive.simulated import SimulatedDrive
+from ...experiments.operating_points import NOT_MEASURED, Point, Progress, approach, follow
 from ...plant.vsd import PHASES
 from ...recording.recording import Recording
 from ..papers.engine.job import Job

@@ -22,9 +22,9 @@ import numpy as np
 from ... import setups
 from ...commissioning.excitation import Limits
 from ...commissioning.sequence import STEPS, commission, default_current_A
-from ...drive.operating_points import Progress
 from ...drive.simulated import SimulatedDrive
 from ...errors import HexatorqueError
+from ...experiments.operating_points import Progress
 from ...parallel import in_order
 from ...plant.vsd import INVERSE, PHASES
 from ...setups import Setup

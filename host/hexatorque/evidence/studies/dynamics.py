@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...drive.operating_points import NOT_MEASURED, Point, Progress, approach
+from ...experiments.operating_points import NOT_MEASURED, Point, Progress, approach
 from ...parallel import each
 from ..methods import steps
 from .grids import Grid, for_terminal

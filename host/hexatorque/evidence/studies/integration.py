@@ -19,9 +19,10 @@ from ... import firmware
 from ...analysis.plots import INK, LABEL, LEGEND, new_figure, save
 from ...analysis.plots import TITLE as HEADING
 from ...analysis.schemes import STYLE
-from ...drive.operating_points import Point, Progress, approach
-from ...drive.simulated import SimulatedDrive, _load
+from ...drive.simulated import SimulatedDrive
+from ...experiments.operating_points import Point, Progress, approach
 from ...plant.compiled import source_hash
+from ...plant.load import load_record
 from ...plant.loop import MAX_STEP_S, NO_INSTANTS, follow
 from ...plant.pwm import pwm_record
 from ...setups import load
@@ -110,7 +111,7 @@ def replay(segment: Segment, step_us: float = MAX_STEP_S * 1e6) -> np.ndarray:
     sim = segment.sim
     timing = sim._timing.copy()
     timing.max_step = max(1, round(step_us * 1e-6 * timing.clock_Hz))
-    torque = _load(sim.setup["load.kind"], sim.load_Nm, sim.setup["load.at_rpm"])
+    torque = load_record(sim.setup["load.kind"], sim.load_Nm, sim.setup["load.at_rpm"])
     states = np.empty((len(segment.currents_A), 8))
     _follow_periods(
         segment.edges, segment.first, timing, sim._machine, torque, segment.inverter.copy(),

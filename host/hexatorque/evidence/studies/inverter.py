@@ -16,10 +16,11 @@ import numpy as np
 from numba import njit
 
 from ... import firmware, setups
-from ...drive.operating_points import Progress
+from ...experiments.operating_points import Progress
 from ...plant.inverter import advance, inverter_record, set_leg
 from ...plant.legs import HIGH, LOW, OFF
-from ...plant.machine import LOAD, phase_current
+from ...plant.load import LOAD
+from ...plant.machine import phase_current
 from ...plant.machines.induction import Parameters, make
 from ...plant.record import names_of, record
 from ...plant.vsd import ANGLES_RAD

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ... import setups
-from ...drive.operating_points import Point, Progress, measure_all
+from ...experiments.operating_points import Point, Progress, measure_all
 
 TITLE = "Light load: fdr against ddr at 400 r/min"
 SETUP = "paper-a-feasible"

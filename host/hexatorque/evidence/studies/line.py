@@ -21,7 +21,7 @@ from cobs import cobs
 
 from ... import firmware, setups
 from ...boards.virtual import BoardController, VirtualBoard
-from ...drive.operating_points import Progress
+from ...experiments.operating_points import Progress
 from ...firmware import lib
 from ...serial import wire
 from ...serial.server import REPLY_S, TRIES

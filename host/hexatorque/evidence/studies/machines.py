@@ -17,8 +17,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from ... import firmware, setups
-from ...drive.acceptance import accept
-from ...drive.operating_points import NOT_MEASURED, Progress
+from ...experiments.acceptance import accept
+from ...experiments.operating_points import NOT_MEASURED, Progress
 from ...parallel import each
 from ...setups import Setup, SetupError, new
 from ...setups.keys import TIMING_OWNS

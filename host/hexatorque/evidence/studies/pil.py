@@ -15,8 +15,8 @@ import numpy as np
 
 from ... import firmware
 from ...boards.processor import Target, TargetController, WatchedController, image_names
-from ...drive.operating_points import Progress
 from ...drive.simulated import SimulatedDrive
+from ...experiments.operating_points import Progress
 from ...recording.recording import Recording
 from ...setups import Profile, Setup
 

@@ -13,14 +13,14 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from ... import setups
-from ...drive.operating_points import (
+from ...experiments.operating_points import (
     NOT_MEASURED,
     Point,
     Progress,
     fine_samples,
     measure,
 )
-from ...drive.prepare import other_dead_time
+from ...experiments.prepare import other_dead_time
 from ...parallel import each
 from .grids import Grid, for_terminal
 

@@ -22,7 +22,8 @@ from numba.extending import overload
 
 from .. import machine
 from ..columns import add_columns
-from ..machine import implements, load_torque
+from ..load import load_torque
+from ..machine import implements
 from ..record import record
 from ..vsd import INVERSE, TRANSFORM
 from .induction_parameters import Parameters

@@ -36,7 +36,7 @@ def alike(scheme, values, place):
 
 
 def ours_is_better(scheme, values, place):
-    """At the same f_sw ours has half the Td and nine tenths of the THD; wide bands switch little."""
+    """Ours has half the Td and nine tenths of the THD of others. Wide bands switch little."""
     found = alike(scheme, values, place)
     if found is None:
         return None

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from hexatorque import setups
-from hexatorque.drive.operating_points import Point
 from hexatorque.evidence.papers.engine.job import Job
 from hexatorque.evidence.papers.paper_a import common, sweeps, table4, what_if
+from hexatorque.experiments.operating_points import Point
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from hexatorque import setups
-from hexatorque.drive.operating_points import NotReached
 from hexatorque.evidence.papers.engine.job import Job
 from hexatorque.evidence.papers.paper_b import ripple, sweeps, table
 from hexatorque.evidence.papers.paper_b.common import FITTED, PRINTED, SCHEMES, SETUP, SETUPS
+from hexatorque.experiments.operating_points import NotReached
 
 FLUX_WB = {name: setups.load(name)["controller.flux_ref_Wb"] for name in SETUPS}
 

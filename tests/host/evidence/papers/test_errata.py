@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hexatorque import setups
-from hexatorque.drive import operating_points
 from hexatorque.evidence.papers import ENTRIES
+from hexatorque.experiments import operating_points
 
 ROOT = Path(__file__).parents[4]
 TEXT = (ROOT / "docs" / "errata.md").read_text()

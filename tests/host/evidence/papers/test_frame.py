@@ -11,14 +11,14 @@ import pytest
 
 from hexatorque import setups
 from hexatorque.cli.main import main
-from hexatorque.drive import operating_points
-from hexatorque.drive.operating_points import NotReached, Point
 from hexatorque.drive.simulated import DriveFault
 from hexatorque.evidence.papers import ENTRIES, Entry
 from hexatorque.evidence.papers.engine import job as job_module
 from hexatorque.evidence.papers.engine import page, reproduce
 from hexatorque.evidence.papers.engine.figure import Figure, beside, claim, not_printed
 from hexatorque.evidence.papers.engine.job import Job
+from hexatorque.experiments import operating_points
+from hexatorque.experiments.operating_points import NotReached, Point
 from hexatorque.recording.recording import Recording
 
 ASKED = {

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from hexatorque import setups
-from hexatorque.drive.operating_points import Point, approach
 from hexatorque.evidence.studies.integration import (
     errors,
     failures,
@@ -14,6 +13,7 @@ from hexatorque.evidence.studies.integration import (
     run_segment,
     tables,
 )
+from hexatorque.experiments.operating_points import Point, approach
 from hexatorque.plant.loop import MAX_STEP_S
 
 

@@ -77,7 +77,7 @@ def test_a_leg_that_is_called_lost_is_a_failure(monkeypatch):
 
 def test_the_rated_current_is_that_of_the_rated_point():
     from hexatorque import setups
-    from hexatorque.drive.operating_points import Point, measure
+    from hexatorque.experiments.operating_points import Point, measure
 
     base = setups.load(lost_phase.SETUP)
     setup = base.changed(controller__scheme="db-dtfc", load__kind="constant")

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from hexatorque.drive.prepare import other_dead_time
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies import robustness
 from hexatorque.evidence.studies.robustness import ERRORS, POINTS, VARIANTS, Error, Variant
+from hexatorque.experiments.prepare import other_dead_time
 from hexatorque.plant.legs import OFF
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from .... import setups
 from ....analysis import plots
-from ....drive.operating_points import Point
+from ....experiments.operating_points import Point
 from ....recording.recording import Recording
 from ....setups import Setup
 from ..engine import measured as m

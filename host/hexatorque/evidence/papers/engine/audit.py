@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .... import setups
-from ....drive import operating_points
+from ....experiments import operating_points
 from ....recording.recording import Recording
 from . import geometry
 from .figure import Verdict, claim, not_printed

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from ....analysis.run import Run
-from ....drive import operating_points
-from ....drive.operating_points import Point, Progress
+from ....experiments import operating_points
+from ....experiments.operating_points import Point, Progress
 from ....parallel import each
 from ...kept import Kept
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....drive.operating_points import Progress
 from ....drive.simulated import SimulatedDrive
+from ....experiments.operating_points import Progress
 from ....plant.legs import OFF
 from ....plant.vsd import INVERSE, PHASES, TRANSFORM
 from ....recording.recording import Recording

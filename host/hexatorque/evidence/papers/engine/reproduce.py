@@ -11,8 +11,8 @@ from importlib import import_module
 from pathlib import Path
 
 from ....build import build
-from ....drive.operating_points import NotReached, Progress
 from ....drive.simulated import DriveFault
+from ....experiments.operating_points import NotReached, Progress
 from ....parallel import usable_cores
 from ....recording.recording import RecordingError
 from ....setups import SetupError

@@ -11,8 +11,8 @@ from .... import setups
 from ....analysis import plots, run
 from ....analysis.run import Run
 from ....analysis.spectrum import channel, fundamental_Hz, harmonics, spectrum, whole_cycles
-from ....drive.operating_points import Point, Progress
 from ....drive.simulated import SimulatedDrive
+from ....experiments.operating_points import Point, Progress
 from ....recording.recording import Recording
 from ....setups import Setup
 from ..engine.job import Job

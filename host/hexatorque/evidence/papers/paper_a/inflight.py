@@ -10,7 +10,7 @@ import numpy as np
 
 from ....analysis import plots
 from ....analysis.spectrum import channel, fundamental_Hz, harmonics, low_pass, thd_pct
-from ....drive.operating_points import Point, transient
+from ....experiments.operating_points import Point, transient
 from ....recording.recording import Recording
 from ..engine.figure import Figure, Verdict, claim
 from ..engine.job import Job

@@ -10,7 +10,7 @@ import numpy as np
 from ....analysis import plots
 from ....analysis.run import Run
 from ....analysis.spectrum import fundamental_Hz, low_pass, thd_pct, whole_cycles
-from ....drive.operating_points import Point
+from ....experiments.operating_points import Point
 from ....recording.recording import Recording
 from ..engine.figure import Figure, Verdict, beside, claim, not_printed
 from ..engine.job import Job

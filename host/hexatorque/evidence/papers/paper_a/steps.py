@@ -10,7 +10,7 @@ import numpy as np
 
 from ....analysis.response import moving_mean, step_response
 from ....analysis.spectrum import low_pass
-from ....drive.operating_points import Point, approach, follow
+from ....experiments.operating_points import Point, approach, follow
 from ....recording.recording import Recording
 from ....setups import Setup
 from ..engine.figure import Verdict, claim

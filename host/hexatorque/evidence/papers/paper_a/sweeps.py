@@ -8,7 +8,7 @@ import numpy as np
 
 from ....analysis import plots
 from ....analysis.schemes import STYLE
-from ....drive.operating_points import Point
+from ....experiments.operating_points import Point
 from ....recording.recording import Recording
 from ..engine.figure import Figure, Verdict, claim, not_printed
 from ..engine.job import Job

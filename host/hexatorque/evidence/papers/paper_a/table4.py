@@ -9,7 +9,7 @@ import numpy as np
 
 from ....analysis import plots
 from ....analysis.run import Run
-from ....drive.operating_points import Point, transient
+from ....experiments.operating_points import Point, transient
 from ....recording.recording import Recording
 from ..engine.figure import Figure, Verdict, beside, claim, not_printed
 from ..engine.job import Job

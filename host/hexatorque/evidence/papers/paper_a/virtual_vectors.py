@@ -8,7 +8,7 @@ import numpy as np
 
 from .... import setups
 from ....analysis import plots
-from ....drive import operating_points
+from ....experiments import operating_points
 from ....plant.vsd import PHASES
 from ....recording.recording import Recording
 from ..engine import geometry

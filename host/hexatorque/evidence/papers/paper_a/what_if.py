@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from .... import setups
-from ....drive.operating_points import Point
+from ....experiments.operating_points import Point
 from ....recording.recording import Recording
 from ..engine.job import Job
 from ..printed_values import PAPER

@@ -5,7 +5,7 @@ from __future__ import annotations
 from .... import setups
 from ....analysis.run import Run
 from ....analysis.schemes import STYLE
-from ....drive.operating_points import Point
+from ....experiments.operating_points import Point
 from ....recording.recording import Recording
 from ....setups import Setup
 from ..engine.job import Job

@@ -10,7 +10,7 @@ import numpy as np
 
 from ....analysis import plots
 from ....analysis.response import moving_mean, step_response
-from ....drive.operating_points import transient
+from ....experiments.operating_points import transient
 from ....recording.recording import Recording
 from ..engine.figure import Figure, Verdict, claim, not_printed
 from ..engine.job import Job

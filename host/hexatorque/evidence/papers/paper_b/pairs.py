@@ -10,7 +10,7 @@ import numpy as np
 from .... import setups
 from ....analysis import plots
 from ....analysis.run import Run
-from ....drive import operating_points
+from ....experiments import operating_points
 from ....recording.recording import Recording
 from ..both.vectors import number
 from ..engine import geometry

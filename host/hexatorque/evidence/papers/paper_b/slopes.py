@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ....analysis import plots
-from ....drive.operating_points import approach
+from ....experiments.operating_points import approach
 from ....plant.vsd import TRANSFORM
 from ....recording.recording import Recording
 from ....setups import Setup

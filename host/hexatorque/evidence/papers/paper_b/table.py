@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....analysis import plots
-from ....drive.operating_points import NotReached
+from ....experiments.operating_points import NotReached
 from ....recording.recording import Recording
 from ..engine.figure import Figure, Verdict, beside, claim, not_printed
 from ..engine.job import Job

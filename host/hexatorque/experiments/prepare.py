@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .simulated import SimulatedDrive
+from ..drive.simulated import SimulatedDrive
 
 #: Changes a drive before it starts.
 Prepare = Callable[[SimulatedDrive], None]

@@ -3,10 +3,10 @@ standstill, stop. A set-up whose drive passes it can be worked with."""
 
 from __future__ import annotations
 
+from ..drive.simulated import SimulatedDrive
 from ..setups import Setup, parameters
 from ..setups.design import Design
 from .operating_points import NotReached, Point, waits
-from .simulated import SimulatedDrive
 
 #: Allowed deviation of the speed, share of rated speed.
 TOLERANCE = 0.02

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from .. import firmware
 from ..analysis.metrics import TD_SAMPLES, UNITS, metrics
 from ..analysis.run import Run
+from ..drive.simulated import DriveFault, SimulatedDrive
 from ..errors import HexatorqueError
 from ..firmware import FirmwareError
 from ..laws.law import Law
@@ -20,7 +21,6 @@ from ..parallel import each
 from ..recording.recording import Recording
 from ..setups import Setup, SetupError, parameters, to_parameters
 from .prepare import Prepare
-from .simulated import DriveFault, SimulatedDrive
 
 #: Shortest values of `Waits`, for a machine of little inertia.
 REACH_S = 4.0
