@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..firmware import ffi, lib
+from ..firmware import channels, ffi, lib
 from ..recording.journal import TICK_HZ
-from ..recording.recording import DECIMATION, FIRST_TICK, TRIGGER, RecordingError
+from ..recording.recording import DECIMATION, FIRST_TICK, TRIGGER, Recording, RecordingError
+from ..setups.values import SetupError
 
 _KIND = "HT_TRIGGER_"
 #: Kinds of trigger. The index is the firmware's number.
@@ -107,6 +109,23 @@ class Burst:
         answer = lib.ht_burst_arm(self._burst, setup)
         assert answer == lib.HT_BURST_ARMED, answer
         self._on = on
+        self.names: tuple[str, ...] = ()
+
+    @classmethod
+    def named(
+        cls, names: Sequence[str], samples: int, pre: int, trigger: str, prescaler: int
+    ) -> Burst:
+        """Of the firmware's channels of these names. SetupError if there is none of one."""
+        what = Trigger.parse(trigger)
+        on = {"fault": "faults"}.get(what.kind, what.channel or "state")
+        known = [name for name, _ in channels()]
+        for name in (*names, on):
+            if name not in known:
+                raise SetupError(f"no channel {name!r}; there are {', '.join(known)}")
+        columns = [known.index(name) for name in names]
+        burst = cls(columns, samples, pre, prescaler, what, known.index(on))
+        burst.names = tuple(names)
+        return burst
 
     def trigger(self) -> None:
         """Trigger, but not before `pre` samples are there."""
@@ -130,6 +149,22 @@ class Burst:
         """(samples, channels) float32 of a complete capture, oldest sample first."""
         memory = np.frombuffer(ffi.buffer(self._memory), np.float32)
         return np.roll(memory, -self._burst.at).reshape(self.samples, -1)
+
+    def recording(self, meta: dict, period_s: float) -> Recording:
+        """The complete capture."""
+        assert self.tick is not None
+        values, units = self.values, dict(channels())
+        data = {
+            name: np.ascontiguousarray(values[:, column]) for column, name in enumerate(self.names)
+        }
+        rate_Hz = 1 / (period_s * self.prescaler)
+        return Recording(
+            rate_Hz,
+            data,
+            {name: units[name] for name in self.names},
+            {**meta, **metadata(self.tick, self.pre, self.prescaler, 1 / period_s)},
+            -self.pre / rate_Hz,
+        )
 
     def feed(self, rows: np.ndarray, tick: int) -> None:
         """Add rows, (n, all channels) float32: one for each fast interrupt, from `tick` on."""

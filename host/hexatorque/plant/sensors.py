@@ -6,10 +6,16 @@ is integrated together with the machine. Everything else is computed at the samp
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from .compiled import compiled
 from .machine import phase_current
+from .record import record
+from .wires import ENCODER_WIRES
 
 TWO_PI = 2.0 * np.pi
 
@@ -49,6 +55,46 @@ SENSORS = np.dtype(
         ("edges", "i8"),  # edges since the last unit event
     ]
 )
+
+
+def sensors_record(
+    value: Callable[[str], Any], chip: Any, eqep: int, full: int, middle: int, period_s: float
+) -> np.record:
+    """value: the value of a key of the set-up's section [sensors]; chip: the map of its registers;
+    eqep: word address of the encoder's; full, middle: counts of the converter's range and of no
+    current; period_s: from sample to sample."""
+    per_A = full / (2 * value("i_full_A"))
+    wires = np.array(value("i_wires"), int)
+    return record(
+        SENSORS,
+        i_counts_per_A=per_A * np.array(value("i_gain")) * np.sign(wires),
+        i_leg=np.maximum(np.abs(wires) - 1, 0),
+        i_filter_rad_s=2 * math.pi * value("i_filter_Hz"),
+        i_last_A=0.0,
+        i_filtered_A=0.0,
+        i_noise_counts=per_A * value("i_noise_A"),
+        random=value("noise_seed"),
+        i_offset_counts=middle + per_A * np.array(value("i_offset_A")),
+        hold=0,
+        v_counts_per_V=full / value("vdc_full_V"),
+        adc_full=float(full),
+        adc_step=float(1 << (12 - value("adc_bits"))),
+        encoder_counts_rev=4.0 * value("encoder_ppr"),
+        encoder_wires=ENCODER_WIRES.index(value("encoder_wires")),
+        adc_result=list(chip.adc_result),
+        adc_shift=int(chip.adc_shift),
+        adc_flag=int(chip.adc_flag),
+        adc_flag_bit=int(chip.adc_flag_bit),
+        encoder_error_cycles=value("encoder_error_cycles"),
+        eqep=eqep,
+        system_clocks=period_s * float(chip.system_clock_Hz),
+        position_counts=0.0,
+        counter=0,
+        ticks=0.0,
+        event_tick=0,
+        edges=0,
+    )
+
 
 #: eQEP: offsets in words, and bits.
 QCAPCTL, QEPSTS, QCTMR, QCPRD = 0x16, 0x1C, 0x1D, 0x1E

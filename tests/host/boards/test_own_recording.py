@@ -26,7 +26,7 @@ def turns(made: VirtualBoard, own: OwnRecording | None, seconds: float) -> int:
         made.run(STEP_S, True)
         if own:
             own.keep()
-        rows = max(rows, len(made.sim._plant._data))
+        rows = max(rows, len(made.sim._samples.plant._data))
     return rows
 
 

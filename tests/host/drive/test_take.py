@@ -5,7 +5,8 @@ import pickle
 import numpy as np
 
 from hexatorque import setups
-from hexatorque.drive.simulated import SimulatedDrive, _Rows
+from hexatorque.drive.samples import Rows
+from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.plant.vsd import INVERSE, PHASES
 
 
@@ -38,7 +39,7 @@ def test_phase_currents_are_those_of_the_four_components():
 
 
 def test_a_small_recording_does_not_hold_the_memory_of_a_large_one():
-    rows = _Rows(2)
+    rows = Rows(2)
     rows.room(1000)
     rows.clear()
     rows.room(10)[:] = 7

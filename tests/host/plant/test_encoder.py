@@ -10,7 +10,7 @@ import pytest
 from plant_calls import sample
 
 from hexatorque import firmware, setups
-from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.drive import parts
 from hexatorque.plant.machines.induction import Parameters, make
 
 EQEP = {"f28335": 0x6B00, "f28377s": 0x5100}
@@ -31,9 +31,7 @@ class Emulated:
         )
         layout = getattr(firmware.lib, f"ht_{device}")
         chip = SimpleNamespace(map=layout, port=SimpleNamespace(eqep=layout.eqep))
-        self._sensors = SimulatedDrive._make_sensors(
-            SimpleNamespace(setup=setup, controller=chip, period_s=1e-4)
-        )
+        self._sensors = parts.sensors(setup, chip, 1e-4)
         self.regs = np.zeros(0x8000, np.uint16)
         self._base = EQEP[device]
         self.regs[self._base + QCAPCTL] = 0x8000 | 7 << 4 | 2

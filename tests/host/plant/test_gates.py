@@ -7,13 +7,14 @@ import pytest
 from plant_calls import suppress_short_pulses
 
 from hexatorque import firmware, setups
-from hexatorque.drive.simulated import SimulatedDrive, _pwm_map
+from hexatorque.drive.parts import pwm_map
+from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.plant.gates import gates_record
 from hexatorque.plant.legs import HIGH, LOW, OFF
 from hexatorque.plant.pwm import pwm_record
 
 PERIOD = 200
-MAP = _pwm_map(firmware.lib.ht_f28335)
+MAP = pwm_map(firmware.lib.ht_f28335)
 STATES = np.array([LOW, OFF, HIGH])
 
 

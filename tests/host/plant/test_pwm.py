@@ -14,7 +14,7 @@ from campaigns import part
 from plant_calls import pwm_segment
 
 from hexatorque import firmware
-from hexatorque.drive.simulated import _pwm_map
+from hexatorque.drive.parts import pwm_map
 from hexatorque.plant.pwm import MAX_EDGES, NEVER, pwm_record
 
 LOW, HIGH, OFF = 0, 1, 2
@@ -117,7 +117,7 @@ class Emulation:
     """pwm_segment, with its edges converted into a waveform."""
 
     def __init__(self, device, active_low=False):
-        self.map = _pwm_map(getattr(firmware.lib, f"ht_{device}"), active_low)
+        self.map = pwm_map(getattr(firmware.lib, f"ht_{device}"), active_low)
         self.map.min_pulse = MIN_PULSE
         self.offsets = REGISTERS[device]
         self.regs = np.zeros(0x8000, np.uint16)

@@ -13,6 +13,7 @@ from plant_calls import filter_currents, sample
 from scipy.integrate import solve_ivp
 
 from hexatorque import firmware, setups
+from hexatorque.drive import parts
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.plant.machines.induction import Parameters, make
 
@@ -34,9 +35,7 @@ class Bench:
         )  # fmt: skip
         layout = getattr(firmware.lib, f"ht_{device}")
         chip = SimpleNamespace(map=layout, port=SimpleNamespace(eqep=layout.eqep))
-        self.sensors = SimulatedDrive._make_sensors(
-            SimpleNamespace(setup=setup, controller=chip, period_s=1e-4)
-        )
+        self.sensors = parts.sensors(setup, chip, 1e-4)
         results, self.shift, self.qposcnt = DEVICES[device]
         self.results = list(results)
 

@@ -94,7 +94,7 @@ class Watched(SimulatedDrive):
     def _run_chunk(self, n: int, record: bool) -> None:
         self.discard()
         super()._run_chunk(n, True)
-        phases = self._plant.filled()[:, :4] @ INVERSE.T
+        phases = self._samples.plant.filled()[:, :4] @ INVERSE.T
         self.largest_A = max(self.largest_A, float(np.abs(phases).max()))
 
 

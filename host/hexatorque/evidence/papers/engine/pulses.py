@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import types
 
 from .... import setups
-from ....drive.simulated import EntryPoint, SimulatedDrive
+from ....drive.entry_point import EntryPoint
+from ....drive.simulated import SimulatedDrive
 from ....firmware import ALL_LEGS, CData, ffi, lib
 from ....plant.vsd import INVERSE, PHASES
 from ....recording.recording import Recording
@@ -80,7 +80,7 @@ class _Bench(SimulatedDrive):
 
         self._isr = fast, slow  # kept alive
         addresses = (int(ffi.cast("uintptr_t", isr)) for isr in self._isr)
-        entries = (EntryPoint(address, types.uint64) for address in addresses)
+        entries = (EntryPoint(address, 1) for address in addresses)
         self._entries = (*entries, self._entries[-1])
         lib.ht_port_gates_on(port, ALL_LEGS)
         m, words = self.controller.map, self.controller.register_words()

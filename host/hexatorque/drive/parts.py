@@ -1,0 +1,103 @@
+"""The simulated hardware that a set-up describes, with the registers of its chip: the records that
+the plant computes with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from .. import firmware
+from ..plant.inverter import DROPS, inverter_record, longest_step_s
+from ..plant.load import steepest_Nms
+from ..plant.loop import TIMING
+from ..plant.pwm import PWM_MAP
+from ..plant.record import names_of, record
+from ..plant.sensors import sensors_record
+from ..setups import Setup, SetupError
+
+#: Steps shorter than this are refused: the simulation would take too long.
+SHORTEST_STEP_S = 0.1e-6
+#: Longest step, relative to the shaft's shortest time constant. The error of a step is 1e-5 of what
+#: decays with it.
+SHAFT_SHARE = 0.25
+
+
+def timing(setup: Setup, controller: firmware.Controller, longest_s: float) -> np.record:
+    """Counts and clock of the loop, with this longest step."""
+    clock_Hz, counts = float(controller.map.pwm_clock_Hz), controller.period_counts
+    sample_count = round(setup["sensors.sample_delay_us"] * 1e-6 * clock_Hz)
+    write_count = round(setup.write_delay_us * 1e-6 * clock_Hz)
+    if controller.shadow:
+        write_count = max(1, write_count)
+    if not sample_count <= write_count < counts:
+        raise SetupError(
+            f"sensors.sample_delay_us + timing.isr_us = {write_count / clock_Hz * 1e6:.3g} us: "
+            f"must end within the period of {counts / clock_Hz * 1e6:.4g} us"
+        )
+    return record(
+        TIMING,
+        clock_Hz=clock_Hz,
+        period=counts,
+        sample_count=sample_count,
+        write_count=write_count,
+        slow_every=controller.fast_per_slow,
+        max_step=max(1, int(longest_s * clock_Hz)),
+    )
+
+
+def inverter(setup: Setup, leads: Sequence[int], machine: np.record) -> np.record:
+    """leads: the machine's phase on each leg."""
+    made = inverter_record(
+        leads,
+        range_A=setup["sensors.i_full_A"],
+        **{name: setup[f"inverter.{name}"] for name in (*DROPS, "arc_V", "restrike_V_per_ms")},
+    )
+    if made.drops and longest_step_s(made, machine) < SHORTEST_STEP_S:
+        raise SetupError(
+            "inverter.v_switch_V, v_diode_V, r_switch_ohm, r_diode_ohm: too large for the "
+            "machine's smallest leakage inductance, the simulation would need steps below "
+            f"{SHORTEST_STEP_S * 1e6:g} us"
+        )
+    return made
+
+
+def pwm_map(m: firmware.CData, active_low: bool = False, min_pulse_us: float = 0.0) -> np.record:
+    """The layout of the PWM registers, from the firmware's own map, and what the power stage
+    wants: the gate drivers' polarity and the shortest gate pulse."""
+    offsets = {n: int(getattr(m, n)) for n in names_of(PWM_MAP) if hasattr(m, n)}
+    offsets = {n: -1 if v == 0xFFFF else v for n, v in offsets.items()}
+    min_pulse = round(min_pulse_us * 1e-6 * float(m.pwm_clock_Hz))
+    return record(PWM_MAP, **offsets, active_low=int(active_low), min_pulse=min_pulse)
+
+
+def sensors(setup: Setup, controller: firmware.Controller, period_s: float) -> np.record:
+    return sensors_record(
+        lambda name: setup[f"sensors.{name}"],
+        controller.map,
+        int(controller.port.eqep),
+        firmware.lib.HT_ADC_FULL,
+        firmware.lib.HT_ADC_MID,
+        period_s,
+    )
+
+
+def shaft_step_s(
+    setup: Setup, machine: np.record, load: np.record, load_Nm: float, flux_ref_Wb: float
+) -> float:
+    """Longest step for the shaft: a share of its shortest time constant, J over the slope of the
+    load torque, and of its fastest swing against the field. SetupError if it is so short that the
+    simulation would take too long."""
+    inertia_kgm2 = setup["machine.inertia_kgm2"]
+    slope_Nms = steepest_Nms(load, setup["load.at_rpm"], setup["machine.viscous_Nms"])
+    flux_Wb = setup["machine.pole_pairs"] * flux_ref_Wb
+    swing_per_s = flux_Wb * math.sqrt(3 * float(machine.inv_l_max) / inertia_kgm2)
+    step_s = SHAFT_SHARE / (slope_Nms / inertia_kgm2 + swing_per_s)
+    if step_s < SHORTEST_STEP_S:
+        raise SetupError(
+            f"machine.inertia_kgm2 = {inertia_kgm2:g}: too small for a load of {load_Nm:g} N m of "
+            f"the kind {setup['load.kind']}, the simulation would need steps below "
+            f"{SHORTEST_STEP_S * 1e6:g} us"
+        )
+    return step_s
