@@ -13,9 +13,7 @@ from ..given import suggest
 from ..setups import SetupError, load
 from ..setups.loading import beside
 from .errors import StudyError
-from .space import GRID
 from .study import Study
-from .work import POINT
 
 #: Key of the file -> what is needed.
 KEYS: dict[str, tuple[type | tuple[type, ...], str]] = {
@@ -34,6 +32,8 @@ KEYS: dict[str, tuple[type | tuple[type, ...], str]] = {
     "vary": (dict, "a table"),
     "default": (dict, "a table"),
 }
+#: Keys that `Study` names otherwise.
+ARGUMENTS = {"vary": "keys", "run": "kind"}
 
 
 def ready() -> list[str]:
@@ -93,21 +93,10 @@ def make(data: Mapping[str, Any]) -> Study:
     set-up."""
     if "setup" not in data:
         raise StudyError("setup is missing: the name or the file of a set-up")
+    given = {name: value for name, value in data.items() if name not in ("setup", "set")}
     return Study(
         load(data["setup"]).changed(data.get("set")),
-        data.get("vary", {}),
-        data.get("metrics"),
-        data.get("design", GRID),
-        data.get("samples"),
-        data.get("seed", 1),
-        data.get("schemes", ()),
-        data.get("seeds", ()),
-        data.get("run", POINT),
-        data.get("from_s", 0.0),
-        data.get("title", ""),
-        data.get("over", ""),
-        data.get("default", {}),
-        data.get("cycle", ""),
+        **{ARGUMENTS.get(name, name): value for name, value in given.items()},
     )
 
 

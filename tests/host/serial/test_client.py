@@ -16,7 +16,7 @@ from waiting import until
 from hexatorque import firmware
 from hexatorque.drive.board import BoardDrive
 from hexatorque.results import RESULTS
-from hexatorque.serial import LinkError, server, wire
+from hexatorque.serial import LinkError, sharing, wire
 from hexatorque.serial.exchange import NoReply
 from hexatorque.serial.wire import Op
 
@@ -111,8 +111,8 @@ def test_a_request_is_carried_out_once_whatever_happens(peer, drive, fault, time
 
 def test_a_process_gets_more_tries_than_a_line(peer):
     """It may have to wait for the processor."""
-    assert server.tries(peer.port) == 16
-    assert server.tries("/dev/ttyUSB0") == 8
+    assert sharing.tries(peer.port) == 16
+    assert sharing.tries("/dev/ttyUSB0") == 8
 
 
 def test_a_process_gets_sixteen_tries(peer, drive):
@@ -122,7 +122,7 @@ def test_a_process_gets_sixteen_tries(peer, drive):
         begun = time.monotonic()
         with pytest.raises(NoReply, match=r"no reply to WRITE within 0\.[89]"):
             drive.set("speed_ref_rpm", 1.0)
-        assert 16 * server.REPLY_S < time.monotonic() - begun
+        assert 16 * sharing.REPLY_S < time.monotonic() - begun
         assert len(of(peer, WRITE)) == 16 and peer.values[1] == 0.0
         drive.set("speed_ref_rpm", 2.0)
     assert peer.values[1] == 2.0
@@ -131,7 +131,7 @@ def test_a_process_gets_sixteen_tries(peer, drive):
 
 
 def test_the_reply_time_is_the_time_on_the_line_plus_50_ms():
-    assert server.reply_s(9600, 500) == pytest.approx(0.05 + 500 / 960)
+    assert sharing.reply_s(9600, 500) == pytest.approx(0.05 + 500 / 960)
     # Samples may go first, nine times as many bytes as the reply has.
     assert wire.reply_bytes(Op.LIST, 3) == 11 * 517
     assert wire.reply_bytes(Op.STATUS, 0) == 11 * 120
@@ -142,10 +142,10 @@ def test_two_lost_requests_in_a_row_do_not_end_a_drive(url):
     """A pseudo-terminal too may lead to a board on a line that loses bytes. The third request comes
     before the watchdog's time is over."""
     line = types.SimpleNamespace(url=url, write=len)
-    one = server.Server(line, 1_250_000, None)
-    beat = server.Job(Op.STATUS)
+    one = sharing.Server(line, 1_250_000, None)
+    beat = sharing.Job(Op.STATUS)
     one._begin(beat, 0.0)
-    assert server.HEARTBEAT_S + 2 * beat.deadline_s < 0.25
+    assert sharing.HEARTBEAT_S + 2 * beat.deadline_s < 0.25
 
 
 def test_the_heartbeat_keeps_the_session_and_does_nothing_else(peer, drive):

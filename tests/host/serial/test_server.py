@@ -16,7 +16,7 @@ from waiting import WAIT_S, until
 
 from hexatorque.cli.main import main
 from hexatorque.drive.board import BoardDrive
-from hexatorque.serial import LinkError, devices, runtime, server, wire
+from hexatorque.serial import LinkError, devices, runtime, server, sharing, wire
 from hexatorque.serial.exchange import Busy, Unpacker, packed
 from hexatorque.serial.wire import Op
 
@@ -422,13 +422,13 @@ def test_without_a_reader_memory_is_bounded():
     """The test fills the queue of one client: then samples are dropped, and replies are not."""
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        peer = server.Peer(ours)
-        some = object.__new__(server.Server)
+        peer = sharing.Peer(ours)
+        some = object.__new__(sharing.Server)
         some.splitter, some.unknown, some.retries = wire.Splitter(), 0, 0
         for _ in range(400_000):
             some._send(peer, b"\x40" + bytes(41))
         full = len(peer.out)
-        assert full < server.WAITING_BYTES + 100
+        assert full < sharing.WAITING_BYTES + 100
         some._answered(peer, bytes(40))
         assert len(peer.out) == full + 42
 

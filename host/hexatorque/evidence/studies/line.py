@@ -24,7 +24,7 @@ from ...boards.virtual import BoardController, VirtualBoard
 from ...experiments.operating_points import Progress
 from ...firmware import lib
 from ...serial import wire
-from ...serial.server import REPLY_S, TRIES
+from ...serial.sharing import REPLY_S, TRIES
 from ...serial.wire import Op, Status
 
 TITLE = "Serial link on a line that damages its bytes"
