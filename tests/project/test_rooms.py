@@ -23,7 +23,7 @@ NO_CIRCLE = {
 #: The floors of the house, the lowest first. A room needs rooms on lower floors only.
 FLOORS = (
     {"build", "chips", "errors", "parallel", "plant"},
-    {"given"},
+    {"given", "results"},
     {"firmware"},
     {"laws", "recording", "setups"},
     {"serial"},

@@ -441,7 +441,7 @@ def test_over_speed_is_a_fault(bench, sign):
 @pytest.mark.parametrize("sign", [1, -1])
 def test_no_start_into_a_turning_machine(bench, sign):
     turn(bench, sign * 100)
-    with pytest.raises(FirmwareError, match="turning"):
+    with pytest.raises(FirmwareError, match="turns"):
         bench.controller.start()
     assert bench.state == "idle"
     turn(bench, sign * 10)
@@ -454,7 +454,7 @@ def test_no_start_into_a_turning_machine_after_a_new_set_up(bench):
     comes counts in full."""
     turn(bench, 100)
     bench.controller.set("build_s", 0.02)
-    with pytest.raises(FirmwareError, match="turning"):
+    with pytest.raises(FirmwareError, match="turns"):
         bench.controller.start()
     words, address = bench.words, QPOSCNT[bench.device]
     words[address] += round(100 / 60 * 8192 / 100)  # the counts of a whole slow period
@@ -462,7 +462,7 @@ def test_no_start_into_a_turning_machine_after_a_new_set_up(bench):
     bench.controller.set("build_s", 0.03)
     bench.slow()
     assert bench.drive.speed_rpm == pytest.approx(100, abs=1)
-    with pytest.raises(FirmwareError, match="turning"):
+    with pytest.raises(FirmwareError, match="turns"):
         bench.controller.start()
 
 

@@ -104,7 +104,7 @@ def test_the_board_keeps_and_forgets_its_parameters_beside_the_traces(site, boar
     finally:
         assert site.post("/parameters/forget", {}) == (200, {})
     board.reset()
-    until(lambda: "initial" in site.monitored.reset)
+    until(lambda: "built-in" in site.monitored.reset)
     assert site.monitored.status()["channels"] == channels
 
 

@@ -114,7 +114,7 @@ def tool():
     sys.path.insert(0, str(ROOT / "tools"))
     try:
         spec = importlib.util.spec_from_file_location(
-            "write_comparison", ROOT / "tools/write_references.py"
+            "write_comparison", ROOT / "tools/write_comparison.py"
         )
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
@@ -176,9 +176,9 @@ def test_the_page_shows_every_method_and_every_sentence(figure, tool, tmp_path, 
 
 
 def test_the_documentation_shows_the_sentences_and_every_method(tool):
-    text = (ROOT / "docs/references.md").read_text()
+    text = (ROOT / "docs/comparison.md").read_text()
     if "Not made yet" in text:
-        pytest.skip("tools/write_references.py has not run yet")
+        pytest.skip("tools/write_comparison.py has not run yet")
     for part in ("sentences", "fronts", "sampling", "steps", "errors", "costs", "published"):
         own = text.split(f"<!-- generated: {part} -->")[1].split(f"<!-- end of {part} -->")[0]
         if part == "sentences":

@@ -12,8 +12,8 @@ import pytest
 from hexatorque import setups
 from hexatorque.cli.main import main
 from hexatorque.drive.simulated import DriveFault
+from hexatorque.evidence import kept
 from hexatorque.evidence.papers import ENTRIES, Entry
-from hexatorque.evidence.papers.engine import job as job_module
 from hexatorque.evidence.papers.engine import page, reproduce
 from hexatorque.evidence.papers.engine.figure import Figure, beside, claim, not_printed
 from hexatorque.evidence.papers.engine.job import Job
@@ -103,7 +103,7 @@ def entry(monkeypatch):
 
     Module.calls = calls
     monkeypatch.setattr(reproduce, "ENTRIES", {"A1": Entry("Title & more", "fake", "make")})
-    monkeypatch.setattr(reproduce, "import_module", lambda name: Module)
+    monkeypatch.setattr(reproduce, "import_module", lambda name, package: Module)
     return Module
 
 
@@ -229,7 +229,7 @@ def test_sweep_points_are_kept(tmp_path, monkeypatch):
     for path in tmp_path.iterdir():
         path.write_text('{"speed')
     assert Job(False, tmp_path).metrics(points) == want
-    monkeypatch.setattr(job_module, "build", lambda: "other")
+    monkeypatch.setattr(kept, "digest", lambda: "other")
     assert Job(False, tmp_path).metrics(points[:1]) == want[:1]
     assert len(measured) == 9
 
