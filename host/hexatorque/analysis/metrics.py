@@ -40,10 +40,24 @@ def torque_ripple_td_Nm(rec: Recording) -> float:
     return float(np.std(channel(rec, "torque_Nm"))) if per >= TD_SAMPLES else math.nan
 
 
+def torque_error(rec: Recording) -> tuple[float, float]:
+    """Mean torque less mean torque reference, in N m and in % of the reference. Negative: the drive
+    holds less than it is asked for, in either direction. NaN without a reference."""
+    if "torque_ref_Nm" not in rec:
+        return math.nan, math.nan
+    asked_Nm = float(np.mean(rec["torque_ref_Nm"]))
+    error_Nm = float(np.mean(channel(rec, "torque_Nm"))) - asked_Nm
+    if asked_Nm < 0:
+        error_Nm = -error_Nm
+    return error_Nm, 100 * error_Nm / abs(asked_Nm) if asked_Nm else math.nan
+
+
 #: Unit of each figure of merit, under the names of `flat`.
 UNITS = {
     "speed_rpm": "r/min",
     "torque_Nm": "N m",
+    "torque_error_Nm": "N m",
+    "torque_error_pct": "%",
     "torque_ripple_Nm": "N m",
     "torque_ripple_td_Nm": "N m",
     "flux_Wb": "Wb",
@@ -102,9 +116,11 @@ def metrics(
     rec.meta["f_sw_Hz"]. Raises ValueError if the recording is shorter than two cycles of the
     fundamental.
 
-    speed_rpm, torque_Nm, flux_Wb (|psi_s|): means; torque_ripple_Nm, flux_ripple_Wb: standard
-    deviations sqrt(mean((T - mean T)^2)) over the control instants (paper B, eq. (9); its traces
-    leave the DSP once a period); torque_ripple_td_Nm: the same over all samples
+    speed_rpm, torque_Nm, flux_Wb (|psi_s|): means; torque_error_Nm, torque_error_pct: of the mean
+    torque against its reference (`torque_error`), None without one; torque_ripple_Nm,
+    flux_ripple_Wb: standard deviations sqrt(mean((T - mean T)^2)) over the control instants
+    (paper B, eq. (9); its traces leave the DSP once a period); torque_ripple_td_Nm: the same over
+    all samples
     (`torque_ripple_td_Nm`); i1_A: peak of the fundamental of phase u1; f1_Hz: its frequency;
     thd_pct: THD of phase u1, by band; thd_inf_pct: THD of all six phases over the whole recorded
     spectrum (`thd_inf_pct` of `spectrum`); h5_pct, h7_pct: harmonics of phase u1 in % of its
@@ -138,12 +154,15 @@ def metrics(
     inverter = bridge(rec, edges if needed(*BRIDGE) else None)
     # The extremes of torque and flux are at control instants. Over all samples the ripple would be
     # up to a fifth lower.
+    error_Nm, error_pct = torque_error(rec)
     per = rec.meta.get("samples_per_period", 1)
     control = slice(-round(rec.start_s * rec.rate_Hz) % per, None, per)
     return _finite(
         {
             "speed_rpm": np.mean(channel(rec, "speed_rpm")),
             "torque_Nm": np.mean(torque_Nm),
+            "torque_error_Nm": error_Nm,
+            "torque_error_pct": error_pct,
             "torque_ripple_Nm": np.std(torque_Nm[control]),
             "torque_ripple_td_Nm": torque_ripple_td_Nm(rec),
             "flux_Wb": np.mean(flux_Wb),

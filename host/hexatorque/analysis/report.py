@@ -43,8 +43,10 @@ def _metric(key: str, band: str = "") -> Callable[[Run], float | None]:
 
 
 COLUMNS = (
-    Column("speed", "r/min", 0, _metric("speed_rpm")),
+    Column("speed", "r/min", 0, _metric("speed_rpm"), brief=False),
     Column("torque", "N m", 2, _metric("torque_Nm"), brief=False),
+    Column("T err", "N m", 2, _metric("torque_error_Nm"), brief=False),
+    Column("T err", "%", 1, _metric("torque_error_pct")),
     Column("ripple", "N m", 3, _metric("torque_ripple_Nm"), "torque_ripple_Nm"),
     Column("Td", "N m", 3, _metric("torque_ripple_td_Nm")),
     Column("THD 1k", "%", 1, _metric("thd_pct", "1kHz"), brief=False),
@@ -65,7 +67,8 @@ COLUMNS = (
 )
 TITLE = "Direct torque control of six-phase drives"
 THD_NOTE = (
-    "THD of phase u1; ripple is a standard deviation at the control instants, Td over all "
+    "T err: mean torque less its reference, negative if the drive holds less than it is asked "
+    "for. THD of phase u1; ripple is a standard deviation at the control instants, Td over all "
     "samples; THD∞ is of all six phases and has no band. The papers do not state the band of their "
     "THD: it stands in the 5 kHz column."
 )
@@ -78,7 +81,8 @@ Row = tuple[bool, list[str]]  #: is it the paper's; cells
 
 
 def _text(value: float | None, digits: int, scale: float = 1.0) -> str:
-    return "–" if value is None else f"{scale * value:.{digits}f}"
+    # Plus zero: no "-0.0".
+    return "–" if value is None else f"{round(scale * value, digits) + 0.0:.{digits}f}"
 
 
 def _rows(group: list[Run], reference: Reference, columns: Iterable[Column]) -> list[Row]:

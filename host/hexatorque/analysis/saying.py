@@ -22,14 +22,18 @@ AT_INSTANTS = ("torque_ripple_Nm", "torque ripple", "N m", 1.0)
 PAIRS = (("fdr", "ddr"), ("dtc1", "dtc3"))
 #: Values this near to the best one share its place.
 TIE = 0.02
+#: A mean torque that is further from its reference, in %, is told.
+HELD_PCT = 2.0
 #: A deviation from a printed value by more than this factor gets its reason.
 FAR = 1.3
 
 
 def sentences(runs: list[Run], reference: Reference) -> list[str]:
-    """One line for each operating point, then what latency does, then why printed values differ."""
+    """One line for each operating point, then which schemes hold another torque than they are
+    asked for, then what latency does, then why printed values differ."""
     groups = by_point(runs).values()
     lines = [f"{group[0].point}: {line}" for group in groups for line in _of_point(group)]
+    lines += [line for group in groups for line in _of_mean_torque(group)]
     lines += [line for group in groups for line in _of_latency(group)]
     return lines + [line for group in groups for line in _of_paper(group, reference)]
 
@@ -118,6 +122,26 @@ def _extremes(runs: list[Run]) -> str:
             f"{_shown(high, unit, scale)} ({known[-1].scheme.upper()})"
         )
     return "; ".join(parts) + "." if parts else "no figure could be computed."
+
+
+def _of_mean_torque(group: list[Run]) -> list[str]:
+    """Which schemes hold another mean torque than their reference, and by how much."""
+    own: dict[str, Run] = {}
+    for run in group:
+        if math.isfinite(_value(run, "torque_error_pct")):
+            own.setdefault(run.scheme, run)
+    off = {scheme: _value(run, "torque_error_pct") for scheme, run in own.items()}
+    told = [
+        f"{'below' if percent < 0 else 'above'} by {abs(percent):.2g} % "
+        f"({abs(_value(own[scheme], 'torque_error_Nm')):.2g} N m) under {scheme.upper()}"
+        for scheme, percent in sorted(off.items(), key=lambda item: -abs(item[1]))
+        if abs(percent) > HELD_PCT
+    ]
+    if not told:
+        return []
+    held = [scheme.upper() for scheme, percent in off.items() if abs(percent) <= HELD_PCT]
+    rest = f"; within {HELD_PCT:g} % under {_listed(held)}" if held else ""
+    return [f"{group[0].point}: the mean torque is off its reference: {_listed(told)}{rest}."]
 
 
 def _of_latency(group: list[Run]) -> list[str]:

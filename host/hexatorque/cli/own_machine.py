@@ -47,12 +47,10 @@ def new(file, nameplate, circuit, force) -> int:
 
     The machine has six phases. Voltage and current of a nameplate are those of each of the two
     three-phase sets. What it does
-    not say is estimated, and tagged with the range in which it lies. Without a list the command
-    asks.
+    not say is estimated, and tagged with the range in which it lies. The scheme is the one that
+    `check` finds best. Without a list the command asks.
     """
     from ..setups import new as writing
-    from ..setups import parse
-    from ..setups.review import refuse_impossible
 
     if nameplate is not None and circuit is not None:
         raise options.Mistake("give one of --nameplate and --circuit, not both")
@@ -74,11 +72,13 @@ def new(file, nameplate, circuit, force) -> int:
         text = writing.from_circuit(circuit, title)
     else:
         text = writing.from_nameplate(nameplate, title)
-    refuse_impossible(parse(text, file.stem))
+    text, scheme, why = writing.with_best_scheme(text, file.stem)
     try:
         file.write_text(text)
     except OSError as error:
         raise options.Mistake(f"{file}: {error.strerror}") from None
+    if scheme:
+        print(f"scheme {scheme}: {why}")
     print(f"{file}: complete; next: hexatorque check {shlex.quote(str(file))}")
     return 0
 
@@ -99,25 +99,35 @@ def new(file, nameplate, circuit, force) -> int:
 def check(setup, schemes, settings, everything, as_json) -> int:
     """Review a set-up before anything runs.
 
-    Compares currents, voltages, steps and gains with their limits, says what to change, and which
-    schemes are ready. Ends with 1 if the drive cannot run: if a finding of all schemes is bad, or
-    one of the set-up's own scheme or of a scheme that was asked for.
+    Compares currents, voltages, steps and gains with their limits, says what to change, which mean
+    torque each scheme holds, and which are ready. Ends with 1 if the drive cannot run: if a finding
+    of all schemes is bad, or one of the set-up's own scheme or of a scheme that was asked for.
     """
-    from .. import setups
-    from ..setups.review import outcome, review
+    from .. import firmware, setups
+    from ..setups.review import best, mean_torque_says, outcome, review
 
     loaded = setups.load(setup).changed(options.settings_given(settings))
     scheme = loaded.parameter("scheme")
     reviewed = options.schemes_given(schemes)
     own = reviewed if schemes else [scheme]
-    findings = review(loaded, reviewed)
+    # All of them: advice names those that are ready.
+    known = review(loaded, firmware.schemes())
+    first, why = best(known, firmware.schemes())
+    findings = [f for f in known if f.scheme in ("", *reviewed)]
     bad = any(f.verdict == "bad" and f.scheme in ("", *own) for f in findings)
     name = shlex.join([setup, *(word for text in settings for word in ("--set", text))])
-    reached = outcome(findings, reviewed, scheme, name)
+    reached = outcome(findings, reviewed, scheme, name, first)
     if as_json:
         rows = [finding.as_json() for finding in findings]
-        verdict = {"ready": reached.ready, "verdict": reached.text}
-        print_json({"setup": loaded.name, "ok": not bad, **verdict, "findings": rows})
+        print_json(
+            {
+                "setup": loaded.name,
+                "ok": not bad,
+                **reached.as_json(),
+                "best": {"scheme": first, "why": why} if first else None,
+                "findings": rows,
+            }
+        )
         return int(bad)
     console = console_of(False, highlight=False)
     if not console.is_terminal:
@@ -125,14 +135,17 @@ def check(setup, schemes, settings, everything, as_json) -> int:
     console.print(f"{loaded.name}: {loaded.title}", markup=False)
     if everything:
         console.print(_table(findings))
-    else:
-        _print_notes(console, [f for f in findings if f.scheme in ("", *own)])
+    shown = findings if everything else [f for f in findings if f.scheme in ("", *own)]
+    _print_notes(console, shown, "" if everything else " (--all shows them)")
+    if told := mean_torque_says(findings):
+        console.print(told, markup=False)
     console.print(reached.text, markup=False)
     return int(bad)
 
 
-def _print_notes(console, findings) -> None:
-    """What is not in order, bad before notes. A line each, and one for what to change."""
+def _print_notes(console, findings, rest: str) -> None:
+    """What is not in order, bad before notes. A line each, and one for what to change; then how
+    many there are, with the `rest` of this line."""
     from rich.markup import escape
     from rich.padding import Padding
 
@@ -141,17 +154,18 @@ def _print_notes(console, findings) -> None:
         limit = f": {f.value:.4g} {f.unit}".rstrip() + f", limit {f.limit:.4g}" if f.sign else ""
         of = f"{f.scheme}: " if f.scheme else ""
         console.print(f"[{STYLE[f.verdict]}]{f.verdict:4}[/]  {escape(of + f.subject + limit)}")
-        console.print(Padding(escape(f.advice), (0, 0, 0, 6)))
+        console.print(Padding(escape(f.advice), (0, 0, 0, 6), expand=False))
     with_limit = [f for f in findings if f.sign or f.verdict != "ok"]
     fine = len(with_limit) - len(shown)
-    console.print(f"{fine} of {len(with_limit)} findings are in order (--all shows them)")
+    console.print(f"{fine} of {len(with_limit)} findings are in order{rest}")
 
 
 def _table(findings):
+    """What to change stands below the table, where there is room for it."""
     from rich.table import Table
 
     table = Table()
-    for heading in ("scheme", "what", "value", "limit", "unit", "verdict", "change"):
+    for heading in ("scheme", "what", "value", "limit", "unit", "verdict"):
         table.add_column(heading, justify="right" if heading in ("value", "limit") else "left")
     scheme = ""
     for f in findings:
@@ -160,5 +174,5 @@ def _table(findings):
             scheme = f.scheme
         limit = f"{f.sign} {f.limit:.4g}" if f.sign else ""
         verdict = f"[{STYLE[f.verdict]}]{f.verdict}[/]"
-        table.add_row(f.scheme, f.subject, f"{f.value:.4g}", limit, f.unit, verdict, f.advice)
+        table.add_row(f.scheme, f.subject, f"{f.value:.4g}", limit, f.unit, verdict)
     return table

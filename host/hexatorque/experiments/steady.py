@@ -67,21 +67,14 @@ def at_point(setup: Setup, speed_rpm: float | None = None, load_Nm: float | None
     if setup["point.speed_rpm"] == 0:
         if speed_rpm is not None:
             raise SetupError(f"{setup.name}: speed_rpm (--speed) = 0: another speed is needed")
-        setup = setup.changed(_half_of_rated(setup))
+        half_rpm, half_Nm = Design(setup, parameters(setup).__getitem__).steady_point
+        setup = setup.changed({"point.speed_rpm": half_rpm, "point.load_Nm": half_Nm})
     torque, limit = setup["point.load_Nm"], setup.parameter("torque_limit_Nm")
     if abs(torque) > limit:
         raise SetupError(
             f"load {torque:g} N m: allowed range is -{limit:g} .. {limit:g} N m (torque limit)"
         )
     return setup
-
-
-def _half_of_rated(setup: Setup) -> dict[str, float]:
-    design = Design(setup, parameters(setup).__getitem__)
-    half = {"point.speed_rpm": 0.5 * design.rated_rpm}
-    if setup["point.load_Nm"] == 0:
-        half["point.load_Nm"] = 0.5 * design.rated_Nm
-    return {path: float(f"{value:.3g}") for path, value in half.items()}
 
 
 def under(setup: Setup, scheme: str | Law | None) -> Point:

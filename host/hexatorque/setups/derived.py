@@ -34,6 +34,8 @@ I_TRIP_SHARE = 0.85
 F_ISR_HZ, F_ISR_FAST_HZ = 10e3, 20e3
 #: That far, in rated torques.
 LONGEST_STEP = 0.8
+#: Periods in a time constant of a current, at least (ht_deadbeat_law.c).
+SAMPLES_PER_CONSTANT = 5.0
 #: The fast interrupt's result must be written well within the period.
 WRITTEN_WITHIN = 0.8
 #: Frequencies of the speed loop. Each divides both sampling frequencies.
@@ -159,10 +161,16 @@ def _flux_ref_Wb(k: Known) -> float:
 
 
 def _f_isr_Hz(k: Known) -> float:
-    step_Nm = k.torque_step_Nm(1 / F_ISR_HZ)
-    written_s = write_delay_us(k.setup) * 1e-6
-    fast = step_Nm > LONGEST_STEP * k.rated_Nm and written_s < WRITTEN_WITHIN / F_ISR_FAST_HZ
-    return F_ISR_FAST_HZ if fast else F_ISR_HZ
+    carried = write_delay_us(k.setup) * 1e-6 < WRITTEN_WITHIN / F_ISR_FAST_HZ
+    too_far = k.torque_step_Nm(1 / F_ISR_HZ) > LONGEST_STEP * k.rated_Nm
+    # Below this the firmware refuses the laws that predict; beyond the faster one too.
+    refused = F_ISR_HZ < least_f_isr_Hz(k) <= F_ISR_FAST_HZ
+    return F_ISR_FAST_HZ if carried and (too_far or refused) else F_ISR_HZ
+
+
+def least_f_isr_Hz(k: Known) -> float:
+    """Lowest sampling frequency of the laws that predict (ht_deadbeat_law_least_Hz)."""
+    return SAMPLES_PER_CONSTANT * k["rs_ohm"] / min(k["lxy_H"], k["sigma_ls_H"])
 
 
 def _f_slow_Hz(k: Known) -> float:
@@ -232,7 +240,8 @@ OPEN: dict[str, Rule] = {
     ),
     "flux_min_Wb": Rule("20 % of flux_ref_Wb", lambda k: 0.2 * k.flux_Wb),
     "f_isr_Hz": Rule(
-        "10 kHz; 20 kHz if one period of 100 us moves the torque by more than 80 % of rated",
+        "10 kHz; 20 kHz if one period of 100 us moves the torque by more than 80 % of rated, or if "
+        "it has less than five periods in L_xy/R_s or sigma L_s/R_s, and 20 kHz has them",
         _f_isr_Hz,
     ),
     "f_slow_Hz": Rule(
@@ -312,7 +321,7 @@ OPEN: dict[str, Rule] = {
     ),
     "speed_trip_rpm": Rule(
         "1.5 times the larger of rated speed and the speed that the voltage reaches, but 1.2 times "
-        "the fastest speed of point and profile at least",
+        "the fastest speed of point, profile and speed_ref_rpm at least",
         lambda k: min(max(1.5 * max(k.rated_rpm, k.base_rpm(), 100.0), 1.2 * k.asked_rpm), 60000.0),
     ),
     "vdc_max_V": Rule(

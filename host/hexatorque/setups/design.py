@@ -39,6 +39,10 @@ def rpm(rad_s: float) -> float:
     return rad_s * 30 / math.pi
 
 
+def _three_digits(value: float) -> float:
+    return float(f"{value:.3g}")
+
+
 def pull_out_Nm(m: Parameters, flux_Wb: float) -> float:
     """The top of the circle diagram at this flux."""
     return 1.5 * m.pole_pairs * flux_Wb**2 * (1 / m.sigma_ls_H - 1 / m.ls_H)
@@ -110,9 +114,13 @@ class Design:
 
     @cached_property
     def asked_rpm(self) -> float:
-        """The fastest speed of point and profile; 0 if there is none."""
-        steps = self.setup.profile.speed_rpm
-        return max(abs(value) for value in (self.setup["point.speed_rpm"], *(v for _, v in steps)))
+        """The fastest speed of point, profile and speed reference, with which a board starts; 0 if
+        there is none."""
+        profile = self.setup.profile
+        steps = [v for _, v in profile.speed_rpm]
+        steps += [v for _, name, v in profile.set if name == "speed_ref_rpm"]
+        asked = (self.setup["point.speed_rpm"], self.parameter("speed_ref_rpm"), *steps)
+        return max(abs(float(value)) for value in asked)
 
     @cached_property
     def asked_Nm(self) -> float:
@@ -141,6 +149,16 @@ class Design:
         less than point and profile ask."""
         stated = self.setup["rated.speed_rpm"]
         return stated if stated > 0 else max(self.base_rpm(), self.asked_rpm)
+
+    @property
+    def steady_point(self) -> tuple[float, float]:
+        """Speed and load at which schemes are compared: those of the set-up's point; without a
+        speed in it, half of rated speed, and of rated torque unless it has a load."""
+        speed_rpm, load_Nm = self.setup["point.speed_rpm"], self.setup["point.load_Nm"]
+        if speed_rpm == 0:
+            speed_rpm = _three_digits(0.5 * self.rated_rpm)
+            load_Nm = load_Nm or _three_digits(0.5 * self.rated_Nm)
+        return speed_rpm, load_Nm
 
     @cached_property
     def rated_A(self) -> float:

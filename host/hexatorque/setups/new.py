@@ -14,6 +14,10 @@ from .nameplate import FRICTION, IRON, THREE_PHASE, Nameplate, ThreePhase
 from .published import machines
 from .values import SetupError
 
+#: The scheme of a set-up for which none is ready.
+FALLBACK = "ddr"
+SCHEME_LINE = 'scheme = "{}"'
+
 _M = KEYS["machine"]
 
 
@@ -286,8 +290,25 @@ def _text(
     for section, rows in sections.items():
         lines += ["", f"[{section}]"]
         lines += [_line(name, row, KEYS[section][name]) for name, row in rows.items()]
-    lines += ["", "[controller]", 'scheme = "ddr"', ""]
+    lines += ["", "[controller]", SCHEME_LINE.format(FALLBACK), ""]
     return "\n".join(lines)
+
+
+def with_best_scheme(text: str, name: str) -> tuple[str, str, str]:
+    """The text of a new set-up with the scheme that the review finds best for its machine; that
+    scheme, and why. Both are empty if none is ready. SetupError if no machine has such numbers."""
+    from .. import firmware
+    from .loading import parse
+    from .review import best, refuse_impossible, review
+
+    setup = parse(text, name)
+    refuse_impossible(setup)
+    schemes = firmware.schemes()
+    scheme, why = best(review(setup, schemes), schemes)
+    if not scheme:
+        return text, "", ""
+    line = f"# {why}\n{SCHEME_LINE.format(scheme)}"
+    return text.replace(SCHEME_LINE.format(FALLBACK), line), scheme, why
 
 
 def _line(name: str, row: tuple, key: Key) -> str:

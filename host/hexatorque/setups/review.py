@@ -1,7 +1,8 @@
 """The review of a set-up before anything runs: `hexatorque check`.
 
 Every finding compares a value with a limit and says what to change. The values follow from the
-set-up by formulas, without simulation. A limit beyond which the drive cannot do its work, or may
+set-up by formulas, without simulation; the mean torque under a switching table from the firmware's
+law (`mean_torque`). A limit beyond which the drive cannot do its work, or may
 trip, is "bad"; one beyond which it works, but not well, is a "note".
 """
 
@@ -9,11 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from .derived import WRITTEN_WITHIN, write_delay_us
+from .derived import F_ISR_FAST_HZ, WRITTEN_WITHIN, write_delay_us
 from .design import PULL_OUT_SHARE, REACH_PU, TABLE_SHARE, Design, rad_s
+from .mean_torque import held
 from .setup import Setup
 from .to_parameters import parameters
 from .values import SetupError
@@ -30,6 +32,13 @@ XY_FLUX_OF_LARGE = 0.075
 XY_PEAK = 3.5
 #: Transitions of all legs in a period, at most and in the mean, divided by the twelve of f_sw.
 SWITCHING = {"single": 1 / 6, "pair": 1 / 5, "virtual L": 1 / 3, "virtual ML": 2 / 3}
+#: A mean torque that is further from its reference, in % of it, is a note.
+HELD_PCT = 5.0
+#: Beginnings of subjects that others look for.
+MEAN_PCT = "mean torque less its reference, in % of it"
+MEAN_NM = "mean torque less its reference"
+REACH = "reach with the full flux"
+SWITCHES = "switching frequency at full voltage, about"
 
 
 @dataclass(frozen=True)
@@ -74,8 +83,9 @@ def graded(
     return at_most(subject, value, limit, unit, advice, "note")
 
 
-def review(setup: Setup, schemes: Iterable[str]) -> list[Finding]:
-    """All findings: those of the set-up, then those of each scheme."""
+def review(setup: Setup, schemes: Iterable[str], steady: bool = True) -> list[Finding]:
+    """All findings: those of the set-up, then those of each scheme. steady: with the mean torque in
+    steady state, which takes longest, and is never bad."""
     values = parameters(setup)
     design = Design(setup, values.__getitem__)
     findings = [
@@ -86,8 +96,82 @@ def review(setup: Setup, schemes: Iterable[str]) -> list[Finding]:
         *_speed(design),
     ]
     for name in schemes:
-        findings += [Finding(**{**asdict(f), "scheme": name}) for f in _scheme(design, name)]
+        found = [*_scheme(design, name), *(_steady(setup, design, name) if steady else ())]
+        findings += [replace(f, scheme=name) for f in _mended(setup, design, name, found)]
+    findings = _with_others(findings)
     return [*findings, *_refused(setup, findings)]
+
+
+def ready_of(findings: Iterable[Finding], schemes: Iterable[str]) -> list[str]:
+    """The schemes of which nothing is bad; none if something of the set-up is."""
+    wrong = {f.scheme for f in findings if f.verdict == "bad"}
+    return [] if "" in wrong else [scheme for scheme in schemes if scheme not in wrong]
+
+
+def best(findings: Iterable[Finding], schemes: Iterable[str]) -> tuple[str, str]:
+    """The best scheme that is ready, with the reason; empty if none is. That is the one with the
+    fewest notes, of these the one that holds its mean torque best, to a tenth of a percent, then
+    the one with the largest reach."""
+    findings = list(findings)
+    ready = ready_of(findings, schemes)
+
+    def value(scheme: str, subject: str) -> float:
+        found = [f.value for f in findings if f.scheme == scheme and f.subject.startswith(subject)]
+        return found[0] if found else math.nan
+
+    def notes(scheme: str) -> int:
+        return sum(f.scheme == scheme and f.verdict == "note" for f in findings)
+
+    def rank(scheme: str) -> tuple[float, float, float]:
+        percent = value(scheme, MEAN_PCT)
+        held = round(abs(percent), 1) if math.isfinite(percent) else 0.0
+        return notes(scheme), held, -value(scheme, REACH)
+
+    if not ready:
+        return "", ""
+    first = min(ready, key=rank)
+    count = notes(first)
+    parts = [
+        "no note" if count == 0 else f"{count} note{'s' if count > 1 else ''}",
+        f"mean torque within {max(0.1, rank(first)[1]):.1f} % of its reference",
+        f"full flux up to {value(first, REACH):.0f} r/min",
+        f"switches at about {1e-3 * value(first, SWITCHES):.3g} kHz",
+    ]
+    return first, f"best of {len(ready)} that are ready: {', '.join(parts)}"
+
+
+def _with_others(findings: list[Finding]) -> list[Finding]:
+    """Advice about a scheme that is not in order names those that are."""
+    names = list(dict.fromkeys(f.scheme for f in findings if f.scheme))
+    ready = ready_of(findings, names)
+    off = {f.scheme for f in findings if f.subject.startswith(MEAN_PCT) and f.verdict == "note"}
+    hold = [name for name in ready if name not in off]
+    first, _ = best(findings, names)
+
+    def advised(f: Finding) -> Finding:
+        if f.scheme and f.verdict == "bad" and first:
+            return replace(f, advice=f"{f.advice}; or take {first}")
+        if f.subject.startswith(MEAN_PCT) and f.verdict == "note" and hold:
+            return replace(f, advice=f"{f.advice}; or take {' or '.join(hold[:3])}")
+        return f
+
+    return [advised(f) for f in findings]
+
+
+def _mended(setup: Setup, d: Design, name: str, found: list[Finding]) -> list[Finding]:
+    """Where the faster sampling alone makes a scheme ready, the advice says so."""
+    wrong = [f for f in found if f.verdict == "bad"]
+    if not wrong or d.parameter("f_isr_Hz") >= F_ISR_FAST_HZ:
+        return found
+    try:
+        faster = setup.changed(controller__f_isr_Hz=F_ISR_FAST_HZ)
+    except SetupError:
+        return found
+    other = Design(faster, parameters(faster).__getitem__)
+    if any(f.verdict == "bad" for f in (*_fits(other), *_scheme(other, name))):
+        return found
+    told = f"set controller.f_isr_Hz = {F_ISR_FAST_HZ:g}: {name} is ready then"
+    return [replace(f, advice=told) if f in wrong else f for f in found]
 
 
 def refuse_impossible(setup: Setup) -> None:
@@ -135,10 +219,30 @@ class Outcome:
     not_ready: dict[str, Finding]
     text: str
 
+    def as_json(self) -> dict[str, Any]:
+        reasons = {scheme: _why(f) for scheme, f in self.not_ready.items()}
+        return {"ready": self.ready, "not_ready": reasons, "verdict": self.text}
 
-def outcome(findings: Iterable[Finding], schemes: Iterable[str], own: str, name: str) -> Outcome:
+
+def mean_torque_says(findings: Iterable[Finding]) -> str:
+    """One line with the mean torque of each scheme against its reference; empty without schemes."""
+    parts: dict[str, list[str]] = {}
+    where = ""
+    percent = {f.scheme: f.value for f in findings if f.subject.startswith(MEAN_PCT)}
+    for f in findings:
+        if f.subject.startswith(MEAN_NM + ", at"):
+            where = f.subject.removeprefix(MEAN_NM)
+            of = f" ({percent[f.scheme]:+.0f} %)" if f.scheme in percent and f.value else ""
+            parts.setdefault(f"{f.value:+.2g} N m{of}" if f.value else "0", []).append(f.scheme)
+    listed = "; ".join(f"{', '.join(names)} {value}" for value, names in parts.items())
+    return f"{MEAN_NM}{where}: {listed}" if listed else ""
+
+
+def outcome(
+    findings: Iterable[Finding], schemes: Iterable[str], own: str, name: str, first: str = ""
+) -> Outcome:
     """What follows for these schemes. own: the set-up's scheme; name: the set-up, as a command
-    line has it."""
+    line has it; first: the best scheme of all, if one is ready."""
     findings, schemes = list(findings), list(schemes)
     bad = [f for f in findings if f.verdict == "bad"]
     again = f"then hexatorque check {name}"
@@ -146,22 +250,23 @@ def outcome(findings: Iterable[Finding], schemes: Iterable[str], own: str, name:
         more = f" ({len(general) - 1} more like this)" if len(general) > 1 else ""
         text = f"not ready: {_why(general[0])}; next: {general[0].advice}{more}, {again}"
         return Outcome((), dict.fromkeys(schemes, general[0]), text)
-    first = {scheme: f for scheme in schemes for f in reversed(bad) if f.scheme == scheme}
-    ready = tuple(scheme for scheme in schemes if scheme not in first)
+    wrong = {scheme: f for scheme in schemes for f in reversed(bad) if f.scheme == scheme}
+    ready = tuple(scheme for scheme in schemes if scheme not in wrong)
+    best_one = first or best(findings, schemes)[0]
     parts = [f"ready: {', '.join(ready)}" if ready else "no scheme is ready"]
     reasons: dict[str, list[str]] = {}
-    for scheme, f in first.items():
+    for scheme, f in wrong.items():
         reasons.setdefault(f.subject, []).append(scheme)
     for names in reasons.values():
-        parts.append(f"not: {', '.join(names)}, because {_why(first[names[0]])}")
-    if own in first and ready:
-        step = f'set controller.scheme = "{ready[0]}", {again}'
+        parts.append(f"not: {', '.join(names)}, because {_why(wrong[names[0]])}")
+    if own in wrong and best_one:
+        step = f'set controller.scheme = "{best_one}", {again}'
     elif not ready:
-        step = f"{first[schemes[0]].advice}, {again}"
+        step = f"{wrong[schemes[0]].advice}, {again}"
     else:
-        most = [scheme for scheme in (own, *ready) if scheme in ready][:4]
+        most = [scheme for scheme in (own, best_one, *ready) if scheme in ready][:4]
         step = f"hexatorque compare --setup {name} --schemes {','.join(dict.fromkeys(most))}"
-    return Outcome(ready, first, "; ".join([*parts, f"next: {step}"]))
+    return Outcome(ready, wrong, "; ".join([*parts, f"next: {step}"]))
 
 
 def _why(f: Finding) -> str:
@@ -281,7 +386,7 @@ def _speed(d: Design) -> Iterator[Finding]:
         "raise controller.speed_trip_rpm",
     )  # fmt: skip
     yield at_most(
-        "fastest speed of point and profile against the trip", d.asked_rpm,
+        "fastest speed that is asked for against the trip", d.asked_rpm,
         0.95 * p("speed_trip_rpm"), "r/min",
         "raise controller.speed_trip_rpm, or ask for less",
     )  # fmt: skip
@@ -309,7 +414,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
             f"set controller.f_isr_Hz = {math.ceil(least_Hz / 1e4) * 10_000}",
         )  # fmt: skip
         yield from _reach(d, row, 1.0)
-        yield from _expected(d, p("f_isr_Hz"))
+        yield from _expected(d, 0.5 * p("f_isr_Hz"))  # a leg toggles once in a period
         return
     single, virtual = row.vectors == lib.HT_VECTORS_SINGLE, row.vectors == lib.HT_VECTORS_VIRTUAL
     vector_pu = row.reach_pu / COS_15 if single or virtual else LARGE_PU
@@ -347,11 +452,37 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
 
 def _expected(d: Design, f_sw_Hz: float) -> Iterator[Finding]:
     """Switching frequency and losses of the inverter at rated torque, without a limit."""
-    yield _told("switching frequency at full voltage, about", f_sw_Hz, "Hz")
+    yield _told(SWITCHES, f_sw_Hz, "Hz")
     if conduction_W := d.conduction_W(d.rated_Nm):
         yield _told("inverter's conduction losses at rated torque, about", conduction_W, "W")
     if switching_W := d.switching_W(d.rated_Nm, f_sw_Hz):
         yield _told("inverter's switching losses at rated torque, about", switching_W, "W")
+
+
+def _steady(setup: Setup, d: Design, name: str) -> Iterator[Finding]:
+    """The mean torque where schemes are compared. A law without comparators predicts the flux that
+    has the torque asked for: its mean is the reference."""
+    from .. import firmware
+
+    lib = firmware.lib
+    speed_rpm, load_Nm = d.steady_point
+    asked_Nm = load_Nm + d.machine.viscous_Nms * rad_s(speed_rpm)
+    where = f", at {speed_rpm:g} r/min and {load_Nm:g} N m"
+    error_Nm, error_pct = 0.0, 0.0
+    if lib.ht_scheme_describe(firmware.schemes().index(name)).law == lib.HT_LAW_TABLE:
+        try:
+            own = setup.with_scheme(name)
+            controller = firmware.Controller(own["timing.device"], parameters(own))
+        except (SetupError, firmware.FirmwareError):
+            return  # what is wrong is said elsewhere
+        found = held(d, controller, speed_rpm, asked_Nm)
+        error_Nm, error_pct = found.error_Nm, found.error_pct
+    yield _told(MEAN_NM + where, error_Nm, "N m")
+    advice = "lower controller.torque_band_Nm, or raise controller.f_isr_Hz"
+    if error_pct <= 0:
+        yield at_least(MEAN_PCT + where, error_pct, -HELD_PCT, "%", advice, "note")
+    elif error_pct > 0:
+        yield at_most(MEAN_PCT + where, error_pct, HELD_PCT, "%", advice, "note")
 
 
 def _told(subject: str, value: float, unit: str) -> Finding:
@@ -402,10 +533,10 @@ def _reach(d: Design, row: Any, table_share: float) -> Iterator[Finding]:
     reach_pu = table_share * row.reach_pu
     reach_rpm = d.base_rpm(reach_pu, 1.0)
     if p("field_weakening") != "on":
-        yield at_least("reach with the full flux", reach_rpm, d.rated_rpm, "r/min", more)
+        yield at_least(REACH, reach_rpm, d.rated_rpm, "r/min", more)
         return
     yield at_least(
-        "reach with the full flux", reach_rpm, d.rated_rpm, "r/min",
+        REACH, reach_rpm, d.rated_rpm, "r/min",
         f"the field is weakened from there on; to avoid it {more}", "note",
     )  # fmt: skip
     usable_V = p("fw_margin") * reach_pu * d.vdc_V

@@ -196,7 +196,7 @@ class Judge:
     def _refused(self, setup: Setup) -> set[str]:
         """What `check` calls bad."""
         scheme = str(setup.parameter("scheme"))
-        return {f.subject for f in review(setup, [scheme]) if f.verdict == "bad"}
+        return {f.subject for f in review(setup, [scheme], steady=False) if f.verdict == "bad"}
 
     def robust(self, case: tuple[dict[str, float], tuple[str, str, float]]) -> str:
         """Why a candidate does not hold with an error; "" if it does."""

@@ -12,7 +12,8 @@ from hexatorque.analysis.run import by_point
 from hexatorque.evidence.papers.printed_values import PAPER
 
 METRICS = [
-    "speed_rpm", "torque_Nm", "torque_ripple_Nm", "torque_ripple_td_Nm", "flux_Wb",
+    "speed_rpm", "torque_Nm", "torque_error_Nm", "torque_error_pct", "torque_ripple_Nm",
+    "torque_ripple_td_Nm", "flux_Wb",
     "flux_ripple_Wb", "i1_A", "f1_Hz", "thd_pct", "thd_inf_pct", "h5_pct",
     "h7_pct", "ixy_rms_A", "delta_i_A", "delta_i_spread_A", "f_sw_Hz", "copper_loss_W",
     "idc_A", "idc_ripple_A",
@@ -46,6 +47,23 @@ def test_known_steady_state(make_recording, prefix, offset_A):
     assert m["ixy_rms_A"] == pytest.approx(np.hypot(0.24, 0.1))
     assert m["delta_i_A"] == pytest.approx(0, abs=1e-9)
     assert m["f_sw_Hz"] == 2450
+
+
+@pytest.mark.parametrize(
+    ("asked_Nm", "error_Nm", "error_pct"),
+    [(2.5, -0.5, -20), (1.6, 0.4, 25), (-2.5, -4.5, -180), (0.0, 2.0, None)],
+)
+def test_the_mean_torque_against_its_reference(make_recording, asked_Nm, error_Nm, error_pct):
+    """The mean torque is 2 N m. Less than what is asked for is negative, in either direction."""
+    for sign in (1, -1):
+        rec = make_recording(torque_Nm=sign * 2.0)
+        rec.channels["torque_ref_Nm"] = np.full(len(rec), sign * asked_Nm)
+        m = metrics(rec)
+        held_Nm = sign * 2.0 if asked_Nm == 0 else error_Nm
+        assert m["torque_error_Nm"] == pytest.approx(held_Nm)
+        assert m["torque_error_pct"] == (error_pct and pytest.approx(error_pct))
+    del rec.channels["torque_ref_Nm"]
+    assert metrics(rec)["torque_error_Nm"] is metrics(rec)["torque_error_pct"] is None
 
 
 @pytest.mark.parametrize("name", sorted(UNITS))

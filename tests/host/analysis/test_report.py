@@ -74,11 +74,26 @@ def test_console_shows_ours_and_the_papers(runs):
     assert ["DTC3", "paper", "0.1063", "12.9", "2"] in lines
     assert ["DDR", "paper", "8.13", "0.0309", "2.48"] in lines
     ours = next(line for line in lines if line[:2] == ["DTC3", "predicted"])
-    assert ours == ["DTC3", "predicted", "2500", "0.110", "10.4", "10.44", "0.000", "3.00",
-                    "1.50"]  # fmt: skip
+    assert ours == ["DTC3", "predicted", "0.0", "0.110", "10.4", "10.44", "0.000", "3.00", "1.50"]
     assert ["FDR", "paper"] not in [line[:2] for line in lines]  # paper B did not run FDR
     assert "paper-b: 2500 r/min, 2 N m (beside paper B, Table VI)" in text
-    assert "r/min" in lines[3] and "…" not in text
+    assert lines[3][2:5] == ["%", "N", "m"] and "…" not in text
+
+
+def test_the_console_has_room_for_every_column(make_run):
+    """Td and the mean torque's error too, with two digits before the point."""
+    run = make_run(scheme="db-dtfc", meta={"f_sw_Hz": 10e3, "samples_per_period": 12})
+    run.metrics |= {"torque_error_pct": -14.83, "thd_inf_pct": 70.46, "torque_ripple_Nm": 12.5}
+    run.metrics["thd_pct"]["5kHz"] = 68.7
+    text = console(console_table([run, make_run(scheme="dtc1")], {}))
+    assert "…" not in text and "-14.8" in text and "Td" in text
+    assert max(map(len, text.splitlines())) <= 80
+
+
+def test_an_error_of_almost_nothing_has_no_sign(make_run):
+    run = make_run()
+    run.metrics["torque_error_pct"] = -0.01
+    assert "-0.0" not in console(console_table([run], {}))
 
 
 def test_console_omits_the_paper_at_other_points(make_run):

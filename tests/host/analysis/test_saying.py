@@ -56,6 +56,18 @@ def test_two_schemes_are_compared_and_the_largest_difference_comes_first(run_wit
     ]
 
 
+def test_a_mean_torque_off_its_reference_is_told(run_with):
+    runs = [run_with("fdr", 0.4), run_with("ddr", 0.4), run_with("foc", 0.4), run_with("dtc1", 0.4)]
+    for run, percent, error_Nm in zip(runs, (-12.0, 3.0, -1.9, None), (-3.4, 0.9, -0.5, None)):
+        run.metrics |= {"torque_error_pct": percent, "torque_error_Nm": error_Nm}
+    said = [line for line in sentences(runs, {}) if "mean torque" in line]
+    assert said == [
+        f"{POINT}the mean torque is off its reference: below by 12 % (3.4 N m) under FDR and above "
+        "by 3 % (0.9 N m) under DDR; within 2 % under FOC."
+    ]
+    assert not [line for line in sentences([runs[2]], {}) if "mean torque" in line]
+
+
 def test_one_figure_in_common_has_no_at(run_with):
     two = [run_with("fdr", 0.5), run_with("ddr", 0.25)]
     assert sentences(two, {}) == [f"{POINT}DDR has 0.5 of FDR's torque ripple Td."]

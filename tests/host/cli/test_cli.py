@@ -18,8 +18,8 @@ from hexatorque.recording.writer import Writer
 
 RUN_KEYS = {
     "setup", "scheme", "latency", "speed_ref_rpm", "load_Nm", "speed_rpm", "torque_Nm",
-    "torque_ripple_Nm", "torque_ripple_td_Nm", "flux_Wb", "flux_ripple_Wb", "i1_A", "f1_Hz",
-    "thd_pct", "thd_inf_pct", "h5_pct",
+    "torque_error_Nm", "torque_error_pct", "torque_ripple_Nm", "torque_ripple_td_Nm", "flux_Wb",
+    "flux_ripple_Wb", "i1_A", "f1_Hz", "thd_pct", "thd_inf_pct", "h5_pct",
     "h7_pct", "ixy_rms_A", "delta_i_A", "delta_i_spread_A", "f_sw_Hz", "copper_loss_W",
     "conduction_loss_W", "switching_loss_W", "idc_A", "idc_ripple_A", "realtime_factor",
     "input_W", "shaft_W", "loss_W", "efficiency_pct",

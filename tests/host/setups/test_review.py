@@ -32,7 +32,11 @@ def verdicts(setup, **changes):
         ({"machine__rr_ohm": 0.004}, "flux build-up"),
         (
             {"point__speed_rpm": 4000.0, "controller__speed_trip_rpm": 4100.0},
-            "fastest speed of point and profile against the trip",
+            "fastest speed that is asked for against the trip",
+        ),
+        (
+            {"controller__speed_ref_rpm": -4000.0, "controller__speed_trip_rpm": 4100.0},
+            "fastest speed that is asked for against the trip",
         ),
         (
             {"point__load_Nm": 9.0, "controller__torque_limit_Nm": 8.0},
@@ -50,7 +54,7 @@ def test_a_profile_above_the_trip_is_bad():
     text = 'setup = "small-2kw"\n[profile]\nduration_s = 3\nspeed_rpm = [[1, 100], [2, -5000]]\n'
     text += "[controller]\nspeed_trip_rpm = 4500\n"
     assert verdicts(setups.parse(text, "x"))[
-        "fastest speed of point and profile against the trip"
+        "fastest speed that is asked for against the trip"
     ] == ("bad")
 
 

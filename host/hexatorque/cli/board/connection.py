@@ -72,6 +72,19 @@ def before_start(
     return {**values, **assignments(others)}
 
 
+def start_drive(drive: BoardDrive, values: dict[str, object]) -> None:
+    """Set values and start. Mistake if the drive would trip on the way to its speed reference."""
+    drive.set_many(values)
+    names = ["start_mode", "control_mode", "speed_ref_rpm", "speed_trip_rpm"]
+    *modes, asked_rpm, trip_rpm = drive.get_many(names).values()
+    if modes == ["drive", "speed"] and abs(float(asked_rpm)) >= float(trip_rpm):
+        raise Mistake(
+            f"speed_ref_rpm = {asked_rpm:g} r/min: the drive would trip at speed_trip_rpm = "
+            f"{trip_rpm:g} r/min"
+        )
+    drive.start()
+
+
 @contextmanager
 def until_signal(at_once: bool = False) -> Iterator[threading.Event]:
     """Set by Ctrl-C and SIGTERM, so that work ends where it may; a second one interrupts,

@@ -9,7 +9,7 @@ import click
 from .. import completion, options
 from ..group import examples
 from ..output import complain, console_of, print_json, say, tripped
-from .connection import assignments, before_start, open_drive, until_signal
+from .connection import assignments, before_start, open_drive, start_drive, until_signal
 
 
 @click.command("list", epilog=examples("board list"))
@@ -113,8 +113,7 @@ def start(duration, device, baud, as_json, **before) -> int:
     console = console_of(as_json, highlight=False)
     values = before_start(**before)
     with until_signal() as ended, open_drive(device, baud) as drive:
-        drive.set_many(values)
-        drive.start()
+        start_drive(drive, values)
         end = None if duration is None else time.monotonic() + duration
         was = State("")
         while was.at_work and not ended.is_set() and (end is None or time.monotonic() < end):

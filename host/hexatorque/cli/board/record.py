@@ -14,7 +14,7 @@ from .. import options
 from ..group import examples
 from ..options import Mistake
 from ..output import complain, console_of, print_json, say, tripped
-from .connection import before_start, open_drive, until_signal
+from .connection import before_start, open_drive, start_drive, until_signal
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -36,11 +36,11 @@ started = options.together(
 @contextmanager
 def running(drive: BoardDrive, values: dict[str, object], start: bool) -> Iterator[None]:
     """A drive with these values set; started and in the end stopped if asked for."""
-    drive.set_many(values)
     if not start:
+        drive.set_many(values)
         yield
         return
-    drive.start()
+    start_drive(drive, values)
     try:
         yield
     finally:

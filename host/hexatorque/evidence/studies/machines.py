@@ -109,7 +109,7 @@ def drive(plate: Nameplate, circuit: Circuit, inertia_kgm2: float) -> Setup:
 
 def _tried(setup: Setup, scheme: str) -> dict:
     one = setup.with_scheme(scheme)
-    bad = [f.subject for f in review(one, [scheme]) if f.verdict == "bad"]
+    bad = [f.subject for f in review(one, [scheme], steady=False) if f.verdict == "bad"]
     try:
         accept(one)
         reason = ""
