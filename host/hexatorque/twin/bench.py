@@ -38,7 +38,8 @@ STANDSTILL_RPM = 5.0
 @dataclass
 class Bench:
     """What a recording says, in periods of the slow loop. `samples` are the firmware's channels;
-    `row` is the fast period of each sample since the first slow one.
+    `row` is the fast period of each sample since the first slow one, as early as it can have been;
+    `places`: each sample is of this period or of one of those after it, so many in all.
 
     begins: the recording has the first period of the drive's running, at standstill; first: fast
     periods from there to the first one of the slow loop;
@@ -55,6 +56,7 @@ class Bench:
     torque_ref_Nm: np.ndarray
     vdc_V: np.ndarray
     omega_rad_s: np.ndarray  #: (periods + 1,), at the ends of the periods
+    mean_rad_s: np.ndarray  #: within each period
     which: np.ndarray  #: period of each sample
     begins: bool
     first: int
@@ -63,6 +65,7 @@ class Bench:
     outside: bool = False
     torque_known: bool = True
     speed_known: bool = True
+    places: int = 1
 
     @property
     def periods(self) -> int:
@@ -289,6 +292,10 @@ def _in_slow_periods(
     at = np.arange(len(rec)) * (f_isr_Hz / rec.rate_Hz)
     reference = np.asarray(rec["torque_ref_Nm"], float)
     phase = _phase(at, reference, slow)
+    places = max(1, round(f_isr_Hz / rec.rate_Hz))
+    # A period of the slow loop that began before the drive ran has no reference yet.
+    if begins and phase < places and not np.any(reference[at < phase + slow]):
+        phase += slow
     keep = at >= phase
     periods = int((at[-1] - phase) // slow)
     keep &= at < phase + periods * slow
@@ -307,17 +314,23 @@ def _in_slow_periods(
     if not values:
         notes.append("no parameters in its metadata: those of the set-up are taken")
     begin_s = rec.start_s + phase / f_isr_Hz
+    speed_rpm = mean("speed_rpm")
     return Bench(
         label, samples, np.rint(since).astype(int) + 1, 1 / rec.rate_Hz,
         slow / f_isr_Hz, begin_s,
-        mean("torque_ref_Nm"), vdc, _edges(mean("speed_rpm")), which, begins, round(phase),
-        notes, values,
+        mean("torque_ref_Nm"), vdc, _edges(speed_rpm), _within(speed_rpm), which, begins,
+        round(phase), notes, values, places=places,
     )  # fmt: skip
 
 
+def _within(speed_rpm: np.ndarray) -> np.ndarray:
+    """Mean speed in rad/s of the periods. What a slow interrupt measures is that of the period
+    before it."""
+    return np.append(speed_rpm[1:], speed_rpm[-1]) * np.pi / 30
+
+
 def _edges(speed_rpm: np.ndarray) -> np.ndarray:
-    """Speed in rad/s at the ends of the periods. What a slow interrupt measures is the mean over
-    the period before it."""
+    """Speed in rad/s at the ends of the periods, from that within them."""
     speed = speed_rpm * np.pi / 30
     between = (speed[:-1] + speed[1:]) / 2
     return np.concatenate([between, speed[-1:], speed[-1:]])

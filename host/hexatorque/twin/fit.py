@@ -20,7 +20,7 @@ from ..recording.recording import Recording
 from ..setups import Setup, SetupError
 from .bench import Bench, as_the_board
 from .candidates import Candidate, suitable
-from .quantities import QUANTITIES, compute, windows
+from .quantities import QUANTITIES, RIPPLES, compute, windows
 from .replay import Replay, replay
 from .shaft import NO_LOAD, Load, parts, per_window
 
@@ -192,16 +192,17 @@ class _Series:
         shaft = self.shafts[n]["needed"] if torque_Nm is None else per_window(torque_Nm, per_slow)
         return {**found, SHAFT: shaft.reshape(-1, 1)}
 
-    def simulated(self, n: int, run: Replay) -> dict[str, np.ndarray]:
-        found = self._of(self.benches[n], run.samples, run.torque_Nm, n)
-        return {**found, SHAFT_NOISE: self.shaft_noise_Nm(n, run)}
+    def simulated(self, n: int, run: Replay, place: int) -> dict[str, np.ndarray]:
+        samples = run.samples(place)
+        found = self._of(self.benches[n], samples, run.torque_Nm, n)
+        return {**found, SHAFT_NOISE: self.shaft_noise_Nm(n, samples)}
 
-    def shaft_noise_Nm(self, n: int, run: Replay) -> np.ndarray:
+    def shaft_noise_Nm(self, n: int, samples: dict[str, np.ndarray]) -> np.ndarray:
         """What a measured speed is off: the simulation measures the bench's measured speed once
         more. It is late by up to half a period of the slow loop, as the firmware measures it, and
         between two samples nobody knows when it changed."""
         bench = self.benches[n]
-        seen = self._parts(n, bench.edges_of(run.samples["speed_rpm"]))
+        seen = self._parts(n, bench.edges_of(samples["speed_rpm"]))
         at = np.arange(bench.periods + 1) * bench.slow_s
         later = np.interp(at + bench.slow_s / 2 + bench.step_s, at, bench.omega_rad_s)
         late = self._parts(n, later)
@@ -271,16 +272,14 @@ def compare(
     candidates = _suitable(benches) if candidates is None else candidates
     series = _Series(fixed, benches, loads)
 
-    def simulate(
-        candidate: Candidate | None, change: float, late: int = 0
-    ) -> list[dict[str, np.ndarray]] | str:
-        """The quantities, or why there are none."""
+    def follow(candidate: Candidate | None, change: float, late: int = 0) -> list[Replay] | str:
+        """A simulation of each recording, or why there are none."""
         try:
             other = candidate.apply(fixed, change) if candidate else fixed
             prepare = candidate.prepare(change) if candidate and candidate.prepare else None
             more_Nm = change if candidate and candidate.adds_torque else 0.0
             runs = []
-            for n, bench in enumerate(benches):
+            for bench in benches:
                 # Another noise for every repetition.
                 seeded = other.changed(sensors__noise_seed=other["sensors.noise_seed"] + late)
                 # An oscilloscope has the true voltage, the board what its sensor makes of it.
@@ -289,25 +288,35 @@ def compare(
                 run = replay(bench, seeded, prepare, vdc, late, more)
                 if candidate and bench.outside:
                     for phase in candidate.probes:
-                        if (name := f"i_{phase}_A") in run.samples:
-                            run.samples[name] = run.samples[name] * (1 + change)
-                runs.append(series.simulated(n, run))
+                        if (name := f"i_{phase}_A") in run.channels:
+                            run.channels[name] = run.channels[name] * (1 + change)
+                runs.append(run)
                 if progress:
                     progress(bench.duration_s)
             return runs
         except (DriveFault, SetupError, ArithmeticError) as error:
             return str(error).splitlines()[0]
 
-    electrical = [c for c in candidates if not c.shaft_only]
-    tasks: list[tuple] = [(None, 0.0, 3 * n) for n in range(REPEATS)]
-    tasks += [(candidate, candidate.step) for candidate in electrical]
-    simulated = each(lambda task: simulate(*task), tasks)
-    as_is, changed = simulated[:REPEATS], simulated[REPEATS:]
+    as_is = each(lambda n: follow(None, 0.0, 3 * n), range(REPEATS))
     if failed := [one for one in as_is if isinstance(one, str)]:
         raise NotSimulated(
             f"the simulation of {setup.name} does not follow the recording: {failed[0]}"
         )
-    nominal = _Nominal(series, [one for one in as_is if not isinstance(one, str)])
+    repeats = [one for one in as_is if not isinstance(one, str)]
+    places = [_place(fixed, bench, loads, runs) for bench, runs in zip(benches, zip(*repeats))]
+
+    def quantities(runs: list[Replay]) -> list[dict[str, np.ndarray]]:
+        return [series.simulated(n, run, places[n]) for n, run in enumerate(runs)]
+
+    def simulate(
+        candidate: Candidate, change: float, late: int = 0
+    ) -> list[dict[str, np.ndarray]] | str:
+        runs = follow(candidate, change, late)
+        return runs if isinstance(runs, str) else quantities(runs)
+
+    nominal = _Nominal(series, [quantities(runs) for runs in repeats])
+    electrical = [c for c in candidates if not c.shaft_only]
+    changed = each(lambda candidate: simulate(candidate, candidate.step), electrical)
     residual = nominal.whitened(series.bench)
     effects: dict[str, np.ndarray] = {}
     for candidate, found in zip(electrical, changed):
@@ -343,6 +352,21 @@ def compare(
         _alike(explained, effects)
     overlays = [series.overlay(n, [one[n] for one in nominal.repeats]) for n in range(len(benches))]
     return Comparison(setup, benches, notes, differences, explained, named, overlays)
+
+
+def _place(setup: Setup, bench: Bench, loads: Load, runs: Sequence[Replay]) -> int:
+    """The place of the samples in the period of the slow loop, in fast periods after the earliest:
+    the most likely one. Where the torque follows its reference at once, a wrong place looks like
+    another machine. The ripple tells the place: it is what changes from sample to sample, and the
+    parameters that are looked for hardly move it."""
+    series = _Series(setup, [bench], loads)
+
+    def unlikely(place: int) -> float:
+        nominal = _Nominal(series, [[series.simulated(0, run, place)] for run in runs])
+        ripples = [d for d in nominal.differences() if d.name in RIPPLES]
+        return sum(d.values * (d.ratio**2 + 2 * np.log(d.noise)) for d in ripples)
+
+    return min(range(bench.places), key=unlikely) if bench.places > 1 else 0
 
 
 def _scales(benches: Sequence[Bench], nominal: _Nominal) -> list[str]:
@@ -464,13 +488,13 @@ class _Nominal:
         return found
 
     def whitened(self, of_benches: list[dict[str, np.ndarray]]) -> np.ndarray:
-        """Difference from the mean, in expected noises."""
-        return np.concatenate(
-            [
-                ((self.series.stacked(of_benches, name) - self.mean[name]) / self.noise[name])[used]
-                for name, used in self.used.items()
-            ]
-        )
+        """Difference from the mean, in expected noises. A value that a changed simulation lacks
+        says nothing."""
+        parts = [
+            ((self.series.stacked(of_benches, name) - self.mean[name]) / self.noise[name])[used]
+            for name, used in self.used.items()
+        ]
+        return np.nan_to_num(np.concatenate(parts))
 
     def effect(self, of_benches: list[dict[str, np.ndarray]]) -> np.ndarray:
         """The same of a changed simulation, 0 for the quantities that only scatter."""

@@ -51,6 +51,8 @@ QUANTITIES: dict[str, Quantity] = {
     "x-y harmonics 5, 7": Quantity("A", "dead time, drops, L_xy", 4),
     "x-y voltage 5, 7": Quantity("1", "dead time, drops", 4),
 }
+#: What changes from one sample to the next.
+RIPPLES = ("current ripple", "torque ripple", "x-y ripple")
 
 
 def windows(periods: int, slow_s: float, outside: bool = False) -> np.ndarray:

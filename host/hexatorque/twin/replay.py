@@ -24,7 +24,7 @@ from .bench import Bench
 APPROACH_S, SETTLE_S, FASTER = 0.2, 0.5, 5.0
 #: The last part of it with the adaptation as it is.
 REST_S = 0.1
-#: Share of a wrong torque that is corrected in each period of the slow loop.
+#: Share of a wrong torque, and of a wrong angle, that is corrected in each period of the slow loop.
 CORRECTED = 0.1
 #: Instants in a fast period of which the mean stands beside that of an oscilloscope.
 PER_PERIOD = 8
@@ -33,12 +33,20 @@ LATEST = 5
 
 
 class Replay:
-    """samples: the firmware's channels at the bench's samples; torque_Nm: true torque, mean of each
-    period of the slow loop; omega_rad_s: measured speed, as `Bench` has it."""
+    """channels: the firmware's in each fast period; row: those of the bench's samples, if they were
+    taken as early in the period of the slow loop as they can have been; torque_Nm: true torque,
+    mean of each period of the slow loop."""
 
-    def __init__(self, samples: dict[str, np.ndarray], torque_Nm: np.ndarray) -> None:
-        self.samples = samples
+    def __init__(
+        self, channels: dict[str, np.ndarray], row: np.ndarray, torque_Nm: np.ndarray
+    ) -> None:
+        self.channels, self.row = channels, row
         self.torque_Nm = torque_Nm
+
+    def samples(self, place: int) -> dict[str, np.ndarray]:
+        """The channels at the bench's samples. place: fast periods by which these are later."""
+        row = self.row + place
+        return {name: data[np.clip(row, 0, len(data) - 1)] for name, data in self.channels.items()}
 
 
 def replay(
@@ -70,23 +78,23 @@ def replay(
         prepare(sim)
     _approach(follower, bench, late)
     sim.discard()
+    behind_rad = 0.0
     for k in range(bench.periods):
-        follower.step(
-            bench.torque_ref_Nm[k],
-            bench.vdc_V[k],
-            bench.omega_rad_s[k],
-            bench.omega_rad_s[k + 1],
-        )
+        begin, end = bench.omega_rad_s[k : k + 2]
+        if not bench.outside:  # what the slow interrupt measures is how far the shaft has turned
+            more = CORRECTED * behind_rad / bench.slow_s
+            begin, end = begin + more, end + more
+            behind_rad += (bench.mean_rad_s[k] - (begin + end) / 2) * bench.slow_s
+        follower.step(bench.torque_ref_Nm[k], bench.vdc_V[k], begin, end)
     sim.check()
     rec = sim.take()
-    rows = np.clip(bench.row, 0, len(rec) // per - 1)
     if bench.outside:  # what the machine has, not what the sensors make of it
         plant = {n: rec[f"plant.{n}"] for n in bench.samples if f"plant.{n}" in rec}
-        samples = {n: np.reshape(d, (-1, per)).mean(axis=1)[rows] for n, d in plant.items()}
+        channels = {n: np.reshape(d, (-1, per)).mean(axis=1) for n, d in plant.items()}
     else:
-        samples = {n: d[rows] for n, d in rec.channels.items() if not n.startswith("plant.")}
+        channels = {n: rec[n] for n in bench.samples if n in rec}
     torque = np.asarray(rec["plant.torque_Nm"], float).reshape(bench.periods, -1).mean(axis=1)
-    return Replay(samples, torque)
+    return Replay(channels, bench.row, torque)
 
 
 class _Follower:
@@ -115,6 +123,11 @@ class _Follower:
         self.sim.run(self.slow_s)
 
 
+def _first(first: int, slow: int) -> int:
+    """So that no repetition has another slow period between the drive's first and this one."""
+    return min(first, slow - LATEST - 1)
+
+
 def _approach(follower: _Follower, bench: Bench, late: int) -> None:
     """From standstill to the state in which the recording begins."""
     sim, slow_s = follower.sim, follower.slow_s
@@ -122,7 +135,7 @@ def _approach(follower: _Follower, bench: Bench, late: int) -> None:
     # The drive runs from this period on, and the first slow one is as late after it as the bench's.
     slow = round(slow_s / sim.period_s)
     begun = sum(round(float(sim.get(key)) / sim.period_s) for key in ("calibration_s", "build_s"))
-    first = begun + (bench.first if bench.begins else slow)
+    first = begun + (_first(bench.first, slow) if bench.begins else slow)
     first += late % LATEST
     sim.run(-first % slow * sim.period_s, record=False)
     sim.start()
