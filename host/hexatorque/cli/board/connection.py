@@ -5,9 +5,10 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
+from ...errors import HexatorqueError
 from ...given import parameter_name
 from ..options import Mistake
 
@@ -73,16 +74,40 @@ def before_start(
 
 
 def start_drive(drive: BoardDrive, values: dict[str, object]) -> None:
-    """Set values and start. Mistake if the drive would trip on the way to its speed reference."""
-    drive.set_many(values)
-    names = ["start_mode", "control_mode", "speed_ref_rpm", "speed_trip_rpm"]
-    *modes, asked_rpm, trip_rpm = drive.get_many(names).values()
-    if modes == ["drive", "speed"] and abs(float(asked_rpm)) >= float(trip_rpm):
+    """Set values and start. If the start is refused, all values are as before. Mistake if the drive
+    would trip on the way to its speed reference."""
+    if drive.condition.at_work:
+        drive.start()  # is refused, with the reason
+    known = [name for name in values if name in drive.params]
+    before = drive.get_many(list(dict.fromkeys([*WAY_TO_SPEED, *known])))
+    start_mode, control_mode, asked_rpm, trip_rpm = _with(drive, before, values)
+    if (start_mode, control_mode) == ("drive", "speed") and abs(asked_rpm) >= trip_rpm:
         raise Mistake(
             f"speed_ref_rpm = {asked_rpm:g} r/min: the drive would trip at speed_trip_rpm = "
             f"{trip_rpm:g} r/min"
         )
-    drive.start()
+    drive.set_many(values)
+    try:
+        drive.start()
+    except HexatorqueError:
+        with suppress(HexatorqueError):  # the line may be gone
+            drive.set_many({name: before[name] for name in known})
+        raise
+
+
+#: The parameters that tell whether a start ends with a trip of the speed.
+WAY_TO_SPEED = ("start_mode", "control_mode", "speed_ref_rpm", "speed_trip_rpm")
+
+
+def _with(drive: BoardDrive, before: dict, values: dict[str, object]) -> tuple:
+    """WAY_TO_SPEED with the values set. One that the drive will refuse stays as it was."""
+    after = dict(before)
+    for name in WAY_TO_SPEED:
+        if name in values:
+            with suppress(HexatorqueError):
+                row = drive.params[name]
+                after[name] = row.show(row.parse(values[name]))
+    return tuple(after[name] for name in WAY_TO_SPEED)
 
 
 @contextmanager
