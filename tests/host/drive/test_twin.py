@@ -31,8 +31,9 @@ def setup():
     return plain.changed(**values)
 
 
-def recorded(setup, prepare=None):
-    """What a board would stream at 1 kHz: start, up, down."""
+def recorded(setup, prepare=None, every=10, place=0):
+    """What a board would stream at 1 kHz: start, up, down. every, place: of so many fast periods
+    one is a sample, and which one."""
     drive = SimulatedDrive(setup.changed(sensors__noise_seed=99), 1)
     if prepare:
         prepare(drive)
@@ -43,12 +44,16 @@ def recorded(setup, prepare=None):
     drive.run(0.4)
     drive.set("speed_ref_rpm", 150)
     drive.run(0.25)
+    return streamed(drive, every, place)
+
+
+def streamed(drive, every, place):
     drive.check()
     rec = drive.take()
-    own = {name: data[::10] for name, data in rec.channels.items() if not name.startswith("plant.")}
+    own = {n: data[place::every] for n, data in rec.channels.items() if not n.startswith("plant.")}
     values = {name: drive.get(name) for name in drive.params}
     meta = {"scheme": values["scheme"], "parameters": {"controller": values}, "tick_Hz": 1e4}
-    return Recording(1000.0, own, rec.units, meta)
+    return Recording(1e4 / every, own, rec.units, meta)
 
 
 def compared(setup, rec, load_Nm=LOAD_NM, tried=TRIED):
@@ -108,6 +113,65 @@ def test_a_dead_time_of_the_inverter_is_found(setup):
     found = compared(setup, recorded(setup, candidate.prepare(0.5)), tried=[candidate])
     assert found.differs
     assert found.cause.change == pytest.approx(0.5, abs=0.2)
+
+
+#: Of how many fast periods one is a sample, and which one; the speed loop has one period in 100.
+PLACES = [("db-dtfc", 20, 13), ("foc", 10, 7), ("db-dtfc", 100, 40)]
+
+
+@pytest.mark.parametrize("scheme, every, place", part(PLACES, 2))
+def test_where_a_sample_was_taken_is_found(setup, scheme, every, place):
+    """A modulated scheme has its torque at the new reference after two periods. Samples of the next
+    periods then say something else than those taken later."""
+    modulated = setup.with_scheme(scheme)
+    rec = recorded(modulated, every=every, place=place)
+    tried = [CANDIDATES["R_r"], CANDIDATES["R_s"]]
+    found = compared(modulated, rec, tried=tried)
+    assert not found.differs, [d.name for d in found.differences if d.differs]
+    elsewhere = bench.make(rec, "bench", modulated)
+    elsewhere.places = 1  # the earliest, as if nothing were tried
+    loads = ((float("-inf"), LOAD_NM),)
+    assert fit.compare(modulated, [elsewhere], loads, tried).differs
+
+
+def test_under_a_modulated_scheme_a_wrong_resistance_is_named(setup):
+    """The place is found although the slip, which depends on it too, is wrong."""
+    modulated = setup.with_scheme("db-dtfc")
+    wrong = CANDIDATES["R_r"].apply(modulated, 0.2)
+    rec = recorded(wrong, every=20, place=13)
+    found = compared(modulated, rec, tried=[CANDIDATES[n] for n in ("R_r", "R_s", "load")])
+    assert found.differs and found.cause.candidate.name == "R_r"
+    assert found.cause.change == pytest.approx(0.2, abs=0.05)
+
+
+def test_a_reference_before_the_drive_ran_is_no_period_of_it(setup):
+    """The speed loop came by just before the drive began to run. Its next period is the first one
+    with a reference, in the bench and in the simulation."""
+    drive = SimulatedDrive(setup.changed(sensors__noise_seed=99), 1)
+    slow = 100
+    begun = round(sum(setup.parameter(key) for key in ("calibration_s", "build_s")) * 1e4)
+    drive.set("speed_ref_rpm", 300)
+    drive.run(((5 - begun) % slow) * 1e-4)
+    drive.start()
+    drive.run(0.9)
+    one = bench.make(streamed(drive, 20, 11), "bench", setup)
+    assert one.begins and one.first >= slow
+    assert one.torque_ref_Nm[0] != 0
+
+
+def test_a_window_of_about_one_turn_gives_numbers(setup):
+    """A window with less than one turn of the flux has no harmonics. A changed parameter turns a
+    little more or less, so that the changed simulation lacks values that the bench has."""
+    drive = SimulatedDrive(setup.changed(sensors__noise_seed=99), 1)
+    drive.run(0.003)
+    drive.set("speed_ref_rpm", 321)
+    drive.start()
+    drive.run(0.27)
+    drive.set("load_Nm", -LOAD_NM)
+    drive.run(1.06)
+    found = compared(setup, streamed(drive, 10, 0), -LOAD_NM, [CANDIDATES["R_r"]])
+    assert all(np.isfinite([one.change, one.left]).all() for one in found.explanations)
+    assert np.isfinite([d.ratio for d in found.differences]).all()
 
 
 # --- bad input: a line each ----------------------------------------------------------------
