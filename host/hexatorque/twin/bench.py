@@ -3,7 +3,7 @@ period of the slow loop, from the part of the recording in which the drive ran."
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -73,7 +73,8 @@ class Bench:
 
     def edges_of(self, speed_rpm: np.ndarray) -> np.ndarray:
         """`omega_rad_s` from a speed channel with these samples."""
-        return _edges(_filled(_means(np.asarray(speed_rpm, float), self.which, self.periods)))
+        of_periods = _means if self.outside else _held
+        return _edges(_filled(of_periods(np.asarray(speed_rpm, float), self.which, self.periods)))
 
     @property
     def duration_s(self) -> float:
@@ -134,7 +135,10 @@ def make(
         phases = {p: np.asarray(rec[f"i_{p}_A"]) for p in PHASES if f"i_{p}_A" in rec}
         speed = np.asarray(rec["speed_rpm"]) if speed_known or speed_rpm is not None else None
         notes += wiring.check(phases, rec.rate_Hz, speed)
-    found = _in_slow_periods(rec, label, setup, f_isr_Hz / f_slow_Hz, begins, notes, values)
+    of_periods = _means if outside else _held
+    found = _in_slow_periods(
+        rec, label, setup, f_isr_Hz / f_slow_Hz, begins, notes, values, of_periods
+    )
     if outside:
         found = _from_outside(found, setup, loads, torque_known, speed_known)
     return found
@@ -285,8 +289,10 @@ def _in_slow_periods(
     begins: bool,
     notes: list[str],
     values: dict[str, object],
+    of_periods: Callable[[np.ndarray, np.ndarray, int], np.ndarray],
 ) -> Bench:
-    """slow: fast periods in a slow one."""
+    """slow: fast periods in a slow one; of_periods: the value in each slow period of what the slow
+    interrupt sets."""
     slow = round(slow)
     f_isr_Hz = float(setup.parameter("f_isr_Hz"))
     at = np.arange(len(rec)) * (f_isr_Hz / rec.rate_Hz)
@@ -314,7 +320,7 @@ def _in_slow_periods(
     if not values:
         notes.append("no parameters in its metadata: those of the set-up are taken")
     begin_s = rec.start_s + phase / f_isr_Hz
-    speed_rpm = mean("speed_rpm")
+    speed_rpm = _filled(of_periods(np.asarray(samples["speed_rpm"], float), which, periods))
     return Bench(
         label, samples, np.rint(since).astype(int) + 1, 1 / rec.rate_Hz,
         slow / f_isr_Hz, begin_s,
@@ -350,6 +356,14 @@ def _means(values: np.ndarray, which: np.ndarray, n: int) -> np.ndarray:
     sums = np.bincount(which[good], values[good], n)
     counts = np.bincount(which[good], minlength=n)
     return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+
+
+def _held(values: np.ndarray, which: np.ndarray, n: int) -> np.ndarray:
+    """What changes once in a period, from the middle of it: at the interrupt itself one channel
+    has its next value already, another one not yet. The mean where this sample is lost."""
+    begins, ends = (np.searchsorted(which, np.arange(n), side) for side in ("left", "right"))
+    middle = values[np.minimum((begins + ends - 1) // 2, len(values) - 1)]
+    return np.where((ends > begins) & np.isfinite(middle), middle, _means(values, which, n))
 
 
 def _filled(values: np.ndarray) -> np.ndarray:

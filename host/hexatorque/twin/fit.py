@@ -9,7 +9,7 @@ simulated again with the change found.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from ..setups import Setup, SetupError
 from .bench import Bench, as_the_board
 from .candidates import Candidate, suitable
 from .quantities import QUANTITIES, RIPPLES, compute, windows
-from .replay import Replay, replay
+from .replay import LATER, Replay, replay
 from .shaft import NO_LOAD, Load, parts, per_window
 
 SPEED = "speed by this torque"
@@ -55,7 +55,7 @@ Progress = Callable[[float], None]
 
 def simulated_s(benches: Sequence[Bench]) -> float:
     """Roughly the simulated time of a comparison, for progress bars."""
-    runs = REPEATS + TRIED + sum(not c.shaft_only for c in _suitable(benches))
+    runs = 2 * REPEATS + TRIED + sum(not c.shaft_only for c in _suitable(benches))
     return runs * sum(bench.duration_s for bench in benches)
 
 
@@ -270,6 +270,7 @@ def compare(
     notes: list[str] = []
     fixed = as_the_board(setup, benches, notes)
     candidates = _suitable(benches) if candidates is None else candidates
+    benches = [replace(bench) for bench in benches]
     series = _Series(fixed, benches, loads)
 
     def follow(candidate: Candidate | None, change: float, late: int = 0) -> list[Replay] | str:
@@ -297,13 +298,22 @@ def compare(
         except (DriveFault, SetupError, ArithmeticError) as error:
             return str(error).splitlines()[0]
 
-    as_is = each(lambda n: follow(None, 0.0, 3 * n), range(REPEATS))
-    if failed := [one for one in as_is if isinstance(one, str)]:
-        raise NotSimulated(
-            f"the simulation of {setup.name} does not follow the recording: {failed[0]}"
-        )
-    repeats = [one for one in as_is if not isinstance(one, str)]
-    places = [_place(fixed, bench, loads, runs) for bench, runs in zip(benches, zip(*repeats))]
+    def repeated(apart: int) -> list[list[Replay]]:
+        found = each(lambda n: follow(None, 0.0, apart * n), range(REPEATS))
+        if failed := [one for one in found if isinstance(one, str)]:
+            raise NotSimulated(
+                f"the simulation of {setup.name} does not follow the recording: {failed[0]}"
+            )
+        return [one for one in found if not isinstance(one, str)]
+
+    if any(bench.places > 1 for bench in benches):
+        scouts = repeated(1)
+        places = [_place(fixed, bench, loads, runs) for bench, runs in zip(benches, zip(*scouts))]
+        for bench, place in zip(benches, places):
+            bench.first = max(0, bench.first - place)  # now it is known
+    else:
+        places = [0 for _ in benches]
+    repeats = repeated(LATER)
 
     def quantities(runs: list[Replay]) -> list[dict[str, np.ndarray]]:
         return [series.simulated(n, run, places[n]) for n, run in enumerate(runs)]

@@ -30,6 +30,9 @@ CORRECTED = 0.1
 PER_PERIOD = 8
 #: Repetitions begin up to so many fast periods later, so that their ripple is another one.
 LATEST = 5
+#: The numbers of repetitions are so far apart. Each has the shaft at another angle, within what the
+#: measured speed leaves open.
+LATER = 3
 
 
 class Replay:
@@ -78,7 +81,7 @@ def replay(
         prepare(sim)
     _approach(follower, bench, late)
     sim.discard()
-    behind_rad = 0.0
+    behind_rad = (0, 1, -1)[late // LATER % 3] * _unknown_rad(bench)
     for k in range(bench.periods):
         begin, end = bench.omega_rad_s[k : k + 2]
         if not bench.outside:  # what the slow interrupt measures is how far the shaft has turned
@@ -121,6 +124,12 @@ class _Follower:
         self.sim.load_Nm = float(torque_Nm - needed - self.viscous_Nms * begin_rad_s)
         self.sim.plant_state[6] = begin_rad_s
         self.sim.run(self.slow_s)
+
+
+def _unknown_rad(bench: Bench) -> float:
+    """How far the shaft's angle is not known: within a period the speed is a mean, and where it
+    begins to change a straight line is off by an eighth of the change."""
+    return float(np.max(np.abs(np.diff(bench.mean_rad_s)), initial=0.0)) * bench.slow_s / 8
 
 
 def _first(first: int, slow: int) -> int:
