@@ -34,8 +34,6 @@ I_TRIP_SHARE = 0.85
 F_ISR_HZ, F_ISR_FAST_HZ = 10e3, 20e3
 #: That far, in rated torques.
 LONGEST_STEP = 0.8
-#: Periods in a time constant of a current, at least (ht_deadbeat_law.c).
-SAMPLES_PER_CONSTANT = 5.0
 #: The fast interrupt's result must be written well within the period.
 WRITTEN_WITHIN = 0.8
 #: Frequencies of the speed loop. Each divides both sampling frequencies.
@@ -164,13 +162,15 @@ def _f_isr_Hz(k: Known) -> float:
     carried = write_delay_us(k.setup) * 1e-6 < WRITTEN_WITHIN / F_ISR_FAST_HZ
     too_far = k.torque_step_Nm(1 / F_ISR_HZ) > LONGEST_STEP * k.rated_Nm
     # Below this the firmware refuses the laws that predict; beyond the faster one too.
-    refused = F_ISR_HZ < least_f_isr_Hz(k) <= F_ISR_FAST_HZ
+    refused = F_ISR_HZ < _least_f_isr_Hz(k) <= F_ISR_FAST_HZ
     return F_ISR_FAST_HZ if carried and (too_far or refused) else F_ISR_HZ
 
 
-def least_f_isr_Hz(k: Known) -> float:
-    """Lowest sampling frequency of the laws that predict (ht_deadbeat_law_least_Hz)."""
-    return SAMPLES_PER_CONSTANT * k["rs_ohm"] / min(k["lxy_H"], k["sigma_ls_H"])
+def _least_f_isr_Hz(k: Known) -> float:
+    """Lowest sampling frequency of the laws that predict."""
+    from ..firmware import lib
+
+    return lib.ht_deadbeat_law_least_Hz(k["rs_ohm"], k["sigma_ls_H"], k["lxy_H"])
 
 
 def _f_slow_Hz(k: Known) -> float:

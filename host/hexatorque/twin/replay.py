@@ -81,13 +81,14 @@ def replay(
         prepare(sim)
     _approach(follower, bench, late)
     sim.discard()
-    behind_rad = (0, 1, -1)[late // LATER % 3] * _unknown_rad(bench)
+    # Where the shaft should stand at the end of each period; of the bench only the speeds are known.
+    angle_rad = sim.plant_state[7] + (0, 1, -1)[late // LATER % 3] * _unknown_rad(bench)
     for k in range(bench.periods):
         begin, end = bench.omega_rad_s[k : k + 2]
         if not bench.outside:  # what the slow interrupt measures is how far the shaft has turned
-            more = CORRECTED * behind_rad / bench.slow_s
+            more = CORRECTED * (angle_rad - sim.plant_state[7]) / bench.slow_s
             begin, end = begin + more, end + more
-            behind_rad += (bench.mean_rad_s[k] - (begin + end) / 2) * bench.slow_s
+            angle_rad += bench.mean_rad_s[k] * bench.slow_s
         follower.step(bench.torque_ref_Nm[k], bench.vdc_V[k], begin, end)
     sim.check()
     rec = sim.take()
