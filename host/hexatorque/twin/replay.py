@@ -81,7 +81,7 @@ def replay(
         prepare(sim)
     _approach(follower, bench, late)
     sim.discard()
-    # Where the shaft should stand at the end of each period; of the bench only the speeds are known.
+    # Where the shaft should be at the end of each period. Of the bench only the speeds are known.
     angle_rad = sim.plant_state[7] + (0, 1, -1)[late // LATER % 3] * _unknown_rad(bench)
     for k in range(bench.periods):
         begin, end = bench.omega_rad_s[k : k + 2]

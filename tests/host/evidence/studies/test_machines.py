@@ -7,6 +7,7 @@ import pytest
 
 from hexatorque import firmware
 from hexatorque.evidence.studies import machines
+from hexatorque.setups import new
 from hexatorque.setups.nameplate import circuit_of
 
 
@@ -41,19 +42,23 @@ def result():
 
 def test_the_default_scheme_drives_them(result, tmp_path):
     assert [m["schemes"]["ddr"]["passed"] for m in result["machines"]] == [True, True]
+    assert [m["written"]["passed"] for m in result["machines"]] == [True, True]
+    assert not {m["written"]["scheme"] for m in result["machines"]} & set(new.HELD_BACK)
     assert machines.failures(result) == []
     (table,) = machines.tables(result)
-    assert len(table.rows) == len(firmware.schemes())
+    assert len(table.rows) == len(firmware.schemes()) + 1
     path = machines.plot(result, tmp_path / "machines.png")
     assert path.read_bytes()[:4] == b"\x89PNG"
 
 
 def test_too_few_are_a_failure(result):
     lost = {"allowed": True, "passed": False, "reason": "tripped", "bad": []}
-    worse = {"machines": [{**result["machines"][0], "schemes": {"ddr": lost, "fdr": lost}}]}
+    first = result["machines"][0]
+    worse = {"machines": [{**first, "written": lost, "schemes": {"ddr": lost, "fdr": lost}}]}
     assert machines.failures(worse) == [
+        "as new writes it: 0 of 1, needed are 98 %",
         "fdr: 0 of 1, needed are 90 %",
         "ddr: 0 of 1, needed are 98 %",
     ]
-    foreseen = {"machines": [{**worse["machines"][0], "schemes": {"fdr": {**lost, "allowed": 0}}}]}
+    foreseen = {"machines": [{**first, "schemes": {"fdr": {**lost, "allowed": 0}}}]}
     assert machines.failures(foreseen) == []
