@@ -1,14 +1,12 @@
 #include "ht_voltage_law.h"
 
-/* Samples per time constant of a current. */
-#define LEAST_SAMPLES 5.0f
 /* Gain of the x-y integrators, per period, of the voltage that would take the x-y current away at
  * once. */
 #define XY_INTEGRAL 0.008f
 
 float ht_voltage_law_least_Hz(float rs_ohm, float sigma_ls_H, float lxy_H)
 {
-    return LEAST_SAMPLES * rs_ohm / ((lxy_H < sigma_ls_H) ? lxy_H : sigma_ls_H);
+    return HT_LEAST_SAMPLES * rs_ohm / ((lxy_H < sigma_ls_H) ? lxy_H : sigma_ls_H);
 }
 
 bool ht_voltage_law_fast_enough(const ht_observer_config *machine)

@@ -35,6 +35,9 @@ typedef struct {
     float vdc_V;
 } ht_voltage_law_input;
 
+/** Samples in a time constant of a current that a law that predicts needs at least. */
+#define HT_LEAST_SAMPLES 5.0f
+
 /** Lowest sampling frequency for stator resistance, transient and x-y inductance. Within a period
  *  R_s may take away a fifth of either current: the prediction counts the drop with the current at
  *  the period's start, which then leaves 2 % of what it predicts. */

@@ -48,6 +48,7 @@ LIMIT_PER_RATED = 1.5
 #: By this share of rated speed the shaft may run away when the rated load drops.
 RUNAWAY = 0.3
 #: Low pass of the lost leg's residual.
+LEAST_SAMPLES = number_of("core/ht_voltage_law.h", "HT_LEAST_SAMPLES")
 LOSS_FILTER_S = number_of("core/ht_leg_loss.h", "HT_LEG_LOSS_FILTER_S")
 #: Slow periods in 2 pi of the speed loop's corner.
 SLOW_PER_CORNER = 30
@@ -167,10 +168,8 @@ def _f_isr_Hz(k: Known) -> float:
 
 
 def _least_f_isr_Hz(k: Known) -> float:
-    """Lowest sampling frequency of the laws that predict."""
-    from ..firmware import lib
-
-    return lib.ht_deadbeat_law_least_Hz(k["rs_ohm"], k["sigma_ls_H"], k["lxy_H"])
+    """Lowest sampling frequency of the laws that predict (ht_voltage_law_least_Hz)."""
+    return LEAST_SAMPLES * k["rs_ohm"] / min(k["lxy_H"], k["sigma_ls_H"])
 
 
 def _f_slow_Hz(k: Known) -> float:

@@ -75,7 +75,7 @@ def _followed(
     state = ffi.new("ht_table_law_state *")
     lib.ht_table_law_reset(state)
     decided, psi_xy = ffi.new("ht_estimate *"), ffi.new("ht_xy *")
-    seen, v_xy, words = ffi.new("ht_table_law_input *"), ffi.new("ht_xy *"), ffi.new("uint16_t[3]")
+    seen, v_xy, words = ffi.new("ht_vector_law_input *"), ffi.new("ht_xy *"), ffi.new("uint16_t[3]")
     seen.decided, seen.psi_xy_Wb = decided, psi_xy
     seen.only_v0 = c.drive.config.control.only_v0
     seen.flux_ref_Wb = flux_Wb

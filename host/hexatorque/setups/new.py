@@ -17,8 +17,6 @@ from .values import SetupError
 #: The scheme of a set-up for which none is ready.
 FALLBACK = "ddr"
 SCHEME_LINE = 'scheme = "{}"'
-#: Schemes that are not written yet, with the reason.
-HELD_BACK = {"db-dtfc": "board compare may find a difference under it that is not there"}
 
 _M = KEYS["machine"]
 
@@ -305,11 +303,10 @@ def with_best_scheme(text: str, name: str) -> tuple[str, str, str]:
 
     setup = parse(text, name)
     refuse_impossible(setup)
-    schemes = [name for name in firmware.schemes() if name not in HELD_BACK]
+    schemes = firmware.schemes()
     scheme, why = best(review(setup, schemes), schemes)
     if not scheme:
         return text, "", ""
-    why += "".join(f"; {name} is held back: {reason}" for name, reason in HELD_BACK.items())
     line = f"# {why}\n{SCHEME_LINE.format(scheme)}"
     return text.replace(SCHEME_LINE.format(FALLBACK), line), scheme, why
 

@@ -469,7 +469,8 @@ def _steady(setup: Setup, d: Design, name: str) -> Iterator[Finding]:
     asked_Nm = load_Nm + d.machine.viscous_Nms * rad_s(speed_rpm)
     where = f", at {speed_rpm:g} r/min and {load_Nm:g} N m"
     error_Nm, error_pct = 0.0, 0.0
-    if lib.ht_scheme_describe(firmware.schemes().index(name)).law == lib.HT_LAW_TABLE:
+    row = lib.ht_scheme_describe(firmware.schemes().index(name))
+    if not lib.ht_law_commands_voltage(row.law):
         try:
             own = setup.with_scheme(name)
             controller = firmware.Controller(own["timing.device"], parameters(own))

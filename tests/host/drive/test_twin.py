@@ -144,8 +144,8 @@ def test_where_a_sample_was_taken_is_found(setup, every, place):
 
 
 def test_under_deadbeat_control_the_false_difference_becomes_smaller(setup):
-    """A part of it stays: therefore `new` does not write this scheme. How much stays depends on the
-    recording, so that only the direction is a property."""
+    """A part of it stays. How much depends on the recording, so that only the direction is a
+    property."""
     found, early = with_and_without_places(setup, "db-dtfc", 20, 13)
     assert early.differs and worst(found) < worst(early)
 
