@@ -8,7 +8,7 @@ import pytest
 
 from hexatorque import firmware, setups
 from hexatorque.cli.main import main
-from hexatorque.drive.operating_points import Point, measure_all
+from hexatorque.experiments.operating_points import Point, measure_all
 from hexatorque.setups import SetupError, new
 from hexatorque.setups.design import Design
 from hexatorque.setups.mean_torque import held
