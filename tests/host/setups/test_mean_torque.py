@@ -131,7 +131,7 @@ def test_no_scheme_is_refused_that_20_kHz_would_allow(resistance):
     text = RESISTIVE.replace("rs_ohm=2.5", f"rs_ohm={resistance}")
     setup = setups.parse(new.from_circuit(text, "x"), "x")
     names = ("rs_ohm", "sigma_ls_H", "lxy_H")
-    least_Hz = firmware.lib.ht_deadbeat_law_least_Hz(*map(setup.parameter, names))
+    least_Hz = firmware.lib.ht_voltage_law_least_Hz(*map(setup.parameter, names))
     f_isr_Hz = setup.parameter("f_isr_Hz")
     if least_Hz <= 20e3:
         assert f_isr_Hz >= least_Hz
