@@ -15,7 +15,7 @@ BIN = Path(sys.executable).parent
 PART = (
     "MISRA.md", "core/ht_types.h", "core/ht_xy_regulator.h", "core/ht_xy_regulator.c",
     "app/ht_params.h", "app/ht_params.c", "app/ht_params.def", "app/ht_initial.h",
-    "core/ht_schemes.h", "core/ht_schemes.def",
+    "core/ht_schemes.h", "core/ht_schemes.def", "core/ht_laws.def", "core/ht_limited.h",
     "port/c2000/ht_c2000_map.h", "port/c2000/ht_chips.def",
     *(f"port/c2000/{path.name}" for path in (ROOT / "firmware/port/c2000").glob("ht_family_*.def")),
     "port/c2000/ht_c2000_map.c", "port/c2000/ht_reg.h", "port/c2000/image/ht_wait.c",

@@ -106,7 +106,9 @@ def test_the_best_scheme_is_ready_and_no_other_has_fewer_notes():
 
 
 def test_a_set_up_that_is_bad_for_all_has_no_best_scheme():
-    wrong = setups.load("small-2kw").changed(controller__i_trip_A=9.9)
+    wrong = setups.load("small-2kw").changed(
+        point__speed_rpm=4000.0, controller__speed_trip_rpm=4100.0
+    )
     assert best(review(wrong, SCHEMES), SCHEMES) == ("", "")
 
 
