@@ -4,4 +4,7 @@ set(CMAKE_SYSTEM_PROCESSOR avr)
 set(CMAKE_C_COMPILER avr-gcc)
 set(CMAKE_OBJDUMP avr-objdump)
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
-set(CMAKE_C_FLAGS_INIT "-mmcu=atmega2560")
+# avr-gcc 5.4 compiles wrongly without this: after its registers are chosen, the pass postreload
+# writes an address as the sum of another one and a constant, although one half of the other has been
+# used as a scratch register meanwhile. The build-up of the flux took no time because of that.
+set(CMAKE_C_FLAGS_INIT "-mmcu=atmega2560 -fdisable-rtl-postreload")

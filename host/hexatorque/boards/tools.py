@@ -95,21 +95,35 @@ def run(step: list, folder: Path | None = None) -> None:
         raise BuildError(f"{' '.join(map(str, step))} failed:\n{text}")
 
 
+def _digest(source: Path) -> str:
+    files = [source / "CMakeLists.txt", source / "CMakePresets.json"]
+    files += [path for part in ("cmake", "firmware") for path in (source / part).rglob("*")]
+    crc = 0
+    for path in sorted(path for path in files if path.is_file()):
+        crc = zlib.crc32(path.relative_to(source).as_posix().encode(), crc)
+        crc = zlib.crc32(path.read_bytes(), crc)
+    return f"{crc:08x}"
+
+
 def build(preset: str, *targets: str) -> Path:
-    """Build these targets of a CMake preset, or all of them. Returns the folder of the images. Only
-    changed files are compiled."""
+    """Build these targets of a CMake preset, or all of them. Returns the folder of the images.
+
+    After any change of the sources everything is compiled. An installed file keeps the time of its
+    origin. That time may lie before an object file's, so times do not tell what has changed."""
     source = source_root()
     folder = _build_folder(source, preset)
     folder.mkdir(parents=True, exist_ok=True)
-    cmake, ninja = program("cmake"), program("ninja")
-    steps = (
-        [cmake, "--preset", preset, "-B", folder, "-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={ninja}"],
-        [cmake, "--build", folder, *(["--target", *targets] if targets else [])],
-    )
+    cmake, ninja, digest = program("cmake"), program("ninja"), _digest(source)
     with (folder / ".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        for step in steps:
-            run(step, source)
+        built = folder / ".built"
+        same = built.exists() and built.read_text() == digest
+        fresh = [] if same else ["--fresh"]  # without cache and object files
+        built.unlink(missing_ok=True)
+        configure = [cmake, "--preset", preset, "-B", folder, "-G", "Ninja", *fresh]
+        run([*configure, f"-DCMAKE_MAKE_PROGRAM={ninja}"], source)
+        run([cmake, "--build", folder, *(["--target", *targets] if targets else [])], source)
+        built.write_text(digest)
     return folder
 
 
