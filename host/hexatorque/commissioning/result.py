@@ -160,7 +160,7 @@ def set_up(found: Findings, drive: DriveVerbs, device: str, title: str) -> str:
         sections["load"] = {"kind": "fan", "at_rpm": speed_rpm}
         sections["point"] = {"speed_rpm": speed_rpm, "load_Nm": _measured(fan)}
     head = [f"title = {json.dumps(title)}", 'defaults = "firmware"', *_curves(found)]
-    alone = parameters(parse(_text(head, sections), title))
+    alone = parameters(parse(_text(head, sections), title, whole=False))
     return _text(head, {**sections, "controller": _controller(drive, values, alone)})
 
 

@@ -68,9 +68,9 @@ def toml_of(source: str) -> dict[str, Any]:
         raise SetupError(f"not valid TOML: {error}") from None
 
 
-def parse(source: str, name: str, folder: Path = Path()) -> Setup:
+def parse(source: str, name: str, folder: Path = Path(), *, whole: bool = True) -> Setup:
     """Check the text of a set-up or scenario of a file in this folder. All mistakes are reported
-    together."""
+    together. If more is to come, the text is not `whole`: its values need not fit together."""
     from . import schema  # needs pydantic, which takes long to import
 
     data = toml_of(source)
@@ -97,7 +97,8 @@ def parse(source: str, name: str, folder: Path = Path()) -> Setup:
         checked.get("profile", start.profile),
         checked.get("defaults", start.defaults),
     )
-    return setup.with_values({section: checked.get(section, {}) for section in SECTIONS})
+    values = {section: checked.get(section, {}) for section in SECTIONS}
+    return setup.with_values(values) if whole else setup.with_part(values)
 
 
 def _missing(data: dict[str, Any]) -> list[str]:

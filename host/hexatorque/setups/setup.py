@@ -91,8 +91,7 @@ class Setup:
     def with_values(self, changes: dict[str, dict[str, Value]]) -> Setup:
         """A copy with some checked values changed, [section][key]. SetupError for what does not
         fit together. For values that are not checked there is `changed`."""
-        values = {s: {**entries, **changes.get(s, {})} for s, entries in self.values.items()}
-        result = replace(self, values=values)
+        result = self.with_part(changes)
         if lines := (
             inconsistent(result)
             or to_parameters.refused(result)
@@ -100,6 +99,11 @@ class Setup:
         ):
             raise SetupError("\n".join(lines))
         return result
+
+    def with_part(self, changes: dict[str, dict[str, Value]]) -> Setup:
+        """The same without asking what fits together: more is to come."""
+        values = {s: {**entries, **changes.get(s, {})} for s, entries in self.values.items()}
+        return replace(self, values=values)
 
     def parameter(self, name: str) -> Any:
         """A controller parameter as the simulation uses it: a number in the unit that its name
