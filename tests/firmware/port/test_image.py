@@ -178,8 +178,8 @@ FAULTS = {
         "the ADC has not settled yet"),
     # width
     "16 bits of a 32-bit timer register": (
-        F28335, "ht_timer.c", "    HT_WR32(port->io, timer + PRD, from);",
-        "    HT_WR16(port->io, timer + PRD, (uint16_t)from);", "TIMER1.PRD: width"),
+        F28335, "ht_timer.c", "    HT_WR32(port->io, timer + HT_TIMER_PRD, from);",
+        "    HT_WR16(port->io, timer + HT_TIMER_PRD, (uint16_t)from);", "TIMER1.PRD: width"),
     "16 bits of a pin register": (
         F28377S, "ht_pins.c", "ht_change32(port->io, first + GPYPUD, bit, pull_up ? 0u : bit);",
         "HT_WR16(port->io, first + GPYPUD, 0u);", "PUD: width"),
