@@ -124,7 +124,7 @@ def rows(board: str) -> list[tuple[str, str, str, str, str]]:
     found.append(("serial receive", f"GPIO{table.receive.gpio}", "SCIRXDA"))
     found.append(("serial transmit", f"GPIO{table.transmit.gpio}", "SCITXDA"))
     for k, (signal, pin) in enumerate(zip((*CURRENTS, "dc link"), channels(board), strict=True)):
-        number = lib.ht_board_cmpss(ffi.addressof(table), k) if signal in CURRENTS else 0
+        number = lib.ht_board_cmpss(ffi.addressof(table), k)
         found.append((signal, pin, f"ADC, CMPSS{number}" if number else "ADC"))
     remarks = REMARKS.get(board, {})
     return [

@@ -34,22 +34,26 @@ uint16_t ht_state_flags(uint16_t state)
 }
 
 /* The comparators are less exact than the ADC: offset 25 mV, the DAC's curve 13 mV, its gain 2 % and
- * VDDA 1 % of 3.3 V (SPRS945, CMPSS DAC), together 137 mV or 9.1 % of a sensor's 1.5 V. With this
- * share of `i_full_A` above `i_trip_A` they never trip before the samples would. */
+ * VDDA 1 % of 3.3 V (SPRS945, CMPSS DAC), together 137 mV or 9.1 % of a current sensor's 1.5 V and 4.6 %
+ * of the dc link's 3.0 V. With this share of half the converter's range above the software's levels they
+ * never trip before the samples would. */
 #define COMPARATOR_ABOVE 0.1f
 
 void ht_drive_set_levels(ht_drive *d)
 {
-    ht_current_levels levels;
-    float span = (d->config->protect.i_trip_A / d->i_per_count)
-                 + (COMPARATOR_ABOVE * (float)HT_ADC_MID);
+    ht_trip_levels levels;
+    float above = COMPARATOR_ABOVE * (float)HT_ADC_MID;
+    float span = (d->config->protect.i_trip_A / d->i_per_count) + above;
+    float vdc = (d->config->protect.vdc_max_V / d->v_per_count) + above + 1.0f;
     int leg;
     for (leg = 0; leg < HT_LEGS; leg++) {
         float low = d->offset_counts[leg] - span;
         levels.low[leg] = (uint16_t)((low > 0.0f) ? low : 0.0f);
         levels.high[leg] = (uint16_t)(d->offset_counts[leg] + span + 1.0f);
     }
-    ht_port_current_levels(d->port, &levels);
+    levels.low[HT_ADC_VDC] = 0u;
+    levels.high[HT_ADC_VDC] = (uint16_t)((vdc < (float)HT_ADC_FULL) ? vdc : (float)HT_ADC_FULL);
+    ht_port_trip_levels(d->port, &levels);
 }
 
 static void measure(ht_drive *d)
@@ -78,14 +82,28 @@ static void keep(ht_drive *d, uint16_t state, uint16_t bits)
     d->snapshot.speed_rpm = d->speed_rpm;
 }
 
+/* What a comparator has found since the gates went on, fault bits. */
+HT_SELDOM static uint16_t by_comparator(const ht_drive *d)
+{
+    uint16_t beyond = ht_port_beyond(d->port);
+    unsigned faults = ((beyond >> HT_ADC_VDC) != 0u) ? (unsigned)HT_FAULT_VDC_HIGH : 0u;
+    if ((beyond & ((1u << HT_ADC_VDC) - 1u)) != 0u) { /* a phase current */
+        faults |= HT_FAULT_OVERCURRENT;
+    }
+    return (uint16_t)faults;
+}
+
 static void fault(ht_drive *d, uint16_t bits)
 {
     ht_port_gates_off(d->port);
     if (d->state != (uint16_t)HT_STATE_FAULT) {
         bool by_hardware = (bits & (uint16_t)HT_FAULT_EXTERNAL) != 0u;
-        if (((bits & (uint16_t)HT_FAULT_OVERCURRENT) != 0u) && ht_port_overcurrent(d->port)) {
-            d->warnings = (uint16_t)(d->warnings | (unsigned)HT_WARNING_COMPARATOR);
-            by_hardware = true;
+        if ((bits & (uint16_t)(HT_FAULT_OVERCURRENT | HT_FAULT_VDC_HIGH)) != 0u) {
+            uint16_t found = (uint16_t)(by_comparator(d) & bits);
+            if (found != 0u) {
+                d->warnings = (uint16_t)(d->warnings | (unsigned)HT_WARNING_COMPARATOR);
+            }
+            by_hardware = by_hardware || ((found & (uint16_t)HT_FAULT_OVERCURRENT) != 0u);
         }
         keep(d, d->state, bits);
         if (by_hardware) {
@@ -127,7 +145,7 @@ static uint16_t used_legs(const ht_drive *d)
 /* A latch is set that the drive has not set. */
 HT_SELDOM static uint16_t tripped_by(const ht_drive *d)
 {
-    unsigned faults = ht_port_overcurrent(d->port) ? (unsigned)HT_FAULT_OVERCURRENT : 0u;
+    unsigned faults = by_comparator(d);
     if (ht_port_interrupt_lost(d->port)) {
         faults |= HT_FAULT_INTERRUPT;
     }
@@ -359,6 +377,28 @@ static void test(ht_drive *d)
     }
 }
 
+/* Parameters that have changed take effect. */
+HT_SELDOM static void take_staged(ht_drive *d)
+{
+    const ht_protect_config *before = &d->config->protect;
+    const ht_protect_config *now = &d->staged->protect;
+    bool moved = (now->i_trip_A != before->i_trip_A) || (now->vdc_max_V != before->vdc_max_V);
+    ht_control_switch_over(&d->config->control, &d->staged->control, &d->control);
+    d->config = d->staged;
+    d->taken_tick = d->tick;
+    d->staged = NULL;
+    if (moved) {
+        ht_drive_set_levels(d);
+    }
+    if (d->state == (uint16_t)HT_STATE_TEST) {
+        ht_excitation_begin(&d->excitation);
+    }
+    if ((d->off_legs != 0u) && !ht_control_can_lose(&d->config->control)) {
+        /* It cannot do without a leg any more. This interrupt acts on it. */
+        d->slow_faults = (uint16_t)(d->slow_faults | HT_FAULT_PHASE);
+    }
+}
+
 void ht_drive_fast_isr(ht_drive *d)
 {
     ht_state state = (ht_state)d->state;
@@ -366,21 +406,7 @@ void ht_drive_fast_isr(ht_drive *d)
     ht_port_read(d->port, &d->samples);
     d->tick++;
     if (d->staged != NULL) {
-        bool moved = d->staged->protect.i_trip_A != d->config->protect.i_trip_A;
-        ht_control_switch_over(&d->config->control, &d->staged->control, &d->control);
-        d->config = d->staged;
-        d->taken_tick = d->tick;
-        d->staged = NULL;
-        if (moved) {
-            ht_drive_set_levels(d);
-        }
-        if (state == HT_STATE_TEST) {
-            ht_excitation_begin(&d->excitation);
-        }
-        if ((d->off_legs != 0u) && !ht_control_can_lose(&d->config->control)) {
-            /* It cannot do without a leg any more. This interrupt acts on it. */
-            d->slow_faults = (uint16_t)(d->slow_faults | HT_FAULT_PHASE);
-        }
+        take_staged(d);
     }
     measure(d);
     switch (state) {

@@ -8,8 +8,7 @@ enum {
     FORWARD = 0x08,
     OVERRUN = 0x10,
     TRIP_PIN_LOW = 0x20,
-    INTERRUPT_LOST = 0x40,
-    OVERCURRENT = 0x80
+    INTERRUPT_LOST = 0x40
 };
 
 void ht_pil_hardware_add(ht_packet *p, const ht_pil_hardware *hardware)
@@ -45,7 +44,6 @@ void ht_pil_inputs_add(ht_packet *p, const ht_pil_inputs *in)
     flags |= flag(in->overrun, OVERRUN);
     flags |= flag(in->trip_pin_low, TRIP_PIN_LOW);
     flags |= flag(in->interrupt_lost, INTERRUPT_LOST);
-    flags |= flag(in->overcurrent, OVERCURRENT);
     for (channel = 0u; channel < (uint16_t)HT_ADC_CHANNELS; channel++) {
         ht_packet_add16(p, in->samples.adc[channel]);
     }
@@ -54,6 +52,7 @@ void ht_pil_inputs_add(ht_packet *p, const ht_pil_inputs *in)
     ht_packet_add16(p, in->capture.age_ticks);
     ht_packet_add8(p, flags);
     ht_packet_add8(p, in->tripped);
+    ht_packet_add8(p, in->beyond);
 }
 
 void ht_pil_inputs_take(ht_reader *r, ht_pil_inputs *in)
@@ -68,6 +67,7 @@ void ht_pil_inputs_take(ht_reader *r, ht_pil_inputs *in)
     in->capture.age_ticks = ht_read16(r);
     flags = ht_read8(r);
     in->tripped = ht_read8(r);
+    in->beyond = ht_read8(r);
     in->capture.event = (flags & (uint16_t)EVENT) != 0u;
     in->capture.overflow = (flags & (uint16_t)OVERFLOW) != 0u;
     in->capture.reversed = (flags & (uint16_t)REVERSED) != 0u;
@@ -75,5 +75,4 @@ void ht_pil_inputs_take(ht_reader *r, ht_pil_inputs *in)
     in->overrun = (flags & (uint16_t)OVERRUN) != 0u;
     in->trip_pin_low = (flags & (uint16_t)TRIP_PIN_LOW) != 0u;
     in->interrupt_lost = (flags & (uint16_t)INTERRUPT_LOST) != 0u;
-    in->overcurrent = (flags & (uint16_t)OVERCURRENT) != 0u;
 }

@@ -33,8 +33,8 @@ enum {
     HT_CALL_LEG_OFF = 13,        /**< leg */
     HT_CALL_INTERRUPT_LOST = 14, /**< answer */
     HT_CALL_COUNTS = 15,         /**< answer, a number */
-    HT_CALL_CURRENT_LEVELS = 16, /**< low of each leg, high of each leg */
-    HT_CALL_OVERCURRENT = 17     /**< answer */
+    HT_CALL_TRIP_LEVELS = 16,    /**< low of each channel, high of each channel */
+    HT_CALL_BEYOND = 17          /**< answer, channels */
 };
 
 /** The hardware's fixed properties. They come with INIT. */
@@ -58,7 +58,7 @@ typedef struct {
     bool overrun;
     bool trip_pin_low;
     bool interrupt_lost;
-    bool overcurrent; /**< a comparator has tripped */
+    uint16_t beyond; /**< channels whose comparators have tripped */
 } ht_pil_inputs;
 
 void ht_pil_inputs_add(ht_packet *p, const ht_pil_inputs *in);

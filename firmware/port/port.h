@@ -9,7 +9,7 @@
  *    register.
  *  - `ht_port_begin_fast`, `ht_port_read`, `ht_port_write`, `ht_port_gates_off`,
  *    `ht_port_gates_on`, `ht_port_leg_off`, `ht_port_tripped`, `ht_port_leg_tripped`,
- *    `ht_port_interrupt_lost`, `ht_port_overcurrent`, `ht_port_counts`, `ht_port_overrun`,
+ *    `ht_port_interrupt_lost`, `ht_port_beyond`, `ht_port_counts`, `ht_port_overrun`,
  *    `ht_port_ack_fast` from the fast interrupt only (`ht_port_read` from the set-up as well, and from the slow interrupt when no fast one comes any
  *    more). None blocks; each takes a fixed number of
  *    register accesses.
@@ -17,7 +17,7 @@
  *    interrupt. It clears the flags that it reports.
  *  - `ht_port_gates_off` also from anywhere else: it is a single register write
  *    per leg and is idempotent.
- *  - `ht_port_current_levels` from the fast interrupt, and from the set-up with all gates off.
+ *  - `ht_port_trip_levels` from the fast interrupt, and from the set-up with all gates off.
  *  - `ht_port_trip_pin_low` from anywhere: one register read.
  *
  *  Timing: counter = 0 of the PWM starts the conversion of all channels, one after the
@@ -118,19 +118,19 @@ bool ht_port_leg_tripped(const ht_port *port, uint16_t leg);
  *  for 2.5 periods? */
 bool ht_port_interrupt_lost(const ht_port *port);
 
-/** Over-current levels of the six phases, readings of the ADC. */
+/** Over-current levels of the six phases and over-voltage level of the dc link, readings of the ADC. */
 typedef struct {
-    uint16_t low[HT_LEGS];  /**< 0: out of reach */
-    uint16_t high[HT_LEGS]; /**< from HT_ADC_FULL on it may be out of reach */
-} ht_current_levels;
+    uint16_t low[HT_ADC_CHANNELS];  /**< 0: out of reach; the dc link has none */
+    uint16_t high[HT_ADC_CHANNELS]; /**< from HT_ADC_FULL on it may be out of reach */
+} ht_trip_levels;
 
-/** From now on a current whose reading would stay below `low` or above `high` takes all gates off by
+/** From now on a channel whose reading would stay below `low` or above `high` takes all gates off by
  *  hardware, where the target has a comparator for it. Never at less than these levels. Takes a fixed
  *  number of register accesses. */
-void ht_port_current_levels(ht_port *port, const ht_current_levels *levels);
+void ht_port_trip_levels(ht_port *port, const ht_trip_levels *levels);
 
-/** Has a comparator taken the gates off since `ht_port_gates_on`? */
-bool ht_port_overcurrent(const ht_port *port);
+/** Channels whose comparators have taken the gates off since `ht_port_gates_on`: bit n is channel n. */
+uint16_t ht_port_beyond(const ht_port *port);
 
 /** Is the trip pin low now? While it is, the gates must stay off. */
 bool ht_port_trip_pin_low(const ht_port *port);

@@ -149,7 +149,7 @@ bool ht_port_gates_on(ht_port *port, uint16_t legs)
     if (!port->input.trip_pin_low) {
         port->input.tripped = (uint16_t)(port->input.tripped & (uint16_t)~legs);
         port->input.interrupt_lost = false;
-        port->input.overcurrent = false;
+        port->input.beyond = 0u;
     }
     return note_answer(port, !port->input.trip_pin_low);
 }
@@ -180,22 +180,23 @@ bool ht_port_interrupt_lost(const ht_port *port)
     return note_answer(port, port->input.interrupt_lost);
 }
 
-void ht_port_current_levels(ht_port *port, const ht_current_levels *levels)
+void ht_port_trip_levels(ht_port *port, const ht_trip_levels *levels)
 {
-    int leg;
-    note(port, HT_CALL_CURRENT_LEVELS);
-    for (leg = 0; leg < HT_LEGS; leg++) {
-        note(port, levels->low[leg]);
+    int channel;
+    note(port, HT_CALL_TRIP_LEVELS);
+    for (channel = 0; channel < HT_ADC_CHANNELS; channel++) {
+        note(port, levels->low[channel]);
     }
-    for (leg = 0; leg < HT_LEGS; leg++) {
-        note(port, levels->high[leg]);
+    for (channel = 0; channel < HT_ADC_CHANNELS; channel++) {
+        note(port, levels->high[channel]);
     }
 }
 
-bool ht_port_overcurrent(const ht_port *port)
+uint16_t ht_port_beyond(const ht_port *port)
 {
-    note(port, HT_CALL_OVERCURRENT);
-    return note_answer(port, port->input.overcurrent);
+    note(port, HT_CALL_BEYOND);
+    note(port, port->input.beyond);
+    return port->input.beyond;
 }
 
 void ht_port_begin_fast(ht_port *port)

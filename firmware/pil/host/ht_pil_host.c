@@ -251,7 +251,7 @@ static void look(ht_link *l, ht_pil_inputs *in)
         }
     }
     in->trip_pin_low = ht_port_trip_pin_low(&l->port);
-    in->overcurrent = ht_port_overcurrent(&l->port);
+    in->beyond = ht_port_beyond(&l->port);
     in->overrun = false; /* no conversion ends during an interrupt here */
     *status = flags;
     l->registers.accesses = accesses;
@@ -274,7 +274,7 @@ static void add_hardware(ht_link *l)
 static bool make_call(ht_link *l, ht_reader *r)
 {
     ht_pwm_setup setup;
-    ht_current_levels levels;
+    ht_trip_levels levels;
     ht_compare pattern;
     ht_samples samples;
     ht_capture capture;
@@ -321,17 +321,17 @@ static bool make_call(ht_link *l, ht_reader *r)
                && (ht_port_leg_tripped(&l->port, leg) == (ht_read16(r) != 0u));
     case HT_CALL_INTERRUPT_LOST:
         return ht_port_interrupt_lost(&l->port) == (ht_read16(r) != 0u);
-    case HT_CALL_CURRENT_LEVELS:
-        for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+    case HT_CALL_TRIP_LEVELS:
+        for (leg = 0u; leg < (uint16_t)HT_ADC_CHANNELS; leg++) {
             levels.low[leg] = ht_read16(r);
         }
-        for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
+        for (leg = 0u; leg < (uint16_t)HT_ADC_CHANNELS; leg++) {
             levels.high[leg] = ht_read16(r);
         }
-        ht_port_current_levels(&l->port, &levels);
+        ht_port_trip_levels(&l->port, &levels);
         return true;
-    case HT_CALL_OVERCURRENT:
-        return ht_port_overcurrent(&l->port) == (ht_read16(r) != 0u);
+    case HT_CALL_BEYOND:
+        return ht_port_beyond(&l->port) == ht_read16(r);
     case HT_CALL_BEGIN_FAST:
         ht_port_begin_fast(&l->port);
         return true;

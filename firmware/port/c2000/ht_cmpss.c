@@ -6,6 +6,7 @@
 #define STRIDE 0x20u
 #define COMPCTL 0x00u
 #define COMPHYSCTL 0x01u
+#define COMPSTS 0x02u
 #define COMPSTSCLR 0x03u
 #define COMPDACCTL 0x04u
 #define DACHVALS 0x06u
@@ -26,11 +27,14 @@
 #define FILTER_CLOCKS 9u        /* a sample every 10 system clocks, 50 ns */
 #define FILTER_15_OF_20 0x1D30u /* THRESH 14, SAMPWIN 19 */
 #define FILINIT 0x8000u
-#define LATCHES 0x0202u /* LLATCHCLR, HLATCHCLR */
+/* COMPSTS, COMPSTSCLR */
+#define HIGH_LATCH 0x0002u
+#define LOW_LATCH 0x0200u
 #define DAC_MOST 4095u
 /* ePWM X-BAR: what TRIP5 listens to; two multiplexers a subsystem, two bits a multiplexer */
 #define TRIP5MUX0TO15CFG 0x7A04u /* 32 bits */
 #define TRIP5MUXENABLE 0x7A22u   /* 32 bits */
+#define CTRIPH 0u
 #define CTRIPH_OR_CTRIPL 1u
 /* Digital compare of an ePWM module */
 #define TZOSTFLG 0x95u
@@ -77,7 +81,12 @@ static void start_one(ht_port *port, uint32_t base)
      * forgotten before a gate goes on. */
     HT_WR16(io, base + CTRIPHFILCTL, FILINIT | FILTER_15_OF_20);
     HT_WR16(io, base + CTRIPLFILCTL, FILINIT | FILTER_15_OF_20);
-    HT_WR16(io, base + COMPSTSCLR, LATCHES);
+}
+
+/* A dc link at 0 V is no fault, and its low comparator's offset may lie above that. */
+static bool has_low_level(uint16_t channel)
+{
+    return channel != (uint16_t)HT_ADC_VDC;
 }
 
 HT_SELDOM void ht_cmpss_start(ht_port *port)
@@ -85,17 +94,19 @@ HT_SELDOM void ht_cmpss_start(ht_port *port)
     ht_io *io = port->io;
     uint32_t listens = 0u;
     uint32_t enabled = 0u;
+    uint16_t channel;
     uint16_t leg;
     if (port->map->cmpss == 0u) {
         return;
     }
     HT_EALLOW(io);
-    for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
-        uint16_t number = ht_board_cmpss(port->board, leg);
+    for (channel = 0u; channel < (uint16_t)HT_ADC_CHANNELS; channel++) {
+        uint16_t number = ht_board_cmpss(port->board, channel);
         if (number != 0u) {
             uint32_t multiplexer = 2u * ((uint32_t)number - 1u);
+            uint32_t position = has_low_level(channel) ? CTRIPH_OR_CTRIPL : CTRIPH;
             start_one(port, first_register(port, number));
-            listens |= (uint32_t)CTRIPH_OR_CTRIPL << (2u * multiplexer);
+            listens |= position << (2u * multiplexer);
             enabled |= (uint32_t)1u << multiplexer;
         }
     }
@@ -114,8 +125,16 @@ HT_SELDOM void ht_cmpss_start(ht_port *port)
 HT_SELDOM void ht_cmpss_forget(ht_port *port)
 {
     if (port->map->cmpss != 0u) {
+        uint16_t channel;
         uint16_t leg;
         HT_EALLOW(port->io);
+        for (channel = 0u; channel < (uint16_t)HT_ADC_CHANNELS; channel++) {
+            uint16_t number = ht_board_cmpss(port->board, channel);
+            if (number != 0u) {
+                HT_WR16(port->io, first_register(port, number) + COMPSTSCLR,
+                        HIGH_LATCH | LOW_LATCH);
+            }
+        }
         for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
             HT_WR16(port->io, port->leg[leg] + port->map->tzclr, TZ_DCBEVT1);
             HT_WR16(port->io, port->leg[leg] + TZOSTCLR, OST_DCBEVT1);
@@ -124,24 +143,37 @@ HT_SELDOM void ht_cmpss_forget(ht_port *port)
     }
 }
 
-HT_SELDOM void ht_port_current_levels(ht_port *port, const ht_current_levels *levels)
+HT_SELDOM void ht_port_trip_levels(ht_port *port, const ht_trip_levels *levels)
 {
     if (port->map->cmpss != 0u) {
-        uint16_t leg;
-        for (leg = 0u; leg < (uint16_t)HT_LEGS; leg++) {
-            uint16_t number = ht_board_cmpss(port->board, leg);
+        uint16_t channel;
+        for (channel = 0u; channel < (uint16_t)HT_ADC_CHANNELS; channel++) {
+            uint16_t number = ht_board_cmpss(port->board, channel);
             if (number != 0u) {
                 uint32_t base = first_register(port, number);
-                HT_WR16(port->io, base + DACHVALS, dac_high(port, levels->high[leg]));
-                HT_WR16(port->io, base + DACLVALS, dac_low(port, levels->low[leg]));
+                HT_WR16(port->io, base + DACHVALS, dac_high(port, levels->high[channel]));
+                HT_WR16(port->io, base + DACLVALS, dac_low(port, levels->low[channel]));
             }
         }
     }
 }
 
-HT_SELDOM bool ht_port_overcurrent(const ht_port *port)
+HT_SELDOM uint16_t ht_port_beyond(const ht_port *port)
 {
-    /* All legs listen to the comparators, and each keeps the cause. */
-    return (port->map->cmpss != 0u)
-           && ((HT_RD16(port->io, port->leg[0] + TZOSTFLG) & OST_DCBEVT1) != 0u);
+    uint16_t found = 0u;
+    /* All legs listen to the comparators, and each keeps that one has tripped it. Which one it was says
+     * the subsystem's own latch. */
+    if ((port->map->cmpss != 0u)
+        && ((HT_RD16(port->io, port->leg[0] + TZOSTFLG) & OST_DCBEVT1) != 0u)) {
+        uint16_t channel;
+        for (channel = 0u; channel < (uint16_t)HT_ADC_CHANNELS; channel++) {
+            uint16_t number = ht_board_cmpss(port->board, channel);
+            uint16_t latches = has_low_level(channel) ? (HIGH_LATCH | LOW_LATCH) : HIGH_LATCH;
+            if ((number != 0u)
+                && ((HT_RD16(port->io, first_register(port, number) + COMPSTS) & latches) != 0u)) {
+                found = (uint16_t)(found | (1u << channel));
+            }
+        }
+    }
+    return found;
 }

@@ -1,11 +1,12 @@
 /** @file ht_cmpss.h
- *  Over-current by hardware: the comparator subsystem (CMPSS) of the F28377S. Two comparators watch
- *  each phase current whose pin leads to a subsystem, one for each direction, and trip all legs
- *  without code: subsystem -> ePWM X-BAR (TRIP5) -> digital compare (DCBEVT1) of each leg. They are
- *  a back-up for what happens between two samples. The F28335 has none.
+ *  Over-current and over-voltage by hardware: the comparator subsystems (CMPSS) of the F28377S. Two
+ *  comparators watch each phase current whose pin leads to a subsystem, one for each direction, and one
+ *  watches the dc link. They trip all legs without code: subsystem -> ePWM X-BAR (TRIP5) -> digital
+ *  compare (DCBEVT1) of each leg. They are a back-up for what happens between two samples. The F28335
+ *  has none.
  *
- *  A digital filter takes 20 samples, 50 ns apart; 15 of them must be beyond the level. So a current
- *  that stays beyond it trips after 0.75 us, and switching noise of less than 0.7 us never does.
+ *  A digital filter takes 20 samples, 50 ns apart; 15 of them must be beyond the level. So what stays
+ *  beyond it trips after 0.75 us, and switching noise of less than 0.7 us never does.
  */
 #ifndef HT_CMPSS_H
 #define HT_CMPSS_H

@@ -22,6 +22,9 @@
 #define TRIP5MUX 0x7A04u
 #define TRIP5ENABLE 0x7A22u
 #define CMPSS_WORDS 0x20u
+#define COMPSTS 0x02u
+#define HIGH_LATCH 0x0002u
+#define LOW_LATCH 0x0200u
 #define VDDA_V 3.3f
 #define OUT_MODE 0x0003u /* DBCTL: both delays on, none bypassed */
 #define MODULES 12u
@@ -225,7 +228,16 @@ static uint16_t trip5(ht_regfile *rf)
 static void comparators_out(ht_regfile *rf)
 {
     uint32_t n;
-    if ((rf->chip->cmpss == 0u) || (trip5(rf) == 0u)) {
+    if (rf->chip->cmpss == 0u) {
+        return;
+    }
+    /* A latch that is cleared while its filter's output is high is set again. */
+    for (n = 0u; n < HT_REGFILE_COMPARATORS; n++) {
+        uint16_t latches = (uint16_t)((((rf->trips[n] & 1u) != 0u) ? HIGH_LATCH : 0u)
+                                      | (((rf->trips[n] & 2u) != 0u) ? LOW_LATCH : 0u));
+        rf->word[rf->chip->cmpss + n * CMPSS_WORDS + COMPSTS] |= latches;
+    }
+    if (trip5(rf) == 0u) {
         return;
     }
     for (n = 0u; n < MODULES; n++) {
@@ -274,10 +286,10 @@ static void compare(ht_regfile *rf, uint32_t n, uint32_t which, float volts, uin
     }
     if (passed != 0u) {
         rf->trips[n] |= bit;
-        rf->word[base + 0x02u] |= (uint16_t)(3u << (8u * which));
+        rf->word[base + COMPSTS] |= (uint16_t)(1u << (8u * which));
     } else {
         rf->trips[n] &= (uint16_t)~bit;
-        rf->word[base + 0x02u] &= (uint16_t)~(1u << (8u * which));
+        rf->word[base + COMPSTS] &= (uint16_t)~(1u << (8u * which));
     }
 }
 

@@ -1,5 +1,6 @@
-"""Over-current by the F28377S's comparators: registers worked out from TI's manual, levels from the
-sensors' equation, and what a short circuit between two samples reaches with and without them.
+"""Over-current and over-voltage by the F28377S's comparators: registers worked out from TI's
+manual, levels from the sensors' equation, and what a short circuit or a lost load between two
+samples reaches with and without them.
 """
 
 import re
@@ -21,13 +22,16 @@ from hexatorque.firmware import (
 BOARDS = ("f28377s", "launchxl_f28377s")
 #: CMPSS1 ... 3, and the phase (u1 u2 w1 w2 v1 v2) whose pin is the positive input: ADCINA2, A4, B2.
 PHASE_OF = {1: 0, 2: 4, 3: 1}
+#: The dc link is at ADCIN14, the positive input of CMPSS4.
+OF_VDC = 4
 CMPSS, STRIDE, DACH, DACL = 0x5C80, 0x20, 0x06, 0x12
 ADC = (0x0B00, 0x0B20, 0x0B01, 0x0B21, 0x0B02, 0x0B22, 0x0B03)
 TZFLG, TZOSTFLG, OST = 0x93, 0x95, 0x0004
 VDDA, V_REF, I_FULL, I_TRIP = 3.3, 3.0, 30.0, 20.0
+VDC, VDC_MAX, VDC_FULL = 250.0, 400.0, 500.0
 SETUP = {
     "f_isr_Hz": 10000.0, "calibration_s": 0.002, "build_s": 0.01, "i_full_A": I_FULL,
-    "vdc_full_V": 500.0, "i_trip_A": I_TRIP, "vdc_min_V": 150.0, "vdc_max_V": 400.0,
+    "vdc_full_V": VDC_FULL, "i_trip_A": I_TRIP, "vdc_min_V": 150.0, "vdc_max_V": VDC_MAX,
     "i_sum_trip_A": 1000.0, "encoder_trip_rpm": 0.0, "flux_check": 0.0, "stuck_trip_A": 0.0,
     "loss_check": 0.0, "scheme": "ddr", "load_mode": "shadow",
 }  # fmt: skip
@@ -36,6 +40,11 @@ SETUP = {
 def volts(amperes, offset=0.0):
     """At the pin: half of V_REF without current, from 0 to V_REF for plus and minus I_FULL."""
     return V_REF * (0.5 + offset / 4096 + amperes / (2 * I_FULL))
+
+
+def link_volts(vdc_V):
+    """At the pin of the dc link: from 0 to V_REF for 0 to VDC_FULL."""
+    return V_REF * vdc_V / VDC_FULL
 
 
 class Rig:
@@ -47,10 +56,12 @@ class Rig:
         self.legs = list(self.controller.port.leg)
         self.offset = np.zeros(6)
         self.amperes = np.zeros(6)
+        self.vdc_V = VDC
 
     def fast(self, times=1):
         counts = 2048 + self.offset + self.amperes / I_FULL * 2048
-        counts = np.append(np.clip(np.rint(counts), 0, 4095), 250 / 500 * 4096)
+        counts = np.append(counts, self.vdc_V / VDC_FULL * 4096)
+        counts = np.clip(np.rint(counts), 0, 4095)
         for address, count in zip(ADC, counts, strict=True):
             self.rf.word[address] = int(count)
         for _ in range(times):
@@ -79,13 +90,16 @@ class Rig:
     def pin(self, number, amperes, ns):
         lib.ht_regfile_analog(self.rf, number, volts(amperes), ns)
 
+    def link(self, vdc_V, ns):
+        lib.ht_regfile_analog(self.rf, OF_VDC, link_volts(vdc_V), ns)
+
 
 @pytest.mark.parametrize("device", BOARDS)
 def test_registers_of_the_comparators(device):
     rig = Rig(device)
     for number in range(1, 9):
         base = CMPSS + STRIDE * (number - 1)
-        used = number in PHASE_OF
+        used = number in PHASE_OF or number == OF_VDC
         # DACs on; the low one inverted; both filters' outputs to the X-BAR
         assert rig.rf.word[base] == (0x8A08 if used else 0)
         # reference VDDA, free run
@@ -93,9 +107,9 @@ def test_registers_of_the_comparators(device):
         for control in (0x16, 0x18):  # 15 of 20 samples, each of 10 clocks
             assert rig.rf.word[base + control] & 0x7FFF == (0x1D30 if used else 0)
             assert rig.rf.word[base + control + 1] == (9 if used else 0)
-    # position 1 (high or low) of the multiplexers 0, 2, 4
+    # position 1 (high or low) of the multiplexers 0, 2, 4; position 0 (high) of multiplexer 6
     assert list(rig.rf.word[0x7A04:0x7A06]) == [0x0111, 0]
-    assert list(rig.rf.word[0x7A22:0x7A24]) == [0x0015, 0]
+    assert list(rig.rf.word[0x7A22:0x7A24]) == [0x0055, 0]
     for leg in rig.legs:
         assert rig.rf.word[leg + 0xC0] == 0x0403  # DCBH: TRIP5, beside DCAH: TRIP4
         assert rig.rf.word[leg + 0x82] == 0x0082  # DCBEVT1, DCAEVT1: at high
@@ -108,7 +122,7 @@ def test_registers_of_the_comparators(device):
 def test_the_other_chip_has_none():
     controller = Controller("f28335", SETUP)
     assert [lib.ht_board_cmpss(controller.port.board, leg) for leg in range(7)] == [0] * 7
-    assert not lib.ht_port_overcurrent(controller.port)
+    assert lib.ht_port_beyond(controller.port) == 0
 
 
 @pytest.mark.parametrize("device", BOARDS)
@@ -176,7 +190,7 @@ def test_a_trip_is_named_and_told_from_the_pin(number, sign):
     rig.fast(6)
     kept = rig.controller.drive.snapshot
     assert FAULTS[kept.faults] == "over-current"
-    assert WARNINGS[kept.warnings] == "over-current found by a comparator"
+    assert WARNINGS[kept.warnings] == "found by a comparator"
     assert lib.ht_drive_clear(rig.controller.drive) == lib.HT_OK
     rig.start()
     rig.controller.set_trip_pin(0)
@@ -234,7 +248,116 @@ def test_a_trip_of_before_is_forgotten_when_gates_go_on():
     rig = Rig()
     rig.pin(1, I_FULL, 1000)
     rig.pin(1, 0.0, 1000)
-    assert lib.ht_port_overcurrent(rig.controller.port)
+    assert lib.ht_port_beyond(rig.controller.port) == 1 << PHASE_OF[1]
     assert lib.ht_port_gates_on(rig.controller.port, ALL_LEGS)
-    assert not lib.ht_port_overcurrent(rig.controller.port)
+    assert lib.ht_port_beyond(rig.controller.port) == 0
     assert rig.rf.violations == 0
+
+
+def test_the_dc_links_level_is_above_the_softwares():
+    """150 mV at the pin, 5 % of the range, is more than the errors that the page adds up (137 mV).
+    Full scale is the most: a divider that reaches no further than the converter still reaches the
+    level."""
+    step = VDDA / 4096
+    for most_V in (160.0, 333.3, VDC_MAX, 0.95 * VDC_FULL):
+        rig = Rig(vdc_max_V=most_V)
+        high = rig.levels(OF_VDC)[1]
+        assert -1e-6 <= high - link_volts(most_V + 0.05 * VDC_FULL) <= 2.5 * step
+        assert high <= V_REF + 1.5 * step
+
+
+def test_the_dc_links_level_follows_the_parameter():
+    rig = Rig().start()
+    before = rig.levels(OF_VDC)
+    lib.ht_drive_set(rig.controller.drive, rig.controller.parameters["vdc_max_V"].id, 300.0)
+    assert rig.levels(OF_VDC) == before  # not before the interrupt that takes it
+    rig.fast()
+    assert rig.levels(OF_VDC)[1] == pytest.approx(link_volts(325.0), abs=0.003)
+    assert rig.rf.violations == 0
+
+
+@pytest.mark.parametrize("device", BOARDS)
+@pytest.mark.parametrize("mode", ("drive", "test"))
+def test_an_over_voltage_between_samples_is_named(device, mode):
+    """The reading of the next interrupt is right again, so only the comparator can have found it.
+    It is no short circuit: a start need not wait after it."""
+    rig = Rig(device, start_mode=mode, restart_count=1)
+    assert lib.ht_drive_start(rig.controller.drive) == lib.HT_OK
+    rig.fast(25)
+    assert rig.gates_on
+    rig.link(VDC_MAX + 0.04 * VDC_FULL, 5000)
+    assert rig.gates_on
+    rig.link(VDC_MAX + 0.06 * VDC_FULL, 1000)
+    assert not rig.gates_on  # no interrupt has come
+    rig.link(VDC, 1000)
+    rig.fast()
+    kept = rig.controller.drive.snapshot
+    assert FAULTS[kept.faults] == "dc-link voltage too high"
+    assert WARNINGS[kept.warnings] == "found by a comparator"
+    assert lib.ht_drive_clear(rig.controller.drive) == lib.HT_OK
+    assert lib.ht_drive_start(rig.controller.drive) == lib.HT_OK
+    assert rig.rf.violations == 0
+
+
+def test_the_fault_names_what_has_tripped_and_nothing_of_before():
+    """All subsystems share one event. A latch that a subsystem has kept from before the gates came
+    on must not name its channel."""
+    rig = Rig()
+    rig.link(VDC_FULL, 1000)
+    rig.link(VDC, 1000)
+    rig.start()
+    rig.pin(2, 1.2 * I_TRIP, 1000)
+    rig.pin(2, 0.0, 1000)
+    rig.fast()
+    assert FAULTS[rig.controller.drive.snapshot.faults] == "over-current"
+    assert lib.ht_port_beyond(rig.controller.port) == 1 << PHASE_OF[2]
+
+
+def test_both_are_named_if_both_have_tripped():
+    rig = Rig().start()
+    rig.pin(3, 1.2 * I_TRIP, 1000)
+    rig.link(VDC_FULL, 1000)
+    rig.fast()
+    assert rig.controller.drive.snapshot.faults == lib.HT_FAULT_OVERCURRENT | lib.HT_FAULT_VDC_HIGH
+
+
+def test_a_dc_link_without_voltage_is_no_trip():
+    """Its low comparator stands at 0 V, where an offset decides what it says."""
+    rig = Rig(vdc_min_V=0.0).start()
+    rig.link(0.0, 5000)
+    assert rig.gates_on
+    rig.vdc_V = 0.0
+    rig.fast(10)
+    assert rig.gates_on
+    assert rig.state == lib.HT_STATE_BUILD
+
+
+def test_a_dc_link_above_its_level_lets_no_gate_go_on():
+    """Its filter's output stays high, so the latch that the start releases is set at once."""
+    rig = Rig()
+    assert lib.ht_drive_start(rig.controller.drive) == lib.HT_OK
+    rig.fast(10)
+    rig.link(VDC_FULL, 1000)
+    rig.fast(15)
+    assert not rig.gates_on
+    rig.fast()
+    assert FAULTS[rig.controller.drive.snapshot.faults] == "dc-link voltage too high"
+
+
+def test_a_lost_load_between_samples_ends_at_the_level():
+    """10 A into 20 uF right after a sample: 0.5 V/us. The interrupt finds it 100 us later."""
+    peak = {}
+    for comparator in (True, False):
+        rig = Rig().start()
+        vdc_V, t_ns = 399.0, 0
+        while rig.gates_on and t_ns < 200_000:
+            t_ns += 50
+            vdc_V += 10.0 / 20e-6 * 50e-9
+            if comparator:
+                rig.link(vdc_V, 50)
+            if t_ns % 100_000 == 0:
+                rig.vdc_V = vdc_V
+                rig.fast()
+        peak[comparator] = vdc_V
+    assert peak[True] == pytest.approx(VDC_MAX + 0.05 * VDC_FULL + 0.5 * 0.75, abs=0.3)
+    assert peak[False] == pytest.approx(449.0)

@@ -453,6 +453,18 @@ FAULTS = {
         F28377S, "ht_board.c", "positive_a[SUBSYSTEMS] = {2u, 4u,",
         "positive_a[SUBSYSTEMS] = {2u, 5u,",
         "TRIP5MUX0TO15CFG"),
+    "dc link's comparator not heard": (
+        F28377S, "ht_cmpss.c",
+        "channel < (uint16_t)HT_ADC_CHANNELS; channel++) {\n"
+        "        uint16_t number = ht_board_cmpss(port->board, channel);\n"
+        "        if (number != 0u) {\n            uint32_t multiplexer",
+        "channel < (uint16_t)HT_LEGS; channel++) {\n"
+        "        uint16_t number = ht_board_cmpss(port->board, channel);\n"
+        "        if (number != 0u) {\n            uint32_t multiplexer",
+        "+EPWMXBAR.TRIP5MUXENABLE"),
+    "dc link's low comparator heard": (
+        LAUNCHPAD, "ht_cmpss.c", "return channel != (uint16_t)HT_ADC_VDC;", "return channel < 8u;",
+        "+EPWMXBAR.TRIP5MUX0TO15CFG"),
     "levels by the ADC's reference": (
         F28377S, "ht_board.c", "(3.0f / 3.3f)", "1.0f", "+CMPSS1.DACHVALS"),
     "comparators float the output": (

@@ -283,13 +283,17 @@ def _release_the_trip_pin(sim: SimulatedDrive) -> str:
     return ""
 
 
-def _comparator(sim: SimulatedDrive, rng: np.random.Generator) -> None:
-    """Between two samples the output of a sensor is at one end of its range for 1 us."""
-    board, registers = sim.controller.port.board, sim.controller.registers
-    of_phase = [firmware.lib.ht_board_cmpss(board, k) for k in range(len(PHASES))]
-    number = int(rng.choice([number for number in of_phase if number]))
-    for volts in (float(rng.choice([0.0, 3.0])), 1.5):
-        firmware.lib.ht_regfile_analog(registers, number, volts, 1000)
+def _between_samples(channels: range, ends_V: tuple[float, ...]) -> Inject:
+    """The output of a sensor that a comparator watches is at one end of its range for 1 us."""
+
+    def inject(sim: SimulatedDrive, rng: np.random.Generator) -> None:
+        board, registers = sim.controller.port.board, sim.controller.registers
+        all_of = [firmware.lib.ht_board_cmpss(board, k) for k in channels]
+        number = int(rng.choice([number for number in all_of if number]))
+        for volts in (float(rng.choice(ends_V)), 1.5):
+            firmware.lib.ht_regfile_analog(registers, number, volts, 1000)
+
+    return inject
 
 
 def _silence(sim: SimulatedDrive, rng: np.random.Generator) -> None:
@@ -390,13 +394,20 @@ FAULTS = (
     ),
     Fault(
         "over-current between two samples",
-        _comparator,
+        _between_samples(range(len(PHASES)), (0.0, 3.0)),
         (OVERCURRENT,),
         GATES_ON,
         of_setups=("paper-b",),
     ),
     Fault(
         "host silent", _silence, (FOUND.LINK,), CHECKED, WATCHDOG + ON_THE_LINE, drive=HostedDrive
+    ),
+    Fault(
+        "over-voltage between two samples",
+        _between_samples(range(firmware.lib.HT_ADC_VDC, firmware.lib.HT_ADC_CHANNELS), (3.3,)),
+        (FOUND.VDC_HIGH,),
+        GATES_ON,
+        of_setups=("paper-b",),
     ),
 )
 

@@ -32,7 +32,12 @@ def test_in_the_next_interrupt(result):
     may be seen one period later: the latches are looked at one in each period."""
     slow = {f.name for f in faults.FAULTS if f.deadline != faults.NOW}
     assert len(slow) == 6
-    trips = ("trip pin", "trip pin held low", "over-current between two samples")
+    trips = (
+        "trip pin",
+        "trip pin held low",
+        "over-current between two samples",
+        "over-voltage between two samples",
+    )
     for row in result["rows"]:
         if row["fault"] not in slow | {faults.REVERSAL, faults.PAGE_SILENT}:
             longest = 2 if row["fault"] in trips else 1
