@@ -36,6 +36,11 @@ SETUP = {
     "encoder_trip_rpm": 0.0, "flux_check": 0.0, "stuck_trip_A": 0.0, "loss_check": 0.0,
 }  # fmt: skip
 POWERED = tuple(state.name for state in firmware.STATE_TABLE if state.controls)
+#: The states of a drive that was started, in order; the state test is started in another mode.
+DRIVEN = tuple(s.name for s in firmware.STATE_TABLE if s.at_work and s.name != firmware.TEST)
+GATES_OFF = tuple(
+    s.name for s in firmware.STATE_TABLE if not s.gates_on and s.name != firmware.FAULT
+)
 
 
 class Bench:
@@ -244,7 +249,7 @@ def test_an_interrupt_within_a_start_does_no_harm(bench):
 
 
 def test_stop_from_every_state(bench):
-    for state in ("calibrate", "build", "run"):
+    for state in DRIVEN:
         bench.run_to(state)
         bench.controller.stop()
         assert (bench.state, bench.gates_on) == ("idle", False)
@@ -355,7 +360,7 @@ def test_fault_turns_the_gates_off_in_the_same_interrupt(bench, cause, bit):
     assert (bench.state, bench.gates_on, bench.drive.faults) == ("fault", False, bit)
 
 
-@pytest.mark.parametrize("state", ("calibrate", "build"))
+@pytest.mark.parametrize("state", [name for name in DRIVEN if name != firmware.RUN])
 @pytest.mark.parametrize("case", (0, -3, -2))
 def test_faults_before_the_run_turn_the_gates_off(bench, state, case):
     cause, bit = CAUSES[case]
@@ -756,7 +761,7 @@ def test_initial_values_are_valid_and_can_be_set(name):
     assert lib.ht_drive_get(bench.drive, row.id) == np.float32(row.initial)
 
 
-@pytest.mark.parametrize("state", ("calibrate", "build", "run", "fault"))
+@pytest.mark.parametrize("state", (*DRIVEN, firmware.FAULT))
 def test_idle_parameters_are_refused_outside_idle(bench, state):
     bench.run_to("run" if state == "fault" else state)
     if state == "fault":
@@ -867,7 +872,7 @@ def test_dead_time_is_rounded_up(device):
     assert bench.controller.registers.violations == 0
 
 
-@pytest.mark.parametrize("state", ("calibrate", "build", "run"))
+@pytest.mark.parametrize("state", DRIVEN)
 def test_low_trip_pin_is_a_fault_and_refuses_start_and_clear(bench, state):
     bench.run_to(state)
     bench.controller.set_trip_pin(0)
@@ -899,7 +904,7 @@ def test_trip_pin_that_goes_low_within_the_interrupt_that_switches_on(bench):
     assert (bench.state, bench.drive.faults) == ("fault", EXTERNAL)
 
 
-@pytest.mark.parametrize("state", ("build", "run"))
+@pytest.mark.parametrize("state", POWERED)
 @pytest.mark.parametrize("leg", range(6))
 def test_trip_of_one_leg_alone_is_found(bench, state, leg):
     """In RUN it is found within six interrupts, in BUILD in the next one."""
@@ -1118,7 +1123,7 @@ def test_flux_check_works_through_the_registers(bench):
     assert bench.drive.faults == lib.HT_FAULT_FLUX
 
 
-@pytest.mark.parametrize("state", ("idle", "calibrate"))
+@pytest.mark.parametrize("state", GATES_OFF)
 def test_slow_faults_do_not_count_with_the_gates_off(bench, state):
     if state != "idle":
         bench.run_to(state).fast()
@@ -1249,7 +1254,7 @@ def kept(bench):
     return bytes(ffi.buffer(ffi.addressof(bench.drive.snapshot)))
 
 
-@pytest.mark.parametrize("state", ("calibrate", "build", "run"))
+@pytest.mark.parametrize("state", DRIVEN)
 def test_snapshot_has_the_values_of_the_faulty_interrupt(bench, state):
     assert bench.controller.snapshot is None
     bench.run_to(state).fast(5)
@@ -1380,7 +1385,7 @@ def test_overrun_adds_to_what_the_results_show(bench):
     assert bench.drive.faults == lib.HT_FAULT_OVERRUN | lib.HT_FAULT_NONFINITE
 
 
-@pytest.mark.parametrize("state", ("idle", "calibrate"))
+@pytest.mark.parametrize("state", GATES_OFF)
 def test_overrun_with_the_gates_off_does_nothing(bench, state):
     if state == "calibrate":
         bench.run_to(state).fast()
