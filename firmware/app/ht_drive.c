@@ -33,16 +33,10 @@ uint16_t ht_state_flags(uint16_t state)
     return (state < (uint16_t)HT_STATES) ? all[state] : (uint16_t)HT_ALL_FLAGS;
 }
 
-/* The comparators are less exact than the ADC: offset 25 mV, the DAC's curve 13 mV, its gain 2 % and
- * VDDA 1 % of 3.3 V (SPRS945, CMPSS DAC), together 137 mV or 9.1 % of a current sensor's 1.5 V and 4.6 %
- * of the dc link's 3.0 V. With this share of half the converter's range above the software's levels they
- * never trip before the samples would. */
-#define COMPARATOR_ABOVE 0.1f
-
 void ht_drive_set_levels(ht_drive *d)
 {
     ht_trip_levels levels;
-    float above = COMPARATOR_ABOVE * (float)HT_ADC_MID;
+    float above = d->config->params.v[HT_P_comparator_above_pu] * (float)HT_ADC_MID;
     float span = (d->config->protect.i_trip_A / d->i_per_count) + above;
     float vdc = (d->config->protect.vdc_max_V / d->v_per_count) + above + 1.0f;
     int leg;
@@ -380,9 +374,11 @@ static void test(ht_drive *d)
 /* Parameters that have changed take effect. */
 HT_SELDOM static void take_staged(ht_drive *d)
 {
-    const ht_protect_config *before = &d->config->protect;
-    const ht_protect_config *now = &d->staged->protect;
-    bool moved = (now->i_trip_A != before->i_trip_A) || (now->vdc_max_V != before->vdc_max_V);
+    const float *before = d->config->params.v;
+    const float *now = d->staged->params.v;
+    bool moved = (now[HT_P_i_trip_A] != before[HT_P_i_trip_A])
+                 || (now[HT_P_vdc_max_V] != before[HT_P_vdc_max_V])
+                 || (now[HT_P_comparator_above_pu] != before[HT_P_comparator_above_pu]);
     ht_control_switch_over(&d->config->control, &d->staged->control, &d->control);
     d->config = d->staged;
     d->taken_tick = d->tick;

@@ -110,6 +110,13 @@ static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
     case HT_MISFIT_MIN_PULSE:
         result = holds_pulses(v, pwm_clock_Hz, immediate ? write : 0.0f, period);
         break;
+    case HT_MISFIT_COMPARATOR_I:
+        result = v[HT_P_i_trip_A] <= (1.0f - v[HT_P_comparator_above_pu]) * v[HT_P_i_full_A];
+        break;
+    case HT_MISFIT_COMPARATOR_VDC:
+        result = v[HT_P_vdc_max_V]
+                 <= (1.0f - 0.5f * v[HT_P_comparator_above_pu]) * v[HT_P_vdc_full_V];
+        break;
     default:
         result = in_order(v, &table[misfit - 1u]);
         break;

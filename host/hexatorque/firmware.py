@@ -253,6 +253,24 @@ def _most_pulse_us(value_of: Callable[[str], Any]) -> float:
     return max(0.0, (1e6 / f_isr_Hz - (write_us if immediate else 0.0)) / 2 - dead_us)
 
 
+def _most_share(level: str, full: str, share: float) -> Callable[[Callable[[str], Any]], float]:
+    """Largest `comparator_above_pu` with which the comparators' level is within the range."""
+
+    def most(value_of: Callable[[str], Any]) -> float:
+        level_at, full_at = (parameters()[name].parse(value_of(name)) for name in (level, full))
+        return (1 - level_at / full_at) / share
+
+    return most
+
+
+#: Misfit -> the largest value of its first parameter beside the others.
+_MOST: dict[int, Callable[[Callable[[str], Any]], float]] = {
+    lib.HT_MISFIT_MIN_PULSE: _most_pulse_us,
+    lib.HT_MISFIT_COMPARATOR_I: _most_share("i_trip_A", "i_full_A", 1.0),
+    lib.HT_MISFIT_COMPARATOR_VDC: _most_share("vdc_max_V", "vdc_full_V", 0.5),
+}
+
+
 def misfit_text(misfit: int, value_of: Callable[[str], Any]) -> str:
     """Why parameters do not fit together. misfit: what the firmware said (ht_misfits.def);
     value_of: the value that was asked for, or is in force, by the parameter's name."""
@@ -283,10 +301,12 @@ def misfit_reason(misfit: int, value_of: Callable[[str], Any]) -> str:
 
     if row.share == 0:
         both = dict.fromkeys((shown(first), shown(second)))
-        most = ""
-        if misfit == lib.HT_MISFIT_MIN_PULSE:
-            most = f"allowed is up to {_most_pulse_us(value_of):.4g} us: "
-        return f"{', '.join(both)}: {most}{_text(lib.ht_misfit_demand(misfit))}"
+        allowed = ""
+        if misfit in _MOST:
+            most = f"{_MOST[misfit](value_of):.4g} {first.unit}".rstrip()
+            least = f"{first.min:.4g} " if first.min else "up "
+            allowed = f"allowed is {least}to {most}: "
+        return f"{', '.join(both)}: {allowed}{_text(lib.ht_misfit_demand(misfit))}"
     share = decimal(row.share)
     word = "allowed is up to" if row.touch else "must be below"
     times = "" if share == 1 else f"{share:g} "

@@ -33,6 +33,7 @@ void prove_misfit(void)
     MUST(v[HT_P_vdc_min_V] < v[HT_P_vdc_max_V]);
     MUST(v[HT_P_i_trip_A] < v[HT_P_i_full_A]);
     MUST(v[HT_P_vdc_max_V] < v[HT_P_vdc_full_V]);
+    MUST(v[HT_P_comparator_above_pu] > 0.0f);
     MUST((v[HT_P_torque_release_Nm] == 0.0f)
          || HT_IS_WITHIN(v[HT_P_torque_release_Nm], v[HT_P_torque_band_Nm]));
 }

@@ -48,6 +48,14 @@ CASES = {
         {"i_ab_trip_A": 33.1},
         "i_ab_trip_A = 33.1 A: allowed is up to 1.1 i_full_A = 33 A",
     ),
+    "COMPARATOR_I": (
+        {"comparator_above_pu": 0.3, "i_trip_A": 22.5},
+        "comparator_above_pu = 0.3, i_trip_A = 22.5 A: allowed is 0.092 to 0.25: a comparator's",
+    ),
+    "COMPARATOR_VDC": (
+        {"comparator_above_pu": 0.3, "i_trip_A": 15.0, "vdc_full_V": 500.0, "vdc_max_V": 450.0},
+        "comparator_above_pu = 0.3, vdc_max_V = 450 V: allowed is 0.092 to 0.2: the comparator's",
+    ),
 }
 
 
@@ -110,6 +118,9 @@ def test_a_start_without_legs_needs_a_law_that_looks_ahead():
         {"f_isr_Hz": 5e4, "min_pulse_us": 7.69},
         {"load_mode": "immediate", "f_isr_Hz": 5e4, "write_delay_us": 9.0, "min_pulse_us": 3.19},
         {"i_ab_trip_A": 33.0},
+        {"comparator_above_pu": 0.25, "i_trip_A": 22.5},
+        {"vdc_full_V": 500.0, "vdc_max_V": 475.0},
+        {"comparator_above_pu": 0.2, "i_trip_A": 15.0, "vdc_full_V": 500.0, "vdc_max_V": 450.0},
     ],
 )
 def test_what_just_fits_is_taken(changes):

@@ -276,6 +276,20 @@ def test_the_dc_links_level_follows_the_parameter():
     assert rig.rf.violations == 0
 
 
+def test_the_levels_follow_their_share():
+    """A share of the range of currents, half of it of the dc link's: 0.15 is 225 mV at each pin.
+    The least share is more than the errors that the page adds up."""
+    rig = Rig().start()
+    parameter = rig.controller.parameters["comparator_above_pu"]
+    lib.ht_drive_set(rig.controller.drive, parameter.id, 0.15)
+    rig.fast()
+    assert rig.levels(1)[1] == pytest.approx(volts(I_TRIP) + 0.225, abs=0.003)
+    assert rig.levels(1)[0] == pytest.approx(volts(-I_TRIP) - 0.225, abs=0.003)
+    assert rig.levels(OF_VDC)[1] == pytest.approx(link_volts(VDC_MAX) + 0.225, abs=0.003)
+    assert parameter.min * V_REF / 2 > 0.137
+    assert rig.gates_on
+
+
 @pytest.mark.parametrize("device", BOARDS)
 @pytest.mark.parametrize("mode", ("drive", "test"))
 def test_an_over_voltage_between_samples_is_named(device, mode):
