@@ -70,7 +70,7 @@ def left_Nm(derating: Any, legs: int, mode: str) -> float:
     lost = ffi.new("ht_lost_legs *")
     if not lib.ht_lost_legs_of(lib.ht_lost_legs_paired(legs) if mode == MODES[1] else legs, lost):
         return np.nan
-    i_A = lib.ht_derated_A(derating, lost)
+    i_A = lib.ht_derated_A(lost, derating.rated_A)
     return float(lib.ht_derated_Nm(derating, i_A, lib.ht_derated_Wb(derating, i_A)))
 
 

@@ -20,6 +20,7 @@ from hexatorque.evidence.studies import (
     lost_phase,
     machines,
     robustness,
+    transients,
 )
 from hexatorque.evidence.studies.grids import Grid
 
@@ -31,6 +32,7 @@ STUDIES = {
     "lost-phase": ("lost-phase.md", lost_phase),
     "arcs": ("lost-phase.md", arcs),
     "machines": ("own-machine.md", machines),
+    "transients": ("protection.md", transients),
     "commissioning": ("commissioning.md", commissioning),
 }
 

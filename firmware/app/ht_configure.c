@@ -8,7 +8,7 @@
 /* Time constants: the model-based checks average over the transients that a healthy
  * drive shows; mean speed of the flux, quick and slow. */
 #define FLUX_CHECK_S 0.2f
-/* The rotor's flux is followed this many times faster than it can rise. */
+/* Rotor flux and current are followed this many times faster than the rotor flux can rise. */
 #define ROTOR_FASTER 30.0f
 #define ENCODER_CHECK_S 0.05f
 #define OMEGA_FILTER_S 0.005f
@@ -159,9 +159,13 @@ static void apply_protection(const float *v, ht_protect_config *c)
     c->slip_gain = v[HT_P_rr_ohm] * ratio * ratio;
     c->rpm_per_rad_s = 30.0f / (PI_F * v[HT_P_pole_pairs]);
     c->flux_gain = 1.0f / (1.0f + FLUX_CHECK_S * v[HT_P_f_slow_Hz]);
-    c->rotor_gain = v[HT_P_rr_ohm]
-                    / (v[HT_P_rr_ohm] + v[HT_P_lr_H] * v[HT_P_f_slow_Hz] / ROTOR_FASTER);
-    c->magnetise_A_Wb = (v[HT_P_rr_ohm] > 0.0f) ? (ROTOR_FASTER / c->ls_H) : 0.0f;
+    c->rotor_gain = 1.0f; /* R_r not told: every change is taken for a steady state */
+    c->magnetise_A_Wb = 0.0f;
+    if (v[HT_P_rr_ohm] > 0.0f) {
+        c->rotor_gain = v[HT_P_rr_ohm]
+                        / (v[HT_P_rr_ohm] + v[HT_P_lr_H] * v[HT_P_f_slow_Hz] / ROTOR_FASTER);
+        c->magnetise_A_Wb = ROTOR_FASTER / (ratio * v[HT_P_lm_H]);
+    }
     /* A mean over the slow period is half a period old, the flux's speed a time constant. */
     c->estimate_back = 0.5f - OMEGA_FILTER_S * v[HT_P_f_slow_Hz];
     c->estimate_back = (c->estimate_back > 0.0f) ? c->estimate_back : 0.0f;

@@ -1,6 +1,10 @@
 #include "ht_derating.h"
 
+#include "ht_schemes.h"
+#include "ht_tables.h"
+
 #include <math.h>
+#include <stddef.h>
 
 #define ROOT_2 1.41421356f
 /* Current in alpha-beta over the amplitude of the most loaded phase. The amplitude of a phase at phi
@@ -10,6 +14,56 @@
 #define ONE_LEG 0.554700196f  /* g = 0: 2/sqrt(13) */
 #define TWO_LEGS 0.577350269f /* 90 degrees apart, g = 1: 1/sqrt(3) */
 #define WITHOUT_SET 0.5f
+/* Share of `i_trip_A` that is asked for at most; the rest is for the ripple. */
+#define MOST_SHARE 0.8f
+/* The longest vector, units of Vdc, and the part in x-y of what a period begins with. */
+#define LONGEST_PU 0.643951f
+#define XY_LARGE_PU 0.172546f
+#define XY_MEDIUM_PU 0.471405f
+#define XY_SMALL_PU 0.643951f
+/* Share of the current that raises the flux at most. What is across it: sqrt(1 - 0.9^2). */
+#define RISING_SHARE 0.9f
+
+/* What the vectors of a period move the x-y flux by at most, units of Vdc Ts. Of several in a period
+ * the mean is zero: in between they reach a third. A command that is beyond what the modulator can make
+ * loses this mean. */
+static float xy_pu(const ht_scheme_info *scheme)
+{
+    switch (scheme->vectors) {
+    case HT_VECTORS_SINGLE:
+        return XY_LARGE_PU;
+    case HT_VECTORS_PAIR:
+    case HT_VECTORS_MODULATED:
+        return XY_MEDIUM_PU;
+    case HT_VECTORS_PAIR_SMALL:
+        return XY_SMALL_PU;
+    default:
+        return ((scheme->group == HT_L) ? XY_LARGE_PU : XY_MEDIUM_PU) / 3.0f;
+    }
+}
+
+/* Steady current, amplitude, at the torque limit and the flux reference, by the circle diagram. */
+static float limit_A(const ht_derating_config *c, const float *v)
+{
+    float unit_A = v[HT_P_flux_ref_Wb] / c->ls_H;
+    float centre_A = unit_A * 0.5f / c->lean;
+    float radius_A = centre_A - unit_A;
+    float across_A = v[HT_P_torque_limit_Nm] / (c->torque_gain * v[HT_P_flux_ref_Wb]);
+    float along_A;
+    across_A = (across_A < radius_A) ? across_A : radius_A;
+    along_A = centre_A - sqrtf(radius_A * radius_A - across_A * across_A);
+    return sqrtf(along_A * along_A + across_A * across_A);
+}
+
+static void configure_ripple(const float *v, ht_derating_config *c)
+{
+    const ht_scheme_info *scheme = ht_scheme_describe((uint16_t)v[HT_P_scheme]);
+    bool bands = scheme->torque_levels != 0u;
+    c->ripple_A_V = (LONGEST_PU / v[HT_P_sigma_ls_H] + xy_pu(scheme) / v[HT_P_lxy_H])
+                    / v[HT_P_f_isr_Hz];
+    c->flux_band_A = bands ? (v[HT_P_flux_band_Wb] / v[HT_P_sigma_ls_H]) : 0.0f;
+    c->torque_band_Nm = bands ? v[HT_P_torque_band_Nm] : 0.0f;
+}
 
 void ht_derating_configure(const ht_params *p, ht_derating_config *c)
 {
@@ -17,13 +71,17 @@ void ht_derating_configure(const ht_params *p, ht_derating_config *c)
     float sigma;
     c->ls_H = v[HT_P_sigma_ls_H] + v[HT_P_lm_H] * v[HT_P_lm_H] / v[HT_P_lr_H];
     sigma = v[HT_P_sigma_ls_H] / c->ls_H;
+    c->sigma_ls_H = v[HT_P_sigma_ls_H];
     c->rated_A = ROOT_2 * v[HT_P_i_rated_A];
+    c->trip_A = v[HT_P_i_trip_A];
     c->lean = sigma / (1.0f + sigma);
     c->best_Wb_A = c->ls_H * sqrtf(0.5f - c->lean + c->lean * c->lean) / (1.0f - c->lean);
     c->torque_gain = 3.0f * v[HT_P_pole_pairs];
+    c->limit_A = limit_A(c, v);
+    configure_ripple(v, c);
 }
 
-float ht_derated_A(const ht_derating_config *c, const ht_lost_legs *lost)
+float ht_derated_A(const ht_lost_legs *lost, float phase_A)
 {
     float part = TWO_LEGS;
     if (lost->set) {
@@ -33,7 +91,19 @@ float ht_derated_A(const ht_derating_config *c, const ht_lost_legs *lost)
     } else {
         /* as it is */
     }
-    return part * c->rated_A;
+    return part * phase_A;
+}
+
+float ht_derated_most_A(const ht_derating_config *c, const ht_lost_legs *lost, float vdc_V,
+                        float flux_Wb)
+{
+    float most_A = c->trip_A - c->ripple_A_V * vdc_V - c->flux_band_A
+                   - c->torque_band_Nm / (c->torque_gain * flux_Wb);
+    float share_A = MOST_SHARE * c->trip_A;
+    float least_A = (lost != NULL) ? c->rated_A : c->limit_A;
+    most_A = (most_A < share_A) ? most_A : share_A;
+    most_A = (most_A > least_A) ? most_A : least_A;
+    return (lost != NULL) ? ht_derated_A(lost, most_A) : most_A;
 }
 
 float ht_derated_Wb(const ht_derating_config *c, float i_A)
@@ -47,6 +117,40 @@ float ht_derated_Nm(const ht_derating_config *c, float i_A, float flux_Wb)
     float unit_A = flux_Wb / c->ls_H;
     float i2 = (i_A / unit_A) * (i_A / unit_A);
     float q = 1.0f + c->lean * (i2 - 1.0f);
+    float centre = 0.5f / c->lean;
     float t2 = i2 - q * q;
+    if (q > centre) { /* beyond the top */
+        t2 = (centre - 1.0f) * (centre - 1.0f);
+    }
     return (t2 > 0.0f) ? (c->torque_gain * flux_Wb * unit_A * sqrtf(t2)) : 0.0f;
+}
+
+float ht_derated_now_Nm(const ht_derating_config *c, float i_A, float flux_Wb, float rotor_Wb)
+{
+    float across_Wb = c->sigma_ls_H * i_A;
+    float flux2 = flux_Wb * flux_Wb;
+    float rotor2 = rotor_Wb * rotor_Wb;
+    float dot = 0.5f * (flux2 + rotor2 - across_Wb * across_Wb);
+    float area2 = flux2 * rotor2; /* of the parallelogram; at a right angle it is largest */
+    if (dot > 0.0f) {
+        area2 -= dot * dot;
+    }
+    return (area2 > 0.0f) ? (c->torque_gain / c->sigma_ls_H * sqrtf(area2)) : 0.0f;
+}
+
+float ht_derated_beside_Nm(const ht_derating_config *c, float i_A, float flux_Wb, float along_A)
+{
+    float across2 = i_A * i_A - along_A * along_A;
+    return (across2 > 0.0f) ? (c->torque_gain * flux_Wb * sqrtf(across2)) : 0.0f;
+}
+
+float ht_derated_flux_Wb(const ht_derating_config *c, float i_A, float flux_Wb, float rotor_Wb)
+{
+    float across_Wb = c->sigma_ls_H * i_A;
+    float most = rotor_Wb + RISING_SHARE * across_Wb;
+    float least = rotor_Wb - across_Wb;
+    if (flux_Wb > most) {
+        return most;
+    }
+    return (flux_Wb < least) ? least : flux_Wb;
 }

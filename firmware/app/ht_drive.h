@@ -109,6 +109,7 @@ typedef struct {
     uint16_t calibration_ticks;
     uint16_t flux_lowered; /**< 1: less flux, to keep the flux turning */
     ht_excitation_state excitation;
+    float along_A;              /**< current along the flux at the last slow interrupt */
     ht_snapshot snapshot;       /**< of the latest fault; a clear keeps it */
     ht_params params;           /**< the latest that were accepted */
     ht_drive_config configs[2]; /**< the one in force and the next */

@@ -3,6 +3,9 @@
 
 #include "ht_limited.h"
 
+#include <math.h>
+#include <stddef.h>
+
 #define PI_F 3.14159265f
 /* Below the first speed of the flux R_r has no visible effect. From the load below (i_q/i_d) on,
  * R_r matters, and the flux is lowered to the share below until its speed is above the second
@@ -32,15 +35,55 @@ static uint16_t turning_unnoticed(const ht_drive *d, const ht_drive_config *c)
 /* Current in alpha-beta that the lost legs leave. */
 static float derated_A(const ht_drive *d, const ht_drive_config *c)
 {
-    return ht_derated_A(&c->derating, &d->control.lost);
+    return ht_derated_A(&d->control.lost, c->derating.rated_A);
 }
 
-/* What the parameters allow and the flux can give. */
-static float torque_limit(const ht_drive *d, const ht_drive_config *c)
+static float smaller(float a, float limit)
+{
+    return (a < limit) ? a : limit; /* NaN limits nothing */
+}
+
+/* The current along the flux as it will be a slow period on, A, if it grows as it did since the last
+ * one: beyond the real pull-out it grows by itself. Without the ripple, of which the flux's distance
+ * from its reference tells. */
+static float follow_along(ht_drive *d, const ht_drive_config *c)
+{
+    ht_ab psi = d->control.estimate.psi_Wb;
+    ht_ab i = d->control.observer.i_A;
+    float size = sqrtf(psi.alpha * psi.alpha + psi.beta * psi.beta);
+    float along_A = 0.0f;
+    float rise_A;
+    if (size > 0.0f) {
+        along_A = (psi.alpha * i.alpha + psi.beta * i.beta) / size
+                  - c->control.observer.inv_sigma_ls * (size - d->in.flux_ref_Wb);
+    }
+    rise_A = along_A - d->along_A;
+    d->along_A = along_A;
+    return (rise_A > 0.0f) ? (along_A + rise_A) : along_A;
+}
+
+/* A rotor flux below this share of the reference is no running machine's: the flux is limited then,
+ * and a torque reference still chooses vectors, without a dc link for example. */
+#define LEAST_ROTOR 0.1f
+
+static float rotor_Wb(const ht_drive *d)
+{
+    float least_Wb = LEAST_ROTOR * d->flux_ramp_Wb;
+    return (d->protect.rotor_now_Wb > least_Wb) ? d->protect.rotor_now_Wb : least_Wb;
+}
+
+/* What the parameters allow, and what flux and current can give. The rotor flux is between now and the
+ * next slow interrupt on its way from what it is to what it settles at, and at a given torque the
+ * current is largest at one end of this way. */
+static float torque_limit(const ht_drive *d, const ht_drive_config *c, float most_A, float along_A)
 {
     float limit = c->params.v[HT_P_torque_limit_Nm];
-    float reach = c->pull_out_Nm_Wb2 * d->flux_ref_Wb * d->flux_ref_Wb;
-    limit = (reach < limit) ? reach : limit;
+    float flux_ref = d->flux_ref_Wb;
+    limit = smaller(c->pull_out_Nm_Wb2 * flux_ref * flux_ref, limit);
+    limit = smaller(ht_derated_Nm(&c->derating, most_A, flux_ref), limit);
+    limit = smaller(ht_derated_now_Nm(&c->derating, most_A, flux_ref, rotor_Wb(d)), limit);
+    /* The same from what is measured: the current along the flux, one slow period on. */
+    limit = smaller(ht_derated_beside_Nm(&c->derating, most_A, flux_ref, along_A), limit);
     if (d->off_legs != 0u) {
         /* While the flux goes down to its new limit, that one counts: currents above the rated one
          * for a while harm nothing, a drive without torque may. */
@@ -48,7 +91,7 @@ static float torque_limit(const ht_drive *d, const ht_drive_config *c)
         float flux = ht_derated_Wb(&c->derating, i_A);
         float rated =
             ht_derated_Nm(&c->derating, i_A, (d->flux_ref_Wb < flux) ? d->flux_ref_Wb : flux);
-        limit = (rated < limit) ? rated : limit;
+        limit = smaller(rated, limit);
     }
     return limit;
 }
@@ -150,6 +193,7 @@ static void measure_speed(ht_drive *d, const ht_drive_config *c)
 static void follow_build(ht_drive *d, const ht_drive_config *c)
 {
     ht_protect_follow(&c->protect, &d->protect, &d->control);
+    (void)follow_along(d, c);
     if ((c->adapt_gain > 0.0f) && (c->control.observer.kind == HT_OBSERVER_HYBRID)
         && (d->off_legs == 0u)) {
         ht_observer_adapt(&c->control.observer, &d->control.observer, c->build_gain);
@@ -190,13 +234,16 @@ static float weakened_Wb(const ht_drive *d, const ht_drive_config *c)
     return ht_flux_reference(&c->flux, &flux);
 }
 
-/* The torque reference, by the speed or as it is given. */
+/* The torque reference, by the speed or as it is given, and the flux that leaves it current. */
 static void refer_torque(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
     ht_speed_config speed = c->speed;
+    float most_A = ht_derated_most_A(&c->derating, (d->off_legs != 0u) ? &d->control.lost : NULL,
+                                     d->in.vdc_V, d->flux_ref_Wb);
+    d->flux_ref_Wb = ht_derated_flux_Wb(&c->derating, most_A, d->flux_ref_Wb, rotor_Wb(d));
     /* The flux may be on its way down: the torque goes first. */
-    d->torque_limit_Nm = torque_limit(d, c);
+    d->torque_limit_Nm = torque_limit(d, c, most_A, follow_along(d, c));
     speed.torque_limit_Nm = d->torque_limit_Nm;
     if (v[HT_P_control_mode] != 0.0f) {
         d->torque_ref_Nm = ht_limited(v[HT_P_torque_ref_Nm], d->torque_limit_Nm);

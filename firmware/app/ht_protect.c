@@ -17,6 +17,9 @@ void ht_protect_reset(ht_protect_state *st)
     }
     st->circle2 = 0.0f;
     st->rotor_Wb = 0.0f;
+    st->rotor_now_Wb = 0.0f;
+    st->i_A.alpha = 0.0f;
+    st->i_A.beta = 0.0f;
     st->estimated_rpm = 0.0f;
     st->speed_error_rpm = 0.0f;
 }
@@ -137,45 +140,62 @@ static ht_ab rotor_flux(const ht_protect_config *cfg, const ht_control_state *c)
     return r;
 }
 
-/* Follow the size of the rotor flux; returns the current that its rise takes, A. */
-static float rise_A(const ht_protect_config *cfg, ht_protect_state *st, float size_Wb)
+/* Follow the size of the rotor flux r, and the current along and across it. */
+static void follow(const ht_protect_config *cfg, ht_protect_state *st, ht_ab r, ht_ab i)
 {
-    st->rotor_Wb += cfg->rotor_gain * (size_Wb - st->rotor_Wb);
-    return cfg->magnetise_A_Wb * (size_Wb - st->rotor_Wb);
+    float size = sqrtf(r.alpha * r.alpha + r.beta * r.beta);
+    float along = 0.0f;
+    float across = 0.0f;
+    if (size != 0.0f) { /* NaN goes in */
+        along = (r.alpha * i.alpha + r.beta * i.beta) / size;
+        across = (r.alpha * i.beta - r.beta * i.alpha) / size;
+    }
+    st->rotor_now_Wb = size;
+    st->rotor_Wb += cfg->rotor_gain * (size - st->rotor_Wb);
+    st->i_A.alpha += cfg->rotor_gain * (along - st->i_A.alpha);
+    st->i_A.beta += cfg->rotor_gain * (across - st->i_A.beta);
+}
+
+/* Distance of the current from the circle diagram without what a change of the rotor flux takes, A;
+ * 0 without flux. Its low pass takes what it is behind, times magnetise_A_Wb. */
+static float off_circle_A(const ht_protect_config *cfg, const ht_protect_state *st)
+{
+    float sigma_ls_H = cfg->sigma * cfg->ls_H;
+    ht_ab i = st->i_A;
+    ht_ab psi;
+    float psi2;
+    i.alpha -= cfg->magnetise_A_Wb * (st->rotor_now_Wb - st->rotor_Wb);
+    psi.alpha = st->rotor_Wb + sigma_ls_H * i.alpha;
+    psi.beta = sigma_ls_H * i.beta;
+    psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
+    /* NaN goes in: it must not pass for a machine without flux */
+    return (psi2 != 0.0f) ? circle_distance_A(cfg, psi, i, psi2) : 0.0f;
 }
 
 void ht_protect_follow(const ht_protect_config *cfg, ht_protect_state *st,
                        const ht_control_state *c)
 {
-    ht_ab r = rotor_flux(cfg, c);
-    (void)rise_A(cfg, st, sqrtf(r.alpha * r.alpha + r.beta * r.beta));
+    follow(cfg, st, rotor_flux(cfg, c), c->observer.i_A);
 }
 
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
                          const ht_control_state *c, float speed_rpm)
 {
-    ht_ab psi = c->estimate.psi_Wb;
     ht_ab i = c->observer.i_A;
-    float psi2 = psi.alpha * psi.alpha + psi.beta * psi.beta;
     uint16_t faults = 0u;
     ht_ab r = rotor_flux(cfg, c);
     float slip = c->observer.rr_scale * cfg->slip_gain * (r.alpha * i.beta - r.beta * i.alpha);
     float r2 = r.alpha * r.alpha + r.beta * r.beta;
     float off;
+    follow(cfg, st, r, i);
     if (r2 != 0.0f) {
         float estimated = cfg->rpm_per_rad_s * (c->observer.omega_sync_rad_s - slip / r2);
-        float size = sqrtf(r2);
-        float rise = rise_A(cfg, st, size) / size;
         off = speed_rpm - estimated + cfg->estimate_back * (estimated - st->estimated_rpm);
         st->estimated_rpm = estimated;
         st->speed_error_rpm += cfg->encoder_gain * (off - st->speed_error_rpm);
-        i.alpha -= rise * r.alpha;
-        i.beta -= rise * r.beta;
     }
-    if (psi2 != 0.0f) { /* NaN goes in: it must not pass for a machine without flux */
-        off = circle_distance_A(cfg, psi, i, psi2) / cfg->no_load_A;
-        st->circle2 += cfg->flux_gain * (off * off - st->circle2);
-    }
+    off = off_circle_A(cfg, st) / cfg->no_load_A;
+    st->circle2 += cfg->flux_gain * (off * off - st->circle2);
     if ((cfg->encoder_trip_rpm > 0.0f) && !within(st->speed_error_rpm, cfg->encoder_trip_rpm)) {
         faults |= HT_FAULT_ENCODER;
     }

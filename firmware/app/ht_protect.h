@@ -28,9 +28,9 @@ typedef struct {
     float slip_gain;        /**< R_r (L_m/L_r)^2, configured */
     float rpm_per_rad_s;    /**< electrical rad/s to r/min of the shaft */
     float flux_gain;        /**< low-pass gain of `flux_check` per slow interrupt */
-    float rotor_gain;       /**< low-pass gain of the rotor flux per slow interrupt */
-    float magnetise_A_Wb;   /**< current that the rotor flux takes to rise, per weber by which it
-                             *   is ahead of its low pass */
+    float rotor_gain;       /**< low-pass gain of rotor flux and current per slow interrupt */
+    float magnetise_A_Wb;   /**< current that the low pass of the rotor flux takes to rise, per
+                             *   weber by which the rotor flux is ahead of it */
     float estimate_back;    /**< lag of the measured speed behind the flux's, share of a slow
                              *   period, 0..0.5 */
     float encoder_gain;     /**< low-pass gain of `encoder_trip_rpm` per slow interrupt */
@@ -42,6 +42,8 @@ typedef struct {
     uint16_t same[HT_LEGS];  /**< checks since then */
     float circle2;           /**< mean square distance from the circle diagram */
     float rotor_Wb;          /**< low pass of the rotor flux, as seen from the stator */
+    float rotor_now_Wb;      /**< the rotor flux itself */
+    ht_ab i_A;               /**< low pass of the current along and across the rotor flux */
     float estimated_rpm;     /**< of the slow interrupt before */
     float speed_error_rpm;   /**< mean of measured minus estimated speed */
 } ht_protect_state;
@@ -65,7 +67,7 @@ uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st, co
 uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state *c,
                             float torque_ref_Nm);
 
-/** For the slow interrupt in BUILD: nothing is checked, but the rotor flux is followed. */
+/** For the slow interrupt in BUILD: nothing is checked, but rotor flux and current are followed. */
 void ht_protect_follow(const ht_protect_config *cfg, ht_protect_state *st,
                        const ht_control_state *c);
 
@@ -75,9 +77,11 @@ void ht_protect_follow(const ht_protect_config *cfg, ht_protect_state *st,
  *  size of the estimate proves nothing. But it must fit the current. Let q and t be the stator
  *  current along and across the estimated flux, in units of the no-load current psi/L_s. Every
  *  steady state of a machine lies on the circle diagram (q - c)^2 + t^2 = (c - 1)^2,
- *  c = (1 + 1/sigma)/2; with a wrong flux it does not. While the rotor flux r rises, the machine
- *  takes (L_r/R_r) (d|r|/dt)/L_s along r in addition; this part is subtracted. The limit is in
- *  amperes, because the current's ripple does not shrink with the field.
+ *  c = (1 + 1/sigma)/2; with a wrong flux it does not. While the rotor flux r changes, the machine
+ *  takes (L_r/R_r) (d|r|/dt)/((1 - sigma) L_s) along r in addition, and sigma L_s times this of the
+ *  stator flux; both are subtracted. So that no transient is seen late, rotor flux and current go
+ *  through the same low pass before they are compared. The limit is in amperes, because the
+ *  current's ripple does not shrink with the field.
  *
  *  Encoder: the speed of the shaft is the speed of the flux minus the slip. Both are compared
  *  for the same instant: otherwise a drive that accelerates would look like one with a wrong

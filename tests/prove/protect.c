@@ -166,6 +166,8 @@ void prove_protect_slow(void)
     cfg.encoder_gain = nondet_float();
     st.circle2 = nondet_float();
     st.rotor_Wb = nondet_float();
+    st.rotor_now_Wb = nondet_float();
+    st.i_A = any_ab();
     st.estimated_rpm = nondet_float();
     st.speed_error_rpm = nondet_float();
     c.estimate.psi_Wb = any_ab();

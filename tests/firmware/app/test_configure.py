@@ -116,8 +116,8 @@ def test_the_checks_know_the_machine(v):
         "flux_gain": slow_s / (slow_s + 0.2),
         "encoder_gain": slow_s / (slow_s + 0.05),
         "rotor_gain": slow_s / (slow_s + v["lr_H"] / v["rr_ohm"] / 30),
-        # r falls behind by tau dr/dt, and L_r/R_r dr/dt needs L_s times that current.
-        "magnetise_A_Wb": 30 / ls_H,
+        # r falls behind by tau dr/dt, and L_r/R_r dr/dt needs (1 - sigma) L_s times that current.
+        "magnetise_A_Wb": 30 / (ls_H - v["sigma_ls_H"]),
         # The encoder's mean is half a slow period old, the flux's speed 5 ms.
         "estimate_back": max(0.5 - 0.005 / slow_s, 0.0),
     }

@@ -82,6 +82,12 @@ class Bench:
         for _ in range(times):
             lib.ht_drive_fast_isr(self.drive)
 
+    def follow_flux(self):
+        """The machine's flux has reached its reference. Without it nothing behind these registers
+        would ever change the rotor's."""
+        measured(self).flux_ref_Wb = self.drive.flux_ref_Wb
+        self.drive.control.estimate.psi_Wb = [self.drive.flux_ref_Wb, 0.0]
+
     def slow(self):
         """Run a fast interrupt and then a slow one."""
         self.drive.tick_last = (self.drive.tick - 1) & 0xFFFFFFFF
@@ -673,10 +679,32 @@ def test_the_torque_reference_stays_within_what_the_flux_can_give(bench, mode, s
         bench.controller.set("flux_ref_Wb", flux_Wb)
         bench.fast()  # takes it over
         bench.slow()
+        bench.follow_flux()
+        bench.slow()
         bench.fast()
         asked = sign * measured(bench).torque_ref_Nm
         assert asked == pytest.approx(0.8 * pull_out_Nm(flux_Wb), rel=0.001)
     assert abs(bench.drive.speed.integral_Nm) <= asked
+
+
+@pytest.mark.parametrize(("then_A", "now_A"), ((5.0, 5.0), (4.0, 4.5), (5.0, 4.5), (3.0, 6.0)))
+def test_torque_is_limited_by_what_the_current_along_the_flux_leaves(bench, then_A, now_A):
+    """That current is the measured one. One that grows is taken to grow on for a slow period."""
+    bench.controller.set("sigma_ls_H", 0.01)
+    bench.controller.set("i_trip_A", 9.0)
+    bench.run_to("run").fast()
+    for along_A in (then_A, now_A):
+        bench.follow_flux()
+        bench.drive.control.observer.i_A = [along_A, 0.0]
+        bench.slow()
+    config = ffi.addressof(bench.drive.config.derating)
+    most_A = lib.ht_derated_most_A(config, ffi.NULL, bench.vdc, 0.6)
+    expected_A = now_A + max(now_A - then_A, 0.0)
+    across_A = max(most_A**2 - expected_A**2, 0.0) ** 0.5
+    assert 3 * 2 * 0.6 * across_A < 15.0
+    # A little less where the rotor flux, which stands still while torque comes, limits it.
+    left_Nm = 3 * 2 * 0.6 * across_A
+    assert 0.93 * left_Nm <= bench.drive.torque_limit_Nm <= 1.001 * left_Nm
 
 
 @pytest.mark.parametrize("observer", ["voltage", "compensated", "hybrid"])
@@ -1475,6 +1503,7 @@ def test_a_higher_flux_reference_is_approached_by_a_ramp(bench):
 def test_field_weakening_leaves_the_voltage_that_the_current_takes(bench, angle_deg):
     """psi = (reach Vdc - R_s |i|) / omega; the current's size is right within 4 %."""
     bench.controller.set("field_weakening", "on")
+    bench.controller.set("sigma_ls_H", 0.05)  # with less this current could not change the flux so
     bench.run_to("run").fast()
     drive, angle = bench.drive, np.deg2rad(angle_deg)
     drive.control.observer.i_A = [8.0 * np.cos(angle), 8.0 * np.sin(angle)]
@@ -1759,6 +1788,7 @@ def settled(bench):
     way = []
     for _ in range(200):
         bench.slow()
+        bench.follow_flux()
         way.append((bench.drive.flux_ref_Wb, bench.drive.torque_limit_Nm))
     return np.array(way)
 
@@ -1775,7 +1805,7 @@ def test_flux_and_torque_of_a_drive_without_a_leg(rated_A, flux_ref_Wb):
     loses(bench, 0)
     bench.fast()
     config, lost = ffi.addressof(bench.drive.config.derating), bench.drive.control.lost
-    i_A = lib.ht_derated_A(config, [lost])
+    i_A = lib.ht_derated_A([lost], config.rated_A)
     flux = min(flux_ref_Wb, lib.ht_derated_Wb(config, i_A))
     assert (flux < flux_ref_Wb) == (rated_A < 2.0)
     torque = min(before[1], lib.ht_derated_Nm(config, i_A, flux))

@@ -14,7 +14,6 @@ from hexatorque.commissioning.excitation import Excitation, Limits, Samples
 from hexatorque.commissioning.regression import Value, linear, nonlinear
 from hexatorque.commissioning.result import set_up
 from hexatorque.commissioning.sequence import STEPS, commission, with_needs
-from hexatorque.drive.interface import DriveFault
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies import machines
 from hexatorque.plant.vsd import INVERSE, TRANSFORM
@@ -277,8 +276,8 @@ def test_the_load_of_a_fan_is_measured_and_written():
 
 def test_another_flux_is_no_fault_of_the_flux(monkeypatch):
     """A drawn machine, with a `flux_check` of which the ripple leaves little. The drive goes to
-    half of its flux: at once the rotor's flux would need the current that the check takes for a
-    fault."""
+    half of its flux, slowly or at once. Then the rotor's flux needs a current that would be a fault
+    in a steady state."""
     setup = machines.drive(*machines.machine(37)).changed(controller__flux_check=0.5)
     limits = Limits(265.0, 0.1)
 
@@ -289,5 +288,4 @@ def test_another_flux_is_no_fault_of_the_flux(monkeypatch):
     true_H = setup["machine.lls_H"] + setup["machine.lm_H"]
     assert curve().ls_H == pytest.approx([true_H] * len(running.FLUXES), rel=0.02)
     monkeypatch.setattr(running, "EXTRA", 10.0)
-    with pytest.raises(DriveFault, match="flux estimate cannot be right"):
-        curve()
+    curve()

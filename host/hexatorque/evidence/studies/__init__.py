@@ -11,6 +11,7 @@ STUDIES = {
     "integration": "integration",
     "inverter": "inverter",
     "machines": "machines",
+    "transients": "transients",
     "commissioning": "commissioning",
     "low-speed": "low_speed",
     "light-load": "light_load",

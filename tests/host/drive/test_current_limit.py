@@ -1,0 +1,98 @@
+"""Into field weakening at full torque, a load that drops there, a reversal there, and out of it:
+no phase exceeds its limit, nothing trips.
+
+The bound is that of the vectors. Beyond the current that is asked for lie the bands of the
+comparators, and what one period of the longest vector adds, in alpha-beta and in x-y.
+"""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from hexatorque import firmware, setups
+from hexatorque.evidence.studies import machines, transients
+from hexatorque.plant.vsd import TRANSFORM
+from hexatorque.setups.design import Design
+
+#: All 64 vectors, in units of Vdc, alpha-beta and x-y.
+VECTORS = np.array(list(itertools.product((0, 1), repeat=6))) @ TRANSFORM.T
+LENGTHS_PU = np.hypot(VECTORS[:, 0], VECTORS[:, 1])
+XY_PU = np.hypot(VECTORS[:, 2], VECTORS[:, 3])
+LARGE, MEDIUM, SMALL = 0.644, 0.471, 0.173
+#: The vectors of a scheme. Of several in a period the mean is zero in x-y, so that they reach a
+#: third of what one of them would, but not with those that may leave one on for a whole period.
+GROUPS = {
+    "dtc2": (LARGE, MEDIUM), "dtc3": (LARGE, MEDIUM, SMALL), "fdr": (LARGE,), "ddr": (LARGE,),
+    "ddr-ml": (MEDIUM,), "db-dtfc": (LARGE, MEDIUM), "foc": (LARGE,), "foc-24": (LARGE,),
+}  # fmt: skip
+WHOLE = ("dtc2", "dtc3", "db-dtfc")
+TABLE = ("dtc1", "dtc2", "dtc3", "fdr", "ddr", "ddr-ml")
+
+
+def xy_pu(scheme):
+    of = [XY_PU[np.abs(LENGTHS_PU - length) < 2e-3].max() for length in GROUPS[scheme]]
+    return max(of) / (1 if scheme in WHOLE else 3)
+
+
+def ripple_A(setup, scheme):
+    """What is beyond the current that is asked for, in the weakest field of the run."""
+    p, d = setup.parameter, Design(setup, setup.parameter)
+    volt_s = d.vdc_V / p("f_isr_Hz")
+    step_A = LENGTHS_PU.max() * volt_s / p("sigma_ls_H") + xy_pu(scheme) * volt_s / p("lxy_H")
+    if scheme not in TABLE:
+        return step_A
+    weakest_Wb = d.flux_Wb / (1.5 * transients.TOP)
+    across_A = p("torque_band_Nm") / (3 * p("pole_pairs") * weakest_Wb)
+    return step_A + across_A + p("flux_band_Wb") / p("sigma_ls_H")
+
+
+def test_the_vectors_are_those_of_the_inverter():
+    groups = {round(float(length), 3) for length in LENGTHS_PU if length > 1e-9}
+    assert {LARGE, MEDIUM, SMALL} <= groups and LENGTHS_PU.max() == pytest.approx(LARGE, abs=1e-3)
+    assert xy_pu("dtc3") == pytest.approx(LARGE, abs=1e-3)
+    assert xy_pu("ddr") == pytest.approx(SMALL / 3, abs=1e-3)
+
+
+def known(number):
+    """A drawn machine, and a controller that was told its circuit."""
+    setup = machines.drive(*machines.machine(number))
+    m = Design(setup, setup.parameter).unsaturated
+    told = ("rs_ohm", "rr_ohm", "sigma_ls_H", "lr_H", "lm_H", "lxy_H")
+    return setup.changed(**{f"controller__{name}": getattr(m, name) for name in told})
+
+
+@pytest.mark.parametrize("scheme", GROUPS)
+@pytest.mark.parametrize("machine", ("paper-b", 2, 5, 29))
+def test_no_phase_exceeds_its_limit(machine, scheme):
+    """The limit is 80 % of the trip, less where the ripple takes more, but never below the current
+    of the torque limit with the full flux."""
+    setup = setups.load(machine) if machine == "paper-b" else known(machine)
+    run, _ = transients.prepared(setup, scheme)
+    trip_A, more_A = run.parameter("i_trip_A"), ripple_A(run, scheme)
+    d = Design(run, run.parameter)
+    most_A = max(min(0.8 * trip_A, trip_A - more_A), d.current_A(run.parameter("torque_limit_Nm")))
+    row = transients.course(setup, scheme)
+    assert row["lost"] == ""
+    assert row["off_circle"] < 1.0
+    assert row["largest_A"] < most_A + more_A
+
+
+@pytest.mark.parametrize("number", (17, 25, 45))
+@pytest.mark.parametrize("scheme", ("foc", "dtc3"))
+def test_leakage_that_is_larger_than_the_controller_knows(number, scheme):
+    """Its 80 % of pull-out are more than what the machine has. The measured current limits it."""
+    setup = machines.drive(*machines.machine(number))
+    true = Design(setup, setup.parameter).unsaturated
+    assert true.sigma_ls_H > 1.5 * setup.parameter("sigma_ls_H")
+    row = transients.course(setup, scheme)
+    assert "over-current" not in row["lost"]
+    assert row["largest_A"] < row["trip_A"]
+
+
+def test_paper_bs_drive_with_dtc1():
+    """Nobody controls its x-y currents: here they leave room."""
+    row = transients.course(setups.load("paper-b"), "dtc1")
+    assert row["lost"] == "" and math.isfinite(row["off_circle"])
+    assert set(GROUPS) | {"dtc1"} == set(firmware.schemes())
