@@ -9,6 +9,7 @@ from hexatorque.cli.board.connection import start_drive
 from hexatorque.cli.options import Mistake
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.errors import HexatorqueError
+from hexatorque.firmware import State
 
 
 class Drive(SimulatedDrive):
@@ -72,6 +73,29 @@ def test_what_the_drive_refuses_changes_nothing(drive):
     with pytest.raises(HexatorqueError, match="turn"):
         start_drive(drive, {"speed_ref_rpm": 300.0, "scheme": "ddr"})
     assert drive.state == "idle" and values_of(drive) == before
+
+
+class OldBoard(Drive):
+    """A board that lists its states by their names alone, so each of them counts as at work. Under
+    the key "state" is the name in which a start arrived."""
+
+    @property
+    def condition(self):
+        return State(super().condition.name)
+
+    def start(self):
+        self.written.append({"state": self.state})
+        super().start()
+
+
+def test_a_board_without_a_table_of_states_starts_with_the_values_that_were_asked_for():
+    drive, asked = OldBoard(), {"speed_ref_rpm": 300.0}
+    start_drive(drive, asked)
+    assert drive.written == [asked, {"state": "idle"}]
+    drive.run(0.01)
+    with pytest.raises(HexatorqueError):
+        start_drive(drive, {"speed_ref_rpm": 400.0})
+    assert drive.get("speed_ref_rpm") == 300
 
 
 def test_a_drive_at_work_keeps_its_reference_all_the_time(drive):

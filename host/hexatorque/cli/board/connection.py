@@ -76,7 +76,12 @@ def before_start(
 def start_drive(drive: BoardDrive, values: dict[str, object]) -> None:
     """Set values and start. If the start is refused, all values are as before. Mistake if the drive
     would trip on the way to its speed reference."""
-    if drive.condition.at_work:
+    from ...firmware import IDLE
+
+    # A START is allowed in the state idle only. A board of protocol 2.0 does not tell that idle is
+    # not at work: there, this first START would begin with the values of before.
+    now = drive.condition
+    if now.at_work and now.name != IDLE:
         drive.start()  # is refused, with the reason
     known = [name for name in values if name in drive.params]
     before = drive.get_many(list(dict.fromkeys([*WAY_TO_SPEED, *known])))
