@@ -80,8 +80,8 @@ static void keep(ht_drive *d, uint16_t state, uint16_t bits)
 HT_SELDOM static uint16_t by_comparator(const ht_drive *d)
 {
     uint16_t beyond = ht_port_beyond(d->port);
-    unsigned faults = ((beyond >> HT_ADC_VDC) != 0u) ? (unsigned)HT_FAULT_VDC_HIGH : 0u;
-    if ((beyond & ((1u << HT_ADC_VDC) - 1u)) != 0u) { /* a phase current */
+    unsigned faults = ((beyond >> (unsigned)HT_ADC_VDC) != 0u) ? (unsigned)HT_FAULT_VDC_HIGH : 0u;
+    if ((beyond & ((1u << (unsigned)HT_ADC_VDC) - 1u)) != 0u) { /* a phase current */
         faults |= HT_FAULT_OVERCURRENT;
     }
     return (uint16_t)faults;
@@ -92,7 +92,7 @@ static void fault(ht_drive *d, uint16_t bits)
     ht_port_gates_off(d->port);
     if (d->state != (uint16_t)HT_STATE_FAULT) {
         bool by_hardware = (bits & (uint16_t)HT_FAULT_EXTERNAL) != 0u;
-        if ((bits & (uint16_t)(HT_FAULT_OVERCURRENT | HT_FAULT_VDC_HIGH)) != 0u) {
+        if ((bits & ((unsigned)HT_FAULT_OVERCURRENT | (unsigned)HT_FAULT_VDC_HIGH)) != 0u) {
             uint16_t found = (uint16_t)(by_comparator(d) & bits);
             if (found != 0u) {
                 d->warnings = (uint16_t)(d->warnings | (unsigned)HT_WARNING_COMPARATOR);
