@@ -78,9 +78,10 @@ told() {
     [ -z "$telling" ] || { kill "$telling" 2>/dev/null && wait "$telling"; } || true
     telling=
 }
+# $!: the signal may come before the latest process in the background has its name.
 trap end EXIT
-trap 'exit 130' INT
-trap 'exit 143' TERM HUP
+trap 'compiled=${compiled:-${!-}}; exit 130' INT
+trap 'compiled=${compiled:-${!-}}; exit 143' TERM HUP
 
 if [ -e "$half" ] || ! "$venv/bin/python" -m pip --version >/dev/null 2>&1; then
     mkdir -p "$(dirname "$venv")"
