@@ -245,9 +245,9 @@ def plot(result: dict, path: Path) -> Path:
 
     figure, axes = plots.new_figure(2, 1, 5.0, sharex=True)
     for axis, name in zip(axes.flat, ("largest_A", "off_circle")):
-        for lost, marker, colour in (
-            (False, "o", plots.COLOUR["i_u1"]),
-            (True, "x", plots.COLOUR["torque"]),
+        for label, lost, marker, colour in (
+            ("held", False, "o", plots.COLOUR["i_u1"]),
+            ("tripped", True, "x", plots.COLOUR["torque"]),
         ):
             points = [
                 (m["power_kW"], row[name] / (row["trip_A"] if name == "largest_A" else 1.0))
@@ -255,9 +255,11 @@ def plot(result: dict, path: Path) -> Path:
                 for row in m["schemes"].values()
                 if bool(row["lost"]) == lost
             ]
-            axis.plot(*zip(*points), marker, ms=4, color=colour) if points else None
+            if points:
+                axis.plot(*zip(*points), marker, ms=4, color=colour, label=label)
         axis.axhline(1.0, color=plots.FAINT, zorder=0)
         axis.set_xscale("log")
+    axes.flat[0].legend(loc="lower right", ncols=2)
     axes.flat[0].set_title("largest phase current over i_trip_A", **plots.TITLE)
     axes.flat[1].set_title("distance from the circle diagram over flux_check", **plots.TITLE)
     axes.flat[1].set_xlabel("rated power [kW]", **plots.LABEL)
