@@ -707,6 +707,69 @@ def test_torque_is_limited_by_what_the_current_along_the_flux_leaves(bench, then
     assert 0.93 * left_Nm <= bench.drive.torque_limit_Nm <= 1.001 * left_Nm
 
 
+def test_the_current_along_the_flux_is_followed_from_the_build_up_on(bench):
+    """Else the first one in RUN would be taken for one that has just grown from nothing."""
+    bench.run_to("build").fast()
+    measured(bench).flux_ref_Wb = 0.3
+    bench.drive.control.estimate.psi_Wb = [0.0, 0.3]
+    bench.drive.control.observer.i_A = [1.0, 4.0]
+    bench.slow()
+    assert (bench.state, bench.drive.along_A) == ("build", 4.0)
+
+
+def steady_Nm(flux_Wb, most_A, sigma_ls):
+    """The largest torque over all slips at this stator flux with at most this current, by the
+    circuit as seen from the stator: L_s, beside it the rotor's branch at the slip's speed."""
+    lr, lm, rr = 0.299, 0.284, 2.0
+    ls = sigma_ls + lm**2 / lr
+    w = np.geomspace(1e-3, 1e3, 200001)  # of the slip
+    i = flux_Wb / ls * (1 + 1j * w * lr / rr) / (1 + 1j * w * lr * sigma_ls / (rr * ls))
+    torque = 3 * 2 * flux_Wb * np.abs(i.imag)
+    return torque[np.abs(i) <= most_A].max()
+
+
+def at_once_Nm(flux_Wb, rotor_Wb, most_A, sigma_ls):
+    """The largest torque of all currents of this size or less that make this stator flux out of
+    that rotor flux."""
+    angle, most_Nm = np.linspace(np.pi, 0.0, 8001), 0.0
+    for size in np.linspace(0.0, most_A, 401)[1:]:
+        made = np.abs(rotor_Wb + sigma_ls * size * np.exp(1j * angle))  # rises
+        if made[0] <= flux_Wb <= made[-1]:
+            torque = 3 * 2 * rotor_Wb * size * np.sin(np.interp(flux_Wb, made, angle))
+            most_Nm = max(most_Nm, torque)
+    return most_Nm
+
+
+@pytest.mark.parametrize(("weak", "flux_Wb", "least"), ((True, 0.3, 0), (False, 0.5, 1)))
+def test_torque_is_limited_by_what_the_current_makes_now_and_later(bench, weak, flux_Wb, least):
+    """Without a current along the flux that is measured. In a weak field the steady state to come
+    counts; while the flux rises, from 0.5 to 0.6 Wb here, the rotor flux that has not followed."""
+    sigma_ls = 0.01
+    bench.controller.set("sigma_ls_H", sigma_ls)
+    bench.controller.set("i_trip_A", 9.0)
+    bench.run_to("run").fast()
+    asked_Wb = flux_Wb if weak else 0.6
+    step_Wb = 0.6 / (bench.controller.number("build_s") * bench.controller.number("f_slow_Hz"))
+    for _ in range(400):  # the rotor flux is followed by a low pass
+        bench.drive.flux_ramp_Wb = asked_Wb - step_Wb
+        measured(bench).flux_ref_Wb = flux_Wb
+        bench.drive.control.estimate.psi_Wb = [flux_Wb, 0.0]
+        bench.drive.control.observer.i_A = [0.0, 0.0]
+        bench.slow()
+    reference_Wb, rotor_Wb = bench.drive.flux_ref_Wb, bench.drive.protect.rotor_now_Wb
+    assert rotor_Wb == pytest.approx(flux_Wb, rel=1e-3)
+    config = ffi.addressof(bench.drive.config.derating)
+    most_A = lib.ht_derated_most_A(config, ffi.NULL, bench.vdc, asked_Wb)
+    # A flux that rises takes 0.9 of the current.
+    assert reference_Wb == pytest.approx(min(asked_Wb, rotor_Wb + 0.9 * sigma_ls * most_A))
+    both = (
+        steady_Nm(reference_Wb, most_A, sigma_ls),
+        at_once_Nm(reference_Wb, rotor_Wb, most_A, sigma_ls),
+    )
+    assert both[least] < 0.97 * both[1 - least]
+    assert bench.drive.torque_limit_Nm == pytest.approx(both[least], rel=0.002)
+
+
 @pytest.mark.parametrize("observer", ["voltage", "compensated", "hybrid"])
 def test_stator_resistance_can_change_while_running(bench, observer):
     """Without adaptation the configured value is the one in use."""
