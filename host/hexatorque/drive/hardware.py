@@ -204,3 +204,13 @@ class Hardware:
         """The shortest gate pulse so far, in us; infinite if there was none."""
         counts = int(np.min(self._pwm.shortest))
         return math.inf if counts == NEVER else counts / self._timing.clock_Hz * 1e6
+
+    @property
+    def gate_mistake(self) -> str:
+        """What the gates were commanded so far that could destroy a power stage; empty if
+        nothing was."""
+        if self.shorts:
+            return "both switches of a leg were commanded on"
+        if self.short_pulses:
+            return f"a gate pulse of {self.shortest_pulse_us:.2g} us"
+        return ""

@@ -7,12 +7,13 @@ the speed reference, apply the load when the speed is reached, let the drive set
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from .. import firmware
 from ..analysis.metrics import TD_SAMPLES, UNITS, metrics
 from ..analysis.run import Run
+from ..drive.interface import Progress
 from ..drive.simulated import DriveFault, SimulatedDrive
 from ..errors import HexatorqueError
 from ..firmware import FirmwareError
@@ -20,7 +21,7 @@ from ..laws.law import Law
 from ..parallel import each
 from ..recording.recording import Recording
 from ..setups import Setup, SetupError, parameters, to_parameters
-from .prepare import Prepare
+from .prepare import Prepare, magnetise
 
 #: Shortest values of `Waits`, for a machine of little inertia.
 REACH_S = 4.0
@@ -34,8 +35,6 @@ CYCLES = 10
 #: Most edges of the six legs in a period: start level, two toggles and a change of the registers,
 #: each with the dead time between off and on.
 MOST_EDGES = 6 * 4 * 2
-
-Progress = Callable[[float], None]
 
 
 class NotReached(HexatorqueError, RuntimeError):
@@ -111,9 +110,7 @@ def approach(
     sim = SimulatedDrive(_at_load_speed(point), samples_per_period, controller)
     if prepare:
         prepare(sim)
-    sim.start()
-    build_s = sim.controller.number("calibration_s") + sim.controller.number("build_s")
-    sim.run(build_s + 0.05, record=False, progress=progress)
+    magnetise(sim, progress=progress)
     sim.check()
     sim.set("speed_ref_rpm", point.speed_rpm)
     slack_rpm = max(2.0, 0.02 * abs(point.speed_rpm))

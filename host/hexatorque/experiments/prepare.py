@@ -1,9 +1,11 @@
-"""What a set-up cannot describe is changed in the simulated drive itself, before it starts."""
+"""What precedes a measurement: changes of the simulated drive that no set-up describes, and its
+start."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
+from ..drive.interface import Progress
 from ..drive.simulated import SimulatedDrive
 
 #: Changes a drive before it starts.
@@ -23,3 +25,12 @@ def other_dead_time(change_us: float) -> Prepare:
                 words[at] = max(1, int(words[at]) + counts)
 
     return prepare
+
+
+def magnetise(
+    sim: SimulatedDrive, longer_s: float = 0.05, progress: Progress | None = None
+) -> None:
+    """Start the drive and run until its flux is built up, and so much longer."""
+    sim.start()
+    built_s = sim.controller.number("calibration_s") + sim.controller.number("build_s")
+    sim.run(built_s + longer_s, record=False, progress=progress)

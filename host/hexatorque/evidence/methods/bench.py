@@ -18,8 +18,10 @@ from ... import firmware, laws
 from ...analysis.losses import bridge, copper_loss_W
 from ...analysis.metrics import i_xy_A, torque_ripple_td_Nm
 from ...analysis.spectrum import channel, fundamental_Hz, thd_inf_pct
+from ...drive.interface import Progress
 from ...drive.simulated import SimulatedDrive
-from ...experiments.operating_points import MOST_EDGES, NOT_MEASURED, Progress
+from ...experiments.operating_points import MOST_EDGES, NOT_MEASURED
+from ...experiments.prepare import magnetise
 from ...laws.law import Law
 from ...plant.edges import Edges
 from ...plant.vsd import PHASES
@@ -73,8 +75,7 @@ def approach(
     Raises DriveFault."""
     sim = SimulatedDrive(setup, SAMPLES, laws.controller_of(law) if law else firmware.Controller)
     speed_rad_s = place.speed_rpm * math.pi / 30
-    sim.start()
-    sim.run(CALIBRATION_S + setup.parameter("build_s") + 0.01, record=False, progress=progress)
+    magnetise(sim, 0.01, progress)
     sim.check()
     torque_Nm = math.copysign(1.0, place.speed_rpm) * place.torque_Nm
     reference_Nm = torque_Nm

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from ... import firmware, setups
+from ...drive.interface import Progress
 from ...drive.simulated import SimulatedDrive
 from ...parallel import each
 from ...plant.vsd import PHASES
@@ -46,8 +47,6 @@ SETTLE_S, WINDOW_S = lost_phase.SETTLE_S, lost_phase.WINDOW_S
 #: Bands of the arc's voltage in the tables.
 BANDS = ((5.0, 15.0), (15.0, 60.0), (60.0, 300.0), (300.0, math.inf))
 
-Progress = Callable[[float], None]
-
 
 @dataclass(frozen=True)
 class Case:
@@ -61,8 +60,9 @@ class Case:
 
 @dataclass
 class Result:
-    """outcome: `right`, `sound` (a sound phase was named), `late` (none was named), or `other`
-    (another check stopped the drive). error: what was wrong, empty if nothing was."""
+    """outcome: `right`, `sound` (a sound phase was named), `late` (none was named), `gates` (they
+    were commanded what no power stage may see) or `other` (another check stopped the drive).
+    error: what was wrong, empty if nothing was."""
 
     case: Case
     arc_V: float
@@ -128,11 +128,20 @@ def _off(sim: SimulatedDrive) -> int:
 
 
 def run(case: Case, progress: Progress | None = None) -> Result:
+    """One run, with an error too if the gates were commanded what no power stage may see."""
     result, sim, after_s = _begun(case, progress)
     if sim.state != firmware.RUN:
         result.outcome = "other"
         result.error = f"{sim.state} before the loss: {', '.join(sim.faults)}"
-        return result
+    else:
+        _open(result, sim, after_s, progress)
+    if sim.gate_mistake:
+        result.outcome, result.error = "gates", sim.gate_mistake
+    return result
+
+
+def _open(result: Result, sim: SimulatedDrive, after_s: float, progress: Progress | None) -> None:
+    case = result.case
     period_s = lost_phase._period_s(sim)
     sim.break_leg(case.phase, "open", after_s)
     longest_s = after_s + WATCH * period_s + 1e-3 * result.bounce_ms + WATCH_S
@@ -145,8 +154,7 @@ def run(case: Case, progress: Progress | None = None) -> Result:
     if result.outcome != "right":
         result.error = f"{result.outcome}: {_told(sim)}"
     elif case.mode != "off":
-        _go_on(case, result, sim, progress)
-    return result
+        _go_on(result, sim, progress)
 
 
 def _told(sim: SimulatedDrive) -> str:
@@ -154,7 +162,8 @@ def _told(sim: SimulatedDrive) -> str:
     return ", ".join([*sim.faults, *(f"{phase} named" for phase in sorted(named))]) or "nothing"
 
 
-def _go_on(case: Case, result: Result, sim: SimulatedDrive, progress: Progress | None) -> None:
+def _go_on(result: Result, sim: SimulatedDrive, progress: Progress | None) -> None:
+    case = result.case
     lost = 32 >> PHASES.index(case.phase)
     allowed = firmware.lib.ht_lost_legs_paired(lost) if case.mode == "most-torque" else lost
     begin_s = sim.time_s
@@ -217,7 +226,8 @@ def _pct(part: int, of: list) -> float:
 
 
 def failures(result: dict) -> list[str]:
-    """A sound phase that is named is a failure; so is every other error, if there are too many."""
+    """A sound phase that is named is a failure, and so is a mistake of the gates. Every other error
+    is one if there are too many."""
     rows = result["rows"]
     named = sum(row["outcome"] == "right" for row in rows)
     on = _of(result, "goes on")
@@ -229,7 +239,7 @@ def failures(result: dict) -> list[str]:
         f"{row['error']}"
         for row in rows
         if row["error"]
-        and (row["outcome"] == "sound" or row["figures"].get("sound_off") or not enough)
+        and (row["outcome"] in ("sound", "gates") or row["figures"].get("sound_off") or not enough)
     ]
 
 
@@ -257,7 +267,7 @@ KINDS = ("ends once", "strikes again", "bounces", "bounces and strikes again")
 def _named_cells(rows: list[dict]) -> list[str]:
     count = {
         outcome: sum(row["outcome"] == outcome for row in rows)
-        for outcome in ("right", "sound", "late", "other")
+        for outcome in ("right", "sound", "late", "gates", "other")
     }
     right = [row["figures"] for row in rows if row["outcome"] == "right"]
     times = (
@@ -271,7 +281,7 @@ def _named_cells(rows: list[dict]) -> list[str]:
     return [
         f"{count['right']} of {len(rows)}",
         str(count["sound"]),
-        str(count["late"] + count["other"]),
+        str(count["late"] + count["gates"] + count["other"]),
         *times,
     ]
 

@@ -133,6 +133,7 @@ def measured(setup: Setup, steps: Sequence[str] = tuple(STEPS)) -> dict[str, Any
         row["mistakes"] = list(found.mistakes)
         if not found.mistakes:
             row["values"] = _values(found, sim, truth(setup, sim.load_Nm))
+    row["gates"] = sim.gate_mistake
     return {**row, "largest_pu": sim.largest_A / limit_A, "duration_s": sim.time_s}
 
 
@@ -295,6 +296,8 @@ def failures(result: dict) -> list[str]:
     for row in (*result["machines"], *result["built_in"], *result["miswirings"]):
         if row["largest_pu"] >= 1:
             lines.append(f"{row['name']}: a current {row['largest_pu']:.2f} times the limit")
+        if row["gates"]:
+            lines.append(f"{row['name']}: {row['gates']}")
     return lines
 
 

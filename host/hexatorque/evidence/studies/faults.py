@@ -30,6 +30,7 @@ import numpy as np
 
 from ... import firmware, setups
 from ...boards.virtual import BoardController
+from ...drive.interface import Progress
 from ...drive.simulated import SimulatedDrive
 from ...monitor.deadman import DeadMan
 from ...parallel import each
@@ -70,7 +71,6 @@ TRIP_FLAG = 4
 #: Index of the encoder among the held sensors.
 ENCODER = 7
 
-Progress = Callable[[float], None]
 Inject = Callable[[SimulatedDrive, np.random.Generator], None]
 
 
@@ -509,10 +509,8 @@ def _shoot_through(sim: SimulatedDrive, legs: np.ndarray) -> str:
     is updated."""
     clock_Hz = float(sim.controller.map.pwm_clock_Hz)
     dead = math.ceil(sim.setup["inverter.dead_time_us"] * 1e-6 * clock_Hz - 0.01)
-    if sim.shorts:
-        return "both switches of a leg were commanded on"
-    if sim.short_pulses:
-        return f"a gate pulse of {sim.shortest_pulse_us:.2g} us"
+    if sim.gate_mistake:
+        return sim.gate_mistake
     since = np.full(6, -(10**9))
     for count, leg, state in sim.edges:
         before = legs[leg]

@@ -15,7 +15,6 @@ breaks. Then the drive must stop, or hold its speed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -24,7 +23,9 @@ import numpy as np
 from ... import firmware, setups
 from ...analysis.metrics import torque_ripple_td_Nm
 from ...analysis.spectrum import channel
+from ...drive.interface import Progress
 from ...drive.simulated import SimulatedDrive
+from ...experiments.prepare import magnetise
 from ...parallel import each
 from ...plant.legs import KINDS
 from ...plant.vsd import PHASES
@@ -69,7 +70,6 @@ TD_SCHEME, TD_SCHEME_NM = "db-dtfc", 0.1
 DIP_RPM, DIP_NM = 300.0, 3.0
 DIP_LEAST_RPM = 2.0
 
-Progress = Callable[[float], None]
 LOST = firmware.FAULTS[firmware.PHASE_LOST]
 
 
@@ -137,16 +137,10 @@ def _watch(sim: SimulatedDrive, seconds: float, progress: Progress | None) -> fl
     return sim.time_s - begin_s
 
 
-def _running(case: Case, rng: np.random.Generator, progress: Progress | None) -> SimulatedDrive:
-    return _started(_setup(case, rng), progress)
-
-
 def _started(setup: setups.Setup, progress: Progress | None) -> SimulatedDrive:
     """A drive at no load and full flux."""
     sim = SimulatedDrive(setup, 10)
-    sim.start()
-    built_s = sim.controller.number("calibration_s") + sim.controller.number("build_s")
-    sim.run(built_s + 0.05, record=False, progress=progress)
+    magnetise(sim, progress=progress)
     return sim
 
 
@@ -170,16 +164,11 @@ def _named(sim: SimulatedDrive, phase: str) -> str:
     return ""
 
 
-def found(case: Case, progress: Progress | None = None) -> Result:
+def _found(
+    result: Result, sim: SimulatedDrive, rng: np.random.Generator, progress: Progress | None
+) -> None:
     """A leg breaks; the drive must stop and name the phase."""
-    rng = np.random.default_rng(case.seed)
-    speed_rpm, load_Nm = _speed(rng), float(rng.uniform(LEAST_NM, MOST_NM))
-    result = Result(case, speed_rpm, load_Nm)
-    sim = _running(case, rng, progress)
-    _to(sim, speed_rpm, load_Nm, progress)
-    if sim.state != firmware.RUN:
-        result.error = f"{sim.state} before the loss: {', '.join(sim.faults)}"
-        return result
+    case = result.case
     period_s = _period_s(sim)
     after_s = float(rng.uniform(0, min(period_s, 0.1)))
     sim.break_leg(case.phase, case.kind, after_s)
@@ -188,7 +177,6 @@ def found(case: Case, progress: Progress | None = None) -> Result:
     result.figures = {"found_ms": 1e3 * taken_s, "periods": taken_s / period_s}
     if not result.error and taken_s / period_s > IN_TIME[case.kind]:
         result.error = f"found after {taken_s / period_s:.2f} electrical periods"
-    return result
 
 
 SENSORS = ("none", "stands still", "zero jumps", "gain", "at its limit", "encoder lost")
@@ -208,22 +196,18 @@ def _fail(sim: SimulatedDrive, sensor: str, rng: np.random.Generator) -> None:
         sensors.i_offset_counts[leg] += rng.choice([-1, 1]) * counts
 
 
-def healthy(case: Case, progress: Progress | None = None) -> Result:
+def _healthy(
+    result: Result, sim: SimulatedDrive, rng: np.random.Generator, progress: Progress | None
+) -> None:
     """Reversals and load steps, then a sensor fails; no phase may be called lost."""
-    rng = np.random.default_rng(case.seed)
-    speed_rpm, load_Nm = _speed(rng), float(rng.uniform(LEAST_NM, MOST_NM))
-    result = Result(case, speed_rpm, load_Nm)
-    sim = _running(case, rng, progress)
-    _to(sim, speed_rpm, load_Nm, progress)
     sim.set("speed_ref_rpm", _speed(rng))
     sim.run(float(rng.uniform(0.1, 0.5)), record=False, progress=progress)
     sim.set("load_Nm", float(rng.uniform(-MOST_NM, MOST_NM)))
     sim.run(0.3, record=False, progress=progress)
-    _fail(sim, case.sensor, rng)
+    _fail(sim, result.case.sensor, rng)
     _watch(sim, 0.4, progress)
     if LOST in sim.faults:
         result.error = f"called lost: {', '.join(sim.snapshot['warnings'] if sim.snapshot else ())}"
-    return result
 
 
 def _steady(sim: SimulatedDrive, speed_rpm: float, phase: str) -> dict[str, float]:
@@ -266,17 +250,11 @@ def most_load_Nm(scheme: str) -> float:
     return (LOADED_TABLE if scheme in firmware.table_schemes() else LOADED) * LEFT_NM
 
 
-def rides(case: Case, progress: Progress | None = None) -> Result:
+def _goes_on(
+    result: Result, sim: SimulatedDrive, rng: np.random.Generator, progress: Progress | None
+) -> None:
     """A leg breaks; the drive must go on."""
-    rng = np.random.default_rng(case.seed)
-    speed_rpm = _speed(rng)
-    load_Nm = float(rng.uniform(-1.0, 1.0)) * most_load_Nm(case.scheme)
-    result = Result(case, speed_rpm, load_Nm)
-    sim = _running(case, rng, progress)
-    _to(sim, speed_rpm, load_Nm, progress)
-    if sim.state != firmware.RUN:
-        result.error = f"{sim.state} before the loss: {', '.join(sim.faults)}"
-        return result
+    case, speed_rpm, load_Nm = result.case, result.speed_rpm, result.load_Nm
     sim.run(BEFORE_S, progress=progress)
     before_Nm = torque_ripple_td_Nm(sim.take())
     sim.break_leg(case.phase, case.kind, float(rng.uniform(0, min(_period_s(sim), 0.1))))
@@ -287,7 +265,7 @@ def rides(case: Case, progress: Progress | None = None) -> Result:
         least = min(least, sim.speed_rpm / speed_rpm)
     if sim.state != firmware.RUN:
         result.error = f"stopped: {', '.join(sim.faults)}"
-        return result
+        return
     if case.second:
         sim.break_leg(case.second, case.kind)
         _watch(sim, 3 * _period_s(sim) + 0.1, progress)
@@ -302,7 +280,7 @@ def rides(case: Case, progress: Progress | None = None) -> Result:
         most_rpm = max(SPEED_PCT / 100 * abs(speed_rpm), DIP_LEAST_RPM)
         if sim.state != firmware.FAULT and off_rpm > most_rpm:
             result.error = f"{sim.speed_rpm:.0f} r/min after a second loss ({case.second})"
-        return result
+        return
     sim.run(max(WINDOW_S, CYCLES * _period_s(sim)), progress=progress)
     result.figures = _steady(sim, speed_rpm, case.phase) | {
         "dip_pct": float(100 * (1 - least)),
@@ -319,7 +297,6 @@ def rides(case: Case, progress: Progress | None = None) -> Result:
     if judged and not result.figures["dip_pct"] <= DIP_PCT:
         wrong.append(f"dip_pct {result.figures['dip_pct']:.3g}")
     result.error = ", ".join(wrong)
-    return result
 
 
 def _second(phase: str, mode: str, n: int) -> str:
@@ -369,12 +346,32 @@ def cases(quick: bool) -> dict[str, list[Case]]:
     }
 
 
-RUN = {"found": found, "healthy": healthy, "goes on": rides}
+RUN = {"found": _found, "healthy": _healthy, "goes on": _goes_on}
+
+
+def run(campaign: str, case: Case, progress: Progress | None = None) -> Result:
+    """One run of a campaign, with an error too if the gates were commanded what no power stage may
+    see."""
+    rng = np.random.default_rng(case.seed)
+    speed_rpm = _speed(rng)
+    if case.mode == "off":
+        load_Nm = float(rng.uniform(LEAST_NM, MOST_NM))
+    else:
+        load_Nm = float(rng.uniform(-1.0, 1.0)) * most_load_Nm(case.scheme)
+    result = Result(case, speed_rpm, load_Nm)
+    sim = _started(_setup(case, rng), progress)
+    _to(sim, speed_rpm, load_Nm, progress)
+    if sim.state != firmware.RUN:
+        result.error = f"{sim.state} before the loss: {', '.join(sim.faults)}"
+    else:
+        RUN[campaign](result, sim, rng, progress)
+    result.error = result.error or sim.gate_mistake
+    return result
 
 
 def study(quick: bool = False, progress: Progress | None = None) -> dict:
     tasks = [(name, case) for name, own in cases(quick).items() for case in own]
-    results = each(lambda task: RUN[task[0]](task[1], progress), tasks)
+    results = each(lambda task: run(*task, progress), tasks)
     rows = [{"campaign": name, **asdict(result)} for (name, _), result in zip(tasks, results)]
     return {"quick": quick, "rated_A": rated_A(setups.load(SETUP)), "rows": rows}
 

@@ -4,13 +4,13 @@ sensor offsets and resistances that differ from the machine's."""
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ... import firmware, setups
+from ...drive.interface import Progress
 from ...drive.simulated import SimulatedDrive
 from ...parallel import each
 
@@ -39,8 +39,6 @@ SPEED_RPM = 2.0
 FLUX_RIGHT = 0.05
 FLUX_WRONG = 0.15
 
-Progress = Callable[[float], None]
-
 
 @dataclass(frozen=True)
 class Case:
@@ -58,12 +56,14 @@ class Case:
 class Outcome:
     """The extremes over the settled time. If the drive tripped, they are over all its windows, and
     `fault` and `fault_s` say why and when. Speed: deviation of the instantaneous shaft speed. Flux:
-    deviation of a window's mean true flux from the reference."""
+    deviation of a window's mean true flux from the reference. gates: what they were commanded that
+    no power stage may see."""
 
     speed_error_rpm: tuple[float, float]
     flux_error: tuple[float, float]
     fault: str = ""
     fault_s: float = 0.0
+    gates: str = ""
 
     def holds(self, flux_limit: float) -> bool:
         return (
@@ -118,7 +118,8 @@ def run(case: Case, duration_s: float = DURATION_S, progress: Progress | None = 
         at = snapshot["tick"] * sim.period_s
         settled = 0
     speeds, fluxes = speeds[2 * settled :] or [0.0], fluxes[settled:] or [0.0]
-    return Outcome((min(speeds), max(speeds)), (min(fluxes), max(fluxes)), fault, at)
+    errors = (min(speeds), max(speeds)), (min(fluxes), max(fluxes))
+    return Outcome(*errors, fault, at, sim.gate_mistake)
 
 
 def run_all(
@@ -180,13 +181,15 @@ def _cell(rows: list[dict]) -> str:
 
 
 def failures(result: dict) -> list[str]:
-    """The cases in which the hybrid observer with calibrated sensors exceeds its limits."""
+    """The cases in which the hybrid observer with calibrated sensors exceeds its limits, and those
+    in which the gates made a mistake."""
     lost = []
     for row in result["rows"]:
         case = Case(**{name: row[name] for name in Case.__dataclass_fields__})
         outcome = Outcome(**{name: row[name] for name in Outcome.__dataclass_fields__})
         limit = FLUX_RIGHT if (case.rs, case.rr) == (1.0, 1.0) else FLUX_WRONG
-        if case.observer == "hybrid" and not case.late_offset and not outcome.holds(limit):
+        judged = case.observer == "hybrid" and not case.late_offset
+        if outcome.gates or (judged and not outcome.holds(limit)):
             lost.append(f"{case}: {outcome}")
     return lost
 

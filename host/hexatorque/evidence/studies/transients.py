@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import Any
 
 from ... import firmware
+from ...drive.interface import Progress
 from ...drive.simulated import SimulatedDrive
 from ...errors import HexatorqueError
-from ...experiments.operating_points import Progress
+from ...experiments.prepare import magnetise
 from ...parallel import each
 from ...setups import Setup
 from ...setups.design import Design, rad_s
@@ -61,13 +62,6 @@ def prepared(setup: Setup, scheme: str) -> tuple[Setup, float]:
     ), top_rpm
 
 
-def _start(sim: SimulatedDrive) -> None:
-    setup = sim.setup
-    sim.start()
-    times = (float(setup.parameter(name)) for name in ("calibration_s", "build_s"))
-    sim.run(sum(times) + 0.1, record=False)
-
-
 def _accelerate_s(design: Design, step_rpm: float) -> float:
     """For a step of the speed with half of the torque limit."""
     torque_Nm = 0.5 * design.parameter("torque_limit_Nm")
@@ -80,7 +74,7 @@ def course(setup: Setup, scheme: str) -> dict[str, Any]:
     setup, top_rpm = prepared(setup, scheme)
     design = Design(setup, setup.parameter)
     sim = Watched(setup, 2)
-    _start(sim)
+    magnetise(sim, 0.1)
     check, drive = float(setup.parameter("flux_check")), sim.controller.drive
     row: dict[str, Any] = {"lost": "", "off_circle": 0.0, "trip_A": setup.parameter("i_trip_A")}
 
@@ -104,7 +98,7 @@ def course(setup: Setup, scheme: str) -> dict[str, Any]:
                 run(0.1)
     except HexatorqueError as error:
         row["lost"] = str(error)
-    return {**row, "largest_A": sim.largest_A}
+    return {**row, "gates": sim.gate_mistake, "largest_A": sim.largest_A}
 
 
 def _voltage_reads(factor: float) -> Callable[[SimulatedDrive], None]:
@@ -138,7 +132,7 @@ def wrong(setup: Setup, case: tuple) -> dict[str, Any]:
     setup = setup.changed(**off, **changes, load__kind="constant")
     design = Design(setup, setup.parameter)
     sim = SimulatedDrive(setup, 2)
-    _start(sim)
+    magnetise(sim, 0.1)
     sim.set("speed_ref_rpm", share * design.base_rpm())
     sim.run(0.3 + 2 * _accelerate_s(design, share * design.base_rpm()), record=False)
     sim.set("load_Nm", 0.5 * design.rated_Nm)
@@ -184,6 +178,12 @@ def failures(result: dict) -> list[str]:
         lines.append(
             f"healthy: {held} of {len(healthy)} runs without a trip, needed are {100 * HEALTHY:g} %"
         )
+    lines += [
+        f"{scheme}: {row['gates']}"
+        for m in result["machines"]
+        for scheme, row in m["schemes"].items()
+        if row["gates"]
+    ]
     for name in dict.fromkeys(row["wrong"] for m in result["machines"] for row in m["wrong"]):
         far = [row for row in _tried(result, name) if row["off"] >= WRONG]
         found = sum(bool(row["found"]) for row in far)

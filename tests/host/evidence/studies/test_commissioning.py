@@ -11,7 +11,7 @@ def row(name="1: 5 kW", error=0.01, **changes):
     values = {value: [2.0, 2.0 * (1 + error), 0.1] for value in (*study.ALLOWED, "friction")}
     return {
         "name": name, "power_kW": 5.0, "values": values, "mistakes": [], "lost": "",
-        "largest_pu": 0.7, "duration_s": 30.0, **changes,
+        "gates": "", "largest_pu": 0.7, "duration_s": 30.0, **changes,
     }  # fmt: skip
 
 

@@ -65,13 +65,13 @@ def test_a_wrong_name_and_a_false_alarm_are_failures(monkeypatch):
     assert named("fault", ["over-speed"], []) == "stopped by over-speed"
     assert named("run", [], []) == "not found"
     monkeypatch.setattr(lost_phase, "IN_TIME", dict.fromkeys(KINDS, 0.0))
-    assert "electrical periods" in lost_phase.found(case).error
+    assert "electrical periods" in lost_phase.run("found", case).error
 
 
 def test_a_leg_that_is_called_lost_is_a_failure(monkeypatch):
     """In the campaign of healthy drives. A leg that really breaks is in the sensor's place."""
     monkeypatch.setattr(lost_phase, "_fail", lambda sim, *_: sim.break_leg("v2", "open"))
-    error = lost_phase.healthy(lost_phase.Case(1, "db-dtfc", sensor="none")).error
+    error = lost_phase.run("healthy", lost_phase.Case(1, "db-dtfc", sensor="none")).error
     assert "called lost: phase v2 lost" in error
 
 
