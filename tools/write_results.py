@@ -7,6 +7,7 @@ Usage: write_results.py OUT_DIR [docs/results.md]
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -28,14 +29,14 @@ def _cell(text: str) -> str:
     return text.replace("|", "\\|").replace("\n", " ")
 
 
-#: Verdicts that the page itself shows, with their reasons. All others are in the data beside it.
+#: Verdicts whose reasons the page itself shows. All others are in the data beside it.
 SHOWN = ("worse", "differs")
 HEADS = ["what", "ours", "paper", "verdict", "why"]
 
 
 def table(figures: dict[str, dict], page: Path, data: str) -> str:
     """How each figure compares, and each disagreement. Every row goes to `data`."""
-    found, every, shown = [], [], []
+    found, every = [], []
     for name, figure in figures.items():
         rows = [
             [
@@ -50,16 +51,29 @@ def table(figures: dict[str, dict], page: Path, data: str) -> str:
         many = [sum(row[3] == word for row in rows) for word in VERDICTS]
         found.append([f"**{name}**", title, *(str(count or "") for count in many)])
         every += [[name, title, *row] for row in rows]
-        shown += [[f"**{name}**", *row] for row in rows if row[3] in SHOWN]
     where = doc_page.keep_data(page, data, ["figure", "title", *HEADS], every)
     many_words = ", ".join(f"{count} {word}" for word, count in counts(figures).items())
     lines = [f"{many_words.capitalize()}. Every row: {where}.", ""]
     if len(figures) > 1:
         lines += [f"The {len(figures)} figures and tables:", ""]
         lines += [*doc_page.table(["", "title", *VERDICTS], found), ""]
-    lines += ["Where ours differs:", ""]
-    lines += doc_page.table(["", *HEADS], shown)
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *disagreements(every)]) + "\n"
+
+
+def disagreements(rows: list[list[str]]) -> list[str]:
+    """Where ours differs, from the rows of the data: each reason of a figure once, with the first
+    row that it explains. Reasons that differ in their numbers alone count as one."""
+    groups: dict[tuple[str, str], list[list[str]]] = {}
+    for name, _, *row in rows:
+        if row[3] in SHOWN:
+            groups.setdefault((name, re.sub(r"[\d.,±]+", "", row[4])), []).append(row)
+    shown = [
+        [f"**{name}**", what, ours, paper, str(len(group) - 1 or ""), why]
+        for (name, _), group in groups.items()
+        for what, ours, paper, _, why in group[:1]
+    ]
+    heads = ["", "what", "ours", "paper", "more alike", "why"]
+    return ["Where ours differs:", "", *doc_page.table(heads, shown)]
 
 
 #: Figure of merit -> its words.
