@@ -13,7 +13,15 @@ from ..plant.edges import EdgeLog, Edges
 from ..plant.gates import gates_record
 from ..plant.legs import KINDS, MAX_BREAKS
 from ..plant.load import load_record
-from ..plant.loop import MAX_STEP_S, NO_INSTANTS, run_periods, sample_instants
+from ..plant.loop import (
+    MAX_STEP_S,
+    NO_INSTANTS,
+    Chip,
+    Plant,
+    Samples,
+    run_periods,
+    sample_instants,
+)
 from ..plant.pwm import NEVER, pwm_record
 from ..plant.vsd import PHASES
 from ..setups import Setup, SetupError
@@ -133,13 +141,17 @@ class Hardware:
         )
         longest_s = min(self._windings_step_s, shaft_step_s)
         self._timing.max_step = max(1, int(longest_s * self._timing.clock_Hz))
+        instants = self._instants if len(plant) else NO_INSTANTS
         self._edges.kept = run_periods(
-            n, self.periods, self._timing, self._machine, load, self.inverter,
-            self._map, self._pwm, self._gates, self.sensors, self._registers,
-            self.plant_state, self.vdc_V,
-            *self._entries, self.controller.handle, channels.ctypes.data,
-            self._instants if len(plant) else NO_INSTANTS, plant, channels,
-            self._edges.rows, self._edges.kept,
+            n,
+            self.periods,
+            self._timing,
+            Plant(self._machine, load, self.inverter, self.sensors, self.plant_state),
+            self.vdc_V,
+            Chip(self._map, self._pwm, self._gates, self._registers, self.controller.handle),
+            *self._entries,
+            Samples(instants, plant, channels.ctypes.data, channels, self._edges.rows),
+            self._edges.kept,
         )  # fmt: skip
 
     def break_leg(self, phase: str, kind: str, after_s: float = 0.0) -> None:

@@ -16,6 +16,8 @@ every `slow_every`-th period.
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import uint64
 
@@ -59,6 +61,45 @@ TIMING = np.dtype(
 )
 
 
+class Plant(NamedTuple):
+    """What the gates drive. machine, load: constants; inverter, sensors: constants and state; y:
+    (8,) the machine's state."""
+
+    machine: Any
+    load: Any
+    inverter: Any
+    sensors: Any
+    y: np.ndarray
+
+
+class Chip(NamedTuple):
+    """The controller's registers and the modules that make edges of them. map: of the PWM's
+    registers; pwm: its state; gates: the shortest pulse; registers: (n,) uint16; handle: of the
+    drive in the firmware."""
+
+    map: Any
+    pwm: Any
+    gates: Any
+    registers: np.ndarray
+    handle: int
+
+
+class Samples(NamedTuple):
+    """What a run leaves.
+
+    instants: of the plant's samples in a period (`sample_instants`);
+    plant: (periods * samples in each, len(PLANT_CHANNELS)) or empty;
+    address: of channels, (periods, channels) float32, or empty;
+    edges: (capacity, 3) int64 or empty; every change of a leg is added as row
+    (counts since period 0, leg, LOW | HIGH | OFF | BREAK + kind)."""
+
+    instants: np.ndarray
+    plant: np.ndarray
+    address: int
+    channels: np.ndarray
+    edges: np.ndarray
+
+
 @compiled
 def _record(row, m, inv, y, i):
     stator_currents(m, y, i)
@@ -96,12 +137,13 @@ def _compile_follow(source: int):
     that calls it."""
 
     @compiled(cache=True)
-    def follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, instants, k, out, row):
-        """Advance the machine over counts c0..c1 along the edges; earlier edges have been taken
-        already. Record it at the `instants` (`sample_instants`) from number k on: sample k goes to
-        row + k of `out`. Returns the next k."""
+    def follow(plant, vdc, ps, n, c0, c1, tm, instants, k, out, row):
+        """Advance the machine over counts c0..c1 along the n edges of the PWM's state; earlier
+        edges have been taken already. Record it at the `instants` (`sample_instants`) from number k
+        on: sample k goes to row + k of `out`. Returns the next k."""
         if not source:
             return k
+        m, load, inv, se, y = plant
         trial0 = inv.trial[:]
         trial1 = inv.kept[:]  # `keep` uses it only while a leg is off, or with drops
         known = False  # whether inv.v belongs to the legs
@@ -189,50 +231,26 @@ def _compile_run_periods(source: int):
 
     @compiled(cache=True, nogil=True)
     def run_periods(
-        n,
-        first,
-        tm,
-        m,
-        load,
-        inv,
-        pm,
-        ps,
-        gd,
-        se,
-        regs,
-        y,
-        vdc,
-        fast_isr,
-        slow_isr,
-        read_channels,
-        drive,
-        channels,
-        instants,
-        plant_out,
-        channel_out,
-        edges,
-        logged,
+        n, first, tm, plant, vdc, chip, fast_isr, slow_isr, read_channels, samples, logged
     ):
-        """Run n periods; `first` is the index of the first one (for the slow loop).
-
-        instants: of the plant's samples in a period (`sample_instants`).
-        plant_out: (n * (len(instants) - 1), len(PLANT_CHANNELS)) or empty.
-        channels: address of channel_out, (n, channels) float32, or empty.
-        edges: (capacity, 3) int64 or empty; every change of a leg is added as row
-        (counts since period 0, leg, LOW | HIGH | OFF | BREAK + kind) after the `logged` rows
-        already there. Returns the new number of rows.
+        """Run n periods; `first` is the index of the first one (for the slow loop). The interrupts
+        are called with the handle, `read_channels` with it and an address. `samples` has `logged`
+        edges already. Returns the new number of edges.
 
         Between sampling and register write the controller does not see the machine. So it is
         called right after the sampling, and then the machine advances over the whole time.
-        """  # fmt: skip
+        """
         if not source:
             return logged
-        width = channel_out.shape[1] * 4
+        inv = plant.inverter
+        pm, ps, gd, regs = chip.map, chip.pwm, chip.gates, chip.registers
+        instants, plant_out, edges = samples.instants, samples.plant, samples.edges
+        width = samples.channels.shape[1] * 4
         # As a variable: for a literal 0 numba would compile the functions a second time.
         none = np.int64(0)
         row = none
-        handle = uint64(drive)
-        target = uint64(channels)
+        handle = uint64(chip.handle)
+        target = uint64(samples.address)
         for period in range(n):
             # The registers are the same until the fast interrupt writes them.
             count = pwm_segment(pm, regs, ps, none, tm.write_count, none)
@@ -240,9 +258,9 @@ def _compile_run_periods(source: int):
                 count = suppress_short_pulses(gd, pm, regs, ps, none, tm.write_count, none, count)
             if inv.due > 0:
                 count = push_breaks(inv, ps, first + period, none, tm.write_count, count)
-            k = follow(m, load, inv, se, y, vdc, ps, count, none, tm.sample_count,
+            k = follow(plant, vdc, ps, count, none, tm.sample_count,
                        tm, instants, none, plant_out, row)  # fmt: skip
-            sample(se, m, y, vdc, regs)
+            sample(plant.sensors, plant.machine, plant.y, vdc, regs)
             fast_isr(handle)
             if (first + period) % tm.slow_every == 0:
                 slow_isr(handle)
@@ -259,7 +277,7 @@ def _compile_run_periods(source: int):
                 count = push_breaks(inv, ps, first + period, tm.write_count, tm.period, count)
             if edges.shape[0] > 0:
                 logged = _log(edges, logged, ps, count, (first + period) * tm.period)
-            row += follow(m, load, inv, se, y, vdc, ps, count, tm.sample_count, tm.period,
+            row += follow(plant, vdc, ps, count, tm.sample_count, tm.period,
                           tm, instants, k, plant_out, row)  # fmt: skip
         return logged
 

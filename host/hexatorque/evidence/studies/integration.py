@@ -23,7 +23,7 @@ from ...drive.simulated import SimulatedDrive
 from ...experiments.operating_points import Point, Progress, approach
 from ...plant.compiled import source_hash
 from ...plant.load import load_record
-from ...plant.loop import MAX_STEP_S, NO_INSTANTS, follow
+from ...plant.loop import MAX_STEP_S, NO_INSTANTS, Plant, follow
 from ...plant.pwm import pwm_record
 from ...setups import load
 
@@ -80,7 +80,7 @@ def _compile(source: int) -> Callable[..., None]:
     """Compiles with a cache on disk that notices changes of the plant, as for `run_periods`."""
 
     @njit(cache=True, nogil=True)
-    def follow_periods(edges, first, tm, m, load, inv, se, y, vdc, ps, instants, nothing, states):
+    def follow_periods(edges, first, tm, plant, vdc, ps, instants, nothing, states):
         """`run_periods` with the log instead of controller and PWM modules."""
         if not source:
             return
@@ -96,8 +96,8 @@ def _compile(source: int) -> Callable[..., None]:
                     ps.state[n] = edges[e, 2]
                     n += 1
                     e += 1
-                follow(m, load, inv, se, y, vdc, ps, n, c0, c1, tm, instants, none, nothing, none)
-            states[period] = y
+                follow(plant, vdc, ps, n, c0, c1, tm, instants, none, nothing, none)
+            states[period] = plant.y
 
     return follow_periods
 
@@ -113,9 +113,11 @@ def replay(segment: Segment, step_us: float = MAX_STEP_S * 1e6) -> np.ndarray:
     timing.max_step = max(1, round(step_us * 1e-6 * timing.clock_Hz))
     torque = load_record(sim.setup["load.kind"], sim.load_Nm, sim.setup["load.at_rpm"])
     states = np.empty((len(segment.currents_A), 8))
+    plant = Plant(
+        sim._machine, torque, segment.inverter.copy(), sim.sensors.copy(), segment.state.copy()
+    )
     _follow_periods(
-        segment.edges, segment.first, timing, sim._machine, torque, segment.inverter.copy(),
-        sim.sensors.copy(), segment.state.copy(), sim.vdc_V, pwm_record(),
+        segment.edges, segment.first, timing, plant, sim.vdc_V, pwm_record(),
         NO_INSTANTS, np.empty((0, 0), np.float32), states,
     )  # fmt: skip
     return np.array([sim._machine.i_phase @ y for y in states[:, :6]])
