@@ -111,7 +111,7 @@ class Hardware:
             return False
         self._begun_s, self._begun = self.time_s, self.periods
         self.period_s = counts / float(m.pwm_clock_Hz)
-        breaks.new_period(self.inverter, self.periods, timing, counts)
+        breaks.new_period(self.inverter.coming, self.periods, timing, counts)
         timing.slow_every = slow_every
         timing.write_count = min(timing.write_count, counts - 1)
         timing.sample_count = min(timing.sample_count, timing.write_count)
@@ -166,18 +166,19 @@ class Hardware:
         begin_s = finite(after_s)
         if begin_s is None or begin_s < 0:
             raise SetupError(f"after_s = {after_s}: a time of 0 s or more is needed")
-        coming = breaks.breaks_of(kind, begin_s, 1e-3 * self.setup["inverter.bounce_ms"])
-        if self.inverter.due + len(coming) > MAX_BREAKS:
+        more = breaks.breaks_of(kind, begin_s, 1e-3 * self.setup["inverter.bounce_ms"])
+        waiting = self.inverter.coming.n
+        if waiting + len(more) > MAX_BREAKS:
             raise SetupError(
-                f"break_leg: {self.inverter.due} breaks are to come, with {len(coming)} more than "
+                f"break_leg: {waiting} breaks are to come, with {len(more)} more than "
                 f"{MAX_BREAKS}, which is the most"
             )
-        breaks.add(self.inverter, PHASES.index(phase), coming, self.periods, self._timing)
+        breaks.add(self.inverter.coming, PHASES.index(phase), more, self.periods, self._timing)
 
     @property
     def broken(self) -> dict[str, str]:
         """What is broken in each phase's leg now: phase -> none, open, blocked, upper or lower."""
-        return {phase: KINDS[kind] for phase, kind in zip(PHASES, self.inverter.broken)}
+        return {phase: KINDS[kind] for phase, kind in zip(PHASES, self.inverter.contact.broken)}
 
     def lose_interrupts(self, lost: bool) -> None:
         """`lost`: from now on the ADC raises no fast interrupt. False: it raises it again."""

@@ -54,7 +54,7 @@ def inverter(setup: Setup, leads: Sequence[int], machine: np.record) -> np.recor
         range_A=setup["sensors.i_full_A"],
         **{name: setup[f"inverter.{name}"] for name in (*DROPS, "arc_V", "restrike_V_per_ms")},
     )
-    if made.drops and longest_step_s(made, machine) < SHORTEST_STEP_S:
+    if made.devices.drops and longest_step_s(made, machine) < SHORTEST_STEP_S:
         raise SetupError(
             "inverter.v_switch_V, v_diode_V, r_switch_ohm, r_diode_ohm: too large for the "
             "machine's smallest leakage inductance, the simulation would need steps below "

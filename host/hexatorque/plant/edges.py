@@ -31,7 +31,7 @@ class EdgeLog:
     def __init__(self, inverter: np.record, capacity: int = 0) -> None:
         self.rows = np.empty((capacity, 3), np.int64)
         self.kept = 0
-        self._broken, self._command = inverter.broken.copy(), inverter.command.copy()
+        self._broken, self._command = inverter.contact.broken.copy(), inverter.command.copy()
 
     @property
     def filled(self) -> np.ndarray:

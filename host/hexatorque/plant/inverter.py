@@ -20,8 +20,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .breaks import COMING
 from .compiled import compiled, source_hash
-from .legs import BLOCKED, BREAK, HIGH, LOW, LOWER, MAX_BREAKS, OFF, OPEN, UPPER, WHOLE
+from .legs import BLOCKED, BREAK, HIGH, LOW, LOWER, OFF, OPEN, UPPER, WHOLE
 from .machine import (
     coast,
     constant_response,
@@ -32,8 +33,6 @@ from .machine import (
     phase_current_slope,
     rk4_step,
 )
-from .pwm import push_edge
-from .record import names_of, record
 from .vsd import TRANSFORM
 from .wires import STRAIGHT
 
@@ -77,6 +76,39 @@ KNEES = 2500
 #: it is missing).
 FAR = 10.0
 
+#: Legs that are not whole, and what happens at an open contact.
+CONTACT = np.dtype(
+    [
+        ("broken", "i8", (6,)),  # WHOLE, or what is broken; the `diode` of an open leg is its arc
+        ("breaks", "i8"),  # number of legs that are not whole
+        ("arc_V", "f8"),
+        ("restrike_V_per_s", "f8"),  # 0: an arc that has ended does not strike again
+        ("open_s", "f8", (6,)),  # for how long each leg has been broken
+    ]
+)
+#: Switches and diodes while they conduct.
+DEVICES = np.dtype(
+    [
+        ("drops", "i8"),  # 0: ideal devices
+        ("v_switch_V", "f8"),  # thresholds
+        ("v_diode_V", "f8"),
+        ("r_switch_ohm", "f8"),  # on-resistances
+        ("r_diode_ohm", "f8"),
+        ("knee_A", "f8"),
+    ]
+)
+#: The equations of the legs that float.
+FLOATING = np.dtype(
+    [
+        ("n", "i8"),  # how many,
+        ("leg", "i8", (6,)),  # which,
+        ("a", "f8", (6, 6)),  # their equations, factored,
+        ("pivot", "i8", (6,)),  # the order of the rows,
+        ("b", "f8", (6,)),  # the right side, then their voltages
+    ]
+)
+#: What `keep` has saved.
+KEPT = np.dtype([("y", "f8", (8,)), ("diode", "i8", (6,)), ("open_s", "f8", (6,))])
 #: `leg` and `diode` are the state. The other fields are constants and work space.
 INVERTER = np.dtype(
     [
@@ -84,22 +116,9 @@ INVERTER = np.dtype(
         ("diode", "i8", (6,)),  # off legs: +1 lower, -1 upper conducts, 0 floats
         ("off", "i8"),  # number of legs that are off
         ("command", "i8", (6,)),  # the state that the gate drivers command
-        ("broken", "i8", (6,)),  # WHOLE, or what is broken; the `diode` of an open leg is its arc
-        ("breaks", "i8"),  # number of legs that are not whole
-        ("arc_V", "f8"),
-        ("restrike_V_per_s", "f8"),  # 0: an arc that has ended does not strike again
-        ("open_s", "f8", (6,)),  # for how long each leg has been broken
-        ("due", "i8"),  # number of breaks to come:
-        ("due_period", "i8", (MAX_BREAKS,)),  # their periods,
-        ("due_count", "i8", (MAX_BREAKS,)),  # counts in them,
-        ("due_leg", "i8", (MAX_BREAKS,)),  # legs,
-        ("due_kind", "i8", (MAX_BREAKS,)),  # and what breaks
-        ("drops", "i8"),  # 0: ideal devices
-        ("v_switch_V", "f8"),  # thresholds
-        ("v_diode_V", "f8"),
-        ("r_switch_ohm", "f8"),  # on-resistances
-        ("r_diode_ohm", "f8"),
-        ("knee_A", "f8"),
+        ("contact", CONTACT),
+        ("coming", COMING),
+        ("devices", DEVICES),
         ("transform", "f8", (4, 6)),  # leg voltages to alpha, beta, x, y: how the leads are
         ("star", "i8", (6,)),  # the star point behind each leg, 0 or 1
         ("v_leg", "f8", (6,)),  # leg voltages against the negative rail
@@ -109,14 +128,8 @@ INVERTER = np.dtype(
         ("k_no_v", "f8", (4,)),  # d flux/dt without a voltage
         ("z", "f8", (5, 8)),
         ("trial", "f8", (8,)),
-        ("kept", "f8", (8,)),  # the state that `keep` has saved
-        ("kept_diode", "i8", (6,)),  # the diodes that `keep` has saved
-        ("kept_open_s", "f8", (6,)),  # the times that `keep` has saved
-        ("floats", "i8"),  # number of floating legs,
-        ("floating", "i8", (6,)),  # which,
-        ("a", "f8", (6, 6)),  # their equations, factored,
-        ("pivot", "i8", (6,)),  # the order of the rows,
-        ("b", "f8", (6,)),  # the right side, then their voltages
+        ("kept", KEPT),
+        ("floating", FLOATING),
         ("i", "f8", (4,)),
     ]
 )
@@ -136,19 +149,18 @@ def inverter_record(
 ) -> np.record:
     """All legs off and whole, no current. `leads`: the machine's phase on each leg; `range_A`: the
     current sensors' range, which decides the knee; `drops`: any of DROPS, otherwise zero."""
-    zeros = {name: 0 for name in names_of(INVERTER)}
-    start = {
-        "leg": OFF,
-        "command": OFF,
-        "off": 6,
-        "arc_V": arc_V,
-        "restrike_V_per_s": 1e3 * restrike_V_per_ms,
-        "drops": any(drops.values()),
-        "knee_A": max(KNEE_A, range_A / KNEES),
-        "transform": TRANSFORM[:, list(leads)],
-        "star": [phase % 2 for phase in leads],
-    }
-    return record(INVERTER, **{**zeros, **start, **drops})
+    inverter = np.zeros(1, INVERTER).view(np.recarray)[0]
+    inverter.leg = inverter.command = OFF
+    inverter.off = 6
+    inverter.transform = TRANSFORM[:, list(leads)]
+    inverter.star = [phase % 2 for phase in leads]
+    inverter.contact.arc_V = arc_V
+    inverter.contact.restrike_V_per_s = 1e3 * restrike_V_per_ms
+    inverter.devices.drops = any(drops.values())
+    inverter.devices.knee_A = max(KNEE_A, range_A / KNEES)
+    for name, value in drops.items():
+        inverter.devices[name] = value
+    return inverter
 
 
 @compiled
@@ -167,37 +179,18 @@ def set_leg(inv, m, y, leg, state):
     diode. An arc burns in the direction of that current, too."""
     if state >= BREAK:
         kind = state - BREAK
-        inv.breaks += int(kind != WHOLE) - int(inv.broken[leg] != WHOLE)
-        inv.broken[leg] = kind
-        inv.open_s[leg] = 0.0
+        inv.contact.breaks += int(kind != WHOLE) - int(inv.contact.broken[leg] != WHOLE)
+        inv.contact.broken[leg] = kind
+        inv.contact.open_s[leg] = 0.0
         state = inv.command[leg]
     inv.command[leg] = state
-    if inv.breaks > 0:
-        state = in_effect(inv.broken[leg], state)
+    if inv.contact.breaks > 0:
+        state = in_effect(inv.contact.broken[leg], state)
     if state == OFF and inv.leg[leg] != OFF:
         i = phase_current(m, y, leg)
         inv.diode[leg] = 1 if i > 0.0 else (-1 if i < 0.0 else 0)
     inv.off += int(state == OFF) - int(inv.leg[leg] == OFF)
     inv.leg[leg] = state
-
-
-@compiled
-def push_breaks(inv, ps, period, c0, c1, n):
-    """Add the breaks of this period's counts c0 <= count < c1 to the n edges, and forget them.
-    Returns the new n."""
-    left = 0
-    for b in range(inv.due):
-        count = inv.due_count[b]
-        if inv.due_period[b] == period and c0 <= count and count < c1:
-            n = push_edge(ps, n, count, inv.due_leg[b], BREAK + inv.due_kind[b])
-        else:
-            inv.due_period[left] = inv.due_period[b]
-            inv.due_count[left] = count
-            inv.due_leg[left] = inv.due_leg[b]
-            inv.due_kind[left] = inv.due_kind[b]
-            left += 1
-    inv.due = left
-    return n
 
 
 @compiled(inline="always")
@@ -216,9 +209,9 @@ def _find_floating(inv, m, y):
     n = 0
     for leg in range(6):
         if inv.leg[leg] == OFF and inv.diode[leg] == 0:
-            inv.floating[n] = leg
+            inv.floating.leg[n] = leg
             n += 1
-    inv.floats = n
+    inv.floating.n = n
     if n > 0 and constant_response(m):
         _factor(inv, m, y)
     return n > 0
@@ -228,20 +221,20 @@ def _find_floating(inv, m, y):
 def _factor(inv, m, y):
     """LU factors of d i/dt of the floating legs per volt on them, with partial pivoting: U and the
     multipliers in `a`, and in `pivot` the row that came to each place."""
-    a = inv.a
+    a = inv.floating.a
     gain = incremental(m, y)
-    n = inv.floats
+    n = inv.floating.n
     for r in range(n):
-        leg = inv.floating[r]
+        leg = inv.floating.leg[r]
         for c in range(n):
-            a[r, c] = leg_response(m, gain, leg, inv.floating[c])
+            a[r, c] = leg_response(m, gain, leg, inv.floating.leg[c])
         a[r, r] += BALANCE * m.g_leg[leg, leg]
     for p in range(n):
         best = p
         for r in range(p + 1, n):
             if abs(a[r, p]) > abs(a[best, p]):
                 best = r
-        inv.pivot[p] = best
+        inv.floating.pivot[p] = best
         if best != p:
             for c in range(p, n):
                 a[p, c], a[best, c] = a[best, c], a[p, c]
@@ -261,27 +254,27 @@ def _solve_floating(inv, m, load, y, vdc):
     when a whole set floats (only differences matter), so a small diagonal term
     pulls such legs to mid-bus, as a balancing resistor would.
     """
-    n = inv.floats
+    n = inv.floating.n
     for r in range(n):
-        inv.v_leg[inv.floating[r]] = 0.0
+        inv.v_leg[inv.floating.leg[r]] = 0.0
     _transform(inv)
     # A voltage adds to the slope of its flux and to nothing else.
     derivative(m, load, y, inv.no_v, inv.k)
     for r in range(4):
         inv.k_no_v[r] = inv.k[r]
         inv.k[r] += inv.v[r]
-    a = inv.a
-    b = inv.b
+    a = inv.floating.a
+    b = inv.floating.b
     gain = incremental(m, y)
     if not constant_response(m):
         _factor(inv, m, y)
     for r in range(n):
-        leg = inv.floating[r]
+        leg = inv.floating.leg[r]
         slope = phase_current_slope(m, gain, inv.k, leg)
         epsilon = BALANCE * m.g_leg[leg, leg]
         b[r] = -slope - phase_current(m, y, leg) / FLOAT_S + epsilon * 0.5 * vdc
     for p in range(n):
-        best = inv.pivot[p]
+        best = inv.floating.pivot[p]
         b[p], b[best] = b[best], b[p]
         for r in range(p + 1, n):
             b[r] -= a[r, p] * b[p]
@@ -291,7 +284,7 @@ def _solve_floating(inv, m, load, y, vdc):
             total -= a[p, c] * b[c]
         b[p] = total / a[p, p]
     for r in range(n):
-        inv.v_leg[inv.floating[r]] = b[r]
+        inv.v_leg[inv.floating.leg[r]] = b[r]
     _centre(inv, vdc)
     _transform(inv)
     for r in range(4):
@@ -310,7 +303,7 @@ def _centre(inv, vdc):
             if inv.star[leg] == first:
                 if inv.leg[leg] != OFF or inv.diode[leg] != 0:
                     low = -np.inf
-                if inv.broken[leg] != OPEN:
+                if inv.contact.broken[leg] != OPEN:
                     low = min(low, inv.v_leg[leg])
                     high = max(high, inv.v_leg[leg])
         if low > -np.inf and low < np.inf:
@@ -328,24 +321,30 @@ def _subtract_drops(inv, m, y, vdc):
     for leg in range(6):
         state = inv.leg[leg]
         i = phase_current(m, y, leg)
-        arcs = inv.broken[leg] == OPEN and inv.diode[leg] != 0
+        arcs = inv.contact.broken[leg] == OPEN and inv.diode[leg] != 0
         if arcs:
             state = inv.command[leg]
         if state == OFF:
             if inv.diode[leg] > 0:
-                inv.v_leg[leg] = -inv.v_diode_V - inv.r_diode_ohm * i
+                inv.v_leg[leg] = -inv.devices.v_diode_V - inv.devices.r_diode_ohm * i
             elif inv.diode[leg] < 0:
-                inv.v_leg[leg] = vdc + inv.v_diode_V - inv.r_diode_ohm * i
+                inv.v_leg[leg] = vdc + inv.devices.v_diode_V - inv.devices.r_diode_ohm * i
         else:
             rail = vdc if state == HIGH else 0.0
             # Beyond 20 times the knee the nearest number to the hyperbolic tangent is 1.
-            share = np.tanh(i / inv.knee_A) if abs(i) < 20.0 * inv.knee_A else np.copysign(1.0, i)
+            share = (
+                np.tanh(i / inv.devices.knee_A)
+                if abs(i) < 20.0 * inv.devices.knee_A
+                else np.copysign(1.0, i)
+            )
             if (i > 0.0) == (state == HIGH):
-                inv.v_leg[leg] = rail - inv.v_switch_V * share - inv.r_switch_ohm * i
+                inv.v_leg[leg] = (
+                    rail - inv.devices.v_switch_V * share - inv.devices.r_switch_ohm * i
+                )
             else:
-                inv.v_leg[leg] = rail - inv.v_diode_V * share - inv.r_diode_ohm * i
+                inv.v_leg[leg] = rail - inv.devices.v_diode_V * share - inv.devices.r_diode_ohm * i
         if arcs:
-            inv.v_leg[leg] -= inv.diode[leg] * inv.arc_V
+            inv.v_leg[leg] -= inv.diode[leg] * inv.contact.arc_V
 
 
 @compiled
@@ -353,7 +352,7 @@ def _step(inv, m, load, y, dt, vdc, floats, out):
     """One Runge-Kutta step from y to out with the present diodes. A drop follows the
     current and a floating leg's voltage the induced voltage, so every stage finds
     them anew."""
-    if inv.drops == 0 and not floats:
+    if inv.devices.drops == 0 and not floats:
         rk4_step(m, load, y, inv.v, dt, out, inv.k, inv.z)
         return
     total = inv.z[0]
@@ -362,7 +361,7 @@ def _step(inv, m, load, y, dt, vdc, floats, out):
         total[r] = 0.0
         stage[r] = y[r]
     for n in range(4):
-        if inv.drops != 0:
+        if inv.devices.drops != 0:
             _subtract_drops(inv, m, stage, vdc)
         if floats:
             _solve_floating(inv, m, load, stage, vdc)
@@ -384,15 +383,15 @@ def longest_step_s(inv, m):
     acts as a resistance of V / knee_A. The step is one time constant of this resistance with the
     smallest inductance that it can meet (the limit of stability is 2.78 time constants). Paper
     B's machine with 1.2 V: 120 us."""
-    r_switch = inv.v_switch_V / inv.knee_A + inv.r_switch_ohm
-    r_diode = inv.v_diode_V / inv.knee_A + inv.r_diode_ohm
+    r_switch = inv.devices.v_switch_V / inv.devices.knee_A + inv.devices.r_switch_ohm
+    r_diode = inv.devices.v_diode_V / inv.devices.knee_A + inv.devices.r_diode_ohm
     return 1.0 / (max(r_switch, r_diode) * m.inv_l_max)
 
 
 @compiled
 def _far_from_zero(inv, m, before, after):
     """Whether every leg's current keeps its sign from one state to the other, far from zero."""
-    far_A = FAR * inv.knee_A
+    far_A = FAR * inv.devices.knee_A
     for leg in range(6):
         i0 = phase_current(m, before, leg)
         i1 = phase_current(m, after, leg)
@@ -404,7 +403,7 @@ def _far_from_zero(inv, m, before, after):
 @compiled(inline="always")
 def _may_conduct(inv, leg):
     """Whether a floating leg's diode can open."""
-    return inv.leg[leg] == OFF and inv.diode[leg] == 0 and inv.broken[leg] != OPEN
+    return inv.leg[leg] == OFF and inv.diode[leg] == 0 and inv.contact.broken[leg] != OPEN
 
 
 @compiled
@@ -414,18 +413,22 @@ def _strike_again(inv, vdc):
     anywhere between them while both switches are off."""
     struck = False
     for leg in range(6):
-        if inv.broken[leg] == OPEN and inv.leg[leg] == OFF and inv.diode[leg] == 0:
+        if inv.contact.broken[leg] == OPEN and inv.leg[leg] == OFF and inv.diode[leg] == 0:
             state = inv.command[leg]
             highest = 0.0 if state == LOW else vdc
             lowest = vdc if state == HIGH else 0.0
-            withstands_V = inv.arc_V + inv.restrike_V_per_s * inv.open_s[leg] + FORWARD * vdc
+            withstands_V = (
+                inv.contact.arc_V
+                + inv.contact.restrike_V_per_s * inv.contact.open_s[leg]
+                + FORWARD * vdc
+            )
             if inv.v_leg[leg] > highest + withstands_V:
                 inv.diode[leg] = -1
-                inv.v_leg[leg] = highest + inv.arc_V
+                inv.v_leg[leg] = highest + inv.contact.arc_V
                 struck = True
             elif inv.v_leg[leg] < lowest - withstands_V:
                 inv.diode[leg] = 1
-                inv.v_leg[leg] = lowest - inv.arc_V
+                inv.v_leg[leg] = lowest - inv.contact.arc_V
                 struck = True
     return struck
 
@@ -437,30 +440,30 @@ def _leg_voltages(inv, m, load, y, vdc):
         state = inv.leg[leg]
         if state == OFF:
             inv.v_leg[leg] = vdc if inv.diode[leg] < 0 else 0.0
-            if inv.broken[leg] == OPEN and inv.diode[leg] != 0:
+            if inv.contact.broken[leg] == OPEN and inv.diode[leg] != 0:
                 if inv.command[leg] != OFF:
                     inv.v_leg[leg] = vdc if inv.command[leg] == HIGH else 0.0
-                inv.v_leg[leg] -= inv.diode[leg] * inv.arc_V
+                inv.v_leg[leg] -= inv.diode[leg] * inv.contact.arc_V
         else:
             inv.v_leg[leg] = vdc if state == HIGH else 0.0
-    if inv.drops != 0:
+    if inv.devices.drops != 0:
         _subtract_drops(inv, m, y, vdc)
     floats = _find_floating(inv, m, y)
     if floats:
         _solve_floating(inv, m, load, y, vdc)
-        margin = inv.v_diode_V + FORWARD * vdc
+        margin = inv.devices.v_diode_V + FORWARD * vdc
         turned_on = False
         for leg in range(6):
             if _may_conduct(inv, leg):
                 if inv.v_leg[leg] > vdc + margin:
                     inv.diode[leg] = -1
-                    inv.v_leg[leg] = vdc + inv.v_diode_V
+                    inv.v_leg[leg] = vdc + inv.devices.v_diode_V
                     turned_on = True
                 elif inv.v_leg[leg] < -margin:
                     inv.diode[leg] = 1
-                    inv.v_leg[leg] = -inv.v_diode_V
+                    inv.v_leg[leg] = -inv.devices.v_diode_V
                     turned_on = True
-        if inv.restrike_V_per_s > 0.0 and _strike_again(inv, vdc):
+        if inv.contact.restrike_V_per_s > 0.0 and _strike_again(inv, vdc):
             turned_on = True
         if turned_on:
             floats = _find_floating(inv, m, y)
@@ -539,14 +542,14 @@ def _first_crossing(inv, m, y, but):
 def _beyond_V(inv, m, load, y, vdc):
     """How far the voltage of a floating leg is beyond the rail and its diode's threshold, for the
     leg where this is most. Negative if all are within."""
-    if inv.drops != 0:
+    if inv.devices.drops != 0:
         _subtract_drops(inv, m, y, vdc)
     _solve_floating(inv, m, load, y, vdc)
     most = -np.inf
     for leg in range(6):
         if _may_conduct(inv, leg):
             most = max(most, -inv.v_leg[leg], inv.v_leg[leg] - vdc)
-    return most - inv.v_diode_V
+    return most - inv.devices.v_diode_V
 
 
 @compiled
@@ -597,7 +600,7 @@ def _step_to_rail(inv, m, load, y, h, vdc):
 def _only_open(inv):
     """Whether all legs that are off are open windings without a current."""
     for leg in range(6):
-        if inv.leg[leg] == OFF and (inv.broken[leg] != OPEN or inv.diode[leg] != 0):
+        if inv.leg[leg] == OFF and (inv.contact.broken[leg] != OPEN or inv.diode[leg] != 0):
             return False
     return True
 
@@ -607,15 +610,19 @@ def _advance_off(inv, m, load, y, dt, vdc):
     """Advance with at least one leg off."""
     if inv.off >= 3:
         _end_lone_currents(inv, m, y)
-    if inv.off == 6 and _currents_absent(inv) and coast(m, load, y, dt, vdc + 2.0 * inv.v_diode_V):
+    if (
+        inv.off == 6
+        and _currents_absent(inv)
+        and coast(m, load, y, dt, vdc + 2.0 * inv.devices.v_diode_V)
+    ):
         return
     trial = inv.trial[:]
     none = np.int64(NO_LEG)
     left = dt
     usual = OFF_STEP_S
-    if inv.breaks > 0 and inv.restrike_V_per_s == 0.0 and _only_open(inv):
+    if inv.contact.breaks > 0 and inv.contact.restrike_V_per_s == 0.0 and _only_open(inv):
         usual = OPEN_STEP_S
-    if inv.drops != 0:
+    if inv.devices.drops != 0:
         usual = min(usual, longest_step_s(inv, m))
     longest = usual
     guard = 0
@@ -635,7 +642,7 @@ def _advance_off(inv, m, load, y, dt, vdc):
                 break
             crossing = earlier
             taken = _step_to_zero(inv, m, load, y, taken, vdc, floats, crossing)
-        if inv.breaks > 0 and floats:
+        if inv.contact.breaks > 0 and floats:
             earliest = _step_to_rail(inv, m, load, y, taken, vdc)
             if earliest < taken:
                 taken = earliest
@@ -643,7 +650,7 @@ def _advance_off(inv, m, load, y, dt, vdc):
         for r in range(8):
             y[r] = trial[r]
         for leg in range(6):
-            inv.open_s[leg] += taken
+            inv.contact.open_s[leg] += taken
         left -= taken
         if crossing == NO_LEG:
             longest = usual
@@ -658,21 +665,21 @@ def _advance_off(inv, m, load, y, dt, vdc):
 def keep(inv, y):
     """Save the state and the diodes for `put_back`."""
     for r in range(8):
-        inv.kept[r] = y[r]
+        inv.kept.y[r] = y[r]
     if inv.off > 0:
         for leg in range(6):
-            inv.kept_diode[leg] = inv.diode[leg]
-            inv.kept_open_s[leg] = inv.open_s[leg]
+            inv.kept.diode[leg] = inv.diode[leg]
+            inv.kept.open_s[leg] = inv.contact.open_s[leg]
 
 
 @compiled
 def put_back(inv, y):
     for r in range(8):
-        y[r] = inv.kept[r]
+        y[r] = inv.kept.y[r]
     if inv.off > 0:
         for leg in range(6):
-            inv.diode[leg] = inv.kept_diode[leg]
-            inv.open_s[leg] = inv.kept_open_s[leg]
+            inv.diode[leg] = inv.kept.diode[leg]
+            inv.contact.open_s[leg] = inv.kept.open_s[leg]
 
 
 @compiled
@@ -700,7 +707,7 @@ def _compile_advance(source: int):
         if inv.off > 0:
             _advance_off(inv, m, load, y, dt, vdc)
             return
-        if inv.drops != 0:
+        if inv.devices.drops != 0:
             steps = int(np.ceil(dt / longest_step_s(inv, m)))
             trial = inv.trial[:]
             floats = np.bool_(False)

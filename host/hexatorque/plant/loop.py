@@ -21,9 +21,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import uint64
 
+from .breaks import push_breaks
 from .compiled import compiled, source_hash
 from .gates import suppress_short_pulses
-from .inverter import advance, keep, push_breaks, put_back, set_leg, to_rails
+from .inverter import advance, keep, put_back, set_leg, to_rails
 from .machine import rk4_step, rk4_two_steps, stator_currents, torque_Nm
 from .pwm import pwm_segment
 from .sensors import filter_currents, sample
@@ -145,7 +146,7 @@ def _compile_follow(source: int):
             return k
         m, load, inv, se, y = plant
         trial0 = inv.trial[:]
-        trial1 = inv.kept[:]  # `keep` uses it only while a leg is off, or with drops
+        trial1 = inv.kept.y[:]  # `keep` uses it only while a leg is off, or with drops
         known = False  # whether inv.v belongs to the legs
         now = c0
         tick = instants[k]
@@ -165,7 +166,7 @@ def _compile_follow(source: int):
             if e < n:
                 stop = min(stop, ps.count[e])
             there = tick < stop
-            if inv.off == 0 and inv.drops == 0:
+            if inv.off == 0 and inv.devices.drops == 0:
                 # What `advance` does then. The voltages are kept from edge to edge.
                 if not known:
                     to_rails(inv, vdc)
@@ -256,8 +257,8 @@ def _compile_run_periods(source: int):
             count = pwm_segment(pm, regs, ps, none, tm.write_count, none)
             if gd.min_counts > 0:
                 count = suppress_short_pulses(gd, pm, regs, ps, none, tm.write_count, none, count)
-            if inv.due > 0:
-                count = push_breaks(inv, ps, first + period, none, tm.write_count, count)
+            if inv.coming.n > 0:
+                count = push_breaks(inv.coming, ps, first + period, none, tm.write_count, count)
             k = follow(plant, vdc, ps, count, none, tm.sample_count,
                        tm, instants, none, plant_out, row)  # fmt: skip
             sample(plant.sensors, plant.machine, plant.y, vdc, regs)
@@ -273,8 +274,10 @@ def _compile_run_periods(source: int):
                 count = suppress_short_pulses(
                     gd, pm, regs, ps, tm.write_count, tm.period, done, count
                 )
-            if inv.due > 0:
-                count = push_breaks(inv, ps, first + period, tm.write_count, tm.period, count)
+            if inv.coming.n > 0:
+                count = push_breaks(
+                    inv.coming, ps, first + period, tm.write_count, tm.period, count
+                )
             if edges.shape[0] > 0:
                 logged = _log(edges, logged, ps, count, (first + period) * tm.period)
             row += follow(plant, vdc, ps, count, tm.sample_count, tm.period,

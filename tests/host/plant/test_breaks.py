@@ -166,7 +166,7 @@ def test_an_arc_strikes_again_beyond_what_the_contact_withstands(symmetric, rate
     arc_V, step_s = 100.0, 1e-6
     drive = Drive(symmetric, [others] * 6, np.zeros(6), arc_V, omega=0.0)
     drive.y[:6] = 0.0
-    drive.inv.restrike_V_per_s = 1e3 * rate_V_per_ms
+    drive.inv.contact.restrike_V_per_s = 1e3 * rate_V_per_ms
     drive.edge(0, BREAK + OPEN)
     sign = 1 if others == LOW else -1
     now_s, lit_s = 0.0, []
@@ -237,7 +237,7 @@ def test_dead_switch_leaves_its_diode(symmetric, kind, dead):
         drive.edge(0, dead)
         assert drive.inv.leg[0] == OFF and drive.inv.diode[0] == 1  # the lower one: i > 0
         drive.edge(0, BREAK)
-        assert drive.inv.leg[0] == dead and drive.inv.breaks == 0
+        assert drive.inv.leg[0] == dead and drive.inv.contact.breaks == 0
 
 
 def test_instant_lies_within_a_period_and_recording_changes_nothing():
@@ -288,7 +288,7 @@ def test_only_so_many_breaks_may_be_to_come():
         sim.break_leg("u1", "open", n)  # and four more
     with pytest.raises(SetupError, match=f"with 5 more than {MAX_BREAKS}"):
         sim.break_leg("u2", "open")
-    assert sim.inverter.due == MAX_BREAKS // 5 * 5
+    assert sim.inverter.coming.n == MAX_BREAKS // 5 * 5
     sim.break_leg("u2", "blocked")
 
 

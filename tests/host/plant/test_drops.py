@@ -184,9 +184,9 @@ def test_free_wheeling_currents_reach_zero(symmetric, lxy_H):
 
 def test_set_up_reaches_the_inverter():
     setup = setups.load("paper-b")
-    assert SimulatedDrive(setup).inverter.drops == 0
+    assert SimulatedDrive(setup).inverter.devices.drops == 0
     inv = SimulatedDrive(setup.changed(**{f"inverter__{k}": v for k, v in DROPS.items()})).inverter
-    assert inv.drops == 1 and {name: inv[name] for name in DROPS} == DROPS
+    assert inv.devices.drops == 1 and {name: inv.devices[name] for name in DROPS} == DROPS
 
 
 def test_the_threshold_is_whole_from_twenty_times_the_knee_on():
@@ -199,9 +199,9 @@ def test_the_threshold_is_whole_from_twenty_times_the_knee_on():
 def test_the_knee_grows_with_the_range_of_the_sensors():
     """Up to 25 A it is 10 mA. It stays below a step of a 12-bit sensor, 2 x range / 4096."""
     for range_A in (0.0, 20.0, 25.0):
-        assert inverter_record(range_A=range_A, **DROPS).knee_A == 10e-3
+        assert inverter_record(range_A=range_A, **DROPS).devices.knee_A == 10e-3
     for range_A in (26.0, 500.0):
-        knee_A = inverter_record(range_A=range_A, **DROPS).knee_A
+        knee_A = inverter_record(range_A=range_A, **DROPS).devices.knee_A
         assert 10e-3 < knee_A < 2 * range_A / 4096
 
 
@@ -210,7 +210,7 @@ def test_threshold_fades_over_the_knee(symmetric):
     for range_A in (25.0, 500.0):
         inv, m = inverter_record(range_A=range_A, v_switch_V=1.0), make(symmetric.p)
         y = np.zeros(8)
-        y[:2] = np.linalg.solve(m.i_phase[:2, :2], [inv.knee_A, 0.0])
+        y[:2] = np.linalg.solve(m.i_phase[:2, :2], [inv.devices.knee_A, 0.0])
         for leg in range(6):
             set_leg(inv, m, y, leg, HIGH)
         advance(inv, m, NO_LOAD, y, 1e-9, VDC, 1)

@@ -28,8 +28,8 @@ def usable(sim: SimulatedDrive) -> str:
     machine, setup = sim._machine, sim.setup
     for there, what in (
         ("linear" not in machine.dtype.names, "saturating iron"),
-        (sim.inverter.drops != 0, "conduction drops"),
-        (sim.inverter.breaks != 0, "broken legs"),
+        (sim.inverter.devices.drops != 0, "conduction drops"),
+        (sim.inverter.contact.breaks != 0, "broken legs"),
         (sim.sensors.i_filter_rad_s > 0, "current filters"),
         (setup["load.kind"] in ("friction", "brake"), "this load"),
     ):
