@@ -288,3 +288,44 @@ def _compile_run_periods(source: int):
 
 
 run_periods = _compile_run_periods(source_hash())
+
+_NO_SAMPLES = np.empty((0, 0), np.float32)
+
+
+def _compile_follow_log(source: int):
+    """Make `follow_log`, which numba keeps on disk (`source_hash`)."""
+
+    @compiled(cache=True, nogil=True)
+    def follow_periods(edges, first, tm, plant, vdc, ps, instants, nothing, states):
+        if not source:
+            return
+        none = np.int64(0)
+        e = 0
+        for period in range(states.shape[0]):
+            start = (first + period) * tm.period
+            c0 = none
+            for c1 in (tm.sample_count, tm.period):
+                n = 0
+                while e < edges.shape[0] and edges[e, 0] < start + c1:
+                    ps.count[n] = edges[e, 0] - start
+                    ps.leg[n] = edges[e, 1]
+                    ps.state[n] = edges[e, 2]
+                    n += 1
+                    e += 1
+                follow(plant, vdc, ps, n, c0, c1, tm, instants, none, nothing, none)
+                c0 = c1
+            for r in range(8):
+                states[period, r] = plant.y[r]
+
+    return follow_periods
+
+
+_follow_periods = _compile_follow_log(source_hash())
+
+
+def follow_log(
+    edges: np.ndarray, first: int, tm: Any, plant: Plant, vdc_V: float, pwm: Any, states: np.ndarray
+) -> None:
+    """The plant alone, along the edges that a run has logged from period `first` on: `run_periods`
+    without a controller. The state at the end of each period goes into the rows of `states`."""
+    _follow_periods(edges, first, tm, plant, vdc_V, pwm, NO_INSTANTS, _NO_SAMPLES, states)

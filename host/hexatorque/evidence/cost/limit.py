@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from ...drive.simulated import SimulatedDrive
-from ...plant.compiled import compiled
 from ...plant.inverter import inverter_record
 from ...plant.legs import OFF
 from ...plant.load import load_record
-from ...plant.loop import NO_INSTANTS, follow
+from ...plant.loop import Plant, follow_log
 from ...plant.pwm import pwm_record
 from ...setups import SetupError
 
@@ -62,10 +61,9 @@ class Replay:
         inverter.command[:], inverter.off = self.leg, int(np.sum(self.leg == OFF))
         y = self.state.copy()
         begin = time.thread_time()
-        _numba(
-            sim._machine, self.load, inverter, sim.sensors, y, sim.vdc_V, pwm_record(),
-            sim._timing, self.edges, self.first, self.periods, NO_INSTANTS, _NO_ROWS,
-        )  # fmt: skip
+        plant = Plant(sim._machine, self.load, inverter, sim.sensors, y)
+        states = np.empty((self.periods, len(y)))
+        follow_log(self.edges, self.first, sim._timing, plant, sim.vdc_V, pwm_record(), states)
         return y, time.thread_time() - begin
 
     def plain_c(self, library: Path) -> tuple[np.ndarray, float]:
@@ -112,28 +110,6 @@ class Replay:
             raise SetupError(
                 f"the plant in {who} ends elsewhere than the run: {worst:.2g} relative"
             )
-
-
-_NO_ROWS = np.empty((0, 0), np.float32)
-
-
-@compiled
-def _numba(m, load, inv, se, y, vdc, ps, tm, edges, first, periods, instants, rows):
-    none = np.int64(0)
-    e = 0
-    for period in range(periods):
-        begin = (first + period) * tm.period
-        last = none
-        for end in (tm.sample_count, tm.period):
-            n = 0
-            while e < edges.shape[0] and edges[e, 0] < begin + end:
-                ps.count[n] = edges[e, 0] - begin
-                ps.leg[n] = edges[e, 1]
-                ps.state[n] = edges[e, 2]
-                n += 1
-                e += 1
-            follow(m, load, inv, se, y, vdc, ps, n, last, end, tm, instants, none, rows, none)
-            last = end
 
 
 def factors(

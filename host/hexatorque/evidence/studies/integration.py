@@ -8,12 +8,11 @@ with independent equations and another integrator.)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 
 from ... import firmware
 from ...analysis.plots import INK, LABEL, LEGEND, new_figure, save
@@ -21,9 +20,8 @@ from ...analysis.plots import TITLE as HEADING
 from ...analysis.schemes import STYLE
 from ...drive.simulated import SimulatedDrive
 from ...experiments.operating_points import Point, Progress, approach
-from ...plant.compiled import source_hash
 from ...plant.load import load_record
-from ...plant.loop import MAX_STEP_S, NO_INSTANTS, Plant, follow
+from ...plant.loop import MAX_STEP_S, Plant, follow_log
 from ...plant.pwm import pwm_record
 from ...setups import load
 
@@ -76,35 +74,6 @@ def run_segment(sim: SimulatedDrive, duration_s: float) -> Segment:
     return Segment(sim, first, state, inverter, edges, currents, speed)
 
 
-def _compile(source: int) -> Callable[..., None]:
-    """Compiles with a cache on disk that notices changes of the plant, as for `run_periods`."""
-
-    @njit(cache=True, nogil=True)
-    def follow_periods(edges, first, tm, plant, vdc, ps, instants, nothing, states):
-        """`run_periods` with the log instead of controller and PWM modules."""
-        if not source:
-            return
-        none = np.int64(0)
-        e = 0
-        for period in range(states.shape[0]):
-            start = (first + period) * tm.period
-            for c0, c1 in ((0, tm.sample_count), (tm.sample_count, tm.period)):
-                n = 0
-                while e < edges.shape[0] and edges[e, 0] < start + c1:
-                    ps.count[n] = edges[e, 0] - start
-                    ps.leg[n] = edges[e, 1]
-                    ps.state[n] = edges[e, 2]
-                    n += 1
-                    e += 1
-                follow(plant, vdc, ps, n, c0, c1, tm, instants, none, nothing, none)
-            states[period] = plant.y
-
-    return follow_periods
-
-
-_follow_periods = _compile(source_hash())
-
-
 def replay(segment: Segment, step_us: float = MAX_STEP_S * 1e6) -> np.ndarray:
     """(periods, 6) phase currents of the plant under the segment's edges, integrated
     with steps of at most `step_us`."""
@@ -116,10 +85,7 @@ def replay(segment: Segment, step_us: float = MAX_STEP_S * 1e6) -> np.ndarray:
     plant = Plant(
         sim._machine, torque, segment.inverter.copy(), sim.sensors.copy(), segment.state.copy()
     )
-    _follow_periods(
-        segment.edges, segment.first, timing, plant, sim.vdc_V, pwm_record(),
-        NO_INSTANTS, np.empty((0, 0), np.float32), states,
-    )  # fmt: skip
+    follow_log(segment.edges, segment.first, timing, plant, sim.vdc_V, pwm_record(), states)
     return np.array([sim._machine.i_phase @ y for y in states[:, :6]])
 
 
