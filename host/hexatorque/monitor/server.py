@@ -38,7 +38,8 @@ from ..firmware import FirmwareError
 from ..recording.formats import RecordingError
 from ..recording.recording import STARTED
 from ..serial import LinkError
-from .monitored_drive import Capture, MonitoredDrive
+from .captures import Capture
+from .monitored_drive import MonitoredDrive
 from .traces import View
 
 FRAME_S = 0.04
@@ -234,9 +235,9 @@ class Handler(BaseHTTPRequestHandler):
         elif url.path == "/history":
             self._history(query)
         elif url.path == "/capture":
-            self._json(_capture(_chosen(monitored, query)) if monitored.captures else None)
+            self._json(_capture(_chosen(monitored, query)) if monitored.captures.kept else None)
         elif url.path == "/captures":
-            self._json([_described(one) for one in list(monitored.captures.values())])
+            self._json([_described(one) for one in list(monitored.captures.kept.values())])
         elif url.path == "/commissioning":
             self._json(monitored.guided.described() if monitored.guided else None)
         elif url.path == "/commissioned.toml":
@@ -286,7 +287,7 @@ class Handler(BaseHTTPRequestHandler):
         begin = _number(query, "begin_s", 0.0, 1e12)
         end = _number(query, "end_s", begin, begin + WINDOW_S[1] + 1)
         bins = round(_number(query, "bins", *BINS))
-        found = self.server.monitored.traced()
+        found = self.server.monitored.traces.present()
         if found is None:
             raise Refused(409, "nothing is traced")
         epoch, ring, stream = found
@@ -302,7 +303,7 @@ class Handler(BaseHTTPRequestHandler):
         """Send all samples of a part of the history, those from `begin_s` to before `end_s`."""
         begin = _number(query, "begin_s", 0.0, 1e12)
         end = _number(query, "end_s", begin, begin + WINDOW_S[1] + 1)
-        found = self.server.monitored.traced()
+        found = self.server.monitored.traces.present()
         if found is None:
             raise Refused(409, "nothing is traced")
         epoch, ring, stream = found
@@ -348,7 +349,7 @@ class Handler(BaseHTTPRequestHandler):
         while not self.server.closing.is_set():
             begun_s = time.monotonic()
             frame: dict[str, Any] = {}
-            found = monitored.traced()
+            found = monitored.traces.present()
             if found and found[0] != epoch:
                 epoch, ring, stream = found
                 rate_Hz = stream.rate_Hz
@@ -359,10 +360,10 @@ class Handler(BaseHTTPRequestHandler):
                 sent_s = begun_s
                 frame["status"] = monitored.status()
                 frame["page"], frame["sent_s"] = page, begun_s
-                newest = monitored.newest()
+                newest = monitored.traces.newest()
                 if newest is not None and len(newest) == len(frame["status"]["channels"]):
                     frame["newest"] = [float(f"{value:.6g}") for value in newest]
-                    frame["mean"] = [float(f"{value:.6g}") for value in monitored.mean()]
+                    frame["mean"] = [float(f"{value:.6g}") for value in monitored.traces.mean()]
             if frame:
                 text = json.dumps(_finite(frame), separators=(",", ":"))
                 self.wfile.write(b"data: " + text.encode() + b"\n\n")
@@ -397,8 +398,8 @@ def _floats(values: np.ndarray) -> str:
 def _chosen(monitored: MonitoredDrive, query: dict[str, str]) -> Capture:
     """The capture whose number the query tells, or the latest."""
     if "number" not in query:
-        return monitored.capture()
-    return monitored.capture(round(_number(query, "number", 1, 1e9)))
+        return monitored.captures.get()
+    return monitored.captures.get(round(_number(query, "number", 1, 1e9)))
 
 
 def _described(capture: Capture) -> dict:
@@ -515,7 +516,7 @@ def _select(monitored: MonitoredDrive, body: dict) -> dict:
     if rate_Hz is not None:
         rate_Hz = float(_field(body, "rate_Hz", (int, float), "a number"))
     names = _names(body)
-    monitored.select(names, rate_Hz)
+    monitored.traces.select(names, rate_Hz)
     return {"channels": names}
 
 
@@ -540,7 +541,7 @@ def _beat(monitored: MonitoredDrive, body: dict) -> None:
 
 
 def _record(monitored: MonitoredDrive, body: dict) -> dict:
-    return {"file": str(monitored.record_start(_field(body, "suffix", str, "a text")))}
+    return {"file": str(monitored.traces.record_start(_field(body, "suffix", str, "a text")))}
 
 
 COMMANDS: dict[str, Callable[[MonitoredDrive, dict], dict | None]] = {
@@ -559,8 +560,8 @@ COMMANDS: dict[str, Callable[[MonitoredDrive, dict], dict | None]] = {
     "/commission/write": lambda monitored, _: monitored.commissioned().write(),
     "/channels": _select,
     "/capture/arm": _arm,
-    "/capture/trigger": lambda monitored, _: monitored.trigger(),
-    "/capture/cancel": lambda monitored, _: monitored.cancel(),
+    "/capture/trigger": lambda monitored, _: monitored.captures.trigger(),
+    "/capture/cancel": lambda monitored, _: monitored.captures.cancel(),
     "/record/start": _record,
-    "/record/stop": lambda monitored, _: {"file": str(monitored.record_stop())},
+    "/record/stop": lambda monitored, _: {"file": str(monitored.traces.record_stop())},
 }

@@ -135,9 +135,9 @@ def captured(browser, site):
 
     def capture(signals: dict):
         data = {name: values.astype(np.float32) for name, values in signals.items()}
-        with site.monitored._lock:
-            site.monitored._keep(Recording(RATE_HZ, data, {}, meta, -PRE / RATE_HZ))
-        number = site.monitored.capture_number
+        with site.monitored.captures.lock:
+            site.monitored.captures._keep(Recording(RATE_HZ, data, {}, meta, -PRE / RATE_HZ))
+        number = site.monitored.captures.number
         page.until(f"document.querySelector('#see-capture').textContent === 'Capture {number}'")
         page.click("#see-capture")
         return page
@@ -276,7 +276,7 @@ def test_the_part_of_the_live_traces_is_what_the_ring_has(browser, site, monkeyp
     page.click("#pause")
     field(page, "begin of the part, in milliseconds", "-600")
     field(page, "end of the part, in milliseconds", "-100")
-    _, ring, stream = site.monitored.traced()
+    _, ring, stream = site.monitored.traces.present()
     half_s = round(0.5 * stream.rate_Hz)  # the rate depends on what else the line carries
     page.until(f"Math.abs(parseInt({SAID}) - {half_s}) < 2")
     first, last = (int(np.ceil(asked[-1][name] * stream.rate_Hz - 1e-6)) for name in asked[-1])

@@ -162,15 +162,15 @@ def test_writing_several_values_returns_those_in_force(site):
 
 def test_the_interrupts_rate_changes_between_streams(site):
     """The board refuses a new rate while it streams. The traces continue at the new rate."""
-    traced = site.monitored.stream.channels
+    traced = site.monitored.traces.stream.channels
     assert site.post("/record/start", {"suffix": ".csv"})[0] == 200
     assert site.post("/write", {"values": {"f_isr_Hz": 8000.0}})[0] == 400
     assert site.post("/record/stop", {})[0] == 200
     status, answer = site.post("/write", {"values": {"f_isr_Hz": 8000.0, "rs_ohm": 1.5}})
     assert status == 200 and answer["values"] == {"f_isr_Hz": 8000.0, "rs_ohm": 1.5}
-    assert site.monitored.stream.channels == traced
+    assert site.monitored.traces.stream.channels == traced
     assert site.monitored.status()["f_isr_Hz"] == 8000
-    assert site.monitored.stream.rate_Hz == 2000
+    assert site.monitored.traces.stream.rate_Hz == 2000
     with site.page() as frame:
         begun = frame()["status"]["time_s"]
         end = time.monotonic() + WAIT_S
@@ -178,7 +178,7 @@ def test_the_interrupts_rate_changes_between_streams(site):
             assert time.monotonic() < end
     status, answer = site.post("/write", {"values": {"f_isr_Hz": 1e6}})
     assert status == 400 and "f_isr_Hz" in answer["error"]
-    assert site.monitored.stream.channels == traced
+    assert site.monitored.traces.stream.channels == traced
 
 
 def test_a_change_by_another_client_shows(site):
@@ -249,13 +249,13 @@ def test_a_page_gets_the_envelope_of_the_ring(site):
             if not bins:
                 continue
             frames += 1
-            assert bins["width"] == 20 and bins["epoch"] == site.monitored.epoch
+            assert bins["width"] == 20 and bins["epoch"] == site.monitored.traces.epoch
             assert bins["dt_s"] == pytest.approx(20 / 2500)
             lo, hi = floats(bins["lo"], 2), floats(bins["hi"], 2)
             got |= {bins["first"] + i: (lo[:, i], hi[:, i]) for i in range(bins["count"])}
     numbers = sorted(got)[:-1]  # the last bin was not full
     assert numbers == list(range(numbers[0], numbers[-1] + 1))
-    lo, hi = site.monitored.ring.envelope(20, numbers[0], numbers[-1] + 1)
+    lo, hi = site.monitored.traces.ring.envelope(20, numbers[0], numbers[-1] + 1)
     np.testing.assert_array_equal(np.array([got[n][0] for n in numbers]).T, lo)
     np.testing.assert_array_equal(np.array([got[n][1] for n in numbers]).T, hi)
     assert lo[1, -1] == pytest.approx(300, rel=0.02)
@@ -263,7 +263,7 @@ def test_a_page_gets_the_envelope_of_the_ring(site):
         f"/history?begin_s={numbers[9] * 0.008}&end_s={numbers[-1] * 0.008}&bins=8000"
     )
     assert status == 200 and history["width"] == 1
-    part = site.monitored.ring.part(history["first"], history["first"] + history["count"])
+    part = site.monitored.traces.ring.part(history["first"], history["first"] + history["count"])
     np.testing.assert_array_equal(floats(history["lo"], 2), part)
 
 
@@ -302,7 +302,7 @@ def test_a_slow_page_delays_nothing_else(site):
                 times_s.append(one["status"]["time_s"])
                 pages.append(one["status"]["pages"])
     slow.close()
-    assert site.monitored.stream.gaps == site.monitored.stream.lost == 0
+    assert site.monitored.traces.stream.gaps == site.monitored.traces.stream.lost == 0
     # If one waited for the other, it would be as long as that is allowed to stall.
     assert max(np.diff(times_s)) < module.STALLED_S / 2
 
@@ -314,10 +314,10 @@ def test_channels_are_the_boards_and_their_rate_fits_the_line(site):
         assert status == 400 and word in answer["error"]
     for rate in (0, -1, 1e9, "x"):
         assert site.post("/channels", {"channels": ["vdc_V"], "rate_Hz": rate})[0] == 400
-    assert len(site.monitored.stream.channels) > 4  # the first choice is unchanged
+    assert len(site.monitored.traces.stream.channels) > 4  # the first choice is unchanged
     names = names_of(site, 12)
     assert site.post("/channels", {"channels": names, "rate_Hz": 10000})[0] == 200
-    fits = site.monitored.stream.decimation
+    fits = site.monitored.traces.stream.decimation
     hello = site.monitored.drive.hello
     bytes_per_s = (12 + 4 * 12) * hello.f_isr_Hz
     assert fits == int(np.ceil(bytes_per_s / hello.budget))
@@ -325,8 +325,10 @@ def test_channels_are_the_boards_and_their_rate_fits_the_line(site):
     with site.page() as frame:
         assert frame()["status"]["channels"] == []
     assert site.post("/channels", {"channels": ["vdc_V"], "rate_Hz": None})[0] == 200
-    assert site.monitored.stream.decimation == 1 or site.monitored.stream.decimation == int(
-        np.ceil(16 * hello.f_isr_Hz / hello.budget)
+    assert (
+        site.monitored.traces.stream.decimation == 1
+        or site.monitored.traces.stream.decimation
+        == int(np.ceil(16 * hello.f_isr_Hz / hello.budget))
     )
 
 
@@ -564,7 +566,7 @@ def test_a_reset_of_the_board_is_shown(site, board):
     with site.page() as frame:
         started(site)
         time.sleep(0.5)
-        ring, before = site.monitored.ring, site.monitored.status()
+        ring, before = site.monitored.traces.ring, site.monitored.status()
         assert before["reset"] == "" and before["resets"] == 0 and before["marks_s"] == []
         board.reset()
         end = time.monotonic() + WAIT_S
@@ -578,7 +580,7 @@ def test_a_reset_of_the_board_is_shown(site, board):
         # The traces continue after a gap with a mark. The board's time starts again from 0.
         while not (status := frame().get("status", {})).get("marks_s"):
             assert time.monotonic() < end
-        assert site.monitored.ring is ring
+        assert site.monitored.traces.ring is ring
         mark = ring.marks[0]
         assert np.isnan(ring.part(mark - 20, mark + 20)).all()
         for first in (ring.begin, ring.end - 20):  # older samples are still there
@@ -707,7 +709,7 @@ def test_a_capture_out_of_range_is_refused(site, change, word):
 
 
 def test_captures_are_kept_up_to_a_number(site, monkeypatch):
-    monkeypatch.setattr("hexatorque.monitor.monitored_drive.CAPTURES", 2)
+    monkeypatch.setattr("hexatorque.monitor.captures.CAPTURES", 2)
     assert site.get("/captures") == (200, [])
     order = {"channels": ["vdc_V"], "pre": 0, "prescaler": 1, "trigger": "below:vdc_V:1e5"}
     for number, samples in ((1, 20), (2, 30), (3, 40)):
@@ -730,7 +732,7 @@ def test_captures_are_kept_up_to_a_number(site, monkeypatch):
         assert status == 400 and "2, 3" in answer["error"]
     assert site.get("/capture?number=x")[0] == 400
     # One that is larger than all that may be kept is kept alone.
-    monkeypatch.setattr("hexatorque.monitor.monitored_drive.CAPTURES_VALUES", 45)
+    monkeypatch.setattr("hexatorque.monitor.captures.CAPTURES_VALUES", 45)
     assert site.post("/capture/arm", order | {"samples": 50})[0] == 200
     until(lambda: site.monitored.status()["capture"] == 4)
     assert [one["number"] for one in site.get("/captures")[1]] == [4]
@@ -738,14 +740,14 @@ def test_captures_are_kept_up_to_a_number(site, monkeypatch):
 
 def test_a_span_has_every_sample(site, monkeypatch):
     """Put there by hand: some are missing."""
-    site.monitored.select(["vdc_V", "speed_rpm"], 1000.0)
-    stream = site.monitored.stream
+    site.monitored.traces.select(["vdc_V", "speed_rpm"], 1000.0)
+    stream = site.monitored.traces.stream
     rate_Hz = stream.rate_Hz
     ring = Ring(2, 5000)
     numbers = np.delete(np.arange(100, 4100), [50, 51])
     values = np.stack([numbers, -numbers], axis=1).astype(np.float32)
     ring.push(numbers, values)
-    monkeypatch.setattr(site.monitored, "traced", lambda: (7, ring, stream))
+    monkeypatch.setattr(site.monitored.traces, "present", lambda: (7, ring, stream))
     begin_s, end_s = 120 / rate_Hz, 2120 / rate_Hz
     status, span = site.get(f"/span?begin_s={begin_s!r}&end_s={end_s!r}")
     assert status == 200 and (span["epoch"], span["first"], span["count"]) == (7, 120, 2000)
@@ -805,8 +807,8 @@ def test_recording_of_the_traces(site):
     assert shown["file"] == answer["file"]
     assert site.post("/record/stop", {})[1]["file"] == answer["file"]
     loaded = Recording.load(answer["file"])
-    assert list(loaded.channels) == list(site.monitored.stream.channels)
-    assert loaded.rate_Hz == pytest.approx(site.monitored.stream.rate_Hz)
+    assert list(loaded.channels) == list(site.monitored.traces.stream.channels)
+    assert loaded.rate_Hz == pytest.approx(site.monitored.traces.stream.rate_Hz)
     assert len(loaded) >= shown["rows"]
     assert np.isnan(loaded["vdc_V"]).sum() == loaded.meta["lost_samples"]  # none unless it is told
     assert loaded.meta["drops"] == 0

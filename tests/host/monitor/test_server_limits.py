@@ -37,7 +37,7 @@ def test_the_page_tells_how_far_an_upload_is(site, monkeypatch):
     def captured(timeout_s, uploaded):
         for share in (0.0, 0.4, 0.6):
             if share == 0.6:
-                site.monitored.cancel()
+                site.monitored.captures.cancel()
             uploaded(share)
             told.append(site.monitored.status()["capture_state"])
         over.set()

@@ -1,13 +1,11 @@
 """The ring and its envelopes, compared with a table that keeps every sample."""
 
-import threading
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from hexatorque.monitor.monitored_drive import MonitoredDrive
-from hexatorque.monitor.traces import Ring, View
+from hexatorque.monitor.traces import Ring, Traces, View
 
 
 def samples(seed: int, blocks: int, most: int, hole: float) -> list[tuple]:
@@ -144,17 +142,15 @@ def test_an_empty_ring_begins_at_the_boards_number():
 def test_the_figures_are_means_of_a_quarter_of_a_second():
     """A torque that a comparator controls jumps from sample to sample. A channel whose newest
     sample says nothing has no mean, whatever came before."""
-    monitored = object.__new__(MonitoredDrive)
-    monitored._lock = threading.RLock()
-    monitored.ring, monitored.stream = None, None
-    assert len(monitored.mean()) == 0
+    traces = Traces(None, None, print)
+    assert len(traces.mean()) == 0
     rate_Hz = 1000.0
-    monitored.ring, monitored.stream = Ring(3, 4000), SimpleNamespace(rate_Hz=rate_Hz)
+    traces.ring, traces.stream = Ring(3, 4000), SimpleNamespace(rate_Hz=rate_Hz)
     steps = np.arange(2000)
     jumps = np.where(steps % 2, 3.0, -1.0) + np.where(steps < 1700, 100.0, 0.0)
     ended = np.where(steps < 1990, 5.0, np.nan)
     gaps = np.where(steps % 3, 7.0, np.nan)  # lost samples; the newest came
     gaps[-1] = 7.0
-    monitored.ring.push(steps, np.stack([jumps, ended, gaps], axis=1).astype(np.float32))
-    mean = monitored.mean()
+    traces.ring.push(steps, np.stack([jumps, ended, gaps], axis=1).astype(np.float32))
+    mean = traces.mean()
     assert mean[0] == pytest.approx(1.0) and np.isnan(mean[1]) and mean[2] == pytest.approx(7.0)
