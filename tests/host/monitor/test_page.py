@@ -540,10 +540,9 @@ def test_a_closed_tab_stops_the_drive(browser, page, monitor, board):
             pass
         assert one["status"]["state"] == "run"
     until(lambda: not board.working)
-    with monitor.page() as frame:
-        while "status" not in (one := frame()):
-            pass
-        assert one["status"]["state"] == "idle" and "no page" in one["status"]["notice"]
+    with monitor.page() as frame:  # the monitor learns of the end by the board's next answer
+        until(lambda: frame().get("status", {}).get("state") == "idle")
+        until(lambda: "no page" in frame().get("status", {}).get("notice", ""))
 
 
 def test_the_page_shows_that_the_monitor_has_ended(browser, own_monitor):
