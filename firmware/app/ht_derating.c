@@ -16,31 +16,8 @@
 #define WITHOUT_SET 0.5f
 /* Share of `i_trip_A` that is asked for at most; the rest is for the ripple. */
 #define MOST_SHARE 0.8f
-/* The longest vector, units of Vdc, and the part in x-y of what a period begins with. */
-#define LONGEST_PU 0.643951f
-#define XY_LARGE_PU 0.172546f
-#define XY_MEDIUM_PU 0.471405f
-#define XY_SMALL_PU 0.643951f
 /* Share of the current that raises the flux at most. What is across it: sqrt(1 - 0.9^2). */
 #define RISING_SHARE 0.9f
-
-/* What the vectors of a period move the x-y flux by at most, units of Vdc Ts. Of several in a period
- * the mean is zero: in between they reach a third. A command that is beyond what the modulator can make
- * loses this mean. */
-static float xy_pu(const ht_scheme_info *scheme)
-{
-    switch (scheme->vectors) {
-    case HT_VECTORS_SINGLE:
-        return XY_LARGE_PU;
-    case HT_VECTORS_PAIR:
-    case HT_VECTORS_MODULATED:
-        return XY_MEDIUM_PU;
-    case HT_VECTORS_PAIR_SMALL:
-        return XY_SMALL_PU;
-    default:
-        return ((scheme->group == HT_L) ? XY_LARGE_PU : XY_MEDIUM_PU) / 3.0f;
-    }
-}
 
 /* Steady current, amplitude, at the torque limit and the flux reference, by the circle diagram. */
 static float limit_A(const ht_derating_config *c, const float *v)
@@ -59,8 +36,9 @@ static void configure_ripple(const float *v, ht_derating_config *c)
 {
     const ht_scheme_info *scheme = ht_scheme_describe((uint16_t)v[HT_P_scheme]);
     bool bands = scheme->torque_levels != 0u;
-    c->ripple_A_V = (LONGEST_PU / v[HT_P_sigma_ls_H] + xy_pu(scheme) / v[HT_P_lxy_H])
-                    / v[HT_P_f_isr_Hz];
+    c->ripple_A_V =
+        (HT_LONGEST_PU / v[HT_P_sigma_ls_H] + ht_scheme_xy_step_pu(scheme) / v[HT_P_lxy_H])
+        / v[HT_P_f_isr_Hz];
     c->flux_band_A = bands ? (v[HT_P_flux_band_Wb] / v[HT_P_sigma_ls_H]) : 0.0f;
     c->torque_band_Nm = bands ? v[HT_P_torque_band_Nm] : 0.0f;
 }

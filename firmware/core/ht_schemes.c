@@ -4,6 +4,11 @@
 
 #include <stddef.h>
 
+/* Parts of the vectors in x-y, units of Vdc. What is longest in alpha-beta is shortest here. */
+#define XY_LARGE_PU 0.172546f
+#define XY_MEDIUM_PU 0.471405f
+#define XY_SMALL_PU HT_LONGEST_PU
+
 static const ht_scheme_info table[HT_SCHEMES] = {
 #define HT_SCHEME(id, name, law, vectors, group, regulated, levels, reach) \
     {HT_LAW_##law, HT_VECTORS_##vectors, HT_##group, (regulated) != 0, levels, reach},
@@ -36,4 +41,19 @@ bool ht_scheme_regulates_xy(const ht_scheme_info *row)
 float ht_scheme_xy_limit_pu(const ht_scheme_info *row)
 {
     return row->regulated ? ht_tmvcl_pu[row->group] : 0.0f;
+}
+
+float ht_scheme_xy_step_pu(const ht_scheme_info *row)
+{
+    switch (row->vectors) {
+    case HT_VECTORS_SINGLE:
+        return XY_LARGE_PU;
+    case HT_VECTORS_PAIR:
+    case HT_VECTORS_MODULATED:
+        return XY_MEDIUM_PU;
+    case HT_VECTORS_PAIR_SMALL:
+        return XY_SMALL_PU;
+    default:
+        return ((row->group == HT_L) ? XY_LARGE_PU : XY_MEDIUM_PU) / 3.0f;
+    }
 }

@@ -58,4 +58,12 @@ bool ht_scheme_regulates_xy(const ht_scheme_info *row);
  *  ratios the scheme's regulator sets; 0 for a scheme without a regulator. */
 float ht_scheme_xy_limit_pu(const ht_scheme_info *row);
 
+/** Length of the longest voltage vector, units of Vdc: (2/3) cos 15 degrees. */
+#define HT_LONGEST_PU 0.643951f
+
+/** Largest change of the x-y flux by the vectors of one period, units of Vdc Ts. Of several in a
+ *  period the mean is zero, and in between they reach a third. A command that is beyond what the
+ *  modulator can make loses this mean. */
+float ht_scheme_xy_step_pu(const ht_scheme_info *row);
+
 #endif

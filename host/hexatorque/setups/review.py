@@ -20,8 +20,6 @@ from .setup import Setup
 from .to_parameters import parameters
 from .values import SetupError
 
-#: Length of a large vector, units of Vdc, and of the vectors' x-y parts.
-LARGE_PU, XY_LARGE_PU, XY_MEDIUM_PU, XY_SMALL_PU = 0.644, 0.1725, 0.4714, 0.644
 COS_15 = math.cos(math.pi / 12)
 #: x-y flux of a drive that applies large vectors alone, in units of its flux: each vector turns
 #: the x-y plane's by 150 degrees, and lasts for a twelfth of a turn. Peak of the star that this
@@ -417,7 +415,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
         yield from _expected(d, 0.5 * p("f_isr_Hz"))  # a leg toggles once in a period
         return
     single, virtual = row.vectors == lib.HT_VECTORS_SINGLE, row.vectors == lib.HT_VECTORS_VIRTUAL
-    vector_pu = row.reach_pu / COS_15 if single or virtual else LARGE_PU
+    vector_pu = row.reach_pu / COS_15 if single or virtual else _longest_pu()
     faster = "raise controller.f_isr_Hz, lower inverter.vdc_V, or add inductance"
     torque_Nm = d.torque_step_Nm(d.period_s, vector_pu)
     yield at_most("torque step of one period", torque_Nm, d.rated_Nm, "N m", faster)
@@ -494,20 +492,19 @@ def _xy_A(d: Design, row: Any) -> float:
     """Amplitude of the x-y current that the scheme causes by itself."""
     from ..firmware import lib
 
-    lxy_H = d.machine.lxy_H
-    step_A = d.vdc_V * d.period_s / lxy_H
-    if row.vectors == lib.HT_VECTORS_SINGLE:
-        return _single_xy_A(d)
-    if row.vectors == lib.HT_VECTORS_PAIR:
-        return XY_MEDIUM_PU * step_A
-    if row.vectors == lib.HT_VECTORS_PAIR_SMALL:
-        return XY_SMALL_PU * step_A
-    # Three vectors, whose mean in x-y is zero: what they reach in between.
-    part_pu = XY_LARGE_PU if row.group == lib.HT_L else XY_MEDIUM_PU
-    return part_pu * step_A / 3
+    step_A = lib.ht_scheme_xy_step_pu(row) * d.vdc_V * d.period_s / d.machine.lxy_H
+    return _single_xy_A(d, step_A) if row.vectors == lib.HT_VECTORS_SINGLE else step_A
 
 
-def _single_xy_A(d: Design) -> float:
+def _longest_pu() -> float:
+    """Length of the large vectors, units of Vdc."""
+    from ..firmware import lib
+
+    large = lib.ht_vector[lib.ht_group[lib.HT_L][0]].ab
+    return math.hypot(large.alpha, large.beta)
+
+
+def _single_xy_A(d: Design, step_A: float) -> float:
     """Peak of the x-y current in one phase if single large vectors make it and nobody controls it.
 
     Two parts that do not depend on each other. The vectors in their turn draw the star, mostly the
@@ -521,7 +518,6 @@ def _single_xy_A(d: Design) -> float:
     share = reactance_ohm / math.hypot(reactance_ohm, rs_ohm)
     star_A = share * XY_FLUX_OF_LARGE * d.flux_Wb / lxy_H
     periods = lxy_H / rs_ohm / d.period_s
-    step_A = XY_LARGE_PU * d.vdc_V * d.period_s / lxy_H
     return math.hypot(star_A, XY_PEAK * step_A * math.sqrt(periods / 24))
 
 

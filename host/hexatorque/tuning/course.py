@@ -78,7 +78,7 @@ def usual_points(setup: Setup) -> list[Where]:
     values = parameters(setup)
     design = Design(setup, values.__getitem__)
     row = firmware.lib.ht_scheme_describe(firmware.schemes().index(str(values["scheme"])))
-    table = row.law == firmware.lib.HT_LAW_TABLE
+    table = values["scheme"] in firmware.table_schemes()
     reach_pu = row.reach_pu * (TABLE_SHARE[str(values["table"])] if table else 1.0)
     full_rpm = min(design.rated_rpm, design.base_rpm(min(reach_pu, REACH_PU)))
     full_Nm = min(design.rated_Nm, float(values["torque_limit_Nm"]))

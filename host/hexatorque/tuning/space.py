@@ -40,7 +40,8 @@ def knobs(setup: Setup) -> list[Knob]:
     values = parameters(setup)
     row = firmware.lib.ht_scheme_describe(firmware.schemes().index(str(values["scheme"])))
     names = []
-    if row.law == firmware.lib.HT_LAW_TABLE:
+    table_law = values["scheme"] in firmware.table_schemes()
+    if table_law:
         names += ["torque_band_Nm", "flux_band_Wb"]
         levels = str(values["torque_levels"])
         if levels == "5" or (levels == "auto" and row.torque_levels == 5):
@@ -66,7 +67,7 @@ def knobs(setup: Setup) -> list[Knob]:
         high = min(start * FACTOR, allowed.max, max(start, most.get(name, math.inf)))
         if start > 0 and low < high:
             found.append(Knob(name, start, low, high, log=True))
-    if row.law != firmware.lib.HT_LAW_TABLE:
+    if not table_law:
         for name, high in (("kappa", 1.0), ("kappa_from_pu", KAPPA_FROM_MOST)):
             start = float(values[name])
             found.append(Knob(name, start, 0.0, max(start, high), log=False))

@@ -93,6 +93,33 @@ def test_xy_limit_is_that_of_the_regulated_group():
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_xy_step_is_what_the_vectors_of_a_period_move_the_flux_by(name):
+    row = ROWS[name]
+    step_pu = lib.ht_scheme_xy_step_pu(row)
+    parts = {g: np.abs(group(radius)[1]).max() for g, radius in RADIUS.items()}
+    parts["S"] = np.abs(group(2 / 3 * np.cos(np.deg2rad(75)))[1]).max()
+    used = {
+        lib.HT_VECTORS_SINGLE: ["L"], lib.HT_VECTORS_PAIR: ["L", "ML"],
+        lib.HT_VECTORS_PAIR_SMALL: ["L", "ML", "S"],
+    }.get(row.vectors)  # fmt: skip
+    if used:
+        assert step_pu == pytest.approx(max(parts[g] for g in used), abs=1e-6)
+    elif row.vectors == lib.HT_VECTORS_VIRTUAL:
+        # The first and the last of the three last for 2 - sqrt(3) of the period, and what the first
+        # one moves is the farthest.
+        farthest = (2 - np.sqrt(3)) * parts["L" if row.group == lib.HT_L else "ML"]
+        assert farthest < step_pu < 1.3 * farthest
+    else:
+        assert parts["L"] / 3 - 1e-6 <= step_pu <= parts["ML"] + 1e-6
+
+
+def test_the_longest_vector_is_the_large_one():
+    from hexatorque.setups.review import _longest_pu
+
+    assert _longest_pu() == pytest.approx(RADIUS["L"], abs=1e-6)
+
+
 def test_numbers_are_those_of_the_parameter():
     row = parameters()["scheme"]
     assert (row.min, row.max) == (0, lib.HT_SCHEMES - 1)
