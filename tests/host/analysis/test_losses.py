@@ -15,7 +15,6 @@ from hexatorque.recording.recording import Recording
 RATE_HZ = 20_000.0
 PEAK_A = 3.0
 F1_HZ = 50.0
-NO_EDGES = Edges(np.zeros(6, int), np.empty(0), np.empty(0, int), np.empty(0, int))
 
 
 def recording(phases_A, inverter=None, machine=None, vdc_V=300.0) -> Recording:

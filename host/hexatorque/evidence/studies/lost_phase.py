@@ -43,7 +43,6 @@ LEAST_NM, MOST_NM = -4.0, 10.0
 #: Parameters that the controller has wrong, and by how much at most.
 WRONG, WRONG_SHARE = ("rs_ohm", "lxy_H"), 0.3
 BROKEN = KINDS[1:]
-WHOLE_PHASE = ("open", "blocked")
 #: A run is watched in steps of this length.
 STEP_S = 0.0005
 #: Electrical periods within which a loss must be found: whole phase, one switch.
