@@ -473,8 +473,8 @@ def write(rows: list[Row], page: Path = PAGE) -> None:
         [HEADS[k] for k in SHOWN], ([row[k].replace("|", "\\|") for k in SHOWN] for row in marked)
     )
     text = (
-        f"{count} of {len(now)} are proved. What each says, for which inputs, its seeded bug and its "
-        f"time: {where}. Open:"
+        f"{count} of {len(now)} are proved. What each says, for which inputs, its seeded bug and "
+        f"its time: {where}. Open:"
     )
     doc_page.renew_page(page, {"proofs": "\n".join(["", text, "", *shown, "", ""])})
 
