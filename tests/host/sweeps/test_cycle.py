@@ -124,6 +124,7 @@ def test_a_study_names_its_files_as_seen_from_its_own_folder(tmp_path, monkeypat
     text = 'run = "cycle"\nschemes = ["ddr"]\n'
     (folder / "own.toml").write_text(f'setup = "mine.toml"\ncycle = "mine.csv"\n{text}')
     (folder / "ready.toml").write_text(f'setup = "paper-b"\ncycle = "ece15"\n{text}')
+    (folder / "ece15").write_text("a file of this name is not meant")
     monkeypatch.chdir(elsewhere)
     own, of_package = files.read("../studies/own.toml"), files.read("../studies/ready.toml")
     assert own.setup["machine.rs_ohm"] == 1.25 and own.cycle.torque == (2, 2)
