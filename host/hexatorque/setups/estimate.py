@@ -33,6 +33,9 @@ from .values import SetupError
 
 #: A power factor at rated load is not above this.
 MOST_FACTOR = 0.94
+#: One that is told is not above this, nor one that follows from the efficiency. It leaves two
+#: thirds of the reactive current that any published machine takes.
+MOST_TOLD = 0.97
 #: Efficiency times power factor is not below what is typical by more than this factor, and the slip
 #: neither below nor above by more than these. Of the published machines none is half as far away.
 PRODUCT_FACTOR = 1.75
@@ -163,6 +166,13 @@ def _believable(plate: Nameplate, of: Typical) -> None:
             f"current_A = {plate.current_A:g}: {plate.sizes} are an efficiency times power factor "
             f"of {product:.3g}, usual for this power is {min(usual, 0.95):.2g}: current_A = "
             f"{plate.current_A * product / usual:.3g} would fit"
+        )
+    factor = plate.power_factor or (plate.efficiency and product / plate.efficiency)
+    if factor > MOST_TOLD:
+        name = "power_factor" if plate.power_factor else "efficiency"
+        raise SetupError(
+            f"{name} = {getattr(plate, name):g}: that is a power factor of {factor:.3g}, which "
+            f"leaves too little to magnetise a machine: allowed is up to {MOST_TOLD:g}"
         )
     usual = of.rr.at(plate.power_kW)
     if not usual / SLIP_BELOW <= slip <= usual * SLIP_ABOVE:
