@@ -15,7 +15,9 @@ from typing import Any
 
 from .derived import F_ISR_FAST_HZ, WRITTEN_WITHIN, write_delay_us
 from .design import PULL_OUT_SHARE, REACH_PU, TABLE_SHARE, Design, rad_s
+from .estimate import published_kW, usual
 from .mean_torque import held
+from .published import equal_leakages
 from .setup import Setup
 from .to_parameters import parameters
 from .values import SetupError
@@ -204,10 +206,50 @@ def _believable(d: Design) -> Iterator[Finding]:
             f"{side} times rated current over the voltage", ohm * share_A, MOST_RESISTANCE, "",
             f"no machine has so much: check machine.{side}, rated.current_A and inverter.vdc_V",
         )  # fmt: skip
+    if all(m.lm_H >= LEAST_MAIN * leakage_H for leakage_H in (m.lls_H, m.llr_H)):
+        yield from _usual(d)
     yield at_most(
         "controller.pole_pairs unlike the machine's", abs(p("pole_pairs") - m.pole_pairs), 0, "",
         "remove controller.pole_pairs",
     )  # fmt: skip
+
+
+#: How much further from the published machines' line than the furthest of them an element is a
+#: note, and how much further than that it is bad.
+FURTHER, FAR = 1.25, 2.0
+
+
+def _usual(d: Design) -> Iterator[Finding]:
+    """Each element in units of rated flux, current and frequency against published machines of this
+    power. Without stated rated values the machine's are not known: those of the design follow from
+    point and profile. Bad only with rated current and speed stated, and at a power that published
+    machines have: else the units themselves may be off."""
+    rated = {name: d.setup[f"rated.{name}"] for name in ("current_A", "torque_Nm", "speed_rpm")}
+    power_kW = 1e-3 * d.rated_Nm * rad_s(d.rated_rpm)
+    if not (rated["current_A"] > 0 or rated["torque_Nm"] > 0) or power_kW <= 0:
+        return
+    m, base_H = d.machine, d.flux_Wb / d.rated_A
+    base_ohm = base_H * m.pole_pairs * rad_s(d.rated_rpm)
+    rr_ohm, leakage_H, lm_H = equal_leakages(m.rr_ohm, m.lls_H, m.llr_H, m.lm_H)
+    low_kW, high_kW = published_kW()
+    sure = rated["current_A"] > 0 and rated["speed_rpm"] > 0 and low_kW <= power_kW <= high_kW
+    for name, keys, value, base, unit in (
+        ("R_s", "machine.rs_ohm", m.rs_ohm, base_ohm, "ohm"),
+        ("R_r", "machine.rr_ohm", rr_ohm, base_ohm, "ohm"),
+        ("leakage", "machine.lls_H and machine.llr_H", leakage_H, base_H, "H"),
+        ("L_m", "machine.lm_H", lm_H, base_H, "H"),
+    ):
+        of = usual()[name]
+        usual_value = of.line.at(power_kW) * base
+        ratio, limit = value / usual_value, FURTHER * of.furthest
+        bad = sure and max(ratio, 1 / ratio) > FAR * limit
+        finding = at_most if ratio >= 1 else at_least
+        yield finding(
+            f"{name} over what is usual at {power_kW:.2g} kW",
+            ratio, limit if ratio >= 1 else 1 / limit, "",
+            f"usual is {usual_value:.3g} {unit}: check {keys}, and the values of [rated]",
+            "bad" if bad else "note",
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
