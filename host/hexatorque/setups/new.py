@@ -296,18 +296,19 @@ def _text(
 
 def with_best_scheme(text: str, name: str) -> tuple[str, str, str]:
     """The text of a new set-up with the scheme that the review finds best for its machine; that
-    scheme, and why. Both are empty if none is ready. SetupError if no machine has such numbers."""
+    scheme, and why. If none is ready the scheme is empty, and the reason says what would help.
+    SetupError if no machine has such numbers."""
     from .. import firmware
     from .loading import parse
-    from .review import best, refuse_impossible, review
+    from .review import best, none_ready, refuse_impossible, review
 
     setup = parse(text, name)
     refuse_impossible(setup)
     schemes = firmware.schemes()
-    scheme, why = best(review(setup, schemes), schemes)
-    if not scheme:
-        return text, "", ""
-    line = f"# {why}\n{SCHEME_LINE.format(scheme)}"
+    findings = review(setup, schemes)
+    scheme, why = best(findings, schemes)
+    why = why or none_ready(findings, schemes)
+    line = f"# {why}\n{SCHEME_LINE.format(scheme or FALLBACK)}"
     return text.replace(SCHEME_LINE.format(FALLBACK), line), scheme, why
 
 

@@ -257,9 +257,48 @@ def test_without_rated_values_nothing_is_said_of_elements():
     assert usual_findings(setup) and not usual_findings(setup.changed(**bare))
 
 
-def test_without_a_rated_speed_an_element_far_off_is_a_note():
-    """The speed decides the unit of the resistances."""
+@pytest.mark.parametrize("name", ("speed_rpm", "flux_Wb"))
+def test_without_a_rated_speed_or_flux_an_element_far_off_is_a_note(name):
+    """They decide the units."""
     setup = setups.parse(new.from_nameplate(PLATE, "x"), "x")
     wrong = scaled(setup, ("rs_ohm",), 9.0)
     assert usual_findings(wrong)["R_s"].verdict == "bad"
-    assert usual_findings(wrong.changed(rated__speed_rpm=0.0))["R_s"].verdict == "note"
+    assert usual_findings(wrong.changed(**{f"rated__{name}": 0.0}))["R_s"].verdict == "note"
+
+
+# -- no scheme is ready --------------------------------------------------------------------------
+
+CURRENT = CIRCUIT.removesuffix(",vdc_V=600")
+#: What is wrong, why no scheme is ready, and what would help: written into the circuit.
+NONE_READY = [
+    ("vdc_V=100,speed_rpm=1500,torque_Nm=9", "torque limit", "inverter.vdc_V", "vdc_V=300"),
+    ("vdc_V=600,i_full_A=7,torque_Nm=9,flux_Wb=1", "build-up", "i_full_A", "i_full_A=25"),
+    ("vdc_V=600,i_full_A=9,torque_Nm=30,flux_Wb=0.9", "torque limit", "i_full_A", "i_full_A=25"),
+    ("vdc_V=600,encoder_ppr=1", "measured speed", "encoder of more pulses", "encoder_ppr=512"),
+    ("vdc_V=600,lxy_H=1e-5", "is nearest: ", "controller.f_isr_Hz", "lxy_H=0.01"),
+]
+
+
+def said_by_new(file, capsys, circuit):
+    assert main(["new", str(file), "--force", "--circuit", circuit]) == 0
+    first, last = capsys.readouterr().out.splitlines()
+    assert last.startswith(f"{file}: complete; next: hexatorque check ")
+    return first
+
+
+@pytest.mark.parametrize(("more", "why", "helps", "change"), NONE_READY)
+def test_new_says_why_no_scheme_is_ready_and_what_would_help(
+    tmp_path, capsys, more, why, helps, change
+):
+    file = tmp_path / "mine.toml"
+    first = said_by_new(file, capsys, f"{CURRENT},{more}")
+    assert first.startswith("scheme ddr: none is ready") and why in first
+    assert helps in first.partition("; what would help: ")[2]
+    setup = setups.load(file)
+    assert f"# {first.removeprefix('scheme ddr: ')}" in file.read_text()
+    assert not said(setup).ready and setup.parameter("scheme") == "ddr"
+    # It does help.
+    words = dict(word.split("=") for word in f"{more},{change}".split(","))
+    better = ",".join(f"{name}={word}" for name, word in words.items())
+    assert "best of" in said_by_new(file, capsys, f"{CURRENT},{better}")
+    assert said(setups.load(file)).ready
