@@ -294,6 +294,7 @@ def test_new_says_why_no_scheme_is_ready_and_what_would_help(
     first = said_by_new(file, capsys, f"{CURRENT},{more}")
     assert first.startswith("scheme ddr: none is ready") and why in first
     assert helps in first.partition("; what would help: ")[2]
+    assert "raise controller.torque_limit_Nm" not in first  # something else limits it
     setup = setups.load(file)
     assert f"# {first.removeprefix('scheme ddr: ')}" in file.read_text()
     assert not said(setup).ready and setup.parameter("scheme") == "ddr"
