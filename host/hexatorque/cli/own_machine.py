@@ -77,8 +77,7 @@ def new(file, nameplate, circuit, force) -> int:
         file.write_text(text)
     except OSError as error:
         raise options.Mistake(f"{file}: {error.strerror}") from None
-    if scheme:
-        print(f"scheme {scheme}: {why}")
+    print(f"scheme {scheme or writing.FALLBACK}: {why}")
     print(f"{file}: complete; next: hexatorque check {shlex.quote(str(file))}")
     return 0
 

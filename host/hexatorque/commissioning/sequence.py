@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .. import firmware
 from ..drive.interface import DriveFault, DriveVerbs
-from ..firmware import IDLE
 from . import encoder, inductance, resistance, rotor, running, wiring
 from .excitation import CommissioningError, Excitation, Limits
 from .regression import Value
@@ -104,7 +104,7 @@ def _check_limits(drive: DriveVerbs, limits: Limits) -> None:
         raise CommissioningError(
             f"current = {limits.current_A:g} A: allowed range is above 0 .. {trip_A:g} A (i_trip_A)"
         )
-    if drive.state != IDLE:
+    if drive.state != firmware.IDLE:
         raise CommissioningError(f"the drive is in state {drive.state}: stop it, clear its faults")
 
 
@@ -165,11 +165,21 @@ def _standstill(drive: DriveVerbs, limits: Limits, found: Findings, course: Cour
 
 
 def _tripped(fault: DriveFault, limits: Limits) -> str:
+    causes = ", ".join(fault.causes)
+    if set(fault.causes) <= _of_the_computer():
+        return f"{causes} during the first pulses: this says nothing about machine and wiring"
     return (
-        f"{', '.join(fault.causes)} during the first pulses, below {limits.current_A:g} A: a limit "
+        f"{causes} during the first pulses, below {limits.current_A:g} A: a limit "
         "that the first pulse already passes, a short circuit, or a sensor whose range is not "
         "i_full_A"
     )
+
+
+def _of_the_computer() -> set[str]:
+    """The causes that no current and no voltage explains."""
+    lib = firmware.lib
+    bits = lib.HT_FAULT_LINK | lib.HT_FAULT_CLOCK | lib.HT_FAULT_OVERRUN | lib.HT_FAULT_INTERRUPT
+    return set(firmware.causes(bits))
 
 
 def _encoder(

@@ -270,11 +270,11 @@ OPEN: dict[str, Rule] = {
     ),
     "kp_speed_Nms_rad": Rule(
         "inertia times the loop's corner, 2 pi f_slow_Hz / 30",
-        lambda k: min(kp_speed(k.machine.inertia_kgm2, k["f_slow_Hz"]), 1000.0),
+        lambda k: min(kp_speed(k.machine.inertia_kgm2, k["f_slow_Hz"]), 1e5),
     ),
     "ki_speed_Nm_rad": Rule(
         "kp_speed times a quarter of the corner: critical damping",
-        lambda k: min(ki_speed(k["kp_speed_Nms_rad"], k["f_slow_Hz"]), 10000.0),
+        lambda k: min(ki_speed(k["kp_speed_Nms_rad"], k["f_slow_Hz"]), 1e6),
     ),
     "kp_xy_pu_A": Rule(
         "0.25 L_xy/(Vdc T_s): with both frames half the current is corrected in one period",
@@ -321,7 +321,7 @@ OPEN: dict[str, Rule] = {
     "speed_trip_rpm": Rule(
         "1.5 times the larger of rated speed and the speed that the voltage reaches, but 1.2 times "
         "the fastest speed of point, profile and speed_ref_rpm at least",
-        lambda k: min(max(1.5 * max(k.rated_rpm, k.base_rpm(), 100.0), 1.2 * k.asked_rpm), 60000.0),
+        lambda k: min(max(1.5 * max(k.rated_rpm, k.base_rpm(), 100.0), 1.2 * k.asked_rpm), 9e4),
     ),
     "vdc_max_V": Rule(
         "1.4 Vdc, but at most 94 % of the sensor's range",

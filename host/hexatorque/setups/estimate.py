@@ -33,6 +33,9 @@ from .values import SetupError
 
 #: A power factor at rated load is not above this.
 MOST_FACTOR = 0.94
+#: One that is told is not above this, nor one that follows from the efficiency. It leaves two
+#: thirds of the reactive current that any published machine takes.
+MOST_TOLD = 0.97
 #: Efficiency times power factor is not below what is typical by more than this factor, and the slip
 #: neither below nor above by more than these. Of the published machines none is half as far away.
 PRODUCT_FACTOR = 1.75
@@ -106,12 +109,8 @@ class Typical:
 def typical_of(known: Sequence[Machine]) -> Typical:
     of = [examples(machine)[0] for machine in known]
     power = [one.plate.power_kW for one in of]
-    base = [one.plate.base_ohm for one in of]
-    rs = [one.circuit.rs_ohm / ohm for one, ohm in zip(of, base)]
-    rr = [one.circuit.rr_ohm / ohm for one, ohm in zip(of, base)]
-    leakage = [
-        2 * math.pi * one.plate.frequency_Hz * one.circuit.lls_H / ohm for one, ohm in zip(of, base)
-    ]
+    elements = [per_unit(one) for one in of]
+    rs, rr, leakage = ([each[name] for each in elements] for name in ("R_s", "R_r", "leakage"))
     started = [
         (kW, one.machine.inertia_kgm2 * one.machine.synchronous_rad_s**2 / (1e3 * kW))
         for one, kW in zip(of, power)
@@ -131,6 +130,44 @@ def typical_of(known: Sequence[Machine]) -> Typical:
 @cache
 def typical() -> Typical:
     return typical_of(machines())
+
+
+def per_unit(one: Example) -> dict[str, float]:
+    """The elements of the circuit in units of rated voltage over rated current of a phase."""
+    c, base_ohm = one.circuit, one.plate.base_ohm
+    base_H = base_ohm / (2 * math.pi * one.plate.frequency_Hz)
+    return {
+        "R_s": c.rs_ohm / base_ohm,
+        "R_r": c.rr_ohm / base_ohm,
+        "leakage": c.lls_H / base_H,
+        "L_m": c.lm_H / base_H,
+    }
+
+
+@dataclass(frozen=True)
+class Usual:
+    """An element in these units over the power, and by which factor the published machine that is
+    furthest away is above or below it."""
+
+    line: Line
+    furthest: float
+
+
+@cache
+def usual() -> dict[str, Usual]:
+    of = [examples(machine)[0] for machine in machines()]
+    found = {}
+    for name in per_unit(of[0]):
+        points = [(one.plate.power_kW, per_unit(one)[name]) for one in of]
+        line = through(points)
+        found[name] = Usual(line, factor_of((v / line.at(kW) for kW, v in points), 1.0))
+    return found
+
+
+def published_kW() -> tuple[float, float]:
+    """The least and the largest power of the published machines."""
+    powers = [examples(machine)[0].plate.power_kW for machine in machines()]
+    return min(powers), max(powers)
 
 
 def estimate(plate: Nameplate, of: Typical | None = None) -> Circuit:
@@ -163,6 +200,13 @@ def _believable(plate: Nameplate, of: Typical) -> None:
             f"current_A = {plate.current_A:g}: {plate.sizes} are an efficiency times power factor "
             f"of {product:.3g}, usual for this power is {min(usual, 0.95):.2g}: current_A = "
             f"{plate.current_A * product / usual:.3g} would fit"
+        )
+    factor = plate.power_factor or (plate.efficiency and product / plate.efficiency)
+    if factor > MOST_TOLD:
+        name = "power_factor" if plate.power_factor else "efficiency"
+        raise SetupError(
+            f"{name} = {getattr(plate, name):g}: that is a power factor of {factor:.3g}, which "
+            f"leaves too little to magnetise a machine: allowed is up to {MOST_TOLD:g}"
         )
     usual = of.rr.at(plate.power_kW)
     if not usual / SLIP_BELOW <= slip <= usual * SLIP_ABOVE:

@@ -47,6 +47,10 @@ def _six(help: str, unit: str, low: float, high: float, default: float = 0.0) ->
     return Key("phases", help, unit, low, high, default=(default,) * 6)
 
 
+#: Largest dc-link voltage: 13.8 kV machines, with the sensors' range above it. Largest speed:
+#: beyond it a two-pole flux has fewer than ten periods of 10 kHz for a turn. Largest torque.
+MOST_V, MOST_RPM, MOST_NM = 5e4, 6e4, 1e5
+
 #: Everything a set-up holds besides the controller's parameters, which the
 #: firmware's own table defines.
 KEYS: dict[str, dict[str, Key]] = {
@@ -78,7 +82,7 @@ KEYS: dict[str, dict[str, Key]] = {
         ),
     },
     "inverter": {
-        "vdc_V": _n("dc-link voltage", "V", 1, 1e4),
+        "vdc_V": _n("dc-link voltage", "V", 1, MOST_V),
         "dead_time_us": _n("dead time", "us", 0, 20),
         "min_pulse_us": _n("gate pulses shorter than this are suppressed", "us", 0, 10, 0.0),
         "v_switch_V": _n("threshold voltage of a conducting switch", "V", 0, 10, 0.0),
@@ -86,7 +90,7 @@ KEYS: dict[str, dict[str, Key]] = {
         "r_switch_ohm": _n("on-resistance of a switch", "ohm", 0, 10, 0.0),
         "r_diode_ohm": _n("on-resistance of a diode", "ohm", 0, 10, 0.0),
         "arc_V": replace(
-            _n("voltage of the arc in a phase that opens, unless given vdc_V", "V", 1, 1e4),
+            _n("voltage of the arc in a phase that opens, unless given vdc_V", "V", 1, MOST_V),
             follows="vdc_V",
         ),
         "restrike_V_per_ms": _n(
@@ -100,13 +104,13 @@ KEYS: dict[str, dict[str, Key]] = {
         "bounce_ms": _n("a contact that opens bounces for this time", "ms", 0, 100, 0.0),
         "e_on_mJ": _n("energy of a switch's turn-on, diode recovery included", "mJ", 0, 1e3, 0.0),
         "e_off_mJ": _n("energy of a switch's turn-off", "mJ", 0, 1e3, 0.0),
-        "e_ref_V": _n("voltage at which e_on_mJ and e_off_mJ are stated", "V", 0, 1e4, 0.0),
+        "e_ref_V": _n("voltage at which e_on_mJ and e_off_mJ are stated", "V", 0, MOST_V, 0.0),
         "e_ref_A": _n("current at which e_on_mJ and e_off_mJ are stated", "A", 0, 1e4, 0.0),
     },
     "sensors": {
         "adc_bits": Key("integer", "resolution of the converter", "", 6, 12, default=12),
         "i_full_A": _n("phase current at full scale, either sign", "A", 0.1, 1e4),
-        "vdc_full_V": _n("dc-link voltage at full scale", "V", 1, 1e4),
+        "vdc_full_V": _n("dc-link voltage at full scale", "V", 1, MOST_V),
         "i_offset_A": _six("current sensor offset", "A", -1e3, 1e3),
         "i_gain": _six("current sensor gain, 1 = exact", "", 0.5, 2, 1.0),
         "i_wires": Key(
@@ -144,8 +148,8 @@ KEYS: dict[str, dict[str, Key]] = {
         "at_rpm": _n("speed at which the load takes the stated torque", "r/min", 1, 1e5, 1000.0),
     },
     "rated": {
-        "torque_Nm": _n("rated torque, 0: not known", "N m", 0, 1e4, 0.0),
-        "speed_rpm": _n("rated speed, 0: not known", "r/min", 0, 3e4, 0.0),
+        "torque_Nm": _n("rated torque, 0: not known", "N m", 0, MOST_NM, 0.0),
+        "speed_rpm": _n("rated speed, 0: not known", "r/min", 0, MOST_RPM, 0.0),
         "current_A": _n("rated current of a line, rms, 0: not known", "A", 0, 1e4, 0.0),
         "flux_Wb": _n("rated stator flux linkage, amplitude, 0: not known", "Wb", 0, 40, 0.0),
     },
@@ -153,11 +157,11 @@ KEYS: dict[str, dict[str, Key]] = {
         "speed_rpm": _n(
             "operating point of `compare`: speed, 0: half of rated speed and torque",
             "r/min",
-            -3e4,
-            3e4,
+            -MOST_RPM,
+            MOST_RPM,
             0.0,
         ),
-        "load_Nm": _n("operating point of `compare`: load torque", "N m", -1e4, 1e4, 0.0),
+        "load_Nm": _n("operating point of `compare`: load torque", "N m", -MOST_NM, MOST_NM, 0.0),
     },
 }
 
@@ -178,9 +182,9 @@ SECTIONS = (*KEYS, "controller")
 #: The profile of a scenario: references, loads and events over time.
 PROFILE: dict[str, Key] = {
     "duration_s": _n("simulated time", "s", 0.001, 3600),
-    "speed_rpm": Key("steps", "speed reference", "r/min", -3e4, 3e4),
-    "load_Nm": Key("steps", "load torque", "N m", -1e4, 1e4),
-    "vdc_V": Key("steps", "dc-link voltage", "V", 0, 1e4),
+    "speed_rpm": Key("steps", "speed reference", "r/min", -MOST_RPM, MOST_RPM),
+    "load_Nm": Key("steps", "load torque", "N m", -MOST_NM, MOST_NM),
+    "vdc_V": Key("steps", "dc-link voltage", "V", 0, MOST_V),
     "set": Key("entries", "parameters in flight: [[time_s, name, value], ...]"),
     "broken": Key("entries", "legs that break: [[time_s, phase, kind], ...]"),
     "samples_per_period": Key("samples", "samples of the plant per control period"),

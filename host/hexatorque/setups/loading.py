@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -38,10 +39,11 @@ def load(name_or_path: str | Path) -> Setup:
         raise SetupError("\n".join(lines)) from None
 
 
-def beside(name: str, folder: Path) -> str:
-    """The set-up that a file in this folder calls by this name: a built-in one, or a file."""
+def beside(name: str, folder: Path, builtin: Callable[[], list[str]] = builtin_names) -> str:
+    """What a file in this folder calls by this name: a built-in set-up, or what else is built in,
+    or a file."""
     path = folder / name
-    is_file = name not in builtin_names() and (path.suffix or path.exists())
+    is_file = name not in builtin() and (path.suffix or path.exists())
     return str(path) if is_file else name
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from ..given import choice, real, suggest
 from .design import REACH_PU, USABLE
 from .estimate import estimate, ranges, rotor_kgm2, spread
-from .keys import DEVICES, KEYS, Key
+from .keys import DEVICES, KEYS, MOST_NM, MOST_RPM, MOST_V, Key
 from .nameplate import FRICTION, IRON, THREE_PHASE, Nameplate, ThreePhase
 from .published import machines
 from .values import SetupError
@@ -29,22 +29,22 @@ def _n(help: str, unit: str, low: float, high: float, default: Any = None) -> Ke
 #: whether a plate can be that of a three-phase machine.
 COMMON = {
     "phases": Key("choice", "of the machine, both sets together", choices=("6", "3"), default=""),
-    "vdc_V": _n("dc-link voltage", "V", 1, 1e4, 0.0),
+    "vdc_V": _n("dc-link voltage", "V", 1, MOST_V, 0.0),
     "inertia_kgm2": _n("inertia, load included", "kg m2", 1e-6, 1e5, 0.0),
     "lxy_H": _n("inductance of the x-y plane", "H", 1e-6, 10, 0.0),
     "i_full_A": _n("range of the current sensors", "A", 0.1, 1e4, 0.0),
-    "vdc_full_V": _n("range of the dc-link sensor", "V", 1, 1e4, 0.0),
+    "vdc_full_V": _n("range of the dc-link sensor", "V", 1, MOST_V, 0.0),
     "dead_time_us": _n("dead time", "us", 1, 20, 2.0),
     "encoder_ppr": Key("integer", "encoder pulses per revolution", "", 1, 1_000_000, default=2048),
     "device": Key("choice", "DSP", choices=DEVICES, default="f28377s"),
 }
 NAMEPLATE = {
     "power_kW": _n("rated power at the shaft", "kW", 1e-3, 1e5),
-    "voltage_V": _n("rated voltage of a set, line to line, rms", "V", 1, 1e4),
+    "voltage_V": _n("rated voltage of a set, line to line, rms", "V", 1, 2e4),
     "current_A": _n("rated current of one line of one set, rms", "A", 1e-2, 1e4),
     "power_factor": _n("rated power factor, cos phi on the plate, 0: not known", "", 0, 1, 0.0),
     "frequency_Hz": _n("rated frequency", "Hz", 1, 1000),
-    "speed_rpm": _n("rated speed", "r/min", 1, 3e4),
+    "speed_rpm": _n("rated speed", "r/min", 1, MOST_RPM),
     "poles": Key("integer", "number of poles", "", 2, 128),
     "connection": Key("choice", "of a set", choices=("star", "delta"), default="star"),
     "efficiency": _n("rated efficiency, 0: not known", "", 0, 1, 0.0),
@@ -54,11 +54,11 @@ NAMEPLATE = {
 CIRCUIT = {
     **{name: _M[name] for name in ("pole_pairs", "rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")},
     "current_A": _n("rated current of one line of one set, rms", "A", 1e-2, 1e4),
-    "torque_Nm": _n("rated torque, 0: not known", "N m", 0, 1e4, 0.0),
-    "speed_rpm": _n("rated speed, 0: not known", "r/min", 0, 3e4, 0.0),
+    "torque_Nm": _n("rated torque, 0: not known", "N m", 0, MOST_NM, 0.0),
+    "speed_rpm": _n("rated speed, 0: not known", "r/min", 0, MOST_RPM, 0.0),
     "flux_Wb": _n("rated stator flux linkage, amplitude, 0: not known", "Wb", 0, 40, 0.0),
     **COMMON,
-    "vdc_V": _n("dc-link voltage", "V", 1, 1e4),
+    "vdc_V": _n("dc-link voltage", "V", 1, MOST_V),
 }
 TWO_VOLTAGES = (
     "two voltages or currents, as 230/400 and 6/3.5, are a three-phase machine's plate: give "
@@ -296,18 +296,19 @@ def _text(
 
 def with_best_scheme(text: str, name: str) -> tuple[str, str, str]:
     """The text of a new set-up with the scheme that the review finds best for its machine; that
-    scheme, and why. Both are empty if none is ready. SetupError if no machine has such numbers."""
+    scheme, and why. If none is ready the scheme is empty, and the reason says what would help.
+    SetupError if no machine has such numbers."""
     from .. import firmware
     from .loading import parse
-    from .review import best, refuse_impossible, review
+    from .review import best, none_ready, refuse_impossible, review
 
     setup = parse(text, name)
     refuse_impossible(setup)
     schemes = firmware.schemes()
-    scheme, why = best(review(setup, schemes), schemes)
-    if not scheme:
-        return text, "", ""
-    line = f"# {why}\n{SCHEME_LINE.format(scheme)}"
+    findings = review(setup, schemes)
+    scheme, why = best(findings, schemes)
+    why = why or none_ready(findings, schemes)
+    line = f"# {why}\n{SCHEME_LINE.format(scheme or FALLBACK)}"
     return text.replace(SCHEME_LINE.format(FALLBACK), line), scheme, why
 
 

@@ -26,6 +26,16 @@ FILE = "published_machines.csv"
 HELD = 0.95
 
 
+def equal_leakages(
+    rr_ohm: float, lls_H: float, llr_H: float, lm_H: float
+) -> tuple[float, float, float]:
+    """R_r, leakage of either side, and L_m of the circuit with equal leakages that cannot be told
+    from this one from outside."""
+    ls_H = lls_H + lm_H
+    ratio = math.sqrt(ls_H / (llr_H + lm_H))
+    return ratio**2 * rr_ohm, ls_H - ratio * lm_H, ratio * lm_H
+
+
 @dataclass(frozen=True)
 class Machine:
     """A machine of the file; 0: not printed. Per phase of a three-phase star."""
@@ -75,12 +85,7 @@ class Machine:
 
     @property
     def equal_leakages(self) -> tuple[float, float, float]:
-        """R_r, leakage of either side, and L_m of the circuit with equal leakages: from outside it
-        cannot be told from this one."""
-        ls_H, lr_H = self.lls_H + self.lm_H, self.llr_H + self.lm_H
-        ratio = math.sqrt(ls_H / lr_H)
-        lm_H = ratio * self.lm_H
-        return ratio**2 * self.rr_ohm, ls_H - lm_H, lm_H
+        return equal_leakages(self.rr_ohm, self.lls_H, self.llr_H, self.lm_H)
 
 
 @cache

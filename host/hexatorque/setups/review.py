@@ -15,7 +15,10 @@ from typing import Any
 
 from .derived import F_ISR_FAST_HZ, WRITTEN_WITHIN, write_delay_us
 from .design import PULL_OUT_SHARE, REACH_PU, TABLE_SHARE, Design, rad_s
+from .estimate import published_kW, usual
+from .keys import KEYS
 from .mean_torque import held
+from .published import equal_leakages
 from .setup import Setup
 from .to_parameters import parameters
 from .values import SetupError
@@ -138,6 +141,17 @@ def best(findings: Iterable[Finding], schemes: Iterable[str]) -> tuple[str, str]
     return first, f"best of {len(ready)} that are ready: {', '.join(parts)}"
 
 
+def none_ready(findings: Iterable[Finding], schemes: Iterable[str]) -> str:
+    """Why none of these is ready, and what would help: of the set-up; else of the scheme of which
+    the fewest findings are bad."""
+    bad = [f for f in findings if f.verdict == "bad"]
+    near = min(schemes, key=lambda scheme: sum(f.scheme == scheme for f in bad))
+    of = [f for f in bad if not f.scheme] or [f for f in bad if f.scheme == near]
+    nearest = f", {near} is nearest" if of[0].scheme else ""
+    helps = "; ".join(dict.fromkeys(f.advice for f in of))
+    return f"none is ready{nearest}: {', '.join(map(_why, of))}; what would help: {helps}"
+
+
 def _with_others(findings: list[Finding]) -> list[Finding]:
     """Advice about a scheme that is not in order names those that are."""
     names = list(dict.fromkeys(f.scheme for f in findings if f.scheme))
@@ -202,10 +216,50 @@ def _believable(d: Design) -> Iterator[Finding]:
             f"{side} times rated current over the voltage", ohm * share_A, MOST_RESISTANCE, "",
             f"no machine has so much: check machine.{side}, rated.current_A and inverter.vdc_V",
         )  # fmt: skip
+    if all(m.lm_H >= LEAST_MAIN * leakage_H for leakage_H in (m.lls_H, m.llr_H)):
+        yield from _usual(d)
     yield at_most(
         "controller.pole_pairs unlike the machine's", abs(p("pole_pairs") - m.pole_pairs), 0, "",
         "remove controller.pole_pairs",
     )  # fmt: skip
+
+
+#: How much further from the published machines' line than the furthest of them an element is a
+#: note, and how much further than that it is bad.
+FURTHER, FAR = 1.25, 2.0
+
+
+def _usual(d: Design) -> Iterator[Finding]:
+    """Each element in units of rated flux, current and frequency against published machines of this
+    power. Without stated rated values the machine's are not known: those of the design follow from
+    point and profile. Bad only with rated current, speed and flux stated, and at a power that
+    published machines have: else the units themselves may be off."""
+    stated = {name for name in KEYS["rated"] if d.setup[f"rated.{name}"] > 0}
+    power_kW = 1e-3 * d.rated_Nm * rad_s(d.rated_rpm)
+    if not stated & {"current_A", "torque_Nm"} or power_kW <= 0:
+        return
+    m, base_H = d.machine, d.flux_Wb / d.rated_A
+    base_ohm = base_H * m.pole_pairs * rad_s(d.rated_rpm)
+    rr_ohm, leakage_H, lm_H = equal_leakages(m.rr_ohm, m.lls_H, m.llr_H, m.lm_H)
+    low_kW, high_kW = published_kW()
+    sure = {"current_A", "speed_rpm", "flux_Wb"} <= stated and low_kW <= power_kW <= high_kW
+    for name, keys, value, base, unit in (
+        ("R_s", "machine.rs_ohm", m.rs_ohm, base_ohm, "ohm"),
+        ("R_r", "machine.rr_ohm", rr_ohm, base_ohm, "ohm"),
+        ("leakage", "machine.lls_H and machine.llr_H", leakage_H, base_H, "H"),
+        ("L_m", "machine.lm_H", lm_H, base_H, "H"),
+    ):
+        of = usual()[name]
+        usual_value = of.line.at(power_kW) * base
+        ratio, limit = value / usual_value, FURTHER * of.furthest
+        bad = sure and max(ratio, 1 / ratio) > FAR * limit
+        finding = at_most if ratio >= 1 else at_least
+        yield finding(
+            f"{name} over what is usual at {power_kW:.2g} kW",
+            ratio, limit if ratio >= 1 else 1 / limit, "",
+            f"usual is {usual_value:.3g} {unit}: check {keys}, and the values of [rated]",
+            "bad" if bad else "note",
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -305,7 +359,9 @@ def _currents(d: Design) -> Iterator[Finding]:
     )  # fmt: skip
     yield at_least(
         "build-up current", p("build_current_A"), 1.1 * no_load_A, "A",
-        "raise controller.build_current_A: this one does not magnetise the machine",
+        f"this one does not magnetise the machine: lower controller.flux_ref_Wb, or {more_range}"
+        if p("build_current_A") >= 0.5 * trip_A
+        else "raise controller.build_current_A: this one does not magnetise the machine",
     )  # fmt: skip
     yield _told("losses of the windings at rated torque, about", d.copper_W(d.rated_Nm), "W")
     step_A = d.flux_step_Wb(d.period_s) / d.machine.sigma_ls_H
@@ -337,7 +393,12 @@ def _currents(d: Design) -> Iterator[Finding]:
     )  # fmt: skip
     yield at_least(
         "torque limit against rated torque", p("torque_limit_Nm"), d.rated_Nm, "N m",
-        "raise controller.torque_limit_Nm",
+        "this flux gives no more: raise inverter.vdc_V, state rated.flux_Wb, or lower "
+        "rated.torque_Nm"
+        if d.rated_Nm > PULL_OUT_SHARE * d.pull_out_Nm
+        else more_range
+        if d.current_A(d.rated_Nm) > 0.8 * trip_A
+        else "raise controller.torque_limit_Nm",
     )  # fmt: skip
     quantum_A = 2 * d.setup["sensors.i_full_A"] / 2 ** d.setup["sensors.adc_bits"]
     yield graded(

@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from ..setups import Setup, SetupError
+from ..setups.keys import MOST_NM, MOST_RPM
 from .errors import StudyError
 
 #: Speed reference and load change in steps of this length.
 STEP_S = 0.05
 LONGEST_S = 36_000.0
-MOST_RPM, MOST_NM = 3e4, 1e4
 #: Figures of a cycle and their units; `energy` says what they are.
 UNITS = {
     "drawn_Wh": "Wh",

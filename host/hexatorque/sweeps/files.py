@@ -12,6 +12,7 @@ from ..errors import HexatorqueError
 from ..given import suggest
 from ..setups import SetupError, load
 from ..setups.loading import beside
+from . import cycle
 from .errors import StudyError
 from .study import Study
 
@@ -76,6 +77,8 @@ def read(path: Path | str, changes: Mapping[str, Any] | None = None) -> Study:
         raise StudyError(f"{path}: {error}") from None
     if "setup" in data:
         data["setup"] = beside(data["setup"], path.parent)
+    if "cycle" in data:
+        data["cycle"] = beside(data["cycle"], path.parent, cycle.ready)
     changes = dict(changes or {})
     data["vary"].update(changes.pop("vary", {}))
     try:

@@ -32,6 +32,7 @@ from ..given import listed, real
 from ..plant.vsd import PHASES
 from ..setups import Setup, SetupError, parameters
 from ..setups.design import REACH_PU, TABLE_SHARE, Design
+from ..setups.keys import MOST_RPM
 from .aim import Figures
 
 #: The measurement lasts this long, and this many cycles of the fundamental.
@@ -97,8 +98,10 @@ def read_points(text: str) -> list[Where]:
             speed_rpm, load_Nm = map(real, part.split(":"))
         except ValueError:
             raise SetupError(f"point {part!r}: RPM:NM is needed, for example 1000:5") from None
-        if not (abs(speed_rpm) <= 3e4 and math.isfinite(load_Nm)):
-            raise SetupError(f"point {part!r}: allowed range of the speed is -30000 .. 30000 r/min")
+        if not (abs(speed_rpm) <= MOST_RPM and math.isfinite(load_Nm)):
+            raise SetupError(
+                f"point {part!r}: allowed range of the speed is -{MOST_RPM:g} .. {MOST_RPM:g} r/min"
+            )
         points.append(Where(speed_rpm, load_Nm))
     if not points:
         raise SetupError("no point is given: RPM:NM,RPM:NM is needed, for example 1000:5,300:5")

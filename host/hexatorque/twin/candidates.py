@@ -12,6 +12,7 @@ from ..drive.simulated import SimulatedDrive
 from ..experiments.prepare import Prepare, other_dead_time
 from ..plant.vsd import PHASES
 from ..setups import Setup
+from ..setups.keys import MOST_NM
 
 PERCENT = "%"
 
@@ -111,7 +112,7 @@ CANDIDATES: tuple[Candidate, ...] = (
     ),
     Candidate("J", ("machine.inertia_kgm2",), PERCENT, 0.2, -0.9, 9.0, shaft_only=True),
     Candidate("friction", ("machine.viscous_Nms",), "N m s", 1e-3, -1e3, 1e3, shaft_only=True),
-    Candidate("load", ("load",), "N m", 1.0, -1e4, 1e4, shaft_only=True),
+    Candidate("load", ("load",), "N m", 1.0, -MOST_NM, MOST_NM, shaft_only=True),
 )  # fmt: skip
 #: Of an oscilloscope.
 PROBES: tuple[Candidate, ...] = tuple(

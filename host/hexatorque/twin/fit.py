@@ -8,16 +8,19 @@ simulated again with the change found.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..drive.interface import DriveFault
+from ..drive.simulated import SimulatedDrive
 from ..errors import HexatorqueError
 from ..parallel import each
 from ..recording.recording import Recording
 from ..setups import Setup, SetupError
+from . import joint
 from .bench import Bench, as_the_board
 from .candidates import Candidate, suitable
 from .quantities import QUANTITIES, RIPPLES, compute, windows
@@ -41,16 +44,19 @@ DIFFERS = 3.0
 #: A parameter that explains less of the squared difference than this number of noise variances
 #: is not named.
 NAMED = 40.0
+#: What remains is unexplained if its mean square is so many noise variances.
+UNEXPLAINED = DIFFERS**2
 #: So many of the parameters that explain most are simulated with their change.
 TRIED = 3
 #: Two parameters whose effects have at least this correlation cannot be told apart.
-ALIKE = 0.9
+ALIKE = joint.ALIKE
 #: A change moves a quantity if its mean square is so many deviations above that of the scatter.
 VISIBLE = 3.0
 #: A change is seen if it makes this many standard deviations.
-SEEN = 5.0
+SEEN = joint.SURE
 
 Progress = Callable[[float], None]
+Changes = Sequence[tuple[Candidate, float]]
 
 
 def simulated_s(benches: Sequence[Bench]) -> float:
@@ -134,7 +140,9 @@ class Overlay:
 
 @dataclass
 class Comparison:
-    """explanations: best first; named: whether the first one is the cause that is named."""
+    """explanations: of one parameter each, best first; named: whether one is found that counts;
+    together: the parameters that explain more together than any of them alone; residual: the
+    difference in expected noises."""
 
     setup: Setup
     benches: list[Bench]
@@ -142,6 +150,8 @@ class Comparison:
     differences: list[Difference]
     explanations: list[Explanation]
     named: bool
+    together: joint.Set | None
+    residual: np.ndarray
     overlays: list[Overlay]
 
     @property
@@ -150,7 +160,17 @@ class Comparison:
 
     @property
     def cause(self) -> Explanation | None:
-        return self.explanations[0] if self.named else None
+        """The parameter that is named alone."""
+        return self.explanations[0] if self.named and not self.together else None
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether what remains is more than the noise makes."""
+        rest = self.residual
+        if self.together:
+            return self.together.squared > UNEXPLAINED * len(rest)
+        left = self.explanations[0].left if self.named else 1.0
+        return left * float(rest @ rest) > UNEXPLAINED * len(rest)
 
     @property
     def hidden(self) -> list[str]:
@@ -273,21 +293,29 @@ def compare(
     benches = [replace(bench) for bench in benches]
     series = _Series(fixed, benches, loads)
 
-    def follow(candidate: Candidate | None, change: float, late: int = 0) -> list[Replay] | str:
+    def follow(changes: Changes, late: int = 0) -> list[Replay] | str:
         """A simulation of each recording, or why there are none."""
         try:
-            other = candidate.apply(fixed, change) if candidate else fixed
-            prepare = candidate.prepare(change) if candidate and candidate.prepare else None
-            more_Nm = change if candidate and candidate.adds_torque else 0.0
+            other, more_Nm, vdc_ratio = fixed, 0.0, 1.0
+            for candidate, change in changes:
+                other = candidate.apply(other, change)
+                more_Nm += change if candidate.adds_torque else 0.0
+                vdc_ratio *= candidate.vdc(change)
+            prepares = [c.prepare(change) for c, change in changes if c.prepare]
+
+            def prepare(sim: SimulatedDrive) -> None:
+                for one in prepares:
+                    one(sim)
+
             runs = []
             for bench in benches:
                 # Another noise for every repetition.
                 seeded = other.changed(sensors__noise_seed=other["sensors.noise_seed"] + late)
                 # An oscilloscope has the true voltage, the board what its sensor makes of it.
-                vdc = candidate.vdc(change) if candidate and not bench.outside else 1.0
+                vdc = 1.0 if bench.outside else vdc_ratio
                 more = 0.0 if bench.torque_known else more_Nm
                 run = replay(bench, seeded, prepare, vdc, late, more)
-                if candidate and bench.outside:
+                for candidate, change in changes if bench.outside else ():
                     for phase in candidate.probes:
                         if (name := f"i_{phase}_A") in run.channels:
                             run.channels[name] = run.channels[name] * (1 + change)
@@ -299,7 +327,7 @@ def compare(
             return str(error).splitlines()[0]
 
     def repeated(apart: int) -> list[list[Replay]]:
-        found = each(lambda n: follow(None, 0.0, apart * n), range(REPEATS))
+        found = each(lambda n: follow((), apart * n), range(REPEATS))
         if failed := [one for one in found if isinstance(one, str)]:
             raise NotSimulated(
                 f"the simulation of {setup.name} does not follow the recording: {failed[0]}"
@@ -318,15 +346,13 @@ def compare(
     def quantities(runs: list[Replay]) -> list[dict[str, np.ndarray]]:
         return [series.simulated(n, run, places[n]) for n, run in enumerate(runs)]
 
-    def simulate(
-        candidate: Candidate, change: float, late: int = 0
-    ) -> list[dict[str, np.ndarray]] | str:
-        runs = follow(candidate, change, late)
+    def simulate(changes: Changes, late: int = 0) -> list[dict[str, np.ndarray]] | str:
+        runs = follow(changes, late)
         return runs if isinstance(runs, str) else quantities(runs)
 
     nominal = _Nominal(series, [quantities(runs) for runs in repeats])
     electrical = [c for c in candidates if not c.shaft_only]
-    changed = each(lambda candidate: simulate(candidate, candidate.step), electrical)
+    changed = each(lambda candidate: simulate([(candidate, candidate.step)]), electrical)
     residual = nominal.whitened(series.bench)
     effects: dict[str, np.ndarray] = {}
     for candidate, found in zip(electrical, changed):
@@ -340,7 +366,7 @@ def compare(
     differences = nominal.differences()
     explained = [_alone(c, effects[c.name], residual) for c in candidates if c.name in effects]
     explained.sort(key=lambda e: e.left)
-    named = False
+    named, together = False, None
     if explained:
         tried = 0
         for one in tuple(explained):
@@ -349,7 +375,7 @@ def compare(
             tried += 1
             if one.candidate.shaft_only:
                 continue
-            found = simulate(one.candidate, one.change, 1)
+            found = simulate([(one.candidate, one.change)], 1)
             if isinstance(found, str):
                 # The drive does not run with it, and on the bench it ran.
                 notes.append(f"{one.candidate.name} {one.candidate.shown(one.change)}: {found}")
@@ -358,10 +384,30 @@ def compare(
                 _again(one, nominal.whitened(found), nominal.effect(found), residual)
         explained.sort(key=lambda e: e.left)
         named = _counts(explained[0], residual)
+        if named:
+
+            def moved(changes: Changes, late: int) -> tuple[np.ndarray, np.ndarray] | str:
+                inside = [(c, x) for c, x in changes if not c.shaft_only]
+                shaft = sum((effects[c.name] * x for c, x in changes if c.shaft_only), 0 * residual)
+                if not inside:
+                    return shaft, shaft
+                found = simulate(inside, late)
+                if isinstance(found, str):
+                    return found
+                return nominal.whitened(found) + shaft, nominal.effect(found) + shaft
+
+            of = {c: effects[c.name] for c in candidates if c.name in effects}
+            together = joint.Search(of, _noise, residual, nominal.groups, moved).best(
+                explained[0].candidate
+            )
+            _refined(explained[0], together, residual)
         notes += _scales(benches, nominal)
         _alike(explained, effects)
     overlays = [series.overlay(n, [one[n] for one in nominal.repeats]) for n in range(len(benches))]
-    return Comparison(setup, benches, notes, differences, explained, named, overlays)
+    several = together if together and len(together.candidates) > 1 else None
+    return Comparison(
+        setup, benches, notes, differences, explained, named, several, residual, overlays
+    )
 
 
 def _place(setup: Setup, bench: Bench, loads: Load, runs: Sequence[Replay]) -> int:
@@ -428,6 +474,13 @@ def _again(
     found.left = float(rest @ rest) / float(residual @ residual)
     if size > 0:
         found.deviation = max(1.0, np.sqrt(float(rest @ rest) / len(rest))) / np.sqrt(size)
+
+
+def _refined(first: Explanation, found: joint.Set | None, residual: np.ndarray) -> None:
+    """The parameter that explains it alone, from its corrected simulation."""
+    if found and found.candidates == [first.candidate] and not first.candidate.shaft_only:
+        first.change, first.deviation = float(found.changes[0]), float(found.deviations[0])
+        first.left = found.squared / float(residual @ residual)
 
 
 def _counts(found: Explanation, residual: np.ndarray) -> bool:
@@ -506,16 +559,19 @@ class _Nominal:
         ]
         return np.nan_to_num(np.concatenate(parts))
 
+    @property
+    def groups(self) -> list[slice]:
+        """Where the values of each quantity are."""
+        ends = list(itertools.accumulate(int(used.sum()) for used in self.used.values()))
+        return [slice(begin, end) for begin, end in zip([0, *ends], ends)]
+
     def effect(self, of_benches: list[dict[str, np.ndarray]]) -> np.ndarray:
         """The same of a changed simulation, 0 for the quantities that only scatter."""
         moved = self.whitened(of_benches)
-        begin = 0
-        for used in self.used.values():
-            n = int(used.sum())
-            part = moved[begin : begin + n]
-            if np.mean(part**2) < 1 + VISIBLE * np.sqrt(2 / n):
+        for own in self.groups:
+            part = moved[own]
+            if np.mean(part**2) < 1 + VISIBLE * np.sqrt(2 / len(part)):
                 part[:] = 0.0
-            begin += n
         return moved
 
     def shaft_effect(self, name: str) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 from ..analysis import overlay
 from ..analysis.pages import write_page
 from .fit import DIFFERS, SPEED, Comparison, Explanation
+from .joint import Set
 from .quantities import QUANTITIES
 
 #: Rows of a picture: what differs comes first, then these.
@@ -20,6 +21,8 @@ def verdict(comparison: Comparison) -> list[str]:
     """What is found, a sentence each."""
     if not comparison.differs:
         return ["bench and simulation agree within the expected noise", *_hidden(comparison)]
+    if comparison.together:
+        return [*_several(comparison, comparison.together), *_hidden(comparison)]
     cause = comparison.cause
     if cause is None:
         return ["bench and simulation differ, and no single parameter explains it"]
@@ -32,7 +35,41 @@ def verdict(comparison: Comparison) -> list[str]:
             "in this recording this cannot be told apart from: "
             + ", ".join(f"{other} ({found:+.2f})" for other, found in cause.like.items())
         )
+    if comparison.unexplained:
+        said.append(UNEXPLAINED)
     return [*said, *_hidden(comparison)]
+
+
+UNEXPLAINED = (
+    "what remains is more than noise: more than this is off, or something that is no parameter"
+)
+
+
+def _several(comparison: Comparison, found: Set) -> list[str]:
+    """What several parameters explain together, and what of it is not sure."""
+    residual = comparison.residual
+    left = found.squared / float(residual @ residual)
+    parts = [
+        f"{c.name} {c.shown(change)} ± {c.shown(deviation, sign=False)}"
+        for c, change, deviation in zip(found.candidates, found.changes, found.deviations)
+    ]
+    alone = comparison.explanations[0]
+    said = [
+        f"more than one parameter is off; best explanation: {' and '.join(parts)}; together they "
+        f"explain {100 * (1 - left):.1f} % of the squared difference, {alone.candidate.name} "
+        f"alone {100 * (1 - alone.left):.1f} %"
+    ]
+    for one, other, correlation in found.bound_together:
+        said.append(
+            f"{one} and {other} are known better together than alone: their errors have a "
+            f"correlation of {correlation:+.2f}"
+        )
+    for name, like in found.like.items():
+        others = ", ".join(f"{other} ({value:+.2f})" for other, value in like.items())
+        said.append(f"in this recording, in the place of {name} could stand: {others}")
+    if comparison.unexplained:
+        said.append(UNEXPLAINED)
+    return said
 
 
 def _hidden(comparison: Comparison) -> list[str]:
@@ -91,6 +128,7 @@ def as_json(comparison: Comparison) -> dict:
         "limit": DIFFERS,
         "quantities": [one.as_json() for one in comparison.differences],
         "cause": cause and cause.candidate.name,
+        "together": comparison.together and comparison.together.as_json(comparison.residual),
         "parameters": [one.as_json() for one in comparison.explanations],
         "said": verdict(comparison),
     }  # fmt: skip

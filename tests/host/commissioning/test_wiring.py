@@ -10,6 +10,7 @@ from hexatorque.commissioning.excitation import CommissioningError, Excitation, 
 from hexatorque.commissioning.regression import Value
 from hexatorque.commissioning.resistance import Resistance
 from hexatorque.commissioning.sequence import commission
+from hexatorque.drive.interface import DriveFault
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.evidence.studies.commissioning import Watched, miswirings
 from hexatorque.plant.vsd import INVERSE, PHASES, TRANSFORM
@@ -196,3 +197,19 @@ def test_a_heavy_shaft_is_no_wrong_encoder(inertia_kgm2):
         found = encoder.check(test, resistance(), 2.0)
     assert found.mistakes == ()
     assert found.ratio == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize("cause", ("over-current", "link lost"))
+def test_what_trips_the_first_pulses_is_told_with_what_may_explain_it(monkeypatch, cause):
+    """A short circuit drives a current; a lost line says nothing of it."""
+
+    def trip(test):
+        raise DriveFault([cause], 0.1)
+
+    drive = SimulatedDrive(setups.load("small-2kw"), 1)
+    monkeypatch.setattr(wiring, "check", trip)
+    monkeypatch.setattr(drive, "clear", drive.stop)
+    found = commission(drive, Limits(LIMIT_A, 0.1))
+    (line,) = found.mistakes
+    assert line.startswith(f"{cause} during the first pulses")
+    assert ("short circuit" in line) == (cause == "over-current")

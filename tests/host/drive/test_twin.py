@@ -12,7 +12,7 @@ from hexatorque.cli.main import main
 from hexatorque.drive.simulated import SimulatedDrive
 from hexatorque.recording.recording import Recording
 from hexatorque.setups.keys import TIMING_OWNS
-from hexatorque.twin import bench, candidates, fit, replay
+from hexatorque.twin import bench, candidates, fit, joint, replay, report
 
 CANDIDATES = {one.name: one for one in candidates.CANDIDATES}
 #: Of the parameters that are tried, enough to be mistaken for each other.
@@ -31,7 +31,7 @@ def setup():
     return plain.changed(**values)
 
 
-def recorded(setup, prepare=None, every=10, place=0):
+def recorded(setup, prepare=None, every=10, place=0, load_Nm=LOAD_NM):
     """What a board would stream at 1 kHz: start, up, down. every, place: of so many fast periods
     one is a sample, and which one."""
     drive = SimulatedDrive(setup.changed(sensors__noise_seed=99), 1)
@@ -40,7 +40,7 @@ def recorded(setup, prepare=None, every=10, place=0):
     drive.run(0.003)
     drive.start()
     drive.run(0.26)
-    drive.set_many({"load_Nm": LOAD_NM, "speed_ref_rpm": 500})
+    drive.set_many({"load_Nm": load_Nm, "speed_ref_rpm": 500})
     drive.run(0.4)
     drive.set("speed_ref_rpm", 150)
     drive.run(0.25)
@@ -285,3 +285,90 @@ def test_the_command(saved, tmp_path, capsys, monkeypatch):
     page = (folder / "report.html").read_text()
     assert "best explanation: load" in page and "overlay-1.png" in page
     assert (folder / "overlay-1.png").stat().st_size > 10_000
+
+
+# -- more than one parameter ---------------------------------------------------------------------
+
+#: Between which sizes an error is drawn: well above what the recording shows.
+DRAWN = {
+    "R_s": (0.15, 0.3),
+    "R_r": (0.15, 0.3),
+    "L_m": (0.1, 0.2),
+    "J": (0.35, 0.5),
+    "load": (1.1, 1.6),
+    "gain of current sensor w1": (0.03, 0.05),
+}
+SEVERAL = [*range(2, 8)]
+
+
+def bench_with(setup, changes):
+    wrong, load_Nm = setup, LOAD_NM
+    for name, change in changes.items():
+        if name == "J":
+            path = "machine__inertia_kgm2"
+            wrong = wrong.changed(**{path: wrong["machine.inertia_kgm2"] * (1 + change)})
+        elif name == "load":
+            load_Nm += change
+        else:
+            wrong = CANDIDATES[name].apply(wrong, change)
+    return recorded(wrong, load_Nm=load_Nm)
+
+
+@pytest.mark.parametrize("seed", part(SEVERAL, 2))
+def test_drawn_pairs_and_triples_of_errors_are_found_together(setup, seed):
+    """Each within four of its standard deviations, and nothing else is accused."""
+    rng = np.random.default_rng(seed)
+    names = rng.choice(list(DRAWN), 2 + seed % 2, replace=False)
+    changes = {str(n): rng.uniform(*DRAWN[n]) * rng.choice([-1, 1]) for n in names}
+    rec = bench_with(setup, changes)
+    found = compared(setup, rec, tried=[CANDIDATES[n] for n in DRAWN])
+    together = found.together
+    assert together and {c.name for c in together.candidates} == set(changes)
+    for c, change, deviation in zip(together.candidates, together.changes, together.deviations):
+        assert abs(change - changes[c.name]) < 4 * deviation, c.name
+        assert deviation < abs(changes[c.name]) / 5
+    assert found.cause is None and not found.unexplained
+    said = " ".join(report.verdict(found))
+    assert said.startswith("more than one parameter is off; best explanation: ")
+    remains = json.loads(json.dumps(report.as_json(found)))["together"]["remains"]
+    assert remains < 0.5 * found.explanations[0].left
+
+
+def test_one_error_is_not_explained_by_two(setup):
+    rec = recorded(CANDIDATES["R_s"].apply(setup, 0.2))
+    found = compared(setup, rec, tried=[CANDIDATES[n] for n in DRAWN])
+    assert found.together is None and found.cause.candidate.name == "R_s"
+    assert found.cause.change == pytest.approx(0.2, abs=4 * found.cause.deviation)
+
+
+def test_what_no_parameter_explains_is_said(setup):
+    """Two errors, and only one of them is among the parameters."""
+    rec = bench_with(setup, {"R_s": 0.3, "gain of current sensor w1": 0.06})
+    found = compared(setup, rec, tried=[CANDIDATES["R_s"], CANDIDATES["J"]])
+    assert found.together is None and found.unexplained
+    assert any(line == report.UNEXPLAINED for line in report.verdict(found))
+
+
+def test_parameters_that_only_a_combination_shows_are_told():
+    """By formulas: the effects of two parameters are nearly the same, their sum is known well."""
+    rng = np.random.default_rng(1)
+    size = 400
+    common, own = rng.normal(size=size), 0.1 * rng.normal(size=size)
+    one, two = CANDIDATES["R_s"], CANDIDATES["R_r"]
+    effects = {one: 3000 * common, two: 3000 * (common + own)}
+
+    def simulate(changes, late):
+        moved = sum(effects[c] * x for c, x in changes)
+        return moved + 0.3 * np.random.default_rng(late).normal(size=size), moved
+
+    truth = [(one, 0.3), (two, -0.2)]
+    residual = simulate(truth, 99)[0] + rng.normal(size=size)
+    groups = [slice(n, n + 40) for n in range(0, size, 40)]
+    found = joint.Search(effects, lambda e, c: 0.0, residual, groups, simulate).best(one)
+    ((first, second, correlation),) = found.bound_together
+    assert {first, second} == {"R_s", "R_r"} and correlation < -0.9
+    got = {c.name: (x, s) for c, x, s in zip(found.candidates, found.changes, found.deviations)}
+    for c, x in truth:
+        assert abs(got[c.name][0] - x) < 4 * got[c.name][1]
+    alone = 1 / np.linalg.norm(effects[one])
+    assert got["R_s"][1] > 5 * alone  # of the two, not of one

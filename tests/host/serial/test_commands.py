@@ -116,7 +116,7 @@ def test_parameters(call, tmp_path):
         (["set", "rs_ohm=much"], "rs_ohm = 'much': a number is needed"),
         (["set", "rs_ohm=1.7", "scheme=x"], "scheme = 'x': choose one of dtc1"),
         (["set", "scheme=x"], "scheme = 'x': choose one of dtc1"),
-        (["set", "speed=1e9"], "speed_ref_rpm = 1e+09: allowed range is -30000 .. 30000 r/min"),
+        (["set", "speed=1e9"], "speed_ref_rpm = 1e+09: allowed range is -60000 .. 60000 r/min"),
         (["stream", "nope", "-o", "x.csv"], "no channel 'nope'; known: state, faults"),
         (["stream", "torqe_Nm", "-o", "x.csv"], "no channel 'torqe_Nm'; did you mean 'torque_Nm'?"),
         (["stream", "state", "--rate", "1e6", "-o", "x.csv"], "rate_Hz = 1e+06: allowed range"),

@@ -8,7 +8,7 @@ import pytest
 
 from hexatorque import firmware, setups
 from hexatorque.cli.main import main
-from hexatorque.setups import SetupError, derived, new, review
+from hexatorque.setups import SetupError, derived, keys, new, review
 from hexatorque.setups.design import Design
 from hexatorque.setups.estimate import estimate, ranges
 from hexatorque.setups.nameplate import Nameplate, ThreePhase
@@ -66,7 +66,9 @@ def test_the_circuit_does_what_the_plate_says(plate):
         ({"poles": "3"}, ("poles = 3", "even")),
         ({"power_kW": "-1"}, ("power_kW = -1", "allowed range")),
         ({"efficiency": "0.9", "power_factor": "0.9"}, ("0.81", "0.694")),
-        ({"efficiency": "0.6"}, ("power factor would be 1.16",)),
+        ({"power_factor": "0.99"}, ("power_factor = 0.99", "up to 0.97")),
+        ({"efficiency": "0.71"}, ("efficiency = 0.71", "power factor of 0.977", "up to 0.97")),
+        ({"efficiency": "0.6"}, ("efficiency = 0.6", "power factor of 1.16")),
         ({"phases": "5"}, ("phases", "6, 3")),
         ({"voltage_V": "230/400"}, ("three-phase machine's plate", "one connection", "phases=3")),
         (
@@ -264,3 +266,33 @@ def test_errors_of_the_vectors_add_up_in_xy_as_far_as_the_resistance_lets_them(m
             seen_A.append(np.std(current_A.real))
         peak_A = review.XY_PEAK * seen_A[-1]
         assert review._single_xy_A(d, step_A) == pytest.approx(peak_A, rel=0.08), rs_ohm
+
+
+def test_a_set_up_has_the_firmwares_limits():
+    """What a machine is rated for, a profile may ask for."""
+    found = firmware.parameters()
+    assert keys.MOST_RPM == found["speed_ref_rpm"].max == -found["speed_ref_rpm"].min
+    assert keys.MOST_NM == found["torque_limit_Nm"].max == found["torque_ref_Nm"].max
+    assert keys.MOST_V == found["vdc_full_V"].max == found["vdc_max_V"].max
+
+
+MEDIUM_VOLTAGE = "power_kW=1678,voltage_V=6600,current_A=90,power_factor=0.9,frequency_Hz=60"
+SLOW = "power_kW=1000,voltage_V=6000,current_A=62,power_factor=0.82,frequency_Hz=50"
+FAST = "power_kW=3,voltage_V=200,current_A=6,power_factor=0.85,frequency_Hz=800"
+
+
+@pytest.mark.parametrize(
+    ("plate", "speed_rpm", "poles"), [(MEDIUM_VOLTAGE, 1186, 6), (SLOW, 742, 8), (FAST, 47000, 2)]
+)
+def test_large_and_fast_machines_get_a_set_up_that_the_firmware_takes(plate, speed_rpm, poles):
+    """More than 10 kV of link, more than 10000 N m, more than 30000 r/min."""
+    setup = setups.parse(
+        new.from_nameplate(f"{plate},speed_rpm={speed_rpm},poles={poles}", "x"), "x"
+    )
+    d = Design(setup, setup.parameter)
+    assert d.vdc_V > 1e4 or d.rated_Nm > 1e4 or d.rated_rpm > 3e4
+    # No gain of the speed loop is cut off: the corner is the one of its rule.
+    corner = 2 * math.pi * setup.parameter("f_slow_Hz") / derived.SLOW_PER_CORNER
+    kp = setup.parameter("kp_speed_Nms_rad")
+    assert kp / d.machine.inertia_kgm2 == pytest.approx(corner, rel=1e-3)
+    firmware.Controller(setup["timing.device"], setups.parameters(setup))

@@ -9,7 +9,7 @@ import pytest
 from hexatorque import setups
 from hexatorque.cli.main import main
 from hexatorque.firmware import schemes
-from hexatorque.setups import new
+from hexatorque.setups import estimate, new, published
 from hexatorque.setups.review import outcome, review
 
 CIRCUIT = "pole_pairs=2,rs_ohm=1.8,rr_ohm=2,lls_H=0.01,llr_H=0.015,lm_H=0.284,current_A=5,vdc_V=600"
@@ -175,3 +175,131 @@ def test_a_file_that_is_not_there_is_told_which_one_was_meant(tmp_path):
     (tmp_path / "machine.toml").write_text(new.from_circuit(CIRCUIT, "mine"))
     with pytest.raises(setups.SetupError, match=r"did you mean '.*/machine.toml'\?"):
         setups.load(tmp_path / "machin.toml")
+
+
+# -- the circuit against published machines ------------------------------------------------------
+
+PLATE = "power_kW=5.5,voltage_V=400,current_A=5.9,power_factor=0.8,frequency_Hz=50,speed_rpm=1450"
+PLATE += ",poles=4"
+ELEMENTS = {
+    "R_s": ("rs_ohm",),
+    "R_r": ("rr_ohm",),
+    "leakage": ("lls_H", "llr_H"),
+    "L_m": ("lm_H",),
+}
+
+
+def usual_findings(setup):
+    found = [f for f in review(setup, []) if " over what is usual at " in f.subject]
+    return {f.subject.split(" over ")[0]: f for f in found}
+
+
+def scaled(setup, names, factor):
+    return setup.changed(**{f"machine__{n}": factor * setup[f"machine.{n}"] for n in names})
+
+
+FAR_OFF = [(element, factor) for element in ELEMENTS for factor in (0.05, 20.0)]
+#: Here the ratio of main to leakage inductance is told already.
+BY_RATIO = [("leakage", 20.0), ("L_m", 0.05)]
+
+
+@pytest.mark.parametrize(
+    ("element", "factor", "verdict"),
+    [
+        *((element, factor, "ok") for element in ELEMENTS for factor in (0.4, 1.0, 2.5)),
+        *((element, factor, "note") for element in ELEMENTS for factor in (0.2, 5.0)),
+        *((*far, "bad") for far in FAR_OFF if far not in BY_RATIO),
+    ],
+)
+def test_an_element_that_no_machine_of_this_power_has_is_told(element, factor, verdict):
+    """Of published machines none is further than 3.2 times from what is usual."""
+    setup = setups.parse(new.from_nameplate(PLATE, "x"), "x")
+    own = usual_findings(setup)[element].value
+    found = usual_findings(scaled(setup, ELEMENTS[element], factor / own))
+    assert found[element].value == pytest.approx(factor, rel=0.02)
+    assert found[element].verdict == verdict
+    for name in ELEMENTS[element]:
+        assert (f"machine.{name}" in found[element].advice) == (verdict != "ok")
+    assert all(f.verdict == "ok" for other, f in found.items() if other != element)
+
+
+@pytest.mark.parametrize(("element", "factor"), BY_RATIO)
+def test_a_ratio_of_inductances_that_no_machine_has_is_told_once(element, factor):
+    setup = setups.parse(new.from_nameplate(PLATE, "x"), "x")
+    wrong = scaled(setup, ELEMENTS[element], factor)
+    assert verdicts(wrong)["lm_H over lls_H"] == "bad" and not usual_findings(wrong)
+
+
+def test_every_published_machine_is_one_that_machines_are_like():
+    """Rewound to six phases, with its printed circuit and its rated values."""
+    for machine in published.machines():
+        one = estimate.examples(machine)[0]
+        text = new.from_circuit(
+            f"{CIRCUIT},torque_Nm={one.circuit.torque_Nm},flux_Wb={one.circuit.flux_Wb}"
+            f",speed_rpm={one.plate.speed_rpm}", "x"
+        )  # fmt: skip
+        changes = {f"machine__{n}": 2 * getattr(machine, n)
+                   for n in ("rs_ohm", "rr_ohm", "lls_H", "llr_H", "lm_H")}  # fmt: skip
+        changes["machine__llr_H"] = max(changes["machine__llr_H"], 1e-6)
+        setup = setups.parse(text, "x").changed(
+            **changes, machine__pole_pairs=machine.pole_pairs, rated__current_A=one.plate.current_A,
+            inverter__vdc_V=2 * machine.voltage_V, sensors__vdc_full_V=4 * machine.voltage_V,
+            sensors__i_full_A=5 * one.plate.current_A, machine__lxy_H=1e-3,
+        )  # fmt: skip
+        found = usual_findings(setup)
+        assert len(found) == 4 and {f.verdict for f in found.values()} == {"ok"}, machine.name
+
+
+def test_without_rated_values_nothing_is_said_of_elements():
+    """What point and profile ask says nothing about the machine's own power."""
+    setup = setups.parse(new.from_nameplate(PLATE, "x"), "x")
+    bare = dict.fromkeys(("rated__current_A", "rated__torque_Nm"), 0.0)
+    assert usual_findings(setup) and not usual_findings(setup.changed(**bare))
+
+
+@pytest.mark.parametrize("name", ("speed_rpm", "flux_Wb"))
+def test_without_a_rated_speed_or_flux_an_element_far_off_is_a_note(name):
+    """They decide the units."""
+    setup = setups.parse(new.from_nameplate(PLATE, "x"), "x")
+    wrong = scaled(setup, ("rs_ohm",), 9.0)
+    assert usual_findings(wrong)["R_s"].verdict == "bad"
+    assert usual_findings(wrong.changed(**{f"rated__{name}": 0.0}))["R_s"].verdict == "note"
+
+
+# -- no scheme is ready --------------------------------------------------------------------------
+
+CURRENT = CIRCUIT.removesuffix(",vdc_V=600")
+#: What is wrong, why no scheme is ready, and what would help: written into the circuit.
+NONE_READY = [
+    ("vdc_V=100,speed_rpm=1500,torque_Nm=9", "torque limit", "inverter.vdc_V", "vdc_V=300"),
+    ("vdc_V=600,i_full_A=7,torque_Nm=9,flux_Wb=1", "build-up", "i_full_A", "i_full_A=25"),
+    ("vdc_V=600,i_full_A=9,torque_Nm=30,flux_Wb=0.9", "torque limit", "i_full_A", "i_full_A=25"),
+    ("vdc_V=600,encoder_ppr=1", "measured speed", "encoder of more pulses", "encoder_ppr=512"),
+    ("vdc_V=600,lxy_H=1e-5", "is nearest: ", "controller.f_isr_Hz", "lxy_H=0.01"),
+]
+
+
+def said_by_new(file, capsys, circuit):
+    assert main(["new", str(file), "--force", "--circuit", circuit]) == 0
+    first, last = capsys.readouterr().out.splitlines()
+    assert last.startswith(f"{file}: complete; next: hexatorque check ")
+    return first
+
+
+@pytest.mark.parametrize(("more", "why", "helps", "change"), NONE_READY)
+def test_new_says_why_no_scheme_is_ready_and_what_would_help(
+    tmp_path, capsys, more, why, helps, change
+):
+    file = tmp_path / "mine.toml"
+    first = said_by_new(file, capsys, f"{CURRENT},{more}")
+    assert first.startswith("scheme ddr: none is ready") and why in first
+    assert helps in first.partition("; what would help: ")[2]
+    assert "raise controller.torque_limit_Nm" not in first  # something else limits it
+    setup = setups.load(file)
+    assert f"# {first.removeprefix('scheme ddr: ')}" in file.read_text()
+    assert not said(setup).ready and setup.parameter("scheme") == "ddr"
+    # It does help.
+    words = dict(word.split("=") for word in f"{more},{change}".split(","))
+    better = ",".join(f"{name}={word}" for name, word in words.items())
+    assert "best of" in said_by_new(file, capsys, f"{CURRENT},{better}")
+    assert said(setups.load(file)).ready

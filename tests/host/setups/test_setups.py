@@ -47,7 +47,7 @@ BASE = 'setup = "paper-b"\n'
         ("[profile]\nbroken = [[1, 'u1', 'lost']]\n", ("profile.broken = 'lost'", "blocked")),
         ("[profile]\nbroken = [[1, 'u1']]\n", ("profile.broken", "[time_s, phase, kind]")),
         ("[profile]\nbroken = [[1, 'u1', 'open']]\n", ("profile.broken", "1 s", "ends")),
-        ("[inverter]\narc_V = 0.9\n", ("inverter.arc_V = 0.9", "1 .. 10000 V")),
+        ("[inverter]\narc_V = 0.9\n", ("inverter.arc_V = 0.9", "1 .. 50000 V")),
         ("[inverter]\nbounce_ms = 101\n", ("inverter.bounce_ms = 101", "0 .. 100 ms")),
         (
             "[inverter]\nrestrike_V_per_ms = -1\n",

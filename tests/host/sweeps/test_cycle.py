@@ -114,6 +114,26 @@ def test_what_the_drive_cannot_do_is_said_before_it_runs(tmp_path):
         Study(setup, kind="cycle", cycle="ece15", schemes=["ddr"])
 
 
+def test_a_study_names_its_files_as_seen_from_its_own_folder(tmp_path, monkeypatch):
+    """Files of the same names where the command runs are others; what is built in stays so."""
+    folder, elsewhere = tmp_path / "studies", tmp_path / "elsewhere"
+    for where, rs_ohm, torque_Nm in ((folder, 1.25, 2), (elsewhere, 3.5, 1)):
+        where.mkdir()
+        (where / "mine.toml").write_text(f'setup = "paper-b"\n[machine]\nrs_ohm = {rs_ohm}\n')
+        table(where, f"time_s,speed_rpm,torque_Nm\n0,100,{torque_Nm}\n1,100,{torque_Nm}\n")
+    text = 'run = "cycle"\nschemes = ["ddr"]\n'
+    (folder / "own.toml").write_text(f'setup = "mine.toml"\ncycle = "mine.csv"\n{text}')
+    (folder / "ready.toml").write_text(f'setup = "paper-b"\ncycle = "ece15"\n{text}')
+    (folder / "ece15").write_text("a file of this name is not meant")
+    monkeypatch.chdir(elsewhere)
+    own, of_package = files.read("../studies/own.toml"), files.read("../studies/ready.toml")
+    assert own.setup["machine.rs_ohm"] == 1.25 and own.cycle.torque == (2, 2)
+    assert of_package.setup.name == "paper-b" and of_package.cycle == cycle.read("ece15")
+    # An option is typed where the command runs.
+    typed = files.read("../studies/own.toml", {"setup": "mine.toml", "cycle": "mine.csv"})
+    assert typed.setup["machine.rs_ohm"] == 3.5 and typed.cycle.torque == (1, 1)
+
+
 def test_the_study_of_a_cycle_and_its_picture(tmp_path):
     study = files.read("cycle", {"schemes": ["dtc1", "ddr"]})
     assert study.cycle.name == "ece15" and study.metrics == tuple(cycle.UNITS)

@@ -8,6 +8,7 @@ import sys
 import click
 
 from ...given import listed, real
+from ...setups.keys import MOST_NM
 from .. import completion, options
 from ..group import examples
 from ..options import Mistake
@@ -135,10 +136,10 @@ def _loads(text: str | None) -> tuple[tuple[float, float], ...]:
             steps.append((float("nan"), 0.0))
     times = [time_s for time_s, _ in steps]
     ascend = all(a < b for a, b in itertools.pairwise(times))
-    finite = all(abs(value) <= 1e4 and time_s < float("inf") for time_s, value in steps)
+    finite = all(abs(value) <= MOST_NM and time_s < float("inf") for time_s, value in steps)
     if not (ascend and finite):
         raise Mistake(
             f"--load {text}: write NM, or T:NM,T:NM with times in s that ascend; torques up to "
-            "10000 N m either way"
+            f"{MOST_NM:.0f} N m either way"
         )
     return tuple(steps)
