@@ -33,7 +33,7 @@
 #define DEAD 0.3f
 
 /* One L_xy explains the residual if this share of its square goes with the change of the current. */
-#define EXPLAINED 0.9f
+#define EXPLAINED 0.95f
 
 /* Where a leg's current flows during a period. */
 typedef enum { FLOWS_IN = -1, NO_FLOW = 0, FLOWS_OUT = 1 } way;
