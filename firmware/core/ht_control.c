@@ -318,6 +318,7 @@ uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uin
                          float set2_ohm)
 {
     uint16_t off = ht_lost_legs_of(legs, &st->lost);
+    float more_ohm = st->leg_loss.more_ohm; /* the machine has it without the leg, too */
     uint16_t n;
     ht_lost_legs_differ(&st->lost, set2_ohm);
     for (n = 0u; (st->leg_loss.found != 0u) && (n < st->lost.axes); n++) {
@@ -327,6 +328,7 @@ uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uin
         st->observer.psi_Wb.beta += cfg->observer.ts_s * sum_V * x->a.beta;
     }
     ht_leg_loss_reset(&st->leg_loss);
+    st->leg_loss.more_ohm = more_ohm;
     st->leg_loss.without = off;
     return off;
 }

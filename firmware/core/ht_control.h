@@ -124,7 +124,8 @@ bool ht_control_can_lose(const ht_control_config *cfg);
 /** Go on without the legs of the state word `legs`, where ht_control_can_lose. Returns those that must
  *  be off from now on, 0 if this cannot be. While one leg is lost, another loss is found as before,
  *  but not named; while two are, it is not found. The flux is corrected by what the voltage was wrong
- *  until a loss was found. `set2_ohm`: resistance of set 2 less the mean of both sets. */
+ *  until a loss was found. What ht_leg_loss has learnt of L_xy stays. `set2_ohm`: resistance of set 2
+ *  less the mean of both sets. */
 uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs,
                          float set2_ohm);
 

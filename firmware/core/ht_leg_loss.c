@@ -32,6 +32,9 @@
 /* The dead leg's share of the current of the leg that has the next least. */
 #define DEAD 0.3f
 
+/* One L_xy explains the residual if this share of its square goes with the change of the current. */
+#define EXPLAINED 0.95f
+
 /* Where a leg's current flows during a period. */
 typedef enum { FLOWS_IN = -1, NO_FLOW = 0, FLOWS_OUT = 1 } way;
 
@@ -103,8 +106,10 @@ static void gather(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
 static void begin(ht_leg_loss_state *st)
 {
     static const ht_leg_evidence nothing = {0.0f, 0.0f, 0.0f};
+    static const ht_leg_loss_fit no_period = {0.0f, 0.0f, 0.0f};
     int leg;
     st->count = 1u;
+    st->fit = no_period;
     for (leg = 0; leg < HT_LEGS; leg++) {
         st->leg[leg] = nothing;
     }
@@ -172,12 +177,32 @@ void ht_leg_loss_reset(ht_leg_loss_state *st)
     st->without = 0u;
     st->sum_V.x = 0.0f;
     st->sum_V.y = 0.0f;
+    st->more_ohm = 0.0f;
+    st->learnt = false;
+}
+
+/* A wrong L_xy makes a residual in every period, along the change of the x-y current, in the same
+ * proportion. If that explains the residual of all periods, it is learnt. */
+static bool explained(const ht_leg_loss_config *cfg, ht_leg_loss_state *st)
+{
+    const ht_leg_loss_fit *fit = &st->fit;
+    float least_V2 = EXPLAINED * fit->residual_V2;
+    float l = cfg->l_per_ts_ohm;
+    float more_ohm = st->more_ohm - fit->both_VA / fit->change_A2;
+    if (((fit->both_VA * fit->both_VA) > (least_V2 * fit->change_A2))
+        && ((l + more_ohm) < (HT_LEG_LOSS_MOST_FACTOR * l))
+        && ((HT_LEG_LOSS_MOST_FACTOR * (l + more_ohm)) > l)) {
+        st->more_ohm = more_ohm;
+        return true;
+    }
+    return false;
 }
 
 /* The low pass of the residual is large: `clear2` is its square over that of its limit. The residual
  * itself is `now`. */
 static void suspect(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
-                    const ht_leg_loss_period *in, ht_xy now, float clear2, float limit_V)
+                    const ht_leg_loss_period *in, ht_xy now, ht_xy change, float clear2,
+                    float limit_V)
 {
     const float *i = in->end_A->p;
     float one = i[0] + i[2] + i[4];
@@ -204,6 +229,9 @@ static void suspect(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
         st->sum_V.y += now.y;
     }
     gather(cfg, st, in, now, limit_V);
+    st->fit.both_VA += now.x * change.x + now.y * change.y;
+    st->fit.change_A2 += change.x * change.x + change.y * change.y;
+    st->fit.residual_V2 += now.x * now.x + now.y * now.y;
     if (st->count <= cfg->hold) {
         st->count++;
     } else if (st->without != 0u) {
@@ -211,16 +239,23 @@ static void suspect(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
     } else {
         float enough_V = ENOUGH * (float)cfg->hold * limit_V;
         float chance_V = CHANCE * sqrtf(st->low_V2);
-        st->found = judged(st, (enough_V > chance_V) ? enough_V : chance_V);
+        uint16_t found = judged(st, (enough_V > chance_V) ? enough_V : chance_V);
+        if ((found != 0u) && !st->learnt && explained(cfg, st)) {
+            begin(st);
+            st->learnt = true;
+        } else {
+            st->found = found;
+        }
     }
 }
 
 void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
                       const ht_leg_loss_period *in, ht_xy v_V, ht_xy from, ht_xy to)
 {
-    float l = cfg->l_per_ts_ohm;
-    float x = in->rs_ohm * to.x + l * (to.x - from.x) - v_V.x;
-    float y = in->rs_ohm * to.y + l * (to.y - from.y) - v_V.y;
+    float l = cfg->l_per_ts_ohm + st->more_ohm;
+    ht_xy change = {to.x - from.x, to.y - from.y};
+    float x = in->rs_ohm * to.x + l * change.x - v_V.x;
+    float y = in->rs_ohm * to.y + l * change.y - v_V.y;
     float size2;
     float limit2;
     float least2;
@@ -242,9 +277,10 @@ void ht_leg_loss_step(const ht_leg_loss_config *cfg, ht_leg_loss_state *st,
     }
     if (size2 > least2) {
         ht_xy now = {x, y};
-        suspect(cfg, st, in, now, size2 / limit2, sqrtf(limit2));
+        suspect(cfg, st, in, now, change, size2 / limit2, sqrtf(limit2));
     } else {
         st->count = 0u;
+        st->learnt = false;
     }
 }
 

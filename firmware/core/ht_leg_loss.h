@@ -16,7 +16,11 @@
  *  residual of any size speaks for the leg whose direction it has, if it opposes the leg's current.
  *  A period that does not fit speaks against the loss. The switch is named for which there is clearly
  *  more evidence than for any other. Wrong machine parameters make a residual, too, but it does not
- *  keep to any leg's currents. A leg that carries no current at all shows whichever of its switches
+ *  keep to any leg's currents. Large x-y currents and an L_xy that is far from the true one may name
+ *  a leg even so. So before that, the same periods are asked whether one L_xy explains the residual
+ *  of all of them: it is along the change of the current then, whatever the direction. That L_xy is
+ *  learnt, and the evidence begins again. It is asked once; a residual that stays is a lost leg's.
+ *  A leg that carries no current at all shows whichever of its switches
  *  should have conducted at that time.
  *
  *  A current sensor that is wrong makes a residual along the same directions. But then the three
@@ -50,6 +54,13 @@ typedef struct {
     float sum_A;   /**< its current without sign, added up */
 } ht_leg_evidence;
 
+/** Of the periods since the residual became large, added up. */
+typedef struct {
+    float both_VA;   /**< residual times the change of the x-y current */
+    float change_A2; /**< this change, squared */
+    float residual_V2;
+} ht_leg_loss_fit;
+
 typedef struct {
     ht_xy low_V;          /**< low pass of the residual */
     float low_V2;         /**< the same of the residual, squared */
@@ -63,6 +74,9 @@ typedef struct {
                        *   only tells that there is another */
     uint16_t without; /**< legs that are lost already, a state word */
     ht_xy sum_V;      /**< residual of the periods since it became large, added up */
+    ht_leg_loss_fit fit;
+    float more_ohm; /**< learnt: what L_xy / Ts has beyond the configured one */
+    bool learnt;    /**< since the residual became large */
 } ht_leg_loss_state;
 
 /** What was found. */
@@ -72,6 +86,9 @@ typedef struct {
 } ht_leg_loss;
 
 void ht_leg_loss_reset(ht_leg_loss_state *st);
+
+/** L_xy that is learnt is up to so many times what the parameter says, or as small a part of it. */
+#define HT_LEG_LOSS_MOST_FACTOR 2.5f
 
 /** One period. */
 typedef struct {

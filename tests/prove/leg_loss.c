@@ -74,6 +74,11 @@ void prove_leg_loss(void)
     }
     st.without = nondet_uint16();
     st.sum_V = any_xy();
+    st.fit.both_VA = nondet_float();
+    st.fit.change_A2 = nondet_float();
+    st.fit.residual_V2 = nondet_float();
+    st.more_ohm = nondet_float();
+    st.learnt = nondet_bool();
     GIVEN((cfg.hold >= 1u) && (cfg.hold < 0xFFFFu) && (st.count <= (cfg.hold + 1u))
           && (st.wait <= cfg.wait) && (cfg.wait >= 1u));
     GIVEN((st.found <= HT_SWITCHES) && (leg < 6u));
@@ -88,6 +93,26 @@ void prove_leg_loss(void)
     MUST(IMPLIES(is_nan(v.x) || is_nan(to.y), (st.found == was.found) && (st.count == 0u)));
     MUST(IMPLIES(is_nan(end_A.p[3]), st.found == was.found));
     MUST(st.without == was.without);
+    /* Where something was learnt since the residual became large, the leg that is named counts. */
+    MUST(IMPLIES(was.learnt, (st.more_ohm == was.more_ohm) || is_nan(was.more_ohm)));
+}
+
+/* What is learnt of L_xy is within its limits, and never NaN. */
+void prove_leg_loss_learnt(void)
+{
+    ht_leg_loss_config cfg;
+    ht_leg_loss_state st;
+    float had_ohm = nondet_float();
+    bool learnt;
+    cfg.l_per_ts_ohm = nondet_float();
+    GIVEN(cfg.l_per_ts_ohm > 0.0f);
+    st.fit.both_VA = nondet_float();
+    st.fit.change_A2 = nondet_float();
+    st.fit.residual_V2 = nondet_float();
+    st.more_ohm = had_ohm;
+    learnt = explained(&cfg, &st);
+    MUST(IMPLIES(learnt, !is_nan(st.more_ohm)));
+    MUST(IMPLIES(!learnt, (st.more_ohm == had_ohm) || is_nan(had_ohm)));
 }
 
 void prove_leg_loss_begin(void)
@@ -97,6 +122,7 @@ void prove_leg_loss_begin(void)
     MUST((st.count == 0u) && (st.wait == 0u) && (st.found == 0u));
     MUST(st.without == 0u);
     MUST((st.leg[5].upper_V == 0.0f) && (st.leg[5].lower_V == 0.0f));
+    MUST((st.more_ohm == 0.0f) && !st.learnt);
     MUST((st.low_V.x == 0.0f) && (st.low_V.y == 0.0f) && (st.low_A2 == 0.0f)
          && (st.low_V2 == 0.0f));
     ht_leg_loss_tolerate(&st, nondet_float(), nondet_float(), nondet_float());

@@ -770,6 +770,16 @@ def test_a_loss_corrects_the_flux_by_the_voltage_that_was_missing(leg, found):
     np.testing.assert_allclose([psi.alpha, psi.beta], wanted, atol=1e-6)
 
 
+def test_what_is_learnt_of_the_inductance_stays_without_a_leg_until_the_next_start():
+    """The machine is the same."""
+    drive = Drive(config())
+    drive.state.leg_loss.more_ohm = 3.0
+    assert lib.ht_control_lose(drive.cfg, drive.state, 0b010000, 0.0)
+    assert drive.state.leg_loss.more_ohm == 3.0
+    lib.ht_control_reset(drive.cfg, drive.state, [{"p": [0.0] * 6}])
+    assert drive.state.leg_loss.more_ohm == 0.0
+
+
 def test_without_a_leg_the_decision_counts_on_what_the_rotor_induces():
     """u2 is lost and no leg makes a voltage. The terminal of u2 follows the machine: along its axis
     this depends on the rotor's flux, here seen from the stator and in both components."""

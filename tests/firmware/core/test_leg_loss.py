@@ -485,3 +485,132 @@ def test_while_a_leg_is_off_a_leg_that_carries_current_may_be_lost(lost):
     error[0] = -5.5 * LEAST_V  # the residual is less than twice its limit
     found = [watch.step(commands(rng), error) for _ in range(200)]
     assert bool(found[-1]) == bool(lost)
+
+
+#: A period's change of the x-y current, A; the inductance of the parameter takes 100 V for 1 A.
+CHANGE_A = 0.5
+
+
+def changes(periods=200, leg=0):
+    """Changes of the x-y current, most of them along one leg's direction."""
+    rng = np.random.default_rng(leg)
+    along = 3 * XY[:, leg]
+    return CHANGE_A * (along + rng.normal(0, 0.3, (periods, 2)))
+
+
+def changing(watch, all_A, share=1.0, across=0.0, more_V=(0.0, 0.0), learns=True):
+    """Periods with these changes, in a machine that has this share of the L_xy that the firmware
+    believes. No leg carries current. across: a residual that the change does not explain, relative
+    to the one that a wrong L_xy makes. Returns the number of the period in which a leg is named."""
+    for n, change_A in enumerate(all_A):
+        l_ohm = L / TS
+        turned = np.array([-change_A[1], change_A[0]]) * (1 if n % 2 else -1)
+        v = share * l_ohm * change_A - (1 - share) * l_ohm * across * turned - np.array(more_V)
+        if not learns:
+            watch.state.learnt = True
+        if watch.watch(v, -change_A, [0.0, 0.0], np.zeros(6)):
+            return n
+    return None
+
+
+def believed(watch):
+    """L_xy in units of the parameter's."""
+    return 1 + watch.state.more_ohm / watch.cfg.l_per_ts_ohm
+
+
+@pytest.mark.parametrize("share", (0.42, 0.6, 0.8, 1.3, 2.0, 2.4))
+@pytest.mark.parametrize("leg", range(6))
+def test_a_wrong_inductance_is_learnt_from_what_would_name_a_leg(leg, share):
+    """Each residual is (L believed - L) di/dt: one L_xy explains all of them, whatever the
+    directions. Without the learning a leg is named."""
+    assert changing(Watch(), changes(leg=leg), share, learns=False) is not None
+    watch = Watch()
+    assert changing(watch, changes(leg=leg), share) is None
+    assert believed(watch) == pytest.approx(share, rel=1e-4)
+    assert watch.state.count == 0
+
+
+@pytest.mark.parametrize("share", (0.38, 2.6))
+def test_no_inductance_is_learnt_that_no_machine_has(share):
+    """The parameter is at most 2.5 times the true one, or the true one 2.5 times the parameter."""
+    watch = Watch()
+    assert changing(watch, changes(), share) is not None
+    assert believed(watch) == 1
+
+
+@pytest.mark.parametrize(("explained", "learnt"), ((0.94, False), (0.96, True)))
+@pytest.mark.parametrize("share", (0.5, 1.8))
+def test_the_inductance_must_explain_95_percent_of_the_residual_squared(share, explained, learnt):
+    """A part across the change leaves 1/(1 + part^2) of the square to the inductance."""
+    watch = Watch()
+    found = changing(watch, changes(30), share, across=np.sqrt(1 / explained - 1))
+    assert (believed(watch) != 1) == learnt
+    if learnt:  # the part across has no share in it
+        assert believed(watch) == pytest.approx(share, rel=1e-3)
+    else:
+        assert found is not None
+
+
+def test_what_is_learnt_is_the_least_squares_fit_of_the_periods_that_gathered_evidence():
+    rng = np.random.default_rng(2)
+    watch, seen = Watch(), []
+    for change_A in changes(200, leg=3):
+        v = 0.6 * L / TS * change_A + rng.normal(0, 3.0, 2)
+        residual = L / TS * change_A - v
+        assert not watch.watch(v, -change_A, [0.0, 0.0], np.zeros(6))
+        if watch.state.more_ohm:
+            seen.append((change_A, residual))
+            break
+        if watch.state.count:
+            seen.append((change_A, residual))
+    all_A, all_V = (np.concatenate(column) for column in zip(*seen))
+    (slope,), *_ = np.linalg.lstsq(all_A[:, None], all_V, rcond=None)
+    assert len(seen) > HOLD
+    assert watch.state.more_ohm == pytest.approx(-slope, rel=1e-4)
+
+
+def test_a_residual_that_stays_names_its_leg_although_something_was_learnt():
+    """A lost leg may look like a wrong L_xy at first. Then the evidence is gathered once more."""
+    watch, all_A = Watch(), changes(400)
+    learnt = next(n for n, change in enumerate(all_A) if changing(watch, [change], 0.6) is None
+                  and watch.state.learnt)  # fmt: skip
+    l_ohm = watch.state.more_ohm
+    more_V = 20 * 3 * XY[:, 0]
+    again = changing(watch, all_A[learnt + 1 :], 0.6, more_V=more_V)
+    assert HOLD <= again <= HOLD + 3
+    assert watch.named == ("u1", "lower")
+    assert watch.state.more_ohm == l_ohm
+
+
+def test_it_is_learnt_again_after_the_residual_was_small():
+    watch = Watch()
+    for share in (0.6, 1.2, 0.5):
+        assert changing(watch, changes(), share) is None
+        assert believed(watch) == pytest.approx(share, rel=1e-4)
+        assert not watch.state.learnt
+
+
+@pytest.mark.parametrize("share", (0.45, 1.0, 2.2))
+@pytest.mark.parametrize("switch", ("upper", "lower"))
+@pytest.mark.parametrize("leg", range(6))
+def test_a_lost_leg_is_named_whatever_the_inductance_is_believed_to_be(leg, switch, share):
+    """A healthy machine whose vectors are large, then a loss. No L_xy explains a voltage that keeps
+    to one direction while the current changes in all."""
+    rng = np.random.default_rng(leg)
+    watch = Watch(share * L)
+    for _ in range(2000):
+        assert watch.step(commands(rng, 100.0)) == 0
+    error = np.zeros(6)
+    error[leg] = -90.0 if switch == "upper" else 90.0
+    for _ in range(100):
+        if watch.step(commands(rng, 100.0), error, without=leg):
+            break
+    assert watch.named == (PHASES[leg], switch)
+
+
+def test_without_a_leg_nothing_is_learnt():
+    """One direction of the residual is all that is left: another leg is lost."""
+    watch = Watch()
+    watch.state.without = 32
+    assert changing(watch, changes(), 0.6) is not None
+    assert watch.state.more_ohm == 0

@@ -72,6 +72,21 @@ def test_the_lost_phase_is_named(scheme, kind, phase, rpm, load_Nm):
     assert sim.controller.channel("warnings") == 0
 
 
+@pytest.mark.parametrize("phase", ("u1", "v2"))
+@pytest.mark.parametrize("share", (0.45, 0.6, 1.7, 2.2))
+def test_an_inductance_that_is_far_off_is_learnt_and_a_lost_phase_is_named(share, phase):
+    """Under dtc1 the x-y currents are large, so a wrong L_xy makes a large residual. It is learnt
+    from periods that would have named a leg. R_s and dead time take a few per cent of it."""
+    lxy_H = setups.load("paper-a-feasible").parameter("lxy_H")
+    sim = running("dtc1", 300.0, 5.0, controller__lxy_H=share * lxy_H)
+    drive = sim.controller.drive
+    taken_ohm = drive.config.control.leg_loss.l_per_ts_ohm + drive.control.leg_loss.more_ohm
+    assert taken_ohm * sim.period_s == pytest.approx(lxy_H, rel=0.06)
+    sim.break_leg(phase, "open", 0.43 * sim.period_s)
+    until_fault(sim, 0.1)
+    assert sim.snapshot["warnings"][0] == f"phase {phase} lost"
+
+
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_reversal_with_wrong_parameters_is_no_loss(scheme):
     sim = running(scheme, 600.0, 3.0, controller__lxy_H=0.013, controller__rs_ohm=1.3)
