@@ -1,7 +1,7 @@
 """Commissioning of machines of all sizes: how near to the truth it comes, and whether it names what
 is wired wrongly.
 
-The machines, and what is known of each beforehand, are those of the study `machines`: the
+The machines, and what is known of each beforehand, are those of the module `plates`: the
 controller was designed from the plate alone. Added are noise, offsets and gains of the current
 sensors, devices that drop voltage, stators whose phases differ, and dry friction. Then the built-in
 set-ups, with a controller that knows their machines by -30 to +50 %. Limits are those of the
@@ -29,7 +29,7 @@ from ...parallel import in_order
 from ...plant.vsd import INVERSE, PHASES
 from ...setups import Setup
 from ...setups.design import Design
-from . import machines
+from . import plates
 from .grids import Grid, for_terminal
 
 TITLE = "Commissioning: errors of what it finds"
@@ -228,8 +228,8 @@ def miswired(setup: Setup, words: list[str], changes: dict[str, Any]) -> dict[st
 
 def study(quick: bool = False, progress: Progress | None = None) -> dict:
     def drawn(number: int) -> dict:
-        plate, circuit, inertia_kgm2 = machines.machine(number)
-        setup = machines.drive(plate, circuit, inertia_kgm2)
+        plate, circuit, inertia_kgm2 = plates.machine(number)
+        setup = plates.drive(plate, circuit, inertia_kgm2)
         return {
             "name": f"{number}: {plate.power_kW:.3g} kW",
             "power_kW": plate.power_kW,
@@ -262,7 +262,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
         "quick": quick,
         "miswirings": each(wrong, cases),
         "built_in": each(built_in, names),
-        "machines": each(drawn, range(QUICK if quick else machines.MACHINES)),
+        "machines": each(drawn, range(QUICK if quick else plates.MACHINES)),
     }
 
 
