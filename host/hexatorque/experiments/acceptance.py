@@ -1,36 +1,55 @@
-"""The acceptance run of a simulated drive: start, rated speed, rated torque, the same in reverse,
-standstill, stop. A set-up whose drive passes it can be worked with."""
+"""The acceptance run of a simulated drive: start, speeds and loads one after the other, stop. A
+set-up whose drive passes it can be worked with."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 from ..drive.simulated import SimulatedDrive
 from ..setups import Setup, parameters
 from ..setups.design import Design
 from .operating_points import NotReached, Point, waits
 
-#: Allowed deviation of the speed, share of rated speed.
-TOLERANCE = 0.02
+#: Allowed deviation of the speed, share of rated speed; at the lowest speeds, of the reference.
+TOLERANCE, TOLERANCE_SLOW = 0.02, 1 / 3
 #: The speed is looked at this often, and must be near for this many looks.
 LOOK_S = 0.05
 LOOKS = 4
 
+#: Speeds and loads, shares of the rated ones.
+Course = Sequence[tuple[float, float]]
+#: Rated speed, rated torque, the same in reverse, standstill.
+ROUND: Course = ((1, 0), (1, 1), (1, 0), (-1, 0), (-1, -1), (-1, 0), (0, 0))
 
-def accept(setup: Setup) -> SimulatedDrive:
+
+def whole(fast_load: float) -> Course:
+    """3, 30, 100 and 150 % of rated speed; the rated torque with both signs, at 150 % this share of
+    it; the load drops; the speed reverses in field weakening and under load."""
+    slow = ((0.03, 0), (0.03, 1), (0.03, -1), (0.3, -1), (0.3, 1), (0.3, 0))
+    rated = ((1, 0), (1, 1), (1, 0), (1, -1), (1, 0))
+    fast = ((1.5, 0), (1.5, fast_load), (1.5, 0), (-1.5, 0), (-1, 0))
+    return (*slow, *rated, *fast, (-1, -1), (-0.3, -1), (0.3, -1), (0.3, 0), (0, 0))
+
+
+def accept(
+    setup: Setup, course: Course = ROUND, rated: tuple[float, float] | None = None
+) -> SimulatedDrive:
     """The drive after the run. Raises DriveFault if it trips and NotReached if it does not get
-    where it should. Without rated values in the set-up the run takes those that follow from it
-    (`Design`)."""
+    where it should: at a speed that is held the machine carries the load. rated: speed in r/min
+    and torque in N m; without them those that follow from the set-up (`Design`)."""
     values = parameters(setup)
     design = Design(setup, values.__getitem__)
-    speed_rpm, load_Nm = design.rated_rpm, design.rated_Nm
+    speed_rpm, load_Nm = rated or (design.rated_rpm, design.rated_Nm)
     longest_s = waits(Point(setup, 2 * speed_rpm, load_Nm)).reach_s
     sim = SimulatedDrive(setup.changed(load__kind="constant"), 1)
     sim.start()
     sim.run(float(values["calibration_s"]) + float(values["build_s"]) + LOOK_S, record=False)
     sim.check()
-    for share, load_share in ((1, 0), (1, 1), (1, 0), (-1, 0), (-1, -1), (-1, 0), (0, 0)):
+    for share, load_share in course:
         sim.set("speed_ref_rpm", share * speed_rpm)
         sim.set("load_Nm", load_share * load_Nm)
-        _settle(sim, share * speed_rpm, TOLERANCE * speed_rpm, longest_s)
+        within = min(TOLERANCE, TOLERANCE_SLOW * abs(share)) if share else TOLERANCE
+        _settle(sim, share * speed_rpm, within * speed_rpm, longest_s)
     sim.stop()
     return sim
 

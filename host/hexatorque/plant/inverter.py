@@ -25,7 +25,9 @@ from .compiled import compiled, source_hash
 from .legs import BLOCKED, BREAK, HIGH, LOW, LOWER, OFF, OPEN, UPPER, WHOLE
 from .machine import (
     coast,
+    common_part,
     constant_response,
+    current_with,
     derivative,
     incremental,
     leg_response,
@@ -318,9 +320,10 @@ def _subtract_drops(inv, m, y, vdc):
     """Voltages of all legs but the floating ones, which keep theirs, behind the devices
     that carry the currents of y: the upper switch drives current out of a HIGH leg and
     the upper diode takes current back, the lower two likewise."""
+    common = common_part(m, y)
     for leg in range(6):
         state = inv.leg[leg]
-        i = phase_current(m, y, leg)
+        i = current_with(m, y, common, leg)
         arcs = inv.contact.broken[leg] == OPEN and inv.diode[leg] != 0
         if arcs:
             state = inv.command[leg]
@@ -392,9 +395,11 @@ def longest_step_s(inv, m):
 def _far_from_zero(inv, m, before, after):
     """Whether every leg's current keeps its sign from one state to the other, far from zero."""
     far_A = FAR * inv.devices.knee_A
+    common0 = common_part(m, before)
+    common1 = common_part(m, after)
     for leg in range(6):
-        i0 = phase_current(m, before, leg)
-        i1 = phase_current(m, after, leg)
+        i0 = current_with(m, before, common0, leg)
+        i1 = current_with(m, after, common1, leg)
         if not ((i0 > far_A and i1 > far_A) or (i0 < -far_A and i1 < -far_A)):
             return False
     return True

@@ -76,8 +76,13 @@ def torque_Nm(m, y, i):
 
 
 @_contract
-def phase_current(m, y, leg):
-    """Current of the phase on this leg, A; it flows out of the leg."""
+def common_part(m, y):
+    """What the phase currents of one state have in common, computed once. Any type."""
+
+
+@_contract
+def current_with(m, y, common, leg):
+    """`phase_current` with common = common_part(m, y)."""
 
 
 @_contract
@@ -104,6 +109,12 @@ def leg_response(m, gain, leg, other):
 def coast(m, load, y, dt, most_V):
     """Advance by dt without any stator current. Returns False and leaves y alone if the
     voltage that the rotor induces between two terminals can exceed `most_V`."""
+
+
+@compiled(inline="always")
+def phase_current(m, y, leg):
+    """Current of the phase on this leg, A; it flows out of the leg."""
+    return current_with(m, y, common_part(m, y), leg)
 
 
 @compiled

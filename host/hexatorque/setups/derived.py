@@ -38,9 +38,9 @@ LONGEST_STEP = 0.8
 WRITTEN_WITHIN = 0.8
 #: Frequencies of the speed loop. Each divides both sampling frequencies.
 F_SLOW_HZ = (100.0, 200.0, 500.0, 1000.0)
-#: No-load current over rated current where no flux is stated: of published machines the larger
-#: ones have less, the smaller ones more.
-NO_LOAD_SHARE = 0.5
+#: No-load current over rated current where no flux is stated: the median of the published machines.
+#: Too much flux saturates a machine, too little costs current.
+NO_LOAD_SHARE = 0.4
 #: A load that is asked for is at most this share of the pull-out torque.
 ASKED_OF_PULL_OUT = 0.5
 #: Torque limit over rated torque.
@@ -145,16 +145,23 @@ def _flux_ref_Wb(k: Known) -> float:
     stated = k.setup["rated.flux_Wb"]
     if stated > 0:
         return stated
+    # What is asked for may need more: at low speed the voltage lets it, on the way up the field is
+    # weakened.
+    needed_Wb = math.sqrt(k.asked_Nm / (ASKED_OF_PULL_OUT * pull_out_Nm(m, 1.0)))
     limits = [0.2 * k.setup["sensors.i_full_A"] * m.ls_H]
     if k.setup["rated.current_A"] > 0:
-        limits.append(NO_LOAD_SHARE * math.sqrt(2) * k.setup["rated.current_A"] * m.ls_H)
+        by_current_Wb = NO_LOAD_SHARE * math.sqrt(2) * k.setup["rated.current_A"] * m.ls_H
+        limits.append(max(by_current_Wb, needed_Wb))
+    elif k.asked_Nm > 0 and k.setup["rated.torque_Nm"] == 0:
+        # The no-load current has the same share of the current at this load.
+        across = math.sqrt(1 / NO_LOAD_SHARE**2 - 1)
+        by_load_Wb = math.sqrt(k.asked_Nm * m.ls_H / (3 * m.pole_pairs * across))
+        limits.append(max(by_load_Wb, needed_Wb))
     if m.psi_knee_Wb > 0:
         limits.append(0.8 * m.psi_knee_Wb)
     speed_rpm = k.setup["rated.speed_rpm"] or k.asked_rpm
     if speed_rpm > 0:
         turned_Wb = 0.9 * USABLE * REACH_PU * k.vdc_V / (m.pole_pairs * rad_s(speed_rpm))
-        # What is asked at low speed may need more: then the field is weakened on the way up.
-        needed_Wb = math.sqrt(k.asked_Nm / (ASKED_OF_PULL_OUT * pull_out_Nm(m, 1.0)))
         limits.append(turned_Wb if k.setup["rated.speed_rpm"] else max(turned_Wb, needed_Wb))
     return min(max(min(limits), 0.002), 40.0)
 
@@ -182,7 +189,8 @@ def _f_slow_Hz(k: Known) -> float:
 
 def _torque_limit_Nm(k: Known) -> float:
     by_current = k.torque_of_current_Nm(0.8 * k["i_trip_A"])
-    return max(0.001, min(LIMIT_PER_RATED * k.rated_Nm, PULL_OUT_SHARE * k.pull_out_Nm, by_current))
+    rated_Nm = k.rated_Nm if k.setup["rated.torque_Nm"] > 0 else max(k.rated_Nm, k.asked_Nm)
+    return max(0.001, min(LIMIT_PER_RATED * rated_Nm, PULL_OUT_SHARE * k.pull_out_Nm, by_current))
 
 
 def _loss_check(k: Known) -> float:
@@ -231,10 +239,11 @@ def ki_xy(kp_pu_A: float) -> float:
 #: The design of what a set-up leaves open.
 OPEN: dict[str, Rule] = {
     "flux_ref_Wb": Rule(
-        "rated.flux_Wb; without it the least of: 20 % of the sensors' range times L_s, half of "
-        "rated.current_A times L_s, 80 % of psi_knee_Wb, 90 % of what the usable voltage turns at "
-        "rated.speed_rpm; without that at the fastest speed of point and profile, but as much as "
-        "their load needs",
+        "rated.flux_Wb; without it the least of: 20 % of the sensors' range times L_s, 40 % of "
+        "rated.current_A times L_s (without it, of the current at the largest load of point and "
+        "profile), 80 % of psi_knee_Wb, 90 % of what the usable voltage turns at rated.speed_rpm "
+        "(without it, at the fastest speed of point and profile); the second and the last are as "
+        "much as this load needs",
         _flux_ref_Wb,
     ),
     "flux_min_Wb": Rule("20 % of flux_ref_Wb", lambda k: 0.2 * k.flux_Wb),
@@ -265,7 +274,8 @@ OPEN: dict[str, Rule] = {
         "torque_band_Nm / sqrt 3", lambda k: k["torque_band_Nm"] / math.sqrt(3)
     ),
     "torque_limit_Nm": Rule(
-        "1.5 times rated torque, but at most 80 % of pull-out, and what 80 % of i_trip_A gives",
+        "1.5 times rated torque, or the largest load of point and profile if no torque is stated "
+        "and that is larger; but at most 80 % of pull-out, and what 80 % of i_trip_A gives",
         _torque_limit_Nm,
     ),
     "kp_speed_Nms_rad": Rule(

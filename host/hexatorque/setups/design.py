@@ -129,6 +129,21 @@ class Design:
         return max(abs(value) for value in (self.setup["point.load_Nm"], *(v for _, v in steps)))
 
     @cached_property
+    def demands(self) -> list[tuple[float, float]]:
+        """Speeds and torques that are asked for together: those of the point and of each moment of
+        the profile; rated speed and torque if the speed is stated, or if nothing is asked."""
+        speeds, loads = self.setup.profile.speed_rpm, self.setup.profile.load_Nm
+        together = [
+            tuple(abs(([0.0] + [v for t, v in of if t <= time_s])[-1]) for of in (speeds, loads))
+            for time_s, _ in (*speeds, *loads)
+        ]
+        together.append((abs(self.setup["point.speed_rpm"]), abs(self.setup["point.load_Nm"])))
+        asked = [(rpm, load_Nm) for rpm, load_Nm in together if load_Nm > 0]
+        if self.setup["rated.speed_rpm"] > 0 or not asked:
+            asked.append((self.rated_rpm, self.rated_Nm))
+        return asked
+
+    @cached_property
     def rated_Nm(self) -> float:
         """The stated rated torque; else what the stated rated current gives; else what point and
         profile ask; else what a share of the sensors' range gives."""

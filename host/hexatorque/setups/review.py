@@ -598,8 +598,13 @@ def _reach(d: Design, row: Any, table_share: float) -> Iterator[Finding]:
         f"the field is weakened from there on; to avoid it {more}", "note",
     )  # fmt: skip
     usable_V = p("fw_margin") * reach_pu * d.vdc_V
-    most_Nm = min(p("torque_limit_Nm"), d.most_torque_Nm(d.rated_rpm, usable_V))
-    yield at_least("torque left at rated speed", most_Nm, d.rated_Nm, "N m", more)
+
+    def most_Nm(speed_rpm: float) -> float:
+        return min(p("torque_limit_Nm"), d.most_torque_Nm(speed_rpm, usable_V))
+
+    speed_rpm, load_Nm = max(d.demands, key=lambda asked: asked[1] - most_Nm(asked[0]))
+    where = "rated speed" if speed_rpm == d.rated_rpm else f"{speed_rpm:.0f} r/min"
+    yield at_least(f"torque left at {where}", most_Nm(speed_rpm), load_Nm, "N m", more)
 
 
 def _refused(setup: Setup, findings: list[Finding]) -> Iterator[Finding]:

@@ -15,7 +15,7 @@ from hexatorque.commissioning.regression import Value, linear, nonlinear
 from hexatorque.commissioning.result import set_up
 from hexatorque.commissioning.sequence import STEPS, commission, with_needs
 from hexatorque.drive.simulated import SimulatedDrive
-from hexatorque.evidence.studies import machines
+from hexatorque.evidence.studies import plates
 from hexatorque.plant.vsd import INVERSE, TRANSFORM
 from hexatorque.setups.loading import parse
 
@@ -278,7 +278,7 @@ def test_another_flux_is_no_fault_of_the_flux(monkeypatch):
     """A drawn machine, with a `flux_check` of which the ripple leaves little. The drive goes to
     half of its flux, slowly or at once. Then the rotor's flux needs a current that would be a fault
     in a steady state."""
-    setup = machines.drive(*machines.machine(37)).changed(controller__flux_check=0.5)
+    setup = plates.drive(*plates.machine(37)).changed(controller__flux_check=0.5)
     limits = Limits(265.0, 0.1)
 
     def curve():

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from hexatorque import firmware, setups
-from hexatorque.evidence.studies import machines, transients
+from hexatorque.evidence.studies import plates, transients
 from hexatorque.plant.vsd import TRANSFORM
 from hexatorque.setups.design import Design
 
@@ -57,7 +57,7 @@ def test_the_vectors_are_those_of_the_inverter():
 
 def known(number):
     """A drawn machine, and a controller that was told its circuit."""
-    setup = machines.drive(*machines.machine(number))
+    setup = plates.drive(*plates.machine(number))
     m = Design(setup, setup.parameter).unsaturated
     told = ("rs_ohm", "rr_ohm", "sigma_ls_H", "lr_H", "lm_H", "lxy_H")
     return setup.changed(**{f"controller__{name}": getattr(m, name) for name in told})
@@ -83,7 +83,7 @@ def test_no_phase_exceeds_its_limit(machine, scheme):
 @pytest.mark.parametrize("scheme", ("foc", "dtc3"))
 def test_leakage_that_is_larger_than_the_controller_knows(number, scheme):
     """Its 80 % of pull-out are more than what the machine has. The measured current limits it."""
-    setup = machines.drive(*machines.machine(number))
+    setup = plates.drive(*plates.machine(number))
     true = Design(setup, setup.parameter).unsaturated
     assert true.sigma_ls_H > 1.5 * setup.parameter("sigma_ls_H")
     row = transients.course(setup, scheme)

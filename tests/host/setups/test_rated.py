@@ -9,7 +9,7 @@ from example_setups import LARGE, SMALL
 from hexatorque import setups
 from hexatorque.experiments.operating_points import Point, measure
 from hexatorque.experiments.steady import at_point
-from hexatorque.setups import new
+from hexatorque.setups import estimate, new, published
 from hexatorque.setups.design import REACH_PU, USABLE, Design, rad_s
 
 POINTS = [(SMALL, 2500, 4), (LARGE, 1200, 600), (LARGE, 3000, 200), (SMALL, 800, 12)]
@@ -76,3 +76,43 @@ def test_without_a_point_half_of_rated_is_compared():
 def test_a_set_up_of_the_least_keys_holds_its_own_point(text, speed_rpm, load_Nm):
     run = measure(Point(loaded(text, speed_rpm, load_Nm), speed_rpm, load_Nm))
     assert run.metrics["speed_rpm"] == pytest.approx(speed_rpm, rel=0.02)
+
+
+def test_loads_and_speeds_of_a_profile_are_judged_as_they_come_together():
+    """Half of the load at twice the speed is another demand than all of it there."""
+    steps = "[profile]\nduration_s = 9\nspeed_rpm = [[0, 1000], [4, 2000]]\n"
+    steps += "load_Nm = [[2, 3], [4, -1.5], [6, 0]]\n"
+    d = design(setups.parse(SMALL + steps, "x"))
+    assert set(d.demands) == {(1000, 3), (2000, 1.5)}
+    rated = "[rated]\nspeed_rpm = 2850\ntorque_Nm = 6.7\n"
+    stated = design(setups.parse(SMALL + steps + rated, "x"))
+    assert set(stated.demands) == {*d.demands, (2850, 6.7)}
+    alone = design(setups.parse(SMALL, "x"))
+    assert alone.demands == [(alone.rated_rpm, alone.rated_Nm)]
+
+
+def test_what_is_asked_of_a_circuit_decides_its_flux_and_its_torque_limit():
+    """Its current alone would give less torque than the profile's load."""
+    text = "pole_pairs=1,rs_ohm=6.7,rr_ohm=6.9,lls_H=9e-3,llr_H=9e-3,lm_H=0.614,vdc_V=600"
+    setup = setups.parse(new.from_circuit(f"{text},current_A=2", "x"), "x")
+    alone = design(setup)
+    load_Nm = 1.5 * alone.rated_Nm
+    asked = design(setup.changed(point__speed_rpm=500, point__load_Nm=load_Nm))
+    assert asked.parameter("torque_limit_Nm") == pytest.approx(
+        min(1.5 * load_Nm, 0.8 * asked.pull_out_Nm), rel=0.01
+    )
+    assert asked.pull_out_Nm >= 2 * load_Nm * 0.999
+
+
+def test_a_load_alone_gets_the_flux_of_its_current_and_no_more():
+    """The no-load current has the share of the current at this load that it has of the rated one in
+    half of the published machines."""
+    shares = sorted(
+        one.circuit.flux_Wb
+        / (one.circuit.lls_H + one.circuit.lm_H)
+        / (math.sqrt(2) * one.plate.current_A)
+        for one in (estimate.examples(machine)[0] for machine in published.machines())
+    )
+    median = shares[len(shares) // 2]
+    d = design(loaded(SMALL, 500, 4))
+    assert d.no_load_A == pytest.approx(median * d.current_A(4), rel=0.05)

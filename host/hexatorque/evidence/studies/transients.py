@@ -1,7 +1,7 @@
 """Flux and voltage that change: does the current stay below its limit, is no healthy machine taken
 for a wrong flux, and is a wrong flux still found?
 
-The machines are those of the study `machines`: the controller was designed from the plate alone.
+The machines are those of the module `plates`: the controller was designed from the plate alone.
 Each has the default scheme and one of the others but `dtc1`, whose x-y currents nobody controls.
 
 healthy: at full torque into field weakening, a load that comes and drops there, a reversal in field
@@ -25,7 +25,7 @@ from ...experiments.prepare import magnetise
 from ...parallel import each
 from ...setups import Setup
 from ...setups.design import Design, rad_s
-from . import machines
+from . import plates
 from .commissioning import Watched
 from .grids import Grid, for_terminal
 
@@ -157,8 +157,8 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
     schemes = [name for name in firmware.schemes() if name != "dtc1"]
 
     def one(number: int) -> dict:
-        plate, circuit, inertia_kgm2 = machines.machine(number)
-        setup = machines.drive(plate, circuit, inertia_kgm2)
+        plate, circuit, inertia_kgm2 = plates.machine(number)
+        setup = plates.drive(plate, circuit, inertia_kgm2)
         chosen = dict.fromkeys(("ddr", schemes[number % len(schemes)]))
         return {
             "number": number,
@@ -167,7 +167,7 @@ def study(quick: bool = False, progress: Progress | None = None) -> dict:
             "wrong": [wrong(setup, case) for case in WRONGS],
         }
 
-    return {"quick": quick, "machines": each(one, range(QUICK if quick else machines.MACHINES))}
+    return {"quick": quick, "machines": each(one, range(QUICK if quick else plates.MACHINES))}
 
 
 def failures(result: dict) -> list[str]:

@@ -143,14 +143,21 @@ def derivative(m, load, y, v, k):
     k[7] = omega
 
 
-@implements(machine.phase_current, "induction")
-def phase_current(m, y, leg):
+@implements(machine.common_part, "induction")
+def common_part(m, y):
+    """Excess flux of saturation."""
+    if saturates(m):
+        return excess_flux(m, y)
+    return 0.0, 0.0
+
+
+@implements(machine.current_with, "induction")
+def current_with(m, y, common, leg):
     total = 0.0
     for c in range(6):
         total += m.i_phase[leg, c] * y[c]
     if saturates(m):
-        s0, s1 = excess_flux(m, y)
-        total += m.i_excess[leg, 0] * s0 + m.i_excess[leg, 1] * s1
+        total += m.i_excess[leg, 0] * common[0] + m.i_excess[leg, 1] * common[1]
     return total
 
 

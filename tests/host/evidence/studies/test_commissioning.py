@@ -11,7 +11,8 @@ def row(name="1: 5 kW", error=0.01, **changes):
     values = {value: [2.0, 2.0 * (1 + error), 0.1] for value in (*study.ALLOWED, "friction")}
     return {
         "name": name, "power_kW": 5.0, "values": values, "mistakes": [], "lost": "",
-        "gates": "", "largest_pu": 0.7, "duration_s": 30.0, **changes,
+        "gates": "", "phases": [values["R_s"]] * 6, "largest_pu": 0.7, "duration_s": 30.0,
+        **changes,
     }  # fmt: skip
 
 
@@ -32,6 +33,7 @@ def test_a_good_result_has_no_failure(tmp_path):
     table, built_in, miswired = study.grid(RESULT)
     assert table[2][0] == ["R_s", "2 %", "20 of 20", "1 %", "1 %", "1 %", "20 of 20"]
     assert table[2][-1] == ["friction", "–", "–", "1 %", "1 %", "1 %", "20 of 20"]
+    assert table[2][1][-1] == "120 of 120 phases"
     assert built_in[2][0] == ["R_s", "2.02 (+1.0 %)"]
     assert miswired[2] == [["paper-b", "30 of 30", "70 %"]]
     assert len(study.tables(RESULT)) == 3
@@ -48,6 +50,17 @@ def test_too_many_errors_are_a_failure_and_nothing_found_is_an_error():
         for name in ("R_s", "R_s of the worst phase")
     ]
     assert len(study.failures({**RESULT, "machines": [lost] * 2 + [row()] * 18})) == 8
+
+
+def test_an_uncertainty_that_is_too_small_is_a_failure():
+    """All phases count, not the worst one alone."""
+    near = row(values={**row()["values"], "L_m": [2.0, 2.02, 0.01]})
+    lines = study.failures({**RESULT, "machines": [near] * 3 + [row()] * 17})
+    assert lines == ["L_m: stated ± holds 17 of 20, needed are 90 %"]
+    worst = row(phases=[[2.0, 2.02, 0.01]] + [[2.0, 2.02, 0.1]] * 5)
+    assert study.failures({**RESULT, "machines": [worst] * 10 + [row()] * 10}) == []
+    lines = study.failures({**RESULT, "machines": [worst] * 20})
+    assert lines == [f"{study.WORST}: stated ± holds 100 of 120, needed are 90 %"]
 
 
 def test_a_mistake_without_name_and_a_large_current_are_failures():
