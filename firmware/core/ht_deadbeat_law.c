@@ -9,6 +9,12 @@
 /* Largest step of the flux, units of Vdc Ts. The inverter reaches 0.64; a command beyond it makes
  * the modulator limit legs, up to twelve-step operation. */
 #define REACH_PU 1.0f
+/* Legs that the modulator limits make an x-y voltage of their own. While a torque step lasts, it has
+ * one direction for many periods, and the less L_xy is, the faster an x-y current grows. Beyond this
+ * share of i_trip_A the step stays where both sets have room between the rails (up to 1/sqrt(3))
+ * and 0.07 V_dc are left that bring the current back. */
+#define XY_FREE_SHARE 0.2f
+#define XY_REACH_PU 0.5f
 /* Voltage from which set 2's carrier turns, units of Vdc. */
 #define TURN_PU 0.3f
 
@@ -20,6 +26,7 @@ void ht_deadbeat_law_configure(ht_deadbeat_law_config *cfg, const ht_law_setting
     turn_pu[0] = clamped ? 0.0f : TURN_PU;
     cfg->gain = 1.0f;
     cfg->xy_ki_per_A = ht_voltage_law_xy_ki_per_A(given);
+    cfg->xy_free_A2 = XY_FREE_SHARE * XY_FREE_SHARE * given->i_trip_A * given->i_trip_A;
     modulator->kappa = given->kappa;
     modulator->kappa_from_pu = given->kappa_from_pu;
     modulator->alternate = given->clamp != 0.0f;
@@ -29,7 +36,7 @@ void ht_deadbeat_law_configure(ht_deadbeat_law_config *cfg, const ht_law_setting
 bool ht_deadbeat_law_check(const ht_deadbeat_law_config *cfg)
 {
     return (cfg->gain > 0.0f) && (cfg->gain <= 1.0f) && (cfg->xy_ki_per_A >= 0.0f)
-           && (cfg->xy_ki_per_A < 1.0e30f); /* NaN is not */
+           && (cfg->xy_ki_per_A < 1.0e30f) && (cfg->xy_free_A2 > 0.0f); /* NaN is not */
 }
 
 void ht_deadbeat_law_reset(ht_deadbeat_law_state *st)
@@ -78,7 +85,9 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     float size = sqrtf(psi.alpha * psi.alpha + psi.beta * psi.beta);
     float inv_size = (size > 0.0f) ? (1.0f / size) : 0.0f;
     float radial = ht_limited(in->flux_ref_Wb - size, HT_LAW_FLUX_SHARE * step);
-    float most = REACH_PU * step;
+    ht_xy i = in->i_A.xy;
+    bool room = (i.x * i.x + i.y * i.y) <= cfg->xy_free_A2;
+    float most = (room ? REACH_PU : XY_REACH_PU) * step; /* NaN: the smaller one */
     float inv_vdc = 1.0f / in->vdc_V;
     float volts_per_Wb = machine->inv_ts * inv_vdc;
     float drop = in->rs_ohm * machine->inv_sigma_ls * inv_vdc;

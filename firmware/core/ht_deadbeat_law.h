@@ -21,6 +21,8 @@
 typedef struct {
     float gain;        /**< share of the flux error that one period takes away, above 0 up to 1 */
     float xy_ki_per_A; /**< x-y integrators, units of Vdc per ampere and period */
+    float
+        xy_free_A2; /**< beyond this x-y current, squared, a step leaves x-y its voltage; above 0 */
 } ht_deadbeat_law_config;
 
 typedef struct {

@@ -12,6 +12,7 @@ void prove_deadbeat_law(void)
     ht_voltage_law_input in = any_law_input();
     cfg.gain = nondet_float();
     cfg.xy_ki_per_A = nondet_float();
+    cfg.xy_free_A2 = nondet_float();
     GIVEN(ht_deadbeat_law_check(&cfg));
     st.xy.with = any_xy();
     st.xy.against = any_xy();
@@ -25,7 +26,9 @@ void prove_deadbeat_check(void)
     ht_deadbeat_law_config cfg;
     cfg.gain = nondet_float();
     cfg.xy_ki_per_A = nondet_float();
+    cfg.xy_free_A2 = nondet_float();
     GIVEN(ht_deadbeat_law_check(&cfg));
     MUST((cfg.gain > 0.0f) && (cfg.gain <= 1.0f));
     MUST((cfg.xy_ki_per_A >= 0.0f) && is_finite(cfg.xy_ki_per_A));
+    MUST(cfg.xy_free_A2 > 0.0f);
 }

@@ -16,6 +16,7 @@ TS, VDC = 1e-4, 300.0
 SIGMA_LS, LXY, RS, GAIN = 0.028, 0.0144, 6.0, 3.0
 STEP = VDC * TS
 REACH, XY_SHARE, XY_LIMIT = 1.0, 0.4, 0.1
+FREE_A = 4.0
 
 
 def machine(**changes):
@@ -32,7 +33,7 @@ def pair(z):
 
 class Law:
     def __init__(self, gain=1.0, ki=0.0):
-        self.cfg = ffi.new("ht_deadbeat_law_config *", [gain, ki])
+        self.cfg = ffi.new("ht_deadbeat_law_config *", [gain, ki, FREE_A**2])
         assert lib.ht_deadbeat_law_check(self.cfg)
         self.state = unwritten("ht_deadbeat_law_state *")
         lib.ht_deadbeat_law_reset(self.state)
@@ -133,6 +134,29 @@ def test_out_of_reach_the_flux_comes_first_and_torque_has_at_least_half():
         assert v.real == pytest.approx(0.1 - v.imag**2 * STEP / (2 * 0.4), rel=1e-3)
 
 
+def span(v, v_xy):
+    """Largest distance of two legs of a set, units of Vdc: up to 1 both fit between the rails."""
+    phases = np.deg2rad([[0, 120, 240], [30, 150, 270]])
+    legs = v.real * np.cos(phases) + v.imag * np.sin(phases)
+    legs += v_xy.real * np.cos(5 * phases) + v_xy.imag * np.sin(5 * phases)
+    return np.ptp(legs, axis=1).max()
+
+
+@pytest.mark.parametrize("torque", (40, -40))
+def test_beyond_a_share_of_the_trip_an_xy_current_gets_its_voltage(torque):
+    """A torque step out of reach makes the modulator limit legs, and limited legs make an x-y
+    voltage that nobody asked for. With a large x-y current both sets fit, with the voltage that
+    takes 0.4 of it away up to 0.07 V_dc."""
+    for angle in np.arange(0, 2 * np.pi, 0.05):
+        turned = np.exp(1j * angle)
+        against = 0.07 * np.exp(-1j * 3 * angle)
+        for i_A, fits in ((0.999 * FREE_A, False), (1.001 * FREE_A, True), (np.nan, True)):
+            v, _ = Law().step(0.4 * turned, 0.4 * turned, torque, 0.4, i_xy=complex(0, i_A))
+            assert (span(v, 0j) <= 1 and span(v, against) <= 1.001) == fits
+            if fits:
+                assert abs(v) == pytest.approx(0.5, abs=0.02)
+
+
 @given(st.complex_numbers(max_magnitude=0.02), st.complex_numbers(max_magnitude=2))
 @settings(max_examples=100, deadline=None)
 def test_xy_takes_a_share_of_the_predicted_current(psi_xy, i_xy):
@@ -179,7 +203,11 @@ def test_no_input_spoils_the_state(values):
 
 
 @pytest.mark.parametrize(
-    "values", ((0.0, 0.0), (1.1, 0.0), (np.nan, 0.0), (1.0, -1e-3), (1.0, np.nan), (1.0, np.inf))
-)
+    "values",
+    (
+        (0.0, 0.0, 1.0), (1.1, 0.0, 1.0), (np.nan, 0.0, 1.0), (1.0, -1e-3, 1.0),
+        (1.0, np.nan, 1.0), (1.0, np.inf, 1.0), (1.0, 0.0, 0.0), (1.0, 0.0, np.nan),
+    ),
+)  # fmt: skip
 def test_values_out_of_range_are_refused(values):
     assert not lib.ht_deadbeat_law_check(ffi.new("ht_deadbeat_law_config *", values))

@@ -274,7 +274,7 @@ def drive(true: Truth, believed: Setup, number: int) -> Setup:
     return disturbed(believed.changed(**machine, **known), number).changed(
         **known,
         inverter__dead_time_us=draw.uniform(*DEAD_TIME_US),
-        sensors__vdc_full_V=values["vdc_full_V"] * draw.uniform(1 - VDC_GAIN, 1 + VDC_GAIN),
+        sensors__vdc_full_V=float(values["vdc_full_V"]) * draw.uniform(1 - VDC_GAIN, 1 + VDC_GAIN),
         load__kind="constant",
     )
 
@@ -299,7 +299,7 @@ def _tried(true: Truth, of: Told, scheme: str, number: int) -> str:
 def row(number: int, way: str) -> dict[str, Any]:
     """The scheme that `new` writes on one machine; and one of the others, for one of the ways."""
     true, schemes = truth(number), firmware.schemes()
-    found = {
+    found: dict[str, Any] = {
         "number": number,
         "name": true.name,
         "way": way,
