@@ -103,13 +103,12 @@ FMI3(fmi3Status, fmi3EnterInitializationMode,
      (fmi3Instance c, fmi3Boolean tolerant, fmi3Float64 tolerance, fmi3Float64 start,
       fmi3Boolean stops, fmi3Float64 stop))
 {
-    (void)c;
     (void)tolerant;
     (void)tolerance;
-    (void)start;
     (void)stops;
     (void)stop;
-    return HT_FMU_OK; /* the drive's time begins at the first step, whenever that is */
+    ((instance *)c)->fmu.s.time_s = start;
+    return HT_FMU_OK; /* the drive's time begins at the first step */
 }
 
 FMI3(fmi3Status, fmi3ExitInitializationMode, (fmi3Instance c))
@@ -273,7 +272,7 @@ FMI3(fmi3Status, fmi3DoStep,
      (fmi3Instance c, fmi3Float64 now, fmi3Float64 step, fmi3Boolean no_way_back,
       fmi3Boolean *event, fmi3Boolean *end, fmi3Boolean *early, fmi3Float64 *reached))
 {
-    ht_fmu_status status = ht_fmu_step(&((instance *)c)->fmu, step);
+    ht_fmu_status status = ht_fmu_step(&((instance *)c)->fmu, now, step);
     (void)no_way_back;
     *event = false;
     *end = false;

@@ -236,7 +236,9 @@ bool ht_fmu_get(const ht_fmu *f, uint16_t kind, uint32_t reference, double *valu
         (void)unknown(f, reference);
         return false;
     }
-    if (reference >= HT_FMU_PARAMETER) {
+    if (reference == HT_FMU_TIME) {
+        *value = f->s.time_s;
+    } else if (reference >= HT_FMU_PARAMETER) {
         *value = parameter(&f->s, (uint16_t)(reference - HT_FMU_PARAMETER));
     } else if (reference >= HT_FMU_CHANNEL) {
         *value = (double)ht_channel_read(&f->s.drive, (uint16_t)(reference - HT_FMU_CHANNEL));
@@ -284,6 +286,9 @@ ht_fmu_status ht_fmu_put(ht_fmu *f, uint16_t kind, uint32_t reference, double va
     uint16_t id;
     if (ht_fmu_kind(reference) != kind) {
         return unknown(f, reference);
+    }
+    if (reference == HT_FMU_TIME) {
+        return ht_fmu_tell(f, HT_FMU_ERROR, "time: only a step changes it");
     }
     if (reference < HT_FMU_CHANNEL) {
         return put_input(f, (uint16_t)reference, value);
@@ -522,7 +527,7 @@ static void pass_period(ht_fmu_state *s)
     s->periods++;
 }
 
-ht_fmu_status ht_fmu_step(ht_fmu *f, double step_s)
+ht_fmu_status ht_fmu_step(ht_fmu *f, double now_s, double step_s)
 {
     ht_fmu_state *s = &f->s;
     double period = period_s(s);
@@ -552,6 +557,7 @@ ht_fmu_status ht_fmu_step(ht_fmu *f, double step_s)
     for (; n >= (double)1.0f; n -= (double)1.0f) {
         pass_period(s);
     }
+    s->time_s = now_s + step_s;
     return status;
 }
 

@@ -49,6 +49,7 @@ typedef struct {
     bool ran;         /**< the input `run` at the last step */
     bool cleared;     /**< `clear` then */
     uint64_t periods;
+    double time_s; /**< as the master counts it */
     ht_fmu_encoder encoder;
     double input[HT_FMU_ROWS]; /**< by value reference; flags are 0 or 1 */
 } ht_fmu_state;
@@ -92,7 +93,8 @@ void ht_fmu_set_begin(ht_fmu *f);
 ht_fmu_status ht_fmu_put(ht_fmu *f, uint16_t kind, uint32_t reference, double value);
 ht_fmu_status ht_fmu_set_end(ht_fmu *f);
 
-ht_fmu_status ht_fmu_step(ht_fmu *f, double step_s);
+/** The master's time is `now_s` and will be `now_s + step_s`. */
+ht_fmu_status ht_fmu_step(ht_fmu *f, double now_s, double step_s);
 
 void ht_fmu_keep(const ht_fmu *f, ht_fmu_kept *kept);
 /** Go on from there. `kept` may be of another instance or process, but of the same binary. */

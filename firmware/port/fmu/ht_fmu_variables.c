@@ -44,6 +44,9 @@ uint16_t ht_fmu_kind(uint32_t reference)
     if (reference < HT_FMU_CHANNEL) {
         return HT_FMU_UNKNOWN;
     }
+    if (reference == HT_FMU_TIME) {
+        return HT_FMU_REAL;
+    }
     if (reference < HT_FMU_PARAMETER) {
         return ((reference - HT_FMU_CHANNEL) < ht_channel_count()) ? HT_FMU_REAL : HT_FMU_UNKNOWN;
     }

@@ -16,8 +16,9 @@ enum {
 #undef HT_FMU_ONE
 #undef HT_FMU_LEGS
     HT_FMU_ROWS,
-    HT_FMU_CHANNEL = 0x1000,  /**< value reference of channel 0 */
-    HT_FMU_PARAMETER = 0x2000 /**< of parameter 0 */
+    HT_FMU_CHANNEL = 0x1000,   /**< value reference of channel 0 */
+    HT_FMU_PARAMETER = 0x2000, /**< of parameter 0 */
+    HT_FMU_TIME = 0x3000       /**< of the time, the independent variable */
 };
 
 /** Kinds of variables. A choice is a whole number with names. */
