@@ -30,11 +30,14 @@ FOLDERS = ("core", "app", "link", "port", "port/c2000", "port/host", "port/fmu")
 #: What `hexatorque fmu` writes for the sources.
 MADE = "ht_fmu_made.h"
 INITIAL = "ht_fmu_initial.h"
-#: Exact C99 arithmetic, on which equal bits depend, and what the sources need.
-OPTIONS = (
-    "-std=c99", "-ffp-contract=off", "-fno-math-errno", "-DHT_GATES_ACTIVE_LOW=0",
-    f"-DHT_FMU_MADE=\"{MADE}\"", f"-DHT_INITIAL_VALUES=\"{INITIAL}\"",
-)  # fmt: skip
+#: What the build system otherwise defines: a tool may compile without options.
+DEFINED = {
+    "HT_GATES_ACTIVE_LOW": "0",
+    "HT_FMU_MADE": f'"{MADE}"',
+    "HT_INITIAL_VALUES": f'"{INITIAL}"',
+}
+#: Exact C99 arithmetic, on which equal bits depend.
+OPTIONS = ("-std=c99", "-ffp-contract=off", "-fno-math-errno")
 HIDDEN = ("-O2", "-shared", "-fvisibility=hidden")
 
 #: zig's names of systems -> folder in an FMU of version 2 and of version 3, suffix. There is no
@@ -48,9 +51,12 @@ ZIG = {
 HERE = "x86_64-linux-gnu.2.17"
 
 
-def _flat(text: str) -> str:
-    """Source text whose headers all lie in the same folder."""
-    return re.sub(r'(#include ")(?:[\w.]+/)+', r"\1", text)
+def _alone(text: str) -> str:
+    """Source text that needs no options: all headers lie in the same folder, and what it asks the
+    build system for is defined in it."""
+    used = [f"#define {name} {value}" for name, value in DEFINED.items() if name in text]
+    flat = re.sub(r'(#include ")(?:[\w.]+/)+', r"\1", text)
+    return "".join(f"{line}\n" for line in used) + flat
 
 
 def sources(setup: Setup, version: int) -> dict[str, str]:
@@ -60,7 +66,7 @@ def sources(setup: Setup, version: int) -> dict[str, str]:
         for path in sorted((SOURCES / folder).iterdir()):
             other = path.name.startswith(f"ht_fmi{5 - version}")
             if path.suffix in (".c", ".h", ".def") and not other:
-                found[path.name] = _flat(path.read_text())
+                found[path.name] = _alone(path.read_text())
     literals = {name: repr(np.float32(v).item()) for name, v in starts(setup).items()}
     lines = [f"#define HT_INITIAL_{name} ({text}f)" for name, text in literals.items()]
     found[INITIAL] = "\n".join([f"/* The parameters of {setup.name}. */", *lines]) + "\n"
@@ -110,10 +116,10 @@ def _binaries(
     """Path in the FMU -> binary."""
     if not has_zig():
         here = (sys.platform, platform.machine()) == ("linux", "x86_64")
-        compiler = program("cc") or program("gcc") or program("clang")
-        if not here or compiler is None:
+        found = program("cc") or program("gcc") or program("clang")
+        if not here or found is None:
             raise SetupError("fmu: no compiler for it here: pip install 'hexatorque[fmu]'")
-        targets = {HERE: [compiler]}
+        targets = {HERE: [found]}
     else:
         zig = [sys.executable, "-m", "ziglang", "cc", "-target"]
         targets = {name: [*zig, name] for name in ZIG if not only_here or name == HERE}
@@ -123,7 +129,7 @@ def _binaries(
         place, suffix = ZIG[name][version - 2], ZIG[name][2]
         image = _compiled(compiler, folder, out / f"{name}{suffix}")
         images.setdefault(f"binaries/{place}/{IDENTIFIER}{suffix}", []).append(image)
-    return {path: fat(*found) if len(found) > 1 else found[0] for path, found in images.items()}
+    return {path: fat(*parts) if len(parts) > 1 else parts[0] for path, parts in images.items()}
 
 
 def licence() -> str:

@@ -64,8 +64,8 @@ def variables(setup: Setup) -> list[Variable]:
         reference = lib.HT_FMU_PARAMETER + p.id
         kind = lib.ht_fmu_kind(reference)
         if kind != lib.HT_FMU_UNKNOWN:
-            limits = (p.min, p.max, p.choices, p.live)
+            more = (p.min, p.max, p.choices, p.live)
             name = f"parameter.{p.name}"
             start = values[p.name]
-            found.append(Variable(reference, name, PARAMETER, kind, p.unit, p.help, start, *limits))
+            found.append(Variable(reference, name, PARAMETER, kind, p.unit, p.help, start, *more))
     return found
