@@ -281,7 +281,9 @@ def test_a_trip_takes_the_gates_off_and_a_clear_is_refused_while_it_lasts(in_run
     fmu.step()
     fmu.set(clear=True)
     fmu.step()
-    assert fmu.get("state", "faults") == [0, 0] and len(fmu.said) == 1
+    assert fmu.get("state", "faults") == [0, 0]
+    fmu.step()  # `clear` is still true: that is no command any more
+    assert len(fmu.said) == 1
 
 
 def test_a_description_of_another_set_up_is_refused(made):
@@ -322,3 +324,15 @@ def test_start_values_are_the_set_ups(made):
         number = np.float32(rows[name].parse(value))
         assert np.float32(fmu.get(path)[0]) == number, name
         assert np.float32(float(fmu.variables[path].start)) == number, name
+
+
+def test_the_encoders_zero_is_the_first_angle(made):
+    """As an incremental encoder's: a shaft that stands at another angle does not seem to turn. The
+    numbers are sums of powers of two, so their differences are exact."""
+    found = []
+    for offset_rad in (0.0, 64.0):
+        fmu = Fmu(made()[2]).begin()
+        turning = [{"position_rad": offset_rad + k / 1024} for k in range(450)]
+        found.append(answers(fmu, turning))
+        assert abs(fmu.get("channel.speed_rpm")[0] - 10000 / 1024 * 30 / math.pi) < 1
+    assert found[0] == found[1]

@@ -1,6 +1,7 @@
 """`hexatorque fmu`: the page's commands, what is in the file, and mistakes in one line."""
 
 import ctypes
+import os
 import re
 import shlex
 import struct
@@ -97,6 +98,34 @@ def test_its_sources_alone_make_the_binary(version, folder):
         in (folder / "documentation/licenses/license.txt").read_text()
     )
     assert not [name for name in names if re.match(r"sources/fmi\d", name)]  # none of FMI's headers
+
+
+#: How a binary of each system begins: ELF, PE, and Apple's formats.
+BEGINNINGS = {
+    2: {
+        "linux64": (".so", b"\x7fELF"),
+        "win64": (".dll", b"MZ"),
+        "darwin64": (".dylib", bytes.fromhex("cafebabe")),
+    },
+    3: {
+        "x86_64-linux": (".so", b"\x7fELF"),
+        "x86_64-windows": (".dll", b"MZ"),
+        "x86_64-darwin": (".dylib", bytes.fromhex("cffaedfe07000001")),
+        "aarch64-darwin": (".dylib", bytes.fromhex("cffaedfe0c000001")),
+    },
+}
+
+
+@pytest.mark.skipif(not os.environ.get("HT_WHOLE"), reason="takes minutes: HT_WHOLE=1 runs it")
+@pytest.mark.skipif(not controller.has_zig(), reason="pip install 'hexatorque[fmu]'")
+@pytest.mark.parametrize("version", (2, 3))
+def test_with_the_extra_there_are_binaries_for_other_systems(version, folder):
+    controller.write(folder / "a.fmu", setups.load("paper-a"), version)
+    with zipfile.ZipFile(folder / "a.fmu") as archive:
+        found = {name: archive.read(name) for name in archive.namelist() if "binaries/" in name}
+    assert len(found) == len(BEGINNINGS[version])
+    for system, (suffix, begins) in BEGINNINGS[version].items():
+        assert found[f"binaries/{system}/hexatorque_controller{suffix}"].startswith(begins)
 
 
 def test_a_fat_file_names_its_parts():
