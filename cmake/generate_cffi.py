@@ -34,6 +34,7 @@ HEADERS = (
     "ht_opcodes.h",
     "ht_snapshot.h",
     "ht_dictionary.h",
+    "ht_fmu_variables.h",
 )
 
 
@@ -46,6 +47,7 @@ def main() -> None:
         "port",
         "port/c2000",
         "port/host",
+        "port/fmu",
         "pil",
         "pil/registers",
         "pil/host",

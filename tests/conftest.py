@@ -72,6 +72,7 @@ SLOW = (
     "host/cli/test_compiling.py",
     "host/drive",
     "host/evidence",
+    "host/fmu",
     "host/laws",
     "host/plant",
     "host/recording/test_files.py",

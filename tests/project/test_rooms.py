@@ -29,7 +29,7 @@ FLOORS = (
     {"serial"},
     {"analysis", "drive"},
     {"boards", "commissioning", "experiments"},
-    {"monitor", "sweeps", "tuning", "twin"},
+    {"fmu", "monitor", "sweeps", "tuning", "twin"},
     {"evidence"},
     {"cli"},
     {"__main__"},

@@ -136,7 +136,7 @@ static void bind_register(ht_regfile *rf, const ht_module *m, const ht_register 
     ht_model_poke(rf, b->base + reg->offset, reg->bits, reg->reset);
 }
 
-void ht_regfile_reset(ht_regfile *rf, const void *map)
+static const ht_chip *chip_of(const void *map)
 {
     static const ht_chip *const chips[HT_DEVICES] = {
 #define HT_CHIP(name, family) &ht_chip_##family,
@@ -146,10 +146,15 @@ void ht_regfile_reset(ht_regfile *rf, const void *map)
 #undef HT_CHIP_BOARD
     };
     const ht_c2000_map *device = map;
+    return chips[device->device];
+}
+
+void ht_regfile_reset(ht_regfile *rf, const void *map)
+{
     uint16_t n;
     memset(rf, 0, sizeof *rf);
     rf->map = map;
-    rf->chip = chips[device->device];
+    rf->chip = chip_of(map);
     rf->intm = 1u;
     rf->gates_active_low = HT_GATES_ACTIVE_LOW;
     rf->pll_share = 1.0f;
@@ -167,6 +172,26 @@ void ht_regfile_reset(ht_regfile *rf, const void *map)
         }
     }
     ht_regfile_settle(rf);
+}
+
+void ht_regfile_rebind(ht_regfile *rf, const void *map)
+{
+    uint16_t bound = 0u;
+    uint16_t n;
+    rf->map = map;
+    rf->chip = chip_of(map);
+    for (n = 0u; n < rf->chip->length; n++) {
+        const ht_module *m = &rf->chip->modules[n];
+        uint16_t instance;
+        for (instance = 0u; instance < m->count; instance++) {
+            uint16_t r;
+            for (r = 0u; r < m->length; r++) {
+                rf->bound[bound].module = m;
+                rf->bound[bound].reg = &m->registers[r];
+                bound++;
+            }
+        }
+    }
 }
 
 void ht_regfile_settle(ht_regfile *rf)

@@ -142,6 +142,9 @@ typedef struct ht_regfile {
 
 /** Reset state of a device; `map` is the device's ht_c2000_map. */
 void ht_regfile_reset(ht_regfile *rf, const void *map);
+/** The bytes of a model that was reset with the same `map`, in this process or another one, lie here now:
+ *  its pointers into the tables are set anew. */
+void ht_regfile_rebind(ht_regfile *rf, const void *map);
 
 /* Accesses and instructions of a driver (ht_reg.h) */
 uint16_t ht_regfile_read16(ht_regfile *rf, uint32_t addr);

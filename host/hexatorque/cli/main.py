@@ -19,6 +19,7 @@ from ..errors import HexatorqueError
 from . import completion
 from .board.app import board
 from .evidence.app import evidence
+from .fmu import fmu
 from .group import Group, examples
 from .output import complain
 from .own_machine import check, new
@@ -60,6 +61,7 @@ COMMANDS = (
     new,
     check,
     tune,
+    fmu,
     board,
     evidence,
 )

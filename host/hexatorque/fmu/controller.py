@@ -1,0 +1,186 @@
+"""The controller FMU: sources, binaries and model description in one file."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import platform
+import re
+import struct
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from .. import firmware
+from ..boards.tools import BuildError, program
+from ..chips import SOURCES
+from ..setups import Setup, SetupError, parameters
+from .description import IDENTIFIER, build_description, model_description
+from .variables import starts, variables
+
+VERSIONS = (2, 3)
+#: Folders of the firmware that the FMU has; of the last one only one of the two interfaces.
+FOLDERS = ("core", "app", "link", "port", "port/c2000", "port/host", "port/fmu")
+#: What `hexatorque fmu` writes for the sources.
+MADE = "ht_fmu_made.h"
+INITIAL = "ht_fmu_initial.h"
+#: What the build system otherwise defines: a tool may compile without options.
+DEFINED = {
+    "HT_GATES_ACTIVE_LOW": "0",
+    "HT_FMU_MADE": f'"{MADE}"',
+    "HT_INITIAL_VALUES": f'"{INITIAL}"',
+}
+#: Exact C99 arithmetic, on which equal bits depend.
+OPTIONS = ("-std=c99", "-ffp-contract=off", "-fno-math-errno")
+HIDDEN = ("-O2", "-shared", "-fvisibility=hidden")
+
+#: zig's names of systems -> folder in an FMU of version 2 and of version 3, suffix. There is no
+#: name for arm64 in version 2: there one file serves both processors of macOS.
+ZIG = {
+    "x86_64-linux-gnu.2.17": ("linux64", "x86_64-linux", ".so"),
+    "x86_64-windows-gnu": ("win64", "x86_64-windows", ".dll"),
+    "x86_64-macos": ("darwin64", "x86_64-darwin", ".dylib"),
+    "aarch64-macos": ("darwin64", "aarch64-darwin", ".dylib"),
+}
+HERE = "x86_64-linux-gnu.2.17"
+
+
+def _alone(text: str) -> str:
+    """Source text that needs no options: all headers lie in the same folder, and what it asks the
+    build system for is defined in it."""
+    used = [f"#define {name} {value}" for name, value in DEFINED.items() if name in text]
+    flat = re.sub(r'(#include ")(?:[\w.]+/)+', r"\1", text)
+    return "".join(f"{line}\n" for line in used) + flat
+
+
+def sources(setup: Setup, version: int) -> dict[str, str]:
+    """The files in `sources`: name -> text, without the one that has the token."""
+    found = {}
+    for folder in FOLDERS:
+        for path in sorted((SOURCES / folder).iterdir()):
+            other = path.name.startswith(f"ht_fmi{5 - version}")
+            if path.suffix in (".c", ".h", ".def") and not other:
+                found[path.name] = _alone(path.read_text())
+    literals = {name: repr(np.float32(v).item()) for name, v in starts(setup).items()}
+    lines = [f"#define HT_INITIAL_{name} ({text}f)" for name, text in literals.items()]
+    found[INITIAL] = "\n".join([f"/* The parameters of {setup.name}. */", *lines]) + "\n"
+    return found
+
+
+def _made(setup: Setup, token: str) -> str:
+    return (
+        "/* What this FMU is of. */\n"
+        f'#define HT_FMU_TOKEN "{token}"\n'
+        f"#define HT_FMU_BOARD ht_board_{setup['timing.device']}\n"
+        f"#define HT_FMU_VDC_V ((double){float(setup['inverter.vdc_V'])!r}L)\n"
+    )
+
+
+def has_zig() -> bool:
+    """Whether the optional package that compiles for other systems is installed."""
+    return importlib.util.find_spec("ziglang") is not None
+
+
+def _compiled(compiler: list[str], folder: Path, output: Path) -> bytes:
+    files = sorted(path.name for path in folder.glob("*.c"))
+    command = [*compiler, *OPTIONS, *HIDDEN, "-o", str(output), *files, "-lm"]
+    if output.suffix != ".dll":
+        command.insert(len(compiler), "-fPIC")
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    if done.returncode:
+        raise BuildError(f"{' '.join(compiler)} failed:\n{done.stderr.strip()}")
+    return output.read_bytes()
+
+
+def fat(*images: bytes) -> bytes:
+    """One file for macOS of the images for several processors."""
+    align = 14
+    at = 1 << align
+    head, body = struct.pack(">II", 0xCAFEBABE, len(images)), b""
+    for image in images:
+        cpu, kind = struct.unpack("<II", image[4:12])
+        head += struct.pack(">IIIII", cpu, kind, at + len(body), len(image), align)
+        body += image + bytes(-len(image) % (1 << align))
+    return head.ljust(at, b"\0") + body
+
+
+def _binaries(
+    folder: Path, out: Path, version: int, only_here: bool, progress: Callable[[str], None]
+) -> dict[str, bytes]:
+    """Path in the FMU -> binary."""
+    if not has_zig():
+        here = (sys.platform, platform.machine()) == ("linux", "x86_64")
+        found = program("cc") or program("gcc") or program("clang")
+        if not here or found is None:
+            raise SetupError("fmu: no compiler for it here: pip install 'hexatorque[fmu]'")
+        targets = {HERE: [found]}
+    else:
+        zig = [sys.executable, "-m", "ziglang", "cc", "-target"]
+        targets = {name: [*zig, name] for name in ZIG if not only_here or name == HERE}
+    images: dict[str, list[bytes]] = {}
+    for name, compiler in targets.items():
+        progress(name)
+        place, suffix = ZIG[name][version - 2], ZIG[name][2]
+        image = _compiled(compiler, folder, out / f"{name}{suffix}")
+        images.setdefault(f"binaries/{place}/{IDENTIFIER}{suffix}", []).append(image)
+    return {path: fat(*parts) if len(parts) > 1 else parts[0] for path, parts in images.items()}
+
+
+def licence() -> str:
+    """The package's licence, which has to be with its sources."""
+    files = metadata.files("hexatorque") or []
+    own = [path for path in files if path.match("*.dist-info/licenses/LICENSE")]
+    return own[0].read_text() if own else (SOURCES.parent / "LICENSE").read_text()
+
+
+def write(
+    path: Path,
+    setup: Setup,
+    version: int = 2,
+    only_here: bool = False,
+    progress: Callable[[str], None] = lambda name: None,
+) -> list[str]:
+    """Write the controller FMU of a set-up. version: of FMI, 2 or 3; only_here: without binaries
+    for other systems; progress: called with the name of each system. Returns what systems it has
+    binaries for."""
+    # The firmware says what it refuses, before anything is compiled.
+    made = firmware.Controller(setup["timing.device"], parameters(setup))
+    period_s = made.period_counts / float(made.map.pwm_clock_Hz)
+    files = sources(setup, version)
+    code = [name for name in files if name.endswith(".c")]
+    found = variables(setup)
+    description = model_description(version, setup.title, "", period_s, found, code)
+    token = _token([description, *(t.encode() for pair in files.items() for t in pair)])
+    description = model_description(version, setup.title, token, period_s, found, code)
+    files[MADE] = _made(setup, token)
+    with tempfile.TemporaryDirectory() as place:
+        folder, out = Path(place, "sources"), Path(place, "out")
+        folder.mkdir()
+        out.mkdir()
+        for name, text in files.items():
+            (folder / name).write_text(text)
+        binaries = _binaries(folder, out, version, only_here, progress)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", description)
+        for name, image in binaries.items():
+            archive.writestr(name, image)
+        for name, text in files.items():
+            archive.writestr(f"sources/{name}", text)
+        archive.writestr("sources/buildDescription.xml", build_description(code, " ".join(OPTIONS)))
+        archive.writestr("documentation/licenses/license.txt", licence())
+    return [name.split("/")[1] for name in binaries]
+
+
+def _token(parts: list[bytes]) -> str:
+    """A token of all that the FMU is made of, in the form of a GUID."""
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(part)
+    text = digest.hexdigest()
+    return "{" + "-".join((text[:8], text[8:12], text[12:16], text[16:20], text[20:32])) + "}"

@@ -1,0 +1,338 @@
+"""The controller FMU, run by FMPy: it computes what the simulation's controller computes, bit for
+bit, and refuses what it cannot do in one line."""
+
+import math
+import pickle
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hexatorque import firmware, setups
+from hexatorque.fmu import controller
+
+fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed: pip install fmpy")
+from fmpy.fmi1 import FMICallException  # noqa: E402
+from fmu_masters import LEGS, Fmu, Plant, registers_of, same  # noqa: E402
+
+#: A start that does not take long.
+SHORT = {"controller.calibration_s": 0.01, "controller.build_s": 0.1}
+GATES = [f"gate_{leg}" for leg in LEGS]
+
+
+@pytest.fixture(scope="module", params=(2, 3), ids=("fmi2", "fmi3"))
+def made(request, tmp_path_factory):
+    """Files and folders of FMUs by set-up; each is made once."""
+    place = tmp_path_factory.mktemp("fmu")
+    kept = {}
+
+    def make(name="paper-a", changes=None):
+        changes = changes or {}
+        key = (name, *sorted(changes.items()))
+        if key not in kept:
+            setup = setups.load(name).changed(SHORT | changes)
+            path = place / f"{len(kept)}.fmu"
+            controller.write(path, setup, request.param, only_here=True)
+            folder = place / f"{len(kept)}"
+            with zipfile.ZipFile(path) as archive:
+                archive.extractall(folder)
+            kept[key] = setup, path, folder
+        return kept[key]
+
+    return make
+
+
+def course(k):
+    """References and commands before period k: a start, a speed step, a stop."""
+    if k == 20:
+        return {"run": True, "speed_ref_rpm": 200.0}
+    if k == 1800:
+        return {"speed_ref_rpm": -150.0}
+    if k == 2500:
+        return {"run": False}
+    return {}
+
+
+def command(sim, given):
+    """The same to the simulation."""
+    if "speed_ref_rpm" in given:
+        sim.set("speed_ref_rpm", given["speed_ref_rpm"])
+    if given.get("run") is True:
+        sim.start()
+    if given.get("run") is False:
+        sim.stop()
+
+
+@pytest.mark.parametrize(
+    "name, changes",
+    [
+        ("paper-a", {}),
+        ("paper-a", {"timing.device": "f28335", "controller.scheme": "db-dtfc"}),
+        ("paper-b", {"controller.scheme": "dtc3", "timing.latency": "immediate"}),
+    ],
+)
+def test_it_computes_the_bits_of_the_simulation(made, name, changes):
+    """The sensors' noise, offsets and gains belong to the plant: what the FMU gets are currents
+    that the readings stand for."""
+    setup, _, folder = made(name, changes)
+    plant, fmu = Plant(setup), Fmu(folder).begin()
+    names = [n for n in fmu.variables if n.startswith("channel.")]
+    states, levels = set(), set()
+    for k in range(2700):
+        given = course(k)
+        command(plant.sim, given)
+        plant.step()
+        fmu.set(**plant.inputs, **given)
+        fmu.step()
+        assert same(fmu.get(*names), plant.channels), k
+        assert registers_of(fmu) == plant.registers, k
+        states.add(plant.sim.state)
+        levels.update(row[0] for row in plant.registers)
+    assert {"idle", "calibrate", "build", "run"} <= states and levels == {False, True}
+    assert plant.sim.controller.registers.violations == 0 and not fmu.said
+
+
+@pytest.fixture(scope="module")
+def running(made):
+    """An FMU whose drive runs, as bytes, and what the sensors of its plant see in the next
+    periods."""
+    setup, _, folder = made()
+    plant, fmu = Plant(setup), Fmu(folder).begin()
+    command(plant.sim, {"run": True, "speed_ref_rpm": 200.0})
+    fmu.set(run=True, speed_ref_rpm=200.0)
+    for _ in range(1300):
+        plant.step()
+        fmu.set(**plant.inputs)
+        fmu.step()
+    assert plant.sim.state == "run"
+    inputs = []
+    for _ in range(300):
+        plant.step()
+        inputs.append(dict(plant.inputs))
+    return fmu.bytes_of(fmu.fmu.getFMUState()), inputs
+
+
+@pytest.fixture
+def in_run(made, running):
+    """Such an FMU, and the inputs to come."""
+    raw, inputs = running
+    fmu = Fmu(made()[2]).begin()
+    fmu.go_back(raw)
+    return fmu, inputs
+
+
+def answers(fmu, inputs):
+    """All outputs after each period."""
+    found = []
+    for given in inputs:
+        fmu.set(**given)
+        fmu.step()
+        found.append(fmu.outputs)
+    return found
+
+
+def test_two_instances_do_not_disturb_each_other(made, in_run):
+    fmu, inputs = in_run
+    inputs = inputs[:50]
+    other, alone = (Fmu(made()[2]).begin() for _ in range(2))
+    idle = {"i_u1_A": 1.0, "vdc_V": 250.0}
+    kept = fmu.fmu.getFMUState()
+    expected = answers(fmu, inputs), answers(alone, [idle] * len(inputs))
+    fmu.fmu.setFMUState(kept)
+    mixed = [], []
+    for given in inputs:
+        mixed[0].extend(answers(fmu, [given]))
+        mixed[1].extend(answers(other, [idle]))
+    assert mixed == expected and mixed[0] != mixed[1]
+
+
+def test_a_kept_state_continues_with_the_same_bits(made, running):
+    """In the instance that has kept it, from bytes in another one, and in another process."""
+    raw, inputs = running
+    folder = made()[2]
+    fmu = Fmu(folder).begin()
+    fmu.go_back(raw)
+    kept = fmu.fmu.getFMUState()
+    assert fmu.bytes_of(kept) == raw
+    expected = answers(fmu, inputs)
+    assert len(set(expected)) == len(inputs)  # it computes something
+    fmu.fmu.setFMUState(kept)
+    fmu.fmu.freeFMUState(kept)
+    assert answers(fmu, inputs) == expected
+    program = (
+        "import sys, pickle; sys.path[:0] = pickle.load(sys.stdin.buffer); "
+        "from fmu_masters import Fmu; from test_fmu import answers; "
+        "folder, raw, inputs = pickle.load(sys.stdin.buffer); fmu = Fmu(folder).begin(); "
+        "fmu.go_back(raw); pickle.dump(answers(fmu, inputs), sys.stdout.buffer)"
+    )
+    sent = pickle.dumps([str(Path(__file__).parent)]) + pickle.dumps((str(folder), raw, inputs))
+    done = subprocess.run([sys.executable, "-c", program], input=sent, capture_output=True)
+    assert done.returncode == 0, done.stderr.decode()
+    assert pickle.loads(done.stdout) == expected
+
+
+def test_a_stop_after_a_restored_state_is_a_falling_edge(made, running):
+    """The inputs belong to the state: `run` was true there."""
+    raw, inputs = running
+    fmu = Fmu(made()[2]).begin()
+    fmu.go_back(raw)
+    fmu.set(run=False)
+    assert answers(fmu, inputs[:3])
+    assert fmu.get("state") == [0] and not any(fmu.get(*GATES))
+
+
+def test_a_state_of_another_fmu_is_refused(made, running):
+    _, _, folder = made("paper-b", {"controller.scheme": "dtc3", "timing.latency": "immediate"})
+    other = Fmu(folder).begin()
+    with pytest.raises(FMICallException):
+        other.go_back(running[0])
+    assert other.said == [("error", "the kept state is of another FMU")]
+
+
+def test_a_reset_begins_anew(made):
+    _, _, folder = made()
+    steady = [{"i_u1_A": 0.3, "vdc_V": 250.0, "run": True}] * 150
+    fmu = Fmu(folder).begin(parameter__kp_speed_Nms_rad=0.125)
+    first = answers(fmu, steady)
+    fmu.fmu.reset()
+    assert fmu.get("run", "i_u1_A") == [False, 0.0]
+    assert fmu.get("parameter.kp_speed_Nms_rad") != [0.125]
+    assert fmu.get("parameter.kp_speed_Nms_rad") == Fmu(folder).get("parameter.kp_speed_Nms_rad")
+    fmu.begin(parameter__kp_speed_Nms_rad=0.125)
+    assert answers(fmu, steady) == first
+
+
+def test_a_step_may_be_several_periods(made):
+    """Inputs that stand still give the same in one step of ten periods as in ten."""
+    _, _, folder = made()
+    one, ten = Fmu(folder).begin(), Fmu(folder).begin()
+    for fmu in (one, ten):
+        fmu.set(vdc_V=250.0, run=True)
+    for k in range(200):
+        if k:
+            one.step(10 * one.period_s)
+            for _ in range(10):
+                ten.step()
+        assert one.outputs == ten.outputs
+    assert one.get("state") != [0]
+
+
+@pytest.mark.parametrize("periods", (1.5, 0.5, 0.0, -1.0, 1.001, math.nan, math.inf))
+def test_a_step_that_is_no_multiple_of_the_period_is_refused(made, periods):
+    _, _, folder = made()
+    fmu = Fmu(folder).begin()
+    with pytest.raises(FMICallException):
+        fmu.step(periods * fmu.period_s)
+    ((status, line),) = fmu.said
+    assert status == "discard" and "\n" not in line
+    assert line.startswith("communication step = ") and f"allowed is {fmu.period_s!r} s" in line
+    fmu.time_s = 0.0
+    fmu.step()  # nothing is lost
+
+
+@pytest.mark.parametrize(
+    "given, line",
+    [
+        ({"parameter__rs_ohm": 5000.0}, "rs_ohm = 5000: allowed range is 0 .. 1000 ohm"),
+        ({"parameter__rs_ohm": math.nan}, "rs_ohm = nan: allowed range is 0 .. 1000 ohm"),
+        ({"speed_ref_rpm": 1e5}, "speed_ref_rpm = 100000: allowed range is -30000 .. 30000 r/min"),
+        ({"i_u1_A": math.inf}, "i_u1_A = inf: a finite number is needed"),
+        ({"parameter__dead_time_us": 3.0}, "dead_time_us: not allowed in state run"),
+        ({"parameter__f_isr_Hz": 5000.0}, "f_isr_Hz: not allowed in state run"),
+    ],
+)
+def test_a_value_that_is_refused_is_told_and_changes_nothing(in_run, given, line):
+    """Structural parameters are refused at run time, by the firmware's own message."""
+    fmu, inputs = in_run
+    (name,) = (name.replace("__", ".") for name in given)
+    before = fmu.get(name), fmu.outputs
+    with pytest.raises(FMICallException):
+        fmu.set(**given)
+    assert fmu.said == [("discard", line)]
+    assert (fmu.get(name), fmu.outputs) == before
+    answers(fmu, inputs[:1])
+    assert fmu.get("state") == [3]
+
+
+def test_parameters_that_do_not_fit_together_are_refused(made):
+    _, _, folder = made()
+    fmu = Fmu(folder)
+    with pytest.raises(FMICallException):
+        fmu.begin(parameter__vdc_min_V=400.0, parameter__vdc_max_V=300.0)
+    ((status, line),) = fmu.said
+    assert status == "error"
+    assert line.startswith("parameters do not fit together: vdc_min_V = 400 V: must be below 300 V")
+
+
+def test_a_trip_takes_the_gates_off_and_a_clear_is_refused_while_it_lasts(in_run):
+    fmu, _ = in_run
+    assert all(fmu.get(*GATES))
+    fmu.set(trip=True)
+    fmu.step()
+    assert not any(fmu.get(*GATES)) and fmu.get("state", "faults") == [4, 0x10]
+    fmu.set(clear=True, run=False)
+    fmu.step()
+    ((status, line),) = fmu.said
+    assert (status, line[:27]) == ("warning", "clear: the trip pin is low ")
+    fmu.set(clear=False, trip=False)
+    fmu.step()
+    fmu.set(clear=True)
+    fmu.step()
+    assert fmu.get("state", "faults") == [0, 0]
+    fmu.step()  # `clear` is still true: that is no command any more
+    assert len(fmu.said) == 1
+
+
+def test_a_description_of_another_set_up_is_refused(made):
+    _, _, folder = made()
+    with pytest.raises(Exception, match="instantiate"):
+        Fmu(folder, guid="{0}")
+
+
+def test_fmpy_finds_no_mistake(made):
+    from fmpy.validation import validate_fmu
+
+    _, path, _ = made()
+    assert validate_fmu(str(path)) == []
+
+
+def test_fmpy_simulates_it(made):
+    """The whole way of a user, with FMPy's own master. At standstill without currents the drive
+    stops by itself in the build-up or goes on; here only the calibration is long enough."""
+    _, path, _ = made()
+    signals = np.array(
+        [(0.0, 250.0, False), (0.005, 250.0, True)],
+        dtype=[("time", "f8"), ("vdc_V", "f8"), ("run", "?")],
+    )
+    result = fmpy.simulate_fmu(
+        str(path), stop_time=0.01, output_interval=1e-4, input=signals, output=["state", "duty_u1"]
+    )
+    assert result["state"][0] == 0 and result["state"][-1] == 1
+
+
+def test_start_values_are_the_set_ups(made):
+    setup, _, folder = made("paper-b", {"controller.scheme": "dtc3", "timing.latency": "immediate"})
+    fmu = Fmu(folder).begin()
+    table = setups.parameters(setup)
+    rows = firmware.parameters(setup["timing.device"])
+    assert len([n for n in fmu.variables if n.startswith("parameter.")]) == len(table) - 2
+    for name, value in table.items():
+        path = name if name in ("speed_ref_rpm", "torque_ref_Nm") else f"parameter.{name}"
+        number = np.float32(rows[name].parse(value))
+        assert np.float32(fmu.get(path)[0]) == number, name
+        assert np.float32(float(fmu.variables[path].start)) == number, name
+
+
+def test_the_encoders_zero_is_the_first_angle(made):
+    """As an incremental encoder's: a shaft that stands at another angle does not seem to turn. The
+    numbers are sums of powers of two, so their differences are exact."""
+    found = []
+    for offset_rad in (0.0, 64.0):
+        fmu = Fmu(made()[2]).begin()
+        turning = [{"position_rad": offset_rad + k / 1024} for k in range(450)]
+        found.append(answers(fmu, turning))
+        assert abs(fmu.get("channel.speed_rpm")[0] - 10000 / 1024 * 30 / math.pi) < 1
+    assert found[0] == found[1]

@@ -1,0 +1,141 @@
+"""`hexatorque fmu`: the page's commands, what is in the file, and mistakes in one line."""
+
+import ctypes
+import os
+import re
+import shlex
+import struct
+import subprocess
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from hexatorque import setups
+from hexatorque.cli.main import main
+from hexatorque.fmu import controller
+
+ROOT = Path(__file__).resolve().parents[3]
+PAGE = (ROOT / "docs" / "fmu.md").read_text()
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_pages_commands_work(folder, capsys, monkeypatch):
+    """Binaries of other systems take minutes; a test of their own makes them."""
+    monkeypatch.setattr(controller, "has_zig", lambda: False)
+    (folder / "mine.toml").write_text('setup = "paper-b"\n')
+    (block,) = re.findall(r"```sh\n(.*?)```", PAGE, re.S)
+    commands = [shlex.split(line)[1:] for line in block.splitlines()]
+    assert len(commands) == 3
+    for words in commands:
+        assert main(words) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[1] == "out/mine.fmu: FMI 2.0 for linux64, with sources"
+    versions = []
+    for words in commands:
+        with zipfile.ZipFile(folder / words[1]) as archive:
+            root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+        versions.append(root.get("fmiVersion"))
+    assert versions == ["2.0", "3.0", "2.0"]
+
+
+@pytest.mark.parametrize(
+    "words, line",
+    [
+        (["mine.zip"], r"mine\.zip: the name must end with \.fmu"),
+        (["a.fmu", "--setup", "nothing"], r"no set-up 'nothing'.*"),
+        (["a.fmu", "--set", "controller.rs_ohm=5000"], r".*rs_ohm = 5000: allowed range is .*"),
+        (["a.fmu", "--set", "controller.vdc_min_V=900"], r".*vdc_min_V = 900 V: must be below .*"),
+        (["a.fmu", "--fmi", "1"], r"--fmi: '1' is not one of '2', '3'.*"),
+        (["/proc/none/a.fmu"], r"/proc/none/a\.fmu: .*"),
+    ],
+)
+def test_a_mistake_is_one_line(words, line, capsys):
+    assert main(["fmu", *words]) == 2
+    said = capsys.readouterr().err.strip()
+    assert "\n" not in said and re.search(line, said), said
+    assert not Path("a.fmu").exists()
+
+
+def test_without_any_compiler_one_line_says_what_to_install(capsys, monkeypatch):
+    monkeypatch.setattr(controller, "has_zig", lambda: False)
+    monkeypatch.setattr(controller, "program", lambda name: None)
+    assert main(["fmu", "a.fmu"]) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert len(said) == 1 and "pip install 'hexatorque[fmu]'" in said[0]
+
+
+@pytest.mark.parametrize("version", (2, 3))
+def test_its_sources_alone_make_the_binary(version, folder):
+    """A tool compiles what the description lists, in one folder, and nothing else."""
+    controller.write(folder / "a.fmu", setups.load("paper-a"), version, only_here=True)
+    with zipfile.ZipFile(folder / "a.fmu") as archive:
+        archive.extractall(folder)
+        names = set(archive.namelist())
+    root = ElementTree.parse(folder / "sources/buildDescription.xml").getroot()
+    listed = [file.get("name") for file in root.iter("SourceFile")]
+    if version == 2:
+        description = ElementTree.parse(folder / "modelDescription.xml").getroot()
+        assert listed == [file.get("name") for file in description.iter("File")]
+    (options,) = (found.get("compilerOptions") for found in root.iter("SourceFileSet"))
+    compiler = controller.program("cc") or controller.program("gcc")
+    command = [compiler, *shlex.split(options), "-fPIC", "-shared", "-o", "../a.so", *listed, "-lm"]
+
+    done = subprocess.run(command, cwd=folder / "sources", capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    library = ctypes.CDLL(str(folder / "a.so"))
+    version_of = getattr(library, f"fmi{version}GetVersion")
+    version_of.restype = ctypes.c_char_p
+    assert version_of() == f"{version}.0".encode()
+    assert (
+        "Permission is hereby granted"
+        in (folder / "documentation/licenses/license.txt").read_text()
+    )
+    assert not [name for name in names if re.match(r"sources/fmi\d", name)]  # none of FMI's headers
+
+
+#: How a binary of each system begins: ELF, PE, and Apple's formats.
+BEGINNINGS = {
+    2: {
+        "linux64": (".so", b"\x7fELF"),
+        "win64": (".dll", b"MZ"),
+        "darwin64": (".dylib", bytes.fromhex("cafebabe")),
+    },
+    3: {
+        "x86_64-linux": (".so", b"\x7fELF"),
+        "x86_64-windows": (".dll", b"MZ"),
+        "x86_64-darwin": (".dylib", bytes.fromhex("cffaedfe07000001")),
+        "aarch64-darwin": (".dylib", bytes.fromhex("cffaedfe0c000001")),
+    },
+}
+
+
+@pytest.mark.skipif(not os.environ.get("HT_WHOLE"), reason="takes minutes: HT_WHOLE=1 runs it")
+@pytest.mark.skipif(not controller.has_zig(), reason="pip install 'hexatorque[fmu]'")
+@pytest.mark.parametrize("version", (2, 3))
+def test_with_the_extra_there_are_binaries_for_other_systems(version, folder):
+    controller.write(folder / "a.fmu", setups.load("paper-a"), version)
+    with zipfile.ZipFile(folder / "a.fmu") as archive:
+        found = {name: archive.read(name) for name in archive.namelist() if "binaries/" in name}
+    assert len(found) == len(BEGINNINGS[version])
+    for system, (suffix, begins) in BEGINNINGS[version].items():
+        assert found[f"binaries/{system}/hexatorque_controller{suffix}"].startswith(begins)
+
+
+def test_a_fat_file_names_its_parts():
+    """Apple's format: each part begins at a multiple of its alignment, and its head says for which
+    processor it is."""
+    parts = [struct.pack("<III", 0xFEEDFACF, cpu, 3) + bytes(range(100)) for cpu in (7, 12)]
+    image = controller.fat(*parts)
+    magic, count = struct.unpack(">II", image[:8])
+    assert (magic, count) == (0xCAFEBABE, 2)
+    for k, part in enumerate(parts):
+        cpu, kind, at, size, align = struct.unpack(">IIIII", image[8 + 20 * k : 28 + 20 * k])
+        assert (cpu, kind) == struct.unpack("<II", part[4:12])
+        assert at % (1 << align) == 0 and image[at : at + size] == part
