@@ -85,9 +85,7 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     float size = sqrtf(psi.alpha * psi.alpha + psi.beta * psi.beta);
     float inv_size = (size > 0.0f) ? (1.0f / size) : 0.0f;
     float radial = ht_limited(in->flux_ref_Wb - size, HT_LAW_FLUX_SHARE * step);
-    ht_xy i = in->i_A.xy;
-    bool room = (i.x * i.x + i.y * i.y) <= cfg->xy_free_A2;
-    float most = (room ? REACH_PU : XY_REACH_PU) * step; /* NaN: the smaller one */
+    float most = XY_REACH_PU * step;
     float inv_vdc = 1.0f / in->vdc_V;
     float volts_per_Wb = machine->inv_ts * inv_vdc;
     float drop = in->rs_ohm * machine->inv_sigma_ls * inv_vdc;
@@ -96,12 +94,20 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     ht_ab along = {inv_size * psi.alpha, inv_size * psi.beta};
     ht_ab wanted = flux_reference(machine, in, size + radial);
     ht_ab e;
+    float e2;
     ht_vsd v;
     v.xy = ht_xy_step(&integral, &st->xy, in->i_A.xy, along, HT_LAW_XY_LIMIT_PU, false);
     e.alpha = back * wanted.alpha - turn * wanted.beta + cfg->gain * (wanted.alpha - psi.alpha);
     e.beta = back * wanted.beta + turn * wanted.alpha + cfg->gain * (wanted.beta - psi.beta);
-    if (!((e.alpha * e.alpha + e.beta * e.beta) <= (most * most))) {
-        e = within_reach(e, along, inv_size, radial, most);
+    e2 = e.alpha * e.alpha + e.beta * e.beta;
+    if (!(e2 <= (most * most))) {
+        ht_xy i = in->i_A.xy;
+        if ((i.x * i.x + i.y * i.y) <= cfg->xy_free_A2) { /* NaN is not */
+            most = REACH_PU * step;
+        }
+        if (!(e2 <= (most * most))) {
+            e = within_reach(e, along, inv_size, radial, most);
+        }
     }
     v.ab.alpha = e.alpha * volts_per_Wb + drop * (psi.alpha - in->rotor_Wb.alpha);
     v.ab.beta = e.beta * volts_per_Wb + drop * (psi.beta - in->rotor_Wb.beta);
