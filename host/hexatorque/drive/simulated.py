@@ -186,12 +186,28 @@ class SimulatedDrive(Hardware, DriveVerbs):
         if not record:
             self.discard()
 
+    def rows(self, periods: int) -> tuple[np.ndarray, np.ndarray]:
+        """Simulate so many control periods, and return what they had as two tables of float32: the
+        true values, (periods * samples_per_period, n) with the columns `plant.loop.PLANT_CHANNELS`,
+        and the firmware's `channels`, (periods, n). Nothing is recorded. For loops that look at
+        each period this is quicker than `run` and `take`. The next call uses the same memory."""
+        self.discard()
+        self._run_chunk(periods, True)
+        tables = self._samples.plant.filled(), self._samples.channels.filled()
+        self.discard()
+        return tables
+
+    @property
+    def transitions(self) -> int:
+        """How often a leg has changed its state so far."""
+        return int(self._all_transitions.sum())
+
     def discard(self) -> None:
         """Delete the samples recorded so far."""
         self._samples.clear()
         self._record_start = self.periods
         self._speed_refs = self._speed_refs[-1:]
-        self._transitions = int(self._all_transitions.sum())
+        self._transitions = self.transitions
 
     def arm(
         self,
@@ -233,7 +249,7 @@ class SimulatedDrive(Hardware, DriveVerbs):
         memory that the simulation has filled; its channels are made when they are asked for."""
         channels, units = self._samples.hand_over()
         periods = self.periods - self._record_start
-        jumps = int(self._all_transitions.sum()) - self._transitions
+        jumps = self.transitions - self._transitions
         meta = {
             **self._meta(),
             "samples_per_period": self.samples_per_period,

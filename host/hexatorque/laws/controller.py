@@ -134,6 +134,11 @@ class LawController(Controller):
             return -1
 
     @property
+    def memory(self) -> np.record:
+        """What the step reads and changes. A start makes it anew."""
+        return self._own
+
+    @property
     def handle(self) -> int:
         return int(ffi.cast("uintptr_t", self._law))
 
