@@ -29,7 +29,7 @@ FLOORS = (
     {"serial"},
     {"analysis", "drive"},
     {"boards", "commissioning", "experiments"},
-    {"fmu", "monitor", "sweeps", "tuning", "twin"},
+    {"fmu", "gym", "monitor", "sweeps", "tuning", "twin"},
     {"evidence"},
     {"cli"},
     {"__main__"},

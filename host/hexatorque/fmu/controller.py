@@ -24,7 +24,6 @@ from ..setups import Setup, SetupError, parameters
 from .description import IDENTIFIER, build_description, model_description
 from .variables import starts, variables
 
-VERSIONS = (2, 3)
 #: Folders of the firmware that the FMU has; of the last one only one of the two interfaces.
 FOLDERS = ("core", "app", "link", "port", "port/c2000", "port/host", "port/fmu")
 #: What `hexatorque fmu` writes for the sources.
