@@ -1,9 +1,9 @@
 """An agent for the environment `hexatorque/Voltage-v0`: three numbers, found by the cross-entropy
 method in less than a minute. python examples/gym_agent.py [SET-UP]
 
-The agent turns the stator flux as fast as it sees it turn, and adds a voltage along the flux for its
-length, one across it for the torque, and one against the x-y current. The three numbers are the
-gains of these. Each candidate drives the same episodes; the best quarter says where the next ones
+The agent turns the stator flux as fast as it sees it turn, and adds a voltage along the flux for
+its length, one across it for the torque, and one against the x-y current. The three numbers are the
+gains of these. Each candidate drives the same episode; the best quarter says where the next ones
 are drawn.
 """
 

@@ -1,4 +1,4 @@
-"""The page about the environment of Gymnasium works as it says (`pages`), and so does its example."""
+"""The page about the environment of Gymnasium works as it says (`pages`), as does its example."""
 
 import re
 import subprocess

@@ -20,7 +20,7 @@ REASONS = {
         "__pydantic_config__", "observation_space", "CACHE_DIR", "w_m", "on_cell_start",
     },
     "registered by its decorator, which is how it is found": {
-        "list_parameters", "_type_of", "_", "_saturates",
+        "list_parameters", "_", "_saturates",
     },
     "the tool takes it by the name of the program that it measures": {"motulator", "gem"},
     "the C reads it": {
