@@ -59,9 +59,9 @@ def test_captured_step_has_the_samples_asked_for():
 
 
 def test_every_script_is_run():
-    """The law of one's own runs in tests/host/laws/test_laws.py."""
+    """The law of one's own runs in tests/host/laws/test_laws.py, the agent beside its page."""
     here = {"torque_band.py", "captured_step.py"}
-    assert {path.name for path in files("py")} == {*here, "own_law.py"}
+    assert {path.name for path in files("py")} == {*here, "own_law.py", "gym_agent.py"}
 
 
 @pytest.mark.parametrize("path", part(files("ipynb"), 1), ids=lambda path: path.name)

@@ -193,7 +193,7 @@ def test_legs_that_change_without_dead_time_are_found():
     dead = {"inverter.dead_time_us": 2.0}
 
     def seen(*edges, **counted):
-        none = {"shorts": 0, "short_pulses": 0, "shortest_pulse_us": 2.0}
+        none = {"gate_mistake": ""}
         sim = SimpleNamespace(
             setup=dead, controller=clock, edges=np.array(edges), **{**none, **counted}
         )
@@ -203,7 +203,7 @@ def test_legs_that_change_without_dead_time_are_found():
     assert "without dead time" in seen((0, 0, HIGH))
     assert "199 counts" in seen((0, 0, OFF), (199, 0, HIGH))
     assert seen((0, 0, OFF), (100, 1, OFF), (300, 1, HIGH), (400, 0, HIGH)) == ""
-    assert seen((0, 0, OFF), short_pulses=1, shortest_pulse_us=0.07) == "a gate pulse of 0.07 us"
+    assert seen((0, 0, OFF), gate_mistake="a gate pulse of 0.07 us") == "a gate pulse of 0.07 us"
 
 
 @pytest.mark.parametrize("state", faults.STATES)
