@@ -190,15 +190,7 @@ FMI2_NONE(fmi2SetString)
 
     FMI2(fmi2Status, fmi2GetFMUstate, (fmi2Component c, fmi2FMUstate *state))
 {
-    const instance *i = c;
-    if (*state == NULL) {
-        *state = malloc(sizeof(ht_fmu_kept));
-    }
-    if (*state == NULL) {
-        return (fmi2Status)ht_fmu_tell(&i->fmu, HT_FMU_ERROR, "no memory for the state");
-    }
-    ht_fmu_keep(&i->fmu, *state);
-    return HT_FMU_OK;
+    return (fmi2Status)ht_fmu_keep(&((instance *)c)->fmu, state);
 }
 
 FMI2(fmi2Status, fmi2SetFMUstate, (fmi2Component c, fmi2FMUstate state))
@@ -227,29 +219,13 @@ FMI2(fmi2Status, fmi2SerializedFMUstateSize, (fmi2Component c, fmi2FMUstate stat
 FMI2(fmi2Status, fmi2SerializeFMUstate,
      (fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size))
 {
-    if (size < sizeof(ht_fmu_kept)) {
-        return (fmi2Status)ht_fmu_tell(&((instance *)c)->fmu, HT_FMU_ERROR,
-                                       "the memory for the state is too small");
-    }
-    memcpy(bytes, state, sizeof(ht_fmu_kept));
-    return HT_FMU_OK;
+    return (fmi2Status)ht_fmu_serialize(&((instance *)c)->fmu, state, bytes, size);
 }
 
 FMI2(fmi2Status, fmi2DeSerializeFMUstate,
      (fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state))
 {
-    const instance *i = c;
-    if (size != sizeof(ht_fmu_kept)) {
-        return (fmi2Status)ht_fmu_tell(&i->fmu, HT_FMU_ERROR, "the kept state is of another FMU");
-    }
-    if (*state == NULL) {
-        *state = malloc(sizeof(ht_fmu_kept));
-    }
-    if (*state == NULL) {
-        return (fmi2Status)ht_fmu_tell(&i->fmu, HT_FMU_ERROR, "no memory for the state");
-    }
-    memcpy(*state, bytes, sizeof(ht_fmu_kept));
-    return HT_FMU_OK;
+    return (fmi2Status)ht_fmu_deserialize(&((instance *)c)->fmu, bytes, size, state);
 }
 
 FMI2_NONE(fmi2GetDirectionalDerivative)

@@ -206,15 +206,7 @@ FMI3_NONE(fmi3GetFloat32) FMI3_NONE(fmi3SetFloat32) FMI3_NONE(fmi3GetInt8) FMI3_
 
                         FMI3(fmi3Status, fmi3GetFMUState, (fmi3Instance c, fmi3FMUState *state))
 {
-    const instance *i = c;
-    if (*state == NULL) {
-        *state = malloc(sizeof(ht_fmu_kept));
-    }
-    if (*state == NULL) {
-        return (fmi3Status)ht_fmu_tell(&i->fmu, HT_FMU_ERROR, "no memory for the state");
-    }
-    ht_fmu_keep(&i->fmu, *state);
-    return HT_FMU_OK;
+    return (fmi3Status)ht_fmu_keep(&((instance *)c)->fmu, state);
 }
 
 FMI3(fmi3Status, fmi3SetFMUState, (fmi3Instance c, fmi3FMUState state))
@@ -243,29 +235,13 @@ FMI3(fmi3Status, fmi3SerializedFMUStateSize, (fmi3Instance c, fmi3FMUState state
 FMI3(fmi3Status, fmi3SerializeFMUState,
      (fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size))
 {
-    if (size < sizeof(ht_fmu_kept)) {
-        return (fmi3Status)ht_fmu_tell(&((instance *)c)->fmu, HT_FMU_ERROR,
-                                       "the memory for the state is too small");
-    }
-    memcpy(bytes, state, sizeof(ht_fmu_kept));
-    return HT_FMU_OK;
+    return (fmi3Status)ht_fmu_serialize(&((instance *)c)->fmu, state, bytes, size);
 }
 
 FMI3(fmi3Status, fmi3DeserializeFMUState,
      (fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *state))
 {
-    const instance *i = c;
-    if (size != sizeof(ht_fmu_kept)) {
-        return (fmi3Status)ht_fmu_tell(&i->fmu, HT_FMU_ERROR, "the kept state is of another FMU");
-    }
-    if (*state == NULL) {
-        *state = malloc(sizeof(ht_fmu_kept));
-    }
-    if (*state == NULL) {
-        return (fmi3Status)ht_fmu_tell(&i->fmu, HT_FMU_ERROR, "no memory for the state");
-    }
-    memcpy(*state, bytes, sizeof(ht_fmu_kept));
-    return HT_FMU_OK;
+    return (fmi3Status)ht_fmu_deserialize(&((instance *)c)->fmu, bytes, size, state);
 }
 
 FMI3(fmi3Status, fmi3DoStep,

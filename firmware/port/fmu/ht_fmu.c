@@ -2,6 +2,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "ht_texts.h"
@@ -592,8 +593,25 @@ static void without_pointers(ht_fmu_state *s)
     }
 }
 
-void ht_fmu_keep(const ht_fmu *f, ht_fmu_kept *kept)
+/* Memory for a kept state, if there is none yet. */
+static bool room(const ht_fmu *f, void **kept)
 {
+    if (*kept == NULL) {
+        *kept = malloc(sizeof(ht_fmu_kept));
+    }
+    if (*kept == NULL) {
+        (void)ht_fmu_tell(f, HT_FMU_ERROR, "no memory for the state");
+    }
+    return *kept != NULL;
+}
+
+ht_fmu_status ht_fmu_keep(const ht_fmu *f, void **to)
+{
+    ht_fmu_kept *kept;
+    if (!room(f, to)) {
+        return HT_FMU_ERROR;
+    }
+    kept = *to;
     memset(kept, 0, sizeof *kept);
     (void)snprintf(kept->token, sizeof kept->token, "%s", HT_FMU_TOKEN);
     kept->size = (uint32_t)sizeof *kept;
@@ -601,6 +619,28 @@ void ht_fmu_keep(const ht_fmu *f, ht_fmu_kept *kept)
     kept->staged = number_of(&f->s.drive, f->s.drive.staged);
     memcpy(&kept->s, &f->s, sizeof f->s);
     without_pointers(&kept->s);
+    return HT_FMU_OK;
+}
+
+ht_fmu_status ht_fmu_serialize(const ht_fmu *f, const ht_fmu_kept *kept, void *octets, size_t size)
+{
+    if (size < sizeof *kept) {
+        return ht_fmu_tell(f, HT_FMU_ERROR, "the memory for the state is too small");
+    }
+    memcpy(octets, kept, sizeof *kept);
+    return HT_FMU_OK;
+}
+
+ht_fmu_status ht_fmu_deserialize(const ht_fmu *f, const void *octets, size_t size, void **kept)
+{
+    if (size != sizeof(ht_fmu_kept)) {
+        return ht_fmu_tell(f, HT_FMU_ERROR, "the kept state is of another FMU");
+    }
+    if (!room(f, kept)) {
+        return HT_FMU_ERROR;
+    }
+    memcpy(*kept, octets, sizeof(ht_fmu_kept));
+    return HT_FMU_OK;
 }
 
 ht_fmu_status ht_fmu_go_back(ht_fmu *f, const ht_fmu_kept *kept)

@@ -15,6 +15,8 @@
 #include "ht_port_c2000.h"
 #include "ht_drive.h"
 
+#include <stddef.h>
+
 /** How a call ends. The numbers are those of both versions of FMI. */
 typedef enum {
     HT_FMU_OK = 0,
@@ -96,8 +98,12 @@ ht_fmu_status ht_fmu_set_end(ht_fmu *f);
 /** The master's time is `now_s` and will be `now_s + step_s`. */
 ht_fmu_status ht_fmu_step(ht_fmu *f, double now_s, double step_s);
 
-void ht_fmu_keep(const ht_fmu *f, ht_fmu_kept *kept);
+/** Keep the state in `*kept`, a ht_fmu_kept, which is allocated if it is NULL. */
+ht_fmu_status ht_fmu_keep(const ht_fmu *f, void **kept);
 /** Go on from there. `kept` may be of another instance or process, but of the same binary. */
 ht_fmu_status ht_fmu_go_back(ht_fmu *f, const ht_fmu_kept *kept);
+/** A kept state as `size` octets, and back. `*kept` is allocated if it is NULL. */
+ht_fmu_status ht_fmu_serialize(const ht_fmu *f, const ht_fmu_kept *kept, void *octets, size_t size);
+ht_fmu_status ht_fmu_deserialize(const ht_fmu *f, const void *octets, size_t size, void **kept);
 
 #endif

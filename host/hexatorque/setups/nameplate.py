@@ -85,6 +85,19 @@ class Nameplate:
         """Efficiency times power factor, if voltage and current are those of each of two sets."""
         return 1e3 * self.power_kW / (2 * SQRT_3 * self.voltage_V * self.current_A)
 
+    def told(self, **more: float) -> str:
+        """What every plate says, and `more`, as `hexatorque new --nameplate` takes it."""
+        values = {
+            "power_kW": self.power_kW,
+            "voltage_V": self.voltage_V,
+            "current_A": self.current_A,
+            "frequency_Hz": self.frequency_Hz,
+            "speed_rpm": self.speed_rpm,
+            "poles": 2 * self.pole_pairs,
+            **more,
+        }
+        return ",".join(f"{name}={value:.6g}" for name, value in values.items())
+
     @property
     def base_ohm(self) -> float:
         """Rated voltage over rated current of a phase."""

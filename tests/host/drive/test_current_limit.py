@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from hexatorque import firmware, setups
-from hexatorque.evidence.studies import plates, transients
+from hexatorque.evidence.studies import machines, plates, transients
+from hexatorque.experiments.acceptance import accept, whole
 from hexatorque.plant.vsd import TRANSFORM
 from hexatorque.setups.design import Design
 
@@ -96,3 +97,15 @@ def test_paper_bs_drive_with_dtc1():
     row = transients.course(setups.load("paper-b"), "dtc1")
     assert row["lost"] == "" and math.isfinite(row["off_circle"])
     assert set(GROUPS) | {"dtc1"} == set(firmware.schemes())
+
+
+def test_a_torque_step_out_of_reach_does_not_trip_by_its_xy_current():
+    """A machine of the campaign whose L_xy is 0.44 of its leakage, up to 150 % of rated speed. A
+    step that was out of the voltage's reach made an x-y voltage of one direction for periods, and
+    47 A of x-y current."""
+    number, way = 83, "plate with cos φ"
+    true = machines.truth(number)
+    told = machines.told(true, way)
+    setup = machines.drive(true, told.setup.with_scheme("db-dtfc"), number)
+    assert setup["machine.lxy_H"] < 0.5 * setup["machine.lls_H"]
+    accept(setup, whole(0.3)[:14], (told.speed_rpm, told.torque_Nm))

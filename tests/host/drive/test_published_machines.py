@@ -32,16 +32,7 @@ def drive(name: str, told: bool):
     (machine,) = (m for m in machines() if m.name == name)
     one = estimate.examples(machine)[0]
     plate, circuit = one.plate, one.circuit
-    said = {
-        "power_kW": plate.power_kW,
-        "voltage_V": plate.voltage_V,
-        "current_A": plate.current_A,
-        "frequency_Hz": plate.frequency_Hz,
-        "speed_rpm": plate.speed_rpm,
-        "poles": 2 * plate.pole_pairs,
-        **({"power_factor": plate.power_factor} if told else {}),
-    }
-    text = ",".join(f"{key}={value:.6g}" for key, value in said.items())
+    text = plate.told(**({"power_factor": plate.power_factor} if told else {}))
     believed = setups.parse(new.from_nameplate(text, "x"), "x")
     values = setups.parameters(believed)
     fixed = {f"controller__{n}": v for n, v in values.items() if n not in TIMING_OWNS}

@@ -218,17 +218,9 @@ def told(true: Truth, way: str) -> Told:
     circuit = {name: off(getattr(true.circuit, name)) for name in names}
     circuit["pole_pairs"] = plate.pole_pairs
     if way.startswith("plate"):
-        given = {
-            "power_kW": plate.power_kW,
-            "voltage_V": plate.voltage_V,
-            "current_A": plate.current_A,
-            "frequency_Hz": plate.frequency_Hz,
-            "speed_rpm": plate.speed_rpm,
-            "poles": 2 * plate.pole_pairs,
-            "phases": 6,
-            **({"power_factor": plate.power_factor} if way != "plate" else {}),
-        }
-        setup = setups.parse(new.from_nameplate(_list(given), "machine"), "machine")
+        more = {"power_factor": plate.power_factor} if way != "plate" else {}
+        text = plate.told(phases=6, **more)
+        setup = setups.parse(new.from_nameplate(text, "machine"), "machine")
     elif way.startswith("circuit"):
         given = {**circuit, "current_A": plate.current_A, "vdc_V": vdc_V}
         setup = setups.parse(new.from_circuit(_list(given), "machine"), "machine")

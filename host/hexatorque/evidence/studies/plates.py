@@ -79,17 +79,7 @@ def _current_A(power_kW: float, voltage_V: float, product: float) -> float:
 def drive(plate: Nameplate, circuit: Circuit, inertia_kgm2: float) -> Setup:
     """The drive that was designed from the plate, in front of the true machine. The inertia is
     known: nothing but the load decides it."""
-    told = {
-        "power_kW": plate.power_kW,
-        "voltage_V": plate.voltage_V,
-        "current_A": plate.current_A,
-        "frequency_Hz": plate.frequency_Hz,
-        "speed_rpm": plate.speed_rpm,
-        "poles": 2 * plate.pole_pairs,
-        "power_factor": plate.power_factor,
-        "inertia_kgm2": inertia_kgm2,
-    }
-    text = ",".join(f"{name}={value:.6g}" for name, value in told.items())
+    text = plate.told(power_factor=plate.power_factor, inertia_kgm2=inertia_kgm2)
     designed = setups.parse(new.from_nameplate(text, "machine"), "machine")
     values = setups.parameters(designed)
     believed = {f"controller__{n}": v for n, v in values.items() if n not in TIMING_OWNS}
