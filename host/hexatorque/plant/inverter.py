@@ -35,7 +35,7 @@ from .machine import (
     phase_current_slope,
     rk4_step,
 )
-from .vsd import TRANSFORM
+from .vsd import transform
 from .wires import STRAIGHT
 
 NO_LEG = -1
@@ -147,14 +147,16 @@ def inverter_record(
     arc_V: float = 0.0,
     restrike_V_per_ms: float = 0.0,
     range_A: float = 0.0,
+    displacement_deg: float = 30.0,
     **drops: float,
 ) -> np.record:
     """All legs off and whole, no current. `leads`: the machine's phase on each leg; `range_A`: the
-    current sensors' range, which decides the knee; `drops`: any of DROPS, otherwise zero."""
+    current sensors' range, which decides the knee; `displacement_deg`: of the winding's sets;
+    `drops`: any of DROPS, otherwise zero."""
     inverter = np.zeros(1, INVERTER).view(np.recarray)[0]
     inverter.leg = inverter.command = OFF
     inverter.off = 6
-    inverter.transform = TRANSFORM[:, list(leads)]
+    inverter.transform = transform(displacement_deg)[:, list(leads)]
     inverter.star = [phase % 2 for phase in leads]
     inverter.contact.arc_V = arc_V
     inverter.contact.restrike_V_per_s = 1e3 * restrike_V_per_ms

@@ -4,6 +4,7 @@ A model is a module in `machines/`. It has
 
 - a class `Parameters`: its keys of the set-up's section [machine],
 - `make(parameters)`: a numpy record of constants, see below,
+- `initial(record)`: the state at rest without a current, (8,),
 - `fastest_per_s(record)`: the largest decay rate of the windings at standstill,
 - a compiled function for each function below that is marked `_contract` (`implements`).
 

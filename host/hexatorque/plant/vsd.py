@@ -1,27 +1,45 @@
-"""Reference frames of the asymmetrical six-phase winding.
+"""Reference frames of the six-phase winding.
 
-Phase order u1 u2 w1 w2 v1 v2 at 0, 30, 120, 150, 240, 270 electrical degrees;
-amplitude-invariant vector space decomposition (paper B, eq. 1), so that
-T T^t = I/3 and the inverse is 3 T^t.
+Phase order u1 u2 w1 w2 v1 v2. Set 1 (u1, w1, v1) lies at 0, 120, 240 electrical degrees, set 2 is
+displaced from it: by 30 degrees in the asymmetrical machine of both papers, by 0 where both sets
+share their axes, by 60 in the symmetrical machine. Amplitude-invariant vector space decomposition:
+with the space vectors s1, s2 of the sets in the stator's axes,
+
+    alpha + j beta = (s1 + s2)/2,    x - j y = (s1 - s2)/2,
+
+so that T T^t = I/3 and the inverse is 3 T^t for any displacement. For 30 degrees this is paper B's
+eq. 1.
 """
+
+from __future__ import annotations
 
 import numpy as np
 
 PHASES = ("u1", "u2", "w1", "w2", "v1", "v2")
-ANGLES_RAD = np.deg2rad([0.0, 30.0, 120.0, 150.0, 240.0, 270.0])
+#: Displacements of set 2 that are driven, electrical degrees.
+DISPLACEMENTS_DEG = (30, 0, 60)
 
-#: (4, 6): rows alpha, beta, x, y.
-TRANSFORM = (
-    np.array(
-        [
-            np.cos(ANGLES_RAD),
-            np.sin(ANGLES_RAD),
-            np.cos(5 * ANGLES_RAD),
-            np.sin(5 * ANGLES_RAD),
-        ]
-    )
-    / 3
-)
+
+def angles_rad(displacement_deg: float = 30.0) -> np.ndarray:
+    """(6,): where the phases lie, electrical."""
+    return np.deg2rad([0.0, 0.0, 120.0, 120.0, 240.0, 240.0] + displacement_deg * _SET2)
+
+
+#: 1 for the phases of set 2.
+_SET2 = np.array([0.0, 1.0, 0.0, 1.0, 0.0, 1.0])
+
+
+def transform(displacement_deg: float = 30.0) -> np.ndarray:
+    """(4, 6): rows alpha, beta, x, y."""
+    angles = angles_rad(displacement_deg)
+    # conj(s1 - s2). At 30 degrees these are five times the phases' angles, as both papers have it.
+    turned = 5 * angles if displacement_deg == 30 else np.pi * _SET2 - angles
+    return np.array([np.cos(angles), np.sin(angles), np.cos(turned), np.sin(turned)]) / 3
+
+
+#: The asymmetrical winding's.
+ANGLES_RAD = angles_rad()
+TRANSFORM = transform()
 
 #: (6, 4): phase quantities without zero sequence from alpha, beta, x, y.
 INVERSE = 3 * TRANSFORM.T

@@ -6,7 +6,7 @@ from importlib import import_module
 from types import ModuleType
 
 #: Name in the set-up's key `machine.model` -> module of this folder.
-MODELS = {"induction": "induction"}
+MODELS = {"induction": "induction", "magnet": "magnet"}
 
 
 def model(name: str) -> ModuleType:

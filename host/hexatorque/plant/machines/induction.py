@@ -1,4 +1,4 @@
-"""Asymmetrical six-phase induction machine in VSD form.
+"""Six-phase induction machine in VSD form, with any displacement of its two sets (plant/vsd.py).
 
 The rotor's own state is its flux, alpha and beta in the stationary frame. Per-phase stator
 resistance and leakage may differ, which couples alpha-beta with x-y:
@@ -25,7 +25,7 @@ from ..columns import add_columns
 from ..load import load_torque
 from ..machine import implements
 from ..record import record
-from ..vsd import INVERSE, TRANSFORM
+from ..vsd import transform
 from .induction_parameters import Parameters
 from .saturation import excess_flux, excess_gain, open_rotor
 
@@ -72,9 +72,11 @@ def _saturates(m):
 
 def make(p: Parameters) -> np.record:
     """Inductance and resistance matrices, inverted once."""
-    rs = TRANSFORM @ np.diag(p.rs_ohm + np.array(p.drs_ohm)) @ INVERSE
+    phases = transform(p.displacement_deg)
+    inverse = 3 * phases.T
+    rs = phases @ np.diag(p.rs_ohm + np.array(p.drs_ohm)) @ inverse
     leakage = np.diag([p.lls_H, p.lls_H, p.lxy_H, p.lxy_H])
-    leakage += TRANSFORM @ np.diag(p.dlls_H) @ INVERSE
+    leakage += phases @ np.diag(p.dlls_H) @ inverse
     inductance = np.zeros((6, 6))
     inductance[:4, :4] = leakage + np.diag([p.lm_H, p.lm_H, 0, 0])
     inductance[4:, 4:] = np.diag([p.lr_H, p.lr_H])
@@ -84,8 +86,8 @@ def make(p: Parameters) -> np.record:
     resistance[:4, :4] = rs
     resistance[4:, 4:] = np.diag([p.rr_ohm, p.rr_ohm])
     rows = np.vstack([-resistance @ current, current[:2]])
-    i_phase = INVERSE[p.phase_of_leg] @ current[:4]  # of the phase on each leg
-    transform = TRANSFORM[:, p.phase_of_leg]
+    i_phase = inverse[p.phase_of_leg] @ current[:4]  # of the phase on each leg
+    legs = phases[:, p.phase_of_leg]
     main = p.lm_H * (current[:2] + current[4:])
     kind = {"saturable" if p.psi_knee_Wb > 0 else "linear": 1}
     return record(
@@ -94,7 +96,7 @@ def make(p: Parameters) -> np.record:
         **kind,
         slope=rows.T,
         i_phase=i_phase,
-        g_leg=i_phase[:, :4] @ transform,
+        g_leg=i_phase[:, :4] @ legs,
         i_stator=current[:4],
         inv_l_max=1 / np.linalg.eigvalsh(leakage)[0],
         lm_over_lr=p.lm_H / p.lr_H,
@@ -104,12 +106,17 @@ def make(p: Parameters) -> np.record:
         psi_knee_Wb=p.psi_knee_Wb,
         saturation_exponent=p.saturation_exponent,
         main=main,
-        main_leg=main[:, :4] @ transform,
+        main_leg=main[:, :4] @ legs,
         excess_share=np.eye(2) - main[:, :2] - main[:, 4:],
         i_excess=i_phase[:, :2] + i_phase[:, 4:],
         inertia=p.inertia_kgm2,
         viscous=p.viscous_Nms,
     )
+
+
+def initial(m: np.record) -> np.ndarray:
+    """No flux, no current, at rest."""
+    return np.zeros(8)
 
 
 def fastest_per_s(m: np.record) -> float:

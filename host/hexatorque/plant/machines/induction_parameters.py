@@ -27,6 +27,7 @@ class Parameters:
     psi_knee_Wb: float = 0.0  #: main flux that takes twice the linear current; 0 = linear
     saturation_exponent: float = 6.0
     leads: tuple[int, ...] = (1, 2, 3, 4, 5, 6)  #: phase on each leg, 1 is u1
+    displacement_deg: float = 30.0  #: of set 2 from set 1, electrical
 
     @property
     def phase_of_leg(self) -> list[int]:
