@@ -23,7 +23,7 @@ sys.path.insert(0, str(PACKAGE))
 from hexatorque.given import choice, listed, numeric, suggest  # noqa: E402
 from hexatorque.setups import loading, to_parameters  # noqa: E402
 from hexatorque.setups.derived import DEFAULTS  # noqa: E402
-from hexatorque.setups.keys import KEYS, SECTIONS  # noqa: E402
+from hexatorque.setups.keys import KEYS, SECTIONS, missing  # noqa: E402
 from hexatorque.setups.setup import Setup, inconsistent  # noqa: E402
 from hexatorque.setups.values import SetupError, Value  # noqa: E402
 
@@ -136,11 +136,7 @@ def initial_values(source: str, device: str, files: list[Path]) -> dict[str, str
     table = {row.name: row for row in map(Parameter, lines)}
     values, defaults = values_of(source, table, files)
     setup = Setup(source, source, values, defaults=defaults)
-    for section, keys in KEYS.items():
-        for key, spec in keys.items():
-            if spec.required and key not in setup.values[section]:
-                raise SetupError(f"{section}.{key} is missing ({spec.help}, {spec.unit or '-'})")
-    if lines := inconsistent(setup):
+    if lines := missing(setup.values, setup["machine.model"]) or inconsistent(setup):
         raise SetupError(lines[0])
     for_device = setup["timing.device"]
     if device and for_device != device:

@@ -1,5 +1,6 @@
 #include "ht_configure.h"
 
+#include "ht_angle.h"
 #include "ht_misfit.h"
 
 #include <stddef.h>
@@ -11,6 +12,10 @@
 /* Rotor flux and current are followed this many times faster than the rotor flux can rise. */
 #define ROTOR_FASTER 30.0f
 #define ENCODER_CHECK_S 0.05f
+/* Counts of the encoder in a period, quick and slow mean: with magnets an encoder that stops must be
+ * found within 2 ms. */
+#define COUNTS_QUICK_S 0.0003f
+#define COUNTS_SLOW_S 0.003f
 #define OMEGA_FILTER_S 0.005f
 #define OMEGA_MEAN_S 0.2f
 /* The build-up is direct current, where all that the models disagree about is R_s: it
@@ -78,6 +83,31 @@ static void configure_leg_loss(const ht_params *p, float ts, ht_leg_loss_config 
     c->wait = (uint16_t)wait;
 }
 
+/* A harmonic of the induced voltage, over the electrical speed. */
+static ht_ab harmonic(float psi_f_Wb, float share, float deg)
+{
+    ht_ab unit = ht_unit(((deg < 0.0f) ? (deg + 360.0f) : deg) / 360.0f);
+    unit.alpha *= psi_f_Wb * share;
+    unit.beta *= psi_f_Wb * share;
+    return unit;
+}
+
+static void configure_magnets(const float *v, ht_observer_config *c)
+{
+    ht_magnet_config *m = &c->magnet;
+    c->magnets = v[HT_P_machine] != 0.0f;
+    m->psi_f_Wb = v[HT_P_psi_f_Wb];
+    m->inv_psi_f = 1.0f / m->psi_f_Wb;
+    m->ld_H = v[HT_P_ld_H];
+    m->lq_H = v[HT_P_sigma_ls_H];
+    m->inv_ld = 1.0f / m->ld_H;
+    m->saliency_H = m->ld_H - m->lq_H;
+    m->share = m->saliency_H * m->inv_ld;
+    m->torque_gain = c->torque_gain;
+    m->emf5_Wb = harmonic(m->psi_f_Wb, v[HT_P_emf5_share], v[HT_P_emf5_deg]);
+    m->emf7_Wb = harmonic(m->psi_f_Wb, v[HT_P_emf7_share], v[HT_P_emf7_deg]);
+}
+
 /* Derive the control configuration, or tell why the values do not fit. */
 static ht_result configure(const ht_params *p, float pwm_clock_Hz, ht_control_config *c)
 {
@@ -114,6 +144,7 @@ static ht_result configure(const ht_params *p, float pwm_clock_Hz, ht_control_co
     c->observer.rotor_drive = ts * p->v[HT_P_rr_ohm] * c->observer.lm_over_lr;
     c->observer.torque_gain = 3.0f * p->v[HT_P_pole_pairs];
     c->observer.omega_gain = (ts < OMEGA_FILTER_S) ? (ts / OMEGA_FILTER_S) : 1.0f;
+    configure_magnets(p->v, &c->observer);
     c->dead.dead_pu = p->v[HT_P_dead_time_us] * 1.0e-6f * p->v[HT_P_f_isr_Hz];
     c->dead.i_zero_A = p->v[HT_P_i_zero_A];
     configure_law(p, c);
@@ -138,6 +169,12 @@ static float pull_out(const float *v)
     float sigma_ls_H = v[HT_P_sigma_ls_H];
     return HT_PULL_OUT_SHARE * 1.5f * v[HT_P_pole_pairs] * main_H
            / (sigma_ls_H * (sigma_ls_H + main_H));
+}
+
+/* Gain of a low pass of the encoder's counts in a fast period. */
+static float encoder_gain(const float *v, float filter_s)
+{
+    return 1.0f / (1.0f + filter_s * v[HT_P_f_isr_Hz]);
 }
 
 static void apply_protection(const float *v, ht_protect_config *c)
@@ -170,11 +207,22 @@ static void apply_protection(const float *v, ht_protect_config *c)
     c->estimate_back = 0.5f - OMEGA_FILTER_S * v[HT_P_f_slow_Hz];
     c->estimate_back = (c->estimate_back > 0.0f) ? c->estimate_back : 0.0f;
     c->encoder_gain = 1.0f / (1.0f + ENCODER_CHECK_S * v[HT_P_f_slow_Hz]);
+    c->magnets = v[HT_P_machine] != 0.0f;
+    c->inv_psi_f = 1.0f / v[HT_P_psi_f_Wb];
+    c->counts_quick = encoder_gain(v, COUNTS_QUICK_S);
+    c->counts_slow = encoder_gain(v, COUNTS_SLOW_S);
+    c->most_counts = v[HT_P_encoder_trip_rpm] * v[HT_P_encoder_counts_rev]
+                     / (60.0f * v[HT_P_f_isr_Hz]);
 }
 
 void ht_configure_rest(const ht_port *port, ht_drive_config *c)
 {
     const float *v = c->params.v;
+    float ticks = v[HT_P_build_s] * v[HT_P_f_isr_Hz];
+    c->alignment.known = v[HT_P_rotor_start] != 0.0f;
+    c->alignment.ticks = (uint32_t)ticks;
+    c->alignment.counts_rev = (uint32_t)v[HT_P_encoder_counts_rev];
+    c->alignment.pole_pairs = (uint16_t)v[HT_P_pole_pairs];
     c->speed.kp_Nms_rad = v[HT_P_kp_speed_Nms_rad];
     c->speed.ki_ts_Nms_rad = v[HT_P_ki_speed_Nm_rad] / v[HT_P_f_slow_Hz];
     c->speed.torque_limit_Nm = v[HT_P_torque_limit_Nm];
@@ -186,7 +234,7 @@ void ht_configure_rest(const ht_port *port, ht_drive_config *c)
     c->flux.reach_pu = v[HT_P_fw_margin] * ht_control_reach_pu(&c->control);
     c->flux.rs_ohm = v[HT_P_rs_ohm];
     c->pull_out_Nm_Wb2 = pull_out(v);
-    ht_derating_configure(&c->params, &c->derating);
+    ht_derating_configure(&c->params, &c->control.observer, &c->derating);
     c->sets.gain = 1.0f / (1.0f + SETS_S * v[HT_P_f_slow_Hz]);
     /* Where the x-y currents are large, wrong parameters make more of them in the residual than the
      * sets' difference does. */

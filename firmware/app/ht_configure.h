@@ -4,6 +4,7 @@
 #ifndef HT_CONFIGURE_H
 #define HT_CONFIGURE_H
 
+#include "ht_alignment.h"
 #include "ht_control.h"
 #include "ht_derating.h"
 #include "ht_excitation.h"
@@ -32,6 +33,7 @@ typedef struct {
     float build_gain; /**< the same during the build-up */
     ht_params params; /**< the parameters that all this is derived from */
     ht_excitation_config excitation;
+    ht_alignment_config alignment; /**< of a rotor with magnets */
 } ht_drive_config;
 
 /** Range of a parameter on the hardware behind `port`: the table's, except for the dead time,

@@ -19,6 +19,13 @@
 /* Share of the current that raises the flux at most. What is across it: sqrt(1 - 0.9^2). */
 #define RISING_SHARE 0.9f
 
+/* The same with magnets: the least that makes this torque. */
+static float least_A(const ht_magnet_config *m, const float *v)
+{
+    ht_dq i = ht_magnet_least_A(m, v[HT_P_torque_limit_Nm]);
+    return sqrtf(i.d_A * i.d_A + i.q_A * i.q_A);
+}
+
 /* Steady current, amplitude, at the torque limit and the flux reference, by the circle diagram. */
 static float limit_A(const ht_derating_config *c, const float *v)
 {
@@ -43,7 +50,8 @@ static void configure_ripple(const float *v, ht_derating_config *c)
     c->torque_band_Nm = bands ? v[HT_P_torque_band_Nm] : 0.0f;
 }
 
-void ht_derating_configure(const ht_params *p, ht_derating_config *c)
+void ht_derating_configure(const ht_params *p, const ht_observer_config *machine,
+                           ht_derating_config *c)
 {
     const float *v = p->v;
     float sigma;
@@ -55,7 +63,7 @@ void ht_derating_configure(const ht_params *p, ht_derating_config *c)
     c->lean = sigma / (1.0f + sigma);
     c->best_Wb_A = c->ls_H * sqrtf(0.5f - c->lean + c->lean * c->lean) / (1.0f - c->lean);
     c->torque_gain = 3.0f * v[HT_P_pole_pairs];
-    c->limit_A = limit_A(c, v);
+    c->limit_A = machine->magnets ? least_A(&machine->magnet, v) : limit_A(c, v);
     configure_ripple(v, c);
 }
 

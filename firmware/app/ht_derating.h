@@ -22,7 +22,9 @@ typedef struct {
     float sigma_ls_H;  /**< stator transient inductance */
 } ht_derating_config;
 
-void ht_derating_configure(const ht_params *p, ht_derating_config *c);
+/** `machine`: as the control is configured by these parameters. */
+void ht_derating_configure(const ht_params *p, const ht_observer_config *machine,
+                           ht_derating_config *c);
 
 /** Current in alpha-beta, amplitude, with which the most loaded phase carries `phase_A`, where at least
  *  one leg is lost. */

@@ -1,3 +1,4 @@
+#include "ht_angle.h"
 #include "ht_drive_inside.h"
 #include "ht_limited.h"
 
@@ -50,6 +51,17 @@ void ht_drive_set_levels(ht_drive *d)
     ht_port_trip_levels(d->port, &levels);
 }
 
+/* The d axis turns with the shaft. */
+static void turn_rotor(ht_drive *d, int32_t moved)
+{
+    const ht_alignment_config *c = &d->config->alignment;
+    uint16_t faults = ht_protect_encoder(&d->config->protect, &d->protect, (float)moved);
+    d->rotor.electrical =
+        ht_electrical(d->rotor.electrical, moved, c->pole_pairs, c->counts_rev);
+    d->in.axis = ht_unit((float)d->rotor.electrical / (float)c->counts_rev);
+    d->rotor_faults = faults;
+}
+
 static void measure(ht_drive *d)
 {
     const ht_samples *s = &d->samples;
@@ -62,6 +74,9 @@ static void measure(ht_drive *d)
     d->in.vdc_V = (float)s->adc[HT_ADC_VDC] * d->v_per_count;
     d->in.turn_rad = ht_limited(turn, TURN_MAX_RAD);
     d->position_now = s->position;
+    if (d->config->control.observer.magnets) {
+        turn_rotor(d, (int32_t)moved);
+    }
 }
 
 static void keep(ht_drive *d, uint16_t state, uint16_t bits)
@@ -225,6 +240,16 @@ static inline void protect_after(ht_drive *d)
     }
 }
 
+/* Angle of the d axis as the encoder's count tells it, if that is known. */
+static uint32_t known_angle(const ht_drive *d)
+{
+    const ht_alignment_config *c = &d->config->alignment;
+    float deg = d->config->params.v[HT_P_rotor_zero_deg];
+    float zero = ((deg < 0.0f) ? (deg + 360.0f) : deg) / 360.0f * (float)c->counts_rev;
+    return ht_electrical((uint32_t)zero % c->counts_rev, (int32_t)d->samples.position,
+                         c->pole_pairs, c->counts_rev);
+}
+
 static void calibrate(ht_drive *d)
 {
     unsigned faults = faults_before(d, false);
@@ -263,6 +288,7 @@ static void calibrate(ht_drive *d)
     ht_speed_reset(&d->speed);
     ht_set_difference_begin(&d->sets);
     d->torque_ref_Nm = 0.0f;
+    d->rotor.electrical = known_angle(d);
     (void)go_on_without(d, (uint16_t)d->config->params.v[HT_P_lost_legs]);
     if (d->config->params.v[HT_P_start_mode] != 0.0f) {
         ht_excitation_reset(&d->excitation, d->samples.position);
@@ -319,6 +345,9 @@ static inline void drive(ht_drive *d, bool build)
         faults |= tripped_by(d);
     }
     faults |= d->slow_faults;
+    if (d->config->control.observer.magnets) {
+        faults |= d->rotor_faults;
+    }
     if (faults != 0u) {
         fault(d, (uint16_t)faults);
         return;
@@ -335,6 +364,53 @@ static inline void drive(ht_drive *d, bool build)
     ht_port_write(d->port, &out);
     if (build) {
         end_build(d, share);
+    }
+    protect_after(d);
+}
+
+/* The rotor with magnets stands where its angle is known, and the drive goes on from there. */
+HT_SELDOM static void begin_run_with_magnets(ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    d->in.axis = ht_unit((float)d->rotor.electrical / (float)c->alignment.counts_rev);
+    ht_observer_align(&c->control.observer, &d->control.observer, d->control.observer.i_A,
+                      d->in.axis);
+    d->control.estimate.psi_Wb = d->control.observer.psi_Wb;
+    ht_drive_set_flux_ref(d, c->control.observer.magnet.psi_f_Wb);
+    ht_drive_enter(d, HT_STATE_RUN);
+}
+
+/* One period of BUILD with magnets. */
+HT_SELDOM static void align(ht_drive *d)
+{
+    const ht_drive_config *c = d->config;
+    bool powered = d->state_ticks > 1u;
+    unsigned faults = faults_before(d, powered); /* the shaft may swing: its speed tells nothing */
+    ht_alignment step;
+    ht_compare out;
+    if (!powered) {
+        ht_alignment_begin(&c->alignment, &d->rotor);
+    } else if (ht_port_tripped(d->port, used_legs(d))) {
+        faults |= tripped_by(d);
+    } else {
+        /* no latch */
+    }
+    step = ht_alignment_step(&c->alignment, &d->rotor, d->state_ticks);
+    if (step == HT_NOT_ALIGNED) {
+        faults |= HT_FAULT_ENCODER;
+    }
+    if (faults != 0u) {
+        fault(d, (uint16_t)faults);
+        return;
+    }
+    ht_control_align(&c->control, &d->control, &d->in, d->rotor.direction, &out);
+    ht_port_write(d->port, &out);
+    if (gates_refused(d)) {
+        fault(d, HT_FAULT_EXTERNAL);
+    } else if (step == HT_ALIGNED) {
+        begin_run_with_magnets(d);
+    } else {
+        /* still aligning */
     }
     protect_after(d);
 }
@@ -412,7 +488,11 @@ void ht_drive_fast_isr(ht_drive *d)
         break;
     case HT_STATE_BUILD:
         d->state_ticks++;
-        drive(d, true);
+        if (d->config->control.observer.magnets) {
+            align(d);
+        } else {
+            drive(d, true);
+        }
         break;
     case HT_STATE_CALIBRATE:
         d->state_ticks++;

@@ -74,6 +74,7 @@ typedef struct {
     uint16_t warnings;
     uint16_t end_counts; /**< PWM counts from the period's start to the interrupt's end */
     uint16_t off_legs;   /**< legs that stay off while the drive runs, a state word */
+    uint16_t rotor_faults; /**< with magnets: what the encoder's counts say in this period */
     uint16_t stuck_leg;  /**< leg whose sensor and trip latch are checked next */
     ht_samples samples;  /**< latest */
     volatile uint32_t position_now;
@@ -109,6 +110,7 @@ typedef struct {
     uint16_t calibration_ticks;
     uint16_t flux_lowered; /**< 1: less flux, to keep the flux turning */
     ht_excitation_state excitation;
+    ht_alignment_state rotor;   /**< with magnets: the angle of the d axis, and its alignment */
     float along_A;              /**< current along the flux at the last slow interrupt */
     ht_snapshot snapshot;       /**< of the latest fault; a clear keeps it */
     ht_params params;           /**< the latest that were accepted */

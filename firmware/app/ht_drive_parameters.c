@@ -99,6 +99,10 @@ static ht_result set_up(ht_drive *d, ht_port *port, ht_drive_config *next)
     d->along_A = 0.0f;
     d->slow_faults = 0u;
     d->off_legs = 0u;
+    d->rotor_faults = 0u;
+    d->rotor.electrical = 0u;
+    d->in.axis.alpha = 1.0f;
+    d->in.axis.beta = 0.0f;
     d->stuck_leg = 0u;
     ht_protect_reset(&d->protect);
     d->taken_tick = d->tick + 1u;

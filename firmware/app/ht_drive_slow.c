@@ -234,16 +234,11 @@ static float weakened_Wb(const ht_drive *d, const ht_drive_config *c)
     return ht_flux_reference(&c->flux, &flux);
 }
 
-/* The torque reference, by the speed or as it is given, and the flux that leaves it current. */
-static void refer_torque(ht_drive *d, const ht_drive_config *c)
+/* The torque reference, by the speed or as it is given, within its limit. */
+static void follow_reference(ht_drive *d, const ht_drive_config *c)
 {
     const float *v = c->params.v;
     ht_speed_config speed = c->speed;
-    float most_A = ht_derated_most_A(&c->derating, (d->off_legs != 0u) ? &d->control.lost : NULL,
-                                     d->in.vdc_V, d->flux_ref_Wb);
-    d->flux_ref_Wb = ht_derated_flux_Wb(&c->derating, most_A, d->flux_ref_Wb, rotor_Wb(d));
-    /* The flux may be on its way down: the torque goes first. */
-    d->torque_limit_Nm = torque_limit(d, c, most_A, follow_along(d, c));
     speed.torque_limit_Nm = d->torque_limit_Nm;
     if (v[HT_P_control_mode] != 0.0f) {
         d->torque_ref_Nm = ht_limited(v[HT_P_torque_ref_Nm], d->torque_limit_Nm);
@@ -254,6 +249,48 @@ static void refer_torque(ht_drive *d, const ht_drive_config *c)
     }
 }
 
+/* Torque and flux references, and the flux that leaves the torque current. */
+static void refer_torque(ht_drive *d, const ht_drive_config *c)
+{
+    float most_A = ht_derated_most_A(&c->derating, (d->off_legs != 0u) ? &d->control.lost : NULL,
+                                     d->in.vdc_V, d->flux_ref_Wb);
+    d->flux_ref_Wb = ht_derated_flux_Wb(&c->derating, most_A, d->flux_ref_Wb, rotor_Wb(d));
+    /* The flux may be on its way down: the torque goes first. */
+    d->torque_limit_Nm = torque_limit(d, c, most_A, follow_along(d, c));
+    follow_reference(d, c);
+}
+
+/* With magnets: the largest flux that the voltage turns and the parameter allows, but no less than the
+ * current can lower it to. */
+static float most_flux_Wb(const ht_drive *d, const ht_drive_config *c, float most_A)
+{
+    const ht_magnet_config *m = &c->control.observer.magnet;
+    float least_Wb = m->psi_f_Wb - m->ld_H * most_A;
+    float most_Wb = c->params.v[HT_P_flux_ref_Wb];
+    if (c->params.v[HT_P_field_weakening] != 0.0f) {
+        float turned_Wb = ht_magnet_turned_Wb(c->flux.reach_pu * d->in.vdc_V,
+                                              d->control.observer.omega_sync_rad_s, c->flux.rs_ohm,
+                                              d->torque_ref_Nm, m->torque_gain);
+        most_Wb = smaller(turned_Wb, most_Wb);
+    }
+    least_Wb = (least_Wb > c->flux.flux_min_Wb) ? least_Wb : c->flux.flux_min_Wb;
+    return (most_Wb > least_Wb) ? most_Wb : least_Wb;
+}
+
+/* With magnets: the torque that current and flux allow, and the flux with which it takes the least
+ * current. */
+static void refer_magnets(ht_drive *d, const ht_drive_config *c)
+{
+    const ht_magnet_config *m = &c->control.observer.magnet;
+    float most_A = ht_derated_most_A(&c->derating, NULL, d->in.vdc_V, m->psi_f_Wb);
+    float most_Wb = most_flux_Wb(d, c, most_A);
+    d->torque_limit_Nm =
+        smaller(ht_magnet_most_Nm(m, most_A, most_Wb), c->params.v[HT_P_torque_limit_Nm]);
+    follow_reference(d, c);
+    d->flux_ref_Wb =
+        smaller(ht_magnet_flux_Wb(m, ht_magnet_least_A(m, d->torque_ref_Nm)), most_Wb);
+}
+
 void ht_drive_slow_isr(ht_drive *d)
 {
     const ht_drive_config *c = ht_config_in_force(d); /* once: nor must it change half-way */
@@ -262,14 +299,20 @@ void ht_drive_slow_isr(ht_drive *d)
     measure_speed(d, c);
     if (d->state == (uint16_t)HT_STATE_RUN) {
         d->slow_faults = ht_protect_slow(&c->protect, &d->protect, &d->control, d->speed_rpm);
-        learn_resistances(d, c);
-        keep_off_zero_frequency(d, c);
-        ramp_flux(d, c);
-        d->flux_ref_Wb = weakened_Wb(d, c);
-        refer_torque(d, c);
+        if (c->control.observer.magnets) {
+            ht_leg_loss_tolerate(&d->control.leg_loss, c->params.v[HT_P_rs_ohm],
+                                 c->params.v[HT_P_lxy_H], d->control.observer.omega_sync_rad_s);
+            refer_magnets(d, c);
+        } else {
+            learn_resistances(d, c);
+            keep_off_zero_frequency(d, c);
+            ramp_flux(d, c);
+            d->flux_ref_Wb = weakened_Wb(d, c);
+            refer_torque(d, c);
+        }
     } else {
         d->slow_faults = 0u;
-        if (d->state == (uint16_t)HT_STATE_BUILD) {
+        if ((d->state == (uint16_t)HT_STATE_BUILD) && !c->control.observer.magnets) {
             d->slow_faults = turning_unnoticed(d, c);
             follow_build(d, c);
         }

@@ -1,9 +1,14 @@
 #include "ht_misfit.h"
 
 #include "ht_lost_legs.h"
+#include "ht_schemes.h"
 #include "port.h"
 
+#include <math.h>
 #include <stddef.h>
+
+#define PI_F 3.14159265f
+#define ROOT_3 1.73205081f
 
 static const ht_misfit_info table[] = {
 #define HT_ORDER(id, less, share, more, touch) {HT_P_##less, HT_P_##more, share, touch != 0},
@@ -72,6 +77,33 @@ static bool can_lose(uint16_t legs, bool predicts)
     return (legs == 0u) || (predicts && (ht_lost_legs_of(legs, &lost) != 0u));
 }
 
+/* What magnets demand. */
+static bool magnets_fit(const float *v, uint16_t misfit)
+{
+    const ht_scheme_info *row = ht_scheme_describe((uint16_t)v[HT_P_scheme]);
+    float omega = v[HT_P_speed_trip_rpm] * v[HT_P_pole_pairs] * (PI_F / 30.0f);
+    float peak = 1.0f + fabsf(v[HT_P_emf5_share]) + fabsf(v[HT_P_emf7_share]);
+    bool result = true;
+    switch ((ht_misfit)misfit) {
+    case HT_MISFIT_SALIENCY:
+        result = v[HT_P_ld_H] <= v[HT_P_sigma_ls_H];
+        break;
+    case HT_MISFIT_CEILING:
+        result = ROOT_3 * peak * v[HT_P_psi_f_Wb] * omega <= v[HT_P_vdc_max_V];
+        break;
+    case HT_MISFIT_MAGNET_LEGS:
+        result = (v[HT_P_ride_through] == 0.0f) && (v[HT_P_lost_legs] == 0.0f);
+        break;
+    case HT_MISFIT_XY_STEP:
+    default:
+        result = ht_scheme_regulates_xy(row)
+                 || (ht_scheme_xy_step_pu(row) * v[HT_P_vdc_max_V]
+                     <= v[HT_P_i_trip_A] * v[HT_P_lxy_H] * v[HT_P_f_isr_Hz]);
+        break;
+    }
+    return result;
+}
+
 static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
 {
     float f_isr_Hz = v[HT_P_f_isr_Hz];
@@ -116,6 +148,12 @@ static bool fits(const float *v, float pwm_clock_Hz, uint16_t misfit)
     case HT_MISFIT_COMPARATOR_VDC:
         result = v[HT_P_vdc_max_V]
                  <= (1.0f - 0.5f * v[HT_P_comparator_above_pu]) * v[HT_P_vdc_full_V];
+        break;
+    case HT_MISFIT_SALIENCY:
+    case HT_MISFIT_CEILING:
+    case HT_MISFIT_MAGNET_LEGS:
+    case HT_MISFIT_XY_STEP:
+        result = (v[HT_P_machine] == 0.0f) || magnets_fit(v, misfit);
         break;
     default:
         result = in_order(v, &table[misfit - 1u]);

@@ -22,6 +22,8 @@ void ht_protect_reset(ht_protect_state *st)
     st->i_A.beta = 0.0f;
     st->estimated_rpm = 0.0f;
     st->speed_error_rpm = 0.0f;
+    st->counts_quick = 0.0f;
+    st->counts_slow = 0.0f;
 }
 
 uint16_t ht_protect_samples(const ht_protect_config *cfg, const ht_control_input *in,
@@ -79,6 +81,19 @@ uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st, co
     moved = (float)other - (float)st->other[leg];
     if ((cfg->stuck_counts > 0.0f) && !within(moved, cfg->stuck_counts)) {
         return HT_FAULT_STUCK;
+    }
+    return 0u;
+}
+
+uint16_t ht_protect_encoder(const ht_protect_config *cfg, ht_protect_state *st, float moved)
+{
+    float away;
+    st->counts_quick += cfg->counts_quick * (moved - st->counts_quick);
+    st->counts_slow += cfg->counts_slow * (moved - st->counts_slow);
+    away = fabsf(st->counts_quick - st->counts_slow);
+    if ((cfg->most_counts > 0.0f) && (away > cfg->most_counts)
+        && (away > 0.5f * fabsf(st->counts_slow))) {
+        return HT_FAULT_ENCODER;
     }
     return 0u;
 }
@@ -178,6 +193,19 @@ void ht_protect_follow(const ht_protect_config *cfg, ht_protect_state *st,
     follow(cfg, st, rotor_flux(cfg, c), c->observer.i_A);
 }
 
+/* With magnets: distance of the two models' fluxes. */
+static uint16_t magnets_slow(const ht_protect_config *cfg, ht_protect_state *st,
+                             const ht_control_state *c)
+{
+    ht_ab gap = c->observer.gap_Wb;
+    float off2 = cfg->inv_psi_f * cfg->inv_psi_f * (gap.alpha * gap.alpha + gap.beta * gap.beta);
+    st->circle2 += cfg->flux_gain * (off2 - st->circle2);
+    if ((cfg->flux_check > 0.0f) && !(st->circle2 <= cfg->flux_check * cfg->flux_check)) {
+        return HT_FAULT_FLUX;
+    }
+    return 0u;
+}
+
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
                          const ht_control_state *c, float speed_rpm)
 {
@@ -187,6 +215,9 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
     float slip = c->observer.rr_scale * cfg->slip_gain * (r.alpha * i.beta - r.beta * i.alpha);
     float r2 = r.alpha * r.alpha + r.beta * r.beta;
     float off;
+    if (cfg->magnets) {
+        return magnets_slow(cfg, st, c);
+    }
     follow(cfg, st, r, i);
     if (r2 != 0.0f) {
         float estimated = cfg->rpm_per_rad_s * (c->observer.omega_sync_rad_s - slip / r2);

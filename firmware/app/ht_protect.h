@@ -34,6 +34,11 @@ typedef struct {
     float estimate_back;    /**< lag of the measured speed behind the flux's, share of a slow
                              *   period, 0..0.5 */
     float encoder_gain;     /**< low-pass gain of `encoder_trip_rpm` per slow interrupt */
+    bool magnets;
+    float inv_psi_f;    /**< 1 / flux linkage of the magnets */
+    float counts_quick; /**< low-pass gains of the encoder's counts per fast interrupt */
+    float counts_slow;
+    float most_counts; /**< `encoder_trip_rpm` as counts in a fast period; 0 = off */
 } ht_protect_config;
 
 typedef struct {
@@ -46,6 +51,8 @@ typedef struct {
     ht_ab i_A;               /**< low pass of the current along and across the rotor flux */
     float estimated_rpm;     /**< of the slow interrupt before */
     float speed_error_rpm;   /**< mean of measured minus estimated speed */
+    float counts_quick;      /**< with magnets: means of the encoder's counts in a period */
+    float counts_slow;
 } ht_protect_state;
 
 void ht_protect_reset(ht_protect_state *st);
@@ -63,6 +70,11 @@ uint16_t ht_protect_stuck(const ht_protect_config *cfg, ht_protect_state *st, co
                           uint16_t leg);
 #define HT_STUCK_LOOKS 50u
 
+/** With magnets, in each fast interrupt: `moved` counts of the encoder in the last period. No shaft
+ *  changes its speed by half, and by `encoder_trip_rpm`, within the time between the two means. The
+ *  magnets' field follows the encoder, so the flux's speed tells nothing about it. */
+uint16_t ht_protect_encoder(const ht_protect_config *cfg, ht_protect_state *st, float moved);
+
 /** Check the results of the control step: finite, and currents and flux within bounds. */
 uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state *c,
                             float torque_ref_Nm);
@@ -71,7 +83,8 @@ uint16_t ht_protect_results(const ht_protect_config *cfg, const ht_control_state
 void ht_protect_follow(const ht_protect_config *cfg, ht_protect_state *st,
                        const ht_control_state *c);
 
-/** For the slow interrupt in RUN.
+/** For the slow interrupt in RUN. With magnets: the flux of the voltage model must be the one that the
+ *  rotor's angle and the current have, within `flux_check` of the magnets' flux, rms. Else:
  *
  *  Flux: the controller holds the estimate on its circle whatever the machine does, so the
  *  size of the estimate proves nothing. But it must fit the current. Let q and t be the stator

@@ -1,5 +1,6 @@
 #include "ht_control.h"
 
+#include "ht_angle.h"
 #include "ht_limited.h"
 #include "ht_vectors.h"
 #include "ht_vsd.h"
@@ -98,9 +99,11 @@ static void law_reset(ht_control_state *st)
 /* What a vector law decides on. */
 static HT_INTO_CALLERS ht_vector_law_input vectors_seen(const ht_control_config *cfg,
                                                         const ht_control_state *st,
-                                                        const ht_control_input *in, ht_xy i_xy_A)
+                                                        const ht_control_input *in, ht_xy i_xy_A,
+                                                        const ht_xy *emf_pu)
 {
     ht_vector_law_input seen;
+    seen.emf_pu = emf_pu;
     seen.decided = &st->decided;
     seen.psi_xy_Wb = &st->psi_xy_Wb;
     seen.i_xy_A = i_xy_A;
@@ -114,15 +117,15 @@ static HT_INTO_CALLERS ht_vector_law_input vectors_seen(const ht_control_config 
 
 /* The step of a vector law: action points into `p`, state words into `s`. False if the law is none. */
 static HT_INTO_CALLERS bool vector_step(const ht_control_config *cfg, ht_control_state *st,
-                                        const ht_control_input *in, ht_xy i_xy_A, uint16_t s[3],
-                                        ht_action_points *p)
+                                        const ht_control_input *in, ht_xy i_xy_A,
+                                        const ht_xy *emf_pu, uint16_t s[3], ht_action_points *p)
 {
     ht_vector_law_input seen;
     bool done = true;
     switch (cfg->law) {
 #define HT_VECTOR_LAW(id, law)                                                             \
     case HT_LAW_##id:                                                                      \
-        seen = vectors_seen(cfg, st, in, i_xy_A);                                          \
+        seen = vectors_seen(cfg, st, in, i_xy_A, emf_pu);                                  \
         *p = ht_##law##_law_step(&cfg->law##_law, &st->law##_law, &seen, &st->v_xy_pu, s); \
         break;
 #define HT_VOLTAGE_LAW(id, law)
@@ -147,7 +150,7 @@ static HT_INTO_CALLERS ht_vsd law_voltage(const ht_control_config *cfg, ht_contr
 #define HT_VECTOR_LAW(id, law)                                                     \
     case HT_LAW_##id:                                                              \
         if (lost) {                                                                \
-            ht_vector_law_input vectors = vectors_seen(cfg, st, in, seen->i_A.xy); \
+            ht_vector_law_input vectors = vectors_seen(cfg, st, in, seen->i_A.xy, NULL); \
             v = ht_##law##_law_voltage(&cfg->law##_law, &st->law##_law, &vectors); \
         } else {                                                                   \
             v = no_voltage;                                                        \
@@ -170,18 +173,26 @@ static HT_INTO_CALLERS ht_vsd law_voltage(const ht_control_config *cfg, ht_contr
 /* A voltage: the modulator writes the pattern, because every leg has an instant of its own. */
 static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_control_state *st,
                                            const ht_control_input *in, ht_vsd i, bool lost,
-                                           ht_compare *out)
+                                           bool magnets, ht_compare *out)
 {
     uint16_t number = (st->active.own == 1u) ? 2u : 1u;
     ht_voltage_law_input seen;
     ht_modulator_input given;
     ht_vsd v;
     seen.psi_Wb = st->decided.psi_Wb;
-    seen.rotor_Wb =
-        ht_observer_predict_rotor(&cfg->observer, &st->observer, st->estimate.psi_Wb, i.ab);
     seen.psi_xy_Wb = st->psi_xy_Wb;
     seen.i_A = i;
     seen.turn_rad = cfg->observer.ts_s * st->observer.omega_sync_rad_s;
+    seen.sine = seen.turn_rad;
+    seen.back = -0.5f * seen.turn_rad * seen.turn_rad;
+    if (magnets) {
+        seen.rotor_Wb = st->rotor_Wb;
+        seen.emf_V = st->emf_V;
+        seen.sine *= 1.0f + (1.0f / 3.0f) * seen.back;
+    } else {
+        seen.rotor_Wb =
+            ht_observer_predict_rotor(&cfg->observer, &st->observer, st->estimate.psi_Wb, i.ab);
+    }
     seen.rs_ohm = st->observer.rs_ohm;
     seen.torque_ref_Nm = in->torque_ref_Nm;
     seen.flux_ref_Wb = in->flux_ref_Wb;
@@ -304,6 +315,8 @@ void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const 
     st->v_xy_pu.x = 0.0f;
     st->v_xy_pu.y = 0.0f;
     st->sector = 0u;
+    st->rotor_Wb = st->observer.psi_Wb;
+    st->emf_V = st->v_xy_pu;
     ht_leg_loss_reset(&st->leg_loss);
     st->lost.axes = 0u;
     law_reset(st);
@@ -311,7 +324,8 @@ void ht_control_reset(const ht_control_config *cfg, ht_control_state *st, const 
 
 bool ht_control_can_lose(const ht_control_config *cfg)
 {
-    return cfg->shadow && cfg->predict;
+    /* With magnets what the legs must make also depends on what the magnets induce in x-y. */
+    return cfg->shadow && cfg->predict && !cfg->observer.magnets;
 }
 
 uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs,
@@ -379,9 +393,29 @@ static inline ht_vsd voltage(const ht_control_config *cfg, const ht_applied *a,
     return (cfg->drop_V > 0.0f) ? less_drops(cfg, from, to, v) : v;
 }
 
+/* Voltage that the magnets induce in x-y, `periods` from now. */
+static ht_xy induced_V(const ht_control_config *cfg, const ht_control_state *st, ht_ab axis,
+                       float periods)
+{
+    float omega = st->observer.omega_sync_rad_s;
+    return ht_magnet_emf_V(&cfg->observer.magnet, ht_turned(axis, periods * cfg->observer.ts_s * omega),
+                           omega);
+}
+
+/* What x-y has of a voltage while the magnets induce theirs there, the middle of the period being
+ * `periods` away from now. */
+static ht_xy less_induced(const ht_control_config *cfg, const ht_control_state *st, ht_ab axis,
+                          float periods, ht_xy v_V)
+{
+    ht_xy emf_V = induced_V(cfg, st, axis, periods);
+    emf_V.x = v_V.x - emf_V.x;
+    emf_V.y = v_V.y - emf_V.y;
+    return emf_V;
+}
+
 /* Observe the period that ended and, if asked, look one period ahead. */
 static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_state *st,
-                                    const ht_control_input *in, ht_vsd i, bool lost)
+                                    const ht_control_input *in, ht_vsd i, bool lost, bool magnets)
 {
     ht_flow now = {0u, 0u};
     ht_flow then;
@@ -404,10 +438,13 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
     if (watch) {
         ht_leg_loss_period period = {&st->active, st->toggles, &st->i_A,
                                      &in->i_A,    in->vdc_V,   st->observer.rs_ohm};
-        ht_leg_loss_step(&cfg->leg_loss, &st->leg_loss, &period, v.xy, st->i_xy_A, i.xy);
+        ht_xy acts = magnets ? less_induced(cfg, st, in->axis, -0.5f, v.xy) : v.xy;
+        ht_leg_loss_step(&cfg->leg_loss, &st->leg_loss, &period, acts, st->i_xy_A, i.xy);
     }
-    estimate = ht_observer_update(&cfg->observer, &st->observer, v.ab, i.ab, in->turn_rad,
-                                  in->inv_flux_ref2);
+    estimate = magnets ? ht_observer_update_magnet(&cfg->observer, &st->observer, v.ab, i.ab,
+                                                   in->turn_rad, in->axis)
+                       : ht_observer_update(&cfg->observer, &st->observer, v.ab, i.ab,
+                                            in->turn_rad, in->inv_flux_ref2);
     st->estimate = estimate;
     st->i_xy_A.x = i.xy.x;
     st->i_xy_A.y = i.xy.y;
@@ -428,8 +465,12 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
             v.ab = ht_lost_legs_expected(&st->lost, &cfg->observer, st->observer.rs_ohm, v, i.ab, r,
                                          cfg->observer.ts_s * st->observer.omega_sync_rad_s);
         }
-        st->decided = ht_observer_predict(&cfg->observer, &st->observer, estimate, v.ab, i.ab);
+        st->decided =
+            magnets ? ht_observer_predict_magnet(&cfg->observer, &st->observer, estimate, v.ab,
+                                                 i.ab, in->axis, &st->rotor_Wb)
+                    : ht_observer_predict(&cfg->observer, &st->observer, estimate, v.ab, i.ab);
         if (xy) {
+            v.xy = magnets ? less_induced(cfg, st, in->axis, 0.5f, v.xy) : v.xy;
             st->psi_xy_Wb = ht_observer_predict_xy(&cfg->observer, &st->observer, v.xy, i.xy);
         }
     } else {
@@ -469,17 +510,24 @@ static ht_action_points build_step(const ht_control_config *cfg, const ht_contro
 
 /* The step of a drive that has all its legs, and of one that has not. */
 static HT_INTO_CALLERS void step(const ht_control_config *cfg, ht_control_state *st,
-                                 const ht_control_input *in, bool build, bool lost, ht_compare *out)
+                                 const ht_control_input *in, bool build, bool lost, bool magnets,
+                                 ht_compare *out)
 {
     ht_vsd i = ht_vsd_from_six(&in->i_A);
     ht_action_points p;
+    ht_xy emf_pu;
     uint16_t s[3];
-    observe(cfg, st, in, i, lost);
+    observe(cfg, st, in, i, lost, magnets);
+    if (magnets) {
+        st->emf_V = induced_V(cfg, st, in->axis, cfg->shadow ? 1.5f : 0.5f);
+        emf_pu.x = st->emf_V.x / in->vdc_V;
+        emf_pu.y = st->emf_V.y / in->vdc_V;
+    }
     st->sector = (uint16_t)ht_sector(st->decided.psi_Wb);
     if (build) {
         p = build_step(cfg, st, in, i.ab, s);
-    } else if (lost || !vector_step(cfg, st, in, i.xy, s, &p)) {
-        modulated_step(cfg, st, in, i, lost, out);
+    } else if (lost || !vector_step(cfg, st, in, i.xy, magnets ? &emf_pu : NULL, s, &p)) {
+        modulated_step(cfg, st, in, i, lost, magnets, out);
         return;
     } else {
         /* p and s are known */
@@ -494,7 +542,14 @@ HT_SELDOM HT_WITH_CALLED static void step_without_legs(const ht_control_config *
                                                        const ht_control_input *in, bool build,
                                                        ht_compare *out)
 {
-    step(cfg, st, in, build, true, out);
+    step(cfg, st, in, build, true, false, out);
+}
+
+/* A machine with magnets likewise. */
+HT_WITH_CALLED static void step_with_magnets(const ht_control_config *cfg, ht_control_state *st,
+                                             const ht_control_input *in, ht_compare *out)
+{
+    step(cfg, st, in, false, false, true, out);
 }
 
 /* With all that it calls: how much of it the compiler would put here hangs on the size of files that
@@ -502,9 +557,36 @@ HT_SELDOM HT_WITH_CALLED static void step_without_legs(const ht_control_config *
 HT_WITH_CALLED void ht_control_step(const ht_control_config *cfg, ht_control_state *st,
                                     const ht_control_input *in, bool build, ht_compare *out)
 {
-    if (st->lost.axes != 0u) {
+    if (cfg->observer.magnets) {
+        step_with_magnets(cfg, st, in, out);
+    } else if (st->lost.axes != 0u) {
         step_without_legs(cfg, st, in, build, out);
     } else {
-        step(cfg, st, in, build, false, out);
+        step(cfg, st, in, build, false, false, out);
     }
+}
+
+void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
+                      const ht_control_input *in, unsigned direction, ht_compare *out)
+{
+    ht_vsd i = ht_vsd_from_six(&in->i_A);
+    ht_action_points p = {1.0f, 1.0f};
+    float i2 = i.ab.alpha * i.ab.alpha + i.ab.beta * i.ab.beta;
+    uint16_t s[3];
+    st->i_A = in->i_A;
+    st->i_xy_A = i.xy;
+    st->observer.i_A = i.ab;
+    st->flow = ht_flow_of(&in->i_A, &cfg->dead);
+    st->spill.legs = 0u;
+    if (cfg->shadow) {
+        st->active = st->next;
+    }
+    if ((direction < HT_DIRECTIONS) && (i2 < cfg->build_current_A * cfg->build_current_A)) {
+        ht_xy none = {0.0f, 0.0f};
+        ht_vectors_virtual(HT_L, direction, s);
+        p = ht_duty(HT_L, direction, none);
+    } else {
+        ht_vectors_zero(st->active.s[2], cfg->only_v0, s);
+    }
+    commit(cfg, st, s, p, out);
 }

@@ -69,6 +69,8 @@ typedef struct {
     ht_estimate decided;  /**< what the law saw (at the latest sample or one period later) */
     ht_xy i_xy_A;         /**< of the latest sample */
     ht_xy psi_xy_Wb;      /**< x-y flux decided on: laws that need it only */
+    ht_ab rotor_Wb;       /**< r decided on, with magnets */
+    ht_xy emf_V;          /**< induced in x-y in the period that is decided on, with magnets */
     ht_xy v_xy_pu;        /**< x-y command, units of Vdc */
     uint16_t sector;      /**< of the flux decided on, 0..11 */
 /* <law>_law */
@@ -89,6 +91,7 @@ typedef struct {
     float torque_ref_Nm;
     float flux_ref_Wb;
     float turn_rad;      /**< electrical angle the rotor turned since the last sample */
+    ht_ab axis;          /**< d axis of a rotor with magnets */
     float inv_flux_ref2; /**< 1 / flux_ref_Wb^2, prepared by the slow loop */
 } ht_control_input;
 
@@ -128,6 +131,12 @@ bool ht_control_can_lose(const ht_control_config *cfg);
  *  less the mean of both sets. */
 uint16_t ht_control_lose(const ht_control_config *cfg, ht_control_state *st, uint16_t legs,
                          float set2_ohm);
+
+/** One period of the alignment of a rotor with magnets: the zero-mean virtual vector in `direction`
+ *  (0..11, 15 degrees and 30 more each), current limited. Nothing is estimated: where the magnets'
+ *  flux is, is not known. `direction` HT_DIRECTIONS: a zero vector. */
+void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
+                      const ht_control_input *in, unsigned direction, ht_compare *out);
 
 /** One sampling period. `build`: flux build-up at standstill instead of the scheme's law,
  *  the zero-mean virtual vector along 15 degrees, current limited, until |psi| is at the

@@ -1,5 +1,6 @@
 #include "ht_deadbeat_law.h"
 
+#include "ht_angle.h"
 #include "ht_limited.h"
 
 #include <math.h>
@@ -44,6 +45,32 @@ void ht_deadbeat_law_reset(ht_deadbeat_law_state *st)
     ht_xy_reset(&st->xy);
 }
 
+/* Parts of the flux across r, returned, and along it, `a`, in units of r, of a machine with magnets:
+ * r changes with the flux along it, so the torque is b (1 + share (a - a_0)), a_0 being the present
+ * part. Newton's rule from the present b, twice: a fixed point would diverge where the saliency is
+ * large. `size2`: flux squared, `torque`: what is asked for, in the same units. */
+static float salient_part(const ht_observer_config *machine, const ht_voltage_law_input *in,
+                          float size2, float inverse, float torque, float *a)
+{
+    float share = machine->magnet.share;
+    float a_0 = inverse * ht_along(in->rotor_Wb, in->psi_Wb);
+    float b = inverse
+              * (in->rotor_Wb.alpha * in->psi_Wb.beta - in->rotor_Wb.beta * in->psi_Wb.alpha);
+    int n;
+    for (n = 0; n < 2; n++) {
+        float a2 = size2 - b * b;
+        float part = sqrtf((a2 > HT_LAW_RADIAL2_LEAST) ? a2 : HT_LAW_RADIAL2_LEAST);
+        float r = 1.0f + share * (part - a_0);
+        float slope = r - share * b * b / part;
+        b -= (b * r - torque) / ((slope > HT_LAW_SLOPE_LEAST) ? slope : HT_LAW_SLOPE_LEAST);
+    }
+    {
+        float a2 = size2 - b * b;
+        *a = sqrtf((a2 > HT_LAW_RADIAL2_LEAST) ? a2 : HT_LAW_RADIAL2_LEAST);
+    }
+    return b;
+}
+
 /* The flux that has the torque asked for, next to the length asked for. */
 static ht_ab flux_reference(const ht_observer_config *machine, const ht_voltage_law_input *in,
                             float length_Wb)
@@ -55,6 +82,9 @@ static ht_ab flux_reference(const ht_observer_config *machine, const ht_voltage_
     float a2 = length_Wb * length_Wb * inverse - b * b;
     float a = sqrtf((a2 > HT_LAW_RADIAL2_LEAST) ? a2 : HT_LAW_RADIAL2_LEAST);
     ht_ab psi;
+    if (machine->magnets) {
+        b = salient_part(machine, in, length_Wb * length_Wb * inverse, inverse, b, &a);
+    }
     psi.alpha = a * r.alpha - b * r.beta;
     psi.beta = a * r.beta + b * r.alpha;
     return psi;
@@ -89,8 +119,8 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     float inv_vdc = 1.0f / in->vdc_V;
     float volts_per_Wb = machine->inv_ts * inv_vdc;
     float drop = in->rs_ohm * machine->inv_sigma_ls * inv_vdc;
-    float turn = in->turn_rad;
-    float back = -0.5f * turn * turn; /* cos(turn) - 1 */
+    float turn = in->sine;
+    float back = in->back;
     ht_ab along = {inv_size * psi.alpha, inv_size * psi.beta};
     ht_ab wanted = flux_reference(machine, in, size + radial);
     ht_ab e;
@@ -113,5 +143,9 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     v.ab.beta = e.beta * volts_per_Wb + drop * (psi.beta - in->rotor_Wb.beta);
     v.xy.x -= HT_LAW_XY_SHARE * volts_per_Wb * in->psi_xy_Wb.x;
     v.xy.y -= HT_LAW_XY_SHARE * volts_per_Wb * in->psi_xy_Wb.y;
+    if (machine->magnets) {
+        v.xy.x += inv_vdc * in->emf_V.x;
+        v.xy.y += inv_vdc * in->emf_V.y;
+    }
     return v;
 }

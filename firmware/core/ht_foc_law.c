@@ -6,6 +6,9 @@
 
 /* Largest voltage, units of Vdc: the circle of linear modulation, squared. */
 #define REACH2_PU2 0.333333333f
+/* With magnets: largest part of it along the d axis, and least r, of psi_f. */
+#define D_MOST_PU 0.5f
+#define LEAST_ACTIVE 0.3f
 /* Bandwidth of the current regulators times the period. */
 #define ALPHA_TS 0.3f
 
@@ -68,6 +71,45 @@ static ht_ab current_reference(const ht_observer_config *machine, const ht_volta
     return i;
 }
 
+/* The same with magnets, whose r changes with i_d: at present it is `rotor_Wb`, and i_d `d_A`. */
+static ht_ab magnet_reference(const ht_magnet_config *m, const ht_voltage_law_input *in,
+                              float rotor_Wb, float d_A)
+{
+    float flux2 = in->flux_ref_Wb * in->flux_ref_Wb;
+    float per_Wb = in->torque_ref_Nm / m->torque_gain;
+    float rises_A = 0.0f; /* of i_d */
+    ht_ab i;
+    int n;
+    i.beta = per_Wb / rotor_Wb;
+    for (n = 0; n < 2; n++) {
+        float across = m->lq_H * i.beta;
+        float radial2 = flux2 - across * across;
+        float r;
+        radial2 = (radial2 > HT_LAW_RADIAL2_LEAST * flux2) ? radial2
+                                                           : (HT_LAW_RADIAL2_LEAST * flux2);
+        rises_A = m->inv_ld * (sqrtf(radial2) - rotor_Wb - m->lq_H * d_A);
+        r = rotor_Wb + m->saliency_H * rises_A;
+        i.beta = per_Wb / ((r > LEAST_ACTIVE * m->psi_f_Wb) ? r : (LEAST_ACTIVE * m->psi_f_Wb));
+    }
+    i.alpha = d_A + rises_A;
+    return i;
+}
+
+/* A voltage in the frame that is out of reach, with magnets: what the d axis needs, then as much of
+ * the rest as there is room for. If both gave way alike, the flux would not be weakened when torque is
+ * asked for, and more voltage would be missing. `wanted`: less by what is cut off, as above. */
+static ht_ab d_axis_first(const ht_observer_config *machine, const ht_voltage_law_input *in,
+                          ht_ab v_pu, float a, ht_ab *wanted)
+{
+    float per_pu = in->vdc_V * machine->ts_s / a;
+    ht_ab v;
+    v.alpha = ht_limited(v_pu.alpha, D_MOST_PU);
+    v.beta = ht_limited(v_pu.beta, sqrtf(REACH2_PU2 - v.alpha * v.alpha));
+    wanted->alpha += per_pu * machine->magnet.inv_ld * (v.alpha - v_pu.alpha);
+    wanted->beta += per_pu * machine->inv_sigma_ls * (v.beta - v_pu.beta);
+    return v;
+}
+
 ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *machine,
                        ht_foc_law_state *st, const ht_voltage_law_input *in)
 {
@@ -80,15 +122,17 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
     float inv_vdc = 1.0f / in->vdc_V;
     float volts_per_Wb = machine->inv_ts * inv_vdc;
     float drop = in->rs_ohm * inv_vdc;
-    float turn = in->turn_rad;
-    float back = -0.5f * turn * turn; /* cos(turn) - 1 */
+    float turn = in->sine;
+    float back = in->back;
     float a = cfg->alpha_ts;
     float size2;
     ht_ab u = {inv_rotor * r.alpha, inv_rotor * r.beta};
     ht_ab i1 = {machine->inv_sigma_ls * (psi.alpha - r.alpha),
                 machine->inv_sigma_ls * (psi.beta - r.beta)};
     ht_ab frame_i1 = into(u, i1);
-    ht_ab wanted = current_reference(machine, in, rotor, inv_rotor);
+    ht_ab wanted = machine->magnets
+                       ? magnet_reference(&machine->magnet, in, rotor, frame_i1.alpha)
+                       : current_reference(machine, in, rotor, inv_rotor);
     ht_ab sampled;
     ht_ab move; /* of the current, in the frame */
     ht_ab flux; /* at the end of the period, but for the turn */
@@ -114,6 +158,11 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
 
     move.alpha = a * (wanted.alpha - 2.0f * frame_i1.alpha) + st->integral_A.alpha;
     move.beta = a * (wanted.beta - 2.0f * frame_i1.beta) + st->integral_A.beta;
+    if (machine->magnets) { /* as if L_q held along the d axis, too */
+        move.alpha *= machine->magnet.ld_H * machine->inv_sigma_ls;
+        v.xy.x += inv_vdc * in->emf_V.x;
+        v.xy.y += inv_vdc * in->emf_V.y;
+    }
     flux = out_of(u, move);
     flux.alpha = psi.alpha + machine->sigma_ls_H * flux.alpha;
     flux.beta = psi.beta + machine->sigma_ls_H * flux.beta;
@@ -122,7 +171,10 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
     v.ab.beta = volts_per_Wb * (flux.beta - psi.beta + back * flux.beta + turn * flux.alpha)
                 + drop * i1.beta;
     size2 = v.ab.alpha * v.ab.alpha + v.ab.beta * v.ab.beta;
-    if (!(size2 <= REACH2_PU2)) {
+    if (!(size2 <= REACH2_PU2) && machine->magnets) {
+        v.ab = d_axis_first(machine, in, into(u, v.ab), a, &wanted);
+        v.ab = out_of(u, v.ab);
+    } else if (!(size2 <= REACH2_PU2)) {
         /* What is cut off, as a current in the frame, over a: by so much the reference was too
          * far. */
         float share = sqrtf(REACH2_PU2 / size2);
@@ -132,6 +184,8 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
         wanted.beta += cut * less.beta;
         v.ab.alpha *= share;
         v.ab.beta *= share;
+    } else {
+        /* within reach */
     }
     st->wanted_A = wanted;
     return v;

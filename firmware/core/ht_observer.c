@@ -1,5 +1,6 @@
 #include "ht_observer.h"
 
+#include "ht_angle.h"
 #include "ht_limited.h"
 
 #include <math.h>
@@ -42,19 +43,6 @@ void ht_observer_stand_still(ht_observer_state *st)
     st->omega_sync_rad_s = 0.0f;
 }
 
-/* exp(j turn) to third order, whose gain 1 - turn^4/24 stays below one;
- * those of first and second order would blow up by turn^2/2 and turn^4/8 a step,
- * which at high speed is not small against the decay. */
-static ht_ab rotated(ht_ab p, float turn)
-{
-    float cosine = 1.0f - 0.5f * turn * turn;
-    float sine = turn * (1.0f - turn * turn * (1.0f / 6.0f));
-    ht_ab q;
-    q.alpha = cosine * p.alpha - sine * p.beta;
-    q.beta = cosine * p.beta + sine * p.alpha;
-    return q;
-}
-
 /* Pull against the dc part of the currents. */
 static ht_ab pulled_against_dc(const ht_observer_config *cfg, ht_observer_state *st, ht_ab psi,
                                ht_ab i)
@@ -83,7 +71,7 @@ static ht_ab pulled_to_current_model(const ht_observer_config *cfg, ht_observer_
     /* What the rotor's flux had at the period's start turns with the rotor. */
     r.alpha = keep * st->psi_r_Wb.alpha + half * st->i_A.alpha;
     r.beta = keep * st->psi_r_Wb.beta + half * st->i_A.beta;
-    r = rotated(r, turn);
+    r = ht_turned(r, turn);
     r.alpha += half * i.alpha;
     r.beta += half * i.beta;
     gap.alpha = psi.alpha - cfg->lm_over_lr * r.alpha - cfg->sigma_ls_H * i.alpha;
@@ -174,6 +162,39 @@ ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state 
     return now;
 }
 
+ht_estimate ht_observer_update_magnet(const ht_observer_config *cfg, ht_observer_state *st,
+                                      ht_ab v_V, ht_ab i_A, float turn_rad, ht_ab axis)
+{
+    float half_rs = 0.5f * st->rs_ohm;
+    float r = ht_magnet_active_Wb(&cfg->magnet, axis, i_A);
+    ht_estimate now;
+    ht_ab psi;
+    psi.alpha = st->psi_Wb.alpha + cfg->ts_s * (v_V.alpha - half_rs * (st->i_A.alpha + i_A.alpha));
+    psi.beta = st->psi_Wb.beta + cfg->ts_s * (v_V.beta - half_rs * (st->i_A.beta + i_A.beta));
+    st->psi_r_Wb.alpha = r * axis.alpha;
+    st->psi_r_Wb.beta = r * axis.beta;
+    st->gap_Wb.alpha = psi.alpha - st->psi_r_Wb.alpha - cfg->sigma_ls_H * i_A.alpha;
+    st->gap_Wb.beta = psi.beta - st->psi_r_Wb.beta - cfg->sigma_ls_H * i_A.beta;
+    psi.alpha -= cfg->hybrid_gain * st->gap_Wb.alpha;
+    psi.beta -= cfg->hybrid_gain * st->gap_Wb.beta;
+    st->psi_Wb = psi;
+    st->i_A = i_A;
+    st->omega_sync_rad_s += cfg->omega_gain * (turn_rad * cfg->inv_ts - st->omega_sync_rad_s);
+    now.psi_Wb = psi;
+    now.torque_Nm = cfg->torque_gain * cross(psi, i_A);
+    return now;
+}
+
+void ht_observer_align(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A, ht_ab axis)
+{
+    float r = ht_magnet_active_Wb(&cfg->magnet, axis, i_A);
+    ht_observer_reset(cfg, st, i_A);
+    st->psi_r_Wb.alpha = r * axis.alpha;
+    st->psi_r_Wb.beta = r * axis.beta;
+    st->psi_Wb.alpha = st->psi_r_Wb.alpha + cfg->sigma_ls_H * i_A.alpha;
+    st->psi_Wb.beta = st->psi_r_Wb.beta + cfg->sigma_ls_H * i_A.beta;
+}
+
 ht_ab ht_observer_predict_rotor(const ht_observer_config *cfg, const ht_observer_state *st,
                                 ht_ab psi_Wb, ht_ab i_A)
 {
@@ -197,6 +218,28 @@ ht_estimate ht_observer_predict(const ht_observer_config *cfg, const ht_observer
     next.psi_Wb.beta = now.psi_Wb.beta + cfg->ts_s * (v_V.beta - st->rs_ohm * i_A.beta);
     /* T = 3 P psi x i, i = (psi - turned)/(sigma L_s), and psi x psi = 0 */
     next.torque_Nm = cfg->torque_gain * cfg->inv_sigma_ls * cross(turned, next.psi_Wb);
+    return next;
+}
+
+ht_estimate ht_observer_predict_magnet(const ht_observer_config *cfg, const ht_observer_state *st,
+                                       ht_estimate now, ht_ab v_V, ht_ab i_A, ht_ab axis,
+                                       ht_ab *rotor_Wb)
+{
+    float turn = cfg->ts_s * st->omega_sync_rad_s;
+    ht_ab ahead = ht_turned(axis, turn);
+    ht_ab r;
+    ht_estimate next;
+    float grows;
+    next.psi_Wb.alpha = now.psi_Wb.alpha + cfg->ts_s * (v_V.alpha - st->rs_ohm * i_A.alpha);
+    next.psi_Wb.beta = now.psi_Wb.beta + cfg->ts_s * (v_V.beta - st->rs_ohm * i_A.beta);
+    r.alpha = now.psi_Wb.alpha - cfg->sigma_ls_H * i_A.alpha;
+    r.beta = now.psi_Wb.beta - cfg->sigma_ls_H * i_A.beta;
+    r = ht_turned(r, turn);
+    grows = cfg->magnet.share * (ht_along(ahead, next.psi_Wb) - ht_along(axis, now.psi_Wb));
+    r.alpha += grows * ahead.alpha;
+    r.beta += grows * ahead.beta;
+    *rotor_Wb = r;
+    next.torque_Nm = cfg->torque_gain * cfg->inv_sigma_ls * cross(r, next.psi_Wb);
     return next;
 }
 

@@ -20,7 +20,7 @@
 #ifndef HT_OBSERVER_H
 #define HT_OBSERVER_H
 
-#include "ht_types.h"
+#include "ht_magnet.h"
 
 typedef enum {
     HT_OBSERVER_VOLTAGE = 0,
@@ -44,15 +44,17 @@ typedef struct {
     float rotor_drive;  /**< Ts R_r L_m / L_r */
     float lm_over_lr;
     float omega_gain; /**< Ts-normalised low-pass gain of omega_sync, 0..1 */
+    bool magnets;     /**< the rotor has permanent magnets; sigma_ls_H is then L_q */
+    ht_magnet_config magnet; /**< used with magnets only */
 } ht_observer_config;
 
 typedef struct {
     ht_ab psi_Wb;           /**< stator flux */
-    ht_ab psi_r_Wb;         /**< rotor flux of the current model */
+    ht_ab psi_r_Wb;         /**< rotor flux of the current model; with magnets as the stator sees it */
     ht_ab gap_Wb;           /**< voltage model's stator flux minus the current model's */
     ht_ab i_dc_A;           /**< dc part of the currents (compensated) */
     ht_ab i_A;              /**< currents of the latest sample */
-    float omega_sync_rad_s; /**< mean electrical speed of the stator flux */
+    float omega_sync_rad_s; /**< mean electrical speed of the stator flux; with magnets, of the rotor */
     float rs_ohm;           /**< stator resistance in use */
     float rr_scale;         /**< rotor resistance in use, relative to the configured one */
 } ht_observer_state;
@@ -78,6 +80,15 @@ void ht_observer_stand_still(ht_observer_state *st);
  *  1 / (flux reference)^2, 1/Wb^2. */
 ht_estimate ht_observer_update(const ht_observer_config *cfg, ht_observer_state *st, ht_ab v_V,
                                ht_ab i_A, float turn_rad, float inv_psi_ref2);
+
+/** The same for a rotor with magnets, which turns by `turn_rad` in the period and whose d axis is
+ *  `axis` at its end: the voltage model, pulled to the flux that currents and axis have. */
+ht_estimate ht_observer_update_magnet(const ht_observer_config *cfg, ht_observer_state *st,
+                                      ht_ab v_V, ht_ab i_A, float turn_rad, ht_ab axis);
+
+/** The rotor with magnets has been aligned: its d axis is `axis`, the machine carries `i_A`. */
+void ht_observer_align(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A,
+                       ht_ab axis);
 
 /** Hybrid observer: correct the resistances in use. For the slow loop, while torque control
  *  runs. `gain`, 0..1: the share of the observed error that one call removes; 0 returns to
@@ -105,7 +116,13 @@ ht_ab ht_observer_predict_rotor(const ht_observer_config *cfg, const ht_observer
 ht_estimate ht_observer_predict(const ht_observer_config *cfg, const ht_observer_state *st,
                                 ht_estimate now, ht_ab v_V, ht_ab i_A);
 
-/** The same for the x-y flux, L_xy i now. */
+/** The same with magnets. The d axis, now `axis`, turns on with the rotor's mean speed; r, which
+ *  goes to `rotor_Wb`, turns with it, and follows the flux along it. */
+ht_estimate ht_observer_predict_magnet(const ht_observer_config *cfg, const ht_observer_state *st,
+                                       ht_estimate now, ht_ab v_V, ht_ab i_A, ht_ab axis,
+                                       ht_ab *rotor_Wb);
+
+/** The same for the x-y flux, L_xy i now. `v_V`: less what is induced there. */
 ht_xy ht_observer_predict_xy(const ht_observer_config *cfg, const ht_observer_state *st, ht_xy v_V,
                              ht_xy i_A);
 

@@ -1,9 +1,11 @@
 #include "ht_table_law.h"
 
 #include "ht_comparator.h"
+#include "ht_limited.h"
 #include "ht_vectors.h"
 
 #include <math.h>
+#include <stddef.h>
 
 /* Length of the voltage without legs, relative to the group's vectors. Large: Vdc/2. Five legs make
  * this in most directions; in their worst they make a fifth less. Medium-large: the length of a
@@ -130,8 +132,16 @@ static ht_xy regulated(const ht_table_law_config *cfg, ht_table_law_state *st,
     float inverse = (psi_Wb > 0.0f) ? (1.0f / psi_Wb) : 0.0f;
     ht_ab turn = {in->decided->psi_Wb.alpha * inverse, in->decided->psi_Wb.beta * inverse};
     ht_xy none = {0.0f, 0.0f};
-    return cfg->regulated ? ht_xy_step(&cfg->xy, &st->xy, in->i_xy_A, turn, cfg->xy_limit_pu, hold)
-                          : none;
+    ht_xy v;
+    if (!cfg->regulated) {
+        return none;
+    }
+    v = ht_xy_step(&cfg->xy, &st->xy, in->i_xy_A, turn, cfg->xy_limit_pu, hold);
+    if (in->emf_pu != NULL) {
+        v.x = ht_limited(v.x + in->emf_pu->x, cfg->xy_limit_pu);
+        v.y = ht_limited(v.y + in->emf_pu->y, cfg->xy_limit_pu);
+    }
+    return v;
 }
 
 /* Direction of the period's voltage, HT_DIRECTIONS for a zero vector. */

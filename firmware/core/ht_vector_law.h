@@ -13,6 +13,7 @@ typedef struct {
     ht_xy i_xy_A;               /**< x-y currents of the latest sample */
     float torque_ref_Nm;
     float flux_ref_Wb;
+    const ht_xy *emf_pu; /**< what the machine induces in x-y then, units of Vdc; NULL: nothing */
     unsigned sector; /**< of the flux decided on, 0..11 */
     uint16_t before; /**< state word at the end of the running pattern */
     bool only_v0;    /**< zero vectors: V0 only, else the one with the fewest transitions */

@@ -11,8 +11,8 @@ float ht_voltage_law_least_Hz(float rs_ohm, float sigma_ls_H, float lxy_H)
 
 bool ht_voltage_law_fast_enough(const ht_observer_config *machine)
 {
-    return machine->inv_ts
-           >= ht_voltage_law_least_Hz(machine->rs_ohm, machine->sigma_ls_H, machine->lxy_H);
+    float l_H = machine->magnets ? machine->magnet.ld_H : machine->sigma_ls_H;
+    return machine->inv_ts >= ht_voltage_law_least_Hz(machine->rs_ohm, l_H, machine->lxy_H);
 }
 
 float ht_voltage_law_xy_ki_per_A(const ht_law_setting *given)

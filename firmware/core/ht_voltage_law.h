@@ -15,6 +15,8 @@
 #define HT_LAW_FLUX_SHARE 0.1f
 /** Least part of the flux reference that is along the rotor flux, squared. */
 #define HT_LAW_RADIAL2_LEAST 0.01f
+/** Least slope of the torque over the flux across r, with magnets. */
+#define HT_LAW_SLOPE_LEAST 0.2f
 /** The smallest square of the rotor flux that is divided by. */
 #define HT_LAW_LEAST_WB2 1.0e-8f
 /** Share of the x-y current that one period takes away. */
@@ -29,6 +31,10 @@ typedef struct {
     ht_xy psi_xy_Wb; /**< x-y flux, L_xy i */
     ht_vsd i_A;      /**< currents of the latest sample */
     float turn_rad;  /**< angle that the flux turns in a period */
+    float sine;      /**< of that angle: `turn_rad` itself, or with magnets, whose flux turns
+                        *   further, its third-order series */
+    float back;      /**< its cosine less 1, second order */
+    ht_xy emf_V;     /**< mean voltage that is induced in x-y in the period that is decided on */
     float rs_ohm;    /**< stator resistance in use */
     float torque_ref_Nm;
     float flux_ref_Wb;

@@ -64,11 +64,11 @@ class Hardware:
         model = machines.model(setup["machine.model"])
         self.machine = model.Parameters(**setup.machine_values())
         self._machine = model.make(self.machine)
-        self._flux_ref_Wb = setup.parameter("flux_ref_Wb")
+        self._flux_ref_Wb = setup.parameter("flux_ref_Wb")  # for the shaft's fastest swing
         self._windings_step_s = min(MAX_STEP_S, STEP_SHARE / model.fastest_per_s(self._machine))
         self._timing = parts.timing(setup, self.controller, self._windings_step_s)
         self._instants = sample_instants(samples_per_period, counts)
-        self.plant_state = np.zeros(8)
+        self.plant_state = model.initial(self._machine)
         self.inverter = parts.inverter(setup, self.machine.phase_of_leg, self._machine)
         self._pwm = pwm_record()
         self._gates = gates_record(round(setup["inverter.min_pulse_us"] * 1e-6 * clock_Hz))

@@ -22,7 +22,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..chips import number_of
-from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Design, pull_out_Nm, rad_s
+from ..plant.machines import constants_of
+from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Design, rad_s
 from .values import Values
 
 #: What a set-up has where it leaves a parameter open: see above.
@@ -79,7 +80,11 @@ class Known(Design):
 
 def rules_of(setup: Values) -> dict[str, Rule]:
     """The rules in force, by parameter."""
-    return {**ALWAYS, **OPEN} if setup.defaults == "derived" else ALWAYS
+    told, designed = ALWAYS, OPEN
+    if "psi_f_Wb" in constants_of(setup["machine.model"]):
+        told = {**{k: r for k, r in ALWAYS.items() if k not in OF_A_WINDING}, **ALWAYS_MAGNET}
+        designed = {**{k: r for k, r in OPEN.items() if k not in OF_A_WINDING}, **OPEN_MAGNET}
+    return {**told, **designed} if setup.defaults == "derived" else told
 
 
 def write_delay_us(setup: Values) -> float:
@@ -147,7 +152,7 @@ def _flux_ref_Wb(k: Known) -> float:
         return stated
     # What is asked for may need more: at low speed the voltage lets it, on the way up the field is
     # weakened.
-    needed_Wb = math.sqrt(k.asked_Nm / (ASKED_OF_PULL_OUT * pull_out_Nm(m, 1.0)))
+    needed_Wb = math.sqrt(k.asked_Nm / (ASKED_OF_PULL_OUT * m.pull_out_Nm(1.0)))
     limits = [0.2 * k.setup["sensors.i_full_A"] * m.ls_H]
     if k.setup["rated.current_A"] > 0:
         by_current_Wb = NO_LOAD_SHARE * math.sqrt(2) * k.setup["rated.current_A"] * m.ls_H
@@ -338,4 +343,95 @@ OPEN: dict[str, Rule] = {
         lambda k: min(1.4 * k.vdc_V, 0.94 * k.setup["sensors.vdc_full_V"]),
     ),
     "vdc_min_V": Rule("60 % of Vdc", lambda k: 0.6 * k.vdc_V),
+}
+
+#: Rules that a rotor with magnets has no use for.
+OF_A_WINDING = ("rr_ohm", "lr_H", "lm_H", "sigma_ls_H", "flux_hold")
+
+#: What the controller is told of a machine with magnets.
+ALWAYS_MAGNET: dict[str, Rule] = {
+    "machine": Rule("the machine's model", lambda k: "magnet"),
+    "psi_f_Wb": Rule("the machine's", lambda k: k.machine.psi_f_Wb),
+    "ld_H": Rule("the machine's", lambda k: k.machine.ld_H),
+    "sigma_ls_H": Rule("the machine's L_q", lambda k: k.machine.lq_H),
+    "emf5_share": Rule("the machine's", lambda k: k.machine.emf_share[0]),
+    "emf5_deg": Rule("the machine's", lambda k: k.machine.emf_deg[0]),
+    "emf7_share": Rule("the machine's", lambda k: k.machine.emf_share[1]),
+    "emf7_deg": Rule("the machine's", lambda k: k.machine.emf_deg[1]),
+}
+
+#: Corner of the pull to the flux of the magnets, in R_s i/psi_f: so much the resistance may be wrong.
+PULL_PER_DROP = 3.0
+LEAST_PULL_HZ = 5.0
+#: A shaft that direct current holds swings; so many swings until it rests.
+SWINGS = 4.0
+#: Distance of the two models' fluxes that is no longer believable, in psi_f: half a radian.
+LARGEST_GAP = 0.5
+#: Distance of the speed trip from the speed at which the magnets would drive current by themselves.
+BELOW_CEILING = 0.98
+
+
+def _flux_of_limit_Wb(k: Known) -> float:
+    """With magnets a torque decides about its flux: this is the largest that is asked for."""
+    limit_Nm = k["torque_limit_Nm"]
+    return k.machine.flux_Wb(*k.machine.least_current(limit_Nm))
+
+
+def _magnet_torque_limit_Nm(k: Known) -> float:
+    by_current = k.machine.torque_of_current_Nm(0.8 * k["i_trip_A"], 0.0)
+    rated_Nm = k.rated_Nm if k.setup["rated.torque_Nm"] > 0 else max(k.rated_Nm, k.asked_Nm)
+    return max(0.001, min(LIMIT_PER_RATED * rated_Nm, by_current))
+
+
+def _pull_Hz(k: Known) -> float:
+    rated_A = k.machine.current_A(k.rated_Nm, 0.0)
+    pull = PULL_PER_DROP * k["rs_ohm"] * rated_A / (2 * math.pi * k.machine.psi_f_Wb)
+    return min(max(LEAST_PULL_HZ, pull), 500.0)
+
+
+def _align_A(k: Known) -> float:
+    return min(k.machine.current_A(k.rated_Nm, 0.0), 0.6 * k["i_trip_A"])
+
+
+def _align_s(k: Known) -> float:
+    swing_s = 2 * math.pi / k.machine.swing_rad_s(k["build_current_A"])
+    return min(max(1.0, SWINGS * swing_s), 10.0)
+
+
+def _magnet_speed_trip_rpm(k: Known) -> float:
+    wanted = max(1.5 * max(k.rated_rpm, k.base_rpm(), 100.0), 1.2 * k.asked_rpm)
+    return min(wanted, BELOW_CEILING * k.machine.ceiling_rpm(k.vdc_V), 9e4)
+
+
+#: The design of a drive with magnets, where it is another one.
+OPEN_MAGNET: dict[str, Rule] = {
+    "flux_ref_Wb": Rule("flux of the torque limit with its least current", _flux_of_limit_Wb),
+    "flux_min_Wb": Rule(
+        "20 % of the smaller of psi_f and flux_ref_Wb",
+        lambda k: 0.2 * min(k.machine.psi_f_Wb, k.flux_Wb),
+    ),
+    "flux_hold": Rule("off: the magnets' flux does not decay", lambda k: 0.0),
+    "torque_limit_Nm": Rule(
+        "1.5 times rated torque, or the largest load of point and profile if no torque is stated "
+        "and that is larger; but at most what 80 % of i_trip_A gives",
+        _magnet_torque_limit_Nm,
+    ),
+    "crossover_Hz": Rule(
+        "3 R_s times rated current over psi_f, 5 .. 500 Hz: a resistance that is 30 % wrong then "
+        "moves the flux by a tenth",
+        _pull_Hz,
+    ),
+    "build_current_A": Rule(
+        "rated current, but at most 60 % of i_trip_A: it aligns the rotor", _align_A
+    ),
+    "build_s": Rule("4 swings of the shaft that direct current holds; 1 .. 10 s", _align_s),
+    "flux_check": Rule(
+        "0.5: the two models' fluxes may be so many psi_f apart", lambda k: LARGEST_GAP
+    ),
+    "encoder_trip_rpm": Rule("150 r/min", lambda k: 150.0),
+    "speed_trip_rpm": Rule(
+        "as of an induction machine, but at most 98 % of the speed at which the magnets induce Vdc "
+        "between two terminals",
+        _magnet_speed_trip_rpm,
+    ),
 }

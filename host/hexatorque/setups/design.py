@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Any
 
 from ..chips import number_of
-from ..plant.machines.induction_parameters import Parameters
+from ..plant.machines import parameters_of
 from .values import Values
 
 #: Length of the mean vector of three large vectors, and the circle inside the polygon of these
@@ -43,11 +43,6 @@ def _three_digits(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def pull_out_Nm(m: Parameters, flux_Wb: float) -> float:
-    """The top of the circle diagram at this flux."""
-    return 1.5 * m.pole_pairs * flux_Wb**2 * (1 / m.sigma_ls_H - 1 / m.ls_H)
-
-
 class Design:
     """A set-up with the controller parameters that are in force. `parameter(name)` gives one."""
 
@@ -56,14 +51,26 @@ class Design:
 
     # -- machine ---------------------------------------------------------------------------
 
-    @cached_property
-    def unsaturated(self) -> Parameters:
-        return Parameters(**self.setup.machine_values())
+    @property
+    def magnets(self) -> bool:
+        """Whether the rotor has permanent magnets."""
+        return hasattr(self.unsaturated, "psi_f_Wb")
 
     @cached_property
-    def machine(self) -> Parameters:
+    def unsaturated(self) -> Any:
+        """The machine's parameters, of the class of its model."""
+        return parameters_of(self.setup["machine.model"])(**self.setup.machine_values())
+
+    @cached_property
+    def machine(self) -> Any:
         """The linear machine at the flux reference."""
-        return self.unsaturated.linear_at(self.flux_Wb)
+        return self.unsaturated if self.magnets else self.unsaturated.linear_at(self.flux_Wb)
+
+    @property
+    def steady_Wb(self) -> float:
+        """The flux at which a steady state is asked for: the flux reference. With magnets each
+        torque has its own, and the flux reference follows from the largest one."""
+        return self.machine.psi_f_Wb if self.magnets else self.flux_Wb
 
     @property
     def flux_Wb(self) -> float:
@@ -81,34 +88,21 @@ class Design:
     @property
     def no_load_A(self) -> float:
         """Amplitude of the magnetising current."""
-        return self.flux_Wb / self.machine.ls_H
+        return self.machine.no_load_A(self.steady_Wb)
 
     @property
     def pull_out_Nm(self) -> float:
-        """The top of the circle diagram at the full flux."""
-        return pull_out_Nm(self.machine, self.flux_Wb)
+        """The most torque at the full flux."""
+        return self.machine.pull_out_Nm(self.flux_Wb)
 
     def current_A(self, torque_Nm: float) -> float:
-        """Amplitude of the current at this torque and the full flux, by the circle diagram. At
-        pull-out and beyond it is the current at pull-out."""
-        across = abs(torque_Nm) / (3 * self.machine.pole_pairs * self.flux_Wb)
-        radius = 0.5 * self.no_load_A * (1 / self.sigma - 1)
-        across = min(across, radius)
-        along = self.no_load_A + radius - math.sqrt(radius**2 - across**2)
-        return math.hypot(along, across)
+        """Amplitude of the current at this torque and the full flux; with magnets, of the least
+        current."""
+        return self.machine.current_A(torque_Nm, self.steady_Wb)
 
     def torque_of_current_Nm(self, current_A: float) -> float:
-        """The torque at the full flux at which the current has this amplitude; 0 if the current
-        does not magnetise the machine. Never more than pull-out."""
-        radius = 0.5 * self.no_load_A * (1 / self.sigma - 1)
-        if current_A <= self.no_load_A:
-            return 0.0
-        # |i|^2 = along^2 + across^2 and the circle: along follows from |i|.
-        centre = self.no_load_A + radius
-        along = (current_A**2 + centre**2 - radius**2) / (2 * centre)
-        if along >= centre:
-            return self.pull_out_Nm
-        return 3 * self.machine.pole_pairs * self.flux_Wb * math.sqrt(current_A**2 - along**2)
+        """The torque at the full flux at which the current has this amplitude."""
+        return self.machine.torque_of_current_Nm(current_A, self.steady_Wb)
 
     # -- rated values ----------------------------------------------------------------------
 
@@ -150,13 +144,14 @@ class Design:
         stated_Nm, stated_A = self.setup["rated.torque_Nm"], self.setup["rated.current_A"]
         if stated_Nm > 0:
             return stated_Nm
-        most_Nm = PULL_OUT_SHARE * self.pull_out_Nm
+        most_Nm = math.inf if self.magnets else PULL_OUT_SHARE * self.pull_out_Nm
         if (of_current_Nm := self.torque_of_current_Nm(math.sqrt(2) * stated_A)) > 0:
             return min(of_current_Nm, most_Nm)
         if self.asked_Nm > 0:
             return self.asked_Nm
         current_A = max(RATED_SHARE * self.setup["sensors.i_full_A"], 1.2 * self.no_load_A)
-        return min(self.torque_of_current_Nm(current_A), 0.5 * self.pull_out_Nm)
+        of_current_Nm = self.torque_of_current_Nm(current_A)
+        return of_current_Nm if self.magnets else min(of_current_Nm, 0.5 * self.pull_out_Nm)
 
     @cached_property
     def rated_rpm(self) -> float:
@@ -184,24 +179,16 @@ class Design:
     def base_rpm(self, reach_pu: float = REACH_PU, usable: float = USABLE) -> float:
         """Speed at which the rated torque at the full flux needs all usable voltage. 0 if the
         resistance alone takes it."""
-        m, current_A = self.machine, self.current_A(self.rated_Nm)
         reach_V = usable * reach_pu * self.vdc_V
-        room_V = reach_V - m.rs_ohm * current_A
-        slip_rad_s = self.slip_rad_s(self.rated_Nm)
-        return max(0.0, rpm((room_V / self.flux_Wb - slip_rad_s) / m.pole_pairs))
+        turned = self.machine.turned_rad_s(self.rated_Nm, self.flux_Wb, reach_V)
+        return max(0.0, rpm(turned / self.machine.pole_pairs))
 
     def most_torque_Nm(self, speed_rpm: float, voltage_V: float) -> float:
         """The torque at which the firmware limits its reference at this speed if the flux is
-        weakened to what this voltage turns. At this share p of the pull-out torque the slip is s
-        of that at pull-out, with p = 2 s/(1 + s^2), and the point on the circle diagram has the
-        height p and the abscissa 1 - sqrt(1 - p^2), in radii."""
-        m, p = self.machine, PULL_OUT_SHARE
-        s = (1 - math.sqrt(1 - p * p)) / p
-        radius = 0.5 / m.ls_H * (1 / self.sigma - 1)
-        current = math.hypot(p * radius, 1 / m.ls_H + (1 - math.sqrt(1 - p * p)) * radius)
-        turning = m.pole_pairs * rad_s(speed_rpm) + s / (self.sigma * self.rotor_s)
-        flux_Wb = min(self.flux_Wb, voltage_V / (turning + m.rs_ohm * current))
-        return p * self.pull_out_Nm * (flux_Wb / self.flux_Wb) ** 2
+        weakened to what this voltage turns."""
+        omega = self.machine.pole_pairs * rad_s(speed_rpm)
+        most_A = 0.8 * self.parameter("i_trip_A")
+        return self.machine.most_torque_Nm(omega, self.flux_Wb, voltage_V, most_A, PULL_OUT_SHARE)
 
     def runaway_rpm(self, corner_rad_s: float) -> float:
         """How far the speed rises when the rated load drops. The speed loop with k_p = J w and
@@ -210,10 +197,8 @@ class Design:
         return rpm(2 / math.e * self.rated_Nm / (self.machine.inertia_kgm2 * corner_rad_s))
 
     def slip_rad_s(self, torque_Nm: float) -> float:
-        """Electrical slip at a torque. The rotor flux is taken as 90 % of the stator's."""
-        m = self.machine
-        rotor_Wb = 0.9 * self.flux_Wb
-        return abs(torque_Nm) * m.rr_ohm / (3 * m.pole_pairs * rotor_Wb**2)
+        """Electrical slip at a torque and the full flux."""
+        return self.machine.slip_rad_s(torque_Nm, self.steady_Wb)
 
     def copper_W(self, torque_Nm: float) -> float:
         """Losses of the windings of stator and rotor at a torque and the full flux."""
@@ -235,10 +220,9 @@ class Design:
         return vector_pu * self.vdc_V * period_s
 
     def torque_step_Nm(self, period_s: float, vector_pu: float = VECTOR_PU) -> float:
-        """How far one period moves the torque at standstill: the rotor flux does not follow, so
-        all of the flux step drives current through sigma L_s."""
-        step_A = self.flux_step_Wb(period_s, vector_pu) / self.machine.sigma_ls_H
-        return 3 * self.machine.pole_pairs * (1 - self.sigma) * self.flux_Wb * step_A
+        """How far one period moves the torque at standstill."""
+        step_Wb = self.flux_step_Wb(period_s, vector_pu)
+        return self.machine.torque_step_Nm(self.steady_Wb, step_Wb)
 
     @property
     def ripple(self) -> float:

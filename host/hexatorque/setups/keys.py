@@ -6,11 +6,12 @@ The controller's parameters are not here: the firmware's own table defines them.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 from ..chips import DEVICES
-from ..plant.machines import MODELS
+from ..plant.machines import MODELS, constants_of
 from ..plant.wires import ENCODER_WIRES
 
 #: Where a value comes from.
@@ -25,7 +26,8 @@ LOADS = ("constant", "fan", "brake", "generator", "friction")
 class Key:
     """One quantity of a set-up."""
 
-    kind: str  #: "number", "integer", "phases" (six numbers), "choice"; of a profile others too
+    #: "number", "integer", "phases" (six numbers), "harmonics" (four), "choice"; of a profile others
+    kind: str
     help: str
     unit: str = ""
     min: float = -math.inf
@@ -33,10 +35,6 @@ class Key:
     choices: tuple[str, ...] = ()
     default: Any = None  #: None = must be given, or follows another key
     follows: str = ""  #: key of the same section whose value this one has unless it is given
-
-    @property
-    def required(self) -> bool:
-        return self.default is None and not self.follows
 
 
 def _n(help: str, unit: str, low: float, high: float, default: float | None = None) -> Key:
@@ -62,6 +60,9 @@ KEYS: dict[str, dict[str, Key]] = {
         "lls_H": _n("stator leakage inductance", "H", 1e-6, 10),
         "llr_H": _n("rotor leakage inductance, referred", "H", 1e-6, 10),
         "lm_H": _n("magnetising inductance", "H", 1e-5, 100),
+        "psi_f_Wb": _n("flux linkage of the magnets, amplitude", "Wb", 1e-5, 100),
+        "ld_H": _n("inductance along the d axis, the magnets' north pole", "H", 1e-6, 10),
+        "lq_H": _n("inductance across the d axis", "H", 1e-6, 10),
         "lxy_H": replace(
             _n("inductance of the x-y plane, unless given lls_H", "H", 1e-6, 10), follows="lls_H"
         ),
@@ -73,6 +74,19 @@ KEYS: dict[str, dict[str, Key]] = {
             "main flux that takes twice the unsaturated current, 0: linear", "Wb", 0, 100, 0.0
         ),
         "saturation_exponent": _n("how sharply the main flux saturates", "", 1, 20, 6.0),
+        "emf_share": Key(
+            "harmonics",
+            "harmonics 5, 7, 11, 13 of the voltage that the magnets induce, over the fundamental",
+            min=-0.5,
+            max=0.5,
+            default=(0.0,) * 4,
+        ),
+        "emf_deg": Key(
+            "harmonics", "their phases", "deg", min=-180, max=180, default=(0.0,) * 4
+        ),
+        "cogging_Nm": _n("cogging torque, amplitude", "N m", 0, MOST_NM, 0.0),
+        "cogging_per_rev": Key("integer", "its periods in a revolution", "", 1, 10_000, default=36),
+        "start_deg": _n("electrical angle of the d axis at the beginning", "deg", -360, 360, 0.0),
         "leads": Key(
             "phases",
             "phase on each leg u1 u2 w1 w2 v1 v2; 1 is u1 ... 6 is v2",
@@ -164,6 +178,40 @@ KEYS: dict[str, dict[str, Key]] = {
         "load_Nm": _n("operating point of `compare`: load torque", "N m", -MOST_NM, MOST_NM, 0.0),
     },
 }
+
+#: The key that names the kind of machine.
+MODEL = "model"
+
+
+def missing(values: Mapping[str, Mapping[str, Any]], model: str) -> list[str]:
+    """A line for every key of a set-up with this model that has no default and no value."""
+    lines = []
+    for section, keys in KEYS.items():
+        for name, key in keys.items():
+            if needed(section, name, model) and name not in values.get(section, {}):
+                lines.append(f"{section}.{name} is missing ({key.help}, {key.unit or '-'})")
+    return lines
+
+
+def needed(section: str, name: str, model: str) -> bool:
+    """Whether a set-up with this model must give a key."""
+    key = KEYS[section][name]
+    if key.default is not None:
+        return False
+    if section != "machine":
+        return not key.follows
+    return name in constants_of(model) and key.follows not in constants_of(model)
+
+
+def foreign(values: Iterable[str], model: str) -> list[str]:
+    """A line for every key of [machine] that this model does not have."""
+    known = constants_of(model) | {MODEL}
+    return [
+        f"machine.{name}: the model {model} has no such value"
+        for name in values
+        if name not in known
+    ]
+
 
 #: What 0 means, and the smallest other value: far below any machine's, and computable.
 ZERO_OR_AT_LEAST = {

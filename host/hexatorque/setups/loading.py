@@ -8,8 +8,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from ..given import other_file, suggest
-from .keys import KEYS, SECTIONS
+from ..given import choice, other_file, suggest
+from ..plant.machines import MODELS
+from .keys import KEYS, MODEL, SECTIONS, missing
 from .setup import Setup
 from .values import SetupError
 
@@ -105,10 +106,10 @@ def parse(source: str, name: str, folder: Path = Path(), *, whole: bool = True) 
 
 def _missing(data: dict[str, Any]) -> list[str]:
     """A file that starts from no other one has to give everything without a default."""
-    lines = []
-    for section, keys in KEYS.items():
-        entries = data.get(section, {})
-        for key, spec in keys.items():
-            if spec.required and isinstance(entries, dict) and key not in entries:
-                lines.append(f"{section}.{key} is missing ({spec.help}, {spec.unit or '-'})")
-    return lines
+    tables = {s: entries for s, entries in data.items() if isinstance(entries, dict)}
+    model = tables.get("machine", {}).get(MODEL, KEYS["machine"][MODEL].default)
+    model = model.get("value") if isinstance(model, dict) else model
+    given = choice(model, tuple(MODELS))
+    wrong = {section for section in KEYS if section in data and section not in tables}
+    lines = missing(tables, given) if given in MODELS else []
+    return [line for line in lines if line.partition(".")[0] not in wrong]

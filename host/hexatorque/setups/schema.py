@@ -29,10 +29,11 @@ from typing_extensions import TypedDict
 
 from .. import firmware, given
 from ..plant.legs import KINDS, MAX_BREAKS
+from ..plant.machines import MODELS
 from ..plant.vsd import PHASES
 from . import paths
 from .derived import DEFAULTS
-from .keys import KEYS, PROFILE, SECTIONS, TAGS, USER, Key
+from .keys import KEYS, PROFILE, SECTIONS, TAGS, USER, Key, needed
 from .values import Profile, SetupError, Value
 
 #: Type of the errors whose text is ours: what follows the key in its line.
@@ -126,16 +127,23 @@ def _list_given(value: Any) -> Any:
     return given.listed(value) if isinstance(value, str) else given.plain(value)
 
 
-def _six(key: Key) -> Any:
-    return _Annotated[
+def _numbers(count: int, needed: str) -> Callable[[Key], Any]:
+    """So many numbers."""
+    return lambda key: _Annotated[
         _Tuple[_number(key), ...],
-        Field(min_length=6, max_length=6),
+        Field(min_length=count, max_length=count),
         BeforeValidator(_list_given),
-        _said(lambda value: f" = {value!r}: six numbers are needed (u1 u2 w1 w2 v1 v2)"),
+        _said(lambda value: f" = {value!r}: {needed}"),
     ]
 
 
-_KINDS = {"number": _number, "integer": _number, "choice": _choice, "phases": _six}
+_KINDS = {
+    "number": _number,
+    "integer": _number,
+    "choice": _choice,
+    "phases": _numbers(6, "six numbers are needed (u1 u2 w1 w2 v1 v2)"),
+    "harmonics": _numbers(4, "four numbers are needed (orders 5 7 11 13)"),
+}
 
 
 class WithSource:
@@ -386,9 +394,9 @@ def json_schema() -> dict[str, Any]:
     """JSON Schema of a file, for completion and checks in an editor. What a file says wrong as
     a whole, an editor does not see."""
     required = {
-        section: {"required": [key for key, spec in keys.items() if spec.required]}
+        section: {"required": names}
         for section, keys in KEYS.items()
-        if any(spec.required for spec in keys.values())
+        if (names := [key for key in keys if all(needed(section, key, m) for m in MODELS)])
     }
     return {
         "$schema": DRAFT,

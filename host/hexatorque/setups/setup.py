@@ -8,8 +8,9 @@ from functools import cached_property
 from typing import Any
 
 from ..given import pairs
+from ..plant.machines import constants_of
 from . import derived, paths, to_parameters
-from .keys import KEYS, ZERO_OR_AT_LEAST
+from .keys import KEYS, MODEL, ZERO_OR_AT_LEAST, foreign
 from .values import Profile, SetupError, Value
 
 
@@ -126,7 +127,8 @@ class Setup:
     def machine_values(self) -> dict[str, Any]:
         """The parameters of the machine's model, by their keys: numbers, and six numbers each of
         those per phase."""
-        values = {key: self[f"machine.{key}"] for key in KEYS["machine"] if key != "model"}
+        known = constants_of(self["machine.model"])
+        values = {key: self[f"machine.{key}"] for key in KEYS["machine"] if key in known}
         return {**values, "leads": tuple(map(int, values["leads"]))}
 
     def summary(self) -> dict[str, dict[str, Any]]:
@@ -137,18 +139,20 @@ class Setup:
     @cached_property
     def _summary(self) -> dict[str, dict[str, Any]]:
         plain = {s: {k: self[f"{s}.{k}"] for k in keys} for s, keys in KEYS.items()}
+        plain["machine"] = {MODEL: self["machine.model"], **self.machine_values()}
         plain["controller"] = self.controller_values()
         return plain
 
 
 def inconsistent(setup: Setup) -> list[str]:
     """What values, each in its range, say wrong together; one line each."""
-    lines = []
-    for key in ("rs_ohm", "lls_H"):
-        if min(setup[f"machine.d{key}"]) + setup[f"machine.{key}"] <= 0:
-            lines.append(f"machine.d{key}: {key} plus its change must stay above 0")
-    if min(setup["machine.dlls_H"]) + setup["machine.lxy_H"] <= 0:
-        lines.append("machine.dlls_H: lxy_H plus its change must stay above 0")
+    model = setup["machine.model"]
+    lines = foreign(setup.values["machine"], model)
+    for added, to in (("drs_ohm", "rs_ohm"), ("dlls_H", "lls_H"), ("dlls_H", "lxy_H")):
+        if not {added, to} <= constants_of(model):
+            continue
+        if min(setup[f"machine.{added}"]) + setup[f"machine.{to}"] <= 0:
+            lines.append(f"machine.{added}: {to} plus its change must stay above 0")
     for path, (zero, least) in ZERO_OR_AT_LEAST.items():
         if 0 < setup[path] < least:
             section, key = path.split(".")
@@ -178,6 +182,8 @@ def describe(setup: Setup) -> dict[str, dict[str, dict[str, Any]]]:
     for section, keys in KEYS.items():
         described[section] = {}
         for key, spec in keys.items():
+            if section == "machine" and key not in (MODEL, *constants_of(setup["machine.model"])):
+                continue
             left_open = Value(setup[f"{section}.{key}"], "derived" if spec.follows else "default")
             given = setup.values[section].get(key, left_open)
             described[section][key] = _row(given, spec.unit, spec.help)

@@ -125,7 +125,16 @@ def load_before_flux(setup: Values) -> list[str]:
 
 #: What no parameter of the controller tells: it belongs to the plant, or to the simulation.
 NOT_ON_A_BOARD = {
-    "machine": ("model", "inertia_kgm2", "viscous_Nms", "drs_ohm", "dlls_H", "leads"),
+    "machine": (
+        "inertia_kgm2",
+        "viscous_Nms",
+        "drs_ohm",
+        "dlls_H",
+        "cogging_Nm",
+        "cogging_per_rev",
+        "start_deg",
+        "leads",
+    ),
     "inverter": (
         "vdc_V",
         "min_pulse_us",

@@ -6,6 +6,7 @@ set-up's values into an image, uses it where the package is not installed.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 
@@ -46,6 +47,73 @@ class Parameters:
     def sigma_ls_H(self) -> float:
         """Stator transient inductance sigma L_s."""
         return self.ls_H - self.lm_H**2 / self.lr_H
+
+    # -- steady state at a stator flux, by the circle diagram ---------------------------------
+
+    def no_load_A(self, flux_Wb: float) -> float:
+        """Amplitude of the magnetising current."""
+        return flux_Wb / self.ls_H
+
+    def pull_out_Nm(self, flux_Wb: float) -> float:
+        """The top of the circle diagram."""
+        return 1.5 * self.pole_pairs * flux_Wb**2 * (1 / self.sigma_ls_H - 1 / self.ls_H)
+
+    def _radius_A(self, flux_Wb: float) -> float:
+        return 0.5 * self.no_load_A(flux_Wb) * (1 / (self.sigma_ls_H / self.ls_H) - 1)
+
+    def current_A(self, torque_Nm: float, flux_Wb: float) -> float:
+        """Amplitude of the current at this torque. At pull-out and beyond it is the current at
+        pull-out."""
+        across = abs(torque_Nm) / (3 * self.pole_pairs * flux_Wb)
+        radius = self._radius_A(flux_Wb)
+        across = min(across, radius)
+        along = self.no_load_A(flux_Wb) + radius - math.sqrt(radius**2 - across**2)
+        return math.hypot(along, across)
+
+    def torque_of_current_Nm(self, current_A: float, flux_Wb: float) -> float:
+        """The torque at which the current has this amplitude; 0 if the current does not magnetise
+        the machine. Never more than pull-out."""
+        radius, no_load_A = self._radius_A(flux_Wb), self.no_load_A(flux_Wb)
+        if current_A <= no_load_A:
+            return 0.0
+        # |i|^2 = along^2 + across^2 and the circle: along follows from |i|.
+        centre = no_load_A + radius
+        along = (current_A**2 + centre**2 - radius**2) / (2 * centre)
+        if along >= centre:
+            return self.pull_out_Nm(flux_Wb)
+        return 3 * self.pole_pairs * flux_Wb * math.sqrt(current_A**2 - along**2)
+
+    def slip_rad_s(self, torque_Nm: float, flux_Wb: float) -> float:
+        """Electrical slip at a torque. The rotor flux is taken as 90 % of the stator's."""
+        rotor_Wb = 0.9 * flux_Wb
+        return abs(torque_Nm) * self.rr_ohm / (3 * self.pole_pairs * rotor_Wb**2)
+
+    def torque_step_Nm(self, flux_Wb: float, step_Wb: float) -> float:
+        """How far a step of the stator flux moves the torque at standstill: the rotor flux does not
+        follow, so all of it drives current through sigma L_s."""
+        step_A = step_Wb / self.sigma_ls_H
+        sigma = self.sigma_ls_H / self.ls_H
+        return 3 * self.pole_pairs * (1 - sigma) * flux_Wb * step_A
+
+    def turned_rad_s(self, torque_Nm: float, flux_Wb: float, voltage_V: float) -> float:
+        """Electrical speed of the shaft at which this torque at this flux needs so much voltage."""
+        room_V = voltage_V - self.rs_ohm * self.current_A(torque_Nm, flux_Wb)
+        return room_V / flux_Wb - self.slip_rad_s(torque_Nm, flux_Wb)
+
+    def most_torque_Nm(
+        self, omega_rad_s: float, flux_Wb: float, voltage_V: float, _most_A: float, share: float
+    ) -> float:
+        """The torque at which the firmware limits its reference at this electrical speed if the
+        flux is weakened to what this voltage turns. At this share p of the pull-out torque the slip
+        is s of that at pull-out, with p = 2 s/(1 + s^2), and the point on the circle diagram has
+        the height p and the abscissa 1 - sqrt(1 - p^2), in radii."""
+        sigma, p = self.sigma_ls_H / self.ls_H, share
+        s = (1 - math.sqrt(1 - p * p)) / p
+        radius = 0.5 / self.ls_H * (1 / sigma - 1)
+        current = math.hypot(p * radius, 1 / self.ls_H + (1 - math.sqrt(1 - p * p)) * radius)
+        turning = omega_rad_s + s / (sigma * self.lr_H / self.rr_ohm)
+        weak_Wb = min(flux_Wb, voltage_V / (turning + self.rs_ohm * current))
+        return p * self.pull_out_Nm(flux_Wb) * (weak_Wb / flux_Wb) ** 2
 
     def linear_at(self, psi_s_Wb: float) -> Parameters:
         """The linear machine that a no-load test at this stator flux would measure. Its L_m is the

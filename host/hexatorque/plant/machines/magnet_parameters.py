@@ -46,6 +46,88 @@ class Parameters:
         harmonic of ORDERS vanishes there, and their peaks may coincide."""
         return 1 + sum(abs(share) for share in self.emf_share)
 
+    @property
+    def sigma_ls_H(self) -> float:
+        """What the control takes for the stator transient inductance."""
+        return self.lq_H
+
+    def ceiling_rpm(self, vdc_V: float) -> float:
+        """Speed up to which no current flows once the gates are off."""
+        omega = vdc_V / (math.sqrt(3) * self.psi_f_Wb * self.most_emf * self.pole_pairs)
+        return omega * 30 / math.pi
+
+    def swing_rad_s(self, current_A: float) -> float:
+        """Natural frequency of a shaft that direct current holds."""
+        stiffness = 3 * self.pole_pairs**2 * self.psi_f_Wb * current_A
+        return math.sqrt(stiffness / self.inertia_kgm2)
+
+    # -- steady state, as it is asked of every kind of machine ---------------------------------
+
+    def no_load_A(self, _flux_Wb: float) -> float:
+        return 0.0
+
+    def pull_out_Nm(self, flux_Wb: float) -> float:
+        """The most torque that this flux can have, by search over its part along the d axis."""
+        best = 0.0
+        for n in range(-200, 201):
+            d_Wb = flux_Wb * n / 200
+            active_Wb = self._active_Wb(d_Wb)
+            q_Wb = math.sqrt(flux_Wb**2 - d_Wb**2)
+            best = max(best, 3 * self.pole_pairs / self.lq_H * active_Wb * q_Wb)
+        return best
+
+    def _active_Wb(self, d_Wb: float) -> float:
+        share = (self.ld_H - self.lq_H) / self.ld_H
+        return self.psi_f_Wb + share * (d_Wb - self.psi_f_Wb)
+
+    def current_A(self, torque_Nm: float, _flux_Wb: float) -> float:
+        """Amplitude of the least current that makes this torque."""
+        return math.hypot(*self.least_current(torque_Nm))
+
+    def torque_of_current_Nm(self, current_A: float, _flux_Wb: float) -> float:
+        """The most torque of this current."""
+        saliency_H = self.lq_H - self.ld_H
+        id_A = 0.0
+        if saliency_H > 1e-6 * self.lq_H:
+            h = self.psi_f_Wb / (4 * saliency_H)
+            id_A = h - math.hypot(h, current_A / math.sqrt(2))
+        return self.torque_Nm(id_A, math.sqrt(current_A**2 - id_A**2))
+
+    def slip_rad_s(self, _torque_Nm: float, _flux_Wb: float) -> float:
+        return 0.0
+
+    def torque_step_Nm(self, _flux_Wb: float, step_Wb: float) -> float:
+        """How far a step of the stator flux moves the torque."""
+        return 3 * self.pole_pairs * self.psi_f_Wb * step_Wb / self.lq_H
+
+    def turned_rad_s(self, torque_Nm: float, flux_Wb: float, voltage_V: float) -> float:
+        """Electrical speed of the shaft at which this torque with its least current needs so much
+        voltage. Its flux may be less than `flux_Wb`."""
+        need_Wb = min(flux_Wb, self.flux_Wb(*self.least_current(torque_Nm)))
+        drop_V = self.rs_ohm * abs(torque_Nm) / (3 * self.pole_pairs * need_Wb)
+        return (voltage_V - drop_V) / need_Wb
+
+    def most_torque_Nm(
+        self, omega_rad_s: float, flux_Wb: float, voltage_V: float, most_A: float, share: float
+    ) -> float:
+        """The most torque of at most this current at a flux that this voltage turns, by search over
+        the part of the current along the d axis. `share`: of pull-out, a little more with magnets
+        (`ht_magnet_most_Nm`)."""
+        best = 0.0
+        for n in range(0, 201):
+            id_A = -most_A * n / 200
+            iq_A = math.sqrt(most_A**2 - id_A**2)
+            d_Wb = self.psi_f_Wb + self.ld_H * id_A
+            torque = self.torque_Nm(id_A, iq_A)
+            drop_V = self.rs_ohm * torque / (3 * self.pole_pairs * max(flux_Wb, 1e-9))
+            reach_Wb = min(flux_Wb, (voltage_V - drop_V) / omega_rad_s if omega_rad_s else math.inf)
+            if reach_Wb <= abs(d_Wb):
+                continue
+            iq_A = min(iq_A, math.sqrt(reach_Wb**2 - d_Wb**2) / self.lq_H)
+            torque = self.torque_Nm(id_A, iq_A)
+            best = max(best, min(torque, share * self.pull_out_Nm(reach_Wb)))
+        return best
+
     def torque_Nm(self, id_A: float, iq_A: float) -> float:
         return 3 * self.pole_pairs * (self.psi_f_Wb + (self.ld_H - self.lq_H) * id_A) * iq_A
 

@@ -1,0 +1,98 @@
+#include "ht_alignment.h"
+
+/* Directions of the current: 105 and 15 degrees. */
+#define ASIDE 3u
+#define ALONG 0u
+/* Share of the time for which the rotor is pulled aside. */
+#define ASIDE_SHARE 0.4f
+/* At rest: it moves by less than this in a quarter of the time, electrical turns. 1.5 degrees. */
+#define REST_TURNS (1.0f / 240.0f)
+/* So far a rotor that is known may be from where it is pulled, and a rotor that was pulled aside from
+ * where that was: 15 degrees, and as much again for friction. */
+#define NEAR_TURNS (1.0f / 12.0f)
+
+static uint32_t share(uint32_t whole, float part)
+{
+    float counts = (float)whole * part;
+    return (uint32_t)counts;
+}
+
+/* Shortest way between two angles. */
+static uint32_t apart(uint32_t a, uint32_t b, uint32_t counts_rev)
+{
+    uint32_t way = (a > b) ? (a - b) : (b - a);
+    return (way > (counts_rev / 2u)) ? (counts_rev - way) : way;
+}
+
+/* Angle of a direction. */
+static uint32_t angle_of(uint16_t direction, uint32_t counts_rev)
+{
+    return share(counts_rev, (1.0f / 24.0f) * (1.0f + 2.0f * (float)direction));
+}
+
+uint32_t ht_electrical(uint32_t electrical, int32_t moved, uint16_t pole_pairs,
+                       uint32_t counts_rev)
+{
+    int32_t whole = (int32_t)counts_rev;
+    int32_t angle = (int32_t)electrical + (moved % whole) * (int32_t)pole_pairs;
+    if ((angle < 0) || (angle >= whole)) { /* seldom: a division takes long */
+        angle %= whole;
+        angle += (angle < 0) ? whole : 0;
+    }
+    return (uint32_t)angle;
+}
+
+static void look(ht_alignment_state *st, uint32_t end)
+{
+    st->lookout = st->electrical;
+    st->swing = 0u;
+    st->end = end;
+}
+
+void ht_alignment_begin(const ht_alignment_config *cfg, ht_alignment_state *st)
+{
+    st->direction = ASIDE;
+    if (cfg->known) {
+        float turns = (float)st->electrical / (float)cfg->counts_rev;
+        st->direction = (uint16_t)(12.0f * turns); /* its angle is in the middle of 30 degrees */
+    }
+    st->aside = st->electrical;
+    look(st, cfg->ticks);
+}
+
+/* At rest. Is the rotor where it should be? */
+static ht_alignment judged(const ht_alignment_config *cfg, ht_alignment_state *st)
+{
+    uint32_t near = share(cfg->counts_rev, NEAR_TURNS);
+    uint32_t expected = angle_of(st->direction, cfg->counts_rev);
+    if (!cfg->known) {
+        uint32_t behind = st->aside + cfg->counts_rev - cfg->counts_rev / 4u;
+        if (apart(st->electrical, behind % cfg->counts_rev, cfg->counts_rev) > near) {
+            return HT_NOT_ALIGNED;
+        }
+        st->electrical = expected;
+    }
+    return (apart(st->electrical, expected, cfg->counts_rev) > near) ? HT_NOT_ALIGNED : HT_ALIGNED;
+}
+
+ht_alignment ht_alignment_step(const ht_alignment_config *cfg, ht_alignment_state *st,
+                               uint32_t tick)
+{
+    uint32_t swing = apart(st->electrical, st->lookout, cfg->counts_rev);
+    st->swing = (swing > st->swing) ? swing : st->swing;
+    if (!cfg->known && (tick == share(cfg->ticks, ASIDE_SHARE))) {
+        st->aside = st->electrical;
+        st->direction = ALONG;
+    }
+    if (tick == (cfg->ticks - cfg->ticks / 4u)) {
+        look(st, cfg->ticks);
+    }
+    if (tick < st->end) {
+        return HT_ALIGNING;
+    }
+    if (st->swing <= (share(cfg->counts_rev, REST_TURNS) + 2u * cfg->pole_pairs)) {
+        return judged(cfg, st);
+    }
+    look(st, st->end + cfg->ticks / 4u);
+    return (st->end > 4u * cfg->ticks) ? HT_NOT_ALIGNED : HT_ALIGNING;
+}

@@ -1,0 +1,45 @@
+/** @file ht_alignment.h
+ *  How a drive gets to know the angle of a rotor with magnets, and checks it, before it makes torque.
+ *
+ *  "align": direct current pulls the d axis to 105 degrees, then to 15 degrees. So a rotor that stood
+ *  exactly against the current at first is pulled all the same, and the encoder must show a quarter of
+ *  an electrical turn backwards. "known": the encoder's count tells the angle, and direct current in
+ *  the nearest of twelve directions must not move the rotor further than that is away. Either way the
+ *  shaft must have come to rest: it swings for a while.
+ */
+#ifndef HT_ALIGNMENT_H
+#define HT_ALIGNMENT_H
+
+#include "ht_types.h"
+
+typedef struct {
+    bool known;
+    uint32_t ticks;      /**< of the build-up; four times as long at most */
+    uint32_t counts_rev; /**< of the encoder */
+    uint16_t pole_pairs;
+} ht_alignment_config;
+
+typedef struct {
+    uint32_t electrical; /**< angle of the d axis, 0..counts_rev - 1; the caller turns it on */
+    uint32_t aside;      /**< the same when it was pulled aside */
+    uint32_t lookout;    /**< and at the beginning of the latest quarter of the time */
+    uint32_t swing;      /**< largest distance from there since then */
+    uint32_t end;        /**< tick at which this quarter ends */
+    uint16_t direction;  /**< of the current, as ht_control_align has it */
+} ht_alignment_state;
+
+typedef enum { HT_ALIGNING = 0, HT_ALIGNED = 1, HT_NOT_ALIGNED = 2 } ht_alignment;
+
+/** `electrical` after the shaft has moved by this many counts. Exact: an angle that is added up in
+ *  floating point drifts. */
+uint32_t ht_electrical(uint32_t electrical, int32_t moved, uint16_t pole_pairs,
+                       uint32_t counts_rev);
+
+/** The first period. With `known`, `electrical` must be right. */
+void ht_alignment_begin(const ht_alignment_config *cfg, ht_alignment_state *st);
+
+/** A period, `tick` from 1 on. When it has ended as it should, `electrical` is right. */
+ht_alignment ht_alignment_step(const ht_alignment_config *cfg, ht_alignment_state *st,
+                               uint32_t tick);
+
+#endif

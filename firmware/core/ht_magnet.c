@@ -1,0 +1,125 @@
+#include "ht_magnet.h"
+
+#include "ht_angle.h"
+
+#include <math.h>
+
+/* Below this share of L_q a difference of the inductances is none. */
+#define SALIENT 0.001f
+/* Rounds of the iteration for the least current. Each leaves a third of the error at 1.5 times the
+ * torque of a machine whose L_q is three times its L_d. */
+#define ROUNDS 8
+/* Of the largest torque at a flux: beyond it the torque falls again. */
+#define PULL_OUT 0.9f
+
+static bool salient(const ht_magnet_config *m)
+{
+    return m->saliency_H < -SALIENT * m->lq_H;
+}
+
+float ht_magnet_active_Wb(const ht_magnet_config *m, ht_ab axis, ht_ab i_A)
+{
+    return m->psi_f_Wb + m->saliency_H * ht_along(axis, i_A);
+}
+
+ht_xy ht_magnet_emf_V(const ht_magnet_config *m, ht_ab axis, float omega_rad_s)
+{
+    ht_ab two = ht_product(axis, axis);
+    ht_ab five = ht_product(ht_product(two, two), axis);
+    ht_ab seven = ht_product(five, two);
+    ht_ab e5 = ht_product(m->emf5_Wb, five);
+    ht_ab e7 = ht_product(m->emf7_Wb, seven);
+    ht_xy v; /* j omega (e5 - conj(e7)) */
+    v.x = -omega_rad_s * (e5.beta + e7.beta);
+    v.y = omega_rad_s * (e5.alpha - e7.alpha);
+    return v;
+}
+
+/* i_d = h - sqrt(h^2 + i_q^2) with h = psi_f / 2(L_q - L_d): there the torque per ampere is largest. */
+static float along_A(const ht_magnet_config *m, float q_A)
+{
+    float h;
+    if (!salient(m)) {
+        return 0.0f;
+    }
+    h = -0.5f * m->psi_f_Wb / m->saliency_H;
+    return h - sqrtf(h * h + q_A * q_A);
+}
+
+ht_dq ht_magnet_least_A(const ht_magnet_config *m, float torque_Nm)
+{
+    float per_Wb = torque_Nm / m->torque_gain;
+    ht_dq i = {0.0f, per_Wb * m->inv_psi_f};
+    int n;
+    for (n = 0; salient(m) && (n < ROUNDS); n++) {
+        i.d_A = along_A(m, i.q_A);
+        i.q_A = 0.5f * (i.q_A + per_Wb / (m->psi_f_Wb + m->saliency_H * i.d_A));
+    }
+    return i;
+}
+
+float ht_magnet_flux_Wb(const ht_magnet_config *m, ht_dq i_A)
+{
+    float d_Wb = m->psi_f_Wb + m->ld_H * i_A.d_A;
+    float q_Wb = m->lq_H * i_A.q_A;
+    return sqrtf(d_Wb * d_Wb + q_Wb * q_Wb);
+}
+
+/* |v|^2 = (omega psi)^2 + 2 R omega T/(3 P) + ...: the drop along the voltage is R T/(3 P psi). */
+float ht_magnet_turned_Wb(float reach_V, float omega_rad_s, float rs_ohm, float torque_Nm,
+                          float torque_gain)
+{
+    float omega = fabsf(omega_rad_s);
+    float power = ((omega_rad_s < 0.0f) ? -torque_Nm : torque_Nm) / torque_gain;
+    float root2 = reach_V * reach_V - 4.0f * omega * rs_ohm * power;
+    float root = (root2 > 0.0f) ? sqrtf(root2) : 0.0f;
+    return 0.5f * (reach_V + root) / ((omega > 1.0f) ? omega : 1.0f);
+}
+
+/* Largest torque at a flux: 3 P/L_q r(d) q with r = r0 + share d and q^2 = flux^2 - d^2. */
+static float pull_out_Nm(const ht_magnet_config *m, float flux_Wb)
+{
+    float r0 = m->psi_f_Wb * (1.0f - m->share);
+    float d_Wb = 0.0f;
+    if (salient(m)) {
+        float root = sqrtf(r0 * r0 + 8.0f * m->share * m->share * flux_Wb * flux_Wb);
+        d_Wb = 0.25f * (root - r0) / m->share;
+    }
+    return m->torque_gain / m->lq_H * (r0 + m->share * d_Wb)
+           * sqrtf(flux_Wb * flux_Wb - d_Wb * d_Wb);
+}
+
+/* Part along the d axis of a current of `i_A` that makes this flux; true if there is one:
+ * (psi_f + L_d d)^2 + L_q^2 (i^2 - d^2) = flux^2. */
+static bool along_at(const ht_magnet_config *m, float i_A, float flux_Wb, float *d_A)
+{
+    float a = (m->ld_H - m->lq_H) * (m->ld_H + m->lq_H);
+    float half_b = m->psi_f_Wb * m->ld_H;
+    float lq_Wb = m->lq_H * i_A;
+    float c = m->psi_f_Wb * m->psi_f_Wb + lq_Wb * lq_Wb - flux_Wb * flux_Wb;
+    float root2 = half_b * half_b - a * c;
+    /* Of the two solutions the one that stays finite for a = 0. */
+    *d_A = (root2 > 0.0f) ? (-c / (half_b + sqrtf(root2))) : -i_A;
+    return (*d_A > -i_A) && (*d_A < i_A);
+}
+
+float ht_magnet_most_Nm(const ht_magnet_config *m, float i_A, float flux_Wb)
+{
+    float h = salient(m) ? (-0.25f * m->psi_f_Wb / m->saliency_H) : 0.0f;
+    float d_A = salient(m) ? (h - sqrtf(h * h + 0.5f * i_A * i_A)) : 0.0f; /* most torque */
+    float most_Nm = PULL_OUT * pull_out_Nm(m, flux_Wb);
+    float at_A;
+    float torque_Nm;
+    ht_dq i;
+    i.d_A = d_A;
+    i.q_A = sqrtf(i_A * i_A - d_A * d_A);
+    if (ht_magnet_flux_Wb(m, i) > flux_Wb) { /* weakened: more current against the magnets */
+        if (!along_at(m, i_A, flux_Wb, &at_A)) {
+            return 0.0f; /* this current cannot lower the flux so far */
+        }
+        i.d_A = at_A;
+        i.q_A = sqrtf(i_A * i_A - at_A * at_A);
+    }
+    torque_Nm = m->torque_gain * (m->psi_f_Wb + m->saliency_H * i.d_A) * i.q_A;
+    return (torque_Nm < most_Nm) ? torque_Nm : most_Nm;
+}

@@ -1,0 +1,54 @@
+/** @file ht_magnet.h
+ *  A machine whose rotor has permanent magnets.
+ *
+ *  Its stator flux is psi = L_q i + r with r = (psi_f + (L_d - L_q) i_d) u, where u is the d axis. So
+ *  the control takes L_q for the stator transient inductance, and r for the rotor flux seen from the
+ *  stator: the "active flux" (Boldea, Paicu, Andreescu, IEEE Trans. Power Electron. 24(1), 2009).
+ *  Torque is 3 P/L_q r x psi, as in an induction machine. What differs stands here: where r comes
+ *  from, how it moves, and which flux and torque are asked for.
+ */
+#ifndef HT_MAGNET_H
+#define HT_MAGNET_H
+
+#include "ht_types.h"
+
+typedef struct {
+    float psi_f_Wb;   /**< flux linkage of the magnets, > 0 */
+    float inv_psi_f;  /**< 1 / psi_f_Wb */
+    float ld_H;       /**< at most L_q */
+    float lq_H;
+    float inv_ld;     /**< 1 / ld_H */
+    float saliency_H; /**< L_d - L_q, 0 or less */
+    float share;      /**< (L_d - L_q)/L_d: how much r changes with the flux along the d axis */
+    float torque_gain; /**< 3 P */
+    ht_ab emf5_Wb; /**< fifth and seventh harmonic of the induced voltage over the electrical speed, */
+    ht_ab emf7_Wb; /**< as complex numbers: size psi_f times the share, and phase */
+} ht_magnet_config;
+
+/** The length of r at the current `i_A` if the d axis is `axis`. */
+float ht_magnet_active_Wb(const ht_magnet_config *m, ht_ab axis, ht_ab i_A);
+
+/** Voltage that the magnets' harmonics induce in x-y while the d axis `axis` turns with
+ *  `omega_rad_s`: the fifth turns with five times the angle, the seventh against it. */
+ht_xy ht_magnet_emf_V(const ht_magnet_config *m, ht_ab axis, float omega_rad_s);
+
+/** Current of a torque, and its part along the d axis. */
+typedef struct {
+    float d_A;
+    float q_A;
+} ht_dq;
+
+/** The least current that makes this torque. */
+ht_dq ht_magnet_least_A(const ht_magnet_config *m, float torque_Nm);
+
+/** Length of the stator flux with this current. */
+float ht_magnet_flux_Wb(const ht_magnet_config *m, ht_dq i_A);
+
+/** Largest flux that `reach_V` turns at this electrical speed with this torque. */
+float ht_magnet_turned_Wb(float reach_V, float omega_rad_s, float rs_ohm, float torque_Nm,
+                          float torque_gain);
+
+/** Largest torque with a current of `i_A` at most and a stator flux of `flux_Wb` at most. */
+float ht_magnet_most_Nm(const ht_magnet_config *m, float i_A, float flux_Wb);
+
+#endif
