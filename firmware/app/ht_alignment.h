@@ -10,7 +10,7 @@
 #ifndef HT_ALIGNMENT_H
 #define HT_ALIGNMENT_H
 
-#include "ht_types.h"
+#include "ht_angle.h"
 
 typedef struct {
     bool known;

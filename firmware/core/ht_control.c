@@ -1,7 +1,7 @@
 #include "ht_control.h"
 
-#include "ht_angle.h"
 #include "ht_limited.h"
+#include "ht_turned.h"
 #include "ht_vectors.h"
 #include "ht_vsd.h"
 
@@ -183,12 +183,9 @@ static HT_INTO_CALLERS void modulated_step(const ht_control_config *cfg, ht_cont
     seen.psi_xy_Wb = st->psi_xy_Wb;
     seen.i_A = i;
     seen.turn_rad = cfg->observer.ts_s * st->observer.omega_sync_rad_s;
-    seen.sine = seen.turn_rad;
-    seen.back = -0.5f * seen.turn_rad * seen.turn_rad;
     if (magnets) {
         seen.rotor_Wb = st->rotor_Wb;
         seen.emf_V = st->emf_V;
-        seen.sine *= 1.0f + (1.0f / 3.0f) * seen.back;
     } else {
         seen.rotor_Wb =
             ht_observer_predict_rotor(&cfg->observer, &st->observer, st->estimate.psi_Wb, i.ab);

@@ -1,6 +1,7 @@
 #include "ht_foc_law.h"
 
 #include "ht_limited.h"
+#include "ht_turned.h"
 
 #include <math.h>
 
@@ -122,8 +123,9 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
     float inv_vdc = 1.0f / in->vdc_V;
     float volts_per_Wb = machine->inv_ts * inv_vdc;
     float drop = in->rs_ohm * inv_vdc;
-    float turn = in->sine;
-    float back = in->back;
+    ht_turn turns = ht_turn_of(in->turn_rad, machine->magnets); /* the magnets' flux turns further */
+    float turn = turns.sine;
+    float back = turns.back;
     float a = cfg->alpha_ts;
     float size2;
     ht_ab u = {inv_rotor * r.alpha, inv_rotor * r.beta};

@@ -1,6 +1,7 @@
 #include "ht_magnet.h"
 
-#include "ht_angle.h"
+#include "ht_turned.h"
+
 
 #include <math.h>
 

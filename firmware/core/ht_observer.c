@@ -1,7 +1,7 @@
 #include "ht_observer.h"
 
-#include "ht_angle.h"
 #include "ht_limited.h"
+#include "ht_turned.h"
 
 #include <math.h>
 

@@ -31,14 +31,11 @@ typedef struct {
     ht_xy psi_xy_Wb; /**< x-y flux, L_xy i */
     ht_vsd i_A;      /**< currents of the latest sample */
     float turn_rad;  /**< angle that the flux turns in a period */
-    float sine;      /**< of that angle: `turn_rad` itself, or with magnets, whose flux turns
-                        *   further, its third-order series */
-    float back;      /**< its cosine less 1, second order */
-    ht_xy emf_V;     /**< mean voltage that is induced in x-y in the period that is decided on */
     float rs_ohm;    /**< stator resistance in use */
     float torque_ref_Nm;
     float flux_ref_Wb;
     float vdc_V;
+    ht_xy emf_V; /**< mean voltage that magnets induce in x-y in the period that is decided on */
 } ht_voltage_law_input;
 
 /** Samples in a time constant of a current that a law that predicts needs at least. */

@@ -14,6 +14,8 @@ static inline ht_voltage_law_input any_law_input(void)
     in.i_A.ab = any_ab();
     in.i_A.xy = any_xy();
     in.turn_rad = nondet_float();
+    in.emf_V.x = nondet_float();
+    in.emf_V.y = nondet_float();
     in.rs_ohm = nondet_float();
     in.torque_ref_Nm = nondet_float();
     in.flux_ref_Wb = nondet_float();

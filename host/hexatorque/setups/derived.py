@@ -104,6 +104,9 @@ def _mean_of_devices(setup: Values, what: str, unit: str) -> float:
 
 
 ALWAYS: dict[str, Rule] = {
+    "machine": Rule(
+        "the machine's: magnets, or a winding", lambda k: "magnet" if k.magnets else "induction"
+    ),
     "pole_pairs": Rule("the machine's", lambda k: k.machine.pole_pairs),
     "rs_ohm": Rule(
         "the machine's R_s + mean on-resistance of switch and diode",
@@ -350,7 +353,6 @@ OF_A_WINDING = ("rr_ohm", "lr_H", "lm_H", "sigma_ls_H", "flux_hold")
 
 #: What the controller is told of a machine with magnets.
 ALWAYS_MAGNET: dict[str, Rule] = {
-    "machine": Rule("the machine's model", lambda k: "magnet"),
     "psi_f_Wb": Rule("the machine's", lambda k: k.machine.psi_f_Wb),
     "ld_H": Rule("the machine's", lambda k: k.machine.ld_H),
     "sigma_ls_H": Rule("the machine's L_q", lambda k: k.machine.lq_H),
@@ -360,7 +362,7 @@ ALWAYS_MAGNET: dict[str, Rule] = {
     "emf7_deg": Rule("the machine's", lambda k: k.machine.emf_deg[1]),
 }
 
-#: Corner of the pull to the flux of the magnets, in R_s i/psi_f: so much the resistance may be wrong.
+#: Corner of the pull to the flux of the magnets, in R_s i/psi_f.
 PULL_PER_DROP = 3.0
 LEAST_PULL_HZ = 5.0
 #: A shaft that direct current holds swings; so many swings until it rests.

@@ -26,7 +26,7 @@ LOADS = ("constant", "fan", "brake", "generator", "friction")
 class Key:
     """One quantity of a set-up."""
 
-    #: "number", "integer", "phases" (six numbers), "harmonics" (four), "choice"; of a profile others
+    #: "number", "integer", "phases" (six numbers), "harmonics" (four), "choice"; a profile's too
     kind: str
     help: str
     unit: str = ""
@@ -81,9 +81,7 @@ KEYS: dict[str, dict[str, Key]] = {
             max=0.5,
             default=(0.0,) * 4,
         ),
-        "emf_deg": Key(
-            "harmonics", "their phases", "deg", min=-180, max=180, default=(0.0,) * 4
-        ),
+        "emf_deg": Key("harmonics", "their phases", "deg", min=-180, max=180, default=(0.0,) * 4),
         "cogging_Nm": _n("cogging torque, amplitude", "N m", 0, MOST_NM, 0.0),
         "cogging_per_rev": Key("integer", "its periods in a revolution", "", 1, 10_000, default=36),
         "start_deg": _n("electrical angle of the d axis at the beginning", "deg", -360, 360, 0.0),

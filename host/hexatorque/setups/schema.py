@@ -33,7 +33,7 @@ from ..plant.machines import MODELS
 from ..plant.vsd import PHASES
 from . import paths
 from .derived import DEFAULTS
-from .keys import KEYS, PROFILE, SECTIONS, TAGS, USER, Key, needed
+from .keys import KEYS, MODEL, PROFILE, SECTIONS, TAGS, USER, Key, needed
 from .values import Profile, SetupError, Value
 
 #: Type of the errors whose text is ours: what follows the key in its line.
@@ -393,11 +393,10 @@ def _printable(name: object) -> str:
 def json_schema() -> dict[str, Any]:
     """JSON Schema of a file, for completion and checks in an editor. What a file says wrong as
     a whole, an editor does not see."""
-    required = {
-        section: {"required": names}
-        for section, keys in KEYS.items()
-        if (names := [key for key in keys if all(needed(section, key, m) for m in MODELS)])
-    }
+    usual = KEYS["machine"][MODEL].default
+    required = {section: _required(section, usual) for section in KEYS if section != "machine"}
+    required = {section: names for section, names in required.items() if names["required"]}
+    required = {"machine": _required_of_machine(usual), **required}
     return {
         "$schema": DRAFT,
         "title": "hexatorque set-up or scenario",
@@ -406,6 +405,25 @@ def json_schema() -> dict[str, Any]:
         "if": {"not": {"required": ["setup"]}},
         "then": {"required": list(required), "properties": required},
     }
+
+
+def _required(section: str, model: str) -> dict[str, Any]:
+    return {"required": [key for key in KEYS[section] if needed(section, key, model)]}
+
+
+def _required_of_machine(usual: str) -> dict[str, Any]:
+    """What is needed of the section depends on its model."""
+    needs = _required("machine", usual)
+    for model in MODELS:
+        if model != usual:
+            value = {"required": ["value"], "properties": {"value": {"const": model}}}
+            told = {"anyOf": [{"const": model}, value]}
+            needs = {
+                "if": {"required": [MODEL], "properties": {MODEL: told}},
+                "then": _required("machine", model),
+                "else": needs,
+            }
+    return needs
 
 
 def _for_editors(schema: Any) -> Any:

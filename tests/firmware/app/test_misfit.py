@@ -5,6 +5,8 @@ import pytest
 
 from hexatorque.firmware import Controller, FirmwareError, ffi, lib, parameters
 
+#: A machine with magnets that fits.
+MAGNET = {"machine": "magnet", "psi_f_Wb": 0.15, "scheme": "ddr"}
 #: For each misfit a change of the defaults, and what the message must say.
 CASES = {
     "TORQUE_BANDS": (
@@ -55,6 +57,22 @@ CASES = {
     "COMPARATOR_VDC": (
         {"comparator_above_pu": 0.3, "i_trip_A": 15.0, "vdc_full_V": 500.0, "vdc_max_V": 450.0},
         "comparator_above_pu = 0.3, vdc_max_V = 450 V: allowed is 0.092 to 0.2: the comparator's",
+    ),
+    "SALIENCY": (
+        {"machine": "magnet", "ld_H": 0.03, "scheme": "ddr"},
+        "ld_H = 0.03 H, sigma_ls_H = 0.025 H: with magnets L_d may not be above L_q",
+    ),
+    "CEILING": (
+        {"machine": "magnet", "psi_f_Wb": 0.2, "scheme": "ddr"},
+        "speed_trip_rpm = 6000 r/min, psi_f_Wb = 0.2 Wb: with magnets no current may flow",
+    ),
+    "MAGNET_LEGS": (
+        {**MAGNET, "ride_through": "least-loss", "i_rated_A": 5.0},
+        "ride_through = least-loss, machine = magnet: with magnets a drive cannot go on",
+    ),
+    "XY_STEP": (
+        {**MAGNET, "scheme": "dtc2", "lxy_H": 5e-4},
+        "scheme = dtc2, lxy_H = 0.0005 H: with magnets: one period of this scheme's vectors",
     ),
 }
 

@@ -1,0 +1,299 @@
+"""What differs with magnets, against numpy: the direction of an angle, the least current and its
+flux, torque limits by search, what the harmonics induce in x-y, and observer and prediction against
+an exact machine.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from hexatorque.firmware import ffi, lib
+
+TS = 1e-4
+
+
+class Machine(NamedTuple):
+    r: float
+    ld: float
+    lq: float
+    psi_f: float
+    p: int
+
+
+MACHINES = {
+    "interior": Machine(0.8, 6.4e-3, 17.4e-3, 0.1746, 3),
+    "surface": Machine(1.096, 2.142e-3, 2.142e-3, 0.0734, 5),
+}
+
+
+def pair(z):
+    return [float(z.real), float(z.imag)]
+
+
+def as_complex(p):
+    return complex(p.alpha, p.beta)
+
+
+@pytest.fixture(params=MACHINES)
+def machine(request):
+    return MACHINES[request.param]
+
+
+def magnet(machine, e5=0j, e7=0j):
+    _, ld, lq, psi_f, p = machine
+    m = ffi.new("ht_magnet_config *")
+    m.psi_f_Wb, m.inv_psi_f, m.ld_H, m.lq_H = psi_f, 1 / psi_f, ld, lq
+    m.inv_ld, m.saliency_H, m.share, m.torque_gain = 1 / ld, ld - lq, (ld - lq) / ld, 3 * p
+    m.emf5_Wb, m.emf7_Wb = pair(psi_f * e5), pair(psi_f * e7)
+    return m
+
+
+def observer(machine, pull_Hz=0.0):
+    r, _, lq, _, p = machine
+    c = ffi.new("ht_observer_config *")
+    c.ts_s, c.inv_ts, c.rs_ohm, c.lxy_H = TS, 1 / TS, r, 1e-3
+    c.sigma_ls_H, c.inv_sigma_ls, c.torque_gain = lq, 1 / lq, 3 * p
+    c.hybrid_gain = 2 * np.pi * pull_Hz * TS
+    c.omega_gain = 0.02
+    c.magnets = True
+    c.magnet = magnet(machine)[0]
+    return c
+
+
+@given(st.floats(0, 1))
+def test_direction_of_an_angle(turns):
+    found = as_complex(lib.ht_unit(turns))
+    assert abs(found - np.exp(2j * np.pi * np.float32(turns))) < 5e-7
+
+
+@pytest.mark.parametrize("turns", [np.nan, np.inf, -np.inf, -1.0, 1e30])
+def test_a_number_that_is_no_angle_gives_a_finite_direction(turns):
+    assert abs(abs(as_complex(lib.ht_unit(turns))) - 1) < 1e-6
+
+
+@pytest.mark.parametrize("share", [-1.5, -1.0, -0.3, 0.0, 0.4, 1.0, 1.5])
+def test_least_current(machine, share):
+    """Against a search over all i_d."""
+    _, ld, lq, psi_f, p = machine
+    m = magnet(machine)
+    torque = share * 10.0 if ld < lq else share * 5.0
+    i = lib.ht_magnet_least_A(m, torque)
+    made = 3 * p * (psi_f + (ld - lq) * i.d_A) * i.q_A
+    assert made == pytest.approx(torque, rel=0.01, abs=1e-6)
+    d = np.linspace(-30, 1, 30001)
+    q = torque / (3 * p * (psi_f + (ld - lq) * d))
+    assert np.hypot(i.d_A, i.q_A) <= np.hypot(d, q).min() * 1.01 + 1e-6
+    flux = lib.ht_magnet_flux_Wb(m, i)
+    assert flux == pytest.approx(np.hypot(psi_f + ld * i.d_A, lq * i.q_A), rel=1e-5)
+
+
+@pytest.mark.parametrize("flux_pu", [0.3, 0.6, 0.9, 1.0, 1.3, 2.0])
+@pytest.mark.parametrize("i_A", [1.0, 4.0, 12.0, 25.0])
+def test_most_torque_of_a_current_and_a_flux(machine, i_A, flux_pu):
+    """By search over the currents' angle: within both limits, and short of the torque at which more
+    angle gives less."""
+    _, ld, lq, psi_f, p = machine
+    flux = flux_pu * psi_f
+    found = lib.ht_magnet_most_Nm(magnet(machine), i_A, flux)
+    d = np.linspace(-i_A, i_A, 4001)
+    sizes = np.linspace(0, 1, 401)[:, None]
+    id_A, iq_A = sizes * d, sizes * np.sqrt(i_A**2 - d**2)
+    within = np.hypot(psi_f + ld * id_A, lq * iq_A) <= flux * 1.0005
+    torque = 3 * p * (psi_f + (ld - lq) * id_A) * iq_A
+    best = np.where(within, torque, 0).max()
+    along = np.linspace(-flux, flux, 20001)
+    active = psi_f + (ld - lq) / ld * (along - psi_f)
+    pull_out = (3 * p / lq * active * np.sqrt(flux**2 - along**2)).max()
+    assert found == pytest.approx(min(best, 0.9 * pull_out), rel=0.02, abs=0.02)
+
+
+def test_flux_that_a_voltage_turns(machine):
+    """In steady state |R i + j omega psi| is the voltage, to first order in R."""
+    r, p = machine.r, machine.p
+    for torque, omega in ((3.0, 1500.0), (-3.0, 1500.0), (3.0, -1500.0)):
+        flux = lib.ht_magnet_turned_Wb(200.0, omega, r, torque, 3 * p)
+        across = torque / (3 * p * flux)  # the part of the current across the flux
+        needed = abs(r * 1j * across + 1j * omega * flux)
+        assert needed == pytest.approx(200.0, rel=1e-3)
+    assert lib.ht_magnet_turned_Wb(200.0, 0.0, r, 3.0, 3 * p) > 100
+    assert np.isfinite(lib.ht_magnet_turned_Wb(1.0, 1e4, r, 1e4, 3 * p))
+
+
+def test_what_the_harmonics_induce_in_xy(machine):
+    """From the six coils' voltages, with sets 30 degrees apart."""
+    psi_f = machine.psi_f
+    shares, phases, omega = (0.08, 0.05), (0.7, -1.1), 900.0
+    m = magnet(machine, shares[0] * np.exp(1j * phases[0]), shares[1] * np.exp(1j * phases[1]))
+    coils = np.deg2rad([0, 30, 120, 150, 240, 270])
+    for angle in np.linspace(0, 2 * np.pi, 13):
+        volts = -omega * psi_f * np.sin(angle - coils)
+        for order, share, phase in zip((5, 7), shares, phases):
+            volts -= omega * psi_f * share * np.sin(order * (angle - coils) + phase)
+        x, y = np.cos(5 * coils) @ volts / 3, np.sin(5 * coils) @ volts / 3
+        found = lib.ht_magnet_emf_V(m, pair(np.exp(1j * angle)), omega)
+        np.testing.assert_allclose([found.x, found.y], [x, y], atol=2e-4 * omega * psi_f * 0.1)
+
+
+class Exact:
+    """Stator flux of the machine under a constant voltage and at constant speed."""
+
+    def __init__(self, machine, omega):
+        self.r, self.ld, self.lq, self.psi_f, self.p = machine
+        self.omega = omega
+
+    def current(self, psi, angle):
+        frame = psi * np.exp(-1j * angle)
+        return complex((frame.real - self.psi_f) / self.ld, frame.imag / self.lq) * np.exp(
+            1j * angle
+        )
+
+    def flux(self, i_dq, angle):
+        return complex(self.psi_f + self.ld * i_dq.real, self.lq * i_dq.imag) * np.exp(1j * angle)
+
+    def torque(self, psi, i):
+        return 3 * self.p * (psi.conjugate() * i).imag
+
+    def after(self, psi, angle, v, dt):
+        def slope(t, z):
+            d = v - self.r * self.current(complex(*z), angle + self.omega * t)
+            return [d.real, d.imag]
+
+        found = solve_ivp(slope, (0, dt), [psi.real, psi.imag], rtol=1e-10, atol=1e-12).y[:, -1]
+        return complex(*found)
+
+
+@pytest.mark.parametrize("omega", [0.0, 300.0, -900.0, 1900.0])
+def test_prediction_of_one_period(machine, omega):
+    """Up to 0.19 rad a period. R i at the period's begin counts for all of it: half of what it
+    changes by is missing in the flux. Torque within 2 % of what 10 A make."""
+    exact, cfg = Exact(machine, omega), observer(machine)
+    state = ffi.new("ht_observer_state *")
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        angle, i_dq = rng.uniform(0, 6), complex(*rng.normal(0, 5, 2))
+        axis = np.exp(1j * angle)
+        psi = exact.flux(i_dq, angle)
+        v = 1j * omega * psi + complex(*rng.normal(0, 20, 2))
+        lib.ht_observer_align(cfg, state, pair(i_dq * axis), pair(axis))
+        state.omega_sync_rad_s = omega
+        assert as_complex(state.psi_Wb) == pytest.approx(psi, rel=1e-5)
+        now, r = ffi.new("ht_estimate *"), ffi.new("ht_ab *")
+        now.psi_Wb = pair(psi)
+        then = lib.ht_observer_predict_magnet(
+            cfg, state, now[0], pair(v), pair(i_dq * axis), pair(axis), r
+        )
+        psi_1 = exact.after(psi, angle, v, TS)
+        angle_1 = angle + omega * TS
+        i_1 = exact.current(psi_1, angle_1)
+        missing = 0.5 * exact.r * TS * abs(exact.current(psi_1, angle_1) - i_dq * axis)
+        assert abs(as_complex(then.psi_Wb) - psi_1) < 1.1 * missing + 1e-5 * exact.psi_f
+        assert abs(as_complex(r) - (psi_1 - exact.lq * i_1)) < 4e-3 * exact.psi_f
+        largest = 3 * exact.p * exact.psi_f * 10
+        assert abs(then.torque_Nm - exact.torque(psi_1, i_1)) < 0.02 * largest
+
+
+@pytest.mark.parametrize("r_error", [0.7, 1.3])
+def test_the_pull_bounds_what_a_wrong_resistance_does(machine, r_error):
+    """At standstill the pull g leaves (R error) i / g; the voltage model alone would run away."""
+    exact = Exact(machine, 0.0)
+    axis, i_dq = 1 + 0j, complex(0, 5)
+    pull_Hz = 20.0
+    cfg = observer(machine, pull_Hz)
+    cfg.rs_ohm = r_error * exact.r
+    state = ffi.new("ht_observer_state *")
+    lib.ht_observer_align(cfg, state, pair(i_dq), pair(axis))
+    v = exact.r * i_dq
+    for _ in range(5000):
+        lib.ht_observer_update_magnet(cfg, state, pair(v), pair(i_dq), 0.0, pair(axis))
+    left = as_complex(state.psi_Wb) - exact.flux(i_dq, 0.0)
+    expected = (1 - r_error) * exact.r * i_dq / (2 * np.pi * pull_Hz)
+    assert left == pytest.approx(expected, rel=0.02)
+
+
+def test_deadbeat_law_has_the_torque_after_one_period(machine):
+    """On the exact machine at standstill, where the voltage reaches: torque steps both ways, with
+    the flux of the least current."""
+    exact = Exact(machine, 0.0)
+    cfg = observer(machine)
+    law, state = ffi.new("ht_deadbeat_law_config *"), ffi.new("ht_deadbeat_law_state *")
+    law.gain, law.xy_free_A2 = 1.0, 1e6
+    m = ffi.addressof(cfg, "magnet")
+    for begin, end in ((0.0, 2.0), (2.0, -1.0), (3.0, 4.0)):
+        lib.ht_deadbeat_law_reset(state)
+        first, last = (lib.ht_magnet_least_A(m, t) for t in (begin, end))
+        i = complex(first.d_A, first.q_A)
+        psi = exact.flux(i, 0.0)
+        seen = ffi.new("ht_voltage_law_input *")
+        seen.psi_Wb, seen.rotor_Wb = pair(psi), pair(psi - exact.lq * i)
+        seen.rs_ohm, seen.vdc_V = exact.r, 600.0
+        seen.torque_ref_Nm, seen.flux_ref_Wb = end, lib.ht_magnet_flux_Wb(m, last)
+        v = lib.ht_deadbeat_law_step(law, cfg, state, seen)
+        psi_1 = exact.after(psi, 0.0, 600.0 * as_complex(v.ab), TS)
+        made = exact.torque(psi_1, exact.current(psi_1, 0.0))
+        assert made == pytest.approx(end, abs=0.02 * abs(end - begin) + 0.02)
+
+
+@given(
+    st.integers(0, 8191), st.integers(-20000, 20000), st.integers(1, 64),
+    st.sampled_from([8192, 4096, 4_000_000, 12]),
+)  # fmt: skip
+def test_the_electrical_angle_is_counted_exactly(electrical, moved, pole_pairs, counts):
+    found = lib.ht_electrical(electrical % counts, moved, pole_pairs, counts)
+    assert found == (electrical % counts + moved * pole_pairs) % counts
+
+
+def aligned(known, path, counts=8192, pole_pairs=3, ticks=1000, electrical=0):
+    """`path(tick, direction in degrees)`: electrical degrees of the shaft from its beginning."""
+    cfg, state = ffi.new("ht_alignment_config *"), ffi.new("ht_alignment_state *")
+    cfg.known, cfg.ticks, cfg.counts_rev, cfg.pole_pairs = known, ticks, counts, pole_pairs
+    state.electrical = electrical
+    lib.ht_alignment_begin(cfg, state)
+    at = 0
+    for tick in range(1, 8 * ticks):
+        to = round(path(tick, 15 + 30 * state.direction) / 360 / pole_pairs * counts)
+        state.electrical = lib.ht_electrical(state.electrical, to - at, pole_pairs, counts)
+        at = to
+        result = lib.ht_alignment_step(cfg, state, tick)
+        if result != lib.HT_ALIGNING:
+            return result, state.electrical / counts * 360, tick
+    raise AssertionError("it never ends")
+
+
+@pytest.mark.parametrize("at_first", [0, 100, -170])
+def test_alignment_ends_at_fifteen_degrees(at_first):
+    result, degrees, tick = aligned(False, lambda t, to: to - at_first if t > 50 else 0)
+    assert result == lib.HT_ALIGNED and tick == 1000
+    assert degrees == pytest.approx(15, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        lambda t, to: 0,  # the current is too small for the friction
+        lambda t, to: 100 - to,  # the encoder counts backwards
+        lambda t, to: to + 40 * np.sin(t / 30),  # it never rests
+    ],
+)
+def test_an_alignment_that_the_encoder_does_not_show_is_refused(path):
+    assert aligned(False, path)[0] == lib.HT_NOT_ALIGNED
+
+
+def test_a_shaft_that_swings_is_waited_for():
+    def path(t, to):
+        return to + 30 * np.exp(-t / 700) * np.sin(t / 30)
+
+    result, _, tick = aligned(False, path)
+    assert result == lib.HT_ALIGNED and 1000 < tick <= 4000
+
+
+@pytest.mark.parametrize("error, result", [(0, 1), (10, 1), (60, 2), (180, 2), (-90, 2)])
+def test_a_known_angle_is_checked(error, result):
+    """The rotor goes where the current pulls it; from an angle that is wrong it goes too far."""
+    true = 200.0
+    electrical = round((true + error) % 360 / 360 * 8192)
+    found, _, _ = aligned(True, lambda t, to: to - true, electrical=electrical)
+    assert found == result
