@@ -77,22 +77,26 @@ float ht_magnet_turned_Wb(float reach_V, float omega_rad_s, float rs_ohm, float 
     return 0.5f * (reach_V + root) / ((omega > 1.0f) ? omega : 1.0f);
 }
 
-/* Largest torque at a flux: 3 P/L_q r(d) q with r = r0 + share d and q^2 = flux^2 - d^2. */
-static float pull_out_Nm(const ht_magnet_config *m, float flux_Wb)
+/* The flux's part along the d axis where the torque at this flux is the largest: 3 P/L_q r(d) q with
+ * r = r0 + share d and q^2 = flux^2 - d^2. */
+static float along_at_pull_out_Wb(const ht_magnet_config *m, float flux_Wb)
 {
     float r0 = m->psi_f_Wb * (1.0f - m->share);
-    float d_Wb = 0.0f;
-    if (salient(m)) {
-        float root = sqrtf(r0 * r0 + 8.0f * m->share * m->share * flux_Wb * flux_Wb);
-        d_Wb = 0.25f * (root - r0) / m->share;
-    }
-    return m->torque_gain / m->lq_H * (r0 + m->share * d_Wb)
-           * sqrtf(flux_Wb * flux_Wb - d_Wb * d_Wb);
+    return salient(m) ? (0.25f * (sqrtf(r0 * r0 + 8.0f * m->share * m->share * flux_Wb * flux_Wb) - r0)
+                         / m->share)
+                      : 0.0f;
 }
 
-/* Part along the d axis of a current of `i_A` that makes this flux; true if there is one:
- * (psi_f + L_d d)^2 + L_q^2 (i^2 - d^2) = flux^2. */
-static bool along_at(const ht_magnet_config *m, float i_A, float flux_Wb, float *d_A)
+static float torque_at_Nm(const ht_magnet_config *m, float flux_Wb, float d_Wb)
+{
+    float r = m->psi_f_Wb + m->share * (d_Wb - m->psi_f_Wb);
+    return m->torque_gain / m->lq_H * r * sqrtf(flux_Wb * flux_Wb - d_Wb * d_Wb);
+}
+
+/* Part along the d axis of a current of `i_A` that makes this flux:
+ * (psi_f + L_d d)^2 + L_q^2 (i^2 - d^2) = flux^2. Below -i_A if all of the current is against the magnets
+ * and the flux is still larger, on either side of 0. */
+static float along_A_at(const ht_magnet_config *m, float i_A, float flux_Wb)
 {
     float a = (m->ld_H - m->lq_H) * (m->ld_H + m->lq_H);
     float half_b = m->psi_f_Wb * m->ld_H;
@@ -100,26 +104,27 @@ static bool along_at(const ht_magnet_config *m, float i_A, float flux_Wb, float 
     float c = m->psi_f_Wb * m->psi_f_Wb + lq_Wb * lq_Wb - flux_Wb * flux_Wb;
     float root2 = half_b * half_b - a * c;
     /* Of the two solutions the one that stays finite for a = 0. */
-    *d_A = (root2 > 0.0f) ? (-c / (half_b + sqrtf(root2))) : -i_A;
-    return (*d_A > -i_A) && (*d_A < i_A);
+    return (root2 > 0.0f) ? (-c / (half_b + sqrtf(root2))) : (-2.0f * i_A);
 }
 
 float ht_magnet_most_Nm(const ht_magnet_config *m, float i_A, float flux_Wb)
 {
     float h = salient(m) ? (-0.25f * m->psi_f_Wb / m->saliency_H) : 0.0f;
-    float d_A = salient(m) ? (h - sqrtf(h * h + 0.5f * i_A * i_A)) : 0.0f; /* most torque */
-    float most_Nm = PULL_OUT * pull_out_Nm(m, flux_Wb);
-    float at_A;
+    float pull_out_Wb = along_at_pull_out_Wb(m, flux_Wb);
+    float most_Nm = PULL_OUT * torque_at_Nm(m, flux_Wb, pull_out_Wb);
     float torque_Nm;
     ht_dq i;
-    i.d_A = d_A;
-    i.q_A = sqrtf(i_A * i_A - d_A * d_A);
+    i.d_A = salient(m) ? (h - sqrtf(h * h + 0.5f * i_A * i_A)) : 0.0f; /* most torque per ampere */
+    i.q_A = sqrtf(i_A * i_A - i.d_A * i.d_A);
     if (ht_magnet_flux_Wb(m, i) > flux_Wb) { /* weakened: more current against the magnets */
-        if (!along_at(m, i_A, flux_Wb, &at_A)) {
+        if ((m->psi_f_Wb - m->ld_H * i_A) >= flux_Wb) {
             return 0.0f; /* this current cannot lower the flux so far */
         }
-        i.d_A = at_A;
-        i.q_A = sqrtf(i_A * i_A - at_A * at_A);
+        i.d_A = along_A_at(m, i_A, flux_Wb);
+        if ((m->psi_f_Wb + m->ld_H * i.d_A) <= pull_out_Wb) {
+            return most_Nm; /* takes less current */
+        }
+        i.q_A = sqrtf(i_A * i_A - i.d_A * i.d_A);
     }
     torque_Nm = m->torque_gain * (m->psi_f_Wb + m->saliency_H * i.d_A) * i.q_A;
     return (torque_Nm < most_Nm) ? torque_Nm : most_Nm;

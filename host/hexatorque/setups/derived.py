@@ -184,7 +184,7 @@ def _f_isr_Hz(k: Known) -> float:
 
 def _least_f_isr_Hz(k: Known) -> float:
     """Lowest sampling frequency of the laws that predict (ht_voltage_law_least_Hz)."""
-    return LEAST_SAMPLES * k["rs_ohm"] / min(k["lxy_H"], k["sigma_ls_H"])
+    return LEAST_SAMPLES * k["rs_ohm"] / min(k["lxy_H"], k.machine.least_H)
 
 
 def _f_slow_Hz(k: Known) -> float:

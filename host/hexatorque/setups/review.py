@@ -90,9 +90,9 @@ def review(setup: Setup, schemes: Iterable[str], steady: bool = True) -> list[Fi
     values = parameters(setup)
     design = Design(setup, values.__getitem__)
     findings = [
-        *_believable(design),
+        *(_of_magnets(design) if design.magnets else _believable(design)),
         *_fits(design),
-        *_currents(design),
+        *(_currents_of_magnets(design) if design.magnets else _currents(design)),
         *_loops(design),
         *_speed(design),
     ]
@@ -189,7 +189,8 @@ def _mended(setup: Setup, d: Design, name: str, found: list[Finding]) -> list[Fi
 def refuse_impossible(setup: Setup) -> None:
     """SetupError with a line for each number that no machine has."""
     design = Design(setup, parameters(setup).__getitem__)
-    wrong = [f for f in _believable(design) if f.verdict == "bad"]
+    checked = _of_magnets(design) if design.magnets else _believable(design)
+    wrong = [f for f in checked if f.verdict == "bad"]
     if wrong:
         raise SetupError("\n".join(f"{_why(f)}: {f.advice}" for f in wrong))
 
@@ -364,7 +365,7 @@ def _currents(d: Design) -> Iterator[Finding]:
         else "raise controller.build_current_A: this one does not magnetise the machine",
     )  # fmt: skip
     yield _told("losses of the windings at rated torque, about", d.copper_W(d.rated_Nm), "W")
-    step_A = d.flux_step_Wb(d.period_s) / d.machine.sigma_ls_H
+    step_A = d.flux_step_Wb(d.period_s) / d.machine.least_H
     yield at_most(
         "build-up current and its ripple", p("build_current_A") + step_A, trip_A, "A",
         f"lower controller.build_current_A, or {more_range}",
@@ -409,6 +410,72 @@ def _currents(d: Design) -> Iterator[Finding]:
         "flux_check against the current's ripple, in no-load currents",
         p("flux_check") if p("flux_check") > 0 else math.inf, d.ripple, "",
         f"raise controller.flux_check: sigma is {d.sigma:.3g}, or raise controller.f_isr_Hz",
+    )  # fmt: skip
+
+
+def _of_magnets(d: Design) -> Iterator[Finding]:
+    """Numbers that no machine with magnets has, and the speed up to which they are harmless."""
+    p, m = d.parameter, d.machine
+    yield at_most(
+        "rs_ohm times rated current over the voltage", m.rs_ohm * d.rated_A / (REACH_PU * d.vdc_V),
+        MOST_RESISTANCE, "",
+        "no machine has so much: check machine.rs_ohm, rated.current_A and inverter.vdc_V",
+    )  # fmt: skip
+    yield at_most(
+        "controller.pole_pairs unlike the machine's", abs(p("pole_pairs") - m.pole_pairs), 0, "",
+        "remove controller.pole_pairs",
+    )  # fmt: skip
+    yield at_most(
+        "L_d over L_q", m.ld_H / m.lq_H, 1.0, "",
+        "the d axis is the magnets' north pole: are machine.ld_H and machine.lq_H exchanged?",
+    )  # fmt: skip
+    yield at_most(
+        "speed trip against the speed at which the magnets drive current without gates",
+        p("speed_trip_rpm"), m.ceiling_rpm(d.vdc_V), "r/min",
+        "lower controller.speed_trip_rpm, or raise inverter.vdc_V: the gates could not end the "
+        "current",
+    )  # fmt: skip
+
+
+def _currents_of_magnets(d: Design) -> Iterator[Finding]:
+    p, trip_A = d.parameter, d.parameter("i_trip_A")
+    more_range = "give the sensors more range (sensors.i_full_A)"
+    step_A = d.flux_step_Wb(d.period_s) / d.machine.least_H
+    yield at_most(
+        "current that aligns the rotor, and its ripple", p("build_current_A") + step_A, trip_A,
+        "A", f"lower controller.build_current_A, or {more_range}",
+    )  # fmt: skip
+    swing_s = 2 * math.pi / d.machine.swing_rad_s(p("build_current_A"))
+    yield at_least(
+        "time to align the rotor", p("build_s"), swing_s, "s",
+        f"raise controller.build_s: the shaft swings with a period of {swing_s:.2g} s",
+    )  # fmt: skip
+    yield _told("losses of the windings at rated torque, about", d.copper_W(d.rated_Nm), "W")
+    rated_A = d.current_A(d.rated_Nm)
+    yield at_most("current at rated torque", rated_A, 0.8 * trip_A, "A", more_range)
+    yield at_most(
+        "current at rated torque against rated current", rated_A, 1.2 * d.rated_A, "A",
+        "lower rated.torque_Nm, or correct rated.current_A (an rms value)", "note",
+    )  # fmt: skip
+    yield at_most(
+        "current at the torque limit, with ripple",
+        d.current_A(p("torque_limit_Nm")) + step_A, trip_A, "A",
+        f"lower controller.torque_limit_Nm, raise controller.f_isr_Hz, or {more_range}", "note",
+    )  # fmt: skip
+    yield at_least(
+        "torque limit against rated torque", p("torque_limit_Nm"), d.rated_Nm, "N m",
+        more_range if rated_A > 0.8 * trip_A else "raise controller.torque_limit_Nm",
+    )  # fmt: skip
+    quantum_A = 2 * d.setup["sensors.i_full_A"] / 2 ** d.setup["sensors.adc_bits"]
+    yield graded(
+        "step of the current's converter", quantum_A, 0.01 * rated_A, 0.05 * rated_A, "A",
+        "take sensors of less range, or a converter of more bits",
+    )  # fmt: skip
+    pull_rad_s = 2 * math.pi * p("crossover_Hz")
+    yield at_most(
+        "flux that a resistance 30 % wrong moves, in psi_f",
+        0.3 * p("rs_ohm") * rated_A / (pull_rad_s * d.machine.psi_f_Wb), 0.2, "",
+        "raise controller.crossover_Hz",
     )  # fmt: skip
 
 
@@ -467,7 +534,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
     p, lib = d.parameter, firmware.lib
     row = lib.ht_scheme_describe(firmware.schemes().index(name))
     if lib.ht_law_commands_voltage(row.law):
-        least_Hz = lib.ht_voltage_law_least_Hz(p("rs_ohm"), p("sigma_ls_H"), p("lxy_H"))
+        least_Hz = lib.ht_voltage_law_least_Hz(p("rs_ohm"), d.machine.least_H, p("lxy_H"))
         yield at_least(
             "f_isr_Hz for the machine's time constants", p("f_isr_Hz"), least_Hz, "Hz",
             f"set controller.f_isr_Hz = {math.ceil(least_Hz / 1e4) * 10_000}",
@@ -490,7 +557,7 @@ def _scheme(d: Design, name: str) -> Iterator[Finding]:
         "flux step against the band", flux_Wb, 8 * p("flux_band_Wb"), "Wb",
         "widen controller.flux_band_Wb", "note",
     )  # fmt: skip
-    ripple_A = flux_Wb / d.machine.sigma_ls_H
+    ripple_A = flux_Wb / d.machine.least_H
     peak_A = _xy_A(d, row) + d.current_A(p("torque_limit_Nm")) + ripple_A
     yield at_most(
         "current at the torque limit, ripple and x-y current", peak_A, p("i_trip_A"), "A",
@@ -527,6 +594,8 @@ def _steady(setup: Setup, d: Design, name: str) -> Iterator[Finding]:
     speed_rpm, load_Nm = d.steady_point
     asked_Nm = load_Nm + d.machine.viscous_Nms * rad_s(speed_rpm)
     where = f", at {speed_rpm:g} r/min and {load_Nm:g} N m"
+    if d.magnets:
+        return  # the mean is worked out for a rotor with a winding
     error_Nm, error_pct = 0.0, 0.0
     row = lib.ht_scheme_describe(firmware.schemes().index(name))
     if not lib.ht_law_commands_voltage(row.law):

@@ -115,6 +115,11 @@ class Parameters:
         weak_Wb = min(flux_Wb, voltage_V / (turning + self.rs_ohm * current))
         return p * self.pull_out_Nm(flux_Wb) * (weak_Wb / flux_Wb) ** 2
 
+    @property
+    def least_H(self) -> float:
+        """Smallest inductance that a voltage step meets in alpha-beta."""
+        return self.sigma_ls_H
+
     def linear_at(self, psi_s_Wb: float) -> Parameters:
         """The linear machine that a no-load test at this stator flux would measure. Its L_m is the
         secant of the magnetising curve at that flux."""

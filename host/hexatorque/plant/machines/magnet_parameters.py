@@ -51,6 +51,11 @@ class Parameters:
         """What the control takes for the stator transient inductance."""
         return self.lq_H
 
+    @property
+    def least_H(self) -> float:
+        """Smallest inductance that a voltage step meets in alpha-beta."""
+        return min(self.ld_H, self.lq_H)
+
     def ceiling_rpm(self, vdc_V: float) -> float:
         """Speed up to which no current flows once the gates are off."""
         omega = vdc_V / (math.sqrt(3) * self.psi_f_Wb * self.most_emf * self.pole_pairs)
@@ -72,7 +77,7 @@ class Parameters:
         for n in range(-200, 201):
             d_Wb = flux_Wb * n / 200
             active_Wb = self._active_Wb(d_Wb)
-            q_Wb = math.sqrt(flux_Wb**2 - d_Wb**2)
+            q_Wb = math.sqrt(max(0.0, flux_Wb**2 - d_Wb**2))
             best = max(best, 3 * self.pole_pairs / self.lq_H * active_Wb * q_Wb)
         return best
 
