@@ -12,10 +12,8 @@
 /* Rotor flux and current are followed this many times faster than the rotor flux can rise. */
 #define ROTOR_FASTER 30.0f
 #define ENCODER_CHECK_S 0.05f
-/* Counts of the encoder in a period, quick and slow mean: with magnets an encoder that stops must be
- * found within 2 ms. */
+/* Counts of the encoder in a period, quick mean (HT_COUNTS_SLOW_S). */
 #define COUNTS_QUICK_S 0.0003f
-#define COUNTS_SLOW_S 0.003f
 #define OMEGA_FILTER_S 0.005f
 #define OMEGA_MEAN_S 0.2f
 /* The build-up is direct current, where all that the models disagree about is R_s: it
@@ -210,7 +208,7 @@ static void apply_protection(const float *v, ht_protect_config *c)
     c->magnets = v[HT_P_machine] != 0.0f;
     c->inv_psi_f = 1.0f / v[HT_P_psi_f_Wb];
     c->counts_quick = encoder_gain(v, COUNTS_QUICK_S);
-    c->counts_slow = encoder_gain(v, COUNTS_SLOW_S);
+    c->counts_slow = encoder_gain(v, HT_COUNTS_SLOW_S);
     c->most_counts = v[HT_P_encoder_trip_rpm] * v[HT_P_encoder_counts_rev]
                      / (60.0f * v[HT_P_f_isr_Hz]);
 }

@@ -49,6 +49,11 @@ ht_range ht_param_range(const ht_port *port, uint16_t id);
  *  controller, which answers with more slip, loses the machine. */
 #define HT_PULL_OUT_SHARE 0.8f
 
+/** With magnets: time constant of the slow mean of the encoder's counts. A shaft must not change its
+ *  speed by `encoder_trip_rpm` within it; the quick mean has a tenth of it, so an encoder that stops is
+ *  found within 2 ms. */
+#define HT_COUNTS_SLOW_S 0.003f
+
 /** True if `value` is finite, in `ht_param_range` and, for choices, whole. */
 bool ht_configure_valid(const ht_port *port, uint16_t id, float value);
 

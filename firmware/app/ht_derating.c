@@ -23,7 +23,7 @@
 static float least_A(const ht_magnet_config *m, const float *v)
 {
     ht_dq i = ht_magnet_least_A(m, v[HT_P_torque_limit_Nm]);
-    return sqrtf(i.d_A * i.d_A + i.q_A * i.q_A);
+    return sqrtf(i.d * i.d + i.q * i.q);
 }
 
 /* Steady current, amplitude, at the torque limit and the flux reference, by the circle diagram. */

@@ -45,32 +45,6 @@ void ht_deadbeat_law_reset(ht_deadbeat_law_state *st)
     ht_xy_reset(&st->xy);
 }
 
-/* Parts of the flux across r, returned, and along it, `a`, in units of r, of a machine with magnets:
- * r changes with the flux along it, so the torque is b (1 + share (a - a_0)), a_0 being the present
- * part. Newton's rule from the present b, twice: a fixed point would diverge where the saliency is
- * large. `size2`: flux squared, `torque`: what is asked for, in the same units. */
-static float salient_part(const ht_observer_config *machine, const ht_voltage_law_input *in,
-                          float size2, float inverse, float torque, float *a)
-{
-    float share = machine->magnet.share;
-    float a_0 = inverse * ht_along(in->rotor_Wb, in->psi_Wb);
-    float b = inverse
-              * (in->rotor_Wb.alpha * in->psi_Wb.beta - in->rotor_Wb.beta * in->psi_Wb.alpha);
-    int n;
-    for (n = 0; n < 2; n++) {
-        float a2 = size2 - b * b;
-        float part = sqrtf((a2 > HT_LAW_RADIAL2_LEAST) ? a2 : HT_LAW_RADIAL2_LEAST);
-        float r = 1.0f + share * (part - a_0);
-        float slope = r - share * b * b / part;
-        b -= (b * r - torque) / ((slope > HT_LAW_SLOPE_LEAST) ? slope : HT_LAW_SLOPE_LEAST);
-    }
-    {
-        float a2 = size2 - b * b;
-        *a = sqrtf((a2 > HT_LAW_RADIAL2_LEAST) ? a2 : HT_LAW_RADIAL2_LEAST);
-    }
-    return b;
-}
-
 /* The flux that has the torque asked for, next to the length asked for. */
 static ht_ab flux_reference(const ht_observer_config *machine, const ht_voltage_law_input *in,
                             float length_Wb)
@@ -82,12 +56,23 @@ static ht_ab flux_reference(const ht_observer_config *machine, const ht_voltage_
     float a2 = length_Wb * length_Wb * inverse - b * b;
     float a = sqrtf((a2 > HT_LAW_RADIAL2_LEAST) ? a2 : HT_LAW_RADIAL2_LEAST);
     ht_ab psi;
-    if (machine->magnets) {
-        b = salient_part(machine, in, length_Wb * length_Wb * inverse, inverse, b, &a);
-    }
     psi.alpha = a * r.alpha - b * r.beta;
     psi.beta = a * r.beta + b * r.alpha;
     return psi;
+}
+
+/* The same with magnets, whose r changes with the flux. */
+static ht_ab magnet_reference(const ht_magnet_config *m, const ht_voltage_law_input *in,
+                              float length_Wb)
+{
+    ht_ab r = in->rotor_Wb;
+    float r2 = r.alpha * r.alpha + r.beta * r.beta;
+    float size_Wb = sqrtf((r2 > HT_LAW_LEAST_WB2) ? r2 : HT_LAW_LEAST_WB2);
+    ht_ab u = {r.alpha / size_Wb, r.beta / size_Wb};
+    ht_dq now = {ht_along(u, in->psi_Wb), u.alpha * in->psi_Wb.beta - u.beta * in->psi_Wb.alpha};
+    ht_dq wanted = ht_magnet_wanted_Wb(m, size_Wb, now, length_Wb, in->torque_ref_Nm);
+    ht_ab along = {wanted.d, wanted.q};
+    return ht_product(u, along);
 }
 
 /* A step that the voltage cannot make: the length first, as far as torque's share lets it,
@@ -123,7 +108,8 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     float turn = turns.sine;
     float back = turns.back;
     ht_ab along = {inv_size * psi.alpha, inv_size * psi.beta};
-    ht_ab wanted = flux_reference(machine, in, size + radial);
+    ht_ab wanted = machine->magnets ? magnet_reference(&machine->magnet, in, size + radial)
+                                    : flux_reference(machine, in, size + radial);
     ht_ab e;
     float e2;
     ht_vsd v;

@@ -7,9 +7,8 @@
 
 /* Largest voltage, units of Vdc: the circle of linear modulation, squared. */
 #define REACH2_PU2 0.333333333f
-/* With magnets: largest part of it along the d axis, and least r, of psi_f. */
+/* With magnets: largest part of it along the d axis. */
 #define D_MOST_PU 0.5f
-#define LEAST_ACTIVE 0.3f
 /* Bandwidth of the current regulators times the period. */
 #define ALPHA_TS 0.3f
 
@@ -72,27 +71,15 @@ static ht_ab current_reference(const ht_observer_config *machine, const ht_volta
     return i;
 }
 
-/* The same with magnets, whose r changes with i_d: at present it is `rotor_Wb`, and i_d `d_A`. */
+/* The same with magnets, whose r, now `rotor_Wb`, changes with i_d. `now_A`: the current. */
 static ht_ab magnet_reference(const ht_magnet_config *m, const ht_voltage_law_input *in,
-                              float rotor_Wb, float d_A)
+                              float rotor_Wb, ht_ab now_A)
 {
-    float flux2 = in->flux_ref_Wb * in->flux_ref_Wb;
-    float per_Wb = in->torque_ref_Nm / m->torque_gain;
-    float rises_A = 0.0f; /* of i_d */
+    ht_dq now = {rotor_Wb + m->lq_H * now_A.alpha, m->lq_H * now_A.beta};
+    ht_dq wanted = ht_magnet_wanted_Wb(m, rotor_Wb, now, in->flux_ref_Wb, in->torque_ref_Nm);
     ht_ab i;
-    int n;
-    i.beta = per_Wb / rotor_Wb;
-    for (n = 0; n < 2; n++) {
-        float across = m->lq_H * i.beta;
-        float radial2 = flux2 - across * across;
-        float r;
-        radial2 = (radial2 > HT_LAW_RADIAL2_LEAST * flux2) ? radial2
-                                                           : (HT_LAW_RADIAL2_LEAST * flux2);
-        rises_A = m->inv_ld * (sqrtf(radial2) - rotor_Wb - m->lq_H * d_A);
-        r = rotor_Wb + m->saliency_H * rises_A;
-        i.beta = per_Wb / ((r > LEAST_ACTIVE * m->psi_f_Wb) ? r : (LEAST_ACTIVE * m->psi_f_Wb));
-    }
-    i.alpha = d_A + rises_A;
+    i.alpha = now_A.alpha + m->inv_ld * (wanted.d - now.d);
+    i.beta = wanted.q / m->lq_H;
     return i;
 }
 
@@ -133,7 +120,7 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
                 machine->inv_sigma_ls * (psi.beta - r.beta)};
     ht_ab frame_i1 = into(u, i1);
     ht_ab wanted = machine->magnets
-                       ? magnet_reference(&machine->magnet, in, rotor, frame_i1.alpha)
+                       ? magnet_reference(&machine->magnet, in, rotor, frame_i1)
                        : current_reference(machine, in, rotor, inv_rotor);
     ht_ab sampled;
     ht_ab move; /* of the current, in the frame */

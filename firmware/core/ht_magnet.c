@@ -10,6 +10,9 @@
 /* Rounds of the iteration for the least current. Each leaves a third of the error at 1.5 times the
  * torque of a machine whose L_q is three times its L_d. */
 #define ROUNDS 8
+/* Least part of the flux that is along r, squared, and least slope of q r over q, in psi_f. */
+#define LEAST_ALONG2 0.01f
+#define LEAST_SLOPE 0.2f
 /* Of the largest torque at a flux: beyond it the torque falls again. */
 #define PULL_OUT 0.9f
 
@@ -53,17 +56,41 @@ ht_dq ht_magnet_least_A(const ht_magnet_config *m, float torque_Nm)
     ht_dq i = {0.0f, per_Wb * m->inv_psi_f};
     int n;
     for (n = 0; salient(m) && (n < ROUNDS); n++) {
-        i.d_A = along_A(m, i.q_A);
-        i.q_A = 0.5f * (i.q_A + per_Wb / (m->psi_f_Wb + m->saliency_H * i.d_A));
+        i.d = along_A(m, i.q);
+        i.q = 0.5f * (i.q + per_Wb / (m->psi_f_Wb + m->saliency_H * i.d));
     }
     return i;
 }
 
 float ht_magnet_flux_Wb(const ht_magnet_config *m, ht_dq i_A)
 {
-    float d_Wb = m->psi_f_Wb + m->ld_H * i_A.d_A;
-    float q_Wb = m->lq_H * i_A.q_A;
+    float d_Wb = m->psi_f_Wb + m->ld_H * i_A.d;
+    float q_Wb = m->lq_H * i_A.q;
     return sqrtf(d_Wb * d_Wb + q_Wb * q_Wb);
+}
+
+static float part_along(float flux2, float q)
+{
+    float d2 = flux2 - q * q;
+    return sqrtf((d2 > LEAST_ALONG2 * flux2) ? d2 : (LEAST_ALONG2 * flux2));
+}
+
+ht_dq ht_magnet_wanted_Wb(const ht_magnet_config *m, float r_Wb, ht_dq now, float flux_Wb,
+                          float torque_Nm)
+{
+    float flux2 = flux_Wb * flux_Wb;
+    float product = torque_Nm * m->lq_H / m->torque_gain;
+    float least = LEAST_SLOPE * m->psi_f_Wb;
+    ht_dq wanted = now;
+    int n;
+    for (n = 0; n < 2; n++) {
+        float d = part_along(flux2, wanted.q);
+        float r = r_Wb + m->share * (d - now.d);
+        float slope = r - m->share * wanted.q * wanted.q / d;
+        wanted.q -= (wanted.q * r - product) / ((slope > least) ? slope : least);
+    }
+    wanted.d = part_along(flux2, wanted.q);
+    return wanted;
 }
 
 /* |v|^2 = (omega psi)^2 + 2 R omega T/(3 P) + ...: the drop along the voltage is R T/(3 P psi). */
@@ -114,18 +141,18 @@ float ht_magnet_most_Nm(const ht_magnet_config *m, float i_A, float flux_Wb)
     float most_Nm = PULL_OUT * torque_at_Nm(m, flux_Wb, pull_out_Wb);
     float torque_Nm;
     ht_dq i;
-    i.d_A = salient(m) ? (h - sqrtf(h * h + 0.5f * i_A * i_A)) : 0.0f; /* most torque per ampere */
-    i.q_A = sqrtf(i_A * i_A - i.d_A * i.d_A);
+    i.d = salient(m) ? (h - sqrtf(h * h + 0.5f * i_A * i_A)) : 0.0f; /* most torque per ampere */
+    i.q = sqrtf(i_A * i_A - i.d * i.d);
     if (ht_magnet_flux_Wb(m, i) > flux_Wb) { /* weakened: more current against the magnets */
         if ((m->psi_f_Wb - m->ld_H * i_A) >= flux_Wb) {
             return 0.0f; /* this current cannot lower the flux so far */
         }
-        i.d_A = along_A_at(m, i_A, flux_Wb);
-        if ((m->psi_f_Wb + m->ld_H * i.d_A) <= pull_out_Wb) {
+        i.d = along_A_at(m, i_A, flux_Wb);
+        if ((m->psi_f_Wb + m->ld_H * i.d) <= pull_out_Wb) {
             return most_Nm; /* takes less current */
         }
-        i.q_A = sqrtf(i_A * i_A - i.d_A * i.d_A);
+        i.q = sqrtf(i_A * i_A - i.d * i.d);
     }
-    torque_Nm = m->torque_gain * (m->psi_f_Wb + m->saliency_H * i.d_A) * i.q_A;
+    torque_Nm = m->torque_gain * (m->psi_f_Wb + m->saliency_H * i.d) * i.q;
     return (torque_Nm < most_Nm) ? torque_Nm : most_Nm;
 }

@@ -32,10 +32,10 @@ float ht_magnet_active_Wb(const ht_magnet_config *m, ht_ab axis, ht_ab i_A);
  *  `omega_rad_s`: the fifth turns with five times the angle, the seventh against it. */
 ht_xy ht_magnet_emf_V(const ht_magnet_config *m, ht_ab axis, float omega_rad_s);
 
-/** Current of a torque, and its part along the d axis. */
+/** Parts along the d axis and across it. */
 typedef struct {
-    float d_A;
-    float q_A;
+    float d;
+    float q;
 } ht_dq;
 
 /** The least current that makes this torque. */
@@ -43,6 +43,13 @@ ht_dq ht_magnet_least_A(const ht_magnet_config *m, float torque_Nm);
 
 /** Length of the stator flux with this current. */
 float ht_magnet_flux_Wb(const ht_magnet_config *m, ht_dq i_A);
+
+/** The stator flux of this length that has this torque one step on: its parts along r and across it,
+ *  Wb. `r_Wb`: length of r now, at the flux `now`. While the flux moves along r, r changes with it, so
+ *  the torque is 3 P/L_q q (r + share (d - d_now)). By Newton's rule, two rounds from the present q: a
+ *  fixed point would diverge where the saliency is large. The part along r stays a tenth of the flux. */
+ht_dq ht_magnet_wanted_Wb(const ht_magnet_config *m, float r_Wb, ht_dq now, float flux_Wb,
+                          float torque_Nm);
 
 /** Largest flux that `reach_V` turns at this electrical speed with this torque. */
 float ht_magnet_turned_Wb(float reach_V, float omega_rad_s, float rs_ohm, float torque_Nm,

@@ -15,8 +15,6 @@
 #define HT_LAW_FLUX_SHARE 0.1f
 /** Least part of the flux reference that is along the rotor flux, squared. */
 #define HT_LAW_RADIAL2_LEAST 0.01f
-/** Least slope of the torque over the flux across r, with magnets. */
-#define HT_LAW_SLOPE_LEAST 0.2f
 /** The smallest square of the rotor flux that is divided by. */
 #define HT_LAW_LEAST_WB2 1.0e-8f
 /** Share of the x-y current that one period takes away. */

@@ -67,6 +67,7 @@ def commission(
     each step. `pause`: the gates are off while `begin` is called, which may take as long as it
     likes."""
     steps = with_needs(steps)
+    _check_machine(drive)
     _check_limits(drive, limits)
     found = Findings()
     course = Course(steps, report, begin, end, pause)
@@ -96,6 +97,14 @@ def _restore(drive: DriveVerbs, before: Mapping[str, object]) -> None:
     changed = {name: value for name, value in before.items() if drive.get(name) != value}
     if changed:
         drive.set_many(changed)
+
+
+def _check_machine(drive: DriveVerbs) -> None:
+    if "machine" in drive.params and drive.get("machine") == "magnet":
+        raise CommissioningError(
+            "machine = magnet: these steps measure a rotor with a winding, and their direct current "
+            "would turn one with magnets; give its values in [machine]"
+        )
 
 
 def _check_limits(drive: DriveVerbs, limits: Limits) -> None:

@@ -213,7 +213,7 @@ class DriveVerbs(ABC):
             self._time_of_tick(snapshot["tick"]),
             snapshot["state"],
             tuple(faults),
-            details(snapshot, lambda name: float(self.get(name))),
+            details(snapshot, lambda name: self.params[name].parse(self.get(name))),
         )
 
     @abstractmethod

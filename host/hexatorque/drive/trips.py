@@ -44,6 +44,14 @@ def details(snapshot: Snapshot, get: Get) -> tuple[str, ...]:
     return tuple(text for detail in found if detail and (text := detail(snapshot, get)))
 
 
+def _magnets(get: Get) -> bool:
+    """Whether the rotor has magnets. Boards of earlier versions do not say."""
+    try:
+        return bool(get("machine"))
+    except KeyError:
+        return False
+
+
 def _over_current(s: Snapshot, get: Get) -> str:
     largest = max(range(6), key=lambda leg: abs(s["i_A"][leg]))
     value_A, limit_A = s["i_A"][largest], get("i_trip_A")
@@ -82,6 +90,12 @@ def _over_speed(s: Snapshot, get: Get) -> str:
 
 
 def _encoder(s: Snapshot, get: Get) -> str:
+    if _magnets(get):
+        return (
+            f"measured speed: {s['speed_rpm']:.5g} r/min; the encoder stopped or jumped by more than "
+            f"encoder_trip_rpm = {get('encoder_trip_rpm'):g} r/min, or did not show that the rotor "
+            "was aligned"
+        )
     return (
         f"measured speed: {s['speed_rpm']:.5g} r/min, off the flux's by more than "
         f"encoder_trip_rpm = {get('encoder_trip_rpm'):g} r/min"
@@ -100,6 +114,8 @@ def _flux(s: Snapshot, get: Get) -> str:
     psi_Wb = max(s["psi_Wb"], key=abs)
     if not abs(psi_Wb) < get("flux_trip_Wb"):
         return f"flux: {psi_Wb:.4g} Wb, flux_trip_Wb = {get('flux_trip_Wb'):g} Wb"
+    if _magnets(get):
+        return f"flux unlike that of rotor angle and current: flux_check = {get('flux_check'):g}"
     off = off_circle(s, get)
     return (
         f"current off the circle diagram: {off:.3g} no-load currents at that instant, "

@@ -74,6 +74,8 @@ class LawController(Controller):
             )
         if (values.get("load_mode"), values.get("predict")) != ("shadow", "on"):
             raise LawError(f'law {law.label}: it needs timing.latency = "predicted"')
+        if values.get("machine") == "magnet":
+            raise LawError(f"law {law.label}: it needs a machine with a winding on its rotor")
         super().__init__(device, self._with_base(values))
         self._error: Exception | None = None
         self._law = ffi.new("ht_host_law *")

@@ -23,7 +23,7 @@ from typing import Any
 
 from ..chips import number_of
 from ..plant.machines import constants_of
-from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Design, rad_s
+from .design import PULL_OUT_SHARE, REACH_PU, USABLE, Design, rad_s, rpm
 from .values import Values
 
 #: What a set-up has where it leaves a parameter open: see above.
@@ -369,6 +369,8 @@ LEAST_PULL_HZ = 5.0
 SWINGS = 4.0
 #: Distance of the two models' fluxes that is no longer believable, in psi_f: half a radian.
 LARGEST_GAP = 0.5
+#: Slow mean of the encoder's counts.
+COUNTS_SLOW_S = number_of("app/ht_configure.h", "HT_COUNTS_SLOW_S")
 #: Distance of the speed trip from the speed at which the magnets would drive current by themselves.
 BELOW_CEILING = 0.98
 
@@ -398,6 +400,10 @@ def _align_A(k: Known) -> float:
 def _align_s(k: Known) -> float:
     swing_s = 2 * math.pi / k.machine.swing_rad_s(k["build_current_A"])
     return min(max(1.0, SWINGS * swing_s), 10.0)
+
+
+def _jump_rpm(k: Known) -> float:
+    return max(40.0, rpm(2 * k["torque_limit_Nm"] / k.machine.inertia_kgm2 * COUNTS_SLOW_S))
 
 
 def _magnet_speed_trip_rpm(k: Known) -> float:
@@ -430,7 +436,11 @@ OPEN_MAGNET: dict[str, Rule] = {
     "flux_check": Rule(
         "0.5: the two models' fluxes may be so many psi_f apart", lambda k: LARGEST_GAP
     ),
-    "encoder_trip_rpm": Rule("150 r/min", lambda k: 150.0),
+    "encoder_trip_rpm": Rule(
+        "what twice the torque limit does to the shaft within 3 ms, 40 r/min at least: no real shaft "
+        "changes its speed as quickly",
+        _jump_rpm,
+    ),
     "speed_trip_rpm": Rule(
         "as of an induction machine, but at most 98 % of the speed at which the magnets induce Vdc "
         "between two terminals",

@@ -92,9 +92,7 @@ def _refused_by_law(setup: Values, values: dict[str, float]) -> list[str]:
     if latency != "predicted":
         lines.append(f"timing.latency = {latency}: {scheme} allows predicted only")
     inductance_H = min(values["sigma_ls_H"], values["ld_H"] if values["machine"] else math.inf)
-    least_Hz = firmware.lib.ht_voltage_law_least_Hz(
-        values["rs_ohm"], inductance_H, values["lxy_H"]
-    )
+    least_Hz = firmware.lib.ht_voltage_law_least_Hz(values["rs_ohm"], inductance_H, values["lxy_H"])
     if not values["f_isr_Hz"] >= least_Hz:
         lines.append(
             f"controller.f_isr_Hz = {values['f_isr_Hz']:g}: {scheme} allows {least_Hz:.0f} Hz and "

@@ -28,12 +28,28 @@ FLUX_TOLERANCE = 0.05
 CANDIDATES = 10
 #: The inertia, which the controller does not know but its speed loop is tuned to.
 INERTIA = "inertia_kgm2"
+
+
+def _both_ways(*what: tuple[str, str, int]) -> tuple[tuple[str, str, float], ...]:
+    return tuple(
+        (f"{name} {sign * percent:+d} %", key, 1 + sign * percent / 100)
+        for name, key, percent in what
+        for sign in (-1, 1)
+    )
+
+
 #: What may be wrong: name, parameter that the controller knows of the machine or INERTIA, factor.
-ERRORS = tuple(
-    (f"{name} {percent:+d} %", key, 1 + percent / 100)
-    for name, key in (("R_s", "rs_ohm"), ("L_m", "lm_H"), ("σL_s", "sigma_ls_H"), ("J", INERTIA))
-    for percent in (-30, 30)
+ERRORS = _both_ways(
+    ("R_s", "rs_ohm", 30), ("L_m", "lm_H", 30), ("σL_s", "sigma_ls_H", 30), ("J", INERTIA, 30)
 )
+#: The same with magnets. Their flux is known better.
+MAGNET_ERRORS = _both_ways(
+    ("R_s", "rs_ohm", 30), ("ψ_f", "psi_f_Wb", 10), ("L", "sigma_ls_H", 30), ("J", INERTIA, 30)
+)
+
+
+def errors_of(setup: Setup) -> tuple[tuple[str, str, float], ...]:
+    return MAGNET_ERRORS if setup.parameter("machine") == "magnet" else ERRORS
 
 
 @dataclass(frozen=True)
@@ -210,8 +226,8 @@ class Judge:
 
 def wrong(setup: Setup, key: str, factor: float) -> Setup:
     """The controller takes this parameter of the machine for `factor` times what it was set to. The
-    machine stays. An error of L_m is one of L_r as well. With INERTIA it is the machine that has
-    another one, and the controller that stays."""
+    machine stays. An error of L_m is one of L_r as well, and with magnets one of L_q is one of L_d.
+    With INERTIA it is the machine that has another one, and the controller that stays."""
     if key == INERTIA:
         values = {n: v for n, v in parameters(setup).items() if n not in TIMING_OWNS}
         stays = {f"controller__{name}": value for name, value in values.items()}
@@ -220,6 +236,8 @@ def wrong(setup: Setup, key: str, factor: float) -> Setup:
     changes: dict[str, float] = {f"controller__{key}": factor * value}
     if key == "lm_H":
         changes["controller__lr_H"] = float(setup.parameter("lr_H")) + (factor - 1) * value
+    if key == "sigma_ls_H" and setup.parameter("machine") == "magnet":
+        changes["controller__ld_H"] = factor * float(setup.parameter("ld_H"))
     return setup.changed(**changes)
 
 
@@ -231,7 +249,8 @@ def _choose(request: Request, judge: Judge, outcomes: list[Outcome], robust: Rob
     """The best candidate that holds with every error with which the drive holds before tuning."""
 
     def with_errors(outcome: Outcome) -> dict[str, str]:
-        return dict(zip((e[0] for e in ERRORS), robust([(outcome.chosen, e) for e in ERRORS])))
+        errors = errors_of(request.setup)
+        return dict(zip((e[0] for e in errors), robust([(outcome.chosen, e) for e in errors])))
 
     start = judge.start
     before = with_errors(start)

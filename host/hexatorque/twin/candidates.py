@@ -10,6 +10,7 @@ import numpy as np
 
 from ..drive.simulated import SimulatedDrive
 from ..experiments.prepare import Prepare, other_dead_time
+from ..plant.machines import constants_of
 from ..plant.vsd import PHASES
 from ..setups import Setup
 from ..setups.keys import MOST_NM
@@ -90,6 +91,13 @@ CANDIDATES: tuple[Candidate, ...] = (
         "leakage", ("machine.lls_H", "machine.llr_H"), PERCENT, 0.2, -0.6, 1.5,
         _scaled("machine.lls_H", "machine.llr_H"),
     ),
+    Candidate(
+        "psi_f", ("machine.psi_f_Wb",), PERCENT, 0.1, -0.6, 1.5, _scaled("machine.psi_f_Wb")
+    ),
+    Candidate(
+        "L_d and L_q", ("machine.ld_H", "machine.lq_H"), PERCENT, 0.2, -0.6, 1.5,
+        _scaled("machine.ld_H", "machine.lq_H"),
+    ),
     Candidate("L_xy", ("machine.lxy_H",), PERCENT, 0.2, -0.6, 1.5, _scaled("machine.lxy_H")),
     Candidate(
         "dead time", ("inverter.dead_time_us",), "us", 0.5, -3.0, 5.0, prepare=other_dead_time
@@ -124,9 +132,16 @@ PROBES: tuple[Candidate, ...] = tuple(
 )
 
 
-def suitable(outside: bool, torque_known: bool) -> tuple[Candidate, ...]:
-    """The parameters that can differ, by what has recorded and what is recorded."""
-    found = CANDIDATES + (PROBES if outside else ())
+def _has(model: str, one: Candidate) -> bool:
+    """Whether a machine of this model has what the candidate changes."""
+    of_machine = [key.removeprefix("machine.") for key in one.keys if key.startswith("machine.")]
+    return set(of_machine) <= constants_of(model)
+
+
+def suitable(model: str, outside: bool, torque_known: bool) -> tuple[Candidate, ...]:
+    """The parameters of a machine of this model that can differ, by what has recorded and what is
+    recorded."""
+    found = tuple(one for one in CANDIDATES if _has(model, one)) + (PROBES if outside else ())
     if torque_known:
         return found
     # Without a torque reference, the load is what the simulated drive is asked for.

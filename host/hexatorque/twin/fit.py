@@ -59,14 +59,15 @@ Progress = Callable[[float], None]
 Changes = Sequence[tuple[Candidate, float]]
 
 
-def simulated_s(benches: Sequence[Bench]) -> float:
+def simulated_s(setup: Setup, benches: Sequence[Bench]) -> float:
     """Roughly the simulated time of a comparison, for progress bars."""
-    runs = 2 * REPEATS + TRIED + sum(not c.shaft_only for c in _suitable(benches))
+    runs = 2 * REPEATS + TRIED + sum(not c.shaft_only for c in _suitable(setup, benches))
     return runs * sum(bench.duration_s for bench in benches)
 
 
-def _suitable(benches: Sequence[Bench]) -> tuple[Candidate, ...]:
-    return suitable(any(b.outside for b in benches), all(b.torque_known for b in benches))
+def _suitable(setup: Setup, benches: Sequence[Bench]) -> tuple[Candidate, ...]:
+    outside, torque_known = any(b.outside for b in benches), all(b.torque_known for b in benches)
+    return suitable(setup["machine.model"], outside, torque_known)
 
 
 class NotSimulated(HexatorqueError, RuntimeError):
@@ -289,7 +290,7 @@ def compare(
     """NotSimulated if the simulation of the set-up as it is cannot follow the recording."""
     notes: list[str] = []
     fixed = as_the_board(setup, benches, notes)
-    candidates = _suitable(benches) if candidates is None else candidates
+    candidates = _suitable(setup, benches) if candidates is None else candidates
     benches = [replace(bench) for bench in benches]
     series = _Series(fixed, benches, loads)
 

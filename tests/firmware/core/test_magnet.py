@@ -82,13 +82,13 @@ def test_least_current(machine, share):
     m = magnet(machine)
     torque = share * 10.0 if ld < lq else share * 5.0
     i = lib.ht_magnet_least_A(m, torque)
-    made = 3 * p * (psi_f + (ld - lq) * i.d_A) * i.q_A
+    made = 3 * p * (psi_f + (ld - lq) * i.d) * i.q
     assert made == pytest.approx(torque, rel=0.01, abs=1e-6)
     d = np.linspace(-30, 1, 30001)
     q = torque / (3 * p * (psi_f + (ld - lq) * d))
-    assert np.hypot(i.d_A, i.q_A) <= np.hypot(d, q).min() * 1.01 + 1e-6
+    assert np.hypot(i.d, i.q) <= np.hypot(d, q).min() * 1.01 + 1e-6
     flux = lib.ht_magnet_flux_Wb(m, i)
-    assert flux == pytest.approx(np.hypot(psi_f + ld * i.d_A, lq * i.q_A), rel=1e-5)
+    assert flux == pytest.approx(np.hypot(psi_f + ld * i.d, lq * i.q), rel=1e-5)
 
 
 @pytest.mark.parametrize("flux_pu", [0.3, 0.6, 0.9, 1.0, 1.3, 2.0])
@@ -109,6 +109,28 @@ def test_most_torque_of_a_current_and_a_flux(machine, i_A, flux_pu):
     active = psi_f + (ld - lq) / ld * (along - psi_f)
     pull_out = (3 * p / lq * active * np.sqrt(flux**2 - along**2)).max()
     assert found == pytest.approx(min(best, 0.9 * pull_out), rel=0.02, abs=0.02)
+
+
+@pytest.mark.parametrize("torque", [-12.0, -3.0, 0.0, 2.0, 8.0, 12.0])
+@pytest.mark.parametrize("begin", [-9.0, 0.0, 6.0])
+def test_flux_that_has_a_torque(machine, begin, torque):
+    """Applied again and again it has torque and length, from any torque, without running away."""
+    _, ld, lq, psi_f, p = machine
+    m = magnet(machine)
+    scale = psi_f * p / (0.1746 * 3) * 1.0
+    begin, torque = begin * scale, torque * scale
+    flux = lib.ht_magnet_flux_Wb(m, lib.ht_magnet_least_A(m, torque))
+    i = lib.ht_magnet_least_A(m, begin)
+    d, q = psi_f + ld * i.d, lq * i.q
+    for _ in range(4):
+        r = psi_f + (ld - lq) * (d - psi_f) / ld
+        now = ffi.new("ht_dq *", [d, q])
+        wanted = lib.ht_magnet_wanted_Wb(m, r, now[0], flux, torque)
+        d, q = wanted.d, wanted.q
+        assert np.hypot(d, q) < 1.6 * flux
+    made = 3 * p / lq * q * (psi_f + (ld - lq) * (d - psi_f) / ld)
+    assert np.hypot(d, q) == pytest.approx(flux, rel=1e-4)
+    assert made == pytest.approx(torque, rel=0.01, abs=1e-4)
 
 
 def test_flux_that_a_voltage_turns(machine):
@@ -225,7 +247,7 @@ def test_deadbeat_law_has_the_torque_after_one_period(machine):
     for begin, end in ((0.0, 2.0), (2.0, -1.0), (3.0, 4.0)):
         lib.ht_deadbeat_law_reset(state)
         first, last = (lib.ht_magnet_least_A(m, t) for t in (begin, end))
-        i = complex(first.d_A, first.q_A)
+        i = complex(first.d, first.q)
         psi = exact.flux(i, 0.0)
         seen = ffi.new("ht_voltage_law_input *")
         seen.psi_Wb, seen.rotor_Wb = pair(psi), pair(psi - exact.lq * i)

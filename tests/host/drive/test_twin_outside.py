@@ -17,7 +17,9 @@ from hexatorque.setups import SetupError
 from hexatorque.setups.keys import TIMING_OWNS
 from hexatorque.twin import bench, candidates, fit, report, wiring
 
-EVERY = {one.name: one for one in candidates.suitable(outside=True, torque_known=False)}
+EVERY = {
+    one.name: one for one in candidates.suitable("induction", outside=True, torque_known=False)
+}
 ALL_PROBES, PROBE_W1 = "scale of all current probes", "scale of current probe w1"
 TRIED = [EVERY[name] for name in (ALL_PROBES, PROBE_W1, "L_m", "load")]
 LOAD_NM, SPEED_RPM = 4.0, 500.0

@@ -87,7 +87,7 @@ def compare(setup, recordings, load, window, speed, maps, shift, output, as_json
     except OSError as error:
         raise RecordingError(f"{output}: {error.strerror}") from None
     compile_now()
-    with working(console, "comparing", fit.simulated_s(benches)) as work:
+    with working(console, "comparing", fit.simulated_s(loaded, benches)) as work:
         found = fit.compare(loaded, benches, loads, progress=work.advance)
         work.begin("writing the report")
         command = " ".join(["hexatorque", *sys.argv[1:]])

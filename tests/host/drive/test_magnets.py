@@ -1,0 +1,224 @@
+"""Drives of machines with magnets, against the true plant: start by alignment, operating points,
+weakening, reversal, and the faults that only they have.
+"""
+
+import numpy as np
+import pytest
+
+from hexatorque import setups
+from hexatorque.drive.simulated import SimulatedDrive
+from hexatorque.setups import SetupError, parameters
+from hexatorque.setups.design import Design
+
+BUILT_IN = ("magnet-interior", "magnet-surface", "magnet-24v")
+#: A scheme of each law that is ready on the machine.
+DRIVES = [
+    ("magnet-interior", "db-dtfc"),
+    ("magnet-interior", "foc"),
+    ("magnet-surface", "ddr"),
+    ("magnet-surface", "dtc3"),
+    ("magnet-24v", "db-dtfc"),
+    ("magnet-24v", "foc-24"),
+]
+ALIGNED_S = 5.0
+SAMPLES = 4
+
+
+def begun(name, scheme, start_deg=100.0, **more):
+    """The drive as it runs after its alignment, and its design."""
+    setup = setups.load(name).with_scheme(scheme, machine__start_deg=start_deg, **more)
+    drive = SimulatedDrive(setup, SAMPLES)
+    drive.start()
+    while drive.time_s < ALIGNED_S and drive.state in ("calibrate", "build"):
+        drive.run(0.1, record=False)
+    return drive, Design(setup, parameters(setup).__getitem__)
+
+
+def at(drive, design, speed_pu, load_pu, seconds=0.5):
+    """Bring the drive to a point, and record it."""
+    drive.set("speed_ref_rpm", speed_pu * design.rated_rpm)
+    drive.run(0.6, record=False)
+    for share in np.linspace(0.1, 1, 10):
+        drive.set("load_Nm", share * load_pu * design.rated_Nm)
+        drive.run(0.1, record=False)
+    drive.run(seconds, record=False)
+    drive.discard()
+    drive.run(0.2)
+    return drive.take()
+
+
+def angle_error_deg(drive):
+    """Of the firmware's angle of the d axis, electrical."""
+    true = drive.setup["machine.start_deg"] + np.degrees(
+        drive.plant_state[7] * drive.machine.pole_pairs
+    )
+    believed = 360 * drive.controller.drive.rotor.electrical / drive.get("encoder_counts_rev")
+    return (true - believed + 180) % 360 - 180
+
+
+@pytest.mark.parametrize("start_deg", [0.0, 100.0, -170.0])
+def test_alignment_finds_the_rotor(start_deg):
+    drive, _ = begun("magnet-surface", "ddr", start_deg)
+    assert drive.state == "run"
+    assert abs(angle_error_deg(drive)) < 2
+
+
+def test_a_known_angle_needs_no_search():
+    """The encoder counts from the start of the simulation, where the d axis is at 100 degrees."""
+    drive, _ = begun(
+        "magnet-surface", "ddr", 100.0,
+        controller__rotor_start="known", controller__rotor_zero_deg=100.0,
+    )  # fmt: skip
+    assert drive.state == "run"
+    assert abs(angle_error_deg(drive)) < 0.5
+
+
+@pytest.mark.parametrize("zero_deg", [160.0, -80.0, 280.0])
+def test_a_known_angle_that_is_wrong_gives_no_torque(zero_deg):
+    """The shaft turns to where the direct current pulls it, less than half an electrical turn."""
+    drive, _ = begun(
+        "magnet-surface", "ddr", 100.0,
+        controller__rotor_start="known", controller__rotor_zero_deg=zero_deg,
+    )  # fmt: skip
+    assert drive.state == "fault" and drive.faults == ["encoder against flux speed"]
+    assert abs(drive.plant_state[7]) < np.pi / drive.machine.pole_pairs
+    assert "did not show that the rotor was aligned" in str(drive.trip)
+
+
+def test_an_encoder_that_counts_backwards_gives_no_torque():
+    drive, _ = begun("magnet-surface", "ddr", sensors__encoder_wires="swapped")
+    assert drive.state == "fault" and drive.faults == ["encoder against flux speed"]
+    assert abs(drive.plant_state[7]) < 2 * np.pi / drive.machine.pole_pairs
+
+
+@pytest.mark.parametrize("name, scheme", DRIVES)
+def test_operating_points(name, scheme):
+    """3, 30 and 100 % of rated speed with rated torque of both signs: the estimated torque is within
+    1.5 % of rated torque, the mean speed within 0.5 % of its reference, nothing trips."""
+    drive, design = begun(name, scheme)
+    for speed_pu, load_pu in ((0.03, 1), (0.3, -1), (1.0, 0.95), (-1.0, 0.4)):
+        rec = at(drive, design, speed_pu, load_pu, 1.0)
+        assert drive.state == "run", drive.trip
+        true, seen = rec["plant.torque_Nm"].mean(), rec["torque_Nm"].mean()
+        assert abs(seen - true) < 0.015 * design.rated_Nm, (speed_pu, load_pu, true, seen)
+        off = rec["plant.speed_rpm"].mean() - speed_pu * design.rated_rpm
+        assert abs(off) < 0.005 * design.rated_rpm
+    assert drive.gate_mistake == ""
+
+
+@pytest.mark.parametrize("name, scheme", [DRIVES[0], DRIVES[2], DRIVES[5]])
+def test_reversal(name, scheme):
+    drive, design = begun(name, scheme)
+    at(drive, design, 0.8, 0.0)
+    drive.set("speed_ref_rpm", -0.8 * design.rated_rpm)
+    drive.run(1.5)
+    assert drive.state == "run", drive.trip
+    assert drive.take()["plant.speed_rpm"].min() < -0.78 * design.rated_rpm
+    assert drive.gate_mistake == ""
+
+
+@pytest.mark.parametrize("scheme", ["foc", "ddr"])
+def test_above_rated_speed_the_current_weakens_the_magnets(scheme):
+    """Surface magnets at 120 % of rated speed and 70 % of rated torque, below the speed at which
+    they induce V_dc: i_d is negative, and the flux is what the voltage turns."""
+    drive, design = begun("magnet-surface", scheme)
+    rec = at(drive, design, 1.2, 0.7, 1.0)
+    assert drive.state == "run", drive.trip
+    psi = rec["plant.psi_alpha_Wb"] + 1j * rec["plant.psi_beta_Wb"]
+    i = rec["plant.i_alpha_A"] + 1j * rec["plant.i_beta_A"]
+    axis = np.exp(1j * (drive.machine.pole_pairs * rec["plant.theta_rad"] + np.deg2rad(100)))
+    assert (i * axis.conj()).real.mean() < -0.5
+    assert np.abs(psi).mean() < drive.machine.psi_f_Wb
+    assert abs(rec["plant.speed_rpm"].mean() / design.rated_rpm - 1.2) < 0.01
+
+
+@pytest.mark.parametrize("name, scheme", [DRIVES[0], DRIVES[2], DRIVES[5]])
+@pytest.mark.parametrize("speed_pu", [0.3, 1.0])
+def test_an_encoder_that_stops_is_found_within_two_milliseconds(name, scheme, speed_pu):
+    drive, design = begun(name, scheme)
+    at(drive, design, speed_pu, 1.0 if speed_pu < 1 else 0.9)
+    drive.sensors.hold[7] = 1
+    drive.run(0.01)
+    rec = drive.take()
+    assert drive.faults == ["encoder against flux speed"]
+    running = rec["state"] == rec["state"][0]
+    assert running.sum() < 2e-3 * rec.rate_Hz
+    # The ripple of the scheme is in it, too.
+    before = rec["plant.torque_Nm"][: SAMPLES * 2]
+    torque = rec["plant.torque_Nm"][running]
+    margin = 0.2 * design.rated_Nm
+    assert before.min() - margin < torque.min() and torque.max() < before.max() + margin
+
+
+def test_after_gates_off_no_current_flows_below_the_ceiling():
+    drive, design = begun("magnet-interior", "foc")
+    at(drive, design, 1.0, 0.5)
+    ceiling_rpm = drive.machine.ceiling_rpm(drive.vdc_V)
+    assert drive.speed_rpm < drive.get("speed_trip_rpm") < ceiling_rpm
+    drive.stop()
+    drive.run(0.002, record=False)
+    drive.discard()
+    drive.run(0.05)
+    rec = drive.take()
+    assert max(np.abs(rec[f"plant.i_{axis}_A"]).max() for axis in ("alpha", "beta")) < 0.01
+
+
+@pytest.mark.parametrize("name, scheme", [DRIVES[0], DRIVES[2], DRIVES[4]])
+def test_an_open_phase_is_named(name, scheme):
+    drive, design = begun(name, scheme)
+    at(drive, design, 0.5, 0.8)
+    drive.break_leg("w2", "open")
+    drive.run(0.1, record=False)
+    assert drive.faults == ["phase lost"]
+    assert "phase w2 lost" in drive.snapshot["warnings"]
+
+
+@pytest.mark.parametrize("scheme", ["ddr", "foc", "db-dtfc"])
+def test_the_fifth_harmonic_in_xy_is_small_with_feed_forward(scheme):
+    """At rated speed, with 4 % of the fifth harmonic in the induced voltage."""
+    drive, design = begun("magnet-surface", scheme)
+    rec = at(drive, design, 0.9, 0.9, 1.0)
+    xy = rec["plant.i_x_A"] + 1j * rec["plant.i_y_A"]
+    angle = drive.machine.pole_pairs * rec["plant.theta_rad"] + np.deg2rad(100)
+    fifth = abs((xy * np.exp(-5j * angle)).mean())
+    seventh = abs((xy * np.exp(7j * angle)).mean())
+    assert np.hypot(fifth, seventh) < 0.1 * design.rated_A
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"psi_f_Wb": 0.9}, {"psi_f_Wb": 1.1}, {"rs_ohm": 0.7}, {"rs_ohm": 1.3},
+        {"sigma_ls_H": 1.3, "ld_H": 1.3}, {"sigma_ls_H": 0.75, "ld_H": 0.75},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_with_wrong_parameters_it_holds(wrong):
+    setup = setups.load("magnet-interior").with_scheme("db-dtfc")
+    believed = {f"controller__{n}": f * setup.parameter(n) for n, f in wrong.items()}
+    drive, design = begun("magnet-interior", "db-dtfc", **believed)
+    for speed_pu, load_pu in ((0.03, 0.9), (0.3, 0.9), (0.95, 0.8)):
+        rec = at(drive, design, speed_pu, load_pu)
+        assert drive.state == "run", drive.trip
+        error = rec["torque_Nm"].mean() - rec["plant.torque_Nm"].mean()
+        assert abs(error) < 0.11 * design.rated_Nm
+
+
+@pytest.mark.parametrize(
+    "changes, words",
+    [
+        ({"machine.rr_ohm": 2.0}, "machine.rr_ohm: the model magnet has no such value"),
+        ({"machine.ld_H": 20e-3}, "with magnets L_d may not be above L_q"),
+        ({"machine.psi_f_Wb": 0.0}, "machine.psi_f_Wb = 0: allowed range is 1e-05 .. 100 Wb"),
+        ({"controller.speed_trip_rpm": 9000.0}, "the magnets may induce vdc_max_V at most"),
+        ({"controller.ride_through": "least-loss", "controller.i_rated_A": 4.5},
+         "with magnets a drive cannot go on"),
+        ({"controller.scheme": "dtc3"}, "drives more x-y current than i_trip_A"),
+        ({"machine.emf_share": [0.1, 0.2]}, "four numbers are needed"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_refused_in_a_line(changes, words):
+    setup = setups.load("magnet-interior")
+    with pytest.raises(SetupError) as error:
+        setup.changed(changes)
+    assert words in str(error.value) and "\n" not in str(error.value)
