@@ -30,6 +30,8 @@ from hexatorque.setups.values import SetupError, Value  # noqa: E402
 CORE, APP = ROOT / "firmware" / "core", ROOT / "firmware" / "app"
 #: A row of a .def file: its kind and its arguments, which may be strings.
 ROW = re.compile(r'^(HT_\w+)\(((?:"[^"]*"|[^"\n])*)\)', re.M)
+#: How many numbers a value of these kinds has.
+COUNTS = {"phases": (6, "six"), "harmonics": (4, "four")}
 ARGUMENT = re.compile(r'\s*((?:"[^"]*"|[^",])+)')
 
 
@@ -85,11 +87,12 @@ def bare(path: str, raw: object, known: dict) -> object:
     if spec.kind == "choice":
         if value not in spec.choices:
             raise SetupError(f"{path} = {value!r}: choose one of {', '.join(spec.choices)}")
-    elif spec.kind == "phases":
-        six = listed(value) if isinstance(value, str) else value
-        if not isinstance(six, list) or len(six) != 6:
-            raise SetupError(f"{path} = {value!r}: six numbers are needed")
-        return tuple(checked(path, numeric(number), spec.min, spec.max) for number in six)
+    elif spec.kind in COUNTS:
+        count, word = COUNTS[spec.kind]
+        several = listed(value) if isinstance(value, str) else value
+        if not isinstance(several, list) or len(several) != count:
+            raise SetupError(f"{path} = {value!r}: {word} numbers are needed")
+        return tuple(checked(path, numeric(number), spec.min, spec.max) for number in several)
     else:
         value = checked(path, value, spec.min, spec.max)
         return int(value) if spec.kind == "integer" else float(value)

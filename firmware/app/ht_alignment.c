@@ -30,8 +30,7 @@ static uint32_t angle_of(uint16_t direction, uint32_t counts_rev)
     return share(counts_rev, (1.0f / 24.0f) * (1.0f + 2.0f * (float)direction));
 }
 
-uint32_t ht_electrical(uint32_t electrical, int32_t moved, uint16_t pole_pairs,
-                       uint32_t counts_rev)
+uint32_t ht_electrical(uint32_t electrical, int32_t moved, uint16_t pole_pairs, uint32_t counts_rev)
 {
     int32_t whole = (int32_t)counts_rev;
     int32_t angle = (int32_t)electrical + (moved % whole) * (int32_t)pole_pairs;

@@ -56,8 +56,7 @@ static void turn_rotor(ht_drive *d, int32_t moved)
 {
     const ht_alignment_config *c = &d->config->alignment;
     uint16_t faults = ht_protect_encoder(&d->config->protect, &d->protect, (float)moved);
-    d->rotor.electrical =
-        ht_electrical(d->rotor.electrical, moved, c->pole_pairs, c->counts_rev);
+    d->rotor.electrical = ht_electrical(d->rotor.electrical, moved, c->pole_pairs, c->counts_rev);
     d->in.axis = ht_unit((float)d->rotor.electrical / (float)c->counts_rev);
     d->rotor_faults = faults;
 }

@@ -72,11 +72,11 @@ typedef struct {
     volatile uint16_t trips;       /**< by hardware since init, modulo 2^16; the fast interrupt's */
     uint16_t faults;
     uint16_t warnings;
-    uint16_t end_counts; /**< PWM counts from the period's start to the interrupt's end */
-    uint16_t off_legs;   /**< legs that stay off while the drive runs, a state word */
+    uint16_t end_counts;   /**< PWM counts from the period's start to the interrupt's end */
+    uint16_t off_legs;     /**< legs that stay off while the drive runs, a state word */
     uint16_t rotor_faults; /**< with magnets: what the encoder's counts say in this period */
-    uint16_t stuck_leg;  /**< leg whose sensor and trip latch are checked next */
-    ht_samples samples;  /**< latest */
+    uint16_t stuck_leg;    /**< leg whose sensor and trip latch are checked next */
+    ht_samples samples;    /**< latest */
     volatile uint32_t position_now;
     float offset_counts[HT_LEGS]; /**< calibrated zero of each current channel */
     float i_per_count;

@@ -287,8 +287,7 @@ static void refer_magnets(ht_drive *d, const ht_drive_config *c)
     d->torque_limit_Nm =
         smaller(ht_magnet_most_Nm(m, most_A, most_Wb), c->params.v[HT_P_torque_limit_Nm]);
     follow_reference(d, c);
-    d->flux_ref_Wb =
-        smaller(ht_magnet_flux_Wb(m, ht_magnet_least_A(m, d->torque_ref_Nm)), most_Wb);
+    d->flux_ref_Wb = smaller(ht_magnet_flux_Wb(m, ht_magnet_least_A(m, d->torque_ref_Nm)), most_Wb);
 }
 
 void ht_drive_slow_isr(ht_drive *d)

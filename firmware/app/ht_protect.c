@@ -193,17 +193,24 @@ void ht_protect_follow(const ht_protect_config *cfg, ht_protect_state *st,
     follow(cfg, st, rotor_flux(cfg, c), c->observer.i_A);
 }
 
+/* The flux is off by the square root of `off2`, units of `flux_check`, at present. Is its mean square
+ * beyond the limit? */
+static uint16_t flux_beyond(const ht_protect_config *cfg, ht_protect_state *st, float off2)
+{
+    st->circle2 += cfg->flux_gain * (off2 - st->circle2);
+    if ((cfg->flux_check > 0.0f) && !(st->circle2 <= cfg->flux_check * cfg->flux_check)) {
+        return HT_FAULT_FLUX;
+    }
+    return 0u;
+}
+
 /* With magnets: distance of the two models' fluxes. */
 static uint16_t magnets_slow(const ht_protect_config *cfg, ht_protect_state *st,
                              const ht_control_state *c)
 {
     ht_ab gap = c->observer.gap_Wb;
     float off2 = cfg->inv_psi_f * cfg->inv_psi_f * (gap.alpha * gap.alpha + gap.beta * gap.beta);
-    st->circle2 += cfg->flux_gain * (off2 - st->circle2);
-    if ((cfg->flux_check > 0.0f) && !(st->circle2 <= cfg->flux_check * cfg->flux_check)) {
-        return HT_FAULT_FLUX;
-    }
-    return 0u;
+    return flux_beyond(cfg, st, off2);
 }
 
 uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
@@ -226,14 +233,9 @@ uint16_t ht_protect_slow(const ht_protect_config *cfg, ht_protect_state *st,
         st->speed_error_rpm += cfg->encoder_gain * (off - st->speed_error_rpm);
     }
     off = off_circle_A(cfg, st) / cfg->no_load_A;
-    st->circle2 += cfg->flux_gain * (off * off - st->circle2);
+    faults = flux_beyond(cfg, st, off * off);
     if ((cfg->encoder_trip_rpm > 0.0f) && !within(st->speed_error_rpm, cfg->encoder_trip_rpm)) {
-        faults |= HT_FAULT_ENCODER;
-    }
-    if ((cfg->flux_check > 0.0f) && !(st->circle2 <= cfg->flux_check * cfg->flux_check)) {
-        faults |= HT_FAULT_FLUX;
-    } else {
-        /* credible */
+        faults = (uint16_t)(faults | HT_FAULT_ENCODER);
     }
     return faults;
 }

@@ -147,14 +147,14 @@ static HT_INTO_CALLERS ht_vsd law_voltage(const ht_control_config *cfg, ht_contr
 {
     ht_vsd v;
     switch (cfg->law) {
-#define HT_VECTOR_LAW(id, law)                                                     \
-    case HT_LAW_##id:                                                              \
-        if (lost) {                                                                \
+#define HT_VECTOR_LAW(id, law)                                                           \
+    case HT_LAW_##id:                                                                    \
+        if (lost) {                                                                      \
             ht_vector_law_input vectors = vectors_seen(cfg, st, in, seen->i_A.xy, NULL); \
-            v = ht_##law##_law_voltage(&cfg->law##_law, &st->law##_law, &vectors); \
-        } else {                                                                   \
-            v = no_voltage;                                                        \
-        }                                                                          \
+            v = ht_##law##_law_voltage(&cfg->law##_law, &st->law##_law, &vectors);       \
+        } else {                                                                         \
+            v = no_voltage;                                                              \
+        }                                                                                \
         break;
 #define HT_VOLTAGE_LAW(id, law)                                                         \
     case HT_LAW_##id:                                                                   \
@@ -390,13 +390,21 @@ static inline ht_vsd voltage(const ht_control_config *cfg, const ht_applied *a,
     return (cfg->drop_V > 0.0f) ? less_drops(cfg, from, to, v) : v;
 }
 
+/* Under shadow load the pattern that was written a period ago takes effect now. */
+static HT_INTO_CALLERS void begin_pattern(const ht_control_config *cfg, ht_control_state *st)
+{
+    if (cfg->shadow) {
+        st->active = st->next;
+    }
+}
+
 /* Voltage that the magnets induce in x-y, `periods` from now. */
 static ht_xy induced_V(const ht_control_config *cfg, const ht_control_state *st, ht_ab axis,
                        float periods)
 {
     float omega = st->observer.omega_sync_rad_s;
-    return ht_magnet_emf_V(&cfg->observer.magnet, ht_turned(axis, periods * cfg->observer.ts_s * omega),
-                           omega);
+    return ht_magnet_emf_V(&cfg->observer.magnet,
+                           ht_turned(axis, periods * cfg->observer.ts_s * omega), omega);
 }
 
 /* What x-y has of a voltage while the magnets induce theirs there, the middle of the period being
@@ -440,16 +448,14 @@ static HT_INTO_CALLERS void observe(const ht_control_config *cfg, ht_control_sta
     }
     estimate = magnets ? ht_observer_update_magnet(&cfg->observer, &st->observer, v.ab, i.ab,
                                                    in->turn_rad, in->axis)
-                       : ht_observer_update(&cfg->observer, &st->observer, v.ab, i.ab,
-                                            in->turn_rad, in->inv_flux_ref2);
+                       : ht_observer_update(&cfg->observer, &st->observer, v.ab, i.ab, in->turn_rad,
+                                            in->inv_flux_ref2);
     st->estimate = estimate;
     st->i_xy_A.x = i.xy.x;
     st->i_xy_A.y = i.xy.y;
     st->i_A = in->i_A;
     st->flow = now;
-    if (cfg->shadow) {
-        st->active = st->next;
-    }
+    begin_pattern(cfg, st);
     if (cfg->predict) {
         bool xy = cfg->needs_xy || lost;
         ht_spill over; /* of no interest */
@@ -543,8 +549,9 @@ HT_SELDOM HT_WITH_CALLED static void step_without_legs(const ht_control_config *
 }
 
 /* A machine with magnets likewise. */
-HT_WITH_CALLED static void step_with_magnets(const ht_control_config *cfg, ht_control_state *st,
-                                             const ht_control_input *in, ht_compare *out)
+HT_SELDOM HT_WITH_CALLED static void step_with_magnets(const ht_control_config *cfg,
+                                                       ht_control_state *st,
+                                                       const ht_control_input *in, ht_compare *out)
 {
     step(cfg, st, in, false, false, true, out);
 }
@@ -575,9 +582,7 @@ void ht_control_align(const ht_control_config *cfg, ht_control_state *st,
     st->observer.i_A = i.ab;
     st->flow = ht_flow_of(&in->i_A, &cfg->dead);
     st->spill.legs = 0u;
-    if (cfg->shadow) {
-        st->active = st->next;
-    }
+    begin_pattern(cfg, st);
     if ((direction < HT_DIRECTIONS) && (i2 < cfg->build_current_A * cfg->build_current_A)) {
         ht_xy none = {0.0f, 0.0f};
         ht_vectors_virtual(HT_L, direction, s);

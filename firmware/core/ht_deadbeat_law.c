@@ -104,7 +104,8 @@ ht_vsd ht_deadbeat_law_step(const ht_deadbeat_law_config *cfg, const ht_observer
     float inv_vdc = 1.0f / in->vdc_V;
     float volts_per_Wb = machine->inv_ts * inv_vdc;
     float drop = in->rs_ohm * machine->inv_sigma_ls * inv_vdc;
-    ht_turn turns = ht_turn_of(in->turn_rad, machine->magnets); /* the magnets' flux turns further */
+    ht_turn turns =
+        ht_turn_of(in->turn_rad, machine->magnets); /* the magnets' flux turns further */
     float turn = turns.sine;
     float back = turns.back;
     ht_ab along = {inv_size * psi.alpha, inv_size * psi.beta};

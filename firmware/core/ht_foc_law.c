@@ -110,7 +110,8 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
     float inv_vdc = 1.0f / in->vdc_V;
     float volts_per_Wb = machine->inv_ts * inv_vdc;
     float drop = in->rs_ohm * inv_vdc;
-    ht_turn turns = ht_turn_of(in->turn_rad, machine->magnets); /* the magnets' flux turns further */
+    ht_turn turns =
+        ht_turn_of(in->turn_rad, machine->magnets); /* the magnets' flux turns further */
     float turn = turns.sine;
     float back = turns.back;
     float a = cfg->alpha_ts;
@@ -119,9 +120,8 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
     ht_ab i1 = {machine->inv_sigma_ls * (psi.alpha - r.alpha),
                 machine->inv_sigma_ls * (psi.beta - r.beta)};
     ht_ab frame_i1 = into(u, i1);
-    ht_ab wanted = machine->magnets
-                       ? magnet_reference(&machine->magnet, in, rotor, frame_i1)
-                       : current_reference(machine, in, rotor, inv_rotor);
+    ht_ab wanted = machine->magnets ? magnet_reference(&machine->magnet, in, rotor, frame_i1)
+                                    : current_reference(machine, in, rotor, inv_rotor);
     ht_ab sampled;
     ht_ab move; /* of the current, in the frame */
     ht_ab flux; /* at the end of the period, but for the turn */

@@ -2,7 +2,6 @@
 
 #include "ht_turned.h"
 
-
 #include <math.h>
 
 /* Below this share of L_q a difference of the inductances is none. */
@@ -109,9 +108,10 @@ float ht_magnet_turned_Wb(float reach_V, float omega_rad_s, float rs_ohm, float 
 static float along_at_pull_out_Wb(const ht_magnet_config *m, float flux_Wb)
 {
     float r0 = m->psi_f_Wb * (1.0f - m->share);
-    return salient(m) ? (0.25f * (sqrtf(r0 * r0 + 8.0f * m->share * m->share * flux_Wb * flux_Wb) - r0)
-                         / m->share)
-                      : 0.0f;
+    return salient(m)
+               ? (0.25f * (sqrtf(r0 * r0 + 8.0f * m->share * m->share * flux_Wb * flux_Wb) - r0)
+                  / m->share)
+               : 0.0f;
 }
 
 static float torque_at_Nm(const ht_magnet_config *m, float flux_Wb, float d_Wb)

@@ -13,15 +13,16 @@
 #include "ht_types.h"
 
 typedef struct {
-    float psi_f_Wb;   /**< flux linkage of the magnets, > 0 */
-    float inv_psi_f;  /**< 1 / psi_f_Wb */
-    float ld_H;       /**< at most L_q */
+    float psi_f_Wb;  /**< flux linkage of the magnets, > 0 */
+    float inv_psi_f; /**< 1 / psi_f_Wb */
+    float ld_H;      /**< at most L_q */
     float lq_H;
-    float inv_ld;     /**< 1 / ld_H */
-    float saliency_H; /**< L_d - L_q, 0 or less */
-    float share;      /**< (L_d - L_q)/L_d: how much r changes with the flux along the d axis */
+    float inv_ld;      /**< 1 / ld_H */
+    float saliency_H;  /**< L_d - L_q, 0 or less */
+    float share;       /**< (L_d - L_q)/L_d: how much r changes with the flux along the d axis */
     float torque_gain; /**< 3 P */
-    ht_ab emf5_Wb; /**< fifth and seventh harmonic of the induced voltage over the electrical speed, */
+    ht_ab
+        emf5_Wb; /**< fifth and seventh harmonic of the induced voltage over the electrical speed, */
     ht_ab emf7_Wb; /**< as complex numbers: size psi_f times the share, and phase */
 } ht_magnet_config;
 

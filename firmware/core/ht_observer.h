@@ -43,20 +43,21 @@ typedef struct {
     float rotor_decay;  /**< Ts R_r / L_r */
     float rotor_drive;  /**< Ts R_r L_m / L_r */
     float lm_over_lr;
-    float omega_gain; /**< Ts-normalised low-pass gain of omega_sync, 0..1 */
-    bool magnets;     /**< the rotor has permanent magnets; sigma_ls_H is then L_q */
+    float omega_gain;        /**< Ts-normalised low-pass gain of omega_sync, 0..1 */
+    bool magnets;            /**< the rotor has permanent magnets; sigma_ls_H is then L_q */
     ht_magnet_config magnet; /**< used with magnets only */
 } ht_observer_config;
 
 typedef struct {
-    ht_ab psi_Wb;           /**< stator flux */
-    ht_ab psi_r_Wb;         /**< rotor flux of the current model; with magnets as the stator sees it */
-    ht_ab gap_Wb;           /**< voltage model's stator flux minus the current model's */
-    ht_ab i_dc_A;           /**< dc part of the currents (compensated) */
-    ht_ab i_A;              /**< currents of the latest sample */
-    float omega_sync_rad_s; /**< mean electrical speed of the stator flux; with magnets, of the rotor */
-    float rs_ohm;           /**< stator resistance in use */
-    float rr_scale;         /**< rotor resistance in use, relative to the configured one */
+    ht_ab psi_Wb;   /**< stator flux */
+    ht_ab psi_r_Wb; /**< rotor flux of the current model; with magnets as the stator sees it */
+    ht_ab gap_Wb;   /**< voltage model's stator flux minus the current model's */
+    ht_ab i_dc_A;   /**< dc part of the currents (compensated) */
+    ht_ab i_A;      /**< currents of the latest sample */
+    float
+        omega_sync_rad_s; /**< mean electrical speed of the stator flux; with magnets, of the rotor */
+    float rs_ohm;         /**< stator resistance in use */
+    float rr_scale;       /**< rotor resistance in use, relative to the configured one */
 } ht_observer_state;
 
 /** Machine quantities at one instant. */
@@ -87,8 +88,7 @@ ht_estimate ht_observer_update_magnet(const ht_observer_config *cfg, ht_observer
                                       ht_ab v_V, ht_ab i_A, float turn_rad, ht_ab axis);
 
 /** The rotor with magnets has been aligned: its d axis is `axis`, the machine carries `i_A`. */
-void ht_observer_align(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A,
-                       ht_ab axis);
+void ht_observer_align(const ht_observer_config *cfg, ht_observer_state *st, ht_ab i_A, ht_ab axis);
 
 /** Hybrid observer: correct the resistances in use. For the slow loop, while torque control
  *  runs. `gain`, 0..1: the share of the observed error that one call removes; 0 returns to

@@ -14,9 +14,9 @@ typedef struct {
     float torque_ref_Nm;
     float flux_ref_Wb;
     const ht_xy *emf_pu; /**< what the machine induces in x-y then, units of Vdc; NULL: nothing */
-    unsigned sector; /**< of the flux decided on, 0..11 */
-    uint16_t before; /**< state word at the end of the running pattern */
-    bool only_v0;    /**< zero vectors: V0 only, else the one with the fewest transitions */
+    unsigned sector;     /**< of the flux decided on, 0..11 */
+    uint16_t before;     /**< state word at the end of the running pattern */
+    bool only_v0;        /**< zero vectors: V0 only, else the one with the fewest transitions */
 } ht_vector_law_input;
 
 #endif

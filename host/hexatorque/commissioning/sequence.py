@@ -102,8 +102,8 @@ def _restore(drive: DriveVerbs, before: Mapping[str, object]) -> None:
 def _check_machine(drive: DriveVerbs) -> None:
     if "machine" in drive.params and drive.get("machine") == "magnet":
         raise CommissioningError(
-            "machine = magnet: these steps measure a rotor with a winding, and their direct current "
-            "would turn one with magnets; give its values in [machine]"
+            "machine = magnet: these steps measure a rotor with a winding, and their direct "
+            "current would turn one with magnets; give its values in [machine]"
         )
 
 

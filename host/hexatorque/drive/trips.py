@@ -92,9 +92,9 @@ def _over_speed(s: Snapshot, get: Get) -> str:
 def _encoder(s: Snapshot, get: Get) -> str:
     if _magnets(get):
         return (
-            f"measured speed: {s['speed_rpm']:.5g} r/min; the encoder stopped or jumped by more than "
-            f"encoder_trip_rpm = {get('encoder_trip_rpm'):g} r/min, or did not show that the rotor "
-            "was aligned"
+            f"measured speed: {s['speed_rpm']:.5g} r/min; the encoder stopped or jumped by more "
+            f"than encoder_trip_rpm = {get('encoder_trip_rpm'):g} r/min, or did not show that the "
+            "rotor was aligned"
         )
     return (
         f"measured speed: {s['speed_rpm']:.5g} r/min, off the flux's by more than "

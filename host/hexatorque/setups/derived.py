@@ -437,8 +437,8 @@ OPEN_MAGNET: dict[str, Rule] = {
         "0.5: the two models' fluxes may be so many psi_f apart", lambda k: LARGEST_GAP
     ),
     "encoder_trip_rpm": Rule(
-        "what twice the torque limit does to the shaft within 3 ms, 40 r/min at least: no real shaft "
-        "changes its speed as quickly",
+        "what twice the torque limit does to the shaft within 3 ms, 40 r/min at least: no real "
+        "shaft changes its speed as quickly",
         _jump_rpm,
     ),
     "speed_trip_rpm": Rule(

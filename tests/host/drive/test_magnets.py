@@ -93,8 +93,8 @@ def test_an_encoder_that_counts_backwards_gives_no_torque():
 
 @pytest.mark.parametrize("name, scheme", DRIVES)
 def test_operating_points(name, scheme):
-    """3, 30 and 100 % of rated speed with rated torque of both signs: the estimated torque is within
-    1.5 % of rated torque, the mean speed within 0.5 % of its reference, nothing trips."""
+    """3, 30 and 100 % of rated speed with rated torque of both signs: the estimated torque is
+    within 1.5 % of rated torque, the mean speed within 0.5 % of its reference, nothing trips."""
     drive, design = begun(name, scheme)
     for speed_pu, load_pu in ((0.03, 1), (0.3, -1), (1.0, 0.95), (-1.0, 0.4)):
         rec = at(drive, design, speed_pu, load_pu, 1.0)

@@ -20,7 +20,12 @@ VARIANTS = [
 @pytest.mark.parametrize("changes", VARIANTS)
 @pytest.mark.parametrize("name", setups.builtin_names())
 def test_the_simulation_runs_with_them(name, changes):
-    setup = setups.load(name).changed(**changes)
+    setup = setups.load(name)
+    known = constants_of(setup["machine.model"])
+    changes = {k: v for k, v in changes.items() if k[:9] != "machine__" or k[9:] in known}
+    if firmware.needs_prediction(setup["controller.scheme"]):
+        setup = setup.changed(controller__scheme="ddr")
+    setup = setup.changed(**changes)
     values = setups.parameters(setup)
     sim = SimulatedDrive(setup)
     assert list(values) == list(firmware.parameters())
