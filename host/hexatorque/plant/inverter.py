@@ -270,13 +270,14 @@ def _solve_floating(inv, m, load, y, vdc):
     a = inv.floating.a
     b = inv.floating.b
     gain = incremental(m, y)
+    common = common_part(m, y)
     if not constant_response(m):
         _factor(inv, m, y)
     for r in range(n):
         leg = inv.floating.leg[r]
         slope = phase_current_slope(m, gain, inv.k, leg)
         epsilon = BALANCE * m.g_leg[leg, leg]
-        b[r] = -slope - phase_current(m, y, leg) / FLOAT_S + epsilon * 0.5 * vdc
+        b[r] = -slope - current_with(m, y, common, leg) / FLOAT_S + epsilon * 0.5 * vdc
     for p in range(n):
         best = inv.floating.pivot[p]
         b[p], b[best] = b[best], b[p]
@@ -532,10 +533,12 @@ def _first_crossing(inv, m, y, but):
     line from y to `inv.trial`, or NO_LEG."""
     found = NO_LEG
     first = 1.0
+    common0 = common_part(m, y)
+    common1 = common_part(m, inv.trial)
     for leg in range(6):
         if inv.leg[leg] == OFF and inv.diode[leg] != 0 and leg != but:
-            i0 = phase_current(m, y, leg) * inv.diode[leg]
-            i1 = phase_current(m, inv.trial, leg) * inv.diode[leg]
+            i0 = current_with(m, y, common0, leg) * inv.diode[leg]
+            i1 = current_with(m, inv.trial, common1, leg) * inv.diode[leg]
             # A small residual of the wrong sign that shrinks is no crossing, nor is rounding.
             if i1 < min(-RESIDUAL_A, i0):
                 share = max(i0 / (i0 - i1), 0.0)
