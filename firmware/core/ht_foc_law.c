@@ -160,7 +160,7 @@ ht_vsd ht_foc_law_step(const ht_foc_law_config *cfg, const ht_observer_config *m
     v.ab.beta = volts_per_Wb * (flux.beta - psi.beta + back * flux.beta + turn * flux.alpha)
                 + drop * i1.beta;
     size2 = v.ab.alpha * v.ab.alpha + v.ab.beta * v.ab.beta;
-    if (!(size2 <= REACH2_PU2) && machine->magnets) {
+    if ((size2 > REACH2_PU2) && machine->magnets) {
         v.ab = d_axis_first(machine, in, into(u, v.ab), a, &wanted);
         v.ab = out_of(u, v.ab);
     } else if (!(size2 <= REACH2_PU2)) {

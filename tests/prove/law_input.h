@@ -33,6 +33,17 @@ static inline ht_observer_config any_law_machine(void)
     machine.inv_sigma_ls = nondet_float();
     machine.lxy_H = nondet_float();
     machine.torque_gain = nondet_float();
+    machine.magnets = nondet_bool();
+    machine.magnet.psi_f_Wb = nondet_float();
+    machine.magnet.inv_psi_f = nondet_float();
+    machine.magnet.ld_H = nondet_float();
+    machine.magnet.lq_H = nondet_float();
+    machine.magnet.inv_ld = nondet_float();
+    machine.magnet.saliency_H = nondet_float();
+    machine.magnet.share = nondet_float();
+    machine.magnet.torque_gain = nondet_float();
+    machine.magnet.emf5_Wb = any_ab();
+    machine.magnet.emf7_Wb = any_ab();
     return machine;
 }
 

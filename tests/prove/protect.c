@@ -164,6 +164,8 @@ void prove_protect_slow(void)
     cfg.magnetise_A_Wb = nondet_float();
     cfg.estimate_back = nondet_float();
     cfg.encoder_gain = nondet_float();
+    cfg.magnets = nondet_bool();
+    cfg.inv_psi_f = nondet_float();
     st.circle2 = nondet_float();
     st.rotor_Wb = nondet_float();
     st.rotor_now_Wb = nondet_float();
@@ -172,19 +174,23 @@ void prove_protect_slow(void)
     st.speed_error_rpm = nondet_float();
     c.estimate.psi_Wb = any_ab();
     c.observer.i_A = any_ab();
+    c.observer.gap_Wb = any_ab();
     c.observer.rr_scale = nondet_float();
     c.observer.omega_sync_rad_s = nondet_float();
     faults = ht_protect_slow(&cfg, &st, &c, speed_rpm);
     MUST((faults & ~((unsigned)HT_FAULT_ENCODER | (unsigned)HT_FAULT_FLUX)) == 0u);
     MUST(IMPLIES(!(cfg.encoder_trip_rpm > 0.0f), (faults & HT_FAULT_ENCODER) == 0u));
     MUST(IMPLIES(!(cfg.flux_check > 0.0f), (faults & HT_FAULT_FLUX) == 0u));
-    MUST(IMPLIES(cfg.encoder_trip_rpm > 0.0f,
+    MUST(IMPLIES(!cfg.magnets && (cfg.encoder_trip_rpm > 0.0f),
                  ((faults & HT_FAULT_ENCODER) != 0u)
                      == !(fabsf(st.speed_error_rpm) < cfg.encoder_trip_rpm)));
-    MUST(IMPLIES((cfg.encoder_trip_rpm > 0.0f) && is_nan(c.estimate.psi_Wb.alpha),
+    MUST(IMPLIES(!cfg.magnets && (cfg.encoder_trip_rpm > 0.0f) && is_nan(c.estimate.psi_Wb.alpha),
                  (faults & HT_FAULT_ENCODER) != 0u));
-    MUST(IMPLIES((cfg.flux_check > 0.0f)
+    MUST(IMPLIES(!cfg.magnets && (cfg.flux_check > 0.0f)
                      && (is_nan(c.estimate.psi_Wb.alpha) || is_nan(c.estimate.psi_Wb.beta)),
+                 (faults & HT_FAULT_FLUX) != 0u));
+    MUST(IMPLIES(cfg.magnets && (cfg.flux_check > 0.0f)
+                     && (is_nan(c.observer.gap_Wb.alpha) || is_nan(c.observer.gap_Wb.beta)),
                  (faults & HT_FAULT_FLUX) != 0u));
     MUST(IMPLIES((cfg.flux_check > 0.0f) && is_nan(st.circle2), (faults & HT_FAULT_FLUX) != 0u));
 }
